@@ -100,6 +100,12 @@ def compress(
         Before anything is taken that there is not.
     KeyboardInterrupt
         By Ctrl-C, within half a second; nothing is left.
+
+    Warns
+    -----
+    UserWarning
+        Of what the command notes of the snapshot and of the file: no periodic box, particles outside it, and a file
+        that is smaller than was asked for.
     """
     goals: list[tuple[str, Union[float, str, None], str, Optional[float]]] = [
         ("max_pk_error", max_pk_error, "k_max", k_max),

@@ -78,7 +78,7 @@ pub fn open(
     let choice = asked.choice().or_raise()?;
     let storage = scratch.map_or(Storage::Memory, Storage::Disk);
     let particles = How { threads, progress }.run(py, |progress| choice.read(&paths, &storage, progress))?;
-    Ok(Snapshot::of(particles, choice.in_command()))
+    Ok(Snapshot::of(particles, choice.options()))
 }
 
 /// Names of the formats that are read.

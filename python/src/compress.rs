@@ -10,7 +10,10 @@ use particlegs::model::{CertificateLevel, Goal, GoalKind, LawKind};
 use particlegs::particles::Storage;
 use particlegs::pieces::NoPieces;
 use particlegs::train::{Config, Preset};
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
+use std::collections::BTreeMap;
+use std::ffi::CString;
 use std::path::PathBuf;
 
 /// What is asked for, as Python gives it; names are those of the command.
@@ -70,13 +73,7 @@ impl Asked {
         Ok(Some(Config::preset(preset, law)))
     }
 
-    /// As the file says it.
-    fn training_in_command(&self) -> String {
-        let law = if self.law.as_deref() == Some("alpha-blend") { " --law alpha-blend" } else { "" };
-        self.train.as_ref().map(|preset| format!(" --train {preset}{law}")).unwrap_or_default()
-    }
-
-    fn options(&self, read: &str) -> PyResult<Options> {
+    fn options(&self, read: &BTreeMap<String, String>) -> PyResult<Options> {
         let options = Options {
             target: self.target()?,
             effort: match &self.effort[..] {
@@ -96,13 +93,13 @@ impl Asked {
                 "full" => CertificateLevel::Full,
                 other => return Err(one_of("certificate", other, &["none", "quick", "full"])),
             },
+            read: read.clone(),
             ..Options::default()
         };
         if options.opacity.is_some_and(|a| a > 1.0) {
             return Err(InputError::new_err("opacity must be above 0 and at most 1"));
         }
-        let command = options.in_command(&self.training_in_command(), read);
-        Ok(Options { command, ..options })
+        Ok(options)
     }
 }
 
@@ -146,5 +143,10 @@ pub fn compress(
     let particles = &*snapshot.particles;
     let name = particles.meta.name.clone();
     let made = How { threads, progress }.run(py, |progress| run(particles, &options, &mut NoPieces, progress))?;
+    // Of the line that calls the package, not of the package's own.
+    const CALLER: i32 = 2;
+    for note in made.notes {
+        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &CString::new(note)?, CALLER)?;
+    }
     Ok(Model::new(made.bytes, made.model, name))
 }

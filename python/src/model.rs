@@ -21,6 +21,7 @@ use particlegs_view::page::{ModelFile, offline};
 use particlegs_view::poster;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -288,7 +289,7 @@ impl Model {
         let model = self.only(layers.as_deref())?.into_owned();
         let notes = options.notes(&model, codec::file_hash(&self.bytes)).to_string();
         let drawn = How { threads, progress }.run(py, |progress| options.draw(model, progress))?;
-        Ok(Snapshot { drawn: Some(notes), ..Snapshot::of(drawn, String::new()) })
+        Ok(Snapshot { drawn: Some(notes), ..Snapshot::of(drawn, BTreeMap::new()) })
     }
 
     /// A page that shows the model in any browser, offline.

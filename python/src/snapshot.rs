@@ -14,6 +14,7 @@ use particlegs::space::Cell;
 use particlegs_formats::Writer;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -21,15 +22,15 @@ use std::sync::Arc;
 #[pyclass(frozen, subclass, module = "particlegs._particlegs")]
 pub struct Snapshot {
     pub particles: Arc<Particles>,
-    /// What was read of the files, as a model's command says it.
-    pub read: String,
+    /// What was read of the files, as a model's recipe says it.
+    pub read: BTreeMap<String, String>,
     /// What drawn particles are, as JSON; `None` of others.
     pub drawn: Option<String>,
 }
 
 impl Snapshot {
     /// Particles of files.
-    pub fn of(particles: Particles, read: String) -> Self {
+    pub fn of(particles: Particles, read: BTreeMap<String, String>) -> Self {
         Snapshot { particles: Arc::new(particles), read, drawn: None }
     }
 }
@@ -136,7 +137,7 @@ impl Snapshot {
             let drop = skip_invalid.then_some(&Storage::Memory);
             Ok(particles.checked(&name, drop)?.settle_masses())
         })?;
-        Ok(Snapshot::of(particles, String::new()))
+        Ok(Snapshot::of(particles, BTreeMap::new()))
     }
 
     fn __len__(&self) -> usize {

@@ -75,6 +75,12 @@ def test_progress_is_told():
         pg.compress(CLUSTERED, gaussians=10, progress="yes")
 
 
+def test_notes_are_warnings_of_the_line_that_compresses():
+    with pytest.warns(UserWarning, match="states no periodic box") as caught:
+        pg.compress(CLUSTERED[:1000], gaussians=20, effort="fast", certificate="none")
+    assert [w.filename for w in caught] == [__file__]
+
+
 def test_a_bar_of_tqdm(capsys):
     pytest.importorskip("tqdm")
     pg.compress(CLUSTERED, gaussians=500, effort="fast", progress=True)

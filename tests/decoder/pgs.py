@@ -3,6 +3,7 @@ program's own reader to each other. Sections (1, 2, ...) are the page's.
 
     python3 pgs.py MODEL.pgs      every decoded number, as hexadecimal bits, one line a Gaussian
 """
+import json
 import math
 import struct
 import sys
@@ -141,8 +142,7 @@ def metadata(content):
         "comoving": one(fields, 19, "<B"),
         "cosmology": cosmology(fields.get(24, b"\0")),
         "moment": (real(25), real(26), one(fields, 27, "<Q"), one(fields, 28, "<q")),
-        "command": fields[40].decode(),
-        "effort": {b"\1": "fast", b"\2": "default"}.get(fields.get(42)),
+        "effort": effort(fields[40]),
         "masses": masses,
     }
 
@@ -202,6 +202,19 @@ def layer_masses(content):
             check(mass > 0, "mass of a particle")
         found.append((flags & 1, mass))
     return found
+
+
+def effort(text):
+    """The effort that a recipe tells: of Gaussians that are what a fit gave."""
+    try:
+        recipe = json.loads(text)
+    except ValueError:
+        return None
+    if not isinstance(recipe, dict) or "training" in recipe or any(step != "merge" for step in recipe.get("steps", [])):
+        return None
+    if {"all", "effort", "training", "steps"} & set(recipe.get("differing", [])):
+        return None
+    return recipe.get("effort", "default")
 
 
 # ---------------------------------------------------------------- 3. CERT, stat

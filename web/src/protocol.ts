@@ -29,7 +29,7 @@ export interface About {
     cell: { origin: Vec3; vectors: [Vec3, Vec3, Vec3]; periodic: [boolean, boolean, boolean] } | null;
     default_radius: number; default_opacity: number; source: string;
     length_unit: string | null; mass_unit: string | null; comoving: boolean | null; scale_factor: number | null;
-    time: number | null; command: string; tool_version: string;
+    time: number | null; tool_version: string;
   };
   blake3: string;
   colormaps: string[];

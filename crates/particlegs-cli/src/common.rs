@@ -135,6 +135,11 @@ impl Context {
         self.outputs.lock().unwrap_or_else(|e| e.into_inner())
     }
 
+    /// Tells what a user should know, a line each.
+    pub fn notes(&self, notes: &[String]) {
+        notes.iter().for_each(|note| self.message(&format!("note: {note}")));
+    }
+
     /// Prints the result: JSON where asked for, and the text on stdout, or on stderr where an output is
     /// there.
     pub fn finish(&self, text: &str, value: &impl serde::Serialize) -> Result<()> {

@@ -67,7 +67,7 @@ impl FitArgs {
             Some(goal) => goal,
             None => self.target.target()?,
         };
-        let options = Options {
+        Ok(Options {
             target,
             effort,
             radius: self.radius,
@@ -75,9 +75,8 @@ impl FitArgs {
             training: self.train.config()?,
             seed: subset.seed,
             certificate: self.certificate.level(),
+            read: snapshot.choice_of(subset)?.options(),
             ..Options::default()
-        };
-        let command = options.in_command(&self.train.text()?, &snapshot.choice_of(subset)?.in_command());
-        Ok(Options { command, ..options })
+        })
     }
 }

@@ -10,7 +10,7 @@ use particlegs::Result;
 use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::model::{
     AlphaBlend, Certificate, CertificateLevel, Cosmology, Effort, Epoch, GoalResult, LawKind, Layer, Metadata,
-    MetricEntry, MetricGroup, MetricValue, Quantity, Units, VIZMAPPER_SHAPE, VizMapper, VizRanges,
+    MetricEntry, MetricGroup, MetricValue, Quantity, Recipe, Units, VIZMAPPER_SHAPE, VizMapper, VizRanges,
 };
 use particlegs::progress::Progress;
 use particlegs::score::{Finding, Use, Word};
@@ -76,7 +76,7 @@ struct MetadataReport<'a> {
     weighting: &'static str,
     /// What was kept of each particle.
     kept: Vec<Quantity>,
-    command: &'a str,
+    command: String,
     tool_version: &'a str,
     /// Of the fit, where the Gaussians are what it gave.
     effort: Option<&'static str>,
@@ -87,12 +87,12 @@ pub fn print(context: &Context, path: &Path, bytes: &[u8]) -> Result<()> {
     print_info(context, &codec::read_info(bytes, &name_of(path))?)
 }
 
-/// Does a model file say that this command made it?
+/// Does a model file say that this made it?
 ///
 /// # Errors
 /// Those of reading it.
-pub fn is_of_command(path: &Path, command: &str, progress: &dyn Progress) -> Result<bool> {
-    Ok(codec::read_metadata(&inputs::model(path, progress)?, &name_of(path))?.command == command)
+pub fn is_of_recipe(path: &Path, recipe: &Recipe, progress: &dyn Progress) -> Result<bool> {
+    Ok(codec::read_metadata(&inputs::model(path, progress)?, &name_of(path))?.recipe == *recipe)
 }
 
 fn layer_report(layer: &Layer<Vec<BlockInfo>>) -> LayerReport<'_> {
@@ -150,9 +150,9 @@ fn metadata(m: &Metadata, weighted: bool) -> MetadataReport<'_> {
         redshift: m.epoch.redshift(),
         weighting: Metadata::WEIGHTING,
         kept: m.quantities(weighted),
-        command: &m.command,
+        command: m.recipe.to_string(),
         tool_version: &m.tool_version,
-        effort: m.effort.map(Effort::name),
+        effort: m.recipe.fitted().map(Effort::name),
     }
 }
 
@@ -202,7 +202,7 @@ fn text(r: &Report<'_>) -> String {
     info_snapshot::moment(m.units, m.cosmology, m.epoch).into_iter().for_each(|(name, value)| row(name, value));
     row("kept", m.kept.iter().map(quantity).collect::<Vec<_>>().join("; "));
     row("weighting", format!("by {}: means and shapes of Gaussians weigh all particles alike", m.weighting));
-    row("command", m.command.to_string());
+    row("command", m.command.clone());
     row("made by", format!("particlegs {}", m.tool_version));
     m.effort.iter().for_each(|effort| row("fitted with", format!("effort {effort}")));
     for layer in &r.layers {

@@ -4,9 +4,7 @@
 use crate::inputs::Early;
 use crate::remedies;
 use clap::{Args, ValueEnum, ValueHint};
-use particlegs::codec;
 use particlegs::model::LawKind;
-use particlegs::model::hex;
 use particlegs::train::{Config, Preset};
 use particlegs::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_whole};
@@ -133,18 +131,6 @@ impl TrainArgs {
     pub fn printed(&self) -> Result<Option<String>> {
         self.preset().map_or(Ok(None), |preset| self.tune.printed(preset, self.law()))
     }
-
-    /// As stored in the file: what decides its bytes.
-    pub fn text(&self) -> Result<String> {
-        let Some(preset) = self.preset() else { return Ok(String::new()) };
-        let name = self.train.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default();
-        let mut text = format!(" --train {name}");
-        let law = self.law();
-        if self.tune.config(preset.clone(), law)?.law == LawKind::AlphaBlend {
-            text += " --law alpha-blend";
-        }
-        Ok(text + &self.tune.text(preset, law)?)
-    }
 }
 
 impl TuneArgs {
@@ -212,24 +198,6 @@ impl TuneArgs {
             all = differing(all, &table(&preset)?);
         }
         toml::to_string(&all).map(Some).map_err(|e| Error::argument(e.to_string()))
-    }
-
-    /// As stored in the file: what decides its bytes.
-    ///
-    /// # Errors
-    /// As [`TuneArgs::config`].
-    pub fn text(&self, preset: Config, law: Option<LawKind>) -> Result<String> {
-        let mut text = String::new();
-        if self.config.is_some() {
-            let all = toml::to_string(&self.config(preset, law)?).map_err(|e| Error::argument(e.to_string()))?;
-            text += &format!(" --config blake3:{}", &hex(&codec::file_hash(all.as_bytes()))[..16]);
-        }
-        for (option, value) in [("scale", self.scale), ("iterations", self.iterations.map(|n| n as f64))] {
-            if let Some(v) = value {
-                text += &format!(" --{option} {v}");
-            }
-        }
-        Ok(text)
     }
 }
 

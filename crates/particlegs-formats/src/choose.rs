@@ -8,6 +8,7 @@ use particlegs::progress::Progress;
 use particlegs::space::Bounds;
 use particlegs::{Error, Result};
 use particlegs_files::input::{Source, Spooled, is_stream};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -47,25 +48,24 @@ impl Choice {
         FORMATS.iter().map(|f| f.name)
     }
 
-    /// As a model file's command says it: which particles are read, and as what. Box, units and particles that are left
-    /// out stand in its metadata.
-    pub fn in_command(&self) -> String {
+    /// As a model's recipe says it: which particles are read, and as what, by options of the command. Box, units and
+    /// particles that are left out stand in its metadata.
+    pub fn options(&self) -> BTreeMap<String, String> {
         let weights = match &self.weights {
             Weights::Auto => None,
             Weights::None => Some("none".to_string()),
             Weights::Field(name) => Some(name.clone()),
         };
-        let mut text = String::new();
-        let mut option = |name: &str, value: Option<String>| {
-            value.iter().for_each(|v| text += &format!(" --{name} {v}"));
-        };
-        option("format", self.format.clone());
-        option("particle-type", (!self.species.is_empty()).then(|| self.species.join(",")));
-        option("positions", self.positions.clone());
-        option("weights", weights);
-        option("frame", self.frame.map(|f| f.to_string()));
-        option("layers-by", self.by_mass.then(|| "mass".into()));
-        text + &self.selection.map(|s| s.in_command()).unwrap_or_default()
+        let own = [
+            ("format", self.format.clone()),
+            ("particle-type", (!self.species.is_empty()).then(|| self.species.join(","))),
+            ("positions", self.positions.clone()),
+            ("weights", weights),
+            ("frame", self.frame.map(|f| f.to_string())),
+            ("layers-by", self.by_mass.then(|| "mass".into())),
+        ];
+        let own = own.into_iter().filter_map(|(name, value)| Some((name.to_string(), value?)));
+        own.chain(self.selection.iter().flat_map(Selection::options)).collect()
     }
 
     /// What the user states, over what the files say; gives notes for the user.

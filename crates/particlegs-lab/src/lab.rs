@@ -37,7 +37,7 @@ pub struct Lab<'a> {
 
 /// How a model is made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Recipe {
+pub struct ModelSettings {
     /// What the file is to meet.
     pub target: Target,
     /// Time for quality.
@@ -48,16 +48,16 @@ pub struct Recipe {
     pub seed: u64,
 }
 
-impl Recipe {
+impl ModelSettings {
     /// A file of raw bytes over `ratio`, by the default fit.
-    pub fn ratio(ratio: f64, seed: u64) -> Recipe {
-        Recipe { target: Target::Ratio(ratio), effort: Effort::Default, blocks: 1, seed }
+    pub fn ratio(ratio: f64, seed: u64) -> ModelSettings {
+        ModelSettings { target: Target::Ratio(ratio), effort: Effort::Default, blocks: 1, seed }
     }
 
     /// The same with its size in bytes: a ratio and the size that it comes to are one model, fitted once.
-    fn in_bytes(&self, snapshot: &Snapshot) -> Recipe {
+    fn in_bytes(&self, snapshot: &Snapshot) -> ModelSettings {
         let bytes = self.target.bytes(snapshot.position_bytes());
-        Recipe { target: bytes.map_or(self.target, Target::Size), ..self.clone() }
+        ModelSettings { target: bytes.map_or(self.target, Target::Size), ..self.clone() }
     }
 
     /// The options of `compress`.
@@ -106,7 +106,7 @@ impl<'a> Lab<'a> {
     ///
     /// # Errors
     /// Those of [`compress`]; [`Error::Io`].
-    pub fn model(&self, snapshot: &Snapshot, recipe: &Recipe) -> Result<Made> {
+    pub fn model(&self, snapshot: &Snapshot, recipe: &ModelSettings) -> Result<Made> {
         let recipe = recipe.in_bytes(snapshot);
         self.made(&(&snapshot.hash, &recipe), || {
             compress(&snapshot.particles, &recipe.options(), &mut NoPieces, self.progress)
@@ -143,7 +143,7 @@ impl<'a> Lab<'a> {
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn keep(&self, snapshot: &Snapshot, recipe: &Recipe, done: Compressed, seconds: f64) -> Result<()> {
+    pub fn keep(&self, snapshot: &Snapshot, recipe: &ModelSettings, done: Compressed, seconds: f64) -> Result<()> {
         let inputs = (&snapshot.hash, recipe.in_bytes(snapshot));
         self.store.bytes("model", &inputs, "pgs", || Ok(done.bytes))?;
         self.store.result("model-seconds", &inputs, || Ok(seconds))?;
@@ -222,10 +222,10 @@ mod tests {
         let particles = Particles::from_columns(column(1), column(2), column(3));
         let (of, folder) = (Snapshot::new("s".into(), "s".into(), particles, None), tempfile::tempdir().unwrap());
         let lab = Lab::new(Settings::new(true, "".into()), folder.path(), &particlegs::progress::Silent).unwrap();
-        let asked = lab.model(&of, &Recipe::ratio(10.0, 1)).unwrap().bytes;
+        let asked = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().bytes;
         let files = || std::fs::read_dir(folder.path()).unwrap().count();
         let kept = files();
-        let size = Recipe { target: Target::Size(3600), ..Recipe::ratio(10.0, 1) };
+        let size = ModelSettings { target: Target::Size(3600), ..ModelSettings::ratio(10.0, 1) };
         assert_eq!((lab.model(&of, &size).unwrap().bytes, files()), (asked, kept));
     }
 }

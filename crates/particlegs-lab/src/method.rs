@@ -2,7 +2,7 @@
 //! that are drawn and measured like the snapshot's own.
 
 use crate::jitter::jittered;
-use crate::lab::{Lab, Recipe};
+use crate::lab::{Lab, ModelSettings};
 use crate::rate::{AtSize, Verified, at_size, verified};
 use crate::snapshot::{Snapshot, columns_of, particles_of};
 use crate::subset::subset;
@@ -133,7 +133,7 @@ impl Method {
     pub fn keep(self, lab: &Lab<'_>, particles: &Particles, hash: &str, bytes: u64, seed: u64) -> Result<Kept> {
         match self {
             Method::OpticalDepth => {
-                let recipe = Recipe { target: Target::Size(bytes), effort: Effort::Default, blocks: 1, seed };
+                let recipe = ModelSettings { target: Target::Size(bytes), effort: Effort::Default, blocks: 1, seed };
                 let made =
                     lab.made(&(hash, &recipe), || compress(particles, &recipe.options(), &mut NoPieces, lab.progress))?;
                 Ok(Kept { bytes: made.bytes.len() as u64, content: Content::Model(Box::new(made.model)), bound: None })
@@ -261,7 +261,7 @@ mod tests {
         let settings = Settings { size, ..Settings::new(true, "".into()) };
         let mut lab = Lab::new(settings, folder.path(), &heard).unwrap();
         lab.baselines = vec![Box::new(Sometimes(&FAILS))];
-        let model = lab.model(&of, &Recipe::ratio(10.0, 1)).unwrap().model;
+        let model = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().model;
         let truth = Truth::of(&lab, &of, &model.metadata).unwrap();
         let method = Method::Baseline { at: 0, jitter: false };
         let measure = || method.measure(&lab, &of, &truth, 3600, 1);

@@ -4,7 +4,8 @@ use super::alpha::AlphaConfig;
 use super::depth::DepthConfig;
 use super::learner::Densify;
 use super::loss::{Loss, Norm};
-use particlegs_core::model::LawKind;
+use particlegs_core::codec::file_hash;
+use particlegs_core::model::{LawKind, TrainingRecipe, hex};
 use particlegs_core::splat::Look;
 use particlegs_core::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -298,6 +299,26 @@ impl Config {
         }
         self.optical_depth.check()?;
         self.alpha_blend.check()
+    }
+
+    /// What names them in the recipe of a model.
+    pub fn recipe(&self) -> TrainingRecipe {
+        let preset = |preset| Config::preset(preset, self.law);
+        let presets = [
+            ("fast", preset(Preset::Fast)),
+            ("best", preset(Preset::Best)),
+            ("paper", preset(Preset::Paper)),
+            (TrainingRecipe::FINE_TUNING, Config::fine_tuning()),
+        ];
+        let steps = self.iterations();
+        for (name, preset) in presets {
+            let other = (preset.iterations() != steps).then_some(steps);
+            if *self == preset || preset.with_iterations(steps).is_ok_and(|preset| *self == preset) {
+                return TrainingRecipe { preset: Some(name.into()), iterations: other, config: None };
+            }
+        }
+        let hash = file_hash(&serde_json::to_vec(self).expect("plain data"));
+        TrainingRecipe { config: Some(hex(&hash)[..16].into()), ..TrainingRecipe::default() }
     }
 
     /// Steps of all stages.

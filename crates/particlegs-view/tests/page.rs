@@ -14,8 +14,8 @@ use particlegs_view::poster;
 use sha2::{Digest, Sha256};
 
 /// A model file of real particles.
-const MODEL: &[u8] = include_bytes!("../../particlegs/tests/fixtures/format-1.6.pgs");
-const OTHER: &[u8] = include_bytes!("../../particlegs/tests/fixtures/format-1.3.pgs");
+const MODEL: &[u8] = include_bytes!("../../particlegs/tests/fixtures/format-1.0.pgs");
+const OTHER: &[u8] = include_bytes!("../../particlegs/tests/fixtures/format-1.0-alpha.pgs");
 
 fn page(models: &[ModelFile<'_>]) -> String {
     let decoded: Vec<Model> = models.iter().map(|m| codec::decode(m.bytes, m.name).unwrap()).collect();

@@ -9,7 +9,7 @@ use particlegs_core::splat::Look;
 use particlegs_web::{Answer, Engine};
 use serde_json::{Value, json};
 
-const MODEL: &[u8] = include_bytes!("../../particlegs/tests/fixtures/format-1.6.pgs");
+const MODEL: &[u8] = include_bytes!("../../particlegs/tests/fixtures/format-1.0.pgs");
 const SIZE: Size = Size { width: 64, height: 48 };
 
 fn ask(engine: &mut Engine, question: &Value) -> Answer {

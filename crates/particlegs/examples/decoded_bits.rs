@@ -22,7 +22,7 @@ fn head(model: &Model, out: &mut dyn Write) -> std::io::Result<()> {
     writeln!(out, "reals {}", bits(reals))?;
     writeln!(out, "source {}", m.source)?;
     snapshot(model, out)?;
-    writeln!(out, "effort {}", m.effort.map_or("none", Effort::name))?;
+    writeln!(out, "effort {}", m.recipe.fitted().map_or("none", Effort::name))?;
     model.certificate.as_ref().map_or(Ok(()), |c| certificate(c, out))?;
     let Some(network) = model.vizmapper() else { return Ok(()) };
     let r = network.ranges;

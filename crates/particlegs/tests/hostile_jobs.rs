@@ -272,7 +272,7 @@ fn trees_that_are_none() {
     let alter = move |folder: &Path| {
         let path = folder.join("plan.json");
         let mut plan: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
-        plan["tree"]["nodes"] = nodes.clone().into();
+        plan["plan"]["tree"]["nodes"] = nodes.clone().into();
         plan["chunks"] = 0.into();
         std::fs::write(path, plan.to_string()).unwrap();
         adopt(folder);

@@ -145,7 +145,7 @@ fn pictures(model: &Model) {
 
 fn reduced(model: &Model, bytes: usize) {
     let wanted = (model.gaussians() as u64 / 2).max(1);
-    let small = step("simplify", |p| simplify(model.clone(), bytes as u64, Target::Gaussians(wanted), "simplify", p));
+    let small = step("simplify", |p| simplify(model.clone(), bytes as u64, Target::Gaussians(wanted), p));
     if let Some(small) = small {
         codec::decode(&small, "the simplified model").unwrap();
     }

@@ -11,13 +11,12 @@ use particlegs::model::{CertificateLevel, Layer, Mass};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::pieces::NoPieces;
-use particlegs::progress::{Progress, Silent};
+use particlegs::progress::Silent;
 use particlegs::render::{Scene, draw};
 use particlegs::space::Cell;
 use particlegs::splat::Look;
 use particlegs::stats::{StatsOptions, Subject, compare};
 use particlegs::{Error, Result};
-use std::sync::Mutex;
 
 const SIZE: Size = Size { width: 40, height: 24 };
 
@@ -99,16 +98,6 @@ fn outliers_and_boxes_about_the_data_do_too() {
     used(&out, &compressed(&out).unwrap());
 }
 
-/// Hears messages.
-#[derive(Default)]
-struct Heard(Mutex<Vec<String>>);
-
-impl Progress for Heard {
-    fn message(&self, text: &str) {
-        self.0.lock().unwrap().push(text.into());
-    }
-}
-
 #[test]
 fn boxes_that_do_not_hold_the_data_are_said_or_refused() {
     let mut p = snapshot(400, [100.0; 3], 0.0);
@@ -120,10 +109,8 @@ fn boxes_that_do_not_hold_the_data_are_said_or_refused() {
         assert!(matches!(stats.unwrap_err(), crate::Error::Input { .. }), "{length}");
     }
     p.meta.cell = Some(Cell::orthogonal([80.0; 3]));
-    let heard = Heard::default();
-    compress(&p, &options(), &mut NoPieces, &heard).unwrap();
-    let heard = heard.0.into_inner().unwrap();
-    assert!(heard.iter().any(|m| m.contains("snap: ") && m.contains("of 400 particles lie outside")), "{heard:?}");
+    let notes = compress(&p, &options(), &mut NoPieces, &Silent).unwrap().notes;
+    assert!(notes.iter().any(|m| m.contains("snap: ") && m.contains("of 400 particles lie outside")), "{notes:?}");
 }
 
 #[test]

@@ -117,7 +117,7 @@ fn other_options_are_other_work() {
         Options { training: training(LawKind::OpticalDepth).map(|c| c.scaled(0.5).unwrap()), ..base.clone() },
         Options { seed: 1, ..base.clone() },
         Options { certificate: CertificateLevel::None, ..base.clone() },
-        Options { command: "another".into(), ..base.clone() },
+        Options { read: [("every".into(), "2".into())].into(), ..base.clone() },
     ];
     let particles = cloud(1.0);
     let mut ids: Vec<[u8; 32]> = options.iter().map(|o| id(&particles, o)).collect();
@@ -165,7 +165,6 @@ fn other_fine_tuning_is_other_work() {
         FineTuning { training: Config::fine_tuning().scaled(0.5).unwrap(), ..base.clone() },
         FineTuning { seed: 1, ..base.clone() },
         FineTuning { certificate: CertificateLevel::None, ..base.clone() },
-        FineTuning { command: "another".into(), ..base.clone() },
     ];
     let mut ids: Vec<[u8; 32]> = other.iter().map(|o| o.id(b"model")).collect();
     ids.extend([base.id(b"model"), base.id(b"another")]);

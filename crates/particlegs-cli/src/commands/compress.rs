@@ -121,17 +121,16 @@ pub fn run(a: Arguments) -> Result<()> {
     if kept {
         return there_already(&a, &options, &particles, &context);
     }
-    if particles.meta.cell.is_none() {
-        context
-            .message("note: the snapshot states no periodic box, so nothing is periodic (--box Lx,Ly,Lz states one)");
-    }
     let planned = Compression::plan(&particles, &options, &context)?;
+    context.notes(planned.notes());
+    let told = planned.notes().len();
     let mut checkpoint = match options.training {
         Some(_) => a.run.checkpoint(a.output(), &planned.id())?,
         None => None,
     };
     let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| planned.run(pieces, progress);
     let done = a.run.run(&context, checkpoint.as_mut(), work)?;
+    context.notes(&done.notes[told..]);
     if !done.stopped {
         context.check()?;
     }

@@ -133,16 +133,13 @@ pub fn run(a: Arguments) -> Result<()> {
 
 impl Arguments {
     fn options(&self, out: &Path, start: Instant) -> Result<FineTuning> {
-        let target = self.target.target()?;
-        let (asked, seed) = (target.in_command(), self.common.seed);
         Ok(FineTuning {
-            target,
+            target: self.target.target()?,
             training: self.tune.config(Config::fine_tuning(), LAW)?,
             limits: self.run.limits(start, self.folder(out))?,
             memory: self.memory.as_deref().map(parse_bytes).transpose()?,
-            seed,
+            seed: self.common.seed,
             certificate: self.certificate.level(),
-            command: format!("finetune{asked} --seed {seed}{}", self.tune.text(Config::fine_tuning(), LAW)?),
         })
     }
 

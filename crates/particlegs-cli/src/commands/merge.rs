@@ -133,7 +133,7 @@ fn of_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, u
     context.reads_job(folder, snapshot.paths(), a.force.force)?;
     let kept = context.writes(&a.output, &outputs::MODEL)?;
     // The same job gives the same bytes; another one's work is not begun.
-    if kept && !crate::info_model::is_of_command(&a.output, &job.metadata().command, context)? {
+    if kept && !crate::info_model::is_of_recipe(&a.output, &job.metadata().recipe, context)? {
         return Err(context.refused(&a.output));
     }
     let level = a.certificate.map_or(job.certificate(), CertificateLevel::from);

@@ -100,6 +100,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let (source, reopened) = snapshot.source(&Storage::Disk(a.output.clone()), &context)?;
     let task = Task { reopened, options: &options, snapshot: named, place: &snapshot.place(), replace: a.force.force };
     let job = Job::plan(source, &task, &a.output, &context)?;
+    context.notes(job.notes());
     let folder = a.output.display();
     let mut text = format!(
         "{folder}: {} particles in {} blocks{}",

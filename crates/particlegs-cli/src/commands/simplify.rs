@@ -8,6 +8,7 @@ use crate::outputs::ForceArgs;
 use crate::target_args::TargetArgs;
 use clap::{Args, ValueHint};
 use particlegs::compress::simplify;
+use particlegs::model::RecipeStep;
 use particlegs::progress::Progress;
 use particlegs::{Result, codec};
 use particlegs_files::input::name_of;
@@ -53,7 +54,6 @@ struct Report {
 /// Simplifies.
 pub fn run(a: Arguments) -> Result<()> {
     let target = a.target.target()?;
-    let command = format!("simplify{}", target.in_command());
     let context = a.common.start()?;
     let start = Instant::now();
     context.reads([a.model.as_path()], a.force.force)?;
@@ -61,12 +61,13 @@ pub fn run(a: Arguments) -> Result<()> {
     let bytes = inputs::model(&a.model, &context)?;
     let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
     // The same work gives the same bytes; other work is not begun.
-    if kept && !info_model::is_of_command(&a.output, &format!("{command} of: {}", model.metadata.command), &context)? {
+    let recipe = model.metadata.recipe.clone().then(RecipeStep::Simplify(target));
+    if kept && !info_model::is_of_recipe(&a.output, &recipe, &context)? {
         return Err(context.refused(&a.output));
     }
     let gaussians_in = model.gaussians();
     let raw_bytes: u64 = model.layers.iter().map(|l| l.count() * l.mass.particle_bytes()).sum();
-    let bytes = simplify(model, bytes.len() as u64, target, &command, &context)?;
+    let bytes = simplify(model, bytes.len() as u64, target, &context)?;
     context.check()?;
     let info = codec::read_info(&bytes, &name_of(&a.output))?;
     context.write_model(&a.output, &bytes, kept)?;

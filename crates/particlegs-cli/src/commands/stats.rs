@@ -257,7 +257,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let truth = Source::open(&a.truth, &a.snapshot, &context)?;
     let other = Source::open(&a.other, &a.snapshot, &context)?;
     let statistics = compare(truth.subject(), other.subject(), &options, &context)?;
-    statistics.notes.iter().for_each(|n| context.message(&format!("note: {n}")));
+    context.notes(&statistics.notes);
     let unit = a.snapshot.length_unit.clone().or_else(|| truth.length_unit());
     let report = Report {
         truth: a.truth.display().to_string(),

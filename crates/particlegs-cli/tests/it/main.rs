@@ -22,6 +22,7 @@ mod models;
 mod odd_options;
 mod options;
 mod outputs;
+mod planner;
 mod simplify;
 mod smooth;
 mod stats;

@@ -29,7 +29,7 @@ fn a_smaller_model_stands_for_the_same_particles() {
     for m in [&small, &few] {
         assert_eq!((m.metadata.count, m.metadata.mass), (whole.metadata.count, whole.metadata.mass));
         assert_eq!((m.metadata.source_hash, m.metadata.bounds), (whole.metadata.source_hash, whole.metadata.bounds));
-        assert!(m.certificate.is_none() && m.metadata.command.starts_with("simplify --"));
+        assert!(m.certificate.is_none() && m.metadata.recipe.to_string().starts_with("simplify --"));
         let counts: f64 = m.blocks().flat_map(|b| &b.gaussians.count).sum();
         assert_eq!(counts, 262_144.0);
     }

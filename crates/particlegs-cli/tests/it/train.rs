@@ -210,7 +210,9 @@ fn blocks_and_fine_tuning() {
     assert!(tuned.len() <= direct.len() && tuned.len() + 500 > direct.len(), "{} bytes", tuned.len());
     assert!(tuned == unbroken(&dir, &[&tune[..], &["--threads", "1"]].concat(), "tuned.pgs"));
     let model = particlegs::codec::decode(&tuned, "tuned.pgs").unwrap();
-    assert!(model.metadata.command.starts_with("finetune --seed 42") && model.metadata.command.contains("compress"));
+    assert!(
+        model.metadata.recipe.to_string().starts_with("finetune --seed 42") && model.metadata.recipe.fitted().is_none()
+    );
     let ranges = model.vizmapper().unwrap().ranges;
     assert!((ranges.scale - 0.3).abs() < 1e-6 && (ranges.floor - 0.1).abs() < 1e-6);
     tool(&dir, &["verify", "tuned.pgs", "-q"]).assert().success();

@@ -141,7 +141,11 @@ pub(crate) fn prefix(bytes: &[u8]) -> Result<Block, Fault> {
     let nodes = segment_nodes(&header, &streams, bytes)?;
     let coded = nodes.into_iter().enumerate().map(|(segment, nodes)| Coded {
         nodes,
-        streams: streams.stages.iter().map(|s| s[segment].start.min(bytes.len())..s[segment].end.min(bytes.len())).collect(),
+        streams: streams
+            .stages
+            .iter()
+            .map(|s| s[segment].start.min(bytes.len())..s[segment].end.min(bytes.len()))
+            .collect(),
     });
     let parts = parallel::map(coded.collect::<Vec<_>>(), |coded| {
         let streams: Vec<&[u8]> = coded.streams.iter().map(|s| &bytes[s.clone()]).collect();
@@ -249,9 +253,8 @@ impl BlockColumns {
             Below::Gaussian { size, bits, place } => {
                 let radius = exp(f64::from(header.steps[1]) * (f64::from(size) + MIDDLE));
                 let part = each_axis(|k| 1.0 / f64::from(1u32 << bits[k]));
-                let mean = each_axis(|k| {
-                    node.cell.point(&header.bounds, extent, k, (f64::from(place[k]) + 0.5) * part[k])
-                });
+                let mean =
+                    each_axis(|k| node.cell.point(&header.bounds, extent, k, (f64::from(place[k]) + 0.5) * part[k]));
                 let spread = each_axis(|k| widths[k] * part[k] * (widths[k] * part[k]) * PART_VARIANCE);
                 (mean, spread.map(|v| v + radius * radius))
             }

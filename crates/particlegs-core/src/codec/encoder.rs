@@ -1,8 +1,8 @@
 //! A block made ready once and coded at any precision.
 
+use super::OutOfRange;
 use super::file::STAGE_BYTES;
 use super::fine::{FineWalk, Leaf};
-use super::OutOfRange;
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE, MOST_PARTICLES, cholesky};
 use super::levels::{Halves, LEVELS, LevelWalk};
 use super::place::{Target, quantise_places};

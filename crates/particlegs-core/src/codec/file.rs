@@ -4,10 +4,10 @@ use super::container::{
     self, BLOCK, CERTIFICATE, ENTRY_BYTES, HEAD_BYTES, LAYER, META, OWNER_BYTES, SECTION_BYTES, STAGE, Section, Tag,
     VIZMAPPER, belongs_to_block,
 };
+use super::encoder::STAGES;
 use super::header::BlockHeader;
 use super::metadata::Fault;
 use super::wire::Reader;
-use super::encoder::STAGES;
 use super::{Encoder, Precision, certificate, metadata, streams, vizmapper};
 use crate::model::{
     Certificate, CertificateLevel, LawKind, Layer, Mass, MassPower, Metadata, Model, SAMPLED_ABOVE, Sample, VizMapper,
@@ -404,9 +404,8 @@ fn check_blocks(layers: &[(String, usize, Vec<BlockPart<'_>>)], open: bool) -> s
         if *count == 0 || blocks.len() != *count && !cut {
             return Err(format!("layer `{name}` has {} of {count} blocks", blocks.len()));
         }
-        let out_of_order = |w: &&[BlockPart<'_>]| {
-            (order_key(&w[0].header), &w[0].bytes) > (order_key(&w[1].header), &w[1].bytes)
-        };
+        let out_of_order =
+            |w: &&[BlockPart<'_>]| (order_key(&w[0].header), &w[0].bytes) > (order_key(&w[1].header), &w[1].bytes);
         if let Some(pair) = blocks.windows(2).find(out_of_order) {
             return Err(format!("block at byte {}: out of order", pair[1].offset));
         }

@@ -107,13 +107,7 @@ impl<'a> FineWalk<'a> {
     }
 
     #[inline(always)]
-    fn place(
-        &mut self,
-        c: &mut impl Coder,
-        leaf: &mut Leaf,
-        bits: [u8; 3],
-        part: [u8; 3],
-    ) -> Result<(), OutOfRange> {
+    fn place(&mut self, c: &mut impl Coder, leaf: &mut Leaf, bits: [u8; 3], part: [u8; 3]) -> Result<(), OutOfRange> {
         c.part(Part::Place);
         let h = self.header;
         let step = h.place_step(leaf.radius, leaf.factor);

@@ -249,12 +249,7 @@ impl<'a> LevelWalk<'a> {
 
     /// Codes how a node's Gaussians fall into its halves.
     #[inline(always)]
-    fn divide(
-        &mut self,
-        c: &mut impl Coder,
-        source: &mut impl NodeSource,
-        number: usize,
-    ) -> Result<bool, OutOfRange> {
+    fn divide(&mut self, c: &mut impl Coder, source: &mut impl NodeSource, number: usize) -> Result<bool, OutOfRange> {
         let node = self.nodes[number];
         let axis = node.cell.axis(self.extent);
         let given = source.division(number);
@@ -331,12 +326,7 @@ impl<'a> LevelWalk<'a> {
 
     /// Codes the size of a node's only Gaussian, and where it lies.
     #[inline(always)]
-    fn resolve(
-        &mut self,
-        c: &mut impl Coder,
-        source: &mut impl NodeSource,
-        number: usize,
-    ) -> Result<bool, OutOfRange> {
+    fn resolve(&mut self, c: &mut impl Coder, source: &mut impl NodeSource, number: usize) -> Result<bool, OutOfRange> {
         let node = self.nodes[number];
         let given = source.single(number);
         c.part(Part::Size);

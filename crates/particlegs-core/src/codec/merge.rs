@@ -5,8 +5,8 @@
 //! metadata is either equal in all parts, or computed anew from the blocks, or combined by an
 //! operation that is associative, commutative and takes a value with itself to itself.
 
-use super::decode::check;
 use super::container::survives_merging;
+use super::decode::check;
 use super::file::{CodedFile, CodedLayer, StoredSection, order_key};
 use super::header::BlockHeader;
 use super::sums::compensated;
@@ -18,12 +18,8 @@ use crate::splat::DEFAULT_OPACITY;
 use crate::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// How the command of a merged file begins.
-const MERGED: &str = "merge of: ";
 /// Ends a text that stands for several: what all begin with.
 const SEVERAL: char = '*';
-/// Longest beginning of commands that is kept, so that the text fits its field.
-const LONGEST_COMMAND: usize = 16_000;
 
 /// Parts being merged: [`Merge::add`] one after the other, in any order, then [`Merge::finish`].
 #[derive(Default)]
@@ -61,13 +57,14 @@ impl Merge {
         progress.require_memory("the merge", self.bytes + bytes.len() as u64)?;
         // What is copied is read first: a block that cannot be decoded must not spread.
         check(bytes, place, progress)?;
-        let CodedFile { metadata, network, sections, layers } = CodedFile::read(bytes, place)?;
+        let CodedFile { mut metadata, network, sections, layers } = CodedFile::read(bytes, place)?;
         self.sections.extend(sections.into_iter().filter(|s| survives_merging(s.tag)));
+        metadata.recipe = metadata.recipe.merged();
         self.known = Some(match self.known.take() {
-            None => (alone(metadata), place.to_string()),
+            None => (metadata, place.to_string()),
             Some((known, first)) => {
                 refuse_unlike(&known, &metadata, &first, place)?;
-                (combined(known, &alone(metadata)), first)
+                (combined(known, &metadata), first)
             }
         });
         if let Some(first) = first_block(&layers, place)?
@@ -174,15 +171,6 @@ pub fn sums(layers: &[CodedLayer]) -> Result<(u64, f64)> {
     }
 }
 
-/// A part's metadata as it enters: its command under the name of a merge.
-fn alone(mut m: Metadata) -> Metadata {
-    if !m.command.starts_with(MERGED) {
-        m.command = format!("{MERGED}{}", m.command);
-    }
-    m.command = common(&m.command, &m.command, LONGEST_COMMAND);
-    m
-}
-
 /// Two parts that may be merged, as one. Count, mass and radius are set at the end; a hash of zeros
 /// stands for several sources.
 fn combined(a: Metadata, b: &Metadata) -> Metadata {
@@ -192,7 +180,7 @@ fn combined(a: Metadata, b: &Metadata) -> Metadata {
     Metadata {
         bounds,
         default_opacity: if a.default_opacity == b.default_opacity { a.default_opacity } else { DEFAULT_OPACITY },
-        source: common(&a.source, &b.source, usize::MAX),
+        source: common(&a.source, &b.source),
         units: Units {
             length: first(a.units.length, &b.units.length),
             mass: first(a.units.mass, &b.units.mass),
@@ -200,8 +188,7 @@ fn combined(a: Metadata, b: &Metadata) -> Metadata {
             comoving: a.units.comoving,
         },
         source_hash: if a.source_hash == b.source_hash { a.source_hash } else { [0; 32] },
-        command: common(&a.command, &b.command, LONGEST_COMMAND),
-        effort: a.effort.filter(|_| a.effort == b.effort),
+        recipe: a.recipe.joined(&b.recipe),
         ..a
     }
 }
@@ -211,20 +198,15 @@ fn first(a: Option<Unit>, b: &Option<Unit>) -> Option<Unit> {
     if b.as_ref().map(|u| &u.text) < a.as_ref().map(|u| &u.text) { b.clone() } else { a }
 }
 
-/// What both texts begin with (and at most `longest` bytes of it), then `*`; the text itself where
-/// they are the same and short enough. A `*` at an end is one that this put there.
-fn common(a: &str, b: &str, longest: usize) -> String {
-    if a == b && a.len() <= longest {
+/// What both texts begin with, then `*`; the text itself where they are the same. A `*` at an end is one that this put
+/// there.
+fn common(a: &str, b: &str) -> String {
+    if a == b {
         return a.to_string();
     }
     let [p, q] = [a, b].map(|t| t.strip_suffix(SEVERAL).unwrap_or(t));
     let same = p.chars().zip(q.chars()).take_while(|(x, y)| x == y).map(|(x, _)| x);
-    let mut length = 0;
-    let fits = |c: &char| {
-        length += c.len_utf8();
-        length < longest
-    };
-    same.take_while(fits).chain([SEVERAL]).collect()
+    same.chain([SEVERAL]).collect()
 }
 
 /// Parts must speak of one space and one time. Two texts of one size are one unit.
@@ -274,7 +256,7 @@ mod tests {
     use super::*;
     use crate::codec::{Precision, decode, encode};
     use crate::math::Sym3;
-    use crate::model::{Block, Epoch, LawKind, Layer, Mass, Mixture, Model};
+    use crate::model::{Block, Effort, Epoch, LawKind, Layer, Mass, Mixture, Model, Recipe, RecipeStep, Target};
     use crate::space::Bounds;
     use proptest::prelude::*;
 
@@ -295,7 +277,12 @@ mod tests {
                 source_hash,
                 units: Units::of(Some("Mpc/h"), None, Some(true)),
                 epoch: Epoch { scale_factor: Some(1.0), ..Epoch::default() },
-                command: format!("compress --ratio {count}"),
+                recipe: Recipe {
+                    target: Target::Ratio(count as f64),
+                    effort: if count.is_multiple_of(3) { Effort::Fast } else { Effort::Default },
+                    blocks: 1 + count as u32 % 2,
+                    ..Recipe::default()
+                },
                 ..Metadata::new(LawKind::OpticalDepth, count, bounds)
             },
             layers: vec![Layer {
@@ -346,11 +333,26 @@ mod tests {
         }
 
         #[test]
-        fn texts_combine_in_any_order(t in proptest::collection::vec("[a-c]{0,4}\\*?|é{0,3}", 3), longest in 2usize..6) {
-            let join = |a: &str, b: &str| common(a, b, longest);
-            let [a, b, c] = [0, 1, 2].map(|i| join(&t[i], &t[i]));
+        fn texts_combine_in_any_order(t in proptest::collection::vec("[a-c]{0,4}\\*?|é{0,3}", 3)) {
+            let [a, b, c] = [0, 1, 2].map(|i| &t[i][..]);
+            prop_assert_eq!(common(&common(a, b), c), common(a, &common(c, b)));
+        }
+
+        #[test]
+        fn recipes_combine_in_any_order(
+            all in proptest::collection::vec((0u64..2, 0u32..2, 0u64..3, any::<bool>(), any::<bool>()), 3),
+        ) {
+            let recipe = |&(seed, blocks, k, fast, known): &(u64, u32, u64, bool, bool)| {
+                let effort = if fast { Effort::Fast } else { Effort::Default };
+                let recipe = Recipe { seed, blocks, effort, ..if known { Recipe::default() } else { Recipe::unknown() } };
+                let steps = (0..k).map(|k| RecipeStep::Simplify(Target::Gaussians(k)));
+                steps.fold(recipe, Recipe::then).merged()
+            };
+            let [a, b, c] = [0, 1, 2].map(|i| recipe(&all[i]));
+            let join = |a: &Recipe, b: &Recipe| a.clone().joined(b);
             prop_assert_eq!(join(&join(&a, &b), &c), join(&a, &join(&c, &b)));
-            prop_assert!(join(&a, &b).len() <= longest);
+            prop_assert_eq!(join(&a, &a), a.clone());
+            prop_assert_eq!(join(&a, &b).merged(), join(&b, &a));
         }
     }
 
@@ -364,7 +366,8 @@ mod tests {
         assert_eq!((m.count, m.mass), (35, 32.5));
         assert_eq!((m.bounds.min, m.bounds.max), ([2.0; 3], [10.0; 3]));
         assert_eq!(m.default_radius, m.bounds.default_radius(35));
-        assert_eq!((&m.source[..], &m.command[..]), ("snap.*", "merge of: compress --ratio *"));
+        let made = "merge of: compress --target * --effort default --seed 0 --blocks *";
+        assert_eq!((&m.source[..], &m.recipe.to_string()[..]), ("snap.*", made));
         assert_eq!(
             back.layers.iter().map(|l| (&l.name[..], l.content.len())).collect::<Vec<_>>(),
             [("dm", 2), ("gas", 1)]

@@ -2,7 +2,7 @@
 
 use super::wire::Reader;
 use crate::math::each_axis;
-use crate::model::{Cosmology, Effort, Epoch, LawKind, Mass, Metadata, Quantity, QuantityKind, Si, Unit, Units};
+use crate::model::{Cosmology, Epoch, LawKind, Mass, Metadata, Quantity, QuantityKind, Recipe, Si, Unit, Units};
 use crate::space::{Bounds, Cell};
 
 /// Why metadata cannot be read.
@@ -19,10 +19,10 @@ impl From<String> for Fault {
     }
 }
 
-/// Longest text but the command.
+/// Longest text but the recipe.
 const TEXT: usize = 1024;
-/// Longest command.
-const COMMAND: usize = 16_384;
+/// Longest recipe.
+const RECIPE_TEXT: usize = 16_384;
 /// Longest name, and text of a unit, among what was kept.
 const SHORT: usize = 255;
 /// Tags from here on must be understood.
@@ -48,9 +48,8 @@ const SCALE_FACTOR: u8 = 25;
 const TIME: u8 = 26;
 const FRAME: u8 = 27;
 const STEP: u8 = 28;
-const COMMAND_LINE: u8 = 40;
+const RECIPE: u8 = 40;
 const TOOL: u8 = 41;
-const EFFORT: u8 = 42;
 const MASSES: u8 = 128;
 
 /// The masses of `count` layers, of which a file has one entry or one each, or of the first `count` where some may be
@@ -108,15 +107,8 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
     }
     m.epoch.frame.iter().for_each(|v| field(FRAME, &v.to_le_bytes()));
     m.epoch.step.iter().for_each(|v| field(STEP, &v.to_le_bytes()));
-    field(COMMAND_LINE, text(&m.command, COMMAND));
+    field(RECIPE, &recipe_text(&m.recipe));
     field(TOOL, text(&m.tool_version, TEXT));
-    if let Some(effort) = m.effort {
-        let number = match effort {
-            Effort::Fast => 1,
-            Effort::Default => 2,
-        };
-        field(EFFORT, &[number]);
-    }
     let alike = layers.windows(2).all(|w| w[0] == w[1]);
     let told = if alike { &layers[..layers.len().min(1)] } else { layers };
     field(MASSES, &told.iter().flat_map(mass_bytes).collect::<Vec<u8>>());
@@ -161,14 +153,9 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), Fault> {
             step: get(STEP).map(|v| exact(STEP, v).map(i64::from_le_bytes)).transpose()?,
         },
         fields: Vec::new(),
-        command: string(COMMAND_LINE, need(COMMAND_LINE)?, COMMAND)?,
+        // What a newer program may tell in other words is not known here.
+        recipe: serde_json::from_slice(need(RECIPE)?).unwrap_or_else(|_| Recipe::unknown()),
         tool_version: string(TOOL, need(TOOL)?, TEXT)?,
-        // What a newer program may call another effort is not known here.
-        effort: match get(EFFORT) {
-            Some([1]) => Some(Effort::Fast),
-            Some([2]) => Some(Effort::Default),
-            _ => None,
-        },
     };
     if m.count == 0 || !(m.mass > 0.0 && m.default_radius > 0.0 && m.default_opacity > 0.0 && m.default_opacity <= 1.0)
     {
@@ -400,6 +387,12 @@ fn string(tag: u8, v: &[u8], longest: usize) -> Result<String, String> {
     std::str::from_utf8(v).map(str::to_string).map_err(|_| format!("metadata field {tag} is not UTF-8"))
 }
 
+/// A recipe as JSON; one that does not fit says nothing.
+fn recipe_text(recipe: &Recipe) -> Vec<u8> {
+    let json = |recipe: &Recipe| serde_json::to_vec(recipe).expect("plain data");
+    Some(json(recipe)).filter(|text| text.len() <= RECIPE_TEXT).unwrap_or_else(|| json(&Recipe::unknown()))
+}
+
 /// The longest beginning of a text that fits.
 fn text(s: &str, longest: usize) -> &[u8] {
     let mut end = s.len().min(longest);
@@ -412,7 +405,7 @@ fn text(s: &str, longest: usize) -> &[u8] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::Dimension;
+    use crate::model::{Dimension, Target};
     use proptest::prelude::*;
 
     /// Units that are texts alone, and such that were stated with any numbers.
@@ -516,16 +509,21 @@ mod tests {
     }
 
     #[test]
-    fn efforts_come_back_and_others_say_nothing() {
-        let m = Metadata::new(LawKind::OpticalDepth, 8, Bounds { min: [0.0; 3], max: [1.0; 3] });
-        for effort in [None, Some(Effort::Fast), Some(Effort::Default)] {
-            let section = write(&Metadata { effort, ..m.clone() }, &[Mass::Unknown]);
-            assert_eq!(read(&section).ok().unwrap().0.effort, effort);
+    fn recipes_come_back_and_what_is_none_says_nothing() {
+        let with = |recipe| Metadata {
+            recipe,
+            ..Metadata::new(LawKind::OpticalDepth, 8, Bounds { min: [0.0; 3], max: [1.0; 3] })
+        };
+        let back = |section: &[u8]| read(section).ok().unwrap().0.recipe;
+        let some = Recipe { target: Target::Ratio(0.1), seed: u64::MAX, ..Recipe::default() };
+        let long = Recipe { read: [("species".into(), "x".repeat(RECIPE_TEXT))].into(), ..some.clone() };
+        for (recipe, expected) in [(some.clone(), some.clone()), (long, Recipe::unknown())] {
+            assert_eq!(back(&write(&with(recipe), &[Mass::Unknown])), expected);
         }
-        let mut later = write(&Metadata { effort: Some(Effort::Fast), ..m }, &[Mass::Unknown]);
-        let at = later.len() - 5;
-        later[at] = 9;
-        assert_eq!(read(&later).ok().unwrap().0.effort, None);
+        let mut section = write(&with(some), &[Mass::Unknown]);
+        let at = section.windows(7).position(|w| w == b"default").unwrap();
+        section[at] = b'D';
+        assert_eq!(back(&section), Recipe::unknown());
     }
 
     #[test]

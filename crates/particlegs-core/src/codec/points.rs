@@ -1,9 +1,9 @@
 //! Points alone, coded as a block codes its means: what a subset of the particles takes in bytes.
 
-use super::rans::{Coder, Recorder};
-use super::tree::{Cell, Node, Segment, Tree, segments};
 use super::OutOfRange;
+use super::rans::{Coder, Recorder};
 use super::splits::{Splits, long_uniform};
+use super::tree::{Cell, Node, Segment, Tree, segments};
 use crate::math::each_axis;
 use crate::parallel;
 use crate::space::Bounds;

@@ -114,7 +114,8 @@ fn sections_move_with_their_blocks_when_files_are_merged() {
         let metadata = Metadata::new(LawKind::OpticalDepth, block.count, block.bounds);
         let coded = Encoder::new(&block).unwrap().encode(&Precision::BALANCED);
         let sections = vec![StoredSection { tag: *b"fiLD", bytes: content.to_vec() }];
-        let layer = Layer { name: "dm".into(), mass: Mass::Unknown, content: vec![StoredBlock { bytes: coded, sections }] };
+        let layer =
+            Layer { name: "dm".into(), mass: Mass::Unknown, content: vec![StoredBlock { bytes: coded, sections }] };
         assemble(&metadata, None, vec![layer]).unwrap()
     };
     let (a, b) = (of(50.0, b"right"), of(0.0, b"left"));

@@ -57,11 +57,7 @@ pub(super) fn long_uniform(c: &mut impl Coder, n: u64, value: u64) -> u64 {
 
 /// The splits above the segments, and with them the segments' nodes. The encoder's `lows` say how many Gaussians
 /// fall into each node's lower half; the decoder has none.
-pub(super) fn trunk(
-    c: &mut impl Coder,
-    header: &BlockHeader,
-    lows: &[u32],
-) -> Result<Vec<Vec<Node>>, OutOfRange> {
+pub(super) fn trunk(c: &mut impl Coder, header: &BlockHeader, lows: &[u32]) -> Result<Vec<Vec<Node>>, OutOfRange> {
     let (mut splits, mut lows) = (Splits::new(), lows.iter());
     segments(header.gaussians, header.bounds.extent(), |node, _, _| {
         splits.code(c, node, lows.next().copied().unwrap_or(0))

@@ -57,10 +57,11 @@ impl Law {
 }
 
 /// Which law: [`Law`] without its columns.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LawKind {
     /// Depths add up: `1 - exp(-sum tau)`. No order, no network.
+    #[default]
     OpticalDepth,
     /// Splatting as published: sorted by depth and blended front to back, scale and opacity
     /// corrected by a network.

@@ -1,6 +1,6 @@
 //! What a model file says about its snapshot and its making.
 
-use super::{LawKind, Unit, Units};
+use super::{LawKind, Recipe, Unit, Units};
 use crate::space::{Bounds, Cell};
 use crate::splat::DEFAULT_OPACITY;
 
@@ -39,35 +39,10 @@ pub struct Metadata {
     /// What was kept of the snapshot beside positions and masses; see [`Metadata::quantities`].
     #[serde(default)]
     pub fields: Vec<Quantity>,
-    /// The command that made the file.
-    pub command: String,
+    /// What made the model.
+    pub recipe: Recipe,
     /// The program's version.
     pub tool_version: String,
-    /// How the Gaussians were fitted, where they are what a fit gave: neither trained nor reduced.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub effort: Option<Effort>,
-}
-
-/// How much time a fit spends.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Effort {
-    /// A partition whose walls one iteration of expectation maximisation softens: for pictures; many small groups are
-    /// lost.
-    Fast,
-    /// Refined.
-    #[default]
-    Default,
-}
-
-impl Effort {
-    /// As the command calls it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Effort::Fast => "fast",
-            Effort::Default => "default",
-        }
-    }
 }
 
 /// Parameters of the cosmology that a snapshot is of.
@@ -167,9 +142,8 @@ impl Metadata {
             cosmology: Cosmology::default(),
             epoch: Epoch::default(),
             fields: Vec::new(),
-            command: String::new(),
+            recipe: Recipe::default(),
             tool_version: env!("CARGO_PKG_VERSION").to_string(),
-            effort: None,
         }
     }
 

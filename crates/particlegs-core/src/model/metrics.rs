@@ -2,7 +2,7 @@
 //! [`Certificate`](super::Certificate).
 
 use super::metric::{MetricVisitor, Visited, record};
-use super::{Limit, Metric, MetricValue, Tolerance, MetricUnit};
+use super::{Limit, Metric, MetricUnit, MetricValue, Tolerance};
 use crate::model::Coding::{F32, F64, Name, OptionalF32, Score, UpTo, Whole};
 use crate::space::Bounds;
 

@@ -10,8 +10,10 @@ mod metric;
 mod metrics;
 mod mixture;
 mod network;
+mod recipe;
 mod science;
 mod sphere;
+mod target;
 mod unit;
 pub mod vizmapper;
 
@@ -20,8 +22,8 @@ pub use columns::{Columns, MASS};
 pub use goal::{Goal, GoalKind, GoalResult};
 pub use law::{AlphaBlend, Law, LawKind};
 pub use layer::{Layer, Mass};
-pub use metadata::{Cosmology, Effort, Epoch, Metadata, Quantity, QuantityKind, hex};
-pub use metric::{Coding, Metric, MetricEntry, MetricGroup, MetricValue, MetricUnit, Tolerance};
+pub use metadata::{Cosmology, Epoch, Metadata, Quantity, QuantityKind, hex};
+pub use metric::{Coding, Metric, MetricEntry, MetricGroup, MetricUnit, MetricValue, Tolerance};
 pub(crate) use metric::{MetricVisitor, Visited};
 pub use metrics::{
     BANDS, CELL_SIZES, CellDensity, CrossValidation, DensityMetrics, GROUP_CLASSES, GroupClass, LookSummary, MassPower,
@@ -30,6 +32,8 @@ pub use metrics::{
 };
 pub use mixture::{Block, Mixture, Model};
 pub use network::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
+pub use recipe::{Effort, Recipe, RecipeStep, TrainingRecipe};
 pub use science::{Limit, ScienceMetrics, ScienceSubject, per_length};
 pub use sphere::{Lump, Rules};
+pub use target::{DEFAULT_RATIO, Target};
 pub use unit::{Dimension, Si, Unit, Units};

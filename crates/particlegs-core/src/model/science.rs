@@ -1,7 +1,7 @@
 //! What statistics of a decoded model said when its file was made.
 
 use super::metric::{enum_values, record};
-use super::{Metric, MetricValue, MetricUnit};
+use super::{Metric, MetricUnit, MetricValue};
 use crate::model::Coding::{F32, From as FromSize, Name, UpTo, Whole};
 
 /// A place up to which, or from which on, something holds.

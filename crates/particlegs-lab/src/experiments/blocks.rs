@@ -6,7 +6,7 @@ use super::groups::{self, Group, in_pixels, masked, means_over, psnr, ssim};
 use super::published as paper;
 use super::seeds::{each_seed, told};
 use crate::found::{Axis, Cell, Found, Plot, Point, Series, Spread, Table};
-use crate::lab::{Lab, Made, Recipe};
+use crate::lab::{Lab, Made, ModelSettings};
 use crate::snapshot::Snapshot;
 use crate::views::{Score, Truth};
 use particlegs::Result;
@@ -52,8 +52,8 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
 }
 
 /// A model of `blocks` blocks at the common ratio.
-pub(super) fn recipe(blocks: u32, seed: u64) -> Recipe {
-    Recipe { blocks, ..Recipe::ratio(RATIO, seed) }
+pub(super) fn recipe(blocks: u32, seed: u64) -> ModelSettings {
+    ModelSettings { blocks, ..ModelSettings::ratio(RATIO, seed) }
 }
 
 fn measured(lab: &Lab<'_>, snapshot: &Snapshot, truth: &Truth, blocks: u32) -> Result<Measured> {

@@ -4,7 +4,7 @@
 use super::Experiment;
 use super::rate_distortion::{Beside, COMPARED, NOT_OF_THIS_SIZE, Row, beside, rows, series};
 use crate::found::{Axis, Cell, Found, Plot, Point, Spread, Table};
-use crate::lab::{Lab, Recipe};
+use crate::lab::{Lab, ModelSettings};
 use crate::method::Method;
 use crate::snapshot::Snapshot;
 use crate::views::{Truth, identical_note, mean, psnr, ssim};
@@ -68,7 +68,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
 }
 
 fn measured<'a>(lab: &Lab<'_>, snapshot: &'a Snapshot) -> Result<Set<'a>> {
-    let first = lab.model(snapshot, &Recipe::ratio(COMPARED, lab.settings.seed))?;
+    let first = lab.model(snapshot, &ModelSettings::ratio(COMPARED, lab.settings.seed))?;
     let truth = Truth::of(lab, snapshot, &first.model.metadata)?;
     let (rows, beside) = (rows(lab, snapshot, &truth, &[COMPARED])?, beside(lab, snapshot, &truth, &first)?);
     Ok(Set { snapshot, gaussians: first.model.gaussians(), rows, beside })

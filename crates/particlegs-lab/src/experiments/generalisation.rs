@@ -9,7 +9,7 @@ use super::published as paper;
 use super::seeds::{each_seed, told};
 use super::sweep::{Model, Step, Sweep};
 use crate::found::{Cell, Found, Spread};
-use crate::lab::{Lab, Made, Recipe};
+use crate::lab::{Lab, Made, ModelSettings};
 use crate::snapshot::Snapshot;
 use crate::training::{self, Task, Trained};
 use crate::views::{Score, Truth};
@@ -33,7 +33,8 @@ const OPACITIES: [f64; 6] = [0.25, 0.5, 1.0, 1.5, 2.0, 2.4];
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let snapshot = &snapshots[0];
-    let made = each_seed(lab, |made: &Made| &made.model, |seed| lab.model(snapshot, &Recipe::ratio(RATIO, seed)))?;
+    let made =
+        each_seed(lab, |made: &Made| &made.model, |seed| lab.model(snapshot, &ModelSettings::ratio(RATIO, seed)))?;
     let (metadata, frames) = (&made[0].model.metadata, 2 * lab.settings.frames);
     let truth = truth(lab, snapshot, metadata, frames, lab.settings.size)?;
     let models = vec![model(lab, snapshot, &truth, "optical depth", 0, &made)?];

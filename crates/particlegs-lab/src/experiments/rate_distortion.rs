@@ -5,7 +5,7 @@ use super::Experiment;
 use super::rate_density::{densities, density_plots, density_table};
 use crate::density::all_particles_bits;
 use crate::found::{Axis, Cell, Found, Plot, Point, Series, Spread, Table};
-use crate::lab::{Lab, Made, Recipe};
+use crate::lab::{Lab, Made, ModelSettings};
 use crate::method::{Measured, Method};
 use crate::snapshot::Snapshot;
 use crate::training;
@@ -122,7 +122,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let snapshot = &snapshots[0];
     // The largest file that is asked for: of few particles the smallest are too small for one Gaussian.
     let largest = lab.settings.ratios.first().copied().unwrap_or(COMPARED);
-    let first = lab.model(snapshot, &Recipe::ratio(largest, lab.settings.seed))?;
+    let first = lab.model(snapshot, &ModelSettings::ratio(largest, lab.settings.seed))?;
     let truth = Truth::of(lab, snapshot, &first.model.metadata)?;
     let beside = beside(lab, snapshot, &truth, &first)?;
     let rows = rows(lab, snapshot, &truth, &lab.settings.ratios)?;

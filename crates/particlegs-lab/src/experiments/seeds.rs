@@ -41,7 +41,7 @@ pub(super) fn told(lab: &Lab<'_>, counts: &[usize]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lab::{Made, Recipe};
+    use crate::lab::{Made, ModelSettings};
     use crate::settings::Settings;
     use crate::snapshot::Snapshot;
     use particlegs::particles::Particles;
@@ -55,7 +55,7 @@ mod tests {
         let settings = Settings { seeds: 3, ..Settings::new(true, "".into()) };
         let lab = Lab::new(settings, folder.path(), &Silent).unwrap();
         let of = |ratio: fn(u64) -> f64| {
-            each_seed(&lab, |m: &Made| &m.model, |seed| lab.model(&snapshot, &Recipe::ratio(ratio(seed), seed)))
+            each_seed(&lab, |m: &Made| &m.model, |seed| lab.model(&snapshot, &ModelSettings::ratio(ratio(seed), seed)))
                 .unwrap()
                 .len()
         };

@@ -211,7 +211,6 @@ pub(crate) fn tuned(lab: &Lab<'_>, snapshot: &Snapshot, merged: &Made, config: &
         memory: None,
         seed,
         certificate: CertificateLevel::None,
-        command: String::new(),
     };
     let model = blake3::hash(&merged.bytes).to_hex().to_string();
     let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| {

@@ -100,7 +100,7 @@ pub(super) fn kinds(
 
 #[cfg(test)]
 mod tests {
-    use super::super::Survey;
+    use super::super::SnapshotScan;
     use super::*;
     use crate::model::Mass;
     use crate::particles::{Column, Layered};
@@ -116,8 +116,8 @@ mod tests {
             .with_layers(vec![layer("a", 0..70_000), layer("b", 70_000..n as usize)]);
         let folder = tempfile::tempdir().unwrap();
         for storage in [Storage::Memory, Storage::Disk(folder.path().into())] {
-            let survey = Survey::new(&Layered::of(&p), "here", true, &Silent).unwrap();
-            let blocks = divide(&p, &KdTree::new(&survey.sample, 3).unwrap(), &storage, &Silent).unwrap();
+            let scan = SnapshotScan::new(&Layered::of(&p), "here", true, &Silent).unwrap();
+            let blocks = divide(&p, &KdTree::new(&scan.sample, 3).unwrap(), &storage, &Silent).unwrap();
             assert_eq!(blocks.iter().map(Particles::len).sum::<usize>(), p.len());
             let mut seen: Vec<f32> = blocks.iter().flat_map(|b| b.weights().cloned().unwrap().to_vec()).collect();
             seen.sort_by(f32::total_cmp);

@@ -1,15 +1,15 @@
 //! Floor 4: a snapshot in blocks, each fitted on its own.
 //!
 //! A [`KdTree`] of balanced cuts says which block a position belongs to; it is made from a sample
-//! that is spread evenly over the snapshot, which a [`Survey`] takes in its one pass, so that whatever the
+//! that is spread evenly over the snapshot, which a [`SnapshotScan`] takes in its one pass, so that whatever the
 //! number of particles the same few megabytes are held.
 
 mod divide;
 mod sample;
-mod survey;
+mod scan;
 mod tree;
 
 pub(crate) use divide::divide;
 pub(crate) use sample::Sample;
-pub(crate) use survey::{RunSurvey, Survey};
+pub(crate) use scan::{RunScan, SnapshotScan};
 pub(crate) use tree::KdTree;

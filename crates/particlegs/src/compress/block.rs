@@ -131,7 +131,9 @@ impl Left {
     fn take(&mut self, layer: &LayerParticles, made: &MadeLayer) {
         self.share = match (self.share, self.next(layer)) {
             (Share::Gaussians(number), Share::Gaussians(own)) => Share::Gaussians(number.saturating_sub(own)),
-            (Share::Bytes(bytes), _) => Share::Bytes(bytes.saturating_sub(codec::stored_bytes(&made.coded.bytes) as u64)),
+            (Share::Bytes(bytes), _) => {
+                Share::Bytes(bytes.saturating_sub(codec::stored_bytes(&made.coded.bytes) as u64))
+            }
             (share, _) => share,
         };
         self.count -= layer.count();

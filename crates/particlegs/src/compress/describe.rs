@@ -20,7 +20,6 @@ pub(super) struct Known {
 /// Metadata of a model in `blocks` blocks; its mass is known when its blocks are.
 pub(super) fn describe(meta: &SnapshotMeta, known: &Known, options: &Options, blocks: u32) -> Metadata {
     let Known { count, bounds, source_hash } = *known;
-    let blocks = if blocks > 1 { format!(" --blocks {blocks}") } else { String::new() };
     Metadata {
         cell: meta.cell,
         default_radius: options.radius.unwrap_or_else(|| bounds.default_radius(count)),
@@ -30,8 +29,7 @@ pub(super) fn describe(meta: &SnapshotMeta, known: &Known, options: &Options, bl
         units: meta.units.clone(),
         cosmology: meta.cosmology,
         epoch: meta.epoch,
-        command: options.command.clone() + &blocks,
-        effort: options.training.is_none().then_some(options.effort),
+        recipe: options.recipe(blocks),
         ..Metadata::new(options.law(), count, bounds)
     }
 }
@@ -55,7 +53,6 @@ impl Options {
 
     /// Can a model file of `told` be what these options make, whatever the number of blocks that memory asks for?
     pub fn ask_for(&self, told: &Metadata) -> bool {
-        let rest = told.command.strip_prefix(&self.command);
-        self.training.is_none() && rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(" --blocks "))
+        self.training.is_none() && told.recipe == self.recipe(told.recipe.blocks)
     }
 }

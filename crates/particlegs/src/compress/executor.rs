@@ -4,8 +4,8 @@
 
 use super::block::{BlockContext, BlockParticles, CodedBlock, OnStop};
 use super::clock::Clock;
-use super::target::Target;
 use crate::Result;
+use crate::model::Target;
 use crate::pieces::{Pieces, Under};
 use crate::progress::Progress;
 
@@ -53,7 +53,7 @@ pub(crate) fn do_blocks(
     context: BlockContext<'_>,
     pieces: &mut dyn Pieces,
 ) -> Result<()> {
-    let blocks = context.plan.blocks;
+    let blocks = context.plan.recipe().blocks;
     for block in 0..blocks {
         let left = blocks - block;
         let mut limits = context.limits.share(left as usize);

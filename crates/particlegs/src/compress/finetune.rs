@@ -4,9 +4,11 @@ use super::certify::Decoded;
 use super::clock::Clock;
 use super::run::Compressed;
 use super::size::{Coded, SizeMet};
-use super::target::Target;
 use crate::codec::{self, Encoder};
-use crate::model::{Block, Certificate, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, VizMapper};
+use crate::model::Target;
+use crate::model::{
+    Block, Certificate, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, RecipeStep, VizMapper,
+};
 use crate::particles::Particles;
 use crate::pieces::{Pieces, Under};
 use crate::progress::Progress;
@@ -31,8 +33,6 @@ pub struct FineTuning {
     pub seed: u64,
     /// Measure the decoded model and store what was found?
     pub certificate: CertificateLevel,
-    /// The command as stored in the file, before the model's own.
-    pub command: String,
 }
 
 impl Default for FineTuning {
@@ -44,7 +44,6 @@ impl Default for FineTuning {
             memory: None,
             seed: 0,
             certificate: CertificateLevel::default(),
-            command: String::new(),
         }
     }
 }
@@ -54,9 +53,9 @@ impl FineTuning {
     /// file's bytes, but for how far training goes, and of the model, which names its snapshot. What was kept
     /// of other work is of no use.
     pub fn id(&self, model: &[u8]) -> [u8; 32] {
-        let FineTuning { target, training, limits: _, memory: _, seed, certificate, command } = self;
+        let FineTuning { target, training, limits: _, memory: _, seed, certificate } = self;
         let model = blake3::hash(model).to_hex().to_string();
-        let all = serde_json::to_vec(&(target, training, seed, certificate, command, model));
+        let all = serde_json::to_vec(&(target, training, seed, certificate, model));
         *blake3::hash(&all.expect("plain data")).as_bytes()
     }
 }
@@ -117,6 +116,7 @@ pub fn finetune(
         step_factor: coded.step_factor,
         trained: vec![run],
         stopped,
+        notes: Vec::new(),
         seconds: clock.seconds(),
     })
 }
@@ -155,9 +155,9 @@ impl NewFile {
             target => target.bytes(raw_bytes(model)),
         };
         let mut metadata = model.metadata.clone();
-        metadata.command = format!("{} of: {}", options.command, metadata.command);
+        let (target, seed, training) = (options.target, options.seed, options.training.recipe());
+        metadata.recipe.steps.push(RecipeStep::Finetune { target, seed, training });
         metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
-        metadata.effort = None;
         let layer = layer.with(());
         let head = Layer { mass: layer.mass.without_weights(), ..layer.with(1) };
         let network = if options.training.alpha_blend.vizmapper { codec::VIZMAPPER_SECTION_BYTES } else { 0 };

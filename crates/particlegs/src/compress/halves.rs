@@ -2,8 +2,7 @@
 
 use super::{Options, Target, compress};
 use crate::Result;
-use crate::fit::Effort;
-use crate::model::{CertificateLevel, CrossValidation, LawKind, Metadata, Model, SAMPLED_ABOVE};
+use crate::model::{CertificateLevel, CrossValidation, Effort, Model, SAMPLED_ABOVE};
 use crate::particles::{Particles, Selection, Storage};
 use crate::pieces::NoPieces;
 use crate::progress::Progress;
@@ -23,7 +22,7 @@ pub(super) fn held_out(
     seed: u64,
     progress: &dyn Progress,
 ) -> Result<Option<CrossValidation>> {
-    let Some(effort) = fitted_with(&model.metadata) else { return Ok(None) };
+    let Some(effort) = model.metadata.recipe.fitted() else { return Ok(None) };
     match Scope::of(model, particles, seed, SAMPLED_ABOVE, progress)? {
         Some(scope) if scope.particles.len() >= LEAST => of_scope(&scope, effort, seed, progress).map(Some),
         _ => Ok(None),
@@ -56,39 +55,4 @@ fn of_scope(scope: &Scope<'_>, effort: Effort, seed: u64, progress: &dyn Progres
     let halves =
         Halves { particles: [a, b], models: [&models[0], &models[1]], domain: &domain, spectrum: &spectrum, seed };
     halves.measure(progress)
-}
-
-/// The effort that a model was fitted with; `None` where it was trained or reduced.
-fn fitted_with(m: &Metadata) -> Option<Effort> {
-    m.effort.or_else(|| told_by_command(m))
-}
-
-/// Of files before version 1.6 the command alone tells.
-fn told_by_command(m: &Metadata) -> Option<Effort> {
-    let told = |text: &str| m.command.contains(text);
-    if m.law != LawKind::OpticalDepth || told("--train") || told(" of: ") {
-        return None;
-    }
-    Some(if told("--effort fast") { Effort::Fast } else { Effort::Default })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::stats::testing;
-
-    #[test]
-    fn the_field_tells_the_effort_and_the_command_where_there_is_none() {
-        let told = |command: &str, effort| Metadata {
-            command: command.into(),
-            effort,
-            ..testing::model_of(&[], [1.0; 3]).metadata
-        };
-        let of = |command: &str, effort| fitted_with(&told(command, effort));
-        assert_eq!(of("another program's", Some(Effort::Fast)), Some(Effort::Fast));
-        assert_eq!(of("compress --effort fast --seed 0", None), Some(Effort::Fast));
-        assert_eq!(of("compress --effort default --seed 0", None), Some(Effort::Default));
-        assert_eq!(of("compress --effort fast --train", None), None);
-        assert_eq!(of("simplify of: compress --effort fast", None), None);
-    }
 }

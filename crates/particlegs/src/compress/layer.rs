@@ -113,7 +113,7 @@ impl LayerTask<'_> {
     /// A number of Gaussians whose steps are near nominal, and the steps that just fit `bytes`.
     fn to_size(&self, bytes: u64, pieces: &mut dyn Pieces) -> Result<MadeLayer> {
         let plan = self.context.plan;
-        let each = bytes_a_gaussian(plan.effort);
+        let each = bytes_a_gaussian(plan.recipe().effort);
         let target = SizeTarget { bytes, bytes_a_gaussian: each, most: most_gaussians(self.layer.count()) };
         let training = plan.training.as_ref();
         if training.is_some_and(|t| t.start == Start::Random || t.law == LawKind::AlphaBlend) {
@@ -167,10 +167,10 @@ impl LayerTask<'_> {
         let gaussians = usize::try_from(number.min(count)).unwrap_or(usize::MAX);
         let options = FitOptions {
             gaussians,
-            effort: if partition { Effort::Fast } else { plan.effort },
+            effort: if partition { Effort::Fast } else { plan.recipe().effort },
             radius: plan.metadata.default_radius,
             pixel: plan.pixel(),
-            seed: plan.seed,
+            seed: plan.recipe().seed,
             share: count as f64 / plan.particles().max(1) as f64,
         };
         let mut pieces = Under { pieces, prefix: format!("{}/{gaussians}", self.layer.layer.name) };
@@ -185,7 +185,7 @@ impl LayerTask<'_> {
             bounds: layer.bounds,
             radius: m.default_radius,
             opacity: m.default_opacity,
-            seed: plan.seed,
+            seed: plan.recipe().seed,
             bytes: goal.bytes,
             gaussians: Some(goal.gaussians),
         };

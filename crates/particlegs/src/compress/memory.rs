@@ -1,8 +1,8 @@
 //! How many blocks a bound on memory asks for.
 
 use super::size::bytes_a_gaussian;
-use super::target::Target;
 use crate::fit::Effort;
+use crate::model::Target;
 use crate::{Error, Result};
 
 /// The program itself, its buffers and pictures. Measured: docs/results/full-scale.md.
@@ -99,7 +99,7 @@ impl Load {
             // A quality: as many as the default ratio has, and twice as many again.
             _ => 3 * (Target::Default.bytes(self.raw_bytes).unwrap_or(0) as f64 / bytes_a_gaussian(self.effort)) as u64,
         };
-        wanted.clamp(1, self.count)
+        wanted.clamp(1, self.count.max(1))
     }
 }
 

@@ -21,8 +21,8 @@ mod run;
 mod search;
 mod simplify;
 mod size;
-mod target;
 
+pub use crate::model::Target;
 pub(crate) use block::{BlockContext, BlockParticles, CodedBlock, OnStop};
 pub(crate) use certify::Decoded;
 pub use certify::certify;
@@ -35,4 +35,3 @@ pub(crate) use plan::Plan;
 pub use run::{Compressed, Compression, compress};
 pub use simplify::simplify;
 pub(crate) use size::SizeMet;
-pub use target::Target;

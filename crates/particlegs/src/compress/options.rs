@@ -1,12 +1,11 @@
 //! What a model is to be.
 
 use super::memory::Load;
-use super::target::Target;
-use crate::fit::Effort;
-use crate::model::{CertificateLevel, LawKind};
+use crate::model::{CertificateLevel, Effort, LawKind, Recipe, Target};
 use crate::particles::{Particles, Storage};
 use crate::train::{Config, Limits};
 use crate::{Error, Result};
+use std::collections::BTreeMap;
 
 /// What is asked for. The default is the default of the command: ratio 300, a refined fit, no training,
 /// measured.
@@ -34,8 +33,8 @@ pub struct Options {
     pub seed: u64,
     /// How much of the decoded model is measured and stored.
     pub certificate: CertificateLevel,
-    /// The command as stored in the file, without paths, threads and the number of blocks, which is added.
-    pub command: String,
+    /// What is read of the snapshot, for the file's [`Recipe::read`].
+    pub read: BTreeMap<String, String>,
 }
 
 impl Default for Options {
@@ -52,7 +51,7 @@ impl Default for Options {
             limits: Limits::default(),
             seed: 0,
             certificate: CertificateLevel::default(),
-            command: String::new(),
+            read: BTreeMap::new(),
         }
     }
 }
@@ -63,15 +62,20 @@ impl Options {
         self.training.as_ref().map_or(LawKind::OpticalDepth, |t| t.law)
     }
 
-    /// The command that asks for this, as files say it ([`Options::command`]): `training` is what is trained, `read` what
-    /// is read of the snapshot, as options of the command.
-    pub fn in_command(&self, training: &str, read: &str) -> String {
-        let (asked, effort, seed) = (self.target.in_command(), self.effort.name(), self.seed);
-        let mut command = format!("compress{asked} --effort {effort} --seed {seed}{training}{read}");
-        for (option, value) in [("radius", self.radius), ("opacity", self.opacity)] {
-            value.iter().for_each(|v| command += &format!(" --{option} {v}"));
+    /// What makes a model in `blocks` blocks, as its file says it.
+    pub fn recipe(&self, blocks: u32) -> Recipe {
+        Recipe {
+            target: self.target,
+            effort: self.effort,
+            seed: self.seed,
+            law: self.law(),
+            training: self.training.as_ref().map(Config::recipe),
+            read: self.read.clone(),
+            radius: self.radius,
+            opacity: self.opacity,
+            blocks,
+            ..Recipe::default()
         }
-        command
     }
 
     /// The number of blocks in which `particles` are fitted in this process.

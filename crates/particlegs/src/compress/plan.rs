@@ -5,13 +5,12 @@ use super::describe::{Known, describe};
 use super::layer::Share;
 use super::options::Options;
 use super::size::SizeMet;
-use super::target::Target;
-use crate::blocks::Survey;
+use crate::blocks::{KdTree, SnapshotScan};
 use crate::camera::{ORBITS, base_distance, spherical_camera};
 use crate::codec::{self, CodedLayer};
-use crate::fit::Effort;
-use crate::model::{Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata};
-use crate::particles::Layered;
+use crate::model::Target;
+use crate::model::{Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata, Recipe};
+use crate::particles::{Layered, check_box};
 use crate::picture::Size;
 use crate::progress::Progress;
 use crate::space::Bounds;
@@ -22,34 +21,40 @@ use serde::{Deserialize, Serialize};
 /// What is asked for, and what is known of the whole.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
-    /// Size, ratio or number.
-    pub target: Target,
-    /// Time for quality.
-    pub effort: Effort,
-    /// Seed of the fits and the views.
-    pub seed: u64,
     /// How blocks are trained after the fit; `None` = not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<Config>,
     /// How much of the decoded model is measured.
     pub certificate: CertificateLevel,
-    /// Number of blocks.
-    pub blocks: u32,
     /// Layers, and their numbers of particles.
     pub layers: Vec<Layer<u64>>,
     /// What the file will say; its mass comes from the blocks.
     pub metadata: Metadata,
+    /// Which block a position belongs to.
+    pub tree: KdTree,
+    /// What a user should know, a sentence each.
+    #[serde(skip)]
+    pub notes: Vec<String>,
 }
 
 impl Plan {
-    /// A plan for a snapshot that was surveyed, in `blocks` blocks.
+    /// A plan for a snapshot that was scanned, in `blocks` blocks: all that can be refused before a block is fitted, and
+    /// all that a user should know. Says what the default target chose.
     ///
     /// # Errors
-    /// [`Error::Argument`] for a target that is none; [`Error::Input`] for a snapshot or a layer of no
-    /// particles.
-    pub(crate) fn new(options: &Options, source: &Layered, survey: &Survey, blocks: u32) -> Result<Plan> {
+    /// [`Error::Argument`] for a target that is none, a law that does not fit what is asked for, and more blocks than
+    /// there are places; [`Error::Input`] for a snapshot or a layer of no particles, and a box that does not hold them;
+    /// [`Error::Unreachable`] for a size that the network alone exceeds.
+    pub(crate) fn new(
+        options: &Options,
+        source: &Layered,
+        scan: &SnapshotScan,
+        blocks: u32,
+        progress: &dyn Progress,
+    ) -> Result<Plan> {
+        let (name, cell) = (&source.meta.name, source.meta.cell.as_ref());
         if source.layers.is_empty() || source.layers.iter().any(|l| l.layer.content == 0) {
-            return Err(Error::input(&source.meta.name, "no particles, or a layer without any"));
+            return Err(Error::input(name, "no particles, or a layer without any"));
         }
         let alpha = options.law() == LawKind::AlphaBlend;
         if alpha && source.layers.len() > 1 {
@@ -60,19 +65,27 @@ impl Plan {
             let what = "models of the alpha-blend law do not add up: --certificate blocks is of the optical-depth law";
             return Err(Error::argument(what));
         }
-        let known = Known { count: source.count(), bounds: survey.bounds, source_hash: survey.hash(source.origin) };
+        check_box(&scan.bounds, cell, name)?;
+        let outside = scan.outside.judge(source.count(), name)?;
+        let no_box = cell.is_none().then(|| "the snapshot states no periodic box, so nothing is periodic".to_string());
+        options.target.check()?;
+        let known = Known { count: source.count(), bounds: scan.bounds, source_hash: scan.hash(source.origin) };
         let plan = Plan {
-            target: options.target.check()?,
-            effort: options.effort,
-            seed: options.seed,
             training: options.training.clone(),
             certificate: options.certificate,
-            blocks,
             layers: source.layers.iter().map(|l| l.layer.clone()).collect(),
             metadata: describe(&source.meta, &known, options, blocks),
+            tree: KdTree::new(&scan.sample, blocks)?,
+            notes: no_box.into_iter().chain(outside).collect(),
         };
         if alpha { plan.has_room() } else { Ok(()) }?;
+        options.target.choice_in_words(plan.raw_bytes()).iter().for_each(|words| progress.message(words));
         Ok(plan)
+    }
+
+    /// What makes the model.
+    pub fn recipe(&self) -> &Recipe {
+        &self.metadata.recipe
     }
 
     /// 32 bytes that name the work: BLAKE3 of all that is asked for and all that is known of the snapshot,
@@ -83,7 +96,7 @@ impl Plan {
 
     /// Does the target hold more than the network? Better said before hours of training than after.
     fn has_room(&self) -> Result<()> {
-        let (asked, beside) = (self.target.bytes(self.raw_bytes()), self.overhead());
+        let (asked, beside) = (self.recipe().target.bytes(self.raw_bytes()), self.overhead());
         let Some(bytes) = asked.filter(|b| *b <= beside) else { return Ok(()) };
         let what = format!(
             "{bytes} bytes were asked for; of an alpha-blend model the head and the network alone take {beside}"
@@ -109,13 +122,6 @@ impl Plan {
         self.layers.iter().map(|l| l.content * l.mass.particle_bytes()).sum()
     }
 
-    /// Says what the default target chose.
-    pub fn announce(&self, progress: &dyn Progress) {
-        if let Some(words) = self.target.choice_in_words(self.raw_bytes()) {
-            progress.message(&words);
-        }
-    }
-
     /// Particles of all blocks and layers: they share the effort's bound on time.
     pub(super) fn particles(&self) -> u64 {
         self.layers.iter().map(|l| l.content).sum()
@@ -129,7 +135,7 @@ impl Plan {
     /// Bytes of the file beside its coded blocks, where every block has every layer: where some lack
     /// one, a few bytes more than there will be.
     pub fn overhead(&self) -> u64 {
-        let head = |l: &Layer<u64>| Layer { mass: self.kept_mass(l), ..l.with(self.blocks as usize) };
+        let head = |l: &Layer<u64>| Layer { mass: self.kept_mass(l), ..l.with(self.recipe().blocks as usize) };
         let heads: Vec<Layer<usize>> = self.layers.iter().map(head).collect();
         let network = match &self.training {
             Some(t) if t.law == LawKind::AlphaBlend && t.alpha_blend.vizmapper => codec::VIZMAPPER_SECTION_BYTES,
@@ -157,28 +163,29 @@ impl Plan {
         }
     }
 
-    /// Says what a user must know of how all blocks together meet their target.
+    /// What a user should know of how all blocks together meet their target.
     ///
     /// # Errors
     /// [`Error::Unreachable`] where header and one Gaussian do not fit an explicit size.
-    pub(crate) fn judge(&self, blocks: &[CodedBlock], progress: &dyn Progress) -> Result<()> {
-        let Some(target) = self.target.bytes(self.raw_bytes()) else { return Ok(()) };
+    pub(crate) fn judge(&self, blocks: &[CodedBlock]) -> Result<Option<String>> {
+        let Some(target) = self.recipe().target.bytes(self.raw_bytes()) else { return Ok(None) };
         let smallest = blocks.iter().map(|b| b.size() as u64).sum::<u64>() + self.overhead();
         if blocks.iter().any(|b| b.size_met == SizeMet::TooLarge) {
             let what =
                 format!("{target} bytes were asked for; the smallest file of this snapshot has {smallest} bytes");
-            if self.target != Target::Default {
+            if self.recipe().target != Target::Default {
                 let ratio = self.raw_bytes() as f64 / smallest as f64;
                 let remedy = Remedy::LargerFile { bytes: smallest, ratio: Some(ratio) };
                 return Err(Error::Unreachable { what, remedy });
             }
-            progress.message(&format!("warning: {what}"));
-        } else if blocks.iter().all(|b| b.size_met == SizeMet::TooSmall) {
-            progress.message(&format!(
-                "note: the file has {smallest} bytes, less than the {target} asked for: more Gaussians would fit the particles' noise (--gaussians sets their number)"
-            ));
+            return Ok(Some(what));
         }
-        Ok(())
+        Ok(blocks.iter().all(|b| b.size_met == SizeMet::TooSmall).then(|| {
+            format!(
+                "the file has {smallest} bytes, less than the {target} asked for: more Gaussians would fit the \
+                 particles' noise (a number of Gaussians as the target sets it)"
+            )
+        }))
     }
 
     /// The file of all blocks, with the network of block 0 (paper section III-D).

@@ -8,16 +8,18 @@ use super::executor::do_blocks;
 use super::options::Options;
 use super::plan::Plan;
 use super::search;
-use crate::blocks::{KdTree, Survey};
+#[cfg(doc)]
+use crate::Error;
+use crate::Result;
+use crate::blocks::SnapshotScan;
 use crate::fit::{self};
 use crate::model::{GoalResult, Model};
-use crate::particles::{Layered, Particles, Storage, check_particles};
+use crate::particles::{Layered, Particles, Storage};
 use crate::pieces::Pieces;
 use crate::progress::Progress;
 use crate::score::{Gauge, Measure};
 use crate::space::Bounds;
 use crate::train::TrainedRun;
-use crate::{Error, Result};
 use particlegs_files::memory::require;
 use particlegs_files::output;
 
@@ -37,6 +39,8 @@ pub struct Compressed {
     pub trained: Vec<TrainedRun>,
     /// Was training stopped, and this is the best so far?
     pub stopped: bool,
+    /// What a user should know, a sentence each: those of [`Compression::notes`], then how the target is met.
+    pub notes: Vec<String>,
     /// Wall-clock seconds by phase, in order.
     pub seconds: Vec<(&'static str, f64)>,
 }
@@ -64,7 +68,6 @@ pub struct Compression<'a> {
     particles: &'a Particles,
     options: &'a Options,
     plan: Plan,
-    tree: KdTree,
     /// Bounds of each layer.
     layer_bounds: Vec<Bounds>,
     clock: Clock,
@@ -76,10 +79,6 @@ impl<'a> Compression<'a> {
     /// # Errors
     /// As [`compress`].
     pub fn plan(particles: &'a Particles, options: &'a Options, progress: &dyn Progress) -> Result<Self> {
-        let place = &particles.meta.name;
-        if particles.is_empty() {
-            return Err(Error::input(place, "no particles"));
-        }
         let blocks = options.blocks_of(particles)?;
         require("the fit", fit::memory_needed(particles) / u64::from(blocks.max(1)))?;
         if let (Storage::Disk(folder), true) = (&options.storage, blocks > 1) {
@@ -87,14 +86,15 @@ impl<'a> Compression<'a> {
         }
         let mut clock = Clock::default();
         let source = Layered::of(particles);
-        let survey = clock.time("read", || Survey::new(&source, place, blocks != 1, progress))?;
-        let tree = clock.time("divide", || KdTree::new(&survey.sample, blocks))?;
-        check_particles(particles, &survey.bounds, progress)?;
-        progress.check()?;
-        let plan = Plan::new(options, &source, &survey, blocks)?;
-        plan.announce(progress);
-        let layer_bounds = survey.layer_bounds(&source);
-        Ok(Compression { particles, options, plan, tree, layer_bounds, clock })
+        let scan = clock.time("read", || SnapshotScan::new(&source, &particles.meta.name, blocks != 1, progress))?;
+        let plan = clock.time("divide", || Plan::new(options, &source, &scan, blocks, progress))?;
+        let layer_bounds = scan.layer_bounds(&source);
+        Ok(Compression { particles, options, plan, layer_bounds, clock })
+    }
+
+    /// What a user should know before blocks are fitted, a sentence each.
+    pub fn notes(&self) -> &[String] {
+        &self.plan.notes
     }
 
     /// 32 bytes that name the work: a hash of all that decides the model's bytes. What was kept of other
@@ -108,13 +108,13 @@ impl<'a> Compression<'a> {
     /// # Errors
     /// As [`compress`].
     pub fn run(self, pieces: &mut dyn Pieces, progress: &dyn Progress) -> Result<Compressed> {
-        let Compression { particles, options, plan, tree, layer_bounds, mut clock } = self;
+        let Compression { particles, options, plan, layer_bounds, mut clock } = self;
         let mut trained = Vec::new();
         // What cannot be measured is refused before anything is fitted.
-        let gauge = |goal| Gauge::new(goal, particles, &plan.metadata, plan.seed, progress);
-        let gauge = plan.target.goal().map(|goal| clock.time("measure", || gauge(goal))).transpose()?;
+        let gauge = |goal| Gauge::new(goal, particles, &plan.metadata, plan.recipe().seed, progress);
+        let gauge = plan.recipe().target.goal().map(|goal| clock.time("measure", || gauge(goal))).transpose()?;
         let (blocks, reached) = {
-            let divide = || Divided::new(particles, &tree, &layer_bounds, options, progress);
+            let divide = || Divided::new(particles, &plan.tree, &layer_bounds, options, progress);
             let mut store = clock.time("divide", divide)?;
             let context = BlockContext { plan: &plan, limits: &options.limits, on_stop: OnStop::KeepBest, progress };
             let mut code = |target| -> Result<Vec<CodedBlock>> {
@@ -130,20 +130,20 @@ impl<'a> Compression<'a> {
                 Some(gauge) => {
                     search::reach(gauge, &plan, &mut code, progress).map(|(b, reached)| (b, Some(reached)))?
                 }
-                None => (code(plan.target)?, None),
+                None => (code(plan.recipe().target)?, None),
             }
             // The store goes: the particles of blocks may be half of all that is in memory.
         };
-        plan.judge(&blocks, progress)?;
+        let notes = plan.notes.iter().cloned().chain(plan.judge(&blocks)?).collect();
         let stopped = blocks.iter().any(|b| b.stopped);
         let (level, memory) = (plan.certificate, options.memory);
         let measured = level.measures() && !stopped;
-        let measure = measured.then_some(Measure { particles, seed: plan.seed, level, memory, reached });
+        let measure = measured.then_some(Measure { particles, seed: plan.recipe().seed, level, memory, reached });
         let done = Decoded::of(|certificate| plan.file(&blocks, certificate), measure, progress)?;
         clock.append(done.clock);
         let step_factor = blocks.iter().map(|b| b.step_factor).sum::<f64>() / blocks.len().max(1) as f64;
         let (raw_bytes, seconds) = (plan.raw_bytes(), clock.seconds());
         let Decoded { bytes, model, .. } = done;
-        Ok(Compressed { bytes, model, raw_bytes, reached, step_factor, trained, stopped, seconds })
+        Ok(Compressed { bytes, model, raw_bytes, reached, step_factor, trained, stopped, notes, seconds })
     }
 }

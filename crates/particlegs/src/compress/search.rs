@@ -4,9 +4,8 @@
 use super::block::CodedBlock;
 use super::plan::Plan;
 use super::size::{bytes_a_gaussian, most_gaussians};
-use super::target::{DEFAULT_RATIO, Target};
 use crate::codec;
-use crate::model::{Goal, GoalKind, GoalResult};
+use crate::model::{DEFAULT_RATIO, Goal, GoalKind, GoalResult, Target};
 use crate::progress::Progress;
 use crate::score::Gauge;
 use crate::{Error, Result};
@@ -79,7 +78,7 @@ pub(super) fn reach(
 ) -> Result<(Vec<CodedBlock>, GoalResult)> {
     let goal = gauge.goal;
     let scale = Scale::of(goal.kind, plan.metadata.count);
-    let start = plan.raw_bytes() as f64 / DEFAULT_RATIO / bytes_a_gaussian(plan.effort);
+    let start = plan.raw_bytes() as f64 / DEFAULT_RATIO / bytes_a_gaussian(plan.recipe().effort);
     // A fit may find room for fewer Gaussians than it is asked for.
     let (mut kept, mut made) = (None, Vec::new());
     let best = search(&goal, &scale, start, &mut |number| {

@@ -2,38 +2,30 @@
 
 use super::plan::near_pixel;
 use super::size::{Coded, SizeMet, SizeTarget, bytes_a_gaussian};
-use super::target::Target;
 use crate::codec::{self, Encoder};
 use crate::fit::{self, Effort, SimplifyOptions};
-use crate::model::{Block, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model};
+use crate::model::Target;
+use crate::model::{Block, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, RecipeStep};
 use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::{Error, Result};
 
 /// Reduces `model` (of `model_bytes` bytes) to a number of Gaussians or a ratio; every layer becomes
 /// one block. What is known about the source stays, its hash with it; the certificate goes.
-/// `command` is stored before the model's own.
 ///
 /// # Errors
 /// [`Error::Argument`] for a model of the alpha-blend law, whose splats do not add up; for more
 /// Gaussians than there are or fewer than layers, or a target that is neither; [`Error::Unreachable`]
 /// for a ratio below the model's own, or one that no file reaches; those of the fit.
-pub fn simplify(
-    model: Model,
-    model_bytes: u64,
-    target: Target,
-    command: &str,
-    progress: &dyn Progress,
-) -> Result<Vec<u8>> {
+pub fn simplify(model: Model, model_bytes: u64, target: Target, progress: &dyn Progress) -> Result<Vec<u8>> {
     let target = target.check()?;
     let Model { mut metadata, layers, .. } = model;
     if metadata.law != LawKind::OpticalDepth {
         let what = format!("a model of the {} law cannot be simplified: its splats do not add up", metadata.law.name());
         return Err(Error::Argument { what, remedy: "train one with fewer Gaussians on the snapshot".into() });
     }
-    metadata.command = format!("{command} of: {}", metadata.command);
+    metadata.recipe.steps.push(RecipeStep::Simplify(target));
     metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
-    metadata.effort = None;
     let raw_bytes = layers.iter().map(|l| l.count() * l.mass.particle_bytes()).sum();
     let mut layers: Vec<Layer<Block>> = layers.into_iter().map(|l| l.map(joined)).collect();
     // The smallest first: what they leave of their share goes to the larger.

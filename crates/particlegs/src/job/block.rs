@@ -54,7 +54,7 @@ impl Job {
         source: impl FnOnce() -> Result<Layered>,
         progress: &dyn Progress,
     ) -> Result<BlockReport> {
-        let blocks = self.manifest.plan.blocks;
+        let blocks = self.manifest.plan.recipe().blocks;
         if block >= blocks {
             let what = format!("block {block} is outside the {blocks} that this job has, counted from 0");
             return Err(Error::argument(what));
@@ -85,7 +85,7 @@ impl Job {
         let limits = Limits { scratch: Some(self.folder.clone()), ..Limits::default() };
         let context = BlockContext { plan, limits: &limits, on_stop: OnStop::GiveUp, progress };
         let mut folder = Folder { job: self, source: Some(source), particles: None, report: None };
-        if let Err(error) = do_block(&mut folder, block, plan.target, context, &mut checkpoint) {
+        if let Err(error) = do_block(&mut folder, block, plan.recipe().target, context, &mut checkpoint) {
             // What stopped the block is told; that its pieces could not be kept as well, only beside it.
             if let Err(e) = checkpoint.save() {
                 progress.message(&format!("warning: the checkpoint was not saved: {e}"));

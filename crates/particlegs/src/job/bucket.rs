@@ -39,7 +39,7 @@ pub(super) struct Sorted {
 
 /// The chunk's bucket file, from its runs in order.
 pub(super) fn write(job: &Job, chunk: u64, runs: &[Sorted], to: &mut dyn Write) -> std::io::Result<()> {
-    let (blocks, layers) = (job.manifest.plan.blocks, job.manifest.plan.layers.len());
+    let (blocks, layers) = (job.manifest.plan.recipe().blocks, job.manifest.plan.layers.len());
     let mut offset = (HEAD + blocks as usize * entry_bytes(job)) as u64;
     let mut entries = Vec::with_capacity(offset as usize - HEAD);
     let mut parts = Parts::new(runs);
@@ -213,7 +213,7 @@ impl<'a> Buckets<'a> {
 
     /// Checks every block's bytes.
     pub(super) fn check(&mut self) -> Result<()> {
-        (0..self.job.manifest.plan.blocks).try_for_each(|b| {
+        (0..self.job.manifest.plan.recipe().blocks).try_for_each(|b| {
             let entry = self.entry(b)?;
             self.read(&entry).map(drop)
         })

@@ -54,7 +54,7 @@ impl Job {
 
     /// From the runs that reach into the block.
     fn gather_in_place(&self, block: u32, source: &Layered, progress: &dyn Progress) -> Result<Particles> {
-        let (starts, tree) = (&self.starts, &self.manifest.tree);
+        let (starts, tree) = (&self.starts, &self.manifest.plan.tree);
         let inside = |run: &u64| {
             let r = &self.runs[*run as usize];
             tree.blocks_in(r.min, r.max).contains(&block)
@@ -88,7 +88,7 @@ impl Job {
     /// The particles of a chunk that lie in a block, column after column.
     fn pick(&self, block: u32, chunk: &Chunk<'_>) -> Vec<f32> {
         let own: Vec<usize> =
-            self.manifest.tree.blocks_of(chunk).enumerate().filter(|b| b.1 == block).map(|b| b.0).collect();
+            self.manifest.plan.tree.blocks_of(chunk).enumerate().filter(|b| b.1 == block).map(|b| b.0).collect();
         let columns = chunk.position.into_iter().chain(chunk.weight);
         columns.flat_map(|c| own.iter().map(|&i| c[i])).collect()
     }

@@ -1,7 +1,7 @@
 //! The manifest of a job, and where its files lie.
 
 use super::runs;
-use crate::blocks::{KdTree, RunSurvey};
+use crate::blocks::RunScan;
 use crate::codec::MOST_LAYERS;
 use crate::compress::Plan;
 use crate::model::{CertificateLevel, Metadata};
@@ -14,7 +14,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Version of the folder's layout.
-const VERSION: u32 = 2;
+pub(super) const VERSION: u32 = 3;
 
 /// Four million blocks; numbers of JSON take more memory than text.
 pub(super) const FORM: Form = Form { title: "a job's plan", begins: Begins::Object, most: 1 << 30, expansion: 24 };
@@ -36,8 +36,6 @@ pub(super) struct Manifest {
     pub plan: Plan,
     /// What positions are relative to.
     pub origin: [f64; 3],
-    /// Which block a position belongs to.
-    pub tree: KdTree,
     /// Runs that are bucketed together.
     pub chunk_runs: u64,
     /// Chunks to be bucketed; none where blocks read the snapshot where it lies.
@@ -47,16 +45,6 @@ pub(super) struct Manifest {
 }
 
 impl Manifest {
-    pub(super) fn new(
-        snapshot: serde_json::Value,
-        plan: Plan,
-        origin: [f64; 3],
-        tree: KdTree,
-        memory: Option<u64>,
-    ) -> Self {
-        Manifest { particlegs_job: VERSION, snapshot, plan, origin, tree, chunk_runs: 1, chunks: 0, memory }
-    }
-
     /// Its text.
     pub(super) fn text(&self) -> String {
         serde_json::to_string_pretty(self).expect("plain data") + "\n"
@@ -85,7 +73,7 @@ impl Manifest {
         names.dedup();
         let named = names.len() == plan.layers.len() && names.iter().all(|n| n.len() <= 255);
         let checks = [
-            (self.tree.is_sound() && self.tree.blocks() == plan.blocks, "its tree and its blocks differ"),
+            (plan.tree.is_sound() && plan.tree.blocks() == plan.recipe().blocks, "its tree and its blocks differ"),
             (!plan.layers.is_empty() && plan.layers.iter().all(|l| l.content > 0), "a layer without particles"),
             (counts == Some(m.count) && m.count <= 1 << 53, "its layers do not sum to its particles"),
             (named && plan.layers.len() <= MOST_LAYERS, "its layers are too many, or their names"),
@@ -98,7 +86,7 @@ impl Manifest {
                 positive(m.default_radius) && m.default_opacity > 0.0 && m.default_opacity <= 1.0,
                 "its radius or opacity",
             ),
-            (plan.target.check().is_ok(), "its target"),
+            (plan.recipe().target.check().is_ok(), "its target"),
             (plan.training.as_ref().is_none_or(|t| t.check().is_ok()), "its training"),
         ];
         checks.into_iter().find(|c| !c.0).map(|c| c.1)
@@ -116,7 +104,7 @@ pub struct Job {
     /// Runs before each layer, and in all.
     pub(super) starts: Vec<u64>,
     /// The snapshot's runs.
-    pub(super) runs: Vec<RunSurvey>,
+    pub(super) runs: Vec<RunScan>,
     pub(super) before: bool,
 }
 
@@ -180,9 +168,14 @@ impl Job {
         self.manifest.plan.certificate
     }
 
+    /// What a user should know of a job that was just planned, a sentence each.
+    pub fn notes(&self) -> &[String] {
+        &self.manifest.plan.notes
+    }
+
     /// Number of blocks.
     pub fn blocks(&self) -> u32 {
-        self.manifest.plan.blocks
+        self.manifest.plan.recipe().blocks
     }
 
     /// Number of chunks that the snapshot is sorted in; 0 where blocks read it where it lies.

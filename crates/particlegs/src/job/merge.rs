@@ -28,15 +28,15 @@ impl Job {
             return Err(self.changed("its hash is another"));
         }
         self.check_done()?;
-        progress.begin("merging", u64::from(plan.blocks));
+        progress.begin("merging", u64::from(plan.recipe().blocks));
         let mut blocks = Vec::new();
-        for block in 0..plan.blocks {
+        for block in 0..plan.recipe().blocks {
             progress.check()?;
             blocks.push(self.done_block(block)?);
             progress.advance(1);
         }
         progress.end();
-        plan.judge(&blocks, progress)?;
+        plan.judge(&blocks)?.iter().for_each(|note| progress.message(&format!("note: {note}")));
         let add = |n: u64, b: &CodedBlock| Ok::<_, Error>(n.saturating_add(codec::sums(&b.layers)?.0));
         let (count, planned) = (blocks.iter().try_fold(0, add)?, plan.metadata.count);
         if count != planned {
@@ -52,7 +52,7 @@ impl Job {
             CertificateLevel::Quick | CertificateLevel::Full => {
                 let needed = || Error::argument("this certificate is measured on the particles, which are not given");
                 let particles = particles.ok_or_else(needed)?;
-                let measure = Measure { particles, seed: plan.seed, level, memory: None, reached: None };
+                let measure = Measure { particles, seed: plan.recipe().seed, level, memory: None, reached: None };
                 return Ok(Decoded::of(file, Some(measure), progress)?.bytes);
             }
         };
@@ -69,7 +69,7 @@ impl Job {
     pub fn check_done(&self) -> Result<()> {
         let missing = self.missing()?;
         let Some(first) = missing.first() else { return Ok(()) };
-        let blocks = self.manifest.plan.blocks;
+        let blocks = self.manifest.plan.recipe().blocks;
         let what = format!("blocks not fitted yet: {} ({} of {blocks})", some(&missing), missing.len());
         Err(Error::input_with(&self.folder, what, self.fit_again(*first, false)))
     }
@@ -105,7 +105,7 @@ impl Job {
     /// Blocks that are not done.
     pub(super) fn missing(&self) -> Result<Vec<u32>> {
         let mut missing = Vec::new();
-        for block in 0..self.manifest.plan.blocks {
+        for block in 0..self.manifest.plan.recipe().blocks {
             let there = self.block_path(block, "pgs").is_file() && self.is_measured(block);
             if self.report(block)?.is_none() || !there {
                 missing.push(block);

@@ -18,8 +18,8 @@ impl Job {
         Load {
             count: plan.metadata.count,
             raw_bytes: plan.raw_bytes(),
-            target: plan.target,
-            effort: plan.effort,
+            target: plan.recipe().target,
+            effort: plan.recipe().effort,
             copies: COPIES,
             measuring: plan.certificate == CertificateLevel::Blocks,
         }
@@ -29,7 +29,7 @@ impl Job {
     pub fn task_bytes(&self) -> u64 {
         let m = &self.manifest;
         let chunk = if m.chunks > 0 { m.chunk_runs.saturating_mul(BUCKETED * RUN as u64) } else { 0 };
-        self.load().task_bytes(u64::from(m.plan.blocks)).max(chunk)
+        self.load().task_bytes(u64::from(m.plan.recipe().blocks)).max(chunk)
     }
 
     /// Bytes of memory that the merge takes; where the model is measured, with all particles in memory.

@@ -1,12 +1,12 @@
 //! The one pass over the snapshot that a job begins with.
 
 use super::bucket::Buckets;
-use super::manifest::{FORM, Job, Manifest};
+use super::manifest::{FORM, Job, Manifest, VERSION};
 use super::need::COPIES;
 use super::runs;
-use crate::blocks::{KdTree, Survey};
+use crate::blocks::{KdTree, SnapshotScan};
 use crate::compress::{Options, Plan};
-use crate::particles::{Layered, RUN, check_box};
+use crate::particles::{Layered, RUN};
 use crate::progress::Progress;
 use crate::{Error, Remedy, Result};
 use particlegs_files::input::read_own;
@@ -55,18 +55,27 @@ impl Job {
         }
         check_folder(folder)?;
         let blocks = task.options.tasks_of(&task.options.load(source.count(), source.raw_bytes(), COPIES), MEMORY)?;
-        let mut survey = Survey::new(&source, task.place, blocks != 1, progress)?;
-        survey.settle(&mut source);
-        let mut manifest = manifest(&source, &survey, blocks, task)?;
-        manifest.plan.announce(progress);
-        if !task.reopened || reads(&manifest.tree, &survey) > READ_AGAIN {
-            manifest.chunks = (survey.runs.len() as u64).div_ceil(manifest.chunk_runs);
-        }
+        let mut scan = SnapshotScan::new(&source, task.place, blocks != 1, progress)?;
+        scan.settle(&mut source);
+        let plan = Plan::new(task.options, &source, &scan, blocks, progress)?;
+        let (runs, memory) = (scan.runs.len() as u64, task.options.memory);
+        let within = memory.map_or(MOST_RUNS, |m| (m / (BUCKETED * RUN as u64)).max(1));
+        let chunk_runs = runs.div_ceil(CHUNKS).clamp(1, MOST_RUNS.min(within));
+        let scattered = !task.reopened || reads(&plan.tree, &scan) > READ_AGAIN;
+        let manifest = Manifest {
+            particlegs_job: VERSION,
+            snapshot: task.snapshot.clone(),
+            plan,
+            origin: source.origin,
+            chunk_runs,
+            chunks: if scattered { runs.div_ceil(chunk_runs) } else { 0 },
+            memory,
+        };
         let text = manifest.text();
         let before = is_there(folder, &text, task.replace)?;
         let id = *blake3::hash(text.as_bytes()).as_bytes();
         let starts = manifest.layer_runs();
-        let job = Job { folder: folder.to_path_buf(), manifest, id, starts, runs: survey.runs, before };
+        let job = Job { folder: folder.to_path_buf(), manifest, id, starts, runs: scan.runs, before };
         let written = write(&job, (!task.reopened).then_some(&source), &text, progress);
         if written.is_err() && !before {
             clear(folder)?;
@@ -108,18 +117,6 @@ fn clear(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The manifest of a surveyed snapshot; blocks read it where it lies.
-fn manifest(source: &Layered, survey: &Survey, blocks: u32, task: &Task<'_>) -> Result<Manifest> {
-    check_box(&survey.bounds, source.meta.cell.as_ref(), task.place)?;
-    let tree = KdTree::new(&survey.sample, blocks)?;
-    let plan = Plan::new(task.options, source, survey, blocks)?;
-    let memory = task.options.memory;
-    let mut manifest = Manifest::new(task.snapshot.clone(), plan, source.origin, tree, memory);
-    let within = memory.map_or(MOST_RUNS, |m| (m / (BUCKETED * RUN as u64)).max(1));
-    manifest.chunk_runs = (survey.runs.len() as u64).div_ceil(CHUNKS).clamp(1, MOST_RUNS.min(within));
-    Ok(manifest)
-}
-
 /// Is this very plan in the folder? Another one goes if it may.
 fn is_there(folder: &Path, text: &str, replace: bool) -> Result<bool> {
     match read_own(&folder.join("plan.json"), FORM) {
@@ -135,9 +132,9 @@ fn is_there(folder: &Path, text: &str, replace: bool) -> Result<bool> {
 }
 
 /// How often the snapshot is read if every block reads the runs that reach into it.
-fn reads(tree: &KdTree, survey: &Survey) -> f64 {
-    let touched: usize = survey.runs.iter().map(|r| tree.blocks_in(r.min, r.max).len()).sum();
-    touched as f64 / survey.runs.len().max(1) as f64
+fn reads(tree: &KdTree, scan: &SnapshotScan) -> f64 {
+    let touched: usize = scan.runs.iter().map(|r| tree.blocks_in(r.min, r.max).len()).sum();
+    touched as f64 / scan.runs.len().max(1) as f64
 }
 
 /// Is the folder a job's, or empty, or still to be made?

@@ -1,6 +1,6 @@
 //! `runs.bin`: bounds and hash of every run of the snapshot.
 
-use crate::blocks::RunSurvey;
+use crate::blocks::RunScan;
 use crate::particles::RunHash;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
@@ -13,7 +13,7 @@ const MAGIC: &[u8; 8] = b"PGSRUNS1";
 const WIDTH: usize = 24 + 1 + 64;
 
 /// Writes the runs of plan `id`.
-pub(super) fn write(path: &Path, id: &[u8; 32], runs: &[RunSurvey]) -> Result<()> {
+pub(super) fn write(path: &Path, id: &[u8; 32], runs: &[RunScan]) -> Result<()> {
     let mut bytes = Vec::with_capacity(44 + WIDTH * runs.len());
     bytes.extend(MAGIC);
     bytes.extend(id);
@@ -28,7 +28,7 @@ pub(super) fn write(path: &Path, id: &[u8; 32], runs: &[RunSurvey]) -> Result<()
 }
 
 /// Reads `count` runs of plan `id`.
-pub(super) fn read(path: &Path, id: &[u8; 32], count: u64) -> Result<Vec<RunSurvey>> {
+pub(super) fn read(path: &Path, id: &[u8; 32], count: u64) -> Result<Vec<RunScan>> {
     let broken = |what: &str| Error::input_with(path, what, "plan again, in another folder");
     let most = count.saturating_mul(WIDTH as u64).saturating_add(44);
     let form = Form { title: "the runs of this plan", begins: Begins::With(MAGIC), most, expansion: 2 };
@@ -48,10 +48,10 @@ pub(super) fn read(path: &Path, id: &[u8; 32], count: u64) -> Result<Vec<RunSurv
     Ok(body[40..].chunks_exact(WIDTH).map(run).collect())
 }
 
-fn run(bytes: &[u8]) -> RunSurvey {
+fn run(bytes: &[u8]) -> RunScan {
     let real = |i: usize| f32::from_le_bytes(std::array::from_fn(|b| bytes[4 * i + b]));
     let hash = |from: usize| std::array::from_fn(|b| bytes[from + b]);
-    RunSurvey {
+    RunScan {
         min: each_axis(real),
         max: each_axis(|k| real(3 + k)),
         hash: RunHash { positions: hash(25), weights: (bytes[24] == 1).then(|| hash(57)) },
@@ -66,7 +66,7 @@ mod tests {
     fn runs_come_back_and_other_files_do_not() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("runs.bin");
-        let run = |i: u8, weights| RunSurvey {
+        let run = |i: u8, weights| RunScan {
             min: [f32::from(i), -1.5, 0.0],
             max: [9.0, f32::from(i), 1e-30],
             hash: RunHash { positions: [i; 32], weights },

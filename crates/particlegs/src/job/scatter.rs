@@ -2,7 +2,7 @@
 
 use super::bucket::{self, Buckets, Sorted};
 use super::manifest::Job;
-use crate::blocks::RunSurvey;
+use crate::blocks::RunScan;
 use crate::particles::{Chunk, Layered, hash_run};
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -58,7 +58,7 @@ impl Job {
 
     /// Is run `run` of a layer what it was when the job was planned?
     pub(super) fn check_run(&self, layer: usize, run: u64, chunk: &Chunk<'_>) -> Result<()> {
-        let planned: &RunSurvey = &self.runs[(self.starts[layer] + run) as usize];
+        let planned: &RunScan = &self.runs[(self.starts[layer] + run) as usize];
         if hash_run(chunk) == planned.hash {
             return Ok(());
         }
@@ -70,7 +70,7 @@ impl Job {
 
     /// A run's particles sorted by block; order is kept within.
     fn sort(&self, layer: usize, chunk: &Chunk<'_>) -> Sorted {
-        let blocks: Vec<u32> = self.manifest.tree.blocks_of(chunk).collect();
+        let blocks: Vec<u32> = self.manifest.plan.tree.blocks_of(chunk).collect();
         let mut order: Vec<u32> = (0..blocks.len() as u32).collect();
         order.sort_by_key(|&i| blocks[i as usize]);
         let pick = |c: &[f32]| order.iter().map(|&i| c[i as usize]).collect::<Vec<f32>>();

@@ -2,7 +2,7 @@
 
 use super::bucket::Buckets;
 use super::manifest::Job;
-use crate::blocks::Survey;
+use crate::blocks::SnapshotScan;
 use crate::particles::Layered;
 use crate::progress::Progress;
 use crate::{Error, Result, codec};
@@ -54,7 +54,7 @@ impl Job {
             particles: [0, m.plan.metadata.count],
             seconds: 0.0,
         };
-        for block in 0..m.plan.blocks {
+        for block in 0..m.plan.recipe().blocks {
             let report =
                 self.report(block)?.filter(|_| self.block_path(block, "pgs").is_file() && self.is_measured(block));
             status.blocks.push(match &report {
@@ -83,12 +83,12 @@ impl Job {
     pub fn verify(&self, source: Option<Layered>, progress: &dyn Progress) -> Result<()> {
         let m = &self.manifest;
         if let Some(source) = source {
-            let survey = Survey::new(&self.as_planned(source)?, &m.plan.metadata.source, false, progress)?;
-            if survey.runs != self.runs {
+            let scan = SnapshotScan::new(&self.as_planned(source)?, &m.plan.metadata.source, false, progress)?;
+            if scan.runs != self.runs {
                 return Err(self.changed("its particles are others"));
             }
         }
-        progress.begin("verifying", m.chunks + u64::from(m.plan.blocks));
+        progress.begin("verifying", m.chunks + u64::from(m.plan.recipe().blocks));
         for chunk in (0..m.chunks).filter(|c| self.chunk_path(*c).is_file()) {
             progress.check()?;
             Buckets::open(self, chunk)?.check()?;
@@ -96,7 +96,7 @@ impl Job {
         }
         let missing = self.missing()?;
         let mut particles = 0u64;
-        for block in (0..m.plan.blocks).filter(|b| missing.binary_search(b).is_err()) {
+        for block in (0..m.plan.recipe().blocks).filter(|b| missing.binary_search(b).is_err()) {
             progress.check()?;
             particles = particles.saturating_add(self.verify_block(block)?);
             progress.advance(1);
@@ -117,7 +117,7 @@ impl Job {
         for coded in self.done_block(block)?.layers.iter().flat_map(|l| &l.content) {
             let decoded = codec::decode_block(&coded.bytes, &path.display().to_string())?;
             let corner = |c: [f64; 3]| each_axis(|k| (c[k] - self.manifest.origin[k]) as f32);
-            let reached = self.manifest.tree.blocks_in(corner(decoded.bounds.min), corner(decoded.bounds.max));
+            let reached = self.manifest.plan.tree.blocks_in(corner(decoded.bounds.min), corner(decoded.bounds.max));
             if !reached.contains(&block) {
                 let what = format!("its particles are not those of block {block}");
                 return Err(Error::input_with(&path, what, self.fit_again(block, true)));

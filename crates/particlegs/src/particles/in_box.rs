@@ -1,7 +1,6 @@
 //! Does the box that a snapshot states hold its particles?
 
-use super::Particles;
-use crate::progress::Progress;
+use super::{Chunk, Particles};
 use crate::space::{Bounds, Cell};
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
@@ -62,64 +61,74 @@ fn holds(cell: &Cell, bounds: &Bounds) -> bool {
     })
 }
 
-/// [`check_box`] of particles, and of a tilted box, too. Particles out of the box by less than its
-/// length are at their images in it wherever the box matters: says so, with their number.
-///
-/// # Errors
-/// [`Error::Input`]; [`Error::Cancelled`].
-pub(crate) fn check_particles(particles: &Particles, bounds: &Bounds, progress: &dyn Progress) -> Result<()> {
-    let name = &particles.meta.name;
-    check_box(bounds, particles.meta.cell.as_ref(), name)?;
-    let Some(cell) = particles.meta.cell.filter(|c| c.periodic.contains(&true) && !holds(c, bounds)) else {
-        return Ok(());
-    };
-    let Some(inverse) = cell.inverse() else { return Ok(()) };
-    let counts = particles.par_chunks(|_, chunk| {
-        let mut counts = [0u64; 2];
+/// Particles outside a periodic box, tilted or not.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct OutsideBox {
+    /// All of them.
+    all: u64,
+    /// Those more than a box length outside.
+    far: u64,
+}
+
+impl OutsideBox {
+    /// Counts them in a chunk about `origin`, which has these bounds in world units.
+    pub(crate) fn count(chunk: &Chunk<'_>, origin: [f64; 3], bounds: &Bounds, cell: Option<&Cell>) -> Self {
+        let periodic = cell.filter(|c| c.periodic.contains(&true) && !holds(c, bounds));
+        let Some((cell, inverse)) = periodic.and_then(|c| Some((c, c.inverse()?))) else { return Self::default() };
+        let mut counts = Self::default();
         for i in 0..chunk.len() {
-            let d: [f64; 3] = each_axis(|k| f64::from(chunk.position[k][i]) + (particles.origin[k] - cell.origin[k]));
+            let d: [f64; 3] = each_axis(|k| f64::from(chunk.position[k][i]) + (origin[k] - cell.origin[k]));
             let beyond = (0..3).filter(|&a| cell.periodic[a]).map(|a| {
                 let fraction: f64 = (0..3).map(|k| d[k] * inverse[k][a]).sum();
                 (-fraction).max(fraction - 1.0)
             });
             let beyond = beyond.fold(0.0, f64::max);
-            counts[0] += u64::from(beyond > SLACK);
-            counts[1] += u64::from(beyond > 1.0 + SLACK);
+            counts.all += u64::from(beyond > SLACK);
+            counts.far += u64::from(beyond > 1.0 + SLACK);
         }
         counts
-    });
-    let [out, far] = [0, 1].map(|k| counts.iter().map(|c| c[k]).sum::<u64>());
-    progress.check()?;
-    if far > 0 {
-        let what =
-            format!("{far} of {} particles lie more than a box length outside the periodic box", particles.len());
-        return Err(Error::input_with(name, what, "check the unit of length and the box"));
     }
-    if out > 0 {
-        progress.message(&format!(
-            "note: {name}: {out} of {} particles lie outside the periodic box, by less than its length: they are counted at \
-             their periodic images inside it",
-            particles.len()
-        ));
+
+    /// With those of another chunk.
+    pub(crate) fn and(self, other: Self) -> Self {
+        OutsideBox { all: self.all + other.all, far: self.far + other.far }
     }
-    Ok(())
+
+    /// Refuses particles that lie far outside; what a user must know of the others, which are at their images in the
+    /// box wherever it matters. `count` is the number of all particles.
+    ///
+    /// # Errors
+    /// [`Error::Input`].
+    pub(crate) fn judge(self, count: u64, name: &str) -> Result<Option<String>> {
+        let OutsideBox { all, far } = self;
+        if far > 0 {
+            let what = format!("{far} of {count} particles lie more than a box length outside the periodic box");
+            return Err(Error::input_with(name, what, "check the unit of length and the box"));
+        }
+        Ok((all > 0).then(|| {
+            format!(
+                "{name}: {all} of {count} particles lie outside the periodic box, by less than its length: they are \
+                 counted at their periodic images inside it"
+            )
+        }))
+    }
+}
+
+/// [`check_box`] and [`OutsideBox::judge`] of particles.
+///
+/// # Errors
+/// [`Error::Input`].
+pub(crate) fn check_particles(particles: &Particles, bounds: &Bounds) -> Result<Option<String>> {
+    let (name, cell) = (&particles.meta.name, particles.meta.cell.as_ref());
+    check_box(bounds, cell, name)?;
+    let counts = particles.par_chunks(|_, chunk| OutsideBox::count(&chunk, particles.origin, bounds, cell));
+    counts.into_iter().fold(OutsideBox::default(), OutsideBox::and).judge(particles.len() as u64, name)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::particles::SnapshotMeta;
-    use crate::progress::Silent;
-    use std::sync::Mutex;
-
-    #[derive(Default)]
-    struct Heard(Mutex<Vec<String>>);
-
-    impl Progress for Heard {
-        fn message(&self, text: &str) {
-            self.0.lock().unwrap().push(text.into());
-        }
-    }
 
     fn points(x: &[f32], cell: Option<Cell>) -> Particles {
         let mut p = Particles::from_columns(x.to_vec(), vec![1.0; x.len()], vec![2.0; x.len()]);
@@ -127,18 +136,16 @@ mod tests {
         p
     }
 
-    fn said(p: &Particles) -> Result<Vec<String>> {
-        let heard = Heard::default();
-        check_particles(p, &p.bounds(), &heard)?;
-        Ok(heard.0.into_inner().unwrap())
+    fn said(p: &Particles) -> Result<Option<String>> {
+        check_particles(p, &p.bounds())
     }
 
     #[test]
     fn particles_out_of_the_box_are_counted_or_refused() {
         let cell = Some(Cell::orthogonal([10.0; 3]));
-        assert!(said(&points(&[0.0, 5.0, 10.0, 10.000_01], cell)).unwrap().is_empty());
-        let notes = said(&points(&[-9.0, 5.0, 10.5, 19.0], cell)).unwrap();
-        assert!(notes.len() == 1 && notes[0].contains("snap: 3 of 4 particles"), "{notes:?}");
+        assert!(said(&points(&[0.0, 5.0, 10.0, 10.000_01], cell)).unwrap().is_none());
+        let note = said(&points(&[-9.0, 5.0, 10.5, 19.0], cell)).unwrap().unwrap();
+        assert!(note.contains("snap: 3 of 4 particles"), "{note}");
         let refused = said(&points(&[-9.0, 5.0, 21.0], cell)).unwrap_err();
         assert!(
             matches!(refused, crate::Error::Input { .. }) && refused.to_string().contains("from -9 to 21 along x"),
@@ -146,8 +153,8 @@ mod tests {
         );
         // Without a box along x nothing repeats there.
         let slab = Cell { periodic: [false, true, true], ..Cell::orthogonal([10.0; 3]) };
-        assert!(said(&points(&[-9.0, 5.0, 1e20], Some(slab))).unwrap().is_empty());
-        assert!(said(&points(&[-9.0, 5.0, 1e20], None)).unwrap().is_empty());
+        assert!(said(&points(&[-9.0, 5.0, 1e20], Some(slab))).unwrap().is_none());
+        assert!(said(&points(&[-9.0, 5.0, 1e20], None)).unwrap().is_none());
     }
 
     #[test]
@@ -155,8 +162,8 @@ mod tests {
         let tilted =
             Cell { vectors: [[10.0, 0.0, 0.0], [5.0, 10.0, 0.0], [0.0, 0.0, 10.0]], ..Cell::orthogonal([1.0; 3]) };
         // At y = 1 the box reaches from 0.5 to 10.5.
-        assert!(said(&points(&[0.6, 10.4], Some(tilted))).unwrap().is_empty());
-        assert!(said(&points(&[0.4, 10.4], Some(tilted))).unwrap()[0].contains("1 of 2"));
+        assert!(said(&points(&[0.6, 10.4], Some(tilted))).unwrap().is_none());
+        assert!(said(&points(&[0.4, 10.4], Some(tilted))).unwrap().unwrap().contains("1 of 2"));
         assert!(matches!(said(&points(&[0.4, 21.4], Some(tilted))).unwrap_err(), crate::Error::Input { .. }));
     }
 
@@ -170,8 +177,8 @@ mod tests {
             );
         }
         let mut p = points(&[1e-45, 0.0], None);
-        check_particles(&p, &p.bounds(), &Silent).unwrap();
+        said(&p).unwrap();
         p.origin = [1e300; 3];
-        assert!(matches!(check_particles(&p, &p.bounds(), &Silent).unwrap_err(), crate::Error::Input { .. }));
+        assert!(matches!(said(&p).unwrap_err(), crate::Error::Input { .. }));
     }
 }

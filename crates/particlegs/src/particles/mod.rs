@@ -30,7 +30,7 @@ pub(crate) use domain::Domain;
 pub(crate) use hash::RunHash;
 pub(crate) use hash::hash_of_runs;
 pub(crate) use hash::hash_run;
-pub(crate) use in_box::{check_box, check_particles};
+pub(crate) use in_box::{OutsideBox, check_box, check_particles};
 pub use layered::Layered;
 pub(crate) use layered::ReadLayer;
 pub use meta::SnapshotMeta;

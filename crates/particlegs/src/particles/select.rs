@@ -15,6 +15,7 @@ use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -61,30 +62,32 @@ impl Selection {
         Err(Error::argument(what))
     }
 
-    /// As a model file's command says it: ` --region 0,5,0,5,0,5 --every 2`; the seed stands there anyway.
-    pub fn in_command(&self) -> String {
+    /// As a model's recipe says it: options of the command, such as `region`, with their values. The seed stands there
+    /// anyway.
+    pub fn options(&self) -> BTreeMap<String, String> {
         let join = |v: &[f64]| v.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
         // To twelve digits: what a user wrote, less what halving a width made of it.
         let plain = |v: f64| format!("{v:.11e}").parse().unwrap_or(v);
-        let mut text = String::new();
+        let mut options = BTreeMap::new();
+        let mut option = |name: &str, value: String| options.insert(name.to_string(), value);
         match self.crop {
             Some(b) if self.wrap => {
                 let center: [f64; 3] = each_axis(|k| plain(0.5 * (b.min[k] + b.max[k])));
                 let width: [f64; 3] = each_axis(|k| plain(b.max[k] - b.min[k]));
-                let width = if width == [width[0]; 3] { &width[..1] } else { &width[..] };
-                text += &format!(" --center {} --width {}", join(&center), join(width));
+                option("center", join(&center));
+                option("width", join(if width == [width[0]; 3] { &width[..1] } else { &width[..] }));
             }
-            Some(b) => text += &format!(" --region {}", join(&[0, 1, 2].map(|k| [b.min[k], b.max[k]]).concat())),
+            Some(b) => _ = option("region", join(&[0, 1, 2].map(|k| [b.min[k], b.max[k]]).concat())),
             None => {}
         }
         if self.every != 1 {
-            text += &format!(" --every {}", self.every);
+            option("every", self.every.to_string());
         }
-        self.sample.iter().for_each(|n| text += &format!(" --sample {n}"));
+        self.sample.iter().for_each(|n| _ = option("sample", n.to_string()));
         if self.left_out {
-            text += " --left-out";
+            option("left-out", String::new());
         }
-        text
+        options
     }
 
     /// Does it keep all as they are?

@@ -2,7 +2,6 @@
 
 use super::Subject;
 use crate::particles::{check_box, check_particles};
-use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
@@ -15,16 +14,16 @@ const SAME: f64 = 1e-5;
 ///
 /// # Errors
 /// [`Error::Input`]; [`Error::Cancelled`].
-pub(super) fn check_boxes(pair: [Subject<'_>; 2], progress: &dyn Progress) -> Result<Vec<String>> {
+pub(super) fn check_boxes(pair: [Subject<'_>; 2]) -> Result<Vec<String>> {
+    let mut notes = Vec::new();
     for subject in pair {
         let at = Place::of(subject);
         match subject {
-            Subject::Particles(p) => check_particles(p, &at.bounds, progress)?,
+            Subject::Particles(p) => notes.extend(check_particles(p, &at.bounds)?),
             Subject::Model(_) => check_box(&at.bounds, at.cell, at.name)?,
         }
     }
     let [truth, other] = pair.map(Place::of);
-    let mut notes = Vec::new();
     if let (Some(a), Some(b)) = (truth.unit, other.unit)
         && a != b
     {
@@ -90,7 +89,6 @@ mod tests {
     use super::*;
     use crate::model::Units;
     use crate::particles::{Particles, SnapshotMeta};
-    use crate::progress::Silent;
 
     fn points(to: f32, cell: Option<[f64; 3]>, unit: &str) -> Particles {
         let column = || vec![0.0, 0.5 * to, to];
@@ -106,7 +104,7 @@ mod tests {
     }
 
     fn checked(a: &Particles, b: &Particles) -> Result<Vec<String>> {
-        check_boxes([Subject::Particles(a), Subject::Particles(b)], &Silent)
+        check_boxes([Subject::Particles(a), Subject::Particles(b)])
     }
 
     #[test]

@@ -57,7 +57,7 @@ pub fn compare(
             return Err(Error::input(name, "no particles to measure"));
         }
     }
-    let of_boxes = check_boxes([truth, other], progress)?;
+    let of_boxes = check_boxes([truth, other])?;
     let job = Job { pair: [truth, other], domain: job_domain(truth, o), o, progress };
     let wants = |m| o.measures.contains(&m);
     let mut notes = job.notes();

@@ -4,7 +4,7 @@
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{
     Block, CellDensity, Certificate, Cosmology, DensityMetrics, Epoch, LawKind, Limit, Metadata, Mixture, OrbitMetrics,
-    PictureScore, PictureScores, ScienceMetrics, ScienceSubject, Spacing, Subset, Units, ViewMetrics,
+    PictureScore, PictureScores, Recipe, ScienceMetrics, ScienceSubject, Spacing, Subset, Units, ViewMetrics,
 };
 use particlegs::space::{Bounds, Cell};
 
@@ -44,7 +44,7 @@ pub fn metadata(blocks: &[Block]) -> Metadata {
         units: Units::of(Some("Mpc/h"), None, Some(true)),
         cosmology: Cosmology { hubble: Some(0.68), ..Cosmology::default() },
         epoch: Epoch { scale_factor: Some(1.0), ..Epoch::default() },
-        command: "particlegs compress nbody -o m.pgs".into(),
+        recipe: Recipe { seed: 42, ..Recipe::default() },
         ..Metadata::new(LawKind::OpticalDepth, count, bounds)
     }
 }

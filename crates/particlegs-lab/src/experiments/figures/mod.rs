@@ -8,7 +8,7 @@ mod three_way;
 use super::Experiment;
 use super::recovery::RATIO;
 use crate::found::{Cell, Found, Pictures, Table};
-use crate::lab::{Lab, Made, Recipe, or_made};
+use crate::lab::{Lab, Made, ModelSettings, or_made};
 use crate::method::Bound;
 use crate::snapshot::Snapshot;
 use crate::views::{Score, Truth, identical_note, kept_picture, masked, mean, mean_of, orbit, ssim, told};
@@ -35,7 +35,7 @@ const STREAKS: &str = "SZ3";
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let snapshot = &snapshots[0];
-    let made = lab.model(snapshot, &Recipe::ratio(RATIO, lab.settings.seed))?;
+    let made = lab.model(snapshot, &ModelSettings::ratio(RATIO, lab.settings.seed))?;
     let frames = if lab.settings.quick { 2 } else { FRAMES.max(lab.settings.frames) };
     let views = evaluation_views(&made.model.metadata, lab.settings.size, lab.settings.seed, frames);
     let truth = Truth::in_views(lab, snapshot, views)?;

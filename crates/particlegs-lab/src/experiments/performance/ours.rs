@@ -3,7 +3,7 @@
 use super::clock::{Frames, Machine, Times, load};
 use super::views::Shots;
 use crate::experiments::rate_distortion::COMPARED;
-use crate::lab::{Lab, Made, Recipe};
+use crate::lab::{Lab, Made, ModelSettings};
 use crate::snapshot::Snapshot;
 use particlegs::camera::View;
 use particlegs::compress::compress;
@@ -39,8 +39,8 @@ pub(super) struct Phases {
 }
 
 /// The recipe that is timed.
-pub(super) fn recipe(lab: &Lab<'_>, effort: Effort) -> Recipe {
-    Recipe { effort, ..Recipe::ratio(COMPARED, lab.settings.seed) }
+pub(super) fn recipe(lab: &Lab<'_>, effort: Effort) -> ModelSettings {
+    ModelSettings { effort, ..ModelSettings::ratio(COMPARED, lab.settings.seed) }
 }
 
 /// Opening and reading the snapshot as it lies, values checked; `None` where it needs more than its name to be read as

@@ -158,7 +158,7 @@ fn agreement(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lab::Recipe;
+    use crate::lab::ModelSettings;
     use crate::settings::Settings;
     use particlegs::particles::Particles;
     use particlegs::progress::Silent;
@@ -174,7 +174,7 @@ mod tests {
         let lab = Lab::new(Settings { size: SIZE, ..Settings::new(true, "".into()) }, folder.path(), &Silent);
         let mut lab = lab.unwrap();
         lab.settings.python = python;
-        let mut model = lab.model(&of, &Recipe::ratio(10.0, 1)).unwrap().model;
+        let mut model = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().model;
         // Splats that are seen.
         model.metadata.default_radius *= 10.0;
         let shots = Shots::of(&lab, &model.metadata, SIZE);

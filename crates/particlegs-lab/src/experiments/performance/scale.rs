@@ -4,7 +4,7 @@ use super::growth::proportional;
 use super::paper;
 use crate::experiments::rate_distortion::COMPARED;
 use crate::found::{Axis, Cell, Plot, Point, Series, Table};
-use crate::lab::{Lab, Recipe};
+use crate::lab::{Lab, ModelSettings};
 use crate::snapshot::Snapshot;
 use particlegs::compress::{Target, compress};
 use particlegs::fit::Effort;
@@ -83,8 +83,8 @@ fn quality(lab: &Lab<'_>, of: &Snapshot) -> Result<f64> {
     Ok((10.0 * (scored - BELOW)).floor() / 10.0)
 }
 
-fn recipe(target: Target, seed: u64) -> Recipe {
-    Recipe { target, effort: Effort::Fast, blocks: 1, seed }
+fn recipe(target: Target, seed: u64) -> ModelSettings {
+    ModelSettings { target, effort: Effort::Fast, blocks: 1, seed }
 }
 
 /// A box halved along x, y, z, x: its lower or its upper corner.

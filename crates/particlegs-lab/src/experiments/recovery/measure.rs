@@ -2,7 +2,7 @@
 
 use super::facts::Facts;
 use super::paper;
-use crate::lab::{Lab, Recipe};
+use crate::lab::{Lab, ModelSettings};
 use crate::snapshot::Snapshot;
 use particlegs::Result;
 use particlegs::model::Model;
@@ -75,7 +75,7 @@ pub(super) struct Drawn<'a> {
     /// The truth.
     pub snapshot: &'a Snapshot,
     /// The model.
-    pub recipe: Recipe,
+    pub recipe: ModelSettings,
 }
 
 impl Drawn<'_> {

@@ -12,7 +12,7 @@ mod tables;
 
 use super::Experiment;
 use crate::found::Found;
-use crate::lab::{Lab, Recipe};
+use crate::lab::{Lab, ModelSettings};
 use crate::snapshot::Snapshot;
 use facts::Facts;
 use measure::{Depth, Drawn, METHODS};
@@ -76,13 +76,13 @@ struct Measured {
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let snapshot = &snapshots[0];
-    let base = Recipe::ratio(RATIO, lab.settings.seed);
+    let base = ModelSettings::ratio(RATIO, lab.settings.seed);
     let (recipes, blocks) = (sizes(lab), if lab.settings.quick { &[1, 8][..] } else { &[1, 2, 4, 8, 16] });
     lab.progress.begin("recovered particles", (METHODS.len() + recipes.len() + blocks.len()) as u64);
-    let drawn = |recipe: Recipe| Drawn { lab, snapshot, recipe };
+    let drawn = |recipe: ModelSettings| Drawn { lab, snapshot, recipe };
     let methods = METHODS.iter().map(|m| of_method(&drawn(base.clone()), *m)).collect::<Result<_>>()?;
     let sizes = recipes.into_iter().map(|recipe| of_size(&drawn(recipe))).collect::<Result<_>>()?;
-    let of_blocks = |n: &u32| of_blocks(&drawn(Recipe { blocks: *n, ..base.clone() }));
+    let of_blocks = |n: &u32| of_blocks(&drawn(ModelSettings { blocks: *n, ..base.clone() }));
     let blocks = blocks.iter().map(of_blocks).collect::<Result<_>>()?;
     lab.progress.end();
     let unit = snapshot.particles.meta.units.length_text().unwrap_or("length units").to_string();
@@ -96,13 +96,13 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
 }
 
 /// The ratios and efforts of the table by size.
-fn sizes(lab: &Lab<'_>) -> Vec<Recipe> {
+fn sizes(lab: &Lab<'_>) -> Vec<ModelSettings> {
     let (slow, fast): (&[f64], &[f64]) = match lab.settings.quick {
         true => (&[65.0, RATIO], &[RATIO]),
         false => (&[30.0, 65.0, 100.0, RATIO, 1000.0, 3000.0], &[65.0, RATIO]),
     };
-    let recipe = |ratio: &f64| Recipe::ratio(*ratio, lab.settings.seed);
-    let fast = fast.iter().map(|r| Recipe { effort: Effort::Fast, ..recipe(r) });
+    let recipe = |ratio: &f64| ModelSettings::ratio(*ratio, lab.settings.seed);
+    let fast = fast.iter().map(|r| ModelSettings { effort: Effort::Fast, ..recipe(r) });
     slow.iter().map(recipe).chain(fast).collect()
 }
 

@@ -2,27 +2,29 @@
 
 use super::Sample;
 use crate::Result;
-use crate::particles::{Chunk, Invalid, Layered, RUN, RunHash, hash_of_runs, hash_run, invalid};
+use crate::particles::{Chunk, Invalid, Layered, OutsideBox, RUN, RunHash, hash_of_runs, hash_run, invalid};
 use crate::progress::Progress;
 use crate::space::Bounds;
 use particlegs_core::math::each_axis;
 use std::sync::Mutex;
 
 /// What one pass over a snapshot tells.
-pub struct Survey {
+pub struct SnapshotScan {
     /// Its runs, layer after layer, each layer beginning one.
-    pub runs: Vec<RunSurvey>,
+    pub runs: Vec<RunScan>,
     /// Positions spread evenly over it, where they were asked for.
     pub sample: Sample,
     /// The weight that all particles of a layer have, of each layer whose weights are all the same.
     same_weight: Vec<Option<f32>>,
     /// Bounds of all particles, world units.
     pub bounds: Bounds,
+    /// Those outside the periodic box.
+    pub outside: OutsideBox,
 }
 
 /// A run of at most 65 536 particles of one layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RunSurvey {
+pub struct RunScan {
     /// Lowest coordinates, about the snapshot's origin.
     pub min: [f32; 3],
     /// Highest coordinates.
@@ -33,43 +35,51 @@ pub struct RunSurvey {
 
 /// What is known of a run while it passes.
 #[derive(Default)]
-struct Seen {
-    survey: Option<RunSurvey>,
+struct RunContent {
+    scan: Option<RunScan>,
     sample: [Vec<f32>; 3],
     invalid: Invalid,
     /// Its first weight, if all are the same.
     weight: Option<f32>,
+    outside: OutsideBox,
 }
 
-impl Survey {
-    /// Reads all particles once: bounds, hash, validity and, where it is `sampled`, positions to cut
-    /// blocks by.
+impl SnapshotScan {
+    /// Reads all particles once: bounds, hash, validity, how many lie outside the box and, where it is `sampled`,
+    /// positions to cut blocks by.
     ///
     /// # Errors
-    /// Those of the readers; [`crate::Error::Input`] at `place` for invalid values;
+    /// Those of the readers; [`crate::Error::Input`] at `place` for no particles and for invalid values;
     /// [`crate::Error::Cancelled`].
-    pub fn new(source: &Layered, place: &str, sampled: bool, progress: &dyn Progress) -> Result<Survey> {
+    pub fn new(source: &Layered, place: &str, sampled: bool, progress: &dyn Progress) -> Result<SnapshotScan> {
         let every = if sampled { Sample::every(source.count()) } else { 0 };
         progress.begin("reading positions", source.count());
-        let mut all =
-            Survey { runs: Vec::new(), sample: Sample::default(), same_weight: Vec::new(), bounds: Bounds::empty() };
+        let mut all = SnapshotScan {
+            runs: Vec::new(),
+            sample: Sample::default(),
+            same_weight: Vec::new(),
+            bounds: Bounds::empty(),
+            outside: OutsideBox::default(),
+        };
         let (mut start, mut bad) = (0, Invalid::default());
         for layer in &source.layers {
-            let seen: Vec<Mutex<Seen>> = (0..layer.runs()).map(|_| Mutex::default()).collect();
+            let runs: Vec<Mutex<RunContent>> = (0..layer.runs()).map(|_| Mutex::default()).collect();
             layer.read(source.origin, 0..layer.runs(), progress, &|run, chunk| {
                 let first = start + run * RUN as u64;
-                *seen[run as usize].lock().unwrap_or_else(|e| e.into_inner()) = Seen::of(&chunk, first, every);
+                let content = RunContent::of(&chunk, source, first, every);
+                *runs[run as usize].lock().unwrap_or_else(|e| e.into_inner()) = content;
                 Ok(())
             })?;
-            let mut weights = Vec::with_capacity(seen.len());
-            for (run, seen) in seen.into_iter().enumerate() {
-                let seen = seen.into_inner().unwrap_or_else(|e| e.into_inner());
-                bad = bad.and(start + (run * RUN) as u64, seen.invalid);
-                weights.push(seen.weight);
-                all.sample.append(seen.sample);
+            let mut weights = Vec::with_capacity(runs.len());
+            for (run, content) in runs.into_iter().enumerate() {
+                let content = content.into_inner().unwrap_or_else(|e| e.into_inner());
+                bad = bad.and(start + (run * RUN) as u64, content.invalid);
+                weights.push(content.weight);
+                all.sample.append(content.sample);
+                all.outside = all.outside.and(content.outside);
                 let missing =
                     || crate::Error::input(place, format!("run {run} of layer `{}` is missing", layer.layer.name));
-                all.runs.push(seen.survey.ok_or_else(missing)?);
+                all.runs.push(content.scan.ok_or_else(missing)?);
             }
             start += layer.layer.content;
             let first = weights.first().copied().flatten().filter(|_| layer.layer.mass.is_weighted());
@@ -111,7 +121,7 @@ impl Survey {
     }
 }
 
-impl RunSurvey {
+impl RunScan {
     /// Bounds, world units.
     fn bounds(&self, origin: [f64; 3]) -> Bounds {
         let world = |p: [f32; 3]| each_axis(|k| origin[k] + f64::from(p[k]));
@@ -119,13 +129,15 @@ impl RunSurvey {
     }
 }
 
-impl Seen {
-    fn of(chunk: &Chunk<'_>, first: u64, every: u64) -> Seen {
+impl RunContent {
+    fn of(chunk: &Chunk<'_>, source: &Layered, first: u64, every: u64) -> Self {
         let end = |f: fn(f32, f32) -> f32, from: f32| chunk.position.map(|c| c.iter().fold(from, |a, &v| f(a, v)));
         let (min, max) = (end(f32::min, f32::INFINITY), end(f32::max, f32::NEG_INFINITY));
         let one = chunk.weight.and_then(|w| w.first().copied().filter(|f| w.iter().all(|v| v == f)));
-        Seen {
-            survey: Some(RunSurvey { min, max, hash: hash_run(chunk) }),
+        let scan = RunScan { min, max, hash: hash_run(chunk) };
+        RunContent {
+            outside: OutsideBox::count(chunk, source.origin, &scan.bounds(source.origin), source.meta.cell.as_ref()),
+            scan: Some(scan),
             sample: Sample::of_run(chunk, first, every),
             invalid: invalid(chunk),
             weight: one,
@@ -158,14 +170,14 @@ mod tests {
         for same in [false, true] {
             let p = snapshot(|i| if same && i >= 70_000 { 2.0 } else { 1.0 + i as f32 });
             let mut source = Layered::of(&p);
-            let mut survey = Survey::new(&source, "here", true, &Silent).unwrap();
-            assert_eq!(survey.hash(source.origin), p.source_hash());
-            survey.settle(&mut source);
+            let mut scan = SnapshotScan::new(&source, "here", true, &Silent).unwrap();
+            assert_eq!(scan.hash(source.origin), p.source_hash());
+            scan.settle(&mut source);
             let p = p.settle_masses();
-            assert_eq!(survey.bounds, p.bounds());
-            assert_eq!(survey.hash(source.origin), p.source_hash());
+            assert_eq!(scan.bounds, p.bounds());
+            assert_eq!(scan.hash(source.origin), p.source_hash());
             let column = |k: usize| (0..p.len()).map(|i| (p.position(i)[k] - p.origin[k]) as f32).collect::<Vec<_>>();
-            assert_eq!(survey.sample.position, [0, 1, 2].map(column), "every particle of so few");
+            assert_eq!(scan.sample.position, [0, 1, 2].map(column), "every particle of so few");
             assert_eq!(source.raw_bytes(), p.raw_bytes());
             let heads = |l: &Layer<Range<usize>>| (l.name.clone(), l.mass);
             let read: Vec<_> = source.layers.iter().map(|l| (l.layer.name.clone(), l.layer.mass)).collect();
@@ -177,7 +189,7 @@ mod tests {
     #[test]
     fn invalid_values_are_named() {
         let p = snapshot(|i| if i == 140_000 { -1.0 } else { 1.0 + i as f32 });
-        let error = Survey::new(&Layered::of(&p), "here", false, &Silent).err().unwrap();
+        let error = SnapshotScan::new(&Layered::of(&p), "here", false, &Silent).err().unwrap();
         assert!(error.to_string().contains("the first at index 140000"), "{error}");
     }
 }

@@ -1,7 +1,8 @@
 //! What a user may ask for: a ratio, a size, a number of Gaussians or a quality.
 
-use crate::model::{GROUP_CLASSES, Goal, GoalKind};
+use super::{GROUP_CLASSES, Goal, GoalKind};
 use crate::{Error, Result};
+use std::fmt;
 
 /// The default compression ratio of large snapshots.
 pub const DEFAULT_RATIO: f64 = 300.0;
@@ -14,12 +15,13 @@ const DEFAULT_LEAST_RATIO: f64 = 10.0;
 const BESIDE_GAUSSIANS: u64 = 1200;
 
 /// What the file is to meet.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Target {
     /// Ratio 300; of less than a quarter of a million particles a lower one, so that their structure
     /// has enough Gaussians ([`Target::bytes`]). Where header and one Gaussian do not fit, the smallest
-    /// file with a warning.
+    /// file with a note.
+    #[default]
     Default,
     /// Raw bytes / file bytes.
     Ratio(f64),
@@ -44,24 +46,6 @@ impl Target {
             Target::Ratio(r) => Some((raw_bytes as f64 / r).floor() as u64),
             Target::Size(s) => Some(s),
             Target::Gaussians(_) | Target::Psnr(_) | Target::Goal(_) => None,
-        }
-    }
-
-    /// As a model file's command says it: ` --ratio 300`; nothing where nothing was asked for.
-    pub fn in_command(self) -> String {
-        let goal = |g: Goal| match g.kind {
-            GoalKind::Psnr => format!(" --psnr {}", g.asked),
-            GoalKind::PowerSpectrum => format!(" --max-pk-error {} --k-max {}", g.asked, g.at),
-            GoalKind::Correlation => format!(" --min-correlation {} --cell {}", g.asked, g.at),
-            GoalKind::Groups => format!(" --groups-within {} --from {}", g.asked, g.at),
-        };
-        match self {
-            Target::Default => String::new(),
-            Target::Ratio(r) => format!(" --ratio {r}"),
-            Target::Size(bytes) => format!(" --size {bytes}B"),
-            Target::Gaussians(k) => format!(" --gaussians {k}"),
-            Target::Psnr(d) => format!(" --psnr {d}"),
-            Target::Goal(g) => goal(g),
         }
     }
 
@@ -117,6 +101,25 @@ impl Target {
     }
 }
 
+/// As options of the command, each behind a space: ` --ratio 300`; nothing where nothing was asked for.
+impl fmt::Display for Target {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Target::Default => Ok(()),
+            Target::Ratio(r) => write!(f, " --ratio {r}"),
+            Target::Size(bytes) => write!(f, " --size {bytes}B"),
+            Target::Gaussians(k) => write!(f, " --gaussians {k}"),
+            Target::Psnr(d) => write!(f, " --psnr {d}"),
+            Target::Goal(Goal { kind, asked, at }) => match kind {
+                GoalKind::Psnr => write!(f, " --psnr {asked}"),
+                GoalKind::PowerSpectrum => write!(f, " --max-pk-error {asked} --k-max {at}"),
+                GoalKind::Correlation => write!(f, " --min-correlation {asked} --cell {at}"),
+                GoalKind::Groups => write!(f, " --groups-within {asked} --from {at}"),
+            },
+        }
+    }
+}
+
 /// Can a goal be met at all? What these particles do not have is found when they are measured.
 fn check_goal(goal: Goal) -> Result<Goal> {
     let Goal { kind, asked, at } = goal;
@@ -126,7 +129,7 @@ fn check_goal(goal: Goal) -> Result<Goal> {
         _ if !inside => format!("{asked} is not a share between 0 and 1 (0 % and 100 %)"),
         GoalKind::PowerSpectrum if !(at > 0.0 && at.is_finite()) => format!("no wave number: {at}"),
         GoalKind::Correlation if !(at > 0.0 && at.is_finite()) => format!("no edge of cells: {at}"),
-        GoalKind::Groups if !(at >= GROUP_CLASSES[0] as f64 && at < 2f64.powi(53)) || at.fract() != 0.0 => {
+        GoalKind::Groups if !(at >= GROUP_CLASSES[0] as f64 && at < (1u64 << 53) as f64) || at.fract() != 0.0 => {
             format!(
                 "groups are counted from a whole number of particles on, {} or more: not from {at}",
                 GROUP_CLASSES[0]

@@ -1,0 +1,138 @@
+//! `compress` and a job are planned alike: the same snapshot gives the same exit code, notes and bytes.
+
+use crate::common::particlegs;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+/// What a way to a model ends with.
+#[derive(Debug, Default, PartialEq)]
+struct Outcome {
+    code: i32,
+    /// What is told on standard error, each line once.
+    told: Vec<String>,
+    bytes: Option<Vec<u8>>,
+}
+
+impl Outcome {
+    /// Runs a command; gives whether it succeeded.
+    fn run(&mut self, arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> bool {
+        let out = particlegs().args(arguments.iter().map(|a| a.as_ref())).output().unwrap();
+        let text = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert!(!text.contains("panicked"), "{text}");
+        let told = |line: &&str| ["note:", "warning:", "error:"].iter().any(|word| line.starts_with(word));
+        for line in text.lines().filter(told) {
+            if !self.told.iter().any(|there| there == line) {
+                self.told.push(line.into());
+            }
+        }
+        self.code = out.status.code().unwrap();
+        self.code == 0
+    }
+
+    fn of_compress(input: &Path, folder: &Path) -> Self {
+        let (mut outcome, model) = (Outcome::default(), folder.join("compressed.pgs"));
+        let options = "--blocks 2 --gaussians 20 --certificate none --force".split(' ');
+        let options: Vec<&str> = options.collect();
+        let mut arguments: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"compress", &input, &"-o", &model];
+        arguments.extend(options.iter().map(|o| o as &dyn AsRef<std::ffi::OsStr>));
+        if outcome.run(&arguments) {
+            outcome.bytes = Some(std::fs::read(&model).unwrap());
+        }
+        outcome
+    }
+
+    fn of_job(input: &Path, folder: &Path) -> Self {
+        let (mut outcome, job, model) = (Outcome::default(), folder.join("job"), folder.join("merged.pgs"));
+        let planned = outcome.run(&[
+            &"plan",
+            &input,
+            &"-o",
+            &job,
+            &"--blocks",
+            &"2",
+            &"--gaussians",
+            &"20",
+            &"--certificate",
+            &"none",
+            &"--force",
+        ]);
+        if planned
+            && outcome.run(&[&"block", &job, &"0"])
+            && outcome.run(&[&"block", &job, &"1"])
+            && outcome.run(&[&"merge", &job, &"-o", &model, &"--force"])
+        {
+            outcome.bytes = Some(std::fs::read(&model).unwrap());
+        }
+        outcome
+    }
+}
+
+/// A LAMMPS dump of 300 particles in a box of 10, tilted by `tilt`, of which the first `out` lie `by` further along x.
+fn dump(path: &Path, tilt: f64, out: usize, by: f64) {
+    let mut text = format!(
+        "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n300\nITEM: BOX BOUNDS xy xz yz pp pp pp\n0 {} {tilt}\n0 10 0\n0 10 0\n\
+         ITEM: ATOMS id type x y z\n",
+        10.0 + tilt
+    );
+    for i in 0..300 {
+        let at = |step: usize| (i * step % 297) as f64 / 30.0;
+        let x = at(7) + if i < out { by } else { 0.0 };
+        writeln!(text, "{} 1 {x} {} {}", i + 1, at(11), at(13)).unwrap();
+    }
+    std::fs::write(path, text).unwrap();
+}
+
+#[test]
+fn compress_and_a_job_agree_on_every_fixture() {
+    let dir = tempfile::tempdir().unwrap();
+    // Errors of a job name files by their real paths.
+    let at = |name: &str| dir.path().canonicalize().unwrap().join(name);
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs-formats/tests/fixtures");
+    let entries = std::fs::read_dir(fixtures.canonicalize().unwrap()).unwrap();
+    let mut inputs: Vec<PathBuf> = entries.map(|e| e.unwrap().path()).collect();
+    inputs.sort();
+    let good = inputs.len();
+    for whole in inputs.clone().iter().step_by(3) {
+        let bytes = std::fs::read(whole).unwrap();
+        let cut = at(&format!("cut-{}", whole.file_name().unwrap().to_string_lossy()));
+        std::fs::write(&cut, &bytes[..bytes.len() * 3 / 5]).unwrap();
+        inputs.push(cut);
+    }
+    for (name, tilt, out, by) in
+        [("tilted-far", 5.0, 5, 40.0), ("tilted-out", 5.0, 5, 12.0), ("far", 0.0, 5, 40.0), ("out", 0.0, 5, 12.0)]
+    {
+        let path = at(&format!("{name}.lammpstrj"));
+        dump(&path, tilt, out, by);
+        inputs.push(path);
+    }
+    let (left, outcomes) = (Mutex::new(inputs.into_iter()), Mutex::new(Vec::new()));
+    std::thread::scope(|scope| {
+        for thread in 0..2 {
+            let folder = at(&format!("{thread}"));
+            std::fs::create_dir(&folder).unwrap();
+            let (left, outcomes) = (&left, &outcomes);
+            scope.spawn(move || {
+                while let Some(input) = { left.lock().unwrap().next() } {
+                    let ways = [Outcome::of_compress(&input, &folder), Outcome::of_job(&input, &folder)];
+                    outcomes.lock().unwrap().push((input, ways));
+                }
+            });
+        }
+    });
+    let outcomes = outcomes.into_inner().unwrap();
+    for (input, [compress, job]) in &outcomes {
+        assert_eq!(compress, job, "{}", input.display());
+    }
+    let of = |name: &str| &outcomes.iter().find(|o| o.0.ends_with(name)).unwrap().1[0];
+    let tells = |name: &str, text: &str| of(name).told.iter().any(|line| line.contains(text));
+    assert!(
+        tells("tilted-far.lammpstrj", "5 of 300 particles lie more than a box length")
+            && tells("far.lammpstrj", "more than a box length outside")
+    );
+    assert!(tells("tilted-out.lammpstrj", "lie outside the periodic box") && tells("out.lammpstrj", "5 of 300"));
+    assert!(tells("3n_f4.npy", "no periodic box"));
+    assert_eq!([of("tilted-far.lammpstrj").code, of("tilted-out.lammpstrj").code], [3, 0]);
+    let made = outcomes.iter().filter(|o| o.1[0].bytes.is_some()).count();
+    assert!(made > good / 2 && made < outcomes.len(), "{made} models of {} files", outcomes.len());
+}
