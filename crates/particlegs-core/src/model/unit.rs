@@ -35,7 +35,7 @@ pub enum Dimension {
 }
 
 /// A parsec (IAU 2015, resolution B2) in metres.
-const PARSEC: f64 = 3.085_677_581_491_367_3e16;
+const PARSEC: f64 = 3.085_677_581_491_367e16;
 /// The sun's mass in kilograms: IAU 2015 (resolution B3) over G of CODATA 2018.
 const SUN: f64 = 1.988_41e30;
 /// A dalton (CODATA 2018) in kilograms.
