@@ -4,7 +4,7 @@ use crate::common::Context;
 use crate::printable::one_line;
 use crate::rows::wrapped;
 use particlegs::Result;
-use particlegs::model::{Cosmology, Dimension, Epoch, Unit, Units};
+use particlegs::model::{Cosmology, Dimension, Epoch, Units};
 use particlegs::particles::SnapshotMeta;
 use particlegs::space::{Bounds, Cell};
 use particlegs_formats::{Choice, Description, Field, Mass};
@@ -100,18 +100,18 @@ pub fn length(units: &Units) -> String {
         Some(false) => ", physical",
         None => "",
     };
-    unit(units.length.as_ref(), Dimension::Length) + comoving
-}
-
-fn unit(unit: Option<&Unit>, dimension: Dimension) -> String {
-    said(unit.map(|u| u.in_words(dimension)))
+    let size = units.length.as_ref().map_or_else(String::new, |u| u.size_in_words(Dimension::Length));
+    said(units.length_text()) + comoving + &size
 }
 
 /// What is known beside the unit of length, by name: unit of mass, moment, and of the cosmology what is stated.
 pub fn moment(units: &Units, cosmology: &Cosmology, epoch: &Epoch) -> Vec<(&'static str, String)> {
     let c = cosmology;
     let factor = epoch.redshift().zip(epoch.scale_factor).map(|(z, a)| format!("{a} (z = {z:.4})"));
-    let mut rows = vec![("unit of mass", unit(units.mass.as_ref(), Dimension::Mass)), ("scale factor", said(factor))];
+    let mut rows = vec![
+        ("unit of mass", said(units.mass.as_ref().map(|u| u.in_words(Dimension::Mass)))),
+        ("scale factor", said(factor)),
+    ];
     rows.push(("h", said(c.hubble)));
     let omegas = [("Omega_m", c.omega_matter), ("Omega_Lambda", c.omega_lambda), ("Omega_b", c.omega_baryon)];
     rows.extend(omegas.into_iter().filter_map(|(name, v)| Some((name, v?.to_string()))));

@@ -127,7 +127,7 @@ fn training_improves_the_pictures() {
     let scores = |name: &str, more: &[&str]| {
         let path = dir.path().join(name);
         let mut c = particlegs();
-        c.arg("compress").arg(sample()).arg("-o").arg(&path).args(["--effort", "fast", "--ratio", "1000"]);
+        c.arg("compress").arg(sample()).arg("-o").arg(&path).args(["--effort", "fast", "--gaussians", "871"]);
         c.args(["--certificate=none", "--quiet"]).args(more).assert().success();
         against_vtk(&path, &dir.path().join(format!("{name}-pictures")))
     };
@@ -135,8 +135,8 @@ fn training_improves_the_pictures() {
     let after = scores("trained.pgs", &["--train", "fast", "--config", config.to_str().unwrap()]);
     let gains: Vec<f64> = before.iter().zip(&after).map(|(a, b)| b.1 - a.1).collect();
     println!("{gains:.3?}");
-    // Seen by three seeds: from -0.03 to 0.47, on average from 0.18 to 0.25.
-    assert!(gains.iter().all(|g| *g > -0.1), "{gains:.3?}");
+    // Seen: from 0.32 to 0.55.
+    assert!(gains.iter().all(|g| *g > 0.0), "{gains:.3?}");
     assert!(gains.iter().sum::<f64>() / gains.len() as f64 > 0.15, "{gains:.3?}");
 }
 

@@ -35,7 +35,7 @@ pub enum Dimension {
 }
 
 /// A parsec (IAU 2015, resolution B2) in metres.
-const PARSEC: f64 = 3.085_677_581_491_367_3e16;
+const PARSEC: f64 = 3.085_677_581_491_367e16;
 /// The sun's mass in kilograms: IAU 2015 (resolution B3) over G of CODATA 2018.
 const SUN: f64 = 1.988_41e30;
 /// A dalton (CODATA 2018) in kilograms.
@@ -45,68 +45,43 @@ const YEAR: f64 = 3.155_76e7;
 /// The factor of a unit that has a name but no size.
 const REDUCED: f64 = 0.0;
 
-/// Names of units of length, in metres.
-const LENGTHS: [(&str, f64); 36] = [
-    ("pc", PARSEC),
-    ("kpc", 1e3 * PARSEC),
-    ("Mpc", 1e6 * PARSEC),
-    ("Gpc", 1e9 * PARSEC),
-    ("parsec", PARSEC),
-    ("parsecs", PARSEC),
-    ("kiloparsec", 1e3 * PARSEC),
-    ("megaparsec", 1e6 * PARSEC),
-    ("gigaparsec", 1e9 * PARSEC),
-    ("ly", 9.460_730_472_580_8e15),
-    ("lyr", 9.460_730_472_580_8e15),
-    ("AU", 1.495_978_707e11),
-    ("au", 1.495_978_707e11),
+/// Names of units of length, those of one size in one text, and their sizes in metres.
+const LENGTHS: [(&str, f64); 18] = [
+    ("pc parsec parsecs", PARSEC),
+    ("kpc kiloparsec", 1e3 * PARSEC),
+    ("Mpc megaparsec", 1e6 * PARSEC),
+    ("Gpc gigaparsec", 1e9 * PARSEC),
+    ("ly lyr", 9.460_730_472_580_8e15),
+    ("AU au", 1.495_978_707e11),
     ("Rsun", 6.957e8),
     ("km", 1e3),
-    ("m", 1.0),
-    ("meter", 1.0),
-    ("metre", 1.0),
-    ("meters", 1.0),
-    ("cm", 1e-2),
-    ("centimeter", 1e-2),
+    ("m meter metre meters", 1.0),
+    ("cm centimeter", 1e-2),
     ("mm", 1e-3),
-    ("um", 1e-6),
-    ("\u{b5}m", 1e-6),
-    ("\u{3bc}m", 1e-6),
-    ("micron", 1e-6),
+    ("um \u{b5}m \u{3bc}m micron", 1e-6),
     ("nm", 1e-9),
     ("pm", 1e-12),
     ("fm", 1e-15),
-    ("A", 1e-10),
-    ("Angstrom", 1e-10),
-    ("Angstroms", 1e-10),
-    ("\u{c5}", 1e-10),
-    ("\u{212b}", 1e-10),
+    ("A Angstrom Angstroms \u{c5} \u{212b}", 1e-10),
     ("Bohr", 5.291_772_109_03e-11),
     ("sigma", REDUCED),
 ];
-/// Names of units of mass, in kilograms.
-const MASSES: [(&str, f64); 19] = [
-    ("Msun", SUN),
-    ("Msol", SUN),
-    ("solMass", SUN),
-    ("solarmass", SUN),
+/// The same of mass, in kilograms.
+const MASSES: [(&str, f64); 12] = [
+    ("Msun Msol solMass solarmass", SUN),
     ("Mearth", 5.972_17e24),
     ("Mjup", 1.898_12e27),
-    ("g", 1e-3),
-    ("gram", 1e-3),
-    ("grams", 1e-3),
+    ("t", 1e3),
     ("kg", 1.0),
+    ("g gram grams", 1e-3),
     ("mg", 1e-6),
     ("ug", 1e-9),
     ("pg", 1e-15),
     ("ag", 1e-21),
-    ("t", 1e3),
-    ("amu", DALTON),
-    ("u", DALTON),
-    ("Da", DALTON),
+    ("amu u Da", DALTON),
     ("kDa", 1e3 * DALTON),
 ];
-/// Names of units of time, in seconds.
+/// The same of time, in seconds.
 const TIMES: [(&str, f64); 13] = [
     ("s", 1.0),
     ("ms", 1e-3),
@@ -114,12 +89,12 @@ const TIMES: [(&str, f64); 13] = [
     ("ns", 1e-9),
     ("ps", 1e-12),
     ("fs", 1e-15),
+    ("hr", 3600.0),
+    ("day", 86_400.0),
     ("yr", YEAR),
     ("kyr", 1e3 * YEAR),
     ("Myr", 1e6 * YEAR),
     ("Gyr", 1e9 * YEAR),
-    ("day", 86_400.0),
-    ("hr", 3600.0),
     ("tau", REDUCED),
 ];
 
@@ -143,10 +118,10 @@ impl Dimension {
 
     /// A name's factor: as it is written, else whatever the case of its letters. Short names differ by case: mg and Mg.
     fn factor(self, name: &str) -> Option<f64> {
-        let names = self.names();
+        let names = || self.names().iter().flat_map(|(names, factor)| names.split(' ').map(move |n| (n, *factor)));
         let lower = name.to_lowercase();
-        let any_case = || names.iter().find(|n| name.len() > 2 && n.0.to_lowercase() == lower);
-        names.iter().find(|n| n.0 == name).or_else(any_case).map(|n| n.1)
+        let any_case = || names().find(|n| name.len() > 2 && n.0.to_lowercase() == lower);
+        names().find(|n| n.0 == name).or_else(any_case).map(|n| n.1)
     }
 }
 
@@ -173,19 +148,23 @@ impl Unit {
         read(text, dimension).is_some()
     }
 
-    /// The text, and what it is in SI: `kpc/h (3.0856776e19 m a h^-1)`.
-    pub fn in_words(&self, dimension: Dimension) -> String {
+    /// What it is in SI: ` (3.0856776e19 m a h^-1)`; nothing where that is not known.
+    pub fn size_in_words(&self, dimension: Dimension) -> String {
         let power = |name: &str, p: f32| match p {
             0.0 => String::new(),
             1.0 => format!(" {name}"),
             p => format!(" {name}^{p}"),
         };
-        match self.si {
-            None => self.text.clone(),
-            Some(Si { factor, a, h }) => {
-                format!("{} ({factor:e} {}{}{})", self.text, dimension.base(), power("a", a), power("h", h))
-            }
-        }
+        self.si.map_or_else(String::new, |Si { factor, a, h }| {
+            // In ten digits: more are those of a product.
+            let factor: f64 = format!("{factor:.9e}").parse().unwrap_or(factor);
+            format!(" ({factor:e} {}{}{})", dimension.base(), power("a", a), power("h", h))
+        })
+    }
+
+    /// The text, and what it is in SI.
+    pub fn in_words(&self, dimension: Dimension) -> String {
+        self.text.clone() + &self.size_in_words(dimension)
     }
 }
 
@@ -474,7 +453,7 @@ mod tests {
         assert_eq!((&json["length_unit"], &json["mass_unit_si"]), (&"1e3 kpc/h".into(), &serde_json::Value::Null));
         assert_eq!(serde_json::from_value::<Units>(json).unwrap(), units);
         let words = units.length.unwrap().in_words(Dimension::Length);
-        assert!(words.starts_with("1e3 kpc/h (3.08567758149") && words.ends_with("e22 m a h^-1)"), "{words}");
+        assert!(words.starts_with("1e3 kpc/h (3.085677581") && words.ends_with("e22 m a h^-1)"), "{words}");
     }
 
     proptest! {

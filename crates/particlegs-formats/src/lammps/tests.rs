@@ -41,6 +41,9 @@ fn a_frame_is_described_and_read() {
     let snapshot = open(&text).unwrap();
     let d = snapshot.description();
     assert_eq!((d.meta.units.length_text(), d.meta.epoch.time), (Some("Angstrom"), Some(0.25)));
+    // One frame of one needs no number.
+    assert_eq!((d.meta.epoch.frame, d.meta.epoch.step), (None, Some(7)));
+    assert_eq!(d.meta.units.time.as_ref().unwrap().si.unwrap().factor, 1e-15);
     let cell = d.meta.cell.unwrap();
     assert_eq!((cell.origin, cell.periodic), ([-1.0, 0.0, 0.0], [true, false, false]));
     assert_eq!(cell.lengths(), Some([10.0; 3]));

@@ -77,7 +77,8 @@ impl<'a> FrameOut<'a> {
         if let Some(style) = style_of(self.kept) {
             let _ = writeln!(text, "ITEM: UNITS\n{style}");
         }
-        let _ = writeln!(text, "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{}", self.kept.total());
+        let step = self.kept.meta().epoch.step.unwrap_or(0);
+        let _ = writeln!(text, "ITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ATOMS\n{}", self.kept.total());
         box_bounds(&self.cell, &mut text);
         let mass = if self.masses.is_some() { " mass" } else { "" };
         let _ = writeln!(text, "ITEM: ATOMS id type x y z{mass}");
