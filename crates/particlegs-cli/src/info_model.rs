@@ -25,6 +25,9 @@ use std::path::Path;
 struct Report<'a> {
     format_version: String,
     model_bytes: u64,
+    /// What the file lacks.
+    missing: Option<String>,
+    other_sections: &'a [(String, u64)],
     raw_bytes: u64,
     compression_ratio: f64,
     gaussians: u64,
@@ -110,6 +113,8 @@ fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
     let report = Report {
         format_version: format!("{}.{}", info.version[0], info.version[1]),
         model_bytes: info.bytes,
+        missing: info.missing(),
+        other_sections: &info.other_sections,
         raw_bytes,
         compression_ratio: raw_bytes as f64 / info.bytes as f64,
         gaussians,
@@ -164,6 +169,7 @@ fn text(r: &Report<'_>) -> String {
     };
     row("format", format!("{}, image law {}", r.format_version, m.law));
     row("size", format!("{} bytes, ratio {:.1} to {} raw bytes", r.model_bytes, r.compression_ratio, r.raw_bytes));
+    r.missing.iter().for_each(|what| row("incomplete", what.clone()));
     row("Gaussians", format!("{}, {:.3} bytes each", r.gaussians, r.bytes_per_gaussian));
     row(
         "as published",
@@ -231,6 +237,9 @@ fn text(r: &Report<'_>) -> String {
             );
             row("  steps", steps);
         }
+    }
+    for (tag, bytes) in r.other_sections {
+        row("other section", format!("`{tag}`, {bytes} bytes: this program does not know it"));
     }
     out.push_str(&certificate(r.certificate, m.units.length_text()));
     out.push_str(&verdict(&r.verdict));

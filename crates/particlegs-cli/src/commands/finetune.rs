@@ -100,6 +100,7 @@ pub fn run(a: Arguments) -> Result<()> {
     a.run.plan(out, a.force.force, &context)?;
     let (bytes, place) = (inputs::model(path, &context)?, name_of(path));
     let model = codec::decode_with(&bytes, &place, &context)?;
+    context.notes(codec::read_info(&bytes, &place)?.left_out().as_slice());
     if model.metadata.law != LawKind::AlphaBlend {
         let what = format!(
             "{place}: a model of the {} law; only alpha-blend models can be fine-tuned",

@@ -60,6 +60,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let kept = context.writes(&a.output, &outputs::MODEL)?;
     let bytes = inputs::model(&a.model, &context)?;
     let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
+    context.notes(codec::read_info(&bytes, &name_of(&a.model))?.left_out().as_slice());
     // The same work gives the same bytes; other work is not begun.
     let recipe = model.metadata.recipe.clone().then(RecipeStep::Simplify(target));
     if kept && !info_model::is_of_recipe(&a.output, &recipe, &context)? {

@@ -85,6 +85,7 @@ impl<'a> Decoder<'a> {
             }
         }
         let info = FileInfo::of(parts, &file);
+        info.missing().iter().for_each(|what| progress.message(&format!("note: {place}: {what}")));
         Ok(Decoder { place: place.into(), info, blocks, pieces, file })
     }
 

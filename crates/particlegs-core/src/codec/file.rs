@@ -394,6 +394,9 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
         }
     }
     agree(&metadata, &layers).map_err(corrupt)?;
+    // What was measured on the whole says nothing of a part of it.
+    let complete = missing_particles == 0 && layers.iter().flat_map(|l| &l.content).all(BlockPart::is_whole);
+    let certificate = certificate.filter(|_| complete);
     Ok(Parts { metadata, certificate, network, layers, sections: others, missing_particles })
 }
 

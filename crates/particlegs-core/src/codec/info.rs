@@ -5,7 +5,8 @@ use super::file::{BlockPart, Parts, parts};
 use crate::Result;
 use crate::model::{Certificate, Layer, Mass, Metadata, VizMapper};
 
-/// What a file says without its Gaussians being decoded.
+/// What a file says without its Gaussians being decoded. Of a file that lacks something ([`FileInfo::missing`]) nothing
+/// was measured: it has no certificate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileInfo {
     /// Version of the format: major, minor.
@@ -54,9 +55,24 @@ pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
 }
 
 impl FileInfo {
-    /// Is all there that the file is to have?
-    pub fn is_complete(&self) -> bool {
-        self.missing_particles == 0 && self.layers.iter().flat_map(|l| &l.content).all(|b| b.stages[0] == b.stages[1])
+    /// What the file lacks, in words: blocks that it ends before, stages of blocks. `None`: nothing.
+    pub fn missing(&self) -> Option<String> {
+        let blocks = || self.layers.iter().flat_map(|l| &l.content);
+        let (all, coarse) = (blocks().count(), blocks().filter(|b| b.stages[0] < b.stages[1]).count());
+        let particles = (self.missing_particles > 0).then(|| {
+            let there = self.metadata.count;
+            format!("it ends early: {there} of {} particles are there", there.saturating_add(self.missing_particles))
+        });
+        let stages = (coarse > 0).then(|| format!("{coarse} of its {all} blocks are coarse: their last stages are missing"));
+        let both: Vec<String> = particles.into_iter().chain(stages).collect();
+        (!both.is_empty()).then(|| both.join("; "))
+    }
+
+    /// Its sections that this program does not know, in words, which a command leaves out that changes what they belong to.
+    /// `None`: it has none.
+    pub fn left_out(&self) -> Option<String> {
+        let words: Vec<String> = self.other_sections.iter().map(|(tag, n)| format!("`{tag}` ({n} bytes)")).collect();
+        (!words.is_empty()).then(|| format!("sections that this program does not know are left out: {}", words.join(", ")))
     }
 
     /// Number of Gaussians.

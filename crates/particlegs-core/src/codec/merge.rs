@@ -58,7 +58,9 @@ impl Merge {
         // What is copied is read first: a block that cannot be decoded must not spread.
         check(bytes, place, progress)?;
         let CodedFile { mut metadata, network, sections, layers } = CodedFile::read(bytes, place)?;
-        self.sections.extend(sections.into_iter().filter(|s| survives_merging(s.tag)));
+        let (kept, lost): (Vec<_>, Vec<_>) = sections.into_iter().partition(|s| survives_merging(s.tag));
+        self.sections.extend(kept);
+        lost.iter().for_each(|s| progress.message(&format!("note: {place}: `{}` is left out", s.tag.escape_ascii())));
         metadata.recipe = metadata.recipe.merged();
         self.known = Some(match self.known.take() {
             None => (metadata, place.to_string()),
