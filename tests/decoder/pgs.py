@@ -378,12 +378,10 @@ class Block:
         self.counts = largest_remainder(weights, self.count)
         if self.weighted:
             masses = [n * exp(grey * v) for n, v in zip(self.counts, c["W"])]
-            if neumaier(masses) == 0:
-                masses = [self.mass / len(masses)] * len(masses)
-            else:
-                for _ in range(2):
-                    factor = self.mass / neumaier(masses)
-                    masses = [m * factor for m in masses]
+            for _ in range(2):
+                total = neumaier(masses)
+                factor = self.mass / total if 0 < total < math.inf else math.inf
+                masses = [m * factor if factor < math.inf else self.mass / len(masses) for m in masses]
             self.masses = masses
 
 
@@ -406,7 +404,8 @@ def largest_remainder(weights, number):
         for i in order[:left]:
             counts[i] += 1
         left -= min(left, len(order))
-    check(left == 0, "more counts than particles")
+    for i in sorted(range(len(counts)), key=lambda i: (-counts[i], i))[: max(-left, 0)]:
+        counts[i] -= 1
     return [float(n) for n in counts]
 
 
@@ -567,7 +566,7 @@ class Segment:
             typical = exp(block.steps["size"] * self.prediction(node, node.k))
             third = (variances[0] + variances[1] + variances[2]) / 3.0
             columns["mean"].append(mean)
-            columns["cov"].append([variances[0], 0.0, 0.0, variances[1], 0.0, variances[2]])
+            columns["cov"].append(covariance(1.0, [variances[0], 0.0, 0.0, variances[1], 0.0, variances[2]]))
             columns["C"].append(2 * node.k + 0.5)
             columns["W"].append(2 * node.m + 0.5)
             columns["share"].append(min(1.0, typical * typical / third if third > 0.0 else 1.0))
