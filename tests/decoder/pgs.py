@@ -1,7 +1,8 @@
 """A reader of model files (.pgs) written from the words of docs/format.md alone, to hold that page and the
 program's own reader to each other. Sections (1, 2, ...) are the page's.
 
-    python3 pgs.py MODEL.pgs      every decoded number, as hexadecimal bits, one line a Gaussian
+    python3 pgs.py MODEL.pgs                every decoded number, as hexadecimal bits, one line a Gaussian
+    python3 pgs.py --cut PREFIX MODEL.pgs   PREFIX-0.pgs, ..: open files that end within a section
 """
 import json
 import math
@@ -9,6 +10,7 @@ import struct
 import sys
 import zlib
 from bisect import bisect_right
+from operator import eq
 
 import numpy as np
 
@@ -31,68 +33,99 @@ def check(condition, what):
 # ---------------------------------------------------------------- 1. The file
 
 def sections(data):
-    """(tag, content) of every section, and the minor version."""
+    """(tag, content, place) of every section, and whether the file is open."""
     check(data[:8] == MAGIC, "magic")
     check(len(data) >= 24, "shorter than a head")
     check(zlib.crc32(data[:20]) == struct.unpack_from("<I", data, 20)[0], "checksum of the head")
-    major, minor, reserved, length = struct.unpack_from("<BBHQ", data, 8)
-    if major != 1:
-        raise Unsupported(f"major version {major}")
-    check(reserved == 0 or minor > 3, "reserved field")
-    check(length == len(data), "length of the file")
+    major, minor, kind, reserved, length = struct.unpack_from("<4BQ", data, 8)
+    if major != 1 or kind != 1:
+        raise Unsupported(f"major version {major}, kind {kind}")
+    check(reserved == 0 or minor > 0, "reserved byte")
+    check(length in (0, len(data)), "length of the file")
     found, at = [], 24
     while at < len(data):
-        check(at + 16 <= len(data), "head of a section")
-        tag, size, crc = data[at : at + 4], *struct.unpack_from("<QI", data, at + 4)
-        check(size <= len(data) - at - 16, "length of a section")
-        content = data[at + 16 : at + 16 + size]
-        check(zlib.crc32(content, zlib.crc32(data[at : at + 12])) == crc, f"checksum of {tag}")
-        found.append((tag, content))
+        size, crc = struct.unpack_from("<QI", data, at + 4) if at + 16 <= len(data) else (len(data), 0)
+        if size > len(data) - at - 16:
+            check(length == 0, "length of a section")
+            break
+        tag, content = data[at : at + 4], data[at + 16 : at + 16 + size]
+        check(zlib.crc32(content, zlib.crc32(data[at : at + 12])) == crc and tag.isalpha(), f"section {tag}")
+        found.append((tag, content, at))
         at += 16 + size
-    return found, minor
+    return found, length == 0
+
+
+def belongs(tag, content):
+    """The number of the block that a section belongs to, or None."""
+    if not tag[1:2].islower():
+        return None
+    check(len(content) >= 4, "number of a block")
+    return struct.unpack_from("<I", content)[0]
+
+
+# What a section may follow, those that may stand anywhere left out.
+AFTER = {b"META": [b""], b"CERT": [b"META"], b"VIZM": [b"META", b"CERT"], b"LAYR": [b"META", b"CERT", b"VIZM", b"BLOK"],
+         b"BLOK": [b"LAYR", b"BLOK"], b"FiNE": [b"BLOK", b"FiNE"]}
 
 
 def read(data):
     """A whole file: metadata, certificate, network, and layers as (name, blocks)."""
-    found, minor = sections(data)
-    model = {"minor": minor, "layers": [], "cert": {}, "vizm": None}
-    before, left = b"", 0
-    for tag, content in found:
+    found, is_open = sections(data)
+    model = {"open": is_open, "layers": [], "cert": {}, "vizm": None}
+    blocks, entries, listed = [], [], None  # stages of every block; what an index says
+    before, left, last = b"", 0, (0, 0)
+    for tag, content, place in found:
+        number = belongs(tag, content)
+        if tag == b"iNDX":
+            check(before and listed is None and len(content) % 24 == 0, "index")
+            listed = list(struct.iter_unpack("<4sIQQ", content))
+            continue
+        entries.append((tag, 0xFFFFFFFF if number is None else number, place, len(content)))
+        if tag not in AFTER:
+            check(before, "order")
+            if tag[:1].isupper():
+                raise Unsupported(f"section {tag}")
+            continue
+        check(before in AFTER[tag] and (left > 0) == (tag == b"BLOK"), "order")
+        before = tag
         if tag == b"META":
-            check(before == b"", "order")
             model["meta"] = metadata(content)
         elif tag == b"CERT":
-            check(before == b"META", "order")
             model["cert"] = certificate(content)
-        elif tag == b"VIZM" and minor >= 3:
-            check(before in (b"META", b"CERT") and model["meta"]["law"] == 2, "order")
+        elif tag == b"VIZM":
+            check(model["meta"]["law"] == 2, "a network")
             model["vizm"] = network(content)
         elif tag == b"LAYR":
-            check(before != b"" and left == 0, "order")
-            n = content[0]
-            check(len(content) == 1 + n + 4, "length of a layer's head")
-            name, left = content[1 : 1 + n], struct.unpack_from("<I", content, 1 + n)[0]
+            check(content and len(content) == content[0] + 5, "length of a layer's head")
+            name, left = content[1:-4], struct.unpack("<I", content[-4:])[0]
+            check(left and len(model["layers"]) < 1024, "number of blocks or layers")
             check(not model["layers"] or model["layers"][-1][0] < name, "order of layers")
             model["layers"].append((name, []))
         elif tag == b"BLOK":
-            check(left > 0, "a block without a layer")
-            model["layers"][-1][1].append(Block(content))
+            blocks.append([content])
+            model["layers"][-1][1].append(blocks[-1])
             left -= 1
-        elif tag[:1].islower():
-            continue
         else:
-            raise Unsupported(f"section {tag}")
-        before = tag
-    check(left == 0 and model["layers"], "blocks are missing")
-    check_sums(model)
+            check(number < len(blocks) and (len(blocks[number]), number) > last, "order of stages")
+            last = len(blocks[number]), number
+            blocks[number].append(content[4:])
+    check(blocks and (is_open or left == 0), "blocks are missing")
+    check(all(e[1] in (0xFFFFFFFF, *range(len(blocks))) for e in entries), "a section of a block that there is not")
+    check(listed is None or listed == entries or is_open and all(map(eq, listed, entries)), "index")
+    model["layers"] = [(name, [Block(stages) for stages in own]) for name, own in model["layers"] if own]
+    for _, own in model["layers"]:
+        keys = [(*b.lo, *b.hi, b.bytes) for b in own]
+        check(keys == sorted(keys), "order of blocks")
+    check_sums(model, is_open)
     return model
 
 
-def check_sums(model):
+def check_sums(model, is_open):
     meta, blocks = model["meta"], [b for _, blocks in model["layers"] for b in blocks]
-    check(sum(b.count for b in blocks) == meta["particles"], "particles")
-    mass = neumaier([b.mass for b in blocks])
-    check(abs(mass - meta["mass"]) <= 1e-9 * meta["mass"], "mass")
+    particles, mass = sum(b.count for b in blocks), neumaier([b.mass for b in blocks])
+    if is_open and particles < meta["particles"]:
+        meta["particles"], meta["mass"] = particles, mass
+    check(particles == meta["particles"] and abs(mass - meta["mass"]) <= 1e-9 * meta["mass"], "particles or mass")
     check(all(b.shaded == (meta["law"] == 2) for b in blocks), "shaded blocks and the image law")
     for (weighted, _), (_, own) in zip(masses_of(model), model["layers"]):
         check(all(b.weighted == weighted for b in own), "weighted blocks and their layer")
@@ -101,8 +134,9 @@ def check_sums(model):
 def masses_of(model):
     """(has weights, mass of weight 1 or None) of each layer."""
     told, layers = model["meta"]["masses"], len(model["layers"])
-    check(len(told) in (1, layers), "masses of layers")
-    return told * layers if len(told) == 1 else told
+    # An open file may end before its last layers.
+    check(len(told) in (1, layers) or model["open"] and len(told) > layers, "masses of layers")
+    return told * layers if len(told) == 1 else told[:layers]
 
 
 # ---------------------------------------------------------------- 2. META
@@ -306,93 +340,121 @@ def figures(value, codings):
 
 # ---------------------------------------------------------------- 4. BLOK
 
+LEAST = float(np.float32(1e-6))
+
+
 class Block:
     """A block's header and its Gaussians, as columns of floats in the order of the file."""
 
-    def __init__(self, content):
-        head = struct.unpack_from("<6dQdI5B5f2fi4hi6h", content)
+    def __init__(self, stages):
+        self.bytes = b"".join(stages)
+        check(len(stages[0]) >= 126, "header of a block")
+        head = struct.unpack_from("<6dQdI5B5f2fi4h3fB", stages[0])
         self.lo, self.hi = head[0:3], head[3:6]
         self.count, self.mass, self.gaussians, flags = head[6:10]
         self.weighted, self.shaded = flags & 1, flags >> 1 & 1
         self.low_bits = dict(zip("size count mass shape".split(), head[10:14]))
         self.steps = dict(zip("position size count shape mass".split(), head[14:19]))
-        self.importance, self.centre = head[19:21]
-        self.size_constant, self.size_slopes = head[21], head[22:26]
-        self.count_constant, self.count_slopes = head[26], head[27:33]
+        self.importance, self.centre, self.constant = head[19:22]
+        self.slopes, self.surplus = head[22:25], head[25]
+        self.spreads = dict(zip("size count shape".split(), head[26:29]))
+        number = head[29] + 1
         self.extent = tuple(h - l for l, h in zip(self.lo, self.hi))
-        check(1 <= self.gaussians <= 4 * len(content) and flags < 8 and flags & 3 < 3, "header of a block")
-        self.spreads = struct.unpack_from("<3f", content, 129) if flags & 4 else None
-        start = 141 if flags & 4 else 129
-        check(all(e >= 0 and math.isfinite(e) for e in self.extent), "bounds of a block")
-        self.columns = {k: [] for k in "mean cov C W radius".split()}
-        self.decode(content[start:], -(-self.gaussians // 4) - start)
+        check(all(map(math.isfinite, (*self.lo, *self.extent, self.mass))) and min(self.extent) >= 0, "bounds or mass")
+        check(1 <= self.count <= 1 << 53 and self.mass > 0 and self.gaussians and flags < 3, "header of a block")
+        check(max(head[10:14]) <= 15 and all(LEAST <= v <= 16 for v in head[14:19]), "low bits or steps")
+        check(0 <= head[19] <= 4 and abs(head[20]) <= 1e6 and all(0 <= v <= 1e6 for v in head[26:29]), "header of a block")
+        ends = list(stages[0][126 : 125 + number])
+        check(number <= 8 and len(ends) == number - 1 and ends == sorted(set(ends)), "last levels of stages")
+        check(len(stages) <= number, "number of stages")
+        self.whole = len(stages) == number
+        check(not self.whole or self.gaussians <= 4 * len(self.bytes), "more Gaussians than bytes allow")
+        self.columns = {k: [] for k in "mean cov C W share".split()}
+        self.decode(stages, [*ends, 255])
         self.finish()
 
-    # ------------------------------------------------------------ 4. streams, 5. segments
-
-    def decode(self, data, least):
-        root = ((0, 0, 0), (0, 0, 0), self.gaussians, 0)
-        if self.gaussians <= 65536:
-            segments, at = [[root]], 0
-            lengths = [None]
-        else:
-            (number,) = struct.unpack_from("<I", data)
+    def decode(self, stages, ends):
+        root = Node((0, 0, 0), (0, 0, 0), self.gaussians)
+        data, at, number, trunk = stages[0], 125 + len(ends), 1, 0
+        if self.gaussians > 65536:
+            check(len(data) >= at + 8, "lengths of streams")
+            number, trunk = struct.unpack_from("<2I", data, at)
             check(1 <= number <= 2 * (self.gaussians // 65536) + 1, "number of segments")
-            trunk, *lengths = struct.unpack_from(f"<{1 + number}I", data, 4)
-            at = 8 + 4 * number
-            check(trunk + sum(lengths) <= len(data) - at, "lengths of streams")
-            segments = self.trunk(Stream(data[at : at + trunk]), root)
-            check(len(segments) == number, "number of segments")
+            at += 8
+        lengths = [None]
+        if number * len(ends) > 1:
+            check(len(data) >= at + 4 * number * len(ends), "lengths of streams")
+            lengths = struct.unpack_from(f"<{number * len(ends)}I", data, at)
+            at += 4 * number * len(ends)
+        nodes = [[root]]
+        if self.gaussians > 65536:
+            check(trunk <= len(data) - at, "length of the trunk")
+            nodes = self.trunk(Stream(data[at : at + trunk]), root)
+            check(len(nodes) == number, "number of segments")
             at += trunk
-        for nodes, length in zip(segments, lengths):
-            stream = Stream(data[at:] if length is None else data[at : at + length])
-            Segment(self, stream).walk(nodes)
-            at += stream.end()
-            if length is not None:
-                check(stream.end() == length, "length of a stream")
-        check(len(data) == max(at, least) and not any(data[at:]), "padding")
+        segments = [Segment(self, own) for own in nodes]
+        for j, (data, first, last) in enumerate(zip(stages, [0, *(e + 1 for e in ends)], ends)):
+            for segment, length in zip(segments, lengths[j * number :]):
+                end = len(data) if length is None else at + length
+                check(end <= len(data), "length of a stream")
+                stream = Stream(data[at:end])
+                segment.levels(stream, first, last)
+                if j + 1 == len(ends):
+                    segment.fine(stream)
+                stream.finish()
+                check(length in (None, stream.end()), "length of a stream")
+                at += stream.end()
+            padded = at
+            if j + 1 == len(ends):
+                padded = max(at, -(-self.gaussians // 4) - len(self.bytes) + len(data))
+            check(len(data) == padded and not any(data[at:]), "length of a stage")
+            at = 0
+        if not self.whole:
+            for segment in segments:
+                segment.part()
+            check(len(self.columns["C"]) <= 4 * len(self.bytes), "more nodes than bytes allow")
+
+    # ------------------------------------------------------------ 5. Order: cells, trunk and segments
 
     def trunk(self, stream, root):
         """Nodes of at most 65536 Gaussians, joined to segments."""
-        splits, stack, segments, held = Splits(stream, self.slowest()), [root], [], 0
+        models, stack, segments, held = {}, [(root, 0)], [], 0
         while stack:
-            node = stack.pop()
+            node, share = stack.pop()
             axis = self.axis(node)
-            if node[2] > 65536 and axis is not None:
-                stack.extend(reversed(self.halves(node, axis, splits)))
-            elif segments and held + node[2] <= 65536:
+            if node.n > 65536 and axis is not None:
+                lower = split(stream, models, node.n, share)
+                for upper, n in ((1, node.n - lower), (0, lower)):
+                    if n:
+                        of = 0 if n == node.n else 1 if 2 * n < node.n else 2
+                        stack.append((Node(*half(node, axis, upper), n), of))
+            elif segments and held + node.n <= 65536:
                 segments[-1].append(node)
-                held += node[2]
+                held += node.n
             else:
                 segments.append([node])
-                held = node[2]
+                held = node.n
         stream.finish()
         return segments
 
-    def slowest(self):
-        return 9 if self.spreads else 7
+    def width(self, node, k):
+        return self.extent[k] * 2.0 ** -node.depth[k]
 
     def axis(self, node):
         """The axis that a cell is halved along, or None."""
-        depth = node[0]
-        best, longest = None, 0.0
-        for k in range(3):
-            length = self.extent[k] * 2.0 ** -depth[k]
-            if length > longest and depth[k] < 40:
-                best, longest = k, length
-        return best
+        lengths = [self.width(node, k) if node.depth[k] < 40 else 0.0 for k in range(3)]
+        return lengths.index(max(lengths)) if max(lengths) > 0 else None
 
-    def halves(self, node, axis, splits):
-        depth, index, n, share = node
-        l = splits.read(n, share)
-        depth = tuple(d + (k == axis) for k, d in enumerate(depth))
-        result = []
-        for upper, part in ((0, l), (1, n - l)):
-            place = tuple(2 * i + upper if k == axis else i for k, i in enumerate(index))
-            of = 0 if part == n else 1 if 2 * part < n else 2
-            if part:
-                result.append((depth, place, part, of))
-        return result
+    # ------------------------------------------------------------ 7. Reconstruction
+
+    def radius_and_factor(self, t, c):
+        size, b = 0.5 * self.steps["size"] * t, self.importance
+        g = exp((-b if self.shaded else b) * size) * exp(b * (self.centre - 0.5 * self.steps["count"] * c))
+        return exp(size), min(max(g, 0.125), 8.0)
+
+    def coordinate(self, node, k, f):
+        """Where a share f of the way through a cell is."""
+        return self.lo[k] + self.extent[k] * ((node.index[k] + f) * 2.0 ** -node.depth[k])
 
     # ------------------------------------------------------------ 10. Counts and masses
 
@@ -404,19 +466,17 @@ class Block:
         self.counts = [0.0] * len(weights)
         self.masses = self.opacities = self.greys = None
         if self.shaded:
-            depth = [min(max(w, 2.0**-20), 16.0) for w in weights]
+            depth = [min(max(w * share, 2.0**-20), 16.0) for w, share in zip(weights, c["share"])]
             self.opacities = [1.0 - exp(-d) for d in depth]
             self.greys = [exp(grey * v) for v in c["W"]]
             weights = self.opacities
         self.counts = largest_remainder(weights, self.count)
         if self.weighted:
             masses = [n * exp(grey * v) for n, v in zip(self.counts, c["W"])]
-            if neumaier(masses) == 0:
-                masses = [self.mass / len(masses)] * len(masses)
-            else:
-                for _ in range(2):
-                    factor = self.mass / neumaier(masses)
-                    masses = [m * factor for m in masses]
+            for _ in range(2):
+                total = neumaier(masses)
+                factor = self.mass / total if 0 < total < math.inf else math.inf
+                masses = [m * factor if factor < math.inf else self.mass / len(masses) for m in masses]
             self.masses = masses
 
 
@@ -439,11 +499,222 @@ def largest_remainder(weights, number):
         for i in order[:left]:
             counts[i] += 1
         left -= min(left, len(order))
-    check(left == 0, "more counts than particles")
+    for i in sorted(range(len(counts)), key=lambda i: (-counts[i], i))[: max(-left, 0)]:
+        counts[i] -= 1
     return [float(n) for n in counts]
 
 
-# ---------------------------------------------------------------- 5. to 8. A segment
+class Node:
+    """A cell and what is known of its Gaussians: k, m of the page, the log count k' of the node that it is a half of."""
+
+    def __init__(self, depth, index, n):
+        self.depth, self.index, self.n = depth, index, n
+        self.halves, self.parts, self.size, self.by_symbol_0, self.m = [], [(0, 0)] * 3, None, 0, 0
+
+    def level(self):
+        return sum(self.depth)
+
+
+def half(node, axis, upper):
+    """Depth and index of a half's cell."""
+    if axis is None:
+        return node.depth, node.index
+    return (tuple(d + (k == axis) for k, d in enumerate(node.depth)),
+            tuple(2 * i + upper if k == axis else i for k, i in enumerate(node.index)))
+
+
+def split(stream, models, n, share):
+    key = share, n if n < 16 else min(n.bit_length() - 5, 4) + 16
+    if key not in models:
+        top = min(n, 15)
+        models[key] = Adaptive([4 if v in (0, top) else 1 if v < top else 0 for v in range(16)])
+    v = models[key].read(stream)
+    if n < 16:
+        check(v <= n, "a half with more than the whole")
+        return v
+    first, end = -(-v * (n + 1) // 16), -(-(v + 1) * (n + 1) // 16)
+    return first + long(stream, end - first)
+
+
+# ---------------------------------------------------------------- 6. From coarse to fine: levels
+
+SYMBOLS = ((18, 12, 1, 1), (18, 12, 1, 1), (20, 8, 2, 1), (20, 6, 4, 1), (17, 4, 7, 4), (12, 2, 8, 9), (7, 1, 7, 17), (3, 1, 5, 25),
+           (2, 1, 2, 60))
+
+
+class Segment:
+    """A segment, with models and trellises of its own."""
+
+    def __init__(self, block, roots):
+        self.block, self.roots = block, roots
+        low, spreads = block.low_bits, block.spreads
+        self.symbol = [Adaptive(SYMBOLS[min(i // 2, 8)]) for i in range(24)]
+        self.number = [Residuals(bell(64, spreads["count"]), low["count"]) for _ in range(3)]
+        self.size = Residuals(bell(32, spreads["size"]), low["size"])
+        self.mass = Residuals(mass_weights(32), low["mass"])
+        self.shape = [[Residuals(bell(16, s), low["shape"]) for _ in range(2)] for s in SPREADS]
+        self.trellis = {name: Trellis() for name in "size count mass shape place".split()}
+        self.queues = [[] for _ in range(256)]
+        self.most, self.held = sum(node.n for node in roots), 0
+        self.of_g = {}
+
+    def levels(self, stream, first, last):
+        if first == 0:
+            for root in self.roots:
+                root.k = root.parent = bits(stream, 24) - (1 << 22)
+                root.m = bits(stream, 24) - (1 << 22) if self.has_masses() else 0
+                root.root, root.single = (root.n, root.k), root.n == 1
+            self.heaviest = max(map(self.weight, self.roots))
+            for root in self.roots:
+                self.join(root, 0)
+        for level in range(first, last + 1):
+            for node in self.queues[level]:  # it grows
+                (self.gaussian if node.single else self.take_apart)(stream, node, level)
+        check(last < 255 or self.held == self.most, "Gaussians of a segment")
+
+    def has_masses(self):
+        return self.block.weighted or self.block.shaded
+
+    def weight(self, node):
+        return self.block.steps["count"] * node.k + 0.16 * node.level()
+
+    def join(self, node, level):
+        check(max(abs(node.k), abs(node.m)) <= 1 << 22, "a log count or mass")
+        if not node.by_symbol_0:
+            self.held += 1 if node.single else 2
+            check(self.held <= self.most, "Gaussians of a segment")
+        self.queues[max(level, min(math.floor(6.0 * (self.heaviest - self.weight(node))), 255))].append(node)
+
+    def take_apart(self, stream, node, level):
+        n, k0 = node.root
+        x = min(n * exp(self.block.steps["count"] * (node.k - k0)), 65536.0)
+        of_x = min(max(math.frexp(x)[1] - 1 + 3, 0), 11)
+        symbol, axis = self.symbol[2 * of_x + node.by_symbol_0].read(stream), self.block.axis(node)
+        if symbol == 0:
+            check(axis is not None, "a cell that cannot be halved")
+            node.depth, node.index = half(node, axis, bits(stream, 1))
+            node.by_symbol_0 = 1
+            return self.join(node, level)
+        upper = bits(stream, 1) if symbol == 2 else 0
+        d = self.number[symbol - 1].read(stream)
+        if symbol == 2:
+            d = -(d + self.block.surplus) if upper else d + self.block.surplus
+        larger = node.k - self.g(abs(d))
+        counts = [larger - max(-d, 0), larger - max(d, 0)]
+        masses = [0, 0]
+        if self.has_masses():
+            e = self.mass.read(stream)
+            masses = [node.m - (e >> 1) + e, node.m - (e >> 1)]
+        self.held -= 2
+        for side in (0, 1):
+            part = Node(*half(node, axis, side), None)
+            part.k, part.m, part.root, part.parent = counts[side], masses[side], node.root, node.k
+            part.single = symbol == 1 or symbol == 2 and side != upper
+            node.halves.append(part)
+            self.join(part, level)
+
+    def g(self, d):
+        if d not in self.of_g:
+            c = self.block.steps["count"]
+            both = 1.0 + exp(-c * d)
+            g = max(math.floor(math.log(both) / c) - 2, 0)  # at most the one that is looked for
+            while exp(c * (g + 0.5)) < both:
+                g += 1
+            self.of_g[d] = g
+        return self.of_g[d]
+
+    def prediction(self, node, parent):
+        products = sum(a * v for a, v in zip(self.block.slopes, (node.level(), node.k, parent)))
+        return min(max(self.block.constant + (products + 128 >> 8), -(1 << 21)), 1 << 21)
+
+    def gaussian(self, stream, node, level):
+        """Size and part of the cell of a single node."""
+        block = self.block
+        node.size = self.prediction(node, node.parent) + self.size.read(stream)
+        check(max(abs(node.size), abs(node.k), abs(node.m)) <= 1 << 20, "a number beyond its range")
+        r, g = block.radius_and_factor(2 * node.size, 2 * node.k)
+        for k in range(3):
+            v = block.width(node, k) / (block.steps["position"] * g * r)
+            q = min(max(math.frexp(min(v, 256.0))[1] - 2, 0), 6)
+            node.parts[k] = q, bits(stream, q)
+
+    def leaves(self):
+        """Nodes that are not taken apart, in the order of the tree."""
+        stack = self.roots[::-1]
+        while stack:
+            node = stack.pop()
+            stack.extend(reversed(node.halves))
+            if not node.halves:
+                yield node
+
+    def part(self):
+        """The mixture of a block whose last stages are missing."""
+        block, columns = self.block, self.block.columns
+        for node in self.leaves():
+            mean, variances, r, of = [], [], 0.0, 1.0 / 7.0
+            if node.size is not None:
+                r, of = exp(block.steps["size"] * (node.size + 0.25)), 1.0 / 12.0
+            for k, (q, v) in enumerate(node.parts):
+                width = block.width(node, k) * 2.0**-q
+                mean.append(block.coordinate(node, k, (v + 0.5) * 2.0**-q))
+                variances.append(of * (width * width) + r * r)
+            typical = exp(block.steps["size"] * self.prediction(node, node.k))
+            third = (variances[0] + variances[1] + variances[2]) / 3.0
+            columns["mean"].append(mean)
+            columns["cov"].append(covariance(1.0, [variances[0], 0.0, 0.0, variances[1], 0.0, variances[2]]))
+            columns["C"].append(2 * node.k + 0.5)
+            columns["W"].append(2 * node.m + 0.5)
+            columns["share"].append(min(1.0, typical * typical / third if third > 0.0 else 1.0))
+
+    # ------------------------------------------------------------ 7. The fine part
+
+    def fine(self, stream):
+        block, columns = self.block, self.block.columns
+        for node in self.leaves():
+            t, c = self.lattice("size", node.size), self.lattice("count", node.k)
+            w = self.lattice("mass", node.m) if self.has_masses() else 0
+            r, g = block.radius_and_factor(t, c)
+            step = min(0.5 * block.steps["shape"] * g, 1.0)
+            shape = [s * step for s in self.shapes(stream, g)]
+            check(all(abs(s) <= 32 for s in shape), "a shape number beyond its range")
+            unit = exponential(shape)
+            columns["mean"].append(self.place(stream, node, block.steps["position"] * g * r, cholesky(unit)))
+            columns["cov"].append(covariance(r, unit))
+            columns["C"].append(c)
+            columns["W"].append(w)
+            columns["share"].append(1.0)
+
+    def lattice(self, name, k):
+        """Half steps h = 2 k + z of one number."""
+        check(abs(k) <= 1 << 20, "a number beyond its range")
+        return 2 * k + self.trellis[name].take(k)
+
+    def shapes(self, stream, g):
+        numbers, total = [], 0
+        for j in range(5):
+            e = (5 * (self.block.spreads["shape"] / g) + total) / (5 + j) / 2.0 ** self.block.low_bits["shape"]
+            model = self.shape[sum(2.0**edge <= e * e for edge in range(-3, 8))][self.trellis["shape"].z]
+            numbers.append(self.lattice("shape", model.read(stream)))
+            total += abs(numbers[-1])
+        return numbers
+
+    def place(self, stream, node, u, widths):
+        block, trellis, mean = self.block, self.trellis["place"], []
+        for k, (q, v) in enumerate(node.parts):
+            n = max(math.floor(min(block.width(node, k) / (u * widths[k]) + 0.5, 2.0**40)), 1)
+            if n == 1:
+                f = 0.5
+                check(v == 2**q // 2, "part of a cell")
+            else:
+                z = trellis.z
+                first, end = (min(max(-(-(4 * n * x - ((1 + 2 * z) << q)) // (4 << q)), 0), n) for x in (v, v + 1))
+                check(first < end, "part of a cell")
+                j = first + (long(stream, end - first) if end - first > 1 else 0)
+                f = 0.25 * (4 * j + 1 + 2 * z) / n
+                trellis.take(j)
+            mean.append(block.coordinate(node, k, f))
+        return mean
+
 
 NEXT = ((0, 2), (5, 7), (1, 3), (4, 6), (2, 0), (7, 5), (3, 1), (6, 4))
 
@@ -456,119 +727,13 @@ class Trellis:
         return self.state % 2
 
     def take(self, k):
+        """The z that goes with k."""
+        z = self.z
         self.state = NEXT[self.state][k % 2]
+        return z
 
 
-class Segment:
-    """The walk over a segment's nodes, with models and trellises of its own."""
-
-    def __init__(self, block, stream):
-        self.block, self.stream, self.splits = block, stream, Splits(stream, block.slowest())
-        self.trellis = {name: Trellis() for name in "size count mass shape place".split()}
-        low = block.low_bits
-        slowest = block.slowest()
-        first = [first_weights(32)] * 3
-        size, number = ([bell(32, s)] for s in block.spreads[:2]) if block.spreads else (first, first)
-        self.size = [Residuals(stream, w, low["size"], slowest) for w in size]
-        self.number = [Residuals(stream, w, low["count"], slowest) for w in number]
-        self.mass = Residuals(stream, first[0], low["mass"], slowest)
-        self.shape = {}
-        self.level = [0, 0]
-        self.t, self.c, self.w = [0, 0], [0, 0], 0
-
-    def walk(self, nodes):
-        stack = list(reversed(nodes))
-        while stack:
-            node = stack.pop()
-            axis = self.block.axis(node)
-            if node[2] > 1 and axis is not None:
-                stack.extend(reversed(self.block.halves(node, axis, self.splits)))
-            else:
-                for _ in range(node[2]):
-                    self.gaussian(node)
-        self.stream.finish()
-
-    def lattice(self, name, predicted, model):
-        """Half steps h = 2 k + z of one number."""
-        trellis = self.trellis[name]
-        z = trellis.z
-        k = model.read() + ((predicted - z + 1) >> 1)
-        check(abs(k) <= 1 << 20, "a number beyond its range")
-        trellis.take(k)
-        return 2 * k + z
-
-    def gaussian(self, node):
-        block = self.block
-        level = sum(node[0])
-        near = abs(level - self.level[0])
-        near = 0 if near <= 1 or block.spreads else 1 if near <= 4 else 2
-        t = self.lattice("size", predict(block.size_constant, block.size_slopes, (level, self.level[0], *self.t)),
-                         self.size[near])
-        features = (level, self.level[0], t, self.t[0], *self.c)
-        c = self.lattice("count", predict(block.count_constant, block.count_slopes, features), self.number[near])
-        w = 0
-        if block.weighted or block.shaded:
-            w = self.lattice("mass", self.w, self.mass)
-            self.w = w
-        self.level[0], self.t, self.c = level, [t, self.t[0]], [c, self.c[0]]
-
-        steps, b = block.steps, block.importance
-        size = 0.5 * steps["size"] * t
-        r = exp(size)
-        g = exp((-b if block.shaded else b) * size) * exp(b * (block.centre - 0.5 * steps["count"] * c))
-        g = min(max(g, 0.125), 8.0)
-        numbers = self.shapes(g)
-        step = 0.5 * steps["shape"] * g
-        step = min(step, 1.0) if block.spreads else step
-        shape = [s * step for s in numbers]
-        check(all(abs(s) <= 32 for s in shape), "a shape number beyond its range")
-        columns = block.columns
-        unit = exponential(shape)
-        widths = cholesky(unit) if block.spreads else (1.0, 1.0, 1.0)
-        columns["mean"].append(self.place(node, steps["position"] * g * r, widths))
-        columns["cov"].append(covariance(r, unit))
-        columns["C"].append(c)
-        columns["W"].append(w)
-
-    def shapes(self, g):
-        square = g * g
-        of_g = sum(2.0**e <= square for e in range(-5, 6))
-        numbers, total = [], 0
-        for j in range(5):
-            mean = total // j if j else 0
-            key = (j < 2, of_g, 0 if mean < 2 else 1 if mean <= 4 else 2)
-            weights, low = first_weights(16), self.block.low_bits["shape"]
-            if self.block.spreads:
-                e = (5 * (self.block.spreads[2] / g) + total) / (5 + j) / 2.0**low
-                of_e = sum(2.0**edge <= e * e for edge in range(-3, 8))
-                key, weights = (of_e, self.trellis["shape"].z), bell(16, SPREADS[of_e])
-            if key not in self.shape:
-                self.shape[key] = Residuals(self.stream, weights, low, self.block.slowest())
-            numbers.append(self.lattice("shape", 0, self.shape[key]))
-            total += abs(numbers[-1])
-        return numbers
-
-    def place(self, node, u, widths):
-        block, trellis, mean = self.block, self.trellis["place"], []
-        depth, index = node[0], node[1]
-        for k in range(3):
-            levels = block.extent[k] * 2.0 ** -depth[k] / (u * widths[k]) + 0.5
-            n = min(max(math.floor(levels), 1), 1 << 40) if levels < 2.0**41 else 1 << 40
-            f = 0.5
-            if n > 1:
-                j = long(self.stream, n)
-                f = 0.25 * (4 * j + 1 + 2 * trellis.z) / n
-                trellis.take(j)
-            mean.append(block.lo[k] + block.extent[k] * ((index[k] + f) * 2.0 ** -depth[k]))
-        return mean
-
-
-def predict(constant, slopes, features):
-    p = constant + (sum(s * f for s, f in zip(slopes, features)) + 128 >> 8)
-    return min(max(p, -(1 << 21)), 1 << 21)
-
-
-# ---------------------------------------------------------------- 7. Entropy coding
+# ---------------------------------------------------------------- 8. Entropy coding
 
 class Stream:
     """rANS with two states that take turns."""
@@ -625,8 +790,8 @@ def long(stream, n):
 class Adaptive:
     """A model of K symbols that learns."""
 
-    def __init__(self, stream, weights, slowest):
-        self.stream, self.k, self.seen, self.slowest = stream, len(weights), 0, slowest
+    def __init__(self, weights):
+        self.k, self.seen = len(weights), 0
         room, total, below = (1 << 30) - self.k * 32768, sum(weights), 0
         self.f = []
         for v, w in enumerate(weights):
@@ -636,46 +801,39 @@ class Adaptive:
         self.above = [(1 << 30) - (self.k - i) * 32768 for i in range(self.k)]
         self.below = [i * 32768 for i in range(self.k)]
 
-    def read(self):
-        f, slot = self.f, self.stream.slot()
+    def read(self, stream):
+        f, slot = self.f, stream.slot()
         # The last v with F[v] >> 15 <= slot.
         v = bisect_right(f, slot << 15 | 0x7FFF) - 1
         start = f[v] >> 15
         end = f[v + 1] >> 15 if v + 1 < self.k else 32768
-        self.stream.take(start, end - start)
+        stream.take(start, end - start)
         self.seen += 1
-        q = min(4 + sum(self.seen > n for n in (12, 40, 120, 360, 1000)), self.slowest)
+        q = 4 + sum(self.seen > n for n in (12, 40, 120, 360, 1000))
         targets = self.below[: v + 1] + self.above[v + 1 :]
         self.f = [a + (t - a >> q) for a, t in zip(f, targets)]
         self.f[0] = 0
         return v
 
 
-# ---------------------------------------------------------------- 8. What is coded with which model
+class Residuals:
+    def __init__(self, weights, low_bits):
+        self.most, self.low_bits, self.model = len(weights) // 2 - 1, low_bits, Adaptive(weights)
 
-class Splits:
-    def __init__(self, stream, slowest):
-        self.stream, self.models, self.slowest = stream, {}, slowest
-
-    def read(self, n, share):
-        of_n = n if n < 16 else min(n.bit_length() - 5, 4) + 16
-        model = self.models.get((share, of_n))
-        if model is None:
-            top = min(n, 15)
-            weights = [4 if v in (0, top) else 1 if v < top else 0 for v in range(16)]
-            model = self.models[share, of_n] = Adaptive(self.stream, weights, self.slowest)
-        v = model.read()
-        if n < 16:
-            check(v <= n, "a half with more than the whole")
-            return v
-        first, end = -(-v * (n + 1) // 16), -(-(v + 1) * (n + 1) // 16)
-        return first + long(self.stream, end - first)
+    def read(self, stream):
+        value = self.model.read(stream) - self.most
+        if value == self.most + 1:
+            negative = bits(stream, 1)
+            n = uniform(stream, 22)
+            value = (1 << n) + bits(stream, n) + self.most
+            value = -value if negative else value
+        return value << self.low_bits | bits(stream, self.low_bits)
 
 
 SPREADS = (0.1875, 0.25, 0.375, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
 
 
-def first_weights(k):
+def mass_weights(k):
     steps = [65536]
     for _ in range(k // 2):
         steps.append(steps[-1] * 3 // 4)
@@ -690,23 +848,6 @@ def bell(k, spread):
 def around(k, steps):
     most = k // 2 - 1
     return [steps[abs(v)] for v in range(-most, most + 1)] + [steps[most + 1]]
-
-
-class Residuals:
-    def __init__(self, stream, weights, low_bits, slowest):
-        self.stream, self.most, self.low_bits = stream, len(weights) // 2 - 1, low_bits
-        self.model = Adaptive(stream, weights, slowest)
-
-    def read(self):
-        v = self.model.read()
-        if v == self.model.k - 1:
-            negative = bits(self.stream, 1)
-            n = uniform(self.stream, 22)
-            magnitude = (1 << n) + bits(self.stream, n) + self.most
-            value = -magnitude if negative else magnitude
-        else:
-            value = v - self.most
-        return value << self.low_bits | bits(self.stream, self.low_bits)
 
 
 # ---------------------------------------------------------------- 9. Covariance
@@ -747,7 +888,7 @@ def exponential(s):
 
 def covariance(r, unit):
     cov = [r * r * v for v in unit]
-    check(all(math.isfinite(v) for v in cov), "a covariance that is not finite")
+    check(all(map(math.isfinite, cov)) and min(cov[0], cov[3], cov[5]) >= 0, "a covariance")
     return cov
 
 
@@ -822,13 +963,28 @@ def dump(model, out):
     for name, blocks in model["layers"]:
         print("layer", name.decode(), len(blocks), file=out)
         for block in blocks:
-            print("block", block.count, hexadecimal([block.mass, *block.lo, *block.hi]), block.gaussians, file=out)
+            print("block", block.count, hexadecimal([block.mass, *block.lo, *block.hi]), len(block.counts), file=out)
             extra = [c for c in (block.masses, block.opacities, block.greys) if c is not None]
-            for i in range(block.gaussians):
+            for i in range(len(block.counts)):
                 row = [*block.columns["mean"][i], *block.columns["cov"][i], block.counts[i], *[c[i] for c in extra]]
                 print(hexadecimal(row), file=out)
 
 
+def cut(data, prefix):
+    """Open files, one that ends within each section behind the first block."""
+    found, _ = sections(data)
+    head = data[:12] + bytes(8)
+    head += struct.pack("<I", zlib.crc32(head))
+    first = [tag for tag, _, _ in found].index(b"BLOK") + 1
+    for n, (_, content, place) in enumerate(found[first:]):
+        with open(f"{prefix}-{n}.pgs", "wb") as out:
+            out.write(head + data[24 : place + 15 + len(content)])
+
+
 if __name__ == "__main__":
-    with open(sys.argv[1], "rb") as f:
-        dump(read(f.read()), sys.stdout)
+    *arguments, model = sys.argv[1:]
+    with open(model, "rb") as f:
+        if arguments:
+            cut(f.read(), arguments[1])
+        else:
+            dump(read(f.read()), sys.stdout)

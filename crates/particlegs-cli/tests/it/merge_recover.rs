@@ -135,3 +135,33 @@ fn recovered_particles_say_what_they_are() {
     fails(particlegs().arg("recover").arg(&model).arg("-o").arg(&model), 8, "is an input");
     fails(particlegs().arg("recover").arg(&model).arg("-o").arg(out("missing/deep")), 6, "missing");
 }
+
+/// A file of a newer program: open, with an index and sections that this one does not know.
+#[test]
+fn what_newer_programs_add_survives_merging_and_is_named_where_it_is_left_out() {
+    let dir = tempfile::tempdir().unwrap();
+    let room = Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs/tests/fixtures/format-1.0-room.pgs");
+    let info = |path: &Path| {
+        let out = particlegs().arg("info").arg(path).output().unwrap();
+        String::from_utf8(out.stdout).unwrap()
+    };
+    let out = dir.path().join("merged.pgs");
+    merged(&[&room], &out);
+    for path in [&room, &out] {
+        let text = info(path);
+        for tag in ["`fiLD`", "`paRT`", "`nOTe`"] {
+            assert!(text.contains(tag), "{text}");
+        }
+    }
+    let small = dir.path().join("small.pgs");
+    let simplified =
+        particlegs().arg("simplify").arg(&room).args(["--gaussians", "9", "-o"]).arg(&small).output().unwrap();
+    let text = String::from_utf8(simplified.stderr).unwrap();
+    assert!(text.contains("left out: `fiLD` (18 bytes), `paRT` (13 bytes), `nOTe` (17 bytes)"), "{text}");
+    assert!(!info(&small).contains("`fiLD`"));
+    // Cut within its only block, it is refused.
+    let bytes = std::fs::read(&room).unwrap();
+    let cut = dir.path().join("cut.pgs");
+    std::fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
+    fails(particlegs().arg("info").arg(&cut), 4, "it ends before its first block");
+}

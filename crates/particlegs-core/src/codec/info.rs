@@ -63,7 +63,8 @@ impl FileInfo {
             let there = self.metadata.count;
             format!("it ends early: {there} of {} particles are there", there.saturating_add(self.missing_particles))
         });
-        let stages = (coarse > 0).then(|| format!("{coarse} of its {all} blocks are coarse: their last stages are missing"));
+        let stages =
+            (coarse > 0).then(|| format!("{coarse} of its {all} blocks are coarse: their last stages are missing"));
         let both: Vec<String> = particles.into_iter().chain(stages).collect();
         (!both.is_empty()).then(|| both.join("; "))
     }
@@ -72,7 +73,8 @@ impl FileInfo {
     /// `None`: it has none.
     pub fn left_out(&self) -> Option<String> {
         let words: Vec<String> = self.other_sections.iter().map(|(tag, n)| format!("`{tag}` ({n} bytes)")).collect();
-        (!words.is_empty()).then(|| format!("sections that this program does not know are left out: {}", words.join(", ")))
+        (!words.is_empty())
+            .then(|| format!("sections that this program does not know are left out: {}", words.join(", ")))
     }
 
     /// Number of Gaussians.

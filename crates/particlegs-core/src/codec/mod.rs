@@ -1,11 +1,12 @@
 //! Floor 3: mixture to bytes and back (docs/format.md).
 //!
-//! A block's means are sorted into a tree of boxes (`tree`); sizes, counts, shapes (`shape`) and
-//! places (`place`) are put on lattices (`trellis`); one walk (`walk`) codes them against predictions with
-//! adaptive models (`symbols`) and rANS (`rans`); points alone are coded alike (`points`), as
-//! many of them as fit in a size (`thinning`). Sections with
-//! checksums hold it all together; files are merged by copying their blocks (`merge`). Blocks of the alpha-blend law hold opacities
-//! and grey levels in the places of counts and masses; its network has a section (`vizmapper`).
+//! A block's means are sorted into a tree of cells (`tree`); sizes, counts, shapes (`shape`) and places (`place`) are put
+//! on lattices (`trellis`). One walk codes the tree level by level, heavy and dense nodes first, with every node's count
+//! (`levels`; `source` is its encoder's side); a second one codes what is left in the order of the tree (`fine`), so that
+//! any prefix is a coarser mixture. Both use adaptive models (`symbols`) and rANS (`rans`); points alone are coded alike
+//! (`points`), as many of them as fit in a size (`thinning`). Sections with checksums hold it all together (`container`,
+//! `file`); files are merged by copying their blocks (`merge`). Blocks of the alpha-blend law hold opacities and grey
+//! levels in the places of counts and masses; its network has a section (`vizmapper`).
 
 mod certificate;
 mod container;
