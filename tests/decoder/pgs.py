@@ -97,7 +97,7 @@ def read(data):
             model["vizm"] = network(content)
         elif tag == b"LAYR":
             check(content and len(content) == content[0] + 5, "length of a layer's head")
-            name, left = content[1:-4], struct.unpack("<I", content[-4:])[0]
+            name, left = content[1:-4].decode(), struct.unpack("<I", content[-4:])[0]
             check(left and len(model["layers"]) < 1024, "number of blocks or layers")
             check(not model["layers"] or model["layers"][-1][0] < name, "order of layers")
             model["layers"].append((name, []))
@@ -961,7 +961,7 @@ def dump(model, out):
         print("ranges", hexadecimal(model["vizm"]["ranges"]), file=out)
         print("network", parameters.astype("<f4").tobytes().hex(), file=out)
     for name, blocks in model["layers"]:
-        print("layer", name.decode(), len(blocks), file=out)
+        print("layer", name, len(blocks), file=out)
         for block in blocks:
             print("block", block.count, hexadecimal([block.mass, *block.lo, *block.hi]), len(block.counts), file=out)
             extra = [c for c in (block.masses, block.opacities, block.greys) if c is not None]
