@@ -7,6 +7,7 @@ use super::container::{
 use super::encoder::STAGES;
 use super::header::BlockHeader;
 use super::metadata::Fault;
+use super::sums::compensated;
 use super::wire::Reader;
 use super::{Encoder, Precision, certificate, metadata, streams, vizmapper};
 use crate::model::{
@@ -390,7 +391,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
         let there = headers().fold(0u64, |sum, h| sum.saturating_add(h.count));
         missing_particles = metadata.count.saturating_sub(there);
         if missing_particles > 0 {
-            (metadata.count, metadata.mass) = (there, headers().map(|h| h.mass).sum());
+            (metadata.count, metadata.mass) = (there, compensated(&headers().map(|h| h.mass).collect::<Vec<_>>()));
         }
     }
     agree(&metadata, &layers).map_err(corrupt)?;

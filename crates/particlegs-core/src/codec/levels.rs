@@ -439,38 +439,38 @@ fn plain(c: &mut impl Coder, value: i32) -> Result<i32, OutOfRange> {
 pub(crate) struct CountSums {
     step: f64,
     /// What two halves hold more than the larger one, by the difference of their log counts.
-    surplus: [i32; TABLED],
+    excess: [i32; TABLED],
 }
 
-/// Differences whose surplus is kept.
+/// Differences whose excess is kept.
 const TABLED: usize = 64;
 
 impl CountSums {
     /// Log counts in steps of `step`.
     pub(crate) fn new(step: f64) -> Self {
-        CountSums { step, surplus: std::array::from_fn(|d| surplus(step, d as u32)) }
+        CountSums { step, excess: std::array::from_fn(|d| excess(step, d as u32)) }
     }
 
-    fn surplus(&self, difference: u32) -> i32 {
-        self.surplus.get(difference as usize).copied().unwrap_or_else(|| surplus(self.step, difference))
+    fn excess(&self, difference: u32) -> i32 {
+        self.excess.get(difference as usize).copied().unwrap_or_else(|| excess(self.step, difference))
     }
 
     /// The log count of a node whose halves have these.
     pub(crate) fn whole(&self, [a, b]: [i32; 2]) -> i32 {
-        a.max(b) + self.surplus(a.abs_diff(b))
+        a.max(b) + self.excess(a.abs_diff(b))
     }
 
     /// The log counts of the halves of a node, from their difference.
     fn parts(&self, whole: i32, difference: i32) -> [i32; 2] {
         let size = difference.unsigned_abs();
-        let larger = whole.saturating_sub(self.surplus(size));
+        let larger = whole.saturating_sub(self.excess(size));
         let smaller = larger.saturating_sub_unsigned(size);
         if difference >= 0 { [larger, smaller] } else { [smaller, larger] }
     }
 }
 
 /// ln(1 + exp(-step difference)) in whole steps, rounded: the least g with exp(step (g + 0.5)) >= 1 + exp(-step difference).
-fn surplus(step: f64, difference: u32) -> i32 {
+fn excess(step: f64, difference: u32) -> i32 {
     let sum = 1.0 + exp(-step * f64::from(difference));
     let enough = |g: i32| exp(step * (f64::from(g) + 0.5)) >= sum;
     // A guess that any logarithm is near enough for: the comparisons decide.
