@@ -340,9 +340,6 @@ def figures(value, codings):
 
 # ---------------------------------------------------------------- 4. BLOK
 
-LEAST = float(np.float32(1e-6))
-
-
 class Block:
     """A block's header and its Gaussians, as columns of floats in the order of the file."""
 
@@ -362,7 +359,7 @@ class Block:
         self.extent = tuple(h - l for l, h in zip(self.lo, self.hi))
         check(all(map(math.isfinite, (*self.lo, *self.extent, self.mass))) and min(self.extent) >= 0, "bounds or mass")
         check(1 <= self.count <= 1 << 53 and self.mass > 0 and self.gaussians and flags < 3, "header of a block")
-        check(max(head[10:14]) <= 15 and all(LEAST <= v <= 16 for v in head[14:19]), "low bits or steps")
+        check(max(head[10:14]) <= 15 and all(np.float32(1e-6) <= v <= 16 for v in head[14:19]), "low bits or steps")
         check(0 <= head[19] <= 4 and abs(head[20]) <= 1e6 and all(0 <= v <= 1e6 for v in head[26:29]), "header of a block")
         ends = list(stages[0][126 : 125 + number])
         check(number <= 8 and len(ends) == number - 1 and ends == sorted(set(ends)), "last levels of stages")
@@ -404,10 +401,8 @@ class Block:
                 stream.finish()
                 check(length in (None, stream.end()), "length of a stream")
                 at += stream.end()
-            padded = at
-            if j + 1 == len(ends):
-                padded = max(at, -(-self.gaussians // 4) - len(self.bytes) + len(data))
-            check(len(data) == padded and not any(data[at:]), "length of a stage")
+            padding = -(-self.gaussians // 4) - len(self.bytes) if j + 1 == len(ends) else -len(data)
+            check(len(data) == max(at, len(data) + padding) and not any(data[at:]), "length of a stage")
             at = 0
         if not self.whole:
             for segment in segments:
@@ -418,12 +413,13 @@ class Block:
 
     def trunk(self, stream, root):
         """Nodes of at most 65536 Gaussians, joined to segments."""
-        models, stack, segments, held = {}, [(root, 0)], [], 0
+        models = [Adaptive([4, *[1] * 14, 4]) for _ in range(3)]
+        stack, segments, held = [(root, 0)], [], 0
         while stack:
             node, share = stack.pop()
             axis = self.axis(node)
             if node.n > 65536 and axis is not None:
-                lower = split(stream, models, node.n, share)
+                lower = split(stream, models[share], node.n)
                 for upper, n in ((1, node.n - lower), (0, lower)):
                     if n:
                         of = 0 if n == node.n else 1 if 2 * n < node.n else 2
@@ -460,10 +456,8 @@ class Block:
 
     def finish(self):
         c = self.columns
-        half = 0.5 * self.steps["count"]
+        half, grey = 0.5 * self.steps["count"], 0.5 * self.steps["mass"]
         weights = [exp(half * v) for v in c["C"]]
-        grey = 0.5 * self.steps["mass"]
-        self.counts = [0.0] * len(weights)
         self.masses = self.opacities = self.greys = None
         if self.shaded:
             depth = [min(max(w * share, 2.0**-20), 16.0) for w, share in zip(weights, c["share"])]
@@ -505,7 +499,7 @@ def largest_remainder(weights, number):
 
 
 class Node:
-    """A cell and what is known of its Gaussians: k, m of the page, the log count k' of the node that it is a half of."""
+    """A cell and what is known of its Gaussians. `parent` is the log count k' of the node that it is a half of."""
 
     def __init__(self, depth, index, n):
         self.depth, self.index, self.n = depth, index, n
@@ -523,23 +517,17 @@ def half(node, axis, upper):
             tuple(2 * i + upper if k == axis else i for k, i in enumerate(node.index)))
 
 
-def split(stream, models, n, share):
-    key = share, n if n < 16 else min(n.bit_length() - 5, 4) + 16
-    if key not in models:
-        top = min(n, 15)
-        models[key] = Adaptive([4 if v in (0, top) else 1 if v < top else 0 for v in range(16)])
-    v = models[key].read(stream)
-    if n < 16:
-        check(v <= n, "a half with more than the whole")
-        return v
+def split(stream, model, n):
+    """Gaussians of the lower half: n is above 65536, of the last class."""
+    v = model.read(stream)
     first, end = -(-v * (n + 1) // 16), -(-(v + 1) * (n + 1) // 16)
     return first + long(stream, end - first)
 
 
 # ---------------------------------------------------------------- 6. From coarse to fine: levels
 
-SYMBOLS = ((18, 12, 1, 1), (18, 12, 1, 1), (20, 8, 2, 1), (20, 6, 4, 1), (17, 4, 7, 4), (12, 2, 8, 9), (7, 1, 7, 17), (3, 1, 5, 25),
-           (2, 1, 2, 60))
+SYMBOLS = ((18, 12, 1, 1), (18, 12, 1, 1), (20, 8, 2, 1), (20, 6, 4, 1), (17, 4, 7, 4), (12, 2, 8, 9), (7, 1, 7, 17),
+           (3, 1, 5, 25), (2, 1, 2, 60))
 
 
 class Segment:
