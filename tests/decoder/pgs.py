@@ -493,8 +493,10 @@ def largest_remainder(weights, number):
         for i in order[:left]:
             counts[i] += 1
         left -= min(left, len(order))
-    for i in sorted(range(len(counts)), key=lambda i: (-counts[i], i))[: max(-left, 0)]:
-        counts[i] -= 1
+    for i in sorted(range(len(counts)), key=lambda i: (-counts[i], i)) if left < 0 else ():
+        taken = min(counts[i], -left)
+        counts[i] -= taken
+        left += taken
     return [float(n) for n in counts]
 
 

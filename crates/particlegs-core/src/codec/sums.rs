@@ -78,12 +78,12 @@ pub fn depth_of(opacity: f64) -> f64 {
 pub fn rescale(masses: &mut [f64], total: f64) {
     for _ in 0..2 {
         let sum = compensated(masses);
-        if !(sum > 0.0 && sum.is_finite()) {
+        let factor = total / sum;
+        if !(sum > 0.0 && sum.is_finite() && factor.is_finite()) {
             let n = masses.len() as f64;
             masses.fill(total / n);
             return;
         }
-        let factor = total / sum;
         masses.iter_mut().for_each(|m| *m *= factor);
     }
 }
