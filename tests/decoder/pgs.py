@@ -123,8 +123,11 @@ def read(data):
 def check_sums(model, is_open):
     meta, blocks = model["meta"], [b for _, blocks in model["layers"] for b in blocks]
     particles, mass = sum(b.count for b in blocks), neumaier([b.mass for b in blocks])
-    if is_open and particles < meta["particles"]:
+    lacking = is_open and particles < meta["particles"]
+    if lacking:
         meta["particles"], meta["mass"] = particles, mass
+    if lacking or not all(b.whole for b in blocks):
+        model["cert"] = {}
     check(particles == meta["particles"] and abs(mass - meta["mass"]) <= 1e-9 * meta["mass"], "particles or mass")
     check(all(b.shaded == (meta["law"] == 2) for b in blocks), "shaded blocks and the image law")
     for (weighted, _), (_, own) in zip(masses_of(model), model["layers"]):
