@@ -175,6 +175,9 @@ pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<Sections<'a>> {
         }
         let section = section(file, at).map_err(|what| Error::corrupt(place, format!("at byte {at}: {what}")))?;
         at += SECTION_BYTES + section.content();
+        if sections.is_empty() && section.tag != META {
+            return Err(Error::corrupt(place, "it does not begin with metadata"));
+        }
         match section.tag {
             INDEX if index.is_some() => return Err(Error::corrupt(place, "a second index")),
             INDEX => index = Some(section),
@@ -253,6 +256,9 @@ fn section(file: &[u8], offset: usize) -> std::result::Result<Section<'_>, Strin
     let mut fields = Reader::new(head);
     let tag = fields.take(4)?;
     let tag = [tag[0], tag[1], tag[2], tag[3]];
+    if !tag.iter().all(u8::is_ascii_alphabetic) {
+        return Err(format!("the tag `{}` of a section is not letters", tag.escape_ascii()));
+    }
     let length = fields.u64()?;
     let sum = r.u32()?;
     let length = usize::try_from(length).map_err(|_| format!("a section of {length} bytes"))?;

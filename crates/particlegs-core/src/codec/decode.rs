@@ -79,7 +79,7 @@ impl<'a> Decoder<'a> {
                     pieces.extend((0..decoder.len()).map(piece));
                     BlockState::Whole(decoder)
                 } else {
-                    BlockState::Coarse(decoder::prefix(&block.bytes).map_err(at)?)
+                    BlockState::Coarse(decoder::part(&block.bytes, decoder::Ending::Stage).map_err(at)?)
                 };
                 blocks.push(BlockUnderWay { layer, offset: block.offset, bytes: block.bytes.to_vec(), state });
             }

@@ -126,7 +126,7 @@ pub(crate) struct Segment<'a> {
 pub(crate) fn block(bytes: &[u8], progress: &dyn Progress) -> Result<Block, Fault> {
     let header = BlockHeader::read(bytes)?;
     if streams::stages(&header, bytes)?.len() <= header.cuts.len() {
-        return prefix(bytes);
+        return part(bytes, Ending::Stage);
     }
     let mut decoder = BlockDecoder::new(bytes, progress)?;
     parallel::try_for_each(decoder.segments(bytes), Segment::read)?;
@@ -136,6 +136,20 @@ pub(crate) fn block(bytes: &[u8], progress: &dyn Progress) -> Result<Block, Faul
 /// What the first bytes of a block say: a mixture of fewer, larger Gaussians of the same particles and mass. The header
 /// and the table of streams must be there.
 pub(crate) fn prefix(bytes: &[u8]) -> Result<Block, Fault> {
+    part(bytes, Ending::Anywhere)
+}
+
+/// Where the bytes of a part of a block may end.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Ending {
+    /// With a stage: its streams end as they should.
+    Stage,
+    /// Within a stream.
+    Anywhere,
+}
+
+/// What a part of a block says.
+pub(crate) fn part(bytes: &[u8], ending: Ending) -> Result<Block, Fault> {
     let header = BlockHeader::read(bytes)?;
     let streams = streams::read(&header, bytes)?;
     let nodes = segment_nodes(&header, &streams, bytes)?;
@@ -149,7 +163,7 @@ pub(crate) fn prefix(bytes: &[u8]) -> Result<Block, Fault> {
     });
     let parts = parallel::map(coded.collect::<Vec<_>>(), |coded| {
         let streams: Vec<&[u8]> = coded.streams.iter().map(|s| &bytes[s.clone()]).collect();
-        coarse(&header, &coded.nodes, &streams)
+        coarse(&header, &coded.nodes, &streams, ending)
     });
     let mut all = BlockColumns { mean: Default::default(), count: vec![], cov: Default::default(), weight: vec![] };
     for part in parts {
@@ -159,7 +173,10 @@ pub(crate) fn prefix(bytes: &[u8]) -> Result<Block, Fault> {
         all.count.append(&mut part.count);
         all.weight.append(&mut part.weight);
     }
-    Ok(all.into_block(header))
+    match all.cov.iter().all(|column| column.iter().all(|v| v.is_finite())) {
+        true => Ok(all.into_block(header)),
+        false => Err("a covariance is out of range".into()),
+    }
 }
 
 /// The nodes of each segment.
@@ -184,36 +201,47 @@ const PART_VARIANCE: f64 = 1.0 / 12.0;
 const MIDDLE: f64 = 0.25;
 
 /// What the streams of a segment say, as far as they go.
-fn coarse(header: &BlockHeader, nodes: &[Node], streams: &[&[u8]]) -> Result<BlockColumns, String> {
-    let bytes: usize = streams.iter().map(|s| s.len()).sum();
+fn coarse(header: &BlockHeader, nodes: &[Node], streams: &[&[u8]], ending: Ending) -> Result<BlockColumns, String> {
     let mut out = BlockColumns { mean: Default::default(), count: vec![], cov: Default::default(), weight: vec![] };
     let extent = header.bounds.extent();
-    let mut players = streams.iter().enumerate().filter_map(|(stage, s)| Some((stage, Player::new(s)?)));
-    let Some((0, mut player)) = players.next() else {
+    let bytes: usize = streams.iter().map(|s| s.len()).sum();
+    let mut walk: Option<LevelWalk<'_>> = None;
+    let mut fine = None;
+    for (stage, stream) in streams.iter().enumerate() {
+        let mut player = match Player::new(stream) {
+            Some(player) => player,
+            None if ending == Ending::Anywhere => break,
+            // A stage that is not there has no bytes at all.
+            None if stream.is_empty() && stage > 0 => break,
+            None => return Err("a stream has no start".into()),
+        };
+        if walk.is_none() {
+            let mut begun = LevelWalk::new(&mut player, header, nodes, &mut NoSource).map_err(out_of_range)?;
+            begun.limit(bytes * GAUSSIANS_A_BYTE as usize + nodes.len());
+            walk = Some(begun).filter(|_| !player.exhausted());
+        }
+        let Some(walk) = &mut walk else { break };
+        let level = header.cuts.get(stage).map_or(LEVELS - 1, |&level| usize::from(level));
+        let whole = walk.run(&mut player, &mut NoSource, level).map_err(out_of_range)?;
+        if ending == Ending::Stage {
+            end(&player, true)?;
+        }
+        if !whole {
+            break;
+        }
+        if level == LEVELS - 1 {
+            fine = Some((FineWalk::new(header), player));
+        }
+    }
+    let Some(walk) = walk else {
         nodes.iter().for_each(|node| out.push_cell(header, node));
         return Ok(out);
     };
-    let mut walk = LevelWalk::new(&mut player, header, nodes, &mut NoSource).map_err(out_of_range)?;
-    walk.limit(bytes * GAUSSIANS_A_BYTE as usize + nodes.len());
-    let mut stage = 0;
-    let mut went_on = !player.exhausted();
-    while went_on {
-        let level = header.cuts.get(stage).map_or(LEVELS - 1, |&level| usize::from(level));
-        went_on = walk.run(&mut player, &mut NoSource, level).map_err(out_of_range)?;
-        if !went_on || level == LEVELS - 1 {
-            break;
-        }
-        match players.next() {
-            Some((next, p)) if next == stage + 1 => (stage, player) = (next, p),
-            _ => went_on = false,
-        }
-    }
-    let mut fine = went_on.then(|| FineWalk::new(header));
     for node in walk.in_order() {
         let node = &walk.nodes[node as usize];
-        if let Some(known) = &mut fine {
+        if let Some((known, player)) = &mut fine {
             let mut leaf = Leaf::default();
-            let coded = known.code(&mut player, node, &mut leaf);
+            let coded = known.code(player, node, &mut leaf);
             if !player.exhausted() {
                 coded.map_err(out_of_range)?;
                 out.push_leaf(header, extent, &leaf);

@@ -378,7 +378,8 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
             return Err(at(format!("{} sections for {there} stages", block.stages)));
         }
     }
-    check_blocks(&layers, file.open).map_err(corrupt)?;
+    // Stages come after all blocks: where there is one, no block is missing.
+    check_blocks(&layers, file.open && before.is_none()).map_err(corrupt)?;
     layers.retain(|l| !l.2.is_empty());
     let wrong = || corrupt("masses of another number of layers".into());
     let masses = metadata::of_layers(&masses, layers.len(), file.open).ok_or_else(wrong)?;

@@ -55,7 +55,7 @@ fn sections(file: &[u8]) -> Vec<Section<'_>> {
     container::read(file, "m").ok().unwrap().sections
 }
 
-fn with(file: &[u8], change: impl FnOnce(&mut Vec<Section<'_>>)) -> Vec<u8> {
+fn with<'a>(file: &'a [u8], change: impl FnOnce(&mut Vec<Section<'a>>)) -> Vec<u8> {
     let mut all = sections(file);
     change(&mut all);
     container::write(&all, false)
@@ -134,6 +134,24 @@ fn what_may_not_be_skipped_or_belongs_to_no_block_is_refused() {
     assert!(matches!(decode(&refused(b"Xtra", Some(0)), "m"), Err(Error::Compatibility { .. })));
     assert!(matches!(decode(&refused(b"xtra", Some(4)), "m"), Err(Error::Corrupt { .. })));
     assert!(matches!(decode(&refused(b"META", None), "m"), Err(Error::Corrupt { .. })));
+    assert!(matches!(decode(&refused(b"x1RA", None), "m"), Err(Error::Corrupt { .. })));
+    let first = with(&file, |all| all.insert(0, Section::new(*b"xTRA", None, b"")));
+    assert!(matches!(decode(&first, "m"), Err(Error::Corrupt { .. })));
+    // A block that is missing before stages of others.
+    let gap = open(&with(&file, |all| {
+        all.remove(6);
+    }));
+    assert!(matches!(decode(&gap, "m"), Err(Error::Corrupt { .. })));
+    // The last stage that is there, a byte too short or too long; the table of the block says how long it is.
+    let cut = with(&file, |all| all.truncate(7));
+    assert!(decode(&cut, "m").is_ok());
+    for at in [3, 6] {
+        let block = sections(&cut)[at].bytes;
+        for other in [&block[..block.len() - 2], &[block, &[0, 0]].concat()] {
+            let other = with(&cut, |all| all[at].bytes = other);
+            assert!(matches!(decode(&other, "m"), Err(Error::Corrupt { .. })), "{at}");
+        }
+    }
     // A stage twice, of another block, or before an earlier one.
     for (from, to) in [(7, 8), (8, 7), (9, 7), (10, 9)] {
         let moved = with(&file, |all| all.swap(from, to));
