@@ -11,7 +11,7 @@ fuzz_target!(|bytes: &[u8]| {
         assert!(model.gaussians() > 0);
         assert!(model.blocks().all(|b| b.gaussians.law.kind() == model.metadata.law));
     }
-    if let Ok(block) = codec::decode_block(bytes, "fuzz") {
+    for block in [codec::decode_block(bytes, "fuzz"), codec::decode_prefix(bytes, "fuzz")].into_iter().flatten() {
         assert_eq!(block.gaussians.count.iter().map(|&c| c as u64).sum::<u64>(), block.count);
         if let Some(columns) = block.gaussians.law.alpha_blend() {
             assert!(columns.opacity.iter().all(|&o| o > 0.0 && o < 1.0));
