@@ -1,11 +1,10 @@
 //! Compression, by the command's options.
 
-use crate::errors::{InputError, OrRaise};
+use crate::errors::{InputError, OrRaise, named};
 use crate::model::Model;
 use crate::snapshot::Snapshot;
 use crate::work::How;
 use particlegs::compress::{Options, Target, compress as run};
-use particlegs::fit::Effort;
 use particlegs::model::{CertificateLevel, Goal, GoalKind, LawKind};
 use particlegs::particles::Storage;
 use particlegs::pieces::NoPieces;
@@ -55,32 +54,21 @@ impl Asked {
     }
 
     fn training(&self) -> PyResult<Option<Config>> {
-        let preset = match self.train.as_deref() {
+        let preset: Preset = match self.train.as_deref() {
             None => match self.law {
                 None => return Ok(None),
                 Some(_) => return Err(InputError::new_err("law= needs train=")),
             },
-            Some("fast") => Preset::Fast,
-            Some("best") => Preset::Best,
-            Some("paper") => Preset::Paper,
-            Some(other) => return Err(one_of("train", other, &["fast", "best", "paper"])),
+            Some(name) => named("train", name)?,
         };
-        let law = match self.law.as_deref() {
-            None | Some("optical-depth") => LawKind::OpticalDepth,
-            Some("alpha-blend") => LawKind::AlphaBlend,
-            Some(other) => return Err(one_of("law", other, &["optical-depth", "alpha-blend"])),
-        };
-        Ok(Some(Config::preset(preset, law)))
+        let law: Option<LawKind> = self.law.as_ref().map(|name| named("law", name)).transpose()?;
+        Ok(Some(Config::preset(preset, law.unwrap_or_default())))
     }
 
     fn options(&self, read: &BTreeMap<String, String>) -> PyResult<Options> {
         let options = Options {
             target: self.target()?,
-            effort: match &self.effort[..] {
-                "default" => Effort::Default,
-                "fast" => Effort::Fast,
-                other => return Err(one_of("effort", other, &["default", "fast"])),
-            },
+            effort: named("effort", &self.effort)?,
             radius: positive("radius", self.radius)?,
             opacity: positive("opacity", self.opacity)?,
             training: self.training()?,

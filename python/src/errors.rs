@@ -1,6 +1,6 @@
 //! The library's errors as exceptions, in its own words.
 
-use particlegs::{Error, Remedy};
+use particlegs::{Error, NamedValue, Remedy};
 use pyo3::exceptions::{
     PyFileExistsError, PyKeyboardInterrupt, PyMemoryError, PyOSError, PyRuntimeError, PyValueError,
 };
@@ -26,6 +26,11 @@ pub fn add(py: Python<'_>, m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("InputError", InputError::type_object(py))?;
     m.add("ModelError", ModelError::type_object(py))?;
     m.add("UnreachableError", UnreachableError::type_object(py))
+}
+
+/// The value that an argument names.
+pub fn named<T: NamedValue>(argument: &str, name: &str) -> PyResult<T> {
+    T::from_name(name).map_err(|there| InputError::new_err(format!("{argument}=\"{name}\": {there}")))
 }
 
 /// A remedy in Python's words: arguments, not options of the command.

@@ -1,7 +1,7 @@
 //! A model: its bytes, its Gaussians, and what is made of them.
 
 use crate::density;
-use crate::errors::{InputError, OrRaise};
+use crate::errors::{InputError, OrRaise, named};
 use crate::gaussians::Gaussians;
 use crate::pictures::{self, CameraArgs, Looking};
 use crate::snapshot::Snapshot;
@@ -11,7 +11,7 @@ use particlegs::camera::View;
 use particlegs::model::{LawKind, Layer, Mass, Metadata};
 use particlegs::particles::RawForm;
 use particlegs::picture::{Gray8, Pixels, Plane, Size};
-use particlegs::recover::{Method, Options};
+use particlegs::recover::Options;
 use particlegs::render::{Scene, Scratch, draw_into, optical_depth_into, surface_density};
 use particlegs::score::Finding;
 use particlegs::{codec, parallel};
@@ -278,12 +278,7 @@ impl Model {
         threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Snapshot> {
-        let methods =
-            [Method::Count, Method::Volume, Method::Ellipsoid, Method::Grid, Method::Stratified, Method::Spaced];
-        let method = methods.into_iter().find(|m| m.name() == method).ok_or_else(|| {
-            let there = methods.map(Method::name).join(", ");
-            InputError::new_err(format!("method=\"{method}\": there are {there}"))
-        })?;
+        let method = named("method", method)?;
         let options =
             Options { particles: n, method, scale, seed, form: RawForm::Columns, model_name: self.name.clone() };
         let model = self.only(layers.as_deref())?.into_owned();

@@ -1,6 +1,6 @@
 //! Where a picture is looked at from, and pictures as arrays.
 
-use crate::errors::InputError;
+use crate::errors::{InputError, named};
 use numpy::ndarray::Array2;
 use numpy::{PyArray2, ToPyArray};
 use particlegs::camera::{Camera, DensityView, Projection, View, Window, base_distance, spherical_camera};
@@ -125,15 +125,7 @@ pub fn check(size: Size) -> Result<()> {
 
 /// The look of a style; `None` = brightness without rounding.
 pub fn look(style: &str) -> PyResult<Option<Look>> {
-    Ok(match style {
-        "paraview" => Some(Look::Paraview),
-        "paraview-no-fxaa" => Some(Look::ParaviewNoFxaa),
-        "expected" => None,
-        other => {
-            let what = format!("style \"{other}\": there are \"paraview\", \"paraview-no-fxaa\" and \"expected\"");
-            return Err(InputError::new_err(what));
-        }
-    })
+    Ok(Some(named("style", style)?).filter(|look| *look != Look::Expected))
 }
 
 /// 8-bit levels, (height, width).

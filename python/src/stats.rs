@@ -1,10 +1,10 @@
 //! Statistics of particles or a model against others.
 
-use crate::errors::InputError;
+use crate::errors::named;
 use crate::model::Model;
 use crate::snapshot::Snapshot;
 use crate::work::How;
-use particlegs::stats::{Assignment, Convention, Measure, StatsOptions, Subject, compare};
+use particlegs::stats::{Measure, StatsOptions, Subject, compare};
 use pyo3::prelude::*;
 
 /// What is measured, as Python gives it; names are those of the command.
@@ -37,21 +37,17 @@ impl Asked {
     fn options(self) -> PyResult<StatsOptions> {
         let measures = match self.only.is_empty() {
             true => Measure::ALL.to_vec(),
-            false => self.only.iter().map(|name| measure(name)).collect::<PyResult<_>>()?,
+            false => self.only.iter().map(|name| named("only", name)).collect::<PyResult<_>>()?,
         };
         let centers = self.centers.map(|all| all.into_iter().map(|c| (c, None)).collect());
         Ok(StatsOptions {
             measures,
-            convention: match &self.convention[..] {
-                "correct" => Convention::Correct,
-                "paper" => Convention::Paper,
-                other => return Err(unknown("convention", other)),
-            },
+            convention: named("convention", &self.convention)?,
             open: self.open,
             cells: self.grid,
-            assignment: assignment(&self.assignment)?,
+            assignment: named("assignment", &self.assignment)?,
             spectrum_cells: self.spectrum_grid,
-            spectrum_assignment: assignment(&self.spectrum_assignment)?,
+            spectrum_assignment: named("spectrum_assignment", &self.spectrum_assignment)?,
             interlaced: self.interlacing,
             k_max: self.k_max,
             separations: self.separations,
@@ -68,35 +64,6 @@ impl Asked {
             ..StatsOptions::default()
         })
     }
-}
-
-fn unknown(what: &str, name: &str) -> PyErr {
-    InputError::new_err(format!("{what} \"{name}\" is not known"))
-}
-
-fn assignment(name: &str) -> PyResult<Assignment> {
-    match name {
-        "ngp" => Ok(Assignment::Ngp),
-        "cic" => Ok(Assignment::Cic),
-        "tsc" => Ok(Assignment::Tsc),
-        other => Err(unknown("assignment", other)),
-    }
-}
-
-fn measure(name: &str) -> PyResult<Measure> {
-    Ok(match name {
-        "density" => Measure::Density,
-        "spectrum" => Measure::Spectrum,
-        "pairs" => Measure::Pairs,
-        "groups" => Measure::Groups,
-        "neighbours" => Measure::Neighbours,
-        "moments" => Measure::Moments,
-        "likelihood" => Measure::Likelihood,
-        "rdf" => Measure::Rdf,
-        "profile" => Measure::Profile,
-        "haloes" => Measure::Haloes,
-        other => return Err(unknown("measure", other)),
-    })
 }
 
 /// A snapshot, or a model.

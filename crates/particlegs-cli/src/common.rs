@@ -3,15 +3,14 @@
 use crate::allotted;
 use crate::printable::one_line;
 use crate::progress::Meter;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueHint};
 use particlegs::parallel;
 use particlegs::progress::{Level, Progress};
-use particlegs::{Error, Result};
+use particlegs::{Error, NamedValue, Result};
 use particlegs_files::memory;
 use particlegs_files::output::Outputs;
 use std::path::PathBuf;
-use std::str::FromStr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, OnceLock};
 use std::time::{Duration, Instant};
@@ -42,11 +41,12 @@ pub struct Common {
 }
 
 /// One of several by its name, so that help and completion list them.
-pub fn named<T>(names: impl Into<PossibleValuesParser>) -> impl TypedValueParser<Value = T>
-where
-    T: FromStr<Err = String> + Clone + Send + Sync + 'static,
-{
-    names.into().try_map(|name| name.parse::<T>())
+pub fn named<T: NamedValue>() -> impl TypedValueParser<Value = T> {
+    let value = |(_, name, help): &(T, _, &'static str)| {
+        let value = PossibleValue::new(*name);
+        if help.is_empty() { value } else { value.help(*help) }
+    };
+    PossibleValuesParser::new(T::VALUES.iter().map(value)).try_map(|name| T::from_name(&name))
 }
 
 static STOP: AtomicBool = AtomicBool::new(false);

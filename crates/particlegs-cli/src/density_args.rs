@@ -30,7 +30,7 @@ pub struct DensityArgs {
 
 /// The colour maps by name.
 pub fn colormaps() -> impl TypedValueParser<Value = Colormap> {
-    named(Colormap::ALL.map(Colormap::name))
+    named()
 }
 
 /// What a snapshot or a model says about its masses and lengths, and what a density of it is.

@@ -1,10 +1,11 @@
 //! What a model is to be: target, effort, what it stores. The same for `compress` and `plan`.
 
 use crate::certificate_args::CertificateArgs;
+use crate::common::named;
 use crate::snapshot_args::{SnapshotArgs, Subset};
 use crate::target_args::{GoalArgs, TargetArgs, with_default};
 use crate::train_args::TrainArgs;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use particlegs::compress::Options;
 use particlegs::fit::Effort;
 use particlegs::{Error, Result};
@@ -20,8 +21,8 @@ pub struct FitArgs {
     /// Effort of the fit.
     ///
     /// docs/guide/choosing.md says when to use which.
-    #[arg(long, value_enum, value_name = "LEVEL", default_value_t = EffortArg::Default)]
-    effort: EffortArg,
+    #[arg(long, value_name = "LEVEL", default_value = "default", value_parser = named::<Effort>())]
+    effort: Effort,
     /// Particle radius to store as the default, world units [default: 0.0406 of the mean spacing].
     #[arg(long, value_name = "R", hide_short_help = true)]
     radius: Option<f64>,
@@ -34,19 +35,10 @@ pub struct FitArgs {
     pub train: TrainArgs,
 }
 
-/// Effort on the command line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum EffortArg {
-    /// One iteration of expectation maximisation: ten times as fast, with fewer small groups.
-    Fast,
-    /// Rounds of split and merge, with expectation maximisation after each.
-    Default,
-}
-
 impl FitArgs {
     /// For pictures alone?
     pub fn is_fast(&self) -> bool {
-        self.effort == EffortArg::Fast
+        self.effort == Effort::Fast
     }
 
     /// The options of a job in one block, in memory. The subset's seed is theirs, too.
@@ -59,17 +51,13 @@ impl FitArgs {
         if self.opacity.is_some_and(|a| a > 1.0) {
             return Err(Error::argument("--opacity must be above 0 and at most 1"));
         }
-        let effort = match self.effort {
-            EffortArg::Fast => Effort::Fast,
-            EffortArg::Default => Effort::Default,
-        };
         let target = match self.goal.target()? {
             Some(goal) => goal,
             None => self.target.target()?,
         };
         Ok(Options {
             target,
-            effort,
+            effort: self.effort,
             radius: self.radius,
             opacity: self.opacity,
             training: self.train.config()?,

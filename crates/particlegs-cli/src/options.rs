@@ -4,7 +4,7 @@
 use crate::figure::output::FileKind;
 use clap::ArgMatches;
 use clap::parser::ValueSource;
-use particlegs::{Error, Result};
+use particlegs::{Error, NamedValue, Result};
 use particlegs_export::{Group, Kind as Exported};
 use particlegs_formats::Kind;
 use std::path::Path;
@@ -329,7 +329,7 @@ impl Given<'_> {
 
     /// What `export` is to write; `None` where that is not clear, which is told of later.
     fn exports(&self) -> Option<Group> {
-        let asked = self.words("kind").first().and_then(|name| name.parse().ok());
+        let asked = self.words("kind").first().and_then(|name| Exported::from_name(name).ok());
         let out = self.paths("output").into_iter().next()?;
         Exported::of(&out, asked).ok().map(Exported::group)
     }

@@ -1,6 +1,7 @@
 //! How a fit is trained further: presets, a configuration file, limits. The same for `compress` and
 //! `plan`.
 
+use crate::common::named;
 use crate::inputs::Early;
 use crate::remedies;
 use clap::{Args, ValueEnum, ValueHint};
@@ -22,8 +23,8 @@ pub struct TrainArgs {
     #[arg(long, value_enum, value_name = "PRESET", help_heading = None, hide_default_value = true, default_value_t = TrainArg::None)]
     train: TrainArg,
     /// Image law to train for [default: optical-depth, or that of --config].
-    #[arg(long, value_enum, value_name = "LAW", hide_short_help = true)]
-    law: Option<LawArg>,
+    #[arg(long, value_name = "LAW", hide_short_help = true, value_parser = named::<LawKind>())]
+    law: Option<LawKind>,
     #[command(flatten)]
     tune: TuneArgs,
 }
@@ -66,15 +67,6 @@ enum TrainArg {
     Paper,
 }
 
-/// Laws on the command line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum LawArg {
-    /// Optical depths add up: no sorting, no network.
-    OpticalDepth,
-    /// Sorted and alpha-blended as published, with the VizMapper network.
-    AlphaBlend,
-}
-
 /// What --print-config prints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Which {
@@ -85,14 +77,6 @@ enum Which {
 }
 
 impl TrainArgs {
-    /// The law that is asked for.
-    fn law(&self) -> Option<LawKind> {
-        self.law.map(|law| match law {
-            LawArg::OpticalDepth => LawKind::OpticalDepth,
-            LawArg::AlphaBlend => LawKind::AlphaBlend,
-        })
-    }
-
     /// What the hyper-parameters begin with; `None` = no training. A file of hyper-parameters without a
     /// preset changes `fast`.
     fn preset(&self) -> Option<Config> {
@@ -102,7 +86,7 @@ impl TrainArgs {
             TrainArg::Best => Preset::Best,
             TrainArg::Paper => Preset::Paper,
         };
-        Some(Config::preset(preset, self.law().unwrap_or(LawKind::OpticalDepth)))
+        Some(Config::preset(preset, self.law.unwrap_or(LawKind::OpticalDepth)))
     }
 
     /// The file of hyper-parameters.
@@ -116,7 +100,7 @@ impl TrainArgs {
     /// [`Error::Argument`] for options that need --train; those of [`TuneArgs::config`].
     pub fn config(&self) -> Result<Option<Config>> {
         if let Some(preset) = self.preset() {
-            return self.tune.config(preset, self.law()).map(Some);
+            return self.tune.config(preset, self.law).map(Some);
         }
         if self.tune.is_given() || self.law.is_some() {
             return Err(Error::argument("--law, --scale and --iterations need --train fast|best|paper, or --config"));
@@ -129,7 +113,7 @@ impl TrainArgs {
     /// # Errors
     /// As [`TrainArgs::config`].
     pub fn printed(&self) -> Result<Option<String>> {
-        self.preset().map_or(Ok(None), |preset| self.tune.printed(preset, self.law()))
+        self.preset().map_or(Ok(None), |preset| self.tune.printed(preset, self.law))
     }
 }
 

@@ -11,6 +11,7 @@
 pub mod error;
 pub mod math;
 pub mod memory;
+mod named;
 pub mod parallel;
 pub mod pieces;
 pub mod progress;
@@ -27,4 +28,5 @@ pub mod codec;
 pub mod render;
 
 pub use error::{Error, Result};
+pub use named::NamedValue;
 pub use remedy::Remedy;

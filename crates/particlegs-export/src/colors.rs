@@ -8,36 +8,16 @@ use particlegs::picture::{Colormap, Rgb8};
 use particlegs::{Error, Result};
 use serde_json::{Map, json};
 
-/// What colours say.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ColorBy {
-    /// Grey levels, as in pictures: white, or those that an alpha-blend model was trained to.
-    Grey,
-    /// A colour for each layer.
-    Layer,
-    /// Each Gaussian's own density at its centre, in logarithmic colours.
-    Density,
-}
-
-impl ColorBy {
-    /// All of them.
-    pub const ALL: [ColorBy; 3] = [ColorBy::Grey, ColorBy::Layer, ColorBy::Density];
-
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            ColorBy::Grey => "grey",
-            ColorBy::Layer => "layer",
-            ColorBy::Density => "density",
-        }
-    }
-}
-
-impl std::str::FromStr for ColorBy {
-    type Err = String;
-
-    fn from_str(name: &str) -> std::result::Result<Self, String> {
-        Self::ALL.into_iter().find(|c| c.name() == name).ok_or_else(|| format!("`{name}` is nothing that colours say"))
+particlegs::named_values! {
+    /// What colours say.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum ColorBy {
+        /// Grey levels, as in pictures: white, or those that an alpha-blend model was trained to.
+        Grey = "grey",
+        /// A colour for each layer.
+        Layer = "layer",
+        /// Each Gaussian's own density at its centre, in logarithmic colours.
+        Density = "density",
     }
 }
 

@@ -5,27 +5,29 @@ use particlegs::{Error, Result};
 use particlegs_files::output;
 use std::path::Path;
 
-/// A format.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// Splats as 3-D Gaussian splatting stores them (PLY).
-    Ply,
-    /// Splats as binary glTF 2.0 with KHR_gaussian_splatting.
-    Glb,
-    /// The same as text, with its numbers inside.
-    Gltf,
-    /// Density on a grid: NumPy array, and a JSON beside it.
-    Npy,
-    /// Density on a grid: VTK ImageData, for ParaView.
-    Vti,
-    /// Density on a grid: FITS cube.
-    Fits,
-    /// The Gaussians themselves: NumPy archive.
-    Npz,
-    /// The Gaussians themselves: a table of text.
-    Csv,
-    /// A page that shows the model in any browser, offline: one file.
-    Html,
+particlegs::named_values! {
+    /// A format.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Kind {
+        /// A page that shows the model in any browser, offline: one file.
+        Html = "html",
+        /// Splats as 3-D Gaussian splatting stores them (PLY).
+        Ply = "ply",
+        /// Splats as binary glTF 2.0 with KHR_gaussian_splatting.
+        Glb = "glb",
+        /// The same as text, with its numbers inside.
+        Gltf = "gltf",
+        /// Density on a grid: NumPy array, and a JSON beside it.
+        Npy = "npy",
+        /// Density on a grid: VTK ImageData, for ParaView.
+        Vti = "vti",
+        /// Density on a grid: FITS cube.
+        Fits = "fits",
+        /// The Gaussians themselves: NumPy archive.
+        Npz = "npz",
+        /// The Gaussians themselves: a table of text.
+        Csv = "csv",
+    }
 }
 
 /// What a format holds.
@@ -42,23 +44,9 @@ pub enum Group {
 }
 
 impl Kind {
-    /// All of them.
-    pub const ALL: [Kind; 9] =
-        [Kind::Html, Kind::Ply, Kind::Glb, Kind::Gltf, Kind::Npy, Kind::Vti, Kind::Fits, Kind::Npz, Kind::Csv];
-
     /// The ending that means it, its name on the command line too.
     pub fn ending(self) -> &'static str {
-        match self {
-            Kind::Ply => "ply",
-            Kind::Glb => "glb",
-            Kind::Gltf => "gltf",
-            Kind::Npy => "npy",
-            Kind::Vti => "vti",
-            Kind::Fits => "fits",
-            Kind::Npz => "npz",
-            Kind::Csv => "csv",
-            Kind::Html => "html",
-        }
+        self.name()
     }
 
     /// What it holds.
@@ -141,14 +129,6 @@ impl Kind {
 /// Does a file's beginning hold these words?
 fn holds(head: &[u8], words: &str) -> bool {
     String::from_utf8_lossy(head).contains(words)
-}
-
-impl std::str::FromStr for Kind {
-    type Err = String;
-
-    fn from_str(name: &str) -> std::result::Result<Self, String> {
-        Self::ALL.into_iter().find(|k| k.ending() == name).ok_or_else(|| format!("`{name}` is no kind of export"))
-    }
 }
 
 #[cfg(test)]

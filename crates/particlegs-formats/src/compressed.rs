@@ -7,15 +7,17 @@ use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
 
-/// How a file is compressed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Compression {
-    /// RFC 1952, members one after the other.
-    Gzip,
-    /// bzip2, streams one after the other.
-    Bzip2,
-    /// Zstandard frames.
-    Zstd,
+particlegs::named_values! {
+    /// How a file is compressed.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Compression {
+        /// RFC 1952, members one after the other.
+        Gzip = "gzip",
+        /// bzip2, streams one after the other.
+        Bzip2 = "bzip2",
+        /// Zstandard frames.
+        Zstd = "zstd",
+    }
 }
 
 impl Compression {
@@ -28,16 +30,6 @@ impl Compression {
             _ => None,
         }
     }
-
-    /// Name for people.
-    pub fn name(self) -> &'static str {
-        match self {
-            Compression::Gzip => "gzip",
-            Compression::Bzip2 => "bzip2",
-            Compression::Zstd => "zstd",
-        }
-    }
-
     /// Decompresses `source` as it is read. A stream that is cut off or fails its checksum gives an
     /// error, never a silent end.
     pub fn decoder(self, source: impl Read + Send + 'static) -> std::io::Result<Box<dyn Read + Send>> {

@@ -108,16 +108,15 @@ pub(crate) mod zero_is_none {
     }
 }
 
-/// A named set of hyper-parameters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Preset {
-    /// At most five minutes on two cores for a few million particles.
-    Fast,
-    /// At most thirty.
-    Best,
-    /// The published single-block recipe (docs/law/published.md, "Training").
-    Paper,
+particlegs_core::named_values! {
+    /// A named set of hyper-parameters.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "kebab-case")]
+    pub enum Preset {
+        Fast = "fast": "At most 5 minutes on two cores for a few million particles",
+        Best = "best": "At most 30 minutes on two cores",
+        Paper = "paper": "The published recipe",
+    }
 }
 
 const NEVER: Densify = Densify { every: 0, until: 0, threshold: 0.0 };

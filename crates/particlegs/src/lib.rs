@@ -61,4 +61,4 @@ pub mod job;
 #[cfg(test)]
 mod law_tests;
 
-pub use particlegs_core::{Error, Remedy, Result};
+pub use particlegs_core::{Error, NamedValue, Remedy, Result, named_values};

@@ -65,7 +65,7 @@ pub struct Arguments {
     #[arg(long, short, alias = "out", value_name = "OUT", value_hint = ValueHint::FilePath)]
     output: PathBuf,
     /// What to write, where the ending does not tell.
-    #[arg(long, value_name = "KIND", value_parser = named::<Kind>(Kind::ALL.map(Kind::ending)))]
+    #[arg(long, value_name = "KIND", value_parser = named::<Kind>())]
     kind: Option<Kind>,
     /// Layers to write, by the names that `info` lists, or `all`.
     #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',', default_value = "all")]
@@ -91,7 +91,7 @@ struct SplatArgs {
     #[arg(long, value_name = "A")]
     opacity: Option<f64>,
     /// What colours say.
-    #[arg(long, value_name = "WHAT", default_value = "grey", value_parser = named::<ColorBy>(ColorBy::ALL.map(ColorBy::name)))]
+    #[arg(long, value_name = "WHAT", default_value = "grey", value_parser = named::<ColorBy>())]
     color: ColorBy,
     /// Colour map of --color density.
     #[arg(long, value_name = "NAME", default_value = "inferno", hide_short_help = true, value_parser = colormaps())]

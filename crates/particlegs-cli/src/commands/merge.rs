@@ -1,7 +1,6 @@
 //! `particlegs merge A.pgs B.pgs ... -o M.pgs`, `particlegs merge JOB -o M.pgs`.
 
-use crate::certificate_args::Level;
-use crate::common::{Common, Context};
+use crate::common::{Common, Context, named};
 use crate::inputs::{self, path_as_text};
 use crate::job_args::JobSnapshot;
 use crate::outputs;
@@ -40,8 +39,8 @@ pub struct Arguments {
     #[arg(long, short, alias = "out", value_name = "M.pgs", value_hint = ValueHint::FilePath)]
     output: PathBuf,
     /// How much of a job's file is measured against its snapshot [default: as planned].
-    #[arg(long, value_name = "LEVEL", value_enum)]
-    certificate: Option<Level>,
+    #[arg(long, value_name = "LEVEL", value_parser = named::<CertificateLevel>())]
+    certificate: Option<CertificateLevel>,
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
@@ -136,7 +135,7 @@ fn of_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, u
     if kept && !crate::info_model::is_of_recipe(&a.output, &job.metadata().recipe, context)? {
         return Err(context.refused(&a.output));
     }
-    let level = a.certificate.map_or(job.certificate(), CertificateLevel::from);
+    let level = a.certificate.unwrap_or(job.certificate());
     // Blocks that are missing are named before the snapshot is read.
     job.check_done()?;
     let particles = match level {

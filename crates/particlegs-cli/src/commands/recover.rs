@@ -1,6 +1,6 @@
 //! `particlegs recover M.pgs -o DIR`.
 
-use crate::common::Common;
+use crate::common::{Common, named};
 use crate::inputs::{self, path_as_text};
 use crate::outputs::ForceArgs;
 use clap::{Args, ValueEnum, ValueHint};
@@ -35,8 +35,8 @@ pub struct Arguments {
     #[arg(long, value_name = "N")]
     particles: Option<u64>,
     /// How particles are drawn.
-    #[arg(long, value_enum, value_name = "METHOD", default_value_t = MethodArg::Count)]
-    method: MethodArg,
+    #[arg(long, value_name = "METHOD", default_value = "count", value_parser = named::<Method>())]
+    method: Method,
     /// Factor on the widths of the Gaussians.
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     scale: f64,
@@ -50,23 +50,6 @@ pub struct Arguments {
     force: ForceArgs,
     #[command(flatten)]
     common: Common,
-}
-
-/// Methods on the command line.
-#[derive(Clone, Copy, ValueEnum)]
-enum MethodArg {
-    /// From each Gaussian as many as it stands for (published as V0).
-    Count,
-    /// In proportion to count times volume; of alpha-blend models to opacity times volume (V1).
-    Volume,
-    /// Uniformly within ellipsoids of three standard deviations (V4).
-    Ellipsoid,
-    /// Uniformly within the cells of a grid of 512³ that hold centres of Gaussians (V6).
-    Grid,
-    /// As count, but evenly spread: less shot noise in cells, too regular at small distances.
-    Stratified,
-    /// As count, but clumped within Gaussians: nearest-neighbour distances are close to the truth.
-    Spaced,
 }
 
 /// Forms on the command line.
@@ -108,7 +91,7 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let options = Options {
         particles: a.particles,
-        method: a.method(),
+        method: a.method,
         scale: a.scale,
         seed: a.common.seed,
         form: match a.form {
@@ -146,17 +129,4 @@ pub fn run(a: Arguments) -> Result<()> {
         report.bytes as f64 / 1e6
     );
     context.finish(&text, &report)
-}
-
-impl Arguments {
-    fn method(&self) -> Method {
-        match self.method {
-            MethodArg::Count => Method::Count,
-            MethodArg::Volume => Method::Volume,
-            MethodArg::Ellipsoid => Method::Ellipsoid,
-            MethodArg::Grid => Method::Grid,
-            MethodArg::Stratified => Method::Stratified,
-            MethodArg::Spaced => Method::Spaced,
-        }
-    }
 }

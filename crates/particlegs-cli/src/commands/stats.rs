@@ -1,11 +1,11 @@
 //! `particlegs stats TRUTH OTHER -o DIR`.
 
 use crate::centres;
-use crate::common::Common;
+use crate::common::{Common, named};
 use crate::inputs::{self, Either};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{stats_plots, stats_tables};
-use clap::{Args, ValueEnum, ValueHint};
+use clap::{Args, ValueHint};
 use particlegs::model::Model;
 use particlegs::particles::{Particles, Storage};
 use particlegs::progress::Progress;
@@ -48,23 +48,23 @@ pub struct Arguments {
     #[arg(long = "output", short, alias = "out", value_name = "DIR", value_hint = ValueHint::DirPath)]
     out: PathBuf,
     /// Measure only these [default: all].
-    #[arg(long, value_name = "NAME,...", value_enum, value_delimiter = ',')]
-    only: Vec<MeasureName>,
+    #[arg(long, value_name = "NAME,...", value_parser = named::<Measure>(), value_delimiter = ',')]
+    only: Vec<Measure>,
     /// Definitions to measure by.
-    #[arg(long, value_enum, value_name = "NAME", default_value_t = ConventionName::Correct, hide_short_help = true)]
-    convention: ConventionName,
+    #[arg(long, value_name = "NAME", default_value = "correct", hide_short_help = true, value_parser = named::<Convention>())]
+    convention: Convention,
     /// Density: cells along the longest edge.
     #[arg(long, value_name = "N", default_value_t = 256)]
     grid: usize,
     /// Density: mass assignment.
-    #[arg(long, value_enum, value_name = "NAME", default_value_t = AssignmentName::Ngp, hide_short_help = true)]
-    assignment: AssignmentName,
+    #[arg(long, value_name = "NAME", default_value = "ngp", hide_short_help = true, value_parser = named::<Assignment>())]
+    assignment: Assignment,
     /// P(k): cells along the longest edge.
     #[arg(long, value_name = "N", default_value_t = 256)]
     spectrum_grid: usize,
     /// P(k): mass assignment.
-    #[arg(long, value_enum, value_name = "NAME", default_value_t = AssignmentName::Tsc, hide_short_help = true)]
-    spectrum_assignment: AssignmentName,
+    #[arg(long, value_name = "NAME", default_value = "tsc", hide_short_help = true, value_parser = named::<Assignment>())]
+    spectrum_assignment: Assignment,
     /// P(k): use one grid instead of two interlaced ones.
     #[arg(long, hide_short_help = true)]
     no_interlacing: bool,
@@ -83,8 +83,8 @@ pub struct Arguments {
     #[arg(long, value_name = "R", hide_short_help = true)]
     rdf_max: Option<f64>,
     /// Profile: axis whose figures are printed.
-    #[arg(long, value_enum, value_name = "AXIS", default_value_t = AxisName::Z, hide_short_help = true)]
-    profile_axis: AxisName,
+    #[arg(long, value_name = "AXIS", default_value = "z", hide_short_help = true, value_parser = ["x", "y", "z"])]
+    profile_axis: String,
     /// Profile: number of slabs.
     #[arg(long, value_name = "N", default_value_t = 200, hide_short_help = true)]
     profile_bins: usize,
@@ -119,86 +119,6 @@ pub struct Arguments {
     snapshot: SnapshotArgs,
     #[command(flatten)]
     common: Common,
-}
-
-/// What can be chosen alone.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum MeasureName {
-    /// Density on a grid.
-    Density,
-    /// P(k), r(k), and xi(r) by Fourier transform.
-    Spectrum,
-    /// xi(r) by pair counts.
-    Pairs,
-    /// Friends-of-friends groups and the mass in their cores.
-    Groups,
-    /// Distances to the nearest neighbour.
-    Neighbours,
-    /// Moments of the positions along the axes.
-    Moments,
-    /// Likelihood of particles under a model, in bits a particle.
-    Likelihood,
-    /// g(r), the radial distribution function.
-    Rdf,
-    /// Density along the axes.
-    Profile,
-    /// Density and enclosed mass about centres.
-    Haloes,
-}
-
-/// An axis.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum AxisName {
-    X,
-    Y,
-    Z,
-}
-
-/// Whose definitions.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum ConventionName {
-    /// Cubic cells; the mass assignment and the shot noise are corrected.
-    Correct,
-    /// Those of the published table.
-    Paper,
-}
-
-/// Mass assignment.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum AssignmentName {
-    /// Nearest grid point.
-    Ngp,
-    /// Cloud in cell.
-    Cic,
-    /// Triangular-shaped cloud.
-    Tsc,
-}
-
-impl From<AssignmentName> for Assignment {
-    fn from(name: AssignmentName) -> Self {
-        match name {
-            AssignmentName::Ngp => Assignment::Ngp,
-            AssignmentName::Cic => Assignment::Cic,
-            AssignmentName::Tsc => Assignment::Tsc,
-        }
-    }
-}
-
-impl From<MeasureName> for Measure {
-    fn from(name: MeasureName) -> Self {
-        match name {
-            MeasureName::Density => Measure::Density,
-            MeasureName::Spectrum => Measure::Spectrum,
-            MeasureName::Pairs => Measure::Pairs,
-            MeasureName::Groups => Measure::Groups,
-            MeasureName::Neighbours => Measure::Neighbours,
-            MeasureName::Moments => Measure::Moments,
-            MeasureName::Likelihood => Measure::Likelihood,
-            MeasureName::Rdf => Measure::Rdf,
-            MeasureName::Profile => Measure::Profile,
-            MeasureName::Haloes => Measure::Haloes,
-        }
-    }
 }
 
 /// Particles or a model, as they were read.
@@ -282,24 +202,21 @@ fn options(a: &Arguments) -> Result<StatsOptions> {
         Some([low, high]) => Some([*low, *high]),
         Some(_) => return Err(Error::argument("--separations takes two lengths LO,HI")),
     };
-    let measures = if a.only.is_empty() { Measure::ALL.to_vec() } else { a.only.iter().map(|m| (*m).into()).collect() };
+    let measures = if a.only.is_empty() { Measure::ALL.to_vec() } else { a.only.clone() };
     Ok(StatsOptions {
         measures,
-        convention: match a.convention {
-            ConventionName::Correct => Convention::Correct,
-            ConventionName::Paper => Convention::Paper,
-        },
+        convention: a.convention,
         cells: a.grid,
-        assignment: a.assignment.into(),
+        assignment: a.assignment,
         spectrum_cells: a.spectrum_grid,
-        spectrum_assignment: a.spectrum_assignment.into(),
+        spectrum_assignment: a.spectrum_assignment,
         open: a.open,
         interlaced: !a.no_interlacing,
         k_max: a.k_max,
         separations,
         pair_budget: a.pairs,
         rdf_max: a.rdf_max,
-        profile_axis: a.profile_axis as usize,
+        profile_axis: "xyz".find(&a.profile_axis).unwrap_or(2),
         profile_bins: a.profile_bins,
         halo_radius: a.halo_radius,
         halo_bins: a.halo_bins,

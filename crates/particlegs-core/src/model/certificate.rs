@@ -9,19 +9,17 @@ use super::{
 use crate::model::{Coding::Whole, Tolerance};
 use std::convert::Infallible;
 
-/// How much is measured of a decoded model.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum CertificateLevel {
-    /// Nothing: the file holds no certificate.
-    None,
-    /// What takes seconds.
-    #[default]
-    Quick,
-    /// Also groups, of several draws, and models of halves of the particles against the other halves.
-    Full,
-    /// What adds up over the blocks of a job, each measured by its own task: no process needs all particles.
-    Blocks,
+crate::named_values! {
+    /// How much is measured of a decoded model.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum CertificateLevel {
+        None = "none": "Nothing: the file holds no scores",
+        #[default]
+        Quick = "quick": "Pictures, densities, power spectrum and distances",
+        Full = "full": "Also groups, matched in eight draws, and models of halves of the particles against the other halves",
+        Blocks = "blocks": "What blocks of a job measure each by itself, added up: no process needs all particles",
+    }
 }
 
 impl CertificateLevel {

@@ -56,24 +56,13 @@ impl Law {
     }
 }
 
-/// Which law: [`Law`] without its columns.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum LawKind {
-    /// Depths add up: `1 - exp(-sum tau)`. No order, no network.
-    #[default]
-    OpticalDepth,
-    /// Splatting as published: sorted by depth and blended front to back, scale and opacity
-    /// corrected by a network.
-    AlphaBlend,
-}
-
-impl LawKind {
-    /// The name on the command line and in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            LawKind::OpticalDepth => "optical-depth",
-            LawKind::AlphaBlend => "alpha-blend",
-        }
+crate::named_values! {
+    /// Which law: [`Law`] without its columns.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+    #[serde(rename_all = "kebab-case")]
+    pub enum LawKind {
+        #[default]
+        OpticalDepth = "optical-depth": "Optical depths add up: no sorting, no network",
+        AlphaBlend = "alpha-blend": "Sorted and alpha-blended as published, with the VizMapper network",
     }
 }

@@ -91,33 +91,19 @@ pub struct Quantity {
     pub bytes: u16,
 }
 
-/// What the values of a [`Quantity`] are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum QuantityKind {
-    /// A number.
-    Scalar,
-    /// Three numbers.
-    Vector,
-    /// A number that tells particles apart.
-    Id,
-    /// One of a few, as a chemical element.
-    Category,
-}
-
-impl QuantityKind {
-    /// All, in the order of their numbers in a file, which begin at 1.
-    pub const ALL: [QuantityKind; 4] =
-        [QuantityKind::Scalar, QuantityKind::Vector, QuantityKind::Id, QuantityKind::Category];
-
-    /// In words.
-    pub fn name(self) -> &'static str {
-        match self {
-            QuantityKind::Scalar => "scalar",
-            QuantityKind::Vector => "vector",
-            QuantityKind::Id => "id",
-            QuantityKind::Category => "category",
-        }
+crate::named_values! {
+    /// What the values of a [`Quantity`] are, in the order of their numbers in a file, which begin at 1.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum QuantityKind {
+        /// A number.
+        Scalar = "scalar",
+        /// Three numbers.
+        Vector = "vector",
+        /// A number that tells particles apart.
+        Id = "id",
+        /// One of a few, as a chemical element.
+        Category = "category",
     }
 }
 

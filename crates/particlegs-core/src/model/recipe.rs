@@ -76,31 +76,20 @@ pub struct TrainingRecipe {
     pub config: Option<String>,
 }
 
-/// How much time a fit spends.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Effort {
-    /// A partition whose walls one iteration of expectation maximisation softens: for pictures; many small groups are
-    /// lost.
-    Fast,
-    /// Refined.
-    #[default]
-    Default,
+crate::named_values! {
+    /// How much time a fit spends.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Effort {
+        Fast = "fast": "One iteration of expectation maximisation: ten times as fast, with fewer small groups",
+        #[default]
+        Default = "default": "Rounds of split and merge, with expectation maximisation after each",
+    }
 }
 
 impl TrainingRecipe {
     /// The preset of fine-tuning, which is no option.
     pub const FINE_TUNING: &str = "finetune";
-}
-
-impl Effort {
-    /// As the command calls it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Effort::Fast => "fast",
-            Effort::Default => "default",
-        }
-    }
 }
 
 impl Default for Recipe {

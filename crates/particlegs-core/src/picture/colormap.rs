@@ -7,59 +7,33 @@ use std::str::FromStr;
 /// the other.
 const TABLES: &[u8; 8 * 768] = include_bytes!("../../assets/colormaps.rgb");
 
-/// How numbers become colours.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Colormap {
-    /// Blue to yellow.
-    Viridis,
-    /// Black over red to pale yellow.
-    #[default]
-    Inferno,
-    /// Black over purple to pale pink.
-    Magma,
-    /// Blue to yellow, for colour-blind eyes too.
-    Cividis,
-    /// Black over red to orange.
-    Ember,
-    /// Black over blue to white.
-    Arctic,
-    /// Dark blue over red to yellow.
-    Thermal,
-    /// Nearly black over blue to white.
-    Ice,
-    /// Black to white.
-    Grey,
+crate::named_values! {
+    /// How numbers become colours.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub enum Colormap {
+        /// Blue to yellow.
+        Viridis = "viridis",
+        /// Black over red to pale yellow.
+        #[default]
+        Inferno = "inferno",
+        /// Black over purple to pale pink.
+        Magma = "magma",
+        /// Blue to yellow, for colour-blind eyes too.
+        Cividis = "cividis",
+        /// Black over red to orange.
+        Ember = "ember",
+        /// Black over blue to white.
+        Arctic = "arctic",
+        /// Dark blue over red to yellow.
+        Thermal = "thermal",
+        /// Nearly black over blue to white.
+        Ice = "ice",
+        /// Black to white.
+        Grey = "grey",
+    }
 }
 
 impl Colormap {
-    /// All maps.
-    pub const ALL: [Colormap; 9] = [
-        Colormap::Viridis,
-        Colormap::Inferno,
-        Colormap::Magma,
-        Colormap::Cividis,
-        Colormap::Ember,
-        Colormap::Arctic,
-        Colormap::Thermal,
-        Colormap::Ice,
-        Colormap::Grey,
-    ];
-
-    /// The name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Colormap::Viridis => "viridis",
-            Colormap::Inferno => "inferno",
-            Colormap::Magma => "magma",
-            Colormap::Cividis => "cividis",
-            Colormap::Ember => "ember",
-            Colormap::Arctic => "arctic",
-            Colormap::Thermal => "thermal",
-            Colormap::Ice => "ice",
-            Colormap::Grey => "grey",
-        }
-    }
-
     /// The colour of `t` in [0, 1]; outside, that of the nearer end.
     pub fn color(self, t: f32) -> [u8; 3] {
         // NaN becomes 0 in the cast.

@@ -46,44 +46,48 @@ pub const SPACING_HOLDS: f64 = 0.1;
 /// And roughly within this one.
 pub const SPACING_ROUGHLY: f64 = 0.25;
 
-/// What a model may be used for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Use {
-    /// Pictures at the default radius and opacity.
-    Pictures,
-    /// Pictures of large splats.
-    LargeRadius,
-    /// Pictures from within the particles.
-    CloseUp,
-    /// The density, above a size of cells.
-    Density,
-    /// P(k).
-    PowerSpectrum,
-    /// Friends-of-friends groups.
-    Groups,
-    /// Distances of drawn particles to their neighbours.
-    Spacing,
+particlegs_core::named_values! {
+    /// What a model may be used for.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Use {
+        /// Pictures at the default radius and opacity.
+        Pictures = "pictures",
+        /// Pictures of large splats.
+        LargeRadius = "large radius",
+        /// Pictures from within the particles.
+        CloseUp = "close up",
+        /// The density, above a size of cells.
+        Density = "density",
+        /// P(k).
+        PowerSpectrum = "power spectrum",
+        /// Friends-of-friends groups.
+        Groups = "groups",
+        /// Distances of drawn particles to their neighbours.
+        Spacing = "spacing",
+    }
 }
 
-/// How far that goes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub enum Word {
-    /// Use it.
-    #[serde(rename = "holds")]
-    Holds,
-    /// For a first look.
-    #[serde(rename = "roughly")]
-    Roughly,
-    /// Do not.
-    #[serde(rename = "does not")]
-    DoesNot,
-    /// Nothing is known.
-    #[serde(rename = "not measured")]
-    NotMeasured,
-    /// There is no such thing of these particles.
-    #[serde(rename = "not applicable")]
-    NotApplicable,
+particlegs_core::named_values! {
+    /// How far that goes.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+    pub enum Word {
+        /// Use it.
+        #[serde(rename = "holds")]
+        Holds = "holds",
+        /// For a first look.
+        #[serde(rename = "roughly")]
+        Roughly = "roughly",
+        /// Do not.
+        #[serde(rename = "does not")]
+        DoesNot = "does not",
+        /// Nothing is known.
+        #[serde(rename = "not measured")]
+        NotMeasured = "not measured",
+        /// There is no such thing of these particles.
+        #[serde(rename = "not applicable")]
+        NotApplicable = "not applicable",
+    }
 }
 
 /// One use, its word, and the figures that decided it.
@@ -113,38 +117,6 @@ impl Finding {
         let seen = [pictures(c), at_large_radius(c), close_up(c)];
         let rest = [density, spectrum(c, metadata), groups, spacing(c.spacing.as_ref(), unit)];
         seen.into_iter().chain(rest).collect()
-    }
-}
-
-impl Use {
-    /// All, as they are told.
-    const ALL: [Use; 7] =
-        [Use::Pictures, Use::LargeRadius, Use::CloseUp, Use::Density, Use::PowerSpectrum, Use::Groups, Use::Spacing];
-
-    /// As it is printed.
-    pub fn name(self) -> &'static str {
-        match self {
-            Use::Pictures => "pictures",
-            Use::LargeRadius => "large radius",
-            Use::CloseUp => "close up",
-            Use::Density => "density",
-            Use::PowerSpectrum => "power spectrum",
-            Use::Groups => "groups",
-            Use::Spacing => "spacing",
-        }
-    }
-}
-
-impl Word {
-    /// As it is printed.
-    pub fn name(self) -> &'static str {
-        match self {
-            Word::Holds => "holds",
-            Word::Roughly => "roughly",
-            Word::DoesNot => "does not",
-            Word::NotMeasured => "not measured",
-            Word::NotApplicable => "not applicable",
-        }
     }
 }
 

@@ -16,16 +16,15 @@ pub struct Grid {
     pub periodic: [bool; 3],
 }
 
-/// How a particle is shared among cells (Hockney and Eastwood 1981).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Assignment {
-    /// Nearest grid point: the cell that holds it.
-    Ngp,
-    /// Cloud in cell: two cells an axis, linear.
-    Cic,
-    /// Triangular-shaped cloud: three cells an axis, quadratic.
-    Tsc,
+particlegs_core::named_values! {
+    /// How a particle is shared among cells (Hockney and Eastwood 1981).
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum Assignment {
+        Ngp = "ngp": "Nearest grid point",
+        Cic = "cic": "Cloud in cell",
+        Tsc = "tsc": "Triangular-shaped cloud",
+    }
 }
 
 impl Assignment {

@@ -2,57 +2,32 @@
 
 use super::Assignment;
 
-/// A group of measurements that can be chosen alone.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Measure {
-    /// Density on a grid: agreement, distribution, slices, profiles.
-    Density,
-    /// P(k), cross power, r(k), and xi(r) from them.
-    Spectrum,
-    /// xi(r) by pair counts.
-    Pairs,
-    /// Friends-of-friends groups and the mass in their cores.
-    Groups,
-    /// Distances to the nearest neighbour.
-    Neighbours,
-    /// Moments along the axes.
-    Moments,
-    /// Likelihood of particles under a model.
-    Likelihood,
-    /// g(r), the radial distribution function.
-    Rdf,
-    /// Density along the axes.
-    Profile,
-    /// Density and enclosed mass about centres.
-    Haloes,
+particlegs_core::named_values! {
+    /// A group of measurements that can be chosen alone.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum Measure {
+        Density = "density": "Density on a grid",
+        Spectrum = "spectrum": "P(k), r(k), and xi(r) by Fourier transform",
+        Pairs = "pairs": "xi(r) by pair counts",
+        Groups = "groups": "Friends-of-friends groups and the mass in their cores",
+        Neighbours = "neighbours": "Distances to the nearest neighbour",
+        Moments = "moments": "Moments of the positions along the axes",
+        Likelihood = "likelihood": "Likelihood of particles under a model, in bits a particle",
+        Rdf = "rdf": "g(r), the radial distribution function",
+        Profile = "profile": "Density along the axes",
+        Haloes = "haloes": "Density and enclosed mass about centres",
+    }
 }
 
-impl Measure {
-    /// All of them.
-    pub const ALL: [Measure; 10] = [
-        Measure::Density,
-        Measure::Spectrum,
-        Measure::Pairs,
-        Measure::Groups,
-        Measure::Neighbours,
-        Measure::Moments,
-        Measure::Likelihood,
-        Measure::Rdf,
-        Measure::Profile,
-        Measure::Haloes,
-    ];
-}
-
-/// Whose definitions are followed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Convention {
-    /// Cells of one length, windows and shot noise corrected, neighbours among all particles.
-    Correct,
-    /// The published table's: a grid stretched over the bounds, one box length for k, P(k) as it
-    /// comes from the grid, neighbours among a random 500 000.
-    Paper,
+particlegs_core::named_values! {
+    /// Whose definitions are followed.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum Convention {
+        Correct = "correct": "Cubic cells; the mass assignment and the shot noise are corrected",
+        Paper = "paper": "Those of the published table",
+    }
 }
 
 /// Options of [`super::compare`].
