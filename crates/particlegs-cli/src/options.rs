@@ -9,13 +9,17 @@ use particlegs_export::{Group, Kind as Exported};
 use particlegs_formats::Kind;
 use std::path::Path;
 
-/// Options of some commands that mean nothing where `why` gives a reason.
+/// Options of some commands that mean nothing beside some others.
 struct Rule {
     commands: &'static [&'static str],
     /// As clap knows them.
     options: &'static [&'static str],
-    /// Why they mean nothing beside what else was given, and what to do; `None` = they mean something.
-    why: fn(&Given<'_>) -> Option<(&'static str, &'static str)>,
+    /// Do they mean nothing beside what else was given?
+    idle: fn(&Given<'_>) -> bool,
+    /// What they belong to.
+    belongs: &'static str,
+    /// What to do; may be empty.
+    hint: &'static str,
 }
 
 /// How a snapshot is opened.
@@ -50,222 +54,78 @@ const FIGURE: &[&str] = &[
     "video",
 ];
 
-const RULES: &[Rule] = &[
-    Rule {
-        commands: &["render", "reference"],
-        options: &["colormap", "range", "raw"],
-        why: |g| (!g.density()).then_some(("--style density", "add --style density, or leave it away")),
-    },
-    Rule {
-        commands: &["reference"],
-        options: &["smooth"],
-        why: |g| (!g.density()).then_some(("--style density", "add --style density, or leave it away")),
-    },
-    Rule {
-        commands: &["render", "reference"],
-        options: &["no_annotations", "colorbar"],
-        why: |g| {
-            let bars = g.density() || g.draws_page() || g.has("panels") || g.has("color_by_layer");
-            let bars = bars || g.has("scale_bar") || g.has("figure_width");
-            (!bars).then_some(("--style density, PDF and SVG, and --scale-bar: nothing else has bars", ""))
-        },
-    },
-    Rule {
-        commands: &["render", "reference"],
-        options: &["radius", "opacity"],
-        why: |g| {
-            let density = g.is("style", "density");
-            density.then_some(("the other styles: a surface density has no particle radius or opacity", ""))
-        },
-    },
-    Rule {
-        commands: &["render"],
-        options: &["color_by_layer"],
-        why: |g| {
-            let density = g.is("style", "density");
-            density
-                .then_some(("the other styles: a density has colours of its own", "draw one layer with --layer NAME"))
-        },
-    },
-    Rule {
-        commands: &["render", "reference"],
-        options: &["distance"],
-        why: |g| {
-            let hint = "choose the window with --azimuth, --elevation, --center, --width and --depth";
-            g.is("projection", "orthographic").then_some(("perspective pictures", hint))
-        },
-    },
-    Rule {
-        commands: &["render", "reference"],
-        options: &["distance"],
-        why: |g| g.has("width").then_some(("pictures without --width, which says how near the camera is", "")),
-    },
-    Rule {
-        commands: &["render", "reference"],
-        options: FIGURE,
-        why: |g| g.has("raw").then_some(("pictures: --raw writes values", "")),
-    },
-    Rule {
-        commands: &["compress"],
-        options: &["resume", "minutes", "log"],
-        why: |g| (!g.trains()).then_some(("training: it needs --train fast|best|paper", "")),
-    },
-    Rule {
-        commands: &["compress", "plan"],
-        options: &["law", "scale", "iterations"],
-        why: |g| (!g.trains()).then_some(("training: it needs --train fast|best|paper, or --config", "")),
-    },
-    Rule {
-        commands: &["compress", "plan"],
-        options: &["effort"],
-        why: |g| {
-            let hint = "leave --effort away; --scale and --iterations shorten training";
-            g.is("train", "paper")
-                .then_some(("a fit: the published recipe starts from particles drawn at random", hint))
-        },
-    },
-    Rule {
-        commands: &["info"],
-        options: OPENING,
-        why: |g| g.model("input").then_some(("snapshots, and the file is a model", "")),
-    },
-    Rule {
-        commands: &["info"],
-        options: &["no_bounds"],
-        why: |g| g.model("input").then_some(("snapshots, and the file is a model", "")),
-    },
-    Rule {
-        commands: &["convert"],
-        options: OPENING,
-        why: |g| {
-            g.model("input")
-                .then_some(("snapshots, and the file is a model", "draw particles with `recover`, then convert those"))
-        },
-    },
-    Rule {
-        commands: &["convert"],
-        options: SELECTION,
-        why: |g| {
-            g.model("input")
-                .then_some(("snapshots, and the file is a model", "draw particles with `recover`, then convert those"))
-        },
-    },
-    Rule {
-        commands: &["verify"],
-        options: OPENING,
-        why: |g| (!g.has("snapshot")).then_some(("the snapshot, and none is given", "name it behind the model")),
-    },
-    Rule {
-        commands: &["view"],
-        options: OPENING,
-        why: |g| (!g.has("particles")).then_some(("the snapshot, and none is given", "name it by --snapshot")),
-    },
-    Rule {
-        commands: &["view"],
-        options: &["region", "every", "sample", "left_out"],
-        why: |g| (!g.has("particles")).then_some(("the snapshot, and none is given", "name it by --snapshot")),
-    },
-    Rule {
-        commands: &["verify"],
-        options: SELECTION,
-        why: |g| (!g.has("snapshot")).then_some(("the snapshot, and none is given", "name it behind the model")),
-    },
-    Rule {
-        commands: &["merge"],
-        options: &["certificate"],
-        why: |g| (!g.folder("parts")).then_some(("a job's folder: a merge of files has no certificate", "")),
-    },
-    Rule {
-        commands: &["recover"],
-        options: &["scale"],
-        why: |g| g.is("method", "grid").then_some(("the methods that draw from Gaussians: `grid` fills cells", "")),
-    },
-    Rule {
-        commands: &["stats"],
-        options: &["grid", "assignment"],
-        why: |g| g.without(&["density"]).then_some(("the measure `density`, which --only leaves out", "")),
-    },
-    Rule {
-        commands: &["stats"],
-        options: &["spectrum_grid", "spectrum_assignment", "no_interlacing", "k_max"],
-        why: |g| g.without(&["spectrum"]).then_some(("the measure `spectrum`, which --only leaves out", "")),
-    },
-    Rule {
-        commands: &["stats"],
-        options: &["separations"],
-        why: |g| {
-            g.without(&["pairs", "spectrum"])
-                .then_some(("the measures `pairs` and `spectrum`, which --only leaves out", ""))
-        },
-    },
-    Rule {
-        commands: &["stats"],
-        options: &["pairs"],
-        why: |g| {
-            g.without(&["pairs", "rdf"]).then_some(("the measures `pairs` and `rdf`, which --only leaves out", ""))
-        },
-    },
-    Rule {
-        commands: &["stats"],
-        options: &["aperture"],
-        why: |g| g.without(&["groups"]).then_some(("the measure `groups`, which --only leaves out", "")),
-    },
-    Rule {
-        commands: &["stats"],
-        options: &["linking"],
-        why: |g| {
-            g.without(&["groups", "haloes"])
-                .then_some(("the measures `groups` and `haloes`, which --only leaves out", ""))
-        },
-    },
-    Rule {
-        commands: &["stats"],
-        options: &["rdf_max"],
-        why: |g| g.without(&["rdf"]).then_some(("the measure `rdf`, which --only leaves out", "")),
-    },
-    Rule {
-        commands: &["stats"],
-        options: &["profile_axis", "profile_bins"],
-        why: |g| g.without(&["profile"]).then_some(("the measure `profile`, which --only leaves out", "")),
-    },
-    Rule {
-        commands: &["stats"],
-        options: &["centres", "halo_radius", "halo_bins"],
-        why: |g| g.without(&["haloes"]).then_some(("the measure `haloes`, which --only leaves out", "")),
-    },
-    Rule {
-        commands: &["stats"],
-        options: &["neighbours"],
-        why: |g| g.without(&["neighbours"]).then_some(("the measure `neighbours`, which --only leaves out", "")),
-    },
-    Rule {
-        commands: &["stats"],
-        options: &["spectrum_assignment", "no_interlacing"],
-        why: |g| g.is("convention", "paper").then_some(("--convention correct: the published table has its own", "")),
-    },
-    Rule {
-        commands: &["export"],
-        options: &["radius", "opacity", "color", "colormap", "range"],
-        why: |g| {
-            (g.exports() != Some(Group::Splats))
-                .then_some(("splats: it needs an output that ends in .ply, .glb or .gltf", ""))
-        },
-    },
-    Rule {
-        commands: &["export"],
-        options: &["colormap", "range"],
-        why: |g| (!g.is("color", "density")).then_some(("--color density", "add --color density, or leave it away")),
-    },
-    Rule {
-        commands: &["export"],
-        options: &["grid", "cell"],
-        why: |g| {
-            g.exports()
-                .is_some_and(|e| e != Group::Grid)
-                .then_some(("density on a grid: it needs an output that ends in .npy, .vti or .fits", ""))
-        },
-    },
-];
+/// Rules, each as commands, options, when these mean nothing, and what they belong to, with what to do.
+macro_rules! rules {
+    ($([$($command:literal),*], $options:expr, $idle:expr => $belongs:expr, $hint:expr;)*) => {
+        &[$(Rule { commands: &[$($command),*], options: $options, idle: $idle, belongs: $belongs, hint: $hint }),*]
+    };
+}
+
+const DENSITY: [&str; 2] = ["--style density", "add --style density, or leave it away"];
+const MODEL: &str = "snapshots, and the file is a model";
+const RECOVER: &str = "draw particles with `recover`, then convert those";
+const BEHIND: [&str; 2] = ["the snapshot, and none is given", "name it behind the model"];
+const SNAPSHOT: [&str; 2] = [BEHIND[0], "name it by --snapshot"];
+
+const RULES: &[Rule] = rules! {
+    ["render", "reference"], &["colormap", "range", "raw"], |g| !g.density() => DENSITY[0], DENSITY[1];
+    ["reference"], &["smooth"], |g| !g.density() => DENSITY[0], DENSITY[1];
+    ["render", "reference"], &["no_annotations", "colorbar"], |g| !g.has_bars() =>
+        "--style density, PDF and SVG, and --scale-bar: nothing else has bars", "";
+    ["render", "reference"], &["radius", "opacity"], |g| g.is("style", "density") =>
+        "the other styles: a surface density has no particle radius or opacity", "";
+    ["render"], &["color_by_layer"], |g| g.is("style", "density") =>
+        "the other styles: a density has colours of its own", "draw one layer with --layer NAME";
+    ["render", "reference"], &["distance"], |g| g.is("projection", "orthographic") =>
+        "perspective pictures", "choose the window with --azimuth, --elevation, --center, --width and --depth";
+    ["render", "reference"], &["distance"], |g| g.has("width") =>
+        "pictures without --width, which says how near the camera is", "";
+    ["render", "reference"], FIGURE, |g| g.has("raw") => "pictures: --raw writes values", "";
+    ["compress"], &["resume", "minutes", "log"], |g| !g.trains() => "training: it needs --train fast|best|paper", "";
+    ["compress", "plan"], &["law", "scale", "iterations"], |g| !g.trains() =>
+        "training: it needs --train fast|best|paper, or --config", "";
+    ["compress", "plan"], &["effort"], |g| g.is("train", "paper") =>
+        "a fit: the published recipe starts from particles drawn at random",
+        "leave --effort away; --scale and --iterations shorten training";
+    ["info"], OPENING, |g| g.model("input") => MODEL, "";
+    ["info"], &["no_bounds"], |g| g.model("input") => MODEL, "";
+    ["convert"], OPENING, |g| g.model("input") => MODEL, RECOVER;
+    ["convert"], SELECTION, |g| g.model("input") => MODEL, RECOVER;
+    ["verify"], OPENING, |g| !g.has("snapshot") => BEHIND[0], BEHIND[1];
+    ["view"], OPENING, |g| !g.has("particles") => SNAPSHOT[0], SNAPSHOT[1];
+    ["view"], &["region", "every", "sample", "left_out"], |g| !g.has("particles") => SNAPSHOT[0], SNAPSHOT[1];
+    ["verify"], SELECTION, |g| !g.has("snapshot") => BEHIND[0], BEHIND[1];
+    ["merge"], &["certificate"], |g| !g.folder("parts") =>
+        "a job's folder: a merge of files has no certificate", "";
+    ["recover"], &["scale"], |g| g.is("method", "grid") =>
+        "the methods that draw from Gaussians: `grid` fills cells", "";
+    ["stats"], &["grid", "assignment"], |g| g.without(&["density"]) =>
+        "the measure `density`, which --only leaves out", "";
+    ["stats"], &["spectrum_grid", "spectrum_assignment", "no_interlacing", "k_max"], |g| g.without(&["spectrum"]) =>
+        "the measure `spectrum`, which --only leaves out", "";
+    ["stats"], &["separations"], |g| g.without(&["pairs", "spectrum"]) =>
+        "the measures `pairs` and `spectrum`, which --only leaves out", "";
+    ["stats"], &["pairs"], |g| g.without(&["pairs", "rdf"]) =>
+        "the measures `pairs` and `rdf`, which --only leaves out", "";
+    ["stats"], &["aperture"], |g| g.without(&["groups"]) => "the measure `groups`, which --only leaves out", "";
+    ["stats"], &["linking"], |g| g.without(&["groups", "haloes"]) =>
+        "the measures `groups` and `haloes`, which --only leaves out", "";
+    ["stats"], &["rdf_max"], |g| g.without(&["rdf"]) => "the measure `rdf`, which --only leaves out", "";
+    ["stats"], &["profile_axis", "profile_bins"], |g| g.without(&["profile"]) =>
+        "the measure `profile`, which --only leaves out", "";
+    ["stats"], &["centres", "halo_radius", "halo_bins"], |g| g.without(&["haloes"]) =>
+        "the measure `haloes`, which --only leaves out", "";
+    ["stats"], &["neighbours"], |g| g.without(&["neighbours"]) =>
+        "the measure `neighbours`, which --only leaves out", "";
+    ["stats"], &["spectrum_assignment", "no_interlacing"], |g| g.is("convention", "paper") =>
+        "--convention correct: the published table has its own", "";
+    ["export"], &["radius", "opacity", "color", "colormap", "range"], |g| g.exports() != Some(Group::Splats) =>
+        "splats: it needs an output that ends in .ply, .glb or .gltf", "";
+    ["export"], &["colormap", "range"], |g| !g.is("color", "density") =>
+        "--color density", "add --color density, or leave it away";
+    ["export"], &["grid", "cell"], |g| g.exports().is_some_and(|e| e != Group::Grid) =>
+        "density on a grid: it needs an output that ends in .npy, .vti or .fits", "";
+};
 
 /// Refuses the first option on the command line that would do nothing.
 ///
@@ -275,11 +135,11 @@ pub fn check(matches: &ArgMatches) -> Result<()> {
     let Some((command, matches)) = matches.subcommand() else { return Ok(()) };
     let given = Given(matches);
     for rule in RULES.iter().filter(|r| r.commands.contains(&command)) {
-        for option in rule.options.iter().filter(|o| given.has(o)) {
-            if let Some((belongs, hint)) = (rule.why)(&given) {
-                let what = format!("{} does nothing here: it belongs to {belongs}", spelling(option));
-                return Err(Error::Argument { what, remedy: hint.into() });
-            }
+        if let Some(option) = rule.options.iter().find(|o| given.has(o))
+            && (rule.idle)(&given)
+        {
+            let what = format!("{} does nothing here: it belongs to {}", spelling(option), rule.belongs);
+            return Err(Error::Argument { what, remedy: rule.hint.into() });
         }
     }
     Ok(())
@@ -315,6 +175,12 @@ impl Given<'_> {
     /// Is a surface density drawn, or perhaps: of a picture to be drawn alike it is not known yet?
     fn density(&self) -> bool {
         self.is("style", "density") || self.has("like") && !self.has("style")
+    }
+
+    /// Are there bars in the picture, or beside it?
+    fn has_bars(&self) -> bool {
+        let beside = ["panels", "color_by_layer", "scale_bar", "figure_width"].iter().any(|id| self.has(id));
+        self.density() || self.draws_page() || beside
     }
 
     /// Is the output a page with its own room about the picture?

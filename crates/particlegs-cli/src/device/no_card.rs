@@ -17,85 +17,58 @@ pub enum Device {}
 /// Nothing is drawn on one.
 pub struct Pictures(Device);
 
-impl Pictures {
-    /// Never called.
-    pub fn new(device: &Device, _scene: &Scene) -> Result<Pictures> {
-        match *device {}
-    }
-
-    /// Never called.
-    pub fn draw(&self, _view: &View, _size: Size, _look: Look) -> Result<Gray8> {
-        match self.0 {}
-    }
-
-    /// Never called.
-    pub fn optical_depth(&self, _view: &View, _size: Size) -> Result<Plane> {
-        match self.0 {}
-    }
-}
+/// No particles are drawn on one.
+pub struct ParticlePictures<'a>(Device, PhantomData<Columns<'a>>);
 
 /// Positions of a range of particles.
 pub type Columns<'a> = Box<dyn Fn(Range<usize>) -> [Vec<f32>; 3] + Send + Sync + 'a>;
 
-/// No particles are drawn on one.
-pub struct ParticlePictures<'a>(Device, PhantomData<Columns<'a>>);
+/// Methods of what cannot be: they are never called.
+macro_rules! uncalled {
+    ($($method:ident($($argument:ty),*) -> $result:ty;)*) => {
+        $(pub fn $method(&self, $(_: $argument),*) -> Result<$result> { match self.0 {} })*
+    };
+}
 
-impl<'a> ParticlePictures<'a> {
-    /// Never called.
-    pub fn new(
-        device: &Device,
-        _origin: [f64; 3],
-        _bounds: Bounds,
-        _count: usize,
-        _columns: Columns<'a>,
-    ) -> Result<Self> {
+impl Pictures {
+    pub fn new(device: &Device, _: &Scene) -> Result<Self> {
         match *device {}
     }
 
-    /// Never called.
-    pub fn keep(&mut self, _device: &Device, _sent: &mut dyn FnMut(u64) -> Result<()>) -> Result<()> {
+    uncalled! { draw(&View, Size, Look) -> Gray8; optical_depth(&View, Size) -> Plane; }
+}
+
+impl<'a> ParticlePictures<'a> {
+    pub fn new(device: &Device, _: [f64; 3], _: Bounds, _: usize, _: Columns<'a>) -> Result<Self> {
+        match *device {}
+    }
+
+    pub fn keep(&mut self, _: &Device, _: &mut dyn FnMut(u64) -> Result<()>) -> Result<()> {
         match self.0 {}
     }
 
-    /// Never called.
-    pub fn draw(&self, _view: &View, _size: Size, _look: Look, _progress: &dyn Progress) -> Result<Gray8> {
-        match self.0 {}
-    }
-
-    /// Never called.
-    pub fn optical_depth(&self, _view: &View, _size: Size, _progress: &dyn Progress) -> Result<Plane> {
-        match self.0 {}
-    }
-
-    /// Never called.
-    pub fn response(&self, _view: &View, _size: Size, _look: Look, _progress: &dyn Progress) -> Result<Gray8> {
-        match self.0 {}
+    uncalled! {
+        draw(&View, Size, Look, &dyn Progress) -> Gray8;
+        response(&View, Size, Look, &dyn Progress) -> Gray8;
+        optical_depth(&View, Size, &dyn Progress) -> Plane;
     }
 }
 
-fn unsupported() -> Error {
+/// Why there is none.
+pub fn open<T>(_: Option<usize>) -> Result<T> {
     let what = "this program was built without graphics cards".into();
-    Error::Argument { what, remedy: "build it with `cargo build --release -p particlegs-cli --features gpu`".into() }
+    let remedy = "build it with `cargo build --release -p particlegs-cli --features gpu`".into();
+    Err(Error::Argument { what, remedy })
 }
 
-/// Why there is none.
-pub fn open(_number: Option<usize>) -> Result<Device> {
-    Err(unsupported())
-}
-
-/// Why there is none.
 #[cfg(feature = "lab")]
-pub fn open_timed(_number: Option<usize>) -> Result<Device> {
-    Err(unsupported())
-}
+pub use open as open_timed;
 
-/// Never called.
 #[cfg(feature = "lab")]
 pub fn name(device: &Device) -> String {
     match *device {}
 }
 
-/// Never called.
 pub fn trainer(device: &Device) -> Result<Arc<dyn particlegs::train::Device>> {
     match *device {}
 }
@@ -113,5 +86,5 @@ pub struct Adapter {
 
 /// Why there are none.
 pub fn list() -> Result<(Vec<Adapter>, Option<String>)> {
-    Err(unsupported())
+    open(None)
 }

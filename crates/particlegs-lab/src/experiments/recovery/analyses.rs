@@ -13,73 +13,39 @@ struct Analysis {
     figure: fn(&OfSize) -> Option<f64>,
 }
 
+impl Analysis {
+    const fn new(
+        what: &'static str,
+        limits: [f64; 2],
+        said: &'static str,
+        figure: fn(&OfSize) -> Option<f64>,
+    ) -> Analysis {
+        Analysis { what, limits, said, figure }
+    }
+}
+
 const ANALYSES: [Analysis; 11] = [
-    Analysis {
-        what: "density in cells: 1 - correlation",
-        limits: [0.002, 0.01],
-        said: "0.002 / 0.01",
-        figure: |o| Some(1.0 - o.count.correlation?),
-    },
-    Analysis {
-        what: "counts in cells: MAE of delta",
-        limits: [0.21, 0.3],
-        said: "0.21 / 0.3",
-        figure: |o| o.count.mae,
-    },
-    Analysis {
-        what: "P(k) to a quarter of the last k",
-        limits: [0.01, 0.05],
-        said: "1 % / 5 %",
-        figure: |o| power_off(&o.count, 0.25),
-    },
-    Analysis {
-        what: "P(k) to the last k, the particles' Nyquist frequency",
-        limits: [0.01, 0.05],
-        said: "1 % / 5 %",
-        figure: |o| power_off(&o.count, 1.0),
-    },
-    Analysis {
-        what: "phases to a quarter of the last k: 1 - r",
-        limits: [0.01, 0.1],
-        said: "0.01 / 0.1",
-        figure: |o| phases_off(&o.count, 0.25),
-    },
-    Analysis {
-        what: "phases to the last k: 1 - r",
-        limits: [0.01, 0.1],
-        said: "0.01 / 0.1",
-        figure: |o| phases_off(&o.count, 1.0),
-    },
-    Analysis {
-        what: "number of groups of 100 and more",
-        limits: [0.05, 0.1],
-        said: "5 % / 10 %",
-        figure: |o| groups_off(&o.count, 100),
-    },
-    Analysis {
-        what: "number of groups of 50 to 99",
-        limits: [0.05, 0.1],
-        said: "5 % / 10 %",
-        figure: |o| groups_off(&o.count, 50),
-    },
-    Analysis {
-        what: "number of groups of 20 to 49",
-        limits: [0.05, 0.1],
-        said: "5 % / 10 %",
-        figure: |o| groups_off(&o.count, 20),
-    },
-    Analysis {
-        what: "mass in the cores of groups of 100 to 299: 1 - median",
-        limits: [0.05, 0.2],
-        said: "5 % / 20 %",
-        figure: |o| Some((1.0 - o.count.core_mass?).abs()),
-    },
-    Analysis {
-        what: "nearest neighbours, drawn `spaced`: mean and median",
-        limits: [0.05, 0.15],
-        said: "5 % / 15 %",
-        figure: |o| Some((o.spaced.nearest_mean()? - 1.0).abs().max((o.spaced.nearest_median? - 1.0).abs())),
-    },
+    Analysis::new("density in cells: 1 - correlation", [0.002, 0.01], "0.002 / 0.01", |o| {
+        Some(1.0 - o.count.correlation?)
+    }),
+    Analysis::new("counts in cells: MAE of delta", [0.21, 0.3], "0.21 / 0.3", |o| o.count.mae),
+    Analysis::new("P(k) to a quarter of the last k", [0.01, 0.05], "1 % / 5 %", |o| power_off(&o.count, 0.25)),
+    Analysis::new("P(k) to the last k, the particles' Nyquist frequency", [0.01, 0.05], "1 % / 5 %", |o| {
+        power_off(&o.count, 1.0)
+    }),
+    Analysis::new("phases to a quarter of the last k: 1 - r", [0.01, 0.1], "0.01 / 0.1", |o| {
+        phases_off(&o.count, 0.25)
+    }),
+    Analysis::new("phases to the last k: 1 - r", [0.01, 0.1], "0.01 / 0.1", |o| phases_off(&o.count, 1.0)),
+    Analysis::new("number of groups of 100 and more", [0.05, 0.1], "5 % / 10 %", |o| groups_off(&o.count, 100)),
+    Analysis::new("number of groups of 50 to 99", [0.05, 0.1], "5 % / 10 %", |o| groups_off(&o.count, 50)),
+    Analysis::new("number of groups of 20 to 49", [0.05, 0.1], "5 % / 10 %", |o| groups_off(&o.count, 20)),
+    Analysis::new("mass in the cores of groups of 100 to 299: 1 - median", [0.05, 0.2], "5 % / 20 %", |o| {
+        Some((1.0 - o.count.core_mass?).abs())
+    }),
+    Analysis::new("nearest neighbours, drawn `spaced`: mean and median", [0.05, 0.15], "5 % / 15 %", |o| {
+        Some((o.spaced.nearest_mean()? - 1.0).abs().max((o.spaced.nearest_median? - 1.0).abs()))
+    }),
 ];
 
 /// A row an analysis, a column a ratio.
