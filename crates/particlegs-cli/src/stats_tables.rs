@@ -13,22 +13,20 @@ impl Csv {
         Csv(format!("{head}\n"))
     }
 
-    fn row(&mut self, values: &[String]) {
-        self.0 += &values.join(",");
-        self.0.push('\n');
-    }
-
     fn write(&self, folder: &Path, name: &str) -> Result<()> {
         write_bytes(&folder.join(name), self.0.as_bytes())
     }
 }
 
-fn number(v: f64) -> String {
-    v.to_string()
+/// Adds a row.
+macro_rules! row {
+    ($csv:ident: $($value:expr),*) => {
+        $csv.0 += &([$($value.to_string()),*].join(",") + "\n")
+    };
 }
 
-fn maybe(v: Option<f64>) -> String {
-    v.map_or(String::new(), number)
+fn maybe(v: Option<impl ToString>) -> String {
+    v.map_or(String::new(), |v| v.to_string())
 }
 
 /// Writes a CSV file for every statistic measured. Lengths are in the snapshot's unit.
@@ -39,18 +37,9 @@ pub fn write(folder: &Path, s: &Statistics) -> Result<()> {
     if let Some(spectra) = &s.spectra {
         let mut csv = Csv::new("k_low,k_high,k,modes,power_truth,power_other,cross,ratio,r,r_without_noise");
         for h in &spectra.shells {
-            csv.row(&[
-                number(h.edges[0]),
-                number(h.edges[1]),
-                number(h.k),
-                h.modes.to_string(),
-                number(h.power[0]),
-                number(h.power[1]),
-                number(h.cross),
-                maybe(h.ratio),
-                maybe(h.r),
-                maybe(h.r_without_noise),
-            ]);
+            row!(csv:
+                h.edges[0], h.edges[1], h.k, h.modes, h.power[0], h.power[1], h.cross, maybe(h.ratio), maybe(h.r),
+                maybe(h.r_without_noise));
         }
         csv.write(folder, "power.csv")?;
     }
@@ -59,26 +48,16 @@ pub fn write(folder: &Path, s: &Statistics) -> Result<()> {
             "r_low,r_high,pairs_truth,pairs_other,primaries_truth,primaries_other,expected_truth,expected_other,xi_truth,xi_other,ratio",
         );
         for i in 0..a.pairs.len() {
-            csv.row(&[
-                number(a.edges[i]),
-                number(a.edges[i + 1]),
-                a.pairs[i].to_string(),
-                b.pairs[i].to_string(),
-                a.primaries[i].to_string(),
-                b.primaries[i].to_string(),
-                number(a.expected[i]),
-                number(b.expected[i]),
-                number(a.xi[i]),
-                number(b.xi[i]),
-                maybe((a.xi[i] > 0.0).then(|| b.xi[i] / a.xi[i])),
-            ]);
+            row!(csv:
+                a.edges[i], a.edges[i + 1], a.pairs[i], b.pairs[i], a.primaries[i], b.primaries[i], a.expected[i],
+                b.expected[i], a.xi[i], b.xi[i], maybe((a.xi[i] > 0.0).then(|| b.xi[i] / a.xi[i])));
         }
         csv.write(folder, "xi_pairs.csv")?;
     }
     if let Some(x) = &s.xi_by_transform {
         let mut csv = Csv::new("r_low,r_high,xi_truth,xi_other");
         for i in 0..x.edges.len() - 1 {
-            csv.row(&[number(x.edges[i]), number(x.edges[i + 1]), number(x.xi[0][i]), number(x.xi[1][i])]);
+            row!(csv: x.edges[i], x.edges[i + 1], x.xi[0][i], x.xi[1][i]);
         }
         csv.write(folder, "xi_transform.csv")?;
     }
@@ -94,9 +73,7 @@ fn write_density(folder: &Path, s: &Statistics) -> Result<()> {
     let Some(d) = &s.density else { return Ok(()) };
     let mut csv = Csv::new("log10_density_low,log10_density_high,cells_truth,cells_other");
     for i in 0..d.pdf.edges.len() - 1 {
-        let cells = [&d.pdf.cells[0], &d.pdf.cells[1]].map(|c| c[i].to_string());
-        let [a, b] = cells;
-        csv.row(&[number(d.pdf.edges[i]), number(d.pdf.edges[i + 1]), a, b]);
+        row!(csv: d.pdf.edges[i], d.pdf.edges[i + 1], d.pdf.cells[0][i], d.pdf.cells[1][i]);
     }
     csv.write(folder, "density_pdf.csv")
 }
@@ -106,16 +83,7 @@ fn write_rdf(folder: &Path, s: &Statistics) -> Result<()> {
     let mut csv = Csv::new("r_low,r_high,pairs_truth,pairs_other,ideal_truth,ideal_other,g_truth,g_other");
     let ([a, b], [of_a, of_b]) = (pair, pair.each_ref().map(PairCounts::g));
     for i in 0..of_a.len() {
-        csv.row(&[
-            number(a.edges[i]),
-            number(a.edges[i + 1]),
-            a.pairs[i].to_string(),
-            b.pairs[i].to_string(),
-            number(a.expected[i]),
-            number(b.expected[i]),
-            number(of_a[i]),
-            number(of_b[i]),
-        ]);
+        row!(csv: a.edges[i], a.edges[i + 1], a.pairs[i], b.pairs[i], a.expected[i], b.expected[i], of_a[i], of_b[i]);
     }
     csv.write(folder, "rdf.csv")
 }
@@ -125,17 +93,9 @@ fn write_profiles(folder: &Path, s: &Statistics) -> Result<()> {
     let mut csv = Csv::new("axis,low,high,truth,other,density_truth,density_other");
     for (axis, p) in ["x", "y", "z"].iter().zip(profiles) {
         let [a, b] = &p.density;
-        let share = |side: usize, v: f64| number(if p.mean[side] > 0.0 { v / p.mean[side] } else { 0.0 });
+        let share = |side: usize, v: f64| if p.mean[side] > 0.0 { v / p.mean[side] } else { 0.0 };
         for i in 0..a.len() {
-            csv.row(&[
-                (*axis).into(),
-                number(p.edges[i]),
-                number(p.edges[i + 1]),
-                share(0, a[i]),
-                share(1, b[i]),
-                number(a[i]),
-                number(b[i]),
-            ]);
+            row!(csv: axis, p.edges[i], p.edges[i + 1], share(0, a[i]), share(1, b[i]), a[i], b[i]);
         }
     }
     csv.write(folder, "profiles.csv")
@@ -150,24 +110,15 @@ fn write_haloes(folder: &Path, s: &Statistics) -> Result<()> {
             let ([a, b], [within_a, within_b]) = (h.density(i, shell), h.enclosed_mass(i, shell + 1));
             let [x, y, z] = *at;
             let (low, high) = (h.edges[shell] * radius, h.edges[shell + 1] * radius);
-            let row = [x, y, z, *radius, low, high, a, b, within_a, within_b];
-            csv.row(&[vec![(i + 1).to_string()], row.map(number).to_vec()].concat());
+            row!(csv: i + 1, x, y, z, radius, low, high, a, b, within_a, within_b);
         }
     }
     csv.write(folder, "haloes.csv")?;
     let mut csv = Csv::new("r,r_over_radius,haloes,median,quartile_low,quartile_high,total");
     for (i, edge) in h.edges.iter().enumerate() {
         let [low, high] = [0, 1].map(|q| maybe(h.quartiles[i].map(|of| of[q])));
-        let (median, total) = (maybe(h.median[i]), maybe(h.total[i]));
-        csv.row(&[
-            maybe(h.radius.map(|r| r * edge)),
-            number(*edge),
-            h.compared[i].to_string(),
-            median,
-            low,
-            high,
-            total,
-        ]);
+        let radius = maybe(h.radius.map(|r| r * edge));
+        row!(csv: radius, edge, h.compared[i], maybe(h.median[i]), low, high, maybe(h.total[i]));
     }
     csv.write(folder, "halo_mass.csv")
 }
@@ -176,8 +127,7 @@ fn write_groups(folder: &Path, s: &Statistics) -> Result<()> {
     let Some(g) = &s.groups else { return Ok(()) };
     let mut csv = Csv::new("from,to,groups_truth,groups_other,ratio");
     for c in &g.histogram {
-        let to = c.to.map_or(String::new(), |t| t.to_string());
-        csv.row(&[c.from.to_string(), to, c.groups[0].to_string(), c.groups[1].to_string(), maybe(c.ratio)]);
+        row!(csv: c.from, maybe(c.to), c.groups[0], c.groups[1], maybe(c.ratio));
     }
     csv.write(folder, "groups.csv")
 }
@@ -187,7 +137,7 @@ fn write_neighbours(folder: &Path, s: &Statistics) -> Result<()> {
     let mut csv = Csv::new("side,low,high,particles");
     for (side, d) in ["truth", "other"].iter().zip(n) {
         for i in 0..d.counts.len() {
-            csv.row(&[(*side).into(), number(d.edges[i]), number(d.edges[i + 1]), d.counts[i].to_string()]);
+            row!(csv: side, d.edges[i], d.edges[i + 1], d.counts[i]);
         }
     }
     csv.write(folder, "neighbours.csv")

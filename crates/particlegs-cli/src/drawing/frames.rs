@@ -37,9 +37,6 @@ pub struct Into<'a> {
 }
 
 /// The range that all of these views have in common: each is drawn once for it.
-///
-/// # Errors
-/// Those of drawing.
 fn one_range(painter: &dyn Painter, finish: &Finish<'_>, set: &ViewSet, context: &Context) -> Result<[f64; 2]> {
     context.begin("one range for all frames", set.views.len() as u64);
     let of = |view: &View| {

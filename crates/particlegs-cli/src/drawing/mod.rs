@@ -27,9 +27,6 @@ pub enum Seen {
 /// Something that can be drawn.
 pub trait Painter: Sync {
     /// Draws a view.
-    ///
-    /// # Errors
-    /// Those of the renderer.
     fn draw(&self, view: &View, size: Size) -> Result<Seen>;
 
     /// May several views be drawn side by side?

@@ -75,10 +75,6 @@ impl MetricVisitor for Encoder<'_> {
         Ok(())
     }
 
-    fn more(&mut self, there: bool) -> bool {
-        there
-    }
-
     fn metric(&mut self, metric: &Metric, value: MetricValue) -> Result<MetricValue, Infallible> {
         let short = |v: f64| (v as f32).to_le_bytes();
         let (real, count) = match value {
@@ -219,10 +215,6 @@ mod tests {
 
         fn begin(&mut self, _: &MetricGroup, _: bool) -> Result<bool, Infallible> {
             Ok(self.groups || self.next() & 1 == 0)
-        }
-
-        fn end(&mut self, _: &MetricGroup) -> Result<(), Infallible> {
-            Ok(())
         }
 
         fn more(&mut self, _: bool) -> bool {

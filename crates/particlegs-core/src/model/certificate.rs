@@ -107,14 +107,6 @@ impl MetricVisitor for List {
         Ok(there)
     }
 
-    fn end(&mut self, _: &MetricGroup) -> Result<(), Infallible> {
-        Ok(())
-    }
-
-    fn more(&mut self, there: bool) -> bool {
-        there
-    }
-
     fn metric(&mut self, metric: &Metric, value: MetricValue) -> Result<MetricValue, Infallible> {
         let names: Vec<&str> = self.row.iter().copied().filter(|name| !name.is_empty()).collect();
         if let Some((_, Some(entries))) = self.groups.last_mut() {

@@ -231,9 +231,13 @@ pub(crate) trait MetricVisitor {
     /// A group begins, and is `there`; is it to be there, and visited?
     fn begin(&mut self, group: &MetricGroup, there: bool) -> Result<bool, Self::Error>;
     /// It ends.
-    fn end(&mut self, group: &MetricGroup) -> Result<(), Self::Error>;
+    fn end(&mut self, _: &MetricGroup) -> Result<(), Self::Error> {
+        Ok(())
+    }
     /// Is there another element in a list of any length? `there`: the certificate has it.
-    fn more(&mut self, there: bool) -> bool;
+    fn more(&mut self, there: bool) -> bool {
+        there
+    }
     /// A figure with its value, and what the value is to be.
     fn metric(&mut self, metric: &Metric, value: MetricValue) -> Result<MetricValue, Self::Error>;
     /// What figures of one record say of each other.

@@ -53,18 +53,18 @@ impl Checkpoint {
     /// # Errors
     /// [`Error::Io`] where the file is there and cannot be read.
     pub fn open(path: PathBuf, whose: &[u8; 32]) -> Result<Checkpoint> {
-        let head = [&MAGIC[..], whose].concat();
-        let (found, pieces) = match read_own(&path, FORM) {
-            Ok(Some(bytes)) => match pieces_of(&bytes, &head) {
+        let mut all = Checkpoint::fresh(path, whose);
+        (all.found, all.pieces) = match read_own(&all.path, FORM) {
+            Ok(Some(bytes)) => match pieces_of(&bytes, &all.head) {
                 Some(pieces) => (Found::Ours, pieces),
                 None if is_whole(&bytes) => (Found::Other, BTreeMap::new()),
                 None => (Found::Broken, BTreeMap::new()),
             },
-            Ok(None) => (Found::Nothing, BTreeMap::new()),
+            Ok(None) => return Ok(all),
             Err(Error::Input { .. }) => (Found::Broken, BTreeMap::new()),
             Err(e) => return Err(e),
         };
-        Ok(Checkpoint { path, head, pieces, saved: Instant::now(), unsaved: 0, found })
+        Ok(all)
     }
 
     /// Why what was there when it was opened cannot be gone on from; `None` where it can, or nothing was there.

@@ -12,22 +12,13 @@ use crate::progress::Progress;
 /// Where the particles of a job's blocks wait, and its coded blocks are kept.
 pub(crate) trait Store {
     /// The particles of a block.
-    ///
-    /// # Errors
-    /// Those of where they wait.
     fn particles(&mut self, block: u32, progress: &dyn Progress) -> Result<BlockParticles>;
 
     /// Keeps a coded block.
-    ///
-    /// # Errors
-    /// Those of where it is kept.
     fn keep(&mut self, block: u32, coded: CodedBlock, progress: &dyn Progress) -> Result<()>;
 }
 
 /// Does one block: its share of what `target` asks of the whole.
-///
-/// # Errors
-/// Those of the store, of the fit, of training and of the coder.
 pub(crate) fn do_block(
     store: &mut dyn Store,
     block: u32,
@@ -44,9 +35,6 @@ pub(crate) fn do_block(
 
 /// Does all blocks, one after the other: a fit itself uses all threads. Limits are those of all together;
 /// what becomes of training that is stopped holds for the last block, as a file wants every block.
-///
-/// # Errors
-/// As [`do_block`].
 pub(crate) fn do_blocks(
     store: &mut dyn Store,
     target: Target,

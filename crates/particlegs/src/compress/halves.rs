@@ -13,9 +13,6 @@ const LEAST: usize = 2000;
 
 /// Scores models of two random halves of the particles, of `seed`, by the other half, of a region's where the snapshot is
 /// large; `None` for models that were trained, and less than [`LEAST`] particles.
-///
-/// # Errors
-/// As [`compress`].
 pub(super) fn held_out(
     model: &Model,
     particles: &Particles,

@@ -91,9 +91,6 @@ impl Options {
 
     /// The number of blocks in which particles are fitted by tasks of their own, each within the memory, or
     /// within `default` bytes.
-    ///
-    /// # Errors
-    /// As [`Options::blocks_of`].
     pub(crate) fn tasks_of(&self, load: &Load, default: u64) -> Result<u32> {
         let Some(blocks) = self.blocks else { return load.tasks_within(self.memory.unwrap_or(default)) };
         within(self.memory.unwrap_or(u64::MAX), load.task_bytes(u64::from(blocks)), blocks)

@@ -189,17 +189,11 @@ impl Plan {
     }
 
     /// The file of all blocks, with the network of block 0 (paper section III-D).
-    ///
-    /// # Errors
-    /// Those of [`codec::assemble`].
     pub(crate) fn file(&self, blocks: &[CodedBlock], certificate: Option<&Certificate>) -> Result<Vec<u8>> {
         self.file_within(self.metadata.bounds, blocks, certificate)
     }
 
     /// The file of one block on its own: a model of its particles, drawn as the whole is.
-    ///
-    /// # Errors
-    /// Those of [`codec::assemble`].
     pub(crate) fn block_file(&self, block: &CodedBlock) -> Result<Vec<u8>> {
         self.file_within(block.bounds, std::slice::from_ref(block), None)
     }

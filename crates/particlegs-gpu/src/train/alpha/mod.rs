@@ -19,6 +19,7 @@ mod record;
 #[cfg(test)]
 mod tests;
 
+use super::Side;
 use super::kernels::Kernels as Shared;
 use crate::alpha::Renderer;
 use crate::{Device, groups};
@@ -61,14 +62,6 @@ pub(super) struct AlphaSteps {
     newer: Side,
     /// Of the last step's size.
     picture: Option<Picture>,
-}
-
-/// Where everything is up to date.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
-    Here,
-    Device,
-    Both,
 }
 
 impl AlphaSteps {
