@@ -171,28 +171,16 @@ fn text(r: &Report<'_>) -> String {
     row("size", format!("{} bytes, ratio {:.1} to {} raw bytes", r.model_bytes, r.compression_ratio, r.raw_bytes));
     r.missing.iter().for_each(|what| row("incomplete", what.clone()));
     row("Gaussians", format!("{}, {:.3} bytes each", r.gaussians, r.bytes_per_gaussian));
-    row(
-        "as published",
-        format!(
-            "{} bytes as PLY, {} a Gaussian, ratio {:.1}",
-            r.published_bytes,
-            AlphaBlend::PLY_BYTES,
-            r.raw_bytes as f64 / r.published_bytes as f64
-        ),
-    );
+    let (bytes, each, ratio) =
+        (r.published_bytes, AlphaBlend::PLY_BYTES, r.raw_bytes as f64 / r.published_bytes as f64);
+    row("as published", format!("{bytes} bytes as PLY, {each} a Gaussian, ratio {ratio:.1}"));
     match &r.vizmapper {
-        Some(n) => row(
-            "VizMapper",
-            format!(
-                "layers of {} values, {} parameters in {} bytes; scale within {}, opacity within {}, its factor at least {}",
-                n.shape.map(|n| n.to_string()).join(", "),
-                n.parameters,
-                n.bytes,
-                n.ranges.scale,
-                n.ranges.opacity,
-                n.ranges.floor
-            ),
-        ),
+        Some(NetworkReport { shape, parameters, ranges: VizRanges { scale, opacity, floor }, bytes }) => {
+            let shape = shape.map(|n| n.to_string()).join(", ");
+            let network = format!("layers of {shape} values, {parameters} parameters in {bytes} bytes");
+            let ranges = format!("scale within {scale}, opacity within {opacity}, its factor at least {floor}");
+            row("VizMapper", format!("{network}; {ranges}"));
+        }
         None if m.law == LawKind::AlphaBlend.name() => row("VizMapper", "none: trained without".into()),
         None => {}
     }
@@ -221,14 +209,12 @@ fn text(r: &Report<'_>) -> String {
         let blocks = layer.blocks.len();
         row("layer", format!("`{}`: {count} particles, {mass}, {blocks} block(s)", layer.name));
         for b in layer.blocks {
+            let BlockInfo { count, gaussians, bytes, .. } = b;
             let each = b.bytes as f64 / f64::from(b.gaussians);
             let place = format!("{} to {}", point(b.bounds.min), point(b.bounds.max));
             row(
                 "  block",
-                format!(
-                    "{} particles, {} Gaussians, {} bytes ({each:.3} each), {place}",
-                    b.count, b.gaussians, b.bytes
-                ),
+                format!("{count} particles, {gaussians} Gaussians, {bytes} bytes ({each:.3} each), {place}"),
             );
             let p = &b.precision;
             let steps = format!(
@@ -311,12 +297,9 @@ fn tables(entries: &[MetricEntry], unit: Option<&str>) -> Vec<String> {
             lines.push(format!("{one}: {}", all.join(", ")));
             continue;
         }
-        let mut text =
-            vec![std::iter::once(String::new()).chain(names(rows[0]).into_iter().map(String::from)).collect()];
-        text.extend(
-            rows.iter()
-                .map(|row| std::iter::once(row[0].row.clone()).chain(row.iter().map(cell)).collect::<Vec<String>>()),
-        );
+        let line = |first: &str, rest: Vec<String>| [vec![first.to_string()], rest].concat();
+        let mut text = vec![line("", names(rows[0]).into_iter().map(String::from).collect())];
+        text.extend(rows.iter().map(|row| line(&row[0].row, row.iter().map(cell).collect())));
         let width = |column: usize| text.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..text[0].len()).map(width).collect();
         lines.extend(text.iter().map(|row| {

@@ -176,32 +176,22 @@ struct Gain {
 impl Gain {
     /// `None` where a trivial picture is identical, nothing is lit, or nothing was drawn.
     fn of(scores: &PictureScores) -> Option<Gain> {
-        let (model, trivial): (_, [PictureScore; 2]) = (scores.model?, [scores.all_black?, scores.uniform_box?]);
-        let [black, even] = [trivial[0].masked_psnr?, trivial[1].masked_psnr?];
-        let (trivial_psnr, name) = if black >= even { (black, "an empty picture") } else { (even, "a uniform box") };
-        let similar = model.ssim > trivial[0].ssim.max(trivial[1].ssim);
+        let PictureScore { masked_psnr: model, ssim } = scores.model?;
+        let (black, even) = (scores.all_black?, scores.uniform_box?);
+        let more_similar = ssim > black.ssim.max(even.ssim) || model.is_none();
+        let (black, even) = (black.masked_psnr?, even.masked_psnr?);
+        let (trivial, name) = if black >= even { (black, "an empty picture") } else { (even, "a uniform box") };
         // Identical pictures have no decibels.
-        let decibels = model.masked_psnr.map_or(f64::INFINITY, |v| v - trivial_psnr);
-        let more_similar = similar || model.masked_psnr.is_none();
+        let decibels = model.map_or(f64::INFINITY, |v| v - trivial);
         let subset = scores.subset.map(|s| s.masked_psnr.unwrap_or(f64::INFINITY));
-        let subset_is_better = subset.is_some_and(|s| model.masked_psnr.is_some_and(|v| s >= v));
-        Some(Gain {
-            model: model.masked_psnr,
-            trivial: trivial_psnr,
-            name,
-            decibels,
-            more_similar,
-            subset,
-            subset_is_better,
-        })
+        let subset_is_better = subset.is_some_and(|s| model.is_some_and(|v| s >= v));
+        Some(Gain { model, trivial, name, decibels, more_similar, subset, subset_is_better })
     }
 
     /// From which decibels on it holds, and roughly.
     fn word(&self, beaten: bool, [hold, roughly]: [f64; 2]) -> Word {
-        if !self.more_similar {
-            return Word::DoesNot;
-        }
-        graded(self.decibels >= hold && !beaten, self.decibels >= roughly)
+        let holds = self.decibels >= hold && !beaten;
+        graded(self.more_similar && holds, self.more_similar && self.decibels >= roughly)
     }
 
     fn in_words(&self, of: &str) -> String {
@@ -241,14 +231,10 @@ fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
     let unit = unit.map_or(String::new(), |u| format!(" {u}"));
     let told = |d: &CellDensity, word| {
         let (even, more) = if word == Word::DoesNot { ("even ", "") } else { ("", " and more") };
+        let (&CellDensity { edge, particles, correlation, mean_absolute_error, .. }, trivial) = (d, trivial(d));
         let why = format!(
-            "{even}in cells of {:.4}{unit}{more} ({:.0} particles): correlation {:.4}, mean error {:.2} where a trivial \
-             density has {:.2}",
-            d.edge,
-            d.particles,
-            d.correlation,
-            d.mean_absolute_error,
-            trivial(d)
+            "{even}in cells of {edge:.4}{unit}{more} ({particles:.0} particles): correlation {correlation:.4}, mean error \
+             {mean_absolute_error:.2} where a trivial density has {trivial:.2}"
         );
         Finding { of: Use::Density, word, why }
     };
