@@ -30,7 +30,7 @@ fn main() -> particlegs::Result<()> {
     let model = codec::decode(&bytes, path)?;
     let layers: Vec<CodedLayer> = codec::coded_layers(&bytes, path)?;
     let block = &layers[0].content[0].bytes;
-    let views = evaluation_views(&model.metadata, SIZE, 42, 1);
+    let views = evaluation_views(&model.metadata, SIZE, 42, 8);
     println!("{} Gaussians in {} bytes: {:.2} dB", model.gaussians(), block.len(), score(&model, &particles, &views)?);
     for share in SHARES {
         let n = block.len() * share / 100;

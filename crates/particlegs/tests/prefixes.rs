@@ -16,8 +16,8 @@ fn prefixes_draw_pictures_like_simplified_models() {
     let particles = Particles::open_raw(&["xx", "yy", "zz"].map(|c| folder.join(c).with_extension("f32"))).unwrap();
     let options = Options { target: Target::Ratio(300.0), certificate: CertificateLevel::None, ..Options::default() };
     let whole = compress(&particles, &options, &mut NoPieces, &Silent).unwrap();
-    let size = Size { width: 320, height: 180 };
-    let views = evaluation_views(&whole.model.metadata, size, 1, 1);
+    let size = Size { width: 640, height: 360 };
+    let views = evaluation_views(&whole.model.metadata, size, 42, 2);
     let score = |model: &Model| {
         let mean = evaluate(model, &particles, &views, size, None, &Silent).unwrap().mean;
         mean.expected.model.masked_psnr.unwrap()

@@ -63,8 +63,8 @@ impl FileInfo {
             let there = self.metadata.count;
             format!("it ends early: {there} of {} particles are there", there.saturating_add(self.missing_particles))
         });
-        let stages =
-            (coarse > 0).then(|| format!("{coarse} of {all} blocks end early, so that they have fewer, larger Gaussians"));
+        let stages = (coarse > 0)
+            .then(|| format!("{coarse} of {all} blocks end early, so that they have fewer, larger Gaussians"));
         let both: Vec<String> = particles.into_iter().chain(stages).collect();
         (!both.is_empty()).then(|| both.join("; "))
     }
