@@ -56,7 +56,7 @@ impl<'a> ParticlePictures<'a> {
 
 /// Why there is none.
 pub fn open<T>(_: Option<usize>) -> Result<T> {
-    let what = "this program was built without graphics cards".into();
+    let what = "this program was built without GPU support".into();
     let remedy = "build it with `cargo build --release -p particlegs-cli --features gpu`".into();
     Err(Error::Argument { what, remedy })
 }

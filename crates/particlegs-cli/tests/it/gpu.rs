@@ -51,7 +51,7 @@ fn a_program_without_cards_says_how_to_get_them() {
     for command in [devices.arg("devices"), &mut render] {
         let out = command.output().unwrap();
         let error = String::from_utf8(out.stderr).unwrap();
-        assert!(error.contains("without graphics cards") && error.contains("--features gpu"), "{error}");
+        assert!(error.contains("without GPU support") && error.contains("--features gpu"), "{error}");
         assert_eq!(out.status.code(), Some(2));
     }
 }

@@ -2,7 +2,7 @@
 
 use super::wire::Reader;
 use crate::model::{
-    Certificate, CertificateLevel, Coding, Metric, MetricGroup, MetricValue, MetricVisitor, PictureScore, Visited,
+    Certificate, CertificateLevel, Coding, Metric, MetricField, MetricGroup, MetricValue, MetricVisitor, PictureScore,
 };
 use std::convert::Infallible;
 

@@ -149,7 +149,7 @@ pub fn promised_length(head: &[u8], place: &str) -> Result<Option<u64>> {
 }
 
 /// The sections of a file.
-pub(crate) struct Sections<'a> {
+pub(crate) struct FileSections<'a> {
     /// In their order; those of unknown tags that may be skipped are among them, the index is not.
     pub sections: Vec<Section<'a>>,
     /// May sections be missing at the end?
@@ -160,7 +160,7 @@ pub(crate) struct Sections<'a> {
 ///
 /// # Errors
 /// [`Error::Corrupt`] and [`Error::Compatibility`].
-pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<Sections<'a>> {
+pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<FileSections<'a>> {
     let length = promise(file, place)?;
     let open = length == 0;
     if !open && file.len() as u64 != length {
@@ -193,7 +193,7 @@ pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<Sections<'a>> {
         Some(index) if !is_index_of(index.bytes, &sections, open) => {
             Err(Error::corrupt(place, "its index lists other sections than there are"))
         }
-        _ => Ok(Sections { sections, open }),
+        _ => Ok(FileSections { sections, open }),
     }
 }
 

@@ -4,7 +4,7 @@ use super::OutOfRange;
 use super::file::STAGE_BYTES;
 use super::fine::{FineWalk, Leaf};
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE, MOST_PARTICLES, cholesky};
-use super::levels::{Halves, LEVELS, LevelWalk};
+use super::levels::{LEVELS, LevelWalk, NodeHalves};
 use super::place::{Target, quantise_places};
 use super::precision::Precision;
 use super::predict::{fit, low_bits};
@@ -262,7 +262,7 @@ impl Encoder {
                 |division| {
                     masses.push(division.mass);
                     match division.halves {
-                        Halves::Single(upper) => uneven.push(if upper { -division.count } else { division.count }),
+                        NodeHalves::Single(upper) => uneven.push(if upper { -division.count } else { division.count }),
                         _ => even.push(division.count),
                     }
                 },

@@ -22,7 +22,7 @@ const MOST_NODE_STEPS: i32 = 1 << 22;
 const ROOT_BITS: u32 = 24;
 /// Classes of how many Gaussians a node's count stands for, by octaves.
 const CLASSES: usize = 12;
-/// What models of halves start from, by class, for the symbols of [`Halves`]: heavy nodes hold several Gaussians in
+/// What models of halves start from, by class, for the symbols of [`NodeHalves`]: heavy nodes hold several Gaussians in
 /// either half, light ones single ones (frequencies of an N-body box of 2 M particles at ratio 300).
 const HALVES: [[u32; 4]; 9] = [
     [18, 12, 1, 1],
@@ -40,7 +40,7 @@ const MOST_PLACE_BITS: u32 = 6;
 
 /// How the Gaussians of a node fall into its halves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Halves {
+pub(crate) enum NodeHalves {
     /// All into one; is it the upper?
     One(bool),
     /// One Gaussian into each.
@@ -55,7 +55,7 @@ pub(crate) enum Halves {
 /// the upper one's, whole steps.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Division {
-    pub halves: Halves,
+    pub halves: NodeHalves,
     pub count: i32,
     pub mass: i32,
 }
@@ -78,7 +78,7 @@ pub(crate) trait NodeSource {
     /// How a node of several Gaussians falls apart. Where both halves hold some, they are numbered next, the lower one
     /// first; a half that holds all keeps the node's number.
     fn division(&mut self, _node: usize) -> Division {
-        Division { halves: Halves::Singles, count: 0, mass: 0 }
+        Division { halves: NodeHalves::Singles, count: 0, mass: 0 }
     }
 
     /// The Gaussian of a node of one.
@@ -256,9 +256,9 @@ impl<'a> LevelWalk<'a> {
         c.part(Part::Tree);
         let class = self.class(&node);
         let halves = self.models.halves[class].code(c, given.halves.symbol());
-        let halves = Halves::of(halves, |upper| c.bits(1, u32::from(upper)) == 1, given.halves);
+        let halves = NodeHalves::of(halves, |upper| c.bits(1, u32::from(upper)) == 1, given.halves);
         let halves_of = |side: u64| axis.map_or(node.cell, |axis| node.cell.half(axis, side));
-        if let Halves::One(upper) = halves {
+        if let NodeHalves::One(upper) = halves {
             if c.exhausted() {
                 return Ok(false);
             }
@@ -287,9 +287,9 @@ impl<'a> LevelWalk<'a> {
             return Ok(false);
         }
         let (below_a, below_b) = match halves {
-            Halves::Single(true) => (Below::Single, Below::Several),
-            Halves::Single(false) => (Below::Several, Below::Single),
-            Halves::Several => (Below::Several, Below::Several),
+            NodeHalves::Single(true) => (Below::Single, Below::Several),
+            NodeHalves::Single(false) => (Below::Several, Below::Single),
+            NodeHalves::Several => (Below::Several, Below::Several),
             _ => (Below::Single, Below::Single),
         };
         let extremes = [count_a, count_b, mass_a, mass_b];
@@ -310,16 +310,16 @@ impl<'a> LevelWalk<'a> {
 
     /// Codes the difference of the log counts of two halves.
     #[inline(always)]
-    fn count(&mut self, c: &mut impl Coder, halves: Halves, difference: i32) -> i32 {
+    fn count(&mut self, c: &mut impl Coder, halves: NodeHalves, difference: i32) -> i32 {
         let low = u32::from(self.header.low[1]);
         // Several Gaussians hold more than one, whichever half they are in.
         let shift = i32::from(self.header.surplus);
         match halves {
-            Halves::Single(false) => self.models.count[1].code(c, low, difference - shift).saturating_add(shift),
-            Halves::Single(true) => {
+            NodeHalves::Single(false) => self.models.count[1].code(c, low, difference - shift).saturating_add(shift),
+            NodeHalves::Single(true) => {
                 (self.models.count[1].code(c, low, -difference - shift).saturating_add(shift)).saturating_neg()
             }
-            Halves::Several => self.models.count[2].code(c, low, difference),
+            NodeHalves::Several => self.models.count[2].code(c, low, difference),
             _ => self.models.count[0].code(c, low, difference),
         }
     }
@@ -400,25 +400,25 @@ impl Models {
     }
 }
 
-impl Halves {
+impl NodeHalves {
     /// The symbol of its kind.
     fn symbol(self) -> usize {
         match self {
-            Halves::One(_) => 0,
-            Halves::Singles => 1,
-            Halves::Single(_) => 2,
-            Halves::Several => 3,
+            NodeHalves::One(_) => 0,
+            NodeHalves::Singles => 1,
+            NodeHalves::Single(_) => 2,
+            NodeHalves::Several => 3,
         }
     }
 
     /// From its symbol; `upper` codes which half, if it must be said.
-    fn of(symbol: usize, mut upper: impl FnMut(bool) -> bool, given: Halves) -> Halves {
-        let mut side = || upper(matches!(given, Halves::One(true) | Halves::Single(true)));
+    fn of(symbol: usize, mut upper: impl FnMut(bool) -> bool, given: NodeHalves) -> NodeHalves {
+        let mut side = || upper(matches!(given, NodeHalves::One(true) | NodeHalves::Single(true)));
         match symbol {
-            0 => Halves::One(side()),
-            1 => Halves::Singles,
-            2 => Halves::Single(side()),
-            _ => Halves::Several,
+            0 => NodeHalves::One(side()),
+            1 => NodeHalves::Singles,
+            2 => NodeHalves::Single(side()),
+            _ => NodeHalves::Several,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The encoder's side of a walk over levels: a segment's tree, with the numbers of its nodes.
 
 use super::fine::Leaf;
-use super::levels::{CountSums, Division, Halves, NodeSource, Single};
+use super::levels::{CountSums, Division, NodeHalves, NodeSource, Single};
 use super::tree::{Cell, Node};
 
 /// What the tree is below a node.
@@ -113,10 +113,10 @@ impl<'a> SegmentSource<'a> {
         let [a, b] = halves.map(|h| h as usize);
         let single = |node: usize| matches!(self.tree.forks[node], Fork::Leaf(_));
         let kind = match (single(a), single(b)) {
-            (true, true) => Halves::Singles,
-            (true, false) => Halves::Single(true),
-            (false, true) => Halves::Single(false),
-            (false, false) => Halves::Several,
+            (true, true) => NodeHalves::Singles,
+            (true, false) => NodeHalves::Single(true),
+            (false, true) => NodeHalves::Single(false),
+            (false, false) => NodeHalves::Several,
         };
         let (count, mass) = (self.counts[a] - self.counts[b], self.masses[a] - self.masses[b]);
         Division { halves: kind, count, mass }
@@ -135,13 +135,13 @@ impl NodeSource for SegmentSource<'_> {
         match self.tree.forks[self.numbers[node] as usize] {
             Fork::One(upper, below) => {
                 self.numbers[node] = below;
-                Division { halves: Halves::One(upper), count: 0, mass: 0 }
+                Division { halves: NodeHalves::One(upper), count: 0, mass: 0 }
             }
             Fork::Two(halves) => {
                 self.numbers.extend(halves);
                 self.division_of(halves)
             }
-            Fork::Leaf(_) => Division { halves: Halves::Singles, count: 0, mass: 0 },
+            Fork::Leaf(_) => Division { halves: NodeHalves::Singles, count: 0, mass: 0 },
         }
     }
 

@@ -1,6 +1,6 @@
 //! What was measured after decoding, when the file was made.
 
-use super::metric::{Group, MetricVisitor, Required, Visited, record};
+use super::metric::{Group, MetricField, MetricVisitor, RequiredGroup, record};
 use super::metrics::{CELL_NAMES, CLASS_NAMES};
 use super::{
     CellDensity, CrossValidation, DensityMetrics, GoalResult, GroupClass, MassPower, Metric, MetricEntry, MetricGroup,
@@ -47,9 +47,9 @@ record! {
         /// Pictures at the default radius and opacity.
         #[serde(flatten)]
         views: ViewMetrics =
-            Required(group(1, ALL, ["pictures", "pictures, one frame an orbit; masked PSNR in dB, SSIM"], ""));
+            RequiredGroup(group(1, ALL, ["pictures", "pictures, one frame an orbit; masked PSNR in dB, SSIM"], ""));
         /// The density on a grid.
-        density: DensityMetrics = Required(group(MetricGroup::DENSITY, ALL, ["density", "density on a grid"], ""));
+        density: DensityMetrics = RequiredGroup(group(MetricGroup::DENSITY, ALL, ["density", "density on a grid"], ""));
         /// Densities in cells of three sizes, the smallest first.
         densities: Option<[CellDensity; 3]> = group(3, ALL, ["density", "density in cells"], CELL_NAMES);
         /// P(k), r(k) and numbers of groups.

@@ -252,11 +252,11 @@ pub(crate) trait MetricVisitor {
 
 /// What a visitor passes over, declared in the form `F`: [`Metric`] for a figure, a name for a record, names for a list
 /// of records.
-pub(crate) trait Visited<F> {
+pub(crate) trait MetricField<F> {
     fn visit<V: MetricVisitor>(&mut self, form: F, v: &mut V) -> Result<(), V::Error>;
 }
 
-impl<T: Copy + From<MetricValue>> Visited<Metric> for T
+impl<T: Copy + From<MetricValue>> MetricField<Metric> for T
 where
     MetricValue: From<T>,
 {
@@ -266,14 +266,14 @@ where
     }
 }
 
-impl<T: Visited<&'static str>, const N: usize> Visited<[&'static str; N]> for [T; N] {
+impl<T: MetricField<&'static str>, const N: usize> MetricField<[&'static str; N]> for [T; N] {
     fn visit<V: MetricVisitor>(&mut self, names: [&'static str; N], v: &mut V) -> Result<(), V::Error> {
         self.iter_mut().zip(names).try_for_each(|(one, name)| one.visit(name, v))
     }
 }
 
 /// An element of a list of any length up to the array's.
-impl<T: Visited<&'static str> + Default + Copy> Visited<&'static str> for Option<T> {
+impl<T: MetricField<&'static str> + Default + Copy> MetricField<&'static str> for Option<T> {
     fn visit<V: MetricVisitor>(&mut self, name: &'static str, v: &mut V) -> Result<(), V::Error> {
         *self = v.more(self.is_some()).then(|| self.unwrap_or_default());
         self.as_mut().map_or(Ok(()), |one| one.visit(name, v))
@@ -284,9 +284,9 @@ impl<T: Visited<&'static str> + Default + Copy> Visited<&'static str> for Option
 pub(crate) struct Group<F>(pub MetricGroup, pub F);
 
 /// A group that every certificate has.
-pub(crate) struct Required<F>(pub Group<F>);
+pub(crate) struct RequiredGroup<F>(pub Group<F>);
 
-impl<T: Visited<F> + Default + Copy, F> Visited<Group<F>> for Option<T> {
+impl<T: MetricField<F> + Default + Copy, F> MetricField<Group<F>> for Option<T> {
     fn visit<V: MetricVisitor>(&mut self, Group(group, form): Group<F>, v: &mut V) -> Result<(), V::Error> {
         *self = v.begin(&group, self.is_some())?.then(|| self.unwrap_or_default());
         let Some(content) = self else { return Ok(()) };
@@ -295,10 +295,10 @@ impl<T: Visited<F> + Default + Copy, F> Visited<Group<F>> for Option<T> {
     }
 }
 
-impl<T: Visited<F>, F> Visited<Required<F>> for T {
+impl<T: MetricField<F>, F> MetricField<RequiredGroup<F>> for T {
     fn visit<V: MetricVisitor>(
         &mut self,
-        Required(Group(group, form)): Required<F>,
+        RequiredGroup(Group(group, form)): RequiredGroup<F>,
         v: &mut V,
     ) -> Result<(), V::Error> {
         v.begin(&group, true)?;
@@ -372,14 +372,14 @@ macro_rules! record {
             $($(#[$field_meta])* pub $field: $type,)*
         }
 
-        impl $crate::model::metric::Visited<&'static str> for $name {
+        impl $crate::model::metric::MetricField<&'static str> for $name {
             fn visit<V: $crate::model::metric::MetricVisitor>(
                 &mut self,
                 name: &'static str,
                 v: &mut V,
             ) -> Result<(), V::Error> {
                 v.enter(name);
-                $($crate::model::metric::Visited::visit(&mut self.$field, $form, v)?;)*
+                $($crate::model::metric::MetricField::visit(&mut self.$field, $form, v)?;)*
                 v.leave();
                 $(v.agree(|| $agree(self))?;)?
                 Ok(())

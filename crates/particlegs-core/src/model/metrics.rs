@@ -1,7 +1,7 @@
 //! The figures of a certificate, group by group. A figure is added here, in a line of its record; a group also in
 //! [`Certificate`](super::Certificate).
 
-use super::metric::{MetricVisitor, Visited, record};
+use super::metric::{MetricField, MetricVisitor, record};
 use super::{Limit, Metric, MetricUnit, MetricValue, Tolerance};
 use crate::model::Coding::{F32, F64, Name, OptionalF32, Score, UpTo, Whole};
 use crate::space::Bounds;
@@ -179,7 +179,7 @@ impl Sample {
     }
 }
 
-impl Visited<[&'static str; 6]> for Bounds {
+impl MetricField<[&'static str; 6]> for Bounds {
     fn visit<V: MetricVisitor>(&mut self, names: [&'static str; 6], v: &mut V) -> Result<(), V::Error> {
         self.min.iter_mut().chain(&mut self.max).zip(names).try_for_each(|(corner, name)| {
             corner.visit(Metric::new(name, F64).signed().unit(MetricUnit::Length).tolerance(Tolerance::Same), v)

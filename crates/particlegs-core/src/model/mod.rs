@@ -24,7 +24,7 @@ pub use law::{AlphaBlend, Law, LawKind};
 pub use layer::{Layer, Mass};
 pub use metadata::{Cosmology, Epoch, Metadata, Quantity, QuantityKind, hex};
 pub use metric::{Coding, Metric, MetricEntry, MetricGroup, MetricUnit, MetricValue, Tolerance};
-pub(crate) use metric::{MetricVisitor, Visited};
+pub(crate) use metric::{MetricField, MetricVisitor};
 pub use metrics::{
     BANDS, CELL_SIZES, CellDensity, CrossValidation, DensityMetrics, GROUP_CLASSES, GroupClass, LookSummary, MassPower,
     OrbitMetrics, PICTURE_OPACITIES, PICTURE_RADII, PICTURE_SETTINGS, POWER_LAYERS, PictureScore, PictureScores,
