@@ -111,13 +111,53 @@ fn silent_and_slow_clients_are_left() {
 }
 
 #[test]
-fn many_connections_wait_and_do_not_keep_others_out() {
-    let few = Limits { connections: 4, ..limits() };
+fn strangers_take_no_seats() {
+    let few = Limits { connections: 4, ..Limits::default() };
     while_serving(few, None, |client| {
-        let silent: Vec<TcpStream> = (0..12).map(|_| client.connect()).collect();
-        // Behind three rounds of those.
+        let start = Instant::now();
+        // More than there is room for, and longer than anybody would wait: silent, with half a head, refused.
+        let strangers: Vec<TcpStream> = (0..300).map(|_| client.connect()).collect();
+        for (i, mut stream) in strangers.iter().enumerate() {
+            let _ = match i % 3 {
+                0 => Ok(()),
+                1 => write!(stream, "GET {}model/0 HTTP/1.1\r\n", client.path),
+                _ => write!(stream, "GET /x HTTP/1.1\r\nHost: {}\r\n\r\n", client.address),
+            };
+        }
         assert!(is_ok(&client.get(&format!("{}model/0", client.path))));
-        drop(silent);
+        assert!(start.elapsed() < few.head / 2, "{:?}", start.elapsed());
+        drop(strangers);
+    });
+}
+
+#[test]
+fn more_connections_with_the_token_wait_for_a_seat() {
+    let few = Limits { connections: 2, ..limits() };
+    while_serving(few, None, |client| {
+        let request = format!("GET {}model/0 HTTP/1.1\r\nHost: {}\r\n\r\n", client.path, client.address);
+        let mut kept: Vec<TcpStream> = (0..6).map(|_| client.connect()).collect();
+        kept.iter_mut().for_each(|stream| stream.write_all(request.as_bytes()).unwrap());
+        // Each keeps its seat for the time between two requests.
+        assert!(kept.into_iter().all(|stream| is_ok(&read(stream))));
+    });
+}
+
+#[test]
+fn refused_requests_do_not_keep_it_alive() {
+    let idle = Limits { idle: Some(2 * SHORT), ..Limits::default() };
+    while_serving(idle, None, |client| {
+        let start = Instant::now();
+        let others = ["GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", "GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n"];
+        let mut silent = Vec::new();
+        for request in others.iter().cycle() {
+            let Ok(mut stream) = TcpStream::connect(&client.address) else { break };
+            let _ = stream.set_read_timeout(Some(SHORT));
+            let _ = stream.write_all(request.as_bytes());
+            read(stream);
+            silent.extend(TcpStream::connect(&client.address));
+            assert!(start.elapsed() < 10 * SHORT, "it goes on");
+        }
+        assert!(start.elapsed() >= 2 * SHORT);
     });
 }
 

@@ -14,14 +14,15 @@ use hyper::{Request, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
-use std::collections::HashSet;
+use std::collections::{HashSet, VecDeque};
 use std::convert::Infallible;
 use std::net::TcpListener;
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::net::TcpStream;
-use tokio::sync::Semaphore;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::task::{AbortHandle, Id, yield_now};
 use tokio::time::{sleep, timeout};
 
 /// Time between two looks at whether to end.
@@ -34,6 +35,8 @@ const MOST_LINES: usize = 64;
 const BUFFER: usize = 64 << 10;
 /// Refused names that are told: a scanner could think of any number.
 const MOST_TOLD: usize = 16;
+/// Connections at a time that have not shown the token.
+const MOST_STRANGERS: usize = 256;
 
 /// A server with all that it serves.
 pub struct Listening {
@@ -52,8 +55,32 @@ struct Shared {
     table: Table,
     events: Sender<Event>,
     told: Mutex<HashSet<Event>>,
-    /// When somebody last asked, or was answered.
+    /// When somebody who has the token last asked, or was answered.
     asked: Mutex<Instant>,
+    /// Places of connections that have shown the token.
+    seats: Arc<Semaphore>,
+    strangers: Strangers,
+}
+
+/// Connections that have not shown the token yet, the oldest first. They take no seats, and one too many ends the
+/// oldest: whoever has the token shows it at once.
+#[derive(Default)]
+struct Strangers(Mutex<VecDeque<AbortHandle>>);
+
+impl Strangers {
+    fn add(&self, stranger: AbortHandle) {
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        all.push_back(stranger);
+        if all.len() > MOST_STRANGERS
+            && let Some(oldest) = all.pop_front()
+        {
+            oldest.abort();
+        }
+    }
+
+    fn remove(&self, known: Id) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).retain(|s| s.id() != known);
+    }
 }
 
 impl Listening {
@@ -65,22 +92,19 @@ impl Listening {
         listener.set_nonblocking(true).map_err(fault)?;
         let (events, happened) = channel();
         let (told, asked) = (Mutex::default(), Mutex::new(Instant::now()));
-        let shared = Arc::new(Shared { guard, door, limits, table, events, told, asked });
+        let (seats, strangers) = (Arc::new(Semaphore::new(limits.connections)), Strangers::default());
+        let shared = Arc::new(Shared { guard, door, limits, table, events, told, asked, seats, strangers });
         runtime.block_on(async {
             let listener = tokio::net::TcpListener::from_std(listener).map_err(fault)?;
-            let seats = Arc::new(Semaphore::new(limits.connections));
-            let nobody_is_there = || seats.available_permits() == limits.connections;
+            let nobody_is_there = || shared.seats.available_permits() == limits.connections;
             while !(progress.cancelled() || nobody_is_there() && shared.is_left_alone()) {
                 happened.try_iter().for_each(tell);
-                // Whoever finds no seat waits in the system's queue.
-                let Ok(Ok(seat)) = timeout(TICK, Arc::clone(&seats).acquire_owned()).await else { continue };
                 match timeout(TICK, listener.accept()).await {
                     Ok(Ok((stream, _))) => {
-                        let shared = Arc::clone(&shared);
-                        tokio::spawn(async move {
-                            shared.converse(stream).await;
-                            drop(seat);
-                        });
+                        let client = tokio::spawn(Arc::clone(&shared).converse(stream));
+                        shared.strangers.add(client.abort_handle());
+                        // What came with the connection is looked at before more connections are let in.
+                        yield_now().await;
                     }
                     // The client is gone again, or there are too many files: the next one may do better.
                     Ok(Err(_)) => sleep(TICK).await,
@@ -98,14 +122,10 @@ impl Shared {
         let limits = self.limits;
         // Small answers are whole: nothing is gained by waiting for more.
         let _ = stream.set_nodelay(true);
-        let service = service_fn(move |request| {
-            let shared = Arc::clone(&self);
-            async move {
-                shared.is_asked();
-                let answer = shared.answer(request).await;
-                shared.is_asked();
-                Ok::<_, Infallible>(answer)
-            }
+        let seat = Arc::new(Mutex::new(None));
+        let service = service_fn(|request| {
+            let (shared, seat) = (Arc::clone(&self), Arc::clone(&seat));
+            async move { Ok::<_, Infallible>(shared.answer(request, &seat).await) }
         });
         let mut protocol = http1::Builder::new();
         protocol
@@ -116,23 +136,41 @@ impl Shared {
             .max_buf_size(BUFFER);
         // A client that breaks the rules or goes away is the client's affair.
         let _ = timeout(limits.connection, protocol.serve_connection(TokioIo::new(stream), service)).await;
+        self.strangers.remove(tokio::task::id());
     }
 
-    async fn answer(&self, request: Request<Incoming>) -> Answer {
-        if let Err(refused) = self.guarded(&request) {
-            return self.refused(refused);
+    /// The answer to a request, which has a seat if it has the token; whoever has not is sent away.
+    async fn answer(&self, request: Request<Incoming>, seat: &Mutex<Option<OwnedSemaphorePermit>>) -> Answer {
+        let place = match self.opened(&request) {
+            Ok(place) => place,
+            Err(answer) => return with(answer, header::CONNECTION, HeaderValue::from_static("close")),
+        };
+        if seat.lock().unwrap_or_else(PoisonError::into_inner).is_none() {
+            let taken = Arc::clone(&self.seats).acquire_owned().await.ok();
+            *seat.lock().unwrap_or_else(PoisonError::into_inner) = taken;
+            self.strangers.remove(tokio::task::id());
         }
-        let path = request.uri().path().to_string();
-        let path = path.strip_prefix('/').unwrap_or(&path);
+        self.is_asked();
+        let answer = self.answer_at(place, request).await;
+        self.is_asked();
+        answer
+    }
+
+    /// What a request with the token names; the answer to one without it.
+    fn opened(&self, request: &Request<Incoming>) -> std::result::Result<Option<Place>, Answer> {
+        self.guarded(request).map_err(|refused| self.refused(refused))?;
+        let path = request.uri().path();
+        let path = path.strip_prefix('/').unwrap_or(path);
         let (key, rest) = path.split_once('/').map_or((path, None), |(key, rest)| (key, Some(rest)));
-        let found = match (self.door.opens(key), rest) {
-            (Opens::Everything, Some(rest)) => self.table.find(rest),
-            (Opens::Everything, None) | (Opens::Once, None | Some("")) => return self.to_the_page(rest.is_some()),
-            _ => None,
-        };
-        let Some(place) = found else {
-            return refusal(StatusCode::NOT_FOUND, "nothing is here: open the address that the command printed");
-        };
+        match (self.door.opens(key), rest) {
+            (Opens::Everything, Some(rest)) => Ok(self.table.find(rest)),
+            (Opens::Everything, None) | (Opens::Once, None | Some("")) => Err(self.to_the_page(rest.is_some())),
+            _ => Err(nothing()),
+        }
+    }
+
+    async fn answer_at(&self, place: Option<Place>, request: Request<Incoming>) -> Answer {
+        let Some(place) = place else { return nothing() };
         let (methods, allowed) = place.methods();
         if !methods.contains(request.method()) {
             let answer = refusal(StatusCode::METHOD_NOT_ALLOWED, &format!("here is answered to {allowed} alone"));
@@ -205,6 +243,10 @@ impl Shared {
         let asked = *self.asked.lock().unwrap_or_else(PoisonError::into_inner);
         self.limits.idle.is_some_and(|idle| asked.elapsed() >= idle)
     }
+}
+
+fn nothing() -> Answer {
+    refusal(StatusCode::NOT_FOUND, "nothing is here: open the address that the command printed")
 }
 
 /// A header that may stand once, as text.

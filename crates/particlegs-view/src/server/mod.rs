@@ -47,7 +47,7 @@ pub struct Options {
 /// What clients may cost.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Connections at a time; more wait until one ends.
+    /// Connections with the token at a time; more wait until one ends.
     pub connections: usize,
     /// Time for the head of a request, and between two requests of a connection.
     pub head: Duration,
@@ -55,7 +55,7 @@ pub struct Limits {
     pub body: Duration,
     /// Time for a connection.
     pub connection: Duration,
-    /// The server ends after so long without a request; `None` = never.
+    /// The server ends after so long without a request that has the token; `None` = never.
     pub idle: Option<Duration>,
 }
 
