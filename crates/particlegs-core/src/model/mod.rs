@@ -2,6 +2,7 @@
 
 mod certificate;
 mod columns;
+mod conversion;
 mod goal;
 mod law;
 mod layer;
@@ -19,6 +20,7 @@ pub mod vizmapper;
 
 pub use certificate::{Certificate, CertificateLevel};
 pub use columns::{Columns, MASS};
+pub use conversion::{Conversion, UnitSystem};
 pub use goal::{Goal, GoalKind, GoalResult};
 pub use law::{AlphaBlend, Law, LawKind};
 pub use layer::{Layer, Mass};

@@ -107,6 +107,15 @@ impl Dimension {
         }
     }
 
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Dimension::Length => "length",
+            Dimension::Mass => "mass",
+            Dimension::Time => "time",
+        }
+    }
+
     /// The SI unit that factors are of.
     pub fn base(self) -> &'static str {
         match self {
@@ -289,6 +298,15 @@ impl Units {
             }
         }
         self
+    }
+
+    /// The unit of a dimension.
+    pub(super) fn of_dimension(&self, dimension: Dimension) -> Option<&Unit> {
+        match dimension {
+            Dimension::Length => self.length.as_ref(),
+            Dimension::Mass => self.mass.as_ref(),
+            Dimension::Time => self.time.as_ref(),
+        }
     }
 
     /// The unit of length as text.

@@ -1,6 +1,6 @@
 //! What a snapshot says about itself.
 
-use crate::model::{Cosmology, Dimension, Epoch, Unit, Units};
+use crate::model::{Cosmology, Dimension, Epoch, Unit, UnitSystem, Units};
 use crate::space::Cell;
 use crate::{Error, Result};
 
@@ -26,6 +26,11 @@ pub struct SnapshotMeta {
 }
 
 impl SnapshotMeta {
+    /// What numbers are in.
+    pub fn unit_system(&self) -> UnitSystem<'_> {
+        UnitSystem::new(&self.units, &self.epoch, &self.cosmology)
+    }
+
     /// Takes what a user states, box lengths, a unit of length and one of mass, over what the files say; numbers are not converted. The corner of a stated box is the
     /// file's, else 0. Gives what a user should know: a unit that is not known by name, and where the
     /// files say something else.

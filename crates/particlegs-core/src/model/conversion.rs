@@ -1,0 +1,196 @@
+//! Numbers in one unit as numbers in another.
+
+use super::{Cosmology, Dimension, Epoch, Metadata, Si, Unit, Units};
+
+/// The scale factor or h of two subjects differ where they do by more than this share.
+const SAME: f64 = 1e-5;
+/// Sizes of one unit differ by up to this share between programs, as the sun's mass does where the name is one, ...
+const ONE_NAME: f64 = 1e-3;
+/// ... and by this where digits were rounded.
+const ROUNDED: f64 = 1e-6;
+
+/// What numbers are in, with the scale factor and h that their units contain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnitSystem<'a> {
+    /// Units.
+    pub units: &'a Units,
+    /// The scale factor, where it is known.
+    pub scale_factor: Option<f64>,
+    /// Hubble parameter h, where it is known.
+    pub hubble: Option<f64>,
+}
+
+/// From one system of units to another.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Conversion {
+    /// Lengths are multiplied by this.
+    pub length: f64,
+    /// Masses are multiplied by this.
+    pub mass: f64,
+    /// What one of the two does not state, and is therefore taken from the other, in words.
+    pub unstated: Vec<String>,
+}
+
+impl Conversion {
+    /// Do numbers stay as they are?
+    pub fn is_identity(&self) -> bool {
+        self.length == 1.0 && self.mass == 1.0
+    }
+}
+
+impl Metadata {
+    /// What the numbers of the model are in.
+    pub fn unit_system(&self) -> UnitSystem<'_> {
+        UnitSystem::new(&self.units, &self.epoch, &self.cosmology)
+    }
+}
+
+impl<'a> UnitSystem<'a> {
+    /// Units at a moment of a cosmology.
+    pub fn new(units: &'a Units, epoch: &Epoch, cosmology: &Cosmology) -> Self {
+        UnitSystem { units, scale_factor: epoch.scale_factor, hubble: cosmology.hubble }
+    }
+
+    /// What takes numbers of this system to `to`. Comoving lengths stay comoving, whatever the two moments. What one
+    /// of the two does not state (a unit, or whether lengths are comoving) is taken to be as in the other.
+    ///
+    /// # Errors
+    /// In words, for a unit without a size against another text, and where a or h is needed that is not known, or
+    /// that the two state differently.
+    pub fn conversion(&self, to: &UnitSystem<'_>) -> Result<Conversion, String> {
+        let mut unstated = Vec::new();
+        let comoving = [(self, to), (to, self)].map(|(own, other)| own.units.comoving.or(other.units.comoving));
+        let both = self.units.length.is_some() && to.units.length.is_some();
+        if both && self.units.comoving.is_some() != to.units.comoving.is_some() {
+            let word = if comoving[0] == Some(true) { "comoving" } else { "physical" };
+            unstated.push(format!("whether lengths are comoving (taken as {word})"));
+        }
+        let mut factor = |dimension: Dimension| {
+            let [from, into] = [self.units, to.units].map(|u| u.of_dimension(dimension));
+            let (Some(from), Some(into)) = (from, into) else {
+                let stated = from.or(into).map(|u| format!("its unit of {} (taken as {})", dimension.name(), u.text));
+                unstated.extend(stated);
+                return Ok(1.0);
+            };
+            let a = |comoving: Option<bool>| (dimension == Dimension::Length).then_some(comoving).flatten();
+            self.factor([from, into], comoving.map(a), to)
+        };
+        let (length, mass) = (factor(Dimension::Length)?, factor(Dimension::Mass)?);
+        Ok(Conversion { length, mass, unstated })
+    }
+
+    /// The factor of two units, which are comoving or not where that is known.
+    fn factor(&self, units: [&Unit; 2], comoving: [Option<bool>; 2], to: &UnitSystem<'_>) -> Result<f64, String> {
+        let words = || {
+            let word = |k: usize| match (comoving[k], comoving[0] != comoving[1]) {
+                (Some(true), true) => format!("comoving {}", units[k].text),
+                (Some(false), true) => format!("physical {}", units[k].text),
+                _ => units[k].text.clone(),
+            };
+            format!("{} cannot be converted to {}", word(0), word(1))
+        };
+        let same_text = units[0].text == units[1].text;
+        let label = Si { factor: 1.0, a: 0.0, h: 0.0 };
+        let sizes = units.map(|u| u.si.or(same_text.then_some(label)));
+        let [Some(from), Some(into)] = sizes else { return Err(format!("{}: the size of one is not known", words())) };
+        let exponent = |k: usize, si: Si| comoving[k].map_or(si.a, |c| f32::from(u8::from(c)));
+        let a = f64::from(exponent(0, from)) - f64::from(exponent(1, into));
+        let h = f64::from(from.h) - f64::from(into.h);
+        let size = from.factor / into.factor;
+        let one = (size - 1.0).abs() < if same_text { ONE_NAME } else { ROUNDED };
+        let mut factor = if one { 1.0 } else { size };
+        for (power, name, own, other) in
+            [(a, "the scale factor", self.scale_factor, to.scale_factor), (h, "h", self.hubble, to.hubble)]
+        {
+            if power == 0.0 {
+                continue;
+            }
+            let value = match (own, other) {
+                (Some(x), Some(y)) if (x - y).abs() > SAME * y.abs() => {
+                    return Err(format!("{}: {name} is {x} of the one and {y} of the other", words()));
+                }
+                (own, other) => own.or(other).filter(|v| *v > 0.0),
+            };
+            let Some(value) = value else { return Err(format!("{}: {name} is not known", words())) };
+            factor *= libm::pow(value, power);
+        }
+        if factor > 0.0 && factor.is_finite() { Ok(factor) } else { Err(words()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn system(units: &Units, scale_factor: Option<f64>, hubble: Option<f64>) -> UnitSystem<'_> {
+        UnitSystem { units, scale_factor, hubble }
+    }
+
+    fn converted(from: (&str, Option<bool>), to: (&str, Option<bool>)) -> Result<Conversion, String> {
+        let of = |(text, comoving)| Units::of(Some(text), None, comoving);
+        let (from, to) = (of(from), of(to));
+        system(&from, Some(0.5), Some(0.7)).conversion(&system(&to, None, None))
+    }
+
+    #[test]
+    fn units_of_known_size_are_converted() {
+        let (c, p) = (Some(true), Some(false));
+        for (from, to, factor) in [
+            (("kpc", None), ("Mpc", None), 1e-3),
+            (("Mpc/h", c), ("kpccm/h", None), 1e3),
+            (("kpc/h", c), ("kpc", c), 1.0 / 0.7),
+            (("kpc", c), ("kpc", p), 0.5),
+            (("kpc", p), ("ckpc/h", None), 2.0 * 0.7),
+            (("comoving kpc", None), ("pkpc", None), 0.5),
+            (("nm", None), ("Angstrom", None), 10.0),
+            (("sigma", None), ("sigma", None), 1.0),
+            (("a label", c), ("a label", p), 0.5),
+            (("kpc", None), ("kpc", c), 1.0),
+        ] {
+            let found = converted(from, to).unwrap().length;
+            assert!((found / factor - 1.0).abs() < 1e-14, "{from:?} to {to:?}: {found}");
+        }
+        let (from, to) = (Units::of(None, Some("1e10 Msun/h"), None), Units::of(None, Some("g"), None));
+        let found = system(&from, None, Some(0.7)).conversion(&system(&to, None, None)).unwrap();
+        assert!((found.mass / (1.988_41e43 / 0.7) - 1.0).abs() < 1e-12 && found.length == 1.0, "{found:?}");
+    }
+
+    #[test]
+    fn what_cannot_be_converted_is_refused_by_name() {
+        for (from, to, says) in [
+            (("sigma", None), ("nm", None), "sigma cannot be converted to nm"),
+            (("kpc", None), ("furlong", None), "kpc cannot be converted to furlong"),
+        ] {
+            let refused = converted(from, to).unwrap_err();
+            assert!(refused.starts_with(says), "{refused}");
+        }
+        let (by_h, without) = (Units::of(Some("kpc/h"), None, Some(true)), Units::of(Some("kpc"), None, Some(false)));
+        let says = |a: [Option<f64>; 2], h: [Option<f64>; 2], what: &str| {
+            let refused = system(&by_h, a[0], h[0]).conversion(&system(&without, a[1], h[1])).unwrap_err();
+            assert!(refused.contains(what) && refused.contains("comoving kpc/h"), "{refused}");
+        };
+        says([Some(1.0), None], [None, None], "h is not known");
+        says([None, None], [Some(0.7), None], "the scale factor is not known");
+        says([Some(1.0), Some(0.5)], [Some(0.7), None], "the scale factor is 1 of the one and 0.5 of the other");
+        says([Some(1.0), None], [Some(0.7), Some(0.68)], "h is 0.7 of the one and 0.68 of the other");
+    }
+
+    #[test]
+    fn what_is_not_stated_is_taken_from_the_other_and_said() {
+        assert!(converted(("kpc", None), ("Mpc", None)).unwrap().unstated.is_empty());
+        let comoving = converted(("kpc", None), ("Mpc", Some(true))).unwrap();
+        assert_eq!(comoving.unstated, ["whether lengths are comoving (taken as comoving)"]);
+        let (stated, silent) = (Units::of(Some("kpc"), Some("Msun"), Some(true)), Units::default());
+        let found = system(&silent, None, None).conversion(&system(&stated, Some(0.5), None)).unwrap();
+        assert!(found.is_identity());
+        let sun = Units {
+            mass: Some(Unit {
+                si: Some(Si { factor: 1.989e30, a: 0.0, h: 0.0 }),
+                ..Unit::parse("Msun", Dimension::Mass)
+            }),
+            ..Units::default()
+        };
+        assert_eq!(system(&stated, None, None).conversion(&system(&sun, None, None)).unwrap().mass, 1.0);
+        assert_eq!(found.unstated, ["its unit of length (taken as kpc)", "its unit of mass (taken as Msun)"]);
+    }
+}
