@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Optional
 import numpy as np
 
 from . import handover
+from ._particlegs import density_range
 from ._types import Extent, Three
 
 if TYPE_CHECKING:
@@ -116,7 +117,8 @@ class Map(_Placed):
         cmap : str
             Colour map of matplotlib.
         vmin, vmax : float, optional
-            Values of the first and the last colour; the four decades below the brightest by default.
+            Values of the lowest and the highest colour; by default the 5th and the 99.5th percentile of the pixels
+            that are not empty, which have the map's first colour.
         colorbar : bool
             Draw a colour bar.
         **options
@@ -127,16 +129,20 @@ class Map(_Placed):
         matplotlib.image.AxesImage
         """
         import matplotlib.pyplot as plt
-        from matplotlib.colors import LogNorm
+        from matplotlib.colors import ListedColormap, LogNorm
 
         ax = ax or plt.gca()
         values = np.asarray(self)
-        lit = values[values > 0]
-        top = vmax or (np.quantile(lit, 0.999) if lit.size else 1.0)
-        low = vmin or (max(np.quantile(lit, 0.01), top * 1e-4) if lit.size else 0.1)
+        found, lowest = density_range(values)
+        low, top = found or (0.1, 1.0)
+        low, top = vmin or low, vmax or top
         norm = LogNorm(low, max(top, low * 1.0001))
-        shown = np.maximum(values, low)
-        image = ax.imshow(shown, extent=self.extent, cmap=cmap, norm=norm, **options)
+        whole = plt.get_cmap(cmap)
+        colors = ListedColormap(whole(np.linspace(lowest, 1.0, 255))).with_extremes(bad=whole(0.0))
+        # Tails of Gaussians count as empty where other pictures have faded.
+        empty = ~(values > low * (low / norm.vmax) ** (lowest / (1.0 - lowest)))
+        shown = np.ma.masked_where(empty, np.maximum(values, low))
+        image = ax.imshow(shown, extent=self.extent, cmap=colors, norm=norm, **options)
         if self.extent is None or self.axes is None:
             ax.set_axis_off()
         else:

@@ -28,6 +28,7 @@ fn _particlegs(py: Python<'_>, m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(choice::open, m)?)?;
     m.add_function(wrap_pyfunction!(choice::formats, m)?)?;
     m.add_function(wrap_pyfunction!(compress::compress, m)?)?;
+    m.add_function(wrap_pyfunction!(pictures::density_range, m)?)?;
     m.add_function(wrap_pyfunction!(stats::stats, m)?)?;
     Ok(())
 }

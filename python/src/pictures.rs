@@ -2,9 +2,9 @@
 
 use crate::errors::{InputError, named};
 use numpy::ndarray::Array2;
-use numpy::{PyArray2, ToPyArray};
+use numpy::{PyArray2, PyReadonlyArrayDyn, ToPyArray};
 use particlegs::camera::{Camera, DensityView, Projection, View, Window, base_distance, spherical_camera};
-use particlegs::picture::{Gray8, Plane, Size};
+use particlegs::picture::{DensityColors, Gray8, Plane, Size};
 use particlegs::space::{Bounds, Cell};
 use particlegs::splat::Look;
 use particlegs::{Error, Result};
@@ -149,4 +149,12 @@ pub fn plane<'py>(py: Python<'py>, plane: &Plane) -> PyResult<Bound<'py, PyArray
     let values = plane.data.iter().map(|v| f64::from(*v)).collect();
     let array = Array2::from_shape_vec((plane.size.height, plane.size.width), values);
     Ok(array.map_err(|e| InputError::new_err(e.to_string()))?.to_pyarray(py))
+}
+
+/// The range of colours of a map, where not all of it is empty, and the share of a colour map where its lowest colour
+/// lies.
+#[pyfunction]
+pub fn density_range(values: PyReadonlyArrayDyn<'_, f64>) -> (Option<[f64; 2]>, f32) {
+    let data: Vec<f32> = values.as_array().iter().map(|v| *v as f32).collect();
+    (Plane { size: Size { width: data.len(), height: 1 }, data }.log_range(), DensityColors::LOWEST)
 }

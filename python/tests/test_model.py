@@ -158,6 +158,14 @@ def test_plots(snap, model, tmp_path):
     assert image.get_extent() == list(sigma.extent) and ax.get_xlabel() == "x (Mpc/h)"
     with pytest.raises(ValueError):
         pg.stats(snap, model, only=["moments"]).plot()
+    # Empty pixels have a colour of their own, and the range is that of the others.
+    sigma[:, :8] = 0
+    image = sigma.plot(ax)
+    low, high = image.get_clim()
+    occupied = np.asarray(sigma)[np.asarray(sigma) > 0]
+    assert (occupied < low).mean() <= 0.05 and abs((occupied > high).mean() - 0.005) < 0.005
+    empty, lowest = image.to_rgba(np.ma.masked_equal([0.0, low], 0))
+    assert np.abs(empty - lowest).max() > 0.2
     plt.close("all")
 
 

@@ -1,6 +1,7 @@
 // The colour bar of densities: beside the picture, never over it.
 
 import { h } from "./dom";
+import { LOWEST } from "./protocol";
 import { logTicks, number } from "./units";
 
 export class ColorBar {
@@ -15,11 +16,13 @@ export class ColorBar {
     this.element.setAttribute("aria-label", `Colour bar: surface density from ${number(range[0])} to ${number(range[1])} ${unit}, logarithmic`);
     // Beneath the picture where the page is narrow.
     const flat = matchMedia("(max-width: 700px)").matches;
-    [this.strip.width, this.strip.height] = flat ? [256, 1] : [1, 256];
+    const count = 256 - LOWEST;
+    [this.strip.width, this.strip.height] = flat ? [count, 1] : [1, count];
     const c = this.strip.getContext("2d")!;
     const pixels = c.createImageData(this.strip.width, this.strip.height);
-    for (let i = 0; i < 256; i++) {
-      pixels.data.set([colors[3 * i], colors[3 * i + 1], colors[3 * i + 2], 255], 4 * (flat ? i : 255 - i));
+    for (let i = 0; i < count; i++) {
+      const at = 3 * (LOWEST + i);
+      pixels.data.set([...colors.subarray(at, at + 3), 255], 4 * (flat ? i : count - 1 - i));
     }
     c.putImageData(pixels, 0, 0);
     const long = Math.log(range[1] / range[0]);

@@ -1,5 +1,8 @@
 // What the page, its worker and the engine (crates/particlegs-web) say to each other.
 
+/** Which of 256 colours the lowest density has, as core's `DensityColors`; empty pixels have the first. */
+export const LOWEST = 51;
+
 export type Vec3 = [number, number, number];
 
 /** What the page was given: by the server, or inside the one file. */

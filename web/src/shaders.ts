@@ -1,5 +1,7 @@
 // The passes of the WebGL2 renderer. Rows count from the top of the picture in every plane; the last pass turns them.
 
+import { LOWEST } from "./protocol";
+
 const head = `#version 300 es
 precision highp float;
 precision highp int;
@@ -163,8 +165,9 @@ void main() {
   at.y = size.y - 1 - at.y;
   float v = texelFetch(levels, at, 0).r;
   if (density == 1) {
-    float t = v > 0. ? (log(v) - range.x) / range.y : 0.;
-    vec3 c = texelFetch(colors, ivec2(int(clamp(floor(255. * t + 0.5), 0., 255.)), 0), 0).rgb;
+    float share = (log(v) - range.x) / range.y;
+    int place = v > 0. ? int(clamp(floor(mix(${LOWEST}., 255., share) + 0.5), 0., 255.)) : 0;
+    vec3 c = texelFetch(colors, ivec2(place, 0), 0).rgb;
     color = vec4(c, 1.);
     return;
   }

@@ -1,7 +1,7 @@
 // All particles beside the model: asked of the server, coarse to fine, and told when nobody waits any more.
 
 import { h } from "./dom";
-import type { SceneOf, Size } from "./protocol";
+import { LOWEST, type SceneOf, type Size } from "./protocol";
 import type { State } from "./state";
 
 /** Levels (of 255) above which a pixel counts as lit, in either picture (docs/law/scores.md). */
@@ -96,8 +96,9 @@ export function painted(t: TruthPicture, state: State, colors: Uint8Array, range
       const v = Math.min(255, Math.round(t.levels[i] * gain));
       rgb = Array(3).fill(state.white ? 255 - v : v);
     } else if (t.densities) {
-      const at = t.densities[i] > 0 ? Math.log(t.densities[i] / range[0]) / Math.log(range[1] / range[0]) : 0;
-      const k = 3 * Math.round(255 * Math.max(0, Math.min(1, at)));
+      const share = Math.log(t.densities[i] / range[0]) / Math.log(range[1] / range[0]);
+      const place = t.densities[i] > 0 ? LOWEST + (255 - LOWEST) * share : 0;
+      const k = 3 * Math.round(Math.max(0, Math.min(255, place)));
       rgb = [colors[k], colors[k + 1], colors[k + 2]];
     }
     out.data.set([...rgb, 255], 4 * i);

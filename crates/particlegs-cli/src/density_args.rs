@@ -20,7 +20,7 @@ pub struct DensityArgs {
     /// Colour map [default: inferno].
     #[arg(long, value_name = "NAME", hide_short_help = true, value_parser = colormaps())]
     pub colormap: Option<Colormap>,
-    /// Values of the first and the last colour [default: from the picture, or of all that belong together].
+    /// Values of the first and the last colour [default: 5th to 99.5th percentile of occupied pixels].
     #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1, hide_short_help = true)]
     pub range: Option<Vec<f64>>,
     /// Write the values instead of a picture: NAME.f32 (rows from the top) and NAME.json.

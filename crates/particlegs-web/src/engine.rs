@@ -3,14 +3,14 @@
 use crate::about::About;
 use crate::answer::Answer;
 use crate::opened::Opened;
-use crate::picture::{Painter, UNLIT, bytes, check, color_on};
+use crate::picture::{Painter, UNLIT, bytes, check};
 use crate::probe;
 use crate::question::{Paint, Question, SceneOf, Style, What};
 use crate::strokes::strokes;
 use particlegs_core::codec::Decoder;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::Model;
-use particlegs_core::picture::Colormap;
+use particlegs_core::picture::{Colormap, DensityColors};
 use particlegs_core::progress::Silent;
 use particlegs_core::render::Scene;
 use particlegs_core::render::lens::Lens;
@@ -103,8 +103,7 @@ impl Engine {
             What::Tone { opacity, radius_pixels } => tone(opacity, radius_pixels),
             What::Colors { name, white } => {
                 let map: Colormap = name.parse().map_err(Error::argument)?;
-                let colors = (0..256).flat_map(|i| color_on(map, white, i as f32 / 255.0)).collect();
-                Answer::with(&json!({}), colors)
+                Answer::with(&json!({}), DensityColors::new(map, white, UNLIT).all().concat())
             }
             What::Probe { scene, pixel } => {
                 let full = opened.full()?;

@@ -3,7 +3,7 @@
 use crate::question::{Paint, SceneOf, Style};
 use particlegs_core::Result;
 use particlegs_core::model::{LawKind, Model};
-use particlegs_core::picture::{Colormap, Gray8, Pixels, Plane, Rgb8, Size};
+use particlegs_core::picture::{DensityColors, Gray8, Pixels, Plane, Rgb8, Size};
 use particlegs_core::progress::Silent;
 use particlegs_core::render::{Scene, Scratch, Tones, optical_depth_into, surface_density};
 use particlegs_core::splat::Look;
@@ -94,21 +94,13 @@ fn grey(levels: &[u8], white: bool) -> Vec<u8> {
     levels.iter().flat_map(|v| [v ^ flip, v ^ flip, v ^ flip, 255]).collect()
 }
 
-/// Logarithmic colours; what is empty has the first.
-fn density(plane: &Plane, paint: &Paint, [lo, hi]: [f64; 2]) -> Vec<u8> {
-    let map: Colormap = paint.colormap.parse().unwrap_or_default();
-    let (from, length) = (lo.ln() as f32, (hi / lo).ln() as f32);
-    let mut out = Vec::with_capacity(4 * plane.data.len());
-    for v in &plane.data {
-        let [r, g, b] = color_on(map, paint.white, if *v > 0.0 { (v.ln() - from) / length } else { 0.0 });
-        out.extend([r, g, b, 255]);
-    }
-    out
-}
-
-/// The colour of a share of the range on black or white.
-pub(crate) fn color_on(map: Colormap, white: bool, t: f32) -> [u8; 3] {
-    if white { map.on_white(t) } else { map.color(t) }
+fn density(plane: &Plane, paint: &Paint, range: [f64; 2]) -> Vec<u8> {
+    let colors = DensityColors::new(paint.colormap.parse().unwrap_or_default(), paint.white, range);
+    let rgba = |v: &f32| {
+        let [r, g, b] = colors.of(*v);
+        [r, g, b, 255]
+    };
+    plane.data.iter().flat_map(rgba).collect()
 }
 
 /// Little-endian bytes of a plane.

@@ -32,7 +32,7 @@ pub(crate) enum What {
     Strokes { scene: SceneOf, style: Style },
     /// The tone curve of a view: 1153 f32 levels.
     Tone { opacity: f64, radius_pixels: f64 },
-    /// 256 RGB triples.
+    /// 256 RGB triples for densities, as core's `DensityColors` has them.
     Colors { name: String, white: bool },
     /// What is seen at a pixel.
     Probe { scene: SceneOf, pixel: [f64; 2] },

@@ -3,7 +3,7 @@
 use super::Seen;
 use crate::figure::{Ground, Image};
 use particlegs::parallel;
-use particlegs::picture::{Colormap, Rgb8};
+use particlegs::picture::{Colormap, DensityColors, Rgb8};
 
 /// Decades that a common range has at most, as one of its own ([`particlegs::picture::Plane::log_range`]).
 const DECADES: f64 = 1e-4;
@@ -15,28 +15,22 @@ pub fn common_range(ranges: impl IntoIterator<Item = Option<[f64; 2]>>) -> [f64;
     [lo.max(hi * DECADES), hi]
 }
 
-/// The colour of a share of the range, on a ground.
-pub fn colour(map: Colormap, ground: Ground, t: f32) -> [u8; 3] {
-    match ground {
-        Ground::Black => map.color(t),
-        Ground::White => map.on_white(t),
-    }
+/// The colours of densities over a range, on a ground.
+pub fn densities(map: Colormap, ground: Ground, range: [f64; 2]) -> DensityColors {
+    DensityColors::new(map, ground == Ground::White, range)
 }
 
 /// What is seen as a picture.
-pub fn image(seen: Seen, map: Colormap, [lo, hi]: [f64; 2], ground: Ground) -> Image {
+pub fn image(seen: Seen, map: Colormap, range: [f64; 2], ground: Ground) -> Image {
     match seen {
         Seen::Levels(gray) => match ground {
             Ground::Black => Image::Gray(gray),
             Ground::White => Image::Gray(gray).inverted(),
         },
         Seen::Density(plane) => {
-            let (from, length) = (lo.ln() as f32, (hi / lo).ln() as f32);
-            let color = |i: usize| {
-                let v = plane.data[i];
-                colour(map, ground, if v > 0.0 { (v.ln() - from) / length } else { 0.0 })
-            };
-            Image::Color(Rgb8 { size: plane.size, data: parallel::map_range(plane.data.len(), color) })
+            let colors = densities(map, ground, range);
+            let pixels = parallel::map_range(plane.data.len(), |i| colors.of(plane.data[i]));
+            Image::Color(Rgb8 { size: plane.size, data: pixels })
         }
         Seen::Layers(gray, hues) => Image::Color(Rgb8::tinted(&gray, &hues, ground == Ground::White)),
     }
@@ -74,8 +68,6 @@ mod tests {
         assert_eq!(of(Seen::Layers(gray(), hues()), Ground::Black).pixel(0, 0), [0; 3]);
         let plane = || Plane { size, data: vec![0.0, 10.0, f32::NAN] };
         let [a, b, c] = [0, 1, 2].map(|x| of(Seen::Density(plane()), Ground::White).pixel(x, 0)[0]);
-        let of_map = |t| colour(Colormap::Viridis, Ground::White, t);
-        assert_eq!((of_map(0.0), of_map(1.0)), ([255; 3], Colormap::Viridis.color(0.0)));
-        assert!(a == 255 && (120..136).contains(&b) && c == 255, "{a} {b} {c}");
+        assert!(a == 255 && (90..115).contains(&b) && c == 255, "{a} {b} {c}");
     }
 }

@@ -130,8 +130,8 @@ impl Finish<'_> {
         let shown = self.about.colormap.is_some() && self.args.has_bar();
         let ground = self.args.ground();
         let title = || labelled("Σ", &journal(&self.quantities.unit()));
-        let bar =
-            shown.then(|| Bar::logarithmic(title(), range, |share| colours::colour(self.colormap, ground, share)));
+        let colors = colours::densities(self.colormap, ground, range);
+        let bar = shown.then(|| Bar::logarithmic(title(), range, |share| colors.at(share)));
         let legend = if self.args.no_annotations { Vec::new() } else { self.legend.clone() };
         let (title, place, page) = (self.args.title.clone(), self.args.place(), self.args.page());
         Figure { title, panels, columns, bar, legend, place, page, ground }

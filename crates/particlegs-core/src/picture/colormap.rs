@@ -48,16 +48,49 @@ impl Colormap {
     }
 }
 
-/// Share of a range over which colours on white grow out of the paper.
-const FADE: f32 = 0.15;
+/// The colours of surface densities by their logarithm. The lowest density lies within a map, so that it is told apart
+/// from empty pixels, which have the first colour; what lies below fades into that.
+#[derive(Clone, Debug)]
+pub struct DensityColors {
+    colors: [[u8; 3]; 256],
+    start: f32,
+    length: f32,
+}
 
-impl Colormap {
-    /// The colour of `t` in [0, 1] on white paper: the map is reversed and begins at white, so that nothing is paper
-    /// and much is dark. Outside, that of the nearer end; what is no number has the first colour.
-    pub fn on_white(self, t: f32) -> [u8; 3] {
-        let t = if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) };
-        let share = (t / FADE).min(1.0);
-        self.color(1.0 - t).map(|v| (255.0 + (f32::from(v) - 255.0) * share).round() as u8)
+impl DensityColors {
+    /// Where the lowest density lies among the colours, from 0 to 1.
+    pub const LOWEST: f32 = 0.2;
+
+    /// Colours over a range of densities: of `map` on black; on white paper, of its reverse, which grows out of white.
+    pub fn new(map: Colormap, white: bool, [lo, hi]: [f64; 2]) -> DensityColors {
+        let colors = std::array::from_fn(|i| {
+            let share = i as f32 / 255.0;
+            let ink = (share / Self::LOWEST).min(1.0);
+            match white {
+                true => map.color(1.0 - share).map(|v| (255.0 + (f32::from(v) - 255.0) * ink).round() as u8),
+                false => map.color(share),
+            }
+        });
+        DensityColors { colors, start: libm::log(lo) as f32, length: libm::log(hi / lo) as f32 }
+    }
+
+    /// All of them, from the first to the highest density's.
+    pub fn all(&self) -> &[[u8; 3]; 256] {
+        &self.colors
+    }
+
+    /// The colour of a density.
+    pub fn of(&self, density: f32) -> [u8; 3] {
+        match density > 0.0 {
+            true => self.at((libm::logf(density) - self.start) / self.length),
+            false => self.colors[0],
+        }
+    }
+
+    /// The colour of a share of the range.
+    pub fn at(&self, share: f32) -> [u8; 3] {
+        // NaN becomes 0 in the cast.
+        self.colors[(255.0 * (Self::LOWEST + (1.0 - Self::LOWEST) * share)).round().clamp(0.0, 255.0) as usize]
     }
 }
 
@@ -97,5 +130,18 @@ mod tests {
         }
         assert_eq!(Colormap::Viridis.color(0.0), [68, 1, 84]);
         assert_eq!(diverging(0.0), [0, 0, 0]);
+    }
+
+    #[test]
+    fn empty_pixels_differ_from_the_lowest_density_in_every_map() {
+        let light = |[r, g, b]: [u8; 3]| 0.2126 * f32::from(r) + 0.7152 * f32::from(g) + 0.0722 * f32::from(b);
+        for (map, white) in Colormap::ALL.into_iter().flat_map(|m| [(m, false), (m, true)]) {
+            let colors = DensityColors::new(map, white, [2.0, 200.0]);
+            let [empty, below, lowest, highest] = [0.0, 1e-9, 2.0, 200.0].map(|v| colors.of(v));
+            assert_eq!((empty, lowest, highest), (below, colors.all()[51], colors.all()[255]));
+            assert!((light(empty) - light(lowest)).abs() > 20.0, "{map:?} {white} {empty:?} {lowest:?}");
+            assert_eq!(empty, if white { [255; 3] } else { map.color(0.0) });
+            assert_eq!([f32::NAN, -1.0].map(|v| colors.of(v)), [empty; 2]);
+        }
     }
 }

@@ -7,7 +7,7 @@ mod score;
 mod score_density;
 mod score_ssim;
 
-pub use colormap::{Colormap, diverging};
+pub use colormap::{Colormap, DensityColors, diverging};
 pub(crate) use plane::Rows;
 pub use plane::{Gray8, Pixels, Plane, Rgb8, Size};
 pub use score::{MASK_LEVEL, Scores, decibels, is_lit, masked_psnr, psnr};

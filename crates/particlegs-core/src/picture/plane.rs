@@ -35,22 +35,22 @@ impl Plane {
         Plane { size, data: vec![0.0; size.pixels()] }
     }
 
-    /// A range of four decades at most that shows nearly all lit pixels: up to the 99.9th percentile, down to the
-    /// 1st or a ten-thousandth of the top. `None` where nothing is lit.
+    /// The range of colours of a density: from the 5th to the 99.5th percentile of its occupied pixels. What lies four
+    /// decades below that, as the tails of Gaussians do, does not count as occupied. `None` where every pixel is empty.
     pub fn log_range(&self) -> Option<[f64; 2]> {
         let mut lit: Vec<f32> = self.data.iter().copied().filter(|v| *v > 0.0 && v.is_finite()).collect();
-        if lit.is_empty() {
-            return None;
-        }
-        let mut at = |share: f64| {
-            let place = ((lit.len() - 1) as f64 * share) as usize;
-            f64::from(*lit.select_nth_unstable_by(place, f32::total_cmp).1)
-        };
-        let hi = at(0.999);
-        let lo = at(0.01).max(hi * 1e-4).min(hi);
+        let top = percentile(&mut lit, 99.5)?;
+        lit.retain(|v| f64::from(*v) >= top * 1e-4);
+        let [lo, hi] = [percentile(&mut lit, 5.0)?, percentile(&mut lit, 99.5)?];
         // A flat plane still gets a scale.
         Some(if hi / lo < 1.5 { [lo / 1.5, hi * 1.5] } else { [lo, hi] })
     }
+}
+
+/// The value below which so many percent of all lie, in an order of their own afterwards.
+fn percentile(values: &mut [f32], percent: f64) -> Option<f64> {
+    let place = (values.len().checked_sub(1)? as f64 * percent / 100.0) as usize;
+    Some(f64::from(*values.select_nth_unstable_by(place, f32::total_cmp).1))
 }
 
 /// A picture in a caller's buffer, top row first.
@@ -162,4 +162,21 @@ pub struct Rgb8 {
     pub size: Size,
     /// `size.pixels()` triples.
     pub data: Vec<[u8; 3]>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_range_is_of_occupied_pixels_without_tails() {
+        let of = |data: Vec<f32>| Plane { size: Size { width: data.len(), height: 1 }, data }.log_range();
+        let occupied: Vec<f32> = (1..=1000).map(|i| i as f32).collect();
+        assert_eq!(of(occupied.clone()), Some([50.0, 995.0]));
+        // Neither what is empty nor what a Gaussian's tail leaves moves it.
+        let more = occupied.iter().copied().chain([0.0, f32::NAN, -3.0]).chain([1e-9; 3]).collect();
+        assert_eq!(of(more), Some([50.0, 995.0]));
+        assert_eq!(of(vec![0.0; 9]), None);
+        assert_eq!(of(vec![3.0; 9]), Some([2.0, 4.5]));
+    }
 }
