@@ -27,6 +27,9 @@ def open(  # noqa: A001
     units: Optional[str] = None,
     mass_units: Optional[str] = None,
     skip_invalid: bool = False,
+    strict: bool = False,
+    unwrapped: Literal["wrap", "keep"] = "wrap",
+    blocks: Union[str, Sequence[str], None] = None,
     region: Optional[Sequence[float]] = None,
     center: Optional[ArrayLike] = None,
     width: Optional[ArrayLike] = None,
@@ -61,6 +64,13 @@ def open(  # noqa: A001
         Units of length and mass; replace those in the file.
     skip_invalid : bool
         Leave out particles with NaN or infinite values instead of refusing the file.
+    strict : bool
+        Refuse files whose headers count other particles than there are, instead of saying so.
+    unwrapped : {"wrap", "keep"}
+        Unwrapped positions of a trajectory (``xu yu zu``): wrapped into the box, or kept without one.
+    blocks : several str, optional
+        Names of the blocks of a Gadget file of format 1 behind its header, in order: ``["POS", "VEL", "ID"]``;
+        told by their lengths and values by default.
     region : six floats, optional
         Keep ``x0 <= x < x1, y0 <= y < y1, z0 <= z < z1``, given as ``(x0, x1, y0, y1, z0, z1)``.
     center, width : array_like, optional
@@ -86,6 +96,8 @@ def open(  # noqa: A001
         raise InputError("give a region, or a window about a centre, not both")
     if layers_by not in ("species", "mass"):
         raise InputError(f'layers_by="{layers_by}": there are species and mass')
+    if unwrapped not in ("wrap", "keep"):
+        raise InputError(f'unwrapped="{unwrapped}": there are wrap and keep')
     asked = {
         "format": format,
         "species": _coerce.texts(species),
@@ -97,6 +109,9 @@ def open(  # noqa: A001
         "length_unit": units,
         "mass_unit": mass_units,
         "skip_invalid": skip_invalid,
+        "strict": strict,
+        "keep_unwrapped": unwrapped == "keep",
+        "blocks": _coerce.texts(blocks.split(",") if isinstance(blocks, str) else blocks),
         "region": None if region is None else [float(v) for v in region],
         "center": None if center is None else _coerce.lengths(center, units, "center"),
         "width": None if width is None else _coerce.lengths(width, units, "width"),

@@ -34,6 +34,9 @@ const OPENING: &[&str] = &[
     "length_unit",
     "mass_unit",
     "skip_invalid",
+    "strict",
+    "unwrapped",
+    "blocks",
 ];
 /// What of it is kept.
 const SELECTION: &[&str] = &["region", "every", "sample", "center", "width"];

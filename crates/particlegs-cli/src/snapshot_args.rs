@@ -45,6 +45,30 @@ pub struct SnapshotArgs {
     /// Leave out particles with NaN or infinite values instead of refusing the file.
     #[arg(long, hide_short_help = true)]
     pub skip_invalid: bool,
+    /// Refuse files whose headers count other particles than there are.
+    #[arg(long, hide_short_help = true)]
+    #[serde(default)]
+    pub strict: bool,
+    /// Unwrapped positions of a trajectory, such as xu, yu, zu: wrap them into the box, or keep them without one.
+    #[arg(long, value_name = "HOW", hide_short_help = true, value_enum, default_value_t = Unwrapped::Wrap)]
+    #[serde(default)]
+    pub unwrapped: Unwrapped,
+    /// Names of the blocks of a Gadget file of format 1 behind its header, in order: POS,VEL,ID,MASS,...
+    ///
+    /// Blocks called - are passed over. By default blocks are told by their lengths and values.
+    #[arg(long, value_name = "NAME,...", hide_short_help = true, value_delimiter = ',')]
+    #[serde(default)]
+    pub blocks: Vec<String>,
+}
+
+/// What becomes of unwrapped positions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+pub enum Unwrapped {
+    /// They are wrapped into the periodic box.
+    #[default]
+    Wrap,
+    /// They are kept, without a periodic box.
+    Keep,
 }
 
 /// What becomes a layer.
@@ -178,9 +202,13 @@ impl SnapshotArgs {
             ("--box", self.box_lengths.as_ref().map(numbers)),
             ("--length-unit", self.length_unit.clone()),
             ("--mass-unit", self.mass_unit.clone()),
+            ("--unwrapped", (self.unwrapped == Unwrapped::Keep).then(|| "keep".into())),
+            ("--blocks", (!self.blocks.is_empty()).then(|| self.blocks.join(","))),
         ];
         let given = all.into_iter().filter_map(|(name, value)| Some(format!("{name} {}", value?)));
-        let words: Vec<String> = given.chain(self.skip_invalid.then(|| "--skip-invalid".into())).collect();
+        let switches = [("--skip-invalid", self.skip_invalid), ("--strict", self.strict)];
+        let switches = switches.into_iter().filter(|s| s.1).map(|s| s.0.to_string());
+        let words: Vec<String> = given.chain(switches).collect();
         (!words.is_empty()).then(|| words.join(" "))
     }
 
@@ -205,6 +233,9 @@ impl SnapshotArgs {
             weights,
             by_mass: self.layers_by == LayersBy::Mass,
             skip_invalid: self.skip_invalid,
+            strict: self.strict,
+            keep_unwrapped: self.unwrapped == Unwrapped::Keep,
+            blocks: self.blocks.clone(),
             box_lengths,
             length_unit: self.length_unit.clone(),
             mass_unit: self.mass_unit.clone(),
@@ -248,7 +279,7 @@ mod tests {
         let of = |words: &[&str]| Given::parse_from(["x"].iter().chain(words)).snapshot.in_words();
         assert_eq!(of(&[]), None);
         let all = "--format gadget --particle-type 1,dm --weights none --frame 3 --layers-by mass --box 2,2.5,3 \
-                   --length-unit kpc --skip-invalid";
+                   --length-unit kpc --unwrapped keep --blocks POS,ID --skip-invalid --strict";
         let format = names()[0];
         let all = all.replace("gadget", format);
         assert_eq!(of(&all.split(' ').collect::<Vec<_>>()).as_deref(), Some(&all[..]));

@@ -30,6 +30,12 @@ pub struct Choice {
     pub by_mass: bool,
     /// Drop particles with invalid values instead of refusing them.
     pub skip_invalid: bool,
+    /// Refuse files whose headers count other particles than there are, instead of saying so.
+    pub strict: bool,
+    /// Leave unwrapped positions of a trajectory as they are, without a periodic box, instead of wrapping them.
+    pub keep_unwrapped: bool,
+    /// Names of the blocks of a Gadget file of format 1, in order, behind its header; found by what they hold by default.
+    pub blocks: Vec<String>,
     /// Periodic box lengths that the user states, over what the files say.
     pub box_lengths: Option<[f64; 3]>,
     /// Unit of length that the user states.
@@ -63,6 +69,8 @@ impl Choice {
             ("weights", weights),
             ("frame", self.frame.map(|f| f.to_string())),
             ("layers-by", self.by_mass.then(|| "mass".into())),
+            ("unwrapped", self.keep_unwrapped.then(|| "keep".into())),
+            ("blocks", (!self.blocks.is_empty()).then(|| self.blocks.join(","))),
         ];
         let own = own.into_iter().filter_map(|(name, value)| Some((name.to_string(), value?)));
         own.chain(self.selection.iter().flat_map(Selection::options)).collect()
@@ -235,7 +243,7 @@ fn describe_at_hand(
 /// Opens raw columns or files of a format; a frame is asked for only where there are frames.
 fn opened(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
     let snapshot = match choice.format.is_none() && raw::is_raw(paths) {
-        true => raw::open(paths)?,
+        true => choice.fits("raw", &place(paths)).and_then(|()| raw::open(paths))?,
         false => choice.open(&resolved(paths, choice)?)?,
     };
     let description = snapshot.description();

@@ -159,6 +159,21 @@ impl Choice {
             None => detect(first)?,
             Some(name) => named(name)?,
         };
+        self.fits(format.name, &first.display().to_string())?;
         (format.open)(paths, self)
+    }
+
+    /// Refuses what is chosen and means nothing in a format.
+    ///
+    /// # Errors
+    /// [`Error::Input`].
+    pub(crate) fn fits(&self, format: &str, place: &str) -> Result<()> {
+        if !self.blocks.is_empty() && format != crate::gadget::FORMAT.name {
+            return Err(Error::input(place, "it has no blocks to name: those are Gadget's of format 1"));
+        }
+        if self.keep_unwrapped && ![crate::lammps::FORMAT.name, crate::xyz::FORMAT.name].contains(&format) {
+            return Err(Error::input(place, "it is no trajectory whose positions would be wrapped"));
+        }
+        Ok(())
     }
 }

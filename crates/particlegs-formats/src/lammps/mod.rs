@@ -27,6 +27,8 @@ fn detect(head: &Head) -> bool {
 const POSITIONS: [[&str; 3]; 4] = [["x", "y", "z"], ["xs", "ys", "zs"], ["xu", "yu", "zu"], ["xsu", "ysu", "zsu"]];
 /// Columns of positions in units of the cell.
 const SCALED: [&[&str]; 3] = [&["xs", "xsu"], &["ys", "ysu"], &["zs", "zsu"]];
+/// Columns of positions that leave the cell as atoms do.
+const UNWRAPPED: [&str; 6] = ["xu", "yu", "zu", "xsu", "ysu", "zsu"];
 /// Columns of whole numbers.
 const WHOLE: [&str; 8] = ["id", "mol", "type", "proc", "procp1", "ix", "iy", "iz"];
 
@@ -57,8 +59,10 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     };
     let scaling = Scaling { origin: found.head.cell.origin, vectors: found.head.cell.vectors };
     let noun = found.head.noun();
+    let positions = options.positions.as_ref().unwrap_or(&columns.positions);
+    let unwrapped = positions.split(',').any(|name| UNWRAPPED.contains(&name.trim()));
     let made = TextSnapshot::new(description, found.table, columns, "atoms", noun).with_scaled(SCALED, scaling);
-    Ok(Box::new(made))
+    Ok(Box::new(made.with_unwrapped(unwrapped, options)?))
 }
 
 fn meta(path: &std::path::Path, found: &Scan<FrameHead>, style: Option<&str>, notes: &mut Vec<String>) -> SnapshotMeta {

@@ -69,6 +69,43 @@ fn scaled_positions_lie_in_the_cell_and_others_can_be_chosen() {
     }
 }
 
+/// Positions that left the box are at their images in it, whatever its shape and whatever the columns are called;
+/// they are kept on request, without the box.
+#[test]
+fn unwrapped_positions_are_wrapped_or_kept() {
+    let orthogonal = "ITEM: BOX BOUNDS pp pp ff\n-1 9\n0 10\n0 10\n";
+    let tilted = "ITEM: BOX BOUNDS xy xz yz pp pp pp\n0 14 4\n0 10 0\n0 10 0\n";
+    let slab = "ITEM: BOX BOUNDS ff ff ff\n0 1\n0 1\n0 1\n";
+    let file = |bounds: &str, names: &str, row: &str| {
+        format!("ITEM: TIMESTEP\n7\nITEM: NUMBER OF ATOMS\n1\n{bounds}ITEM: ATOMS {names}\n{row}\n")
+    };
+    let cases = [
+        (orthogonal, "xu yu zu", "39.5 -0.5 -70", [-0.5, 9.5, -70.0]),
+        (orthogonal, "id xsu ysu zsu", "1 3.25 -2 7", [1.5, 0.0, 70.0]),
+        (orthogonal, "x y z", "-41 30 5", [-1.0, 0.0, 5.0]),
+        // One vector y up is 4 along x.
+        (tilted, "xu yu zu", "25 12 5", [1.0, 2.0, 5.0]),
+    ];
+    for (bounds, names, row, wrapped) in cases {
+        let text = file(bounds, names, row);
+        let got = all(&text, &Choice::default()).unwrap();
+        assert_eq!(got[0].positions, [wrapped], "{names}");
+        let notes = open(&text).unwrap().description().notes.clone();
+        assert!(notes.iter().any(|n| n.contains("wrapped into the periodic box")), "{notes:?}");
+    }
+    let keep = |text: &str| {
+        let (file, choice) = (scratch(text.as_bytes()), Choice { keep_unwrapped: true, ..Choice::default() });
+        let snapshot = choice.open(&[file.path().to_path_buf()])?;
+        Ok::<_, particlegs::Error>((snapshot.description().meta.cell, read(&*snapshot, 0, &choice)?.positions))
+    };
+    assert_eq!(keep(&file(tilted, "xu yu zu", "25 12 5")).unwrap(), (None, vec![[25.0, 12.0, 5.0]]));
+    assert!(keep(&file(slab, "xu yu zu", "25 12 5")).is_err());
+    // Atoms that stepped out of the box since it was last seen to are as the file has them.
+    let near = file(orthogonal, "x y z", "9.25 10 -0.5");
+    assert_eq!(all(&near, &Choice::default()).unwrap()[0].positions, [[9.25, 10.0, -0.5]]);
+    assert!(open(&near).unwrap().description().notes.is_empty());
+}
+
 #[test]
 fn tilted_boxes_are_told_from_the_boxes_around_them() {
     let rows = "ITEM: ATOMS xs ys zs\n0 0 0\n1 1 1\n";
@@ -162,7 +199,7 @@ fn what_is_written_reads_back_with_equal_bits() {
         Some(Cell::orthogonal([20.0, 30.0, 40.0])),
         Some(Cell {
             origin: [1.0, 2.0, 3.0],
-            vectors: [[8.0, 0.0, 0.0], [2.0, 8.0, 0.0], [-4.0, 1.0, 8.0]],
+            vectors: [[80.0, 0.0, 0.0], [20.0, 80.0, 0.0], [-40.0, 10.0, 80.0]],
             periodic: [true, false, true],
         }),
         Some(Cell {

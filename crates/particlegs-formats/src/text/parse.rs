@@ -3,6 +3,7 @@
 use super::lines::without_end;
 use super::number::number_at;
 use super::split::{Separator, is_blank, number, shown, tokens};
+use particlegs::space::Cell;
 
 /// How the lines of a table are taken apart.
 #[derive(Clone, Debug)]
@@ -89,6 +90,40 @@ impl Scaling {
     }
 }
 
+/// A periodic cell that positions are wrapped into.
+#[derive(Clone, Copy, Debug)]
+pub struct Periods {
+    cell: Cell,
+    inverse: [[f64; 3]; 3],
+}
+
+impl Periods {
+    /// Of a cell that has a volume and repeats along some of its vectors.
+    pub fn of(cell: Cell) -> Option<Periods> {
+        let inverse = cell.inverse().filter(|_| cell.periodic.contains(&true))?;
+        Some(Periods { cell, inverse })
+    }
+
+    /// Where `p` is in units of the cell's vectors; 0 along those that do not repeat.
+    fn fractions(&self, p: [f64; 3]) -> [f64; 3] {
+        let d: [f64; 3] = std::array::from_fn(|k| p[k] - self.cell.origin[k]);
+        let fraction = |a: usize| (0..3).map(|k| d[k] * self.inverse[k][a]).sum();
+        std::array::from_fn(|a| if self.cell.periodic[a] { fraction(a) } else { 0.0 })
+    }
+
+    /// How many lengths of the cell `p` lies outside it, 0 within.
+    pub fn beyond(&self, p: [f64; 3]) -> f64 {
+        self.fractions(p).iter().fold(0.0, |most, f| (-f).max(f - 1.0).max(most))
+    }
+
+    /// The image of `p` in the cell; what lies on its faces stays there.
+    fn wrap(&self, p: [f64; 3]) -> [f64; 3] {
+        let whole = self.fractions(p).map(|f| if (0.0..=1.0).contains(&f) { 0.0 } else { f.floor() });
+        let v = &self.cell.vectors;
+        std::array::from_fn(|k| p[k] - (whole[0] * v[0][k] + whole[1] * v[1][k] + whole[2] * v[2][k]))
+    }
+}
+
 /// What is read of each row.
 #[derive(Clone, Debug)]
 pub struct Plan {
@@ -99,6 +134,8 @@ pub struct Plan {
     weighted: bool,
     /// Positions in units of a cell.
     scaling: Option<Scaling>,
+    /// Positions are wrapped into this.
+    periods: Option<Periods>,
     /// Only rows whose value in this column is this one.
     key: Option<(usize, Vec<u8>)>,
     /// Positions are taken about this point.
@@ -106,13 +143,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Reads positions from three columns, and weights.
-    pub fn new(
-        positions: [usize; 3],
-        weight: Option<usize>,
-        scaling: Option<Scaling>,
-        key: Option<(usize, Vec<u8>)>,
-    ) -> Self {
+    /// Reads positions from three columns, and weights, of all species.
+    pub fn new(positions: [usize; 3], weight: Option<usize>, scaling: Option<Scaling>) -> Self {
         let all: Vec<usize> = positions.into_iter().chain(weight).collect();
         let mut wanted = all.clone();
         wanted.sort_unstable();
@@ -121,7 +153,13 @@ impl Plan {
         for (slot, column) in slots.iter_mut().zip(&all) {
             *slot = wanted.binary_search(column).unwrap_or(0);
         }
-        Plan { wanted, slots, weighted: weight.is_some(), scaling, key, origin: [0.0; 3] }
+        Plan { wanted, slots, weighted: weight.is_some(), scaling, periods: None, key: None, origin: [0.0; 3] }
+    }
+
+    /// The same wrapped into a periodic cell.
+    pub fn wrapped(mut self, periods: Option<Periods>) -> Self {
+        self.periods = periods;
+        self
     }
 
     /// The same about `origin`.
@@ -130,9 +168,9 @@ impl Plan {
         self
     }
 
-    /// The same of all species.
-    pub fn of_all(mut self) -> Self {
-        self.key = None;
+    /// The same of rows whose value in a column is this one, or of all.
+    pub fn of(mut self, key: Option<(usize, Vec<u8>)>) -> Self {
+        self.key = key;
         self
     }
 
@@ -226,6 +264,9 @@ impl Parser<'_> {
         let mut position = [values[slots[0] & 3], values[slots[1] & 3], values[slots[2] & 3]];
         if let Some(scaling) = &self.plan.scaling {
             position = scaling.place(position);
+        }
+        if let Some(periods) = &self.plan.periods {
+            position = periods.wrap(position);
         }
         for k in 0..3 {
             out[k].push((position[k] - self.plan.origin[k]) as f32);

@@ -41,7 +41,7 @@ impl RowReader {
     /// Broken lines are found when they are read.
     fn sample(&self) -> Result<[Vec<f64>; 3]> {
         let mut columns = Columns::default();
-        let plan = self.plan.clone().of_all();
+        let plan = self.plan.clone().of(None);
         let mut look = |block: &[u8]| {
             let mut parser = Parser { layout: &self.table.layout, plan: &plan, skip: 0, room: SAMPLE };
             let _ = parser.block(block, 1, &mut columns);

@@ -1,7 +1,7 @@
 //! What formats of text have in common: a table, its columns as fields, species by a column.
 
 use super::lines::of_block;
-use super::parse::{Plan, Scaling};
+use super::parse::{self, Parser, Periods, Plan, Scaling};
 use super::reader::RowReader;
 use super::split::{kind_of, shown, tokens};
 use super::table::{MOST_SPECIES, Table};
@@ -16,7 +16,12 @@ pub struct TextSnapshot {
     table: Arc<Table>,
     /// The columns that hold positions in units of a cell, and the cell.
     scaled: Option<([&'static [&'static str]; 3], Scaling)>,
+    /// Are positions wrapped into the periodic cell?
+    wraps: bool,
 }
+
+/// First rows that are looked at for positions outside the cell.
+const LOOKED_AT: usize = 1024;
 
 /// What the columns of a table are.
 pub struct Columns {
@@ -54,13 +59,71 @@ impl TextSnapshot {
             Species { name, aliases, count: kind.count, mass: mass.clone(), positions, fields }
         });
         description.species = species.collect();
-        TextSnapshot { description, table: Arc::new(table), scaled: None }
+        TextSnapshot { description, table: Arc::new(table), scaled: None, wraps: false }
     }
 
     /// Positions in these columns, each of which may have several names, are in units of a cell.
     pub fn with_scaled(mut self, names: [&'static [&'static str]; 3], scaling: Scaling) -> Self {
         self.scaled = Some((names, scaling));
         self
+    }
+
+    /// Wraps positions into the periodic cell where their names, or the first rows, tell that they are `unwrapped`; with
+    /// [`Choice::keep_unwrapped`] drops the cell.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where positions are to be kept and no cell is periodic.
+    pub fn with_unwrapped(mut self, unwrapped: bool, choice: &Choice) -> Result<Self> {
+        let periods = self.description.meta.cell.and_then(Periods::of);
+        match periods {
+            None if choice.keep_unwrapped => {
+                Err(Error::input(self.place(), "no box is periodic: positions are as the file has them"))
+            }
+            None => Ok(self),
+            Some(_) if choice.keep_unwrapped => {
+                self.description.meta.cell = None;
+                self.description.notes.push("positions are kept as the file has them, without its periodic box".into());
+                Ok(self)
+            }
+            Some(periods) => {
+                self.wraps = unwrapped || self.begins_unwrapped(&periods, choice);
+                if self.wraps {
+                    let note = "positions are unwrapped: they are wrapped into the periodic box";
+                    self.description.notes.push(note.into());
+                }
+                Ok(self)
+            }
+        }
+    }
+
+    /// Do a tenth of the first rows lie outside a periodic cell, and any more than its length? A few that do are damage.
+    fn begins_unwrapped(&self, periods: &Periods, choice: &Choice) -> bool {
+        let Some(plan) = self.description.species.first().and_then(|one| self.plan(one, choice).ok()) else {
+            return false;
+        };
+        let mut columns = parse::Columns::default();
+        let mut parser = Parser { layout: &self.table.layout, plan: &plan, skip: 0, room: LOOKED_AT };
+        let _ = parser.block(&self.table.head, 1, &mut columns);
+        let [x, y, z, _] = columns;
+        let beyond = x.iter().zip(&y).zip(&z).map(|((&x, &y), &z)| periods.beyond([x, y, z].map(f64::from)));
+        let (outside, far) =
+            beyond.fold((0, 0), |(outside, far), b| (outside + usize::from(b > 1e-5), far + usize::from(b > 1.0)));
+        far > 0 && 10 * outside >= x.len()
+    }
+
+    /// What is read of the rows of all species.
+    fn plan(&self, species: &Species, choice: &Choice) -> Result<Plan> {
+        let (positions, scaling) = self.positions(species, choice.positions.as_ref().unwrap_or(&species.positions))?;
+        let weight = species.weight_field(&self.place(), &choice.weights)?;
+        let weight = weight.map(|name| self.scalar(species, &name)).transpose()?;
+        Ok(Plan::new(positions, weight, scaling))
+    }
+
+    /// The cell that positions are wrapped into: the one that the user states, else the file's.
+    fn periods(&self, choice: &Choice) -> Result<Option<Periods>> {
+        let mut meta = self.description.meta.clone();
+        meta.state(choice.box_lengths, [None; 2])?;
+        Ok(meta.cell.filter(|_| self.wraps).and_then(Periods::of))
     }
 
     fn place(&self) -> String {
@@ -115,13 +178,10 @@ impl Snapshot for TextSnapshot {
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let no_species = || Error::argument(format!("there is no particle type {species}"));
         let one = self.description.species.get(species).ok_or_else(no_species)?;
-        let (positions, scaling) = self.positions(one, choice.positions.as_ref().unwrap_or(&one.positions))?;
-        let weight = one.weight_field(&self.place(), &choice.weights)?;
-        let weight = weight.map(|name| self.scalar(one, &name)).transpose()?;
         let kinds = self.table.kinds.iter().enumerate().filter(|(_, kind)| kind.count > 0);
         let (kind, which) = kinds.clone().nth(species).ok_or_else(no_species)?;
         let key = self.table.key.zip(which.key.clone());
-        let plan = Plan::new(positions, weight, scaling, key);
+        let plan = self.plan(one, choice)?.wrapped(self.periods(choice)?).of(key);
         Ok(Box::new(RowReader::new(self.table.clone(), kind, plan, self.description.meta.clone())?))
     }
 }

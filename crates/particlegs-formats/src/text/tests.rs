@@ -31,7 +31,7 @@ fn zstd(content: &[u8]) -> Vec<u8> {
 
 /// More than two runs of two species, one of them rare.
 fn dump(atoms: usize) -> Vec<u8> {
-    let head = format!("ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{atoms}\nITEM: BOX BOUNDS pp pp pp\n0 9\n0 9\n0 9\n");
+    let head = format!("ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n{atoms}\nITEM: BOX BOUNDS ff ff ff\n0 9\n0 9\n0 9\n");
     let row = |i: usize| format!("{} {i}.5 {} {}\n", if i % 1000 == 7 { 12 } else { 3 }, i * 2, i * 3);
     format!("{head}ITEM: ATOMS type x y z\n{}", (0..atoms).map(row).collect::<String>()).into_bytes()
 }

@@ -76,7 +76,8 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         frames: Some(found.frames),
         notes,
     };
-    Ok(Box::new(TextSnapshot::new(description, found.table, columns, "atoms", "")))
+    let made = TextSnapshot::new(description, found.table, columns, "atoms", "");
+    Ok(Box::new(made.with_unwrapped(false, options)?))
 }
 
 /// Which of the fields hold positions and masses. Kinds that the file does not state come from its rows.

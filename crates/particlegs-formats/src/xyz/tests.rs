@@ -4,7 +4,7 @@ use crate::{Choice, Description, Mass, Weights};
 
 fn open(text: &str, frame: Option<u64>, choice: &Choice) -> particlegs::Result<(Description, Vec<Got>)> {
     let file = scratch(text.as_bytes());
-    let options = Choice { frame, ..Choice::default() };
+    let options = Choice { frame, ..choice.clone() };
     let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &options)?;
     let d = snapshot.description().clone();
     let got = (0..d.species.len()).map(|s| read(&*snapshot, s, choice)).collect::<particlegs::Result<_>>()?;
@@ -49,6 +49,17 @@ fn extended_frames_state_cell_and_columns() {
     assert_eq!((&got[0].positions[1], &got[0].weights[..]), (&[4.0, 5.0, 6.0], &[1.0, 2.0][..]));
     let bare = "0\nLattice=\"2 0 0 0 3 0 1 0 4\"\n";
     assert_eq!(open(bare, None, &Choice::default()).unwrap().0.meta.cell.unwrap().periodic, [true; 3]);
+}
+
+#[test]
+fn unwrapped_positions_are_wrapped() {
+    let text = "1\nLattice=\"2 0 0 0 3 0 1 0 4\" Properties=pos:R:3\n9 -7 6\n";
+    let (d, got) = open(text, None, &Choice::default()).unwrap();
+    // One vector up along z, which is 1 along x; three along x; three down along y.
+    assert_eq!(got[0].positions, [[2.0, 2.0, 2.0]]);
+    assert!(d.notes.iter().any(|n| n.contains("wrapped into the periodic box")), "{:?}", d.notes);
+    let keep = Choice { keep_unwrapped: true, ..Choice::default() };
+    assert_eq!(open(text, None, &keep).unwrap().1[0].positions, [[9.0, -7.0, 6.0]]);
 }
 
 #[test]
