@@ -43,6 +43,8 @@ pub enum Remedy {
     NamePositions(Vec<String>),
     /// Choose the field of positions: those there are.
     ChoosePositions(Vec<String>),
+    /// Name the blocks of a file that does not.
+    NameBlocks,
     /// Read this frame, the last whole one.
     ReadFrame(u64),
     /// A file of at least so many bytes, or at most this ratio.
@@ -135,6 +137,7 @@ impl fmt::Display for Remedy {
             Remedy::NameFormatOfFolder => f.write_str("name one of them, or the format"),
             Remedy::NamePositions(there) => write!(f, "name the columns of positions; there are: {}", there.join(", ")),
             Remedy::ChoosePositions(there) => write!(f, "choose the field of positions: {}", there.join(", ")),
+            Remedy::NameBlocks => f.write_str("name the blocks behind the header, in order"),
             Remedy::ReadFrame(frame) => write!(f, "frame {frame} is the last whole one"),
             Remedy::LargerFile { bytes, ratio: None } => write!(f, "ask for {bytes} bytes or more"),
             Remedy::LargerFile { bytes, ratio: Some(ratio) } => {

@@ -1,6 +1,7 @@
 //! One file of a snapshot: its header and where each block lies.
 
 use super::header::{HEADER, Header, TYPES};
+use super::order;
 use super::records::{Record, Records};
 use crate::strided::{Bytes, Kind, Lane};
 use particlegs::{Error, Result};
@@ -39,6 +40,8 @@ pub struct Part {
     pub blocks: Vec<Block>,
     /// Blocks whose length tells no layout, by name.
     pub unknown: Vec<String>,
+    /// Names of the blocks of format 1 in order, where they were told by what they hold.
+    pub order: Vec<String>,
 }
 
 /// More blocks than any code writes; stops before a file of zeros fills the memory.
@@ -62,11 +65,11 @@ pub fn signature(bytes: &[u8]) -> Option<(bool, bool)> {
 }
 
 impl Part {
-    /// Maps a file and finds its blocks.
+    /// Maps a file and finds its blocks; those of format 1 are called as `stated`, where anything is.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Input`] where header and records contradict each other.
-    pub fn open(path: &Path) -> Result<Part> {
+    pub fn open(path: &Path, stated: &[String]) -> Result<Part> {
         let (map, _) = map_file(path)?;
         let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);
         let (big_endian, named) = signature(&bytes).ok_or_else(|| {
@@ -78,11 +81,14 @@ impl Part {
         let head = found.next().filter(|(name, r)| name == "HEAD" && r.length == HEADER as u64);
         let (_, head) = head.ok_or_else(|| Error::input(path, "its first record is no Gadget header of 256 bytes"))?;
         let header = Header::parse(path, &bytes[head.offset as usize..][..HEADER], big_endian)?;
-        let mut part = Part { path: path.into(), bytes, big_endian, named, header, blocks: vec![], unknown: vec![] };
-        if named {
-            part.place_named(found)?
-        } else {
-            part.place_plain(found)?
+        let (path, blocks, unknown) = (path.to_path_buf(), vec![], vec![]);
+        let mut part = Part { path, bytes, big_endian, named, header, blocks, unknown, order: vec![] };
+        match named {
+            true if !stated.is_empty() => {
+                return Err(Error::input(&part.path, "its blocks have names: it is format 2"));
+            }
+            true => part.place_named(found)?,
+            false => part.place_plain(&found.map(|(_, record)| record).collect::<Vec<_>>(), stated)?,
         }
         if part.header.particles() > 0 && part.block("POS").is_none() {
             return Err(part.cut("it has no block POS"));
@@ -118,20 +124,28 @@ impl Part {
         Ok(())
     }
 
-    /// Format 1 tells blocks by their order alone: POS, VEL, ID, MASS where a type needs it, then
-    /// those of gas.
-    fn place_plain(&mut self, mut records: impl Iterator<Item = (String, Record)>) -> Result<()> {
-        let gas: &[&str] = if self.header.cooling { &["U", "RHO", "NE", "NH", "HSML"] } else { &["U", "RHO", "HSML"] };
-        let masses = (0..TYPES).any(|t| self.header.count[t] > 0 && self.header.mass[t] == 0.0);
-        let first = ["POS", "VEL", "ID", "MASS"];
-        let names = first[..if masses { 4 } else { 3 }].iter().chain(if self.header.count[0] > 0 { gas } else { &[] });
-        for (name, (_, record)) in names.zip(&mut records) {
-            match self.place(name, record)? {
+    /// Format 1 has no names: the user's, else what lengths and values tell.
+    fn place_plain(&mut self, records: &[Record], stated: &[String]) -> Result<()> {
+        if stated.len() > records.len() {
+            let what = format!("{} blocks are named, and it has {} behind the header", stated.len(), records.len());
+            return Err(Error::input(&self.path, what));
+        }
+        if stated.is_empty() {
+            self.order = order::names(self, records)?;
+        }
+        let names = if stated.is_empty() { self.order.clone() } else { stated.to_vec() };
+        let passed_over = std::iter::repeat_n(order::NONE.to_string(), records.len() - names.len());
+        for (name, &record) in names.into_iter().chain(passed_over).zip(records) {
+            let block = if name == order::NONE { None } else { self.place(&name, record)? };
+            match block {
                 Some(block) => self.blocks.push(block),
-                None => break,
+                None if stated.contains(&name) && name != order::NONE => {
+                    let what = format!("block {name} at byte {} has {} bytes", record.offset, record.length);
+                    return Err(Error::input_with(&self.path, what, "the header's counts need another number"));
+                }
+                None => self.unknown.push(format!("at byte {}", record.offset)),
             }
         }
-        self.unknown.extend(records.map(|(_, r)| format!("at byte {}", r.offset)));
         Ok(())
     }
 
@@ -147,7 +161,7 @@ impl Part {
         let (stars, gas_stars) = ([false, false, false, false, true, false], [true, false, false, false, true, false]);
         let (sets, components, kinds): (&[[bool; TYPES]], &[u32], [Kind; 2]) = match name {
             "POS" | "VEL" | "ACCE" => (&[all], &[3], reals),
-            "ID" => (&[all], &[1], [Kind::U32, Kind::U64]),
+            name if name.starts_with("ID") => (&[all], &[1], [Kind::U32, Kind::U64]),
             "MASS" => (&[without_table, all], &[1], reals),
             "POT" | "TSTP" | "ENDT" => (&[all], &[1], reals),
             "AGE" => (&[stars], &[1], reals),

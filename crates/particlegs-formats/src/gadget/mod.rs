@@ -5,6 +5,7 @@
 
 mod blocks;
 mod header;
+mod order;
 mod parts;
 mod records;
 
@@ -23,7 +24,7 @@ pub const FORMAT: Format = Format {
     name: "gadget",
     title: "Gadget binary",
     detect: |head| head.compression.is_none() && blocks::signature(&head.bytes).is_some(),
-    open: |paths, _| Ok(Box::new(Gadget::open(paths)?)),
+    open: |paths, choice| Ok(Box::new(Gadget::open(paths, &choice.blocks)?)),
 };
 
 /// Names that choose a type.
@@ -44,8 +45,8 @@ struct Gadget {
 }
 
 impl Gadget {
-    fn open(paths: &[PathBuf]) -> Result<Gadget> {
-        let parts = parts::open(paths)?;
+    fn open(paths: &[PathBuf], blocks: &[String]) -> Result<Gadget> {
+        let parts = parts::open(paths, blocks)?;
         let present = |t: &usize| parts.iter().any(|p| p.header.count[*t] > 0);
         let types: Vec<usize> = (0..TYPES).filter(present).collect();
         if types.is_empty() {
@@ -72,6 +73,11 @@ fn describe(parts: &[Part], paths: &[PathBuf], species: Vec<Species>) -> Descrip
     let h = &first.header;
     if h.is_cosmological() {
         notes.push(format!("redshift {}, Omega0 {}, OmegaLambda {}", h.redshift, h.omega0, h.omega_lambda));
+    }
+    let usual = ["POS", "VEL", "ID", "MASS", "U", "RHO", "NE", "NH", "HSML"];
+    if first.order.iter().any(|name| !usual.contains(&&name[..])) {
+        let order = first.order.join(", ");
+        notes.push(format!("format 1 does not name its blocks: by their lengths and values they are {order}"));
     }
     if !first.unknown.is_empty() {
         notes.push(format!("blocks of unknown layout, not read: {}", first.unknown.join(", ")));

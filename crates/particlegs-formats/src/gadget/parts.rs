@@ -8,12 +8,12 @@ use std::path::{Path, PathBuf};
 /// More files than any snapshot has.
 const MOST_FILES: u32 = 65_536;
 
-/// Opens all files of the snapshot that `paths` belong to: one of them is enough.
+/// Opens all files of the snapshot that `paths` belong to: one of them is enough; their blocks as [`Part::open`].
 ///
 /// # Errors
 /// [`Error::Input`] where one is missing or they contradict each other; [`Error::Io`].
-pub fn open(paths: &[PathBuf]) -> Result<Vec<Part>> {
-    let given = Part::open(&paths[0])?;
+pub fn open(paths: &[PathBuf], blocks: &[String]) -> Result<Vec<Part>> {
+    let given = Part::open(&paths[0], blocks)?;
     let files = given.header.files;
     if files > MOST_FILES {
         return Err(Error::input(&paths[0], format!("the header says {files} files: it is damaged")));
@@ -29,7 +29,7 @@ pub fn open(paths: &[PathBuf]) -> Result<Vec<Part>> {
             let what = format!("missing: {} says that the snapshot has {files} files", paths[0].display());
             return Err(Error::input_with(name, what, "put all files of the snapshot into one folder"));
         }
-        let part = Part::open(name)?;
+        let part = Part::open(name, blocks)?;
         check_alike(&given, &part)?;
         parts.push(part);
     }

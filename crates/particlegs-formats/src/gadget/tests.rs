@@ -141,3 +141,67 @@ fn a_block_above_4_gib_has_a_wrapped_mark() {
     let snapshot = open(&[path]).unwrap();
     assert_eq!(snapshot.description().species[0].count, u64::from(n));
 }
+
+/// Blocks of format 1 behind the header, of two gas particles and three of dark matter, all with masses of their own.
+fn plain(blocks: &[Vec<u8>]) -> Vec<u8> {
+    let mut out = Vec::new();
+    block(&mut out, None, &header::sample([2, 3, 0, 0, 0, 0], [0.0; 6], 1, [2, 3, 0, 0, 0, 0]));
+    blocks.iter().for_each(|data| block(&mut out, None, data));
+    out
+}
+
+fn whole(values: [u32; 5]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+/// Blocks that Gadget does not write, wherever they stand, are told from masses by what they hold.
+#[test]
+fn blocks_of_format_1_are_told_by_length_and_values() {
+    let folder = tempfile::tempdir().unwrap();
+    let (pos, vel, mass, u) = (floats(0..15), vec![0; 60], floats(1..6), floats(20..22));
+    let (id, children, zeros) = (whole([5, 1, 4, 2, 3]), whole([1, 1, 2, 2, 1]), vec![0; 20]);
+    // Hashes, and numbers that look like small reals.
+    let (hashes, large) = (whole([0xffff_1234, 7, 0x3f80_0000, 99, 1 << 31]), whole([1_000_000_000; 5]));
+    let long: Vec<u8> = (0..5u64).flat_map(|v| (v << 40 | 3).to_le_bytes()).collect();
+    let double: Vec<u8> = (1..6).flat_map(|v| f64::from(v).to_le_bytes()).collect();
+    let cases: [(&[&Vec<u8>], &str); 9] = [
+        (&[&pos, &vel, &id, &mass, &u], "POS VEL ID MASS U"),
+        (&[&pos, &vel, &id, &children, &zeros, &mass, &u], "POS VEL ID ID2 ID3 MASS U"),
+        (&[&vec![0; 48], &pos, &vel, &id, &mass], "- POS VEL ID MASS"),
+        (&[&pos, &vel, &hashes, &mass, &u], "POS VEL ID MASS U"),
+        (&[&pos, &vel, &large, &children, &mass], "POS VEL ID ID2 MASS"),
+        (&[&pos, &vel, &long, &long, &double], "POS VEL ID ID2 MASS"),
+        (&[&pos, &id, &mass], "POS ID MASS"),
+        (&[&pos, &vel, &mass, &u], "POS VEL MASS U"),
+        (&[&pos, &vel, &id, &zeros, &u], "POS VEL ID MASS U"),
+    ];
+    for (blocks, names) in cases {
+        let blocks: Vec<Vec<u8>> = blocks.iter().map(|b| b.to_vec()).collect();
+        let part = Part::open(&written(folder.path(), "s", &plain(&blocks)), &[]).unwrap();
+        assert_eq!(part.order.join(" "), names);
+    }
+    let gizmo = plain(&[pos.clone(), vel.clone(), id.clone(), children.clone(), zeros, mass.clone(), u.clone()]);
+    let snapshot = open(&[written(folder.path(), "s", &gizmo)]).unwrap();
+    assert_eq!(rows(&*snapshot, 0, &Choice::default())[1], [3.0, 4.0, 5.0, 2.0]);
+    assert_eq!(rows(&*snapshot, 1, &Choice::default())[0], [6.0, 7.0, 8.0, 3.0]);
+    let notes = &snapshot.description().notes;
+    assert!(notes.iter().any(|n| n.contains("POS, VEL, ID, ID2, ID3, MASS, U")), "{notes:?}");
+    // What cannot be told is refused, and can be stated.
+    let path = written(folder.path(), "s", &plain(&[pos, vel, id, children, mass, u.clone(), u]));
+    let stated = |names: &str| {
+        let blocks = names.split(',').map(String::from).collect();
+        let choice = Choice { blocks, ..Choice::default() };
+        let snapshot = choice.open(std::slice::from_ref(&path))?;
+        Ok::<_, Error>(rows(&*snapshot, 0, &choice)[1][3])
+    };
+    assert_eq!(stated("POS,VEL,ID,-,MASS,RHO,U").unwrap(), 2.0);
+    for wrong in ["POS,VEL,ID,MASS,-,VEL", "POS,VEL,ID,-,MASS,U,RHO,HSML"] {
+        assert!(stated(wrong).is_err(), "{wrong}");
+    }
+    let refused = plain(&[floats(0..15), floats(0..15), whole([1, 2, 3, 4, 5]), whole([9, 9, 9, 9, 9])]);
+    let refused = open(&[written(folder.path(), "s", &refused)]).err().unwrap();
+    assert!(refused.to_string().contains("none of the 2 blocks"), "{refused}");
+    assert_eq!(refused.remedy(), particlegs::Remedy::NameBlocks);
+    let named = written(folder.path(), "s", &file(true, 1, [2, 3, 0, 0, 0, 0]));
+    assert!(Choice { blocks: vec!["POS".into()], ..Choice::default() }.open(&[named]).is_err());
+}

@@ -1,0 +1,145 @@
+//! Which block of format 1 is which: they have no names, and codes write more of them than Gadget did.
+
+use super::blocks::Part;
+use super::header::TYPES;
+use super::records::Record;
+use crate::strided::Kind;
+use particlegs::{Error, Remedy, Result};
+
+/// Numbers of a block that are looked at.
+const LOOKED_AT: u64 = 4096;
+
+/// The name of a block that is passed over.
+pub const NONE: &str = "-";
+
+/// What the numbers of a block are, by a look at some of them.
+#[derive(Clone, Copy, PartialEq)]
+enum Values {
+    Zero,
+    Whole,
+    /// Reals of either sign.
+    Signed,
+    /// Reals that are not negative.
+    Real,
+}
+
+/// Blocks of a file, told one after the other.
+struct Order<'a> {
+    part: &'a Part,
+    records: &'a [Record],
+    all: u64,
+    /// Particles of types whose mass is not in the header.
+    massive: u64,
+    gas: u64,
+    names: Vec<String>,
+    /// The next block to tell.
+    at: usize,
+}
+
+/// Names of `records`, those behind the header of `part`: POS, VEL, ID, whole numbers that some codes write behind ID,
+/// MASS where a type needs it, then blocks of gas. [`NONE`] for what cannot be told.
+///
+/// # Errors
+/// [`Error::Input`] where there should be masses, and no block there holds them.
+pub fn names(part: &Part, records: &[Record]) -> Result<Vec<String>> {
+    let header = &part.header;
+    let massive = (0..TYPES).filter(|&t| header.mass[t] == 0.0).map(|t| u64::from(header.count[t])).sum();
+    let (all, gas) = (header.particles(), u64::from(header.count[0]));
+    let mut order = Order { part, records, all, massive, gas, names: vec![NONE.into(); records.len()], at: 0 };
+    if all > 0 {
+        // What fits no positions is a second header; where nothing fits, the fault is that of the first block.
+        order.at = records.iter().position(|r| fits(r, 3 * all)).unwrap_or(0);
+        order.take("POS");
+        if order.next().is_some_and(|r| fits(r, 3 * all)) {
+            order.take("VEL");
+        }
+        order.identities_and_masses()?;
+        let cooling = ["U", "RHO", "NE", "NH", "HSML"];
+        for name in if header.cooling { &cooling[..] } else { &["U", "RHO", "HSML"] } {
+            if order.next().is_some_and(|r| fits(r, gas)) {
+                order.take(name);
+            }
+        }
+    }
+    Ok(order.names)
+}
+
+/// Does a record have so many numbers of 4 or 8 bytes?
+fn fits(record: &Record, numbers: u64) -> bool {
+    numbers > 0 && [4, 8].iter().any(|&size| numbers.checked_mul(size) == Some(record.length))
+}
+
+impl Order<'_> {
+    fn next(&self) -> Option<&Record> {
+        self.records.get(self.at)
+    }
+
+    fn take(&mut self, name: &str) {
+        if let Some(place) = self.names.get_mut(self.at) {
+            *place = name.into();
+            self.at += 1;
+        }
+    }
+
+    /// Can a record hold masses, by its length and values?
+    fn is_mass(&self, record: &Record, values: Values) -> bool {
+        [self.massive, self.all].iter().any(|&n| fits(record, n) && self.values(record, n) == values)
+    }
+
+    /// Identities, then whole numbers, one a particle, up to the first block that holds masses.
+    fn identities_and_masses(&mut self) -> Result<()> {
+        let (needed, start) = (self.massive > 0, self.at);
+        let one_each = |r: &&Record| fits(r, self.all) || needed && fits(r, self.massive);
+        let run = self.records[start..].iter().take_while(one_each).count();
+        let masses =
+            |from: usize, values| (from..start + run).find(|&i| needed && self.is_mass(&self.records[i], values));
+        // Identities of some sizes look like reals: the first block has them, unless it alone can be masses.
+        let mass = masses(start + 1, Values::Real).or_else(|| masses(start, Values::Real));
+        let mass = mass.or_else(|| masses(start + 1, Values::Zero));
+        let end = mass.unwrap_or_else(|| {
+            let whole = |i: &usize| match self.values(&self.records[*i], self.all) {
+                Values::Whole => true,
+                Values::Zero => self.gas != self.all,
+                _ => *i == start,
+            };
+            start + (start..start + run).take_while(|i| fits(&self.records[*i], self.all) && whole(i)).count()
+        });
+        for number in 1..=end - start {
+            self.take(&if number == 1 { "ID".to_string() } else { format!("ID{number}") });
+        }
+        if mass.is_none() && needed && run > 1 {
+            let at = self.records[start].offset;
+            let what = format!("none of the {run} blocks from byte {at} on, one number a particle, holds masses");
+            return Err(Error::input_with(&self.part.path, what, Remedy::NameBlocks));
+        }
+        if needed {
+            // Where its length is another, the fault is named when it is placed.
+            self.take("MASS");
+        }
+        Ok(())
+    }
+
+    /// What the numbers of a record are, `count` of them.
+    fn values(&self, record: &Record, count: u64) -> Values {
+        let (whole, real, least) = match record.length / count.max(1) {
+            8 => (Kind::U64, Kind::F64, 1e-100),
+            // Whole numbers up to 600 million are smaller than that.
+            _ => (Kind::U32, Kind::F32, 1e-15),
+        };
+        let mut found = Values::Zero;
+        let step = count.div_ceil(LOOKED_AT).max(1);
+        for i in (0..count).step_by(step as usize) {
+            let from = (record.offset + i * real.bytes()) as usize;
+            let bytes = &self.part.bytes[from..from + real.bytes() as usize];
+            let [whole, real] = [whole, real].map(|kind| kind.get(bytes, self.part.big_endian));
+            found = match found {
+                _ if whole == 0.0 => found,
+                _ if !(real == 0.0 || real.is_finite() && real.abs() >= least) => return Values::Whole,
+                Values::Signed => Values::Signed,
+                _ if real < 0.0 => Values::Signed,
+                _ => Values::Real,
+            };
+        }
+        found
+    }
+}
