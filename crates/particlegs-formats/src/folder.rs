@@ -1,7 +1,7 @@
 //! The snapshot that a folder holds.
 
 use crate::registry::{self, Head};
-use crate::{Choice, Format, Kind};
+use crate::{Choice, Format, Kind, csv, hdf5};
 use particlegs::{Error, Remedy, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -86,22 +86,31 @@ impl Set {
     }
 }
 
-/// What belongs together is one: parts name each other, and a list names its pieces.
+/// What belongs together is one: parts name each other, and a list names its pieces. Catalogues
+/// and tables of text are none where there is another.
 fn snapshots(candidates: &[(PathBuf, &'static Format)], options: &Choice) -> Vec<Set> {
-    let mut sets: Vec<Set> = Vec::new();
+    let (mut sets, mut catalogues) = (Vec::<Set>::new(), Vec::new());
     for (path, format) in candidates {
         if sets.iter().any(|s| s.files.contains(path)) {
             continue;
         }
         let mut files = BTreeSet::from([path.clone()]);
+        if format.name == csv::FORMAT.name {
+            catalogues.push(Set { first: path.clone(), files });
+            continue;
+        }
         if IN_PARTS.contains(&format.name) && sets.len() < LOOKED_AT {
-            let named = (format.open)(std::slice::from_ref(path), &Choice { frame: None, ..options.clone() });
-            files.extend(named.map(|s| s.description().files.clone()).unwrap_or_default());
+            let opened = (format.open)(std::slice::from_ref(path), &Choice { frame: None, ..options.clone() });
+            if opened.is_err() && format.name == hdf5::FORMAT.name && hdf5::is_catalogue(path) {
+                catalogues.push(Set { first: path.clone(), files });
+                continue;
+            }
+            files.extend(opened.map(|s| s.description().files.clone()).unwrap_or_default());
         }
         sets.retain(|s| !s.files.is_subset(&files));
         sets.push(Set { first: path.clone(), files });
     }
-    sets
+    if sets.is_empty() { catalogues } else { sets }
 }
 
 #[cfg(test)]
@@ -139,6 +148,25 @@ mod tests {
         assert_eq!(names(dir.path(), Some("hdf5")).unwrap(), ["b.hdf5"]);
         assert_eq!(names(dir.path(), Some("xyz")).unwrap(), ["atoms.xyz"]);
         assert!(names(dir.path(), Some("npy")).is_err());
+    }
+
+    #[test]
+    fn catalogues_beside_a_snapshot_do_not_disturb() {
+        let dir = tempfile::tempdir().unwrap();
+        let put = |from: &str, name: &str| std::fs::copy(fixture(from), dir.path().join(name)).unwrap();
+        put("species.hdf5", "snap_099.hdf5");
+        put("../data/catalogue.hdf5", "fof_subhalo_tab_099.hdf5");
+        put("header.csv", "out_99.list");
+        assert_eq!(names(dir.path(), None).unwrap(), ["snap_099.hdf5"]);
+        assert_eq!(names(dir.path(), Some("csv")).unwrap(), ["out_99.list"]);
+        std::fs::remove_file(dir.path().join("snap_099.hdf5")).unwrap();
+        assert!(names(dir.path(), None).is_err());
+        // A file that is broken is no catalogue.
+        std::fs::remove_file(dir.path().join("out_99.list")).unwrap();
+        put("contiguous.hdf5", "snap_099.hdf5");
+        let bytes = std::fs::read(fixture("species.hdf5")).unwrap();
+        std::fs::write(dir.path().join("snap_100.hdf5"), &bytes[..bytes.len() / 2]).unwrap();
+        assert!(names(dir.path(), None).is_err());
     }
 
     #[test]

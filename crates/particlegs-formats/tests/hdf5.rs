@@ -108,6 +108,28 @@ fn good_files_give_what_the_table_says() {
     }
 }
 
+/// Of cut-outs and subsets the header is often that of the snapshot that they were taken of.
+#[test]
+fn headers_of_other_snapshots_are_said_or_refused() {
+    let notes = |name: &str, count: u64, choice: &Choice| {
+        let snapshot = choice.open(&[snapshots().join(name)])?;
+        let d = snapshot.description();
+        assert_eq!(d.species.iter().map(|s| s.count).sum::<u64>(), count);
+        Ok::<_, particlegs::Error>(d.notes.join("\n"))
+    };
+    let (free, strict) = (Choice::default(), Choice { strict: true, ..Choice::default() });
+    // One of 448 files of ten thousand million particles; nine hundred where there were 262144.
+    let cut = notes("cutout_99.hdf5", 15, &free).unwrap();
+    assert!(cut.contains("a snapshot of 448 files"), "{cut}");
+    assert!(cut.contains("says 4298967296 particles of type 0, and the files have 5"), "{cut}");
+    let subset = notes("subset_stale.hdf5", 9, &free).unwrap();
+    assert!(subset.contains("has 9 rows, and NumPart_ThisFile in the header says 262144"), "{subset}");
+    for name in ["cutout_99.hdf5", "subset_stale.hdf5"] {
+        assert!(matches!(notes(name, 0, &strict), Err(particlegs::Error::Input { .. })), "{name}");
+    }
+    assert!(!notes("gadget4_single.hdf5", 50, &strict).unwrap().contains("says"));
+}
+
 #[test]
 fn all_files_of_a_snapshot_may_be_named() {
     let paths = [0, 1, 2].map(|i| snapshots().join(format!("gadget4_multi.{i}.hdf5")));

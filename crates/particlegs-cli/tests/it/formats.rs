@@ -152,3 +152,35 @@ fn what_cannot_be_read_is_told_in_one_line() {
     refused(&["convert", &sample(), "-o", &out, "--positions", "Coordinates", "-q"], 2, "xx, yy and zz");
     refused(&["info", &at(&dir, "missing.hdf5")], 6, "missing.hdf5");
 }
+
+/// Trajectories that were not wrapped, blocks that Gadget does not know and headers of other snapshots are read, with a
+/// note; what the user says of them goes first.
+#[test]
+fn what_files_leave_open_is_said_and_can_be_stated() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = |name: &str, bytes: &[u8]| {
+        std::fs::write(dir.path().join(name), bytes).unwrap();
+        at(&dir, name)
+    };
+    let head = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp pp pp\n0 10\n0 10\n0 10\n";
+    let dump = file("xu.dump", format!("{head}ITEM: ATOMS id xu yu zu\n1 73 -22 5\n2 1 2 3\n").as_bytes());
+    let d = info(&[&dump]);
+    assert_eq!(d["bounds"][0]["max"], serde_json::json!([3.0, 8.0, 5.0]));
+    assert!(d["notes"].to_string().contains("wrapped into the periodic box"), "{}", d["notes"]);
+    let d = info(&[&dump, "--unwrapped", "keep"]);
+    assert_eq!((&d["bounds"][0]["max"][0], d["meta"]["cell"].is_null()), (&73.0.into(), true));
+    let cut = format!("{}/../data/snapshots/cutout_99.hdf5", fixture(""));
+    let d = info(&[&cut]);
+    assert_eq!(d["particles"], 15);
+    assert!(d["notes"].to_string().contains("of 448 files"), "{}", d["notes"]);
+    let refused = |arguments: &[&str], code: i32, what: &str| {
+        common::fails(common::particlegs().args(arguments), code, what);
+    };
+    refused(&["info", &cut, "--strict", "-q"], 3, "448 files");
+    refused(&["info", &fixture("plain.txt"), "--unwrapped", "keep", "-q"], 3, "no trajectory");
+    refused(&["info", &fixture("gadget2_masses"), "--blocks", "POS,VEL", "-q"], 3, "format 2");
+    let d = info(&[&fixture("gadget1_le"), "--blocks", "POS,-,ID"]);
+    let fields: Vec<&str> =
+        d["species"][0]["fields"].as_array().unwrap().iter().filter_map(|f| f["name"].as_str()).collect();
+    assert_eq!(fields, ["POS", "ID"]);
+}

@@ -24,7 +24,7 @@ pub const FORMAT: Format = Format {
     name: "gadget",
     title: "Gadget binary",
     detect: |head| head.compression.is_none() && blocks::signature(&head.bytes).is_some(),
-    open: |paths, choice| Ok(Box::new(Gadget::open(paths, &choice.blocks)?)),
+    open: |paths, choice| Ok(Box::new(Gadget::open(paths, choice)?)),
 };
 
 /// Names that choose a type.
@@ -45,15 +45,16 @@ struct Gadget {
 }
 
 impl Gadget {
-    fn open(paths: &[PathBuf], blocks: &[String]) -> Result<Gadget> {
-        let parts = parts::open(paths, blocks)?;
+    fn open(paths: &[PathBuf], options: &Choice) -> Result<Gadget> {
+        let (parts, notes) = parts::open(paths, options)?;
         let present = |t: &usize| parts.iter().any(|p| p.header.count[*t] > 0);
         let types: Vec<usize> = (0..TYPES).filter(present).collect();
         if types.is_empty() {
             return Err(Error::input(&paths[0], "no particles"));
         }
         let species = types.iter().map(|&t| species(&parts, t)).collect::<Result<_>>()?;
-        let description = describe(&parts, paths, species);
+        let mut description = describe(&parts, paths, species);
+        description.notes.extend(notes);
         Ok(Gadget { parts, description, types })
     }
 }

@@ -2,23 +2,33 @@
 
 use super::blocks::Part;
 use super::header::TYPES;
+use crate::Choice;
 use particlegs::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// More files than any snapshot has.
 const MOST_FILES: u32 = 65_536;
 
-/// Opens all files of the snapshot that `paths` belong to: one of them is enough; their blocks as [`Part::open`].
+/// Opens all files of the snapshot that `paths` belong to: one of them is enough; their blocks as [`Part::open`]. Also
+/// what a user should know.
 ///
 /// # Errors
-/// [`Error::Input`] where one is missing or they contradict each other; [`Error::Io`].
-pub fn open(paths: &[PathBuf], blocks: &[String]) -> Result<Vec<Part>> {
-    let given = Part::open(&paths[0], blocks)?;
+/// [`Error::Input`] where one is missing or they contradict each other, where headers count other particles than there
+/// are and the choice is [`Choice::strict`]; [`Error::Io`].
+pub fn open(paths: &[PathBuf], options: &Choice) -> Result<(Vec<Part>, Vec<String>)> {
+    let given = Part::open(&paths[0], &options.blocks)?;
     let files = given.header.files;
     if files > MOST_FILES {
         return Err(Error::input(&paths[0], format!("the header says {files} files: it is damaged")));
     }
-    let names = if files == 1 { vec![paths[0].clone()] } else { names(&paths[0], files)? };
+    let mut notes = Vec::new();
+    let names = match names(&paths[0], files) {
+        Err(_) if !options.strict && paths.len() == 1 => {
+            notes.push(format!("the header is of a snapshot of {files} files: this is one file of a part of it"));
+            vec![paths[0].clone()]
+        }
+        names => names?,
+    };
     if let Some(alien) = paths.iter().find(|p| !names.contains(p)) {
         let what = format!("not one of the {files} file(s) of the snapshot {}", names[0].display());
         return Err(Error::input_with(alien, what, "one snapshot at a time"));
@@ -29,16 +39,24 @@ pub fn open(paths: &[PathBuf], blocks: &[String]) -> Result<Vec<Part>> {
             let what = format!("missing: {} says that the snapshot has {files} files", paths[0].display());
             return Err(Error::input_with(name, what, "put all files of the snapshot into one folder"));
         }
-        let part = Part::open(name, blocks)?;
+        let part = Part::open(name, &options.blocks)?;
         check_alike(&given, &part)?;
         parts.push(part);
     }
-    check_totals(&parts)?;
-    Ok(parts)
+    for what in wrong_totals(&parts) {
+        if options.strict {
+            return Err(Error::input_with(&parts[0].path, what, "a file of the snapshot is missing or damaged"));
+        }
+        notes.push(format!("{what}: those that are there are read"));
+    }
+    Ok((parts, notes))
 }
 
 /// `snap.0` ... of one of them.
 fn names(path: &Path, files: u32) -> Result<Vec<PathBuf>> {
+    if files == 1 {
+        return Ok(vec![path.to_path_buf()]);
+    }
     let text = path.to_str().unwrap_or_default();
     match text.rsplit_once('.') {
         Some((stem, number)) if number.parse().is_ok_and(|n: u32| n < files) => {
@@ -63,19 +81,13 @@ fn check_alike(first: &Part, part: &Part) -> Result<()> {
     Err(Error::input_with(&part.path, what, "the files are of different snapshots"))
 }
 
-/// The files together must hold what the headers say. Codes that leave the totals 0 are believed,
-/// and the high words are not looked at: old codes leave what was in memory there.
-fn check_totals(parts: &[Part]) -> Result<()> {
+/// Where the headers count others than the files hold together. Codes that leave the totals 0 are believed, and the
+/// high words are not looked at: old codes leave what was in memory there.
+fn wrong_totals(parts: &[Part]) -> Vec<String> {
     let total = parts[0].header.total;
-    if total == [0; TYPES] {
-        return Ok(());
-    }
-    for t in 0..TYPES {
-        let sum: u64 = parts.iter().map(|p| u64::from(p.header.count[t])).sum();
-        if sum as u32 != total[t] {
-            let what = format!("its header says {} particles of type {t} in all, and there are {sum}", total[t]);
-            return Err(Error::input_with(&parts[0].path, what, "a file of the snapshot is missing or damaged"));
-        }
-    }
-    Ok(())
+    let sum = |t: usize| parts.iter().map(|p| u64::from(p.header.count[t])).sum::<u64>();
+    let wrong = (0..TYPES).filter(|&t| total != [0; TYPES] && sum(t) as u32 != total[t]);
+    wrong
+        .map(|t| format!("the header says {} particles of type {t} in all, and there are {}", total[t], sum(t)))
+        .collect()
 }

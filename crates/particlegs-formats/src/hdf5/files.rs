@@ -17,6 +17,11 @@ fn numbered(path: &Path) -> Option<(String, u64, String)> {
     Some((format!("{}.", parts[..at].join(".")), number, rest))
 }
 
+/// Is a file, whose header is of a snapshot of `count` files, none of those by its name?
+pub fn stands_alone(path: &Path, count: u64) -> bool {
+    count > 1 && numbered(path).is_none_or(|(_, number, _)| number >= count)
+}
+
 /// All `count` files of the snapshot that `given` are of, in order.
 ///
 /// # Errors

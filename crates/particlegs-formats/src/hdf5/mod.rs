@@ -22,6 +22,7 @@ pub use write::write;
 
 use crate::Format;
 use crate::registry::Head;
+use std::path::Path;
 
 /// HDF5 snapshot.
 pub const FORMAT: Format =
@@ -31,4 +32,10 @@ pub const FORMAT: Format =
 fn detect(head: &Head) -> bool {
     let at = std::iter::once(0).chain((9..).map(|k| 1usize << k));
     at.take_while(|&k| k < head.bytes.len()).any(|k| head.bytes[k..].starts_with(&container::SIGNATURE))
+}
+
+/// Is a file without any type of particles, such as a catalogue of groups?
+pub fn is_catalogue(path: &Path) -> bool {
+    let groups = container::Container::open(path).and_then(|c| c.groups());
+    groups.is_ok_and(|groups| groups.iter().all(|g| snapshot::kind_of(&g.0).is_none()))
 }

@@ -66,11 +66,21 @@ impl Snapshot for Hdf5Snapshot {
 ///
 /// # Errors
 /// [`Error::Input`] for broken files, for what is no snapshot, and for files that contradict each other.
-pub fn open(paths: &[PathBuf], _options: &Choice) -> Result<Box<dyn Snapshot>> {
+pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let first = Container::open(&paths[0])?;
     let header = Header::read(&first)?;
-    let paths = files::all(paths, header.files)?;
-    let mut builder = Builder { header, found: Default::default(), notes: Vec::new(), parts: Vec::new() };
+    let (found, strict) = (Default::default(), options.strict);
+    let mut builder = Builder { header, strict, found, notes: Vec::new(), parts: Vec::new() };
+    let paths = match (paths, files::stands_alone(&paths[0], builder.header.files)) {
+        ([_], true) if !strict => {
+            builder.note(format!(
+                "the header is of a snapshot of {} files: this is one file of a part of it",
+                builder.header.files
+            ));
+            paths.to_vec()
+        }
+        _ => files::all(paths, builder.header.files)?,
+    };
     for path in &paths {
         builder.add(path, Container::open(path)?)?;
     }
@@ -97,25 +107,22 @@ impl Found {
     }
 }
 
-/// Rows of a type's positions in a file, whose header states so many.
-fn rows_of(positions: &DataSet, stated: Option<u64>, place: &str) -> Result<u64> {
-    let rows = match positions.shape[..] {
-        [rows, 3] => rows,
-        [0, ..] => 0,
+/// Rows of a type's positions in a file.
+fn rows_of(positions: &DataSet, place: &str) -> Result<u64> {
+    match positions.shape[..] {
+        [rows, 3] => Ok(rows),
+        [0, ..] => Ok(0),
         _ => {
             let what = format!("positions of the shape {}, not (N, 3)", positions.shape_text());
-            return Err(Error::input(format!("{place}/{}", positions.name), what));
+            Err(Error::input(format!("{place}/{}", positions.name), what))
         }
-    };
-    if let Some(stated) = stated.filter(|&s| s != rows) {
-        let what = format!("{} has {rows} rows, and NumPart_ThisFile in the header says {stated}", positions.name);
-        return Err(Error::input_with(place, what, "the file was not written to its end, or its header is wrong"));
     }
-    Ok(rows)
 }
 
 struct Builder {
     header: Header,
+    /// Are counts in the header that are not those of the files refused?
+    strict: bool,
     found: [Option<Found>; TYPES],
     notes: Vec<String>,
     parts: Vec<Part>,
@@ -126,7 +133,8 @@ pub fn group_name(kind: usize) -> String {
     format!("PartType{kind}")
 }
 
-fn kind_of(group: &str) -> Option<usize> {
+/// The number of a type, by the name of its group.
+pub fn kind_of(group: &str) -> Option<usize> {
     let digits = group.strip_prefix("PartType")?;
     digits.parse::<usize>().ok().filter(|&k| k < TYPES && digits.len() == k.to_string().len())
 }
@@ -136,6 +144,26 @@ impl Builder {
         if !self.notes.contains(&text) {
             self.notes.push(text);
         }
+    }
+
+    /// A count in the header that is not that of the files.
+    fn doubt(&mut self, place: &str, what: String) -> Result<()> {
+        if self.strict {
+            let hint = "the header is that of another snapshot, or files are missing or not written to their end";
+            return Err(Error::input_with(place, what, hint));
+        }
+        self.note(format!("{what}: those that are there are read"));
+        Ok(())
+    }
+
+    /// The rows of a type in a file, whose header may state others.
+    fn rows(&mut self, positions: &DataSet, stated: Option<u64>, place: &str) -> Result<u64> {
+        let rows = rows_of(positions, place)?;
+        if let Some(stated) = stated.filter(|&s| s != rows) {
+            let what = format!("{} has {rows} rows, and NumPart_ThisFile in the header says {stated}", positions.name);
+            self.doubt(place, what)?;
+        }
+        Ok(rows)
     }
 
     fn add(&mut self, path: &Path, container: Container) -> Result<()> {
@@ -165,7 +193,7 @@ impl Builder {
         if let Some(known) = self.found[kind].as_ref() {
             // What else there is has been listed; hundreds of files are opened quickly.
             return match container.data_set(&group, &known.positions) {
-                Ok(positions) => rows_of(&positions, stated, &place),
+                Ok(positions) => self.rows(&positions, stated, &place),
                 Err(_) if stated == Some(0) => Ok(0),
                 Err(e) => Err(e),
             };
@@ -181,7 +209,7 @@ impl Builder {
             }
             return Ok(0);
         };
-        let rows = rows_of(positions, stated, &place)?;
+        let rows = self.rows(positions, stated, &place)?;
         if rows > 0 {
             let positions = positions.name.clone();
             for (_, error) in members.unreadable {
@@ -285,21 +313,12 @@ impl Builder {
         let Some(total) = self.header.total.clone() else { return Ok(()) };
         for (kind, &stated) in total.iter().enumerate().take(TYPES) {
             let there = counts[kind];
-            match (stated, there) {
-                (0, 1..) => self.note(format!("NumPart_Total is 0 for type {kind}, and there are {there} particles")),
-                (1.., 0) => {
-                    self.note(format!("NumPart_Total counts {stated} particles of type {kind}, and there are none"))
-                }
-                _ if stated != there => {
-                    let what =
-                        format!("NumPart_Total says {stated} particles of type {kind}, and the files have {there}");
-                    return Err(Error::input_with(
-                        place,
-                        what,
-                        "files of the snapshot are missing or not written to their end",
-                    ));
-                }
-                _ => {}
+            let what = format!("NumPart_Total says {stated} particles of type {kind}, and the files have {there}");
+            // Of one file, the same number has been compared with it already.
+            let said =
+                self.header.files == 1 && self.header.here.as_ref().is_some_and(|h| h.get(kind) == Some(&stated));
+            if stated != there && !said {
+                self.doubt(place, what)?;
             }
         }
         Ok(())
