@@ -1,6 +1,7 @@
 //! The snapshot that a folder holds.
 
 use crate::registry::{self, Head};
+use crate::vtk_xml::lists;
 use crate::{Choice, Format, Kind, csv, hdf5};
 use particlegs::{Error, Remedy, Result};
 use std::collections::BTreeSet;
@@ -106,6 +107,7 @@ fn snapshots(candidates: &[(PathBuf, &'static Format)], options: &Choice) -> Vec
                 continue;
             }
             files.extend(opened.map(|s| s.description().files.clone()).unwrap_or_default());
+            files.extend(lists::named(path));
         }
         sets.retain(|s| !s.files.is_subset(&files));
         sets.push(Set { first: path.clone(), files });

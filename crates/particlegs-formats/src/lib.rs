@@ -26,6 +26,7 @@ mod text;
 
 mod choose;
 mod folder;
+mod foreign;
 mod kind;
 mod raw;
 mod registry;

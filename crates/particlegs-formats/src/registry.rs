@@ -1,6 +1,7 @@
 //! Which format a file has: by its content, or by name.
 
 use crate::compressed::Compression;
+use crate::foreign::foreign_of;
 use crate::{Choice, Kind, Snapshot};
 use particlegs::{Error, Remedy, Result};
 use particlegs_files::input::{Source, Spooled, open_file};
@@ -121,9 +122,12 @@ fn known(head: &Head) -> Result<&'static Format> {
     let path = &head.path;
     match Kind::of_head(head) {
         Kind::Snapshot(format) => Ok(format),
-        Kind::Unknown => {
-            Err(Error::input_with(path, "not in a format that this program knows", Remedy::NameFormat(names())))
-        }
+        Kind::Unknown => Err(match foreign_of(head) {
+            Some(foreign) => {
+                Error::input_with(path, format!("{}, which is not read", foreign.title), foreign.remedy(path))
+            }
+            None => Error::input_with(path, "not in a format that this program knows", Remedy::NameFormat(names())),
+        }),
         other => {
             let what = format!("{}, not a snapshot", other.in_words().unwrap_or_default());
             Err(Error::input_with(path, what, other.to_a_snapshot()))

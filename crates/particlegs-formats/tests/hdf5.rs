@@ -383,3 +383,34 @@ fn what_the_layout_does_not_hold_is_refused() {
     assert!(refused(&particles).contains("orthogonal"));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
+
+#[test]
+fn tables_at_the_top_or_in_groups_are_read() {
+    let file = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/tables").join(name);
+    let want: Vec<[f64; 3]> = (0..5).map(|i| [0, 1, 2].map(|k| f64::from(3 * i + k) / 4.0)).collect();
+    let read = |name: &str| {
+        let snapshot = opened(&[file(name)]).unwrap();
+        let d = snapshot.description().clone();
+        let readers =
+            (0..d.species.len()).map(|i| positions(&*snapshot.reader(i, &Choice::default()).unwrap()).unwrap());
+        (readers.collect::<Vec<_>>(), d)
+    };
+    let (got, d) = read("columns.hdf5");
+    assert_eq!((&got[0].0, &got[0].1), (&want, &vec![2.0; 5]));
+    assert_eq!((d.meta.units.length_text(), d.meta.cell.unwrap().lengths()), (Some("Mpc"), Some([10.0; 3])));
+    let mut names: Vec<&str> = d.species[0].fields.iter().map(|f| &f.name[..]).collect();
+    names.sort_unstable();
+    assert_eq!((&d.species[0].positions[..], names), ("x,y,z", vec!["mass", "vx", "x", "y", "z"]));
+    let (got, d) = read("positions.hdf5");
+    assert_eq!((&got[0].0, d.meta.cell, &d.species[0].name[..]), (&want, None, "particles"));
+    let (got, d) = read("groups.hdf5");
+    assert_eq!((&got[0].0[..], &got[1].0[..]), (&want[..3], &want[..2]));
+    assert_eq!(d.species.iter().map(|s| &s.name[..]).collect::<Vec<_>>(), ["gas", "stars"]);
+    for (name, what, command) in [
+        ("h5md.hdf5", "an H5MD trajectory", "['particles/water/position/value'][-1])"),
+        ("frames.hdf5", "`coordinates` has the shape (2, 4, 3)", "['coordinates'][-1])"),
+    ] {
+        let error = opened(&[file(name)]).err().unwrap();
+        assert!(error.to_string().contains(what) && error.remedy().to_string().contains(command), "{error}");
+    }
+}

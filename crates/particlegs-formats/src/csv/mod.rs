@@ -4,6 +4,7 @@
 mod guess;
 mod names;
 
+use crate::foreign::foreign_of;
 use crate::registry::Head;
 use crate::text::content::{Content, Place};
 use crate::text::snapshot::{Columns, TextSnapshot, kinds};
@@ -21,6 +22,7 @@ pub const FORMAT: Format = Format { name: "csv", title: "Table of text", detect,
 
 fn detect(head: &Head) -> bool {
     Guess::of(&head.content, head.content.len() < 1 << 16).is_ok_and(|guess| guess.is_likely)
+        && foreign_of(head).is_none()
 }
 
 fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {

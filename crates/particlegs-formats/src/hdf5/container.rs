@@ -5,6 +5,7 @@
 
 use super::attributes::Attributes;
 use super::packed::Packed;
+use super::tables::TOP;
 use crate::strided::Kind;
 use hdf5_reader::error::Error as Hdf5Error;
 use hdf5_reader::group::Group;
@@ -141,7 +142,17 @@ impl Container {
 
     fn group(&self, name: &str) -> Result<Group> {
         let root = self.file.root_group().map_err(|e| broken(&self.place, &e))?;
+        if name == TOP {
+            return Ok(root);
+        }
         root.group(name).map_err(|e| broken(&format!("{}: {name}", self.place), &e))
+    }
+
+    /// Names of what a group at the top holds; none where there is no such group.
+    pub fn names_in(&self, group: &str) -> Vec<String> {
+        self.group(group)
+            .and_then(|g| g.member_names().map_err(|e| broken(&self.place, &e)))
+            .map_or(Vec::new(), |(groups, sets)| groups.into_iter().chain(sets).map(|n| n.to_string()).collect())
     }
 
     /// Attributes of a group at the top; none where there is no such group.
@@ -151,6 +162,9 @@ impl Container {
     pub fn attributes(&self, group: &str) -> Result<Attributes> {
         let place = format!("{}: {group}", self.place);
         let root = self.file.root_group().map_err(|e| broken(&self.place, &e))?;
+        if group == TOP {
+            return Ok(Attributes::of(&root.attributes().map_err(|e| broken(&place, &e))?));
+        }
         match root.group(group) {
             Ok(g) => Ok(Attributes::of(&g.attributes().map_err(|e| broken(&place, &e))?)),
             Err(Hdf5Error::GroupNotFound(_)) => Ok(Attributes::default()),

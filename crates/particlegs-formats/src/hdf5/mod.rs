@@ -1,4 +1,4 @@
-//! HDF5 snapshots of Gadget-2/3/4, AREPO, SWIFT, GIZMO: groups `PartType0` ... with data sets of rows.
+//! HDF5 snapshots of Gadget-2/3/4, AREPO, SWIFT, GIZMO: groups `PartType0` ... with data sets of rows; plain tables.
 //!
 //! The container (superblock, groups, attributes, index of chunks) is read by `hdf5-reader`, which
 //! stays hidden in [`container`], [`attributes`], [`storage`] and [`filters`]. Numbers are read by
@@ -15,6 +15,7 @@ mod packed;
 mod reader;
 mod snapshot;
 mod storage;
+mod tables;
 mod units;
 mod write;
 

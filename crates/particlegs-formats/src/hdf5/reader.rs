@@ -2,7 +2,7 @@
 
 use super::columns::{Columns, Part, Want, chunk_bytes};
 use super::container::Container;
-use super::snapshot::{self, group_name};
+use super::snapshot;
 use super::storage::table;
 use crate::cache::ChunkCache;
 use crate::pieces::{Piece, PieceReader};
@@ -20,6 +20,8 @@ pub struct Source<'a> {
     pub parts: &'a [snapshot::Part],
     /// Number of the type.
     pub kind: usize,
+    /// Its group.
+    pub group: &'a str,
     /// Its description.
     pub species: &'a Species,
     /// The snapshot's.
@@ -47,7 +49,7 @@ pub fn reader(source: &Source<'_>, choice: &Choice) -> Result<Box<dyn SnapshotRe
     if let Some(name) = &weight {
         wanted.push((name.clone(), vec![Want { component: 0, target: 3 }]));
     }
-    let group = group_name(source.kind);
+    let group = source.group;
     let used: Vec<&snapshot::Part> = source.parts.iter().filter(|p| p.rows[source.kind] > 0).collect();
     let mut tables = Vec::with_capacity(used.len());
     for (index, file) in used.iter().enumerate() {
@@ -55,7 +57,7 @@ pub fn reader(source: &Source<'_>, choice: &Choice) -> Result<Box<dyn SnapshotRe
         let mut parts = Vec::with_capacity(wanted.len());
         for (k, (name, wants)) in wanted.iter().enumerate() {
             let place = format!("{}: {group}/{name}", container.place);
-            let table = table(&container, &group, name)?;
+            let table = table(&container, group, name)?;
             if let Some(want) = wants.iter().find(|w| w.component >= table.components) {
                 let what = format!("it has {} numbers a row, not {}", table.components, want.component + 1);
                 return Err(Error::input(place, what));

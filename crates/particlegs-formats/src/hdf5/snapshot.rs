@@ -4,6 +4,7 @@ use super::container::{Container, DataSet};
 use super::files;
 use super::header::{Header, TYPES};
 use super::reader::{self, Source};
+use super::tables;
 use super::units::{self, Simulation};
 use crate::{Choice, Description, Field, Mass, Snapshot, Species};
 use memmap2::Mmap;
@@ -57,7 +58,8 @@ impl Snapshot for Hdf5Snapshot {
         let (Some(kind), Some(found)) = (self.types.get(species), self.description.species.get(species)) else {
             return Err(Error::argument(format!("there is no particle type {species}")));
         };
-        let source = Source { parts: &self.parts, kind: *kind, species: found, meta: &self.description.meta };
+        let (group, meta) = (&group_name(*kind)[..], &self.description.meta);
+        let source = Source { parts: &self.parts, kind: *kind, group, species: found, meta };
         reader::reader(&source, choice)
     }
 }
@@ -69,6 +71,16 @@ impl Snapshot for Hdf5Snapshot {
 pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let first = Container::open(&paths[0])?;
     let header = Header::read(&first)?;
+    if let [path] = paths
+        && !first.groups()?.iter().any(|g| kind_of(&g.0).is_some())
+    {
+        if let Some(tables) = tables::open(path, &first)? {
+            return Ok(tables);
+        }
+        if let Some((what, remedy)) = tables::foreign(path, &first) {
+            return Err(Error::input_with(path, format!("{what}, which is not read"), remedy));
+        }
+    }
     let (found, strict) = (Default::default(), options.strict);
     let mut builder = Builder { header, strict, found, notes: Vec::new(), parts: Vec::new() };
     let paths = match (paths, files::stands_alone(&paths[0], builder.header.files)) {
@@ -244,7 +256,9 @@ impl Builder {
         if header.files == 1 && rows.iter().all(|&r| r == 0) {
             let names: Vec<&str> = groups.iter().map(|g| &g.0[..]).take(8).collect();
             let has = if names.is_empty() { "no groups".to_string() } else { names.join(", ") };
-            let what = format!("no group PartType0, PartType1, ... with particles in this HDF5 file; it has {has}");
+            let what = format!(
+                "no group PartType0, PartType1, ... and no data sets of positions in this HDF5 file; it has {has}"
+            );
             let hint = match &elsewhere[..] {
                 [] => "links in a circle are not followed; `h5ls` shows what is in the file".to_string(),
                 names => format!("links to other files ({}) and links in a circle are not followed", names.join(", ")),

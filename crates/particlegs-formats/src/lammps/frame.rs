@@ -3,7 +3,7 @@
 use super::cell::Bounds;
 use crate::text::content::Content;
 use crate::text::frames::Frame;
-use crate::text::lines::Lines;
+use crate::text::lines::{Lines, of_block};
 use crate::text::parse::Layout;
 use crate::text::split::{Separator, shown};
 use crate::text::table::Builder;
@@ -54,17 +54,49 @@ pub fn next<'c>(
     let layout = Layout { separator: Separator::Blanks, columns: head.columns.clone(), comment: None };
     let mut builder = Builder::new(content, layout, head.key(), start);
     let count = head.count.unwrap_or(0);
-    let found = lines.pass(count, |place, block| if wanted { builder.add(place, block) } else { Ok(()) })?;
+    let (mut found, mut left) = (0, count);
+    while left > 0 {
+        let mut comments = 0;
+        let passed = lines.pass(left, |place, block| {
+            let own = comments_in(block);
+            comments += own;
+            if own > 0 {
+                builder.has_comments(COMMENT);
+            }
+            if wanted { builder.add(place, block) } else { Ok(()) }
+        })?;
+        found += passed - comments;
+        left = if passed < left { 0 } else { comments };
+    }
     if found < count {
         let what = format!("frame {number} is cut off: it states {count} atoms, and {found} lines follow");
         return Err(Error::input(content.path(), what));
     }
     let end = lines.place();
+    while lines.peek()?.is_some_and(is_comment) {
+        lines.line()?;
+    }
     if let Some(line) = lines.peek()?.filter(|line| !line.trim_ascii().is_empty() && !line.starts_with(b"ITEM:")) {
         let what = format!("line {} is {}, and frame {number} states {count} atoms only", end.line, shown(line));
         return Err(Error::input(content.path(), what));
     }
     Ok(Some(Frame { head, rows: wanted.then(|| builder.until(end)), step }))
+}
+
+/// Edited dumps have comments, which LAMMPS itself does not write.
+const COMMENT: u8 = b'#';
+
+/// Is a line one?
+pub fn is_comment(line: &[u8]) -> bool {
+    line.trim_ascii_start().first() == Some(&COMMENT)
+}
+
+/// Lines of comments in a block.
+fn comments_in(block: &[u8]) -> u64 {
+    match memchr::memchr(COMMENT, block) {
+        None => 0,
+        Some(_) => of_block(block).filter(|(line, _)| is_comment(line)).count() as u64,
+    }
 }
 
 struct Sections<'a, 'c> {
@@ -98,7 +130,7 @@ impl Sections<'_, '_> {
                 None if begun => return Err(self.error("the file is cut off here")),
                 None => return Ok(None),
             };
-            if line.trim_ascii().is_empty() && !begun {
+            if (line.trim_ascii().is_empty() && !begun) || is_comment(&line) {
                 continue;
             }
             begun = true;

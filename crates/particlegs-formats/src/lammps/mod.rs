@@ -20,7 +20,8 @@ use std::path::PathBuf;
 pub const FORMAT: Format = Format { name: "lammps", title: "LAMMPS text dump", detect, open };
 
 fn detect(head: &Head) -> bool {
-    head.content.starts_with(b"ITEM: ")
+    let mut lines = head.content.split(|&b| b == b'\n');
+    lines.find(|line| !frame::is_comment(line)).is_some_and(|line| line.starts_with(b"ITEM: "))
 }
 
 /// Columns of positions, the most welcome first.

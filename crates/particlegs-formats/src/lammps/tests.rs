@@ -56,6 +56,29 @@ fn a_frame_is_described_and_read() {
 }
 
 #[test]
+fn comments_among_sections_and_atoms_are_passed_over() {
+    let atoms = "ITEM: ATOMS id type x y z\n# edited\n1 1 1 2 3\n # moved\n#\n2 2 4 5 6\n# end\n";
+    let commented = format!("# by hand\n{}{atoms}", HEAD.replace("ITEM: BOX", "# the box\nITEM: BOX"));
+    let got = all(&commented, &Choice::default()).unwrap();
+    assert_eq!(got.iter().map(|g| g.positions.clone()).collect::<Vec<_>>(), [[[1.0, 2.0, 3.0]], [[4.0, 5.0, 6.0]]]);
+    let of = |path: &str, text: &str| crate::registry::Head::of(path.as_ref(), 9, text.as_bytes().to_vec()).unwrap();
+    assert!((FORMAT.detect)(&of("a.dump", &commented)) && !(FORMAT.detect)(&of("a.txt", "# 1\n1 2 3\n")));
+    // Without types, in several frames, and in a compressed file.
+    let plain = format!("{HEAD}ITEM: ATOMS x y z\n1 2 3\n# c\n4 5 6\n#\n");
+    let two = format!("{plain}{}", plain.replace("4 5 6", "7 8 9"));
+    assert_eq!(all(&two, &Choice::default()).unwrap()[0].positions, [[1.0, 2.0, 3.0], [7.0, 8.0, 9.0]]);
+    assert_eq!(open_frame(&two, None).unwrap().description().frames.unwrap().count, 2);
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    std::io::Write::write_all(&mut packed, two.as_bytes()).unwrap();
+    let file = scratch(&packed.finish().unwrap());
+    let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &Choice::default()).unwrap();
+    assert_eq!(read(&*snapshot, 0, &Choice::default()).unwrap().positions, [[1.0, 2.0, 3.0], [7.0, 8.0, 9.0]]);
+    // What is missing is still told.
+    let short = format!("{HEAD}ITEM: ATOMS x y z\n1 2 3\n# c\n");
+    assert!(message(&short).contains("it states 2 atoms, and 1 lines follow"), "{}", message(&short));
+}
+
+#[test]
 fn scaled_positions_lie_in_the_cell_and_others_can_be_chosen() {
     let text = format!("{HEAD}ITEM: ATOMS xsu ysu zsu xs ys zs xu yu zu\n0 0 0 .5 .25 1 7 8 9\n0 0 0 0 0 0 1 1 1\n");
     assert_eq!(all(&text, &Choice::default()).unwrap()[0].positions[0], [4.0, 2.5, 10.0]);

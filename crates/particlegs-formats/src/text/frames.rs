@@ -65,6 +65,9 @@ pub fn scan<'c, H>(
     }
     let Some((head, rows, frames)) = kept else { return Err(no_frame(content, chosen, count)) };
     let table = rows.finish()?;
+    if chosen.is_none() && count > 1 {
+        notes.push(format!("frame {} is taken, the last of {count} (0 to {})", frames.chosen, count - 1));
+    }
     Ok(Scan { head, table, frames: Frames { count, ..frames }, notes })
 }
 

@@ -112,6 +112,11 @@ impl<'a> Builder<'a> {
         Builder { content, layout, key, step, start, end: start, head, stretches, tally }
     }
 
+    /// From now on, lines that begin so are no rows.
+    pub fn has_comments(&mut self, comment: u8) {
+        self.layout.comment = Some(comment);
+    }
+
     /// Takes in lines at `place`.
     ///
     /// # Errors

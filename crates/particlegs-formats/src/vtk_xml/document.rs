@@ -53,6 +53,15 @@ pub struct Piece {
     pub source: Option<String>,
 }
 
+/// A file that a collection or a set of blocks names.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Listed {
+    /// The file, relative to the list's folder.
+    pub file: String,
+    /// The time that it belongs to, as the list has it.
+    pub time: Option<f64>,
+}
+
 /// What the XML says.
 #[derive(Clone, Debug, Default)]
 pub struct Document {
@@ -66,6 +75,8 @@ pub struct Document {
     pub compressor: Option<Compressor>,
     /// Its pieces.
     pub pieces: Vec<Piece>,
+    /// Files, in lists of whole files.
+    pub listed: Vec<Listed>,
     /// Arrays of no piece, e.g. the time.
     pub fields: Vec<Declared>,
     /// Where appended data begin, and whether they are base64.
@@ -194,6 +205,15 @@ impl Walk {
                 let points = number(tag, "NumberOfPoints")?.unwrap_or(0);
                 document.pieces.push(Piece { points, source: attribute(tag, "Source")?, ..Piece::default() });
                 if empty { Element::Other } else { Element::Piece }
+            }
+            ("DataSet", _) => {
+                if document.listed.len() == MOST_PIECES {
+                    return Err(format!("more than {MOST_PIECES} files"));
+                }
+                let time =
+                    attribute(tag, "timestep")?.and_then(|t| t.trim().parse().ok()).filter(|t: &f64| t.is_finite());
+                document.listed.extend(attribute(tag, "file")?.map(|file| Listed { file, time }));
+                Element::Other
             }
             ("Points", Some(Element::Piece)) => Element::Points,
             ("PointData", Some(Element::Piece)) => Element::PointData,

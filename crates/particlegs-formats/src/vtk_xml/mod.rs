@@ -1,14 +1,14 @@
-//! VTK's XML files of points: VTP and VTU, and the files that list pieces of them.
+//! VTK's XML files of points: VTP and VTU, and the files that list them: pieces, blocks, moments.
 
 pub(crate) mod base64;
 pub(crate) mod blocks;
 mod document;
 mod file;
+pub(crate) mod lists;
 pub(crate) mod points;
 pub(crate) mod source;
 mod write;
 
-use crate::ascii::shown;
 use crate::axes::{Axis, axes};
 use crate::cache::{ChunkCache, DEFAULT_BYTES};
 use crate::pieces::{Piece, PieceReader};
@@ -21,7 +21,7 @@ use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
 use points::Points;
 use source::Source;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub use write::write;
@@ -29,9 +29,9 @@ pub use write::write;
 /// VTK XML.
 pub const FORMAT: Format = Format {
     name: "vtk-xml",
-    title: "VTK XML (VTP, VTU)",
+    title: "VTK XML (VTP, VTU, lists of them)",
     detect,
-    open: |paths, _| Ok(Box::new(VtkXml::open(paths)?)),
+    open: |paths, choice| Ok(Box::new(VtkXml::open(paths, choice)?)),
 };
 
 fn detect(head: &Head) -> bool {
@@ -48,48 +48,15 @@ struct VtkXml {
 }
 
 impl VtkXml {
-    fn open(paths: &[PathBuf]) -> Result<VtkXml> {
+    fn open(paths: &[PathBuf], choice: &Choice) -> Result<VtkXml> {
         if let Some(second) = paths.get(1) {
-            let hint = "several files of one snapshot are listed in a .pvtp or .pvtu: name that";
+            let hint = "several files of one snapshot are listed in a .pvtp, .pvtu, .vtm or .pvd: name that";
             return Err(Error::input_with(second, "a second VTK file", hint));
         }
-        let first = File::open(&paths[0])?;
-        let files = match &first.document.kind[..] {
-            "PolyData" | "UnstructuredGrid" => vec![first],
-            "PPolyData" | "PUnstructuredGrid" => parts(&first)?,
-            other => {
-                let what = format!("VTK data of type `{}` hold no points of their own", shown(other));
-                return Err(Error::input_with(&paths[0], what, "save them as VTP or VTU"));
-            }
-        };
-        let description = describe(&paths[0], &files)?;
-        Ok(VtkXml { files, description })
+        let parts = lists::open(&paths[0], choice.frame)?;
+        let description = describe(&paths[0], &parts)?;
+        Ok(VtkXml { files: parts.files, description })
     }
-}
-
-/// The files that `list` names, which lie beside or below it.
-fn parts(list: &File) -> Result<Vec<File>> {
-    let folder = list.path.parent().unwrap_or(Path::new(""));
-    let named = list.document.pieces.iter().filter_map(|p| p.source.as_deref());
-    named
-        .map(|name| {
-            let relative = Path::new(name);
-            if !relative.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir)) {
-                let what = format!("it names a piece outside of its folder: `{}`", shown(name));
-                return Err(Error::input_with(&list.path, what, "put the pieces beside it"));
-            }
-            let path = folder.join(relative);
-            if !path.is_file() {
-                let what = format!("missing: {} names it as a piece", list.path.display());
-                return Err(Error::input(&path, what));
-            }
-            let file = File::open(&path)?;
-            match &file.document.kind[..] {
-                "PolyData" | "UnstructuredGrid" => Ok(file),
-                _ => Err(Error::input(&path, "a piece that is neither a VTP nor a VTU")),
-            }
-        })
-        .collect()
 }
 
 /// Every piece with points, of all files.
@@ -111,7 +78,8 @@ fn field_name<'a>(declared: &'a Declared, piece: &document::Piece) -> &'a str {
     }
 }
 
-fn describe(path: &Path, files: &[File]) -> Result<Description> {
+fn describe(path: &Path, parts: &lists::Parts) -> Result<Description> {
+    let files = &parts.files[..];
     let count = pieces(files).try_fold(0u64, |n, (_, p)| n.checked_add(p.points));
     let count = count.ok_or_else(|| Error::input(path, "more points than can be counted"))?;
     let Some((file, first)) = pieces(files).next() else { return Err(Error::input(path, "no points")) };
@@ -134,10 +102,12 @@ fn describe(path: &Path, files: &[File]) -> Result<Description> {
     let packed = d.compressor.map_or(String::new(), |c| format!(", {c:?}").to_lowercase());
     let format = format!("VTK XML, {}, {order}{packed}", d.kind);
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let meta = SnapshotMeta { name, epoch: Epoch { time: file.time(), ..Epoch::default() }, ..SnapshotMeta::default() };
+    let epoch = Epoch { time: parts.time.or(file.time()), ..parts.frames.map_or_else(Epoch::default, |f| f.epoch()) };
+    let meta = SnapshotMeta { name, epoch, ..SnapshotMeta::default() };
     let species = Species { name: "points".into(), aliases: vec![], count, mass, positions, fields };
     let files = files.iter().map(|f| f.path.clone()).collect();
-    Ok(Description { format, files, meta, species: vec![species], frames: None, notes: vec![] })
+    let (frames, notes) = (parts.frames, parts.notes.clone());
+    Ok(Description { format, files, meta, species: vec![species], frames, notes })
 }
 
 /// The field of masses, by its name.

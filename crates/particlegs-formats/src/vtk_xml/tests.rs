@@ -3,12 +3,12 @@
 use super::*;
 use crate::{Choice, Weights};
 use particlegs::model::{Layer, Mass as LayerMass, Units};
-use particlegs::particles::{Column, Kept, Particles, Selection, Tiling};
+use particlegs::particles::{Column, Kept, Particles, Selection, Storage, Tiling};
 use particlegs::progress::Silent;
 use std::sync::Mutex;
 
 fn rows(path: &Path, choice: &Choice) -> Result<(Description, Vec<[f32; 4]>)> {
-    let snapshot = Choice::default().open(&[path.to_path_buf()])?;
+    let snapshot = choice.open(&[path.to_path_buf()])?;
     let reader = snapshot.reader(0, choice)?;
     let out = Mutex::new(Vec::new());
     let take = |run: u64, c: particlegs::particles::Chunk<'_>| {
@@ -98,6 +98,68 @@ fn written(particles: &Particles, path: &Path) -> u64 {
     let bytes = write(&kept, path, &Silent).unwrap();
     assert_eq!(std::fs::metadata(path).unwrap().len(), bytes);
     bytes
+}
+
+/// A VTP of one point, and lists of such files.
+fn lists(folder: &Path) {
+    let put = |name: &str, text: String| std::fs::write(folder.join(name), text).unwrap();
+    let file = |kind: &str, inside: String| format!("<VTKFile type=\"{kind}\"><{kind}>{inside}</{kind}></VTKFile>");
+    for i in 0..4 {
+        let points =
+            format!("<Points><DataArray type=\"Float32\" NumberOfComponents=\"3\">{i} 2 3</DataArray></Points>");
+        put(&format!("p{i}.vtp"), file("PolyData", format!("<Piece NumberOfPoints=\"1\">{points}</Piece>")));
+    }
+    put("grid.vti", file("ImageData", String::new()));
+    let sets = |of: &[&str]| of.iter().map(|a| format!("<DataSet {a}/>")).collect::<String>();
+    let moments = [
+        "timestep=\"0\" file=\"p0.vtp\"",
+        "timestep=\"0.5\" part=\"0\" file=\"p1.vtp\"",
+        "timestep=\"0.5\" part=\"1\" file=\"p2.vtp\"",
+    ];
+    put("run.pvd", file("Collection", sets(&moments)));
+    let blocks = |of: &[&str]| format!("<Block index=\"0\" name=\"fluid\">{}</Block>", sets(of));
+    put(
+        "a.vtm",
+        file(
+            "vtkMultiBlockDataSet",
+            blocks(&["index=\"0\" file=\"./p3.vtp\"", "index=\"1\" file=\"grid.vti\"", "file=\"p0.vtp\""]),
+        ),
+    );
+    put("of_blocks.pvd", file("Collection", sets(&["timestep=\"7\" file=\"a.vtm\""])));
+    put("grids.vtm", file("vtkMultiBlockDataSet", blocks(&["file=\"grid.vti\""])));
+    put("out.pvd", file("Collection", sets(&["file=\"../p0.vtp\""])));
+    put("self.vtm", file("vtkMultiBlockDataSet", sets(&["file=\"self.vtm\""])));
+}
+
+#[test]
+fn collections_and_blocks_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    lists(folder.path());
+    let of = |name: &str, frame| {
+        let (d, rows) = rows(&folder.path().join(name), &Choice { frame, ..Choice::default() })?;
+        Ok::<_, particlegs::Error>((d, rows.iter().map(|r| r[0]).collect::<Vec<_>>()))
+    };
+    let (d, x) = of("run.pvd", None).unwrap();
+    assert_eq!((x, d.meta.epoch.time, d.meta.epoch.frame), (vec![1.0, 2.0], Some(0.5), Some(1)));
+    assert!(d.notes[0].contains("frame 1 is taken, the last of 2 (0 to 1)"));
+    let (d, x) = of("run.pvd", Some(0)).unwrap();
+    assert_eq!((x, d.meta.epoch.time, d.notes.len()), (vec![0.0], Some(0.0), 0));
+    assert!(of("run.pvd", Some(2)).unwrap_err().to_string().contains("has no frame 2: they are 0 to 1"));
+    let (d, x) = of("a.vtm", None).unwrap();
+    assert!(x == [3.0, 0.0] && d.frames.is_none() && d.notes[0].contains("grid.vti is left out"), "{:?}", d.notes);
+    let (d, x) = of("of_blocks.pvd", None).unwrap();
+    assert_eq!((x, d.meta.epoch.time), (vec![3.0, 0.0], Some(7.0)));
+    for (name, why) in [
+        ("grids.vtm", "lists no files with points"),
+        ("out.pvd", "outside of its folder"),
+        ("self.vtm", "lists of lists"),
+        ("grid.vti", "hold no points of their own"),
+    ] {
+        assert!(of(name, None).unwrap_err().to_string().contains(why), "{name}");
+    }
+    // Their folder is several snapshots: what a list names is none of its own.
+    let error = Choice::default().read(&[folder.path().to_path_buf()], &Storage::Memory, &Silent).err().unwrap();
+    assert!(error.to_string().contains("run.pvd") && !error.to_string().contains("p1.vtp"), "{error}");
 }
 
 #[test]

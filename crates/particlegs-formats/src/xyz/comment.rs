@@ -3,7 +3,7 @@
 use super::MOST_COLUMNS;
 use crate::Field;
 use crate::text::snapshot::header_number;
-use crate::text::split::{Separator, shown, tokens};
+use crate::text::split::shown;
 use particlegs::space::Cell;
 
 /// What a comment says.
@@ -11,6 +11,10 @@ use particlegs::space::Cell;
 pub struct Comment {
     /// `Lattice`, `Origin` and `pbc`.
     pub cell: Option<Cell>,
+    /// `time`, and `step`.
+    pub time: Option<f64>,
+    /// The step.
+    pub step: Option<i64>,
     /// `Properties`.
     pub fields: Option<Vec<Field>>,
     /// What a user should know.
@@ -26,9 +30,16 @@ impl Comment {
         let (mut lattice, mut origin, mut periodic) = (None, [0.0; 3], None);
         for (key, value) in pairs(&text) {
             match &key.to_ascii_lowercase()[..] {
+                // Rows are vectors; three numbers are the diagonal.
+                "lattice" if parts(value).len() == 3 => {
+                    let [x, y, z] = numbers(key, value)?;
+                    lattice = Some([x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z]);
+                }
                 "lattice" => lattice = Some(numbers::<9>(key, value)?),
                 "origin" | "cell_origin" => origin = numbers::<3>(key, value)?,
                 "pbc" => periodic = Some(flags(value)?),
+                "time" => comment.time = header_number(value.as_bytes()).ok(),
+                "step" | "timestep" => comment.step = value.parse().ok(),
                 "properties" => comment.fields = Some(fields(value)?),
                 _ => {}
             }
@@ -63,31 +74,44 @@ fn pairs(line: &str) -> Vec<(&str, &str)> {
     while !rest.is_empty() {
         let end = rest.find(|c: char| c == '=' || c.is_whitespace()).unwrap_or(rest.len());
         let (key, after) = rest.split_at(end);
-        let Some(value) = after.strip_prefix('=') else {
+        let Some(value) = after.trim_start().strip_prefix('=').map(str::trim_start) else {
             rest = after.trim_start();
             continue;
         };
-        let closing = match value.chars().next() {
-            Some('"') => Some('"'),
-            Some('\'') => Some('\''),
-            Some('{') => Some('}'),
-            Some('[') => Some(']'),
-            _ => None,
-        };
-        let inner = closing.and_then(|c| value[1..].split_once(c));
-        let (value, after) = match inner {
-            Some(quoted) => quoted,
-            None => value.split_at(value.find(char::is_whitespace).unwrap_or(value.len())),
-        };
-        pairs.push((key, value));
-        rest = after.trim_start_matches(']').trim_start();
+        let length = quoted(value).or_else(|| value.find(char::is_whitespace)).unwrap_or(value.len());
+        let (value, after) = value.split_at(length);
+        pairs.push((key, value.trim_matches(['"', '\'', '{', '}'])));
+        rest = after.trim_start();
     }
     pairs
 }
 
+/// Bytes of a value between quotes or brackets, which may lie within each other.
+fn quoted(value: &str) -> Option<usize> {
+    let (open, close) = match value.chars().next()? {
+        quote @ ('"' | '\'') => return value[1..].find(quote).map(|at| at + 2),
+        '{' => ('{', '}'),
+        '[' => ('[', ']'),
+        _ => return None,
+    };
+    let mut depth = 0;
+    let ends = |c: char| {
+        depth += i32::from(c == open) - i32::from(c == close);
+        depth == 0
+    };
+    value.find(ends).map(|at| at + 1)
+}
+
+/// The parts of an array, old style (blanks between) or new (`[1, 2]`, also of rows in brackets).
+fn parts(value: &str) -> Vec<&str> {
+    value.split(|c: char| c.is_whitespace() || matches!(c, ',' | '[' | ']')).filter(|p| !p.is_empty()).collect()
+}
+
 fn numbers<const N: usize>(key: &str, value: &str) -> Result<[f64; N], String> {
-    let parts = value.split(|c: char| c.is_whitespace() || matches!(c, ',' | '[' | ']')).filter(|p| !p.is_empty());
-    let parts: Vec<&str> = parts.collect();
+    if value.matches('[').count() != value.matches(']').count() {
+        return Err(format!("`{key}`: {} lacks a bracket", shown(value.as_bytes())));
+    }
+    let parts = parts(value);
     if parts.len() != N {
         return Err(format!("`{key}` has {} numbers, not {N}", parts.len()));
     }
@@ -99,13 +123,13 @@ fn numbers<const N: usize>(key: &str, value: &str) -> Result<[f64; N], String> {
 }
 
 fn flags(value: &str) -> Result<[bool; 3], String> {
-    let words = tokens(value.as_bytes(), Separator::Blanks);
-    let flag = |word: &[u8]| match &word.to_ascii_lowercase()[..] {
-        b"t" | b"true" | b"1" => Ok(true),
-        b"f" | b"false" | b"0" => Ok(false),
-        _ => Err(format!("`pbc`: {} is neither T nor F", shown(word))),
+    let words = parts(value);
+    let flag = |word: &str| match &word.to_ascii_lowercase()[..] {
+        "t" | "true" | "1" => Ok(true),
+        "f" | "false" | "0" => Ok(false),
+        _ => Err(format!("`pbc`: {} is neither T nor F", shown(word.as_bytes()))),
     };
-    match &words[..] {
+    match words[..] {
         [all] => flag(all).map(|f| [f; 3]),
         [x, y, z] => Ok([flag(x)?, flag(y)?, flag(z)?]),
         _ => Err(format!("`pbc` has {} values, not 3", words.len())),

@@ -14,6 +14,7 @@ use crate::text::split::{Separator, number, shown, tokens};
 use crate::text::table::{Builder, Table};
 use crate::{Choice, Description, Field, Format, Snapshot};
 use comment::Comment;
+use particlegs::model::Epoch;
 use particlegs::particles::SnapshotMeta;
 use particlegs::{Error, Result};
 use std::path::PathBuf;
@@ -64,7 +65,7 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let meta = SnapshotMeta {
         name: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
         cell: found.head.comment.cell,
-        epoch: found.frames.epoch(),
+        epoch: Epoch { time: found.head.comment.time, ..found.frames.epoch() },
         ..SnapshotMeta::default()
     };
     let columns = columns(found.head.fields, &found.table);
@@ -130,7 +131,8 @@ fn frame<'c>(
         return Err(error(format!(" is cut off: it states {count} atoms, and {found} lines follow")));
     }
     let rows = wanted.then(|| rows.until(lines.place()));
-    Ok(Some(Frame { head: FrameHead { comment, fields }, rows, step: None }))
+    let step = comment.step;
+    Ok(Some(Frame { head: FrameHead { comment, fields }, rows, step }))
 }
 
 fn layout(fields: &[Field]) -> Layout {

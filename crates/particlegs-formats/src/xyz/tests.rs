@@ -63,6 +63,34 @@ fn unwrapped_positions_are_wrapped() {
 }
 
 #[test]
+fn arrays_of_the_new_style_and_moments_are_read() {
+    let cell = |comment: &str| open(&format!("1\n{comment}\nH 1 2 3\n"), None, &Choice::default()).unwrap().0.meta;
+    let tilted = [[2.0, 0.0, 0.0], [1.0, 3.0, 0.0], [0.0, 0.0, 4.0]];
+    for comment in [
+        "Lattice=\"[[2, 0, 0], [1, 3, 0], [0, 0, 4]]\" pbc=\"[T, T, F]\" time=2.5 step=70",
+        "Lattice=[[2,0,0],[1,3,0],[0,0,4]] pbc=[T,T,F] Time=2.5 Step=70",
+        "Lattice = [[2.0, 0, 0], [1, 3, 0], [0, 0, 4]] pbc = [True, true, FALSE] time = 2.5 timestep = 70",
+        "time=2.5 step=70 note=\"a = [1\" Lattice={2 0 0 1 3 0 0 0 4} pbc={T T F}",
+        "pbc='1 1 0' step=70 time=2.5e0 Lattice='2 0 0 1 3 0 0 0 4'",
+    ] {
+        let meta = cell(comment);
+        let found = meta.cell.unwrap();
+        assert_eq!((found.vectors, found.periodic), (tilted, [true, true, false]), "{comment}");
+        assert_eq!((meta.epoch.time, meta.epoch.step), (Some(2.5), Some(70)), "{comment}");
+    }
+    assert_eq!(cell("Lattice=[2, 3, 4]").cell.unwrap().lengths(), Some([2.0, 3.0, 4.0]));
+    assert!(message("1\nLattice=[[1,2,3]\nH 1 2 3\n").contains("`Lattice`"));
+}
+
+#[test]
+fn the_frame_that_is_taken_is_told() {
+    let text = "1\n\nH 1 2 3\n1\n\nH 4 5 6\n1\n\nH 7 8 9\n";
+    let notes = |frame| open(text, frame, &Choice::default()).unwrap().0.notes.join("; ");
+    assert!(notes(None).contains("frame 2 is taken, the last of 3 (0 to 2)"));
+    assert!(!notes(Some(1)).contains("is taken"));
+}
+
+#[test]
 fn faults_are_named() {
     let cases = [
         ("x\n\n", "frame 0, line 1: `x` is not a number of atoms"),

@@ -1,0 +1,391 @@
+//! Formats that are known and not read: what they are, and what turns them into one that is read.
+
+use crate::registry::Head;
+use crate::text::lines::without_end;
+use crate::text::split::{Separator, number, tokens};
+use particlegs::Remedy;
+use std::path::Path;
+
+/// A format that is not read.
+pub(crate) struct Foreign {
+    /// What a file of it is, with its article.
+    pub title: &'static str,
+    /// Does a file that begins so have it?
+    is: fn(&Start<'_>) -> bool,
+    converter: Converter,
+}
+
+/// What turns a file into one that is read.
+#[derive(Clone, Copy)]
+enum Converter {
+    /// ASE's command, by the name that it has for the format: to extended XYZ.
+    Ase(&'static str),
+    /// OVITO's module: to a LAMMPS dump.
+    Ovito,
+    /// Lines of Python, `{in}` and `{out}` for the files, and the packages that they want.
+    Python(&'static str, &'static str),
+    /// A command, `{in}` and `{out}` for the files.
+    Command(&'static str),
+}
+
+use Converter::{Ase, Command, Ovito, Python};
+
+/// All of them; the surest signatures first.
+static FOREIGN: &[Foreign] = &[
+    Foreign {
+        title: "a GROMACS trajectory (XTC)",
+        is: |s| s.begins(&[&[0, 0, 7, 0xcb], &[0, 0, 7, 0xe7]]),
+        converter: Ovito,
+    },
+    Foreign { title: "a GROMACS trajectory (TRR)", is: |s| s.begins(&[&[0, 0, 7, 0xc9]]), converter: Ovito },
+    Foreign {
+        title: "a GROMACS trajectory (TNG)",
+        is: |s| s.names(b"GENERAL INFO", 256),
+        converter: Command("gmx trjconv -f {in} -o {out}.xtc"),
+    },
+    Foreign { title: "a CHARMM or NAMD trajectory (DCD)", is: is_dcd, converter: Ovito },
+    Foreign {
+        title: "an AMBER trajectory (NetCDF)",
+        is: |s| is_netcdf(s) && s.names(b"AMBER", 1 << 16),
+        converter: Ovito,
+    },
+    Foreign {
+        title: "a NetCDF file",
+        is: is_netcdf,
+        converter: Python(
+            "import xarray, numpy; d = xarray.open_dataset('{in}'); numpy.savez('{out}.npz', **{k: d[k].values for k in d.variables})",
+            "xarray scipy",
+        ),
+    },
+    Foreign {
+        title: "an AMBER trajectory (BINPOS)",
+        is: |s| s.begins(&[b"fxyz"]),
+        converter: Command("mdconvert {in} -o {out}.dcd"),
+    },
+    Foreign {
+        title: "a HOOMD-blue trajectory (GSD)",
+        is: |s| s.begins(&[&[0xdf, 0x65, 0xdf, 0x65, 0xdf, 0x65, 0xdf, 0x65]]),
+        converter: Ovito,
+    },
+    Foreign {
+        title: "a LAMMPS restart file",
+        is: |s| s.begins(&[b"LammpS RestartT"]),
+        converter: Command("lmp -restart2dump {in} all atom {out}.dump"),
+    },
+    Foreign {
+        title: "a Tipsy snapshot",
+        is: is_tipsy,
+        converter: Python(
+            "import pynbody, numpy; s = pynbody.load('{in}'); numpy.savez('{out}.npz', pos=s['pos'], mass=s['mass'])",
+            "pynbody",
+        ),
+    },
+    Foreign {
+        title: "a FITS file",
+        is: |s| s.begins(&[b"SIMPLE  ="]),
+        converter: Python("from astropy.table import Table; Table.read('{in}').write('{out}.csv')", "astropy"),
+    },
+    Foreign {
+        title: "a Parquet table",
+        is: |s| s.begins(&[b"PAR1"]),
+        converter: Python(
+            "import pandas; pandas.read_parquet('{in}').to_csv('{out}.csv', index=False)",
+            "pandas pyarrow",
+        ),
+    },
+    Foreign {
+        title: "a Feather table",
+        is: |s| s.begins(&[b"ARROW1", b"FEA1"]),
+        converter: Python(
+            "import pandas; pandas.read_feather('{in}').to_csv('{out}.csv', index=False)",
+            "pandas pyarrow",
+        ),
+    },
+    Foreign {
+        title: "a MATLAB file",
+        is: |s| s.begins(&[b"MATLAB 5.0 MAT-file"]),
+        converter: Python(
+            "import scipy.io, numpy; m = scipy.io.loadmat('{in}'); numpy.savez('{out}.npz', **{k: m[k] for k in m if k[0] != '_'})",
+            "scipy",
+        ),
+    },
+    Foreign {
+        title: "a laser scan (LAS, LAZ or E57)",
+        is: |s| s.begins(&[b"LASF", b"ASTM-E57"]),
+        converter: Command("pdal translate {in} {out}.ply"),
+    },
+    Foreign {
+        title: "a point cloud of PCL (PCD)",
+        is: |s| s.begins(&[b"# .PCD", b"VERSION ."]),
+        converter: Command("pdal translate {in} {out}.ply"),
+    },
+    Foreign {
+        title: "a RAMSES output",
+        is: |s| s.begins(&[b"ncpu        ="]),
+        converter: Python(
+            "import yt, numpy; a = yt.load('{in}').all_data(); numpy.savez('{out}.npz', pos=a['all', 'particle_position'], mass=a['all', 'particle_mass'])",
+            "yt",
+        ),
+    },
+    Foreign { title: "a PDB file", is: |s| s.lines().any(is_atom_of_pdb), converter: Ase("proteindatabank") },
+    Foreign { title: "an mmCIF file", is: |s| s.names(b"_atom_site.Cartn_x", 1 << 16), converter: Ovito },
+    Foreign { title: "a CIF file", is: |s| s.lines().any(|l| l.starts_with(b"_cell_length_a")), converter: Ase("cif") },
+    Foreign { title: "a LAMMPS data file", is: is_lammps_data, converter: Ase("lammps-data") },
+    Foreign {
+        title: "a VASP trajectory (XDATCAR)",
+        is: |s| is_poscar(s) && s.lines().any(|l| l.starts_with(b"Direct configuration=")),
+        converter: Ase("vasp-xdatcar"),
+    },
+    Foreign { title: "a VASP structure (POSCAR, CONTCAR)", is: is_poscar, converter: Ase("vasp") },
+    Foreign { title: "a GROMACS structure (GRO)", is: is_gro, converter: Ase("gromacs") },
+    Foreign {
+        title: "a GROMOS structure (G96)",
+        is: |s| s.begins(&[b"TITLE"]) && s.lines().any(|l| l.starts_with(b"POSITION")),
+        converter: Ase("gromos"),
+    },
+    Foreign { title: "an XCrySDen structure (XSF)", is: is_xsf, converter: Ase("xsf") },
+    Foreign {
+        title: "an AtomEye configuration (CFG)",
+        is: |s| s.begins(&[b"Number of particles"]),
+        converter: Ase("cfg"),
+    },
+    Foreign {
+        title: "an MDL molecule (MOL, SDF)",
+        is: |s| s.lines().nth(3).is_some_and(|l| l.trim_ascii_end().ends_with(b"V2000")),
+        converter: Ase("sdf"),
+    },
+    Foreign {
+        title: "a Tripos molecule (MOL2)",
+        is: |s| s.lines().any(|l| l.starts_with(b"@<TRIPOS>")),
+        converter: Python(
+            "import MDAnalysis; MDAnalysis.Universe('{in}', format='MOL2', topology_format='MOL2').atoms.write('{out}.xyz')",
+            "MDAnalysis",
+        ),
+    },
+    Foreign {
+        title: "a TINKER file",
+        is: is_tinker,
+        converter: Python(
+            "import MDAnalysis; MDAnalysis.Universe('{in}', format='TXYZ', topology_format='TXYZ').atoms.write('{out}.xyz')",
+            "MDAnalysis",
+        ),
+    },
+    Foreign {
+        title: "an AMBER restart file",
+        is: is_amber_restart,
+        converter: Python(
+            "import MDAnalysis; MDAnalysis.Universe('{in}', format='INPCRD', topology_format='MINIMAL').atoms.write('{out}.xyz')",
+            "MDAnalysis",
+        ),
+    },
+    Foreign { title: "a DL_POLY configuration", is: is_dl_poly, converter: Ase("dlp4") },
+    Foreign {
+        title: "an FHI-aims structure",
+        is: |s| s.lines().any(|l| is_row(l, b"lattice_vector", 3)),
+        converter: Ase("aims"),
+    },
+    Foreign { title: "a Gaussian cube file", is: is_cube, converter: Ase("cube") },
+];
+
+/// The first format that takes a file to be its own.
+pub(crate) fn foreign_of(head: &Head) -> Option<&'static Foreign> {
+    let start = Start { bytes: &head.content, length: head.length };
+    FOREIGN.iter().find(|f| (f.is)(&start))
+}
+
+impl Foreign {
+    /// The command that turns the file `path` into one that is read.
+    pub(crate) fn remedy(&self, path: &Path) -> Remedy {
+        let (input, output) = names(path);
+        match self.converter {
+            Ase(name) => converted(format!("ase convert -i {name} -o extxyz {input} {output}.extxyz"), "ase"),
+            Ovito => python(
+                path,
+                "from ovito.io import *; export_file(import_file('{in}'), '{out}.dump', 'lammps/dump', multiple_frames=True, \
+                 columns=['Particle Identifier', 'Position.X', 'Position.Y', 'Position.Z'])",
+                "ovito",
+            ),
+            Python(code, packages) => python(path, code, packages),
+            Command(text) => converted(text.replace("{in}", &input).replace("{out}", &output), ""),
+        }
+    }
+}
+
+/// Lines of Python that convert the file `path`, `{in}` and `{out}` for the files, and the packages that they want.
+pub(crate) fn python(path: &Path, code: &str, packages: &str) -> Remedy {
+    let (input, output) = names(path);
+    converted(format!("python3 -c \"{}\"", code.replace("{in}", &input).replace("{out}", &output)), packages)
+}
+
+fn converted(command: String, packages: &str) -> Remedy {
+    let packages = if packages.is_empty() { String::new() } else { format!(" (`pip install {packages}`)") };
+    Remedy::Words(format!("convert it: `{command}`{packages}"))
+}
+
+/// A file's name for a command, and one beside it without ending. What a shell would take apart is left to the user.
+fn names(path: &Path) -> (String, String) {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "._/-+".contains(c);
+    let input = path.to_str().filter(|p| p.chars().all(plain) && !p.starts_with('-')).unwrap_or("FILE");
+    let stem = Path::new(input).file_stem().and_then(|s| s.to_str()).unwrap_or(input);
+    // The converters look at names: POSCAR.extxyz would be VASP's.
+    let output = if Path::new(input).extension().is_none() {
+        format!("{}_converted", stem.to_lowercase())
+    } else {
+        stem.to_string()
+    };
+    (input.to_string(), output)
+}
+
+/// The beginning of a file.
+struct Start<'a> {
+    bytes: &'a [u8],
+    /// Bytes of the file.
+    length: u64,
+}
+
+impl<'a> Start<'a> {
+    fn begins(&self, signatures: &[&[u8]]) -> bool {
+        signatures.iter().any(|s| self.bytes.starts_with(s))
+    }
+
+    /// Do the first `within` bytes hold `text`?
+    fn names(&self, text: &[u8], within: usize) -> bool {
+        memchr::memmem::find(&self.bytes[..within.min(self.bytes.len())], text).is_some()
+    }
+
+    /// Lines of text; none where it is not text.
+    fn lines(&self) -> impl Iterator<Item = &'a [u8]> + use<'a> {
+        let is_text = !self.bytes[..self.bytes.len().min(512)].contains(&0);
+        let bytes = if is_text { self.bytes } else { &[] };
+        bytes.split(|&b| b == b'\n').map(without_end)
+    }
+
+    /// The words of line `index`.
+    fn words(&self, index: usize) -> Vec<&'a [u8]> {
+        self.lines().nth(index).map_or(Vec::new(), |l| tokens(l, Separator::Blanks))
+    }
+
+    /// The numbers of line `index`, where it holds nothing else.
+    fn numbers(&self, index: usize) -> Option<Vec<f64>> {
+        self.words(index).into_iter().map(number).collect()
+    }
+
+    fn are_numbers(&self, mut lines: std::ops::Range<usize>, count: usize) -> bool {
+        lines.all(|i| self.numbers(i).is_some_and(|n| n.len() == count))
+    }
+}
+
+fn is_whole(word: &[u8]) -> bool {
+    !word.is_empty() && word.iter().all(u8::is_ascii_digit)
+}
+
+/// A line of a word and so many numbers.
+fn is_row(line: &[u8], word: &[u8], count: usize) -> bool {
+    let words = tokens(line, Separator::Blanks);
+    words.first() == Some(&word) && words.len() == count + 1 && words[1..].iter().all(|w| number(w).is_some())
+}
+
+fn is_dcd(s: &Start<'_>) -> bool {
+    let marked = |at: usize, length: [u8; 4]| s.bytes.starts_with(&length) && s.bytes.get(at..at + 4) == Some(b"CORD");
+    [4, 8].into_iter().any(|at| marked(at, [84, 0, 0, 0])) || marked(4, [0, 0, 0, 84])
+}
+
+fn is_netcdf(s: &Start<'_>) -> bool {
+    s.begins(&[b"CDF\x01", b"CDF\x02", b"CDF\x05"])
+}
+
+/// A header of a time and counts that add up, to each other and to the file's length.
+fn is_tipsy(s: &Start<'_>) -> bool {
+    let counts = |word: fn([u8; 4]) -> u32| {
+        let at = |k: usize| s.bytes.get(8 + 4 * k..12 + 4 * k).map(|b| u64::from(word([b[0], b[1], b[2], b[3]])));
+        Some([at(0)?, at(1)?, at(2)?, at(3)?, at(4)?])
+    };
+    [u32::from_be_bytes, u32::from_le_bytes].into_iter().filter_map(counts).any(|[all, axes, gas, dark, stars]| {
+        let bytes = 48 * gas + 36 * dark + 44 * stars;
+        all > 0
+            && (1..=3).contains(&axes)
+            && gas + dark + stars == all
+            && [28, 32].contains(&s.length.wrapping_sub(bytes))
+    })
+}
+
+/// `ATOM` or `HETATM`, with positions in their columns.
+fn is_atom_of_pdb(line: &[u8]) -> bool {
+    let is_number = |at: usize| line.get(at..at + 8).is_some_and(|f| number(f.trim_ascii()).is_some());
+    (line.starts_with(b"ATOM  ") || line.starts_with(b"HETATM")) && [30, 38, 46].into_iter().all(is_number)
+}
+
+fn is_lammps_data(s: &Start<'_>) -> bool {
+    let is_count = |l: &[u8]| matches!(tokens(l, Separator::Blanks)[..], [n, b"atoms", ..] if is_whole(n));
+    let is_side = |l: &[u8]| memchr::memmem::find(l, b"xlo xhi").is_some();
+    s.lines().take(64).any(is_count) && s.lines().take(64).any(is_side)
+}
+
+/// A comment, a scale, three vectors, perhaps symbols, numbers of atoms, how positions are meant.
+fn is_poscar(s: &Start<'_>) -> bool {
+    let scale = s.numbers(1).is_some_and(|n| n.len() == 1 || n.len() == 3);
+    let counts = |at: usize| !s.words(at).is_empty() && s.words(at).into_iter().all(is_whole);
+    let at = if counts(5) { 5 } else { 6 };
+    let mode = s.words(at + 1).first().and_then(|w| w.first()).copied().unwrap_or(0).to_ascii_uppercase();
+    scale && s.are_numbers(2..5, 3) && counts(at) && b"DCKS".contains(&mode)
+}
+
+/// A title, a number of atoms, and lines of fixed columns.
+fn is_gro(s: &Start<'_>) -> bool {
+    let is_count = matches!(s.words(1)[..], [n] if is_whole(n)) && !matches!(s.words(0)[..], [n] if is_whole(n));
+    is_count
+        && s.lines().nth(2).is_some_and(|line| {
+            let field = |range| line.get(range).map_or(&b""[..], <[u8]>::trim_ascii);
+            let points = line.get(20..).unwrap_or_default().iter().filter(|&&b| b == b'.').count();
+            is_whole(field(0..5)) && (is_whole(field(15..20)) || field(15..20) == b"*****") && points >= 3
+        })
+}
+
+fn is_xsf(s: &Start<'_>) -> bool {
+    let first = s.lines().map(<[u8]>::trim_ascii).find(|l| !l.is_empty() && !l.starts_with(b"#")).unwrap_or_default();
+    let words: [&[u8]; 7] = [b"CRYSTAL", b"SLAB", b"POLYMER", b"MOLECULE", b"PRIMVEC", b"ATOMS", b"ANIMSTEPS"];
+    words.iter().any(|w| first.starts_with(w))
+        && s.lines().any(|l| matches!(l.trim_ascii(), b"PRIMVEC" | b"PRIMCOORD" | b"ATOMS"))
+}
+
+/// A number of atoms, perhaps a title, and lines of a number, a symbol, a position, a type.
+fn is_tinker(s: &Start<'_>) -> bool {
+    let atom = s.words(1);
+    s.words(0).first().is_some_and(|w| is_whole(w))
+        && atom.len() >= 6
+        && atom[0] == b"1"
+        && number(atom[1]).is_none()
+        && atom[2..5].iter().all(|w| number(w).is_some())
+        && atom[5..].iter().all(|w| is_whole(w))
+}
+
+/// A title, a number of atoms and perhaps a time, and lines of six numbers in columns of twelve.
+fn is_amber_restart(s: &Start<'_>) -> bool {
+    let count = s.words(1).first().is_some_and(|w| is_whole(w)) && s.words(1).len() <= 3;
+    let row = s.lines().nth(2).unwrap_or_default();
+    let fixed = row.len() == 72 && row.chunks(12).all(|f| number(f.trim_ascii()).is_some() && f[4] == b'.');
+    count && fixed
+}
+
+/// A title, two or more whole numbers, a cell.
+fn is_dl_poly(s: &Start<'_>) -> bool {
+    let flags = s.words(1);
+    let atom = s.words(5);
+    (2..=5).contains(&flags.len())
+        && flags.iter().take(2).all(|w| w.len() == 1 && is_whole(w))
+        && s.are_numbers(2..5, 3)
+        && atom.first().is_some_and(|w| number(w).is_none())
+        && s.are_numbers(6..7, 3)
+}
+
+/// Two lines of comment, a number of atoms and an origin, three numbers of voxels and vectors.
+fn is_cube(s: &Start<'_>) -> bool {
+    let whole_first = |i: usize| s.words(i).first().is_some_and(|w| is_whole(w.strip_prefix(b"-").unwrap_or(w)));
+    (2..6).all(whole_first)
+        && s.are_numbers(3..6, 4)
+        && s.are_numbers(6..7, 5)
+        && s.numbers(2).is_some_and(|n| n.len() >= 4)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,172 @@
+//! HDF5 files without the groups of a simulation code: data sets `x`, `y`, `z` or `positions` at the top, or in a
+//! group at the top, each of which is a species then.
+
+use super::attributes::Attributes;
+use super::container::{Container, DataSet};
+use super::header::{Groups, TYPES};
+use super::reader::{self, Source};
+use super::snapshot::Part;
+use super::units::{self, Simulation};
+use crate::foreign::python;
+use crate::npy::layout::{mass_named, positions_named};
+use crate::{Choice, Description, Field, Mass, Snapshot, Species};
+use particlegs::model::{Dimension, Units};
+use particlegs::particles::{SnapshotMeta, SnapshotReader};
+use particlegs::space::Cell;
+use particlegs::{Error, Remedy, Result};
+use std::path::{Path, PathBuf};
+
+/// The group at the top.
+pub const TOP: &str = "/";
+
+/// Names of attributes that hold the lengths of the box.
+const BOXES: [&str; 7] = ["BoxSize", "boxsize", "box_size", "Boxsize", "box", "Lbox", "boxlength"];
+
+struct Tables {
+    description: Description,
+    parts: [Part; 1],
+    /// The group of each species.
+    groups: Vec<String>,
+}
+
+impl Snapshot for Tables {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
+        let (Some(group), Some(found)) = (self.groups.get(species), self.description.species.get(species)) else {
+            return Err(Error::argument(format!("there is no kind of particles {species}")));
+        };
+        let meta = &self.description.meta;
+        reader::reader(&Source { parts: &self.parts, kind: species, group, species: found, meta }, choice)
+    }
+}
+
+/// A group whose data sets hold particles.
+struct Table {
+    group: String,
+    species: Species,
+    /// The positions' own attributes.
+    positions: Attributes,
+    masses: Attributes,
+}
+
+/// Opens such a file; `None` where no group holds positions.
+///
+/// # Errors
+/// [`Error::Input`] for broken files, and for a box that is none.
+pub fn open(path: &Path, container: &Container) -> Result<Option<Box<dyn Snapshot>>> {
+    let groups = std::iter::once(TOP.to_string()).chain(container.groups()?.into_iter().map(|g| g.0));
+    let mut tables = Vec::new();
+    for group in groups {
+        if tables.len() < TYPES {
+            tables.extend(table(container, &group)?);
+        }
+    }
+    let Some(first) = tables.first() else { return Ok(None) };
+    let top = container.attributes(TOP)?;
+    let owners = [&first.positions, &container.attributes(&first.group)?, &top, &container.attributes("Header")?];
+    let cell = owners.iter().find_map(|a| BOXES.iter().find_map(|name| a.numbers(name)));
+    let cell = cell.map(|lengths| cell_of(lengths, &container.place)).transpose()?.flatten();
+    let mut notes = Vec::new();
+    let simulation = Simulation { groups: &Groups::default(), cosmological: None, hubble: None };
+    let mut unit = |own, dimension| units::unit(own, &first.positions, &simulation, dimension, &mut notes).0;
+    let units = Units {
+        length: unit(&first.positions, Dimension::Length),
+        mass: unit(&first.masses, Dimension::Mass),
+        ..Units::default()
+    };
+    let mut rows = [0; TYPES];
+    rows.iter_mut().zip(&tables).for_each(|(rows, table)| *rows = table.species.count);
+    let description = Description {
+        format: "HDF5 tables".into(),
+        files: vec![path.to_path_buf()],
+        meta: SnapshotMeta {
+            name: path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
+            cell,
+            units: units.settled(),
+            ..SnapshotMeta::default()
+        },
+        species: tables.iter().map(|t| t.species.clone()).collect(),
+        notes,
+        ..Description::default()
+    };
+    let groups = tables.into_iter().map(|t| t.group).collect();
+    let parts = [Part { path: PathBuf::from(path), map: container.map.clone(), rows }];
+    Ok(Some(Box::new(Tables { description, parts, groups })))
+}
+
+fn table(container: &Container, group: &str) -> Result<Option<Table>> {
+    let sets: Vec<DataSet> = container.members(group)?.sets.into_iter().filter(|s| s.number.is_some()).collect();
+    let field = |set: &DataSet| Field {
+        name: set.name.clone(),
+        kind: set.kind.clone(),
+        components: u32::try_from(set.components()).unwrap_or(u32::MAX),
+        unit: set.attributes.text(&["units", "unit", "Units"]).map(str::to_string),
+    };
+    let tabular = |set: &&DataSet| matches!(set.shape[..], [_] | [_, _]) && set.components() > 0;
+    let all: Vec<Field> = sets.iter().filter(tabular).map(field).collect();
+    let Some(positions) = positions_named(&all) else { return Ok(None) };
+    let of = |name: &str| sets.iter().find(|s| s.name == name);
+    let first = positions.split(',').next().and_then(of);
+    let Some(count) = first.map(|s| s.shape[0]).filter(|&n| n > 0) else { return Ok(None) };
+    let fields: Vec<Field> = sets.iter().filter(tabular).filter(|s| s.shape[0] == count).map(field).collect();
+    let mass = mass_named(&fields);
+    let attributes = |set: Option<&DataSet>| set.map(|s| s.attributes.clone()).unwrap_or_default();
+    let masses = attributes(mass.as_deref().and_then(of));
+    let name = if group == TOP { "particles".to_string() } else { group.to_string() };
+    let mass = mass.map_or(Mass::Unknown, Mass::Field);
+    let positions_of = attributes(first);
+    let species = Species { name, aliases: Vec::new(), count, mass, positions, fields };
+    Ok(Some(Table { group: group.into(), species, positions: positions_of, masses }))
+}
+
+/// A box of one length or three; 0 means that there is none.
+fn cell_of(lengths: &[f64], place: &str) -> Result<Option<Cell>> {
+    let lengths = match *lengths {
+        [l] => [l; 3],
+        [x, y, z] => [x, y, z],
+        _ => return Ok(None),
+    };
+    match lengths {
+        [0.0, 0.0, 0.0] => Ok(None),
+        l if l.iter().all(|l| l.is_finite() && *l > 0.0) => Ok(Some(Cell::orthogonal(l))),
+        _ => Err(Error::input(place, format!("the box is {lengths:?}"))),
+    }
+}
+
+/// What an HDF5 file without particles that are read is, where that is known, and what converts it.
+pub fn foreign(path: &Path, container: &Container) -> Option<(String, Remedy)> {
+    let groups: Vec<String> = container.groups().ok()?.into_iter().map(|g| g.0).collect();
+    let has = |name: &str| groups.iter().any(|g| g == name);
+    let last = |set: &str| {
+        let plain = set.chars().all(|c| c.is_ascii_alphanumeric() || "/_-. ".contains(c));
+        let set = if plain { set } else { "SET" };
+        python(
+            path,
+            &format!("import h5py, numpy; numpy.save('{{out}}.npy', h5py.File('{{in}}')['{set}'][-1])"),
+            "h5py",
+        )
+    };
+    if has("h5md") {
+        let name = container.names_in("particles").into_iter().next().unwrap_or_else(|| "all".into());
+        return Some(("an H5MD trajectory".into(), last(&format!("particles/{name}/position/value"))));
+    }
+    let yt = "import yt, numpy; a = yt.load('{in}').all_data(); numpy.savez('{out}.npz', \
+              pos=a['all', 'particle_position'], mass=a['all', 'particle_mass'])";
+    if container.attributes(TOP).is_ok_and(|a| a.has("openPMD")) {
+        return Some(("an openPMD file".into(), python(path, yt, "yt")));
+    }
+    if groups.iter().any(|g| g.starts_with("Grid0000")) {
+        return Some(("an Enzo file".into(), python(path, yt, "yt")));
+    }
+    if let Some(frame) = groups.iter().find(|g| container.names_in(g).iter().any(|n| n == "block0_values")) {
+        let code = format!("import pandas; pandas.read_hdf('{{in}}', '{frame}').to_csv('{{out}}.csv', index=False)");
+        return Some(("a table of pandas".into(), python(path, &code, "pandas tables")));
+    }
+    let sets = container.members(TOP).ok()?.sets;
+    let frames = sets.iter().find(|s| matches!(s.shape[..], [frames, n, 3] if frames > 0 && n > 0))?;
+    let what = format!("a trajectory of HDF5, whose `{}` has the shape {}", frames.name, frames.shape_text());
+    Some((what, last(&frames.name)))
+}

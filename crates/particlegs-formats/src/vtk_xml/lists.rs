@@ -1,0 +1,129 @@
+//! Files that list others: the pieces of a VTP or VTU, blocks (VTM), moments (PVD).
+
+use super::document::Listed;
+use super::file::File;
+use crate::Frames;
+use crate::ascii::shown;
+use particlegs::{Error, Result};
+use std::collections::HashMap;
+use std::path::{Component, Path, PathBuf};
+
+/// Lists within lists.
+const MOST_DEPTH: usize = 4;
+
+/// The files that hold the points of one moment.
+#[derive(Default)]
+pub struct Parts {
+    /// Files of points.
+    pub files: Vec<File>,
+    /// The moments that there are.
+    pub frames: Option<Frames>,
+    /// The moment, as a list has it.
+    pub time: Option<f64>,
+    /// What a user should know.
+    pub notes: Vec<String>,
+}
+
+/// Opens `path` and what it lists, of moment `frame` or the last.
+///
+/// # Errors
+/// [`Error::Input`] for what has no points of its own, files that are missing or lie elsewhere, and a moment that there
+/// is not; [`Error::Io`].
+pub fn open(path: &Path, frame: Option<u64>) -> Result<Parts> {
+    let mut parts = Parts::default();
+    parts.add(path, frame, 0)?;
+    if parts.files.is_empty() {
+        return Err(Error::input(path, "it lists no files with points"));
+    }
+    if let Some(Frames { count: 2.., chosen, .. }) = parts.frames.filter(|_| frame.is_none()) {
+        parts.notes.push(format!("frame {chosen} is taken, the last of {} (0 to {chosen})", chosen + 1));
+    }
+    Ok(parts)
+}
+
+/// The files that a list names itself, of all moments; none for what is no list.
+pub fn named(path: &Path) -> Vec<PathBuf> {
+    let Ok(list) = File::open(path) else { return Vec::new() };
+    list.document.listed.iter().filter_map(|l| beside(path, &l.file).ok()).collect()
+}
+
+impl Parts {
+    fn add(&mut self, path: &Path, frame: Option<u64>, depth: usize) -> Result<()> {
+        let file = File::open(path)?;
+        let document = &file.document;
+        match &document.kind[..] {
+            "PolyData" | "UnstructuredGrid" => self.files.push(file),
+            "PPolyData" | "PUnstructuredGrid" => {
+                let sources: Vec<String> = document.pieces.iter().filter_map(|p| p.source.clone()).collect();
+                for name in sources {
+                    let piece = File::open(&beside(path, &name)?)?;
+                    match &piece.document.kind[..] {
+                        "PolyData" | "UnstructuredGrid" => self.files.push(piece),
+                        _ => return Err(Error::input(&piece.path, "a piece that is neither a VTP nor a VTU")),
+                    }
+                }
+            }
+            _ if depth == MOST_DEPTH => return Err(Error::input(path, "lists of lists of lists")),
+            "Collection" => {
+                let (listed, frames) = moment(path, &document.listed, frame)?;
+                self.time = listed.first().and_then(|l| l.time);
+                self.frames = Some(frames);
+                for one in &listed {
+                    self.add(&beside(path, &one.file)?, frame, depth + 1)?;
+                }
+            }
+            "vtkMultiBlockDataSet" | "vtkPartitionedDataSet" | "vtkPartitionedDataSetCollection" => {
+                for one in &document.listed {
+                    self.add(&beside(path, &one.file)?, frame, depth + 1)?;
+                }
+            }
+            // A block among others.
+            other if depth > 0 => {
+                self.notes.push(format!("{} is left out: `{}` has no points of its own", path.display(), shown(other)));
+            }
+            other => {
+                let what = format!("VTK data of type `{}` hold no points of their own", shown(other));
+                return Err(Error::input_with(path, what, "save them as VTP or VTU"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The files of moment `frame`, or of the last, and how many moments there are. Files without a time are moments of
+/// their own.
+fn moment(path: &Path, listed: &[Listed], frame: Option<u64>) -> Result<(Vec<Listed>, Frames)> {
+    let mut moments: Vec<Vec<Listed>> = Vec::new();
+    let mut known = HashMap::new();
+    for one in listed {
+        let next = moments.len();
+        let own = one.time.map_or(next, |t| *known.entry(t.to_bits()).or_insert(next));
+        match moments.get_mut(own) {
+            Some(same) => same.push(one.clone()),
+            None => moments.push(vec![one.clone()]),
+        }
+    }
+    let count = moments.len() as u64;
+    let chosen = frame.unwrap_or(count.saturating_sub(1));
+    let missing = || match count {
+        0 => Error::input(path, "it lists no files"),
+        1 => Error::input(path, format!("has no frame {chosen}: its only one is 0")),
+        _ => Error::input(path, format!("has no frame {chosen}: they are 0 to {}", count - 1)),
+    };
+    let files = usize::try_from(chosen).ok().and_then(|i| moments.get(i)).ok_or_else(missing)?;
+    Ok((files.clone(), Frames { count, chosen, step: None }))
+}
+
+/// The file `name` that the list `path` names, which lies beside or below it.
+fn beside(path: &Path, name: &str) -> Result<PathBuf> {
+    let relative = Path::new(name);
+    if !relative.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir)) {
+        let what = format!("it names a file outside of its folder: `{}`", shown(name));
+        return Err(Error::input_with(path, what, "put its files beside it"));
+    }
+    let file = path.parent().unwrap_or(Path::new("")).join(relative);
+    match file.is_file() {
+        true => Ok(file),
+        false => Err(Error::input(&file, format!("missing: {} names it", path.display()))),
+    }
+}
