@@ -49,8 +49,8 @@ def compress(
     snapshot : Snapshot or array_like, shape (n, 3)
         The particles.
     ratio : float, optional
-        Raw bytes (12 a particle, 16 with weights) over the file's. One target at most; 300 by default, less for small
-        snapshots.
+        Raw bytes (12 a particle, 16 with weights) over the file's. One target at most; by default 300, or as low as 100
+        where the file has less than 250 kB, and lower for fewer than some 85 000 particles.
     size : int or str, optional
         Bytes of the file, such as ``"11MB"``.
     gaussians : int, optional

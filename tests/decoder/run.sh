@@ -8,7 +8,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
 compress() { "$particlegs" compress "$@" --certificate none --quiet >/dev/null; }
-compress samples/nbody64 -o "$work/sample.pgs"
+compress samples/nbody64 -o "$work/sample.pgs" --ratio 300
 # All that a certificate can hold.
 "$particlegs" compress samples/nbody64 -o "$work/full.pgs" --effort fast --min-correlation 0.99 --cell 1 --certificate full \
     --quiet >/dev/null

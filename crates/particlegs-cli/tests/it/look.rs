@@ -143,7 +143,7 @@ fn training_improves_the_pictures() {
 #[test]
 fn every_style_and_projection_draws() {
     let dir = tempfile::tempdir().unwrap();
-    let model = model(dir.path(), &["--certificate=none"]);
+    let model = model(dir.path(), &["--ratio", "300", "--certificate=none"]);
     let out = dir.path().join("out");
     let small = ["--size", "160x120", "--quiet", "--out"];
     for style in ["expected", "paraview", "paraview-no-fxaa", "density"] {
@@ -164,7 +164,7 @@ fn every_style_and_projection_draws() {
 #[test]
 fn views_that_cannot_be_drawn() {
     let dir = tempfile::tempdir().unwrap();
-    let model = model(dir.path(), &["--certificate=none"]);
+    let model = model(dir.path(), &["--ratio", "300", "--certificate=none"]);
     let good: Value = serde_json::from_slice(&std::fs::read(golden().join("views.json")).unwrap()).unwrap();
     let bad = |change: &dyn Fn(&mut Value), text: &str| {
         let mut views = good.clone();

@@ -82,7 +82,12 @@ fn recovered_particles_say_what_they_are() {
     let dir = tempfile::tempdir().unwrap();
     let model = dir.path().join("m.pgs");
     let mut c = particlegs();
-    c.args(["compress", "--effort", "fast", "--quiet"]).arg(sample()).arg("-o").arg(&model).assert().success();
+    c.args(["compress", "--effort", "fast", "--ratio", "300", "--quiet"])
+        .arg(sample())
+        .arg("-o")
+        .arg(&model)
+        .assert()
+        .success();
     let out = |name: &str| dir.path().join(name);
     let run = |name: &str, more: &[&str]| {
         particlegs().arg("recover").arg(&model).arg("-o").arg(out(name)).arg("--quiet").args(more).assert().success();

@@ -6,20 +6,23 @@ use std::fmt;
 
 /// The default compression ratio of large snapshots.
 pub const DEFAULT_RATIO: f64 = 300.0;
-/// Bytes below which the default does not go while particles are there to fill them: some 2000 Gaussians,
-/// what the bundled sample of 262 144 particles has at ratio 300.
-const DEFAULT_LEAST_BYTES: u64 = 10_240;
-/// Of few particles the default is a tenth of their bytes, and what every file has beside its Gaussians.
-/// Of 5000 clustered ones a third of that scores 1 dB less, twice that 2 dB more (docs/guide/certificate.md).
-const DEFAULT_LEAST_RATIO: f64 = 10.0;
+/// Bytes below which the default does not go while particles are there to fill them.
+const DEFAULT_LEAST_BYTES: u64 = 250_000;
+/// Particles that were not fitted gain little by a larger file than this ratio gives (docs/guide/certificate.md).
+const LEVEL_RATIO: f64 = 100.0;
+/// Below so many bytes, some 2000 Gaussians, pictures gain by a larger file all the same: of few particles the default
+/// is a tenth of their bytes, and what every file has beside its Gaussians. Of 5000 clustered ones a third of that scores
+/// 1 dB less, twice that 2 dB more.
+const FEW_BYTES: u64 = 10_240;
+const FEW_RATIO: f64 = 10.0;
 const BESIDE_GAUSSIANS: u64 = 1200;
 
 /// What the file is to meet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Target {
-    /// Ratio 300; of less than a quarter of a million particles a lower one, so that their structure
-    /// has enough Gaussians ([`Target::bytes`]). Where header and one Gaussian do not fit, the smallest
+    /// Ratio 300, but 250 kB of smaller snapshots down to ratio 100; of few particles more again, so that their
+    /// structure has enough Gaussians ([`Target::bytes`]). Where header and one Gaussian do not fit, the smallest
     /// file with a note.
     #[default]
     Default,
@@ -40,8 +43,9 @@ impl Target {
     pub fn bytes(self, raw_bytes: u64) -> Option<u64> {
         match self {
             Target::Default => {
-                let few = (raw_bytes as f64 / DEFAULT_LEAST_RATIO) as u64 + BESIDE_GAUSSIANS;
-                Some(((raw_bytes as f64 / DEFAULT_RATIO).floor() as u64).max(few.min(DEFAULT_LEAST_BYTES)))
+                let at = |ratio: f64| (raw_bytes as f64 / ratio) as u64;
+                let few = (at(FEW_RATIO) + BESIDE_GAUSSIANS).min(FEW_BYTES);
+                Some(at(LEVEL_RATIO).max(few).min(DEFAULT_LEAST_BYTES).max(at(DEFAULT_RATIO)))
             }
             Target::Ratio(r) => Some((raw_bytes as f64 / r).floor() as u64),
             Target::Size(s) => Some(s),
@@ -62,15 +66,18 @@ impl Target {
     /// the user's own.
     pub fn choice_in_words(self, raw_bytes: u64) -> Option<String> {
         let bytes = (self == Target::Default).then(|| self.bytes(raw_bytes))??;
-        let at_ratio = Target::Ratio(DEFAULT_RATIO).bytes(raw_bytes)?;
         let ratio = raw_bytes as f64 / bytes.max(1) as f64;
-        Some(if bytes == at_ratio {
-            format!("no target given: ratio {DEFAULT_RATIO}, {bytes} bytes")
+        let of_ratio = |ratio| Target::Ratio(ratio).bytes(raw_bytes);
+        let why = if Some(bytes) == of_ratio(DEFAULT_RATIO) {
+            String::new()
+        } else if bytes == DEFAULT_LEAST_BYTES {
+            format!("; ratio {DEFAULT_RATIO} is for snapshots that then have more")
+        } else if Some(bytes) == of_ratio(LEVEL_RATIO) {
+            "; a larger file says little more of particles that were not fitted".into()
         } else {
-            format!(
-                "no target given: ratio {ratio:.1}, {bytes} bytes; at ratio {DEFAULT_RATIO} so small a snapshot would have {at_ratio} bytes, too few Gaussians to show its structure"
-            )
-        })
+            format!("; ratio {LEVEL_RATIO} has too few Gaussians to show the structure of so small a snapshot")
+        };
+        Some(format!("no target given: ratio {ratio:.1}, {bytes} bytes{why}"))
     }
 
     /// Checks the number.
@@ -91,7 +98,7 @@ impl Target {
     /// What is asked for, as people say it.
     fn in_words(self) -> String {
         match self {
-            Target::Default => format!("a ratio of {DEFAULT_RATIO}"),
+            Target::Default => "the default size".into(),
             Target::Ratio(v) => format!("a ratio of {v}"),
             Target::Size(v) => format!("a size of {v} bytes"),
             Target::Gaussians(v) => format!("a number of {v} Gaussians"),
@@ -144,18 +151,27 @@ fn check_goal(goal: Goal) -> Result<Goal> {
 mod tests {
     use super::*;
 
-    /// Ratio 300 from the bundled sample on; below, files that hold some structure, and never above the
-    /// particles' own bytes but for what every file has.
+    /// Ratio 300 of large snapshots, 250 kB of smaller ones, ratio 100 of small ones, and more of few particles.
     #[test]
-    fn small_snapshots_have_a_lower_default() {
+    fn smaller_snapshots_have_a_lower_default() {
         let bytes = |particles: u64| Target::Default.bytes(12 * particles).unwrap();
-        assert_eq!(bytes(262_144), 10_485);
-        assert_eq!(bytes(1 << 21), 83_886);
+        assert_eq!([bytes(1 << 24), bytes(6_250_100)], [671_088, 250_004]);
+        assert_eq!([bytes(6_000_000), bytes(1 << 21), bytes(2_083_334)], [250_000; 3]);
+        assert_eq!([bytes(1 << 18), bytes(100_000)], [31_457, 12_000]);
         assert_eq!([bytes(60_000), bytes(32_768), bytes(5_000), bytes(100)], [10_240, 10_240, 7_200, 1_320]);
+        assert!((1..8_000_000).step_by(9_973).is_sorted_by_key(bytes));
         assert_eq!(Target::Ratio(300.0).bytes(12 * 5000), Some(200));
-        let words = Target::Default.choice_in_words(12 * 5000).unwrap();
-        assert!(words.contains("ratio 8.3, 7200 bytes") && words.contains("200 bytes, too few"), "{words}");
-        assert_eq!(Target::Default.choice_in_words(12 << 18).unwrap(), "no target given: ratio 300, 10485 bytes");
+    }
+
+    #[test]
+    fn the_choice_is_said_with_its_reason() {
+        let words = |particles: u64| Target::Default.choice_in_words(12 * particles).unwrap();
+        assert_eq!(words(1 << 24), "no target given: ratio 300.0, 671088 bytes");
+        let choices =
+            [(1 << 21, "ratio 100.7, 250000 bytes; ratio 300 is"), (1 << 18, "ratio 100.0, 31457 bytes; a larger")];
+        for (particles, start) in choices.into_iter().chain([(5000, "ratio 8.3, 7200 bytes; ratio 100 has too few")]) {
+            assert!(words(particles).starts_with(&format!("no target given: {start}")), "{}", words(particles));
+        }
         assert_eq!(Target::Ratio(300.0).choice_in_words(1000), None);
     }
 }

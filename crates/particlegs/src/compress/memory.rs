@@ -96,7 +96,7 @@ impl Load {
         let wanted = match (self.target, self.target.bytes(self.raw_bytes)) {
             (_, Some(bytes)) => (bytes as f64 / bytes_a_gaussian(self.effort)) as u64,
             (Target::Gaussians(number), _) => number,
-            // A quality: as many as the default ratio has, and twice as many again.
+            // A quality: as many as the default size has, and twice as many again.
             _ => 3 * (Target::Default.bytes(self.raw_bytes).unwrap_or(0) as f64 / bytes_a_gaussian(self.effort)) as u64,
         };
         wanted.clamp(1, self.count.max(1))

@@ -7,7 +7,7 @@ use crate::train::{Config, Limits};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 
-/// What is asked for. The default is the default of the command: ratio 300, a refined fit, no training,
+/// What is asked for. The default is the default of the command: the default size, a refined fit, no training,
 /// measured.
 #[derive(Clone, Debug)]
 pub struct Options {
