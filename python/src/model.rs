@@ -61,12 +61,7 @@ impl Model {
     /// Which layers are drawn; all without names.
     fn shown(&self, names: Option<&[String]>) -> PyResult<Vec<bool>> {
         let Some(names) = names else { return Ok(vec![true; self.model.layers.len()]) };
-        let there = |n: &String| self.model.layers.iter().any(|l| l.name == *n);
-        if let Some(missing) = names.iter().find(|n| !there(n)) {
-            let all: Vec<&str> = self.model.layers.iter().map(|l| &l.name[..]).collect();
-            return Err(InputError::new_err(format!("no layer \"{missing}\": there are {}", all.join(", "))));
-        }
-        Ok(self.model.layers.iter().map(|l| names.contains(&l.name)).collect())
+        self.model.which(names).or_raise()
     }
 
     /// The model of some layers; a copy where they are not all.

@@ -159,7 +159,7 @@ function looks(desk: Desk): Part {
 
 function layers(desk: Desk): Part {
   const all = desk.layers;
-  const shown = all.map(({ name, color }) => check(name, (s) => !s.hidden.includes(name), (on) =>
+  const shown = all.map(({ name, title, color }) => check(title, (s) => !s.hidden.includes(name), (on) =>
     desk.change({ hidden: desk.state().hidden.filter((n) => n !== name).concat(on ? [] : [name]) }), `rgb(${color.join(" ")})`));
   const by = check("Colours by layer", (s) => s.byLayer, (on) => desk.change({ byLayer: on }));
   const own = section("Layers", all.length > 1, ...shown, by);

@@ -40,7 +40,7 @@ export interface About {
   has_masses: boolean;
   mass: number | null;
   raw_bytes: number;
-  layers: { name: string; particles: number; gaussians: number; color: Vec3 }[];
+  layers: { name: string; title: string; particles: number; gaussians: number; color: Vec3 }[];
   adds_up: boolean;
   certified: [[number, number], [number, number]] | null;
 }

@@ -10,6 +10,7 @@ use particlegs::progress::{Level, Progress};
 use particlegs::{Error, NamedValue, Result};
 use particlegs_files::memory;
 use particlegs_files::output::Outputs;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, OnceLock};
@@ -24,7 +25,7 @@ pub struct Common {
     /// With `-` nothing else is printed on standard output.
     #[arg(long, value_name = "FILE|-", value_hint = ValueHint::FilePath)]
     pub json: Option<PathBuf>,
-    /// Print no progress and no messages; errors and the result remain.
+    /// Print errors alone, and results that go to no file.
     #[arg(long, short)]
     pub quiet: bool,
     /// Number of threads [default: as many as allotted, else all cores].
@@ -66,6 +67,11 @@ pub struct Context {
     /// What is shown of the work; nothing under --quiet.
     meter: Option<Meter>,
     outputs: Mutex<Outputs>,
+    files: Mutex<Vec<PathBuf>>,
+    /// Notes that were told: none is told twice.
+    told: Mutex<BTreeSet<String>>,
+    /// Did a command before tell the notes of what is done now?
+    told_before: AtomicBool,
 }
 
 impl Common {
@@ -81,7 +87,15 @@ impl Common {
         let simd = if plain { Level::baseline() } else { Level::new() };
         meet_stop_signals();
         let meter = (!self.quiet).then(Meter::start);
-        Ok(Context { common: self, simd, meter, outputs: Mutex::new(Outputs::new(false, "")) })
+        Ok(Context {
+            common: self,
+            simd,
+            meter,
+            outputs: Mutex::new(Outputs::new(false, "")),
+            files: Mutex::default(),
+            told: Mutex::default(),
+            told_before: AtomicBool::new(false),
+        })
     }
 }
 
@@ -135,13 +149,21 @@ impl Context {
         self.outputs.lock().unwrap_or_else(|e| e.into_inner())
     }
 
+    /// Does work whose notes a command before has told.
+    pub fn told_before<T>(&self, work: impl FnOnce() -> T) -> T {
+        self.told_before.store(true, Ordering::Relaxed);
+        let done = work();
+        self.told_before.store(false, Ordering::Relaxed);
+        done
+    }
+
     /// Tells what a user should know, a line each.
     pub fn notes(&self, notes: &[String]) {
         notes.iter().for_each(|note| self.message(&format!("note: {note}")));
     }
 
     /// Prints the result: JSON where asked for, and the text on stdout, or on stderr where an output is
-    /// there.
+    /// there; under --quiet no text of what was written to files.
     pub fn finish(&self, text: &str, value: &impl serde::Serialize) -> Result<()> {
         if let Some(target) = &self.common.json {
             self.aside(|| crate::report::json(target, value))?;
@@ -149,7 +171,15 @@ impl Context {
                 return Ok(());
             }
         }
-        self.line(text)
+        if self.common.quiet && !self.outputs().is_empty() {
+            return Ok(());
+        }
+        self.line(&format!("{text}{}", self.names_files(text)))
+    }
+
+    /// Files that the command writes.
+    pub fn files(&self) -> MutexGuard<'_, Vec<PathBuf>> {
+        self.files.lock().unwrap_or_else(|e| e.into_inner())
     }
 
     /// Prints a line of the result: on stdout, or on stderr where an output is there.
@@ -184,6 +214,10 @@ impl Progress for Context {
     }
 
     fn message(&self, text: &str) {
+        let is_new = || self.told.lock().unwrap_or_else(|e| e.into_inner()).insert(text.into());
+        if text.starts_with("note: ") && (self.told_before.load(Ordering::Relaxed) || !is_new()) {
+            return;
+        }
         self.meter.iter().for_each(|m| m.message(&one_line(text)));
     }
 

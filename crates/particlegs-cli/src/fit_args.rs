@@ -12,7 +12,7 @@ use particlegs::{Error, Result};
 
 /// What a model is to be.
 #[derive(Args, Clone, Debug)]
-#[command(mut_arg("ratio", |a| with_default(a, "300; 100 and more of small snapshots")))]
+#[command(mut_arg("ratio", |a| with_default(a, "300, less for small snapshots")))]
 pub struct FitArgs {
     #[command(flatten)]
     target: TargetArgs,

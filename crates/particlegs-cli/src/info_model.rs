@@ -17,6 +17,7 @@ use particlegs::score::{Finding, Use, Word};
 use particlegs::space::Cell;
 use particlegs_files::input::name_of;
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -314,17 +315,22 @@ fn tables(entries: &[MetricEntry], unit: Option<&str>) -> Vec<String> {
 pub fn verdict(findings: &[Finding]) -> String {
     let mut out = "verdict            what the model is good for (docs/guide/certificate.md)\n".to_string();
     for f in findings {
-        out += &(wrapped(&format!("  {:<16}{:<14}", f.of.name(), f.word.name()), &f.why, 32) + "\n");
+        out += &(wrapped(&format!("  {:<15} {:<14} ", f.of.name(), f.word.name()), &f.why, 33) + "\n");
     }
     out
 }
 
-/// The certificate that a file was just given, and its verdict, as text and as data; tells unasked what
-/// a user must know of a poor model, whose pictures or density do not clearly beat trivial ones, and what helps.
-pub fn told(c: Option<&Certificate>, metadata: &Metadata, progress: &dyn Progress) -> (String, Vec<Finding>) {
+/// The verdict on a model that was just written to `place`, in at most nine lines, and as data; tells unasked what a user
+/// must know of a poor model, whose pictures or density do not clearly beat trivial ones, and what helps.
+pub fn told(
+    c: Option<&Certificate>,
+    metadata: &Metadata,
+    place: &Path,
+    progress: &dyn Progress,
+) -> (String, Vec<Finding>) {
     let v = Finding::verdict(c, metadata);
     let poor = |f: &&Finding| matches!(f.of, Use::Pictures | Use::Density) && f.word == Word::DoesNot;
-    let poor: Vec<String> = v.iter().filter(poor).map(|f| format!("{}: {}", f.of.name(), f.why)).collect();
+    let poor: Vec<String> = v.iter().filter(poor).map(|f| format!("{}: {}", f.of.name(), f.figure())).collect();
     if !poor.is_empty() {
         progress.message(&format!("warning: the model shows little of these particles; {}", poor.join("; ")));
         progress.message(
@@ -332,10 +338,18 @@ pub fn told(c: Option<&Certificate>, metadata: &Metadata, progress: &dyn Progres
              no ratio (docs/guide/certificate.md)",
         );
     }
-    let text = if c.is_some() {
-        format!("\n{}{}", certificate(c, metadata.units.length_text()), verdict(&v))
-    } else {
-        String::new()
-    };
-    (text.trim_end().to_string(), v)
+    let short = if c.is_some() { in_short(&v) } else { String::new() };
+    (format!("{short}\nparticlegs info {} shows the rest", place.display()), v)
+}
+
+/// A line a use; uses that were not measured for one reason share a line.
+fn in_short(findings: &[Finding]) -> String {
+    let (missing, judged): (Vec<_>, Vec<_>) = findings.iter().partition(|f| f.word == Word::NotMeasured);
+    let mut lines: Vec<[String; 3]> =
+        judged.iter().map(|f| [f.of.name(), f.word.name(), f.figure()].map(String::from)).collect();
+    for why in missing.iter().map(|f| f.figure()).collect::<BTreeSet<_>>() {
+        let uses: Vec<&str> = missing.iter().filter(|f| f.figure() == why).map(|f| f.of.name()).collect();
+        lines.push([Word::NotMeasured.name().into(), String::new(), format!("{}: {why}", uses.join(", "))]);
+    }
+    lines.iter().map(|[of, word, why]| format!("\n  {of:<15} {word:<14} {why}")).collect()
 }

@@ -75,17 +75,21 @@ impl JobSnapshot {
     pub fn source(&self, storage: &Storage, context: &Context) -> Result<(Layered, bool)> {
         match self.opening.open_later(&self.paths, self.subset(), context)? {
             Some(layered) => Ok((layered, true)),
-            None => Ok((Layered::of(&self.particles(storage, context)?), false)),
+            None => Ok((Layered::of(&self.selected(storage, context)?), false)),
         }
     }
 
-    /// The snapshot, to be read run by run.
+    /// The snapshot of a job, to be read run by run; `plan` told its notes.
     pub fn layered(&self, context: &Context) -> Result<Layered> {
-        Ok(self.source(&Storage::Memory, context)?.0)
+        Ok(context.told_before(|| self.source(&Storage::Memory, context))?.0)
     }
 
-    /// The particles.
-    pub fn particles(&self, storage: &Storage, context: &Context) -> Result<Particles> {
+    /// The particles of a job; `plan` told their notes.
+    pub fn particles(&self, context: &Context) -> Result<Particles> {
+        context.told_before(|| self.selected(&Storage::Memory, context))
+    }
+
+    fn selected(&self, storage: &Storage, context: &Context) -> Result<Particles> {
         self.opening.open_selected_in(storage, &self.paths, self.subset(), context)
     }
 }

@@ -50,6 +50,7 @@ mod viewed;
 mod views;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// Compress particle snapshots some hundred times, into models that draw the pictures of ParaView.
@@ -69,7 +70,12 @@ struct Cli {
 
 /// Parses, refuses options that would do nothing, and runs.
 fn run() -> particlegs::Result<()> {
-    let matches = match Cli::command().try_get_matches() {
+    // `help -h` is `help`.
+    let mut arguments: Vec<OsString> = std::env::args_os().collect();
+    if arguments.get(1).is_some_and(|command| command == "help") {
+        arguments.retain(|a| a != "-h" && a != "--help");
+    }
+    let matches = match Cli::command().try_get_matches_from(arguments) {
         Ok(matches) => matches,
         Err(asked) if !asked.use_stderr() => return report::help(&asked),
         Err(wrong) => wrong.exit(),

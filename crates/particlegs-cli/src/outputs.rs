@@ -1,13 +1,14 @@
 //! What a command reads and writes, said before its work: the one place that decides what is replaced.
 
 use crate::common::Context;
+use crate::rows::wrapped;
 use clap::Args;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
 use particlegs_files::output;
 use particlegs_files::output::{FileSet, Input, Kind, Outputs};
 use serde_json::Value;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::fs::File;
 use std::io::Read;
@@ -15,6 +16,9 @@ use std::path::{Path, PathBuf};
 
 /// Said where something is there that is not replaced unasked.
 const ADVICE: &str = "name another output, or replace it with --force";
+
+/// Files of a folder that are named one by one.
+const MOST_NAMED: usize = 12;
 
 /// Of commands that write models, particles or jobs.
 #[derive(Args, Clone, Copy, Debug, Default)]
@@ -158,6 +162,7 @@ impl Context {
         inputs.for_each(|input| outputs.reads(input));
         if let Some(path) = &self.common.json {
             outputs.writes(path, &JSON, self)?;
+            self.files().push(path.clone());
         }
         *self.outputs() = outputs;
         Ok(())
@@ -169,7 +174,27 @@ impl Context {
     /// # Errors
     /// Those of [`Outputs::writes`].
     pub fn writes(&self, path: &Path, kind: &Kind) -> Result<bool> {
-        self.outputs().writes(path, kind, self)
+        let kept = self.outputs().writes(path, kind, self)?;
+        self.files().push(path.to_path_buf());
+        Ok(kept)
+    }
+
+    /// A line for every folder in which files were written that `text` does not name.
+    pub fn names_files(&self, text: &str) -> String {
+        let mut folders: BTreeMap<PathBuf, Vec<PathBuf>> = BTreeMap::new();
+        for path in self.files().iter().filter(|p| p.is_file() && !text.contains(&p.display().to_string())) {
+            folders.entry(path.parent().unwrap_or(Path::new("")).into()).or_default().push(path.clone());
+        }
+        let line = |files: &Vec<PathBuf>| match &files[..] {
+            [first, .., last] if files.len() > MOST_NAMED => {
+                format!("\nwrote {} files, {} to {}", files.len(), first.display(), last.display())
+            }
+            files => {
+                let names: Vec<String> = files.iter().map(|p| p.display().to_string()).collect();
+                format!("\n{}", wrapped("wrote ", &names.join(", "), 6))
+            }
+        };
+        folders.values().map(line).collect()
     }
 
     /// Takes note of a file that is to be written, and refuses one that is there and kept.

@@ -1,6 +1,7 @@
 //! How a snapshot is named, and what of it is read.
 
 use clap::{Args, ValueEnum};
+use particlegs::model::Model;
 use particlegs::particles::{Layered, Particles, Selection, Storage};
 use particlegs::progress::Progress;
 use particlegs::space::Bounds;
@@ -154,6 +155,11 @@ pub struct Subset<'a> {
 }
 
 impl SnapshotArgs {
+    /// Of a model, the layers of the particle types that are chosen.
+    pub fn layers_of(&self, model: Model) -> Result<Model> {
+        if self.particle_type.is_empty() { Ok(model) } else { model.only(&self.particle_type) }
+    }
+
     /// Opens a subset of it.
     pub fn open_selected(&self, paths: &[PathBuf], subset: Subset<'_>, progress: &dyn Progress) -> Result<Particles> {
         self.open_selected_in(&Storage::Memory, paths, subset, progress)

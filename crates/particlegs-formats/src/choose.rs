@@ -3,6 +3,7 @@
 use crate::folder::resolved;
 use crate::registry::{FORMATS, spool};
 use crate::{Description, Snapshot, Species, Weights, raw};
+use particlegs::model::is_species;
 use particlegs::particles::{Layered, Particles, Selection, SnapshotMeta, SnapshotReader, Storage};
 use particlegs::progress::Progress;
 use particlegs::space::Bounds;
@@ -286,7 +287,7 @@ fn chosen(species: &[Species], names: &[String], place: &str) -> Result<Vec<usiz
     let mut chosen = Vec::new();
     for name in names {
         let lower = name.to_lowercase();
-        let fits = |s: &Species| s.name.to_lowercase() == lower || s.aliases.contains(&lower);
+        let fits = |s: &Species| is_species(&s.name, name) || s.aliases.contains(&lower);
         let index = species.iter().position(fits).ok_or_else(|| {
             let there: Vec<String> = species.iter().map(called).collect();
             Error::input_with(

@@ -1,7 +1,7 @@
 //! What a page says of a model.
 
 use particlegs_core::codec::FileInfo;
-use particlegs_core::model::{LawKind, Metadata, hex};
+use particlegs_core::model::{LawKind, Metadata, hex, species_title};
 use particlegs_core::picture::{Colormap, Rgb8};
 use serde::Serialize;
 
@@ -30,6 +30,8 @@ pub(crate) struct About<'a> {
 #[derive(Serialize)]
 struct AboutLayer<'a> {
     name: &'a str,
+    /// The species as people call it.
+    title: String,
     particles: u64,
     gaussians: usize,
     color: [u8; 3],
@@ -40,6 +42,7 @@ impl<'a> About<'a> {
         let layers = info.layers.iter().enumerate().map(|(place, l)| AboutLayer {
             color: Rgb8::layer_color(place),
             name: &l.name,
+            title: species_title(&l.name),
             particles: l.content.iter().map(|b| b.count).sum(),
             gaussians: l.content.iter().map(|b| b.gaussians as usize).sum(),
         });

@@ -23,6 +23,7 @@ use std::time::Instant;
 
 /// Arguments.
 #[derive(Args)]
+#[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
     after_help = "\
 Examples:
@@ -165,7 +166,9 @@ impl Arguments {
         if let Some(folder) = &self.pictures {
             // The model may go there as well.
             context.makes_folder(folder)?;
-            crate::pictures::paths(folder).iter().try_for_each(|p| context.writes(p, &PNG).map(drop))?;
+            crate::pictures::paths(folder)
+                .iter()
+                .try_for_each(|p| context.outputs().writes(p, &PNG, context).map(drop))?;
         }
         let there = context.writes(self.output(), &outputs::MODEL)?;
         if options.training.is_some() {
@@ -206,16 +209,13 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
     }
     let (raw_bytes, gaussians) = (particles.raw_bytes(), model.gaussians());
     let ratio = raw_bytes as f64 / bytes.len() as f64;
-    let mut text = format!(
+    let (told, _) = info_model::told(certificate, &model.metadata, a.output(), context);
+    let text = format!(
         "{place}: is there already, made of this snapshot by the same options: {} particles -> {gaussians} Gaussians, \
-         {} bytes, ratio {ratio:.1}",
+         {} bytes, ratio {ratio:.1}{told}",
         model.metadata.count,
         bytes.len(),
     );
-    if certificate.is_some() {
-        let unit = model.metadata.units.length_text();
-        text += &format!("\n{}", crate::info_model::certificate(certificate, unit).trim_end());
-    }
     let value = json!({
         "output": a.output().to_string_lossy(), "there_already": true, "particles": model.metadata.count, "gaussians": gaussians,
         "model_bytes": bytes.len(), "raw_bytes": raw_bytes, "compression_ratio": ratio, "certificate": certificate,
@@ -228,21 +228,18 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
     let (bytes, gaussians) = (done.bytes.len(), done.model.gaussians());
     let ratio = done.raw_bytes as f64 / bytes as f64;
     let mut text = format!(
-        "{}: {} particles -> {gaussians} Gaussians, {bytes} bytes, ratio {ratio:.1}, {:.2} bytes per Gaussian",
+        "{}: {} particles -> {gaussians} Gaussians, {bytes} bytes, ratio {ratio:.1}, {seconds:.1} s",
         a.output().display(),
         done.model.metadata.count,
-        bytes as f64 / gaussians as f64,
     );
-    let phases: Vec<String> = done.seconds.iter().map(|(p, s)| format!("{p} {s:.2} s")).collect();
-    text += &format!("\n{:.2} s: {}", seconds, phases.join(", "));
     text += &run_args::trained(done);
-    if let (Some(goal), None) = (&done.reached, &done.model.certificate) {
+    if let Some(goal) = &done.reached {
         text += &format!("\n{}", info_model::goal_in_words(goal, done.model.metadata.units.length_text()));
     }
     if a.fit.is_fast() {
         text += "\n--effort fast: fewer small groups than default from ratio 300 on (docs/results/recovery.md)";
     }
-    let (told, verdict) = info_model::told(done.model.certificate.as_ref(), &done.model.metadata, context);
+    let (told, verdict) = info_model::told(done.model.certificate.as_ref(), &done.model.metadata, a.output(), context);
     text += &told;
     let value = json!({
         "output": a.output().to_string_lossy(), "particles": done.model.metadata.count, "gaussians": gaussians,

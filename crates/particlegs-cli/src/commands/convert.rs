@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 
 /// Arguments.
 #[derive(Args)]
+#[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
     mut_args = |a| if SELECTION.contains(&a.get_id().as_str()) { a.hide_short_help(false) } else { a },
     after_help = "\

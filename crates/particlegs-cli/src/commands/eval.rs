@@ -21,6 +21,7 @@ use std::path::PathBuf;
 
 /// Arguments.
 #[derive(Args)]
+#[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(after_help = "\
 Pictures of the far, mid and near orbits are compared in three styles. Beside each score stand the
 noise-free score, the gap to it, and what an all-black picture and a uniform box score, which a model
@@ -88,10 +89,10 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads(inputs, false)?;
     if let Some(folder) = &a.pictures {
         context.makes_folder(folder)?;
-        pictures::paths(folder).iter().try_for_each(|p| context.writes(p, &PNG).map(drop))?;
+        pictures::paths(folder).iter().try_for_each(|p| context.outputs().writes(p, &PNG, &context).map(drop))?;
     }
     let bytes = inputs::model(&a.model, &context)?;
-    let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
+    let model = a.snapshot.layers_of(codec::decode_with(&bytes, &name_of(&a.model), &context)?)?;
     let subset = Subset { selection: &a.selection, window: &a.window, seed: context.common.seed };
     let particles = a.snapshot.open_selected(&a.input, subset, &context)?;
     if model.metadata.count != particles.len() as u64 {

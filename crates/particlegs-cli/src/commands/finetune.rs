@@ -29,6 +29,7 @@ use std::time::Instant;
 
 /// Arguments.
 #[derive(Args)]
+#[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
     mut_arg("ratio", |a| with_default(a, "that of the model")),
     mut_arg("gaussians", |a| a.help("Largest number of Gaussians, stored at the nominal precision")),
@@ -166,7 +167,7 @@ fn report(
     );
     text += &run_args::trained(done);
     let certificate = done.model.certificate.as_ref();
-    let (told, verdict) = info_model::told(certificate, &done.model.metadata, context);
+    let (told, verdict) = info_model::told(certificate, &done.model.metadata, out, context);
     text += &told;
     let value = json!({
         "output": out.to_string_lossy(), "gaussians_in": gaussians_in, "gaussians": gaussians, "model_bytes_in": bytes_in,

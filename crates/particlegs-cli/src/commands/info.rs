@@ -10,6 +10,7 @@ use std::path::PathBuf;
 
 /// Arguments.
 #[derive(Args)]
+#[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(after_help = "Examples:
   particlegs info M.pgs
   particlegs info snap_099.0.hdf5

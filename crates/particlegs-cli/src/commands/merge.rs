@@ -10,7 +10,6 @@ use particlegs::Result;
 use particlegs::codec::{self, Merge};
 use particlegs::job::Job;
 use particlegs::model::{CertificateLevel, LawKind};
-use particlegs::particles::Storage;
 use particlegs::progress::Progress;
 use particlegs_files::input::name_of;
 use serde::Serialize;
@@ -107,7 +106,7 @@ pub fn run(a: Arguments) -> Result<()> {
     );
     // A job's file is measured; one of files has no certificate, and nothing is said of it.
     if info.certificate.is_some() {
-        text += &crate::info_model::told(info.certificate.as_ref(), &info.metadata, &context).0;
+        text += &crate::info_model::told(info.certificate.as_ref(), &info.metadata, &report.output, &context).0;
     }
     context.finish(&text, &report)
 }
@@ -140,7 +139,7 @@ fn of_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, u
     job.check_done()?;
     let particles = match level {
         CertificateLevel::None | CertificateLevel::Blocks => None,
-        _ => Some(snapshot.particles(&Storage::Memory, context)?),
+        _ => Some(snapshot.particles(context)?),
     };
     let bytes = job.merge(level, particles.as_ref(), context)?;
     Ok((bytes, job.blocks() as usize, kept))

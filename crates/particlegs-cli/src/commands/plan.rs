@@ -17,6 +17,7 @@ use std::path::{Path, PathBuf};
 
 /// Arguments.
 #[derive(Args)]
+#[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
     after_help = "\
 Example:

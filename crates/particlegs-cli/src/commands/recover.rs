@@ -40,7 +40,7 @@ pub struct Arguments {
     /// Factor on the widths of the Gaussians.
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     scale: f64,
-    /// Layers to draw from, by the names that `info` lists [default: all].
+    /// Layers to draw from: species such as gas or dm, or names that `info` lists [default: all].
     #[arg(long, alias = "layers", value_name = "NAME,...", value_delimiter = ',')]
     layer: Vec<String>,
     /// Form of the particles.

@@ -29,6 +29,7 @@ use std::time::Instant;
 
 /// Arguments.
 #[derive(Args)]
+#[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
     after_help = "\
 Examples:

@@ -17,7 +17,7 @@ use crate::view_args::{Subject, ViewArgs};
 use crate::views::sequence_args::SequenceArgs;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::camera::{View, ViewSet};
-use particlegs::model::{LawKind, Model};
+use particlegs::model::{LawKind, Model, species_title};
 use particlegs::picture::{Colormap, Gray8, Pixels, Rgb8, Size};
 use particlegs::progress::Progress;
 use particlegs::render::{Scene, Scratch, draw_into, surface_density};
@@ -44,7 +44,7 @@ Examples:
   particlegs render model.pgs --azimuth 30 --elevation 20 --distance 0.5 --radius 0.02 -o near.png
   particlegs render model.pgs --azimuth 30 --save-views view.json -o pictures
   particlegs render model.pgs --style density --colormap magma -o sigma
-  particlegs render model.pgs --layer PartType4 -o stars
+  particlegs render model.pgs --layer stars -o stars
   particlegs render model.pgs --style density --projection orthographic --width 30 --depth 5 -o slab.pdf
   particlegs render a.pgs b.pgs --panels --style density --background white -o compared.pdf
   particlegs render model.pgs --like published.png -o again.png
@@ -70,7 +70,7 @@ pub struct Arguments {
     /// What to draw [default: paraview].
     #[arg(long, value_enum, value_name = "STYLE")]
     style: Option<Style>,
-    /// Layers to draw, by the names that `info` lists, or `all`.
+    /// Layers to draw: species such as gas or dm, names that `info` lists, or `all`.
     #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',')]
     layers: Option<Vec<String>>,
     /// Tell layers apart by colour: hues mixed by optical depth, levels as without colours.
@@ -309,7 +309,7 @@ fn stem(name: &str) -> String {
 
 fn legend(asked: &Asked, model: &Model) -> Vec<(String, [u8; 3])> {
     match asked.color_by_layer {
-        true => model.layers.iter().enumerate().map(|(i, l)| (l.name.clone(), Rgb8::layer_color(i))).collect(),
+        true => model.layers.iter().enumerate().map(|(i, l)| (species_title(&l.name), Rgb8::layer_color(i))).collect(),
         false => Vec::new(),
     }
 }

@@ -17,6 +17,7 @@ use std::path::{Path, PathBuf};
 
 /// Arguments.
 #[derive(Args)]
+#[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
     after_help = "\
 Examples:
@@ -130,7 +131,10 @@ enum Source {
 impl Source {
     fn open(path: &Path, args: &SnapshotArgs, progress: &dyn Progress) -> Result<Self> {
         match inputs::model_or_snapshot(path, args, progress)? {
-            Either::Model(bytes) => Ok(Source::Model(Box::new(codec::decode_with(&bytes, &name_of(path), progress)?))),
+            Either::Model(bytes) => {
+                let model = codec::decode_with(&bytes, &name_of(path), progress)?;
+                Ok(Source::Model(Box::new(args.layers_of(model)?)))
+            }
             Either::Snapshot(choice) => {
                 let particles = choice.read(&[path.to_path_buf()], &Storage::Memory, progress)?;
                 Ok(Source::Particles(Box::new(particles)))

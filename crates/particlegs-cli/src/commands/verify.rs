@@ -21,6 +21,7 @@ use std::path::{Path, PathBuf};
 
 /// Arguments.
 #[derive(Args)]
+#[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
     after_help = "Examples:\n  particlegs verify M.pgs\n  particlegs verify M.pgs samples/nbody64\n  particlegs verify M.pgs samples/nbody64 --full --store\n  particlegs verify JOB\n\nThe exit code is 4 for a corrupt file, and 9 for a certificate that is not what is measured or\ncontradicts itself (docs/guide/exit-codes.md)."
 )]

@@ -15,7 +15,7 @@ fn scores_by_orbit_in_text_and_json() {
     std::fs::write(&model, &bytes).unwrap();
     let run = |more: &[&str]| {
         let mut command = particlegs();
-        command.arg("eval").arg(&model).arg(sample()).arg("--json").arg(&json).arg("--quiet").args(more);
+        command.arg("eval").arg(&model).arg(sample()).arg("--json").arg(&json).args(more);
         let done = command.assert().success();
         let text = String::from_utf8_lossy(&done.get_output().stdout).into_owned();
         (text, serde_json::from_slice::<serde_json::Value>(&std::fs::read(&json).unwrap()).unwrap())

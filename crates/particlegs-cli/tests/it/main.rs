@@ -27,6 +27,7 @@ mod simplify;
 mod smooth;
 mod stats;
 mod targets;
+mod terminal;
 mod train;
 mod verdict;
 mod view;

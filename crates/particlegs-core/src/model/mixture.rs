@@ -1,6 +1,6 @@
 //! A mixture of Gaussians that carry counts and masses.
 
-use super::{Certificate, Columns, Law, Layer, MASS, Mass, Metadata, VizMapper};
+use super::{Certificate, Columns, Law, Layer, MASS, Mass, Metadata, VizMapper, is_species};
 use crate::math::{Sym3, each_axis};
 use crate::space::Bounds;
 use std::sync::Arc;
@@ -152,17 +152,30 @@ impl Model {
     /// goes.
     ///
     /// # Errors
-    /// [`crate::Error::Argument`] for a name that no layer has; it lists those there are.
+    /// Those of [`Model::which`].
     pub fn only(mut self, names: &[String]) -> crate::Result<Self> {
-        if let Some(name) = names.iter().find(|n| self.layers.iter().all(|l| l.name != **n)) {
-            let there: Vec<&str> = self.layers.iter().map(|l| &l.name[..]).collect();
-            return Err(crate::Error::argument(format!("no layer `{name}`: there are {}", there.join(", "))));
-        }
-        self.layers.retain(|l| names.contains(&l.name));
+        let mut which = self.which(names)?.into_iter();
+        self.layers.retain(|_| which.next() == Some(true));
         self.metadata.count = self.layers.iter().map(Layer::count).sum();
         self.metadata.mass = self.blocks().map(|b| b.mass).sum();
         self.certificate = None;
         Ok(self)
+    }
+
+    /// Which layers are meant by `names`: their own, or those of their species ([`is_species`]).
+    ///
+    /// # Errors
+    /// [`crate::Error::Argument`] for a name that no layer has; it lists those there are.
+    pub fn which(&self, names: &[String]) -> crate::Result<Vec<bool>> {
+        let called = |name: &str, asked: &String| match self.layers.iter().any(|l| l.name == *asked) {
+            true => name == asked,
+            false => is_species(name, asked),
+        };
+        if let Some(name) = names.iter().find(|n| !self.layers.iter().any(|l| called(&l.name, n))) {
+            let there: Vec<&str> = self.layers.iter().map(|l| &l.name[..]).collect();
+            return Err(crate::Error::argument(format!("no layer `{name}`: there are {}", there.join(", "))));
+        }
+        Ok(self.layers.iter().map(|l| names.iter().any(|n| called(&l.name, n))).collect())
     }
 
     /// All blocks of all layers.

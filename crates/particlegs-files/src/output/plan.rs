@@ -47,6 +47,11 @@ impl Outputs {
         self.inputs.push(input);
     }
 
+    /// Is anything written?
+    pub fn is_empty(&self) -> bool {
+        self.taken.is_empty()
+    }
+
     /// Is standard output one of the outputs?
     pub fn on_standard_output(&self) -> bool {
         self.taken.contains(&Identity::StandardOutput)

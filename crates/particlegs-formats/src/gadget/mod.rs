@@ -15,6 +15,7 @@ use crate::strided::Strided;
 use crate::{Choice, Description, Field, Format, Mass, Snapshot, Species};
 use blocks::Part;
 use header::TYPES;
+use particlegs::model::species_aliases;
 use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Result};
 use std::path::PathBuf;
@@ -26,16 +27,6 @@ pub const FORMAT: Format = Format {
     detect: |head| head.compression.is_none() && blocks::signature(&head.bytes).is_some(),
     open: |paths, choice| Ok(Box::new(Gadget::open(paths, choice)?)),
 };
-
-/// Names that choose a type.
-const ALIASES: [&[&str]; TYPES] = [
-    &["0", "gas"],
-    &["1", "dm", "halo"],
-    &["2", "disk"],
-    &["3", "bulge"],
-    &["4", "stars", "star"],
-    &["5", "bndry", "bh"],
-];
 
 struct Gadget {
     parts: Vec<Part>,
@@ -110,7 +101,7 @@ fn species(parts: &[Part], t: usize) -> Result<Species> {
     };
     Ok(Species {
         name: format!("PartType{t}"),
-        aliases: ALIASES[t].iter().map(ToString::to_string).collect(),
+        aliases: species_aliases(t),
         count: with().map(|p| u64::from(p.header.count[t])).sum(),
         mass,
         positions: "POS".into(),

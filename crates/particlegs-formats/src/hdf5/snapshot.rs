@@ -8,7 +8,7 @@ use super::tables;
 use super::units::{self, Simulation};
 use crate::{Choice, Description, Field, Mass, Snapshot, Species};
 use memmap2::Mmap;
-use particlegs::model::{Cosmology, Dimension, Epoch, Unit, Units};
+use particlegs::model::{Cosmology, Dimension, Epoch, Unit, Units, species_aliases};
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -19,17 +19,6 @@ const POSITIONS: [&str; 7] = ["Coordinates", "coordinates", "Positions", "Positi
 
 /// Names of a data set of masses.
 const MASSES: [&str; 5] = ["Masses", "Mass", "masses", "MASS", "mass"];
-
-/// Other names of the types, by Gadget's order.
-const ALIASES: [&[&str]; 7] = [
-    &["gas"],
-    &["dm", "halo", "darkmatter"],
-    &["dm2", "disk"],
-    &["dm3", "bulge", "tracers"],
-    &["stars", "star"],
-    &["bh", "blackholes"],
-    &["neutrinos"],
-];
 
 /// A file of the snapshot.
 pub struct Part {
@@ -354,8 +343,7 @@ impl Builder {
                     .map(str::to_string),
             },
         };
-        let known = ALIASES.get(kind).into_iter().flat_map(|a| a.iter().map(|s| s.to_string()));
-        let mut aliases: Vec<String> = std::iter::once(kind.to_string()).chain(known).collect();
+        let mut aliases = species_aliases(kind);
         aliases.extend(found.aliases.iter().cloned());
         Species {
             name: found.group.clone(),

@@ -3,7 +3,7 @@
 
 use crate::model::{
     CellDensity, Certificate, GROUP_CLASSES, GroupClass, Limit, Metadata, PictureScore, PictureScores, PictureSetting,
-    ScienceMetrics, Spacing, per_length,
+    per_length,
 };
 use serde::Serialize;
 
@@ -45,6 +45,9 @@ pub const NUMBERS_ROUGHLY: f64 = 0.25;
 pub const SPACING_HOLDS: f64 = 0.1;
 /// And roughly within this one.
 pub const SPACING_ROUGHLY: f64 = 0.25;
+
+const NEEDS_FULL: &str = "it takes a full certificate";
+const ADDED_UP: &str = "the certificate is added up of blocks";
 
 particlegs_core::named_values! {
     /// What a model may be used for.
@@ -98,11 +101,16 @@ pub struct Finding {
     pub of: Use,
     /// The word.
     pub word: Word,
-    /// Why, in one line.
+    /// Why, in one line: the figure that decided, and behind a semicolon what stands beside it.
     pub why: String,
 }
 
 impl Finding {
+    /// The figure that decided.
+    pub fn figure(&self) -> &str {
+        self.why.split("; ").next().unwrap_or_default()
+    }
+
     /// Judges the certificate of a model of `metadata`: pictures (as they are, at a large radius, from close up), density, power
     /// spectrum, groups and spacing, in this order.
     /// Without a certificate nothing is measured.
@@ -113,9 +121,9 @@ impl Finding {
         };
         let unit = metadata.units.length_text();
         let density = c.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
-        let groups = c.groups.as_ref().map_or_else(|| groups(c.science.as_ref()), matched_groups);
+        let groups = c.groups.as_ref().map_or_else(|| groups(c), matched_groups);
         let seen = [pictures(c), at_large_radius(c), close_up(c)];
-        let rest = [density, spectrum(c, metadata), groups, spacing(c.spacing.as_ref(), unit)];
+        let rest = [density, spectrum(c, metadata), groups, spacing(c, unit)];
         seen.into_iter().chain(rest).collect()
     }
 }
@@ -152,7 +160,7 @@ fn at_setting(
 ) -> Finding {
     let finding = |word, why| Finding { of, word, why };
     let Some(at) = c.pictures.as_ref().and_then(|p| p.settings.iter().find(|s| kind(s))) else {
-        return finding(Word::NotMeasured, "it needs a full certificate".into());
+        return finding(Word::NotMeasured, NEEDS_FULL.into());
     };
     let Some(gain) = Gain::of(&at.expected.worst) else {
         return finding(Word::NotMeasured, "nothing is lit, or all is white".into());
@@ -198,11 +206,11 @@ impl Gain {
         let Some(model) = self.model else { return "identical to the noise-free picture".into() };
         let less = if self.more_similar { "" } else { ", with no better SSIM" };
         let subset = match self.subset {
-            Some(s) if s.is_finite() => format!(" and a random subset of the same bytes {s:.1}"),
-            Some(_) => " and a random subset of the same bytes is identical".into(),
+            Some(s) if s.is_finite() => format!("a random subset of the same bytes {s:.1}, "),
+            Some(_) => "a random subset of the same bytes is identical, ".into(),
             None => String::new(),
         };
-        format!("{model:.1} dB where {} scores {:.1}{less}{subset} (masked PSNR, {of})", self.name, self.trivial)
+        format!("{model:.1} dB where {} scores {:.1}{less}; {subset}masked PSNR, {of}", self.name, self.trivial)
     }
 }
 
@@ -215,7 +223,7 @@ fn density(c: &Certificate) -> Finding {
         d.correlation >= DENSITY_ROUGHLY && d.mean_absolute_error < trivial,
     );
     let why = format!(
-        "correlation {:.4} on {} cells along the longest edge, mean error {:.2} where a trivial density has {trivial:.2}",
+        "correlation {:.4} on {} cells along the longest edge; mean error {:.2} where a trivial density has {trivial:.2}",
         d.correlation, d.cells, d.mean_absolute_error
     );
     Finding { of: Use::Density, word, why }
@@ -233,8 +241,8 @@ fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
         let (even, more) = if word == Word::DoesNot { ("even ", "") } else { ("", " and more") };
         let (&CellDensity { edge, particles, correlation, mean_absolute_error, .. }, trivial) = (d, trivial(d));
         let why = format!(
-            "{even}in cells of {edge:.4}{unit}{more} ({particles:.0} particles): correlation {correlation:.4}, mean error \
-             {mean_absolute_error:.2} where a trivial density has {trivial:.2}"
+            "correlation {correlation:.4} {even}in cells of {edge:.4}{unit}{more}; {particles:.0} particles in each, mean \
+             error {mean_absolute_error:.2} where a trivial density has {trivial:.2}"
         );
         Finding { of: Use::Density, word, why }
     };
@@ -254,7 +262,7 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
     }
     let (k_max, one, five, of) = match (&c.held_out, &c.science) {
         (Some(h), _) => {
-            (h.k_max, Limit::measured(h.within(0.01)), Limit::measured(h.within(0.05)), "; of models of halves")
+            (h.k_max, Limit::measured(h.within(0.01)), Limit::measured(h.within(0.05)), ", of models of halves")
         }
         (None, Some(s)) if s.power_within_5_percent_to != Limit::NotMeasured => {
             (s.k_max, s.power_within_1_percent_to, s.power_within_5_percent_to, "")
@@ -273,7 +281,7 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
         Word::Holds => within(1, one),
         _ => format!("{}, {}", within(5, five), within(1, one)),
     };
-    finding(word, format!("{why} (measured to {k_max:.3}{of})"))
+    finding(word, format!("{why}; measured to {k_max:.3}{of}"))
 }
 
 /// By counterparts and numbers, whichever is worse.
@@ -296,9 +304,9 @@ fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
         return finding(Word::Holds, format!("matched by position, and in number, from {from} particles a group on"));
     }
     let why = format!(
-        "of groups of {} and more particles {:.0} % have a counterpart, {:.0} % of those drawn are one, their number is {:+.0} %",
-        GROUP_CLASSES[GROUP_CLASSES.len() - 1],
+        "{:.0} % of groups of {} and more particles have a counterpart; {:.0} % of those drawn are one, their number is {:+.0} %",
         100.0 * completeness,
+        GROUP_CLASSES[GROUP_CLASSES.len() - 1],
         100.0 * largest.purity.unwrap_or(0.0),
         100.0 * (number - 1.0)
     );
@@ -306,30 +314,35 @@ fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
 }
 
 /// A smooth model knows how dense it is at a place, and not how its particles keep apart.
-fn spacing(s: Option<&Spacing>, unit: Option<&str>) -> Finding {
+fn spacing(c: &Certificate, unit: Option<&str>) -> Finding {
     let finding = |word, why| Finding { of: Use::Spacing, word, why };
-    let Some(s) = s else {
-        return finding(Word::NotMeasured, "too many particles, or a certificate added up from blocks".into());
+    let Some(s) = &c.spacing else {
+        let why = if c.blocks.is_some() { ADDED_UP } else { "too few particles" };
+        return finding(Word::NotMeasured, why.into());
     };
     let within = |share: f64| {
         (s.drawn_median / s.median - 1.0).abs() <= share && (s.drawn_regularity - s.regularity).abs() <= share
     };
     let unit = unit.map_or(String::new(), |u| format!(" {u}"));
     let why = format!(
-        "drawn particles are {:.4}{unit} from their nearest neighbour, the particles {:.4} (medians; 5th percentiles \
-         {:.2} and {:.2} of them)",
+        "nearest neighbour at {:.4}{unit}, of the particles at {:.4}; medians, the first of particles drawn, 5th \
+         percentiles {:.2} and {:.2} of them",
         s.drawn_median, s.median, s.drawn_regularity, s.regularity
     );
     finding(graded(within(SPACING_HOLDS), within(SPACING_ROUGHLY)), why)
 }
 
-fn groups(science: Option<&ScienceMetrics>) -> Finding {
+fn groups(c: &Certificate) -> Finding {
     let finding = |word, why| Finding { of: Use::Groups, word, why };
-    match science.map_or(Limit::NotMeasured, |s| s.groups_within_10_percent_from) {
-        Limit::NotMeasured => finding(
-            Word::NotMeasured,
-            "no full certificate, too few groups, too many particles, or added up from blocks".into(),
-        ),
+    match c.science.map_or(Limit::NotMeasured, |s| s.groups_within_10_percent_from) {
+        Limit::NotMeasured => {
+            let why = match (c.blocks, c.pictures) {
+                (Some(_), _) => ADDED_UP,
+                (None, None) => NEEDS_FULL,
+                (None, Some(_)) => "too few groups",
+            };
+            finding(Word::NotMeasured, why.into())
+        }
         Limit::Never => finding(Word::DoesNot, "numbers are within 10 % at no size".into()),
         Limit::At(n) => {
             let why = format!("numbers within 10 % from {n} particles a group on");
@@ -350,7 +363,7 @@ fn graded(holds: bool, roughly: bool) -> Word {
 mod tests {
     use super::super::testing::certificate;
     use super::*;
-    use crate::model::{CrossValidation, DensityMetrics, LookSummary, Pictures, Transfer};
+    use crate::model::{CrossValidation, DensityMetrics, LookSummary, Pictures, ScienceMetrics, Spacing, Transfer};
     use crate::stats::testing::model_of;
 
     fn boxed() -> Metadata {

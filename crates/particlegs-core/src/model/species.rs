@@ -1,0 +1,76 @@
+//! What particle types are called: by files, as `PartType0`, and by people, as gas.
+
+/// By type, in the order of Gadget's format and those that follow it: what a legend calls it, nothing where that depends
+/// on the simulation, and names that choose it.
+const TYPES: [(&str, &[&str]); 7] = [
+    ("gas", &["gas"]),
+    ("dark matter", &["dm", "halo", "darkmatter"]),
+    ("", &["dm2", "disk"]),
+    ("", &["dm3", "bulge", "tracers"]),
+    ("stars", &["stars", "star"]),
+    ("black holes", &["bh", "blackholes", "bndry"]),
+    ("neutrinos", &["neutrinos"]),
+];
+const GROUP: &str = "parttype";
+
+/// Names that choose a type, its number first, in lower case.
+pub fn species_aliases(kind: usize) -> Vec<String> {
+    let names = TYPES.get(kind).map_or(&[][..], |t| t.1);
+    std::iter::once(kind.to_string()).chain(names.iter().map(ToString::to_string)).collect()
+}
+
+/// A species or layer as people say it: `dark matter` of `PartType1`; other names are themselves.
+pub fn species_title(name: &str) -> String {
+    let (first, rest) = name.split_at(name.find(' ').unwrap_or(name.len()));
+    match kind_of(first).map(|kind| TYPES[kind].0) {
+        Some(title) if !title.is_empty() => format!("{title}{rest}"),
+        _ => name.into(),
+    }
+}
+
+/// Does `asked` mean the species or layer `name`? In capitals or not, with blanks or without: by its name, by another of
+/// its type's, by its type alone where the name goes on (`PartType1 m=2`), or by its number (of `type 1`).
+pub fn is_species(name: &str, asked: &str) -> bool {
+    let plain = |text: &str| text.to_lowercase().replace(' ', "");
+    let (first, last) = (name.split(' ').next().unwrap_or(name), name.rsplit(' ').next().unwrap_or(name));
+    let kind = kind_of(first);
+    let asked = plain(asked);
+    plain(name) == asked || kind.is_some() && kind == kind_of(&asked) || kind.is_none() && plain(last) == asked
+}
+
+/// The type of a plain name.
+fn kind_of(name: &str) -> Option<usize> {
+    let name = name.to_lowercase();
+    let number = name.strip_prefix(GROUP).unwrap_or(&name);
+    (0..TYPES.len()).find(|kind| number == kind.to_string() || TYPES[*kind].1.contains(&&name[..]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn species_are_called_as_people_call_them() {
+        let all =
+            ["PartType0", "gas", "PartType1", "PartType1 m=0.5", "PartType2", "PartType4", "type 1", "O", "particles"];
+        let titles =
+            ["gas", "gas", "dark matter", "dark matter m=0.5", "PartType2", "stars", "type 1", "O", "particles"];
+        assert_eq!(all.map(species_title), titles);
+        let called = |asked: &str| all.into_iter().filter(|name| is_species(name, asked)).collect::<Vec<_>>();
+        for asked in ["gas", "Gas", "0", "PartType0", "parttype0"] {
+            assert_eq!(called(asked), ["PartType0", "gas"], "{asked}");
+        }
+        for asked in ["dm", "dark matter", "DarkMatter", "halo", "PartType1"] {
+            assert_eq!(called(asked), ["PartType1", "PartType1 m=0.5"], "{asked}");
+        }
+        assert_eq!(called("1"), ["PartType1", "PartType1 m=0.5", "type 1"]);
+        assert_eq!(
+            (called("type1"), called("stars"), called("disk")),
+            (vec!["type 1"], vec!["PartType4"], vec!["PartType2"])
+        );
+        assert_eq!((called("PartType1 m=0.5"), called("o")), (vec!["PartType1 m=0.5"], vec!["O"]));
+        assert!(called("").is_empty() && called("PartType").is_empty() && called("7").is_empty());
+        assert_eq!(species_aliases(1), ["1", "dm", "halo", "darkmatter"]);
+        assert_eq!(species_aliases(7), ["7"]);
+    }
+}
