@@ -81,14 +81,17 @@ class Map(_Placed):
         Unit of the extent.
     axes : tuple of str or None
         Names of the axes across and up.
+    hubble : float or None
+        Value of h in the units, where it is known.
     """
 
-    _names = ("extent", "unit", "length_unit", "axes")
+    _names = ("extent", "unit", "length_unit", "axes", "hubble")
 
     extent: Optional[Extent]
     unit: str
     length_unit: Optional[str]
     axes: Optional[tuple[str, str]]
+    hubble: Optional[float]
 
     @property
     def pixel_area(self) -> float:

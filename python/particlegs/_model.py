@@ -275,7 +275,8 @@ class Model:
         layers: Optional[list[str]],
     ) -> Map:
         unit = self._native.density_unit(2, layers)
-        return Map._of(values, extent=extent, unit=unit, length_unit=self.length_unit, axes=axes)
+        known = {"length_unit": self.length_unit, "hubble": self.metadata["hubble"]}
+        return Map._of(values, extent=extent, unit=unit, axes=axes, **known)
 
     def density_map(
         self,

@@ -61,7 +61,8 @@ def open(  # noqa: A001
     box : float or three, optional
         Lengths of the periodic box; replaces those in the file.
     units, mass_units : str, optional
-        Units of length and mass; replace those in the file.
+        Units of length and mass, such as ``"kpc/h"``: of a file that states none they are its own; those that a file
+        states are converted to them.
     skip_invalid : bool
         Leave out particles with NaN or infinite values instead of refusing the file.
     strict : bool

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, Optional, Union, overload
 
 import numpy as np
@@ -67,6 +67,8 @@ class Snapshot:
         What pictures and files call it.
     comoving, scale_factor, hubble, time : optional
         What is known of the moment; kept in model files.
+    layers : dict of int, optional
+        Species in the order of the particles: names, and how many there are of each.
     skip_invalid : bool
         Leave out particles with NaN or infinite values (or weights that are not positive) instead of refusing all.
 
@@ -92,6 +94,7 @@ class Snapshot:
         scale_factor: Optional[float] = None,
         hubble: Optional[float] = None,
         time: Optional[float] = None,
+        layers: Optional[Mapping[str, int]] = None,
         skip_invalid: bool = False,
         threads: Optional[int] = None,
     ) -> None:
@@ -119,6 +122,7 @@ class Snapshot:
             "scale_factor": moment.get("scale_factor") if scale_factor is None else float(scale_factor),
             "hubble": hubble,
             "time": time,
+            "layers": [] if layers is None else [(str(name), int(count)) for name, count in layers.items()],
         }
         column = None if weights is None else _coerce.column(_units.bare(weights), "weights")
         self._native = _particlegs.Snapshot(places, column, known, skip_invalid, threads)

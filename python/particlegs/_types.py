@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Callable, Literal, Optional, TypedDict, Union
 
 import numpy as np
@@ -46,6 +46,7 @@ class Known(TypedDict, total=False):
     scale_factor: Optional[float]
     hubble: Optional[float]
     time: Optional[float]
+    layers: Optional[Mapping[str, int]]
     skip_invalid: bool
     threads: Optional[int]
 

@@ -7,7 +7,7 @@ from typing import Any, Optional
 
 import numpy as np
 
-from ._particlegs import InputError
+from ._particlegs import InputError, unit_parts
 from ._types import Numbers
 
 #: What other packages call a unit, as snapshots and this package call it.
@@ -68,6 +68,9 @@ def bare_in(values: Any, unit: Optional[Any], what: str) -> Any:
         return bare(values)
     if text is None:
         raise InputError(f"{what} in {text_of(own)}, and the particles' own unit is not known: state it by units=")
+    if getattr(values, "dtype", None) == np.float32:
+        # Grams of a galaxy are beyond float32.
+        values = values.astype(np.float64)
     for convert in (getattr(values, name, None) for name in ("to_value", "in_units")):
         for target in (unit, text):
             if convert is None:
@@ -89,10 +92,11 @@ def number_in(value: Any, unit: Optional[Any], what: str) -> float:
 
 
 def moment_of(values: Any) -> dict[str, Any]:
-    """What swiftsimio's arrays know of comoving coordinates and of the moment."""
+    """What swiftsimio's arrays know of comoving coordinates and of the moment; of others what their unit says."""
     comoving = getattr(values, "comoving", None)
     if not isinstance(comoving, (bool, np.bool_)):
-        return {}
+        parts = unit_parts(str(carried(values)), "length")
+        return {} if parts is None or parts[3] == 0 else {"comoving": True, "scale_factor": None}
     scale = getattr(getattr(values, "cosmo_factor", None), "scale_factor", None)
     return {"comoving": bool(comoving), "scale_factor": None if scale is None else float(scale)}
 

@@ -3,6 +3,7 @@
 use crate::errors::OrRaise;
 use crate::snapshot::Snapshot;
 use crate::work::How;
+use particlegs::model::{Dimension, Unit};
 use particlegs::particles::{Selection, Storage};
 use particlegs::space::Bounds;
 use particlegs_formats::{Choice, Weights};
@@ -64,6 +65,7 @@ impl Asked {
             box_lengths: self.box_lengths,
             length_unit: self.length_unit,
             mass_unit: self.mass_unit,
+            convert_units: true,
             selection: Some(Selection { every, sample, left_out, seed, ..kept }.check()?),
             ..Choice::default()
         })
@@ -85,6 +87,13 @@ pub fn open(
     let storage = scratch.map_or(Storage::Memory, Storage::Disk);
     let particles = How { threads, progress }.run(py, |progress| choice.read(&paths, &storage, progress))?;
     Ok(Snapshot::of(particles, choice.options()))
+}
+
+/// A number, the name of a unit, its size in SI, and the exponents of a and h that a text of the dimension `length` or
+/// `mass` is; `None` of a label.
+#[pyfunction]
+pub fn unit_parts(text: &str, dimension: &str) -> Option<(f64, &'static str, f64, f32, f32)> {
+    Unit::parts(text, if dimension == "mass" { Dimension::Mass } else { Dimension::Length })
 }
 
 /// Names of the formats that are read.

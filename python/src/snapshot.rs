@@ -48,6 +48,8 @@ pub struct Known {
     scale_factor: Option<f64>,
     hubble: Option<f64>,
     time: Option<f64>,
+    /// Names of layers, and how many particles each has.
+    layers: Vec<(String, usize)>,
 }
 
 impl Known {
@@ -67,10 +69,28 @@ impl Known {
             cell: self.cell.map(cell).transpose()?,
             units: Units::of(self.length_unit.as_deref(), self.mass_unit.as_deref(), self.comoving),
             particle_mass: self.particle_mass,
+            weight_name: None,
             cosmology: Cosmology { hubble: self.hubble, ..Cosmology::default() },
             epoch: Epoch { scale_factor: self.scale_factor, time: self.time, ..Epoch::default() },
         })
     }
+}
+
+/// Particles in layers of these names and numbers of particles; as they are without any.
+fn in_layers(particles: Particles, layers: Vec<(String, usize)>) -> particlegs::Result<Particles> {
+    let count = particles.len();
+    let told = layers.iter().fold(0, |sum: usize, (_, n)| sum.saturating_add(*n));
+    if !layers.is_empty() && told != count {
+        let what = format!("layers of {told} particles in all, and there are {count}");
+        return Err(particlegs::Error::input(&particles.meta.name, what));
+    }
+    let (mass, mut end) = (particles.layers()[0].mass, 0);
+    let layers = layers.into_iter().map(|(name, n)| {
+        end += n;
+        Layer { name, mass, content: end - n..end }
+    });
+    let layers = layers.collect();
+    Ok(particles.with_layers(layers))
 }
 
 /// Positions as they came.
@@ -108,11 +128,12 @@ impl Snapshot {
         py: Python<'_>,
         positions: &Bound<'_, PyAny>,
         weights: Option<PyReadonlyArrayDyn<'_, f32>>,
-        known: Known,
+        mut known: Known,
         skip_invalid: bool,
         threads: Option<usize>,
     ) -> PyResult<Self> {
-        let (given, meta) = (Given::of(positions)?, known.meta()?);
+        let (given, layers) = (Given::of(positions)?, std::mem::take(&mut known.layers));
+        let meta = known.meta()?;
         let weights = weights.map(|w| arrays::column(&w)).transpose()?;
         let particles = How::quietly(threads).run(py, move |progress| {
             let particles = match given {
@@ -134,6 +155,7 @@ impl Snapshot {
                 Some(weights) => particles.with_weights(weights),
                 None => particles,
             };
+            let particles = in_layers(particles, layers)?;
             let drop = skip_invalid.then_some(&Storage::Memory);
             Ok(particles.checked(&name, drop)?.settle_masses())
         })?;

@@ -91,12 +91,15 @@ impl How {
                 callback.call1(py, (phase, done, total))?;
             }
         }
-        if !messages.is_empty() {
-            let logger = py.import("logging")?.call_method1("getLogger", ("particlegs",))?;
-            for message in messages {
-                let level = if message.starts_with("warning") { "warning" } else { "info" };
-                logger.call_method1(level, ("%s", message))?;
-            }
+        for message in messages {
+            // What a user has to know of the data is a warning; the rest tells how the work goes on.
+            match message.strip_prefix("note: ").or_else(|| message.strip_prefix("warning: ")) {
+                Some(note) => py.import("particlegs._warn")?.call_method1("warn", (note,))?,
+                None => {
+                    let logger = py.import("logging")?.call_method1("getLogger", ("particlegs",))?;
+                    logger.call_method1("info", ("%s", message))?
+                }
+            };
         }
         Ok(())
     }

@@ -70,3 +70,49 @@ def test_what_pynbody_does_not_know():
     bare = pg.Snapshot(ROWS, weights=MASSES).to_pynbody()
     assert np.allclose(bare["mass"], MASSES)
     assert pg.Snapshot.from_pynbody(bare).length_unit is None
+
+
+def test_files_that_state_their_units_come_in(tmp_path):
+    known = {
+        "units": "kpc/h",
+        "mass_units": "1e10 Msun/h",
+        "box": 10,
+        "comoving": True,
+        "scale_factor": 0.5,
+        "hubble": 0.7,
+    }
+    snap = pg.Snapshot(ROWS, masses=MASSES, layers={"gas": 100, "stars": 400}, **known)
+    snap.save(tmp_path / "snap.hdf5")
+    sim = pynbody.load(str(tmp_path / "snap.hdf5"))
+    # pynbody has 1.989e43 g and 3.086e21 cm.
+    assert "g h" in str(sim["mass"].units)
+    back = pg.Snapshot.from_pynbody(sim)
+    assert (back.length_unit, back.mass_unit) == ("kpc/h", "Msun/h")
+    assert np.sum(back.masses) == pytest.approx(MASSES.sum() * 1e10, rel=1e-6)
+    assert np.allclose(back.box, snap.box)
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale"), [("1.989e43 g", 1e10), ("1e10 Msol", 1e10), ("2e33 g", 2e33), ("5.5e40 kg", 5.5e40)]
+)
+def test_masses_beyond_float32_come_in(unit, scale):
+    sim = pynbody.new(dm=500)
+    sim["pos"] = pynbody.array.SimArray(ROWS.astype(np.float32), "3.085678e24 cm")
+    sim["mass"] = pynbody.array.SimArray(MASSES.astype(np.float32), unit)
+    snap = pg.Snapshot.from_pynbody(sim)
+    assert snap.length_unit == "Mpc"
+    assert np.sum(snap.masses) == pytest.approx(MASSES.sum() * scale, rel=1e-6)
+
+
+def test_species_survive():
+    layers = {"gas": 100, "dm": 250, "stars": 50, "others": 100}
+    snap = pg.Snapshot(ROWS, masses=MASSES, layers=layers, units="kpc", mass_units="Msun")
+    sim = snap.to_pynbody()
+    assert {f.name: len(sim[f]) for f in sim.families()} == {"gas": 100, "dm": 350, "star": 50}
+    assert np.allclose(sim.star["mass"], MASSES[350:400])
+    back = pg.Snapshot.from_pynbody(sim)
+    assert {name: part.stop - part.start for name, part in back.layers.items()} == {"dm": 350, "star": 50, "gas": 100}
+    assert np.allclose(np.sort(back.masses), MASSES, rtol=1e-6)
+    assert len(snap.to_pynbody("bh").bh) == 500
+    with pytest.raises(pg.InputError, match="layers of 3 particles in all, and there are 500"):
+        pg.Snapshot(ROWS, layers={"gas": 3})

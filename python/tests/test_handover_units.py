@@ -161,3 +161,91 @@ def test_particles_go_out_as_a_table_and_come_back():
     assert np.allclose(back.masses, masses, rtol=1e-6)
     assert (back.length_unit, back.mass_unit) == ("kpc", "Msun")
     assert np.array_equal(back.box, snap.box)
+
+
+@pytest.fixture
+def gadget(tmp_path):
+    """A file in kpc/h and 1e10 Msun/h with two species, and its mass in Msun."""
+    masses = np.concatenate([np.full(200, 0.25), np.linspace(1, 2, 300)]).astype(np.float32)
+    known = {
+        "units": "kpc/h",
+        "mass_units": "1e10 Msun/h",
+        "box": 10,
+        "comoving": True,
+        "layers": {"gas": 200, "dm": 300},
+    }
+    snap = pg.Snapshot(ROWS, masses=masses, hubble=0.7, scale_factor=0.5, **known)
+    snap.save(tmp_path / "snap.hdf5")
+    return tmp_path / "snap.hdf5", masses.sum(dtype=np.float64) * 1e10 / 0.7
+
+
+def test_masses_by_h_and_powers_of_ten_arrive(gadget, tmp_path):
+    path, mass = gadget
+    snap = pg.open(path)
+    assert (snap.length_unit, snap.mass_unit) == ("kpc/h", "1e10 Msun/h")
+    table = snap.to_astropy()
+    table.write(tmp_path / "particles.fits")
+    fits = type(table).read(tmp_path / "particles.fits")
+    assert fits["mass"].sum().to_value("Msun") == pytest.approx(mass, rel=1e-6)
+    assert fits["position"].max().to_value("kpc") == pytest.approx(snap.positions.max() / 0.7)
+    yt = pytest.importorskip("yt")
+    yt.set_log_level(50)
+    ds = snap.to_yt()
+    assert float(ds.all_data()["all", "particle_mass"].sum().to("Msun")) == pytest.approx(mass, rel=1e-6)
+    data = snap.to_swiftsimio(tmp_path / "swift.hdf5")
+    assert float(data.dark_matter.masses.sum().to_value("Msun")) == pytest.approx(mass, rel=1e-6)
+    pytest.importorskip("pynbody")
+    sim = snap.to_pynbody()
+    assert float(sim["mass"].sum().in_units("Msol", **sim.conversion_context())) == pytest.approx(mass, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [("Mpc", 1e-3 / 0.7), ("kpccm/h", 1.0), ("physical kpc", 0.5 / 0.7), ("10 kpc/h", 0.1)],
+)
+def test_files_are_converted_to_the_units_that_are_asked_for(gadget, unit, factor):
+    path, mass = gadget
+    own, snap = pg.open(path), pg.open(path, units=unit, mass_units="Msun")
+    assert snap.length_unit == unit
+    assert np.allclose(snap.positions, own.positions * factor, rtol=1e-6)
+    assert np.allclose(snap.box, own.box * factor)
+    assert np.sum(snap.masses) == pytest.approx(mass, rel=1e-6)
+    with pytest.raises(pg.InputError, match="kpc/h cannot be converted to furlong"):
+        pg.open(path, units="furlong")
+
+
+def test_notes_are_warnings(tmp_path):
+    np.save(tmp_path / "p.npy", ROWS.astype(np.float32))
+    truth = pg.Snapshot(ROWS, units="kpc", box=10)
+    other = pg.open(tmp_path / "p.npy", units="no unit at all")
+    with pytest.warns(UserWarning, match="is no unit of length that is known") as told:
+        pg.open(tmp_path / "p.npy", units="no unit at all")
+    assert told[0].filename == __file__
+    with pytest.raises(pg.InputError, match="no unit at all cannot be converted to kpc"):
+        pg.stats(truth, other, only="moments")
+
+
+def test_statistics_are_in_the_units_of_the_truth():
+    truth, other = pg.Snapshot(ROWS, units="Mpc", box=10), pg.Snapshot(ROWS * 1024, units="Mpc", box=10_240)
+    scaled = pg.Snapshot(ROWS * 1000, units="kpc", box=10_000)
+    found = pg.stats(truth, scaled, only="moments,density", grid=8)
+    assert found["density"] == pg.stats(truth, truth, only="moments,density", grid=8)["density"]
+    assert "converted from kpc to Mpc" in str(found["notes"])
+    with pytest.raises(pg.InputError, match="box"):
+        pg.stats(truth, other, only="moments")
+
+
+def test_comoving_units_of_arrays_are_known():
+    yt = pytest.importorskip("unyt")
+    registry = yt.UnitRegistry()
+    registry.add("Mpccm", 3.0856775e22 * 0.5, yt.dimensions.length)
+    snap = pg.Snapshot(yt.unyt_array(ROWS, "Mpccm", registry=registry))
+    assert snap.metadata["comoving"] is True
+
+
+def test_grams_fit():
+    u, _ = quantities()
+    masses = np.linspace(1, 2, 500).astype(np.float32) * u.Unit("1.989e43 g")
+    snap = pg.Snapshot(ROWS, masses=masses)
+    assert snap.mass_unit == "g"
+    assert np.allclose(snap.masses, np.linspace(1, 2, 500) * 1.989e43)

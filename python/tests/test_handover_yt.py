@@ -106,3 +106,15 @@ def test_numbers_arrive():
     rho = pg.compress(pg.Snapshot(ROWS, units="kpc", box=10), gaussians=30, certificate="none").density_grid(8)
     data = rho.to_yt().all_data()
     assert (data["stream", "number_density"] * data["index", "cell_volume"]).sum().to_value("") == pytest.approx(500)
+
+
+def test_species_come_in():
+    data = {}
+    for kind, part in (("gas", slice(0, 200)), ("stars", slice(200, 500))):
+        data.update({(kind, f"particle_position_{axis}"): ROWS[part, k] for k, axis in enumerate("xyz")})
+        data[kind, "particle_mass"] = MASSES[part]
+    ds = yt.load_particles(data, length_unit="Mpc", mass_unit="Msun", bbox=np.array([[0, 10]] * 3))
+    snap = pg.Snapshot.from_yt(ds, units="Mpc")
+    counts = {name: part.stop - part.start for name, part in snap.layers.items()}
+    assert counts == {"gas": 200, "stars": 300}
+    assert np.sum(snap.masses[snap.layers["stars"]]) == pytest.approx(MASSES[200:].sum(), rel=1e-6)

@@ -38,6 +38,8 @@ pub fn colormaps() -> impl TypedValueParser<Value = Colormap> {
 pub struct Quantities {
     length_unit: Option<String>,
     mass_unit: Option<String>,
+    /// What weights are that are not masses.
+    weight_name: Option<String>,
     comoving: bool,
     smooth: Option<usize>,
 }
@@ -50,6 +52,7 @@ impl Quantities {
         Quantities {
             length_unit: m.units.length_text().map(str::to_string),
             mass_unit: known.then(|| m.units.mass_text().unwrap_or("mass").to_string()),
+            weight_name: m.weight_name.clone(),
             comoving: m.units.comoving == Some(true),
             smooth,
         }
@@ -61,6 +64,7 @@ impl Quantities {
         Quantities {
             length_unit: m.units.length_text().map(str::to_string),
             mass_unit: known.then(|| m.units.mass_text().unwrap_or("mass").to_string()),
+            weight_name: m.weight_name().map(str::to_string),
             comoving: m.units.comoving == Some(true),
             smooth: None,
         }
@@ -74,6 +78,11 @@ impl Quantities {
     /// Are lengths comoving?
     pub fn is_comoving(&self) -> bool {
         self.comoving
+    }
+
+    /// What is summed, where it is not mass: ` of Charge`.
+    pub fn of_what(&self) -> String {
+        self.weight_name.as_ref().map_or_else(String::new, |name| format!(" of {name}"))
     }
 
     /// Unit of surface density: `Msun/h / (Mpc/h)²`, or particles where no mass is known.
@@ -121,6 +130,7 @@ impl DensityArgs {
         let focal = view.camera.focal_pixels(plane.size);
         let world_per_pixel = if perspective { view.camera.distance() / focal } else { 1.0 / focal };
         let (unit, comoving, smooth) = (q.unit(), q.comoving, q.smooth);
-        density_file::write(out.folder(), view, plane, Means { unit, comoving, smooth, world_per_pixel })
+        let quantity = format!("surface density{}", q.of_what());
+        density_file::write(out.folder(), view, plane, Means { quantity, unit, comoving, smooth, world_per_pixel })
     }
 }

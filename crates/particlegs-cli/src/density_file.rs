@@ -47,6 +47,8 @@ struct Seen {
 
 /// What of a plane's description the plane and its view do not say.
 pub struct Means {
+    /// What they are.
+    pub quantity: String,
     /// Unit of the values.
     pub unit: String,
     /// Are lengths comoving?
@@ -81,7 +83,7 @@ fn described(view: &DensityView, size: Size, means: Means) -> Described {
         width: size.width,
         height: size.height,
         values: "float32, little-endian, rows from the top".into(),
-        quantity: "surface density".into(),
+        quantity: means.quantity,
         unit: means.unit,
         comoving: means.comoving,
         smooth: means.smooth,
@@ -139,6 +141,10 @@ impl Described {
         if (&self.quantity, &self.unit) != (&other.quantity, &other.unit) {
             let [a, b] = [self, other].map(|d| format!("{} in {}", d.quantity, d.unit));
             return pair("", &a, &b);
+        }
+        if self.comoving != other.comoving {
+            let [a, b] = [self, other].map(|d| if d.comoving { "comoving" } else { "not comoving" });
+            return pair("lengths: ", &a, &b);
         }
         if self.projection != other.projection {
             return pair("projections: ", &self.projection, &other.projection);

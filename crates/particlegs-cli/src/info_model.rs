@@ -63,6 +63,9 @@ struct MetadataReport<'a> {
     law: &'static str,
     particles: u64,
     mass: f64,
+    /// What weights are that are not masses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    weight_name: Option<&'a str>,
     bounds: particlegs::space::Bounds,
     cell: Option<particlegs::space::Cell>,
     default_radius: f64,
@@ -144,6 +147,7 @@ fn metadata(m: &Metadata, weighted: bool) -> MetadataReport<'_> {
         law: m.law.name(),
         particles: m.count,
         mass: m.mass,
+        weight_name: m.weight_name(),
         bounds: m.bounds,
         cell: m.cell,
         default_radius: m.default_radius,
@@ -186,7 +190,8 @@ fn text(r: &Report<'_>) -> String {
         None => {}
     }
     row("particles", m.particles.to_string());
-    row("weights", format!("{} in all (1 a particle where a layer has none)", m.mass));
+    let of = m.weight_name.map_or_else(String::new, |name| format!(" of `{name}`"));
+    row("weights", format!("{}{of} in all (1 a particle where a layer has none)", m.mass));
     row("bounds", format!("{} to {}", point(m.bounds.min), point(m.bounds.max)));
     row("cell", cell(m));
     row("default radius", number(m.default_radius));
@@ -200,11 +205,12 @@ fn text(r: &Report<'_>) -> String {
     row("command", m.command.clone());
     row("made by", format!("particlegs {}", m.tool_version));
     m.effort.iter().for_each(|effort| row("fitted with", format!("effort {effort}")));
+    let weight = m.weight_name.map_or_else(|| "mass".to_string(), |name| format!("`{name}`"));
     for layer in &r.layers {
         let count: u64 = layer.blocks.iter().map(|b| b.count).sum();
         let mass = match (layer.weighted, layer.particle_mass) {
-            (true, _) => "each with a mass of its own".to_string(),
-            (false, Some(m)) => format!("of mass {m} each"),
+            (true, _) => format!("each with a {weight} of its own"),
+            (false, Some(m)) => format!("of {weight} {m} each"),
             (false, None) => "mass not stated".to_string(),
         };
         let blocks = layer.blocks.len();

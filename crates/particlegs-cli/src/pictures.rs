@@ -4,7 +4,7 @@ use crate::annotate::text::number;
 use crate::density_args::Quantities;
 use crate::drawing::Seen;
 use crate::drawing::finish::Finish;
-use crate::drawing::provenance::{Provenance, Source};
+use crate::drawing::provenance::{DrawnUnits, Provenance, Source};
 use crate::figure::args::FigureArgs;
 use crate::figure::output::{FileKind, bytes};
 use crate::figure::ticks::Ticks;
@@ -63,6 +63,7 @@ fn finish<'a>(model: &Model, args: &'a FigureArgs, quantities: &'a Quantities, s
         colormap: subject.density.then(|| Colormap::default().name().into()),
         range: None,
         unit: subject.density.then(|| quantities.unit()),
+        units: Some(DrawnUnits::of(m.unit_system())),
         background: None,
         views: serde_json::Value::Null,
     };

@@ -39,6 +39,9 @@ pub fn in_words(remedy: &Remedy) -> String {
         Remedy::StateBox => "state it by `--box Lx,Ly,Lz`".into(),
         Remedy::StateBoxOrRegion => "state it by `--box Lx,Ly,Lz`, or use --region, which does not wrap around".into(),
         Remedy::LeaveOutInvalid => "`--skip-invalid` drops them; `--weights none` ignores masses".into(),
+        Remedy::WeighByMass => {
+            "leave `--weights` out to weigh by masses, or give `--weights none` to count particles".into()
+        }
         Remedy::LayersBySpecies => "use `--layers-by species`".into(),
         Remedy::ChooseSpecies => "choose fewer with --particle-type".into(),
         Remedy::NameFormat(formats) => format!("`--format` forces one of: {formats}"),

@@ -2,6 +2,8 @@
 
 use crate::common::Context;
 use crate::inputs;
+use particlegs::model::Metadata;
+use particlegs::particles::{Particles, Storage};
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
 use particlegs_view::poster;
@@ -18,6 +20,7 @@ struct File {
     place: String,
     bytes: Vec<u8>,
     gaussians: usize,
+    metadata: Metadata,
 }
 
 impl Viewed {
@@ -36,9 +39,37 @@ impl Viewed {
             if !poster::wanted(gaussians) {
                 codec::check(&bytes, &place, context)?;
             }
-            files.push(File { name, place, bytes, gaussians });
+            files.push(File { name, place, bytes, gaussians, metadata: info.metadata });
         }
-        Ok(Viewed { files })
+        let viewed = Viewed { files };
+        viewed.note_units(context);
+        Ok(viewed)
+    }
+
+    /// Says where models are in other units than the first: the page shows each in its own.
+    fn note_units(&self, context: &Context) {
+        let Some((first, others)) = self.files.split_first() else { return };
+        let text = |m: &Metadata| m.units.length_text().unwrap_or("a unit that is not stated").to_string();
+        for File { name, metadata: other, .. } in others {
+            let by = other.unit_system().conversion(&first.metadata.unit_system());
+            if by.is_err() || by.is_ok_and(|by| by.length != 1.0) {
+                let (own, of) = (text(other), text(&first.metadata));
+                let words =
+                    format!("{name} is in {own} and {} in {of}: the page shows each in its own unit", first.name);
+                context.notes(&[words]);
+            }
+        }
+    }
+
+    /// Particles in the units of the first model.
+    ///
+    /// # Errors
+    /// Those of [`Particles::in_units`].
+    pub fn in_units(&self, particles: Particles, context: &Context) -> Result<Particles> {
+        match self.files.first() {
+            Some(first) => particles.in_units(&first.metadata.unit_system(), &Storage::Memory, context),
+            None => Ok(particles),
+        }
     }
 
     /// What the page calls each, and its number of Gaussians.

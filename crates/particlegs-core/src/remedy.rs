@@ -31,6 +31,8 @@ pub enum Remedy {
     StateBoxOrRegion,
     /// Leave invalid particles out, or take no weights.
     LeaveOutInvalid,
+    /// Weigh particles by their masses, or count them.
+    WeighByMass,
     /// One layer a species, not one a mass.
     LayersBySpecies,
     /// Choose fewer species, or one.
@@ -131,6 +133,7 @@ impl fmt::Display for Remedy {
             Remedy::StateBox => f.write_str("state the periodic box"),
             Remedy::StateBoxOrRegion => f.write_str("state the periodic box, or a region that does not wrap around"),
             Remedy::LeaveOutInvalid => f.write_str("leave invalid particles out, or take no weights"),
+            Remedy::WeighByMass => f.write_str("weigh by masses, or take no weights to count particles"),
             Remedy::LayersBySpecies => f.write_str("take one layer a species"),
             Remedy::ChooseSpecies => f.write_str("choose fewer species"),
             Remedy::NameFormat(formats) => write!(f, "name the format, one of: {formats}"),

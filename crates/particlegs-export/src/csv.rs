@@ -52,7 +52,7 @@ fn head(model: &Model) -> String {
     names.extend(COVARIANCES.iter().map(|k| format!("covariance_{k}{}", unit(m.units.length_text(), "^2"))));
     names.push("count".into());
     if model.has_masses() {
-        names.push(format!("mass{}", unit(m.units.mass_text(), "")));
+        names.push(format!("{}{}", m.weight_name().unwrap_or("mass"), unit(m.units.mass_text(), "")));
     }
     if has_opacities(model) {
         names.extend(["opacity".into(), "grey".into()]);

@@ -4,6 +4,7 @@
 use super::notes::ascii;
 use super::{Density, Notes, written};
 use particlegs::Result;
+use particlegs::model::{Dimension, Unit};
 use particlegs::progress::Progress;
 use std::path::Path;
 
@@ -14,31 +15,83 @@ const BLOCK: u64 = 2880;
 const TEXT: usize = 67;
 /// Letters of a comment on a card.
 const COMMENT: usize = 72;
-/// Units of length that the standard and its readers know. `Mpc/h` is not among them: h is the hour there.
-const UNITS: [&str; 14] =
-    ["Angstrom", "nm", "um", "mm", "cm", "m", "km", "AU", "pc", "kpc", "Mpc", "Gpc", "lyr", "solRad"];
+/// Names of units as the standard and its readers have them; what has another name is written in SI.
+const NAMES: [(&str, &str); 17] = [
+    ("A", "Angstrom"),
+    ("nm", "nm"),
+    ("um", "um"),
+    ("mm", "mm"),
+    ("cm", "cm"),
+    ("m", "m"),
+    ("km", "km"),
+    ("AU", "AU"),
+    ("pc", "pc"),
+    ("kpc", "kpc"),
+    ("Mpc", "Mpc"),
+    ("Gpc", "Gpc"),
+    ("ly", "lyr"),
+    ("Rsun", "solRad"),
+    ("Msun", "solMass"),
+    ("g", "g"),
+    ("amu", "u"),
+];
+
+/// What numbers are multiplied by to be in units that the standard knows: it has no h (that is the hour there) and no
+/// factors.
+struct Scale {
+    length: f64,
+    mass: f64,
+    /// Unit of length, where it is known.
+    length_unit: Option<&'static str>,
+    /// Unit of density, where it is known.
+    density_unit: Option<String>,
+}
+
+impl Scale {
+    /// As the notes state units; all numbers as they are where one of the units has no size.
+    fn of(notes: &Notes) -> Scale {
+        let hubble = notes.number("hubble");
+        let unit = |key: &str, dimension: Dimension| {
+            let (number, name, size, _, power) = Unit::parts(notes.text(key)?, dimension)?;
+            let whole = power as i32;
+            let h = if power == 0.0 { 1.0 } else { hubble.filter(|_| whole as f32 == power)?.powi(whole) };
+            let known = NAMES.iter().find(|n| n.0 == name);
+            Some(known.map_or((number * size * h, dimension.base()), |known| (number * h, known.1)))
+        };
+        let counted = notes.facts.get("mass").is_none();
+        let mass = if counted { Some((1.0, "")) } else { unit("mass_unit", Dimension::Mass) };
+        match (unit("length_unit", Dimension::Length), mass) {
+            (Some((length, name)), Some((mass, above))) => {
+                let density_unit = Some(format!("{above} {name}-3").trim().to_string());
+                Scale { length, mass, length_unit: Some(name), density_unit }
+            }
+            _ => Scale { length: 1.0, mass: 1.0, length_unit: None, density_unit: None },
+        }
+    }
+}
 
 /// Writes it.
 ///
 /// # Errors
 /// Those of [`written`].
 pub fn write(density: &Density, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
-    let head = head(density, notes);
+    let scale = Scale::of(notes);
+    let head = head(density, notes, &scale);
+    let by = scale.mass / scale.length.powi(3);
     let bytes = 4 * density.values.len() as u64;
     written(out, head.len() as u64 + bytes.next_multiple_of(BLOCK), progress, |sink| {
         sink.put(&head)?;
         density.for_each_run(|run| {
             sink.check()?;
-            sink.put(&run.iter().flat_map(|v| v.to_be_bytes()).collect::<Vec<u8>>())
+            sink.put(&run.iter().flat_map(|v| ((f64::from(*v) * by) as f32).to_be_bytes()).collect::<Vec<u8>>())
         })?;
         sink.put(&vec![0; (bytes.next_multiple_of(BLOCK) - bytes) as usize])
     })
 }
 
 /// All cards, to a whole number of blocks.
-fn head(density: &Density, notes: &Notes) -> Vec<u8> {
+fn head(density: &Density, notes: &Notes, scale: &Scale) -> Vec<u8> {
     let grid = &density.grid;
-    let length = notes.text("length_unit");
     let mut head = Head(Vec::new());
     head.card("SIMPLE", "T", "FITS Standard 4.0");
     head.card("BITPIX", "-32", "float32");
@@ -46,21 +99,26 @@ fn head(density: &Density, notes: &Notes) -> Vec<u8> {
     for (k, n) in grid.cells.iter().enumerate() {
         head.card(&format!("NAXIS{}", k + 1), &n.to_string(), "cells");
     }
-    head.text("BUNIT", &density.unit, "");
-    head.text("BTYPE", "density", "mean of each cell");
+    match &scale.density_unit {
+        Some(unit) => head.text("BUNIT", unit, ""),
+        None => head.text("DENUNIT", &density.unit, "unit of density"),
+    }
+    let of = notes.text("weights").map_or_else(String::new, |name| format!(" of {name}"));
+    head.text("BTYPE", &format!("density{of}"), "mean of each cell");
     for (k, axis) in ["X", "Y", "Z"].iter().enumerate() {
         let n = k + 1;
         head.text(&format!("CTYPE{n}"), axis, "linear");
         head.card(&format!("CRPIX{n}"), "1.0", "centre of the first cell");
-        head.number(&format!("CRVAL{n}"), grid.min[k] + 0.5 * grid.side[k], "its coordinate");
-        head.number(&format!("CDELT{n}"), grid.side[k], "edge of a cell");
-        if let Some(unit) = length.filter(|u| UNITS.contains(u)) {
+        head.number(&format!("CRVAL{n}"), (grid.min[k] + 0.5 * grid.side[k]) * scale.length, "its coordinate");
+        head.number(&format!("CDELT{n}"), grid.side[k] * scale.length, "edge of a cell");
+        if let Some(unit) = scale.length_unit {
             head.text(&format!("CUNIT{n}"), unit, "");
         }
     }
-    head.text("LENUNIT", length.unwrap_or("not stated"), "unit of length; h is the Hubble parameter");
-    head.number("TOTAL", density.total, "mass or number in all cells");
-    head.number("OUTSIDE", density.outside, "and beyond the edges of the grid");
+    let length = scale.length_unit.or(notes.text("length_unit"));
+    head.text("LENUNIT", length.unwrap_or("not stated"), "unit of length");
+    head.number("TOTAL", density.total * scale.mass, "mass or number in all cells");
+    head.number("OUTSIDE", density.outside * scale.mass, "and beyond the edges of the grid");
     for (k, name) in ["PERIODX", "PERIODY", "PERIODZ"].iter().enumerate() {
         head.card(name, if grid.periodic[k] { "T" } else { "F" }, "does the axis repeat?");
     }

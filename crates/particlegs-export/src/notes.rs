@@ -82,6 +82,7 @@ fn facts(model: &Model, name: &str) -> Map<String, Value> {
         "mass": model.mass(),
         "length_unit": m.units.length_text(),
         "mass_unit": m.units.mass_text().filter(|_| model.has_masses()),
+        "weights": m.weight_name(),
         "comoving": m.units.comoving,
         "scale_factor": m.epoch.scale_factor,
         "hubble": m.cosmology.hubble,
@@ -108,7 +109,8 @@ fn words(model: &Model, name: &str) -> Vec<String> {
     let comoving = if m.units.comoving == Some(true) { ", comoving" } else { "" };
     lines.push(format!("lengths in {}{comoving}", m.units.length_text().unwrap_or("a unit that is not stated")));
     if model.has_masses() {
-        lines.push(format!("masses in {}", m.units.mass_text().unwrap_or("a unit that is not stated")));
+        let what = m.weight_name().unwrap_or("masses");
+        lines.push(format!("{what} in {}", m.units.mass_text().unwrap_or("a unit that is not stated")));
     }
     lines.extend(m.cell.as_ref().map(|cell| format!("box {}", cell.in_words())));
     lines

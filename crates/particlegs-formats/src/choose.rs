@@ -2,10 +2,10 @@
 
 use crate::folder::resolved;
 use crate::registry::{FORMATS, spool};
-use crate::{Description, Snapshot, Species, Weights, raw};
-use particlegs::model::is_species;
+use crate::{Description, Field, Snapshot, Species, Weights, raw};
+use particlegs::model::{Dimension, Unit, UnitSystem, Units, WeightKind, is_species};
 use particlegs::particles::{Layered, Particles, Selection, SnapshotMeta, SnapshotReader, Storage};
-use particlegs::progress::Progress;
+use particlegs::progress::{Progress, Silent};
 use particlegs::space::Bounds;
 use particlegs::{Error, Result};
 use particlegs_files::input::{Source, Spooled, is_stream};
@@ -43,6 +43,8 @@ pub struct Choice {
     pub length_unit: Option<String>,
     /// Unit of mass that the user states.
     pub mass_unit: Option<String>,
+    /// Convert numbers to those units where the files state others, instead of taking the files to be wrong.
+    pub convert_units: bool,
     /// What is kept of all that; all by default.
     pub selection: Option<Selection>,
     /// What the stream that is named has given already ([`Choice::spool`]).
@@ -82,6 +84,20 @@ impl Choice {
         meta.state(self.box_lengths, [self.length_unit.as_deref(), self.mass_unit.as_deref()])
     }
 
+    /// The particles in the units that the user states, where they are to be converted.
+    fn converted(&self, particles: Particles, storage: &Storage) -> Result<Particles> {
+        if !self.convert_units {
+            return Ok(particles);
+        }
+        let said = &particles.meta.units;
+        let length = self.length_unit.as_deref().filter(|_| said.length.is_some());
+        let mass = self.mass_unit.as_deref().filter(|_| said.mass.is_some());
+        let units = said.replaced(&Units::of(length, mass, said.comoving));
+        let to = UnitSystem { units: &units, ..particles.meta.unit_system() };
+        // What was asked for need not be told.
+        particles.clone().in_units(&to, storage, &Silent)
+    }
+
     /// The selection, where it leaves anything out.
     fn kept(&self) -> Option<Selection> {
         self.selection.filter(|s| !s.is_all())
@@ -113,13 +129,14 @@ impl Choice {
     }
 
     /// What was chosen, to be read where it lies, in parts and in any order; `None` where that cannot be:
-    /// for streams, and where particles are dropped, selected or sorted by mass ([`Choice::read`] does those).
+    /// for streams, and where particles are dropped, selected, converted or sorted by mass ([`Choice::read`] does those).
     /// Values are not checked.
     ///
     /// # Errors
     /// Those of opening; [`Error::Input`] for a species that there is not.
     pub fn read_later(&self, paths: &[PathBuf], progress: &dyn Progress) -> Result<Option<Layered>> {
-        let selected = self.skip_invalid || self.by_mass || self.kept().is_some();
+        let converted = self.convert_units && (self.length_unit.is_some() || self.mass_unit.is_some());
+        let selected = self.skip_invalid || self.by_mass || converted || self.kept().is_some();
         if selected || paths.iter().any(|p| is_stream(p)) {
             return Ok(None);
         }
@@ -184,10 +201,11 @@ impl AtHand {
 }
 
 fn read_at_hand(paths: &[PathBuf], choice: &Choice, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
-    let mut particles = match Chosen::of(paths, choice, progress)? {
+    let particles = match Chosen::of(paths, choice, progress)? {
         Chosen::InPlace(particles) => particles,
         Chosen::Readers(layers) => layers.load(storage, progress)?,
     };
+    let mut particles = choice.converted(particles, storage)?;
     say(&choice.state(&mut particles.meta)?, progress);
     let drop = choice.skip_invalid.then_some(storage);
     let particles = particles.checked(&place(paths), drop)?.settle_masses();
@@ -208,11 +226,26 @@ impl Chosen {
         let description = snapshot.description();
         let chosen = chosen(&description.species, &choice.species, &description.meta.name)?;
         say(&description.notes, progress);
-        if let Some(particles) = snapshot.in_place(&chosen, choice)? {
+        let weights = chosen.iter().find_map(|&i| description.species[i].other_weights(&choice.weights));
+        if let Some(mut particles) = snapshot.in_place(&chosen, choice)? {
+            weigh(&mut particles.meta, weights);
             return Ok(Chosen::InPlace(particles));
         }
         let layer = |i: usize| Ok((description.species[i].name.clone(), snapshot.reader(i, choice)?.into()));
-        Ok(Chosen::Readers(Layered::new(chosen.into_iter().map(layer).collect::<Result<_>>()?)?))
+        let mut layers = Layered::new(chosen.iter().map(|&i| layer(i)).collect::<Result<_>>()?)?;
+        weigh(&mut layers.meta, weights);
+        Ok(Chosen::Readers(layers))
+    }
+}
+
+/// Says what weights are of a field that is not the species' own masses. Of what is no mass the unit of weights is that
+/// of mass, and its name where it states none.
+fn weigh(meta: &mut SnapshotMeta, field: Option<(&Field, WeightKind)>) {
+    let Some((Field { name, unit, .. }, kind)) = field else { return };
+    let other = (kind == WeightKind::Additive).then_some(name);
+    meta.weight_name = other.cloned();
+    if let Some(text) = unit.as_ref().or(other) {
+        meta.units.mass = Some(Unit::parse(text, Dimension::Mass));
     }
 }
 

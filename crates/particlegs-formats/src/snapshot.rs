@@ -1,9 +1,9 @@
 //! A snapshot's files, opened: what they say before any particle is read.
 
 use crate::Choice;
-use particlegs::Result;
-use particlegs::model::Epoch;
+use particlegs::model::{Epoch, WeightKind};
 use particlegs::particles::{Particles, SnapshotMeta, SnapshotReader};
+use particlegs::{Remedy, Result};
 use std::path::PathBuf;
 
 /// Files of one snapshot.
@@ -128,7 +128,8 @@ impl Species {
     /// The field that weights are read from, where there is one.
     ///
     /// # Errors
-    /// [`particlegs::Error::Input`] naming the scalar fields there are, where a chosen one is missing.
+    /// [`particlegs::Error::Input`] naming the scalar fields there are, where a chosen one is missing, and for one
+    /// that does not add up over particles.
     pub(crate) fn weight_field(&self, place: &str, weights: &Weights) -> Result<Option<String>> {
         match weights {
             Weights::None => Ok(None),
@@ -137,13 +138,34 @@ impl Species {
                 _ => None,
             }),
             Weights::Field(name) => match self.fields.iter().find(|f| f.name == *name && f.components == 1) {
-                Some(field) => Ok(Some(field.name.clone())),
+                Some(field) => match self.weight_kind(field) {
+                    WeightKind::Intensive(values) => {
+                        let what = format!("`{name}` cannot be weights: a sum of {values} is no map");
+                        Err(particlegs::Error::input_with(place, what, Remedy::WeighByMass))
+                    }
+                    _ => Ok(Some(field.name.clone())),
+                },
                 None => {
                     let scalar = self.fields.iter().filter(|f| f.components == 1).map(|f| &f.name[..]);
                     Err(self.missing(place, name, scalar))
                 }
             },
         }
+    }
+
+    /// What a field is as weights; the field of masses is that by any name.
+    fn weight_kind(&self, field: &Field) -> WeightKind {
+        match &self.mass {
+            Mass::Field(masses) if *masses == field.name => WeightKind::Mass,
+            _ => WeightKind::of(&field.name, field.unit.as_deref()),
+        }
+    }
+
+    /// The field of weights that `weights` choose, where it is not that of the species' masses, and what it is.
+    pub(crate) fn other_weights(&self, weights: &Weights) -> Option<(&Field, WeightKind)> {
+        let Weights::Field(name) = weights else { return None };
+        let field = self.fields.iter().find(|f| f.name == *name)?;
+        (self.mass != Mass::Field(name.clone())).then(|| (field, self.weight_kind(field)))
     }
 
     /// The error for a field that `name` asks for and the species has not.

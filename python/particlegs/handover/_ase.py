@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._common import ANGSTROM, DALTON, factor, from_molecules, mass_of_each, needed
+from ._common import factor, from_molecules, mass_of_each, needed
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -59,10 +59,10 @@ def to_ase(snapshot: Snapshot, symbols: Any = "X") -> Any:
         For units that are none of molecules.
     """
     ase = needed("ase")
-    scale = factor(snapshot.length_unit, ANGSTROM, "positions", "Angstrom")
+    scale = factor(snapshot.length_unit, "length", "Angstrom")
     each = mass_of_each(snapshot)
     if each is not None:
-        each = each * factor(snapshot.mass_unit, DALTON, "masses", "Da")
+        each = each * factor(snapshot.mass_unit, "mass", "Da")
     box, origin = snapshot.box, snapshot.origin
     return ase.Atoms(
         [symbols] * len(snapshot) if isinstance(symbols, str) else symbols,

@@ -2,88 +2,98 @@
 
 from __future__ import annotations
 
-import re
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
 
 from .._particlegs import InputError
-from ._common import needed
+from ._common import SKY, above_and_below, needed, power_of_h, size_of
 
 if TYPE_CHECKING:
     from .._arrays import Grid, Map
     from .._snapshot import Snapshot
 
+#: What astropy calls units: those that FITS knows, too.
+_NAMES = {**SKY, "Msun": "solMass", "Rsun": "solRad", "ly": "lyr", "A": "Angstrom", "nm": "nm", "um": "um", "amu": "u"}
 
-def unit(text: str) -> Any:
-    """A unit of this package as astropy's: ``Msun/h / (Mpc/h)^2``, with h as ``littleh`` of its cosmology.
+
+def unit(text: Optional[str], dimension: str, hubble: Optional[float]) -> tuple[float, Any]:
+    """A unit as a number of astropy's: ``1e10 Msun/h`` is so many ``solMass``, or ``solMass / littleh`` where the value
+    of h is not known.
 
     Raises
     ------
     InputError
-        For a unit that astropy does not know.
+        For a unit without a size.
     """
-    units, cosmology = needed("astropy.units"), needed("astropy.cosmology.units")
-    above, _, below = text.partition(" / ")
-    power = re.fullmatch(r"\(?(.+?)\)?(?:\^([0-9]+))?", below)
-
-    def one(name: str) -> Any:
-        if name == "particles":
-            return units.dimensionless_unscaled
-        try:
-            with units.add_enabled_units([cosmology.littleh]):
-                return units.Unit(re.sub(r"\bh\b", "littleh", name))
-        except ValueError as error:
-            raise InputError(f'astropy does not know the unit "{name}"') from error
-
-    found = one(above)
-    return found if power is None else found / one(power[1]) ** int(power[2] or 1)
+    units = needed("astropy.units")
+    if text is None:
+        return 1.0, units.dimensionless_unscaled
+    power = power_of_h(text, dimension) if hubble is None else 0.0
+    number, name = size_of(text, dimension, 1.0 if hubble is None else hubble, _NAMES, "astropy")
+    found = units.Unit(name)
+    return number, found if power == 0 else found * needed("astropy.cosmology.units").littleh ** power
 
 
-def to_astropy(values: Union[Map, Grid]) -> Any:
+def to_astropy(values: Union[Map, Grid], hubble: Optional[float] = None) -> Any:
     """The values as astropy has them.
+
+    Parameters
+    ----------
+    hubble : float, optional
+        Value of h of units such as ``Mpc/h``; the values' own by default.
 
     Returns
     -------
     astropy.units.Quantity
-        The same numbers, copied, in their unit; numbers of particles have none. ``littleh`` is h:
-        ``q.to("Msun / pc2", astropy.cosmology.units.with_H0(cosmology.H0))`` puts its value in.
+        The values, copied, with units that FITS knows, too; numbers of particles have none. Where the value of h is not
+        known, it is ``littleh``: ``q.to("Msun / pc2", astropy.cosmology.units.with_H0(cosmology.H0))`` puts it in.
 
     Raises
     ------
     InputError
-        For a unit that astropy does not know, or where none was stated.
+        For a unit without a size, or where none was stated.
     """
     if values.length_unit is None:
         raise InputError("the unit of length is not known: state it by units= when the snapshot is opened")
-    return needed("astropy.units").Quantity(np.array(values, subok=False), unit(values.unit))
+    h = values.hubble if hubble is None else hubble
+    above, below, power = above_and_below(values.unit)
+    mass, of = unit(None if above in ("particles", "mass") else above, "mass", h)
+    length, per = unit(below or values.length_unit, "length", h)
+    return needed("astropy.units").Quantity(np.array(values, subok=False) * (mass / length**power), of / per**power)
 
 
-def snapshot_to_astropy(snapshot: Snapshot) -> Any:
-    """Hands the particles to astropy.
+def snapshot_to_astropy(snapshot: Snapshot, hubble: Optional[float] = None) -> Any:
+    """Hands the particles to astropy; ``.write("particles.fits")`` of what is returned writes FITS.
+
+    Parameters
+    ----------
+    hubble : float, optional
+        Value of h of units such as ``Mpc/h``; the snapshot's by default.
 
     Returns
     -------
     astropy.table.QTable
-        Columns ``position`` (n, 3) and, where they are known, ``mass``, with units where they were stated; the box's
-        vectors and what is known of the moment as metadata.
+        Columns ``position`` (n, 3) and, where they are known, ``mass``, with units where they were stated (``littleh``
+        is h where its value is not known); the box's vectors and what is known of the moment as metadata.
 
     Raises
     ------
     InputError
-        For a unit that astropy does not know.
+        For a unit without a size.
     """
-    units = needed("astropy.units")
-    length = units.dimensionless_unscaled if snapshot.length_unit is None else unit(snapshot.length_unit)
-    mass = units.dimensionless_unscaled if snapshot.mass_unit is None else unit(snapshot.mass_unit)
+    quantity = needed("astropy.units").Quantity
+    h = snapshot.metadata["hubble"] if hubble is None else hubble
+    scale, length = unit(snapshot.length_unit, "length", h)
     table = needed("astropy.table").QTable()
-    table["position"] = units.Quantity(np.array(snapshot.positions), length)
+    table["position"] = quantity(np.array(snapshot.positions) * scale, length)
     masses = snapshot.masses
     if masses is not None:
-        table["mass"] = units.Quantity(np.broadcast_to(masses, (len(snapshot),)), mass)
+        number, mass = unit(snapshot.mass_unit, "mass", h)
+        table["mass"] = quantity(np.broadcast_to(masses, (len(snapshot),)) * number, mass)
     box, origin = snapshot.box, snapshot.origin
-    if box is not None:
-        table.meta.update(box=units.Quantity(box, length), origin=units.Quantity(origin, length))
+    if box is not None and origin is not None:
+        table.meta.update(box=quantity(box * scale, length), origin=quantity(origin * scale, length))
         table.meta["periodic"] = snapshot.periodic
     known = ("name", "comoving", "scale_factor", "hubble", "time")
     table.meta.update({key: snapshot.metadata[key] for key in known if snapshot.metadata[key] is not None})

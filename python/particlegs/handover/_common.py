@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import importlib
+import re
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Optional
 
 import numpy as np
 
+from .. import _particlegs
 from .._particlegs import InputError
 from .._types import Float64
 
@@ -14,10 +17,10 @@ if TYPE_CHECKING:
     from .._snapshot import Snapshot
     from .._types import Known
 
-#: Angstrom in a unit of length, as molecular dynamicists call them.
-ANGSTROM = {"Angstrom": 1.0, "angstrom": 1.0, "A": 1.0, "Å": 1.0, "nm": 10.0, "pm": 0.01, "Bohr": 0.529177210903}
-#: Daltons in a unit of mass.
-DALTON = {"Da": 1.0, "u": 1.0, "amu": 1.0, "g/mol": 1.0}
+#: Units of molecules.
+_OF_MOLECULES = ("A", "Bohr", "nm", "pm", "amu", "kDa")
+#: What yt and astropy call the units of the sky.
+SKY = {name: name for name in ("pc", "kpc", "Mpc", "Gpc", "AU", "km", "m", "cm", "Msun", "kg", "g")}
 
 
 def needed(name: str) -> Any:
@@ -37,40 +40,66 @@ def needed(name: str) -> Any:
         raise ImportError(f"this takes the package {package}: pip install {package}", name=package) from error
 
 
-def factor(unit: Optional[str], table: dict[str, float], what: str, to: str) -> float:
-    """The factor that takes a unit to that of the table; plain numbers are in it already.
+def factor(unit: Optional[str], dimension: str, to: str) -> float:
+    """The factor that takes a unit of molecules to another of the same dimension; plain numbers are in it already.
 
     Raises
     ------
     InputError
-        For a unit that the table does not have.
+        For a unit that is none of molecules.
     """
     if unit is None:
         return 1.0
-    if unit not in table:
-        raise InputError(f"{what} in {unit} cannot be converted to {to}: there are {', '.join(table)}")
-    return table[unit]
+    parts, into = _particlegs.unit_parts(unit, dimension), _particlegs.unit_parts(to, dimension)
+    if parts is None or into is None or parts[1] not in _OF_MOLECULES or parts[4] != 0:
+        raise InputError(f"{unit} cannot be converted to {to}: state another by units= or mass_units=")
+    return parts[0] * parts[2] / (into[0] * into[2])
 
 
 def from_molecules(known: Known) -> tuple[float, float]:
     """The factors that take Angstrom and Da to the units that are asked for."""
-    length = factor(known.get("units"), ANGSTROM, "positions", "Angstrom")
-    return 1.0 / length, 1.0 / factor(known.get("mass_units"), DALTON, "masses", "Da")
+    return 1.0 / factor(known.get("units"), "length", "Angstrom"), 1.0 / factor(known.get("mass_units"), "mass", "Da")
 
 
-def without_h(unit: str, hubble: Optional[float]) -> tuple[str, float]:
-    """A unit without the Hubble parameter, and the factor that takes values to it: ``Mpc/h`` to ``Mpc``.
+def size_of(
+    unit: str, dimension: str, hubble: Optional[float], names: Mapping[str, str], package: str
+) -> tuple[float, str]:
+    """A unit as a number of a unit that a package knows, with the value of h put in: ``1e10 Msun/h`` in ``Msun``.
+
+    Parameters
+    ----------
+    names
+        What the package calls units; it knows ``m`` and ``kg``.
 
     Raises
     ------
     InputError
-        Where h is in the unit and its value is not known.
+        For a unit without a size, and where h is in the unit and its value is not known.
     """
-    if not unit.endswith("/h"):
-        return unit, 1.0
-    if hubble is None:
-        raise InputError(f"{unit} takes the value of h: state it by hubble=")
-    return unit[:-2], 1.0 / hubble
+    parts = _particlegs.unit_parts(unit, dimension)
+    if parts is None:
+        what = f'{package} does not know the unit "{unit}", which cannot be converted to a {dimension} that it knows'
+        raise InputError(f"{what}: state another by units= or mass_units=")
+    number, name, size, _, power = parts
+    if power != 0:
+        if hubble is None:
+            raise InputError(f"{unit} takes the value of h: state it by hubble=")
+        number *= hubble**power
+    if name in names:
+        return number, names[name]
+    return number * size, "kg" if dimension == "mass" else "m"
+
+
+def power_of_h(unit: str, dimension: str) -> float:
+    """The power of h in a unit: -1 in ``kpc/h``."""
+    parts = _particlegs.unit_parts(unit, dimension)
+    return 0.0 if parts is None else parts[4]
+
+
+def above_and_below(unit: str) -> tuple[str, Optional[str], int]:
+    """A unit of density apart: ``1e10 Msun/h / (kpc/h)^2`` is ``1e10 Msun/h``, ``kpc/h`` and 2."""
+    found = re.fullmatch(r"(.+) / (?:\((.+)\)|([^ /()]+))\^([23])", unit)
+    return (unit, None, 0) if found is None else (found[1], found[2] or found[3], int(found[4]))
 
 
 def mass_of_each(snapshot: Snapshot) -> Optional[Float64]:

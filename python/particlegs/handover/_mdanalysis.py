@@ -8,7 +8,7 @@ import numpy as np
 
 from .._particlegs import InputError
 from .._types import Float64
-from ._common import ANGSTROM, DALTON, factor, from_molecules, mass_of_each, needed
+from ._common import factor, from_molecules, mass_of_each, needed
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -60,12 +60,12 @@ def to_mdanalysis(snapshot: Snapshot) -> Any:
         For units that are none of molecules; for a box whose vectors MDAnalysis cannot say by lengths and angles.
     """
     mda = needed("MDAnalysis")
-    scale = factor(snapshot.length_unit, ANGSTROM, "positions", "Angstrom")
+    scale = factor(snapshot.length_unit, "length", "Angstrom")
     universe = mda.Universe.empty(len(snapshot), trajectory=True)
     universe.atoms.positions = np.asarray(snapshot.positions, dtype=np.float64) * scale
     each = mass_of_each(snapshot)
     if each is not None:
-        universe.add_TopologyAttr("masses", each * factor(snapshot.mass_unit, DALTON, "masses", "Da"))
+        universe.add_TopologyAttr("masses", each * factor(snapshot.mass_unit, "mass", "Da"))
     types = np.empty(len(snapshot), dtype=object)
     for name, part in snapshot.layers.items():
         types[part] = name

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import TYPE_CHECKING, Any, Optional
 
 import numpy as np
 
 from .._units import carried
-from ._common import mass_of_each, needed, right_box
+from ._common import SKY, mass_of_each, needed, power_of_h, right_box, size_of
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -16,9 +17,23 @@ if TYPE_CHECKING:
     from .._snapshot import Snapshot
     from .._types import Known
 
+#: What pynbody calls units.
+_NAMES = {**{name: name for name in SKY if name not in ("Gpc", "AU")}, "Msun": "Msol"}
+#: Units that numbers of cm and g are named by, as simulations state theirs.
+_NAMED_BY = {**dict.fromkeys(("cm", "m", "km"), ("pc", "kpc", "Mpc")), **dict.fromkeys(("g", "kg"), ("Msol",))}
+#: How far such a number may be from a unit's: codes differ in the digits they keep.
+_TOLERANCE = 1e-3
+#: Families by what layers are called.
+_FAMILIES = {
+    "gas": ("gas", "parttype0"),
+    "dm": ("dm", "dark matter", "dark_matter", "halo", "parttype1"),
+    "star": ("star", "stars", "parttype4"),
+    "bh": ("bh", "black holes", "black_holes", "parttype5"),
+}
+
 
 def from_pynbody(cls: type[Snapshot], /, sim: Any, **known: Unpack[Known]) -> Snapshot:
-    """Takes the particles of pynbody: positions, masses, box, scale factor and h.
+    """Takes the particles of pynbody: positions, masses, families, box, scale factor and h.
 
     Parameters
     ----------
@@ -30,43 +45,64 @@ def from_pynbody(cls: type[Snapshot], /, sim: Any, **known: Unpack[Known]) -> Sn
     Returns
     -------
     Snapshot
-        In the units of `sim`, without powers of ten: ``1e10 Msol h**-1`` become ``Msun/h``. The box begins at 0, or
-        at minus half its length where positions are below 0, as pynbody wraps them.
+        In the units of `sim`, with names and without powers of ten: ``1e10 Msol h**-1`` become ``Msun/h``, and
+        ``3.085678e21 cm a h**-1`` become ``kpc/h``. Families are layers. The box begins at 0, or at minus half its
+        length where positions are below 0, as pynbody wraps them.
     """
-    positions = _in_whole_units(sim["pos"])
+    positions, length = _in_whole_units(sim["pos"])
     unit = carried(positions)
     properties = sim.properties
     said: dict[str, Any] = {"scale_factor": properties.get("a"), "hubble": properties.get("h")}
     if unit is not None:
         said["comoving"] = " a" in str(unit)
     if "mass" in sim.loadable_keys() or "mass" in sim.keys():  # noqa: SIM118
-        masses = _in_whole_units(sim["mass"])
+        masses, _ = _in_whole_units(sim["mass"])
         if np.all(masses > 0):
             said["masses"] = masses
+    parts = [(family.name, len(sim[family])) for family in sim.families()]
+    if len(parts) > 1 and sum(count for _, count in parts) == len(positions):
+        said["layers"] = dict(parts)
     box = properties.get("boxsize")
     if box is not None:
-        length = float(box.in_units(unit, **sim.conversion_context())) if hasattr(box, "in_units") else float(box)
-        low = positions.min() < -1e-6 * length
-        corner = -0.5 * length if low else 0.0
+        if hasattr(box, "in_units"):
+            box = box.in_units(carried(sim["pos"]), **sim.conversion_context())
+        edge = length * float(box)
+        low = positions.min() < -1e-6 * edge
+        corner = -0.5 * edge if low else 0.0
         array = needed("pynbody.array").SimArray
-        said.update(box=array([length] * 3, unit), origin=array([corner] * 3, unit))
+        said.update(box=array([edge] * 3, unit), origin=array([corner] * 3, unit))
     return cls(positions, **{**said, **known})
 
 
-def _in_whole_units(values: Any) -> Any:
-    """Values in their unit without its power of ten."""
-    unit = str(carried(values))
-    whole = re.sub(r"^[0-9.]+(e[+-]?[0-9]+)? (?=\S)", "", unit)
-    return values if whole == unit else values.in_units(whole)
+def _in_whole_units(values: Any) -> tuple[Any, float]:
+    """Values in a unit with a name and without a power of ten, and what they were multiplied by."""
+    unit = carried(values)
+    found = re.fullmatch(r"(?:[0-9.]+(?:e[+-]?[0-9]+)? )?([A-Za-z]+)((?: (?:a|h)(?:\*\*\S+)?)*)", str(unit))
+    if unit is None or found is None:
+        return values, 1.0
+    base, powers = found[1], found[2]
+    for name in (*_NAMED_BY.get(base, ()), base):
+        number = float(unit.ratio(name + powers))
+        factor = 10.0 ** round(math.log10(number)) if name in ("Msol", base) else 1.0
+        if abs(number / factor - 1.0) < _TOLERANCE:
+            break
+    else:
+        factor = number
+    if factor == 1.0 and name == base:
+        return values, 1.0
+    # Grams of a galaxy are beyond float32.
+    numbers = np.asarray(values) if factor == 1.0 else np.asarray(values, dtype=np.float64) * factor
+    return needed("pynbody.array").SimArray(numbers, name + powers), factor
 
 
-def to_pynbody(snapshot: Snapshot, family: str = "dm") -> Any:
+def to_pynbody(snapshot: Snapshot, family: Optional[str] = None) -> Any:
     """Hands the particles to pynbody.
 
     Parameters
     ----------
-    family : str
-        The family that they are of: ``"dm"``, ``"gas"``, ``"star"``, ...
+    family : str, optional
+        The family that all are of: ``"dm"``, ``"gas"``, ``"star"``, ... By default that of each layer's name, and dark
+        matter where the name says nothing.
 
     Returns
     -------
@@ -76,17 +112,25 @@ def to_pynbody(snapshot: Snapshot, family: str = "dm") -> Any:
     Raises
     ------
     InputError
-        For a box that is tilted or not a cube.
+        For a box that is tilted or not a cube, and for a unit without a size.
     """
     from .._particlegs import InputError
 
     pynbody = needed("pynbody")
-    sim = pynbody.new(**{family: len(snapshot)})
-    sim["pos"] = np.asarray(snapshot.positions, dtype=np.float64)
+    places: dict[str, list[slice]] = {}
+    for name, place in snapshot.layers.items():
+        of = [f for f, names in _FAMILIES.items() if name.lower() in names]
+        places.setdefault(family or (of[0] if of else "dm"), []).append(place)
+    sim = pynbody.new(**{f: sum(p.stop - p.start for p in parts) for f, parts in places.items()})
     each = mass_of_each(snapshot)
-    sim["mass"] = np.ones(len(snapshot)) if each is None else each
-    length = _unit(snapshot.length_unit, bool(snapshot.metadata["comoving"]))
-    mass = _unit(snapshot.mass_unit, False)
+    each = np.ones(len(snapshot)) if each is None else each
+    columns = {"pos": np.asarray(snapshot.positions, dtype=np.float64), "mass": each}
+    sim["pos"], sim["mass"] = np.zeros((len(snapshot), 3)), np.zeros(len(snapshot))
+    for f, parts in places.items():
+        for column, values in columns.items():
+            sim[pynbody.family.get_family(f)][column] = np.concatenate([values[p] for p in parts])
+    length = _unit(snapshot.length_unit, "length", bool(snapshot.metadata["comoving"]))
+    mass = _unit(snapshot.mass_unit, "mass", False)
     if length is not None:
         sim["pos"].units = length
     if mass is not None:
@@ -102,10 +146,11 @@ def to_pynbody(snapshot: Snapshot, family: str = "dm") -> Any:
     return sim
 
 
-def _unit(text: Optional[str], comoving: bool) -> Optional[str]:
-    """A unit as pynbody writes it."""
+def _unit(text: Optional[str], dimension: str, comoving: bool) -> Optional[str]:
+    """A unit as pynbody writes it, with its power of h."""
     if text is None:
         return None
-    name = text.replace("Msun", "Msol")
-    by_h = name.endswith("/h")
-    return f"{name[:-2] if by_h else name}{' a' if comoving else ''}{' h**-1' if by_h else ''}"
+    number, name = size_of(text, dimension, 1.0, _NAMES, "pynbody")
+    power = power_of_h(text, dimension)
+    words = ["" if number == 1.0 else repr(number), name, "a" if comoving else "", f"h**{power:g}" if power else ""]
+    return " ".join(word for word in words if word)

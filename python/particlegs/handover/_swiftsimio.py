@@ -9,7 +9,7 @@ import numpy as np
 
 from .._files import whole
 from .._particlegs import InputError
-from ._common import mass_of_each, needed, right_box, without_h
+from ._common import SKY, mass_of_each, needed, right_box, size_of
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -95,8 +95,8 @@ def to_swiftsimio(
         raise InputError("a file of SWIFT takes units: state them by units= and mass_units=")
     metadata = snapshot.metadata
     h = metadata["hubble"] if hubble is None else hubble
-    length = _in(unyt, snapshot.length_unit, h, "Mpc")
-    mass = _in(unyt, snapshot.mass_unit, h, "Msun")
+    length = _in(unyt, snapshot.length_unit, "length", h, "Mpc")
+    mass = _in(unyt, snapshot.mass_unit, "mass", h, "Msun")
     a = metadata["scale_factor"] or 1.0
 
     def array(values: Any, unit: Any, exponent: int) -> Any:
@@ -117,10 +117,7 @@ def to_swiftsimio(
     return swiftsimio.load(where)
 
 
-def _in(unyt: Any, unit: str, hubble: Optional[float], to: str) -> float:
+def _in(unyt: Any, unit: str, dimension: str, hubble: Optional[float], to: str) -> float:
     """The factor that takes a unit to another."""
-    name, factor = without_h(unit, hubble)
-    try:
-        return factor * float(unyt.unyt_quantity(1.0, name).to_value(to))
-    except Exception as error:
-        raise InputError(f"{unit} cannot be converted to {to}") from error
+    number, name = size_of(unit, dimension, hubble, SKY, "swiftsimio")
+    return number if name == to else number * float(unyt.unyt_quantity(1.0, name).to_value(to))

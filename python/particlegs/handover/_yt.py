@@ -8,7 +8,7 @@ import numpy as np
 
 from .._particlegs import InputError
 from .._units import text_of
-from ._common import mass_of_each, needed, right_box, without_h
+from ._common import SKY, above_and_below, mass_of_each, needed, right_box, size_of
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -25,14 +25,14 @@ def from_yt(
     particle_type: Optional[str] = None,
     **known: Unpack[Known],
 ) -> Snapshot:
-    """Takes the particles of yt: positions, masses, box, scale factor and h.
+    """Takes the particles of yt: positions, masses, types, box, scale factor and h.
 
     Parameters
     ----------
     data : yt.data_objects.static_output.Dataset, or a data container
         What ``yt.load`` gives, or a part of it such as a region or a sphere.
     particle_type : str, optional
-        ``"all"`` by default; see ``ds.particle_types``.
+        By default all that the file has, each a layer; see ``ds.particle_types_raw``.
     **known
         As for `Snapshot`; in place of what the data say. ``masses=None`` counts all particles alike. `units` names
         what positions are converted to: comoving Mpc/h of a cosmological data set by default, else a unit that the
@@ -42,11 +42,19 @@ def from_yt(
     -------
     Snapshot
     """
+    unyt = needed("unyt")
     ds = data if hasattr(data, "all_data") else data.ds
     particles = data.all_data() if hasattr(data, "all_data") else data
-    kind = particle_type or ("all" if "all" in ds.particle_types else ds.particle_types[0])
-    if (kind, "particle_position") not in ds.derived_field_list:
-        raise InputError(f'there are no particles of the type "{kind}": {", ".join(sorted(ds.particle_types))}')
+    kinds = [particle_type] if particle_type else list(ds.particle_types_raw)
+    lacking = [kind for kind in kinds if (kind, "particle_position") not in ds.derived_field_list]
+    if particle_type and lacking:
+        there = ", ".join(sorted(ds.particle_types))
+        raise InputError(f'there are no particles of the type "{particle_type}": {there}')
+    kinds = [kind for kind in kinds if kind not in lacking]
+    positions = {kind: particles[kind, "particle_position"] for kind in kinds}
+    kinds = [kind for kind in kinds if len(positions[kind])]
+    if not kinds:
+        raise InputError("there are no particles")
     cosmological = bool(ds.cosmological_simulation)
     unit = known.get("units") or (
         "Mpccm/h" if cosmological else ds.get_smallest_appropriate_unit(ds.domain_width.max())
@@ -62,10 +70,14 @@ def from_yt(
         said.update(
             scale_factor=1.0 / (1.0 + ds.current_redshift), hubble=float(ds.hubble_constant), comoving="cm" in unit
         )
-    if (kind, "particle_mass") in ds.derived_field_list:
-        said["masses"] = particles[kind, "particle_mass"].to("Msun")
+    if all((kind, "particle_mass") in ds.derived_field_list for kind in kinds):
+        said["masses"] = unyt.unyt_array(
+            np.concatenate([particles[kind, "particle_mass"].to_value("Msun") for kind in kinds]), "Msun"
+        )
+    if len(kinds) > 1:
+        said["layers"] = {kind: len(positions[kind]) for kind in kinds}
     said = {**said, **known, "units": text_of(unit)}
-    return cls(particles[kind, "particle_position"].to_value(unit), **said)
+    return cls(np.concatenate([positions[kind].to_value(unit) for kind in kinds]), **said)
 
 
 def to_yt(snapshot: Snapshot, *, hubble: Optional[float] = None, **options: Any) -> Any:
@@ -96,9 +108,9 @@ def to_yt(snapshot: Snapshot, *, hubble: Optional[float] = None, **options: Any)
     data["io", "particle_mass"] = np.ones(len(snapshot)) if each is None else np.array(each)
     h = snapshot.metadata["hubble"] if hubble is None else hubble
     said: dict[str, Any] = {"dataset_name": snapshot.name}
-    for name, unit in (("length_unit", snapshot.length_unit), ("mass_unit", snapshot.mass_unit)):
-        if unit is not None and name not in options:
-            said[name] = _quantity(unit, h)
+    for dimension, unit in (("length", snapshot.length_unit), ("mass", snapshot.mass_unit)):
+        if unit is not None and f"{dimension}_unit" not in options:
+            said[f"{dimension}_unit"] = size_of(unit, dimension, h, SKY, "yt")
     box, origin = right_box(snapshot, "yt"), snapshot.origin
     if box is not None and origin is not None:
         inside = (positions >= origin) & (positions < origin + box)
@@ -134,27 +146,16 @@ def grid_to_yt(grid: Grid, **options: Any) -> Any:
         For a unit that yt does not know, or one with h where its value is not known.
     """
     yt = needed("yt")
-    above = grid.unit.partition(" / ")[0]
+    above = above_and_below(grid.unit)[0]
     field, mass = ("number_density", "1") if above == "particles" else ("density", "code_mass")
     said: dict[str, Any] = {"dataset_name": "density", "periodicity": grid.periodic}
     if grid.length_unit is not None:
-        said["length_unit"] = _quantity(grid.length_unit, grid.hubble)
+        said["length_unit"] = size_of(grid.length_unit, "length", grid.hubble, SKY, "yt")
     if above not in ("particles", "mass"):
-        said["mass_unit"] = _quantity(above, grid.hubble)
+        said["mass_unit"] = size_of(above, "mass", grid.hubble, SKY, "yt")
     low = np.asarray(grid.origin)
     high = low + np.asarray(grid.spacing) * grid.shape
     # The names of yt's fields: masses by code_mass, so that its own conversions hold.
     data = {field: (np.array(grid, subok=False), f"{mass}/code_length**3")}
     said["bbox"] = np.stack([low, high], axis=1)
     return yt.load_uniform_grid(data, np.array(grid.shape), **{**said, **options})
-
-
-def _quantity(unit: str, hubble: Optional[float]) -> tuple[float, str]:
-    """A unit as yt takes it."""
-    name, factor = without_h(unit, hubble)
-    unyt = needed("unyt")
-    try:
-        unyt.Unit(name)
-    except Exception as error:
-        raise InputError(f'yt does not know the unit "{unit}": state it by length_unit= or mass_unit=') from error
-    return factor, name

@@ -10,7 +10,7 @@ use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
 use particlegs::camera::{View, ViewsFile};
 use particlegs::model::Model;
-use particlegs::particles::Particles;
+use particlegs::particles::{Particles, Storage};
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::render::{Drawer, Scene};
@@ -95,6 +95,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let model = a.snapshot.layers_of(codec::decode_with(&bytes, &name_of(&a.model), &context)?)?;
     let subset = Subset { selection: &a.selection, window: &a.window, seed: context.common.seed };
     let particles = a.snapshot.open_selected(&a.input, subset, &context)?;
+    let particles = particles.in_units(&model.metadata.unit_system(), &Storage::Memory, &context)?;
     if model.metadata.count != particles.len() as u64 {
         context.message(&format!(
             "warning: the model was made from {} particles, the snapshot has {}",

@@ -5,7 +5,7 @@ use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::device::{self, DeviceArgs, ParticlePictures};
 use crate::drawing::finish::Finish;
-use crate::drawing::provenance::{Provenance, Source};
+use crate::drawing::provenance::{DrawnUnits, Provenance, Source};
 use crate::drawing::run::{self, Job, Target};
 use crate::drawing::{Painter, Seen};
 use crate::drawn::Drawn;
@@ -194,6 +194,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         colormap: density.then(|| colormap.name().into()),
         range: None,
         unit: density.then(|| quantities.unit()),
+        units: Some(DrawnUnits::of(particles.meta.unit_system())),
         background: ground,
         views: serde_json::Value::Null,
     };

@@ -5,7 +5,7 @@ use crate::density_args::{DensityArgs, Quantities};
 use crate::device::{Device, DeviceArgs, Pictures};
 use crate::drawing::finish::Finish;
 use crate::drawing::panels::Panels;
-use crate::drawing::provenance::{Provenance, Source};
+use crate::drawing::provenance::{DrawnUnits, Provenance, Source};
 use crate::drawing::run::{self, Job, Target};
 use crate::drawing::{Painter, Seen, layers};
 use crate::drawn::Drawn;
@@ -159,6 +159,14 @@ struct Read {
     source: Source,
 }
 
+impl Read {
+    /// Converts it to the units of another.
+    fn convert(self, to: &Model, context: &Context) -> Result<Read> {
+        let model = self.model.in_units(&to.metadata.unit_system(), &self.source.name, context)?;
+        Ok(Read { model, ..self })
+    }
+}
+
 /// What the options say, with what a picture says that is to be drawn alike.
 struct Asked {
     style: Style,
@@ -167,8 +175,8 @@ struct Asked {
     colormap: Colormap,
     range: Option<[f64; 2]>,
     figure: FigureArgs,
-    /// The view of that picture.
-    like: Option<ViewSet>,
+    /// The view of that picture, and its units.
+    like: Option<(ViewSet, DrawnUnits)>,
 }
 
 impl Asked {
@@ -204,8 +212,21 @@ impl Asked {
         if let (None, Some(name)) = (asked.figure.background, &told.background) {
             asked.figure.background = Some(Background::from_str(name, false).map_err(|_| unknown("ground", name))?);
         }
-        asked.like = Some(set);
+        asked.like = Some((set, told.units.unwrap_or_default()));
         Ok(asked)
+    }
+
+    /// What is to be drawn alike in the units of the model; a range that is given is in them.
+    fn convert(&mut self, a: &Arguments, model: &Model, context: &Context) -> Result<()> {
+        let (Some((set, units)), Some(path)) = (&mut self.like, &a.like) else { return Ok(()) };
+        let to = model.metadata.unit_system();
+        let (by, words) = units.system().conversion_of(&path.display().to_string(), &to)?;
+        context.notes(&words);
+        set.views.iter_mut().for_each(|v| *v = v.scaled(by.length));
+        if a.density.range.is_none() {
+            self.range = self.range.map(|r| r.map(|v| v * by.mass / (by.length * by.length)));
+        }
+        Ok(())
     }
 }
 
@@ -214,13 +235,18 @@ pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let files = [&a.view.views, &a.sequence.path, &a.like].into_iter().flatten();
     context.reads(a.models.iter().chain(files).map(PathBuf::as_path), false)?;
-    let asked = Asked::of(a, &context)?;
+    let mut asked = Asked::of(a, &context)?;
     let read = a.models.iter().map(|path| read(path, &asked, &context)).collect::<Result<Vec<_>>>()?;
     if read.len() > 1 && !a.panels {
         let what = format!("{} models are given, and one is drawn", read.len());
         return Err(Error::Argument { what, remedy: "draw them into one figure with --panels".into() });
     }
-    let Some(Read { model, .. }) = read.first() else { return Err(Error::argument("no model is given")) };
+    let mut read = read.into_iter();
+    let Some(first) = read.next() else { return Err(Error::argument("no model is given")) };
+    let others = read.map(|other| other.convert(&first.model, &context)).collect::<Result<Vec<_>>>()?;
+    let read: Vec<Read> = std::iter::once(first).chain(others).collect();
+    let model = &read[0].model;
+    asked.convert(a, model, &context)?;
     let m = &model.metadata;
     let density = asked.style == Style::Density;
     let (bounds, cell) = (m.bounds, m.cell);
@@ -230,7 +256,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let draws = |r| Drawing::new(r, &asked, &subject, device.as_ref(), &context);
     let painters = read.iter().map(draws).collect::<Result<Vec<_>>>()?;
     let set = match asked.like.clone() {
-        Some(mut set) => {
+        Some((mut set, _)) => {
             a.view.apply(&mut set)?;
             let set = a.sequence.frames(set)?;
             a.view.save(&set, &context)?;
@@ -327,6 +353,7 @@ fn about(asked: &Asked, read: &[Read], quantities: &Quantities) -> Provenance {
         colormap: density.then(|| asked.colormap.name().into()),
         range: None,
         unit: density.then(|| quantities.unit()),
+        units: read.first().map(|r| DrawnUnits::of(r.model.metadata.unit_system())),
         background: ground,
         views: serde_json::Value::Null,
     }

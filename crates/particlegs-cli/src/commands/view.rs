@@ -97,7 +97,7 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads(a.models.iter().chain(&a.particles).map(PathBuf::as_path), false)?;
     let server = listen(&a, &context)?;
     let mut viewed = Viewed::read(&a.models, &context)?;
-    let particles = a.particles(&context)?;
+    let particles = a.particles(&context)?.map(|p| viewed.in_units(p, &context)).transpose()?;
     let reference = particles.as_ref().map(Reference::new);
     let truth = reference.as_ref().map(|r| (a.named(r), r));
     announce(&a, &server, &viewed, truth.as_ref().map(|t| &t.0), &context)?;

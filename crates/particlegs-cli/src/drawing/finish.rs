@@ -129,7 +129,7 @@ impl Finish<'_> {
     pub fn figure(&self, panels: Vec<Panel>, columns: usize, range: [f64; 2]) -> Figure {
         let shown = self.about.colormap.is_some() && self.args.has_bar();
         let ground = self.args.ground();
-        let title = || labelled("Σ", &journal(&self.quantities.unit()));
+        let title = || labelled(&format!("Σ{}", self.quantities.of_what()), &journal(&self.quantities.unit()));
         let colors = colours::densities(self.colormap, ground, range);
         let bar = shown.then(|| Bar::logarithmic(title(), range, |share| colors.at(share)));
         let legend = if self.args.no_annotations { Vec::new() } else { self.legend.clone() };

@@ -2,6 +2,7 @@
 
 use crate::figure::png_file;
 use particlegs::camera::{View, ViewSet, ViewsFile};
+use particlegs::model::{UnitSystem, Units};
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
@@ -33,11 +34,36 @@ pub struct Provenance {
     /// Its unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
+    /// What its lengths and masses are in.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub units: Option<DrawnUnits>,
     /// Ground of the picture, where it is chosen.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub background: Option<String>,
     /// A views file: the cameras, with every default filled in.
     pub views: Value,
+}
+
+/// What numbers of a picture are in.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct DrawnUnits {
+    #[serde(flatten)]
+    units: Units,
+    scale_factor: Option<f64>,
+    hubble: Option<f64>,
+}
+
+impl DrawnUnits {
+    /// Those of a system.
+    pub fn of(system: UnitSystem<'_>) -> Self {
+        let UnitSystem { units, scale_factor, hubble } = system;
+        DrawnUnits { units: units.clone(), scale_factor, hubble }
+    }
+
+    /// As a system.
+    pub fn system(&self) -> UnitSystem<'_> {
+        UnitSystem { units: &self.units, scale_factor: self.scale_factor, hubble: self.hubble }
+    }
 }
 
 /// A file that was drawn.

@@ -29,6 +29,7 @@ mod stats;
 mod targets;
 mod terminal;
 mod train;
+mod units;
 mod verdict;
 mod view;
 mod views;

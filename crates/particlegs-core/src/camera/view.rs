@@ -114,6 +114,24 @@ pub struct View {
 }
 
 impl View {
+    /// The view of a scene whose lengths are multiplied by `by`.
+    pub fn scaled(&self, by: f64) -> View {
+        let scaled = |v: [f64; 3]| v.map(|v| v * by);
+        let camera = Camera {
+            position: scaled(self.camera.position),
+            focal_point: scaled(self.camera.focal_point),
+            projection: match self.camera.projection {
+                Projection::Orthographic { height_world } => {
+                    Projection::Orthographic { height_world: height_world * by }
+                }
+                perspective => perspective,
+            },
+            clipping_range: self.camera.clipping_range.map(|r| r.map(|v| v * by)),
+            ..self.camera
+        };
+        View { camera, radius: self.radius * by, ..self.clone() }
+    }
+
     /// The splat radius in pixels at the focal point.
     pub fn radius_pixels(&self, size: Size) -> f64 {
         match self.camera.projection {

@@ -1,13 +1,14 @@
 //! Numbers in one unit as numbers in another.
 
-use super::{Cosmology, Dimension, Epoch, Metadata, Si, Unit, Units};
+use super::{Cosmology, Dimension, Epoch, LawKind, Layer, Mass, Metadata, Model, Si, Unit, Units};
+use crate::progress::Progress;
+use crate::{Error, Result};
 
 /// The scale factor or h of two subjects differ where they do by more than this share.
 const SAME: f64 = 1e-5;
-/// Sizes of one unit differ by up to this share between programs, as the sun's mass does where the name is one, ...
-const ONE_NAME: f64 = 1e-3;
-/// ... and by this where digits were rounded.
-const ROUNDED: f64 = 1e-6;
+/// A unit that a source states by a number has the size of its name where the two differ by no more than this share:
+/// programs have different masses of the sun.
+const NAMED: f64 = 1e-3;
 
 /// What numbers are in, with the scale factor and h that their units contain.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +37,16 @@ impl Conversion {
     pub fn is_identity(&self) -> bool {
         self.length == 1.0 && self.mass == 1.0
     }
+
+    /// A layer whose masses are converted; its weights are relative to the mass of weight 1.
+    pub fn layer<T>(&self, layer: Layer<T>) -> Layer<T> {
+        let mass = match layer.mass {
+            Mass::Each(each) => Mass::Each(each * self.mass),
+            Mass::Weights(unit) if self.mass != 1.0 => Mass::Weights(Some(unit.unwrap_or(1.0) * self.mass)),
+            mass => mass,
+        };
+        Layer { mass, ..layer }
+    }
 }
 
 impl Metadata {
@@ -57,30 +68,59 @@ impl<'a> UnitSystem<'a> {
     /// # Errors
     /// In words, for a unit without a size against another text, and where a or h is needed that is not known, or
     /// that the two state differently.
-    pub fn conversion(&self, to: &UnitSystem<'_>) -> Result<Conversion, String> {
+    pub fn conversion(&self, to: &UnitSystem<'_>) -> std::result::Result<Conversion, String> {
         let mut unstated = Vec::new();
         let comoving = [(self, to), (to, self)].map(|(own, other)| own.units.comoving.or(other.units.comoving));
         let both = self.units.length.is_some() && to.units.length.is_some();
         if both && self.units.comoving.is_some() != to.units.comoving.is_some() {
             let word = if comoving[0] == Some(true) { "comoving" } else { "physical" };
-            unstated.push(format!("whether lengths are comoving (taken as {word})"));
+            let one = if self.units.comoving.is_none() { "it" } else { "the other" };
+            unstated.push(format!("{one} does not say whether lengths are comoving (taken as {word})"));
         }
         let mut factor = |dimension: Dimension| {
             let [from, into] = [self.units, to.units].map(|u| u.of_dimension(dimension));
             let (Some(from), Some(into)) = (from, into) else {
-                let stated = from.or(into).map(|u| format!("its unit of {} (taken as {})", dimension.name(), u.text));
-                unstated.extend(stated);
+                let (of, stated) = (dimension.name(), from.or(into).map(|u| &u.text));
+                let own = from.is_some();
+                unstated.extend(stated.map(|text| match own {
+                    true => format!("its unit of {of} is {text}, and the other states none"),
+                    false => format!("it states no unit of {of} (taken as {text})"),
+                }));
                 return Ok(1.0);
             };
             let a = |comoving: Option<bool>| (dimension == Dimension::Length).then_some(comoving).flatten();
-            self.factor([from, into], comoving.map(a), to)
+            self.factor([from, into], dimension, comoving.map(a), to)
         };
         let (length, mass) = (factor(Dimension::Length)?, factor(Dimension::Mass)?);
         Ok(Conversion { length, mass, unstated })
     }
 
+    /// [`UnitSystem::conversion`] of the subject `name`, and in words what is converted and what is not stated.
+    ///
+    /// # Errors
+    /// [`Error::Input`].
+    pub fn conversion_of(&self, name: &str, to: &UnitSystem<'_>) -> Result<(Conversion, Vec<String>)> {
+        let found = self.conversion(to).map_err(|what| Error::input(name, what))?;
+        let mut words: Vec<String> = found.unstated.iter().map(|what| format!("{name}: {what}")).collect();
+        for (of, factor, dimension) in
+            [("lengths", found.length, Dimension::Length), ("masses", found.mass, Dimension::Mass)]
+        {
+            let text = |units: &Units| units.of_dimension(dimension).map_or(String::new(), |u| u.text.clone());
+            if factor != 1.0 {
+                words.push(format!("{name}: {of} are converted from {} to {}", text(self.units), text(to.units)));
+            }
+        }
+        Ok((found, words))
+    }
+
     /// The factor of two units, which are comoving or not where that is known.
-    fn factor(&self, units: [&Unit; 2], comoving: [Option<bool>; 2], to: &UnitSystem<'_>) -> Result<f64, String> {
+    fn factor(
+        &self,
+        units: [&Unit; 2],
+        dimension: Dimension,
+        comoving: [Option<bool>; 2],
+        to: &UnitSystem<'_>,
+    ) -> std::result::Result<f64, String> {
         let words = || {
             let word = |k: usize| match (comoving[k], comoving[0] != comoving[1]) {
                 (Some(true), true) => format!("comoving {}", units[k].text),
@@ -91,14 +131,12 @@ impl<'a> UnitSystem<'a> {
         };
         let same_text = units[0].text == units[1].text;
         let label = Si { factor: 1.0, a: 0.0, h: 0.0 };
-        let sizes = units.map(|u| u.si.or(same_text.then_some(label)));
+        let sizes = units.map(|u| size(u, dimension).or(same_text.then_some(label)));
         let [Some(from), Some(into)] = sizes else { return Err(format!("{}: the size of one is not known", words())) };
         let exponent = |k: usize, si: Si| comoving[k].map_or(si.a, |c| f32::from(u8::from(c)));
         let a = f64::from(exponent(0, from)) - f64::from(exponent(1, into));
         let h = f64::from(from.h) - f64::from(into.h);
-        let size = from.factor / into.factor;
-        let one = (size - 1.0).abs() < if same_text { ONE_NAME } else { ROUNDED };
-        let mut factor = if one { 1.0 } else { size };
+        let mut factor = from.factor / into.factor;
         for (power, name, own, other) in
             [(a, "the scale factor", self.scale_factor, to.scale_factor), (h, "h", self.hubble, to.hubble)]
         {
@@ -118,6 +156,44 @@ impl<'a> UnitSystem<'a> {
     }
 }
 
+/// What a unit is in SI.
+fn size(unit: &Unit, dimension: Dimension) -> Option<Si> {
+    let (own, named) = (unit.si?, Unit::parse(&unit.text, dimension).si);
+    let factor = named.map(|n| n.factor).filter(|named| (own.factor / named - 1.0).abs() < NAMED);
+    Some(Si { factor: factor.unwrap_or(own.factor), ..own })
+}
+
+impl Model {
+    /// The model in the units of another system; what the two do not state is taken from the other. The certificate
+    /// goes where lengths are converted: its figures are in the model's own unit.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for units that cannot be converted, and for lengths of the alpha-blend law, whose opacities
+    /// and network belong to its own.
+    pub fn in_units(mut self, to: &UnitSystem<'_>, name: &str, progress: &dyn Progress) -> Result<Self> {
+        let (by, words) = self.metadata.unit_system().conversion_of(name, to)?;
+        words.iter().for_each(|words| progress.message(&format!("note: {words}")));
+        let m = &mut self.metadata;
+        m.units = m.units.replaced(to.units);
+        let f = by.length;
+        if f != 1.0 {
+            if m.law == LawKind::AlphaBlend {
+                return Err(Error::input(name, "lengths of an alpha-blend model cannot be converted"));
+            }
+            (m.bounds, m.cell, m.default_radius) =
+                (m.bounds.scaled(f), m.cell.map(|c| c.scaled(f)), m.default_radius * f);
+            self.certificate = None;
+            for block in self.layers.iter_mut().flat_map(|l| &mut l.content) {
+                block.bounds = block.bounds.scaled(f);
+                block.gaussians.mean.iter_mut().flatten().for_each(|v| *v *= f);
+                block.gaussians.cov.iter_mut().flatten().for_each(|v| *v *= f * f);
+            }
+        }
+        self.layers = self.layers.into_iter().map(|l| by.layer(l)).collect();
+        Ok(self)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -126,7 +202,7 @@ mod tests {
         UnitSystem { units, scale_factor, hubble }
     }
 
-    fn converted(from: (&str, Option<bool>), to: (&str, Option<bool>)) -> Result<Conversion, String> {
+    fn converted(from: (&str, Option<bool>), to: (&str, Option<bool>)) -> std::result::Result<Conversion, String> {
         let of = |(text, comoving)| Units::of(Some(text), None, comoving);
         let (from, to) = (of(from), of(to));
         system(&from, Some(0.5), Some(0.7)).conversion(&system(&to, None, None))
@@ -179,7 +255,7 @@ mod tests {
     fn what_is_not_stated_is_taken_from_the_other_and_said() {
         assert!(converted(("kpc", None), ("Mpc", None)).unwrap().unstated.is_empty());
         let comoving = converted(("kpc", None), ("Mpc", Some(true))).unwrap();
-        assert_eq!(comoving.unstated, ["whether lengths are comoving (taken as comoving)"]);
+        assert_eq!(comoving.unstated, ["it does not say whether lengths are comoving (taken as comoving)"]);
         let (stated, silent) = (Units::of(Some("kpc"), Some("Msun"), Some(true)), Units::default());
         let found = system(&silent, None, None).conversion(&system(&stated, Some(0.5), None)).unwrap();
         assert!(found.is_identity());
@@ -191,6 +267,9 @@ mod tests {
             ..Units::default()
         };
         assert_eq!(system(&stated, None, None).conversion(&system(&sun, None, None)).unwrap().mass, 1.0);
-        assert_eq!(found.unstated, ["its unit of length (taken as kpc)", "its unit of mass (taken as Msun)"]);
+        assert_eq!(
+            found.unstated,
+            ["it states no unit of length (taken as kpc)", "it states no unit of mass (taken as Msun)"]
+        );
     }
 }

@@ -18,6 +18,7 @@ mod sphere;
 mod target;
 mod unit;
 pub mod vizmapper;
+mod weighting;
 
 pub use certificate::{Certificate, CertificateLevel};
 pub use columns::{Columns, MASS};
@@ -41,3 +42,4 @@ pub use species::{is_species, species_aliases, species_title};
 pub use sphere::{Lump, Rules};
 pub use target::{DEFAULT_RATIO, Target};
 pub use unit::{Dimension, Si, Unit, Units};
+pub use weighting::WeightKind;

@@ -125,20 +125,25 @@ impl Dimension {
         }
     }
 
-    /// A name's factor: as it is written, else whatever the case of its letters. Short names differ by case: mg and Mg.
-    fn factor(self, name: &str) -> Option<f64> {
-        let names = || self.names().iter().flat_map(|(names, factor)| names.split(' ').map(move |n| (n, *factor)));
+    /// A unit by one of its names: as it is written, else whatever the case of its letters. Short names differ by
+    /// case: mg and Mg. Its first name, and its factor.
+    fn named(self, name: &str) -> Option<(&'static str, f64)> {
+        let names = || self.names().iter().flat_map(|unit| unit.0.split(' ').map(move |n| (n, unit)));
         let lower = name.to_lowercase();
         let any_case = || names().find(|n| name.len() > 2 && n.0.to_lowercase() == lower);
-        names().find(|n| n.0 == name).or_else(any_case).map(|n| n.1)
+        let (names, factor) = names().find(|n| n.0 == name).or_else(any_case)?.1;
+        Some((names.split(' ').next()?, *factor))
     }
 }
 
 /// What a text says.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Reading {
-    /// [`REDUCED`] of a unit without a size.
-    factor: f64,
+    number: f64,
+    /// The first of its names.
+    name: &'static str,
+    /// What the name is in SI; [`REDUCED`] of a unit without a size.
+    size: f64,
     a: f32,
     h: f32,
     /// Does the text say whether it is comoving?
@@ -148,13 +153,20 @@ struct Reading {
 impl Unit {
     /// A unit of `text`, with its size where the text is a unit of `dimension` that is known by name.
     pub fn parse(text: &str, dimension: Dimension) -> Unit {
-        let si = read(text, dimension).filter(|r| r.factor != REDUCED);
-        Unit { text: text.trim().into(), si: si.map(|r| Si { factor: r.factor, a: r.a, h: r.h }) }
+        let si = read(text, dimension).filter(|r| r.size != REDUCED);
+        Unit { text: text.trim().into(), si: si.map(|r| Si { factor: r.number * r.size, a: r.a, h: r.h }) }
     }
 
     /// Is `text` a unit that is known by name, with or without a size?
     pub fn is_known(text: &str, dimension: Dimension) -> bool {
         read(text, dimension).is_some()
+    }
+
+    /// Of a unit's text: a number, the name of a unit and its size in SI, and the exponents of a and h that it is
+    /// multiplied by; `None` where the text is no unit with a size. `1e10 Msun/h` is 1e10, `Msun`, 1.98841e30, 0, -1.
+    pub fn parts(text: &str, dimension: Dimension) -> Option<(f64, &'static str, f64, f32, f32)> {
+        let Reading { number, name, size, a, h, .. } = read(text, dimension)?;
+        (size != REDUCED).then_some((number, name, size, a, h))
     }
 
     /// What it is in SI: ` (3.0856776e19 m a h^-1)`; nothing where that is not known.
@@ -196,8 +208,8 @@ fn read(text: &str, dimension: Dimension) -> Option<Reading> {
         plain = plain.replace(written, meant);
     }
     let spaced = plain.replace('/', " / ").replace(['*', '\u{d7}', '\u{b7}'], " ");
-    let mut found = Reading { factor: 0.0, a: 0.0, h: 0.0, comoving: None };
-    let (mut product, mut named, mut below) = (1.0, false, false);
+    let mut found = Reading { number: 1.0, name: "", size: REDUCED, a: 0.0, h: 0.0, comoving: None };
+    let mut below = false;
     for word in spaced.split_whitespace() {
         if word == "/" {
             below = true;
@@ -205,7 +217,7 @@ fn read(text: &str, dimension: Dimension) -> Option<Reading> {
         }
         let sign = if std::mem::take(&mut below) { -1.0 } else { 1.0 };
         let (number, word) = number(word);
-        product *= if sign < 0.0 { 1.0 / number } else { number };
+        found.number *= if sign < 0.0 { 1.0 / number } else { number };
         if word.is_empty() {
             continue;
         }
@@ -215,12 +227,11 @@ fn read(text: &str, dimension: Dimension) -> Option<Reading> {
             "a" | "small_a" | "aexp" => found.a += sign * power,
             "comoving" => found.comoving = Some(true),
             "physical" | "proper" => found.comoving = Some(false),
-            _ if named || sign * power != 1.0 => return None,
+            _ if !found.name.is_empty() || sign * power != 1.0 => return None,
             _ => {
-                let (factor, comoving) = lengths_apart(name, dimension)?;
-                found.factor = factor;
+                let ((name, size), comoving) = lengths_apart(name, dimension)?;
+                (found.name, found.size) = (name, size);
                 found.comoving = comoving.or(found.comoving);
-                named = true;
             }
         }
     }
@@ -231,20 +242,19 @@ fn read(text: &str, dimension: Dimension) -> Option<Reading> {
             _ => {}
         }
     }
-    let size = if found.factor == REDUCED { 1.0 } else { found.factor };
-    let sound = [f64::from(found.a), f64::from(found.h), product, product * size].iter().all(|v| v.is_finite());
-    found.factor *= product;
-    (named && !below && sound && product > 0.0 && product * size > 0.0).then_some(found)
+    let size = found.number * if found.size == REDUCED { 1.0 } else { found.size };
+    let sound = [f64::from(found.a), f64::from(found.h), found.number, size].iter().all(|v| v.is_finite());
+    (!found.name.is_empty() && !below && sound && found.number > 0.0 && size > 0.0).then_some(found)
 }
 
 /// A name's factor, and what its letters say of comoving: `ckpc`, `kpccm` and `pkpc` are lengths of cosmologists.
-fn lengths_apart(name: &str, dimension: Dimension) -> Option<(f64, Option<bool>)> {
-    if let Some(factor) = dimension.factor(name) {
-        return Some((factor, None));
+fn lengths_apart(name: &str, dimension: Dimension) -> Option<((&'static str, f64), Option<bool>)> {
+    if let Some(unit) = dimension.named(name) {
+        return Some((unit, None));
     }
     let of = |rest: Option<&str>, comoving: bool| {
         let rest = rest.filter(|r| dimension == Dimension::Length && r.to_lowercase().ends_with("pc"))?;
-        Some((dimension.factor(rest)?, Some(comoving)))
+        Some((dimension.named(rest)?, Some(comoving)))
     };
     of(name.strip_prefix('c'), true)
         .or_else(|| of(name.strip_suffix("cm"), true))
@@ -298,6 +308,16 @@ impl Units {
             }
         }
         self
+    }
+
+    /// Those that `by` states, and the rest of these.
+    pub fn replaced(&self, by: &Units) -> Units {
+        Units {
+            length: by.length.clone().or_else(|| self.length.clone()),
+            mass: by.mass.clone().or_else(|| self.mass.clone()),
+            time: self.time.clone(),
+            comoving: by.comoving.or(self.comoving),
+        }
     }
 
     /// The unit of a dimension.
@@ -395,7 +415,7 @@ mod tests {
         ];
         for (text, factor, a, h, comoving) in lengths {
             let r = read(text, Dimension::Length).unwrap_or_else(|| panic!("{text}"));
-            assert!((r.factor / factor - 1.0).abs() < 1e-14, "{text}: {}", r.factor);
+            assert!((r.number * r.size / factor - 1.0).abs() < 1e-14, "{text}: {r:?}");
             assert_eq!((r.a, r.h, r.comoving), (a, h, comoving), "{text}");
         }
         let masses = [
@@ -417,6 +437,9 @@ mod tests {
             assert_eq!((si.a, si.h), (0.0, h), "{text}");
         }
         assert_eq!(Unit::parse("Gyr", Dimension::Time).si.unwrap().factor, 1e9 * YEAR);
+        assert_eq!(Unit::parts("10^10 M_sun / h", Dimension::Mass), Some((1e10, "Msun", SUN, 0.0, -1.0)));
+        assert_eq!(Unit::parts("ckpc/h", Dimension::Length), Some((1.0, "kpc", kpc, 1.0, -1.0)));
+        assert_eq!(Unit::parts("sigma", Dimension::Length), None);
     }
 
     #[test]

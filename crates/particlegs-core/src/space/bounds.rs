@@ -30,6 +30,11 @@ impl Bounds {
         Bounds { min: each_axis(|k| self.min[k].min(o.min[k])), max: each_axis(|k| self.max[k].max(o.max[k])) }
     }
 
+    /// With lengths multiplied by `by`, which is positive.
+    pub fn scaled(&self, by: f64) -> Bounds {
+        Bounds { min: self.min.map(|v| v * by), max: self.max.map(|v| v * by) }
+    }
+
     /// Midpoint.
     pub fn center(&self) -> [f64; 3] {
         each_axis(|k| 0.5 * self.min[k] + 0.5 * self.max[k])

@@ -24,6 +24,12 @@ impl Cell {
         Cell { origin: [0.0; 3], vectors, periodic: [true; 3] }
     }
 
+    /// With lengths multiplied by `by`.
+    pub fn scaled(&self, by: f64) -> Self {
+        let scaled = |v: [f64; 3]| v.map(|v| v * by);
+        Cell { origin: scaled(self.origin), vectors: self.vectors.map(scaled), periodic: self.periodic }
+    }
+
     /// The matrix that turns a world vector d into fractions of the cell vectors: fraction a is the
     /// sum of `d[k] * inverse[k][a]`. `None` for a cell without volume.
     pub fn inverse(&self) -> Option<[[f64; 3]; 3]> {

@@ -17,6 +17,9 @@ pub struct SnapshotMeta {
     pub units: Units,
     /// Mass of one particle where all are equal, in the unit of mass.
     pub particle_mass: Option<f64>,
+    /// What weights are where they are not masses, such as `Charge`: the unit of mass is that of them then.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weight_name: Option<String>,
     /// Cosmology.
     #[serde(flatten)]
     pub cosmology: Cosmology,

@@ -24,6 +24,7 @@ mod sidecar;
 mod source;
 mod storage;
 mod tile;
+mod units;
 mod write;
 
 pub(crate) use domain::Domain;

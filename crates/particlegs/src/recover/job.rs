@@ -130,6 +130,7 @@ pub(super) fn meta_of(metadata: &Metadata, layers: &[Layer<Range<u64>>]) -> Snap
         cell: metadata.cell,
         units: metadata.units.clone(),
         particle_mass: layers[0].mass.unit().filter(|_| one),
+        weight_name: metadata.weight_name().map(str::to_string),
         cosmology: metadata.cosmology,
         epoch: metadata.epoch,
     }

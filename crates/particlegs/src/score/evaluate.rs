@@ -22,6 +22,7 @@ use particlegs_core::math::each_axis;
 /// with (`far_00`). What `drawer` draws, of the same model and particles, the processor does not.
 ///
 /// # Errors
+/// [`Error::Input`] for particles that are not in the model's unit of length ([`Particles::in_units`]);
 /// [`Error::Argument`] where there is no view or one has a number outside its range;
 /// [`Error::Memory`], [`Error::Cancelled`]; those of the drawer.
 pub fn evaluate(
@@ -32,6 +33,10 @@ pub fn evaluate(
     drawer: Option<&dyn Drawer>,
     progress: &dyn Progress,
 ) -> Result<Evaluation> {
+    let (meta, to) = (&particles.meta, model.metadata.unit_system());
+    if meta.unit_system().conversion_of(&meta.name, &to)?.0.length != 1.0 {
+        return Err(Error::input(&meta.name, "its unit of length is not the model's: convert it first"));
+    }
     let truth = Reference::new(particles);
     Comparison { drawer, ..Comparison::new(model, &truth, None) }.evaluate(views, size, progress)
 }

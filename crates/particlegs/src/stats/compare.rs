@@ -13,6 +13,7 @@ use super::profile::axis_profiles;
 use super::rdf::rdf_edges;
 use super::report::{DensityReport, GroupReport, Statistics, XiByTransform};
 use super::spectrum::{Pair, SpectrumOptions, spectra, transform_pair};
+use super::subject::OwnSubject;
 use super::xi_transform::xi_of_modes;
 use super::{
     AxisProfile, Convention, Domain, Field, Grid, Groups, HaloProfiles, Likelihood, Measure, NearestDistances,
@@ -39,11 +40,11 @@ const HALO_SPACINGS: f64 = 2.0;
 /// Largest over smallest separation: float32 positions tell no more apart.
 const WIDEST_SEPARATIONS: f64 = 1e9;
 
-/// Measures `other` against `truth`.
+/// Measures `other` against `truth`, in the units of the truth.
 ///
 /// # Errors
-/// [`Error::Input`] for a subject without particles, one that its box does not hold, and boxes of
-/// different sizes, [`Error::Argument`] for options outside their
+/// [`Error::Input`] for a subject without particles, units that cannot be converted, a subject that its box does not
+/// hold, and boxes of different sizes, [`Error::Argument`] for options outside their
 /// range, [`Error::Memory`] where a grid does not fit, [`Error::Cancelled`].
 pub fn compare(
     truth: Subject<'_>,
@@ -57,11 +58,17 @@ pub fn compare(
             return Err(Error::input(name, "no particles to measure"));
         }
     }
+    let (converted, of_units) = other.in_units_of(truth)?;
+    let other = match &converted {
+        None => other,
+        Some(OwnSubject::Particles(p)) => Subject::Particles(p),
+        Some(OwnSubject::Model(m)) => Subject::Model(m),
+    };
     let of_boxes = check_boxes([truth, other])?;
     let job = Job { pair: [truth, other], domain: job_domain(truth, o), o, progress };
     let wants = |m| o.measures.contains(&m);
     let mut notes = job.notes();
-    notes.extend(of_boxes);
+    notes.extend(of_units.into_iter().chain(of_boxes));
     let density = if wants(Measure::Density) { Some(job.density()?) } else { None };
     let (spectra, xi_by_transform) = if wants(Measure::Spectrum) { job.spectrum()? } else { (None, None) };
     let moments = wants(Measure::Moments).then(|| job.pair.map(axis_moments));

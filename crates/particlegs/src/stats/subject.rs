@@ -1,8 +1,10 @@
 //! What statistics are of: particles, or a model's mixture itself.
 
 use super::Domain;
-use crate::model::Model;
-use crate::particles::Particles;
+use crate::Result;
+use crate::model::{Model, UnitSystem};
+use crate::particles::{Particles, Storage};
+use crate::progress::Silent;
 
 /// Particles, or a model.
 #[derive(Clone, Copy)]
@@ -13,7 +15,39 @@ pub enum Subject<'a> {
     Model(&'a Model),
 }
 
+/// A subject in other units.
+pub(super) enum OwnSubject {
+    /// A snapshot.
+    Particles(Box<Particles>),
+    /// A mixture.
+    Model(Box<Model>),
+}
+
 impl<'a> Subject<'a> {
+    /// What its numbers are in.
+    fn unit_system(&self) -> UnitSystem<'a> {
+        match self {
+            Subject::Particles(p) => p.meta.unit_system(),
+            Subject::Model(m) => m.metadata.unit_system(),
+        }
+    }
+
+    /// It in the units of `truth`, where they differ; what a reader of the results must know of that.
+    pub(super) fn in_units_of(&self, truth: Subject<'_>) -> Result<(Option<OwnSubject>, Vec<String>)> {
+        let to = truth.unit_system();
+        let (by, words) = self.unit_system().conversion_of("the other", &to)?;
+        let converted = match self {
+            _ if by.is_identity() => None,
+            Subject::Particles(p) => {
+                Some(OwnSubject::Particles(Box::new((*p).clone().in_units(&to, &Storage::Memory, &Silent)?)))
+            }
+            Subject::Model(m) => {
+                Some(OwnSubject::Model(Box::new((*m).clone().in_units(&to, &m.metadata.source, &Silent)?)))
+            }
+        };
+        Ok((converted, words))
+    }
+
     /// Its box.
     pub fn domain(&self) -> Domain {
         match self {
