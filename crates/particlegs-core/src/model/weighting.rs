@@ -19,15 +19,18 @@ const MASS_NAMES: [&str; 12] =
     ["m", "weight", "weights", "w", "ww", "mvir", "mtot", "mhalo", "mstar", "mgas", "mbound", "mpeak"];
 
 /// Names of what does not add up: letters and digits alone, in lower case. Those with a star hold within longer names.
-const INTENSIVE: [(&str, &str); 16] = [
+const INTENSIVE: [(&str, &str); 17] = [
     ("temperatures", "temp tempk *temperature"),
-    ("velocities", "vel vx vy vz v0 v1 v2 velx vely velz speed mach *velocity *velocities *soundspeed"),
+    (
+        "velocities",
+        "vel vx vy vz v0 v1 v2 velx vely velz speed mach *machnumber *veldisp *velocity *velocities *soundspeed",
+    ),
     ("densities", "rho *density *densities"),
     ("pressures", "pth *pressure"),
     ("energies per mass", "u utherm pot phi potential potentials *internalenerg *specificenerg"),
     ("entropies", "*entropy *entropies"),
     ("fractions", "metals zmet ne nh hi *metallicit *fraction *abundance"),
-    ("smoothing lengths", "hsml h *smoothinglength *softening"),
+    ("smoothing lengths", "h *hsml *smoothinglength *softening"),
     ("radii", "*radius *radii *diameter"),
     ("times", "age ages aform tform dt *formationtime *birthtime *timestep *redshift *scalefactor"),
     ("accelerations", "acc ax ay az *acceleration"),
@@ -35,6 +38,7 @@ const INTENSIVE: [(&str, &str); 16] = [
     ("forces", "fx fy fz force forces"),
     ("coordinates", "x y z xu yu zu xs ys zs pos ix iy iz *coordinate *position"),
     ("numbers of particles", "id ids parentid type types mol molecule element species *particleid"),
+    ("magnitudes", "*magnitude"),
     ("gradients", "curl *divergence *vorticity *gradient"),
 ];
 
@@ -80,16 +84,8 @@ mod tests {
         for name in ["Masses", "mass", "ww", "Particle_Mass", "mvir", "M200c", "MassHII"] {
             assert_eq!(WeightKind::of(name, None), WeightKind::Mass, "{name}");
         }
-        for name in [
-            "Charge",
-            "q",
-            "StarFormationRate",
-            "Luminosity",
-            "XrayLuminosities",
-            "PotentialEnergy",
-            "MassHII",
-            "Volume",
-        ] {
+        for name in ["Charge", "q", "StarFormationRate", "Luminosity", "XrayLuminosities", "PotentialEnergy", "Volume"]
+        {
             assert_eq!(WeightKind::of(name, None), WeightKind::Additive, "{name}");
         }
         for (name, plural) in [
