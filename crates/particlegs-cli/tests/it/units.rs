@@ -165,3 +165,21 @@ fn weights_that_are_not_masses_have_their_own_name_and_unit() {
     let fits = s.runs(&["export", "m.pgs", "-o", "m.fits", "--grid", "8"]).0;
     assert_eq!(fits["grid"]["unit"], "e / nm^3");
 }
+
+#[test]
+fn fits_has_units_of_the_standard() {
+    let s = Scene::new();
+    particles(s.dir.path(), "by_h", 1.0, "kpc/h", true);
+    s.runs(&["compress", "by_h", "-o", "by_h.pgs", "--gaussians", "30", "--certificate=none"]);
+    let head = |model: &str| {
+        s.runs(&["export", model, "-o", "d.fits", "--grid", "8", "--force"]);
+        let file = std::fs::read(s.dir.path().join("d.fits")).unwrap();
+        String::from_utf8_lossy(&file[..5760]).split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let by_h = head("by_h.pgs");
+    for card in ["BUNIT = 'solMass kpc-3'", "CUNIT1 = 'kpc '", "CDELT1 = 4.0", "LENUNIT = 'kpc '"] {
+        assert!(by_h.contains(card), "{card}: {by_h}");
+    }
+    let lj = head("lj.pgs");
+    assert!(lj.contains("DENUNIT = 'Msun / sigma^3'") && lj.contains("CDELT1 = 2.0") && !lj.contains("BUNIT"), "{lj}");
+}
