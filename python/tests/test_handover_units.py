@@ -222,17 +222,17 @@ def test_notes_are_warnings(tmp_path):
         pg.open(tmp_path / "p.npy", units="no unit at all")
     assert told[0].filename == __file__
     with pytest.raises(pg.InputError, match="no unit at all cannot be converted to kpc"):
-        pg.stats(truth, other, only="moments")
+        pg.stats(truth, other, only=["moments"])
 
 
 def test_statistics_are_in_the_units_of_the_truth():
-    truth, other = pg.Snapshot(ROWS, units="Mpc", box=10), pg.Snapshot(ROWS * 1024, units="Mpc", box=10_240)
-    scaled = pg.Snapshot(ROWS * 1000, units="kpc", box=10_000)
-    found = pg.stats(truth, scaled, only="moments,density", grid=8)
-    assert found["density"] == pg.stats(truth, truth, only="moments,density", grid=8)["density"]
-    assert "converted from kpc to Mpc" in str(found["notes"])
-    with pytest.raises(pg.InputError, match="box"):
-        pg.stats(truth, other, only="moments")
+    asked = {"only": ["density"], "grid": 8}
+    truth, scaled = pg.Snapshot(ROWS, units="Mpc", box=10), pg.Snapshot(ROWS / 1024, units="1024 Mpc", box=10 / 1024)
+    found, own = pg.stats(truth, scaled, **asked), pg.stats(truth, truth, **asked)
+    assert found.data["density"] == own.data["density"]
+    assert "converted from 1024 Mpc to Mpc" in str(found.notes)
+    with pytest.raises(pg.InputError, match="its box is"):
+        pg.stats(truth, pg.Snapshot(ROWS, units="kpc", box=10), **asked)
 
 
 def test_comoving_units_of_arrays_are_known():
