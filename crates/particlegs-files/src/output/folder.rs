@@ -2,8 +2,10 @@
 
 use super::identity::Identity;
 use super::place::{Place, folder_of};
-use super::temporary::{TemporaryFolder, is_temporary};
+use super::state::{CHANGED, PathState, PlannedOutput, changed, free_name};
+use super::temporary::{TemporaryFolder, is_temporary, is_unsupported, rename_new, swap};
 use crate::{Error, Result};
+use std::io::ErrorKind::{AlreadyExists, DirectoryNotEmpty, NotADirectory};
 use std::path::{Path, PathBuf};
 
 /// A folder that is filled beside its place and moved there whole, over one of the same kind.
@@ -12,6 +14,8 @@ pub struct WholeFolder {
     target: PathBuf,
     staged: TemporaryFolder,
     way: Way,
+    /// What is there, which alone may go.
+    before: PathState,
 }
 
 /// How a folder comes to its place.
@@ -41,11 +45,12 @@ impl WholeFolder {
         }
         let mut filled = false;
         for entry in std::fs::read_dir(&target).map_err(|e| Error::io(out, e))? {
-            let name = entry.map_err(|e| Error::io(out, e))?.file_name();
+            let entry = entry.map_err(|e| Error::io(out, e))?;
+            let name = entry.file_name();
             if is_temporary(&name) {
                 continue;
             }
-            if !own.iter().any(|o| name == *o) {
+            if !own.iter().any(|o| name == *o) || entry.file_type().is_ok_and(|t| t.is_dir()) {
                 let what = format!("holds `{}`, which is none of the files to be written", name.to_string_lossy());
                 return Err(Error::output(out, what, "name a folder of its own"));
             }
@@ -58,11 +63,15 @@ impl WholeFolder {
     ///
     /// # Errors
     /// As [`WholeFolder::check`]; [`Error::Output`] for the working folder, where it is not empty: whoever
-    /// works in it would be left in one that is gone.
+    /// works in it would be left in one that is gone; and for one that has changed since [`super::Outputs`] looked.
     pub fn create(out: &Path, own: &[&str]) -> Result<WholeFolder> {
-        let filled = WholeFolder::check(out, own)?;
-        let Place::File(target) = Place::of(out)? else { return Err(no_folder(out)) };
         let fail = |e| Error::io(out, e);
+        let Place::File(target) = Place::of(out)? else { return Err(no_folder(out)) };
+        let before = PathState::of(&target).map_err(fail)?;
+        let filled = WholeFolder::check(out, own)?;
+        if PlannedOutput::of(out).is_some_and(|p| filled && before != p.state || target != p.target) {
+            return Err(Error::output(out, CHANGED, "name another folder"));
+        }
         // The name itself, also of `.` and `a/..`: what it lies in is where it is made.
         let target = std::fs::canonicalize(&target).unwrap_or(target);
         let is_there = target.is_dir();
@@ -80,7 +89,7 @@ impl WholeFolder {
             _ if filled => return Err(fail(std::io::ErrorKind::CrossesDevices.into())),
             _ => (TemporaryFolder::within(&target).map_err(fail)?, Way::Inside),
         };
-        Ok(WholeFolder { out: out.to_path_buf(), target, staged, way })
+        Ok(WholeFolder { out: out.to_path_buf(), target, staged, way, before })
     }
 
     /// Where its files are written.
@@ -91,59 +100,96 @@ impl WholeFolder {
     /// Moves it to its place.
     ///
     /// # Errors
-    /// [`Error::Io`]; what was there is untouched then.
+    /// [`Error::Io`]; what was there is untouched then. [`Error::Output`] where something has appeared or changed there:
+    /// the folder is beside it then.
     pub fn finish(mut self) -> Result<()> {
         if let Ok(there) = self.target.metadata() {
             // Who may use the folder stays as it is; where that cannot be, it is as any new folder.
             let _ = std::fs::set_permissions(self.staged.path(), there.permissions());
         }
-        let done = match self.way {
+        let placed = match self.way {
             Way::Inside => self.move_files(),
             Way::Exchange => self.exchange(),
             // It fails where another process has filled the folder meanwhile.
-            Way::Rename => std::fs::rename(self.staged.path(), &self.target).map(|()| self.staged.moved()),
+            Way::Rename => std::fs::rename(self.staged.path(), &self.target).map(|()| {
+                self.staged.moved();
+                true
+            }),
         };
-        done.map_err(|e| Error::io(&self.out, e))
+        let in_the_way =
+            matches!(&placed, Err(e) if matches!(e.kind(), DirectoryNotEmpty | AlreadyExists | NotADirectory));
+        let fail = |e| Error::io(&self.out, e);
+        if !in_the_way && placed.map_err(fail)? {
+            return Ok(());
+        }
+        let beside = match self.way {
+            Way::Inside => self.target.join(self.target.file_name().unwrap_or_default()),
+            _ => self.target.clone(),
+        };
+        let aside = self.staged.keep_beside(&beside).map_err(fail)?;
+        Err(changed(&self.out, &aside))
     }
 
-    /// Takes the place of the folder that is there; what it held goes.
-    fn exchange(&mut self) -> std::io::Result<()> {
+    /// Takes the place of the folder that is there, if it is as it was; what it held goes.
+    fn exchange(&mut self) -> std::io::Result<bool> {
         match swap(self.staged.path(), &self.target) {
-            // The files of the old one go with the temporary folder that they are in now.
-            Ok(()) => Ok(()),
+            Ok(()) => {
+                let old = self.staged.path().to_path_buf();
+                self.staged.moved();
+                if PathState::of(&old)? != self.before {
+                    swap(&old, &self.target)?;
+                    self.staged = TemporaryFolder::of(old);
+                    return Ok(false);
+                }
+                self.remove(old)
+            }
             Err(e) if is_unsupported(&e) => self.put_aside(),
             Err(e) => Err(e),
         }
     }
 
     /// Where two folders cannot be exchanged in one step, the old one waits under a name that says what it is.
-    fn put_aside(&mut self) -> std::io::Result<()> {
+    fn put_aside(&mut self) -> std::io::Result<bool> {
         let mut name = self.target.as_os_str().to_os_string();
         name.push(format!(".replaced-{}", std::process::id()));
         let old = PathBuf::from(name);
-        std::fs::rename(&self.target, &old)?;
-        match std::fs::rename(self.staged.path(), &self.target) {
+        rename_new(&self.target, &old)?;
+        if PathState::of(&old)? != self.before {
+            return rename_new(&old, &self.target).map(|()| false);
+        }
+        match rename_new(self.staged.path(), &self.target) {
             Ok(()) => {
                 self.staged.moved();
-                std::fs::remove_dir_all(&old)
+                self.remove(old)
             }
-            Err(e) => std::fs::rename(&old, &self.target).and(Err(e)),
+            Err(e) => rename_new(&old, &self.target).and(Err(e)),
         }
     }
 
-    /// Moves the files one by one into the empty folder around them; none stays where one fails.
-    fn move_files(&mut self) -> std::io::Result<()> {
-        let mut moved = Vec::new();
+    /// Removes the old folder; where something has come into it even now, that stays, and is told.
+    fn remove(&self, old: PathBuf) -> std::io::Result<bool> {
+        self.before.remove(&old).map(|()| true).or_else(|_| {
+            let kept = free_name(&self.target, |path| rename_new(&old, path))?;
+            let what =
+                format!("the old folder was in use while it was replaced: what is left of it is {}", kept.display());
+            Err(std::io::Error::other(what))
+        })
+    }
+
+    /// Moves the files one by one into the empty folder around them, over nothing; none stays where one fails.
+    fn move_files(&mut self) -> std::io::Result<bool> {
+        let mut moved: Vec<(PathBuf, PathBuf)> = Vec::new();
         for entry in std::fs::read_dir(self.staged.path())? {
             let entry = entry?;
             let to = self.target.join(entry.file_name());
-            if let Err(e) = std::fs::rename(entry.path(), &to) {
-                moved.iter().for_each(|m| drop(std::fs::remove_file(m)));
-                return Err(e);
+            if let Err(e) = rename_new(&entry.path(), &to) {
+                // They are kept with the rest of the folder.
+                moved.iter().try_for_each(|(from, to)| rename_new(to, from))?;
+                return if e.kind() == AlreadyExists { Ok(false) } else { Err(e) };
             }
-            moved.push(to);
+            moved.push((entry.path(), to));
         }
-        Ok(())
+        Ok(true)
     }
 }
 
@@ -157,22 +203,4 @@ fn same_disk(a: &Path, b: &Path) -> bool {
         (Identity::There(a, _), Identity::There(b, _)) => a == b,
         _ => true,
     }
-}
-
-/// Exchanges two folders in one step.
-#[cfg(target_os = "linux")]
-fn swap(a: &Path, b: &Path) -> std::io::Result<()> {
-    use rustix::fs::{CWD, RenameFlags, renameat_with};
-    Ok(renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE)?)
-}
-
-#[cfg(not(target_os = "linux"))]
-fn swap(_: &Path, _: &Path) -> std::io::Result<()> {
-    Err(std::io::ErrorKind::Unsupported.into())
-}
-
-/// Can this disk not exchange folders?
-fn is_unsupported(error: &std::io::Error) -> bool {
-    use std::io::ErrorKind::{InvalidInput, Unsupported};
-    matches!(error.kind(), InvalidInput | Unsupported)
 }

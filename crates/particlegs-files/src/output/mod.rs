@@ -15,6 +15,7 @@ mod plan;
 mod scratch;
 mod set;
 mod space;
+mod state;
 mod temporary;
 
 pub use folder::WholeFolder;
@@ -28,6 +29,7 @@ pub use space::check_space_in;
 
 pub use placed::write_at;
 pub use space::check_space;
+pub use temporary::is_temporary;
 
 use crate::{Error, Result};
 use place::Place;
@@ -43,7 +45,8 @@ const BUFFER: usize = 1 << 20;
 ///
 /// # Errors
 /// [`Error::Io`] where the folder cannot be written or the disk is full: nothing is left then, and what
-/// was there before is untouched. [`Error::Output`] for a block device.
+/// was there before is untouched. [`Error::Output`] for a block device, and where something has appeared at the place of an
+/// output since [`Outputs`] looked: the file is beside it then.
 pub fn write_atomic(path: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     let fail = |e| Error::io(path, e);
     match Place::of(path)? {
@@ -51,7 +54,7 @@ pub fn write_atomic(path: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::R
             let mut temporary = Temporary::beside(&target).map_err(fail)?;
             filled(temporary.file(), fill).map_err(fail)?;
             temporary.file().sync_all().map_err(fail)?;
-            temporary.replace(&target).map_err(fail)
+            temporary.place(path, &target)
         }
         stream => filled(&mut *stream.open().map_err(fail)?, fill).map_err(fail),
     }
@@ -108,9 +111,16 @@ pub fn open_log(path: &Path, append: bool) -> Result<Box<dyn Write + Send>> {
     let fail = |e| Error::io(path, e);
     match Place::of(path)? {
         Place::File(target) => {
-            let mut options = std::fs::File::options();
-            let options = if append { options.append(true) } else { options.write(true).truncate(true) };
-            Ok(Box::new(options.create(true).open(&target).map_err(fail)?))
+            let file = std::fs::File::options().append(true).create(true).open(&target).map_err(fail)?;
+            if !append {
+                if let Some(planned) = state::PlannedOutput::of(path)
+                    && planned.replaceable(&target).map_err(fail)?.is_none()
+                {
+                    return Err(Error::output(path, state::CHANGED, "name another file"));
+                }
+                file.set_len(0).map_err(fail)?;
+            }
+            Ok(Box::new(file))
         }
         stream => stream.open().map_err(fail),
     }

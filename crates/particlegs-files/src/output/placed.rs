@@ -62,13 +62,16 @@ impl PlacedFile {
     /// Syncs the file and moves it to its place.
     ///
     /// # Errors
-    /// [`Error::Io`].
+    /// As [`super::write_atomic`].
     pub fn finish(self) -> Result<()> {
-        let done = match self.target {
-            Target::File(temporary, path) => temporary.shared().sync_all().and_then(|()| temporary.replace(&path)),
-            Target::Stream(file, stream) => copy(file, &stream),
-        };
-        done.map_err(|e| Error::io(&self.out, e))
+        let fail = |e| Error::io(&self.out, e);
+        match self.target {
+            Target::File(temporary, path) => {
+                temporary.shared().sync_all().map_err(fail)?;
+                temporary.place(&self.out, &path)
+            }
+            Target::Stream(file, stream) => copy(file, &stream).map_err(fail),
+        }
     }
 }
 

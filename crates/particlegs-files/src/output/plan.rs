@@ -4,6 +4,7 @@
 use super::identity::{Identity, is_pipe, spelled_out};
 use super::kind::Kind;
 use super::place::{Place, open_stream};
+use super::state::PlannedOutput;
 use super::{WholeFolder, check_writable};
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -33,13 +34,14 @@ pub struct Outputs {
     advice: &'static str,
     pipes: Vec<File>,
     made: Vec<PathBuf>,
+    planned: Vec<PathBuf>,
 }
 
 impl Outputs {
     /// Of a command that replaces what is kept if `replaces`, else gives `advice` where it is there.
     pub fn new(replaces: bool, advice: &'static str) -> Outputs {
-        let (inputs, taken, pipes, made) = Default::default();
-        Outputs { inputs, taken, replaces, advice, pipes, made }
+        let (inputs, taken, pipes, made, planned) = Default::default();
+        Outputs { inputs, taken, replaces, advice, pipes, made, planned }
     }
 
     /// Takes note of what is read.
@@ -71,6 +73,7 @@ impl Outputs {
             Place::StandardOutput => Ok(false),
             Place::Stream(pipe) => self.wait_for_reader(pipe, progress).map(|()| false),
             Place::File(target) if target.is_file() => {
+                self.note(path, target)?;
                 check_writable(path)?;
                 if !kind.may_replace(target).map_err(|e| Error::io(path, e))? {
                     let what = format!("exists, and is not {}", kind.name);
@@ -79,8 +82,25 @@ impl Outputs {
                 let empty = target.metadata().is_ok_and(|m| m.len() == 0);
                 Ok(kind.kept && !self.replaces && !empty)
             }
-            Place::File(_) => check_writable(path).map(|()| false),
+            Place::File(target) => {
+                self.note(path, target)?;
+                check_writable(path).map(|()| false)
+            }
         }
+    }
+
+    /// Takes note of an input that is to be written anew, before it is read: of what has changed by then nothing is lost.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn rewrites(&mut self, path: &Path) -> Result<()> {
+        if let Place::File(target) = Place::of(path)? { self.note(path, &target) } else { Ok(()) }
+    }
+
+    /// Nothing but what is there now is replaced.
+    fn note(&mut self, path: &Path, target: &Path) -> Result<()> {
+        self.planned.push(PlannedOutput::note(path, target)?);
+        Ok(())
     }
 
     /// Takes note of a folder that is to be written whole, of files with the names `own`, and tells
@@ -93,6 +113,7 @@ impl Outputs {
             return Err(is_no_folder(path));
         };
         self.take(path, &Place::File(target.clone()))?;
+        self.note(path, &target)?;
         let whole = spelled_out(&target);
         if self.paths().any(|input| spelled_out(input).starts_with(&whole)) {
             return Err(is_input(path));
@@ -110,7 +131,8 @@ impl Outputs {
         if target.is_file() {
             return Err(is_no_folder(path));
         }
-        self.take(path, &Place::File(target))
+        self.take(path, &Place::File(target))?;
+        self.rewrites(&path.join("plan.json"))
     }
 
     /// The error for what is there and kept.
@@ -176,6 +198,7 @@ impl Outputs {
 
 impl Drop for Outputs {
     fn drop(&mut self) {
+        self.planned.iter().for_each(|name| PlannedOutput::forget(name));
         for folder in &self.made {
             // It fails, as it should, where something is in it.
             let _ = std::fs::remove_dir(folder);

@@ -1,8 +1,10 @@
 //! Several files that one step makes: all of them appear, or none.
 
 use super::place::Place;
-use super::temporary::TemporaryFolder;
+use super::state::{CHANGED, PlannedOutput};
+use super::temporary::{Temporary, TemporaryFolder, is_same};
 use crate::{Error, Result};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// Files that are written to a folder of their own within their folder, and moved to their places
@@ -43,27 +45,38 @@ impl FileSet {
     /// Moves them to their places, over what is there; gives the places.
     ///
     /// # Errors
-    /// [`Error::Io`].
+    /// [`Error::Io`]; [`Error::Output`] where something has appeared at the place of one since
+    /// [`Outputs`](super::Outputs) looked.
     pub fn finish(self) -> Result<Vec<PathBuf>> {
         let places = self.places()?;
         for place in &places {
-            let from = self.staged.path().join(place.file_name().unwrap_or_default());
-            moved(&from, place)?;
+            if let (Some(planned), Place::File(target)) = (PlannedOutput::of(place), Place::of(place)?)
+                && planned.replaceable(&target).map_err(|e| Error::io(place, e))?.is_none()
+                && !File::open(self.staged_at(place)).is_ok_and(|mut file| is_same(&mut file, &target))
+            {
+                return Err(Error::output(place, CHANGED, "run the command again, or name another place"));
+            }
+        }
+        for place in &places {
+            moved(self.staged_at(place), place)?;
         }
         Ok(places)
     }
+
+    fn staged_at(&self, place: &Path) -> PathBuf {
+        self.staged.path().join(place.file_name().unwrap_or_default())
+    }
 }
 
-fn moved(from: &Path, to: &Path) -> Result<()> {
+fn moved(from: PathBuf, to: &Path) -> Result<()> {
     let fail = |e| Error::io(to, e);
+    let written = || super::write_bytes(to, &std::fs::read(&from).map_err(fail)?);
     match Place::of(to)? {
-        Place::File(target) => match std::fs::rename(from, &target) {
+        Place::File(target) => match Temporary::of(from.clone()).map_err(fail)?.place(to, &target) {
             // Behind a link to another disk.
-            Err(e) if e.kind() == std::io::ErrorKind::CrossesDevices => {
-                super::write_bytes(to, &std::fs::read(from).map_err(fail)?)
-            }
-            done => done.map_err(fail),
+            Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::CrossesDevices => written(),
+            done => done,
         },
-        _ => super::write_bytes(to, &std::fs::read(from).map_err(fail)?),
+        _ => written(),
     }
 }

@@ -5,8 +5,11 @@
 //! namespace: a later run there removes what a process that is gone has left, and nothing else.
 
 use super::place::folder_of;
+use super::state::{PathState, PlannedOutput, changed, free_name};
+use crate::{Error, Result};
 use std::collections::HashSet;
 use std::fs::File;
+use std::io::{ErrorKind, Read, Seek};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{LazyLock, Mutex};
@@ -15,7 +18,7 @@ const PREFIX: &str = ".particlegs-";
 const SUFFIX: &str = ".tmp";
 
 /// Is this the name of something on its way to its place?
-pub(crate) fn is_temporary(name: &std::ffi::OsStr) -> bool {
+pub fn is_temporary(name: &std::ffi::OsStr) -> bool {
     name.to_str().is_some_and(|n| n.starts_with(PREFIX) && n.ends_with(SUFFIX))
 }
 
@@ -54,24 +57,150 @@ impl Temporary {
         &self.file
     }
 
+    /// A file that has been written under a name.
+    pub fn of(name: PathBuf) -> std::io::Result<Temporary> {
+        Ok(Temporary { file: File::open(&name)?, name: Some(name) })
+    }
+
+    /// Moves it to `target`, which `out` stands for. Of an output that a command has planned nothing is replaced but what
+    /// was there then: else the file goes beside it.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::Output`] where something else is there by now.
+    pub fn place(mut self, out: &Path, target: &Path) -> Result<()> {
+        let fail = |e| Error::io(out, e);
+        let Some(planned) = PlannedOutput::of(out) else { return self.replace(target).map_err(fail) };
+        let placed = match planned.replaceable(target).map_err(fail)? {
+            Some(PathState::Missing) => self.place_new(target),
+            Some(before) => self.exchange(target, &before),
+            None => Ok(false),
+        };
+        if !placed.map_err(fail)? && !is_same(&mut self.file, target) {
+            let aside = free_name(target, |path| match self.place_new(path)? {
+                true => Ok(()),
+                false => Err(ErrorKind::AlreadyExists.into()),
+            });
+            return Err(changed(out, &aside.map_err(fail)?));
+        }
+        // What is there now is this command's own.
+        PlannedOutput::note(out, target).map(drop)
+    }
+
     /// Moves it to `target`, over what is there.
-    pub fn replace(mut self, target: &Path) -> std::io::Result<()> {
-        if self.name.is_none() {
-            match link(&self.file, target) {
-                Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
-                done => return done,
-            }
-            // Only a name can take another's place; it is there for as long as a rename takes.
-            let name = new_name(folder_of(target));
-            link(&self.file, &name)?;
-            self.name = Some(name);
+    fn replace(mut self, target: &Path) -> std::io::Result<()> {
+        if self.name.is_some() || !self.place_new(target)? {
+            std::fs::rename(self.named_beside(target)?, target)?;
+            self.name = None;
         }
-        if let Some(name) = &self.name {
-            std::fs::rename(name, target)?;
-        }
-        self.name = None;
         Ok(())
     }
+
+    /// Moves it to `target`; not where anything is there.
+    fn place_new(&mut self, target: &Path) -> std::io::Result<bool> {
+        let done = match &self.name {
+            None => link(&self.file, target),
+            Some(name) => rename_new(name, target),
+        };
+        match done {
+            Err(e) if e.kind() == ErrorKind::AlreadyExists => Ok(false),
+            done => {
+                done?;
+                self.name = None;
+                Ok(true)
+            }
+        }
+    }
+
+    /// Takes the place of what is at `target`, if that is in this state.
+    fn exchange(&mut self, target: &Path, before: &PathState) -> std::io::Result<bool> {
+        let name = self.named_beside(target)?;
+        let is_it = |path: &Path| PathState::of(path).is_ok_and(|now| now == *before);
+        match swap(&name, target) {
+            // The old file goes with the name that it has now.
+            Ok(()) if is_it(&name) => Ok(true),
+            Ok(()) => {
+                let back = swap(&name, target);
+                // Not a name to be removed while something else has it.
+                self.name = self.name.take().filter(|_| back.is_ok());
+                back.map(|()| false)
+            }
+            Err(e) if is_unsupported(&e) && is_it(target) => {
+                std::fs::rename(&name, target)?;
+                self.name = None;
+                Ok(true)
+            }
+            Err(e) if is_unsupported(&e) => Ok(false),
+            Err(e) if e.kind() == ErrorKind::NotFound => self.place_new(target),
+            Err(e) => Err(e),
+        }
+    }
+
+    /// Its name; only a name can take another's place, and it is there for as long as that takes.
+    fn named_beside(&mut self, target: &Path) -> std::io::Result<PathBuf> {
+        match &self.name {
+            Some(name) => Ok(name.clone()),
+            None => {
+                let name = new_name(folder_of(target));
+                link(&self.file, &name)?;
+                Ok(self.name.insert(name).clone())
+            }
+        }
+    }
+}
+
+/// Does a regular file at `path` hold the same bytes?
+pub(super) fn is_same(file: &mut File, path: &Path) -> bool {
+    let is_file = std::fs::symlink_metadata(path).is_ok_and(|m| m.is_file());
+    is_file && File::open(path).and_then(|mut there| same_bytes(file, &mut there)).unwrap_or(false)
+}
+
+fn same_bytes(a: &mut File, b: &mut File) -> std::io::Result<bool> {
+    if a.metadata()?.len() != b.metadata()?.len() {
+        return Ok(false);
+    }
+    a.rewind()?;
+    let (mut of_a, mut of_b) = (vec![0; super::BUFFER], vec![0; super::BUFFER]);
+    loop {
+        let n = a.read(&mut of_a)?;
+        b.read_exact(&mut of_b[..n])?;
+        if n == 0 || of_a[..n] != of_b[..n] {
+            return Ok(n == 0);
+        }
+    }
+}
+
+/// Renames where nothing is in the way.
+pub(super) fn rename_new(from: &Path, to: &Path) -> std::io::Result<()> {
+    #[cfg(target_os = "linux")]
+    {
+        use rustix::fs::{CWD, RenameFlags, renameat_with};
+        match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE).map_err(std::io::Error::from) {
+            Err(e) if is_unsupported(&e) => {}
+            done => return done,
+        }
+    }
+    // Without such a step: nearly so.
+    match std::fs::symlink_metadata(to) {
+        Ok(_) => Err(ErrorKind::AlreadyExists.into()),
+        Err(_) => std::fs::rename(from, to),
+    }
+}
+
+/// Exchanges two files or folders in one step.
+#[cfg(target_os = "linux")]
+pub(super) fn swap(a: &Path, b: &Path) -> std::io::Result<()> {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    Ok(renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE)?)
+}
+
+#[cfg(not(target_os = "linux"))]
+pub(super) fn swap(_: &Path, _: &Path) -> std::io::Result<()> {
+    Err(ErrorKind::Unsupported.into())
+}
+
+/// Can this disk not do that?
+pub(super) fn is_unsupported(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported)
 }
 
 impl Drop for Temporary {
@@ -96,6 +225,11 @@ impl TemporaryFolder {
         Ok(TemporaryFolder { path: Some(path) })
     }
 
+    /// One that is there.
+    pub fn of(path: PathBuf) -> TemporaryFolder {
+        TemporaryFolder { path: Some(path) }
+    }
+
     /// Where it is.
     pub fn path(&self) -> &Path {
         self.path.as_deref().unwrap_or(Path::new(""))
@@ -104,6 +238,13 @@ impl TemporaryFolder {
     /// It has been moved away.
     pub fn moved(&mut self) {
         self.path = None;
+    }
+
+    /// Keeps what is in it under a free name beside `target`.
+    pub fn keep_beside(&mut self, target: &Path) -> std::io::Result<PathBuf> {
+        let kept = free_name(target, |path| rename_new(self.path(), path))?;
+        self.moved();
+        Ok(kept)
     }
 }
 
@@ -178,7 +319,7 @@ fn sweep(folder: &Path) {
         return;
     }
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        if entry.file_name().to_str().is_some_and(|name| is_left_over(name, machine)) {
+        if is_own(&entry) && entry.file_name().to_str().is_some_and(|name| is_left_over(name, machine)) {
             let path = entry.path();
             let is_folder = entry.file_type().is_ok_and(|t| t.is_dir());
             // What cannot be removed does no harm.
@@ -191,8 +332,32 @@ fn sweep(folder: &Path) {
 fn is_left_over(name: &str, machine: &str) -> bool {
     let inner = name.strip_prefix(PREFIX).and_then(|n| n.strip_suffix(SUFFIX));
     let Some((of, rest)) = inner.and_then(|n| n.split_once('-')) else { return false };
-    let Some(process) = rest.split('.').next().and_then(|p| p.parse::<u32>().ok()) else { return false };
-    of == machine && std::fs::symlink_metadata(format!("/proc/{process}")).is_err()
+    let Some(process) = rest.split('.').next().and_then(|p| p.parse::<i32>().ok()) else { return false };
+    of == machine && is_gone(process)
+}
+
+/// Is it this user's? Others' processes may be hidden from this one.
+#[cfg(unix)]
+fn is_own(entry: &std::fs::DirEntry) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    entry.metadata().is_ok_and(|m| m.uid() == rustix::process::geteuid().as_raw())
+}
+
+#[cfg(not(unix))]
+fn is_own(_: &std::fs::DirEntry) -> bool {
+    true
+}
+
+/// Is there no process of this number? What another user's process answers is that it may not be signalled.
+#[cfg(unix)]
+fn is_gone(process: i32) -> bool {
+    use rustix::process::{Pid, test_kill_process};
+    Pid::from_raw(process).is_some_and(|pid| test_kill_process(pid) == Err(rustix::io::Errno::SRCH))
+}
+
+#[cfg(not(unix))]
+fn is_gone(_: i32) -> bool {
+    false
 }
 
 #[cfg(test)]
@@ -219,6 +384,8 @@ pub(super) mod tests {
         let there = |name: &String| folder.path().join(name).exists();
         assert!(!there(&gone));
         assert!([&alive, &elsewhere, &foreign].iter().all(|n| there(n)));
+        // Everybody has it, whether it can be seen in /proc or not.
+        assert!(!is_gone(1));
     }
 
     #[test]
@@ -231,7 +398,7 @@ pub(super) mod tests {
         drop(named);
         assert_eq!(count(), 0);
         for _ in 0..2 {
-            Temporary::named(folder.path()).unwrap().replace(&target).unwrap();
+            Temporary::named(folder.path()).unwrap().place(&target, &target).unwrap();
             assert_eq!(count(), 1);
         }
     }
@@ -248,7 +415,7 @@ pub(super) mod tests {
             let temporary = Temporary::beside(&target).unwrap();
             assert!(temporary.name.is_none());
             assert_eq!(count(), before);
-            temporary.replace(&target).unwrap();
+            temporary.place(&target, &target).unwrap();
             assert_eq!(count(), 1);
         }
     }

@@ -145,7 +145,84 @@ fn folders_are_exchanged_whole() {
     fs::write(late.join("a"), "theirs").unwrap();
     assert!(folder.finish().is_err());
     assert_eq!(fs::read(late.join("a")).unwrap(), b"theirs");
-    assert_eq!(listing(dir.path()), 2);
+    assert!(dir.path().join("late-1").is_dir() && listing(dir.path()) == 3, "what was made stays, too");
+}
+
+/// A plan of one output, and then what happens there before it is written.
+fn changed_meanwhile(
+    path: &Path,
+    force: bool,
+    change: impl FnOnce(),
+    write: impl FnOnce() -> Result<()>,
+) -> Result<()> {
+    let mut o = Outputs::new(force, "");
+    o.writes(path, &TEXT, &Silent)?;
+    change();
+    write()
+}
+
+#[cfg(unix)]
+#[test]
+fn what_appears_or_changes_while_a_command_runs_stays_and_what_was_made_lies_beside_it() {
+    const MINE: &str = "text, mine";
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    let placed = |path: &Path| {
+        let file = PlacedFile::create(path, MINE.len() as u64)?;
+        file.write_at(MINE.as_bytes(), 0)?;
+        file.finish()
+    };
+    let set = |path: &Path| {
+        let set = FileSet::in_folder(dir.path())?;
+        fs::write(set.path().join(path.file_name().unwrap()), MINE).unwrap();
+        set.finish().map(drop)
+    };
+    let atomic = |path: &Path| write_bytes(path, MINE.as_bytes());
+    let writers: [(&str, &dyn Fn(&Path) -> Result<()>); 3] = [("atomic", &atomic), ("placed", &placed), ("set", &set)];
+    for (name, write) in writers {
+        for (case, before, during) in [
+            ("new", None, "text"),
+            ("there", Some("text"), "notes"),
+            ("same length", Some("text of"), "texts.."),
+            ("gone", Some("text"), ""),
+        ] {
+            let path = at(&format!("{name} {case}.t"));
+            before.iter().for_each(|text| fs::write(&path, text).unwrap());
+            let change = || match during {
+                "" => fs::remove_file(&path).unwrap(),
+                text => {
+                    // Another file of the same length and time, and one of another.
+                    let modified = fs::metadata(&path).and_then(|m| m.modified()).ok();
+                    fs::write(at("theirs"), text).unwrap();
+                    modified.iter().for_each(|t| {
+                        fs::File::options().write(true).open(at("theirs")).unwrap().set_modified(*t).unwrap()
+                    });
+                    fs::rename(at("theirs"), &path).unwrap();
+                }
+            };
+            let done = changed_meanwhile(&path, true, change, || write(&path));
+            let beside = at(&format!("{name} {case}-1.t"));
+            if during.is_empty() {
+                done.unwrap();
+                assert_eq!(fs::read_to_string(&path).unwrap(), MINE, "{name} {case}");
+                continue;
+            }
+            assert!(
+                matches!(&done, Err(Error::Output { what, .. }) if what.contains("while this command ran")),
+                "{done:?}"
+            );
+            assert_eq!(fs::read_to_string(&path).unwrap(), during, "{name} {case}");
+            assert_eq!(fs::read_to_string(&beside).ok().as_deref(), (name != "set").then_some(MINE), "{name} {case}");
+        }
+        // Nothing is lost: the same bytes, an empty file, one's own of before.
+        let path = at(&format!("{name} own.t"));
+        for theirs in [MINE, ""] {
+            fs::remove_file(&path).ok();
+            changed_meanwhile(&path, false, || fs::write(&path, theirs).unwrap(), || write(&path)).unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), MINE);
+        }
+        changed_meanwhile(&path, true, || (), || write(&path).and_then(|()| write(&path))).unwrap();
+    }
 }
 
 #[test]
@@ -160,4 +237,54 @@ fn a_set_appears_together() {
     fs::write(set.path().join("a"), "1").unwrap();
     assert_eq!(set.finish().unwrap(), [dir.path().join("a"), dir.path().join("b")]);
     assert_eq!(listing(dir.path()), 2);
+}
+
+#[cfg(unix)]
+#[test]
+fn folders_that_change_while_a_command_runs_stay_whole() {
+    let dir = tempfile::tempdir().unwrap();
+    let (out, own) = (dir.path().join("out"), ["a", "b"]);
+    type Change<'a> = &'a dyn Fn();
+    let within = |name: &str| out.join(name);
+    let changes: [(&str, Change); 6] = [
+        ("a file of another name", &|| fs::write(within("notes"), "theirs").unwrap()),
+        ("a folder", &|| fs::create_dir(within("sub")).unwrap()),
+        ("one of its files, written anew", &|| fs::write(within("a"), "theirs").unwrap()),
+        ("one more of its files", &|| fs::write(within("b"), "theirs").unwrap()),
+        ("a link", &|| std::os::unix::fs::symlink("a", within("b")).unwrap()),
+        ("another folder", &|| {
+            fs::remove_dir_all(&out).unwrap();
+            fs::create_dir(&out).unwrap();
+            fs::write(within("a"), "theirs").unwrap();
+        }),
+    ];
+    for (what, change) in changes {
+        for late in [false, true] {
+            [&out, &dir.path().join("out-1")].iter().for_each(|f| drop(fs::remove_dir_all(f)));
+            fs::create_dir(&out).unwrap();
+            fs::write(within("a"), "before").unwrap();
+            let mut o = Outputs::new(true, "");
+            o.writes_folder(&out, &own).unwrap();
+            if !late {
+                change();
+            }
+            let made = WholeFolder::create(&out, &own);
+            assert_eq!(made.is_ok(), late, "{what}");
+            if let Ok(folder) = made {
+                fs::write(folder.path().join("a"), "mine").unwrap();
+                change();
+                assert!(matches!(folder.finish(), Err(Error::Output { .. })), "{what}");
+                assert_eq!(fs::read_to_string(dir.path().join("out-1/a")).unwrap(), "mine", "{what}");
+            }
+            let text = fs::read_to_string(within("a")).unwrap();
+            assert!(text == "before" && listing(&out) == 2 || text == "theirs" && listing(&out) == 1, "{what}: {text}");
+        }
+    }
+    // An empty one that another command has filled meanwhile with files of the same names.
+    fs::remove_dir_all(&out).unwrap();
+    let mut o = Outputs::new(false, "");
+    assert!(!o.writes_folder(&out, &own).unwrap());
+    fs::create_dir(&out).unwrap();
+    fs::write(within("a"), "theirs").unwrap();
+    assert!(matches!(WholeFolder::create(&out, &own), Err(Error::Output { .. })));
 }

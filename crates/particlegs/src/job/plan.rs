@@ -11,7 +11,8 @@ use crate::progress::Progress;
 use crate::{Error, Remedy, Result};
 use particlegs_files::input::read_own;
 use particlegs_files::output;
-use std::path::Path;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 
 /// What is asked for.
 pub struct Task<'a> {
@@ -100,21 +101,30 @@ fn write(job: &Job, source: Option<&Layered>, text: &str, progress: &dyn Progres
     output::write_bytes(&folder.join("plan.json"), text.as_bytes())
 }
 
-/// Removes a plan and what was done for it; the plan first, so that no half of it is taken for one.
+/// Removes a plan and what was done for it; the plan first, so that no half of it is taken for one. Files of other names
+/// stay.
 fn clear(folder: &Path) -> Result<()> {
-    let missing_is_fine = |path: &Path, done: std::io::Result<()>| match done {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(path, e)),
+    let removed = |path: &Path, done: std::io::Result<()>| match done {
+        Err(e) if !matches!(e.kind(), ErrorKind::NotFound | ErrorKind::DirectoryNotEmpty) => Err(Error::io(path, e)),
         _ => Ok(()),
     };
-    for name in ["plan.json", "runs.bin"] {
-        let path = folder.join(name);
-        missing_is_fine(&path, std::fs::remove_file(&path))?;
-    }
+    let remove = |path: PathBuf| removed(&path, std::fs::remove_file(&path));
+    ["plan.json", "runs.bin"].iter().try_for_each(|name| remove(folder.join(name)))?;
     for name in ["blocks", "scatter"] {
-        let path = folder.join(name);
-        missing_is_fine(&path, std::fs::remove_dir_all(&path))?;
+        let within = folder.join(name);
+        let entries = std::fs::read_dir(&within).into_iter().flatten().flatten();
+        entries.map(|e| e.path()).filter(|path| is_piece(path)).try_for_each(remove)?;
+        removed(&within, std::fs::remove_dir(&within))?;
     }
     Ok(())
+}
+
+/// Has a file the name of something that a task makes, or of one on its way there?
+fn is_piece(path: &Path) -> bool {
+    let numbered = path.file_stem().is_some_and(|s| s.as_encoded_bytes().iter().all(u8::is_ascii_digit));
+    let ending = path.extension().and_then(|e| e.to_str());
+    numbered && matches!(ending, Some("pgs" | "json" | "sums" | "checkpoint" | "bin"))
+        || path.file_name().is_some_and(output::is_temporary)
 }
 
 /// Is this very plan in the folder? Another one goes if it may.
@@ -122,13 +132,18 @@ fn is_there(folder: &Path, text: &str, replace: bool) -> Result<bool> {
     match read_own(&folder.join("plan.json"), FORM) {
         Ok(None) => Ok(false),
         Ok(Some(there)) if there == text.as_bytes() => Ok(true),
-        _ if replace => clear(folder).map(|()| false),
+        Ok(Some(there)) if replace && is_plan(&there) => clear(folder).map(|()| false),
         _ => Err(Error::output(
             folder,
             "it already holds another plan",
             "name another folder, or replace this one's plan",
         )),
     }
+}
+
+/// Is this a plan, of whatever version?
+fn is_plan(text: &[u8]) -> bool {
+    serde_json::from_slice::<serde_json::Value>(text).is_ok_and(|v| v.get("particlegs_job").is_some())
 }
 
 /// How often the snapshot is read if every block reads the runs that reach into it.

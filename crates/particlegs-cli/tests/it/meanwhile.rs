@@ -1,0 +1,231 @@
+//! Outputs that change while a command runs: nothing that has come or changed there is lost, nor what was made.
+#![cfg(target_os = "linux")]
+
+use crate::common::{listing, snapshot, waited};
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::io::Write;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+/// As on Linux.
+const O_NONBLOCK: i32 = 0o4000;
+
+/// A command that reads PIPE and writes OUT, what is there before, and what happens while it reads.
+struct Case {
+    words: &'static str,
+    /// Name of OUT, and the input whose bytes come through PIPE.
+    files: [&'static str; 2],
+    /// Files and folders (they end in `/`) below OUT's folder, before and meanwhile: `from > to`.
+    before: &'static str,
+    meanwhile: &'static str,
+    /// What the command has made all the same.
+    beside: &'static str,
+}
+
+const fn case(words: &'static str, files: [&'static str; 2], [before, meanwhile, beside]: [&'static str; 3]) -> Case {
+    Case { words, files, before, meanwhile, beside }
+}
+
+const COMPRESS: &str = "compress PIPE -o OUT --certificate none --effort fast --gaussians 4 -q";
+
+const CASES: &[Case] = &[
+    case("recover PIPE -o OUT --force", ["out", "m.pgs"], ["snap > out", "notes > out/notes", ""]),
+    case("recover PIPE -o OUT --force", ["out", "m.pgs"], ["snap > out", "notes > out/xx.f32", ""]),
+    case("recover PIPE -o OUT --force", ["out", "m.pgs"], ["snap > out", "snap > out/sub", ""]),
+    case("recover PIPE -o OUT", ["out", "m.pgs"], ["", "snap > out", ""]),
+    case("convert PIPE -o OUT --force", ["out", "a.npy"], ["snap > out", "notes > out/notes", ""]),
+    case(COMPRESS, ["m.pgs", "a.npy"], ["", "n.pgs > m.pgs", "m-1.pgs"]),
+    case(COMPRESS, ["m.pgs", "a.npy"], ["", "notes > m.pgs", "m-1.pgs"]),
+    case(
+        "compress PIPE -o OUT --certificate none --effort fast --gaussians 4 --force",
+        ["m.pgs", "a.npy"],
+        ["m.pgs > m.pgs", "n.pgs > m.pgs", "m-1.pgs"],
+    ),
+    case("simplify PIPE -o OUT --gaussians 3", ["s.pgs", "m.pgs"], ["", "n.pgs > s.pgs", "s-1.pgs"]),
+    case("export PIPE -o OUT", ["s.ply", "m.pgs"], ["", "notes > s.ply", "s-1.ply"]),
+    case("export PIPE -o OUT --grid 8", ["d.npy", "m.pgs"], ["", "b.npy > d.npy", ""]),
+    case("render PIPE --out OUT --size 64x48", ["views", "m.pgs"], ["snap > views", "notes > views/view.png", ""]),
+    case("stats SNAP PIPE -o OUT --only moments --no-plots", ["s", "m.pgs"], ["snap > s", "notes > s/stats.json", ""]),
+    case("info PIPE --json OUT", ["i.json", "m.pgs"], ["", "notes > i.json", "i-1.json"]),
+    case("verify OUT PIPE --store --format npy", ["m.pgs", "a.npy"], ["m.pgs > m.pgs", "n.pgs > m.pgs", "m-1.pgs"]),
+];
+
+/// Files that commands read, and the binary.
+struct Workshop(tempfile::TempDir);
+
+impl Workshop {
+    fn new() -> Workshop {
+        let w = Workshop(tempfile::tempdir().unwrap());
+        let columns = |seed: u32| -> Vec<Vec<f32>> {
+            let number = |i: u32, k: u32| (i * (37 + 14 * k) + seed) % 16_001;
+            (0..3).map(|k| (0..16_000).map(|i| number(i, k) as f32 * 0.001).collect()).collect()
+        };
+        snapshot(&w.at("snap"), &columns(1));
+        snapshot(&w.at("other"), &columns(5));
+        std::fs::write(w.at("notes"), "my notes").unwrap();
+        for words in [
+            "convert snap -o a.npy -q",
+            "convert other -o b.npy -q",
+            "compress a.npy -o m.pgs --certificate none --effort fast --gaussians 8 -q",
+            "compress b.npy -o n.pgs --certificate none --effort fast --gaussians 5 -q",
+        ] {
+            assert!(w.command(w.0.path()).args(words.split(' ')).status().unwrap().success(), "{words}");
+        }
+        w
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn command(&self, folder: &Path) -> Command {
+        let mut c = Command::new(assert_cmd::cargo::cargo_bin("particlegs"));
+        c.current_dir(folder).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+        c
+    }
+
+    /// Copies `from > to` into a folder, over what is there.
+    fn put(&self, change: &str, folder: &Path) {
+        if let Some((from, to)) = change.split_once(" > ") {
+            let done = Command::new("cp").arg("-r").arg(self.at(from)).arg(folder.join(to)).status();
+            assert!(done.unwrap().success(), "{change}");
+        }
+    }
+
+    /// Runs the case's command, and has the change happen when it reads.
+    fn run(&self, case: &Case, folder: &Path, change: impl FnOnce()) -> Output {
+        let [out, input] = case.files;
+        let pipe = folder.join("pipe");
+        assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let words = case.words.split(' ').map(|w| match w {
+            "PIPE" => "pipe".into(),
+            "OUT" => out.into(),
+            "SNAP" => self.at("snap").into_os_string(),
+            other => OsString::from(other),
+        });
+        let mut child = self.command(folder).args(words).spawn().unwrap();
+        let bytes = std::fs::read(self.at(input)).unwrap();
+        // Not for ever: a command that has failed reads nothing.
+        let open = || std::fs::File::options().write(true).custom_flags(O_NONBLOCK).open(&pipe);
+        let mut to = open();
+        waited("a reader of the pipe", || {
+            to = open();
+            to.is_ok() || child.try_wait().unwrap().is_some()
+        });
+        let Ok(to) = to else { panic!("{}: {:?}", case.words, child.wait_with_output()) };
+        // By then all outputs have been looked at: before a model, and behind the first 64 KiB of particles.
+        let (first, last) = bytes.split_at(bytes.len() - 1);
+        write(&to, first);
+        std::thread::sleep(std::time::Duration::from_millis(200));
+        change();
+        write(&to, last);
+        drop(to);
+        let said = child.wait_with_output().unwrap();
+        std::fs::remove_file(&pipe).unwrap();
+        said
+    }
+}
+
+/// Writes all, however slowly it is read.
+fn write(mut to: &std::fs::File, mut bytes: &[u8]) {
+    waited("a pipe to be read", || match to.write(bytes) {
+        Err(e) => e.kind() != std::io::ErrorKind::WouldBlock,
+        Ok(n) => {
+            bytes = &bytes[n..];
+            bytes.is_empty()
+        }
+    });
+}
+
+/// The bytes of every file under a folder.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
+    entries
+        .filter(|p| !p.ends_with("pipe"))
+        .flat_map(|p| match p.is_dir() {
+            true => contents(&p),
+            false => [(p.clone(), std::fs::read(&p).unwrap())].into(),
+        })
+        .collect()
+}
+
+#[test]
+fn nothing_is_lost_that_comes_or_changes_while_a_command_runs() {
+    let w = Workshop::new();
+    let check = |case: &Case| {
+        let folder = tempfile::tempdir().unwrap();
+        let what = format!("{} ({})", case.words, case.meanwhile);
+        w.put(case.before, folder.path());
+        let mut there = BTreeMap::new();
+        let said = w.run(case, folder.path(), || {
+            w.put(case.meanwhile, folder.path());
+            there = contents(folder.path());
+        });
+        let err = String::from_utf8_lossy(&said.stderr);
+        assert_eq!(said.status.code(), Some(8), "{what}: {err}");
+        let now = contents(folder.path());
+        there.iter().for_each(|(path, bytes)| assert!(now.get(path) == Some(bytes), "{what}: {}", path.display()));
+        let made: Vec<&PathBuf> = now.keys().filter(|path| !there.contains_key(*path)).collect();
+        assert_eq!(made.is_empty(), case.beside.is_empty(), "{what}: {made:?} {err}");
+        let beside = folder.path().join(case.beside);
+        assert!(made.iter().all(|path| path.starts_with(&beside)), "{what}: {made:?}");
+        assert!(listing(folder.path()).iter().all(|n| !n.starts_with(".particlegs")), "{what}");
+    };
+    std::thread::scope(|s| {
+        let all: Vec<_> = CASES.iter().map(|case| s.spawn(|| check(case))).collect();
+        all.into_iter().for_each(|thread| thread.join().unwrap());
+    });
+}
+
+#[test]
+fn of_two_compressions_to_one_name_one_fails_unless_they_are_the_same() {
+    let w = Workshop::new();
+    for (other, code) in [("b.npy", 8), ("a.npy", 0)] {
+        let folder = tempfile::tempdir().unwrap();
+        let case = case(COMPRESS, ["m.pgs", "a.npy"], [""; 3]);
+        let said = w.run(&case, folder.path(), || {
+            let mut c = w.command(folder.path());
+            let words = COMPRESS.replace("PIPE", "").replace("OUT", "m.pgs");
+            // The source's name is in the file.
+            std::fs::copy(w.at(other), folder.path().join("in.npy")).unwrap();
+            std::fs::create_dir(folder.path().join("in")).unwrap();
+            std::fs::rename(folder.path().join("in.npy"), folder.path().join("in/pipe")).unwrap();
+            let words = words.split_whitespace().map(|word| if word == "compress" { "compress in/pipe" } else { word });
+            assert!(c.args(words.flat_map(|w| w.split(' '))).status().unwrap().success());
+        });
+        let err = String::from_utf8_lossy(&said.stderr);
+        assert_eq!(said.status.code(), Some(code), "{other}: {err}");
+        assert_eq!(folder.path().join("m-1.pgs").exists(), code == 8);
+    }
+}
+
+/// Folders are filled beside their place: there is time for another file to come.
+#[test]
+fn a_folder_is_not_replaced_with_what_has_come_into_it() {
+    let w = Workshop::new();
+    for (words, change) in [
+        ("convert SNAP -o out --force --tile 6,6,6", "notes > out/notes"),
+        ("recover MODEL -o out --force --particles 3000000", "notes > out/xx.f32"),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("here")).unwrap();
+        let (here, out) = (folder.path().join("here"), folder.path().join("here/out"));
+        w.put("other > out", &here);
+        let words = words.replace("SNAP", w.at("snap").to_str().unwrap());
+        let words = words.replace("MODEL", w.at("m.pgs").to_str().unwrap());
+        std::fs::write(w.at("snap/meta.json"), "{\"box\": [17, 17, 17]}").unwrap();
+        let child = w.command(&here).args(words.split(' ')).spawn().unwrap();
+        waited("files beside the folder", || listing(&here).len() == 2);
+        w.put(change, &here);
+        let there = contents(&out);
+        let said = child.wait_with_output().unwrap();
+        let err = String::from_utf8_lossy(&said.stderr);
+        assert_eq!(said.status.code(), Some(8), "{words}: {err}");
+        assert!(err.contains("while this command ran") && err.contains("out-1"), "{words}: {err}");
+        assert_eq!(contents(&out), there, "{words}");
+        assert_eq!(listing(&here), ["out", "out-1"]);
+        assert!(out.with_file_name("out-1").join("xx.f32").metadata().unwrap().len() > 10_000_000, "{words}");
+    }
+}
