@@ -262,23 +262,23 @@ def effort(text):
 # Codings of the page: letters of `struct`, and for others the letter that their bytes are read by. Behind a letter may
 # stand the least and the most.
 REAL, SIGNED = (0, math.inf), (-math.inf, math.inf)
-COUNT, MARK, RATIO = (0, 2**64), (0, 1), (-1, 1)
+COUNT, SOME, MARK, RATIO, SHARE, ERROR = (0, 2**64), (1, 2**64), (0, 1), (-1, 1), (0, 1), (0, 2.01)
 TINY = (5e-324, math.inf)
 SCORES = ["score"] * 5
 LOOK = [("B", (0, 2)), *SCORES, *SCORES]
-CELLS = [("f", REAL), ("f", RATIO), ("f", REAL), ("f", REAL)]
+CELLS = [("f", TINY), ("f", RATIO), ("f", ERROR), ("f", ERROR)]
 POWER = [("f?", REAL), "up to"]
 GROUPS = {
-    1: [("H", COUNT), ("H", COUNT), ("Q", COUNT), *SCORES * 9],
-    2: [("H", COUNT), *CELLS[1:]],
+    1: [("H", SOME), ("H", SOME), ("Q", COUNT), *SCORES * 9],
+    2: [("H", SOME), *CELLS[1:]],
     3: [("d", TINY), *CELLS] * 3,
     4: [("B", MARK), ("H", COUNT), ("f", REAL), *["up to"] * 4, "from"],
     6: [("Q", (1, 2**64)), *[("d", SIGNED)] * 6],
-    7: [("d", REAL), ("f", REAL)] * 2,
-    8: [("I", COUNT), ("f?", REAL), ("f", REAL), ("f?", REAL), ("f?", REAL), ("f?", REAL), ("f", REAL)] * 3,
+    7: [("d", REAL), ("f", SHARE)] * 2,
+    8: [("I", COUNT), ("f?", REAL), ("f", REAL), ("f?", SHARE), ("f?", SHARE), ("f?", REAL), ("f", REAL)] * 3,
     9: [("f", SIGNED), ("f", REAL), ("f", SIGNED), ("d", REAL), ("d", REAL), *[("f?", SIGNED), ("f", REAL)] * 7],
     10: [("Q", (1, 2**64)), ("Q", COUNT)],
-    11: [("H", COUNT), ("H", COUNT), *[("f", TINY), ("f", (TINY[0], 1)), ("B", MARK), *LOOK, *LOOK] * 7],
+    11: [("H", SOME), ("H", SOME), *[("f", TINY), ("f", (TINY[0], 1)), ("B", MARK), *LOOK, *LOOK] * 7],
     12: [("I", COUNT)],
     13: [("B", (0, 3)), ("d", REAL), ("d", REAL), ("d", SIGNED)],
 }
@@ -286,12 +286,13 @@ GROUPS = {
 
 def certificate(content):
     """Groups by tag: the figures of each, as lines say them."""
-    found, at, last = {}, 0, 0
+    found, raw, at, last = {}, {}, 0, 0
     while at < len(content):
         check(at + 3 <= len(content), "head of a group")
         tag, length = struct.unpack_from("<BH", content, at)
         check(tag > last and at + 3 + length <= len(content), "a group of the certificate")
         value, at, last = content[at + 3 : at + 3 + length], at + 3 + length, tag
+        raw[tag] = value
         if tag == 5:
             found[tag] = figures(value, POWER * min(max(length // 8, 1), 9))
         elif tag in GROUPS:
@@ -300,9 +301,41 @@ def certificate(content):
     if 4 in found:
         largest = found[4][2]
         check(all(isinstance(k, str) or k <= largest for k in found[4][3:7]), "a wave number of the statistics")
+        pairs = [[-1 if k == "none" else 0 if k == "never" else k for k in pair] for pair in (found[4][3:5], found[4][5:7])]
+        check(all((a == -1) == (b == -1) and a <= b for a, b in pairs), "limits of the statistics")
+        check(isinstance(found[4][7], str) or found[4][7] >= 20, "sizes of groups")
     if 6 in found:
         check(all(low <= high for low, high in zip(found[6][1:4], found[6][4:7])), "corners of the region")
+    pictures(raw, found)
+    for k in (0, 5) if 3 in found else ():
+        (edge, particles), (twice, eight) = found[3][k : k + 2], found[3][k + 5 : k + 7]
+        check(abs(twice / edge / 2 - 1) < 1e-5 and abs(eight / particles / 8 - 1) < 1e-5, "cells twice as long")
+    for k in (0, 7, 14) if 8 in found else ():
+        groups, number, scatter, completeness, _, mass, width = found[8][k : k + 7]
+        check((number != "none") == (groups > 0) == (completeness != "none"), "shares of groups")
+        check(scatter <= (0 if number == "none" else 3 * number), "scatter of numbers of groups")
+        check((mass != "none") == (completeness not in ("none", 0)) and (mass != "none" or width == 0), "masses of groups")
+    for k in range(5, 19, 2) if 9 in found else ():
+        check(found[9][k] != "none" or found[9][k + 1] == 0, "a scatter of no deviation")
     return found
+
+
+def pictures(raw, found):
+    """What the scores of groups 1 and 11 say of each other."""
+    width, height = found[1][:2]
+    most = 20 * math.log10(255) + 10 * math.log10(width * height) + 0.01
+    scores = list(struct.iter_unpack("<Hh", raw[1][12:]))
+    for k in range(0, 45, 5):
+        expected, five = k // 5 % 3 == 2, [None if s == -32768 else (p, s) for p, s in scores[k : k + 5]]
+        check(all(score is None or score[0] == 65535 or score[0] / 200 <= most for score in five), "too high a score")
+        check(all((score is not None) == (expected or 12 not in found) for score in five[:4]), "pictures that were drawn")
+        if expected:
+            check(five[1] == (65535, 32767) and (five[4] is not None) == (10 in found), "scores of `expected`")
+    for k in range(7) if 11 in found else ():
+        # Behind width and height: radius, opacity, mark; two looks of a byte and ten scores each.
+        start = 4 + k * (9 + 2 * 41) + 9 + 41 + 1
+        for five in (start, start + 20):
+            check(struct.unpack_from("<Hh", raw[11], five + 4) in [(65535, 32767), (65535, -32768)], "noise-free pictures")
 
 
 def figures(value, codings):

@@ -1,6 +1,6 @@
 //! Two certificates of one model side by side, and what a certificate cannot say whatever the model is.
 
-use particlegs::model::{Certificate, Limit, MetricValue, PictureScores};
+use particlegs::model::{Certificate, CertificateLevel, Metadata, MetricEntry, MetricGroup, MetricValue, Tolerance};
 use serde::Serialize;
 
 /// One figure of a certificate, stored and measured.
@@ -18,65 +18,59 @@ pub struct Figure {
     pub differs: bool,
 }
 
-/// Every figure that `stored` has, beside the one measured again: what it does not say is completed by what is measured.
-pub fn side_by_side(stored: &Certificate, measured: &Certificate) -> Vec<Figure> {
+/// How much was measured of a certificate.
+pub fn level_of(c: &Certificate) -> CertificateLevel {
+    let full =
+        |(group, entries): &(MetricGroup, Option<_>)| group.levels == [CertificateLevel::Full] && entries.is_some();
+    match (c.groups().iter().any(full), c.blocks) {
+        (true, _) => CertificateLevel::Full,
+        (false, Some(_)) => CertificateLevel::Blocks,
+        (false, None) => CertificateLevel::Quick,
+    }
+}
+
+/// Every figure that is stored or that was measured, beside each other. What was `measured` is of a level that the
+/// certificate has, or, where it `completes` it, of a higher one: then what is not stored does not differ. To the last digit where
+/// the same program has `exact` figures.
+pub fn side_by_side(stored: &Certificate, measured: &Certificate, completes: bool, exact: bool) -> Vec<Figure> {
     let mut all = Vec::new();
     for ((group, stored), (_, measured)) in stored.groups().into_iter().zip(measured.groups()) {
-        let measured = measured.unwrap_or_default();
-        for (place, entry) in stored.into_iter().flatten().enumerate().filter(|e| e.1.value != MetricValue::None) {
-            let now = measured.get(place).map_or(MetricValue::None, |e| e.value);
-            let metric = &entry.metric;
-            let row = if entry.row.is_empty() { String::new() } else { format!(" {}", entry.row) };
+        let there = [&stored, &measured].map(Option::is_some);
+        let groups = [stored, measured].map(Option::unwrap_or_default);
+        for place in 0..groups[0].len().max(groups[1].len()) {
+            let [stored, measured] = [0, 1].map(|side| groups[side].get(place));
+            let [then, now] = [stored, measured].map(|e| e.map_or(MetricValue::None, |e| e.value));
+            let Some(MetricEntry { row, metric, .. }) = stored.or(measured) else { continue };
+            if then == MetricValue::None && (now == MetricValue::None && there[0] == there[1] || completes) {
+                continue;
+            }
+            let row = if row.is_empty() { String::new() } else { format!(" {row}") };
+            let tolerance =
+                if exact && metric.tolerance != Tolerance::Any { Tolerance::Same } else { metric.tolerance };
             all.push(Figure {
                 name: format!("{}{row}: {}", group.name, metric.name),
-                stored: metric.in_words(entry.value, None),
+                stored: metric.in_words(then, None),
                 measured: metric.in_words(now, None),
-                tolerance: metric.tolerance.in_words(),
-                differs: metric.tolerance.is_passed(entry.value, now),
+                tolerance: tolerance.in_words(),
+                differs: there[0] != there[1] || tolerance.is_passed(then, now),
             });
         }
     }
     all
 }
 
-/// What no model's certificate can say, a line each: such a file was altered, or written by something
-/// else. What is doubtful but possible is in [`doubts`].
-pub fn contradictions(c: &Certificate) -> Vec<String> {
+/// What a certificate cannot say of its model, a line each: such a file was altered, or written by something else. What
+/// is doubtful but possible is in [`doubts`].
+pub fn contradictions(c: &Certificate, m: &Metadata) -> Vec<String> {
     let mut found = Vec::new();
-    // One level in one of all pixels is the smallest error there is.
-    let most = 20.0 * 255f64.log10() + 10.0 * (f64::from(c.views.width) * f64::from(c.views.height)).log10();
-    let other = |s: &PictureScores| s.noise_free.is_some_and(|n| n.masked_psnr.is_some() || n.ssim < 1.0);
-    for (name, orbit) in ["far", "mid", "near"].iter().zip(&c.views.orbits) {
-        if other(&orbit.expected) {
-            found.push(format!("{name}: a noise-free picture that is not itself"));
-        }
-        for s in [&orbit.paraview, &orbit.paraview_no_fxaa, &orbit.expected] {
-            let all = [s.model, s.noise_free].into_iter().flatten().filter_map(|s| s.masked_psnr);
-            if let Some(v) = all.into_iter().find(|v| *v > most + 0.01) {
-                found.push(format!(
-                    "{name}: {v:.2} dB, where pictures of this size reach {most:.2} dB unless identical"
-                ));
-            }
-        }
-    }
-    if let Some(p) = &c.pictures
-        && p.settings.iter().any(|s| other(&s.expected.mean) || other(&s.expected.worst))
+    let recipe = &m.recipe;
+    if let (Some(reached), true) = (&c.goal, recipe.steps.is_empty() && recipe.differing.is_empty())
+        && recipe.target.goal() != Some(reached.goal)
     {
-        found.push("at another radius or opacity: a noise-free picture that is not itself".into());
+        found.push("what was asked for is not what the recipe says".into());
     }
-    if let Some(s) = &c.science {
-        // Whatever is within 1 % is within 5 %, and r of 0.99 is above 0.9.
-        let beyond = |strict: Limit, loose: Limit| match (strict, loose) {
-            (Limit::At(a), Limit::At(b)) => a > b,
-            (Limit::At(_), Limit::Never) => true,
-            _ => false,
-        };
-        if beyond(s.power_within_1_percent_to, s.power_within_5_percent_to) {
-            found.push("P(k) within 1 % further than within 5 %".into());
-        }
-        if beyond(s.r_above_0_99_to, s.r_above_0_9_to) {
-            found.push("r(k) of 0.99 further than of 0.9".into());
-        }
+    if let Some(blocks) = c.blocks.filter(|b| ![1, recipe.blocks].contains(b) && recipe.steps.is_empty()) {
+        found.push(format!("it was added up of {blocks} blocks, and the recipe has {}", recipe.blocks));
     }
     found
 }
@@ -102,7 +96,8 @@ pub fn doubts(c: &Certificate) -> Vec<String> {
 mod tests {
     use super::*;
     use particlegs::model::{
-        DensityMetrics, Goal, GoalKind, GoalResult, OrbitMetrics, PictureScore, ScienceMetrics, ViewMetrics,
+        DensityMetrics, Goal, GoalKind, GoalResult, Limit, OrbitMetrics, PictureScore, PictureScores, ScienceMetrics,
+        ViewMetrics,
     };
 
     fn certificate() -> Certificate {
@@ -141,7 +136,7 @@ mod tests {
     }
 
     fn differing(a: &Certificate, b: &Certificate) -> Vec<String> {
-        side_by_side(a, b).into_iter().filter(|f| f.differs).map(|f| f.name).collect()
+        side_by_side(a, b, true, false).into_iter().filter(|f| f.differs).map(|f| f.name).collect()
     }
 
     #[test]
@@ -177,18 +172,47 @@ mod tests {
     }
 
     #[test]
-    fn impossible_certificates_are_told_without_the_snapshot() {
-        let c = certificate();
-        assert!(contradictions(&c).is_empty() && doubts(&c).is_empty());
-        let changed = |change: &dyn Fn(&mut Certificate)| {
-            let mut c = c;
-            change(&mut c);
-            contradictions(&c).len()
+    fn what_is_missing_or_too_much_differs_unless_it_is_completed() {
+        let full =
+            Certificate { groups: Some(Default::default()), held_out: Some(Default::default()), ..certificate() };
+        let differing = |a: &Certificate, b: &Certificate, completes| {
+            side_by_side(a, b, completes, false).into_iter().filter(|f| f.differs).count()
         };
-        assert_eq!(changed(&|c| c.views.orbits[0].paraview.model = model(Some(120.0))), 1);
-        assert_eq!(changed(&|c| c.views.orbits[0].expected.noise_free = model(Some(40.0))), 1);
-        assert_eq!(changed(&|c| c.science.as_mut().unwrap().power_within_5_percent_to = Limit::Never), 1);
-        assert_eq!(changed(&|c| c.science.as_mut().unwrap().r_above_0_9_to = Limit::At(1.0)), 1);
+        let without = Certificate { held_out: None, ..full };
+        assert_eq!((level_of(&full), level_of(&without)), (CertificateLevel::Full, CertificateLevel::Full));
+        assert_eq!(level_of(&certificate()), CertificateLevel::Quick);
+        // Left out, and added to what has none.
+        assert!(differing(&without, &full, false) > 10 && differing(&full, &without, false) > 10);
+        assert!(differing(&without, &full, true) == 0 && differing(&full, &without, true) > 10);
+        let mut less = full;
+        less.views.orbits[0].paraview.model = None;
+        assert_eq!([differing(&less, &full, false), differing(&full, &less, false)], [1, 1]);
+    }
+
+    #[test]
+    fn the_same_program_measures_the_same_to_the_last_digit() {
+        let (a, mut b) = (certificate(), certificate());
+        b.density.correlation += 1e-7;
+        let differs = |exact| side_by_side(&a, &b, false, exact).iter().any(|f| f.differs);
+        assert_eq!([differs(false), differs(true)], [false, true]);
+    }
+
+    #[test]
+    fn certificates_agree_with_their_recipes() {
+        let asked = Goal { kind: GoalKind::PowerSpectrum, asked: 0.01, at: 2.0 };
+        let of =
+            |goal, blocks| Certificate { goal: Some(GoalResult { goal, reached: 0.009 }), blocks, ..certificate() };
+        let bounds = particlegs::space::Bounds { min: [0.0; 3], max: [1.0; 3] };
+        let mut m = Metadata::new(particlegs::model::LawKind::OpticalDepth, 1000, bounds);
+        m.recipe.target = particlegs::compress::Target::Goal(asked);
+        assert!(contradictions(&of(asked, None), &m).is_empty());
+        assert_eq!(contradictions(&of(Goal { asked: 0.001, ..asked }, Some(7)), &m).len(), 2);
+    }
+
+    #[test]
+    fn scores_above_the_noise_free_pictures_are_hard_to_believe() {
+        let c = certificate();
+        assert!(doubts(&c).is_empty());
         let mut forged = c;
         forged.views.orbits[0].paraview.model = model(Some(45.0));
         assert!(doubts(&forged)[0].contains("45.00 dB, above the noise-free picture's 42.00"));

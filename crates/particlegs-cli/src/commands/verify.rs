@@ -63,6 +63,8 @@ struct Report {
     measured_again: Option<Certificate>,
     /// Stored and measured side by side.
     figures: Vec<Figure>,
+    /// What the file says of its source and the snapshot does not: name, stored, found.
+    source_differences: Vec<[String; 3]>,
     /// What no certificate can say.
     contradictions: Vec<String>,
     /// What is hard to believe.
@@ -78,6 +80,9 @@ pub fn run(a: Arguments) -> Result<()> {
         return verify_job(&a, &context);
     }
     context.reads(a.snapshot.iter().map(PathBuf::as_path).chain([a.model.as_path()]), false)?;
+    if a.store {
+        context.outputs().rewrites(&a.model)?;
+    }
     let bytes = inputs::model(&a.model, &context)?;
     let place = name_of(&a.model);
     let model = codec::decode_with(&bytes, &place, &context)?;
@@ -94,7 +99,19 @@ pub fn run(a: Arguments) -> Result<()> {
         false => Some(measure(&a, &model, &bytes, &context)?),
     };
     let stored = model.certificate;
-    let both = stored.zip(measured_again);
+    let (verdict, figures) = match (&stored, &measured_again) {
+        (_, None) => (Finding::unverified(), Vec::new()),
+        (None, Some((measured, _))) => (Finding::verdict(Some(measured), &model.metadata), Vec::new()),
+        (Some(stored), Some((measured, _))) => {
+            let completes = agree::level_of(measured) != agree::level_of(stored);
+            // Sums of blocks are rounded one by one.
+            let exact = stored.blocks.is_none() && model.metadata.tool_version == env!("CARGO_PKG_VERSION");
+            let figures = agree::side_by_side(stored, measured, completes, exact);
+            (Finding::verdict(Some(measured), &model.metadata), figures)
+        }
+    };
+    let source_differences = measured_again.as_ref().map_or_else(Vec::new, |m| m.1.clone());
+    let measured_again = measured_again.map(|m| m.0);
     let report = Report {
         model_bytes: bytes.len() as u64,
         law: model.metadata.law.name(),
@@ -111,10 +128,11 @@ pub fn run(a: Arguments) -> Result<()> {
         },
         stored,
         measured_again,
-        figures: both.map_or_else(Vec::new, |(stored, measured)| agree::side_by_side(&stored, &measured)),
-        contradictions: stored.as_ref().map_or_else(Vec::new, agree::contradictions),
+        figures,
+        source_differences,
+        contradictions: stored.as_ref().map_or_else(Vec::new, |c| agree::contradictions(c, &model.metadata)),
         doubts: stored.as_ref().map_or_else(Vec::new, agree::doubts),
-        verdict: Finding::verdict(stored.as_ref().or(measured_again.as_ref()), &model.metadata),
+        verdict,
     };
     let sound = report.judge(&place);
     if a.store && sound.is_ok() {
@@ -144,6 +162,15 @@ impl Report {
         let differs = |what: String| Error::Differs { place: place.into(), what, remedy: hint.into() };
         if !self.contradictions.is_empty() {
             return Err(differs(format!("its certificate contradicts itself: {}", self.contradictions.join("; "))));
+        }
+        if let Some([name, stored, found]) = self.source_differences.first() {
+            return Err(Error::Differs {
+                place: place.into(),
+                what: format!("its {name} is stored as {stored}, that of the snapshot is {found}"),
+                remedy:
+                    "give the options by which the model was made (`info` shows them); else its metadata was altered"
+                        .into(),
+            });
         }
         let off: Vec<String> = self
             .figures
@@ -186,6 +213,9 @@ fn text(r: &Report, model: &Model, of_several: bool, place: &str) -> String {
             text += &info_model::certificate(Some(measured), unit);
         }
         (None, None) => {}
+    }
+    for [name, stored, found] in &r.source_differences {
+        text += &format!("{name}: stored as {stored}, that of the snapshot is {found}: differs\n");
     }
     for (what, lines) in [("impossible", &r.contradictions), ("hard to believe", &r.doubts)] {
         lines.iter().for_each(|line| text += &format!("{what}: {line}\n"));
@@ -240,8 +270,9 @@ fn sums(model: &Model) -> (u64, f64) {
     (counts, (mass / model.metadata.mass - 1.0).abs())
 }
 
-/// The certificate of the same views, measured now. An error where the snapshot is not the source.
-fn measure(a: &Arguments, model: &Model, bytes: &[u8], context: &Context) -> Result<Certificate> {
+/// The certificate of the same views, measured now, as the file rounds it, and where the file's metadata is not the
+/// snapshot's. An error where the snapshot is not the source.
+fn measure(a: &Arguments, model: &Model, bytes: &[u8], context: &Context) -> Result<(Certificate, Vec<[String; 3]>)> {
     let of_several = source::is_of_several(bytes, model, &name_of(&a.model))?;
     let without_certificate = with_certificate(&a.model, bytes, model, None)?.len() as u64;
     let subset = Subset { selection: &a.selection, window: &a.window, seed: a.common.seed };
@@ -249,17 +280,10 @@ fn measure(a: &Arguments, model: &Model, bytes: &[u8], context: &Context) -> Res
     source::check(model, of_several, &particles, &a.snapshot[0], &a.model)?;
     context.message("the snapshot is the one that the file was made of; measuring");
     let seed = model.certificate.map_or(a.common.seed, |c| c.views.seed);
-    let full = a.full || model.certificate.as_ref().is_some_and(holds_all);
-    let by_blocks = model.certificate.is_some_and(|c| c.blocks.is_some());
-    let level = match (full, by_blocks) {
-        (true, _) => CertificateLevel::Full,
-        (false, true) => CertificateLevel::Blocks,
-        (false, false) => CertificateLevel::Quick,
-    };
-    compress::certify(model, without_certificate, &particles, seed, level, context)
-}
-
-/// Is there a group in it that full certificates alone have?
-fn holds_all(c: &Certificate) -> bool {
-    c.groups().iter().any(|(group, entries)| group.levels == [CertificateLevel::Full] && entries.is_some())
+    let stored = model.certificate.as_ref().map_or(CertificateLevel::Quick, agree::level_of);
+    let level = if a.full { CertificateLevel::Full } else { stored };
+    let measured = compress::certify(model, without_certificate, &particles, seed, level, context)?;
+    let file = with_certificate(&a.model, bytes, model, Some(&measured))?;
+    let measured = codec::read_info(&file, &name_of(&a.model))?.certificate.unwrap_or(measured);
+    Ok((measured, compress::source_differences(model, of_several, &particles)))
 }

@@ -245,21 +245,60 @@ mod tests {
     fn random(seed: u64, groups: bool) -> Certificate {
         let mut c = Certificate::default();
         let Ok(()) = c.visit("", &mut Random { state: seed, groups });
-        // What figures say of each other.
+        agreed(&mut c);
+        c
+    }
+
+    /// Has figures say of each other what they can.
+    fn agreed(c: &mut Certificate) {
+        let itself = Some(PictureScore { masked_psnr: None, ssim: 1.0 });
+        let some = |s: Option<PictureScore>| {
+            let s = s.unwrap_or_default();
+            Some(PictureScore { masked_psnr: s.masked_psnr.map(|v| v.min(90.0)), ..s })
+        };
+        (c.views.width, c.views.height) = (1920, 1080);
+        for o in &mut c.views.orbits {
+            for s in [&mut o.paraview, &mut o.paraview_no_fxaa, &mut o.expected] {
+                (s.model, s.noise_free) = (some(s.model), some(s.noise_free));
+                (s.all_black, s.uniform_box) = (some(s.all_black), some(s.uniform_box));
+                s.subset = c.subset.and(some(s.subset));
+            }
+            o.expected.noise_free = itself;
+            if c.blocks.is_some() {
+                (o.paraview, o.paraview_no_fxaa) = Default::default();
+            }
+        }
+        for s in c.pictures.iter_mut().flat_map(|p| &mut p.settings) {
+            (s.expected.mean.noise_free, s.expected.worst.noise_free) = (itself, itself);
+        }
+        if let Some([a, b, c]) = &mut c.densities {
+            (a.edge, a.particles) = (3.125, 5.5);
+            (b.edge, b.particles, c.edge, c.particles) = (6.25, 44.0, 12.5, 352.0);
+        }
         if let Some(s) = &mut c.science {
             s.k_max = f64::from(f32::MAX);
+            (s.power_within_1_percent_to, s.r_above_0_99_to) = (s.power_within_5_percent_to, s.r_above_0_9_to);
+            s.groups_within_10_percent_from = Limit::At(57.0);
+        }
+        for g in c.groups.iter_mut().flatten() {
+            g.groups = g.groups.max(1);
+            (g.number, g.completeness, g.mass) = (g.number.or(Some(1.0)), Some(0.75), g.mass.or(Some(1.0)));
+            g.number_scatter = g.number.unwrap_or(0.0);
+        }
+        for t in c.held_out.iter_mut().flat_map(|h| &mut h.transfer) {
+            t.deviation = t.deviation.or(Some(0.25));
         }
         if let Some(Sample { bounds: Bounds { min, max }, .. }) = &mut c.sample {
             (0..3).for_each(|k| (min[k], max[k]) = (min[k].min(max[k]), min[k].max(max[k])));
         }
-        c
     }
 
     #[test]
     fn sizes_are_those_of_what_is_written() {
         let none = Certificate::default();
         let size = |level| size(level, &none);
-        let full = Certificate { mass_power: None, sample: None, blocks: None, goal: None, ..random(1, true) };
+        let mut full = Certificate { mass_power: None, sample: None, blocks: None, goal: None, ..random(1, true) };
+        agreed(&mut full);
         let quick = Certificate { groups: None, held_out: None, pictures: None, ..full };
         let blocks = Certificate { spacing: None, subset: None, blocks: Some(3), ..quick };
         for (level, c) in [(CertificateLevel::Full, full), (CertificateLevel::Quick, quick)] {
@@ -278,14 +317,15 @@ mod tests {
         let mut c = random(7, true);
         let score = PictureScore { masked_psnr: Some(31.234_56), ssim: -0.1 };
         c.views.orbits[2].expected.model = Some(score);
-        c.views.orbits[0].paraview.model = Some(PictureScore { masked_psnr: Some(1e9), ssim: 1.5 });
+        c.pictures.as_mut().unwrap().settings[0].paraview.mean.model =
+            Some(PictureScore { masked_psnr: Some(1e9), ssim: 1.5 });
         c.density.correlation = 0.999;
         c.science.as_mut().unwrap().r_above_0_9_to = Limit::At(1e-60);
         let back = read(&write(&c)).unwrap();
         let own = back.views.orbits[2].expected.model.unwrap();
         assert!((own.masked_psnr.unwrap() - 31.234_56).abs() <= 0.0025 && (own.ssim + 0.1).abs() < 2e-5);
         let best = PictureScore { masked_psnr: Some(65_534.0 / 200.0), ssim: 1.0 };
-        assert_eq!(back.views.orbits[0].paraview.model, Some(best));
+        assert_eq!(back.pictures.unwrap().settings[0].paraview.mean.model, Some(best));
         assert_eq!(back.density.correlation, f64::from(0.999f32));
         assert_eq!(back.science.unwrap().r_above_0_9_to, Limit::At(f64::from(f32::from_bits(1))));
         assert_eq!(write(&back), write(&c));
@@ -328,6 +368,26 @@ mod tests {
             let s = c.science.as_mut().unwrap();
             (s.k_max, s.r_above_0_9_to) = (8.0, Limit::At(8.5));
         });
+        refused(&|c| c.science.as_mut().unwrap().power_within_5_percent_to = Limit::Never);
+        refused(&|c| c.science.as_mut().unwrap().r_above_0_99_to = Limit::At(f64::from(f32::MAX)));
+        refused(&|c| c.science.as_mut().unwrap().groups_within_10_percent_from = Limit::At(2.0));
+        refused(&|c| c.densities.as_mut().unwrap()[0].edge = 0.001);
+        refused(&|c| c.densities.as_mut().unwrap()[0].particles = 0.0);
+        refused(&|c| c.densities.as_mut().unwrap()[2].mean_absolute_error = 3.0);
+        refused(&|c| c.spacing.as_mut().unwrap().drawn_regularity = 1.5);
+        refused(&|c| c.groups.as_mut().unwrap()[2].completeness = None);
+        refused(&|c| c.groups.as_mut().unwrap()[2].purity = Some(1.25));
+        refused(&|c| c.groups.as_mut().unwrap()[2].number_scatter = f64::from(f32::MAX));
+        refused(&|c| c.groups.as_mut().unwrap()[2].groups = 0);
+        refused(&|c| c.held_out.as_mut().unwrap().transfer[3].deviation = None);
+        refused(&|c| c.views.orbits[0].expected.model = None);
+        refused(&|c| c.views.orbits[0].expected.subset = None);
+        refused(&|c| c.views.orbits[0].expected.noise_free = c.views.orbits[0].expected.model);
+        refused(&|c| c.views.width = 0);
+        refused(&|c| c.subset = None);
+        // With all groups it is of blocks: no picture of ParaView's was drawn.
+        refused(&|c| c.blocks = None);
+        refused(&|c| c.views.orbits[0].expected.model = Some(PictureScore { masked_psnr: Some(120.0), ssim: 0.9 }));
     }
 
     fn cases(cases: u32) -> ProptestConfig {

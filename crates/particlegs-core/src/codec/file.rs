@@ -13,8 +13,10 @@ use super::{Encoder, Precision, certificate, metadata, streams, vizmapper};
 use crate::model::{
     Certificate, CertificateLevel, LawKind, Layer, Mass, MassPower, Metadata, Model, SAMPLED_ABOVE, Sample, VizMapper,
 };
+use crate::space::Cell;
 use crate::{Error, Result, parallel};
 use std::borrow::Cow;
+use std::f64::consts::PI;
 
 /// Layers in a file at most, and bytes of a layer's name.
 pub const MOST_LAYERS: usize = 1024;
@@ -399,6 +401,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
     // What was measured on the whole says nothing of a part of it.
     let complete = missing_particles == 0 && layers.iter().flat_map(|l| &l.content).all(BlockPart::is_whole);
     let certificate = certificate.filter(|_| complete);
+    certificate.iter().try_for_each(|c| agree_with(c, &metadata, bytes.len() as u64)).map_err(corrupt)?;
     Ok(Parts { metadata, certificate, network, layers, sections: others, missing_particles })
 }
 
@@ -461,6 +464,28 @@ fn agree(m: &Metadata, layers: &[Part<'_>]) -> std::result::Result<(), String> {
         return Err(format!("blocks hold a mass of {mass}, the metadata says {}", m.mass));
     }
     Ok(())
+}
+
+/// A certificate is of the file's particles, in bytes no more than the file's.
+fn agree_with(c: &Certificate, m: &Metadata, bytes: u64) -> std::result::Result<(), String> {
+    let extent = m.bounds.extent();
+    let of_cell = |cell: Cell| {
+        let [a, b, c] = cell.vectors;
+        let minor = |i: usize, j: usize| b[i] * c[j] - b[j] * c[i];
+        (a[0] * minor(1, 2) + a[1] * minor(2, 0) + a[2] * minor(0, 1)).abs()
+    };
+    let volume = extent[0] * extent[1] * extent[2];
+    let volume = m.cell.map(of_cell).filter(|v| *v > 0.0).map_or(volume, |v| v.min(volume));
+    // Twice the particles' Nyquist frequency.
+    let largest = 2.0 * PI * libm::cbrt(m.count as f64 / volume);
+    let too_many = c.subset.is_some_and(|s| s.kept > m.count || s.bytes > bytes)
+        || c.sample.is_some_and(|s| s.particles > m.count)
+        || c.densities.iter().flatten().any(|d| d.particles > m.count as f64);
+    match c.science {
+        Some(s) if s.k_max > largest => Err(format!("a largest wave number of {}, beyond the particles'", s.k_max)),
+        _ if too_many => Err("a certificate of more particles or bytes than there are".into()),
+        _ => Ok(()),
+    }
 }
 
 /// The coded blocks of a file, to be merged or copied ([`assemble`]).

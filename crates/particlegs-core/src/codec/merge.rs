@@ -211,41 +211,44 @@ fn common(a: &str, b: &str) -> String {
     same.chain([SEVERAL]).collect()
 }
 
-/// Parts must speak of one space and one time. Two texts of one size are one unit.
-fn refuse_unlike(a: &Metadata, b: &Metadata, first: &str, place: &str) -> Result<()> {
+/// What metadata says of the source's space and time, by name: what is compared of two files, and in words. Two texts of
+/// one size are one unit.
+pub fn source_statements(m: &Metadata) -> Vec<(&'static str, [String; 2])> {
     fn said<T: ToString>(v: Option<T>) -> String {
         v.map_or_else(|| "not stated".to_string(), |v| v.to_string())
     }
     let unit = |u: &Option<Unit>, dimension| {
         let size = u.as_ref().and_then(|u| u.si).map(|si| format!("{si:?}"));
         let words = u.as_ref().map(|u| format!("`{}`", u.in_words(dimension)));
-        (size.unwrap_or_else(|| said(words.as_ref())), said(words))
+        [size.unwrap_or_else(|| said(words.as_ref())), said(words)]
     };
-    let same = |text: String| (text.clone(), text);
-    let told = |m: &Metadata| {
-        let (u, c, e) = (&m.units, &m.cosmology, &m.epoch);
-        [
-            ("image law", same(m.law.name().to_string())),
-            ("`comoving`", same(said(u.comoving))),
-            ("unit of length", unit(&u.length, Dimension::Length)),
-            ("unit of mass", unit(&u.mass, Dimension::Mass)),
-            ("unit of time", unit(&u.time, Dimension::Time)),
-            ("cell", same(said(m.cell.as_ref().map(Cell::in_words)))),
-            ("scale factor", same(said(e.scale_factor))),
-            ("h", same(said(c.hubble))),
-            ("Omega_m", same(said(c.omega_matter))),
-            ("Omega_Lambda", same(said(c.omega_lambda))),
-            ("Omega_b", same(said(c.omega_baryon))),
-            ("time", same(said(e.time))),
-            ("frame", same(said(e.frame))),
-            ("time step", same(said(e.step))),
-            ("list of fields", same(said((!m.fields.is_empty()).then(|| format!("{:?}", m.fields))))),
-        ]
-    };
-    let mut pairs = told(a).into_iter().zip(told(b));
-    match pairs.find(|(x, y)| x.1.0 != y.1.0) {
+    let same = |text: String| [text.clone(), text];
+    let (u, c, e) = (&m.units, &m.cosmology, &m.epoch);
+    vec![
+        ("image law", same(m.law.name().to_string())),
+        ("`comoving`", same(said(u.comoving))),
+        ("unit of length", unit(&u.length, Dimension::Length)),
+        ("unit of mass", unit(&u.mass, Dimension::Mass)),
+        ("unit of time", unit(&u.time, Dimension::Time)),
+        ("cell", same(said(m.cell.as_ref().map(Cell::in_words)))),
+        ("scale factor", same(said(e.scale_factor))),
+        ("h", same(said(c.hubble))),
+        ("Omega_m", same(said(c.omega_matter))),
+        ("Omega_Lambda", same(said(c.omega_lambda))),
+        ("Omega_b", same(said(c.omega_baryon))),
+        ("time", same(said(e.time))),
+        ("frame", same(said(e.frame))),
+        ("time step", same(said(e.step))),
+        ("list of fields", same(said((!m.fields.is_empty()).then(|| format!("{:?}", m.fields))))),
+    ]
+}
+
+/// Parts must speak of one space and one time.
+fn refuse_unlike(a: &Metadata, b: &Metadata, first: &str, place: &str) -> Result<()> {
+    let mut pairs = source_statements(a).into_iter().zip(source_statements(b));
+    match pairs.find(|(x, y)| x.1[0] != y.1[0]) {
         None => Ok(()),
-        Some(((name, (_, x)), (_, (_, y)))) => Err(Error::input_with(
+        Some(((name, [_, x]), (_, [_, y]))) => Err(Error::input_with(
             place,
             format!("its {name} is {y}, that of {first} is {x}: they cannot be one model"),
             "merge models of one snapshot, or of snapshots in one box and unit at one time",

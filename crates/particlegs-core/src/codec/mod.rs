@@ -49,7 +49,7 @@ pub use file::{
     file_hash, read_metadata, size_without_blocks, stored_bytes,
 };
 pub use info::{BlockInfo, FileInfo, read_info};
-pub use merge::{Merge, blocks_hash, sums};
+pub use merge::{Merge, blocks_hash, source_statements, sums};
 pub use points::CodedPoints;
 pub use precision::Precision;
 pub use sums::whole_counts;

@@ -43,7 +43,7 @@ const fn group<F>(tag: u8, levels: &'static [CertificateLevel], [name, words]: [
 
 record! {
     /// Measured at encoding, bound to the source by the metadata's hash.
-    Certificate {
+    Certificate agrees by Self::groups_agree {
         /// Pictures at the default radius and opacity.
         #[serde(flatten)]
         views: ViewMetrics =
@@ -83,6 +83,31 @@ record! {
 }
 
 impl Certificate {
+    fn groups_agree(&self) -> Result<(), String> {
+        let by_blocks = self.blocks.is_some();
+        for orbit in &self.views.orbits {
+            // ParaView's own pictures are not those of blocks one over the other.
+            let drawn = [(&orbit.paraview, !by_blocks), (&orbit.paraview_no_fxaa, !by_blocks), (&orbit.expected, true)];
+            for (s, drawn) in drawn {
+                if [s.model, s.noise_free, s.all_black, s.uniform_box].iter().any(|s| s.is_some() != drawn) {
+                    return Err("pictures that were drawn, and have no scores, or the other way round".into());
+                }
+            }
+            if orbit.expected.subset.is_some() != self.subset.is_some() {
+                return Err("scores of a subset that there is not, or none of one that there is".into());
+            }
+        }
+        let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-5;
+        if let Some(cells) = &self.densities
+            && cells
+                .windows(2)
+                .any(|w| !near(w[1].edge, 2.0 * w[0].edge) || !near(w[1].particles, 8.0 * w[0].particles))
+        {
+            return Err("cells that are not twice as long as those before".into());
+        }
+        Ok(())
+    }
+
     /// Every group of figures in the order of the file; `None` where it was not measured.
     pub fn groups(&self) -> Vec<(MetricGroup, Option<Vec<MetricEntry>>)> {
         let mut list = List::default();

@@ -40,11 +40,12 @@ pub const PICTURE_OPACITIES: [f64; 2] = [1.0, 10.0];
 pub const PICTURE_SETTINGS: usize = PICTURE_RADII.len() * PICTURE_OPACITIES.len() + 1;
 const SETTING_NAMES: [&str; PICTURE_SETTINGS] = ["r/2 a", "r/2 10a", "r a", "r 10a", "6r a", "6r 10a", "close"];
 
-const WIDTH: Metric = Metric::new("width", Whole(2));
-const HEIGHT: Metric = Metric::new("height", Whole(2));
+const WIDTH: Metric = Metric::new("width", Whole(2)).range(1.0, f64::MAX);
+const HEIGHT: Metric = Metric::new("height", Whole(2)).range(1.0, f64::MAX);
 const CORRELATION: Metric = Metric::new("correlation", F32).range(-1.0, 1.0);
-const ERROR: Metric = Metric::new("mean error", F32);
-const UNIFORM_ERROR: Metric = Metric::new("error of a uniform one", F32);
+/// Densities of one mean differ by no more than both together.
+const ERROR: Metric = Metric::new("mean error", F32).range(0.0, 2.01);
+const UNIFORM_ERROR: Metric = Metric::new("error of a uniform one", F32).range(0.0, 2.01);
 const K_MAX: Metric = Metric::new("largest wave number", F64).unit(MetricUnit::WaveNumber);
 
 /// Scores of one picture.
@@ -87,7 +88,7 @@ record! {
 
 record! {
     /// Pictures at the default radius and opacity.
-    ViewMetrics {
+    ViewMetrics agrees by Self::pictures_are_of_their_size {
         /// Their size.
         width: u16 = WIDTH;
         /// Their size.
@@ -99,12 +100,45 @@ record! {
     }
 }
 
+impl ViewMetrics {
+    fn pictures_are_of_their_size(&self) -> Result<(), String> {
+        // One level in one of all pixels is the smallest error there is.
+        let pixels = f64::from(self.width) * f64::from(self.height);
+        let most = 20.0 * libm::log10(255.0) + 10.0 * libm::log10(pixels) + 0.01;
+        for orbit in &self.orbits {
+            orbit.expected.are_of_the_noise_free()?;
+            for s in [&orbit.paraview, &orbit.paraview_no_fxaa, &orbit.expected] {
+                s.reach_at_most(most)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl PictureScores {
+    /// `expected` is the noise-free picture.
+    fn are_of_the_noise_free(&self) -> Result<(), String> {
+        match self.noise_free {
+            Some(n) if n.masked_psnr.is_some() || n.ssim < 1.0 => Err("a noise-free picture that is not itself".into()),
+            _ => Ok(()),
+        }
+    }
+
+    fn reach_at_most(&self, most: f64) -> Result<(), String> {
+        let all = [self.model, self.noise_free, self.all_black, self.uniform_box, self.subset];
+        match all.into_iter().flatten().filter_map(|s| s.masked_psnr).find(|v| *v > most) {
+            Some(v) => Err(format!("{v:.2} dB, where pictures of this size reach {most:.2} dB unless identical")),
+            None => Ok(()),
+        }
+    }
+}
+
 record! {
     /// A model's density against its particles' on a grid. A uniform density has a correlation of 0; an empty one
     /// errs by 1.
     DensityMetrics {
         /// Cells along the longest extent.
-        cells: u16 = Metric::new("cells", Whole(2));
+        cells: u16 = Metric::new("cells", Whole(2)).range(1.0, f64::MAX);
         /// Pearson's coefficient over the cells.
         correlation: f64 = CORRELATION;
         /// Mean absolute error of the density contrast delta = rho / mean - 1.
@@ -120,7 +154,7 @@ record! {
         /// Edge of a cell, world units (the longest of the three).
         edge: f64 = Metric::new("edge", F64).range(f64::MIN_POSITIVE, f64::MAX).unit(MetricUnit::Length);
         /// Particles in a cell, on average.
-        particles: f64 = Metric::new("particles", F32);
+        particles: f64 = Metric::new("particles", F32).range(f32::MIN_POSITIVE as f64, f64::MAX);
         /// Pearson's coefficient over the cells.
         correlation: f64 = CORRELATION;
         /// Mean absolute error of the density contrast.
@@ -193,18 +227,18 @@ record! {
         /// Their median among the particles, world units.
         median: f64 = Metric::new("median", F64).unit(MetricUnit::Length);
         /// Their 5th percentile over the median: 0.42 of particles at random, 1 of a lattice.
-        regularity: f64 = Metric::new("5th percentile over it", F32);
+        regularity: f64 = Metric::new("5th percentile over it", F32).range(0.0, 1.0);
         /// The median among those drawn.
         drawn_median: f64 = Metric::new("median of particles drawn", F64).unit(MetricUnit::Length);
         /// And their 5th percentile over it.
-        drawn_regularity: f64 = Metric::new("5th percentile over that", F32);
+        drawn_regularity: f64 = Metric::new("5th percentile over that", F32).range(0.0, 1.0);
     }
 }
 
 record! {
     /// Friends-of-friends groups of one class of sizes: those of the particles against those of several draws from the
     /// model, matched by position. A share is `None` where there are no groups.
-    GroupClass {
+    GroupClass agrees by Self::shares_are_of_groups {
         /// Groups of the particles.
         groups: u64 = Metric::new("groups", Whole(4));
         /// Their number among drawn particles over that, mean of the draws.
@@ -212,13 +246,29 @@ record! {
         /// Standard deviation of that over the draws.
         number_scatter: f64 = Metric::new("+- number", F32).unit(MetricUnit::Share);
         /// Share of the groups that have a counterpart of any size.
-        completeness: Option<f64> = Metric::new("completeness", OptionalF32).unit(MetricUnit::Share);
+        completeness: Option<f64> = Metric::new("completeness", OptionalF32).range(0.0, 1.0).unit(MetricUnit::Share);
         /// Share of the drawn groups of this class that have one.
-        purity: Option<f64> = Metric::new("purity", OptionalF32).unit(MetricUnit::Share);
+        purity: Option<f64> = Metric::new("purity", OptionalF32).range(0.0, 1.0).unit(MetricUnit::Share);
         /// Median of a counterpart's particles over the group's.
         mass: Option<f64> = Metric::new("median mass", OptionalF32).unit(MetricUnit::Share);
         /// Half the distance of the 16th and 84th percentile of that.
         mass_scatter: f64 = Metric::new("+- mass", F32).unit(MetricUnit::Share);
+    }
+}
+
+impl GroupClass {
+    fn shares_are_of_groups(&self) -> Result<(), String> {
+        let some = self.groups > 0;
+        // Of eight numbers the scatter is largest where all but one are 0.
+        let scattered = self.number_scatter > 3.0 * self.number.unwrap_or(0.0);
+        if [self.number, self.completeness].iter().any(|v| v.is_some() != some)
+            || self.mass.is_some() != self.completeness.is_some_and(|c| c > 0.0)
+            || scattered
+            || self.mass.is_none() && self.mass_scatter > 0.0
+        {
+            return Err(format!("shares of {} groups that they cannot have", self.groups));
+        }
+        Ok(())
     }
 }
 
@@ -244,7 +294,7 @@ record! {
 
 record! {
     /// A transfer function in one band of wave numbers.
-    Transfer {
+    Transfer agrees by Self::scatter_is_of_a_deviation {
         /// Mean of both halves' minus 1; `None` where the band holds no modes, or no power above its noise.
         deviation: Option<f64> = Metric::new("deviation", OptionalF32).signed().unit(MetricUnit::Share);
         /// Half of the halves' difference.
@@ -252,10 +302,20 @@ record! {
     }
 }
 
+impl Transfer {
+    fn scatter_is_of_a_deviation(&self) -> Result<(), String> {
+        match self.deviation {
+            None if self.scatter > 0.0 => Err("a scatter of no deviation".into()),
+            _ => Ok(()),
+        }
+    }
+}
+
 impl CrossValidation {
-    /// The wave number up to which every band's deviation, less its scatter, is within `share`.
+    /// The wave number up to which every band's deviation, less its scatter, is within `share`; a scatter excuses no more
+    /// than as much again.
     pub fn within(&self, share: f64) -> Option<f64> {
-        let good = |t: &&Transfer| t.deviation.is_none_or(|d| d.abs() - t.scatter <= share);
+        let good = |t: &&Transfer| t.deviation.is_none_or(|d| d.abs() - t.scatter.min(share) <= share);
         let bands = self.transfer.iter().take_while(good).count();
         let measured = self.transfer[..bands].iter().rposition(|t| t.deviation.is_some())?;
         Some(BANDS[measured] * self.k_max)
@@ -287,7 +347,7 @@ record! {
 
 record! {
     /// Pictures at one radius and opacity, of three views.
-    PictureSetting {
+    PictureSetting agrees by Self::expected_is_noise_free {
         /// Particle radius, in default radii.
         radius: f64 = Metric::new("radius", F32).range(f32::MIN_POSITIVE as f64, f64::MAX);
         /// Opacity.
@@ -298,6 +358,12 @@ record! {
         paraview: LookSummary = "paraview";
         /// Against `expected`.
         expected: LookSummary = "expected";
+    }
+}
+
+impl PictureSetting {
+    fn expected_is_noise_free(&self) -> Result<(), String> {
+        [self.expected.mean, self.expected.worst].iter().try_for_each(PictureScores::are_of_the_noise_free)
     }
 }
 

@@ -1,7 +1,7 @@
 //! What statistics of a decoded model said when its file was made.
 
 use super::metric::{enum_values, record};
-use super::{Metric, MetricUnit, MetricValue};
+use super::{GROUP_CLASSES, Metric, MetricUnit, MetricValue};
 use crate::model::Coding::{F32, From as FromSize, Name, UpTo, Whole};
 
 /// A place up to which, or from which on, something holds.
@@ -20,6 +20,16 @@ impl Limit {
     /// The limit of something measured: `None` = nowhere.
     pub fn measured(place: Option<f64>) -> Self {
         place.map_or(Limit::Never, Limit::At)
+    }
+
+    /// Does it hold up to further than another, both of one measurement?
+    fn reaches_beyond(self, loose: Limit) -> bool {
+        match (self, loose) {
+            (Limit::At(a), Limit::At(b)) => a > b,
+            (Limit::At(_), _) => true,
+            (Limit::NotMeasured, other) | (other, Limit::NotMeasured) => other != Limit::NotMeasured,
+            (Limit::Never, _) => false,
+        }
     }
 
     /// The place, where there is one.
@@ -107,10 +117,20 @@ record! {
 impl ScienceMetrics {
     fn limits_are_measured(&self) -> Result<(), String> {
         let power = [self.power_within_1_percent_to, self.power_within_5_percent_to];
-        let all = power.into_iter().chain([self.r_above_0_99_to, self.r_above_0_9_to]);
-        match all.filter_map(Limit::place).find(|k| *k > self.k_max) {
-            Some(k) => Err(format!("a wave number of {k} of at most {}", self.k_max)),
-            None => Ok(()),
+        let r = [self.r_above_0_99_to, self.r_above_0_9_to];
+        if let Some(k) = power.into_iter().chain(r).filter_map(Limit::place).find(|k| *k > self.k_max) {
+            return Err(format!("a wave number of {k} of at most {}", self.k_max));
+        }
+        // Whatever is within 1 % is within 5 %, and r of 0.99 is above 0.9.
+        if power[0].reaches_beyond(power[1]) {
+            return Err("P(k) within 1 % further than within 5 %".into());
+        }
+        if r[0].reaches_beyond(r[1]) {
+            return Err("r(k) of 0.99 further than of 0.9".into());
+        }
+        match self.groups_within_10_percent_from {
+            Limit::At(n) if n < GROUP_CLASSES[0] as f64 => Err(format!("numbers of groups from {n} particles on")),
+            _ => Ok(()),
         }
     }
 }

@@ -84,6 +84,9 @@ particlegs_core::named_values! {
         /// Do not.
         #[serde(rename = "does not")]
         DoesNot = "does not",
+        /// Nobody has measured again what a file says.
+        #[serde(rename = "not verified")]
+        NotVerified = "not verified",
         /// Nothing is known.
         #[serde(rename = "not measured")]
         NotMeasured = "not measured",
@@ -109,6 +112,12 @@ impl Finding {
     /// The figure that decided.
     pub fn figure(&self) -> &str {
         self.why.split("; ").next().unwrap_or_default()
+    }
+
+    /// Of a file whose figures nobody has measured again.
+    pub fn unverified() -> Vec<Finding> {
+        let why = "the snapshot is needed, to measure again what the file says";
+        Use::ALL.map(|of| Finding { of, word: Word::NotVerified, why: why.into() }).into()
     }
 
     /// Judges the certificate of a model of `metadata`: pictures (as they are, at a large radius, from close up), density, power

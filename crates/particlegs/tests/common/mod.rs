@@ -59,29 +59,30 @@ pub fn certificate() -> Certificate {
         uniform_box: score(Some(16.25), 1.0),
         ..PictureScores::default()
     };
-    let orbit = OrbitMetrics { paraview: look, paraview_no_fxaa: look, expected: look };
+    let expected = PictureScores { subset: score(Some(20.25), 0.0), ..look };
+    let orbit = OrbitMetrics { paraview: look, paraview_no_fxaa: look, expected };
     let (correlation, mean_absolute_error) = (0.5, 0.25);
-    let density = |edge| CellDensity { edge, correlation, mean_absolute_error, ..CellDensity::default() };
+    let density =
+        |(edge, particles)| CellDensity { edge, particles, correlation, mean_absolute_error, ..CellDensity::default() };
     Certificate {
         views: ViewMetrics { width: 1920, height: 1080, seed: 42, orbits: [orbit; 3] },
         density: DensityMetrics { cells: 50, correlation, mean_absolute_error, ..DensityMetrics::default() },
-        densities: Some([0.8, 1.6, 3.2].map(density)),
+        densities: Some([(0.8, 0.015_625), (1.6, 0.125), (3.2, 1.0)].map(density)),
         science: Some(science()),
         spacing: Some(Spacing { median: 0.125, drawn_median: 0.25, ..Spacing::default() }),
-        subset: Some(Subset { kept: 100, bytes: 1000 }),
+        subset: Some(Subset { kept: 1, bytes: 100 }),
         ..Certificate::default()
     }
 }
 
-/// Every limit in another state, values that f32 holds.
+/// Limits in every state, values that f32 holds.
 pub fn science() -> ScienceMetrics {
     ScienceMetrics {
         of: ScienceSubject::DrawnParticles,
         spectrum_grid: 256,
-        k_max: 8.0,
+        k_max: 0.125,
         power_within_1_percent_to: Limit::Never,
-        power_within_5_percent_to: Limit::At(8.0),
-        r_above_0_99_to: Limit::At(2.5),
+        power_within_5_percent_to: Limit::At(0.125),
         groups_within_10_percent_from: Limit::At(57.0),
         ..ScienceMetrics::default()
     }
