@@ -103,9 +103,15 @@ fn decompressed(bytes: &[u8], compression: Compression) -> Vec<u8> {
 /// # Errors
 /// As [`detect`], unless `options` name a format; those of [`Spooled::of`].
 pub(crate) fn spool(mut source: Source<'_>, options: &Choice) -> Result<Spooled> {
-    if options.format.is_none() {
-        let bytes = source.peek(LOOKED_AT)?.to_vec();
-        known(&Head::of(Path::new(source.place()), u64::MAX, bytes)?)?;
+    let bytes = source.peek(LOOKED_AT)?.to_vec();
+    let head = Head::of(Path::new(source.place()), u64::MAX, bytes)?;
+    match &options.format {
+        None => known(&head).map(drop)?,
+        // Not all of an endless device for a format that it is not in; a table may begin with anything.
+        Some(name) if head.content.contains(&0) && !(named(name)?.detect)(&head) => {
+            return Err(Error::input(source.place(), format!("does not begin as a file of the format `{name}` does")));
+        }
+        Some(_) => {}
     }
     Spooled::of(source)
 }
