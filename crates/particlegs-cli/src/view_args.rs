@@ -242,10 +242,7 @@ impl ViewArgs {
         let Projection::Orthographic { height_world } = set.views.first()?.camera.projection else { return None };
         let width = crate::annotate::text::number(height_world * set.size.width as f64 / set.size.height as f64);
         let width = format!("{width} {unit}");
-        Some(format!(
-            "note: no --width and no periodic box: the window is what the particles' bounds take, {} across",
-            width.trim()
-        ))
+        Some(format!("note: no --width: the window is what the particles' bounds take, {} across", width.trim()))
     }
 }
 

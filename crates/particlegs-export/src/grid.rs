@@ -62,7 +62,7 @@ pub struct Density {
 }
 
 impl Density {
-    /// Of all layers of a model, over its periodic box, or its bounds where it has none.
+    /// Of all layers of a model, over its periodic box, or its bounds where it has none or a tilted one.
     ///
     /// # Errors
     /// [`Error::Argument`] for cells out of range, and where some layers have masses and others none;
@@ -73,7 +73,9 @@ impl Density {
             let what = "some layers have masses and others do not: their sum is no density".to_string();
             return Err(Error::Argument { what, remedy: "choose layers that all have masses, or none".into() });
         }
-        let domain = Domain::of_model(model);
+        // Grids of files are upright: a tilted box lies open in its bounds.
+        let domain = Some(Domain::of_model(model)).filter(|d| d.tilt.is_none());
+        let domain = domain.unwrap_or_else(|| Domain::new(&model.metadata.bounds, None));
         let grid = cells.over(&domain)?;
         let subject = Subject::Model(model);
         progress.begin("density", 0);

@@ -171,3 +171,59 @@ fn the_published_convention_and_bad_options() {
     let mut command = particlegs();
     fails(command.arg("stats").arg(&thin).arg(dir.path().join("none")).arg("-o").arg(&out), 6, "none");
 }
+
+/// An ideal gas of 4000 in a cell of 720: cubic, triclinic, the same by longer vectors, and upright by permuted ones.
+#[test]
+fn an_ideal_gas_is_one_in_any_cell() {
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, drawn: [[f64; 3]; 3], stated: [[f64; 3]; 3]| {
+        let lattice: Vec<String> = stated.iter().flatten().map(f64::to_string).collect();
+        let mut text = format!("4000\nLattice=\"{}\" Properties=species:S:1:pos:R:3\n", lattice.join(" "));
+        for i in 0..4000u64 {
+            let f = [0, 1, 2].map(|k| particlegs::math::Random::new(8, k, i).uniform());
+            let x = [0, 1, 2].map(|k| (0..3).map(|a| f[a] * drawn[a][k]).sum::<f64>().to_string());
+            text += &format!("Ar {}\n", x.join(" "));
+        }
+        let path = dir.path().join(format!("{name}.xyz"));
+        std::fs::write(&path, text).unwrap();
+        path
+    };
+    let edge = 720f64.cbrt();
+    let cube = [[edge, 0.0, 0.0], [0.0, edge, 0.0], [0.0, 0.0, edge]];
+    let tilted = [[10.0, 0.0, 0.0], [4.0, 9.0, 0.0], [2.0, 3.0, 8.0]];
+    let longer = [tilted[0], [24.0, 9.0, 0.0], [-14.0, -6.0, 8.0]];
+    let permuted = [cube[2], cube[0].map(|v| -v), cube[1]];
+    let measured = |name: &str, drawn, stated| {
+        let path = write(name, drawn, stated);
+        let only = ["--only", "rdf,spectrum,groups,neighbours,profile", "--spectrum-grid", "32", "--no-plots"];
+        stats_of(&path, &path, &dir.path().join(name), &only)
+    };
+    let [cubic, one, other, turned] = [
+        measured("cubic", cube, cube),
+        measured("tilted", tilted, tilted),
+        measured("longer", tilted, longer),
+        measured("permuted", cube, permuted),
+    ];
+    let groups = |s: &serde_json::Value| s["groups"]["grouped"][0].as_f64().unwrap();
+    for s in [&cubic, &one, &other, &turned] {
+        assert_eq!(s["domain"]["periodic"], serde_json::json!([true, true, true]));
+        let (g, expected) = (&s["rdf"]["g"][0], &s["rdf"]["expected"][0]);
+        for bin in (0..200).filter(|bin| expected[bin].as_f64().unwrap() > 500.0) {
+            let sigma = (2.0 / expected[bin].as_f64().unwrap()).sqrt();
+            assert!((g[bin].as_f64().unwrap() - 1.0).abs() < 4.0 * sigma, "{bin}: {} {sigma}", g[bin]);
+        }
+        for shell in s["spectra"]["shells"].as_array().unwrap() {
+            let noise = s["spectra"]["shot_noise"][0].as_f64().unwrap();
+            let sigma = (2.0 / shell["modes"].as_f64().unwrap()).sqrt();
+            assert!(shell["power"][0].as_f64().unwrap().abs() < 4.0 * sigma * noise + 0.02 * noise, "{shell}");
+        }
+        let nearest = s["neighbours"]["distances"][0]["mean"].as_f64().unwrap() / s["spacing"].as_f64().unwrap();
+        assert!((nearest - 0.554).abs() < 0.01, "{nearest}");
+        let profile = &s["profiles"][2];
+        assert!((profile["mean"][0].as_f64().unwrap() * 720.0 / 4000.0 - 1.0).abs() < 1e-9, "{}", profile["mean"]);
+    }
+    // One lattice, whatever vectors it is told by.
+    assert_eq!((&one["rdf"]["pairs"], groups(&one)), (&other["rdf"]["pairs"], groups(&other)));
+    assert_eq!((&cubic["rdf"]["pairs"], groups(&cubic)), (&turned["rdf"]["pairs"], groups(&turned)));
+    assert!(one["domain"]["tilt"].is_object() && turned["domain"]["tilt"].is_null());
+}

@@ -2,13 +2,20 @@
 
 use crate::math::each_axis;
 
+/// Directions that differ by no more than this share of a length are one: f32 tells no more apart.
+const ALONG: f64 = 1e-7;
+/// A vector of a lattice is shorter than another where this share of its square is left.
+const SHORTER: f64 = 1.0 - 1e-12;
+/// Steps that take a lattice to its shortest vectors, at most: each halves one of them or is among the last.
+const MOST_STEPS: usize = 4096;
+
 /// A simulation cell: three row vectors and whether each repeats.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Cell {
     /// Its lowest corner, world units.
     #[serde(default)]
     pub origin: [f64; 3],
-    /// Row k is the k-th cell vector, world units.
+    /// Row k is the k-th cell vector, world units; zeros where the file states none, which then does not repeat.
     pub vectors: [[f64; 3]; 3],
     /// Periodicity along each cell vector.
     pub periodic: [bool; 3],
@@ -30,17 +37,122 @@ impl Cell {
         Cell { origin: scaled(self.origin), vectors: self.vectors.map(scaled), periodic: self.periodic }
     }
 
+    /// The cell that a file states: along vectors of zero nothing repeats (a slab). `None` where all are zero or they
+    /// span no volume.
+    pub fn stated(origin: [f64; 3], vectors: [[f64; 3]; 3], periodic: [bool; 3]) -> Option<Self> {
+        let there = vectors.map(|v| v != [0.0; 3]);
+        let cell = Cell { origin, vectors, periodic: each_axis(|k| periodic[k] && there[k]) };
+        (there.contains(&true) && cell.inverse().is_some()).then_some(cell)
+    }
+
     /// The matrix that turns a world vector d into fractions of the cell vectors: fraction a is the
-    /// sum of `d[k] * inverse[k][a]`. `None` for a cell without volume.
+    /// sum of `d[k] * inverse[k][a]`. A vector of zero counts as one of length 1 across the others. `None` for a cell
+    /// without volume.
     pub fn inverse(&self) -> Option<[[f64; 3]; 3]> {
-        let v = &self.vectors;
-        let cross = |a: [f64; 3], b: [f64; 3]| {
-            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-        };
+        let directions = if self.vectors.contains(&[0.0; 3]) { self.directions() } else { self.vectors };
+        let v = each_axis(|k| if self.vectors[k] == [0.0; 3] { directions[k] } else { self.vectors[k] });
         let rows = [cross(v[1], v[2]), cross(v[2], v[0]), cross(v[0], v[1])];
-        let volume: f64 = (0..3).map(|k| v[0][k] * rows[0][k]).sum();
+        let volume: f64 = dot(v[0], rows[0]);
         let inverse: [[f64; 3]; 3] = each_axis(|k| each_axis(|a| rows[a][k] / volume));
         inverse.iter().flatten().all(|x| x.is_finite()).then_some(inverse)
+    }
+
+    /// The same lattice by its shortest vectors, and what does not repeat at right angles to the others; where all
+    /// then lie along the axes of the world, each in its place and upwards. A cell without volume stays as it is.
+    #[must_use]
+    pub fn reduced(&self) -> Cell {
+        let upright = |c: &Cell| c.lengths().is_some_and(|l| l.iter().all(|l| *l >= 0.0));
+        if upright(self) || self.inverse().is_none() {
+            return *self;
+        }
+        let mut cell = *self;
+        cell.shorten();
+        let directions = cell.directions();
+        for k in (0..3).filter(|k| !cell.periodic[*k]) {
+            let length = dot(cell.vectors[k], directions[k]);
+            cell.vectors[k] = directions[k].map(|x| x * length);
+        }
+        cell.in_place(directions).unwrap_or(cell)
+    }
+
+    /// Unit vectors along the cell vectors: of those that do not repeat what is at right angles to the others, of zeros
+    /// whatever is.
+    pub fn directions(&self) -> [[f64; 3]; 3] {
+        let unit = |v: [f64; 3]| v.map(|x| x / norm(v));
+        let across =
+            |v: [f64; 3], taken: &[[f64; 3]]| taken.iter().fold(v, |v, t| each_axis(|k| v[k] - dot(v, *t) * t[k]));
+        let mut order = [0, 1, 2];
+        order.sort_by_key(|k| (!self.periodic[*k], self.vectors[*k] == [0.0; 3]));
+        // At right angles to each other, as far as there are any.
+        let mut taken: Vec<[f64; 3]> = Vec::with_capacity(3);
+        let mut found = [[0.0; 3]; 3];
+        for k in order {
+            let vector = self.vectors[k];
+            let mut own = across(vector, &taken);
+            if !(norm(own) > ALONG * norm(vector)) {
+                let axes = Cell::orthogonal([1.0; 3]).vectors.map(|v| across(v, &taken));
+                own = axes.into_iter().fold([0.0; 3], |a, b| if norm(b) > norm(a) + ALONG { b } else { a });
+            }
+            taken.push(unit(own));
+            found[k] = if self.periodic[k] { unit(vector) } else { unit(own) };
+        }
+        found
+    }
+
+    /// Takes the vectors that repeat to the shortest of their lattice.
+    fn shorten(&mut self) {
+        let repeats: Vec<usize> = (0..3).filter(|k| self.periodic[*k]).collect();
+        for _ in 0..MOST_STEPS {
+            let mut shortest = true;
+            for &i in &repeats {
+                let (own, others) = (self.vectors[i], repeats.iter().filter(|j| **j != i).map(|j| self.vectors[*j]));
+                let others: Vec<[f64; 3]> = others.collect();
+                let minus = |steps: f64, v: [f64; 3]| move |from: [f64; 3]| each_axis(|k| from[k] - steps * v[k]);
+                let mut found: Vec<[f64; 3]> =
+                    others.iter().map(|v| minus((dot(own, *v) / dot(*v, *v)).round(), *v)(own)).collect();
+                if let [a, b] = others[..] {
+                    let signs = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
+                    found.extend(signs.map(|(s, t)| minus(t, b)(minus(s, a)(own))));
+                }
+                let square = |v: &[f64; 3]| dot(*v, *v);
+                if let Some(best) = found.into_iter().min_by(|a, b| square(a).total_cmp(&square(b)))
+                    && square(&best) < SHORTER * square(&own)
+                {
+                    (self.vectors[i], shortest) = (best, false);
+                }
+            }
+            if shortest {
+                return;
+            }
+        }
+    }
+
+    /// Each vector in the place of its axis of the world and upwards, about the same region; `None` where they lie otherwise.
+    fn in_place(&self, directions: [[f64; 3]; 3]) -> Option<Cell> {
+        let axis = |k: usize| (0..3).find(|j| directions[k][*j].abs() > 1.0 - ALONG);
+        let axes = [axis(0)?, axis(1)?, axis(2)?];
+        let mut cell = Cell { origin: self.origin, ..Cell::orthogonal([0.0; 3]) };
+        for (k, &j) in axes.iter().enumerate() {
+            let (length, along) = (norm(self.vectors[k]), dot(self.vectors[k], directions[k]) * directions[k][j]);
+            cell.vectors[j][j] = length;
+            cell.periodic[j] = self.periodic[k];
+            cell.origin[j] += along.min(0.0);
+        }
+        ((0..3).all(|j| axes.contains(&j))).then_some(cell)
+    }
+
+    /// Are the vectors that repeat those of one lattice, but for a share of `slack`?
+    pub fn same_lattice(&self, other: &Cell, slack: f64) -> bool {
+        let whole = |a: &Cell, b: &Cell| {
+            b.inverse().is_some_and(|inverse| {
+                (0..3).filter(|k| a.periodic[*k]).all(|k| {
+                    let fraction = |j: usize| (0..3).map(|i| a.vectors[k][i] * inverse[i][j]).sum::<f64>();
+                    (0..3).filter(|j| b.periodic[*j]).all(|j| (fraction(j) - fraction(j).round()).abs() <= slack)
+                })
+            })
+        };
+        let (a, b) = (self.reduced(), other.reduced());
+        whole(&a, &b) && whole(&b, &a)
     }
 
     /// For people: `25 x 25 x 25, periodic in xyz`, with the corner where it is not at 0.
@@ -61,5 +173,80 @@ impl Cell {
         let v = &self.vectors;
         let off = (0..3).any(|i| (0..3).any(|j| i != j && v[i][j] != 0.0));
         (!off).then(|| each_axis(|k| v[k][k]))
+    }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn norm(v: [f64; 3]) -> f64 {
+    let largest = v.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    // Squares of lengths beyond 1e154 or below 1e-154 are no numbers.
+    if largest > 0.0 { largest * dot(v.map(|x| x / largest), v.map(|x| x / largest)).sqrt() } else { 0.0 }
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cell(vectors: [[f64; 3]; 3], periodic: [bool; 3]) -> Cell {
+        Cell { vectors, periodic, ..Cell::orthogonal([0.0; 3]) }
+    }
+
+    #[test]
+    fn permuted_and_negative_vectors_are_orthogonal() {
+        let turned = cell([[0.0, 0.0, 5.0], [-10.0, 0.0, 0.0], [0.0, 7.0, 1e-9]], [true, false, true]);
+        let straight = turned.reduced();
+        assert_eq!((straight.lengths(), straight.periodic), (Some([10.0, 7.0, 5.0]), [false, true, true]));
+        assert_eq!(straight.origin, [-10.0, 0.0, 0.0]);
+        let sheared = cell([[10.0, 0.0, 0.0], [40.0, 10.0, 0.0], [-20.0, 10.0, 10.0]], [true; 3]);
+        assert_eq!(sheared.reduced().lengths(), Some([10.0; 3]));
+        let box_ = Cell::orthogonal([3.0, 4.0, 5.0]);
+        assert_eq!(box_.reduced(), box_);
+        assert!(sheared.same_lattice(&Cell::orthogonal([10.0; 3]), 1e-5) && !sheared.same_lattice(&box_, 1e-5));
+    }
+
+    /// The lattice of a truncated octahedron, as GROMACS has it and skewed beyond recognition.
+    #[test]
+    fn vectors_are_the_shortest_of_their_lattice() {
+        let octahedron =
+            [[1.0, 0.0, 0.0], [1.0 / 3.0, 8f64.sqrt() / 3.0, 0.0], [-1.0 / 3.0, 2f64.sqrt() / 3.0, 6f64.sqrt() / 3.0]];
+        let [a, b, c] = octahedron;
+        let plus = |v: [f64; 3], n: f64, w: [f64; 3]| each_axis(|k| v[k] + n * w[k]);
+        let skewed = cell([a, plus(b, 37.0, a), plus(plus(c, -11.0, b), 1234.0, a)], [true; 3]);
+        let reduced = skewed.reduced();
+        for v in reduced.vectors {
+            assert!((norm(v) - 1.0).abs() < 1e-9, "{v:?}");
+        }
+        assert!(reduced.same_lattice(&cell(octahedron, [true; 3]), 1e-6));
+        let volume = dot(reduced.vectors[0], cross(reduced.vectors[1], reduced.vectors[2]));
+        assert!((volume.abs() - 0.7698).abs() < 1e-4, "{volume}");
+        // Lengths that no square stands, and a lattice that is none.
+        for scale in [1e-50, 1e50] {
+            let far = cell(octahedron.map(|v| v.map(|x| x * scale)), [true; 3]).reduced();
+            assert!((norm(far.vectors[2]) / scale - 1.0).abs() < 1e-9);
+        }
+        let flat = cell([a, b, plus(a, 2.0, b)], [true; 3]);
+        assert_eq!(flat.reduced(), flat);
+        assert_eq!(cell([[f64::NAN; 3]; 3], [true; 3]).inverse(), None);
+    }
+
+    #[test]
+    fn slabs_repeat_in_two_axes() {
+        let slab = Cell::stated([0.0; 3], [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0; 3]], [true; 3]).unwrap();
+        assert_eq!((slab.periodic, slab.lengths()), ([true, true, false], Some([1.0, 2.0, 0.0])));
+        assert_eq!(slab.inverse().unwrap()[1][1], 0.5);
+        // Hexagonal, with a third vector that leans; and first vectors of zero.
+        let leaning = cell([[2.0, 0.0, 0.0], [1.0, 3f64.sqrt(), 0.0], [0.5, 0.5, 9.0]], [true, true, false]).reduced();
+        assert!((leaning.vectors[2][2] - 9.0).abs() < 1e-12 && leaning.vectors[2][0].abs() < 1e-12);
+        let only = Cell::stated([0.0; 3], [[0.0; 3], [0.0; 3], [4.0, 0.0, 0.0]], [true; 3]).unwrap().reduced();
+        assert_eq!((only.lengths(), only.periodic), (Some([4.0, 0.0, 0.0]), [true, false, false]));
+        assert!(Cell::stated([0.0; 3], [[0.0; 3]; 3], [true; 3]).is_none());
+        assert!(Cell::stated([0.0; 3], [[1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 1.0]], [true; 3]).is_none());
     }
 }

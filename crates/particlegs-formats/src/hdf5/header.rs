@@ -84,11 +84,14 @@ impl Header {
             let hint = "the header is damaged: copy the file again";
             return Err(Error::input_with(&self.place, format!("BoxSize is {text}"), hint));
         }
-        if lengths.contains(&0.0) {
+        let Cell { origin, vectors, periodic } = Cell::orthogonal(lengths);
+        let Some(mut cell) = Cell::stated(origin, vectors, periodic) else {
             notes.push("BoxSize is 0: not periodic".into());
             return Ok(None);
+        };
+        if lengths.contains(&0.0) {
+            notes.push(format!("BoxSize is 0 along an axis: {}", cell.in_words()));
         }
-        let mut cell = Cell::orthogonal(lengths);
         if self.groups.parameters.number(&["PeriodicBoundariesOn"]) == Some(0.0) {
             cell.periodic = [false; 3];
             notes.push("PeriodicBoundariesOn is 0: the box is not periodic".into());
@@ -98,7 +101,8 @@ impl Header {
             cell.origin = [x, y, z];
         }
         if let Some(&[x, y, z]) = self.groups.header.numbers("BoxPeriodic") {
-            cell.periodic = [x, y, z].map(|p| p != 0.0);
+            let stated = [x, y, z].map(|p| p != 0.0);
+            cell.periodic = std::array::from_fn(|k| cell.periodic[k] && stated[k]);
         }
         for (k, name) in ["LONG_X", "LONG_Y", "LONG_Z"].into_iter().enumerate() {
             if let Some(stretch) = self.groups.config.number(&[name]).filter(|&s| s != 1.0) {

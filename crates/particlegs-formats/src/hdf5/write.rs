@@ -121,7 +121,8 @@ fn header(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], ou
         ("MassTable", Value::Numbers(masses)),
         ("NumFilesPerSnapshot", Value::Integer(1)),
     ];
-    let lengths = match &meta.cell {
+    let cell = meta.cell.map(|c| c.reduced());
+    let lengths = match &cell {
         None => [0.0; 3],
         Some(cell) => cell.lengths().ok_or_else(|| {
             let what = "the cell is not orthogonal, and a Gadget snapshot has no other";
@@ -129,10 +130,10 @@ fn header(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], ou
         })?,
     };
     header.push(box_size(lengths));
-    if let Some(cell) = meta.cell.filter(|c| c.origin != [0.0; 3]) {
+    if let Some(cell) = cell.filter(|c| c.origin != [0.0; 3]) {
         header.push(("BoxOrigin", Value::Numbers(cell.origin.to_vec())));
     }
-    if let Some(cell) = meta.cell.filter(|c| c.periodic != [true; 3]) {
+    if let Some(cell) = cell.filter(|c| c.periodic != [true; 3]) {
         header.push(("BoxPeriodic", Value::Words(cell.periodic.map(u32::from).to_vec())));
     }
     let factor = meta.epoch.scale_factor.filter(|a| *a > 0.0);
@@ -164,7 +165,7 @@ fn parameters(meta: &SnapshotMeta) -> Vec<Attribute> {
     let velocity = length.and(mass).map(|_| 1e5);
     let named = named.into_iter().chain(omegas).chain([("UnitVelocity_in_cm_per_s", velocity)]);
     let mut parameters: Vec<Attribute> = named.filter_map(|(n, v)| Some((n, Value::Number(v?)))).collect();
-    parameters.extend(meta.cell.and_then(|c| c.lengths()).map(box_size));
+    parameters.extend(meta.cell.and_then(|c| c.reduced().lengths()).map(box_size));
     if let Some(comoving) = meta.units.comoving {
         parameters.push(("ComovingIntegrationOn", Value::Integer(i32::from(comoving))));
     }

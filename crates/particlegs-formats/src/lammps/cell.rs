@@ -100,10 +100,6 @@ impl Bounds {
 
     /// The cell, where it has a volume.
     pub fn cell(&self) -> Option<Cell> {
-        let [a, b, c] = self.vectors;
-        let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-        let volume = cross[0] * c[0] + cross[1] * c[1] + cross[2] * c[2];
-        let Bounds { origin, vectors, periodic, .. } = *self;
-        (volume != 0.0 && volume.is_finite()).then_some(Cell { origin, vectors, periodic })
+        Cell::stated(self.origin, self.vectors, self.periodic)
     }
 }

@@ -177,7 +177,7 @@ fn small(array: &Array, stored: &[Stored]) -> InWords<Vec<f64>> {
     Ok(values)
 }
 
-/// A cell of one length, three lengths, or three vectors; a length of 0 means that there is none.
+/// A cell of one length, three lengths, or three vectors; of a length of 0 nothing repeats.
 fn cell(values: &[f64]) -> InWords<Option<Cell>> {
     if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
         return Err(format!("the cell has the length {bad}"));
@@ -193,14 +193,11 @@ fn cell(values: &[f64]) -> InWords<Option<Cell>> {
     if values.iter().all(|v| *v == 0.0) {
         return Ok(None);
     }
-    let [u, v, w] = cell.vectors;
-    let cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    let volume = cross[0] * w[0] + cross[1] * w[1] + cross[2] * w[2];
-    let negative = values.len() < 9 && values.iter().any(|v| *v <= 0.0);
-    if negative || volume == 0.0 || !volume.is_finite() {
-        return Err(format!("{values:?} is not a cell: it has no volume"));
+    let negative = values.len() < 9 && values.iter().any(|v| *v < 0.0);
+    match Cell::stated(cell.origin, cell.vectors, cell.periodic).filter(|_| !negative) {
+        None => Err(format!("{values:?} is not a cell: it has no volume")),
+        cell => Ok(cell),
     }
-    Ok(Some(cell))
 }
 
 #[cfg(test)]

@@ -46,11 +46,10 @@ impl Comment {
         }
         if let Some(n) = lattice {
             let vectors = [[n[0], n[1], n[2]], [n[3], n[4], n[5]], [n[6], n[7], n[8]]];
-            if volume(vectors) == 0.0 {
+            // The format's own rule: a lattice repeats unless `pbc` says otherwise.
+            comment.cell = Cell::stated(origin, vectors, periodic.unwrap_or([true; 3]));
+            if comment.cell.is_none() {
                 comment.notes.push("the lattice has no volume: taken as none".into());
-            } else {
-                // The format's own rule: a lattice repeats unless `pbc` says otherwise.
-                comment.cell = Some(Cell { origin, vectors, periodic: periodic.unwrap_or([true; 3]) });
             }
         }
         Ok(comment)
@@ -60,11 +59,6 @@ impl Comment {
     pub fn is_extended(&self) -> bool {
         self.fields.is_some() || self.cell.is_some()
     }
-}
-
-fn volume([a, b, c]: [[f64; 3]; 3]) -> f64 {
-    let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    cross[0] * c[0] + cross[1] * c[1] + cross[2] * c[2]
 }
 
 /// All `key=value` of a line; other words are passed over.

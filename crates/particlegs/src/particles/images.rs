@@ -5,6 +5,9 @@ use crate::space::{Bounds, Cell};
 use crate::{Error, Remedy, Result};
 use particlegs_core::math::each_axis;
 
+/// A share of the box by which rounding may make a region wider.
+const WIDER: f64 = 1e-12;
+
 /// Takes positions at their periodic images nearest to a point.
 pub(super) struct Images {
     centre: [f64; 3],
@@ -26,15 +29,19 @@ impl Images {
                 Remedy::StateBoxOrRegion,
             ));
         };
+        let cell = cell.reduced();
         let fractions = cell.inverse().ok_or_else(|| Error::input(name, "the periodic cell has no volume"))?;
         let extent = crop.extent();
-        if let Some(lengths) = cell.lengths()
-            && let Some(k) = (0..3).find(|&k| cell.periodic[k] && extent[k] > lengths[k])
-        {
-            let what = format!("a region {} wide on axis {k} is wider than the box of {}", extent[k], lengths[k]);
-            return Err(Error::argument(what));
+        let wide = |a: usize| (0..3).map(|k| extent[k] * fractions[k][a].abs()).sum::<f64>();
+        if let Some(a) = (0..3).find(|&a| cell.periodic[a] && wide(a) > 1.0 + WIDER) {
+            return Err(Error::argument(match cell.lengths() {
+                Some(l) => format!("a region {} wide on axis {a} is wider than the box of {}", extent[a], l[a]),
+                None => {
+                    format!("a region {} x {} x {} does not fit into the tilted box", extent[0], extent[1], extent[2])
+                }
+            }));
         }
-        Ok(Images { centre: crop.center(), cell: *cell, fractions })
+        Ok(Images { centre: crop.center(), cell, fractions })
     }
 
     /// Replaces the positions of `columns` (about `origin`) by those of `chunk` (about `offset`) at

@@ -28,13 +28,14 @@ pub(crate) fn check_box(bounds: &Bounds, cell: Option<&Cell>, name: &str) -> Res
     }
     let Some(cell) = cell else { return Ok(()) };
     let sizes = cell.vectors.map(|v| v.iter().fold(0.0, |m: f64, x| m.max(x.abs())));
-    let within = |l: &f64| (least..=most).contains(l);
-    if !(sizes.iter().all(within) && cell.origin.iter().all(|x| x.abs() <= most) && cell.inverse().is_some()) {
+    let within = |k: usize| (least..=most).contains(&sizes[k]) || sizes[k] == 0.0 && !cell.periodic[k];
+    if !((0..3).all(within) && cell.origin.iter().all(|x| x.abs() <= most) && cell.inverse().is_some()) {
         return refused(format!("a box of {:e}, {:e}, {:e} cannot be used", sizes[0], sizes[1], sizes[2]));
     }
+    let cell = cell.reduced();
     let Some(lengths) = cell.lengths() else { return Ok(()) };
     for k in (0..3).filter(|&k| cell.periodic[k]) {
-        let (low, length) = (cell.origin[k], lengths[k].abs());
+        let (low, length) = (cell.origin[k], lengths[k]);
         if bounds.min[k] < low - (1.0 + SLACK) * length || bounds.max[k] > low + (2.0 + SLACK) * length {
             return refused(format!(
                 "particles reach from {} to {} along {}, more than a box length outside the box from {} to {}",
@@ -74,15 +75,20 @@ impl OutsideBox {
     /// Counts them in a chunk about `origin`, which has these bounds in world units.
     pub(crate) fn count(chunk: &Chunk<'_>, origin: [f64; 3], bounds: &Bounds, cell: Option<&Cell>) -> Self {
         let periodic = cell.filter(|c| c.periodic.contains(&true) && !holds(c, bounds));
-        let Some((cell, inverse)) = periodic.and_then(|c| Some((c, c.inverse()?))) else { return Self::default() };
+        // A particle inside a cell or inside what that is reduced to is where it belongs.
+        let cells = periodic.map(|c| [*c, c.reduced()].map(|c| c.inverse().map(|inverse| (c, inverse))));
+        let Some([Some(stated), Some(reduced)]) = cells else { return Self::default() };
         let mut counts = Self::default();
         for i in 0..chunk.len() {
-            let d: [f64; 3] = each_axis(|k| f64::from(chunk.position[k][i]) + (origin[k] - cell.origin[k]));
-            let beyond = (0..3).filter(|&a| cell.periodic[a]).map(|a| {
-                let fraction: f64 = (0..3).map(|k| d[k] * inverse[k][a]).sum();
-                (-fraction).max(fraction - 1.0)
-            });
-            let beyond = beyond.fold(0.0, f64::max);
+            let beyond = |(cell, inverse): &(Cell, [[f64; 3]; 3])| {
+                let d: [f64; 3] = each_axis(|k| f64::from(chunk.position[k][i]) + (origin[k] - cell.origin[k]));
+                let beyond = (0..3).filter(|&a| cell.periodic[a]).map(|a| {
+                    let fraction: f64 = (0..3).map(|k| d[k] * inverse[k][a]).sum();
+                    (-fraction).max(fraction - 1.0)
+                });
+                beyond.fold(0.0, f64::max)
+            };
+            let beyond = beyond(&stated).min(beyond(&reduced));
             counts.all += u64::from(beyond > SLACK);
             counts.far += u64::from(beyond > 1.0 + SLACK);
         }

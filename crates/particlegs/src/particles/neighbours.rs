@@ -8,6 +8,7 @@
 use super::{CHUNK, Chunk, ChunkBuffer, Domain, Particles};
 use crate::parallel;
 use crate::progress::Progress;
+use crate::space::Bounds;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
 use particlegs_core::memory::filled;
@@ -44,12 +45,21 @@ impl<'a> Placing<'a> {
 
     /// The places of a run, in place of what `places` holds.
     fn places(&self, chunk: &Chunk<'_>, places: &mut Vec<Place>) {
-        let Domain { length, periodic, .. } = self.domain;
+        let Domain { length, periodic, tilt, .. } = self.domain;
+        places.clear();
+        if let Some(tilt) = tilt {
+            return places.extend((0..chunk.len()).map(|i| {
+                let raw: [f64; 3] = each_axis(|k| f64::from(chunk.position[k][i]));
+                let along = tilt.upright(each_axis(|k| raw[k] - self.corner[k]));
+                let turns = each_axis(|a| if periodic[a] { (along[a] / length[a]).floor() } else { 0.0 });
+                let back = self.domain.turned(turns);
+                each_axis(|k| (raw[k] - back[k]) as f32)
+            }));
+        }
         let inside = |k: usize, raw: f32| {
             let turns = ((f64::from(raw) - self.corner[k]) / length[k]).floor();
             if periodic[k] && turns != 0.0 { (f64::from(raw) - turns * length[k]) as f32 } else { raw }
         };
-        places.clear();
         places.extend((0..chunk.len()).map(|i| [0, 1, 2].map(|k| inside(k, chunk.position[k][i])) as Place));
     }
 }
@@ -107,14 +117,15 @@ pub(crate) struct Neighbours {
     grid: CellGrid,
 }
 
-/// Cells over a domain, or over the points along axes that do not repeat.
+/// Cells over a domain, or over the points along edges that do not repeat.
 struct CellGrid {
+    domain: Domain,
     /// Lowest corner, as points are.
     low: [f64; 3],
     side: [f64; 3],
+    /// Edges of a cell over distances between its faces.
+    stretch: [f64; 3],
     cells: [usize; 3],
-    length: [f64; 3],
-    periodic: [bool; 3],
 }
 
 /// What a search has found so far.
@@ -190,13 +201,7 @@ impl Found for Several {
 
 impl CellGrid {
     fn new(p: &Particles, domain: &Domain) -> Self {
-        let (mut low, mut length) = (domain.min, domain.length);
-        if !domain.periodic.iter().all(|p| *p) {
-            let bounds = p.bounds();
-            for k in (0..3).filter(|k| !domain.periodic[*k]) {
-                (low[k], length[k]) = (bounds.min[k], bounds.extent_nonzero()[k]);
-            }
-        }
+        let (low, length) = Self::region(p, domain);
         let most = (p.len() / IN_CELL).max(1) as f64;
         let mut side = length.map(f64::cbrt).iter().product::<f64>() / most.cbrt();
         let count = |side: f64| length.map(|l| (l / side).floor().max(1.0));
@@ -206,16 +211,49 @@ impl CellGrid {
         }
         let cells = count(side).map(|c| c as usize);
         CellGrid {
+            domain: *domain,
             low: each_axis(|k| low[k] - p.origin[k]),
             side: each_axis(|k| length[k] / cells[k] as f64),
+            stretch: each_axis(|k| domain.stretch(k)),
             cells,
-            length,
-            periodic: domain.periodic,
         }
     }
 
-    fn cell(&self, x: &[f64; 3]) -> [usize; 3] {
-        each_axis(|k| (((x[k] - self.low[k]) / self.side[k]) as usize).min(self.cells[k] - 1))
+    /// Lowest corner and edges of the domain where it repeats, else of where the points are.
+    fn region(p: &Particles, domain: &Domain) -> ([f64; 3], [f64; 3]) {
+        let (mut low, mut length) = (domain.min, domain.length);
+        let open: Vec<usize> = (0..3).filter(|k| !domain.periodic[*k]).collect();
+        if open.is_empty() {
+            return (low, length);
+        }
+        let Some(tilt) = &domain.tilt else {
+            let bounds = p.bounds();
+            open.iter().for_each(|&k| (low[k], length[k]) = (bounds.min[k], bounds.extent_nonzero()[k]));
+            return (low, length);
+        };
+        let corner: [f64; 3] = each_axis(|k| p.origin[k] - domain.min[k]);
+        let parts = p.par_chunks(|_, chunk| {
+            let mut bounds = Bounds::empty();
+            (0..chunk.len()).for_each(|i| {
+                bounds.include(tilt.upright(each_axis(|k| f64::from(chunk.position[k][i]) + corner[k])));
+            });
+            bounds
+        });
+        let bounds = parts.iter().fold(Bounds::empty(), |a, b| a.union(b));
+        let first = tilt.world(each_axis(|k| if domain.periodic[k] { 0.0 } else { bounds.min[k] }));
+        open.iter().for_each(|&k| length[k] = bounds.extent_nonzero()[k]);
+        (each_axis(|k| low[k] + first[k]), length)
+    }
+
+    /// A place along the edges, from the lowest corner.
+    fn along(&self, x: &[f64; 3]) -> [f64; 3] {
+        let d = each_axis(|k| x[k] - self.low[k]);
+        self.domain.tilt.as_ref().map_or(d, |t| t.upright(d))
+    }
+
+    /// The cell of what lies there along the edges.
+    fn cell(&self, along: &[f64; 3]) -> [usize; 3] {
+        each_axis(|k| ((along[k] / self.side[k]) as usize).min(self.cells[k] - 1))
     }
 
     fn index(&self, [i, j, k]: [usize; 3]) -> usize {
@@ -226,21 +264,34 @@ impl CellGrid {
     /// box once where it repeats.
     fn steps(&self, axis: usize, home: usize, shell: i64) -> (i64, i64) {
         let (n, home) = (self.cells[axis] as i64, home as i64);
-        let (down, up) = if self.periodic[axis] { (n, n) } else { (home, n - 1 - home) };
+        let (down, up) = if self.domain.periodic[axis] { (n, n) } else { (home, n - 1 - home) };
         (-down.min(shell), up.min(shell))
     }
 
-    /// No cell of a shell about `home` is nearer to `x`; infinite where it has no cells.
-    fn nearest_of_shell(&self, x: &[f64; 3], home: [usize; 3], shell: i64) -> f64 {
+    /// No cell of a shell about `home` is nearer to what lies there along the edges; infinite where it has no cells.
+    fn nearest_of_shell(&self, along: &[f64; 3], home: [usize; 3], shell: i64) -> f64 {
         let of_axis = |k: usize| {
             let (down, up) = self.steps(k, home[k], shell);
-            let from = x[k] - (self.low[k] + home[k] as f64 * self.side[k]);
+            let from = along[k] - home[k] as f64 * self.side[k];
             let side = |there: bool, d: f64| {
                 if there { d.max(0.0) + (shell - 1) as f64 * self.side[k] } else { f64::INFINITY }
             };
-            side(down == -shell, from).min(side(up == shell, self.side[k] - from))
+            side(down == -shell, from).min(side(up == shell, self.side[k] - from)) / self.stretch[k]
         };
         (0..3).map(of_axis).fold(f64::INFINITY, f64::min)
+    }
+
+    /// No point of a cell is nearer to `x` than by this square.
+    fn away(&self, x: &[f64; 3], cell: [usize; 3]) -> f64 {
+        let along = self.along(x);
+        let squares: [f64; 3] = each_axis(|k| {
+            let from = along[k] - cell[k] as f64 * self.side[k];
+            let d = (-from).max(from - self.side[k]).max(0.0) / self.stretch[k];
+            d * d
+        });
+        // Across faces that are not at right angles distances do not add up.
+        let upright = self.domain.tilt.is_none();
+        if upright { squares.iter().sum() } else { squares.into_iter().fold(0.0, f64::max) }
     }
 
     /// The cell at `i`, which may lie beyond the ends, and the turns of the box to reach it.
@@ -249,7 +300,7 @@ impl CellGrid {
         if (0..n).contains(&i) {
             return Some((i as usize, 0.0));
         }
-        self.periodic[axis].then(|| (i.rem_euclid(n) as usize, i.div_euclid(n) as f64))
+        self.domain.periodic[axis].then(|| (i.rem_euclid(n) as usize, i.div_euclid(n) as f64))
     }
 }
 
@@ -258,7 +309,7 @@ impl Neighbours {
     pub fn new(p: &Particles, domain: &Domain) -> Self {
         let grid = CellGrid::new(p, domain);
         let next: Vec<AtomicU32> = (0..grid.cells.iter().product::<usize>()).map(|_| AtomicU32::new(0)).collect();
-        let key = |x: &Place| grid.index(grid.cell(&x.map(f64::from)));
+        let key = |x: &Place| grid.index(grid.cell(&grid.along(&x.map(f64::from))));
         visit_places(p, domain, |_, places| {
             places.iter().for_each(|x| {
                 next[key(x)].fetch_add(1, Relaxed);
@@ -306,12 +357,13 @@ impl Neighbours {
     /// Searches the cells about `x`, a place in the box.
     fn search_all(&self, x: Place, found: &mut impl Found) {
         let x = x.map(f64::from);
-        let home = self.grid.cell(&x);
+        let along = self.grid.along(&x);
+        let home = self.grid.cell(&along);
         self.search(self.run(home), &x, [0.0; 3], found);
         // Shells of cells, until they are further away than what was found.
         let widest = *self.grid.cells.iter().max().expect("three axes");
         for shell in 1..=widest as i64 {
-            let inner = self.grid.nearest_of_shell(&x, home, shell);
+            let inner = self.grid.nearest_of_shell(&along, home, shell);
             if inner * inner >= found.limit() {
                 break;
             }
@@ -345,14 +397,9 @@ impl Neighbours {
                     if run.is_empty() {
                         continue;
                     }
-                    let moved: [f64; 3] = each_axis(|k| x[k] - turn[k] * g.length[k]);
-                    let away: f64 = (0..3)
-                        .map(|k| {
-                            let from = moved[k] - (g.low[k] + cell[k] as f64 * g.side[k]);
-                            (-from).max(from - g.side[k]).max(0.0)
-                        })
-                        .map(|d| d * d)
-                        .sum();
+                    let back = g.domain.turned(turn);
+                    let moved: [f64; 3] = each_axis(|k| x[k] - back[k]);
+                    let away = g.away(&moved, cell);
                     if away < found.limit() {
                         self.search(run, &moved, [0.0; 3], found);
                     }
@@ -496,7 +543,7 @@ mod tests {
                 (0..700).map(|i| (edge(i) * Random::new(4, k as u32, i).uniform()) as f32).collect()
             };
             let p = Particles::from_columns(draw(0), draw(1), draw(2));
-            let domain = Domain { min: [0.0; 3], length, periodic };
+            let domain = Domain::upright([0.0; 3], length, periodic);
             let turns = |k: usize| if periodic[k] { -1..=1 } else { 0..=0 };
             let all = |i: usize| {
                 let (mut squares, x) = (Vec::new(), p.position(i));
@@ -514,6 +561,34 @@ mod tests {
                 let found = distances_to(rank, &p, &domain, &Silent).unwrap();
                 for (i, squares) in expected.iter().enumerate() {
                     assert!((f64::from(found[i]) - squares[rank].sqrt()).abs() < 1e-6, "{periodic:?} {rank} {i}");
+                }
+            }
+        }
+    }
+
+    /// The same in tilted boxes, particles of other images among them.
+    #[test]
+    fn distances_in_tilted_boxes_are_those_of_all_pairs() {
+        use crate::stats::testing::{gas, tilted_cells};
+        for mut cell in tilted_cells() {
+            cell.origin = [-3.0, 1.0, 0.5];
+            let mut p = gas(900, &cell, 5);
+            let domain = Domain::of_particles(&p);
+            assert!(domain.tilt.is_some());
+            let x: Vec<[f64; 3]> = (0..900).map(|i| p.position(i)).collect();
+            let moved = |i: usize, k: usize| (x[i][k] + if i % 7 == 0 { cell.vectors[1][k] } else { 0.0 }) as f32;
+            let column = |k: usize| (0..900).map(|i| moved(i, k)).collect();
+            p = Particles::from_columns(column(0), column(1), column(2));
+            for rank in [1, 16] {
+                let found = distances_to(rank, &p, &domain, &Silent).unwrap();
+                for i in 0..40 {
+                    let square = |j: usize| {
+                        let d = domain.shortest_way(each_axis(|k| x[j][k] - x[i][k]));
+                        d.iter().map(|v| v * v).sum::<f64>()
+                    };
+                    let mut squares: Vec<f64> = (0..900).map(square).collect();
+                    squares.sort_unstable_by(f64::total_cmp);
+                    assert!((f64::from(found[i]) - squares[rank].sqrt()).abs() < 1e-5, "{cell:?} {rank} {i}");
                 }
             }
         }

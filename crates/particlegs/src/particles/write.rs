@@ -153,7 +153,7 @@ fn write_sidecar(path: &Path, described: &Described<'_>) -> std::io::Result<()> 
     let meta = described.meta;
     let mut form = serde_json::json!({ "name": meta.name, "order": described.order });
     match &meta.cell {
-        Some(cell) if cell.origin == [0.0; 3] && cell.lengths().is_some() => {
+        Some(cell) if cell.origin == [0.0; 3] && cell.lengths().is_some_and(|l| l.iter().all(|l| *l > 0.0)) => {
             form["box"] = serde_json::json!(cell.lengths());
             let all = cell.periodic.iter().all(|p| *p);
             form["periodic"] = if all { true.into() } else { serde_json::json!(cell.periodic) };

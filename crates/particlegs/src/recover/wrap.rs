@@ -20,10 +20,12 @@ impl Wrap {
     /// cell (one about 0, say, with a cell from 0) are kept in the box about their middle.
     pub(super) fn new(cell: Option<&Cell>, bounds: &Bounds) -> Option<Wrap> {
         let cell = cell.filter(|c| c.periodic.contains(&true))?;
+        let reduced = cell.reduced();
+        let cell = if reduced.lengths().is_some() { &reduced } else { cell };
         let inverse = cell.inverse()?;
-        let lengths = cell.lengths().filter(|l| l.iter().all(|&l| l > 0.0));
+        let lengths = cell.lengths();
         let mut corner = cell.origin;
-        for k in 0..3 {
+        for k in (0..3).filter(|k| cell.periodic[*k]) {
             let Some(length) = lengths.map(|l| l[k]) else { continue };
             let slack = SLACK * length;
             if bounds.min[k] < corner[k] - slack || bounds.max[k] > corner[k] + length + slack {

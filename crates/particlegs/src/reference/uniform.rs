@@ -3,12 +3,12 @@
 use crate::Result;
 use crate::camera::{Projection, View, clipping_range};
 use crate::parallel;
+use crate::particles::Domain;
 use crate::picture::{Plane, Size};
-use crate::space::Bounds;
 use crate::splat::opacity_integral;
 use particlegs_core::math::each_axis;
 
-/// The noise-free optical depth of `count` particles spread evenly over `bounds`, without fluctuations:
+/// The noise-free optical depth of `count` particles spread evenly over a box, without fluctuations:
 /// in each pixel their number density times the opacity integral of one of them, times the depth along
 /// which the pixel's ray is inside. Splats widen towards the corners as everywhere; in perspective a
 /// particle's size on the picture falls with depth as the pixel's cone grows, so no power of depth is
@@ -16,14 +16,15 @@ use particlegs_core::math::each_axis;
 ///
 /// # Errors
 /// [`crate::Error::Argument`] for a view with a number outside its range.
-pub fn uniform_box(bounds: &Bounds, count: f64, view: &View, size: Size) -> Result<Plane> {
+pub fn uniform_box(domain: &Domain, count: f64, view: &View, size: Size) -> Result<Plane> {
     view.check(size)?;
     let frame = view.camera.frame()?;
-    let range = view.camera.clipping_range.unwrap_or_else(|| clipping_range(bounds, &view.camera));
+    let range = view.camera.clipping_range.unwrap_or_else(|| clipping_range(&domain.bounds(), &view.camera));
     let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
     let scale = view.camera.focal_pixels(size).recip();
     // Extents one after the other, so that neither tiny nor huge boxes leave the range of f64.
-    let spread = bounds.extent_nonzero().iter().fold(count * opacity_integral(view.opacity), |n, e| n / e);
+    let tilt = domain.tilt.map_or(1.0, |t| t.volume());
+    let spread = domain.length.iter().fold(count * opacity_integral(view.opacity) / tilt, |n, e| n / e);
     let weight = spread * view.radius * view.radius;
     let [right, up, back] = frame.axes;
     let half = [0.5 * size.width as f64 - 0.5, 0.5 * size.height as f64 - 0.5];
@@ -40,19 +41,21 @@ pub fn uniform_box(bounds: &Bounds, count: f64, view: &View, size: Size) -> Resu
             } else {
                 (each_axis(|k| frame.position[k] + aside[k]), forward, 1.0)
             };
-            *out = (weight * growth * depth_inside(bounds, start, direction, range)) as f32;
+            *out = (weight * growth * depth_inside(domain, start, direction, range)) as f32;
         }
     });
     Ok(plane)
 }
 
 /// How much of the depths in `range` a ray has inside a box.
-fn depth_inside(b: &Bounds, start: [f64; 3], direction: [f64; 3], range: [f64; 2]) -> f64 {
+fn depth_inside(domain: &Domain, start: [f64; 3], direction: [f64; 3], range: [f64; 2]) -> f64 {
     let [mut near, mut far] = range;
-    for k in 0..3 {
-        let (a, z) = ((b.min[k] - start[k]) / direction[k], (b.max[k] - start[k]) / direction[k]);
+    let along = |d: [f64; 3]| -> [f64; 3] { each_axis(|k| domain.along(&d, k)) };
+    let (start, direction) = (along(each_axis(|k| start[k] - domain.min[k])), along(direction));
+    for (k, length) in domain.length.into_iter().enumerate() {
+        let (a, z) = (-start[k] / direction[k], (length - start[k]) / direction[k]);
         if direction[k] == 0.0 {
-            if start[k] < b.min[k] || start[k] > b.max[k] {
+            if start[k] < 0.0 || start[k] > length {
                 return 0.0;
             }
             continue;
@@ -70,6 +73,7 @@ mod tests {
     use crate::particles::Particles;
     use crate::progress::Silent;
     use crate::reference::Reference;
+    use crate::space::Bounds;
 
     /// Particles drawn evenly have this depth on average, in perspective and in parallel projection.
     #[test]
@@ -87,7 +91,7 @@ mod tests {
                 camera.projection = Projection::Orthographic { height_world: 4.0 };
             }
             let view = View { name: "v".into(), camera, radius: 0.03, opacity: 0.05 };
-            let even = uniform_box(&bounds, 200_000.0, &view, size).unwrap();
+            let even = uniform_box(&Domain::new(&bounds, None), 200_000.0, &view, size).unwrap();
             let mut worst = 0.0f64;
             if parallel {
                 // Every particle is in the picture: the sum over pixels is theirs.
@@ -108,5 +112,22 @@ mod tests {
             }
             assert!(worst < 0.03, "parallel {parallel}: off by {worst}");
         }
+    }
+
+    /// Of a tilted cell every line of sight has the depth that its own even particles have.
+    #[test]
+    fn a_tilted_box_has_its_own_picture() {
+        use crate::stats::testing::{gas, tilted_cells};
+        let cell = tilted_cells()[0];
+        let particles = gas(100_000, &cell, 3);
+        let domain = Domain::drawn(&particles.bounds(), Some(&cell));
+        let size = Size { width: 48, height: 32 };
+        let camera = spherical_camera(domain.bounds().center(), 30.0, 20.0, base_distance(&domain.bounds(), size));
+        let view = View { name: "v".into(), camera, radius: 0.1, opacity: 0.05 };
+        let even = uniform_box(&domain, 100_000.0, &view, size).unwrap();
+        let drawn = Reference::new(&particles).optical_depth(&view, size, &Silent).unwrap();
+        let difference: f64 = even.data.iter().zip(&drawn.data).map(|(a, b)| f64::from((a - b).abs())).sum();
+        let all: f64 = even.data.iter().map(|v| f64::from(*v)).sum();
+        assert!(difference < 0.1 * all, "{difference} of {all}");
     }
 }

@@ -51,7 +51,9 @@ pub(super) fn agreements(pair: [Field; 2], particles: usize) -> Option<[CellDens
 
 /// The grid of the smallest cells, in whole numbers of the largest.
 pub(super) fn finest(domain: &Domain, particles: usize) -> Option<Grid> {
-    let edge = (SMALLEST * domain.spacing(particles)).max(domain.longest() / MOST_CELLS);
+    // Cells of a tilted box hold less than cubes of their edge.
+    let cube = domain.tilt.map_or(1.0, |t| t.volume().cbrt());
+    let edge = (SMALLEST * domain.spacing(particles) / cube).max(domain.longest() / MOST_CELLS);
     let cells = each_axis(|k| COARSEST * (domain.length[k] / (edge * COARSEST as f64)).round().max(1.0) as usize);
     let enough = cells.iter().product::<usize>() >= 512;
     (enough && edge.is_normal()).then(|| Grid::stretched(domain, cells))
@@ -159,17 +161,17 @@ mod tests {
 
     #[test]
     fn cells_hold_eight_particles_and_more() {
-        let cube = Domain { min: [0.0; 3], length: [50.0; 3], periodic: [true; 3] };
+        let cube = Domain::upright([0.0; 3], [50.0; 3], [true; 3]);
         assert_eq!(finest(&cube, 1 << 21).unwrap().cells, [64; 3]);
         assert_eq!(finest(&cube, 1 << 30).unwrap().cells, [256; 3]);
         assert!(finest(&cube, 100).is_none());
-        let plate = Domain { min: [0.0; 3], length: [50.0, 50.0, 1e-3], periodic: [false; 3] };
+        let plate = Domain::upright([0.0; 3], [50.0, 50.0, 1e-3], [false; 3]);
         assert_eq!(finest(&plate, 1 << 21).unwrap().cells, [256, 256, 4]);
     }
 
     #[test]
     fn cells_of_an_edge_are_no_longer_than_it() {
-        let cube = Domain { min: [0.0; 3], length: [50.0; 3], periodic: [true; 3] };
+        let cube = Domain::upright([0.0; 3], [50.0; 3], [true; 3]);
         assert_eq!(grid_of_edge(1.0, &cube).unwrap().cells, [50; 3]);
         assert_eq!(grid_of_edge(0.8, &cube).unwrap().cells, [63; 3]);
         // A length that is no binary number.

@@ -6,7 +6,7 @@ use crate::parallel;
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
-use crate::stats::{Grid, Slab, Splat};
+use crate::stats::{Domain, Grid, Slab, Splat};
 use particlegs_core::math::each_axis;
 
 /// Parallel parts of a sum, fixed so that results do not depend on threads.
@@ -29,23 +29,11 @@ impl DensityGrid {
     /// `longest` cells along the longest extent, about as long along the others. Along an axis whose
     /// box the particles fill less than half, as a cut-out or a zoom does, the grid is over them.
     pub fn new(bounds: &Bounds, cell: Option<&Cell>, longest: u16) -> Self {
-        let (mut extent, center) = (bounds.extent_nonzero(), bounds.center());
-        let mut periodic = [false; 3];
-        if let Some((lengths, cell)) = cell.and_then(|c| Some((c.lengths()?, c))) {
-            for k in 0..3 {
-                if cell.periodic[k] && extent[k] > 0.5 * lengths[k] {
-                    (extent[k], periodic[k]) = (lengths[k], true);
-                }
-            }
-        }
-        let side = extent[0].max(extent[1]).max(extent[2]) / f64::from(longest.max(1));
-        let cells = extent.map(|e| ((e / side).round() as usize).max(1));
-        DensityGrid(Grid {
-            min: each_axis(|k| center[k] - 0.5 * extent[k]),
-            side: each_axis(|k| extent[k] / cells[k] as f64),
-            cells,
-            periodic,
-        })
+        let (domain, center) = (Domain::new(bounds, cell), bounds.center());
+        let grid = Grid::new(&domain, usize::from(longest));
+        // An upright grid lies about the middle of the bounds.
+        let min = each_axis(|k| if domain.tilt.is_some() { domain.min[k] } else { center[k] - 0.5 * domain.length[k] });
+        DensityGrid(Grid { min, ..grid })
     }
 
     /// Its cells.
@@ -60,14 +48,22 @@ impl DensityGrid {
     pub fn of_particles(&self, particles: &Particles, progress: &dyn Progress) -> Result<Vec<f64>> {
         let unit_mass = particles.meta.particle_mass.unwrap_or(1.0);
         let scale = self.0.side.map(f64::recip);
-        let offset: [f64; 3] = each_axis(|k| (particles.origin[k] - self.0.min[k]) * scale[k]);
+        let corner: [f64; 3] = each_axis(|k| particles.origin[k] - self.0.min[k]);
+        let offset: [f64; 3] = each_axis(|k| corner[k] * scale[k]);
         self.sum_parts(particles.len(), |grid, range| {
             let mut buffer = Default::default();
             for start in range.clone().step_by(1 << 16) {
                 progress.check()?;
                 let chunk = particles.chunk(start..range.end.min(start + (1 << 16)), &mut buffer);
                 for i in 0..chunk.len() {
-                    let cell = [0, 1, 2].map(|k| self.cell(k, f64::from(chunk.position[k][i]) * scale[k] + offset[k]));
+                    let raw: [f64; 3] = each_axis(|k| f64::from(chunk.position[k][i]));
+                    let cell = match &self.0.tilt {
+                        None => each_axis(|k| self.cell(k, raw[k] * scale[k] + offset[k])),
+                        Some(tilt) => {
+                            let along = tilt.upright(each_axis(|k| raw[k] + corner[k]));
+                            each_axis(|k| self.cell(k, along[k] * scale[k]))
+                        }
+                    };
                     grid[self.0.index(cell)] += unit_mass * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
                 }
                 progress.advance(chunk.len() as u64);
@@ -100,7 +96,8 @@ impl DensityGrid {
                     progress.check()?;
                     progress.advance(256);
                 }
-                splat.add(&mut slab, mixture.mean_of(i), &mixture.cov_of(i), mixture.mass_of(i));
+                let (mean, cov) = self.0.upright(mixture.mean_of(i), mixture.cov_of(i));
+                splat.add(&mut slab, mean, &cov, mixture.mass_of(i));
             }
             Ok(())
         })

@@ -15,7 +15,6 @@ use crate::space::Bounds;
 use crate::splat::Look;
 use crate::stats::Domain;
 use crate::{Error, Result};
-use particlegs_core::math::each_axis;
 
 /// Scores `model` against `particles` in `views`, drawn at `size`. Views without a clipping range
 /// get the particles' own, the same for the model and the truth. A view is of the orbit that its name begins
@@ -91,29 +90,15 @@ pub(super) fn clipped(view: &View, bounds: &Bounds) -> View {
     view
 }
 
-/// The particles spread evenly over their box: the periodic one where they fill it, else their bounds.
-struct Even {
-    bounds: Bounds,
-    count: f64,
-}
-
-impl Even {
-    fn of(truth: &Reference) -> Self {
-        let particles = truth.particles();
-        let domain = Domain::new(truth.bounds(), particles.meta.cell.as_ref());
-        let max = each_axis(|k| domain.min[k] + domain.length[k]);
-        Even { bounds: Bounds { min: domain.min, max }, count: particles.len() as f64 }
-    }
-}
-
 /// A model beside its snapshot.
 pub(super) struct Comparison<'a> {
     /// The model, ready to be drawn.
     scene: Scene<'a>,
     /// Draws the snapshot.
     truth: &'a Reference<'a>,
-    /// What the least of models would score.
-    even: Even,
+    /// The particles spread evenly over this are what the least of models draws: the periodic box where they fill it,
+    /// else their bounds.
+    even: Domain,
     /// The particles' own rival, and whether it is drawn in all looks.
     subset: Option<(&'a Thinned, bool)>,
     /// What draws model and snapshot in place of the processor.
@@ -124,7 +109,8 @@ impl<'a> Comparison<'a> {
     /// Of a model and the snapshot that `truth` draws; with a subset of its particles where that is to be scored, in
     /// all looks or in `expected` alone.
     pub fn new(model: &'a Model, truth: &'a Reference<'a>, subset: Option<(&'a Thinned, bool)>) -> Self {
-        Comparison { scene: Scene::of(model), truth, even: Even::of(truth), subset, drawer: None }
+        let even = Domain::drawn(truth.bounds(), truth.particles().meta.cell.as_ref());
+        Comparison { scene: Scene::of(model), truth, even, subset, drawer: None }
     }
 
     /// Scores of all looks in `views`.
@@ -154,7 +140,7 @@ impl<'a> Comparison<'a> {
             Some(drawer) => drawer.model_depth(&view, size)?,
             None => render::optical_depth(&self.scene, &view, size, progress)?,
         };
-        let even = uniform_box(&self.even.bounds, self.even.count, &view, size)?;
+        let even = uniform_box(&self.even, self.truth.particles().len() as f64, &view, size)?;
         progress.end();
         Ok(Drawn { truth, tau, even, subset })
     }

@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn wave_numbers_that_cannot_be_measured_are_refused() {
-        let cube = Domain { min: [0.0; 3], length: [25.0; 3], periodic: [true; 3] };
+        let cube = Domain::upright([0.0; 3], [25.0; 3], [true; 3]);
         let told = |domain: &Domain, k: f64| spectrum_to(k, domain, 64 * 64 * 64).unwrap_err().to_string();
         // The same grid as the certificate's, to the wave number that is asked for.
         let options = spectrum_to(2.0, &cube, 64 * 64 * 64).unwrap();

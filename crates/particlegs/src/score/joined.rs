@@ -12,11 +12,9 @@ use crate::progress::Progress;
 use crate::reference::uniform_box;
 use crate::render::tone;
 use crate::score::cells::agreements;
-use crate::space::Bounds;
 use crate::splat::Look;
-use crate::stats::{Field, Grid, spectra_of};
+use crate::stats::{Domain, Field, Grid, spectra_of};
 use crate::{Error, Result};
-use particlegs_core::math::each_axis;
 
 /// Gives a section of a part, as [`Frame::measure`] made it.
 pub(crate) type Read<'a> = &'a dyn Fn(u32, Section) -> Result<Vec<u8>>;
@@ -71,14 +69,13 @@ impl Joined<'_> {
 
     /// The noise-free pictures alone: ParaView's own, in which splats hide each other, do not add up.
     fn view(&self, view: usize, progress: &dyn Progress) -> Result<OrbitMetrics> {
-        let (size, domain) = (certify::SIZE, &self.frame.domain);
-        let max = each_axis(|k| domain.min[k] + domain.length[k]);
-        let (even, view_of) = (Bounds { min: domain.min, max }, &self.frame.views[view]);
+        let (size, metadata) = (certify::SIZE, &self.frame.metadata);
+        let (even, view_of) = (Domain::drawn(&metadata.bounds, metadata.cell.as_ref()), &self.frame.views[view]);
         let picture = |tau: &Plane| tone(tau, Look::Expected, view_of.opacity, view_of.radius_pixels(size));
         let side =
             |side| Ok::<_, Error>(picture(&Plane { size, data: self.sum(Section::View(side, view), progress)? }));
         let (truth, model) = (side(0)?, side(1)?);
-        let even = picture(&uniform_box(&even, self.frame.metadata.count as f64, view_of, size)?);
+        let even = picture(&uniform_box(&even, metadata.count as f64, view_of, size)?);
         let score = |p: &Gray8| {
             let s = Scores::of(p, &truth);
             Some(PictureScore { masked_psnr: s.masked_psnr, ssim: s.ssim.unwrap_or(0.0) })

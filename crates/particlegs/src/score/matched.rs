@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn counterparts_are_near_and_taken_once() {
-        let domain = Domain { min: [0.0; 3], length: [10.0; 3], periodic: [true; 3] };
+        let domain = Domain::upright([0.0; 3], [10.0; 3], [true; 3]);
         let linking = Linking { domain: &domain, length: 0.2, spacing: 1.0 };
         let truth = found(&[([9.95, 5.0, 5.0], 400), ([5.0; 3], 120), ([5.2, 5.0, 5.0], 30), ([1.0; 3], 25)]);
         // The first lies across the edge of the box; the second's is nearer to the third than its own.

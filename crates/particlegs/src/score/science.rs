@@ -189,7 +189,7 @@ mod tests {
 
     #[test]
     fn large_grids_resolve_the_gaussians_and_stay_in_memory() {
-        let slab = Domain { min: [0.0; 3], length: [100.0, 400.0, 400.0], periodic: [true; 3] };
+        let slab = Domain::upright([0.0; 3], [100.0, 400.0, 400.0], [true; 3]);
         let cube = Domain { length: [400.0; 3], ..slab };
         // 2.7 million Gaussians of 268 million particles: pi over a spacing of 1.81 wants 442 cells.
         assert_eq!(resolving(&slab, [1 << 28, 2_700_000]), 450);
@@ -200,7 +200,7 @@ mod tests {
 
     #[test]
     fn grids_follow_from_counts_and_stay_small() {
-        let cube = Domain { min: [0.0; 3], length: [50.0; 3], periodic: [true; 3] };
+        let cube = Domain::upright([0.0; 3], [50.0; 3], [true; 3]);
         let of = |domain: &Domain, n: usize| {
             let o = spectrum_options(domain, n);
             (o.cells, o.k_max)
@@ -211,7 +211,7 @@ mod tests {
         assert_eq!(of(&cube, 2).0, LEAST_CELLS);
         // More particles than the grid resolves: half its Nyquist frequency.
         assert_eq!(of(&cube, usize::MAX), (256, PI * 128.0 / 50.0));
-        let needle = Domain { min: [0.0; 3], length: [1e6, 1.0, 1.0], periodic: [false; 3] };
+        let needle = Domain::upright([0.0; 3], [1e6, 1.0, 1.0], [false; 3]);
         assert_eq!(of(&needle, 1000).0, 256);
     }
 }

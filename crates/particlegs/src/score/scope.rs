@@ -59,7 +59,7 @@ impl<'a> Scope<'a> {
             inside => inside?,
         };
         let sample = Some(Sample { particles: inside.len() as u64, bounds });
-        let own = Domain { min: bounds.min, length: bounds.extent(), periodic: [false; 3] };
+        let own = Domain::upright(bounds.min, bounds.extent(), [false; 3]);
         let sound = inside.len() >= 2 && own.length.iter().all(|l| *l > 0.0);
         let near = near(model, &domain, &bounds);
         let (model, particles) = (Cow::Owned(near), Cow::Owned(inside));
@@ -98,6 +98,11 @@ fn region(particles: &Particles, domain: &Domain, seed: u64, most: u64) -> Bound
     let place = |i: usize| domain.local(particles.position((i as u128 * n as u128 / positions as u128) as usize));
     let mut left: Vec<[f64; 3]> = (0..positions).map(place).collect();
     let (mut min, mut max) = ([0.0; 3], domain.length);
+    if domain.tilt.is_some() {
+        let mut around = Bounds::empty();
+        left.iter().for_each(|p| around.include(*p));
+        (min, max) = (around.min, around.max);
+    }
     let mut count = n as u64;
     let mut choice = seed;
     while count > most && left.len() > 1 {

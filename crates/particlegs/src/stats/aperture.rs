@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_lopsided_group_across_the_seam_is_centred_on_its_core() {
-        let domain = Domain { min: [5.0; 3], length: [10.0; 3], periodic: [true; 3] };
+        let domain = Domain::upright([5.0; 3], [10.0; 3], [true; 3]);
         let core = [9.95, 0.02, 5.0];
         let mut x = Vec::new();
         for i in 0..300 {

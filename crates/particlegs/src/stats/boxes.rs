@@ -4,7 +4,6 @@ use super::Subject;
 use crate::particles::{check_box, check_particles};
 use crate::space::{Bounds, Cell};
 use crate::{Error, Result};
-use particlegs_core::math::each_axis;
 
 /// Boxes whose lengths differ by no more than this share are of one size.
 const SAME: f64 = 1e-5;
@@ -24,8 +23,8 @@ pub(super) fn check_boxes(pair: [Subject<'_>; 2]) -> Result<Vec<String>> {
         }
     }
     let [truth, other] = pair.map(Place::of);
-    match (truth.lengths(), other.lengths()) {
-        (Some(a), Some(b)) => same_lengths(a, b, other.name)?,
+    match (truth.repeating(), other.repeating()) {
+        (Some(a), Some(b)) => same_box(&a, &b, other.name)?,
         (Some(_), None) => {
             check_box(&other.bounds, truth.cell, other.name)?;
             notes.push("the other states no periodic box: the truth's is taken".into());
@@ -57,24 +56,24 @@ impl<'a> Place<'a> {
         }
     }
 
-    /// Lengths of a box that repeats along some axis; 0 along those where it does not.
-    fn lengths(&self) -> Option<[f64; 3]> {
-        let cell = self.cell.filter(|c| c.periodic.contains(&true))?;
-        let lengths = cell.lengths()?;
-        Some(each_axis(|k| if cell.periodic[k] { lengths[k] } else { 0.0 }))
+    /// A box that repeats along some edge, reduced.
+    fn repeating(&self) -> Option<Cell> {
+        self.cell.map(Cell::reduced).filter(|c| c.periodic.contains(&true))
     }
 }
 
-fn same_lengths(truth: [f64; 3], other: [f64; 3], name: &str) -> Result<()> {
-    let differ = |k: usize| {
-        let [a, b] = [truth[k], other[k]];
-        a > 0.0 && b > 0.0 && (a - b).abs() > SAME * a.max(b)
+fn same_box(truth: &Cell, other: &Cell, name: &str) -> Result<()> {
+    let same = match (truth.lengths(), other.lengths()) {
+        (Some(a), Some(b)) => {
+            let both = |k: usize| truth.periodic[k] && other.periodic[k];
+            (0..3).all(|k| !both(k) || (a[k] - b[k]).abs() <= SAME * a[k].max(b[k]))
+        }
+        _ => truth.same_lattice(other, SAME),
     };
-    if !(0..3).any(differ) {
+    if same {
         return Ok(());
     }
-    let text = |l: [f64; 3]| format!("{} x {} x {}", l[0], l[1], l[2]);
-    let what = format!("its box is {}, the truth's is {}: they cannot be compared", text(other), text(truth));
+    let what = format!("its box is {}, the truth's is {}: they cannot be compared", other.in_words(), truth.in_words());
     Err(Error::input_with(name, what, "compare snapshots of one box in one unit of length"))
 }
 

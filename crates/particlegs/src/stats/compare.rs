@@ -198,6 +198,10 @@ impl Job<'_> {
         if !self.domain.periodic.iter().all(|p| *p) && !self.paper() {
             notes.push("axes that are not periodic: P(k) treats them as if they were".into());
         }
+        let gridded = [Measure::Density, Measure::Profile].iter().any(|m| self.o.measures.contains(m));
+        if gridded && self.domain.tilt.is_some() {
+            notes.push("the box is tilted: cells, slices and profiles lie along the edges of its reduced cell".into());
+        }
         if self.pair.iter().any(|s| s.particles().is_some_and(|p| p.weights().is_some())) {
             notes.push("pairs, groups, neighbours and g(r) count particles, whatever their weights".into());
         }

@@ -161,7 +161,7 @@ mod tests {
     use crate::stats::{Domain, Grid};
 
     fn field(mass: Vec<f32>) -> Field {
-        let domain = Domain { min: [0.0; 3], length: [1.0, 1.0, mass.len() as f64], periodic: [true; 3] };
+        let domain = Domain::upright([0.0; 3], [1.0, 1.0, mass.len() as f64], [true; 3]);
         Field { grid: Grid::stretched(&domain, [1, 1, mass.len()]), mass, outside: 0.0 }
     }
 
@@ -189,7 +189,7 @@ mod tests {
 
     #[test]
     fn slices_follow_the_axes() {
-        let domain = Domain { min: [0.0; 3], length: [2.0, 3.0, 4.0], periodic: [true; 3] };
+        let domain = Domain::upright([0.0; 3], [2.0, 3.0, 4.0], [true; 3]);
         let grid = Grid::stretched(&domain, [2, 3, 4]);
         let f = Field { grid, mass: (0..24).map(|i| i as f32).collect(), outside: 0.0 };
         let mean = 11.5;

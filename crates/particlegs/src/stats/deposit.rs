@@ -158,9 +158,13 @@ fn sort_by_plane(grid: &Grid, p: &Particles, range: Range<usize>, shift: f64) ->
     let scale = grid.side.map(f64::recip);
     let unit = p.meta.particle_mass.unwrap_or(1.0);
     let weight = |i: usize| unit * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
+    let corner: [f64; 3] = each_axis(|k| p.origin[k] - grid.min[k]);
     let cell = |i: usize| {
-        let mut u: [f64; 3] =
-            each_axis(|k| (f64::from(chunk.position[k][i]) + (p.origin[k] - grid.min[k])) * scale[k] + shift);
+        let mut d: [f64; 3] = each_axis(|k| f64::from(chunk.position[k][i]) + corner[k]);
+        if let Some(tilt) = &grid.tilt {
+            d = tilt.upright(d);
+        }
+        let mut u: [f64; 3] = each_axis(|k| d[k] * scale[k] + shift);
         (0..3).all(|k| place(grid, k, &mut u[k])).then_some(u)
     };
     // Counted first and computed again: quicker than records that are written twice.
@@ -272,7 +276,7 @@ fn add_mixtures(
                     progress.check()?;
                     progress.advance((m.len() - i).min(8) as u64);
                 }
-                let (mean, cov) = (m.mean_of(i), m.cov_of(i));
+                let (mean, cov) = grid.upright(m.mean_of(i), m.cov_of(i));
                 if slab.may_hold(mean, &cov) {
                     splat.add(&mut slab, mean, &cov, unit_mass * m.mass_of(i));
                 }

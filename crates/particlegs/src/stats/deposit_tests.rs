@@ -11,7 +11,7 @@ fn random(n: usize, length: [f64; 3]) -> Particles {
 }
 
 fn domain(length: [f64; 3], periodic: bool) -> Domain {
-    Domain { min: [0.0; 3], length, periodic: [periodic; 3] }
+    Domain::upright([0.0; 3], length, [periodic; 3])
 }
 
 /// The plain twin: one particle after the other.

@@ -201,7 +201,7 @@ mod tests {
     use crate::stats::Domain;
 
     fn grid(periodic: bool) -> Grid {
-        Grid::new(&Domain { min: [0.0; 3], length: [12.0; 3], periodic: [periodic; 3] }, 12)
+        Grid::new(&Domain::upright([0.0; 3], [12.0; 3], [periodic; 3]), 12)
     }
 
     fn deposit(g: &Grid, mean: [f64; 3], cov: &Sym3) -> Vec<f64> {

@@ -1,9 +1,9 @@
 //! A grid over a domain and the schemes that share a particle among its cells.
 
-use super::Domain;
-use particlegs_core::math::each_axis;
+use super::{Domain, Tilt};
+use particlegs_core::math::{Sym3, each_axis};
 
-/// Cells over a domain; x is the slowest index.
+/// Cells over a domain; x is the slowest index. Those of a tilted domain lie along its edges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
     /// Lowest corner, world units.
@@ -14,6 +14,8 @@ pub struct Grid {
     pub cells: [usize; 3],
     /// Does the axis repeat?
     pub periodic: [bool; 3],
+    /// Where the edges of cells point, if not along x, y and z.
+    pub tilt: Option<Tilt>,
 }
 
 particlegs_core::named_values! {
@@ -71,7 +73,27 @@ impl Grid {
             side: each_axis(|k| domain.length[k] / cells[k] as f64),
             cells,
             periodic: domain.periodic,
+            tilt: domain.tilt,
         }
+    }
+
+    /// Volume of a cell.
+    pub fn cell_volume(&self) -> f64 {
+        self.side.iter().product::<f64>() * self.tilt.map_or(1.0, |t| t.volume())
+    }
+
+    /// A place as lengths along the edges from the lowest corner.
+    #[inline]
+    pub(crate) fn from_corner(&self, p: [f64; 3]) -> [f64; 3] {
+        let d = each_axis(|k| p[k] - self.min[k]);
+        self.tilt.as_ref().map_or(d, |t| t.upright(d))
+    }
+
+    /// A Gaussian as an upright grid of the same corner, sides and cells sees it.
+    pub(crate) fn upright(&self, mean: [f64; 3], cov: Sym3) -> ([f64; 3], Sym3) {
+        let Some(tilt) = &self.tilt else { return (mean, cov) };
+        let along = self.from_corner(mean);
+        (each_axis(|k| self.min[k] + along[k]), tilt.upright_covariance(&cov))
     }
 
     /// The cells along an axis that hold coordinate `u`, in cells: none beyond an open edge, but an open grid's far
@@ -135,7 +157,7 @@ mod tests {
 
     #[test]
     fn slabs_get_cells_of_one_length() {
-        let d = Domain { min: [0.0; 3], length: [1.0, 4.0, 3.9], periodic: [true, true, false] };
+        let d = Domain::upright([0.0; 3], [1.0, 4.0, 3.9], [true, true, false]);
         let g = Grid::new(&d, 40);
         assert_eq!(g.cells, [10, 40, 39]);
         assert_eq!([g.wrap(0, -1), g.wrap(2, -1), g.wrap(2, 50)], [9, 0, 38]);

@@ -66,7 +66,10 @@ struct Walk<'a> {
 struct Rows<'a> {
     domain: &'a Domain,
     cells: [i64; 3],
-    side: [f64; 3],
+    /// Distances between a cell's faces.
+    height: [f64; 3],
+    /// Cells on either side that a link reaches.
+    most: [i64; 3],
     /// Occupied cells, row after row.
     runs: Vec<CellRun>,
     /// Occupied rows in ascending order: (x, y) and the first of their runs; one more at the end.
@@ -75,9 +78,10 @@ struct Rows<'a> {
     index: Vec<u32>,
 }
 
-/// The longest link that [`find_groups`] takes: a third of the shortest edge that repeats.
+/// The longest link that [`find_groups`] takes: a third of the smallest distance between faces that repeat.
 pub fn longest_link(domain: &Domain) -> f64 {
-    (0..3).filter(|k| domain.periodic[*k]).map(|k| domain.length[k] / 3.0).fold(f64::INFINITY, f64::min)
+    let heights = domain.heights();
+    (0..3).filter(|k| domain.periodic[*k]).map(|k| heights[k] / 3.0).fold(f64::INFINITY, f64::min)
 }
 
 /// Finds the groups of at least `smallest` particles.
@@ -115,16 +119,21 @@ pub fn find_groups(
 impl<'a> Rows<'a> {
     fn new(positions: &[[f64; 3]], domain: &'a Domain, linking_length: f64) -> Self {
         // A little under the diagonal, so that rounding makes no friends.
-        let wanted = linking_length / 3f64.sqrt() * (1.0 - 1e-9);
-        let low: [f64; 3] =
-            each_axis(|k| if domain.periodic[k] { 0.0 } else { positions.iter().map(|x| x[k]).fold(0.0, f64::min) });
+        let wanted = linking_length / domain.diagonal() * (1.0 - 1e-9);
+        let least = |k: usize| positions.iter().map(|x| domain.along(x, k)).fold(0.0, f64::min);
+        let low: [f64; 3] = each_axis(|k| if domain.periodic[k] { 0.0 } else { least(k) });
         // Axes that repeat need whole cells; open ones may have any number.
         let cells: [i64; 3] = each_axis(|k| {
             if domain.periodic[k] { ((domain.length[k] / wanted).ceil() as i64).min(MOST_CELLS) } else { i64::MAX }
         });
         let side: [f64; 3] =
             each_axis(|k| if domain.periodic[k] { domain.length[k] / cells[k] as f64 } else { wanted });
-        let place = |x: &[f64; 3], k: usize| cell_number((x[k] - low[k]) / side[k]).clamp(0, cells[k] - 1);
+        let height: [f64; 3] = each_axis(|k| side[k] / domain.stretch(k));
+        // 2 in an upright box, but for edges that rounding makes a little short.
+        let most =
+            each_axis(|k| if domain.tilt.is_none() { 2 } else { (linking_length / height[k]).floor() as i64 + 1 });
+        let place =
+            |x: &[f64; 3], k: usize| cell_number((domain.along(x, k) - low[k]) / side[k]).clamp(0, cells[k] - 1);
         let order = sorted(positions, &|x| [0, 1, 2].map(|k| place(x, k)), occupied(positions, &place, &cells));
         let (mut runs, mut rows): (Vec<CellRun>, Vec<([i64; 2], u32)>) = Default::default();
         for (at, i) in order.iter().enumerate() {
@@ -141,27 +150,29 @@ impl<'a> Rows<'a> {
         }
         rows.push(([i64::MAX; 2], runs.len() as u32));
         let position = gathered(positions, &order);
-        Rows { domain, cells, side, runs, rows, position, index: order }
+        Rows { domain, cells, height, most, runs, rows, position, index: order }
     }
 
     /// Pairs of cells that hold friends and are not in one set yet, row by row.
     fn links(&self, length: f64, reach: Reach, roots: &[u32], progress: &dyn Progress) -> Result<Vec<Vec<(u32, u32)>>> {
-        let most = if reach == Reach::Touching { 1 } else { 2 };
+        let most = if reach == Reach::Touching { [1; 3] } else { self.most };
         parallel::try_map_range(self.rows.len() - 1, |row| {
             progress.check()?;
             let mut links = Vec::new();
-            for dx in 0..=most {
-                for dy in -most..=most {
+            for dx in 0..=most[0] {
+                for dy in -most[1]..=most[1] {
                     // Each pair of rows from one of its two sides.
                     if (dx, dy) >= (0, 0)
-                        && let Some((other, shift)) = self.row_beside(row, dx, dy)
+                        && let Some((other, turns)) = self.row_beside(row, dx, dy)
                     {
-                        let gap = gap(dx) * self.side[0] * gap(dx) * self.side[0]
-                            + gap(dy) * self.side[1] * gap(dy) * self.side[1];
+                        let gap = self.least_square(
+                            gap(dx) * self.height[0] * gap(dx) * self.height[0],
+                            gap(dy) * self.height[1] * gap(dy) * self.height[1],
+                        );
                         // Rows that touch have cells apart along z alone.
                         let apart = dx.abs() > 1 || dy.abs() > 1;
                         let walk = Walk { length, gap, reach, apart, roots, progress };
-                        self.link_rows(row, other, shift, &walk, &mut links);
+                        self.link_rows(row, other, turns, &walk, &mut links);
                     }
                 }
             }
@@ -172,13 +183,19 @@ impl<'a> Rows<'a> {
         })
     }
 
-    /// The row dx, dy away, and the shift that brings its particles beside this one's.
+    /// The least square of a distance whose parts across two pairs of faces have these: they are at right angles in an
+    /// upright box alone.
+    fn least_square(&self, a: f64, b: f64) -> f64 {
+        if self.domain.tilt.is_none() { a + b } else { a.max(b) }
+    }
+
+    /// The row dx, dy away, and the turns that bring its particles beside this one's.
     fn row_beside(&self, row: usize, dx: i64, dy: i64) -> Option<(usize, [f64; 2])> {
         let [x, y] = self.rows[row].0;
-        let (x, sx) = self.wrapped(0, x + dx)?;
-        let (y, sy) = self.wrapped(1, y + dy)?;
+        let (x, tx) = self.wrapped(0, x + dx)?;
+        let (y, ty) = self.wrapped(1, y + dy)?;
         let found = self.rows[..self.rows.len() - 1].binary_search_by(|r| r.0.cmp(&[x, y])).ok()?;
-        Some((found, [sx, sy]))
+        Some((found, [tx, ty]))
     }
 
     fn wrapped(&self, axis: usize, i: i64) -> Option<(i64, f64)> {
@@ -186,16 +203,17 @@ impl<'a> Rows<'a> {
         if (0..n).contains(&i) {
             return Some((i, 0.0));
         }
-        self.domain.periodic[axis].then(|| (i.rem_euclid(n), i.div_euclid(n) as f64 * self.domain.length[axis]))
+        self.domain.periodic[axis].then(|| (i.rem_euclid(n), i.div_euclid(n) as f64))
     }
 
-    /// Walks two rows side by side and joins cells at most two apart along z.
-    fn link_rows(&self, a: usize, b: usize, shift: [f64; 2], walk: &Walk<'_>, links: &mut Vec<(u32, u32)>) {
+    /// Walks two rows side by side and joins cells that a link reaches along z.
+    fn link_rows(&self, a: usize, b: usize, turns: [f64; 2], walk: &Walk<'_>, links: &mut Vec<(u32, u32)>) {
+        let most = self.most[2];
         let runs_of = |row: usize| self.rows[row].1 as usize..self.rows[row + 1].1 as usize;
         let (own, others) = (runs_of(a), runs_of(b));
         for image in [-1i64, 0, 1] {
             let turn = if image == 0 { 0 } else { image * self.cells[2] };
-            let beside = |run: usize, turn: i64, of: usize| (self.runs[run].z + turn - self.runs[of].z).abs() <= 2;
+            let beside = |run: usize, turn: i64, of: usize| (self.runs[run].z + turn - self.runs[of].z).abs() <= most;
             // Other images of the box matter at its seam alone.
             let seam = match image {
                 -1 => self.domain.periodic[2] && beside(others.end - 1, turn, own.start),
@@ -205,22 +223,22 @@ impl<'a> Rows<'a> {
             if !seam {
                 continue;
             }
-            let shift = [shift[0], shift[1], image as f64 * self.domain.length[2]];
-            let same = a == b && shift[0] == 0.0 && shift[1] == 0.0;
+            let shift = self.domain.turned([turns[0], turns[1], image as f64]);
+            let same = a == b && turns == [0.0; 2];
             let mut low = others.start;
             for i in own.clone() {
                 let cell = self.runs[i];
-                while low < others.end && self.runs[low].z + turn < cell.z - 2 {
+                while low < others.end && self.runs[low].z + turn < cell.z - most {
                     low += 1;
                 }
-                for j in (low..others.end).take_while(|j| self.runs[*j].z + turn <= cell.z + 2) {
+                for j in (low..others.end).take_while(|j| self.runs[*j].z + turn <= cell.z + most) {
                     // Within one row each pair once, and never a cell with itself.
                     let once = !same || image > 0 || (image == 0 && j > i);
                     let steps = self.runs[j].z + turn - cell.z;
-                    let dz = gap(steps) * self.side[2];
+                    let dz = gap(steps) * self.height[2];
                     if once
                         && (walk.apart || steps.abs() > 1) == (walk.reach == Reach::Apart)
-                        && walk.gap + dz * dz <= walk.length * walk.length
+                        && self.least_square(walk.gap, dz * dz) <= walk.length * walk.length
                         && walk.roots[i] != walk.roots[j]
                         && self.friends(cell, self.runs[j], shift, walk)
                     {
@@ -359,6 +377,8 @@ mod tests {
     use super::*;
     use crate::math::Random;
     use crate::progress::Silent;
+    use crate::stats::local_positions;
+    use crate::stats::testing::{gas, tilted_cells};
 
     /// The plain twin: every pair.
     fn plain(x: &[[f64; 3]], domain: &Domain, length: f64, smallest: usize) -> Vec<Vec<u32>> {
@@ -393,7 +413,7 @@ mod tests {
     fn groups_are_those_of_all_pairs() {
         for periodic in [[true; 3], [false; 3], [true, false, true]] {
             let length = [2.0, 3.0, 1.5];
-            let domain = Domain { min: [0.0; 3], length, periodic };
+            let domain = Domain::upright([0.0; 3], length, periodic);
             let x = clustered(1500, length);
             for link in [0.02, 0.06, 0.11, 0.3] {
                 let fast = find_groups(&x, &domain, link, 2, &Silent).unwrap();
@@ -403,8 +423,22 @@ mod tests {
     }
 
     #[test]
+    fn groups_in_tilted_boxes_are_those_of_all_pairs() {
+        for cell in tilted_cells() {
+            let p = gas(1500, &cell, 6);
+            let domain = Domain::of_particles(&p);
+            let x = local_positions(&p, &domain);
+            for share in [0.02, 0.1, 0.3, 1.0] {
+                let link = share * longest_link(&domain);
+                let fast = find_groups(&x, &domain, link, 2, &Silent).unwrap();
+                assert_eq!(fast.members, plain(&x, &domain, link, 2), "{cell:?} {link}");
+            }
+        }
+    }
+
+    #[test]
     fn a_chain_across_the_seam_is_one_group_and_threads_do_not_matter() {
-        let domain = Domain { min: [0.0; 3], length: [10.0, 1.0, 1.0], periodic: [true; 3] };
+        let domain = Domain::upright([0.0; 3], [10.0, 1.0, 1.0], [true; 3]);
         let x: Vec<[f64; 3]> = (0..20).map(|i| [(9.0 + 0.1 * i as f64) % 10.0, 0.0, 0.999]).collect();
         let run = |threads| {
             let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -419,7 +453,7 @@ mod tests {
     /// cells reach.
     #[test]
     fn crowds_and_outliers_are_told_apart() {
-        let domain = Domain { min: [0.0; 3], length: [1e20, 1.0, 1.0], periodic: [false; 3] };
+        let domain = Domain::upright([0.0; 3], [1e20, 1.0, 1.0], [false; 3]);
         // 1.1e-3: cells that are compared, and no particle of the one near the other's crowd.
         for apart in [1.1e-3, 1.4e-3] {
             let mut x: Vec<[f64; 3]> = (0..4000).map(|i| [0.3 + 1e-6 * f64::from(i % 2), 0.5, 0.5]).collect();
@@ -433,7 +467,7 @@ mod tests {
 
     #[test]
     fn absurd_links_are_refused() {
-        let domain = Domain { min: [0.0; 3], length: [1.0; 3], periodic: [true; 3] };
+        let domain = Domain::upright([0.0; 3], [1.0; 3], [true; 3]);
         for link in [0.0, -1.0, f64::NAN, 0.5] {
             assert!(matches!(
                 find_groups(&[[0.5; 3]], &domain, link, 2, &Silent).unwrap_err(),

@@ -281,7 +281,7 @@ mod tests {
     use crate::stats::local_positions;
     use crate::stats::testing::model_of;
 
-    const BOX: Domain = Domain { min: [5.0; 3], length: [10.0; 3], periodic: [true; 3] };
+    const BOX: Domain = Domain::upright([5.0; 3], [10.0; 3], [true; 3]);
 
     fn side<'a>(subject: Subject<'a>, positions: &'a [[f64; 3]]) -> HaloSide<'a> {
         HaloSide { subject, positions }

@@ -212,7 +212,7 @@ mod tests {
     use crate::progress::Silent;
     use crate::stats::testing::model_of;
 
-    const BOX: Domain = Domain { min: [0.0; 3], length: [1.0; 3], periodic: [true; 3] };
+    const BOX: Domain = Domain::upright([0.0; 3], [1.0; 3], [true; 3]);
 
     /// Particles drawn from a Gaussian of width `s` in a periodic unit box, about its corner.
     fn cloud(n: usize, s: f64, seed: u64) -> Particles {

@@ -40,7 +40,7 @@ pub(crate) mod testing;
 mod transform;
 mod xi_transform;
 
-pub use crate::particles::domain::Domain;
+pub use crate::particles::domain::{Domain, Tilt};
 pub use aperture::ApertureMass;
 pub(crate) use aperture::group_center;
 pub use compare::compare;

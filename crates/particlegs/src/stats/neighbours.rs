@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn distances_are_those_of_all_pairs() {
         for periodic in [[true; 3], [false; 3], [true, false, true]] {
-            let domain = Domain { min: [0.0; 3], length: [1.0, 2.0, 3.0], periodic };
+            let domain = Domain::upright([0.0; 3], [1.0, 2.0, 3.0], periodic);
             let mut x = random(900, domain.length);
             // Some lie in another image of the box, and about another origin.
             (0..3).filter(|k| periodic[*k]).for_each(|k| x[7][k] += domain.length[k]);
@@ -175,7 +175,7 @@ mod tests {
     /// Poisson points: the mean distance is 0.55396 of the mean spacing (Chandrasekhar 1943).
     #[test]
     fn poisson_points_have_their_mean() {
-        let domain = Domain { min: [0.0; 3], length: [2.0; 3], periodic: [true; 3] };
+        let domain = Domain::upright([0.0; 3], [2.0; 3], [true; 3]);
         let x: Vec<[f64; 3]> = (0..30_000)
             .map(|i| {
                 let mut r = Random::new(2, 0, i);
@@ -202,7 +202,7 @@ mod tests {
         let (n, step) = (60_000, 2.0f64.powi(100));
         for periodic in [[false; 3], [true, false, true]] {
             let x: Vec<[f64; 3]> = (0..n).map(|i| [i as f64 * step, (i % 2) as f64 * 1e-38, 0.0]).collect();
-            let domain = Domain { min: [0.0; 3], length: [n as f64 * step, 1e-38, 1e-38], periodic };
+            let domain = Domain::upright([0.0; 3], [n as f64 * step, 1e-38, 1e-38], periodic);
             let o = NeighbourOptions { sample: n, among_sample: false, seed: 1 };
             let d = nearest_distances(&particles(&x), &domain, &o, &Silent).unwrap();
             if !periodic[0] {
@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn a_lattice_has_one_distance_and_doubles_none() {
-        let domain = Domain { min: [0.0; 3], length: [4.0; 3], periodic: [true; 3] };
+        let domain = Domain::upright([0.0; 3], [4.0; 3], [true; 3]);
         let mut x: Vec<[f64; 3]> = (0..64).map(|i| [i / 16, i / 4 % 4, i % 4].map(|v| v as f64)).collect();
         let o = NeighbourOptions { sample: 1000, among_sample: false, seed: 1 };
         let d = nearest_distances(&particles(&x), &domain, &o, &Silent).unwrap();

@@ -244,6 +244,8 @@ fn count_band(points: &Points, primaries: &[u32], edges: &[f64], progress: &dyn 
 mod tests {
     use super::*;
     use crate::progress::Silent;
+    use crate::stats::local_positions;
+    use crate::stats::testing::{gas, tilted_cells};
 
     fn random(n: usize, length: [f64; 3], seed: u64) -> Vec<[f64; 3]> {
         (0..n)
@@ -276,7 +278,7 @@ mod tests {
             ([3.0, 4.0, 5.0], [false; 3], 400),
             ([1.0, 1.0, 1.0], [true; 3], 3),
         ] {
-            let domain = Domain { min: [0.0; 3], length, periodic };
+            let domain = Domain::upright([0.0; 3], length, periodic);
             let x = random(n, length, 3);
             let mut edges = logarithmic_edges(0.02, 0.98 * longest_separation(&domain), 6);
             edges.insert(0, 0.0);
@@ -288,8 +290,26 @@ mod tests {
     }
 
     #[test]
+    fn counts_in_tilted_boxes_are_those_of_all_pairs_and_a_gas_has_no_correlation() {
+        for cell in tilted_cells() {
+            let p = gas(1500, &cell, 2);
+            let domain = Domain::of_particles(&p);
+            let x = local_positions(&p, &domain);
+            let longest = longest_separation(&domain);
+            let edges: Vec<f64> = (0..=6).map(|i| longest * f64::from(i) / 6.0).collect();
+            let o = PairOptions { edges: edges.clone(), band: 10.0, budget: u64::MAX, seed: 1 };
+            let c = count_pairs(&x, &domain, &o, &Silent).unwrap();
+            assert_eq!(c.pairs, plain(&x, &domain, &edges), "{cell:?}");
+            for b in 0..6 {
+                let sigma = (2.0 / c.expected[b]).sqrt();
+                assert!(c.xi[b].abs() < 3.0 * sigma + 0.01, "{cell:?} {b}: {} {sigma}", c.xi[b]);
+            }
+        }
+    }
+
+    #[test]
     fn threads_change_no_count() {
-        let domain = Domain { min: [0.0; 3], length: [4.0; 3], periodic: [true; 3] };
+        let domain = Domain::upright([0.0; 3], [4.0; 3], [true; 3]);
         let x = random(20_000, [4.0; 3], 5);
         let o = PairOptions { edges: logarithmic_edges(0.05, 1.0, 8), band: 3.0, budget: 2_000_000, seed: 1 };
         let run = |threads| {
@@ -305,7 +325,7 @@ mod tests {
     #[test]
     fn uniform_points_have_none() {
         for periodic in [[true; 3], [false; 3], [false, true, true]] {
-            let domain = Domain { min: [0.0; 3], length: [1.0, 3.0, 2.0], periodic };
+            let domain = Domain::upright([0.0; 3], [1.0, 3.0, 2.0], periodic);
             let x = random(6000, domain.length, 9);
             let o = PairOptions { edges: vec![0.1, 0.2, 0.3, 0.4, 0.5], band: 3.0, budget: u64::MAX, seed: 1 };
             let c = count_pairs(&x, &domain, &o, &Silent).unwrap();
@@ -320,7 +340,7 @@ mod tests {
     #[test]
     fn a_lattice_has_its_shells() {
         let x: Vec<[f64; 3]> = (0..512).map(|i| [i / 64, i / 8 % 8, i % 8].map(|v| v as f64)).collect();
-        let domain = Domain { min: [0.0; 3], length: [8.0; 3], periodic: [true; 3] };
+        let domain = Domain::upright([0.0; 3], [8.0; 3], [true; 3]);
         let o = PairOptions { edges: vec![0.5, 0.9, 1.1, 1.3, 1.5, 1.6, 1.8], band: 3.0, budget: u64::MAX, seed: 1 };
         let c = count_pairs(&x, &domain, &o, &Silent).unwrap();
         assert_eq!(c.pairs, [0, 6 * 512, 0, 12 * 512, 0, 8 * 512]);
@@ -329,7 +349,7 @@ mod tests {
 
     #[test]
     fn separations_beyond_the_box_are_refused() {
-        let domain = Domain { min: [0.0; 3], length: [1.0, 2.0, 2.0], periodic: [true; 3] };
+        let domain = Domain::upright([0.0; 3], [1.0, 2.0, 2.0], [true; 3]);
         for edges in [vec![0.1, 0.6], vec![0.2, 0.1], vec![0.1], vec![]] {
             let o = PairOptions { edges, band: 3.0, budget: 1, seed: 1 };
             assert!(matches!(

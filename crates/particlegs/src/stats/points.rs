@@ -34,10 +34,12 @@ pub(crate) struct Points {
     pub domain: Domain,
     /// Cells along each axis.
     pub cells: [usize; 3],
-    /// Lowest corner of the first cell, relative to the domain's.
+    /// Lowest corner of the first cell, relative to the domain's, along its edges.
     pub low: [f64; 3],
     /// Edges of a cell.
     pub side: [f64; 3],
+    /// Distances between a cell's faces.
+    height: [f64; 3],
     /// First point of each cell, x slowest, and the number of points.
     pub start: Vec<u32>,
     /// Positions by cell and, within a cell, in the order of the particles.
@@ -76,6 +78,7 @@ impl Points {
             cells,
             low,
             side: each_axis(|k| length[k] / cells[k] as f64),
+            height: each_axis(|k| length[k] / cells[k] as f64 / domain.stretch(k)),
             start: Vec::new(),
             position: Vec::new(),
             index: Vec::new(),
@@ -95,7 +98,8 @@ impl Points {
 
     /// The cell of a position.
     pub fn cell_of(&self, x: [f64; 3]) -> [usize; 3] {
-        each_axis(|k| (((x[k] - self.low[k]) / self.side[k]).max(0.0) as usize).min(self.cells[k] - 1))
+        let place = |k: usize| ((self.domain.along(&x, k) - self.low[k]) / self.side[k]).max(0.0) as usize;
+        each_axis(|k| place(k).min(self.cells[k] - 1))
     }
 
     fn key(&self, [i, j, k]: [usize; 3]) -> usize {
@@ -108,11 +112,11 @@ impl Points {
         self.start[row + k.start] as usize..self.start[row + k.end] as usize
     }
 
-    /// Cells of an axis within `reach` world units of cell `i`, each once, and the shift that brings
+    /// Cells of an axis within `reach` world units of cell `i`, each once, and the turns around it that bring
     /// their points beside it.
     pub fn beside(&self, axis: usize, i: usize, reach: f64) -> Vec<(usize, f64)> {
-        let (n, length) = (self.cells[axis] as i64, self.domain.length[axis]);
-        let steps = (reach / self.side[axis]).ceil() as i64;
+        let n = self.cells[axis] as i64;
+        let steps = (reach / self.height[axis]).ceil() as i64;
         let i = i as i64;
         if !self.domain.periodic[axis] {
             // Points that share a coordinate, or nearly, have cells of next to no width.
@@ -120,15 +124,15 @@ impl Points {
             return ((i - steps).max(0)..=(i + steps).min(n - 1)).map(|c| (c as usize, 0.0)).collect();
         }
         // Up to half the axis is reached: a cell seen from both sides is listed for each image.
-        (i - steps..=i + steps).map(|c| (c.rem_euclid(n) as usize, c.div_euclid(n) as f64 * length)).collect()
+        (i - steps..=i + steps).map(|c| (c.rem_euclid(n) as usize, c.div_euclid(n) as f64)).collect()
     }
 
     /// Calls `visit` with runs of points that may lie within `reach` of one in row (i, j), cell k,
     /// and the shift to add to them. Each image of each point comes once.
     pub fn near(&self, [i, j, k]: [usize; 3], reach: f64, mut visit: impl FnMut(std::ops::Range<usize>, [f64; 3])) {
         let z = self.beside(2, k, reach);
-        for (x, sx) in self.beside(0, i, reach) {
-            for (y, sy) in self.beside(1, j, reach) {
+        for (x, tx) in self.beside(0, i, reach) {
+            for (y, ty) in self.beside(1, j, reach) {
                 // Neighbours along z lie together, up to the seam.
                 let mut from = 0;
                 while from < z.len() {
@@ -138,7 +142,7 @@ impl Points {
                     }
                     let run = self.row(x, y, z[from].0..z[to - 1].0 + 1);
                     if !run.is_empty() {
-                        visit(run, [sx, sy, z[from].1]);
+                        visit(run, self.domain.turned([tx, ty, z[from].1]));
                     }
                     from = to;
                 }
@@ -147,11 +151,14 @@ impl Points {
     }
 }
 
-/// The domain where the axis repeats, else where the points are.
+/// The domain where the axis repeats, else where the points are, along its edges.
 fn extent(positions: &[[f64; 3]], domain: &Domain) -> ([f64; 3], [f64; 3]) {
     let (mut low, mut length) = ([0.0; 3], domain.length);
     for k in (0..3).filter(|k| !domain.periodic[*k]) {
-        let ends = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x[k]), b.max(x[k])));
+        let ends = positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
+            let along = domain.along(x, k);
+            (a.min(along), b.max(along))
+        });
         if ends.1 > ends.0 {
             (low[k], length[k]) = (ends.0, ends.1 - ends.0);
         }

@@ -7,7 +7,7 @@ use crate::model::{Layer, Mixture, Model};
 use crate::parallel;
 use crate::particles::{ChunkBuffer, Particles, RUN};
 use crate::progress::Progress;
-use particlegs_core::math::each_axis;
+use particlegs_core::math::{Sym3, each_axis};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -34,7 +34,7 @@ pub struct AxisProfile {
 /// Masses in the slabs along x, y and z.
 type Slabs = [Vec<f64>; 3];
 
-/// Profiles along x, y and z in `bins` slabs of the domain; mass beyond open edges is in none.
+/// Profiles along x, y and z, or the edges of a tilted domain, in `bins` slabs of it; mass beyond open edges is in none.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
@@ -68,7 +68,8 @@ impl AxisProfile {
         // Half of an axis that repeats lies before the truth's middle, half behind it, for both.
         let first = if domain.periodic[axis] { opposite(&density[0]) } else { 0 };
         AxisProfile {
-            edges: (0..=bins).map(|i| domain.min[axis] + i as f64 * side).collect(),
+            // Along a tilted box's edges places are lengths from its corner.
+            edges: (0..=bins).map(|i| domain.tilt.map_or(domain.min[axis], |_| 0.0) + i as f64 * side).collect(),
             relative_difference: ((0..bins).map(square).sum::<f64>() / bins as f64).sqrt(),
             shot_noise: (bins as f64 * noise).sqrt(),
             half_mass_height: density.each_ref().map(|d| 0.5 * side * between_quartiles(d, first)),
@@ -136,8 +137,13 @@ fn of_particles(p: &Particles, grid: &Grid, progress: &dyn Progress) -> Result<S
         for run in runs {
             let chunk = p.chunk(run * RUN..p.len().min((run + 1) * RUN), &mut buffer);
             for (k, slabs) in slabs.iter_mut().enumerate() {
-                for (i, x) in chunk.position[k].iter().enumerate() {
-                    if let Some(slab) = grid.slab(k, (f64::from(*x) + corner[k]) * scale[k]) {
+                let place = |axis: usize, i: usize| f64::from(chunk.position[axis][i]) + corner[axis];
+                for i in 0..chunk.len() {
+                    let along = match &grid.tilt {
+                        None => place(k, i),
+                        Some(tilt) => tilt.along(&each_axis(|axis| place(axis, i)), k),
+                    };
+                    if let Some(slab) = grid.slab(k, along * scale[k]) {
                         slabs[slab] += unit * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
                     }
                 }
@@ -155,7 +161,7 @@ fn of_model(m: &Model, grid: &Grid, progress: &dyn Progress) -> Result<Slabs> {
         for (at, (unit, g)) in parts.iter().enumerate() {
             for i in range.start.max(first[at])..range.end.min(first[at + 1]) {
                 let (i, mass) = (i - first[at], unit * g.mass_of(i - first[at]));
-                let (mean, cov) = (g.mean_of(i), g.cov_of(i).0);
+                let (mean, Sym3(cov)) = grid.upright(g.mean_of(i), g.cov_of(i));
                 for k in 0..3 {
                     shares(&mut cells, grid, k, mean[k], cov[[0, 3, 5][k]].max(0.0).sqrt());
                     cells.iter().for_each(|(slab, share)| slabs[k][*slab] += mass * share);
@@ -173,14 +179,14 @@ fn mixtures(layer: &Layer<Vec<crate::model::Block>>) -> impl Iterator<Item = (f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{Random, Sym3};
+    use crate::math::Random;
     use crate::particles::SnapshotMeta;
     use crate::progress::Silent;
     use crate::splat::erf;
     use crate::stats::testing::model_of;
 
     fn domain(periodic: bool) -> Domain {
-        Domain { min: [0.0; 3], length: [2.0, 3.0, 10.0], periodic: [periodic; 3] }
+        Domain::upright([0.0; 3], [2.0, 3.0, 10.0], [periodic; 3])
     }
 
     #[test]

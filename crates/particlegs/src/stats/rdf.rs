@@ -62,7 +62,7 @@ mod tests {
     use crate::progress::Silent;
 
     fn counted(x: &[[f64; 3]], length: f64, longest: f64) -> PairCounts {
-        let domain = Domain { min: [0.0; 3], length: [length; 3], periodic: [true; 3] };
+        let domain = Domain::upright([0.0; 3], [length; 3], [true; 3]);
         let o = PairOptions { edges: rdf_edges(longest), band: 10.0, budget: u64::MAX, seed: 1 };
         count_pairs(x, &domain, &o, &Silent).unwrap()
     }

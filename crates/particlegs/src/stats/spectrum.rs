@@ -146,6 +146,7 @@ pub(super) fn visit_plane(
         let ky = base[1] * (j as f64 - modes.most[1] as f64);
         for c in 0..depth {
             let kz = base[2] * c as f64;
+            let [kx, ky, kz] = domain.tilt.as_ref().map_or([kx, ky, kz], |t| t.wave([kx, ky, kz]));
             let k = (kx * kx + ky * ky + kz * kz).sqrt();
             if k > 0.0 && k <= k_max {
                 // The half with negative z is not stored.

@@ -1,6 +1,7 @@
 //! Spectra of what is known: noise, a wave, a Gaussian.
 
 use super::spectrum::{SpectrumOptions, power_spectra, spectra, transform_pair};
+use super::testing::{gas, model_of, tilted_cells};
 use super::xi_transform::xi_of_modes;
 use super::{Assignment, Domain, Grid, Subject};
 use crate::math::{Random, Sym3};
@@ -20,7 +21,7 @@ fn options(cells: usize, k_max: f64) -> SpectrumOptions {
 }
 
 fn domain(length: [f64; 3]) -> Domain {
-    Domain { min: [0.0; 3], length, periodic: [true; 3] }
+    Domain::upright([0.0; 3], length, [true; 3])
 }
 
 fn poisson(n: usize, length: [f64; 3], seed: u64) -> Particles {
@@ -84,8 +85,7 @@ fn a_wave_has_its_power_and_its_place() {
 #[test]
 fn one_gaussian_from_the_mixture_itself() {
     let (length, deviation) = ([4.0; 3], 0.25);
-    let model =
-        super::testing::model_of(&[([1.3, 2.0, 3.9], Sym3::scaled_identity(deviation * deviation), 1000.0)], length);
+    let model = model_of(&[([1.3, 2.0, 3.9], Sym3::scaled_identity(deviation * deviation), 1000.0)], length);
     let o = options(64, 20.0);
     let subject = Subject::Model(&model);
     let pair =
@@ -104,5 +104,38 @@ fn one_gaussian_from_the_mixture_itself() {
         let expected =
             64.0 / (4.0 * PI * deviation * deviation).powf(1.5) * (-r * r / (4.0 * deviation * deviation)).exp() - 1.0;
         assert!((xi[i] / expected - 1.0).abs() < 0.02, "{r}: {} {expected}", xi[i]);
+    }
+}
+
+/// A gas is shot noise, and the mixture's P(k) is V exp(-k^2 s^2), on the modes of a tilted box.
+#[test]
+fn tilted_boxes_have_their_own_modes() {
+    for cell in &tilted_cells()[..3] {
+        let particles = gas(20_000, cell, 4);
+        let domain = Domain::of_particles(&particles);
+        let k_max = 0.9 * PI * 24.0 / domain.longest();
+        let o = SpectrumOptions { shot_noise_subtracted: false, ..options(24, k_max) };
+        let s = power_spectra([Subject::Particles(&particles); 2], &domain, &o, &Silent).unwrap();
+        for shell in &s.shells {
+            let off = shell.power[0] / s.shot_noise[0] - 1.0;
+            assert!(off.abs() < 4.0 * (2.0 / shell.modes as f64).sqrt() + 0.02, "{cell:?}: {shell:?}");
+        }
+        let total: u64 = s.shells.iter().map(|s| s.modes).sum();
+        let whole = 4.0 / 3.0 * PI * k_max.powi(3) * domain.volume() / (2.0 * PI).powi(3);
+        assert!((total as f64 / whole - 1.0).abs() < 0.1, "{total} {whole}");
+        // A turned Gaussian at a corner, so that it lies in all images.
+        let (a, b) = (0.5f64, 0.3f64);
+        let mut model = model_of(&[(cell.origin, Sym3([a * a, 0.0, 0.0, b * b, 0.0, a * a]), 1000.0)], [1.0; 3]);
+        model.metadata.cell = Some(*cell);
+        let s = power_spectra([Subject::Model(&model); 2], &domain, &options(48, 2.5), &Silent).unwrap();
+        for shell in &s.shells {
+            // The mean over directions of exp(-k^2 (a^2 + (b^2 - a^2) mu^2)).
+            let n = 2000;
+            let mu = |i: usize| (i as f64 + 0.5) / n as f64;
+            let at = |i: usize| (-shell.k.powi(2) * (a * a + (b * b - a * a) * mu(i).powi(2))).exp();
+            let expected = domain.volume() * (0..n).map(at).sum::<f64>() / n as f64;
+            let few = 0.5 / (shell.modes as f64).sqrt();
+            assert!((shell.power[0] / expected - 1.0).abs() < 0.15 + few, "{cell:?}: {shell:?} {expected}");
+        }
     }
 }

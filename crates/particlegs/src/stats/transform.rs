@@ -172,7 +172,7 @@ mod tests {
     /// Against the sum by hand, on a grid with odd, even and short axes.
     #[test]
     fn modes_are_the_plain_sum() {
-        let domain = Domain { min: [0.0; 3], length: [6.0, 5.0, 8.0], periodic: [true; 3] };
+        let domain = Domain::upright([0.0; 3], [6.0, 5.0, 8.0], [true; 3]);
         let grid = Grid::stretched(&domain, [6, 5, 8]);
         let mass: Vec<f32> = (0..grid.len()).map(|i| 1.0 + ((i * 37) % 11) as f32).collect();
         let field = Field { grid, mass, outside: 0.0 };
