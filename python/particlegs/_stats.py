@@ -238,6 +238,7 @@ def stats(
     halo_radius: Optional[float] = None,
     halo_bins: int = 20,
     linking: float = 0.2,
+    linking_length: Union[float, str, None] = None,
     aperture: float = 0.128,
     neighbours: int = 500_000,
     open: bool = False,  # noqa: A002
@@ -282,6 +283,8 @@ def stats(
         Centres of haloes; the truth's largest groups by default.
     linking, aperture : float
         Linking length of groups and radius of the apertures about their centres, in mean spacings.
+    linking_length : float or str, optional
+        The linking length itself, in the truth's unit or as in ``"0.02Mpc"``; goes before `linking`.
     neighbours : int
         Particles whose nearest neighbours are looked for.
     open : bool
@@ -311,6 +314,7 @@ def stats(
         "halo_radius": halo_radius,
         "halo_bins": halo_bins,
         "linking": linking,
+        "linking_length": None if linking_length is None else str(linking_length),
         "aperture": aperture,
         "neighbours": neighbours,
         "open": open,

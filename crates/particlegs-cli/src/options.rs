@@ -111,7 +111,7 @@ const RULES: &[Rule] = rules! {
     ["stats"], &["pairs"], |g| g.without(&["pairs", "rdf"]) =>
         "the measures `pairs` and `rdf`, which --only leaves out", "";
     ["stats"], &["aperture"], |g| g.without(&["groups"]) => "the measure `groups`, which --only leaves out", "";
-    ["stats"], &["linking"], |g| g.without(&["groups", "haloes"]) =>
+    ["stats"], &["linking", "linking_length"], |g| g.without(&["groups", "haloes"]) =>
         "the measures `groups` and `haloes`, which --only leaves out", "";
     ["stats"], &["rdf_max"], |g| g.without(&["rdf"]) => "the measure `rdf`, which --only leaves out", "";
     ["stats"], &["profile_axis", "profile_bins"], |g| g.without(&["profile"]) =>

@@ -249,7 +249,7 @@ impl ViewArgs {
 impl Subject {
     /// Does it fill windows by copies of a periodic box?
     pub fn repeats(&self) -> bool {
-        self.density && self.cell.is_some()
+        self.density && self.cell.is_some_and(|c| c.periodic.contains(&true))
     }
 
     /// A view of its surface density; an orthographic window is filled by copies of a periodic cell.

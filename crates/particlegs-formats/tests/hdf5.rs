@@ -368,6 +368,23 @@ fn the_bytes_written_are_those_that_others_read() {
     assert!(bytes == std::fs::read(&fixture).unwrap());
 }
 
+/// A slab by permuted and negative vectors, as SWIFT has them.
+#[test]
+fn slabs_go_out_and_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out.hdf5");
+    let mut particles = made(&[("dm", 10)]);
+    particles.meta.cell = Cell::stated([0.0; 3], [[0.0, 32.0, 0.0], [-64.0, 0.0, 0.0], [0.0; 3]], [true; 3]);
+    let kept = Kept::new(&particles, Tiling::single(), Selection::all(), &Silent).unwrap();
+    write(&kept, &path, &Silent).unwrap();
+    let snapshot = opened(&[path]).unwrap();
+    let d = snapshot.description();
+    let cell = d.meta.cell.unwrap();
+    assert_eq!((cell.lengths(), cell.periodic), (Some([64.0, 32.0, 0.0]), [true, true, false]));
+    assert_eq!(cell.origin, [-64.0, 0.0, 0.0]);
+    assert!(d.notes.iter().any(|n| n.contains("64 x 32 x 0") && n.contains("periodic in xy")), "{:?}", d.notes);
+}
+
 #[test]
 fn what_the_layout_does_not_hold_is_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -253,7 +253,8 @@ fn depth_of_gaussians() {
     let hacc = Bounds { min: [0.0; 3], max: [64.0, 256.0, 256.0] };
     let mut camera = spherical_camera(hacc.center(), 90.0, 0.0, 400.0);
     camera.projection = Projection::Orthographic { height_world: 128.0 };
-    let even = uniform_box(&crate::stats::Domain::new(&hacc, None), 280_953_867.0, &view(camera, 0.01, 0.05), SMALL).unwrap();
+    let even =
+        uniform_box(&crate::stats::Domain::new(&hacc, None), 280_953_867.0, &view(camera, 0.01, 0.05), SMALL).unwrap();
     let values = [
         (
             "tau at the middle of 1000 particles, S = (10 pixels)^2, r_px = 2, opacity 0.05, orthographic: \

@@ -104,6 +104,12 @@ pub struct Arguments {
     /// Groups: linking length in mean spacings.
     #[arg(long, value_name = "B", default_value_t = 0.2)]
     linking: f64,
+    /// Groups: the linking length itself, such as 0.02Mpc; a number alone is in the truth's unit.
+    ///
+    /// In a zoom (a region of lighter particles in a box of heavier ones) the lighter ones are linked, by default at 0.2 of
+    /// their own mean spacing.
+    #[arg(long, value_name = "LENGTH", conflicts_with = "linking")]
+    linking_length: Option<String>,
     /// Groups: radius of the apertures about their centres, in mean spacings.
     #[arg(long, value_name = "F", default_value_t = 0.128, hide_short_help = true)]
     aperture: f64,
@@ -225,6 +231,7 @@ fn options(a: &Arguments) -> Result<StatsOptions> {
         halo_radius: a.halo_radius,
         halo_bins: a.halo_bins,
         linking: a.linking,
+        linking_length: a.linking_length.clone(),
         aperture: a.aperture,
         neighbour_sample: a.neighbours,
         seed: a.common.seed,

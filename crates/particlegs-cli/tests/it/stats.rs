@@ -191,7 +191,7 @@ fn an_ideal_gas_is_one_in_any_cell() {
     let edge = 720f64.cbrt();
     let cube = [[edge, 0.0, 0.0], [0.0, edge, 0.0], [0.0, 0.0, edge]];
     let tilted = [[10.0, 0.0, 0.0], [4.0, 9.0, 0.0], [2.0, 3.0, 8.0]];
-    let longer = [tilted[0], [24.0, 9.0, 0.0], [-14.0, -6.0, 8.0]];
+    let longer = [tilted[0], [24.0, 9.0, 0.0], [-12.0, -6.0, 8.0]];
     let permuted = [cube[2], cube[0].map(|v| -v), cube[1]];
     let measured = |name: &str, drawn, stated| {
         let path = write(name, drawn, stated);
@@ -226,4 +226,45 @@ fn an_ideal_gas_is_one_in_any_cell() {
     assert_eq!((&one["rdf"]["pairs"], groups(&one)), (&other["rdf"]["pairs"], groups(&other)));
     assert_eq!((&cubic["rdf"]["pairs"], groups(&cubic)), (&turned["rdf"]["pairs"], groups(&turned)));
     assert!(one["domain"]["tilt"].is_object() && turned["domain"]["tilt"].is_null());
+}
+
+/// 2000 light particles in a tenth of the box, 450 of them in two clumps, and heavy ones all over it.
+#[test]
+fn groups_of_a_zoom_are_those_of_its_finest_particles() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("zoom.csv");
+    let mut text = String::from("x,y,z,mass\n");
+    for (n, at, size, mass) in
+        [(1550, 40.0, 10.0, 1), (300, 42.0, 0.2, 1), (150, 46.0, 0.2, 1), (1000, 0.0, 100.0, 4096)]
+    {
+        for i in 0..n {
+            let x = [0, 1, 2].map(|k| at + size * particlegs::math::Random::new(at as u64, k, i).uniform());
+            text += &format!("{},{},{},{mass}\n", x[0], x[1], x[2]);
+        }
+    }
+    std::fs::write(&path, text).unwrap();
+    let options = ["--only", "groups", "--no-plots", "--box", "100", "--length-unit", "Mpc"];
+    let groups = |name: &str, more: &[&str]| {
+        let s = stats_of(&path, &path, &dir.path().join(name), &[&options[..], more].concat());
+        (s["groups"].clone(), s["notes"].to_string())
+    };
+    let (own, notes) = groups("own", &[]);
+    assert!(
+        notes.contains("link the finest 2000 of 3000 particles") && notes.contains("0 of 2 groups hold heavier"),
+        "{notes}"
+    );
+    assert_eq!((own["linked"][0].as_u64(), own["contaminated"][0].as_u64()), (Some(2000), Some(0)));
+    let largest = own["largest"][0].as_u64().unwrap();
+    assert!((300..310).contains(&largest) && own["classes"][2]["groups"][0] == 2, "{own}");
+    // As long, in another unit; and one that joins all.
+    let length = own["linking_length"][0].as_f64().unwrap();
+    let (same, _) = groups("same", &["--linking-length", &format!("{}kpc", 1000.0 * length)]);
+    assert_eq!((&same["classes"], &same["largest"]), (&own["classes"], &own["largest"]));
+    assert_eq!(groups("all", &["--linking-length", "3"]).0["largest"][0], 2000);
+    for (asked, why) in [("3 Msun", "not a unit of length"), ("0kpc", "not a length above 0"), ("Mpc", "not a length")]
+    {
+        let mut command = particlegs();
+        command.arg("stats").arg(&path).arg(&path).arg("-o").arg(dir.path().join("no")).args(options);
+        fails(command.args(["--linking-length", asked]), 2, why);
+    }
 }

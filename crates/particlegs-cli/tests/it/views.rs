@@ -1,6 +1,6 @@
 //! Cameras go out and come back: `--save-views`, and the JSON report, draw the same pictures again.
 
-use crate::common::{fails, particlegs, snapshot};
+use crate::common::{fails, particlegs, sample, snapshot};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -103,4 +103,18 @@ fn saved_windows_draw_the_same_pictures() {
     let mut c = particlegs();
     c.arg("render").arg(&model).args(["--fit", "box", "-o"]).arg(at("d.png"));
     fails(&mut c, 2, "no simulation box is known");
+}
+
+/// Of a periodic snapshot, whose pictures of particles are not repeated.
+#[test]
+fn a_window_that_was_not_stated_is_told_and_no_box_denied() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut c = particlegs();
+    c.arg("reference").arg(sample()).args(["--projection", "orthographic", "--size", "40x40", "-o"]);
+    let said = c.arg(dir.path().join("a.png")).output().unwrap().stderr;
+    let said = String::from_utf8_lossy(&said);
+    assert!(
+        said.contains("no --width: the window is what the particles' bounds take") && !said.contains("box"),
+        "{said}"
+    );
 }

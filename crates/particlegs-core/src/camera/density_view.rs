@@ -66,8 +66,16 @@ impl DensityView {
         }
         let wrap = cell.filter(|c| c.periodic.contains(&true));
         let unit = spherical_camera([0.0; 3], angles_deg[0], angles_deg[1], 1.0);
-        let along =
-            |c: Cell| c.vectors.iter().map(|v| (0..3).map(|k| v[k] * unit.position[k]).sum::<f64>().abs()).sum();
+        let dot = |v: [f64; 3]| (0..3).map(|k| v[k] * unit.position[k]).sum::<f64>().abs();
+        // Where nothing repeats all that is there is seen.
+        let along = |c: Cell| -> f64 {
+            let directions = c.directions();
+            let off: [f64; 3] = each_axis(|k| 2.0 * (center[k] - bounds.center()[k]).abs());
+            let reach = |a: usize| -> f64 {
+                (0..3).map(|k| (bounds.extent_nonzero()[k] + off[k]) * directions[a][k].abs()).sum()
+            };
+            (0..3).map(|a| dot(if c.periodic[a] { c.vectors[a] } else { directions[a].map(|x| x * reach(a)) })).sum()
+        };
         let everything = 4.0 * norm(bounds.extent_nonzero()) + norm(each_axis(|k| center[k] - bounds.center()[k]));
         let half = 0.5 * depth.or(wrap.map(along)).unwrap_or(2.0 * everything);
         let mut camera = spherical_camera(center, angles_deg[0], angles_deg[1], half);
@@ -85,7 +93,7 @@ impl DensityView {
         let (Some(cell), Projection::Orthographic { height_world }) = (self.wrap, self.camera.projection) else {
             return Ok(vec![[0.0; 3]]);
         };
-        let inverse = inverse(&cell.vectors).ok_or_else(|| Error::argument("the periodic cell has no volume"))?;
+        let inverse = cell.inverse().ok_or_else(|| Error::argument("the periodic cell has no volume"))?;
         let frame = self.camera.frame()?;
         let window = window_corners(&frame, height_world, size, self.range);
         let data: [[f64; 3]; 8] =
@@ -137,14 +145,4 @@ fn window_corners(frame: &Frame, height: f64, size: Size, range: [f64; 2]) -> [[
                 - depth * frame.axes[2][k]
         })
     })
-}
-
-/// The inverse of a matrix by rows; `None` where it has no volume.
-fn inverse(m: &[[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
-    let cofactor = |r: usize, c: usize| {
-        let (r1, r2, c1, c2) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
-        m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
-    };
-    let det: f64 = (0..3).map(|c| m[0][c] * cofactor(0, c)).sum();
-    (det.abs() > 0.0 && det.is_finite()).then(|| each_axis(|r| each_axis(|c| cofactor(c, r) / det)))
 }

@@ -89,9 +89,6 @@ impl Header {
             notes.push("BoxSize is 0: not periodic".into());
             return Ok(None);
         };
-        if lengths.contains(&0.0) {
-            notes.push(format!("BoxSize is 0 along an axis: {}", cell.in_words()));
-        }
         if self.groups.parameters.number(&["PeriodicBoundariesOn"]) == Some(0.0) {
             cell.periodic = [false; 3];
             notes.push("PeriodicBoundariesOn is 0: the box is not periodic".into());
@@ -103,6 +100,9 @@ impl Header {
         if let Some(&[x, y, z]) = self.groups.header.numbers("BoxPeriodic") {
             let stated = [x, y, z].map(|p| p != 0.0);
             cell.periodic = std::array::from_fn(|k| cell.periodic[k] && stated[k]);
+        }
+        if lengths.contains(&0.0) {
+            notes.push(format!("BoxSize is 0 along an axis: {}", cell.in_words()));
         }
         for (k, name) in ["LONG_X", "LONG_Y", "LONG_Z"].into_iter().enumerate() {
             if let Some(stretch) = self.groups.config.number(&[name]).filter(|&s| s != 1.0) {

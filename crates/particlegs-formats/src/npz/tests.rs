@@ -113,6 +113,12 @@ fn cells_of_every_shape() {
     assert_eq!(cell(&[2.0]).unwrap(), Some(Cell::orthogonal([2.0; 3])));
     let tilted = [2.0, 0.0, 0.0, 1.0, 2.0, 0.0, 0.0, 0.0, 3.0];
     assert_eq!(cell(&tilted).unwrap().unwrap().vectors[1], [1.0, 2.0, 0.0]);
+    // Slabs, and vectors in one plane.
+    let slab = cell(&[1.0, 2.0, 0.0]).unwrap().unwrap();
+    assert_eq!((slab.periodic, slab.lengths()), ([true, true, false], Some([1.0, 2.0, 0.0])));
+    let leaning = cell(&[2.0, 0.0, 0.0, 1.0, 2.0, 0.0, 0.0, 0.0, 0.0]).unwrap().unwrap();
+    assert_eq!(leaning.periodic, [true, true, false]);
+    assert!(cell(&[2.0, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 0.0, 3.0]).is_err() && cell(&[1.0, -2.0, 0.0]).is_err());
     assert!(cell(&[1.0, 2.0]).is_err());
 }
 

@@ -47,6 +47,8 @@ fn extended_frames_state_cell_and_columns() {
     let fields = Choice { positions: Some("velo".into()), weights: Weights::Field("id".into()), ..Choice::default() };
     let (_, got) = open(text, None, &fields).unwrap();
     assert_eq!((&got[0].positions[1], &got[0].weights[..]), (&[4.0, 5.0, 6.0], &[1.0, 2.0][..]));
+    let slab = open("0\nLattice=\"2 0 0 0 3 0 0 0 0\"\n", None, &Choice::default()).unwrap().0.meta.cell.unwrap();
+    assert_eq!(slab.periodic, [true, true, false]);
     let bare = "0\nLattice=\"2 0 0 0 3 0 1 0 4\"\n";
     assert_eq!(open(bare, None, &Choice::default()).unwrap().0.meta.cell.unwrap().periodic, [true; 3]);
 }

@@ -61,6 +61,18 @@ impl Tilt {
         Sym3([at(0, 0), at(0, 1), at(0, 2), at(1, 1), at(1, 2), at(2, 2)])
     }
 
+    /// The bounds of particles along the edges, from a corner.
+    pub(super) fn bounds(&self, p: &Particles, corner: [f64; 3]) -> Bounds {
+        let from: [f64; 3] = each_axis(|k| p.origin[k] - corner[k]);
+        let parts = p.par_chunks(|_, chunk| {
+            let mut bounds = Bounds::empty();
+            let place = |i: usize| each_axis(|k| f64::from(chunk.position[k][i]) + from[k]);
+            (0..chunk.len()).for_each(|i| bounds.include(self.upright(place(i))));
+            bounds
+        });
+        parts.iter().fold(Bounds::empty(), |a, b| a.union(b))
+    }
+
     /// The world wave vector of phases per length along the edges.
     pub(crate) fn wave(&self, k: [f64; 3]) -> [f64; 3] {
         each_axis(|j| (0..3).map(|a| self.inverse[j][a] * k[a]).sum())
@@ -92,8 +104,11 @@ impl Domain {
         let extent = bounds.extent_nonzero();
         // An extent of zero is stood in for by another: keep its content in the middle.
         let mut domain = Self::upright(each_axis(|k| bounds.center()[k] - 0.5 * extent[k]), extent, [false; 3]);
-        let Some(cell) = cell.map(Cell::reduced) else { return domain };
-        let Some(lengths) = cell.lengths() else { return Self::tilted(bounds, &cell).unwrap_or(domain) };
+        let Some((stated, cell)) = cell.map(|c| (c, c.reduced())) else { return domain };
+        let Some(lengths) = cell.lengths() else {
+            let filled = [*stated, cell].iter().any(|c| is_filled(&extent, c));
+            return Self::tilted(bounds, &cell).filter(|_| filled).unwrap_or(domain);
+        };
         for k in 0..3 {
             if cell.periodic[k] && lengths[k].is_finite() && lengths[k] > 0.0 && extent[k] > 0.5 * lengths[k] {
                 (domain.min[k], domain.length[k], domain.periodic[k]) = (cell.origin[k], lengths[k], true);
@@ -124,16 +139,10 @@ impl Domain {
         bounds
     }
 
-    /// `None` where the content does not fill a reduced cell, or nothing repeats. Along edges that do not repeat it
-    /// reaches as far as the bounds.
+    /// `None` where nothing repeats. Along edges that do not repeat it reaches as far as the bounds.
     fn tilted(bounds: &Bounds, cell: &Cell) -> Option<Self> {
         let (extent, periodic) = (bounds.extent_nonzero(), cell.periodic);
-        let repeating = || (0..3).filter(|a| periodic[*a]);
-        let spans: [f64; 3] = each_axis(|k| repeating().map(|a| cell.vectors[a][k].abs()).sum());
-        let tilt = Tilt::new(cell.directions())?;
-        if !periodic.contains(&true) || (0..3).any(|k| extent[k] <= 0.5 * spans[k]) {
-            return None;
-        }
+        let tilt = Tilt::new(cell.directions()).filter(|_| periodic.contains(&true))?;
         let norm = |v: [f64; 3]| tilt.upright(v).map(|s| s * s).iter().sum::<f64>().sqrt();
         let mut domain =
             Domain { min: cell.origin, length: each_axis(|a| norm(cell.vectors[a])), periodic, tilt: Some(tilt) };
@@ -255,6 +264,12 @@ impl Domain {
     }
 }
 
+/// Is an extent above half of what a cell's vectors that repeat reach, along every axis?
+fn is_filled(extent: &[f64; 3], cell: &Cell) -> bool {
+    let reach = |k: usize| (0..3).filter(|a| cell.periodic[*a]).map(|a| cell.vectors[a][k].abs()).sum::<f64>();
+    (0..3).all(|k| extent[k] > 0.5 * reach(k))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -306,7 +321,11 @@ mod tests {
                 }
                 assert!((square(d.shortest_way(x)) - least).abs() < 1e-9 * least.max(1.0), "{x:?}");
             }
-            // A cut-out lies open.
+            // By vectors that are not the shortest, of which z spans twice the box; a cut-out lies open.
+            let leaning = [[8.0, 0.0, 0.0], [0.0, 7.0, 0.0], [-5.0, 0.0, 6.0]];
+            let leaning = Cell { vectors: leaning, ..cell };
+            let filled = Domain::new(&Bounds { min: [-5.0, 0.0, 0.0], max: [8.0, 7.0, 6.0] }, Some(&leaning));
+            assert_eq!(filled.periodic, periodic);
             let part = Bounds { min: [0.0; 3], max: [16.0, 3.0, 8.0] };
             assert_eq!(Domain::new(&part, Some(&cell)), Domain::new(&part, None));
         }

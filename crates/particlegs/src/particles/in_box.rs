@@ -173,6 +173,20 @@ mod tests {
         assert!(matches!(said(&points(&[0.4, 21.4], Some(tilted))).unwrap_err(), crate::Error::Input { .. }));
     }
 
+    /// Vectors many cells long, and particles in the shortest ones' cell; an upright box by negative vectors; a slab.
+    #[test]
+    fn particles_lie_in_a_cell_by_any_of_its_vectors() {
+        let of = |vectors| Cell { vectors, ..Cell::orthogonal([0.0; 3]) };
+        let long = of([[10.0, 0.0, 0.0], [95.0, 10.0, 0.0], [0.0, -90.0, 10.0]]);
+        assert!(said(&points(&[0.1, 5.0, 9.9], Some(long))).is_ok());
+        let negative = of([[-10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 10.0]]);
+        assert!(said(&points(&[-9.0, -1.0], Some(negative))).unwrap().is_none());
+        assert!(said(&points(&[-31.0, -1.0], Some(negative))).is_err());
+        let slab = Cell { periodic: [true, true, false], ..Cell::orthogonal([10.0, 10.0, 0.0]) };
+        assert!(said(&points(&[0.1, 9.9], Some(slab))).unwrap().is_none());
+        assert!(said(&points(&[0.1, 9.9], Some(Cell { periodic: [true; 3], ..slab }))).is_err());
+    }
+
     #[test]
     fn lengths_that_no_arithmetic_stands_are_refused() {
         for cell in [5e-324, 1e-60, 1e60, f64::INFINITY, f64::NAN] {

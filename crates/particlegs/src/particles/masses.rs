@@ -56,7 +56,7 @@ impl Particles {
                 layers.push(layer.with(take(&layer.content, None)));
                 continue;
             }
-            let classes = classes(&weights[layer.content.clone()]).ok_or_else(|| {
+            let classes = mass_classes(&weights[layer.content.clone()]).ok_or_else(|| {
                 let what =
                     format!("`{}` has more than {MOST_CLASSES} different masses: too many for layers", layer.name);
                 Error::input_with(&self.meta.name, what, Remedy::LayersBySpecies)
@@ -73,7 +73,7 @@ impl Particles {
 }
 
 /// The different weights, rising; `None` where there are too many.
-fn classes(weights: &[f32]) -> Option<Vec<f32>> {
+pub(crate) fn mass_classes(weights: &[f32]) -> Option<Vec<f32>> {
     let mut classes: Vec<f32> = Vec::new();
     for &w in weights {
         if let Err(place) = classes.binary_search_by(|c| c.total_cmp(&w)) {

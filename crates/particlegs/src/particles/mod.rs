@@ -34,6 +34,7 @@ pub(crate) use hash::hash_run;
 pub(crate) use in_box::{OutsideBox, check_box, check_particles};
 pub use layered::Layered;
 pub(crate) use layered::ReadLayer;
+pub(crate) use masses::mass_classes;
 pub use meta::SnapshotMeta;
 pub(crate) use neighbours::{Neighbours, cubic_spline, distances_to, places_of};
 pub(crate) use open::{Invalid, invalid};

@@ -8,7 +8,6 @@
 use super::{CHUNK, Chunk, ChunkBuffer, Domain, Particles};
 use crate::parallel;
 use crate::progress::Progress;
-use crate::space::Bounds;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
 use particlegs_core::memory::filled;
@@ -231,15 +230,7 @@ impl CellGrid {
             open.iter().for_each(|&k| (low[k], length[k]) = (bounds.min[k], bounds.extent_nonzero()[k]));
             return (low, length);
         };
-        let corner: [f64; 3] = each_axis(|k| p.origin[k] - domain.min[k]);
-        let parts = p.par_chunks(|_, chunk| {
-            let mut bounds = Bounds::empty();
-            (0..chunk.len()).for_each(|i| {
-                bounds.include(tilt.upright(each_axis(|k| f64::from(chunk.position[k][i]) + corner[k])));
-            });
-            bounds
-        });
-        let bounds = parts.iter().fold(Bounds::empty(), |a, b| a.union(b));
+        let bounds = tilt.bounds(p, domain.min);
         let first = tilt.world(each_axis(|k| if domain.periodic[k] { 0.0 } else { bounds.min[k] }));
         open.iter().for_each(|&k| length[k] = bounds.extent_nonzero()[k]);
         (each_axis(|k| low[k] + first[k]), length)

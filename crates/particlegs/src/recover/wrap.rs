@@ -105,6 +105,16 @@ mod tests {
     }
 
     #[test]
+    fn negative_vectors_and_slabs_wrap_as_upright_boxes() {
+        let vectors = [[0.0, 20.0, 0.0], [-10.0, 0.0, 0.0], [0.0; 3]];
+        let cell = Cell::stated([0.0; 3], vectors, [true; 3]).unwrap();
+        let wrap = Wrap::new(Some(&cell), &Bounds { min: [-10.0, 0.0, 0.0], max: [0.0, 20.0, 5.0] }).unwrap();
+        let mut columns = [vec![3.0], vec![-1.0], vec![50.0]];
+        wrap.apply(&mut columns);
+        assert_eq!(columns, [vec![-7.0], vec![19.0], vec![50.0]]);
+    }
+
+    #[test]
     fn skewed_cells_wrap_along_their_vectors() {
         let cell = Cell {
             origin: [1.0, 0.0, 0.0],

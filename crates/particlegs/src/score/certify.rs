@@ -176,6 +176,10 @@ fn matched(
     let Some(linking) = linking(&scope.domain, scope.spacing) else { return Ok(None) };
     let truth = linking.groups(&scope.particles, progress)?;
     let found = linking.groups(first, progress)?;
+    // What is drawn of a zoom whose masses the model mixes has no finest particles.
+    if truth.finest.is_some() != found.finest.is_some() {
+        return Ok(None);
+    }
     let numbers = numbers_agree_from(&truth.sizes, &found.sizes);
     let mut tally = Tally::default();
     tally.add(&linking, &truth, &found)?;

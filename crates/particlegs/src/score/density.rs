@@ -194,6 +194,24 @@ mod tests {
         assert_eq!([at(&rho, 0, 0), at(&rho, 9, 0), at(&rho, 0, 4)], [2.0, 1.0, 1.0]);
     }
 
+    /// Cells of a tilted box hold alike what a gas has, and points as Gaussians are points.
+    #[test]
+    fn tilted_boxes_have_no_empty_corners() {
+        for cell in crate::stats::testing::tilted_cells() {
+            let p = crate::stats::testing::gas(40_000, &cell, 7);
+            let grid = DensityGrid::new(&p.bounds(), p.meta.cell.as_ref(), 6);
+            let held = grid.of_particles(&p, &Silent).unwrap();
+            let mean = 40_000.0 / held.len() as f64;
+            assert!(held.iter().all(|n| (n - mean).abs() < 6.0 * mean.sqrt()), "{cell:?}: {held:?}");
+            let mut mixture = Mixture::default();
+            (0..40_000).for_each(|i| mixture.push(p.position(i), Sym3::scaled_identity(0.0), 1.0, 1.0));
+            let model = grid.of_mixture(&mixture, &Silent).unwrap();
+            // Positions on a face of the box may go either way.
+            let moved: f64 = held.iter().zip(&model).map(|(a, b)| (a - b).abs()).sum();
+            assert!(moved < 5.0, "{cell:?}: {moved}");
+        }
+    }
+
     #[test]
     fn agreement_of_known_columns() {
         let a = density_agreement(&[1.0, 2.0, 3.0], &[2.0, 4.0, 6.0]);

@@ -176,7 +176,12 @@ fn sizes_of(from: f64, particles: &Particles, domain: &Domain, progress: &dyn Pr
     let Some(linking) = linking(domain, domain.spacing(particles.len())) else {
         return Err(Error::argument("groups cannot be counted: the box is thinner than links allow"));
     };
-    let sizes = linking.sizes(particles, progress)?;
+    let groups = linking.groups(particles, progress)?;
+    if groups.finest.is_some() {
+        let what = "numbers of groups are no goal for a zoom, whose masses the model may mix".into();
+        return Err(Error::Argument { what, remedy: "choose its finest particles alone".into() });
+    }
+    let sizes = groups.sizes;
     let found = sizes.iter().take_while(|s| **s as f64 >= from).count() as u64;
     if found < FEWEST_GROUPS {
         let what = format!(

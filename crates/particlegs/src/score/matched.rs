@@ -6,7 +6,7 @@ use crate::model::{GROUP_CLASSES, GroupClass};
 use crate::parallel;
 use crate::particles::Particles;
 use crate::progress::Progress;
-use crate::stats::{Domain, Points, find_groups, group_center, local_positions};
+use crate::stats::{Domain, Groups, Linked, Points, group_center, local_positions};
 use particlegs_core::math::each_axis;
 
 /// Groups found in one set of particles, the largest first.
@@ -15,6 +15,8 @@ pub(super) struct Found {
     pub(super) sizes: Vec<u64>,
     /// Centre of each, relative to the domain's corner.
     centers: Vec<[f64; 3]>,
+    /// Mean spacing of the finest particles of a zoom, where these alone were linked.
+    pub(super) finest: Option<f64>,
 }
 
 /// How groups are found.
@@ -35,9 +37,9 @@ impl Linking<'_> {
     /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
     pub fn groups(&self, particles: &Particles, progress: &dyn Progress) -> Result<Found> {
         let positions = local_positions(particles, self.domain);
-        let groups = find_groups(&positions, self.domain, self.length, GROUP_CLASSES[0] as usize, progress)?;
+        let (groups, finest) = self.linked(particles, &positions, progress)?;
         let center = |i: usize| group_center(&positions, &groups.members[i], self.domain);
-        Ok(Found { sizes: groups.sizes(), centers: parallel::map_range(groups.members.len(), center) })
+        Ok(Found { sizes: groups.sizes(), centers: parallel::map_range(groups.members.len(), center), finest })
     }
 
     /// Particles of each group of the smallest class and above, descending.
@@ -45,14 +47,27 @@ impl Linking<'_> {
     /// # Errors
     /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
     pub fn sizes(&self, particles: &Particles, progress: &dyn Progress) -> Result<Vec<u64>> {
-        let positions = local_positions(particles, self.domain);
-        Ok(find_groups(&positions, self.domain, self.length, GROUP_CLASSES[0] as usize, progress)?.sizes())
+        Ok(self.linked(particles, &local_positions(particles, self.domain), progress)?.0.sizes())
+    }
+
+    /// The groups, and the mean spacing of the finest particles of a zoom, which links follow.
+    fn linked(
+        &self,
+        particles: &Particles,
+        positions: &[[f64; 3]],
+        progress: &dyn Progress,
+    ) -> Result<(Groups, Option<f64>)> {
+        let linked = Linked::of(particles, positions, self.domain);
+        let finest = linked.is_part().then_some(linked.spacing);
+        let length = finest.map_or(self.length, |spacing| self.length / self.spacing * spacing);
+        let found = linked.groups(positions, self.domain, length, GROUP_CLASSES[0] as usize, progress)?;
+        Ok((found.map_or_else(|| Groups { linking_length: length, members: Vec::new() }, |f| f.groups), finest))
     }
 
     /// The radius within which a counterpart of a group of `size` particles may lie: that of a sphere which has 200
     /// times the mean density.
-    fn radius(&self, size: u64) -> f64 {
-        self.spacing * (3.0 * size as f64 / (4.0 * std::f64::consts::PI * 200.0)).cbrt()
+    fn radius(&self, size: u64, truth: &Found) -> f64 {
+        truth.finest.unwrap_or(self.spacing) * (3.0 * size as f64 / (4.0 * std::f64::consts::PI * 200.0)).cbrt()
     }
 
     /// The counterpart of each group of `truth` among `drawn`: from the largest on the nearest that is left within the
@@ -64,7 +79,7 @@ impl Linking<'_> {
         let points = Points::new(&drawn.centers, self.domain, self.spacing)?;
         let mut taken = vec![false; drawn.sizes.len()];
         let found = truth.centers.iter().zip(&truth.sizes).map(|(c, &size)| {
-            let radius = self.radius(size);
+            let radius = self.radius(size, truth);
             let mut best: Option<(f64, usize)> = None;
             points.near(points.cell_of(*c), radius, |run, shift| {
                 for at in run {
@@ -170,7 +185,8 @@ mod tests {
     use super::*;
 
     fn found(groups: &[([f64; 3], u64)]) -> Found {
-        Found { sizes: groups.iter().map(|g| g.1).collect(), centers: groups.iter().map(|g| g.0).collect() }
+        let (sizes, centers) = (groups.iter().map(|g| g.1).collect(), groups.iter().map(|g| g.0).collect());
+        Found { sizes, centers, finest: None }
     }
 
     #[test]

@@ -112,6 +112,23 @@ mod tests {
     }
 
     #[test]
+    fn tilted_boxes_are_one_where_their_lattices_are() {
+        let tilted = |vectors| {
+            let mut p = points(6.0, None, "nm");
+            p.meta.cell = Some(Cell { vectors, ..Cell::orthogonal([0.0; 3]) });
+            p
+        };
+        let [a, b, c] = [[6.0, 0.0, 0.0], [3.0, 5.0, 0.0], [1.0, 2.0, 6.0]];
+        let one = tilted([a, b, c]);
+        let told = |vectors| checked(&one, &tilted(vectors));
+        assert!(told([a, [15.0, 5.0, 0.0], [-1.0, -2.0, -6.0]]).is_ok());
+        assert!(told([a, [15.0, 5.0, 0.0], [2.0, 2.0, 6.0]]).unwrap_err().to_string().contains("cannot be compared"));
+        assert!(told([[6.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, 6.0]]).is_err());
+        // Neither is said to have no periodic box.
+        assert!(checked(&one, &one).unwrap().is_empty());
+    }
+
+    #[test]
     fn what_is_not_stated_is_said() {
         let truth = points(9.0, Some([10.0; 3]), "kpc");
         assert_eq!(checked(&truth, &points(9.0, None, "kpc")).unwrap().len(), 1);

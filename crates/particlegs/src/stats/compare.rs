@@ -5,6 +5,7 @@ use super::boxes::check_boxes;
 use super::density::{central_slice, compare_density, density_pdf, mean_mass};
 use super::haloes::{HaloPlaces, HaloSide, halo_profiles};
 use super::likelihood::likelihood;
+use super::linking::{Found, Linked, length_in};
 use super::moments::axis_moments;
 use super::neighbours::{NeighbourOptions, nearest_distances};
 use super::pairs::{PairOptions, count_pairs, logarithmic_edges, longest_separation};
@@ -17,8 +18,8 @@ use super::subject::OwnSubject;
 use super::xi_transform::xi_of_modes;
 use super::{
     AxisProfile, Convention, Domain, Field, Grid, Groups, HaloProfiles, Likelihood, Measure, NearestDistances,
-    PairCounts, SizeClass, StatsOptions, Subject, Summary, deposit, deposit_bytes, deposit_steps, find_groups,
-    longest_link, size_histogram,
+    PairCounts, SizeClass, StatsOptions, Subject, Summary, deposit, deposit_bytes, deposit_steps, longest_link,
+    size_histogram,
 };
 use crate::model::LawKind;
 use crate::parallel;
@@ -65,6 +66,7 @@ pub fn compare(
         Some(OwnSubject::Model(m)) => Subject::Model(m),
     };
     let of_boxes = check_boxes([truth, other])?;
+    o.linking_length.as_ref().map(|text| length_in(text, &truth.unit_system())).transpose()?;
     let job = Job { pair: [truth, other], domain: job_domain(truth, o), o, progress };
     let wants = |m| o.measures.contains(&m);
     let mut notes = job.notes();
@@ -165,10 +167,7 @@ fn job_domain(truth: Subject<'_>, o: &StatsOptions) -> Domain {
     if o.convention == Convention::Correct && !o.open {
         return truth.domain();
     }
-    match truth {
-        Subject::Particles(p) => Domain::new(&p.bounds(), None),
-        Subject::Model(m) => Domain::new(&m.metadata.bounds, None),
-    }
+    Domain::new(&truth.bounds(), None)
 }
 
 struct Job<'a> {
@@ -198,14 +197,20 @@ impl Job<'_> {
         if !self.domain.periodic.iter().all(|p| *p) && !self.paper() {
             notes.push("axes that are not periodic: P(k) treats them as if they were".into());
         }
-        let gridded = [Measure::Density, Measure::Profile].iter().any(|m| self.o.measures.contains(m));
-        if gridded && self.domain.tilt.is_some() {
+        let bounds = self.pair[0].bounds();
+        for k in (0..3).filter(|k| bounds.extent()[*k] == 0.0 && bounds.extent() != [0.0; 3]) {
+            let (axis, length) = (["x", "y", "z"][k], self.domain.length[k]);
+            notes.push(format!(
+                "all particles have one {axis}: volumes, spacing and g(r) take the box to be {length:.4e} thick there"
+            ));
+        }
+        if self.wants(&[Measure::Density, Measure::Profile]) && self.domain.tilt.is_some() {
             notes.push("the box is tilted: cells, slices and profiles lie along the edges of its reduced cell".into());
         }
         if self.pair.iter().any(|s| s.particles().is_some_and(|p| p.weights().is_some())) {
             notes.push("pairs, groups, neighbours and g(r) count particles, whatever their weights".into());
         }
-        let gridded = [Measure::Density, Measure::Spectrum].iter().any(|m| self.o.measures.contains(m));
+        let gridded = self.wants(&[Measure::Density, Measure::Spectrum]);
         if gridded && self.pair.iter().any(|s| s.particles().is_none()) {
             notes.push("a model's density is its mixture integrated over the cells (NGP window, no shot noise)".into());
         }
@@ -352,26 +357,45 @@ impl Job<'_> {
 
     /// The truth's groups, where they are asked for or stand for haloes' centres. `None`, and a note, in a box too
     /// thin for links of that length.
-    fn truth_groups(&self, positions: &[[f64; 3]], notes: &mut Vec<String>) -> Result<Option<Groups>> {
+    fn truth_groups(&self, positions: &[[f64; 3]], notes: &mut Vec<String>) -> Result<Option<Found>> {
         let centers = self.wants(&[Measure::Haloes]) && self.o.centers.is_none() && !positions.is_empty();
         let measured = self.wants(&[Measure::Groups]) && self.both_particles().is_some();
         if centers || measured { self.find_groups(positions, 0, notes) } else { Ok(None) }
     }
 
-    fn find_groups(&self, positions: &[[f64; 3]], side: usize, notes: &mut Vec<String>) -> Result<Option<Groups>> {
-        let (length, longest) = (self.o.linking * self.spacing(side), longest_link(&self.domain));
-        if length > longest {
-            notes.push(format!("no groups: links of {length:.4e} are longer than a third of the box, {longest:.4e}"));
-            return Ok(None);
+    fn find_groups(&self, positions: &[[f64; 3]], side: usize, notes: &mut Vec<String>) -> Result<Option<Found>> {
+        let Some(particles) = self.pair[side].particles() else { return Ok(None) };
+        let linked = Linked::of(particles, positions, &self.domain);
+        let length = match &self.o.linking_length {
+            Some(text) => length_in(text, &self.pair[0].unit_system())?,
+            None => self.o.linking * linked.spacing,
+        };
+        let found = linked.groups(positions, &self.domain, length, self.o.smallest_group, self.progress)?;
+        match &found {
+            None => {
+                let longest = longest_link(&self.domain);
+                notes.push(format!(
+                    "no groups: links of {length:.4e} are longer than a third of the box, {longest:.4e}"
+                ));
+            }
+            Some(Found { groups, linked: number, contaminated: Some(contaminated) }) => notes.push(format!(
+                "groups of the {} link the finest {number} of {} particles, {:.4e} apart on average: {contaminated} of {} \
+                 groups hold heavier ones",
+                ["truth", "other"][side],
+                positions.len(),
+                linked.spacing,
+                groups.members.len(),
+            )),
+            Some(_) => {}
         }
-        find_groups(positions, &self.domain, length, self.o.smallest_group, self.progress).map(Some)
+        Ok(found)
     }
 
     /// `None`, and a note, where there are no centres.
     fn haloes(
         &self,
         positions: [&[[f64; 3]]; 2],
-        truth: Option<&Groups>,
+        truth: Option<&Found>,
         notes: &mut Vec<String>,
     ) -> Result<Option<HaloProfiles>> {
         let repeats = (0..3).filter(|k| self.domain.periodic[*k]).map(|k| 0.5 * self.domain.length[k]);
@@ -379,8 +403,8 @@ impl Job<'_> {
         let default = (HALO_SPACINGS * self.spacing(0)).min(longest);
         let (centers, stated): (Vec<[f64; 3]>, Vec<Option<f64>>) = match (&self.o.centers, truth) {
             (Some(given), _) => given.iter().map(|(c, r)| (self.domain.local(*c), *r)).unzip(),
-            (None, Some(groups)) => {
-                let large = groups.members.iter().take(MOST_HALOES).take_while(|m| m.len() >= LEAST_HALO);
+            (None, Some(found)) => {
+                let large = found.groups.members.iter().take(MOST_HALOES).take_while(|m| m.len() >= LEAST_HALO);
                 let center = |m: &Vec<u32>| (group_center(positions[0], m, &self.domain), None);
                 parallel::map(large, center).into_iter().unzip()
             }
@@ -403,13 +427,13 @@ impl Job<'_> {
     fn groups(
         &self,
         positions: [&[[f64; 3]]; 2],
-        truth: &Groups,
+        truth: &Found,
         notes: &mut Vec<String>,
     ) -> Result<Option<GroupReport>> {
         let Some(other) = self.find_groups(positions[1], 1, notes)? else { return Ok(None) };
-        let groups = [truth, &other];
-        let apertures = self.apertures(positions, truth, notes)?;
-        let sizes = groups.map(Groups::sizes);
+        let pair = [truth, &other];
+        let apertures = self.apertures(positions, &truth.groups, notes)?;
+        let sizes = pair.map(|f| f.groups.sizes());
         let smallest = self.o.smallest_group as u64;
         let class = |from: u64, to: Option<u64>| SizeClass::of(sizes.each_ref().map(|s| &s[..]), from, to);
         let classes = [(20, Some(49)), (50, Some(99)), (100, None)]
@@ -420,11 +444,13 @@ impl Job<'_> {
         let largest = sizes.each_ref().map(|s| s.first().copied().unwrap_or(0));
         let histogram = size_histogram(sizes.each_ref().map(|s| &s[..]), smallest);
         Ok(Some(GroupReport {
-            linking_length: groups.map(|g| g.linking_length),
+            linking_length: pair.map(|f| f.groups.linking_length),
+            linked: pair.map(|f| f.linked),
+            contaminated: pair.map(|f| f.contaminated),
             classes,
             histogram,
             largest,
-            grouped: [0, 1].map(|s| sizes[s].iter().sum::<u64>() as f64 / positions[s].len() as f64),
+            grouped: [0, 1].map(|s| sizes[s].iter().sum::<u64>() as f64 / pair[s].linked as f64),
             apertures,
         }))
     }

@@ -425,10 +425,10 @@ mod tests {
     #[test]
     fn groups_in_tilted_boxes_are_those_of_all_pairs() {
         for cell in tilted_cells() {
-            let p = gas(1500, &cell, 6);
+            let p = gas(400, &cell, 6);
             let domain = Domain::of_particles(&p);
             let x = local_positions(&p, &domain);
-            for share in [0.02, 0.1, 0.3, 1.0] {
+            for share in [0.1, 0.3, 1.0] {
                 let link = share * longest_link(&domain);
                 let fast = find_groups(&x, &domain, link, 2, &Silent).unwrap();
                 assert_eq!(fast.members, plain(&x, &domain, link, 2), "{cell:?} {link}");

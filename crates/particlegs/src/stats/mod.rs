@@ -4,7 +4,7 @@
 //! [`Grid`] (`deposit`, `gaussian`, `resolved`), compared cell by cell (`density`) and transformed (`transform`)
 //! into P(k), r(k) and xi(r) (`spectrum`, `xi_transform`). What looks at neighbours sorts positions
 //! into cells: pair counts (`points`, `pairs`), friends-of-friends groups (`groups`) and the mass in
-//! their cores (`aperture`); groups are compared by size (`sizes`); nearest neighbours use the particles' tree (`neighbours`).
+//! their cores (`aperture`); in zooms of the finest particles (`linking`); groups are compared by size (`sizes`); nearest neighbours use the particles' tree (`neighbours`).
 //! Pairs in linear bins are g(r) (`rdf`); densities along axes (`profile`) and about centres (`haloes`) are of
 //! particles or of the Gaussians themselves (`sphere`), which particles are scored under, too (`likelihood`).
 
@@ -18,6 +18,7 @@ mod grid;
 mod groups;
 mod haloes;
 mod likelihood;
+mod linking;
 mod moments;
 mod neighbours;
 mod options;
@@ -53,6 +54,7 @@ pub(crate) use groups::{Groups, find_groups, longest_link};
 pub use haloes::HaloProfiles;
 pub use likelihood::Likelihood;
 pub(crate) use likelihood::likelihood;
+pub(crate) use linking::Linked;
 pub use moments::AxisMoments;
 pub use neighbours::NearestDistances;
 pub(crate) use neighbours::{NeighbourOptions, nearest_distances};

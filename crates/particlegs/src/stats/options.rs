@@ -75,6 +75,8 @@ pub struct StatsOptions {
     pub halo_bins: usize,
     /// Linking length in mean spacings.
     pub linking: f64,
+    /// The linking length itself, such as `0.02Mpc`, or a number in the truth's unit: goes before `linking`.
+    pub linking_length: Option<String>,
     /// Smallest group, particles.
     pub smallest_group: usize,
     /// Radius of the apertures in mean spacings of the truth: 0.128 is 0.05 Mpc/h on nbody128.
@@ -107,6 +109,7 @@ impl Default for StatsOptions {
             halo_radius: None,
             halo_bins: 20,
             linking: 0.2,
+            linking_length: None,
             smallest_group: 20,
             aperture: 0.128,
             neighbour_sample: 500_000,

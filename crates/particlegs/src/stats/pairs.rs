@@ -292,7 +292,7 @@ mod tests {
     #[test]
     fn counts_in_tilted_boxes_are_those_of_all_pairs_and_a_gas_has_no_correlation() {
         for cell in tilted_cells() {
-            let p = gas(1500, &cell, 2);
+            let p = gas(500, &cell, 2);
             let domain = Domain::of_particles(&p);
             let x = local_positions(&p, &domain);
             let longest = longest_separation(&domain);

@@ -82,15 +82,19 @@ pub struct XiByTransform {
 /// Friends-of-friends groups.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GroupReport {
-    /// Linking length of each, world units: the same share of its own mean spacing.
+    /// Linking length of each, world units: the same share of its own mean spacing, where it is not stated.
     pub linking_length: [f64; 2],
+    /// Particles that were linked: all, or the finest of a zoom.
+    pub linked: [u64; 2],
+    /// Groups that hold heavier particles, which were not linked.
+    pub contaminated: [Option<u64>; 2],
     /// 20 to 49, 50 to 99, 100 and more.
     pub classes: Vec<SizeClass>,
     /// Sizes by a factor of the square root of 2.
     pub histogram: Vec<SizeClass>,
     /// Largest group.
     pub largest: [u64; 2],
-    /// Share of particles in groups.
+    /// Share of those particles in groups.
     pub grouped: [f64; 2],
     /// Mass within apertures about the truth's centres, by size of group.
     pub apertures: Vec<ApertureMass>,

@@ -5,6 +5,7 @@ use crate::Result;
 use crate::model::{Model, UnitSystem};
 use crate::particles::{Particles, Storage};
 use crate::progress::Silent;
+use crate::space::Bounds;
 
 /// Particles, or a model.
 #[derive(Clone, Copy)]
@@ -25,7 +26,7 @@ pub(super) enum OwnSubject {
 
 impl<'a> Subject<'a> {
     /// What its numbers are in.
-    fn unit_system(&self) -> UnitSystem<'a> {
+    pub(super) fn unit_system(&self) -> UnitSystem<'a> {
         match self {
             Subject::Particles(p) => p.meta.unit_system(),
             Subject::Model(m) => m.metadata.unit_system(),
@@ -61,6 +62,14 @@ impl<'a> Subject<'a> {
         match self {
             Subject::Particles(p) => p.len() as u64,
             Subject::Model(m) => m.layers.iter().map(crate::model::Layer::count).sum(),
+        }
+    }
+
+    /// Where its particles lie.
+    pub(super) fn bounds(&self) -> Bounds {
+        match self {
+            Subject::Particles(p) => p.bounds(),
+            Subject::Model(m) => m.metadata.bounds,
         }
     }
 
