@@ -210,6 +210,8 @@ def test_files_are_converted_to_the_units_that_are_asked_for(gadget, unit, facto
     assert np.allclose(snap.positions, own.positions * factor, rtol=1e-6)
     assert np.allclose(snap.box, own.box * factor)
     assert np.sum(snap.masses) == pytest.approx(mass, rel=1e-6)
+    sigma = pg.compress(snap, gaussians=20, certificate="none").density_map(shape=(32, 32))
+    assert sigma.sum() * sigma.pixel_area == pytest.approx(mass, rel=1e-4)
     with pytest.raises(pg.InputError, match="kpc/h cannot be converted to furlong"):
         pg.open(path, units="furlong")
 

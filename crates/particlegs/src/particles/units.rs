@@ -18,7 +18,9 @@ impl Particles {
         let (by, words) = self.meta.unit_system().conversion_of(&self.meta.name, to)?;
         words.iter().for_each(|words| progress.message(&format!("note: {words}")));
         self.meta.units = self.meta.units.replaced(to.units);
-        self.meta.particle_mass = self.meta.particle_mass.map(|m| m * by.mass);
+        // Weights stay, and the mass of weight 1 is another.
+        let weighted = self.weights().is_some() && by.mass != 1.0;
+        self.meta.particle_mass = self.meta.particle_mass.or(weighted.then_some(1.0)).map(|m| m * by.mass);
         self.layers = self.layers.into_iter().map(|l| by.layer(l)).collect();
         if by.length == 1.0 {
             return Ok(self);
@@ -71,7 +73,7 @@ mod tests {
         assert_eq!((moved.position(0), moved.position(1)), ([11e3, 500.0, 3e3], [12e3, 4e3, 8e3]));
         assert_eq!(moved.meta.cell, Some(Cell::orthogonal([20e3; 3])));
         assert_eq!(moved.meta.units, Units::of(Some("kpc"), Some("Msun"), Some(true)));
-        assert_eq!(moved.layers()[0].mass, Mass::Weights(Some(1e10)));
+        assert_eq!((moved.layers()[0].mass, moved.meta.particle_mass), (Mass::Weights(Some(1e10)), Some(1e10)));
         let tiny = Units::of(Some("1e-40 m"), None, None);
         let tiny = UnitSystem { units: &tiny, ..to };
         assert!(p.in_units(&tiny, &Storage::Memory, &Silent).is_err());
