@@ -59,7 +59,7 @@ pub struct SnapshotArgs {
     /// Blocks called - are passed over. By default blocks are told by their lengths and values.
     #[arg(long, value_name = "NAME,...", hide_short_help = true, value_delimiter = ',')]
     #[serde(default)]
-    pub blocks: Vec<String>,
+    pub gadget_blocks: Vec<String>,
 }
 
 /// What becomes of unwrapped positions.
@@ -209,7 +209,7 @@ impl SnapshotArgs {
             ("--length-unit", self.length_unit.clone()),
             ("--mass-unit", self.mass_unit.clone()),
             ("--unwrapped", (self.unwrapped == Unwrapped::Keep).then(|| "keep".into())),
-            ("--blocks", (!self.blocks.is_empty()).then(|| self.blocks.join(","))),
+            ("--gadget-blocks", (!self.gadget_blocks.is_empty()).then(|| self.gadget_blocks.join(","))),
         ];
         let given = all.into_iter().filter_map(|(name, value)| Some(format!("{name} {}", value?)));
         let switches = [("--skip-invalid", self.skip_invalid), ("--strict", self.strict)];
@@ -241,7 +241,7 @@ impl SnapshotArgs {
             skip_invalid: self.skip_invalid,
             strict: self.strict,
             keep_unwrapped: self.unwrapped == Unwrapped::Keep,
-            blocks: self.blocks.clone(),
+            blocks: self.gadget_blocks.clone(),
             box_lengths,
             length_unit: self.length_unit.clone(),
             mass_unit: self.mass_unit.clone(),
@@ -285,7 +285,7 @@ mod tests {
         let of = |words: &[&str]| Given::parse_from(["x"].iter().chain(words)).snapshot.in_words();
         assert_eq!(of(&[]), None);
         let all = "--format gadget --particle-type 1,dm --weights none --frame 3 --layers-by mass --box 2,2.5,3 \
-                   --length-unit kpc --unwrapped keep --blocks POS,ID --skip-invalid --strict";
+                   --length-unit kpc --unwrapped keep --gadget-blocks POS,ID --skip-invalid --strict";
         let format = names()[0];
         let all = all.replace("gadget", format);
         assert_eq!(of(&all.split(' ').collect::<Vec<_>>()).as_deref(), Some(&all[..]));

@@ -73,7 +73,7 @@ impl Choice {
             ("frame", self.frame.map(|f| f.to_string())),
             ("layers-by", self.by_mass.then(|| "mass".into())),
             ("unwrapped", self.keep_unwrapped.then(|| "keep".into())),
-            ("blocks", (!self.blocks.is_empty()).then(|| self.blocks.join(","))),
+            ("gadget-blocks", (!self.blocks.is_empty()).then(|| self.blocks.join(","))),
         ];
         let own = own.into_iter().filter_map(|(name, value)| Some((name.to_string(), value?)));
         own.chain(self.selection.iter().flat_map(Selection::options)).collect()
