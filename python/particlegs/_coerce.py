@@ -178,9 +178,11 @@ def cell(box: Any, pbc: Any, origin: Any, unit: Optional[Any] = None) -> Optiona
             raise InputError("origin is the box's lowest corner: give box, too")
         return None
     vectors = vectors_of(box, unit)
-    if not np.all(np.isfinite(vectors)) or not abs(np.linalg.det(vectors)) > 0:
+    # Nothing repeats along vectors of zero, as of a slab.
+    stated = vectors[np.any(vectors != 0, axis=1)]
+    if not np.all(np.isfinite(vectors)) or not len(stated) or np.linalg.matrix_rank(stated) < len(stated):
         raise InputError("the box must be finite and have a volume")
-    if is_right(vectors) and np.any(np.diag(vectors) <= 0):
+    if np.ndim(box) < 2 and np.any(np.diag(vectors) < 0):
         raise InputError("the lengths of the box must be positive")
     periodic = [bool(pbc)] * 3 if np.ndim(pbc) == 0 else [bool(p) for p in pbc]
     corner = [0.0] * 3 if origin is None else lengths(origin, unit, "origin")

@@ -135,7 +135,7 @@ class Snapshot:
         if vectors is None or not _coerce.is_right(vectors):
             return
         for axis, extent, length, repeats in zip("xyz", high - low, np.diag(vectors), self.periodic):
-            if repeats and extent > 1.5 * length:
+            if repeats and extent > 1.5 * abs(length):
                 raise InputError(
                     f"the particles reach over {extent:g} along {axis}, and the box is {length:g} long: "
                     "check the unit of length and the box"

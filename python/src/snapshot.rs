@@ -55,11 +55,8 @@ pub struct Known {
 impl Known {
     pub fn meta(self) -> PyResult<SnapshotMeta> {
         let cell = |(origin, vectors, periodic): ([f64; 3], _, _)| {
-            let cell = Cell { origin, vectors, periodic };
-            if cell.inverse().is_none() || origin.iter().any(|v| !v.is_finite()) {
-                return Err(InputError::new_err("the box must be finite and have a volume"));
-            }
-            Ok(cell)
+            let cell = Cell::stated(origin, vectors, periodic).filter(|_| origin.iter().all(|v| v.is_finite()));
+            cell.ok_or_else(|| InputError::new_err("the box must be finite and have a volume"))
         };
         if self.particle_mass.is_some_and(|m| !(m > 0.0 && m.is_finite())) {
             return Err(InputError::new_err("the mass of a particle must be positive and finite"));

@@ -109,6 +109,10 @@ def test_boxes(rows):
     assert np.allclose(np.linalg.norm(tilted.box, axis=1), 2) and np.isclose(tilted.box[1] @ tilted.box[0], 2.0)
     part = pg.Snapshot(rows, box=1, pbc=(True, False, True), origin=(-0.1, 0, 0))
     assert part.periodic == (True, False, True) and np.allclose(part.origin, [-0.1, 0, 0])
+    slab = pg.Snapshot(rows, box=[1, 1, 0])
+    assert slab.periodic == (True, True, False) and np.allclose(slab.box, np.diag([1.0, 1.0, 0.0]))
+    downwards = pg.Snapshot(rows - 1, box=-np.eye(3))
+    assert np.allclose(downwards.box, -np.eye(3))
 
 
 def test_chunks_are_the_whole(rows, tmp_path):

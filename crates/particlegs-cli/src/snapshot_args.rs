@@ -34,7 +34,7 @@ pub struct SnapshotArgs {
     /// What becomes a layer of the model.
     #[arg(long, alias = "layers", value_name = "WHAT", hide_short_help = true, value_enum, default_value_t = LayersBy::Species)]
     pub layers_by: LayersBy,
-    /// Lengths of the periodic box; replaces those in the file.
+    /// Lengths of the periodic box, 0 where nothing repeats; replaces those in the file.
     #[arg(long = "box", value_name = "Lx,Ly,Lz", value_delimiter = ',', num_args = 1)]
     pub box_lengths: Option<Vec<f64>>,
     /// Unit of length, such as Mpc/h; replaces that in the file.

@@ -261,6 +261,9 @@ fn groups_of_a_zoom_are_those_of_its_finest_particles() {
     let (same, _) = groups("same", &["--linking-length", &format!("{}kpc", 1000.0 * length)]);
     assert_eq!((&same["classes"], &same["largest"]), (&own["classes"], &own["largest"]));
     assert_eq!(groups("all", &["--linking-length", "3"]).0["largest"][0], 2000);
+    let flat = ["--only", "moments", "--no-plots", "--box", "100,100,0"];
+    let slab = stats_of(&path, &path, &dir.path().join("slab"), &flat);
+    assert_eq!(slab["domain"]["periodic"], serde_json::json!([true, true, false]));
     for (asked, why) in [("3 Msun", "not a unit of length"), ("0kpc", "not a length above 0"), ("Mpc", "not a length")]
     {
         let mut command = particlegs();

@@ -43,14 +43,12 @@ impl SnapshotMeta {
     pub fn state(&mut self, box_lengths: Option<[f64; 3]>, units: [Option<&str>; 2]) -> Result<Vec<String>> {
         let mut notes = Vec::new();
         if let Some(lengths) = box_lengths {
-            if !lengths.iter().all(|l| *l > 0.0 && l.is_finite()) {
-                return Err(Error::argument(format!(
-                    "box lengths {} must be positive",
-                    super::sidecar::listed(&lengths)
-                )));
-            }
             let origin = self.cell.map_or([0.0; 3], |c| c.origin);
-            let cell = Cell { origin, ..Cell::orthogonal(lengths) };
+            let upright = Cell::orthogonal(lengths);
+            let sound = lengths.iter().all(|l| *l >= 0.0 && l.is_finite());
+            let cell = Cell::stated(origin, upright.vectors, upright.periodic).filter(|_| sound).ok_or_else(|| {
+                Error::argument(format!("box lengths {} must be positive", super::sidecar::listed(&lengths)))
+            })?;
             if let Some(said) = self.cell.replace(cell).filter(|said| *said != cell) {
                 notes.push(format!("the box is taken as {}; the file says {}", cell.in_words(), said.in_words()));
             }
