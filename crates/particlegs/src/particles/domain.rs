@@ -19,13 +19,13 @@ pub struct Domain {
     pub periodic: [bool; 3],
     /// Where the edges point, if not along x, y and z.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub tilt: Option<Tilt>,
+    pub(crate) tilt: Option<Tilt>,
 }
 
 /// Edges that are not those of an upright box. Coordinates *along* them take a point apart into lengths along the edges:
 /// a tilted box is upright there.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Tilt {
+pub(crate) struct Tilt {
     /// Unit vector along each edge.
     axes: [[f64; 3]; 3],
     /// Turns a world vector d into coordinates along the edges: a is the sum of `d[k] * inverse[k][a]`.
@@ -165,6 +165,11 @@ impl Domain {
     /// Of a model's snapshot.
     pub fn of_model(model: &Model) -> Self {
         Self::new(&model.metadata.bounds, model.metadata.cell.as_ref())
+    }
+
+    /// Do its edges point elsewhere than along x, y and z?
+    pub fn is_tilted(&self) -> bool {
+        self.tilt.is_some()
     }
 
     /// Volume.

@@ -15,7 +15,7 @@ pub struct Grid {
     /// Does the axis repeat?
     pub periodic: [bool; 3],
     /// Where the edges of cells point, if not along x, y and z.
-    pub tilt: Option<Tilt>,
+    pub(crate) tilt: Option<Tilt>,
 }
 
 particlegs_core::named_values! {
@@ -75,11 +75,6 @@ impl Grid {
             periodic: domain.periodic,
             tilt: domain.tilt,
         }
-    }
-
-    /// Volume of a cell.
-    pub fn cell_volume(&self) -> f64 {
-        self.side.iter().product::<f64>() * self.tilt.map_or(1.0, |t| t.volume())
     }
 
     /// A place as lengths along the edges from the lowest corner.

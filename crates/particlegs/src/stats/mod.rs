@@ -41,7 +41,8 @@ pub(crate) mod testing;
 mod transform;
 mod xi_transform;
 
-pub use crate::particles::domain::{Domain, Tilt};
+pub use crate::particles::domain::Domain;
+pub(crate) use crate::particles::domain::Tilt;
 pub use aperture::ApertureMass;
 pub(crate) use aperture::group_center;
 pub use compare::compare;

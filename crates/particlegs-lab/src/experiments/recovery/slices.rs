@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn a_slab_is_in_units_of_the_mean_and_y_is_up() {
-        let grid = Grid { min: [0.0; 3], side: [1.0; 3], cells: [2, 2, 32], periodic: [true; 3], tilt: None };
+        let grid = Grid::new(&Domain::upright([0.0; 3], [2.0, 2.0, 32.0], [true; 3]), 32);
         // All mass in the column x 0, y 1, within the slab.
         let mut mass = vec![0.0; 128];
         mass[32 + 8..32 + 24].fill(3.0);
