@@ -139,11 +139,12 @@ class Map(_Placed):
         found, lowest = density_range(values)
         low, top = found or (0.1, 1.0)
         low, top = vmin or low, vmax or top
-        norm = LogNorm(low, max(top, low * 1.0001))
+        top = max(top, low * 1.0001)
+        norm = LogNorm(low, top)
         whole = plt.get_cmap(cmap)
         colors = ListedColormap(whole(np.linspace(lowest, 1.0, 255))).with_extremes(bad=whole(0.0))
         # Tails of Gaussians count as empty where other pictures have faded.
-        empty = ~(values > low * (low / norm.vmax) ** (lowest / (1.0 - lowest)))
+        empty = ~(values > low * (low / top) ** (lowest / (1.0 - lowest)))
         shown = np.ma.masked_where(empty, np.maximum(values, low))
         image = ax.imshow(shown, extent=self.extent, cmap=colors, norm=norm, **options)
         if self.extent is None or self.axes is None:
