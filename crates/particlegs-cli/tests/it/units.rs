@@ -177,9 +177,12 @@ fn fits_has_units_of_the_standard() {
         String::from_utf8_lossy(&file[..5760]).split_whitespace().collect::<Vec<_>>().join(" ")
     };
     let by_h = head("by_h.pgs");
-    for card in ["BUNIT = 'solMass kpc-3'", "CUNIT1 = 'kpc '", "CDELT1 = 4.0", "LENUNIT = 'kpc '"] {
+    for card in ["BUNIT = 'solMass kpc-3'", "CUNIT1 = 'kpc '", "CDELT1 = 1.9453125", "LENUNIT = 'kpc '"] {
         assert!(by_h.contains(card), "{card}: {by_h}");
     }
     let lj = head("lj.pgs");
-    assert!(lj.contains("DENUNIT = 'Msun / sigma^3'") && lj.contains("CDELT1 = 2.0") && !lj.contains("BUNIT"), "{lj}");
+    assert!(
+        lj.contains("DENUNIT = 'Msun / sigma^3'") && lj.contains("CDELT1 = 0.97265625") && !lj.contains("BUNIT"),
+        "{lj}"
+    );
 }
