@@ -318,6 +318,7 @@ impl Units {
             time: self.time.clone(),
             comoving: by.comoving.or(self.comoving),
         }
+        .settled()
     }
 
     /// The unit of a dimension.
