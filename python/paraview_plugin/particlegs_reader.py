@@ -7,6 +7,7 @@ has to be importable by ParaView's Python. Everything but the registration runs 
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import inspect
 import os
@@ -63,8 +64,9 @@ except ImportError:
 paraview_plugin_name = "particlegs"
 paraview_plugin_version = "0.1.0"
 
-GAUSSIANS, PARTICLES, DENSITY = range(3)
-PORTS = ("vtkMultiBlockDataSet", "vtkPolyData", "vtkImageData")
+# The first output is what a model that is opened shows.
+DENSITY, PARTICLES, GAUSSIANS = range(3)
+PORTS = ("vtkImageData", "vtkPolyData", "vtkMultiBlockDataSet")
 METHODS: tuple[Method, ...] = ("count", "volume", "ellipsoid", "grid", "stratified", "spaced")
 
 # VTK's order of a symmetric tensor, and of a tensor as such.
@@ -311,8 +313,30 @@ def particles_of(snapshot: Snapshot, facts: Mapping[str, object]) -> vtkPolyData
     return data
 
 
+def contrast_of(values: np.ndarray) -> np.ndarray:
+    """Take the logarithm of densities over their mean, clipped so that ParaView's usual colours show it.
+
+    Parameters
+    ----------
+    values : ndarray
+        Densities of cells of one size.
+
+    Returns
+    -------
+    ndarray
+        To base 10, of the shape of `values`: from five mean densities, or what the denser half of the mass has at
+        least where that is less, else the voids would hide all others; up to what all but a hundredth of the mass has.
+    """
+    mean = float(values.mean()) or 1.0
+    ordered = np.sort(values, axis=None)
+    mass = np.cumsum(ordered, dtype=np.float64)
+    half, most = (float(ordered[np.searchsorted(mass, share * mass[-1])]) / mean for share in (0.5, 0.99))
+    low = min(5.0, half) or 1.0
+    return np.log10(np.clip(values / mean, low, max(most, 1.01 * low)))
+
+
 def density_of(grid: Grid, facts: Mapping[str, object]) -> vtkImageData:
-    """Make an image with the averages over cells as the cell data `density`, float64.
+    """Make an image with the averages over cells as the cell data `density`, float64, and `contrast`, which is shown.
 
     Parameters
     ----------
@@ -324,14 +348,15 @@ def density_of(grid: Grid, facts: Mapping[str, object]) -> vtkImageData:
     Returns
     -------
     vtkImageData
-        Field data `unit` and `total`, the sum over cells times a cell's volume.
+        Field data `unit` and `total`, the sum over cells times a cell's volume. For `contrast` see `contrast_of`.
     """
     image = vtkImageData()
     image.SetOrigin(*map(float, grid.origin))
     image.SetSpacing(*map(float, grid.spacing))
     image.SetDimensions(*(int(n) + 1 for n in grid.shape))
     values = np.asarray(grid)
-    image.GetCellData().SetScalars(column("density", values.ravel(order="F")))
+    image.GetCellData().AddArray(column("density", values.ravel(order="F")))
+    image.GetCellData().SetScalars(column("contrast", contrast_of(values).ravel(order="F")))
     total = float(values.sum() * np.prod(grid.spacing))
     annotate(image, {**facts, "unit": grid.unit, "total": total})
     return image
@@ -345,9 +370,9 @@ class _Stopped(Exception):
 
 
 PROPERTIES = """
-<OutputPort name="Gaussians" index="0"/>
+<OutputPort name="Density" index="0"/>
 <OutputPort name="Recovered particles" index="1"/>
-<OutputPort name="Density" index="2"/>
+<OutputPort name="Gaussians" index="2"/>
 <StringVectorProperty name="FileName" command="SetFileName" number_of_elements="1" panel_visibility="never">
   <FileListDomain name="files"/>
   <Documentation>Model file that particlegs wrote.</Documentation>
@@ -381,9 +406,9 @@ PROPERTIES = """
   <Documentation>Seed of the draws: the same one draws the same particles.</Documentation>
 </IntVectorProperty>
 <IntVectorProperty name="ComputeDensity" label="Compute Density" command="SetComputeDensity"
-    number_of_elements="1" default_values="0">
+    number_of_elements="1" default_values="1">
   <BooleanDomain name="bool"/>
-  <Documentation>Average the density over the cells of a grid, on the third output.</Documentation>
+  <Documentation>Average the density over the cells of a grid, on the first output.</Documentation>
 </IntVectorProperty>
 <IntVectorProperty name="Resolution" command="SetResolution" number_of_elements="1" default_values="128">
   <IntRangeDomain name="range" min="1" max="4096"/>
@@ -408,27 +433,29 @@ PROPERTIES = """
     support_reload=False,
 )
 @smhint.xml('<ReloadFiles property="Refresh"/>')
+@smhint.xml('<RepresentationType view="RenderView" port="0" type="Volume"/>')
 @smhint.xml('<RepresentationType view="RenderView" port="1" type="Point Gaussian"/>')
+@smhint.xml('<View type="None" port="2"/>')
 @smproperty.xml(PROPERTIES)
 class ParticlegsReader(VTKPythonAlgorithmBase):
     """Reads a `.pgs` model.
 
-    Output 0 has the Gaussians, a block of points for each layer; output 1 particles drawn from them, where
-    `SetRecoverParticles` asks for them; output 2 the density on a grid, where `SetComputeDensity` does. The two
-    are to be asked for because ParaView brings all outputs of a source up to date before it shows one of them.
+    Output 0 has the density on a grid, unless `SetComputeDensity` says no; output 1 particles drawn from the
+    Gaussians, where `SetRecoverParticles` asks for them; output 2 the Gaussians, a block of points for each layer.
+    Particles are to be asked for because ParaView brings all outputs of a source up to date before it shows one.
     Each is computed again only when something that it depends on has changed. In parallel the first process has
     all.
     """
 
     def __init__(self) -> None:
-        super().__init__(nInputPorts=0, nOutputPorts=3, outputType=PORTS[GAUSSIANS])
+        super().__init__(nInputPorts=0, nOutputPorts=3, outputType=PORTS[DENSITY])
         self._path: str | None = None
         self._options: dict[str, Any] = {
             "recover": False,
             "number": 0,
             "method": 0,
             "seed": 42,
-            "density": False,
+            "density": True,
             "cells": 128,
         }
         self._layers = vtkDataArraySelection()
@@ -554,11 +581,11 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
         chosen = [self._layers.GetArrayName(i) for i in range(self._layers.GetNumberOfArrays())]
         layers = [name for name in chosen if self._layers.ArrayIsEnabled(name)]
         o = self._options
-        depends = (
-            (),
-            (o["recover"], o["number"], o["method"], o["seed"]),
-            (o["density"], o["cells"]),
-        )[port]
+        depends = {
+            DENSITY: (o["density"], o["cells"]),
+            PARTICLES: (o["recover"], o["number"], o["method"], o["seed"]),
+            GAUSSIANS: (),
+        }[port]
         key = (self._path, stamp(self._path), tuple(layers), depends)
         known = self._made.get(port)
         if known is None or known[0] != key:
@@ -584,7 +611,8 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
             )
             words = f"drawn from the model {model.name} by method {method}, seed {o['seed']}: not simulated"
             return particles_of(snapshot, {"SYNTHETIC": words, **facts_of(model)})
-        if not o["density"]:
+        # Splats of the alpha-blend law hold opacities, not masses.
+        if not o["density"] or model.law == "alpha-blend":
             return vtkImageData()
         return density_of(model.density_grid(o["cells"], layers=layers), facts_of(model))
 
@@ -601,6 +629,67 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
             return
         self._said = words
         report(error)
+
+
+# In ParaView: what representations of a reader's outputs look like at first.
+
+
+def look_of(representation: Any) -> None:
+    """Give a new representation of a reader's output a look that shows it, unless it has one.
+
+    Recovered particles get the model's radius and opacity, white; the density is coloured by its contrast.
+    """
+    port = representation.Input
+    if port is None or port.SMProxy.GetXMLName() != ParticlegsReader.__name__:
+        return
+    known = getattr(port, "Port", 0)
+    about = port.GetDataInformation(known) if known else port.GetDataInformation()
+    model = read_model(port.FileName)
+    if known == PARTICLES:
+        representation.SetScalarColoring(None, 0)
+        for name, value in {
+            "AmbientColor": [1.0, 1.0, 1.0],
+            "DiffuseColor": [1.0, 1.0, 1.0],
+            "ShaderPreset": "Gaussian Blur",
+            "GaussianRadius": model.radius,
+            "Opacity": model.opacity,
+        }.items():
+            if name in representation.ListProperties():
+                setattr(representation, name, value)
+    elif known == DENSITY and about.GetNumberOfCells() > 0:
+        from paraview import simple
+
+        simple.ColorBy(representation, ("CELLS", "contrast"))
+        colors = simple.GetColorTransferFunction("contrast")
+        colors.ApplyPreset("Plasma (matplotlib)", True)
+        representation.ScalarOpacityUnitDistance = float(np.max(model.bounds[1] - model.bounds[0])) / 100.0
+
+
+_seen: set[int] = set()
+
+
+def _registered(*_: object) -> None:
+    """Look for new representations; ParaView does not say which proxy it has registered."""
+    from paraview import servermanager
+
+    for proxy in list(servermanager.ProxyManager().GetProxiesInGroup("representations").values()):
+        number = proxy.SMProxy.GetGlobalID()
+        if number in _seen or not hasattr(proxy, "Input") or proxy.Input is None:
+            continue
+        _seen.add(number)
+        try:
+            look_of(proxy)
+        except Exception as error:  # An exception in an observer would be a traceback in ParaView.
+            report(error)
+
+
+def watch() -> None:
+    """Give representations of models a look of their own from now on."""
+    from paraview import servermanager
+
+    manager = servermanager.vtkSMProxyManager.GetProxyManager()
+    if manager is not None and not hasattr(servermanager, "_particlegs_watches"):
+        servermanager._particlegs_watches = manager.AddObserver("RegisterEvent", _registered)
 
 
 # In scripts
@@ -621,7 +710,12 @@ def load() -> None:
         # For macros, which find the views beside this file.
         sys.path.append(folder)
     simple.LoadPlugin(os.path.abspath(__file__), remote=True, ns=vars(simple))
+    watch()
 
 
 if __name__ == "__main__":
     load()
+else:
+    # Under plain VTK there is nothing to watch.
+    with contextlib.suppress(ImportError):
+        watch()

@@ -29,7 +29,7 @@ from ._types import (
     PictureStyle,
     Progress,
 )
-from ._view import View, summary
+from ._view import View, opening_of, summary
 from ._window import Window
 
 if TYPE_CHECKING:
@@ -412,24 +412,45 @@ class Model:
 
     # What a notebook shows.
 
-    def to_html(self) -> str:
-        """A page that shows the model in any browser, offline: the whole file is inside."""
-        return self._native.to_html()
+    def to_html(self, **opening: Any) -> str:
+        """A page that shows the model in any browser, offline: the whole file is inside.
 
-    def view(self, height: int = 600) -> View:
+        Parameters
+        ----------
+        **opening
+            How the page opens; those of `view`.
+        """
+        return self._native.to_html(opening_of(opening))
+
+    def view(self, height: int = 600, **opening: Any) -> View:
         """The interactive viewer in a notebook; it works offline, and in a saved page.
 
         Parameters
         ----------
         height : int
             Pixels.
+        style : {"density", "paraview", "expected"}
+            What is drawn first: the surface density by default, of an alpha-blend model "paraview".
+        colormap : str
+            Colour map of densities.
+        range : tuple of float
+            Surface densities of the first and the last colour.
+        background : {"black", "white"}
+        layers : sequence of str
+            Layers that are drawn first.
+        color_by_layer : bool
+            Tell layers apart by colour.
+        radius, opacity : float
+            Of particles, in styles other than "density".
+        camera : Camera
+            Where it is looked from.
 
         Returns
         -------
         View
             What the notebook shows; `View.save` writes the page.
         """
-        return View(self.to_html(), int(height))
+        return View(self.to_html(**opening), int(height))
 
     def __repr__(self) -> str:
         return (
@@ -438,7 +459,11 @@ class Model:
         )
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, str]:
-        return {"text/plain": repr(self), "text/html": summary(self, self._native.poster((480, 270)))}
+        png, colors = self._native.poster((480, 270))
+        picture = "of the style paraview"
+        if colors is not None:
+            picture = f"surface density, {colors[0]:.2g} to {colors[1]:.2g} {self._native.density_unit(2, None)}"
+        return {"text/plain": repr(self), "text/html": summary(self, png, picture)}
 
 
 def read(

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+import json
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 from ._files import whole
+from ._particlegs import InputError
 from ._types import Path
 
 if TYPE_CHECKING:
@@ -45,6 +47,23 @@ class View:
         )
 
 
+def opening_of(options: Mapping[str, Any]) -> str:
+    """How a page opens, as the page reads it, of the keywords of `Model.view`."""
+    said = {name: value for name, value in options.items() if value is not None}
+    background = said.pop("background", None)
+    if background is not None:
+        if background not in ("black", "white"):
+            raise InputError(f"background must be 'black' or 'white', not {background!r}")
+        said["white"] = background == "white"
+    camera = said.pop("camera", None)
+    if camera is not None:
+        view = {"position": camera.position, "focal_point": camera.focal_point, "view_up": camera.view_up}
+        lens = {"fov_deg": camera.fov_deg, "height_world": camera.height, "clipping_range": camera.clipping_range}
+        view.update((name, value) for name, value in lens.items() if value is not None)
+        said["views"] = {"views": [view]}
+    return json.dumps(said, default=list)
+
+
 def _rows(model: Model) -> Iterator[tuple[str, str]]:
     """What is told of a model: names and values."""
     scale_factor, unit = model.metadata["scale_factor"], model.length_unit or ""
@@ -68,17 +87,17 @@ def _rows(model: Model) -> Iterator[tuple[str, str]]:
             yield word, ", ".join(words[word])
 
 
-def summary(model: Model, png: bytes) -> str:
-    """A picture of 480 x 270 pixels and a table, as HTML."""
-    picture = base64.b64encode(png).decode()
+def summary(model: Model, png: bytes, picture: str) -> str:
+    """A picture of 480 x 270 pixels and a table, as HTML; `picture` says what it is."""
+    coded = base64.b64encode(png).decode()
     left = "style='text-align:left'"
     rows = "".join(
         f"<tr><th {left}>{html.escape(name)}</th><td {left}>{html.escape(value)}</td></tr>"
-        for name, value in _rows(model)
+        for name, value in [*_rows(model), ("picture", picture)]
     )
     name = html.escape(model.name)
     return (
         "<div style='display:flex;gap:1em;align-items:flex-start;flex-wrap:wrap'>"
-        f"<img width='480' height='270' alt='{name}: picture of the model' src='data:image/png;base64,{picture}'>"
+        f"<img width='480' height='270' alt='{name}: picture of the model' src='data:image/png;base64,{coded}'>"
         f"<table><caption style='text-align:left;font-weight:bold'>{name}</caption>{rows}</table></div>"
     )

@@ -17,7 +17,7 @@ use particlegs::score::Finding;
 use particlegs::{codec, parallel};
 use particlegs_export::density_unit;
 use particlegs_files::output;
-use particlegs_view::page::{ModelFile, offline};
+use particlegs_view::page::{ModelFile, Opening, offline};
 use particlegs_view::poster;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -282,20 +282,21 @@ impl Model {
         Ok(Snapshot { drawn: Some(notes), ..Snapshot::of(drawn, BTreeMap::new()) })
     }
 
-    /// A page that shows the model in any browser, offline.
-    #[pyo3(signature = (threads=None))]
-    fn to_html(&self, py: Python<'_>, threads: Option<usize>) -> PyResult<String> {
+    /// A page that shows the model in any browser, offline; how it opens, as JSON.
+    fn to_html(&self, py: Python<'_>, opening: &str) -> PyResult<String> {
+        let opening: Opening = serde_json::from_str(opening).map_err(|e| InputError::new_err(e.to_string()))?;
+        self.only((!opening.layers.is_empty()).then_some(&opening.layers[..]))?;
         let file = ModelFile { name: &self.name, bytes: &self.bytes };
-        let page = How::quietly(threads).run(py, |progress| offline(&[(file, &self.model)], progress))?;
+        let page = How::quietly(None).run(py, |progress| offline(&[(file, &self.model)], &opening, progress))?;
         String::from_utf8(page).map_err(|e| InputError::new_err(e.to_string()))
     }
 
-    /// A small picture of the whole, PNG.
-    fn poster<'py>(&self, py: Python<'py>, size: (usize, usize)) -> PyResult<Bound<'py, PyBytes>> {
+    /// A small picture of the whole, PNG, and the surface densities of its first and last colour; none of grey levels.
+    fn poster<'py>(&self, py: Python<'py>, size: (usize, usize)) -> PyResult<(Bound<'py, PyBytes>, Option<[f64; 2]>)> {
         let size = Size { width: size.0, height: size.1 };
         pictures::check(size).or_raise()?;
-        let png = How::quietly(None).run(py, |progress| poster::draw(&self.model, size, progress))?;
-        Ok(PyBytes::new(py, &png))
+        let poster = How::quietly(None).run(py, |progress| poster::draw(&self.model, size, progress))?;
+        Ok((PyBytes::new(py, &poster.png), poster.range))
     }
 
     #[getter]

@@ -56,8 +56,41 @@ test("from disk: one file, no request, no warning, and as much as is promised", 
   await tab.close();
 });
 
+/** Mean luminance of the first picture, and the share of occupied pixels that differ from the background. */
+const firstPicture = (tab) => tab.evaluate(async () => {
+  const { page } = globalThis.particlegs;
+  const pane = page.panes[0];
+  const { data } = pane.cpu.getContext("2d").getImageData(0, 0, pane.cpu.width, pane.cpu.height);
+  const scene = { size: pane.size, camera: globalThis.particlegs.camera(), radius: page.state.radius, opacity: page.state.opacity };
+  const densities = new Float32Array((await pane.values(scene, "density")).numbers);
+  let [light, occupied, seen] = [0, 0, 0];
+  densities.forEach((v, i) => {
+    const [r, g, b] = data.subarray(4 * i, 4 * i + 3);
+    light += 0.2126 * r + 0.7152 * g + 0.0722 * b;
+    occupied += v > 0;
+    seen += v > 0 && Math.max(r, g, b) >= 10;
+  });
+  return { light: light / densities.length, seen: seen / occupied };
+});
+
+test("the first picture can be seen, of clusters and of what is nearly uniform", async () => {
+  let text = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n8000\nITEM: BOX BOUNDS pp pp pp\n0 20\n0 20\n0 20\nITEM: ATOMS id type x y z\n";
+  for (let i = 0; i < 8000; i++) text += `${i} 1 ${[1, 20, 400].map((d, k) => (Math.floor(i / d) % 20) + 0.5 + 0.4 * Math.sin(i * (k + 1.7)))}\n`.replaceAll(",", " ");
+  writeFileSync(path.join(work, "melt.dump"), text);
+  run("compress", "melt.dump", "-o", "melt.pgs", "--gaussians", "800", "--effort", "fast", "--certificate", "none", "--quiet");
+  run("export", "melt.pgs", "-o", "melt.html", "--quiet");
+  for (const name of ["page.html", "melt.html"]) {
+    const { tab } = await open(b, page("?draw=cpu").replace("page.html", name));
+    await pictures(tab, {});
+    const { light, seen } = await firstPicture(tab);
+    assert.ok(light > 25 && light < 120 && seen > 0.5, `${name}: ${light}, ${seen}`);
+    await tab.close();
+  }
+});
+
 test("the CPU's picture in the page is that of the command, to the last bit", async () => {
   const { tab } = await open(b, page("?draw=cpu"));
+  assert.equal(await tab.evaluate(() => globalThis.particlegs.page.state.look), "density");
   const views = await tab.evaluate(() => {
     const { position, focal_point, view_up } = globalThis.particlegs.camera();
     const { page } = globalThis.particlegs;
@@ -180,7 +213,7 @@ test("a graphics card that fails leaves the picture to the CPU", async () => {
 });
 
 test("what the graphics card leaves to the engine, it draws as the CPU does: slabs, clip boxes, images, white ground", async () => {
-  const { tab } = await open(b, page("?draw=gpu"));
+  const { tab } = await open(b, page("?draw=gpu", "#look=paraview"));
   await byCard(tab);
   const bounds = await tab.evaluate(() => globalThis.particlegs.page.panes[0].about.metadata.bounds);
   const middle = 0.5 * (bounds.min[2] + bounds.max[2]);
@@ -197,17 +230,21 @@ test("what the graphics card leaves to the engine, it draws as the CPU does: sla
 });
 
 test("dials and keys change the picture, and a link restores it", async () => {
-  const { tab } = await open(b, page("?draw=cpu"));
+  const { tab } = await open(b, page("?draw=cpu", "#look=paraview"));
   const state = () => tab.evaluate(() => structuredClone(globalThis.particlegs.page.state));
   const before = await state();
   await tab.fill("input[aria-label^='Radius in']", String(2 * before.radius));
   await tab.press("input[aria-label^='Radius in']", "Enter");
-  await tab.selectOption("label:has-text('Look') select", "density");
+  await tab.keyboard.press("Escape");
+  await tab.click("button:has-text('Density')");
   await tab.selectOption("label:has-text('Colour map') select", "viridis");
   await tab.focus(".pane");
   for (const key of ["ArrowLeft", "+", "o", "b", "]", "Shift+X"]) await tab.keyboard.press(key);
+  // A density has no radius: the key says so, and the dial is away.
+  assert.match(await tab.textContent("#status"), /a surface density has no radius/);
+  assert.equal(await tab.locator("#dial-radius").isVisible(), false);
   const now = await state();
-  assert.ok(Math.abs(now.radius / before.radius - 2.5) < 1e-6, `${now.radius}`);
+  assert.ok(Math.abs(now.radius / before.radius - 2) < 1e-6, `${now.radius}`);
   assert.equal(now.look, "density");
   assert.equal(now.colormap, "viridis");
   assert.equal(now.orbit.azimuth, -90);
@@ -250,9 +287,28 @@ test("what it gives away can be read: PNG with its camera, NPY, views.json that 
   const png = await saved(async () => {
     await tab.keyboard.press("p");
     await tab.selectOption("dialog select", "1");
+    await tab.uncheck("dialog input[name=bar]");
     await tab.click("dialog button[value=yes]");
   }, "saved.png");
   assert.equal(png.readUInt32BE(16), 1920);
+  const barred = await saved(async () => {
+    await tab.focus(".pane");
+    await tab.keyboard.press("p");
+    await tab.selectOption("dialog select", "1");
+    await tab.click("dialog button[value=yes]");
+  }, "barred.png");
+  assert.ok(barred.readUInt32BE(16) > 2000 && barred.toString("latin1").includes("particles Mpc"));
+  // A page opens as it was left.
+  run("export", "m.pgs", "--like", "saved.png", "-o", "again.html", "--quiet");
+  const again = await open(b, page("?draw=cpu").replace("page.html", "again.html"));
+  const looked = (t) => t.evaluate(() => {
+    const { look, colormap, range, white, orbit } = globalThis.particlegs.page.state;
+    return JSON.stringify([look, colormap, range, white, orbit.focal, orbit.azimuth.toFixed(6), orbit.distance.toPrecision(6)]);
+  });
+  const range = await tab.evaluate(() => globalThis.particlegs.page.panes[0].range);
+  await tab.evaluate((range) => globalThis.particlegs.change({ range }), range);
+  assert.equal(await looked(again.tab), await looked(tab));
+  await again.tab.close();
   // What the picture says of itself draws it again, by the command, to the last bit.
   run("render", "m.pgs", "--like", "saved.png", "-o", "like.png", "--no-annotations", "--quiet");
   assert.equal(await differing(tab, png, readFileSync(path.join(work, "like.png"))), 0);
@@ -290,6 +346,10 @@ test("served: all particles beside the model, two models with one camera, and no
     assert.equal(await tab.locator(".pane").count(), 2);
     await tab.focus(".pane");
     await tab.keyboard.press("t");
+    await tab.waitForFunction(() => /RMS/.test(document.documentElement.dataset.compared ?? ""));
+    const rms = Number(/RMS ([\d.]+) dex/.exec(await tab.evaluate(() => document.documentElement.dataset.compared))[1]);
+    assert.ok(rms > 0.01 && rms < 0.35, `${rms}`);
+    await tab.click("button:has-text('ParaView')");
     await tab.waitForFunction(() => /PSNR/.test(document.documentElement.dataset.compared ?? ""));
     const psnr = Number(/([\d.]+) dB/.exec(await tab.evaluate(() => document.documentElement.dataset.compared))[1]);
     assert.ok(psnr > 25 && psnr < 60, `${psnr}`);

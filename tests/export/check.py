@@ -80,11 +80,12 @@ def splats(z):
 
 
 def ply(z, frame):
-    """3-D Gaussian splatting's own numbers, as splat-transform reads them."""
+    """3-D Gaussian splatting's own numbers, as splat-transform reads them; y is down in the file."""
     rows = np.genfromtxt(PREFIX + ".ply.csv", delimiter=",", names=True)
     covariance, opacity = splats(z)
     place = np.stack([rows[k] for k in "xyz"], axis=1)
-    close("PLY places", place / frame["scale"] + frame["center"], z["mean"], 1e-6)
+    down = np.array([-1, -1, 1])
+    close("PLY places", down * place / frame["scale"] + frame["center"], z["mean"], 1e-6)
     close("PLY opacities", 1 / (1 + np.exp(-rows["opacity"])), opacity, 1e-6)
     w, x, y, q = (rows[f"rot_{k}"] for k in range(4))
     close("PLY turns", w * w + x * x + y * y + q * q, np.ones(len(rows)), 1e-6)
@@ -94,6 +95,7 @@ def ply(z, frame):
         [2 * (x * q - w * y), 2 * (y * q + w * x), 1 - 2 * (x * x + y * y)],
     ]).transpose(2, 0, 1)
     scale = np.exp(np.stack([rows[f"scale_{k}"] for k in range(3)], axis=1)) / frame["scale"]
+    turn = down[:, None] * turn
     close("PLY covariances", (turn * scale[:, None, :] ** 2) @ turn.transpose(0, 2, 1), covariance, 1e-5)
     return np.stack([0.5 + 0.28209479177387814 * rows[f"f_dc_{k}"] for k in range(3)], axis=1)
 

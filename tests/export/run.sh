@@ -6,11 +6,11 @@ cd "$(dirname "$0")/../.."
 # shellcheck source=tests/common.sh
 . tests/common.sh
 
-if ! command -v npm >/dev/null; then
+if ! command -v npm >/dev/null || ! command -v chromium >/dev/null; then
     as_root=''
     if [ "$(id -u)" != 0 ]; then as_root=sudo; fi
     $as_root apt-get update -qq
-    $as_root apt-get install -y -qq --no-install-recommends nodejs npm
+    $as_root apt-get install -y -qq --no-install-recommends nodejs npm chromium
 fi
 # By name, beside what cargo builds. The newest splat-transform wants a newer Node than Debian has.
 readers=$target/export-readers
@@ -52,3 +52,6 @@ for model in sample layers alpha; do
     node "$readers/gltf.mjs" "$work/$model.glb" "$work/$model.gltf"
     "$python" tests/export/check.py "$work/$model"
 done
+# In the viewer itself, for which way is up is no number of the file.
+if [ ! -d web/node_modules ]; then (cd web && npm ci --silent --no-audit --no-fund); fi
+PARTICLEGS=$particlegs node tests/export/axes.mjs "$readers/node_modules/@playcanvas/splat-transform/bin/cli.mjs" "$work"

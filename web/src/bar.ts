@@ -37,3 +37,39 @@ export class ColorBar {
     this.element.hidden = true;
   }
 }
+
+/** A picture with its colour bar beside it, on a page of black or white. */
+export function withBar(picture: OffscreenCanvas, range: [number, number], colors: Uint8Array, unit: string, white: boolean): OffscreenCanvas {
+  // An em, by the picture's height.
+  const em = Math.max(10, Math.round(picture.height / 50));
+  const canvas = new OffscreenCanvas(picture.width + 9 * em, picture.height);
+  const c = canvas.getContext("2d")!;
+  const ink = white ? "#000" : "#fff";
+  c.fillStyle = white ? "#fff" : "#000";
+  c.fillRect(0, 0, canvas.width, canvas.height);
+  c.drawImage(picture, 0, 0);
+  const [left, top, wide, high] = [picture.width + em, em, em, picture.height - 2 * em];
+  for (let y = 0; y < high; y++) {
+    const k = 3 * Math.round(255 - ((255 - LOWEST) * y) / Math.max(1, high - 1));
+    c.fillStyle = `rgb(${colors[k]} ${colors[k + 1]} ${colors[k + 2]})`;
+    c.fillRect(left, top + y, wide, 1);
+  }
+  c.strokeStyle = c.fillStyle = ink;
+  c.lineWidth = Math.max(1, em / 12);
+  c.strokeRect(left, top, wide, high);
+  c.font = `${em}px system-ui, sans-serif`;
+  c.textBaseline = "middle";
+  let widest = 0;
+  for (const v of logTicks(...range)) {
+    const y = top + high * (1 - Math.log(v / range[0]) / Math.log(range[1] / range[0]));
+    c.fillRect(left + wide, y, 0.4 * em, c.lineWidth);
+    // Whole letters at the ends.
+    c.fillText(number(v, 2), left + 1.6 * em, Math.max(0.6 * em, Math.min(picture.height - 0.6 * em, y)));
+    widest = Math.max(widest, c.measureText(number(v, 2)).width);
+  }
+  c.translate(left + 2.4 * em + widest, picture.height / 2);
+  c.rotate(-Math.PI / 2);
+  c.textAlign = "center";
+  c.fillText(`Σ (${unit})`, 0, 0);
+  return canvas;
+}

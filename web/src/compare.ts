@@ -21,13 +21,13 @@ export class Compare {
   /** Counts what makes a picture on its way out of date. */
   private turn = 0;
 
-  constructor(private page: Page, truth: NonNullable<Setup["truth"]>) {
-    this.truth = new Truth(truth.url, truth.particles);
+  constructor(private page: Page, private of: NonNullable<Setup["truth"]>) {
+    this.truth = new Truth(of.url, of.particles);
     const button = (shown: Shown, text: string) =>
       h("button", { type: "button", text, "aria-pressed": "false", click: () => this.toggle(shown) });
     this.buttons = { split: button("split", "Split"), difference: button("difference", "Difference") };
     this.element = h("details", { open: true }, h("summary", { text: "All particles" }),
-      h("p", { class: "hint", text: `${truth.name}: ${whole(truth.particles)} particles, drawn by the server` }),
+      h("p", { class: "hint", text: `${of.name}: ${whole(of.particles)} particles, drawn by the server` }),
       h("div", { class: "buttons" }, this.buttons.split, this.buttons.difference), this.score);
   }
 
@@ -68,7 +68,8 @@ export class Compare {
       this.score.textContent = "All particles are drawn whole: switch the clip box, slabs along axes, images and layers off to compare.";
       return;
     }
-    this.score.textContent = "drawing all particles …";
+    const smoothed = state.look === "density" && this.of.smoothed;
+    this.score.textContent = smoothed ? `drawing all particles, each over ${smoothed} neighbours …` : "drawing all particles …";
     await this.truth.draw(scene, state, (picture, last) => {
       void this.show(picture, last).catch((error: Error) => (this.score.textContent = error.message));
     });
@@ -93,9 +94,15 @@ export class Compare {
       this.split?.put(painted(picture, state, colors, range), false);
     }
     if (!last) return;
-    this.score.textContent = density
-      ? `RMS ${dex(model as Float32Array, picture.densities!, range[0]).toFixed(3)} dex where both are above the range's lower end`
+    this.score.textContent = density ? this.densityScore(model as Float32Array, picture.densities!, range[0])
       : `masked PSNR ${maskedPsnr(model as Uint8Array, picture.levels!).toFixed(2)} dB`;
     document.documentElement.dataset.compared = this.score.textContent;
+  }
+
+  /** Of particles that are smoothed: single ones have noise that the model has not. */
+  private densityScore(model: Float32Array, truth: Float32Array, floor: number): string {
+    const { smoothed } = this.of;
+    if (smoothed === null) return "no score: so many particles are not smoothed, and single ones have noise that the model has not";
+    return `RMS ${dex(model, truth, floor).toFixed(3)} dex where both are above the range's lower end; each particle over ${smoothed} neighbours`;
   }
 }

@@ -2,7 +2,7 @@
 
 import { h } from "./dom";
 import type { About, Seen, Verdict } from "./protocol";
-import { bytes, number, unitsOf, whole } from "./units";
+import { bytes, lengthUnit, number, whole } from "./units";
 
 /** Name, particles, Gaussians, size, ratio. */
 export function line(about: About, size: number): string {
@@ -13,11 +13,11 @@ export function line(about: About, size: number): string {
 /** All of it, with the verdict. */
 export function facts(name: string, about: About, size: number, verdict: Verdict[] | undefined, named: boolean): HTMLElement {
   const m = about.metadata;
-  const u = unitsOf(about);
+  const u = about.units;
   const extent = m.bounds.max.map((v, k) => number(v - m.bounds.min[k])).join(" × ");
   const rows: [string, string][] = [
     ["Model", name], ["Source", m.source], ["Particles", whole(m.count)], ["Gaussians", whole(about.gaussians)],
-    ["Size", bytes(size)], ["Extent", `${extent} ${u.length}`],
+    ["Size", bytes(size)], ["Extent", `${extent} ${lengthUnit(about)}`],
   ];
   if (about.mass !== null) rows.push(["Mass", `${number(about.mass, 4)} ${u.mass}`]);
   if (m.scale_factor !== null) rows.push(["Redshift", number(1 / m.scale_factor - 1)]);
@@ -37,9 +37,9 @@ function verdicts(verdict: Verdict[] | undefined): HTMLElement {
 
 /** What is under the pointer. */
 export function seenText(seen: Seen, about: About): string {
-  const u = unitsOf(about);
+  const [u, length] = [about.units, lengthUnit(about)];
   const at = seen.position.map((v) => number(v, 4)).join(", ");
   const density = seen.density !== null ? `${number(seen.density)} ${u.density}` : `${number(seen.number_density)} ${u.number}`;
   const layer = about.layers.length > 1 ? `, layer ${seen.layer}` : "";
-  return `at (${at})${u.length ? ` ${u.length}` : ""}${layer}: density ${density}; Gaussian #${seen.gaussian} of ${whole(seen.count)} particles`;
+  return `at (${at})${length ? ` ${length}` : ""}${layer}: density ${density}; Gaussian #${seen.gaussian} of ${whole(seen.count)} particles`;
 }

@@ -2,6 +2,7 @@
 
 import { download, h } from "./dom";
 import { ask, field } from "./dialog";
+import { withBar } from "./bar";
 import { drawOverlay } from "./overlay";
 import type { Page } from "./main";
 import type { Size } from "./protocol";
@@ -23,35 +24,44 @@ function texts(page: Page, size: Size): Record<string, string> {
     particlegs: version, of: [{ name: pane.name, blake3: pane.about.blake3 }], style: s.look,
     layers: s.hidden.length > 0 ? pane.about.layers.map((l) => l.name).filter((n) => !s.hidden.includes(n)) : [],
     color_by_layer: s.byLayer && !density,
-    ...(density ? { colormap: s.colormap, range: s.range ?? pane.range } : {}),
+    ...(density ? { colormap: s.colormap, range: s.range ?? pane.range, unit: pane.about.units.surface } : {}),
     ...(s.white ? { background: "white" } : {}),
     views: JSON.parse(viewsFile(s, pane.about, size)) as unknown,
   };
   return { Software: `particlegs ${version}`, particlegs: JSON.stringify(provenance), "particlegs:link": toLink(s) };
 }
 
-/** A picture of a size with or without lines, as PNG. */
-async function drawn(page: Page, state: State, size: Size, lines: boolean): Promise<Uint8Array<ArrayBuffer>> {
+/** What is drawn over a picture, and beside it. */
+interface Annotations { lines: boolean; bar: boolean }
+
+/** A picture of a size, as PNG; a colour bar of densities stands beside it. */
+async function drawn(page: Page, state: State, size: Size, { lines, bar }: Annotations): Promise<Uint8Array<ArrayBuffer>> {
   const pane = page.panes[0];
-  const { numbers } = await pane.picture(sceneOf(state, pane.about, size), paintOf({ ...state, range: state.range ?? pane.range }));
+  const range = state.range ?? pane.range;
+  const { numbers } = await pane.picture(sceneOf(state, pane.about, size), paintOf({ ...state, range }));
   const canvas = canvasOf(numbers, size);
   if (lines) {
     const over = new OffscreenCanvas(size.width, size.height);
     drawOverlay(over.getContext("2d")!, state, pane.about, size, size.height / 720, pane.marked);
     canvas.getContext("2d")!.drawImage(over, 0, 0);
   }
-  return png(canvas, texts({ ...page, state }, size));
+  const whole = bar && range && state.look === "density"
+    ? withBar(canvas, range, await pane.map(state.colormap, state.white), pane.about.units.surface, state.white) : canvas;
+  return png(whole, texts({ ...page, state }, size));
 }
 
 export async function givePng(page: Page): Promise<void> {
   const sizes = h("select", { name: "size" }, ...SIZES.map(([text], i) => h("option", { value: i, text })));
   const lines = h("input", { type: "checkbox", name: "lines" });
-  const form = await ask("Save a picture", "Save", field("Size", sizes), h("label", { class: "check" }, lines, "with box, axes and scale bar as shown"));
+  const bar = h("input", { type: "checkbox", name: "bar", checked: true });
+  const density = page.state.look === "density";
+  const form = await ask("Save a picture", "Save", field("Size", sizes), h("label", { class: "check" }, lines, "with box, axes and scale bar as shown"),
+    h("label", { class: "check", hidden: !density }, bar, "with its colour bar"));
   if (!form) return;
   const asked = SIZES[Number(sizes.value)][1];
   const size = asked.width ? asked : page.panes[0].size;
   page.say(`drawing ${size.width} × ${size.height} …`);
-  const bytes = await drawn(page, page.state, size, lines.checked);
+  const bytes = await drawn(page, page.state, size, { lines: lines.checked, bar: bar.checked });
   download(`${stem(page)}.png`, [bytes], "image/png");
   page.say("saved: the camera is in the picture as text");
 }
@@ -72,7 +82,7 @@ export function giveViews(page: Page): void {
 export function takeViews(page: Page): void {
   const input = h("input", { type: "file", accept: ".json,application/json" });
   input.addEventListener("change", () => {
-    void input.files?.[0]?.text().then((text) => page.change(fromViewsFile(text, page.state)))
+    void input.files?.[0]?.text().then((text) => page.change(fromViewsFile(text, page.state, page.panes[0].about)))
       .catch((error: Error) => page.say(`${input.files?.[0]?.name}: ${error.message}`));
   });
   input.click();
@@ -137,7 +147,7 @@ export async function giveTurn(page: Page): Promise<void> {
   const start = page.state;
   for (let i = 0; i < count; i++) {
     const orbit = { ...start.orbit, azimuth: start.orbit.azimuth + (360 * i) / count };
-    files.push({ name: `frame_${String(i).padStart(4, "0")}.png`, bytes: await drawn(page, { ...start, orbit }, size, false) });
+    files.push({ name: `frame_${String(i).padStart(4, "0")}.png`, bytes: await drawn(page, { ...start, orbit }, size, { lines: false, bar: true }) });
     page.say(`frame ${i + 1} of ${count}`);
   }
   download(`${stem(page)}-turn.zip`, zip(files), "application/zip");

@@ -4,7 +4,7 @@ import { panned, turned, zoomed } from "./camera";
 import type { Key } from "./hand";
 import type { Page } from "./main";
 import type { Action } from "./panel";
-import { LOOKS, type State } from "./state";
+import { LOOKS, idle, type Control, type State } from "./state";
 
 /** All keys of a page; `look` looks from an end of an axis: +x, -x, +y, -y, +z, -z. */
 export function keysOf(page: Page, act: (name: Action) => void, look: (which: number) => void): Key[] {
@@ -22,10 +22,16 @@ export function keysOf(page: Page, act: (name: Action) => void, look: (which: nu
     const { width, height } = size();
     orbit(zoomed(page.state.orbit, factor, [width / 2, height / 2], size()));
   };
+  /** Does it, or says why it would change nothing. */
+  const unlessIdle = (control: Control, does: () => void) => () => {
+    const why = idle(control, page.state, page.panes[0].about, page.layers);
+    if (why) page.say(why);
+    else does();
+  };
   const flip = (name: "white" | "box" | "axes" | "scale" | "images" | "byLayer") => () =>
     page.change({ [name]: !page.state[name] });
-  const times = (name: "radius" | "opacity", factor: number) => () =>
-    page.change({ [name]: Math.min(name === "opacity" ? 1 : Infinity, page.state[name] * factor) });
+  const times = (name: "radius" | "opacity", factor: number) => unlessIdle(name, () =>
+    page.change({ [name]: Math.min(name === "opacity" ? 1 : Infinity, page.state[name] * factor) }));
   const next = <T>(all: readonly T[], now: T): T => all[(all.indexOf(now) + 1) % all.length];
   const key = (keys: string[], label: string, what: string, does: (event: KeyboardEvent) => void): Key =>
     ({ keys, label, what, act: does });
@@ -44,17 +50,19 @@ export function keysOf(page: Page, act: (name: Action) => void, look: (which: nu
     key(["]"], "]", "larger radius", times("radius", 1.25)),
     key([","], ",", "less opacity", times("opacity", 1 / 1.25)),
     key(["."], ".", "more opacity", times("opacity", 1.25)),
-    key(["l"], "l", "next look", () => page.change({ look: next(LOOKS, page.state.look) })),
-    key(["m"], "m", "next colour map", () =>
-      page.change({ colormap: next(page.panes[0].about.colormaps, page.state.colormap), look: "density" })),
-    key(["w"], "w", "white or black ground", flip("white")),
+    key(["l"], "l", "next look", unlessIdle("look", () => page.change({ look: next(LOOKS, page.state.look) }))),
+    key(["m"], "m", "next colour map", unlessIdle("colormap", () =>
+      page.change({ colormap: next(page.panes[0].about.colormaps, page.state.colormap), look: "density" }))),
+    key(["w"], "w", "white or black background", flip("white")),
     key(["b"], "b", "box", flip("box")),
     key(["a"], "a", "axes", flip("axes")),
     key(["n"], "n", "scale bar", flip("scale")),
-    key(["i"], "i", "periodic images", flip("images")),
-    key(["k"], "k", "colours by layer", flip("byLayer")),
-    key(["t"], "t", "all particles beside the model", () => act("compare")),
-    key(["d"], "d", "difference from all particles", () => act("difference")),
+    key(["i"], "i", "periodic images", unlessIdle("images", flip("images"))),
+    key(["k"], "k", "colours by layer", unlessIdle("byLayer", flip("byLayer"))),
+    ...(page.setup.truth ? [
+      key(["t"], "t", "all particles beside the model", () => act("compare")),
+      key(["d"], "d", "difference from all particles", () => act("difference")),
+    ] : []),
     key(["p"], "p", "save a PNG", () => act("png")),
     key(["v"], "v", "save views.json", () => act("views")),
     key(["c"], "c", "copy a link to this view", () => act("link")),

@@ -11,12 +11,15 @@ import { panel, preset, target, type Action, type Desk } from "./panel";
 import type { Seen, Setup, Vec3 } from "./protocol";
 import { Remote } from "./remote";
 import { Compare } from "./compare";
-import { cameraFor, fromLink, home, initial, paintOf, sceneOf, toLink, type State } from "./state";
+import { cameraFor, fromLink, home, initial, opened, paintOf, sceneOf, toLink, type State } from "./state";
 import { giveCommand, giveLink, giveNpy, givePng, giveTurn, giveViews, takeViews } from "./give";
-import { number, unitsOf, whole } from "./units";
+import { lengthUnit, number, whole } from "./units";
 
 /** The page as its parts see it. */
-export interface Page { setup: Setup; remote: Remote; panes: Pane[]; state: State; change(part: Partial<State>): void; say(text: string): void }
+/** `layers`: how many names of layers the models have. */
+export interface Page {
+  setup: Setup; remote: Remote; panes: Pane[]; layers: number; state: State; change(part: Partial<State>): void; say(text: string): void;
+}
 
 const setup = JSON.parse(document.getElementById("setup")!.textContent!) as Setup;
 const app = document.getElementById("app")!;
@@ -74,10 +77,11 @@ async function start(): Promise<void> {
   stage.classList.toggle("many", panes.length > 1);
   const about = panes[0].about;
   subtitle.textContent = panes.map((p, i) => line(p.about, setup.models[i].bytes)).join(" | ");
-  const page: Page = { setup, remote, panes, state: initial(about, panes[0].size), change, say };
+  const named = panes.flatMap((p) => p.about.layers).filter((l, i, all) => all.findIndex((o) => o.name === l.name) === i);
+  const first = () => opened(setup.opening, initial(about, panes[0].size), about);
+  const page: Page = { setup, remote, panes, layers: named.length, state: first(), change, say };
   page.state = fromLink(location.hash.slice(1), page.state);
   const compare = setup.truth ? new Compare(page, setup.truth) : null;
-  const named = panes.flatMap((p) => p.about.layers).filter((l, i, all) => all.findIndex((o) => o.name === l.name) === i);
   const desk: Desk = {
     about, layers: named, state: () => page.state, change, range: () => panes[0].range, act, goTo,
   };
@@ -159,9 +163,8 @@ async function start(): Promise<void> {
     const { layers, clip } = sceneOf(page.state, pane.about, pane.size);
     const { json } = await remote.ask<{ count: number; mass: number | null }>(
       { ask: "sphere", model: pane.model, center: found.in_box, radius, layers, clip });
-    const u = unitsOf(pane.about);
-    const held = json.mass !== null ? `${number(json.mass)} ${u.mass}` : `${whole(json.count)} particles`;
-    say(`${seenText(found, pane.about)}; ${held} within ${number(radius)}${u.length ? ` ${u.length}` : ""}`);
+    const held = json.mass !== null ? `${number(json.mass)} ${pane.about.units.mass}` : `${whole(json.count)} particles`;
+    say(`${seenText(found, pane.about)}; ${held} within ${`${number(radius)} ${lengthUnit(pane.about)}`.trim()}`);
   }
 
   const failed = (error: unknown) => say(error instanceof Error ? error.message : String(error));
@@ -193,7 +196,7 @@ async function start(): Promise<void> {
       panes.slice(1).forEach((p) => p.show({ ...page.state, range: page.state.range ?? pane.range }));
     }
     if (page.state.look === "density" && pane.range) {
-      bar.show(pane.range, await pane.map(page.state.colormap, page.state.white), unitsOf(about).surface);
+      bar.show(pane.range, await pane.map(page.state.colormap, page.state.white), about.units.surface);
       if (full) dials.refresh(page.state);
     } else {
       bar.hide();
@@ -211,7 +214,7 @@ async function start(): Promise<void> {
   }).observe(stage);
   addEventListener("hashchange", () => {
     const text = location.hash.slice(1);
-    if (text !== toLink(page.state)) change(fromLink(text, initial(about, panes[0].size)));
+    if (text !== toLink(page.state)) change(fromLink(text, first()));
   });
   // For scripts: the page, and the CPU's picture of a state.
   const pixels = async (state: State) =>

@@ -4,7 +4,7 @@
 import { add, axes, heightAt, projected } from "./camera";
 import type { About, Bounds, Size, Vec3 } from "./protocol";
 import type { State } from "./state";
-import { number, roundBelow, unitsOf } from "./units";
+import { lengthUnit, number, roundBelow } from "./units";
 
 const AXES: [string, Vec3, string][] =
   [["x", [1, 0, 0], "#e8836b"], ["y", [0, 1, 0], "#7cc47c"], ["z", [0, 0, 1], "#7aa7e8"]];
@@ -117,7 +117,7 @@ function scaleBar(pen: Pen, s: State, about: About, size: Size): void {
     pen.c.lineTo(x + long, y - 4 * pen.unit);
   });
   const where = s.orbit.orthographic ? "" : " at the centre of view";
-  const unit = unitsOf(about).length;
+  const unit = lengthUnit(about);
   say(pen, pen.ink, `${number(bar)}${unit ? ` ${unit}` : ""}${where}`, x, y - 15 * pen.unit, "left");
 }
 

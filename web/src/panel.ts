@@ -2,8 +2,8 @@
 
 import { h } from "./dom";
 import type { About, Vec3 } from "./protocol";
-import { LOOKS, diagonal, type Slab, type State } from "./state";
-import { number, unitsOf } from "./units";
+import { LOOKS, diagonal, idle, type Control, type Slab, type State } from "./state";
+import { number } from "./units";
 
 /** What the panel asks of the page. */
 export interface Desk {
@@ -25,12 +25,23 @@ type Refresh = (s: State) => void;
 
 /** The panel; the function brings its controls to a state. */
 export function panel(desk: Desk): { element: HTMLElement; refresh: Refresh } {
-  const parts = [particles(desk), looks(desk), layers(desk), space(desk), camera(desk), take(desk)];
+  const parts = [looks(desk), particles(desk), layers(desk), space(desk), camera(desk), take(desk)];
   const element = h("aside", { id: "panel", "aria-label": "Dials" }, ...parts.map((p) => p.element));
   return { element, refresh: (s) => parts.forEach((p) => p.refresh(s)) };
 }
 
 interface Part { element: HTMLElement; refresh: Refresh }
+
+/** A part that is there while its control does something. */
+function unlessIdle(desk: Desk, control: Control, part: Part): Part {
+  return {
+    element: part.element,
+    refresh: (s) => {
+      part.element.hidden = idle(control, s, desk.about, desk.layers.length) !== null;
+      part.refresh(s);
+    },
+  };
+}
 
 function section(title: string, open: boolean, ...rows: Part[]): Part {
   const element = h("details", { open }, h("summary", { text: title }), ...rows.map((r) => r.element));
@@ -104,17 +115,21 @@ function particles(desk: Desk): Part {
   const m = desk.about.metadata;
   const radii: [number, number] = [m.default_radius / 32, m.default_radius * 256];
   const certified = desk.about.certified;
-  const radius = logarithmic("Radius", unitsOf(desk.about).length.replace("comoving ", ""), radii, m.default_radius,
+  const radius = logarithmic("Radius", desk.about.units.length, radii, m.default_radius,
     certified?.[0] ?? null, (s) => s.radius, (v) => desk.change({ radius: v }));
   const opacity = logarithmic("Opacity", "", [0.001, 1], m.default_opacity, certified?.[1] ?? null, (s) => s.opacity,
     (v) => desk.change({ opacity: v }));
   const back = fixed(h("div", { class: "buttons" },
     button("Defaults", () => desk.change({ radius: m.default_radius, opacity: m.default_opacity, exposure: 0 }))));
-  return section("Particles", true, radius, opacity, back);
+  return unlessIdle(desk, "radius", section("Particles", true, radius, opacity, back));
 }
 
 function looks(desk: Desk): Part {
-  const look = select("Look", desk.about.adds_up ? LOOKS : ["paraview"], (s) => s.look, (v) => desk.change({ look: v as State["look"] }));
+  const buttons = LOOKS.map((name) => button(NAMES[name][0], () => desk.change({ look: name }), NAMES[name][1]));
+  const look: Part = {
+    element: h("div", { class: "buttons", role: "group", "aria-label": "Look" }, ...buttons),
+    refresh: (s) => buttons.forEach((b, i) => b.setAttribute("aria-pressed", String(LOOKS[i] === s.look))),
+  };
   const slider = h("input", {
     type: "range", min: -4, max: 4, step: 0.1, "aria-label": "Exposure in stops",
     input: () => desk.change({ exposure: Number(slider.value) }),
@@ -127,7 +142,7 @@ function looks(desk: Desk): Part {
       value.textContent = s.exposure > 0 ? `+${s.exposure.toFixed(1)}` : s.exposure.toFixed(1).replace("-", "−");
     },
   };
-  const white = check("White ground", (s) => s.white, (on) => desk.change({ white: on }));
+  const white = check("White background", (s) => s.white, (on) => desk.change({ white: on }));
   const colormap = select("Colour map", desk.about.colormaps, (s) => s.colormap, (v) => desk.change({ colormap: v }));
   const ends = [0, 1].map((k) => h("input", {
     type: "text", inputmode: "decimal", "aria-label": k === 0 ? "Density of the first colour" : "Density of the last colour",
@@ -146,22 +161,22 @@ function looks(desk: Desk): Part {
     },
   };
   const hold = check("Fixed range", (s) => s.range !== null, (on) => desk.change({ range: on ? desk.range() : null }));
-  const parts = [look, exposure, white, colormap, range, hold];
-  const own = section("Look", true, ...parts);
-  const refresh = (s: State) => {
-    own.refresh(s);
-    const density = s.look === "density";
-    [colormap, range, hold].forEach((p) => (p.element.hidden = !density));
-    exposure.element.hidden = density;
-  };
-  return { element: own.element, refresh };
+  const of = (control: Control, part: Part) => unlessIdle(desk, control, part);
+  return section("Look", true, of("look", look), of("exposure", exposure), white, of("range", colormap), of("range", range), of("range", hold));
 }
+
+/** What looks are called, and what they are. */
+const NAMES: Record<State["look"], [string, string]> = {
+  density: ["Density", "Surface density in logarithmic colours"],
+  paraview: ["ParaView", "As ParaView draws the particles, without their shot noise"],
+  expected: ["Expected", "What all particles hide of the background: 255 (1 - exp(-depth))"],
+};
 
 function layers(desk: Desk): Part {
   const all = desk.layers;
   const shown = all.map(({ name, title, color }) => check(title, (s) => !s.hidden.includes(name), (on) =>
     desk.change({ hidden: desk.state().hidden.filter((n) => n !== name).concat(on ? [] : [name]) }), `rgb(${color.join(" ")})`));
-  const by = check("Colours by layer", (s) => s.byLayer, (on) => desk.change({ byLayer: on }));
+  const by = unlessIdle(desk, "byLayer", check("Colours by layer", (s) => s.byLayer, (on) => desk.change({ byLayer: on })));
   const own = section("Layers", all.length > 1, ...shown, by);
   own.element.hidden = all.length < 2;
   return own;
@@ -209,10 +224,7 @@ function space(desk: Desk): Part {
   rows.push(bar("Thickness", (s) => 0.002 * long(s), long, "thickness"));
   rows.push(check("Clip box", (s) => s.clip !== null, (on) => desk.change({ clip: on ? structuredClone(b) : null })));
   rows.push(clipFields(desk));
-  const cell = desk.about.metadata.cell;
-  if (cell?.periodic.includes(true) && desk.about.adds_up) {
-    rows.push(check("Periodic images", (s) => s.images, (on) => desk.change({ images: on })));
-  }
+  rows.push(unlessIdle(desk, "images", check("Periodic images", (s) => s.images, (on) => desk.change({ images: on }))));
   rows.push(check("Box", (s) => s.box, (on) => desk.change({ box: on })));
   rows.push(check("Axes", (s) => s.axes, (on) => desk.change({ axes: on })));
   rows.push(check("Scale bar", (s) => s.scale, (on) => desk.change({ scale: on })));

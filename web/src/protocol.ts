@@ -1,5 +1,7 @@
 // What the page, its worker and the engine (crates/particlegs-web) say to each other.
 
+import type { Opening } from "./state";
+
 /** Which of 256 colours the lowest density has, as core's `DensityColors`; empty pixels have the first. */
 export const LOWEST = 51;
 
@@ -11,7 +13,9 @@ export interface Setup {
   served: boolean;
   engine: Source;
   models: (Source & { name: string; bytes: number; verdict?: Verdict[] })[];
-  truth: { url: string; name: string; particles: number } | null;
+  /** `smoothed`: each particle over so many neighbours in densities; `null` where there are too many particles. */
+  truth: { url: string; name: string; particles: number; smoothed: number | null } | null;
+  opening: Opening;
 }
 
 /** Bytes from the server, or from an element that holds them as base64. */
@@ -42,6 +46,8 @@ export interface About {
   raw_bytes: number;
   layers: { name: string; title: string; particles: number; gaussians: number; color: Vec3 }[];
   adds_up: boolean;
+  /** As the command prints them; that of length is empty where it is not known. */
+  units: { length: string; mass: string; surface: string; number: string; density: string };
   certified: [[number, number], [number, number]] | null;
 }
 

@@ -1,9 +1,9 @@
 // What is on the screen, as data: everything that a link restores.
 
-import { FOV, baseDistance, cameraOf, center, length, add, orbitOf, type Orbit } from "./camera";
+import { FOV, add, axes, baseDistance, cameraOf, center, dot, length, orbitOf, scaled, type Orbit } from "./camera";
 import type { About, Bounds, CameraOf, Look, Paint, SceneOf, Size, Vec3 } from "./protocol";
 
-export const LOOKS = ["paraview", "expected", "density"] as const;
+export const LOOKS = ["density", "paraview", "expected"] as const;
 export interface Slab { axis: "x" | "y" | "z" | "view"; middle: number; thickness: number }
 
 export interface State {
@@ -26,11 +26,12 @@ export interface State {
   scale: boolean;
 }
 
-/** How a model is first seen: as `render` draws it without options. */
+/** How a model is first seen: its surface density, where it has one. */
 export function initial(about: About, size: Size): State {
   const m = about.metadata;
   return {
-    orbit: home(about, size), radius: m.default_radius, opacity: m.default_opacity, look: "paraview", exposure: 0,
+    orbit: home(about, size), radius: m.default_radius, opacity: m.default_opacity,
+    look: about.adds_up ? "density" : "paraview", exposure: 0,
     colormap: "inferno", range: null, white: false, hidden: [], byLayer: false, slab: null,
     clip: null, images: false, box: false, axes: true, scale: true,
   };
@@ -40,6 +41,57 @@ export function home(about: About, size: Size): Orbit {
   const bounds = about.metadata.bounds;
   const distance = baseDistance(bounds, size);
   return { focal: center(bounds), azimuth: 0, elevation: 0, roll: 0, distance, orthographic: false };
+}
+
+/** How the page opens where the command was told: each replaces what is otherwise seen first. */
+export interface Opening {
+  style?: State["look"]; colormap?: string; range?: [number, number]; white?: boolean; color_by_layer?: boolean;
+  /** Those that are drawn. */
+  layers?: string[];
+  radius?: number; opacity?: number;
+  /** A views file. */
+  views?: unknown;
+  /** A camera by its angles, in degrees; its distance in base distances. */
+  azimuth?: number; elevation?: number; distance?: number; look_at?: Vec3; orthographic?: boolean;
+}
+
+/** The state that an opening makes of the usual one. */
+export function opened(o: Opening, usual: State, about: About): State {
+  const s = o.views === undefined ? usual : fromViewsFile(JSON.stringify(o.views), usual, about);
+  const { orbit } = s;
+  return {
+    ...s,
+    orbit: {
+      ...orbit, focal: o.look_at ?? orbit.focal, azimuth: o.azimuth ?? orbit.azimuth,
+      elevation: o.elevation ?? orbit.elevation, distance: orbit.distance * (o.distance ?? 1),
+      orthographic: o.orthographic ?? orbit.orthographic,
+    },
+    look: o.style ?? s.look, colormap: o.colormap ?? s.colormap, range: o.range ?? s.range, white: o.white ?? s.white,
+    byLayer: o.color_by_layer ?? s.byLayer, radius: o.radius ?? s.radius, opacity: o.opacity ?? s.opacity,
+    hidden: o.layers ? about.layers.map((l) => l.name).filter((n) => !o.layers!.includes(n)) : s.hidden,
+  };
+}
+
+/** What a control changes, where it may change nothing. */
+export type Control = "look" | "colormap" | "range" | "radius" | "opacity" | "exposure" | "byLayer" | "images";
+
+/** Why a control would do nothing now; `null` where it does something. */
+export function idle(control: Control, s: State, about: About, layers: number): string | null {
+  const density = s.look === "density";
+  switch (control) {
+    case "look": return about.adds_up ? null : "an alpha-blend model has this look alone";
+    case "colormap": return about.adds_up ? null : "an alpha-blend model has no surface density to colour";
+    case "range": return density ? null : "a range belongs to the look density";
+    case "radius": case "opacity": case "exposure":
+      return density ? `a surface density has no ${control}: choose another look` : null;
+    case "byLayer":
+      if (layers < 2) return "there is one layer";
+      if (!about.adds_up) return "layers of an alpha-blend model have no colours";
+      return density ? "a surface density has colours of its own: choose another look" : null;
+    case "images":
+      if (!about.adds_up) return "an alpha-blend model has no periodic images";
+      return about.metadata.cell?.periodic.includes(true) ? null : "the box is not periodic";
+  }
 }
 
 export const diagonal = (b: Bounds): number => length(add(b.max, b.min, -1)) || 1;
@@ -171,7 +223,7 @@ export function viewsFile(s: State, about: About, size: Size): string {
 }
 
 /** The first view of a views file; throws where it is none. */
-export function fromViewsFile(text: string, s: State): State {
+export function fromViewsFile(text: string, s: State, about: About): State {
   type OneView = CameraOf & { radius?: number; opacity?: number };
   const file = JSON.parse(text) as { fov_deg?: number; views?: OneView[] };
   const view = file.views?.[0];
@@ -188,7 +240,21 @@ export function fromViewsFile(text: string, s: State): State {
   if (!(orbit.distance > 0 && Number.isFinite(orbit.distance))) {
     throw new Error("this views file has a camera that looks at nothing: its distance, field of view or height_world");
   }
-  const range = view.clipping_range;
-  const slab: Slab | null = range ? { axis: "view", middle: 0, thickness: range[1] - range[0] } : s.slab?.axis === "view" ? null : s.slab;
-  return { ...s, orbit, radius, opacity, slab };
+  const range = view.clipping_range && !holds(view.clipping_range, view, about.metadata.bounds) ? view.clipping_range : null;
+  if (!range) return { ...s, orbit, radius, opacity, slab: s.slab?.axis === "view" ? null : s.slab };
+  // The slab lies about the point looked at, which may be any along the line of sight.
+  const middle = 0.5 * (range[0] + range[1]);
+  orbit.focal = add(view.position, axes(orbit).back, -middle);
+  if (!orbit.orthographic) orbit.distance = middle;
+  return { ...s, orbit, radius, opacity, slab: { axis: "view", middle: 0, thickness: range[1] - range[0] } };
+}
+
+/** Does a clipping range hold all of a box that lies before the eye? */
+function holds([near, far]: [number, number], c: CameraOf, b: Bounds): boolean {
+  const sight = add(c.focal_point, c.position, -1);
+  const ahead = scaled(sight, 1 / length(sight));
+  const depths = Array.from({ length: 8 }, (_, i) =>
+    dot(add([0, 1, 2].map((k) => (i >> k & 1 ? b.max[k] : b.min[k])) as Vec3, c.position, -1), ahead));
+  const [least, most] = [Math.min(...depths), Math.max(...depths)];
+  return near <= Math.max(least, 1e-3 * length(sight)) && far >= most;
 }

@@ -37,7 +37,7 @@ export class Truth {
       const camera = { fov_deg: null, height: scene.camera.height_world ?? null, clipping_range: null, ...scene.camera };
       const body = JSON.stringify({
         camera, radius: scene.radius, opacity: scene.opacity, look: state.look, width: size.width, height_pixels: size.height,
-        share,
+        share, periodic: false,
       });
       let answer: Response;
       try {

@@ -1,4 +1,4 @@
-// Numbers and units as a journal prints them.
+// Numbers as a journal prints them, and the unit of lengths.
 
 import type { About } from "./protocol";
 
@@ -29,38 +29,9 @@ export function bytes(n: number): string {
   return `${number(n / 1000 ** e)} ${units[e]}`;
 }
 
-/** `Mpc/h` as `Mpc h⁻¹`. */
-export function tidy(unit: string): string {
-  const [above, ...below] = unit.split("/").map((u) => u.trim().replace(/[()]/g, ""));
-  const power = (u: string) => {
-    const [, name, n] = /^(.*?)(\d*)$/.exec(u) ?? [u, u, ""];
-    return `${name}⁻${n ? [...n].map((c) => RAISED[c]).join("") : "¹"}`;
-  };
-  return [above, ...below.map(power)].join(" ");
-}
-
-export interface Units {
-  /** Of length; empty where it is not known. */
-  length: string;
-  mass: string;
-  /** Of surface density. */
-  surface: string;
-  /** Of number and mass density. */
-  number: string;
-  density: string;
-}
-
-export function unitsOf(about: About): Units {
-  const m = about.metadata;
-  const comoving = m.comoving ? "comoving " : "";
-  const plain = m.length_unit ? tidy(m.length_unit) : "";
-  const mass = about.has_masses ? tidy(m.mass_unit ?? "mass") : "particles";
-  const per = (power: string) => (plain ? `(${plain})⁻${power}` : `length⁻${power}`);
-  return {
-    length: plain ? comoving + plain : "", mass, surface: `${mass} ${per("²")}`,
-    number: `particles ${per("³")}`, density: `${mass} ${per("³")}`,
-  };
-}
+/** The unit of lengths; empty where it is not known. */
+export const lengthUnit = ({ units, metadata }: About): string =>
+  units.length && metadata.comoving ? `comoving ${units.length}` : units.length;
 
 /** The largest 1, 2 or 5 times a power of ten that is not above `v`. */
 export function roundBelow(v: number): number {

@@ -96,17 +96,25 @@ impl Quantities {
     }
 }
 
+/// The range of colours that is asked for by `--range`.
+///
+/// # Errors
+/// [`Error::Argument`] for numbers outside their range.
+pub fn range_of(asked: Option<&[f64]>) -> Result<Option<[f64; 2]>> {
+    match asked {
+        None => Ok(None),
+        Some([lo, hi]) if *lo > 0.0 && hi > lo && hi.is_finite() => Ok(Some([*lo, *hi])),
+        Some(_) => Err(Error::argument("--range takes LO,HI with 0 < LO < HI")),
+    }
+}
+
 impl DensityArgs {
     /// The range that is asked for.
     ///
     /// # Errors
-    /// [`Error::Argument`] for numbers outside their range.
+    /// Those of [`range_of`].
     pub fn asked_range(&self) -> Result<Option<[f64; 2]>> {
-        match self.range.as_deref() {
-            None => Ok(None),
-            Some([lo, hi]) if *lo > 0.0 && hi > lo && hi.is_finite() => Ok(Some([*lo, *hi])),
-            Some(_) => Err(Error::argument("--range takes LO,HI with 0 < LO < HI")),
-        }
+        range_of(self.range.as_deref())
     }
 
     /// Says what is written of these views as values.

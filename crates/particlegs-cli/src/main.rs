@@ -29,6 +29,7 @@ mod inputs;
 mod job_args;
 mod options;
 mod outputs;
+mod page_args;
 mod picture_out;
 mod pictures;
 mod plots;

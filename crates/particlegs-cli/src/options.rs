@@ -57,6 +57,20 @@ const FIGURE: &[&str] = &[
     "video",
 ];
 
+/// How a page opens.
+const PAGE: &[&str] = &[
+    "style",
+    "background",
+    "color_by_layer",
+    "like",
+    "views",
+    "azimuth",
+    "elevation",
+    "distance",
+    "projection",
+    "look_at",
+];
+
 /// Rules, each as commands, options, when these mean nothing, and what they belong to, with what to do.
 macro_rules! rules {
     ($([$($command:literal),*], $options:expr, $idle:expr => $belongs:expr, $hint:expr;)*) => {
@@ -122,10 +136,20 @@ const RULES: &[Rule] = rules! {
         "the measure `neighbours`, which --only leaves out", "";
     ["stats"], &["spectrum_assignment", "no_interlacing"], |g| g.is("convention", "paper") =>
         "--convention correct: the published table has its own", "";
-    ["export"], &["radius", "opacity", "color", "colormap", "range"], |g| g.exports() != Some(Group::Splats) =>
+    ["export"], &["color"], |g| g.exports() != Some(Group::Splats) =>
         "splats: it needs an output that ends in .ply, .glb or .gltf", "";
-    ["export"], &["colormap", "range"], |g| !g.is("color", "density") =>
+    ["export"], &["radius", "opacity", "colormap", "range"], |g| !g.exports_picture() =>
+        "pages and splats: it needs an output that ends in .html, .ply, .glb or .gltf", "";
+    ["export"], PAGE, |g| g.exports() != Some(Group::Page) =>
+        "pages: it needs an output that ends in .html", "";
+    ["export"], &["colormap", "range"], |g| g.exports() == Some(Group::Splats) && !g.is("color", "density") =>
         "--color density", "add --color density, or leave it away";
+    ["view", "export"], &["radius", "opacity"], |g| g.page_of_density() =>
+        "the other styles: a surface density has no particle radius or opacity", "add --style paraview";
+    ["view", "export"], &["color_by_layer"], |g| g.page_of_density() =>
+        "the other styles: a density has colours of its own", "add --style paraview";
+    ["view", "export"], &["colormap", "range"], |g| g.exports() != Some(Group::Splats) && g.has("style") && !g.density() =>
+        DENSITY[0], DENSITY[1];
     ["export"], &["grid", "cell"], |g| g.exports().is_some_and(|e| e != Group::Grid) =>
         "density on a grid: it needs an output that ends in .npy, .vti or .fits", "";
 };
@@ -201,6 +225,18 @@ impl Given<'_> {
         let asked = self.words("kind").first().and_then(|name| Exported::from_name(name).ok());
         let out = self.paths("output").into_iter().next()?;
         Exported::of(&out, asked).ok().map(Exported::group)
+    }
+
+    /// Is a page or a file of splats written?
+    fn exports_picture(&self) -> bool {
+        matches!(self.exports(), Some(Group::Page | Group::Splats))
+    }
+
+    /// Does a page open with a surface density, as it does unless it is told otherwise?
+    fn page_of_density(&self) -> bool {
+        let page = self.exports().is_none_or(|e| e == Group::Page);
+        page && !["paraview", "expected"].iter().any(|s| self.is("style", s))
+            && !(self.has("like") && !self.has("style"))
     }
 
     /// Is --only given, without any of these measures?

@@ -1,8 +1,8 @@
 //! A figure of two curves and, below it, their ratio in bands of 5 % and 10 %: as SVG and as PNG.
 
-use crate::annotate::text::superscript;
 use crate::canvas::Canvas;
 use particlegs::Result;
+use particlegs::picture::superscript;
 use particlegs::picture::{Rgb8, Size, write_png};
 use particlegs_files::output::write_bytes;
 use plotters::coord::ranged1d::ValueFormatter;

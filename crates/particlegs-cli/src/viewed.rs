@@ -2,10 +2,12 @@
 
 use crate::common::Context;
 use crate::inputs;
+use particlegs::codec::FileInfo;
 use particlegs::model::Metadata;
 use particlegs::particles::{Particles, Storage};
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
+use particlegs_view::page::Opening;
 use particlegs_view::poster;
 use std::path::{Path, PathBuf};
 
@@ -19,8 +21,7 @@ struct File {
     /// As given: errors name it.
     place: String,
     bytes: Vec<u8>,
-    gaussians: usize,
-    metadata: Metadata,
+    info: FileInfo,
 }
 
 impl Viewed {
@@ -35,11 +36,10 @@ impl Viewed {
         for (path, name) in paths.iter().zip(names) {
             let (bytes, place) = (inputs::model(path, context)?, name_of(path));
             let info = codec::read_info(&bytes, &place)?;
-            let gaussians = info.layers.iter().flat_map(|l| &l.content).map(|b| b.gaussians as usize).sum();
-            if !poster::wanted(gaussians) {
+            if info.gaussians() <= poster::MORE_THAN {
                 codec::check(&bytes, &place, context)?;
             }
-            files.push(File { name, place, bytes, gaussians, metadata: info.metadata });
+            files.push(File { name, place, bytes, info });
         }
         let viewed = Viewed { files };
         viewed.note_units(context);
@@ -50,10 +50,11 @@ impl Viewed {
     fn note_units(&self, context: &Context) {
         let Some((first, others)) = self.files.split_first() else { return };
         let text = |m: &Metadata| m.units.length_text().unwrap_or("a unit that is not stated").to_string();
-        for File { name, metadata: other, .. } in others {
-            let by = other.unit_system().conversion(&first.metadata.unit_system());
+        for File { name, info, .. } in others {
+            let other = &info.metadata;
+            let by = other.unit_system().conversion(&first.info.metadata.unit_system());
             if by.is_err() || by.is_ok_and(|by| by.length != 1.0) {
-                let (own, of) = (text(other), text(&first.metadata));
+                let (own, of) = (text(other), text(&first.info.metadata));
                 let words =
                     format!("{name} is in {own} and {} in {of}: the page shows each in its own unit", first.name);
                 context.notes(&[words]);
@@ -67,14 +68,19 @@ impl Viewed {
     /// Those of [`Particles::in_units`].
     pub fn in_units(&self, particles: Particles, context: &Context) -> Result<Particles> {
         match self.files.first() {
-            Some(first) => particles.in_units(&first.metadata.unit_system(), &Storage::Memory, context),
+            Some(first) => particles.in_units(&first.info.metadata.unit_system(), &Storage::Memory, context),
             None => Ok(particles),
         }
     }
 
     /// What the page calls each, and its number of Gaussians.
     pub fn names(&self) -> impl Iterator<Item = (&str, usize)> {
-        self.files.iter().map(|f| (&f.name[..], f.gaussians))
+        self.files.iter().map(|f| (&f.name[..], f.info.gaussians()))
+    }
+
+    /// What their files say without their Gaussians.
+    pub fn infos(&self) -> Vec<&FileInfo> {
+        self.files.iter().map(|f| &f.info).collect()
     }
 
     /// Their names and bytes, to be served.
@@ -83,8 +89,9 @@ impl Viewed {
     }
 
     /// Is there a model that takes the page long enough for a poster? Of several none is the whole page.
-    pub fn has_poster(&self) -> bool {
-        matches!(&self.files[..], [only] if poster::wanted(only.gaussians) && only.gaussians <= poster::SERVED_UP_TO)
+    pub fn has_poster(&self, opening: &Opening) -> bool {
+        matches!(&self.files[..], [only] if poster::wanted(only.info.gaussians(), opening)
+            && only.info.gaussians() <= poster::SERVED_UP_TO)
     }
 
     /// The poster of the only model, from its bytes. What fails is told, and the page goes without.
@@ -92,7 +99,7 @@ impl Viewed {
         let place = self.files.first().map_or("", |f| &f.place);
         let model = codec::decode_with(bytes, place, context);
         match model.and_then(|model| poster::draw(&model, poster::LARGE, context)) {
-            Ok(png) => Some(png),
+            Ok(poster) => Some(poster.png),
             Err(Error::Cancelled) => None,
             Err(other) => {
                 tell(&format!("warning: {other}"));

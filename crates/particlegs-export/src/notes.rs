@@ -26,7 +26,11 @@ impl Notes {
         let mut notes = Notes { facts: facts(model, name), words: words(model, name), lost };
         if kind.group() == Group::Splats {
             let frame = Normalisation::of(&m.bounds);
-            notes.set("frame", "(world - center) * scale, y up");
+            let frame_in_words = match kind {
+                Kind::Ply => "(world - center) * scale, x and y negated: y down, as published files have it",
+                _ => "(world - center) * scale, y up",
+            };
+            notes.set("frame", frame_in_words);
             notes.set("center", json!(frame.center));
             notes.set("scale", json!(frame.scale));
         }

@@ -4,14 +4,17 @@
 //! worker's source, `app` is empty and the script's. From disk, models and engine are in the page as base64; served,
 //! they are fetched by relative addresses, so that a proxy may put the page anywhere.
 
+use crate::truth::smoothed;
 use crate::{assets, markup, poster};
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
 use particlegs::model::Model;
+use particlegs::picture::Colormap;
 use particlegs::progress::Progress;
 use particlegs::score::Finding;
 use particlegs::{Result, codec};
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 /// A model file to show.
@@ -41,6 +44,76 @@ pub struct Snapshot {
     pub particles: u64,
 }
 
+/// The style of a page's picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PageStyle {
+    /// Surface density.
+    Density,
+    /// ParaView's picture without its shot noise.
+    Paraview,
+    /// What optical depth hides.
+    Expected,
+}
+
+/// How a page opens: each thing that is said replaces what is seen first otherwise, which is the surface density of
+/// all layers from azimuth 0, elevation 0, distance 1 (of the alpha-blend law, its picture). Lengths in world units.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Opening {
+    /// The style.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub style: Option<PageStyle>,
+    /// Colour map of densities.
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "name_of", deserialize_with = "named")]
+    pub colormap: Option<Colormap>,
+    /// Densities of the first and the last colour.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range: Option<[f64; 2]>,
+    /// Is the background white?
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub white: Option<bool>,
+    /// Are layers told apart by colour?
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub color_by_layer: bool,
+    /// Layers that are drawn; all where there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub layers: Vec<String>,
+    /// Particle radius.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radius: Option<f64>,
+    /// Particle opacity.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub opacity: Option<f64>,
+    /// A views file, of which the first view is taken.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub views: Option<Value>,
+    /// Azimuth of the camera, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub azimuth: Option<f64>,
+    /// Elevation of the camera, degrees, -90 to 90.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub elevation: Option<f64>,
+    /// Distance of the camera, in base distances.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub distance: Option<f64>,
+    /// The point that the camera looks at.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub look_at: Option<[f64; 3]>,
+    /// Are lines of sight parallel?
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub orthographic: Option<bool>,
+}
+
+fn name_of<S: Serializer>(colormap: &Option<Colormap>, to: S) -> std::result::Result<S::Ok, S::Error> {
+    colormap.map(Colormap::name).serialize(to)
+}
+
+fn named<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Option<Colormap>, D::Error> {
+    let name = Option::<String>::deserialize(from)?;
+    name.map(|name| name.parse().map_err(serde::de::Error::custom)).transpose()
+}
+
 /// A page, and what a browser may do in it.
 #[derive(Clone, Debug)]
 pub struct Page {
@@ -53,21 +126,24 @@ pub struct Page {
 /// One file that shows the models offline, opened from disk: at most 1.35 times the models, and the shell.
 ///
 /// Beside each file stands what it was decoded to, so that a page that is written can show what it holds. A single model
-/// of more than [`poster::MORE_THAN`] Gaussians has its picture in the page, for it takes a moment to decode.
+/// of more than [`poster::MORE_THAN`] Gaussians has its picture in the page, for it takes a moment to decode, unless
+/// the page opens otherwise than usual.
 ///
 /// # Errors
 /// [`particlegs::Error::Memory`], [`particlegs::Error::Cancelled`].
-pub fn offline(models: &[(ModelFile<'_>, &Model)], progress: &dyn Progress) -> Result<Vec<u8>> {
+pub fn offline(models: &[(ModelFile<'_>, &Model)], opening: &Opening, progress: &dyn Progress) -> Result<Vec<u8>> {
     progress.check()?;
     let poster = match models {
-        [(_, model)] if poster::wanted(model.gaussians()) => Some(poster::draw(model, poster::SMALL, progress)?),
+        [(_, model)] if poster::wanted(model.gaussians(), opening) => {
+            Some(poster::draw(model, poster::SMALL, progress)?.png)
+        }
         _ => None,
     };
     let files = || models.iter().map(|(file, _)| *file);
     let coded: u64 = files().map(|m| 4 * (m.bytes.len() as u64).div_ceil(3)).sum();
     progress.require_memory("the page", coded + (coded >> 3))?;
     let poster = poster.map(|png| format!("data:image/png;base64,{}", BASE64_STANDARD.encode(png)));
-    let setup = Setup::new(files(), None, false);
+    let setup = Setup::new(files(), None, opening, false);
     let mut page = Builder::new(&setup, poster.as_deref());
     for (i, model) in files().enumerate() {
         page.data(&format!("model-{i}"), model.bytes);
@@ -80,9 +156,10 @@ pub fn offline(models: &[(ModelFile<'_>, &Model)], progress: &dyn Progress) -> R
 pub fn served<'a>(
     models: impl IntoIterator<Item = ModelFile<'a>>,
     snapshot: Option<&'a Snapshot>,
+    opening: &'a Opening,
     poster: bool,
 ) -> Page {
-    Builder::new(&Setup::new(models, snapshot, true), poster.then_some("poster")).finish()
+    Builder::new(&Setup::new(models, snapshot, opening, true), poster.then_some("poster")).finish()
 }
 
 /// What the script is told.
@@ -92,6 +169,7 @@ struct Setup<'a> {
     models: Vec<SetupModel<'a>>,
     engine: Place,
     truth: Option<SetupTruth<'a>>,
+    opening: &'a Opening,
     served: bool,
 }
 
@@ -109,6 +187,8 @@ struct SetupTruth<'a> {
     url: &'static str,
     name: &'a str,
     particles: u64,
+    /// Over so many neighbours each particle is spread in densities; none where there are too many or too few.
+    smoothed: Option<usize>,
 }
 
 /// Where bytes are.
@@ -122,7 +202,12 @@ enum Place {
 }
 
 impl<'a> Setup<'a> {
-    fn new(models: impl IntoIterator<Item = ModelFile<'a>>, snapshot: Option<&'a Snapshot>, served: bool) -> Setup<'a> {
+    fn new(
+        models: impl IntoIterator<Item = ModelFile<'a>>,
+        snapshot: Option<&'a Snapshot>,
+        opening: &'a Opening,
+        served: bool,
+    ) -> Setup<'a> {
         let at = |i| if served { Place::Url(format!("model/{i}")) } else { Place::Element(format!("model-{i}")) };
         let models = models.into_iter().enumerate().map(|(i, file)| SetupModel {
             name: file.name,
@@ -134,7 +219,13 @@ impl<'a> Setup<'a> {
             version: env!("CARGO_PKG_VERSION"),
             models: models.collect(),
             engine: if served { Place::Url("engine".into()) } else { Place::Element("engine".into()) },
-            truth: snapshot.map(|s| SetupTruth { url: "truth", name: &s.name, particles: s.particles }),
+            truth: snapshot.map(|s| SetupTruth {
+                url: "truth",
+                name: &s.name,
+                particles: s.particles,
+                smoothed: smoothed(s.particles),
+            }),
+            opening,
             served,
         }
     }

@@ -1,10 +1,11 @@
 //! The picture that a page shows until its own is there.
 
-use particlegs::camera::{View, base_distance, spherical_camera};
-use particlegs::model::Model;
-use particlegs::picture::{Gray8, Size};
+use crate::page::Opening;
+use particlegs::camera::{DensityView, View, base_distance, spherical_camera};
+use particlegs::model::{LawKind, Model};
+use particlegs::picture::{Colormap, DensityColors, Size};
 use particlegs::progress::Progress;
-use particlegs::render::{Scene, draw as draw_scene};
+use particlegs::render::{Scene, draw as draw_scene, surface_density};
 use particlegs::splat::Look;
 use particlegs::{Error, Result};
 
@@ -17,30 +18,48 @@ pub const SMALL: Size = Size { width: 640, height: 360 };
 /// Size from a server: that of a page's own first picture on a small screen.
 pub const LARGE: Size = Size { width: 1280, height: 720 };
 
-/// Is a model of so many Gaussians worth a poster?
-pub fn wanted(gaussians: usize) -> bool {
-    gaussians > MORE_THAN
+/// Is a model of so many Gaussians worth a poster, which is of the usual opening?
+pub fn wanted(gaussians: usize, opening: &Opening) -> bool {
+    gaussians > MORE_THAN && *opening == Opening::default()
 }
 
-/// A grey PNG of the view that a page opens with: azimuth 0, elevation 0, distance 1, the model's own radius and
-/// opacity, look `paraview`.
+/// A picture of the whole.
+#[derive(Clone, Debug)]
+pub struct Poster {
+    /// The picture.
+    pub png: Vec<u8>,
+    /// Surface densities of the first and the last colour; none of an alpha-blend model's own picture.
+    pub range: Option<[f64; 2]>,
+}
+
+/// The view that a page opens with: azimuth 0, elevation 0, distance 1, the surface density of all layers; of the
+/// alpha-blend law look `paraview` at the model's own radius and opacity.
 ///
 /// # Errors
 /// [`Error::Memory`], [`Error::Cancelled`].
-pub fn draw(model: &Model, size: Size, progress: &dyn Progress) -> Result<Vec<u8>> {
+pub fn draw(model: &Model, size: Size, progress: &dyn Progress) -> Result<Poster> {
     let m = &model.metadata;
     let camera = spherical_camera(m.bounds.center(), 0.0, 0.0, base_distance(&m.bounds, size));
     let view = View { name: "poster".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
-    png(&draw_scene(&Scene::of(model), &view, size, Look::Paraview, progress)?)
+    let scene = Scene::of(model);
+    if m.law == LawKind::AlphaBlend {
+        let picture = draw_scene(&scene, &view, size, Look::Paraview, progress)?;
+        return Ok(Poster { png: png(png::ColorType::Grayscale, size, &picture.data)?, range: None });
+    }
+    let plane = surface_density(&scene, &DensityView::of_view(&view, scene.bounds()), size, progress)?;
+    let range = plane.first_range();
+    let colors = DensityColors::new(Colormap::default(), false, range.unwrap_or([1.0, 10.0]));
+    let pixels: Vec<u8> = plane.data.iter().flat_map(|v| colors.of(*v)).collect();
+    Ok(Poster { png: png(png::ColorType::Rgb, size, &pixels)?, range })
 }
 
-fn png(picture: &Gray8) -> Result<Vec<u8>> {
+fn png(color: png::ColorType, size: Size, pixels: &[u8]) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, picture.size.width as u32, picture.size.height as u32);
-    encoder.set_color(png::ColorType::Grayscale);
+    let mut encoder = png::Encoder::new(&mut bytes, size.width as u32, size.height as u32);
+    encoder.set_color(color);
     encoder.set_depth(png::BitDepth::Eight);
     let written = encoder.write_header().and_then(|mut w| {
-        w.write_image_data(&picture.data)?;
+        w.write_image_data(pixels)?;
         w.finish()
     });
     written.map_err(|e| Error::io("the poster", e.into()))?;

@@ -2,14 +2,14 @@
 
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
-use particlegs::camera::{View, base_distance, spherical_camera};
-use particlegs::model::Model;
-use particlegs::picture::Size;
+use particlegs::camera::{DensityView, View, base_distance, spherical_camera};
+use particlegs::model::{LawKind, Model};
+use particlegs::picture::{Colormap, DensityColors, Size};
 use particlegs::progress::{Progress, Silent};
-use particlegs::render::{Scene, draw};
+use particlegs::render::{Scene, draw, surface_density};
 use particlegs::splat::Look;
 use particlegs::{Error, codec};
-use particlegs_view::page::{ModelFile, Snapshot, offline, served};
+use particlegs_view::page::{ModelFile, Opening, PageStyle, Snapshot, offline, served};
 use particlegs_view::poster;
 use sha2::{Digest, Sha256};
 
@@ -20,7 +20,7 @@ const OTHER: &[u8] = include_bytes!("../../particlegs/tests/fixtures/format-1.0-
 fn page(models: &[ModelFile<'_>]) -> String {
     let decoded: Vec<Model> = models.iter().map(|m| codec::decode(m.bytes, m.name).unwrap()).collect();
     let models: Vec<_> = models.iter().copied().zip(&decoded).collect();
-    String::from_utf8(offline(&models, &Silent).unwrap()).unwrap()
+    String::from_utf8(offline(&models, &Opening::default(), &Silent).unwrap()).unwrap()
 }
 
 /// What stands in the element of an id.
@@ -59,7 +59,7 @@ fn a_page_is_the_models_and_a_shell() {
 fn the_policy_names_the_script_and_the_style_that_are_there() {
     let offline = page(&[ModelFile { name: "model.pgs", bytes: MODEL }]);
     let snapshot = Snapshot { name: "snapshot".into(), particles: 7 };
-    let served = served([ModelFile { name: "model.pgs", bytes: MODEL }], Some(&snapshot), true);
+    let served = served([ModelFile { name: "model.pgs", bytes: MODEL }], Some(&snapshot), &Opening::default(), true);
     assert_eq!(setup(&served.html)["truth"]["particles"], 7);
     assert!(served.html.contains("<img id=\"poster\" alt=\"model.pgs\" src=\"poster\">"));
     for (html, is_served) in [(&offline, false), (&served.html, true)] {
@@ -120,7 +120,8 @@ fn a_page_is_not_made_once_it_is_cancelled() {
         }
     }
     let model = codec::decode(MODEL, "m").unwrap();
-    assert!(matches!(offline(&[(ModelFile { name: "m", bytes: MODEL }, &model)], &Stopped), Err(Error::Cancelled)));
+    let (file, opening) = (ModelFile { name: "m", bytes: MODEL }, Opening::default());
+    assert!(matches!(offline(&[(file, &model)], &opening, &Stopped), Err(Error::Cancelled)));
 }
 
 /// A model of so many Gaussians that they take a moment to decode.
@@ -164,18 +165,50 @@ fn a_large_model_has_its_poster_in_the_page() {
     assert!(!both.contains("id=\"poster\" "));
 }
 
-/// The poster is the picture that the command draws of the first view.
+/// What is said of the opening stands in the page, and nothing else.
+#[test]
+fn a_page_says_how_it_opens() {
+    let model = codec::decode(MODEL, "model").unwrap();
+    let opened = |opening: &Opening| {
+        let file = ModelFile { name: "m", bytes: MODEL };
+        setup(std::str::from_utf8(&offline(&[(file, &model)], opening, &Silent).unwrap()).unwrap())["opening"].clone()
+    };
+    assert_eq!(opened(&Opening::default()), serde_json::json!({}));
+    let (style, colormap) = (Some(PageStyle::Paraview), Some(Colormap::Viridis));
+    let opening =
+        Opening { style, colormap, azimuth: Some(30.0), layers: vec!["</script>".into()], ..Opening::default() };
+    let said =
+        serde_json::json!({ "style": "paraview", "colormap": "viridis", "azimuth": 30.0, "layers": ["</script>"] });
+    assert_eq!(opened(&opening), said);
+}
+
+/// The poster is the picture that the command draws of the first view: its surface density; of splats their picture.
 #[test]
 fn the_poster_is_the_default_view() {
-    let model = codec::decode(MODEL, "model").unwrap();
-    let (m, size) = (&model.metadata, Size { width: 96, height: 54 });
-    let camera = spherical_camera(m.bounds.center(), 0.0, 0.0, base_distance(&m.bounds, size));
-    let view = View { name: "view".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
-    let expected = draw(&Scene::of(&model), &view, size, Look::Paraview, &Silent).unwrap();
-    let png = poster::draw(&model, size, &Silent).unwrap();
-    let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
-    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
-    reader.next_frame(&mut pixels).unwrap();
-    assert!(expected.data.iter().any(|&v| v > 9) && pixels == expected.data);
-    assert!(!poster::wanted(100_000) && poster::wanted(100_001));
+    let size = Size { width: 96, height: 54 };
+    let pixels = |png: Vec<u8>| {
+        let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        pixels
+    };
+    for file in [MODEL, OTHER] {
+        let model = codec::decode(file, "model").unwrap();
+        let (m, scene) = (&model.metadata, Scene::of(&model));
+        let camera = spherical_camera(m.bounds.center(), 0.0, 0.0, base_distance(&m.bounds, size));
+        let view = View { name: "view".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
+        let poster = poster::draw(&model, size, &Silent).unwrap();
+        let expected: Vec<u8> = if m.law == LawKind::AlphaBlend {
+            assert_eq!(poster.range, None);
+            draw(&scene, &view, size, Look::Paraview, &Silent).unwrap().data
+        } else {
+            let plane = surface_density(&scene, &DensityView::of_view(&view, &m.bounds), size, &Silent).unwrap();
+            assert_eq!(poster.range, plane.first_range());
+            let colors = DensityColors::new(Colormap::Inferno, false, plane.first_range().unwrap());
+            plane.data.iter().flat_map(|v| colors.of(*v)).collect()
+        };
+        assert!(expected.iter().any(|&v| v > 9) && pixels(poster.png) == expected);
+    }
+    let (usual, other) = (Opening::default(), Opening { white: Some(true), ..Opening::default() });
+    assert!(!poster::wanted(100_000, &usual) && poster::wanted(100_001, &usual) && !poster::wanted(100_001, &other));
 }

@@ -2,7 +2,7 @@
 
 use particlegs_core::codec::FileInfo;
 use particlegs_core::model::{LawKind, Metadata, hex, species_title};
-use particlegs_core::picture::{Colormap, Rgb8};
+use particlegs_core::picture::{Colormap, Rgb8, journal_unit};
 use serde::Serialize;
 
 /// One model, as its file says without its Gaussians.
@@ -23,8 +23,36 @@ pub(crate) struct About<'a> {
     layers: Vec<AboutLayer<'a>>,
     /// Can it be drawn by adding up footprints, as a graphics card does?
     adds_up: bool,
+    units: AboutUnits,
     /// Radii and opacities (lowest and highest) at which the certificate has pictures.
     certified: Option<[[f64; 2]; 2]>,
+}
+
+/// Units as the command prints them; that of length is empty where it is not known.
+#[derive(Serialize)]
+struct AboutUnits {
+    length: String,
+    mass: String,
+    /// Of surface density.
+    surface: String,
+    /// Of number and mass density.
+    number: String,
+    density: String,
+}
+
+impl AboutUnits {
+    fn new(m: &Metadata, has_masses: bool) -> Self {
+        let mass = if has_masses { m.units.mass_text().unwrap_or("mass") } else { "particles" };
+        let length = m.units.length_text();
+        let per = |what: &str, power: u32| journal_unit(&format!("{what} / ({})^{power}", length.unwrap_or("length")));
+        AboutUnits {
+            length: journal_unit(length.unwrap_or_default()),
+            mass: journal_unit(mass),
+            surface: per(mass, 2),
+            number: per("particles", 3),
+            density: per(mass, 3),
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -57,6 +85,7 @@ impl<'a> About<'a> {
             raw_bytes: layers.iter().zip(&info.layers).map(|(a, l)| a.particles * l.mass.particle_bytes()).sum(),
             layers,
             adds_up: info.metadata.law == LawKind::OpticalDepth,
+            units: AboutUnits::new(&info.metadata, info.mass().is_some()),
             certified: certified(info),
         }
     }

@@ -92,7 +92,7 @@ impl Engine {
                 check(scene.size)?;
                 let model = opened.shown(&scene)?;
                 let plane = painter.plane(&scene.scene(model, &|l| scene.shows(l)), &scene, style)?;
-                Answer::with(&json!({ "range": plane.log_range().unwrap_or(UNLIT) }), bytes(&plane))
+                Answer::with(&json!({ "range": plane.first_range().unwrap_or(UNLIT) }), bytes(&plane))
             }
             What::Strokes { scene, style } => {
                 check(scene.size)?;

@@ -43,7 +43,7 @@ impl Painter {
         let shown = |layer: usize| of.shows(layer);
         let Some(look) = paint.look else {
             let plane = self.plane(&scene(&shown), of, Style::Density)?;
-            let range = paint.range.or_else(|| plane.log_range()).unwrap_or(UNLIT);
+            let range = paint.range.or_else(|| plane.first_range()).unwrap_or(UNLIT);
             return Ok((density(&plane, paint, range), Some(range)));
         };
         match paint.by_layer {

@@ -58,30 +58,34 @@ def check_reader(model_file: str) -> None:
     model = particlegs.read(model_file)
     reader = simple.OpenDataFile(model_file)
     assert reader.SMProxy.GetXMLName() == "ParticlegsReader"
-    assert [reader.SMProxy.GetOutputPortName(i) for i in range(3)] == ["Gaussians", "Recovered particles", "Density"]
+    assert [reader.SMProxy.GetOutputPortName(i) for i in range(3)] == ["Density", "Recovered particles", "Gaussians"]
     view = simple.CreateView("RenderView")
     for port in range(3):
         simple.Show(simple.OutputPort(reader, port), view)
     simple.Render(view)
     sizes = [reader.GetDataInformation(port).GetNumberOfPoints() for port in range(3)]
-    assert sizes == [len(model.gaussians.counts), 0, 0], sizes
-    assert reader.PointData["counts"].GetNumberOfComponents() == 1
+    assert sizes == [129**3, 0, len(model.gaussians.counts)], sizes
+    shown = simple.GetRepresentation(reader, view)
+    assert shown.Representation == "Volume"
+    assert list(shown.ColorArrayName) == ["CELLS", "contrast"]
     shown = simple.GetRepresentation(simple.OutputPort(reader, 1), view)
     assert shown.Representation == "Point Gaussian"
+    assert abs(shown.GaussianRadius / model.radius - 1.0) < 1e-6
+    assert abs(shown.Opacity / model.opacity - 1.0) < 1e-6
     reader.RecoverParticles, reader.NumberOfParticles, reader.Method = 1, 4000, "stratified"
-    reader.ComputeDensity, reader.Resolution = 1, 20
+    reader.Resolution = 20
     simple.Render(view)
     particles = servermanager.Fetch(reader, idx=1)
     found = vtk_to_numpy(particles.GetPoints().GetData())
     np.testing.assert_array_equal(found, model.recover(4000, "stratified").positions)
     assert "stratified" in particles.GetFieldData().GetAbstractArray("SYNTHETIC").GetValue(0)
-    image = servermanager.Fetch(reader, idx=2)
+    image = servermanager.Fetch(reader, idx=0)
     total = vtk_to_numpy(image.GetCellData().GetArray("density")).sum() * np.prod(image.GetSpacing())
     assert abs(total / model.count - 1.0) < 1e-6
     assert reader.Layers == ["particles"] or list(reader.Layers)[:1] == ["particles"]
     reader.Layers = []
     reader.UpdatePipeline()
-    assert reader.GetDataInformation(0).GetNumberOfPoints() == 0
+    assert reader.GetDataInformation(2).GetNumberOfPoints() == 0
     simple.Delete(view)
     simple.Delete(reader)
 

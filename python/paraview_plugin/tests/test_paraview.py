@@ -172,6 +172,19 @@ def test_grids_of_boxes_that_are_no_cubes(cloud: Path) -> None:
     np.testing.assert_allclose(image.GetOrigin(), grid.origin)
 
 
+def test_what_is_shown_first_has_a_range_that_shows_it(sample: Path) -> None:
+    """The active scalars: the denser half of the mass at least, without the few densest cells, whatever the contrast."""
+    image = output(reader_of(sample, Resolution=24), DENSITY)
+    assert image.GetCellData().GetScalars().GetName() == "contrast"
+    rng = np.random.default_rng(2)
+    for values in (rng.lognormal(0.0, 2.0, (9, 9, 9)), 1.0 + 0.01 * rng.random((9, 9, 9)), np.zeros((2, 2, 2))):
+        contrast = plugin.contrast_of(values)
+        assert contrast.shape == values.shape
+        shown = values[contrast > contrast.min()].sum() / max(values.sum(), 1e-30)
+        assert np.isfinite(contrast).all()
+        assert values.sum() == 0.0 or 0.45 < shown < 0.95
+
+
 def test_nothing_is_computed_that_is_not_asked_for(sample: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Only the outputs that are asked for, and none a second time."""
     made: list[int] = []
@@ -185,7 +198,7 @@ def test_nothing_is_computed_that_is_not_asked_for(sample: Path, monkeypatch: py
     calls: list[str] = []
     read = plugin.read_model
     monkeypatch.setattr(plugin, "read_model", lambda path: Watched(read(path), calls))
-    reader = reader_of(sample)
+    reader = reader_of(sample, ComputeDensity=0)
     for port in (GAUSSIANS, PARTICLES, DENSITY):
         reader.Update(port)
     assert calls == ["gaussians"]

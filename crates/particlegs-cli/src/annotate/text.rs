@@ -1,6 +1,7 @@
 //! The letters of pictures, a subset of DejaVu Sans (licence beside it in assets/), and numbers as they have them.
 
 use ab_glyph::FontRef;
+use particlegs::picture::superscript;
 use std::sync::OnceLock;
 
 /// The bytes of the embedded font: a subset of DejaVu Sans, TrueType.
@@ -38,18 +39,9 @@ pub fn number(value: f64) -> String {
     }
 }
 
-/// A whole number in superscript digits.
-pub fn superscript(n: i32) -> String {
-    n.to_string()
-        .chars()
-        .map(|c| match c {
-            '-' => '⁻',
-            '1' => '¹',
-            '2' => '²',
-            '3' => '³',
-            d => char::from_u32(0x2070 + (d as u32 - '0' as u32)).unwrap_or(d),
-        })
-        .collect()
+/// A label with its unit in brackets, or alone.
+pub fn labelled(name: &str, unit: &str) -> String {
+    if unit.is_empty() { name.to_string() } else { format!("{name} ({unit})") }
 }
 
 #[cfg(test)]

@@ -30,7 +30,7 @@ Examples:
   particlegs convert snap_099.0.hdf5 --particle-type dm -o dm.vtp
   particlegs convert snapshot -o cut --region 0,10,0,10,5,6
   particlegs convert snapshot -o few.npy --sample 100000 --seed 7
-  particlegs convert M.pgs -o splats.ply                 # an alpha-blend model, normalised as in training"
+  particlegs convert M.pgs -o splats.ply                 # an alpha-blend model, as published: y down"
 )]
 pub struct Arguments {
     /// Snapshot: its first file, its folder, or raw columns x y z (w); or an alpha-blend model.

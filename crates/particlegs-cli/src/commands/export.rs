@@ -1,12 +1,12 @@
 //! `particlegs export MODEL -o OUT`.
 
 use crate::common::{Common, Context, named};
-use crate::density_args::colormaps;
+use crate::density_args::range_of;
 use crate::inputs::{self, path_as_text};
 use crate::outputs::ForceArgs;
+use crate::page_args::{DialArgs, PageArgs};
 use clap::{Args, ValueHint};
 use particlegs::model::{LawKind, Model};
-use particlegs::picture::Colormap;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
 use particlegs_export::{
@@ -67,9 +67,13 @@ pub struct Arguments {
     /// What to write, where the ending does not tell.
     #[arg(long, value_name = "KIND", value_parser = named::<Kind>())]
     kind: Option<Kind>,
-    /// Layers to write: species such as gas or dm, names that `info` lists, or `all`.
+    /// Layers to write: species such as gas or dm, names that `info` lists, or `all`; of a page, those that it opens with.
     #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',', default_value = "all")]
     layers: Vec<String>,
+    #[command(flatten)]
+    page: PageArgs,
+    #[command(flatten, next_help_heading = "Pages and splats (.html, .ply, .glb, .gltf)")]
+    dials: DialArgs,
     #[command(flatten)]
     splats: SplatArgs,
     #[command(flatten)]
@@ -84,21 +88,9 @@ pub struct Arguments {
 #[derive(Args)]
 #[command(next_help_heading = "Splats (.ply, .glb, .gltf)")]
 struct SplatArgs {
-    /// Particle radius in world units [default: the model's].
-    #[arg(long, value_name = "R")]
-    radius: Option<f64>,
-    /// Particle opacity, in (0, 1] [default: the model's].
-    #[arg(long, value_name = "A")]
-    opacity: Option<f64>,
     /// What colours say.
     #[arg(long, value_name = "WHAT", default_value = "grey", value_parser = named::<ColorBy>())]
     color: ColorBy,
-    /// Colour map of --color density.
-    #[arg(long, value_name = "NAME", default_value = "inferno", hide_short_help = true, value_parser = colormaps())]
-    colormap: Colormap,
-    /// Densities of the first and the last colour [default: of 1 % and 99 % of the Gaussians].
-    #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1, hide_short_help = true)]
-    range: Option<Vec<f64>>,
 }
 
 /// How fine a grid is.
@@ -163,7 +155,7 @@ struct Export<'a> {
 /// Exports.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    context.reads([a.model.as_path()], a.force.force)?;
+    context.reads([&a.model].into_iter().chain(a.page.files()).map(PathBuf::as_path), a.force.force)?;
     let kind = match Kind::of(&a.output, a.kind) {
         Ok(kind) => kind,
         // That it is an input or another output matters more.
@@ -174,7 +166,8 @@ pub fn run(a: Arguments) -> Result<()> {
     let bytes = inputs::model(&a.model, &context)?;
     let name = a.model.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let model = codec::decode_with(&bytes, &name_of(&a.model), &context)?;
-    let model = if a.layers == ["all"] { model } else { model.only(&a.layers)? };
+    let whole = a.layers == ["all"] || kind.group() == Group::Page;
+    let model = if whole { model } else { model.only(&a.layers)? };
     let notes = Notes::new(kind, &model, &name);
     let mut report = Report {
         output: a.output.clone(),
@@ -201,13 +194,12 @@ pub fn run(a: Arguments) -> Result<()> {
 }
 
 impl Export<'_> {
-    /// The page, which holds the file as it is.
+    /// The page, which holds the file as it is, whatever it opens with.
     fn page(&self, file: ModelFile<'_>, model: &Model) -> Result<u64> {
-        if self.a.layers != ["all"] {
-            let what = "--layer does not go with a page: it holds the whole file, and switches layers itself";
-            return Err(Error::argument(what));
-        }
-        let html = offline(&[(file, model)], self.context)?;
+        let a = self.a;
+        let info = codec::read_info(file.bytes, &name_of(&a.model))?;
+        let opening = a.page.opening(&a.dials, &a.layers, &[&info], self.context)?;
+        let html = offline(&[(file, model)], &opening, self.context)?;
         self.context.write_snapshot(&self.a.output, self.kept, |out| {
             write_bytes(out, &html)?;
             Ok(html.len() as u64)
@@ -215,7 +207,7 @@ impl Export<'_> {
     }
 
     fn splats(&mut self, model: Model, report: &mut Report) -> Result<()> {
-        let (a, context, m) = (&self.a.splats, self.context, &model.metadata);
+        let (a, color, context, m) = (&self.a.dials, self.a.splats.color, self.context, &model.metadata);
         if m.law == LawKind::AlphaBlend
             && model.vizmapper().is_none()
             && let Some(option) = a.radius.map(|_| "--radius").or(a.opacity.map(|_| "--opacity"))
@@ -223,20 +215,16 @@ impl Export<'_> {
             let what = format!("{option} does nothing here: this alpha-blend model has no VizMapper that follows it");
             return Err(Error::argument(what));
         }
-        let range = match a.range.as_deref() {
-            None => None,
-            Some(&[low, high]) => Some([low, high]),
-            Some(_) => return Err(Error::argument("--range takes LO,HI with 0 < LO < HI")),
-        };
+        let (range, colormap) = (range_of(a.range.as_deref())?, a.colormap.unwrap_or_default());
         let (radius, opacity) = (a.radius.unwrap_or(m.default_radius), a.opacity.unwrap_or(m.default_opacity));
         // Beside the model: colours, and for glTF its arrays.
         context.require_memory("splats", 40 * model.gaussians() as u64)?;
-        let coloring = Coloring::new(&model, a.color, a.colormap, range)?;
+        let coloring = Coloring::new(&model, color, colormap, range)?;
         let notes = &mut self.notes;
         notes.set("radius", radius);
         notes.set("opacity", opacity);
         notes.say(format!("particles of radius {radius} and opacity {opacity}"));
-        coloring.describe(&model, a.color, a.colormap, notes);
+        coloring.describe(&model, color, colormap, notes);
         let (splats, faint) = as_splats(model, radius, opacity, context)?;
         notes.set("fainter_than_viewers_draw", json!(faint));
         report.bytes = context.write_snapshot(&self.a.output, self.kept, |out| {

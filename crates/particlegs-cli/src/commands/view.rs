@@ -1,6 +1,7 @@
 //! `particlegs view MODEL... [--snapshot SNAP]`.
 
 use crate::common::{Common, Context};
+use crate::page_args::{DialArgs, PageArgs};
 use crate::printable::one_line;
 use crate::remedies::of_option;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
@@ -24,12 +25,15 @@ use std::time::Duration;
 Examples:
   particlegs view model.pgs
   particlegs view model.pgs --snapshot snapshot/
+  particlegs view model.pgs --style paraview --azimuth 30
   particlegs view a.pgs b.pgs --no-open --port 8317",
     after_long_help = "\
 Examples:
   particlegs view model.pgs
   particlegs view model.pgs --snapshot snapshot/
   particlegs view model.pgs --snapshot x.f32 --snapshot y.f32 --snapshot z.f32
+  particlegs view model.pgs --style paraview --azimuth 30 --radius 0.02
+  particlegs view model.pgs --like saved.png
   particlegs view a.pgs b.pgs --no-open --port 8317
   particlegs view model.pgs --no-open --allow-host hub.example.org
 
@@ -60,6 +64,13 @@ pub struct Arguments {
     /// End after so many minutes without a request [default: never].
     #[arg(long, value_name = "MINUTES", value_parser = clap::value_parser!(u64).range(1..))]
     idle: Option<u64>,
+    /// Layers that the page opens with: species such as gas or dm, names that `info` lists, or `all`.
+    #[arg(long = "layer", value_name = "NAME,...", value_delimiter = ',', default_value = "all")]
+    layers: Vec<String>,
+    #[command(flatten)]
+    page: PageArgs,
+    #[command(flatten, next_help_heading = "How the page opens")]
+    dials: DialArgs,
     #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
@@ -94,9 +105,10 @@ struct Named<'a> {
 /// Serves the page until it is told to end.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
-    context.reads(a.models.iter().chain(&a.particles).map(PathBuf::as_path), false)?;
+    context.reads(a.models.iter().chain(&a.particles).chain(a.page.files()).map(PathBuf::as_path), false)?;
     let server = listen(&a, &context)?;
     let mut viewed = Viewed::read(&a.models, &context)?;
+    let opening = a.page.opening(&a.dials, &a.layers, &viewed.infos(), &context)?;
     let particles = a.particles(&context)?.map(|p| viewed.in_units(p, &context)).transpose()?;
     let reference = particles.as_ref().map(Reference::new);
     let truth = reference.as_ref().map(|r| (a.named(r), r));
@@ -115,8 +127,8 @@ pub fn run(a: Arguments) -> Result<()> {
     let models = viewed.take_files();
     let poster = |bytes: &[u8]| viewed.poster(bytes, &context, &tell);
     let poster: Option<&(dyn Fn(&[u8]) -> Option<Vec<u8>> + Sync)> =
-        if viewed.has_poster() { Some(&poster) } else { None };
-    server.serve(Shown { models, truth, poster }, &context, &|event| tell(&in_words(&event)))
+        if viewed.has_poster(&opening) { Some(&poster) } else { None };
+    server.serve(Shown { models, truth, opening, poster }, &context, &|event| tell(&in_words(&event)))
 }
 
 fn listen(a: &Arguments, context: &Context) -> Result<Server> {

@@ -3,18 +3,17 @@
 use super::Seen;
 use super::colours::{self, common_range};
 use super::provenance::Provenance;
-use crate::annotate::text::number;
+use crate::annotate::text::{labelled, number};
 use crate::density_args::Quantities;
 use crate::figure::args::{Axes, FigureArgs};
 use crate::figure::output::{self, FileKind};
 use crate::figure::png_file::{self, About, Effort};
 use crate::figure::ticks::round_below;
-use crate::figure::units::{journal, labelled};
 use crate::figure::{Bar, Figure, Image, Panel, ScaleBar, cube};
 use crate::view_args::Subject;
 use particlegs::Result;
 use particlegs::camera::{Projection, View};
-use particlegs::picture::{Colormap, Size};
+use particlegs::picture::{Colormap, Size, journal_unit};
 use particlegs_files::output::write_bytes;
 use std::path::Path;
 
@@ -73,7 +72,7 @@ impl Finish<'_> {
             return Err("the picture has no width in world units");
         }
         let length = round_below(LONGEST_BAR * width);
-        let unit = journal(self.quantities.length_unit().unwrap_or_default());
+        let unit = journal_unit(self.quantities.length_unit().unwrap_or_default());
         let unit = if unit.is_empty() { "(unit not known)".into() } else { unit };
         let comoving = if self.quantities.is_comoving() { "comoving" } else { "" };
         let notes = [comoving, note].into_iter().filter(|n| !n.is_empty()).collect::<Vec<_>>().join(", ");
@@ -113,7 +112,7 @@ impl Finish<'_> {
         }
         match self.args.axes {
             Some(Axes::Frame) => {
-                let unit = journal(self.quantities.length_unit().unwrap_or_default());
+                let unit = journal_unit(self.quantities.length_unit().unwrap_or_default());
                 panel.axes = Some(crate::figure::axes::about(&view.camera, size, &unit)?);
             }
             Some(Axes::Cube) => {
@@ -129,7 +128,7 @@ impl Finish<'_> {
     pub fn figure(&self, panels: Vec<Panel>, columns: usize, range: [f64; 2]) -> Figure {
         let shown = self.about.colormap.is_some() && self.args.has_bar();
         let ground = self.args.ground();
-        let title = || labelled(&format!("Σ{}", self.quantities.of_what()), &journal(&self.quantities.unit()));
+        let title = || labelled(&format!("Σ{}", self.quantities.of_what()), &journal_unit(&self.quantities.unit()));
         let colors = colours::densities(self.colormap, ground, range);
         let bar = shown.then(|| Bar::logarithmic(title(), range, |share| colors.at(share)));
         let legend = if self.args.no_annotations { Vec::new() } else { self.legend.clone() };

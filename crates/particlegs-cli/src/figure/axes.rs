@@ -1,7 +1,7 @@
 //! Coordinates along the edges of an orthographic picture.
 
 use super::panel::Axis;
-use super::units::labelled;
+use crate::annotate::text::labelled;
 use particlegs::camera::{Camera, Projection};
 use particlegs::picture::Size;
 use particlegs::{Error, Result};

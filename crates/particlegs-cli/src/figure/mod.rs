@@ -19,7 +19,6 @@ mod raster;
 mod sheet;
 mod svg;
 pub mod ticks;
-pub mod units;
 
 pub use image::Image;
 pub use layout::{Room, layout};

@@ -1,6 +1,7 @@
 //! Where ticks stand and what they say: one number style for all axes and bars.
 
-use crate::annotate::text::{number, superscript};
+use crate::annotate::text::number;
+use particlegs::picture::superscript;
 
 /// Ticks of an axis.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -182,7 +182,8 @@ fn splats_are_written_as_published() {
     let g = &model.layers[0].content[0].gaussians;
     for i in 0..64 {
         let p = points.position(i);
-        assert!((0..3).all(|k| (p[k] / frame.scale + frame.center[k] - g.mean[k][i]).abs() < 1e-4));
+        let signs = [-1.0, -1.0, 1.0];
+        assert!((0..3).all(|k| (signs[k] * p[k] / frame.scale + frame.center[k] - g.mean[k][i]).abs() < 1e-4));
     }
     let no = dir.path().join("no.ply");
     fails(&mut convert(&path, &dir.path().join("no"), &[]), 2, "ends in .ply");

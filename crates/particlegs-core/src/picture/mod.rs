@@ -6,6 +6,7 @@ mod plane;
 mod score;
 mod score_density;
 mod score_ssim;
+mod units;
 
 pub use colormap::{Colormap, DensityColors, diverging};
 pub(crate) use plane::Rows;
@@ -13,3 +14,4 @@ pub use plane::{Gray8, Pixels, Plane, Rgb8, Size};
 pub use score::{MASK_LEVEL, Scores, decibels, is_lit, masked_psnr, psnr};
 pub use score_density::DensityScores;
 pub use score_ssim::ssim;
+pub use units::{journal_unit, superscript};

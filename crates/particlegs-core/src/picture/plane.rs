@@ -45,6 +45,41 @@ impl Plane {
         // A flat plane still gets a scale.
         Some(if hi / lo < 1.5 { [lo / 1.5, hi * 1.5] } else { [lo, hi] })
     }
+
+    /// The range of colours of a density that is seen first, without knowing what it is of: from the 5th to the 99.5th
+    /// percentile of the pixels that hold all but a thousandth of the mass, of two decades at least, so that what is
+    /// nearly uniform is neither black nor white. Values are told apart to a hundredth. `None` where every pixel is
+    /// empty.
+    pub fn first_range(&self) -> Option<[f64; 2]> {
+        const LEAST: f64 = 100.0;
+        // Pixels and their sum, by the upper half of a float.
+        let mut bins = vec![(0u64, 0.0f64); 1 << 15];
+        for v in self.data.iter().filter(|v| **v > 0.0 && v.is_finite()) {
+            let bin = &mut bins[(v.to_bits() >> 16) as usize];
+            *bin = (bin.0 + 1, bin.1 + f64::from(*v));
+        }
+        let mut tail = 1e-3 * bins.iter().map(|b| b.1).sum::<f64>();
+        let first = bins.iter().position(|b| {
+            tail -= b.1;
+            tail < 0.0
+        })?;
+        let occupied: u64 = bins[first..].iter().map(|b| b.0).sum();
+        let at = |percent: f64| {
+            let mut below = (occupied.saturating_sub(1) as f64 * percent / 100.0) as u64;
+            let place = (first..bins.len()).find(|i| match below.checked_sub(bins[*i].0) {
+                Some(rest) => {
+                    below = rest;
+                    false
+                }
+                None => true,
+            })?;
+            Some(f64::from(f32::from_bits((place as u32) << 16 | 0x8000)))
+        };
+        let [lo, hi] = [at(5.0)?, at(99.5)?];
+        // Most of what is nearly uniform lies close to its highest: there is more room above.
+        let wider = libm::cbrt((LEAST * lo / hi).max(1.0));
+        Some([lo / wider, hi * wider * wider])
+    }
 }
 
 /// The value below which so many percent of all lie, in an order of their own afterwards.
@@ -178,5 +213,28 @@ mod tests {
         assert_eq!(of(more), Some([50.0, 995.0]));
         assert_eq!(of(vec![0.0; 9]), None);
         assert_eq!(of(vec![3.0; 9]), Some([2.0, 4.5]));
+    }
+
+    #[test]
+    fn the_first_range_leaves_tails_out_and_shows_what_is_uniform_in_the_middle() {
+        let of = |data: Vec<f32>| Plane { size: Size { width: data.len(), height: 1 }, data }.first_range();
+        // A tail of many pixels and little mass, then four decades.
+        let tail = (0..5000).map(|i| 1e-9 * (i + 1) as f32);
+        let body = (0..10_000).map(|i| 10f32.powf(4.0 * i as f32 / 9999.0));
+        let [lo, hi] = of(tail.chain(body.clone()).collect()).unwrap();
+        // The lowest thousandth of the mass is four in ten of these pixels.
+        let sorted: Vec<f32> = body.collect();
+        let mass: f64 = sorted.iter().map(|v| f64::from(*v)).sum();
+        let mut below = 0.0;
+        let first = sorted.iter().position(|v| {
+            below += f64::from(*v);
+            below > 1e-3 * mass
+        });
+        let first = first.unwrap();
+        let at = |share: f64| f64::from(sorted[first + ((sorted.len() - 1 - first) as f64 * share) as usize]);
+        assert!((lo / at(0.05) - 1.0).abs() < 0.02 && (hi / at(0.995) - 1.0).abs() < 0.02, "{lo} {hi}");
+        let [lo, hi] = of(vec![7.0; 100]).unwrap();
+        assert!((hi / lo - 100.0).abs() < 1e-9 && (lo * lo * hi / 343.0 - 1.0).abs() < 0.02, "{lo} {hi}");
+        assert_eq!([of(vec![0.0; 4]), of(vec![f32::NAN, f32::INFINITY])], [None, None]);
     }
 }

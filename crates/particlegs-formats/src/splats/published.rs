@@ -22,7 +22,8 @@ const HARMONIC: f64 = 0.282_094_791_773_878_14;
 const RUN: usize = 1 << 14;
 
 /// Writes the Gaussians of an alpha-blend model to `out`, layer by layer and block by block, in the
-/// frame that it was trained in: `(x - centre) * scale` of the comments in the file's head. The
+/// frame that it was trained in, `(x - centre) * scale` of the comments in the file's head, turned by 180 degrees
+/// about z: published files have y down, and viewers turn them back. The
 /// network is not in it: PLY files hold Gaussians alone, at the default radius and opacity.
 ///
 /// Properties, all float32: place; a normal of zeros; three equal colours `(grey - 0.5) / 0.2821`, or those of
@@ -86,14 +87,14 @@ fn head(gaussians: usize, frame: &Normalisation, comments: &[String]) -> String 
     // A line is a comment's end.
     let comments: String = comments.iter().flat_map(|c| c.lines()).map(|line| format!("comment {line}\n")).collect();
     format!(
-        "ply\nformat binary_little_endian 1.0\ncomment particlegs: (world - center) * scale\ncomment center {x} {y} {z}\n\
+        "ply\nformat binary_little_endian 1.0\ncomment particlegs: (world - center) * scale, x and y negated\ncomment center {x} {y} {z}\n\
          comment scale {}\n{comments}element vertex {gaussians}\n{properties}end_header\n",
         frame.scale
     )
 }
 
 fn write_one(
-    w: &mut dyn Write,
+    out: &mut dyn Write,
     g: &Mixture,
     i: usize,
     color: Option<&[f32; 3]>,
@@ -101,13 +102,15 @@ fn write_one(
 ) -> std::io::Result<()> {
     let (opacity, grey) = g.law.alpha_blend().map_or((0.5, 0.5), |s| (s.opacity[i], s.grey[i]));
     let mean = g.mean_of(i);
-    let place: [f64; 3] = std::array::from_fn(|k| (mean[k] - frame.center[k]) * frame.scale);
+    let [x, y, z]: [f64; 3] = std::array::from_fn(|k| (mean[k] - frame.center[k]) * frame.scale);
     let color = color.map_or([grey; 3], |c| c.map(f64::from)).map(|v| (v - 0.5) / HARMONIC);
     let logit = opacity.ln() - (-opacity).ln_1p();
-    let (deviations, turn) = g.cov_of(i).deviations_and_turn();
+    let (deviations, [w, i, j, k]) = g.cov_of(i).deviations_and_turn();
     let scales = deviations.map(|d| d.ln() + frame.scale.ln());
+    // By 180 degrees about z: the quaternion k times it.
+    let (place, turn) = ([-x, -y, z], [-k, -j, i, w]);
     let numbers = place.into_iter().chain([0.0; 3]).chain(color).chain([logit]).chain(scales).chain(turn);
-    numbers.into_iter().try_for_each(|v| w.write_all(&(v as f32).to_le_bytes()))
+    numbers.into_iter().try_for_each(|v| out.write_all(&(v as f32).to_le_bytes()))
 }
 
 #[cfg(test)]
@@ -155,14 +158,16 @@ mod tests {
         for (i, record) in body.chunks_exact(68).enumerate() {
             let v: Vec<f64> =
                 record.chunks_exact(4).map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap()))).collect();
-            for k in 0..3 {
-                let world = v[k] / frame.scale + frame.center[k];
+            for (k, sign) in [-1.0, -1.0, 1.0].into_iter().enumerate() {
+                let world = sign * v[k] / frame.scale + frame.center[k];
                 assert!((world - g.mean[k][i]).abs() < 1e-5 && v[3 + k] == 0.0);
                 assert!((0.5 + HARMONIC * v[6 + k] - own.grey[i]).abs() < 1e-6);
             }
             assert!((1.0 / (1.0 + (-v[9]).exp()) - own.opacity[i]).abs() < 1e-6);
             let back = covariance([v[10], v[11], v[12]], [v[13], v[14], v[15], v[16]]);
-            let want = g.cov_of(i).scale(frame.scale * frame.scale);
+            let mut want = g.cov_of(i).scale(frame.scale * frame.scale);
+            // xz and yz.
+            [2, 4].map(|k| want.0[k] *= -1.0);
             for k in 0..6 {
                 assert!((back.0[k] - want.0[k]).abs() < 1e-5 * want.trace(), "{i}: {back:?} {want:?}");
             }
@@ -171,7 +176,8 @@ mod tests {
         assert_eq!(read.len(), 200);
         for i in 0..200 {
             let p = read.position(i);
-            assert!((0..3).all(|k| (p[k] / frame.scale + frame.center[k] - g.mean[k][i]).abs() < 1e-5));
+            let signs = [-1.0, -1.0, 1.0];
+            assert!((0..3).all(|k| (signs[k] * p[k] / frame.scale + frame.center[k] - g.mean[k][i]).abs() < 1e-5));
         }
     }
 

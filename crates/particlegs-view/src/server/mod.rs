@@ -9,7 +9,7 @@ mod door;
 mod guard;
 mod table;
 
-use crate::page::{ModelFile, Snapshot, served};
+use crate::page::{ModelFile, Opening, Snapshot, served};
 use crate::truth::desk;
 use connection::Listening;
 use door::Door;
@@ -77,6 +77,8 @@ pub struct Shown<'a> {
     pub models: Vec<(String, Vec<u8>)>,
     /// All particles, for the pictures beside the model's, and what the page calls them.
     pub truth: Option<(Snapshot, &'a Reference<'a>)>,
+    /// How the page opens.
+    pub opening: Opening,
     /// Draws the poster, a PNG, of the bytes of the first model, once and beside the serving; gives `None` where it
     /// cannot.
     pub poster: Option<&'a (dyn Fn(&[u8]) -> Option<Vec<u8>> + Sync)>,
@@ -170,9 +172,9 @@ impl Server {
     /// # Errors
     /// [`Error::Io`] where the system refuses what serving needs.
     pub fn serve(self, shown: Shown<'_>, progress: &dyn Progress, tell: &dyn Fn(Event)) -> Result<()> {
-        let Shown { models, truth, poster } = shown;
+        let Shown { models, truth, opening, poster } = shown;
         let named = models.iter().map(|(name, bytes)| ModelFile { name, bytes });
-        let page = served(named, truth.as_ref().map(|t| &t.0), poster.is_some());
+        let page = served(named, truth.as_ref().map(|t| &t.0), &opening, poster.is_some());
         let (desk, painter) = truth.as_ref().map(|_| desk::open()).unzip();
         let desk = desk.map(Arc::new);
         let models: Vec<Bytes> = models.into_iter().map(|m| Bytes::from(m.1)).collect();

@@ -1,6 +1,6 @@
 //! One thread draws; whoever asks last is answered.
 
-use super::Question;
+use super::{Question, smoothed};
 use particlegs::particles::{Particles, Selection, Storage};
 use particlegs::progress::{Level, Progress};
 use particlegs::reference::Reference;
@@ -83,10 +83,10 @@ impl Drop for Ticket {
 impl Painter {
     /// Draws what is asked for until the desk is closed.
     pub fn work(self, reference: &Reference<'_>, progress: &dyn Progress) {
-        let mut subject = Subject { all: reference, some: None };
+        let mut subject = Subject { all: reference, smooth: None, some: None };
         for Job { question, given_up, answer } in self.jobs {
             let watched = Watched { progress, given_up: &given_up };
-            let drawn = watched.check().and_then(|()| subject.draw(&question, &watched));
+            let drawn = watched.check().and_then(|()| subject.draw(&question, &watched, progress));
             // Nobody may be waiting any more.
             let _ = answer.send(drawn);
         }
@@ -96,15 +96,24 @@ impl Painter {
 /// All particles, and the few that coarse pictures were last drawn of.
 struct Subject<'a> {
     all: &'a Reference<'a>,
+    /// The same for densities, each spread over its neighbours; made for the first of them.
+    smooth: Option<Reference<'a>>,
     some: Option<Particles>,
 }
 
 impl Subject<'_> {
-    fn draw(&mut self, question: &Question, progress: &dyn Progress) -> Result<Vec<u8>> {
+    /// `whole` is not given up with the picture: what it makes serves all that come after.
+    fn draw(&mut self, question: &Question, progress: &dyn Progress, whole: &dyn Progress) -> Result<Vec<u8>> {
         let particles = self.all.particles();
         let number = question.particles(particles.len());
         if number == particles.len() {
-            return question.draw(self.all, progress);
+            let neighbours = smoothed(number as u64).filter(|_| question.is_density());
+            if let (Some(neighbours), None) = (neighbours, &self.smooth) {
+                let all = Reference::with_bounds(particles, *self.all.bounds());
+                self.smooth = Some(all.smoothed(neighbours, whole)?);
+            }
+            let smooth = self.smooth.as_ref().filter(|_| neighbours.is_some());
+            return question.draw(smooth.unwrap_or(self.all), progress);
         }
         // Others go before the new ones come.
         let some = match self.some.take().filter(|some| some.len() == number) {

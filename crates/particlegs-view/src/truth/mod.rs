@@ -6,4 +6,14 @@
 pub(crate) mod desk;
 mod question;
 
+/// Neighbours that each particle is spread over in densities.
+const NEIGHBOURS: usize = 32;
+/// Particles at most whose neighbours are looked for: a user waits for them.
+const MOST_SMOOTHED: u64 = 10_000_000;
+
+/// Over how many neighbours each of so many particles is spread in densities; `None` where they are not.
+pub(crate) fn smoothed(particles: u64) -> Option<usize> {
+    (NEIGHBOURS as u64 + 1..=MOST_SMOOTHED).contains(&particles).then_some(NEIGHBOURS)
+}
+
 pub use question::Question;

@@ -90,6 +90,11 @@ impl Question {
         view.check(self.size())
     }
 
+    /// Is it a surface density?
+    pub(super) fn is_density(&self) -> bool {
+        self.look == AskedLook::Density
+    }
+
     /// How many of so many particles are to be drawn.
     pub(super) fn particles(&self, all: usize) -> usize {
         ((self.share * all as f64).round() as usize).clamp(1, all.max(1))

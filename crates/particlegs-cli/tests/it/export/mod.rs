@@ -127,7 +127,7 @@ fn what_cannot_be_done_is_refused_before_the_work() {
         }
     }
     // Options that would do nothing.
-    refused("a.npz", &["--radius", "1"], 2, "--radius does nothing here: it belongs to splats");
+    refused("a.npz", &["--radius", "1"], 2, "--radius does nothing here: it belongs to pages and splats");
     refused("a.vti", &["--color", "layer"], 2, "--color does nothing here");
     refused("a.ply", &["--grid", "8"], 2, "--grid does nothing here: it belongs to density");
     refused("a.csv", &["--cell", "1"], 2, "--cell does nothing here");
@@ -148,7 +148,29 @@ fn a_page_holds_the_file() {
     export(&model, &out, &[]).assert().success();
     let html = std::fs::read_to_string(&out).unwrap();
     assert!(html.starts_with("<!doctype html>") && html.contains("id=\"model-0\"") && html.contains("m.pgs"));
-    for options in [&["--layer", "particles"][..], &["--grid", "8"], &["--color", "density"], &["--radius", "1"]] {
-        fails(&mut export(&model, &dir.path().join("other.html"), options), 2, options[0]);
+    for options in [
+        &["--grid", "8"][..],
+        &["--color", "density"],
+        &["--radius", "1"],
+        &["--color-by-layer"],
+        &["--style", "paraview", "--range", "1,2"],
+        &["--azimuth", "nan"],
+        &["--distance", "0"],
+        &["--look-at", "1,2"],
+    ] {
+        let option = options.iter().rev().find(|o| o.starts_with("--")).unwrap();
+        fails(&mut export(&model, &dir.path().join("other.html"), options), 2, option);
     }
+    fails(&mut export(&model, &dir.path().join("other.html"), &["--layer", "gas"]), 2, "no layer `gas`");
+    fails(&mut export(&model, &dir.path().join("m.ply"), &["--azimuth", "3"]), 2, "belongs to pages");
+    // It opens as it was told.
+    let told = dir.path().join("told.html");
+    let options = ["--style", "paraview", "--radius", "0.5", "--background", "white", "--layer", "particles"];
+    export(&model, &told, &[&options[..], &["--azimuth", "30", "--projection", "orthographic"]].concat())
+        .assert()
+        .success();
+    let html = std::fs::read_to_string(&told).unwrap();
+    let opening = "\"opening\":{\"style\":\"paraview\",\"white\":true,\"layers\":[\"particles\"],\"radius\":0.5,\
+                   \"azimuth\":30.0,\"orthographic\":true}";
+    assert!(html.contains(opening), "{}", &html[html.find("\"opening\"").unwrap()..][..200]);
 }

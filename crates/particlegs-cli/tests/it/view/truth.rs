@@ -54,7 +54,7 @@ fn pictures_of_all_particles_are_those_of_reference() {
         assert!(truth.iter().any(|&v| v > 20) && answer.body == truth, "{look}");
     }
     let folder = dir.path().join("sigma");
-    reference(&["--views", file, "--style", "density", "--raw"], &folder);
+    reference(&["--views", file, "--style", "density", "--smooth", "32", "--raw"], &folder);
     let sigma = std::fs::read(folder.join("view.f32")).unwrap();
     assert!(sigma.iter().any(|&b| b > 0) && serving.truth(&question("density")).body == sigma);
     // An orthographic window, by the camera that `reference` reports.
@@ -62,6 +62,8 @@ fn pictures_of_all_particles_are_those_of_reference() {
     let window = [
         "--style",
         "density",
+        "--smooth",
+        "32",
         "--raw",
         "--projection",
         "orthographic",

@@ -1,15 +1,22 @@
 //! Units as journals print them: `Msun/h / (Mpc/h)²` as `M⊙ h Mpc⁻²`.
 
-use crate::annotate::text::superscript;
-
-/// A label with its unit in brackets, or alone.
-pub fn labelled(name: &str, unit: &str) -> String {
-    if unit.is_empty() { name.to_string() } else { format!("{name} ({unit})") }
+/// A whole number in superscript digits.
+pub fn superscript(n: i32) -> String {
+    n.to_string()
+        .chars()
+        .map(|c| match c {
+            '-' => '⁻',
+            '1' => '¹',
+            '2' => '²',
+            '3' => '³',
+            d => char::from_u32(0x2070 + (d as u32 - '0' as u32)).unwrap_or(d),
+        })
+        .collect()
 }
 
 /// A unit in powers, as a journal prints it. One that is not made of names, powers, products and quotients is
 /// left as it is.
-pub fn journal(unit: &str) -> String {
+pub fn journal_unit(unit: &str) -> String {
     let mut factors = Factors::default();
     match factors.product(&mut Letters { rest: unit, depth: 0 }, 1) {
         Some(()) => factors.text(),
@@ -184,9 +191,7 @@ mod tests {
             ("m^99999999999", "m^99999999999"),
             ("m)", "m)"),
         ] {
-            assert_eq!(journal(given), printed, "{given}");
+            assert_eq!(journal_unit(given), printed, "{given}");
         }
-        assert_eq!(labelled("x", "Mpc h⁻¹"), "x (Mpc h⁻¹)");
-        assert_eq!(labelled("x", ""), "x");
     }
 }

@@ -1,0 +1,212 @@
+//! How a page opens. Shared by `view` and `export`.
+
+use crate::common::Context;
+use crate::density_args::{colormaps, range_of};
+use crate::drawing::provenance::Provenance;
+use crate::figure::args::Background;
+use crate::view_args::Lines;
+use clap::{Args, ValueEnum, ValueHint};
+use particlegs::camera::{ViewSet, ViewsFile};
+use particlegs::codec::FileInfo;
+use particlegs::model::{LawKind, is_species};
+use particlegs::picture::Colormap;
+use particlegs::{Error, Result};
+use particlegs_view::page::{Opening, PageStyle};
+use std::path::PathBuf;
+
+/// What a page draws first, and from where.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "How the page opens")]
+pub struct PageArgs {
+    /// Style that the page opens with [default: density; of an alpha-blend model paraview].
+    #[arg(long, value_enum, value_name = "STYLE")]
+    pub style: Option<Style>,
+    /// Background of the picture [default: black].
+    #[arg(long, value_enum, value_name = "COLOR", hide_short_help = true)]
+    pub background: Option<Background>,
+    /// Tell layers apart by colour.
+    #[arg(long, hide_short_help = true)]
+    pub color_by_layer: bool,
+    /// Open with the view of a picture that this program or a page saved: its camera, style, colours and layers.
+    ///
+    /// What else is given on the command line takes the place of what the picture says.
+    #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath, conflicts_with_all = CAMERA)]
+    pub like: Option<PathBuf>,
+    /// Open with the first view of a views file (JSON), as the page saves them.
+    #[arg(
+        long,
+        value_name = "FILE",
+        hide_short_help = true,
+        value_hint = ValueHint::FilePath,
+        conflicts_with_all = CAMERA
+    )]
+    pub views: Option<PathBuf>,
+    /// Azimuth of the camera in degrees: 0 looks along -z, 90 along -x.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub azimuth: Option<f64>,
+    /// Elevation of the camera above the horizon in degrees.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub elevation: Option<f64>,
+    /// Distance of the camera, in base distances (docs/guide/pictures.md).
+    #[arg(long, value_name = "D", hide_short_help = true)]
+    pub distance: Option<f64>,
+    /// Projection of the camera.
+    #[arg(long, value_enum, value_name = "NAME", hide_short_help = true)]
+    pub projection: Option<Lines>,
+    /// Point that the camera looks at, world units [default: the centre of the bounds].
+    #[arg(
+        long = "look-at",
+        value_name = "X,Y,Z",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_hyphen_values = true,
+        hide_short_help = true
+    )]
+    pub look_at: Option<Vec<f64>>,
+}
+
+/// What says where a camera is.
+const CAMERA: [&str; 5] = ["azimuth", "elevation", "distance", "projection", "look_at"];
+
+/// How particles and densities look, in pages and in splats.
+#[derive(Args, Clone, Debug)]
+pub struct DialArgs {
+    /// Particle radius in world units [default: the model's].
+    #[arg(long, value_name = "R")]
+    pub radius: Option<f64>,
+    /// Particle opacity, in (0, 1] [default: the model's].
+    #[arg(long, value_name = "A")]
+    pub opacity: Option<f64>,
+    /// Colour map of densities [default: inferno].
+    #[arg(long, value_name = "NAME", hide_short_help = true, value_parser = colormaps())]
+    pub colormap: Option<Colormap>,
+    /// Densities of the first and the last colour [default: those of nearly all that is drawn].
+    #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1, hide_short_help = true)]
+    pub range: Option<Vec<f64>>,
+}
+
+/// The styles of a page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Style {
+    /// Surface density in logarithmic colours.
+    Density,
+    /// As ParaView draws the particles, without their shot noise.
+    Paraview,
+    /// 255 (1 - exp(-tau)) for the optical depth tau.
+    Expected,
+}
+
+impl Style {
+    fn of_page(self) -> PageStyle {
+        match self {
+            Style::Density => PageStyle::Density,
+            Style::Paraview => PageStyle::Paraview,
+            Style::Expected => PageStyle::Expected,
+        }
+    }
+}
+
+impl PageArgs {
+    /// The files that are read.
+    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        [&self.like, &self.views].into_iter().flatten()
+    }
+
+    /// How a page of these models opens; of `layers` those are drawn, all where there are none.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a number out of range, a layer that there is not and a style that a model has not; those
+    /// of [`Provenance::read`] and [`ViewsFile::read`].
+    pub fn opening(
+        &self,
+        dials: &DialArgs,
+        layers: &[String],
+        models: &[&FileInfo],
+        context: &Context,
+    ) -> Result<Opening> {
+        let mut opening = self.own(dials)?;
+        if let Some(path) = &self.views {
+            opening.views = Some(views(ViewsFile::read(path, context)?.0)?);
+        }
+        if let Some(path) = &self.like {
+            let (told, set) = Provenance::read(path, context)?;
+            let style = || Style::from_str(&told.style, false).ok().map(Style::of_page);
+            opening.style = opening.style.or_else(style);
+            opening.range = opening.range.or(told.range.filter(|_| opening.style == Some(PageStyle::Density)));
+            opening.colormap = opening.colormap.or_else(|| told.colormap.and_then(|name| name.parse().ok()));
+            opening.white = opening.white.or(told.background.map(|name| name == "white"));
+            opening.color_by_layer |= told.color_by_layer;
+            opening.layers = told.layers;
+            opening.views = Some(views(set)?);
+        }
+        if layers != ["all"] && !layers.is_empty() {
+            opening.layers = layers.to_vec();
+        }
+        opening.layers = own_names(&opening.layers, models)?;
+        let looks = opening.style.is_some_and(|s| s != PageStyle::Paraview);
+        if looks && models.iter().any(|m| m.metadata.law == LawKind::AlphaBlend) {
+            let what = "an alpha-blend model has the style paraview alone: its splats hold opacities, not masses";
+            return Err(Error::argument(what));
+        }
+        Ok(opening)
+    }
+
+    /// What the options say themselves.
+    fn own(&self, dials: &DialArgs) -> Result<Opening> {
+        let finite = |name: &str, value: Option<f64>| match value {
+            Some(v) if !v.is_finite() => Err(Error::argument(format!("--{name} {v} is not a finite angle"))),
+            value => Ok(value),
+        };
+        let positive = |name: &str, value: Option<f64>| match value {
+            Some(v) if !(v > 0.0 && v.is_finite()) => Err(Error::argument(format!("--{name} {v} must be positive"))),
+            value => Ok(value),
+        };
+        if let Some(v) = dials.opacity.filter(|v| !(*v > 0.0 && *v <= 1.0)) {
+            return Err(Error::argument(format!("--opacity {v} is outside 0 to 1 (0 is excluded)")));
+        }
+        let look_at = match self.look_at.as_deref() {
+            None => None,
+            Some([x, y, z]) if [x, y, z].iter().all(|v| v.is_finite()) => Some([*x, *y, *z]),
+            Some(_) => return Err(Error::argument("--look-at takes X,Y,Z, each a finite number")),
+        };
+        Ok(Opening {
+            style: self.style.map(Style::of_page),
+            colormap: dials.colormap,
+            range: range_of(dials.range.as_deref())?,
+            white: self.background.map(|b| b == Background::White),
+            color_by_layer: self.color_by_layer,
+            layers: Vec::new(),
+            radius: positive("radius", dials.radius)?,
+            opacity: dials.opacity,
+            views: None,
+            azimuth: finite("azimuth", self.azimuth)?,
+            elevation: finite("elevation", self.elevation)?.map(|e| e.clamp(-90.0, 90.0)),
+            distance: positive("distance", self.distance)?,
+            look_at,
+            orthographic: self.projection.map(|p| p == Lines::Orthographic),
+        })
+    }
+}
+
+/// The layers that are meant by `names`, of all models: their own names, or those of their species.
+fn own_names(names: &[String], models: &[&FileInfo]) -> Result<Vec<String>> {
+    let there: Vec<&str> = models.iter().flat_map(|m| &m.layers).map(|l| &l.name[..]).collect();
+    let called =
+        |layer: &str, asked: &str| if there.contains(&asked) { layer == asked } else { is_species(layer, asked) };
+    if let Some(name) = names.iter().find(|n| !there.iter().any(|l| called(l, n))) {
+        return Err(Error::argument(format!("no layer `{name}`: there are {}", there.join(", "))));
+    }
+    let mut own: Vec<String> = Vec::new();
+    for layer in there.iter().filter(|l| names.iter().any(|n| called(l, n))) {
+        if !own.iter().any(|o| o == layer) {
+            own.push((*layer).into());
+        }
+    }
+    Ok(own)
+}
+
+/// A views file as the page reads it.
+fn views(set: ViewSet) -> Result<serde_json::Value> {
+    let text = ViewsFile(set).text()?;
+    serde_json::from_str(&text).map_err(|e| Error::argument(e.to_string()))
+}
