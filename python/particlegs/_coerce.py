@@ -39,13 +39,13 @@ def names(given: Any) -> Optional[list[str]]:
 
 
 def progress(given: Progress) -> Optional[Callable[[str, int, int], object]]:
-    """The function that is told of progress: the user's own, tqdm's bar for True, none for False or None."""
+    """The function that is told of progress: the user's own, a bar or text for True, none for False or None."""
     if given is None or given is False:
         return None
     if given is True:
-        from ._progress import Bar
+        from ._progress import shown
 
-        return Bar()
+        return shown()
     if callable(given):
         return given
     raise TypeError("progress must be True, False or a function of (phase, done, total)")

@@ -14,7 +14,7 @@ from ._arrays import Grid, Map
 from ._camera import Camera
 from ._camera import native as native_camera
 from ._gaussians import Gaussians
-from ._snapshot import Snapshot
+from ._snapshot import Snapshot, as_snapshot
 from ._types import (
     Axis,
     Bytes8,
@@ -399,7 +399,7 @@ class Model:
         threads : int, optional
             Threads; the particles do not depend on them.
         progress : bool or callable, optional
-            True for a bar of tqdm's, or a function of (phase, done, total).
+            True for a bar (tqdm's where it is there), or a function of (phase, done, total).
 
         Returns
         -------
@@ -409,6 +409,147 @@ class Model:
         names = _coerce.names(layers)
         native = self._native.recover(n, method, scale, seed, names, threads, _coerce.progress(progress))
         return Snapshot._of(native)
+
+    # What the command's verbs do.
+
+    def simplify(
+        self,
+        *,
+        ratio: Optional[float] = None,
+        size: Union[int, str, None] = None,
+        gaussians: Optional[int] = None,
+        threads: Optional[int] = None,
+        progress: Progress = None,
+    ) -> Model:
+        """A smaller model of the same, without the particles: as the command's ``simplify``.
+
+        Parameters
+        ----------
+        ratio, size, gaussians : float, int or str, int
+            One of them, as for `compress`.
+        """
+        given = (ratio, _coerce.bytes_of(size), gaussians)
+        return Model._of(_particlegs.simplify(self._native, *given, threads, _coerce.progress(progress)))
+
+    def merge(self, *others: Model, threads: Optional[int] = None, progress: Progress = None) -> Model:
+        """One model of this one and others, such as of parts of a box: their coded blocks are copied, exactly."""
+        parts = [self._native, *(other._native for other in others)]
+        return Model._of(_particlegs.merge(parts, threads, _coerce.progress(progress)))
+
+    def eval(
+        self,
+        snapshot: Union[Snapshot, ArrayLike],
+        *,
+        frames: int = 8,
+        size: tuple[int, int] = (1920, 1080),
+        seed: int = 42,
+        threads: Optional[int] = None,
+        progress: Progress = None,
+    ) -> dict[str, Any]:
+        """Scores of the model's pictures against those of all particles: as the command's ``eval``.
+
+        Parameters
+        ----------
+        snapshot : Snapshot or array_like, shape (n, 3)
+            The particles.
+        frames : int
+            Views an orbit, of three.
+        size : (int, int)
+            Width and height of the pictures in pixels.
+        seed : int
+            Of the views, their radii and opacities.
+
+        Returns
+        -------
+        dict
+            ``views``, ``by_orbit`` and ``mean``: PSNR and masked PSNR in dB, and SSIM, beside those of trivial pictures.
+        """
+        native = as_snapshot(snapshot)._native
+        pixels = _coerce.size_of(size)
+        told = _particlegs.evaluate(self._native, native, frames, pixels, seed, threads, _coerce.progress(progress))
+        scores: dict[str, Any] = json.loads(told)
+        return scores
+
+    def verify(
+        self,
+        snapshot: Union[Snapshot, ArrayLike],
+        *,
+        full: bool = False,
+        threads: Optional[int] = None,
+        progress: Progress = None,
+    ) -> dict[str, Any]:
+        """Measures the certificate again on the particles that the model was made of: as the command's ``verify``.
+
+        Parameters
+        ----------
+        snapshot : Snapshot or array_like, shape (n, 3)
+            The particles.
+        full : bool
+            Measure what a full certificate has, whatever the file's is.
+
+        Returns
+        -------
+        dict
+            ``measured``, a certificate; ``differing``, the file's figures that are not what was measured, a line each.
+
+        Raises
+        ------
+        InputError
+            For other particles than those that the model was made of.
+        """
+        native = as_snapshot(snapshot)._native
+        told = _particlegs.verify(self._native, native, full, threads, _coerce.progress(progress))
+        return {"measured": json.loads(told[0]), "differing": told[1]}
+
+    def export(
+        self,
+        path: Path,
+        *,
+        kind: Optional[str] = None,
+        layers: Optional[Names] = None,
+        cells: Optional[int] = None,
+        radius: Optional[float] = None,
+        opacity: Optional[float] = None,
+        color: str = "grey",
+        overwrite: bool = False,
+        threads: Optional[int] = None,
+        progress: Progress = None,
+    ) -> int:
+        """Writes the model for other programs: as the command's ``export``.
+
+        Parameters
+        ----------
+        path : path
+            Its ending says what is written: splats (``.ply``, ``.glb``), the density in cells (``.npy``, ``.vti``,
+            ``.fits``), Gaussians (``.npz``, ``.csv``), or a page (``.html``).
+        kind : str, optional
+            The ending, where the name's says something else.
+        layers : sequence of str, optional
+            Layers to write; all by default.
+        cells : int, optional
+            Cells along the longest edge, 128 by default.
+        radius, opacity : float, optional
+            Of the particles that splats show; the model's by default.
+        color : {"grey", "layer", "density"}
+            Of splats.
+        overwrite : bool
+            Replace what is there.
+
+        Returns
+        -------
+        int
+            Bytes written.
+        """
+        asked = {
+            "kind": kind,
+            "layers": _coerce.names(layers),
+            "cells": cells,
+            "radius": radius,
+            "opacity": opacity,
+            "color": color,
+            "overwrite": overwrite,
+        }
+        return _particlegs.export(self._native, os.fspath(path), asked, threads, _coerce.progress(progress))
 
     # What a notebook shows.
 

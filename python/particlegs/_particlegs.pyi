@@ -49,6 +49,8 @@ class Snapshot:
     def metadata(self) -> str: ...
     @property
     def drawn(self) -> Optional[str]: ...
+    def of_species(self, name: str) -> Snapshot: ...
+    def region(self, low: list[float], high: list[float], threads: Optional[int] = None) -> Snapshot: ...
     def save(
         self, path: _Path, overwrite: bool = False, threads: Optional[int] = None, progress: _Progress = None
     ) -> int: ...
@@ -161,3 +163,27 @@ def stats(
     threads: Optional[int] = None,
     progress: _Progress = None,
 ) -> str: ...
+def simplify(
+    model: Model,
+    ratio: Optional[float] = None,
+    size: Optional[int] = None,
+    gaussians: Optional[int] = None,
+    threads: Optional[int] = None,
+    progress: _Progress = None,
+) -> Model: ...
+def merge(models: Sequence[Model], threads: Optional[int] = None, progress: _Progress = None) -> Model: ...
+def evaluate(
+    model: Model,
+    snapshot: Snapshot,
+    frames: int,
+    size: tuple[int, int],
+    seed: int,
+    threads: Optional[int] = None,
+    progress: _Progress = None,
+) -> str: ...
+def verify(
+    model: Model, snapshot: Snapshot, full: bool, threads: Optional[int] = None, progress: _Progress = None
+) -> tuple[str, list[str]]: ...
+def export(
+    model: Model, path: _Path, asked: _Asked, threads: Optional[int] = None, progress: _Progress = None
+) -> int: ...

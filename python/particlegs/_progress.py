@@ -1,16 +1,42 @@
-"""A progress bar."""
+"""Progress: a bar of tqdm's where it is installed, else plain text."""
 
 from __future__ import annotations
 
-from typing import Any, Optional
+import sys
+from typing import Any, Callable, Optional
+
+
+def shown() -> Callable[[str, int, int], object]:
+    """What is told of progress by (phase, done, total), and shows it."""
+    try:
+        from tqdm.auto import tqdm
+    except ImportError:
+        return Text()
+    return Bar(tqdm)
+
+
+class Text:
+    """A line on standard error: on a terminal the phase that is on and its share, elsewhere a line a phase."""
+
+    def __init__(self) -> None:
+        self._last = ""
+
+    def __call__(self, phase: str, done: int, total: int) -> None:
+        terminal = sys.stderr.isatty()
+        share = f" {100 * done // total} %" if terminal and total else ""
+        if phase + share == self._last:
+            return
+        self._last = phase + share
+        sys.stderr.write(f"\r\x1b[K{self._last}" if terminal else f"{phase}\n")
+        if terminal and total and done >= total:
+            sys.stderr.write("\r\x1b[K")
+        sys.stderr.flush()
 
 
 class Bar:
     """A bar of tqdm's for the phase that is on, told of by (phase, done, total)."""
 
-    def __init__(self) -> None:
-        from tqdm.auto import tqdm
-
+    def __init__(self, tqdm: Any) -> None:
         self._tqdm = tqdm
         self._bar: Any = None
         self._phase: Optional[str] = None

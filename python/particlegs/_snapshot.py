@@ -221,13 +221,13 @@ class Snapshot:
         return self._native.weights
 
     @property
-    def masses(self) -> Union[float, Float64, None]:
-        """Masses: one number, an array (n,) of float64, or None where they are not known."""
+    def masses(self) -> Optional[Float64]:
+        """Masses, float64, (n,), read-only where all are one; None where they are not known."""
         weights, layers = self.weights, self._native.layers
         if any(unit is None and not weighted for _, _, _, unit, weighted in layers):
             return None
         if weights is None and len({unit for _, _, _, unit, _ in layers}) == 1:
-            return layers[0][3]
+            return np.broadcast_to(np.float64(layers[0][3] or 0.0), (len(self),))
         masses = np.empty(len(self))
         for _, first, end, unit, weighted in layers:
             if weighted and weights is not None:
@@ -235,6 +235,32 @@ class Snapshot:
             else:
                 masses[first:end] = unit
         return masses
+
+    def __getitem__(self, species: str) -> Self:
+        """The particles of a species, such as ``snap["gas"]``: by the name of a layer, a type's (``dm``) or number."""
+        if not isinstance(species, str):
+            raise TypeError("a snapshot is divided by the name of a species; positions and masses are arrays")
+        return self._of(self._native.of_species(species))
+
+    def region(self, low: Any, high: Any, *, threads: Optional[int] = None) -> Self:
+        """The particles within a box, as the command's ``--region``.
+
+        Parameters
+        ----------
+        low, high : float or array_like, shape (3,)
+            Corners: world units, or in a unit that they carry. A region that reaches beyond a periodic box wraps around.
+
+        Returns
+        -------
+        Snapshot
+
+        Raises
+        ------
+        InputError
+            For corners in the wrong order, and where there are no particles.
+        """
+        corners = [_coerce.lengths(corner, self.length_unit, "a corner") for corner in (low, high)]
+        return self._of(self._native.region(corners[0], corners[1], threads))
 
     @property
     def layers(self) -> dict[str, slice]:

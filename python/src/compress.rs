@@ -133,7 +133,9 @@ pub fn compress(
     let made = How { threads, progress }.run(py, |progress| run(particles, &options, &mut NoPieces, progress))?;
     // Of the line that calls the package, not of the package's own.
     const CALLER: i32 = 2;
-    for note in made.notes {
+    let (certificate, unit) = (made.model.certificate.as_ref(), made.model.metadata.units.length_text());
+    let differing = certificate.map_or_else(Vec::new, |c| c.differing_layers(&made.model.layers, unit));
+    for note in made.notes.into_iter().chain(differing) {
         PyErr::warn(py, &py.get_type::<PyUserWarning>(), &CString::new(note)?, CALLER)?;
     }
     Ok(Model::new(made.bytes, made.model, name))

@@ -43,7 +43,9 @@ fn in_words(remedy: &Remedy) -> String {
         Remedy::ChooseSpecies => "choose fewer with species=".into(),
         Remedy::NameFormat(formats) => format!("format= forces one of: {formats}"),
         Remedy::NameFormatOfFolder => "name one of them; format= leaves files of other formats out".into(),
-        Remedy::NameBlocks => "blocks=[\"POS\", \"VEL\", \"ID\", \"-\", \"MASS\"] names the blocks behind the header".into(),
+        Remedy::NameBlocks => {
+            "blocks=[\"POS\", \"VEL\", \"ID\", \"-\", \"MASS\"] names the blocks behind the header".into()
+        }
         Remedy::NamePositions(there) => format!("positions=\"A,B,C\" names them; there are: {}", there.join(", ")),
         Remedy::ChoosePositions(there) => format!("choose with positions=: {}", there.join(", ")),
         Remedy::ReadFrame(frame) => format!("frame={frame} reads the last whole frame"),

@@ -13,6 +13,7 @@ mod model;
 mod pictures;
 mod snapshot;
 mod stats;
+mod verbs;
 mod work;
 
 use pyo3::prelude::*;
@@ -31,5 +32,10 @@ fn _particlegs(py: Python<'_>, m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(compress::compress, m)?)?;
     m.add_function(wrap_pyfunction!(pictures::density_range, m)?)?;
     m.add_function(wrap_pyfunction!(stats::stats, m)?)?;
+    m.add_function(wrap_pyfunction!(verbs::simplify, m)?)?;
+    m.add_function(wrap_pyfunction!(verbs::merge, m)?)?;
+    m.add_function(wrap_pyfunction!(verbs::evaluate, m)?)?;
+    m.add_function(wrap_pyfunction!(verbs::verify, m)?)?;
+    m.add_function(wrap_pyfunction!(verbs::export, m)?)?;
     Ok(())
 }

@@ -49,6 +49,16 @@ impl Model {
         Model { bytes, model, name, scratch: parallel::Scratch::default(), gaussians: OnceLock::new() }
     }
 
+    /// The file's bytes.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// The file's name, or that of the snapshot.
+    pub fn called(&self) -> &str {
+        &self.name
+    }
+
     pub fn inner(&self) -> &particlegs::model::Model {
         &self.model
     }

@@ -6,11 +6,11 @@ use crate::pictures::{self, CameraArgs, Looking};
 use crate::work::How;
 use numpy::ndarray::ArrayView;
 use numpy::{PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
-use particlegs::model::{Cosmology, Epoch, Layer, Units};
+use particlegs::model::{Cosmology, Epoch, Layer, Units, is_species};
 use particlegs::particles::{Kept, Layered, Particles, Positions, Selection, SnapshotMeta, Storage, Tiling};
 use particlegs::picture::Size;
 use particlegs::reference::Reference;
-use particlegs::space::Cell;
+use particlegs::space::{Bounds, Cell};
 use particlegs_formats::Writer;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -208,6 +208,39 @@ impl Snapshot {
             (l.name.clone(), l.content.start, l.content.end, l.mass.unit(), l.mass.is_weighted())
         };
         self.particles.layers().iter().map(told).collect()
+    }
+
+    /// The particles of a species.
+    fn of_species(&self, name: &str) -> PyResult<Snapshot> {
+        let layers = self.particles.layers();
+        let called: Vec<_> = layers.iter().filter(|l| l.name == name).collect();
+        let of_species = || layers.iter().filter(|l| is_species(&l.name, name)).collect();
+        let found: Vec<_> = if called.is_empty() { of_species() } else { called };
+        let [layer] = found[..] else {
+            let all: Vec<&str> = layers.iter().map(|l| &l.name[..]).collect();
+            let what = format!("no species, or several, \"{name}\": there are {}", all.join(", "));
+            return Err(InputError::new_err(what));
+        };
+        let mut read = self.read.clone();
+        read.insert("particle-type".into(), layer.name.clone());
+        let particles = self
+            .particles
+            .of_layer(layer)
+            .with_layers(vec![Layer { content: 0..layer.content.len(), ..layer.clone() }]);
+        Ok(Snapshot { drawn: self.drawn.clone(), ..Snapshot::of(particles, read) })
+    }
+
+    /// The particles within a box.
+    #[pyo3(signature = (low, high, threads=None))]
+    fn region(&self, py: Python<'_>, low: [f64; 3], high: [f64; 3], threads: Option<usize>) -> PyResult<Snapshot> {
+        let selection =
+            Selection { crop: Some(Bounds { min: low, max: high }), ..Selection::all() }.check().or_raise()?;
+        let particles =
+            How::quietly(threads).run(py, |progress| self.particles.select(selection, &Storage::Memory, progress))?;
+        let mut read = self.read.clone();
+        let corners = [low[0], high[0], low[1], high[1], low[2], high[2]].map(|v| v.to_string());
+        read.insert("region".into(), corners.join(","));
+        Ok(Snapshot { drawn: self.drawn.clone(), ..Snapshot::of(particles, read) })
     }
 
     /// What is known of the particles, as JSON.

@@ -78,11 +78,11 @@ def test_positions_far_from_zero_keep_their_digits():
 
 def test_masses_and_weights(rows):
     each = pg.Snapshot(rows, masses=2.5, mass_units="Msun")
-    assert each.masses == 2.5 and each.weights is None and each.mass_unit == "Msun"
+    assert np.array_equal(each.masses, np.full(1000, 2.5)) and each.weights is None and each.mass_unit == "Msun"
     own = np.linspace(1, 2, 1000)
     several = pg.Snapshot(rows, masses=own)
     assert np.allclose(several.masses, own) and several.weights.dtype == np.float32
-    assert pg.Snapshot(rows, masses=np.full(1000, 3.0)).masses == 3.0
+    assert np.array_equal(pg.Snapshot(rows, masses=np.full(1000, 3.0)).masses, np.full(1000, 3.0))
     relative = pg.Snapshot(rows, weights=own, masses=10.0)
     assert np.allclose(relative.masses, 10 * own, rtol=1e-6)
     assert pg.Snapshot(rows).masses is None

@@ -87,6 +87,13 @@ def test_a_bar_of_tqdm(capsys):
     assert "%" in capsys.readouterr().err
 
 
+def test_text_without_tqdm(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "tqdm.auto", None)
+    pg.compress(CLUSTERED, gaussians=500, effort="fast", certificate="none", progress=True)
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) > 1 and all(a != b for a, b in zip(lines, lines[1:]))
+
+
 def _sum(model):
     return int(model.render(size=(64, 36)).sum())
 

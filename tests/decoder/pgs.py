@@ -268,6 +268,7 @@ SCORES = ["score"] * 5
 LOOK = [("B", (0, 2)), *SCORES, *SCORES]
 CELLS = [("f", TINY), ("f", RATIO), ("f", ERROR), ("f", ERROR)]
 POWER = [("f?", REAL), "up to"]
+LAYERS = [("d", REAL), ("I", COUNT), *[("f", REAL)] * 4]
 GROUPS = {
     1: [("H", SOME), ("H", SOME), ("Q", COUNT), *SCORES * 9],
     2: [("H", SOME), *CELLS[1:]],
@@ -295,6 +296,8 @@ def certificate(content):
         raw[tag] = value
         if tag == 5:
             found[tag] = figures(value, POWER * min(max(length // 8, 1), 9))
+        elif tag == 14:
+            found[tag] = figures(value, LAYERS * min(length // 28, 7))
         elif tag in GROUPS:
             found[tag] = figures(value, GROUPS[tag])
     check(1 in found and 2 in found, "a group is missing")

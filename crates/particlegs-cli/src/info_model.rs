@@ -328,9 +328,10 @@ pub fn verdict(findings: &[Finding]) -> String {
 
 /// The verdict on a model that was just written to `place`, in at most nine lines, and as data; tells unasked what a user
 /// must know of a poor model, whose pictures or density do not clearly beat trivial ones, and what helps.
-pub fn told(
+pub fn told<T>(
     c: Option<&Certificate>,
     metadata: &Metadata,
+    layers: &[Layer<T>],
     place: &Path,
     progress: &dyn Progress,
 ) -> (String, Vec<Finding>) {
@@ -344,6 +345,8 @@ pub fn told(
              no ratio (docs/guide/certificate.md)",
         );
     }
+    let differing = c.map_or_else(Vec::new, |c| c.differing_layers(layers, metadata.units.length_text()));
+    differing.iter().for_each(|what| progress.message(&format!("warning: {what}")));
     let short = if c.is_some() { in_short(&v) } else { String::new() };
     (format!("{short}\nparticlegs info {} shows the rest", place.display()), v)
 }

@@ -209,7 +209,7 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
     }
     let (raw_bytes, gaussians) = (particles.raw_bytes(), model.gaussians());
     let ratio = raw_bytes as f64 / bytes.len() as f64;
-    let (told, _) = info_model::told(certificate, &model.metadata, a.output(), context);
+    let (told, _) = info_model::told(certificate, &model.metadata, &model.layers, a.output(), context);
     let text = format!(
         "{place}: is there already, made of this snapshot by the same options: {} particles -> {gaussians} Gaussians, \
          {} bytes, ratio {ratio:.1}{told}",
@@ -239,7 +239,8 @@ fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> 
     if a.fit.is_fast() {
         text += "\n--effort fast: fewer small groups than default from ratio 300 on (docs/results/recovery.md)";
     }
-    let (told, verdict) = info_model::told(done.model.certificate.as_ref(), &done.model.metadata, a.output(), context);
+    let Model { certificate, metadata, layers } = &done.model;
+    let (told, verdict) = info_model::told(certificate.as_ref(), metadata, layers, a.output(), context);
     text += &told;
     let value = json!({
         "output": a.output().to_string_lossy(), "particles": done.model.metadata.count, "gaussians": gaussians,

@@ -167,7 +167,7 @@ fn report(
     );
     text += &run_args::trained(done);
     let certificate = done.model.certificate.as_ref();
-    let (told, verdict) = info_model::told(certificate, &done.model.metadata, out, context);
+    let (told, verdict) = info_model::told(certificate, &done.model.metadata, &done.model.layers, out, context);
     text += &told;
     let value = json!({
         "output": out.to_string_lossy(), "gaussians_in": gaussians_in, "gaussians": gaussians, "model_bytes_in": bytes_in,

@@ -106,7 +106,9 @@ pub fn run(a: Arguments) -> Result<()> {
     );
     // A job's file is measured; one of files has no certificate, and nothing is said of it.
     if info.certificate.is_some() {
-        text += &crate::info_model::told(info.certificate.as_ref(), &info.metadata, &report.output, &context).0;
+        text +=
+            &crate::info_model::told(info.certificate.as_ref(), &info.metadata, &info.layers, &report.output, &context)
+                .0;
     }
     context.finish(&text, &report)
 }

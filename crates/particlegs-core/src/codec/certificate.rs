@@ -193,7 +193,7 @@ impl MetricVisitor for Decoder<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{Limit, MassPower, Sample};
+    use crate::model::{LayerRatios, Limit, MassPower, Sample};
     use crate::space::Bounds;
     use proptest::prelude::*;
 
@@ -297,7 +297,14 @@ mod tests {
     fn sizes_are_those_of_what_is_written() {
         let none = Certificate::default();
         let size = |level| size(level, &none);
-        let mut full = Certificate { mass_power: None, sample: None, blocks: None, goal: None, ..random(1, true) };
+        let mut full = Certificate {
+            mass_power: None,
+            sample: None,
+            blocks: None,
+            goal: None,
+            layer_ratios: None,
+            ..random(1, true)
+        };
         agreed(&mut full);
         let quick = Certificate { groups: None, held_out: None, pictures: None, ..full };
         let blocks = Certificate { spacing: None, subset: None, blocks: Some(3), ..quick };
@@ -308,8 +315,14 @@ mod tests {
         // They are a part of small files.
         assert!(size(CertificateLevel::Quick) <= 400 && size(CertificateLevel::Full) <= 1200);
         let sample = Some(Sample::default());
-        let large = Certificate { sample, mass_power: Some(MassPower::of_layers(2)), ..none };
-        assert_eq!(super::size(CertificateLevel::Full, &large), size(CertificateLevel::Full) + 3 + 56 + 3 + 3 * 8);
+        let large = Certificate {
+            sample,
+            mass_power: Some(MassPower::of_layers(2)),
+            layer_ratios: LayerRatios::of_layers(2),
+            ..none
+        };
+        let beside = 3 + 56 + 3 + 3 * 8 + 3 + 28;
+        assert_eq!(super::size(CertificateLevel::Full, &large), size(CertificateLevel::Full) + beside);
     }
 
     #[test]

@@ -11,7 +11,8 @@ use super::sums::compensated;
 use super::wire::Reader;
 use super::{Encoder, Precision, certificate, metadata, streams, vizmapper};
 use crate::model::{
-    Certificate, CertificateLevel, LawKind, Layer, Mass, MassPower, Metadata, Model, SAMPLED_ABOVE, Sample, VizMapper,
+    Certificate, CertificateLevel, LawKind, Layer, LayerRatios, Mass, MassPower, Metadata, Model, SAMPLED_ABOVE,
+    Sample, VizMapper,
 };
 use crate::space::Cell;
 use crate::{Error, Result, parallel};
@@ -228,7 +229,9 @@ pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, l
             SECTION_BYTES + certificate::size(CertificateLevel::Blocks, &Certificate::default())
         }
         level => {
-            SECTION_BYTES + certificate::size(level, &Certificate { mass_power, sample, ..Certificate::default() })
+            let layer_ratios = LayerRatios::of_layers(layers.len());
+            let like = Certificate { mass_power, sample, layer_ratios, ..Certificate::default() };
+            SECTION_BYTES + certificate::size(level, &like)
         }
     };
     let heads: usize = layers.iter().map(|l| SECTION_BYTES + 5 + l.name.len() + SECTION_BYTES * l.content).sum();

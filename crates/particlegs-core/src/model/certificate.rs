@@ -3,8 +3,9 @@
 use super::metric::{Group, MetricField, MetricVisitor, RequiredGroup, record};
 use super::metrics::{CELL_NAMES, CLASS_NAMES};
 use super::{
-    CellDensity, CrossValidation, DensityMetrics, GoalResult, GroupClass, MassPower, Metric, MetricEntry, MetricGroup,
-    MetricValue, Pictures, Sample, ScienceMetrics, Spacing, Subset, ViewMetrics,
+    CellDensity, CrossValidation, DensityMetrics, GoalResult, GroupClass, Layer, LayerRatio, LayerRatios, MassPower,
+    Metric, MetricEntry, MetricGroup, MetricValue, Pictures, Sample, ScienceMetrics, Spacing, Subset, ViewMetrics,
+    species_title,
 };
 use crate::model::{Coding::Whole, Tolerance};
 use std::convert::Infallible;
@@ -79,6 +80,9 @@ record! {
             Metric::new("blocks", Whole(4)).tolerance(Tolerance::Any));
         /// What was asked for, and what the file reached.
         goal: Option<GoalResult> = group(MetricGroup::GOAL, SOME, ["goal", "asked for"], "");
+        /// How layers go together, where there are several.
+        layer_ratios: Option<LayerRatios> = group(14, SOME,
+            ["layers", "ratio of masses to the first layer's from cell to cell, dex"], "");
     }
 }
 
@@ -106,6 +110,24 @@ impl Certificate {
             return Err("cells that are not twice as long as those before".into());
         }
         Ok(())
+    }
+
+    /// What a user should know of layers whose ratio stands out of the noise ([`LayerRatio::stands_out`]), a line each;
+    /// `unit` is that of length.
+    pub fn differing_layers<T>(&self, layers: &[Layer<T>], unit: Option<&str>) -> Vec<String> {
+        let ratios = self.layer_ratios.iter().flat_map(|r| r.to_first);
+        let mut names = layers.iter().map(|l| species_title(&l.name));
+        let first = names.next().unwrap_or_default();
+        let named = ratios.zip(names).filter_map(|(ratio, name)| Some((ratio?, name)));
+        let unit = unit.map_or(String::new(), |u| format!(" {u}"));
+        let words = |(r, name): (LayerRatio, String)| {
+            format!(
+                "{first} and {name} differ where the particles do not: in cells of {:.3}{unit} their ratio is off by {:.3} \
+                 dex, where sampling noise is {:.3}; a larger file helps",
+                r.edge, r.error, r.noise
+            )
+        };
+        named.filter(|(ratio, _)| ratio.stands_out()).map(words).collect()
     }
 
     /// Every group of figures in the order of the file; `None` where it was not measured.
@@ -146,5 +168,34 @@ impl MetricVisitor for List {
 
     fn leave(&mut self) {
         self.row.pop();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Mass;
+
+    #[test]
+    fn layers_that_differ_beyond_twice_the_noise_are_told() {
+        let layers = ["PartType0", "PartType1", "PartType4"].map(|name| Layer {
+            name: name.into(),
+            mass: Mass::Unknown,
+            content: (),
+        });
+        let mut ratios = LayerRatios::of_layers(3).unwrap();
+        let ratio = |error| LayerRatio { edge: 0.39, cells: 100, noise: 0.024, error, ..LayerRatio::default() };
+        (ratios.to_first[0], ratios.to_first[1]) = (Some(ratio(0.064)), Some(ratio(0.047)));
+        let c = Certificate { layer_ratios: Some(ratios), ..Certificate::default() };
+        assert_eq!(
+            c.differing_layers(&layers, Some("Mpc/h")),
+            [
+                "gas and dark matter differ where the particles do not: in cells of 0.390 Mpc/h their ratio is off by 0.064 \
+              dex, where sampling noise is 0.024; a larger file helps"
+            ]
+        );
+        assert_eq!(Certificate::default().differing_layers(&layers, None), [""; 0]);
+        assert_eq!(LayerRatios::of_layers(1), None);
+        assert_eq!(LayerRatios::of_layers(12).unwrap().to_first.iter().flatten().count(), 7);
     }
 }

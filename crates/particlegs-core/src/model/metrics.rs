@@ -28,6 +28,10 @@ pub(super) const CLASS_NAMES: [&str; GROUP_CLASSES.len()] =
 pub const POWER_LAYERS: usize = 8;
 const LAYER_NAMES: [&str; POWER_LAYERS] =
     ["layer 1", "layer 2", "layer 3", "layer 4", "layer 5", "layer 6", "layer 7", "layer 8"];
+const RATIO_NAMES: [&str; POWER_LAYERS - 1] = {
+    let [_, a, b, c, d, e, f, g] = LAYER_NAMES;
+    [a, b, c, d, e, f, g]
+};
 /// Particles up to which a snapshot's distances and groups are those of all; of larger ones those of a region
 /// ([`Sample`]).
 pub const SAMPLED_ABOVE: u64 = 3 << 20;
@@ -193,6 +197,50 @@ record! {
         largest_deviation: Option<f64> = Metric::new("largest deviation", OptionalF32).unit(MetricUnit::Share);
         /// It is within 1 % in every such shell up to this wave number.
         within_1_percent_to: Limit = Metric::new("within 1 %", UpTo);
+    }
+}
+
+record! {
+    /// How the masses of layers go together, from cell to cell: of species of one distribution their ratio is the same
+    /// everywhere.
+    LayerRatios {
+        /// Of the second layer and those after it, in the file's order, against the first.
+        to_first: [Option<LayerRatio>; POWER_LAYERS - 1] = RATIO_NAMES;
+    }
+}
+
+impl LayerRatios {
+    /// Of so many layers, where there are several; nothing is measured.
+    pub fn of_layers(layers: usize) -> Option<LayerRatios> {
+        let mut ratios = LayerRatios::default();
+        let pairs = layers.checked_sub(1).filter(|n| *n > 0)?.min(ratios.to_first.len());
+        ratios.to_first[..pairs].fill(Some(LayerRatio::default()));
+        Some(ratios)
+    }
+}
+
+record! {
+    /// The ratio of two layers' masses in cells that hold enough of both, as its logarithm to the base 10 (dex).
+    LayerRatio {
+        /// Edge of a cell, world units (the longest of the three): where the error stands out most.
+        edge: f64 = Metric::new("edge", F64).unit(MetricUnit::Length);
+        /// Such cells; none where the particles are too few.
+        cells: u32 = Metric::new("cells", Whole(4));
+        /// Standard deviation over the cells, of the model.
+        scatter: f64 = Metric::new("scatter", F32);
+        /// That of the particles.
+        particles_scatter: f64 = Metric::new("the particles'", F32);
+        /// Root mean square of the difference of the two.
+        error: f64 = Metric::new("error", F32);
+        /// What sampling adds to the particles'.
+        noise: f64 = Metric::new("sampling noise", F32);
+    }
+}
+
+impl LayerRatio {
+    /// Does the model differ by more than twice what sampling does?
+    pub fn stands_out(&self) -> bool {
+        self.error > 2.0 * self.noise
     }
 }
 

@@ -30,9 +30,10 @@ pub use metadata::{Cosmology, Epoch, Metadata, Quantity, QuantityKind, hex};
 pub use metric::{Coding, Metric, MetricEntry, MetricGroup, MetricUnit, MetricValue, Tolerance};
 pub(crate) use metric::{MetricField, MetricVisitor};
 pub use metrics::{
-    BANDS, CELL_SIZES, CellDensity, CrossValidation, DensityMetrics, GROUP_CLASSES, GroupClass, LookSummary, MassPower,
-    OrbitMetrics, PICTURE_OPACITIES, PICTURE_RADII, PICTURE_SETTINGS, POWER_LAYERS, PictureScore, PictureScores,
-    PictureSetting, Pictures, PowerAgreement, SAMPLED_ABOVE, Sample, Spacing, Subset, Transfer, ViewMetrics,
+    BANDS, CELL_SIZES, CellDensity, CrossValidation, DensityMetrics, GROUP_CLASSES, GroupClass, LayerRatio,
+    LayerRatios, LookSummary, MassPower, OrbitMetrics, PICTURE_OPACITIES, PICTURE_RADII, PICTURE_SETTINGS,
+    POWER_LAYERS, PictureScore, PictureScores, PictureSetting, Pictures, PowerAgreement, SAMPLED_ABOVE, Sample,
+    Spacing, Subset, Transfer, ViewMetrics,
 };
 pub use mixture::{Block, Mixture, Model};
 pub use network::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};

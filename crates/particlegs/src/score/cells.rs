@@ -132,19 +132,19 @@ fn compared([truth, model]: &[Masses; 2], edge: f64, particles: usize) -> CellDe
 }
 
 /// Mass in cells, x slowest.
-struct Masses {
+pub(super) struct Masses {
     cells: [usize; 3],
-    mass: Vec<f64>,
+    pub mass: Vec<f64>,
 }
 
 impl Masses {
-    fn of(field: Field) -> Masses {
+    pub fn of(field: Field) -> Masses {
         Masses { cells: field.grid.cells, mass: field.mass.into_iter().map(f64::from).collect() }
     }
 
-    /// Eight cells as one.
-    fn coarser(&self) -> Masses {
-        let cells = self.cells.map(|n| n / 2);
+    /// Eight cells as one; fewer where a number of cells is odd.
+    pub fn coarser(&self) -> Masses {
+        let cells = self.cells.map(|n| n.div_ceil(2));
         let mut mass = vec![0.0; cells.iter().product()];
         let (plane, row) = (self.cells[1] * self.cells[2], self.cells[2]);
         for (at, m) in self.mass.iter().enumerate() {

@@ -3,6 +3,7 @@
 use super::cells::cell_densities;
 use super::density::DensityAgreement;
 use super::evaluate::Comparison;
+use super::layers::layer_ratios;
 use super::matched::Tally;
 use super::pictures::{pictures, scores_of};
 use super::science::{linking, mass_power, numbers_agree_from, science};
@@ -96,6 +97,7 @@ impl Measure<'_> {
             pictures,
             blocks: None,
             goal: self.reached,
+            layer_ratios: layer_ratios(model, particles, &domain, progress)?,
         })
     }
 

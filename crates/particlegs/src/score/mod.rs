@@ -13,6 +13,7 @@ mod goal;
 mod halves;
 mod held_out;
 mod joined;
+mod layers;
 mod matched;
 mod mean;
 mod pictures;

@@ -1,0 +1,214 @@
+//! What the command's verbs do with models: `simplify`, `merge`, `eval`, `verify`, `export`.
+
+use crate::errors::{InputError, OrRaise, named};
+use crate::model::{Model, refuse};
+use crate::snapshot::Snapshot;
+use crate::work::How;
+use particlegs::codec::{self, Merge};
+use particlegs::compress::{self, Target};
+use particlegs::model::{Certificate, CertificateLevel, MetricValue};
+use particlegs::picture::Size;
+use particlegs::score;
+use particlegs_export::{Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats};
+use particlegs_export::{write_as_splats, write_density, write_gaussians};
+use particlegs_files::output::write_bytes;
+use particlegs_view::page::{ModelFile, offline};
+use pyo3::prelude::*;
+use serde_json::json;
+use std::path::PathBuf;
+
+/// A smaller model of the same, without the particles.
+#[pyfunction]
+#[pyo3(signature = (model, ratio=None, size=None, gaussians=None, threads=None, progress=None))]
+pub fn simplify(
+    py: Python<'_>,
+    model: &Model,
+    ratio: Option<f64>,
+    size: Option<u64>,
+    gaussians: Option<u64>,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Model> {
+    let target = match (ratio, size, gaussians) {
+        (Some(ratio), None, None) => Target::Ratio(ratio),
+        (None, Some(bytes), None) => Target::Size(bytes),
+        (None, None, Some(number)) => Target::Gaussians(number),
+        _ => return Err(InputError::new_err("one target: ratio, size or gaussians")),
+    };
+    let (whole, bytes) = (model.inner().clone(), model.bytes().len() as u64);
+    made(py, model.called(), How { threads, progress }, |progress| compress::simplify(whole, bytes, target, progress))
+}
+
+/// Several models as one: their coded blocks are copied.
+#[pyfunction]
+#[pyo3(signature = (models, threads=None, progress=None))]
+pub fn merge(
+    py: Python<'_>,
+    models: Vec<Py<Model>>,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Model> {
+    let parts: Vec<&Model> = models.iter().map(|m| m.get()).collect();
+    let name = parts.first().map_or("merged", |m| m.called());
+    made(py, name, How { threads, progress }, |progress| {
+        let mut merge = Merge::default();
+        parts.iter().try_for_each(|part| merge.add(part.bytes(), part.called(), progress))?;
+        merge.finish()
+    })
+}
+
+/// The model of a file that `work` makes.
+fn made(
+    py: Python<'_>,
+    name: &str,
+    how: How,
+    work: impl FnOnce(&dyn particlegs::progress::Progress) -> particlegs::Result<Vec<u8>> + Send,
+) -> PyResult<Model> {
+    let (bytes, model) = how.run(py, |progress| {
+        let bytes = work(progress)?;
+        let model = codec::decode_with(&bytes, name, progress)?;
+        Ok((bytes, model))
+    })?;
+    Ok(Model::new(bytes, model, name.into()))
+}
+
+/// Scores over views, as JSON.
+#[pyfunction]
+#[pyo3(signature = (model, snapshot, frames, size, seed, threads=None, progress=None))]
+pub fn evaluate(
+    py: Python<'_>,
+    model: &Model,
+    snapshot: &Snapshot,
+    frames: usize,
+    size: (usize, usize),
+    seed: u64,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    if !(1..=10_000).contains(&frames) {
+        return Err(InputError::new_err(format!("frames={frames} is outside 1 to 10000")));
+    }
+    let (whole, size) = (model.inner(), Size { width: size.0, height: size.1 });
+    let views = score::evaluation_views(&whole.metadata, size, seed, frames);
+    let scores = How { threads, progress }
+        .run(py, |progress| score::evaluate(whole, &snapshot.particles, &views, size, None, progress))?;
+    Ok(serde_json::to_string(&scores).expect("plain data"))
+}
+
+/// The certificate measured again, as JSON, and the figures of the file that differ from it.
+#[pyfunction]
+#[pyo3(signature = (model, snapshot, full, threads=None, progress=None))]
+pub fn verify(
+    py: Python<'_>,
+    model: &Model,
+    snapshot: &Snapshot,
+    full: bool,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(String, Vec<String>)> {
+    let (whole, particles) = (model.inner(), &*snapshot.particles);
+    let stored = whole.certificate;
+    let level = match &stored {
+        _ if full => CertificateLevel::Full,
+        Some(c) if c.pictures.is_some() => CertificateLevel::Full,
+        Some(c) if c.blocks.is_some() => CertificateLevel::Blocks,
+        _ => CertificateLevel::Quick,
+    };
+    let bare = codec::coded_layers(model.bytes(), model.called())
+        .and_then(|layers| {
+            let network = whole.vizmapper().map(|network| &**network);
+            codec::assemble_with(&whole.metadata, network, None, layers)
+        })
+        .or_raise()?;
+    let seed = stored.map_or(42, |c| c.views.seed);
+    let measured = How { threads, progress }.run(py, |progress| {
+        if particles.source_hash() != whole.metadata.source_hash {
+            let what = format!("it is not the snapshot that {} was made of", model.called());
+            return Err(particlegs::Error::input(&particles.meta.name, what));
+        }
+        compress::certify(whole, bare.len() as u64, particles, seed, level, progress)
+    })?;
+    let differing = stored.map_or_else(Vec::new, |stored| differing(&stored, &measured));
+    Ok((serde_json::to_string(&measured).expect("plain data"), differing))
+}
+
+/// Figures that are further apart than they may be, a line each.
+fn differing(stored: &Certificate, measured: &Certificate) -> Vec<String> {
+    let mut lines = Vec::new();
+    for ((group, stored), (_, measured)) in stored.groups().into_iter().zip(measured.groups()) {
+        let measured = measured.unwrap_or_default();
+        for (place, entry) in stored.into_iter().flatten().enumerate().filter(|e| e.1.value != MetricValue::None) {
+            let (metric, now) = (&entry.metric, measured.get(place).map_or(MetricValue::None, |e| e.value));
+            if metric.tolerance.is_passed(entry.value, now) {
+                let [stored, now] = [entry.value, now].map(|value| metric.in_words(value, None));
+                lines.push(format!(
+                    "{} {}: {} is stored as {stored}, measured {now}",
+                    group.name, entry.row, metric.name
+                ));
+            }
+        }
+    }
+    lines
+}
+
+/// What is exported of a model, as Python gives it.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Asked {
+    kind: Option<String>,
+    layers: Option<Vec<String>>,
+    cells: Option<usize>,
+    radius: Option<f64>,
+    opacity: Option<f64>,
+    color: String,
+    overwrite: bool,
+}
+
+/// Writes a model for another program; gives the bytes.
+#[pyfunction]
+#[pyo3(signature = (model, path, asked, threads=None, progress=None))]
+pub fn export(
+    py: Python<'_>,
+    model: &Model,
+    path: PathBuf,
+    asked: Asked,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<u64> {
+    let kind = asked.kind.as_deref().map(|name| named("kind", name)).transpose()?;
+    let kind = Kind::of(&path, kind).or_raise()?;
+    let color: ColorBy = named("color", &asked.color)?;
+    refuse(&path, asked.overwrite)?;
+    let shown = match &asked.layers {
+        None => model.inner().clone(),
+        Some(names) => model.inner().clone().only(names).or_raise()?,
+    };
+    let mut notes = Notes::new(kind, &shown, model.called());
+    How { threads, progress }.run(py, |progress| match kind.group() {
+        Group::Page if asked.layers.is_some() => {
+            Err(particlegs::Error::argument("a page holds the whole file, and switches layers itself: no layers="))
+        }
+        Group::Page => {
+            let html = offline(&[(ModelFile { name: model.called(), bytes: model.bytes() }, model.inner())], progress)?;
+            write_bytes(&path, &html).map(|()| html.len() as u64)
+        }
+        Group::Gaussians => write_gaussians(kind, &shown, &notes, &path, progress),
+        Group::Splats => {
+            let m = &shown.metadata;
+            let (radius, opacity) =
+                (asked.radius.unwrap_or(m.default_radius), asked.opacity.unwrap_or(m.default_opacity));
+            let coloring = Coloring::new(&shown, color, Default::default(), None)?;
+            notes.set("radius", radius);
+            notes.set("opacity", opacity);
+            coloring.describe(&shown, color, Default::default(), &mut notes);
+            let (splats, faint) = as_splats(shown, radius, opacity, progress)?;
+            notes.set("fainter_than_viewers_draw", json!(faint));
+            write_as_splats(kind, &splats, coloring.colors.as_deref(), &notes, &path, progress)
+        }
+        Group::Grid => {
+            let density = Density::of(&shown, asked.cells.map_or_else(Cells::default, Cells::Along), progress)?;
+            notes.set("density", json!({ "unit": density.unit, "total": density.total, "outside": density.outside }));
+            write_density(kind, &density, &notes, &path, progress)
+        }
+    })
+}
