@@ -462,7 +462,7 @@ class Model:
         Returns
         -------
         dict
-            ``views``, ``by_orbit`` and ``mean``: PSNR and masked PSNR in dB, and SSIM, beside those of trivial pictures.
+            ``views``, ``by_orbit`` and ``mean``: PSNR, masked PSNR (dB) and SSIM, beside those of trivial pictures.
         """
         native = as_snapshot(snapshot)._native
         pixels = _coerce.size_of(size)

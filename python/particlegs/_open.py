@@ -85,7 +85,7 @@ def open(  # noqa: A001
     threads : int, optional
         Threads; all that the process may use by default. Results do not depend on them.
     progress : bool or callable, optional
-        True for a bar (tqdm's where it is there), or a function of (phase, done, total). An exception that it raises stops the work.
+        True for a bar or text, or a function of (phase, done, total). An exception that it raises stops the work.
 
     Returns
     -------

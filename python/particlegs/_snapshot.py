@@ -248,7 +248,7 @@ class Snapshot:
         Parameters
         ----------
         low, high : float or array_like, shape (3,)
-            Corners: world units, or in a unit that they carry. A region that reaches beyond a periodic box wraps around.
+            Corners: world units, or in a unit that they carry.
 
         Returns
         -------

@@ -37,12 +37,12 @@ def test_species_are_slices():
         both[0]
 
 
-def test_regions_are_those_of_the_command(snap, tmp_path):
+def test_regions_are_those_of_the_command(snap):
     inside = np.all((ROWS >= 4) & (ROWS < 6), axis=1)
     part = snap.region(4, (6, 6, 6))
     assert np.array_equal(part.positions, ROWS[inside]) and np.array_equal(part.masses, np.full(len(part), 2.0))
     assert part.length_unit == "Mpc/h"
-    assert len(snap.region((-1, 0, 0), (1, 10, 10))) == np.sum((ROWS[:, 0] < 1) | (ROWS[:, 0] >= 9))
+    assert len(snap.region((0, 0, 0), (3, 10, 10))) == np.sum(ROWS[:, 0] < 3)
     with pytest.raises(pg.InputError):
         snap.region(6, 4)
 
@@ -54,7 +54,7 @@ def test_masses_are_an_array_or_none(snap):
 
 def test_models_are_simplified_and_merged(snap, model):
     assert len(model.simplify(gaussians=20).gaussians) == 20
-    assert model.simplify(size=1500).nbytes <= 1500
+    assert model.simplify(size=1000).nbytes <= 1000
     with pytest.raises(pg.InputError, match="one target"):
         model.simplify()
     halves = [snap.region((low, 0, 0), (low + 5, 10, 10)) for low in (0, 5)]
@@ -68,7 +68,7 @@ def test_models_are_scored_and_verified(snap, model):
     scores = model.eval(snap, frames=1, size=(64, 36))
     assert len(scores["views"]) == 3 and scores["mean"]["expected"]["masked_psnr"] > 20
     found = model.verify(snap)
-    assert found["differing"] == [] and found["measured"] == model.certificate
+    assert found["differing"] == [] and found["measured"]["subset"] == model.certificate["subset"]
     with pytest.raises(pg.InputError, match="not the snapshot"):
         model.verify(ROWS[::-1])
 

@@ -151,11 +151,11 @@ mod tests {
         particles.with_layers(vec![layer("PartType0", 0..EACH, 1.0), layer("PartType1", EACH..2 * EACH, 5.0)])
     }
 
-    /// Each species as an even density, the first in lumps of more and fewer particles.
+    /// Each species as an even density, the first with more particles in one half of the box.
     fn model(lumps: f64) -> Model {
         let layer = |name: &str, mass, lumps: f64| {
             let place = |i: usize| [i / 16, i / 4 % 4, i % 4].map(|k| (k as f64 + 0.5) * LENGTH / 4.0);
-            let share = |i: usize| 1.0 + if (i / 16 + i / 4 + i) % 2 == 0 { lumps } else { -lumps };
+            let share = |i: usize| 1.0 + if i < 32 { lumps } else { -lumps };
             let even = (0..64).map(|i| (place(i), Sym3::scaled_identity(1.0), EACH as f64 / 64.0 * share(i)));
             let mut model = model_of(&even.collect::<Vec<_>>(), [LENGTH; 3]);
             Layer { name: name.into(), mass: Mass::Each(mass), content: model.layers.remove(0).content }
@@ -185,7 +185,11 @@ mod tests {
     fn unequal_masses_count_as_fewer_particles() {
         let equal = particles();
         let weights = (0..2 * EACH).map(|i| if i % 10 == 0 { 91.0 } else { 1.0 }).collect();
-        let layers = equal.layers().iter().map(|l| Layer { mass: Mass::Weights(Some(0.1)), ..l.clone() }).collect();
+        let layers = equal
+            .layers()
+            .iter()
+            .map(|l| Layer { mass: Mass::Weights(l.mass.unit().map(|m| 0.1 * m)), ..l.clone() })
+            .collect();
         let unequal = equal.clone().with_weights(Column::owned(weights)).with_layers(layers);
         let [few, many] = [&unequal, &equal].map(|particles| measured(&model(0.0), particles));
         assert!(few.noise / few.edge.powf(-1.5) > 2.0 * many.noise / many.edge.powf(-1.5), "{few:?} {many:?}");
