@@ -78,7 +78,8 @@ fn results(sections: &[Section], provenance: &Provenance) -> String {
 }
 
 fn write_plot(folder: &Path, p: &Plot) -> Result<()> {
-    let Some(svg) = plot::svg(p) else { return Ok(()) };
+    let Some(mut svg) = plot::svg(p) else { return Ok(()) };
+    svg.retain(crate::figure::svg::is_of_xml);
     write_bytes(&folder.join(format!("{}.svg", p.name)), svg.as_bytes())?;
     let size = Size { width: plot::SIZE.0 as usize, height: plot::SIZE.1 as usize };
     let mut png = Rgb8 { size, data: vec![[0; 3]; size.pixels()] };

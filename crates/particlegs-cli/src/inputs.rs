@@ -1,6 +1,7 @@
 //! Inputs as commands want them: a model, or whichever of model and snapshot a path names.
 
 use crate::printable::one_line;
+use crate::progress::to_stderr;
 use crate::snapshot_args::SnapshotArgs;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
@@ -66,7 +67,7 @@ pub struct Early;
 
 impl Progress for Early {
     fn message(&self, text: &str) {
-        eprintln!("{}", one_line(text));
+        to_stderr(&one_line(text));
     }
 }
 

@@ -1,6 +1,7 @@
 //! A figure of two curves and, below it, their ratio in bands of 5 % and 10 %: as SVG and as PNG.
 
 use crate::canvas::Canvas;
+use crate::figure::svg::is_of_xml;
 use particlegs::Result;
 use particlegs::picture::superscript;
 use particlegs::picture::{Rgb8, Size, write_png};
@@ -63,6 +64,7 @@ pub fn write(folder: &Path, figure: &Figure<'_>) -> Result<()> {
     let size = Size { width: SIZE.0 as usize, height: SIZE.1 as usize };
     let mut png = Rgb8 { size, data: vec![[0; 3]; size.pixels()] };
     draw(Canvas::new(&mut png), figure);
+    svg.retain(is_of_xml);
     write_bytes(&folder.join(format!("{}.svg", figure.name)), svg.as_bytes())?;
     write_png(&folder.join(format!("{}.png", figure.name)), size, png.data.as_flattened())
 }

@@ -240,7 +240,8 @@ impl<W: Write + Send> Sink for Plain<W> {
     }
 }
 
-fn to_stderr(text: &str) {
+/// A line that is read by people; where standard error is full or closed the work goes on.
+pub fn to_stderr(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 

@@ -1,6 +1,7 @@
 //! What people and programs read: results on stdout, everything else on stderr.
 
 use crate::printable::{one_line, printable, printable_json};
+use crate::progress::to_stderr;
 use crate::remedies;
 use particlegs::Error;
 use serde::Serialize;
@@ -13,10 +14,10 @@ pub fn failure(error: &Error) -> ExitCode {
     if matches!(error, Error::Io { source, .. } if source.kind() == std::io::ErrorKind::BrokenPipe) {
         return ExitCode::SUCCESS;
     }
-    eprintln!("error: {}", one_line(&error.to_string().replace('\n', " ")));
+    to_stderr(&format!("error: {}", one_line(&error.to_string().replace('\n', " "))));
     let remedy = error.remedy();
     if !remedy.is_none() {
-        eprintln!("hint: {}", one_line(&remedies::in_words(&remedy)));
+        to_stderr(&format!("hint: {}", one_line(&remedies::in_words(&remedy))));
     }
     ExitCode::from(remedies::exit_code(error))
 }

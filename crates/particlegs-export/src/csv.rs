@@ -78,6 +78,8 @@ fn row(out: &mut String, one: &One<'_>, masses: bool, opacities: bool) {
 /// In quotes where a comma, a quote or a comment's sign would be taken for the table's own (RFC 4180).
 fn quoted(text: &str) -> String {
     let text = one_line(text);
+    // A name that a spreadsheet would take for a formula is a text by an apostrophe.
+    let text = if text.starts_with(['=', '+', '-', '@']) { format!("'{text}") } else { text };
     match text.contains([',', '"', '#', ';', '\t']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
         false => text,

@@ -93,7 +93,7 @@ impl Store {
         lasts: impl Fn(&T) -> bool,
     ) -> Result<T> {
         let path = self.path(kind, inputs, "json");
-        if let Some(kept) = std::fs::read(&path).ok().and_then(|text| serde_json::from_slice::<Kept<T>>(&text).ok()) {
+        if let Some(kept) = std::fs::read(&path).ok().and_then(|text| Kept::of(&text)) {
             self.kept_of.lock().unwrap_or_else(PoisonError::into_inner).insert(kept.commit);
             return Ok(kept.result);
         }
@@ -101,7 +101,8 @@ impl Store {
         if !lasts(&result) {
             return Ok(result);
         }
-        let text = serde_json::to_vec_pretty(&Written { inputs, commit: COMMIT, result: &result })
+        let text = Written { inputs, commit: COMMIT, result: &result }
+            .text()
             .map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
         write_bytes(&path, &text)?;
         Ok(result)
@@ -134,11 +135,36 @@ struct Written<'a, K, T> {
     result: &'a T,
 }
 
+impl<K: Serialize, T: Serialize> Written<'_, K, T> {
+    /// With a hash of the result, as a reader finds it.
+    fn text(&self) -> serde_json::Result<Vec<u8>> {
+        let mut all = serde_json::to_value(self)?;
+        // Numbers as they are read again, to the last bit.
+        let read: serde_json::Value = serde_json::from_slice(&serde_json::to_vec(&all)?)?;
+        all["hash"] = hash_of(&read).into();
+        serde_json::to_vec_pretty(&all)
+    }
+}
+
+/// BLAKE3 of a kept result's text.
+fn hash_of(all: &serde_json::Value) -> String {
+    blake3::hash(all["result"].to_string().as_bytes()).to_hex().to_string()
+}
+
 #[derive(serde::Deserialize)]
 struct Kept<T> {
     #[serde(default)]
     commit: Option<String>,
     result: T,
+}
+
+impl<T: DeserializeOwned> Kept<T> {
+    /// `None` of what is cut short or was altered: it is made again.
+    fn of(text: &[u8]) -> Option<Self> {
+        let all: serde_json::Value = serde_json::from_slice(text).ok()?;
+        let sound = all["hash"] == hash_of(&all);
+        sound.then(|| serde_json::from_value(all).ok()).flatten()
+    }
 }
 
 #[cfg(test)]
@@ -171,8 +197,16 @@ mod tests {
         assert_eq!(ask(&(1, "a"), 9.0), 4.0);
         // Those of another program are told.
         assert_eq!(store.of_others(), None);
-        std::fs::write(store.path("score", &(1, "a"), "json"), br#"{"commit":"abc123","result":4.0}"#).unwrap();
+        let mut other = serde_json::json!({ "commit": "abc123", "result": 4.0 });
+        other["hash"] = hash_of(&other).into();
+        let path = store.path("score", &(1, "a"), "json");
+        std::fs::write(&path, other.to_string()).unwrap();
         assert_eq!(ask(&(1, "a"), 9.0), 4.0);
         assert!(store.of_others().unwrap().ends_with("of commit abc123"));
+        // Altered, or without its hash: made again.
+        for altered in [other.to_string().replace("4.0", "5.0"), r#"{"result":5.0}"#.into()] {
+            std::fs::write(&path, altered).unwrap();
+            assert_eq!(ask(&(1, "a"), 6.125), 6.125);
+        }
     }
 }

@@ -82,7 +82,10 @@ pub struct Arguments {
 /// Does experiments and writes what they found.
 pub fn run(a: &Arguments) -> Result<()> {
     if a.name == "list" {
-        return crate::report::line(list().trim_end());
+        let context = a.common.clone().start()?;
+        context.reads(std::iter::empty(), false)?;
+        let value = |e: &Experiment| serde_json::json!({ "name": e.name, "title": e.title, "paper": e.paper, "trains": e.trains });
+        return context.finish(list().trim_end(), &EXPERIMENTS.iter().map(value).collect::<Vec<_>>());
     }
     if a.name == "gpu" {
         return gpu(a);

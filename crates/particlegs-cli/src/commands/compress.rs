@@ -191,9 +191,13 @@ impl Arguments {
     /// Draws the pictures that are asked for.
     fn write_pictures(&self, model: &Model, particles: &Particles, context: &Context) -> Result<()> {
         let Some(folder) = &self.pictures else { return Ok(()) };
-        for path in crate::pictures::write(folder, model, particles, context)? {
-            context.message(&format!("wrote {}", path.display()));
-        }
+        let written = crate::pictures::write(folder, model, particles, context).inspect_err(|_| {
+            context.message(&format!(
+                "note: the model is there, whole: {}; its pictures are not",
+                self.output().display()
+            ));
+        })?;
+        written.iter().for_each(|path| context.message(&format!("wrote {}", path.display())));
         Ok(())
     }
 }

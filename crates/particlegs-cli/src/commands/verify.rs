@@ -94,15 +94,15 @@ pub fn run(a: Arguments) -> Result<()> {
         ));
     }
     let of_several = source::is_of_several(&bytes, &model, &place)?;
-    let measured_again = match a.snapshot.is_empty() {
-        true => None,
-        false => Some(measure(&a, &model, &bytes, &context)?),
+    let (measured_again, source_differences) = match a.snapshot.is_empty() {
+        true => (None, Vec::new()),
+        false => measure(&a, &model, &bytes, &context)?,
     };
     let stored = model.certificate;
     let (verdict, figures) = match (&stored, &measured_again) {
         (_, None) => (Finding::unverified(), Vec::new()),
-        (None, Some((measured, _))) => (Finding::verdict(Some(measured), &model.metadata), Vec::new()),
-        (Some(stored), Some((measured, _))) => {
+        (None, Some(measured)) => (Finding::verdict(Some(measured), &model.metadata), Vec::new()),
+        (Some(stored), Some(measured)) => {
             let completes = agree::level_of(measured) != agree::level_of(stored);
             // Sums of blocks are rounded one by one.
             let exact = stored.blocks.is_none() && model.metadata.tool_version == env!("CARGO_PKG_VERSION");
@@ -110,8 +110,6 @@ pub fn run(a: Arguments) -> Result<()> {
             (Finding::verdict(Some(measured), &model.metadata), figures)
         }
     };
-    let source_differences = measured_again.as_ref().map_or_else(Vec::new, |m| m.1.clone());
-    let measured_again = measured_again.map(|m| m.0);
     let report = Report {
         model_bytes: bytes.len() as u64,
         law: model.metadata.law.name(),
@@ -220,7 +218,12 @@ fn text(r: &Report, model: &Model, of_several: bool, place: &str) -> String {
     for (what, lines) in [("impossible", &r.contradictions), ("hard to believe", &r.doubts)] {
         lines.iter().for_each(|line| text += &format!("{what}: {line}\n"));
     }
-    text + &info_model::verdict(&r.verdict)
+    match (&r.measured_again, &r.stored) {
+        (None, Some(_)) => {
+            text + "verdict: not verified: name the snapshot, and what the file says is measured again\n"
+        }
+        _ => text + &info_model::verdict(&r.verdict),
+    }
 }
 
 /// Stored and measured, a line a figure.
@@ -272,12 +275,21 @@ fn sums(model: &Model) -> (u64, f64) {
 
 /// The certificate of the same views, measured now, as the file rounds it, and where the file's metadata is not the
 /// snapshot's. An error where the snapshot is not the source.
-fn measure(a: &Arguments, model: &Model, bytes: &[u8], context: &Context) -> Result<(Certificate, Vec<[String; 3]>)> {
+fn measure(
+    a: &Arguments,
+    model: &Model,
+    bytes: &[u8],
+    context: &Context,
+) -> Result<(Option<Certificate>, Vec<[String; 3]>)> {
     let of_several = source::is_of_several(bytes, model, &name_of(&a.model))?;
     let without_certificate = with_certificate(&a.model, bytes, model, None)?.len() as u64;
     let subset = Subset { selection: &a.selection, window: &a.window, seed: a.common.seed };
     let particles: Particles = a.opening.open_selected(&a.snapshot, subset, context)?;
     source::check(model, of_several, &particles, &a.snapshot[0], &a.model)?;
+    let differences = compress::source_differences(model, of_several, &particles);
+    if !differences.is_empty() {
+        return Ok((None, differences));
+    }
     context.message("the snapshot is the one that the file was made of; measuring");
     let seed = model.certificate.map_or(a.common.seed, |c| c.views.seed);
     let stored = model.certificate.as_ref().map_or(CertificateLevel::Quick, agree::level_of);
@@ -285,5 +297,5 @@ fn measure(a: &Arguments, model: &Model, bytes: &[u8], context: &Context) -> Res
     let measured = compress::certify(model, without_certificate, &particles, seed, level, context)?;
     let file = with_certificate(&a.model, bytes, model, Some(&measured))?;
     let measured = codec::read_info(&file, &name_of(&a.model))?.certificate.unwrap_or(measured);
-    Ok((measured, compress::source_differences(model, of_several, &particles)))
+    Ok((Some(measured), differences))
 }

@@ -3,6 +3,7 @@
 use crate::common::{Common, Context};
 use crate::page_args::{DialArgs, PageArgs};
 use crate::printable::one_line;
+use crate::progress::to_stderr;
 use crate::remedies::of_option;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
 use crate::viewed::Viewed;
@@ -119,7 +120,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let quiet = a.common.quiet;
     let tell = |text: &str| {
         if !quiet {
-            eprintln!("{}", one_line(text));
+            to_stderr(&one_line(text));
         }
     };
     // The page shows what goes on from here.

@@ -17,7 +17,7 @@ mod pdf_font;
 pub mod png_file;
 mod raster;
 mod sheet;
-mod svg;
+pub mod svg;
 pub mod ticks;
 
 pub use image::Image;

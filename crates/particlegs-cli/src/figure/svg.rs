@@ -105,7 +105,12 @@ fn short(v: f64) -> String {
     if text == "-0" { "0".into() } else { text.into() }
 }
 
-/// Text within XML; control characters, which XML cannot hold, are left out.
+/// Can XML hold it?
+pub fn is_of_xml(c: char) -> bool {
+    !(c.is_control() && c != '\n' || matches!(c, '\u{fffe}' | '\u{ffff}'))
+}
+
+/// Text within XML; characters that it cannot hold are left out.
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -114,8 +119,8 @@ fn escaped(text: &str) -> String {
             '<' => out += "&lt;",
             '>' => out += "&gt;",
             '"' => out += "&quot;",
-            c if c.is_control() && c != '\n' => {}
-            c => out.push(c),
+            c if is_of_xml(c) => out.push(c),
+            _ => {}
         }
     }
     out

@@ -114,3 +114,12 @@ fn what_does_nothing_for_a_card_is_refused() {
     gpu(&["-o", "measured"], "`bench gpu` has no use for -o without --training");
     gpu(&["--training"], "takes a folder that keeps its checkpoint: -o DIR");
 }
+
+#[test]
+fn experiments_are_listed_as_data() {
+    let dir = tempfile::tempdir().unwrap();
+    let list = dir.path().join("list.json");
+    particlegs().args(["bench", "list", "--json"]).arg(&list).assert().success();
+    let told: serde_json::Value = serde_json::from_slice(&std::fs::read(&list).unwrap()).unwrap();
+    assert!(told.as_array().is_some_and(|all| all.len() > 5 && all[0]["name"].is_string()), "{told}");
+}

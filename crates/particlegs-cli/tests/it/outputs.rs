@@ -398,7 +398,10 @@ fn files_that_belong_together_appear_together() {
         let there = listing(folder.path());
         match said.status.code() {
             Some(0) => assert_eq!(there, ["comparison.png", "density.png", "m.pgs"]),
-            code => assert_eq!((code, &there[..]), (Some(6), &["m.pgs".to_string()][..]), "{blocks}"),
+            code => {
+                assert_eq!((code, &there[..]), (Some(6), &["m.pgs".to_string()][..]), "{blocks}");
+                assert!(String::from_utf8_lossy(&said.stderr).contains("the model is there, whole"), "{blocks}");
+            }
         }
         failed[1] += usize::from(!said.status.success());
     }
@@ -553,6 +556,23 @@ fn standard_output_that_is_full_or_closed() {
         let said = w.command(words, Path::new("")).stdout(writer).output().unwrap();
         assert_eq!(said.status.code(), Some(0), "{words}: {}", String::from_utf8_lossy(&said.stderr));
     }
+}
+
+/// Where standard error is full, words are lost and nothing else.
+#[test]
+fn standard_error_that_is_full() {
+    let w = Workshop::new();
+    for (words, code) in [("info m.pgs", 0), ("info nowhere", 6), ("convert snap", 2)] {
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let said = w.command(words, Path::new("")).stderr(full).output().unwrap();
+        assert_eq!(said.status.code(), Some(code), "{words}");
+    }
+    // An endless device is not copied for a format that it is not in.
+    crate::common::fails(
+        crate::common::particlegs().args(["info", "--format", "npy", "/dev/zero"]),
+        3,
+        "does not begin",
+    );
 }
 
 /// Killed in the middle, a conversion leaves the old columns; what it has left beside them goes with the

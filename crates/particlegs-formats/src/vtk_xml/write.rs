@@ -157,8 +157,10 @@ fn head(kept: &Kept<'_>, layers: &[Layer<Range<u64>>], layout: &Layout) -> Resul
 
 fn text(kept: &Kept<'_>, layers: &[Layer<Range<u64>>], layout: &Layout, xml: &mut String) -> std::fmt::Result {
     let count = kept.total();
-    // Two dashes would end a comment.
-    let shown = |text: &str| text.replace('-', "_").replace(char::is_control, "?");
+    // Two dashes would end a comment; XML cannot hold these letters.
+    let shown = |text: &str| {
+        text.replace('-', "_").replace(|c: char| c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}'), "?")
+    };
     if let Some(unit) = kept.meta().units.length_text() {
         writeln!(xml, "<!-- lengths in {} -->", shown(unit))?;
     }

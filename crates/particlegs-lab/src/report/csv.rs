@@ -25,18 +25,30 @@ pub fn csv(table: &Table) -> String {
     text
 }
 
+/// A name that a spreadsheet would take for a formula begins with an apostrophe, as a text does there; a number is none.
+fn as_text(cell: String) -> String {
+    let formula = cell.starts_with(['=', '+', '-', '@', '\t', '\r']) && cell.parse::<f64>().is_err();
+    if formula { format!("'{cell}") } else { cell }
+}
+
 fn line(text: &mut String, cells: impl Iterator<Item = String>) {
     let quoted = |cell: String| match cell.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", cell.replace('"', "\"\"")),
         false => cell,
     };
-    *text += &cells.map(quoted).collect::<Vec<_>>().join(",");
+    *text += &cells.map(as_text).map(quoted).collect::<Vec<_>>().join(",");
     *text += "\n";
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_are_no_formulas() {
+        let names = ["=1+1", "+a", "-a", "@a", "-1.5", "a=1"].map(|c| as_text(c.into()));
+        assert_eq!(names, ["'=1+1", "'+a", "'-a", "'@a", "-1.5", "a=1"]);
+    }
 
     #[test]
     fn cells_are_quoted_and_spreads_have_columns() {

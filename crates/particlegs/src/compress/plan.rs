@@ -13,6 +13,7 @@ use crate::model::{Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata
 use crate::particles::{Layered, check_box};
 use crate::picture::Size;
 use crate::progress::Progress;
+use crate::score::check_radius;
 use crate::space::Bounds;
 use crate::train::Config;
 use crate::{Error, Remedy, Result};
@@ -79,6 +80,9 @@ impl Plan {
             notes: no_box.into_iter().chain(outside).collect(),
         };
         if alpha { plan.has_room() } else { Ok(()) }?;
+        if plan.certificate.measures() {
+            check_radius(&plan.metadata, plan.recipe().seed)?;
+        }
         options.target.choice_in_words(plan.raw_bytes()).iter().for_each(|words| progress.message(words));
         Ok(plan)
     }

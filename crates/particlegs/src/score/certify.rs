@@ -9,7 +9,7 @@ use super::pictures::{pictures, scores_of};
 use super::science::{linking, mass_power, numbers_agree_from, science};
 use super::scope::Scope;
 use super::subset::Thinned;
-use super::{Frame, Joined, certificate_views, density_of};
+use super::{Frame, Joined, certificate_views, check_radius, density_of};
 use crate::Result;
 use crate::model::{
     Certificate, CertificateLevel, DensityMetrics, GROUP_CLASSES, GoalResult, GroupClass, Limit, Model, OrbitMetrics,
@@ -59,6 +59,7 @@ impl Measure<'_> {
     pub fn certificate(&self, model: &Model, bytes: u64, progress: &dyn Progress) -> Result<Certificate> {
         let &Measure { particles, seed, level, .. } = self;
         let m = &model.metadata;
+        check_radius(m, seed)?;
         if level == CertificateLevel::Blocks {
             let certificate = as_one_block(model, particles, seed, progress)?;
             return Ok(Certificate { goal: self.reached, ..certificate });

@@ -49,5 +49,6 @@ pub(crate) use sums::{Frame, Section};
 use truth::Truth;
 pub use verdict::{Finding, Use, Word};
 use views::certificate_views;
+pub(crate) use views::check_radius;
 pub use views::evaluation_views;
 use views::held_out_views;

@@ -5,6 +5,8 @@ use crate::camera::{Camera, ORBITS, View, base_distance, clipping_range, spiral}
 use crate::math::{Purpose, Random};
 use crate::model::Metadata;
 use crate::picture::Size;
+use crate::{Error, Result};
+use std::f64::consts::PI;
 
 /// Radius and opacity of the published views, in default radii and as such: lowest and highest.
 const RADIUS_RANGE: [f64; 2] = [0.25, 1.75];
@@ -31,6 +33,30 @@ pub fn held_out_views(model: &Metadata, size: Size, seed: u64, frames: usize) ->
 /// The certificate's: one an orbit, at the default radius and opacity.
 pub fn certificate_views(model: &Metadata, size: Size, seed: u64) -> Vec<View> {
     orbits(model, size, 1, |orbit| Random::of(Purpose::CertificateTurn, seed, orbit), |_| default_look(model))
+}
+
+/// Pixels that a particle may cover in a certificate's picture, and all of them together whatever the number.
+const COVERED: f64 = 4e3;
+/// See [`COVERED`].
+const COVERED_BY_ALL: f64 = 2e9;
+
+/// Refuses to measure pictures of particles so large that each covers much of a picture: it would take hours.
+///
+/// # Errors
+/// [`Error::Input`].
+pub(crate) fn check_radius(m: &Metadata, seed: u64) -> Result<()> {
+    let size = super::certify::SIZE;
+    // A splat ends at three radii.
+    let covered = |view: &View| (9.0 * PI * view.radius_pixels(size).powi(2)).min(size.pixels() as f64);
+    let most = certificate_views(m, size, seed).iter().map(covered).fold(0.0, f64::max);
+    if most * m.count as f64 <= COVERED_BY_ALL.max(COVERED * m.count as f64) {
+        return Ok(());
+    }
+    let what = format!(
+        "a particle radius of {} covers {most:.0} pixels of the pictures that are measured, by each of {} particles",
+        m.default_radius, m.count
+    );
+    Err(Error::input_with(&m.source, what, "choose a smaller radius, or no certificate"))
 }
 
 /// The certificate's from close up: three, as near as the reference pictures' `inside`.
@@ -113,6 +139,15 @@ mod tests {
         assert_eq!(sets[0], evaluation(42));
         assert_ne!(sets[0], evaluation(43));
         assert_eq!((sets[0][0].name.as_str(), sets[0][23].name.as_str()), ("far_00", "near_07"));
+    }
+
+    #[test]
+    fn radii_that_would_take_hours_are_refused() {
+        let m = |count, default_radius| Metadata { count, default_radius, ..model_of(&[], [50.0; 3]).metadata };
+        assert!(
+            [m(1 << 21, 0.016), m(1 << 21, 0.3), m(3000, 1.0), m(300, 1e9)].iter().all(|m| check_radius(m, 42).is_ok())
+        );
+        assert!([m(1 << 21, 10.0), m(3000, 1e9)].iter().all(|m| check_radius(m, 42).is_err()));
     }
 
     #[test]
