@@ -167,7 +167,8 @@ mod tests {
             let back = covariance([v[10], v[11], v[12]], [v[13], v[14], v[15], v[16]]);
             let mut want = g.cov_of(i).scale(frame.scale * frame.scale);
             // xz and yz.
-            [2, 4].map(|k| want.0[k] *= -1.0);
+            want.0[2] *= -1.0;
+            want.0[4] *= -1.0;
             for k in 0..6 {
                 assert!((back.0[k] - want.0[k]).abs() < 1e-5 * want.trace(), "{i}: {back:?} {want:?}");
             }
