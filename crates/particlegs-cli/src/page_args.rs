@@ -27,10 +27,16 @@ pub struct PageArgs {
     /// Tell layers apart by colour.
     #[arg(long, hide_short_help = true)]
     pub color_by_layer: bool,
-    /// Open with the view of a picture that this program or a page saved: its camera, style, colours and layers.
+    /// Open with the view of a picture that was saved: its camera, style, colours and layers.
     ///
     /// What else is given on the command line takes the place of what the picture says.
-    #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath, conflicts_with_all = CAMERA)]
+    #[arg(
+        long,
+        value_name = "PNG",
+        hide_short_help = true,
+        value_hint = ValueHint::FilePath,
+        conflicts_with_all = CAMERA
+    )]
     pub like: Option<PathBuf>,
     /// Open with the first view of a views file (JSON), as the page saves them.
     #[arg(
@@ -42,10 +48,10 @@ pub struct PageArgs {
     )]
     pub views: Option<PathBuf>,
     /// Azimuth of the camera in degrees: 0 looks along -z, 90 along -x.
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, hide_short_help = true)]
     pub azimuth: Option<f64>,
     /// Elevation of the camera above the horizon in degrees.
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, hide_short_help = true)]
     pub elevation: Option<f64>,
     /// Distance of the camera, in base distances (docs/guide/pictures.md).
     #[arg(long, value_name = "D", hide_short_help = true)]
@@ -72,10 +78,10 @@ const CAMERA: [&str; 5] = ["azimuth", "elevation", "distance", "projection", "lo
 #[derive(Args, Clone, Debug)]
 pub struct DialArgs {
     /// Particle radius in world units [default: the model's].
-    #[arg(long, value_name = "R")]
+    #[arg(long, value_name = "R", hide_short_help = true)]
     pub radius: Option<f64>,
     /// Particle opacity, in (0, 1] [default: the model's].
-    #[arg(long, value_name = "A")]
+    #[arg(long, value_name = "A", hide_short_help = true)]
     pub opacity: Option<f64>,
     /// Colour map of densities [default: inferno].
     #[arg(long, value_name = "NAME", hide_short_help = true, value_parser = colormaps())]

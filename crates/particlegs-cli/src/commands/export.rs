@@ -67,7 +67,9 @@ pub struct Arguments {
     /// What to write, where the ending does not tell.
     #[arg(long, value_name = "KIND", value_parser = named::<Kind>())]
     kind: Option<Kind>,
-    /// Layers to write: species such as gas or dm, names that `info` lists, or `all`; of a page, those that it opens with.
+    /// Layers to write: species such as gas or dm, names that `info` lists, or `all`.
+    ///
+    /// A page holds all of them, and opens with these.
     #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',', default_value = "all")]
     layers: Vec<String>,
     #[command(flatten)]

@@ -66,7 +66,13 @@ pub struct Arguments {
     #[arg(long, value_name = "MINUTES", value_parser = clap::value_parser!(u64).range(1..))]
     idle: Option<u64>,
     /// Layers that the page opens with: species such as gas or dm, names that `info` lists, or `all`.
-    #[arg(long = "layer", value_name = "NAME,...", value_delimiter = ',', default_value = "all")]
+    #[arg(
+        long = "layer",
+        value_name = "NAME,...",
+        value_delimiter = ',',
+        default_value = "all",
+        hide_short_help = true
+    )]
     layers: Vec<String>,
     #[command(flatten)]
     page: PageArgs,
