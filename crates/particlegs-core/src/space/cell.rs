@@ -89,7 +89,7 @@ impl Cell {
         for k in order {
             let vector = self.vectors[k];
             let mut own = across(vector, &taken);
-            if !(norm(own) > ALONG * norm(vector)) {
+            if norm(own) <= ALONG * norm(vector) {
                 let axes = Cell::orthogonal([1.0; 3]).vectors.map(|v| across(v, &taken));
                 own = axes.into_iter().fold([0.0; 3], |a, b| if norm(b) > norm(a) + ALONG { b } else { a });
             }
