@@ -80,11 +80,20 @@ def native(
     unit: Optional[str],
 ) -> dict[str, Any]:
     """A camera, or azimuth, elevation and distance, and the window in a unit of length, that stand for one."""
+    azimuth, elevation, distance = (float(v) for v in angles)
     if camera is not None:
+        idle = [n for n, v in (("center", center), ("width", width), ("depth", depth)) if v is not None]
+        turned = zip(("azimuth", "elevation", "distance"), (azimuth, elevation, distance), (0.0, 0.0, 1.0))
+        idle += [name for name, value, usual in turned if value != usual]
+        if idle:
+            raise InputError(f"{idle[0]} does nothing beside camera, which says where the picture is taken from")
         if not isinstance(camera, Camera):
             raise TypeError("camera must be a particlegs.Camera")
         return camera._native()
-    azimuth, elevation, distance = (float(v) for v in angles)
+    if width is None and depth is not None:
+        raise InputError("depth does nothing in perspective: give width as well, for an orthographic picture")
+    if width is not None and distance != 1.0:
+        raise InputError("distance does nothing beside width, which makes the picture orthographic")
     return {
         "azimuth": azimuth,
         "elevation": elevation,

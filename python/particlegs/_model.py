@@ -14,6 +14,7 @@ from ._arrays import Grid, Map
 from ._camera import Camera
 from ._camera import native as native_camera
 from ._gaussians import Gaussians
+from ._particlegs import InputError
 from ._snapshot import Snapshot, as_snapshot
 from ._types import (
     Axis,
@@ -263,6 +264,9 @@ class Model:
         unit, names, pixels = self.length_unit, _coerce.names(layers), _coerce.size_of(size)
         looking = native_camera(camera, (azimuth, elevation, distance), center, width, depth, unit)
         if style == "density":
+            if radius is not None or opacity is not None:
+                what = "radius" if radius is not None else "opacity"
+                raise InputError(f"{what} does nothing here: a surface density has no particle radius or opacity")
             return self._map(self._native.density(pixels, looking, names, threads), None, None, names)
         radius = None if radius is None else _units.number_in(radius, unit, "radius")
         return self._native.render(style, pixels, looking, radius, opacity, names, threads)
@@ -296,9 +300,10 @@ class Model:
         center : array_like, shape (3,), optional
             Middle of the map; that of the box, or of the bounds, by default.
         width : float, optional
-            World units across; the box, or the bounds, by default.
+            World units across; by default the whole box, or all there is, whatever its shape and the map's: all of the
+            mass, once.
         depth : float, optional
-            World units along the axis; one box, or everything, by default.
+            World units along the axis; everything, once, by default.
         axis : {"x", "y", "z"}
             The axis looked along. A map along z has x across and y up; along y, x and z; along x, y and z.
         shape : (int, int)
@@ -311,7 +316,7 @@ class Model:
         Returns
         -------
         Map
-            float64, with `extent` and `unit`; a periodic box fills the window with its copies.
+            float64, with `extent` and `unit`; a window onto a part of a periodic box is continued by its copies.
         """
         window = Window.of(self, center, width, depth, axis, shape)
         names = _coerce.names(layers)

@@ -38,24 +38,23 @@ class Window(NamedTuple):
             raise InputError(f'axis="{axis}": there are x, y and z')
         toward, up, across, upward = _ALONG[axis]
         rows, columns = _shape(shape)
-        (low, high), unit = _region(model), model.length_unit
-        middle = 0.5 * (low + high) if center is None else np.array(point(center, "center", unit))
-        across_box = max(high[across] - low[across], (high[upward] - low[upward]) * columns / rows)
-        wide = float(across_box) if width is None else _units.number_in(width, unit, "width")
+        unit = model.length_unit
+        center_whole, width_whole = model._native.whole(toward, up, (columns, rows))
+        middle = np.array(center_whole if center is None else point(center, "center", unit))
+        wide = width_whole if width is None else _units.number_in(width, unit, "width")
         if not (np.isfinite(wide) and wide > 0):
             raise InputError("width must be positive and finite")
         tall = wide * rows / columns
-        along = "xyz".index(axis)
-        reach = _reach(model, along, middle, low, high) if depth is None else _units.number_in(depth, unit, "depth")
+        reach = _beyond(model, middle) if depth is None else 0.5 * _units.number_in(depth, unit, "depth")
         if not (np.isfinite(reach) and reach > 0):
             raise InputError("depth must be positive and finite")
         camera = {
-            "position": tuple(middle + 0.5 * reach * np.array(toward)),
+            "position": tuple(middle + reach * np.array(toward)),
             "focal_point": tuple(middle),
             "view_up": up,
             "fov_deg": None,
             "height": float(tall),
-            "clipping_range": (0.0, reach),
+            "clipping_range": None if depth is None else (0.0, 2.0 * reach),
         }
         x, y = float(middle[across]), float(middle[upward])
         extent = (x - 0.5 * wide, x + 0.5 * wide, y - 0.5 * tall, y + 0.5 * tall)
@@ -70,24 +69,9 @@ def _shape(shape: tuple[int, int]) -> tuple[int, int]:
     return rows, columns
 
 
-def _repeats(model: Model, axis: int) -> bool:
-    """Does an orthogonal box repeat along an axis?"""
-    return model.box is not None and model.periodic[axis] and _coerce.is_right(model.box)
-
-
-def _region(model: Model) -> tuple[Float64, Float64]:
-    """The box along axes on which it repeats, the bounds along others."""
-    (low, high), box, cell = model.bounds, model.box, model.metadata["cell"]
-    for k in range(3):
-        if box is not None and _repeats(model, k):
-            low[k] = cell["origin"][k]
-            high[k] = low[k] + box[k][k]
-    return low, high
-
-
-def _reach(model: Model, along: int, middle: Float64, low: Float64, high: Float64) -> float:
-    """One box along the line of sight, or all there is."""
-    thick = float(high[along] - low[along])
-    away = float(abs(middle[along] - 0.5 * (low + high)[along]))
-    # Particles in one plane have a density along it, too.
-    return thick if _repeats(model, along) else 2.0 * (away + thick) or 1.0
+def _beyond(model: Model, middle: Float64) -> float:
+    """A distance from which all particles lie ahead."""
+    low, high = model.bounds
+    edges = np.linalg.norm(high - low) + (0.0 if model.box is None else np.abs(model.box).sum())
+    # Particles at one point have a density, too.
+    return float(4.0 * edges + np.linalg.norm(middle - 0.5 * (low + high))) or 1.0

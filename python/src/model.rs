@@ -7,12 +7,12 @@ use crate::pictures::{self, CameraArgs, Looking};
 use crate::snapshot::Snapshot;
 use crate::work::How;
 use numpy::{PyArray2, PyArrayDyn, PyReadonlyArrayDyn};
-use particlegs::camera::View;
+use particlegs::camera::{Camera, Projection, View};
 use particlegs::model::{LawKind, Layer, Mass, Metadata};
 use particlegs::particles::RawForm;
 use particlegs::picture::{Gray8, Pixels, Plane, Size};
 use particlegs::recover::Options;
-use particlegs::render::{Scene, Scratch, draw_into, optical_depth_into, surface_density};
+use particlegs::render::{Scene, Scratch, draw_into, extent, optical_depth_into, surface_density};
 use particlegs::score::Finding;
 use particlegs::{codec, parallel};
 use particlegs_export::density_unit;
@@ -89,7 +89,7 @@ impl Model {
         threads: Option<usize>,
     ) -> PyResult<Plane> {
         density::refuse_without_masses(&self.model, shown)?;
-        let view = self.looking().density_view(view);
+        let view = self.looking().density_view(view, size);
         let scene = Scene::of_layers(&self.model, |l| shown[l]);
         How::quietly(threads).run(py, |progress| surface_density(&scene, &view, size, progress))
     }
@@ -167,6 +167,16 @@ impl Model {
             "verdict": Finding::verdict(m.certificate.as_ref(), &m.metadata),
         })
         .to_string()
+    }
+
+    /// Middle and width of the smallest map that shows all of it, looked at from `toward`.
+    fn whole(&self, toward: [f64; 3], up: [f64; 3], size: (usize, usize)) -> PyResult<([f64; 3], f64)> {
+        let size = Size { width: size.0, height: size.1 };
+        let projection = Projection::Orthographic { height_world: 1.0 };
+        let camera = Camera { position: toward, focal_point: [0.0; 3], view_up: up, projection, clipping_range: None };
+        let frame = camera.frame().or_raise()?;
+        let whole = extent(&Scene::of(&self.model), self.model.metadata.cell.as_ref());
+        Ok((whole.center, whole.width(&frame, size)))
     }
 
     #[getter]

@@ -78,9 +78,7 @@ impl Looking {
         }
         if let Some(width) = a.width {
             let window = Window { center, angles_deg: [a.azimuth, a.elevation], width, depth: a.depth };
-            let view = DensityView::orthographic("view", &window, size, &self.bounds, self.cell)?;
-            // A picture of particles shows all there is unless a depth is asked for.
-            return Ok(Camera { clipping_range: a.depth.map(|_| view.range), ..view.camera });
+            return Ok(DensityView::orthographic("view", &window, size, &self.bounds, self.cell)?.camera);
         }
         if !(a.distance > 0.0 && a.distance.is_finite()) {
             return Err(Error::argument(format!("a distance of {} must be positive", a.distance)));
@@ -89,11 +87,9 @@ impl Looking {
         Ok(spherical_camera(center, a.azimuth, a.elevation, distance))
     }
 
-    /// The view of a density; an orthographic one is filled by copies of a periodic cell.
-    pub fn density_view(&self, view: &View) -> DensityView {
-        let parallel = matches!(view.camera.projection, Projection::Orthographic { .. });
-        let wrap = self.cell.filter(|c| parallel && c.periodic.contains(&true));
-        DensityView { wrap, ..DensityView::of_view(view, &self.bounds) }
+    /// The view of a density.
+    pub fn density_view(&self, view: &View, size: Size) -> DensityView {
+        DensityView::of_cell(view, size, &self.bounds, self.cell)
     }
 }
 

@@ -170,6 +170,22 @@ def test_pictures(model, asked):
         model.render(**{"size": (32, 18), **asked})
 
 
+@pytest.mark.parametrize(
+    ("asked", "idle"),
+    [
+        ({"style": "density", "radius": 0.1}, "radius"),
+        ({"style": "density", "opacity": 0.5}, "opacity"),
+        ({"depth": 5}, "depth"),
+        ({"width": 5, "distance": 2.0}, "distance"),
+        ({"camera": pg.Camera((0, 0, 50), (0, 0, 0)), "width": 5}, "width"),
+        ({"camera": pg.Camera((0, 0, 50), (0, 0, 0)), "azimuth": 30}, "azimuth"),
+    ],
+)
+def test_what_would_do_nothing_is_refused(model, asked, idle):
+    with pytest.raises(pg.InputError, match=f"{idle} does nothing"):
+        model.render(**{"size": (32, 18), **asked})
+
+
 def test_densities(model):
     for asked in ({"axis": "w"}, {"shape": (0, 5)}, {"width": 0}, {"depth": -1}, {"center": (0, np.nan, 0)}):
         with pytest.raises(ValueError):

@@ -51,9 +51,21 @@ def test_maps_hold_the_mass(model):
     for axis, names in (("z", ("x", "y")), ("y", ("x", "z")), ("x", ("y", "z"))):
         sigma = model.density_map(axis=axis, shape=(128, 128))
         assert sigma.axes == names and sigma.extent == (0, 25, 0, 25) and sigma.dtype == np.float64
-        assert np.isclose(sigma.sum() * (25 / 128) ** 2, mass, rtol=1e-4)
+        assert np.isclose(sigma.sum() * (25 / 128) ** 2, mass, rtol=1e-5)
+        wide = model.density_map(axis=axis, shape=(90, 160))
+        assert np.isclose(wide.sum() * wide.pixel_area, mass, rtol=1e-5)
     part = model.density_map(center=(5, 5, 5), width=10, depth=10, shape=(50, 100))
     assert part.extent == (0, 10, 2.5, 7.5)
+
+
+@pytest.mark.parametrize("sides", [(1, 1, 1), (2, 1, 0.5), (4, 2, 1)])
+def test_maps_of_boxes_of_any_shape_hold_the_mass(sides):
+    rows = np.random.default_rng(4).random((2000, 3)) * sides
+    model = pg.compress(pg.Snapshot(rows, box=sides), gaussians=60, certificate="none")
+    for axis in "xyz":
+        for shape in ((64, 64), (90, 160)):
+            sigma = model.density_map(axis=axis, shape=shape)
+            assert np.isclose(sigma.sum() * sigma.pixel_area, 2000, rtol=1e-5), (axis, shape)
 
 
 def test_pixels_have_an_area(model):

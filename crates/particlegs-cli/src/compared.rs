@@ -1,6 +1,6 @@
-//! Two folders of PNGs, or of surface densities, of the same names against each other.
+//! Two PNGs or surface densities, or two folders of them with the same names, against each other.
 
-use crate::compared_density::{ComparedDensity, MeanDensityScores, compare_densities};
+use crate::compared_density::{ComparedDensity, MeanDensityScores, compare_density};
 use particlegs::parallel;
 use particlegs::picture::{Gray8, Scores, read_png};
 use particlegs::progress::Progress;
@@ -29,6 +29,11 @@ pub struct Comparison {
 }
 
 impl Comparison {
+    fn of(views: Vec<Compared>, densities: Vec<ComparedDensity>) -> Self {
+        let (mean, mean_density) = (mean_scores(&views), mean_density(&densities));
+        Comparison { views, mean, densities, mean_density, only_in_a: Vec::new(), only_in_b: Vec::new() }
+    }
+
     /// What could not be scored, a line each.
     pub fn failures(&self) -> impl Iterator<Item = &str> {
         let pictures = self.views.iter().filter_map(|v| v.error.as_deref());
@@ -64,12 +69,36 @@ pub struct MeanScores {
     pub left_out: usize,
 }
 
-/// Scores every PNG of folder `a` against the one of its name in `b`, and every surface density that `--raw` wrote.
+/// Scores a picture, or the values of a surface density, against another; of a folder and a file, the one in the folder
+/// that has the file's name; of two folders, all that have the same names.
 ///
 /// # Errors
-/// [`Error::Io`] where a folder cannot be read; [`Error::Input`] where they share no name. A pair
-/// that cannot be scored is told in its place, not here.
-pub fn compare_folders(a: &Path, b: &Path, progress: &dyn Progress) -> Result<Comparison> {
+/// [`Error::Io`] where a file is missing or a folder cannot be read; [`Error::Input`] where a file is neither, or
+/// folders share no name. A pair that cannot be scored is told in its place, not here.
+pub fn compare(a: &Path, b: &Path, progress: &dyn Progress) -> Result<Comparison> {
+    let within = |folder: &Path, file: &Path| folder.join(file.file_name().unwrap_or_default());
+    let (a, b) = match (a.is_dir(), b.is_dir()) {
+        (true, true) => return compare_folders(a, b, progress),
+        (true, false) => (within(a, b), b.to_path_buf()),
+        (false, true) => (a.to_path_buf(), within(b, a)),
+        (false, false) => (a.to_path_buf(), b.to_path_buf()),
+    };
+    for file in [&a, &b] {
+        file.metadata().map_err(|e| Error::io(file, e))?;
+    }
+    let name = a.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let values = |p: &Path| p.extension().is_some_and(|e| e == "f32" || e == "json");
+    let (mut views, mut densities) = (Vec::new(), Vec::new());
+    match (values(&a), values(&b)) {
+        (true, true) => densities.push(compare_density(&name, &a, &b, progress)),
+        (false, false) => views.push(compare_pictures(&name, &a, &b)),
+        _ => return Err(Error::input(&a, format!("a picture and values cannot be compared with {}", b.display()))),
+    }
+    Ok(Comparison::of(views, densities))
+}
+
+/// Scores every PNG of folder `a` against the one of its name in `b`, and every surface density that `--raw` wrote.
+fn compare_folders(a: &Path, b: &Path, progress: &dyn Progress) -> Result<Comparison> {
     let (in_a, in_b) = (Names::of(a)?, Names::of(b)?);
     let shared: Vec<&String> = in_a.pictures.intersection(&in_b.pictures).collect();
     let shared_densities: Vec<&String> = in_a.densities.intersection(&in_b.densities).collect();
@@ -81,15 +110,20 @@ pub fn compare_folders(a: &Path, b: &Path, progress: &dyn Progress) -> Result<Co
     let views = parallel::try_map(shared, |name| {
         progress.check()?;
         let file = format!("{name}.png");
-        let compared = compare(name, &a.join(&file), &b.join(&file));
+        let compared = compare_pictures(name, &a.join(&file), &b.join(&file));
         progress.advance(1);
         Ok::<_, Error>(compared)
     })?;
-    let densities = compare_densities(&shared_densities, a, b, progress)?;
+    let densities = parallel::try_map(shared_densities, |name| {
+        progress.check()?;
+        let file = format!("{name}.f32");
+        let compared = compare_density(name, &a.join(&file), &b.join(&file), progress);
+        progress.advance(1);
+        Ok::<_, Error>(compared)
+    })?;
     progress.end();
-    let (mean, mean_density) = (mean_scores(&views), mean_density(&densities));
     let (only_in_a, only_in_b) = (in_a.without(&in_b), in_b.without(&in_a));
-    Ok(Comparison { views, mean, densities, mean_density, only_in_a, only_in_b })
+    Ok(Comparison { only_in_a, only_in_b, ..Comparison::of(views, densities) })
 }
 
 fn mean_scores(views: &[Compared]) -> MeanScores {
@@ -117,7 +151,7 @@ fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     (count > 0).then(|| sum / f64::from(count))
 }
 
-fn compare(name: &str, a: &Path, b: &Path) -> Compared {
+fn compare_pictures(name: &str, a: &Path, b: &Path) -> Compared {
     let pair = read_png(a).and_then(|a| Ok((a, read_png(b)?)));
     let failed =
         |error: String| Compared { name: name.into(), scores: None, largest_difference: 0, error: Some(error) };
@@ -187,17 +221,27 @@ mod tests {
         };
         write(&a, "alone.png", 8, 0);
         write(&b, "other.png", 8, 0);
-        assert!(compare_folders(&a, &b, &Silent).is_err());
+        assert!(compare(&a, &b, &Silent).is_err());
         for (name, side, level) in [("same.png", 8, 10), ("differs.png", 8, 20), ("sizes.png", 9, 10)] {
             write(&a, name, 8, 10);
             write(&b, name, side, level);
         }
-        let c = compare_folders(&a, &b, &Silent).unwrap();
+        let c = compare(&a, &b, &Silent).unwrap();
         assert_eq!((&c.only_in_a[..], &c.only_in_b[..]), (&["alone".to_string()][..], &["other".to_string()][..]));
         assert_eq!(c.views.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(), ["differs", "same", "sizes"]);
         assert_eq!(c.failures().count(), 1);
         let expected = -20.0 * (10.0f64 / 255.0).log10();
         assert!((c.mean.psnr.unwrap() - expected).abs() < 1e-12 && c.views[0].largest_difference == 10);
         assert_eq!((c.views[1].scores.unwrap().psnr, c.mean.left_out), (None, 1));
+        // Two files, whatever their names; a file and the folder that has its like.
+        let (one, other) = (a.join("same.png"), b.join("differs.png"));
+        for (a, b) in [(&one, &other), (&other, &a), (&b, &a.join("differs.png"))] {
+            let c = compare(a, b, &Silent).unwrap();
+            assert!((c.mean.psnr.unwrap() - expected).abs() < 1e-12 && c.views.len() == 1, "{a:?} {b:?}");
+        }
+        std::fs::write(a.join("values.f32"), b"").unwrap();
+        for (a, b) in [(&one, &b.join("none.png")), (&one, &b.join("values.f32")), (&one, &a.join("values.f32"))] {
+            assert!(compare(a, b, &Silent).is_err(), "{b:?}");
+        }
     }
 }

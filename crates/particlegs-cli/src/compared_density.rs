@@ -1,8 +1,7 @@
-//! Two folders of surface densities as numbers against each other.
+//! Surface densities as numbers against each other.
 
 use crate::density_file;
 use particlegs::Result;
-use particlegs::parallel;
 use particlegs::picture::DensityScores;
 use particlegs::progress::Progress;
 use serde::Serialize;
@@ -32,38 +31,20 @@ pub struct MeanDensityScores {
     pub correlation: Option<f64>,
 }
 
-/// Scores the values in folder `a` against those of the same names in `b`. A pair that cannot be scored is told
-/// in its place.
-///
-/// # Errors
-/// [`particlegs::Error::Cancelled`].
-pub fn compare_densities(
-    names: &[&String],
-    a: &Path,
-    b: &Path,
-    progress: &dyn Progress,
-) -> Result<Vec<ComparedDensity>> {
-    parallel::try_map(names.iter().copied(), |name| {
-        progress.check()?;
-        let (scores, error) = match compare(name, a, b, progress) {
-            Ok(Ok(scores)) => (Some(scores), None),
-            Ok(Err(why)) => (None, Some(format!("{name}: {why}"))),
-            Err(e) => (None, Some(e.to_string())),
-        };
-        progress.advance(1);
-        Ok(ComparedDensity { name: name.clone(), scores, error })
-    })
+/// Scores the values of one file against those of another. A pair that cannot be scored is told in its place.
+pub fn compare_density(name: &str, a: &Path, b: &Path, progress: &dyn Progress) -> ComparedDensity {
+    let (scores, error) = match compare(a, b, progress) {
+        Ok(Ok(scores)) => (Some(scores), None),
+        Ok(Err(why)) => (None, Some(format!("{name}: {why}"))),
+        Err(e) => (None, Some(e.to_string())),
+    };
+    ComparedDensity { name: name.into(), scores, error }
 }
 
 /// The scores, or why there are none.
-fn compare(
-    name: &str,
-    a: &Path,
-    b: &Path,
-    progress: &dyn Progress,
-) -> Result<std::result::Result<DensityScores, String>> {
-    let (said_a, density) = density_file::read(a, name, progress)?;
-    let (said_b, truth) = density_file::read(b, name, progress)?;
+fn compare(a: &Path, b: &Path, progress: &dyn Progress) -> Result<std::result::Result<DensityScores, String>> {
+    let (said_a, density) = density_file::read(a, progress)?;
+    let (said_b, truth) = density_file::read(b, progress)?;
     match said_a.differs(&said_b) {
         Some(why) => Ok(Err(why)),
         None => DensityScores::of(&density, &truth, progress).map(Ok),

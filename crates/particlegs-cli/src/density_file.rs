@@ -99,12 +99,12 @@ fn described(view: &DensityView, size: Size, means: Means) -> Described {
     }
 }
 
-/// Reads what [`write`] has written of a view.
+/// Reads what [`write`] has written of a view, by the name of one of its two files.
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Input`], [`Error::Memory`], [`Error::Cancelled`].
-pub fn read(folder: &Path, name: &str, progress: &dyn Progress) -> Result<(Described, Plane)> {
-    let path = folder.join(format!("{name}.json"));
+pub fn read(file: &Path, progress: &dyn Progress) -> Result<(Described, Plane)> {
+    let path = file.with_extension("json");
     let text = read_whole(&path, JSON, progress)?;
     let described: Described =
         serde_json::from_slice(&text).map_err(|e| Error::input(&path, format!("not what --raw writes: {e}")))?;
@@ -112,7 +112,7 @@ pub fn read(folder: &Path, name: &str, progress: &dyn Progress) -> Result<(Descr
     if ![size.width, size.height].iter().all(|side| (1..=LARGEST_SIDE).contains(side)) {
         return Err(Error::input(&path, format!("{}x{} pixels: out of range", size.width, size.height)));
     }
-    let path = folder.join(format!("{name}.f32"));
+    let path = file.with_extension("f32");
     let most = 4 * size.pixels() as u64;
     // As they are read, and as numbers.
     let form = Form { title: "values of surface density", begins: Begins::With(b""), most, expansion: 2 };
@@ -153,7 +153,8 @@ impl Described {
         let largest = a.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         let same_pixels = (a[0] - b[0]).abs() <= SAME * a[0].abs();
         let same = a.len() != b.len() || a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= SAME * largest);
-        (!(same_pixels && same)).then(|| "they show different windows, or from different places".into())
+        (!(same_pixels && same)).then(|| "they show different windows, or from different places: save the views of one by --save-views, and draw the \
+             other by --views".into())
     }
 
     /// Size of a pixel, and the camera where it is known.

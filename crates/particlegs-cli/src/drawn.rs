@@ -2,7 +2,7 @@
 
 use crate::inputs::path_as_text;
 use crate::view_args::Subject;
-use particlegs::camera::{Projection, View};
+use particlegs::camera::{DensityView, Projection, View};
 use serde::{Serialize, Serializer};
 use std::path::PathBuf;
 
@@ -37,7 +37,7 @@ impl Drawn {
             Projection::Perspective { fov_deg } => (Some(fov_deg), None),
             Projection::Orthographic { height_world } => (None, Some(height_world)),
         };
-        let range = subject.density.then(|| subject.density_view(view).range);
+        let range = subject.density.then(|| DensityView::of_view(view, &subject.bounds).range);
         Drawn {
             name: view.name.clone(),
             position: camera.position,

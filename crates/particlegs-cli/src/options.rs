@@ -97,6 +97,11 @@ const RULES: &[Rule] = rules! {
         "perspective pictures", "choose the window with --azimuth, --elevation, --center, --width and --depth";
     ["render", "reference"], &["distance"], |g| g.has("width") =>
         "pictures without --width, which says how near the camera is", "";
+    ["render", "reference"], &["azimuth", "elevation", "distance", "projection", "center", "width", "depth", "fit"],
+        |g| g.has("path") => "pictures without --path, whose key frames are cameras", "";
+    ["render", "reference"], &["font_size"], |g| !g.has_letters() => "figures with letters: a colour bar, a scale bar, axes or a title", "";
+    ["render", "reference"], &["figure_width", "font_size"], |g| g.has("no_annotations") && !g.draws_page() =>
+        "figures: with --no-annotations a PNG is the picture alone", "--size says how many pixels it has";
     ["render", "reference"], FIGURE, |g| g.has("raw") => "pictures: --raw writes values", "";
     ["compress"], &["resume", "minutes", "log"], |g| !g.trains() => "training: it needs --train fast|best|paper", "";
     ["compress", "plan"], &["law", "scale", "iterations"], |g| !g.trains() =>
@@ -208,6 +213,11 @@ impl Given<'_> {
     fn has_bars(&self) -> bool {
         let beside = ["panels", "color_by_layer", "scale_bar", "figure_width"].iter().any(|id| self.has(id));
         self.density() || self.draws_page() || beside
+    }
+
+    /// Is anything written about the picture, or on it?
+    fn has_letters(&self) -> bool {
+        self.has_bars() || ["axes", "title"].iter().any(|id| self.has(id))
     }
 
     /// Is the output a page with its own room about the picture?

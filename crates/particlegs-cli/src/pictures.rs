@@ -70,12 +70,6 @@ fn finish<'a>(model: &Model, args: &'a FigureArgs, quantities: &'a Quantities, s
     Finish { args, colormap: Colormap::default(), quantities, subject, legend: Vec::new(), about }
 }
 
-fn subject(model: &Model, density: bool) -> Subject {
-    let m = &model.metadata;
-    let (bounds, cell) = (m.bounds, m.cell);
-    Subject { bounds, cell, radius: m.default_radius, opacity: m.default_opacity, density }
-}
-
 fn figure_args() -> FigureArgs {
     FigureArgs {
         colorbar: None,
@@ -108,7 +102,7 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn 
         "error: model − truth".to_string(),
     ];
     let (error, bar) = error(&truth, &drawn);
-    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), subject(model, false));
+    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), Subject::of_model(model, false));
     let finish = finish(model, &args, &quantities, &subject);
     let range = [1.0, 10.0];
     let mut panels = [truth, drawn]
@@ -162,18 +156,17 @@ fn reach(differences: &[i32]) -> f32 {
 
 fn density(path: &Path, model: &Model, progress: &dyn Progress) -> Result<()> {
     let m = &model.metadata;
-    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), subject(model, true));
+    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), Subject::of_model(model, true));
     let extent = m.bounds.extent_nonzero();
     let height = DENSITY_WIDTH as f64 * (extent[1] / extent[0]);
     let height = height.clamp(DENSITY_HEIGHTS[0], DENSITY_HEIGHTS[1]).round();
     let size = Size { width: DENSITY_WIDTH, height: height as usize };
-    let width = extent[0].max(extent[1] * DENSITY_WIDTH as f64 / height);
-    let window = Window { center: m.bounds.center(), angles_deg: [0.0; 2], width, depth: None };
+    let width = subject.extent.width(&spherical_camera([0.0; 3], 0.0, 0.0, 1.0).frame()?, size);
+    let window = Window { center: subject.extent.center, angles_deg: [0.0; 2], width, depth: None };
     let seen = DensityView::orthographic("density", &window, size, &m.bounds, m.cell)?;
     let plane = render::surface_density(&Scene::of(model), &seen, size, progress)?;
-    let mut camera = seen.camera;
-    camera.clipping_range = Some(seen.range);
-    let view = View { name: "density".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
+    let view =
+        View { name: "density".into(), camera: seen.camera, radius: m.default_radius, opacity: m.default_opacity };
     finish(model, &args, &quantities, &subject).write(path, Seen::Density(plane), &view, None, FileKind::Png)
 }
 

@@ -5,9 +5,11 @@ use crate::common::Context;
 use crate::outputs::JSON;
 use crate::views::window::{self, Fit};
 use clap::{Args, ValueEnum, ValueHint};
-use particlegs::camera::{Camera, DensityView, Projection, View, ViewSet, ViewsFile, Window, base_distance};
-use particlegs::camera::{FOV_DEG, spherical_camera};
+use particlegs::camera::{Camera, DensityView, Extent, Projection, View, ViewSet, ViewsFile, Window};
+use particlegs::camera::{FOV_DEG, base_distance, spherical_camera};
+use particlegs::model::Model;
 use particlegs::picture::Size;
+use particlegs::render::{self, Scene};
 use particlegs::space::{Bounds, Cell};
 use particlegs::{Error, Result};
 use particlegs_files::output::write_bytes;
@@ -63,7 +65,7 @@ pub struct ViewArgs {
         conflicts_with = "views"
     )]
     pub projection: Lines,
-    /// Centre of the picture, world units [default: the centre of the bounds].
+    /// Centre of the picture, world units [default: the centre of the bounds, or of the box in orthographic pictures].
     #[arg(
         long,
         value_name = "X,Y,Z",
@@ -74,14 +76,14 @@ pub struct ViewArgs {
         conflicts_with = "views"
     )]
     pub center: Option<Vec<f64>>,
-    /// Width of the picture in world units [default: the box].
+    /// Width of the picture in world units [default: the whole box].
     ///
     /// In perspective the width at the centre, in place of --distance.
     #[arg(long, value_name = "W", hide_short_help = true, conflicts_with = "views")]
     pub width: Option<f64>,
     /// Depth of the slab about the centre, world units [default: everything].
     ///
-    /// Particles count whose centres are in it. An orthographic density shows one periodic box by default.
+    /// Particles count whose centres are in it. By default an orthographic density counts every particle once.
     #[arg(long, value_name = "D", hide_short_help = true, conflicts_with = "views")]
     pub depth: Option<f64>,
     /// What has to be in the picture whole, as tightly as it can be.
@@ -94,7 +96,7 @@ pub struct ViewArgs {
 pub enum Lines {
     /// Lines of sight through the eye.
     Perspective,
-    /// Parallel lines of sight; a density repeats a periodic box.
+    /// Parallel lines of sight; a density continues a part of a periodic box by its copies.
     Orthographic,
 }
 
@@ -105,6 +107,8 @@ pub struct Subject {
     pub bounds: Bounds,
     /// Its cell, where it has one.
     pub cell: Option<Cell>,
+    /// What an orthographic picture shows whole.
+    pub extent: Extent,
     /// Default particle radius, world units.
     pub radius: f64,
     /// Default opacity.
@@ -175,6 +179,7 @@ impl ViewArgs {
             Some([x, y, z]) if [x, y, z].iter().all(|v| v.is_finite()) => [*x, *y, *z],
             Some(_) => return Err(Error::argument("--center takes X,Y,Z, each a finite number")),
             None if self.fit == Some(Fit::Box) => window::center(&window::corners(Fit::Box, subject)?),
+            None if self.projection == Lines::Orthographic => subject.extent.center,
             None => subject.bounds.center(),
         };
         let camera = match self.projection {
@@ -210,21 +215,14 @@ impl ViewArgs {
             (Some(width), _) => width,
             (None, Some(fit)) => window::width(&window::corners(fit, subject)?, center, self.directions(turned), size)?,
             (None, None) => {
-                let widths = self.directions(turned).map(|[a, e]| {
-                    let frame = spherical_camera([0.0; 3], a, e, 1.0).frame()?;
-                    Ok(window::default_width(&frame, subject, size))
-                });
-                let widths = widths.collect::<Result<Vec<f64>>>()?;
-                let fold = |with: fn(f64, f64) -> f64| widths.iter().copied().reduce(with).unwrap_or(1.0);
-                // All that is turned stays in the picture; of what repeats the picture stays full.
-                if subject.repeats() { fold(f64::min) } else { fold(f64::max) }
+                let width =
+                    |[a, e]: [f64; 2]| Ok(subject.extent.width(&spherical_camera([0.0; 3], a, e, 1.0).frame()?, size));
+                let widths = self.directions(turned).map(width).collect::<Result<Vec<f64>>>()?;
+                widths.into_iter().fold(0.0, f64::max)
             }
         };
         let window = Window { center, angles_deg: angles, width, depth: self.depth };
-        let view = DensityView::orthographic("view", &window, size, &subject.bounds, subject.cell)?;
-        // A picture of particles shows what there is, all of it unless a depth is asked for.
-        let range = (subject.density || self.depth.is_some()).then_some(view.range);
-        Ok(Camera { clipping_range: range, ..view.camera })
+        Ok(DensityView::orthographic("view", &window, size, &subject.bounds, subject.cell)?.camera)
     }
 
     /// Azimuth and elevation of every direction that is looked along.
@@ -247,16 +245,25 @@ impl ViewArgs {
 }
 
 impl Subject {
-    /// Does it fill windows by copies of a periodic box?
+    /// Of a model.
+    pub fn of_model(model: &Model, density: bool) -> Self {
+        let m = &model.metadata;
+        let (bounds, cell) = (m.bounds, m.cell);
+        let extent = match density {
+            true => render::extent(&Scene::of(model), cell.as_ref()),
+            false => Extent::new(&bounds, cell.as_ref()),
+        };
+        Subject { bounds, cell, extent, radius: m.default_radius, opacity: m.default_opacity, density }
+    }
+
+    /// Is it a density in a cell?
     pub fn repeats(&self) -> bool {
         self.density && self.cell.is_some_and(|c| c.periodic.contains(&true))
     }
 
-    /// A view of its surface density; an orthographic window is filled by copies of a periodic cell.
-    pub fn density_view(&self, view: &View) -> DensityView {
-        let parallel = matches!(view.camera.projection, Projection::Orthographic { .. });
-        let wrap = self.cell.filter(|c| parallel && c.periodic.contains(&true));
-        DensityView { wrap, ..DensityView::of_view(view, &self.bounds) }
+    /// A view of its surface density.
+    pub fn density_view(&self, view: &View, size: Size) -> DensityView {
+        DensityView::of_cell(view, size, &self.bounds, self.cell)
     }
 }
 

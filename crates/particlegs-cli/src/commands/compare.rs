@@ -1,7 +1,7 @@
-//! `particlegs compare DIR_A DIR_B`.
+//! `particlegs compare A B`.
 
 use crate::common::Common;
-use crate::compared::{Comparison, compare_folders};
+use crate::compared::{self, Comparison};
 use crate::printable::one_line;
 use clap::{Args, ValueHint};
 use particlegs::progress::Progress;
@@ -18,16 +18,17 @@ Examples:
   particlegs reference snapshot --views views.json --style paraview -o truth
   particlegs render model.pgs --views views.json --style paraview -o drawn
   particlegs compare drawn truth
+  particlegs compare drawn/view.png truth/view.png
 
   particlegs reference snapshot --style density --smooth 32 --raw -o truth
   particlegs render model.pgs --style density --raw -o drawn
   particlegs compare drawn truth")]
 pub struct Arguments {
-    /// Folder of PNG files, or of values by --raw, to score.
-    #[arg(value_name = "DIR_A", value_hint = ValueHint::DirPath)]
+    /// Picture (PNG) or values by --raw to score, or a folder of them.
+    #[arg(value_name = "A", value_hint = ValueHint::AnyPath)]
     a: PathBuf,
-    /// Folder of files of the same names to compare with.
-    #[arg(value_name = "DIR_B", value_hint = ValueHint::DirPath)]
+    /// What to compare it with; of a folder, the files of the same names.
+    #[arg(value_name = "B", value_hint = ValueHint::AnyPath)]
     b: PathBuf,
     #[command(flatten)]
     common: Common,
@@ -37,7 +38,7 @@ pub struct Arguments {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     context.reads([a.a.as_path(), &a.b], false)?;
-    let comparison = compare_folders(&a.a, &a.b, &context)?;
+    let comparison = compared::compare(&a.a, &a.b, &context)?;
     for (names, folder) in [(&comparison.only_in_a, &a.b), (&comparison.only_in_b, &a.a)] {
         if !names.is_empty() {
             context.message(&format!("warning: not in {}: {}", folder.display(), names.join(", ")));

@@ -35,7 +35,7 @@ use particlegs::Result;
 pub enum Command {
     /// Compress a snapshot into a model file.
     Compress(compress::Arguments),
-    /// Score the pictures of one folder against those of another.
+    /// Score pictures against others: two files, or two folders.
     Compare(compare::Arguments),
     /// Score a model against its snapshot, by pictures.
     Eval(eval::Arguments),

@@ -16,7 +16,7 @@ use crate::view_args::{Subject, ViewArgs};
 use crate::views::sequence_args::SequenceArgs;
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum, ValueHint};
-use particlegs::camera::{View, ViewSet};
+use particlegs::camera::{Extent, View, ViewSet};
 use particlegs::model::hex;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
@@ -162,7 +162,8 @@ pub fn run(a: &Arguments) -> Result<()> {
     let count = particles.len() as u64;
     let (density, cell) = (a.style == Style::Density, particles.meta.cell);
     let radius = bounds.default_radius(count);
-    let subject = Subject { bounds, cell, radius, opacity: DEFAULT_OPACITY, density };
+    let extent = Extent::new(&bounds, cell.as_ref());
+    let subject = Subject { bounds, cell, extent, radius, opacity: DEFAULT_OPACITY, density };
     let quantities = Quantities::of_particles(&particles, a.smooth);
     let set = run::views(&a.view, &a.sequence, &subject, &context)?;
     let kind = a.out.as_deref().and_then(FileKind::of).unwrap_or(FileKind::Png);
@@ -208,7 +209,8 @@ pub fn run(a: &Arguments) -> Result<()> {
     }
     let on_card = card.map(|d| device::on_card(&d, &particles, bounds, &context)).transpose()?;
     let painter = Drawing { reference, style: a.style, on_card, subject: &subject, context: &context };
-    let drawn = Job { painter: &painter, finish: &finish, set: &set, range, context: &context }.draw(&target)?;
+    let job = Job { painter: &painter, finish: &finish, set: &set, range, hints: false, context: &context };
+    let drawn = job.draw(&target)?;
     text += &if density || !drawn.lines.is_empty() { drawn.text() } else { rows(&set, &drawn.views, count) };
     let radii = set.views.iter().map(|v| (!density).then(|| v.radius_pixels(set.size)));
     let rate = |d: &Drawn| count as f64 / d.seconds().max(1e-9);
@@ -257,7 +259,7 @@ impl Painter for Drawing<'_> {
             (Some((look, false)), None) => all.response(view, size, look, context),
             (Some((look, false)), Some(card)) => card.response(view, size, look, context),
             (None, _) => {
-                let view = self.subject.density_view(view);
+                let view = self.subject.density_view(view, size);
                 return Ok(Seen::Density(all.surface_density(&view, size, context)?));
             }
         };

@@ -249,8 +249,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     asked.convert(a, model, &context)?;
     let m = &model.metadata;
     let density = asked.style == Style::Density;
-    let (bounds, cell) = (m.bounds, m.cell);
-    let subject = Subject { bounds, cell, radius: m.default_radius, opacity: m.default_opacity, density };
+    let subject = Subject::of_model(model, density);
     let quantities = Quantities::of_model(model);
     let device = a.device.open()?;
     let draws = |r| Drawing::new(r, &asked, &subject, device.as_ref(), &context);
@@ -300,8 +299,9 @@ pub fn run(a: &Arguments) -> Result<()> {
         }
         _ => {
             let first = painters.first().ok_or_else(|| Error::argument("no model is given"))?;
-            let report = Job { painter: first, finish: &finish, set: &set, range: asked.range, context: &context }
-                .draw(&target)?;
+            let hints = a.style.is_none() && asked.like.is_none() && m.law == LawKind::OpticalDepth;
+            let job = Job { painter: first, finish: &finish, set: &set, range: asked.range, hints, context: &context };
+            let report = job.draw(&target)?;
             let text = report.text();
             (report.views, text, report.range)
         }
@@ -400,7 +400,7 @@ impl<'a> Drawing<'a> {
 impl Painter for Drawing<'_> {
     fn draw(&self, view: &View, size: Size) -> Result<Seen> {
         let Some(look) = self.look else {
-            let view = self.subject.density_view(view);
+            let view = self.subject.density_view(view, size);
             return Ok(Seen::Density(surface_density(&self.scene, &view, size, self.context)?));
         };
         if !self.layers.is_empty() {

@@ -105,7 +105,7 @@ impl Film {
         let set = FileSet::in_folder(parent(&self.path))?;
         let staged = set.path().join(self.path.file_name().unwrap_or_default());
         context.begin("joining frames by ffmpeg", 0);
-        let ran = run(&self.arguments(folder, names.len(), &staged));
+        let ran = run(&self.arguments(folder, names.len(), &staged)).and_then(|()| there(&staged));
         context.end();
         context.check()?;
         if let Err(why) = ran {
@@ -124,7 +124,8 @@ impl Film {
     /// What ffmpeg is told.
     fn arguments(&self, folder: &Path, frames: usize, to: &Path) -> Vec<String> {
         let folder = folder.to_string_lossy().replace('%', "%%");
-        let pattern = format!("{folder}/frame_%0{}d.png", digits(frames));
+        // Named as files: ffmpeg would take a colon for the end of a protocol, and a dash for an option.
+        let pattern = format!("file:{folder}/frame_%0{}d.png", digits(frames));
         let fps = self.fps.to_string();
         // Sides of an even number of pixels, which the coders need.
         let even = "crop=trunc(iw/2)*2:trunc(ih/2)*2";
@@ -147,9 +148,7 @@ impl Film {
         };
         let lead = ["-v", "error", "-nostdin", "-y", "-framerate", &fps, "-i", &pattern, "-vf", even];
         let end = ["-pix_fmt", "yuv420p"];
-        let path = to.to_string_lossy().into_owned();
-        // A name that begins with a dash is none of an option.
-        let path = if path.starts_with('-') { format!("./{path}") } else { path };
+        let path = format!("file:{}", to.to_string_lossy());
         lead.iter().chain(coder).chain(&end).map(|a| a.to_string()).chain([path]).collect()
     }
 }
@@ -171,6 +170,12 @@ fn run(arguments: &[String]) -> std::result::Result<(), String> {
             Err(format!("ffmpeg failed: {last}"))
         }
     }
+}
+
+/// What ffmpeg wrote is looked at, whatever it says of itself.
+fn there(film: &Path) -> std::result::Result<(), String> {
+    let bytes = film.metadata().map_or(0, |m| m.len());
+    if bytes > 0 { Ok(()) } else { Err("ffmpeg wrote no film".into()) }
 }
 
 /// The command for a shell.

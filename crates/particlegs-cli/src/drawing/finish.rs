@@ -82,13 +82,9 @@ impl Finish<'_> {
 
     /// Why a view has no scale bar where one is drawn, in words.
     pub fn note(&self, view: &View, size: Size, kind: FileKind) -> Option<String> {
-        let wanted = self.args.has_scale(self.has_bars(), kind) && !self.has_frame();
+        let wanted = self.args.has_scale(self.has_bars(), kind);
         let why = self.scale(view, size).err().filter(|_| wanted)?;
         Some(format!("note: view `{}` has no scale bar: {why}", view.name))
-    }
-
-    fn has_frame(&self) -> bool {
-        self.args.axes == Some(Axes::Frame)
     }
 
     fn has_bars(&self) -> bool {

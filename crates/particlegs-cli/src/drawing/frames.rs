@@ -62,7 +62,7 @@ fn each<T: Send>(painter: &dyn Painter, views: &[View], of: impl Fn(&View) -> Re
 /// # Errors
 /// Those of drawing and writing.
 pub fn draw(job: &Job<'_>, into: &Into<'_>) -> Result<Frames> {
-    let Job { painter, finish, set, range, context } = *job;
+    let Job { painter, finish, set, range, context, .. } = *job;
     let (density, count) = (finish.about.colormap.is_some(), set.views.len());
     let range = match (range, density) {
         (None, true) => Some(one_range(painter, finish, set, context)?),

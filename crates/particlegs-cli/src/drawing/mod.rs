@@ -10,9 +10,11 @@ pub mod panels;
 pub mod provenance;
 pub mod run;
 
+use crate::common::Context;
 use particlegs::Result;
 use particlegs::camera::View;
 use particlegs::picture::{Gray8, Plane, Size};
+use particlegs::progress::Progress;
 
 /// What is seen in a view, before it has its colours.
 pub enum Seen {
@@ -22,6 +24,26 @@ pub enum Seen {
     Layers(Gray8, Vec<[u8; 3]>),
     /// Surface density.
     Density(Plane),
+}
+
+/// A picture whose mean grey level is below this is dark.
+const DARK: f64 = 10.0;
+
+impl Seen {
+    /// The mean grey level of a dark picture.
+    fn dark(&self) -> Option<f64> {
+        let Seen::Levels(grey) = self else { return None };
+        let sum: f64 = grey.data.iter().map(|v| f64::from(*v)).sum();
+        Some(sum / grey.data.len() as f64).filter(|mean| *mean < DARK)
+    }
+
+    /// Says so where a density has nothing in it.
+    fn say_if_empty(&self, view: &View, context: &Context) {
+        if matches!(self, Seen::Density(plane) if plane.data.iter().all(|v| *v == 0.0)) {
+            let name = &view.name;
+            context.message(&format!("warning: view `{name}` is empty: no particle lies in its window; move --center or widen --width and --depth"));
+        }
+    }
 }
 
 /// Something that can be drawn.

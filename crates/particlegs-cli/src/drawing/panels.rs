@@ -58,7 +58,9 @@ impl Panels<'_> {
         let mut seen = Vec::with_capacity(count);
         for view in &set.views {
             for (_, painter) in &self.painters {
-                seen.push(painter.draw(view, set.size)?);
+                let drawn = painter.draw(view, set.size)?;
+                drawn.say_if_empty(view, context);
+                seen.push(drawn);
             }
         }
         let range = match (range, density) {

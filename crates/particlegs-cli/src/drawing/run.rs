@@ -65,6 +65,8 @@ pub struct Job<'a> {
     pub set: &'a ViewSet,
     /// The range that is asked for.
     pub range: Option<[f64; 2]>,
+    /// Is it said what would show more than a dark picture?
+    pub hints: bool,
     /// Where progress is told.
     pub context: &'a Context,
 }
@@ -103,16 +105,20 @@ impl Job<'_> {
     }
 
     fn one_by_one(&self, out: &PictureOut, density: &DensityArgs) -> Result<Report> {
-        let Job { painter, finish, set, range, context } = *self;
+        let Job { painter, finish, set, range, context, .. } = *self;
         let mut views = Vec::with_capacity(set.views.len());
         for view in &set.views {
             let started = Instant::now();
             let mut seconds = 0.0;
             let drawn = painter.draw(view, set.size).and_then(|seen| {
                 seconds = started.elapsed().as_secs_f64();
+                seen.say_if_empty(view, context);
+                if let Some(grey) = seen.dark().filter(|_| self.hints && views.is_empty()) {
+                    context.message(&format!("note: the picture is dark, as ParaView's would be (mean grey {grey:.1} of 255): --style density shows more"));
+                }
                 match seen {
                     Seen::Density(plane) if density.raw => {
-                        density.write_raw(out, &finish.subject.density_view(view), &plane, finish.quantities)
+                        density.write_raw(out, &finish.subject.density_view(view, set.size), &plane, finish.quantities)
                     }
                     seen => {
                         let path = out.picture(&view.name);

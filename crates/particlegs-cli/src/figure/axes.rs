@@ -8,6 +8,8 @@ use particlegs::{Error, Result};
 
 /// An axis of the picture is one of the world's where it leaves it by less than this.
 const ALONG: f64 = 1e-6;
+/// Coordinates of so many half windows are counted from a round number.
+const FAR: f64 = 200.0;
 
 /// The axes across and upwards: world coordinates where the picture looks along an axis, else distances from its
 /// middle.
@@ -28,13 +30,34 @@ pub fn about(camera: &Camera, size: Size, unit: &str) -> Result<[Axis; 2]> {
         match of {
             Some(a) => {
                 let (center, sign) = (camera.focal_point[a], along[a].signum());
-                let label = labelled(["x", "y", "z"][a], unit);
-                Axis { label, low: center - sign * half[k], high: center + sign * half[k] }
+                let from = offset(center, half[k]);
+                let name = ["x", "y", "z"][a];
+                let label = labelled(&counted(name, from, half[k]), unit);
+                let middle = center - from;
+                Axis { label, low: middle - sign * half[k], high: middle + sign * half[k] }
             }
             None => Axis { label: labelled(from_middle, unit), low: -half[k], high: half[k] },
         }
     };
     Ok([axis(0, "across"), axis(1, "upwards")])
+}
+
+/// What coordinates are counted from, where they are so large that ticks would have many digits in common; else 0.
+fn offset(center: f64, half: f64) -> f64 {
+    let step = step(half);
+    if center.abs() > FAR * half { (center / step).floor() * step } else { 0.0 }
+}
+
+/// A power of ten no smaller than the window.
+fn step(half: f64) -> f64 {
+    10f64.powi((2.0 * half).log10().ceil() as i32)
+}
+
+/// `x − 212000`.
+fn counted(name: &str, from: f64, half: f64) -> String {
+    let digits = (-step(half).log10().round()).clamp(0.0, 300.0) as usize;
+    let sign = if from > 0.0 { '\u{2212}' } else { '+' };
+    if from == 0.0 { name.into() } else { format!("{name} {sign} {:.digits$}", from.abs()) }
 }
 
 #[cfg(test)]
@@ -56,5 +79,24 @@ mod tests {
         assert_eq!(seen(90.0)[0], ("z (Mpc)".into(), 36.0, 24.0));
         assert_eq!(seen(30.0)[0], ("across (Mpc)".into(), -6.0, 6.0));
         assert!(about(&spherical_camera([0.0; 3], 0.0, 0.0, 1.0), size, "").is_err());
+    }
+
+    #[test]
+    fn far_from_the_origin_ticks_differ() {
+        let size = Size { width: 100, height: 100 };
+        for (at, height, label, low) in [
+            (212_345.0, 20.0, "x \u{2212} 212300 (kpc)", 35.0),
+            (-98_765.4, 0.02, "x + 98765.4 (kpc)", -0.01),
+            (1e12, 3.0, "x \u{2212} 1000000000000 (kpc)", -1.5),
+            (500.0, 20.0, "x (kpc)", 490.0),
+        ] {
+            let mut camera = spherical_camera([at; 3], 0.0, 0.0, 50.0);
+            camera.projection = Projection::Orthographic { height_world: height };
+            let [x, _] = about(&camera, size, "kpc").unwrap();
+            assert_eq!(x.label, label);
+            assert!((x.low - low).abs() < 1e-4, "{} for {low}", x.low);
+            let ticks = crate::figure::ticks::even(x.low, x.high, 6.0).major;
+            assert!(ticks.len() > 1 && ticks.windows(2).all(|t| t[0].1 != t[1].1), "{ticks:?}");
+        }
     }
 }

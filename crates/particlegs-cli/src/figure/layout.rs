@@ -1,7 +1,7 @@
 //! Where everything of a figure stands: pictures in rows, axes and captions about each, one colour bar beside all.
 
 use super::font;
-use super::layout_parts::{Pen, bar_width, drawn_axes};
+use super::layout_parts::{Pen, UNDER, bar_width, drawn_axes};
 use super::panel::{Figure, Panel, Place};
 use super::sheet::{Anchor, Area, Mark, Sheet};
 use super::ticks::{self, Ticks};
@@ -103,7 +103,7 @@ pub fn layout(figure: &Figure, em: f64, room: Room) -> Result<Sheet> {
 
 /// The pictures that have a scale bar: one in a row's first, where all have the same.
 fn scales(figure: &Figure) -> Vec<usize> {
-    let has = |p: &Panel| p.scale.is_some() && p.axes.is_none();
+    let has = |p: &Panel| p.scale.is_some();
     let shown: Vec<usize> = (0..figure.panels.len()).filter(|i| has(&figure.panels[*i])).collect();
     let same = shown.windows(2).all(|p| figure.panels[p[0]].scale == figure.panels[p[1]].scale);
     if !same || shown.len() < 2 || figure.place == Place::Inside {
@@ -130,7 +130,7 @@ impl Margins {
         };
         let mut each = [0.0; 4];
         if figure.panels.iter().any(drawn_axes) {
-            each = [widest(1) + 2.3 * em, 0.5 * em, 0.5 * widest(0), 3.1 * em];
+            each = [widest(1) + 2.3 * em, 0.5 * em, 0.5 * widest(0), UNDER * em];
         }
         if figure.panels.iter().any(|p| p.caption.is_some()) {
             each[1] = 1.6 * em;

@@ -12,6 +12,8 @@ const TO_BAR: f64 = 0.8;
 const BAR: f64 = 0.9;
 const TICK: f64 = 0.35;
 const SPACE: f64 = 0.25;
+/// Ticks, numbers and names under a picture, ems.
+pub const UNDER: f64 = 3.1;
 /// How dark the edges of a box are on a picture.
 const EDGES: f64 = 0.6;
 
@@ -138,7 +140,7 @@ impl Pen<'_> {
         let thick = if self.fine { 0.16 * em } else { (em / 6.0).round().max(2.0) };
         match self.figure.place {
             Place::Outside => {
-                let y = at.bottom() + 1.3 * em;
+                let y = at.bottom() + 1.3 * em + if panel.axes.is_some() { UNDER * em } else { 0.0 };
                 let ink = self.figure.page.ink();
                 self.length([at.x, y], long, thick, 0.0, ink);
                 let room = at.w - long - 0.6 * em;

@@ -2,7 +2,7 @@
 
 use crate::view_args::Subject;
 use clap::ValueEnum;
-use particlegs::camera::{Frame, spherical_camera};
+use particlegs::camera::spherical_camera;
 use particlegs::math::each_axis;
 use particlegs::picture::Size;
 use particlegs::{Error, Result};
@@ -87,7 +87,8 @@ pub fn width(
     for direction in directions {
         half = seen(corners, center, direction)?.iter().fold(half, |h, p| h.max(p[0].abs()).max(p[1].abs() * aspect));
     }
-    positive(2.0 * half)
+    // Rounding leaves nothing outside.
+    positive(2.0 * half * (1.0 + 1e-9))
 }
 
 fn positive(length: f64) -> Result<f64> {
@@ -95,23 +96,16 @@ fn positive(length: f64) -> Result<f64> {
     if length > 0.0 && length.is_finite() { Ok(length) } else { Err(fault()) }
 }
 
-/// One box across where it repeats, else everything inside the picture.
-pub fn default_width(frame: &Frame, subject: &Subject, size: Size) -> f64 {
-    let extent = subject.bounds.extent_nonzero();
-    let along = |axis: usize| (0..3).map(|k| frame.axes[axis][k].abs() * extent[k]).sum::<f64>();
-    let (across, down) = (along(0), along(1) * size.width as f64 / size.height as f64);
-    if subject.repeats() { across.min(down) } else { across.max(down) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::camera::FOV_DEG;
+    use particlegs::camera::{Extent, FOV_DEG};
     use particlegs::space::{Bounds, Cell};
 
     fn subject(cell: Option<Cell>) -> Subject {
         let bounds = Bounds { min: [1.0, 2.0, 3.0], max: [5.0, 4.0, 9.0] };
-        Subject { bounds, cell, radius: 0.1, opacity: 0.05, density: false }
+        let extent = Extent::new(&bounds, cell.as_ref());
+        Subject { bounds, cell, extent, radius: 0.1, opacity: 0.05, density: false }
     }
 
     #[test]
@@ -129,7 +123,7 @@ mod tests {
             assert!((0.9..=FILLED + 1e-9).contains(&most), "{most}");
         }
         let seen_from_front = width(&corners, center, [[0.0, 0.0]].into_iter(), Size { width: 100, height: 100 });
-        assert!((seen_from_front.unwrap() - 4.0).abs() < 1e-9);
+        assert!((seen_from_front.unwrap() - 4.0).abs() < 1e-8);
     }
 
     #[test]

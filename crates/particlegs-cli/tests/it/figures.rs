@@ -176,6 +176,35 @@ fn without_ffmpeg_frames_are_kept() {
     assert!(!s.at("turn.mp4").exists());
 }
 
+/// ffmpeg is told that names are files: it would take what stands before a colon for a protocol. What it wrote is
+/// looked at.
+#[cfg(unix)]
+#[test]
+fn films_with_colons_in_their_names_are_files() {
+    use std::os::unix::fs::PermissionsExt;
+    let s = Scene::new();
+    let stand_in = |does: &str| {
+        let script = format!("#!/bin/sh\nfor last; do :; done\n{does}\n");
+        std::fs::write(s.at("ffmpeg"), script).unwrap();
+        std::fs::set_permissions(s.at("ffmpeg"), std::fs::Permissions::from_mode(0o755)).unwrap();
+    };
+    let film = |name: &str| {
+        let arguments = ["a.pgs", "--turntable", "2", "--size", "32x20", &format!("--video={name}")];
+        let out = s.render(&arguments).env("PATH", s.dir.path()).output().unwrap();
+        assert!(out.status.success());
+        String::from_utf8_lossy(&[out.stdout, out.stderr].concat()).into_owned()
+    };
+    stand_in(r#"case "$last" in file:*) echo film > "${last#file:}";; esac"#);
+    for name in ["12:30.mp4", "http:turn.webm", "-turn.mp4"] {
+        let said = film(name);
+        assert!(s.at(name).exists(), "{said}");
+    }
+    stand_in("exit 0");
+    let said = film("none.mp4");
+    assert!(said.contains("ffmpeg wrote no film") && !s.at("none.mp4").exists(), "{said}");
+    assert!(said.contains("file:none-frames/frame_%04d.png") && s.at("none-frames").exists(), "{said}");
+}
+
 #[test]
 fn figures_that_cannot_be_are_refused() {
     let s = Scene::new();

@@ -1,5 +1,6 @@
 //! Views of surface density: perspective, or an orthographic window into a box that may repeat.
 
+use super::extent::{CenteredCell, Extent, across};
 use super::view::{Camera, Frame, Projection, View, norm};
 use super::{clipping_range, spherical_camera};
 use crate::math::each_axis;
@@ -19,8 +20,19 @@ pub struct DensityView {
     pub camera: Camera,
     /// Nearest and farthest depth that count, world units from the eye.
     pub range: [f64; 2],
-    /// The cell whose copies fill the window. Orthographic views only.
-    pub wrap: Option<Cell>,
+    /// What is drawn of a periodic cell.
+    pub images: Images,
+}
+
+/// Which images of particles in a periodic cell are drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Images {
+    /// The particles where they are.
+    Own,
+    /// Each particle once, in the cell about the point looked at. Orthographic views only.
+    Nearest(Cell),
+    /// All that lie in the window, along the cell's periodic vectors. Orthographic views only.
+    All(Cell),
 }
 
 /// What an orthographic picture shows.
@@ -32,19 +44,43 @@ pub struct Window {
     pub angles_deg: [f64; 2],
     /// World units across.
     pub width: f64,
-    /// World units along the line of sight; `None` = one cell's extent along it where the cell repeats, else
-    /// everything.
+    /// World units along the line of sight; `None` = every particle once.
     pub depth: Option<f64>,
 }
 
 impl DensityView {
-    /// A perspective (or orthographic) view as pictures have it.
+    /// A perspective (or orthographic) view as pictures have it, of particles where they are.
     pub fn of_view(view: &View, bounds: &Bounds) -> DensityView {
-        let range = view.camera.clipping_range.unwrap_or_else(|| clipping_range(bounds, &view.camera));
-        DensityView { name: view.name.clone(), camera: view.camera, range, wrap: None }
+        let range = view.camera.clipping_range.unwrap_or_else(|| match view.camera.projection {
+            Projection::Perspective { .. } => clipping_range(bounds, &view.camera),
+            // No Gaussian is cut by a picture that asks for no depth.
+            Projection::Orthographic { .. } => {
+                [0.0, view.camera.distance() + everything(bounds, view.camera.focal_point)]
+            }
+        });
+        DensityView { name: view.name.clone(), camera: view.camera, range, images: Images::Own }
     }
 
-    /// An orthographic window, onto copies of the cell where it repeats.
+    /// The same of particles in a cell: where an orthographic window holds the periodic cell whole, or looks at it
+    /// obliquely, every particle is drawn once; a window onto a part of it is continued by copies.
+    pub fn of_cell(view: &View, size: Size, bounds: &Bounds, cell: Option<Cell>) -> DensityView {
+        let own = DensityView::of_view(view, bounds);
+        let cell = cell.filter(|c| c.periodic.contains(&true) && c.inverse().is_some());
+        let (Some(cell), Projection::Orthographic { height_world }) = (cell, view.camera.projection) else {
+            return own;
+        };
+        let Ok(frame) = view.camera.frame() else { return own };
+        let half = [0.5 * height_world * size.width as f64 / size.height as f64, 0.5 * height_world];
+        let images = match across(&cell, &frame) {
+            Some(copies) if !Extent::new(bounds, Some(&cell)).is_in(&frame, half) => {
+                Images::All(if view.camera.clipping_range.is_some() { cell } else { copies })
+            }
+            _ => Images::Nearest(cell),
+        };
+        DensityView { images, ..own }
+    }
+
+    /// An orthographic window.
     ///
     /// # Errors
     /// [`Error::Argument`] where a length is not positive or a number not finite.
@@ -64,33 +100,31 @@ impl DensityView {
         if center.iter().chain(&angles_deg).any(|v| !v.is_finite()) {
             return Err(Error::argument("the centre or an angle is not finite"));
         }
-        let wrap = cell.filter(|c| c.periodic.contains(&true));
-        let unit = spherical_camera([0.0; 3], angles_deg[0], angles_deg[1], 1.0);
-        let dot = |v: [f64; 3]| (0..3).map(|k| v[k] * unit.position[k]).sum::<f64>().abs();
-        // Where nothing repeats all that is there is seen.
-        let along = |c: Cell| -> f64 {
-            let directions = c.directions();
-            let off: [f64; 3] = each_axis(|k| 2.0 * (center[k] - bounds.center()[k]).abs());
-            let reach = |a: usize| -> f64 {
-                (0..3).map(|k| (bounds.extent_nonzero()[k] + off[k]) * directions[a][k].abs()).sum()
-            };
-            (0..3).map(|a| dot(if c.periodic[a] { c.vectors[a] } else { directions[a].map(|x| x * reach(a)) })).sum()
-        };
-        let everything = 4.0 * norm(bounds.extent_nonzero()) + norm(each_axis(|k| center[k] - bounds.center()[k]));
-        let half = 0.5 * depth.or(wrap.map(along)).unwrap_or(2.0 * everything);
+        let half = depth.map_or(everything(bounds, center), |d| 0.5 * d);
         let mut camera = spherical_camera(center, angles_deg[0], angles_deg[1], half);
         camera.projection = Projection::Orthographic { height_world: width * size.height as f64 / size.width as f64 };
-        Ok(DensityView { name: name.to_string(), camera, range: [0.0, 2.0 * half], wrap })
+        camera.clipping_range = depth.map(|d| [0.0, d]);
+        let view = View { name: name.to_string(), camera, radius: 1.0, opacity: 1.0 };
+        Ok(DensityView::of_cell(&view, size, bounds, cell))
+    }
+
+    /// The cell into which every particle is moved.
+    pub fn centered_cell(&self) -> Option<CenteredCell> {
+        match self.images {
+            Images::Nearest(cell) => CenteredCell::new(self.camera.focal_point, cell),
+            Images::Own | Images::All(_) => None,
+        }
     }
 
     /// Shifts of the particles (bounds `bounds`, reaching `margin` beyond their centres) that can
-    /// bring some of them into the window; only the zero shift without wrap.
+    /// bring some of them into the window; only the zero shift where no copies are drawn.
     ///
     /// # Errors
     /// [`Error::Argument`] where the window holds thousands of copies of the cell or the cell is
     /// flat.
     pub fn copies(&self, size: Size, bounds: &Bounds, margin: f64) -> Result<Vec<[f64; 3]>> {
-        let (Some(cell), Projection::Orthographic { height_world }) = (self.wrap, self.camera.projection) else {
+        let (Images::All(cell), Projection::Orthographic { height_world }) = (self.images, self.camera.projection)
+        else {
             return Ok(vec![[0.0; 3]]);
         };
         let inverse = cell.inverse().ok_or_else(|| Error::argument("the periodic cell has no volume"))?;
@@ -133,6 +167,11 @@ impl DensityView {
         }
         Ok(shifts)
     }
+}
+
+/// A depth beyond all there is, from a point, world units.
+fn everything(bounds: &Bounds, from: [f64; 3]) -> f64 {
+    4.0 * norm(bounds.extent_nonzero()) + norm(each_axis(|k| from[k] - bounds.center()[k]))
 }
 
 fn window_corners(frame: &Frame, height: f64, size: Size, range: [f64; 2]) -> [[f64; 3]; 8] {

@@ -40,5 +40,5 @@ pub use depth::{draw, draw_into, optical_depth, optical_depth_into};
 pub use drawer::Drawer;
 pub use scene::Scene;
 pub use scratch::Scratch;
-pub use surface::surface_density;
+pub use surface::{extent, surface_density};
 pub use tone::{Tones, tone};

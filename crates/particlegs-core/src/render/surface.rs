@@ -5,19 +5,42 @@ use super::lens::Lens;
 use super::scene::Scene;
 use super::scratch::Scratch;
 use crate::Result;
-use crate::camera::DensityView;
+use crate::camera::{CenteredCell, DensityView, Extent};
 use crate::math::each_axis;
 use crate::model::Mixture;
 use crate::picture::{Plane, Size};
 use crate::progress::Progress;
+use crate::space::Cell;
+use crate::splat::erf;
+use std::borrow::Cow;
 
 /// Mass a world unit squared at every pixel, averaged over the pixel:
 /// `Sigma = sum m (f/z)^2 N2` in perspective, `sum m f^2 N2` in an orthographic view, whose periodic
-/// copies are drawn where the view wraps. Where no mass is known the result counts particles.
+/// images are drawn as the view says. Where no mass is known the result counts particles.
 ///
 /// # Errors
 /// [`crate::Error::Argument`] for a window of thousands of boxes, [`crate::Error::Cancelled`].
 pub fn surface_density(scene: &Scene, view: &DensityView, size: Size, progress: &dyn Progress) -> Result<Plane> {
+    let Some(centered) = view.centered_cell() else { return drawn(scene, view, size, progress) };
+    let parts: Vec<Cow<'_, Mixture>> = scene.parts.iter().map(|(m, _)| moved(m, &centered)).collect();
+    let parts = parts.iter().zip(&scene.parts).map(|(m, (_, mass))| (&**m, *mass)).collect();
+    drawn(&Scene { parts, shifts: scene.shifts.clone(), ..*scene }, view, size, progress)
+}
+
+/// Gaussians by their images in a cell; copied where one of them moves.
+fn moved<'a>(mixture: &'a Mixture, cell: &CenteredCell) -> Cow<'a, Mixture> {
+    let mut moved = Cow::Borrowed(mixture);
+    for i in 0..mixture.len() {
+        let shift = cell.shift(mixture.mean_of(i));
+        if shift != [0.0; 3] {
+            let own = moved.to_mut();
+            (0..3).for_each(|k| own.mean[k][i] += shift[k]);
+        }
+    }
+    moved
+}
+
+fn drawn(scene: &Scene, view: &DensityView, size: Size, progress: &dyn Progress) -> Result<Plane> {
     let lenses = view
         .copies(size, &scene.bounds, reach(scene))?
         .into_iter()
@@ -27,6 +50,49 @@ pub fn surface_density(scene: &Scene, view: &DensityView, size: Size, progress: 
     let mut scratch = Scratch::default();
     let weight = |m: &Mixture, unit_mass, i| unit_mass * m.mass_of(i);
     sum(scene, &lenses, size, weight, &mut scratch, progress)?.to_plane(progress)
+}
+
+/// Share of the mass that may lie beyond each pair of faces of a scene's extent.
+const BEYOND: f64 = 1e-6;
+
+/// What a map of a scene shows whole: the extent of its particles, as long as the tails of Gaussians that reach out of
+/// it want.
+pub fn extent(scene: &Scene, cell: Option<&Cell>) -> Extent {
+    let mut extent = Extent::new(&scene.bounds, cell);
+    let whole = Cell { origin: [0.0; 3], vectors: extent.edges, periodic: [true; 3] };
+    let Some(inverse) = whole.inverse() else { return extent };
+    extent.tails = each_axis(|a| tails(scene, extent.center, each_axis(|k| inverse[k][a])));
+    extent
+}
+
+/// How much longer an edge becomes, over the edge, whose fractions are counted from `center` by `row`.
+fn tails(scene: &Scene, center: [f64; 3], row: [f64; 3]) -> f64 {
+    let (mut total, mut near) = (0.0, Vec::new());
+    for (m, unit) in &scene.parts {
+        for i in 0..m.len() {
+            let (mean, mass) = (m.mean_of(i), unit * m.mass_of(i));
+            let at = (0..3).map(|k| row[k] * (mean[k] - center[k])).sum::<f64>().abs();
+            let along = m.cov_of(i).apply(row);
+            let sigma = (0..3).map(|k| row[k] * along[k]).sum::<f64>().max(0.0).sqrt();
+            total += mass;
+            if at + 6.0 * sigma > 0.5 {
+                near.push((at, sigma.max(f64::MIN_POSITIVE), mass));
+            }
+        }
+    }
+    let beyond = |t: f64| -> f64 {
+        let tail = |x: f64| 0.5 * (1.0 - erf(x * std::f64::consts::FRAC_1_SQRT_2));
+        near.iter().map(|(at, sigma, m)| m * (tail((0.5 + t - at) / sigma) + tail((0.5 + t + at) / sigma))).sum()
+    };
+    let [mut low, mut high] = [0.0, 1.0];
+    while beyond(high) > BEYOND * total && high < 1e6 {
+        high *= 2.0;
+    }
+    for _ in 0..24 {
+        let middle = 0.5 * (low + high);
+        *(if beyond(middle) > BEYOND * total { &mut low } else { &mut high }) = middle;
+    }
+    2.0 * high
 }
 
 /// Five of the largest standard deviation: how far Gaussians reach beyond their means.

@@ -159,10 +159,8 @@ impl Question {
     }
 
     fn density(&self, reference: &Reference<'_>, progress: &dyn Progress) -> Result<Plane> {
-        let mut view = DensityView::of_view(&self.view()?, reference.bounds());
-        if self.camera.height.is_some() && self.periodic {
-            view.wrap = reference.particles().meta.cell.filter(|c| c.periodic.contains(&true));
-        }
+        let cell = reference.particles().meta.cell.filter(|_| self.periodic);
+        let view = DensityView::of_cell(&self.view()?, self.size(), reference.bounds(), cell);
         reference.surface_density(&view, self.size(), progress)
     }
 }

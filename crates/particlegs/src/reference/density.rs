@@ -1,7 +1,7 @@
 //! Surface density of all particles: mass along the line of sight for an area.
 
 use crate::Result;
-use crate::camera::{DensityView, Projection};
+use crate::camera::{CenteredCell, DensityView, Projection};
 use crate::parallel;
 use crate::particles::{Chunk, ChunkBuffer, Particles};
 use crate::picture::{Plane, Size};
@@ -31,6 +31,9 @@ pub(super) struct Sight {
     range: [f64; 2],
     size: Size,
     unit_mass: f64,
+    /// The cell into which every particle is moved.
+    cell: Option<CenteredCell>,
+    origin: [f64; 3],
 }
 
 /// Where a particle is seen.
@@ -54,6 +57,8 @@ impl Sight {
             range: view.range,
             size,
             unit_mass: particles.meta.particle_mass.unwrap_or(1.0),
+            cell: view.centered_cell(),
+            origin: particles.origin,
         })
     }
 
@@ -63,7 +68,12 @@ impl Sight {
         let eye: [f64; 3] = each_axis(|k| self.position[k] - shift[k]);
         let [xs, ys, zs] = chunk.position;
         for i in 0..chunk.len() {
-            let v = [f64::from(xs[i]) - eye[0], f64::from(ys[i]) - eye[1], f64::from(zs[i]) - eye[2]];
+            let at = [xs[i], ys[i], zs[i]].map(f64::from);
+            let mut v: [f64; 3] = each_axis(|k| at[k] - eye[k]);
+            if let Some(cell) = &self.cell {
+                let shift = cell.shift(each_axis(|k| self.origin[k] + at[k]));
+                v = each_axis(|k| v[k] + shift[k]);
+            }
             let [x, y, depth] = self.axes.map(|a| a[0] * v[0] + a[1] * v[1] + a[2] * v[2]);
             if !(depth >= self.range[0] && depth < self.range[1]) {
                 continue;
@@ -166,6 +176,44 @@ mod tests {
             assert!((mass(None) - 5000.0).abs() < 5.0, "{}", mass(None));
             assert!((mass(Some(4.0)) - 10_000.0).abs() < 10.0);
             assert!((mass(Some(1.0)) - 2500.0).abs() < 200.0);
+        }
+    }
+
+    /// Boxes of any shape, upright or tilted, from every side and obliquely: the map that shows all of a box has every
+    /// particle once, those on its faces with it.
+    #[test]
+    fn maps_of_whole_boxes_have_every_particle_once() {
+        use crate::camera::{Extent, spherical_camera};
+        let tilted =
+            Cell { vectors: [[10.0, 0.0, 0.0], [4.0, 9.0, 0.0], [2.0, 3.0, 8.0]], ..Cell::orthogonal([1.0; 3]) };
+        let upright = [[1.0, 1.0, 1.0], [2.0, 1.0, 0.5], [4.0, 2.0, 1.0], [0.3, 0.7, 90.1]].map(Cell::orthogonal);
+        let slab = Cell { periodic: [true, true, false], ..upright[1] };
+        for cell in upright.into_iter().chain([tilted, slab]) {
+            // A lattice that has particles on the lower faces, and in the middle.
+            let at = |i: usize, k: usize| {
+                let f = [i % 10, i / 10 % 10, i / 100].map(|n| n as f64 / 10.0);
+                (0..3).map(|a| f[a] * cell.vectors[a][k]).sum::<f64>() as f32
+            };
+            let column = |k: usize| (0..1000).map(|i| at(i, k)).collect::<Vec<f32>>();
+            let particles = Particles::from_columns(column(0), column(1), column(2));
+            let reference = Reference::new(&particles);
+            let (bounds, extent) = (*reference.bounds(), Extent::new(reference.bounds(), Some(&cell)));
+            for angles_deg in
+                [[0.0, 0.0], [90.0, 0.0], [180.0, 0.0], [270.0, 0.0], [0.0, 90.0], [0.0, -90.0], [30.0, 20.0]]
+            {
+                for (size, center) in [([160, 90], extent.center), ([64, 64], [0.1, -7.0, 0.2])] {
+                    let size = Size { width: size[0], height: size[1] };
+                    let frame = spherical_camera([0.0; 3], angles_deg[0], angles_deg[1], 1.0).frame().unwrap();
+                    let width = extent.width(&frame, size);
+                    let center = if cell.periodic[2] { center } else { extent.center };
+                    let window = Window { center, angles_deg, width, depth: None };
+                    let view = DensityView::orthographic("v", &window, size, &bounds, Some(cell)).unwrap();
+                    let plane = reference.surface_density(&view, size, &Silent).unwrap();
+                    let mass = plane.data.iter().map(|v| f64::from(*v)).sum::<f64>();
+                    let count = mass * (width / size.width as f64).powi(2);
+                    assert!((count / 1000.0 - 1.0).abs() < 1e-6, "{cell:?} {angles_deg:?}: {count}");
+                }
+            }
         }
     }
 }

@@ -134,7 +134,7 @@ fn level(radius: f64) -> Option<i32> {
 #[cfg(test)]
 mod tests {
     use super::super::kernel::projected;
-    use crate::camera::{DensityView, Window, base_distance, spherical_camera};
+    use crate::camera::{DensityView, Images, Window, base_distance, spherical_camera};
     use crate::math::Random;
     use crate::particles::Particles;
     use crate::picture::{Plane, Size};
@@ -248,7 +248,7 @@ mod tests {
         let mut camera = spherical_camera([1.0; 3], 0.0, 0.0, base_distance(&BOX, SIZE));
         for (distance, whole) in [(1.5 * base_distance(&BOX, SIZE), true), (0.7, false)] {
             camera.position = [1.0, 1.0, 1.0 + distance];
-            let view = DensityView { name: "v".into(), camera, range: [0.1, 100.0], wrap: None };
+            let view = DensityView { name: "v".into(), camera, range: [0.1, 100.0], images: Images::Own };
             let pixel = distance / camera.focal_pixels(SIZE);
             let plane = smoothed(&sheet, 32, &view);
             let share = mass(&plane, pixel) / 2000.0;
@@ -276,7 +276,7 @@ mod tests {
         let particles = cloud(100, 0);
         for (near, distance) in [(1e-30, 0.0), (1e-3, 0.01), (1.0, 1e12)] {
             let camera = spherical_camera([1.0; 3], 20.0, 10.0, distance + 1e-6);
-            let view = DensityView { name: "v".into(), camera, range: [near, f64::INFINITY], wrap: None };
+            let view = DensityView { name: "v".into(), camera, range: [near, f64::INFINITY], images: Images::Own };
             assert!(smoothed(&particles, 99, &view).data.iter().all(|v| v.is_finite()), "{distance}");
         }
     }

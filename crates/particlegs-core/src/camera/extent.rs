@@ -1,0 +1,139 @@
+//! What an orthographic map shows whole: the periodic cell, or the bounds of what does not repeat.
+
+use super::view::{Frame, norm};
+use crate::math::each_axis;
+use crate::picture::Size;
+use crate::space::{Bounds, Cell};
+
+/// Windows are so much larger than what they hold that rounding leaves nothing outside.
+const ROOM: f64 = 1e-9;
+
+/// A parallelepiped that holds all there is, world units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extent {
+    /// Its middle.
+    pub center: [f64; 3],
+    /// Its edges.
+    pub edges: [[f64; 3]; 3],
+    /// How much longer each edge is for tails that reach out of it, over the edge.
+    pub tails: [f64; 3],
+    /// Along which edges it repeats.
+    pub periodic: [bool; 3],
+}
+
+impl Extent {
+    /// Of particles with these bounds, in this cell.
+    pub fn new(bounds: &Bounds, cell: Option<&Cell>) -> Extent {
+        let cell = cell.filter(|c| c.periodic.contains(&true) && c.inverse().is_some());
+        let (whole, right) = (|c: &&Cell| c.periodic == [true; 3], |c: &&Cell| c.lengths().is_some());
+        let side = bounds.extent();
+        let along = |k: usize, length: f64| each_axis(|j| if j == k { length } else { 0.0 });
+        let mut extent = Extent {
+            center: bounds.center(),
+            edges: each_axis(|k| k).map(|k| along(k, side[k])),
+            tails: [0.0; 3],
+            periodic: [false; 3],
+        };
+        if let Some(cell) = cell.filter(|c| whole(c) || right(c)) {
+            extent.periodic = cell.periodic;
+            for k in (0..3).filter(|k| cell.periodic[*k]) {
+                extent.edges[k] = cell.vectors[k];
+            }
+            extent.center = match whole(&cell) {
+                true => each_axis(|k| cell.origin[k] + 0.5 * cell.vectors.map(|v| v[k]).iter().sum::<f64>()),
+                false => each_axis(|k| match cell.periodic[k] {
+                    true => cell.origin[k] + 0.5 * cell.vectors[k][k],
+                    false => extent.center[k],
+                }),
+            };
+        } else if let Some(cell) = cell {
+            // Of a tilted cell that is open somewhere: the box about all of it.
+            let mut all = *bounds;
+            let bit = |c: usize, a: usize| (c >> a & 1) as f64;
+            (0..8).for_each(|c| {
+                all.include(each_axis(|k| cell.origin[k] + (0..3).map(|a| bit(c, a) * cell.vectors[a][k]).sum::<f64>()))
+            });
+            (extent.center, extent.edges) = (all.center(), each_axis(|k| k).map(|k| along(k, all.extent()[k])));
+        }
+        extent
+    }
+
+    /// Half of what it takes along a direction of length 1, without tails and with them.
+    fn halves(&self, direction: [f64; 3]) -> [f64; 2] {
+        let share = |k: usize| 0.5 * dot(self.edges[k], direction).abs();
+        [(0..3).map(share).sum(), (0..3).map(|k| share(k) * (1.0 + self.tails[k])).sum()]
+    }
+
+    /// Does a window hold all of it, and more?
+    pub(super) fn is_in(&self, frame: &Frame, half: [f64; 2]) -> bool {
+        let room = [0, 1].map(|k| half[k] / self.halves(frame.axes[k])[0] - 1.0);
+        room.iter().all(|r| *r > -0.1 * ROOM) && room.iter().any(|r| *r > 0.1 * ROOM)
+    }
+
+    /// The width of the smallest window that holds all of it about its middle, world units; positive.
+    ///
+    /// Tails that leave a periodic box on one side of a window of its own shape come in on the other.
+    pub fn width(&self, frame: &Frame, size: Size) -> f64 {
+        let aspect = size.width as f64 / size.height as f64;
+        let [x, y] = [self.halves(frame.axes[0]), self.halves(frame.axes[1])];
+        let whole = self.periodic == [true; 3] && parallel(&self.edges, frame).is_some();
+        if whole && self.tails != [0.0; 3] && (x[0] - y[0] * aspect).abs() < 0.01 * ROOM * x[0] {
+            return 2.0 * x[0];
+        }
+        let half = x[1].max(y[1] * aspect) * (1.0 + ROOM);
+        if half > 0.0 && half.is_finite() { 2.0 * half } else { 1.0 }
+    }
+}
+
+/// Which edge the line of sight runs along, with the others across it.
+fn parallel(edges: &[[f64; 3]; 3], frame: &Frame) -> Option<usize> {
+    let along = |k: usize| (dot(edges[k], frame.axes[2]).abs() / norm(edges[k]).max(f64::MIN_POSITIVE)).min(1.0);
+    (0..3).find(|k| (0..3).all(|j| if j == *k { along(j) > 1.0 - 1e-12 } else { along(j) < 1e-6 }))
+}
+
+/// The copies of a cell that a map of a part of it is continued by: those across the line of sight, so that every
+/// particle counts once along it. `None` where the line of sight is oblique.
+pub(super) fn across(cell: &Cell, frame: &Frame) -> Option<Cell> {
+    let along = |k: usize| dot(cell.vectors[k], frame.axes[2]).abs() / norm(cell.vectors[k]);
+    let periodic = |k: &usize| cell.periodic[*k];
+    let mut copies = *cell;
+    match (0..3).filter(periodic).find(|k| along(*k) > 1.0 - 1e-12) {
+        Some(k) => copies.periodic[k] = false,
+        None if (0..3).filter(periodic).all(|k| along(k) < 1e-6) => {}
+        None => return None,
+    }
+    Some(copies)
+}
+
+/// Moves points to their images in the cell about a point.
+#[derive(Clone, Copy, Debug)]
+pub struct CenteredCell {
+    center: [f64; 3],
+    cell: Cell,
+    inverse: [[f64; 3]; 3],
+}
+
+impl CenteredCell {
+    /// `None` for a cell without volume.
+    pub(super) fn new(center: [f64; 3], cell: Cell) -> Option<CenteredCell> {
+        Some(CenteredCell { center, cell, inverse: cell.inverse()? })
+    }
+
+    /// What is added to a point.
+    #[inline]
+    pub fn shift(&self, point: [f64; 3]) -> [f64; 3] {
+        let d: [f64; 3] = each_axis(|k| point[k] - self.center[k]);
+        let cells: [f64; 3] = each_axis(|a| match self.cell.periodic[a] {
+            true => (0..3).map(|k| d[k] * self.inverse[k][a]).sum::<f64>().round(),
+            false => 0.0,
+        });
+        match cells == [0.0; 3] {
+            true => [0.0; 3],
+            false => each_axis(|k| -(0..3).map(|a| cells[a] * self.cell.vectors[a][k]).sum::<f64>()),
+        }
+    }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
