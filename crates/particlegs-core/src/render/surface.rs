@@ -55,10 +55,13 @@ fn drawn(scene: &Scene, view: &DensityView, size: Size, progress: &dyn Progress)
 /// Share of the mass that may lie beyond each pair of faces of a scene's extent.
 const BEYOND: f64 = 1e-6;
 
-/// What a map of a scene shows whole: the extent of its particles, as long as the tails of Gaussians that reach out of
-/// it want.
+/// What a map of a scene shows whole: the extent of its particles; where that repeats, as long as the tails of Gaussians
+/// that reach out of it want. An open scene has the window of its particles, so that both can be compared.
 pub fn extent(scene: &Scene, cell: Option<&Cell>) -> Extent {
     let mut extent = Extent::new(&scene.bounds, cell);
+    if extent.periodic == [false; 3] {
+        return extent;
+    }
     let whole = Cell { origin: [0.0; 3], vectors: extent.edges, periodic: [true; 3] };
     let Some(inverse) = whole.inverse() else { return extent };
     extent.tails = each_axis(|a| tails(scene, extent.center, each_axis(|k| inverse[k][a])));
