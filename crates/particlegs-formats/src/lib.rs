@@ -48,6 +48,7 @@ mod xyz;
 
 pub use array::Array;
 pub use choose::Choice;
+pub use csv::Catalogue;
 pub use kind::Kind;
 pub use registry::Format;
 pub use snapshot::{Description, Field, Frames, Mass, Snapshot, Species, Weights};

@@ -6,9 +6,10 @@ use crate::inputs::{self, Either};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{stats_plots, stats_tables};
 use clap::{Args, ValueHint};
-use particlegs::model::Model;
+use particlegs::model::{Model, UnitSystem};
 use particlegs::particles::{Particles, Storage};
 use particlegs::progress::Progress;
+use particlegs::space::Cell;
 use particlegs::stats::{Assignment, Convention, Measure, Statistics, StatsOptions, Subject, compare};
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
@@ -89,9 +90,10 @@ pub struct Arguments {
     /// Profile: number of slabs.
     #[arg(long, value_name = "N", default_value_t = 200, hide_short_help = true)]
     profile_bins: usize,
-    /// Haloes: text file with x, y, z and perhaps a radius in each line.
+    /// Haloes: text file with x, y, z and perhaps a radius in each line, such as a catalogue of haloes.
     ///
-    /// A first line of names is allowed. Without a file, the centres are those of the truth's groups of
+    /// Names above the columns, behind # or not, say which are meant, and the header their units: lists of Rockstar,
+    /// consistent-trees and AHF are read as they are. Without a file, the centres are those of the truth's groups of
     /// 100 particles and more, the 1000 largest of them.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     centres: Option<PathBuf>,
@@ -155,6 +157,14 @@ impl Source {
         }
     }
 
+    /// What its numbers are in, and its box.
+    fn place(&self) -> (UnitSystem<'_>, Option<Cell>) {
+        match self {
+            Source::Particles(p) => (p.meta.unit_system(), p.meta.cell),
+            Source::Model(m) => (m.metadata.unit_system(), m.metadata.cell),
+        }
+    }
+
     /// Unit of length and whether it is comoving.
     fn length_unit(&self) -> Option<String> {
         let units = match self {
@@ -183,8 +193,10 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads([a.truth.as_path(), &a.other].into_iter().chain(a.centres.as_deref()), false)?;
     context.makes_folder(&a.out)?;
     output::check_writable(&a.out.join("stats.json"))?;
-    options.centers = a.centres.as_ref().map(|path| centres::read(path, &context)).transpose()?;
+    let list = a.centres.as_ref().map(|path| Ok((path, centres::read(path, &context)?))).transpose()?;
     let truth = Source::open(&a.truth, &a.snapshot, &context)?;
+    let convert = |(path, list): (&PathBuf, _)| centres::convert(list, path, truth.place(), &context);
+    options.centers = list.map(convert).transpose()?;
     let other = Source::open(&a.other, &a.snapshot, &context)?;
     let statistics = compare(truth.subject(), other.subject(), &options, &context)?;
     context.notes(&statistics.notes);

@@ -275,3 +275,32 @@ fn groups_of_a_zoom_are_those_of_its_finest_particles() {
         fails(command.args(["--linking-length", asked]), 2, why);
     }
 }
+
+/// A halo finder's list, whose names stand behind # in no fixed order, names its centres, in its own units.
+#[test]
+fn catalogues_of_haloes_are_lists_of_centres() {
+    let dir = tempfile::tempdir().unwrap();
+    let (thin, list) = (thinned(dir.path()), dir.path().join("out_1.list"));
+    let stats = |text: &str, out: &str| {
+        std::fs::write(&list, text).unwrap();
+        let out = dir.path().join(out);
+        let mut command = particlegs();
+        command.arg("stats").arg(&thin).arg(&thin).arg("-o").arg(&out).arg("--centres").arg(&list);
+        command.args(["--only", "haloes", "--no-plots"]);
+        (command, out.join("haloes.csv"))
+    };
+    let rockstar = "#ID DescID Mvir Rvir Np X Y Z A[x]\n#a = 1.0\n#Box size: 25.0 Mpc/h\n\
+        #Units: Positions in Mpc / h (comoving)\n0 -1 1e12 2000 45 10.5 8.5 1.25 0.1\n";
+    let (mut command, table) = stats(rockstar, "a");
+    let said = command.assert().success().get_output().stderr.clone();
+    assert!(String::from_utf8_lossy(&said).contains("Rockstar"), "{}", String::from_utf8_lossy(&said));
+    let row = std::fs::read_to_string(table).unwrap().lines().nth(1).unwrap().to_string();
+    assert!(row.starts_with("1,10.5,8.5,1.25,2,"), "{row}");
+    let ahf = "#ID(1)\thostHalo(2)\tXc(6)\tYc(7)\tZc(8)\tRhalo(12)\n7\t0\t10500\t8500\t1250\t2000\n";
+    let (mut command, table) = stats(ahf, "b");
+    command.assert().success();
+    assert_eq!(std::fs::read_to_string(table).unwrap().lines().nth(1), Some(&row[..]));
+    // What cannot be the centres of this box is refused.
+    fails(&mut stats("#x y z r\n10500 8500 1250 2000\n", "c").0, 3, "outside the periodic box");
+    fails(&mut stats("#id m a b c\n1 2 3 4 5\n", "c").0, 3, "id, m, a, b, c");
+}

@@ -3,7 +3,7 @@
 use super::names::{Name, positions};
 use crate::text::lines::without_end;
 use crate::text::parse::Layout;
-use crate::text::split::{Separator, is_blank, kind_of, number, tokens};
+use crate::text::split::{Separator, is_blank, kind_of, number, number_with, tokens, unquoted};
 
 /// Lines of data that are looked at.
 const LOOK: usize = 64;
@@ -20,6 +20,10 @@ pub struct Guess {
     pub rows_after: u64,
     /// Do the columns have names of their own?
     pub named: bool,
+    /// Where columns have no names: the first that may be a position, behind an index.
+    pub first_column: usize,
+    /// Lines of comments before the first row.
+    pub remarks: Vec<String>,
     /// Does it look like a table of particles: most rows have as many columns, three of them numbers?
     pub is_likely: bool,
 }
@@ -37,37 +41,45 @@ impl Guess {
         let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head);
         let all: Vec<&[u8]> =
             head.strip_suffix(b"\n").unwrap_or(head).split(|&b| b == b'\n').map(without_end).collect();
-        let comment = comment_of(&all);
-        let data: Vec<usize> = (0..all.len()).filter(|&i| is_data(all[i], comment)).take(LOOK).collect();
+        let stated = separator_stated(all[0]);
+        let begin = usize::from(stated.is_some());
+        let comment = comment_of(&all[begin..]);
+        let data: Vec<usize> = (begin..all.len()).filter(|&i| is_data(all[i], comment)).take(LOOK).collect();
         let &first = data.first().ok_or("there are no rows in it")?;
         let rows: Vec<&[u8]> = data.iter().map(|&i| all[i]).collect();
-        let (separator, columns) = separator_of(&rows).ok_or("its lines are no rows of one number of columns")?;
+        let (separator, columns) =
+            separator_of(&rows, stated).ok_or("its lines are no rows of one number of columns")?;
         if columns > MOST_COLUMNS {
             return Err(format!("its rows have {columns} columns, more than {MOST_COLUMNS}"));
         }
-        let has_header = is_header(rows[0], &rows[1..], separator);
-        let names = if has_header {
-            Some(names_of(rows[0], separator, columns))
-        } else {
-            let comments = all[..first].iter().rev();
-            comments.filter_map(|line| commented_names(line, comment, separator, columns)).next()
-        };
-        let rows = if has_header { &rows[1..] } else { &rows[..] };
         let split: Vec<Vec<&[u8]>> = rows.iter().map(|row| tokens(row, separator)).collect();
-        let fitting: Vec<&Vec<&[u8]>> = split.iter().filter(|row| row.len() == columns).collect();
-        let is_text = |c: &usize| kind_of(fitting.iter().map(|row| row[*c])) == "text";
+        let comma = has_decimal_commas(&split);
+        let above = header_rows(&split, comma);
+        let numbered = above == 1 && is_counted(&split);
+        let comments = &all[begin..first];
+        let names = match above {
+            0 => commented_names(comments, comment, separator, columns),
+            _ => Some(names_of(rows[0], separator, columns)),
+        };
+        let fitting: Vec<&Vec<&[u8]>> = split[above..].iter().filter(|row| row.len() == columns).collect();
+        let is_text = |c: &usize| kind_of(fitting.iter().map(|row| row[*c]), comma) == "text";
         let is_words = |c: &usize| is_text(c) && fitting.iter().any(|row| !row[*c].is_empty());
         let numbers = (0..columns).filter(|c| !is_text(c)).count();
         let words = (0..columns).filter(is_words).count();
-        let named = names.is_some();
+        let named = names.is_some() && !numbered;
         let names = names.unwrap_or_else(|| (1..=columns).map(|c| format!("column{c}")).collect());
-        let names: Vec<Name> = names.iter().map(|name| Name::of(name)).collect();
-        let rows_after = (first + usize::from(has_header)) as u64;
+        let mut names: Vec<Name> = unnumbered(names).iter().map(|name| Name::of(name)).collect();
+        if above == 2 {
+            units_below(&mut names, &split[1]);
+        }
+        let rows_after = data.get(above).map_or(all.len(), |&at| at) as u64;
         // Words in a table without names belong to some other format.
         let of_particles = if named { numbers >= 3 || positions(&names).is_some() } else { numbers >= 3 && words == 0 };
-        let is_likely = 2 * fitting.len() > rows.len() && of_particles;
-        let layout = Layout { separator, columns: unique(&names), comment: Some(comment) };
-        Ok(Guess { layout, names, rows_after, named, is_likely })
+        let is_likely = 2 * fitting.len() > split.len() - above && of_particles;
+        let layout = Layout { separator, columns: unique(&names), comment: Some(comment), comma };
+        let first_column = usize::from(numbered && split[0][0].is_empty());
+        let remarks = comments.iter().map(|line| String::from_utf8_lossy(line).into_owned()).collect();
+        Ok(Guess { layout, names, rows_after, named, first_column, remarks, is_likely })
     }
 }
 
@@ -94,15 +106,27 @@ fn is_data(line: &[u8], comment: u8) -> bool {
     line.iter().find(|b| !is_blank(**b)).is_some_and(|&b| b != comment)
 }
 
+/// The separator that a spreadsheet states in a line of its own: `sep=;`.
+fn separator_stated(line: &[u8]) -> Option<Separator> {
+    match unquoted(line).strip_prefix(b"sep=")? {
+        [separator] => Some(Separator::Byte(*separator)),
+        _ => None,
+    }
+}
+
 /// The separator by which the first rows have the same number of columns, three or more of them
 /// numbers where there are data; what comes first in this list where several do.
-fn separator_of(rows: &[&[u8]]) -> Option<(Separator, usize)> {
+fn separator_of(rows: &[&[u8]], stated: Option<Separator>) -> Option<(Separator, usize)> {
     let candidates = [b',', b';', b'\t'].map(Separator::Byte).into_iter().chain([Separator::Blanks]);
     let mut found: Option<(usize, Separator, usize)> = None;
-    for separator in candidates {
-        // The first row of numbers counts; a later one that differs is the reader's to refuse.
-        let split: Vec<Vec<&[u8]>> = rows.iter().take(2).map(|row| tokens(row, separator)).collect();
-        let numbers = |row: &Vec<&[u8]>| row.iter().filter(|v| number(v).is_some()).count();
+    for separator in stated.map_or(candidates.collect::<Vec<_>>(), |one| vec![one]) {
+        let split: Vec<Vec<&[u8]>> = rows.iter().take(3).map(|row| tokens(row, separator)).collect();
+        let numbers = |row: &Vec<&[u8]>| row.iter().filter(|v| number_with(v, true).is_some()).count();
+        // The first row of numbers counts, below names and perhaps units; a later one that differs is the reader's to
+        // refuse.
+        let units = matches!(&split[..], [_, units, row] if units.len() == row.len() && numbers(units) < 3);
+        let looked_at = if units { 3 } else { 2 };
+        let split = &split[..split.len().min(looked_at)];
         let best = split.iter().map(numbers).max().unwrap_or(0).min(3);
         let columns = split.iter().rev().find(|row| numbers(row) >= best).map_or(0, Vec::len);
         if columns >= 3 && found.as_ref().is_none_or(|(most, ..)| best > *most) {
@@ -112,14 +136,59 @@ fn separator_of(rows: &[&[u8]]) -> Option<(Separator, usize)> {
     found.map(|(_, separator, columns)| (separator, columns))
 }
 
-/// Names: a first line with a word where the rows below have numbers, or with words only.
-fn is_header(first: &[u8], rows: &[&[u8]], separator: Separator) -> bool {
-    let names = tokens(first, separator);
-    match rows.first() {
-        None => names.iter().all(|name| number(name).is_none()),
-        Some(row) => {
-            let values = tokens(row, separator);
-            names.iter().zip(&values).any(|(name, value)| number(name).is_none() && number(value).is_some())
+/// Are there numbers with a decimal comma, and none with a point?
+fn has_decimal_commas(rows: &[Vec<&[u8]>]) -> bool {
+    let values = || rows.iter().flatten();
+    let comma = values().any(|v| number(v).is_none() && number_with(v, true).is_some());
+    comma && !values().any(|v| v.contains(&b'.') && number(v).is_some())
+}
+
+/// Rows above the first row of numbers: 1 of names (words, or the numbers of columns), or 2 where units stand below them.
+fn header_rows(rows: &[Vec<&[u8]>], comma: bool) -> usize {
+    let is_number = |v: &[u8]| number_with(v, comma).is_some();
+    let names = |row: &[&[u8]], below: &[&[u8]]| row.iter().zip(below).any(|(n, v)| !is_number(n) && is_number(v));
+    match rows {
+        [] => 0,
+        [only] => usize::from(only.iter().all(|name| !is_number(name))),
+        // A unit has no number, but for a 1.
+        [first, units, row, ..]
+            if names(first, row) && names(units, row) && units.iter().all(|u| !is_number(u) || *u == b"1") =>
+        {
+            2
+        }
+        [first, row, ..] => usize::from(names(first, row) || is_counted(rows)),
+    }
+}
+
+/// Is the first row 0, 1, 2 ..., perhaps behind an index without a name, above rows of fractions? So tables begin whose
+/// columns have no names.
+fn is_counted(rows: &[Vec<&[u8]>]) -> bool {
+    let [first, rows @ ..] = rows else { return false };
+    let from = usize::from(first[0].is_empty());
+    let counted = first[from..].iter().enumerate().all(|(i, name)| *name == i.to_string().as_bytes());
+    let fraction =
+        |v: &&[u8]| v.iter().any(|b| matches!(b, b'.' | b',' | b'e' | b'E')) && number_with(v, true).is_some();
+    counted && first.len() >= from + 3 && rows.iter().flatten().any(|v| fraction(&v))
+}
+
+/// Names without the number of their column behind them, as in `Xc(6)`, where they differ without it.
+fn unnumbered(names: Vec<String>) -> Vec<String> {
+    let short = |name: &String| {
+        let (stem, number) = name.strip_suffix(')')?.rsplit_once('(')?;
+        (!stem.is_empty() && number.parse::<u16>().is_ok()).then(|| stem.to_string())
+    };
+    let all: Vec<String> = names.iter().map(|name| short(name).unwrap_or_else(|| name.clone())).collect();
+    let mut seen = std::collections::HashSet::new();
+    if all.iter().all(|name| seen.insert(name)) { all } else { names }
+}
+
+/// Units from the row below the names.
+fn units_below(names: &mut [Name], units: &[&[u8]]) {
+    for (name, unit) in names.iter_mut().zip(units) {
+        let text = String::from_utf8_lossy(unit);
+        let text = text.trim_matches(['[', ']', '(', ')', ' ']);
+        if name.unit.is_none() && !["", "-", "1"].contains(&text) {
+            name.unit = Some(text.to_string());
         }
     }
 }
@@ -136,8 +205,20 @@ fn names_of(line: &[u8], separator: Separator, columns: usize) -> Vec<String> {
     names
 }
 
-/// The names in a comment such as `# x y z [Mpc/h]`.
-fn commented_names(line: &[u8], comment: u8, separator: Separator, columns: usize) -> Option<Vec<String>> {
+/// The names in one of the comments above the rows, such as `# x y z [Mpc/h]`: the nearest that names positions, else
+/// the nearest.
+fn commented_names(comments: &[&[u8]], comment: u8, separator: Separator, columns: usize) -> Option<Vec<String>> {
+    let names = |line: &&[u8]| names_in_comment(line, comment, separator, columns);
+    let all: Vec<Vec<String>> = comments.iter().rev().filter_map(names).collect();
+    let places = |names: &Vec<String>| {
+        let names: Vec<Name> = unnumbered(names.clone()).iter().map(|name| Name::of(name)).collect();
+        positions(&names).is_some()
+    };
+    let best = all.iter().position(places).unwrap_or(0);
+    all.into_iter().nth(best)
+}
+
+fn names_in_comment(line: &[u8], comment: u8, separator: Separator, columns: usize) -> Option<Vec<String>> {
     let start = line.iter().position(|&b| b != comment && !is_blank(b))?;
     if !line[..start].contains(&comment) {
         return None;

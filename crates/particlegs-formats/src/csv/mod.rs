@@ -1,8 +1,11 @@
 //! Tables of text: columns between commas, semicolons, tabs or blanks, with a line of names or
 //! without, comments behind `#`, plain or compressed.
 
+mod catalogue;
 mod guess;
 mod names;
+
+pub use catalogue::Catalogue;
 
 use crate::foreign::foreign_of;
 use crate::registry::Head;
@@ -70,8 +73,10 @@ fn columns(guess: &Guess, kinds: &[&'static str]) -> Columns {
     let of_numbers: Vec<usize> = (0..names.len()).filter(|&c| kinds[c] != "text").collect();
     let positions = match (guess.named, &of_numbers[..]) {
         (true, _) => names::positions(names),
-        (false, &[x, y, z, ..]) => Some([x, y, z]),
-        (false, _) => None,
+        (false, _) => match of_numbers.get(guess.first_column..) {
+            Some(&[x, y, z, ..]) => Some([x, y, z]),
+            _ => None,
+        },
     };
     let all = &guess.layout.columns;
     let mass = of_numbers.iter().find(|&&c| names[c].is_mass() && !positions.is_some_and(|p| p.contains(&c)));

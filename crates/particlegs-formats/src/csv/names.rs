@@ -27,7 +27,7 @@ const POSITIONS: [&str; 12] = [
     "center",
 ];
 /// The same behind the axis, as in `x_pos`.
-const BEHIND: [&str; 6] = ["pos", "position", "coord", "coordinate", "center", "com"];
+const BEHIND: [&str; 9] = ["pos", "position", "coord", "coordinate", "center", "centre", "com", "cm", "c"];
 
 impl Name {
     /// Takes `name` apart.

@@ -28,6 +28,22 @@ fn separators_headers_and_comments() {
         "name,Coordinates_0,Coordinates_1,Coordinates_2\n\"a, b\",\"1\", 2,3\nc,4,5,-6.5\n",
         "1.0D0 2 3\n4 5 -0.65d+1\n",
         "%x,y,z,\n1,2,3,\n4,5,-6.5,\n",
+        // Spreadsheets: decimal commas, a line that states the separator, units below the names.
+        "x;y;z\n1,0;2,0;3\n4;5;-6,5\n",
+        "1,0\t2,0\t3,0\n4,0\t5,0\t-6,5\n",
+        "1,0 2,0 3\n4 5 -6,5\n",
+        "\"1,0\",\"2\",\"3\"\n\"4\",\"5\",\"-6,5\"\n",
+        "sep=;\nid;x;y;z\n7;1;2;3\n8;4;5;-6.5\n",
+        "\u{feff}sep=;\r\nx;y;z\r\n1,0;2,0;3,0\r\n4,0;5,0;-6,5\r\n",
+        "name,x,y,z\n,kpc,kpc,kpc\na,1,2,3\nb,4,5,-6.5\n",
+        // Columns with their numbers, as halo finders write them; numbers alone, as pandas does.
+        "#ID(1)\thost(2)\tXc(3)\tYc(4)\tZc(5)\n7\t0\t1\t2\t3\n8\t0\t4\t5\t-6.5\n",
+        "Zc(8),Xc(6),Yc(7)\n3,1,2\n-6.5,4,5\n",
+        "0,1,2\n1.0,2.0,3.0\n4.0,5.0,-6.5\n",
+        ",0,1,2\n0,1.0,2.0,3.0\n1,4.0,5.0,-6.5\n",
+        ",x,y,z\n0,1,2,3\n1,4,5,-6.5\n",
+        "#Z Y X\n#a = 0.5\n#Positions in kpc\n3 2 1\n-6.5 5 4\n",
+        "#id X Y Z\n#Mass in solar masses\n7 1 2 3\n8 4 5 -6.5\n",
     ];
     for text in texts {
         let (_, got) = open(text.as_bytes()).unwrap_or_else(|e| panic!("{text:?}: {e} {}", e.remedy()));
@@ -42,6 +58,14 @@ fn names_state_units_and_masses() {
     assert_eq!((d.meta.units.length_text(), d.meta.units.mass_text()), (Some("kpc"), Some("Msun")));
     assert_eq!((&d.species[0].positions[..], &d.species[0].mass), ("x,y,z", &Mass::Field("Mass".into())));
     assert_eq!((&got.positions[..], &got.weights[..]), (&TWO[..], &[10.0, 20.0][..]));
+    for text in
+        ["x;y;z;Mass\n[kpc];[kpc];[kpc];Msun\n1;2;3;10\n4;5;-6,5;20\n", "x y z mass n\nkpc kpc kpc Msun 1\n1 2 3 4 5\n"]
+    {
+        let (d, _) = open(text.as_bytes()).unwrap();
+        assert_eq!((d.meta.units.length_text(), d.meta.units.mass_text()), (Some("kpc"), Some("Msun")), "{text}");
+    }
+    // Whole numbers alone are particles.
+    assert_eq!(open(b"0,1,2\n3,4,5\n").unwrap().1.positions.len(), 2);
     let (d, _) = open(b"# x y z m [Mpc/h]\n1 2 3 4\n").unwrap();
     assert_eq!(d.meta.units.length_text(), Some("Mpc/h"));
     assert_eq!(d.species[0].fields[3].name, "m");

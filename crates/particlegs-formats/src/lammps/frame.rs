@@ -51,7 +51,7 @@ pub fn next<'c>(
 ) -> Result<Option<Frame<'c, FrameHead>>> {
     let Some(head) = (Sections { content, lines, number }).read(units)? else { return Ok(None) };
     let (step, start) = (head.step, lines.place());
-    let layout = Layout { separator: Separator::Blanks, columns: head.columns.clone(), comment: None };
+    let layout = Layout { separator: Separator::Blanks, columns: head.columns.clone(), comment: None, comma: false };
     let mut builder = Builder::new(content, layout, head.key(), start);
     let count = head.count.unwrap_or(0);
     let (mut found, mut left) = (0, count);

@@ -2,7 +2,7 @@
 
 use super::lines::without_end;
 use super::number::number_at;
-use super::split::{Separator, is_blank, number, shown, tokens};
+use super::split::{Separator, is_blank, number_with, shown, tokens};
 use particlegs::space::Cell;
 
 /// How the lines of a table are taken apart.
@@ -14,6 +14,8 @@ pub struct Layout {
     pub columns: Vec<String>,
     /// Where set: lines that begin so, and empty ones, are no rows.
     pub comment: Option<u8>,
+    /// Does a comma stand for the decimal point?
+    pub comma: bool,
 }
 
 impl Layout {
@@ -256,6 +258,7 @@ impl Parser<'_> {
     fn row(&self, text: &[u8], out: &mut Columns) -> Option<usize> {
         let mut values = [0.0; 4];
         let length = match self.layout.separator {
+            _ if self.layout.comma => None,
             Separator::Blanks => self.blanks(text, &mut values),
             Separator::Byte(byte) => self.bytes(text, byte, &mut values),
         };
@@ -331,7 +334,7 @@ impl Parser<'_> {
         (column + 1 + more == self.layout.columns.len()).then_some(length)
     }
 
-    /// Values that are quoted, or written as Fortran does.
+    /// Values that are quoted, or written as Fortran does, or with a decimal comma.
     #[cold]
     fn slowly(&self, text: &[u8], values: &mut [f64; 4]) -> Option<usize> {
         let (line, length) = first_line(text);
@@ -340,7 +343,7 @@ impl Parser<'_> {
             return None;
         }
         for (value, &want) in values.iter_mut().zip(&self.plan.wanted) {
-            *value = number(all[want])?;
+            *value = number_with(all[want], self.layout.comma)?;
         }
         Some(length)
     }
@@ -350,7 +353,7 @@ impl Parser<'_> {
     fn fault(&self, line: &[u8], number_of_line: u64) -> Fault {
         let all = tokens(line, self.layout.separator);
         let (have, expected) = (all.len(), self.layout.columns.len());
-        let wrong = self.plan.wanted.iter().find(|&&c| c < have && number(all[c]).is_none());
+        let wrong = self.plan.wanted.iter().find(|&&c| c < have && number_with(all[c], self.layout.comma).is_none());
         let what = match wrong {
             Some(&c) => format!("column {} (`{}`): {} is not a number", c + 1, self.layout.columns[c], shown(all[c])),
             None if have == 0 || all == [b""] => format!("is empty, where {expected} columns belong"),

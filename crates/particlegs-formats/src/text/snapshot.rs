@@ -190,7 +190,9 @@ impl Snapshot for TextSnapshot {
 pub fn kinds(table: &Table) -> Vec<&'static str> {
     let rows = of_block(&table.head).map(|(line, _)| line).filter(|line| table.layout.is_row(line)).take(256);
     let rows: Vec<Vec<&[u8]>> = rows.map(|line| tokens(line, table.layout.separator)).collect();
-    (0..table.layout.columns.len()).map(|c| kind_of(rows.iter().filter_map(|row| row.get(c).copied()))).collect()
+    (0..table.layout.columns.len())
+        .map(|c| kind_of(rows.iter().filter_map(|row| row.get(c).copied()), table.layout.comma))
+        .collect()
 }
 
 /// A number in a header, or what is wrong with it.

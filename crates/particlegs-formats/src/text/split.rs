@@ -52,7 +52,8 @@ fn byte_tokens(line: &[u8], separator: u8) -> Vec<&[u8]> {
     tokens
 }
 
-fn unquoted(token: &[u8]) -> &[u8] {
+/// A token without its quotes.
+pub fn unquoted(token: &[u8]) -> &[u8] {
     match token {
         [b'"', inner @ .., b'"'] | [b'\'', inner @ .., b'\''] => inner.trim_ascii(),
         _ => token,
@@ -71,6 +72,18 @@ pub fn number(token: &[u8]) -> Option<f64> {
     if digits { fast_float2::parse(&with_e).ok() } else { None }
 }
 
+/// The same where a comma stands for the decimal point, if `comma` says so.
+pub fn number_with(token: &[u8], comma: bool) -> Option<f64> {
+    match token.iter().position(|&b| b == b',') {
+        Some(at) if comma && !token.contains(&b'.') => {
+            let mut with_point = token.to_vec();
+            with_point[at] = b'.';
+            number(&with_point)
+        }
+        _ => number(token),
+    }
+}
+
 /// A token as a message shows it: short, and without control characters.
 pub fn shown(token: &[u8]) -> String {
     const LONGEST: usize = 24;
@@ -85,11 +98,12 @@ pub fn shown(token: &[u8]) -> String {
 
 /// What the values of a column are, as far as those seen tell: `i64`, `f64`, or `text` where most of
 /// them are no numbers. A broken row among good ones is the reader's to refuse.
-pub fn kind_of<'a>(values: impl Iterator<Item = &'a [u8]>) -> &'static str {
+/// `comma` as in [`number_with`].
+pub fn kind_of<'a>(values: impl Iterator<Item = &'a [u8]>, comma: bool) -> &'static str {
     let (mut all, mut words, mut whole) = (0, 0, true);
     for value in values {
         all += 1;
-        match number(value) {
+        match number_with(value, comma) {
             None => words += 1,
             Some(_) => whole &= std::str::from_utf8(value).is_ok_and(|v| v.parse::<i64>().is_ok()),
         }

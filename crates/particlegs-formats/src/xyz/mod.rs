@@ -137,7 +137,12 @@ fn frame<'c>(
 
 fn layout(fields: &[Field]) -> Layout {
     let name = |f: &Field| (0..f.components).map(|_| f.name.clone()).collect::<Vec<_>>();
-    Layout { separator: Separator::Blanks, columns: fields.iter().flat_map(name).collect(), comment: None }
+    Layout {
+        separator: Separator::Blanks,
+        columns: fields.iter().flat_map(name).collect(),
+        comment: None,
+        comma: false,
+    }
 }
 
 /// The column of symbols or atomic numbers, wherever it stands.
