@@ -36,7 +36,7 @@ fn plain_frames_with_species_by_symbol() {
 
 #[test]
 fn extended_frames_state_cell_and_columns() {
-    let text = "2\nLattice=\"2 0 0 0 3 0 1 0 4\" Origin=\"-1 0 1\" Properties=id:I:1:pos:R:3:velo:R:3:mass:R:1:species:S:1 pbc=\"T F T\" energy=-1 name='a b'\n\
+    let text = "2\nLattice=\"2 0 0 0 3 0 1 0 4\" Origin=\"-1 0 1\" Properties=charge:I:1:pos:R:3:velo:R:3:mass:R:1:species:S:1 pbc=\"T F T\" energy=-1 name='a b'\n\
         1 0 0 0 1 1 1 5 Si\n2 1 2 3 4 5 6 7 Si\n";
     let (d, got) = open(text, None, &Choice::default()).unwrap();
     let cell = d.meta.cell.unwrap();
@@ -44,7 +44,7 @@ fn extended_frames_state_cell_and_columns() {
     assert_eq!(cell.vectors[2], [1.0, 0.0, 4.0]);
     assert_eq!((&d.species[0].positions[..], &d.species[0].mass), ("pos", &Mass::Field("mass".into())));
     assert_eq!((&got[0].positions[1], &got[0].weights[..]), (&[1.0, 2.0, 3.0], &[5.0, 7.0][..]));
-    let fields = Choice { positions: Some("velo".into()), weights: Weights::Field("id".into()), ..Choice::default() };
+    let fields = Choice { positions: Some("velo".into()), weights: Weights::Field("charge".into()), ..Choice::default() };
     let (_, got) = open(text, None, &fields).unwrap();
     assert_eq!((&got[0].positions[1], &got[0].weights[..]), (&[4.0, 5.0, 6.0], &[1.0, 2.0][..]));
     let slab = open("0\nLattice=\"2 0 0 0 3 0 0 0 0\"\n", None, &Choice::default()).unwrap().0.meta.cell.unwrap();
