@@ -18,20 +18,29 @@ pub struct Axis {
 /// [`particlegs::Error::Input`] naming the fields there are, where a chosen one is missing.
 pub fn axes(place: &str, species: &Species, choice: &Choice) -> Result<[Axis; 3]> {
     let chosen = choice.positions.as_deref().unwrap_or(&species.positions);
-    let has = |name: &str, components| species.fields.iter().any(|f| f.name == name && f.components == components);
-    if has(chosen, 3) {
+    if species.fields.iter().any(|f| f.name == chosen && f.components == 3) {
         return Ok([0, 1, 2].map(|component| Axis { field: chosen.to_string(), component }));
     }
     let names: Vec<&str> = chosen.split(',').map(str::trim).collect();
-    match names[..] {
-        [x, y, z] if [x, y, z].iter().all(|n| has(n, 1)) => {
-            Ok([x, y, z].map(|n| Axis { field: n.to_string(), component: 0 }))
-        }
+    let found: Vec<Axis> = names.iter().filter_map(|n| axis(species, n)).collect();
+    match <[Axis; 3]>::try_from(found) {
+        Ok(three) if names.len() == 3 => Ok(three),
         _ => {
             let fits = |f: &&Field| f.components == 3 || f.components == 1;
             Err(species.missing(place, chosen, species.fields.iter().filter(fits).map(|f| &f.name[..])))
         }
     }
+}
+
+/// A scalar field, or component k of the field `name` as `name[k]`.
+pub fn axis(species: &Species, text: &str) -> Option<Axis> {
+    let find = |name: &str| species.fields.iter().find(|f| f.name == name);
+    if let Some(field) = find(text).filter(|f| f.components == 1) {
+        return Some(Axis { field: field.name.clone(), component: 0 });
+    }
+    let (name, component) = text.strip_suffix(']')?.rsplit_once('[')?;
+    let component = component.parse().ok()?;
+    find(name).filter(|f| component < f.components).map(|f| Axis { field: f.name.clone(), component })
 }
 
 #[cfg(test)]
@@ -51,5 +60,8 @@ mod tests {
         assert_eq!(by("v").unwrap()[1], Axis { field: "v".into(), component: 1 });
         assert!(by("w").unwrap_err().remedy().to_string().contains("x, y, z, v"));
         assert!(by("x,y").is_err());
+        let part = |field: &str, component| Axis { field: field.into(), component };
+        assert_eq!(by("v[2],x,v[0]").unwrap(), [part("v", 2), part("x", 0), part("v", 0)]);
+        assert!(by("v[3],x,y").is_err() && by("v[],x,y").is_err());
     }
 }

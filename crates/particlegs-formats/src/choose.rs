@@ -1,10 +1,11 @@
 //! From the files that a user names to the particles that a user chose.
 
+use crate::fields;
 use crate::folder::resolved;
 use crate::registry::{FORMATS, spool};
 use crate::{Description, Field, Snapshot, Species, Weights, raw};
 use particlegs::model::{Dimension, Unit, UnitSystem, Units, WeightKind, is_species};
-use particlegs::particles::{Layered, Particles, Selection, SnapshotMeta, SnapshotReader, Storage};
+use particlegs::particles::{LayerFields, Layered, Particles, Selection, SnapshotMeta, SnapshotReader, Storage};
 use particlegs::progress::{Progress, Silent};
 use particlegs::space::Bounds;
 use particlegs::{Error, Result};
@@ -47,6 +48,8 @@ pub struct Choice {
     pub convert_units: bool,
     /// What is kept of all that; all by default.
     pub selection: Option<Selection>,
+    /// Fields as they are stored: in no cell, not moved, whole numbers of 64 bits as the bits of f64.
+    pub as_stored: bool,
     /// What the stream that is named has given already ([`Choice::spool`]).
     pub spooled: Option<Arc<Spooled>>,
 }
@@ -120,11 +123,39 @@ impl Choice {
     /// Those of opening, reading and [`Particles::select`]; [`Error::Input`] for a species that there is not.
     pub fn read(&self, paths: &[PathBuf], storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
         let at_hand = AtHand::of(paths, self, progress)?;
-        let mut particles = at_hand.named(read_at_hand(&at_hand.paths, self, storage, progress))?;
+        Ok(self.read_at_hand(&at_hand, storage, progress, false)?.0)
+    }
+
+    /// The same, with the fields of each layer, which are read where they are written: none where particles are
+    /// dropped, selected or sorted by mass.
+    ///
+    /// # Errors
+    /// As [`Choice::read`].
+    pub fn read_fields(
+        &mut self,
+        paths: &[PathBuf],
+        storage: &Storage,
+        progress: &dyn Progress,
+    ) -> Result<(Particles, Vec<LayerFields>)> {
+        let at_hand = AtHand::of(paths, self, progress)?;
+        // What a stream has given must be there as long as its fields are.
+        self.spooled.clone_from(&at_hand.spooled);
+        self.read_at_hand(&at_hand, storage, progress, true)
+    }
+
+    fn read_at_hand(
+        &self,
+        at_hand: &AtHand,
+        storage: &Storage,
+        progress: &dyn Progress,
+        with_fields: bool,
+    ) -> Result<(Particles, Vec<LayerFields>)> {
+        let read = read_at_hand(&at_hand.paths, self, storage, progress, with_fields);
+        let (mut particles, fields) = at_hand.named(read)?;
         at_hand.name(&mut particles.meta);
         match self.kept() {
-            None => Ok(particles),
-            Some(selection) => particles.select(selection, storage, progress),
+            None => Ok((particles, fields)),
+            Some(selection) => Ok((particles.select(selection, storage, progress)?, Vec::new())),
         }
     }
 
@@ -140,9 +171,9 @@ impl Choice {
         if selected || paths.iter().any(|p| is_stream(p)) {
             return Ok(None);
         }
-        let mut source = match Chosen::of(paths, self, progress)? {
+        let mut source = match Chosen::of(paths, self, progress, false)? {
             Chosen::InPlace(particles) => Layered::of(&particles),
-            Chosen::Readers(layers) => layers,
+            Chosen::Readers(layers, _) => layers,
         };
         say(&self.state(&mut source.meta)?, progress);
         Ok(source.random_access().then_some(source))
@@ -200,28 +231,39 @@ impl AtHand {
     }
 }
 
-fn read_at_hand(paths: &[PathBuf], choice: &Choice, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
-    let particles = match Chosen::of(paths, choice, progress)? {
-        Chosen::InPlace(particles) => particles,
-        Chosen::Readers(layers) => layers.load(storage, progress)?,
+fn read_at_hand(
+    paths: &[PathBuf],
+    choice: &Choice,
+    storage: &Storage,
+    progress: &dyn Progress,
+    with_fields: bool,
+) -> Result<(Particles, Vec<LayerFields>)> {
+    let (particles, mut fields) = match Chosen::of(paths, choice, progress, with_fields)? {
+        Chosen::InPlace(particles) => (particles, Vec::new()),
+        Chosen::Readers(layers, fields) => (layers.load(storage, progress)?, fields),
     };
+    let count = particles.len();
     let mut particles = choice.converted(particles, storage)?;
     say(&choice.state(&mut particles.meta)?, progress);
     let drop = choice.skip_invalid.then_some(storage);
     let particles = particles.checked(&place(paths), drop)?.settle_masses();
-    if choice.by_mass { particles.layers_by_mass(storage) } else { Ok(particles) }
+    // Fields are as they lie in the files: not where numbers are converted.
+    if choice.by_mass || choice.convert_units || particles.len() != count {
+        fields.clear();
+    }
+    Ok((if choice.by_mass { particles.layers_by_mass(storage)? } else { particles }, fields))
 }
 
 /// The species chosen, before a particle is read.
 enum Chosen {
     /// As they lie in the files.
     InPlace(Particles),
-    /// Each by its reader.
-    Readers(Layered),
+    /// Each by its reader, with its fields where they are wanted.
+    Readers(Layered, Vec<LayerFields>),
 }
 
 impl Chosen {
-    fn of(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress) -> Result<Chosen> {
+    fn of(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress, with_fields: bool) -> Result<Chosen> {
         let snapshot = opened(paths, choice)?;
         let description = snapshot.description();
         let chosen = chosen(&description.species, &choice.species, &description.meta.name)?;
@@ -232,9 +274,16 @@ impl Chosen {
             return Ok(Chosen::InPlace(particles));
         }
         let layer = |i: usize| Ok((description.species[i].name.clone(), snapshot.reader(i, choice)?.into()));
-        let mut layers = Layered::new(chosen.iter().map(|&i| layer(i)).collect::<Result<_>>()?)?;
+        let mut layers = Layered::new(chosen.iter().copied().map(layer).collect::<Result<_>>()?)?;
         weigh(&mut layers.meta, weights);
-        Ok(Chosen::Readers(layers))
+        for name in chosen.iter().flat_map(|&i| fields::others(&description.species[i], choice)) {
+            if !layers.meta.fields.contains(&name) {
+                layers.meta.fields.push(name);
+            }
+        }
+        let wanted = if with_fields { &chosen[..] } else { &[] };
+        let fields = wanted.iter().map(|&i| fields::fields_of(&*snapshot, i, choice)).collect::<Result<_>>()?;
+        Ok(Chosen::Readers(layers, fields))
     }
 }
 

@@ -116,7 +116,9 @@ impl Snapshot for Laned {
         }
         let mut columns = Vec::new();
         for axis in axes(&self.place, species, choice)? {
-            columns.push(self.column(&axis.field, axis.component)?);
+            let mut column = self.column(&axis.field, axis.component)?;
+            column.lane.kind = column.lane.kind.stored(choice.as_stored);
+            columns.push(column);
         }
         let weight = species.weight_field(&self.place, &choice.weights)?;
         if let Some(name) = &weight {
@@ -126,19 +128,20 @@ impl Snapshot for Laned {
         if let Mass::Each(mass) = species.mass {
             meta.particle_mass = Some(mass);
         }
+        let world = if choice.as_stored { Affine::IDENTITY } else { self.world };
         match self.mapped(&columns, species.count) {
             Some(strided) => {
                 let inner = strided?;
-                let moved = self.world != Affine::IDENTITY;
+                let moved = world != Affine::IDENTITY;
                 let piece: Box<dyn Piece> = match moved {
                     false => Box::new(inner),
-                    true => Box::new(Moved { wide: inner.is_wide(), inner: Box::new(inner), by: self.world }),
+                    true => Box::new(Moved { wide: inner.is_wide(), inner: Box::new(inner), by: world }),
                 };
                 Ok(Box::new(PieceReader::new(meta, vec![piece], weight.is_some())?))
             }
             None => {
                 let stored = self.stored.clone();
-                Ok(Box::new(StreamReader::new(meta, &self.place, stored, &columns, species.count, self.world)?))
+                Ok(Box::new(StreamReader::new(meta, &self.place, stored, &columns, species.count, world)?))
             }
         }
     }

@@ -25,6 +25,7 @@ mod strided;
 mod text;
 
 mod choose;
+mod fields;
 mod folder;
 mod foreign;
 mod kind;

@@ -1,7 +1,7 @@
 //! One reader for all formats whose rows can be read from any place.
 
 use particlegs::parallel;
-use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
+use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader, WideSink};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::ops::Range;
@@ -137,6 +137,18 @@ impl SnapshotReader for PieceReader {
             Ok(())
         };
         parallel::try_for_each(runs, |run| scratch.with(|space| read(run, space)))
+    }
+
+    fn read_wide(&self, runs: Range<u64>, sink: &mut WideSink<'_>) -> Result<()> {
+        let mut rows = Rows::default();
+        for run in runs {
+            rows.clear();
+            let start = run * RUN as u64;
+            self.gather(start..self.count().min(start + RUN as u64), &mut rows)?;
+            let [x, y, z] = &rows.position;
+            sink(run, [x, y, z])?;
+        }
+        Ok(())
     }
 
     fn in_place(&self) -> Option<InPlace> {

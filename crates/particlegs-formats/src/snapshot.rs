@@ -18,6 +18,11 @@ pub trait Snapshot: Send + Sync {
     /// [`particlegs::Error::Input`] where a chosen field is missing or has the wrong shape.
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>>;
 
+    /// Numbers that the files say about a field, by name: powers of a and h, a factor to CGS.
+    fn attributes(&self, _species: usize, _field: &str) -> Vec<(String, f64)> {
+        Vec::new()
+    }
+
     /// Some species, at least one, where they lie in the files as they would in memory, one after the
     /// other: mapped, not copied. `None` where they do not; their readers serve always.
     ///

@@ -4,7 +4,7 @@ use crate::affine::Affine;
 use crate::pieces::{Rows, origin_of};
 use crate::stored::Stored;
 use crate::strided::Lane;
-use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
+use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader, WideSink};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::io::Read;
@@ -169,20 +169,9 @@ impl SnapshotReader for StreamReader {
         progress: &dyn Progress,
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()> {
-        if runs.is_empty() {
-            return Ok(());
-        }
-        let mut cursors = self.cursors(runs.start * RUN as u64)?;
-        let (mut rows, mut columns) = <(Rows, [Vec<f32>; 4])>::default();
-        for run in runs.clone() {
+        let mut columns = <[Vec<f32>; 4]>::default();
+        self.rows(runs, &mut |run, rows| {
             progress.check()?;
-            let start = run * RUN as u64;
-            let n = self.count.min(start + RUN as u64) - start;
-            rows.clear();
-            for cursor in &mut cursors {
-                cursor.fill(n, &mut rows).map_err(|e| self.broken(e))?;
-            }
-            self.world.apply_rows(&mut rows, 0);
             for k in 0..3 {
                 columns[k].clear();
                 columns[k].extend(rows.position[k].iter().map(|&v| (v - self.origin[k]) as f32));
@@ -191,7 +180,36 @@ impl SnapshotReader for StreamReader {
             columns[3].extend(rows.weight.iter().map(|&v| v as f32));
             let [x, y, z, w] = &columns;
             sink(run, Chunk { position: [x, y, z], weight: self.weighted.then_some(w) })?;
-            progress.advance(n);
+            progress.advance(x.len() as u64);
+            Ok(())
+        })
+    }
+
+    fn read_wide(&self, runs: Range<u64>, sink: &mut WideSink<'_>) -> Result<()> {
+        self.rows(runs, &mut |run, rows| {
+            let [x, y, z] = &rows.position;
+            sink(run, [x, y, z])
+        })
+    }
+}
+
+impl StreamReader {
+    /// Hands over the rows of every run of `runs`, in order.
+    fn rows(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, &Rows) -> Result<()>) -> Result<()> {
+        if runs.is_empty() {
+            return Ok(());
+        }
+        let mut cursors = self.cursors(runs.start * RUN as u64)?;
+        let mut rows = Rows::default();
+        for run in runs.clone() {
+            let start = run * RUN as u64;
+            let n = self.count.min(start + RUN as u64) - start;
+            rows.clear();
+            for cursor in &mut cursors {
+                cursor.fill(n, &mut rows).map_err(|e| self.broken(e))?;
+            }
+            self.world.apply_rows(&mut rows, 0);
+            sink(run, &rows)?;
         }
         if runs.end * RUN as u64 >= self.count {
             cursors.into_iter().try_for_each(|c| c.finish().map_err(|e| self.broken(e)))?;

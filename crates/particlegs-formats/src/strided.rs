@@ -57,6 +57,8 @@ pub enum Kind {
     U32,
     /// 8 bytes.
     U64,
+    /// The bits of whole numbers of 8 bytes.
+    B64,
 }
 
 impl Kind {
@@ -67,7 +69,7 @@ impl Kind {
             Kind::F16 | Kind::I16 | Kind::U16 => 2,
             Kind::I24 => 3,
             Kind::F32 | Kind::I32 | Kind::U32 => 4,
-            Kind::F64 | Kind::I64 | Kind::U64 => 8,
+            Kind::F64 | Kind::I64 | Kind::U64 | Kind::B64 => 8,
         }
     }
 
@@ -86,6 +88,15 @@ impl Kind {
             Kind::U16 => "u16",
             Kind::U32 => "u32",
             Kind::U64 => "u64",
+            Kind::B64 => "bits",
+        }
+    }
+
+    /// The same, or the bits of whole numbers that f64 cannot hold.
+    pub fn stored(self, as_stored: bool) -> Kind {
+        match self {
+            Kind::I64 | Kind::U64 if as_stored => Kind::B64,
+            other => other,
         }
     }
 
@@ -116,6 +127,7 @@ impl Kind {
             Kind::U32 => f64::from(u32::from_le_bytes(four)),
             Kind::I64 => i64::from_le_bytes(raw) as f64,
             Kind::U64 => u64::from_le_bytes(raw) as f64,
+            Kind::B64 => f64::from_bits(u64::from_le_bytes(raw)),
         }
     }
 }

@@ -1,5 +1,7 @@
 //! The formats that snapshots are written in.
 
+use crate::fields::OutField;
+use particlegs::model::Cosmology;
 use particlegs::particles::{Kept, RawForm};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
@@ -13,11 +15,27 @@ pub struct Writer {
     pub title: &'static str,
     /// Endings of names that mean it.
     pub endings: &'static [&'static str],
-    /// Can it hold the periodic box?
-    pub holds_box: bool,
+    /// What it holds beside positions and masses.
+    holds: Holds,
+    /// The fields that it holds of what is kept, of each layer or of all.
+    fields: fn(&Kept<'_>) -> Vec<Vec<OutField>>,
     /// Does it write a folder, not a file?
     pub folder: bool,
     pub(crate) write: fn(&Kept<'_>, &Path, &dyn Progress) -> Result<u64>,
+}
+
+/// What a format holds beside positions and masses.
+struct Holds {
+    cell: bool,
+    units: bool,
+    cosmology: bool,
+    time: bool,
+    step: bool,
+}
+
+/// No fields.
+fn none(_: &Kept<'_>) -> Vec<Vec<OutField>> {
+    Vec::new()
 }
 
 /// The first is for names without a known ending.
@@ -26,7 +44,8 @@ static WRITERS: &[Writer] = &[
         name: "raw",
         title: "a folder with float32 columns and meta.json",
         endings: &[],
-        holds_box: true,
+        holds: Holds { cell: true, units: true, cosmology: true, time: true, step: true },
+        fields: none,
         folder: true,
         write: |kept, out, progress| kept.write_raw(out, RawForm::Columns, progress),
     },
@@ -34,7 +53,8 @@ static WRITERS: &[Writer] = &[
         name: "npy",
         title: "NumPy array of shape (N, 3)",
         endings: &["npy"],
-        holds_box: false,
+        holds: Holds { cell: false, units: false, cosmology: false, time: false, step: false },
+        fields: none,
         folder: false,
         write: |kept, out, progress| kept.write_raw(out, RawForm::Npy, progress),
     },
@@ -42,7 +62,8 @@ static WRITERS: &[Writer] = &[
         name: "hdf5",
         title: "HDF5 in the layout of Gadget-4",
         endings: &["hdf5", "h5"],
-        holds_box: true,
+        holds: Holds { cell: true, units: true, cosmology: true, time: true, step: false },
+        fields: crate::hdf5::fields,
         folder: false,
         write: crate::hdf5::write,
     },
@@ -50,7 +71,8 @@ static WRITERS: &[Writer] = &[
         name: "vtp",
         title: "VTK PolyData (VTP)",
         endings: &["vtp"],
-        holds_box: false,
+        holds: Holds { cell: false, units: false, cosmology: false, time: true, step: false },
+        fields: crate::vtk_xml::common,
         folder: false,
         write: crate::vtk_xml::write,
     },
@@ -58,7 +80,8 @@ static WRITERS: &[Writer] = &[
         name: "lammps",
         title: "LAMMPS text dump",
         endings: &["dump", "lammpstrj"],
-        holds_box: true,
+        holds: Holds { cell: true, units: false, cosmology: false, time: true, step: true },
+        fields: crate::lammps::write::common,
         folder: false,
         write: crate::lammps::write::write,
     },
@@ -113,6 +136,26 @@ impl Writer {
     /// [`Error::Io`]; [`Error::Argument`] for what the format cannot hold; [`Error::Cancelled`].
     pub fn write(&self, kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
         (self.write)(kept, out, progress)
+    }
+
+    /// What a file of what is kept leaves out, in words; none where it holds all.
+    pub fn left_out(&self, kept: &Kept<'_>) -> Option<String> {
+        let (meta, holds) = (kept.meta(), &self.holds);
+        let written = (self.fields)(kept);
+        let is_written = |name: &String| written.iter().flatten().any(|f| f.sources.contains(name));
+        let mut all: Vec<String> = meta.fields.iter().filter(|name| !is_written(name)).cloned().collect();
+        let (units, cosmology) = (&meta.units, meta.cosmology != Cosmology::default());
+        for (is_there, what) in [
+            (meta.cell.is_some() && !holds.cell, "the periodic box"),
+            ((units.length.is_some() || units.mass.is_some()) && !holds.units, "units"),
+            (cosmology && !holds.cosmology, "the cosmology"),
+            (meta.epoch.scale_factor.is_some() && !holds.cosmology, "the scale factor"),
+            (meta.epoch.time.is_some() && !holds.time, "the time"),
+            (meta.epoch.step.is_some() && !holds.step, "the time step"),
+        ] {
+            all.extend(is_there.then(|| what.to_string()));
+        }
+        (!all.is_empty()).then(|| format!("{} does not hold: {}", self.title, all.join(", ")))
     }
 
     /// For lists: `hdf5 (.hdf5, .h5)`.

@@ -84,7 +84,7 @@ fn writers() -> Vec<&'static str> {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads(a.input.iter().map(PathBuf::as_path), a.force.force)?;
-    let choice = match &a.input[..] {
+    let mut choice = match &a.input[..] {
         [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
             Either::Model(bytes) => return splats(&a, one, &bytes, &context),
             Either::Snapshot(choice) => *choice,
@@ -100,23 +100,20 @@ pub fn run(a: Arguments) -> Result<()> {
         true => context.outputs().writes_folder(&a.output, &RawForm::FOLDER_FILES)?,
         false => context.writes(&a.output, &PARTICLES)?,
     };
-    let particles = choice.read(&a.input, &Storage::Memory, &context)?;
+    let (particles, fields) = choice.read_fields(&a.input, &Storage::Memory, &context)?;
     let tiling = match a.tile.as_deref() {
         None => Tiling::single(),
         Some(&[x, y, z]) => Tiling::new([x, y, z], &particles)?,
         Some(_) => return Err(Error::argument("--tile takes three numbers, such as 2,8,8")),
     };
     let selection = a.selection.selection(&a.window, context.common.seed)?;
-    if particles.origin != [0.0; 3] {
-        context.message("note: the positions are far from 0, where float32 keeps fewer of their digits");
-    }
     let start = std::time::Instant::now();
-    let kept = Kept::new(&particles, tiling, selection, &context)?;
-    if !writer.holds_box && kept.meta().cell.is_some() {
-        context.message(&format!(
-            "note: {} cannot store the periodic box; state it by --box when reading the file",
-            writer.title
-        ));
+    let mut kept = Kept::new(&particles, tiling, selection, &context)?;
+    if !fields.is_empty() {
+        kept = kept.with_fields(fields);
+    }
+    if let Some(left_out) = writer.left_out(&kept) {
+        context.message(&format!("note: {left_out}"));
     }
     let bytes = context.write_snapshot(&a.output, there, |out| writer.write(&kept, out, &context))?;
     let seconds = start.elapsed().as_secs_f64();

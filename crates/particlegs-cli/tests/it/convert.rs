@@ -33,6 +33,44 @@ fn the_same_sample_for_any_number_of_threads() {
     assert_eq!(one, draw("2"));
 }
 
+/// What a command says, and what it writes as text.
+fn told(args: &[&str]) -> String {
+    let done = run(args).success();
+    String::from_utf8_lossy(&done.get_output().stderr).into_owned()
+}
+
+#[test]
+fn fields_ids_and_float64_are_carried() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs-formats/tests/data/tables/positions.hdf5");
+    // Ids beyond 2^53, by way of HDF5, VTK and text.
+    let (hdf5, vtp, dump) = (path("a.hdf5"), path("b.vtp"), path("c.dump"));
+    assert!(!told(&["convert", text(&source), "-o", text(&hdf5)]).contains("does not hold"));
+    told(&["convert", text(&hdf5), "-o", text(&vtp)]);
+    told(&["convert", text(&vtp), "-o", text(&dump)]);
+    let rows = std::fs::read_to_string(&dump).unwrap();
+    assert!(rows.contains("\n1152921504606846977 1 0.75 1.0 1.25\n"), "{rows}");
+    // Float64 and velocities of a table, a part of it, and what has no place.
+    let table = path("t.csv");
+    let row = |i: u32| format!("{},{},3.25,{i},{},-1.5,{}\n", 0.1 + f64::from(i), i, 2 * i, 7 * i);
+    std::fs::write(&table, format!("x,y,z,vx,vy,vz,id\n{}", (0..9).map(row).collect::<String>())).unwrap();
+    told(&["convert", text(&table), "-o", text(&hdf5), "--every", "4", "--force"]);
+    let info = run(&["info", text(&hdf5), "--json", "-"]).success();
+    let info = String::from_utf8_lossy(&info.get_output().stdout).into_owned();
+    assert!(info.contains("Velocities") && info.contains("ParticleIDs"), "{info}");
+    told(&["convert", text(&hdf5), "-o", text(&dump), "--force"]);
+    let rows = std::fs::read_to_string(&dump).unwrap();
+    assert!(
+        rows.contains("ATOMS id type x y z vx vy vz\n") && rows.contains("\n28 1 4.1 4.0 3.25 4.0 8.0 -1.5\n"),
+        "{rows}"
+    );
+    let npy = told(&["convert", text(&table), "-o", text(&path("p.npy"))]);
+    assert!(npy.contains("note: NumPy array of shape (N, 3) does not hold: vx, vy, vz, id"), "{npy}");
+    let compressed = told(&["compress", text(&table), "-o", text(&path("m.pgs")), "--gaussians", "2"]);
+    assert!(compressed.contains("note: fields that the model leaves out: vx, vy, vz, id"), "{compressed}");
+}
+
 #[test]
 fn bad_arguments_leave_nothing() {
     let dir = tempfile::tempdir().unwrap();

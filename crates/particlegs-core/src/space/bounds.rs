@@ -53,6 +53,16 @@ impl Bounds {
         e.map(|v| if v > 0.0 { v } else { stand_in })
     }
 
+    /// What float32 positions are taken about on each axis: 0 where that keeps a thousandth of the particle radius,
+    /// else the middle.
+    pub fn float32_origin(&self, radius: f64) -> [f64; 3] {
+        const ROUNDING: f64 = 0.5 * f32::EPSILON as f64;
+        each_axis(|k| {
+            let (low, high) = (self.min[k], self.max[k]);
+            if low.abs().max(high.abs()) * ROUNDING > 1e-3 * radius { 0.5 * low + 0.5 * high } else { 0.0 }
+        })
+    }
+
     /// The default particle radius, 0.0406 of the mean spacing (0.01 on HACC; docs/law/cameras.md).
     pub fn default_radius(&self, particles: u64) -> f64 {
         let e = self.extent_nonzero();

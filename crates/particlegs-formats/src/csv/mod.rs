@@ -7,6 +7,7 @@ mod names;
 
 pub use catalogue::Catalogue;
 
+use crate::fields::is_id;
 use crate::foreign::foreign_of;
 use crate::registry::Head;
 use crate::text::content::{Content, Place};
@@ -66,7 +67,8 @@ fn columns(guess: &Guess, kinds: &[&'static str]) -> Columns {
     let names = &guess.names;
     let field = |((text, name), kind): ((&String, &Name), &&str)| Field {
         name: text.clone(),
-        kind: (*kind).into(),
+        // What is whole in the first rows need not be in all, but for numbers that name things.
+        kind: if *kind == "i64" && !is_id(text) { "f64" } else { *kind }.into(),
         components: 1,
         unit: name.unit.clone(),
     };

@@ -11,7 +11,7 @@ mod records;
 
 use crate::axes::{Axis, axes};
 use crate::pieces::{Piece, PieceReader};
-use crate::strided::Strided;
+use crate::strided::{Lane, Strided};
 use crate::{Choice, Description, Field, Format, Mass, Snapshot, Species};
 use blocks::Part;
 use header::TYPES;
@@ -124,7 +124,8 @@ impl Snapshot for Gadget {
             let lane = |field: &str, component: u32| {
                 let block = part.block(field).filter(|b| b.types[t] && component < b.components);
                 let block = block.ok_or_else(|| Error::input(&part.path, format!("it has no block {field}")))?;
-                Ok(part.lane(block, t, component))
+                let lane = part.lane(block, t, component);
+                Ok(Lane { kind: lane.kind.stored(choice.as_stored), ..lane })
             };
             let [x, y, z] = &axes;
             let axis = |a: &Axis| lane(&a.field, a.component);

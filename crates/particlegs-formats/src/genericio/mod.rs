@@ -112,7 +112,12 @@ impl Snapshot for GenericIo {
                 file.variable(name).ok_or_else(missing)
             };
             let variables: Vec<usize> = names.iter().map(variable).collect::<Result<_>>()?;
-            pieces.push(Box::new(Ranks::new(file.clone(), &variables, DEFAULT_BYTES / self.files.len())?));
+            pieces.push(Box::new(Ranks::new(
+                file.clone(),
+                &variables,
+                DEFAULT_BYTES / self.files.len(),
+                choice.as_stored,
+            )?));
         }
         if let ([one], [file]) = (&pieces[..], &self.files[..])
             && file.ranks.iter().filter(|r| r.count > 0).count() == 1

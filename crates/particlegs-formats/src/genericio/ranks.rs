@@ -32,16 +32,16 @@ pub struct Ranks {
 
 impl Ranks {
     /// The variables `variables` (three or four indices) of `file`, decompressed blocks of about
-    /// `cache` bytes kept.
+    /// `cache` bytes kept, numbers as they are stored where `as_stored` is set.
     ///
     /// # Errors
     /// [`Error::Input`] where a variable holds no numbers.
-    pub fn new(file: Arc<File>, variables: &[usize], cache: usize) -> Result<Ranks> {
+    pub fn new(file: Arc<File>, variables: &[usize], cache: usize, as_stored: bool) -> Result<Ranks> {
         let place = file.path.display().to_string();
         let column = |&v: &usize| {
             let variable = &file.variables[v];
             let what = || format!("variable {} has {} bytes a particle: no number", variable.name, variable.size);
-            Ok((v, variable.kind.ok_or_else(|| Error::input(&place, what()))?))
+            Ok((v, variable.kind.ok_or_else(|| Error::input(&place, what()))?.stored(as_stored)))
         };
         let columns = variables.iter().map(column).collect::<Result<_>>()?;
         let mut starts = Vec::with_capacity(file.ranks.len() + 1);

@@ -45,6 +45,15 @@ impl Attributes {
         names.iter().find_map(|n| self.numbers(n)?.first().copied())
     }
 
+    /// All that are one number.
+    pub fn single(&self) -> Vec<(String, f64)> {
+        let one = |(name, value): &(String, Value)| match value {
+            Value::Numbers(numbers) if numbers.len() == 1 => Some((name.clone(), numbers[0])),
+            _ => None,
+        };
+        self.0.iter().filter_map(one).collect()
+    }
+
     /// The text of the first of `names` that there is and that is not blank.
     pub fn text(&self, names: &[&str]) -> Option<&str> {
         names.iter().find_map(|n| match self.get(n)? {

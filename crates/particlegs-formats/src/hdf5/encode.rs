@@ -1,4 +1,4 @@
-//! Bytes of an HDF5 file whose data sets are f32 in uncompressed chunks: where everything lies is known before
+//! Bytes of an HDF5 file whose data sets are uncompressed chunks: where everything lies is known before
 //! anything is written, so that runs may be written in any order, and no library that writes HDF5 from Rust
 //! alone does that in bounded memory.
 //!
@@ -6,12 +6,10 @@
 //! and everything since reads. Chunks lie one after the other, so that a data set is one stretch of the file.
 
 use hdf5_reader::checksum::jenkins_lookup3;
+use particlegs::particles::Number;
 
 /// Rows of a chunk.
 pub const CHUNK_ROWS: u64 = 1 << 16;
-
-/// Bytes of a number.
-const F32: u64 = 4;
 
 /// The address of what is not there.
 const UNDEFINED: u64 = u64::MAX;
@@ -41,16 +39,20 @@ pub enum Value {
 /// An attribute.
 pub type Attribute = (&'static str, Value);
 
-/// A data set of f32, or one without numbers.
+/// A data set, or one without numbers.
 pub struct Set {
     /// Name.
-    pub name: &'static str,
+    pub name: String,
+    /// Type of its numbers.
+    pub number: Number,
     /// Rows, at least one.
     pub rows: u64,
     /// Numbers a row; one makes it one-dimensional.
     pub columns: u64,
     /// Attributes.
     pub attributes: Vec<Attribute>,
+    /// Attributes of the source's that are one number.
+    pub source: Vec<(String, f64)>,
     /// Is there only a shape? Readers see 64-bit zeros; the file has no bytes for them.
     pub hollow: bool,
 }
@@ -61,7 +63,7 @@ impl Set {
     }
 
     fn chunk_bytes(&self) -> u64 {
-        self.chunk_rows() * self.columns * F32
+        self.chunk_rows() * self.columns * self.number.bytes()
     }
 
     fn chunks(&self) -> u64 {
@@ -201,9 +203,12 @@ fn group_messages<'a>(links: impl Iterator<Item = (&'a str, u64)>, attributes: &
 /// Attributes in the header itself. Without the first message, which says that there is no heap of more, libraries
 /// count none.
 fn attribute_messages(attributes: &[Attribute]) -> Vec<(u8, Vec<u8>)> {
-    let info = (21, Bytes::default().raw(&[0, 0]).u64s(&[UNDEFINED; 2]).0);
-    let all = attributes.iter().map(|a| (12, attribute(a)));
-    if attributes.is_empty() { Vec::new() } else { std::iter::once(info).chain(all).collect() }
+    let all = attributes.iter().map(|(name, value)| (12, attribute(name, value)));
+    if attributes.is_empty() { Vec::new() } else { std::iter::once(attribute_info()).chain(all).collect() }
+}
+
+fn attribute_info() -> (u8, Vec<u8>) {
+    (21, Bytes::default().raw(&[0, 0]).u64s(&[UNDEFINED; 2]).0)
 }
 
 fn root_header(groups: &[Group], heads: &[u64]) -> Vec<u8> {
@@ -211,7 +216,7 @@ fn root_header(groups: &[Group], heads: &[u64]) -> Vec<u8> {
 }
 
 fn group_header(group: &Group, sets: &[u64]) -> Vec<u8> {
-    header(&group_messages(group.sets.iter().map(|s| s.name).zip(sets.iter().copied()), &group.attributes))
+    header(&group_messages(group.sets.iter().map(|s| &s.name[..]).zip(sets.iter().copied()), &group.attributes))
 }
 
 fn set_header(set: &Set, tree: u64) -> Vec<u8> {
@@ -223,15 +228,33 @@ fn set_header(set: &Set, tree: u64) -> Vec<u8> {
     let chunk = set.shape(set.chunk_rows());
     // Layout 3, chunked; the last dimension is the number's size.
     let layout = Bytes::default().raw(&[3, 2, chunk.len() as u8 + 1]).u64(tree);
-    let layout = chunk.iter().chain(&[F32]).fold(layout, |b, &n| b.u32(n));
-    table_header(set, &FLOAT32, 0x0b, layout.0)
+    let layout = chunk.iter().chain(&[set.number.bytes()]).fold(layout, |b, &n| b.u32(n));
+    table_header(set, &datatype(set.number), 0x0b, layout.0)
 }
 
 /// `fill`: when space is taken, and that no fill value is set.
 fn table_header(set: &Set, kind: &[u8], fill: u8, layout: Vec<u8>) -> Vec<u8> {
     let mut messages = vec![(1, dataspace(&set.shape(set.rows))), (3, kind.to_vec()), (5, vec![3, fill]), (8, layout)];
-    messages.extend(attribute_messages(&set.attributes));
+    let source = set.source.iter().map(|(name, value)| (12, attribute(name, &Value::Number(*value))));
+    let source: Vec<_> = source.collect();
+    match set.attributes.is_empty() && !source.is_empty() {
+        true => messages.push(attribute_info()),
+        false => messages.extend(attribute_messages(&set.attributes)),
+    }
+    messages.extend(source);
     header(&messages)
+}
+
+/// Whole numbers, or IEEE 754's.
+fn datatype(number: Number) -> Vec<u8> {
+    let signed = match number {
+        Number::F32 => return FLOAT32.to_vec(),
+        Number::F64 => return FLOAT64.to_vec(),
+        Number::I8 | Number::I16 | Number::I32 | Number::I64 => 8,
+        Number::U8 | Number::U16 | Number::U32 | Number::U64 => 0,
+    };
+    let bytes = number.bytes() as u8;
+    vec![0x10, signed, 0, 0, bytes, 0, 0, 0, 0, 0, 8 * bytes, 0]
 }
 
 fn dataspace(shape: &[u64]) -> Vec<u8> {
@@ -245,7 +268,7 @@ const UNSIGNED64: [u8; 12] = [0x10, 0, 0, 0, 8, 0, 0, 0, 0, 0, 64, 0];
 const UNSIGNED32: [u8; 12] = [0x10, 0, 0, 0, 4, 0, 0, 0, 0, 0, 32, 0];
 const SIGNED32: [u8; 12] = [0x10, 8, 0, 0, 4, 0, 0, 0, 0, 0, 32, 0];
 
-fn attribute((name, value): &Attribute) -> Vec<u8> {
+fn attribute(name: &str, value: &Value) -> Vec<u8> {
     let floats = |v: &[f64]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
     let (kind, space, data) = match value {
         Value::Number(v) => (FLOAT64.to_vec(), dataspace(&[]), floats(&[*v])),
@@ -294,7 +317,7 @@ fn tree(set: &Set, at: u64, data: u64) -> Vec<u8> {
         let past = u64::from(chunk >= chunks);
         let mut offsets = set.shape(chunk.min(chunks) * set.chunk_rows());
         offsets[1..].fill(past * set.columns);
-        offsets.push(past * F32);
+        offsets.push(past * set.number.bytes());
         bytes.u32(set.chunk_bytes()).u32(0).u64s(&offsets)
     };
     let mut out = Vec::new();
@@ -331,7 +354,9 @@ mod tests {
         assert_eq!(nodes(64), [1]);
         assert_eq!(nodes(65), [2, 1]);
         assert_eq!(nodes(64 * 64 + 1), [65, 2, 1]);
-        let set = Set { name: "a", rows: 65 * CHUNK_ROWS - 5, columns: 3, attributes: Vec::new(), hollow: false };
+        let (number, attributes, source) = (Number::F32, Vec::new(), Vec::new());
+        let rows = 65 * CHUNK_ROWS - 5;
+        let set = Set { name: "a".into(), number, rows, columns: 3, attributes, source, hollow: false };
         assert_eq!(tree(&set, 0, 0).len() as u64, 3 * node_bytes(&set));
     }
 }

@@ -19,7 +19,7 @@ mod tables;
 mod units;
 mod write;
 
-pub use write::write;
+pub use write::{fields, write};
 
 use crate::Format;
 use crate::registry::Head;

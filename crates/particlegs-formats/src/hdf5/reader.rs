@@ -4,10 +4,11 @@ use super::columns::{Columns, Part, Want, chunk_bytes};
 use super::container::Container;
 use super::snapshot;
 use super::storage::table;
+use crate::axes::axis;
 use crate::cache::ChunkCache;
 use crate::pieces::{Piece, PieceReader};
 use crate::{Choice, Field, Mass, Species};
-use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
+use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader, WideSink};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_files::memory;
@@ -57,7 +58,10 @@ pub fn reader(source: &Source<'_>, choice: &Choice) -> Result<Box<dyn SnapshotRe
         let mut parts = Vec::with_capacity(wanted.len());
         for (k, (name, wants)) in wanted.iter().enumerate() {
             let place = format!("{}: {group}/{name}", container.place);
-            let table = table(&container, group, name)?;
+            let mut table = table(&container, group, name)?;
+            if table.packed.is_none() {
+                table.kind = table.kind.stored(choice.as_stored);
+            }
             if let Some(want) = wants.iter().find(|w| w.component >= table.components) {
                 let what = format!("it has {} numbers a row, not {}", table.components, want.component + 1);
                 return Err(Error::input(place, what));
@@ -114,8 +118,10 @@ fn positions(species: &Species, place: &str, name: &str) -> Result<Wanted> {
             Ok(vec![(find(name, 3)?.name.clone(), wants)])
         }
         [_, _, _] => {
-            let one =
-                |(target, name): (usize, &&str)| Ok((find(name, 1)?.name.clone(), vec![Want { component: 0, target }]));
+            let one = |(target, name): (usize, &&str)| match axis(species, name) {
+                Some(axis) => Ok((axis.field, vec![Want { component: axis.component.into(), target }])),
+                None => Ok((find(name, 1)?.name.clone(), vec![Want { component: 0, target }])),
+            };
             names.iter().enumerate().map(one).collect()
         }
         _ => Err(Error::argument(format!("positions `{name}` are neither one field nor three"))),
@@ -158,6 +164,10 @@ impl SnapshotReader for Stretches {
             start = end;
         }
         Ok(())
+    }
+
+    fn read_wide(&self, runs: Range<u64>, sink: &mut WideSink<'_>) -> Result<()> {
+        self.inner.read_wide(runs, sink)
     }
 
     fn in_place(&self) -> Option<InPlace> {

@@ -51,6 +51,17 @@ impl Snapshot for Hdf5Snapshot {
         let source = Source { parts: &self.parts, kind: *kind, group, species: found, meta };
         reader::reader(&source, choice)
     }
+
+    fn attributes(&self, species: usize, field: &str) -> Vec<(String, f64)> {
+        let Some(&kind) = self.types.get(species) else { return Vec::new() };
+        let Some(part) = self.parts.iter().find(|p| p.rows[kind] > 0) else { return Vec::new() };
+        let Ok(container) = Container::of(&part.path, part.map.clone()) else { return Vec::new() };
+        let own = container.data_set(&group_name(kind), field).map(|s| s.attributes.single()).unwrap_or_default();
+        let velocity = ["UnitVelocity_in_cm_per_s", "UnitVelocity_In_CGS"];
+        let groups = ["Header", "Parameters"].into_iter().filter_map(|g| container.attributes(g).ok());
+        let unit = groups.filter_map(|a| a.number(&velocity)).next().filter(|_| field == "Velocities");
+        own.into_iter().chain(unit.map(|v| (velocity[0].to_string(), v))).collect()
+    }
 }
 
 /// Opens the files of one snapshot.

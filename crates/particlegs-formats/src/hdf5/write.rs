@@ -2,9 +2,10 @@
 
 use super::encode::{self, Attribute, Group, Set, Value};
 use super::units;
+use crate::fields::{OutField, Standard, outputs};
 use particlegs::model::{Dimension, Layer, Mass, Unit};
 use particlegs::parallel;
-use particlegs::particles::{Kept, Run, SnapshotMeta};
+use particlegs::particles::{Kept, Number, Run, SnapshotMeta, SourceField};
 use particlegs::progress::Progress;
 use particlegs::{Error, Remedy, Result};
 use particlegs_files::output::PlacedFile;
@@ -21,7 +22,8 @@ const ORDER: [usize; 6] = [1, 2, 3, 4, 5, 0];
 pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
     let layers = kept.layers();
     let types = types(&layers, out)?;
-    let plan = encode::plan(&groups(kept.meta(), &layers, &types, out)?);
+    let fields = fields(kept);
+    let plan = encode::plan(&groups(kept, &layers, &types, &fields, out)?);
     let file = PlacedFile::create(out, plan.length)?;
     file.write_at(&plan.metadata, 0)?;
     progress.begin("writing", kept.total());
@@ -32,7 +34,9 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
         // A run that keeps nothing may belong to a layer that keeps nothing, which has no group.
         if let Some(layer) = layers.get(index).filter(|_| count > 0) {
             let row = kept.first(id) - layer.content.start;
-            scratch.with(|bytes| write_run(&file, layer.mass, row, &plan.data[FIRST + index], run, bytes))?;
+            let own = fields.get(index).map_or(&[][..], |f| f);
+            let sets = Sets { file: &file, mass: layer.mass, fields: own, data: &plan.data[FIRST + index] };
+            scratch.with(|bytes| sets.write_run(row, (run, kept), bytes))?;
         }
         progress.advance(count);
         Ok(())
@@ -45,23 +49,77 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
 /// Groups before the first layer's.
 const FIRST: usize = 2;
 
-/// Writes a run's positions and masses at row `row` of its layer's data sets, which begin at `data`.
-fn write_run(file: &PlacedFile, mass: Mass, row: u64, data: &[u64], run: &Run, bytes: &mut Vec<u8>) -> Result<()> {
-    let [x, y, z, w] = &run.columns;
-    bytes.resize(12 * x.len(), 0);
-    for (i, triple) in bytes.chunks_exact_mut(12).enumerate() {
-        triple[..4].copy_from_slice(&x[i].to_le_bytes());
-        triple[4..8].copy_from_slice(&y[i].to_le_bytes());
-        triple[8..].copy_from_slice(&z[i].to_le_bytes());
-    }
-    file.write_at(bytes, data[0] + 12 * row)?;
-    if let Some(&masses) = data.get(1).filter(|_| mass.is_weighted()) {
-        let unit = mass.unit_or_one();
+/// The data sets of a layer.
+struct Sets<'a> {
+    file: &'a PlacedFile,
+    mass: Mass,
+    fields: &'a [OutField],
+    /// Where they begin: positions, masses where they are weights, fields.
+    data: &'a [u64],
+}
+
+impl Sets<'_> {
+    /// Writes a run's particles from row `row` on.
+    fn write_run(&self, row: u64, (run, kept): (&Run, &Kept<'_>), bytes: &mut Vec<u8>) -> Result<()> {
+        let [x, y, z, w] = &run.columns;
         bytes.clear();
-        bytes.extend(w.iter().flat_map(|&w| ((f64::from(w) * unit) as f32).to_le_bytes()));
-        file.write_at(bytes, masses + 4 * row)?;
+        match kept.is_wide() {
+            true => bytes.extend((0..x.len()).flat_map(|i| run.wide(kept.origin(), i)).flat_map(f64::to_le_bytes)),
+            false => bytes.extend((0..x.len()).flat_map(|i| [x[i], y[i], z[i]]).flat_map(f32::to_le_bytes)),
+        }
+        let mut places = self.data.iter();
+        let mut put = |bytes: &[u8], width: u64| match places.next() {
+            Some(place) => self.file.write_at(bytes, place + width * row),
+            None => Ok(()),
+        };
+        put(bytes, if kept.is_wide() { 24 } else { 12 })?;
+        if has_weights(self.mass, self.fields) {
+            let unit = self.mass.unit_or_one();
+            bytes.clear();
+            bytes.extend(w.iter().flat_map(|&w| ((f64::from(w) * unit) as f32).to_le_bytes()));
+            put(bytes, 4)?;
+        }
+        for field in self.fields {
+            bytes.clear();
+            field.append(run, bytes);
+            put(bytes, field.number.bytes() * field.columns.len() as u64)?;
+        }
+        Ok(())
     }
-    Ok(())
+}
+
+/// Are masses written from weights? Not where they are a field, which keeps its own type.
+fn has_weights(mass: Mass, fields: &[OutField]) -> bool {
+    mass.is_weighted() && !fields.iter().any(|f| f.name == MASSES)
+}
+
+const MASSES: &str = "Masses";
+const IDS: &str = "ParticleIDs";
+
+/// What Gadget calls fields, and what others do.
+const STANDARD: [Standard; 9] = [
+    (IDS, 1, &["ID", "id", "ids", "ParticleID", "particle_id", "pid"]),
+    ("Velocities", 3, &["VEL", "Velocity", "velocities", "velocity", "velo", "vel", "v"]),
+    (MASSES, 1, &["Mass", "MASS", "masses", "mass"]),
+    ("InternalEnergy", 1, &["U", "u"]),
+    ("Density", 1, &["RHO", "rho", "density"]),
+    ("SmoothingLength", 1, &["HSML", "hsml"]),
+    ("Potential", 1, &["POT", "potential"]),
+    ("Acceleration", 3, &["ACCE", "acceleration"]),
+    ("TimeStep", 1, &["TSTP"]),
+];
+
+/// The fields of each layer, as they are written.
+pub fn fields(kept: &Kept<'_>) -> Vec<Vec<OutField>> {
+    let named = |field: &OutField| {
+        !field.name.is_empty() && field.name.len() <= 200 && !field.name.contains('/') && field.name != "."
+    };
+    let of = |fields: &&[SourceField]| {
+        let mut all = outputs(fields, &STANDARD, &["Coordinates"]);
+        all.retain(named);
+        all
+    };
+    kept.fields().iter().map(of).collect()
 }
 
 /// The type of each layer: `PartTypeN` keeps its number, the rest get free ones in order.
@@ -82,21 +140,52 @@ fn types(layers: &[Layer<Range<u64>>], out: &Path) -> Result<Vec<usize>> {
     })
 }
 
-fn groups(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], out: &Path) -> Result<Vec<Group>> {
+fn groups(
+    kept: &Kept<'_>,
+    layers: &[Layer<Range<u64>>],
+    types: &[usize],
+    fields: &[Vec<OutField>],
+    out: &Path,
+) -> Result<Vec<Group>> {
+    let meta = kept.meta();
     let (length, mass) = (&meta.units.length, &meta.units.mass);
     let group = |name: &str, attributes| Group { name: name.into(), attributes, sets: Vec::new() };
-    let mut groups = vec![group("Header", header(meta, layers, types, out)?), group("Parameters", parameters(meta))];
-    for (layer, kind) in layers.iter().zip(types) {
+    let mut groups =
+        vec![group("Header", header(meta, layers, types, out)?), group("Parameters", parameters(meta, fields))];
+    for (index, (layer, kind)) in layers.iter().zip(types).enumerate() {
+        let own = fields.get(index).map_or(&[][..], |f| f);
         let rows = layer.content.end - layer.content.start;
         let comoving = meta.units.comoving.map(|c| if c { 1.0 } else { 0.0 });
-        let set = |name, columns, attributes| Set { name, rows, columns, attributes, hollow: false };
-        let mut sets = vec![set("Coordinates", 3, scaling(length, comoving, Dimension::Length))];
-        if layer.mass.is_weighted() {
-            sets.push(set("Masses", 1, scaling(mass, Some(0.0), Dimension::Mass)));
+        let set = |name: &str, number, columns, attributes| Set {
+            name: name.into(),
+            number,
+            rows,
+            columns,
+            attributes,
+            source: Vec::new(),
+            hollow: false,
+        };
+        let number = if kept.is_wide() { Number::F64 } else { Number::F32 };
+        let mut sets = vec![set("Coordinates", number, 3, scaling(length, comoving, Dimension::Length))];
+        if has_weights(layer.mass, own) {
+            sets.push(set(MASSES, Number::F32, 1, scaling(mass, Some(0.0), Dimension::Mass)));
         }
-        // pynbody counts particles by their IDs. There are none here, and none are made up.
-        let why = Value::Text("not known: nothing is stored, and 0 is read".into());
-        sets.push(Set { hollow: true, ..set("ParticleIDs", 1, vec![("Description", why)]) });
+        for field in own {
+            let attributes = match (&field.unit, field.name == MASSES) {
+                (_, true) => scaling(mass, Some(0.0), Dimension::Mass),
+                (Some(unit), _) => vec![("unit", Value::Text(unit.chars().take(200).collect()))],
+                (None, _) => Vec::new(),
+            };
+            let is_new = |(name, _): &&(String, f64)| attributes.iter().all(|(n, _)| n != name) && name != VELOCITY;
+            let source = field.attributes.iter().filter(is_new).cloned().collect();
+            let columns = field.columns.len() as u64;
+            sets.push(Set { source, ..set(&field.name, field.number, columns, attributes) });
+        }
+        if own.iter().all(|f| f.name != IDS) {
+            // pynbody counts particles by their IDs. There are none here, and none are made up.
+            let why = Value::Text("not known: nothing is stored, and 0 is read".into());
+            sets.push(Set { hollow: true, ..set(IDS, Number::U64, 1, vec![("Description", why)]) });
+        }
         let name = Value::Text(layer.name.chars().take(200).collect());
         groups.push(Group { name: format!("PartType{kind}"), attributes: vec![("Layer", name)], sets });
     }
@@ -148,6 +237,7 @@ fn header(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], ou
     if let Some(h) = meta.cosmology.hubble {
         header.push(("HubbleParam", Value::Number(h)));
     }
+    header.extend(omegas(meta));
     Ok(header)
 }
 
@@ -156,15 +246,25 @@ fn box_size(lengths: [f64; 3]) -> Attribute {
     ("BoxSize", if cube { Value::Number(lengths[0]) } else { Value::Numbers(lengths.to_vec()) })
 }
 
-fn parameters(meta: &SnapshotMeta) -> Vec<Attribute> {
+/// The header's of Gadget-2 and the parameters' of Gadget-4.
+fn omegas(meta: &SnapshotMeta) -> impl Iterator<Item = Attribute> + use<> {
+    let c = meta.cosmology;
+    let all = [("Omega0", c.omega_matter), ("OmegaLambda", c.omega_lambda), ("OmegaBaryon", c.omega_baryon)];
+    all.into_iter().filter_map(|(name, value)| Some((name, Value::Number(value?))))
+}
+
+/// What a file says its velocities are in.
+const VELOCITY: &str = "UnitVelocity_in_cm_per_s";
+
+fn parameters(meta: &SnapshotMeta, fields: &[Vec<OutField>]) -> Vec<Attribute> {
     let (length, mass) = (cgs(&meta.units.length, Dimension::Length), cgs(&meta.units.mass, Dimension::Mass));
-    let c = &meta.cosmology;
-    let omegas = [("Omega0", c.omega_matter), ("OmegaLambda", c.omega_lambda), ("OmegaBaryon", c.omega_baryon)];
-    let named = [("UnitLength_in_cm", length), ("UnitMass_in_g", mass), ("HubbleParam", c.hubble)];
-    // Readers take a file's units only where there are three. There are no velocities; km/s is Gadget's.
-    let velocity = length.and(mass).map(|_| 1e5);
-    let named = named.into_iter().chain(omegas).chain([("UnitVelocity_in_cm_per_s", velocity)]);
+    let named = [("UnitLength_in_cm", length), ("UnitMass_in_g", mass), ("HubbleParam", meta.cosmology.hubble)];
+    // Readers take a file's units only where there are three; km/s is Gadget's.
+    let said = fields.iter().flatten().flat_map(|f| &f.attributes).find(|(name, _)| name == VELOCITY);
+    let velocity = said.map(|(_, v)| *v).or(length.and(mass).map(|_| 1e5));
+    let named = named.into_iter().chain([(VELOCITY, velocity)]);
     let mut parameters: Vec<Attribute> = named.filter_map(|(n, v)| Some((n, Value::Number(v?)))).collect();
+    parameters.extend(omegas(meta));
     parameters.extend(meta.cell.and_then(|c| c.reduced().lengths()).map(box_size));
     if let Some(comoving) = meta.units.comoving {
         parameters.push(("ComovingIntegrationOn", Value::Integer(i32::from(comoving))));

@@ -1,7 +1,8 @@
 //! LAMMPS text out: one frame, `id type x y z` and masses where they are known.
 
+use crate::fields::{OutField, Standard};
 use particlegs::parallel;
-use particlegs::particles::{Kept, Run};
+use particlegs::particles::{Kept, Number, Run};
 use particlegs::progress::Progress;
 use particlegs::space::Cell;
 use particlegs::{Error, Result};
@@ -56,20 +57,24 @@ enum Stop {
 struct FrameOut<'a> {
     kept: &'a Kept<'a>,
     cell: Cell,
-    /// Mass of a particle of weight 1, by layer; none where masses are not known.
+    /// Mass of a particle of weight 1, by layer; none where masses are not known, or are a field.
     masses: Option<Vec<f64>>,
+    /// Fields that all layers have: of each layer.
+    fields: Vec<Vec<OutField>>,
 }
 
 impl<'a> FrameOut<'a> {
     fn new(kept: &'a Kept<'a>, progress: &dyn Progress) -> Result<Self> {
         let layers = kept.layers();
-        let known = kept.weighted() || layers.iter().all(|l| l.mass.unit().is_some());
+        let fields = common(kept);
+        let known = !fields.iter().any(|f| f[0].name == "mass");
+        let known = known && (kept.weighted() || layers.iter().all(|l| l.mass.unit().is_some()));
         let masses = known.then(|| layers.iter().map(|l| l.mass.unit_or_one()).collect());
         let cell = match kept.meta().cell {
             Some(cell) => cell,
             None => bounds(kept, progress)?,
         };
-        Ok(FrameOut { kept, cell, masses })
+        Ok(FrameOut { kept, cell, masses, fields })
     }
 
     fn header(&self) -> String {
@@ -77,12 +82,26 @@ impl<'a> FrameOut<'a> {
         if let Some(style) = style_of(self.kept) {
             let _ = writeln!(text, "ITEM: UNITS\n{style}");
         }
+        if let Some(time) = self.kept.meta().epoch.time.filter(|t| t.is_finite()) {
+            let _ = writeln!(text, "ITEM: TIME\n{}", zmij::Buffer::new().format(time));
+        }
         let step = self.kept.meta().epoch.step.unwrap_or(0);
         let _ = writeln!(text, "ITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ATOMS\n{}", self.kept.total());
         box_bounds(&self.cell, &mut text);
         let mass = if self.masses.is_some() { " mass" } else { "" };
-        let _ = writeln!(text, "ITEM: ATOMS id type x y z{mass}");
+        let columns: String = self.others().flat_map(|f| names(&f[0])).map(|name| format!(" {name}")).collect();
+        let _ = writeln!(text, "ITEM: ATOMS id type x y z{mass}{columns}");
         text
+    }
+
+    /// The field of that name, of a layer.
+    fn field(&self, name: &str, layer: usize) -> Option<&OutField> {
+        self.fields.iter().find(|f| f[0].name == name)?.get(layer)
+    }
+
+    /// Fields that are columns behind the others.
+    fn others(&self) -> impl Iterator<Item = &Vec<OutField>> {
+        self.fields.iter().filter(|f| !OWN.contains(&&f[0].name[..]))
     }
 
     /// Formats runs in parallel and gives their text in order.
@@ -119,13 +138,24 @@ impl<'a> FrameOut<'a> {
         let layer = self.kept.layer_of(id);
         let [x, y, z, weights] = &run.columns;
         let mut number = zmij::Buffer::new();
+        let (ids, types) = (self.field("id", layer), self.field("type", layer));
+        let others: Vec<&OutField> = self.others().filter_map(|f| f.get(layer)).collect();
         for i in 0..x.len() {
-            push_whole(self.kept.first(id) + i as u64 + 1, text);
+            match ids {
+                Some(field) => push_field(field, run, i, text),
+                None => push_whole(self.kept.first(id) + i as u64 + 1, text),
+            }
             text.push(b' ');
-            push_whole(layer as u64 + 1, text);
-            for column in [x, y, z] {
+            match types {
+                Some(field) => push_field(field, run, i, text),
+                None => push_whole(layer as u64 + 1, text),
+            }
+            for k in 0..3 {
                 text.push(b' ');
-                text.extend_from_slice(number.format(column[i]).as_bytes());
+                text.extend_from_slice(match self.kept.is_wide() {
+                    true => number.format(run.wide(self.kept.origin(), i)[k]).as_bytes(),
+                    false => number.format([x, y, z][k][i]).as_bytes(),
+                });
             }
             if let Some(masses) = &self.masses {
                 text.push(b' ');
@@ -137,9 +167,65 @@ impl<'a> FrameOut<'a> {
                 };
                 text.extend_from_slice(mass.as_bytes());
             }
+            for field in &others {
+                text.push(b' ');
+                push_field(field, run, i, text);
+            }
             text.push(b'\n');
         }
         Ok(())
+    }
+}
+
+/// Columns that each dump has.
+const OWN: [&str; 2] = ["id", "type"];
+/// What LAMMPS calls fields, and what others do.
+const STANDARD: [Standard; 2] = [
+    ("id", 1, &["ParticleIDs", "ID", "ids", "ParticleID", "particle_id", "pid"]),
+    ("mass", 1, &["Masses", "MASS", "Mass", "masses"]),
+];
+/// Columns that a dump may have.
+const MOST_COLUMNS: usize = 1000;
+
+/// The fields that all layers have alike, each of every layer.
+pub fn common(kept: &Kept<'_>) -> Vec<Vec<OutField>> {
+    let mut all = crate::fields::common(kept, &STANDARD, &["x", "y", "z"]);
+    let is_whole = |f: &OutField| f.columns.len() == 1 && !matches!(f.number, Number::F32 | Number::F64);
+    all.retain(|f| !OWN.contains(&&f[0].name[..]) || is_whole(&f[0]));
+    let mut columns = 0;
+    all.retain(|f| {
+        columns += f[0].columns.len();
+        columns <= MOST_COLUMNS
+    });
+    all
+}
+
+/// Names of a field's columns: `vx vy vz` of velocities, `name[1]` of others.
+fn names(field: &OutField) -> Vec<String> {
+    let name = field.name.replace(|c: char| c.is_whitespace() || c.is_control(), "_");
+    let is_velocity = ["velocities", "velocity", "vel", "velo", "v"].contains(&&name.to_ascii_lowercase()[..]);
+    match field.columns.len() {
+        1 => vec![name],
+        3 if is_velocity => ["vx", "vy", "vz"].map(String::from).to_vec(),
+        count => (1..=count).map(|k| format!("{name}[{k}]")).collect(),
+    }
+}
+
+/// Appends the numbers of particle `i`.
+fn push_field(field: &OutField, run: &Run, i: usize, text: &mut Vec<u8>) {
+    for (k, &column) in field.columns.iter().enumerate() {
+        if k > 0 {
+            text.push(b' ');
+        }
+        let value = run.fields[column][i];
+        match field.number {
+            Number::F32 => text.extend_from_slice(zmij::Buffer::new().format(value as f32).as_bytes()),
+            Number::F64 => text.extend_from_slice(zmij::Buffer::new().format(value).as_bytes()),
+            Number::U64 => push_whole(value.to_bits(), text),
+            // Whole numbers of 64 bits come as their bits.
+            Number::I64 => text.extend_from_slice((value.to_bits() as i64).to_string().as_bytes()),
+            _ => text.extend_from_slice((value as i64).to_string().as_bytes()),
+        }
     }
 }
 
@@ -164,19 +250,20 @@ fn bounds(kept: &Kept<'_>, progress: &dyn Progress) -> Result<Cell> {
         kept.load(id, run)?;
         progress.advance(run.columns[0].len() as u64);
         Ok([0, 1, 2].map(|k| {
-            let both = |(low, high): (f32, f32), &v: &f32| (low.min(v), high.max(v));
-            run.columns[k].iter().fold((f32::INFINITY, f32::NEG_INFINITY), both)
+            let both = |(low, high): (f64, f64), v: f64| (low.min(v), high.max(v));
+            let all = (0..run.columns[0].len()).map(|i| run.wide(kept.origin(), i)[k]);
+            all.fold((f64::INFINITY, f64::NEG_INFINITY), both)
         }))
     })?;
     progress.end();
     let (mut origin, mut lengths) = ([0.0; 3], [0.0; 3]);
     for k in 0..3 {
-        let low = ends.iter().map(|e| e[k].0).fold(f32::INFINITY, f32::min);
-        let high = ends.iter().map(|e| e[k].1).fold(f32::NEG_INFINITY, f32::max);
+        let low = ends.iter().map(|e| e[k].0).fold(f64::INFINITY, f64::min);
+        let high = ends.iter().map(|e| e[k].1).fold(f64::NEG_INFINITY, f64::max);
         // A box has some thickness.
         let room = if low < high { 0.0 } else { 0.5 };
-        origin[k] = f64::from(low) - room;
-        lengths[k] = f64::from(high) + room - origin[k];
+        origin[k] = low - room;
+        lengths[k] = high + room - origin[k];
     }
     Ok(Cell { origin, periodic: [false; 3], ..Cell::orthogonal(lengths) })
 }

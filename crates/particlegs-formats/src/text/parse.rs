@@ -138,6 +138,8 @@ pub struct Plan {
     scaling: Option<Scaling>,
     /// Positions are wrapped into this.
     periods: Option<Periods>,
+    /// Columns whose whole numbers are wanted as their bits.
+    whole: Vec<usize>,
     /// Only rows whose value in this column is this one.
     key: Option<(usize, Vec<u8>)>,
     /// Positions are taken about this point.
@@ -155,12 +157,27 @@ impl Plan {
         for (slot, column) in slots.iter_mut().zip(&all) {
             *slot = wanted.binary_search(column).unwrap_or(0);
         }
-        Plan { wanted, slots, weighted: weight.is_some(), scaling, periods: None, key: None, origin: [0.0; 3] }
+        Plan {
+            wanted,
+            slots,
+            weighted: weight.is_some(),
+            scaling,
+            whole: Vec::new(),
+            periods: None,
+            key: None,
+            origin: [0.0; 3],
+        }
     }
 
     /// The same wrapped into a periodic cell.
     pub fn wrapped(mut self, periods: Option<Periods>) -> Self {
         self.periods = periods;
+        self
+    }
+
+    /// The same with the bits of the whole numbers in `columns`.
+    pub fn with_bits_of(mut self, columns: Vec<usize>) -> Self {
+        self.whole = columns;
         self
     }
 
@@ -187,6 +204,12 @@ impl Plan {
     }
 }
 
+/// A whole number of 64 bits.
+fn whole(token: &[u8]) -> Option<i64> {
+    let text = std::str::from_utf8(token).ok()?;
+    text.parse().ok().or_else(|| text.parse().ok().map(|v: u64| v as i64))
+}
+
 /// Equal bytes? Keys are a byte or two: a call to compare them would cost more than they do.
 #[inline(always)]
 pub fn same(a: &[u8], b: &[u8]) -> bool {
@@ -194,7 +217,25 @@ pub fn same(a: &[u8], b: &[u8]) -> bool {
 }
 
 /// Columns of particles: x, y, z about an origin, weights.
-pub type Columns = [Vec<f32>; 4];
+pub type Columns<T = f32> = [Vec<T>; 4];
+
+/// What columns are of.
+pub trait Parsed: Copy + Send {
+    /// A value about an origin.
+    fn about(value: f64, origin: f64) -> Self;
+}
+
+impl Parsed for f32 {
+    fn about(value: f64, origin: f64) -> f32 {
+        (value - origin) as f32
+    }
+}
+
+impl Parsed for f64 {
+    fn about(value: f64, _: f64) -> f64 {
+        value
+    }
+}
 
 /// A line that cannot be read.
 #[derive(Debug)]
@@ -223,7 +264,7 @@ impl Parser<'_> {
     ///
     /// # Errors
     /// The first line that is no row of this table.
-    pub fn block(&mut self, block: &[u8], line: u64, out: &mut Columns) -> Result<(usize, u64), Fault> {
+    pub fn block<T: Parsed>(&mut self, block: &[u8], line: u64, out: &mut Columns<T>) -> Result<(usize, u64), Fault> {
         let (mut at, mut lines) = (0, 0);
         while at < block.len() && self.room > 0 {
             let text = &block[at..];
@@ -255,7 +296,7 @@ impl Parser<'_> {
 
     /// Reads the row at the beginning of `text`; how many bytes its line takes.
     #[inline(always)]
-    fn row(&self, text: &[u8], out: &mut Columns) -> Option<usize> {
+    fn row<T: Parsed>(&self, text: &[u8], out: &mut Columns<T>) -> Option<usize> {
         let mut values = [0.0; 4];
         let length = match self.layout.separator {
             _ if self.layout.comma => None,
@@ -263,6 +304,9 @@ impl Parser<'_> {
             Separator::Byte(byte) => self.bytes(text, byte, &mut values),
         };
         let length = length.or_else(|| self.slowly(text, &mut values))?;
+        if !self.plan.whole.is_empty() {
+            self.bits(text, &mut values)?;
+        }
         let slots = &self.plan.slots;
         let mut position = [values[slots[0] & 3], values[slots[1] & 3], values[slots[2] & 3]];
         if let Some(scaling) = &self.plan.scaling {
@@ -272,10 +316,10 @@ impl Parser<'_> {
             position = periods.wrap(position);
         }
         for k in 0..3 {
-            out[k].push((position[k] - self.plan.origin[k]) as f32);
+            out[k].push(T::about(position[k], self.plan.origin[k]));
         }
         if self.plan.weighted {
-            out[3].push(values[slots[3] & 3] as f32);
+            out[3].push(T::about(values[slots[3] & 3], 0.0));
         }
         Some(length)
     }
@@ -334,6 +378,16 @@ impl Parser<'_> {
         (column + 1 + more == self.layout.columns.len()).then_some(length)
     }
 
+    /// The bits of values that are whole numbers of 64 bits.
+    fn bits(&self, text: &[u8], values: &mut [f64; 4]) -> Option<()> {
+        let all = tokens(first_line(text).0, self.layout.separator);
+        for (value, want) in values.iter_mut().zip(&self.plan.wanted).filter(|(_, want)| self.plan.whole.contains(want))
+        {
+            *value = f64::from_bits(whole(all.get(*want)?)? as u64);
+        }
+        Some(())
+    }
+
     /// Values that are quoted, or written as Fortran does, or with a decimal comma.
     #[cold]
     fn slowly(&self, text: &[u8], values: &mut [f64; 4]) -> Option<usize> {
@@ -356,6 +410,9 @@ impl Parser<'_> {
         let wrong = self.plan.wanted.iter().find(|&&c| c < have && number_with(all[c], self.layout.comma).is_none());
         let what = match wrong {
             Some(&c) => format!("column {} (`{}`): {} is not a number", c + 1, self.layout.columns[c], shown(all[c])),
+            None if self.plan.whole.iter().any(|&c| all.get(c).is_some_and(|t| whole(t).is_none())) => {
+                "has a number that is not whole, where those before are".into()
+            }
             None if have == 0 || all == [b""] => format!("is empty, where {expected} columns belong"),
             None => format!("has {have} column{}, not {expected}", if have == 1 { "" } else { "s" }),
         };

@@ -1,11 +1,11 @@
 //! Rows of a table, run by run.
 
 use super::lines::Lines;
-use super::parse::{Columns, Fault, Parser, Plan};
+use super::parse::{Columns, Fault, Parsed, Parser, Plan};
 use super::table::Table;
 use crate::pieces::origin_of;
 use particlegs::parallel;
-use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
+use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader, WideSink};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::ops::Range;
@@ -40,7 +40,7 @@ impl RowReader {
     /// Positions of any species from the beginning and, in plain files, from three places more.
     /// Broken lines are found when they are read.
     fn sample(&self) -> Result<[Vec<f64>; 3]> {
-        let mut columns = Columns::default();
+        let mut columns = <Columns>::default();
         let plan = self.plan.clone().of(None);
         let mut look = |block: &[u8]| {
             let mut parser = Parser { layout: &self.table.layout, plan: &plan, skip: 0, room: SAMPLE };
@@ -56,8 +56,8 @@ impl RowReader {
         Ok([x, y, z].map(|column| column.into_iter().map(f64::from).collect()))
     }
 
-    fn parser(&self, skip: u64, room: usize) -> Parser<'_> {
-        Parser { layout: &self.table.layout, plan: &self.plan, skip, room }
+    fn parser<'p>(&'p self, plan: &'p Plan, skip: u64, room: usize) -> Parser<'p> {
+        Parser { layout: &self.table.layout, plan, skip, room }
     }
 
     fn fault(&self, fault: Fault) -> Error {
@@ -74,12 +74,12 @@ impl RowReader {
     }
 
     /// Parses run `run` of a plain file.
-    fn run(&self, run: u64, columns: &mut Columns) -> Result<()> {
+    fn run<T: Parsed>(&self, run: u64, columns: &mut Columns<T>) -> Result<()> {
         let first = run * RUN as u64;
         let before = &self.table.before[self.kind];
         let stretch = before.partition_point(|&rows| rows <= first).saturating_sub(1);
         let mut lines = self.table.content.lines(self.table.stretches[stretch], Some(self.table.end.offset))?;
-        let mut parser = self.parser(first - before[stretch], self.length(run));
+        let mut parser = self.parser(&self.plan, first - before[stretch], self.length(run));
         if self.table.key.is_none() && self.table.layout.comment.is_none() {
             lines.pass(std::mem::take(&mut parser.skip), |_, _| Ok(()))?;
         }
@@ -148,8 +148,8 @@ impl RowReader {
         }
         let ended = blocks.len() < size;
         let parsed = parallel::try_map(blocks, |(line, block)| {
-            let mut columns = Columns::default();
-            self.parser(0, usize::MAX).block(&block, line, &mut columns).map_err(|f| self.fault(f))?;
+            let mut columns = <Columns>::default();
+            self.parser(&self.plan, 0, usize::MAX).block(&block, line, &mut columns).map_err(|f| self.fault(f))?;
             Ok::<_, Error>(columns)
         })?;
         for columns in parsed {
@@ -178,6 +178,34 @@ impl SnapshotReader for RowReader {
         self.plan.origin()
     }
 
+    fn read_wide(&self, runs: Range<u64>, sink: &mut WideSink<'_>) -> Result<()> {
+        let mut columns = Columns::<f64>::default();
+        if self.table.content.is_seekable() {
+            for run in runs {
+                self.run(run, &mut columns)?;
+                let [x, y, z, _] = &columns;
+                sink(run, [x, y, z])?;
+            }
+            return Ok(());
+        }
+        let mut lines = self.table.content.lines(self.table.start, Some(self.table.end.offset))?;
+        for run in 0..runs.end {
+            let mut parser = self.parser(&self.plan, 0, self.length(run));
+            columns.iter_mut().for_each(Vec::clear);
+            while parser.room > 0 {
+                let line = lines.place().line;
+                let Some(block) = lines.block()? else { return Err(self.changed()) };
+                let (bytes, count) = parser.block(block, line, &mut columns).map_err(|f| self.fault(f))?;
+                lines.consume(bytes, count);
+            }
+            let [x, y, z, _] = &columns;
+            if runs.contains(&run) {
+                sink(run, [x, y, z])?;
+            }
+        }
+        Ok(())
+    }
+
     fn random_access(&self) -> bool {
         self.table.content.is_seekable()
     }
@@ -196,7 +224,7 @@ impl SnapshotReader for RowReader {
         parallel::try_for_each(runs, |run| {
             progress.check()?;
             scratch.with(|columns| {
-                self.run(run, columns)?;
+                self.run::<f32>(run, columns)?;
                 sink(run, self.chunk(columns, 0..self.length(run)))
             })?;
             progress.advance(self.length(run) as u64);

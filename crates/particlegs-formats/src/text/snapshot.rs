@@ -5,8 +5,10 @@ use super::parse::{self, Parser, Periods, Plan, Scaling};
 use super::reader::RowReader;
 use super::split::{kind_of, shown, tokens};
 use super::table::{MOST_SPECIES, Table};
+use crate::axes::axis;
+use crate::fields::number_of;
 use crate::{Choice, Description, Field, Mass, Snapshot, Species};
-use particlegs::particles::SnapshotReader;
+use particlegs::particles::{Number, SnapshotReader};
 use particlegs::{Error, Remedy, Result};
 use std::sync::Arc;
 
@@ -101,7 +103,7 @@ impl TextSnapshot {
         let Some(plan) = self.description.species.first().and_then(|one| self.plan(one, choice).ok()) else {
             return false;
         };
-        let mut columns = parse::Columns::default();
+        let mut columns = <parse::Columns>::default();
         let mut parser = Parser { layout: &self.table.layout, plan: &plan, skip: 0, room: LOOKED_AT };
         let _ = parser.block(&self.table.head, 1, &mut columns);
         let [x, y, z, _] = columns;
@@ -116,14 +118,23 @@ impl TextSnapshot {
         let (positions, scaling) = self.positions(species, choice.positions.as_ref().unwrap_or(&species.positions))?;
         let weight = species.weight_field(&self.place(), &choice.weights)?;
         let weight = weight.map(|name| self.scalar(species, &name)).transpose()?;
-        Ok(Plan::new(positions, weight, scaling))
+        Ok(match choice.as_stored {
+            false => Plan::new(positions, weight, scaling),
+            true => Plan::new(positions, weight, None).with_bits_of(self.whole(species)),
+        })
     }
 
     /// The cell that positions are wrapped into: the one that the user states, else the file's.
     fn periods(&self, choice: &Choice) -> Result<Option<Periods>> {
         let mut meta = self.description.meta.clone();
         meta.state(choice.box_lengths, [None; 2])?;
-        Ok(meta.cell.filter(|_| self.wraps).and_then(Periods::of))
+        Ok(meta.cell.filter(|_| self.wraps && !choice.as_stored).and_then(Periods::of))
+    }
+
+    /// The columns of whole numbers of 64 bits.
+    fn whole(&self, species: &Species) -> Vec<usize> {
+        let columns = species.fields.iter().flat_map(|f| std::iter::repeat_n(f, f.components as usize)).enumerate();
+        columns.filter(|(_, f)| number_of(f) == Some(Number::I64)).map(|(c, _)| c).collect()
     }
 
     fn place(&self) -> String {
@@ -142,7 +153,8 @@ impl TextSnapshot {
                 Remedy::NamePositions(names),
             ));
         }
-        if let Some(first) = column_of(&species.fields, name, 3) {
+        let vector = species.fields.iter().any(|f| f.name == name && f.components == 3);
+        if let Some(first) = column_of(&species.fields, name).filter(|_| vector) {
             return Ok(([first, first + 1, first + 2], None));
         }
         let names: Vec<&str> = name.split(',').map(str::trim).collect();
@@ -160,13 +172,15 @@ impl TextSnapshot {
 
     fn scalar(&self, species: &Species, name: &str) -> Result<usize> {
         let numbers = species.fields.iter().filter(|f| f.components == 1 && f.kind != "text").map(|f| &f.name[..]);
-        column_of(&species.fields, name, 1).ok_or_else(|| species.missing(&self.place(), name, numbers))
+        let axis = axis(species, name).filter(|a| column_of(&species.fields, &a.field).is_some());
+        let column = axis.and_then(|a| Some(column_of(&species.fields, &a.field)? + a.component as usize));
+        column.ok_or_else(|| species.missing(&self.place(), name, numbers))
     }
 }
 
 /// The first column of a field.
-fn column_of(fields: &[Field], name: &str, components: u32) -> Option<usize> {
-    let index = fields.iter().position(|f| f.name == name && f.components == components)?;
+fn column_of(fields: &[Field], name: &str) -> Option<usize> {
+    let index = fields.iter().position(|f| f.name == name)?;
     Some(fields[..index].iter().map(|f| f.components as usize).sum())
 }
 

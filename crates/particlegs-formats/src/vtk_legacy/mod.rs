@@ -103,7 +103,8 @@ impl Snapshot for Legacy {
                 None => {
                     let found = self.scanned.arrays.iter().find(|a| a.name == axis.field);
                     let missing = || Error::input(&self.place, format!("it has no array `{}`", axis.field));
-                    arrays.push(array(found.ok_or_else(missing)?));
+                    let own = array(found.ok_or_else(missing)?);
+                    arrays.push(Array { kind: own.kind.stored(choice.as_stored), ..own });
                     arrays.len() - 1
                 }
             };

@@ -24,7 +24,7 @@ use source::Source;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-pub use write::write;
+pub use write::{common, write};
 
 /// VTK XML.
 pub const FORMAT: Format = Format {
@@ -131,19 +131,23 @@ impl Snapshot for VtkXml {
         let mut key = 0;
         let mut out: Vec<Box<dyn Piece>> = Vec::new();
         for (file, piece) in pieces(&self.files) {
-            out.push(Box::new(open_piece(file, piece, &columns, &cache, &mut key)?));
+            let mut arrays = open_piece(file, piece, &columns, &cache, &mut key)?;
+            arrays.0.iter_mut().for_each(|a| a.kind = a.kind.stored(choice.as_stored));
+            let place = file.path.display().to_string();
+            out.push(Box::new(Points::new(&place, file.bytes.clone(), piece.points, arrays.0, arrays.1)?));
         }
         Ok(Box::new(PieceReader::new(self.description.meta.clone(), out, weight.is_some())?))
     }
 }
 
+/// The arrays that hold `columns`, and which component of which array each is.
 fn open_piece(
     file: &File,
     piece: &document::Piece,
     columns: &[Axis],
     cache: &Arc<ChunkCache>,
     key: &mut u64,
-) -> Result<Points> {
+) -> Result<(Vec<source::Array>, Vec<(usize, u32)>)> {
     let mut arrays: Vec<source::Array> = Vec::new();
     let mut names: Vec<&str> = Vec::new();
     let mut places = Vec::new();
@@ -165,7 +169,7 @@ fn open_piece(
         };
         places.push((index, axis.component));
     }
-    Points::new(&file.path.display().to_string(), file.bytes.clone(), piece.points, arrays, places)
+    Ok((arrays, places))
 }
 
 #[cfg(test)]

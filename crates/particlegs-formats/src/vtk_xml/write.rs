@@ -1,12 +1,13 @@
 //! VTP out: appended raw little-endian arrays, each at a place known beforehand.
 //!
-//! Points are float32 triples. One cell holds all of them as vertices: ParaView's Point Gaussian
+//! Points are float32 triples, or float64 where positions have more digits. One cell holds all of them as vertices: ParaView's Point Gaussian
 //! needs no cell, but what it shows at first, surfaces, does. Masses are an array where particles
 //! have weights or layers different masses, layers are numbered by an array where there are several.
 
+use crate::fields::OutField;
 use particlegs::model::{Layer, Mass};
 use particlegs::parallel;
-use particlegs::particles::{Kept, Run};
+use particlegs::particles::{Kept, Number, Run};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_files::output::PlacedFile;
@@ -28,11 +29,15 @@ struct Layout {
     vertex: u64,
     offsets: u64,
     species: Option<u64>,
+    /// Fields that all layers have: of each layer, and where they lie.
+    fields: Vec<(Vec<OutField>, u64)>,
+    /// Are points float64?
+    wide: bool,
     end: u64,
 }
 
 impl Layout {
-    fn new(count: u64, mass: bool, species: bool) -> Layout {
+    fn new(count: u64, mass: bool, species: bool, fields: Vec<Vec<OutField>>, wide: bool) -> Layout {
         let mut end = 0;
         let mut place = |bytes: u64| {
             let start = end + LENGTH;
@@ -41,11 +46,18 @@ impl Layout {
         };
         let vertex = if count <= i32::MAX as u64 { 4 } else { 8 };
         // Bytes come last, so that the other numbers stay aligned.
-        let points = place(12 * count);
+        let points = place(if wide { 24 } else { 12 } * count);
+        let of = |field: Vec<OutField>, place: &mut dyn FnMut(u64) -> u64| {
+            let bytes = field[0].number.bytes() * field[0].columns.len() as u64 * count;
+            // So that what follows is aligned.
+            let at = place(bytes.next_multiple_of(8));
+            (field, at)
+        };
         let mass = mass.then(|| place(4 * count));
         let (vertices, offsets) = (place(vertex * count), place(vertex));
+        let fields = fields.into_iter().map(|f| of(f, &mut place)).collect();
         let species = species.then(|| place(count));
-        Layout { points, mass, vertices, vertex, offsets, species, end }
+        Layout { points, mass, vertices, vertex, offsets, species, fields, wide, end }
     }
 }
 
@@ -64,7 +76,9 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
     }
     let count = kept.total();
     let unlike = layers.iter().any(|l| l.mass.unit() != layers[0].mass.unit());
-    let layout = Layout::new(count, kept.weighted() || unlike, layers.len() > 1);
+    let fields = common(kept);
+    let mass = (kept.weighted() || unlike) && !fields.iter().any(|f| is_mass(&f[0].name));
+    let layout = Layout::new(count, mass, layers.len() > 1, fields, kept.is_wide());
     let head = head(kept, &layers, &layout)?;
     let tail = "\n  </AppendedData>\n</VTKFile>\n";
     let start = head.len() as u64;
@@ -73,13 +87,17 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
     file.write_at(head.as_bytes(), 0)?;
     file.write_at(tail.as_bytes(), start + layout.end)?;
     let sized = [
-        (Some(layout.points), 12 * count),
+        (Some(layout.points), if layout.wide { 24 } else { 12 } * count),
         (layout.mass, 4 * count),
         (Some(layout.vertices), layout.vertex * count),
         (Some(layout.offsets), layout.vertex),
         (layout.species, count),
     ];
-    for (place, bytes) in sized.into_iter().filter_map(|(p, b)| p.map(|p| (p, b))) {
+    let own = |(field, place): &(Vec<OutField>, u64)| {
+        (Some(*place), field[0].number.bytes() * field[0].columns.len() as u64 * count)
+    };
+    let sized = sized.into_iter().chain(layout.fields.iter().map(own));
+    for (place, bytes) in sized.filter_map(|(p, b)| p.map(|p| (p, b))) {
         file.write_at(&bytes.to_le_bytes(), start + place - LENGTH)?;
     }
     file.write_at(&count.to_le_bytes()[..layout.vertex as usize], start + layout.offsets)?;
@@ -89,7 +107,7 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
     kept.for_each_run(progress, &|id, run| {
         let layer = kept.layer_of(id);
         let mass = layers.get(layer).map(|l| l.mass);
-        scratch.with(|bytes| arrays.write_run(kept.first(id), run, layer, mass, bytes))?;
+        scratch.with(|bytes| arrays.write_run((kept.first(id), kept.origin()), run, layer, mass, bytes))?;
         progress.advance(run.columns[0].len() as u64);
         Ok(())
     })?;
@@ -107,13 +125,31 @@ struct Arrays<'a> {
 }
 
 impl Arrays<'_> {
-    /// Writes the part that a run has of every array: it begins at particle `first`, and its layer has `mass`.
-    fn write_run(&self, first: u64, run: &Run, layer: usize, mass: Option<Mass>, bytes: &mut Vec<u8>) -> Result<()> {
+    /// Writes the part that a run has of every array: it begins at particle `first`, is about `origin`, and its layer has
+    /// `mass`.
+    fn write_run(
+        &self,
+        (first, origin): (u64, [f64; 3]),
+        run: &Run,
+        layer: usize,
+        mass: Option<Mass>,
+        bytes: &mut Vec<u8>,
+    ) -> Result<()> {
         let &Arrays { file, start, layout } = self;
         let [x, y, z, w] = &run.columns;
         bytes.clear();
-        bytes.extend((0..x.len()).flat_map(|i| [x[i], y[i], z[i]]).flat_map(f32::to_le_bytes));
-        file.write_at(bytes, start + layout.points + 12 * first)?;
+        if layout.wide {
+            bytes.extend((0..x.len()).flat_map(|i| run.wide(origin, i)).flat_map(f64::to_le_bytes));
+        } else {
+            bytes.extend((0..x.len()).flat_map(|i| [x[i], y[i], z[i]]).flat_map(f32::to_le_bytes));
+        }
+        file.write_at(bytes, start + layout.points + if layout.wide { 24 } else { 12 } * first)?;
+        for (field, place) in &layout.fields {
+            let Some(field) = field.get(layer).filter(|_| !x.is_empty()) else { continue };
+            bytes.clear();
+            field.append(run, bytes);
+            file.write_at(bytes, start + place + field.number.bytes() * field.columns.len() as u64 * first)?;
+        }
         if let Some(place) = layout.mass {
             let own = |i: usize| w.get(i).copied().unwrap_or(1.0);
             let mass_of = |i: usize| match mass {
@@ -139,6 +175,32 @@ impl Arrays<'_> {
             file.write_at(bytes, start + place + first)?;
         }
         Ok(())
+    }
+}
+
+/// Names that a reader takes for masses.
+fn is_mass(name: &str) -> bool {
+    matches!(&name.to_lowercase()[..], "mass" | "masses")
+}
+
+/// The fields that all layers have alike, each of every layer.
+pub fn common(kept: &Kept<'_>) -> Vec<Vec<OutField>> {
+    crate::fields::common(kept, &[], &["Points", "species", "connectivity", "offsets"])
+}
+
+/// What VTK calls a type of numbers.
+fn kind_of(number: Number) -> &'static str {
+    match number {
+        Number::F32 => "Float32",
+        Number::F64 => "Float64",
+        Number::I8 => "Int8",
+        Number::I16 => "Int16",
+        Number::I32 => "Int32",
+        Number::I64 => "Int64",
+        Number::U8 => "UInt8",
+        Number::U16 => "UInt16",
+        Number::U32 => "UInt32",
+        Number::U64 => "UInt64",
     }
 }
 
@@ -192,11 +254,16 @@ fn text(kept: &Kept<'_>, layers: &[Layer<Range<u64>>], layout: &Layout, xml: &mu
     if let Some(place) = layout.mass {
         array(xml, "Float32", "mass", 1, place)?;
     }
+    for (field, place) in &layout.fields {
+        let field = &field[0];
+        let name = quick_xml::escape::escape(&field.name).replace(char::is_control, "?");
+        array(xml, kind_of(field.number), &name, field.columns.len() as u32, *place)?;
+    }
     if let Some(place) = layout.species {
         array(xml, "UInt8", "species", 1, place)?;
     }
     writeln!(xml, "      </PointData>\n      <Points>")?;
-    array(xml, "Float32", "Points", 3, layout.points)?;
+    array(xml, if layout.wide { "Float64" } else { "Float32" }, "Points", 3, layout.points)?;
     writeln!(xml, "      </Points>\n      <Verts>")?;
     let kind = if layout.vertex == 4 { "Int32" } else { "Int64" };
     array(xml, kind, "connectivity", 1, layout.vertices)?;

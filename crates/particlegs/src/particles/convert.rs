@@ -10,7 +10,7 @@ use crate::progress::Progress;
 use std::path::Path;
 
 impl Kept<'_> {
-    /// Writes float32 at `out`; says how many bytes. Nothing is left at `out` after an error or a stop.
+    /// Writes float32 (float64 triples where positions have more digits) at `out`; says how many bytes. Nothing is left at `out` after an error or a stop.
     ///
     /// # Errors
     /// [`crate::Error::Input`] for positions beyond float32, and where weights would be lost; [`crate::Error::Io`]
@@ -18,7 +18,7 @@ impl Kept<'_> {
     /// [`crate::Error::Cancelled`].
     pub fn write_raw(&self, out: &Path, form: RawForm, progress: &dyn Progress) -> Result<u64> {
         let weighted = self.weighted();
-        let writer = SnapshotWriter::create(out, form, self.total(), weighted)?;
+        let writer = SnapshotWriter::create_as(out, form, self.total(), weighted, (self.origin(), self.is_wide()))?;
         progress.begin("writing", self.total());
         let triples = parallel::Scratch::default();
         self.for_each_run(progress, &|id, run| {
@@ -26,14 +26,16 @@ impl Kept<'_> {
             progress.advance(run.columns[0].len() as u64);
             Ok(())
         })?;
+        let bytes = writer.particle_bytes(weighted) * self.total();
         writer.finish(&Described {
             meta: self.meta(),
+            origin: self.origin(),
             layers: self.layers(),
             order: "layer by layer, tile by tile, particles in input order",
             notes: [("made_from".to_string(), self.notes())].into_iter().collect(),
         })?;
         progress.end();
-        Ok(self.total() * if weighted { 16 } else { 12 })
+        Ok(bytes)
     }
 }
 
@@ -97,6 +99,23 @@ mod tests {
         assert!((0..p.len()).all(|i| (0..3).all(|k| f64::from(triples[3 * i + k]) == p.position(i)[k])));
         let back = run(&p, Tiling::single(), Selection::all(), "copy").unwrap();
         assert_eq!((back.meta.cell, back.meta.units), (p.meta.cell, p.meta.units));
+    }
+
+    #[test]
+    fn far_from_zero_positions_keep_their_digits() {
+        let column = |k: f32| (0..100).map(|i| 1e-3 * (i as f32 + k)).collect::<Vec<f32>>();
+        let mut p = Particles::from_columns(column(0.0), column(1.0), column(2.0));
+        p.origin = [98_765.4, 0.0, 200_000.25];
+        let back = run(&p, Tiling::single(), Selection::all(), "far").unwrap();
+        assert_eq!(back.origin, p.origin);
+        assert!((0..100).all(|i| back.position(i) == p.position(i)));
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("far.npy");
+        convert(&p, Tiling::single(), Selection::all(), &out, &Silent).unwrap();
+        let bytes = std::fs::read(&out).unwrap();
+        let values: Vec<f64> =
+            bytes[bytes.len() - 2400..].chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().unwrap())).collect();
+        assert!((0..100).all(|i| values[3 * i..3 * i + 3] == p.position(i)));
     }
 
     #[test]

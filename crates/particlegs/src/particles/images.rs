@@ -48,16 +48,21 @@ impl Images {
     /// their images.
     pub fn nearest(&self, chunk: &Chunk<'_>, offset: [f64; 3], origin: [f64; 3], columns: &mut [Vec<f32>; 4]) {
         for i in 0..chunk.len() {
-            let p: [f64; 3] = each_axis(|k| f64::from(chunk.position[k][i]) + offset[k]);
-            let d: [f64; 3] = each_axis(|k| p[k] - self.centre[k]);
-            let steps: [f64; 3] = each_axis(|a| {
-                let fraction: f64 = (0..3).map(|k| d[k] * self.fractions[k][a]).sum();
-                if self.cell.periodic[a] { fraction.round() } else { 0.0 }
-            });
-            for k in 0..3 {
-                let shift: f64 = (0..3).map(|a| steps[a] * self.cell.vectors[a][k]).sum();
-                columns[k][i] = (p[k] - shift - origin[k]) as f32;
-            }
+            let p = self.nearest_to(each_axis(|k| f64::from(chunk.position[k][i]) + offset[k]));
+            (0..3).for_each(|k| columns[k][i] = (p[k] - origin[k]) as f32);
         }
+    }
+
+    /// The image of a position.
+    pub fn nearest_to(&self, p: [f64; 3]) -> [f64; 3] {
+        let d: [f64; 3] = each_axis(|k| p[k] - self.centre[k]);
+        let steps: [f64; 3] = each_axis(|a| {
+            let fraction: f64 = (0..3).map(|k| d[k] * self.fractions[k][a]).sum();
+            if self.cell.periodic[a] { fraction.round() } else { 0.0 }
+        });
+        each_axis(|k| {
+            let shift: f64 = (0..3).map(|a| steps[a] * self.cell.vectors[a][k]).sum();
+            p[k] - shift
+        })
     }
 }

@@ -26,6 +26,9 @@ pub struct SnapshotMeta {
     /// The moment.
     #[serde(flatten)]
     pub epoch: Epoch,
+    /// Names of the fields that the source has beside positions and weights.
+    #[serde(skip)]
+    pub fields: Vec<String>,
 }
 
 impl SnapshotMeta {

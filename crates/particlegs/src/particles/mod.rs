@@ -8,6 +8,7 @@
 
 mod convert;
 pub(crate) mod domain;
+mod fields;
 mod hash;
 mod images;
 mod in_box;
@@ -28,6 +29,7 @@ mod units;
 mod write;
 
 pub(crate) use domain::Domain;
+pub use fields::{LayerFields, Number, SourceField};
 pub(crate) use hash::RunHash;
 pub(crate) use hash::hash_of_runs;
 pub(crate) use hash::hash_run;
@@ -42,7 +44,7 @@ pub(crate) use scratch::Blank;
 pub use scratch::Storage;
 pub use select::{Kept, Run, Selection};
 pub(crate) use source::ChunkBuffer;
-pub use source::{Chunk, InPlace, RUN, SnapshotReader};
+pub use source::{Chunk, InPlace, RUN, SnapshotReader, WideSink};
 pub(crate) use storage::CHUNK;
 pub use storage::{Column, Particles, Positions};
 pub use tile::Tiling;

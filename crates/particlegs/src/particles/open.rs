@@ -70,13 +70,13 @@ fn open_columns(paths: &[PathBuf]) -> Result<Particles> {
     let weights = columns.next();
     let folder = paths[0].parent().unwrap_or(Path::new("."));
     let sidecar = folder.join("meta.json");
-    let Sidecar { mut meta, layers } = sidecar::read(folder, &sidecar)?;
+    let Sidecar { mut meta, origin, layers } = sidecar::read(folder, &sidecar)?;
     meta.name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     if layers.last().is_some_and(|l| l.content.end != columns_len) {
         let what = format!("its `layers` do not hold the {columns_len} particles beside it");
         return Err(Error::input(&sidecar, what));
     }
-    let particles = Particles::new(positions, [0.0; 3], meta);
+    let particles = Particles::new(positions, origin, meta);
     Ok(match weights {
         Some(weights) => particles.with_weights(weights),
         None => particles,

@@ -4,6 +4,7 @@
 //! run keeps depends on the run's number and on whole-number sums over the runs before it, never on
 //! threads.
 
+use super::fields::{LayerFields, SourceField};
 use super::images::Images;
 use super::scratch::Blank;
 use super::storage::CHUNK;
@@ -99,10 +100,21 @@ impl Selection {
 /// A run's particles, as they are to be written; reused from run to run.
 #[derive(Default)]
 pub struct Run {
-    /// x, y, z about 0, then weights (empty where there are none).
+    /// x, y, z about [`Kept::origin`], then weights (empty where there are none).
     pub columns: [Vec<f32>; 4],
+    /// x, y, z about 0; empty where [`Kept::is_wide`] is not so.
+    pub positions: [Vec<f64>; 3],
+    /// The numbers of the layer's fields ([`Kept::fields`]), component by component; whole ones of 64 bits as their bits.
+    pub fields: Vec<Vec<f64>>,
     kept: Vec<u32>,
     buffer: ChunkBuffer,
+}
+
+impl Run {
+    /// Position of particle `i` about 0, where columns are about `origin`.
+    pub fn wide(&self, origin: [f64; 3], i: usize) -> [f64; 3] {
+        each_axis(|k| self.positions[k].get(i).copied().unwrap_or_else(|| origin[k] + f64::from(self.columns[k][i])))
+    }
 }
 
 /// The draw's place in the order of keys: a particle is drawn where its own is not above.
@@ -130,6 +142,8 @@ pub struct Kept<'a> {
     /// Runs before each layer, and in all.
     layer_runs: Vec<u64>,
     images: Option<Images>,
+    /// Fields of each layer; none where none are carried.
+    fields: Vec<LayerFields>,
     /// Particles inside the crop in the runs before each run; empty without a crop.
     cropped_before: Vec<u64>,
     /// The last key drawn.
@@ -150,7 +164,36 @@ impl<'a> Kept<'a> {
         selection: Selection,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        Self::about([0.0; 3], particles, tiling, selection, progress)
+        let far = particles.bounds();
+        let far = far.float32_origin(far.default_radius(particles.len() as u64));
+        let origin = each_axis(|k| if far[k] == 0.0 { 0.0 } else { particles.origin[k] });
+        Self::about(origin, particles, tiling, selection, progress)
+    }
+
+    /// With the fields of each layer, read where they are written.
+    ///
+    /// # Panics
+    /// Where they are not of as many layers.
+    pub fn with_fields(mut self, fields: Vec<LayerFields>) -> Self {
+        assert!(fields.len() == self.layers.len(), "fields for every layer");
+        self.fields = fields;
+        self
+    }
+
+    /// What the columns of runs are relative to: 0 unless float32 would not hold positions there.
+    pub fn origin(&self) -> [f64; 3] {
+        self.origin
+    }
+
+    /// Are positions known to more digits than float32 has about 0? Runs have them as float64 then, too.
+    pub fn is_wide(&self) -> bool {
+        self.origin != [0.0; 3] || self.fields.iter().any(LayerFields::has_positions)
+    }
+
+    /// The fields of each layer of [`Kept::layers`]; nothing where none are carried.
+    pub fn fields(&self) -> Vec<&[SourceField]> {
+        let kept = |i: &usize| self.first(self.layer_runs[*i]) < self.first(self.layer_runs[*i + 1]);
+        (0..self.fields.len()).filter(kept).map(|i| &self.fields[i].fields[..]).collect()
     }
 
     /// The same, with positions about `origin`.
@@ -186,6 +229,7 @@ impl<'a> Kept<'a> {
             layers,
             layer_runs,
             images,
+            fields: Vec::new(),
             cropped_before,
             last_key,
             first,
@@ -319,12 +363,40 @@ impl<'a> Kept<'a> {
     /// [`Error::Input`] where a position does not fit into f32.
     pub fn load(&self, id: u64, run: &mut Run) -> Result<()> {
         self.keep(id, run)?;
+        self.load_wide(id, run)?;
         if run.kept.len() < run.columns[0].len() {
-            for column in run.columns.iter_mut().filter(|c| !c.is_empty()) {
-                for (to, &from) in run.kept.iter().enumerate() {
-                    column[to] = column[from as usize];
-                }
-                column.truncate(run.kept.len());
+            let kept = &run.kept;
+            run.columns.iter_mut().for_each(|c| thin_out(c, kept));
+            run.positions.iter_mut().chain(&mut run.fields).for_each(|c| thin_out(c, kept));
+        }
+        Ok(())
+    }
+
+    /// Fills positions as float64 and fields, where there are.
+    fn load_wide(&self, id: u64, run: &mut Run) -> Result<()> {
+        let (_, tile, chunk) = self.place(id);
+        let index = self.layer_runs.partition_point(|&r| r <= id) - 1;
+        let fields = self.fields.get(index);
+        match fields {
+            Some(own) => own.read(chunk as u64, &mut run.fields)?,
+            None => run.fields.clear(),
+        }
+        let Run { positions, columns, .. } = run;
+        positions.iter_mut().for_each(Vec::clear);
+        if !self.is_wide() {
+            return Ok(());
+        }
+        if fields.is_some_and(LayerFields::has_positions) {
+            fields.map_or(Ok(()), |own| own.read_positions(chunk as u64, positions))?;
+            let shift = self.tiling.shift(tile);
+            let [x, y, z] = positions;
+            for ((x, y), z) in x.iter_mut().zip(y).zip(z) {
+                let moved: [f64; 3] = each_axis(|k| [*x, *y, *z][k] + shift[k]);
+                [*x, *y, *z] = self.images.as_ref().map_or(moved, |images| images.nearest_to(moved));
+            }
+        } else {
+            for k in 0..3 {
+                positions[k].extend(columns[k].iter().map(|&v| self.origin[k] + f64::from(v)));
             }
         }
         Ok(())
@@ -464,6 +536,14 @@ impl<'a> Kept<'a> {
             progress.check()?;
             scratch.with(|run| of(id, run))
         })
+    }
+}
+
+/// Keeps the numbers at these places, where there are any numbers.
+fn thin_out<T: Copy>(column: &mut Vec<T>, kept: &[u32]) {
+    if !column.is_empty() {
+        kept.iter().enumerate().for_each(|(to, &from)| column[to] = column[from as usize]);
+        column.truncate(kept.len());
     }
 }
 

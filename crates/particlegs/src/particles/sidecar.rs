@@ -18,6 +18,7 @@ struct Form {
     #[serde(rename = "box")]
     lengths: Option<Lengths>,
     periodic: Option<Periodic>,
+    origin: Option<[f64; 3]>,
     cell: Option<Cell>,
     layers: Option<Vec<LayerForm>>,
     length_unit: Option<String>,
@@ -66,6 +67,8 @@ struct LayerForm {
 pub struct Sidecar {
     /// Box, units, cosmology.
     pub meta: SnapshotMeta,
+    /// What the columns are relative to.
+    pub origin: [f64; 3],
     /// Layers; empty where it tells no kinds apart.
     pub layers: Vec<Layer<Range<usize>>>,
 }
@@ -76,7 +79,8 @@ pub struct Sidecar {
 /// [`Error::Input`] where it is no JSON object or a known key holds an impossible value.
 pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
     let mut meta = named(&std::fs::canonicalize(place).unwrap_or_else(|_| place.to_path_buf()));
-    let Some(text) = read_own(file, FILE)? else { return Ok(Sidecar { meta, layers: Vec::new() }) };
+    let none = [0.0; 3];
+    let Some(text) = read_own(file, FILE)? else { return Ok(Sidecar { meta, origin: none, layers: Vec::new() }) };
     let form: Form =
         serde_json::from_slice(&text).map_err(|e| Error::input(file, format!("not a snapshot's metadata: {e}")))?;
     let positive = |v: &f64| *v > 0.0 && v.is_finite();
@@ -114,7 +118,11 @@ pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
         frame: form.frame,
         step: form.step,
     };
-    Ok(Sidecar { meta, layers: layers(form.layers.unwrap_or_default(), file)? })
+    let origin = form.origin.unwrap_or_default();
+    if origin.iter().any(|v| !v.is_finite()) {
+        return Err(Error::input(file, "`origin` must be finite"));
+    }
+    Ok(Sidecar { meta, origin, layers: layers(form.layers.unwrap_or_default(), file)? })
 }
 
 /// Numbers as people write them: `1, 2, 3`.

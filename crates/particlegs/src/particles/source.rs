@@ -3,8 +3,9 @@
 use super::{Column, Particles, Positions, SnapshotMeta};
 use crate::Result;
 use crate::parallel;
-use crate::progress::Progress;
+use crate::progress::{Progress, Silent};
 use std::ops::Range;
+use std::sync::Mutex;
 
 /// Columns that the caller owns and reuses.
 #[derive(Default, Debug)]
@@ -45,6 +46,9 @@ pub struct InPlace {
     pub weights: Option<Column>,
 }
 
+/// What takes the number of a run and its positions.
+pub type WideSink<'a> = dyn FnMut(u64, [&[f64]; 3]) -> Result<()> + 'a;
+
 /// A snapshot that is read run by run in bounded memory: metadata first, then particles.
 pub trait SnapshotReader: Send + Sync {
     /// What the snapshot says about itself.
@@ -68,6 +72,24 @@ pub trait SnapshotReader: Send + Sync {
         progress: &dyn Progress,
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()>;
+    /// Hands over the positions of every run of `runs` in order, as f64 about 0, to as many digits as the source has.
+    ///
+    /// # Errors
+    /// As [`SnapshotReader::read`].
+    fn read_wide(&self, runs: Range<u64>, sink: &mut WideSink<'_>) -> Result<()> {
+        let origin = self.origin();
+        for run in runs {
+            let wide = Mutex::new(<[Vec<f64>; 3]>::default());
+            self.read(run..run + 1, &Silent, &|_, chunk| {
+                let position = |k: usize| chunk.position[k].iter().map(|&v| origin[k] + f64::from(v)).collect();
+                *wide.lock().unwrap_or_else(|e| e.into_inner()) = [0, 1, 2].map(position);
+                Ok(())
+            })?;
+            let [x, y, z] = wide.into_inner().unwrap_or_else(|e| e.into_inner());
+            sink(run, [&x, &y, &z])?;
+        }
+        Ok(())
+    }
     /// Can runs be read in any order at no more than their own cost? Streams cannot.
     fn random_access(&self) -> bool {
         true

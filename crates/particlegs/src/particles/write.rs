@@ -40,6 +40,8 @@ impl RawForm {
 pub(crate) struct Described<'a> {
     /// Box, units, cosmology; unknown things are left out.
     pub meta: &'a SnapshotMeta,
+    /// What the columns are relative to.
+    pub origin: [f64; 3],
     /// Layers, one after the other.
     pub layers: Vec<Layer<Range<u64>>>,
     /// The particles' order, in words.
@@ -56,6 +58,10 @@ pub struct SnapshotWriter {
     target: Target,
     /// Bytes before the triples.
     header: u64,
+    /// What runs are relative to.
+    origin: [f64; 3],
+    /// Are triples float64?
+    wide: bool,
 }
 
 /// What is written.
@@ -67,12 +73,25 @@ enum Target {
 }
 
 impl SnapshotWriter {
-    /// Opens files for `count` particles. A folder that is there is replaced by the new one as a whole.
+    /// Opens files for `count` particles, whose runs are relative to `origin`: columns stay so, triples are float64
+    /// about 0 where it is not 0. A folder that is there is replaced by the new one as a whole.
     ///
     /// # Errors
     /// [`Error::Io`] where the place cannot be written or the disk has no room; [`Error::Input`]
     /// where weights would be lost; [`Error::Output`] where the folder holds anything but particles.
-    pub fn create(out: &Path, form: RawForm, count: u64, weighted: bool) -> Result<Self> {
+    pub fn create(out: &Path, form: RawForm, count: u64, weighted: bool, origin: [f64; 3]) -> Result<Self> {
+        Self::create_as(out, form, count, weighted, (origin, origin != [0.0; 3]))
+    }
+
+    /// The same, with triples in float64 where that is asked for.
+    pub(crate) fn create_as(
+        out: &Path,
+        form: RawForm,
+        count: u64,
+        weighted: bool,
+        (origin, wide): ([f64; 3], bool),
+    ) -> Result<Self> {
+        let wide = wide && form != RawForm::Columns;
         if form != RawForm::Columns && weighted {
             return Err(Error::input_with(
                 out,
@@ -80,8 +99,12 @@ impl SnapshotWriter {
                 "name a folder instead",
             ));
         }
-        let header = if form == RawForm::Columns { Vec::new() } else { npy_header("<f4", &[count, 3]) };
-        let bytes = count.saturating_mul(if weighted { 16 } else { 12 }).saturating_add(header.len() as u64);
+        let header = if form == RawForm::Columns {
+            Vec::new()
+        } else {
+            npy_header(if wide { "<f8" } else { "<f4" }, &[count, 3])
+        };
+        let bytes = count.saturating_mul(particle_bytes(wide, weighted)).saturating_add(header.len() as u64);
         let target = match form {
             RawForm::Npy => {
                 let file = PlacedFile::create(out, bytes)?;
@@ -92,7 +115,12 @@ impl SnapshotWriter {
             RawForm::Columns => folder(out, &COLUMNS[..3], bytes, &header)?,
             RawForm::NpyFolder => folder(out, &[TRIPLES], bytes, &header)?,
         };
-        Ok(SnapshotWriter { out: out.to_path_buf(), form, target, header: header.len() as u64 })
+        Ok(SnapshotWriter { out: out.to_path_buf(), form, target, header: header.len() as u64, origin, wide })
+    }
+
+    /// Bytes of a particle in the output.
+    pub(crate) fn particle_bytes(&self, weighted: bool) -> u64 {
+        particle_bytes(self.wide, weighted)
     }
 
     /// Writes a run at particle `first`; runs may come in any order and from several threads.
@@ -100,20 +128,22 @@ impl SnapshotWriter {
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn write(&self, first: u64, run: &Run, triples: &mut Vec<f32>) -> Result<()> {
-        if self.form != RawForm::Columns {
+    pub fn write(&self, first: u64, run: &Run, triples: &mut Vec<u8>) -> Result<()> {
+        triples.clear();
+        if self.wide {
+            triples.extend((0..run.columns[0].len()).flat_map(|i| run.wide(self.origin, i)).flat_map(f64::to_le_bytes));
+        } else if self.form != RawForm::Columns {
             let [x, y, z, _] = &run.columns;
-            triples.clear();
-            triples.extend((0..x.len()).flat_map(|i| [x[i], y[i], z[i]]));
+            triples.extend((0..x.len()).flat_map(|i| [x[i], y[i], z[i]]).flat_map(f32::to_le_bytes));
         }
-        let place = self.header + 12 * first;
+        let place = self.header + self.particle_bytes(false) * first;
         let done = match &self.target {
-            Target::File(file) => return file.write_at(bytemuck::cast_slice(triples), place),
+            Target::File(file) => return file.write_at(triples, place),
             Target::Folder(_, files) if self.form == RawForm::Columns => {
                 let mut columns = files.iter().zip(&run.columns);
                 columns.try_for_each(|((_, file), column)| write_at(file, bytemuck::cast_slice(column), 4 * first))
             }
-            Target::Folder(_, files) => write_at(&files[0].1, bytemuck::cast_slice(triples), place),
+            Target::Folder(_, files) => write_at(&files[0].1, triples, place),
         };
         done.map_err(|e| Error::io(&self.out, e))
     }
@@ -135,6 +165,11 @@ impl SnapshotWriter {
     }
 }
 
+/// Bytes of a particle's position, float64 or not, and of its weight.
+fn particle_bytes(wide: bool, weighted: bool) -> u64 {
+    if wide { 24 } else { 12 + if weighted { 4 } else { 0 } }
+}
+
 /// A folder with files of these names, each with `header` in front.
 fn folder(out: &Path, names: &[&'static str], bytes: u64, header: &[u8]) -> Result<Target> {
     let folder = WholeFolder::create(out, &RawForm::FOLDER_FILES)?;
@@ -152,6 +187,9 @@ fn folder(out: &Path, names: &[&'static str], bytes: u64, header: &[u8]) -> Resu
 fn write_sidecar(path: &Path, described: &Described<'_>) -> std::io::Result<()> {
     let meta = described.meta;
     let mut form = serde_json::json!({ "name": meta.name, "order": described.order });
+    if described.origin != [0.0; 3] {
+        form["origin"] = serde_json::json!(described.origin);
+    }
     match &meta.cell {
         Some(cell) if cell.origin == [0.0; 3] && cell.lengths().is_some_and(|l| l.iter().all(|l| *l > 0.0)) => {
             form["box"] = serde_json::json!(cell.lengths());

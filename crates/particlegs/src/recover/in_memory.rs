@@ -1,7 +1,7 @@
 //! Particles drawn into memory, to be measured.
 
 use super::draw::{Rules, Scratch};
-use super::job::meta_of;
+use super::job::{meta_of, origin_of};
 use super::plan::Plan;
 use super::{Method, Options};
 use crate::Result;
@@ -15,21 +15,24 @@ use particlegs_files::memory::require;
 const BATCH: u64 = 32;
 
 impl Options {
-    /// The particles that [`super::recover`] writes by these options, in memory: about 0, in the model's layers, with
-    /// the weights that these have.
+    /// The particles that [`super::recover`] writes by these options, in memory: in the model's layers, with the weights
+    /// that these have.
     ///
     /// # Errors
     /// As [`super::recover`], but for those of files.
     pub fn draw(&self, model: Model, progress: &dyn Progress) -> Result<Particles> {
         self.check()?;
         let metadata = model.metadata.clone();
+        let origin = origin_of(&metadata);
+        let model = moved(model, origin);
+        let local = model.metadata.clone();
         let plan = Plan::new(model, self.particles, self.method)?;
         require("drawn particles", plan.total.saturating_mul(16))?;
-        let rules = Rules::new(self.method, self.scale, self.seed, &metadata, &plan, progress.simd());
+        let rules = Rules::new(self.method, self.scale, self.seed, &local, &plan, progress.simd());
         let [x, y, z, w] = columns(&plan, &rules, plan.weighted(), &|_| 1.0, progress)?;
         let layers = plan.described();
         let meta = meta_of(&metadata, &layers);
-        let drawn = Particles::new(Positions::Columns([x, y, z].map(Column::owned)), [0.0; 3], meta);
+        let drawn = Particles::new(Positions::Columns([x, y, z].map(Column::owned)), origin, meta);
         let drawn = if plan.weighted() { drawn.with_weights(Column::owned(w)) } else { drawn };
         Ok(drawn.with_layers(layers.into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect()))
     }
@@ -50,7 +53,7 @@ pub(crate) fn draw(
     progress: &dyn Progress,
 ) -> Result<Particles> {
     require("drawn particles", model.metadata.count.saturating_mul(16))?;
-    let moved = moved(model, origin);
+    let moved = moved(model.clone(), origin);
     let (metadata, plan) = (moved.metadata.clone(), Plan::new(moved, None, Method::Count)?);
     let mut rules = Rules::new(Method::Count, 1.0, seed, &metadata, &plan, progress.simd());
     rules.weighted = weighted;
@@ -90,9 +93,8 @@ fn columns(
     Ok(columns)
 }
 
-/// The model about another origin, without what drawing does not need.
-fn moved(model: &Model, origin: [f64; 3]) -> Model {
-    let mut moved = model.clone();
+/// The model about another origin.
+pub(super) fn moved(mut moved: Model, origin: [f64; 3]) -> Model {
     for k in 0..3 {
         for block in moved.layers.iter_mut().flat_map(|l| &mut l.content) {
             block.gaussians.mean[k].iter_mut().for_each(|x| *x -= origin[k]);

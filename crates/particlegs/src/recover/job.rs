@@ -2,6 +2,7 @@
 
 use super::Method;
 use super::draw::{Rules, Scratch};
+use super::in_memory::moved;
 use super::notes::notes;
 use super::plan::Plan;
 use crate::model::{Layer, Metadata, Model};
@@ -57,9 +58,12 @@ impl Options {
     /// [`Error::Io`] where meta.json is there and cannot be read.
     pub fn is_there(&self, out: &Path, model: &Model, model_hash: [u8; 32]) -> Result<bool> {
         let total = self.total(model);
+        let origin = origin_of(&model.metadata);
+        let is_far = origin != [0.0; 3];
         let length = |name: &str| out.join(name).metadata().map_or(0, |m| m.len());
         let whole = match self.form {
             RawForm::Columns => ["xx.f32", "yy.f32", "zz.f32"].iter().all(|name| length(name) == 4 * total),
+            RawForm::NpyFolder if is_far => length("positions.npy") == 24 * total + NPY_HEADER,
             RawForm::NpyFolder => length("positions.npy") == 12 * total + NPY_HEADER,
             RawForm::Npy => false,
         };
@@ -69,7 +73,10 @@ impl Options {
             _ => return Ok(false),
         };
         let there: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
-        let asked = notes(&model.metadata, model.certificate.as_ref(), model_hash, self, total);
+        let mut asked = notes(&model.metadata, model.certificate.as_ref(), model_hash, self, total);
+        if is_far && self.form == RawForm::Columns {
+            asked.insert("origin".into(), serde_json::json!(origin));
+        }
         Ok(asked.iter().all(|(key, value)| there.get(key) == Some(value)))
     }
 }
@@ -92,11 +99,15 @@ pub fn recover(
 ) -> Result<u64> {
     options.check()?;
     require("drawing", (parallel::threads() * RUN * BYTES_A_DRAW + model.gaussians() * 8) as u64)?;
-    let (metadata, certificate) = (model.metadata.clone(), model.certificate);
+    let (metadata, certificate) = (model.metadata.clone(), model.certificate.clone());
+    let origin = origin_of(&metadata);
+    let model = moved(model, origin);
+    let local = model.metadata.clone();
     let plan = Plan::new(model, options.particles, options.method)?;
     let weighted = plan.weighted();
-    let rules = Rules::new(options.method, options.scale, options.seed, &metadata, &plan, progress.simd());
-    let writer = SnapshotWriter::create(out, options.form, plan.total, weighted)?;
+    let rules = Rules::new(options.method, options.scale, options.seed, &local, &plan, progress.simd());
+    let writer = SnapshotWriter::create(out, options.form, plan.total, weighted, origin)?;
+    let bytes = writer.particle_bytes(weighted) * plan.total;
     progress.begin("drawing particles", plan.total);
     let spaces = parallel::Scratch::<(Scratch, Run, Vec<_>)>::default();
     parallel::try_for_each(0..plan.runs(), |id| {
@@ -114,12 +125,18 @@ pub fn recover(
     let meta = meta_of(&metadata, &layers);
     writer.finish(&Described {
         meta: &meta,
+        origin,
         layers,
         order: "layer by layer, Gaussian by Gaussian",
         notes: notes(&metadata, certificate.as_ref(), model_hash, options, plan.total),
     })?;
     progress.end();
-    Ok(plan.total * if weighted { 16 } else { 12 })
+    Ok(bytes)
+}
+
+/// What the particles of a model are written about: 0 unless float32 would not hold their places there.
+pub(super) fn origin_of(metadata: &Metadata) -> [f64; 3] {
+    metadata.bounds.float32_origin(metadata.default_radius)
 }
 
 /// What is known about particles drawn from a model, in these layers.
@@ -133,6 +150,7 @@ pub(super) fn meta_of(metadata: &Metadata, layers: &[Layer<Range<u64>>]) -> Snap
         weight_name: metadata.weight_name().map(str::to_string),
         cosmology: metadata.cosmology,
         epoch: metadata.epoch,
+        fields: Vec::new(),
     }
 }
 
@@ -236,6 +254,28 @@ mod tests {
         assert!((0..350).all(|i| alone.position(i) == p.position(100_007 + i)));
         let npy = Options { form: RawForm::NpyFolder, ..options(Method::Count) };
         assert!(drawn(two(), &npy).is_err());
+    }
+
+    #[test]
+    fn far_from_zero_particles_keep_their_places() {
+        let at = [98_765.4, 12_345.7, 200_000.25];
+        let mut far = moved(model(&[("particles", &[(20_000, None)])]), at.map(|v: f64| -v));
+        far.metadata.cell = None;
+        far.metadata.default_radius = 1e-3;
+        far.layers[0].content[0].gaussians.cov.iter_mut().for_each(|c| c[0] *= 1e-4);
+        let spread = |p: &Particles| moments(p).1[0].sqrt();
+        let expected = spread(&options(Method::Count).draw(far.clone(), &Silent).unwrap());
+        let p = drawn(far.clone(), &options(Method::Count)).unwrap();
+        assert!(p.origin != [0.0; 3] && (spread(&p) / 0.002 - 1.0).abs() < 0.05, "{:?} {}", p.origin, spread(&p));
+        assert_eq!(spread(&p), expected);
+        // One file of triples has no place for an origin: it has float64.
+        let dir = tempfile::tempdir().unwrap();
+        let npy = Options { form: RawForm::NpyFolder, ..options(Method::Count) };
+        assert_eq!(recover(far.clone(), [0; 32], &npy, &dir.path().join("out"), &Silent).unwrap(), 24 * 20_000);
+        let bytes = std::fs::read(dir.path().join("out/positions.npy")).unwrap();
+        let first = f64::from_le_bytes(bytes[NPY_HEADER as usize..][..8].try_into().unwrap());
+        assert_eq!(first, p.position(0)[0]);
+        assert!(npy.is_there(&dir.path().join("out"), &far, [0; 32]).unwrap());
     }
 
     #[test]
