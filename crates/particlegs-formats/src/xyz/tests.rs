@@ -44,7 +44,8 @@ fn extended_frames_state_cell_and_columns() {
     assert_eq!(cell.vectors[2], [1.0, 0.0, 4.0]);
     assert_eq!((&d.species[0].positions[..], &d.species[0].mass), ("pos", &Mass::Field("mass".into())));
     assert_eq!((&got[0].positions[1], &got[0].weights[..]), (&[1.0, 2.0, 3.0], &[5.0, 7.0][..]));
-    let fields = Choice { positions: Some("velo".into()), weights: Weights::Field("charge".into()), ..Choice::default() };
+    let fields =
+        Choice { positions: Some("velo".into()), weights: Weights::Field("charge".into()), ..Choice::default() };
     let (_, got) = open(text, None, &fields).unwrap();
     assert_eq!((&got[0].positions[1], &got[0].weights[..]), (&[4.0, 5.0, 6.0], &[1.0, 2.0][..]));
     let slab = open("0\nLattice=\"2 0 0 0 3 0 0 0 0\"\n", None, &Choice::default()).unwrap().0.meta.cell.unwrap();
