@@ -246,7 +246,7 @@ impl Given<'_> {
     fn page_of_density(&self) -> bool {
         let page = self.exports().is_none_or(|e| e == Group::Page);
         page && !["paraview", "expected"].iter().any(|s| self.is("style", s))
-            && !(self.has("like") && !self.has("style"))
+            && (self.has("style") || !self.has("like"))
     }
 
     /// Is --only given, without any of these measures?

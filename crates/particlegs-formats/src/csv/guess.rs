@@ -168,7 +168,7 @@ fn is_counted(rows: &[Vec<&[u8]>]) -> bool {
     let counted = first[from..].iter().enumerate().all(|(i, name)| *name == i.to_string().as_bytes());
     let fraction =
         |v: &&[u8]| v.iter().any(|b| matches!(b, b'.' | b',' | b'e' | b'E')) && number_with(v, true).is_some();
-    counted && first.len() >= from + 3 && rows.iter().flatten().any(|v| fraction(&v))
+    counted && first.len() >= from + 3 && rows.iter().flatten().any(fraction)
 }
 
 /// Names without the number of their column behind them, as in `Xc(6)`, where they differ without it.

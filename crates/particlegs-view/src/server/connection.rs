@@ -143,7 +143,7 @@ impl Shared {
     async fn answer(&self, request: Request<Incoming>, seat: &Mutex<Option<OwnedSemaphorePermit>>) -> Answer {
         let place = match self.opened(&request) {
             Ok(place) => place,
-            Err(answer) => return with(answer, header::CONNECTION, HeaderValue::from_static("close")),
+            Err(answer) => return with(*answer, header::CONNECTION, HeaderValue::from_static("close")),
         };
         if seat.lock().unwrap_or_else(PoisonError::into_inner).is_none() {
             let taken = Arc::clone(&self.seats).acquire_owned().await.ok();
@@ -157,15 +157,17 @@ impl Shared {
     }
 
     /// What a request with the token names; the answer to one without it.
-    fn opened(&self, request: &Request<Incoming>) -> std::result::Result<Option<Place>, Answer> {
-        self.guarded(request).map_err(|refused| self.refused(refused))?;
+    fn opened(&self, request: &Request<Incoming>) -> std::result::Result<Option<Place>, Box<Answer>> {
+        self.guarded(request).map_err(|refused| Box::new(self.refused(refused)))?;
         let path = request.uri().path();
         let path = path.strip_prefix('/').unwrap_or(path);
         let (key, rest) = path.split_once('/').map_or((path, None), |(key, rest)| (key, Some(rest)));
         match (self.door.opens(key), rest) {
             (Opens::Everything, Some(rest)) => Ok(self.table.find(rest)),
-            (Opens::Everything, None) | (Opens::Once, None | Some("")) => Err(self.to_the_page(rest.is_some())),
-            _ => Err(nothing()),
+            (Opens::Everything, None) | (Opens::Once, None | Some("")) => {
+                Err(Box::new(self.to_the_page(rest.is_some())))
+            }
+            _ => Err(Box::new(nothing())),
         }
     }
 

@@ -567,7 +567,8 @@ mod tests {
             let domain = Domain::of_particles(&p);
             assert!(domain.tilt.is_some());
             let x: Vec<[f64; 3]> = (0..900).map(|i| p.position(i)).collect();
-            let moved = |i: usize, k: usize| (x[i][k] + if i % 7 == 0 { cell.vectors[1][k] } else { 0.0 }) as f32;
+            let moved =
+                |i: usize, k: usize| (x[i][k] + if i.is_multiple_of(7) { cell.vectors[1][k] } else { 0.0 }) as f32;
             let column = |k: usize| (0..900).map(|i| moved(i, k)).collect();
             p = Particles::from_columns(column(0), column(1), column(2));
             for rank in [1, 16] {

@@ -99,7 +99,7 @@ pub fn recover(
 ) -> Result<u64> {
     options.check()?;
     require("drawing", (parallel::threads() * RUN * BYTES_A_DRAW + model.gaussians() * 8) as u64)?;
-    let (metadata, certificate) = (model.metadata.clone(), model.certificate.clone());
+    let (metadata, certificate) = (model.metadata.clone(), model.certificate);
     let origin = origin_of(&metadata);
     let model = moved(model, origin);
     let local = model.metadata.clone();

@@ -38,8 +38,8 @@ pub(crate) struct Gauge<'a> {
 /// What the particles have.
 enum Truth {
     Pictures(Box<HeldOut>),
-    Spectrum(TransformedOnce),
-    Cells(Cells),
+    Spectrum(Box<TransformedOnce>),
+    Cells(Box<Cells>),
     /// Sizes of groups, descending.
     Groups(Vec<u64>),
 }
@@ -64,9 +64,9 @@ impl<'a> Gauge<'a> {
             }
             GoalKind::PowerSpectrum => {
                 let options = spectrum_to(goal.at, &domain, particles.len())?;
-                Truth::Spectrum(power_of(particles, &domain, &options, progress)?)
+                Truth::Spectrum(Box::new(power_of(particles, &domain, &options, progress)?))
             }
-            GoalKind::Correlation => Truth::Cells(Cells::of_edge(goal.at, particles, &domain, progress)?),
+            GoalKind::Correlation => Truth::Cells(Box::new(Cells::of_edge(goal.at, particles, &domain, progress)?)),
             GoalKind::Groups => Truth::Groups(sizes_of(goal.at, particles, &domain, progress)?),
         };
         Ok(Gauge { goal, particles, domain, seed, truth })

@@ -79,7 +79,7 @@ impl Grid {
 
     /// A place as lengths along the edges from the lowest corner.
     #[inline]
-    pub(crate) fn from_corner(&self, p: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn offset_from_corner(&self, p: [f64; 3]) -> [f64; 3] {
         let d = each_axis(|k| p[k] - self.min[k]);
         self.tilt.as_ref().map_or(d, |t| t.upright(d))
     }
@@ -87,7 +87,7 @@ impl Grid {
     /// A Gaussian as an upright grid of the same corner, sides and cells sees it.
     pub(crate) fn upright(&self, mean: [f64; 3], cov: Sym3) -> ([f64; 3], Sym3) {
         let Some(tilt) = &self.tilt else { return (mean, cov) };
-        let along = self.from_corner(mean);
+        let along = self.offset_from_corner(mean);
         (each_axis(|k| self.min[k] + along[k]), tilt.upright_covariance(&cov))
     }
 
