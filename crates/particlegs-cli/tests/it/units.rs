@@ -150,8 +150,8 @@ fn weights_that_are_not_masses_have_their_own_name_and_unit() {
     s.runs(&[&["compress"], &weighted[..], &["-o", "m.pgs", "--gaussians", "20", "--certificate=none"]].concat());
     s.runs(&[&["render", "m.pgs"], &look[..8], &["drawn"]].concat());
     for folder in ["raw", "drawn"] {
-        let file = std::fs::read_dir(s.dir.path().join(folder)).unwrap().map(|f| f.unwrap().path());
-        let json = file.filter(|f| f.extension().is_some_and(|e| e == "json")).next().unwrap();
+        let mut files = std::fs::read_dir(s.dir.path().join(folder)).unwrap().map(|f| f.unwrap().path());
+        let json = files.find(|f| f.extension().is_some_and(|e| e == "json")).unwrap();
         let said: Value = serde_json::from_slice(&std::fs::read(json).unwrap()).unwrap();
         assert_eq!((&said["quantity"], &said["unit"]), (&"surface density of Charge".into(), &"e / nm²".into()));
     }

@@ -196,8 +196,8 @@ fn out_and_in_gives_equal_bits() {
     assert_eq!(d.species[0].mass, Mass::Field("mass".into()));
     assert!(same(&got, &|i| if i < 66_000 { 0.5 } else { i as f32 }));
     let species = Choice { weights: Weights::Field("species".into()), ..Choice::default() };
-    let (_, got) = rows(&path, &species).unwrap();
-    assert!(same(&got, &|i| f32::from(u8::from(i >= 66_000))));
+    // A sum of numbers of species is no map.
+    assert!(rows(&path, &species).is_err());
 }
 
 /// `tests/data/vtk/written.vtp` was read by VTK 9.7.2 (vtkXMLPolyDataReader): six points, one cell
