@@ -80,7 +80,8 @@ fn both_formats_give_types_and_masses() {
         let auto = Choice::default();
         assert_eq!(rows(&*snapshot, 0, &auto), [[0.0, 1.0, 2.0, 7.0], [3.0, 4.0, 5.0, 8.0]]);
         assert_eq!(rows(&*snapshot, 1, &auto)[0], [6.0, 7.0, 8.0, 0.0]);
-        let other = Choice { positions: Some("VEL".into()), weights: Weights::Field("MASS".into()), ..Choice::default() };
+        let other =
+            Choice { positions: Some("VEL".into()), weights: Weights::Field("MASS".into()), ..Choice::default() };
         assert_eq!(rows(&*snapshot, 0, &other)[1], [103.0, 104.0, 105.0, 8.0]);
         assert!(snapshot.reader(1, &auto).unwrap().in_place().is_some());
         assert_eq!(snapshot.reader(1, &auto).unwrap().meta().particle_mass, Some(0.5));

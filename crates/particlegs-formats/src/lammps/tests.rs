@@ -80,7 +80,8 @@ fn comments_among_sections_and_atoms_are_passed_over() {
 
 #[test]
 fn scaled_positions_lie_in_the_cell_and_others_can_be_chosen() {
-    let text = format!("{HEAD}ITEM: ATOMS xsu ysu zsu xs ys zs xu yu zu q\n0 0 0 .5 .25 1 7 8 9 5\n0 0 0 0 0 0 1 1 1 6\n");
+    let text =
+        format!("{HEAD}ITEM: ATOMS xsu ysu zsu xs ys zs xu yu zu q\n0 0 0 .5 .25 1 7 8 9 5\n0 0 0 0 0 0 1 1 1 6\n");
     assert_eq!(all(&text, &Choice::default()).unwrap()[0].positions[0], [4.0, 2.5, 10.0]);
     let fields =
         |name: &str| Choice { positions: Some(name.into()), weights: Weights::Field("q".into()), ..Choice::default() };
@@ -145,8 +146,10 @@ fn tilted_boxes_are_told_from_the_boxes_around_them() {
 
 #[test]
 fn types_are_species() {
-    let text =
-        format!("{}ITEM: ATOMS id type x y z q\n1 10 1 1 1 1\n2 9 2 2 2 2\n3 9 3 3 3 3\n", HEAD.replace("\n2\n", "\n3\n"));
+    let text = format!(
+        "{}ITEM: ATOMS id type x y z q\n1 10 1 1 1 1\n2 9 2 2 2 2\n3 9 3 3 3 3\n",
+        HEAD.replace("\n2\n", "\n3\n")
+    );
     let got = all(&text, &Choice { weights: Weights::Field("q".into()), ..Choice::default() }).unwrap();
     assert_eq!(got.iter().map(|g| &g.name[..]).collect::<Vec<_>>(), ["type 9", "type 10"]);
     assert_eq!((&got[0].weights[..], &got[1].weights[..]), (&[2.0, 3.0][..], &[1.0][..]));
