@@ -10,6 +10,11 @@ use particlegs::compress::Options;
 use particlegs::fit::Effort;
 use particlegs::{Error, Result};
 
+/// A number of blocks.
+pub fn number_of_blocks(text: &str) -> std::result::Result<u32, String> {
+    text.parse().map_err(|_| "not a number (--gadget-blocks names the blocks of a Gadget file)".to_string())
+}
+
 /// What a model is to be.
 #[derive(Args, Clone, Debug)]
 #[command(mut_arg("ratio", |a| with_default(a, "300, less for small snapshots")))]

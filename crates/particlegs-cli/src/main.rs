@@ -61,12 +61,20 @@ use std::process::ExitCode;
     version,
     propagate_version = true,
     max_term_width = 100,
-    // `particlegs COMMAND -V` says the program's name and version.
-    mut_subcommands = |c| c.display_name("particlegs")
+    mut_subcommands = subcommand
 )]
 struct Cli {
     #[command(subcommand)]
     command: commands::Command,
+}
+
+/// A command's `-V` says the program's name and version. Names of Gadget's blocks are `--blocks`, too, where that is not
+/// a number of blocks.
+fn subcommand(command: clap::Command) -> clap::Command {
+    let has = |id: &str| command.get_arguments().any(|a| a.get_id() == id);
+    let (names, number) = (has("gadget_blocks"), has("blocks"));
+    let command = command.display_name("particlegs");
+    if names && !number { command.mut_arg("gadget_blocks", |a| a.visible_alias("blocks")) } else { command }
 }
 
 /// Parses, refuses options that would do nothing, and runs.

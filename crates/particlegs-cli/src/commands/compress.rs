@@ -2,7 +2,7 @@
 
 use crate::common::{Common, Context};
 use crate::device::DeviceArgs;
-use crate::fit_args::FitArgs;
+use crate::fit_args::{FitArgs, number_of_blocks};
 use crate::info_model;
 use crate::outputs;
 use crate::outputs::{ForceArgs, PNG};
@@ -62,7 +62,7 @@ pub struct Arguments {
     /// Number of blocks, fitted one by one [default: 1, or as many as --memory asks for].
     ///
     /// Blocks hold about equal numbers of particles.
-    #[arg(long, display_order = LATER, value_name = "K", hide_short_help = true)]
+    #[arg(long, display_order = LATER, value_name = "K", hide_short_help = true, value_parser = number_of_blocks)]
     blocks: Option<u32>,
     /// Folder for the scratch files of --memory [default: that of the model file].
     ///

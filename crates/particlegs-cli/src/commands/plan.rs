@@ -2,7 +2,7 @@
 
 use crate::common::Common;
 use crate::emit::{self, Engine};
-use crate::fit_args::FitArgs;
+use crate::fit_args::{FitArgs, number_of_blocks};
 use crate::job_args::JobSnapshot;
 use crate::outputs::ForceArgs;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
@@ -79,8 +79,8 @@ pub fn run(a: Arguments) -> Result<()> {
     options.blocks = match a.blocks.as_str() {
         "auto" => None,
         number => {
-            let wrong = |_| Error::argument(format!("--blocks {number}: neither a number nor `auto`"));
-            Some(number.parse::<u32>().map_err(wrong)?)
+            let wrong = |what| Error::argument(format!("--blocks {number}: not `auto`, and {what}"));
+            Some(number_of_blocks(number).map_err(wrong)?)
         }
     };
     if let Some(engine) = a.emit {

@@ -35,19 +35,6 @@ pub struct Film {
     passing: bool,
 }
 
-/// What became of a film.
-pub enum Made {
-    /// It is there.
-    Whole,
-    /// The frames are there, and this line joins them.
-    Frames {
-        /// Why.
-        why: String,
-        /// For a shell.
-        line: String,
-    },
-}
-
 impl Film {
     /// A film, and where its frames go: the folder that is named, or one beside the film.
     ///
@@ -95,11 +82,11 @@ impl Film {
     /// Joins the frames.
     ///
     /// # Errors
-    /// Those of writing; [`Error::Cancelled`].
-    pub fn join(&self, gif: &[Coded], out: Option<&PictureOut>, names: &[String], context: &Context) -> Result<Made> {
+    /// [`Error::Io`] where ffmpeg makes no film: the frames are kept, and the line that joins them is said; those of
+    /// writing; [`Error::Cancelled`].
+    pub fn join(&self, gif: &[Coded], out: Option<&PictureOut>, names: &[String], context: &Context) -> Result<()> {
         if self.form == Form::Gif {
-            gif::write(&self.path, gif)?;
-            return Ok(Made::Whole);
+            return gif::write(&self.path, gif);
         }
         let folder = self.frames.as_deref().unwrap_or(Path::new("."));
         let set = FileSet::in_folder(parent(&self.path))?;
@@ -110,7 +97,8 @@ impl Film {
         context.check()?;
         if let Err(why) = ran {
             let arguments = self.arguments(folder, names.len(), &self.path);
-            return Ok(Made::Frames { why, line: line(&arguments) });
+            let what = format!("{why}; the frames are kept, and this line joins them: {}", line(&arguments));
+            return Err(Error::io(&self.path, std::io::Error::other(what)));
         }
         set.finish()?;
         if let Some(out) = out.filter(|_| self.passing) {
@@ -118,7 +106,7 @@ impl Film {
             names.iter().for_each(|name| drop(std::fs::remove_file(out.picture(name))));
             let _ = std::fs::remove_dir(folder);
         }
-        Ok(Made::Whole)
+        Ok(())
     }
 
     /// What ffmpeg is told.

@@ -1,7 +1,7 @@
 //! The way from views to files that `render` and `reference` share: which views, which files, one after the other or as
 //! frames, and the report.
 
-use super::film::{Film, Form, Made};
+use super::film::{Film, Form};
 use super::finish::Finish;
 use super::frames::{self, Into};
 use super::{Painter, Seen};
@@ -146,17 +146,10 @@ impl Job<'_> {
         if let Some(film) = film {
             let started = Instant::now();
             let names: Vec<String> = set.views.iter().map(|v| v.name.clone()).collect();
-            match film.join(&drawn.gif, out, &names, context)? {
-                Made::Whole => {
-                    passing = film.is_passing();
-                    let seconds = started.elapsed().as_secs_f64();
-                    lines.push(format!("{} written in {seconds:.2} s", film.path().display()));
-                }
-                Made::Frames { why, line } => {
-                    context.message(&format!("{why}: the frames are kept, and this line joins them"));
-                    lines.push(line);
-                }
-            }
+            film.join(&drawn.gif, out, &names, context)?;
+            passing = film.is_passing();
+            let seconds = started.elapsed().as_secs_f64();
+            lines.push(format!("{} written in {seconds:.2} s", film.path().display()));
         }
         let path = |name: &str| out.filter(|_| !passing).map(|o| o.picture(name));
         let with_seconds = set.views.iter().zip(&drawn.seconds);

@@ -162,15 +162,15 @@ fn a_turn_begins_with_its_view_and_has_one_range() {
     fails(&mut s.render(&["a.pgs", "-o", "x", "--turntable", "3", "--video", "x.avi"]), 2, ".mp4, .webm or .gif");
 }
 
-/// Where ffmpeg is not to be found the frames are kept, and the line that joins them is the result.
+/// Where ffmpeg is not to be found the frames are kept, and the error says the line that joins them.
 #[test]
 fn without_ffmpeg_frames_are_kept() {
     let s = Scene::new();
     let film = ["a.pgs", "--turntable", "2", "--size", "32x20", "--video", "turn.mp4"];
     let mut c = particlegs();
     let out = c.current_dir(&s.dir).arg("render").args(film).env("PATH", s.dir.path()).output().unwrap();
-    let said = String::from_utf8_lossy(&out.stdout).into_owned();
-    assert!(out.status.success() && said.contains("ffmpeg -v error"), "{said}");
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(out.status.code() == Some(6) && said.contains("ffmpeg -v error"), "{said}");
     assert!(said.contains("turn-frames/frame_%04d.png") && said.lines().any(|l| l.ends_with("turn.mp4")), "{said}");
     assert_eq!(listing(&s.at("turn-frames")), ["frame_0000.png", "frame_0001.png"]);
     assert!(!s.at("turn.mp4").exists());
@@ -188,19 +188,21 @@ fn films_with_colons_in_their_names_are_files() {
         std::fs::write(s.at("ffmpeg"), script).unwrap();
         std::fs::set_permissions(s.at("ffmpeg"), std::fs::Permissions::from_mode(0o755)).unwrap();
     };
-    let film = |name: &str| {
+    let film = |name: &str, code: i32| {
         let arguments = ["a.pgs", "--turntable", "2", "--size", "32x20", &format!("--video={name}")];
-        let out = s.render(&arguments).env("PATH", s.dir.path()).output().unwrap();
-        assert!(out.status.success());
-        String::from_utf8_lossy(&[out.stdout, out.stderr].concat()).into_owned()
+        let out =
+            s.render(&arguments).env("PATH", format!("{}:/usr/bin:/bin", s.dir.path().display())).output().unwrap();
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(code), "{said}");
+        said
     };
     stand_in(r#"case "$last" in file:*) echo film > "${last#file:}";; esac"#);
     for name in ["12:30.mp4", "http:turn.webm", "-turn.mp4"] {
-        let said = film(name);
+        let said = film(name, 0);
         assert!(s.at(name).exists(), "{said}");
     }
     stand_in("exit 0");
-    let said = film("none.mp4");
+    let said = film("none.mp4", 6);
     assert!(said.contains("file:none-frames/frame_%04d.png") && !s.at("none.mp4").exists(), "{said}");
     assert_eq!(listing(&s.at("none-frames")), ["frame_0000.png", "frame_0001.png"]);
 }

@@ -179,8 +179,15 @@ fn what_files_leave_open_is_said_and_can_be_stated() {
     refused(&["info", &cut, "--strict", "-q"], 3, "448 files");
     refused(&["info", &fixture("plain.txt"), "--unwrapped", "keep", "-q"], 3, "no trajectory");
     refused(&["info", &fixture("gadget2_masses"), "--gadget-blocks", "POS,VEL", "-q"], 3, "format 2");
-    let d = info(&[&fixture("gadget1_le"), "--gadget-blocks", "POS,-,ID"]);
-    let fields: Vec<&str> =
-        d["species"][0]["fields"].as_array().unwrap().iter().filter_map(|f| f["name"].as_str()).collect();
-    assert_eq!(fields, ["POS", "ID"]);
+    for option in ["--gadget-blocks", "--blocks"] {
+        let d = info(&[&fixture("gadget1_le"), option, "POS,-,ID"]);
+        let fields: Vec<&str> =
+            d["species"][0]["fields"].as_array().unwrap().iter().filter_map(|f| f["name"].as_str()).collect();
+        assert_eq!(fields, ["POS", "ID"]);
+    }
+    refused(
+        &["compress", &fixture("gadget1_le"), "-o", "-", "--blocks", "POS,-,ID"],
+        2,
+        "--gadget-blocks names the blocks of a Gadget file",
+    );
 }

@@ -52,6 +52,8 @@ pub fn tiny(particles: &Particles, runs: std::ops::Range<usize>, law: LawKind) -
         cell: particles.meta.cell,
         source: "nbody64".into(),
         units: particles.meta.units.clone(),
+        cosmology: particles.meta.cosmology,
+        epoch: particles.meta.epoch,
         source_hash: particles.source_hash(),
         ..Metadata::new(law, count, bounds)
     };

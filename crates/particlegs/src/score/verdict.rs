@@ -281,7 +281,7 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
     let unit = metadata.units.length_text().map_or_else(|| "1/length".into(), per_length);
     let reaches = |limit: Limit| limit.place().is_some_and(|k| k >= SPECTRUM_SHARE * k_max);
     let within = |percent: u32, limit: Limit| match limit {
-        Limit::At(k) => format!("within {percent} % up to k = {k:.3} {unit}"),
+        Limit::At(k) => format!("within {percent} % up to k = {} {unit}", wavenumber(k)),
         Limit::Never => format!("within {percent} % nowhere"),
         Limit::NotMeasured => format!("within {percent} %: not measured"),
     };
@@ -290,7 +290,12 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
         Word::Holds => within(1, one),
         _ => format!("{}, {}", within(5, five), within(1, one)),
     };
-    finding(word, format!("{why}; measured to {k_max:.3}{of}"))
+    finding(word, format!("{why}; measured to {}{of}", wavenumber(k_max)))
+}
+
+/// In three digits that are not zeros, whatever the unit.
+fn wavenumber(k: f64) -> String {
+    if k >= 0.1 { format!("{k:.3}") } else { format!("{k:.2e}") }
 }
 
 /// By counterparts and numbers, whichever is worse.
