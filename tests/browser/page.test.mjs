@@ -258,6 +258,31 @@ test("dials and keys change the picture, and a link restores it", async () => {
   await again.tab.close();
 });
 
+test("an orthographic view holds the whole box from wherever it is seen, until it is moved", async () => {
+  const { tab } = await open(b, page("?draw=cpu"));
+  const share = (orbit) => tab.evaluate(async (part) => {
+    const { page, change, camera } = globalThis.particlegs;
+    const [pane] = page.panes;
+    change({ orbit: { ...page.state.orbit, ...part } });
+    // The engine answers in order: what the page asked is answered before this.
+    await pane.window(page.state);
+    const scene = { size: pane.size, camera: camera(), radius: page.state.radius, opacity: page.state.opacity };
+    const { numbers } = await pane.values(scene, "density");
+    const per = scene.camera.height_world / scene.size.height;
+    return new Float32Array(numbers).reduce((sum, v) => sum + v, 0) * per ** 2 / (pane.about.mass ?? pane.about.metadata.count);
+  }, orbit);
+  for (const [azimuth, elevation] of [[0, 0], [90, 0], [0, 90], [30, 20], [-145, -50]]) {
+    const held = await share({ orthographic: true, azimuth, elevation });
+    assert.ok(Math.abs(held - 1) < 1e-5, `${azimuth} ${elevation}: ${held - 1}`);
+  }
+  const orbit = () => tab.evaluate(() => structuredClone(globalThis.particlegs.page.state.orbit));
+  const whole = await orbit();
+  assert.ok(await share({ distance: 0.5 * whole.distance }) < 0.9);
+  assert.ok(await share({ azimuth: 60 }) < 0.9);
+  assert.equal((await orbit()).distance, 0.5 * whole.distance);
+  await tab.close();
+});
+
 test("a link in an open page restores all of its view, and dialogs keep the keys to themselves", async () => {
   const { tab } = await open(b, page("?draw=cpu"));
   const link = await tab.evaluate(() => globalThis.particlegs.toLink());

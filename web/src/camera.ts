@@ -47,6 +47,9 @@ export function axes(o: Orbit): { right: Vec3; up: Vec3; back: Vec3 } {
 /** World units of the picture's height at the point looked at. */
 export const heightAt = (o: Orbit): number => 2 * o.distance * Math.tan(0.5 * FOV * RADIANS);
 
+/** The distance at which the picture is so high. */
+export const distanceOf = (height: number): number => height / (2 * Math.tan(0.5 * FOV * RADIANS));
+
 /**
  * The camera; `slab` is a thickness about the point looked at, along the line of sight. An orthographic eye stands
  * `reach` away, outside whatever there is: its distance is not what sets the scale.
@@ -76,9 +79,15 @@ export function orbitOf(c: CameraOf): Orbit {
   orbit.roll = Math.atan2(dot(c.view_up, right), dot(c.view_up, up)) / RADIANS;
   if (c.height_world !== undefined) {
     orbit.orthographic = true;
-    orbit.distance = c.height_world / (2 * Math.tan(0.5 * FOV * RADIANS));
+    orbit.distance = distanceOf(c.height_world);
   }
   return orbit;
+}
+
+/** The same for a picture of another shape: an orthographic one shows no less. */
+export function asWide(o: Orbit, from: Size, to: Size): Orbit {
+  const wider = (from.width * to.height) / (from.height * to.width);
+  return o.orthographic ? { ...o, distance: o.distance * Math.max(1, wider) } : o;
 }
 
 /** Turns by pixels of a drag: a picture's height is half a turn. */

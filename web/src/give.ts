@@ -1,6 +1,7 @@
 // What the page gives away when it is asked to.
 
 import { download, h } from "./dom";
+import { asWide } from "./camera";
 import { ask, field } from "./dialog";
 import { withBar } from "./bar";
 import { drawOverlay } from "./overlay";
@@ -37,6 +38,7 @@ interface Annotations { lines: boolean; bar: boolean }
 /** A picture of a size, as PNG; a colour bar of densities stands beside it. */
 async function drawn(page: Page, state: State, size: Size, { lines, bar }: Annotations): Promise<Uint8Array<ArrayBuffer>> {
   const pane = page.panes[0];
+  state = { ...state, orbit: asWide(state.orbit, pane.size, size) };
   const range = state.range ?? pane.range;
   const { numbers } = await pane.picture(sceneOf(state, pane.about, size), paintOf({ ...state, range }));
   const canvas = canvasOf(numbers, size);

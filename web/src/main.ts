@@ -1,6 +1,7 @@
 // The page: starts the engine, opens the models, wires panes, panel, hand and keys to one state.
 
 import { ColorBar } from "./bar";
+import type { Orbit } from "./camera";
 import { h } from "./dom";
 import { showKeys } from "./dialog";
 import { facts, line, seenText } from "./facts";
@@ -108,6 +109,7 @@ async function start(): Promise<void> {
     showAll();
     dials.refresh(page.state);
     compare?.moved();
+    void fit().catch(failed);
     // Browsers refuse addresses that change a hundred times in ten seconds.
     clearTimeout(linked);
     // A page within another, such as a notebook's, has no address of its own.
@@ -115,9 +117,43 @@ async function start(): Promise<void> {
     linked = setTimeout(() => history.replaceState(null, "", `#${toLink(page.state)}`), 300);
   }
 
+  /** Where a camera stands that nobody moved, and the view that it was found for. */
+  let usual: Pick<Orbit, "focal" | "distance"> = home(about, panes[0].size);
+  const seenBy = ({ azimuth, elevation, roll, orthographic }: Orbit) =>
+    JSON.stringify([azimuth, elevation, roll, orthographic, panes[0].size]);
+  // The camera of a link was chosen.
+  let fitted = location.hash.length > 1 ? seenBy(page.state.orbit) : "";
+  let fitting = false;
+
+  /** Lets an orthographic view show the whole box, and a perspective one stand where it first does, unless moved. */
+  async function fit(): Promise<void> {
+    if (fitting || !panes[0].whole) return;
+    fitting = true;
+    try {
+      while (fitted !== seenBy(page.state.orbit)) {
+        fitted = seenBy(page.state.orbit);
+        const first = home(about, panes[0].size);
+        const free = (k: "focal" | "distance", o: Orbit) => [usual, first].some((own) => String(own[k]) === String(o[k]));
+        if (!free("focal", page.state.orbit) && !free("distance", page.state.orbit)) continue;
+        const to = page.state.orbit.orthographic ? await panes[0].window(page.state) : first;
+        const now = page.state.orbit;
+        const orbit = {
+          ...now, focal: free("focal", now) ? to.focal : now.focal, distance: free("distance", now) ? to.distance : now.distance,
+        };
+        usual = to;
+        change({ orbit });
+      }
+    } finally {
+      fitting = false;
+    }
+  }
+
   function act(name: Action): void {
     const acts: Record<Action, () => void | Promise<void>> = {
-      reset: () => change({ orbit: home(about, panes[0].size) }),
+      reset: () => {
+        fitted = "";
+        change({ orbit: { ...home(about, panes[0].size), orthographic: page.state.orbit.orthographic } });
+      },
       png: () => givePng(page), npy: () => giveNpy(page), views: () => giveViews(page), load: () => takeViews(page),
       link: () => giveLink(page), command: () => giveCommand(page), turn: () => giveTurn(page),
       compare: () => compare?.toggle("split"), difference: () => compare?.toggle("difference"), help: () => showKeys(keys),
@@ -206,15 +242,15 @@ async function start(): Promise<void> {
   let sizes = panes.map((p) => `${p.size.width}x${p.size.height}`).join();
   new ResizeObserver(() => {
     const now = panes.map((p) => `${p.size.width}x${p.size.height}`).join();
-    if (now !== sizes) {
-      showAll();
-      compare?.moved();
-    }
+    if (now !== sizes) change({});
     sizes = now;
   }).observe(stage);
   addEventListener("hashchange", () => {
     const text = location.hash.slice(1);
-    if (text !== toLink(page.state)) change(fromLink(text, first()));
+    if (text === toLink(page.state)) return;
+    const linked = fromLink(text, first());
+    fitted = seenBy(linked.orbit);
+    change(linked);
   });
   // For scripts: the page, and the CPU's picture of a state.
   const pixels = async (state: State) =>
@@ -223,6 +259,7 @@ async function start(): Promise<void> {
   Object.assign(globalThis, { particlegs: { page, change, pixels, camera, toLink: () => toLink(page.state) } });
   change({});
   for (const pane of panes) await pane.decode((share) => decoding(pane, share));
+  await fit();
 
   /** Says how far a pane is, in steps that a reader's voice can follow; what was said meanwhile stays. */
   function decoding(pane: Pane, share: number): void {

@@ -1,9 +1,10 @@
 // One model's picture: asks the engine, draws by the faster of the graphics card and the CPU, coarser in motion.
 
+import { distanceOf, type Orbit } from "./camera";
 import { h } from "./dom";
 import { GlRenderer } from "./gl";
 import { drawOverlay, type Marked } from "./overlay";
-import type { About, OpenedModel, Paint, SceneOf, Size, Strokes, Tone } from "./protocol";
+import type { About, OpenedModel, Paint, SceneOf, Size, Strokes, Tone, Vec3 } from "./protocol";
 import type { Remote } from "./remote";
 import { paintOf, sceneOf, type State } from "./state";
 
@@ -187,6 +188,19 @@ export class Pane {
   /** Pixels of a picture by the CPU. */
   picture(scene: SceneOf, paint: Paint) {
     return this.remote.ask<{ range: [number, number] | null }>({ ask: "picture", model: this.model, scene, paint });
+  }
+
+  /** Is all of the model decoded? */
+  get whole(): boolean {
+    return this.decoded === 1;
+  }
+
+  /** Where a view along parallel lines shows the whole box. */
+  async window(state: State): Promise<Pick<Orbit, "focal" | "distance">> {
+    const scene = sceneOf(state, this.about, this.size);
+    type Window = { center: Vec3; height_world: number };
+    const { json } = await this.remote.ask<Window>({ ask: "window", model: this.model, scene });
+    return { focal: json.center, distance: distanceOf(json.height_world) };
   }
 
   /** The plane behind a picture. */

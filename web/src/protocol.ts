@@ -93,6 +93,7 @@ export type Question =
   | { ask: "strokes"; model: number; scene: SceneOf; style: "depth" | "density" }
   | { ask: "tone"; model: number; opacity: number; radius_pixels: number }
   | { ask: "colors"; model: number; name: string; white: boolean }
+  | { ask: "window"; model: number; scene: SceneOf }
   | { ask: "probe"; model: number; scene: SceneOf; pixel: [number, number] }
   | { ask: "sphere"; model: number; center: Vec3; radius: number; layers?: boolean[]; clip?: Bounds }
   | { ask: "gaussian"; model: number; index: number };

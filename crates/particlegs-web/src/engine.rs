@@ -10,7 +10,7 @@ use crate::strokes::strokes;
 use particlegs_core::codec::Decoder;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::Model;
-use particlegs_core::picture::{Colormap, DensityColors};
+use particlegs_core::picture::{Colormap, DensityColors, Size};
 use particlegs_core::progress::Silent;
 use particlegs_core::render::Scene;
 use particlegs_core::render::lens::Lens;
@@ -104,6 +104,13 @@ impl Engine {
             What::Colors { name, white } => {
                 let map: Colormap = name.parse().map_err(Error::argument)?;
                 Answer::with(&json!({}), DensityColors::new(map, white, UNLIT).all().concat())
+            }
+            What::Window { scene } => {
+                check(scene.size)?;
+                let (extent, frame) = (opened.extent()?, scene.view()?.camera.frame()?);
+                let Size { width, height } = scene.size;
+                let height_world = extent.width(&frame, scene.size) * height as f64 / width as f64;
+                Answer::of(&json!({ "center": extent.center, "height_world": height_world }))
             }
             What::Probe { scene, pixel } => {
                 let full = opened.full()?;

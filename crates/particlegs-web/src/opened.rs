@@ -3,8 +3,10 @@
 use crate::clip::clipped;
 use crate::coarse::{coarse, joined, run};
 use crate::question::SceneOf;
+use particlegs_core::camera::Extent;
 use particlegs_core::codec::Decoder;
 use particlegs_core::model::{Block, Model};
+use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
 use particlegs_core::{Error, Result};
 
@@ -22,6 +24,7 @@ pub(crate) struct Opened {
 struct Whole {
     full: Part,
     coarse: Option<Part>,
+    extent: Option<Extent>,
 }
 
 /// A model on its way.
@@ -87,7 +90,7 @@ impl Opened {
     pub(crate) fn shown(&mut self, of: &SceneOf) -> Result<&Model> {
         let sketched = of.coarse && self.opening.as_ref().is_some_and(|o| o.sketch.is_some());
         if !sketched {
-            let Whole { full, coarse } = self.whole()?;
+            let Whole { full, coarse, .. } = self.whole()?;
             return Ok(coarse.as_mut().filter(|_| of.coarse).unwrap_or(full).inside(of.clip));
         }
         let opening = self.opening.as_mut();
@@ -103,6 +106,17 @@ impl Opened {
         Ok(&mut self.whole()?.full)
     }
 
+    /// What a view along parallel lines shows whole.
+    ///
+    /// # Errors
+    /// As [`Opened::full`].
+    pub(crate) fn extent(&mut self) -> Result<Extent> {
+        let Whole { full: Part { model, .. }, extent, .. } = self.whole()?;
+        let found = || render::extent(&Scene::of(model), model.metadata.cell.as_ref());
+        // A page draws no copies that nobody asked for: tails want room whatever the picture's shape.
+        Ok(*extent.get_or_insert_with(|| Extent { periodic: [false; 3], ..found() }))
+    }
+
     fn whole(&mut self) -> Result<&mut Whole> {
         if let Some(Opening { decoder, .. }) = self.opening.take() {
             self.whole = decoder.finish().map(Whole::new).map_err(|e| e.to_string());
@@ -113,7 +127,7 @@ impl Opened {
 
 impl Whole {
     fn new(model: Model) -> Self {
-        Whole { coarse: coarse(&model).map(Part::new), full: Part::new(model) }
+        Whole { coarse: coarse(&model).map(Part::new), full: Part::new(model), extent: None }
     }
 }
 

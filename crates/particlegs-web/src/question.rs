@@ -34,6 +34,8 @@ pub(crate) enum What {
     Tone { opacity: f64, radius_pixels: f64 },
     /// 256 RGB triples for densities, as core's `DensityColors` has them.
     Colors { name: String, white: bool },
+    /// Which window a view along parallel lines shows the whole box in.
+    Window { scene: SceneOf },
     /// What is seen at a pixel.
     Probe { scene: SceneOf, pixel: [f64; 2] },
     /// Mass in a sphere.
