@@ -23,6 +23,8 @@ use std::ops::Range;
 
 /// What a step of a shape number away from 0 costs in squared steps: 1 % of the bits for 0.004 dB.
 const PULL: f64 = 0.1;
+/// Weight of numbers that must be 0.
+const EXACT: f64 = 1e6;
 
 /// The order of a block's Gaussians and their logarithms: all that does not depend on precision.
 /// [`Encoder::encode`] then costs a few microseconds a Gaussian, so that rate control can call it
@@ -206,7 +208,7 @@ impl Encoder {
     fn scalars(&self, header: &BlockHeader, range: Range<usize>, leaves: &mut [Leaf]) {
         let column = |values: &[f64], step: f32| {
             let values = &values[range.clone()];
-            halves(values.len(), 0.0, |i| values[i] / f64::from(step))
+            halves(values.len(), |i| Sample::free(values[i] / f64::from(step)))
         };
         let (t, m) =
             parallel::join(|| column(&self.logs.size, header.steps[1]), || column(&self.logs.count, header.steps[2]));
@@ -221,7 +223,10 @@ impl Encoder {
     fn shapes(&self, header: &BlockHeader, range: Range<usize>, factors: &[f64], leaves: &mut [Leaf]) {
         let steps: Vec<f64> = factors.iter().map(|f| 2.0 * header.shape_half_step(*f)).collect();
         let given = &self.logs.shape[5 * range.start..5 * range.end];
-        let shapes = halves(given.len(), PULL, |j| given[j] / steps[j / 5]);
+        let shapes = halves(given.len(), |j| {
+            let weight = if self.logs.flat.is_along(j % 5, given[j]) { EXACT } else { 1.0 };
+            Sample { pull: PULL, weight, ..Sample::free(given[j] / steps[j / 5]) }
+        });
         for (leaf, shape) in leaves.iter_mut().zip(shapes.chunks_exact(5)) {
             leaf.shape.copy_from_slice(shape);
         }
@@ -311,14 +316,14 @@ fn ranges(tree: &Tree) -> Vec<Range<usize>> {
 }
 
 /// Trellis indices as half steps.
-fn halves(count: usize, pull: f64, value: impl Fn(usize) -> f64) -> Vec<i32> {
+fn halves(count: usize, sample: impl Fn(usize) -> Sample) -> Vec<i32> {
     let mut state = State::default();
     let half = |k: i64| {
         let h = 2 * k as i32 + state.lattice();
         state.step(k);
         h
     };
-    quantise(count, |i| Sample { pull, ..Sample::free(value(i)) }).into_iter().map(half).collect()
+    quantise(count, sample).into_iter().map(half).collect()
 }
 
 /// Plain low bits of what predictions leave, in steps, and its spread without those bits.
@@ -382,6 +387,31 @@ mod tests {
     use crate::codec::decode_block;
     use crate::math::{Random, Sym3};
     use crate::model::Mixture;
+
+    /// A rounded shape is turned a little: its length would become the box's thickness.
+    #[test]
+    fn flat_boxes_keep_their_thickness() {
+        for edges in [[1.0, 1.0, 5e-4], [1e-4, 1.0, 1.0], [1.0, 1e-6, 1.0], [1.0, 1e-3, 1e-3], [1e-5, 1e-3, 1.0]] {
+            let mut gaussians = Mixture::default();
+            for i in 0..200 {
+                let mut r = Random::new(8, 0, i);
+                let mean = each_axis(|k| edges[k] * r.uniform());
+                let [x, y, z] = edges.map(|e| e * (0.05 + 0.2 * r.uniform()));
+                let cov = [x * x, 0.3 * x * y, -0.2 * x * z, y * y, 0.1 * y * z, z * z];
+                gaussians.push(mean, Sym3(cov), 100.0, 0.0);
+            }
+            let bounds = Bounds { min: [0.0; 3], max: edges };
+            let given = Block { bounds, count: 20_000, mass: 20_000.0, gaussians };
+            let coded = Encoder::new(&given).unwrap().encode(&Precision::BALANCED);
+            let decoded = decode_block(&coded, "a test").unwrap();
+            let width = |b: &Block, k: usize| b.gaussians.cov[[0, 3, 5][k]].iter().sum::<f64>().sqrt();
+            for k in 0..3 {
+                let ratio = width(&decoded, k) / width(&given, k);
+                assert!((0.85..1.18).contains(&ratio), "{edges:?} along {k}: {ratio}");
+            }
+            assert!(Encoder::new(&decoded).unwrap().encode(&Precision::BALANCED) == coded, "{edges:?}");
+        }
+    }
 
     /// What was decoded codes to the same bytes at the same precision: training that settles on it
     /// gets the file that it saw.

@@ -52,12 +52,14 @@ pub(crate) struct Sample {
     pub range: [i64; 2],
     /// Cost of a step away from 0: what its bits are worth.
     pub pull: f64,
+    /// Factor on the squared error.
+    pub weight: f64,
 }
 
 impl Sample {
     /// A number on the whole lattice.
     pub(crate) fn free(value: f64) -> Self {
-        Sample { value, range: [-(1 << 20), 1 << 20], pull: 0.0 }
+        Sample { value, range: [-(1 << 20), 1 << 20], pull: 0.0, weight: 1.0 }
     }
 }
 
@@ -111,7 +113,7 @@ fn advance(cost: &mut [f64; 8], sample: Sample) -> [u8; 8] {
         std::array::from_fn(|parity| match nearest(x, parity as i64, sample.range) {
             Some(k) => {
                 let error = x - k as f64;
-                error * error + sample.pull * (k as f64 + 0.5 * lattice as f64).abs()
+                sample.weight * error * error + sample.pull * (k as f64 + 0.5 * lattice as f64).abs()
             }
             None => f64::INFINITY,
         })
@@ -157,8 +159,24 @@ mod tests {
     fn ranges_are_kept() {
         let values: Vec<f64> = (0..1000).map(|i| Random::new(6, 0, i).uniform() * 3.0).collect();
         for top in 0..3 {
-            let indices = quantise(values.len(), |i| Sample { value: values[i], range: [0, top], pull: 0.0 });
+            let indices = quantise(values.len(), |i| Sample { range: [0, top], ..Sample::free(values[i]) });
             assert!(indices.iter().all(|k| (0..=top).contains(k)));
+        }
+    }
+
+    #[test]
+    fn zeros_of_great_weight_stay_zeros() {
+        let is_zero = |i: usize| i % 5 > 1;
+        let value = |i: usize| if is_zero(i) { 0.0 } else { Random::new(7, 0, i as u64).uniform() * 9.0 - 4.5 };
+        let weight = |i: usize| if is_zero(i) { 1e6 } else { 1.0 };
+        let indices = quantise(5000, |i| Sample { weight: weight(i), ..Sample::free(value(i)) });
+        let mut state = State::default();
+        for (i, &k) in indices.iter().enumerate() {
+            let half = state.half_steps(k as i32);
+            assert!(
+                if is_zero(i) { half == 0 } else { (0.5 * f64::from(half) - value(i)).abs() <= 1.0 },
+                "{i}: {half}"
+            );
         }
     }
 }
