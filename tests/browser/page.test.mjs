@@ -277,9 +277,9 @@ test("an orthographic view holds the whole box from wherever it is seen, until i
   }
   const orbit = () => tab.evaluate(() => structuredClone(globalThis.particlegs.page.state.orbit));
   const whole = await orbit();
-  assert.ok(await share({ distance: 0.5 * whole.distance }) < 0.9);
+  assert.ok(await share({ distance: 0.25 * whole.distance }) < 0.9);
   assert.ok(await share({ azimuth: 60 }) < 0.9);
-  assert.equal((await orbit()).distance, 0.5 * whole.distance);
+  assert.equal((await orbit()).distance, 0.25 * whole.distance);
   await tab.close();
 });
 
