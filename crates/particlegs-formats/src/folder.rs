@@ -172,6 +172,18 @@ mod tests {
     }
 
     #[test]
+    fn a_virtual_file_and_its_sources_are_one_snapshot() {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::create_dir(dir.path().join("parts")).unwrap();
+        for name in ["latest.hdf5", "masses.hdf5", "parts/part.0.hdf5", "parts/part.1.hdf5"] {
+            std::fs::copy(fixture("../data/virtual").join(name), dir.path().join(name)).unwrap();
+        }
+        assert_eq!(names(dir.path(), None).unwrap(), ["latest.hdf5"]);
+        std::fs::copy(fixture("../data/virtual/parts/part.0.hdf5"), dir.path().join("a.hdf5")).unwrap();
+        assert!(names(dir.path(), None).is_err());
+    }
+
+    #[test]
     fn a_list_and_its_pieces_are_one_snapshot() {
         let dir = tempfile::tempdir().unwrap();
         let piece = "<?xml version=\"1.0\"?><VTKFile type=\"PolyData\" version=\"0.1\" byte_order=\"LittleEndian\">\

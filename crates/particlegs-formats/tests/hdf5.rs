@@ -269,7 +269,7 @@ fn what_is_not_read_is_named() {
     };
     assert!(why("bad_external.hdf5").contains("elsewhere.hdf5"), "{}", why("bad_external.hdf5"));
     assert!(why("bad_hole.hdf5").contains("from 50 were never written"), "{}", why("bad_hole.hdf5"));
-    assert!(why("bad_virtual.hdf5").contains("a virtual data set"), "{}", why("bad_virtual.hdf5"));
+    assert!(why("bad_virtual.hdf5").contains("missing: "), "{}", why("bad_virtual.hdf5"));
 }
 
 #[test]
@@ -278,6 +278,7 @@ fn broken_files_do_no_harm() {
     let new = fixtures().into_iter().find(|p| p.ends_with("latest_fixed_array.hdf5")).unwrap();
     broken(&old, 19, 4096);
     broken(&new, 19, 4096);
+    broken(&virtual_set("latest.hdf5"), 101, usize::MAX);
 }
 
 /// Every 101st cut and bit of all files of this crate's own, whatever their layout; `mutations.rs`
@@ -429,5 +430,49 @@ fn tables_at_the_top_or_in_groups_are_read() {
     ] {
         let error = opened(&[file(name)]).err().unwrap();
         assert!(error.to_string().contains(what) && error.remedy().to_string().contains(command), "{error}");
+    }
+}
+
+/// Files whose sets lie in other files, and what is refused.
+fn virtual_set(name: &str) -> PathBuf {
+    support::data("virtual").join(name)
+}
+
+#[test]
+fn virtual_data_sets_are_read_from_their_sources() {
+    for name in ["earliest.hdf5", "latest.hdf5"] {
+        let snapshot = opened(&[virtual_set(name)]).unwrap();
+        let mut all = (Vec::new(), Vec::new());
+        for (species, count) in [20, 30].into_iter().enumerate() {
+            let reader = snapshot.reader(species, &Choice::default()).unwrap();
+            let (places, masses) = positions(&*reader).unwrap();
+            assert_eq!((snapshot.description().species[species].count, places.len()), (count, count as usize));
+            all.0.extend(places);
+            all.1.extend(masses);
+        }
+        assert_eq!(all.0, support::sample(50), "{name}");
+        assert!(all.1.iter().zip(1..).all(|(&m, id)| m == (1 + id % 3) as f32), "{name}: {:?}", all.1);
+        let files: Vec<PathBuf> =
+            [name, "masses.hdf5", "parts/part.0.hdf5", "parts/part.1.hdf5"].map(virtual_set).into();
+        assert_eq!(snapshot.description().files, files);
+    }
+}
+
+#[test]
+fn virtual_data_sets_that_are_not_read_say_why() {
+    for (name, reason) in [
+        ("missing", "whose source is missing: "),
+        ("outside", "whose source is in another folder: ../snapshots/arepo_still.hdf5"),
+        ("nested", "a virtual data set within another"),
+        ("gap", "its rows 5 to 11 have no source"),
+        ("twice", "two sources have its row 3"),
+        ("longer", "it has 10 rows of 3 numbers, and"),
+        ("every_second", "one source has rows in several places"),
+        ("columns", "the numbers of a row lie in several sources"),
+        ("unlimited", "it grows with its sources"),
+        ("pattern", "its files are named by a pattern"),
+    ] {
+        let error = read_whole(&[virtual_set(&format!("{name}.hdf5"))]).unwrap_err().to_string();
+        assert!(error.contains(reason) && !error.contains('\n'), "{name}: {error}");
     }
 }

@@ -19,10 +19,15 @@ pub struct Want {
     pub target: usize,
 }
 
-/// Columns of one data set.
+/// Columns of rows of one data set.
+#[derive(Clone)]
 pub struct Part {
+    /// The file's bytes.
+    pub map: Arc<Mmap>,
+    /// Which rows of the table.
+    pub rows: Range<u64>,
     /// The data set.
-    pub table: Table,
+    pub table: Arc<Table>,
     /// Which columns.
     pub wants: Vec<Want>,
     /// Its place, for errors.
@@ -31,12 +36,18 @@ pub struct Part {
     pub key: u64,
 }
 
+impl Part {
+    /// Rows.
+    pub fn count(&self) -> u64 {
+        self.rows.end - self.rows.start
+    }
+}
+
 /// Chunks of a part that a key holds.
 const KEY_BITS: u32 = 40;
 
-/// One file's particles of one species.
+/// Particles of one species that lie in one data set a column.
 pub struct Columns {
-    map: Arc<Mmap>,
     rows: u64,
     parts: Vec<Part>,
     cache: Arc<ChunkCache>,
@@ -48,17 +59,10 @@ pub struct Columns {
 impl Columns {
     /// Particles in `parts`, which have the same number of rows. `sampled`: may the reader look here
     /// for where f64 positions lie?
-    ///
-    /// # Errors
-    /// [`Error::Input`] where parts have different lengths.
-    pub fn new(map: Arc<Mmap>, parts: Vec<Part>, cache: Arc<ChunkCache>, sampled: bool) -> Result<Self> {
-        let rows = parts.first().map_or(0, |p| p.table.rows);
-        if let Some(odd) = parts.iter().find(|p| p.table.rows != rows) {
-            let what = format!("it has {} rows, the positions have {rows}", odd.table.rows);
-            return Err(Error::input(&odd.place, what));
-        }
-        let flat = strided(&map, &parts, rows);
-        Ok(Columns { map, rows, parts, cache, sampled, flat })
+    pub fn new(parts: Vec<Part>, cache: Arc<ChunkCache>, sampled: bool) -> Self {
+        let rows = parts.first().map_or(0, Part::count);
+        let flat = strided(&parts, rows);
+        Columns { rows, parts, cache, sampled, flat }
     }
 }
 
@@ -72,15 +76,17 @@ pub fn chunk_bytes(parts: &[Part]) -> Option<(u64, u64)> {
 }
 
 /// All parts as lanes of the mapped file.
-fn strided(map: &Arc<Mmap>, parts: &[Part], rows: u64) -> Option<Strided> {
+fn strided(parts: &[Part], rows: u64) -> Option<Strided> {
+    let map = &parts.first()?.map;
     let mut lanes: [Option<Lane>; 4] = [None; 4];
     for part in parts {
         let Storage::Flat(offset) = part.table.storage else { return None };
-        if part.table.packed.is_some() {
+        if part.table.packed.is_some() || !Arc::ptr_eq(map, &part.map) {
             return None;
         }
+        let first = offset + part.rows.start * part.table.components * part.table.kind.bytes();
         for want in &part.wants {
-            lanes[want.target] = Some(lane(&part.table, offset, part.table.components, want.component));
+            lanes[want.target] = Some(lane(&part.table, first, part.table.components, want.component));
         }
     }
     let [Some(x), Some(y), Some(z), weight] = lanes else { return None };
@@ -141,11 +147,12 @@ impl Piece for Columns {
             return flat.read(rows, out);
         }
         for part in &self.parts {
+            let rows = rows.start + part.rows.start..rows.end + part.rows.start;
             let (bytes, offset) = match &part.table.storage {
-                Storage::Flat(offset) => (&self.map[..], *offset),
+                Storage::Flat(offset) => (&part.map[..], *offset),
                 Storage::Compact(bytes) => (&bytes[..], 0),
                 Storage::Chunked(chunks) => {
-                    self.read_chunks(part, chunks, rows.clone(), out)?;
+                    self.read_chunks(part, chunks, rows, out)?;
                     continue;
                 }
             };
@@ -167,7 +174,7 @@ impl Columns {
         let mut scratch = Vec::new();
         for down in rows.start / chunks.rows..rows.end.div_ceil(chunks.rows) {
             let begin = down * chunks.rows;
-            let end = self.rows.min(begin + chunks.rows);
+            let end = part.table.rows.min(begin + chunks.rows);
             let inside = rows.start.max(begin) - begin..rows.end.min(end) - begin;
             let whole = inside.end - inside.start == end - begin;
             for side in 0..chunks.across {
@@ -208,10 +215,10 @@ impl Columns {
     ) -> Result<()> {
         let at = &chunks.places[index as usize];
         if chunks.pipeline.is_plain(at.mask) {
-            look(&self.map, at.offset);
+            look(&part.map, at.offset);
             return Ok(());
         }
-        let stored = &self.map[at.offset as usize..(at.offset + at.size) as usize];
+        let stored = &part.map[at.offset as usize..(at.offset + at.size) as usize];
         let broken = |why: String| {
             let place =
                 format!("{}, chunk from row {}, byte {}", part.place, index / chunks.across * chunks.rows, at.offset);

@@ -6,13 +6,14 @@
 use super::attributes::Attributes;
 use super::packed::Packed;
 use super::tables::TOP;
+use super::virtual_sets::VirtualLayouts;
 use crate::strided::Kind;
 use hdf5_reader::error::Error as Hdf5Error;
 use hdf5_reader::group::Group;
 use hdf5_reader::{ByteOrder, Dataset, Datatype, ExternalLinkResolver, Hdf5File, OpenOptions, StringSize};
 use memmap2::Mmap;
 use particlegs::{Error, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 /// The largest object header that is read; real ones have a few KiB.
@@ -25,6 +26,8 @@ pub const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 pub struct Container {
     /// Its name, for errors.
     pub place: String,
+    /// Its path.
+    pub path: PathBuf,
     /// Its bytes.
     pub map: Arc<Mmap>,
     pub(super) file: Hdf5File,
@@ -70,15 +73,6 @@ pub struct Members {
     pub unreadable: Vec<(String, Error)>,
 }
 
-/// Bytes that the library reads from.
-struct Mapped(Arc<Mmap>);
-
-impl AsRef<[u8]> for Mapped {
-    fn as_ref(&self) -> &[u8] {
-        &self.0
-    }
-}
-
 /// Links to other files: never followed, remembered by name.
 #[derive(Default)]
 struct Elsewhere(Mutex<Vec<String>>);
@@ -116,13 +110,14 @@ impl Container {
             .with_chunk_cache_bytes(0)
             .with_max_object_header_bytes(MAX_HEADER)
             .with_external_link_resolver(elsewhere.clone());
-        let file = Hdf5File::from_owner(Mapped(map.clone()), options).map_err(|e| broken(&place, &e))?;
+        let file = Hdf5File::from_storage_with_options(Arc::new(VirtualLayouts(map.clone())), options)
+            .map_err(|e| broken(&place, &e))?;
         let block = file.superblock();
         if block.base_address == 0 && block.eof_address > map.len() as u64 {
             let what = format!("it has {} bytes and should have {}", map.len(), block.eof_address);
             return Err(Error::input_with(place, what, "the file is cut short: copy it again"));
         }
-        Ok(Container { place, map, file, elsewhere })
+        Ok(Container { place, path: path.to_path_buf(), map, file, elsewhere })
     }
 
     /// Names of the groups at the top and where they lie: several names of one group are links.
@@ -140,12 +135,11 @@ impl Container {
         self.elsewhere.0.lock().unwrap_or_else(|e| e.into_inner()).clone()
     }
 
+    /// A group by its names from the top, with `/` between them.
     fn group(&self, name: &str) -> Result<Group> {
         let root = self.file.root_group().map_err(|e| broken(&self.place, &e))?;
-        if name == TOP {
-            return Ok(root);
-        }
-        root.group(name).map_err(|e| broken(&format!("{}: {name}", self.place), &e))
+        let mut names = name.split('/').filter(|n| !n.is_empty());
+        names.try_fold(root, |g, n| g.group(n)).map_err(|e| broken(&format!("{}: {name}", self.place), &e))
     }
 
     /// Names of what a group at the top holds; none where there is no such group.

@@ -17,6 +17,7 @@ mod snapshot;
 mod storage;
 mod tables;
 mod units;
+mod virtual_sets;
 mod write;
 
 pub use write::{fields, write};

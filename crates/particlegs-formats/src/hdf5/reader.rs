@@ -4,6 +4,7 @@ use super::columns::{Columns, Part, Want, chunk_bytes};
 use super::container::Container;
 use super::snapshot;
 use super::storage::table;
+use super::virtual_sets;
 use crate::axes::axis;
 use crate::cache::ChunkCache;
 use crate::pieces::{Piece, PieceReader};
@@ -12,7 +13,10 @@ use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader, W
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_files::memory;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::ops::Range;
+use std::path::Path;
 use std::sync::Arc;
 
 /// What is read.
@@ -53,47 +57,124 @@ pub fn reader(source: &Source<'_>, choice: &Choice) -> Result<Box<dyn SnapshotRe
     let group = source.group;
     let used: Vec<&snapshot::Part> = source.parts.iter().filter(|p| p.rows[source.kind] > 0).collect();
     let mut tables = Vec::with_capacity(used.len());
-    for (index, file) in used.iter().enumerate() {
+    let mut sets = Sets { choice, count: 0 };
+    for file in used {
         let container = Container::of(&file.path, file.map.clone())?;
-        let mut parts = Vec::with_capacity(wanted.len());
-        for (k, (name, wants)) in wanted.iter().enumerate() {
-            let place = format!("{}: {group}/{name}", container.place);
-            let mut table = table(&container, group, name)?;
-            if table.packed.is_none() {
-                table.kind = table.kind.stored(choice.as_stored);
-            }
-            if let Some(want) = wants.iter().find(|w| w.component >= table.components) {
-                let what = format!("it has {} numbers a row, not {}", table.components, want.component + 1);
-                return Err(Error::input(place, what));
-            }
-            let key = (index * wanted.len() + k) as u64;
-            parts.push(Part { table, wants: wants.clone(), place, key });
-        }
-        tables.push(parts);
+        let mut sources = BTreeMap::new();
+        let columns = wanted.iter().map(|(name, wants)| sets.parts(&container, &mut sources, [group, name], wants));
+        tables.extend(side_by_side(columns.collect::<Result<_>>()?)?);
     }
     let mut meta = source.meta.clone();
     if let Mass::Each(mass) = species.mass {
         meta.particle_mass = Some(mass);
     }
-    assemble(meta, &used, tables, weight.is_some())
+    assemble(meta, tables, weight.is_some())
 }
 
-fn assemble(
-    meta: SnapshotMeta,
-    used: &[&snapshot::Part],
-    tables: Vec<Vec<Part>>,
-    weighted: bool,
-) -> Result<Box<dyn SnapshotReader>> {
+/// Data sets that are read, one after the other.
+struct Sets<'a> {
+    choice: &'a Choice,
+    /// Those before.
+    count: u64,
+}
+
+impl Sets<'_> {
+    /// Columns of a data set: one part, or as many as a virtual one has sources.
+    fn parts(
+        &mut self,
+        container: &Container,
+        sources: &mut BTreeMap<Arc<Path>, Container>,
+        [group, name]: [&str; 2],
+        wants: &[Want],
+    ) -> Result<Vec<Part>> {
+        let set = container.data_set(group, name)?;
+        let Some(extents) = virtual_sets::extents(container, group, &set)? else {
+            return Ok(vec![self.part(container, [group, name], wants)?]);
+        };
+        let mut parts = Vec::with_capacity(extents.len());
+        for extent in extents {
+            let source = match sources.entry(extent.source.file.clone()) {
+                Entry::Occupied(open) => open.into_mut(),
+                Entry::Vacant(new) => {
+                    let source = Container::open(new.key())?;
+                    new.insert(source)
+                }
+            };
+            let mut part = self.part(source, extent.source.name(), wants)?;
+            let whole = [0..part.table.rows, 0..part.table.components];
+            let [rows, columns] = extent.there.unwrap_or(whole.clone());
+            let stated = extent.rows.end - extent.rows.start;
+            if rows.end > whole[0].end
+                || columns != whole[1]
+                || columns.end != set.components()
+                || rows.end.checked_sub(rows.start) != Some(stated)
+            {
+                let there = format!("{} rows of {} numbers", part.table.rows, part.table.components);
+                let what = format!(
+                    "it has {there}, and {} has {stated} rows of {} from it",
+                    container.place,
+                    set.components()
+                );
+                return Err(Error::input_with(part.place, what, "one of the two files is of another snapshot"));
+            }
+            part.rows = rows;
+            parts.push(part);
+        }
+        Ok(parts)
+    }
+
+    fn part(&mut self, container: &Container, [group, name]: [&str; 2], wants: &[Want]) -> Result<Part> {
+        let place = format!("{}: {group}/{name}", container.place);
+        let mut table = table(container, group, name)?;
+        if table.packed.is_none() {
+            table.kind = table.kind.stored(self.choice.as_stored);
+        }
+        if let Some(want) = wants.iter().find(|w| w.component >= table.components) {
+            let what = format!("it has {} numbers a row, not {}", table.components, want.component + 1);
+            return Err(Error::input(place, what));
+        }
+        let (key, rows) = (self.count, 0..table.rows);
+        self.count += 1;
+        Ok(Part { map: container.map.clone(), rows, table: Arc::new(table), wants: wants.to_vec(), place, key })
+    }
+}
+
+/// Pieces with one part of each column, cut where any column goes on in another data set.
+fn side_by_side(mut columns: Vec<Vec<Part>>) -> Result<Vec<Vec<Part>>> {
+    let count = |parts: &Vec<Part>| parts.iter().map(Part::count).sum::<u64>();
+    let rows = columns.first().map_or(0, count);
+    if let Some(odd) = columns.iter().find(|c| count(c) != rows) {
+        let place = odd.first().map_or("", |p| &p.place);
+        return Err(Error::input(place, format!("it has {} rows, the positions have {rows}", count(odd))));
+    }
+    columns.iter_mut().for_each(|parts| parts.reverse());
+    let mut pieces = Vec::new();
+    while let Some(rows) = columns.iter().filter_map(|c| Some(c.last()?.count())).min() {
+        let take = |parts: &mut Vec<Part>| {
+            let mut part = parts.pop()?;
+            let rest = part.rows.start + rows..part.rows.end;
+            part.rows.end = rest.start;
+            if !rest.is_empty() {
+                parts.push(Part { rows: rest, ..part.clone() });
+            }
+            Some(part)
+        };
+        pieces.push(columns.iter_mut().filter_map(take).collect());
+    }
+    Ok(pieces)
+}
+
+fn assemble(meta: SnapshotMeta, tables: Vec<Vec<Part>>, weighted: bool) -> Result<Box<dyn SnapshotReader>> {
     let (rows, bytes) = tables.iter().flat_map(|t| chunk_bytes(t)).fold((0, 0), |a, b| (a.0.max(b.0), a.1.max(b.1)));
     let threads = particlegs::parallel::threads() as u64;
     let together = (BUDGET / bytes.max(1)).saturating_sub(1).clamp(1, threads.max(2));
     // Those that are kept, and one in two stages of its decoding.
     memory::require("decoding the chunks of this HDF5 file", (together + 3).saturating_mul(bytes))?;
     let cache = Arc::new(ChunkCache::new(((together + 1) * bytes) as usize));
-    let step = used.len().div_ceil(SAMPLED).max(1);
-    let mut pieces: Vec<Box<dyn Piece>> = Vec::with_capacity(used.len());
-    for (index, (file, parts)) in used.iter().zip(tables).enumerate() {
-        let piece = Columns::new(file.map.clone(), parts, cache.clone(), index % step == 0)?;
+    let step = tables.len().div_ceil(SAMPLED).max(1);
+    let mut pieces: Vec<Box<dyn Piece>> = Vec::with_capacity(tables.len());
+    for (index, parts) in tables.into_iter().enumerate() {
+        let piece = Columns::new(parts, cache.clone(), index % step == 0);
         pieces.push(Box::new(piece));
     }
     let inner = PieceReader::new(meta, pieces, weighted)?;

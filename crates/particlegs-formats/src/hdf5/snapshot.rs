@@ -6,11 +6,13 @@ use super::header::{Header, TYPES};
 use super::reader::{self, Source};
 use super::tables;
 use super::units::{self, Simulation};
+use super::virtual_sets;
 use crate::{Choice, Description, Field, Mass, Snapshot, Species};
 use memmap2::Mmap;
 use particlegs::model::{Cosmology, Dimension, Epoch, Unit, Units, species_aliases};
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -82,7 +84,7 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         }
     }
     let (found, strict) = (Default::default(), options.strict);
-    let mut builder = Builder { header, strict, found, notes: Vec::new(), parts: Vec::new() };
+    let mut builder = Builder { header, strict, found, notes: Vec::new(), parts: Vec::new(), sources: BTreeSet::new() };
     let paths = match (paths, files::stands_alone(&paths[0], builder.header.files)) {
         ([_], true) if !strict => {
             builder.note(format!(
@@ -138,6 +140,8 @@ struct Builder {
     found: [Option<Found>; TYPES],
     notes: Vec<String>,
     parts: Vec<Part>,
+    /// Files that hold the numbers of virtual data sets.
+    sources: BTreeSet<PathBuf>,
 }
 
 /// The name of a type's group.
@@ -223,6 +227,15 @@ impl Builder {
         };
         let rows = self.rows(positions, stated, &place)?;
         if rows > 0 {
+            for set in &members.sets {
+                match virtual_sets::extents(container, &group, set) {
+                    Ok(extents) => {
+                        self.sources.extend(extents.into_iter().flatten().map(|e| e.source.file.to_path_buf()))
+                    }
+                    Err(e) if set.name == positions.name => return Err(e),
+                    Err(_) => {}
+                }
+            }
             let positions = positions.name.clone();
             for (_, error) in members.unreadable {
                 self.note(format!("not read: {error}"));
@@ -314,7 +327,8 @@ impl Builder {
         }
         let code = self.header.code().map(|c| format!(", {c}")).unwrap_or_default();
         let format = format!("HDF5 snapshot{code}");
-        let description = Description { format, files: paths, meta, species, frames: None, notes };
+        let files = paths.into_iter().chain(self.sources).collect();
+        let description = Description { format, files, meta, species, frames: None, notes };
         Ok(Box::new(Hdf5Snapshot { description, parts: self.parts, types }))
     }
 

@@ -3,6 +3,7 @@
 use super::container::{Container, broken};
 use super::filters::Pipeline;
 use super::packed::Packed;
+use super::virtual_sets::is_virtual;
 use crate::strided::Kind;
 use hdf5_reader::Dataset;
 use hdf5_reader::btree_v1::{BTreeV1Key, collect_btree_v1_leaves_storage};
@@ -127,6 +128,10 @@ pub fn table(container: &Container, group: &str, name: &str) -> Result<Table> {
         Some(DataLayout::Compact { data }) if data.len() as u64 >= bytes => Storage::Compact(data.clone()),
         Some(DataLayout::Compact { data }) => return Err(found.short(bytes, data.len() as u64)),
         Some(DataLayout::Contiguous { address, size }) => found.flat(*address, *size, bytes)?,
+        Some(layout) if is_virtual(layout) => {
+            let hint = "copy it with h5py: `new[name] = old[name][:]`";
+            return Err(Error::input_with(&place, "a virtual data set within another, which is not read", hint));
+        }
         Some(DataLayout::Chunked { address, dims, chunk_indexing, .. }) => {
             let pipeline = Pipeline::new(filters, kind.bytes() as usize, &place)?;
             let chunks = found.chunks(*address, dims, chunk_indexing.as_ref(), pipeline)?;

@@ -1,0 +1,331 @@
+//! Virtual data sets: their rows lie in data sets of other files.
+//!
+//! The library does not know their layout. What it reads has each such layout rewritten as one chunk without
+//! axes, which no other data set has; its address says where the list of sources lies.
+
+use super::container::{Container, DataSet, broken};
+use super::tables::TOP;
+use hdf5_reader::checksum::jenkins_lookup3;
+use hdf5_reader::error::Result as Hdf5Result;
+use hdf5_reader::global_heap::GlobalHeapCollection;
+use hdf5_reader::io::Cursor;
+use hdf5_reader::messages::HdfMessage;
+use hdf5_reader::messages::layout::DataLayout;
+use hdf5_reader::{Storage, StorageBuffer};
+use memmap2::Mmap;
+use particlegs::{Error, Result};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The largest list of sources that is read; thousands of files need less than 1 MiB.
+const MAX_LIST: u64 = 4 << 20;
+
+/// A mapped file, with layouts of virtual data sets as the library can read them.
+pub struct VirtualLayouts(pub Arc<Mmap>);
+
+impl Storage for VirtualLayouts {
+    fn len(&self) -> u64 {
+        self.0.len() as u64
+    }
+
+    fn read_range(&self, offset: u64, len: usize) -> Hdf5Result<StorageBuffer> {
+        let start = usize::try_from(offset).unwrap_or(usize::MAX);
+        let stored = StorageBuffer::from_shared_owner(self.0.clone(), start, len)?;
+        Ok(rewritten(&stored).map_or(stored, StorageBuffer::from_vec))
+    }
+}
+
+/// Part of an object's header with its layout rewritten; `None` where it has no layout of a virtual data set.
+fn rewritten(bytes: &[u8]) -> Option<Vec<u8>> {
+    let summed = bytes.starts_with(b"OHDR") || bytes.starts_with(b"OCHK");
+    let at = (8..bytes.len().saturating_sub(13)).find(|&at| {
+        let before = &bytes[at - 8..at];
+        let layout = if summed {
+            before[4..7] == [8, 14, 0] || before[2..5] == [8, 14, 0]
+        } else {
+            before[..4] == [8, 0, 16, 0] && before[5..] == [0; 3]
+        };
+        layout && matches!(bytes[at..at + 2], [4 | 5, 3])
+    })?;
+    let index = u32::from_le_bytes(bytes[at + 10..at + 14].try_into().ok()?);
+    let address = u64::from_le_bytes(bytes[at + 2..at + 10].try_into().ok()?);
+    let index = u16::try_from(index).ok().filter(|_| address < 1 << 48)?;
+    let mut out = bytes.to_vec();
+    out[at..at + 6].copy_from_slice(&[4, 2, 0, 0, 1, 1]);
+    out[at + 6..at + 14].copy_from_slice(&(address << 16 | u64::from(index)).to_le_bytes());
+    if summed {
+        let end = bytes.len() - 4;
+        if at + 14 > end || bytes[end..] != jenkins_lookup3(&bytes[..end]).to_le_bytes() {
+            return None;
+        }
+        let sum = jenkins_lookup3(&out[..end]).to_le_bytes();
+        out[end..].copy_from_slice(&sum);
+    }
+    Some(out)
+}
+
+/// Is it what a virtual data set's layout was rewritten as?
+pub fn is_virtual(layout: &DataLayout) -> bool {
+    matches!(layout, DataLayout::Chunked { dims, .. } if dims.is_empty())
+}
+
+/// Rows of a virtual data set that lie in one data set of another file.
+pub struct Extent {
+    /// Rows here.
+    pub rows: Range<u64>,
+    /// Where they lie.
+    pub source: Source,
+    /// Rows and numbers of a row there; `None` for all.
+    pub there: Option<[Range<u64>; 2]>,
+}
+
+/// A data set of another file.
+#[derive(Clone)]
+pub struct Source {
+    /// The file.
+    pub file: Arc<Path>,
+    set: Arc<str>,
+}
+
+impl Source {
+    /// The data set's group, and its name there.
+    pub fn name(&self) -> [&str; 2] {
+        let set = self.set.trim_start_matches('/');
+        set.rsplit_once('/').map_or([TOP, set], |(group, name)| [group, name])
+    }
+}
+
+/// Where the rows of a virtual data set lie, in order and without gaps; `None` for one that is not virtual.
+///
+/// # Errors
+/// [`Error::Input`] for broken lists, for sources that are missing or not in the folder, and for rows that
+/// have no source or parts of several.
+pub fn extents(container: &Container, group: &str, set: &DataSet) -> Result<Option<Vec<Extent>>> {
+    let place = format!("{}: {group}/{}", container.place, set.name);
+    let file = &container.file;
+    let (_, data) = container.set(group, &set.name)?;
+    let header = file.get_or_parse_header(data.address()).map_err(|e| broken(&place, &e))?;
+    let found = header.messages.iter().find_map(|message| match message {
+        HdfMessage::DataLayout(l) if is_virtual(&l.layout) => Some(&l.layout),
+        _ => None,
+    });
+    let Some(DataLayout::Chunked { address, .. }) = found else { return Ok(None) };
+    let list = list(container, address >> 16, (address & 0xffff) as u16).map_err(|e| broken(&place, &e))?;
+    let Some(list) = list else { return Err(Error::input(&place, "broken HDF5 file: its list of sources is missing")) };
+    let lengths = file.superblock().length_size;
+    let mut extents = Entries { place: &place, path: &container.path, set, lengths }.read(&list)?;
+    extents.sort_by_key(|e| e.rows.start);
+    let mut end = 0;
+    let rows = set.shape.first().copied().unwrap_or(0);
+    if extents.iter().any(|e| e.rows.end > rows) {
+        return Err(Error::input_with(&place, "a virtual data set, and its sources have more rows than it", COPY));
+    }
+    for next in extents.iter().map(|e| e.rows.clone()).chain(std::iter::once(rows..rows)) {
+        if next.start != end {
+            let what = match next.start < end {
+                true => format!("two sources have its row {}", next.start),
+                false => format!("its rows {end} to {} have no source", next.start - 1),
+            };
+            return Err(Error::input_with(&place, format!("a virtual data set, and {what}"), COPY));
+        }
+        end = next.end;
+    }
+    Ok(Some(extents))
+}
+
+/// What helps where a virtual data set is of a kind that is not read.
+const COPY: &str = "copy it with h5py: `new[name] = old[name][:]`, or name the files that it is made of";
+
+/// An object of a global heap.
+fn list(container: &Container, address: u64, index: u16) -> Hdf5Result<Option<Vec<u8>>> {
+    let (storage, block) = (container.file.storage(), container.file.superblock());
+    let lengths = usize::from(block.length_size);
+    let start = storage.read_range(address, 8 + lengths)?;
+    if Cursor::new(&start[8..]).read_length(block.length_size)? > MAX_LIST {
+        return Ok(None);
+    }
+    let heap = GlobalHeapCollection::parse_at_storage(storage, address, block.offset_size, block.length_size)?;
+    Ok(heap.get_object(index).map(|object| object.data.clone()))
+}
+
+struct Entries<'a> {
+    place: &'a str,
+    path: &'a Path,
+    set: &'a DataSet,
+    lengths: u8,
+}
+
+/// Elements that are selected.
+enum Selection {
+    None,
+    All,
+    /// Along each axis.
+    Block(Vec<Range<u64>>),
+    /// What they are, for people.
+    Other(&'static str),
+}
+
+impl Entries<'_> {
+    fn read(&self, list: &[u8]) -> Result<Vec<Extent>> {
+        let cursor = &mut Cursor::new(list);
+        let failed = |e| broken(self.place, &e);
+        let version = cursor.read_u8().map_err(failed)?;
+        if version > 1 {
+            return Err(self.refused("its list is of a later version of HDF5"));
+        }
+        let count = cursor.read_length(self.lengths).map_err(failed)?;
+        let mut extents = Vec::new();
+        let mut sources: Vec<Source> = Vec::new();
+        for _ in 0..count {
+            let source = self.source(cursor, version, &sources)?;
+            sources.push(source.clone());
+            let there = match selection(cursor).map_err(failed)? {
+                Selection::None => Some([0..0, 0..0]),
+                Selection::All => None,
+                Selection::Other(what) => return Err(self.refused(what)),
+                Selection::Block(axes) => Some(self.table(axes)?),
+            };
+            let rows = match selection(cursor).map_err(failed)? {
+                Selection::None => 0..0,
+                Selection::All => 0..self.set.shape.first().copied().unwrap_or(0),
+                Selection::Other(what) => return Err(self.refused(what)),
+                Selection::Block(axes) => self.rows(axes)?,
+            };
+            if !rows.is_empty() {
+                extents.push(Extent { rows, source, there });
+            }
+        }
+        Ok(extents)
+    }
+
+    /// A source; since version 1, names may be those of an earlier one, or this file's.
+    fn source(&self, cursor: &mut Cursor<'_>, version: u8, earlier: &[Source]) -> Result<Source> {
+        let failed = |e| broken(self.place, &e);
+        let flags = if version == 0 { 0 } else { cursor.read_u8().map_err(failed)? };
+        let shared = |cursor: &mut Cursor<'_>| {
+            let at = usize::try_from(cursor.read_length(self.lengths).map_err(failed)?).unwrap_or(usize::MAX);
+            let known = earlier.get(at);
+            known.ok_or_else(|| {
+                Error::input(self.place, "broken HDF5 file: a source has the name of one that is not there")
+            })
+        };
+        let file = match flags & 5 {
+            0 => self.file(&cursor.read_null_terminated_string().map_err(failed)?)?.into(),
+            1 => shared(cursor)?.file.clone(),
+            _ => self.path.into(),
+        };
+        let set = match flags & 2 {
+            0 => cursor.read_null_terminated_string().map_err(failed)?.into(),
+            _ => shared(cursor)?.set.clone(),
+        };
+        Ok(Source { file, set })
+    }
+
+    fn refused(&self, what: &str) -> Error {
+        Error::input_with(self.place, format!("a virtual data set that is not read: {what}"), COPY)
+    }
+
+    /// A block of a table: rows, and numbers of a row.
+    fn table(&self, axes: Vec<Range<u64>>) -> Result<[Range<u64>; 2]> {
+        let mut axes = axes.into_iter();
+        match (axes.next(), axes.next(), axes.next()) {
+            (Some(rows), columns, None) => Ok([rows, columns.unwrap_or(0..1)]),
+            _ => Err(self.refused("its sources are no tables")),
+        }
+    }
+
+    fn rows(&self, axes: Vec<Range<u64>>) -> Result<Range<u64>> {
+        let [rows, columns] = self.table(axes)?;
+        match columns == (0..self.set.components()) {
+            true => Ok(rows),
+            false => Err(self.refused("the numbers of a row lie in several sources")),
+        }
+    }
+
+    /// A source's file: in this file's folder, or below it.
+    fn file(&self, name: &str) -> Result<PathBuf> {
+        if name == "." {
+            return Ok(self.path.to_path_buf());
+        }
+        if name.replace("%%", "").contains('%') {
+            return Err(self.refused("its files are named by a pattern with %b"));
+        }
+        let (named, folder) = (name.replace("%%", "%"), self.path.parent().unwrap_or(Path::new("")));
+        let shown: String = named.chars().map(|c| if c.is_control() { ' ' } else { c }).take(200).collect();
+        let (named, stated) = (Path::new(&named), folder.join(&named));
+        let inside =
+            named.components().all(|c| matches!(c, std::path::Component::Normal(_) | std::path::Component::CurDir));
+        // HDF5, too, looks beside the file for what is not where the path says.
+        let path = if inside { stated.clone() } else { folder.join(named.file_name().unwrap_or_default()) };
+        let same = |p: PathBuf| path.canonicalize().is_ok_and(|beside| beside == p);
+        if !inside && (!path.is_file() || !stated.canonicalize().map_or(true, same)) {
+            let what = format!("a virtual data set whose source is in another folder: {shown}");
+            return Err(Error::input_with(self.place, what, "put the source beside this file"));
+        }
+        if !path.is_file() {
+            let what = format!("a virtual data set whose source is missing: {}", folder.join(shown).display());
+            return Err(Error::input_with(self.place, what, "put it there: the numbers lie in it"));
+        }
+        Ok(path)
+    }
+}
+
+/// Reads what is selected of a data set, as HDF5 keeps it.
+fn selection(cursor: &mut Cursor<'_>) -> Hdf5Result<Selection> {
+    const SEVERAL: Selection = Selection::Other("one source has rows in several places");
+    let (kind, version) = (cursor.read_u32_le()?, cursor.read_u32_le()?);
+    if kind != 2 {
+        cursor.skip(8)?;
+        return Ok(match kind {
+            0 => Selection::None,
+            3 => Selection::All,
+            _ => Selection::Other("single elements are selected"),
+        });
+    }
+    let (regular, width) = match version {
+        1 => {
+            cursor.skip(8)?;
+            (false, 4)
+        }
+        2 => {
+            let regular = cursor.read_u8()? & 1 != 0;
+            cursor.skip(4)?;
+            (regular, 8)
+        }
+        _ => {
+            let regular = cursor.read_u8()? & 1 != 0;
+            (regular, usize::from(cursor.read_u8()?))
+        }
+    };
+    let rank = cursor.read_u32_le()?;
+    if rank > 32 {
+        return Ok(Selection::Other("its sources are no tables"));
+    }
+    if !regular && cursor.read_uvar(width)? != 1 {
+        return Ok(SEVERAL);
+    }
+    let mut axes = Vec::new();
+    if !regular {
+        let ends: Vec<u64> = (0..2 * rank).map(|_| cursor.read_uvar(width)).collect::<Hdf5Result<_>>()?;
+        let (first, last) = ends.split_at(rank as usize);
+        axes.extend(first.iter().zip(last).map(|(&first, &last)| first..last.saturating_add(1)));
+        return Ok(Selection::Block(axes));
+    }
+    if !matches!(width, 2 | 4 | 8) {
+        return Ok(Selection::Other("its list is of a later version of HDF5"));
+    }
+    let unlimited = u64::MAX >> (64 - 8 * width);
+    for _ in 0..rank {
+        let [start, stride, count, block] = [(); 4].map(|()| cursor.read_uvar(width));
+        let (start, stride, count, block) = (start?, stride?, count?, block?);
+        if count == unlimited || block == unlimited {
+            return Ok(Selection::Other("it grows with its sources (unlimited)"));
+        }
+        if count != 1 && stride != block {
+            return Ok(SEVERAL);
+        }
+        axes.push(start..start.saturating_add(count.saturating_mul(block)));
+    }
+    Ok(Selection::Block(axes))
+}
