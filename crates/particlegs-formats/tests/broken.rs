@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 #[global_allocator]
 static COUNTING: support::Counting = support::Counting;
 
-/// The one that is good: a box of 0 is none.
-const GOOD: &str = "hdf5_box0.hdf5";
+/// Those that are read: a box of 0 is none, and a header may be that of a larger snapshot, which a note says.
+const GOOD: [&str; 2] = ["hdf5_box0.hdf5", "hdf5_count_lies.hdf5"];
 const MOST_BYTES: usize = 100 << 20;
 const LONGEST: Duration = Duration::from_secs(1);
 
@@ -50,6 +50,6 @@ fn check(path: &Path, refused: bool) -> Vec<String> {
 fn every_broken_file_is_refused_in_one_line() {
     let files = support::files(&support::data("bad"));
     assert!(files.len() >= 65, "{} files", files.len());
-    let wrong: Vec<String> = files.iter().flat_map(|p| check(p, !p.ends_with(GOOD))).collect();
+    let wrong: Vec<String> = files.iter().flat_map(|p| check(p, !GOOD.iter().any(|good| p.ends_with(good)))).collect();
     assert!(wrong.is_empty(), "{} faults:\n{}", wrong.len(), wrong.join("\n"));
 }

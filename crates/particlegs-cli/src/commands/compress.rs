@@ -115,9 +115,6 @@ pub fn run(a: Arguments) -> Result<()> {
         options.storage = Storage::Disk(a.scratch_folder());
     }
     let particles = a.snapshot.open_selected_in(&options.storage, &a.input, subset, &context)?;
-    if !particles.meta.fields.is_empty() {
-        context.message(&format!("note: fields that the model leaves out: {}", particles.meta.fields.join(", ")));
-    }
     let blocks = options.blocks_of(&particles)?;
     if options.memory.is_some() && blocks > 1 {
         options.storage.announce(&format!("{blocks} blocks"), particles.raw_bytes(), &context);

@@ -41,7 +41,7 @@ pub struct Arguments {
     /// Folder of the job.
     #[arg(long, short, alias = "out", value_name = "JOB", value_hint = ValueHint::DirPath)]
     output: PathBuf,
-    /// Number of blocks, or `auto`: as many as --memory asks for.
+    /// Number of blocks; `auto`: as --memory asks for.
     ///
     /// Blocks hold about equal numbers of particles.
     #[arg(long, value_name = "K|auto", default_value = "auto")]

@@ -333,7 +333,8 @@ mod tests {
         c.pictures.as_mut().unwrap().settings[0].paraview.mean.model =
             Some(PictureScore { masked_psnr: Some(1e9), ssim: 1.5 });
         c.density.correlation = 0.999;
-        c.science.as_mut().unwrap().r_above_0_9_to = Limit::At(1e-60);
+        let science = c.science.as_mut().unwrap();
+        (science.r_above_0_99_to, science.r_above_0_9_to) = (Limit::Never, Limit::At(1e-60));
         let back = read(&write(&c)).unwrap();
         let own = back.views.orbits[2].expected.model.unwrap();
         assert!((own.masked_psnr.unwrap() - 31.234_56).abs() <= 0.0025 && (own.ssim + 0.1).abs() < 2e-5);

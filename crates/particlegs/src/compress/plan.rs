@@ -69,6 +69,8 @@ impl Plan {
         check_box(&scan.bounds, cell, name)?;
         let outside = scan.outside.judge(source.count(), name)?;
         let no_box = cell.is_none().then(|| "the snapshot states no periodic box, so nothing is periodic".to_string());
+        let fields = &source.meta.fields;
+        let left_out = (!fields.is_empty()).then(|| format!("fields that the model leaves out: {}", fields.join(", ")));
         options.target.check()?;
         let known = Known { count: source.count(), bounds: scan.bounds, source_hash: scan.hash(source.origin) };
         let plan = Plan {
@@ -77,7 +79,7 @@ impl Plan {
             layers: source.layers.iter().map(|l| l.layer.clone()).collect(),
             metadata: describe(&source.meta, &known, options, blocks),
             tree: KdTree::new(&scan.sample, blocks)?,
-            notes: no_box.into_iter().chain(outside).collect(),
+            notes: left_out.into_iter().chain(no_box).chain(outside).collect(),
         };
         if alpha { plan.has_room() } else { Ok(()) }?;
         if plan.certificate.measures() {
