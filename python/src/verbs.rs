@@ -12,7 +12,7 @@ use particlegs::score;
 use particlegs_export::{Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats};
 use particlegs_export::{write_as_splats, write_density, write_gaussians};
 use particlegs_files::output::write_bytes;
-use particlegs_view::page::{ModelFile, offline};
+use particlegs_view::page::{ModelFile, Opening, offline};
 use pyo3::prelude::*;
 use serde_json::json;
 use std::path::PathBuf;
@@ -189,7 +189,8 @@ pub fn export(
             Err(particlegs::Error::argument("a page holds the whole file, and switches layers itself: no layers="))
         }
         Group::Page => {
-            let html = offline(&[(ModelFile { name: model.called(), bytes: model.bytes() }, model.inner())], progress)?;
+            let file = ModelFile { name: model.called(), bytes: model.bytes() };
+            let html = offline(&[(file, model.inner())], &Opening::default(), progress)?;
             write_bytes(&path, &html).map(|()| html.len() as u64)
         }
         Group::Gaussians => write_gaussians(kind, &shown, &notes, &path, progress),

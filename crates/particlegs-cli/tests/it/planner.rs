@@ -77,8 +77,9 @@ fn dump(path: &Path, tilt: f64, out: usize, by: f64) {
     );
     for i in 0..300 {
         let at = |step: usize| (i * step % 297) as f64 / 30.0;
-        let x = at(7) + if i < out { by } else { 0.0 };
-        writeln!(text, "{} 1 {x} {} {}", i + 1, at(11), at(13)).unwrap();
+        let y = at(11);
+        let x = at(7) + tilt * y / 10.0 + if i < out { by } else { 0.0 };
+        writeln!(text, "{} 1 {x} {y} {}", i + 1, at(13)).unwrap();
     }
     std::fs::write(path, text).unwrap();
 }

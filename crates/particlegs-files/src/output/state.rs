@@ -104,7 +104,7 @@ impl PlannedOutput {
         let now = PathState::of(target)?;
         let empty =
             now == PathState::Missing || std::fs::symlink_metadata(target).is_ok_and(|m| m.is_file() && m.len() == 0);
-        Ok((self.target == target && (empty || now == self.state)).then_some(now))
+        Ok((whole(&self.target) == whole(target) && (empty || now == self.state)).then_some(now))
     }
 }
 
