@@ -173,7 +173,7 @@ def test_grids_of_boxes_that_are_no_cubes(cloud: Path) -> None:
 
 
 def test_what_is_shown_first_has_a_range_that_shows_it(sample: Path) -> None:
-    """The active scalars: the denser half of the mass at least, without the few densest cells, whatever the contrast."""
+    """The active scalars: the denser half of the mass, without the few densest cells, whatever the contrast."""
     image = output(reader_of(sample, Resolution=24), DENSITY)
     assert image.GetCellData().GetScalars().GetName() == "contrast"
     rng = np.random.default_rng(2)
