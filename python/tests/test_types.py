@@ -16,7 +16,7 @@ PYTHON = pathlib.Path(__file__).resolve().parents[1]
 
 #: What a user writes, and the types that it has.
 FACE = """
-from typing import Any, Optional, Union
+from typing import Any, Optional
 import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import assert_type
@@ -28,7 +28,7 @@ assert_type(snap, pg.Snapshot)
 assert_type(pg.Snapshot(np.zeros((3, 3)), box=50, pbc=(True, True, False), units="Mpc/h"), pg.Snapshot)
 assert_type(pg.Snapshot.from_chunks([np.zeros((3, 3))], units="kpc"), pg.Snapshot)
 assert_type(pg.Snapshot.from_ase(None, box=3.0), pg.Snapshot)
-assert_type(snap.masses, Union[float, NDArray[np.float64], None])
+assert_type(snap.masses, Optional[NDArray[np.float64]])
 
 model = pg.compress(snap, ratio=300, progress=lambda phase, done, total: None)
 assert_type(model, pg.Model)
