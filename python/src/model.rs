@@ -17,7 +17,7 @@ use particlegs::score::Finding;
 use particlegs::{codec, parallel};
 use particlegs_export::density_unit;
 use particlegs_files::output;
-use particlegs_view::page::{ModelFile, Opening, offline};
+use particlegs_view::page::{ModelFile, PageOpening, offline};
 use particlegs_view::poster;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -304,7 +304,7 @@ impl Model {
 
     /// A page that shows the model in any browser, offline; how it opens, as JSON.
     fn to_html(&self, py: Python<'_>, opening: &str) -> PyResult<String> {
-        let opening: Opening = serde_json::from_str(opening).map_err(|e| InputError::new_err(e.to_string()))?;
+        let opening: PageOpening = serde_json::from_str(opening).map_err(|e| InputError::new_err(e.to_string()))?;
         self.only((!opening.layers.is_empty()).then_some(&opening.layers[..]))?;
         let file = ModelFile { name: &self.name, bytes: &self.bytes };
         let page = How::quietly(None).run(py, |progress| offline(&[(file, &self.model)], &opening, progress))?;

@@ -12,7 +12,7 @@ use particlegs::score;
 use particlegs_export::{Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats};
 use particlegs_export::{write_as_splats, write_density, write_gaussians};
 use particlegs_files::output::write_bytes;
-use particlegs_view::page::{ModelFile, Opening, offline};
+use particlegs_view::page::{ModelFile, PageOpening, offline};
 use pyo3::prelude::*;
 use serde_json::json;
 use std::path::PathBuf;
@@ -190,7 +190,7 @@ pub fn export(
         }
         Group::Page => {
             let file = ModelFile { name: model.called(), bytes: model.bytes() };
-            let html = offline(&[(file, model.inner())], &Opening::default(), progress)?;
+            let html = offline(&[(file, model.inner())], &PageOpening::default(), progress)?;
             write_bytes(&path, &html).map(|()| html.len() as u64)
         }
         Group::Gaussians => write_gaussians(kind, &shown, &notes, &path, progress),

@@ -11,7 +11,7 @@ use particlegs::codec::FileInfo;
 use particlegs::model::{LawKind, is_species};
 use particlegs::picture::Colormap;
 use particlegs::{Error, Result};
-use particlegs_view::page::{Opening, PageStyle};
+use particlegs_view::page::{PageOpening, PageStyle};
 use std::path::PathBuf;
 
 /// What a page draws first, and from where.
@@ -129,7 +129,7 @@ impl PageArgs {
         layers: &[String],
         models: &[&FileInfo],
         context: &Context,
-    ) -> Result<Opening> {
+    ) -> Result<PageOpening> {
         let mut opening = self.own(dials)?;
         if let Some(path) = &self.views {
             opening.views = Some(views(ViewsFile::read(path, context)?.0)?);
@@ -158,7 +158,7 @@ impl PageArgs {
     }
 
     /// What the options say themselves.
-    fn own(&self, dials: &DialArgs) -> Result<Opening> {
+    fn own(&self, dials: &DialArgs) -> Result<PageOpening> {
         let finite = |name: &str, value: Option<f64>| match value {
             Some(v) if !v.is_finite() => Err(Error::argument(format!("--{name} {v} is not a finite angle"))),
             value => Ok(value),
@@ -175,7 +175,7 @@ impl PageArgs {
             Some([x, y, z]) if [x, y, z].iter().all(|v| v.is_finite()) => Some([*x, *y, *z]),
             Some(_) => return Err(Error::argument("--look-at takes X,Y,Z, each a finite number")),
         };
-        Ok(Opening {
+        Ok(PageOpening {
             style: self.style.map(Style::of_page),
             colormap: dials.colormap,
             range: range_of(dials.range.as_deref())?,

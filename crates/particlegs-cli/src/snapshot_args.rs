@@ -51,9 +51,9 @@ pub struct SnapshotArgs {
     #[serde(default)]
     pub strict: bool,
     /// Unwrapped positions of a trajectory, such as xu, yu, zu: wrap them into the box, or keep them without one.
-    #[arg(long, value_name = "HOW", hide_short_help = true, value_enum, default_value_t = Unwrapped::Wrap)]
+    #[arg(long, value_name = "HOW", hide_short_help = true, value_enum, default_value_t = UnwrappedPositions::Wrap)]
     #[serde(default)]
-    pub unwrapped: Unwrapped,
+    pub unwrapped: UnwrappedPositions,
     /// Names of the blocks of a Gadget file of format 1 behind its header, in order: POS,VEL,ID,MASS,...
     ///
     /// Blocks called - are passed over. By default blocks are told by their lengths and values.
@@ -64,7 +64,7 @@ pub struct SnapshotArgs {
 
 /// What becomes of unwrapped positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
-pub enum Unwrapped {
+pub enum UnwrappedPositions {
     /// They are wrapped into the periodic box.
     #[default]
     Wrap,
@@ -208,7 +208,7 @@ impl SnapshotArgs {
             ("--box", self.box_lengths.as_ref().map(numbers)),
             ("--length-unit", self.length_unit.clone()),
             ("--mass-unit", self.mass_unit.clone()),
-            ("--unwrapped", (self.unwrapped == Unwrapped::Keep).then(|| "keep".into())),
+            ("--unwrapped", (self.unwrapped == UnwrappedPositions::Keep).then(|| "keep".into())),
             ("--gadget-blocks", (!self.gadget_blocks.is_empty()).then(|| self.gadget_blocks.join(","))),
         ];
         let given = all.into_iter().filter_map(|(name, value)| Some(format!("{name} {}", value?)));
@@ -240,7 +240,7 @@ impl SnapshotArgs {
             by_mass: self.layers_by == LayersBy::Mass,
             skip_invalid: self.skip_invalid,
             strict: self.strict,
-            keep_unwrapped: self.unwrapped == Unwrapped::Keep,
+            keep_unwrapped: self.unwrapped == UnwrappedPositions::Keep,
             blocks: self.gadget_blocks.clone(),
             box_lengths,
             length_unit: self.length_unit.clone(),

@@ -7,7 +7,7 @@ use particlegs::model::Metadata;
 use particlegs::particles::{Particles, Storage};
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
-use particlegs_view::page::Opening;
+use particlegs_view::page::PageOpening;
 use particlegs_view::poster;
 use std::path::{Path, PathBuf};
 
@@ -89,7 +89,7 @@ impl Viewed {
     }
 
     /// Is there a model that takes the page long enough for a poster? Of several none is the whole page.
-    pub fn has_poster(&self, opening: &Opening) -> bool {
+    pub fn has_poster(&self, opening: &PageOpening) -> bool {
         matches!(&self.files[..], [only] if poster::wanted(only.info.gaussians(), opening)
             && only.info.gaussians() <= poster::SERVED_UP_TO)
     }

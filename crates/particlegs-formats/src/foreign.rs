@@ -11,7 +11,7 @@ pub(crate) struct Foreign {
     /// What a file of it is, with its article.
     pub title: &'static str,
     /// Does a file that begins so have it?
-    is: fn(&Start<'_>) -> bool,
+    is: fn(&FileStart<'_>) -> bool,
     converter: Converter,
 }
 
@@ -189,7 +189,7 @@ static FOREIGN: &[Foreign] = &[
 
 /// The first format that takes a file to be its own.
 pub(crate) fn foreign_of(head: &Head) -> Option<&'static Foreign> {
-    let start = Start { bytes: &head.content, length: head.length };
+    let start = FileStart { bytes: &head.content, length: head.length };
     FOREIGN.iter().find(|f| (f.is)(&start))
 }
 
@@ -237,13 +237,13 @@ fn names(path: &Path) -> (String, String) {
 }
 
 /// The beginning of a file.
-struct Start<'a> {
+struct FileStart<'a> {
     bytes: &'a [u8],
     /// Bytes of the file.
     length: u64,
 }
 
-impl<'a> Start<'a> {
+impl<'a> FileStart<'a> {
     fn begins(&self, signatures: &[&[u8]]) -> bool {
         signatures.iter().any(|s| self.bytes.starts_with(s))
     }
@@ -285,17 +285,17 @@ fn is_row(line: &[u8], word: &[u8], count: usize) -> bool {
     words.first() == Some(&word) && words.len() == count + 1 && words[1..].iter().all(|w| number(w).is_some())
 }
 
-fn is_dcd(s: &Start<'_>) -> bool {
+fn is_dcd(s: &FileStart<'_>) -> bool {
     let marked = |at: usize, length: [u8; 4]| s.bytes.starts_with(&length) && s.bytes.get(at..at + 4) == Some(b"CORD");
     [4, 8].into_iter().any(|at| marked(at, [84, 0, 0, 0])) || marked(4, [0, 0, 0, 84])
 }
 
-fn is_netcdf(s: &Start<'_>) -> bool {
+fn is_netcdf(s: &FileStart<'_>) -> bool {
     s.begins(&[b"CDF\x01", b"CDF\x02", b"CDF\x05"])
 }
 
 /// A header of a time and counts that add up, to each other and to the file's length.
-fn is_tipsy(s: &Start<'_>) -> bool {
+fn is_tipsy(s: &FileStart<'_>) -> bool {
     let counts = |word: fn([u8; 4]) -> u32| {
         let at = |k: usize| s.bytes.get(8 + 4 * k..12 + 4 * k).map(|b| u64::from(word([b[0], b[1], b[2], b[3]])));
         Some([at(0)?, at(1)?, at(2)?, at(3)?, at(4)?])
@@ -315,14 +315,14 @@ fn is_atom_of_pdb(line: &[u8]) -> bool {
     (line.starts_with(b"ATOM  ") || line.starts_with(b"HETATM")) && [30, 38, 46].into_iter().all(is_number)
 }
 
-fn is_lammps_data(s: &Start<'_>) -> bool {
+fn is_lammps_data(s: &FileStart<'_>) -> bool {
     let is_count = |l: &[u8]| matches!(tokens(l, Separator::Blanks)[..], [n, b"atoms", ..] if is_whole(n));
     let is_side = |l: &[u8]| memchr::memmem::find(l, b"xlo xhi").is_some();
     s.lines().take(64).any(is_count) && s.lines().take(64).any(is_side)
 }
 
 /// A comment, a scale, three vectors, perhaps symbols, numbers of atoms, how positions are meant.
-fn is_poscar(s: &Start<'_>) -> bool {
+fn is_poscar(s: &FileStart<'_>) -> bool {
     let scale = s.numbers(1).is_some_and(|n| n.len() == 1 || n.len() == 3);
     let counts = |at: usize| !s.words(at).is_empty() && s.words(at).into_iter().all(is_whole);
     let at = if counts(5) { 5 } else { 6 };
@@ -331,7 +331,7 @@ fn is_poscar(s: &Start<'_>) -> bool {
 }
 
 /// A title, a number of atoms, and lines of fixed columns.
-fn is_gro(s: &Start<'_>) -> bool {
+fn is_gro(s: &FileStart<'_>) -> bool {
     let is_count = matches!(s.words(1)[..], [n] if is_whole(n)) && !matches!(s.words(0)[..], [n] if is_whole(n));
     is_count
         && s.lines().nth(2).is_some_and(|line| {
@@ -341,7 +341,7 @@ fn is_gro(s: &Start<'_>) -> bool {
         })
 }
 
-fn is_xsf(s: &Start<'_>) -> bool {
+fn is_xsf(s: &FileStart<'_>) -> bool {
     let first = s.lines().map(<[u8]>::trim_ascii).find(|l| !l.is_empty() && !l.starts_with(b"#")).unwrap_or_default();
     let words: [&[u8]; 7] = [b"CRYSTAL", b"SLAB", b"POLYMER", b"MOLECULE", b"PRIMVEC", b"ATOMS", b"ANIMSTEPS"];
     words.iter().any(|w| first.starts_with(w))
@@ -349,7 +349,7 @@ fn is_xsf(s: &Start<'_>) -> bool {
 }
 
 /// A number of atoms, perhaps a title, and lines of a number, a symbol, a position, a type.
-fn is_tinker(s: &Start<'_>) -> bool {
+fn is_tinker(s: &FileStart<'_>) -> bool {
     let atom = s.words(1);
     s.words(0).first().is_some_and(|w| is_whole(w))
         && atom.len() >= 6
@@ -360,7 +360,7 @@ fn is_tinker(s: &Start<'_>) -> bool {
 }
 
 /// A title, a number of atoms and perhaps a time, and lines of six numbers in columns of twelve.
-fn is_amber_restart(s: &Start<'_>) -> bool {
+fn is_amber_restart(s: &FileStart<'_>) -> bool {
     let count = s.words(1).first().is_some_and(|w| is_whole(w)) && s.words(1).len() <= 3;
     let row = s.lines().nth(2).unwrap_or_default();
     let fixed = row.len() == 72 && row.chunks(12).all(|f| number(f.trim_ascii()).is_some() && f[4] == b'.');
@@ -368,7 +368,7 @@ fn is_amber_restart(s: &Start<'_>) -> bool {
 }
 
 /// A title, two or more whole numbers, a cell.
-fn is_dl_poly(s: &Start<'_>) -> bool {
+fn is_dl_poly(s: &FileStart<'_>) -> bool {
     let flags = s.words(1);
     let atom = s.words(5);
     (2..=5).contains(&flags.len())
@@ -379,7 +379,7 @@ fn is_dl_poly(s: &Start<'_>) -> bool {
 }
 
 /// Two lines of comment, a number of atoms and an origin, three numbers of voxels and vectors.
-fn is_cube(s: &Start<'_>) -> bool {
+fn is_cube(s: &FileStart<'_>) -> bool {
     let whole_first = |i: usize| s.words(i).first().is_some_and(|w| is_whole(w.strip_prefix(b"-").unwrap_or(w)));
     (2..6).all(whole_first)
         && s.are_numbers(3..6, 4)

@@ -60,7 +60,7 @@ pub enum PageStyle {
 /// all layers from azimuth 0, elevation 0, distance 1 (of the alpha-blend law, its picture). Lengths in world units.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Opening {
+pub struct PageOpening {
     /// The style.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub style: Option<PageStyle>,
@@ -131,7 +131,7 @@ pub struct Page {
 ///
 /// # Errors
 /// [`particlegs::Error::Memory`], [`particlegs::Error::Cancelled`].
-pub fn offline(models: &[(ModelFile<'_>, &Model)], opening: &Opening, progress: &dyn Progress) -> Result<Vec<u8>> {
+pub fn offline(models: &[(ModelFile<'_>, &Model)], opening: &PageOpening, progress: &dyn Progress) -> Result<Vec<u8>> {
     progress.check()?;
     let poster = match models {
         [(_, model)] if poster::wanted(model.gaussians(), opening) => {
@@ -156,7 +156,7 @@ pub fn offline(models: &[(ModelFile<'_>, &Model)], opening: &Opening, progress: 
 pub fn served<'a>(
     models: impl IntoIterator<Item = ModelFile<'a>>,
     snapshot: Option<&'a Snapshot>,
-    opening: &'a Opening,
+    opening: &'a PageOpening,
     poster: bool,
 ) -> Page {
     Builder::new(&Setup::new(models, snapshot, opening, true), poster.then_some("poster")).finish()
@@ -169,7 +169,7 @@ struct Setup<'a> {
     models: Vec<SetupModel<'a>>,
     engine: Place,
     truth: Option<SetupTruth<'a>>,
-    opening: &'a Opening,
+    opening: &'a PageOpening,
     served: bool,
 }
 
@@ -205,7 +205,7 @@ impl<'a> Setup<'a> {
     fn new(
         models: impl IntoIterator<Item = ModelFile<'a>>,
         snapshot: Option<&'a Snapshot>,
-        opening: &'a Opening,
+        opening: &'a PageOpening,
         served: bool,
     ) -> Setup<'a> {
         let at = |i| if served { Place::Url(format!("model/{i}")) } else { Place::Element(format!("model-{i}")) };

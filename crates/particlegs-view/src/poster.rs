@@ -1,6 +1,6 @@
 //! The picture that a page shows until its own is there.
 
-use crate::page::Opening;
+use crate::page::PageOpening;
 use particlegs::camera::{DensityView, View, base_distance, spherical_camera};
 use particlegs::model::{LawKind, Model};
 use particlegs::picture::{Colormap, DensityColors, Size};
@@ -19,8 +19,8 @@ pub const SMALL: Size = Size { width: 640, height: 360 };
 pub const LARGE: Size = Size { width: 1280, height: 720 };
 
 /// Is a model of so many Gaussians worth a poster, which is of the usual opening?
-pub fn wanted(gaussians: usize, opening: &Opening) -> bool {
-    gaussians > MORE_THAN && *opening == Opening::default()
+pub fn wanted(gaussians: usize, opening: &PageOpening) -> bool {
+    gaussians > MORE_THAN && *opening == PageOpening::default()
 }
 
 /// A picture of the whole.

@@ -1,7 +1,7 @@
 //! What clients may cost: silent, slow and many ones, and none at all.
 
 use particlegs::progress::Progress;
-use particlegs_view::page::Opening;
+use particlegs_view::page::PageOpening;
 use particlegs_view::server::{Event, Limits, Options, Server, Shown, Token};
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -46,7 +46,7 @@ fn while_serving(
         let shown = Shown {
             models: vec![("m.pgs".into(), b"model".to_vec())],
             truth: None,
-            opening: Opening::default(),
+            opening: PageOpening::default(),
             poster,
         };
         server.serve(shown, &caller, &|event| told.lock().unwrap().push(event)).unwrap();
@@ -194,7 +194,7 @@ fn left_alone_it_ends() {
     let server =
         Server::bind(Options { host, port: Some(0), proxies: vec![], node: None, token, limits: idle }).unwrap();
     let start = Instant::now();
-    let shown = Shown { models: vec![], truth: None, opening: Opening::default(), poster: None };
+    let shown = Shown { models: vec![], truth: None, opening: PageOpening::default(), poster: None };
     server.serve(shown, &Caller::default(), &|_| {}).unwrap();
     assert!(start.elapsed() >= SHORT && start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
 }

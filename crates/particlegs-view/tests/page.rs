@@ -9,7 +9,7 @@ use particlegs::progress::{Progress, Silent};
 use particlegs::render::{Scene, draw, surface_density};
 use particlegs::splat::Look;
 use particlegs::{Error, codec};
-use particlegs_view::page::{ModelFile, Opening, PageStyle, Snapshot, offline, served};
+use particlegs_view::page::{ModelFile, PageOpening, PageStyle, Snapshot, offline, served};
 use particlegs_view::poster;
 use sha2::{Digest, Sha256};
 
@@ -20,7 +20,7 @@ const OTHER: &[u8] = include_bytes!("../../particlegs/tests/fixtures/format-1.0-
 fn page(models: &[ModelFile<'_>]) -> String {
     let decoded: Vec<Model> = models.iter().map(|m| codec::decode(m.bytes, m.name).unwrap()).collect();
     let models: Vec<_> = models.iter().copied().zip(&decoded).collect();
-    String::from_utf8(offline(&models, &Opening::default(), &Silent).unwrap()).unwrap()
+    String::from_utf8(offline(&models, &PageOpening::default(), &Silent).unwrap()).unwrap()
 }
 
 /// What stands in the element of an id.
@@ -59,7 +59,8 @@ fn a_page_is_the_models_and_a_shell() {
 fn the_policy_names_the_script_and_the_style_that_are_there() {
     let offline = page(&[ModelFile { name: "model.pgs", bytes: MODEL }]);
     let snapshot = Snapshot { name: "snapshot".into(), particles: 7 };
-    let served = served([ModelFile { name: "model.pgs", bytes: MODEL }], Some(&snapshot), &Opening::default(), true);
+    let served =
+        served([ModelFile { name: "model.pgs", bytes: MODEL }], Some(&snapshot), &PageOpening::default(), true);
     assert_eq!(setup(&served.html)["truth"]["particles"], 7);
     assert!(served.html.contains("<img id=\"poster\" alt=\"model.pgs\" src=\"poster\">"));
     for (html, is_served) in [(&offline, false), (&served.html, true)] {
@@ -120,7 +121,7 @@ fn a_page_is_not_made_once_it_is_cancelled() {
         }
     }
     let model = codec::decode(MODEL, "m").unwrap();
-    let (file, opening) = (ModelFile { name: "m", bytes: MODEL }, Opening::default());
+    let (file, opening) = (ModelFile { name: "m", bytes: MODEL }, PageOpening::default());
     assert!(matches!(offline(&[(file, &model)], &opening, &Stopped), Err(Error::Cancelled)));
 }
 
@@ -169,14 +170,19 @@ fn a_large_model_has_its_poster_in_the_page() {
 #[test]
 fn a_page_says_how_it_opens() {
     let model = codec::decode(MODEL, "model").unwrap();
-    let opened = |opening: &Opening| {
+    let opened = |opening: &PageOpening| {
         let file = ModelFile { name: "m", bytes: MODEL };
         setup(std::str::from_utf8(&offline(&[(file, &model)], opening, &Silent).unwrap()).unwrap())["opening"].clone()
     };
-    assert_eq!(opened(&Opening::default()), serde_json::json!({}));
+    assert_eq!(opened(&PageOpening::default()), serde_json::json!({}));
     let (style, colormap) = (Some(PageStyle::Paraview), Some(Colormap::Viridis));
-    let opening =
-        Opening { style, colormap, azimuth: Some(30.0), layers: vec!["</script>".into()], ..Opening::default() };
+    let opening = PageOpening {
+        style,
+        colormap,
+        azimuth: Some(30.0),
+        layers: vec!["</script>".into()],
+        ..PageOpening::default()
+    };
     let said =
         serde_json::json!({ "style": "paraview", "colormap": "viridis", "azimuth": 30.0, "layers": ["</script>"] });
     assert_eq!(opened(&opening), said);
@@ -209,6 +215,6 @@ fn the_poster_is_the_default_view() {
         };
         assert!(expected.iter().any(|&v| v > 9) && pixels(poster.png) == expected);
     }
-    let (usual, other) = (Opening::default(), Opening { white: Some(true), ..Opening::default() });
+    let (usual, other) = (PageOpening::default(), PageOpening { white: Some(true), ..PageOpening::default() });
     assert!(!poster::wanted(100_000, &usual) && poster::wanted(100_001, &usual) && !poster::wanted(100_001, &other));
 }

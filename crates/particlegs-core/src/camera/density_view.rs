@@ -1,9 +1,9 @@
 //! Views of surface density: perspective, or an orthographic window into a box that may repeat.
 
 use super::extent::{CenteredCell, Extent, across};
-use super::view::{Camera, Frame, Projection, View, norm};
+use super::view::{Camera, Frame, Projection, View};
 use super::{clipping_range, spherical_camera};
-use crate::math::each_axis;
+use crate::math::{each_axis, norm};
 use crate::picture::Size;
 use crate::space::{Bounds, Cell};
 use crate::{Error, Result};

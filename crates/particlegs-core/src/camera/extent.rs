@@ -1,7 +1,7 @@
 //! What an orthographic map shows whole: the periodic cell, or the bounds of what does not repeat.
 
-use super::view::{Frame, norm};
-use crate::math::each_axis;
+use super::view::Frame;
+use crate::math::{dot, each_axis, norm};
 use crate::picture::Size;
 use crate::space::{Bounds, Cell};
 
@@ -132,8 +132,4 @@ impl CenteredCell {
             false => each_axis(|k| -(0..3).map(|a| cells[a] * self.cell.vectors[a][k]).sum::<f64>()),
         }
     }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

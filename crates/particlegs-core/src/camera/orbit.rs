@@ -1,7 +1,7 @@
 //! The published cameras: a spiral on spheres about the centre of the bounds (docs/law/cameras.md).
 
-use super::view::{Camera, Projection, norm};
-use crate::math::{Purpose, Random, each_axis};
+use super::view::{Camera, Projection};
+use crate::math::{Purpose, Random, each_axis, norm};
 use crate::picture::Size;
 use crate::space::Bounds;
 

@@ -1,6 +1,6 @@
 //! A camera, and a view: a camera with the particle radius and opacity to draw.
 
-use crate::math::each_axis;
+use crate::math::{cross, each_axis, norm};
 use crate::picture::Size;
 use crate::{Error, Result};
 
@@ -191,19 +191,6 @@ pub struct ViewSet {
     pub size: Size,
     /// The views.
     pub views: Vec<View>,
-}
-
-pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub(super) fn norm(a: [f64; 3]) -> f64 {
-    // Scaled, so that coordinates of 1e-200 or 1e200 neither underflow nor overflow.
-    let m = a[0].abs().max(a[1].abs()).max(a[2].abs());
-    if m == 0.0 || !m.is_finite() {
-        return m;
-    }
-    m * a.map(|v| (v / m) * (v / m)).iter().sum::<f64>().sqrt()
 }
 
 fn normalised(a: [f64; 3]) -> Option<[f64; 3]> {

@@ -31,13 +31,13 @@ pub(crate) struct Logs {
     pub weight: Option<Vec<f64>>,
     /// Five a Gaussian.
     pub shape: Vec<f64>,
-    pub flat: Flat,
+    pub flat: FlatPairs,
 }
 
 impl Logs {
     pub(crate) fn new(block: &Block, order: &[u32]) -> Logs {
         let g = &block.gaussians;
-        let (floors, flat) = (Floors::of(block), Flat::of(block));
+        let (floors, flat) = (Floors::of(block), FlatPairs::of(block));
         let shapes: Vec<(f64, [f64; 5])> =
             parallel::map_range(order.len(), |at| logarithm(&flat.level(g.cov_of(order[at] as usize)), &floors));
         let size = shapes.iter().map(|s| s.0).collect();
@@ -58,12 +58,12 @@ impl Logs {
 
 /// In which pairs of axes, xy, xz and yz, a block is flat. Rounding turns a shape by some hundredths: along a flat block that
 /// is many times its thickness. So Gaussians that lie along it do so exactly.
-pub(crate) struct Flat([bool; 3]);
+pub(crate) struct FlatPairs([bool; 3]);
 
-impl Flat {
-    fn of(block: &Block) -> Flat {
+impl FlatPairs {
+    fn of(block: &Block) -> FlatPairs {
         let [x, y, z] = block.bounds.extent();
-        Flat([[x, y], [x, z], [y, z]].map(|[a, b]| a.max(b) > FLAT * a.min(b)))
+        FlatPairs([[x, y], [x, z], [y, z]].map(|[a, b]| a.max(b) > FLAT * a.min(b)))
     }
 
     /// Is this shape number of the five, of this value, one that says a Gaussian lies along the block?
@@ -142,8 +142,8 @@ mod tests {
     #[test]
     fn levelled_needles_keep_their_widths() {
         let needle = Sym3::outer([40.0, 6.0, 1.0]).add(&Sym3::scaled_identity(0.01));
-        let level = Flat([false, true, false]).level(needle);
+        let level = FlatPairs([false, true, false]).level(needle);
         assert_eq!(level.0, [1600.01, 0.0, 0.0, 36.01, 0.0, 1.01]);
-        assert!(Flat([false; 3]).level(needle) == needle);
+        assert!(FlatPairs([false; 3]).level(needle) == needle);
     }
 }

@@ -4,6 +4,7 @@
 mod random;
 mod symmetric;
 mod vector;
+mod vector3;
 
 pub use random::{Purpose, Random};
 pub use symmetric::{Eigen, Sym3};
@@ -15,6 +16,7 @@ pub fn each_axis<T>(mut of: impl FnMut(usize) -> T) -> [T; 3] {
 }
 
 pub use vector::{Matrix, across, add_product, exp2};
+pub(crate) use vector3::{cross, dot, norm};
 
 /// The share of a Gaussian of deviation `s` below `x`, to 1e-7 (Abramowitz and Stegun 7.1.26):
 /// a grid's cell needs no more, and it is called a hundred times a Gaussian.

@@ -1,9 +1,9 @@
 //! A camera made ready to project: axes, focal length in pixels, depth range, weights.
 
+use super::project::InCamera;
 use super::project::slices::{Fate, fate};
-use super::project::{InCamera, dot};
 use crate::camera::{Camera, DensityView, Projection, View, clipping_range};
-use crate::math::each_axis;
+use crate::math::{dot, each_axis};
 use crate::model::Mixture;
 use crate::picture::Size;
 use crate::space::Bounds;

@@ -1,6 +1,6 @@
 //! A simulation cell.
 
-use crate::math::each_axis;
+use crate::math::{cross, dot, each_axis, norm};
 
 /// Directions that differ by no more than this share of a length are one: f32 tells no more apart.
 const ALONG: f64 = 1e-7;
@@ -174,20 +174,6 @@ impl Cell {
         let off = (0..3).any(|i| (0..3).any(|j| i != j && v[i][j] != 0.0));
         (!off).then(|| each_axis(|k| v[k][k]))
     }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn norm(v: [f64; 3]) -> f64 {
-    let largest = v.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    // Squares of lengths beyond 1e154 or below 1e-154 are no numbers.
-    if largest > 0.0 { largest * dot(v.map(|x| x / largest), v.map(|x| x / largest)).sqrt() } else { 0.0 }
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[cfg(test)]

@@ -40,7 +40,7 @@ pub struct Catalogue {
 }
 
 /// Which columns are meant.
-struct Chosen {
+struct CentreColumns {
     position: [usize; 3],
     radius: Option<usize>,
 }
@@ -62,7 +62,7 @@ impl Catalogue {
             centre(&values, &chosen, guess.layout.comma).map_err(|what| format!("line {}: {what}", i + 1))
         };
         let centres = rows().map(read).collect::<Result<Vec<Centre>, String>>()?;
-        let header = Header::of(&guess.remarks);
+        let header = CatalogueHeader::of(&guess.remarks);
         let mut catalogue = Catalogue {
             centres,
             units: [Units::default(), Units::default()],
@@ -76,7 +76,7 @@ impl Catalogue {
 
     /// Units of positions and radii: those of the columns' names, else the header's, else those of the program that
     /// writes such columns.
-    fn state_units(&mut self, guess: &Guess, chosen: &Chosen, header: Header) {
+    fn state_units(&mut self, guess: &Guess, chosen: &CentreColumns, header: CatalogueHeader) {
         let named = |column: Option<usize>| column.and_then(|c| guess.names[c].unit.clone());
         let program = Program::of(&guess.names);
         let places = named(Some(chosen.position[0])).or(header.positions).or(header.all.clone());
@@ -136,14 +136,14 @@ impl Program {
 }
 
 /// The columns of positions and radii.
-fn chosen(guess: &Guess, first: &[&[u8]]) -> Result<Chosen, String> {
+fn chosen(guess: &Guess, first: &[&[u8]]) -> Result<CentreColumns, String> {
     let names = &guess.names;
     let listed = || guess.layout.columns.join(", ");
     if guess.named
         && let Some(position) = positions(names)
     {
         let radius = RADII.iter().find_map(|radius| names.iter().position(|name| name.stem == *radius));
-        return Ok(Chosen { position, radius });
+        return Ok(CentreColumns { position, radius });
     }
     let columns = names.len() - guess.first_column;
     if guess.named && columns > 3 {
@@ -165,10 +165,10 @@ fn chosen(guess: &Guess, first: &[&[u8]]) -> Result<Chosen, String> {
             values.join(", ")
         ));
     }
-    Ok(Chosen { position, radius: (columns == 4).then_some(from + 3) })
+    Ok(CentreColumns { position, radius: (columns == 4).then_some(from + 3) })
 }
 
-fn centre(values: &[&[u8]], chosen: &Chosen, comma: bool) -> Result<Centre, String> {
+fn centre(values: &[&[u8]], chosen: &CentreColumns, comma: bool) -> Result<Centre, String> {
     let number = |column: usize| {
         let word = values.get(column).ok_or_else(|| format!("{} columns are too few for x, y and z", values.len()))?;
         let value = number_with(word, comma).filter(|v| v.is_finite());
@@ -185,7 +185,7 @@ fn centre(values: &[&[u8]], chosen: &Chosen, comma: bool) -> Result<Centre, Stri
 
 /// What comments above the rows say.
 #[derive(Default)]
-struct Header {
+struct CatalogueHeader {
     positions: Option<String>,
     radii: Option<String>,
     /// Of lengths without a word of which.
@@ -194,9 +194,9 @@ struct Header {
     hubble: Option<f64>,
 }
 
-impl Header {
-    fn of(remarks: &[String]) -> Header {
-        let mut header = Header::default();
+impl CatalogueHeader {
+    fn of(remarks: &[String]) -> CatalogueHeader {
+        let mut header = CatalogueHeader::default();
         for line in remarks {
             let lower = line.to_lowercase();
             let says = |words: &[&str]| words.iter().any(|word| lower.contains(word));

@@ -24,7 +24,7 @@ enum Values {
 }
 
 /// Blocks of a file, told one after the other.
-struct Order<'a> {
+struct BlockOrder<'a> {
     part: &'a Part,
     records: &'a [Record],
     all: u64,
@@ -45,7 +45,7 @@ pub fn names(part: &Part, records: &[Record]) -> Result<Vec<String>> {
     let header = &part.header;
     let massive = (0..TYPES).filter(|&t| header.mass[t] == 0.0).map(|t| u64::from(header.count[t])).sum();
     let (all, gas) = (header.particles(), u64::from(header.count[0]));
-    let mut order = Order { part, records, all, massive, gas, names: vec![NONE.into(); records.len()], at: 0 };
+    let mut order = BlockOrder { part, records, all, massive, gas, names: vec![NONE.into(); records.len()], at: 0 };
     if all > 0 {
         // What fits no positions is a second header; where nothing fits, the fault is that of the first block.
         order.at = records.iter().position(|r| fits(r, 3 * all)).unwrap_or(0);
@@ -69,7 +69,7 @@ fn fits(record: &Record, numbers: u64) -> bool {
     numbers > 0 && [4, 8].iter().any(|&size| numbers.checked_mul(size) == Some(record.length))
 }
 
-impl Order<'_> {
+impl BlockOrder<'_> {
     fn next(&self) -> Option<&Record> {
         self.records.get(self.at)
     }

@@ -22,14 +22,14 @@ pub const TOP: &str = "/";
 /// Names of attributes that hold the lengths of the box.
 const BOXES: [&str; 7] = ["BoxSize", "boxsize", "box_size", "Boxsize", "box", "Lbox", "boxlength"];
 
-struct Tables {
+struct TableSnapshot {
     description: Description,
     parts: [Part; 1],
     /// The group of each species.
     groups: Vec<String>,
 }
 
-impl Snapshot for Tables {
+impl Snapshot for TableSnapshot {
     fn description(&self) -> &Description {
         &self.description
     }
@@ -94,7 +94,7 @@ pub fn open(path: &Path, container: &Container) -> Result<Option<Box<dyn Snapsho
     };
     let groups = tables.into_iter().map(|t| t.group).collect();
     let parts = [Part { path: PathBuf::from(path), map: container.map.clone(), rows }];
-    Ok(Some(Box::new(Tables { description, parts, groups })))
+    Ok(Some(Box::new(TableSnapshot { description, parts, groups })))
 }
 
 fn table(container: &Container, group: &str) -> Result<Option<Table>> {

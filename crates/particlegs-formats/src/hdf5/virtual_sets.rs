@@ -71,24 +71,24 @@ pub fn is_virtual(layout: &DataLayout) -> bool {
 }
 
 /// Rows of a virtual data set that lie in one data set of another file.
-pub struct Extent {
+pub struct VirtualExtent {
     /// Rows here.
     pub rows: Range<u64>,
     /// Where they lie.
-    pub source: Source,
+    pub source: VirtualSource,
     /// Rows and numbers of a row there; `None` for all.
     pub there: Option<[Range<u64>; 2]>,
 }
 
 /// A data set of another file.
 #[derive(Clone)]
-pub struct Source {
+pub struct VirtualSource {
     /// The file.
     pub file: Arc<Path>,
     set: Arc<str>,
 }
 
-impl Source {
+impl VirtualSource {
     /// The data set's group, and its name there.
     pub fn name(&self) -> [&str; 2] {
         let set = self.set.trim_start_matches('/');
@@ -101,7 +101,7 @@ impl Source {
 /// # Errors
 /// [`Error::Input`] for broken lists, for sources that are missing or not in the folder, and for rows that
 /// have no source or parts of several.
-pub fn extents(container: &Container, group: &str, set: &DataSet) -> Result<Option<Vec<Extent>>> {
+pub fn extents(container: &Container, group: &str, set: &DataSet) -> Result<Option<Vec<VirtualExtent>>> {
     let place = format!("{}: {group}/{}", container.place, set.name);
     let file = &container.file;
     let (_, data) = container.set(group, &set.name)?;
@@ -167,7 +167,7 @@ enum Selection {
 }
 
 impl Entries<'_> {
-    fn read(&self, list: &[u8]) -> Result<Vec<Extent>> {
+    fn read(&self, list: &[u8]) -> Result<Vec<VirtualExtent>> {
         let cursor = &mut Cursor::new(list);
         let failed = |e| broken(self.place, &e);
         let version = cursor.read_u8().map_err(failed)?;
@@ -176,7 +176,7 @@ impl Entries<'_> {
         }
         let count = cursor.read_length(self.lengths).map_err(failed)?;
         let mut extents = Vec::new();
-        let mut sources: Vec<Source> = Vec::new();
+        let mut sources: Vec<VirtualSource> = Vec::new();
         for _ in 0..count {
             let source = self.source(cursor, version, &sources)?;
             sources.push(source.clone());
@@ -193,14 +193,14 @@ impl Entries<'_> {
                 Selection::Block(axes) => self.rows(axes)?,
             };
             if !rows.is_empty() {
-                extents.push(Extent { rows, source, there });
+                extents.push(VirtualExtent { rows, source, there });
             }
         }
         Ok(extents)
     }
 
     /// A source; since version 1, names may be those of an earlier one, or this file's.
-    fn source(&self, cursor: &mut Cursor<'_>, version: u8, earlier: &[Source]) -> Result<Source> {
+    fn source(&self, cursor: &mut Cursor<'_>, version: u8, earlier: &[VirtualSource]) -> Result<VirtualSource> {
         let failed = |e| broken(self.place, &e);
         let flags = if version == 0 { 0 } else { cursor.read_u8().map_err(failed)? };
         let shared = |cursor: &mut Cursor<'_>| {
@@ -219,7 +219,7 @@ impl Entries<'_> {
             0 => cursor.read_null_terminated_string().map_err(failed)?.into(),
             _ => shared(cursor)?.set.clone(),
         };
-        Ok(Source { file, set })
+        Ok(VirtualSource { file, set })
     }
 
     fn refused(&self, what: &str) -> Error {

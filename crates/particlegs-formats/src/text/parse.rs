@@ -220,18 +220,18 @@ pub fn same(a: &[u8], b: &[u8]) -> bool {
 pub type Columns<T = f32> = [Vec<T>; 4];
 
 /// What columns are of.
-pub trait Parsed: Copy + Send {
+pub trait TableNumber: Copy + Send {
     /// A value about an origin.
     fn about(value: f64, origin: f64) -> Self;
 }
 
-impl Parsed for f32 {
+impl TableNumber for f32 {
     fn about(value: f64, origin: f64) -> f32 {
         (value - origin) as f32
     }
 }
 
-impl Parsed for f64 {
+impl TableNumber for f64 {
     fn about(value: f64, _: f64) -> f64 {
         value
     }
@@ -264,7 +264,12 @@ impl Parser<'_> {
     ///
     /// # Errors
     /// The first line that is no row of this table.
-    pub fn block<T: Parsed>(&mut self, block: &[u8], line: u64, out: &mut Columns<T>) -> Result<(usize, u64), Fault> {
+    pub fn block<T: TableNumber>(
+        &mut self,
+        block: &[u8],
+        line: u64,
+        out: &mut Columns<T>,
+    ) -> Result<(usize, u64), Fault> {
         let (mut at, mut lines) = (0, 0);
         while at < block.len() && self.room > 0 {
             let text = &block[at..];
@@ -296,7 +301,7 @@ impl Parser<'_> {
 
     /// Reads the row at the beginning of `text`; how many bytes its line takes.
     #[inline(always)]
-    fn row<T: Parsed>(&self, text: &[u8], out: &mut Columns<T>) -> Option<usize> {
+    fn row<T: TableNumber>(&self, text: &[u8], out: &mut Columns<T>) -> Option<usize> {
         let mut values = [0.0; 4];
         let length = match self.layout.separator {
             _ if self.layout.comma => None,

@@ -1,7 +1,7 @@
 //! Rows of a table, run by run.
 
 use super::lines::Lines;
-use super::parse::{Columns, Fault, Parsed, Parser, Plan};
+use super::parse::{Columns, Fault, Parser, Plan, TableNumber};
 use super::table::Table;
 use crate::pieces::origin_of;
 use particlegs::parallel;
@@ -74,7 +74,7 @@ impl RowReader {
     }
 
     /// Parses run `run` of a plain file.
-    fn run<T: Parsed>(&self, run: u64, columns: &mut Columns<T>) -> Result<()> {
+    fn run<T: TableNumber>(&self, run: u64, columns: &mut Columns<T>) -> Result<()> {
         let first = run * RUN as u64;
         let before = &self.table.before[self.kind];
         let stretch = before.partition_point(|&rows| rows <= first).saturating_sub(1);

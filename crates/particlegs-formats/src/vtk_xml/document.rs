@@ -55,7 +55,7 @@ pub struct Piece {
 
 /// A file that a collection or a set of blocks names.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Listed {
+pub struct CollectionEntry {
     /// The file, relative to the list's folder.
     pub file: String,
     /// The time that it belongs to, as the list has it.
@@ -76,7 +76,7 @@ pub struct Document {
     /// Its pieces.
     pub pieces: Vec<Piece>,
     /// Files, in lists of whole files.
-    pub listed: Vec<Listed>,
+    pub listed: Vec<CollectionEntry>,
     /// Arrays of no piece, e.g. the time.
     pub fields: Vec<Declared>,
     /// Where appended data begin, and whether they are base64.
@@ -212,7 +212,7 @@ impl Walk {
                 }
                 let time =
                     attribute(tag, "timestep")?.and_then(|t| t.trim().parse().ok()).filter(|t: &f64| t.is_finite());
-                document.listed.extend(attribute(tag, "file")?.map(|file| Listed { file, time }));
+                document.listed.extend(attribute(tag, "file")?.map(|file| CollectionEntry { file, time }));
                 Element::Other
             }
             ("Points", Some(Element::Piece)) => Element::Points,

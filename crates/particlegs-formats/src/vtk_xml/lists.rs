@@ -1,6 +1,6 @@
 //! Files that list others: the pieces of a VTP or VTU, blocks (VTM), moments (PVD).
 
-use super::document::Listed;
+use super::document::CollectionEntry;
 use super::file::File;
 use crate::Frames;
 use crate::ascii::shown;
@@ -13,7 +13,7 @@ const MOST_DEPTH: usize = 4;
 
 /// The files that hold the points of one moment.
 #[derive(Default)]
-pub struct Parts {
+pub struct CollectionParts {
     /// Files of points.
     pub files: Vec<File>,
     /// The moments that there are.
@@ -29,8 +29,8 @@ pub struct Parts {
 /// # Errors
 /// [`Error::Input`] for what has no points of its own, files that are missing or lie elsewhere, and a moment that there
 /// is not; [`Error::Io`].
-pub fn open(path: &Path, frame: Option<u64>) -> Result<Parts> {
-    let mut parts = Parts::default();
+pub fn open(path: &Path, frame: Option<u64>) -> Result<CollectionParts> {
+    let mut parts = CollectionParts::default();
     parts.add(path, frame, 0)?;
     if parts.files.is_empty() {
         return Err(Error::input(path, "it lists no files with points"));
@@ -47,7 +47,7 @@ pub fn named(path: &Path) -> Vec<PathBuf> {
     list.document.listed.iter().filter_map(|l| beside(path, &l.file).ok()).collect()
 }
 
-impl Parts {
+impl CollectionParts {
     fn add(&mut self, path: &Path, frame: Option<u64>, depth: usize) -> Result<()> {
         let file = File::open(path)?;
         let document = &file.document;
@@ -92,8 +92,8 @@ impl Parts {
 
 /// The files of moment `frame`, or of the last, and how many moments there are. Files without a time are moments of
 /// their own.
-fn moment(path: &Path, listed: &[Listed], frame: Option<u64>) -> Result<(Vec<Listed>, Frames)> {
-    let mut moments: Vec<Vec<Listed>> = Vec::new();
+fn moment(path: &Path, listed: &[CollectionEntry], frame: Option<u64>) -> Result<(Vec<CollectionEntry>, Frames)> {
+    let mut moments: Vec<Vec<CollectionEntry>> = Vec::new();
     let mut known = HashMap::new();
     for one in listed {
         let next = moments.len();

@@ -78,7 +78,7 @@ fn field_name<'a>(declared: &'a Declared, piece: &document::Piece) -> &'a str {
     }
 }
 
-fn describe(path: &Path, parts: &lists::Parts) -> Result<Description> {
+fn describe(path: &Path, parts: &lists::CollectionParts) -> Result<Description> {
     let files = &parts.files[..];
     let count = pieces(files).try_fold(0u64, |n, (_, p)| n.checked_add(p.points));
     let count = count.ok_or_else(|| Error::input(path, "more points than can be counted"))?;

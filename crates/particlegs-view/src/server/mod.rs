@@ -9,7 +9,7 @@ mod door;
 mod guard;
 mod table;
 
-use crate::page::{ModelFile, Opening, Snapshot, served};
+use crate::page::{ModelFile, PageOpening, Snapshot, served};
 use crate::truth::desk;
 use connection::Listening;
 use door::Door;
@@ -78,7 +78,7 @@ pub struct Shown<'a> {
     /// All particles, for the pictures beside the model's, and what the page calls them.
     pub truth: Option<(Snapshot, &'a Reference<'a>)>,
     /// How the page opens.
-    pub opening: Opening,
+    pub opening: PageOpening,
     /// Draws the poster, a PNG, of the bytes of the first model, once and beside the serving; gives `None` where it
     /// cannot.
     pub poster: Option<&'a (dyn Fn(&[u8]) -> Option<Vec<u8>> + Sync)>,

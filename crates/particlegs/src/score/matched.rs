@@ -6,7 +6,7 @@ use crate::model::{GROUP_CLASSES, GroupClass};
 use crate::parallel;
 use crate::particles::Particles;
 use crate::progress::Progress;
-use crate::stats::{Domain, Groups, Linked, Points, group_center, local_positions};
+use crate::stats::{Domain, Groups, LinkedParticles, Points, group_center, local_positions};
 use particlegs_core::math::each_axis;
 
 /// Groups found in one set of particles, the largest first.
@@ -57,7 +57,7 @@ impl Linking<'_> {
         positions: &[[f64; 3]],
         progress: &dyn Progress,
     ) -> Result<(Groups, Option<f64>)> {
-        let linked = Linked::of(particles, positions, self.domain);
+        let linked = LinkedParticles::of(particles, positions, self.domain);
         let finest = linked.is_part().then_some(linked.spacing);
         let length = finest.map_or(self.length, |spacing| self.length / self.spacing * spacing);
         let found = linked.groups(positions, self.domain, length, GROUP_CLASSES[0] as usize, progress)?;

@@ -5,7 +5,7 @@ use super::boxes::check_boxes;
 use super::density::{central_slice, compare_density, density_pdf, mean_mass};
 use super::haloes::{HaloPlaces, HaloSide, halo_profiles};
 use super::likelihood::likelihood;
-use super::linking::{Found, Linked, length_in};
+use super::linking::{LinkedGroups, LinkedParticles, length_in};
 use super::moments::axis_moments;
 use super::neighbours::{NeighbourOptions, nearest_distances};
 use super::pairs::{PairOptions, count_pairs, logarithmic_edges, longest_separation};
@@ -357,15 +357,20 @@ impl Job<'_> {
 
     /// The truth's groups, where they are asked for or stand for haloes' centres. `None`, and a note, in a box too
     /// thin for links of that length.
-    fn truth_groups(&self, positions: &[[f64; 3]], notes: &mut Vec<String>) -> Result<Option<Found>> {
+    fn truth_groups(&self, positions: &[[f64; 3]], notes: &mut Vec<String>) -> Result<Option<LinkedGroups>> {
         let centers = self.wants(&[Measure::Haloes]) && self.o.centers.is_none() && !positions.is_empty();
         let measured = self.wants(&[Measure::Groups]) && self.both_particles().is_some();
         if centers || measured { self.find_groups(positions, 0, notes) } else { Ok(None) }
     }
 
-    fn find_groups(&self, positions: &[[f64; 3]], side: usize, notes: &mut Vec<String>) -> Result<Option<Found>> {
+    fn find_groups(
+        &self,
+        positions: &[[f64; 3]],
+        side: usize,
+        notes: &mut Vec<String>,
+    ) -> Result<Option<LinkedGroups>> {
         let Some(particles) = self.pair[side].particles() else { return Ok(None) };
-        let linked = Linked::of(particles, positions, &self.domain);
+        let linked = LinkedParticles::of(particles, positions, &self.domain);
         let length = match &self.o.linking_length {
             Some(text) => length_in(text, &self.pair[0].unit_system())?,
             None => self.o.linking * linked.spacing,
@@ -378,7 +383,7 @@ impl Job<'_> {
                     "no groups: links of {length:.4e} are longer than a third of the box, {longest:.4e}"
                 ));
             }
-            Some(Found { groups, linked: number, contaminated: Some(contaminated) }) => notes.push(format!(
+            Some(LinkedGroups { groups, linked: number, contaminated: Some(contaminated) }) => notes.push(format!(
                 "groups of the {} link the finest {number} of {} particles, {:.4e} apart on average: {contaminated} of {} \
                  groups hold heavier ones",
                 ["truth", "other"][side],
@@ -395,7 +400,7 @@ impl Job<'_> {
     fn haloes(
         &self,
         positions: [&[[f64; 3]]; 2],
-        truth: Option<&Found>,
+        truth: Option<&LinkedGroups>,
         notes: &mut Vec<String>,
     ) -> Result<Option<HaloProfiles>> {
         let repeats = (0..3).filter(|k| self.domain.periodic[*k]).map(|k| 0.5 * self.domain.length[k]);
@@ -427,7 +432,7 @@ impl Job<'_> {
     fn groups(
         &self,
         positions: [&[[f64; 3]]; 2],
-        truth: &Found,
+        truth: &LinkedGroups,
         notes: &mut Vec<String>,
     ) -> Result<Option<GroupReport>> {
         let Some(other) = self.find_groups(positions[1], 1, notes)? else { return Ok(None) };

@@ -22,7 +22,7 @@ const WIDER: f64 = 1.25;
 const FEW: usize = 10;
 
 /// Groups of one side.
-pub(crate) struct Found {
+pub(crate) struct LinkedGroups {
     /// The groups.
     pub groups: Groups,
     /// Particles that were linked.
@@ -32,7 +32,7 @@ pub(crate) struct Found {
 }
 
 /// Which particles are linked.
-pub(crate) struct Linked {
+pub(crate) struct LinkedParticles {
     /// Their indices; `None` = all.
     index: Option<Vec<u32>>,
     /// Their mean spacing in the region where they lie.
@@ -40,15 +40,15 @@ pub(crate) struct Linked {
 }
 
 /// A kind of particles: a layer, or those of one weight in it.
-struct Kind {
+struct ParticleKind {
     range: Range<usize>,
     weight: Option<f32>,
     mass: f64,
     count: usize,
-    spread: Spread,
+    spread: AxisSpread,
 }
 
-impl Kind {
+impl ParticleKind {
     fn indices<'a>(&self, weights: Option<&'a [f32]>) -> impl Iterator<Item = usize> + use<'a> {
         let weight = self.weight;
         self.range.clone().filter(move |i| weight.is_none_or(|w| weights.is_some_and(|all| all[*i] == w)))
@@ -56,9 +56,9 @@ impl Kind {
 }
 
 /// Where particles lie along each edge: the lowest and highest place in each part of it.
-struct Spread([[[f64; 2]; PARTS]; 3]);
+struct AxisSpread([[[f64; 2]; PARTS]; 3]);
 
-impl Spread {
+impl AxisSpread {
     fn of(places: impl Iterator<Item = [f64; 3]>, domain: &Domain) -> Self {
         let mut spread = [[[f64::INFINITY, f64::NEG_INFINITY]; PARTS]; 3];
         for x in places {
@@ -69,7 +69,7 @@ impl Spread {
                 *ends = [ends[0].min(along), ends[1].max(along)];
             }
         }
-        Spread(spread)
+        AxisSpread(spread)
     }
 
     /// Beginning and length of what holds all of it along an edge; around the seam where it repeats.
@@ -87,7 +87,7 @@ impl Spread {
     }
 }
 
-fn finest(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Option<Linked> {
+fn finest(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Option<LinkedParticles> {
     if !domain.periodic.contains(&true) {
         return None;
     }
@@ -101,8 +101,8 @@ fn finest(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Option<Link
         let unit = layer.mass.unit().or(own.map(|_| 1.0))?;
         for weight in classes {
             let mass = unit * weight.map_or(1.0, f64::from);
-            let spread = Spread::of(std::iter::empty(), domain);
-            kinds.push(Kind { range: layer.content.clone(), weight, mass, count: 0, spread });
+            let spread = AxisSpread::of(std::iter::empty(), domain);
+            kinds.push(ParticleKind { range: layer.content.clone(), weight, mass, count: 0, spread });
         }
     }
     if kinds.len() < 2 {
@@ -110,21 +110,21 @@ fn finest(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Option<Link
     }
     let mut kinds = parallel::map(kinds, |kind| {
         let count = kind.indices(weights).count();
-        let spread = Spread::of(kind.indices(weights).map(|i| positions[i]), domain);
-        Kind { count, spread, ..kind }
+        let spread = AxisSpread::of(kind.indices(weights).map(|i| positions[i]), domain);
+        ParticleKind { count, spread, ..kind }
     });
     kinds.retain(|k| k.count > 0);
-    let region = |kind: &Kind| each_axis(|k| kind.spread.region(domain, k));
-    let zoomed = |kind: &Kind| (0..3).all(|k| region(kind)[k][1] <= REGION * domain.length[k]);
-    let alike = |kind: &Kind, mass: f64| kind.mass < LIGHTER * mass;
-    let local: Vec<&Kind> = kinds.iter().filter(|k| zoomed(k)).collect();
+    let region = |kind: &ParticleKind| each_axis(|k| kind.spread.region(domain, k));
+    let zoomed = |kind: &ParticleKind| (0..3).all(|k| region(kind)[k][1] <= REGION * domain.length[k]);
+    let alike = |kind: &ParticleKind, mass: f64| kind.mass < LIGHTER * mass;
+    let local: Vec<&ParticleKind> = kinds.iter().filter(|k| zoomed(k)).collect();
     // Few light ones, as stars may be, are not what the region is made of.
     let many = local.iter().map(|k| k.count).max()? / FEW;
     let lightest = local.iter().filter(|k| k.count > many).map(|k| k.mass).fold(f64::INFINITY, f64::min);
     let finest = local.iter().filter(|k| alike(k, lightest)).max_by_key(|k| k.count)?;
     let place = region(finest);
-    let inside = |kind: &Kind| (0..3).all(|k| region(kind)[k][1] <= WIDER * place[k][1]);
-    let (inner, outer): (Vec<&Kind>, Vec<&Kind>) =
+    let inside = |kind: &ParticleKind| (0..3).all(|k| region(kind)[k][1] <= WIDER * place[k][1]);
+    let (inner, outer): (Vec<&ParticleKind>, Vec<&ParticleKind>) =
         kinds.iter().partition(|k| zoomed(k) && (alike(k, finest.mass) || inside(k)));
     if outer.is_empty() || outer.iter().any(|k| alike(k, finest.mass)) {
         return None;
@@ -133,13 +133,14 @@ fn finest(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Option<Link
     index.sort_unstable();
     let own = Domain { length: each_axis(|k| place[k][1]), ..*domain };
     let spacing = own.spacing(index.len());
-    (spacing > 0.0).then_some(Linked { index: Some(index), spacing })
+    (spacing > 0.0).then_some(LinkedParticles { index: Some(index), spacing })
 }
 
-impl Linked {
+impl LinkedParticles {
     /// The finest particles of a zoom in a box that repeats, else all.
     pub fn of(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Self {
-        finest(p, positions, domain).unwrap_or_else(|| Linked { index: None, spacing: domain.spacing(p.len()) })
+        finest(p, positions, domain)
+            .unwrap_or_else(|| LinkedParticles { index: None, spacing: domain.spacing(p.len()) })
     }
 
     /// Are those linked not all?
@@ -159,18 +160,18 @@ impl Linked {
         length: f64,
         smallest: usize,
         progress: &dyn Progress,
-    ) -> Result<Option<Found>> {
+    ) -> Result<Option<LinkedGroups>> {
         if length > longest_link(domain) {
             return Ok(None);
         }
         let Some(index) = &self.index else {
             let groups = find_groups(positions, domain, length, smallest, progress)?;
-            return Ok(Some(Found { groups, linked: positions.len() as u64, contaminated: None }));
+            return Ok(Some(LinkedGroups { groups, linked: positions.len() as u64, contaminated: None }));
         };
         let mut groups = find_groups(&gathered(positions, index), domain, length, smallest, progress)?;
         parallel::for_each(&mut groups.members, |m| m.iter_mut().for_each(|i| *i = index[*i as usize]));
         let contaminated = contaminated(&groups, positions, index, domain, progress)?;
-        Ok(Some(Found { groups, linked: index.len() as u64, contaminated: Some(contaminated) }))
+        Ok(Some(LinkedGroups { groups, linked: index.len() as u64, contaminated: Some(contaminated) }))
     }
 }
 
@@ -264,9 +265,9 @@ mod tests {
         Particles::from_columns(x, y, z).with_weights(Column::owned(weights))
     }
 
-    fn found(p: &Particles, share: f64) -> Found {
+    fn found(p: &Particles, share: f64) -> LinkedGroups {
         let x = local_positions(p, &BOX);
-        let linked = Linked::of(p, &x, &BOX);
+        let linked = LinkedParticles::of(p, &x, &BOX);
         linked.groups(&x, &BOX, share * linked.spacing, 20, &Silent).unwrap().unwrap()
     }
 

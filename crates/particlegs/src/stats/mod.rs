@@ -55,7 +55,7 @@ pub(crate) use groups::{Groups, find_groups, longest_link};
 pub use haloes::HaloProfiles;
 pub use likelihood::Likelihood;
 pub(crate) use likelihood::likelihood;
-pub(crate) use linking::Linked;
+pub(crate) use linking::LinkedParticles;
 pub use moments::AxisMoments;
 pub use neighbours::NearestDistances;
 pub(crate) use neighbours::{NeighbourOptions, nearest_distances};

@@ -9,7 +9,7 @@
 pub mod slices;
 
 use super::lens::Lens;
-use crate::math::{Sym3, each_axis};
+use crate::math::{Sym3, dot, each_axis};
 use crate::splat::PIXEL_VARIANCE;
 
 /// A Gaussian in the camera's axes (right, down, forward), relative to the eye: what the projection reads, 40
@@ -129,11 +129,6 @@ pub fn inverse_slopes(d: f64, variance: f64) -> DepthSlopes {
             variance: by_e.variance * s2,
         },
     }
-}
-
-#[inline(always)]
-pub(super) fn dot(p: [f64; 3], q: [f64; 3]) -> f64 {
-    p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 }
 
 /// The covariance xx, xy, yy of what is left of x and y, from its factors.
