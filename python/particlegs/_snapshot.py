@@ -239,7 +239,7 @@ class Snapshot:
     def __getitem__(self, species: str) -> Self:
         """The particles of a species, such as ``snap["gas"]``: by the name of a layer, a type's (``dm``) or number."""
         if not isinstance(species, str):
-            raise TypeError("a snapshot is divided by the name of a species; positions and masses are arrays")
+            raise TypeError("a snapshot takes the name of a species in brackets; positions and masses are arrays")
         return self._of(self._native.of_species(species))
 
     def region(self, low: Any, high: Any, *, threads: Optional[int] = None) -> Self:

@@ -186,7 +186,7 @@ pub fn export(
     let mut notes = Notes::new(kind, &shown, model.called());
     How { threads, progress }.run(py, |progress| match kind.group() {
         Group::Page if asked.layers.is_some() => {
-            Err(particlegs::Error::argument("a page holds the whole file, and switches layers itself: no layers="))
+            Err(particlegs::Error::argument("an exported page holds every layer: leave layers= out"))
         }
         Group::Page => {
             let file = ModelFile { name: model.called(), bytes: model.bytes() };

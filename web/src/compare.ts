@@ -102,7 +102,7 @@ export class Compare {
   /** Of particles that are smoothed: single ones have noise that the model has not. */
   private densityScore(model: Float32Array, truth: Float32Array, floor: number): string {
     const { smoothed } = this.of;
-    if (smoothed === null) return "no score: so many particles are not smoothed, and single ones have noise that the model has not";
+    if (smoothed === null) return "no score: there are too many particles to smooth, and unsmoothed ones have shot noise that the model does not have";
     return `RMS ${dex(model, truth, floor).toFixed(3)} dex where both are above the range's lower end; each particle over ${smoothed} neighbours`;
   }
 }

@@ -25,7 +25,7 @@ pub struct Common {
     /// With `-` nothing else is printed on standard output.
     #[arg(long, value_name = "FILE|-", value_hint = ValueHint::FilePath)]
     pub json: Option<PathBuf>,
-    /// Print errors alone, and results that go to no file.
+    /// Print only errors, and results that are not written to a file.
     #[arg(long, short)]
     pub quiet: bool,
     /// Number of threads [default: as many as allotted, else all cores].

@@ -151,7 +151,7 @@ impl PageArgs {
         opening.layers = own_names(&opening.layers, models)?;
         let looks = opening.style.is_some_and(|s| s != PageStyle::Paraview);
         if looks && models.iter().any(|m| m.metadata.law == LawKind::AlphaBlend) {
-            let what = "an alpha-blend model has the style paraview alone: its splats hold opacities, not masses";
+            let what = "an alpha-blend model has only the style paraview: its splats hold opacities, not masses";
             return Err(Error::argument(what));
         }
         Ok(opening)

@@ -49,7 +49,7 @@ pub fn in_words(remedy: &Remedy) -> String {
         Remedy::NamePositions(there) => format!("`--positions A,B,C` names them; there are: {}", there.join(", ")),
         Remedy::ChoosePositions(there) => format!("choose with `--positions`: {}", there.join(", ")),
         Remedy::NameBlocks => {
-            "`--gadget-blocks POS,VEL,ID,-,MASS` names the blocks behind the header, - those to pass over".into()
+            "`--gadget-blocks POS,VEL,ID,-,MASS` names the blocks after the header; - skips a block".into()
         }
         Remedy::ReadFrame(frame) => format!("`--frame {frame}` reads the last whole frame"),
         Remedy::LargerFile { bytes, ratio: None } => format!("ask for `--size {bytes}B` or more"),

@@ -46,7 +46,7 @@ pub struct SnapshotArgs {
     /// Leave out particles with NaN or infinite values instead of refusing the file.
     #[arg(long, hide_short_help = true)]
     pub skip_invalid: bool,
-    /// Refuse files whose headers count other particles than there are.
+    /// Refuse files whose header gives other numbers of particles than they hold.
     #[arg(long, hide_short_help = true)]
     #[serde(default)]
     pub strict: bool,
@@ -56,7 +56,7 @@ pub struct SnapshotArgs {
     pub unwrapped: UnwrappedPositions,
     /// Names of the blocks of a Gadget file of format 1 behind its header, in order: POS,VEL,ID,MASS,...
     ///
-    /// Blocks called - are passed over. By default blocks are told by their lengths and values.
+    /// A block named - is skipped. By default blocks are identified by their lengths and values.
     #[arg(long, value_name = "NAME,...", hide_short_help = true, value_delimiter = ',')]
     #[serde(default)]
     pub gadget_blocks: Vec<String>,

@@ -83,7 +83,7 @@ pub struct ViewArgs {
     pub width: Option<f64>,
     /// Depth of the slab about the centre, world units [default: everything].
     ///
-    /// Particles count whose centres are in it. By default an orthographic density counts every particle once.
+    /// Only particles whose centres lie in it count. By default an orthographic density counts every particle once.
     #[arg(long, value_name = "D", hide_short_help = true, conflicts_with = "views")]
     pub depth: Option<f64>,
     /// What has to be in the picture whole, as tightly as it can be.
@@ -96,7 +96,7 @@ pub struct ViewArgs {
 pub enum Lines {
     /// Lines of sight through the eye.
     Perspective,
-    /// Parallel lines of sight; a density continues a part of a periodic box by its copies.
+    /// Parallel lines of sight; a map of part of a periodic box continues with periodic copies.
     Orthographic,
 }
 
@@ -240,7 +240,7 @@ impl ViewArgs {
         let Projection::Orthographic { height_world } = set.views.first()?.camera.projection else { return None };
         let width = crate::annotate::text::number(height_world * set.size.width as f64 / set.size.height as f64);
         let width = format!("{width} {unit}");
-        Some(format!("note: no --width: the window is what the particles' bounds take, {} across", width.trim()))
+        Some(format!("note: no --width given: the window spans the particles' bounds, {} across", width.trim()))
     }
 }
 

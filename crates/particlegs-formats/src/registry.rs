@@ -179,10 +179,10 @@ impl Choice {
     /// [`Error::Input`].
     pub(crate) fn fits(&self, format: &str, place: &str) -> Result<()> {
         if !self.blocks.is_empty() && format != crate::gadget::FORMAT.name {
-            return Err(Error::input(place, "it has no blocks to name: those are Gadget's of format 1"));
+            return Err(Error::input(place, "only Gadget files of format 1 have blocks to name"));
         }
         if self.keep_unwrapped && ![crate::lammps::FORMAT.name, crate::xyz::FORMAT.name].contains(&format) {
-            return Err(Error::input(place, "it is no trajectory whose positions would be wrapped"));
+            return Err(Error::input(place, "it is not a trajectory, so it has no unwrapped positions"));
         }
         Ok(())
     }

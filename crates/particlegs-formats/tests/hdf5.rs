@@ -118,7 +118,7 @@ fn headers_of_other_snapshots_are_said_or_refused() {
         Ok::<_, particlegs::Error>(d.notes.join("\n"))
     };
     let (free, strict) = (Choice::default(), Choice { strict: true, ..Choice::default() });
-    // One of 448 files of ten thousand million particles; nine hundred where there were 262144.
+    // One of 448 files of 10^10 particles; 900 particles where the header says 262144.
     let cut = notes("cutout_99.hdf5", 15, &free).unwrap();
     assert!(cut.contains("a snapshot of 448 files"), "{cut}");
     assert!(cut.contains("says 4298967296 particles of type 0, and the files have 5"), "{cut}");

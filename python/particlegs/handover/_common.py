@@ -83,7 +83,7 @@ def size_of(
     number, name, size, _, power = parts
     if power != 0:
         if hubble is None:
-            raise InputError(f"{unit} takes the value of h: state it by hubble=")
+            raise InputError(f"{unit} needs the value of h: give hubble=")
         number *= hubble**power
     if name in names:
         return number, names[name]

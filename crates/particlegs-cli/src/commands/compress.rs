@@ -192,10 +192,8 @@ impl Arguments {
     fn write_pictures(&self, model: &Model, particles: &Particles, context: &Context) -> Result<()> {
         let Some(folder) = &self.pictures else { return Ok(()) };
         let written = crate::pictures::write(folder, model, particles, context).inspect_err(|_| {
-            context.message(&format!(
-                "note: the model is there, whole: {}; its pictures are not",
-                self.output().display()
-            ));
+            context
+                .message(&format!("note: the model was written ({}); its pictures were not", self.output().display()));
         })?;
         written.iter().for_each(|path| context.message(&format!("wrote {}", path.display())));
         Ok(())

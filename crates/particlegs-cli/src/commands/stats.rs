@@ -92,7 +92,7 @@ pub struct Arguments {
     profile_bins: usize,
     /// Haloes: text file with x, y, z and perhaps a radius in each line, such as a catalogue of haloes.
     ///
-    /// Names above the columns, behind # or not, say which are meant, and the header their units: lists of Rockstar,
+    /// Column names above the numbers, with or without #, say which are used, and the header gives their units: lists of Rockstar,
     /// consistent-trees and AHF are read as they are. Without a file, the centres are those of the truth's groups of
     /// 100 particles and more, the 1000 largest of them.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]

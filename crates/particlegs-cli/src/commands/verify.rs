@@ -164,7 +164,7 @@ impl Report {
         if let Some([name, stored, found]) = self.source_differences.first() {
             return Err(Error::Differs {
                 place: place.into(),
-                what: format!("its {name} is stored as {stored}, that of the snapshot is {found}"),
+                what: format!("its {name} is {stored} in the file and {found} in the snapshot"),
                 remedy:
                     "give the options by which the model was made (`info` shows them); else its metadata was altered"
                         .into(),
@@ -219,9 +219,7 @@ fn text(r: &Report, model: &Model, of_several: bool, place: &str) -> String {
         lines.iter().for_each(|line| text += &format!("{what}: {line}\n"));
     }
     match (&r.measured_again, &r.stored) {
-        (None, Some(_)) => {
-            text + "verdict: not verified: name the snapshot, and what the file says is measured again\n"
-        }
+        (None, Some(_)) => text + "verdict: not verified; name the snapshot to measure it again\n",
         _ => text + &info_model::verdict(&r.verdict),
     }
 }

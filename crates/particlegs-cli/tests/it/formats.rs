@@ -177,7 +177,7 @@ fn what_files_leave_open_is_said_and_can_be_stated() {
         common::fails(common::particlegs().args(arguments), code, what);
     };
     refused(&["info", &cut, "--strict", "-q"], 3, "448 files");
-    refused(&["info", &fixture("plain.txt"), "--unwrapped", "keep", "-q"], 3, "no trajectory");
+    refused(&["info", &fixture("plain.txt"), "--unwrapped", "keep", "-q"], 3, "not a trajectory");
     refused(&["info", &fixture("gadget2_masses"), "--gadget-blocks", "POS,VEL", "-q"], 3, "format 2");
     for option in ["--gadget-blocks", "--blocks"] {
         let d = info(&[&fixture("gadget1_le"), option, "POS,-,ID"]);

@@ -400,7 +400,7 @@ fn files_that_belong_together_appear_together() {
             Some(0) => assert_eq!(there, ["comparison.png", "density.png", "m.pgs"]),
             code => {
                 assert_eq!((code, &there[..]), (Some(6), &["m.pgs".to_string()][..]), "{blocks}");
-                assert!(String::from_utf8_lossy(&said.stderr).contains("the model is there, whole"), "{blocks}");
+                assert!(String::from_utf8_lossy(&said.stderr).contains("the model was written"), "{blocks}");
             }
         }
         failed[1] += usize::from(!said.status.success());

@@ -222,7 +222,7 @@ fn an_ideal_gas_is_one_in_any_cell() {
         let profile = &s["profiles"][2];
         assert!((profile["mean"][0].as_f64().unwrap() * 720.0 / 4000.0 - 1.0).abs() < 1e-9, "{}", profile["mean"]);
     }
-    // One lattice, whatever vectors it is told by.
+    // The same lattice, by other vectors.
     let pairs = |s: &serde_json::Value, bin: usize| s["rdf"]["pairs"][0][bin].as_i64().unwrap();
     for (one, other) in [(&one, &other), (&cubic, &turned)] {
         assert_eq!(groups(one), groups(other));

@@ -114,7 +114,7 @@ fn a_window_that_was_not_stated_is_told_and_no_box_denied() {
     let said = c.arg(dir.path().join("a.png")).output().unwrap().stderr;
     let said = String::from_utf8_lossy(&said);
     assert!(
-        said.contains("no --width: the window is what the particles' bounds take") && !said.contains("box"),
+        said.contains("no --width given: the window spans the particles' bounds") && !said.contains("box"),
         "{said}"
     );
 }

@@ -83,7 +83,7 @@ impl<'a> UnitSystem<'a> {
                 let (of, stated) = (dimension.name(), from.or(into).map(|u| &u.text));
                 let own = from.is_some();
                 unstated.extend(stated.map(|text| match own {
-                    true => format!("its unit of {of} is {text}, and the other states none"),
+                    true => format!("its unit of {of} is {text}, and the other states no unit"),
                     false => format!("it states no unit of {of} (taken as {text})"),
                 }));
                 return Ok(1.0);
@@ -145,7 +145,7 @@ impl<'a> UnitSystem<'a> {
             }
             let value = match (own, other) {
                 (Some(x), Some(y)) if (x - y).abs() > SAME * y.abs() => {
-                    return Err(format!("{}: {name} is {x} of the one and {y} of the other", words()));
+                    return Err(format!("{}: {name} is {x} in one and {y} in the other", words()));
                 }
                 (own, other) => own.or(other).filter(|v| *v > 0.0),
             };
@@ -250,8 +250,8 @@ mod tests {
         };
         says([Some(1.0), None], [None, None], "h is not known");
         says([None, None], [Some(0.7), None], "the scale factor is not known");
-        says([Some(1.0), Some(0.5)], [Some(0.7), None], "the scale factor is 1 of the one and 0.5 of the other");
-        says([Some(1.0), None], [Some(0.7), Some(0.68)], "h is 0.7 of the one and 0.68 of the other");
+        says([Some(1.0), Some(0.5)], [Some(0.7), None], "the scale factor is 1 in one and 0.5 in the other");
+        says([Some(1.0), None], [Some(0.7), Some(0.68)], "h is 0.7 in one and 0.68 in the other");
     }
 
     #[test]

@@ -135,5 +135,5 @@ pub(super) const CHANGED: &str = "appeared or was changed while this command ran
 
 /// The error for what has appeared or changed at an output's place; what was made is `aside`.
 pub(super) fn changed(path: &Path, aside: &Path) -> Error {
-    Error::output(path, CHANGED, format!("what this command has made is {}", aside.display()))
+    Error::output(path, CHANGED, format!("this command's own output is {}", aside.display()))
 }

@@ -161,7 +161,7 @@ fn chosen(guess: &Guess, first: &[&[u8]]) -> Result<CentreColumns, String> {
     if !told {
         let values: Vec<String> = first.iter().take(8).map(|v| String::from_utf8_lossy(v).into_owned()).collect();
         return Err(format!(
-            "{columns} columns without names ({}, ...): which are x, y, z is not told",
+            "{columns} columns without names ({}, ...): it is not clear which are x, y and z",
             values.join(", ")
         ));
     }

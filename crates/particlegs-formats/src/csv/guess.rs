@@ -47,8 +47,7 @@ impl Guess {
         let data: Vec<usize> = (begin..all.len()).filter(|&i| is_data(all[i], comment)).take(LOOK).collect();
         let &first = data.first().ok_or("there are no rows in it")?;
         let rows: Vec<&[u8]> = data.iter().map(|&i| all[i]).collect();
-        let (separator, columns) =
-            separator_of(&rows, stated).ok_or("its lines are no rows of one number of columns")?;
+        let (separator, columns) = separator_of(&rows, stated).ok_or("its rows have different numbers of columns")?;
         if columns > MOST_COLUMNS {
             return Err(format!("its rows have {columns} columns, more than {MOST_COLUMNS}"));
         }

@@ -24,7 +24,7 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<(Vec<Part>, Vec<Strin
     let mut notes = Vec::new();
     let names = match names(&paths[0], files) {
         Err(_) if !options.strict && paths.len() == 1 => {
-            notes.push(format!("the header is of a snapshot of {files} files: this is one file of a part of it"));
+            notes.push(format!("the header is of a snapshot of {files} files; this file is read as a part of it"));
             vec![paths[0].clone()]
         }
         names => names?,
@@ -47,7 +47,7 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<(Vec<Part>, Vec<Strin
         if options.strict {
             return Err(Error::input_with(&parts[0].path, what, "a file of the snapshot is missing or damaged"));
         }
-        notes.push(format!("{what}: those that are there are read"));
+        notes.push(format!("{what}: the particles in the files are read"));
     }
     Ok((parts, notes))
 }

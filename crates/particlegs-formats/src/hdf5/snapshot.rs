@@ -88,7 +88,7 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let paths = match (paths, files::stands_alone(&paths[0], builder.header.files)) {
         ([_], true) if !strict => {
             builder.note(format!(
-                "the header is of a snapshot of {} files: this is one file of a part of it",
+                "the header is of a snapshot of {} files; this file is read as a part of it",
                 builder.header.files
             ));
             paths.to_vec()
@@ -168,7 +168,7 @@ impl Builder {
             let hint = "the header is that of another snapshot, or files are missing or not written to their end";
             return Err(Error::input_with(place, what, hint));
         }
-        self.note(format!("{what}: those that are there are read"));
+        self.note(format!("{what}: the particles in the files are read"));
         Ok(())
     }
 

@@ -36,7 +36,7 @@ impl Snapshot for TableSnapshot {
 
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let (Some(group), Some(found)) = (self.groups.get(species), self.description.species.get(species)) else {
-            return Err(Error::argument(format!("there is no kind of particles {species}")));
+            return Err(Error::argument(format!("there are no particles of species {species}")));
         };
         let meta = &self.description.meta;
         reader::reader(&Source { parts: &self.parts, kind: species, group, species: found, meta }, choice)
