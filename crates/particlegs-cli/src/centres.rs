@@ -2,7 +2,7 @@
 
 use particlegs::model::UnitSystem;
 use particlegs::progress::Progress;
-use particlegs::space::Cell;
+use particlegs::space::{Cell, PeriodicCell};
 use particlegs::{Error, Result};
 use particlegs_files::input::{Begins, Form, name_of, read_whole};
 use particlegs_formats::Catalogue;
@@ -33,17 +33,12 @@ pub fn convert(
 ) -> Result<Vec<([f64; 3], Option<f64>)>> {
     let (centres, notes) = list.convert(&to).map_err(|what| Error::input(name_of(path), what))?;
     notes.iter().for_each(|note| progress.message(&format!("note: {}: {note}", name_of(path))));
-    let far = centres.iter().filter(|(place, _)| cell.is_some_and(|cell| is_far(*place, &cell))).count();
+    let cell = cell.and_then(PeriodicCell::new);
+    let is_far = |place: [f64; 3]| cell.is_some_and(|cell| cell.beyond(cell.offset(place)) > 1.0);
+    let far = centres.iter().filter(|(place, _)| is_far(*place)).count();
     if far > 0 {
         let what = format!("{far} of {} centres lie more than a box length outside the periodic box", centres.len());
         return Err(Error::input_with(name_of(path), what, "check their unit of length and which columns they are in"));
     }
     Ok(centres)
-}
-
-/// Does a point lie more than a length of the cell outside it, along a vector that repeats?
-fn is_far(point: [f64; 3], cell: &Cell) -> bool {
-    let Some(inverse) = cell.inverse() else { return false };
-    let fraction = |a: usize| (0..3).map(|k| (point[k] - cell.origin[k]) * inverse[k][a]).sum::<f64>();
-    (0..3).any(|a| cell.periodic[a] && !(-1.0..=2.0).contains(&fraction(a)))
 }

@@ -36,7 +36,7 @@ const OPENING: &[&str] = &[
     "skip_invalid",
     "strict",
     "unwrapped",
-    "blocks",
+    "gadget_blocks",
 ];
 /// What of it is kept.
 const SELECTION: &[&str] = &["region", "every", "sample", "center", "width"];

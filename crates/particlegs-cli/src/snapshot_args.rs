@@ -284,10 +284,9 @@ mod tests {
     fn options_are_said_as_they_are_given() {
         let of = |words: &[&str]| Given::parse_from(["x"].iter().chain(words)).snapshot.in_words();
         assert_eq!(of(&[]), None);
-        let all = "--format gadget --particle-type 1,dm --weights none --frame 3 --layers-by mass --box 2,2.5,3 \
-                   --length-unit kpc --unwrapped keep --gadget-blocks POS,ID --skip-invalid --strict";
-        let format = names()[0];
-        let all = all.replace("gadget", format);
+        let rest = "--particle-type 1,dm --weights none --frame 3 --layers-by mass --box 2,2.5,3 --length-unit kpc \
+                    --unwrapped keep --gadget-blocks POS,ID --skip-invalid --strict";
+        let all = format!("--format {} {rest}", names()[0]);
         assert_eq!(of(&all.split(' ').collect::<Vec<_>>()).as_deref(), Some(&all[..]));
     }
 }

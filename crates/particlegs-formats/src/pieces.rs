@@ -1,7 +1,7 @@
 //! One reader for all formats whose rows can be read from any place.
 
 use particlegs::parallel;
-use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader, WideSink};
+use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::ops::Range;
@@ -139,7 +139,7 @@ impl SnapshotReader for PieceReader {
         parallel::try_for_each(runs, |run| scratch.with(|space| read(run, space)))
     }
 
-    fn read_wide(&self, runs: Range<u64>, sink: &mut WideSink<'_>) -> Result<()> {
+    fn read_wide(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, [&[f64]; 3]) -> Result<()>) -> Result<()> {
         let mut rows = Rows::default();
         for run in runs {
             rows.clear();

@@ -4,7 +4,7 @@ use crate::affine::Affine;
 use crate::pieces::{Rows, origin_of};
 use crate::stored::Stored;
 use crate::strided::Lane;
-use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader, WideSink};
+use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::io::Read;
@@ -185,7 +185,7 @@ impl SnapshotReader for StreamReader {
         })
     }
 
-    fn read_wide(&self, runs: Range<u64>, sink: &mut WideSink<'_>) -> Result<()> {
+    fn read_wide(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, [&[f64]; 3]) -> Result<()>) -> Result<()> {
         self.rows(runs, &mut |run, rows| {
             let [x, y, z] = &rows.position;
             sink(run, [x, y, z])

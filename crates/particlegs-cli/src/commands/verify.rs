@@ -284,7 +284,7 @@ fn measure(
     let subset = Subset { selection: &a.selection, window: &a.window, seed: a.common.seed };
     let particles: Particles = a.opening.open_selected(&a.snapshot, subset, context)?;
     source::check(model, of_several, &particles, &a.snapshot[0], &a.model)?;
-    let differences = compress::source_differences(model, of_several, &particles);
+    let differences = particles.differences_from(model, of_several);
     if !differences.is_empty() {
         return Ok((None, differences));
     }

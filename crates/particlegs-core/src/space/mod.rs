@@ -2,6 +2,8 @@
 
 mod bounds;
 mod cell;
+mod periodic_cell;
 
 pub use bounds::Bounds;
 pub use cell::Cell;
+pub use periodic_cell::PeriodicCell;

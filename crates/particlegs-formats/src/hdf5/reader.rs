@@ -9,7 +9,7 @@ use crate::axes::axis;
 use crate::cache::ChunkCache;
 use crate::pieces::{Piece, PieceReader};
 use crate::{Choice, Field, Mass, Species};
-use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader, WideSink};
+use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_files::memory;
@@ -247,7 +247,7 @@ impl SnapshotReader for Stretches {
         Ok(())
     }
 
-    fn read_wide(&self, runs: Range<u64>, sink: &mut WideSink<'_>) -> Result<()> {
+    fn read_wide(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, [&[f64]; 3]) -> Result<()>) -> Result<()> {
         self.inner.read_wide(runs, sink)
     }
 

@@ -3,7 +3,7 @@
 use super::lines::without_end;
 use super::number::number_at;
 use super::split::{Separator, is_blank, number_with, shown, tokens};
-use particlegs::space::Cell;
+use particlegs::space::PeriodicCell;
 
 /// How the lines of a table are taken apart.
 #[derive(Clone, Debug)]
@@ -92,40 +92,6 @@ impl Scaling {
     }
 }
 
-/// A periodic cell that positions are wrapped into.
-#[derive(Clone, Copy, Debug)]
-pub struct Periods {
-    cell: Cell,
-    inverse: [[f64; 3]; 3],
-}
-
-impl Periods {
-    /// Of a cell that has a volume and repeats along some of its vectors.
-    pub fn of(cell: Cell) -> Option<Periods> {
-        let inverse = cell.inverse().filter(|_| cell.periodic.contains(&true))?;
-        Some(Periods { cell, inverse })
-    }
-
-    /// Where `p` is in units of the cell's vectors; 0 along those that do not repeat.
-    fn fractions(&self, p: [f64; 3]) -> [f64; 3] {
-        let d: [f64; 3] = std::array::from_fn(|k| p[k] - self.cell.origin[k]);
-        let fraction = |a: usize| (0..3).map(|k| d[k] * self.inverse[k][a]).sum();
-        std::array::from_fn(|a| if self.cell.periodic[a] { fraction(a) } else { 0.0 })
-    }
-
-    /// How many lengths of the cell `p` lies outside it, 0 within.
-    pub fn beyond(&self, p: [f64; 3]) -> f64 {
-        self.fractions(p).iter().fold(0.0, |most, f| (-f).max(f - 1.0).max(most))
-    }
-
-    /// The image of `p` in the cell; what lies on its faces stays there.
-    fn wrap(&self, p: [f64; 3]) -> [f64; 3] {
-        let whole = self.fractions(p).map(|f| if (0.0..=1.0).contains(&f) { 0.0 } else { f.floor() });
-        let v = &self.cell.vectors;
-        std::array::from_fn(|k| p[k] - (whole[0] * v[0][k] + whole[1] * v[1][k] + whole[2] * v[2][k]))
-    }
-}
-
 /// What is read of each row.
 #[derive(Clone, Debug)]
 pub struct Plan {
@@ -137,7 +103,7 @@ pub struct Plan {
     /// Positions in units of a cell.
     scaling: Option<Scaling>,
     /// Positions are wrapped into this.
-    periods: Option<Periods>,
+    cell: Option<PeriodicCell>,
     /// Columns whose whole numbers are wanted as their bits.
     whole: Vec<usize>,
     /// Only rows whose value in this column is this one.
@@ -163,15 +129,15 @@ impl Plan {
             weighted: weight.is_some(),
             scaling,
             whole: Vec::new(),
-            periods: None,
+            cell: None,
             key: None,
             origin: [0.0; 3],
         }
     }
 
     /// The same wrapped into a periodic cell.
-    pub fn wrapped(mut self, periods: Option<Periods>) -> Self {
-        self.periods = periods;
+    pub fn wrapped(mut self, cell: Option<PeriodicCell>) -> Self {
+        self.cell = cell;
         self
     }
 
@@ -317,8 +283,8 @@ impl Parser<'_> {
         if let Some(scaling) = &self.plan.scaling {
             position = scaling.place(position);
         }
-        if let Some(periods) = &self.plan.periods {
-            position = periods.wrap(position);
+        if let Some(cell) = self.plan.cell {
+            position = cell.image(position);
         }
         for k in 0..3 {
             out[k].push(T::about(position[k], self.plan.origin[k]));

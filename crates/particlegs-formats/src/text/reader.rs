@@ -5,7 +5,7 @@ use super::parse::{Columns, Fault, Parser, Plan, TableNumber};
 use super::table::Table;
 use crate::pieces::origin_of;
 use particlegs::parallel;
-use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader, WideSink};
+use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::ops::Range;
@@ -178,7 +178,7 @@ impl SnapshotReader for RowReader {
         self.plan.origin()
     }
 
-    fn read_wide(&self, runs: Range<u64>, sink: &mut WideSink<'_>) -> Result<()> {
+    fn read_wide(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, [&[f64]; 3]) -> Result<()>) -> Result<()> {
         let mut columns = Columns::<f64>::default();
         if self.table.content.is_seekable() {
             for run in runs {

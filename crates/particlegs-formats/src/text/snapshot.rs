@@ -1,7 +1,7 @@
 //! What formats of text have in common: a table, its columns as fields, species by a column.
 
 use super::lines::of_block;
-use super::parse::{self, Parser, Periods, Plan, Scaling};
+use super::parse::{self, Parser, Plan, Scaling};
 use super::reader::RowReader;
 use super::split::{kind_of, shown, tokens};
 use super::table::{MOST_SPECIES, Table};
@@ -9,6 +9,7 @@ use crate::axes::axis;
 use crate::fields::number_of;
 use crate::{Choice, Description, Field, Mass, Snapshot, Species};
 use particlegs::particles::{Number, SnapshotReader};
+use particlegs::space::PeriodicCell;
 use particlegs::{Error, Remedy, Result};
 use std::sync::Arc;
 
@@ -76,7 +77,7 @@ impl TextSnapshot {
     /// # Errors
     /// [`Error::Input`] where positions are to be kept and no cell is periodic.
     pub fn with_unwrapped(mut self, unwrapped: bool, choice: &Choice) -> Result<Self> {
-        let periods = self.description.meta.cell.and_then(Periods::of);
+        let periods = self.description.meta.cell.and_then(PeriodicCell::new);
         match periods {
             None if choice.keep_unwrapped => {
                 Err(Error::input(self.place(), "no box is periodic: positions are as the file has them"))
@@ -99,7 +100,7 @@ impl TextSnapshot {
     }
 
     /// Do a tenth of the first rows lie outside a periodic cell, and any more than its length? A few that do are damage.
-    fn begins_unwrapped(&self, periods: &Periods, choice: &Choice) -> bool {
+    fn begins_unwrapped(&self, periods: &PeriodicCell, choice: &Choice) -> bool {
         let Some(plan) = self.description.species.first().and_then(|one| self.plan(one, choice).ok()) else {
             return false;
         };
@@ -107,7 +108,8 @@ impl TextSnapshot {
         let mut parser = Parser { layout: &self.table.layout, plan: &plan, skip: 0, room: LOOKED_AT };
         let _ = parser.block(&self.table.head, 1, &mut columns);
         let [x, y, z, _] = columns;
-        let beyond = x.iter().zip(&y).zip(&z).map(|((&x, &y), &z)| periods.beyond([x, y, z].map(f64::from)));
+        let beyond =
+            x.iter().zip(&y).zip(&z).map(|((&x, &y), &z)| periods.beyond(periods.offset([x, y, z].map(f64::from))));
         let (outside, far) =
             beyond.fold((0, 0), |(outside, far), b| (outside + usize::from(b > 1e-5), far + usize::from(b > 1.0)));
         far > 0 && 10 * outside >= x.len()
@@ -125,10 +127,10 @@ impl TextSnapshot {
     }
 
     /// The cell that positions are wrapped into: the one that the user states, else the file's.
-    fn periods(&self, choice: &Choice) -> Result<Option<Periods>> {
+    fn periods(&self, choice: &Choice) -> Result<Option<PeriodicCell>> {
         let mut meta = self.description.meta.clone();
         meta.state(choice.box_lengths, [None; 2])?;
-        Ok(meta.cell.filter(|_| self.wraps && !choice.as_stored).and_then(Periods::of))
+        Ok(meta.cell.filter(|_| self.wraps && !choice.as_stored).and_then(PeriodicCell::new))
     }
 
     /// The columns of whole numbers of 64 bits.

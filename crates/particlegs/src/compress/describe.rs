@@ -58,37 +58,39 @@ impl Options {
     }
 }
 
-/// Where a model's metadata says of its source what the particles do not: name, as stored, as found. Compared are bounds,
-/// cell, units, cosmology, moment, layers and masses, and the particle radius and opacity that follow from them and
-/// from the recipe; of a merge of several snapshots no texts of units.
-pub fn source_differences(model: &Model, of_several: bool, particles: &Particles) -> Vec<[String; 3]> {
-    let (m, bounds, count) = (&model.metadata, particles.bounds(), particles.len() as u64);
-    let SnapshotMeta { cell, units, cosmology, epoch, .. } = particles.meta.clone();
-    let own =
-        Metadata { cell, units, cosmology, epoch, fields: m.fields.clone(), ..Metadata::new(m.law, count, bounds) };
-    let recipe = &m.recipe;
-    let as_made = recipe.differing.is_empty() && !recipe.steps.contains(&RecipeStep::Merge);
-    let looks = [recipe.radius.unwrap_or(own.default_radius), recipe.opacity.unwrap_or(own.default_opacity)];
-    // A recipe's numbers are text: close is the same.
-    let near = |a: f64, b: f64| if !as_made || (a / b - 1.0).abs() < 1e-12 { b } else { a };
-    let [radius, opacity] = [near(m.default_radius, looks[0]), near(m.default_opacity, looks[1])];
-    let layer = |name: &str, count: u64, mass: Mass| format!("{name}: {count} particles, {mass:?}");
-    let stored = model.layers.iter().map(|l| layer(&l.name, l.content.iter().map(|b| b.count).sum(), l.mass));
-    let found = particles.layers().iter().map(|l| layer(&l.name, l.content.len() as u64, l.mass));
-    let listed = |mut layers: Vec<String>| {
-        layers.sort();
-        layers.join("; ")
-    };
-    let corners = |b: &Bounds| format!("{:?} to {:?}", b.min.map(|v| v + 0.0), b.max.map(|v| v + 0.0));
-    let direct = [
-        ("bounds", corners(&m.bounds), corners(&bounds)),
-        ("layers", listed(stored.collect()), listed(found.collect())),
-        ("particle radius", radius.to_string(), looks[0].to_string()),
-        ("opacity", opacity.to_string(), looks[1].to_string()),
-    ];
-    let stated = source_statements(m).into_iter().zip(source_statements(&own));
-    let stated = stated.filter(|((_, a), (_, b))| if of_several { a[0] != b[0] } else { a != b });
-    let stated = stated.map(|((name, [_, a]), (_, [_, b]))| [name.into(), a, b]);
-    let direct = direct.into_iter().filter(|(_, a, b)| a != b).map(|(name, a, b)| [name.into(), a, b]);
-    stated.chain(direct).collect()
+impl Particles {
+    /// Where a model's metadata says of its source what the particles do not: name, as stored, as found. Compared are bounds,
+    /// cell, units, cosmology, moment, layers and masses, and the particle radius and opacity that follow from them and
+    /// from the recipe; of a merge of several snapshots no texts of units.
+    pub fn differences_from(&self, model: &Model, of_several: bool) -> Vec<[String; 3]> {
+        let (m, bounds, count) = (&model.metadata, self.bounds(), self.len() as u64);
+        let SnapshotMeta { cell, units, cosmology, epoch, .. } = self.meta.clone();
+        let own =
+            Metadata { cell, units, cosmology, epoch, fields: m.fields.clone(), ..Metadata::new(m.law, count, bounds) };
+        let recipe = &m.recipe;
+        let as_made = recipe.differing.is_empty() && !recipe.steps.contains(&RecipeStep::Merge);
+        let looks = [recipe.radius.unwrap_or(own.default_radius), recipe.opacity.unwrap_or(own.default_opacity)];
+        // A recipe's numbers are text: close is the same.
+        let near = |a: f64, b: f64| if !as_made || (a / b - 1.0).abs() < 1e-12 { b } else { a };
+        let [radius, opacity] = [near(m.default_radius, looks[0]), near(m.default_opacity, looks[1])];
+        let layer = |name: &str, count: u64, mass: Mass| format!("{name}: {count} particles, {mass:?}");
+        let stored = model.layers.iter().map(|l| layer(&l.name, l.content.iter().map(|b| b.count).sum(), l.mass));
+        let found = self.layers().iter().map(|l| layer(&l.name, l.content.len() as u64, l.mass));
+        let listed = |mut layers: Vec<String>| {
+            layers.sort();
+            layers.join("; ")
+        };
+        let corners = |b: &Bounds| format!("{:?} to {:?}", b.min.map(|v| v + 0.0), b.max.map(|v| v + 0.0));
+        let direct = [
+            ("bounds", corners(&m.bounds), corners(&bounds)),
+            ("layers", listed(stored.collect()), listed(found.collect())),
+            ("particle radius", radius.to_string(), looks[0].to_string()),
+            ("opacity", opacity.to_string(), looks[1].to_string()),
+        ];
+        let stated = source_statements(m).into_iter().zip(source_statements(&own));
+        let stated = stated.filter(|((_, a), (_, b))| if of_several { a[0] != b[0] } else { a != b });
+        let stated = stated.map(|((name, [_, a]), (_, [_, b]))| [name.into(), a, b]);
+        let direct = direct.into_iter().filter(|(_, a, b)| a != b).map(|(name, a, b)| [name.into(), a, b]);
+        stated.chain(direct).collect()
+    }
 }

@@ -27,7 +27,6 @@ pub(crate) use block::{BlockContext, BlockParticles, CodedBlock, OnStop};
 pub(crate) use certify::Decoded;
 pub use certify::certify;
 pub use checkpoint::Checkpoint;
-pub use describe::source_differences;
 pub(crate) use executor::{Store, do_block};
 pub use finetune::{FineTuning, finetune};
 pub(crate) use memory::Load;

@@ -1,7 +1,7 @@
 //! Does the box that a snapshot states hold its particles?
 
 use super::{Chunk, Particles};
-use crate::space::{Bounds, Cell};
+use crate::space::{Bounds, Cell, PeriodicCell};
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
 
@@ -74,19 +74,15 @@ pub(crate) struct OutsideBox {
 impl OutsideBox {
     /// Counts them in a chunk about `origin`, which has these bounds in world units.
     pub(crate) fn count(chunk: &Chunk<'_>, origin: [f64; 3], bounds: &Bounds, cell: Option<&Cell>) -> Self {
-        let periodic = cell.filter(|c| c.periodic.contains(&true) && !holds(c, bounds));
+        let cell = cell.filter(|c| !holds(c, bounds));
         // A particle inside a cell or inside what that is reduced to is where it belongs.
-        let cells = periodic.map(|c| [*c, c.reduced()].map(|c| c.inverse().map(|inverse| (c, inverse))));
+        let cells = cell.map(|c| [*c, c.reduced()].map(PeriodicCell::new));
         let Some([Some(stated), Some(reduced)]) = cells else { return Self::default() };
         let mut counts = Self::default();
         for i in 0..chunk.len() {
-            let beyond = |(cell, inverse): &(Cell, [[f64; 3]; 3])| {
-                let d: [f64; 3] = each_axis(|k| f64::from(chunk.position[k][i]) + (origin[k] - cell.origin[k]));
-                let beyond = (0..3).filter(|&a| cell.periodic[a]).map(|a| {
-                    let fraction: f64 = (0..3).map(|k| d[k] * inverse[k][a]).sum();
-                    (-fraction).max(fraction - 1.0)
-                });
-                beyond.fold(0.0, f64::max)
+            let beyond = |cell: &PeriodicCell| {
+                let corner = cell.offset(origin);
+                cell.beyond(each_axis(|k| f64::from(chunk.position[k][i]) + corner[k]))
             };
             let beyond = beyond(&stated).min(beyond(&reduced));
             counts.all += u64::from(beyond > SLACK);

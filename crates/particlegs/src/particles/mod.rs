@@ -44,7 +44,7 @@ pub(crate) use scratch::Blank;
 pub use scratch::Storage;
 pub use select::{Kept, Run, Selection};
 pub(crate) use source::ChunkBuffer;
-pub use source::{Chunk, InPlace, RUN, SnapshotReader, WideSink};
+pub use source::{Chunk, InPlace, RUN, SnapshotReader};
 pub(crate) use storage::CHUNK;
 pub use storage::{Column, Particles, Positions};
 pub use tile::Tiling;

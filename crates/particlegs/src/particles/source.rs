@@ -46,9 +46,6 @@ pub struct InPlace {
     pub weights: Option<Column>,
 }
 
-/// What takes the number of a run and its positions.
-pub type WideSink<'a> = dyn FnMut(u64, [&[f64]; 3]) -> Result<()> + 'a;
-
 /// A snapshot that is read run by run in bounded memory: metadata first, then particles.
 pub trait SnapshotReader: Send + Sync {
     /// What the snapshot says about itself.
@@ -76,7 +73,7 @@ pub trait SnapshotReader: Send + Sync {
     ///
     /// # Errors
     /// As [`SnapshotReader::read`].
-    fn read_wide(&self, runs: Range<u64>, sink: &mut WideSink<'_>) -> Result<()> {
+    fn read_wide(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, [&[f64]; 3]) -> Result<()>) -> Result<()> {
         let origin = self.origin();
         for run in runs {
             let wide = Mutex::new(<[Vec<f64>; 3]>::default());
