@@ -31,7 +31,8 @@ pub fn convert(
     (to, cell): (UnitSystem<'_>, Option<Cell>),
     progress: &dyn Progress,
 ) -> Result<Vec<([f64; 3], Option<f64>)>> {
-    let (centres, notes) = list.convert(&to).map_err(|what| Error::input(name_of(path), what))?;
+    let (centres, notes) =
+        list.convert(&to, cell.and_then(|c| c.lengths())).map_err(|what| Error::input(name_of(path), what))?;
     notes.iter().for_each(|note| progress.message(&format!("note: {}: {note}", name_of(path))));
     let cell = cell.and_then(PeriodicCell::new);
     let is_far = |place: [f64; 3]| cell.is_some_and(|cell| cell.beyond(cell.offset(place)) > 1.0);

@@ -27,6 +27,9 @@ const RADII: [&str; 15] = [
     "r500",
 ];
 
+/// Boxes whose sides differ by no more than this share are the same.
+const SAME_BOX: f64 = 1e-3;
+
 /// A list of centres.
 #[derive(Debug)]
 pub struct Catalogue {
@@ -36,6 +39,8 @@ pub struct Catalogue {
     units: [Units; 2],
     scale_factor: Option<f64>,
     hubble: Option<f64>,
+    /// Side of the box that the header states, with its unit.
+    box_length: Option<(f64, String)>,
     notes: Vec<String>,
 }
 
@@ -68,6 +73,7 @@ impl Catalogue {
             units: [Units::default(), Units::default()],
             scale_factor: header.scale_factor,
             hubble: header.hubble,
+            box_length: header.box_length.clone(),
             notes: Vec::new(),
         };
         catalogue.state_units(&guess, &chosen, header);
@@ -90,11 +96,15 @@ impl Catalogue {
         self.units = [places, radii].map(|unit| Units::of(unit.as_deref(), None, None));
     }
 
-    /// The centres in other units, those of a snapshot, and what a user should know.
+    /// The centres in other units, those of a snapshot whose periodic box has these sides, and what a user should know.
     ///
     /// # Errors
     /// In words, where units cannot be converted.
-    pub fn convert(self, to: &UnitSystem<'_>) -> Result<(Vec<([f64; 3], Option<f64>)>, Vec<String>), String> {
+    pub fn convert(
+        self,
+        to: &UnitSystem<'_>,
+        sides: Option<[f64; 3]>,
+    ) -> Result<(Vec<([f64; 3], Option<f64>)>, Vec<String>), String> {
         let [places, radii] =
             [0, 1].map(|k| UnitSystem { units: &self.units[k], scale_factor: self.scale_factor, hubble: self.hubble });
         let mut notes = self.notes;
@@ -104,6 +114,15 @@ impl Catalogue {
             notes.push(format!(
                 "centres are in {unit}; the snapshot states no unit of length: it is taken to be the same"
             ));
+        }
+        if let (Some((length, unit)), Some(sides)) = (&self.box_length, sides) {
+            let units = Units::of(Some(unit), None, None);
+            let stated = UnitSystem { units: &units, ..places }.conversion(to).map(|c| c.length * length);
+            if stated.is_ok_and(|stated| sides.iter().any(|side| (side / stated - 1.0).abs() > SAME_BOX)) {
+                let own = to.units.length_text().map_or(String::new(), |text| format!(" {text}"));
+                let [x, y, z] = sides;
+                notes.push(format!("its header states a box of {length} {unit}, and the snapshot's box is {x} x {y} x {z}{own}: they may not be of one run"));
+            }
         }
         let radius = match to.units.length_text() {
             Some(_) => radii.conversion(to)?.length,
@@ -192,6 +211,7 @@ struct CatalogueHeader {
     all: Option<String>,
     scale_factor: Option<f64>,
     hubble: Option<f64>,
+    box_length: Option<(f64, String)>,
 }
 
 impl CatalogueHeader {
@@ -201,6 +221,9 @@ impl CatalogueHeader {
             let lower = line.to_lowercase();
             let says = |words: &[&str]| words.iter().any(|word| lower.contains(word));
             let unit = length_in(line);
+            if lower.contains("box size") {
+                header.box_length = length_stated(line);
+            }
             let radii = says(&["radii", "radius", "rvir"]);
             let positions = says(&["position", "coordinate", "centre", "center", "x/y/z"]);
             let place = match () {
@@ -224,17 +247,31 @@ impl CatalogueHeader {
     }
 }
 
+/// The length that a line states: `Box size: 20.0 Mpc/h`.
+fn length_stated(line: &str) -> Option<(f64, String)> {
+    let words: Vec<&str> = line.split_whitespace().collect();
+    let stated = words.iter().enumerate().find_map(|(i, word)| Some((i, word.parse::<f64>().ok()?)));
+    let (i, length) = stated.filter(|(_, v)| v.is_finite() && *v > 0.0)?;
+    Some((length, known_length(&words[i + 1..].join(" "))?))
+}
+
 /// The unit of length that a line of words ends with, or has in brackets: `Positions in Mpc / h (comoving)`.
 fn length_in(line: &str) -> Option<String> {
     let plain = line.trim_end_matches(['.', ' ', '\r']);
-    let behind = |mark: &str| plain.rsplit_once(mark).map(|(_, rest)| rest.to_string());
+    let behind = |mark: &str| plain.rsplit_once(mark).map(|(_, rest)| rest);
     let inside = |open: char, close: char| {
         let (_, rest) = plain.split_once(open)?;
-        Some(rest.split_once(close)?.0.to_string())
+        Some(rest.split_once(close)?.0)
     };
     let found = [behind(" in "), inside('[', ']'), inside('(', ')'), behind(":"), behind("=")];
-    let clean = |text: String| text.replace(['(', ')', '[', ']', '.'], " ").trim().to_string();
-    found.into_iter().flatten().map(clean).find(|text| Unit::is_known(text, Dimension::Length))
+    found.into_iter().flatten().find_map(known_length)
+}
+
+/// A unit of length, without brackets and with no more blanks than it needs.
+fn known_length(text: &str) -> Option<String> {
+    let plain = text.replace(['(', ')', '[', ']', '.'], " ");
+    let clean = plain.split_whitespace().collect::<Vec<_>>().join(" ").replace(" / ", "/");
+    Unit::is_known(&clean, Dimension::Length).then_some(clean)
 }
 
 #[cfg(test)]
@@ -248,7 +285,7 @@ mod tests {
     fn converted(text: &str, unit: Option<&str>) -> Vec<Centre> {
         let units = Units::of(unit, None, None);
         let to = UnitSystem { units: &units, scale_factor: None, hubble: None };
-        Catalogue::parse(text.as_bytes()).unwrap().convert(&to).unwrap().0
+        Catalogue::parse(text.as_bytes()).unwrap().convert(&to, None).unwrap().0
     }
 
     #[test]
@@ -293,6 +330,17 @@ mod tests {
         close(ahf, None, [1e3, 2e3, 3e3], 50.0);
         close("R [kpc],x [Mpc],y [Mpc],z [Mpc]\n5,1,2,3\n", Some("Mpc"), [1.0, 2.0, 3.0], 0.005);
         close("# positions and radii in kpc\n# x y z r\n1 2 3 5\n", Some("pc"), [1e3, 2e3, 3e3], 5e3);
+    }
+
+    #[test]
+    fn another_box_than_that_of_the_snapshot_is_said() {
+        let list = "# Box size: 20.0 Mpc/h\n# Positions in Mpc / h (comoving)\n# x y z\n1 2 3\n";
+        let units = Units::of(Some("kpc/h"), None, None);
+        let to = UnitSystem { units: &units, scale_factor: None, hubble: None };
+        let notes = |sides| Catalogue::parse(list.as_bytes()).unwrap().convert(&to, Some(sides)).unwrap().1;
+        assert_eq!(notes([20_000.0; 3]), [""; 0]);
+        let said = notes([14_000.0; 3]).concat();
+        assert!(said.contains("a box of 20 Mpc/h, and the snapshot's box is 14000 x 14000 x 14000 kpc/h"), "{said}");
     }
 
     #[test]

@@ -36,9 +36,9 @@ pub fn certificate_views(model: &Metadata, size: Size, seed: u64) -> Vec<View> {
 }
 
 /// Pixels that a particle may cover in a certificate's picture, and all of them together whatever the number.
-const COVERED: f64 = 4e3;
+const COVERED: f64 = 2e3;
 /// See [`COVERED`].
-const COVERED_BY_ALL: f64 = 2e9;
+const COVERED_BY_ALL: f64 = 3e8;
 
 /// Refuses to measure pictures of particles so large that each covers much of a picture: it would take hours.
 ///
@@ -145,7 +145,7 @@ mod tests {
     fn radii_that_would_take_hours_are_refused() {
         let m = |count, default_radius| Metadata { count, default_radius, ..model_of(&[], [50.0; 3]).metadata };
         assert!(
-            [m(1 << 21, 0.016), m(1 << 21, 0.3), m(3000, 1.0), m(300, 1e9)].iter().all(|m| check_radius(m, 42).is_ok())
+            [m(1 << 21, 0.016), m(1 << 21, 0.2), m(3000, 1.0), m(100, 1e9)].iter().all(|m| check_radius(m, 42).is_ok())
         );
         assert!([m(1 << 21, 10.0), m(3000, 1e9)].iter().all(|m| check_radius(m, 42).is_err()));
     }
