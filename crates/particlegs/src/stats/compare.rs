@@ -194,7 +194,7 @@ impl Job<'_> {
 
     fn notes(&self) -> Vec<String> {
         let mut notes = vec![];
-        if !self.domain.periodic.iter().all(|p| *p) && !self.paper() {
+        if self.wants(&[Measure::Spectrum]) && self.domain.periodic.contains(&false) && !self.paper() {
             notes.push("axes that are not periodic: P(k) treats them as if they were".into());
         }
         let bounds = self.pair[0].bounds();
