@@ -1,7 +1,7 @@
 //! Statistics as tables: CSV files, and the short one on the terminal.
 
 use particlegs::Result;
-use particlegs::model::per_length;
+use particlegs::model::{decimals, per_length};
 use particlegs::stats::{PairCounts, SizeClass, Statistics};
 use particlegs_files::output::write_bytes;
 use std::path::Path;
@@ -167,12 +167,12 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
     if let Some(p) = &s.spectra {
         let [x, y, z] = p.cells;
         let last = p.shells.last();
-        line("P(k): grid; up to k", format!("{x}x{y}x{z}; {:.4}{wave}", last.map_or(0.0, |h| h.k)));
+        line("P(k): grid; up to k", format!("{x}x{y}x{z}; {}{wave}", decimals(last.map_or(0.0, |h| h.k))));
         let deviation = t.largest_power_deviation.map_or("-".into(), |d| format!("{:.2} %", 100.0 * d));
         line("P(k): largest deviation; r at end", {
             format!("{deviation}; {}", t.r_at_k_max.map_or("-".into(), |r| format!("{r:.4}")))
         });
-        let to = |v: Option<f64>| v.map_or("nowhere".into(), |k| format!("{k:.3}"));
+        let to = |v: Option<f64>| v.map_or("nowhere".into(), decimals);
         line("P(k): within 1, 5, 10 % up to k", {
             let [a, b, c] =
                 [t.power_within_1_percent_to, t.power_within_5_percent_to, t.power_within_10_percent_to].map(to);
@@ -181,7 +181,7 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
         line("r(k): at least 0.99, 0.9 up to k", format!("{}, {}{wave}", to(t.r_above_0_99_to), to(t.r_above_0_9_to)));
     }
     if s.xi_by_pairs.is_some() {
-        let from = t.xi_within_10_percent_from.map_or("nowhere".into(), |r| format!("{r:.4}{length}"));
+        let from = t.xi_within_10_percent_from.map_or("nowhere".into(), |r| decimals(r) + &length);
         line("xi(r): within 10 % from r on", from);
     }
     if let Some(g) = &s.groups {
@@ -198,19 +198,18 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
             let median = a.median.map_or("-".into(), |m| format!("{m:.3}"));
             line(
                 &format!("core mass, groups of {sizes}"),
-                format!("{median} of the truth (median, radius {:.4}{length})", a.radius),
+                format!("{median} of the truth (median, radius {}{length})", decimals(a.radius)),
             );
         }
     }
+    let pair = |b: f64, a: f64| format!("{}{length}, truth {}: {:.3}", decimals(b), decimals(a), b / a);
     if let Some([a, b]) = &s.neighbours {
-        line("nearest neighbour, mean", format!("{:.4}{length}, truth {:.4}: {:.3}", b.mean, a.mean, b.mean / a.mean));
-        line("nearest neighbour, median", {
-            format!("{:.4}{length}, truth {:.4}: {:.3}", b.median, a.median, b.median / a.median)
-        });
+        line("nearest neighbour, mean", pair(b.mean, a.mean));
+        line("nearest neighbour, median", { pair(b.median, a.median) });
     }
     if s.rdf.is_some() {
         let peak = |side: usize| match (t.rdf_peak_height[side], t.rdf_peak_at[side]) {
-            (Some(g), Some(r)) => format!("{g:.3} at {r:.4}{length}"),
+            (Some(g), Some(r)) => format!("{g:.3} at {}{length}", decimals(r)),
             _ => "none".into(),
         };
         line("g(r): first peak", format!("{}, truth {}", peak(1), peak(0)));
@@ -224,11 +223,14 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
             format!("{difference:.2} % of the mean density, shot noise {noise:.2} %"),
         );
         let [truth, other] = p.half_mass_height;
-        line(&format!("profile along {axis}: half-mass height"), format!("{other:.4}{length}, truth {truth:.4}"));
+        line(
+            &format!("profile along {axis}: half-mass height"),
+            format!("{}{length}, truth {}", decimals(other), decimals(truth)),
+        );
     }
     if let Some(h) = &s.haloes {
         line("haloes: centres", {
-            let radius = h.radius.map_or("given".into(), |r| format!("{r:.4}{length}"));
+            let radius = h.radius.map_or("given".into(), |r| decimals(r) + &length);
             format!("{}, largest radius {radius}", h.count)
         });
         for share in [0.1, 0.3, 1.0] {

@@ -133,7 +133,7 @@ impl Metric {
                 format!("{} dB, {:.4}", s.masked_psnr.map_or("-".into(), |v| format!("{v:.2}")), s.ssim)
             }
             (MetricValue::Real(n), Coding::From) => format!("from {n} particles on"),
-            (MetricValue::Real(k), Coding::UpTo) => format!("up to k = {k:.4} {}", per()),
+            (MetricValue::Real(k), Coding::UpTo) => format!("up to k = {} {}", decimals(k), per()),
             (MetricValue::Real(v), _) => match self.unit {
                 MetricUnit::Share => format!("{:.2} %", 100.0 * v),
                 MetricUnit::WaveNumber => format!("{} {}", decimals(v), per()),
@@ -145,8 +145,8 @@ impl Metric {
     }
 }
 
-/// Four decimals, or four digits behind the first of what these do not show.
-fn decimals(v: f64) -> String {
+/// A number as tables show it: four decimals, or four digits behind the first of what these do not show.
+pub fn decimals(v: f64) -> String {
     if v == 0.0 || (1e-3..1e6).contains(&v.abs()) { format!("{v:.4}") } else { format!("{v:.4e}") }
 }
 

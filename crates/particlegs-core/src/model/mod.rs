@@ -27,7 +27,7 @@ pub use goal::{Goal, GoalKind, GoalResult};
 pub use law::{AlphaBlend, Law, LawKind};
 pub use layer::{Layer, Mass};
 pub use metadata::{Cosmology, Epoch, Metadata, Quantity, QuantityKind, hex};
-pub use metric::{Coding, Metric, MetricEntry, MetricGroup, MetricUnit, MetricValue, Tolerance};
+pub use metric::{Coding, Metric, MetricEntry, MetricGroup, MetricUnit, MetricValue, Tolerance, decimals};
 pub(crate) use metric::{MetricField, MetricVisitor};
 pub use metrics::{
     BANDS, CELL_SIZES, CellDensity, CrossValidation, DensityMetrics, GROUP_CLASSES, GroupClass, LayerRatio,

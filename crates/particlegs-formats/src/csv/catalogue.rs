@@ -293,6 +293,7 @@ mod tests {
         let two = vec![([1.0, 2.0, 3.0], None), ([4.0, 5.0, -6.0], None)];
         for text in [
             "1,2,3\n4,5,-6\n",
+            "\x0c\r\n\x0c\n1 2 3\n\x0c\n4 5 -6\n\x0c\r\n",
             "x y z\n1 2 3\n\n# more\n4\t5 -6e0",
             "a;b;c\r\n1; 2;3\r\n4;5;-6",
             "\u{feff}sep=;\nx;y;z\n1,0;2,0;3,0\n4,0;5,0;-6,0\n",

@@ -3,7 +3,7 @@
 use super::names::{Name, positions};
 use crate::text::lines::without_end;
 use crate::text::parse::Layout;
-use crate::text::split::{Separator, is_blank, kind_of, number, number_with, tokens, unquoted};
+use crate::text::split::{Separator, first_byte, is_blank, kind_of, number, number_with, tokens, unquoted};
 
 /// Lines of data that are looked at.
 const LOOK: usize = 64;
@@ -97,12 +97,11 @@ fn check_text(head: &[u8]) -> Result<(), String> {
 
 /// What comments begin with.
 fn comment_of(lines: &[&[u8]]) -> u8 {
-    let first = lines.iter().find_map(|line| line.iter().find(|b| !is_blank(**b)));
-    if first == Some(&b'%') { b'%' } else { b'#' }
+    if lines.iter().find_map(|line| first_byte(line)) == Some(b'%') { b'%' } else { b'#' }
 }
 
 fn is_data(line: &[u8], comment: u8) -> bool {
-    line.iter().find(|b| !is_blank(**b)).is_some_and(|&b| b != comment)
+    first_byte(line).is_some_and(|b| b != comment)
 }
 
 /// The separator that a spreadsheet states in a line of its own: `sep=;`.

@@ -2,7 +2,7 @@
 
 use super::lines::without_end;
 use super::number::number_at;
-use super::split::{Separator, is_blank, number_with, shown, tokens};
+use super::split::{Separator, first_byte, is_blank, number_with, shown, tokens};
 use particlegs::space::PeriodicCell;
 
 /// How the lines of a table are taken apart.
@@ -24,10 +24,7 @@ impl Layout {
     pub fn is_row(&self, text: &[u8]) -> bool {
         match self.comment {
             None => true,
-            Some(comment) => {
-                let first = text.iter().find(|b| !is_blank(**b) && **b != b'\r');
-                first.is_some_and(|&b| b != comment && b != b'\n')
-            }
+            Some(comment) => first_byte(text).is_some_and(|b| b != comment),
         }
     }
 

@@ -16,6 +16,11 @@ pub fn is_blank(byte: u8) -> bool {
     byte == b' ' || byte == b'\t'
 }
 
+/// The first byte of a line that is neither blank nor the page's or the line's end.
+pub fn first_byte(line: &[u8]) -> Option<u8> {
+    line.iter().copied().find(|b| !is_blank(*b) && !matches!(b, b'\r' | 0x0c)).filter(|&b| b != b'\n')
+}
+
 /// The values of a line, quotes taken off.
 pub fn tokens(line: &[u8], separator: Separator) -> Vec<&[u8]> {
     match separator {

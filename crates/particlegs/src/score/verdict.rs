@@ -3,7 +3,7 @@
 
 use crate::model::{
     CellDensity, Certificate, GROUP_CLASSES, GroupClass, Limit, Metadata, PictureScore, PictureScores, PictureSetting,
-    per_length,
+    decimals, per_length,
 };
 use serde::Serialize;
 
@@ -250,8 +250,9 @@ fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
         let (even, more) = if word == Word::DoesNot { ("even ", "") } else { ("", " and more") };
         let (&CellDensity { edge, particles, correlation, mean_absolute_error, .. }, trivial) = (d, trivial(d));
         let why = format!(
-            "correlation {correlation:.4} {even}in cells of {edge:.4}{unit}{more}; {particles:.0} particles in each, mean \
-             error {mean_absolute_error:.2} where a trivial density has {trivial:.2}"
+            "correlation {correlation:.4} {even}in cells of {}{unit}{more}; {particles:.0} particles in each, mean \
+             error {mean_absolute_error:.2} where a trivial density has {trivial:.2}",
+            decimals(edge)
         );
         Finding { of: Use::Density, word, why }
     };
@@ -339,9 +340,12 @@ fn spacing(c: &Certificate, unit: Option<&str>) -> Finding {
     };
     let unit = unit.map_or(String::new(), |u| format!(" {u}"));
     let why = format!(
-        "nearest neighbour at {:.4}{unit}, of the particles at {:.4}; medians, the first of particles drawn, 5th \
+        "nearest neighbour at {}{unit}, of the particles at {}; medians, the first of particles drawn, 5th \
          percentiles {:.2} and {:.2} of them",
-        s.drawn_median, s.median, s.drawn_regularity, s.regularity
+        decimals(s.drawn_median),
+        decimals(s.median),
+        s.drawn_regularity,
+        s.regularity
     );
     finding(graded(within(SPACING_HOLDS), within(SPACING_ROUGHLY)), why)
 }
