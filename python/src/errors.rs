@@ -38,7 +38,7 @@ fn in_words(remedy: &Remedy) -> String {
     match remedy {
         Remedy::Both(both) => format!("{}; {}", in_words(&both.0), in_words(&both.1)),
         Remedy::StateBox | Remedy::StateBoxOrRegion => "state it by box=".into(),
-        Remedy::LeaveOutInvalid => "skip_invalid=True drops them; weights=None ignores masses".into(),
+        Remedy::LeaveOutInvalid => "skip_invalid=True leaves them out; weights=None counts all particles alike".into(),
         Remedy::LayersBySpecies => "use layers_by=\"species\"".into(),
         Remedy::ChooseSpecies => "choose fewer with species=".into(),
         Remedy::NameFormat(formats) => format!("format= forces one of: {formats}"),

@@ -38,7 +38,9 @@ pub fn in_words(remedy: &Remedy) -> String {
         Remedy::GoOn => "run the same command again to continue".into(),
         Remedy::StateBox => "state it by `--box Lx,Ly,Lz`".into(),
         Remedy::StateBoxOrRegion => "state it by `--box Lx,Ly,Lz`, or use --region, which does not wrap around".into(),
-        Remedy::LeaveOutInvalid => "`--skip-invalid` drops them; `--weights none` ignores masses".into(),
+        Remedy::LeaveOutInvalid => {
+            "`--skip-invalid` leaves them out; `--weights none` counts all particles alike".into()
+        }
         Remedy::WeighByMass => {
             "leave `--weights` out to weigh by masses, or give `--weights none` to count particles".into()
         }

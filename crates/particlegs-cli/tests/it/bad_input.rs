@@ -17,8 +17,8 @@ fn snapshots_that_are_none() {
     refused(&[v(3), v(2), v(3)], 3, "2 values");
     refused(&[v(0), v(0), v(0)], 3, "no particles");
     refused(&[v(3), v(3)], 3, "missing");
-    refused(&[vec![1.0, f32::NAN, f32::INFINITY], v(3), v(3)], 3, "2 particles are invalid");
-    refused(&[vec![1.0, f32::NAN, f32::INFINITY], v(3), v(3)], 3, "first at index 1");
+    refused(&[vec![1.0, f32::NAN, f32::INFINITY], v(3), v(3)], 3, "2 with a position that is not finite");
+    refused(&[vec![1.0, f32::NAN, f32::INFINITY], v(3), v(3)], 3, "the first has index 1");
     refused(&[v(3), v(3), v(3), vec![1.0, 0.0, 1.0]], 3, "weight");
     let dir = tempfile::tempdir().unwrap();
     fails(particlegs().current_dir(&dir).args(["compress", "nowhere", "-o", "m.pgs"]), 6, "nowhere");

@@ -86,7 +86,7 @@ impl SnapshotScan {
             all.same_weight.push(first.filter(|w| weights.iter().all(|other| *other == Some(*w))));
         }
         progress.end();
-        if bad.count > 0 {
+        if bad.count() > 0 {
             return Err(bad.refusal(place));
         }
         all.bounds = all.runs.iter().fold(Bounds::empty(), |all, r| all.union(&r.bounds(source.origin)));
@@ -190,6 +190,11 @@ mod tests {
     fn invalid_values_are_named() {
         let p = snapshot(|i| if i == 140_000 { -1.0 } else { 1.0 + i as f32 });
         let error = SnapshotScan::new(&Layered::of(&p), "here", false, &Silent).err().unwrap();
-        assert!(error.to_string().contains("the first at index 140000"), "{error}");
+        assert!(
+            error
+                .to_string()
+                .contains(": 1 with a mass or weight that is not above 0 and below 3e38; the first has index 140000"),
+            "{error}"
+        );
     }
 }

@@ -105,41 +105,49 @@ impl Particles {
     pub fn checked(self, place: &str, drop: Option<&Storage>) -> Result<Particles> {
         let invalid = self.par_chunks(|_, chunk| invalid(&chunk)).into_iter();
         let invalid = invalid.enumerate().fold(Invalid::default(), |all, (i, own)| all.and((i * CHUNK) as u64, own));
-        match drop {
-            _ if invalid.count == 0 => Ok(self),
-            None => Err(invalid.refusal(place)),
-            Some(_) if invalid.count == self.len() as u64 => {
-                Err(Error::input(place, format!("all {} particles are invalid", invalid.count)))
+        match (invalid.count(), drop) {
+            (0, _) => Ok(self),
+            (_, None) => Err(invalid.refusal(place)),
+            (count, Some(_)) if count == self.len() as u64 => {
+                Err(Error::input(place, format!("all {count} particles are invalid")))
             }
-            Some(storage) => keep_valid(&self, self.len() - invalid.count as usize, storage),
+            (count, Some(storage)) => keep_valid(&self, self.len() - count as usize, storage),
         }
     }
 }
 
-/// Invalid particles of a stretch: how many, and the first.
+/// Invalid particles of a stretch, and the first of them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Invalid {
-    pub count: u64,
+    /// Those without a place.
+    positions: u64,
+    /// Others whose weight is no weight.
+    weights: u64,
     first: u64,
 }
 
 impl Invalid {
+    /// How many there are.
+    pub(crate) fn count(self) -> u64 {
+        self.positions + self.weights
+    }
+
     /// With those of a later stretch, which begins at index `start`.
     pub(crate) fn and(self, start: u64, later: Invalid) -> Invalid {
-        let first = if self.count > 0 { self.first } else { start + later.first };
-        Invalid { count: self.count + later.count, first }
+        let first = if self.count() > 0 { self.first } else { start + later.first };
+        Invalid { positions: self.positions + later.positions, weights: self.weights + later.weights, first }
     }
 
     /// The error that refuses them.
     pub(crate) fn refusal(self, place: &str) -> Error {
-        let Invalid { count, first } = self;
-        Error::input_with(
-            place,
-            format!(
-                "{count} particles are invalid (NaN, infinite, or weight not positive), the first at index {first}"
-            ),
-            Remedy::LeaveOutInvalid,
-        )
+        let faults = [
+            (self.positions, "a position that is not finite"),
+            (self.weights, "a mass or weight that is not above 0 and below 3e38"),
+        ];
+        let faults = faults.into_iter().filter(|(count, _)| *count > 0);
+        let said: Vec<String> = faults.map(|(count, what)| format!("{count} with {what}")).collect();
+        let what = format!("invalid particles: {}; the first has index {}", said.join(", "), self.first);
+        Error::input_with(place, what, Remedy::LeaveOutInvalid)
     }
 }
 
@@ -153,11 +161,10 @@ pub(crate) fn invalid(chunk: &super::Chunk<'_>) -> Invalid {
     if !suspicious {
         return Invalid::default();
     }
-    let mut bad = (0..chunk.len()).filter(|&i| !valid(chunk, i));
-    match bad.next() {
-        None => Invalid::default(),
-        Some(first) => Invalid { count: 1 + bad.count() as u64, first: first as u64 },
-    }
+    (0..chunk.len()).filter(|&i| !valid(chunk, i)).fold(Invalid::default(), |all, i| {
+        let unplaced = chunk.position.iter().any(|c| !c[i].is_finite());
+        all.and(0, Invalid { positions: unplaced.into(), weights: (!unplaced).into(), first: i as u64 })
+    })
 }
 
 fn valid_weight(w: f32) -> bool {
