@@ -79,7 +79,8 @@ pub fn run(a: Arguments) -> Result<()> {
     options.blocks = match a.blocks.as_str() {
         "auto" => None,
         number => {
-            let wrong = |what| Error::argument(format!("--blocks {number}: not `auto`, and {what}"));
+            let hint = "--gadget-blocks names the blocks of a Gadget file";
+            let wrong = |_| Error::argument(format!("--blocks {number} is neither a number nor `auto` ({hint})"));
             Some(number_of_blocks(number).map_err(wrong)?)
         }
     };
