@@ -391,7 +391,7 @@ mod tests {
     /// A rounded shape is turned a little: its length would become the box's thickness.
     #[test]
     fn flat_boxes_keep_their_thickness() {
-        for edges in [[1.0, 1.0, 5e-4], [1e-4, 1.0, 1.0], [1.0, 1e-6, 1.0], [1.0, 1e-3, 1e-3], [1e-5, 1e-3, 1.0]] {
+        for edges in [[1.0, 1.0, 5e-4], [1e-4, 1.0, 1.0], [1.0, 1e-5, 1.0], [1.0, 1e-3, 1e-3], [1e-5, 1e-3, 1.0]] {
             let mut gaussians = Mixture::default();
             for i in 0..200 {
                 let mut r = Random::new(8, 0, i);
@@ -410,6 +410,28 @@ mod tests {
                 assert!((0.85..1.18).contains(&ratio), "{edges:?} along {k}: {ratio}");
             }
             assert!(Encoder::new(&decoded).unwrap().encode(&Precision::BALANCED) == coded, "{edges:?}");
+        }
+    }
+
+    /// Coarse steps add to what the floors leave: the sums of a decoder stay positive.
+    #[test]
+    fn the_flattest_gaussians_are_decoded_whatever_the_steps() {
+        for thin in [1e-6, 1e-7, 1e-9, 1e-30] {
+            let mut gaussians = Mixture::default();
+            for i in 0..20_000 {
+                let mut r = Random::new(9, 0, i);
+                let (a, b) = (0.1 * (-9.0 * r.uniform()).exp(), 0.1 * (-30.0 * r.uniform()).exp());
+                let (mean, turn) = ([r.uniform(), r.uniform(), thin * r.uniform()], (6.0 * r.uniform()).sin_cos());
+                let across = Sym3::outer([0.0, 0.0, 0.1 * thin]);
+                let cov = Sym3::outer([a * turn.0, a * turn.1, 0.0]).add(&Sym3::outer([-b * turn.1, b * turn.0, 0.0]));
+                gaussians.push(mean, cov.add(&across), (9.0 * r.uniform()).exp(), 0.0);
+            }
+            let bounds = Bounds { min: [0.0; 3], max: [1.0, 1.0, thin] };
+            let encoder = Encoder::new(&Block { bounds, count: 1 << 22, mass: 1e6, gaussians }).unwrap();
+            for factor in [1.0, 2.0, 4.0, Precision::FACTORS[1]] {
+                let coded = encoder.encode(&Precision::BALANCED.scaled(factor));
+                assert!(decode_block(&coded, "a test").is_ok(), "1:{thin} at {factor} steps");
+            }
         }
     }
 

@@ -9,7 +9,7 @@ use crate::parallel;
 /// Smallest ratio of two variances of a Gaussian: flatter ones are thickened to it.
 const FLATTEST: f64 = 1.0 / (1u64 << 20) as f64;
 /// The same where a block is flat.
-const FLATTEST_OF_FLAT: f64 = 1.0 / (1u64 << 44) as f64;
+const FLATTEST_OF_FLAT: f64 = 1.0 / (1u64 << 38) as f64;
 /// From this ratio of two edges on a block is flat.
 const FLAT: f64 = 32.0;
 /// From this ratio of two widths on a Gaussian of a flat block lies along it.

@@ -40,6 +40,18 @@ impl Sym3 {
         self.0[0] + self.0[3] + self.0[5]
     }
 
+    /// The element of the diagonal of an axis.
+    pub fn variance(&self, axis: usize) -> f64 {
+        self.0[[0, 3, 5][axis]]
+    }
+
+    /// As a covariance where lengths along an axis are multiplied.
+    pub fn stretched(&self, axis: usize, by: f64) -> Sym3 {
+        let f: [f64; 3] = each_axis(|k| if k == axis { by } else { 1.0 });
+        let [a, b, c, d, e, g] = self.0;
+        Sym3([a * f[0] * f[0], b * f[0] * f[1], c * f[0] * f[2], d * f[1] * f[1], e * f[1] * f[2], g * f[2] * f[2]])
+    }
+
     /// Determinant.
     pub fn det(&self) -> f64 {
         let [a, b, c, d, e, f] = self.0;

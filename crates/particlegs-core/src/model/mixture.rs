@@ -59,6 +59,14 @@ impl Mixture {
         Sym3(std::array::from_fn(|k| self.cov[k][i]))
     }
 
+    /// Multiplies the Gaussians' widths along an axis.
+    pub fn stretch(&mut self, axis: usize, by: f64) {
+        for i in 0..self.len() {
+            let cov = self.cov_of(i).stretched(axis, by).0;
+            (0..6).for_each(|k| self.cov[k][i] = cov[k]);
+        }
+    }
+
     /// Mass of Gaussian `i`: its own, or its count where particles are equal.
     pub fn mass_of(&self, i: usize) -> f64 {
         self.masses().map_or(self.count[i], |m| m[i])

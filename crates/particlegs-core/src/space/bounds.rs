@@ -45,6 +45,12 @@ impl Bounds {
         each_axis(|k| self.max[k] - self.min[k])
     }
 
+    /// The axis whose edge is above 0 and less than a 32nd of either other one: that across a flat box.
+    pub fn thin_axis(&self) -> Option<usize> {
+        let e = self.extent();
+        (0..3).find(|&k| e[k] > 0.0 && 32.0 * e[k] < e[(k + 1) % 3].min(e[(k + 2) % 3]))
+    }
+
     /// Edge lengths with an extent of zero counted as the largest, and all zero as 1.
     pub fn extent_nonzero(&self) -> [f64; 3] {
         let e = self.extent();

@@ -3,7 +3,8 @@
 use super::block::{BlockContext, OnStop};
 use super::clock::Clock;
 use super::size::{Coded, SizeTarget, bytes_a_gaussian, most_gaussians};
-use crate::codec::Encoder;
+use super::thickness::Thickness;
+use crate::codec::{Encoder, decode_block};
 use crate::fit::{Effort, FitOptions, Fitter};
 use crate::model::{Block, LawKind, Layer, Mixture, VizMapper};
 use crate::particles::Particles;
@@ -125,9 +126,9 @@ impl LayerTask<'_> {
         let (coded, mixture) = target.find(|number| {
             let mixture = clock.time("fit", || self.fit(number, &mut fitter, pieces))?;
             let kept = training.is_some().then(|| mixture.clone());
-            let encoder = self.encoder(mixture)?;
             let check = || self.context.progress.check();
-            Ok((clock.time("code", || Coded::to_size(&encoder, bytes, None, check))?, kept))
+            let code = |encoder: &Encoder| Coded::to_size(encoder, bytes, None, check);
+            Ok((clock.time("code", || self.coded(mixture, code))?, kept))
         })?;
         drop(fitter);
         let (Some(config), Some(mixture)) = (training, mixture) else {
@@ -222,17 +223,34 @@ impl LayerTask<'_> {
         Encoder::new(&Block { bounds, count: self.layer.count(), mass, gaussians })
     }
 
+    /// Codes Gaussians. In a flat box those that are not trained get the particles' thickness.
+    fn coded(&self, mut gaussians: Mixture, code: impl Fn(&Encoder) -> Result<Coded>) -> Result<Coded> {
+        let thickness = Thickness::of(self.layer.particles(), &self.layer.bounds);
+        let Some(thickness) = thickness.filter(|_| self.context.plan.training.is_none()) else {
+            return code(&self.encoder(gaussians)?);
+        };
+        for _ in 1..Thickness::TRIALS {
+            let coded = code(&self.encoder(gaussians.clone())?)?;
+            let by = thickness.factor(&[&decode_block(&coded.bytes, "a block")?.gaussians]);
+            if (by - 1.0).abs() < 0.01 {
+                return Ok(coded);
+            }
+            gaussians.stretch(thickness.axis, by);
+        }
+        code(&self.encoder(gaussians)?)
+    }
+
     /// Codes Gaussians to a size, or at the nominal steps.
     fn code(&self, fitted: Fitted, bytes: Option<u64>) -> Result<MadeLayer> {
         let Fitted { mixture, step_factor, trained, stopped, mut clock } = fitted;
         let vizmapper = network_of(&mixture);
-        let encoder = self.encoder(mixture)?;
         // What was stopped is coded all the same.
         let check = || if stopped { Ok(()) } else { self.context.progress.check() };
-        let coded = clock.time("code", || match bytes {
-            Some(bytes) => Coded::to_size(&encoder, bytes, step_factor, check),
-            None => Ok(Coded::at_nominal_steps(&encoder)),
-        })?;
+        let code = |encoder: &Encoder| match bytes {
+            Some(bytes) => Coded::to_size(encoder, bytes, step_factor, check),
+            None => Ok(Coded::at_nominal_steps(encoder)),
+        };
+        let coded = clock.time("code", || self.coded(mixture, code))?;
         Ok(MadeLayer { coded, vizmapper, trained, stopped, clock })
     }
 }

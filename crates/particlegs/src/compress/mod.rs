@@ -21,6 +21,7 @@ mod run;
 mod search;
 mod simplify;
 mod size;
+mod thickness;
 
 pub use crate::model::Target;
 pub(crate) use block::{BlockContext, BlockParticles, CodedBlock, OnStop};

@@ -8,6 +8,7 @@ use super::executor::do_blocks;
 use super::options::Options;
 use super::plan::Plan;
 use super::search;
+use super::thickness::Thickness;
 #[cfg(doc)]
 use crate::Error;
 use crate::Result;
@@ -39,7 +40,8 @@ pub struct Compressed {
     pub trained: Vec<TrainedRun>,
     /// Was training stopped, and this is the best so far?
     pub stopped: bool,
-    /// What a user should know, a sentence each: those of [`Compression::notes`], then how the target is met.
+    /// What a user should know, a sentence each: those of [`Compression::notes`], then how the
+    /// target is met, and how thick the model of a flat box is.
     pub notes: Vec<String>,
     /// Wall-clock seconds by phase, in order.
     pub seconds: Vec<(&'static str, f64)>,
@@ -134,7 +136,7 @@ impl<'a> Compression<'a> {
             }
             // The store goes: the particles of blocks may be half of all that is in memory.
         };
-        let notes = plan.notes.iter().cloned().chain(plan.judge(&blocks)?).collect();
+        let met = plan.judge(&blocks)?;
         let stopped = blocks.iter().any(|b| b.stopped);
         let (level, memory) = (plan.certificate, options.memory);
         let measured = level.measures() && !stopped;
@@ -144,6 +146,8 @@ impl<'a> Compression<'a> {
         let step_factor = blocks.iter().map(|b| b.step_factor).sum::<f64>() / blocks.len().max(1) as f64;
         let (raw_bytes, seconds) = (plan.raw_bytes(), clock.seconds());
         let Decoded { bytes, model, .. } = done;
+        let thick = Thickness::of(particles, &plan.metadata.bounds).and_then(|t| t.note(&model));
+        let notes = plan.notes.iter().cloned().chain(met).chain(thick).collect();
         Ok(Compressed { bytes, model, raw_bytes, reached, step_factor, trained, stopped, notes, seconds })
     }
 }

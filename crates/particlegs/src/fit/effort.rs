@@ -71,7 +71,8 @@ impl<'a> Fitter<'a> {
         let how = PartitionOptions { pixel: options.pixel, ..PartitionOptions::default() };
         let cells = partition(store, options.gaussians, options.radius, how, progress)?;
         let (particles, gaussians) = (cells.store.len(), cells.cells.len());
-        let how = refinement(particles, gaussians, options);
+        let thin = self.particles.bounds().thin_axis();
+        let how = RefineOptions { thin, ..refinement(particles, gaussians, options) };
         let mixture = refine(&cells, options.radius, &how, pieces, progress)?;
         // What comes after takes less memory than refinement, but not always less than a partition.
         self.store = Some(cells.store);
@@ -102,6 +103,7 @@ pub(super) fn refinement(particles: usize, gaussians: usize, options: &FitOption
             sample: 100.0,
             pixel,
             seed,
+            thin: None,
         },
         Effort::Default => {
             let sample = 333.0;
@@ -117,6 +119,7 @@ pub(super) fn refinement(particles: usize, gaussians: usize, options: &FitOption
                 sample,
                 pixel,
                 seed,
+                thin: None,
             }
         }
     }

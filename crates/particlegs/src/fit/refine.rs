@@ -43,6 +43,8 @@ pub(crate) struct RefineOptions {
     pub pixel: f64,
     /// Seed of the sample.
     pub seed: u64,
+    /// The axis across a flat box ([`Prior::thin`]).
+    pub thin: Option<usize>,
 }
 
 /// Particles of one block's sample, and its Gaussians, at most.
@@ -142,8 +144,9 @@ impl Refiner<'_> {
     }
 
     fn shape(&self) -> Shape {
+        let prior = Prior { thin: self.options.thin, ..Prior::REFINED };
         let blur = Blur::of_sigma(picture_sigma(FOCUS_BLUR_RADII * self.radius, self.pixel));
-        Shape { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur.variance, prior: Prior::REFINED }
+        Shape { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur.variance, prior }
     }
 
     fn block(&self, cells: Range<usize>) -> Result<Gaussians> {

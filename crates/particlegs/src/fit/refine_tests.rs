@@ -35,6 +35,7 @@ fn refined_with(p: &Particles, gaussians: usize, rounds: usize, sample: f64, pro
         sample,
         pixel: 0.0,
         seed: 1,
+        thin: None,
     };
     refine(&cells, radius(p), &options, &mut NoPieces, progress).unwrap()
 }
@@ -198,6 +199,24 @@ fn discs_and_layers_stay_thin() {
             let is = height(&fit(&particles, &options, &Silent).unwrap());
             println!("{name} {effort:?}: {:.4}", is / truth);
             assert!((is / truth - 1.0).abs() < limit, "{name} {effort:?}: {is} for {truth}");
+        }
+    }
+}
+
+/// Of 16 particles a Gaussian in boxes of 1:10 000 and 1:100 000 a share of a rounder shape would be several times the
+/// thickness.
+#[test]
+fn flat_boxes_keep_their_thickness() {
+    for thin in [1e-4, 1e-5] {
+        let mut random = Random::new(13, 0, 0);
+        let mut column = |edge: f64| (0..20_000).map(|_| (edge * (random.uniform() - 0.5)) as f32).collect::<Vec<_>>();
+        let particles = Particles::from_columns(column(1.0), column(1.0), column(thin));
+        let truth = thin / 12f64.sqrt();
+        for effort in [Effort::Fast, Effort::Default] {
+            let options = FitOptions { effort, ..FitOptions::new(1250, radius(&particles)) };
+            let ratio = height(&fit(&particles, &options, &Silent).unwrap()) / truth;
+            println!("{thin} {effort:?}: {ratio:.4}");
+            assert!((0.95..1.13).contains(&ratio), "{thin} {effort:?}: {ratio}");
         }
     }
 }
