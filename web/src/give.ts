@@ -147,8 +147,16 @@ export async function giveTurn(page: Page): Promise<void> {
   const count = Math.max(2, Math.min(720, Math.round(Number(frames.value)) || 72));
   const files: { name: string; bytes: Uint8Array<ArrayBuffer> }[] = [];
   const start = page.state;
+  const turned = (i: number) => ({ ...start.orbit, azimuth: start.orbit.azimuth + (360 * i) / count });
+  let { distance } = start.orbit;
+  if (start.orbit.orthographic) {
+    // A window that shows the whole box does so in all frames.
+    const whole: number[] = [];
+    for (let i = 0; i < count; i++) whole.push((await page.panes[0].window({ ...start, orbit: turned(i) })).distance);
+    if (distance > 0.999999 * whole[0]) distance = Math.max(distance, ...whole);
+  }
   for (let i = 0; i < count; i++) {
-    const orbit = { ...start.orbit, azimuth: start.orbit.azimuth + (360 * i) / count };
+    const orbit = { ...turned(i), distance };
     files.push({ name: `frame_${String(i).padStart(4, "0")}.png`, bytes: await drawn(page, { ...start, orbit }, size, { lines: false, bar: true }) });
     page.say(`frame ${i + 1} of ${count}`);
   }

@@ -70,6 +70,28 @@ fn a_model_is_scored_against_the_smoothed_truth() {
     assert!(table.contains("0.0000 dex") && table.contains("1.0000") && !table.contains("PSNR"), "{table}");
 }
 
+/// Of a periodic box that has not the picture's shape, from a side.
+#[test]
+fn a_model_has_the_window_of_its_particles() {
+    let dir = tempfile::tempdir().unwrap();
+    let [_, particles] = subjects(dir.path());
+    let at = |name: &str| dir.path().join(name);
+    let model = at("periodic.pgs");
+    std::fs::write(particles.join("meta.json"), r#"{"box": [1.0, 2.0, 1.0], "periodic": true}"#).unwrap();
+    let mut c = particlegs();
+    c.arg("compress").arg(&particles).args(["--gaussians", "60", "--certificate=none", "--quiet", "-o"]);
+    c.arg(&model).assert().success();
+    drawn("reference", &particles, &at("truth"), &["--raw"]);
+    drawn("reference", &particles, &at("smooth"), &["--raw", "--smooth", "32"]);
+    drawn("render", &model, &at("model"), &["--raw"]);
+    for truth in ["truth", "smooth"] {
+        particlegs().arg("compare").arg(at("model")).arg(at(truth)).assert().success();
+    }
+    for (map, off) in [("truth", 1e-6), ("model", 1e-5), ("smooth", 2e-5)] {
+        assert!((mass(&at(map)) / 6000.0 - 1.0).abs() < off, "{map}: {}", mass(&at(map)) / 6000.0 - 1.0);
+    }
+}
+
 #[test]
 fn smoothed_pictures_are_the_same_whatever_the_threads() {
     let dir = tempfile::tempdir().unwrap();

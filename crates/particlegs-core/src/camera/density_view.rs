@@ -1,13 +1,17 @@
 //! Views of surface density: perspective, or an orthographic window into a box that may repeat.
 
-use super::extent::{CenteredCell, Extent, across};
+use super::extent::{CenteredCell, Extent, ROOM, across, across_and_up};
 use super::view::{Camera, Frame, Projection, View};
 use super::{clipping_range, spherical_camera};
 use crate::math::{each_axis, norm};
-use crate::picture::Size;
+use crate::picture::{Plane, Size};
 use crate::space::{Bounds, Cell};
 use crate::{Error, Result};
 
+/// Room over tails: those of wide Gaussians are interpolated, with ripples beyond.
+const RIPPLES: f64 = 1.5;
+/// No more room than this, over the edge.
+const MOST_ROOM: f64 = 3.0;
 /// More copies of a box than this are refused.
 const MOST_COPIES: f64 = 4096.0;
 
@@ -116,6 +120,50 @@ impl DensityView {
         }
     }
 
+    /// A map by `draw`. Where it shows a cell whole that repeats along the picture's sides, it is drawn with room for
+    /// tails, which then come in on the other side; `tails` is how much longer they make each edge, over the edge.
+    ///
+    /// # Errors
+    /// Those of `draw`.
+    pub fn wrapped(
+        &self,
+        size: Size,
+        tails: impl FnOnce(&Cell) -> [f64; 3],
+        draw: impl FnOnce(&DensityView, Size) -> Result<Plane>,
+    ) -> Result<Plane> {
+        let (Images::Nearest(cell), Projection::Orthographic { height_world }) = (self.images, self.camera.projection)
+        else {
+            return draw(self, size);
+        };
+        let (sides, pixel) = ([size.width, size.height], height_world / size.height as f64);
+        let edges = across_and_up(&cell.vectors, cell.periodic, &self.camera.frame()?);
+        // Edges and their lengths in pixels.
+        let repeats = [0, 1].map(|d| {
+            let edge = edges[d].map(|a| (a, norm(cell.vectors[a]) / pixel));
+            edge.filter(|(_, period)| (1.0..=sides[d] as f64 * (1.0 + 0.1 * ROOM)).contains(period))
+        });
+        if repeats == [None; 2] {
+            return draw(self, size);
+        }
+        let tails = tails(&cell);
+        let room = |d: usize| {
+            let Some((a, period)) = repeats[d] else { return sides[d] };
+            let half = 0.5 * (period * (1.0 + (RIPPLES * tails[a]).min(MOST_ROOM)) - sides[d] as f64);
+            (sides[d] as i64 + 2 * half.ceil() as i64) as usize
+        };
+        let larger = Size { width: room(0), height: room(1) };
+        let mut view = self.clone();
+        view.camera.projection = Projection::Orthographic { height_world: pixel * larger.height as f64 };
+        let drawn = draw(&view, larger)?;
+        let mut plane = Plane::zeros(size);
+        let columns = shares(larger.width, size.width, repeats[0].map(|r| r.1));
+        for (from, to, down) in shares(larger.height, size.height, repeats[1].map(|r| r.1)) {
+            let (from, to) = (&drawn.data[from * larger.width..], &mut plane.data[to * size.width..]);
+            columns.iter().for_each(|&(i, j, across)| to[j] += down * across * from[i]);
+        }
+        Ok(plane)
+    }
+
     /// Shifts of the particles (bounds `bounds`, reaching `margin` beyond their centres) that can
     /// bring some of them into the window; only the zero shift where no copies are drawn.
     ///
@@ -167,6 +215,24 @@ impl DensityView {
         }
         Ok(shifts)
     }
+}
+
+/// Which pixels of a line go to which of another about the same middle, with what share, so that all lie in the cell of
+/// `period` pixels there.
+fn shares(from: usize, to: usize, period: Option<f64>) -> Vec<(usize, usize, f32)> {
+    let Some(period) = period else { return (0..to).map(|i| (i, i, 1.0)).collect() };
+    let mut shares = Vec::with_capacity(2 * from);
+    for i in 0..from {
+        let (mut start, end) = (i as f64 - 0.5 * from as f64, (i + 1) as f64 - 0.5 * from as f64);
+        while start < end {
+            let cell = (start / period + 0.5).floor();
+            let at = start - cell * period + 0.5 * to as f64;
+            let piece = ((cell + 0.5) * period - start).min(at.floor() + 1.0 - at).max(1e-6).min(end - start);
+            shares.push((i, (at.max(0.0) as usize).min(to - 1), piece as f32));
+            start += piece;
+        }
+    }
+    shares
 }
 
 /// A depth beyond all there is, from a point, world units.

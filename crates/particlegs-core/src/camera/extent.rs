@@ -6,7 +6,7 @@ use crate::picture::Size;
 use crate::space::{Bounds, Cell};
 
 /// Windows are so much larger than what they hold that rounding leaves nothing outside.
-const ROOM: f64 = 1e-9;
+pub(super) const ROOM: f64 = 1e-9;
 
 /// A parallelepiped that holds all there is, world units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,25 +70,24 @@ impl Extent {
         room.iter().all(|r| *r > -0.1 * ROOM) && room.iter().any(|r| *r > 0.1 * ROOM)
     }
 
-    /// The width of the smallest window that holds all of it about its middle, world units; positive.
-    ///
-    /// Tails that leave a periodic box on one side of a window of its own shape come in on the other.
+    /// The width of the smallest window that holds all of it about its middle, world units; positive. Tails that come in
+    /// on the other side take no room.
     pub fn width(&self, frame: &Frame, size: Size) -> f64 {
         let aspect = size.width as f64 / size.height as f64;
-        let [x, y] = [self.halves(frame.axes[0]), self.halves(frame.axes[1])];
-        let whole = self.periodic == [true; 3] && parallel(&self.edges, frame).is_some();
-        if whole && self.tails != [0.0; 3] && (x[0] - y[0] * aspect).abs() < 0.01 * ROOM * x[0] {
-            return 2.0 * x[0];
-        }
-        let half = x[1].max(y[1] * aspect) * (1.0 + ROOM);
+        let edges = across_and_up(&self.edges, self.periodic, frame);
+        let [x, y] = [0, 1].map(|d| self.halves(frame.axes[d])[usize::from(edges[d].is_none())]);
+        let half = x.max(y * aspect) * (1.0 + ROOM);
         if half > 0.0 && half.is_finite() { 2.0 * half } else { 1.0 }
     }
 }
 
-/// Which edge the line of sight runs along, with the others across it.
-fn parallel(edges: &[[f64; 3]; 3], frame: &Frame) -> Option<usize> {
-    let along = |k: usize| (dot(edges[k], frame.axes[2]).abs() / norm(edges[k]).max(f64::MIN_POSITIVE)).min(1.0);
-    (0..3).find(|k| (0..3).all(|j| if j == *k { along(j) > 1.0 - 1e-12 } else { along(j) < 1e-6 }))
+/// The edges that run across and up a picture where a map repeats along them alone, so that what leaves the cell on one
+/// side comes in on the other.
+pub(super) fn across_and_up(edges: &[[f64; 3]; 3], periodic: [bool; 3], frame: &Frame) -> [Option<usize>; 2] {
+    [0, 1].map(|d| {
+        let along = |k: usize| dot(edges[k], frame.axes[d]).abs() / norm(edges[k]).max(f64::MIN_POSITIVE);
+        (0..3).find(|a| periodic[*a] && (0..3).all(|k| if k == *a { along(k) > 1.0 - 1e-12 } else { along(k) < 1e-6 }))
+    })
 }
 
 /// The copies of a cell that a map of a part of it is continued by: those across the line of sight, so that every

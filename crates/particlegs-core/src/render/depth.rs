@@ -4,8 +4,8 @@ use super::alpha;
 use super::bin::{Binner, Bins};
 use super::lens::Lens;
 use super::project::project;
-use super::raster::Canvas;
 use super::raster::pyramid::Level;
+use super::raster::{Canvas, clip};
 use super::scene::Scene;
 use super::scratch::Scratch;
 use super::tone::tone_rows;
@@ -99,7 +99,7 @@ fn depth<'a>(
     }
     let lens = Lens::optical(view, size, &scene.bounds)?;
     let lenses: Vec<Lens> = scene.shifts.iter().map(|shift| lens.shifted(*shift)).collect();
-    let mut rows = sum(scene, &lenses, size, |m, _, i| m.count[i], scratch, progress)?;
+    let mut rows = clip(sum(scene, &lenses, size, |m, _, i| m.count[i], scratch, progress)?);
     if matches!(view.camera.projection, Projection::Perspective { .. }) {
         grow_rows(&mut rows, &lens);
     }
@@ -127,7 +127,7 @@ fn grow_rows(rows: &mut Rows<'_>, lens: &Lens) {
 }
 
 /// Sum over all Gaussians and lenses of weight times the footprint. `weight` gets the mixture, the
-/// mass of a particle of weight 1 in it, and the Gaussian.
+/// mass of a particle of weight 1 in it, and the Gaussian. Undershoot is not clipped yet.
 pub(super) fn sum<'a>(
     scene: &Scene,
     lenses: &[Lens],
@@ -191,7 +191,7 @@ struct Run<'a> {
 pub fn paint(size: Size, bins: &[Bins], scratch: &mut Scratch, progress: &dyn Progress) -> Result<Plane> {
     let mut canvas = Canvas::new(size, scratch, progress)?;
     canvas.draw(bins, progress)?;
-    canvas.finish(progress).to_plane(progress)
+    clip(canvas.finish(progress)).to_plane(progress)
 }
 
 /// Projects a run of Gaussians to strokes; stops where they are too many to be kept. Says how many

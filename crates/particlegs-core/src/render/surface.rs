@@ -2,13 +2,14 @@
 
 use super::depth::sum;
 use super::lens::Lens;
+use super::raster::clip;
 use super::scene::Scene;
 use super::scratch::Scratch;
 use crate::Result;
 use crate::camera::{CenteredCell, DensityView, Extent};
 use crate::math::each_axis;
 use crate::model::Mixture;
-use crate::picture::{Plane, Size};
+use crate::picture::{Plane, Rows, Size};
 use crate::progress::Progress;
 use crate::space::Cell;
 use crate::splat::erf;
@@ -24,7 +25,12 @@ pub fn surface_density(scene: &Scene, view: &DensityView, size: Size, progress: 
     let Some(centered) = view.centered_cell() else { return drawn(scene, view, size, progress) };
     let parts: Vec<Cow<'_, Mixture>> = scene.parts.iter().map(|(m, _)| moved(m, &centered)).collect();
     let parts = parts.iter().zip(&scene.parts).map(|(m, (_, mass))| (&**m, *mass)).collect();
-    drawn(&Scene { parts, shifts: scene.shifts.clone(), ..*scene }, view, size, progress)
+    let scene = Scene { parts, shifts: scene.shifts.clone(), ..*scene };
+    view.wrapped(
+        size,
+        |cell| all_tails(&scene, view.camera.focal_point, cell),
+        |view, size| drawn(&scene, view, size, progress),
+    )
 }
 
 /// Gaussians by their images in a cell; copied where one of them moves.
@@ -49,8 +55,18 @@ fn drawn(scene: &Scene, view: &DensityView, size: Size, progress: &dyn Progress)
         .collect::<Result<Vec<_>>>()?;
     let mut scratch = Scratch::default();
     let weight = |m: &Mixture, unit_mass, i| unit_mass * m.mass_of(i);
-    sum(scene, &lenses, size, weight, &mut scratch, progress)?.to_plane(progress)
+    let rows = sum(scene, &lenses, size, weight, &mut scratch, progress)?;
+    let all = |rows: &Rows<'_>| -> f64 { (0..size.height).flat_map(|j| rows.row(j)).map(|v| f64::from(*v)).sum() };
+    let own = all(&rows);
+    let mut rows = clip(rows);
+    // Clipped undershoot adds mass, which is taken from all pixels alike.
+    let share = (own / all(&rows)).max(1.0 - MOST_CLIPPED) as f32;
+    rows.each(|_, row| row.iter_mut().for_each(|v| *v *= share));
+    rows.to_plane(progress)
 }
+
+/// A window of little but undershoot loses no more than this share.
+const MOST_CLIPPED: f64 = 1e-3;
 
 /// Share of the mass that may lie beyond each pair of faces of a scene's extent.
 const BEYOND: f64 = 1e-6;
@@ -63,9 +79,13 @@ pub fn extent(scene: &Scene, cell: Option<&Cell>) -> Extent {
         return extent;
     }
     let whole = Cell { origin: [0.0; 3], vectors: extent.edges, periodic: [true; 3] };
-    let Some(inverse) = whole.inverse() else { return extent };
-    extent.tails = each_axis(|a| tails(scene, extent.center, each_axis(|k| inverse[k][a])));
+    extent.tails = all_tails(scene, extent.center, &whole);
     extent
+}
+
+/// How much longer each edge of a cell about `center` becomes, over the edge.
+fn all_tails(scene: &Scene, center: [f64; 3], cell: &Cell) -> [f64; 3] {
+    cell.inverse().map_or([0.0; 3], |inverse| each_axis(|a| tails(scene, center, each_axis(|k| inverse[k][a]))))
 }
 
 /// How much longer an edge becomes, over the edge, whose fractions are counted from `center` by `row`.

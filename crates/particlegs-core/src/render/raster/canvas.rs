@@ -56,7 +56,7 @@ impl<'a> Canvas<'a> {
         })
     }
 
-    /// The planes summed, without the pad. The interpolation may undershoot; depth is never negative.
+    /// The planes summed, without the pad. The interpolation may undershoot: see [`clip`].
     pub fn finish(self, progress: &dyn Progress) -> Rows<'a> {
         for l in (1..self.levels.len()).rev() {
             let (finer, coarser) = self.planes.split_at_mut(l);
@@ -64,10 +64,14 @@ impl<'a> Canvas<'a> {
             pyramid::add_up(progress.simd(), levels, &coarser[0], &mut finer[l - 1]);
         }
         let Level { size, stride, .. } = self.levels[0];
-        let mut rows = Rows { size, stride, data: &mut self.planes[0][PAD * stride + PAD..] };
-        rows.each(|_, row| row.iter_mut().for_each(|v| *v = v.max(0.0)));
-        rows
+        Rows { size, stride, data: &mut self.planes[0][PAD * stride + PAD..] }
     }
+}
+
+/// Depth and density are never negative.
+pub(in crate::render) fn clip(mut rows: Rows<'_>) -> Rows<'_> {
+    rows.each(|_, row| row.iter_mut().for_each(|v| *v = v.max(0.0)));
+    rows
 }
 
 #[cfg(test)]
