@@ -205,7 +205,7 @@ pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
     let pair = |b: f64, a: f64| format!("{}{length}, truth {}: {:.3}", decimals(b), decimals(a), b / a);
     if let Some([a, b]) = &s.neighbours {
         line("nearest neighbour, mean", pair(b.mean, a.mean));
-        line("nearest neighbour, median", { pair(b.median, a.median) });
+        line("nearest neighbour, median", pair(b.median, a.median));
     }
     if s.rdf.is_some() {
         let peak = |side: usize| match (t.rdf_peak_height[side], t.rdf_peak_at[side]) {
