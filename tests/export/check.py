@@ -162,9 +162,9 @@ def grids(z):
         hdus.verify("exception")
         head, data = hdus[0].header, hdus[0].data
         assert "lost: " in str(head["COMMENT"])
-        # Units are those of the standard where the value of h is known, and none where it is not.
+        # Units are those of the standard where the value of h and the unit of mass are known, and none where they are not.
         length, h = INFO["length_unit"] or "", INFO["hubble"]
-        known = length and (h is not None or "/h" not in length)
+        known = length and (h is not None or "/h" not in length) and not grid["unit"].startswith("mass /")
         assert ("BUNIT" in head) == ("CUNIT1" in head) == bool(known), length
         if known:
             units.Unit(head["BUNIT"], format="fits")
