@@ -162,7 +162,7 @@ def grids(z):
         hdus.verify("exception")
         head, data = hdus[0].header, hdus[0].data
         assert "lost: " in str(head["COMMENT"])
-        # Units are those of the standard where the value of h and the unit of mass are known, and none where they are not.
+        # Units are the standard's where h and the unit of mass are known, and none where they are not.
         length, h = INFO["length_unit"] or "", INFO["hubble"]
         known = length and (h is not None or "/h" not in length) and not grid["unit"].startswith("mass /")
         assert ("BUNIT" in head) == ("CUNIT1" in head) == bool(known), length
