@@ -319,7 +319,7 @@ fn sweep(folder: &Path) {
         return;
     }
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        if is_own(&entry) && entry.file_name().to_str().is_some_and(|name| is_left_over(name, machine)) {
+        if is_of(&entry, user()) && entry.file_name().to_str().is_some_and(|name| is_left_over(name, machine)) {
             let path = entry.path();
             let is_folder = entry.file_type().is_ok_and(|t| t.is_dir());
             // What cannot be removed does no harm.
@@ -336,15 +336,20 @@ fn is_left_over(name: &str, machine: &str) -> bool {
     of == machine && is_gone(process)
 }
 
-/// Is it this user's? Others' processes may be hidden from this one.
-#[cfg(unix)]
-fn is_own(entry: &std::fs::DirEntry) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    entry.metadata().is_ok_and(|m| m.uid() == rustix::process::geteuid().as_raw())
+/// The number of this user; 0 where the system has none.
+fn user() -> u32 {
+    #[cfg(unix)]
+    return rustix::process::geteuid().as_raw();
+    #[cfg(not(unix))]
+    0
 }
 
-#[cfg(not(unix))]
-fn is_own(_: &std::fs::DirEntry) -> bool {
+/// Is it a user's? Processes of others may be hidden from this one.
+#[cfg_attr(not(unix), expect(unused_variables))]
+fn is_of(entry: &std::fs::DirEntry, user: u32) -> bool {
+    #[cfg(unix)]
+    return entry.metadata().is_ok_and(|m| std::os::unix::fs::MetadataExt::uid(&m) == user);
+    #[cfg(not(unix))]
     true
 }
 
@@ -384,6 +389,9 @@ pub(super) mod tests {
         let there = |name: &String| folder.path().join(name).exists();
         assert!(!there(&gone));
         assert!([&alive, &elsewhere, &foreign].iter().all(|n| there(n)));
+        // Another user's stay, whose processes may be hidden.
+        let entry = std::fs::read_dir(folder.path()).unwrap().next().unwrap().unwrap();
+        assert!(is_of(&entry, user()) && (cfg!(not(unix)) || !is_of(&entry, user() + 1)));
         // Everybody has it, whether it can be seen in /proc or not.
         assert!(!is_gone(1));
     }
