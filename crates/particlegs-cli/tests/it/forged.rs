@@ -203,5 +203,5 @@ fn forged_certificates_and_metadata_are_refused() {
 #[test]
 #[ignore = "slow"]
 fn all_forged_certificates_and_metadata_are_refused() {
-    verified("full", 7);
+    verified("full", 31);
 }

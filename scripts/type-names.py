@@ -1,0 +1,74 @@
+#!/usr/bin/env python3
+"""Finds types whose names are no nouns of the field (standard library only):
+
+    scripts/type-names.py [--list]
+
+A name is wrong where its last word is a participle (`Kept`, `BlocksDrawn`), and unclear where it stands for two
+things: it is defined more than once in the sources. Ends with 1 where there are more of either than the bounds below,
+which only ever fall. CONTRIBUTING.md has the rule.
+"""
+import argparse
+import collections
+import pathlib
+import re
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+SOURCES = ("crates/*/src", "python/src")
+PARTICIPLES_MOST = 0
+SHARED_MOST = 80
+# One in every command: what stands on its command line.
+CONVENTIONS = {"Arguments"}
+# Participles that do not end in -ed.
+IRREGULAR = set(
+    "Begun Bound Built Cut Done Drawn Fallen Felt Found Given Gone Grown Heard Held Hidden Kept Known Laid Left Lit "
+    "Lost Made Met Put Read Run Said Seen Sent Set Shown Shut Spent Split Spread Stood Taken Thrown Told Torn Worn "
+    "Written".split()
+)
+# Nouns that look like participles.
+NOUNS = set(
+    "Bed Bound Coding Coloring Cut Drawing Embed Encoding Ending Feed Linking Need Opening Packing Read Reading Run "
+    "Finding Scaling Seed Set Setting Smoothing Speed Split Spread String Thinning Tiling Timing Training Tuning".split()
+)
+DEFINITION = re.compile(r"^\s*(?:pub(?:\([^)]*\))?\s+)?(?:unsafe\s+)?(?:struct|enum|trait|union|type)\s+([A-Z]\w*)", re.M)
+
+
+def is_participle(name):
+    words = re.findall(r"[A-Z][a-z]*", name)
+    last = words[-1] if words else name
+    return last not in NOUNS and (last in IRREGULAR or re.fullmatch(r"[A-Z][a-z]+(ed|ing)", last) is not None)
+
+
+def definitions():
+    """Files by the name of each type that they define; associated types are the trait's."""
+    found = collections.defaultdict(list)
+    for source in SOURCES:
+        for path in sorted(p for folder in ROOT.glob(source) for p in folder.rglob("*.rs")):
+            for match in DEFINITION.finditer(path.read_text()):
+                associated = match[0].startswith(" ") and re.search(r"\btype\s", match[0])
+                if not associated:
+                    found[match[1]].append(path.relative_to(ROOT))
+    return found
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--list", action="store_true", help="print the names and the files that define them")
+    arguments = parser.parse_args()
+    found = definitions()
+    participles = sorted(name for name in found if is_participle(name))
+    shared = sorted(name for name, files in found.items() if len(files) > 1 and name not in CONVENTIONS)
+    print(f"{len(found)} names of types: {len(participles)} participles, {len(shared)} that stand for several things")
+    if arguments.list:
+        for title, names in (("participles", participles), ("several things", shared)):
+            print(f"\n{title}:")
+            for name in names:
+                print(f"  {name}: {', '.join(map(str, found[name]))}")
+    for names, most, what in ((participles, PARTICIPLES_MOST, "participles"), (shared, SHARED_MOST, "names of several things")):
+        if len(names) > most:
+            print(f"error: {len(names)} {what}, {most} at most: {', '.join(names)}", file=sys.stderr)
+    return int(len(participles) > PARTICIPLES_MOST or len(shared) > SHARED_MOST)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
