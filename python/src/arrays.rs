@@ -9,25 +9,25 @@ use std::sync::Arc;
 
 /// Memory of an array. The array is kept alive, and nothing here writes to it; whoever writes to it meanwhile from
 /// Python changes the particles.
-struct Held {
+struct ArrayMemory {
     start: *const u8,
     bytes: usize,
     _owner: Py<PyAny>,
 }
 
 // SAFETY: the memory is read alone, and Python's object is only dropped, which takes the lock where it is needed.
-unsafe impl Send for Held {}
+unsafe impl Send for ArrayMemory {}
 // SAFETY: as above.
-unsafe impl Sync for Held {}
+unsafe impl Sync for ArrayMemory {}
 
-impl AsRef<[u8]> for Held {
+impl AsRef<[u8]> for ArrayMemory {
     fn as_ref(&self) -> &[u8] {
         // SAFETY: the owner keeps the memory, all of which lies within the array.
         unsafe { std::slice::from_raw_parts(self.start, self.bytes) }
     }
 }
 
-impl AsRef<[f32]> for Held {
+impl AsRef<[f32]> for ArrayMemory {
     fn as_ref(&self) -> &[f32] {
         // SAFETY: made of aligned native f32 alone ([`column`]).
         unsafe { std::slice::from_raw_parts(self.start.cast(), self.bytes / 4) }
@@ -40,7 +40,7 @@ pub fn column(array: &PyReadonlyArrayDyn<'_, f32>) -> PyResult<Column> {
         return Err(InputError::new_err("the array is not contiguous"));
     }
     let values = array.as_slice().map_err(|e| InputError::new_err(e.to_string()))?;
-    let held = Held {
+    let held = ArrayMemory {
         start: values.as_ptr().cast(),
         bytes: std::mem::size_of_val(values),
         _owner: array.as_any().clone().unbind(),
@@ -67,7 +67,7 @@ pub fn rows(array: &Bound<'_, PyUntypedArray>) -> PyResult<Array> {
     let start = unsafe { (*array.as_array_ptr()).fields.data.cast::<u8>().cast_const() };
     let dtype: String = array.dtype().getattr("str")?.extract()?;
     Ok(Array {
-        bytes: Arc::new(Held { start, bytes, _owner: array.as_any().clone().unbind() }),
+        bytes: Arc::new(ArrayMemory { start, bytes, _owner: array.as_any().clone().unbind() }),
         rows: *rows as u64,
         dtype,
         first: [0, axis_bytes as u64, 2 * axis_bytes as u64],

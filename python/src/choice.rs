@@ -1,8 +1,8 @@
 //! Files of every format that the command reads.
 
-use crate::errors::OrRaise;
+use crate::errors::IntoPyResult;
 use crate::snapshot::Snapshot;
-use crate::work::How;
+use crate::work::WorkOptions;
 use particlegs::model::{Dimension, Unit};
 use particlegs::particles::{Selection, Storage};
 use particlegs::space::Bounds;
@@ -13,7 +13,7 @@ use std::path::PathBuf;
 /// What to read, as Python gives it; names are those of the command.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Asked {
+pub struct ReadOptions {
     format: Option<String>,
     species: Vec<String>,
     positions: Option<String>,
@@ -37,7 +37,7 @@ pub struct Asked {
     seed: u64,
 }
 
-impl Asked {
+impl ReadOptions {
     fn choice(self) -> particlegs::Result<Choice> {
         let kept = match (self.region, self.center, self.width) {
             (Some([x0, x1, y0, y1, z0, z1]), ..) => {
@@ -46,7 +46,7 @@ impl Asked {
             (None, Some(center), Some(width)) => Selection::window(center, width),
             _ => Selection::all(),
         };
-        let Asked { every, sample, left_out, seed, .. } = self;
+        let ReadOptions { every, sample, left_out, seed, .. } = self;
         Ok(Choice {
             format: self.format,
             frame: self.frame,
@@ -78,14 +78,14 @@ impl Asked {
 pub fn open(
     py: Python<'_>,
     paths: Vec<PathBuf>,
-    asked: Asked,
+    asked: ReadOptions,
     scratch: Option<PathBuf>,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Snapshot> {
     let choice = asked.choice().or_raise()?;
     let storage = scratch.map_or(Storage::Memory, Storage::Disk);
-    let particles = How { threads, progress }.run(py, |progress| choice.read(&paths, &storage, progress))?;
+    let particles = WorkOptions { threads, progress }.run(py, |progress| choice.read(&paths, &storage, progress))?;
     Ok(Snapshot::of(particles, choice.options()))
 }
 

@@ -1,9 +1,9 @@
 //! Compression, by the command's options.
 
-use crate::errors::{InputError, OrRaise, named};
+use crate::errors::{InputError, IntoPyResult, named};
 use crate::model::Model;
 use crate::snapshot::Snapshot;
-use crate::work::How;
+use crate::work::WorkOptions;
 use particlegs::compress::{Options, Target, compress as run};
 use particlegs::model::{CertificateLevel, Goal, GoalKind, LawKind};
 use particlegs::particles::Storage;
@@ -18,7 +18,7 @@ use std::path::PathBuf;
 /// What is asked for, as Python gives it; names are those of the command.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Asked {
+pub struct CompressOptions {
     ratio: Option<f64>,
     size: Option<u64>,
     gaussians: Option<u64>,
@@ -36,7 +36,7 @@ pub struct Asked {
     seed: u64,
 }
 
-impl Asked {
+impl CompressOptions {
     fn target(&self) -> PyResult<Target> {
         let targets = [
             self.ratio.map(Target::Ratio),
@@ -119,7 +119,7 @@ fn one_of(name: &str, given: &str, there: &[&str]) -> PyErr {
 pub fn compress(
     py: Python<'_>,
     snapshot: &Snapshot,
-    asked: Asked,
+    asked: CompressOptions,
     scratch: Option<PathBuf>,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
@@ -130,7 +130,8 @@ pub fn compress(
     }
     let particles = &*snapshot.particles;
     let name = particles.meta.name.clone();
-    let made = How { threads, progress }.run(py, |progress| run(particles, &options, &mut NoPieces, progress))?;
+    let made =
+        WorkOptions { threads, progress }.run(py, |progress| run(particles, &options, &mut NoPieces, progress))?;
     // Of the line that calls the package, not of the package's own.
     const CALLER: i32 = 2;
     let (certificate, unit) = (made.model.certificate.as_ref(), made.model.metadata.units.length_text());

@@ -2,7 +2,7 @@
 
 use crate::arrays;
 use crate::errors::InputError;
-use crate::work::How;
+use crate::work::WorkOptions;
 use numpy::ndarray::{ArrayD, IxDyn};
 use numpy::{IntoPyArray, PyArrayDyn, PyReadonlyArrayDyn};
 use particlegs::model::{LawKind, Mass, Model};
@@ -34,7 +34,7 @@ pub fn grid<'py>(
     threads: Option<usize>,
 ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3], f64)> {
     refuse_without_masses(model, &vec![true; model.layers.len()])?;
-    let how = How::quietly(threads);
+    let how = WorkOptions::quietly(threads);
     let density = how.run(py, |progress| Density::of(model, Cells::Along(cells), progress))?;
     let values: Vec<f64> = density.values.iter().map(|v| f64::from(*v)).collect();
     let array = ArrayD::from_shape_vec(IxDyn(&density.grid.cells), values);
@@ -51,8 +51,8 @@ pub fn at<'py>(
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     refuse_without_masses(model, &vec![true; model.layers.len()])?;
     let points = arrays::points(points)?;
-    let values =
-        How::quietly(threads).run(py, |progress| Domain::of_model(model).density_at(model, &points, progress))?;
+    let values = WorkOptions::quietly(threads)
+        .run(py, |progress| Domain::of_model(model).density_at(model, &points, progress))?;
     let array = ArrayD::from_shape_vec(IxDyn(&[values.len()]), values);
     Ok(array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py))
 }

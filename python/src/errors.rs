@@ -95,12 +95,12 @@ pub fn exception(error: &Error) -> PyErr {
 }
 
 /// The library's results as Python's.
-pub trait OrRaise<T> {
+pub trait IntoPyResult<T> {
     /// The value, or the exception that its error is.
     fn or_raise(self) -> PyResult<T>;
 }
 
-impl<T> OrRaise<T> for particlegs::Result<T> {
+impl<T> IntoPyResult<T> for particlegs::Result<T> {
     fn or_raise(self) -> PyResult<T> {
         self.map_err(|e| exception(&e))
     }

@@ -1,11 +1,11 @@
 //! A model: its bytes, its Gaussians, and what is made of them.
 
 use crate::density;
-use crate::errors::{InputError, OrRaise, named};
+use crate::errors::{InputError, IntoPyResult, named};
 use crate::gaussians::Gaussians;
-use crate::pictures::{self, CameraArgs, Looking};
+use crate::pictures::{self, CameraArgs, ViewDefaults};
 use crate::snapshot::Snapshot;
-use crate::work::How;
+use crate::work::WorkOptions;
 use numpy::{PyArray2, PyArrayDyn, PyReadonlyArrayDyn};
 use particlegs::camera::{Camera, Projection, View};
 use particlegs::model::{LawKind, Layer, Mass, Metadata};
@@ -63,9 +63,9 @@ impl Model {
         &self.model
     }
 
-    fn looking(&self) -> Looking {
+    fn looking(&self) -> ViewDefaults {
         let m = &self.model.metadata;
-        Looking { bounds: m.bounds, cell: m.cell, usual: [m.default_radius, m.default_opacity] }
+        ViewDefaults { bounds: m.bounds, cell: m.cell, usual: [m.default_radius, m.default_opacity] }
     }
 
     /// Which layers are drawn; all without names.
@@ -91,7 +91,7 @@ impl Model {
         density::refuse_without_masses(&self.model, shown)?;
         let view = self.looking().density_view(view, size);
         let scene = Scene::of_layers(&self.model, |l| shown[l]);
-        How::quietly(threads).run(py, |progress| surface_density(&scene, &view, size, progress))
+        WorkOptions::quietly(threads).run(py, |progress| surface_density(&scene, &view, size, progress))
     }
 }
 
@@ -101,7 +101,7 @@ impl Model {
     #[new]
     #[pyo3(signature = (bytes, name, threads=None))]
     fn decode(py: Python<'_>, bytes: Vec<u8>, name: String, threads: Option<usize>) -> PyResult<Self> {
-        let model = How::quietly(threads).run(py, |progress| codec::decode_with(&bytes, &name, progress))?;
+        let model = WorkOptions::quietly(threads).run(py, |progress| codec::decode_with(&bytes, &name, progress))?;
         Ok(Model::new(bytes, model, name))
     }
 
@@ -111,7 +111,7 @@ impl Model {
     fn read(py: Python<'_>, path: PathBuf, threads: Option<usize>) -> PyResult<Self> {
         let place = path.display().to_string();
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_else(|| place.clone());
-        let (bytes, model) = How::quietly(threads).run(py, |progress| {
+        let (bytes, model) = WorkOptions::quietly(threads).run(py, |progress| {
             let source = particlegs_files::input::Source::open(&path, progress)?;
             let bytes = codec::read_source(source, &place)?;
             let model = codec::decode_with(&bytes, &place, progress)?;
@@ -206,7 +206,7 @@ impl Model {
         let view = self.looking().view(&camera, size, radius, opacity).or_raise()?;
         let shown = self.shown(layers.as_deref())?;
         let scene = Scene::of_layers(&self.model, |l| shown[l]);
-        let how = How::quietly(threads);
+        let how = WorkOptions::quietly(threads);
         match look {
             Some(look) => {
                 let picture = how.run(py, |progress| {
@@ -298,7 +298,7 @@ impl Model {
             Options { particles: n, method, scale, seed, form: RawForm::Columns, model_name: self.name.clone() };
         let model = self.only(layers.as_deref())?.into_owned();
         let notes = options.notes(&model, codec::file_hash(&self.bytes)).to_string();
-        let drawn = How { threads, progress }.run(py, |progress| options.draw(model, progress))?;
+        let drawn = WorkOptions { threads, progress }.run(py, |progress| options.draw(model, progress))?;
         Ok(Snapshot { drawn: Some(notes), ..Snapshot::of(drawn, BTreeMap::new()) })
     }
 
@@ -307,7 +307,8 @@ impl Model {
         let opening: PageOpening = serde_json::from_str(opening).map_err(|e| InputError::new_err(e.to_string()))?;
         self.only((!opening.layers.is_empty()).then_some(&opening.layers[..]))?;
         let file = ModelFile { name: &self.name, bytes: &self.bytes };
-        let page = How::quietly(None).run(py, |progress| offline(&[(file, &self.model)], &opening, progress))?;
+        let page =
+            WorkOptions::quietly(None).run(py, |progress| offline(&[(file, &self.model)], &opening, progress))?;
         String::from_utf8(page).map_err(|e| InputError::new_err(e.to_string()))
     }
 
@@ -315,7 +316,7 @@ impl Model {
     fn poster<'py>(&self, py: Python<'py>, size: (usize, usize)) -> PyResult<(Bound<'py, PyBytes>, Option<[f64; 2]>)> {
         let size = Size { width: size.0, height: size.1 };
         pictures::check(size).or_raise()?;
-        let poster = How::quietly(None).run(py, |progress| poster::draw(&self.model, size, progress))?;
+        let poster = WorkOptions::quietly(None).run(py, |progress| poster::draw(&self.model, size, progress))?;
         Ok((PyBytes::new(py, &poster.png), poster.range))
     }
 

@@ -14,7 +14,7 @@ use pyo3::prelude::*;
 #[derive(FromPyObject)]
 pub enum CameraArgs {
     #[pyo3(transparent)]
-    Whole(Whole),
+    Whole(FullCamera),
     #[pyo3(transparent)]
     Angles(Angles),
 }
@@ -22,7 +22,7 @@ pub enum CameraArgs {
 /// Position, focal point, view up, and one of field of view (degrees) and height (world units).
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Whole {
+pub struct FullCamera {
     position: [f64; 3],
     focal_point: [f64; 3],
     view_up: [f64; 3],
@@ -45,14 +45,14 @@ pub struct Angles {
 }
 
 /// What is looked at.
-pub struct Looking {
+pub struct ViewDefaults {
     pub bounds: Bounds,
     pub cell: Option<Cell>,
     /// Radius and opacity where none is asked for.
     pub usual: [f64; 2],
 }
 
-impl Looking {
+impl ViewDefaults {
     /// The view, checked.
     pub fn view(&self, args: &CameraArgs, size: Size, radius: Option<f64>, opacity: Option<f64>) -> Result<View> {
         check(size)?;
@@ -93,7 +93,7 @@ impl Looking {
     }
 }
 
-impl Whole {
+impl FullCamera {
     fn camera(&self) -> Result<Camera> {
         let projection = match (self.fov_deg, self.height) {
             (Some(fov_deg), None) => Projection::Perspective { fov_deg },

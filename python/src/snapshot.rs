@@ -1,9 +1,9 @@
 //! Particles: arrays handed over, a file that was opened, or what was drawn from a model.
 
 use crate::arrays;
-use crate::errors::{InputError, OrRaise};
-use crate::pictures::{self, CameraArgs, Looking};
-use crate::work::How;
+use crate::errors::{InputError, IntoPyResult};
+use crate::pictures::{self, CameraArgs, ViewDefaults};
+use crate::work::WorkOptions;
 use numpy::ndarray::ArrayView;
 use numpy::{PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
 use particlegs::model::{Cosmology, Epoch, Layer, Units, is_species};
@@ -38,7 +38,7 @@ impl Snapshot {
 /// What is known of particles beside them, as Python gives it.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Known {
+pub struct ParticleInfo {
     name: String,
     cell: Option<([f64; 3], [[f64; 3]; 3], [bool; 3])>,
     length_unit: Option<String>,
@@ -52,7 +52,7 @@ pub struct Known {
     layers: Vec<(String, usize)>,
 }
 
-impl Known {
+impl ParticleInfo {
     pub fn meta(self) -> PyResult<SnapshotMeta> {
         let cell = |(origin, vectors, periodic): ([f64; 3], _, _)| {
             let cell = Cell::stated(origin, vectors, periodic).filter(|_| origin.iter().all(|v| v.is_finite()));
@@ -92,28 +92,28 @@ fn in_layers(particles: Particles, layers: Vec<(String, usize)>) -> particlegs::
 }
 
 /// Positions as they came.
-enum Given {
+enum InputPositions {
     InPlace(Positions),
     Rows(particlegs_formats::Array),
 }
 
-impl Given {
-    fn of(positions: &Bound<'_, PyAny>) -> PyResult<Given> {
+impl InputPositions {
+    fn of(positions: &Bound<'_, PyAny>) -> PyResult<InputPositions> {
         if let Ok(columns) = positions.cast::<PyTuple>() {
             let column = |i: usize| arrays::column(&columns.get_item(i)?.extract::<PyReadonlyArrayDyn<'_, f32>>()?);
             let columns = [column(0)?, column(1)?, column(2)?];
             if columns.iter().any(|c| c.len() != columns[0].len()) {
                 return Err(InputError::new_err("x, y and z must have one length"));
             }
-            return Ok(Given::InPlace(Positions::Columns(columns)));
+            return Ok(InputPositions::InPlace(Positions::Columns(columns)));
         }
         if let Ok(triples) = positions.extract::<PyReadonlyArrayDyn<'_, f32>>()
             && matches!(triples.as_array().shape(), [_, 3])
             && let Ok(column) = arrays::column(&triples)
         {
-            return Ok(Given::InPlace(Positions::Triples(column)));
+            return Ok(InputPositions::InPlace(Positions::Triples(column)));
         }
-        arrays::rows(positions.cast::<PyUntypedArray>()?).map(Given::Rows)
+        arrays::rows(positions.cast::<PyUntypedArray>()?).map(InputPositions::Rows)
     }
 }
 
@@ -126,17 +126,17 @@ impl Snapshot {
         py: Python<'_>,
         positions: &Bound<'_, PyAny>,
         weights: Option<PyReadonlyArrayDyn<'_, f32>>,
-        mut known: Known,
+        mut known: ParticleInfo,
         skip_invalid: bool,
         threads: Option<usize>,
     ) -> PyResult<Self> {
-        let (given, layers) = (Given::of(positions)?, std::mem::take(&mut known.layers));
+        let (given, layers) = (InputPositions::of(positions)?, std::mem::take(&mut known.layers));
         let meta = known.meta()?;
         let weights = weights.map(|w| arrays::column(&w)).transpose()?;
-        let particles = How::quietly(threads).run(py, move |progress| {
+        let particles = WorkOptions::quietly(threads).run(py, move |progress| {
             let particles = match given {
-                Given::InPlace(positions) => Particles::new(positions, [0.0; 3], meta),
-                Given::Rows(array) => {
+                InputPositions::InPlace(positions) => Particles::new(positions, [0.0; 3], meta),
+                InputPositions::Rows(array) => {
                     let reader = array.reader(meta)?;
                     Layered::new(vec![(Particles::ONE_LAYER.into(), reader)])?.load(&Storage::Memory, progress)?
                 }
@@ -198,7 +198,7 @@ impl Snapshot {
     /// The lowest and the highest corner.
     #[pyo3(signature = (threads=None))]
     fn bounds(&self, py: Python<'_>, threads: Option<usize>) -> PyResult<[[f64; 3]; 2]> {
-        let bounds = How::quietly(threads).run(py, |_| Ok(self.particles.bounds()))?;
+        let bounds = WorkOptions::quietly(threads).run(py, |_| Ok(self.particles.bounds()))?;
         Ok([bounds.min, bounds.max])
     }
 
@@ -236,8 +236,8 @@ impl Snapshot {
     fn region(&self, py: Python<'_>, low: [f64; 3], high: [f64; 3], threads: Option<usize>) -> PyResult<Snapshot> {
         let selection =
             Selection { crop: Some(Bounds { min: low, max: high }), ..Selection::all() }.check().or_raise()?;
-        let particles =
-            How::quietly(threads).run(py, |progress| self.particles.select(selection, &Storage::Memory, progress))?;
+        let particles = WorkOptions::quietly(threads)
+            .run(py, |progress| self.particles.select(selection, &Storage::Memory, progress))?;
         let mut read = self.read.clone();
         let corners = [low[0], high[0], low[1], high[1], low[2], high[2]].map(|v| v.to_string());
         read.insert("region".into(), corners.join(","));
@@ -268,7 +268,7 @@ impl Snapshot {
     ) -> PyResult<u64> {
         crate::model::refuse(&path, overwrite)?;
         let particles = &self.particles;
-        How { threads, progress }.run(py, |progress| {
+        WorkOptions { threads, progress }.run(py, |progress| {
             let kept = Kept::new(particles, Tiling::single(), Selection::all(), progress)?;
             Writer::of(&path, None)?.write(&kept, &path, progress)
         })
@@ -288,12 +288,12 @@ impl Snapshot {
     ) -> PyResult<Bound<'py, PyAny>> {
         let (look, size) = (pictures::look(style)?, Size { width: size.0, height: size.1 });
         let particles = &*self.particles;
-        let reference = How::quietly(threads).run(py, |_| Ok(Reference::new(particles)))?;
+        let reference = WorkOptions::quietly(threads).run(py, |_| Ok(Reference::new(particles)))?;
         let bounds = *reference.bounds();
         let usual = [bounds.default_radius(particles.len() as u64), 0.05];
-        let looking = Looking { bounds, cell: particles.meta.cell, usual };
+        let looking = ViewDefaults { bounds, cell: particles.meta.cell, usual };
         let view = looking.view(&camera, size, radius, opacity).or_raise()?;
-        let how = How::quietly(threads);
+        let how = WorkOptions::quietly(threads);
         match look {
             Some(look) => {
                 let picture = how.run(py, |progress| reference.draw(&view, size, look, progress))?;

@@ -3,14 +3,14 @@
 use crate::errors::named;
 use crate::model::Model;
 use crate::snapshot::Snapshot;
-use crate::work::How;
+use crate::work::WorkOptions;
 use particlegs::stats::{Measure, StatsOptions, Subject, compare};
 use pyo3::prelude::*;
 
 /// What is measured, as Python gives it; names are those of the command.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Asked {
+pub struct MeasureOptions {
     only: Vec<String>,
     convention: String,
     grid: usize,
@@ -34,7 +34,7 @@ pub struct Asked {
     seed: u64,
 }
 
-impl Asked {
+impl MeasureOptions {
     fn options(self) -> PyResult<StatsOptions> {
         let measures = match self.only.is_empty() {
             true => Measure::ALL.to_vec(),
@@ -70,16 +70,16 @@ impl Asked {
 
 /// A snapshot, or a model.
 #[derive(FromPyObject)]
-pub enum Source<'py> {
+pub enum StatsSource<'py> {
     Snapshot(Bound<'py, Snapshot>),
     Model(Bound<'py, Model>),
 }
 
-impl Source<'_> {
+impl StatsSource<'_> {
     fn subject(&self) -> Subject<'_> {
         match self {
-            Source::Snapshot(s) => Subject::Particles(&s.get().particles),
-            Source::Model(m) => Subject::Model(m.get().inner()),
+            StatsSource::Snapshot(s) => Subject::Particles(&s.get().particles),
+            StatsSource::Model(m) => Subject::Model(m.get().inner()),
         }
     }
 }
@@ -89,14 +89,14 @@ impl Source<'_> {
 #[pyo3(signature = (truth, other, asked, threads=None, progress=None))]
 pub fn stats(
     py: Python<'_>,
-    truth: Source<'_>,
-    other: Source<'_>,
-    asked: Asked,
+    truth: StatsSource<'_>,
+    other: StatsSource<'_>,
+    asked: MeasureOptions,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     let options = asked.options()?;
     let (truth, other) = (truth.subject(), other.subject());
-    let found = How { threads, progress }.run(py, |progress| compare(truth, other, &options, progress))?;
+    let found = WorkOptions { threads, progress }.run(py, |progress| compare(truth, other, &options, progress))?;
     Ok(serde_json::to_string(&found).expect("plain data"))
 }

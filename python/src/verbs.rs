@@ -1,9 +1,9 @@
 //! What the command's verbs do with models: `simplify`, `merge`, `eval`, `verify`, `export`.
 
-use crate::errors::{InputError, OrRaise, named};
+use crate::errors::{InputError, IntoPyResult, named};
 use crate::model::{Model, refuse};
 use crate::snapshot::Snapshot;
-use crate::work::How;
+use crate::work::WorkOptions;
 use particlegs::codec::{self, Merge};
 use particlegs::compress::{self, Target};
 use particlegs::model::{Certificate, CertificateLevel, MetricValue};
@@ -36,7 +36,9 @@ pub fn simplify(
         _ => return Err(InputError::new_err("one target: ratio, size or gaussians")),
     };
     let (whole, bytes) = (model.inner().clone(), model.bytes().len() as u64);
-    made(py, model.called(), How { threads, progress }, |progress| compress::simplify(whole, bytes, target, progress))
+    made(py, model.called(), WorkOptions { threads, progress }, |progress| {
+        compress::simplify(whole, bytes, target, progress)
+    })
 }
 
 /// Several models as one: their coded blocks are copied.
@@ -50,7 +52,7 @@ pub fn merge(
 ) -> PyResult<Model> {
     let parts: Vec<&Model> = models.iter().map(|m| m.get()).collect();
     let name = parts.first().map_or("merged", |m| m.called());
-    made(py, name, How { threads, progress }, |progress| {
+    made(py, name, WorkOptions { threads, progress }, |progress| {
         let mut merge = Merge::default();
         parts.iter().try_for_each(|part| merge.add(part.bytes(), part.called(), progress))?;
         merge.finish()
@@ -61,7 +63,7 @@ pub fn merge(
 fn made(
     py: Python<'_>,
     name: &str,
-    how: How,
+    how: WorkOptions,
     work: impl FnOnce(&dyn particlegs::progress::Progress) -> particlegs::Result<Vec<u8>> + Send,
 ) -> PyResult<Model> {
     let (bytes, model) = how.run(py, |progress| {
@@ -90,7 +92,7 @@ pub fn evaluate(
     }
     let (whole, size) = (model.inner(), Size { width: size.0, height: size.1 });
     let views = score::evaluation_views(&whole.metadata, size, seed, frames);
-    let scores = How { threads, progress }
+    let scores = WorkOptions { threads, progress }
         .run(py, |progress| score::evaluate(whole, &snapshot.particles, &views, size, None, progress))?;
     Ok(serde_json::to_string(&scores).expect("plain data"))
 }
@@ -121,7 +123,7 @@ pub fn verify(
         })
         .or_raise()?;
     let seed = stored.map_or(42, |c| c.views.seed);
-    let measured = How { threads, progress }.run(py, |progress| {
+    let measured = WorkOptions { threads, progress }.run(py, |progress| {
         if particles.source_hash() != whole.metadata.source_hash {
             let what = format!("it is not the snapshot that {} was made of", model.called());
             return Err(particlegs::Error::input(&particles.meta.name, what));
@@ -154,7 +156,7 @@ fn differing(stored: &Certificate, measured: &Certificate) -> Vec<String> {
 /// What is exported of a model, as Python gives it.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Asked {
+pub struct ExportOptions {
     kind: Option<String>,
     layers: Option<Vec<String>>,
     cells: Option<usize>,
@@ -171,7 +173,7 @@ pub fn export(
     py: Python<'_>,
     model: &Model,
     path: PathBuf,
-    asked: Asked,
+    asked: ExportOptions,
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<u64> {
@@ -184,7 +186,7 @@ pub fn export(
         Some(names) => model.inner().clone().only(names).or_raise()?,
     };
     let mut notes = Notes::new(kind, &shown, model.called());
-    How { threads, progress }.run(py, |progress| match kind.group() {
+    WorkOptions { threads, progress }.run(py, |progress| match kind.group() {
         Group::Page if asked.layers.is_some() => {
             Err(particlegs::Error::argument("an exported page holds every layer: leave layers= out"))
         }

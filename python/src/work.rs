@@ -14,17 +14,17 @@ use std::time::Duration;
 const LOOK: Duration = Duration::from_millis(50);
 
 /// What the caller says of how work is done.
-pub struct How {
+pub struct WorkOptions {
     /// Threads; `None` = as many as the process may use.
     pub threads: Option<usize>,
     /// Called with a phase's name, its steps done, and its steps (0 = not known).
     pub progress: Option<Py<PyAny>>,
 }
 
-impl How {
+impl WorkOptions {
     /// So many threads, and nothing told.
     pub fn quietly(threads: Option<usize>) -> Self {
-        How { threads, progress: None }
+        WorkOptions { threads, progress: None }
     }
 
     /// Does `work`, which nobody else waits for: other Python threads go on meanwhile, and a signal's exception or the
@@ -37,7 +37,7 @@ impl How {
         if !(1..=4096).contains(&threads) {
             return Err(InputError::new_err(format!("threads={threads} is outside 1 to 4096")));
         }
-        let sink = Sink::default();
+        let sink = PythonProgress::default();
         let (done, mut wait) = mpsc::channel();
         let mut stopped = None;
         let result = std::thread::scope(|scope| {
@@ -73,7 +73,7 @@ impl How {
     }
 
     /// Tells what is new.
-    fn tell(&self, py: Python<'_>, sink: &Sink) -> PyResult<()> {
+    fn tell(&self, py: Python<'_>, sink: &PythonProgress) -> PyResult<()> {
         let (events, messages) = {
             let mut told = sink.told();
             if let Some(now) = told.phases.last_mut()
@@ -107,36 +107,36 @@ impl How {
 
 /// What the work says, until it is told.
 #[derive(Default)]
-struct Sink {
+struct PythonProgress {
     stop: AtomicBool,
-    told: Mutex<Told>,
+    told: Mutex<ProgressLog>,
 }
 
 #[derive(Default)]
-struct Told {
+struct ProgressLog {
     /// Phases that have not ended, each within the one before it.
-    phases: Vec<Phase>,
+    phases: Vec<PhaseProgress>,
     events: VecDeque<(String, u64, u64)>,
     messages: Vec<String>,
 }
 
-struct Phase {
+struct PhaseProgress {
     name: String,
     done: u64,
     total: u64,
     moved: bool,
 }
 
-impl Sink {
-    fn told(&self) -> MutexGuard<'_, Told> {
+impl PythonProgress {
+    fn told(&self) -> MutexGuard<'_, ProgressLog> {
         self.told.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Progress for Sink {
+impl Progress for PythonProgress {
     fn begin(&self, phase: &str, total: u64) {
         let mut told = self.told();
-        told.phases.push(Phase { name: phase.into(), done: 0, total, moved: false });
+        told.phases.push(PhaseProgress { name: phase.into(), done: 0, total, moved: false });
         told.events.push_back((phase.into(), 0, total));
     }
 
@@ -148,7 +148,7 @@ impl Progress for Sink {
 
     fn end(&self) {
         let mut told = self.told();
-        if let Some(Phase { name, done, total, .. }) = told.phases.pop() {
+        if let Some(PhaseProgress { name, done, total, .. }) = told.phases.pop() {
             let all = total.max(done);
             told.events.push_back((name, all, all));
         }

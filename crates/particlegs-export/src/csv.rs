@@ -1,6 +1,6 @@
 //! The Gaussians as a table of text: a line each, units in the names of the columns.
 
-use super::gaussians::{One, all, has_opacities};
+use super::gaussians::{LayerGaussian, all, has_opacities};
 use super::notes::one_line;
 use super::{Notes, RUN, written};
 use particlegs::Result;
@@ -63,7 +63,7 @@ fn head(model: &Model) -> String {
 }
 
 /// The numbers of a Gaussian, each with a comma behind it: as many digits as give the same number again.
-fn row(out: &mut String, one: &One<'_>, masses: bool, opacities: bool) {
+fn row(out: &mut String, one: &LayerGaussian<'_>, masses: bool, opacities: bool) {
     let mut buffer = zmij::Buffer::new();
     let mean = one.of.mean_of(one.i);
     let numbers = mean.into_iter().chain(one.of.cov_of(one.i).0).chain([one.of.count[one.i]]);

@@ -38,7 +38,7 @@ const NAMES: [(&str, &str); 17] = [
 
 /// What numbers are multiplied by to be in units that the standard knows: it has no h (that is the hour there) and no
 /// factors.
-struct Scale {
+struct UnitScale {
     length: f64,
     mass: f64,
     /// Unit of length, where it is known.
@@ -47,9 +47,9 @@ struct Scale {
     density_unit: Option<String>,
 }
 
-impl Scale {
+impl UnitScale {
     /// As the notes state units; all numbers as they are where one of the units has no size.
-    fn of(notes: &Notes) -> Scale {
+    fn of(notes: &Notes) -> UnitScale {
         let hubble = notes.number("hubble");
         let unit = |key: &str, dimension: Dimension| {
             let (number, name, size, _, power) = Unit::parts(notes.text(key)?, dimension)?;
@@ -63,9 +63,9 @@ impl Scale {
         match (unit("length_unit", Dimension::Length), mass) {
             (Some((length, name)), Some((mass, above))) => {
                 let density_unit = Some(format!("{above} {name}-3").trim().to_string());
-                Scale { length, mass, length_unit: Some(name), density_unit }
+                UnitScale { length, mass, length_unit: Some(name), density_unit }
             }
-            _ => Scale { length: 1.0, mass: 1.0, length_unit: None, density_unit: None },
+            _ => UnitScale { length: 1.0, mass: 1.0, length_unit: None, density_unit: None },
         }
     }
 }
@@ -75,7 +75,7 @@ impl Scale {
 /// # Errors
 /// Those of [`written`].
 pub fn write(density: &Density, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
-    let scale = Scale::of(notes);
+    let scale = UnitScale::of(notes);
     let head = head(density, notes, &scale);
     let by = scale.mass / scale.length.powi(3);
     let bytes = 4 * density.values.len() as u64;
@@ -90,9 +90,9 @@ pub fn write(density: &Density, notes: &Notes, out: &Path, progress: &dyn Progre
 }
 
 /// All cards, to a whole number of blocks.
-fn head(density: &Density, notes: &Notes, scale: &Scale) -> Vec<u8> {
+fn head(density: &Density, notes: &Notes, scale: &UnitScale) -> Vec<u8> {
     let grid = &density.grid;
-    let mut head = Head(Vec::new());
+    let mut head = FitsHeader(Vec::new());
     head.card("SIMPLE", "T", "FITS Standard 4.0");
     head.card("BITPIX", "-32", "float32");
     head.card("NAXIS", "3", "x, y and z; x is the fastest");
@@ -134,9 +134,9 @@ fn head(density: &Density, notes: &Notes, scale: &Scale) -> Vec<u8> {
 }
 
 /// Cards, one after the other.
-struct Head(Vec<u8>);
+struct FitsHeader(Vec<u8>);
 
-impl Head {
+impl FitsHeader {
     /// A card; what does not fit of it is left out.
     fn push(&mut self, text: &str) {
         let card = format!("{text:<CARD$}");
@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn cards_are_of_eighty_letters_and_blocks_whole() {
-        let mut head = Head(Vec::new());
+        let mut head = FitsHeader(Vec::new());
         head.text("OBJECT", &"it's ".repeat(40), "left out");
         head.comment(&"word ".repeat(60));
         head.comment(&"x".repeat(200));

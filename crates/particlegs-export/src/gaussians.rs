@@ -3,7 +3,7 @@
 use particlegs::model::{LawKind, Mixture, Model};
 
 /// A Gaussian of a layer.
-pub struct One<'a> {
+pub struct LayerGaussian<'a> {
     /// Its mixture.
     pub of: &'a Mixture,
     /// Its number there.
@@ -14,7 +14,7 @@ pub struct One<'a> {
     pub unit: f64,
 }
 
-impl One<'_> {
+impl LayerGaussian<'_> {
     /// Its mass in the unit of mass.
     pub fn mass(&self) -> f64 {
         self.unit * self.of.mass_of(self.i)
@@ -27,10 +27,10 @@ impl One<'_> {
 }
 
 /// All of them, layer by layer and block by block.
-pub fn all(model: &Model) -> impl Iterator<Item = One<'_>> {
+pub fn all(model: &Model) -> impl Iterator<Item = LayerGaussian<'_>> {
     model.layers.iter().enumerate().flat_map(|(layer, l)| {
         let unit = l.mass.unit_or_one();
-        let of = move |g| (0..Mixture::len(g)).map(move |i| One { of: g, i, layer, unit });
+        let of = move |g| (0..Mixture::len(g)).map(move |i| LayerGaussian { of: g, i, layer, unit });
         l.content.iter().flat_map(move |b| of(&b.gaussians))
     })
 }

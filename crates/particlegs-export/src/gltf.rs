@@ -16,7 +16,7 @@ use std::path::Path;
 
 /// How a document and its numbers lie.
 #[derive(Clone, Copy, PartialEq)]
-pub enum Form {
+pub enum GltfForm {
     /// One after the other (.glb).
     Binary,
     /// The numbers as base64 within the document (.gltf).
@@ -53,23 +53,23 @@ pub fn write(
     colors: Option<&[[f32; 3]]>,
     notes: &Notes,
     out: &Path,
-    form: Form,
+    form: GltfForm,
     progress: &dyn Progress,
 ) -> Result<u64> {
     let bytes = BYTES * model.gaussians() as u64;
     if bytes == 0 {
         return Err(Error::argument("the model has no Gaussians, and glTF no empty arrays"));
     }
-    if form == Form::Binary && bytes > u64::from(u32::MAX) - (1 << 20) {
+    if form == GltfForm::Binary && bytes > u64::from(u32::MAX) - (1 << 20) {
         let what = format!("{} Gaussians are more than the 4 GiB of a GLB hold", model.gaussians());
         return Err(Error::Argument { what, remedy: "write a PLY, or make the model smaller with `simplify`".into() });
     }
-    let text = if form == Form::Text { bytes / 3 * 4 } else { 0 };
+    let text = if form == GltfForm::Text { bytes / 3 * 4 } else { 0 };
     progress.require_memory("a glTF", 2 * bytes + 2 * text)?;
     let (document, binary) = scene(model, colors, notes, progress)?;
     match form {
-        Form::Binary => binary_file(document, &binary, out, progress),
-        Form::Text => {
+        GltfForm::Binary => binary_file(document, &binary, out, progress),
+        GltfForm::Text => {
             let mut document = document;
             document["buffers"][0]["uri"] =
                 format!("data:application/octet-stream;base64,{}", STANDARD.encode(&binary)).into();
@@ -97,7 +97,7 @@ fn scene(
         if count == 0 {
             continue;
         }
-        let columns = Columns::of(layer, own.map(|o| o.0), &frame, progress)?;
+        let columns = LayerArrays::of(layer, own.map(|o| o.0), &frame, progress)?;
         let first = accessors.len();
         let mut attributes = serde_json::Map::new();
         for (k, (name, shape, bytes)) in ATTRIBUTES.iter().enumerate() {
@@ -140,21 +140,21 @@ fn scene(
 }
 
 /// The arrays of a layer.
-struct Columns {
+struct LayerArrays {
     /// Places, turns, deviations, opacities, harmonics.
     floats: [Vec<f32>; 5],
     /// Linear colours and opacities in bytes.
     fallback: Vec<u8>,
 }
 
-impl Columns {
+impl LayerArrays {
     fn of(
         layer: &Layer<Vec<Block>>,
         colors: Option<&[[f32; 3]]>,
         frame: &Normalisation,
         progress: &dyn Progress,
-    ) -> Result<Columns> {
-        let mut columns = Columns { floats: Default::default(), fallback: Vec::new() };
+    ) -> Result<LayerArrays> {
+        let mut columns = LayerArrays { floats: Default::default(), fallback: Vec::new() };
         let gaussians = layer.content.iter().flat_map(|b| (0..b.gaussians.len()).map(|i| (&b.gaussians, i)));
         for (number, (g, i)) in gaussians.enumerate() {
             if number.is_multiple_of(RUN) {

@@ -32,13 +32,13 @@ use std::path::Path;
 const RUN: usize = 1 << 14;
 
 /// Writes a file from its beginning to its end, and counts its bytes.
-struct Sink<'a> {
+struct CountingWriter<'a> {
     to: &'a mut dyn Write,
     bytes: u64,
     progress: &'a dyn Progress,
 }
 
-impl Sink<'_> {
+impl CountingWriter<'_> {
     /// Adds bytes.
     fn put(&mut self, bytes: &[u8]) -> std::io::Result<()> {
         self.bytes += bytes.len() as u64;
@@ -51,7 +51,7 @@ impl Sink<'_> {
     }
 }
 
-impl Write for Sink<'_> {
+impl Write for CountingWriter<'_> {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         self.put(bytes).map(|()| bytes.len())
     }
@@ -70,12 +70,12 @@ fn written(
     out: &Path,
     expected: u64,
     progress: &dyn Progress,
-    fill: impl FnOnce(&mut Sink<'_>) -> std::io::Result<()>,
+    fill: impl FnOnce(&mut CountingWriter<'_>) -> std::io::Result<()>,
 ) -> Result<u64> {
     check_space_in(&scratch_folder(out), expected)?;
     let mut bytes = 0;
     let done = write_atomic(out, |to| {
-        let mut sink = Sink { to, bytes: 0, progress };
+        let mut sink = CountingWriter { to, bytes: 0, progress };
         fill(&mut sink)?;
         bytes = sink.bytes;
         Ok(())
@@ -98,8 +98,8 @@ pub fn write_as_splats(
     progress: &dyn Progress,
 ) -> Result<u64> {
     match kind {
-        Kind::Glb => gltf::write(model, colors, notes, out, gltf::Form::Binary, progress),
-        Kind::Gltf => gltf::write(model, colors, notes, out, gltf::Form::Text, progress),
+        Kind::Glb => gltf::write(model, colors, notes, out, gltf::GltfForm::Binary, progress),
+        Kind::Gltf => gltf::write(model, colors, notes, out, gltf::GltfForm::Text, progress),
         _ => write_splats(model, colors, &notes.lines(), out, progress),
     }
 }

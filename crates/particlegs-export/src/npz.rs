@@ -1,7 +1,7 @@
 //! The Gaussians as a NumPy archive: an array a column, stored, and what is known about them as JSON.
 
-use super::gaussians::{One, all, has_opacities};
-use super::{Notes, RUN, Sink, written};
+use super::gaussians::{LayerGaussian, all, has_opacities};
+use super::{CountingWriter, Notes, RUN, written};
 use particlegs::Result;
 use particlegs::model::Model;
 use particlegs::progress::Progress;
@@ -11,32 +11,32 @@ use std::io::{Error, Write};
 use std::path::Path;
 
 /// A column: name, element type of NumPy, sides behind the number of Gaussians, and a Gaussian's bytes.
-struct Column {
+struct NpzColumn {
     name: &'static str,
     element: &'static str,
     sides: &'static [u64],
-    put: fn(&One<'_>, &mut Vec<u8>),
+    put: fn(&LayerGaussian<'_>, &mut Vec<u8>),
 }
 
 fn reals(out: &mut Vec<u8>, values: &[f64]) {
     out.extend(values.iter().flat_map(|v| v.to_le_bytes()));
 }
 
-const COLUMNS: [Column; 4] = [
-    Column { name: "mean", element: "<f8", sides: &[3], put: |g, out| reals(out, &g.of.mean_of(g.i)) },
-    Column {
+const COLUMNS: [NpzColumn; 4] = [
+    NpzColumn { name: "mean", element: "<f8", sides: &[3], put: |g, out| reals(out, &g.of.mean_of(g.i)) },
+    NpzColumn {
         name: "covariance",
         element: "<f8",
         sides: &[3, 3],
         put: |g, out| reals(out, g.of.cov_of(g.i).rows().as_flattened()),
     },
-    Column { name: "count", element: "<f8", sides: &[], put: |g, out| reals(out, &[g.of.count[g.i]]) },
-    Column { name: "layer", element: "<i4", sides: &[], put: |g, out| out.extend((g.layer as i32).to_le_bytes()) },
+    NpzColumn { name: "count", element: "<f8", sides: &[], put: |g, out| reals(out, &[g.of.count[g.i]]) },
+    NpzColumn { name: "layer", element: "<i4", sides: &[], put: |g, out| out.extend((g.layer as i32).to_le_bytes()) },
 ];
-const MASS: Column = Column { name: "mass", element: "<f8", sides: &[], put: |g, out| reals(out, &[g.mass()]) };
-const OPACITIES: [Column; 2] = [
-    Column { name: "opacity", element: "<f8", sides: &[], put: |g, out| reals(out, &g.splat()[..1]) },
-    Column { name: "grey", element: "<f8", sides: &[], put: |g, out| reals(out, &g.splat()[1..]) },
+const MASS: NpzColumn = NpzColumn { name: "mass", element: "<f8", sides: &[], put: |g, out| reals(out, &[g.mass()]) };
+const OPACITIES: [NpzColumn; 2] = [
+    NpzColumn { name: "opacity", element: "<f8", sides: &[], put: |g, out| reals(out, &g.splat()[..1]) },
+    NpzColumn { name: "grey", element: "<f8", sides: &[], put: |g, out| reals(out, &g.splat()[1..]) },
 ];
 
 /// Writes them.
@@ -63,7 +63,7 @@ pub fn write(model: &Model, notes: &Notes, out: &Path, progress: &dyn Progress) 
 
 /// A member of the archive, NAME.npy.
 fn member(
-    archive: &mut ZipArchiveWriter<&mut Sink<'_>>,
+    archive: &mut ZipArchiveWriter<&mut CountingWriter<'_>>,
     name: &str,
     fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> std::io::Result<()> {
@@ -75,7 +75,7 @@ fn member(
     entry.finish(descriptor).map_err(Error::other).map(drop)
 }
 
-fn of_column(to: &mut dyn Write, model: &Model, column: &Column, progress: &dyn Progress) -> std::io::Result<()> {
+fn of_column(to: &mut dyn Write, model: &Model, column: &NpzColumn, progress: &dyn Progress) -> std::io::Result<()> {
     let shape: Vec<u64> = std::iter::once(model.gaussians() as u64).chain(column.sides.iter().copied()).collect();
     to.write_all(&npy_header(column.element, &shape))?;
     let mut run = Vec::new();

@@ -483,9 +483,9 @@ mod tests {
     }
 
     /// Keeps what is said, and stops the work then.
-    struct Impatient(Mutex<Vec<String>>, AtomicBool);
+    struct CancelOnMessage(Mutex<Vec<String>>, AtomicBool);
 
-    impl Progress for Impatient {
+    impl Progress for CancelOnMessage {
         fn message(&self, text: &str) {
             self.0.lock().unwrap().push(text.into());
             self.1.store(true, Ordering::SeqCst);
@@ -501,7 +501,7 @@ mod tests {
     fn waiting_for_a_writer_is_said_and_can_be_stopped() {
         let folder = tempfile::tempdir().unwrap();
         let path = fifo(folder.path());
-        let impatient = Impatient(Mutex::default(), AtomicBool::new(false));
+        let impatient = CancelOnMessage(Mutex::default(), AtomicBool::new(false));
         assert!(matches!(read_whole(&path, NOTE, &impatient), Err(Error::Cancelled)));
         let said = impatient.0.into_inner().unwrap();
         assert_eq!(said.len(), 1);

@@ -2,7 +2,7 @@
 //! `0.2 263x`; SZ3 and ZFP too where PARTICLEGS_LAB_PYTHON names a Python that has them. Lines of CSV.
 use particlegs::particles::Particles;
 use particlegs::progress::Silent;
-use particlegs_lab::{Baseline, Columns, baselines, external::External, rate, subset};
+use particlegs_lab::{Baseline, PositionColumns, baselines, external::External, rate, subset};
 
 fn main() -> particlegs::Result<()> {
     let mut arguments = std::env::args().skip(1);
@@ -23,11 +23,11 @@ fn main() -> particlegs::Result<()> {
     Ok(())
 }
 
-fn bytes_of(columns: &Columns, ratio: &str) -> u64 {
+fn bytes_of(columns: &PositionColumns, ratio: &str) -> u64 {
     (12.0 * columns[0].len() as f64 / ratio.parse::<f64>().expect("a ratio")) as u64
 }
 
-fn line(baseline: &dyn Baseline, columns: &Columns, asked: &str) -> particlegs::Result<()> {
+fn line(baseline: &dyn Baseline, columns: &PositionColumns, asked: &str) -> particlegs::Result<()> {
     let bound = match asked.strip_suffix('x') {
         None => asked.parse().expect("a bound"),
         Some(ratio) => {

@@ -1,7 +1,7 @@
 //! Coordinates as numbers of bins of twice the bound, decoded at the bins' centres. Centres are rounded to float32: the
 //! few particles that rounding puts beyond the bound are decoded at the edge of their bin, so that no bound is broken.
 
-use crate::Columns;
+use crate::PositionColumns;
 
 /// Half bins along an axis: fewer.
 const MOST_BINS: f64 = 4_294_967_296.0;
@@ -13,7 +13,7 @@ fn bin(bounds: f64) -> u32 {
 
 /// What a decoder knows of the bins.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Grid {
+pub struct BinGrid {
     /// Particles.
     pub particles: usize,
     /// Half a bin.
@@ -25,9 +25,9 @@ pub struct Grid {
 }
 
 /// Particles in bins.
-pub struct Bins {
+pub struct ParticleBins {
     /// What they are bins of.
-    pub grid: Grid,
+    pub grid: BinGrid,
     /// Range over bound, along each axis.
     pub count: [f64; 3],
     /// The bin of each particle.
@@ -36,7 +36,7 @@ pub struct Bins {
     exceptions: [Vec<(u32, bool)>; 3],
 }
 
-impl Grid {
+impl BinGrid {
     /// The centre of a bin.
     fn centre(&self, axis: usize, bin: u32) -> f64 {
         f64::from(self.low[axis]) + (2.0 * f64::from(bin) + 1.0) * self.bound
@@ -47,10 +47,10 @@ impl Grid {
         (self.centre(axis, bin) + if up { self.bound } else { -self.bound }) as f32
     }
 
-    /// Coordinates of particles in bins: the centres, but for those that [`Bins::moved`] lists. `None` for a list that
-    /// is not of these bins.
-    pub fn coordinates(&self, bins: &[[u32; 3]], moved: &[Vec<i64>; 3]) -> Option<Columns> {
-        let mut all: Columns = [0, 1, 2].map(|k| bins.iter().map(|b| self.centre(k, b[k]) as f32).collect());
+    /// Coordinates of particles in bins: the centres, but for those that [`ParticleBins::moved`] lists. `None` for a
+    /// list that is not of these bins.
+    pub fn coordinates(&self, bins: &[[u32; 3]], moved: &[Vec<i64>; 3]) -> Option<PositionColumns> {
+        let mut all: PositionColumns = [0, 1, 2].map(|k| bins.iter().map(|b| self.centre(k, b[k]) as f32).collect());
         for (k, column) in all.iter_mut().enumerate() {
             let mut at = 0i64;
             for step in &moved[k] {
@@ -72,13 +72,13 @@ impl Grid {
         self.count().map(bin)
     }
 
-    /// Reads what [`Bins::write`] wrote, and gives what follows.
-    pub fn read(bytes: &[u8]) -> Option<(Grid, &[u8])> {
+    /// Reads what [`ParticleBins::write`] wrote, and gives what follows.
+    pub fn read(bytes: &[u8]) -> Option<(BinGrid, &[u8])> {
         let (head, rest) = bytes.split_first_chunk::<40>()?;
         let word = |at: usize| <[u8; 4]>::try_from(&head[at..at + 4]).expect("four bytes");
         let long = |at: usize| <[u8; 8]>::try_from(&head[at..at + 8]).expect("eight bytes");
         let axes = |at: usize| [0, 1, 2].map(|k| f32::from_le_bytes(word(at + 4 * k)));
-        let grid = Grid {
+        let grid = BinGrid {
             particles: usize::try_from(u64::from_le_bytes(long(0))).ok()?,
             bound: f64::from_le_bytes(long(8)),
             low: axes(16),
@@ -89,15 +89,15 @@ impl Grid {
     }
 }
 
-impl Bins {
+impl ParticleBins {
     /// Particles in bins of twice the bound; `None` where there would be too many bins, coordinates that are not finite,
     /// no particles, or more of them than an order can name.
-    pub fn of(particles: &Columns, bound: f64) -> Option<Bins> {
+    pub fn of(particles: &PositionColumns, bound: f64) -> Option<ParticleBins> {
         let n = particles[0].len();
         let ends =
             |c: &Vec<f32>| c.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |e, v| [e[0].min(*v), e[1].max(*v)]);
         let ends = particles.each_ref().map(ends);
-        let grid = Grid { particles: n, bound, low: ends.map(|e| e[0]), high: ends.map(|e| e[1]) };
+        let grid = BinGrid { particles: n, bound, low: ends.map(|e| e[0]), high: ends.map(|e| e[1]) };
         let count = grid.count();
         // Minima pass over coordinates that are no numbers.
         let fine = count.iter().all(|c| *c < MOST_BINS) && !particles.iter().flatten().any(|v| v.is_nan());
@@ -117,7 +117,7 @@ impl Bins {
                 }
             }
         }
-        Some(Bins { grid, count, of, exceptions })
+        Some(ParticleBins { grid, count, of, exceptions })
     }
 
     /// Particles along an axis that rounding puts beyond the bound: twice their place in `order` (`None` = their own),
@@ -142,7 +142,7 @@ impl Bins {
 
     /// Writes what a decoder needs to know.
     pub fn write(&self, out: &mut Vec<u8>) {
-        let Grid { particles, bound, low, high } = &self.grid;
+        let BinGrid { particles, bound, low, high } = &self.grid;
         out.extend((*particles as u64).to_le_bytes());
         out.extend(bound.to_le_bytes());
         low.iter().chain(high).for_each(|v| out.extend(v.to_le_bytes()));

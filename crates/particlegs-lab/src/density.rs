@@ -1,7 +1,7 @@
 //! What pictures hide: how well the density is kept, by the density's own measures.
 
 use crate::lab::Lab;
-use crate::method::{Content, Method};
+use crate::method::{CompressionMethod, FileContent};
 use crate::snapshot::Snapshot;
 use particlegs::particles::Particles;
 use particlegs::recover;
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 /// Measures of one way at one size; `None` = not to be had.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Density {
+pub struct DensityMeasures {
     /// How likely particles are that were left out, bits a particle beyond a uniform density: of a model its own
     /// density, of particles an adaptive kernel's on what half of them became in as many bytes.
     pub held_out_bits: Option<f64>,
@@ -32,37 +32,37 @@ pub struct Density {
 /// Particles of a cell of the density's grid, about.
 const A_CELL: f64 = 16.0;
 
-impl Density {
+impl DensityMeasures {
     /// Of one way at one size.
     ///
     /// # Errors
     /// [`Error::Cancelled`], [`Error::Io`], [`Error::Memory`].
-    pub fn of(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64) -> Result<Density> {
+    pub fn of(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes: u64) -> Result<DensityMeasures> {
         let seed = lab.settings.seed;
         let inputs = (method.source(lab), &snapshot.hash, bytes, seed, lab.settings.quick);
         match lab.store.result("density", &inputs, || measured(lab, snapshot, method, bytes)) {
             // A way that fails has no measures; its failure stands beside its pictures, and is not kept.
             Err(Error::Input { .. } | Error::Argument { .. } | Error::Unreachable { .. }) => {
                 lab.progress.check()?;
-                Ok(Density::default())
+                Ok(DensityMeasures::default())
             }
             other => other,
         }
     }
 }
 
-fn measured(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64) -> Result<Density> {
+fn measured(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes: u64) -> Result<DensityMeasures> {
     let seed = lab.settings.seed;
     let kept = method.keep(lab, &snapshot.particles, &snapshot.hash, bytes, seed)?;
     let statistics = match kept.content {
-        Content::Particles(particles, _) => statistics(lab, &snapshot.particles, &particles)?,
-        Content::Model(model) => {
+        FileContent::Particles(particles, _) => statistics(lab, &snapshot.particles, &particles)?,
+        FileContent::Model(model) => {
             statistics(lab, &snapshot.particles, &lab.drawn(*model, recover::Method::Count, seed)?)?
         }
     };
     let s = &statistics.summary;
     let k_max = statistics.spectra.as_ref().and_then(|s| s.shells.last()).map(|s| s.k);
-    Ok(Density {
+    Ok(DensityMeasures {
         held_out_bits: held_out(lab, snapshot, method, bytes)?,
         correlation: s.density_correlation,
         large_scales: large_scales(&statistics),
@@ -98,7 +98,7 @@ fn groups(s: &Statistics) -> Option<f64> {
 }
 
 /// Bits a particle of the half that was left out; `None` of fewer than 64 particles, half of which say little.
-fn held_out(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64) -> Result<Option<f64>> {
+fn held_out(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes: u64) -> Result<Option<f64>> {
     if snapshot.particles.len() < 64 {
         return Ok(None);
     }
@@ -107,8 +107,8 @@ fn held_out(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64) -> R
     let hash = format!("{} half {seed}", snapshot.hash);
     let domain = Domain::of_particles(&snapshot.particles);
     match method.keep(lab, &fitted, &hash, bytes, seed)?.content {
-        Content::Particles(p, _) => Likelihood::kernel_bits(&p, &left_out, &domain, seed, lab.progress).map(Some),
-        Content::Model(model) => {
+        FileContent::Particles(p, _) => Likelihood::kernel_bits(&p, &left_out, &domain, seed, lab.progress).map(Some),
+        FileContent::Model(model) => {
             let options = StatsOptions { measures: vec![Measure::Likelihood], seed, ..StatsOptions::default() };
             let s = compare(Subject::Particles(&left_out), Subject::Model(&model), &options, lab.progress)?;
             Ok(s.likelihood.map(|l| l.bits))
@@ -119,7 +119,7 @@ fn held_out(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64) -> R
 /// What a kernel on all particles of one half says of the other: as much as there is to know of so many.
 ///
 /// # Errors
-/// As [`Density::of`].
+/// As [`DensityMeasures::of`].
 pub fn all_particles_bits(lab: &Lab<'_>, snapshot: &Snapshot) -> Result<f64> {
     let seed = lab.settings.seed;
     lab.store.result("kernel-bits", &(&snapshot.hash, seed), || {

@@ -5,9 +5,9 @@ use serde::Serialize;
 
 /// What an experiment found.
 #[derive(Debug, Default, Serialize)]
-pub struct Found {
+pub struct ExperimentResults {
     /// Tables, in the order of reading.
-    pub tables: Vec<Table>,
+    pub tables: Vec<ResultTable>,
     /// Plots.
     pub plots: Vec<Plot>,
     /// Pictures side by side.
@@ -18,7 +18,7 @@ pub struct Found {
 
 /// A table.
 #[derive(Debug, Serialize)]
-pub struct Table {
+pub struct ResultTable {
     /// File name without its ending.
     pub name: String,
     /// What stands above it.
@@ -26,19 +26,19 @@ pub struct Table {
     /// Heads of the columns, with units.
     pub columns: Vec<String>,
     /// Rows, as long as `columns`.
-    pub rows: Vec<Vec<Cell>>,
+    pub rows: Vec<Vec<TableCell>>,
 }
 
-impl Table {
+impl ResultTable {
     /// Without rows.
     pub fn new(name: &str, title: impl Into<String>, columns: &[&str]) -> Self {
         let columns = columns.iter().map(|c| (*c).to_string()).collect();
-        Table { name: name.into(), title: title.into(), columns, rows: Vec::new() }
+        ResultTable { name: name.into(), title: title.into(), columns, rows: Vec::new() }
     }
 
     /// Adds a row.
-    pub fn row(&mut self, cells: impl IntoIterator<Item = Cell>) {
-        let row: Vec<Cell> = cells.into_iter().collect();
+    pub fn row(&mut self, cells: impl IntoIterator<Item = TableCell>) {
+        let row: Vec<TableCell> = cells.into_iter().collect();
         debug_assert_eq!(row.len(), self.columns.len(), "{}", self.name);
         self.rows.push(row);
     }
@@ -47,7 +47,7 @@ impl Table {
 /// A cell of a table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
-pub enum Cell {
+pub enum TableCell {
     /// Words.
     Text(String),
     /// A number with so many digits after the point.
@@ -70,66 +70,66 @@ pub enum Cell {
     Empty,
 }
 
-impl Cell {
+impl TableCell {
     /// Words.
-    pub fn text(words: impl Into<String>) -> Cell {
-        Cell::Text(words.into())
+    pub fn text(words: impl Into<String>) -> TableCell {
+        TableCell::Text(words.into())
     }
 
     /// A number; nothing where there is none.
-    pub fn number(value: impl Into<Option<f64>>, digits: usize) -> Cell {
-        value.into().filter(|v| v.is_finite()).map_or(Cell::Empty, |value| Cell::Number { value, digits })
+    pub fn number(value: impl Into<Option<f64>>, digits: usize) -> TableCell {
+        value.into().filter(|v| v.is_finite()).map_or(TableCell::Empty, |value| TableCell::Number { value, digits })
     }
 
     /// A whole number.
-    pub fn count(value: u64) -> Cell {
-        Cell::number(value as f64, 0)
+    pub fn count(value: u64) -> TableCell {
+        TableCell::number(value as f64, 0)
     }
 
     /// The median of values of several seeds with their range; one value alone is a number. Those that are not finite
     /// are left out.
-    pub fn spread(values: &[f64], digits: usize) -> Cell {
+    pub fn spread(values: &[f64], digits: usize) -> TableCell {
         match Spread::of(values) {
-            None => Cell::Empty,
-            Some(s) if values.len() == 1 => Cell::number(s.median, digits),
-            Some(s) => Cell::Spread { value: s.median, range: [s.low, s.high], digits },
+            None => TableCell::Empty,
+            Some(s) if values.len() == 1 => TableCell::number(s.median, digits),
+            Some(s) => TableCell::Spread { value: s.median, range: [s.low, s.high], digits },
         }
     }
 
     /// Decibels of several seeds; `identical` where no picture of any differs from the truth.
-    pub fn decibels(values: &[f64]) -> Cell {
+    pub fn decibels(values: &[f64]) -> TableCell {
         match is_identical(values) {
-            true => Cell::text("identical"),
-            false => Cell::spread(values, 2),
+            true => TableCell::text("identical"),
+            false => TableCell::spread(values, 2),
         }
     }
 
     /// As it stands in a table of text.
     pub fn in_words(&self) -> String {
         match self {
-            Cell::Text(words) => words.clone(),
-            Cell::Number { value, digits } => grouped(*value, *digits),
-            Cell::Spread { value, range: [low, high], digits } => {
+            TableCell::Text(words) => words.clone(),
+            TableCell::Number { value, digits } => grouped(*value, *digits),
+            TableCell::Spread { value, range: [low, high], digits } => {
                 let [value, low, high] = [value, low, high].map(|v| grouped(*v, *digits));
                 // Digits that are shown do not tell them apart.
                 if low == high { value } else { format!("{value} ({low} to {high})") }
             }
-            Cell::Empty => "–".into(),
+            TableCell::Empty => "–".into(),
         }
     }
 
     /// As it stands in a file of values: every digit, nothing where nothing was measured.
     pub fn plain(&self) -> String {
         match self {
-            Cell::Text(words) => words.clone(),
-            Cell::Number { value, .. } | Cell::Spread { value, .. } => value.to_string(),
-            Cell::Empty => String::new(),
+            TableCell::Text(words) => words.clone(),
+            TableCell::Number { value, .. } | TableCell::Spread { value, .. } => value.to_string(),
+            TableCell::Empty => String::new(),
         }
     }
 
     /// Is it a number?
     pub fn is_number(&self) -> bool {
-        matches!(self, Cell::Number { .. } | Cell::Spread { .. })
+        matches!(self, TableCell::Number { .. } | TableCell::Spread { .. })
     }
 }
 
@@ -183,9 +183,9 @@ pub struct Plot {
     /// What stands above it.
     pub title: String,
     /// Below it, with its unit.
-    pub x: Axis,
+    pub x: PlotAxis,
     /// Beside it.
-    pub y: Axis,
+    pub y: PlotAxis,
     /// Curves.
     pub series: Vec<Series>,
     /// Horizontal lines with their names.
@@ -194,7 +194,7 @@ pub struct Plot {
 
 /// An axis of a plot.
 #[derive(Clone, Debug, Serialize)]
-pub struct Axis {
+pub struct PlotAxis {
     /// What it shows, with its unit.
     pub label: String,
     /// Logarithmic?
@@ -209,21 +209,21 @@ pub struct Axis {
     pub names: Vec<String>,
 }
 
-impl Axis {
+impl PlotAxis {
     /// In equal steps.
-    pub fn linear(label: impl Into<String>) -> Axis {
-        Axis { label: label.into(), log: false, range: None, bands: vec![], names: vec![] }
+    pub fn linear(label: impl Into<String>) -> PlotAxis {
+        PlotAxis { label: label.into(), log: false, range: None, bands: vec![], names: vec![] }
     }
 
     /// In equal factors.
-    pub fn logarithmic(label: impl Into<String>) -> Axis {
-        Axis { log: true, ..Axis::linear(label) }
+    pub fn logarithmic(label: impl Into<String>) -> PlotAxis {
+        PlotAxis { log: true, ..PlotAxis::linear(label) }
     }
 
     /// Of things without an order.
-    pub fn named(label: impl Into<String>, names: Vec<String>) -> Axis {
+    pub fn named(label: impl Into<String>, names: Vec<String>) -> PlotAxis {
         let range = Some([0.5, names.len() as f64 + 0.5]);
-        Axis { range, names, ..Axis::linear(label) }
+        PlotAxis { range, names, ..PlotAxis::linear(label) }
     }
 }
 
@@ -305,23 +305,26 @@ mod tests {
 
     #[test]
     fn numbers_are_grouped_and_spreads_told() {
-        let said = [0.0, 1234.0, 12345.0, -1_234_567.0].map(|v| Cell::number(v, 0).in_words());
+        let said = [0.0, 1234.0, 12345.0, -1_234_567.0].map(|v| TableCell::number(v, 0).in_words());
         assert_eq!(said, ["0", "1234", "12,345", "-1,234,567"]);
-        assert_eq!(Cell::number(12345.678, 2).in_words(), "12,345.68");
-        assert_eq!([-0.004, -0.006].map(|v| Cell::number(v, 2).in_words()), ["0.00", "-0.01"]);
-        assert_eq!(Cell::spread(&[3.0, 1.0, 2.0], 1).in_words(), "2.0 (1.0 to 3.0)");
-        assert_eq!(Cell::spread(&[3.01, 3.0, 3.02], 1).in_words(), "3.0");
-        assert_eq!(Cell::spread(&[4.0], 1), Cell::number(4.0, 1));
-        assert_eq!(Cell::number(f64::NAN, 1), Cell::Empty);
-        assert_eq!(Cell::number(None, 1).plain(), "");
+        assert_eq!(TableCell::number(12345.678, 2).in_words(), "12,345.68");
+        assert_eq!([-0.004, -0.006].map(|v| TableCell::number(v, 2).in_words()), ["0.00", "-0.01"]);
+        assert_eq!(TableCell::spread(&[3.0, 1.0, 2.0], 1).in_words(), "2.0 (1.0 to 3.0)");
+        assert_eq!(TableCell::spread(&[3.01, 3.0, 3.02], 1).in_words(), "3.0");
+        assert_eq!(TableCell::spread(&[4.0], 1), TableCell::number(4.0, 1));
+        assert_eq!(TableCell::number(f64::NAN, 1), TableCell::Empty);
+        assert_eq!(TableCell::number(None, 1).plain(), "");
         assert_eq!(Spread::of(&[1.0, 2.0, f64::INFINITY, 4.0, 8.0]).unwrap().median, 3.0);
     }
 
     #[test]
     fn identical_pictures_have_a_cell_and_a_point() {
         let same = [f64::INFINITY; 2];
-        assert_eq!((Cell::decibels(&same), Cell::decibels(&[])), (Cell::text("identical"), Cell::Empty));
-        assert_eq!(Cell::decibels(&[30.0, f64::INFINITY]).in_words(), "30.00");
+        assert_eq!(
+            (TableCell::decibels(&same), TableCell::decibels(&[])),
+            (TableCell::text("identical"), TableCell::Empty)
+        );
+        assert_eq!(TableCell::decibels(&[30.0, f64::INFINITY]).in_words(), "30.00");
         assert_eq!(Point::decibels(3.0, &same).map(|p| (p.x, p.y)), Some((3.0, f64::INFINITY)));
         assert!(Point::decibels(3.0, &[]).is_none());
     }

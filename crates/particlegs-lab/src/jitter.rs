@@ -1,12 +1,12 @@
 //! Decoded particles spread over their bins: what lies at bin centres shows the bins as a lattice.
 
-use crate::Columns;
+use crate::PositionColumns;
 use particlegs::math::{Purpose, Random};
 use particlegs::parallel;
 
 /// Moves every coordinate by a uniform draw within `bound` of where it is, by no more after rounding to float32: what was
 /// decoded within a bound of the truth is then within twice the bound of it.
-pub fn jittered(decoded: &Columns, bound: f64, seed: u64) -> Columns {
+pub fn jittered(decoded: &PositionColumns, bound: f64, seed: u64) -> PositionColumns {
     let columns = parallel::map(0..3, |k| {
         let mut random = Random::of(Purpose::Jitter, seed, k as u64);
         decoded[k].iter().map(|v| moved(*v, (2.0 * random.uniform() - 1.0) * bound, bound)).collect()

@@ -5,7 +5,7 @@ use crate::device::{Draw, Style};
 use crate::external::External;
 use crate::settings::Settings;
 use crate::snapshot::Snapshot;
-use crate::store::Store;
+use crate::store::ResultStore;
 #[cfg(doc)]
 use particlegs::Error;
 use particlegs::Result;
@@ -26,9 +26,9 @@ pub struct Lab<'a> {
     /// How.
     pub settings: Settings,
     /// Kept results.
-    pub store: Store,
+    pub store: ResultStore,
     /// Those that the settings' device had a part in: pictures, their scores, trained models.
-    pub on_device: Store,
+    pub on_device: ResultStore,
     /// Other compressors: those that need nothing else, and those of the settings' Python.
     pub baselines: Vec<Box<dyn Baseline>>,
     /// Whom to tell.
@@ -74,7 +74,7 @@ impl ModelSettings {
 }
 
 /// A model file and what it decodes to.
-pub struct Made {
+pub struct ModelBuild {
     /// The file.
     pub bytes: Vec<u8>,
     /// What it decodes to.
@@ -91,7 +91,7 @@ impl<'a> Lab<'a> {
     pub fn new(settings: Settings, folder: &Path, progress: &'a dyn Progress) -> Result<Self> {
         let external = settings.python.as_deref().map(External::start).transpose()?;
         let baselines = crate::baselines(external.as_ref());
-        let store = Store::new(folder);
+        let store = ResultStore::new(folder);
         let on_device = store.by(settings.device.name());
         Ok(Lab { settings, store, on_device, baselines, progress })
     }
@@ -106,7 +106,7 @@ impl<'a> Lab<'a> {
     ///
     /// # Errors
     /// Those of [`compress`]; [`Error::Io`].
-    pub fn model(&self, snapshot: &Snapshot, recipe: &ModelSettings) -> Result<Made> {
+    pub fn model(&self, snapshot: &Snapshot, recipe: &ModelSettings) -> Result<ModelBuild> {
         let recipe = recipe.in_bytes(snapshot);
         self.made(&(&snapshot.hash, &recipe), || {
             compress(&snapshot.particles, &recipe.options(), &mut NoPieces, self.progress)
@@ -154,7 +154,7 @@ impl<'a> Lab<'a> {
     ///
     /// # Errors
     /// Those of `make`; [`Error::Io`].
-    pub fn made(&self, inputs: &impl Serialize, make: impl FnOnce() -> Result<Compressed>) -> Result<Made> {
+    pub fn made(&self, inputs: &impl Serialize, make: impl FnOnce() -> Result<Compressed>) -> Result<ModelBuild> {
         self.kept_model(&self.store, inputs, || timed(make))
     }
 
@@ -167,16 +167,16 @@ impl<'a> Lab<'a> {
         &self,
         inputs: &impl Serialize,
         make: impl FnOnce() -> Result<(Compressed, f64)>,
-    ) -> Result<Made> {
+    ) -> Result<ModelBuild> {
         self.kept_model(&self.on_device, inputs, make)
     }
 
     fn kept_model(
         &self,
-        store: &Store,
+        store: &ResultStore,
         inputs: &impl Serialize,
         make: impl FnOnce() -> Result<(Compressed, f64)>,
-    ) -> Result<Made> {
+    ) -> Result<ModelBuild> {
         let seconds = std::cell::Cell::new(0.0);
         let bytes = store.bytes("model", inputs, "pgs", || {
             let (done, took) = make()?;
@@ -185,7 +185,7 @@ impl<'a> Lab<'a> {
         })?;
         let seconds = store.result("model-seconds", inputs, || Ok(seconds.get()))?;
         let model = codec::decode_with(&bytes, "the model", self.progress)?;
-        Ok(Made { bytes, model, seconds })
+        Ok(ModelBuild { bytes, model, seconds })
     }
 }
 

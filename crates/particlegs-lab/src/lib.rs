@@ -33,16 +33,16 @@ pub mod subset;
 mod training;
 pub mod views;
 
-pub use training::{Evaluation, Standing, published};
+pub use training::{Standing, TrainingScore, published};
 
 use external::External;
 use particlegs::{Error, Result};
 
 /// Positions in columns x, y and z.
-pub type Columns = [Vec<f32>; 3];
+pub type PositionColumns = [Vec<f32>; 3];
 
 /// What a compressor made of particles.
-pub struct Coded {
+pub struct CompressedParticles {
     /// All that a decoder needs.
     pub bytes: Vec<u8>,
     /// Which particle comes where in what is decoded; `None` = in their own order.
@@ -60,31 +60,31 @@ pub trait Baseline: Sync {
     /// # Errors
     /// [`particlegs::Error::Argument`] for a bound that is not positive and finite; of [`external`] ones
     /// [`particlegs::Error::Input`] for what their library said.
-    fn compress(&self, particles: &Columns, bound: f64) -> Result<Coded>;
+    fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles>;
     /// The particles.
     ///
     /// # Errors
     /// [`particlegs::Error::Input`] for bytes that it did not make.
-    fn decompress(&self, bytes: &[u8]) -> Result<Columns>;
+    fn decompress(&self, bytes: &[u8]) -> Result<PositionColumns>;
 }
 
 /// All baselines: those that need nothing else, and those of `external`, where there is one.
 pub fn baselines(external: Option<&External>) -> Vec<Box<dyn Baseline>> {
-    let mut all: Vec<Box<dyn Baseline>> = vec![Box::new(lcp::Lcp), Box::new(quantised::Quantised)];
+    let mut all: Vec<Box<dyn Baseline>> = vec![Box::new(lcp::Lcp), Box::new(quantised::QuantisedCoder)];
     all.extend(external.into_iter().flat_map(External::baselines));
     all
 }
 
 /// The largest error of any decoded coordinate, infinite where one is not a number: what a bound is held to, on every
 /// run. Columns of equal lengths, with an order of as many particles.
-pub fn largest_error(particles: &Columns, decoded: &Columns, order: Option<&[u32]>) -> f64 {
+pub fn largest_error(particles: &PositionColumns, decoded: &PositionColumns, order: Option<&[u32]>) -> f64 {
     errors(particles, decoded, order).map(|e| e.1).fold(0.0, f64::max)
 }
 
 /// Each coordinate with the error that it is decoded with.
 fn errors<'a>(
-    particles: &'a Columns,
-    decoded: &'a Columns,
+    particles: &'a PositionColumns,
+    decoded: &'a PositionColumns,
     order: Option<&'a [u32]>,
 ) -> impl Iterator<Item = (f32, f64)> + 'a {
     let of = move |k: usize| {

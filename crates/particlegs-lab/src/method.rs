@@ -3,11 +3,11 @@
 
 use crate::jitter::jittered;
 use crate::lab::{Lab, ModelSettings};
-use crate::rate::{AtSize, Verified, at_size, verified};
+use crate::rate::{BoundCheck, SizeBound, at_size, verified};
 use crate::snapshot::{Snapshot, columns_of, particles_of};
 use crate::subset::subset;
-use crate::training::{self, Task, trained_on};
-use crate::views::{Score, Truth};
+use crate::training::{self, TrainingTask, trained_on};
+use crate::views::{ReferenceViews, Score};
 use particlegs::compress::{Target, compress};
 use particlegs::fit::Effort;
 use particlegs::model::Model;
@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 /// A way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Method {
+pub enum CompressionMethod {
     /// Our models: Gaussians whose optical depths add up.
     OpticalDepth,
     /// The published law, trained by its recipe at the lab's scale.
@@ -35,17 +35,17 @@ pub enum Method {
 }
 
 /// What a way gives back.
-pub struct Kept {
+pub struct MethodOutput {
     /// Bytes of the file.
     pub bytes: u64,
     /// What is in it.
-    pub content: Content,
+    pub content: FileContent,
     /// Of a compressor with a bound: how it held.
-    pub bound: Option<Bound>,
+    pub bound: Option<BoundReport>,
 }
 
 /// What is in a file.
-pub enum Content {
+pub enum FileContent {
     /// A model.
     Model(Box<Model>),
     /// Particles, drawn with this multiple of the radius.
@@ -54,7 +54,7 @@ pub enum Content {
 
 /// How a bound held.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Bound {
+pub struct BoundReport {
     /// The bound of every coordinate, world units.
     pub asked: f64,
     /// The largest error found after decoding; of moved particles before they were moved.
@@ -65,63 +65,66 @@ pub struct Bound {
 
 /// One way at one size.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Measured {
+pub struct MethodMeasurement {
     /// Bytes of the file; 0 where there is none.
     pub bytes: u64,
     /// How a bound held.
-    pub bound: Option<Bound>,
+    pub bound: Option<BoundReport>,
     /// Scores of its pictures; empty where it failed.
     pub scores: Vec<Score>,
     /// Why it failed.
     pub failure: Option<String>,
 }
 
-impl Method {
+impl CompressionMethod {
     /// All that train nothing, ours first. Those that decode at the centres of bins stand there twice.
-    pub fn all(lab: &Lab<'_>) -> Vec<Method> {
+    pub fn all(lab: &Lab<'_>) -> Vec<CompressionMethod> {
         let of = |at: usize| {
             let moved = ["LCP", "Quantise + pco"].contains(&lab.baselines[at].name());
-            [false, true].into_iter().filter(move |j| moved || !j).map(move |jitter| Method::Baseline { at, jitter })
+            [false, true]
+                .into_iter()
+                .filter(move |j| moved || !j)
+                .map(move |jitter| CompressionMethod::Baseline { at, jitter })
         };
         let baselines = (0..lab.baselines.len()).flat_map(of);
-        [Method::OpticalDepth, Method::Subset].into_iter().chain(baselines).collect()
+        [CompressionMethod::OpticalDepth, CompressionMethod::Subset].into_iter().chain(baselines).collect()
     }
 
-    /// [`Method::all`], and where models may be trained the published law after ours.
-    pub fn all_and_trained(lab: &Lab<'_>) -> Vec<Method> {
-        let mut all = Method::all(lab);
+    /// [`CompressionMethod::all`], and where models may be trained the published law after ours.
+    pub fn all_and_trained(lab: &Lab<'_>) -> Vec<CompressionMethod> {
+        let mut all = CompressionMethod::all(lab);
         if lab.settings.training {
-            all.insert(1, Method::AlphaBlend);
+            all.insert(1, CompressionMethod::AlphaBlend);
         }
         all
     }
 
     /// Is it a model, which takes longest to make and hardly depends on its seed?
     pub fn is_model(self) -> bool {
-        matches!(self, Method::OpticalDepth | Method::AlphaBlend)
+        matches!(self, CompressionMethod::OpticalDepth | CompressionMethod::AlphaBlend)
     }
 
     /// What tables call it.
     pub fn name(self, lab: &Lab<'_>) -> String {
         match self {
-            Method::OpticalDepth => "particlegs".into(),
-            Method::AlphaBlend => "published law, trained".into(),
-            Method::Subset => "subset, scaled".into(),
-            Method::Baseline { at, jitter: false } => lab.baselines[at].name().into(),
-            Method::Baseline { at, jitter: true } => format!("{}, jittered", lab.baselines[at].name()),
+            CompressionMethod::OpticalDepth => "particlegs".into(),
+            CompressionMethod::AlphaBlend => "published law, trained".into(),
+            CompressionMethod::Subset => "subset, scaled".into(),
+            CompressionMethod::Baseline { at, jitter: false } => lab.baselines[at].name().into(),
+            CompressionMethod::Baseline { at, jitter: true } => format!("{}, jittered", lab.baselines[at].name()),
         }
     }
 
     /// Is there a draw or a random start in it?
     pub fn is_random(self) -> bool {
-        !matches!(self, Method::Baseline { jitter: false, .. })
+        !matches!(self, CompressionMethod::Baseline { jitter: false, .. })
     }
 
     /// What its results depend on beside snapshot, size and seed.
     pub fn source(self, lab: &Lab<'_>) -> String {
         match self {
-            Method::Baseline { at, .. } => format!("{} {}", self.name(lab), lab.baselines[at].source()),
-            Method::AlphaBlend => format!("{} at scale {}", self.name(lab), training::scale(lab)),
+            CompressionMethod::Baseline { at, .. } => format!("{} {}", self.name(lab), lab.baselines[at].source()),
+            CompressionMethod::AlphaBlend => format!("{} at scale {}", self.name(lab), training::scale(lab)),
             _ => self.name(lab),
         }
     }
@@ -130,50 +133,59 @@ impl Method {
     ///
     /// # Errors
     /// [`Error::Input`] for a compressor that fails or breaks its bound; those of the fit; [`Error::Cancelled`].
-    pub fn keep(self, lab: &Lab<'_>, particles: &Particles, hash: &str, bytes: u64, seed: u64) -> Result<Kept> {
+    pub fn keep(self, lab: &Lab<'_>, particles: &Particles, hash: &str, bytes: u64, seed: u64) -> Result<MethodOutput> {
         match self {
-            Method::OpticalDepth => {
+            CompressionMethod::OpticalDepth => {
                 let recipe = ModelSettings { target: Target::Size(bytes), effort: Effort::Default, blocks: 1, seed };
                 let made =
                     lab.made(&(hash, &recipe), || compress(particles, &recipe.options(), &mut NoPieces, lab.progress))?;
-                Ok(Kept { bytes: made.bytes.len() as u64, content: Content::Model(Box::new(made.model)), bound: None })
+                Ok(MethodOutput {
+                    bytes: made.bytes.len() as u64,
+                    content: FileContent::Model(Box::new(made.model)),
+                    bound: None,
+                })
             }
-            Method::AlphaBlend => {
-                let task = Task::published_in(bytes, training::scale(lab), seed)?;
+            CompressionMethod::AlphaBlend => {
+                let task = TrainingTask::published_in(bytes, training::scale(lab), seed)?;
                 let made = trained_on(lab, (particles, hash), &task, None)?.made;
-                Ok(Kept { bytes: made.bytes.len() as u64, content: Content::Model(Box::new(made.model)), bound: None })
+                Ok(MethodOutput {
+                    bytes: made.bytes.len() as u64,
+                    content: FileContent::Model(Box::new(made.model)),
+                    bound: None,
+                })
             }
-            Method::Subset => {
+            CompressionMethod::Subset => {
                 let thin = subset(&columns_of(particles), bytes, seed, lab.progress)?;
                 let thin = thin.ok_or_else(|| Error::input("subset", format!("not one particle in {bytes} bytes")))?;
-                let content = Content::Particles(Box::new(particles_of(thin.particles, particles)), thin.radius_factor);
-                Ok(Kept { bytes: thin.bytes, content, bound: None })
+                let content =
+                    FileContent::Particles(Box::new(particles_of(thin.particles, particles)), thin.radius_factor);
+                Ok(MethodOutput { bytes: thin.bytes, content, bound: None })
             }
-            Method::Baseline { at, jitter } => {
+            CompressionMethod::Baseline { at, jitter } => {
                 let (baseline, columns) = (&*lab.baselines[at], columns_of(particles));
                 let inputs = (baseline.name(), baseline.source(), hash, bytes);
                 let found: (f64, u64) = lab.store.result("bound", &inputs, || {
-                    let AtSize { bound, bytes, .. } = at_size(baseline, &columns, bytes, lab.progress)?;
+                    let SizeBound { bound, bytes, .. } = at_size(baseline, &columns, bytes, lab.progress)?;
                     Ok((bound, bytes))
                 })?;
                 let checked = verified(baseline, &columns, found.0);
-                if let Verified::Failed(Error::Cancelled) = &checked {
+                if let BoundCheck::Failed(Error::Cancelled) = &checked {
                     return Err(Error::Cancelled);
                 }
                 if let Some(why) = checked.failure() {
                     return Err(Error::input(baseline.name(), why));
                 }
                 let run = match checked {
-                    Verified::Held(run) | Verified::Exceeded(run) => run,
-                    Verified::Failed(error) => return Err(error),
+                    BoundCheck::Held(run) | BoundCheck::Exceeded(run) => run,
+                    BoundCheck::Failed(error) => return Err(error),
                 };
                 let seconds = [run.compress_seconds, run.decompress_seconds];
-                let bound = Bound { asked: run.bound, largest_error: run.largest_error, seconds };
+                let bound = BoundReport { asked: run.bound, largest_error: run.largest_error, seconds };
                 // What was kept exactly has no bins to be moved within.
                 let moved = jitter && run.largest_error > 0.0;
                 let decoded = if moved { jittered(&run.decoded, run.bound, seed) } else { run.decoded };
-                let content = Content::Particles(Box::new(particles_of(decoded, particles)), 1.0);
-                Ok(Kept { bytes: run.bytes, content, bound: Some(bound) })
+                let content = FileContent::Particles(Box::new(particles_of(decoded, particles)), 1.0);
+                Ok(MethodOutput { bytes: run.bytes, content, bound: Some(bound) })
             }
         }
     }
@@ -183,23 +195,30 @@ impl Method {
     ///
     /// # Errors
     /// [`Error::Cancelled`], [`Error::Io`], [`Error::Memory`].
-    pub fn measure(self, lab: &Lab<'_>, of: &Snapshot, truth: &Truth, bytes: u64, seed: u64) -> Result<Measured> {
+    pub fn measure(
+        self,
+        lab: &Lab<'_>,
+        of: &Snapshot,
+        truth: &ReferenceViews,
+        bytes: u64,
+        seed: u64,
+    ) -> Result<MethodMeasurement> {
         let seed = if self.is_random() { seed } else { 0 };
         let inputs = (self.source(lab), &of.hash, truth.key(), bytes, seed);
         let measured = lab.on_device.result("pictures", &inputs, || {
             let kept = self.keep(lab, &of.particles, &of.hash, bytes, seed)?;
             let scores = match &kept.content {
-                Content::Model(model) => truth.of_model(lab, model)?,
-                Content::Particles(particles, factor) => truth.of_particles(lab, particles, *factor)?,
+                FileContent::Model(model) => truth.of_model(lab, model)?,
+                FileContent::Particles(particles, factor) => truth.of_particles(lab, particles, *factor)?,
             };
-            Ok(Measured { bytes: kept.bytes, bound: kept.bound, scores, failure: None })
+            Ok(MethodMeasurement { bytes: kept.bytes, bound: kept.bound, scores, failure: None })
         });
         match measured {
             Err(e @ (Error::Cancelled | Error::Io { .. } | Error::Memory { .. })) => Err(e),
             Err(e) => {
                 // A stop that reaches a Python ends it before it answers: that is no failure of its own.
                 lab.progress.check()?;
-                Ok(Measured { bytes: 0, bound: None, scores: Vec::new(), failure: Some(e.to_string()) })
+                Ok(MethodMeasurement { bytes: 0, bound: None, scores: Vec::new(), failure: Some(e.to_string()) })
             }
             measured => measured,
         }
@@ -209,17 +228,17 @@ impl Method {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::quantised::Quantised;
+    use crate::quantised::QuantisedCoder;
     use crate::settings::Settings;
-    use crate::{Baseline, Coded, Columns};
+    use crate::{Baseline, CompressedParticles, PositionColumns};
     use particlegs::picture::Size;
     use particlegs::progress::Progress;
     use std::sync::atomic::{AtomicBool, Ordering};
 
     /// Fails while it is to.
-    struct Sometimes(&'static AtomicBool);
+    struct FlakyBaseline(&'static AtomicBool);
 
-    impl Baseline for Sometimes {
+    impl Baseline for FlakyBaseline {
         fn name(&self) -> &'static str {
             "sometimes"
         }
@@ -228,21 +247,21 @@ mod tests {
             "here".into()
         }
 
-        fn compress(&self, particles: &Columns, bound: f64) -> Result<Coded> {
+        fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles> {
             match self.0.load(Ordering::Relaxed) {
                 true => Err(Error::input("python", "ended before it answered")),
-                false => Quantised.compress(particles, bound),
+                false => QuantisedCoder.compress(particles, bound),
             }
         }
 
-        fn decompress(&self, bytes: &[u8]) -> Result<Columns> {
-            Quantised.decompress(bytes)
+        fn decompress(&self, bytes: &[u8]) -> Result<PositionColumns> {
+            QuantisedCoder.decompress(bytes)
         }
     }
 
-    struct Stopped<'a>(&'a AtomicBool);
+    struct FlagProgress<'a>(&'a AtomicBool);
 
-    impl Progress for Stopped<'_> {
+    impl Progress for FlagProgress<'_> {
         fn cancelled(&self) -> bool {
             self.0.load(Ordering::Relaxed)
         }
@@ -256,14 +275,14 @@ mod tests {
         let particles = Particles::from_columns(column(1), column(2), column(3));
         let (of, folder) = (Snapshot::new("s".into(), "s".into(), particles, None), tempfile::tempdir().unwrap());
         let stopped = AtomicBool::new(false);
-        let heard = Stopped(&stopped);
+        let heard = FlagProgress(&stopped);
         let size = Size { width: 64, height: 36 };
         let settings = Settings { size, ..Settings::new(true, "".into()) };
         let mut lab = Lab::new(settings, folder.path(), &heard).unwrap();
-        lab.baselines = vec![Box::new(Sometimes(&FAILS))];
+        lab.baselines = vec![Box::new(FlakyBaseline(&FAILS))];
         let model = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().model;
-        let truth = Truth::of(&lab, &of, &model.metadata).unwrap();
-        let method = Method::Baseline { at: 0, jitter: false };
+        let truth = ReferenceViews::of(&lab, &of, &model.metadata).unwrap();
+        let method = CompressionMethod::Baseline { at: 0, jitter: false };
         let measure = || method.measure(&lab, &of, &truth, 3600, 1);
         FAILS.store(true, Ordering::Relaxed);
         let failed = measure().unwrap();
@@ -283,12 +302,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let settings = Settings { training: true, scale: Some(0.004), ..Settings::new(true, "".into()) };
         let mut lab = Lab::new(settings, folder.path(), &particlegs::progress::Silent).unwrap();
-        assert_eq!(Method::all_and_trained(&lab)[..2], [Method::OpticalDepth, Method::AlphaBlend]);
-        let kept = Method::AlphaBlend.keep(&lab, &particles, "p", 6500, 1).unwrap();
-        let Content::Model(model) = kept.content else { panic!("a model") };
+        assert_eq!(
+            CompressionMethod::all_and_trained(&lab)[..2],
+            [CompressionMethod::OpticalDepth, CompressionMethod::AlphaBlend]
+        );
+        let kept = CompressionMethod::AlphaBlend.keep(&lab, &particles, "p", 6500, 1).unwrap();
+        let FileContent::Model(model) = kept.content else { panic!("a model") };
         assert_eq!(model.metadata.law, particlegs::model::LawKind::AlphaBlend);
         assert!((5200..6500).contains(&kept.bytes), "{}", kept.bytes);
         lab.settings.training = false;
-        assert!(!Method::all_and_trained(&lab).contains(&Method::AlphaBlend));
+        assert!(!CompressionMethod::all_and_trained(&lab).contains(&CompressionMethod::AlphaBlend));
     }
 }

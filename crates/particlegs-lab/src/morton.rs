@@ -1,6 +1,6 @@
 //! Bits of three numbers in turn: neighbours in space come near each other in the order of these codes.
 
-use crate::Columns;
+use crate::PositionColumns;
 use particlegs::parallel;
 
 /// Bits an axis of an order of particles: three fill a code.
@@ -51,7 +51,7 @@ pub fn order_of(codes: &[u64]) -> Vec<u32> {
 }
 
 /// Codes of cubes, 2^21 along the longest edge of the box around all particles.
-pub fn codes_of_places(particles: &Columns) -> Vec<u64> {
+pub fn codes_of_places(particles: &PositionColumns) -> Vec<u64> {
     let finite = |c: &Vec<f32>| {
         let all = c.iter().map(|v| f64::from(*v)).filter(|v| v.is_finite());
         all.fold([f64::INFINITY, f64::NEG_INFINITY], |e, v| [e[0].min(v), e[1].max(v)])

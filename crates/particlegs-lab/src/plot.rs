@@ -1,6 +1,6 @@
 //! Plots on any backend of plotters: curves with bars, logarithmic axes, named levels, a legend beside the axes.
 
-use crate::found::{Axis, Plot, Series, grouped};
+use crate::found::{Plot, PlotAxis, Series, grouped};
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, ValueFormatter};
 use plotters::prelude::*;
@@ -40,9 +40,9 @@ pub fn shows(plot: &Plot) -> bool {
 }
 
 /// Both axes; `None` where there is no point to show.
-fn scales(plot: &Plot) -> Option<(Scale, Scale)> {
-    let x = Scale::of(&plot.x, points(plot).map(|p| p.0))?;
-    let y = Scale::of(&plot.y, points(plot).flat_map(|p| p.1).chain(plot.levels.iter().map(|l| l.1)))?;
+fn scales(plot: &Plot) -> Option<(AxisScale, AxisScale)> {
+    let x = AxisScale::of(&plot.x, points(plot).map(|p| p.0))?;
+    let y = AxisScale::of(&plot.y, points(plot).flat_map(|p| p.1).chain(plot.levels.iter().map(|l| l.1)))?;
     Some((x, y))
 }
 
@@ -65,7 +65,7 @@ fn points(plot: &Plot) -> impl Iterator<Item = (f64, Vec<f64>)> + '_ {
 
 /// An axis with its ends, of values or of their logarithms.
 #[derive(Clone, Copy)]
-struct Scale {
+struct AxisScale {
     log: bool,
     low: f64,
     high: f64,
@@ -73,18 +73,18 @@ struct Scale {
     whole: bool,
 }
 
-impl Scale {
-    fn of(axis: &Axis, values: impl Iterator<Item = f64>) -> Option<Scale> {
+impl AxisScale {
+    fn of(axis: &PlotAxis, values: impl Iterator<Item = f64>) -> Option<AxisScale> {
         let place = |v: f64| if axis.log { v.log10() } else { v };
         let shown: Vec<f64> = values.filter(|v| v.is_finite() && (!axis.log || *v > 0.0)).collect();
         let (log, whole) = (axis.log, shown.iter().all(|v| v.fract() == 0.0));
         let placed = shown.into_iter().map(place);
         let (low, high) = placed.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
         if let Some([a, b]) = axis.range {
-            return Some(Scale { log, low: place(a), high: place(b), whole });
+            return Some(AxisScale { log, low: place(a), high: place(b), whole });
         }
         let room = if low == high { 0.1 * low.abs().max(1.0) } else { 0.04 * (high - low) };
-        (low <= high).then_some(Scale { log, low: low - room, high: high + room, whole })
+        (low <= high).then_some(AxisScale { log, low: low - room, high: high + room, whole })
     }
 
     /// Where a value stands; `None` where it does not.
@@ -99,24 +99,24 @@ impl Scale {
         (!placed.is_nan()).then(|| placed.clamp(self.low, self.high))
     }
 
-    fn ticks(self, names: &[String]) -> Ticks {
+    fn ticks(self, names: &[String]) -> AxisTicks {
         // Of many, the beginning of each has room.
         let most = (96 / names.len().max(1)).max(4);
         let short = |name: &String| match name.chars().count() > most {
             true => format!("{}…", name.chars().take(most - 1).collect::<String>()),
             false => name.clone(),
         };
-        Ticks { scale: self, names: names.iter().map(short).collect() }
+        AxisTicks { scale: self, names: names.iter().map(short).collect() }
     }
 }
 
 /// Ticks of our own: names, or where the axis is logarithmic as many of each decade as it is short.
-struct Ticks {
-    scale: Scale,
+struct AxisTicks {
+    scale: AxisScale,
     names: Vec<String>,
 }
 
-impl Ranged for Ticks {
+impl Ranged for AxisTicks {
     type FormatOption = NoDefaultFormatting;
     type ValueType = f64;
 
@@ -126,7 +126,7 @@ impl Ranged for Ticks {
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        let Scale { log, low, high, whole } = self.scale;
+        let AxisScale { log, low, high, whole } = self.scale;
         if !self.names.is_empty() {
             return (1..=self.names.len()).map(|i| i as f64).collect();
         }
@@ -150,7 +150,7 @@ impl Ranged for Ticks {
     }
 }
 
-impl ValueFormatter<f64> for Ticks {
+impl ValueFormatter<f64> for AxisTicks {
     fn format_ext(&self, value: &f64) -> String {
         if let Some(name) = self.names.get((*value as usize).wrapping_sub(1)) {
             return name.clone();
@@ -180,13 +180,13 @@ fn label(v: f64, length: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
 }
 
-type Area<B> = DrawingArea<B, Shift>;
+type PlotArea<B> = DrawingArea<B, Shift>;
 
 fn colour(style: usize) -> RGBColor {
     COLOURS[style % COLOURS.len()]
 }
 
-fn curves<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) -> Option<()> {
+fn curves<B: DrawingBackend>(area: &PlotArea<B>, plot: &Plot, x: AxisScale, y: AxisScale) -> Option<()> {
     let mut chart = ChartBuilder::on(area)
         .margin(14)
         .caption(&plot.title, ("sans-serif", 21))
@@ -249,12 +249,12 @@ fn aside(plot: &Plot, series: usize) -> f64 {
 }
 
 /// Where along the axis a series has pictures that do not differ from the truth: they stand at the top edge.
-fn identical(s: &Series, x: Scale) -> impl Iterator<Item = f64> {
+fn identical(s: &Series, x: AxisScale) -> impl Iterator<Item = f64> {
     s.points.iter().filter(|p| p.y == f64::INFINITY).filter_map(move |p| x.place(p.x))
 }
 
 /// Points that the axes can show, in runs: a line does not go on past a point that they cannot.
-fn runs(s: &Series, x: Scale, y: Scale) -> Vec<Vec<(f64, f64)>> {
+fn runs(s: &Series, x: AxisScale, y: AxisScale) -> Vec<Vec<(f64, f64)>> {
     let placed: Vec<Option<(f64, f64)>> = s.points.iter().map(|p| Some((x.place(p.x)?, y.place(p.y)?))).collect();
     placed
         .split(Option::is_none)
@@ -296,7 +296,7 @@ fn mark(style: usize, size: f64, (x, y): (i32, i32), fill: RGBColor) -> Polygon<
 }
 
 /// What the legend says of a curve that is not to be seen: whether there is none, or none within the axes.
-fn unseen(s: &Series, x: Scale, y: Scale) -> &'static str {
+fn unseen(s: &Series, x: AxisScale, y: AxisScale) -> &'static str {
     match (runs(s, x, y).is_empty() && identical(s, x).next().is_none(), s.points.is_empty()) {
         (false, _) => "",
         (true, true) => " (none)",
@@ -305,7 +305,7 @@ fn unseen(s: &Series, x: Scale, y: Scale) -> &'static str {
 }
 
 /// The legend: curves in the order of the plot, those that the axes do not reach told, then levels, then bands.
-fn names<B: DrawingBackend>(area: &Area<B>, plot: &Plot, x: Scale, y: Scale) -> Option<()> {
+fn names<B: DrawingBackend>(area: &PlotArea<B>, plot: &Plot, x: AxisScale, y: AxisScale) -> Option<()> {
     let font = ("sans-serif", 15).into_font().color(&INK);
     let mut at = 58;
     for s in &plot.series {
@@ -351,8 +351,8 @@ mod tests {
         Plot {
             name: "p".into(),
             title: "Quality by size".into(),
-            x: Axis::logarithmic("ratio"),
-            y: Axis::linear("masked PSNR, dB"),
+            x: PlotAxis::logarithmic("ratio"),
+            y: PlotAxis::linear("masked PSNR, dB"),
             series: vec![Series { name: "model".into(), style: 1, dashed: false, points }],
             levels: vec![("noise-free".into(), 33.5)],
         }
@@ -377,7 +377,7 @@ mod tests {
         assert!(both.contains("low (outside)") && !both.contains("model (outside)"));
         // Things without an order have their names, and no line from one to the next.
         let joined = plot(vec![Point::new(1.0, 31.0), Point::new(2.0, 29.0)]);
-        let x = Axis::named("data set", vec!["box".into(), "melt".into()]);
+        let x = PlotAxis::named("data set", vec!["box".into(), "melt".into()]);
         let apart = svg(&Plot { x, ..joined.clone() }).unwrap();
         let lines = |text: &str| text.matches("<polyline").count();
         assert!(apart.contains("box") && apart.contains("melt") && !apart.contains(">1.5<"));
@@ -388,7 +388,7 @@ mod tests {
     fn lines_end_where_the_axes_do() {
         let points = [1.0, 2.0, 50.0, 3.0].iter().enumerate().map(|(i, v)| Point::new(i as f64, *v)).collect();
         let series = Series { name: "s".into(), style: 0, dashed: false, points };
-        let scale = |high| Scale { log: false, low: 0.0, high, whole: false };
+        let scale = |high| AxisScale { log: false, low: 0.0, high, whole: false };
         assert_eq!(runs(&series, scale(9.0), scale(9.0)), [vec![(0.0, 1.0), (1.0, 2.0)], vec![(3.0, 3.0)]]);
     }
 
@@ -414,14 +414,14 @@ mod tests {
     /// Views are counted: there is none at one and a half. A short logarithmic axis has more than one tick.
     #[test]
     fn ticks_are_at_what_there_is() {
-        let ticks = |points: &[f64], x: Axis| {
+        let ticks = |points: &[f64], x: PlotAxis| {
             let points = points.iter().map(|x| Point::new(*x, 30.0 + x)).collect();
             svg(&Plot { x, ..plot(points) }).unwrap().replace('\n', "")
         };
-        let views = ticks(&[1.0, 2.0, 3.0, 4.0], Axis::linear("view"));
+        let views = ticks(&[1.0, 2.0, 3.0, 4.0], PlotAxis::linear("view"));
         assert!(views.contains(">3<") && !views.contains(">1.5<"), "{views}");
-        assert!(ticks(&[1.0, 2.5], Axis::linear("factor")).contains(">1.4<"));
-        let short = ticks(&[1.1e5, 2.6e5], Axis::logarithmic("particles"));
+        assert!(ticks(&[1.0, 2.5], PlotAxis::linear("factor")).contains(">1.4<"));
+        let short = ticks(&[1.1e5, 2.6e5], PlotAxis::logarithmic("particles"));
         assert!(short.contains(">150,000<") && short.contains(">200,000<"), "{short}");
     }
 
@@ -444,7 +444,7 @@ mod tests {
 
     #[test]
     fn series_without_an_order_stand_beside_each_other() {
-        let x = Axis::named("data set", vec!["box".into(), "melt".into()]);
+        let x = PlotAxis::named("data set", vec!["box".into(), "melt".into()]);
         let named = Plot { x, ..plot(vec![Point::new(1.0, 31.0)]) };
         let second = Series { style: 3, points: vec![], ..named.series[0].clone() };
         let two = Plot { series: vec![named.series[0].clone(), second], ..named.clone() };

@@ -2,17 +2,17 @@
 //! (Loncaric, Jeppesen and Zinberg, arXiv 2502.06112; the crate `pco`). The order of the particles is not kept, but where
 //! columns in their own order take fewer bytes.
 
-use crate::bins::{Bins, Grid};
+use crate::bins::{BinGrid, ParticleBins};
 use crate::morton::{self, Bits};
-use crate::{Baseline, Coded, Columns, check_bound, packed};
+use crate::{Baseline, CompressedParticles, PositionColumns, check_bound, packed};
 use particlegs::{Error, Result, parallel};
 
 /// The coder: every layout is tried, and the smallest is kept.
-pub struct Quantised;
+pub struct QuantisedCoder;
 
 /// What is coded of the particles.
 #[derive(Clone, Copy, PartialEq)]
-enum Layout {
+enum CodingLayout {
     /// The coordinates as they are: no bins.
     Exact = 0,
     /// Bins that hold particles, in Morton order, and how many each holds.
@@ -25,9 +25,9 @@ enum Layout {
     File = 4,
 }
 
-const BINNED: [Layout; 4] = [Layout::Cells, Layout::Codes, Layout::Axes, Layout::File];
+const BINNED: [CodingLayout; 4] = [CodingLayout::Cells, CodingLayout::Codes, CodingLayout::Axes, CodingLayout::File];
 
-impl Baseline for Quantised {
+impl Baseline for QuantisedCoder {
     fn name(&self) -> &'static str {
         "Quantise + pco"
     }
@@ -36,24 +36,24 @@ impl Baseline for Quantised {
         "bins of twice the bound; crate pco 1.1".into()
     }
 
-    fn compress(&self, particles: &Columns, bound: f64) -> Result<Coded> {
+    fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles> {
         check_bound(bound)?;
-        let Some(bins) = Bins::of(particles, bound) else { return Ok(exact(particles)) };
-        let sorted = Sorted::new(bins);
+        let Some(bins) = ParticleBins::of(particles, bound) else { return Ok(exact(particles)) };
+        let sorted = SortedParticles::new(bins);
         let coded = parallel::map(BINNED, |layout| sorted.coded(layout));
         let (layout, bytes) =
             BINNED.into_iter().zip(coded).filter_map(|(l, c)| Some((l, c?))).min_by_key(|c| c.1.len()).expect("axes");
         let bytes = packed::sealed(bytes, particles[0].len());
-        Ok(Coded { bytes, order: (layout != Layout::File).then_some(sorted.order) })
+        Ok(CompressedParticles { bytes, order: (layout != CodingLayout::File).then_some(sorted.order) })
     }
 
-    fn decompress(&self, bytes: &[u8]) -> Result<Columns> {
+    fn decompress(&self, bytes: &[u8]) -> Result<PositionColumns> {
         let read = || {
             let (plain, most) = packed::opened(bytes)?;
             let (kind, rest) = plain.split_first()?;
             match BINNED.into_iter().find(|l| *l as u8 == *kind) {
                 Some(layout) => binned(layout, rest, most),
-                None => (*kind == Layout::Exact as u8).then(|| exact_columns(rest, most))?,
+                None => (*kind == CodingLayout::Exact as u8).then(|| exact_columns(rest, most))?,
             }
         };
         read().ok_or_else(|| Error::input(self.name(), "not what this coder made"))
@@ -61,8 +61,8 @@ impl Baseline for Quantised {
 }
 
 /// Particles in bins, and their order.
-struct Sorted {
-    bins: Bins,
+struct SortedParticles {
+    bins: ParticleBins,
     /// Bits of an exact code; `None` where bins are too many for one.
     bits: Option<Bits>,
     /// Codes in their order.
@@ -70,8 +70,8 @@ struct Sorted {
     order: Vec<u32>,
 }
 
-impl Sorted {
-    fn new(bins: Bins) -> Self {
+impl SortedParticles {
+    fn new(bins: ParticleBins) -> Self {
         let last = bins.grid.last();
         let bits = Bits::of(last);
         // Of bins too many for a code, the highest bits give an order that is nearly as good.
@@ -80,28 +80,28 @@ impl Sorted {
         let own = parallel::map_range(bins.of.len(), |i| of.code(bins.of[i].map(|q| q >> coarse)));
         let order = morton::order_of(&own);
         let codes = order.iter().map(|i| own[*i as usize]).collect();
-        Sorted { bins, bits, codes, order }
+        SortedParticles { bins, bits, codes, order }
     }
 
     /// A layout's bytes; `None` where there are no codes.
-    fn coded(&self, layout: Layout) -> Option<Vec<u8>> {
+    fn coded(&self, layout: CodingLayout) -> Option<Vec<u8>> {
         let mut out = vec![layout as u8];
         self.bins.write(&mut out);
-        let order = (layout != Layout::File).then_some(&self.order[..]);
+        let order = (layout != CodingLayout::File).then_some(&self.order[..]);
         (0..3).for_each(|k| packed::write(&self.bins.moved(k, order), &mut out));
         match layout {
-            Layout::Cells => {
+            CodingLayout::Cells => {
                 self.bits?;
                 let cells: Vec<&[u64]> = self.codes.chunk_by(|a, b| a == b).collect();
                 packed::write_number(cells.len() as u64, &mut out);
                 packed::write(&steps(cells.iter().map(|c| c[0])), &mut out);
                 packed::write(&cells.iter().map(|c| c.len() as u32).collect::<Vec<_>>(), &mut out);
             }
-            Layout::Codes => {
+            CodingLayout::Codes => {
                 self.bits?;
                 packed::write(&steps(self.codes.iter().copied()), &mut out);
             }
-            Layout::Axes => (0..3).for_each(|k| {
+            CodingLayout::Axes => (0..3).for_each(|k| {
                 let column: Vec<u32> = self.order.iter().map(|i| self.bins.of[*i as usize][k]).collect();
                 packed::write(&column, &mut out);
             }),
@@ -120,15 +120,15 @@ fn steps(rising: impl Iterator<Item = u64>) -> Vec<u64> {
     rising.map(|v| v - std::mem::replace(&mut last, v)).collect()
 }
 
-fn binned(layout: Layout, bytes: &[u8], most: usize) -> Option<Columns> {
-    let (grid, mut rest) = Grid::read(bytes)?;
+fn binned(layout: CodingLayout, bytes: &[u8], most: usize) -> Option<PositionColumns> {
+    let (grid, mut rest) = BinGrid::read(bytes)?;
     let n = Some(grid.particles).filter(|n| *n <= most)?;
     let mut moved: [Vec<i64>; 3] = Default::default();
     for axis in &mut moved {
         (*axis, rest) = packed::read(rest, n)?;
     }
     let bins = match layout {
-        Layout::Cells => {
+        CodingLayout::Cells => {
             let (cells, after) = packed::read_number(rest)?;
             let cells = usize::try_from(cells).ok().filter(|c| *c <= n)?;
             let (steps, after) = packed::read::<u64>(after, cells)?;
@@ -138,7 +138,7 @@ fn binned(layout: Layout, bytes: &[u8], most: usize) -> Option<Columns> {
             let cells = whole.then(|| of_codes(&grid, &steps))??;
             cells.iter().zip(counts).flat_map(|(q, count)| std::iter::repeat_n(*q, count as usize)).collect()
         }
-        Layout::Codes => of_codes(&grid, &packed::read::<u64>(rest, n)?.0)?,
+        CodingLayout::Codes => of_codes(&grid, &packed::read::<u64>(rest, n)?.0)?,
         _ => {
             let mut columns: [Vec<u32>; 3] = Default::default();
             for axis in &mut columns {
@@ -152,7 +152,7 @@ fn binned(layout: Layout, bytes: &[u8], most: usize) -> Option<Columns> {
 }
 
 /// Bins of codes by their differences.
-fn of_codes(grid: &Grid, steps: &[u64]) -> Option<Vec<[u32; 3]>> {
+fn of_codes(grid: &BinGrid, steps: &[u64]) -> Option<Vec<[u32; 3]>> {
     let bits = Bits::of(grid.last())?;
     let mut code = 0u64;
     let next = |step: &u64| {
@@ -163,16 +163,16 @@ fn of_codes(grid: &Grid, steps: &[u64]) -> Option<Vec<[u32; 3]>> {
 }
 
 /// What is not cut into bins.
-fn exact(particles: &Columns) -> Coded {
-    let mut out = vec![Layout::Exact as u8];
+fn exact(particles: &PositionColumns) -> CompressedParticles {
+    let mut out = vec![CodingLayout::Exact as u8];
     // As bits: pco keeps every float, and here nothing hangs on how it reads them.
     let bits = |c: &Vec<f32>| c.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
     particles.iter().for_each(|c| packed::write(&bits(c), &mut out));
-    Coded { bytes: packed::sealed(out, particles[0].len()), order: None }
+    CompressedParticles { bytes: packed::sealed(out, particles[0].len()), order: None }
 }
 
-fn exact_columns(mut bytes: &[u8], most: usize) -> Option<Columns> {
-    let mut columns: Columns = Default::default();
+fn exact_columns(mut bytes: &[u8], most: usize) -> Option<PositionColumns> {
+    let mut columns: PositionColumns = Default::default();
     for column in &mut columns {
         let (bits, rest) = packed::read::<u32>(bytes, most)?;
         (*column, bytes) = (bits.into_iter().map(f32::from_bits).collect(), rest);

@@ -1,7 +1,7 @@
 //! Baselines at a size, and with their bounds verified.
 
 use crate::subset::mean_spacing;
-use crate::{Baseline, Columns, errors};
+use crate::{Baseline, PositionColumns, errors};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::time::Instant;
@@ -17,7 +17,7 @@ const LARGEST_STEP: f64 = 8.0;
 
 /// The bound of a size.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AtSize {
+pub struct SizeBound {
     /// The bound, in the particles' unit of length.
     pub bound: f64,
     /// Bytes at this bound.
@@ -28,7 +28,7 @@ pub struct AtSize {
     pub trials: u64,
 }
 
-impl AtSize {
+impl SizeBound {
     /// Is it within 1 % of what was asked for? Where not, the baseline has no such size: its steps are larger, or its
     /// smallest file is.
     pub fn met(&self) -> bool {
@@ -41,7 +41,12 @@ impl AtSize {
 ///
 /// # Errors
 /// [`Error::Argument`] for no particles or no bytes; [`Error::Cancelled`]; a baseline's own.
-pub fn at_size(baseline: &dyn Baseline, particles: &Columns, bytes: u64, progress: &dyn Progress) -> Result<AtSize> {
+pub fn at_size(
+    baseline: &dyn Baseline,
+    particles: &PositionColumns,
+    bytes: u64,
+    progress: &dyn Progress,
+) -> Result<SizeBound> {
     if bytes == 0 || particles[0].is_empty() {
         return Err(Error::argument(format!(
             "{bytes} bytes of {} particles: one of each at least",
@@ -50,7 +55,7 @@ pub fn at_size(baseline: &dyn Baseline, particles: &Columns, bytes: u64, progres
     }
     progress.begin(&format!("{} at {bytes} bytes", baseline.name()), TRIALS);
     let mut search = Search::new(particles, bytes);
-    let mut best: Option<AtSize> = None;
+    let mut best: Option<SizeBound> = None;
     let mut trials = 0;
     while trials < TRIALS {
         progress.check()?;
@@ -61,14 +66,14 @@ pub fn at_size(baseline: &dyn Baseline, particles: &Columns, bytes: u64, progres
         let off = got as f64 / bytes as f64 - 1.0;
         let miss = (got.max(1) as f64 / bytes as f64).ln();
         if best.is_none_or(|b| miss.abs() < b.off.ln_1p().abs()) {
-            best = Some(AtSize { bound, bytes: got, off, trials });
+            best = Some(SizeBound { bound, bytes: got, off, trials });
         }
         if off.abs() <= CLOSE_ENOUGH || !search.learn(miss) {
             break;
         }
     }
     progress.end();
-    Ok(AtSize { trials, ..best.expect("one trial at least") })
+    Ok(SizeBound { trials, ..best.expect("one trial at least") })
 }
 
 /// Where log sizes over log bounds fall through 0: logarithms of bounds.
@@ -86,7 +91,7 @@ struct Search {
 
 impl Search {
     /// From the bound at which evenly spread particles take the bytes, coded as a set.
-    fn new(particles: &Columns, bytes: u64) -> Search {
+    fn new(particles: &PositionColumns, bytes: u64) -> Search {
         let extent = particles.iter().map(|c| {
             let finite = c.iter().map(|v| f64::from(*v)).filter(|v| v.is_finite());
             let ends = finite.fold([f64::INFINITY, f64::NEG_INFINITY], |e, v| [e[0].min(v), e[1].max(v)]);
@@ -139,7 +144,7 @@ impl Search {
 }
 
 /// One run of a baseline: what it took, and what came back.
-pub struct Run {
+pub struct BaselineRun {
     /// The bound asked for.
     pub bound: f64,
     /// Bytes compressed.
@@ -153,54 +158,54 @@ pub struct Run {
     /// By how much the worst coordinate passes the bound and half a float32 ulp of its own; 0 where none does.
     pub excess: f64,
     /// The particles as decoded.
-    pub decoded: Columns,
+    pub decoded: PositionColumns,
     /// Which particle comes where in them; `None` = in their own order.
     pub order: Option<Vec<u32>>,
 }
 
 /// What became of a run.
-pub enum Verified {
+pub enum BoundCheck {
     /// The bound holds, to half a float32 ulp of each coordinate.
-    Held(Run),
+    Held(BaselineRun),
     /// It does not: `excess` says by how much.
-    Exceeded(Run),
+    Exceeded(BaselineRun),
     /// The baseline failed, or did not give back as many particles.
     Failed(Error),
 }
 
-impl Verified {
+impl BoundCheck {
     /// What a report says where the bound does not hold or the baseline failed: one line; `None` where all is well.
     pub fn failure(&self) -> Option<String> {
         match self {
-            Verified::Held(_) => None,
-            Verified::Exceeded(run) => Some(format!(
+            BoundCheck::Held(_) => None,
+            BoundCheck::Exceeded(run) => Some(format!(
                 "the bound of {} is broken: an error of {}, {:e} beyond it and half a float32 ulp",
                 run.bound, run.largest_error, run.excess
             )),
-            Verified::Failed(error) => Some(error.to_string()),
+            BoundCheck::Failed(error) => Some(error.to_string()),
         }
     }
 
     /// The run, whether its bound holds or not.
-    pub fn run(&self) -> Option<&Run> {
+    pub fn run(&self) -> Option<&BaselineRun> {
         match self {
-            Verified::Held(run) | Verified::Exceeded(run) => Some(run),
-            Verified::Failed(_) => None,
+            BoundCheck::Held(run) | BoundCheck::Exceeded(run) => Some(run),
+            BoundCheck::Failed(_) => None,
         }
     }
 }
 
 /// Compresses, decompresses and holds every coordinate to its bound. Nothing beyond it is allowed but half a float32 ulp
 /// of the coordinate, the rounding of a decoder that computes in more digits than it gives.
-pub fn verified(baseline: &dyn Baseline, particles: &Columns, bound: f64) -> Verified {
+pub fn verified(baseline: &dyn Baseline, particles: &PositionColumns, bound: f64) -> BoundCheck {
     match run(baseline, particles, bound) {
-        Ok(run) if run.excess > 0.0 => Verified::Exceeded(run),
-        Ok(run) => Verified::Held(run),
-        Err(error) => Verified::Failed(error),
+        Ok(run) if run.excess > 0.0 => BoundCheck::Exceeded(run),
+        Ok(run) => BoundCheck::Held(run),
+        Err(error) => BoundCheck::Failed(error),
     }
 }
 
-fn run(baseline: &dyn Baseline, particles: &Columns, bound: f64) -> Result<Run> {
+fn run(baseline: &dyn Baseline, particles: &PositionColumns, bound: f64) -> Result<BaselineRun> {
     let started = Instant::now();
     let coded = baseline.compress(particles, bound)?;
     let compress_seconds = started.elapsed().as_secs_f64();
@@ -221,7 +226,7 @@ fn run(baseline: &dyn Baseline, particles: &Columns, bound: f64) -> Result<Run> 
         excess = excess.max(error - bound - half_ulp(own));
     }
     let (bytes, order) = (coded.bytes.len() as u64, coded.order);
-    Ok(Run { bound, bytes, compress_seconds, decompress_seconds, largest_error, excess, decoded, order })
+    Ok(BaselineRun { bound, bytes, compress_seconds, decompress_seconds, largest_error, excess, decoded, order })
 }
 
 fn is_order(order: &[u32], n: usize) -> bool {

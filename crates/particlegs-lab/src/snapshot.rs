@@ -1,6 +1,6 @@
 //! Snapshots that are measured, and their positions as compressors take them.
 
-use crate::Columns;
+use crate::PositionColumns;
 #[cfg(doc)]
 use particlegs::Error;
 use particlegs::Result;
@@ -70,12 +70,12 @@ impl Snapshot {
 
 /// Positions in columns, as compressors take them: relative to the particles' origin, since float32 far from it has few
 /// digits left.
-pub fn columns_of(p: &Particles) -> Columns {
+pub fn columns_of(p: &Particles) -> PositionColumns {
     [0, 1, 2].map(|k| (0..p.len()).map(|i| (p.position(i)[k] - p.origin[k]) as f32).collect())
 }
 
 /// Particles of such columns, about the origin and in the box of others.
-pub fn particles_of(columns: Columns, like: &Particles) -> Particles {
+pub fn particles_of(columns: PositionColumns, like: &Particles) -> Particles {
     Particles::new(Positions::Columns(columns.map(Column::owned)), like.origin, like.meta.clone())
 }
 

@@ -15,7 +15,7 @@ const VERSION: u32 = 1;
 const COMMIT: Option<&str> = option_env!("PARTICLEGS_COMMIT");
 
 /// A folder of results.
-pub struct Store {
+pub struct ResultStore {
     folder: PathBuf,
     /// What took part in making its results beside this program, which they depend on; the processor is not named.
     by: Option<String>,
@@ -23,15 +23,15 @@ pub struct Store {
     kept_of: Arc<Mutex<BTreeSet<Option<String>>>>,
 }
 
-impl Store {
+impl ResultStore {
     /// In a folder that is there.
-    pub fn new(folder: &Path) -> Store {
-        Store { folder: folder.to_path_buf(), by: None, kept_of: Arc::default() }
+    pub fn new(folder: &Path) -> ResultStore {
+        ResultStore { folder: folder.to_path_buf(), by: None, kept_of: Arc::default() }
     }
 
     /// The same folder's results that a device had a part in: where it has a name, they are others than this store's.
-    pub fn by(&self, device: Option<&str>) -> Store {
-        Store { folder: self.folder.clone(), by: device.map(str::to_string), kept_of: Arc::clone(&self.kept_of) }
+    pub fn by(&self, device: Option<&str>) -> ResultStore {
+        ResultStore { folder: self.folder.clone(), by: device.map(str::to_string), kept_of: Arc::clone(&self.kept_of) }
     }
 
     /// The file of a result: its kind and the hash of its inputs. Inputs are what the result depends on and nothing
@@ -71,7 +71,7 @@ impl Store {
     /// A result that is there, or is made and kept. What cannot be read, of another version or damaged, is made again.
     ///
     /// # Errors
-    /// As [`Store::bytes`].
+    /// As [`ResultStore::bytes`].
     pub fn result<T: Serialize + DeserializeOwned>(
         &self,
         kind: &str,
@@ -81,10 +81,11 @@ impl Store {
         self.result_if(kind, inputs, make, |_| true)
     }
 
-    /// [`Store::result`], kept only where it `lasts`: what failed for a reason that may pass is tried again the next time.
+    /// [`ResultStore::result`], kept only where it `lasts`: what failed for a reason that may pass is tried again the next
+    /// time.
     ///
     /// # Errors
-    /// As [`Store::bytes`].
+    /// As [`ResultStore::bytes`].
     pub fn result_if<T: Serialize + DeserializeOwned>(
         &self,
         kind: &str,
@@ -93,7 +94,7 @@ impl Store {
         lasts: impl Fn(&T) -> bool,
     ) -> Result<T> {
         let path = self.path(kind, inputs, "json");
-        if let Some(kept) = std::fs::read(&path).ok().and_then(|text| Kept::of(&text)) {
+        if let Some(kept) = std::fs::read(&path).ok().and_then(|text| StoredRecord::of(&text)) {
             self.kept_of.lock().unwrap_or_else(PoisonError::into_inner).insert(kept.commit);
             return Ok(kept.result);
         }
@@ -101,7 +102,7 @@ impl Store {
         if !lasts(&result) {
             return Ok(result);
         }
-        let text = Written { inputs, commit: COMMIT, result: &result }
+        let text = ResultRecord { inputs, commit: COMMIT, result: &result }
             .text()
             .map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
         write_bytes(&path, &text)?;
@@ -129,13 +130,13 @@ impl Store {
 
 /// The form of a file: what the result was made from stands beside it.
 #[derive(Serialize)]
-struct Written<'a, K, T> {
+struct ResultRecord<'a, K, T> {
     inputs: &'a K,
     commit: Option<&'static str>,
     result: &'a T,
 }
 
-impl<K: Serialize, T: Serialize> Written<'_, K, T> {
+impl<K: Serialize, T: Serialize> ResultRecord<'_, K, T> {
     /// With a hash of the result, as a reader finds it.
     fn text(&self) -> serde_json::Result<Vec<u8>> {
         let mut all = serde_json::to_value(self)?;
@@ -152,13 +153,13 @@ fn hash_of(all: &serde_json::Value) -> String {
 }
 
 #[derive(serde::Deserialize)]
-struct Kept<T> {
+struct StoredRecord<T> {
     #[serde(default)]
     commit: Option<String>,
     result: T,
 }
 
-impl<T: DeserializeOwned> Kept<T> {
+impl<T: DeserializeOwned> StoredRecord<T> {
     /// `None` of what is cut short or was altered: it is made again.
     fn of(text: &[u8]) -> Option<Self> {
         let all: serde_json::Value = serde_json::from_slice(text).ok()?;
@@ -174,7 +175,7 @@ mod tests {
     #[test]
     fn a_result_is_made_once() {
         let dir = tempfile::tempdir().unwrap();
-        let store = Store::new(dir.path());
+        let store = ResultStore::new(dir.path());
         let ask = |inputs: &(u32, &str), value: f64| store.result("score", inputs, || Ok(value)).unwrap();
         assert_eq!(ask(&(1, "a"), 2.5), 2.5);
         // Kept; other inputs are other results.

@@ -1,6 +1,6 @@
 //! What users do who need fewer bytes: a random subset of the particles, drawn larger.
 
-use crate::Columns;
+use crate::PositionColumns;
 use particlegs::codec::Thinning;
 use particlegs::math::each_axis;
 use particlegs::progress::Progress;
@@ -8,9 +8,9 @@ use particlegs::space::Bounds;
 use particlegs::{Error, Result};
 
 /// A random subset as its coded bytes have it.
-pub struct Subset {
+pub struct CodedSubset {
     /// The particles kept.
-    pub particles: Columns,
+    pub particles: PositionColumns,
     /// Bytes that they take.
     pub bytes: u64,
     /// What the radius is multiplied by, sqrt(N / kept), so that as much light is covered.
@@ -22,7 +22,12 @@ pub struct Subset {
 ///
 /// # Errors
 /// [`Error::Argument`] for coordinates that are not finite, or more particles than 2^32; [`Error::Cancelled`].
-pub fn subset(particles: &Columns, bytes: u64, seed: u64, progress: &dyn Progress) -> Result<Option<Subset>> {
+pub fn subset(
+    particles: &PositionColumns,
+    bytes: u64,
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<Option<CodedSubset>> {
     let n = particles[0].len();
     if u32::try_from(n).is_err() || !particles.iter().flatten().all(|v| v.is_finite()) {
         return Err(Error::argument(format!(
@@ -34,7 +39,7 @@ pub fn subset(particles: &Columns, bytes: u64, seed: u64, progress: &dyn Progres
     let bounds = bounds(particles);
     let thinning = Thinning { bounds: &bounds, spacing: mean_spacing(particles), bytes, seed };
     let most = thinning.most(n, place, progress)?;
-    Ok(most.map(|coded| Subset {
+    Ok(most.map(|coded| CodedSubset {
         radius_factor: (n as f64 / coded.position[0].len() as f64).sqrt(),
         bytes: coded.bytes as u64,
         particles: coded.position.map(|c| c.into_iter().map(|v| v as f32).collect()),
@@ -43,14 +48,14 @@ pub fn subset(particles: &Columns, bytes: u64, seed: u64, progress: &dyn Progres
 
 /// The edge of a particle's share of the box around all: the cube root of volume over number; axes without an extent
 /// count as the longest. 1 for no particles.
-pub fn mean_spacing(particles: &Columns) -> f64 {
+pub fn mean_spacing(particles: &PositionColumns) -> f64 {
     match particles[0].len() {
         0 => 1.0,
         n => bounds(particles).extent_nonzero().iter().map(|e| e.cbrt()).product::<f64>() / (n as f64).cbrt(),
     }
 }
 
-fn bounds(particles: &Columns) -> Bounds {
+fn bounds(particles: &PositionColumns) -> Bounds {
     let mut bounds = Bounds::empty();
     (0..particles[0].len()).for_each(|i| bounds.include(each_axis(|k| f64::from(particles[k][i]))));
     bounds
@@ -92,7 +97,7 @@ mod tests {
 
     #[test]
     fn odd_particles_are_taken_or_refused() {
-        let none: Columns = Default::default();
+        let none: PositionColumns = Default::default();
         assert!(subset(&none, 1000, 1, &Silent).unwrap().is_none());
         let same = [vec![5.0f32; 9], vec![5.0; 9], vec![-1e7; 9]];
         let all = subset(&same, 1000, 1, &Silent).unwrap().unwrap();

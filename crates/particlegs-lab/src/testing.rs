@@ -1,13 +1,13 @@
 //! Particles and checks that the tests of all baselines share.
 
-use crate::{Baseline, Columns, largest_error};
+use crate::{Baseline, PositionColumns, largest_error};
 use particlegs::math::Random;
 
 /// Twenty clumps of radius 1 in a box of edge 50.
-pub fn clustered(n: usize) -> Columns {
+pub fn clustered(n: usize) -> PositionColumns {
     let mut random = Random::new(7, 0, 0);
     let centres: Vec<[f64; 3]> = (0..20).map(|_| [0, 1, 2].map(|_| 50.0 * random.uniform())).collect();
-    let mut columns: Columns = Default::default();
+    let mut columns: PositionColumns = Default::default();
     for i in 0..n {
         for (k, column) in columns.iter_mut().enumerate() {
             column.push((centres[i % 20][k] + random.normal()) as f32);
@@ -18,7 +18,7 @@ pub fn clustered(n: usize) -> Columns {
 
 /// Odd particles with a bound for each: none, one, two, in one place, on a line, far from the origin, of a huge range, of
 /// values that are not finite.
-pub fn odd() -> Vec<(Columns, f64)> {
+pub fn odd() -> Vec<(PositionColumns, f64)> {
     let noise = clustered(300);
     let far = noise.clone().map(|c| c.into_iter().map(|v| v + 1e7).collect());
     vec![
@@ -35,7 +35,7 @@ pub fn odd() -> Vec<(Columns, f64)> {
 }
 
 /// The bytes of a round trip whose bound is checked, to half a float32 ulp of the largest coordinate.
-pub fn held(baseline: &dyn Baseline, particles: &Columns, bound: f64) -> usize {
+pub fn held(baseline: &dyn Baseline, particles: &PositionColumns, bound: f64) -> usize {
     let coded = baseline.compress(particles, bound).unwrap();
     let decoded = baseline.decompress(&coded.bytes).unwrap();
     decoded.iter().for_each(|c| assert_eq!(c.len(), particles[0].len()));

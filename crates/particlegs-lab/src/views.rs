@@ -13,7 +13,7 @@ use particlegs::space::Bounds;
 use serde::{Deserialize, Serialize};
 
 /// Views with the picture of all particles in each, as ParaView draws it.
-pub struct Truth {
+pub struct ReferenceViews {
     /// The views, each with a clipping range: the particles' own, for every picture of the view.
     pub views: Vec<View>,
     /// Pixels.
@@ -37,30 +37,30 @@ pub struct Score {
     pub ssim: Option<f64>,
 }
 
-impl Truth {
+impl ReferenceViews {
     /// In the views that models are scored on: `frames` an orbit, radius and opacity drawn from the published ranges
     /// (paper, section 5.1).
     ///
     /// # Errors
     /// Those of drawing; [`particlegs::Error::Io`].
-    pub fn of(lab: &Lab<'_>, snapshot: &Snapshot, metadata: &Metadata) -> Result<Truth> {
+    pub fn of(lab: &Lab<'_>, snapshot: &Snapshot, metadata: &Metadata) -> Result<ReferenceViews> {
         let s = &lab.settings;
-        Truth::in_views(lab, snapshot, evaluation_views(metadata, s.size, s.seed, s.frames))
+        ReferenceViews::in_views(lab, snapshot, evaluation_views(metadata, s.size, s.seed, s.frames))
     }
 
     /// In given views.
     ///
     /// # Errors
-    /// As [`Truth::of`].
-    pub fn in_views(lab: &Lab<'_>, snapshot: &Snapshot, views: Vec<View>) -> Result<Truth> {
-        Truth::at_size(lab, snapshot, views, lab.settings.size)
+    /// As [`ReferenceViews::of`].
+    pub fn in_views(lab: &Lab<'_>, snapshot: &Snapshot, views: Vec<View>) -> Result<ReferenceViews> {
+        ReferenceViews::at_size(lab, snapshot, views, lab.settings.size)
     }
 
     /// In given views, at a size of its own.
     ///
     /// # Errors
-    /// As [`Truth::of`].
-    pub fn at_size(lab: &Lab<'_>, snapshot: &Snapshot, mut views: Vec<View>, size: Size) -> Result<Truth> {
+    /// As [`ReferenceViews::of`].
+    pub fn at_size(lab: &Lab<'_>, snapshot: &Snapshot, mut views: Vec<View>, size: Size) -> Result<ReferenceViews> {
         let bounds = snapshot.particles.bounds();
         for view in &mut views {
             let range = clipping_range(&bounds, &view.camera);
@@ -74,7 +74,7 @@ impl Truth {
             })
         };
         let pictures = views.iter().map(picture).collect::<Result<_>>()?;
-        Ok(Truth { bounds, views, size, pictures })
+        Ok(ReferenceViews { bounds, views, size, pictures })
     }
 
     /// What scores in these views depend on.

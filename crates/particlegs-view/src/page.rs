@@ -144,7 +144,7 @@ pub fn offline(models: &[(ModelFile<'_>, &Model)], opening: &PageOpening, progre
     progress.require_memory("the page", coded + (coded >> 3))?;
     let poster = poster.map(|png| format!("data:image/png;base64,{}", BASE64_STANDARD.encode(png)));
     let setup = Setup::new(files(), None, opening, false);
-    let mut page = Builder::new(&setup, poster.as_deref());
+    let mut page = PageBuilder::new(&setup, poster.as_deref());
     for (i, model) in files().enumerate() {
         page.data(&format!("model-{i}"), model.bytes);
     }
@@ -159,7 +159,7 @@ pub fn served<'a>(
     opening: &'a PageOpening,
     poster: bool,
 ) -> Page {
-    Builder::new(&Setup::new(models, snapshot, opening, true), poster.then_some("poster")).finish()
+    PageBuilder::new(&Setup::new(models, snapshot, opening, true), poster.then_some("poster")).finish()
 }
 
 /// What the script is told.
@@ -167,7 +167,7 @@ pub fn served<'a>(
 struct Setup<'a> {
     version: &'static str,
     models: Vec<SetupModel<'a>>,
-    engine: Place,
+    engine: BytesLocation,
     truth: Option<SetupTruth<'a>>,
     opening: &'a PageOpening,
     served: bool,
@@ -179,7 +179,7 @@ struct SetupModel<'a> {
     bytes: usize,
     verdict: Vec<Finding>,
     #[serde(flatten)]
-    place: Place,
+    place: BytesLocation,
 }
 
 #[derive(Serialize)]
@@ -194,7 +194,7 @@ struct SetupTruth<'a> {
 /// Where bytes are.
 #[derive(Serialize)]
 #[serde(rename_all = "lowercase")]
-enum Place {
+enum BytesLocation {
     /// At an address relative to the page's.
     Url(String),
     /// In the page, in the element of this id.
@@ -208,7 +208,9 @@ impl<'a> Setup<'a> {
         opening: &'a PageOpening,
         served: bool,
     ) -> Setup<'a> {
-        let at = |i| if served { Place::Url(format!("model/{i}")) } else { Place::Element(format!("model-{i}")) };
+        let at = |i| {
+            if served { BytesLocation::Url(format!("model/{i}")) } else { BytesLocation::Element(format!("model-{i}")) }
+        };
         let models = models.into_iter().enumerate().map(|(i, file)| SetupModel {
             name: file.name,
             bytes: file.bytes.len(),
@@ -218,7 +220,7 @@ impl<'a> Setup<'a> {
         Setup {
             version: env!("CARGO_PKG_VERSION"),
             models: models.collect(),
-            engine: if served { Place::Url("engine".into()) } else { Place::Element("engine".into()) },
+            engine: if served { BytesLocation::Url("engine".into()) } else { BytesLocation::Element("engine".into()) },
             truth: snapshot.map(|s| SetupTruth {
                 url: "truth",
                 name: &s.name,
@@ -236,12 +238,12 @@ impl<'a> Setup<'a> {
 }
 
 /// The HTML on its way.
-struct Builder {
+struct PageBuilder {
     html: String,
     policy: String,
 }
 
-impl Builder {
+impl PageBuilder {
     /// Up to the worker's source. `poster` is the address of the picture.
     fn new(setup: &Setup<'_>, poster: Option<&str>) -> Self {
         let (title, policy) = (markup::text(&setup.title()), policy(setup.served));
@@ -261,7 +263,7 @@ impl Builder {
             setup = markup::json(setup),
             worker = assets::WORKER,
         );
-        Builder { html, policy }
+        PageBuilder { html, policy }
     }
 
     /// Bytes for the script, as base64.

@@ -40,7 +40,7 @@ fn while_serving(
     let (caller, told) = (Caller::default(), Mutex::new(Vec::new()));
     std::thread::scope(|scope| {
         let talking = scope.spawn(|| {
-            let _stop = Stop(&caller);
+            let _stop = StopGuard(&caller);
             client(&client_side);
         });
         let shown = Shown {
@@ -58,9 +58,9 @@ fn while_serving(
 }
 
 /// Stops the server whatever becomes of the client, so that a failing test ends.
-struct Stop<'a>(&'a Caller);
+struct StopGuard<'a>(&'a Caller);
 
-impl Drop for Stop<'_> {
+impl Drop for StopGuard<'_> {
     fn drop(&mut self) {
         self.0.0.store(true, Ordering::Relaxed);
     }

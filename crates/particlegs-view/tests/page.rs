@@ -114,15 +114,15 @@ fn hostile_names_stay_names() {
 
 #[test]
 fn a_page_is_not_made_once_it_is_cancelled() {
-    struct Stopped;
-    impl Progress for Stopped {
+    struct InterruptedProgress;
+    impl Progress for InterruptedProgress {
         fn cancelled(&self) -> bool {
             true
         }
     }
     let model = codec::decode(MODEL, "m").unwrap();
     let (file, opening) = (ModelFile { name: "m", bytes: MODEL }, PageOpening::default());
-    assert!(matches!(offline(&[(file, &model)], &opening, &Stopped), Err(Error::Cancelled)));
+    assert!(matches!(offline(&[(file, &model)], &opening, &InterruptedProgress), Err(Error::Cancelled)));
 }
 
 /// A model of so many Gaussians that they take a moment to decode.

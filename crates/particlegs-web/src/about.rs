@@ -7,7 +7,7 @@ use serde::Serialize;
 
 /// One model, as its file says without its Gaussians.
 #[derive(Serialize)]
-pub(crate) struct About<'a> {
+pub(crate) struct ModelSummary<'a> {
     metadata: &'a Metadata,
     /// BLAKE3 of the file.
     blake3: String,
@@ -20,17 +20,17 @@ pub(crate) struct About<'a> {
     mass: Option<f64>,
     /// Bytes of the particles as float32 columns.
     raw_bytes: u64,
-    layers: Vec<AboutLayer<'a>>,
+    layers: Vec<LayerSummary<'a>>,
     /// Can it be drawn by adding up footprints, as a graphics card does?
     adds_up: bool,
-    units: AboutUnits,
+    units: SummaryUnits,
     /// Radii and opacities (lowest and highest) at which the certificate has pictures.
     certified: Option<[[f64; 2]; 2]>,
 }
 
 /// Units as the command prints them; that of length is empty where it is not known.
 #[derive(Serialize)]
-struct AboutUnits {
+struct SummaryUnits {
     length: String,
     mass: String,
     /// Of surface density.
@@ -40,12 +40,12 @@ struct AboutUnits {
     density: String,
 }
 
-impl AboutUnits {
+impl SummaryUnits {
     fn new(m: &Metadata, has_masses: bool) -> Self {
         let mass = if has_masses { m.units.mass_text().unwrap_or("mass") } else { "particles" };
         let length = m.units.length_text();
         let per = |what: &str, power: u32| journal_unit(&format!("{what} / ({})^{power}", length.unwrap_or("length")));
-        AboutUnits {
+        SummaryUnits {
             length: journal_unit(length.unwrap_or_default()),
             mass: journal_unit(mass),
             surface: per(mass, 2),
@@ -56,7 +56,7 @@ impl AboutUnits {
 }
 
 #[derive(Serialize)]
-struct AboutLayer<'a> {
+struct LayerSummary<'a> {
     name: &'a str,
     /// The species as people call it.
     title: String,
@@ -65,17 +65,17 @@ struct AboutLayer<'a> {
     color: [u8; 3],
 }
 
-impl<'a> About<'a> {
+impl<'a> ModelSummary<'a> {
     pub(crate) fn new(info: &'a FileInfo, file: &[u8]) -> Self {
-        let layers = info.layers.iter().enumerate().map(|(place, l)| AboutLayer {
+        let layers = info.layers.iter().enumerate().map(|(place, l)| LayerSummary {
             color: Rgb8::layer_color(place),
             name: &l.name,
             title: species_title(&l.name),
             particles: l.content.iter().map(|b| b.count).sum(),
             gaussians: l.content.iter().map(|b| b.gaussians as usize).sum(),
         });
-        let layers: Vec<AboutLayer<'_>> = layers.collect();
-        About {
+        let layers: Vec<LayerSummary<'_>> = layers.collect();
+        ModelSummary {
             metadata: &info.metadata,
             blake3: hex(blake3::hash(file).as_bytes()),
             colormaps: Colormap::ALL.iter().map(|c| c.name()).collect(),
@@ -85,7 +85,7 @@ impl<'a> About<'a> {
             raw_bytes: layers.iter().zip(&info.layers).map(|(a, l)| a.particles * l.mass.particle_bytes()).sum(),
             layers,
             adds_up: info.metadata.law == LawKind::OpticalDepth,
-            units: AboutUnits::new(&info.metadata, info.mass().is_some()),
+            units: SummaryUnits::new(&info.metadata, info.mass().is_some()),
             certified: certified(info),
         }
     }

@@ -6,30 +6,30 @@ use serde::Serialize;
 /// JSON, and numbers behind it. As bytes: u32 length of the JSON, the JSON, padding to a multiple of 8, the numbers;
 /// an error is the JSON `{"error": "one line"}` without numbers.
 #[derive(Debug)]
-pub struct Answer {
+pub struct EngineResponse {
     /// The JSON.
     pub json: String,
     /// What it says of them.
     pub numbers: Vec<u8>,
 }
 
-impl Answer {
+impl EngineResponse {
     /// `json` alone.
-    pub(crate) fn of(json: &impl Serialize) -> Result<Answer> {
-        Answer::with(json, Vec::new())
+    pub(crate) fn of(json: &impl Serialize) -> Result<EngineResponse> {
+        EngineResponse::with(json, Vec::new())
     }
 
     /// `json`, and numbers behind it.
-    pub(crate) fn with(json: &impl Serialize, numbers: Vec<u8>) -> Result<Answer> {
+    pub(crate) fn with(json: &impl Serialize, numbers: Vec<u8>) -> Result<EngineResponse> {
         let json = serde_json::to_string(json).map_err(|e| particlegs_core::Error::argument(e.to_string()))?;
-        Ok(Answer { json, numbers })
+        Ok(EngineResponse { json, numbers })
     }
 
     /// A result; of an error its line.
-    pub(crate) fn or_error(result: Result<Answer>) -> Answer {
+    pub(crate) fn or_error(result: Result<EngineResponse>) -> EngineResponse {
         result.unwrap_or_else(|error| {
             let json = serde_json::json!({ "error": error.to_string() }).to_string();
-            Answer { json, numbers: Vec::new() }
+            EngineResponse { json, numbers: Vec::new() }
         })
     }
 

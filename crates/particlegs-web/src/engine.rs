@@ -1,11 +1,11 @@
 //! The models that were opened, and answers about them.
 
-use crate::about::About;
-use crate::answer::Answer;
-use crate::opened::Opened;
-use crate::picture::{Painter, UNLIT, bytes, check};
+use crate::about::ModelSummary;
+use crate::answer::EngineResponse;
+use crate::opened::LoadedModel;
+use crate::picture::{PlaneRenderer, UNLIT, bytes, check};
 use crate::probe;
-use crate::question::{Paint, Question, SceneOf, Style, What};
+use crate::question::{EngineQuery, PlaneColours, PlaneStyle, QueryKind, SceneRequest};
 use crate::strokes::strokes;
 use particlegs_core::codec::Decoder;
 use particlegs_core::math::each_axis;
@@ -21,11 +21,11 @@ use serde_json::json;
 /// Models, by the order in which they were opened, and what is kept between pictures.
 #[derive(Default)]
 pub struct Engine {
-    models: Vec<Opened>,
-    painter: Painter,
+    models: Vec<LoadedModel>,
+    painter: PlaneRenderer,
 }
 
-impl SceneOf {
+impl SceneRequest {
     /// Is this layer drawn?
     pub(crate) fn shows(&self, layer: usize) -> bool {
         self.layers.as_ref().is_none_or(|l| l.get(layer).copied().unwrap_or(true))
@@ -50,11 +50,11 @@ impl SceneOf {
     }
 
     /// The lens of each image.
-    fn lenses(&self, model: &Model, style: Style) -> Result<Vec<Lens>> {
+    fn lenses(&self, model: &Model, style: PlaneStyle) -> Result<Vec<Lens>> {
         let scene = self.scene(model, &|_| true);
         let lens = match style {
-            Style::Depth => Lens::optical(&self.view()?, self.size, scene.bounds())?,
-            Style::Density => Lens::density(&self.density_view(scene.bounds())?, self.size, [0.0; 3])?,
+            PlaneStyle::Depth => Lens::optical(&self.view()?, self.size, scene.bounds())?,
+            PlaneStyle::Density => Lens::density(&self.density_view(scene.bounds())?, self.size, [0.0; 3])?,
         };
         Ok(self.shifts(model).into_iter().map(|s| lens.shifted(s)).collect())
     }
@@ -63,94 +63,103 @@ impl SceneOf {
 impl Engine {
     /// Begins to decode a model file, and keeps the model; the answer says what it is. Small models are whole then,
     /// others after as many `Decode` questions as they need.
-    pub fn open(&mut self, file: Vec<u8>) -> Answer {
+    pub fn open(&mut self, file: Vec<u8>) -> EngineResponse {
         let opened = Decoder::new(file, "the model", &Silent).and_then(|decoder| {
-            let about = json!(About::new(decoder.info(), decoder.file()));
-            let mut opened = Opened::new(decoder);
+            let about = json!(ModelSummary::new(decoder.info(), decoder.file()));
+            let mut opened = LoadedModel::new(decoder);
             let decoded = opened.step()?;
             self.models.push(opened);
-            Answer::of(&json!({ "about": about, "decoded": decoded }))
+            EngineResponse::of(&json!({ "about": about, "decoded": decoded }))
         });
-        Answer::or_error(opened)
+        EngineResponse::or_error(opened)
     }
 
     /// Answers a question in JSON.
-    pub fn ask(&mut self, question: &[u8]) -> Answer {
+    pub fn ask(&mut self, question: &[u8]) -> EngineResponse {
         let question = serde_json::from_slice(question).map_err(|e| Error::argument(format!("a question: {e}")));
-        Answer::or_error(question.and_then(|q: Question| self.answer(q)))
+        EngineResponse::or_error(question.and_then(|q: EngineQuery| self.answer(q)))
     }
 
-    fn answer(&mut self, Question { model, what }: Question) -> Result<Answer> {
+    fn answer(&mut self, EngineQuery { model, what }: EngineQuery) -> Result<EngineResponse> {
         let Engine { models, painter } = self;
         let number = models.len();
         let none = || Error::argument(format!("there is no model {model}: {number} are open"));
         let opened = models.get_mut(model).ok_or_else(none)?;
         match what {
-            What::Decode => Answer::of(&json!({ "decoded": opened.step()? })),
-            What::Picture { scene, paint } => picture(opened, painter, &scene, &paint),
-            What::Values { scene, style } => {
+            QueryKind::Decode => EngineResponse::of(&json!({ "decoded": opened.step()? })),
+            QueryKind::Picture { scene, paint } => picture(opened, painter, &scene, &paint),
+            QueryKind::Values { scene, style } => {
                 check(scene.size)?;
                 let model = opened.shown(&scene)?;
                 let plane = painter.plane(&scene.scene(model, &|l| scene.shows(l)), &scene, style)?;
-                Answer::with(&json!({ "range": plane.first_range().unwrap_or(UNLIT) }), bytes(&plane))
+                EngineResponse::with(&json!({ "range": plane.first_range().unwrap_or(UNLIT) }), bytes(&plane))
             }
-            What::Strokes { scene, style } => {
+            QueryKind::Strokes { scene, style } => {
                 check(scene.size)?;
                 let model = opened.shown(&scene)?;
                 let lenses = scene.lenses(model, style)?;
-                strokes(model, |l| scene.shows(l), &lenses, scene.size, style == Style::Density)
+                strokes(model, |l| scene.shows(l), &lenses, scene.size, style == PlaneStyle::Density)
             }
-            What::Tone { opacity, radius_pixels } => tone(opacity, radius_pixels),
-            What::Colors { name, white } => {
+            QueryKind::Tone { opacity, radius_pixels } => tone(opacity, radius_pixels),
+            QueryKind::Colors { name, white } => {
                 let map: Colormap = name.parse().map_err(Error::argument)?;
-                Answer::with(&json!({}), DensityColors::new(map, white, UNLIT).all().concat())
+                EngineResponse::with(&json!({}), DensityColors::new(map, white, UNLIT).all().concat())
             }
-            What::Window { scene } => {
+            QueryKind::Window { scene } => {
                 check(scene.size)?;
                 let (extent, frame) = (opened.extent()?, scene.view()?.camera.frame()?);
                 let Size { width, height } = scene.size;
                 let height_world = extent.width(&frame, scene.size) * height as f64 / width as f64;
-                Answer::of(&json!({ "center": extent.center, "height_world": height_world }))
+                EngineResponse::of(&json!({ "center": extent.center, "height_world": height_world }))
             }
-            What::Probe { scene, pixel } => {
+            QueryKind::Probe { scene, pixel } => {
                 let full = opened.full()?;
                 let model = full.inside(scene.clip);
-                let images: Vec<_> = scene.lenses(model, Style::Depth)?.into_iter().zip(scene.shifts(model)).collect();
+                let images: Vec<_> =
+                    scene.lenses(model, PlaneStyle::Depth)?.into_iter().zip(scene.shifts(model)).collect();
                 let camera = scene.view()?.camera;
                 let mut seen = probe::seen(model, &|l| scene.shows(l), (&camera, &images, scene.size), pixel);
                 if let Some(seen) = &mut seen {
                     seen.number_in(&full.model, full.number(seen.gaussian, scene.clip));
                 }
-                Answer::of(&seen)
+                EngineResponse::of(&seen)
             }
-            What::Sphere { center, radius, layers, clip } => {
+            QueryKind::Sphere { center, radius, layers, clip } => {
                 let shown = |l: usize| layers.as_ref().is_none_or(|s| s.get(l).copied().unwrap_or(true));
-                Answer::of(&probe::held(opened.full()?.inside(clip), &shown, center, radius))
+                EngineResponse::of(&probe::held(opened.full()?.inside(clip), &shown, center, radius))
             }
-            What::Gaussian { index } => {
+            QueryKind::Gaussian { index } => {
                 let model = &opened.full()?.model;
                 let found = probe::gaussian(model, index);
                 let missing = || format!("there is no Gaussian {index}: the model has {}", model.gaussians());
                 let (position, extent) = found.ok_or_else(|| Error::argument(missing()))?;
-                Answer::of(&json!({ "position": position, "extent": extent }))
+                EngineResponse::of(&json!({ "position": position, "extent": extent }))
             }
         }
     }
 }
 
-fn picture(opened: &mut Opened, painter: &mut Painter, of: &SceneOf, paint: &Paint) -> Result<Answer> {
+fn picture(
+    opened: &mut LoadedModel,
+    painter: &mut PlaneRenderer,
+    of: &SceneRequest,
+    paint: &PlaneColours,
+) -> Result<EngineResponse> {
     check(of.size)?;
     let model = opened.shown(of)?;
     let (pixels, range) = painter.picture(model, |shown| of.scene(model, shown), of, paint)?;
-    Answer::with(&json!({ "range": range }), pixels)
+    EngineResponse::with(&json!({ "range": range }), pixels)
 }
 
 /// The tone curves of an opacity and a splat radius: levels at the depths of [`Response`]'s table, and the ratio and
 /// the blur of FXAA.
-fn tone(opacity: f64, radius_pixels: f64) -> Result<Answer> {
+fn tone(opacity: f64, radius_pixels: f64) -> Result<EngineResponse> {
     use particlegs_core::splat::{FxaaMean, fxaa_blur};
     let levels = Response::new(opacity).levels().iter().flat_map(|v| v.to_le_bytes()).collect();
     let mean = FxaaMean::new(opacity, radius_pixels);
     let (depths, ratios) = mean.nodes();
-    Answer::with(&json!({ "depths": depths, "ratios": ratios, "blur": fxaa_blur(opacity, radius_pixels) }), levels)
+    EngineResponse::with(
+        &json!({ "depths": depths, "ratios": ratios, "blur": fxaa_blur(opacity, radius_pixels) }),
+        levels,
+    )
 }

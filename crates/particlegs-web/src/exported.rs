@@ -1,6 +1,6 @@
 //! The WebAssembly module's functions. Memory is handed over by address and length; one instance has one [`Engine`].
 
-use crate::{Answer, Engine};
+use crate::{Engine, EngineResponse};
 use std::cell::UnsafeCell;
 
 thread_local! {
@@ -9,7 +9,7 @@ thread_local! {
 
 /// What the engine answers. No borrow is kept over the call: a trap, which unwinds nothing, would leave it behind, and
 /// every later question would trap as well.
-fn answered(by: impl FnOnce(&mut Engine) -> Answer) -> u64 {
+fn answered(by: impl FnOnce(&mut Engine) -> EngineResponse) -> u64 {
     // SAFETY: one thread, and no answer asks the engine again.
     ENGINE.with(|engine| packed(by(unsafe { &mut *engine.get() }).into_bytes()))
 }

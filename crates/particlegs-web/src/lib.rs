@@ -16,5 +16,5 @@ mod strokes;
 #[cfg(target_arch = "wasm32")]
 mod exported;
 
-pub use answer::Answer;
+pub use answer::EngineResponse;
 pub use engine::Engine;

@@ -2,7 +2,7 @@
 
 use crate::clip::clipped;
 use crate::coarse::{coarse, joined, run};
-use crate::question::SceneOf;
+use crate::question::SceneRequest;
 use particlegs_core::camera::Extent;
 use particlegs_core::codec::Decoder;
 use particlegs_core::model::{Block, Model};
@@ -14,32 +14,32 @@ use particlegs_core::{Error, Result};
 const STEP: usize = 1 << 15;
 
 /// A model, as far as it was decoded.
-pub(crate) struct Opened {
-    opening: Option<Opening>,
+pub(crate) struct LoadedModel {
+    opening: Option<PartialModel>,
     /// Or the line that says why it will not be.
-    whole: std::result::Result<Whole, String>,
+    whole: std::result::Result<CompleteModel, String>,
 }
 
 /// All of a model; and for motion, where that is less.
-struct Whole {
-    full: Part,
-    coarse: Option<Part>,
+struct CompleteModel {
+    full: ClippedModel,
+    coarse: Option<ClippedModel>,
     extent: Option<Extent>,
 }
 
 /// A model on its way.
-struct Opening {
+struct PartialModel {
     decoder: Decoder<'static>,
     /// Pieces that are left, the next one last.
     left: Vec<usize>,
     /// Gaussians that were decoded.
     decoded: usize,
-    sketch: Option<Sketch>,
+    sketch: Option<ModelPreview>,
 }
 
 /// What stands for a model that is on its way: a block for each piece.
-struct Sketch {
-    part: Part,
+struct ModelPreview {
+    part: ClippedModel,
     /// Gaussians that are joined into one.
     run: usize,
     /// Pieces that were read and are still boxes here: nothing is joined that is not drawn.
@@ -47,21 +47,21 @@ struct Sketch {
 }
 
 /// A model, and what of it lies inside the box that was last asked for.
-pub(crate) struct Part {
+pub(crate) struct ClippedModel {
     pub model: Model,
     clipped: Option<(Bounds, Model, Vec<usize>)>,
 }
 
-impl Opened {
+impl LoadedModel {
     /// A model nothing of which is decoded yet.
     pub(crate) fn new(decoder: Decoder<'static>) -> Self {
         // Pieces that follow each other lie beside each other: by the reversed bits of its number the next one is far
         // from those before it, and the picture grows sharper everywhere.
         let mut left: Vec<usize> = (0..decoder.pieces()).collect();
         left.sort_by_key(|piece| std::cmp::Reverse(piece.reverse_bits()));
-        let sketch = Sketch::new(&decoder);
-        let opening = Some(Opening { decoder, left, decoded: 0, sketch });
-        Opened { opening, whole: Err("the model could not be decoded".into()) }
+        let sketch = ModelPreview::new(&decoder);
+        let opening = Some(PartialModel { decoder, left, decoded: 0, sketch });
+        LoadedModel { opening, whole: Err("the model could not be decoded".into()) }
     }
 
     /// Decodes a step more; gives the share of the Gaussians that were decoded, 1 where the model is whole.
@@ -86,11 +86,11 @@ impl Opened {
     /// The model that a scene shows: what there is of it, where it is drawn for motion; else all of it.
     ///
     /// # Errors
-    /// As [`Opened::full`].
-    pub(crate) fn shown(&mut self, of: &SceneOf) -> Result<&Model> {
+    /// As [`LoadedModel::full`].
+    pub(crate) fn shown(&mut self, of: &SceneRequest) -> Result<&Model> {
         let sketched = of.coarse && self.opening.as_ref().is_some_and(|o| o.sketch.is_some());
         if !sketched {
-            let Whole { full, coarse, .. } = self.whole()?;
+            let CompleteModel { full, coarse, .. } = self.whole()?;
             return Ok(coarse.as_mut().filter(|_| of.coarse).unwrap_or(full).inside(of.clip));
         }
         let opening = self.opening.as_mut();
@@ -102,36 +102,36 @@ impl Opened {
     ///
     /// # Errors
     /// [`Error::Corrupt`], and its line from then on.
-    pub(crate) fn full(&mut self) -> Result<&mut Part> {
+    pub(crate) fn full(&mut self) -> Result<&mut ClippedModel> {
         Ok(&mut self.whole()?.full)
     }
 
     /// What a view along parallel lines shows whole.
     ///
     /// # Errors
-    /// As [`Opened::full`].
+    /// As [`LoadedModel::full`].
     pub(crate) fn extent(&mut self) -> Result<Extent> {
-        let Whole { full: Part { model, .. }, extent, .. } = self.whole()?;
+        let CompleteModel { full: ClippedModel { model, .. }, extent, .. } = self.whole()?;
         let found = || render::extent(&Scene::of(model), model.metadata.cell.as_ref());
         // A page draws no copies that nobody asked for: tails want room whatever the picture's shape.
         Ok(*extent.get_or_insert_with(|| Extent { periodic: [false; 3], ..found() }))
     }
 
-    fn whole(&mut self) -> Result<&mut Whole> {
-        if let Some(Opening { decoder, .. }) = self.opening.take() {
-            self.whole = decoder.finish().map(Whole::new).map_err(|e| e.to_string());
+    fn whole(&mut self) -> Result<&mut CompleteModel> {
+        if let Some(PartialModel { decoder, .. }) = self.opening.take() {
+            self.whole = decoder.finish().map(CompleteModel::new).map_err(|e| e.to_string());
         }
         self.whole.as_mut().map_err(|line| Error::argument(line.clone()))
     }
 }
 
-impl Whole {
+impl CompleteModel {
     fn new(model: Model) -> Self {
-        Whole { coarse: coarse(&model).map(Part::new), full: Part::new(model), extent: None }
+        CompleteModel { coarse: coarse(&model).map(ClippedModel::new), full: ClippedModel::new(model), extent: None }
     }
 }
 
-impl Opening {
+impl PartialModel {
     /// Decodes [`STEP`] Gaussians more, to the end of a piece; gives the share of all that were.
     fn step(&mut self) -> Result<f64> {
         let enough = self.decoded + STEP;
@@ -149,9 +149,9 @@ impl Opening {
     }
 }
 
-impl Sketch {
+impl ModelPreview {
     /// All pieces as boxes; `None` where the model is decoded in a step, or drawn in no fewer Gaussians for motion.
-    fn new(decoder: &Decoder<'_>) -> Option<Sketch> {
+    fn new(decoder: &Decoder<'_>) -> Option<ModelPreview> {
         let info = decoder.info();
         let run = run(info.gaussians(), info.metadata.law).filter(|_| decoder.pieces() > 1)?;
         let mut pieces = (0..decoder.pieces()).peekable();
@@ -163,11 +163,11 @@ impl Sketch {
             layer.with(boxes.map(|gaussians| Block { bounds, count: 0, mass: 0.0, gaussians }).collect())
         });
         let model = Model { layers: layers.collect(), metadata: info.metadata.clone(), certificate: None };
-        Some(Sketch { part: Part::new(model), run, read: Vec::new() })
+        Some(ModelPreview { part: ClippedModel::new(model), run, read: Vec::new() })
     }
 
     /// With the Gaussians of all pieces that were read in the place of their boxes.
-    fn sharpened(&mut self, decoder: &Decoder<'_>) -> &mut Part {
+    fn sharpened(&mut self, decoder: &Decoder<'_>) -> &mut ClippedModel {
         if !self.read.is_empty() {
             let mut blocks: Vec<&mut Block> = self.part.model.layers.iter_mut().flat_map(|l| &mut l.content).collect();
             for piece in self.read.drain(..) {
@@ -181,9 +181,9 @@ impl Sketch {
     }
 }
 
-impl Part {
+impl ClippedModel {
     fn new(model: Model) -> Self {
-        Part { model, clipped: None }
+        ClippedModel { model, clipped: None }
     }
 
     /// What of it lies inside a box.
@@ -196,7 +196,7 @@ impl Part {
         self.clipped.as_ref().map_or(&self.model, |(_, inside, _)| inside)
     }
 
-    /// The number in the file of Gaussian `i` of what [`Part::inside`] gave last.
+    /// The number in the file of Gaussian `i` of what [`ClippedModel::inside`] gave last.
     pub(crate) fn number(&self, i: usize, bounds: Option<Bounds>) -> usize {
         self.clipped.as_ref().filter(|_| bounds.is_some()).map_or(i, |(_, _, numbers)| numbers[i])
     }

@@ -1,6 +1,6 @@
 //! Pictures as a page shows them: RGBA, four bytes a pixel.
 
-use crate::question::{Paint, SceneOf, Style};
+use crate::question::{PlaneColours, PlaneStyle, SceneRequest};
 use particlegs_core::Result;
 use particlegs_core::model::{LawKind, Model};
 use particlegs_core::picture::{DensityColors, Gray8, Pixels, Plane, Rgb8, Size};
@@ -13,17 +13,17 @@ pub(crate) const UNLIT: [f64; 2] = [1.0, 10.0];
 
 /// What is kept from picture to picture: buffers, and the tone curves of the last opacity and radius.
 #[derive(Default)]
-pub(crate) struct Painter {
+pub(crate) struct PlaneRenderer {
     scratch: Scratch,
     tones: Option<([f64; 2], Tones)>,
 }
 
-impl Painter {
+impl PlaneRenderer {
     /// The plane behind a picture of a scene.
-    pub(crate) fn plane(&mut self, scene: &Scene<'_>, of: &SceneOf, style: Style) -> Result<Plane> {
+    pub(crate) fn plane(&mut self, scene: &Scene<'_>, of: &SceneRequest, style: PlaneStyle) -> Result<Plane> {
         match style {
-            Style::Density => surface_density(scene, &of.density_view(scene.bounds())?, of.size, &Silent),
-            Style::Depth => {
+            PlaneStyle::Density => surface_density(scene, &of.density_view(scene.bounds())?, of.size, &Silent),
+            PlaneStyle::Depth => {
                 let mut plane = Plane::zeros(of.size);
                 let out = Pixels::new(of.size, &mut plane.data)?;
                 optical_depth_into(scene, &of.view()?, out, &mut self.scratch, &Silent)?;
@@ -37,19 +37,19 @@ impl Painter {
         &mut self,
         model: &'a Model,
         scene: impl Fn(&dyn Fn(usize) -> bool) -> Scene<'a>,
-        of: &SceneOf,
-        paint: &Paint,
+        of: &SceneRequest,
+        paint: &PlaneColours,
     ) -> Result<(Vec<u8>, Option<[f64; 2]>)> {
         let shown = |layer: usize| of.shows(layer);
         let Some(look) = paint.look else {
-            let plane = self.plane(&scene(&shown), of, Style::Density)?;
+            let plane = self.plane(&scene(&shown), of, PlaneStyle::Density)?;
             let range = paint.range.or_else(|| plane.first_range()).unwrap_or(UNLIT);
             return Ok((density(&plane, paint, range), Some(range)));
         };
         match paint.by_layer {
             true if scene(&shown).law() == LawKind::OpticalDepth && (0..model.layers.len()).any(shown) => {
                 let layers: Vec<usize> = (0..model.layers.len()).filter(|l| shown(*l)).collect();
-                let planes = layers.iter().map(|l| self.plane(&scene(&|i| i == *l), of, Style::Depth));
+                let planes = layers.iter().map(|l| self.plane(&scene(&|i| i == *l), of, PlaneStyle::Depth));
                 let planes = planes.collect::<Result<Vec<_>>>()?;
                 let mut total = Plane::zeros(of.size);
                 for plane in &planes {
@@ -62,7 +62,7 @@ impl Painter {
             }
             _ => {
                 let scene = scene(&shown);
-                let plane = self.plane(&scene, of, Style::Depth)?;
+                let plane = self.plane(&scene, of, PlaneStyle::Depth)?;
                 let levels = self.levels((&scene, of), &plane, look, paint.exposure)?;
                 Ok((grey(&levels, paint.white), None))
             }
@@ -71,7 +71,7 @@ impl Painter {
 
     fn levels(
         &mut self,
-        (scene, of): (&Scene<'_>, &SceneOf),
+        (scene, of): (&Scene<'_>, &SceneRequest),
         tau: &Plane,
         look: Look,
         exposure: f32,
@@ -94,7 +94,7 @@ fn grey(levels: &[u8], white: bool) -> Vec<u8> {
     levels.iter().flat_map(|v| [v ^ flip, v ^ flip, v ^ flip, 255]).collect()
 }
 
-fn density(plane: &Plane, paint: &Paint, range: [f64; 2]) -> Vec<u8> {
+fn density(plane: &Plane, paint: &PlaneColours, range: [f64; 2]) -> Vec<u8> {
     let colors = DensityColors::new(paint.colormap.parse().unwrap_or_default(), paint.white, range);
     let rgba = |v: &f32| {
         let [r, g, b] = colors.of(*v);

@@ -11,7 +11,7 @@ use serde::Serialize;
 /// What is seen at a pixel: the Gaussian that adds most to it, and the point of the line of sight where that Gaussian
 /// is densest.
 #[derive(Serialize)]
-pub(crate) struct Seen {
+pub(crate) struct ProbeHit {
     /// World units; in an image of the box, where that image is.
     position: [f64; 3],
     /// The same in the box itself.
@@ -34,26 +34,26 @@ const UNSEEN: f64 = 1e-6;
 
 /// What a sphere holds.
 #[derive(Serialize)]
-pub(crate) struct Held {
+pub(crate) struct SphereContents {
     /// Particles, and their mass where it is known.
     count: f64,
     mass: Option<f64>,
 }
 
 /// A Gaussian of a model.
-struct Place<'a> {
+struct GaussianRef<'a> {
     layer: usize,
     unit: f64,
     m: &'a Mixture,
     i: usize,
 }
 
-fn places<'a>(model: &'a Model, shown: &'a dyn Fn(usize) -> bool) -> impl Iterator<Item = (usize, Place<'a>)> {
+fn places<'a>(model: &'a Model, shown: &'a dyn Fn(usize) -> bool) -> impl Iterator<Item = (usize, GaussianRef<'a>)> {
     let all = model.layers.iter().enumerate().flat_map(|(layer, l)| {
         let unit = l.mass.unit_or_one();
         l.content
             .iter()
-            .flat_map(move |b| (0..b.gaussians.len()).map(move |i| Place { layer, unit, m: &b.gaussians, i }))
+            .flat_map(move |b| (0..b.gaussians.len()).map(move |i| GaussianRef { layer, unit, m: &b.gaussians, i }))
     });
     all.enumerate().filter(|(_, p)| shown(p.layer))
 }
@@ -64,7 +64,7 @@ fn invertible(cov: Sym3, least: f64) -> Option<Sym3> {
     widened.inverse()
 }
 
-impl Seen {
+impl ProbeHit {
     /// Says which Gaussian of the whole model it is, of which it may be a part.
     pub(crate) fn number_in(&mut self, whole: &Model, number: usize) {
         self.gaussian = number;
@@ -86,7 +86,7 @@ pub(crate) fn seen(
     shown: &dyn Fn(usize) -> bool,
     (camera, images, size): (&Camera, &[(Lens, [f64; 3])], Size),
     pixel: [f64; 2],
-) -> Option<Seen> {
+) -> Option<ProbeHit> {
     let mut best = (0.0, 0, [0.0; 3]);
     let mut footprints = Vec::new();
     for (number, p) in places(model, shown) {
@@ -114,7 +114,7 @@ pub(crate) fn seen(
     let in_box = each_axis(|k| from[k] + t * along[k]);
     let [number_density, density] = densities(model, shown, in_box);
     let known = model.has_masses();
-    Some(Seen {
+    Some(ProbeHit {
         position: each_axis(|k| in_box[k] + shift[k]),
         in_box,
         gaussian: number,
@@ -147,7 +147,7 @@ fn densities(model: &Model, shown: &dyn Fn(usize) -> bool, at: [f64; 3]) -> [f64
 }
 
 /// What lies within `radius` of `center`, world units.
-pub(crate) fn held(model: &Model, shown: &dyn Fn(usize) -> bool, center: [f64; 3], radius: f64) -> Held {
+pub(crate) fn held(model: &Model, shown: &dyn Fn(usize) -> bool, center: [f64; 3], radius: f64) -> SphereContents {
     let rules = Rules::new();
     let longest = model.metadata.bounds.extent().into_iter().fold(0.0, f64::max);
     let widths = [1e-9 * longest, f64::MAX];
@@ -159,7 +159,7 @@ pub(crate) fn held(model: &Model, shown: &dyn Fn(usize) -> bool, center: [f64; 3
         count += p.m.count[p.i] * share[0];
         mass += p.unit * p.m.mass_of(p.i) * share[0];
     }
-    Held { count, mass: model.has_masses().then_some(mass) }
+    SphereContents { count, mass: model.has_masses().then_some(mass) }
 }
 
 /// Mean of Gaussian `index` of all layers, and its largest deviation.

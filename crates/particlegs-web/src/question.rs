@@ -9,35 +9,35 @@ use serde::Deserialize;
 
 /// A question about the model that was opened as number `model`.
 #[derive(Deserialize)]
-pub(crate) struct Question {
+pub(crate) struct EngineQuery {
     /// Which model, from 0.
     #[serde(default)]
     pub model: usize,
     /// What is asked.
     #[serde(flatten)]
-    pub what: What,
+    pub what: QueryKind,
 }
 
 /// What is asked.
 #[derive(Deserialize)]
 #[serde(tag = "ask", rename_all = "kebab-case")]
-pub(crate) enum What {
+pub(crate) enum QueryKind {
     /// Decodes a step more of the model: which share of it is decoded.
     Decode,
     /// A picture: RGBA, four bytes a pixel.
-    Picture { scene: SceneOf, paint: Paint },
+    Picture { scene: SceneRequest, paint: PlaneColours },
     /// The plane behind a picture: optical depth, or surface density, as f32.
-    Values { scene: SceneOf, style: Style },
+    Values { scene: SceneRequest, style: PlaneStyle },
     /// The footprints of all Gaussians as a graphics card adds them up, 8 f32 each.
-    Strokes { scene: SceneOf, style: Style },
+    Strokes { scene: SceneRequest, style: PlaneStyle },
     /// The tone curve of a view: 1153 f32 levels.
     Tone { opacity: f64, radius_pixels: f64 },
     /// 256 RGB triples for densities, as core's `DensityColors` has them.
     Colors { name: String, white: bool },
     /// Which window a view along parallel lines shows the whole box in.
-    Window { scene: SceneOf },
+    Window { scene: SceneRequest },
     /// What is seen at a pixel.
-    Probe { scene: SceneOf, pixel: [f64; 2] },
+    Probe { scene: SceneRequest, pixel: [f64; 2] },
     /// Mass in a sphere.
     Sphere {
         center: [f64; 3],
@@ -53,11 +53,11 @@ pub(crate) enum What {
 
 /// What is drawn, and from where.
 #[derive(Clone, Deserialize)]
-pub(crate) struct SceneOf {
+pub(crate) struct SceneRequest {
     /// Picture size, pixels.
     pub size: Size,
     /// The camera.
-    pub camera: CameraOf,
+    pub camera: SceneCamera,
     /// Particle radius, world units.
     pub radius: f64,
     /// Opacity.
@@ -79,7 +79,7 @@ pub(crate) struct SceneOf {
 
 /// A camera, as views files have it.
 #[derive(Clone, Deserialize)]
-pub(crate) struct CameraOf {
+pub(crate) struct SceneCamera {
     position: [f64; 3],
     focal_point: [f64; 3],
     view_up: [f64; 3],
@@ -96,7 +96,7 @@ pub(crate) struct CameraOf {
 /// What a plane holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum Style {
+pub(crate) enum PlaneStyle {
     /// Optical depth.
     Depth,
     /// Surface density, mass a world unit squared.
@@ -105,7 +105,7 @@ pub(crate) enum Style {
 
 /// How a plane is coloured.
 #[derive(Clone, Deserialize)]
-pub(crate) struct Paint {
+pub(crate) struct PlaneColours {
     /// A look; `None` = surface density.
     pub look: Option<Look>,
     /// Dark on white?
@@ -125,7 +125,7 @@ pub(crate) struct Paint {
     pub by_layer: bool,
 }
 
-impl SceneOf {
+impl SceneRequest {
     /// The view, checked.
     pub(crate) fn view(&self) -> Result<View> {
         let c = &self.camera;

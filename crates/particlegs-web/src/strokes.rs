@@ -1,7 +1,7 @@
 //! What a graphics card adds up: every footprint as the stroke that the CPU's raster draws, on the plane that suits
 //! it ([`particlegs_core::render::bin::place`]), plane after plane.
 
-use crate::answer::Answer;
+use crate::answer::EngineResponse;
 use particlegs_core::Result;
 use particlegs_core::model::{Mixture, Model};
 use particlegs_core::picture::Size;
@@ -16,7 +16,7 @@ const BLOCK: usize = 64;
 
 /// What the card must know beside the strokes.
 #[derive(Serialize)]
-struct Planes {
+struct StrokePlanes {
     /// Pixels drawn beyond each edge of a plane.
     pad: usize,
     /// Pixels for a unit of x/depth, and the pixel of the axis: splats widen away from it in perspective.
@@ -24,11 +24,11 @@ struct Planes {
     center: [f64; 2],
     perspective: bool,
     /// Finest first.
-    planes: Vec<OnePlane>,
+    planes: Vec<PlaneLayout>,
 }
 
 #[derive(Serialize)]
-struct OnePlane {
+struct PlaneLayout {
     width: usize,
     height: usize,
     first: usize,
@@ -43,7 +43,7 @@ pub(crate) fn strokes(
     lenses: &[Lens],
     size: Size,
     mass: bool,
-) -> Result<Answer> {
+) -> Result<EngineResponse> {
     let levels = levels(size);
     let mut by_level: Vec<Vec<Stroke>> = levels.iter().map(|_| Vec::new()).collect();
     for (_, layer) in model.layers.iter().enumerate().filter(|(place, _)| shown(*place)) {
@@ -57,20 +57,21 @@ pub(crate) fn strokes(
     }
     let mut first = 0;
     let planes = levels.iter().zip(&by_level).map(|(level, strokes)| {
-        let plane = OnePlane { width: level.size.width, height: level.size.height, first, count: strokes.len() };
+        let plane = PlaneLayout { width: level.size.width, height: level.size.height, first, count: strokes.len() };
         first += strokes.len();
         plane
     });
-    let planes: Vec<OnePlane> = planes.collect();
+    let planes: Vec<PlaneLayout> = planes.collect();
     let lens = &lenses[0];
-    let about = Planes { pad: PAD, focal: lens.focal, center: lens.center, perspective: lens.perspective, planes };
+    let about =
+        StrokePlanes { pad: PAD, focal: lens.focal, center: lens.center, perspective: lens.perspective, planes };
     let mut numbers = Vec::with_capacity(32 * first);
     for s in by_level.iter().flatten() {
         for v in [s.x, s.y, s.slope, s.along, s.down, s.end, s.peak, s.half] {
             numbers.extend(v.to_le_bytes());
         }
     }
-    Answer::with(&about, numbers)
+    EngineResponse::with(&about, numbers)
 }
 
 fn add(

@@ -9,17 +9,17 @@ use particlegs_core::progress::Silent;
 use particlegs_core::render::{Scene, draw};
 use particlegs_core::space::{Bounds, Cell};
 use particlegs_core::splat::Look;
-use particlegs_web::{Answer, Engine};
+use particlegs_web::{Engine, EngineResponse};
 use serde_json::{Value, json};
 
 const MODEL: &[u8] = include_bytes!("../../particlegs/tests/fixtures/format-1.0.pgs");
 const SIZE: Size = Size { width: 64, height: 48 };
 
-fn ask(engine: &mut Engine, question: &Value) -> Answer {
+fn ask(engine: &mut Engine, question: &Value) -> EngineResponse {
     engine.ask(question.to_string().as_bytes())
 }
 
-fn error(answer: &Answer) -> String {
+fn error(answer: &EngineResponse) -> String {
     let said: Value = serde_json::from_str(&answer.json).unwrap();
     said["error"].as_str().unwrap_or_default().to_string()
 }

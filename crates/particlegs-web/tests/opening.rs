@@ -9,7 +9,7 @@ use particlegs_core::progress::Silent;
 use particlegs_core::render::{Scene, draw};
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::Look;
-use particlegs_web::{Answer, Engine};
+use particlegs_web::{Engine, EngineResponse};
 use serde_json::{Value, json};
 
 const FIXTURE: &[u8] = include_bytes!("../../particlegs/tests/fixtures/format-1.0.pgs");
@@ -49,11 +49,11 @@ fn view(coarse: bool) -> (View, Value) {
     (view, scene)
 }
 
-fn said(answer: &Answer) -> Value {
+fn said(answer: &EngineResponse) -> Value {
     serde_json::from_str(&answer.json).unwrap()
 }
 
-fn ask(engine: &mut Engine, question: Value) -> Answer {
+fn ask(engine: &mut Engine, question: Value) -> EngineResponse {
     engine.ask(question.to_string().as_bytes())
 }
 

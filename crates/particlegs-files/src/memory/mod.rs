@@ -40,9 +40,9 @@ fn kib_of(text: &str, name: &str) -> Option<u64> {
 }
 
 /// A caller that says nothing, never stops the work and knows how much memory there is.
-pub(crate) struct Quiet;
+pub(crate) struct QuietProgress;
 
-impl Progress for Quiet {
+impl Progress for QuietProgress {
     fn available_memory(&self) -> Option<u64> {
         available_bytes()
     }
@@ -53,7 +53,7 @@ impl Progress for Quiet {
 /// # Errors
 /// [`crate::Error::Memory`] where `need_bytes` are many, and more than there are.
 pub fn require(what: &str, need_bytes: u64) -> Result<()> {
-    Quiet.require_memory(what, need_bytes)
+    QuietProgress.require_memory(what, need_bytes)
 }
 
 #[cfg(test)]

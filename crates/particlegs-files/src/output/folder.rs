@@ -1,7 +1,7 @@
 //! A folder of files that belong together: whole or not at all.
 
 use super::identity::Identity;
-use super::place::{Place, folder_of};
+use super::place::{OutputTarget, folder_of};
 use super::state::{CHANGED, PathState, PlannedOutput, changed, free_name};
 use super::temporary::{TemporaryFolder, is_temporary, is_unsupported, rename_new, swap};
 use crate::{Error, Result};
@@ -13,14 +13,14 @@ pub struct WholeFolder {
     out: PathBuf,
     target: PathBuf,
     staged: TemporaryFolder,
-    way: Way,
+    way: MoveMethod,
     /// What is there, which alone may go.
     before: PathState,
 }
 
 /// How a folder comes to its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Way {
+enum MoveMethod {
     /// By its name, where nothing but an empty folder is.
     Rename,
     /// In exchange for the folder that is there.
@@ -36,7 +36,7 @@ impl WholeFolder {
     /// [`Error::Output`] where it is a file or a stream, or holds anything else; [`Error::Io`] where it
     /// cannot be made or written.
     pub fn check(out: &Path, own: &[&str]) -> Result<bool> {
-        let Place::File(target) = Place::of(out)? else { return Err(no_folder(out)) };
+        let OutputTarget::File(target) = OutputTarget::of(out)? else { return Err(no_folder(out)) };
         if target.is_file() {
             return Err(no_folder(out));
         }
@@ -66,7 +66,7 @@ impl WholeFolder {
     /// works in it would be left in one that is gone; and for one that has changed since [`super::Outputs`] looked.
     pub fn create(out: &Path, own: &[&str]) -> Result<WholeFolder> {
         let fail = |e| Error::io(out, e);
-        let Place::File(target) = Place::of(out)? else { return Err(no_folder(out)) };
+        let OutputTarget::File(target) = OutputTarget::of(out)? else { return Err(no_folder(out)) };
         let before = PathState::of(&target).map_err(fail)?;
         let filled = WholeFolder::check(out, own)?;
         if PlannedOutput::of(out).is_some_and(|p| filled && before != p.state || target != p.target) {
@@ -83,11 +83,11 @@ impl WholeFolder {
         let beside = TemporaryFolder::within(folder_of(&target));
         let (staged, way) = match beside {
             Ok(staged) if !here && (!is_there || same_disk(staged.path(), &target)) => {
-                (staged, if filled { Way::Exchange } else { Way::Rename })
+                (staged, if filled { MoveMethod::Exchange } else { MoveMethod::Rename })
             }
             Err(e) if !is_there || filled => return Err(fail(e)),
             _ if filled => return Err(fail(std::io::ErrorKind::CrossesDevices.into())),
-            _ => (TemporaryFolder::within(&target).map_err(fail)?, Way::Inside),
+            _ => (TemporaryFolder::within(&target).map_err(fail)?, MoveMethod::Inside),
         };
         Ok(WholeFolder { out: out.to_path_buf(), target, staged, way, before })
     }
@@ -108,10 +108,10 @@ impl WholeFolder {
             let _ = std::fs::set_permissions(self.staged.path(), there.permissions());
         }
         let placed = match self.way {
-            Way::Inside => self.move_files(),
-            Way::Exchange => self.exchange(),
+            MoveMethod::Inside => self.move_files(),
+            MoveMethod::Exchange => self.exchange(),
             // It fails where another process has filled the folder meanwhile.
-            Way::Rename => std::fs::rename(self.staged.path(), &self.target).map(|()| {
+            MoveMethod::Rename => std::fs::rename(self.staged.path(), &self.target).map(|()| {
                 self.staged.moved();
                 true
             }),
@@ -123,7 +123,7 @@ impl WholeFolder {
             return Ok(());
         }
         let beside = match self.way {
-            Way::Inside => self.target.join(self.target.file_name().unwrap_or_default()),
+            MoveMethod::Inside => self.target.join(self.target.file_name().unwrap_or_default()),
             _ => self.target.clone(),
         };
         let aside = self.staged.keep_beside(&beside).map_err(fail)?;

@@ -1,6 +1,6 @@
 //! Which file a path is, whatever its spelling, links and letter case.
 
-use super::place::{Place, folder_of};
+use super::place::{OutputTarget, folder_of};
 use std::path::{Component, Path, PathBuf};
 
 /// One file or folder, there or still to be made.
@@ -16,11 +16,11 @@ pub(super) enum Identity {
 
 impl Identity {
     /// Of an output; none of a device, which several outputs may share.
-    pub fn of_place(place: &Place) -> Option<Identity> {
+    pub fn of_place(place: &OutputTarget) -> Option<Identity> {
         match place {
-            Place::StandardOutput => Some(Identity::StandardOutput),
-            Place::File(path) => Some(Identity::of(path)),
-            Place::Stream(path) => is_pipe(path).then(|| Identity::of(path)),
+            OutputTarget::StandardOutput => Some(Identity::StandardOutput),
+            OutputTarget::File(path) => Some(Identity::of(path)),
+            OutputTarget::Stream(path) => is_pipe(path).then(|| Identity::of(path)),
         }
     }
 

@@ -32,10 +32,10 @@ pub use space::check_space;
 pub use temporary::is_temporary;
 
 use crate::{Error, Result};
-use place::Place;
+use place::OutputTarget;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
-use temporary::Temporary;
+use temporary::TemporaryFile;
 
 /// Bytes that are gathered before they are written.
 const BUFFER: usize = 1 << 20;
@@ -49,9 +49,9 @@ const BUFFER: usize = 1 << 20;
 /// output since [`Outputs`] looked: the file is beside it then.
 pub fn write_atomic(path: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     let fail = |e| Error::io(path, e);
-    match Place::of(path)? {
-        Place::File(target) => {
-            let mut temporary = Temporary::beside(&target).map_err(fail)?;
+    match OutputTarget::of(path)? {
+        OutputTarget::File(target) => {
+            let mut temporary = TemporaryFile::beside(&target).map_err(fail)?;
             filled(temporary.file(), fill).map_err(fail)?;
             temporary.file().sync_all().map_err(fail)?;
             temporary.place(path, &target)
@@ -77,11 +77,11 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
 /// # Errors
 /// [`Error::Io`] where the folder is missing or cannot be written, or `path` is a folder.
 pub fn check_writable(path: &Path) -> Result<()> {
-    match Place::of(path)? {
-        Place::File(target) if target.is_dir() => {
+    match OutputTarget::of(path)? {
+        OutputTarget::File(target) if target.is_dir() => {
             Err(Error::io(path, std::io::Error::new(std::io::ErrorKind::IsADirectory, "is a folder")))
         }
-        Place::File(target) => check_folder(place::folder_of(&target)).map_err(|e| Error::io(path, e)),
+        OutputTarget::File(target) => check_folder(place::folder_of(&target)).map_err(|e| Error::io(path, e)),
         _ => Ok(()),
     }
 }
@@ -91,14 +91,14 @@ pub fn check_writable(path: &Path) -> Result<()> {
 /// # Errors
 /// As [`write_atomic`].
 pub fn is_stream(path: &Path) -> Result<bool> {
-    Ok(!matches!(Place::of(path)?, Place::File(_)))
+    Ok(!matches!(OutputTarget::of(path)?, OutputTarget::File(_)))
 }
 
 /// The folder for files that an output needs on the way: its own, or the system's for temporary files
 /// where the output is a stream.
 pub fn scratch_folder(path: &Path) -> PathBuf {
-    match Place::of(path) {
-        Ok(Place::File(target)) => place::folder_of(&target).to_path_buf(),
+    match OutputTarget::of(path) {
+        Ok(OutputTarget::File(target)) => place::folder_of(&target).to_path_buf(),
         _ => std::env::temp_dir(),
     }
 }
@@ -109,8 +109,8 @@ pub fn scratch_folder(path: &Path) -> PathBuf {
 /// As [`write_atomic`].
 pub fn open_log(path: &Path, append: bool) -> Result<Box<dyn Write + Send>> {
     let fail = |e| Error::io(path, e);
-    match Place::of(path)? {
-        Place::File(target) => {
+    match OutputTarget::of(path)? {
+        OutputTarget::File(target) => {
             let file = std::fs::File::options().append(true).create(true).open(&target).map_err(fail)?;
             if !append {
                 if let Some(planned) = state::PlannedOutput::of(path)

@@ -13,7 +13,7 @@ const MOST_LINKS: usize = 40;
 
 /// Where an output goes.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Place {
+pub(super) enum OutputTarget {
     /// A regular file (or a folder), there or not, with every link followed.
     File(PathBuf),
     /// A device, a pipe or an open descriptor: written through.
@@ -22,25 +22,25 @@ pub(super) enum Place {
     StandardOutput,
 }
 
-impl Place {
+impl OutputTarget {
     /// Follows `path`.
     ///
     /// # Errors
     /// [`Error::Output`] for a block device, whose data would be lost; [`Error::Io`].
-    pub fn of(path: &Path) -> Result<Place> {
+    pub fn of(path: &Path) -> Result<OutputTarget> {
         if path == Path::new(STANDARD_OUTPUT) {
-            return Ok(Place::StandardOutput);
+            return Ok(OutputTarget::StandardOutput);
         }
         let mut at = path.to_path_buf();
         for _ in 0..MOST_LINKS {
             match descriptor(&at) {
-                Some(1) => return Ok(Place::StandardOutput),
-                Some(_) => return Ok(Place::Stream(at)),
+                Some(1) => return Ok(OutputTarget::StandardOutput),
+                Some(_) => return Ok(OutputTarget::Stream(at)),
                 None => {}
             }
             let there = match std::fs::symlink_metadata(&at) {
                 Ok(there) => there,
-                Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Place::File(at)),
+                Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(OutputTarget::File(at)),
                 Err(e) => return Err(Error::io(path, e)),
             };
             if !there.is_symlink() {
@@ -55,20 +55,20 @@ impl Place {
     /// The stream, open for writing. A named pipe wants its reader there.
     pub fn open(&self) -> std::io::Result<Box<dyn Write + Send>> {
         match self {
-            Place::StandardOutput => Ok(Box::new(std::io::stdout())),
-            Place::Stream(path) | Place::File(path) => Ok(Box::new(open_stream(path)?)),
+            OutputTarget::StandardOutput => Ok(Box::new(std::io::stdout())),
+            OutputTarget::Stream(path) | OutputTarget::File(path) => Ok(Box::new(open_stream(path)?)),
         }
     }
 }
 
 /// What is there, which is no link, as an output.
-fn stands_for(path: &Path, at: PathBuf, there: &std::fs::Metadata) -> Result<Place> {
+fn stands_for(path: &Path, at: PathBuf, there: &std::fs::Metadata) -> Result<OutputTarget> {
     #[cfg(unix)]
     if std::os::unix::fs::FileTypeExt::is_block_device(&there.file_type()) {
         return Err(Error::output(path, "is a block device: its data would be lost", "name a file"));
     }
     let regular = there.is_file() || there.is_dir();
-    Ok(if regular { Place::File(at) } else { Place::Stream(at) })
+    Ok(if regular { OutputTarget::File(at) } else { OutputTarget::Stream(at) })
 }
 
 /// Opens a device, a named pipe or a descriptor's name for writing, without waiting for a reader and

@@ -1,8 +1,8 @@
 //! A file whose length is known, written in parts.
 
 use super::check_space;
-use super::place::{Place, folder_of};
-use super::temporary::Temporary;
+use super::place::{OutputTarget, folder_of};
+use super::temporary::TemporaryFile;
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::{Seek, Write};
@@ -13,12 +13,12 @@ use std::path::{Path, PathBuf};
 /// it waits in the system's folder for temporary files, and is copied there in the end.
 pub struct PlacedFile {
     out: PathBuf,
-    target: Target,
+    target: FileDestination,
 }
 
-enum Target {
-    File(Temporary, PathBuf),
-    Stream(File, Place),
+enum FileDestination {
+    File(TemporaryFile, PathBuf),
+    Stream(File, OutputTarget),
 }
 
 impl PlacedFile {
@@ -29,14 +29,14 @@ impl PlacedFile {
     /// block device.
     pub fn create(out: &Path, length: u64) -> Result<PlacedFile> {
         let fail = |e| Error::io(out, e);
-        let target = match Place::of(out)? {
-            Place::File(path) => {
+        let target = match OutputTarget::of(out)? {
+            OutputTarget::File(path) => {
                 check_space(folder_of(&path), length).map_err(fail)?;
-                Target::File(Temporary::beside(&path).map_err(fail)?, path)
+                FileDestination::File(TemporaryFile::beside(&path).map_err(fail)?, path)
             }
             stream => {
                 check_space(&std::env::temp_dir(), length).map_err(fail)?;
-                Target::Stream(tempfile::tempfile().map_err(fail)?, stream)
+                FileDestination::Stream(tempfile::tempfile().map_err(fail)?, stream)
             }
         };
         let file = PlacedFile { out: out.to_path_buf(), target };
@@ -46,8 +46,8 @@ impl PlacedFile {
 
     fn file(&self) -> &File {
         match &self.target {
-            Target::File(temporary, _) => temporary.shared(),
-            Target::Stream(file, _) => file,
+            FileDestination::File(temporary, _) => temporary.shared(),
+            FileDestination::Stream(file, _) => file,
         }
     }
 
@@ -66,17 +66,17 @@ impl PlacedFile {
     pub fn finish(self) -> Result<()> {
         let fail = |e| Error::io(&self.out, e);
         match self.target {
-            Target::File(temporary, path) => {
+            FileDestination::File(temporary, path) => {
                 temporary.shared().sync_all().map_err(fail)?;
                 temporary.place(&self.out, &path)
             }
-            Target::Stream(file, stream) => copy(file, &stream).map_err(fail),
+            FileDestination::Stream(file, stream) => copy(file, &stream).map_err(fail),
         }
     }
 }
 
 /// All of a file into a stream.
-fn copy(mut file: File, stream: &Place) -> std::io::Result<()> {
+fn copy(mut file: File, stream: &OutputTarget) -> std::io::Result<()> {
     file.rewind()?;
     let mut to = stream.open()?;
     std::io::copy(&mut file, &mut to)?;

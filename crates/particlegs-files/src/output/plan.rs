@@ -3,7 +3,7 @@
 
 use super::identity::{Identity, is_pipe, spelled_out};
 use super::kind::Kind;
-use super::place::{Place, open_stream};
+use super::place::{OutputTarget, open_stream};
 use super::state::PlannedOutput;
 use super::{WholeFolder, check_writable};
 use crate::progress::Progress;
@@ -67,12 +67,12 @@ impl Outputs {
     /// [`Error::Output`] where it is an input or another output, or something of another kind is there;
     /// [`Error::Io`] where it cannot be written; [`Error::Cancelled`].
     pub fn writes(&mut self, path: &Path, kind: &Kind, progress: &dyn Progress) -> Result<bool> {
-        let place = Place::of(path)?;
+        let place = OutputTarget::of(path)?;
         self.take(path, &place)?;
         match &place {
-            Place::StandardOutput => Ok(false),
-            Place::Stream(pipe) => self.wait_for_reader(pipe, progress).map(|()| false),
-            Place::File(target) if target.is_file() => {
+            OutputTarget::StandardOutput => Ok(false),
+            OutputTarget::Stream(pipe) => self.wait_for_reader(pipe, progress).map(|()| false),
+            OutputTarget::File(target) if target.is_file() => {
                 self.note(path, target)?;
                 check_writable(path)?;
                 if !kind.may_replace(target).map_err(|e| Error::io(path, e))? {
@@ -82,7 +82,7 @@ impl Outputs {
                 let empty = target.metadata().is_ok_and(|m| m.len() == 0);
                 Ok(kind.kept && !self.replaces && !empty)
             }
-            Place::File(target) => {
+            OutputTarget::File(target) => {
                 self.note(path, target)?;
                 check_writable(path).map(|()| false)
             }
@@ -94,7 +94,7 @@ impl Outputs {
     /// # Errors
     /// [`Error::Io`].
     pub fn rewrites(&mut self, path: &Path) -> Result<()> {
-        if let Place::File(target) = Place::of(path)? { self.note(path, &target) } else { Ok(()) }
+        if let OutputTarget::File(target) = OutputTarget::of(path)? { self.note(path, &target) } else { Ok(()) }
     }
 
     /// Nothing but what is there now is replaced.
@@ -109,10 +109,10 @@ impl Outputs {
     /// # Errors
     /// As [`Outputs::writes`]; [`Error::Output`] where it holds anything else.
     pub fn writes_folder(&mut self, path: &Path, own: &[&str]) -> Result<bool> {
-        let Place::File(target) = Place::of(path)? else {
+        let OutputTarget::File(target) = OutputTarget::of(path)? else {
             return Err(is_no_folder(path));
         };
-        self.take(path, &Place::File(target.clone()))?;
+        self.take(path, &OutputTarget::File(target.clone()))?;
         self.note(path, &target)?;
         let whole = spelled_out(&target);
         if self.paths().any(|input| spelled_out(input).starts_with(&whole)) {
@@ -127,11 +127,11 @@ impl Outputs {
     /// # Errors
     /// [`Error::Output`] where it is, or lies in, an input or another output, or is no folder.
     pub fn writes_job(&mut self, path: &Path) -> Result<()> {
-        let Place::File(target) = Place::of(path)? else { return Err(is_no_folder(path)) };
+        let OutputTarget::File(target) = OutputTarget::of(path)? else { return Err(is_no_folder(path)) };
         if target.is_file() {
             return Err(is_no_folder(path));
         }
-        self.take(path, &Place::File(target))?;
+        self.take(path, &OutputTarget::File(target))?;
         self.rewrites(&path.join("plan.json"))
     }
 
@@ -153,7 +153,7 @@ impl Outputs {
     }
 
     /// Refuses a place that is read, or taken by another output.
-    fn take(&mut self, path: &Path, place: &Place) -> Result<()> {
+    fn take(&mut self, path: &Path, place: &OutputTarget) -> Result<()> {
         let Some(identity) = Identity::of_place(place) else { return Ok(()) };
         if self.inputs.iter().any(|input| input.holds(&identity)) {
             return Err(is_input(path));

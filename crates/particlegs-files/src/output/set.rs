@@ -1,8 +1,8 @@
 //! Several files that one step makes: all of them appear, or none.
 
-use super::place::Place;
+use super::place::OutputTarget;
 use super::state::{CHANGED, PlannedOutput};
-use super::temporary::{Temporary, TemporaryFolder, is_same};
+use super::temporary::{TemporaryFile, TemporaryFolder, is_same};
 use crate::{Error, Result};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -50,7 +50,7 @@ impl FileSet {
     pub fn finish(self) -> Result<Vec<PathBuf>> {
         let places = self.places()?;
         for place in &places {
-            if let (Some(planned), Place::File(target)) = (PlannedOutput::of(place), Place::of(place)?)
+            if let (Some(planned), OutputTarget::File(target)) = (PlannedOutput::of(place), OutputTarget::of(place)?)
                 && planned.replaceable(&target).map_err(|e| Error::io(place, e))?.is_none()
                 && !File::open(self.staged_at(place)).is_ok_and(|mut file| is_same(&mut file, &target))
             {
@@ -71,8 +71,8 @@ impl FileSet {
 fn moved(from: PathBuf, to: &Path) -> Result<()> {
     let fail = |e| Error::io(to, e);
     let written = || super::write_bytes(to, &std::fs::read(&from).map_err(fail)?);
-    match Place::of(to)? {
-        Place::File(target) => match Temporary::of(from.clone()).map_err(fail)?.place(to, &target) {
+    match OutputTarget::of(to)? {
+        OutputTarget::File(target) => match TemporaryFile::of(from.clone()).map_err(fail)?.place(to, &target) {
             // Behind a link to another disk.
             Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::CrossesDevices => written(),
             done => done,

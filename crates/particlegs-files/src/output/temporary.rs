@@ -23,28 +23,28 @@ pub fn is_temporary(name: &std::ffi::OsStr) -> bool {
 }
 
 /// A file that goes away unless it is moved to its place.
-pub(super) struct Temporary {
+pub(super) struct TemporaryFile {
     file: File,
     /// Where it is, if it has a name.
     name: Option<PathBuf>,
 }
 
-impl Temporary {
+impl TemporaryFile {
     /// A new file in the folder of `target`, as readable as any new file.
-    pub fn beside(target: &Path) -> std::io::Result<Temporary> {
+    pub fn beside(target: &Path) -> std::io::Result<TemporaryFile> {
         let folder = folder_of(target);
         sweep(folder);
         match nameless(folder) {
-            Some(file) => Ok(Temporary { file, name: None }),
-            None => Temporary::named(folder),
+            Some(file) => Ok(TemporaryFile { file, name: None }),
+            None => TemporaryFile::named(folder),
         }
     }
 
     /// A file with a name, where the system has no nameless ones.
-    fn named(folder: &Path) -> std::io::Result<Temporary> {
+    fn named(folder: &Path) -> std::io::Result<TemporaryFile> {
         let path = new_name(folder);
         let file = std::fs::OpenOptions::new().read(true).write(true).create_new(true).open(&path)?;
-        Ok(Temporary { file, name: Some(path) })
+        Ok(TemporaryFile { file, name: Some(path) })
     }
 
     /// The file.
@@ -58,8 +58,8 @@ impl Temporary {
     }
 
     /// A file that has been written under a name.
-    pub fn of(name: PathBuf) -> std::io::Result<Temporary> {
-        Ok(Temporary { file: File::open(&name)?, name: Some(name) })
+    pub fn of(name: PathBuf) -> std::io::Result<TemporaryFile> {
+        Ok(TemporaryFile { file: File::open(&name)?, name: Some(name) })
     }
 
     /// Moves it to `target`, which `out` stands for. Of an output that a command has planned nothing is replaced but what
@@ -203,7 +203,7 @@ pub(super) fn is_unsupported(error: &std::io::Error) -> bool {
     matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported)
 }
 
-impl Drop for Temporary {
+impl Drop for TemporaryFile {
     fn drop(&mut self) {
         if let Some(name) = &self.name {
             let _ = std::fs::remove_file(name);
@@ -385,7 +385,7 @@ pub(super) mod tests {
         for name in [&gone, &alive, &elsewhere, &foreign] {
             std::fs::write(folder.path().join(name), "x").unwrap();
         }
-        drop(Temporary::beside(&folder.path().join("a")).unwrap());
+        drop(TemporaryFile::beside(&folder.path().join("a")).unwrap());
         let there = |name: &String| folder.path().join(name).exists();
         assert!(!there(&gone));
         assert!([&alive, &elsewhere, &foreign].iter().all(|n| there(n)));
@@ -401,12 +401,12 @@ pub(super) mod tests {
         let folder = tempfile::tempdir().unwrap();
         let target = folder.path().join("a");
         let count = || std::fs::read_dir(folder.path()).unwrap().count();
-        let named = Temporary::named(folder.path()).unwrap();
+        let named = TemporaryFile::named(folder.path()).unwrap();
         assert_eq!(count(), 1);
         drop(named);
         assert_eq!(count(), 0);
         for _ in 0..2 {
-            Temporary::named(folder.path()).unwrap().place(&target, &target).unwrap();
+            TemporaryFile::named(folder.path()).unwrap().place(&target, &target).unwrap();
             assert_eq!(count(), 1);
         }
     }
@@ -420,7 +420,7 @@ pub(super) mod tests {
         let count = || std::fs::read_dir(folder.path()).unwrap().count();
         for _ in 0..2 {
             let before = count();
-            let temporary = Temporary::beside(&target).unwrap();
+            let temporary = TemporaryFile::beside(&target).unwrap();
             assert!(temporary.name.is_none());
             assert_eq!(count(), before);
             temporary.place(&target, &target).unwrap();

@@ -244,9 +244,9 @@ fn a_set_appears_together() {
 fn folders_that_change_while_a_command_runs_stay_whole() {
     let dir = tempfile::tempdir().unwrap();
     let (out, own) = (dir.path().join("out"), ["a", "b"]);
-    type Change<'a> = &'a dyn Fn();
+    type FolderChange<'a> = &'a dyn Fn();
     let within = |name: &str| out.join(name);
-    let changes: [(&str, Change); 6] = [
+    let changes: [(&str, FolderChange); 6] = [
         ("a file of another name", &|| fs::write(within("notes"), "theirs").unwrap()),
         ("a folder", &|| fs::create_dir(within("sub")).unwrap()),
         ("one of its files, written anew", &|| fs::write(within("a"), "theirs").unwrap()),

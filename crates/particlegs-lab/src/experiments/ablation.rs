@@ -1,12 +1,12 @@
 //! Trained models judged beside each other: at the size that the paper scores at, and at the largest that they saw.
 
-use super::groups::{self, Group, in_pixels, masked, means_over, psnr, ssim};
+use super::groups::{self, ViewGroup, in_pixels, masked, means_over, psnr, ssim};
 use super::published::{self, BYTES_A_GAUSSIAN, same_sign};
-use crate::found::{Cell, Spread, Table};
+use crate::found::{ResultTable, Spread, TableCell};
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
-use crate::training::{self, Trained};
-use crate::views::{Score, Truth};
+use crate::training::{self, TrainingResult};
+use crate::views::{ReferenceViews, Score};
 use particlegs::Result;
 use particlegs::model::Metadata;
 use particlegs::train::Config;
@@ -15,15 +15,15 @@ use particlegs::train::Config;
 const FRAMES: usize = 4;
 
 /// All particles in views at two sizes: of the first stage of training, at which the paper scores, and of the last.
-pub(super) struct Judge<'a> {
+pub(super) struct StageEvaluator<'a> {
     lab: &'a Lab<'a>,
     snapshot: &'a Snapshot,
     /// The first stage's and the last one's.
-    pub truths: [Truth; 2],
+    pub truths: [ReferenceViews; 2],
 }
 
 /// Models of one recipe, one a seed, and what they score.
-pub(super) struct Row {
+pub(super) struct AblationRow {
     /// What the table calls it.
     pub label: String,
     /// Scores at the two sizes, of each model.
@@ -35,12 +35,12 @@ pub(super) struct Row {
     /// Wall-clock seconds that each took.
     pub seconds: Vec<f64>,
     /// The paper's.
-    pub paper: Option<published::Row>,
+    pub paper: Option<published::PublishedRow>,
     /// Was the number of Gaussians of one of them held by the most that there may be?
     pub held: bool,
 }
 
-impl<'a> Judge<'a> {
+impl<'a> StageEvaluator<'a> {
     /// Of models that `config` trains, in views of `groups`.
     ///
     /// # Errors
@@ -50,24 +50,29 @@ impl<'a> Judge<'a> {
         snapshot: &'a Snapshot,
         config: &Config,
         metadata: &Metadata,
-        groups: &[Group],
+        groups: &[ViewGroup],
     ) -> Result<Self> {
         let views = groups::views(groups, metadata, lab.settings.seed, frames(lab));
         let [small, large] = training::sizes(config);
-        let truth = |size| Truth::at_size(lab, snapshot, views.clone(), size);
-        Ok(Judge { lab, snapshot, truths: [truth(small)?, truth(large)?] })
+        let truth = |size| ReferenceViews::at_size(lab, snapshot, views.clone(), size);
+        Ok(StageEvaluator { lab, snapshot, truths: [truth(small)?, truth(large)?] })
     }
 
     /// What models of one recipe score.
     ///
     /// # Errors
     /// Those of drawing.
-    pub fn row(&self, label: &str, models: &[Trained], paper: Option<published::Row>) -> Result<Row> {
-        let at = |truth: &Truth| -> Result<Vec<Vec<Score>>> {
+    pub fn row(
+        &self,
+        label: &str,
+        models: &[TrainingResult],
+        paper: Option<published::PublishedRow>,
+    ) -> Result<AblationRow> {
+        let at = |truth: &ReferenceViews| -> Result<Vec<Vec<Score>>> {
             models.iter().map(|m| groups::scores(self.lab, self.snapshot, truth, &m.made)).collect()
         };
         let [small, large] = &self.truths;
-        Ok(Row {
+        Ok(AblationRow {
             label: label.into(),
             scores: [at(small)?, at(large)?],
             gaussians: models.iter().map(|m| m.made.model.gaussians() as f64).collect(),
@@ -82,12 +87,12 @@ impl<'a> Judge<'a> {
     ///
     /// # Errors
     /// Those of drawing.
-    pub fn noise_free(&self) -> Result<Row> {
+    pub fn noise_free(&self) -> Result<AblationRow> {
         let of = |truth| Ok(vec![groups::noise_free(self.lab, self.snapshot, truth)?]);
         let [small, large] = &self.truths;
         let scores = [of(small)?, of(large)?];
         let label = "noise-free picture of all particles".into();
-        Ok(Row { label, scores, gaussians: vec![], bytes: vec![], seconds: vec![], paper: None, held: false })
+        Ok(AblationRow { label, scores, gaussians: vec![], bytes: vec![], seconds: vec![], paper: None, held: false })
     }
 
     /// The sizes as people write them.
@@ -104,7 +109,7 @@ pub(super) fn frames(lab: &Lab<'_>) -> usize {
 /// What counts: whole pictures and lit pixels at the first size, lit pixels at the second.
 const MEASURES: [(usize, fn(&Score) -> Option<f64>); 3] = [(0, psnr), (0, masked), (1, masked)];
 
-impl Row {
+impl AblationRow {
     /// One of [`MEASURES`], of each model, the mean over the trained orbits.
     pub fn measured(&self, number: usize) -> Vec<f64> {
         let (size, pick) = MEASURES[number];
@@ -117,7 +122,7 @@ impl Row {
     }
 
     /// Change of a measure from another row's median: of each model.
-    pub fn changes(&self, from: &Row, number: usize) -> Vec<f64> {
+    pub fn changes(&self, from: &AblationRow, number: usize) -> Vec<f64> {
         let median = Spread::of(&from.measured(number)).map(|s| s.median);
         self.measured(number).into_iter().filter_map(|v| Some(v - median?)).collect()
     }
@@ -129,7 +134,7 @@ impl Row {
 }
 
 /// The rows with their changes from the first, and whether they have the paper's sign.
-pub(super) fn table(name: &str, title: &str, rows: &[Row], sizes: &[String; 2]) -> Table {
+pub(super) fn table(name: &str, title: &str, rows: &[AblationRow], sizes: &[String; 2]) -> ResultTable {
     let [small, large] = sizes;
     let heads = [
         "recipe".into(),
@@ -150,32 +155,32 @@ pub(super) fn table(name: &str, title: &str, rows: &[Row], sizes: &[String; 2]) 
         format!("same sign, PSNR at {small}"),
         format!("same sign, masked at {large}"),
     ];
-    let mut table = Table::new(name, title, &heads.each_ref().map(String::as_str));
+    let mut table = ResultTable::new(name, title, &heads.each_ref().map(String::as_str));
     rows.iter().for_each(|row| table.row(cells(row, &rows[0])));
     table
 }
 
-fn cells(row: &Row, first: &Row) -> Vec<Cell> {
+fn cells(row: &AblationRow, first: &AblationRow) -> Vec<TableCell> {
     let is_first = std::ptr::eq(row, first);
-    let change = |k| if is_first { Cell::Empty } else { Cell::spread(&row.changes(first, k), 2) };
-    let sign = |k| sign(row, first, k).map_or(Cell::Empty, Cell::text);
-    let paper = |of: fn(&published::Row) -> f64, digits| Cell::number(row.paper.as_ref().map(of), digits);
+    let change = |k| if is_first { TableCell::Empty } else { TableCell::spread(&row.changes(first, k), 2) };
+    let sign = |k| sign(row, first, k).map_or(TableCell::Empty, TableCell::text);
+    let paper = |of: fn(&published::PublishedRow) -> f64, digits| TableCell::number(row.paper.as_ref().map(of), digits);
     let as_ply: Vec<f64> = row.gaussians.iter().map(|n| n * BYTES_A_GAUSSIAN as f64).collect();
     vec![
-        Cell::text(&row.label),
-        Cell::decibels(&row.measured(0)),
+        TableCell::text(&row.label),
+        TableCell::decibels(&row.measured(0)),
         change(0),
-        Cell::decibels(&row.measured(1)),
+        TableCell::decibels(&row.measured(1)),
         change(1),
-        Cell::spread(&row.ssim(), 4),
-        Cell::decibels(&row.measured(2)),
+        TableCell::spread(&row.ssim(), 4),
+        TableCell::decibels(&row.measured(2)),
         change(2),
-        Cell::spread(&row.gaussians, 0),
-        Cell::spread(&row.bytes, 0),
-        Cell::spread(&as_ply, 0),
-        Cell::spread(&row.seconds, 1),
+        TableCell::spread(&row.gaussians, 0),
+        TableCell::spread(&row.bytes, 0),
+        TableCell::spread(&as_ply, 0),
+        TableCell::spread(&row.seconds, 1),
         paper(|p| p.psnr, 2),
-        if is_first { Cell::Empty } else { paper(|p| p.change, 2) },
+        if is_first { TableCell::Empty } else { paper(|p| p.change, 2) },
         paper(|p| p.megabytes, 1),
         sign(0),
         sign(2),
@@ -183,7 +188,7 @@ fn cells(row: &Row, first: &Row) -> Vec<Cell> {
 }
 
 /// Has the median change of a measure the paper's sign? Nothing where the paper has no such row.
-pub(super) fn sign(row: &Row, first: &Row, number: usize) -> Option<&'static str> {
+pub(super) fn sign(row: &AblationRow, first: &AblationRow, number: usize) -> Option<&'static str> {
     let theirs = row.paper.filter(|p| p.change != 0.0)?.change;
     let ours = Spread::of(&row.changes(first, number))?.median;
     Some(same_sign(ours, theirs, first.noise(number)))
@@ -215,7 +220,7 @@ pub(super) fn notes(lab: &Lab<'_>, scale: f64, config: &Config, sizes: &[String;
 }
 
 /// Which rows would have more Gaussians if they might.
-pub(super) fn held_note<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Option<String> {
+pub(super) fn held_note<'a>(rows: impl IntoIterator<Item = &'a AblationRow>) -> Option<String> {
     let held: Vec<&str> = rows.into_iter().filter(|r| r.held).map(|r| r.label.as_str()).collect();
     (!held.is_empty()).then(|| {
         format!(
@@ -228,8 +233,13 @@ pub(super) fn held_note<'a>(rows: impl IntoIterator<Item = &'a Row>) -> Option<S
 
 /// How much better than `first` pictures can become: to the noise-free picture of all particles, which shares no noise with
 /// those that are scored against.
-pub(super) fn room_note(what: &str, first: &Row, noise_free: &Row, sizes: &[String; 2]) -> Option<String> {
-    let median = |row: &Row| Some(Spread::of(&row.measured(0))?.median);
+pub(super) fn room_note(
+    what: &str,
+    first: &AblationRow,
+    noise_free: &AblationRow,
+    sizes: &[String; 2],
+) -> Option<String> {
+    let median = |row: &AblationRow| Some(Spread::of(&row.measured(0))?.median);
     let (from, to) = (median(first)?, median(noise_free)?);
     Some(format!(
         "What there is to gain: the noise-free picture of all particles, which no model is to pass, has {:.2} dB of PSNR \
@@ -241,7 +251,7 @@ pub(super) fn room_note(what: &str, first: &Row, noise_free: &Row, sizes: &[Stri
 }
 
 /// What several seeds of the whole recipe say about one run.
-pub(super) fn noise_note(first: &Row, sizes: &[String; 2]) -> String {
+pub(super) fn noise_note(first: &AblationRow, sizes: &[String; 2]) -> String {
     let [small, large] = sizes;
     format!(
         "Noise of one run: {} runs of the first row, which differ in their seed alone, lie within {:.2} dB of PSNR and \
@@ -258,14 +268,15 @@ pub(super) fn noise_note(first: &Row, sizes: &[String; 2]) -> String {
 mod tests {
     use super::*;
 
-    fn row(psnrs: &[f64], paper: Option<published::Row>) -> Row {
+    fn row(psnrs: &[f64], paper: Option<published::PublishedRow>) -> AblationRow {
         let of = |v: f64| -> Vec<Score> {
-            let score = |g: Group| Score { view: format!("{}_00", g.name), psnr: Some(v), masked: Some(v), ssim: None };
+            let score =
+                |g: ViewGroup| Score { view: format!("{}_00", g.name), psnr: Some(v), masked: Some(v), ssim: None };
             groups::in_range().into_iter().map(score).collect()
         };
         let all: Vec<Vec<Score>> = psnrs.iter().map(|v| of(*v)).collect();
         let each = vec![1000.0; psnrs.len()];
-        Row {
+        AblationRow {
             label: "r".into(),
             scores: [all.clone(), all],
             gaussians: each.clone(),
@@ -289,6 +300,6 @@ mod tests {
         assert_eq!(sign(&first, &first, 0), None);
         let table = table("t", "T", &[first, worse], &["1 x 1".into(), "2 x 2".into()]);
         assert_eq!((table.rows[0].len(), table.rows[1].len()), (17, 17));
-        assert_eq!((&table.rows[0][2], table.rows[1][10].in_words()), (&Cell::Empty, "68,000".into()));
+        assert_eq!((&table.rows[0][2], table.rows[1][10].in_words()), (&TableCell::Empty, "68,000".into()));
     }
 }

@@ -1,14 +1,14 @@
 //! Our law in blocks that are fitted on their own, at the same size of file (paper, table and figure of blocks).
 
 use super::Experiment;
-use super::distances::{self, Curve, DISTANCES, at_distances};
-use super::groups::{self, Group, in_pixels, masked, means_over, psnr, ssim};
+use super::distances::{self, DISTANCES, ScoreCurve, at_distances};
+use super::groups::{self, ViewGroup, in_pixels, masked, means_over, psnr, ssim};
 use super::published as paper;
 use super::seeds::{each_seed, told};
-use crate::found::{Axis, Cell, Found, Plot, Point, Series, Spread, Table};
-use crate::lab::{Lab, Made, ModelSettings};
+use crate::found::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
+use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::snapshot::Snapshot;
-use crate::views::{Score, Truth};
+use crate::views::{ReferenceViews, Score};
 use particlegs::Result;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -26,28 +26,29 @@ pub(super) const RATIO: f64 = 263.0;
 const BLOCKS: [u32; 5] = [1, 2, 4, 8, 16];
 
 /// Models of one number of blocks, one a seed.
-struct Measured {
+struct BlockCountScores {
     blocks: u32,
     scores: Vec<Vec<Score>>,
     gaussians: Vec<f64>,
     bytes: Vec<f64>,
 }
 
-fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
+fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let snapshot = &snapshots[0];
     let first = lab.model(snapshot, &recipe(1, lab.settings.seed))?;
     let frames = 2 * lab.settings.frames;
     let views = groups::views(&at_distances(), &first.model.metadata, lab.settings.seed, frames);
-    let truth = Truth::in_views(lab, snapshot, views)?;
-    let all: Vec<Measured> = BLOCKS.iter().map(|k| measured(lab, snapshot, &truth, *k)).collect::<Result<_>>()?;
+    let truth = ReferenceViews::in_views(lab, snapshot, views)?;
+    let all: Vec<BlockCountScores> =
+        BLOCKS.iter().map(|k| measured(lab, snapshot, &truth, *k)).collect::<Result<_>>()?;
     let noise_free = [groups::noise_free(lab, snapshot, &truth)?];
     let curves = curves(&all, &noise_free);
     let title = "Masked PSNR by distance of the camera and number of blocks";
-    Ok(Found {
+    Ok(ExperimentResults {
         tables: vec![table(&all, &noise_free), distances::table("blocks-distance", title, &curves)],
         plots: vec![distances::plot("blocks-distance", title, &curves), changes_by_distance(&all)],
         notes: notes(lab, &truth, frames, &all),
-        ..Found::default()
+        ..ExperimentResults::default()
     })
 }
 
@@ -56,9 +57,9 @@ pub(super) fn recipe(blocks: u32, seed: u64) -> ModelSettings {
     ModelSettings { blocks, ..ModelSettings::ratio(RATIO, seed) }
 }
 
-fn measured(lab: &Lab<'_>, snapshot: &Snapshot, truth: &Truth, blocks: u32) -> Result<Measured> {
-    let models = each_seed(lab, |made: &Made| &made.model, |seed| lab.model(snapshot, &recipe(blocks, seed)))?;
-    Ok(Measured {
+fn measured(lab: &Lab<'_>, snapshot: &Snapshot, truth: &ReferenceViews, blocks: u32) -> Result<BlockCountScores> {
+    let models = each_seed(lab, |made: &ModelBuild| &made.model, |seed| lab.model(snapshot, &recipe(blocks, seed)))?;
+    Ok(BlockCountScores {
         blocks,
         scores: models.iter().map(|made| groups::scores(lab, snapshot, truth, made)).collect::<Result<_>>()?,
         gaussians: models.iter().map(|made| made.model.gaussians() as f64).collect(),
@@ -66,7 +67,7 @@ fn measured(lab: &Lab<'_>, snapshot: &Snapshot, truth: &Truth, blocks: u32) -> R
     })
 }
 
-fn table(all: &[Measured], noise_free: &[Vec<Score>]) -> Table {
+fn table(all: &[BlockCountScores], noise_free: &[Vec<Score>]) -> ResultTable {
     let heads = [
         "blocks",
         "masked PSNR, dB",
@@ -83,73 +84,76 @@ fn table(all: &[Measured], noise_free: &[Vec<Score>]) -> Table {
         "paper: SSIM",
         "paper: Gaussians, thousands",
     ];
-    let mut table = Table::new("blocks", "Our law in blocks, at the same size of file", &heads);
-    let pictures = |scores: &[Vec<Score>], change: Cell| {
+    let mut table = ResultTable::new("blocks", "Our law in blocks, at the same size of file", &heads);
+    let pictures = |scores: &[Vec<Score>], change: TableCell| {
         let of = |pick| means_over(scores, &groups::in_range(), pick);
-        let decibels = |pick| Cell::decibels(&of(pick));
-        let mut cells = vec![decibels(masked), change, decibels(psnr), Cell::spread(&of(ssim), 4)];
-        let orbit = |g| Cell::decibels(&means_over(scores, std::slice::from_ref(g), masked));
+        let decibels = |pick| TableCell::decibels(&of(pick));
+        let mut cells = vec![decibels(masked), change, decibels(psnr), TableCell::spread(&of(ssim), 4)];
+        let orbit = |g| TableCell::decibels(&means_over(scores, std::slice::from_ref(g), masked));
         cells.extend(groups::in_range().iter().map(orbit));
         cells
     };
     for m in all {
-        let change =
-            if m.blocks == 1 { Cell::Empty } else { Cell::spread(&changes(m, &all[0], &groups::in_range()), 2) };
+        let change = if m.blocks == 1 {
+            TableCell::Empty
+        } else {
+            TableCell::spread(&changes(m, &all[0], &groups::in_range()), 2)
+        };
         let p = paper::blocks(m.blocks);
-        let mut row = vec![Cell::count(m.blocks.into())];
+        let mut row = vec![TableCell::count(m.blocks.into())];
         row.extend(pictures(&m.scores, change));
-        row.extend([Cell::spread(&m.gaussians, 0), Cell::spread(&m.bytes, 0)]);
+        row.extend([TableCell::spread(&m.gaussians, 0), TableCell::spread(&m.bytes, 0)]);
         row.extend([
-            Cell::number(p.and_then(|p| p.merged), 2),
-            Cell::number(p.map(|p| p.tuned), 2),
-            Cell::number(p.map(|p| p.ssim), 4),
-            Cell::number(p.map(|p| p.thousands), 0),
+            TableCell::number(p.and_then(|p| p.merged), 2),
+            TableCell::number(p.map(|p| p.tuned), 2),
+            TableCell::number(p.map(|p| p.ssim), 4),
+            TableCell::number(p.map(|p| p.thousands), 0),
         ]);
         table.row(row);
     }
-    let mut row = vec![Cell::text("noise-free picture")];
-    row.extend(pictures(noise_free, Cell::Empty));
-    row.resize(heads.len(), Cell::Empty);
+    let mut row = vec![TableCell::text("noise-free picture")];
+    row.extend(pictures(noise_free, TableCell::Empty));
+    row.resize(heads.len(), TableCell::Empty);
     table.row(row);
     table
 }
 
 /// What each model's masked PSNR in some groups is more than the median of one block, dB.
-fn changes(m: &Measured, one: &Measured, groups: &[Group]) -> Vec<f64> {
-    let of = |m: &Measured| means_over(&m.scores, groups, masked);
+fn changes(m: &BlockCountScores, one: &BlockCountScores, groups: &[ViewGroup]) -> Vec<f64> {
+    let of = |m: &BlockCountScores| means_over(&m.scores, groups, masked);
     let median = Spread::of(&of(one)).map(|s| s.median);
     of(m).into_iter().filter_map(|v| Some(v - median?)).collect()
 }
 
 /// The same by distance, as a figure.
-fn changes_by_distance(all: &[Measured]) -> Plot {
+fn changes_by_distance(all: &[BlockCountScores]) -> Plot {
     let series = all.iter().enumerate().skip(1).map(|(style, m)| {
-        let point = |d: f64| Point::spread(d, &changes(m, &all[0], &[Group::orbit(d)]));
+        let point = |d: f64| Point::spread(d, &changes(m, &all[0], &[ViewGroup::orbit(d)]));
         let points = DISTANCES.iter().rev().filter_map(|d| point(*d)).collect();
         Series { name: format!("{} blocks", m.blocks), style, dashed: false, points }
     });
     Plot {
         name: "blocks-distance-change".into(),
         title: "Change from one block at the same bytes, by distance".into(),
-        x: Axis::linear("distance of the camera, base distances"),
-        y: Axis::linear("change of masked PSNR, dB"),
+        x: PlotAxis::linear("distance of the camera, base distances"),
+        y: PlotAxis::linear("change of masked PSNR, dB"),
         series: series.collect(),
         levels: vec![("one block".into(), 0.0)],
     }
 }
 
-fn curves<'a>(all: &'a [Measured], noise_free: &'a [Vec<Score>]) -> Vec<Curve<'a>> {
-    let curve = |(style, m): (usize, &'a Measured)| Curve {
+fn curves<'a>(all: &'a [BlockCountScores], noise_free: &'a [Vec<Score>]) -> Vec<ScoreCurve<'a>> {
+    let curve = |(style, m): (usize, &'a BlockCountScores)| ScoreCurve {
         label: if m.blocks == 1 { "1 block".into() } else { format!("{} blocks", m.blocks) },
         scores: &m.scores,
         style,
         dashed: false,
     };
-    let noise_free = Curve { label: "noise-free picture".into(), scores: noise_free, style: 8, dashed: true };
+    let noise_free = ScoreCurve { label: "noise-free picture".into(), scores: noise_free, style: 8, dashed: true };
     all.iter().enumerate().map(curve).chain([noise_free]).collect()
 }
 
-fn notes(lab: &Lab<'_>, truth: &Truth, frames: usize, all: &[Measured]) -> Vec<String> {
+fn notes(lab: &Lab<'_>, truth: &ReferenceViews, frames: usize, all: &[BlockCountScores]) -> Vec<String> {
     let mut notes = vec![
         format!(
             "Optical-depth models at ratio {RATIO}, all of them: a k-d tree cuts the particles into blocks of equal \
@@ -166,7 +170,7 @@ fn notes(lab: &Lab<'_>, truth: &Truth, frames: usize, all: &[Measured]) -> Vec<S
             told(lab, &all.iter().map(|m| m.scores.len()).collect::<Vec<_>>())
         ),
     ];
-    let change = |m: &Measured| Some((m.blocks, Spread::of(&changes(m, &all[0], &groups::in_range()))?));
+    let change = |m: &BlockCountScores| Some((m.blocks, Spread::of(&changes(m, &all[0], &groups::in_range()))?));
     let said: Vec<String> =
         all[1..].iter().filter_map(change).map(|(k, s)| format!("{k} blocks {:+.2} dB", s.median)).collect();
     notes.push(format!("Change of masked PSNR from one block at the same bytes: {}.", said.join(", ")));

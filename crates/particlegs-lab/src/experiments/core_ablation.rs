@@ -2,15 +2,15 @@
 //! components).
 
 use super::Experiment;
-use super::ablation::{self, Judge, Row};
+use super::ablation::{self, AblationRow, StageEvaluator};
 use super::core_more::choices;
-use super::groups::{self, Group, masked, mean_over};
+use super::groups::{self, ViewGroup, masked, mean_over};
 use super::published as paper;
 use super::seeds::each_seed;
-use crate::found::{Cell, Found, Table};
+use crate::found::{ExperimentResults, ResultTable, TableCell};
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
-use crate::training::{Task, Trained, ours_at, recipe, scale, scaled, single_resolution, trained};
+use crate::training::{TrainingResult, TrainingTask, ours_at, recipe, scale, scaled, single_resolution, trained};
 use particlegs::Result;
 use particlegs::train::Config;
 
@@ -31,11 +31,11 @@ pub(super) fn whole(lab: &Lab<'_>) -> Result<Config> {
     scaled(recipe(), scale(lab))
 }
 
-fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
+fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let (snapshot, config) = (&snapshots[0], whole(lab)?);
-    let of = |config: &Config| of_seeds(lab, snapshot, |seed| Task::published(config.clone(), 1, seed));
+    let of = |config: &Config| of_seeds(lab, snapshot, |seed| TrainingTask::published(config.clone(), 1, seed));
     let full = of(&config)?;
-    let judge = Judge::new(lab, snapshot, &config, &full[0].made.model.metadata, &all_groups())?;
+    let judge = StageEvaluator::new(lab, snapshot, &config, &full[0].made.model.metadata, &all_groups())?;
     let mut rows = vec![judge.row("published recipe, whole", &full, Some(paper::SINGLE))?];
     for (label, config, theirs) in ablations(scale(lab))? {
         rows.push(judge.row(label, &of(&config)?, Some(theirs))?);
@@ -44,7 +44,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     for (label, training) in
         [("ours: optical depth, untrained", None), ("ours: optical depth, trained (preset fast)", Some(ours))]
     {
-        let models = of_seeds(lab, snapshot, |seed| Task::ours(bytes, training.clone(), seed))?;
+        let models = of_seeds(lab, snapshot, |seed| TrainingTask::ours(bytes, training.clone(), seed))?;
         rows.push(judge.row(label, &models, None)?);
     }
     rows.push(judge.noise_free()?);
@@ -64,11 +64,16 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
          pictures, and the same trained on pictures by the preset `fast` with a last stage as large. Bytes as PLY are 68 \
          a Gaussian, as published. Time is wall-clock, on a machine that may have had other work."
     ));
-    Ok(Found { tables, notes, ..Found::default() })
+    Ok(ExperimentResults { tables, notes, ..ExperimentResults::default() })
 }
 
 /// Rows of what the paper does not compare, one seed each, below that of the whole recipe.
-fn more(lab: &Lab<'_>, snapshot: &Snapshot, judge: &Judge<'_>, full: &[Trained]) -> Result<Vec<Row>> {
+fn more(
+    lab: &Lab<'_>,
+    snapshot: &Snapshot,
+    judge: &StageEvaluator<'_>,
+    full: &[TrainingResult],
+) -> Result<Vec<AblationRow>> {
     let mut rows = vec![judge.row("published recipe, whole", full, None)?];
     for (label, task) in choices(scale(lab), lab.settings.seed)? {
         rows.push(judge.row(label, &[trained(lab, snapshot, &task)?], None)?);
@@ -77,12 +82,12 @@ fn more(lab: &Lab<'_>, snapshot: &Snapshot, judge: &Judge<'_>, full: &[Trained])
 }
 
 /// The task's model for every seed.
-fn of_seeds(lab: &Lab<'_>, snapshot: &Snapshot, task: impl Fn(u64) -> Task) -> Result<Vec<Trained>> {
-    each_seed(lab, |t: &Trained| &t.made.model, |seed| trained(lab, snapshot, &task(seed)))
+fn of_seeds(lab: &Lab<'_>, snapshot: &Snapshot, task: impl Fn(u64) -> TrainingTask) -> Result<Vec<TrainingResult>> {
+    each_seed(lab, |t: &TrainingResult| &t.made.model, |seed| trained(lab, snapshot, &task(seed)))
 }
 
 /// What is left out, the recipe without it, and what the paper found.
-fn ablations(scale: f64) -> Result<[(&'static str, Config, paper::Row); 3]> {
+fn ablations(scale: f64) -> Result<[(&'static str, Config, paper::PublishedRow); 3]> {
     let (mut no_vizmapper, mut far) = (recipe(), recipe());
     no_vizmapper.alpha_blend.vizmapper = false;
     far.cameras.orbits.truncate(1);
@@ -98,33 +103,33 @@ fn ablations(scale: f64) -> Result<[(&'static str, Config, paper::Row); 3]> {
 }
 
 /// Where the network is looked at on its own: radius and opacity within the trained range.
-fn factors() -> [(&'static str, Group); 5] {
+fn factors() -> [(&'static str, ViewGroup); 5] {
     [
-        ("radius 0.5", Group::radius(0.5)),
-        ("radius and opacity 1", Group::radius(1.0)),
-        ("radius 1.5", Group::radius(1.5)),
-        ("opacity 0.5", Group::opacity(0.5)),
-        ("opacity 1.5", Group::opacity(1.5)),
+        ("radius 0.5", ViewGroup::radius(0.5)),
+        ("radius and opacity 1", ViewGroup::radius(1.0)),
+        ("radius 1.5", ViewGroup::radius(1.5)),
+        ("opacity 0.5", ViewGroup::opacity(0.5)),
+        ("opacity 1.5", ViewGroup::opacity(1.5)),
     ]
 }
 
-fn all_groups() -> Vec<Group> {
+fn all_groups() -> Vec<ViewGroup> {
     groups::in_range().into_iter().chain(factors().map(|(_, g)| g)).collect()
 }
 
 /// What the network is worth by radius and opacity.
-fn by_factor(full: &Row, without: &Row, large: &str) -> Table {
+fn by_factor(full: &AblationRow, without: &AblationRow, large: &str) -> ResultTable {
     let heads = ["factor of the default", "whole, dB", "without VizMapper, dB", "the VizMapper's part, dB"];
     let title = format!("Where the VizMapper counts: masked PSNR at the mid orbit, {large}");
-    let mut table = Table::new("core-ablation-factors", title, &heads);
+    let mut table = ResultTable::new("core-ablation-factors", title, &heads);
     for (label, group) in factors() {
-        let of = |row: &Row| -> Vec<Option<f64>> {
+        let of = |row: &AblationRow| -> Vec<Option<f64>> {
             row.scores[1].iter().map(|s| mean_over(s, std::slice::from_ref(&group), masked)).collect()
         };
         let (with, without) = (of(full), of(without));
         let part: Vec<f64> = with.iter().zip(&without).filter_map(|(a, b)| Some((*a)? - (*b)?)).collect();
-        let cell = |v: Vec<Option<f64>>| Cell::spread(&v.into_iter().flatten().collect::<Vec<_>>(), 2);
-        table.row([Cell::text(label), cell(with), cell(without), Cell::spread(&part, 2)]);
+        let cell = |v: Vec<Option<f64>>| TableCell::spread(&v.into_iter().flatten().collect::<Vec<_>>(), 2);
+        table.row([TableCell::text(label), cell(with), cell(without), TableCell::spread(&part, 2)]);
     }
     table
 }

@@ -1,6 +1,6 @@
 //! The published recipe with other choices that the paper does not compare: one seed each.
 
-use crate::training::{Task, recipe, scaled};
+use crate::training::{TrainingTask, recipe, scaled};
 use particlegs::Result;
 use particlegs::model::LawKind;
 use particlegs::splat::Look;
@@ -10,14 +10,14 @@ use particlegs::train::{Config, Norm, Start};
 ///
 /// # Errors
 /// Those of [`scaled`].
-pub(super) fn choices(scale: f64, seed: u64) -> Result<Vec<(&'static str, Task)>> {
+pub(super) fn choices(scale: f64, seed: u64) -> Result<Vec<(&'static str, TrainingTask)>> {
     let with = |change: fn(&mut Config)| {
         let mut config = recipe();
         change(&mut config);
         scaled(config, scale)
     };
-    let published = |change| -> Result<Task> { Ok(Task::published(with(change)?, 1, seed)) };
-    let from = |change| -> Result<Task> { Ok(Task::published_from_fit(with(change)?, seed)) };
+    let published = |change| -> Result<TrainingTask> { Ok(TrainingTask::published(with(change)?, 1, seed)) };
+    let from = |change| -> Result<TrainingTask> { Ok(TrainingTask::published_from_fit(with(change)?, seed)) };
     Ok(vec![
         ("without density control", published(|c| c.stages.iter_mut().for_each(|s| s.densify.every = 0))?),
         ("without opacity resets", published(|c| c.alpha_blend.reset_every = 0)?),

@@ -2,12 +2,12 @@
 //! simulation codes"): nothing is tuned to any of them.
 
 use super::Experiment;
-use super::rate_distortion::{Beside, COMPARED, NOT_OF_THIS_SIZE, Row, beside, rows, series};
-use crate::found::{Axis, Cell, Found, Plot, Point, Spread, Table};
+use super::rate_distortion::{COMPARED, NOT_OF_THIS_SIZE, RatePoint, ReferenceScores, beside, rows, series};
+use crate::found::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Spread, TableCell};
 use crate::lab::{Lab, ModelSettings};
-use crate::method::Method;
+use crate::method::CompressionMethod;
 use crate::snapshot::Snapshot;
-use crate::views::{Truth, identical_note, mean, psnr, ssim};
+use crate::views::{ReferenceViews, identical_note, mean, psnr, ssim};
 use particlegs::{Error, Result};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -20,14 +20,14 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 };
 
 /// A data set at the ratio that is compared.
-struct Set<'a> {
+struct DatasetComparison<'a> {
     snapshot: &'a Snapshot,
     gaussians: usize,
-    rows: Vec<Row>,
-    beside: Beside,
+    rows: Vec<RatePoint>,
+    beside: ReferenceScores,
 }
 
-fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
+fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     lab.progress.begin("data sets", snapshots.len() as u64);
     let (mut sets, mut failed) = (Vec::new(), Vec::new());
     for snapshot in snapshots {
@@ -64,34 +64,34 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     notes.extend(lab.left_out());
     notes.extend(failed.iter().map(|(snapshot, e)| format!("{} was not measured: {e}.", snapshot.name)));
     let tables = vec![ours(&sets), margins(lab, &sets)];
-    Ok(Found { tables, plots: vec![plot(lab, &sets)], pictures: Vec::new(), notes })
+    Ok(ExperimentResults { tables, plots: vec![plot(lab, &sets)], pictures: Vec::new(), notes })
 }
 
-fn measured<'a>(lab: &Lab<'_>, snapshot: &'a Snapshot) -> Result<Set<'a>> {
+fn measured<'a>(lab: &Lab<'_>, snapshot: &'a Snapshot) -> Result<DatasetComparison<'a>> {
     let first = lab.model(snapshot, &ModelSettings::ratio(COMPARED, lab.settings.seed))?;
-    let truth = Truth::of(lab, snapshot, &first.model.metadata)?;
+    let truth = ReferenceViews::of(lab, snapshot, &first.model.metadata)?;
     let (rows, beside) = (rows(lab, snapshot, &truth, &[COMPARED])?, beside(lab, snapshot, &truth, &first)?);
-    Ok(Set { snapshot, gaussians: first.model.gaussians(), rows, beside })
+    Ok(DatasetComparison { snapshot, gaussians: first.model.gaussians(), rows, beside })
 }
 
-impl Set<'_> {
-    fn masked(&self, method: Method) -> Vec<f64> {
-        self.rows.iter().find(|r| r.method == method).map(Row::masked).unwrap_or_default()
+impl DatasetComparison<'_> {
+    fn masked(&self, method: CompressionMethod) -> Vec<f64> {
+        self.rows.iter().find(|r| r.method == method).map(RatePoint::masked).unwrap_or_default()
     }
 
     /// Is there a file, but none near the size that is compared?
-    fn missed(&self, method: Method) -> bool {
+    fn missed(&self, method: CompressionMethod) -> bool {
         let raw = self.snapshot.position_bytes() as f64;
         self.rows.iter().any(|r| r.method == method && r.bytes().is_some() && !r.met(raw))
     }
 
-    fn ours(&self) -> &Row {
-        self.rows.iter().find(|r| r.method == Method::OpticalDepth).unwrap_or(&self.rows[0])
+    fn ours(&self) -> &RatePoint {
+        self.rows.iter().find(|r| r.method == CompressionMethod::OpticalDepth).unwrap_or(&self.rows[0])
     }
 }
 
-fn ours(sets: &[Set<'_>]) -> Table {
-    let mut table = Table::new(
+fn ours(sets: &[DatasetComparison<'_>]) -> ResultTable {
+    let mut table = ResultTable::new(
         "datasets",
         format!("Our models at ratio {COMPARED}"),
         &[
@@ -110,51 +110,51 @@ fn ours(sets: &[Set<'_>]) -> Table {
     for (i, s) in sets.iter().enumerate() {
         let row = s.ours();
         table.row([
-            Cell::text(format!("{} {}", i + 1, s.snapshot.name)),
-            Cell::count(s.snapshot.particles.len() as u64),
-            Cell::count(s.gaussians as u64),
-            Cell::number(row.bytes(), 0),
-            Cell::decibels(&row.masked()),
-            Cell::decibels(&row.values(&|s| mean(s, psnr))),
-            Cell::spread(&row.values(&|s| mean(s, ssim)), 4),
-            Cell::number(s.beside.noise_free, 2),
-            Cell::number(s.beside.uniform_box, 2),
-            Cell::number(s.beside.all_black, 2),
+            TableCell::text(format!("{} {}", i + 1, s.snapshot.name)),
+            TableCell::count(s.snapshot.particles.len() as u64),
+            TableCell::count(s.gaussians as u64),
+            TableCell::number(row.bytes(), 0),
+            TableCell::decibels(&row.masked()),
+            TableCell::decibels(&row.values(&|s| mean(s, psnr))),
+            TableCell::spread(&row.values(&|s| mean(s, ssim)), 4),
+            TableCell::number(s.beside.noise_free, 2),
+            TableCell::number(s.beside.uniform_box, 2),
+            TableCell::number(s.beside.all_black, 2),
         ]);
     }
     table
 }
 
 /// How far ours is above each other way, a column a data set.
-fn margins(lab: &Lab<'_>, sets: &[Set<'_>]) -> Table {
+fn margins(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> ResultTable {
     let heads: Vec<&str> = ["method"].into_iter().chain(sets.iter().map(|s| s.snapshot.name.as_str())).collect();
     let title = format!("Our models above other ways, masked PSNR, dB, at ratio {COMPARED}");
-    let mut table = Table::new("datasets-margins", title, &heads);
-    for method in Method::all(lab).into_iter().skip(1) {
-        let above = |s: &Set<'_>| {
+    let mut table = ResultTable::new("datasets-margins", title, &heads);
+    for method in CompressionMethod::all(lab).into_iter().skip(1) {
+        let above = |s: &DatasetComparison<'_>| {
             if s.missed(method) {
-                return Cell::text(NOT_OF_THIS_SIZE);
+                return TableCell::text(NOT_OF_THIS_SIZE);
             }
             let ours = Spread::of(&s.ours().masked()).map_or(f64::NAN, |s| s.median);
-            Cell::spread(&s.masked(method).iter().map(|v| ours - v).collect::<Vec<_>>(), 2)
+            TableCell::spread(&s.masked(method).iter().map(|v| ours - v).collect::<Vec<_>>(), 2)
         };
-        table.row([Cell::text(method.name(lab))].into_iter().chain(sets.iter().map(above)));
+        table.row([TableCell::text(method.name(lab))].into_iter().chain(sets.iter().map(above)));
     }
     table
 }
 
-fn plot(lab: &Lab<'_>, sets: &[Set<'_>]) -> Plot {
-    let curve = |method: Method| {
+fn plot(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> Plot {
+    let curve = |method: CompressionMethod| {
         let there = sets.iter().enumerate().filter(|(_, s)| !s.missed(method));
-        let point = |(i, s): (usize, &Set<'_>)| Point::decibels((i + 1) as f64, &s.masked(method));
+        let point = |(i, s): (usize, &DatasetComparison<'_>)| Point::decibels((i + 1) as f64, &s.masked(method));
         series(lab, method, there.filter_map(point).collect())
     };
     Plot {
         name: "datasets".into(),
         title: format!("Masked PSNR at ratio {COMPARED} by data set"),
-        x: Axis::named("data set", sets.iter().map(|s| s.snapshot.name.clone()).collect()),
-        y: Axis::linear("masked PSNR, dB"),
-        series: Method::all(lab).into_iter().map(curve).collect(),
+        x: PlotAxis::named("data set", sets.iter().map(|s| s.snapshot.name.clone()).collect()),
+        y: PlotAxis::linear("masked PSNR, dB"),
+        series: CompressionMethod::all(lab).into_iter().map(curve).collect(),
         levels: Vec::new(),
     }
 }
@@ -179,7 +179,7 @@ mod tests {
         let found = run(&lab, &[of("large", 20_000), of("small", 300)]).unwrap();
         assert!(found.notes.last().unwrap().starts_with("small was not measured: "), "{:?}", found.notes);
         let (ours, margins) = (&found.tables[0], &found.tables[1]);
-        assert_eq!((ours.rows.len(), &ours.rows[0][0], margins.columns.len()), (1, &Cell::text("1 large"), 2));
+        assert_eq!((ours.rows.len(), &ours.rows[0][0], margins.columns.len()), (1, &TableCell::text("1 large"), 2));
         assert!(run(&lab, &[of("small", 300)]).is_err());
     }
 }

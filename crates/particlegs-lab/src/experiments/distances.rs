@@ -1,19 +1,19 @@
 //! Masked PSNR by distance of the camera for models of several numbers of blocks (paper, figure of block distances).
 
-use super::groups::{Group, masked, means_over};
-use crate::found::{Axis, Cell, Plot, Point, Series, Table};
+use super::groups::{ViewGroup, masked, means_over};
+use crate::found::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::views::Score;
 
 /// Distances of the figure, in base distances, far to near.
 pub(super) const DISTANCES: [f64; 5] = [1.3, 1.0, 0.7, 0.5, 0.35];
 
 /// The groups of views at those distances.
-pub(super) fn at_distances() -> Vec<Group> {
-    DISTANCES.map(Group::orbit).to_vec()
+pub(super) fn at_distances() -> Vec<ViewGroup> {
+    DISTANCES.map(ViewGroup::orbit).to_vec()
 }
 
 /// Models of one kind: what they are called, and the scores of each.
-pub(super) struct Curve<'a> {
+pub(super) struct ScoreCurve<'a> {
     pub label: String,
     pub scores: &'a [Vec<Score>],
     pub style: usize,
@@ -21,38 +21,39 @@ pub(super) struct Curve<'a> {
 }
 
 /// The figure.
-pub(super) fn plot(name: &str, title: &str, curves: &[Curve<'_>]) -> Plot {
+pub(super) fn plot(name: &str, title: &str, curves: &[ScoreCurve<'_>]) -> Plot {
     let series = curves.iter().map(|c| {
-        let point = |d: f64| Point::decibels(d, &means_over(c.scores, &[Group::orbit(d)], masked));
+        let point = |d: f64| Point::decibels(d, &means_over(c.scores, &[ViewGroup::orbit(d)], masked));
         let points = DISTANCES.iter().rev().filter_map(|d| point(*d)).collect();
         Series { name: c.label.clone(), style: c.style, dashed: c.dashed, points }
     });
     Plot {
         name: name.into(),
         title: title.into(),
-        x: Axis::linear("distance of the camera, base distances"),
-        y: Axis::linear("masked PSNR, dB"),
+        x: PlotAxis::linear("distance of the camera, base distances"),
+        y: PlotAxis::linear("masked PSNR, dB"),
         series: series.collect(),
         levels: vec![],
     }
 }
 
 /// The same as a table.
-pub(super) fn table(name: &str, title: &str, curves: &[Curve<'_>]) -> Table {
+pub(super) fn table(name: &str, title: &str, curves: &[ScoreCurve<'_>]) -> ResultTable {
     let heads: Vec<String> =
         std::iter::once("masked PSNR, dB, at distance".into()).chain(DISTANCES.iter().map(f64::to_string)).collect();
-    let mut table = Table::new(name, title, &heads.iter().map(String::as_str).collect::<Vec<_>>());
+    let mut table = ResultTable::new(name, title, &heads.iter().map(String::as_str).collect::<Vec<_>>());
     for c in curves {
-        let at = |d: &f64| Cell::decibels(&means_over(c.scores, &[Group::orbit(*d)], masked));
-        table.row(std::iter::once(Cell::text(&c.label)).chain(DISTANCES.iter().map(at)));
+        let at = |d: &f64| TableCell::decibels(&means_over(c.scores, &[ViewGroup::orbit(*d)], masked));
+        table.row(std::iter::once(TableCell::text(&c.label)).chain(DISTANCES.iter().map(at)));
     }
     table
 }
 
 /// How much more models gain over others near (0.5) than far (1.0), median against median: gains far and near, dB.
 pub(super) fn gains(over: &[Vec<Score>], of: &[Vec<Score>]) -> Option<[f64; 2]> {
-    let median =
-        |all: &[Vec<Score>], d| Some(crate::found::Spread::of(&means_over(all, &[Group::orbit(d)], masked))?.median);
+    let median = |all: &[Vec<Score>], d| {
+        Some(crate::found::Spread::of(&means_over(all, &[ViewGroup::orbit(d)], masked))?.median)
+    };
     let gain = |d| Some(median(of, d)? - median(over, d)?);
     Some([gain(1.0)?, gain(0.5)?])
 }
@@ -71,7 +72,7 @@ mod tests {
         let (one, eight) = ([scores(26.0, 25.0), scores(26.2, 25.4)], [scores(27.0, 27.0)]);
         let [far, near] = gains(&one, &eight).unwrap();
         assert!((far - 0.9).abs() < 1e-9 && (near - 1.8).abs() < 1e-9, "{far} {near}");
-        let curve = Curve { label: "1".into(), scores: &one, style: 0, dashed: false };
+        let curve = ScoreCurve { label: "1".into(), scores: &one, style: 0, dashed: false };
         let plot = plot("p", "P", &[curve]);
         // Near to far, where there are views.
         assert_eq!(plot.series[0].points.iter().map(|p| p.x).collect::<Vec<_>>(), [0.5, 1.0]);

@@ -2,14 +2,14 @@
 //! density control (paper, table of fine-tuning).
 
 use super::Experiment;
-use super::ablation::{self, Judge};
+use super::ablation::{self, StageEvaluator};
 use super::groups;
 use super::published as paper;
 use super::published_blocks::merged;
-use crate::found::Found;
+use crate::found::ExperimentResults;
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
-use crate::training::{Trained, recipe, scale, scaled, tuned};
+use crate::training::{TrainingResult, recipe, scale, scaled, tuned};
 use particlegs::Result;
 use particlegs::train::Config;
 
@@ -33,15 +33,15 @@ pub(super) fn production(scale: f64) -> Result<Config> {
     scaled(Config { evaluate_views: 4, ..Config::fine_tuning() }, scale)
 }
 
-fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
+fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let (snapshot, seed) = (&snapshots[0], lab.settings.seed);
     let of_blocks = merged(lab, snapshot, BLOCKS, seed)?;
     let tune = |config: &Config, seed| tuned(lab, snapshot, &of_blocks.made, config, seed);
     let config = production(scale(lab))?;
-    let seeds: Result<Vec<Trained>> = lab.settings.seeds().map(|seed| tune(&config, seed)).collect();
+    let seeds: Result<Vec<TrainingResult>> = lab.settings.seeds().map(|seed| tune(&config, seed)).collect();
     // Sizes are those of the recipe that made the blocks: fine-tuning has the first alone.
     let recipe = scaled(recipe(), scale(lab))?;
-    let judge = Judge::new(lab, snapshot, &recipe, &of_blocks.made.model.metadata, &groups::in_range())?;
+    let judge = StageEvaluator::new(lab, snapshot, &recipe, &of_blocks.made.model.metadata, &groups::in_range())?;
     let mut rows = vec![judge.row("published: L1, density control", &seeds?, Some(paper::EIGHT))?];
     for (label, config, theirs) in variants(&config) {
         rows.push(judge.row(label, &[tune(&config, seed)?], Some(theirs))?);
@@ -66,11 +66,11 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     notes.push(
         "Seeds of the first row are those of fine-tuning; the merged model is the same. Other rows have one.".into(),
     );
-    Ok(Found { tables, notes, ..Found::default() })
+    Ok(ExperimentResults { tables, notes, ..ExperimentResults::default() })
 }
 
 /// The changes of the paper's table, and what it found.
-fn variants(production: &Config) -> [(&'static str, Config, paper::Row); 3] {
+fn variants(production: &Config) -> [(&'static str, Config, paper::PublishedRow); 3] {
     let dssim = |share| {
         let mut config = production.clone();
         config.loss.dssim = share;

@@ -4,15 +4,15 @@ use super::Experiment;
 use super::ablation::frames as trained_frames;
 use super::blocks::RATIO;
 use super::core_ablation;
-use super::groups::{self, Group, in_pixels, masked, means_over, psnr, ssim};
+use super::groups::{self, ViewGroup, in_pixels, masked, means_over, psnr, ssim};
 use super::published as paper;
 use super::seeds::{each_seed, told};
-use super::sweep::{Model, Step, Sweep};
-use crate::found::{Cell, Found, Spread};
-use crate::lab::{Lab, Made, ModelSettings};
+use super::sweep::{Sweep, SweepModel, SweepStep};
+use crate::found::{ExperimentResults, Spread, TableCell};
+use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::snapshot::Snapshot;
-use crate::training::{self, Task, Trained};
-use crate::views::{Score, Truth};
+use crate::training::{self, TrainingResult, TrainingTask};
+use crate::views::{ReferenceViews, Score};
 use particlegs::Result;
 use particlegs::model::Metadata;
 use particlegs::picture::Size;
@@ -31,15 +31,18 @@ const RADII: [f64; 6] = [0.25, 0.5, 1.0, 1.5, 2.0, 2.5];
 /// Factors of the default opacity.
 const OPACITIES: [f64; 6] = [0.25, 0.5, 1.0, 1.5, 2.0, 2.4];
 
-fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
+fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let snapshot = &snapshots[0];
-    let made =
-        each_seed(lab, |made: &Made| &made.model, |seed| lab.model(snapshot, &ModelSettings::ratio(RATIO, seed)))?;
+    let made = each_seed(
+        lab,
+        |made: &ModelBuild| &made.model,
+        |seed| lab.model(snapshot, &ModelSettings::ratio(RATIO, seed)),
+    )?;
     let (metadata, frames) = (&made[0].model.metadata, 2 * lab.settings.frames);
     let truth = truth(lab, snapshot, metadata, frames, lab.settings.size)?;
     let models = vec![model(lab, snapshot, &truth, "optical depth", 0, &made)?];
     let noise_free = groups::noise_free(lab, snapshot, &truth)?;
-    let mut found = Found::default();
+    let mut found = ExperimentResults::default();
     found.notes.push(format!(
         "An optical-depth model at ratio {RATIO}, {}, against ParaView's picture of all \
          particles at {}: {frames} views a group, in the same directions in all groups. Over distances radius and \
@@ -63,19 +66,19 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
 }
 
 fn sweeps() -> [Sweep; 3] {
-    let orbits = paper::ORBITS.map(|o| Step {
+    let orbits = paper::ORBITS.map(|o| SweepStep {
         at: o.orbit,
-        group: Group::orbit(o.orbit),
+        group: ViewGroup::orbit(o.orbit),
         kind: o.kind,
         paper: [Some(o.masked), Some(o.ssim)],
     });
     let range = groups::RANGE[0]..=groups::RANGE[1];
     let inside = |f: f64| if range.contains(&f) { "trained" } else { "beyond" };
-    let factors = |all: [f64; 6], theirs: [(f64, f64); 2], group: fn(f64) -> Group| {
+    let factors = |all: [f64; 6], theirs: [(f64, f64); 2], group: fn(f64) -> ViewGroup| {
         all.map(|f| {
             let own = theirs.into_iter().find(|t| t.0 == f).map(|t| t.1);
             let at_defaults = (f == 1.0).then_some(paper::AT_DEFAULTS);
-            Step { at: f, group: group(f), kind: inside(f), paper: [own.or(at_defaults), None] }
+            SweepStep { at: f, group: group(f), kind: inside(f), paper: [own.or(at_defaults), None] }
         })
     };
     [
@@ -84,36 +87,36 @@ fn sweeps() -> [Sweep; 3] {
             name: "radius",
             what: "radius, default radii",
             base: Some(1.0),
-            steps: factors(RADII, paper::RADII, Group::radius).to_vec(),
+            steps: factors(RADII, paper::RADII, ViewGroup::radius).to_vec(),
         },
         Sweep {
             name: "opacity",
             what: "opacity, default opacities",
             base: Some(1.0),
-            steps: factors(OPACITIES, paper::OPACITIES, Group::opacity).to_vec(),
+            steps: factors(OPACITIES, paper::OPACITIES, ViewGroup::opacity).to_vec(),
         },
     ]
 }
 
-fn truth(lab: &Lab<'_>, snapshot: &Snapshot, metadata: &Metadata, frames: usize, size: Size) -> Result<Truth> {
-    let all: Vec<Group> = sweeps().into_iter().flat_map(|s| s.steps).map(|s| s.group).collect();
-    Truth::at_size(lab, snapshot, groups::views(&all, metadata, lab.settings.seed, frames), size)
+fn truth(lab: &Lab<'_>, snapshot: &Snapshot, metadata: &Metadata, frames: usize, size: Size) -> Result<ReferenceViews> {
+    let all: Vec<ViewGroup> = sweeps().into_iter().flat_map(|s| s.steps).map(|s| s.group).collect();
+    ReferenceViews::at_size(lab, snapshot, groups::views(&all, metadata, lab.settings.seed, frames), size)
 }
 
 fn model<'m>(
     lab: &Lab<'_>,
     snapshot: &Snapshot,
-    truth: &Truth,
+    truth: &ReferenceViews,
     label: &str,
     style: usize,
-    made: impl IntoIterator<Item = &'m Made>,
-) -> Result<Model> {
+    made: impl IntoIterator<Item = &'m ModelBuild>,
+) -> Result<SweepModel> {
     let scores = made.into_iter().map(|m| groups::scores(lab, snapshot, truth, m)).collect::<Result<_>>()?;
-    Ok(Model { label: label.into(), style, scores })
+    Ok(SweepModel { label: label.into(), style, scores })
 }
 
 /// Tables and plots of all sweeps.
-fn add(found: &mut Found, stem: &str, models: &[Model], noise_free: &[Score], of: &str) {
+fn add(found: &mut ExperimentResults, stem: &str, models: &[SweepModel], noise_free: &[Score], of: &str) {
     for sweep in sweeps() {
         found.tables.push(sweep.table(stem, models, noise_free, of));
         found.plots.push(sweep.plot(stem, models, noise_free, of));
@@ -121,7 +124,7 @@ fn add(found: &mut Found, stem: &str, models: &[Model], noise_free: &[Score], of
 }
 
 /// How far a model falls from the defaults beyond the published range, and how much of that is its own.
-fn falls(models: &[Model], noise_free: &[Score]) -> Vec<String> {
+fn falls(models: &[SweepModel], noise_free: &[Score]) -> Vec<String> {
     let cases = [("radius", 2.0), ("radius", 2.5), ("opacity", 2.0), ("opacity", 2.4)];
     let sweeps = sweeps();
     let said = cases.iter().filter_map(|(name, factor)| {
@@ -142,22 +145,23 @@ fn falls(models: &[Model], noise_free: &[Score]) -> Vec<String> {
 }
 
 /// The published law, trained, and ours at the same bytes, where the pictures are those of its training.
-fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, found: &mut Found) -> Result<()> {
+fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, found: &mut ExperimentResults) -> Result<()> {
     let config = core_ablation::whole(lab)?;
-    let each = |task: &dyn Fn(u64) -> Task| -> Result<Vec<Trained>> {
-        each_seed(lab, |t: &Trained| &t.made.model, |seed| training::trained(lab, snapshot, &task(seed)))
+    let each = |task: &dyn Fn(u64) -> TrainingTask| -> Result<Vec<TrainingResult>> {
+        each_seed(lab, |t: &TrainingResult| &t.made.model, |seed| training::trained(lab, snapshot, &task(seed)))
     };
-    let published = each(&|seed| Task::published(config.clone(), 1, seed))?;
+    let published = each(&|seed| TrainingTask::published(config.clone(), 1, seed))?;
     let mut plain = training::recipe();
     plain.alpha_blend.vizmapper = false;
     let plain = training::scaled(plain, training::scale(lab))?;
-    let plain = each(&|seed| Task::published(plain.clone(), 1, seed))?;
+    let plain = each(&|seed| TrainingTask::published(plain.clone(), 1, seed))?;
     let bytes = published[0].made.bytes.len() as u64;
-    let ours = each(&|seed| Task::ours(bytes, None, seed))?;
+    let ours = each(&|seed| TrainingTask::ours(bytes, None, seed))?;
     let [_, size] = training::sizes(&config);
     let truth = truth(lab, snapshot, &published[0].made.model.metadata, trained_frames(lab), size)?;
-    let of =
-        |label: &str, style, all: &[Trained]| model(lab, snapshot, &truth, label, style, all.iter().map(|t| &t.made));
+    let of = |label: &str, style, all: &[TrainingResult]| {
+        model(lab, snapshot, &truth, label, style, all.iter().map(|t| &t.made))
+    };
     let models = vec![
         of("optical depth, untrained", 0, &ours)?,
         of("published law, trained", 1, &published)?,
@@ -175,7 +179,7 @@ fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, found: &mut Found) -> Re
 }
 
 /// What the published law falls beyond its range more than ours.
-fn edge(models: &[Model]) -> Option<String> {
+fn edge(models: &[SweepModel]) -> Option<String> {
     let sweeps = sweeps();
     let radius = sweeps.iter().find(|s| s.name == "radius")?;
     let [ours, theirs] = [0, 1].map(|k| radius.fall(&models[k].scores, 2.5));
@@ -188,13 +192,13 @@ fn edge(models: &[Model]) -> Option<String> {
 }
 
 /// The cells of a model at a step.
-pub(super) fn cells(scores: &[Vec<Score>], group: &Group) -> [Cell; 3] {
+pub(super) fn cells(scores: &[Vec<Score>], group: &ViewGroup) -> [TableCell; 3] {
     let own = std::slice::from_ref(group);
     let of = |pick| means_over(scores, own, pick);
-    [Cell::decibels(&of(masked)), Cell::decibels(&of(psnr)), Cell::spread(&of(ssim), 4)]
+    [TableCell::decibels(&of(masked)), TableCell::decibels(&of(psnr)), TableCell::spread(&of(ssim), 4)]
 }
 
 /// The median over models of masked PSNR at a step.
-pub(super) fn median(scores: &[Vec<Score>], group: &Group) -> Option<f64> {
+pub(super) fn median(scores: &[Vec<Score>], group: &ViewGroup) -> Option<f64> {
     Some(Spread::of(&means_over(scores, std::slice::from_ref(group), masked))?.median)
 }

@@ -5,9 +5,9 @@
 //! group to group is the distance or the factor alone.
 
 use crate::device::Style;
-use crate::lab::{Lab, Made};
+use crate::lab::{Lab, ModelBuild};
 use crate::snapshot::Snapshot;
-use crate::views::{Score, Truth, mean_of_values, told};
+use crate::views::{ReferenceViews, Score, mean_of_values, told};
 pub(super) use crate::views::{masked, psnr, ssim};
 use particlegs::Result;
 use particlegs::camera::{View, base_distance, spiral};
@@ -23,7 +23,7 @@ pub(super) const TRAINED: [f64; 3] = [1.0, 0.7, 0.5];
 
 /// A group of views.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Group {
+pub(super) struct ViewGroup {
     /// What its views' names begin with.
     pub name: String,
     /// Distance, in base distances.
@@ -32,33 +32,33 @@ pub(super) struct Group {
     factors: Option<[f64; 2]>,
 }
 
-impl Group {
+impl ViewGroup {
     /// At a distance, radius and opacity drawn.
-    pub fn orbit(orbit: f64) -> Group {
-        Group { name: format!("orbit-{orbit}"), orbit, factors: None }
+    pub fn orbit(orbit: f64) -> ViewGroup {
+        ViewGroup { name: format!("orbit-{orbit}"), orbit, factors: None }
     }
 
     /// At the mid orbit, with a factor of the default radius.
-    pub fn radius(factor: f64) -> Group {
-        Group { name: format!("radius-{factor}"), orbit: TRAINED[1], factors: Some([factor, 1.0]) }
+    pub fn radius(factor: f64) -> ViewGroup {
+        ViewGroup { name: format!("radius-{factor}"), orbit: TRAINED[1], factors: Some([factor, 1.0]) }
     }
 
     /// At the mid orbit, with a factor of the default opacity.
-    pub fn opacity(factor: f64) -> Group {
-        Group { name: format!("opacity-{factor}"), orbit: TRAINED[1], factors: Some([1.0, factor]) }
+    pub fn opacity(factor: f64) -> ViewGroup {
+        ViewGroup { name: format!("opacity-{factor}"), orbit: TRAINED[1], factors: Some([1.0, factor]) }
     }
 }
 
 /// The trained orbits.
-pub(super) fn in_range() -> Vec<Group> {
-    TRAINED.map(Group::orbit).to_vec()
+pub(super) fn in_range() -> Vec<ViewGroup> {
+    TRAINED.map(ViewGroup::orbit).to_vec()
 }
 
 /// `frames` views of each group about a snapshot, named after it (`orbit-0.7_00`). Same seed, same views.
-pub(super) fn views(groups: &[Group], of: &Metadata, seed: u64, frames: usize) -> Vec<View> {
+pub(super) fn views(groups: &[ViewGroup], of: &Metadata, seed: u64, frames: usize) -> Vec<View> {
     let base = base_distance(&of.bounds, Size { width: 16, height: 9 });
     let turn = Random::of(Purpose::EvaluationTurn, seed, 0).bits();
-    let in_group = |group: &Group| {
+    let in_group = |group: &ViewGroup| {
         let cameras = spiral(of.bounds.center(), group.orbit * base, frames, Some(turn));
         let view = |(i, camera)| {
             let mut draw = Random::of(Purpose::EvaluationLook, seed, i as u64);
@@ -80,7 +80,12 @@ pub(super) fn views(groups: &[Group], of: &Metadata, seed: u64, frames: usize) -
 ///
 /// # Errors
 /// Those of drawing; [`particlegs::Error::Io`].
-pub(super) fn scores(lab: &Lab<'_>, snapshot: &Snapshot, truth: &Truth, made: &Made) -> Result<Vec<Score>> {
+pub(super) fn scores(
+    lab: &Lab<'_>,
+    snapshot: &Snapshot,
+    truth: &ReferenceViews,
+    made: &ModelBuild,
+) -> Result<Vec<Score>> {
     let model = blake3::hash(&made.bytes).to_hex().to_string();
     lab.on_device.result("scores", &(&snapshot.hash, model, all_told(truth)), || truth.of_model(lab, &made.model))
 }
@@ -89,26 +94,26 @@ pub(super) fn scores(lab: &Lab<'_>, snapshot: &Snapshot, truth: &Truth, made: &M
 ///
 /// # Errors
 /// As [`scores`].
-pub(super) fn noise_free(lab: &Lab<'_>, snapshot: &Snapshot, truth: &Truth) -> Result<Vec<Score>> {
+pub(super) fn noise_free(lab: &Lab<'_>, snapshot: &Snapshot, truth: &ReferenceViews) -> Result<Vec<Score>> {
     lab.on_device.result("scores", &(&snapshot.hash, "noise-free", all_told(truth)), || {
         let draw = lab.draws_particles(&snapshot.particles, truth.bounds, Style::NoiseFree)?;
         truth.score(|view| draw(view, truth.size))
     })
 }
 
-fn all_told(truth: &Truth) -> Vec<String> {
+fn all_told(truth: &ReferenceViews) -> Vec<String> {
     truth.views.iter().map(|view| told(view, truth.size)).collect()
 }
 
 /// The mean over groups of the mean over each group's views, of one figure.
-pub(super) fn mean_over(scores: &[Score], groups: &[Group], pick: fn(&Score) -> Option<f64>) -> Option<f64> {
-    let of = |g: &Group| crate::views::mean_of(scores, &g.name, pick);
+pub(super) fn mean_over(scores: &[Score], groups: &[ViewGroup], pick: fn(&Score) -> Option<f64>) -> Option<f64> {
+    let of = |g: &ViewGroup| crate::views::mean_of(scores, &g.name, pick);
     let values: Option<Vec<f64>> = groups.iter().map(of).collect();
     mean_of_values(&values?)
 }
 
 /// [`mean_over`] of several models: the values that there are.
-pub(super) fn means_over(all: &[Vec<Score>], groups: &[Group], pick: fn(&Score) -> Option<f64>) -> Vec<f64> {
+pub(super) fn means_over(all: &[Vec<Score>], groups: &[ViewGroup], pick: fn(&Score) -> Option<f64>) -> Vec<f64> {
     all.iter().filter_map(|scores| mean_over(scores, groups, pick)).collect()
 }
 
@@ -137,8 +142,8 @@ mod tests {
     #[test]
     fn groups_differ_in_what_they_are_named_after_alone() {
         let m = metadata();
-        let (far, near) = (Group::orbit(1.3), Group::orbit(0.5));
-        let all = views(&[far, near, Group::radius(2.0), Group::opacity(0.5)], &m, 42, 3);
+        let (far, near) = (ViewGroup::orbit(1.3), ViewGroup::orbit(0.5));
+        let all = views(&[far, near, ViewGroup::radius(2.0), ViewGroup::opacity(0.5)], &m, 42, 3);
         assert_eq!(all.len(), 12);
         let names: Vec<&str> = [0, 3, 6, 9].map(|i| all[i].name.as_str()).to_vec();
         assert_eq!(names, ["orbit-1.3_00", "orbit-0.5_00", "radius-2_00", "opacity-0.5_00"]);
@@ -159,7 +164,12 @@ mod tests {
         assert_ne!(all[0].radius, all[1].radius);
         assert_eq!(
             all,
-            views(&[Group::orbit(1.3), Group::orbit(0.5), Group::radius(2.0), Group::opacity(0.5)], &m, 42, 3)
+            views(
+                &[ViewGroup::orbit(1.3), ViewGroup::orbit(0.5), ViewGroup::radius(2.0), ViewGroup::opacity(0.5)],
+                &m,
+                42,
+                3
+            )
         );
     }
 
@@ -168,9 +178,9 @@ mod tests {
         let score = |view: &str, v: f64| Score { view: view.into(), psnr: Some(v), masked: None, ssim: None };
         let scores = [score("orbit-1_00", 10.0), score("orbit-1_01", 20.0), score("orbit-0.7_00", 35.0)];
         let same = crate::views::IDENTICAL;
-        let two = [Group::orbit(1.0), Group::orbit(0.7)];
+        let two = [ViewGroup::orbit(1.0), ViewGroup::orbit(0.7)];
         assert_eq!(mean_over(&scores, &two, psnr), Some(25.0));
         assert_eq!((mean_over(&scores, &two, masked), mean_over(&scores, &two, ssim)), (Some(same), None));
-        assert_eq!(mean_over(&scores, &[Group::orbit(0.5)], psnr), None);
+        assert_eq!(mean_over(&scores, &[ViewGroup::orbit(0.5)], psnr), None);
     }
 }

@@ -20,7 +20,7 @@ mod recovery;
 mod seeds;
 mod sweep;
 
-use crate::found::Found;
+use crate::found::ExperimentResults;
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
 use particlegs::{Error, Result};
@@ -38,7 +38,7 @@ pub struct Experiment {
     /// About how long it takes of all, in shares of the whole: for the time that is left.
     pub weight: u64,
     /// Does it. The first snapshot is the one that is measured; those after it are what it is compared over.
-    pub run: fn(&Lab<'_>, &[Snapshot]) -> Result<Found>,
+    pub run: fn(&Lab<'_>, &[Snapshot]) -> Result<ExperimentResults>,
 }
 
 /// All of them, in the order of a report.

@@ -7,7 +7,7 @@ pub(super) const BYTES_A_GAUSSIAN: u64 = 68;
 
 /// A row of the paper's tables of models.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Row {
+pub(super) struct PublishedRow {
     /// PSNR, dB.
     pub psnr: f64,
     /// Change from the table's first row, dB.
@@ -17,26 +17,26 @@ pub(super) struct Row {
 }
 
 /// `Sb...`: the single block, which the ablations of components start from.
-pub(super) const SINGLE: Row = Row { psnr: 28.80, change: 0.0, megabytes: 11.1 };
+pub(super) const SINGLE: PublishedRow = PublishedRow { psnr: 28.80, change: 0.0, megabytes: 11.1 };
 /// `AblNoVm...`.
-pub(super) const NO_VIZMAPPER: Row = Row { psnr: 23.30, change: -5.51, megabytes: 14.4 };
+pub(super) const NO_VIZMAPPER: PublishedRow = PublishedRow { psnr: 23.30, change: -5.51, megabytes: 14.4 };
 /// `AblNoProg...`.
-pub(super) const SINGLE_RESOLUTION: Row = Row { psnr: 26.42, change: -2.39, megabytes: 11.0 };
+pub(super) const SINGLE_RESOLUTION: PublishedRow = PublishedRow { psnr: 26.42, change: -2.39, megabytes: 11.0 };
 /// `AblNoOrbit...`.
-pub(super) const FAR_ORBIT: Row = Row { psnr: 28.04, change: -0.77, megabytes: 12.4 };
+pub(super) const FAR_ORBIT: PublishedRow = PublishedRow { psnr: 28.04, change: -0.77, megabytes: 12.4 };
 
 /// `Eb...`: eight blocks, fine-tuned: what the ablations of fine-tuning start from.
-pub(super) const EIGHT: Row = Row { psnr: 30.03, change: 0.0, megabytes: 49.8 };
+pub(super) const EIGHT: PublishedRow = PublishedRow { psnr: 30.03, change: 0.0, megabytes: 49.8 };
 /// `AblFtNoDensify...`.
-pub(super) const NO_DENSIFICATION: Row = Row { psnr: 28.61, change: -1.42, megabytes: 57.9 };
+pub(super) const NO_DENSIFICATION: PublishedRow = PublishedRow { psnr: 28.61, change: -1.42, megabytes: 57.9 };
 /// `AblFtPureDssim...`.
-pub(super) const PURE_DSSIM: Row = Row { psnr: 26.60, change: -3.43, megabytes: 298.2 };
+pub(super) const PURE_DSSIM: PublishedRow = PublishedRow { psnr: 26.60, change: -3.43, megabytes: 298.2 };
 /// `AblFtDssimBlend...`.
-pub(super) const DSSIM_BLEND: Row = Row { psnr: 28.26, change: -1.77, megabytes: 54.2 };
+pub(super) const DSSIM_BLEND: PublishedRow = PublishedRow { psnr: 28.26, change: -1.77, megabytes: 54.2 };
 
 /// A row of the block sweep (`Blk...`).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Blocks {
+pub(super) struct PublishedBlocks {
     /// Number of blocks.
     pub blocks: u32,
     /// PSNR after the merge, dB.
@@ -50,16 +50,16 @@ pub(super) struct Blocks {
 }
 
 /// The block sweep.
-pub(super) const BLOCKS: [Blocks; 5] = [
-    Blocks { blocks: 1, merged: None, tuned: 28.80, ssim: 0.7723, thousands: 171.0 },
-    Blocks { blocks: 2, merged: Some(28.99), tuned: 29.72, ssim: 0.8076, thousands: 543.0 },
-    Blocks { blocks: 4, merged: Some(28.85), tuned: 29.94, ssim: 0.8195, thousands: 601.0 },
-    Blocks { blocks: 8, merged: Some(28.32), tuned: 30.03, ssim: 0.8241, thousands: 769.0 },
-    Blocks { blocks: 16, merged: Some(26.80), tuned: 30.08, ssim: 0.8271, thousands: 1037.0 },
+pub(super) const BLOCKS: [PublishedBlocks; 5] = [
+    PublishedBlocks { blocks: 1, merged: None, tuned: 28.80, ssim: 0.7723, thousands: 171.0 },
+    PublishedBlocks { blocks: 2, merged: Some(28.99), tuned: 29.72, ssim: 0.8076, thousands: 543.0 },
+    PublishedBlocks { blocks: 4, merged: Some(28.85), tuned: 29.94, ssim: 0.8195, thousands: 601.0 },
+    PublishedBlocks { blocks: 8, merged: Some(28.32), tuned: 30.03, ssim: 0.8241, thousands: 769.0 },
+    PublishedBlocks { blocks: 16, merged: Some(26.80), tuned: 30.08, ssim: 0.8271, thousands: 1037.0 },
 ];
 
 /// The row of a number of blocks.
-pub(super) fn blocks(k: u32) -> Option<Blocks> {
+pub(super) fn blocks(k: u32) -> Option<PublishedBlocks> {
     BLOCKS.into_iter().find(|b| b.blocks == k)
 }
 

@@ -1,15 +1,15 @@
 //! The published recipe in blocks: trained on their own, merged, fine-tuned (paper, table and figure of blocks).
 
 use super::Experiment;
-use super::ablation::{self, Judge, Row};
-use super::distances::{self, Curve, at_distances};
+use super::ablation::{self, AblationRow, StageEvaluator};
+use super::distances::{self, ScoreCurve, at_distances};
 use super::finetune_ablation::production;
-use super::groups::{Group, masked, means_over};
+use super::groups::{ViewGroup, masked, means_over};
 use super::published::{self as paper, BYTES_A_GAUSSIAN, same_sign};
-use crate::found::{Axis, Cell, Found, Plot, Point, Series, Spread, Table};
+use crate::found::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
-use crate::training::{Task, Trained, recipe, scale, scaled, trained, tuned};
+use crate::training::{TrainingResult, TrainingTask, recipe, scale, scaled, trained, tuned};
 use particlegs::Result;
 use particlegs::train::Config;
 
@@ -31,34 +31,36 @@ fn numbers(lab: &Lab<'_>) -> &'static [u32] {
 ///
 /// # Errors
 /// Those of training.
-pub(super) fn merged(lab: &Lab<'_>, snapshot: &Snapshot, blocks: u32, seed: u64) -> Result<Trained> {
+pub(super) fn merged(lab: &Lab<'_>, snapshot: &Snapshot, blocks: u32, seed: u64) -> Result<TrainingResult> {
     let config = scaled(recipe(), scale(lab))?;
-    trained(lab, snapshot, &Task::published(config, blocks, seed))
+    trained(lab, snapshot, &TrainingTask::published(config, blocks, seed))
 }
 
 /// A number of blocks, merged and fine-tuned.
-struct Measured {
+struct BlockTuningRow {
     blocks: u32,
-    merged: Row,
-    tuned: Row,
+    merged: AblationRow,
+    tuned: AblationRow,
 }
 
-fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
+fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let (snapshot, seed) = (&snapshots[0], lab.settings.seed);
     let (recipe, tuning) = (scaled(recipe(), scale(lab))?, production(scale(lab))?);
-    let one: Vec<Trained> = lab.settings.seeds().map(|seed| merged(lab, snapshot, 1, seed)).collect::<Result<_>>()?;
-    let judge = Judge::new(lab, snapshot, &recipe, &one[0].made.model.metadata, &at_distances())?;
+    let one: Vec<TrainingResult> =
+        lab.settings.seeds().map(|seed| merged(lab, snapshot, 1, seed)).collect::<Result<_>>()?;
+    let judge = StageEvaluator::new(lab, snapshot, &recipe, &one[0].made.model.metadata, &at_distances())?;
     let mut all = Vec::new();
     for &k in numbers(lab) {
         let own = merged(lab, snapshot, k, seed)?;
         let after = tuned(lab, snapshot, &own.made, &tuning, seed)?;
         let merged = judge.row(&format!("{k} merged"), &[own], None)?;
         let tuned = judge.row(&format!("{k} fine-tuned"), &[after], None)?;
-        all.push(Measured { blocks: k, merged, tuned });
+        all.push(BlockTuningRow { blocks: k, merged, tuned });
     }
     let one = judge.row("one block", &one, Some(paper::SINGLE))?;
     let (sizes, noise_free) = (judge.sizes(), judge.noise_free()?);
-    let mut found = Found { notes: notes(lab, &recipe, &tuning, &one, &sizes), ..Found::default() };
+    let mut found =
+        ExperimentResults { notes: notes(lab, &recipe, &tuning, &one, &sizes), ..ExperimentResults::default() };
     found.notes.extend(ablation::held_note(all.iter().flat_map(|m| [&m.merged, &m.tuned])));
     found.notes.extend(near_and_far(&all, &one));
     found.notes.extend(ablation::room_note("one block", &one, &noise_free, &sizes));
@@ -76,7 +78,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     Ok(found)
 }
 
-fn table(all: &[Measured], one: &Row, sizes: &[String; 2]) -> Table {
+fn table(all: &[BlockTuningRow], one: &AblationRow, sizes: &[String; 2]) -> ResultTable {
     let [small, large] = sizes;
     let heads = [
         "blocks".into(),
@@ -103,46 +105,56 @@ fn table(all: &[Measured], one: &Row, sizes: &[String; 2]) -> Table {
         "same sign of the change".into(),
     ];
     let title = "Blocks trained by the published recipe, merged and fine-tuned";
-    let mut table = Table::new("published-blocks", title, &heads.each_ref().map(String::as_str));
+    let mut table = ResultTable::new("published-blocks", title, &heads.each_ref().map(String::as_str));
     all.iter().for_each(|m| table.row(cells(m, one)));
     table
 }
 
-fn cells(m: &Measured, one: &Row) -> Vec<Cell> {
+fn cells(m: &BlockTuningRow, one: &AblationRow) -> Vec<TableCell> {
     let changes = m.tuned.changes(one, 0);
     let p = paper::blocks(m.blocks);
     let theirs = p.map(|p| p.tuned - paper::SINGLE.psnr).filter(|c| *c != 0.0);
     let sign = Spread::of(&changes).zip(theirs).map(|(s, t)| same_sign(s.median, t, one.noise(0)));
     let as_ply: Vec<f64> = m.tuned.gaussians.iter().map(|n| n * BYTES_A_GAUSSIAN as f64).collect();
     vec![
-        Cell::count(m.blocks.into()),
-        Cell::spread(&m.merged.measured(0), 2),
-        Cell::spread(&m.tuned.measured(0), 2),
-        Cell::spread(&changes, 2),
-        Cell::spread(&m.merged.ssim(), 4),
-        Cell::spread(&m.tuned.ssim(), 4),
-        Cell::spread(&m.merged.measured(1), 2),
-        Cell::spread(&m.tuned.measured(1), 2),
-        Cell::spread(&m.merged.measured(2), 2),
-        Cell::spread(&m.tuned.measured(2), 2),
-        Cell::spread(&m.merged.gaussians, 0),
-        Cell::spread(&m.tuned.gaussians, 0),
-        Cell::spread(&m.tuned.bytes, 0),
-        Cell::spread(&as_ply, 0),
-        Cell::spread(&m.merged.seconds, 0),
-        Cell::spread(&m.tuned.seconds, 0),
-        Cell::number(p.and_then(|p| p.merged), 2),
-        Cell::number(p.map(|p| p.tuned), 2),
-        Cell::number(theirs, 2),
-        Cell::number(p.map(|p| p.ssim), 4),
-        Cell::number(p.map(|p| p.thousands), 0),
-        sign.map_or(Cell::Empty, Cell::text),
+        TableCell::count(m.blocks.into()),
+        TableCell::spread(&m.merged.measured(0), 2),
+        TableCell::spread(&m.tuned.measured(0), 2),
+        TableCell::spread(&changes, 2),
+        TableCell::spread(&m.merged.ssim(), 4),
+        TableCell::spread(&m.tuned.ssim(), 4),
+        TableCell::spread(&m.merged.measured(1), 2),
+        TableCell::spread(&m.tuned.measured(1), 2),
+        TableCell::spread(&m.merged.measured(2), 2),
+        TableCell::spread(&m.tuned.measured(2), 2),
+        TableCell::spread(&m.merged.gaussians, 0),
+        TableCell::spread(&m.tuned.gaussians, 0),
+        TableCell::spread(&m.tuned.bytes, 0),
+        TableCell::spread(&as_ply, 0),
+        TableCell::spread(&m.merged.seconds, 0),
+        TableCell::spread(&m.tuned.seconds, 0),
+        TableCell::number(p.and_then(|p| p.merged), 2),
+        TableCell::number(p.map(|p| p.tuned), 2),
+        TableCell::number(theirs, 2),
+        TableCell::number(p.map(|p| p.ssim), 4),
+        TableCell::number(p.map(|p| p.thousands), 0),
+        sign.map_or(TableCell::Empty, TableCell::text),
     ]
 }
 
 /// A curve a number of blocks; beside them one block as it was trained, of every seed, and the noise-free picture.
-fn curves<'a>(all: &'a [Measured], one: &'a Row, noise_free: &'a Row, tuned: bool) -> Vec<Curve<'a>> {
-    let of = |label: String, row: &'a Row, style, dashed| Curve { label, scores: &row.scores[0], style, dashed };
+fn curves<'a>(
+    all: &'a [BlockTuningRow],
+    one: &'a AblationRow,
+    noise_free: &'a AblationRow,
+    tuned: bool,
+) -> Vec<ScoreCurve<'a>> {
+    let of = |label: String, row: &'a AblationRow, style, dashed| ScoreCurve {
+        label,
+        scores: &row.scores[0],
+        style,
+        dashed,
+    };
     let own = all.iter().enumerate().filter(|(_, m)| tuned || m.blocks > 1).map(|(style, m)| {
         let label = if m.blocks == 1 { "1 block, fine-tuned".into() } else { format!("{} blocks", m.blocks) };
         of(label, if tuned { &m.tuned } else { &m.merged }, style + 1, false)
@@ -154,7 +166,7 @@ fn curves<'a>(all: &'a [Measured], one: &'a Row, noise_free: &'a Row, tuned: boo
 }
 
 /// Gaussians a block by particles a block (paper, figure of scale).
-fn growth(all: &[Measured], particles: usize) -> Plot {
+fn growth(all: &[BlockTuningRow], particles: usize) -> Plot {
     let points: Vec<Point> = all
         .iter()
         .rev()
@@ -170,8 +182,8 @@ fn growth(all: &[Measured], particles: usize) -> Plot {
     Plot {
         name: "published-blocks-growth".into(),
         title: "Gaussians of a block by its particles".into(),
-        x: Axis::logarithmic("particles a block"),
-        y: Axis::logarithmic("Gaussians a block, before fine-tuning"),
+        x: PlotAxis::logarithmic("particles a block"),
+        y: PlotAxis::logarithmic("Gaussians a block, before fine-tuning"),
         series: vec![
             Series { name: "published recipe".into(), style: 0, dashed: false, points },
             Series { name: "in proportion".into(), style: 7, dashed: true, points: straight },
@@ -180,7 +192,7 @@ fn growth(all: &[Measured], particles: usize) -> Plot {
     }
 }
 
-fn notes(lab: &Lab<'_>, recipe: &Config, tuning: &Config, one: &Row, sizes: &[String; 2]) -> Vec<String> {
+fn notes(lab: &Lab<'_>, recipe: &Config, tuning: &Config, one: &AblationRow, sizes: &[String; 2]) -> Vec<String> {
     let mut notes = ablation::notes(lab, scale(lab), recipe, sizes);
     notes.push(format!(
         "Every block is trained by all those steps in its own frame, merged by the published transform with the first \
@@ -197,13 +209,15 @@ fn notes(lab: &Lab<'_>, recipe: &Config, tuning: &Config, one: &Row, sizes: &[St
 }
 
 /// What eight blocks gain near and far.
-fn near_and_far(all: &[Measured], one: &Row) -> Option<String> {
+fn near_and_far(all: &[BlockTuningRow], one: &AblationRow) -> Option<String> {
     let eight = all.iter().find(|m| m.blocks == 8)?;
     let [far, near] = distances::gains(&one.scores[0], &eight.tuned.scores[0])?;
     let [paper_far, paper_near] = paper::EIGHT_GAINS;
     let alike = if (near > far) == (paper_near > paper_far) { "more near than far in both" } else { "not alike" };
     let tuned = all.iter().find(|m| m.blocks == 1).and_then(|m| {
-        let at = |row: &Row| Spread::of(&means_over(&row.scores[0], &[Group::orbit(0.5)], masked)).map(|s| s.median);
+        let at = |row: &AblationRow| {
+            Spread::of(&means_over(&row.scores[0], &[ViewGroup::orbit(0.5)], masked)).map(|s| s.median)
+        };
         Some(at(&m.tuned)? - at(one)?)
     });
     let steps =

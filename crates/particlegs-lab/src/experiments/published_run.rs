@@ -1,14 +1,14 @@
 //! One run of the published recipe at the largest scale that there is time for, in pieces: the same command goes on.
 
 use super::Experiment;
-use super::ablation::{self, Judge, Row};
+use super::ablation::{self, AblationRow, StageEvaluator};
 use super::groups::{self, in_pixels};
 use super::published as paper;
-use crate::found::{Axis, Cell, Found, Plot, Point, Series, Table};
+use crate::found::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
-use crate::training::{self, Evaluation, Task, Trained, trained_on};
-use crate::views::{Truth, mean};
+use crate::training::{self, TrainingResult, TrainingScore, TrainingTask, trained_on};
+use crate::views::{ReferenceViews, mean};
 use particlegs::Result;
 use particlegs::model::LawKind;
 use particlegs::train::{Config, Defaults, Preset};
@@ -33,17 +33,18 @@ fn minutes(lab: &Lab<'_>) -> f64 {
     lab.settings.minutes.unwrap_or(if lab.settings.quick { 2.0 } else { 120.0 })
 }
 
-fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
+fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let snapshot = &snapshots[0];
     let config = training::scaled(Config::preset(Preset::Paper, LawKind::AlphaBlend), scale(lab))?;
-    let task = Task::published(config.clone(), 1, lab.settings.seed);
+    let task = TrainingTask::published(config.clone(), 1, lab.settings.seed);
     let piece = Duration::from_secs_f64(60.0 * minutes(lab));
     let run = trained_on(lab, (&snapshot.particles, &snapshot.hash), &task, Some(piece))?;
-    let ours = training::trained(lab, snapshot, &Task::ours(run.made.bytes.len() as u64, None, lab.settings.seed))?;
+    let ours =
+        training::trained(lab, snapshot, &TrainingTask::ours(run.made.bytes.len() as u64, None, lab.settings.seed))?;
     let levels = levels(lab, snapshot, &config, &ours)?;
     let metadata = &ours.made.model.metadata;
-    let judge = Judge::new(lab, snapshot, &config, metadata, &groups::in_range())?;
-    let mut found = Found { notes: notes(lab, &run, &config, snapshot), ..Found::default() };
+    let judge = StageEvaluator::new(lab, snapshot, &config, metadata, &groups::in_range())?;
+    let mut found = ExperimentResults { notes: notes(lab, &run, &config, snapshot), ..ExperimentResults::default() };
     let sizes = judge.sizes();
     found.plots.push(plot(&run.curve, levels, &sizes[1]));
     found.tables.push(table(&run.curve));
@@ -60,7 +61,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
 }
 
 /// What our fit and the noise-free picture score in the held-out views of the run, dB.
-fn levels(lab: &Lab<'_>, snapshot: &Snapshot, config: &Config, ours: &Trained) -> Result<Vec<(String, f64)>> {
+fn levels(lab: &Lab<'_>, snapshot: &Snapshot, config: &Config, ours: &TrainingResult) -> Result<Vec<(String, f64)>> {
     let m = &ours.made.model.metadata;
     let defaults = Defaults {
         bounds: m.bounds,
@@ -71,7 +72,7 @@ fn levels(lab: &Lab<'_>, snapshot: &Snapshot, config: &Config, ours: &Trained) -
         gaussians: None,
     };
     let [_, size] = training::sizes(config);
-    let truth = Truth::at_size(lab, snapshot, config.held_out_views(&defaults), size)?;
+    let truth = ReferenceViews::at_size(lab, snapshot, config.held_out_views(&defaults), size)?;
     let of = |scores: Vec<_>| mean(&scores, groups::masked);
     let noise_free = of(groups::noise_free(lab, snapshot, &truth)?);
     let fit = of(groups::scores(lab, snapshot, &truth, &ours.made)?);
@@ -79,31 +80,36 @@ fn levels(lab: &Lab<'_>, snapshot: &Snapshot, config: &Config, ours: &Trained) -
     Ok(named.into_iter().filter_map(|(name, v)| Some((name.to_string(), v.filter(|v| v.is_finite())?))).collect())
 }
 
-fn plot(curve: &[Evaluation], levels: Vec<(String, f64)>, size: &str) -> Plot {
-    let point = |e: &Evaluation| Some(Point::new(e.iteration as f64, e.held_out_masked_psnr?));
+fn plot(curve: &[TrainingScore], levels: Vec<(String, f64)>, size: &str) -> Plot {
+    let point = |e: &TrainingScore| Some(Point::new(e.iteration as f64, e.held_out_masked_psnr?));
     let points = curve.iter().filter_map(point).collect();
     Plot {
         name: "published-run".into(),
         title: format!("The published recipe while it trains, {size}"),
-        x: Axis::linear("steps"),
-        y: Axis::linear("masked PSNR on held-out views, dB"),
+        x: PlotAxis::linear("steps"),
+        y: PlotAxis::linear("masked PSNR on held-out views, dB"),
         series: vec![Series { name: "published recipe".into(), style: 1, dashed: false, points }],
         levels,
     }
 }
 
-fn table(curve: &[Evaluation]) -> Table {
+fn table(curve: &[TrainingScore]) -> ResultTable {
     let heads = ["step", "masked PSNR on held-out views, dB", "Gaussians", "time of training, s"];
-    let mut table = Table::new("published-run-curve", "The published recipe while it trains", &heads);
+    let mut table = ResultTable::new("published-run-curve", "The published recipe while it trains", &heads);
     for e in curve {
-        let score = Cell::number(e.held_out_masked_psnr, 3);
-        table.row([Cell::count(e.iteration), score, Cell::count(e.gaussians), Cell::number(e.seconds, 0)]);
+        let score = TableCell::number(e.held_out_masked_psnr, 3);
+        table.row([
+            TableCell::count(e.iteration),
+            score,
+            TableCell::count(e.gaussians),
+            TableCell::number(e.seconds, 0),
+        ]);
     }
     table
 }
 
 /// How far the run is, and what about it is not as published.
-fn notes(lab: &Lab<'_>, run: &Trained, config: &Config, snapshot: &Snapshot) -> Vec<String> {
+fn notes(lab: &Lab<'_>, run: &TrainingResult, config: &Config, snapshot: &Snapshot) -> Vec<String> {
     let (of, done) = (config.iterations(), run.curve.last().map_or(0, |e| e.iteration));
     let seconds = run.curve.last().map_or(0.0, |e| e.seconds);
     let standing = match run.unfinished {
@@ -163,7 +169,7 @@ fn differences(lab: &Lab<'_>, config: &Config, snapshot: &Snapshot) -> Vec<Strin
 }
 
 /// The run beside our fit.
-fn beside(rows: &[Row; 3], sizes: &[String; 2]) -> Option<String> {
+fn beside(rows: &[AblationRow; 3], sizes: &[String; 2]) -> Option<String> {
     let of = |row: usize, measure| rows[row].measured(measure).first().copied();
     let (small, large) = (of(1, 1)? - of(0, 1)?, of(1, 2)? - of(0, 2)?);
     Some(format!(

@@ -1,32 +1,32 @@
 //! The density's own measures by size of file: what pictures hide.
 
-use super::rate_distortion::{BY_SIZE, COMPARED, Row, series};
-use crate::density::Density;
-use crate::found::{Axis, Cell, Plot, Point, Table};
+use super::rate_distortion::{BY_SIZE, COMPARED, RatePoint, series};
+use crate::density::DensityMeasures;
+use crate::found::{Plot, PlotAxis, Point, ResultTable, TableCell};
 use crate::lab::Lab;
-use crate::method::Method;
+use crate::method::CompressionMethod;
 use crate::snapshot::Snapshot;
 use particlegs::Result;
 
 /// The density's measures of a way at the ratio that its file has.
-pub(super) type OfDensity = (Method, f64, Density);
+pub(super) type MethodDensity = (CompressionMethod, f64, DensityMeasures);
 
 /// At every ratio where they are few, else at every second: statistics of particles take their time. What does not come
 /// near a size is left out there.
-pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[Row]) -> Result<Vec<OfDensity>> {
+pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint]) -> Result<Vec<MethodDensity>> {
     let ratios = &lab.settings.ratios;
     let (step, compared) = (ratios.len().div_ceil(4), ratios.iter().position(|r| *r == COMPARED).unwrap_or(0));
     let chosen: Vec<f64> = ratios.iter().copied().skip(compared % step).step_by(step).collect();
     let raw = of.position_bytes() as f64;
-    let methods = Method::all_and_trained(lab);
+    let methods = CompressionMethod::all_and_trained(lab);
     lab.progress.begin("densities", (methods.len() * chosen.len()) as u64);
     let mut all = Vec::new();
     for method in methods {
         for &ratio in &chosen {
             let row = rows.iter().find(|r| r.method == method && r.ratio == ratio);
-            let met = row.filter(|r| r.met(raw)).and_then(Row::bytes);
+            let met = row.filter(|r| r.met(raw)).and_then(RatePoint::bytes);
             if let Some(reached) = met.map(|bytes| raw / bytes) {
-                all.push((method, reached, Density::of(lab, of, method, (raw / ratio) as u64)?));
+                all.push((method, reached, DensityMeasures::of(lab, of, method, (raw / ratio) as u64)?));
             }
             lab.progress.advance(1);
         }
@@ -36,8 +36,8 @@ pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[Row]) -> Result<Ve
 }
 
 /// The measures as a table.
-pub(super) fn density_table(lab: &Lab<'_>, all: &[OfDensity]) -> Table {
-    let mut table = Table::new(
+pub(super) fn density_table(lab: &Lab<'_>, all: &[MethodDensity]) -> ResultTable {
+    let mut table = ResultTable::new(
         "rate-distortion-density",
         "Density by size of file",
         &[
@@ -54,52 +54,55 @@ pub(super) fn density_table(lab: &Lab<'_>, all: &[OfDensity]) -> Table {
     );
     for (method, ratio, d) in all {
         table.row([
-            Cell::text(method.name(lab)),
-            Cell::number(*ratio, 1),
-            Cell::number(d.held_out_bits, 2),
-            Cell::number(d.correlation, 4),
-            Cell::number(d.large_scales, 4),
-            Cell::number(d.power, 3),
-            Cell::number(d.correlated_to, 2),
-            Cell::number(d.groups, 2),
-            Cell::number(d.cores, 2),
+            TableCell::text(method.name(lab)),
+            TableCell::number(*ratio, 1),
+            TableCell::number(d.held_out_bits, 2),
+            TableCell::number(d.correlation, 4),
+            TableCell::number(d.large_scales, 4),
+            TableCell::number(d.power, 3),
+            TableCell::number(d.correlated_to, 2),
+            TableCell::number(d.groups, 2),
+            TableCell::number(d.cores, 2),
         ]);
     }
     table
 }
 
 /// The measures by ratio; `bits` are those of all particles.
-pub(super) fn density_plots(lab: &Lab<'_>, all: &[OfDensity], bits: f64) -> Vec<Plot> {
-    let plot = |name: &str, title: &str, y: Axis, of: fn(&Density) -> Option<f64>| {
-        let curve = |method: Method| {
+pub(super) fn density_plots(lab: &Lab<'_>, all: &[MethodDensity], bits: f64) -> Vec<Plot> {
+    let plot = |name: &str, title: &str, y: PlotAxis, of: fn(&DensityMeasures) -> Option<f64>| {
+        let curve = |method: CompressionMethod| {
             let own = all.iter().filter(|(m, ..)| *m == method);
             series(lab, method, own.filter_map(|(_, ratio, d)| Some(Point::new(*ratio, of(d)?))).collect())
         };
-        let x = Axis::logarithmic(BY_SIZE);
-        let series = Method::all_and_trained(lab).into_iter().map(curve).filter(|s| !s.points.is_empty()).collect();
+        let x = PlotAxis::logarithmic(BY_SIZE);
+        let series =
+            CompressionMethod::all_and_trained(lab).into_iter().map(curve).filter(|s| !s.points.is_empty()).collect();
         Plot { name: format!("rate-distortion-{name}"), title: title.into(), x, y, series, levels: Vec::new() }
     };
     let mut held_out = plot(
         "bits",
         "Density of particles that were left out, by size of file",
-        Axis::linear("held-out bits a particle"),
+        PlotAxis::linear("held-out bits a particle"),
         |d| d.held_out_bits,
     );
     held_out.levels = vec![("all particles".into(), bits), ("uniform box".into(), 0.0)];
     let mut groups = plot(
         "groups",
         "Groups of 100 particles and more, by size of file",
-        Axis::linear("groups, found / truth"),
+        PlotAxis::linear("groups, found / truth"),
         |d| d.groups,
     );
     groups.levels = vec![("truth".into(), 1.0)];
     let large = "mean |P / P truth - 1|, k to a quarter of the largest";
     vec![
         held_out,
-        plot("large-scales", "Power spectrum at large scales, by size of file", Axis::logarithmic(large), |d| {
+        plot("large-scales", "Power spectrum at large scales, by size of file", PlotAxis::logarithmic(large), |d| {
             d.large_scales
         }),
-        plot("power", "Power spectrum, by size of file", Axis::logarithmic("largest |P / P truth - 1|"), |d| d.power),
+        plot("power", "Power spectrum, by size of file", PlotAxis::logarithmic("largest |P / P truth - 1|"), |d| {
+            d.power
+        }),
         groups,
     ]
 }

@@ -4,12 +4,12 @@
 use super::Experiment;
 use super::rate_density::{densities, density_plots, density_table};
 use crate::density::all_particles_bits;
-use crate::found::{Axis, Cell, Found, Plot, Point, Series, Spread, Table};
-use crate::lab::{Lab, Made, ModelSettings};
-use crate::method::{Measured, Method};
+use crate::found::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
+use crate::lab::{Lab, ModelBuild, ModelSettings};
+use crate::method::{CompressionMethod, MethodMeasurement};
 use crate::snapshot::Snapshot;
 use crate::training;
-use crate::views::{Score, Truth, identical_note, masked, mean, mean_of, psnr, ssim};
+use crate::views::{ReferenceViews, Score, identical_note, masked, mean, mean_of, psnr, ssim};
 use particlegs::Result;
 use particlegs::score::{self, evaluation_views};
 use serde::{Deserialize, Serialize};
@@ -34,16 +34,16 @@ pub(super) const NOT_OF_THIS_SIZE: &str = "no file of this size";
 const OFF: f64 = 1.1;
 
 /// A way at a ratio, once a seed.
-pub(super) struct Row {
+pub(super) struct RatePoint {
     /// The way.
-    pub method: Method,
+    pub method: CompressionMethod,
     /// Asked for.
     pub ratio: f64,
     /// What was measured, a seed after the other.
-    pub runs: Vec<Measured>,
+    pub runs: Vec<MethodMeasurement>,
 }
 
-impl Row {
+impl RatePoint {
     /// A figure of every seed's scores; a seed without one is left out.
     pub fn values(&self, of: &dyn Fn(&[Score]) -> Option<f64>) -> Vec<f64> {
         self.runs.iter().filter(|r| r.failure.is_none()).filter_map(|r| of(&r.scores)).collect()
@@ -75,7 +75,7 @@ impl Row {
 
 /// What stands beside every way: masked PSNR in dB, means over the same views.
 #[derive(Clone, Copy, Serialize, Deserialize)]
-pub(super) struct Beside {
+pub(super) struct ReferenceScores {
     /// The picture of all particles without the noise of single ones.
     pub noise_free: Option<f64>,
     /// As many particles spread evenly over the box.
@@ -85,11 +85,16 @@ pub(super) struct Beside {
 }
 
 /// The floors, and the line that no model is expected to pass: found beside any model's scores.
-pub(super) fn beside(lab: &Lab<'_>, of: &Snapshot, truth: &Truth, any: &Made) -> Result<Beside> {
+pub(super) fn beside(
+    lab: &Lab<'_>,
+    of: &Snapshot,
+    truth: &ReferenceViews,
+    any: &ModelBuild,
+) -> Result<ReferenceScores> {
     lab.store.result("beside", &(&of.hash, truth.key()), || {
         let scored =
             score::evaluate(&any.model, &of.particles, &truth.views, truth.size, None, lab.progress)?.mean.paraview;
-        Ok(Beside {
+        Ok(ReferenceScores {
             noise_free: scored.noise_free.masked_psnr,
             uniform_box: scored.uniform_box.masked_psnr,
             all_black: scored.all_black.masked_psnr,
@@ -99,8 +104,8 @@ pub(super) fn beside(lab: &Lab<'_>, of: &Snapshot, truth: &Truth, any: &Made) ->
 
 /// Every way at every ratio, at every seed where it has a draw in it: models, which hardly depend on theirs and take
 /// longest, at the ratio that is compared alone.
-pub(super) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &Truth, ratios: &[f64]) -> Result<Vec<Row>> {
-    let (raw, methods) = (of.position_bytes() as f64, Method::all_and_trained(lab));
+pub(super) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &ReferenceViews, ratios: &[f64]) -> Result<Vec<RatePoint>> {
+    let (raw, methods) = (of.position_bytes() as f64, CompressionMethod::all_and_trained(lab));
     lab.progress.begin("ways and sizes", (ratios.len() * methods.len()) as u64);
     let mut rows = Vec::new();
     for &ratio in ratios {
@@ -108,22 +113,22 @@ pub(super) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &Truth, ratios: &[f64]) 
             let several = method.is_random() && (!method.is_model() || ratio == COMPARED);
             let seeds: Vec<u64> = lab.settings.seeds().take(if several { usize::MAX } else { 1 }).collect();
             let run = |seed| method.measure(lab, of, truth, (raw / ratio) as u64, seed);
-            rows.push(Row { method, ratio, runs: seeds.into_iter().map(run).collect::<Result<_>>()? });
+            rows.push(RatePoint { method, ratio, runs: seeds.into_iter().map(run).collect::<Result<_>>()? });
             lab.progress.advance(1);
         }
     }
     lab.progress.end();
     // A method's ratios stand together.
-    rows.sort_by_key(|r: &Row| methods.iter().position(|m| *m == r.method));
+    rows.sort_by_key(|r: &RatePoint| methods.iter().position(|m| *m == r.method));
     Ok(rows)
 }
 
-fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
+fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let snapshot = &snapshots[0];
     // The largest file that is asked for: of few particles the smallest are too small for one Gaussian.
     let largest = lab.settings.ratios.first().copied().unwrap_or(COMPARED);
     let first = lab.model(snapshot, &ModelSettings::ratio(largest, lab.settings.seed))?;
-    let truth = Truth::of(lab, snapshot, &first.model.metadata)?;
+    let truth = ReferenceViews::of(lab, snapshot, &first.model.metadata)?;
     let beside = beside(lab, snapshot, &truth, &first)?;
     let rows = rows(lab, snapshot, &truth, &lab.settings.ratios)?;
     let compared = lab.settings.ratios.contains(&COMPARED);
@@ -142,24 +147,24 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     if let Some((of_usual, beside_usual)) = &usual {
         tables.insert(0, margins(lab, [&rows, of_usual], raw, [beside, *beside_usual]));
     }
-    Ok(Found { tables, plots, pictures: Vec::new(), notes: notes(lab, snapshot, &rows, &truth) })
+    Ok(ExperimentResults { tables, plots, pictures: Vec::new(), notes: notes(lab, snapshot, &rows, &truth) })
 }
 
 /// Every way at the ratio that is compared from the same cameras at the default radius and opacity, which most users take.
-fn usual(lab: &Lab<'_>, of: &Snapshot, any: &Made) -> Result<(Vec<Row>, Beside)> {
+fn usual(lab: &Lab<'_>, of: &Snapshot, any: &ModelBuild) -> Result<(Vec<RatePoint>, ReferenceScores)> {
     let (m, s) = (&any.model.metadata, &lab.settings);
     let mut views = evaluation_views(m, s.size, s.seed, s.frames);
     views.iter_mut().for_each(|v| (v.radius, v.opacity) = (m.default_radius, m.default_opacity));
-    let truth = Truth::in_views(lab, of, views)?;
+    let truth = ReferenceViews::in_views(lab, of, views)?;
     Ok((rows(lab, of, &truth, &[COMPARED])?, beside(lab, of, &truth, any)?))
 }
 
-fn levels(b: Beside) -> Vec<(String, f64)> {
+fn levels(b: ReferenceScores) -> Vec<(String, f64)> {
     let named = [("noise-free", b.noise_free), ("uniform box", b.uniform_box), ("all black", b.all_black)];
     named.into_iter().filter_map(|(name, level)| Some((name.to_string(), level?))).collect()
 }
 
-fn notes(lab: &Lab<'_>, of: &Snapshot, rows: &[Row], truth: &Truth) -> Vec<String> {
+fn notes(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint], truth: &ReferenceViews) -> Vec<String> {
     let size = truth.size;
     let mut notes = vec![
         format!(
@@ -198,7 +203,7 @@ fn notes(lab: &Lab<'_>, of: &Snapshot, rows: &[Row], truth: &Truth) -> Vec<Strin
              files of low ratios hold more Gaussians than it makes, and others bound their number. Its density follows \
              opacities that were fitted to pictures. At its own scale the recipe has pictures and steps that these runs \
              do not have: see published-run.",
-            Method::AlphaBlend.name(lab),
+            CompressionMethod::AlphaBlend.name(lab),
             training::scale(lab)
         ));
     }
@@ -217,8 +222,8 @@ fn notes(lab: &Lab<'_>, of: &Snapshot, rows: &[Row], truth: &Truth) -> Vec<Strin
 
 /// What our models are above each other way at the ratio that is compared: in views whose radius and opacity are drawn,
 /// and in those of the defaults.
-fn margins(lab: &Lab<'_>, rows: [&[Row]; 2], raw: f64, beside: [Beside; 2]) -> Table {
-    let mut table = Table::new(
+fn margins(lab: &Lab<'_>, rows: [&[RatePoint]; 2], raw: f64, beside: [ReferenceScores; 2]) -> ResultTable {
+    let mut table = ResultTable::new(
         "rate-distortion-margins",
         format!("At ratio {COMPARED}: masked PSNR, and how far our models are above"),
         &[
@@ -229,18 +234,19 @@ fn margins(lab: &Lab<'_>, rows: [&[Row]; 2], raw: f64, beside: [Beside; 2]) -> T
             "ours above there, dB",
         ],
     );
-    let at = |side: usize, method: Method| rows[side].iter().find(|r| r.method == method && r.ratio == COMPARED);
-    let of = |side: usize, method: Method| at(side, method).map(Row::masked).unwrap_or_default();
-    let ours = [0, 1].map(|side| Spread::of(&of(side, Method::OpticalDepth)).map_or(f64::NAN, |s| s.median));
+    let at =
+        |side: usize, method: CompressionMethod| rows[side].iter().find(|r| r.method == method && r.ratio == COMPARED);
+    let of = |side: usize, method: CompressionMethod| at(side, method).map(RatePoint::masked).unwrap_or_default();
+    let ours = [0, 1].map(|side| Spread::of(&of(side, CompressionMethod::OpticalDepth)).map_or(f64::NAN, |s| s.median));
     let mut row = |name: String, values: [Vec<f64>; 2], missed: bool| {
         let cells = |side: usize| {
             let above: Vec<f64> = values[side].iter().map(|v| ours[side] - v).collect();
-            let above = if missed { Cell::text(NOT_OF_THIS_SIZE) } else { Cell::spread(&above, 2) };
-            [Cell::decibels(&values[side]), above]
+            let above = if missed { TableCell::text(NOT_OF_THIS_SIZE) } else { TableCell::spread(&above, 2) };
+            [TableCell::decibels(&values[side]), above]
         };
-        table.row([Cell::text(name)].into_iter().chain(cells(0)).chain(cells(1)));
+        table.row([TableCell::text(name)].into_iter().chain(cells(0)).chain(cells(1)));
     };
-    for method in Method::all_and_trained(lab) {
+    for method in CompressionMethod::all_and_trained(lab) {
         let missed = at(0, method).is_some_and(|r| r.bytes().is_some() && !r.met(raw));
         row(method.name(lab), [0, 1].map(|side| of(side, method)), missed);
     }
@@ -252,8 +258,8 @@ fn margins(lab: &Lab<'_>, rows: [&[Row]; 2], raw: f64, beside: [Beside; 2]) -> T
     table
 }
 
-fn pictures(lab: &Lab<'_>, rows: &[Row], raw: f64) -> Table {
-    let mut table = Table::new(
+fn pictures(lab: &Lab<'_>, rows: &[RatePoint], raw: f64) -> ResultTable {
+    let mut table = ResultTable::new(
         "rate-distortion-pictures",
         "Pictures by size of file",
         &[
@@ -270,42 +276,42 @@ fn pictures(lab: &Lab<'_>, rows: &[Row], raw: f64) -> Table {
         ],
     );
     for r in rows {
-        let orbit = |o: &'static str| Cell::decibels(&r.values(&move |s| mean_of(s, o, masked)));
+        let orbit = |o: &'static str| TableCell::decibels(&r.values(&move |s| mean_of(s, o, masked)));
         table.row([
-            Cell::text(r.method.name(lab)),
-            Cell::number(r.ratio, usize::from(r.ratio < 10.0)),
-            Cell::number(r.bytes().map(|b| raw / b), 1),
-            Cell::number(r.bytes(), 0),
-            Cell::decibels(&r.masked()),
+            TableCell::text(r.method.name(lab)),
+            TableCell::number(r.ratio, usize::from(r.ratio < 10.0)),
+            TableCell::number(r.bytes().map(|b| raw / b), 1),
+            TableCell::number(r.bytes(), 0),
+            TableCell::decibels(&r.masked()),
             orbit("far"),
             orbit("mid"),
             orbit("near"),
-            Cell::decibels(&r.values(&|s| mean(s, psnr))),
-            Cell::spread(&r.values(&|s| mean(s, ssim)), 4),
+            TableCell::decibels(&r.values(&|s| mean(s, psnr))),
+            TableCell::spread(&r.values(&|s| mean(s, ssim)), 4),
         ]);
     }
     table
 }
 
 /// The bounds of compressors that have one, once a size.
-fn bounds(lab: &Lab<'_>, rows: &[Row], unit: &str) -> Table {
+fn bounds(lab: &Lab<'_>, rows: &[RatePoint], unit: &str) -> ResultTable {
     let (bound, error) = (format!("bound, {unit}"), format!("largest error, {unit}"));
-    let mut table = Table::new(
+    let mut table = ResultTable::new(
         "rate-distortion-bounds",
         "Bounds, verified after decoding",
         &["method", "ratio asked", &bound, &error, "held", "compression, s", "decompression, s"],
     );
-    for r in rows.iter().filter(|r| matches!(r.method, Method::Baseline { jitter: false, .. })) {
+    for r in rows.iter().filter(|r| matches!(r.method, CompressionMethod::Baseline { jitter: false, .. })) {
         let Some(run) = r.runs.first() else { continue };
         let (bound, failure) = (run.bound, run.failure.clone());
         table.row([
-            Cell::text(r.method.name(lab)),
-            Cell::number(r.ratio, usize::from(r.ratio < 10.0)),
-            Cell::number(bound.map(|b| b.asked), 5),
-            Cell::number(bound.map(|b| b.largest_error), 5),
-            Cell::text(failure.map_or("yes".into(), |why| format!("no: {why}"))),
-            Cell::number(bound.map(|b| b.seconds[0]), 3),
-            Cell::number(bound.map(|b| b.seconds[1]), 3),
+            TableCell::text(r.method.name(lab)),
+            TableCell::number(r.ratio, usize::from(r.ratio < 10.0)),
+            TableCell::number(bound.map(|b| b.asked), 5),
+            TableCell::number(bound.map(|b| b.largest_error), 5),
+            TableCell::text(failure.map_or("yes".into(), |why| format!("no: {why}"))),
+            TableCell::number(bound.map(|b| b.seconds[0]), 3),
+            TableCell::number(bound.map(|b| b.seconds[1]), 3),
         ]);
     }
     table
@@ -313,12 +319,12 @@ fn bounds(lab: &Lab<'_>, rows: &[Row], unit: &str) -> Table {
 
 /// A curve a way: colours are the compressor's, broken lines its other order, its particles moved, or models of
 /// the published law.
-pub(super) fn series(lab: &Lab<'_>, method: Method, points: Vec<Point>) -> Series {
+pub(super) fn series(lab: &Lab<'_>, method: CompressionMethod, points: Vec<Point>) -> Series {
     let (style, dashed) = match method {
-        Method::OpticalDepth => (0, false),
-        Method::AlphaBlend => (0, true),
-        Method::Subset => (1, false),
-        Method::Baseline { at, jitter } => {
+        CompressionMethod::OpticalDepth => (0, false),
+        CompressionMethod::AlphaBlend => (0, true),
+        CompressionMethod::Subset => (1, false),
+        CompressionMethod::Baseline { at, jitter } => {
             let family = |name: &str| name.split([' ', ',']).next().unwrap_or_default().to_string();
             let own = family(lab.baselines[at].name());
             let mut families: Vec<String> = lab.baselines.iter().map(|b| family(b.name())).collect();
@@ -332,22 +338,22 @@ pub(super) fn series(lab: &Lab<'_>, method: Method, points: Vec<Point>) -> Serie
 
 fn picture_plot(
     lab: &Lab<'_>,
-    rows: &[Row],
+    rows: &[RatePoint],
     raw: f64,
     name: &str,
     label: &str,
     of: &dyn Fn(&[Score]) -> Option<f64>,
 ) -> Plot {
-    let curve = |method: Method| {
+    let curve = |method: CompressionMethod| {
         let own = rows.iter().filter(|r| r.method == method);
         series(lab, method, own.filter_map(|r| Point::decibels(raw / r.bytes()?, &r.values(of))).collect())
     };
     Plot {
         name: format!("rate-distortion-{name}"),
         title: format!("{} of pictures by size of file", label.split(',').next().unwrap_or(label)),
-        x: Axis::logarithmic(BY_SIZE),
-        y: Axis::linear(label),
-        series: Method::all_and_trained(lab).into_iter().map(curve).collect(),
+        x: PlotAxis::logarithmic(BY_SIZE),
+        y: PlotAxis::linear(label),
+        series: CompressionMethod::all_and_trained(lab).into_iter().map(curve).collect(),
         levels: Vec::new(),
     }
 }
@@ -358,9 +364,12 @@ mod tests {
 
     #[test]
     fn what_is_not_of_a_size_is_not_compared_at_it() {
-        let of = |bytes| Measured { bytes, bound: None, scores: Vec::new(), failure: None };
-        let row =
-            |bytes: &[u64]| Row { method: Method::Subset, ratio: 10.0, runs: bytes.iter().map(|b| of(*b)).collect() };
+        let of = |bytes| MethodMeasurement { bytes, bound: None, scores: Vec::new(), failure: None };
+        let row = |bytes: &[u64]| RatePoint {
+            method: CompressionMethod::Subset,
+            ratio: 10.0,
+            runs: bytes.iter().map(|b| of(*b)).collect(),
+        };
         // 10,000 raw bytes at ratio 10: 1000, give or take a tenth.
         let met = [&[1000][..], &[911, 900, 915], &[1101], &[9000], &[]].map(|b| row(b).met(10_000.0));
         assert_eq!(met, [true, true, false, false, false]);

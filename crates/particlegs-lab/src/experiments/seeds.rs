@@ -41,7 +41,7 @@ pub(super) fn told(lab: &Lab<'_>, counts: &[usize]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lab::{Made, ModelSettings};
+    use crate::lab::{ModelBuild, ModelSettings};
     use crate::settings::Settings;
     use crate::snapshot::Snapshot;
     use particlegs::particles::Particles;
@@ -55,9 +55,13 @@ mod tests {
         let settings = Settings { seeds: 3, ..Settings::new(true, "".into()) };
         let lab = Lab::new(settings, folder.path(), &Silent).unwrap();
         let of = |ratio: fn(u64) -> f64| {
-            each_seed(&lab, |m: &Made| &m.model, |seed| lab.model(&snapshot, &ModelSettings::ratio(ratio(seed), seed)))
-                .unwrap()
-                .len()
+            each_seed(
+                &lab,
+                |m: &ModelBuild| &m.model,
+                |seed| lab.model(&snapshot, &ModelSettings::ratio(ratio(seed), seed)),
+            )
+            .unwrap()
+            .len()
         };
         assert_eq!((of(|_| 10.0), of(|seed| 5.0 + seed as f64 / 10.0)), (1, 3));
         // One seed alone says nothing of what seeds change.

@@ -1,17 +1,17 @@
 //! Scores of models while one thing about the views changes: the distance, the radius or the opacity.
 
 use super::generalisation::{cells, median};
-use super::groups::{Group, masked, means_over};
-use crate::found::{Axis, Cell, Plot, Point, Series, Table};
+use super::groups::{ViewGroup, masked, means_over};
+use crate::found::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::views::Score;
 
 /// A value of what changes.
 #[derive(Clone)]
-pub(super) struct Step {
+pub(super) struct SweepStep {
     /// The value.
     pub at: f64,
     /// Its views.
-    pub group: Group,
+    pub group: ViewGroup,
     /// What it is to the published training: trained, between or beyond.
     pub kind: &'static str,
     /// The paper's masked PSNR, dB, and SSIM.
@@ -27,11 +27,11 @@ pub(super) struct Sweep {
     /// The value that falls are told from, where they are.
     pub base: Option<f64>,
     /// Values.
-    pub steps: Vec<Step>,
+    pub steps: Vec<SweepStep>,
 }
 
 /// Models of one kind, and the scores of each.
-pub(super) struct Model {
+pub(super) struct SweepModel {
     /// Its name.
     pub label: String,
     /// Colour and mark.
@@ -47,7 +47,7 @@ impl Sweep {
     }
 
     /// A row a value; `of` says at the title's end what is different about this table.
-    pub fn table(&self, stem: &str, models: &[Model], noise_free: &[Score], of: &str) -> Table {
+    pub fn table(&self, stem: &str, models: &[SweepModel], noise_free: &[Score], of: &str) -> ResultTable {
         let mut heads = vec![self.what.to_string(), "published training".into()];
         for m in models {
             let l = &m.label;
@@ -58,21 +58,21 @@ impl Sweep {
         heads.push(self.base.map_or("paper: SSIM".into(), |b| format!("paper: change from {b}, dB")));
         let title = self.title(of);
         let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
-        let mut table = Table::new(&format!("{stem}-{}", self.name), title, &heads);
+        let mut table = ResultTable::new(&format!("{stem}-{}", self.name), title, &heads);
         let noise_free = [noise_free.to_vec()];
         for step in &self.steps {
             let limit = median(&noise_free, &step.group);
-            let mut row = vec![Cell::number(step.at, 2), Cell::text(step.kind)];
+            let mut row = vec![TableCell::number(step.at, 2), TableCell::text(step.kind)];
             for m in models {
                 let own = median(&m.scores, &step.group);
                 row.extend(cells(&m.scores, &step.group));
-                row.push(Cell::number(limit.zip(own).map(|(l, o)| l - o), 2));
-                row.extend(self.base.map(|_| Cell::number(self.fall(&m.scores, step.at), 2)));
+                row.push(TableCell::number(limit.zip(own).map(|(l, o)| l - o), 2));
+                row.extend(self.base.map(|_| TableCell::number(self.fall(&m.scores, step.at), 2)));
             }
-            row.extend([Cell::number(limit, 2), Cell::number(step.paper[0], 2)]);
+            row.extend([TableCell::number(limit, 2), TableCell::number(step.paper[0], 2)]);
             row.push(match self.base {
-                Some(_) => Cell::number(self.paper_fall(step.at), 2),
-                None => Cell::number(step.paper[1], 3),
+                Some(_) => TableCell::number(self.paper_fall(step.at), 2),
+                None => TableCell::number(step.paper[1], 3),
             });
             table.row(row);
         }
@@ -80,8 +80,8 @@ impl Sweep {
     }
 
     /// Curves of the models, of the noise-free picture and of the paper.
-    pub fn plot(&self, stem: &str, models: &[Model], noise_free: &[Score], of: &str) -> Plot {
-        let points = |value: &dyn Fn(&Step) -> Option<Point>| {
+    pub fn plot(&self, stem: &str, models: &[SweepModel], noise_free: &[Score], of: &str) -> Plot {
+        let points = |value: &dyn Fn(&SweepStep) -> Option<Point>| {
             let mut all: Vec<Point> = self.steps.iter().filter_map(value).collect();
             all.sort_by(|a, b| a.x.total_cmp(&b.x));
             all
@@ -100,8 +100,8 @@ impl Sweep {
         Plot {
             name: format!("{stem}-{}", self.name),
             title: self.title(of),
-            x: Axis::linear(self.what),
-            y: Axis::linear("masked PSNR, dB"),
+            x: PlotAxis::linear(self.what),
+            y: PlotAxis::linear("masked PSNR, dB"),
             series,
             levels: vec![],
         }
@@ -119,7 +119,7 @@ impl Sweep {
         Some(self.step(at)?.paper[0]? - self.step(base)?.paper[0]?)
     }
 
-    fn step(&self, at: f64) -> Option<&Step> {
+    fn step(&self, at: f64) -> Option<&SweepStep> {
         self.steps.iter().find(|s| s.at == at)
     }
 }
@@ -129,7 +129,8 @@ mod tests {
     use super::*;
 
     fn sweep() -> Sweep {
-        let step = |at: f64, paper| Step { at, group: Group::radius(at), kind: "trained", paper: [paper, None] };
+        let step =
+            |at: f64, paper| SweepStep { at, group: ViewGroup::radius(at), kind: "trained", paper: [paper, None] };
         let steps = vec![step(1.0, Some(26.0)), step(0.5, None), step(2.5, Some(20.5))];
         Sweep { name: "radius", what: "radius", base: Some(1.0), steps }
     }
@@ -143,12 +144,12 @@ mod tests {
     #[test]
     fn falls_are_from_the_base_and_noise_is_told_apart() {
         let (sweep, limit) = (sweep(), scores([33.0, 34.0, 32.0]));
-        let model = Model { label: "m".into(), style: 0, scores: vec![scores([30.0, 33.0, 24.0])] };
+        let model = SweepModel { label: "m".into(), style: 0, scores: vec![scores([30.0, 33.0, 24.0])] };
         assert_eq!(sweep.fall(&model.scores, 2.5), Some(-6.0));
         assert_eq!((sweep.fall(&model.scores, 1.0), sweep.paper_fall(2.5)), (None, Some(-5.5)));
         assert_eq!(sweep.paper_fall(0.5), None);
         let table = sweep.table("t", &[model], &limit, "");
-        let words: Vec<String> = table.rows[2].iter().map(Cell::in_words).collect();
+        let words: Vec<String> = table.rows[2].iter().map(TableCell::in_words).collect();
         assert_eq!(words, ["2.50", "trained", "24.00", "24.00", "0.5000", "8.00", "-6.00", "32.00", "20.50", "-5.50"]);
         assert!(table.rows.iter().all(|r| r.len() == table.columns.len()));
         let heads: std::collections::HashSet<&String> = table.columns.iter().collect();
@@ -157,7 +158,7 @@ mod tests {
 
     #[test]
     fn curves_rise_along_their_axis() {
-        let model = Model { label: "m".into(), style: 0, scores: vec![scores([30.0, 33.0, 24.0])] };
+        let model = SweepModel { label: "m".into(), style: 0, scores: vec![scores([30.0, 33.0, 24.0])] };
         let plot = sweep().plot("t", &[model], &scores([1.0, 2.0, 3.0]), "");
         let at = |k: usize| plot.series[k].points.iter().map(|p| p.x).collect::<Vec<_>>();
         assert_eq!((at(0), at(2)), (vec![0.5, 1.0, 2.5], vec![1.0, 2.5]));

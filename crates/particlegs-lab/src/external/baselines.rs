@@ -1,12 +1,12 @@
 //! SZ3 and ZFP as baselines: each axis a column of its own, in the particles' own order or in Morton order.
 
 use super::External;
-use crate::{Baseline, Coded, Columns, check_bound, morton};
+use crate::{Baseline, CompressedParticles, PositionColumns, check_bound, morton};
 use particlegs::{Error, Result};
 
 /// The order that columns are compressed in.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Order {
+pub enum ColumnOrder {
     /// The particles' own.
     File,
     /// Of cubes, 2^21 along the longest edge of the box: neighbours in space are neighbours in the columns. A decoder has
@@ -20,7 +20,7 @@ pub struct Sz3 {
     /// Where its library is.
     pub external: External,
     /// The columns' order.
-    pub order: Order,
+    pub order: ColumnOrder,
 }
 
 /// ZFP (Lindstrom, IEEE TVCG 2014) of fixed accuracy, the tolerance being the bound.
@@ -28,14 +28,14 @@ pub struct Zfp {
     /// Where its library is.
     pub external: External,
     /// The columns' order.
-    pub order: Order,
+    pub order: ColumnOrder,
 }
 
 impl Baseline for Sz3 {
     fn name(&self) -> &'static str {
         match self.order {
-            Order::File => "SZ3, file order",
-            Order::Morton => "SZ3, Morton order",
+            ColumnOrder::File => "SZ3, file order",
+            ColumnOrder::Morton => "SZ3, Morton order",
         }
     }
 
@@ -43,11 +43,11 @@ impl Baseline for Sz3 {
         self.external.source("SZ3")
     }
 
-    fn compress(&self, particles: &Columns, bound: f64) -> Result<Coded> {
+    fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles> {
         self.external.coded("SZ3", particles, bound, self.order)
     }
 
-    fn decompress(&self, bytes: &[u8]) -> Result<Columns> {
+    fn decompress(&self, bytes: &[u8]) -> Result<PositionColumns> {
         self.external.columns("SZ3", bytes)
     }
 }
@@ -55,8 +55,8 @@ impl Baseline for Sz3 {
 impl Baseline for Zfp {
     fn name(&self) -> &'static str {
         match self.order {
-            Order::File => "ZFP, file order",
-            Order::Morton => "ZFP, Morton order",
+            ColumnOrder::File => "ZFP, file order",
+            ColumnOrder::Morton => "ZFP, Morton order",
         }
     }
 
@@ -64,23 +64,29 @@ impl Baseline for Zfp {
         self.external.source("ZFP")
     }
 
-    fn compress(&self, particles: &Columns, bound: f64) -> Result<Coded> {
+    fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles> {
         self.external.coded("ZFP", particles, bound, self.order)
     }
 
-    fn decompress(&self, bytes: &[u8]) -> Result<Columns> {
+    fn decompress(&self, bytes: &[u8]) -> Result<PositionColumns> {
         self.external.columns("ZFP", bytes)
     }
 }
 
 impl External {
-    fn coded(&self, name: &str, particles: &Columns, bound: f64, order: Order) -> Result<Coded> {
+    fn coded(
+        &self,
+        name: &str,
+        particles: &PositionColumns,
+        bound: f64,
+        order: ColumnOrder,
+    ) -> Result<CompressedParticles> {
         check_bound(bound)?;
         let n = particles[0].len();
         if u32::try_from(n).is_err() || particles.iter().any(|c| c.len() != n) {
             return Err(Error::argument("three columns of one length below 2^32 are compressed"));
         }
-        let order = (order == Order::Morton).then(|| morton::order_of(&morton::codes_of_places(particles)));
+        let order = (order == ColumnOrder::Morton).then(|| morton::order_of(&morton::codes_of_places(particles)));
         let mut data = Vec::with_capacity(12 * n);
         for column in particles {
             match &order {
@@ -88,10 +94,10 @@ impl External {
                 Some(order) => order.iter().for_each(|i| data.extend(column[*i as usize].to_le_bytes())),
             }
         }
-        Ok(Coded { bytes: self.compress(name, bound, n, &data)?, order })
+        Ok(CompressedParticles { bytes: self.compress(name, bound, n, &data)?, order })
     }
 
-    fn columns(&self, name: &str, bytes: &[u8]) -> Result<Columns> {
+    fn columns(&self, name: &str, bytes: &[u8]) -> Result<PositionColumns> {
         let data = self.decompress(name, bytes)?;
         let (values, rest) = data.as_chunks::<4>();
         let n = values.len() / 3;

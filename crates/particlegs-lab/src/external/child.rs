@@ -13,7 +13,7 @@ const LAST_WORDS: Duration = Duration::from_millis(500);
 const MOST_WORDS: usize = 300;
 
 /// What a child says to a request.
-pub enum Answer {
+pub enum ChildReply {
     Bytes(Vec<u8>),
     /// Why there are none.
     Error(String),
@@ -56,7 +56,7 @@ impl Child {
 
     /// A request in parts, and its answer; the error says how the child failed. Written by a thread of its own: a child
     /// that answers before it has read all stops nobody.
-    pub fn ask(&mut self, parts: &[&[u8]]) -> Result<Answer, String> {
+    pub fn ask(&mut self, parts: &[&[u8]]) -> Result<ChildReply, String> {
         let (requests, answers) = (&mut self.requests, &mut self.answers);
         thread::scope(|scope| {
             let length = parts.iter().map(|p| p.len() as u64).sum::<u64>();
@@ -103,15 +103,15 @@ impl Drop for Child {
     }
 }
 
-fn read_answer(answers: &mut impl Read) -> Result<Answer, String> {
+fn read_answer(answers: &mut impl Read) -> Result<ChildReply, String> {
     let ended = |_| "ended before it answered".to_string();
     let mut head = [0; 9];
     answers.read_exact(&mut head).map_err(ended)?;
     let length = u64::from_le_bytes(head[1..].try_into().expect("eight bytes"));
-    let kind: fn(Vec<u8>) -> Answer = match head[0] {
-        b'K' => Answer::Bytes,
-        b'E' => |text| Answer::Error(line(&text)),
-        b'M' => |text| Answer::Missing(line(&text)),
+    let kind: fn(Vec<u8>) -> ChildReply = match head[0] {
+        b'K' => ChildReply::Bytes,
+        b'E' => |text| ChildReply::Error(line(&text)),
+        b'M' => |text| ChildReply::Missing(line(&text)),
         _ => return Err("does not answer as lab/compressors.py does".into()),
     };
     // Memory grows with what comes, not with what is said to come.

@@ -4,10 +4,10 @@
 mod baselines;
 mod child;
 
-pub use baselines::{Order, Sz3, Zfp};
+pub use baselines::{ColumnOrder, Sz3, Zfp};
 
 use crate::{Baseline, packed};
-use child::{Answer, Child};
+use child::{Child, ChildReply};
 use particlegs::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -19,10 +19,10 @@ const REQUIREMENTS: &str = include_str!("../../lab/requirements.txt");
 /// Compressors of a Python. Clones share one child; a child that died is started again at the next request.
 #[derive(Clone)]
 pub struct External {
-    shared: Arc<Shared>,
+    shared: Arc<SharedChild>,
 }
 
-struct Shared {
+struct SharedChild {
     /// The program and its arguments.
     program: PathBuf,
     arguments: Vec<String>,
@@ -52,7 +52,7 @@ impl External {
 
     fn of_command(program: &Path, arguments: Vec<String>) -> Result<External> {
         let child = Mutex::new(None);
-        let mut shared = Shared { program: program.into(), arguments, child, sources: Vec::new() };
+        let mut shared = SharedChild { program: program.into(), arguments, child, sources: Vec::new() };
         let answer = shared.ask(&Request { what: b'v', name: "", bound: 0.0, particles: 0, data: &[] })?;
         let text = String::from_utf8_lossy(&answer).into_owned();
         let lines = text.lines().filter_map(|l| l.split_once(' '));
@@ -62,7 +62,7 @@ impl External {
 
     /// Its baselines: SZ3 and ZFP, each in the particles' own order and in Morton order.
     pub fn baselines(&self) -> Vec<Box<dyn Baseline>> {
-        let orders = [Order::File, Order::Morton];
+        let orders = [ColumnOrder::File, ColumnOrder::Morton];
         let sz3 = orders.map(|order| Box::new(Sz3 { external: self.clone(), order }) as Box<dyn Baseline>);
         let zfp = orders.map(|order| Box::new(Zfp { external: self.clone(), order }) as Box<dyn Baseline>);
         sz3.into_iter().chain(zfp).collect()
@@ -87,7 +87,7 @@ impl External {
     }
 }
 
-impl Shared {
+impl SharedChild {
     /// One request's answer.
     fn ask(&self, request: &Request<'_>) -> Result<Vec<u8>> {
         let mut head = vec![request.what, request.name.len() as u8];
@@ -103,10 +103,10 @@ impl Shared {
             Ok(answer) => {
                 *slot = Some(child);
                 match answer {
-                    Answer::Bytes(bytes) => Ok(bytes),
-                    Answer::Error(text) if request.name.is_empty() => Err(Error::input(&self.program, text)),
-                    Answer::Error(text) => Err(Error::input(request.name, text)),
-                    Answer::Missing(packages) => Err(self.lacks(&packages)),
+                    ChildReply::Bytes(bytes) => Ok(bytes),
+                    ChildReply::Error(text) if request.name.is_empty() => Err(Error::input(&self.program, text)),
+                    ChildReply::Error(text) => Err(Error::input(request.name, text)),
+                    ChildReply::Missing(packages) => Err(self.lacks(&packages)),
                 }
             }
             Err(broken) => {

@@ -1,6 +1,6 @@
 use super::*;
 use crate::testing::{clustered, odd};
-use crate::{Columns, largest_error, rate};
+use crate::{PositionColumns, largest_error, rate};
 use particlegs::progress::Silent;
 use std::ffi::OsString;
 
@@ -37,7 +37,7 @@ while True:
 }
 
 fn sz3(external: &External) -> Sz3 {
-    Sz3 { external: external.clone(), order: Order::Morton }
+    Sz3 { external: external.clone(), order: ColumnOrder::Morton }
 }
 
 #[test]
@@ -47,13 +47,13 @@ fn requests_and_answers_pass_the_pipes_whole() {
         fake("out = struct.pack('<dQ', bound, n) + name.encode() + data if what == 'c' else data[19:]").unwrap();
     // Far more than a pipe holds.
     let particles = clustered(300_000);
-    for order in [Order::File, Order::Morton] {
+    for order in [ColumnOrder::File, ColumnOrder::Morton] {
         let baseline = Sz3 { external: external.clone(), order };
         let coded = baseline.compress(&particles, 0.25).unwrap();
         let (inner, _) = packed::opened(&coded.bytes).unwrap();
         assert_eq!(inner[..8], 0.25f64.to_le_bytes());
         assert_eq!((&inner[8..16], &inner[16..19]), (&300_000u64.to_le_bytes()[..], &b"SZ3"[..]));
-        assert_eq!(coded.order.is_some(), order == Order::Morton);
+        assert_eq!(coded.order.is_some(), order == ColumnOrder::Morton);
         let decoded = baseline.decompress(&coded.bytes).unwrap();
         assert_eq!(largest_error(&particles, &decoded, coded.order.as_deref()), 0.0);
     }
@@ -132,7 +132,7 @@ fn bounds_and_bytes_are_checked_before_the_child_sees_them() {
     let external = fake("out = b'1234567'").unwrap();
     let particles = clustered(10);
     assert!(matches!(sz3(&external).compress(&particles, f64::NAN), Err(Error::Argument { .. })));
-    let uneven: Columns = [vec![1.0], vec![], vec![1.0]];
+    let uneven: PositionColumns = [vec![1.0], vec![], vec![1.0]];
     assert!(matches!(sz3(&external).compress(&uneven, 1.0), Err(Error::Argument { .. })));
     let mut bytes = sz3(&external).compress(&particles, 1.0).unwrap().bytes;
     assert!(sz3(&external).decompress(&bytes).err().unwrap().to_string().contains("not of one length"));
@@ -167,7 +167,7 @@ fn the_libraries_meet_sizes_and_refuse_damage() {
     let particles = clustered(20_000);
     let found = rate::at_size(&sz3(&external), &particles, 12_000, &Silent).unwrap();
     assert!(found.met(), "{found:?}");
-    let other = Zfp { external: external.clone(), order: Order::File };
+    let other = Zfp { external: external.clone(), order: ColumnOrder::File };
     let bytes = other.compress(&particles, 0.1).unwrap().bytes;
     // Another compressor's bytes, and damage under a checksum that fits.
     assert!(sz3(&external).decompress(&bytes).is_err());

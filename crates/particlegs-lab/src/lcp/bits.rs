@@ -2,13 +2,13 @@
 
 /// Bits being written.
 #[derive(Default)]
-pub struct Writer {
+pub struct BitWriter {
     bytes: Vec<u8>,
     held: u64,
     bits: u32,
 }
 
-impl Writer {
+impl BitWriter {
     /// Appends the lowest `bits` (56 at most) of a value.
     pub fn put(&mut self, value: u64, bits: u32) {
         self.held |= value << self.bits;
@@ -30,15 +30,15 @@ impl Writer {
 }
 
 /// Bits being read.
-pub struct Reader<'a> {
+pub struct BitReader<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> BitReader<'a> {
     /// From the first.
     pub fn new(bytes: &'a [u8]) -> Self {
-        Reader { bytes, at: 0 }
+        BitReader { bytes, at: 0 }
     }
 
     /// The next bit; `None` at the end.

@@ -1,11 +1,11 @@
 //! Particles sorted by blocks, eight of which make a superblock, as four streams of differences.
 
 use super::LARGEST_EDGE;
-use crate::bins::{Bins, Grid};
+use crate::bins::{BinGrid, ParticleBins};
 
 /// The four streams.
 #[derive(Debug, PartialEq)]
-pub struct Blocks {
+pub struct LcpStreams {
     /// Numbers of the superblocks that hold particles: the first, then differences.
     pub starts: Vec<i64>,
     /// Particles of each.
@@ -17,13 +17,13 @@ pub struct Blocks {
 }
 
 /// Superblocks along each axis.
-fn superblocks(grid: &Grid, edge: u32) -> [u64; 3] {
+fn superblocks(grid: &BinGrid, edge: u32) -> [u64; 3] {
     grid.count().map(|c| ((c / (2.0 * f64::from(edge))).ceil() as u64 + 2) / 2)
 }
 
-impl Blocks {
+impl LcpStreams {
     /// The streams of particles in blocks of `edge` bins, and which particle comes where.
-    pub fn of(bins: &Bins, edge: u32) -> (Blocks, Vec<u32>) {
+    pub fn of(bins: &ParticleBins, edge: u32) -> (LcpStreams, Vec<u32>) {
         let m = superblocks(&bins.grid, edge);
         let b = u64::from(edge);
         let mut keys: Vec<(u64, u64, u32)> = (0u32..)
@@ -36,7 +36,7 @@ impl Blocks {
             })
             .collect();
         keys.sort_unstable();
-        let mut blocks = Blocks { starts: vec![], counts: vec![], octants: vec![], places: vec![] };
+        let mut blocks = LcpStreams { starts: vec![], counts: vec![], octants: vec![], places: vec![] };
         // No superblock, octant or place before the first.
         let (mut id, mut octant, mut place) = (None, 0, 0);
         for (own, within, _) in &keys {
@@ -59,7 +59,7 @@ impl Blocks {
     }
 
     /// The bins again, in the order of the blocks; `None` where the streams contradict each other.
-    pub fn bins(&self, grid: &Grid, edge: u32) -> Option<Vec<[u32; 3]>> {
+    pub fn bins(&self, grid: &BinGrid, edge: u32) -> Option<Vec<[u32; 3]>> {
         let (m, b) = (superblocks(grid, edge), i64::from(edge));
         let all: i64 = self.counts.iter().try_fold(0i64, |n, c| n.checked_add(*c).filter(|_| *c > 0))?;
         let whole = self.starts.len() == self.counts.len() && self.octants.len() == self.places.len();

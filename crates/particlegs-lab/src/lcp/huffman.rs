@@ -1,6 +1,6 @@
 //! A plain optimal code of integers: its tree in preorder, then their codes.
 
-use super::bits::{Reader, Writer};
+use super::bits::{BitReader, BitWriter};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BinaryHeap};
 const DEEPEST: u32 = 56;
 
 /// A node: its two children, or a symbol.
-enum Node {
+enum HuffmanNode {
     Inner(usize, usize),
     Leaf(u64),
 }
@@ -17,25 +17,25 @@ enum Node {
 pub fn write(values: &[u64], symbol_bits: u32) -> Option<Vec<u8>> {
     let mut counts = BTreeMap::new();
     values.iter().for_each(|v| *counts.entry(*v).or_insert(0u64) += 1);
-    let mut nodes: Vec<Node> = counts.keys().map(|s| Node::Leaf(*s)).collect();
+    let mut nodes: Vec<HuffmanNode> = counts.keys().map(|s| HuffmanNode::Leaf(*s)).collect();
     let mut heap: BinaryHeap<_> = counts.values().enumerate().map(|(i, n)| Reverse((*n, i))).collect();
     while heap.len() > 1 {
         let (Reverse((a, first)), Reverse((b, second))) = (heap.pop()?, heap.pop()?);
-        nodes.push(Node::Inner(first, second));
+        nodes.push(HuffmanNode::Inner(first, second));
         heap.push(Reverse((a + b, nodes.len() - 1)));
     }
-    let mut out = Writer::default();
+    let mut out = BitWriter::default();
     let mut codes = std::collections::HashMap::new();
     // The tree, and the code of each leaf on the way.
     let mut open = vec![(nodes.len() - 1, 0u64, 0u32)];
     while let Some((node, code, length)) = open.pop() {
         match nodes[node] {
-            Node::Leaf(symbol) => {
+            HuffmanNode::Leaf(symbol) => {
                 out.put(1, 1);
                 put(&mut out, symbol, symbol_bits);
                 codes.insert(symbol, (code, length));
             }
-            Node::Inner(first, second) => {
+            HuffmanNode::Inner(first, second) => {
                 if length == DEEPEST {
                     return None;
                 }
@@ -52,7 +52,7 @@ pub fn write(values: &[u64], symbol_bits: u32) -> Option<Vec<u8>> {
     Some(out.finish())
 }
 
-fn put(out: &mut Writer, value: u64, bits: u32) {
+fn put(out: &mut BitWriter, value: u64, bits: u32) {
     let low = bits.min(32);
     out.put(value & ((1 << low) - 1), low);
     out.put(value >> low & ((1 << (bits - low)) - 1), bits - low);
@@ -60,15 +60,15 @@ fn put(out: &mut Writer, value: u64, bits: u32) {
 
 /// `count` values again; `None` for bytes that [`write()`] did not make.
 pub fn read(bytes: &[u8], count: usize, symbol_bits: u32) -> Option<Vec<u64>> {
-    let mut bits = Reader::new(bytes);
+    let mut bits = BitReader::new(bytes);
     // Children of inner nodes as indices; leaves as symbols.
-    let mut nodes: Vec<Node> = Vec::new();
+    let mut nodes: Vec<HuffmanNode> = Vec::new();
     // Inner nodes that lack children, with what is known of them.
     let mut open: Vec<(usize, Option<usize>)> = Vec::new();
     loop {
         let index = nodes.len();
         let leaf = bits.bit()?;
-        nodes.push(if leaf { Node::Leaf(bits.take(symbol_bits)?) } else { Node::Inner(0, 0) });
+        nodes.push(if leaf { HuffmanNode::Leaf(bits.take(symbol_bits)?) } else { HuffmanNode::Inner(0, 0) });
         if !leaf {
             if open.len() > DEEPEST as usize {
                 return None;
@@ -88,7 +88,7 @@ pub fn read(bytes: &[u8], count: usize, symbol_bits: u32) -> Option<Vec<u64>> {
                     break;
                 }
                 Some((parent, Some(first))) => {
-                    nodes[parent] = Node::Inner(first, done);
+                    nodes[parent] = HuffmanNode::Inner(first, done);
                     done = parent;
                 }
             }
@@ -96,12 +96,12 @@ pub fn read(bytes: &[u8], count: usize, symbol_bits: u32) -> Option<Vec<u64>> {
     }
 }
 
-fn symbol(nodes: &[Node], root: usize, bits: &mut Reader<'_>) -> Option<u64> {
+fn symbol(nodes: &[HuffmanNode], root: usize, bits: &mut BitReader<'_>) -> Option<u64> {
     let mut node = root;
     loop {
         match nodes[node] {
-            Node::Leaf(symbol) => return Some(symbol),
-            Node::Inner(first, second) => node = if bits.bit()? { second } else { first },
+            HuffmanNode::Leaf(symbol) => return Some(symbol),
+            HuffmanNode::Inner(first, second) => node = if bits.bit()? { second } else { first },
         }
     }
 }

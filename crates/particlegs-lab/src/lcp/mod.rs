@@ -8,9 +8,9 @@ mod blocks;
 mod huffman;
 mod stream;
 
-use crate::bins::{Bins, Grid};
-use crate::{Baseline, Coded, Columns, check_bound};
-use blocks::Blocks;
+use crate::bins::{BinGrid, ParticleBins};
+use crate::{Baseline, CompressedParticles, PositionColumns, check_bound};
+use blocks::LcpStreams;
 use particlegs::{Error, Result, parallel};
 use zstd_rs::{CompressionConfig, Compressor, Decompressor};
 
@@ -34,16 +34,16 @@ impl Baseline for Lcp {
         "LCP-S, written from arXiv 2411.00761; zstd level 3".into()
     }
 
-    fn compress(&self, particles: &Columns, bound: f64) -> Result<Coded> {
+    fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles> {
         check_bound(bound)?;
-        let small = |b: &Bins| b.count.iter().all(|c| c * bound <= LARGEST_RANGE);
-        let Some(bins) = Bins::of(particles, bound).filter(small) else { return Ok(raw(particles)) };
+        let small = |b: &ParticleBins| b.count.iter().all(|c| c * bound <= LARGEST_RANGE);
+        let Some(bins) = ParticleBins::of(particles, bound).filter(small) else { return Ok(raw(particles)) };
         let coded = parallel::map(edges(&bins), |edge| of_edge(&bins, edge));
         let best = coded.into_iter().min_by_key(|c| c.bytes.len()).expect("one edge at least");
         Ok(best)
     }
 
-    fn decompress(&self, bytes: &[u8]) -> Result<Columns> {
+    fn decompress(&self, bytes: &[u8]) -> Result<PositionColumns> {
         let wrong = || Error::input("LCP", "not what this coder made");
         let plain = unpacked(bytes).ok_or_else(wrong)?;
         match plain.split_first() {
@@ -58,7 +58,7 @@ const RAW: u8 = 0;
 const BINNED: u8 = 1;
 
 /// Edges of blocks to try, in bins.
-fn edges(bins: &Bins) -> Vec<u32> {
+fn edges(bins: &ParticleBins) -> Vec<u32> {
     if bins.count.iter().all(|n| *n <= FEW_BINS) {
         return vec![1];
     }
@@ -69,8 +69,8 @@ fn edges(bins: &Bins) -> Vec<u32> {
     (low..=top).map(|i| 1 << i).collect()
 }
 
-fn of_edge(bins: &Bins, edge: u32) -> Coded {
-    let (blocks, order) = Blocks::of(bins, edge);
+fn of_edge(bins: &ParticleBins, edge: u32) -> CompressedParticles {
+    let (blocks, order) = LcpStreams::of(bins, edge);
     let mut plain = vec![BINNED];
     bins.write(&mut plain);
     plain.extend(edge.to_le_bytes());
@@ -78,11 +78,11 @@ fn of_edge(bins: &Bins, edge: u32) -> Coded {
         stream::write(stream, &mut plain);
     }
     (0..3).for_each(|k| stream::write(&bins.moved(k, Some(&order)), &mut plain));
-    Coded { bytes: packed(&plain), order: Some(order) }
+    CompressedParticles { bytes: packed(&plain), order: Some(order) }
 }
 
-fn binned(bytes: &[u8]) -> Option<Columns> {
-    let (grid, rest) = Grid::read(bytes)?;
+fn binned(bytes: &[u8]) -> Option<PositionColumns> {
+    let (grid, rest) = BinGrid::read(bytes)?;
     let (edge, mut rest) = rest.split_first_chunk::<4>()?;
     let edge = u32::from_le_bytes(*edge);
     let mut next = || {
@@ -90,19 +90,19 @@ fn binned(bytes: &[u8]) -> Option<Columns> {
         rest = after;
         Some(values)
     };
-    let blocks = Blocks { starts: next()?, counts: next()?, octants: next()?, places: next()? };
+    let blocks = LcpStreams { starts: next()?, counts: next()?, octants: next()?, places: next()? };
     let bins = blocks.bins(&grid, edge)?;
     grid.coordinates(&bins, &[next()?, next()?, next()?])
 }
 
 /// What is not cut into bins.
-fn raw(particles: &Columns) -> Coded {
+fn raw(particles: &PositionColumns) -> CompressedParticles {
     let values = particles.iter().flatten().flat_map(|v| v.to_le_bytes());
     let plain: Vec<u8> = std::iter::once(RAW).chain(values).collect();
-    Coded { bytes: packed(&plain), order: None }
+    CompressedParticles { bytes: packed(&plain), order: None }
 }
 
-fn columns(bytes: &[u8]) -> Option<Columns> {
+fn columns(bytes: &[u8]) -> Option<PositionColumns> {
     let (values, rest) = bytes.as_chunks::<4>();
     let n = values.len() / 3;
     let column = |k: usize| values[k * n..(k + 1) * n].iter().map(|v| f32::from_le_bytes(*v)).collect();

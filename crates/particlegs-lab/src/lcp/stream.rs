@@ -1,6 +1,6 @@
 //! A stream of integers: of fixed length or by Huffman's code, whichever zstd makes smaller.
 
-use super::bits::{Reader, Writer};
+use super::bits::{BitReader, BitWriter};
 use super::{huffman, zstd};
 
 /// Kinds of coding.
@@ -33,7 +33,7 @@ pub fn write(values: &[i64], out: &mut Vec<u8>) {
 }
 
 fn fixed(values: &[u64], bits: u32) -> Vec<u8> {
-    let mut out = Writer::default();
+    let mut out = BitWriter::default();
     for v in values {
         let low = bits.min(32);
         out.put(v & ((1 << low) - 1), low);
@@ -56,7 +56,7 @@ pub fn read(bytes: &[u8], most: usize) -> Option<(Vec<i64>, &[u8])> {
         _ if !(1..=64).contains(&bits) => return None,
         ONE_VALUE => vec![0; count],
         FIXED => {
-            let mut reader = Reader::new(coded);
+            let mut reader = BitReader::new(coded);
             (0..count).map(|_| reader.take(bits)).collect::<Option<_>>()?
         }
         HUFFMAN => huffman::read(coded, count, bits)?,

@@ -2,7 +2,7 @@ use super::*;
 use crate::testing::{self, clustered};
 use proptest::prelude::*;
 
-fn held(particles: &Columns, bound: f64) -> usize {
+fn held(particles: &PositionColumns, bound: f64) -> usize {
     testing::held(&Lcp, particles, bound)
 }
 

@@ -1,17 +1,17 @@
 use super::*;
 use crate::lcp::Lcp;
-use crate::quantised::Quantised;
+use crate::quantised::QuantisedCoder;
 use crate::testing::{clustered, odd};
-use crate::{Coded, check_bound};
+use crate::{CompressedParticles, check_bound};
 use particlegs::progress::Silent;
 
 /// Coordinates rounded to steps of a power of two, as ZFP's are; told to err, and by how much.
-struct Steps {
+struct RoundingBaseline {
     off: f32,
     drop: usize,
 }
 
-impl Baseline for Steps {
+impl Baseline for RoundingBaseline {
     fn name(&self) -> &'static str {
         "steps"
     }
@@ -20,16 +20,16 @@ impl Baseline for Steps {
         "here".into()
     }
 
-    fn compress(&self, particles: &Columns, bound: f64) -> Result<Coded> {
+    fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles> {
         check_bound(bound)?;
         let power = bound.log2().floor();
         let bits = (20.0 - power).max(1.0) as usize;
         let mut bytes = vec![0; particles[0].len() * bits * 4];
         bytes.extend(particles.iter().flatten().flat_map(|v| (v + self.off).to_le_bytes()));
-        Ok(Coded { bytes, order: None })
+        Ok(CompressedParticles { bytes, order: None })
     }
 
-    fn decompress(&self, bytes: &[u8]) -> Result<Columns> {
+    fn decompress(&self, bytes: &[u8]) -> Result<PositionColumns> {
         // What comes back does not hang on the bound: twelve bytes a particle at the end.
         let n = 40 - self.drop;
         let values = bytes[bytes.len() - 480..].as_chunks::<4>().0;
@@ -40,7 +40,7 @@ impl Baseline for Steps {
 #[test]
 fn sizes_are_met() {
     let particles = clustered(20_000);
-    for baseline in [&Lcp as &dyn Baseline, &Quantised] {
+    for baseline in [&Lcp as &dyn Baseline, &QuantisedCoder] {
         for ratio in [4, 20, 100] {
             let bytes = 240_000 / ratio;
             let found = at_size(baseline, &particles, bytes, &Silent).unwrap();
@@ -56,15 +56,15 @@ fn sizes_are_met() {
 fn what_cannot_be_met_is_as_close_as_there_is() {
     let particles = clustered(1000);
     // Fewer bytes than its header.
-    let found = at_size(&Quantised, &particles, 10, &Silent).unwrap();
-    let least = Quantised.compress(&particles, 1e4).unwrap().bytes.len() as u64;
+    let found = at_size(&QuantisedCoder, &particles, 10, &Silent).unwrap();
+    let least = QuantisedCoder.compress(&particles, 1e4).unwrap().bytes.len() as u64;
     assert!(!found.met() && found.bytes <= least && found.off > 0.0, "{found:?} {least}");
     // More than there are digits.
-    let found = at_size(&Quantised, &particles, 1_000_000, &Silent).unwrap();
+    let found = at_size(&QuantisedCoder, &particles, 1_000_000, &Silent).unwrap();
     assert!(!found.met() && found.off < 0.0 && found.bytes > 6000, "{found:?}");
     // Between two steps: 2560 and 2720 bytes.
     let particles = clustered(40);
-    let found = at_size(&Steps { off: 0.0, drop: 0 }, &particles, 2630, &Silent).unwrap();
+    let found = at_size(&RoundingBaseline { off: 0.0, drop: 0 }, &particles, 2630, &Silent).unwrap();
     assert!(!found.met() && found.bytes == 2560 && found.trials <= TRIALS, "{found:?}");
     assert!(at_size(&Lcp, &Default::default(), 100, &Silent).is_err());
     assert!(at_size(&Lcp, &particles, 0, &Silent).is_err());
@@ -74,7 +74,7 @@ fn what_cannot_be_met_is_as_close_as_there_is() {
 fn odd_particles_have_bounds_of_sizes() {
     for (particles, _) in odd() {
         if !particles[0].is_empty() {
-            let found = at_size(&Quantised, &particles, 300, &Silent).unwrap();
+            let found = at_size(&QuantisedCoder, &particles, 300, &Silent).unwrap();
             assert!(found.bound > 0.0 && found.bound.is_finite(), "{found:?}");
         }
     }
@@ -83,28 +83,28 @@ fn odd_particles_have_bounds_of_sizes() {
 #[test]
 fn bounds_are_verified() {
     for (particles, bound) in odd().into_iter().chain([(clustered(3000), 0.2)]) {
-        for baseline in [&Lcp as &dyn Baseline, &Quantised] {
+        for baseline in [&Lcp as &dyn Baseline, &QuantisedCoder] {
             let all = verified(baseline, &particles, bound);
-            assert!(matches!(all, Verified::Held(_)), "{}: {:?}", baseline.name(), all.failure());
+            assert!(matches!(all, BoundCheck::Held(_)), "{}: {:?}", baseline.name(), all.failure());
             let run = all.run().unwrap();
             assert!(run.excess == 0.0 && run.bytes > 0 && run.decoded[0].len() == particles[0].len());
         }
     }
-    assert!(matches!(verified(&Lcp, &clustered(9), -1.0), Verified::Failed(Error::Argument { .. })));
+    assert!(matches!(verified(&Lcp, &clustered(9), -1.0), BoundCheck::Failed(Error::Argument { .. })));
 }
 
 #[test]
 fn failures_are_told_with_their_figures() {
     let particles = clustered(40);
-    let within = verified(&Steps { off: 0.2, drop: 0 }, &particles, 0.25);
+    let within = verified(&RoundingBaseline { off: 0.2, drop: 0 }, &particles, 0.25);
     assert!(within.failure().is_none() && (within.run().unwrap().largest_error - 0.2).abs() < 1e-5);
-    let beyond = verified(&Steps { off: 0.2, drop: 0 }, &particles, 0.15);
-    let Verified::Exceeded(run) = &beyond else { panic!("an error of 0.2 passes a bound of 0.15") };
+    let beyond = verified(&RoundingBaseline { off: 0.2, drop: 0 }, &particles, 0.15);
+    let BoundCheck::Exceeded(run) = &beyond else { panic!("an error of 0.2 passes a bound of 0.15") };
     assert!((run.excess - 0.05).abs() < 1e-4, "{}", run.excess);
     assert!(beyond.failure().unwrap().contains("0.15"));
-    let nan = verified(&Steps { off: f32::NAN, drop: 0 }, &particles, 0.15);
-    assert!(matches!(&nan, Verified::Exceeded(run) if run.excess == f64::INFINITY));
-    let fewer = verified(&Steps { off: 0.0, drop: 1 }, &particles, 0.15);
+    let nan = verified(&RoundingBaseline { off: f32::NAN, drop: 0 }, &particles, 0.15);
+    assert!(matches!(&nan, BoundCheck::Exceeded(run) if run.excess == f64::INFINITY));
+    let fewer = verified(&RoundingBaseline { off: 0.0, drop: 1 }, &particles, 0.15);
     assert_eq!(fewer.failure().unwrap(), "steps: 39 particles came back of 40");
     assert!(!is_order(&[0, 0], 2) && !is_order(&[0, 2], 2) && !is_order(&[0], 2) && is_order(&[1, 0], 2));
 }

@@ -1,12 +1,12 @@
 //! Tables as comma-separated values (RFC 4180).
 
-use crate::found::{Cell, Table};
+use crate::found::{ResultTable, TableCell};
 
 /// The table: a line of heads, then rows; a number of several seeds has its smallest and largest in columns of their
 /// own.
-pub fn csv(table: &Table) -> String {
+pub fn csv(table: &ResultTable) -> String {
     let spread: Vec<bool> = (0..table.columns.len())
-        .map(|c| table.rows.iter().any(|row| matches!(row.get(c), Some(Cell::Spread { .. }))))
+        .map(|c| table.rows.iter().any(|row| matches!(row.get(c), Some(TableCell::Spread { .. }))))
         .collect();
     let mut text = String::new();
     let heads = table.columns.iter().zip(&spread).flat_map(|(head, spread)| match spread {
@@ -16,7 +16,7 @@ pub fn csv(table: &Table) -> String {
     line(&mut text, heads);
     for row in &table.rows {
         let cells = row.iter().zip(&spread).flat_map(|(cell, spread)| match (cell, spread) {
-            (Cell::Spread { range: [low, high], .. }, _) => vec![cell.plain(), low.to_string(), high.to_string()],
+            (TableCell::Spread { range: [low, high], .. }, _) => vec![cell.plain(), low.to_string(), high.to_string()],
             (_, true) => vec![cell.plain(), cell.plain(), cell.plain()],
             (_, false) => vec![cell.plain()],
         });
@@ -52,9 +52,9 @@ mod tests {
 
     #[test]
     fn cells_are_quoted_and_spreads_have_columns() {
-        let mut table = Table::new("t", "T", &["method", "dB, masked"]);
-        table.row([Cell::text("a \"b\""), Cell::spread(&[1.0, 2.0, 4.0], 1)]);
-        table.row([Cell::text("c"), Cell::number(3.5, 1)]);
+        let mut table = ResultTable::new("t", "T", &["method", "dB, masked"]);
+        table.row([TableCell::text("a \"b\""), TableCell::spread(&[1.0, 2.0, 4.0], 1)]);
+        table.row([TableCell::text("c"), TableCell::number(3.5, 1)]);
         let lines: Vec<String> = csv(&table).lines().map(str::to_string).collect();
         assert_eq!(lines[0], "method,\"dB, masked\",\"dB, masked: smallest\",\"dB, masked: largest\"");
         assert_eq!(lines[1..], ["\"a \"\"b\"\"\",2,1,4".to_string(), "c,3.5,3.5,3.5".to_string()]);

@@ -1,7 +1,7 @@
 //! The whole report as one page: text, tables, figures and pictures in it, nothing fetched.
 
 use super::{Provenance, Section};
-use crate::found::{Cell, Found, Pictures, Table};
+use crate::found::{ExperimentResults, Pictures, ResultTable, TableCell};
 use crate::plot;
 use base64::Engine;
 
@@ -42,7 +42,7 @@ fn section(s: &Section, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
     text + "</section>\n"
 }
 
-fn body(found: &Found, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
+fn body(found: &ExperimentResults, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
     let mut text = String::new();
     for note in &found.notes {
         text += &format!("<p>{}</p>\n", code(note));
@@ -66,7 +66,7 @@ fn body(found: &Found, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String {
     text
 }
 
-fn table(t: &Table) -> String {
+fn table(t: &ResultTable) -> String {
     let mut text = format!("<div class=\"table\"><table><caption>{}</caption><thead><tr>", code(&t.title));
     let numbers = |c: usize| t.rows.iter().any(|row| row[c].is_number());
     let class = |c: usize| if numbers(c) { " class=\"n\"" } else { "" };
@@ -75,17 +75,17 @@ fn table(t: &Table) -> String {
     }
     text += "</tr></thead><tbody>\n";
     for row in &t.rows {
-        let cell = |(c, cell): (usize, &Cell)| format!("<td{}>{}</td>", class(c), words(cell));
+        let cell = |(c, cell): (usize, &TableCell)| format!("<td{}>{}</td>", class(c), words(cell));
         text += &format!("<tr>{}</tr>\n", row.iter().enumerate().map(cell).collect::<String>());
     }
     text + "</tbody></table></div>\n"
 }
 
 /// A cell's words; a range stands below its value, where it takes no width.
-fn words(cell: &Cell) -> String {
+fn words(cell: &TableCell) -> String {
     let text = code(&cell.in_words());
     match (cell, text.split_once(" (")) {
-        (Cell::Spread { .. }, Some((value, range))) => format!("{value}<span class=\"range\">({range}</span>"),
+        (TableCell::Spread { .. }, Some((value, range))) => format!("{value}<span class=\"range\">({range}</span>"),
         _ => text,
     }
 }
@@ -113,8 +113,8 @@ mod tests {
     /// A reader of the page sees no backtick, wherever code is named, and no range beside the number that it is of.
     #[test]
     fn tables_show_code_and_ranges() {
-        let mut t = Table::new("t", "Growth of `compress`", &["look", "`paraview`, s"]);
-        t.row([Cell::text("`paraview` (ours)"), Cell::spread(&[1.0, 2.0, 4.0], 0)]);
+        let mut t = ResultTable::new("t", "Growth of `compress`", &["look", "`paraview`, s"]);
+        t.row([TableCell::text("`paraview` (ours)"), TableCell::spread(&[1.0, 2.0, 4.0], 0)]);
         let text = table(&t);
         assert!(!text.contains('`') && text.contains("<caption>Growth of <code>compress</code></caption>"), "{text}");
         assert!(text.contains("<td><code>paraview</code> (ours)</td>"), "{text}");

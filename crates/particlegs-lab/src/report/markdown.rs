@@ -1,7 +1,7 @@
 //! An experiment as a page of Markdown, beside the files of its figures.
 
 use super::{Provenance, Section};
-use crate::found::{Found, Table};
+use crate::found::{ExperimentResults, ResultTable};
 use crate::plot;
 
 /// The page; figures are looked for in the folder `figures`, relative to it.
@@ -18,7 +18,7 @@ pub fn markdown(section: &Section, provenance: &Provenance, figures: &str) -> St
     text
 }
 
-fn body(found: &Found, figures: &str) -> String {
+fn body(found: &ExperimentResults, figures: &str) -> String {
     let mut text = String::new();
     for note in &found.notes {
         text += &format!("\n{}\n", escaped(note));
@@ -36,7 +36,7 @@ fn body(found: &Found, figures: &str) -> String {
     text
 }
 
-fn table(t: &Table) -> String {
+fn table(t: &ResultTable) -> String {
     let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
     let cleaned = |words: String| escaped(&words).replace('|', "\\|").replace('\n', " ");
     let mut text =
@@ -61,13 +61,13 @@ fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::found::Cell;
+    use crate::found::TableCell;
 
     #[test]
     fn names_are_text() {
         assert_eq!(escaped("<b> & `a < b` > c"), "&lt;b> &amp; `a < b` > c");
-        let mut t = Table::new("t", "of <i>", &["a|b"]);
-        t.row([Cell::text("<b>|x")]);
+        let mut t = ResultTable::new("t", "of <i>", &["a|b"]);
+        t.row([TableCell::text("<b>|x")]);
         assert_eq!(table(&t), "\n## of &lt;i>\n\n| a\\|b |\n| --- |\n| &lt;b>\\|x |\n");
     }
 }

@@ -11,12 +11,12 @@ pub use markdown::markdown;
 pub use provenance::Provenance;
 
 use crate::experiments::Experiment;
-use crate::found::Found;
+use crate::found::ExperimentResults;
 
 /// An experiment that was done.
 pub struct Section {
     /// Which.
     pub experiment: &'static Experiment,
     /// What it found, or why it did not.
-    pub found: Result<Found, String>,
+    pub found: Result<ExperimentResults, String>,
 }

@@ -1,6 +1,6 @@
 //! What is heard of a run that trains, and kept beside its state: its curve, its seconds.
 
-use super::Evaluation;
+use super::TrainingScore;
 use particlegs::Result;
 use particlegs::compress::Checkpoint;
 use particlegs::pieces::Pieces;
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 const CURVE: &str = "curve";
 
 /// The curve that a checkpoint has; empty where it has none.
-pub(super) fn curve_of(checkpoint: &Checkpoint) -> Vec<Evaluation> {
+pub(super) fn curve_of(checkpoint: &Checkpoint) -> Vec<TrainingScore> {
     checkpoint.get(CURVE).and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default()
 }
 
@@ -26,18 +26,18 @@ pub(super) fn seconds_of(checkpoint: &Checkpoint) -> f64 {
 }
 
 /// A checkpoint that has the curve, and the seconds, as they were when the state of the training was kept.
-pub(super) struct WithCurve<'a> {
+pub(super) struct CurveCheckpoint<'a> {
     /// The state.
     pub checkpoint: Checkpoint,
     /// The curve.
-    pub heard: &'a Heard<'a>,
+    pub heard: &'a CurveRecorder<'a>,
     /// Seconds of earlier pieces.
     pub before: f64,
     /// When this one began.
     pub start: Instant,
 }
 
-impl WithCurve<'_> {
+impl CurveCheckpoint<'_> {
     /// Seconds of all pieces, this one so far.
     pub fn seconds(&self) -> f64 {
         self.before + self.start.elapsed().as_secs_f64()
@@ -53,7 +53,7 @@ impl WithCurve<'_> {
     }
 }
 
-impl Pieces for WithCurve<'_> {
+impl Pieces for CurveCheckpoint<'_> {
     fn get(&self, key: &str) -> Option<Vec<u8>> {
         self.checkpoint.get(key)
     }
@@ -71,9 +71,9 @@ impl Pieces for WithCurve<'_> {
 }
 
 /// Hears the scores of a run, and ends its training, and nothing but that, when its time is over.
-pub(super) struct Heard<'a> {
+pub(super) struct CurveRecorder<'a> {
     inner: &'a dyn Progress,
-    curve: Mutex<Vec<Evaluation>>,
+    curve: Mutex<Vec<TrainingScore>>,
     piece: Option<Duration>,
     /// Phases that have begun and not ended.
     phases: Mutex<Vec<String>>,
@@ -84,14 +84,14 @@ pub(super) struct Heard<'a> {
 /// The phase that may be ended.
 const TRAINING: &str = "training";
 
-impl<'a> Heard<'a> {
+impl<'a> CurveRecorder<'a> {
     /// With the curve of earlier pieces, for `piece` of time at most.
-    pub fn new(inner: &'a dyn Progress, curve: Vec<Evaluation>, piece: Option<Duration>) -> Self {
-        Heard { inner, curve: Mutex::new(curve), piece, phases: Mutex::default(), began: Mutex::default() }
+    pub fn new(inner: &'a dyn Progress, curve: Vec<TrainingScore>, piece: Option<Duration>) -> Self {
+        CurveRecorder { inner, curve: Mutex::new(curve), piece, phases: Mutex::default(), began: Mutex::default() }
     }
 
     /// The scores so far.
-    pub fn curve(&self) -> MutexGuard<'_, Vec<Evaluation>> {
+    pub fn curve(&self) -> MutexGuard<'_, Vec<TrainingScore>> {
         locked(&self.curve)
     }
 
@@ -106,7 +106,7 @@ fn locked<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
     of.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Progress for Heard<'_> {
+impl Progress for CurveRecorder<'_> {
     fn begin(&self, phase: &str, total: u64) {
         if phase == TRAINING {
             locked(&self.began).get_or_insert_with(Instant::now);
@@ -129,7 +129,7 @@ impl Progress for Heard<'_> {
     }
 
     fn log(&self, line: &str) {
-        let scored = serde_json::from_str::<Evaluation>(line).ok().filter(|e| e.held_out_masked_psnr.is_some());
+        let scored = serde_json::from_str::<TrainingScore>(line).ok().filter(|e| e.held_out_masked_psnr.is_some());
         self.curve().extend(scored);
         self.inner.log(line);
     }

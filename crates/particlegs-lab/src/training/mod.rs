@@ -3,9 +3,9 @@
 mod heard;
 mod published;
 
-use crate::lab::{Lab, Made};
+use crate::lab::{Lab, ModelBuild};
 use crate::snapshot::Snapshot;
-use heard::{Heard, WithCurve, curve_of, seconds_of};
+use heard::{CurveCheckpoint, CurveRecorder, curve_of, seconds_of};
 use particlegs::compress::{Checkpoint, Compressed, FineTuning, Options, Target, compress, finetune};
 use particlegs::model::{CertificateLevel, LawKind};
 use particlegs::particles::Particles;
@@ -34,7 +34,7 @@ const WIDTHS: [f64; 2] = [1440.0, 5760.0];
 
 /// What is trained on all particles.
 #[derive(Clone, Debug, Serialize)]
-pub(crate) struct Task {
+pub(crate) struct TrainingTask {
     /// What the file is to meet.
     pub target: Target,
     /// How it is trained; `None` = not.
@@ -45,31 +45,31 @@ pub(crate) struct Task {
     pub seed: u64,
 }
 
-impl Task {
+impl TrainingTask {
     /// The published law by `training`, as many Gaussians as that makes.
-    pub fn published(training: Config, blocks: u32, seed: u64) -> Task {
+    pub fn published(training: Config, blocks: u32, seed: u64) -> TrainingTask {
         let most = ROOM * u64::from(blocks) * training.start_gaussians.unwrap_or(1);
-        Task { target: Target::Gaussians(most), training: Some(training), blocks, seed }
+        TrainingTask { target: Target::Gaussians(most), training: Some(training), blocks, seed }
     }
 
     /// The same started from a fit of as many Gaussians as the recipe draws.
-    pub fn published_from_fit(mut training: Config, seed: u64) -> Task {
+    pub fn published_from_fit(mut training: Config, seed: u64) -> TrainingTask {
         let first = training.start_gaussians.unwrap_or(1);
         training.alpha_blend.most_gaussians = Some(ROOM * first);
-        Task { target: Target::Gaussians(first), training: Some(training), blocks: 1, seed }
+        TrainingTask { target: Target::Gaussians(first), training: Some(training), blocks: 1, seed }
     }
 
     /// The same in a file of so many bytes, which may hold fewer Gaussians than the recipe begins with or makes.
     ///
     /// # Errors
     /// Those of [`Config::scaled`].
-    pub fn published_in(bytes: u64, scale: f64, seed: u64) -> Result<Task> {
-        Ok(Task { target: Target::Size(bytes), training: Some(recipe().scaled(scale)?), blocks: 1, seed })
+    pub fn published_in(bytes: u64, scale: f64, seed: u64) -> Result<TrainingTask> {
+        Ok(TrainingTask { target: Target::Size(bytes), training: Some(recipe().scaled(scale)?), blocks: 1, seed })
     }
 
     /// Our law in a file of so many bytes.
-    pub fn ours(bytes: u64, training: Option<Config>, seed: u64) -> Task {
-        Task { target: Target::Size(bytes), training, blocks: 1, seed }
+    pub fn ours(bytes: u64, training: Option<Config>, seed: u64) -> TrainingTask {
+        TrainingTask { target: Target::Size(bytes), training, blocks: 1, seed }
     }
 }
 
@@ -122,7 +122,7 @@ pub(crate) fn sizes(config: &Config) -> [Size; 2] {
 
 /// A score of a run while it trains.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Evaluation {
+pub struct TrainingScore {
     /// Block, where there are several; else empty.
     #[serde(default)]
     pub run: String,
@@ -137,20 +137,20 @@ pub struct Evaluation {
 }
 
 /// A trained model.
-pub(crate) struct Trained {
+pub(crate) struct TrainingResult {
     /// The file and what it decodes to.
-    pub made: Made,
+    pub made: ModelBuild,
     /// Its scores while it was trained.
-    pub curve: Vec<Evaluation>,
+    pub curve: Vec<TrainingScore>,
     /// Steps done of a run that goes on, of which this is the best so far.
     pub unfinished: Option<u64>,
     /// Was its number of Gaussians held by the most that there may be?
     pub held: bool,
 }
 
-impl Trained {
-    fn held_by(self, most: u64) -> Trained {
-        Trained { held: self.made.model.gaussians() as f64 >= HELD * most as f64, ..self }
+impl TrainingResult {
+    fn held_by(self, most: u64) -> TrainingResult {
+        TrainingResult { held: self.made.model.gaussians() as f64 >= HELD * most as f64, ..self }
     }
 }
 
@@ -158,7 +158,7 @@ impl Trained {
 ///
 /// # Errors
 /// Those of [`compress`]; [`Error::Io`].
-pub(crate) fn trained(lab: &Lab<'_>, snapshot: &Snapshot, task: &Task) -> Result<Trained> {
+pub(crate) fn trained(lab: &Lab<'_>, snapshot: &Snapshot, task: &TrainingTask) -> Result<TrainingResult> {
     trained_on(lab, (&snapshot.particles, &snapshot.hash), task, None)
 }
 
@@ -175,9 +175,9 @@ fn limits(lab: &Lab<'_>) -> Result<Limits> {
 pub(crate) fn trained_on(
     lab: &Lab<'_>,
     (particles, hash): (&Particles, &str),
-    task: &Task,
+    task: &TrainingTask,
     piece: Option<Duration>,
-) -> Result<Trained> {
+) -> Result<TrainingResult> {
     let options = Options {
         target: task.target,
         training: task.training.clone(),
@@ -201,7 +201,13 @@ pub(crate) fn trained_on(
 ///
 /// # Errors
 /// Those of [`finetune`]; [`Error::Io`].
-pub(crate) fn tuned(lab: &Lab<'_>, snapshot: &Snapshot, merged: &Made, config: &Config, seed: u64) -> Result<Trained> {
+pub(crate) fn tuned(
+    lab: &Lab<'_>,
+    snapshot: &Snapshot,
+    merged: &ModelBuild,
+    config: &Config,
+    seed: u64,
+) -> Result<TrainingResult> {
     let room = if lab.settings.quick { QUICK_TUNING_ROOM } else { TUNING_ROOM };
     let most = room * merged.model.gaussians() as u64;
     let options = FineTuning {
@@ -226,15 +232,15 @@ fn kept(
     inputs: &impl Serialize,
     piece: Option<Duration>,
     work: impl FnOnce(&mut dyn Pieces, &dyn Progress) -> Result<Compressed>,
-) -> Result<Trained> {
+) -> Result<TrainingResult> {
     let path = lab.on_device.path("checkpoint", inputs, "checkpoint");
     let whose = serde_json::to_vec(inputs).map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
     let mut best = None;
     let made = lab.made_on_device(inputs, || {
         let checkpoint = Checkpoint::open(path.clone(), blake3::hash(&whose).as_bytes())?;
-        let heard = Heard::new(lab.progress, curve_of(&checkpoint), piece);
+        let heard = CurveRecorder::new(lab.progress, curve_of(&checkpoint), piece);
         let before = seconds_of(&checkpoint);
-        let mut pieces = WithCurve { checkpoint, heard: &heard, before, start: Instant::now() };
+        let mut pieces = CurveCheckpoint { checkpoint, heard: &heard, before, start: Instant::now() };
         let done = work(&mut pieces, &heard);
         if done.as_ref().map_or_else(|e| matches!(e, Error::Cancelled), |d| d.stopped) {
             pieces.keep_seconds()?;
@@ -248,9 +254,9 @@ fn kept(
         }
         // What the user stops is to stop; what ran out of time gives its best so far.
         if heard.late() && !lab.progress.cancelled() {
-            let made = Made { bytes: done.bytes, model: done.model, seconds };
+            let made = ModelBuild { bytes: done.bytes, model: done.model, seconds };
             let steps = done.trained.iter().map(|run| run.iterations).sum();
-            best = Some(Trained { made, curve, unfinished: Some(steps), held: false });
+            best = Some(TrainingResult { made, curve, unfinished: Some(steps), held: false });
         }
         Err(Error::Cancelled)
     });
@@ -262,7 +268,7 @@ fn kept(
         std::fs::remove_file(&path).map_err(|e| Error::io(&path, e))?;
     }
     let curve = lab.on_device.result("curve", inputs, || Ok(Vec::new()))?;
-    Ok(Trained { made, curve, unfinished: None, held: false })
+    Ok(TrainingResult { made, curve, unfinished: None, held: false })
 }
 
 #[cfg(test)]
@@ -286,7 +292,7 @@ mod tests {
         let (snapshot, folders) = (snapshot(), [0, 1].map(|_| tempfile::tempdir().unwrap()));
         let [whole, parts] =
             folders.each_ref().map(|f| Lab::new(Settings::new(true, "".into()), f.path(), &Silent).unwrap());
-        let task = Task::published(small(), 1, 42);
+        let task = TrainingTask::published(small(), 1, 42);
         let all = trained(&whole, &snapshot, &task).unwrap();
         assert!(all.unfinished.is_none() && all.curve.len() >= 8, "{:?}", all.curve);
         let (mut pieces, mut seconds) = (0, 0.0);
@@ -304,7 +310,7 @@ mod tests {
         };
         assert!(pieces > 0);
         assert_eq!(last.made.bytes, all.made.bytes);
-        let steps = |t: &Trained| -> Vec<_> {
+        let steps = |t: &TrainingResult| -> Vec<_> {
             t.curve.iter().map(|e| (e.iteration, e.held_out_masked_psnr, e.gaussians)).collect()
         };
         assert_eq!(steps(&last), steps(&all));

@@ -1,6 +1,6 @@
 //! The published recipe on its own, in pieces: how far it is, and what it came to.
 
-use super::{Evaluation, Task, scaled, trained_on};
+use super::{TrainingScore, TrainingTask, scaled, trained_on};
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
 #[cfg(doc)]
@@ -29,7 +29,7 @@ pub struct Standing {
     /// Its masked PSNR on held-out views, dB; none where nothing is lit there.
     pub held_out_masked_psnr: Option<f64>,
     /// Every score so far.
-    pub curve: Vec<Evaluation>,
+    pub curve: Vec<TrainingScore>,
 }
 
 /// Trains by the published recipe at a `scale` in (0, 1] for a `piece` of time; the next call goes on from there.
@@ -39,7 +39,7 @@ pub struct Standing {
 pub fn published(lab: &Lab<'_>, snapshot: &Snapshot, scale: f64, piece: Duration) -> Result<Standing> {
     let config = scaled(Config::preset(Preset::Paper, LawKind::AlphaBlend), scale)?;
     let of = config.iterations();
-    let task = Task::published(config, 1, lab.settings.seed);
+    let task = TrainingTask::published(config, 1, lab.settings.seed);
     let run = trained_on(lab, (&snapshot.particles, &snapshot.hash), &task, Some(piece))?;
     Ok(Standing {
         scale,

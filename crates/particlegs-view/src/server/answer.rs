@@ -6,7 +6,7 @@ use hyper::header::{self, HeaderName, HeaderValue};
 use hyper::{Response, StatusCode};
 
 /// What goes back.
-pub type Answer = Response<Full<Bytes>>;
+pub type HttpResponse = Response<Full<Bytes>>;
 
 /// What no answer of ours is for: to be guessed at, kept, framed by other sites or used by their pages.
 const ALWAYS: [(HeaderName, &str); 6] = [
@@ -19,7 +19,7 @@ const ALWAYS: [(HeaderName, &str); 6] = [
 ];
 
 /// Bytes of a type.
-pub fn bytes(kind: &'static str, bytes: Bytes) -> Answer {
+pub fn bytes(kind: &'static str, bytes: Bytes) -> HttpResponse {
     let mut answer = Response::new(Full::new(bytes));
     let headers = answer.headers_mut();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(kind));
@@ -28,7 +28,7 @@ pub fn bytes(kind: &'static str, bytes: Bytes) -> Answer {
 }
 
 /// A line that says why there is nothing else.
-pub fn refusal(status: StatusCode, why: &str) -> Answer {
+pub fn refusal(status: StatusCode, why: &str) -> HttpResponse {
     let line: String = why.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     let mut answer = bytes("text/plain; charset=utf-8", Bytes::from(line + "\n"));
     *answer.status_mut() = status;
@@ -36,7 +36,7 @@ pub fn refusal(status: StatusCode, why: &str) -> Answer {
 }
 
 /// An answer with one more header, or with another value of one.
-pub fn with(mut answer: Answer, name: HeaderName, value: HeaderValue) -> Answer {
+pub fn with(mut answer: HttpResponse, name: HeaderName, value: HeaderValue) -> HttpResponse {
     answer.headers_mut().insert(name, value);
     answer
 }

@@ -1,9 +1,9 @@
 //! Connections and requests, bounded in number, size and time.
 
-use super::answer::{Answer, refusal, with};
-use super::door::{Door, Opens};
+use super::answer::{HttpResponse, refusal, with};
+use super::door::{PathAccess, TokenAuth};
 use super::guard::{Guard, Refusal};
-use super::table::{Place, Table};
+use super::table::{Route, RouteTable};
 use super::{Event, Limits};
 use http_body_util::{BodyExt, LengthLimitError, Limited};
 use hyper::body::Incoming;
@@ -39,35 +39,35 @@ const MOST_TOLD: usize = 16;
 const MOST_STRANGERS: usize = 256;
 
 /// A server with all that it serves.
-pub struct Listening {
+pub struct SiteServer {
     pub listener: TcpListener,
     pub guard: Guard,
-    pub door: Door,
+    pub door: TokenAuth,
     pub limits: Limits,
-    pub table: Table,
+    pub table: RouteTable,
 }
 
 /// What all connections share.
-struct Shared {
+struct ConnectionState {
     guard: Guard,
-    door: Door,
+    door: TokenAuth,
     limits: Limits,
-    table: Table,
+    table: RouteTable,
     events: Sender<Event>,
     told: Mutex<HashSet<Event>>,
     /// When somebody who has the token last asked, or was answered.
     asked: Mutex<Instant>,
     /// Places of connections that have shown the token.
     seats: Arc<Semaphore>,
-    strangers: Strangers,
+    strangers: UnverifiedConnections,
 }
 
 /// Connections that have not shown the token yet, the oldest first. They take no seats, and one too many ends the
 /// oldest: whoever has the token shows it at once.
 #[derive(Default)]
-struct Strangers(Mutex<VecDeque<AbortHandle>>);
+struct UnverifiedConnections(Mutex<VecDeque<AbortHandle>>);
 
-impl Strangers {
+impl UnverifiedConnections {
     fn add(&self, stranger: AbortHandle) {
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         all.push_back(stranger);
@@ -83,17 +83,17 @@ impl Strangers {
     }
 }
 
-impl Listening {
+impl SiteServer {
     /// Serves until it is stopped or left alone for long.
     pub fn serve(self, progress: &dyn Progress, tell: &dyn Fn(Event)) -> Result<()> {
-        let Listening { listener, guard, door, limits, table } = self;
+        let SiteServer { listener, guard, door, limits, table } = self;
         let fault = |e| Error::io("the server", e);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build().map_err(fault)?;
         listener.set_nonblocking(true).map_err(fault)?;
         let (events, happened) = channel();
         let (told, asked) = (Mutex::default(), Mutex::new(Instant::now()));
-        let (seats, strangers) = (Arc::new(Semaphore::new(limits.connections)), Strangers::default());
-        let shared = Arc::new(Shared { guard, door, limits, table, events, told, asked, seats, strangers });
+        let (seats, strangers) = (Arc::new(Semaphore::new(limits.connections)), UnverifiedConnections::default());
+        let shared = Arc::new(ConnectionState { guard, door, limits, table, events, told, asked, seats, strangers });
         runtime.block_on(async {
             let listener = tokio::net::TcpListener::from_std(listener).map_err(fault)?;
             let nobody_is_there = || shared.seats.available_permits() == limits.connections;
@@ -116,7 +116,7 @@ impl Listening {
     }
 }
 
-impl Shared {
+impl ConnectionState {
     /// One connection, from its first request to its last.
     async fn converse(self: Arc<Self>, stream: TcpStream) {
         let limits = self.limits;
@@ -140,7 +140,7 @@ impl Shared {
     }
 
     /// The answer to a request, which has a seat if it has the token; whoever has not is sent away.
-    async fn answer(&self, request: Request<Incoming>, seat: &Mutex<Option<OwnedSemaphorePermit>>) -> Answer {
+    async fn answer(&self, request: Request<Incoming>, seat: &Mutex<Option<OwnedSemaphorePermit>>) -> HttpResponse {
         let place = match self.opened(&request) {
             Ok(place) => place,
             Err(answer) => return with(*answer, header::CONNECTION, HeaderValue::from_static("close")),
@@ -157,21 +157,21 @@ impl Shared {
     }
 
     /// What a request with the token names; the answer to one without it.
-    fn opened(&self, request: &Request<Incoming>) -> std::result::Result<Option<Place>, Box<Answer>> {
+    fn opened(&self, request: &Request<Incoming>) -> std::result::Result<Option<Route>, Box<HttpResponse>> {
         self.guarded(request).map_err(|refused| Box::new(self.refused(refused)))?;
         let path = request.uri().path();
         let path = path.strip_prefix('/').unwrap_or(path);
         let (key, rest) = path.split_once('/').map_or((path, None), |(key, rest)| (key, Some(rest)));
         match (self.door.opens(key), rest) {
-            (Opens::Everything, Some(rest)) => Ok(self.table.find(rest)),
-            (Opens::Everything, None) | (Opens::Once, None | Some("")) => {
+            (PathAccess::Everything, Some(rest)) => Ok(self.table.find(rest)),
+            (PathAccess::Everything, None) | (PathAccess::Once, None | Some("")) => {
                 Err(Box::new(self.to_the_page(rest.is_some())))
             }
             _ => Err(Box::new(nothing())),
         }
     }
 
-    async fn answer_at(&self, place: Option<Place>, request: Request<Incoming>) -> Answer {
+    async fn answer_at(&self, place: Option<Route>, request: Request<Incoming>) -> HttpResponse {
         let Some(place) = place else { return nothing() };
         let (methods, allowed) = place.methods();
         if !methods.contains(request.method()) {
@@ -179,13 +179,13 @@ impl Shared {
             return with(answer, header::ALLOW, HeaderValue::from_static(allowed));
         }
         match place {
-            Place::Truth => self.truth(request).await,
+            Route::Truth => self.truth(request).await,
             place => self.table.get(place, request.headers()).await,
         }
     }
 
     /// By an address that a proxy in between does not make wrong.
-    fn to_the_page(&self, within: bool) -> Answer {
+    fn to_the_page(&self, within: bool) -> HttpResponse {
         let to = format!("{}{}/", if within { "../" } else { "" }, self.door.token());
         let answer = refusal(StatusCode::SEE_OTHER, "the page has an address of its own");
         // A token is letters and digits.
@@ -203,7 +203,7 @@ impl Shared {
         self.guard.check(host, origin)
     }
 
-    fn refused(&self, refused: Refusal) -> Answer {
+    fn refused(&self, refused: Refusal) -> HttpResponse {
         let (event, why) = match refused {
             Refusal::Host(None) => {
                 return refusal(StatusCode::BAD_REQUEST, "the request does not say which host it asks");
@@ -222,7 +222,7 @@ impl Shared {
         refusal(StatusCode::FORBIDDEN, &why)
     }
 
-    async fn truth(&self, request: Request<Incoming>) -> Answer {
+    async fn truth(&self, request: Request<Incoming>) -> HttpResponse {
         let kind = only(request.headers(), header::CONTENT_TYPE).ok().flatten().unwrap_or_default();
         if !kind.split(';').next().is_some_and(|k| k.trim().eq_ignore_ascii_case("application/json")) {
             return refusal(StatusCode::UNSUPPORTED_MEDIA_TYPE, "a picture is asked for by application/json");
@@ -247,7 +247,7 @@ impl Shared {
     }
 }
 
-fn nothing() -> Answer {
+fn nothing() -> HttpResponse {
     refusal(StatusCode::NOT_FOUND, "nothing is here: open the address that the command printed")
 }
 

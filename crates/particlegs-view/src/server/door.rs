@@ -46,7 +46,7 @@ impl Token {
 }
 
 /// The secrets.
-pub struct Door {
+pub struct TokenAuth {
     token: Token,
     /// One that opens once, and leads to the other.
     once: Mutex<Option<Token>>,
@@ -54,7 +54,7 @@ pub struct Door {
 
 /// What the first part of a path opens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Opens {
+pub enum PathAccess {
     /// The server.
     Everything,
     /// The way to the token, this time.
@@ -63,9 +63,9 @@ pub enum Opens {
     Nothing,
 }
 
-impl Door {
+impl TokenAuth {
     pub fn new(token: Token) -> Self {
-        Door { token, once: Mutex::default() }
+        TokenAuth { token, once: Mutex::default() }
     }
 
     pub fn token(&self) -> &str {
@@ -80,14 +80,14 @@ impl Door {
     }
 
     /// What `key` opens; the token for once is used up by it.
-    pub fn opens(&self, key: &str) -> Opens {
+    pub fn opens(&self, key: &str) -> PathAccess {
         if self.token.is(key) {
-            return Opens::Everything;
+            return PathAccess::Everything;
         }
         let mut once = self.once.lock().unwrap_or_else(PoisonError::into_inner);
         match once.take_if(|token| token.is(key)) {
-            Some(_) => Opens::Once,
-            None => Opens::Nothing,
+            Some(_) => PathAccess::Once,
+            None => PathAccess::Nothing,
         }
     }
 }
@@ -98,15 +98,15 @@ mod tests {
 
     #[test]
     fn tokens_are_random_and_open_as_often_as_they_should() {
-        let [door, other] = [(); 2].map(|()| Door::new(Token::random().unwrap()));
+        let [door, other] = [(); 2].map(|()| TokenAuth::new(Token::random().unwrap()));
         assert_eq!((door.token().len(), door.token() == other.token()), (32, false));
         for wrong in ["", "0", other.token(), &door.token()[1..], &format!("{}0", door.token())] {
-            assert_eq!(door.opens(wrong), Opens::Nothing, "{wrong}");
+            assert_eq!(door.opens(wrong), PathAccess::Nothing, "{wrong}");
         }
         let once = door.for_once().unwrap();
         let known = |key: &str| [(); 2].map(|()| door.opens(key));
-        assert_eq!(known(once.as_str()), [Opens::Once, Opens::Nothing]);
-        assert_eq!(known(door.token()), [Opens::Everything; 2]);
+        assert_eq!(known(once.as_str()), [PathAccess::Once, PathAccess::Nothing]);
+        assert_eq!(known(door.token()), [PathAccess::Everything; 2]);
     }
 
     #[test]

@@ -11,9 +11,9 @@ mod table;
 
 use crate::page::{ModelFile, PageOpening, Snapshot, served};
 use crate::truth::desk;
-use connection::Listening;
-use door::Door;
+use connection::SiteServer;
 pub use door::Token;
+use door::TokenAuth;
 use guard::{Guard, is_loopback};
 use hyper::body::Bytes;
 use particlegs::progress::Progress;
@@ -22,7 +22,7 @@ use particlegs::{Error, Result};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, ToSocketAddrs};
 use std::sync::Arc;
 use std::time::Duration;
-use table::Table;
+use table::RouteTable;
 
 /// The port that is tried first where none is asked for, so that a tunnel to it can stand in an ssh configuration.
 pub const USUAL_PORT: u16 = 8317;
@@ -97,7 +97,7 @@ pub enum Event {
 pub struct Server {
     listener: TcpListener,
     address: SocketAddr,
-    door: Door,
+    door: TokenAuth,
     guard: Guard,
     node: Option<String>,
     limits: Limits,
@@ -120,7 +120,7 @@ impl Server {
         let widened = !is_loopback(address.ip());
         let names = [Some(host), node.clone().filter(|_| widened)].into_iter().flatten();
         let guard = Guard::new(widened, names, &proxies);
-        Ok(Server { listener, address, door: Door::new(token), guard, node, limits })
+        Ok(Server { listener, address, door: TokenAuth::new(token), guard, node, limits })
     }
 
     /// The port that it listens at.
@@ -179,9 +179,9 @@ impl Server {
         let desk = desk.map(Arc::new);
         let models: Vec<Bytes> = models.into_iter().map(|m| Bytes::from(m.1)).collect();
         let first = models.first().cloned().unwrap_or_default();
-        let (table, hang) = Table::new(&page, models, poster.is_some(), desk.clone())?;
+        let (table, hang) = RouteTable::new(&page, models, poster.is_some(), desk.clone())?;
         let listening =
-            Listening { listener: self.listener, guard: self.guard, door: self.door, limits: self.limits, table };
+            SiteServer { listener: self.listener, guard: self.guard, door: self.door, limits: self.limits, table };
         std::thread::scope(|scope| {
             if let (Some(painter), Some((_, reference))) = (painter, truth) {
                 scope.spawn(move || painter.work(reference, progress));

@@ -1,10 +1,10 @@
 //! Every address behind the token, and what is there. There are no others: nothing is looked up in a file system.
 
-use super::answer::{Answer, bytes, refusal, with};
+use super::answer::{HttpResponse, bytes, refusal, with};
 use crate::assets;
 use crate::page::Page;
-use crate::truth::Question;
-use crate::truth::desk::Desk;
+use crate::truth::RenderRequest;
+use crate::truth::desk::RenderQueue;
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
@@ -17,20 +17,20 @@ use std::sync::Arc;
 use tokio::sync::watch;
 
 /// What there is.
-pub struct Table {
-    page: Packed,
+pub struct RouteTable {
+    page: EncodedBody,
     policy: HeaderValue,
-    engine: Packed,
+    engine: EncodedBody,
     models: Vec<Bytes>,
     /// `None` without a poster; within, `None` until it is drawn, then what was drawn.
     poster: Option<watch::Receiver<Option<Option<Bytes>>>>,
-    desk: Option<Arc<Desk>>,
+    desk: Option<Arc<RenderQueue>>,
 }
 
 /// Where the poster is hung up when it is drawn.
-pub struct Hang(watch::Sender<Option<Option<Bytes>>>);
+pub struct PosterSlot(watch::Sender<Option<Option<Bytes>>>);
 
-impl Hang {
+impl PosterSlot {
     /// Hangs it up, or says that there will be none.
     pub fn up(self, poster: Option<Vec<u8>>) {
         self.0.send_replace(Some(poster.map(Bytes::from)));
@@ -38,14 +38,14 @@ impl Hang {
 }
 
 /// Bytes that shrink, in both forms.
-struct Packed {
+struct EncodedBody {
     plain: Bytes,
     gzip: Bytes,
 }
 
 /// An address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum Route {
     Page,
     Engine,
     Poster,
@@ -53,55 +53,60 @@ pub enum Place {
     Truth,
 }
 
-impl Table {
+impl RouteTable {
     /// With the page and the models' bytes; with a place for a poster, and a desk for pictures of all particles,
     /// where there are such.
-    pub fn new(page: &Page, models: Vec<Bytes>, poster: bool, desk: Option<Arc<Desk>>) -> Result<(Self, Hang)> {
+    pub fn new(
+        page: &Page,
+        models: Vec<Bytes>,
+        poster: bool,
+        desk: Option<Arc<RenderQueue>>,
+    ) -> Result<(Self, PosterSlot)> {
         let fault = |e| Error::io("the page", e);
         let (hang, hung) = watch::channel(None);
         // Within the page nothing but the page frames itself; a notebook's page of the same site may frame it.
         let policy = HeaderValue::from_str(&format!("{}; frame-ancestors 'self'", page.policy));
-        let table = Table {
-            page: Packed::of_plain(&page.html).map_err(fault)?,
+        let table = RouteTable {
+            page: EncodedBody::of_plain(&page.html).map_err(fault)?,
             policy: policy.map_err(|e| fault(std::io::Error::other(e)))?,
-            engine: Packed::of_gzip(assets::ENGINE).map_err(fault)?,
+            engine: EncodedBody::of_gzip(assets::ENGINE).map_err(fault)?,
             models,
             poster: poster.then_some(hung),
             desk,
         };
-        Ok((table, Hang(hang)))
+        Ok((table, PosterSlot(hang)))
     }
 
     /// What a path behind the token names.
-    pub fn find(&self, path: &str) -> Option<Place> {
+    pub fn find(&self, path: &str) -> Option<Route> {
         match path {
-            "" => Some(Place::Page),
-            "engine" => Some(Place::Engine),
-            "poster" => self.poster.is_some().then_some(Place::Poster),
-            "truth" => self.desk.is_some().then_some(Place::Truth),
+            "" => Some(Route::Page),
+            "engine" => Some(Route::Engine),
+            "poster" => self.poster.is_some().then_some(Route::Poster),
+            "truth" => self.desk.is_some().then_some(Route::Truth),
             _ => {
                 let number = path.strip_prefix("model/")?;
-                (0..self.models.len()).find(|i| i.to_string() == number).map(Place::Model)
+                (0..self.models.len()).find(|i| i.to_string() == number).map(Route::Model)
             }
         }
     }
 
     /// The answer to a GET.
-    pub async fn get(&self, place: Place, headers: &HeaderMap) -> Answer {
+    pub async fn get(&self, place: Route, headers: &HeaderMap) -> HttpResponse {
         match place {
-            Place::Page => {
+            Route::Page => {
                 let answer = self.page.answer("text/html; charset=utf-8", headers);
                 with(answer, header::CONTENT_SECURITY_POLICY, self.policy.clone())
             }
-            Place::Engine => self.engine.answer("application/wasm", headers),
-            Place::Model(i) => bytes("application/octet-stream", self.models[i].clone()),
-            Place::Poster => self.poster().await,
-            Place::Truth => refusal(StatusCode::METHOD_NOT_ALLOWED, "pictures are asked for by POST"),
+            Route::Engine => self.engine.answer("application/wasm", headers),
+            Route::Model(i) => bytes("application/octet-stream", self.models[i].clone()),
+            Route::Poster => self.poster().await,
+            Route::Truth => refusal(StatusCode::METHOD_NOT_ALLOWED, "pictures are asked for by POST"),
         }
     }
 
     /// Waits until it is drawn.
-    async fn poster(&self) -> Answer {
+    async fn poster(&self) -> HttpResponse {
         let Some(mut hung) = self.poster.clone() else {
             return refusal(StatusCode::NOT_FOUND, "there is no poster");
         };
@@ -113,11 +118,11 @@ impl Table {
     }
 
     /// The answer to a question for a picture of all particles.
-    pub async fn truth(&self, json: &[u8]) -> Answer {
+    pub async fn truth(&self, json: &[u8]) -> HttpResponse {
         let Some(desk) = &self.desk else {
             return refusal(StatusCode::NOT_FOUND, "there is no snapshot");
         };
-        let question = match Question::read(json) {
+        let question = match RenderRequest::read(json) {
             Ok(question) => question,
             Err(wrong) => return refusal(StatusCode::BAD_REQUEST, &wrong.to_string()),
         };
@@ -131,30 +136,30 @@ impl Table {
     }
 }
 
-impl Place {
+impl Route {
     /// The methods that it is asked by.
     pub fn methods(self) -> (&'static [Method], &'static str) {
         match self {
-            Place::Truth => (&[Method::POST], "POST"),
+            Route::Truth => (&[Method::POST], "POST"),
             _ => (&[Method::GET, Method::HEAD], "GET, HEAD"),
         }
     }
 }
 
-impl Packed {
+impl EncodedBody {
     fn of_plain(text: &str) -> std::io::Result<Self> {
         let mut packer = GzEncoder::new(Vec::new(), Compression::default());
         packer.write_all(text.as_bytes())?;
-        Ok(Packed { plain: Bytes::from(text.to_string()), gzip: packer.finish()?.into() })
+        Ok(EncodedBody { plain: Bytes::from(text.to_string()), gzip: packer.finish()?.into() })
     }
 
     fn of_gzip(gzip: &'static [u8]) -> std::io::Result<Self> {
         let mut plain = Vec::new();
         GzDecoder::new(gzip).read_to_end(&mut plain)?;
-        Ok(Packed { plain: plain.into(), gzip: Bytes::from_static(gzip) })
+        Ok(EncodedBody { plain: plain.into(), gzip: Bytes::from_static(gzip) })
     }
 
-    fn answer(&self, kind: &'static str, headers: &HeaderMap) -> Answer {
+    fn answer(&self, kind: &'static str, headers: &HeaderMap) -> HttpResponse {
         let answer = if takes_gzip(headers) {
             let gzip = HeaderValue::from_static("gzip");
             with(bytes(kind, self.gzip.clone()), header::CONTENT_ENCODING, gzip)

@@ -1,6 +1,6 @@
 //! One thread draws; whoever asks last is answered.
 
-use super::{Question, smoothed};
+use super::{RenderRequest, smoothed};
 use particlegs::particles::{Particles, Selection, Storage};
 use particlegs::progress::{Level, Progress};
 use particlegs::reference::Reference;
@@ -14,39 +14,39 @@ use tokio::sync::oneshot;
 const SEED: u64 = 42;
 
 /// A question on its way to the thread.
-struct Job {
-    question: Question,
+struct QueuedRender {
+    question: RenderRequest,
     given_up: Arc<AtomicBool>,
     answer: oneshot::Sender<Result<Vec<u8>>>,
 }
 
 /// Where connections ask.
-pub struct Desk {
-    jobs: Mutex<Option<Sender<Job>>>,
+pub struct RenderQueue {
+    jobs: Mutex<Option<Sender<QueuedRender>>>,
     /// Of the question that was asked last.
     last: Mutex<Arc<AtomicBool>>,
 }
 
 /// Where the questions come to.
-pub struct Painter {
-    jobs: Receiver<Job>,
+pub struct RenderWorker {
+    jobs: Receiver<QueuedRender>,
 }
 
 /// A desk, and what its thread takes.
-pub fn open() -> (Desk, Painter) {
+pub fn open() -> (RenderQueue, RenderWorker) {
     let (sender, jobs) = channel();
-    (Desk { jobs: Mutex::new(Some(sender)), last: Mutex::default() }, Painter { jobs })
+    (RenderQueue { jobs: Mutex::new(Some(sender)), last: Mutex::default() }, RenderWorker { jobs })
 }
 
 /// An answer that is waited for; whoever lets go of it gives the picture up.
-pub struct Ticket {
+pub struct PendingRender {
     given_up: Arc<AtomicBool>,
     answer: oneshot::Receiver<Result<Vec<u8>>>,
 }
 
-impl Desk {
+impl RenderQueue {
     /// Asks; what was asked before is given up.
-    pub fn ask(&self, question: Question) -> Ticket {
+    pub fn ask(&self, question: RenderRequest) -> PendingRender {
         let (sender, answer) = oneshot::channel();
         let given_up = Arc::<AtomicBool>::default();
         // One lock for both, so that the last in the queue is the one that is not given up.
@@ -55,9 +55,9 @@ impl Desk {
         *last = Arc::clone(&given_up);
         if let Some(jobs) = &*self.jobs.lock().unwrap_or_else(PoisonError::into_inner) {
             // Without a thread to take it the answer is that there is none.
-            let _ = jobs.send(Job { question, given_up: Arc::clone(&given_up), answer: sender });
+            let _ = jobs.send(QueuedRender { question, given_up: Arc::clone(&given_up), answer: sender });
         }
-        Ticket { given_up, answer }
+        PendingRender { given_up, answer }
     }
 
     /// Gives up what is being drawn, and takes no more: the thread ends.
@@ -67,25 +67,25 @@ impl Desk {
     }
 }
 
-impl Ticket {
+impl PendingRender {
     /// The picture's bytes; [`Error::Cancelled`] where another was asked for meanwhile.
     pub async fn answer(mut self) -> Result<Vec<u8>> {
         (&mut self.answer).await.unwrap_or(Err(Error::Cancelled))
     }
 }
 
-impl Drop for Ticket {
+impl Drop for PendingRender {
     fn drop(&mut self) {
         self.given_up.store(true, Ordering::Relaxed);
     }
 }
 
-impl Painter {
+impl RenderWorker {
     /// Draws what is asked for until the desk is closed.
     pub fn work(self, reference: &Reference<'_>, progress: &dyn Progress) {
-        let mut subject = Subject { all: reference, smooth: None, some: None };
-        for Job { question, given_up, answer } in self.jobs {
-            let watched = Watched { progress, given_up: &given_up };
+        let mut subject = ParticleScene { all: reference, smooth: None, some: None };
+        for QueuedRender { question, given_up, answer } in self.jobs {
+            let watched = CancellableProgress { progress, given_up: &given_up };
             let drawn = watched.check().and_then(|()| subject.draw(&question, &watched, progress));
             // Nobody may be waiting any more.
             let _ = answer.send(drawn);
@@ -94,16 +94,16 @@ impl Painter {
 }
 
 /// All particles, and the few that coarse pictures were last drawn of.
-struct Subject<'a> {
+struct ParticleScene<'a> {
     all: &'a Reference<'a>,
     /// The same for densities, each spread over its neighbours; made for the first of them.
     smooth: Option<Reference<'a>>,
     some: Option<Particles>,
 }
 
-impl Subject<'_> {
+impl ParticleScene<'_> {
     /// `whole` is not given up with the picture: what it makes serves all that come after.
-    fn draw(&mut self, question: &Question, progress: &dyn Progress, whole: &dyn Progress) -> Result<Vec<u8>> {
+    fn draw(&mut self, question: &RenderRequest, progress: &dyn Progress, whole: &dyn Progress) -> Result<Vec<u8>> {
         let particles = self.all.particles();
         let number = question.particles(particles.len());
         if number == particles.len() {
@@ -129,12 +129,12 @@ impl Subject<'_> {
 }
 
 /// The command's own side of long work, given up with the picture. What is drawn for a page is not told elsewhere.
-struct Watched<'a> {
+struct CancellableProgress<'a> {
     progress: &'a dyn Progress,
     given_up: &'a AtomicBool,
 }
 
-impl Progress for Watched<'_> {
+impl Progress for CancellableProgress<'_> {
     fn cancelled(&self) -> bool {
         self.given_up.load(Ordering::Relaxed) || self.progress.cancelled()
     }

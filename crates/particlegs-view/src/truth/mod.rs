@@ -1,6 +1,6 @@
 //! Pictures of all particles for the page, by the reference renderer: one at a time, the newest first.
 //!
-//! [`Question`] is what the page asks, checked; `desk` takes questions from connections and hands them to the one
+//! [`RenderRequest`] is what the page asks, checked; `desk` takes questions from connections and hands them to the one
 //! thread that draws.
 
 pub(crate) mod desk;
@@ -16,4 +16,4 @@ pub(crate) fn smoothed(particles: u64) -> Option<usize> {
     (NEIGHBOURS as u64 + 1..=MOST_SMOOTHED).contains(&particles).then_some(NEIGHBOURS)
 }
 
-pub use question::Question;
+pub use question::RenderRequest;

@@ -14,12 +14,12 @@ const LARGEST_SIDE: usize = 4096;
 
 /// A picture of all particles that is wanted. Lengths are in world units.
 #[derive(Clone, Debug, Deserialize)]
-pub struct Question {
-    camera: AskedCamera,
+pub struct RenderRequest {
+    camera: RequestCamera,
     /// Radius and opacity of the particles; surface density has none.
     radius: Option<f64>,
     opacity: Option<f64>,
-    look: AskedLook,
+    look: RequestLook,
     width: usize,
     height_pixels: usize,
     /// Does an orthographic surface density repeat a periodic box? As `reference` does unless told not to.
@@ -31,7 +31,7 @@ pub struct Question {
 }
 
 #[derive(Clone, Debug, Deserialize)]
-struct AskedCamera {
+struct RequestCamera {
     position: [f64; 3],
     focal_point: [f64; 3],
     view_up: [f64; 3],
@@ -44,7 +44,7 @@ struct AskedCamera {
 
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
-enum AskedLook {
+enum RequestLook {
     Paraview,
     ParaviewNoFxaa,
     Expected,
@@ -59,13 +59,13 @@ fn all() -> f64 {
     1.0
 }
 
-impl Question {
+impl RenderRequest {
     /// Reads the JSON and checks every number.
     ///
     /// # Errors
     /// [`Error::Argument`] that says what is wrong.
     pub fn read(json: &[u8]) -> Result<Self> {
-        let question: Question =
+        let question: RenderRequest =
             serde_json::from_slice(json).map_err(|e| Error::argument(format!("not a picture to draw: {e}")))?;
         let (width, height) = (question.width, question.height_pixels);
         if !((1..=LARGEST_SIDE).contains(&width) && (1..=LARGEST_SIDE).contains(&height)) {
@@ -92,7 +92,7 @@ impl Question {
 
     /// Is it a surface density?
     pub(super) fn is_density(&self) -> bool {
-        self.look == AskedLook::Density
+        self.look == RequestLook::Density
     }
 
     /// How many of so many particles are to be drawn.
@@ -112,13 +112,13 @@ impl Question {
             _ => return Err(Error::argument("a camera has either fov_deg or height")),
         };
         let (radius, opacity) = match self.look {
-            AskedLook::Density => (1.0, 1.0),
+            RequestLook::Density => (1.0, 1.0),
             _ => {
                 let missing = |what: &str| Error::argument(format!("the look needs {what}"));
                 (self.radius.ok_or_else(|| missing("a radius"))?, self.opacity.ok_or_else(|| missing("an opacity"))?)
             }
         };
-        if self.look != AskedLook::Density && c.height.is_some() {
+        if self.look != RequestLook::Density && c.height.is_some() {
             return Err(Error::argument("all particles are drawn orthographic in the look density alone"));
         }
         let camera = Camera {
@@ -143,7 +143,7 @@ impl Question {
         }
     }
 
-    /// [`Question::draw`] where `some` holds but a few of the particles, each for `many`: the picture that all of
+    /// [`RenderRequest::draw`] where `some` holds but a few of the particles, each for `many`: the picture that all of
     /// them may be expected to give, without the noise of single splats that ParaView's looks have.
     pub(super) fn draw_some(&self, some: &Reference<'_>, many: f64, progress: &dyn Progress) -> Result<Vec<u8>> {
         let for_all = |mut plane: Plane| {
@@ -165,14 +165,14 @@ impl Question {
     }
 }
 
-impl AskedLook {
+impl RequestLook {
     /// The look in grey levels; `None` for surface density.
     fn of_grey(self) -> Option<Look> {
         match self {
-            AskedLook::Paraview => Some(Look::Paraview),
-            AskedLook::ParaviewNoFxaa => Some(Look::ParaviewNoFxaa),
-            AskedLook::Expected => Some(Look::Expected),
-            AskedLook::Density => None,
+            RequestLook::Paraview => Some(Look::Paraview),
+            RequestLook::ParaviewNoFxaa => Some(Look::ParaviewNoFxaa),
+            RequestLook::Expected => Some(Look::Expected),
+            RequestLook::Density => None,
         }
     }
 }

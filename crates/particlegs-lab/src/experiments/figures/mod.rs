@@ -7,13 +7,13 @@ mod three_way;
 
 use super::Experiment;
 use super::recovery::RATIO;
-use crate::found::{Cell, Found, Pictures, Table};
-use crate::lab::{Lab, Made, ModelSettings, or_made};
-use crate::method::Bound;
+use crate::found::{ExperimentResults, Pictures, ResultTable, TableCell};
+use crate::lab::{Lab, ModelBuild, ModelSettings, or_made};
+use crate::method::BoundReport;
 use crate::snapshot::Snapshot;
-use crate::views::{Score, Truth, identical_note, kept_picture, masked, mean, mean_of, orbit, ssim, told};
+use crate::views::{ReferenceViews, Score, identical_note, kept_picture, masked, mean, mean_of, orbit, ssim, told};
 use crops::{BRIGHTENED, close_up, whole};
-use others::Other;
+use others::MethodPictures;
 use particlegs::Result;
 use particlegs::camera::View;
 use particlegs::picture::{Gray8, Rgb8};
@@ -33,18 +33,18 @@ const FRAMES: usize = 6;
 /// The compressor whose artefacts the paper shows close up.
 const STREAKS: &str = "SZ3";
 
-fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
+fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let snapshot = &snapshots[0];
     let made = lab.model(snapshot, &ModelSettings::ratio(RATIO, lab.settings.seed))?;
     let frames = if lab.settings.quick { 2 } else { FRAMES.max(lab.settings.frames) };
     let views = evaluation_views(&made.model.metadata, lab.settings.size, lab.settings.seed, frames);
-    let truth = Truth::in_views(lab, snapshot, views)?;
+    let truth = ReferenceViews::in_views(lab, snapshot, views)?;
     let pictures = of_model(lab, &made, &truth)?;
     let scores = others::scores(&truth, &pictures)?;
-    let shown = Shown::of(&truth, &pictures, &scores);
+    let shown = FigureViews::of(&truth, &pictures, &scores);
     let (others, failed) = others::at_size(lab, snapshot, made.bytes.len() as u64, &shown.truth)?;
     let three = three_way::three_way(lab, snapshot, &made, &truth, (pictures, scores))?;
-    let mut found = Found { notes: notes(&made, snapshot, &others), ..Found::default() };
+    let mut found = ExperimentResults { notes: notes(&made, snapshot, &others), ..ExperimentResults::default() };
     found.notes.push(three.note);
     let pictures = others.iter().map(|o| (o.name.clone(), &o.scores[..]));
     found.notes.extend(identical_note([("the model".to_string(), &shown.scores[..])].into_iter().chain(pictures)));
@@ -58,7 +58,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
 }
 
 /// The model's pictures of the views, kept.
-fn of_model(lab: &Lab<'_>, made: &Made, truth: &Truth) -> Result<Vec<Gray8>> {
+fn of_model(lab: &Lab<'_>, made: &ModelBuild, truth: &ReferenceViews) -> Result<Vec<Gray8>> {
     let hash = blake3::hash(&made.bytes).to_hex().to_string();
     let mut draw = None;
     let picture = |view: &View| {
@@ -70,24 +70,28 @@ fn of_model(lab: &Lab<'_>, made: &Made, truth: &Truth) -> Result<Vec<Gray8>> {
 }
 
 /// The first far and the first near view: all particles, and the model.
-struct Shown {
-    truth: Truth,
+struct FigureViews {
+    truth: ReferenceViews,
     model: Vec<Gray8>,
     scores: Vec<Score>,
 }
 
-impl Shown {
-    fn of(truth: &Truth, pictures: &[Gray8], scores: &[Score]) -> Shown {
+impl FigureViews {
+    fn of(truth: &ReferenceViews, pictures: &[Gray8], scores: &[Score]) -> FigureViews {
         let first = |of: &str| truth.views.iter().position(|v| orbit(&v.name) == of);
         let chosen: Vec<usize> = [first("far"), first("near")].into_iter().flatten().collect();
         let of = |list: &[Gray8]| chosen.iter().map(|i| list[*i].clone()).collect::<Vec<_>>();
         let views = chosen.iter().map(|i| truth.views[*i].clone()).collect();
-        let pictured = Truth { views, size: truth.size, bounds: truth.bounds, pictures: of(&truth.pictures) };
-        Shown { truth: pictured, model: of(pictures), scores: chosen.iter().map(|i| scores[*i].clone()).collect() }
+        let pictured = ReferenceViews { views, size: truth.size, bounds: truth.bounds, pictures: of(&truth.pictures) };
+        FigureViews {
+            truth: pictured,
+            model: of(pictures),
+            scores: chosen.iter().map(|i| scores[*i].clone()).collect(),
+        }
     }
 
     /// A row of panels a view: all particles, the model, another, as `cut` shows them.
-    fn panels(&self, other: &Other, cut: impl Fn(&Gray8) -> Rgb8) -> Vec<(String, Rgb8)> {
+    fn panels(&self, other: &MethodPictures, cut: impl Fn(&Gray8) -> Rgb8) -> Vec<(String, Rgb8)> {
         let mut panels = Vec::new();
         for (i, view) in self.truth.views.iter().enumerate() {
             let said = |s: &Score| s.masked.map_or("identical".into(), |v| format!("{v:.2} dB"));
@@ -101,13 +105,13 @@ impl Shown {
 }
 
 /// The other of the best pictures; of those only whose names begin so, where there are any.
-fn best<'a>(others: &'a [Other], begins: &str) -> Option<&'a Other> {
+fn best<'a>(others: &'a [MethodPictures], begins: &str) -> Option<&'a MethodPictures> {
     let named = others.iter().any(|o| o.name.starts_with(begins));
     let chosen = others.iter().filter(|o| !named || o.name.starts_with(begins));
     chosen.max_by(|a, b| a.masked().unwrap_or(0.0).total_cmp(&b.masked().unwrap_or(0.0)))
 }
 
-fn artefact(shown: &Shown, others: &[Other]) -> Option<Pictures> {
+fn artefact(shown: &FigureViews, others: &[MethodPictures]) -> Option<Pictures> {
     let other = best(others, STREAKS)?;
     Some(Pictures {
         name: "artefact".into(),
@@ -122,7 +126,7 @@ fn artefact(shown: &Shown, others: &[Other]) -> Option<Pictures> {
     })
 }
 
-fn qualitative(shown: &Shown, others: &[Other]) -> Option<Pictures> {
+fn qualitative(shown: &FigureViews, others: &[MethodPictures]) -> Option<Pictures> {
     let other = best(others, "")?;
     Some(Pictures {
         name: "qualitative".into(),
@@ -134,8 +138,9 @@ fn qualitative(shown: &Shown, others: &[Other]) -> Option<Pictures> {
     })
 }
 
-fn sizes(other: &Other) -> String {
-    let said = |b: Bound| format!(" at a bound of {:.4}, and its largest error is {:.4}", b.asked, b.largest_error);
+fn sizes(other: &MethodPictures) -> String {
+    let said =
+        |b: BoundReport| format!(" at a bound of {:.4}, and its largest error is {:.4}", b.asked, b.largest_error);
     let bound = other.bound.map_or(String::new(), said);
     format!(
         "{BRIGHTENED} Decibels are masked PSNR of the whole view's own levels against all particles, measured in \
@@ -157,20 +162,20 @@ fn same_size(panels: &mut [(String, Rgb8)]) {
     }
 }
 
-fn table(shown: &Shown, made: &Made, others: &[Other], snapshot: &Snapshot) -> Table {
+fn table(shown: &FigureViews, made: &ModelBuild, others: &[MethodPictures], snapshot: &Snapshot) -> ResultTable {
     let unit = snapshot.unit();
     let (bound, error) = (format!("bound, {unit}"), format!("largest error, {unit}"));
     let columns = ["method", "ratio", "bytes", &bound, &error, "far: masked PSNR, dB", "near, dB", "mean, dB", "SSIM"];
-    let mut t = Table::new("figures", "What the pictures show, measured in the same run", &columns);
+    let mut t = ResultTable::new("figures", "What the pictures show, measured in the same run", &columns);
     let raw = snapshot.position_bytes() as f64;
     let scored = |scores: &[Score]| {
-        let decibels = |value: Option<f64>| Cell::decibels(value.as_slice());
+        let decibels = |value: Option<f64>| TableCell::decibels(value.as_slice());
         let of = |o| decibels(mean_of(scores, o, masked));
-        [of("far"), of("near"), decibels(mean(scores, masked)), Cell::number(mean(scores, ssim), 4)]
+        [of("far"), of("near"), decibels(mean(scores, masked)), TableCell::number(mean(scores, ssim), 4)]
     };
     let row = |name: &str, bytes: u64, bounds: [Option<f64>; 2], scores: &[Score]| {
-        let bounds = bounds.map(|b| Cell::number(b, 4));
-        let first = [Cell::text(name), Cell::number(raw / bytes as f64, 1), Cell::count(bytes)];
+        let bounds = bounds.map(|b| TableCell::number(b, 4));
+        let first = [TableCell::text(name), TableCell::number(raw / bytes as f64, 1), TableCell::count(bytes)];
         first.into_iter().chain(bounds).chain(scored(scores)).collect::<Vec<_>>()
     };
     t.row(row("the model", made.bytes.len() as u64, [None; 2], &shown.scores));
@@ -180,7 +185,7 @@ fn table(shown: &Shown, made: &Made, others: &[Other], snapshot: &Snapshot) -> T
     t
 }
 
-fn notes(made: &Made, snapshot: &Snapshot, others: &[Other]) -> Vec<String> {
+fn notes(made: &ModelBuild, snapshot: &Snapshot, others: &[MethodPictures]) -> Vec<String> {
     let names: Vec<&str> = others.iter().map(|o| o.name.as_str()).collect();
     let unit = snapshot.unit();
     let streaks = match others.iter().any(|o| o.name.starts_with(STREAKS)) {
@@ -203,9 +208,9 @@ mod tests {
     use super::*;
     use particlegs::picture::Size;
 
-    fn other(name: &str, masked: f64) -> Other {
+    fn other(name: &str, masked: f64) -> MethodPictures {
         let score = Score { view: "far_00".into(), psnr: None, masked: Some(masked), ssim: None };
-        Other { name: name.into(), bytes: 1, bound: None, pictures: vec![], scores: vec![score] }
+        MethodPictures { name: name.into(), bytes: 1, bound: None, pictures: vec![], scores: vec![score] }
     }
 
     #[test]

@@ -2,28 +2,28 @@
 
 use crate::device::Style;
 use crate::lab::{Lab, or_made};
-use crate::method::{Bound, Content, Kept, Method};
+use crate::method::{BoundReport, CompressionMethod, FileContent, MethodOutput};
 use crate::snapshot::Snapshot;
-use crate::views::{Score, Truth, kept_picture, masked, mean, told};
+use crate::views::{ReferenceViews, Score, kept_picture, masked, mean, told};
 use particlegs::camera::View;
 use particlegs::picture::Gray8;
 use particlegs::{Error, Result};
 
 /// A way at a size, with its pictures of some views.
-pub(super) struct Other {
+pub(super) struct MethodPictures {
     /// As tables call it.
     pub name: String,
     /// Bytes of its file.
     pub bytes: u64,
     /// How its bound held, where it has one.
-    pub bound: Option<Bound>,
+    pub bound: Option<BoundReport>,
     /// Pictures of what came back, a view of the truth each.
     pub pictures: Vec<Gray8>,
     /// Their scores.
     pub scores: Vec<Score>,
 }
 
-impl Other {
+impl MethodPictures {
     /// Mean masked PSNR of its pictures, dB; infinite where none differs from the truth.
     pub fn masked(&self) -> Option<f64> {
         mean(&self.scores, masked)
@@ -38,10 +38,10 @@ pub(super) fn at_size(
     lab: &Lab<'_>,
     snapshot: &Snapshot,
     bytes: u64,
-    truth: &Truth,
-) -> Result<(Vec<Other>, Vec<String>)> {
+    truth: &ReferenceViews,
+) -> Result<(Vec<MethodPictures>, Vec<String>)> {
     let (mut others, mut failed) = (Vec::new(), Vec::new());
-    for method in Method::all(lab).into_iter().filter(|m| *m != Method::OpticalDepth) {
+    for method in CompressionMethod::all(lab).into_iter().filter(|m| *m != CompressionMethod::OpticalDepth) {
         match other(lab, snapshot, method, bytes, truth) {
             Ok(other) => others.push(other),
             Err(e @ (Error::Cancelled | Error::Io { .. })) => return Err(e),
@@ -51,19 +51,25 @@ pub(super) fn at_size(
     Ok((others, failed))
 }
 
-fn other(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64, truth: &Truth) -> Result<Other> {
+fn other(
+    lab: &Lab<'_>,
+    snapshot: &Snapshot,
+    method: CompressionMethod,
+    bytes: u64,
+    truth: &ReferenceViews,
+) -> Result<MethodPictures> {
     let seed = lab.settings.seed;
     let inputs = (method.source(lab), &snapshot.hash, bytes, seed);
     // Made where the first picture or figure is asked for that is not kept.
-    let mut kept: Option<Kept> = None;
-    let keep = || -> Result<Kept> { method.keep(lab, &snapshot.particles, &snapshot.hash, bytes, seed) };
+    let mut kept: Option<MethodOutput> = None;
+    let keep = || -> Result<MethodOutput> { method.keep(lab, &snapshot.particles, &snapshot.hash, bytes, seed) };
     let (size, bound) = lab.store.result("other", &inputs, || {
         let made = kept.insert(keep()?);
         Ok((made.bytes, made.bound))
     })?;
     let draw = |view: &View| {
         kept_picture(lab, &("other", &inputs, told(view, truth.size)), || {
-            let Content::Particles(particles, factor) = &or_made(&mut kept, keep)?.content else {
+            let FileContent::Particles(particles, factor) = &or_made(&mut kept, keep)?.content else {
                 return Err(Error::input(method.name(lab), "gave no particles"));
             };
             let view = View { radius: view.radius * factor, ..view.clone() };
@@ -72,11 +78,11 @@ fn other(lab: &Lab<'_>, snapshot: &Snapshot, method: Method, bytes: u64, truth: 
     };
     let pictures: Vec<Gray8> = truth.views.iter().map(draw).collect::<Result<_>>()?;
     let scores = scores(truth, &pictures)?;
-    Ok(Other { name: method.name(lab), bytes: size, bound, pictures, scores })
+    Ok(MethodPictures { name: method.name(lab), bytes: size, bound, pictures, scores })
 }
 
 /// The scores of pictures of the views of `truth`, in its order.
-pub(super) fn scores(truth: &Truth, pictures: &[Gray8]) -> Result<Vec<Score>> {
+pub(super) fn scores(truth: &ReferenceViews, pictures: &[Gray8]) -> Result<Vec<Score>> {
     let mut pictures = pictures.iter().cloned();
     truth.score(|view| pictures.next().ok_or_else(|| Error::argument(format!("no picture of {}", view.name))))
 }

@@ -3,10 +3,10 @@
 
 use super::crops::{BRIGHTENED, close_up, whole};
 use crate::device::Style;
-use crate::found::{Axis, Cell, Pictures, Plot, Point, Series, Spread, Table};
-use crate::lab::{Lab, Made, or_made};
+use crate::found::{Pictures, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
+use crate::lab::{Lab, ModelBuild, or_made};
 use crate::snapshot::Snapshot;
-use crate::views::{self, Score, Truth, kept_picture, mean_of_values, orbit, told};
+use crate::views::{self, ReferenceViews, Score, kept_picture, mean_of_values, orbit, told};
 use particlegs::Result;
 use particlegs::camera::View;
 use particlegs::picture::Gray8;
@@ -19,15 +19,15 @@ const METHODS: [Method; 3] = [Method::Count, Method::Stratified, Method::Spaced]
 const ORBITS: [&str; 3] = ["far", "mid", "near"];
 
 /// The scores of one way to draw a picture: a row of the table, a curve of the plot.
-struct Way {
+struct RendererScores {
     name: String,
     scores: Vec<Score>,
     pictures: Vec<Gray8>,
 }
 
 /// Everything of the three-way comparison.
-pub(super) struct ThreeWay {
-    pub tables: Vec<Table>,
+pub(super) struct ThreeWayComparison {
+    pub tables: Vec<ResultTable>,
     pub plots: Vec<Plot>,
     pub pictures: Vec<Pictures>,
     /// In a sentence.
@@ -41,15 +41,15 @@ pub(super) struct ThreeWay {
 pub(super) fn three_way(
     lab: &Lab<'_>,
     snapshot: &Snapshot,
-    made: &Made,
-    truth: &Truth,
+    made: &ModelBuild,
+    truth: &ReferenceViews,
     model: (Vec<Gray8>, Vec<Score>),
-) -> Result<ThreeWay> {
-    let mut ways = vec![Way { name: "model".into(), pictures: model.0, scores: model.1 }];
+) -> Result<ThreeWayComparison> {
+    let mut ways = vec![RendererScores { name: "model".into(), pictures: model.0, scores: model.1 }];
     for method in METHODS {
         ways.push(drawn(lab, snapshot, made, truth, method)?);
     }
-    Ok(ThreeWay {
+    Ok(ThreeWayComparison {
         tables: vec![table(&ways)],
         plots: vec![plot(&ways)],
         pictures: vec![shown(truth, &ways)],
@@ -58,7 +58,13 @@ pub(super) fn three_way(
 }
 
 /// Particles drawn from the model in the truth's views, as ParaView draws them.
-fn drawn(lab: &Lab<'_>, snapshot: &Snapshot, made: &Made, truth: &Truth, method: Method) -> Result<Way> {
+fn drawn(
+    lab: &Lab<'_>,
+    snapshot: &Snapshot,
+    made: &ModelBuild,
+    truth: &ReferenceViews,
+    method: Method,
+) -> Result<RendererScores> {
     let seed = lab.settings.seed;
     let hash = blake3::hash(&made.bytes).to_hex().to_string();
     let mut particles = None;
@@ -71,7 +77,7 @@ fn drawn(lab: &Lab<'_>, snapshot: &Snapshot, made: &Made, truth: &Truth, method:
     };
     let pictures: Vec<Gray8> = truth.views.iter().map(draw).collect::<Result<_>>()?;
     let scores = super::others::scores(truth, &pictures)?;
-    Ok(Way { name: method.name().into(), pictures, scores })
+    Ok(RendererScores { name: method.name().into(), pictures, scores })
 }
 
 /// Masked PSNR of the views of an orbit, or of all.
@@ -79,24 +85,24 @@ fn masked(scores: &[Score], of: Option<&str>) -> Vec<f64> {
     scores.iter().filter(|s| of.is_none_or(|o| orbit(&s.view) == o)).filter_map(views::masked).collect()
 }
 
-fn table(ways: &[Way]) -> Table {
+fn table(ways: &[RendererScores]) -> ResultTable {
     let title = "Masked PSNR against all particles: median over frames, and range, dB";
     let columns = ["picture of", "far", "mid", "near", "all views", "mean of all views", "paper: mean"];
-    let mut t = Table::new("three-way", title, &columns);
+    let mut t = ResultTable::new("three-way", title, &columns);
     for way in ways {
         let name = if way.name == "model" { "the model".into() } else { format!("particles by {}", way.name) };
-        let orbits = ORBITS.iter().map(|o| Cell::decibels(&masked(&way.scores, Some(o))));
+        let orbits = ORBITS.iter().map(|o| TableCell::decibels(&masked(&way.scores, Some(o))));
         let all = masked(&way.scores, None);
-        let mean = Cell::decibels(mean_of_values(&all).as_slice());
+        let mean = TableCell::decibels(mean_of_values(&all).as_slice());
         let paper = PAPER.iter().find(|p| p.0 == way.name).map(|p| p.1);
-        let rest = [Cell::decibels(&all), mean, Cell::number(paper, 2)];
-        t.row([Cell::text(name)].into_iter().chain(orbits).chain(rest));
+        let rest = [TableCell::decibels(&all), mean, TableCell::number(paper, 2)];
+        t.row([TableCell::text(name)].into_iter().chain(orbits).chain(rest));
     }
     t
 }
 
 /// A place a view: orbits one after the other.
-fn plot(ways: &[Way]) -> Plot {
+fn plot(ways: &[RendererScores]) -> Plot {
     let series = ways.iter().enumerate().map(|(style, way)| Series {
         name: if way.name == "model" { "model".into() } else { format!("particles by {}", way.name) },
         style,
@@ -113,15 +119,15 @@ fn plot(ways: &[Way]) -> Plot {
     Plot {
         name: "three-way-decibels".into(),
         title: "The model's pictures and those of particles drawn from it, against all particles".into(),
-        x: Axis::linear(format!("view: 1 to {frames} far, to {} mid, to {} near", 2 * frames, 3 * frames)),
-        y: Axis::linear("masked PSNR, dB"),
+        x: PlotAxis::linear(format!("view: 1 to {frames} far, to {} mid, to {} near", 2 * frames, 3 * frames)),
+        y: PlotAxis::linear("masked PSNR, dB"),
         series: series.collect(),
         levels: levels.collect(),
     }
 }
 
 /// A far view whole and a near one close up: all particles, model, particles drawn by `count`.
-fn shown(truth: &Truth, ways: &[Way]) -> Pictures {
+fn shown(truth: &ReferenceViews, ways: &[RendererScores]) -> Pictures {
     let mut panels = Vec::new();
     for of in ["far", "near"] {
         let Some(i) = truth.views.iter().position(|v| orbit(&v.name) == of) else { continue };
@@ -148,10 +154,10 @@ fn shown(truth: &Truth, ways: &[Way]) -> Pictures {
     }
 }
 
-fn note(ways: &[Way], truth: &Truth) -> String {
+fn note(ways: &[RendererScores], truth: &ReferenceViews) -> String {
     let same = views::identical_note(ways.iter().map(|w| (w.name.clone(), &w.scores[..])));
     let same = same.map_or(String::new(), |words| format!(" {words}"));
-    let median = |way: &Way| Spread::of(&masked(&way.scores, None)).map(|s| s.median);
+    let median = |way: &RendererScores| Spread::of(&masked(&way.scores, None)).map(|s| s.median);
     let gap = ways.first().and_then(median).zip(ways.get(1).and_then(median)).map(|(a, b)| a - b);
     let gap = gap.map_or("not measured".into(), |g| format!("{g:.1} dB"));
     format!(
@@ -168,19 +174,23 @@ mod tests {
     use super::*;
     use particlegs::picture::Size;
 
-    fn way(name: &str, values: &[(&str, f64)]) -> Way {
+    fn way(name: &str, values: &[(&str, f64)]) -> RendererScores {
         let score = |(view, v): &(&str, f64)| Score { view: (*view).into(), psnr: None, masked: Some(*v), ssim: None };
         let picture = Gray8::black(Size { width: 1, height: 1 });
-        Way { name: name.into(), scores: values.iter().map(score).collect(), pictures: vec![picture; values.len()] }
+        RendererScores {
+            name: name.into(),
+            scores: values.iter().map(score).collect(),
+            pictures: vec![picture; values.len()],
+        }
     }
 
     #[test]
     fn medians_stand_beside_the_papers() {
         let model = way("model", &[("far_00", 30.0), ("far_01", 32.0), ("near_00", 28.0)]);
         let t = table(&[model, way("spaced", &[("far_00", 20.0)])]);
-        assert_eq!(t.rows[0][1], Cell::Spread { value: 31.0, range: [30.0, 32.0], digits: 2 });
-        assert_eq!((&t.rows[0][2], &t.rows[0][3]), (&Cell::Empty, &Cell::number(28.0, 2)));
-        assert_eq!((&t.rows[0][5], &t.rows[0][6]), (&Cell::number(30.0, 2), &Cell::number(27.56, 2)));
-        assert_eq!((&t.rows[1][0], &t.rows[1][6]), (&Cell::text("particles by spaced"), &Cell::Empty));
+        assert_eq!(t.rows[0][1], TableCell::Spread { value: 31.0, range: [30.0, 32.0], digits: 2 });
+        assert_eq!((&t.rows[0][2], &t.rows[0][3]), (&TableCell::Empty, &TableCell::number(28.0, 2)));
+        assert_eq!((&t.rows[0][5], &t.rows[0][6]), (&TableCell::number(30.0, 2), &TableCell::number(27.56, 2)));
+        assert_eq!((&t.rows[1][0], &t.rows[1][6]), (&TableCell::text("particles by spaced"), &TableCell::Empty));
     }
 }

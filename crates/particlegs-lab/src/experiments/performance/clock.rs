@@ -1,6 +1,6 @@
 //! Wall-clock times: taken several times where they are short, told with the load of the machine.
 
-use crate::found::{Cell, Spread};
+use crate::found::{Spread, TableCell};
 use particlegs::{Result, parallel};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -63,29 +63,29 @@ impl Times {
     }
 
     /// Median in seconds, with the range.
-    pub fn cell(&self) -> Cell {
+    pub fn cell(&self) -> TableCell {
         seconds(&self.seconds)
     }
 }
 
 /// Times of pictures, several of each.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Frames {
+pub(super) struct FrameTimes {
     /// Seconds: a row a view, in the views' order; views at the end may be missing.
     pub views: Vec<Vec<f64>>,
     /// Load of the machine at the end.
     pub load: Option<f64>,
 }
 
-impl Frames {
+impl FrameTimes {
     /// Median over all frames in milliseconds, with the range.
-    pub fn cell(&self) -> Cell {
+    pub fn cell(&self) -> TableCell {
         let all: Vec<f64> = self.views.iter().flatten().map(|s| 1000.0 * s).collect();
-        Cell::spread(&all, digits(Spread::of(&all).map_or(0.0, |s| s.median)))
+        TableCell::spread(&all, digits(Spread::of(&all).map_or(0.0, |s| s.median)))
     }
 
     /// How many times faster these are than others: a number a view that both have.
-    pub fn faster_than(&self, others: &Frames) -> Vec<f64> {
+    pub fn faster_than(&self, others: &FrameTimes) -> Vec<f64> {
         let median = |v: &Vec<f64>| Some(Spread::of(v)?.median);
         let of = |(own, other): (&Vec<f64>, &Vec<f64>)| Some(median(other)? / median(own)?);
         self.views.iter().zip(&others.views).filter_map(of).collect()
@@ -93,8 +93,8 @@ impl Frames {
 }
 
 /// Seconds with three significant digits or so.
-pub(super) fn seconds(values: &[f64]) -> Cell {
-    Cell::spread(values, digits(Spread::of(values).map_or(0.0, |s| s.median)))
+pub(super) fn seconds(values: &[f64]) -> TableCell {
+    TableCell::spread(values, digits(Spread::of(values).map_or(0.0, |s| s.median)))
 }
 
 /// Digits after the point that leave about three significant ones.
@@ -116,7 +116,7 @@ mod tests {
         });
         let seconds = times.unwrap().seconds;
         assert!(count == 5 && seconds.len() == 5 && seconds.iter().all(|s| *s >= 0.002), "{seconds:?}");
-        let frames = |views: &[&[f64]]| Frames { views: views.iter().map(|v| v.to_vec()).collect(), load: None };
+        let frames = |views: &[&[f64]]| FrameTimes { views: views.iter().map(|v| v.to_vec()).collect(), load: None };
         let (ours, others) = (frames(&[&[0.1, 0.3, 0.2], &[0.1], &[0.1]]), frames(&[&[2.0], &[3.0]]));
         // The third view was drawn by one alone.
         let faster = ours.faster_than(&others);

@@ -1,7 +1,7 @@
 //! Whole commands as children: seconds, processor time, and the most memory that they take.
 
 use super::clock::{digits, load};
-use crate::found::Cell;
+use crate::found::TableCell;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -32,27 +32,28 @@ pub(super) struct Cost {
 
 impl Cost {
     /// Seconds, processor seconds, MiB, load.
-    pub fn cells(&self) -> [Cell; 4] {
-        let missing = |cell: Cell| if cell == Cell::Empty { Cell::text("not measured: no /proc") } else { cell };
+    pub fn cells(&self) -> [TableCell; 4] {
+        let missing =
+            |cell: TableCell| if cell == TableCell::Empty { TableCell::text("not measured: no /proc") } else { cell };
         [
-            Cell::number(self.seconds, digits(self.seconds)),
-            missing(Cell::number(self.processor, 2)),
-            missing(Cell::number(self.peak.map(|b| b as f64 / 1048576.0), 1)),
-            Cell::number(self.load, 1),
+            TableCell::number(self.seconds, digits(self.seconds)),
+            missing(TableCell::number(self.processor, 2)),
+            missing(TableCell::number(self.peak.map(|b| b as f64 / 1048576.0), 1)),
+            TableCell::number(self.load, 1),
         ]
     }
 }
 
 /// What a command took, or why it failed.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Ran {
+pub(super) struct CommandRun {
     /// What it took; `None` where it failed.
     pub cost: Option<Cost>,
     /// What it wrote to its standard output; where it failed, why, in a line.
     pub said: String,
 }
 
-impl Ran {
+impl CommandRun {
     /// Did it fail? What did is tried again the next time.
     pub fn failed(&self) -> bool {
         self.cost.is_none()
@@ -63,7 +64,7 @@ impl Ran {
 ///
 /// # Errors
 /// [`Error::Io`] for a program that cannot be started; [`Error::Cancelled`].
-pub(super) fn run(command: &mut Command, input: &str, folder: &Path, progress: &dyn Progress) -> Result<Ran> {
+pub(super) fn run(command: &mut Command, input: &str, folder: &Path, progress: &dyn Progress) -> Result<CommandRun> {
     let names = ["stdin", "stdout", "stderr"].map(|n| folder.join(n));
     let io = |path: &Path, e| Error::io(path, e);
     std::fs::write(&names[0], input).map_err(|e| io(&names[0], e))?;
@@ -79,14 +80,14 @@ pub(super) fn run(command: &mut Command, input: &str, folder: &Path, progress: &
     let processor = processor_of_children().zip(before).map(|(after, before)| after - before);
     let text = |i: usize| String::from_utf8_lossy(&std::fs::read(&names[i]).unwrap_or_default()).into_owned();
     if status.success() {
-        return Ok(Ran { cost: Some(Cost { seconds, processor, peak, load: load() }), said: text(1) });
+        return Ok(CommandRun { cost: Some(Cost { seconds, processor, peak, load: load() }), said: text(1) });
     }
     // A stop reaches the child as well, which may end first: that is no failure of its own.
     progress.check()?;
     let words = |l: &&str| !l.is_empty() && !l.starts_with("hint:");
     let last = text(2).lines().rev().map(str::trim).find(words).unwrap_or_default().to_string();
     let why = if last.is_empty() { status.to_string() } else { last };
-    Ok(Ran { cost: None, said: why.chars().take(MOST_WORDS).collect() })
+    Ok(CommandRun { cost: None, said: why.chars().take(MOST_WORDS).collect() })
 }
 
 /// Waits for a child; the most memory it had.
@@ -158,15 +159,15 @@ mod tests {
         assert!(failed.cost.is_none() && failed.said == "why not", "{failed:?}");
         assert!(run("exit 4").said.contains('4'));
         assert!(run("exit 4").failed() && !run("exit 0").failed());
-        struct Stopped;
-        impl Progress for Stopped {
+        struct CancellingProgress;
+        impl Progress for CancellingProgress {
             fn cancelled(&self) -> bool {
                 true
             }
         }
         // Whichever of the two ends first.
         for script in ["exit 130", "sleep 5"] {
-            let stopped = super::run(Command::new(shell).args(["-c", script]), "", dir.path(), &Stopped);
+            let stopped = super::run(Command::new(shell).args(["-c", script]), "", dir.path(), &CancellingProgress);
             assert!(matches!(stopped, Err(Error::Cancelled)), "{script}");
         }
     }

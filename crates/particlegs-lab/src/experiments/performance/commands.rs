@@ -1,12 +1,12 @@
 //! Whole commands of our program as children, with what they take of memory.
 
 use super::clock::{Machine, digits};
-use super::command::{Cost, Ran, run};
-use super::growth::{Grown, not};
+use super::command::{CommandRun, Cost, run};
+use super::growth::{GrowthPoint, not};
 use super::point_gaussian::PointGaussian;
-use super::raw::Raw;
-use crate::found::{Cell, Spread, Table};
-use crate::lab::{Lab, Made};
+use super::raw::RawCopy;
+use crate::found::{ResultTable, Spread, TableCell};
+use crate::lab::{Lab, ModelBuild};
 use crate::snapshot::Snapshot;
 use particlegs::picture::Size;
 use particlegs::{Error, Result};
@@ -16,22 +16,22 @@ use std::process::Command;
 const TIMES: usize = 3;
 
 /// A command and its runs.
-pub(super) struct Timed {
+pub(super) struct CommandTiming {
     /// What it does.
     pub what: String,
     /// Its runs.
-    pub runs: Vec<Ran>,
+    pub runs: Vec<CommandRun>,
 }
 
 /// Decoding a model's file, and one picture of the model and of all particles.
 pub(super) fn measure(
     lab: &Lab<'_>,
     of: &Snapshot,
-    made: &Made,
+    made: &ModelBuild,
     sizes: &[Size],
-    raw: &Raw<'_>,
+    raw: &RawCopy<'_>,
     machine: &Machine,
-) -> Result<Vec<Timed>> {
+) -> Result<Vec<CommandTiming>> {
     let model = || {
         let path = raw.folder()?.join("model.pgs");
         if !path.exists() {
@@ -49,9 +49,9 @@ pub(super) fn measure(
                 let out = folder.join(format!("{}-{i}.png", key.replace(' ', "-")));
                 run(&mut make(&out)?, "", folder, lab.progress)
             };
-            (0..TIMES).map(one).collect::<Result<Vec<Ran>>>()
+            (0..TIMES).map(one).collect::<Result<Vec<CommandRun>>>()
         };
-        lab.store.result_if("timed-command", &inputs, run_all, |runs| !runs.iter().any(Ran::failed))
+        lab.store.result_if("timed-command", &inputs, run_all, |runs| !runs.iter().any(CommandRun::failed))
     };
     let drawing = |name: &'static str, input: &dyn Fn() -> Result<std::path::PathBuf>, size: &Size| {
         let size = format!("{}x{}", size.width, size.height);
@@ -66,24 +66,24 @@ pub(super) fn measure(
         command.arg("info").arg(model()?);
         Ok(command)
     })?;
-    let mut all = vec![Timed { what: "`info`: the model's file decoded".into(), runs: info }];
+    let mut all = vec![CommandTiming { what: "`info`: the model's file decoded".into(), runs: info }];
     for size in sizes {
         let told = format!("one picture of {}x{}", size.width, size.height);
         let runs = drawing("render", &model, size)?;
-        all.push(Timed { what: format!("`render`: {told} of the model"), runs });
+        all.push(CommandTiming { what: format!("`render`: {told} of the model"), runs });
         let runs = drawing("reference", &|| raw.snapshot(), size)?;
-        all.push(Timed { what: format!("`reference`: {told} of all particles"), runs });
+        all.push(CommandTiming { what: format!("`reference`: {told} of all particles"), runs });
     }
     Ok(all)
 }
 
 /// As a table, with the compression and VTK beside them.
 pub(super) fn table(
-    grown: &[Grown],
-    timed: &[Timed],
+    grown: &[GrowthPoint],
+    timed: &[CommandTiming],
     vtk: &[(Size, std::result::Result<PointGaussian, String>)],
-) -> Table {
-    let mut table = Table::new(
+) -> ResultTable {
+    let mut table = ResultTable::new(
         "performance-commands",
         "Whole commands: time and memory",
         &["command", "seconds", "processor seconds", "peak memory, MiB", "load"],
@@ -95,31 +95,31 @@ pub(super) fn table(
     for (size, found) in vtk {
         let what = format!("VTK, Python included: loaded, and all frames of {}x{}", size.width, size.height);
         let ran = match found {
-            Ok(v) => Ran { cost: Some(v.cost.clone()), said: String::new() },
+            Ok(v) => CommandRun { cost: Some(v.cost.clone()), said: String::new() },
             // The notes say why.
-            Err(_) => Ran { cost: None, said: String::new() },
+            Err(_) => CommandRun { cost: None, said: String::new() },
         };
         row(&mut table, &what, &[ran]);
     }
     table
 }
 
-fn row(table: &mut Table, what: &str, runs: &[Ran]) {
+fn row(table: &mut ResultTable, what: &str, runs: &[CommandRun]) {
     let costs: Vec<&Cost> = runs.iter().filter_map(|r| r.cost.as_ref()).collect();
-    let name = Cell::text(what);
+    let name = TableCell::text(what);
     match costs[..] {
         [] => {
             let why = runs.first().map_or("", |r| &r.said);
             let why = if why.is_empty() { "not measured".into() } else { not(why) };
-            table.row([name, Cell::text(why), Cell::Empty, Cell::Empty, Cell::Empty]);
+            table.row([name, TableCell::text(why), TableCell::Empty, TableCell::Empty, TableCell::Empty]);
         }
         [one] => table.row(std::iter::once(name).chain(one.cells())),
         _ => {
             let spread = |of: &dyn Fn(&Cost) -> Option<f64>, most: usize| {
                 let values: Vec<f64> = costs.iter().filter_map(|c| of(c)).collect();
                 match Spread::of(&values) {
-                    Some(s) => Cell::spread(&values, digits(s.median).min(most)),
-                    None => Cell::text("not measured: no /proc"),
+                    Some(s) => TableCell::spread(&values, digits(s.median).min(most)),
+                    None => TableCell::text("not measured: no /proc"),
                 }
             };
             let load = costs.last().and_then(|c| c.load);
@@ -128,7 +128,7 @@ fn row(table: &mut Table, what: &str, runs: &[Ran]) {
                 spread(&|c| Some(c.seconds), 3),
                 spread(&|c| c.processor, 2),
                 spread(&|c| c.peak.map(|b| b as f64 / 1048576.0), 1),
-                Cell::number(load, 1),
+                TableCell::number(load, 1),
             ]);
         }
     }

@@ -1,10 +1,10 @@
 //! Growth with the number of particles: seconds, memory and bytes of `compress` as a whole command.
 
 use super::clock::Machine;
-use super::command::{Ran, run};
-use super::raw::Raw;
+use super::command::{CommandRun, run};
+use super::raw::RawCopy;
 use crate::experiments::rate_distortion::COMPARED;
-use crate::found::{Axis, Cell, Plot, Point, Series, Table};
+use crate::found::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
 use particlegs::Result;
@@ -14,7 +14,7 @@ use std::process::Command;
 
 /// One number of particles.
 #[derive(Serialize, Deserialize)]
-pub(super) struct Grown {
+pub(super) struct GrowthPoint {
     /// Particles.
     pub particles: u64,
     /// How they were made of the snapshot's.
@@ -22,11 +22,11 @@ pub(super) struct Grown {
     /// Bytes of the file; `None` where the command failed.
     pub bytes: Option<u64>,
     /// The command.
-    pub ran: Ran,
+    pub ran: CommandRun,
 }
 
 /// Random subsets, all particles, and with full settings four copies side by side where the box is periodic.
-pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot, raw: &Raw<'_>, machine: &Machine) -> Result<Vec<Grown>> {
+pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot, raw: &RawCopy<'_>, machine: &Machine) -> Result<Vec<GrowthPoint>> {
     let parts: &[u64] = if lab.settings.quick { &[8, 2, 1] } else { &[64, 16, 4, 1] };
     let mut all = Vec::new();
     for part in parts {
@@ -51,7 +51,7 @@ fn one(
     (what, particles): (String, u64),
     machine: &Machine,
     write: impl FnOnce(&str) -> Result<std::path::PathBuf>,
-) -> Result<Grown> {
+) -> Result<GrowthPoint> {
     let inputs = (&of.hash, particles, COMPARED, lab.settings.seed, machine);
     let compressed = || {
         let snapshot = write(&format!("n{particles}"))?;
@@ -60,9 +60,9 @@ fn one(
         let mut command = compress(lab, &snapshot, &out);
         let ran = run(&mut command, "", &parent, lab.progress)?;
         let bytes = ran.cost.is_some().then(|| std::fs::metadata(&out).map(|m| m.len()).ok()).flatten();
-        Ok(Grown { particles, what, bytes, ran })
+        Ok(GrowthPoint { particles, what, bytes, ran })
     };
-    lab.store.result_if("timed-growth", &inputs, compressed, |g: &Grown| !g.ran.failed())
+    lab.store.result_if("timed-growth", &inputs, compressed, |g: &GrowthPoint| !g.ran.failed())
 }
 
 /// `compress` at the ratio that is compared.
@@ -74,8 +74,8 @@ pub(super) fn compress(lab: &Lab<'_>, snapshot: &std::path::Path, out: &std::pat
 }
 
 /// As a table.
-pub(super) fn table(all: &[Grown]) -> Table {
-    let mut table = Table::new(
+pub(super) fn table(all: &[GrowthPoint]) -> ResultTable {
+    let mut table = ResultTable::new(
         "performance-growth",
         format!("Growth with the number of particles: `compress --ratio {COMPARED}` as a whole command"),
         &[
@@ -93,22 +93,23 @@ pub(super) fn table(all: &[Grown]) -> Table {
     for g in all {
         let n = g.particles as f64;
         let Some(cost) = &g.ran.cost else {
-            let mut row = vec![Cell::count(g.particles), Cell::text(&g.what), Cell::text(not(&g.ran.said))];
-            row.resize(table.columns.len(), Cell::Empty);
+            let mut row =
+                vec![TableCell::count(g.particles), TableCell::text(&g.what), TableCell::text(not(&g.ran.said))];
+            row.resize(table.columns.len(), TableCell::Empty);
             table.row(row);
             continue;
         };
         let [seconds, processor, peak, load] = cost.cells();
         table.row([
-            Cell::count(g.particles),
-            Cell::text(&g.what),
-            Cell::number(g.bytes.map(|b| b as f64), 0),
+            TableCell::count(g.particles),
+            TableCell::text(&g.what),
+            TableCell::number(g.bytes.map(|b| b as f64), 0),
             seconds,
             processor,
             peak,
             load,
-            Cell::number(1e6 * cost.seconds / n, 2),
-            Cell::number(cost.peak.map(|b| b as f64 / n), 1),
+            TableCell::number(1e6 * cost.seconds / n, 2),
+            TableCell::number(cost.peak.map(|b| b as f64 / n), 1),
         ]);
     }
     table
@@ -120,12 +121,12 @@ pub(super) fn not(why: &str) -> String {
 }
 
 /// Seconds and memory by the number of particles.
-pub(super) fn plots(all: &[Grown]) -> Vec<Plot> {
-    let plot = |name: &str, title: &str, y: &str, of: fn(&Grown) -> Option<f64>| {
+pub(super) fn plots(all: &[GrowthPoint]) -> Vec<Plot> {
+    let plot = |name: &str, title: &str, y: &str, of: fn(&GrowthPoint) -> Option<f64>| {
         let points: Vec<Point> = all.iter().filter_map(|g| Some(Point::new(g.particles as f64, of(g)?))).collect();
         let mut series = vec![Series { name: "compress".into(), style: 0, dashed: false, points }];
         series.extend(proportional(&series[0].points));
-        let (x, y) = (Axis::logarithmic("particles"), Axis::logarithmic(y));
+        let (x, y) = (PlotAxis::logarithmic("particles"), PlotAxis::logarithmic(y));
         Plot { name: format!("performance-growth-{name}"), title: title.into(), x, y, series, levels: vec![] }
     };
     vec![
@@ -159,9 +160,9 @@ mod tests {
 
     #[test]
     fn what_failed_is_said_in_its_row() {
-        let ran = Ran { cost: None, said: "too small".into() };
-        let table = table(&[Grown { particles: 7, what: "all".into(), bytes: None, ran }]);
+        let ran = CommandRun { cost: None, said: "too small".into() };
+        let table = table(&[GrowthPoint { particles: 7, what: "all".into(), bytes: None, ran }]);
         assert_eq!(table.rows[0].len(), table.columns.len());
-        assert_eq!(table.rows[0][2], Cell::text("not measured: too small"));
+        assert_eq!(table.rows[0][2], TableCell::text("not measured: too small"));
     }
 }

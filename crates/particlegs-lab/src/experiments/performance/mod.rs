@@ -15,17 +15,17 @@ mod tables;
 mod views;
 
 use super::Experiment;
-use crate::found::Found;
-use crate::lab::{Lab, Made};
+use crate::found::ExperimentResults;
+use crate::lab::{Lab, ModelBuild};
 use crate::snapshot::Snapshot;
 use clock::Machine;
-use ours::Drawn;
+use ours::RenderSource;
 use particlegs::Result;
 use particlegs::fit::Effort;
 use particlegs::picture::Size;
-use raw::Raw;
-use tables::{AtSize, Steps};
-use views::Shots;
+use raw::RawCopy;
+use tables::{SizeTimings, StartupTimes};
+use views::TimingViews;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "performance",
@@ -36,9 +36,9 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
+fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let (of, machine) = (&snapshots[0], Machine::here());
-    let raw = Raw::new(lab, of);
+    let raw = RawCopy::new(lab, of);
     let opening = ours::opening(lab, of, &machine)?;
     let efforts = [("fast", Effort::Fast), ("default", Effort::Default)];
     let compressions = efforts
@@ -53,37 +53,38 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
     let all = frames(lab, of, &made, &sizes, (&raw, &machine))?;
     let scale = scale::measure(lab, of)?;
 
-    let steps = Steps { opening: &opening, decoding: &decoding, compressions: &compressions };
+    let steps = StartupTimes { opening: &opening, decoding: &decoding, compressions: &compressions };
     let notes = notes::notes(of, &steps, &all, (&grown, &timed, &scale), &machine);
     let mut tables = vec![tables::frames(&all), tables::steps(&steps, &all), tables::phases(&compressions)];
     tables.extend(tables::agreement(&all));
     let vtk: Vec<_> = all.into_iter().map(|a| (a.size, a.vtk)).collect();
     tables.extend([commands::table(&grown, &timed, &vtk), growth::table(&grown), scale.table()]);
     let plots = growth::plots(&grown).into_iter().chain([scale.plot()]).collect();
-    Ok(Found { tables, plots, pictures: Vec::new(), notes })
+    Ok(ExperimentResults { tables, plots, pictures: Vec::new(), notes })
 }
 
 /// All renderers at every size; pictures are compared at the first.
 fn frames(
     lab: &Lab<'_>,
     of: &Snapshot,
-    made: &Made,
+    made: &ModelBuild,
     sizes: &[Size],
-    (raw, machine): (&Raw<'_>, &Machine),
-) -> Result<Vec<AtSize>> {
+    (raw, machine): (&RawCopy<'_>, &Machine),
+) -> Result<Vec<SizeTimings>> {
     lab.progress.begin("frames", 4 * sizes.len() as u64);
     let mut all = Vec::new();
     for size in sizes {
-        let shots = Shots::of(lab, &made.model.metadata, *size);
-        let ours = |what: Drawn| {
+        let shots = TimingViews::of(lab, &made.model.metadata, *size);
+        let ours = |what: RenderSource| {
             let frames = ours::frames(lab, of, (what, made), &shots, machine);
             lab.progress.advance(1);
             frames
         };
-        let (model, paraview, expected) = (ours(Drawn::Model)?, ours(Drawn::Paraview)?, ours(Drawn::Expected)?);
+        let (model, paraview, expected) =
+            (ours(RenderSource::Model)?, ours(RenderSource::Paraview)?, ours(RenderSource::Expected)?);
         let vtk = point_gaussian::measure(lab, of, (&shots, all.is_empty()), raw, machine)?;
         lab.progress.advance(1);
-        all.push(AtSize { size: *size, model, paraview, expected, vtk });
+        all.push(SizeTimings { size: *size, model, paraview, expected, vtk });
     }
     lab.progress.end();
     Ok(all)

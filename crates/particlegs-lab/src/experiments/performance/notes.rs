@@ -2,11 +2,11 @@
 
 use super::clock::Machine;
 use super::command::Cost;
-use super::commands::Timed;
-use super::growth::Grown;
+use super::commands::CommandTiming;
+use super::growth::GrowthPoint;
 use super::paper;
-use super::scale::{self, Scale};
-use super::tables::{AtSize, Steps};
+use super::scale::{self, ScaleBlocks};
+use super::tables::{SizeTimings, StartupTimes};
 use crate::experiments::rate_distortion::COMPARED;
 use crate::found::Spread;
 use crate::snapshot::Snapshot;
@@ -14,9 +14,9 @@ use crate::snapshot::Snapshot;
 /// Notes of everything.
 pub(super) fn notes(
     of: &Snapshot,
-    steps: &Steps<'_>,
-    all: &[AtSize],
-    (grown, timed, scale): (&[Grown], &[Timed], &Scale),
+    steps: &StartupTimes<'_>,
+    all: &[SizeTimings],
+    (grown, timed, scale): (&[GrowthPoint], &[CommandTiming], &ScaleBlocks),
     machine: &Machine,
 ) -> Vec<String> {
     let gaussians = steps.compressions.last().map_or(0, |c| c.1.gaussians);
@@ -58,7 +58,7 @@ pub(super) fn notes(
     notes
 }
 
-fn vtk(all: &[AtSize]) -> Vec<String> {
+fn vtk(all: &[SizeTimings]) -> Vec<String> {
     let mut notes = Vec::new();
     if let Some(Err(why)) = all.first().map(|a| &a.vtk) {
         notes.push(format!("VTK was not measured: {why}."));
@@ -85,7 +85,7 @@ fn vtk(all: &[AtSize]) -> Vec<String> {
     notes
 }
 
-fn growth(grown: &[Grown]) -> Option<String> {
+fn growth(grown: &[GrowthPoint]) -> Option<String> {
     let of = |f: fn(&Cost) -> Option<f64>| {
         scale::power(grown.iter().filter_map(|g| Some([g.particles as f64, f(g.ran.cost.as_ref()?)?])))
     };
@@ -98,7 +98,7 @@ fn growth(grown: &[Grown]) -> Option<String> {
     ))
 }
 
-fn scaling(scale: &Scale) -> String {
+fn scaling(scale: &ScaleBlocks) -> String {
     let ours = scale.powers().map_or("could not be told".to_string(), |[bytes, gaussians]| {
         format!("grow as its power {bytes:.2} (bytes) and {gaussians:.2} (Gaussians)")
     });
@@ -117,7 +117,7 @@ fn scaling(scale: &Scale) -> String {
 }
 
 /// The loads under which all that was timed.
-fn loads(steps: &Steps<'_>, all: &[AtSize], grown: &[Grown], timed: &[Timed]) -> String {
+fn loads(steps: &StartupTimes<'_>, all: &[SizeTimings], grown: &[GrowthPoint], timed: &[CommandTiming]) -> String {
     let of_frames = all.iter().flat_map(|a| {
         let ours = [&a.model, &a.paraview, &a.expected].map(|f| f.settings.load);
         ours.into_iter().chain([a.vtk.as_ref().ok().and_then(|v| v.settings.load)])

@@ -1,9 +1,9 @@
 //! Our program in this process: opening, compressing by phase, decoding, drawing.
 
-use super::clock::{Frames, Machine, Times, load};
-use super::views::Shots;
+use super::clock::{FrameTimes, Machine, Times, load};
+use super::views::TimingViews;
 use crate::experiments::rate_distortion::COMPARED;
-use crate::lab::{Lab, Made, ModelSettings};
+use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::snapshot::Snapshot;
 use particlegs::camera::View;
 use particlegs::compress::compress;
@@ -69,7 +69,7 @@ pub(super) fn compression(lab: &Lab<'_>, of: &Snapshot, effort: Effort, machine:
 }
 
 /// Decoding of a model's file.
-pub(super) fn decoding(lab: &Lab<'_>, of: &Snapshot, made: &Made, machine: &Machine) -> Result<Times> {
+pub(super) fn decoding(lab: &Lab<'_>, of: &Snapshot, made: &ModelBuild, machine: &Machine) -> Result<Times> {
     let key = (&of.hash, recipe(lab, Effort::Default), machine);
     lab.store.result("timed-decoding", &key, || {
         Times::of(TIMES, || codec::decode_with(&made.bytes, "the model", lab.progress))
@@ -78,7 +78,7 @@ pub(super) fn decoding(lab: &Lab<'_>, of: &Snapshot, made: &Made, machine: &Mach
 
 /// What is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(super) enum Drawn {
+pub(super) enum RenderSource {
     /// The model, as ParaView draws particles.
     Model,
     /// All particles, as ParaView draws them.
@@ -89,9 +89,9 @@ pub(super) enum Drawn {
 
 /// Frames under new cameras, and under new radii and opacities.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub(super) struct BothFrames {
-    pub cameras: Frames,
-    pub settings: Frames,
+pub(super) struct FrameTimings {
+    pub cameras: FrameTimes,
+    pub settings: FrameTimes,
 }
 
 /// Frames of one kind of picture; the model's buffers are kept from frame to frame, as the commands that draw do. The
@@ -99,21 +99,21 @@ pub(super) struct BothFrames {
 pub(super) fn frames(
     lab: &Lab<'_>,
     of: &Snapshot,
-    (what, made): (Drawn, &Made),
-    shots: &Shots,
+    (what, made): (RenderSource, &ModelBuild),
+    shots: &TimingViews,
     machine: &Machine,
-) -> Result<BothFrames> {
+) -> Result<FrameTimings> {
     lab.store.result("timed-frames", &(&of.hash, what, shots.key(), recipe(lab, Effort::Default), machine), || {
         let (scene, mut scratch) = (Scene::of(&made.model), Scratch::default());
         let reference = Reference::new(&of.particles);
         let (times, look) = match what {
-            Drawn::Model => (DRAWN, Look::Paraview),
-            Drawn::Paraview => (1, Look::Paraview),
-            Drawn::Expected => (1, Look::Expected),
+            RenderSource::Model => (DRAWN, Look::Paraview),
+            RenderSource::Paraview => (1, Look::Paraview),
+            RenderSource::Expected => (1, Look::Expected),
         };
         let mut picture = Gray8::black(shots.size);
         let mut draw = |view: &View| match what {
-            Drawn::Model => {
+            RenderSource::Model => {
                 let pixels = Pixels::new(shots.size, &mut picture.data)?;
                 draw_into(&scene, view, look, pixels, &mut scratch, lab.progress)
             }
@@ -121,16 +121,16 @@ pub(super) fn frames(
         };
         // The first takes its memory.
         draw(&shots.first)?;
-        Ok(BothFrames {
+        Ok(FrameTimings {
             cameras: each(&shots.cameras, times, &mut draw)?,
             settings: each(&shots.settings, times, &mut draw)?,
         })
     })
 }
 
-fn each(views: &[View], times: usize, draw: &mut dyn FnMut(&View) -> Result<()>) -> Result<Frames> {
+fn each(views: &[View], times: usize, draw: &mut dyn FnMut(&View) -> Result<()>) -> Result<FrameTimes> {
     let views = views.iter().map(|v| Ok(Times::of(times, || draw(v))?.seconds)).collect::<Result<_>>()?;
-    Ok(Frames { views, load: load() })
+    Ok(FrameTimes { views, load: load() })
 }
 
 /// All particles in the first view by our renderer: what VTK's picture is compared with.

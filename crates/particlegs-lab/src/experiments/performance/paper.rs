@@ -9,7 +9,7 @@ pub(super) const PARTICLES: f64 = 281e6;
 pub(super) const GAUSSIANS: f64 = 769e3;
 
 /// Milliseconds of a frame: ParaView's, the published method's, and the ratio as it has it.
-pub(super) struct Frame {
+pub(super) struct PublishedFrame {
     pub paraview: f64,
     pub published: f64,
     pub ratio: f64,
@@ -17,8 +17,8 @@ pub(super) struct Frame {
 
 /// Of a picture of such a height; `settings`: under a new radius and opacity (its "Combined": adaptation and drawing),
 /// else under a new camera alone.
-pub(super) fn frame(height: usize, settings: bool) -> Option<Frame> {
-    let of = |paraview, published, ratio| Some(Frame { paraview, published, ratio });
+pub(super) fn frame(height: usize, settings: bool) -> Option<PublishedFrame> {
+    let of = |paraview, published, ratio| Some(PublishedFrame { paraview, published, ratio });
     match (height, settings) {
         // \PerfPvCamMs, \PerfGsRastMs, \SpeedupCamOneK; \PerfPvCombMs, \PerfGsCombMs, \SpeedupOneK.
         (1080, false) => of(129.0, 0.38, 339.0),

@@ -1,10 +1,10 @@
 //! VTK's own Point Gaussian, in a Python of the user's by lab/point_gaussian.py.
 
-use super::clock::{Frames, Machine, load};
+use super::clock::{FrameTimes, Machine, load};
 use super::command::{Cost, run};
 use super::ours;
-use super::raw::Raw;
-use super::views::{Shots, as_json};
+use super::raw::RawCopy;
+use super::views::{TimingViews, as_json};
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
 use particlegs::picture::{Gray8, Size, masked_psnr, psnr};
@@ -30,8 +30,8 @@ pub(super) struct PointGaussian {
     pub load: f64,
     /// Seconds of the first frame.
     pub first: f64,
-    pub cameras: Frames,
-    pub settings: Frames,
+    pub cameras: FrameTimes,
+    pub settings: FrameTimes,
     /// The whole child, Python and all.
     pub cost: Cost,
     /// How its first picture agrees with ours, without FXAA and with it.
@@ -59,7 +59,7 @@ impl Agreement {
 
 /// What the script answers.
 #[derive(Deserialize)]
-struct Answer {
+struct ScriptOutput {
     version: String,
     opengl: String,
     load: f64,
@@ -80,8 +80,8 @@ fn installed(python: &Path) -> Option<String> {
 pub(super) fn measure(
     lab: &Lab<'_>,
     of: &Snapshot,
-    (shots, compared): (&Shots, bool),
-    raw: &Raw<'_>,
+    (shots, compared): (&TimingViews, bool),
+    raw: &RawCopy<'_>,
     machine: &Machine,
 ) -> Result<std::result::Result<PointGaussian, String>> {
     let Some(python) = &lab.settings.python else {
@@ -100,8 +100,8 @@ pub(super) fn measure(
 fn child(
     lab: &Lab<'_>,
     of: &Snapshot,
-    (shots, compared, limit): (&Shots, bool, f64),
-    raw: &Raw<'_>,
+    (shots, compared, limit): (&TimingViews, bool, f64),
+    raw: &RawCopy<'_>,
     python: &Path,
 ) -> Result<PointGaussian> {
     let folder = raw.folder()?;
@@ -118,7 +118,7 @@ fn child(
     let mut command = Command::new(python);
     let ran = run(command.args(["-u", "-c", SCRIPT]), &request.to_string(), folder, lab.progress)?;
     let Some(cost) = ran.cost else { return Err(Error::input(python, ran.said)) };
-    let answer: Answer = serde_json::from_str(&ran.said)
+    let answer: ScriptOutput = serde_json::from_str(&ran.said)
         .map_err(|e| Error::input(python, format!("does not answer as lab/point_gaussian.py does: {e}")))?;
     let agrees = match compared {
         true => Some([
@@ -127,7 +127,7 @@ fn child(
         ]),
         false => None,
     };
-    let frames = |seconds: Vec<f64>| Frames { views: seconds.into_iter().map(|s| vec![s]).collect(), load: load() };
+    let frames = |seconds: Vec<f64>| FrameTimes { views: seconds.into_iter().map(|s| vec![s]).collect(), load: load() };
     Ok(PointGaussian {
         version: answer.version,
         opengl: answer.opengl,
@@ -143,7 +143,7 @@ fn child(
 fn agreement(
     lab: &Lab<'_>,
     of: &Snapshot,
-    shots: &Shots,
+    shots: &TimingViews,
     folder: &Path,
     (name, look): (&str, Look),
 ) -> Result<Agreement> {
@@ -177,8 +177,8 @@ mod tests {
         let mut model = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().model;
         // Splats that are seen.
         model.metadata.default_radius *= 10.0;
-        let shots = Shots::of(&lab, &model.metadata, SIZE);
-        measure(&lab, &of, (&shots, true), &Raw::new(&lab, &of), &Machine::here()).unwrap()
+        let shots = TimingViews::of(&lab, &model.metadata, SIZE);
+        measure(&lab, &of, (&shots, true), &RawCopy::new(&lab, &of), &Machine::here()).unwrap()
     }
 
     #[test]

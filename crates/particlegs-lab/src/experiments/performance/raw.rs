@@ -9,16 +9,16 @@ use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
 /// A folder that goes away with this; nothing is written before it is asked for.
-pub(super) struct Raw<'a> {
+pub(super) struct RawCopy<'a> {
     lab: &'a Lab<'a>,
     of: &'a Snapshot,
     set: OnceCell<FileSet>,
 }
 
-impl<'a> Raw<'a> {
+impl<'a> RawCopy<'a> {
     /// Of a snapshot.
-    pub fn new(lab: &'a Lab<'a>, of: &'a Snapshot) -> Raw<'a> {
-        Raw { lab, of, set: OnceCell::new() }
+    pub fn new(lab: &'a Lab<'a>, of: &'a Snapshot) -> RawCopy<'a> {
+        RawCopy { lab, of, set: OnceCell::new() }
     }
 
     /// The folder.

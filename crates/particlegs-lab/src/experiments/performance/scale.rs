@@ -3,7 +3,7 @@
 use super::growth::proportional;
 use super::paper;
 use crate::experiments::rate_distortion::COMPARED;
-use crate::found::{Axis, Cell, Plot, Point, Series, Table};
+use crate::found::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::lab::{Lab, ModelSettings};
 use crate::snapshot::Snapshot;
 use particlegs::compress::{Target, compress};
@@ -29,7 +29,7 @@ pub(super) const BELOW: f64 = 1.0;
 
 /// A block.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Block {
+pub(super) struct ScaleBlock {
     /// Share of the box, as 1/2^halvings.
     pub halvings: u32,
     /// From the upper corner of the box instead of the lower.
@@ -41,15 +41,15 @@ pub(super) struct Block {
 }
 
 /// The blocks, and the quality that all have.
-pub(super) struct Scale {
+pub(super) struct ScaleBlocks {
     /// Masked PSNR in the look `expected`, dB.
     pub quality: f64,
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<ScaleBlock>,
 }
 
 /// Blocks from the lower and the upper corner of the box, the smallest first; with quick settings from the lower, and
 /// three sizes.
-pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot) -> Result<Scale> {
+pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot) -> Result<ScaleBlocks> {
     let quality = quality(lab, of)?;
     let all = of.particles.bounds();
     let (least, corners): (u32, &[bool]) = if lab.settings.quick { (2, &[false]) } else { (4, &[false, true]) };
@@ -60,7 +60,7 @@ pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot) -> Result<Scale> {
         }
     }
     blocks.sort_by_key(|b| b.particles);
-    Ok(Scale { quality, blocks })
+    Ok(ScaleBlocks { quality, blocks })
 }
 
 /// [`BELOW`] what the whole box has at the ratio that is compared, in tenths of a decibel.
@@ -104,7 +104,12 @@ fn corner(all: &Bounds, halvings: u32, upper: bool) -> Bounds {
     b
 }
 
-fn block(lab: &Lab<'_>, of: &Snapshot, (halvings, upper, region): (u32, bool, Bounds), quality: f64) -> Result<Block> {
+fn block(
+    lab: &Lab<'_>,
+    of: &Snapshot,
+    (halvings, upper, region): (u32, bool, Bounds),
+    quality: f64,
+) -> Result<ScaleBlock> {
     let recipe = recipe(Target::Psnr(quality), lab.settings.seed);
     let key = (&of.hash, halvings, format!("{region:?}"), &recipe);
     lab.store.result("scale-block", &key, || {
@@ -116,11 +121,11 @@ fn block(lab: &Lab<'_>, of: &Snapshot, (halvings, upper, region): (u32, bool, Bo
             Err(e @ (Error::Unreachable { .. } | Error::Input { .. } | Error::Argument { .. })) => Err(e.to_string()),
             Err(e) => return Err(e),
         };
-        Ok(Block { halvings, upper, particles: particles.len() as u64, model })
+        Ok(ScaleBlock { halvings, upper, particles: particles.len() as u64, model })
     })
 }
 
-impl Scale {
+impl ScaleBlocks {
     /// By what power of the particles bytes and Gaussians grow: least squares in logarithms; `None` of fewer than two.
     pub fn powers(&self) -> Option<[f64; 2]> {
         let of = |k: usize| {
@@ -130,8 +135,8 @@ impl Scale {
     }
 
     /// As a table.
-    pub fn table(&self) -> Table {
-        let mut table = Table::new(
+    pub fn table(&self) -> ResultTable {
+        let mut table = ResultTable::new(
             "performance-scale",
             format!("Blocks of the box at one quality: masked PSNR of {} dB", self.quality),
             &["block", "particles", "Gaussians", "bytes", "particles a Gaussian", "raw bytes / bytes"],
@@ -139,36 +144,36 @@ impl Scale {
         for b in &self.blocks {
             let n = b.particles as f64;
             let (bytes, gaussians) = match &b.model {
-                Ok([bytes, gaussians]) => (Some(*bytes as f64), Cell::count(*gaussians)),
-                Err(why) => (None, Cell::text(super::growth::not(why))),
+                Ok([bytes, gaussians]) => (Some(*bytes as f64), TableCell::count(*gaussians)),
+                Err(why) => (None, TableCell::text(super::growth::not(why))),
             };
             let each = b.model.as_ref().ok().map(|m| n / m[1] as f64);
             table.row([
-                Cell::text(match (b.halvings, b.upper) {
+                TableCell::text(match (b.halvings, b.upper) {
                     (0, _) => "the whole".into(),
                     (h, false) => format!("1/{}, lower corner", 1 << h),
                     (h, true) => format!("1/{}, upper corner", 1 << h),
                 }),
-                Cell::count(b.particles),
+                TableCell::count(b.particles),
                 gaussians,
-                Cell::number(bytes, 0),
-                Cell::number(each, 1),
-                Cell::number(bytes.map(|v| 12.0 * n / v), 1),
+                TableCell::number(bytes, 0),
+                TableCell::number(each, 1),
+                TableCell::number(bytes.map(|v| 12.0 * n / v), 1),
             ]);
         }
         for [particles, gaussians] in paper::SCALE {
-            let name = Cell::text(format!("paper, 1/{:.0}", paper::PARTICLES / particles));
-            let cells = [Cell::number(particles, 0), Cell::number(gaussians, 0)];
-            let each = Cell::number(particles / gaussians, 1);
+            let name = TableCell::text(format!("paper, 1/{:.0}", paper::PARTICLES / particles));
+            let cells = [TableCell::number(particles, 0), TableCell::number(gaussians, 0)];
+            let each = TableCell::number(particles / gaussians, 1);
             let [particles, gaussians] = cells;
-            table.row([name, particles, gaussians, Cell::Empty, each, Cell::Empty]);
+            table.row([name, particles, gaussians, TableCell::Empty, each, TableCell::Empty]);
         }
         table
     }
 
     /// The figure.
     pub fn plot(&self) -> Plot {
-        let point = |b: &Block| Some(Point::new(b.particles as f64, b.model.as_ref().ok()?[0] as f64));
+        let point = |b: &ScaleBlock| Some(Point::new(b.particles as f64, b.model.as_ref().ok()?[0] as f64));
         let of = |name: &str, style, upper| {
             // The whole box ends both.
             let own = self.blocks.iter().filter(|b| b.upper == upper || b.halvings == 0);
@@ -182,8 +187,8 @@ impl Scale {
         Plot {
             name: "performance-scale".into(),
             title: format!("Size of a block's model at {} dB", self.quality),
-            x: Axis::logarithmic("particles of the block"),
-            y: Axis::logarithmic("bytes of its model"),
+            x: PlotAxis::logarithmic("particles of the block"),
+            y: PlotAxis::logarithmic("bytes of its model"),
             series,
             levels: vec![],
         }

@@ -9,7 +9,7 @@ use particlegs::score::evaluation_views;
 use serde_json::{Value, json};
 
 /// Views of one size.
-pub(super) struct Shots {
+pub(super) struct TimingViews {
     pub size: Size,
     /// Before all others, at the default radius and opacity.
     pub first: View,
@@ -19,16 +19,16 @@ pub(super) struct Shots {
     pub settings: Vec<View>,
 }
 
-impl Shots {
+impl TimingViews {
     /// Of a model: one camera an orbit (far, mid, near), and as many radii and opacities.
-    pub fn of(lab: &Lab<'_>, m: &Metadata, size: Size) -> Shots {
+    pub fn of(lab: &Lab<'_>, m: &Metadata, size: Size) -> TimingViews {
         let views = evaluation_views(m, size, lab.settings.seed, 1);
         let plain = |v: &View| View { radius: m.default_radius, opacity: m.default_opacity, ..v.clone() };
         // The camera of the middle orbit, from another seed: no frame that is timed repeats it.
         let other = evaluation_views(m, size, lab.settings.seed + 1, 1);
         let first = plain(other.get(1).unwrap_or(&views[0]));
         let settings = views.iter().map(|v| View { camera: first.camera, ..v.clone() }).collect();
-        Shots { size, cameras: views.iter().map(plain).collect(), settings, first }
+        TimingViews { size, cameras: views.iter().map(plain).collect(), settings, first }
     }
 
     /// What times of these views depend on.

@@ -1,8 +1,8 @@
 //! Which analyses recovered particles support, judged from the figures of the other tables alone.
 
 use super::facts::Facts;
-use super::{Measured, OfSize};
-use crate::found::{Cell, Table};
+use super::{RecoveryMeasurements, SizeRecovery};
+use crate::found::{ResultTable, TableCell};
 
 /// An analysis: what is judged, its limits for `yes` and `care`, and the figure that is held to them.
 struct Analysis {
@@ -10,7 +10,7 @@ struct Analysis {
     limits: [f64; 2],
     /// As the limits stand in the table.
     said: &'static str,
-    figure: fn(&OfSize) -> Option<f64>,
+    figure: fn(&SizeRecovery) -> Option<f64>,
 }
 
 impl Analysis {
@@ -18,7 +18,7 @@ impl Analysis {
         what: &'static str,
         limits: [f64; 2],
         said: &'static str,
-        figure: fn(&OfSize) -> Option<f64>,
+        figure: fn(&SizeRecovery) -> Option<f64>,
     ) -> Analysis {
         Analysis { what, limits, said, figure }
     }
@@ -49,17 +49,19 @@ const ANALYSES: [Analysis; 11] = [
 ];
 
 /// A row an analysis, a column a ratio.
-pub(super) fn table(m: &Measured) -> Table {
+pub(super) fn table(m: &RecoveryMeasurements) -> ResultTable {
     let mut columns = vec!["analysis".to_string(), "limits: yes / care".into()];
     columns.extend(m.sizes.iter().map(|o| format!("ratio {}", o.name)));
     let title = "Which analyses of particles drawn by `count` are supported, by ratio".to_string();
-    let mut t = Table { name: "recovery-analyses".into(), title, columns, rows: Vec::new() };
+    let mut t = ResultTable { name: "recovery-analyses".into(), title, columns, rows: Vec::new() };
     for a in &ANALYSES {
-        let judged = m.sizes.iter().map(|o| Cell::text(grade((a.figure)(o), a.limits)));
-        t.row([Cell::text(a.what), Cell::text(a.said)].into_iter().chain(judged));
+        let judged = m.sizes.iter().map(|o| TableCell::text(grade((a.figure)(o), a.limits)));
+        t.row([TableCell::text(a.what), TableCell::text(a.said)].into_iter().chain(judged));
     }
-    let never = m.sizes.iter().map(|_| Cell::text("no"));
-    t.row([Cell::text("single particles, velocities, histories"), Cell::text("never")].into_iter().chain(never));
+    let never = m.sizes.iter().map(|_| TableCell::text("no"));
+    t.row(
+        [TableCell::text("single particles, velocities, histories"), TableCell::text("never")].into_iter().chain(never),
+    );
     t
 }
 
@@ -91,14 +93,14 @@ fn groups_off(facts: &Facts, from: u64) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::facts::{Groups, Power};
+    use super::super::facts::{GroupCounts, Power};
     use super::*;
 
     #[test]
     fn the_worst_shell_within_reach_is_judged() {
         let shell = |k, ratio, r| Power { k, ratio: Some(ratio), r: Some(r) };
         let shells = vec![shell(1.0, 1.02, 0.999), shell(2.0, 0.995, 0.99), shell(8.0, 0.9, 0.8)];
-        let classes = vec![Groups { from: 20, to: Some(49), number: [100, 80] }];
+        let classes = vec![GroupCounts { from: 20, to: Some(49), number: [100, 80] }];
         let facts = Facts { shells, classes, ..Facts::default() };
         assert!((power_off(&facts, 0.25).unwrap() - 0.02).abs() < 1e-12);
         assert!((power_off(&facts, 1.0).unwrap() - 0.1).abs() < 1e-12);

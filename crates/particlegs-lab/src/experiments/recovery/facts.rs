@@ -21,9 +21,9 @@ pub(super) struct Facts {
     /// xi is within 10 % from this r on, where the truth's is above 0.1.
     pub xi_from: Option<f64>,
     /// Groups of 20 to 49, 50 to 99, 100 and more.
-    pub classes: Vec<Groups>,
+    pub classes: Vec<GroupCounts>,
     /// Groups by size in steps of the square root of 2.
-    pub sizes: Vec<Groups>,
+    pub sizes: Vec<GroupCounts>,
     /// Numbers of groups are within 10 % from this size on.
     pub groups_from: Option<u64>,
     /// Median of other / truth in the cores of groups of 100 to 299.
@@ -68,7 +68,7 @@ impl Xi {
 
 /// Groups of a range of sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Groups {
+pub(super) struct GroupCounts {
     /// Smallest size, particles.
     pub from: u64,
     /// Largest; `None` = no end.
@@ -77,9 +77,9 @@ pub(super) struct Groups {
     pub number: [u64; 2],
 }
 
-impl Groups {
-    fn of(class: &SizeClass) -> Groups {
-        Groups { from: class.from, to: class.to, number: class.groups }
+impl GroupCounts {
+    fn of(class: &SizeClass) -> GroupCounts {
+        GroupCounts { from: class.from, to: class.to, number: class.groups }
     }
 
     /// Other / truth - 1; `None` where the truth has none.
@@ -98,7 +98,7 @@ impl Facts {
     pub fn of(s: &Statistics) -> Facts {
         let y = &s.summary;
         let groups = |list: fn(&particlegs::stats::GroupReport) -> &Vec<SizeClass>| {
-            s.groups.iter().flat_map(|g| list(g).iter().map(Groups::of)).collect()
+            s.groups.iter().flat_map(|g| list(g).iter().map(GroupCounts::of)).collect()
         };
         Facts {
             correlation: y.density_correlation,
@@ -206,8 +206,8 @@ mod tests {
         let facts = Facts { shells, ..Facts::default() };
         let (off, k) = facts.power_worst().unwrap();
         assert!((off - 0.1).abs() < 1e-12 && k == 2.0 && facts.k_max() == Some(3.0));
-        let class = Groups { from: 50, to: Some(99), number: [200, 150] };
+        let class = GroupCounts { from: 50, to: Some(99), number: [200, 150] };
         assert_eq!((class.off(), class.in_words().as_str()), (Some(-0.25), "50 to 99"));
-        assert_eq!(Groups { number: [0, 3], to: None, ..class }.off(), None);
+        assert_eq!(GroupCounts { number: [0, 3], to: None, ..class }.off(), None);
     }
 }

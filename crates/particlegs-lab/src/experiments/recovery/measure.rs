@@ -16,7 +16,7 @@ pub(super) const METHODS: [Method; 6] =
 
 /// How much is measured of a set of particles.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Depth {
+pub(super) enum MeasurementScope {
     /// Density, spectra, xi, groups, neighbours.
     All,
     /// Density, groups, neighbours.
@@ -25,7 +25,7 @@ pub(super) enum Depth {
     Paper,
 }
 
-impl Depth {
+impl MeasurementScope {
     /// The options of the statistics for `particles` particles.
     pub fn options(self, particles: usize, quick: bool) -> StatsOptions {
         let a_side = (particles as f64).cbrt();
@@ -39,7 +39,7 @@ impl Depth {
             ..StatsOptions::default()
         };
         match self {
-            Depth::All => StatsOptions {
+            MeasurementScope::All => StatsOptions {
                 measures: vec![
                     Measure::Density,
                     Measure::Spectrum,
@@ -49,10 +49,10 @@ impl Depth {
                 ],
                 ..common
             },
-            Depth::Local => {
+            MeasurementScope::Local => {
                 StatsOptions { measures: vec![Measure::Density, Measure::Groups, Measure::Neighbours], ..common }
             }
-            Depth::Paper => StatsOptions {
+            MeasurementScope::Paper => StatsOptions {
                 measures: vec![Measure::Density, Measure::Neighbours],
                 convention: Convention::Paper,
                 // As published: of a snapshot with fewer, all of them.
@@ -69,7 +69,7 @@ pub(super) fn cells(particles: usize) -> usize {
 }
 
 /// A model whose particles are measured.
-pub(super) struct Drawn<'a> {
+pub(super) struct RecoverySource<'a> {
     /// The laboratory.
     pub lab: &'a Lab<'a>,
     /// The truth.
@@ -78,12 +78,12 @@ pub(super) struct Drawn<'a> {
     pub recipe: ModelSettings,
 }
 
-impl Drawn<'_> {
+impl RecoverySource<'_> {
     /// Statistics of particles drawn from the model: kept, or measured now.
     ///
     /// # Errors
     /// Those of the compression, the draw and the statistics.
-    pub fn facts(&self, method: Method, seed: u64, depth: Depth) -> Result<Facts> {
+    pub fn facts(&self, method: Method, seed: u64, depth: MeasurementScope) -> Result<Facts> {
         let (lab, truth) = (self.lab, &self.snapshot.particles);
         let options = depth.options(truth.len(), lab.settings.quick);
         let inputs = (&self.snapshot.hash, &self.recipe, method.name(), seed, &options);
@@ -97,20 +97,20 @@ impl Drawn<'_> {
     /// The same for every seed.
     ///
     /// # Errors
-    /// As [`Drawn::facts`].
-    pub fn facts_of_seeds(&self, method: Method, depth: Depth) -> Result<Vec<Facts>> {
+    /// As [`RecoverySource::facts`].
+    pub fn facts_of_seeds(&self, method: Method, depth: MeasurementScope) -> Result<Vec<Facts>> {
         self.lab.settings.seeds().map(|seed| self.facts(method, seed, depth)).collect()
     }
 
     /// Statistics of the model itself, its mixture integrated over cells: density and spectra.
     ///
     /// # Errors
-    /// As [`Drawn::facts`].
+    /// As [`RecoverySource::facts`].
     pub fn facts_of_model(&self) -> Result<Facts> {
         let (lab, truth) = (self.lab, &self.snapshot.particles);
         let options = StatsOptions {
             measures: vec![Measure::Density, Measure::Spectrum],
-            ..Depth::All.options(truth.len(), lab.settings.quick)
+            ..MeasurementScope::All.options(truth.len(), lab.settings.quick)
         };
         lab.store.result("of-model", &(&self.snapshot.hash, &self.recipe, &options), || {
             let model = self.model()?.0;
@@ -157,8 +157,8 @@ mod tests {
     #[test]
     fn grids_hold_as_many_particles_a_cell_as_the_papers() {
         assert_eq!((cells(128 * 128 * 128), cells(64 * 64 * 64), cells(281_000_000), cells(10)), (50, 25, 256, 4));
-        let o = Depth::All.options(64 * 64 * 64, true);
+        let o = MeasurementScope::All.options(64 * 64 * 64, true);
         assert_eq!((o.spectrum_cells, o.cells), (128, 25));
-        assert_eq!(Depth::Paper.options(1000, false).convention, Convention::Paper);
+        assert_eq!(MeasurementScope::Paper.options(1000, false).convention, Convention::Paper);
     }
 }

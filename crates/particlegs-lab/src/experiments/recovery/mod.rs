@@ -11,11 +11,11 @@ mod slices;
 mod tables;
 
 use super::Experiment;
-use crate::found::Found;
+use crate::found::ExperimentResults;
 use crate::lab::{Lab, ModelSettings};
 use crate::snapshot::Snapshot;
 use facts::Facts;
-use measure::{Depth, Drawn, METHODS};
+use measure::{METHODS, MeasurementScope, RecoverySource};
 use particlegs::Result;
 use particlegs::fit::Effort;
 use particlegs::recover::Method;
@@ -33,7 +33,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 pub(super) const RATIO: f64 = 263.0;
 
 /// A way to draw, measured once a seed.
-struct OfMethod {
+struct MethodRecovery {
     method: Method,
     /// In the correct convention.
     all: Vec<Facts>,
@@ -42,7 +42,7 @@ struct OfMethod {
 }
 
 /// A model of some ratio and effort, measured with the first seed.
-struct OfSize {
+struct SizeRecovery {
     /// As tables call it.
     name: String,
     /// Gaussians, bytes, ratio reached.
@@ -56,7 +56,7 @@ struct OfSize {
 }
 
 /// A model of some blocks, measured once a seed.
-struct OfBlocks {
+struct BlocksRecovery {
     blocks: u32,
     size: (u64, u64, f64),
     all: Vec<Facts>,
@@ -64,30 +64,30 @@ struct OfBlocks {
 }
 
 /// All that was measured.
-struct Measured {
-    methods: Vec<OfMethod>,
-    sizes: Vec<OfSize>,
-    blocks: Vec<OfBlocks>,
+struct RecoveryMeasurements {
+    methods: Vec<MethodRecovery>,
+    sizes: Vec<SizeRecovery>,
+    blocks: Vec<BlocksRecovery>,
     /// Mean spacing of the particles, world units.
     spacing: f64,
     /// The unit of length.
     unit: String,
 }
 
-fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<Found> {
+fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let snapshot = &snapshots[0];
     let base = ModelSettings::ratio(RATIO, lab.settings.seed);
     let (recipes, blocks) = (sizes(lab), if lab.settings.quick { &[1, 8][..] } else { &[1, 2, 4, 8, 16] });
     lab.progress.begin("recovered particles", (METHODS.len() + recipes.len() + blocks.len()) as u64);
-    let drawn = |recipe: ModelSettings| Drawn { lab, snapshot, recipe };
+    let drawn = |recipe: ModelSettings| RecoverySource { lab, snapshot, recipe };
     let methods = METHODS.iter().map(|m| of_method(&drawn(base.clone()), *m)).collect::<Result<_>>()?;
     let sizes = recipes.into_iter().map(|recipe| of_size(&drawn(recipe))).collect::<Result<_>>()?;
     let of_blocks = |n: &u32| of_blocks(&drawn(ModelSettings { blocks: *n, ..base.clone() }));
     let blocks = blocks.iter().map(of_blocks).collect::<Result<_>>()?;
     lab.progress.end();
     let unit = snapshot.particles.meta.units.length_text().unwrap_or("length units").to_string();
-    let measured = Measured { methods, sizes, blocks, spacing: snapshot.spacing(), unit };
-    Ok(Found {
+    let measured = RecoveryMeasurements { methods, sizes, blocks, spacing: snapshot.spacing(), unit };
+    Ok(ExperimentResults {
         tables: tables::all(&measured).into_iter().chain([analyses::table(&measured)]).collect(),
         plots: plots::all(&measured),
         pictures: vec![slices::pictures(&drawn(base))?],
@@ -106,31 +106,32 @@ fn sizes(lab: &Lab<'_>) -> Vec<ModelSettings> {
     slow.iter().map(recipe).chain(fast).collect()
 }
 
-fn of_method(drawn: &Drawn<'_>, method: Method) -> Result<OfMethod> {
-    let (all, paper) = (drawn.facts_of_seeds(method, Depth::All)?, drawn.facts_of_seeds(method, Depth::Paper)?);
+fn of_method(drawn: &RecoverySource<'_>, method: Method) -> Result<MethodRecovery> {
+    let (all, paper) =
+        (drawn.facts_of_seeds(method, MeasurementScope::All)?, drawn.facts_of_seeds(method, MeasurementScope::Paper)?);
     drawn.lab.progress.advance(1);
-    Ok(OfMethod { method, all, paper })
+    Ok(MethodRecovery { method, all, paper })
 }
 
-fn of_size(drawn: &Drawn<'_>) -> Result<OfSize> {
+fn of_size(drawn: &RecoverySource<'_>) -> Result<SizeRecovery> {
     let seed = drawn.lab.settings.seed;
     let size = drawn.size()?;
     let effort = if drawn.recipe.effort == Effort::Fast { ", fast" } else { "" };
-    let measured = OfSize {
+    let measured = SizeRecovery {
         name: format!("{:.0}{effort}", size.2),
         size,
-        count: drawn.facts(Method::Count, seed, Depth::All)?,
-        stratified: drawn.facts(Method::Stratified, seed, Depth::Local)?,
-        spaced: drawn.facts(Method::Spaced, seed, Depth::Local)?,
+        count: drawn.facts(Method::Count, seed, MeasurementScope::All)?,
+        stratified: drawn.facts(Method::Stratified, seed, MeasurementScope::Local)?,
+        spaced: drawn.facts(Method::Spaced, seed, MeasurementScope::Local)?,
         model: drawn.facts_of_model()?,
     };
     drawn.lab.progress.advance(1);
     Ok(measured)
 }
 
-fn of_blocks(drawn: &Drawn<'_>) -> Result<OfBlocks> {
+fn of_blocks(drawn: &RecoverySource<'_>) -> Result<BlocksRecovery> {
     let of = |depth| drawn.facts_of_seeds(Method::Count, depth);
-    let (all, paper) = (of(Depth::All)?, of(Depth::Paper)?);
+    let (all, paper) = (of(MeasurementScope::All)?, of(MeasurementScope::Paper)?);
     drawn.lab.progress.advance(1);
-    Ok(OfBlocks { blocks: drawn.recipe.blocks, size: drawn.size()?, all, paper })
+    Ok(BlocksRecovery { blocks: drawn.recipe.blocks, size: drawn.size()?, all, paper })
 }

@@ -1,15 +1,15 @@
 //! What a reader of the tables must know.
 
-use super::measure::{Depth, cells};
-use super::{Measured, RATIO, paper};
+use super::measure::{MeasurementScope, cells};
+use super::{RATIO, RecoveryMeasurements, paper};
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
 use particlegs::recover::Method;
 
 /// How it was measured, what differs from the paper and why, in the order of reading.
-pub(super) fn all(m: &Measured, lab: &Lab<'_>, snapshot: &Snapshot) -> Vec<String> {
+pub(super) fn all(m: &RecoveryMeasurements, lab: &Lab<'_>, snapshot: &Snapshot) -> Vec<String> {
     let n = snapshot.particles.len();
-    let o = Depth::All.options(n, lab.settings.quick);
+    let o = MeasurementScope::All.options(n, lab.settings.quick);
     let k_max = m.sizes.iter().find_map(|s| s.count.k_max()).unwrap_or(f64::NAN);
     let seeds = lab.settings.seeds;
     vec![
@@ -66,7 +66,7 @@ pub(super) fn all(m: &Measured, lab: &Lab<'_>, snapshot: &Snapshot) -> Vec<Strin
 }
 
 /// What the tables say at the ratio of the methods, from their figures.
-fn found(m: &Measured) -> String {
+fn found(m: &RecoveryMeasurements) -> String {
     let median = |method: Method, of: fn(&super::Facts) -> Option<f64>| {
         let facts = m.methods.iter().find(|o| o.method == method)?;
         crate::found::Spread::of(&facts.all.iter().filter_map(of).collect::<Vec<_>>()).map(|s| s.median)

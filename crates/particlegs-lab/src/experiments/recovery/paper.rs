@@ -4,7 +4,7 @@
 use particlegs::recover::Method;
 
 /// A row of a table of the paper.
-pub(super) struct Row {
+pub(super) struct PublishedRecovery {
     /// Density correlation.
     pub correlation: f64,
     /// Mean absolute error of delta.
@@ -24,12 +24,12 @@ pub(super) const XI_FROM: f64 = 10.0;
 /// Particles in a cell of its density grid: 281 million in 256^3 (\RecGridSize).
 pub(super) const PARTICLES_A_CELL: f64 = 281e6 / (256.0 * 256.0 * 256.0);
 
-const fn row(correlation: f64, mae: f64, nearest: f64, xi: f64) -> Row {
-    Row { correlation, mae, nearest, xi }
+const fn row(correlation: f64, mae: f64, nearest: f64, xi: f64) -> PublishedRecovery {
+    PublishedRecovery { correlation, mae, nearest, xi }
 }
 
 /// Table tab:recovery_methods (\RecVZero... to \RecVSix...); `None` of what the paper has not.
-pub(super) fn method(method: Method) -> Option<Row> {
+pub(super) fn method(method: Method) -> Option<PublishedRecovery> {
     Some(match method {
         Method::Count => row(0.928, 0.718, 0.250, 8.6),
         Method::Volume => row(0.437, 1.172, 1.216, 4.0),
@@ -40,7 +40,7 @@ pub(super) fn method(method: Method) -> Option<Row> {
 }
 
 /// Table tab:recovery_blocks (\RecBlk...), by number of blocks.
-pub(super) fn blocks(number: u32) -> Option<Row> {
+pub(super) fn blocks(number: u32) -> Option<PublishedRecovery> {
     Some(match number {
         1 => row(0.897, 0.906, 0.161, 15.3),
         2 => row(0.916, 0.815, 0.186, 9.3),

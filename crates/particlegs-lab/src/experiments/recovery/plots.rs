@@ -1,8 +1,8 @@
 //! The plots: P(k), r(k), xi(r), groups.
 
 use super::facts::{Facts, Power, Xi};
-use super::{Measured, OfMethod, RATIO, tables};
-use crate::found::{Axis, Plot, Point, Series};
+use super::{MethodRecovery, RATIO, RecoveryMeasurements, tables};
+use crate::found::{Plot, PlotAxis, Point, Series};
 
 /// How far the ratios of the paper's figure go from 1, and a little further.
 const RATIOS: [f64; 2] = [0.6, 1.4];
@@ -10,25 +10,25 @@ const RATIOS: [f64; 2] = [0.6, 1.4];
 const SHELLS_A_DECADE: f64 = 16.0;
 
 /// All plots, in the order of reading.
-pub(super) fn all(m: &Measured) -> Vec<Plot> {
+pub(super) fn all(m: &RecoveryMeasurements) -> Vec<Plot> {
     vec![power_of_methods(m), r_of_methods(m), power_of_sizes(m), xi(m), xi_ratio(m), xi_ratio_of_blocks(m), groups(m)]
 }
 
-fn plot(name: &str, title: String, x: Axis, y: Axis, series: Vec<Series>) -> Plot {
+fn plot(name: &str, title: String, x: PlotAxis, y: PlotAxis, series: Vec<Series>) -> Plot {
     Plot { name: name.into(), title, x, y, series, levels: vec![] }
 }
 
-fn ratio_axis(label: &str) -> Axis {
+fn ratio_axis(label: &str) -> PlotAxis {
     let bands = vec![("within 10 %".into(), [0.9, 1.1]), ("within 5 %".into(), [0.95, 1.05])];
-    Axis { range: Some(RATIOS), bands, ..Axis::linear(label) }
+    PlotAxis { range: Some(RATIOS), bands, ..PlotAxis::linear(label) }
 }
 
-fn wave_numbers(m: &Measured) -> Axis {
-    Axis::logarithmic(format!("wave number k, 1 / ({})", m.unit))
+fn wave_numbers(m: &RecoveryMeasurements) -> PlotAxis {
+    PlotAxis::logarithmic(format!("wave number k, 1 / ({})", m.unit))
 }
 
-fn separations(m: &Measured) -> Axis {
-    Axis::logarithmic(format!("separation r, {}", m.unit))
+fn separations(m: &RecoveryMeasurements) -> PlotAxis {
+    PlotAxis::logarithmic(format!("separation r, {}", m.unit))
 }
 
 /// The same thing of several sets: a point where every set has it, with the range of the sets.
@@ -72,8 +72,8 @@ fn xi_points(facts: &[Facts], of: fn(&Xi) -> Option<f64>) -> Vec<Point> {
 }
 
 /// A curve a method.
-fn of_methods(m: &Measured, of: impl Fn(&OfMethod) -> Vec<Point>) -> Vec<Series> {
-    let one = |(style, o): (usize, &OfMethod)| Series {
+fn of_methods(m: &RecoveryMeasurements, of: impl Fn(&MethodRecovery) -> Vec<Point>) -> Vec<Series> {
+    let one = |(style, o): (usize, &MethodRecovery)| Series {
         name: tables::name(o.method),
         style,
         dashed: tables::name(o.method) != o.method.name() && style > 0,
@@ -82,20 +82,20 @@ fn of_methods(m: &Measured, of: impl Fn(&OfMethod) -> Vec<Point>) -> Vec<Series>
     m.methods.iter().enumerate().map(one).collect()
 }
 
-fn power_of_methods(m: &Measured) -> Plot {
+fn power_of_methods(m: &RecoveryMeasurements) -> Plot {
     let series = of_methods(m, |o| power_points(&o.all, |s| s.ratio));
     let title = format!("P(k) of particles drawn at ratio {RATIO:.0}, by method");
     plot("recovery-power", title, wave_numbers(m), ratio_axis("P(k), recovered / truth"), series)
 }
 
-fn r_of_methods(m: &Measured) -> Plot {
+fn r_of_methods(m: &RecoveryMeasurements) -> Plot {
     let series = of_methods(m, |o| power_points(&o.all, |s| s.r));
     let title = format!("Cross-correlation r(k) at ratio {RATIO:.0}, by method");
-    let y = Axis { range: Some([0.8, 1.005]), ..Axis::linear("r(k), shot noise included") };
+    let y = PlotAxis { range: Some([0.8, 1.005]), ..PlotAxis::linear("r(k), shot noise included") };
     plot("recovery-phases", title, wave_numbers(m), y, series)
 }
 
-fn power_of_sizes(m: &Measured) -> Plot {
+fn power_of_sizes(m: &RecoveryMeasurements) -> Plot {
     let series = m.sizes.iter().enumerate().map(|(style, o)| Series {
         name: format!("ratio {}", o.name),
         style,
@@ -106,7 +106,7 @@ fn power_of_sizes(m: &Measured) -> Plot {
     plot("recovery-power-ratios", title, wave_numbers(m), ratio_axis("P(k), recovered / truth"), series.collect())
 }
 
-fn xi(m: &Measured) -> Plot {
+fn xi(m: &RecoveryMeasurements) -> Plot {
     let truth = m.methods.first().and_then(|o| o.all.first());
     let truth = Series {
         name: "truth".into(),
@@ -116,17 +116,17 @@ fn xi(m: &Measured) -> Plot {
     };
     let series = of_methods(m, |o| xi_points(&o.all, |b| Some(b.xi[1])));
     let title = format!("Two-point correlation xi(r) at ratio {RATIO:.0}, by method");
-    let y = Axis::logarithmic("xi(r)");
+    let y = PlotAxis::logarithmic("xi(r)");
     plot("recovery-xi", title, separations(m), y, [vec![truth], series].concat())
 }
 
-fn xi_ratio(m: &Measured) -> Plot {
+fn xi_ratio(m: &RecoveryMeasurements) -> Plot {
     let series = of_methods(m, |o| xi_points(&o.all, Xi::ratio));
     let title = format!("xi(r) of particles drawn at ratio {RATIO:.0}, by method");
     plot("recovery-xi-ratio", title, separations(m), ratio_axis("xi(r), recovered / truth"), series)
 }
 
-fn xi_ratio_of_blocks(m: &Measured) -> Plot {
+fn xi_ratio_of_blocks(m: &RecoveryMeasurements) -> Plot {
     let series = m.blocks.iter().enumerate().map(|(style, o)| Series {
         name: if o.blocks == 1 { "1 block".into() } else { format!("{} blocks", o.blocks) },
         style,
@@ -137,7 +137,7 @@ fn xi_ratio_of_blocks(m: &Measured) -> Plot {
     plot("recovery-xi-blocks", title, separations(m), ratio_axis("xi(r), recovered / truth"), series.collect())
 }
 
-fn groups(m: &Measured) -> Plot {
+fn groups(m: &RecoveryMeasurements) -> Plot {
     let number = |side: usize, facts: &[Facts]| {
         let sets: Vec<_> = facts.iter().map(|f| f.sizes.clone()).collect();
         points(&sets, |c| c.from as f64, move |c| Some(c.number[side] as f64))
@@ -146,8 +146,8 @@ fn groups(m: &Measured) -> Plot {
     let truth = Series { name: "truth".into(), style: 8, dashed: false, points: truth };
     let series = of_methods(m, |o| number(1, &o.all));
     let title = format!("Friends-of-friends groups by size at ratio {RATIO:.0}, by method");
-    let x = Axis::logarithmic("smallest size of the class, particles (each to 1.41 times it)");
-    plot("recovery-groups", title, x, Axis::logarithmic("groups"), [vec![truth], series].concat())
+    let x = PlotAxis::logarithmic("smallest size of the class, particles (each to 1.41 times it)");
+    plot("recovery-groups", title, x, PlotAxis::logarithmic("groups"), [vec![truth], series].concat())
 }
 
 #[cfg(test)]

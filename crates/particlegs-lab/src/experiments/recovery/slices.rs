@@ -1,7 +1,7 @@
 //! Slices of the density: truth, recovered, the model itself.
 
 use super::RATIO;
-use super::measure::Drawn;
+use super::measure::RecoverySource;
 use crate::found::{Colours, Pictures};
 use particlegs::Result;
 use particlegs::picture::{Colormap, Rgb8, Size};
@@ -17,7 +17,7 @@ const MAP: Colormap = Colormap::Inferno;
 const WIDTH: usize = 480;
 
 /// log10 of density over its mean in the central slab across z.
-pub(super) fn pictures(drawn: &Drawn<'_>) -> Result<Pictures> {
+pub(super) fn pictures(drawn: &RecoverySource<'_>) -> Result<Pictures> {
     let (truth, seed) = (&drawn.snapshot.particles, drawn.lab.settings.seed);
     let domain = Domain::of_particles(truth);
     let grid = Grid::new(&domain, ((truth.len() as f64).cbrt().round() as usize).clamp(2 * PLANES, 512));

@@ -1,12 +1,12 @@
 //! The tables.
 
 use super::facts::Facts;
-use super::{Measured, OfSize, RATIO, paper};
-use crate::found::{Cell, Table};
+use super::{RATIO, RecoveryMeasurements, SizeRecovery, paper};
+use crate::found::{ResultTable, TableCell};
 use particlegs::recover::Method;
 
 /// All tables, in the order of reading.
-pub(super) fn all(m: &Measured) -> Vec<Table> {
+pub(super) fn all(m: &RecoveryMeasurements) -> Vec<ResultTable> {
     vec![of_methods_as_published(m), spectra_of_methods(m), groups_of_methods(m), of_blocks(m)]
         .into_iter()
         .chain([spectra_of_sizes(m), groups_of_sizes(m), of_models(m), other_draws(m)])
@@ -26,35 +26,35 @@ pub(super) fn name(method: Method) -> String {
 }
 
 /// One figure over seeds.
-fn spread(facts: &[Facts], digits: usize, of: impl Fn(&Facts) -> Option<f64>) -> Cell {
-    Cell::spread(&facts.iter().filter_map(of).collect::<Vec<_>>(), digits)
+fn spread(facts: &[Facts], digits: usize, of: impl Fn(&Facts) -> Option<f64>) -> TableCell {
+    TableCell::spread(&facts.iter().filter_map(of).collect::<Vec<_>>(), digits)
 }
 
 /// The largest k of a limit over seeds: 0 where not even the first shell keeps it.
-fn up_to(facts: &[Facts], of: impl Fn(&Facts) -> Option<f64>) -> Cell {
+fn up_to(facts: &[Facts], of: impl Fn(&Facts) -> Option<f64>) -> TableCell {
     match facts.iter().any(|f| of(f).is_some()) {
         true => spread(facts, 2, |f| Some(of(f).unwrap_or(0.0))),
-        false => Cell::text("nowhere"),
+        false => TableCell::text("nowhere"),
     }
 }
 
 const PAPER: [&str; 4] = ["paper: correlation", "paper: MAE", "paper: nearest mean / truth", "paper: xi off, %"];
 
-fn published(row: Option<paper::Row>) -> [Cell; 4] {
+fn published(row: Option<paper::PublishedRecovery>) -> [TableCell; 4] {
     match row {
         Some(r) => [
-            Cell::number(r.correlation, 3),
-            Cell::number(r.mae, 3),
-            Cell::number(r.nearest / paper::TRUTH_NEAREST, 2),
-            Cell::number(r.xi, 1),
+            TableCell::number(r.correlation, 3),
+            TableCell::number(r.mae, 3),
+            TableCell::number(r.nearest / paper::TRUTH_NEAREST, 2),
+            TableCell::number(r.xi, 1),
         ],
-        None => std::array::from_fn(|_| Cell::Empty),
+        None => std::array::from_fn(|_| TableCell::Empty),
     }
 }
 
 /// Correlation, MAE, nearest neighbour and its ratio in the paper's convention, and xi's deviation over all bins and
 /// from one spacing on.
-fn as_published(m: &Measured, all: &[Facts], of_paper: &[Facts]) -> Vec<Cell> {
+fn as_published(m: &RecoveryMeasurements, all: &[Facts], of_paper: &[Facts]) -> Vec<TableCell> {
     vec![
         spread(of_paper, 4, |f| f.correlation),
         spread(of_paper, 3, |f| f.mae),
@@ -65,7 +65,7 @@ fn as_published(m: &Measured, all: &[Facts], of_paper: &[Facts]) -> Vec<Cell> {
     ]
 }
 
-fn published_heads(m: &Measured, first: &[&str]) -> Vec<String> {
+fn published_heads(m: &RecoveryMeasurements, first: &[&str]) -> Vec<String> {
     let truth = m.methods.iter().find_map(|o| Some(o.paper.first()?.nearest?[0]));
     let truth = truth.map_or(String::new(), |t| format!(" (truth {t:.3})"));
     let own = [
@@ -79,25 +79,25 @@ fn published_heads(m: &Measured, first: &[&str]) -> Vec<String> {
     first.iter().map(|s| (*s).to_string()).chain(own).chain(PAPER.map(String::from)).collect()
 }
 
-fn table(name: &str, title: String, columns: Vec<String>) -> Table {
-    Table { name: name.into(), title, columns, rows: Vec::new() }
+fn table(name: &str, title: String, columns: Vec<String>) -> ResultTable {
+    ResultTable { name: name.into(), title, columns, rows: Vec::new() }
 }
 
-fn of_methods_as_published(m: &Measured) -> Table {
+fn of_methods_as_published(m: &RecoveryMeasurements) -> ResultTable {
     let title = format!("Methods at ratio {RATIO:.0}, in the paper's convention and beside the paper's figures");
     let mut t = table("recovery-methods-paper", title, published_heads(m, &["method"]));
     for o in &m.methods {
-        let row = [Cell::text(name(o.method))].into_iter().chain(as_published(m, &o.all, &o.paper));
+        let row = [TableCell::text(name(o.method))].into_iter().chain(as_published(m, &o.all, &o.paper));
         t.row(row.chain(published(paper::method(o.method))));
     }
     t
 }
 
-fn of_blocks(m: &Measured) -> Table {
+fn of_blocks(m: &RecoveryMeasurements) -> ResultTable {
     let title = format!("`count` by number of blocks at ratio {RATIO:.0}, in the paper's convention");
     let mut t = table("recovery-blocks", title, published_heads(m, &["blocks", "Gaussians", "ratio"]));
     for o in &m.blocks {
-        let first = [Cell::count(o.blocks.into()), Cell::count(o.size.0), Cell::number(o.size.2, 0)];
+        let first = [TableCell::count(o.blocks.into()), TableCell::count(o.size.0), TableCell::number(o.size.2, 0)];
         let row = first.into_iter().chain(as_published(m, &o.all, &o.paper));
         t.row(row.chain(published(paper::blocks(o.blocks))));
     }
@@ -105,7 +105,7 @@ fn of_blocks(m: &Measured) -> Table {
 }
 
 /// Density, P(k), r(k).
-fn spectrum_heads(m: &Measured, first: &[&str], xi: bool) -> Vec<String> {
+fn spectrum_heads(m: &RecoveryMeasurements, first: &[&str], xi: bool) -> Vec<String> {
     let at = format!("at k, 1 / ({})", m.unit);
     let own = [
         "density correlation",
@@ -123,7 +123,7 @@ fn spectrum_heads(m: &Measured, first: &[&str], xi: bool) -> Vec<String> {
     first.iter().chain(&own).map(|s| (*s).to_string()).chain(xi).collect()
 }
 
-fn spectrum(facts: &[Facts], xi: bool) -> Vec<Cell> {
+fn spectrum(facts: &[Facts], xi: bool) -> Vec<TableCell> {
     let mut cells = vec![
         spread(facts, 4, |f| f.correlation),
         spread(facts, 3, |f| f.mae),
@@ -135,23 +135,23 @@ fn spectrum(facts: &[Facts], xi: bool) -> Vec<Cell> {
     cells.extend((0..2).map(|i| up_to(facts, |f| f.r_to[i])));
     if xi {
         cells.push(match facts.iter().any(|f| f.xi_from.is_none()) {
-            true => Cell::text("nowhere"),
+            true => TableCell::text("nowhere"),
             false => spread(facts, 3, |f| f.xi_from),
         });
     }
     cells
 }
 
-fn spectra_of_methods(m: &Measured) -> Table {
+fn spectra_of_methods(m: &RecoveryMeasurements) -> ResultTable {
     let title = format!("Methods at ratio {RATIO:.0}: density, P(k), r(k), xi(r), in the correct convention");
     let mut t = table("recovery-methods", title, spectrum_heads(m, &["method"], true));
     for o in &m.methods {
-        t.row([Cell::text(name(o.method))].into_iter().chain(spectrum(&o.all, true)));
+        t.row([TableCell::text(name(o.method))].into_iter().chain(spectrum(&o.all, true)));
     }
     t
 }
 
-fn spectra_of_sizes(m: &Measured) -> Table {
+fn spectra_of_sizes(m: &RecoveryMeasurements) -> ResultTable {
     let title = "`count` by ratio and effort: density, P(k), r(k), xi(r)".to_string();
     let mut t = table("recovery-ratios", title, spectrum_heads(m, &["ratio", "Gaussians", "bytes"], true));
     for o in &m.sizes {
@@ -160,7 +160,7 @@ fn spectra_of_sizes(m: &Measured) -> Table {
     t
 }
 
-fn of_models(m: &Measured) -> Table {
+fn of_models(m: &RecoveryMeasurements) -> ResultTable {
     let title = "The models themselves, their mixtures integrated over the cells: no draw, no shot noise".to_string();
     let mut t = table("recovery-models", title, spectrum_heads(m, &["ratio", "Gaussians", "bytes"], false));
     for o in &m.sizes {
@@ -169,12 +169,12 @@ fn of_models(m: &Measured) -> Table {
     t
 }
 
-fn of_size(o: &OfSize) -> Vec<Cell> {
-    vec![Cell::text(&o.name), Cell::count(o.size.0), Cell::count(o.size.1)]
+fn of_size(o: &SizeRecovery) -> Vec<TableCell> {
+    vec![TableCell::text(&o.name), TableCell::count(o.size.0), TableCell::count(o.size.1)]
 }
 
 /// Groups by class, cores, neighbours.
-fn group_heads(m: &Measured, first: &[&str]) -> Vec<String> {
+fn group_heads(m: &RecoveryMeasurements, first: &[&str]) -> Vec<String> {
     let classes = m.methods.iter().flat_map(|o| o.all.first()).flat_map(|f| &f.classes).take(3);
     let classes =
         classes.map(|c| format!("groups of {} (truth {}): off by, %", c.in_words(), c.number[0])).collect::<Vec<_>>();
@@ -184,11 +184,11 @@ fn group_heads(m: &Measured, first: &[&str]) -> Vec<String> {
     first.iter().map(|s| (*s).to_string()).chain(classes).chain(rest).collect()
 }
 
-fn groups(m: &Measured, facts: &[Facts]) -> Vec<Cell> {
+fn groups(m: &RecoveryMeasurements, facts: &[Facts]) -> Vec<TableCell> {
     let classes = m.methods.iter().flat_map(|o| o.all.first()).map(|f| f.classes.len()).next().unwrap_or(0);
     let class = |i: usize| spread(facts, 1, |f| Some(100.0 * f.classes.get(i)?.off()?));
     let from = match facts.iter().any(|f| f.groups_from.is_none()) {
-        true => Cell::text("no size"),
+        true => TableCell::text("no size"),
         false => spread(facts, 0, |f| f.groups_from.map(|v| v as f64)),
     };
     let rest = [
@@ -200,31 +200,31 @@ fn groups(m: &Measured, facts: &[Facts]) -> Vec<Cell> {
     (0..classes.min(3)).map(class).chain(rest).collect()
 }
 
-fn groups_of_methods(m: &Measured) -> Table {
+fn groups_of_methods(m: &RecoveryMeasurements) -> ResultTable {
     let title = format!("Methods at ratio {RATIO:.0}: groups, their cores, nearest neighbours");
     let mut t = table("recovery-methods-groups", title, group_heads(m, &["method"]));
     for o in &m.methods {
-        t.row([Cell::text(name(o.method))].into_iter().chain(groups(m, &o.all)));
+        t.row([TableCell::text(name(o.method))].into_iter().chain(groups(m, &o.all)));
     }
     t
 }
 
-fn groups_of_sizes(m: &Measured) -> Table {
+fn groups_of_sizes(m: &RecoveryMeasurements) -> ResultTable {
     let title = "`count` by ratio and effort: groups, their cores, nearest neighbours".to_string();
     let mut t = table("recovery-ratios-groups", title, group_heads(m, &["ratio"]));
     for o in &m.sizes {
-        t.row([Cell::text(&o.name)].into_iter().chain(groups(m, std::slice::from_ref(&o.count))));
+        t.row([TableCell::text(&o.name)].into_iter().chain(groups(m, std::slice::from_ref(&o.count))));
     }
     t
 }
 
-fn other_draws(m: &Measured) -> Table {
+fn other_draws(m: &RecoveryMeasurements) -> ResultTable {
     let title = "Our three ways to draw, by ratio and effort".to_string();
     let mut t = table("recovery-draws", title, group_heads(m, &["ratio", "method", "MAE of delta"]));
     for o in &m.sizes {
         let draws = [(Method::Count, &o.count), (Method::Stratified, &o.stratified), (Method::Spaced, &o.spaced)];
         for (method, facts) in draws {
-            let first = [Cell::text(&o.name), Cell::text(method.name()), Cell::number(facts.mae, 3)];
+            let first = [TableCell::text(&o.name), TableCell::text(method.name()), TableCell::number(facts.mae, 3)];
             t.row(first.into_iter().chain(groups(m, std::slice::from_ref(facts))));
         }
     }
@@ -239,14 +239,15 @@ mod tests {
     fn limits_that_no_shell_keeps_are_said() {
         let facts = |k: Option<f64>| Facts { power_to: [k; 3], ..Facts::default() };
         let of = |f: &Facts| f.power_to[0];
-        assert_eq!(up_to(&[facts(None), facts(None)], of), Cell::text("nowhere"));
+        assert_eq!(up_to(&[facts(None), facts(None)], of), TableCell::text("nowhere"));
         let some = up_to(&[facts(None), facts(Some(2.0)), facts(Some(4.0))], of);
-        assert_eq!(some, Cell::Spread { value: 2.0, range: [0.0, 4.0], digits: 2 });
+        assert_eq!(some, TableCell::Spread { value: 2.0, range: [0.0, 4.0], digits: 2 });
     }
 
     #[test]
     fn rows_are_as_long_as_their_heads() {
-        let measured = Measured { methods: vec![], sizes: vec![], blocks: vec![], spacing: 1.0, unit: "kpc".into() };
+        let measured =
+            RecoveryMeasurements { methods: vec![], sizes: vec![], blocks: vec![], spacing: 1.0, unit: "kpc".into() };
         let published_row = as_published(&measured, &[], &[]).len() + published(None).len();
         assert_eq!(published_heads(&measured, &[]).len(), published_row);
         for xi in [true, false] {
