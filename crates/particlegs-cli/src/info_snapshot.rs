@@ -7,7 +7,7 @@ use particlegs::Result;
 use particlegs::model::{Cosmology, Dimension, Epoch, Units};
 use particlegs::particles::SnapshotMeta;
 use particlegs::space::{Bounds, Cell};
-use particlegs_formats::{Choice, Description, Field, Mass};
+use particlegs_formats::{Choice, Description, SpeciesField, SpeciesMass};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -56,9 +56,9 @@ fn text(r: &Report<'_>) -> String {
             if species.aliases.is_empty() { String::new() } else { format!(" ({})", species.aliases.join(", ")) };
         let unit = m.units.mass_text().unwrap_or("");
         let mass = match &species.mass {
-            Mass::Unknown => "mass not stated".to_string(),
-            Mass::Each(mass) => format!("mass {mass} {unit} each").replace("  ", " "),
-            Mass::Field(field) => format!("masses in `{field}`"),
+            SpeciesMass::Unknown => "mass not stated".to_string(),
+            SpeciesMass::Each(mass) => format!("mass {mass} {unit} each").replace("  ", " "),
+            SpeciesMass::Field(field) => format!("masses in `{field}`"),
         };
         row("species", format!("`{}`{aliases}: {} particles, {mass}", species.name, species.count));
         if let Some(b) = r.bounds.get(i) {
@@ -82,7 +82,7 @@ fn files(files: &[PathBuf]) -> String {
     }
 }
 
-fn field(f: &Field) -> String {
+fn field(f: &SpeciesField) -> String {
     let shape = if f.components == 1 { String::new() } else { format!("[{}]", f.components) };
     let unit = f.unit.as_deref().map_or(String::new(), |u| format!(" {u}"));
     format!("{} {}{shape}{unit}", f.name, f.kind)

@@ -6,7 +6,7 @@ use crate::snapshot_args::SnapshotArgs;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::{Source, is_stream, name_of};
-use particlegs_formats::{Choice, Kind};
+use particlegs_formats::{Choice, PathKind};
 use serde::Serializer;
 use std::path::Path;
 
@@ -31,14 +31,14 @@ pub fn model(path: &Path, progress: &dyn Progress) -> Result<Vec<u8>> {
         return Err(no_model(path));
     }
     let mut source = Source::open(path, progress)?;
-    if !codec::is_model(source.peek(HEAD)?) && Kind::of(path).in_words().is_some() {
+    if !codec::is_model(source.peek(HEAD)?) && PathKind::of(path).in_words().is_some() {
         return Err(no_model(path));
     }
     codec::read_source(source, &name_of(path))
 }
 
 fn no_model(path: &Path) -> Error {
-    let kind = Kind::of(path);
+    let kind = PathKind::of(path);
     let what = format!("{}, not a model file", kind.in_words().unwrap_or_default());
     Error::input_with(path, what, kind.to_a_model())
 }

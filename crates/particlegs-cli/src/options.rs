@@ -6,7 +6,7 @@ use clap::ArgMatches;
 use clap::parser::ValueSource;
 use particlegs::{Error, NamedValue, Result};
 use particlegs_export::{Group, Kind as Exported};
-use particlegs_formats::Kind;
+use particlegs_formats::PathKind;
 use std::path::Path;
 
 /// Options of some commands that mean nothing beside some others.
@@ -257,7 +257,7 @@ impl Given<'_> {
     /// Is the one file of a positional argument a model? Files that cannot be
     /// read are told of later, and what can be read once only is left alone.
     fn model(&self, id: &str) -> bool {
-        matches!(&self.paths(id)[..], [one] if matches!(Kind::of(one), Kind::Model))
+        matches!(&self.paths(id)[..], [one] if matches!(PathKind::of(one), PathKind::Model))
     }
 
     /// Is the one part a folder?
