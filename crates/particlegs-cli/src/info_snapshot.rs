@@ -13,7 +13,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct SnapshotInfoReport<'a> {
     #[serde(flatten)]
     description: &'a Description,
     particles: u64,
@@ -25,7 +25,7 @@ struct Report<'a> {
 /// Describes the snapshot in words or as JSON.
 pub fn print(context: &Context, paths: &[PathBuf], choice: &Choice, bounds: bool) -> Result<()> {
     let (description, bounds) = choice.describe(paths, bounds, context)?;
-    let report = Report {
+    let report = SnapshotInfoReport {
         particles: description.species.iter().map(|s| s.count).sum(),
         redshift: description.meta.epoch.redshift(),
         description: &description,
@@ -34,7 +34,7 @@ pub fn print(context: &Context, paths: &[PathBuf], choice: &Choice, bounds: bool
     context.finish(&text(&report), &report)
 }
 
-fn text(r: &Report<'_>) -> String {
+fn text(r: &SnapshotInfoReport<'_>) -> String {
     let (d, m) = (r.description, &r.description.meta);
     let mut out = String::new();
     let mut row = |name: &str, value: String| {

@@ -11,7 +11,7 @@ use serde::Serializer;
 use std::path::Path;
 
 /// What a path holds that may be either.
-pub enum Either {
+pub enum PathContent {
     /// A model file's bytes.
     Model(Vec<u8>),
     /// A snapshot, and how it is read.
@@ -47,25 +47,25 @@ fn no_model(path: &Path) -> Error {
 ///
 /// # Errors
 /// As [`model`]; those of `opening`.
-pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, progress: &dyn Progress) -> Result<Either> {
+pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, progress: &dyn Progress) -> Result<PathContent> {
     let mut choice = opening.choice()?;
     if path.is_dir() {
-        return Ok(Either::Snapshot(choice.into()));
+        return Ok(PathContent::Snapshot(choice.into()));
     }
     let mut source = Source::open(path, progress)?;
     if codec::is_model(source.peek(HEAD)?) {
-        return Ok(Either::Model(codec::read_source(source, &name_of(path))?));
+        return Ok(PathContent::Model(codec::read_source(source, &name_of(path))?));
     }
     if is_stream(path) {
         choice.spool(source)?;
     }
-    Ok(Either::Snapshot(choice.into()))
+    Ok(PathContent::Snapshot(choice.into()))
 }
 
 /// Says what is waited for before a command's own progress is set up.
-pub struct Early;
+pub struct WaitNotice;
 
-impl Progress for Early {
+impl Progress for WaitNotice {
     fn message(&self, text: &str) {
         to_stderr(&one_line(text));
     }
