@@ -5,7 +5,7 @@ use serde::Serialize;
 
 /// One figure of a certificate, stored and measured.
 #[derive(Serialize)]
-pub struct Figure {
+pub struct CertificateFigure {
     /// Which.
     pub name: String,
     /// As the file says it.
@@ -32,7 +32,12 @@ pub fn level_of(c: &Certificate) -> CertificateLevel {
 /// Every figure that is stored or that was measured, beside each other. What was `measured` is of a level that the
 /// certificate has, or, where it `completes` it, of a higher one: then what is not stored does not differ. To the last digit where
 /// the same program has `exact` figures.
-pub fn side_by_side(stored: &Certificate, measured: &Certificate, completes: bool, exact: bool) -> Vec<Figure> {
+pub fn side_by_side(
+    stored: &Certificate,
+    measured: &Certificate,
+    completes: bool,
+    exact: bool,
+) -> Vec<CertificateFigure> {
     let mut all = Vec::new();
     for ((group, stored), (_, measured)) in stored.groups().into_iter().zip(measured.groups()) {
         let there = [&stored, &measured].map(Option::is_some);
@@ -47,7 +52,7 @@ pub fn side_by_side(stored: &Certificate, measured: &Certificate, completes: boo
             let row = if row.is_empty() { String::new() } else { format!(" {row}") };
             let tolerance =
                 if exact && metric.tolerance != Tolerance::Any { Tolerance::Same } else { metric.tolerance };
-            all.push(Figure {
+            all.push(CertificateFigure {
                 name: format!("{}{row}: {}", group.name, metric.name),
                 stored: metric.in_words(then, None),
                 measured: metric.in_words(now, None),

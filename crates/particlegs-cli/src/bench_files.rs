@@ -1,9 +1,9 @@
 //! What experiments found, as files of a folder.
 
-use crate::canvas::Canvas;
+use crate::canvas::PictureCanvas;
 use crate::common::Context;
-use crate::figure::png_file::{About, Effort, coded};
-use crate::figure::{self, Bar, Figure, Ground, Image, Panel, Place, Room};
+use crate::figure::png_file::{PngEffort, PngMetadata, coded};
+use crate::figure::{self, BarPlacement, ColourBar, Figure, FigureImage, FigureSpace, Panel, PaperColour};
 use particlegs::picture::{Gray8, Rgb8, Size, write_png};
 use particlegs::{Error, Result};
 use particlegs_files::output::write_bytes;
@@ -83,7 +83,7 @@ fn write_plot(folder: &Path, p: &Plot) -> Result<()> {
     write_bytes(&folder.join(format!("{}.svg", p.name)), svg.as_bytes())?;
     let size = Size { width: plot::SIZE.0 as usize, height: plot::SIZE.1 as usize };
     let mut png = Rgb8 { size, data: vec![[0; 3]; size.pixels()] };
-    plot::draw(Canvas::new(&mut png), p);
+    plot::draw(PictureCanvas::new(&mut png), p);
     write_png(&folder.join(format!("{}.png", p.name)), size, png.data.as_flattened())
 }
 
@@ -94,27 +94,27 @@ const LETTERS: f64 = 20.0;
 fn joined(p: &Pictures) -> Result<Vec<u8>> {
     let panel = |(caption, picture): &(String, Rgb8)| Panel {
         caption: Some(caption.clone()),
-        ..Panel::plain(Image::Color(picture.clone()))
+        ..Panel::plain(FigureImage::Color(picture.clone()))
     };
-    let bar = |of: &Colours| Bar::logarithmic(of.title.clone(), of.range, |share| of.map.color(share));
+    let bar = |of: &Colours| ColourBar::logarithmic(of.title.clone(), of.range, |share| of.map.color(share));
     let figure = Figure {
         title: None,
         panels: p.panels.iter().map(panel).collect(),
         columns: p.columns,
         bar: p.colours.as_ref().map(bar),
         legend: Vec::new(),
-        place: Place::Outside,
-        page: Ground::White,
-        ground: Ground::Black,
+        place: BarPlacement::Outside,
+        page: PaperColour::White,
+        ground: PaperColour::Black,
     };
-    let page = figure::raster(&figure::layout(&figure, LETTERS, Room::Pixels)?)?;
-    coded(&plainest(page), &About::default(), Effort::Small)
+    let page = figure::raster(&figure::layout(&figure, LETTERS, FigureSpace::Pixels)?)?;
+    coded(&plainest(page), &PngMetadata::default(), PngEffort::Small)
 }
 
 /// In grey levels where there is no colour in it: a third of the bytes before they are compressed.
-fn plainest(page: Rgb8) -> Image {
+fn plainest(page: Rgb8) -> FigureImage {
     match page.data.iter().all(|[r, g, b]| r == g && g == b) {
-        true => Image::Gray(Gray8 { size: page.size, data: page.data.iter().map(|p| p[0]).collect() }),
-        false => Image::Color(page),
+        true => FigureImage::Gray(Gray8 { size: page.size, data: page.data.iter().map(|p| p[0]).collect() }),
+        false => FigureImage::Color(page),
     }
 }

@@ -7,7 +7,7 @@ use plotters_backend::text_anchor::{HPos, VPos};
 use plotters_backend::{BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingBackend, DrawingErrorKind};
 use std::convert::Infallible;
 
-type Drawn = Result<(), DrawingErrorKind<Infallible>>;
+type DrawResult = Result<(), DrawingErrorKind<Infallible>>;
 
 /// plotters' size of a text over an em, as its SVG has it.
 const SIZE_OF_EM: f64 = 1.24;
@@ -15,14 +15,14 @@ const SIZE_OF_EM: f64 = 1.24;
 const X_HEIGHT: f32 = 0.547;
 
 /// A picture to draw on. A coordinate is the middle of a pixel.
-pub struct Canvas<'a> {
+pub struct PictureCanvas<'a> {
     picture: &'a mut Rgb8,
 }
 
-impl<'a> Canvas<'a> {
+impl<'a> PictureCanvas<'a> {
     /// Over a picture.
     pub fn new(picture: &'a mut Rgb8) -> Self {
-        Canvas { picture }
+        PictureCanvas { picture }
     }
 
     /// Blends a colour over a pixel that it covers in part; what lies outside is not drawn.
@@ -80,44 +80,44 @@ fn distance(p: BackendCoord, a: BackendCoord, b: BackendCoord) -> f32 {
     (to.0 - t * along.0).hypot(to.1 - t * along.1)
 }
 
-impl DrawingBackend for Canvas<'_> {
+impl DrawingBackend for PictureCanvas<'_> {
     type ErrorType = Infallible;
 
     fn get_size(&self) -> (u32, u32) {
         (self.picture.size.width as u32, self.picture.size.height as u32)
     }
 
-    fn ensure_prepared(&mut self) -> Drawn {
+    fn ensure_prepared(&mut self) -> DrawResult {
         Ok(())
     }
 
-    fn present(&mut self) -> Drawn {
+    fn present(&mut self) -> DrawResult {
         Ok(())
     }
 
-    fn draw_pixel(&mut self, at: BackendCoord, color: BackendColor) -> Drawn {
+    fn draw_pixel(&mut self, at: BackendCoord, color: BackendColor) -> DrawResult {
         self.blend(at, color, 1.0);
         Ok(())
     }
 
-    fn draw_line<S: BackendStyle>(&mut self, from: BackendCoord, to: BackendCoord, style: &S) -> Drawn {
+    fn draw_line<S: BackendStyle>(&mut self, from: BackendCoord, to: BackendCoord, style: &S) -> DrawResult {
         self.draw_path([from, to], style)
     }
 
-    fn draw_path<S: BackendStyle, I: IntoIterator<Item = BackendCoord>>(&mut self, path: I, style: &S) -> Drawn {
+    fn draw_path<S: BackendStyle, I: IntoIterator<Item = BackendCoord>>(&mut self, path: I, style: &S) -> DrawResult {
         let path: Vec<BackendCoord> = path.into_iter().collect();
         self.stroke(&path, style.stroke_width() as f32, style.color());
         Ok(())
     }
 
     /// A disc, whether filled or not: no figure has rings.
-    fn draw_circle<S: BackendStyle>(&mut self, centre: BackendCoord, radius: u32, style: &S, _: bool) -> Drawn {
+    fn draw_circle<S: BackendStyle>(&mut self, centre: BackendCoord, radius: u32, style: &S, _: bool) -> DrawResult {
         self.stroke(&[centre], 2.0 * radius as f32, style.color());
         Ok(())
     }
 
     /// As plotters' SVG places text, its size and its anchor.
-    fn draw_text<S: BackendTextStyle>(&mut self, words: &str, style: &S, at: BackendCoord) -> Drawn {
+    fn draw_text<S: BackendTextStyle>(&mut self, words: &str, style: &S, at: BackendCoord) -> DrawResult {
         let em = (style.size() / SIZE_OF_EM) as f32;
         let font = text::font();
         let units = font.units_per_em().unwrap_or(1.0);
@@ -159,10 +159,10 @@ impl DrawingBackend for Canvas<'_> {
 mod tests {
     use super::*;
 
-    fn drawn(draw: impl FnOnce(&mut Canvas<'_>)) -> Vec<u8> {
+    fn drawn(draw: impl FnOnce(&mut PictureCanvas<'_>)) -> Vec<u8> {
         let size = Size { width: 9, height: 9 };
         let mut picture = Rgb8 { size, data: vec![[255; 3]; size.pixels()] };
-        draw(&mut Canvas::new(&mut picture));
+        draw(&mut PictureCanvas::new(&mut picture));
         picture.data.iter().map(|p| p[0]).collect()
     }
 

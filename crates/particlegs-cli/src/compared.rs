@@ -1,6 +1,6 @@
 //! Two PNGs or surface densities, or two folders of them with the same names, against each other.
 
-use crate::compared_density::{ComparedDensity, MeanDensityScores, compare_density};
+use crate::compared_density::{DensityFileComparison, MeanDensityScores, compare_density};
 use particlegs::parallel;
 use particlegs::picture::{Gray8, Scores, read_png};
 use particlegs::progress::Progress;
@@ -11,14 +11,14 @@ use std::path::Path;
 
 /// Scores of the pictures that two folders share.
 #[derive(Serialize)]
-pub struct Comparison {
+pub struct FolderComparison {
     /// Shared names in order.
-    pub views: Vec<Compared>,
+    pub views: Vec<PictureComparison>,
     /// Means over the views that have a value.
     pub mean: MeanScores,
     /// Shared names of surface densities as numbers.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub densities: Vec<ComparedDensity>,
+    pub densities: Vec<DensityFileComparison>,
     /// Means over these; `None` without any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_density: Option<MeanDensityScores>,
@@ -28,10 +28,10 @@ pub struct Comparison {
     pub only_in_b: Vec<String>,
 }
 
-impl Comparison {
-    fn of(views: Vec<Compared>, densities: Vec<ComparedDensity>) -> Self {
+impl FolderComparison {
+    fn of(views: Vec<PictureComparison>, densities: Vec<DensityFileComparison>) -> Self {
         let (mean, mean_density) = (mean_scores(&views), mean_density(&densities));
-        Comparison { views, mean, densities, mean_density, only_in_a: Vec::new(), only_in_b: Vec::new() }
+        FolderComparison { views, mean, densities, mean_density, only_in_a: Vec::new(), only_in_b: Vec::new() }
     }
 
     /// What could not be scored, a line each.
@@ -43,7 +43,7 @@ impl Comparison {
 
 /// One shared picture.
 #[derive(Serialize)]
-pub struct Compared {
+pub struct PictureComparison {
     /// File name without `.png`.
     pub name: String,
     /// The scores, where both can be read and have one size.
@@ -75,7 +75,7 @@ pub struct MeanScores {
 /// # Errors
 /// [`Error::Io`] where a file is missing or a folder cannot be read; [`Error::Input`] where a file is neither, or
 /// folders share no name. A pair that cannot be scored is told in its place, not here.
-pub fn compare(a: &Path, b: &Path, progress: &dyn Progress) -> Result<Comparison> {
+pub fn compare(a: &Path, b: &Path, progress: &dyn Progress) -> Result<FolderComparison> {
     let within = |folder: &Path, file: &Path| folder.join(file.file_name().unwrap_or_default());
     let (a, b) = match (a.is_dir(), b.is_dir()) {
         (true, true) => return compare_folders(a, b, progress),
@@ -94,12 +94,12 @@ pub fn compare(a: &Path, b: &Path, progress: &dyn Progress) -> Result<Comparison
         (false, false) => views.push(compare_pictures(&name, &a, &b)),
         _ => return Err(Error::input(&a, format!("a picture and values cannot be compared with {}", b.display()))),
     }
-    Ok(Comparison::of(views, densities))
+    Ok(FolderComparison::of(views, densities))
 }
 
 /// Scores every PNG of folder `a` against the one of its name in `b`, and every surface density that `--raw` wrote.
-fn compare_folders(a: &Path, b: &Path, progress: &dyn Progress) -> Result<Comparison> {
-    let (in_a, in_b) = (Names::of(a)?, Names::of(b)?);
+fn compare_folders(a: &Path, b: &Path, progress: &dyn Progress) -> Result<FolderComparison> {
+    let (in_a, in_b) = (FolderNames::of(a)?, FolderNames::of(b)?);
     let shared: Vec<&String> = in_a.pictures.intersection(&in_b.pictures).collect();
     let shared_densities: Vec<&String> = in_a.densities.intersection(&in_b.densities).collect();
     if shared.is_empty() && shared_densities.is_empty() {
@@ -123,10 +123,10 @@ fn compare_folders(a: &Path, b: &Path, progress: &dyn Progress) -> Result<Compar
     })?;
     progress.end();
     let (only_in_a, only_in_b) = (in_a.without(&in_b), in_b.without(&in_a));
-    Ok(Comparison { only_in_a, only_in_b, ..Comparison::of(views, densities) })
+    Ok(FolderComparison { only_in_a, only_in_b, ..FolderComparison::of(views, densities) })
 }
 
-fn mean_scores(views: &[Compared]) -> MeanScores {
+fn mean_scores(views: &[PictureComparison]) -> MeanScores {
     let scores = || views.iter().filter_map(|v| v.scores);
     MeanScores {
         psnr: mean(scores().map(|s| s.psnr)),
@@ -136,7 +136,7 @@ fn mean_scores(views: &[Compared]) -> MeanScores {
     }
 }
 
-fn mean_density(densities: &[ComparedDensity]) -> Option<MeanDensityScores> {
+fn mean_density(densities: &[DensityFileComparison]) -> Option<MeanDensityScores> {
     let scores = || densities.iter().filter_map(|v| v.scores);
     (!densities.is_empty()).then(|| MeanDensityScores {
         rms_dex: mean(scores().map(|s| s.rms_dex)),
@@ -151,17 +151,21 @@ fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     (count > 0).then(|| sum / f64::from(count))
 }
 
-fn compare_pictures(name: &str, a: &Path, b: &Path) -> Compared {
+fn compare_pictures(name: &str, a: &Path, b: &Path) -> PictureComparison {
     let pair = read_png(a).and_then(|a| Ok((a, read_png(b)?)));
-    let failed =
-        |error: String| Compared { name: name.into(), scores: None, largest_difference: 0, error: Some(error) };
+    let failed = |error: String| PictureComparison {
+        name: name.into(),
+        scores: None,
+        largest_difference: 0,
+        error: Some(error),
+    };
     match pair {
         Err(e) => failed(e.to_string()),
         Ok((a, b)) if a.size != b.size => failed(format!(
             "{name}: {}x{} pixels against {}x{}",
             a.size.width, a.size.height, b.size.width, b.size.height
         )),
-        Ok((a, b)) => Compared {
+        Ok((a, b)) => PictureComparison {
             name: name.into(),
             scores: Some(Scores::of(&a, &b)),
             largest_difference: largest_difference(&a, &b),
@@ -175,16 +179,16 @@ fn largest_difference(a: &Gray8, b: &Gray8) -> u8 {
 }
 
 /// Names without ending of what can be compared in a folder.
-struct Names {
+struct FolderNames {
     pictures: BTreeSet<String>,
     /// Of values with a description beside them.
     densities: BTreeSet<String>,
 }
 
-impl Names {
-    fn of(folder: &Path) -> Result<Names> {
+impl FolderNames {
+    fn of(folder: &Path) -> Result<FolderNames> {
         let fail = |e| Error::io(folder, e);
-        let mut names = Names { pictures: BTreeSet::new(), densities: BTreeSet::new() };
+        let mut names = FolderNames { pictures: BTreeSet::new(), densities: BTreeSet::new() };
         for entry in std::fs::read_dir(folder).map_err(fail)? {
             let path = entry.map_err(fail)?.path();
             let Some(stem) = path.file_stem().and_then(|s| s.to_str()) else { continue };
@@ -198,7 +202,7 @@ impl Names {
     }
 
     /// Those that others have no counterpart of.
-    fn without(&self, others: &Names) -> Vec<String> {
+    fn without(&self, others: &FolderNames) -> Vec<String> {
         let pictures = self.pictures.difference(&others.pictures).cloned();
         pictures.chain(self.densities.difference(&others.densities).map(|name| format!("{name}.f32"))).collect()
     }

@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// One shared view.
 #[derive(Serialize)]
-pub struct ComparedDensity {
+pub struct DensityFileComparison {
     /// File name without `.f32`.
     pub name: String,
     /// The scores, where both can be read and show the same.
@@ -32,13 +32,13 @@ pub struct MeanDensityScores {
 }
 
 /// Scores the values of one file against those of another. A pair that cannot be scored is told in its place.
-pub fn compare_density(name: &str, a: &Path, b: &Path, progress: &dyn Progress) -> ComparedDensity {
+pub fn compare_density(name: &str, a: &Path, b: &Path, progress: &dyn Progress) -> DensityFileComparison {
     let (scores, error) = match compare(a, b, progress) {
         Ok(Ok(scores)) => (Some(scores), None),
         Ok(Err(why)) => (None, Some(format!("{name}: {why}"))),
         Err(e) => (None, Some(e.to_string())),
     };
-    ComparedDensity { name: name.into(), scores, error }
+    DensityFileComparison { name: name.into(), scores, error }
 }
 
 /// The scores, or why there are none.

@@ -19,7 +19,7 @@ const JSON: Form = Form { title: "a description of values", begins: Begins::Obje
 
 /// What a file of values holds.
 #[derive(Serialize, Deserialize)]
-pub struct Described {
+pub struct DensityDescription {
     width: usize,
     height: usize,
     values: String,
@@ -32,13 +32,13 @@ pub struct Described {
     projection: String,
     world_per_pixel: f64,
     #[serde(flatten)]
-    camera: Option<Seen>,
+    camera: Option<CameraKeys>,
     name: String,
 }
 
 /// From where, by the keys of a views file.
 #[derive(Serialize, Deserialize)]
-struct Seen {
+struct CameraKeys {
     position: [f64; 3],
     focal_point: [f64; 3],
     view_up: [f64; 3],
@@ -76,10 +76,10 @@ pub fn write(folder: &Path, view: &DensityView, plane: &Plane, means: Means) -> 
     Ok(folder.join(name))
 }
 
-fn described(view: &DensityView, size: Size, means: Means) -> Described {
+fn described(view: &DensityView, size: Size, means: Means) -> DensityDescription {
     let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
     let camera = &view.camera;
-    Described {
+    DensityDescription {
         width: size.width,
         height: size.height,
         values: "float32, little-endian, rows from the top".into(),
@@ -89,7 +89,7 @@ fn described(view: &DensityView, size: Size, means: Means) -> Described {
         smooth: means.smooth,
         projection: if perspective { "perspective" } else { "orthographic" }.into(),
         world_per_pixel: means.world_per_pixel,
-        camera: Some(Seen {
+        camera: Some(CameraKeys {
             position: camera.position,
             focal_point: camera.focal_point,
             view_up: camera.view_up,
@@ -103,10 +103,10 @@ fn described(view: &DensityView, size: Size, means: Means) -> Described {
 ///
 /// # Errors
 /// [`Error::Io`], [`Error::Input`], [`Error::Memory`], [`Error::Cancelled`].
-pub fn read(file: &Path, progress: &dyn Progress) -> Result<(Described, Plane)> {
+pub fn read(file: &Path, progress: &dyn Progress) -> Result<(DensityDescription, Plane)> {
     let path = file.with_extension("json");
     let text = read_whole(&path, JSON, progress)?;
-    let described: Described =
+    let described: DensityDescription =
         serde_json::from_slice(&text).map_err(|e| Error::input(&path, format!("not what --raw writes: {e}")))?;
     let size = Size { width: described.width, height: described.height };
     if ![size.width, size.height].iter().all(|side| (1..=LARGEST_SIDE).contains(side)) {
@@ -129,9 +129,9 @@ pub fn read(file: &Path, progress: &dyn Progress) -> Result<(Described, Plane)> 
     Ok((described, Plane { size, data }))
 }
 
-impl Described {
+impl DensityDescription {
     /// Why these values cannot be compared with others pixel by pixel; `None` where they can.
-    pub fn differs(&self, other: &Described) -> Option<String> {
+    pub fn differs(&self, other: &DensityDescription) -> Option<String> {
         let pair =
             |what: &str, a: &dyn std::fmt::Display, b: &dyn std::fmt::Display| Some(format!("{what}{a} against {b}"));
         if (self.width, self.height) != (other.width, other.height) {

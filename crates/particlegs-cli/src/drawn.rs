@@ -1,14 +1,14 @@
 //! Pictures in a JSON report: cameras by the keys of a views file, so that `--views` reads the report.
 
 use crate::inputs::path_as_text;
-use crate::view_args::Subject;
+use crate::view_args::ViewSubject;
 use particlegs::camera::{DensityView, Projection, View};
 use serde::{Serialize, Serializer};
 use std::path::PathBuf;
 
 /// A picture that was drawn.
 #[derive(Serialize)]
-pub struct Drawn {
+pub struct RenderedView {
     name: String,
     position: [f64; 3],
     focal_point: [f64; 3],
@@ -29,16 +29,16 @@ pub struct Drawn {
     path: Option<PathBuf>,
 }
 
-impl Drawn {
+impl RenderedView {
     /// The picture of a view; no path where it is a frame that went into a film.
-    pub fn of_view(view: &View, subject: &Subject, seconds: f64, path: Option<PathBuf>) -> Self {
+    pub fn of_view(view: &View, subject: &ViewSubject, seconds: f64, path: Option<PathBuf>) -> Self {
         let camera = &view.camera;
         let (fov_deg, height_world) = match camera.projection {
             Projection::Perspective { fov_deg } => (Some(fov_deg), None),
             Projection::Orthographic { height_world } => (None, Some(height_world)),
         };
         let range = subject.density.then(|| DensityView::of_view(view, &subject.bounds).range);
-        Drawn {
+        RenderedView {
             name: view.name.clone(),
             position: camera.position,
             focal_point: camera.focal_point,

@@ -11,7 +11,7 @@ const SNAKEMAKE: &str = include_str!("emit/Snakefile");
 
 /// An engine that can drive a job folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Engine {
+pub enum JobEngine {
     /// A bash script for a login node: three dependent submissions.
     Slurm,
     /// A Snakefile with three rules.
@@ -20,7 +20,7 @@ pub enum Engine {
 
 /// What a script must know of a job. Paths should be absolute: tasks run elsewhere.
 #[derive(Clone, Debug)]
-pub struct Job {
+pub struct JobScript {
     /// The program's own path.
     pub program: PathBuf,
     /// The job folder.
@@ -42,10 +42,10 @@ pub struct Job {
 /// A path as an engine's script has it. Refused: one that is no UTF-8 or has a line break, and what an
 /// engine gives a meaning of its own and knows no way to quote: for Snakemake braces (wildcards) and
 /// angle brackets (path variables), for Slurm backslashes (in names of logs).
-pub fn quoted(engine: Engine, path: &Path) -> Result<String> {
+pub fn quoted(engine: JobEngine, path: &Path) -> Result<String> {
     let (refused, quote): (&[char], fn(&str) -> String) = match engine {
-        Engine::Slurm => (&['\n', '\r', '\\'], shell_word),
-        Engine::Snakemake => (&['\n', '\r', '{', '}', '<', '>'], python_literal),
+        JobEngine::Slurm => (&['\n', '\r', '\\'], shell_word),
+        JobEngine::Snakemake => (&['\n', '\r', '{', '}', '<', '>'], python_literal),
     };
     match path.to_str() {
         Some(text) if !text.contains(refused) => Ok(quote(text)),
@@ -57,16 +57,16 @@ pub fn quoted(engine: Engine, path: &Path) -> Result<String> {
 }
 
 /// The engine's script for a job.
-pub fn script(engine: Engine, job: &Job) -> Result<String> {
+pub fn script(engine: JobEngine, job: &JobScript) -> Result<String> {
     let template = match engine {
-        Engine::Slurm => SLURM,
-        Engine::Snakemake => SNAKEMAKE,
+        JobEngine::Slurm => SLURM,
+        JobEngine::Snakemake => SNAKEMAKE,
     };
     let path = |p: &Path| quoted(engine, p);
     // Slurm's M is a MiB, Snakemake's mem_mb counts 10^6; a tenth more, as engines end what goes beyond.
     let unit = match engine {
-        Engine::Slurm => 1 << 20,
-        Engine::Snakemake => 1_000_000,
+        JobEngine::Slurm => 1 << 20,
+        JobEngine::Snakemake => 1_000_000,
     };
     let memory = |bytes: u64| (bytes.div_ceil(unit) * 11).div_ceil(10).to_string();
     Ok(fill(
@@ -125,8 +125,8 @@ mod tests {
     use super::*;
     use std::process::{Command, Stdio};
 
-    fn job() -> Job {
-        Job {
+    fn job() -> JobScript {
+        JobScript {
             program: "/opt/particlegs".into(),
             folder: "/scratch/my job's {1} @BLOCKS@".into(),
             model: "/scratch/m.pgs".into(),
@@ -140,8 +140,8 @@ mod tests {
 
     #[test]
     fn every_place_is_filled_once() {
-        for engine in [Engine::Slurm, Engine::Snakemake] {
-            let text = script(engine, &Job { folder: "/scratch/job".into(), ..job() }).unwrap();
+        for engine in [JobEngine::Slurm, JobEngine::Snakemake] {
+            let text = script(engine, &JobScript { folder: "/scratch/job".into(), ..job() }).unwrap();
             for name in ["PROGRAM", "JOB", "MODEL", "CHUNKS", "BLOCKS", "MEMORY", "MERGE_MEMORY", "THREADS"] {
                 assert!(!text.contains(&format!("@{name}@")), "{name} in {text}");
             }
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn slurm_says_what_the_plan_says() {
-        let text = script(Engine::Slurm, &job()).unwrap();
+        let text = script(JobEngine::Slurm, &job()).unwrap();
         for line in [
             "program=/opt/particlegs\n",
             "job='/scratch/my job'\\''s {1} @BLOCKS@'\n",
@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn snakemake_says_what_the_plan_says() {
-        let text = script(Engine::Snakemake, &Job { folder: "/s/a \"b\" \\c é".into(), ..job() }).unwrap();
+        let text = script(JobEngine::Snakemake, &JobScript { folder: "/s/a \"b\" \\c é".into(), ..job() }).unwrap();
         for line in [
             "PROGRAM = \"/opt/particlegs\"\n",
             "JOB = \"/s/a \\\"b\\\" \\\\c é\"\n",
@@ -183,14 +183,14 @@ mod tests {
 
     #[test]
     fn a_path_that_cannot_stand_in_a_script_is_refused() {
-        for engine in [Engine::Slurm, Engine::Snakemake] {
-            assert!(script(engine, &Job { folder: "a\nb".into(), ..job() }).is_err());
+        for engine in [JobEngine::Slurm, JobEngine::Snakemake] {
+            assert!(script(engine, &JobScript { folder: "a\nb".into(), ..job() }).is_err());
         }
         for name in ["a{b}.pgs", "a<r>.pgs"] {
-            assert!(script(Engine::Snakemake, &Job { model: name.into(), ..job() }).is_err());
-            assert!(script(Engine::Slurm, &Job { model: name.into(), ..job() }).is_ok());
+            assert!(script(JobEngine::Snakemake, &JobScript { model: name.into(), ..job() }).is_err());
+            assert!(script(JobEngine::Slurm, &JobScript { model: name.into(), ..job() }).is_ok());
         }
-        assert!(script(Engine::Slurm, &Job { folder: "a\\b".into(), ..job() }).is_err());
+        assert!(script(JobEngine::Slurm, &JobScript { folder: "a\\b".into(), ..job() }).is_err());
     }
 
     #[test]
@@ -209,7 +209,7 @@ mod tests {
     fn bash_can_parse_the_script() {
         let child = Command::new("bash").arg("-n").stdin(Stdio::piped()).stderr(Stdio::piped()).spawn();
         let mut child = child.expect("bash");
-        let text = script(Engine::Slurm, &job()).unwrap();
+        let text = script(JobEngine::Slurm, &job()).unwrap();
         std::io::Write::write_all(&mut child.stdin.take().unwrap(), text.as_bytes()).unwrap();
         let output = child.wait_with_output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

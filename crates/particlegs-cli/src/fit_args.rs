@@ -2,7 +2,7 @@
 
 use crate::certificate_args::CertificateArgs;
 use crate::common::named;
-use crate::snapshot_args::{SnapshotArgs, Subset};
+use crate::snapshot_args::{SnapshotArgs, SnapshotSubset};
 use crate::target_args::{GoalArgs, TargetArgs, with_default};
 use crate::train_args::TrainArgs;
 use clap::Args;
@@ -47,7 +47,7 @@ impl FitArgs {
     }
 
     /// The options of a job in one block, in memory. The subset's seed is theirs, too.
-    pub fn options(&self, snapshot: &SnapshotArgs, subset: Subset<'_>) -> Result<Options> {
+    pub fn options(&self, snapshot: &SnapshotArgs, subset: SnapshotSubset<'_>) -> Result<Options> {
         for (name, value) in [("--radius", self.radius), ("--opacity", self.opacity)] {
             if value.is_some_and(|v| !(v > 0.0 && v.is_finite())) {
                 return Err(Error::argument(format!("{name} must be positive")));

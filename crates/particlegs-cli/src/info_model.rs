@@ -23,7 +23,7 @@ use std::path::Path;
 
 /// The result.
 #[derive(Serialize)]
-struct Report<'a> {
+struct ModelInfoReport<'a> {
     format_version: String,
     model_bytes: u64,
     /// What the file lacks.
@@ -114,7 +114,7 @@ fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
         count.saturating_mul(l.mass.particle_bytes())
     };
     let raw_bytes = info.layers.iter().map(layer_bytes).fold(0, u64::saturating_add);
-    let report = Report {
+    let report = ModelInfoReport {
         format_version: format!("{}.{}", info.version[0], info.version[1]),
         model_bytes: info.bytes,
         missing: info.missing(),
@@ -166,7 +166,7 @@ fn metadata(m: &Metadata, weighted: bool) -> MetadataReport<'_> {
     }
 }
 
-fn text(r: &Report<'_>) -> String {
+fn text(r: &ModelInfoReport<'_>) -> String {
     let m = &r.metadata;
     let mut out = String::new();
     let mut row = |name: &str, value: String| {
@@ -283,8 +283,8 @@ pub fn goal_in_words(goal: &GoalResult, unit: Option<&str>) -> String {
 
 /// Rows of figures, a table for those that have the same ones; rows of one figure in one line.
 fn tables(entries: &[MetricEntry], unit: Option<&str>) -> Vec<String> {
-    type Rows<'a> = Vec<&'a [MetricEntry]>;
-    let mut tables: Vec<Rows<'_>> = Vec::new();
+    type MetricRows<'a> = Vec<&'a [MetricEntry]>;
+    let mut tables: Vec<MetricRows<'_>> = Vec::new();
     let names = |row: &[MetricEntry]| row.iter().map(|e| e.metric.name).collect::<Vec<_>>();
     for row in entries.chunk_by(|a, b| a.row == b.row).filter(|row| !row[0].row.is_empty()) {
         match tables.iter_mut().find(|rows| names(rows[0]) == names(row)) {

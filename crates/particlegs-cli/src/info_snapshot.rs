@@ -7,13 +7,13 @@ use particlegs::Result;
 use particlegs::model::{Cosmology, Dimension, Epoch, Units};
 use particlegs::particles::SnapshotMeta;
 use particlegs::space::{Bounds, Cell};
-use particlegs_formats::{Choice, Description, Field, Mass};
+use particlegs_formats::{Choice, Description, SpeciesField, SpeciesMass};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct SnapshotInfoReport<'a> {
     #[serde(flatten)]
     description: &'a Description,
     particles: u64,
@@ -25,7 +25,7 @@ struct Report<'a> {
 /// Describes the snapshot in words or as JSON.
 pub fn print(context: &Context, paths: &[PathBuf], choice: &Choice, bounds: bool) -> Result<()> {
     let (description, bounds) = choice.describe(paths, bounds, context)?;
-    let report = Report {
+    let report = SnapshotInfoReport {
         particles: description.species.iter().map(|s| s.count).sum(),
         redshift: description.meta.epoch.redshift(),
         description: &description,
@@ -34,7 +34,7 @@ pub fn print(context: &Context, paths: &[PathBuf], choice: &Choice, bounds: bool
     context.finish(&text(&report), &report)
 }
 
-fn text(r: &Report<'_>) -> String {
+fn text(r: &SnapshotInfoReport<'_>) -> String {
     let (d, m) = (r.description, &r.description.meta);
     let mut out = String::new();
     let mut row = |name: &str, value: String| {
@@ -56,9 +56,9 @@ fn text(r: &Report<'_>) -> String {
             if species.aliases.is_empty() { String::new() } else { format!(" ({})", species.aliases.join(", ")) };
         let unit = m.units.mass_text().unwrap_or("");
         let mass = match &species.mass {
-            Mass::Unknown => "mass not stated".to_string(),
-            Mass::Each(mass) => format!("mass {mass} {unit} each").replace("  ", " "),
-            Mass::Field(field) => format!("masses in `{field}`"),
+            SpeciesMass::Unknown => "mass not stated".to_string(),
+            SpeciesMass::Each(mass) => format!("mass {mass} {unit} each").replace("  ", " "),
+            SpeciesMass::Field(field) => format!("masses in `{field}`"),
         };
         row("species", format!("`{}`{aliases}: {} particles, {mass}", species.name, species.count));
         if let Some(b) = r.bounds.get(i) {
@@ -82,7 +82,7 @@ fn files(files: &[PathBuf]) -> String {
     }
 }
 
-fn field(f: &Field) -> String {
+fn field(f: &SpeciesField) -> String {
     let shape = if f.components == 1 { String::new() } else { format!("[{}]", f.components) };
     let unit = f.unit.as_deref().map_or(String::new(), |u| format!(" {u}"));
     format!("{} {}{shape}{unit}", f.name, f.kind)

@@ -6,12 +6,12 @@ use crate::snapshot_args::SnapshotArgs;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::{Source, is_stream, name_of};
-use particlegs_formats::{Choice, Kind};
+use particlegs_formats::{Choice, PathKind};
 use serde::Serializer;
 use std::path::Path;
 
 /// What a path holds that may be either.
-pub enum Either {
+pub enum PathContent {
     /// A model file's bytes.
     Model(Vec<u8>),
     /// A snapshot, and how it is read.
@@ -31,14 +31,14 @@ pub fn model(path: &Path, progress: &dyn Progress) -> Result<Vec<u8>> {
         return Err(no_model(path));
     }
     let mut source = Source::open(path, progress)?;
-    if !codec::is_model(source.peek(HEAD)?) && Kind::of(path).in_words().is_some() {
+    if !codec::is_model(source.peek(HEAD)?) && PathKind::of(path).in_words().is_some() {
         return Err(no_model(path));
     }
     codec::read_source(source, &name_of(path))
 }
 
 fn no_model(path: &Path) -> Error {
-    let kind = Kind::of(path);
+    let kind = PathKind::of(path);
     let what = format!("{}, not a model file", kind.in_words().unwrap_or_default());
     Error::input_with(path, what, kind.to_a_model())
 }
@@ -47,25 +47,25 @@ fn no_model(path: &Path) -> Error {
 ///
 /// # Errors
 /// As [`model`]; those of `opening`.
-pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, progress: &dyn Progress) -> Result<Either> {
+pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, progress: &dyn Progress) -> Result<PathContent> {
     let mut choice = opening.choice()?;
     if path.is_dir() {
-        return Ok(Either::Snapshot(choice.into()));
+        return Ok(PathContent::Snapshot(choice.into()));
     }
     let mut source = Source::open(path, progress)?;
     if codec::is_model(source.peek(HEAD)?) {
-        return Ok(Either::Model(codec::read_source(source, &name_of(path))?));
+        return Ok(PathContent::Model(codec::read_source(source, &name_of(path))?));
     }
     if is_stream(path) {
         choice.spool(source)?;
     }
-    Ok(Either::Snapshot(choice.into()))
+    Ok(PathContent::Snapshot(choice.into()))
 }
 
 /// Says what is waited for before a command's own progress is set up.
-pub struct Early;
+pub struct WaitNotice;
 
-impl Progress for Early {
+impl Progress for WaitNotice {
     fn message(&self, text: &str) {
         to_stderr(&one_line(text));
     }

@@ -1,7 +1,7 @@
 //! How a job's snapshot is named in its manifest, and opened again.
 
 use crate::common::Context;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
 use particlegs::job::Job;
 use particlegs::particles::{Layered, Particles, Storage};
 use particlegs::{Error, Result};
@@ -21,7 +21,7 @@ pub struct JobSnapshot {
 
 impl JobSnapshot {
     /// As named on the command line; tasks may run in other folders.
-    pub fn new(paths: &[PathBuf], opening: &SnapshotArgs, subset: Subset<'_>) -> Result<Self> {
+    pub fn new(paths: &[PathBuf], opening: &SnapshotArgs, subset: SnapshotSubset<'_>) -> Result<Self> {
         let absolute = |p: &PathBuf| {
             if is_stream(p) {
                 let hint = "write the data to a file first";
@@ -49,8 +49,8 @@ impl JobSnapshot {
         })
     }
 
-    fn subset(&self) -> Subset<'_> {
-        Subset { selection: &self.selection, window: &self.window, seed: self.seed }
+    fn subset(&self) -> SnapshotSubset<'_> {
+        SnapshotSubset { selection: &self.selection, window: &self.window, seed: self.seed }
     }
 
     /// As a job's manifest names it.

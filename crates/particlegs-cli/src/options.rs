@@ -6,16 +6,16 @@ use clap::ArgMatches;
 use clap::parser::ValueSource;
 use particlegs::{Error, NamedValue, Result};
 use particlegs_export::{Group, Kind as Exported};
-use particlegs_formats::Kind;
+use particlegs_formats::PathKind;
 use std::path::Path;
 
 /// Options of some commands that mean nothing beside some others.
-struct Rule {
+struct OptionRule {
     commands: &'static [&'static str],
     /// As clap knows them.
     options: &'static [&'static str],
     /// Do they mean nothing beside what else was given?
-    idle: fn(&Given<'_>) -> bool,
+    idle: fn(&CommandMatches<'_>) -> bool,
     /// What they belong to.
     belongs: &'static str,
     /// What to do; may be empty.
@@ -74,7 +74,13 @@ const PAGE: &[&str] = &[
 /// Rules, each as commands, options, when these mean nothing, and what they belong to, with what to do.
 macro_rules! rules {
     ($([$($command:literal),*], $options:expr, $idle:expr => $belongs:expr, $hint:expr;)*) => {
-        &[$(Rule { commands: &[$($command),*], options: $options, idle: $idle, belongs: $belongs, hint: $hint }),*]
+        &[$(OptionRule {
+            commands: &[$($command),*],
+            options: $options,
+            idle: $idle,
+            belongs: $belongs,
+            hint: $hint,
+        }),*]
     };
 }
 
@@ -84,7 +90,7 @@ const RECOVER: &str = "draw particles with `recover`, then convert those";
 const BEHIND: [&str; 2] = ["the snapshot, and none is given", "name it behind the model"];
 const SNAPSHOT: [&str; 2] = [BEHIND[0], "name it by --snapshot"];
 
-const RULES: &[Rule] = rules! {
+const RULES: &[OptionRule] = rules! {
     ["render", "reference"], &["colormap", "range", "raw"], |g| !g.density() => DENSITY[0], DENSITY[1];
     ["reference"], &["smooth"], |g| !g.density() => DENSITY[0], DENSITY[1];
     ["render", "reference"], &["no_annotations", "colorbar"], |g| !g.has_bars() =>
@@ -165,7 +171,7 @@ const RULES: &[Rule] = rules! {
 /// [`Error::Argument`] that names the option and what it belongs to.
 pub fn check(matches: &ArgMatches) -> Result<()> {
     let Some((command, matches)) = matches.subcommand() else { return Ok(()) };
-    let given = Given(matches);
+    let given = CommandMatches(matches);
     for rule in RULES.iter().filter(|r| r.commands.contains(&command)) {
         if let Some(option) = rule.options.iter().find(|o| given.has(o))
             && (rule.idle)(&given)
@@ -186,9 +192,9 @@ fn spelling(id: &str) -> String {
 }
 
 /// What stands on the command line of one command.
-struct Given<'a>(&'a ArgMatches);
+struct CommandMatches<'a>(&'a ArgMatches);
 
-impl Given<'_> {
+impl CommandMatches<'_> {
     /// Is the argument there, and not as a default?
     fn has(&self, id: &str) -> bool {
         self.0.try_contains_id(id).unwrap_or(false) && self.0.value_source(id) == Some(ValueSource::CommandLine)
@@ -257,7 +263,7 @@ impl Given<'_> {
     /// Is the one file of a positional argument a model? Files that cannot be
     /// read are told of later, and what can be read once only is left alone.
     fn model(&self, id: &str) -> bool {
-        matches!(&self.paths(id)[..], [one] if matches!(Kind::of(one), Kind::Model))
+        matches!(&self.paths(id)[..], [one] if matches!(PathKind::of(one), PathKind::Model))
     }
 
     /// Is the one part a folder?

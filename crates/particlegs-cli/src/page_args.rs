@@ -2,9 +2,9 @@
 
 use crate::common::Context;
 use crate::density_args::{colormaps, range_of};
-use crate::drawing::provenance::Provenance;
+use crate::drawing::provenance::PictureProvenance;
 use crate::figure::args::Background;
-use crate::view_args::Lines;
+use crate::view_args::ProjectionArg;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::camera::{ViewSet, ViewsFile};
 use particlegs::codec::FileInfo;
@@ -20,7 +20,7 @@ use std::path::PathBuf;
 pub struct PageArgs {
     /// Style that the page opens with [default: density; of an alpha-blend model paraview].
     #[arg(long, value_enum, value_name = "STYLE")]
-    pub style: Option<Style>,
+    pub style: Option<PageStyleArg>,
     /// Background of the picture [default: black].
     #[arg(long, value_enum, value_name = "COLOR", hide_short_help = true)]
     pub background: Option<Background>,
@@ -58,7 +58,7 @@ pub struct PageArgs {
     pub distance: Option<f64>,
     /// Projection of the camera.
     #[arg(long, value_enum, value_name = "NAME", hide_short_help = true)]
-    pub projection: Option<Lines>,
+    pub projection: Option<ProjectionArg>,
     /// Point that the camera looks at, world units [default: the centre of the bounds].
     #[arg(
         long = "look-at",
@@ -76,7 +76,7 @@ const CAMERA: [&str; 5] = ["azimuth", "elevation", "distance", "projection", "lo
 
 /// How particles and densities look, in pages and in splats.
 #[derive(Args, Clone, Debug)]
-pub struct DialArgs {
+pub struct AppearanceArgs {
     /// Particle radius in world units [default: the model's].
     #[arg(long, value_name = "R", hide_short_help = true)]
     pub radius: Option<f64>,
@@ -93,7 +93,7 @@ pub struct DialArgs {
 
 /// The styles of a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Style {
+pub enum PageStyleArg {
     /// Surface density in logarithmic colours.
     Density,
     /// As ParaView draws the particles, without their shot noise.
@@ -102,12 +102,12 @@ pub enum Style {
     Expected,
 }
 
-impl Style {
+impl PageStyleArg {
     fn of_page(self) -> PageStyle {
         match self {
-            Style::Density => PageStyle::Density,
-            Style::Paraview => PageStyle::Paraview,
-            Style::Expected => PageStyle::Expected,
+            PageStyleArg::Density => PageStyle::Density,
+            PageStyleArg::Paraview => PageStyle::Paraview,
+            PageStyleArg::Expected => PageStyle::Expected,
         }
     }
 }
@@ -122,10 +122,10 @@ impl PageArgs {
     ///
     /// # Errors
     /// [`Error::Argument`] for a number out of range, a layer that there is not and a style that a model has not; those
-    /// of [`Provenance::read`] and [`ViewsFile::read`].
+    /// of [`PictureProvenance::read`] and [`ViewsFile::read`].
     pub fn opening(
         &self,
-        dials: &DialArgs,
+        dials: &AppearanceArgs,
         layers: &[String],
         models: &[&FileInfo],
         context: &Context,
@@ -135,8 +135,8 @@ impl PageArgs {
             opening.views = Some(views(ViewsFile::read(path, context)?.0)?);
         }
         if let Some(path) = &self.like {
-            let (told, set) = Provenance::read(path, context)?;
-            let style = || Style::from_str(&told.style, false).ok().map(Style::of_page);
+            let (told, set) = PictureProvenance::read(path, context)?;
+            let style = || PageStyleArg::from_str(&told.style, false).ok().map(PageStyleArg::of_page);
             opening.style = opening.style.or_else(style);
             opening.range = opening.range.or(told.range.filter(|_| opening.style == Some(PageStyle::Density)));
             opening.colormap = opening.colormap.or_else(|| told.colormap.and_then(|name| name.parse().ok()));
@@ -158,7 +158,7 @@ impl PageArgs {
     }
 
     /// What the options say themselves.
-    fn own(&self, dials: &DialArgs) -> Result<PageOpening> {
+    fn own(&self, dials: &AppearanceArgs) -> Result<PageOpening> {
         let finite = |name: &str, value: Option<f64>| match value {
             Some(v) if !v.is_finite() => Err(Error::argument(format!("--{name} {v} is not a finite angle"))),
             value => Ok(value),
@@ -176,7 +176,7 @@ impl PageArgs {
             Some(_) => return Err(Error::argument("--look-at takes X,Y,Z, each a finite number")),
         };
         Ok(PageOpening {
-            style: self.style.map(Style::of_page),
+            style: self.style.map(PageStyleArg::of_page),
             colormap: dials.colormap,
             range: range_of(dials.range.as_deref())?,
             white: self.background.map(|b| b == Background::White),
@@ -189,7 +189,7 @@ impl PageArgs {
             elevation: finite("elevation", self.elevation)?.map(|e| e.clamp(-90.0, 90.0)),
             distance: positive("distance", self.distance)?,
             look_at,
-            orthographic: self.projection.map(|p| p == Lines::Orthographic),
+            orthographic: self.projection.map(|p| p == ProjectionArg::Orthographic),
         })
     }
 }

@@ -2,14 +2,14 @@
 
 use crate::annotate::text::number;
 use crate::density_args::Quantities;
-use crate::drawing::Seen;
-use crate::drawing::finish::Finish;
-use crate::drawing::provenance::{DrawnUnits, Provenance, Source};
+use crate::drawing::ViewContent;
+use crate::drawing::finish::Finisher;
+use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
 use crate::figure::args::FigureArgs;
 use crate::figure::output::{FileKind, bytes};
-use crate::figure::ticks::Ticks;
-use crate::figure::{Bar, Figure, Image, Panel};
-use crate::view_args::Subject;
+use crate::figure::ticks::TickMarks;
+use crate::figure::{ColourBar, Figure, FigureImage, Panel};
+use crate::view_args::ViewSubject;
 use particlegs::Result;
 use particlegs::camera::{DensityView, View, Window, base_distance, spherical_camera};
 use particlegs::model::{Model, hex};
@@ -51,23 +51,28 @@ pub fn write(folder: &Path, model: &Model, particles: &Particles, progress: &dyn
 }
 
 /// A figure is finished alike by all.
-fn finish<'a>(model: &Model, args: &'a FigureArgs, quantities: &'a Quantities, subject: &'a Subject) -> Finish<'a> {
+fn finish<'a>(
+    model: &Model,
+    args: &'a FigureArgs,
+    quantities: &'a Quantities,
+    subject: &'a ViewSubject,
+) -> Finisher<'a> {
     let m = &model.metadata;
     let style = if subject.density { "density" } else { "paraview" };
-    let about = Provenance {
+    let about = PictureProvenance {
         particlegs: env!("CARGO_PKG_VERSION").into(),
-        of: vec![Source { name: m.source.clone(), blake3: hex(&m.source_hash) }],
+        of: vec![SourceFile { name: m.source.clone(), blake3: hex(&m.source_hash) }],
         style: style.into(),
         layers: Vec::new(),
         color_by_layer: false,
         colormap: subject.density.then(|| Colormap::default().name().into()),
         range: None,
         unit: subject.density.then(|| quantities.unit()),
-        units: Some(DrawnUnits::of(m.unit_system())),
+        units: Some(PictureUnits::of(m.unit_system())),
         background: None,
         views: serde_json::Value::Null,
     };
-    Finish { args, colormap: Colormap::default(), quantities, subject, legend: Vec::new(), about }
+    Finisher { args, colormap: Colormap::default(), quantities, subject, legend: Vec::new(), about }
 }
 
 fn figure_args() -> FigureArgs {
@@ -102,11 +107,11 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn 
         "error: model − truth".to_string(),
     ];
     let (error, bar) = error(&truth, &drawn);
-    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), Subject::of_model(model, false));
+    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), ViewSubject::of_model(model, false));
     let finish = finish(model, &args, &quantities, &subject);
     let range = [1.0, 10.0];
     let mut panels = [truth, drawn]
-        .map(|gray| finish.panel(Seen::Levels(gray), &view, range, FileKind::Png))
+        .map(|gray| finish.panel(ViewContent::Levels(gray), &view, range, FileKind::Png))
         .into_iter()
         .collect::<Result<Vec<Panel>>>()?;
     panels.push(Panel { scale: panels[0].scale.clone(), ..Panel::plain(error) });
@@ -131,19 +136,19 @@ fn grouped(n: u64) -> String {
 }
 
 /// The signed difference, red where the model is brighter and blue where it is darker, with its bar.
-fn error(truth: &Gray8, model: &Gray8) -> (Image, Bar) {
+fn error(truth: &Gray8, model: &Gray8) -> (FigureImage, ColourBar) {
     let differences: Vec<i32> =
         truth.data.iter().zip(&model.data).map(|(t, m)| i32::from(*m) - i32::from(*t)).collect();
     let reach = reach(&differences);
     let data = differences.iter().map(|&d| diverging(d as f32 / reach)).collect();
     let signed = |v: f32| format!("{}{}", if v > 0.0 { "+" } else { "" }, number(f64::from(v)));
     let major = [-1.0f32, -0.5, 0.0, 0.5, 1.0].map(|t| (0.5 + 0.5 * f64::from(t), signed(t * reach)));
-    let bar = Bar {
+    let bar = ColourBar {
         title: "difference (grey levels)".into(),
         colours: (0..=255).map(|i| diverging(2.0 * i as f32 / 255.0 - 1.0)).collect(),
-        ticks: Ticks { major: major.to_vec(), minor: Vec::new() },
+        ticks: TickMarks { major: major.to_vec(), minor: Vec::new() },
     };
-    (Image::Color(Rgb8 { size: truth.size, data }), bar)
+    (FigureImage::Color(Rgb8 { size: truth.size, data }), bar)
 }
 
 /// A round number of levels that nearly all (99.9 %) of the lit differences stay within.
@@ -156,7 +161,7 @@ fn reach(differences: &[i32]) -> f32 {
 
 fn density(path: &Path, model: &Model, progress: &dyn Progress) -> Result<()> {
     let m = &model.metadata;
-    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), Subject::of_model(model, true));
+    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), ViewSubject::of_model(model, true));
     let extent = m.bounds.extent_nonzero();
     let height = DENSITY_WIDTH as f64 * (extent[1] / extent[0]);
     let height = height.clamp(DENSITY_HEIGHTS[0], DENSITY_HEIGHTS[1]).round();
@@ -167,7 +172,7 @@ fn density(path: &Path, model: &Model, progress: &dyn Progress) -> Result<()> {
     let plane = render::surface_density(&Scene::of(model), &seen, size, progress)?;
     let view =
         View { name: "density".into(), camera: seen.camera, radius: m.default_radius, opacity: m.default_opacity };
-    finish(model, &args, &quantities, &subject).write(path, Seen::Density(plane), &view, None, FileKind::Png)
+    finish(model, &args, &quantities, &subject).write(path, ViewContent::Density(plane), &view, None, FileKind::Png)
 }
 
 #[cfg(test)]

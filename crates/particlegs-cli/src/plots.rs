@@ -1,6 +1,6 @@
 //! A figure of two curves and, below it, their ratio in bands of 5 % and 10 %: as SVG and as PNG.
 
-use crate::canvas::Canvas;
+use crate::canvas::PictureCanvas;
 use crate::figure::svg::is_of_xml;
 use particlegs::Result;
 use particlegs::picture::superscript;
@@ -19,7 +19,7 @@ const THIRD: RGBColor = RGBColor(40, 100, 190);
 const BAND: RGBColor = RGBColor(90, 150, 210);
 
 /// A curve.
-pub struct Curve {
+pub struct ChartCurve {
     /// Its name in the legend.
     pub name: &'static str,
     /// Which side it is of: 0 = truth, 1 = other, 2 = anything else.
@@ -31,7 +31,7 @@ pub struct Curve {
 }
 
 /// A figure.
-pub struct Figure<'a> {
+pub struct Chart<'a> {
     /// File name without its ending.
     pub name: &'a str,
     /// Title.
@@ -45,7 +45,7 @@ pub struct Figure<'a> {
     /// Logarithmic vertical axis?
     pub log_y: bool,
     /// Curves.
-    pub curves: Vec<Curve>,
+    pub curves: Vec<ChartCurve>,
     /// other / truth; empty = no lower panel.
     pub ratio: Vec<(f64, f64)>,
     /// Horizontal lines worth a look.
@@ -56,14 +56,14 @@ pub struct Figure<'a> {
 ///
 /// # Errors
 /// [`particlegs::Error::Io`].
-pub fn write(folder: &Path, figure: &Figure<'_>) -> Result<()> {
+pub fn write(folder: &Path, figure: &Chart<'_>) -> Result<()> {
     let mut svg = String::new();
     if draw(SVGBackend::with_string(&mut svg, SIZE), figure).is_none() {
         return Ok(());
     }
     let size = Size { width: SIZE.0 as usize, height: SIZE.1 as usize };
     let mut png = Rgb8 { size, data: vec![[0; 3]; size.pixels()] };
-    draw(Canvas::new(&mut png), figure);
+    draw(PictureCanvas::new(&mut png), figure);
     svg.retain(is_of_xml);
     write_bytes(&folder.join(format!("{}.svg", figure.name)), svg.as_bytes())?;
     write_png(&folder.join(format!("{}.png", figure.name)), size, png.data.as_flattened())
@@ -71,13 +71,13 @@ pub fn write(folder: &Path, figure: &Figure<'_>) -> Result<()> {
 
 /// An axis as plotters sees it: logarithms are taken here, so that one kind of chart serves all.
 #[derive(Clone, Copy)]
-struct Axis {
+struct ChartAxis {
     log: bool,
     low: f64,
     high: f64,
 }
 
-impl Axis {
+impl ChartAxis {
     /// Around values; `None` where there is none to show.
     fn around(values: impl Iterator<Item = f64>, log: bool) -> Option<Self> {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -91,7 +91,7 @@ impl Axis {
         let size = low.abs().max(high.abs());
         // One value alone has an axis that shows how large it is.
         let room = if low == high { 0.1 * size.max(1.0) } else { (0.03 * (high - low)).max(1e-9 * size).max(1e-12) };
-        Some(Axis { log, low: low - room, high: high + room })
+        Some(ChartAxis { log, low: low - room, high: high + room })
     }
 
     fn place(&self, v: f64) -> Option<f64> {
@@ -109,8 +109,8 @@ impl Axis {
         plain(10f64.powf(v), f64::INFINITY)
     }
 
-    fn range(&self) -> Ticks {
-        Ticks { inner: (self.low..self.high).into(), axis: *self }
+    fn range(&self) -> ChartTicks {
+        ChartTicks { inner: (self.low..self.high).into(), axis: *self }
     }
 }
 
@@ -140,12 +140,12 @@ fn powers(text: &str) -> String {
 }
 
 /// plotters' linear axis with our ticks: 1, 2, 5 of each decade where it is logarithmic.
-struct Ticks {
+struct ChartTicks {
     inner: RangedCoordf64,
-    axis: Axis,
+    axis: ChartAxis,
 }
 
-impl Ranged for Ticks {
+impl Ranged for ChartTicks {
     type FormatOption = plotters::coord::ranged1d::NoDefaultFormatting;
     type ValueType = f64;
 
@@ -172,17 +172,17 @@ impl Ranged for Ticks {
     }
 }
 
-impl ValueFormatter<f64> for Ticks {
+impl ValueFormatter<f64> for ChartTicks {
     fn format_ext(&self, value: &f64) -> String {
         self.axis.label(*value)
     }
 }
 
 /// Draws the figure; `None` where nothing can be shown.
-fn draw<B: DrawingBackend>(backend: B, f: &Figure<'_>) -> Option<()> {
+fn draw<B: DrawingBackend>(backend: B, f: &Chart<'_>) -> Option<()> {
     let points = || f.curves.iter().flat_map(|c| c.points.iter());
-    let x = Axis::around(points().filter(|p| p.1.is_finite() && (!f.log_y || p.1 > 0.0)).map(|p| p.0), f.log_x)?;
-    let y = Axis::around(points().map(|p| p.1).chain(f.levels.iter().copied()), f.log_y)?;
+    let x = ChartAxis::around(points().filter(|p| p.1.is_finite() && (!f.log_y || p.1 > 0.0)).map(|p| p.0), f.log_x)?;
+    let y = ChartAxis::around(points().map(|p| p.1).chain(f.levels.iter().copied()), f.log_y)?;
     let root = backend.into_drawing_area();
     root.fill(&WHITE).ok()?;
     let split = if f.ratio.is_empty() { SIZE.1 } else { SIZE.1 * 66 / 100 };
@@ -194,13 +194,13 @@ fn draw<B: DrawingBackend>(backend: B, f: &Figure<'_>) -> Option<()> {
     root.present().ok()
 }
 
-type Area<B> = DrawingArea<B, plotters::coord::Shift>;
+type ChartArea<B> = DrawingArea<B, plotters::coord::Shift>;
 
 fn color(side: usize) -> RGBColor {
     [TRUTH, OTHER, THIRD][side.min(2)]
 }
 
-fn curves<B: DrawingBackend>(area: &Area<B>, f: &Figure<'_>, x: Axis, y: Axis) -> Option<()> {
+fn curves<B: DrawingBackend>(area: &ChartArea<B>, f: &Chart<'_>, x: ChartAxis, y: ChartAxis) -> Option<()> {
     let below = if f.ratio.is_empty() { 56 } else { 30 };
     let mut chart = ChartBuilder::on(area)
         .margin(12)
@@ -250,10 +250,10 @@ fn curves<B: DrawingBackend>(area: &Area<B>, f: &Figure<'_>, x: Axis, y: Axis) -
 }
 
 /// The lower panel: other / truth, from 0.7 to 1.3 or as far as it goes within 0 to 2.
-fn ratio<B: DrawingBackend>(area: &Area<B>, f: &Figure<'_>, x: Axis) -> Option<()> {
+fn ratio<B: DrawingBackend>(area: &ChartArea<B>, f: &Chart<'_>, x: ChartAxis) -> Option<()> {
     let far = f.ratio.iter().map(|p| (p.1 - 1.0).abs()).filter(|d| d.is_finite()).fold(0.0, f64::max);
     let reach = (1.15 * far).clamp(0.15, 1.0);
-    let y = Axis { log: false, low: 1.0 - reach, high: 1.0 + reach };
+    let y = ChartAxis { log: false, low: 1.0 - reach, high: 1.0 + reach };
     let mut chart = ChartBuilder::on(area)
         .margin(12)
         .margin_top(0)
@@ -305,22 +305,22 @@ mod tests {
 
     #[test]
     fn one_value_alone_has_an_axis() {
-        let axis = Axis::around([22.0].into_iter(), false).unwrap();
+        let axis = ChartAxis::around([22.0].into_iter(), false).unwrap();
         assert!(axis.high - axis.low > 4.0 && axis.label(22.0) == "22" && axis.label(21.5) == "21.5");
-        assert!(Axis::around([0.0].into_iter(), false).unwrap().high > 0.09);
+        assert!(ChartAxis::around([0.0].into_iter(), false).unwrap().high > 0.09);
     }
 
     #[test]
     fn figures_are_drawn_or_left_out() {
         let dir = tempfile::tempdir().unwrap();
-        let mut f = Figure {
+        let mut f = Chart {
             name: "a",
             title: "A".into(),
             x: "r [Mpc/h]".into(),
             y: "xi".into(),
             log_x: true,
             log_y: true,
-            curves: vec![Curve {
+            curves: vec![ChartCurve {
                 name: "truth",
                 side: 0,
                 dots: false,

@@ -2,7 +2,7 @@
 //! line a minute.
 //!
 //! [`Meter`] is the clock and the thread; [`Display`] knows what is going on and is told the time, so that
-//! tests need no clock; a [`Sink`] shows it.
+//! tests need no clock; a [`StatusSink`] shows it.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, Write};
@@ -24,9 +24,9 @@ const SETTLED: Duration = Duration::from_secs(1);
 const NAME_WIDTH: usize = 44;
 
 /// Where the state of the work goes.
-trait Sink: Send {
+trait StatusSink: Send {
     /// Shows how far the work is, `now` after its beginning.
-    fn show(&mut self, status: &Status, now: Duration);
+    fn show(&mut self, status: &ProgressStatus, now: Duration);
     /// Takes away what is shown.
     fn clear(&mut self);
     /// A line for the user, above what is shown.
@@ -35,7 +35,7 @@ trait Sink: Send {
 
 /// How far the work is.
 #[derive(Clone, Debug, PartialEq)]
-struct Status {
+struct ProgressStatus {
     /// The phase, and those within it.
     name: String,
     /// Share that is done, of the outermost phase whose size is known.
@@ -46,7 +46,7 @@ struct Status {
     left: Option<Duration>,
 }
 
-impl Status {
+impl ProgressStatus {
     /// `45 %, 1 min 20 s left`, or `12 s so far`.
     fn figures(&self) -> String {
         let share = self.share.map_or(String::new(), |s| format!("{:.0} %, ", (100.0 * s).floor()));
@@ -68,24 +68,24 @@ fn duration(d: Duration) -> String {
 
 /// What was done of a phase at some time.
 #[derive(Clone, Copy)]
-struct Look {
+struct ProgressSample {
     at: Duration,
     done: u64,
 }
 
 /// A phase of the work that has begun and not ended.
-struct Phase {
+struct ProgressPhase {
     name: String,
     total: u64,
     done: u64,
     began: Duration,
     /// The first look at it: a run that goes on finds much of it done.
-    first: Option<Look>,
+    first: Option<ProgressSample>,
     /// Its last step: the first look after it.
-    moved: Look,
+    moved: ProgressSample,
 }
 
-impl Phase {
+impl ProgressPhase {
     /// Share that is done; `None` where the total is not known. Some totals are estimates.
     fn share(&self) -> Option<f64> {
         self.share_of(self.done)
@@ -96,7 +96,7 @@ impl Phase {
     }
 
     fn look(&mut self, now: Duration) {
-        let look = Look { at: now, done: self.done };
+        let look = ProgressSample { at: now, done: self.done };
         self.first.get_or_insert(look);
         if self.moved.done != self.done {
             self.moved = look;
@@ -106,7 +106,7 @@ impl Phase {
     /// Time that is left at the rate from the first look to its last step, less what went by since: steps may take
     /// minutes. A step that takes longer than all that was left is taken to last a tenth of its time more.
     fn left(&self, now: Duration) -> Option<Duration> {
-        let first = self.first.unwrap_or(Look { at: self.began, done: 0 });
+        let first = self.first.unwrap_or(ProgressSample { at: self.began, done: 0 });
         let moved = if self.moved.done == self.done { self.moved.at } else { now };
         let (elapsed, since) = (moved.saturating_sub(first.at), now.saturating_sub(moved).as_secs_f64());
         let share = self.share()?;
@@ -120,20 +120,20 @@ impl Phase {
 /// What is going on, and where it is shown. Times count from the beginning of the command.
 struct Display {
     /// The outermost phase first.
-    phases: Vec<Phase>,
+    phases: Vec<ProgressPhase>,
     /// Since when no phase is under way.
     idle_since: Duration,
-    sink: Box<dyn Sink>,
+    sink: Box<dyn StatusSink>,
 }
 
 impl Display {
-    fn new(sink: Box<dyn Sink>) -> Self {
+    fn new(sink: Box<dyn StatusSink>) -> Self {
         Display { phases: Vec::new(), idle_since: Duration::ZERO, sink }
     }
 
     fn begin(&mut self, name: &str, total: u64, now: Duration) {
-        let moved = Look { at: now, done: 0 };
-        self.phases.push(Phase { name: name.to_string(), total, done: 0, began: now, first: None, moved });
+        let moved = ProgressSample { at: now, done: 0 };
+        self.phases.push(ProgressPhase { name: name.to_string(), total, done: 0, began: now, first: None, moved });
     }
 
     fn advance(&mut self, steps: u64) {
@@ -148,17 +148,17 @@ impl Display {
     }
 
     /// What a user should know now.
-    fn status(&self, now: Duration) -> Status {
+    fn status(&self, now: Duration) -> ProgressStatus {
         let Some(outermost) = self.phases.first() else {
             let elapsed = now.saturating_sub(self.idle_since);
-            return Status { name: "working".into(), share: None, elapsed, left: None };
+            return ProgressStatus { name: "working".into(), share: None, elapsed, left: None };
         };
         // The size of the outer phase tells most, as soon as a step of it is done.
         let known = self.phases.iter().find(|p| p.done > 0 && p.total > 0);
         let told = known.or(self.phases.iter().find(|p| p.total > 0)).unwrap_or(outermost);
         let names: Vec<&str> = self.phases.iter().map(|p| p.name.as_str()).collect();
         let elapsed = now.saturating_sub(told.began);
-        Status { name: shortened(&names.join(": ")), share: told.share(), elapsed, left: told.left(now) }
+        ProgressStatus { name: shortened(&names.join(": ")), share: told.share(), elapsed, left: told.left(now) }
     }
 
     fn tick(&mut self, now: Duration) {
@@ -190,8 +190,8 @@ impl Terminal {
     }
 }
 
-impl Sink for Terminal {
-    fn show(&mut self, status: &Status, _: Duration) {
+impl StatusSink for Terminal {
+    fn show(&mut self, status: &ProgressStatus, _: Duration) {
         if status.elapsed < UNSEEN && self.of_known_size.is_none() {
             return;
         }
@@ -218,13 +218,13 @@ impl Sink for Terminal {
 }
 
 /// Lines without control characters, for log files and batch systems.
-struct Plain<W> {
+struct PlainLines<W> {
     out: W,
     next: Duration,
 }
 
-impl<W: Write + Send> Sink for Plain<W> {
-    fn show(&mut self, status: &Status, now: Duration) {
+impl<W: Write + Send> StatusSink for PlainLines<W> {
+    fn show(&mut self, status: &ProgressStatus, now: Duration) {
         if now < self.next {
             return;
         }
@@ -248,17 +248,17 @@ pub fn to_stderr(text: &str) {
 /// Shows the work of one command as it goes on.
 pub struct Meter {
     began: Instant,
-    shared: Arc<Shared>,
+    shared: Arc<SharedDisplay>,
     ticker: Option<JoinHandle<()>>,
 }
 
-struct Shared {
+struct SharedDisplay {
     /// `None` once the command is over.
     display: Mutex<Option<Display>>,
     over: Condvar,
 }
 
-impl Shared {
+impl SharedDisplay {
     fn lock(&self) -> MutexGuard<'_, Option<Display>> {
         self.display.lock().unwrap_or_else(|e| e.into_inner())
     }
@@ -270,13 +270,13 @@ impl Meter {
         let dumb = std::env::var_os("TERM").is_some_and(|t| t == "dumb");
         match std::io::stderr().is_terminal() && !dumb {
             true => Meter::with(Box::new(Terminal::new()), TICK),
-            false => Meter::with(Box::new(Plain { out: std::io::stderr(), next: PLAIN_EVERY }), PLAIN_TICK),
+            false => Meter::with(Box::new(PlainLines { out: std::io::stderr(), next: PLAIN_EVERY }), PLAIN_TICK),
         }
     }
 
-    fn with(sink: Box<dyn Sink>, every: Duration) -> Meter {
+    fn with(sink: Box<dyn StatusSink>, every: Duration) -> Meter {
         let began = Instant::now();
-        let shared = Arc::new(Shared { display: Mutex::new(Some(Display::new(sink))), over: Condvar::new() });
+        let shared = Arc::new(SharedDisplay { display: Mutex::new(Some(Display::new(sink))), over: Condvar::new() });
         let seen = Arc::clone(&shared);
         let ticker = std::thread::Builder::new().name("progress".into()).spawn(move || {
             let mut display = seen.lock();
@@ -341,17 +341,17 @@ mod tests {
 
     /// What was shown, with its time.
     #[derive(Clone, Default)]
-    struct Record(Arc<Mutex<Vec<String>>>);
+    struct ShownRecord(Arc<Mutex<Vec<String>>>);
 
-    impl Sink for Record {
-        fn show(&mut self, status: &Status, _: Duration) {
+    impl StatusSink for ShownRecord {
+        fn show(&mut self, status: &ProgressStatus, _: Duration) {
             self.0.lock().unwrap().push(format!("{}, {}", status.name, status.figures()));
         }
         fn clear(&mut self) {}
         fn message(&mut self, _: &str) {}
     }
 
-    impl Write for Record {
+    impl Write for ShownRecord {
         fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
             self.0.lock().unwrap().push(String::from_utf8(bytes.to_vec()).unwrap());
             Ok(bytes.len())
@@ -361,7 +361,7 @@ mod tests {
         }
     }
 
-    impl Record {
+    impl ShownRecord {
         fn all(&self) -> Vec<String> {
             self.0.lock().unwrap().clone()
         }
@@ -375,7 +375,7 @@ mod tests {
 
     #[test]
     fn a_phase_says_what_how_far_and_how_long() {
-        let record = Record::default();
+        let record = ShownRecord::default();
         let mut d = Display::new(Box::new(record.clone()));
         d.begin("fitting", 200, at(10));
         d.tick(at(12));
@@ -401,7 +401,7 @@ mod tests {
     /// What an earlier run did says nothing about the rate of this one.
     #[test]
     fn a_phase_that_goes_on_tells_the_time_left_by_its_own_steps() {
-        let mut d = Display::new(Box::new(Record::default()));
+        let mut d = Display::new(Box::new(ShownRecord::default()));
         d.begin("training", 100, at(0));
         d.advance(70);
         d.tick(at(1));
@@ -413,7 +413,7 @@ mod tests {
     /// A step of minutes does not make the rest look longer with every second.
     #[test]
     fn the_time_left_falls_while_a_step_lasts() {
-        let mut d = Display::new(Box::new(Record::default()));
+        let mut d = Display::new(Box::new(ShownRecord::default()));
         d.begin("experiments", 100, at(0));
         d.tick(at(0));
         d.advance(50);
@@ -428,7 +428,7 @@ mod tests {
     /// A step of the inner phase is worth telling until the first of the outer one is done.
     #[test]
     fn the_inner_phase_is_told_until_the_outer_one_moves() {
-        let mut d = Display::new(Box::new(Record::default()));
+        let mut d = Display::new(Box::new(ShownRecord::default()));
         d.begin("views", 4, at(0));
         d.begin("drawing", 10, at(0));
         d.advance(5);
@@ -444,7 +444,7 @@ mod tests {
     /// Whatever the work says or does not say, two seconds never pass with the same line.
     #[test]
     fn the_line_never_stands_still() {
-        let record = Record::default();
+        let record = ShownRecord::default();
         let mut d = Display::new(Box::new(record.clone()));
         for second in 0..10 {
             d.tick(at(second));
@@ -463,7 +463,7 @@ mod tests {
 
     #[test]
     fn totals_that_were_estimates_do_not_go_beyond_the_whole() {
-        let mut d = Display::new(Box::new(Record::default()));
+        let mut d = Display::new(Box::new(ShownRecord::default()));
         d.begin("partition", 977, at(0));
         d.advance(1037);
         assert_eq!(d.status(at(5)).figures(), "100 %, 1 s left");
@@ -476,8 +476,8 @@ mod tests {
 
     #[test]
     fn elsewhere_one_plain_line_a_minute_and_none_before() {
-        let record = Record::default();
-        let mut d = Display::new(Box::new(Plain { out: record.clone(), next: PLAIN_EVERY }));
+        let record = ShownRecord::default();
+        let mut d = Display::new(Box::new(PlainLines { out: record.clone(), next: PLAIN_EVERY }));
         d.begin("refine", 300, at(0));
         (0..60).for_each(|s| d.tick(at(s)));
         assert!(record.all().is_empty());
@@ -499,7 +499,7 @@ mod tests {
     /// The thread asks by itself, and ends with the meter.
     #[test]
     fn a_meter_shows_without_being_asked() {
-        let record = Record::default();
+        let record = ShownRecord::default();
         let meter = Meter::with(Box::new(record.clone()), Duration::from_millis(1));
         meter.begin("reading", 0);
         while record.all().iter().filter(|l| l.starts_with("reading")).count() < 2 {

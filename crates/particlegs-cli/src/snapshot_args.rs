@@ -145,7 +145,7 @@ pub struct WindowArgs {
 
 /// The particles of a snapshot that a command works on.
 #[derive(Clone, Copy)]
-pub struct Subset<'a> {
+pub struct SnapshotSubset<'a> {
     /// Which of them to keep.
     pub selection: &'a SelectionArgs,
     /// A window to keep instead of the selection's region.
@@ -161,7 +161,12 @@ impl SnapshotArgs {
     }
 
     /// Opens a subset of it.
-    pub fn open_selected(&self, paths: &[PathBuf], subset: Subset<'_>, progress: &dyn Progress) -> Result<Particles> {
+    pub fn open_selected(
+        &self,
+        paths: &[PathBuf],
+        subset: SnapshotSubset<'_>,
+        progress: &dyn Progress,
+    ) -> Result<Particles> {
         self.open_selected_in(&Storage::Memory, paths, subset, progress)
     }
 
@@ -170,7 +175,7 @@ impl SnapshotArgs {
         &self,
         storage: &Storage,
         paths: &[PathBuf],
-        subset: Subset<'_>,
+        subset: SnapshotSubset<'_>,
         progress: &dyn Progress,
     ) -> Result<Particles> {
         self.choice_of(subset)?.read(paths, storage, progress)
@@ -180,14 +185,14 @@ impl SnapshotArgs {
     pub fn open_later(
         &self,
         paths: &[PathBuf],
-        subset: Subset<'_>,
+        subset: SnapshotSubset<'_>,
         progress: &dyn Progress,
     ) -> Result<Option<Layered>> {
         self.choice_of(subset)?.read_later(paths, progress)
     }
 
     /// What is read of it.
-    pub fn choice_of(&self, subset: Subset<'_>) -> Result<Choice> {
+    pub fn choice_of(&self, subset: SnapshotSubset<'_>) -> Result<Choice> {
         let selection = subset.selection.selection(subset.window, subset.seed)?;
         Ok(Choice { selection: Some(selection), ..self.choice()? })
     }
@@ -274,7 +279,7 @@ mod tests {
     use clap::Parser;
 
     #[derive(Parser)]
-    struct Given {
+    struct TestCommandLine {
         #[command(flatten)]
         snapshot: SnapshotArgs,
     }
@@ -282,7 +287,7 @@ mod tests {
     /// What is said of the options gives them again.
     #[test]
     fn options_are_said_as_they_are_given() {
-        let of = |words: &[&str]| Given::parse_from(["x"].iter().chain(words)).snapshot.in_words();
+        let of = |words: &[&str]| TestCommandLine::parse_from(["x"].iter().chain(words)).snapshot.in_words();
         assert_eq!(of(&[]), None);
         let rest = "--particle-type 1,dm --weights none --frame 3 --layers-by mass --box 2,2.5,3 --length-unit kpc \
                     --unwrapped keep --gadget-blocks POS,ID --skip-invalid --strict";

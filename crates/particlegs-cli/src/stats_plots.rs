@@ -1,7 +1,7 @@
 //! Statistics as pictures: one figure each, and the central slices.
 
-use crate::figure::{self, Bar, Ground, Image, Panel, Place, Room};
-use crate::plots::{Curve, Figure, write};
+use crate::figure::{self, BarPlacement, ColourBar, FigureImage, FigureSpace, Panel, PaperColour};
+use crate::plots::{Chart, ChartCurve, write};
 use particlegs::Result;
 use particlegs::model::per_length;
 use particlegs::picture::{Colormap, Rgb8, Size, write_png};
@@ -9,17 +9,17 @@ use particlegs::stats::{AxisProfile, Convention, DensityReport, NearestDistances
 use std::path::Path;
 
 /// Axis labels in the unit of length, where it is known.
-struct Units {
+struct AxisUnits {
     length: String,
     wave: String,
     volume: String,
 }
 
-impl Units {
+impl AxisUnits {
     fn new(unit: Option<&str>) -> Self {
         match unit {
-            None => Units { length: String::new(), wave: String::new(), volume: String::new() },
-            Some(u) => Units {
+            None => AxisUnits { length: String::new(), wave: String::new(), volume: String::new() },
+            Some(u) => AxisUnits {
                 length: format!(" [{u}]"),
                 wave: format!(" [{}]", per_length(u)),
                 volume: if u.contains(['/', ' ']) { format!(" [({u})³]") } else { format!(" [{u}³]") },
@@ -33,7 +33,7 @@ impl Units {
 /// # Errors
 /// [`particlegs::Error::Io`].
 pub fn write_all(folder: &Path, s: &Statistics, unit: Option<&str>) -> Result<()> {
-    let units = Units::new(unit);
+    let units = AxisUnits::new(unit);
     let of_particles = groups(s).into_iter().chain(neighbours(s, &units)).chain(rdf(s, &units));
     let figures = spectra(s, &units).into_iter().chain(xi(s, &units)).chain(of_particles);
     for figure in figures.chain(profiles(s, &units)).chain(halo_profile(s, &units)) {
@@ -50,29 +50,29 @@ pub fn write_all(folder: &Path, s: &Statistics, unit: Option<&str>) -> Result<()
     Ok(())
 }
 
-fn pair(points: [Vec<(f64, f64)>; 2]) -> Vec<Curve> {
+fn pair(points: [Vec<(f64, f64)>; 2]) -> Vec<ChartCurve> {
     let [a, b] = points;
     vec![
-        Curve { name: "truth", side: 0, dots: false, points: a },
-        Curve { name: "other", side: 1, dots: false, points: b },
+        ChartCurve { name: "truth", side: 0, dots: false, points: a },
+        ChartCurve { name: "other", side: 1, dots: false, points: b },
     ]
 }
 
-fn spectra(s: &Statistics, u: &Units) -> Vec<Figure<'static>> {
+fn spectra(s: &Statistics, u: &AxisUnits) -> Vec<Chart<'static>> {
     let Some(p) = &s.spectra else { return Vec::new() };
     let of = |side: usize| p.shells.iter().map(|h| (h.k, h.power[side])).collect::<Vec<_>>();
     let corrected = match s.options.convention {
         Convention::Correct => "shot noise subtracted",
         Convention::Paper => "shot noise included",
     };
-    let r = |name, side, pick: fn(&Shell) -> Option<f64>| Curve {
+    let r = |name, side, pick: fn(&Shell) -> Option<f64>| ChartCurve {
         name,
         side,
         dots: false,
         points: p.shells.iter().filter_map(|h| Some((h.k, pick(h)?))).collect(),
     };
     vec![
-        Figure {
+        Chart {
             name: "power",
             title: format!("Power spectrum ({corrected})"),
             x: format!("k{}", u.wave),
@@ -83,7 +83,7 @@ fn spectra(s: &Statistics, u: &Units) -> Vec<Figure<'static>> {
             ratio: p.shells.iter().filter_map(|h| Some((h.k, h.ratio?))).collect(),
             levels: vec![],
         },
-        Figure {
+        Chart {
             name: "coherence",
             title: "Cross-correlation coefficient".into(),
             x: format!("k{}", u.wave),
@@ -100,7 +100,7 @@ fn spectra(s: &Statistics, u: &Units) -> Vec<Figure<'static>> {
     ]
 }
 
-fn xi(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
+fn xi(s: &Statistics, u: &AxisUnits) -> Option<Chart<'static>> {
     let middle = |e: &[f64], i: usize| (e[i] * e[i + 1]).sqrt();
     let mut curves = Vec::new();
     let mut ratio = Vec::new();
@@ -113,14 +113,14 @@ fn xi(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
     if let Some(x) = &s.xi_by_transform {
         for (side, name) in [(0, "truth, by transform"), (1, "other, by transform")] {
             let points = (0..x.xi[side].len()).map(|i| (middle(&x.edges, i), x.xi[side][i])).collect();
-            curves.push(Curve { name, side, dots: true, points });
+            curves.push(ChartCurve { name, side, dots: true, points });
         }
         if ratio.is_empty() {
             let of = |i: usize| (middle(&x.edges, i), x.xi[1][i] / x.xi[0][i]);
             ratio = (0..x.xi[0].len()).filter(|i| x.xi[0][*i] > 0.0).map(of).collect();
         }
     }
-    (!curves.is_empty()).then(|| Figure {
+    (!curves.is_empty()).then(|| Chart {
         name: "xi",
         title: "Two-point correlation".into(),
         x: format!("r{}", u.length),
@@ -133,14 +133,14 @@ fn xi(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
     })
 }
 
-fn groups(s: &Statistics) -> Option<Figure<'static>> {
+fn groups(s: &Statistics) -> Option<Chart<'static>> {
     let g = s.groups.as_ref()?;
     let middle = |i: usize| {
         let c = &g.histogram[i];
         (c.from as f64 * c.to.map_or(c.from as f64 * std::f64::consts::SQRT_2, |t| (t + 1) as f64)).sqrt()
     };
     let of = |side: usize| (0..g.histogram.len()).map(|i| (middle(i), g.histogram[i].groups[side] as f64)).collect();
-    Some(Figure {
+    Some(Chart {
         name: "groups",
         title: "Friends-of-friends groups by size".into(),
         x: "particles in a group".into(),
@@ -153,7 +153,7 @@ fn groups(s: &Statistics) -> Option<Figure<'static>> {
     })
 }
 
-fn neighbours(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
+fn neighbours(s: &Statistics, u: &AxisUnits) -> Option<Chart<'static>> {
     let of = |d: &NearestDistances| {
         (0..d.counts.len())
             .map(|i| ((d.edges[i] * d.edges[i + 1]).sqrt(), d.counts[i] as f64 / d.sampled as f64))
@@ -166,7 +166,7 @@ fn neighbours(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
         .filter(|p| p.1 > 1e-4)
         .filter_map(|p| Some((p.0, b.iter().find(|q| (q.0 / p.0 - 1.0).abs() < 1e-6)?.1 / p.1)))
         .collect();
-    Some(Figure {
+    Some(Chart {
         name: "neighbours",
         title: "Distance to the nearest neighbour".into(),
         x: format!("distance{}", u.length),
@@ -179,7 +179,7 @@ fn neighbours(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
     })
 }
 
-fn pdf(d: &DensityReport) -> Figure<'static> {
+fn pdf(d: &DensityReport) -> Chart<'static> {
     let middle = |i: usize| 10f64.powf(0.5 * (d.pdf.edges[i] + d.pdf.edges[i + 1]));
     let all: f64 = d.cells.iter().map(|n| *n as f64).product();
     let of =
@@ -188,7 +188,7 @@ fn pdf(d: &DensityReport) -> Figure<'static> {
         let [a, b] = [0, 1].map(|side| d.pdf.cells[side][i] as f64);
         (a > 0.0).then(|| (middle(i), b / a))
     };
-    Figure {
+    Chart {
         name: "density_pdf",
         title: "Distribution of density".into(),
         x: "density / mean".into(),
@@ -206,12 +206,12 @@ const TALL: f64 = 30.0;
 /// g(r) of the truth below which a ratio says nothing.
 const LEAST_G: f64 = 0.2;
 
-fn rdf(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
+fn rdf(s: &Statistics, u: &AxisUnits) -> Option<Chart<'static>> {
     let counts = s.rdf.as_ref()?;
     let middle = |i: usize| 0.5 * (counts[0].edges[i] + counts[0].edges[i + 1]);
     let [a, b] = counts.each_ref().map(PairCounts::g);
     let of = |g: &[f64]| g.iter().enumerate().map(|(i, g)| (middle(i), *g)).collect::<Vec<_>>();
-    Some(Figure {
+    Some(Chart {
         name: "rdf",
         title: "Radial distribution function".into(),
         x: format!("r{}", u.length),
@@ -224,18 +224,18 @@ fn rdf(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
     })
 }
 
-fn profiles(s: &Statistics, u: &Units) -> Vec<Figure<'static>> {
+fn profiles(s: &Statistics, u: &AxisUnits) -> Vec<Chart<'static>> {
     let names = [("profile_x", "x"), ("profile_y", "y"), ("profile_z", "z")];
     let profiles = s.profiles.iter().flatten();
     profiles.zip(names).map(|(p, (file, axis))| profile(p, file, axis, u)).collect()
 }
 
-fn profile(p: &AxisProfile, file: &'static str, axis: &str, u: &Units) -> Figure<'static> {
+fn profile(p: &AxisProfile, file: &'static str, axis: &str, u: &AxisUnits) -> Chart<'static> {
     let share = |side: usize, i: usize| if p.mean[side] > 0.0 { p.density[side][i] / p.mean[side] } else { 0.0 };
     let at = |i: usize| 0.5 * (p.edges[i] + p.edges[i + 1]);
     let bins = p.edges.len() - 1;
     let of = |side: usize| (0..bins).map(|i| (at(i), share(side, i))).collect();
-    Figure {
+    Chart {
         name: file,
         title: format!("Density along {axis}"),
         x: format!("{axis}{}", u.length),
@@ -249,7 +249,7 @@ fn profile(p: &AxisProfile, file: &'static str, axis: &str, u: &Units) -> Figure
 }
 
 /// The mean density of shells about all centres, and the median of enclosed masses.
-fn halo_profile(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
+fn halo_profile(s: &Statistics, u: &AxisUnits) -> Option<Chart<'static>> {
     let h = s.haloes.as_ref()?;
     let scale = h.radius.unwrap_or(1.0);
     let of = |side: usize| {
@@ -259,7 +259,7 @@ fn halo_profile(s: &Statistics, u: &Units) -> Option<Figure<'static>> {
         (0..h.edges.len() - 1).map(|shell| (middle(shell), density(shell) / per)).collect()
     };
     let ratio = h.edges.iter().zip(&h.median).filter_map(|(edge, median)| Some((scale * edge, (*median)?)));
-    Some(Figure {
+    Some(Chart {
         name: "halo_profile",
         title: format!("Density about {} centres; below, mass within r (median)", h.count),
         x: if h.radius.is_some() { format!("r{}", u.length) } else { "r / largest radius".into() },
@@ -290,20 +290,20 @@ fn slices(d: &DensityReport, axis: usize) -> Result<Rgb8> {
     };
     let panel = |(values, name): (&Vec<f32>, &str)| Panel {
         caption: Some(name.to_string()),
-        ..Panel::plain(Image::Color(picture(values)))
+        ..Panel::plain(FigureImage::Color(picture(values)))
     };
-    let bar = Bar::logarithmic("density / mean".into(), [0.1, 1000.0], |share| Colormap::Inferno.color(share));
+    let bar = ColourBar::logarithmic("density / mean".into(), [0.1, 1000.0], |share| Colormap::Inferno.color(share));
     let whole = figure::Figure {
         title: None,
         panels: d.slices[axis].iter().zip(["truth", "other"]).map(panel).collect(),
         columns: 2,
         bar: Some(bar),
         legend: Vec::new(),
-        place: Place::Outside,
-        page: Ground::White,
-        ground: Ground::Black,
+        place: BarPlacement::Outside,
+        page: PaperColour::White,
+        ground: PaperColour::Black,
     };
-    figure::raster(&figure::layout(&whole, SLICE_LETTERS, Room::Pixels)?)
+    figure::raster(&figure::layout(&whole, SLICE_LETTERS, FigureSpace::Pixels)?)
 }
 
 #[cfg(test)]
@@ -312,7 +312,7 @@ mod tests {
 
     #[test]
     fn units_of_volume_are_cubes() {
-        assert_eq!(["Mpc/h", "kpc"].map(|u| Units::new(Some(u)).volume), [" [(Mpc/h)³]", " [kpc³]"]);
-        assert_eq!(Units::new(None).volume, "");
+        assert_eq!(["Mpc/h", "kpc"].map(|u| AxisUnits::new(Some(u)).volume), [" [(Mpc/h)³]", " [kpc³]"]);
+        assert_eq!(AxisUnits::new(None).volume, "");
     }
 }

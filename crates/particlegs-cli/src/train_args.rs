@@ -2,7 +2,7 @@
 //! `plan`.
 
 use crate::common::named;
-use crate::inputs::Early;
+use crate::inputs::WaitNotice;
 use crate::remedies;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::model::LawKind;
@@ -40,7 +40,7 @@ pub struct TuneArgs {
     config: Option<PathBuf>,
     /// Print the hyper-parameters as TOML and exit.
     #[arg(long, value_enum, value_name = "WHICH", hide_short_help = true, num_args = 0..=1, default_missing_value = "all")]
-    print_config: Option<Which>,
+    print_config: Option<PrintConfigArg>,
     /// Factor on resolution, number of steps and counts, in (0, 1].
     #[arg(long, value_name = "S", hide_short_help = true)]
     scale: Option<f64>,
@@ -69,7 +69,7 @@ enum TrainArg {
 
 /// What --print-config prints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Which {
+enum PrintConfigArg {
     /// All hyper-parameters.
     All,
     /// Only those that differ from the preset.
@@ -132,7 +132,7 @@ impl TuneArgs {
         if let Some(text) = self.file.get() {
             return Ok(text);
         }
-        let bytes = read_whole(path, FILE, &Early)?;
+        let bytes = read_whole(path, FILE, &WaitNotice)?;
         let text = String::from_utf8(bytes).map_err(|_| Error::input(path, "not UTF-8 text"))?;
         Ok(self.file.get_or_init(|| text))
     }
@@ -178,7 +178,7 @@ impl TuneArgs {
     pub fn printed(&self, preset: Config, law: Option<LawKind>) -> Result<Option<String>> {
         let Some(which) = self.print_config else { return Ok(None) };
         let mut all = table(&self.config(preset.clone(), law)?)?;
-        if which == Which::Changed {
+        if which == PrintConfigArg::Changed {
             all = differing(all, &table(&preset)?);
         }
         toml::to_string(&all).map(Some).map_err(|e| Error::argument(e.to_string()))

@@ -1,7 +1,7 @@
 //! The log of a training run, line by line, and its curves.
 
 use crate::common::Context;
-use crate::plots::{self, Curve, Figure};
+use crate::plots::{self, Chart, ChartCurve};
 use particlegs::Result;
 use particlegs::progress::{Level, Progress};
 use particlegs_files::input::{Begins, Form, read_own};
@@ -16,13 +16,13 @@ use std::sync::Mutex;
 const FILE: Form = Form { title: "a log of training", begins: Begins::Text, most: 1 << 28, expansion: 16 };
 
 /// A caller's progress whose log lines go to a file.
-struct Logged<'a> {
+struct LoggedProgress<'a> {
     context: &'a Context,
     path: PathBuf,
     file: Mutex<Option<Box<dyn Write + Send>>>,
 }
 
-impl Progress for Logged<'_> {
+impl Progress for LoggedProgress<'_> {
     fn begin(&self, phase: &str, total: u64) {
         self.context.begin(phase, total);
     }
@@ -68,7 +68,7 @@ pub fn logged<T>(
     work: impl FnOnce(&dyn Progress) -> Result<T>,
 ) -> Result<T> {
     let file = output::open_log(path, append)?;
-    let logged = Logged { context, path: path.to_path_buf(), file: Mutex::new(Some(file)) };
+    let logged = LoggedProgress { context, path: path.to_path_buf(), file: Mutex::new(Some(file)) };
     let done = work(&logged);
     let whole = logged.file.into_inner().unwrap_or_else(|e| e.into_inner()).is_some();
     // The run's outcome is worth more than its curves.
@@ -113,11 +113,11 @@ fn draw(path: &Path) -> Result<()> {
     let curve = |key: &str, name: &'static str, lines: &[Value]| {
         let point = |l: &Value| Some((l["iteration"].as_f64()?, l[key].as_f64()?));
         let points: Vec<(f64, f64)> = lines.iter().filter_map(point).collect();
-        Curve { name, side: 1, dots: points.len() == 1, points }
+        ChartCurve { name, side: 1, dots: points.len() == 1, points }
     };
     let figure = |key: &str, name: &str, title: &str, y: &str, curve_name: &'static str| {
         let name = format!("{stem}-{name}");
-        let figure = Figure {
+        let figure = Chart {
             name: &name,
             title: title.into(),
             x: "step".into(),

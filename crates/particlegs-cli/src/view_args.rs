@@ -60,11 +60,11 @@ pub struct ViewArgs {
         long,
         value_enum,
         value_name = "NAME",
-        default_value_t = Lines::Perspective,
+        default_value_t = ProjectionArg::Perspective,
         hide_short_help = true,
         conflicts_with = "views"
     )]
-    pub projection: Lines,
+    pub projection: ProjectionArg,
     /// Centre of the picture, world units [default: the centre of the bounds, or of the box in orthographic pictures].
     #[arg(
         long,
@@ -93,7 +93,7 @@ pub struct ViewArgs {
 
 /// The lines of sight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Lines {
+pub enum ProjectionArg {
     /// Lines of sight through the eye.
     Perspective,
     /// Parallel lines of sight; a map of part of a periodic box continues with periodic copies.
@@ -102,7 +102,7 @@ pub enum Lines {
 
 /// What a snapshot or a model says about how to look at it.
 #[derive(Clone, Copy, Debug)]
-pub struct Subject {
+pub struct ViewSubject {
     /// Bounds of the whole snapshot, world units.
     pub bounds: Bounds,
     /// Its cell, where it has one.
@@ -123,7 +123,7 @@ impl ViewArgs {
     /// # Errors
     /// [`Error::Input`] or [`Error::Io`] for a views file that cannot be used; [`Error::Argument`]
     /// for a number outside its range.
-    pub fn resolve(&self, subject: &Subject, turned: &[f64], context: &Context) -> Result<ViewSet> {
+    pub fn resolve(&self, subject: &ViewSubject, turned: &[f64], context: &Context) -> Result<ViewSet> {
         let ViewsFile(mut set) = match &self.views {
             Some(path) => ViewsFile::read(path, context)?,
             None => ViewsFile(self.one_view(subject, turned)?),
@@ -160,7 +160,7 @@ impl ViewArgs {
         Ok(())
     }
 
-    fn one_view(&self, subject: &Subject, turned: &[f64]) -> Result<ViewSet> {
+    fn one_view(&self, subject: &ViewSubject, turned: &[f64]) -> Result<ViewSet> {
         if !(self.distance > 0.0 && self.distance.is_finite()) {
             return Err(Error::argument(format!("--distance {} must be positive", self.distance)));
         }
@@ -179,18 +179,18 @@ impl ViewArgs {
             Some([x, y, z]) if [x, y, z].iter().all(|v| v.is_finite()) => [*x, *y, *z],
             Some(_) => return Err(Error::argument("--center takes X,Y,Z, each a finite number")),
             None if self.fit == Some(Fit::Box) => window::center(&window::corners(Fit::Box, subject)?),
-            None if self.projection == Lines::Orthographic => subject.extent.center,
+            None if self.projection == ProjectionArg::Orthographic => subject.extent.center,
             None => subject.bounds.center(),
         };
         let camera = match self.projection {
-            Lines::Perspective => self.perspective(subject, center, size, turned)?,
-            Lines::Orthographic => self.orthographic(subject, center, size, turned)?,
+            ProjectionArg::Perspective => self.perspective(subject, center, size, turned)?,
+            ProjectionArg::Orthographic => self.orthographic(subject, center, size, turned)?,
         };
         let view = View { name: "view".into(), camera, radius: subject.radius, opacity: subject.opacity };
         Ok(ViewSet { size, views: vec![view] })
     }
 
-    fn perspective(&self, subject: &Subject, center: [f64; 3], size: Size, turned: &[f64]) -> Result<Camera> {
+    fn perspective(&self, subject: &ViewSubject, center: [f64; 3], size: Size, turned: &[f64]) -> Result<Camera> {
         let slope = (0.5 * FOV_DEG.to_radians()).tan();
         let aspect = size.width as f64 / size.height as f64;
         let distance = match (self.width, self.fit) {
@@ -209,7 +209,7 @@ impl ViewArgs {
         Ok(camera)
     }
 
-    fn orthographic(&self, subject: &Subject, center: [f64; 3], size: Size, turned: &[f64]) -> Result<Camera> {
+    fn orthographic(&self, subject: &ViewSubject, center: [f64; 3], size: Size, turned: &[f64]) -> Result<Camera> {
         let angles = [self.azimuth, self.elevation];
         let width = match (self.width, self.fit) {
             (Some(width), _) => width,
@@ -232,9 +232,9 @@ impl ViewArgs {
     }
 
     /// What a user should know of the window: that no width was given and what was taken for it.
-    pub fn note(&self, subject: &Subject, set: &ViewSet, unit: &str) -> Option<String> {
+    pub fn note(&self, subject: &ViewSubject, set: &ViewSet, unit: &str) -> Option<String> {
         let chosen = self.views.is_some() || self.width.is_some() || self.fit.is_some();
-        if chosen || self.projection == Lines::Perspective || subject.repeats() {
+        if chosen || self.projection == ProjectionArg::Perspective || subject.repeats() {
             return None;
         }
         let Projection::Orthographic { height_world } = set.views.first()?.camera.projection else { return None };
@@ -244,7 +244,7 @@ impl ViewArgs {
     }
 }
 
-impl Subject {
+impl ViewSubject {
     /// Of a model.
     pub fn of_model(model: &Model, density: bool) -> Self {
         let m = &model.metadata;
@@ -253,7 +253,7 @@ impl Subject {
             true => render::extent(&Scene::of(model), cell.as_ref()),
             false => Extent::new(&bounds, cell.as_ref()),
         };
-        Subject { bounds, cell, extent, radius: m.default_radius, opacity: m.default_opacity, density }
+        ViewSubject { bounds, cell, extent, radius: m.default_radius, opacity: m.default_opacity, density }
     }
 
     /// Is it a density in a cell?

@@ -12,11 +12,11 @@ use particlegs_view::poster;
 use std::path::{Path, PathBuf};
 
 /// Models to show.
-pub struct Viewed {
-    files: Vec<File>,
+pub struct ModelFiles {
+    files: Vec<PageModelFile>,
 }
 
-struct File {
+struct PageModelFile {
     name: String,
     /// As given: errors name it.
     place: String,
@@ -24,7 +24,7 @@ struct File {
     info: FileInfo,
 }
 
-impl Viewed {
+impl ModelFiles {
     /// Reads the files; none that is not whole is shown. Small ones are decoded. Of those that would keep the page
     /// waiting the checksums are checked, which find whatever storage and networks do to a file.
     ///
@@ -39,9 +39,9 @@ impl Viewed {
             if info.gaussians() <= poster::MORE_THAN {
                 codec::check(&bytes, &place, context)?;
             }
-            files.push(File { name, place, bytes, info });
+            files.push(PageModelFile { name, place, bytes, info });
         }
-        let viewed = Viewed { files };
+        let viewed = ModelFiles { files };
         viewed.note_units(context);
         Ok(viewed)
     }
@@ -50,7 +50,7 @@ impl Viewed {
     fn note_units(&self, context: &Context) {
         let Some((first, others)) = self.files.split_first() else { return };
         let text = |m: &Metadata| m.units.length_text().unwrap_or("a unit that is not stated").to_string();
-        for File { name, info, .. } in others {
+        for PageModelFile { name, info, .. } in others {
             let other = &info.metadata;
             let by = other.unit_system().conversion(&first.info.metadata.unit_system());
             if by.is_err() || by.is_ok_and(|by| by.length != 1.0) {

@@ -1,6 +1,6 @@
 //! Positions moved to world units: scaled, turned, shifted.
 
-use crate::pieces::{Piece, Rows};
+use crate::pieces::{ParticlePiece, RowBuffer};
 use particlegs::Result;
 use std::ops::Range;
 
@@ -42,7 +42,7 @@ impl Affine {
     }
 
     /// Moves positions from row `start` on.
-    pub fn apply_rows(&self, rows: &mut Rows, start: usize) {
+    pub fn apply_rows(&self, rows: &mut RowBuffer, start: usize) {
         if *self == Affine::IDENTITY {
             return;
         }
@@ -54,16 +54,16 @@ impl Affine {
 }
 
 /// A piece whose positions are moved.
-pub struct Moved {
+pub struct AffinePiece {
     /// As the file has them.
-    pub inner: Box<dyn Piece>,
+    pub inner: Box<dyn ParticlePiece>,
     /// To world units.
     pub by: Affine,
     /// Do moved positions have more digits than f32?
     pub wide: bool,
 }
 
-impl Piece for Moved {
+impl ParticlePiece for AffinePiece {
     fn rows(&self) -> u64 {
         self.inner.rows()
     }
@@ -72,7 +72,7 @@ impl Piece for Moved {
         self.wide
     }
 
-    fn read(&self, rows: Range<u64>, out: &mut Rows) -> Result<()> {
+    fn read(&self, rows: Range<u64>, out: &mut RowBuffer) -> Result<()> {
         let start = out.position[0].len();
         self.inner.read(rows, out)?;
         self.by.apply_rows(out, start);

@@ -2,7 +2,7 @@
 
 use crate::npy::header::scalar;
 use crate::pieces::PieceReader;
-use crate::strided::{Bytes, Lane, Strided};
+use crate::strided::{Bytes, StridedColumn, StridedParticles};
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
 use std::sync::Arc;
@@ -32,8 +32,8 @@ impl Array {
         let no_numbers = || Error::input(&meta.name, format!("values of type `{dtype}` are no numbers"));
         let scalar = scalar(&dtype).map_err(|_| no_numbers())?;
         let (kind, big_endian) = (scalar.kind.ok_or_else(no_numbers)?, scalar.big_endian);
-        let axes = first.map(|offset| Lane { offset, stride, kind, big_endian });
-        let piece = Strided::new(&meta.name, Bytes::Lent(bytes), rows, axes, None)?;
+        let axes = first.map(|offset| StridedColumn { offset, stride, kind, big_endian });
+        let piece = StridedParticles::new(&meta.name, Bytes::Lent(bytes), rows, axes, None)?;
         Ok(Arc::new(PieceReader::new(meta, vec![Box::new(piece)], false)?))
     }
 }

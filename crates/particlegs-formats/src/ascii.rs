@@ -1,6 +1,6 @@
 //! Numbers as text between blanks, read from any place: where every so many-th begins is kept.
 
-use crate::strided::Kind;
+use crate::strided::NumberType;
 use std::ops::Range;
 
 /// Numbers from one kept place to the next.
@@ -60,7 +60,7 @@ impl Ascii {
     }
 
     /// Appends numbers `range`. Those of f32 are rounded once, from the decimal.
-    pub fn append(&self, bytes: &[u8], range: Range<u64>, kind: Kind, out: &mut Vec<f64>) -> Result<(), String> {
+    pub fn append(&self, bytes: &[u8], range: Range<u64>, kind: NumberType, out: &mut Vec<f64>) -> Result<(), String> {
         if range.end > self.count {
             return Err("fewer numbers than are asked for".into());
         }
@@ -85,10 +85,10 @@ impl Ascii {
     }
 }
 
-fn parse(text: &[u8], kind: Kind) -> Option<f64> {
+fn parse(text: &[u8], kind: NumberType) -> Option<f64> {
     let text = std::str::from_utf8(text.get(..MOST_DIGITS.min(text.len()))?).ok()?;
     match kind {
-        Kind::F32 => text.parse::<f32>().ok().map(f64::from),
+        NumberType::F32 => text.parse::<f32>().ok().map(f64::from),
         _ => text.parse().ok(),
     }
 }
@@ -105,7 +105,7 @@ mod tests {
         assert_eq!(numbers.end(), text.trim_end().len() as u64);
         for start in [0, 1, STEP - 1, STEP, 2 * STEP + 7] {
             let mut out = Vec::new();
-            numbers.append(text.as_bytes(), start..start + 9, Kind::F64, &mut out).unwrap();
+            numbers.append(text.as_bytes(), start..start + 9, NumberType::F64, &mut out).unwrap();
             assert_eq!(out, (start..start + 9).map(|i| i as f64).collect::<Vec<_>>());
         }
         assert!(Ascii::find(text.as_bytes(), 0, n + 1).is_err());
@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn words_that_are_no_numbers_are_named() {
         let numbers = Ascii::find(b"1 2,5 3", 0, 3).unwrap();
-        let error = numbers.append(b"1 2,5 3", 0..3, Kind::F32, &mut Vec::new()).unwrap_err();
+        let error = numbers.append(b"1 2,5 3", 0..3, NumberType::F32, &mut Vec::new()).unwrap_err();
         assert_eq!(error, "`2,5` at byte 2 is not a number");
     }
 }

@@ -1,11 +1,11 @@
 //! Which fields hold the positions: one of three components, or three scalar ones.
 
-use crate::{Choice, Field, Species};
+use crate::{Choice, Species, SpeciesField};
 use particlegs::Result;
 
 /// A component of a field.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Axis {
+pub struct FieldComponent {
     /// The field's name.
     pub field: String,
     /// Which of its numbers, from 0.
@@ -16,31 +16,31 @@ pub struct Axis {
 ///
 /// # Errors
 /// [`particlegs::Error::Input`] naming the fields there are, where a chosen one is missing.
-pub fn axes(place: &str, species: &Species, choice: &Choice) -> Result<[Axis; 3]> {
+pub fn axes(place: &str, species: &Species, choice: &Choice) -> Result<[FieldComponent; 3]> {
     let chosen = choice.positions.as_deref().unwrap_or(&species.positions);
     if species.fields.iter().any(|f| f.name == chosen && f.components == 3) {
-        return Ok([0, 1, 2].map(|component| Axis { field: chosen.to_string(), component }));
+        return Ok([0, 1, 2].map(|component| FieldComponent { field: chosen.to_string(), component }));
     }
     let names: Vec<&str> = chosen.split(',').map(str::trim).collect();
-    let found: Vec<Axis> = names.iter().filter_map(|n| axis(species, n)).collect();
-    match <[Axis; 3]>::try_from(found) {
+    let found: Vec<FieldComponent> = names.iter().filter_map(|n| axis(species, n)).collect();
+    match <[FieldComponent; 3]>::try_from(found) {
         Ok(three) if names.len() == 3 => Ok(three),
         _ => {
-            let fits = |f: &&Field| f.components == 3 || f.components == 1;
+            let fits = |f: &&SpeciesField| f.components == 3 || f.components == 1;
             Err(species.missing(place, chosen, species.fields.iter().filter(fits).map(|f| &f.name[..])))
         }
     }
 }
 
 /// A scalar field, or component k of the field `name` as `name[k]`.
-pub fn axis(species: &Species, text: &str) -> Option<Axis> {
+pub fn axis(species: &Species, text: &str) -> Option<FieldComponent> {
     let find = |name: &str| species.fields.iter().find(|f| f.name == name);
     if let Some(field) = find(text).filter(|f| f.components == 1) {
-        return Some(Axis { field: field.name.clone(), component: 0 });
+        return Some(FieldComponent { field: field.name.clone(), component: 0 });
     }
     let (name, component) = text.strip_suffix(']')?.rsplit_once('[')?;
     let component = component.parse().ok()?;
-    find(name).filter(|f| component < f.components).map(|f| Axis { field: f.name.clone(), component })
+    find(name).filter(|f| component < f.components).map(|f| FieldComponent { field: f.name.clone(), component })
 }
 
 #[cfg(test)]
@@ -49,18 +49,22 @@ mod tests {
 
     #[test]
     fn vectors_and_three_scalars_are_found_and_others_named() {
-        let field = |name: &str, components| Field { name: name.into(), kind: "f32".into(), components, unit: None };
+        let field =
+            |name: &str, components| SpeciesField { name: name.into(), kind: "f32".into(), components, unit: None };
         let species = Species {
             positions: "x,y,z".into(),
             fields: vec![field("x", 1), field("y", 1), field("z", 1), field("v", 3)],
             ..Species::default()
         };
-        assert_eq!(axes("f", &species, &Choice::default()).unwrap()[2], Axis { field: "z".into(), component: 0 });
+        assert_eq!(
+            axes("f", &species, &Choice::default()).unwrap()[2],
+            FieldComponent { field: "z".into(), component: 0 }
+        );
         let by = |name: &str| axes("f", &species, &Choice { positions: Some(name.into()), ..Choice::default() });
-        assert_eq!(by("v").unwrap()[1], Axis { field: "v".into(), component: 1 });
+        assert_eq!(by("v").unwrap()[1], FieldComponent { field: "v".into(), component: 1 });
         assert!(by("w").unwrap_err().remedy().to_string().contains("x, y, z, v"));
         assert!(by("x,y").is_err());
-        let part = |field: &str, component| Axis { field: field.into(), component };
+        let part = |field: &str, component| FieldComponent { field: field.into(), component };
         assert_eq!(by("v[2],x,v[0]").unwrap(), [part("v", 2), part("x", 0), part("v", 0)]);
         assert!(by("v[3],x,y").is_err() && by("v[],x,y").is_err());
     }

@@ -3,7 +3,7 @@
 use crate::fields;
 use crate::folder::resolved;
 use crate::registry::{FORMATS, spool};
-use crate::{Description, Field, Snapshot, Species, Weights, raw};
+use crate::{Description, Snapshot, Species, SpeciesField, Weights, raw};
 use particlegs::model::{Dimension, Unit, UnitSystem, Units, WeightKind, is_species};
 use particlegs::particles::{LayerFields, Layered, Particles, Selection, SnapshotMeta, SnapshotReader, Storage};
 use particlegs::progress::{Progress, Silent};
@@ -122,7 +122,7 @@ impl Choice {
     /// # Errors
     /// Those of opening, reading and [`Particles::select`]; [`Error::Input`] for a species that there is not.
     pub fn read(&self, paths: &[PathBuf], storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
-        let at_hand = AtHand::of(paths, self, progress)?;
+        let at_hand = InputFiles::of(paths, self, progress)?;
         Ok(self.read_at_hand(&at_hand, storage, progress, false)?.0)
     }
 
@@ -137,7 +137,7 @@ impl Choice {
         storage: &Storage,
         progress: &dyn Progress,
     ) -> Result<(Particles, Vec<LayerFields>)> {
-        let at_hand = AtHand::of(paths, self, progress)?;
+        let at_hand = InputFiles::of(paths, self, progress)?;
         // What a stream has given must be there as long as its fields are.
         self.spooled.clone_from(&at_hand.spooled);
         self.read_at_hand(&at_hand, storage, progress, true)
@@ -145,7 +145,7 @@ impl Choice {
 
     fn read_at_hand(
         &self,
-        at_hand: &AtHand,
+        at_hand: &InputFiles,
         storage: &Storage,
         progress: &dyn Progress,
         with_fields: bool,
@@ -171,9 +171,9 @@ impl Choice {
         if selected || paths.iter().any(|p| is_stream(p)) {
             return Ok(None);
         }
-        let mut source = match Chosen::of(paths, self, progress, false)? {
-            Chosen::InPlace(particles) => Layered::of(&particles),
-            Chosen::Readers(layers, _) => layers,
+        let mut source = match SpeciesData::of(paths, self, progress, false)? {
+            SpeciesData::InPlace(particles) => Layered::of(&particles),
+            SpeciesData::Readers(layers, _) => layers,
         };
         say(&self.state(&mut source.meta)?, progress);
         Ok(source.random_access().then_some(source))
@@ -189,7 +189,7 @@ impl Choice {
         bounds: bool,
         progress: &dyn Progress,
     ) -> Result<(Description, Vec<Bounds>)> {
-        let at_hand = AtHand::of(paths, self, progress)?;
+        let at_hand = InputFiles::of(paths, self, progress)?;
         let (mut description, bounds) = at_hand.named(describe_at_hand(&at_hand.paths, self, bounds, progress))?;
         at_hand.name(&mut description.meta);
         if at_hand.spooled.is_some() {
@@ -200,19 +200,19 @@ impl Choice {
 }
 
 /// The files to read: those that are named, or what the stream that is named has given.
-struct AtHand {
+struct InputFiles {
     paths: Vec<PathBuf>,
     spooled: Option<Arc<Spooled>>,
 }
 
-impl AtHand {
-    fn of(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress) -> Result<AtHand> {
+impl InputFiles {
+    fn of(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress) -> Result<InputFiles> {
         let spooled = match (paths, &choice.spooled) {
             ([one], None) if is_stream(one) => Some(Arc::new(spool(Source::open(one, progress)?, choice)?)),
             (_, spooled) => spooled.clone(),
         };
         let paths = spooled.as_ref().map_or_else(|| paths.to_vec(), |s| vec![s.path()]);
-        Ok(AtHand { paths, spooled })
+        Ok(InputFiles { paths, spooled })
     }
 
     /// What `read` gives, with the names that people know.
@@ -238,9 +238,9 @@ fn read_at_hand(
     progress: &dyn Progress,
     with_fields: bool,
 ) -> Result<(Particles, Vec<LayerFields>)> {
-    let (particles, mut fields) = match Chosen::of(paths, choice, progress, with_fields)? {
-        Chosen::InPlace(particles) => (particles, Vec::new()),
-        Chosen::Readers(layers, fields) => (layers.load(storage, progress)?, fields),
+    let (particles, mut fields) = match SpeciesData::of(paths, choice, progress, with_fields)? {
+        SpeciesData::InPlace(particles) => (particles, Vec::new()),
+        SpeciesData::Readers(layers, fields) => (layers.load(storage, progress)?, fields),
     };
     let count = particles.len();
     let mut particles = choice.converted(particles, storage)?;
@@ -255,15 +255,15 @@ fn read_at_hand(
 }
 
 /// The species chosen, before a particle is read.
-enum Chosen {
+enum SpeciesData {
     /// As they lie in the files.
     InPlace(Particles),
     /// Each by its reader, with its fields where they are wanted.
     Readers(Layered, Vec<LayerFields>),
 }
 
-impl Chosen {
-    fn of(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress, with_fields: bool) -> Result<Chosen> {
+impl SpeciesData {
+    fn of(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress, with_fields: bool) -> Result<SpeciesData> {
         let snapshot = opened(paths, choice)?;
         let description = snapshot.description();
         let chosen = chosen(&description.species, &choice.species, &description.meta.name)?;
@@ -271,7 +271,7 @@ impl Chosen {
         let weights = chosen.iter().find_map(|&i| description.species[i].other_weights(&choice.weights));
         if let Some(mut particles) = snapshot.in_place(&chosen, choice)? {
             weigh(&mut particles.meta, weights);
-            return Ok(Chosen::InPlace(particles));
+            return Ok(SpeciesData::InPlace(particles));
         }
         let layer = |i: usize| Ok((description.species[i].name.clone(), snapshot.reader(i, choice)?.into()));
         let mut layers = Layered::new(chosen.iter().copied().map(layer).collect::<Result<_>>()?)?;
@@ -283,14 +283,14 @@ impl Chosen {
         }
         let wanted = if with_fields { &chosen[..] } else { &[] };
         let fields = wanted.iter().map(|&i| fields::fields_of(&*snapshot, i, choice)).collect::<Result<_>>()?;
-        Ok(Chosen::Readers(layers, fields))
+        Ok(SpeciesData::Readers(layers, fields))
     }
 }
 
 /// Says what weights are of a field that is not the species' own masses. Of what is no mass the unit of weights is that
 /// of mass, and its name where it states none.
-fn weigh(meta: &mut SnapshotMeta, field: Option<(&Field, WeightKind)>) {
-    let Some((Field { name, unit, .. }, kind)) = field else { return };
+fn weigh(meta: &mut SnapshotMeta, field: Option<(&SpeciesField, WeightKind)>) {
+    let Some((SpeciesField { name, unit, .. }, kind)) = field else { return };
     let other = (kind == WeightKind::Additive).then_some(name);
     meta.weight_name = other.cloned();
     if let Some(text) = unit.as_ref().or(other) {

@@ -10,7 +10,7 @@ use std::path::Path;
 particlegs::named_values! {
     /// How a file is compressed.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-    pub enum Compression {
+    pub enum FileCompression {
         /// RFC 1952, members one after the other.
         Gzip = "gzip",
         /// bzip2, streams one after the other.
@@ -20,13 +20,13 @@ particlegs::named_values! {
     }
 }
 
-impl Compression {
+impl FileCompression {
     /// By a file's first bytes.
     pub fn of(head: &[u8]) -> Option<Self> {
         match head {
-            [0x1f, 0x8b, 8, ..] => Some(Compression::Gzip),
-            [b'B', b'Z', b'h', b'1'..=b'9', 0x31, 0x41, 0x59, ..] => Some(Compression::Bzip2),
-            [0x28, 0xb5, 0x2f, 0xfd, ..] => Some(Compression::Zstd),
+            [0x1f, 0x8b, 8, ..] => Some(FileCompression::Gzip),
+            [b'B', b'Z', b'h', b'1'..=b'9', 0x31, 0x41, 0x59, ..] => Some(FileCompression::Bzip2),
+            [0x28, 0xb5, 0x2f, 0xfd, ..] => Some(FileCompression::Zstd),
             _ => None,
         }
     }
@@ -34,9 +34,9 @@ impl Compression {
     /// error, never a silent end.
     pub fn decoder(self, source: impl Read + Send + 'static) -> std::io::Result<Box<dyn Read + Send>> {
         Ok(match self {
-            Compression::Gzip => Box::new(flate2::read::MultiGzDecoder::new(source)),
-            Compression::Bzip2 => Box::new(bzip2::read::MultiBzDecoder::new(source)),
-            Compression::Zstd => Box::new(ZstdFrames::new(source)),
+            FileCompression::Gzip => Box::new(flate2::read::MultiGzDecoder::new(source)),
+            FileCompression::Bzip2 => Box::new(bzip2::read::MultiBzDecoder::new(source)),
+            FileCompression::Zstd => Box::new(ZstdFrames::new(source)),
         })
     }
 
@@ -54,7 +54,7 @@ impl Compression {
 ///
 /// # Errors
 /// [`Error::Io`] where it cannot be read.
-pub fn open_stream(path: &Path, compression: Option<Compression>) -> Result<Box<dyn Read + Send>> {
+pub fn open_stream(path: &Path, compression: Option<FileCompression>) -> Result<Box<dyn Read + Send>> {
     let (file, _) = open_file(path)?;
     match compression {
         None => Ok(Box::new(file)),
@@ -144,7 +144,7 @@ mod tests {
 
     fn decode(bytes: Vec<u8>) -> std::io::Result<Vec<u8>> {
         let mut out = Vec::new();
-        Compression::Zstd.decoder(std::io::Cursor::new(bytes))?.read_to_end(&mut out)?;
+        FileCompression::Zstd.decoder(std::io::Cursor::new(bytes))?.read_to_end(&mut out)?;
         Ok(out)
     }
 

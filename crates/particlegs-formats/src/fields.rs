@@ -1,6 +1,6 @@
 //! Fields that are carried from a snapshot to a file: how they are read, and what they are called there.
 
-use crate::{Choice, Field, Snapshot, Species, Weights};
+use crate::{Choice, Snapshot, Species, SpeciesField, Weights};
 use particlegs::Result;
 use particlegs::particles::{Kept, LayerFields, Number, Run, SnapshotReader, SourceField};
 use std::sync::Arc;
@@ -15,7 +15,7 @@ pub(crate) fn is_id(name: &str) -> bool {
 }
 
 /// The type that holds a field's numbers; none for what are no numbers.
-pub(crate) fn number_of(field: &Field) -> Option<Number> {
+pub(crate) fn number_of(field: &SpeciesField) -> Option<Number> {
     Some(match &field.kind[..] {
         "f16" | "f32" => Number::F32,
         "f64" => Number::F64,
@@ -51,7 +51,8 @@ fn positions<'a>(species: &'a Species, choice: &'a Choice) -> Vec<&'a str> {
 pub(crate) fn others(species: &Species, choice: &Choice) -> Vec<String> {
     let own = positions(species, choice);
     let weight = species.weight_field("", &choice.weights).ok().flatten();
-    let is_name = |f: &Field| f.kind == "text" && ["species", "element", "symbol", "type"].contains(&&f.name[..]);
+    let is_name =
+        |f: &SpeciesField| f.kind == "text" && ["species", "element", "symbol", "type"].contains(&&f.name[..]);
     let fields = species.fields.iter().filter(|f| !own.contains(&&f.name[..]) && !is_name(f));
     fields.map(|f| f.name.clone()).filter(|name| weight.as_ref() != Some(name)).collect()
 }
@@ -83,7 +84,7 @@ pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) 
             readers(snapshot, index, choice, &fields)?
         }
     };
-    let is_wide = |f: &&Field| own.contains(&&f.name[..]) && number_of(f).is_some_and(|n| n != Number::F32);
+    let is_wide = |f: &&SpeciesField| own.contains(&&f.name[..]) && number_of(f).is_some_and(|n| n != Number::F32);
     let wide = species.fields.iter().any(|f| is_wide(&f));
     let positions = || snapshot.reader(index, &Choice { weights: Weights::None, ..choice.clone() });
     LayerFields::new(fields, readers, wide.then(positions).transpose()?.map(Arc::from))
@@ -144,13 +145,13 @@ impl OutField {
 }
 
 /// What a format calls fields that all snapshots have: its name, numbers a particle, and those of others.
-pub(crate) type Standard = (&'static str, usize, &'static [&'static str]);
+pub(crate) type StandardField = (&'static str, usize, &'static [&'static str]);
 
 /// Names of velocities' components.
 const VELOCITIES: [[&str; 3]; 2] = [["vx", "vy", "vz"], ["vel_x", "vel_y", "vel_z"]];
 
 /// A layer's fields in a file: by the standard's names, else their own; those whose names are taken are left out.
-pub(crate) fn outputs(fields: &[SourceField], standard: &[Standard], reserved: &[&str]) -> Vec<OutField> {
+pub(crate) fn outputs(fields: &[SourceField], standard: &[StandardField], reserved: &[&str]) -> Vec<OutField> {
     let mut first = 0;
     let mut all: Vec<OutField> = Vec::new();
     for field in fields {
@@ -205,7 +206,7 @@ fn join(all: &mut Vec<OutField>, name: &str) {
 }
 
 /// The fields that all layers have alike, each of every layer.
-pub(crate) fn common(kept: &Kept<'_>, standard: &[Standard], reserved: &[&str]) -> Vec<Vec<OutField>> {
+pub(crate) fn common(kept: &Kept<'_>, standard: &[StandardField], reserved: &[&str]) -> Vec<Vec<OutField>> {
     let own = |fields: &&[SourceField]| outputs(fields, standard, reserved);
     let layers: Vec<Vec<OutField>> = kept.fields().iter().map(own).collect();
     let Some((first, rest)) = layers.split_first() else { return Vec::new() };

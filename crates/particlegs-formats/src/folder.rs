@@ -1,8 +1,8 @@
 //! The snapshot that a folder holds.
 
-use crate::registry::{self, Head};
+use crate::registry::{self, FileHead};
 use crate::vtk_xml::lists;
-use crate::{Choice, Format, Kind, csv, hdf5};
+use crate::{Choice, Format, PathKind, csv, hdf5};
 use particlegs::{Error, Remedy, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -28,7 +28,7 @@ pub fn resolved(paths: &[PathBuf], options: &Choice) -> Result<Vec<PathBuf>> {
         [one] => Ok(vec![one.first.clone()]),
         [] => Err(none_there(folder)),
         several => {
-            let names = several.iter().take(NAMED).map(Set::name).collect::<Vec<_>>().join(", ");
+            let names = several.iter().take(NAMED).map(SnapshotFileSet::name).collect::<Vec<_>>().join(", ");
             let more = if several.len() > NAMED { ", ..." } else { "" };
             let what = format!("a folder with several snapshots: {names}{more}");
             Err(Error::input_with(folder, what, Remedy::NameFormatOfFolder))
@@ -37,8 +37,8 @@ pub fn resolved(paths: &[PathBuf], options: &Choice) -> Result<Vec<PathBuf>> {
 }
 
 fn none_there(folder: &Path) -> Error {
-    match Kind::of(folder) {
-        Kind::Job => Error::input_with(folder, "a job's folder, not a snapshot", Remedy::IsJob),
+    match PathKind::of(folder) {
+        PathKind::Job => Error::input_with(folder, "a job's folder, not a snapshot", Remedy::IsJob),
         _ => Error::input_with(
             folder,
             "a folder without xx.f32, yy.f32, zz.f32 and without a snapshot's file",
@@ -55,8 +55,8 @@ fn candidates(folder: &Path, options: &Choice) -> Result<Vec<(PathBuf, &'static 
         .collect();
     files.sort_by_cached_key(|p| name_key(p));
     let format = |path: PathBuf| {
-        let found = match Kind::of_head(&Head::read(&path).ok()?) {
-            Kind::Snapshot(format) => format,
+        let found = match PathKind::of_head(&FileHead::read(&path).ok()?) {
+            PathKind::Snapshot(format) => format,
             _ => return None,
         };
         Some((path, found)).filter(|_| options.format.as_ref().is_none_or(|wanted| found.name == wanted))
@@ -76,12 +76,12 @@ fn name_key(path: &Path) -> (usize, std::ffi::OsString) {
 }
 
 /// Files that are one snapshot.
-struct Set {
+struct SnapshotFileSet {
     first: PathBuf,
     files: BTreeSet<PathBuf>,
 }
 
-impl Set {
+impl SnapshotFileSet {
     fn name(&self) -> String {
         self.first.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
@@ -89,28 +89,28 @@ impl Set {
 
 /// What belongs together is one: parts name each other, and a list names its pieces. Catalogues
 /// and tables of text are none where there is another.
-fn snapshots(candidates: &[(PathBuf, &'static Format)], options: &Choice) -> Vec<Set> {
-    let (mut sets, mut catalogues) = (Vec::<Set>::new(), Vec::new());
+fn snapshots(candidates: &[(PathBuf, &'static Format)], options: &Choice) -> Vec<SnapshotFileSet> {
+    let (mut sets, mut catalogues) = (Vec::<SnapshotFileSet>::new(), Vec::new());
     for (path, format) in candidates {
         if sets.iter().any(|s| s.files.contains(path)) {
             continue;
         }
         let mut files = BTreeSet::from([path.clone()]);
         if format.name == csv::FORMAT.name {
-            catalogues.push(Set { first: path.clone(), files });
+            catalogues.push(SnapshotFileSet { first: path.clone(), files });
             continue;
         }
         if IN_PARTS.contains(&format.name) && sets.len() < LOOKED_AT {
             let opened = (format.open)(std::slice::from_ref(path), &Choice { frame: None, ..options.clone() });
             if opened.is_err() && format.name == hdf5::FORMAT.name && hdf5::is_catalogue(path) {
-                catalogues.push(Set { first: path.clone(), files });
+                catalogues.push(SnapshotFileSet { first: path.clone(), files });
                 continue;
             }
             files.extend(opened.map(|s| s.description().files.clone()).unwrap_or_default());
             files.extend(lists::named(path));
         }
         sets.retain(|s| !s.files.is_subset(&files));
-        sets.push(Set { first: path.clone(), files });
+        sets.push(SnapshotFileSet { first: path.clone(), files });
     }
     if sets.is_empty() { catalogues } else { sets }
 }

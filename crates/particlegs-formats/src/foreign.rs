@@ -1,13 +1,13 @@
 //! Formats that are known and not read: what they are, and what turns them into one that is read.
 
-use crate::registry::Head;
+use crate::registry::FileHead;
 use crate::text::lines::without_end;
 use crate::text::split::{Separator, number, tokens};
 use particlegs::Remedy;
 use std::path::Path;
 
 /// A format that is not read.
-pub(crate) struct Foreign {
+pub(crate) struct ForeignFormat {
     /// What a file of it is, with its article.
     pub title: &'static str,
     /// Does a file that begins so have it?
@@ -31,25 +31,25 @@ enum Converter {
 use Converter::{Ase, Command, Ovito, Python};
 
 /// All of them; the surest signatures first.
-static FOREIGN: &[Foreign] = &[
-    Foreign {
+static FOREIGN: &[ForeignFormat] = &[
+    ForeignFormat {
         title: "a GROMACS trajectory (XTC)",
         is: |s| s.begins(&[&[0, 0, 7, 0xcb], &[0, 0, 7, 0xe7]]),
         converter: Ovito,
     },
-    Foreign { title: "a GROMACS trajectory (TRR)", is: |s| s.begins(&[&[0, 0, 7, 0xc9]]), converter: Ovito },
-    Foreign {
+    ForeignFormat { title: "a GROMACS trajectory (TRR)", is: |s| s.begins(&[&[0, 0, 7, 0xc9]]), converter: Ovito },
+    ForeignFormat {
         title: "a GROMACS trajectory (TNG)",
         is: |s| s.names(b"GENERAL INFO", 256),
         converter: Command("gmx trjconv -f {in} -o {out}.xtc"),
     },
-    Foreign { title: "a CHARMM or NAMD trajectory (DCD)", is: is_dcd, converter: Ovito },
-    Foreign {
+    ForeignFormat { title: "a CHARMM or NAMD trajectory (DCD)", is: is_dcd, converter: Ovito },
+    ForeignFormat {
         title: "an AMBER trajectory (NetCDF)",
         is: |s| is_netcdf(s) && s.names(b"AMBER", 1 << 16),
         converter: Ovito,
     },
-    Foreign {
+    ForeignFormat {
         title: "a NetCDF file",
         is: is_netcdf,
         converter: Python(
@@ -57,22 +57,22 @@ static FOREIGN: &[Foreign] = &[
             "xarray scipy",
         ),
     },
-    Foreign {
+    ForeignFormat {
         title: "an AMBER trajectory (BINPOS)",
         is: |s| s.begins(&[b"fxyz"]),
         converter: Command("mdconvert {in} -o {out}.dcd"),
     },
-    Foreign {
+    ForeignFormat {
         title: "a HOOMD-blue trajectory (GSD)",
         is: |s| s.begins(&[&[0xdf, 0x65, 0xdf, 0x65, 0xdf, 0x65, 0xdf, 0x65]]),
         converter: Ovito,
     },
-    Foreign {
+    ForeignFormat {
         title: "a LAMMPS restart file",
         is: |s| s.begins(&[b"LammpS RestartT"]),
         converter: Command("lmp -restart2dump {in} all atom {out}.dump"),
     },
-    Foreign {
+    ForeignFormat {
         title: "a Tipsy snapshot",
         is: is_tipsy,
         converter: Python(
@@ -80,12 +80,12 @@ static FOREIGN: &[Foreign] = &[
             "pynbody",
         ),
     },
-    Foreign {
+    ForeignFormat {
         title: "a FITS file",
         is: |s| s.begins(&[b"SIMPLE  ="]),
         converter: Python("from astropy.table import Table; Table.read('{in}').write('{out}.csv')", "astropy"),
     },
-    Foreign {
+    ForeignFormat {
         title: "a Parquet table",
         is: |s| s.begins(&[b"PAR1"]),
         converter: Python(
@@ -93,7 +93,7 @@ static FOREIGN: &[Foreign] = &[
             "pandas pyarrow",
         ),
     },
-    Foreign {
+    ForeignFormat {
         title: "a Feather table",
         is: |s| s.begins(&[b"ARROW1", b"FEA1"]),
         converter: Python(
@@ -101,7 +101,7 @@ static FOREIGN: &[Foreign] = &[
             "pandas pyarrow",
         ),
     },
-    Foreign {
+    ForeignFormat {
         title: "a MATLAB file",
         is: |s| s.begins(&[b"MATLAB 5.0 MAT-file"]),
         converter: Python(
@@ -109,17 +109,17 @@ static FOREIGN: &[Foreign] = &[
             "scipy",
         ),
     },
-    Foreign {
+    ForeignFormat {
         title: "a laser scan (LAS, LAZ or E57)",
         is: |s| s.begins(&[b"LASF", b"ASTM-E57"]),
         converter: Command("pdal translate {in} {out}.ply"),
     },
-    Foreign {
+    ForeignFormat {
         title: "a point cloud of PCL (PCD)",
         is: |s| s.begins(&[b"# .PCD", b"VERSION ."]),
         converter: Command("pdal translate {in} {out}.ply"),
     },
-    Foreign {
+    ForeignFormat {
         title: "a RAMSES output",
         is: |s| s.begins(&[b"ncpu        ="]),
         converter: Python(
@@ -127,34 +127,38 @@ static FOREIGN: &[Foreign] = &[
             "yt",
         ),
     },
-    Foreign { title: "a PDB file", is: |s| s.lines().any(is_atom_of_pdb), converter: Ase("proteindatabank") },
-    Foreign { title: "an mmCIF file", is: |s| s.names(b"_atom_site.Cartn_x", 1 << 16), converter: Ovito },
-    Foreign { title: "a CIF file", is: |s| s.lines().any(|l| l.starts_with(b"_cell_length_a")), converter: Ase("cif") },
-    Foreign { title: "a LAMMPS data file", is: is_lammps_data, converter: Ase("lammps-data") },
-    Foreign {
+    ForeignFormat { title: "a PDB file", is: |s| s.lines().any(is_atom_of_pdb), converter: Ase("proteindatabank") },
+    ForeignFormat { title: "an mmCIF file", is: |s| s.names(b"_atom_site.Cartn_x", 1 << 16), converter: Ovito },
+    ForeignFormat {
+        title: "a CIF file",
+        is: |s| s.lines().any(|l| l.starts_with(b"_cell_length_a")),
+        converter: Ase("cif"),
+    },
+    ForeignFormat { title: "a LAMMPS data file", is: is_lammps_data, converter: Ase("lammps-data") },
+    ForeignFormat {
         title: "a VASP trajectory (XDATCAR)",
         is: |s| is_poscar(s) && s.lines().any(|l| l.starts_with(b"Direct configuration=")),
         converter: Ase("vasp-xdatcar"),
     },
-    Foreign { title: "a VASP structure (POSCAR, CONTCAR)", is: is_poscar, converter: Ase("vasp") },
-    Foreign { title: "a GROMACS structure (GRO)", is: is_gro, converter: Ase("gromacs") },
-    Foreign {
+    ForeignFormat { title: "a VASP structure (POSCAR, CONTCAR)", is: is_poscar, converter: Ase("vasp") },
+    ForeignFormat { title: "a GROMACS structure (GRO)", is: is_gro, converter: Ase("gromacs") },
+    ForeignFormat {
         title: "a GROMOS structure (G96)",
         is: |s| s.begins(&[b"TITLE"]) && s.lines().any(|l| l.starts_with(b"POSITION")),
         converter: Ase("gromos"),
     },
-    Foreign { title: "an XCrySDen structure (XSF)", is: is_xsf, converter: Ase("xsf") },
-    Foreign {
+    ForeignFormat { title: "an XCrySDen structure (XSF)", is: is_xsf, converter: Ase("xsf") },
+    ForeignFormat {
         title: "an AtomEye configuration (CFG)",
         is: |s| s.begins(&[b"Number of particles"]),
         converter: Ase("cfg"),
     },
-    Foreign {
+    ForeignFormat {
         title: "an MDL molecule (MOL, SDF)",
         is: |s| s.lines().nth(3).is_some_and(|l| l.trim_ascii_end().ends_with(b"V2000")),
         converter: Ase("sdf"),
     },
-    Foreign {
+    ForeignFormat {
         title: "a Tripos molecule (MOL2)",
         is: |s| s.lines().any(|l| l.starts_with(b"@<TRIPOS>")),
         converter: Python(
@@ -162,7 +166,7 @@ static FOREIGN: &[Foreign] = &[
             "MDAnalysis",
         ),
     },
-    Foreign {
+    ForeignFormat {
         title: "a TINKER file",
         is: is_tinker,
         converter: Python(
@@ -170,7 +174,7 @@ static FOREIGN: &[Foreign] = &[
             "MDAnalysis",
         ),
     },
-    Foreign {
+    ForeignFormat {
         title: "an AMBER restart file",
         is: is_amber_restart,
         converter: Python(
@@ -178,22 +182,22 @@ static FOREIGN: &[Foreign] = &[
             "MDAnalysis",
         ),
     },
-    Foreign { title: "a DL_POLY configuration", is: is_dl_poly, converter: Ase("dlp4") },
-    Foreign {
+    ForeignFormat { title: "a DL_POLY configuration", is: is_dl_poly, converter: Ase("dlp4") },
+    ForeignFormat {
         title: "an FHI-aims structure",
         is: |s| s.lines().any(|l| is_row(l, b"lattice_vector", 3)),
         converter: Ase("aims"),
     },
-    Foreign { title: "a Gaussian cube file", is: is_cube, converter: Ase("cube") },
+    ForeignFormat { title: "a Gaussian cube file", is: is_cube, converter: Ase("cube") },
 ];
 
 /// The first format that takes a file to be its own.
-pub(crate) fn foreign_of(head: &Head) -> Option<&'static Foreign> {
+pub(crate) fn foreign_of(head: &FileHead) -> Option<&'static ForeignFormat> {
     let start = FileStart { bytes: &head.content, length: head.length };
     FOREIGN.iter().find(|f| (f.is)(&start))
 }
 
-impl Foreign {
+impl ForeignFormat {
     /// The command that turns the file `path` into one that is read.
     pub(crate) fn remedy(&self, path: &Path) -> Remedy {
         let (input, output) = names(path);

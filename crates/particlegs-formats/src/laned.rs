@@ -1,25 +1,25 @@
 //! One kind of particles whose fields lie at equal distances in stretches of a file: NumPy's
 //! arrays and archives, records of splats.
 
-use crate::affine::{Affine, Moved};
+use crate::affine::{Affine, AffinePiece};
 use crate::axes::axes;
-use crate::pieces::{Piece, PieceReader};
-use crate::stored::Stored;
+use crate::pieces::{ParticlePiece, PieceReader};
+use crate::stored::StoredBytes;
 use crate::streamed::{StreamColumn, StreamReader};
-use crate::strided::{Kind, Lane, Strided};
-use crate::{Choice, Description, Field, Mass, Snapshot};
+use crate::strided::{NumberType, StridedColumn, StridedParticles};
+use crate::{Choice, Description, Snapshot, SpeciesField, SpeciesMass};
 use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Remedy, Result};
 
 /// Where a field lies.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LanedField {
+pub struct ColumnarField {
     /// Its name.
     pub name: String,
     /// Type as text.
     pub kind_name: String,
     /// Type where it can be read as numbers.
-    pub kind: Option<Kind>,
+    pub kind: Option<NumberType>,
     /// Byte order.
     pub big_endian: bool,
     /// Numbers a particle.
@@ -38,16 +38,16 @@ pub struct LanedField {
     pub offset_step: u64,
 }
 
-impl LanedField {
+impl ColumnarField {
     /// As a description has it.
-    pub fn described(&self) -> Field {
-        Field { name: self.name.clone(), kind: self.kind_name.clone(), components: self.components, unit: None }
+    pub fn described(&self) -> SpeciesField {
+        SpeciesField { name: self.name.clone(), kind: self.kind_name.clone(), components: self.components, unit: None }
     }
 
     /// A component as a column; `None` where it is not a number or would lie beyond any file.
     fn column(&self, component: u32) -> Option<StreamColumn> {
         let at = |start: u64, step: u64| step.checked_mul(component.into()).and_then(|s| s.checked_add(start));
-        let lane = Lane {
+        let lane = StridedColumn {
             offset: at(self.offset, self.offset_step)?,
             stride: self.stride,
             kind: self.kind?,
@@ -60,20 +60,20 @@ impl LanedField {
 }
 
 /// Files of one species with such fields.
-pub struct Laned {
+pub struct ColumnarSnapshot {
     /// One species.
     pub description: Description,
     /// The file, for errors.
     pub place: String,
     /// What the fields lie in.
-    pub stored: Vec<Stored>,
+    pub stored: Vec<StoredBytes>,
     /// The species' fields, in the description's order.
-    pub fields: Vec<LanedField>,
+    pub fields: Vec<ColumnarField>,
     /// From the file's positions to world units.
     pub world: Affine,
 }
 
-impl Laned {
+impl ColumnarSnapshot {
     fn column(&self, field: &str, component: u32) -> Result<StreamColumn> {
         let found = self.fields.iter().find(|f| f.name == field);
         found.and_then(|f| f.column(component)).ok_or_else(|| {
@@ -83,24 +83,24 @@ impl Laned {
     }
 
     /// The columns where they lie uncompressed in one file.
-    fn mapped(&self, columns: &[StreamColumn], rows: u64) -> Option<Result<Strided>> {
+    fn mapped(&self, columns: &[StreamColumn], rows: u64) -> Option<Result<StridedParticles>> {
         let bytes = self.stored[columns[0].stored].plain()?.0.clone();
         let mut lanes = Vec::new();
         for column in columns {
             let stored = &self.stored[column.stored];
             let (_, start) = stored.plain()?;
-            let within = Lane { offset: column.base + column.lane.offset, ..column.lane };
+            let within = StridedColumn { offset: column.base + column.lane.offset, ..column.lane };
             if !within.fits(rows, stored.size() as usize) {
                 let what = format!("it is said to hold {rows} particles, and its data are too short");
                 return Some(Err(Error::input(&self.place, what)));
             }
-            lanes.push(Lane { offset: within.offset + start, ..within });
+            lanes.push(StridedColumn { offset: within.offset + start, ..within });
         }
-        Some(Strided::new(&self.place, bytes, rows, [lanes[0], lanes[1], lanes[2]], lanes.get(3).copied()))
+        Some(StridedParticles::new(&self.place, bytes, rows, [lanes[0], lanes[1], lanes[2]], lanes.get(3).copied()))
     }
 }
 
-impl Snapshot for Laned {
+impl Snapshot for ColumnarSnapshot {
     fn description(&self) -> &Description {
         &self.description
     }
@@ -125,7 +125,7 @@ impl Snapshot for Laned {
             columns.push(self.column(name, 0)?);
         }
         let mut meta = self.description.meta.clone();
-        if let Mass::Each(mass) = species.mass {
+        if let SpeciesMass::Each(mass) = species.mass {
             meta.particle_mass = Some(mass);
         }
         let world = if choice.as_stored { Affine::IDENTITY } else { self.world };
@@ -133,9 +133,9 @@ impl Snapshot for Laned {
             Some(strided) => {
                 let inner = strided?;
                 let moved = world != Affine::IDENTITY;
-                let piece: Box<dyn Piece> = match moved {
+                let piece: Box<dyn ParticlePiece> = match moved {
                     false => Box::new(inner),
-                    true => Box::new(Moved { wide: inner.is_wide(), inner: Box::new(inner), by: world }),
+                    true => Box::new(AffinePiece { wide: inner.is_wide(), inner: Box::new(inner), by: world }),
                 };
                 Ok(Box::new(PieceReader::new(meta, vec![piece], weight.is_some())?))
             }

@@ -8,14 +8,14 @@ use std::ops::Range;
 
 /// Rows as numbers, before they become f32 about an origin; the reader owns and reuses them.
 #[derive(Default)]
-pub struct Rows {
+pub struct RowBuffer {
     /// x, y, z, world units.
     pub position: [Vec<f64>; 3],
     /// Weights; empty without.
     pub weight: Vec<f64>,
 }
 
-impl Rows {
+impl RowBuffer {
     pub(crate) fn clear(&mut self) {
         self.position.iter_mut().for_each(Vec::clear);
         self.weight.clear();
@@ -23,7 +23,7 @@ impl Rows {
 }
 
 /// A stretch of particles in a file: one file of several, one rank, one array.
-pub trait Piece: Send + Sync {
+pub trait ParticlePiece: Send + Sync {
     /// Particles.
     fn rows(&self) -> u64;
     /// Are positions stored with more digits than f32 has?
@@ -32,7 +32,7 @@ pub trait Piece: Send + Sync {
     ///
     /// # Errors
     /// Where the bytes cannot be decoded.
-    fn read(&self, rows: Range<u64>, out: &mut Rows) -> Result<()>;
+    fn read(&self, rows: Range<u64>, out: &mut RowBuffer) -> Result<()>;
     /// The particles where they lie as f32 columns or triples in a mapped file.
     fn in_place(&self) -> Option<InPlace> {
         None
@@ -42,7 +42,7 @@ pub trait Piece: Send + Sync {
 /// Pieces one after the other, read as one snapshot.
 pub struct PieceReader {
     meta: SnapshotMeta,
-    pieces: Vec<Box<dyn Piece>>,
+    pieces: Vec<Box<dyn ParticlePiece>>,
     /// Particles before each piece, and in all.
     starts: Vec<u64>,
     weighted: bool,
@@ -55,14 +55,14 @@ impl PieceReader {
     ///
     /// # Errors
     /// Those of reading a sample of each piece; [`Error::Input`] where the rows overflow.
-    pub fn new(meta: SnapshotMeta, pieces: Vec<Box<dyn Piece>>, weighted: bool) -> Result<Self> {
+    pub fn new(meta: SnapshotMeta, pieces: Vec<Box<dyn ParticlePiece>>, weighted: bool) -> Result<Self> {
         let mut starts = vec![0u64];
         for piece in &pieces {
             let before = starts[starts.len() - 1];
             let after = before.checked_add(piece.rows()).filter(|&n| n <= i64::MAX as u64 / 16);
             starts.push(after.ok_or_else(|| Error::input(&meta.name, "more particles than can be counted"))?);
         }
-        let mut sample = Rows::default();
+        let mut sample = RowBuffer::default();
         for piece in pieces.iter().filter(|p| p.is_wide() && p.rows() > 0) {
             // From four places: files are often sorted in space.
             const SAMPLE: u64 = 1024;
@@ -79,7 +79,7 @@ impl PieceReader {
     }
 
     /// Appends particles `rows` to `out`, whatever the pieces.
-    fn gather(&self, rows: Range<u64>, out: &mut Rows) -> Result<()> {
+    fn gather(&self, rows: Range<u64>, out: &mut RowBuffer) -> Result<()> {
         let mut index = self.starts.partition_point(|&s| s <= rows.start).saturating_sub(1);
         while index < self.pieces.len() && self.starts[index] < rows.end {
             let (start, end) = (self.starts[index], self.starts[index + 1]);
@@ -118,8 +118,8 @@ impl SnapshotReader for PieceReader {
         progress: &dyn Progress,
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()> {
-        let scratch = parallel::Scratch::<(Rows, [Vec<f32>; 4])>::default();
-        let read = |run: u64, (rows, columns): &mut (Rows, [Vec<f32>; 4])| {
+        let scratch = parallel::Scratch::<(RowBuffer, [Vec<f32>; 4])>::default();
+        let read = |run: u64, (rows, columns): &mut (RowBuffer, [Vec<f32>; 4])| {
             progress.check()?;
             let start = run * RUN as u64;
             let end = self.count().min(start + RUN as u64);
@@ -140,7 +140,7 @@ impl SnapshotReader for PieceReader {
     }
 
     fn read_wide(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, [&[f64]; 3]) -> Result<()>) -> Result<()> {
-        let mut rows = Rows::default();
+        let mut rows = RowBuffer::default();
         for run in runs {
             rows.clear();
             let start = run * RUN as u64;

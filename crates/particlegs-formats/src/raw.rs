@@ -1,6 +1,6 @@
 //! Raw float32 columns: a folder with xx.f32, yy.f32, zz.f32, or those files. Their layers are species.
 
-use crate::{Choice, Description, Field, Mass, Snapshot, Species, Weights};
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, Weights};
 use particlegs::model::{self, Layer};
 use particlegs::particles::{Particles, SnapshotReader};
 use particlegs::{Error, Result};
@@ -11,7 +11,7 @@ const POSITIONS: &str = "xx,yy,zz";
 const WEIGHTS: &str = "ww";
 
 /// Mapped columns.
-struct Raw {
+struct RawSnapshot {
     description: Description,
     particles: Particles,
 }
@@ -38,19 +38,19 @@ pub fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
         species: particles.layers().iter().map(|l| species(l, particles.weights().is_some())).collect(),
         ..Description::default()
     };
-    Ok(Box::new(Raw { description, particles }))
+    Ok(Box::new(RawSnapshot { description, particles }))
 }
 
 fn species(layer: &Layer<Range<usize>>, weights: bool) -> Species {
-    let scalar = |name: &str| Field { name: name.into(), kind: "f32".into(), components: 1, unit: None };
+    let scalar = |name: &str| SpeciesField { name: name.into(), kind: "f32".into(), components: 1, unit: None };
     Species {
         name: layer.name.clone(),
         aliases: Vec::new(),
         count: layer.content.len() as u64,
         mass: match layer.mass {
-            model::Mass::Weights(_) => Mass::Field(WEIGHTS.into()),
-            model::Mass::Each(m) => Mass::Each(m),
-            model::Mass::Unknown => Mass::Unknown,
+            model::Mass::Weights(_) => SpeciesMass::Field(WEIGHTS.into()),
+            model::Mass::Each(m) => SpeciesMass::Each(m),
+            model::Mass::Unknown => SpeciesMass::Unknown,
         },
         positions: POSITIONS.into(),
         fields: POSITIONS.split(',').chain(weights.then_some(WEIGHTS)).map(scalar).collect(),
@@ -65,7 +65,7 @@ fn counted(particles: Particles) -> Particles {
     particles.without_weights().with_layers(if one_kind { Vec::new() } else { layers })
 }
 
-impl Raw {
+impl RawSnapshot {
     /// The columns with the weights chosen, or none: there are no other fields to choose.
     fn with(&self, choice: &Choice) -> Result<Particles> {
         if let Some(name) = choice.positions.as_deref().filter(|name| *name != POSITIONS) {
@@ -83,7 +83,7 @@ impl Raw {
     }
 }
 
-impl Snapshot for Raw {
+impl Snapshot for RawSnapshot {
     fn description(&self) -> &Description {
         &self.description
     }

@@ -1,8 +1,8 @@
 //! Which format a file has: by its content, or by name.
 
-use crate::compressed::Compression;
+use crate::compressed::FileCompression;
 use crate::foreign::foreign_of;
-use crate::{Choice, Kind, Snapshot};
+use crate::{Choice, PathKind, Snapshot};
 use particlegs::{Error, Remedy, Result};
 use particlegs_files::input::{Source, Spooled, open_file};
 use std::io::Read;
@@ -15,7 +15,7 @@ pub struct Format {
     /// What it is called among people.
     pub title: &'static str,
     /// Does a file that begins so have it? Formats are asked in the order of [`FORMATS`].
-    pub(crate) detect: fn(&Head) -> bool,
+    pub(crate) detect: fn(&FileHead) -> bool,
     /// Opens files, the first of which has it.
     pub(crate) open: fn(&[PathBuf], &Choice) -> Result<Box<dyn Snapshot>>,
 }
@@ -39,13 +39,13 @@ pub(crate) static FORMATS: &[Format] = &[
 ];
 
 /// The beginning of a file.
-pub(crate) struct Head {
+pub(crate) struct FileHead {
     /// The file.
     pub path: PathBuf,
     /// Its length in bytes.
     pub length: u64,
     /// How it is compressed.
-    pub compression: Option<Compression>,
+    pub compression: Option<FileCompression>,
     /// Its first bytes as they are, at most 64 KiB.
     pub bytes: Vec<u8>,
     /// Its first bytes, decompressed where it is compressed, at most 64 KiB.
@@ -57,40 +57,40 @@ const HEAD: usize = 1 << 16;
 /// Bytes of a compressed file that detection reads: a block of bzip2 is whole in fewer.
 const LOOKED_AT: usize = 2 << 20;
 
-impl Head {
+impl FileHead {
     /// Reads it.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Input`] for what is no file, and for an empty one.
-    pub fn read(path: &Path) -> Result<Head> {
+    pub fn read(path: &Path) -> Result<FileHead> {
         let fail = |e| Error::io(path, e);
         let (mut file, length) = open_file(path)?;
         let mut bytes = Vec::new();
         (&mut file).take(HEAD as u64).read_to_end(&mut bytes).map_err(fail)?;
-        if Compression::of(&bytes).is_some() {
+        if FileCompression::of(&bytes).is_some() {
             file.take((LOOKED_AT - HEAD) as u64).read_to_end(&mut bytes).map_err(fail)?;
         }
-        Head::of(path, length, bytes)
+        FileHead::of(path, length, bytes)
     }
 
     /// Of a file's first bytes, at most 2 MiB; `path` is how messages name it.
     ///
     /// # Errors
     /// [`Error::Input`] for an empty file.
-    pub fn of(path: &Path, length: u64, mut bytes: Vec<u8>) -> Result<Head> {
+    pub fn of(path: &Path, length: u64, mut bytes: Vec<u8>) -> Result<FileHead> {
         if bytes.is_empty() {
             return Err(Error::input(path, "the file is empty"));
         }
-        let compression = Compression::of(&bytes);
+        let compression = FileCompression::of(&bytes);
         let content = compression.map(|c| decompressed(&bytes, c));
         bytes.truncate(HEAD);
         let content = content.unwrap_or_else(|| bytes.clone());
-        Ok(Head { path: path.to_path_buf(), length, compression, bytes, content })
+        Ok(FileHead { path: path.to_path_buf(), length, compression, bytes, content })
     }
 }
 
 /// As much as the first bytes give; a broken stream is found when it is read.
-fn decompressed(bytes: &[u8], compression: Compression) -> Vec<u8> {
+fn decompressed(bytes: &[u8], compression: FileCompression) -> Vec<u8> {
     let mut content = Vec::new();
     if let Ok(decoder) = compression.decoder(std::io::Cursor::new(bytes.to_vec())) {
         let _ = decoder.take(HEAD as u64).read_to_end(&mut content);
@@ -104,7 +104,7 @@ fn decompressed(bytes: &[u8], compression: Compression) -> Vec<u8> {
 /// As [`detect`], unless `options` name a format; those of [`Spooled::of`].
 pub(crate) fn spool(mut source: Source<'_>, options: &Choice) -> Result<Spooled> {
     let bytes = source.peek(LOOKED_AT)?.to_vec();
-    let head = Head::of(Path::new(source.place()), u64::MAX, bytes)?;
+    let head = FileHead::of(Path::new(source.place()), u64::MAX, bytes)?;
     match &options.format {
         None => known(&head).map(drop)?,
         // Not all of an endless device for a format that it is not in; a table may begin with anything.
@@ -121,14 +121,14 @@ pub(crate) fn spool(mut source: Source<'_>, options: &Choice) -> Result<Spooled>
 /// # Errors
 /// [`Error::Input`] where none fits; [`Error::Io`].
 pub(crate) fn detect(path: &Path) -> Result<&'static Format> {
-    known(&Head::read(path)?)
+    known(&FileHead::read(path)?)
 }
 
-fn known(head: &Head) -> Result<&'static Format> {
+fn known(head: &FileHead) -> Result<&'static Format> {
     let path = &head.path;
-    match Kind::of_head(head) {
-        Kind::Snapshot(format) => Ok(format),
-        Kind::Unknown => Err(match foreign_of(head) {
+    match PathKind::of_head(head) {
+        PathKind::Snapshot(format) => Ok(format),
+        PathKind::Unknown => Err(match foreign_of(head) {
             Some(foreign) => {
                 Error::input_with(path, format!("{}, which is not read", foreign.title), foreign.remedy(path))
             }
@@ -142,7 +142,7 @@ fn known(head: &Head) -> Result<&'static Format> {
 }
 
 /// The first format that takes a file to be its own.
-pub(crate) fn format_of(head: &Head) -> Option<&'static Format> {
+pub(crate) fn format_of(head: &FileHead) -> Option<&'static Format> {
     FORMATS.iter().find(|f| (f.detect)(head))
 }
 

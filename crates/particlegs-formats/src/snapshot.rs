@@ -46,7 +46,7 @@ pub struct Description {
     /// What kinds of particles there are; those without particles are left out.
     pub species: Vec<Species>,
     /// Frames, where the format can hold several.
-    pub frames: Option<Frames>,
+    pub frames: Option<TrajectoryFrames>,
     /// What a user should know: features not read, values that contradict each other.
     pub notes: Vec<String>,
 }
@@ -58,7 +58,7 @@ fn paths_as_text<S: serde::Serializer>(paths: &[PathBuf], to: S) -> std::result:
 
 /// Frames of a trajectory.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
-pub struct Frames {
+pub struct TrajectoryFrames {
     /// How many the file holds.
     pub count: u64,
     /// The one described and read, from 0.
@@ -67,7 +67,7 @@ pub struct Frames {
     pub step: Option<i64>,
 }
 
-impl Frames {
+impl TrajectoryFrames {
     /// What they say of the moment: the frame where there are several to choose from, and the step.
     pub(crate) fn epoch(&self) -> Epoch {
         Epoch { frame: (self.count > 1).then_some(self.chosen), step: self.step, ..Epoch::default() }
@@ -84,17 +84,17 @@ pub struct Species {
     /// Number of particles.
     pub count: u64,
     /// Their masses.
-    pub mass: Mass,
+    pub mass: SpeciesMass,
     /// Name of the field that holds positions unless another is chosen.
     pub positions: String,
     /// All fields.
-    pub fields: Vec<Field>,
+    pub fields: Vec<SpeciesField>,
 }
 
 /// Masses of a species.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Mass {
+pub enum SpeciesMass {
     /// The file does not say.
     #[default]
     Unknown,
@@ -106,7 +106,7 @@ pub enum Mass {
 
 /// A column of a species.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Field {
+pub struct SpeciesField {
     /// Name as the file has it.
     pub name: String,
     /// Type of its numbers, e.g. `f32`, `i64`, `text`.
@@ -139,7 +139,7 @@ impl Species {
         match weights {
             Weights::None => Ok(None),
             Weights::Auto => Ok(match &self.mass {
-                Mass::Field(name) => Some(name.clone()),
+                SpeciesMass::Field(name) => Some(name.clone()),
                 _ => None,
             }),
             Weights::Field(name) => match self.fields.iter().find(|f| f.name == *name && f.components == 1) {
@@ -159,18 +159,18 @@ impl Species {
     }
 
     /// What a field is as weights; the field of masses is that by any name.
-    fn weight_kind(&self, field: &Field) -> WeightKind {
+    fn weight_kind(&self, field: &SpeciesField) -> WeightKind {
         match &self.mass {
-            Mass::Field(masses) if *masses == field.name => WeightKind::Mass,
+            SpeciesMass::Field(masses) if *masses == field.name => WeightKind::Mass,
             _ => WeightKind::of(&field.name, field.unit.as_deref()),
         }
     }
 
     /// The field of weights that `weights` choose, where it is not that of the species' masses, and what it is.
-    pub(crate) fn other_weights(&self, weights: &Weights) -> Option<(&Field, WeightKind)> {
+    pub(crate) fn other_weights(&self, weights: &Weights) -> Option<(&SpeciesField, WeightKind)> {
         let Weights::Field(name) = weights else { return None };
         let field = self.fields.iter().find(|f| f.name == *name)?;
-        (self.mass != Mass::Field(name.clone())).then(|| (field, self.weight_kind(field)))
+        (self.mass != SpeciesMass::Field(name.clone())).then(|| (field, self.weight_kind(field)))
     }
 
     /// The error for a field that `name` asks for and the species has not.

@@ -6,7 +6,7 @@ use std::io::{Error, ErrorKind, Read, Result};
 
 /// How a stretch is compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Coding {
+pub enum StreamCoding {
     /// Not at all.
     Plain,
     /// A bare deflate stream whose content has this CRC-32.
@@ -23,28 +23,28 @@ pub enum Coding {
 /// Memory that a Zstandard frame may ask for.
 const MOST_WINDOW: u64 = 32 << 20;
 
-impl Coding {
+impl StreamCoding {
     /// Content that a compressed byte can stand for at most: claims beyond it are lies.
     fn most_ratio(self) -> u64 {
         match self {
-            Coding::Plain => 1,
-            Coding::Deflate { .. } | Coding::Gzip => 1032,
-            Coding::Zstd => 1 << 16,
+            StreamCoding::Plain => 1,
+            StreamCoding::Deflate { .. } | StreamCoding::Gzip => 1032,
+            StreamCoding::Zstd => 1 << 16,
         }
     }
 }
 
 /// A stretch of a file and the length of its content.
 #[derive(Clone)]
-pub struct Stored {
+pub struct StoredBytes {
     bytes: Bytes,
     start: usize,
     packed: usize,
     size: u64,
-    coding: Coding,
+    coding: StreamCoding,
 }
 
-impl Stored {
+impl StoredBytes {
     /// `packed` bytes from byte `start` of `bytes`, which stand for `size`. Gzip's content may be
     /// longer than `size`.
     ///
@@ -55,17 +55,17 @@ impl Stored {
         start: u64,
         packed: u64,
         size: u64,
-        coding: Coding,
-    ) -> std::result::Result<Stored, String> {
+        coding: StreamCoding,
+    ) -> std::result::Result<StoredBytes, String> {
         let end = start.checked_add(packed).filter(|&end| end <= bytes.len() as u64);
         if end.is_none() {
             return Err(format!("{packed} bytes at byte {start} end beyond the file's {} bytes", bytes.len()));
         }
         let most = packed.saturating_mul(coding.most_ratio());
-        if coding == Coding::Plain && size != packed || size > most.saturating_add(1024) {
+        if coding == StreamCoding::Plain && size != packed || size > most.saturating_add(1024) {
             return Err(format!("{packed} bytes cannot hold the {size} that are promised"));
         }
-        Ok(Stored { bytes, start: start as usize, packed: packed as usize, size, coding })
+        Ok(StoredBytes { bytes, start: start as usize, packed: packed as usize, size, coding })
     }
 
     /// Bytes of content.
@@ -75,7 +75,7 @@ impl Stored {
 
     /// The file, and where the content lies in it, where it is not compressed.
     pub fn plain(&self) -> Option<(&Bytes, u64)> {
-        (self.coding == Coding::Plain).then_some((&self.bytes, self.start as u64))
+        (self.coding == StreamCoding::Plain).then_some((&self.bytes, self.start as u64))
     }
 
     /// The content from its beginning. Reading ends with an error where the content is shorter
@@ -83,27 +83,27 @@ impl Stored {
     pub fn open(&self) -> Result<Box<dyn Read + Send + '_>> {
         let packed = &self.bytes[self.start..self.start + self.packed];
         let (inner, crc): (Box<dyn Read + Send + '_>, _) = match self.coding {
-            Coding::Plain => return Ok(Box::new(packed)),
-            Coding::Deflate { crc } => (Box::new(flate2::bufread::DeflateDecoder::new(packed)), Some(crc)),
-            Coding::Gzip => (Box::new(flate2::bufread::MultiGzDecoder::new(packed)), None),
-            Coding::Zstd => {
+            StreamCoding::Plain => return Ok(Box::new(packed)),
+            StreamCoding::Deflate { crc } => (Box::new(flate2::bufread::DeflateDecoder::new(packed)), Some(crc)),
+            StreamCoding::Gzip => (Box::new(flate2::bufread::MultiGzDecoder::new(packed)), None),
+            StreamCoding::Zstd => {
                 let inner = ruzstd::decoding::StreamingDecoder::new_with_max_window_size(packed, MOST_WINDOW);
                 (Box::new(inner.map_err(Error::other)?), None)
             }
         };
-        Ok(Box::new(Whole { inner, left: self.size, crc, sum: Crc::new() }))
+        Ok(Box::new(CompleteReader { inner, left: self.size, crc, sum: Crc::new() }))
     }
 }
 
 /// A stream that must not end before its content is complete.
-struct Whole<'a> {
+struct CompleteReader<'a> {
     inner: Box<dyn Read + Send + 'a>,
     left: u64,
     crc: Option<u32>,
     sum: Crc,
 }
 
-impl Read for Whole<'_> {
+impl Read for CompleteReader<'_> {
     fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
         if buffer.is_empty() {
             return Ok(0);
@@ -144,7 +144,8 @@ mod tests {
         sum.update(&content);
         let bytes = Bytes::Owned(Arc::new(packed.clone()));
         let read = |size: u64, crc| {
-            let stored = Stored::new(bytes.clone(), 0, packed.len() as u64, size, Coding::Deflate { crc }).unwrap();
+            let stored =
+                StoredBytes::new(bytes.clone(), 0, packed.len() as u64, size, StreamCoding::Deflate { crc }).unwrap();
             let mut out = Vec::new();
             stored.open().and_then(|mut s| s.read_to_end(&mut out)).map(|_| out)
         };
@@ -153,9 +154,9 @@ mod tests {
         assert!(read(size, 1).is_err());
         assert!(read(size + 1, sum.sum()).is_err());
         assert!(read(size - 1, sum.sum()).is_err());
-        let coding = Coding::Deflate { crc: 0 };
-        assert!(Stored::new(bytes.clone(), 0, packed.len() as u64 + 1, size, coding).is_err());
-        assert!(Stored::new(bytes.clone(), u64::MAX, 2, size, coding).is_err());
-        assert!(Stored::new(bytes, 0, 10, 1 << 20, coding).is_err());
+        let coding = StreamCoding::Deflate { crc: 0 };
+        assert!(StoredBytes::new(bytes.clone(), 0, packed.len() as u64 + 1, size, coding).is_err());
+        assert!(StoredBytes::new(bytes.clone(), u64::MAX, 2, size, coding).is_err());
+        assert!(StoredBytes::new(bytes, 0, 10, 1 << 20, coding).is_err());
     }
 }

@@ -1,9 +1,9 @@
 //! Particles in compressed data, which can only be read in order.
 
 use crate::affine::Affine;
-use crate::pieces::{Rows, origin_of};
-use crate::stored::Stored;
-use crate::strided::Lane;
+use crate::pieces::{RowBuffer, origin_of};
+use crate::stored::StoredBytes;
+use crate::strided::StridedColumn;
 use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
@@ -19,24 +19,24 @@ pub struct StreamColumn {
     /// Byte of the first record.
     pub base: u64,
     /// Where in the record.
-    pub lane: Lane,
+    pub lane: StridedColumn,
 }
 
 /// Columns of the same records: read by one pass.
-struct Group {
+struct RecordGroup {
     stored: usize,
     base: u64,
     stride: u64,
     /// Which column (x, y, z, weight) and where in the record.
-    lanes: Vec<(usize, Lane)>,
+    lanes: Vec<(usize, StridedColumn)>,
 }
 
 /// Reads columns of compressed stretches in lockstep, in memory of some megabytes.
 pub struct StreamReader {
     meta: SnapshotMeta,
     place: String,
-    stored: Vec<Stored>,
-    groups: Vec<Group>,
+    stored: Vec<StoredBytes>,
+    groups: Vec<RecordGroup>,
     count: u64,
     weighted: bool,
     world: Affine,
@@ -54,23 +54,23 @@ impl StreamReader {
     pub fn new(
         meta: SnapshotMeta,
         place: &str,
-        stored: Vec<Stored>,
+        stored: Vec<StoredBytes>,
         columns: &[StreamColumn],
         count: u64,
         world: Affine,
     ) -> Result<Self> {
-        let mut groups: Vec<Group> = Vec::new();
+        let mut groups: Vec<RecordGroup> = Vec::new();
         for (which, column) in columns.iter().enumerate() {
             let lane = column.lane;
-            let absolute = Lane { offset: lane.offset.saturating_add(column.base), ..lane };
+            let absolute = StridedColumn { offset: lane.offset.saturating_add(column.base), ..lane };
             let inside = lane.offset.checked_add(lane.kind.bytes()).is_some_and(|end| end <= lane.stride);
             if !inside || lane.stride > BLOCK as u64 || !absolute.fits(count, stored[column.stored].size() as usize) {
                 return Err(Error::input(place, format!("it is said to hold {count} particles, and is too short")));
             }
-            let same = |g: &&mut Group| (g.stored, g.base, g.stride) == (column.stored, column.base, lane.stride);
+            let same = |g: &&mut RecordGroup| (g.stored, g.base, g.stride) == (column.stored, column.base, lane.stride);
             match groups.iter_mut().find(same) {
                 Some(group) => group.lanes.push((which, lane)),
-                None => groups.push(Group {
+                None => groups.push(RecordGroup {
                     stored: column.stored,
                     base: column.base,
                     stride: lane.stride,
@@ -83,7 +83,7 @@ impl StreamReader {
         let mut reader =
             StreamReader { meta, place: place.into(), stored, groups, count, weighted, world, origin: [0.0; 3] };
         if wide {
-            let mut rows = Rows::default();
+            let mut rows = RowBuffer::default();
             let n = count.min(RUN as u64);
             for mut cursor in reader.cursors(0)? {
                 cursor.fill(n, &mut rows).map_err(|e| reader.broken(e))?;
@@ -102,7 +102,7 @@ impl StreamReader {
     /// One cursor a group, at row `row`.
     fn cursors(&self, row: u64) -> Result<Vec<Cursor<'_>>> {
         let open = |group| -> std::io::Result<Cursor<'_>> {
-            let group: &Group = group;
+            let group: &RecordGroup = group;
             let mut stream = self.stored[group.stored].open()?;
             let skip = group.base + row * group.stride;
             std::io::copy(&mut (&mut stream).take(skip), &mut std::io::sink())?;
@@ -115,13 +115,13 @@ impl StreamReader {
 /// A group being read.
 struct Cursor<'a> {
     stream: Box<dyn Read + Send + 'a>,
-    group: &'a Group,
+    group: &'a RecordGroup,
     block: Vec<u8>,
 }
 
 impl Cursor<'_> {
     /// Appends the next `rows` rows.
-    fn fill(&mut self, mut rows: u64, out: &mut Rows) -> std::io::Result<()> {
+    fn fill(&mut self, mut rows: u64, out: &mut RowBuffer) -> std::io::Result<()> {
         let stride = self.group.stride.max(1);
         while rows > 0 {
             let n = rows.min((BLOCK as u64 / stride).max(1));
@@ -195,12 +195,12 @@ impl SnapshotReader for StreamReader {
 
 impl StreamReader {
     /// Hands over the rows of every run of `runs`, in order.
-    fn rows(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, &Rows) -> Result<()>) -> Result<()> {
+    fn rows(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, &RowBuffer) -> Result<()>) -> Result<()> {
         if runs.is_empty() {
             return Ok(());
         }
         let mut cursors = self.cursors(runs.start * RUN as u64)?;
-        let mut rows = Rows::default();
+        let mut rows = RowBuffer::default();
         for run in runs.clone() {
             let start = run * RUN as u64;
             let n = self.count.min(start + RUN as u64) - start;

@@ -1,6 +1,6 @@
 //! Numbers that lie at equal distances in a file: most binary formats.
 
-use crate::pieces::{Piece, Rows};
+use crate::pieces::{ParticlePiece, RowBuffer};
 use memmap2::Mmap;
 use particlegs::particles::{Column, InPlace, Positions};
 use particlegs::{Error, Result};
@@ -32,7 +32,7 @@ impl Deref for Bytes {
 
 /// Types of numbers in files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum NumberType {
     /// IEEE 754, 2 bytes.
     F16,
     /// IEEE 754, 4 bytes.
@@ -61,48 +61,48 @@ pub enum Kind {
     B64,
 }
 
-impl Kind {
+impl NumberType {
     /// Bytes of a number.
     pub fn bytes(self) -> u64 {
         match self {
-            Kind::I8 | Kind::U8 => 1,
-            Kind::F16 | Kind::I16 | Kind::U16 => 2,
-            Kind::I24 => 3,
-            Kind::F32 | Kind::I32 | Kind::U32 => 4,
-            Kind::F64 | Kind::I64 | Kind::U64 | Kind::B64 => 8,
+            NumberType::I8 | NumberType::U8 => 1,
+            NumberType::F16 | NumberType::I16 | NumberType::U16 => 2,
+            NumberType::I24 => 3,
+            NumberType::F32 | NumberType::I32 | NumberType::U32 => 4,
+            NumberType::F64 | NumberType::I64 | NumberType::U64 | NumberType::B64 => 8,
         }
     }
 
-    /// Name as [`crate::Field::kind`] has it.
+    /// Name as [`crate::SpeciesField::kind`] has it.
     pub fn name(self) -> &'static str {
         match self {
-            Kind::F16 => "f16",
-            Kind::F32 => "f32",
-            Kind::F64 => "f64",
-            Kind::I8 => "i8",
-            Kind::I16 => "i16",
-            Kind::I24 => "i24",
-            Kind::I32 => "i32",
-            Kind::I64 => "i64",
-            Kind::U8 => "u8",
-            Kind::U16 => "u16",
-            Kind::U32 => "u32",
-            Kind::U64 => "u64",
-            Kind::B64 => "bits",
+            NumberType::F16 => "f16",
+            NumberType::F32 => "f32",
+            NumberType::F64 => "f64",
+            NumberType::I8 => "i8",
+            NumberType::I16 => "i16",
+            NumberType::I24 => "i24",
+            NumberType::I32 => "i32",
+            NumberType::I64 => "i64",
+            NumberType::U8 => "u8",
+            NumberType::U16 => "u16",
+            NumberType::U32 => "u32",
+            NumberType::U64 => "u64",
+            NumberType::B64 => "bits",
         }
     }
 
     /// The same, or the bits of whole numbers that f64 cannot hold.
-    pub fn stored(self, as_stored: bool) -> Kind {
+    pub fn stored(self, as_stored: bool) -> NumberType {
         match self {
-            Kind::I64 | Kind::U64 if as_stored => Kind::B64,
+            NumberType::I64 | NumberType::U64 if as_stored => NumberType::B64,
             other => other,
         }
     }
 
     /// Can f32 not hold all its values?
     pub fn is_wide(self) -> bool {
-        matches!(self, Kind::F64 | Kind::I32 | Kind::U32 | Kind::I64 | Kind::U64)
+        matches!(self, NumberType::F64 | NumberType::I32 | NumberType::U32 | NumberType::I64 | NumberType::U64)
     }
 
     /// The number at the beginning of `bytes`, which holds it.
@@ -115,19 +115,19 @@ impl Kind {
         }
         let four = [raw[0], raw[1], raw[2], raw[3]];
         match self {
-            Kind::F16 => half(u16::from_le_bytes([raw[0], raw[1]])),
-            Kind::I24 => f64::from(i32::from_le_bytes([0, raw[0], raw[1], raw[2]]) >> 8),
-            Kind::F32 => f64::from(f32::from_le_bytes(four)),
-            Kind::F64 => f64::from_le_bytes(raw),
-            Kind::I8 => f64::from(raw[0] as i8),
-            Kind::U8 => f64::from(raw[0]),
-            Kind::I16 => f64::from(i16::from_le_bytes([raw[0], raw[1]])),
-            Kind::U16 => f64::from(u16::from_le_bytes([raw[0], raw[1]])),
-            Kind::I32 => f64::from(i32::from_le_bytes(four)),
-            Kind::U32 => f64::from(u32::from_le_bytes(four)),
-            Kind::I64 => i64::from_le_bytes(raw) as f64,
-            Kind::U64 => u64::from_le_bytes(raw) as f64,
-            Kind::B64 => f64::from_bits(u64::from_le_bytes(raw)),
+            NumberType::F16 => half(u16::from_le_bytes([raw[0], raw[1]])),
+            NumberType::I24 => f64::from(i32::from_le_bytes([0, raw[0], raw[1], raw[2]]) >> 8),
+            NumberType::F32 => f64::from(f32::from_le_bytes(four)),
+            NumberType::F64 => f64::from_le_bytes(raw),
+            NumberType::I8 => f64::from(raw[0] as i8),
+            NumberType::U8 => f64::from(raw[0]),
+            NumberType::I16 => f64::from(i16::from_le_bytes([raw[0], raw[1]])),
+            NumberType::U16 => f64::from(u16::from_le_bytes([raw[0], raw[1]])),
+            NumberType::I32 => f64::from(i32::from_le_bytes(four)),
+            NumberType::U32 => f64::from(u32::from_le_bytes(four)),
+            NumberType::I64 => i64::from_le_bytes(raw) as f64,
+            NumberType::U64 => u64::from_le_bytes(raw) as f64,
+            NumberType::B64 => f64::from_bits(u64::from_le_bytes(raw)),
         }
     }
 }
@@ -146,18 +146,18 @@ fn half(bits: u16) -> f64 {
 
 /// Where a column's numbers lie: the i-th at byte `offset + i * stride`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Lane {
+pub struct StridedColumn {
     /// Byte of the first.
     pub offset: u64,
     /// Bytes from one to the next.
     pub stride: u64,
     /// Their type.
-    pub kind: Kind,
+    pub kind: NumberType,
     /// Their byte order.
     pub big_endian: bool,
 }
 
-impl Lane {
+impl StridedColumn {
     /// Does a lane of `rows` numbers end within `length` bytes?
     pub fn fits(&self, rows: u64, length: usize) -> bool {
         let last = rows.saturating_sub(1).checked_mul(self.stride).and_then(|b| b.checked_add(self.offset));
@@ -169,7 +169,7 @@ impl Lane {
         let at = |i: u64| &bytes[(self.offset + i * self.stride) as usize..];
         match (self.kind, self.big_endian) {
             // The common one, without a match a number.
-            (Kind::F32, false) => {
+            (NumberType::F32, false) => {
                 out.extend(rows.map(|i| {
                     let b = at(i);
                     f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
@@ -181,21 +181,27 @@ impl Lane {
 }
 
 /// Positions and perhaps weights at equal distances.
-pub struct Strided {
+pub struct StridedParticles {
     bytes: Bytes,
     rows: u64,
-    axes: [Lane; 3],
-    weight: Option<Lane>,
+    axes: [StridedColumn; 3],
+    weight: Option<StridedColumn>,
 }
 
-impl Strided {
+impl StridedParticles {
     /// `rows` particles in `bytes`. `place` names the file in errors.
     ///
     /// # Errors
     /// [`Error::Input`] where a lane ends beyond the bytes.
-    pub fn new(place: &str, bytes: Bytes, rows: u64, axes: [Lane; 3], weight: Option<Lane>) -> Result<Self> {
+    pub fn new(
+        place: &str,
+        bytes: Bytes,
+        rows: u64,
+        axes: [StridedColumn; 3],
+        weight: Option<StridedColumn>,
+    ) -> Result<Self> {
         if axes.iter().chain(&weight).all(|lane| lane.fits(rows, bytes.len())) {
-            Ok(Strided { bytes, rows, axes, weight })
+            Ok(StridedParticles { bytes, rows, axes, weight })
         } else {
             let what =
                 format!("it is said to hold {rows} particles, and ends at {} bytes before the last", bytes.len());
@@ -204,7 +210,7 @@ impl Strided {
     }
 }
 
-impl Piece for Strided {
+impl ParticlePiece for StridedParticles {
     fn rows(&self) -> u64 {
         self.rows
     }
@@ -213,7 +219,7 @@ impl Piece for Strided {
         self.axes.iter().any(|lane| lane.kind.is_wide())
     }
 
-    fn read(&self, rows: Range<u64>, out: &mut Rows) -> Result<()> {
+    fn read(&self, rows: Range<u64>, out: &mut RowBuffer) -> Result<()> {
         for (lane, column) in self.axes.iter().zip(&mut out.position) {
             lane.append(&self.bytes, rows.clone(), column);
         }
@@ -226,12 +232,13 @@ impl Piece for Strided {
     /// Little-endian f32 in runs or triples, aligned, in a mapped file.
     fn in_place(&self) -> Option<InPlace> {
         let Bytes::Mapped(map) = &self.bytes else { return None };
-        let plain = |l: &Lane| l.kind == Kind::F32 && !l.big_endian && l.offset.is_multiple_of(4);
+        let plain = |l: &StridedColumn| l.kind == NumberType::F32 && !l.big_endian && l.offset.is_multiple_of(4);
         if cfg!(target_endian = "big") || !self.axes.iter().chain(&self.weight).all(plain) {
             return None;
         }
         let rows = usize::try_from(self.rows).ok()?;
-        let column = |l: &Lane, len: usize| Column::Mapped { map: map.clone(), offset: l.offset as usize, len };
+        let column =
+            |l: &StridedColumn, len: usize| Column::Mapped { map: map.clone(), offset: l.offset as usize, len };
         let [x, y, z] = &self.axes;
         let positions = if self.axes.iter().all(|l| l.stride == 4) {
             Positions::Columns([column(x, rows), column(y, rows), column(z, rows)])
@@ -254,31 +261,32 @@ mod tests {
     use super::*;
 
     /// Three lanes of interleaved x, y, z.
-    fn triples(offset: u64, kind: Kind, big_endian: bool) -> [Lane; 3] {
-        let lane = |k: u64| Lane { offset: offset + k * kind.bytes(), stride: 3 * kind.bytes(), kind, big_endian };
+    fn triples(offset: u64, kind: NumberType, big_endian: bool) -> [StridedColumn; 3] {
+        let lane =
+            |k: u64| StridedColumn { offset: offset + k * kind.bytes(), stride: 3 * kind.bytes(), kind, big_endian };
         [lane(0), lane(1), lane(2)]
     }
 
     #[test]
     fn lanes_read_every_kind_and_order() {
         let bytes = [0x3f, 0x80, 0, 0, 0xff, 0xfe];
-        assert_eq!(Kind::F32.get(&bytes, true), 1.0);
-        assert_eq!(Kind::I16.get(&bytes[4..], true), -2.0);
-        assert_eq!(Kind::U16.get(&bytes[4..], false), 65_279.0);
-        assert_eq!(Kind::U8.get(&bytes[4..], false), 255.0);
-        assert_eq!(Kind::I24.get(&[0, 0xf0, 0xff], false), -4096.0);
-        assert_eq!(Kind::I24.get(&[0, 0x10, 1], true), 4097.0);
+        assert_eq!(NumberType::F32.get(&bytes, true), 1.0);
+        assert_eq!(NumberType::I16.get(&bytes[4..], true), -2.0);
+        assert_eq!(NumberType::U16.get(&bytes[4..], false), 65_279.0);
+        assert_eq!(NumberType::U8.get(&bytes[4..], false), 255.0);
+        assert_eq!(NumberType::I24.get(&[0, 0xf0, 0xff], false), -4096.0);
+        assert_eq!(NumberType::I24.get(&[0, 0x10, 1], true), 4097.0);
         assert_eq!([0x3c00, 0xc180, 1, 0x7c00].map(half), [1.0, -2.75, 2f64.powi(-24), f64::INFINITY]);
     }
 
     #[test]
     fn what_does_not_fit_is_refused() {
         let bytes = Bytes::Owned(Arc::new(vec![0; 24]));
-        let axes = triples(0, Kind::F32, false);
-        assert!(Strided::new("a", bytes.clone(), 2, axes, None).is_ok());
-        assert!(Strided::new("a", bytes.clone(), 3, axes, None).is_err());
-        assert!(Strided::new("a", bytes.clone(), u64::MAX, axes, None).is_err());
-        let far = triples(u64::MAX - 8, Kind::F32, false);
-        assert!(Strided::new("a", bytes, 1, far, None).is_err());
+        let axes = triples(0, NumberType::F32, false);
+        assert!(StridedParticles::new("a", bytes.clone(), 2, axes, None).is_ok());
+        assert!(StridedParticles::new("a", bytes.clone(), 3, axes, None).is_err());
+        assert!(StridedParticles::new("a", bytes.clone(), u64::MAX, axes, None).is_err());
+        let far = triples(u64::MAX - 8, NumberType::F32, false);
+        assert!(StridedParticles::new("a", bytes, 1, far, None).is_err());
     }
 }

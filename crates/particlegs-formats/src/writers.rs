@@ -16,7 +16,7 @@ pub struct Writer {
     /// Endings of names that mean it.
     pub endings: &'static [&'static str],
     /// What it holds beside positions and masses.
-    holds: Holds,
+    holds: WriterCapabilities,
     /// The fields that it holds of what is kept, of each layer or of all.
     fields: fn(&Kept<'_>) -> Vec<Vec<OutField>>,
     /// Does it write a folder, not a file?
@@ -25,7 +25,7 @@ pub struct Writer {
 }
 
 /// What a format holds beside positions and masses.
-struct Holds {
+struct WriterCapabilities {
     cell: bool,
     units: bool,
     cosmology: bool,
@@ -44,7 +44,7 @@ static WRITERS: &[Writer] = &[
         name: "raw",
         title: "a folder with float32 columns and meta.json",
         endings: &[],
-        holds: Holds { cell: true, units: true, cosmology: true, time: true, step: true },
+        holds: WriterCapabilities { cell: true, units: true, cosmology: true, time: true, step: true },
         fields: none,
         folder: true,
         write: |kept, out, progress| kept.write_raw(out, RawForm::Columns, progress),
@@ -53,7 +53,7 @@ static WRITERS: &[Writer] = &[
         name: "npy",
         title: "NumPy array of shape (N, 3)",
         endings: &["npy"],
-        holds: Holds { cell: false, units: false, cosmology: false, time: false, step: false },
+        holds: WriterCapabilities { cell: false, units: false, cosmology: false, time: false, step: false },
         fields: none,
         folder: false,
         write: |kept, out, progress| kept.write_raw(out, RawForm::Npy, progress),
@@ -62,7 +62,7 @@ static WRITERS: &[Writer] = &[
         name: "hdf5",
         title: "HDF5 in the layout of Gadget-4",
         endings: &["hdf5", "h5"],
-        holds: Holds { cell: true, units: true, cosmology: true, time: true, step: false },
+        holds: WriterCapabilities { cell: true, units: true, cosmology: true, time: true, step: false },
         fields: crate::hdf5::fields,
         folder: false,
         write: crate::hdf5::write,
@@ -71,7 +71,7 @@ static WRITERS: &[Writer] = &[
         name: "vtp",
         title: "VTK PolyData (VTP)",
         endings: &["vtp"],
-        holds: Holds { cell: false, units: false, cosmology: false, time: true, step: false },
+        holds: WriterCapabilities { cell: false, units: false, cosmology: false, time: true, step: false },
         fields: crate::vtk_xml::common,
         folder: false,
         write: crate::vtk_xml::write,
@@ -80,7 +80,7 @@ static WRITERS: &[Writer] = &[
         name: "lammps",
         title: "LAMMPS text dump",
         endings: &["dump", "lammpstrj"],
-        holds: Holds { cell: true, units: false, cosmology: false, time: true, step: true },
+        holds: WriterCapabilities { cell: true, units: false, cosmology: false, time: true, step: true },
         fields: crate::lammps::write::common,
         folder: false,
         write: crate::lammps::write::write,

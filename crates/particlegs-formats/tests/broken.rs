@@ -7,7 +7,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 #[global_allocator]
-static COUNTING: support::Counting = support::Counting;
+static COUNTING: support::CountingAllocator = support::CountingAllocator;
 
 /// Those that are read: a box of 0 is none, and a header may be that of a larger snapshot, which a note says.
 const GOOD: [&str; 2] = ["hdf5_box0.hdf5", "hdf5_count_lies.hdf5"];

@@ -7,13 +7,13 @@ use particlegs::model::{Cosmology, Layer, Mass as LayerMass, Units};
 use particlegs::particles::{Column, Kept, Particles, RUN, Selection, SnapshotReader, Tiling};
 use particlegs::progress::Silent;
 use particlegs::space::Cell;
-use particlegs_formats::{Choice, Mass, Snapshot, Weights, Writer};
+use particlegs_formats::{Choice, Snapshot, SpeciesMass, Weights, Writer};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 #[global_allocator]
-static COUNTING: support::Counting = support::Counting;
+static COUNTING: support::CountingAllocator = support::CountingAllocator;
 
 /// Allocations are counted for the whole process: tests that count take turns.
 static TURN: Mutex<()> = Mutex::new(());
@@ -98,7 +98,7 @@ fn good_files_give_what_the_table_says() {
             let reader = snapshot.reader(i, &Choice::default()).unwrap();
             let (all, masses) = positions(&*reader).unwrap();
             assert_eq!(all.len() as u64, species.count, "{name}");
-            assert_eq!(reader.has_weights(), matches!(species.mass, Mass::Field(_)), "{name}");
+            assert_eq!(reader.has_weights(), matches!(species.mass, SpeciesMass::Field(_)), "{name}");
             assert!(masses.iter().all(|m| *m > 0.0), "{name}");
             for (p, q) in all.iter().zip(&first).filter(|_| i == 0) {
                 let near = (0..3).all(|k| (p[k] - q[k]).abs() <= 1e-5 * q[k].abs() + 1e-6);
@@ -209,10 +209,10 @@ fn every_layout_gives_the_same_numbers() {
                 assert_eq!((d.meta.units.length_text(), d.meta.units.comoving), (Some("Mpc"), Some(true)));
                 assert_eq!(d.meta.cell.unwrap().lengths(), Some([64.0, 64.0, 32.0]));
                 assert!(d.species[0].aliases.contains(&"dmparticles".into()));
-                assert_eq!((&d.species[0].mass, masses), (&Mass::Field("Masses".into()), vec![0.25; 100]));
+                assert_eq!((&d.species[0].mass, masses), (&SpeciesMass::Field("Masses".into()), vec![0.25; 100]));
             }
             "high_word" => assert_eq!(d.meta.units.length_text(), Some("AU")),
-            _ => assert_eq!((&d.species[0].mass, &d.meta.units.length), (&Mass::Each(2.5), &None), "{name}"),
+            _ => assert_eq!((&d.species[0].mass, &d.meta.units.length), (&SpeciesMass::Each(2.5), &None), "{name}"),
         }
         seen += 1;
     }
@@ -340,8 +340,8 @@ fn what_is_written_is_read_back_bit_for_bit() {
     assert_eq!((d.meta.units.comoving, d.meta.epoch), (Some(true), meta.epoch));
     assert_eq!(d.meta.cosmology, meta.cosmology);
     assert_eq!(d.meta.cell, meta.cell);
-    let masses: Vec<&Mass> = d.species.iter().map(|s| &s.mass).collect();
-    assert_eq!(masses, [&Mass::Field("Masses".into()), &Mass::Each(0.75), &Mass::Each(0.75)]);
+    let masses: Vec<&SpeciesMass> = d.species.iter().map(|s| &s.mass).collect();
+    assert_eq!(masses, [&SpeciesMass::Field("Masses".into()), &SpeciesMass::Each(0.75), &SpeciesMass::Each(0.75)]);
     let layers = particles.layers();
     for (species, layer) in [(0, 2), (1, 1), (2, 0)] {
         let reader = snapshot.reader(species, &Choice::default()).unwrap();

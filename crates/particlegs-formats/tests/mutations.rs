@@ -13,7 +13,7 @@ use std::sync::{Mutex, Once};
 use std::time::{Duration, Instant};
 
 #[global_allocator]
-static COUNTING: support::Counting = support::Counting;
+static COUNTING: support::CountingAllocator = support::CountingAllocator;
 
 /// No allocation may be larger.
 const MOST_BYTES: usize = 64 << 20;
@@ -57,7 +57,7 @@ fn read(path: &Path, format: &str) -> usize {
 }
 
 /// What is run through: which file, and how many cases are done and refused.
-struct Run {
+struct MutationRun {
     name: String,
     format: &'static str,
     bytes: Vec<u8>,
@@ -66,13 +66,13 @@ struct Run {
     faults: Mutex<BTreeSet<String>>,
 }
 
-impl Run {
-    fn new(path: &Path) -> Result<Run, String> {
+impl MutationRun {
+    fn new(path: &Path) -> Result<MutationRun, String> {
         let format = support::format_of(path).ok_or("no known format")?;
         support::read_everything(path, None).map_err(|e| format!("as it is: {e}"))?;
         let name = path.file_name().expect("a file").to_string_lossy().into_owned();
         let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
-        Ok(Run { name, format, bytes, done: 0.into(), refused: 0.into(), faults: Mutex::default() })
+        Ok(MutationRun { name, format, bytes, done: 0.into(), refused: 0.into(), faults: Mutex::default() })
     }
 
     fn fault(&self, what: String) {
@@ -88,7 +88,7 @@ impl Run {
         }
         support::start_counting();
         let start = Instant::now();
-        let watch = Watch::start(format!("{} {damage:?}", self.name));
+        let watch = CaseWatchdog::start(format!("{} {damage:?}", self.name));
         let result = catch_unwind(AssertUnwindSafe(|| read(path, self.format)));
         drop(watch);
         let (time, (_, largest)) = (start.elapsed(), support::counted());
@@ -139,16 +139,16 @@ impl Run {
 }
 
 /// The case that runs, while it runs: the process ends where it hangs, for nothing else would name it.
-struct Watch;
+struct CaseWatchdog;
 
 static CURRENT: Mutex<Option<(Instant, String)>> = Mutex::new(None);
 
-impl Watch {
-    fn start(case: String) -> Watch {
+impl CaseWatchdog {
+    fn start(case: String) -> CaseWatchdog {
         static DOG: Once = Once::new();
         *CURRENT.lock().expect("no thread dies") = Some((Instant::now(), case));
-        DOG.call_once(|| drop(std::thread::spawn(Watch::look)));
-        Watch
+        DOG.call_once(|| drop(std::thread::spawn(CaseWatchdog::look)));
+        CaseWatchdog
     }
 
     fn look() {
@@ -163,7 +163,7 @@ impl Watch {
     }
 }
 
-impl Drop for Watch {
+impl Drop for CaseWatchdog {
     fn drop(&mut self) {
         *CURRENT.lock().expect("no thread dies") = None;
     }
@@ -180,7 +180,7 @@ fn damage_all(files: &[PathBuf]) {
     }));
     let (mut faults, mut seen) = (Vec::new(), Vec::new());
     for path in files {
-        match Run::new(path) {
+        match MutationRun::new(path) {
             Ok(run) => {
                 let before = seen.iter().filter(|f| **f == run.format).count();
                 seen.push(run.format);

@@ -99,7 +99,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     context.reads(a.snapshots.iter().map(PathBuf::as_path), false)?;
     let kept = bench_files::folder(output, &context)?;
     let snapshots = a.open(&context)?;
-    let work = Work(&context);
+    let work = BenchProgress(&context);
     let lab = Lab::new(settings, &kept, &work)?;
     let sections = experiment_by_experiment(&chosen, &lab, &snapshots)?;
     let provenance = a.provenance(&lab, &snapshots);
@@ -111,16 +111,16 @@ pub fn run(a: &Arguments) -> Result<()> {
 /// published recipe as well, in pieces that a folder keeps.
 #[cfg(feature = "gpu")]
 fn gpu(a: &Arguments) -> Result<()> {
-    use crate::gpu_bench::{Quick, measure};
+    use crate::gpu_bench::{QuickRun, measure};
     a.refuse_for_gpu()?;
     let context = a.common.clone().start()?;
-    let (device, quick) = (a.device.open_card()?, Quick(a.quick));
+    let (device, quick) = (a.device.open_card()?, QuickRun(a.quick));
     let Some(output) = &a.output else {
         let report = measure(&device, quick, None, &context)?;
         return context.finish(&report.text(), &report);
     };
-    let settings = a.settings(Arc::new(crate::device::Card::new(Arc::clone(&device))?))?;
-    let (kept, work) = (bench_files::folder(output, &context)?, Work(&context));
+    let settings = a.settings(Arc::new(crate::device::NamedDevice::new(Arc::clone(&device))?))?;
+    let (kept, work) = (bench_files::folder(output, &context)?, BenchProgress(&context));
     context.finishes_its_steps();
     let report = measure(&device, quick, Some(&Lab::new(settings, &kept, &work)?), &context)?;
     bench_files::write_gpu(output, &report)?;
@@ -134,9 +134,9 @@ fn gpu(a: &Arguments) -> Result<()> {
 }
 
 /// The work of experiments as a user sees it: notes on single snapshots and models, hundreds of them, are not said.
-struct Work<'a>(&'a Context);
+struct BenchProgress<'a>(&'a Context);
 
-impl Progress for Work<'_> {
+impl Progress for BenchProgress<'_> {
     fn begin(&self, phase: &str, total: u64) {
         self.0.begin(phase, total);
     }

@@ -1,7 +1,7 @@
 //! `particlegs compare A B`.
 
 use crate::common::Common;
-use crate::compared::{self, Comparison};
+use crate::compared::{self, FolderComparison};
 use crate::printable::one_line;
 use clap::{Args, ValueHint};
 use particlegs::progress::Progress;
@@ -53,7 +53,7 @@ pub fn run(a: Arguments) -> Result<()> {
     }
 }
 
-fn table(c: &Comparison) -> String {
+fn table(c: &FolderComparison) -> String {
     let width = c.views.iter().map(|v| v.name.len()).max().unwrap_or(0).max(4);
     let mut text = format!("{:<width$} {:>10} {:>10} {:>8} {:>6}", "name", "PSNR", "masked", "SSIM", "max");
     let db = |v: Option<f64>, missing: &str| v.map_or(missing.to_string(), |v| format!("{v:.2} dB"));
@@ -79,7 +79,7 @@ fn table(c: &Comparison) -> String {
 }
 
 /// Scores of surface densities; `None` without any.
-fn density_table(c: &Comparison) -> Option<String> {
+fn density_table(c: &FolderComparison) -> Option<String> {
     let mean = c.mean_density.as_ref()?;
     let width = c.densities.iter().map(|v| v.name.len()).max().unwrap_or(0).max(4);
     let dex = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.4} dex"));

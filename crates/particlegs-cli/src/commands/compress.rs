@@ -7,7 +7,7 @@ use crate::info_model;
 use crate::outputs;
 use crate::outputs::{ForceArgs, PNG};
 use crate::run_args::{self, RunArgs};
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
 use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
 use particlegs::compress::{Compressed, Compression, Options};
@@ -99,7 +99,7 @@ const LATER: usize = 500;
 
 /// Compresses, writes the file and the pictures, reports.
 pub fn run(a: Arguments) -> Result<()> {
-    let subset = Subset { selection: &a.selection, window: &a.window, seed: a.common.seed };
+    let subset = SnapshotSubset { selection: &a.selection, window: &a.window, seed: a.common.seed };
     if let Some(text) = a.fit.train.printed()? {
         return crate::report::line(text.trim_end());
     }

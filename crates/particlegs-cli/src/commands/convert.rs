@@ -1,7 +1,7 @@
 //! `particlegs convert IN... -o OUT`.
 
 use crate::common::{Common, Context};
-use crate::inputs::{self, Either, path_as_text};
+use crate::inputs::{self, PathContent, path_as_text};
 use crate::outputs::{ForceArgs, PARTICLES};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::{Args, ValueHint};
@@ -66,7 +66,7 @@ pub struct Arguments {
 const SELECTION: [&str; 5] = ["region", "every", "sample", "center", "width"];
 
 #[derive(serde::Serialize)]
-struct Report {
+struct ConvertReport {
     #[serde(serialize_with = "path_as_text")]
     output: PathBuf,
     particles_in: u64,
@@ -86,8 +86,8 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads(a.input.iter().map(PathBuf::as_path), a.force.force)?;
     let mut choice = match &a.input[..] {
         [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
-            Either::Model(bytes) => return splats(&a, one, &bytes, &context),
-            Either::Snapshot(choice) => *choice,
+            PathContent::Model(bytes) => return splats(&a, one, &bytes, &context),
+            PathContent::Snapshot(choice) => *choice,
         },
         _ => a.snapshot.choice()?,
     };
@@ -120,11 +120,11 @@ pub fn run(a: Arguments) -> Result<()> {
     let count = kept.total();
     let text = format!("{}: {count} particles, {:.1} MB, in {seconds:.1} s", a.output.display(), bytes as f64 / 1e6);
     let particles_in = particles.len() as u64;
-    context.finish(&text, &Report { output: a.output.clone(), particles_in, particles: count, bytes, seconds })
+    context.finish(&text, &ConvertReport { output: a.output.clone(), particles_in, particles: count, bytes, seconds })
 }
 
 #[derive(serde::Serialize)]
-struct SplatReport {
+struct SplatFileReport {
     #[serde(serialize_with = "path_as_text")]
     output: PathBuf,
     gaussians: usize,
@@ -149,5 +149,5 @@ fn splats(a: &Arguments, model: &Path, bytes: &[u8], context: &Context) -> Resul
     }
     let (gaussians, seconds) = (decoded.gaussians(), start.elapsed().as_secs_f64());
     let text = format!("{}: {gaussians} splats, {:.1} MB, in {seconds:.1} s", a.output.display(), bytes as f64 / 1e6);
-    context.finish(&text, &SplatReport { output: a.output.clone(), gaussians, bytes, seconds })
+    context.finish(&text, &SplatFileReport { output: a.output.clone(), gaussians, bytes, seconds })
 }

@@ -20,15 +20,15 @@ pub struct Arguments {
 }
 
 #[derive(Serialize)]
-struct Report {
-    devices: Vec<Row>,
+struct DevicesReport {
+    devices: Vec<DeviceRow>,
     /// What would help where there is no card.
     #[serde(skip_serializing_if = "Option::is_none")]
     advice: Option<String>,
 }
 
 #[derive(Serialize)]
-struct Row {
+struct DeviceRow {
     number: usize,
     name: String,
     kind: &'static str,
@@ -47,7 +47,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let row = |(number, a): (usize, _)| {
         let device::Adapter { name, interface, driver, kind, memory, largest, features, .. } = a;
         let [largest_buffer_bytes, largest_binding_bytes] = largest;
-        Row {
+        DeviceRow {
             number,
             name,
             kind,
@@ -59,13 +59,13 @@ pub fn run(a: Arguments) -> Result<()> {
             features,
         }
     };
-    let devices: Vec<Row> = all.into_iter().enumerate().map(row).collect();
+    let devices: Vec<DeviceRow> = all.into_iter().enumerate().map(row).collect();
     let mut text: Vec<String> = devices.iter().map(line).collect();
     text.extend(advice.iter().map(|advice| format!("no graphics card: {advice}")));
-    context.finish(&text.join("\n"), &Report { devices, advice })
+    context.finish(&text.join("\n"), &DevicesReport { devices, advice })
 }
 
-fn line(r: &Row) -> String {
+fn line(r: &DeviceRow) -> String {
     let memory = r.memory_bytes.map_or(String::new(), |b| format!(", {:.1} GiB", b as f64 / f64::from(1 << 30)));
     let features = if r.features.is_empty() { "none".into() } else { r.features.join(", ") };
     format!("{}: {} ({}{memory}; {}, {}; features: {features})", r.number, r.name, r.kind, r.interface, r.driver)

@@ -1,11 +1,11 @@
 //! `particlegs eval MODEL SNAPSHOT...`.
 
 use crate::common::{Common, Context};
-use crate::device::{Both, DeviceArgs};
+use crate::device::{DeviceArgs, ModelAndParticles};
 use crate::inputs;
 use crate::outputs::PNG;
 use crate::pictures;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
 use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
 use particlegs::camera::{View, ViewsFile};
@@ -68,7 +68,7 @@ pub struct Arguments {
 }
 
 #[derive(serde::Serialize)]
-struct Report {
+struct EvalReport {
     #[serde(flatten)]
     evaluation: Evaluation,
     model_bytes: u64,
@@ -93,7 +93,7 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let bytes = inputs::model(&a.model, &context)?;
     let model = a.snapshot.layers_of(codec::decode_with(&bytes, &name_of(&a.model), &context)?)?;
-    let subset = Subset { selection: &a.selection, window: &a.window, seed: context.common.seed };
+    let subset = SnapshotSubset { selection: &a.selection, window: &a.window, seed: context.common.seed };
     let particles = a.snapshot.open_selected(&a.input, subset, &context)?;
     let particles = particles.in_units(&model.metadata.unit_system(), &Storage::Memory, &context)?;
     if model.metadata.count != particles.len() as u64 {
@@ -104,7 +104,8 @@ pub fn run(a: Arguments) -> Result<()> {
         ));
     }
     let (views, size, views_from) = views(&a, &model, &context)?;
-    let card = a.device.open()?.map(|d| Both::new(&d, &Scene::of(&model), &particles, &context)).transpose()?;
+    let card =
+        a.device.open()?.map(|d| ModelAndParticles::new(&d, &Scene::of(&model), &particles, &context)).transpose()?;
     let drawer = card.as_ref().map(|c| c as &dyn Drawer);
     let evaluation = score::evaluate(&model, &particles, &views, size, drawer, &context)?;
     let report = report(evaluation, bytes.len() as u64, &model, &particles, size, views_from);
@@ -138,10 +139,10 @@ fn report(
     particles: &Particles,
     size: Size,
     views_from: String,
-) -> Report {
+) -> EvalReport {
     let raw_bytes = particles.raw_bytes();
     let gaussians = model.gaussians();
-    Report {
+    EvalReport {
         evaluation,
         model_bytes,
         raw_bytes,
@@ -155,7 +156,7 @@ fn report(
     }
 }
 
-fn table(r: &Report) -> String {
+fn table(r: &EvalReport) -> String {
     let mut text = format!(
         "{} Gaussians, {} bytes: ratio {:.1}, {:.2} bytes per Gaussian\n{} views of {}x{} ({})\n",
         r.gaussians,
@@ -180,9 +181,9 @@ fn table(r: &Report) -> String {
 }
 
 /// A look's scores in a mean.
-type Pick = fn(&MeanViewScores) -> &LookScores;
+type ScoreSelector = fn(&MeanViewScores) -> &LookScores;
 
-const LOOKS: [(&str, Pick); 3] =
+const LOOKS: [(&str, ScoreSelector); 3] =
     [("paraview", |m| &m.paraview), ("paraview-no-fxaa", |m| &m.paraview_no_fxaa), ("expected", |m| &m.expected)];
 
 fn row(look: &str, orbit: &str, s: &LookScores) -> String {

@@ -4,7 +4,7 @@ use crate::common::{Common, Context, named};
 use crate::density_args::range_of;
 use crate::inputs::{self, path_as_text};
 use crate::outputs::ForceArgs;
-use crate::page_args::{DialArgs, PageArgs};
+use crate::page_args::{AppearanceArgs, PageArgs};
 use clap::{Args, ValueHint};
 use particlegs::model::{LawKind, Model};
 use particlegs::progress::Progress;
@@ -75,7 +75,7 @@ pub struct Arguments {
     #[command(flatten)]
     page: PageArgs,
     #[command(flatten, next_help_heading = "Pages and splats (.html, .ply, .glb, .gltf)")]
-    dials: DialArgs,
+    dials: AppearanceArgs,
     #[command(flatten)]
     splats: SplatArgs,
     #[command(flatten)]
@@ -109,7 +109,7 @@ struct GridArgs {
 
 /// What was written.
 #[derive(Serialize)]
-struct Report {
+struct ExportReport {
     #[serde(serialize_with = "path_as_text")]
     output: PathBuf,
     kind: &'static str,
@@ -171,7 +171,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let whole = a.layers == ["all"] || kind.group() == Group::Page;
     let model = if whole { model } else { model.only(&a.layers)? };
     let notes = Notes::new(kind, &model, &name);
-    let mut report = Report {
+    let mut report = ExportReport {
         output: a.output.clone(),
         kind: kind.ending(),
         gaussians: model.gaussians(),
@@ -208,7 +208,7 @@ impl Export<'_> {
         })
     }
 
-    fn splats(&mut self, model: Model, report: &mut Report) -> Result<()> {
+    fn splats(&mut self, model: Model, report: &mut ExportReport) -> Result<()> {
         let (a, color, context, m) = (&self.a.dials, self.a.splats.color, self.context, &model.metadata);
         if m.law == LawKind::AlphaBlend
             && model.vizmapper().is_none()
@@ -245,7 +245,7 @@ impl Export<'_> {
         Ok(())
     }
 
-    fn grid(&mut self, model: &Model, report: &mut Report) -> Result<()> {
+    fn grid(&mut self, model: &Model, report: &mut ExportReport) -> Result<()> {
         let (a, context) = (self.a, self.context);
         if model.metadata.law == LawKind::AlphaBlend {
             let what = "an alpha-blend model has no density: its splats hold opacities, not masses".to_string();
@@ -293,7 +293,7 @@ impl Export<'_> {
     }
 }
 
-impl Report {
+impl ExportReport {
     /// A line of what there is.
     fn in_words(&self) -> String {
         let what = match (&self.grid, &self.splats) {

@@ -8,7 +8,7 @@ use crate::inputs;
 use crate::outputs;
 use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
 use crate::source;
 use crate::target_args::parse_bytes;
 use crate::target_args::{TargetArgs, with_default};
@@ -112,7 +112,7 @@ pub fn run(a: Arguments) -> Result<()> {
         return Err(Error::Argument { what, remedy: remedy.into() });
     }
     let storage = if a.memory.is_some() { Storage::Disk(a.folder(out)) } else { Storage::Memory };
-    let subset = Subset { selection: &a.selection, window: &a.window, seed: a.common.seed };
+    let subset = SnapshotSubset { selection: &a.selection, window: &a.window, seed: a.common.seed };
     let particles = a.opening.open_selected_in(&storage, &a.snapshot, subset, &context)?;
     let of_several = source::is_of_several(&bytes, &model, &place)?;
     source::check(&model, of_several, &particles, a.snapshot.first().map_or(none, |p| p), path)?;

@@ -1,7 +1,7 @@
 //! `particlegs info FILE`: a model file, or a snapshot in any format.
 
 use crate::common::Common;
-use crate::inputs::{self, Either};
+use crate::inputs::{self, PathContent};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{info_model, info_snapshot};
 use clap::Args;
@@ -35,8 +35,8 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads(a.input.iter().map(PathBuf::as_path), false)?;
     match &a.input[..] {
         [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
-            Either::Model(bytes) => info_model::print(&context, one, &bytes),
-            Either::Snapshot(choice) => info_snapshot::print(&context, &a.input, &choice, !a.no_bounds),
+            PathContent::Model(bytes) => info_model::print(&context, one, &bytes),
+            PathContent::Snapshot(choice) => info_snapshot::print(&context, &a.input, &choice, !a.no_bounds),
         },
         paths => info_snapshot::print(&context, paths, &a.snapshot.choice()?, !a.no_bounds),
     }

@@ -47,7 +47,7 @@ pub struct Arguments {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct MergeReport {
     #[serde(serialize_with = "path_as_text")]
     output: PathBuf,
     parts: usize,
@@ -83,7 +83,7 @@ pub fn run(a: Arguments) -> Result<()> {
         context.message(&format!("note: {network}, as published; it was trained on that part alone"));
     }
     let blocks = || info.layers.iter().flat_map(|l| &l.content);
-    let report = Report {
+    let report = MergeReport {
         parts,
         layers: info.layers.len(),
         blocks: blocks().count(),

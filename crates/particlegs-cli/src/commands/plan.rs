@@ -1,11 +1,11 @@
 //! `particlegs plan IN... -o JOB --blocks K|auto`.
 
 use crate::common::Common;
-use crate::emit::{self, Engine};
+use crate::emit::{self, JobEngine};
 use crate::fit_args::{FitArgs, number_of_blocks};
 use crate::job_args::JobSnapshot;
 use crate::outputs::ForceArgs;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
 use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
 use particlegs::job::{Job, Task};
@@ -53,7 +53,7 @@ pub struct Arguments {
     ///
     /// The summary is then printed on standard error.
     #[arg(long, value_enum, value_name = "ENGINE")]
-    emit: Option<Engine>,
+    emit: Option<JobEngine>,
     #[command(flatten)]
     fit: FitArgs,
     #[command(flatten)]
@@ -73,7 +73,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if let Some(text) = a.fit.train.printed()? {
         return crate::report::line(text.trim_end());
     }
-    let subset = Subset { selection: &a.selection, window: &a.window, seed: a.common.seed };
+    let subset = SnapshotSubset { selection: &a.selection, window: &a.window, seed: a.common.seed };
     let mut options = a.fit.options(&a.snapshot, subset)?;
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = match a.blocks.as_str() {
@@ -136,7 +136,7 @@ pub fn run(a: Arguments) -> Result<()> {
 const THREADS: usize = 4;
 
 /// The engine's script for a job: the model file beside the folder, tasks as large as the plan says.
-fn script(engine: Engine, job: &Job, threads: usize) -> Result<String> {
+fn script(engine: JobEngine, job: &Job, threads: usize) -> Result<String> {
     let absolute = |p: &Path| std::fs::canonicalize(p).map_err(|e| Error::io(p, e));
     let folder = absolute(&job.folder)?;
     let program = std::env::current_exe().map_err(|e| Error::io("this program", e))?;
@@ -144,7 +144,7 @@ fn script(engine: Engine, job: &Job, threads: usize) -> Result<String> {
     model.push(".pgs");
     emit::script(
         engine,
-        &emit::Job {
+        &emit::JobScript {
             program,
             model: model.into(),
             folder,

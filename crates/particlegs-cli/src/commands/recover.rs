@@ -44,8 +44,8 @@ pub struct Arguments {
     #[arg(long, alias = "layers", value_name = "NAME,...", value_delimiter = ',')]
     layer: Vec<String>,
     /// Form of the particles.
-    #[arg(long, value_enum, value_name = "FORM", default_value_t = FormArg::Raw)]
-    form: FormArg,
+    #[arg(long, value_enum, value_name = "FORM", default_value_t = RawFormArg::Raw)]
+    form: RawFormArg,
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
@@ -54,7 +54,7 @@ pub struct Arguments {
 
 /// Forms on the command line.
 #[derive(Clone, Copy, ValueEnum)]
-enum FormArg {
+enum RawFormArg {
     /// Float32 columns xx.f32, yy.f32, zz.f32 (and ww.f32 with weights).
     Raw,
     /// positions.npy, shape (N, 3), float32.
@@ -62,7 +62,7 @@ enum FormArg {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct RecoverReport {
     #[serde(serialize_with = "path_as_text")]
     output: PathBuf,
     synthetic: bool,
@@ -95,8 +95,8 @@ pub fn run(a: Arguments) -> Result<()> {
         scale: a.scale,
         seed: a.common.seed,
         form: match a.form {
-            FormArg::Raw => RawForm::Columns,
-            FormArg::Npy => RawForm::NpyFolder,
+            RawFormArg::Raw => RawForm::Columns,
+            RawFormArg::Npy => RawForm::NpyFolder,
         },
         model_name: a.model.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
     };
@@ -113,7 +113,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let particles = options.total(&model);
     let bytes = recover(model, hash, &options, &a.output, &context)?;
     let seconds = start.elapsed().as_secs_f64();
-    let report = Report {
+    let report = RecoverReport {
         synthetic: true,
         method: options.method.name(),
         particles,

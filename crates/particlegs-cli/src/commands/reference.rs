@@ -4,15 +4,15 @@ use crate::annotate::text::number;
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::device::{self, DeviceArgs, ParticlePictures};
-use crate::drawing::finish::Finish;
-use crate::drawing::provenance::{DrawnUnits, Provenance, Source};
-use crate::drawing::run::{self, Job, Target};
-use crate::drawing::{Painter, Seen};
-use crate::drawn::Drawn;
+use crate::drawing::finish::Finisher;
+use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
+use crate::drawing::run::{self, DrawingJob, PictureTarget};
+use crate::drawing::{ViewContent, ViewRenderer};
+use crate::drawn::RenderedView;
 use crate::figure::args::FigureArgs;
 use crate::figure::output::FileKind;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
-use crate::view_args::{Subject, ViewArgs};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
+use crate::view_args::{ViewArgs, ViewSubject};
 use crate::views::sequence_args::SequenceArgs;
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum, ValueHint};
@@ -59,8 +59,8 @@ pub struct Arguments {
     )]
     out: Option<PathBuf>,
     /// What to draw.
-    #[arg(long, value_enum, value_name = "STYLE", default_value_t = Style::Paraview)]
-    style: Style,
+    #[arg(long, value_enum, value_name = "STYLE", default_value_t = ParticleStyle::Paraview)]
+    style: ParticleStyle,
     #[command(flatten)]
     device: DeviceArgs,
     #[command(flatten)]
@@ -93,7 +93,7 @@ pub struct Arguments {
 
 /// The styles that all particles can be drawn in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Style {
+enum ParticleStyle {
     /// As ParaView 6 draws by default, with shot noise: dual depth peeling, 8-bit blending, FXAA.
     Paraview,
     /// The same without antialiasing (FXAA).
@@ -108,31 +108,31 @@ enum Style {
     Density,
 }
 
-impl Style {
+impl ParticleStyle {
     /// Its look, and whether it is drawn as that look is, with its noise; none of a density.
     fn picture(self) -> Option<(Look, bool)> {
         match self {
-            Style::Paraview => Some((Look::Paraview, true)),
-            Style::ParaviewNoFxaa => Some((Look::ParaviewNoFxaa, true)),
-            Style::Expected => Some((Look::Expected, true)),
-            Style::Response => Some((Look::ParaviewNoFxaa, false)),
-            Style::ResponseFxaa => Some((Look::Paraview, false)),
-            Style::Density => None,
+            ParticleStyle::Paraview => Some((Look::Paraview, true)),
+            ParticleStyle::ParaviewNoFxaa => Some((Look::ParaviewNoFxaa, true)),
+            ParticleStyle::Expected => Some((Look::Expected, true)),
+            ParticleStyle::Response => Some((Look::ParaviewNoFxaa, false)),
+            ParticleStyle::ResponseFxaa => Some((Look::Paraview, false)),
+            ParticleStyle::Density => None,
         }
     }
 }
 
 #[derive(Serialize)]
-struct DrawnParticles {
+struct ParticleView {
     #[serde(flatten)]
-    drawn: Drawn,
+    drawn: RenderedView,
     #[serde(skip_serializing_if = "Option::is_none")]
     radius_px: Option<f64>,
     particles_per_second: f64,
 }
 
 #[derive(Serialize)]
-struct Report {
+struct ReferenceReport {
     style: String,
     particles: u64,
     /// Neighbours that each particle is spread over, and how long they took to find.
@@ -146,7 +146,7 @@ struct Report {
     /// Values of the first and last colour, where all pictures have one range.
     #[serde(skip_serializing_if = "Option::is_none")]
     range: Option<[f64; 2]>,
-    views: Vec<DrawnParticles>,
+    views: Vec<ParticleView>,
 }
 
 /// Draws every view.
@@ -155,15 +155,15 @@ pub fn run(a: &Arguments) -> Result<()> {
     let files = [&a.view.views, &a.sequence.path].into_iter().flatten();
     context.reads(a.input.iter().chain(files).map(PathBuf::as_path), false)?;
     let range = a.density.asked_range()?;
-    let subset = Subset { selection: &a.selection, window: &WindowArgs::default(), seed: a.common.seed };
+    let subset = SnapshotSubset { selection: &a.selection, window: &WindowArgs::default(), seed: a.common.seed };
     let particles = a.snapshot.open_selected(&a.input, subset, &context)?;
     let mut reference = Reference::new(&particles);
     let bounds = *reference.bounds();
     let count = particles.len() as u64;
-    let (density, cell) = (a.style == Style::Density, particles.meta.cell);
+    let (density, cell) = (a.style == ParticleStyle::Density, particles.meta.cell);
     let radius = bounds.default_radius(count);
     let extent = Extent::new(&bounds, cell.as_ref());
-    let subject = Subject { bounds, cell, extent, radius, opacity: DEFAULT_OPACITY, density };
+    let subject = ViewSubject { bounds, cell, extent, radius, opacity: DEFAULT_OPACITY, density };
     let quantities = Quantities::of_particles(&particles, a.smooth);
     let set = run::views(&a.view, &a.sequence, &subject, &context)?;
     let kind = a.out.as_deref().and_then(FileKind::of).unwrap_or(FileKind::Png);
@@ -186,37 +186,37 @@ pub fn run(a: &Arguments) -> Result<()> {
     let colormap = a.density.colormap.unwrap_or_default();
     let ground = a.figure.background.and_then(|b| Some(b.to_possible_value()?.get_name().to_string()));
     let name = a.input.first().and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
-    let about = Provenance {
+    let about = PictureProvenance {
         particlegs: env!("CARGO_PKG_VERSION").into(),
-        of: vec![Source { name: name.unwrap_or_default(), blake3: hex(&particles.source_hash()) }],
+        of: vec![SourceFile { name: name.unwrap_or_default(), blake3: hex(&particles.source_hash()) }],
         style: style.clone(),
         layers: Vec::new(),
         color_by_layer: false,
         colormap: density.then(|| colormap.name().into()),
         range: None,
         unit: density.then(|| quantities.unit()),
-        units: Some(DrawnUnits::of(particles.meta.unit_system())),
+        units: Some(PictureUnits::of(particles.meta.unit_system())),
         background: ground,
         views: serde_json::Value::Null,
     };
     let (args, quantities) = (&a.figure, &quantities);
-    let finish = Finish { args, colormap, quantities, subject: &subject, legend: Vec::new(), about };
-    let target = Target { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
+    let finish = Finisher { args, colormap, quantities, subject: &subject, legend: Vec::new(), about };
+    let target = PictureTarget { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
     let card = a.device.open()?;
     if card.is_some() && density {
         let what = "densities are drawn on the processor alone".into();
         return Err(Error::Argument { what, remedy: "leave --device away".into() });
     }
     let on_card = card.map(|d| device::on_card(&d, &particles, bounds, &context)).transpose()?;
-    let painter = Drawing { reference, style: a.style, on_card, subject: &subject, context: &context };
-    let job = Job { painter: &painter, finish: &finish, set: &set, range, hints: false, context: &context };
+    let painter = ParticleDrawing { reference, style: a.style, on_card, subject: &subject, context: &context };
+    let job = DrawingJob { painter: &painter, finish: &finish, set: &set, range, hints: false, context: &context };
     let drawn = job.draw(&target)?;
     text += &if density || !drawn.lines.is_empty() { drawn.text() } else { rows(&set, &drawn.views, count) };
     let radii = set.views.iter().map(|v| (!density).then(|| v.radius_pixels(set.size)));
-    let rate = |d: &Drawn| count as f64 / d.seconds().max(1e-9);
-    let fov_deg = drawn.views.iter().find_map(Drawn::fov_deg);
-    let of = |(drawn, radius_px)| DrawnParticles { particles_per_second: rate(&drawn), drawn, radius_px };
-    let report = Report {
+    let rate = |d: &RenderedView| count as f64 / d.seconds().max(1e-9);
+    let fov_deg = drawn.views.iter().find_map(RenderedView::fov_deg);
+    let of = |(drawn, radius_px)| ParticleView { particles_per_second: rate(&drawn), drawn, radius_px };
+    let report = ReferenceReport {
         style,
         particles: count,
         smooth: a.smooth,
@@ -231,7 +231,7 @@ pub fn run(a: &Arguments) -> Result<()> {
 }
 
 /// What is printed of pictures of particles.
-fn rows(set: &ViewSet, drawn: &[Drawn], count: u64) -> String {
+fn rows(set: &ViewSet, drawn: &[RenderedView], count: u64) -> String {
     let mut text = format!("{:<16} {:>8} {:>9} {:>14}", "view", "r px", "seconds", "particles/s");
     for (view, drawn) in set.views.iter().zip(drawn) {
         let (radius_px, seconds) = (view.radius_pixels(set.size), drawn.seconds());
@@ -242,16 +242,16 @@ fn rows(set: &ViewSet, drawn: &[Drawn], count: u64) -> String {
 }
 
 /// A snapshot, ready to be drawn.
-struct Drawing<'a> {
+struct ParticleDrawing<'a> {
     reference: Reference<'a>,
-    style: Style,
+    style: ParticleStyle,
     on_card: Option<ParticlePictures<'a>>,
-    subject: &'a Subject,
+    subject: &'a ViewSubject,
     context: &'a Context,
 }
 
-impl Painter for Drawing<'_> {
-    fn draw(&self, view: &View, size: Size) -> Result<Seen> {
+impl ViewRenderer for ParticleDrawing<'_> {
+    fn draw(&self, view: &View, size: Size) -> Result<ViewContent> {
         let (all, context) = (&self.reference, self.context as &dyn Progress);
         let levels = match (self.style.picture(), &self.on_card) {
             (Some((look, true)), None) => all.draw(view, size, look, context),
@@ -260,10 +260,10 @@ impl Painter for Drawing<'_> {
             (Some((look, false)), Some(card)) => card.response(view, size, look, context),
             (None, _) => {
                 let view = self.subject.density_view(view, size);
-                return Ok(Seen::Density(all.surface_density(&view, size, context)?));
+                return Ok(ViewContent::Density(all.surface_density(&view, size, context)?));
             }
         };
-        levels.map(Seen::Levels)
+        levels.map(ViewContent::Levels)
     }
 
     /// Each picture takes all threads, and memory of the snapshot's order.

@@ -3,17 +3,17 @@
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::device::{Device, DeviceArgs, Pictures};
-use crate::drawing::finish::Finish;
+use crate::drawing::finish::Finisher;
 use crate::drawing::panels::Panels;
-use crate::drawing::provenance::{DrawnUnits, Provenance, Source};
-use crate::drawing::run::{self, Job, Target};
-use crate::drawing::{Painter, Seen, layers};
-use crate::drawn::Drawn;
+use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
+use crate::drawing::run::{self, DrawingJob, PictureTarget};
+use crate::drawing::{ViewContent, ViewRenderer, layers};
+use crate::drawn::RenderedView;
 use crate::figure::args::{Background, FigureArgs};
 use crate::figure::output::FileKind;
 use crate::inputs;
 use crate::picture_out::PictureOut;
-use crate::view_args::{Subject, ViewArgs};
+use crate::view_args::{ViewArgs, ViewSubject};
 use crate::views::sequence_args::SequenceArgs;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::camera::{View, ViewSet};
@@ -69,7 +69,7 @@ pub struct Arguments {
     out: Option<PathBuf>,
     /// What to draw [default: paraview].
     #[arg(long, value_enum, value_name = "STYLE")]
-    style: Option<Style>,
+    style: Option<ModelStyle>,
     /// Layers to draw: species such as gas or dm, names that `info` lists, or `all`.
     #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',')]
     layers: Option<Vec<String>>,
@@ -112,7 +112,7 @@ pub struct Arguments {
 
 /// The styles that a model can be drawn in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-enum Style {
+enum ModelStyle {
     /// As ParaView draws the particles, without their shot noise.
     #[default]
     Paraview,
@@ -125,7 +125,7 @@ enum Style {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct RenderReport {
     style: String,
     gaussians: usize,
     width: usize,
@@ -134,10 +134,10 @@ struct Report {
     /// Values of the first and last colour, where all pictures have one range.
     #[serde(skip_serializing_if = "Option::is_none")]
     range: Option<[f64; 2]>,
-    views: Vec<Drawn>,
+    views: Vec<RenderedView>,
 }
 
-impl Style {
+impl ModelStyle {
     fn name(self) -> String {
         self.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default()
     }
@@ -145,43 +145,43 @@ impl Style {
     /// The look of a picture; none of a density.
     fn look(self) -> Option<Look> {
         match self {
-            Style::Paraview => Some(Look::Paraview),
-            Style::ParaviewNoFxaa => Some(Look::ParaviewNoFxaa),
-            Style::Expected => Some(Look::Expected),
-            Style::Density => None,
+            ModelStyle::Paraview => Some(Look::Paraview),
+            ModelStyle::ParaviewNoFxaa => Some(Look::ParaviewNoFxaa),
+            ModelStyle::Expected => Some(Look::Expected),
+            ModelStyle::Density => None,
         }
     }
 }
 
 /// A model that was read, and what names it.
-struct Read {
+struct SourceModel {
     model: Model,
-    source: Source,
+    source: SourceFile,
 }
 
-impl Read {
+impl SourceModel {
     /// Converts it to the units of another.
-    fn convert(self, to: &Model, context: &Context) -> Result<Read> {
+    fn convert(self, to: &Model, context: &Context) -> Result<SourceModel> {
         let model = self.model.in_units(&to.metadata.unit_system(), &self.source.name, context)?;
-        Ok(Read { model, ..self })
+        Ok(SourceModel { model, ..self })
     }
 }
 
 /// What the options say, with what a picture says that is to be drawn alike.
-struct Asked {
-    style: Style,
+struct RenderOptions {
+    style: ModelStyle,
     layers: Vec<String>,
     color_by_layer: bool,
     colormap: Colormap,
     range: Option<[f64; 2]>,
     figure: FigureArgs,
     /// The view of that picture, and its units.
-    like: Option<(ViewSet, DrawnUnits)>,
+    like: Option<(ViewSet, PictureUnits)>,
 }
 
-impl Asked {
-    fn of(a: &Arguments, context: &Context) -> Result<Asked> {
-        let mut asked = Asked {
+impl RenderOptions {
+    fn of(a: &Arguments, context: &Context) -> Result<RenderOptions> {
+        let mut asked = RenderOptions {
             style: a.style.unwrap_or_default(),
             layers: a.layers.clone().unwrap_or_else(|| vec!["all".into()]),
             color_by_layer: a.color_by_layer,
@@ -191,22 +191,22 @@ impl Asked {
             like: None,
         };
         let Some(path) = &a.like else { return Ok(asked) };
-        let (told, set) = Provenance::read(path, context)?;
+        let (told, set) = PictureProvenance::read(path, context)?;
         let unknown = |what: &str, name: &str| Error::input(path, format!("its {what} `{name}` is not known"));
         if a.style.is_none() {
             let hint = "choose one with --style";
             let no_style =
                 || Error::input_with(path, format!("no model can be drawn in its style `{}`", told.style), hint);
-            asked.style = Style::from_str(&told.style, false).map_err(|_| no_style())?;
+            asked.style = ModelStyle::from_str(&told.style, false).map_err(|_| no_style())?;
         }
         if a.layers.is_none() && !told.layers.is_empty() {
             asked.layers = told.layers;
         }
-        asked.color_by_layer |= told.color_by_layer && asked.style != Style::Density;
+        asked.color_by_layer |= told.color_by_layer && asked.style != ModelStyle::Density;
         if let (None, Some(name)) = (a.density.colormap, &told.colormap) {
             asked.colormap = name.parse().map_err(|_| unknown("colour map", name))?;
         }
-        if asked.style == Style::Density {
+        if asked.style == ModelStyle::Density {
             asked.range = asked.range.or(told.range.filter(|r| r[0] > 0.0 && r[1] > r[0]));
         }
         if let (None, Some(name)) = (asked.figure.background, &told.background) {
@@ -235,7 +235,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let files = [&a.view.views, &a.sequence.path, &a.like].into_iter().flatten();
     context.reads(a.models.iter().chain(files).map(PathBuf::as_path), false)?;
-    let mut asked = Asked::of(a, &context)?;
+    let mut asked = RenderOptions::of(a, &context)?;
     let read = a.models.iter().map(|path| read(path, &asked, &context)).collect::<Result<Vec<_>>>()?;
     if read.len() > 1 && !a.panels {
         let what = format!("{} models are given, and one is drawn", read.len());
@@ -244,15 +244,15 @@ pub fn run(a: &Arguments) -> Result<()> {
     let mut read = read.into_iter();
     let Some(first) = read.next() else { return Err(Error::argument("no model is given")) };
     let others = read.map(|other| other.convert(&first.model, &context)).collect::<Result<Vec<_>>>()?;
-    let read: Vec<Read> = std::iter::once(first).chain(others).collect();
+    let read: Vec<SourceModel> = std::iter::once(first).chain(others).collect();
     let model = &read[0].model;
     asked.convert(a, model, &context)?;
     let m = &model.metadata;
-    let density = asked.style == Style::Density;
-    let subject = Subject::of_model(model, density);
+    let density = asked.style == ModelStyle::Density;
+    let subject = ViewSubject::of_model(model, density);
     let quantities = Quantities::of_model(model);
     let device = a.device.open()?;
-    let draws = |r| Drawing::new(r, &asked, &subject, device.as_ref(), &context);
+    let draws = |r| ModelDrawing::new(r, &asked, &subject, device.as_ref(), &context);
     let painters = read.iter().map(draws).collect::<Result<Vec<_>>>()?;
     let set = match asked.like.clone() {
         Some((mut set, _)) => {
@@ -264,7 +264,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         None => run::views(&a.view, &a.sequence, &subject, &context)?,
     };
     let panels = a.panels.then(|| Panels {
-        painters: read.iter().zip(&painters).map(|(r, p)| (stem(&r.source.name), p as &dyn Painter)).collect(),
+        painters: read.iter().zip(&painters).map(|(r, p)| (stem(&r.source.name), p as &dyn ViewRenderer)).collect(),
         captions: a.captions.clone(),
         columns: a.columns,
     });
@@ -277,7 +277,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         context.message(&note);
     }
     asked.figure.note_missing(&a.captions, &context);
-    let finish = Finish {
+    let finish = Finisher {
         args: &asked.figure,
         colormap: asked.colormap,
         quantities: &quantities,
@@ -285,7 +285,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         legend: legend(&asked, model),
         about: about(&asked, &read, &quantities),
     };
-    let target = Target { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
+    let target = PictureTarget { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
     let (drawn, text, range) = match (&panels, &a.out) {
         (Some(panels), Some(out)) => {
             let started = std::time::Instant::now();
@@ -293,39 +293,40 @@ pub fn run(a: &Arguments) -> Result<()> {
             out.pictures(["panels"].into_iter(), &context)?;
             let (path, range) = panels.draw(&finish, &set, asked.range, &out, &context)?;
             let seconds = started.elapsed().as_secs_f64() / set.views.len() as f64;
-            let of = |v: &View| Drawn::of_view(v, &subject, seconds, Some(path.clone()));
+            let of = |v: &View| RenderedView::of_view(v, &subject, seconds, Some(path.clone()));
             let text = format!("{}: {} panels", path.display(), panels.painters.len() * set.views.len());
             (set.views.iter().map(of).collect(), text, range)
         }
         _ => {
             let first = painters.first().ok_or_else(|| Error::argument("no model is given"))?;
             let hints = a.style.is_none() && asked.like.is_none() && m.law == LawKind::OpticalDepth;
-            let job = Job { painter: first, finish: &finish, set: &set, range: asked.range, hints, context: &context };
+            let job =
+                DrawingJob { painter: first, finish: &finish, set: &set, range: asked.range, hints, context: &context };
             let report = job.draw(&target)?;
             let text = report.text();
             (report.views, text, report.range)
         }
     };
-    let report = Report {
+    let report = RenderReport {
         style: asked.style.name(),
         gaussians: read.iter().map(|r| r.model.gaussians()).sum(),
         width: set.size.width,
         height: set.size.height,
-        fov_deg: drawn.iter().find_map(Drawn::fov_deg),
+        fov_deg: drawn.iter().find_map(RenderedView::fov_deg),
         range,
         views: drawn,
     };
     context.finish(&text, &report)
 }
 
-fn read(path: &Path, asked: &Asked, context: &Context) -> Result<Read> {
+fn read(path: &Path, asked: &RenderOptions, context: &Context) -> Result<SourceModel> {
     let bytes = inputs::model(path, context)?;
     let name = name_of(path);
     let model = codec::decode_with(&bytes, &name, context)?;
     let model = if asked.layers == ["all"] { model } else { model.only(&asked.layers)? };
     let file = path.file_name().map_or(name, |n| n.to_string_lossy().into_owned());
     let hash = particlegs::model::hex(blake3::hash(&bytes).as_bytes());
-    Ok(Read { model, source: Source { name: file, blake3: hash } })
+    Ok(SourceModel { model, source: SourceFile { name: file, blake3: hash } })
 }
 
 /// A file's name without its ending.
@@ -333,7 +334,7 @@ fn stem(name: &str) -> String {
     Path::new(name).file_stem().map_or(name.to_string(), |s| s.to_string_lossy().into_owned())
 }
 
-fn legend(asked: &Asked, model: &Model) -> Vec<(String, [u8; 3])> {
+fn legend(asked: &RenderOptions, model: &Model) -> Vec<(String, [u8; 3])> {
     match asked.color_by_layer {
         true => model.layers.iter().enumerate().map(|(i, l)| (species_title(&l.name), Rgb8::layer_color(i))).collect(),
         false => Vec::new(),
@@ -341,10 +342,10 @@ fn legend(asked: &Asked, model: &Model) -> Vec<(String, [u8; 3])> {
 }
 
 /// What files say of themselves; views and range are each picture's.
-fn about(asked: &Asked, read: &[Read], quantities: &Quantities) -> Provenance {
-    let density = asked.style == Style::Density;
+fn about(asked: &RenderOptions, read: &[SourceModel], quantities: &Quantities) -> PictureProvenance {
+    let density = asked.style == ModelStyle::Density;
     let ground = asked.figure.background.and_then(|b| Some(b.to_possible_value()?.get_name().to_string()));
-    Provenance {
+    PictureProvenance {
         particlegs: env!("CARGO_PKG_VERSION").into(),
         of: read.iter().map(|r| r.source.clone()).collect(),
         style: asked.style.name(),
@@ -353,30 +354,30 @@ fn about(asked: &Asked, read: &[Read], quantities: &Quantities) -> Provenance {
         colormap: density.then(|| asked.colormap.name().into()),
         range: None,
         unit: density.then(|| quantities.unit()),
-        units: read.first().map(|r| DrawnUnits::of(r.model.metadata.unit_system())),
+        units: read.first().map(|r| PictureUnits::of(r.model.metadata.unit_system())),
         background: ground,
         views: serde_json::Value::Null,
     }
 }
 
 /// A model, ready to be drawn.
-struct Drawing<'a> {
+struct ModelDrawing<'a> {
     scene: Scene<'a>,
     /// Each layer alone, where colours tell them apart.
     layers: Vec<Model>,
     look: Option<Look>,
     /// Drawn on a graphics card.
     pictures: Option<Pictures>,
-    subject: &'a Subject,
+    subject: &'a ViewSubject,
     scratch: parallel::Scratch<Scratch>,
     context: &'a Context,
 }
 
-impl<'a> Drawing<'a> {
+impl<'a> ModelDrawing<'a> {
     fn new(
-        read: &'a Read,
-        asked: &Asked,
-        subject: &'a Subject,
+        read: &'a SourceModel,
+        asked: &RenderOptions,
+        subject: &'a ViewSubject,
         device: Option<&Device>,
         context: &'a Context,
     ) -> Result<Self> {
@@ -393,28 +394,28 @@ impl<'a> Drawing<'a> {
             return Err(Error::Argument { what, remedy: "leave --device away".into() });
         }
         let pictures = device.map(|d| Pictures::new(d, &scene)).transpose()?;
-        Ok(Drawing { scene, layers, look, pictures, subject, scratch: parallel::Scratch::default(), context })
+        Ok(ModelDrawing { scene, layers, look, pictures, subject, scratch: parallel::Scratch::default(), context })
     }
 }
 
-impl Painter for Drawing<'_> {
-    fn draw(&self, view: &View, size: Size) -> Result<Seen> {
+impl ViewRenderer for ModelDrawing<'_> {
+    fn draw(&self, view: &View, size: Size) -> Result<ViewContent> {
         let Some(look) = self.look else {
             let view = self.subject.density_view(view, size);
-            return Ok(Seen::Density(surface_density(&self.scene, &view, size, self.context)?));
+            return Ok(ViewContent::Density(surface_density(&self.scene, &view, size, self.context)?));
         };
         if !self.layers.is_empty() {
             return layers::draw(&self.layers, view, size, look, self.context);
         }
         self.context.require_memory("a picture", size.pixels() as u64)?;
         if let Some(pictures) = &self.pictures {
-            return Ok(Seen::Levels(pictures.draw(view, size, look)?));
+            return Ok(ViewContent::Levels(pictures.draw(view, size, look)?));
         }
         let mut picture = Gray8::black(size);
         self.scratch.with(|scratch| {
             draw_into(&self.scene, view, look, Pixels::new(size, &mut picture.data)?, scratch, self.context)
         })?;
-        Ok(Seen::Levels(picture))
+        Ok(ViewContent::Levels(picture))
     }
 
     fn side_by_side(&self) -> bool {

@@ -41,7 +41,7 @@ pub struct Arguments {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct SimplifyReport {
     #[serde(serialize_with = "path_as_text")]
     output: PathBuf,
     gaussians_in: usize,
@@ -72,7 +72,7 @@ pub fn run(a: Arguments) -> Result<()> {
     context.check()?;
     let info = codec::read_info(&bytes, &name_of(&a.output))?;
     context.write_model(&a.output, &bytes, kept)?;
-    let report = Report {
+    let report = SimplifyReport {
         gaussians_in,
         gaussians: info.layers.iter().flat_map(|l| &l.content).map(|b| b.gaussians as usize).sum(),
         model_bytes: bytes.len(),

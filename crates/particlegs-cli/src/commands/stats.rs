@@ -2,7 +2,7 @@
 
 use crate::centres;
 use crate::common::{Common, named};
-use crate::inputs::{self, Either};
+use crate::inputs::{self, PathContent};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{stats_plots, stats_tables};
 use clap::{Args, ValueHint};
@@ -131,45 +131,45 @@ pub struct Arguments {
 }
 
 /// Particles or a model, as they were read.
-enum Source {
+enum StatsInput {
     Particles(Box<Particles>),
     Model(Box<Model>),
 }
 
-impl Source {
+impl StatsInput {
     fn open(path: &Path, args: &SnapshotArgs, progress: &dyn Progress) -> Result<Self> {
         match inputs::model_or_snapshot(path, args, progress)? {
-            Either::Model(bytes) => {
+            PathContent::Model(bytes) => {
                 let model = codec::decode_with(&bytes, &name_of(path), progress)?;
-                Ok(Source::Model(Box::new(args.layers_of(model)?)))
+                Ok(StatsInput::Model(Box::new(args.layers_of(model)?)))
             }
-            Either::Snapshot(choice) => {
+            PathContent::Snapshot(choice) => {
                 let particles = choice.read(&[path.to_path_buf()], &Storage::Memory, progress)?;
-                Ok(Source::Particles(Box::new(particles)))
+                Ok(StatsInput::Particles(Box::new(particles)))
             }
         }
     }
 
     fn subject(&self) -> Subject<'_> {
         match self {
-            Source::Particles(p) => Subject::Particles(p),
-            Source::Model(m) => Subject::Model(m),
+            StatsInput::Particles(p) => Subject::Particles(p),
+            StatsInput::Model(m) => Subject::Model(m),
         }
     }
 
     /// What its numbers are in, and its box.
     fn place(&self) -> (UnitSystem<'_>, Option<Cell>) {
         match self {
-            Source::Particles(p) => (p.meta.unit_system(), p.meta.cell),
-            Source::Model(m) => (m.metadata.unit_system(), m.metadata.cell),
+            StatsInput::Particles(p) => (p.meta.unit_system(), p.meta.cell),
+            StatsInput::Model(m) => (m.metadata.unit_system(), m.metadata.cell),
         }
     }
 
     /// Unit of length and whether it is comoving.
     fn length_unit(&self) -> Option<String> {
         let units = match self {
-            Source::Particles(p) => &p.meta.units,
-            Source::Model(m) => &m.metadata.units,
+            StatsInput::Particles(p) => &p.meta.units,
+            StatsInput::Model(m) => &m.metadata.units,
         };
         units.length_text().map(str::to_string)
     }
@@ -177,7 +177,7 @@ impl Source {
 
 /// What stats.json holds.
 #[derive(serde::Serialize)]
-struct Report<'a> {
+struct StatsReport<'a> {
     truth: String,
     other: String,
     length_unit: Option<String>,
@@ -194,14 +194,14 @@ pub fn run(a: Arguments) -> Result<()> {
     context.makes_folder(&a.out)?;
     output::check_writable(&a.out.join("stats.json"))?;
     let list = a.centres.as_ref().map(|path| Ok((path, centres::read(path, &context)?))).transpose()?;
-    let truth = Source::open(&a.truth, &a.snapshot, &context)?;
+    let truth = StatsInput::open(&a.truth, &a.snapshot, &context)?;
     let convert = |(path, list): (&PathBuf, _)| centres::convert(list, path, truth.place(), &context);
     options.centers = list.map(convert).transpose()?;
-    let other = Source::open(&a.other, &a.snapshot, &context)?;
+    let other = StatsInput::open(&a.other, &a.snapshot, &context)?;
     let statistics = compare(truth.subject(), other.subject(), &options, &context)?;
     context.notes(&statistics.notes);
     let unit = a.snapshot.length_unit.clone().or_else(|| truth.length_unit());
-    let report = Report {
+    let report = StatsReport {
         truth: a.truth.display().to_string(),
         other: a.other.display().to_string(),
         length_unit: unit.clone(),

@@ -1,11 +1,11 @@
 //! `particlegs verify M.pgs [SNAPSHOT...]`.
 
-use crate::agree::{self, Figure};
+use crate::agree::{self, CertificateFigure};
 use crate::common::{Common, Context};
 use crate::info_model;
 use crate::inputs;
 use crate::job_args::JobSnapshot;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
 use crate::source;
 use clap::Args;
 use particlegs::job::{Job, State};
@@ -50,7 +50,7 @@ pub struct Arguments {
 
 /// The result.
 #[derive(Serialize)]
-struct Report {
+struct VerifyReport {
     model_bytes: u64,
     law: &'static str,
     gaussians: usize,
@@ -62,7 +62,7 @@ struct Report {
     stored: Option<Certificate>,
     measured_again: Option<Certificate>,
     /// Stored and measured side by side.
-    figures: Vec<Figure>,
+    figures: Vec<CertificateFigure>,
     /// What the file says of its source and the snapshot does not: name, stored, found.
     source_differences: Vec<[String; 3]>,
     /// What no certificate can say.
@@ -110,7 +110,7 @@ pub fn run(a: Arguments) -> Result<()> {
             (Finding::verdict(Some(measured), &model.metadata), figures)
         }
     };
-    let report = Report {
+    let report = VerifyReport {
         model_bytes: bytes.len() as u64,
         law: model.metadata.law.name(),
         gaussians: model.gaussians(),
@@ -153,7 +153,7 @@ fn with_certificate(path: &Path, bytes: &[u8], model: &Model, certificate: Optio
     codec::assemble_with(&model.metadata, network, certificate, layers)
 }
 
-impl Report {
+impl VerifyReport {
     /// An error where what is stored is not what was measured, or cannot be at all.
     fn judge(&self, place: &str) -> Result<()> {
         let hint = "the certificate was altered, or another version of the program measured it: trust neither file nor scores before you know";
@@ -188,7 +188,7 @@ impl Report {
 }
 
 /// What is sound, what is stored, and what was measured.
-fn text(r: &Report, model: &Model, of_several: bool, place: &str) -> String {
+fn text(r: &VerifyReport, model: &Model, of_several: bool, place: &str) -> String {
     let mut text = format!(
         "{place}: sound: {} bytes, law {}, {} Gaussians whose counts sum to {} particles, mass within {:.1e}\n",
         r.model_bytes, r.law, r.gaussians, r.particles, r.mass_error
@@ -225,7 +225,7 @@ fn text(r: &Report, model: &Model, of_several: bool, place: &str) -> String {
 }
 
 /// Stored and measured, a line a figure.
-fn beside(figures: &[Figure]) -> String {
+fn beside(figures: &[CertificateFigure]) -> String {
     let mut text = format!("  {:<48} {:>18} {:>18} {:>14}\n", "figure", "stored", "measured", "tolerance");
     for f in figures {
         let differs = if f.differs { "  differs" } else { "" };
@@ -281,7 +281,7 @@ fn measure(
 ) -> Result<(Option<Certificate>, Vec<[String; 3]>)> {
     let of_several = source::is_of_several(bytes, model, &name_of(&a.model))?;
     let without_certificate = with_certificate(&a.model, bytes, model, None)?.len() as u64;
-    let subset = Subset { selection: &a.selection, window: &a.window, seed: a.common.seed };
+    let subset = SnapshotSubset { selection: &a.selection, window: &a.window, seed: a.common.seed };
     let particles: Particles = a.opening.open_selected(&a.snapshot, subset, context)?;
     source::check(model, of_several, &particles, &a.snapshot[0], &a.model)?;
     let differences = particles.differences_from(model, of_several);

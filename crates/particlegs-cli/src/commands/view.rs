@@ -1,12 +1,12 @@
 //! `particlegs view MODEL... [--snapshot SNAP]`.
 
 use crate::common::{Common, Context};
-use crate::page_args::{DialArgs, PageArgs};
+use crate::page_args::{AppearanceArgs, PageArgs};
 use crate::printable::one_line;
 use crate::progress::to_stderr;
 use crate::remedies::of_option;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, Subset, WindowArgs};
-use crate::viewed::Viewed;
+use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
+use crate::viewed::ModelFiles;
 use clap::{Args, ValueHint};
 use particlegs::Result;
 use particlegs::particles::Particles;
@@ -77,7 +77,7 @@ pub struct Arguments {
     #[command(flatten)]
     page: PageArgs,
     #[command(flatten, next_help_heading = "How the page opens")]
-    dials: DialArgs,
+    dials: AppearanceArgs,
     #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
@@ -87,7 +87,7 @@ pub struct Arguments {
 }
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct ViewReport<'a> {
     url: &'a str,
     /// The same from other machines.
     url_elsewhere: Option<&'a str>,
@@ -96,12 +96,12 @@ struct Report<'a> {
     token: &'a str,
     /// What to run on the user's own machine, in an SSH session.
     ssh: Option<&'a str>,
-    models: Vec<Named<'a>>,
-    snapshot: Option<Named<'a>>,
+    models: Vec<ModelListing<'a>>,
+    snapshot: Option<ModelListing<'a>>,
 }
 
 #[derive(Serialize)]
-struct Named<'a> {
+struct ModelListing<'a> {
     name: &'a str,
     #[serde(skip_serializing_if = "Option::is_none")]
     gaussians: Option<u64>,
@@ -114,7 +114,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads(a.models.iter().chain(&a.particles).chain(a.page.files()).map(PathBuf::as_path), false)?;
     let server = listen(&a, &context)?;
-    let mut viewed = Viewed::read(&a.models, &context)?;
+    let mut viewed = ModelFiles::read(&a.models, &context)?;
     let opening = a.page.opening(&a.dials, &a.layers, &viewed.infos(), &context)?;
     let particles = a.particles(&context)?.map(|p| viewed.in_units(p, &context)).transpose()?;
     let reference = particles.as_ref().map(Reference::new);
@@ -174,7 +174,8 @@ impl Arguments {
         if self.particles.is_empty() {
             return Ok(None);
         }
-        let subset = Subset { selection: &self.selection, window: &WindowArgs::default(), seed: self.common.seed };
+        let subset =
+            SnapshotSubset { selection: &self.selection, window: &WindowArgs::default(), seed: self.common.seed };
         self.snapshot.open_selected(&self.particles, subset, context).map(Some)
     }
 
@@ -191,7 +192,7 @@ impl Arguments {
 fn announce(
     a: &Arguments,
     server: &Server,
-    viewed: &Viewed,
+    viewed: &ModelFiles,
     snapshot: Option<&Snapshot>,
     context: &Context,
 ) -> Result<()> {
@@ -209,15 +210,18 @@ fn announce(
         text += &format!("\nOn your own machine run this, then open the address there:\n{ssh}");
     }
     text += "\nCtrl-C ends it.";
-    let report = Report {
+    let report = ViewReport {
         url: &url,
         url_elsewhere: elsewhere.as_deref(),
         host: &a.host,
         port: server.port(),
         token: server.token(),
         ssh: ssh.as_deref(),
-        models: viewed.names().map(|(name, n)| Named { name, gaussians: Some(n as u64), particles: None }).collect(),
-        snapshot: snapshot.map(|s| Named { name: &s.name, gaussians: None, particles: Some(s.particles) }),
+        models: viewed
+            .names()
+            .map(|(name, n)| ModelListing { name, gaussians: Some(n as u64), particles: None })
+            .collect(),
+        snapshot: snapshot.map(|s| ModelListing { name: &s.name, gaussians: None, particles: Some(s.particles) }),
     };
     context.finish(&text, &report)
 }

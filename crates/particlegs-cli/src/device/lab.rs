@@ -15,28 +15,28 @@ use std::fmt::{self, Debug, Formatter};
 use std::sync::Arc;
 
 /// A card by its name.
-pub struct Card {
+pub struct NamedDevice {
     device: Device,
     trainer: Arc<dyn train::Device>,
     name: String,
 }
 
-impl Card {
+impl NamedDevice {
     /// # Errors
     /// Those of the card.
-    pub fn new(device: Device) -> Result<Card> {
+    pub fn new(device: Device) -> Result<NamedDevice> {
         let (trainer, name) = (card::trainer(&device)?, card::name(&device));
-        Ok(Card { device, trainer, name })
+        Ok(NamedDevice { device, trainer, name })
     }
 }
 
-impl Debug for Card {
+impl Debug for NamedDevice {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         f.write_str(&self.name)
     }
 }
 
-impl device::Device for Card {
+impl device::Device for NamedDevice {
     fn name(&self) -> Option<&str> {
         Some(&self.name)
     }

@@ -11,8 +11,8 @@ mod particles;
 
 pub use card::{Adapter, Device, ParticlePictures, Pictures, list};
 #[cfg(all(feature = "gpu", feature = "lab"))]
-pub use lab::Card;
-pub use particles::{Both, on_card};
+pub use lab::NamedDevice;
+pub use particles::{ModelAndParticles, on_card};
 
 use clap::Args;
 use particlegs::{Error, Result, train};
@@ -26,27 +26,27 @@ pub struct DeviceArgs {
     ///
     /// Cards count in float32: levels may differ by one from the processor's, which are the same everywhere.
     #[arg(long, value_name = "DEVICE", default_value = "cpu", hide_short_help = true)]
-    device: Asked,
+    device: DeviceRequest,
 }
 
 /// What is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Asked {
+enum DeviceRequest {
     Cpu,
     Auto,
     Gpu,
     Number(usize),
 }
 
-impl FromStr for Asked {
+impl FromStr for DeviceRequest {
     type Err = String;
 
-    fn from_str(text: &str) -> std::result::Result<Asked, String> {
+    fn from_str(text: &str) -> std::result::Result<DeviceRequest, String> {
         match text {
-            "cpu" => Ok(Asked::Cpu),
-            "auto" => Ok(Asked::Auto),
-            "gpu" => Ok(Asked::Gpu),
-            number => number.parse().map(Asked::Number).map_err(|_| "it is cpu, gpu, auto or a number".into()),
+            "cpu" => Ok(DeviceRequest::Cpu),
+            "auto" => Ok(DeviceRequest::Auto),
+            "gpu" => Ok(DeviceRequest::Gpu),
+            number => number.parse().map(DeviceRequest::Number).map_err(|_| "it is cpu, gpu, auto or a number".into()),
         }
     }
 }
@@ -62,8 +62,8 @@ impl DeviceArgs {
             return self.open()?.as_ref().map(card::trainer).transpose();
         }
         match self.device {
-            Asked::Cpu | Asked::Auto => Ok(None),
-            Asked::Gpu | Asked::Number(_) => {
+            DeviceRequest::Cpu | DeviceRequest::Auto => Ok(None),
+            DeviceRequest::Gpu | DeviceRequest::Number(_) => {
                 Err(Error::argument("--device: nothing is trained here that a card could do: --train"))
             }
         }
@@ -76,7 +76,7 @@ impl DeviceArgs {
     #[cfg(feature = "lab")]
     pub fn for_lab(&self) -> Result<Arc<dyn particlegs_lab::device::Device>> {
         Ok(match self.open()? {
-            Some(device) => Arc::new(lab::Card::new(device)?),
+            Some(device) => Arc::new(lab::NamedDevice::new(device)?),
             None => Arc::new(particlegs_lab::device::Processor),
         })
     }
@@ -88,8 +88,8 @@ impl DeviceArgs {
     #[cfg(feature = "lab")]
     pub fn open_card(&self) -> Result<Device> {
         match self.device {
-            Asked::Number(n) => card::open_timed(Some(n)),
-            Asked::Cpu | Asked::Auto | Asked::Gpu => card::open_timed(None),
+            DeviceRequest::Number(n) => card::open_timed(Some(n)),
+            DeviceRequest::Cpu | DeviceRequest::Auto | DeviceRequest::Gpu => card::open_timed(None),
         }
     }
 
@@ -99,10 +99,10 @@ impl DeviceArgs {
     /// [`particlegs::Error::Argument`] where there is none.
     pub fn open(&self) -> Result<Option<Device>> {
         match self.device {
-            Asked::Cpu => Ok(None),
-            Asked::Auto => Ok(card::open(None).ok()),
-            Asked::Gpu => card::open(None).map(Some),
-            Asked::Number(n) => card::open(Some(n)).map(Some),
+            DeviceRequest::Cpu => Ok(None),
+            DeviceRequest::Auto => Ok(card::open(None).ok()),
+            DeviceRequest::Gpu => card::open(None).map(Some),
+            DeviceRequest::Number(n) => card::open(Some(n)).map(Some),
         }
     }
 }

@@ -33,23 +33,23 @@ pub fn on_card<'a>(
 }
 
 /// A model and its snapshot on a card.
-pub struct Both<'a> {
+pub struct ModelAndParticles<'a> {
     particles: ParticlePictures<'a>,
     model: Pictures,
 }
 
-impl<'a> Both<'a> {
+impl<'a> ModelAndParticles<'a> {
     /// Sends them there.
     ///
     /// # Errors
     /// Those of [`on_card`]; [`particlegs::Error::Argument`] for a model that no card draws.
     pub fn new(device: &Device, scene: &Scene, particles: &'a Particles, context: &Context) -> Result<Self> {
         let model = Pictures::new(device, scene)?;
-        Ok(Both { particles: on_card(device, particles, particles.bounds(), context)?, model })
+        Ok(ModelAndParticles { particles: on_card(device, particles, particles.bounds(), context)?, model })
     }
 }
 
-impl Drawer for Both<'_> {
+impl Drawer for ModelAndParticles<'_> {
     fn particles(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Gray8> {
         self.particles.draw(view, size, Look::ParaviewNoFxaa, progress)
     }

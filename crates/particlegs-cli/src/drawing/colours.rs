@@ -1,7 +1,7 @@
 //! From what is seen to colours: grey levels, densities by the logarithm, layers by hue.
 
-use super::Seen;
-use crate::figure::{Ground, Image};
+use super::ViewContent;
+use crate::figure::{FigureImage, PaperColour};
 use particlegs::parallel;
 use particlegs::picture::{Colormap, DensityColors, Rgb8};
 
@@ -16,23 +16,23 @@ pub fn common_range(ranges: impl IntoIterator<Item = Option<[f64; 2]>>) -> [f64;
 }
 
 /// The colours of densities over a range, on a ground.
-pub fn densities(map: Colormap, ground: Ground, range: [f64; 2]) -> DensityColors {
-    DensityColors::new(map, ground == Ground::White, range)
+pub fn densities(map: Colormap, ground: PaperColour, range: [f64; 2]) -> DensityColors {
+    DensityColors::new(map, ground == PaperColour::White, range)
 }
 
 /// What is seen as a picture.
-pub fn image(seen: Seen, map: Colormap, range: [f64; 2], ground: Ground) -> Image {
+pub fn image(seen: ViewContent, map: Colormap, range: [f64; 2], ground: PaperColour) -> FigureImage {
     match seen {
-        Seen::Levels(gray) => match ground {
-            Ground::Black => Image::Gray(gray),
-            Ground::White => Image::Gray(gray).inverted(),
+        ViewContent::Levels(gray) => match ground {
+            PaperColour::Black => FigureImage::Gray(gray),
+            PaperColour::White => FigureImage::Gray(gray).inverted(),
         },
-        Seen::Density(plane) => {
+        ViewContent::Density(plane) => {
             let colors = densities(map, ground, range);
             let pixels = parallel::map_range(plane.data.len(), |i| colors.of(plane.data[i]));
-            Image::Color(Rgb8 { size: plane.size, data: pixels })
+            FigureImage::Color(Rgb8 { size: plane.size, data: pixels })
         }
-        Seen::Layers(gray, hues) => Image::Color(Rgb8::tinted(&gray, &hues, ground == Ground::White)),
+        ViewContent::Layers(gray, hues) => FigureImage::Color(Rgb8::tinted(&gray, &hues, ground == PaperColour::White)),
     }
 }
 
@@ -60,14 +60,14 @@ mod tests {
         let size = Size { width: 3, height: 1 };
         let gray = || Gray8 { size, data: vec![0, 100, 255] };
         let of = |seen, ground| image(seen, Colormap::Grey, [1.0, 100.0], ground);
-        assert_eq!(of(Seen::Levels(gray()), Ground::White).bytes(), [255, 155, 0]);
-        assert_eq!(of(Seen::Levels(gray()), Ground::Black).bytes(), [0, 100, 255]);
+        assert_eq!(of(ViewContent::Levels(gray()), PaperColour::White).bytes(), [255, 155, 0]);
+        assert_eq!(of(ViewContent::Levels(gray()), PaperColour::Black).bytes(), [0, 100, 255]);
         let hues = || vec![[255, 0, 51]; 3];
-        let layers = of(Seen::Layers(gray(), hues()), Ground::White);
+        let layers = of(ViewContent::Layers(gray(), hues()), PaperColour::White);
         assert_eq!((layers.pixel(0, 0), layers.pixel(2, 0)), ([255; 3], [255, 0, 51]));
-        assert_eq!(of(Seen::Layers(gray(), hues()), Ground::Black).pixel(0, 0), [0; 3]);
+        assert_eq!(of(ViewContent::Layers(gray(), hues()), PaperColour::Black).pixel(0, 0), [0; 3]);
         let plane = || Plane { size, data: vec![0.0, 10.0, f32::NAN] };
-        let [a, b, c] = [0, 1, 2].map(|x| of(Seen::Density(plane()), Ground::White).pixel(x, 0)[0]);
+        let [a, b, c] = [0, 1, 2].map(|x| of(ViewContent::Density(plane()), PaperColour::White).pixel(x, 0)[0]);
         assert!(a == 255 && (90..115).contains(&b) && c == 255, "{a} {b} {c}");
     }
 }

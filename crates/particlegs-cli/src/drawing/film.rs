@@ -1,6 +1,6 @@
 //! Frames joined to a film: by ffmpeg where it is installed, a GIF by ourselves.
 
-use super::gif::{self, Coded};
+use super::gif::{self, GifFrame};
 use crate::common::Context;
 use crate::outputs::{GIF, MP4, WEBM};
 use crate::picture_out::PictureOut;
@@ -13,7 +13,7 @@ use std::process::{Command, Stdio};
 
 /// A film by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
+pub enum FilmFormat {
     /// H.264, which everything plays.
     Mp4,
     /// VP9.
@@ -26,7 +26,7 @@ pub enum Form {
 pub struct Film {
     path: PathBuf,
     /// What it is.
-    pub form: Form,
+    pub form: FilmFormat,
     /// Frames a second.
     pub fps: u32,
     /// Where its frames are, if they are files.
@@ -43,9 +43,9 @@ impl Film {
     pub fn plan(path: &Path, fps: u32, out: Option<&Path>, context: &Context) -> Result<Film> {
         let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         let (form, kind) = match &ending[..] {
-            "mp4" => (Form::Mp4, &MP4),
-            "webm" => (Form::Webm, &WEBM),
-            "gif" => (Form::Gif, &GIF),
+            "mp4" => (FilmFormat::Mp4, &MP4),
+            "webm" => (FilmFormat::Webm, &WEBM),
+            "gif" => (FilmFormat::Gif, &GIF),
             _ => {
                 let what = format!("--video {}: its name does not end in .mp4, .webm or .gif", path.display());
                 return Err(Error::argument(what));
@@ -58,7 +58,7 @@ impl Film {
         };
         let frames = match (out, form) {
             (Some(folder), _) => Some(folder.to_path_buf()),
-            (None, Form::Gif) => None,
+            (None, FilmFormat::Gif) => None,
             (None, _) => Some(beside()),
         };
         Ok(Film { path: path.to_path_buf(), form, fps, frames, passing: out.is_none() })
@@ -84,8 +84,8 @@ impl Film {
     /// # Errors
     /// [`Error::Io`] where ffmpeg makes no film: the frames are kept, and the line that joins them is said; those of
     /// writing; [`Error::Cancelled`].
-    pub fn join(&self, gif: &[Coded], out: Option<&PictureOut>, names: &[String], context: &Context) -> Result<()> {
-        if self.form == Form::Gif {
+    pub fn join(&self, gif: &[GifFrame], out: Option<&PictureOut>, names: &[String], context: &Context) -> Result<()> {
+        if self.form == FilmFormat::Gif {
             return gif::write(&self.path, gif);
         }
         let folder = self.frames.as_deref().unwrap_or(Path::new("."));
@@ -118,7 +118,7 @@ impl Film {
         // Sides of an even number of pixels, which the coders need.
         let even = "crop=trunc(iw/2)*2:trunc(ih/2)*2";
         let coder: &[&str] = match self.form {
-            Form::Mp4 => &["-c:v", "libx264", "-crf", "18", "-preset", "fast", "-movflags", "+faststart"],
+            FilmFormat::Mp4 => &["-c:v", "libx264", "-crf", "18", "-preset", "fast", "-movflags", "+faststart"],
             _ => &[
                 "-c:v",
                 "libvpx-vp9",

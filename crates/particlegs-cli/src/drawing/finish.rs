@@ -1,16 +1,16 @@
 //! What is seen, made a picture or a figure, and written.
 
-use super::Seen;
+use super::ViewContent;
 use super::colours::{self, common_range};
-use super::provenance::Provenance;
+use super::provenance::PictureProvenance;
 use crate::annotate::text::{labelled, number};
 use crate::density_args::Quantities;
 use crate::figure::args::{Axes, FigureArgs};
 use crate::figure::output::{self, FileKind};
-use crate::figure::png_file::{self, About, Effort};
+use crate::figure::png_file::{self, PngEffort, PngMetadata};
 use crate::figure::ticks::round_below;
-use crate::figure::{Bar, Figure, Image, Panel, ScaleBar, cube};
-use crate::view_args::Subject;
+use crate::figure::{ColourBar, Figure, FigureImage, Panel, ScaleBar, cube};
+use crate::view_args::ViewSubject;
 use particlegs::Result;
 use particlegs::camera::{Projection, View};
 use particlegs::picture::{Colormap, Size, journal_unit};
@@ -21,7 +21,7 @@ use std::path::Path;
 const LONGEST_BAR: f64 = 0.22;
 
 /// How what is seen is finished: one for all pictures of a command.
-pub struct Finish<'a> {
+pub struct Finisher<'a> {
     /// What stands about pictures.
     pub args: &'a FigureArgs,
     /// Colours of a density.
@@ -29,24 +29,24 @@ pub struct Finish<'a> {
     /// Units.
     pub quantities: &'a Quantities,
     /// Bounds and cell.
-    pub subject: &'a Subject,
+    pub subject: &'a ViewSubject,
     /// What layers' colours stand for.
     pub legend: Vec<(String, [u8; 3])>,
     /// What is said inside files; its views and range are each picture's.
-    pub about: Provenance,
+    pub about: PictureProvenance,
 }
 
 /// Why there is no scale bar.
-type NoScale = &'static str;
+type MissingScaleReason = &'static str;
 
-impl Finish<'_> {
+impl Finisher<'_> {
     /// The range that a density's colours have where none is given.
-    pub fn range_of(&self, seen: &Seen) -> Option<[f64; 2]> {
-        if let Seen::Density(plane) = seen { plane.log_range() } else { None }
+    pub fn range_of(&self, seen: &ViewContent) -> Option<[f64; 2]> {
+        if let ViewContent::Density(plane) = seen { plane.log_range() } else { None }
     }
 
     /// World units a pixel, and what is to be said of them.
-    fn world_per_pixel(&self, view: &View, size: Size) -> std::result::Result<(f64, &'static str), NoScale> {
+    fn world_per_pixel(&self, view: &View, size: Size) -> std::result::Result<(f64, &'static str), MissingScaleReason> {
         let (camera, focal) = (&view.camera, view.camera.focal_pixels(size));
         match camera.projection {
             Projection::Orthographic { .. } => Ok((1.0 / focal, "")),
@@ -65,7 +65,7 @@ impl Finish<'_> {
         }
     }
 
-    fn scale(&self, view: &View, size: Size) -> std::result::Result<ScaleBar, NoScale> {
+    fn scale(&self, view: &View, size: Size) -> std::result::Result<ScaleBar, MissingScaleReason> {
         let (world, note) = self.world_per_pixel(view, size)?;
         let width = world * size.width as f64;
         if !(width > 0.0 && width.is_finite()) {
@@ -100,7 +100,7 @@ impl Finish<'_> {
     ///
     /// # Errors
     /// [`particlegs::Error::Argument`] for coordinates about a perspective picture.
-    pub fn panel(&self, seen: Seen, view: &View, range: [f64; 2], kind: FileKind) -> Result<Panel> {
+    pub fn panel(&self, seen: ViewContent, view: &View, range: [f64; 2], kind: FileKind) -> Result<Panel> {
         let mut panel = Panel::plain(colours::image(seen, self.colormap, range, self.args.ground()));
         let size = panel.image.size();
         if self.args.has_scale(self.has_bars(), kind) {
@@ -126,7 +126,7 @@ impl Finish<'_> {
         let ground = self.args.ground();
         let title = || labelled(&format!("Σ{}", self.quantities.of_what()), &journal_unit(&self.quantities.unit()));
         let colors = colours::densities(self.colormap, ground, range);
-        let bar = shown.then(|| Bar::logarithmic(title(), range, |share| colors.at(share)));
+        let bar = shown.then(|| ColourBar::logarithmic(title(), range, |share| colors.at(share)));
         let legend = if self.args.no_annotations { Vec::new() } else { self.legend.clone() };
         let (title, place, page) = (self.args.title.clone(), self.args.place(), self.args.page());
         Figure { title, panels, columns, bar, legend, place, page, ground }
@@ -135,12 +135,12 @@ impl Finish<'_> {
     /// What a file says of itself.
     ///
     /// # Errors
-    /// Those of [`Provenance::text`].
-    pub fn about(&self, views: &[View], size: Size, range: [f64; 2]) -> Result<About> {
+    /// Those of [`PictureProvenance::text`].
+    pub fn about(&self, views: &[View], size: Size, range: [f64; 2]) -> Result<PngMetadata> {
         let range = self.about.colormap.is_some().then_some(range);
         let views: Vec<View> = views.iter().map(|v| self.spelled_out(v)).collect();
-        let of = Provenance { range, ..self.about.clone() };
-        Ok(About {
+        let of = PictureProvenance { range, ..self.about.clone() };
+        Ok(PngMetadata {
             title: self.args.title.clone(),
             software: format!("particlegs {}", of.particlegs),
             provenance: of.text(&views, size)?,
@@ -161,8 +161,8 @@ impl Finish<'_> {
     /// A picture as it is shown in a film: the figure's pixels.
     ///
     /// # Errors
-    /// Those of [`Finish::panel`] and of drawing.
-    pub fn pixels(&self, seen: Seen, view: &View, range: [f64; 2]) -> Result<(Image, Option<f64>)> {
+    /// Those of [`Finisher::panel`] and of drawing.
+    pub fn pixels(&self, seen: ViewContent, view: &View, range: [f64; 2]) -> Result<(FigureImage, Option<f64>)> {
         if !self.is_figure(FileKind::Png) {
             let image = colours::image(seen, self.colormap, range, self.args.ground());
             return Ok((image, self.args.dpi));
@@ -175,17 +175,24 @@ impl Finish<'_> {
     ///
     /// # Errors
     /// Those of drawing and of writing.
-    pub fn write(&self, path: &Path, seen: Seen, view: &View, range: Option<[f64; 2]>, kind: FileKind) -> Result<()> {
+    pub fn write(
+        &self,
+        path: &Path,
+        seen: ViewContent,
+        view: &View,
+        range: Option<[f64; 2]>,
+        kind: FileKind,
+    ) -> Result<()> {
         let range = range.unwrap_or_else(|| common_range([self.range_of(&seen)]));
         let size = match &seen {
-            Seen::Levels(g) | Seen::Layers(g, _) => g.size,
-            Seen::Density(p) => p.size,
+            ViewContent::Levels(g) | ViewContent::Layers(g, _) => g.size,
+            ViewContent::Density(p) => p.size,
         };
         let about = self.about(std::slice::from_ref(view), size, range)?;
         let bytes = match kind {
             FileKind::Png => {
                 let (image, dpi) = self.pixels(seen, view, range)?;
-                png_file::coded(&image, &About { dpi, ..about }, Effort::Small)?
+                png_file::coded(&image, &PngMetadata { dpi, ..about }, PngEffort::Small)?
             }
             _ => {
                 let panel = self.panel(seen, view, range, kind)?;

@@ -1,13 +1,13 @@
 //! Frames of a film: drawn, coded and written side by side; where colours have a range, one range for all.
 
 use super::colours::common_range;
-use super::finish::Finish;
-use super::gif::{self, Coded};
-use super::run::Job;
-use super::{Painter, Seen};
+use super::finish::Finisher;
+use super::gif::{self, GifFrame};
+use super::run::DrawingJob;
+use super::{ViewContent, ViewRenderer};
 use crate::common::Context;
-use crate::figure::Image;
-use crate::figure::png_file::{About, Effort, coded};
+use crate::figure::FigureImage;
+use crate::figure::png_file::{PngEffort, PngMetadata, coded};
 use crate::picture_out::PictureOut;
 use particlegs::camera::{View, ViewSet};
 use particlegs::progress::Progress;
@@ -19,17 +19,17 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 /// What was drawn.
-pub struct Frames {
+pub struct FrameSeries {
     /// Seconds that each frame took, coding and writing with it.
     pub seconds: Vec<f64>,
     /// Frames of a GIF, where one is made.
-    pub gif: Vec<Coded>,
+    pub gif: Vec<GifFrame>,
     /// The range of all.
     pub range: Option<[f64; 2]>,
 }
 
 /// Where frames go.
-pub struct Into<'a> {
+pub struct FrameOutputs<'a> {
     /// A folder of PNGs.
     pub files: Option<&'a PictureOut>,
     /// Frames a second of a GIF that they are coded for.
@@ -37,7 +37,7 @@ pub struct Into<'a> {
 }
 
 /// The range that all of these views have in common: each is drawn once for it.
-fn one_range(painter: &dyn Painter, finish: &Finish<'_>, set: &ViewSet, context: &Context) -> Result<[f64; 2]> {
+fn one_range(painter: &dyn ViewRenderer, finish: &Finisher<'_>, set: &ViewSet, context: &Context) -> Result<[f64; 2]> {
     context.begin("one range for all frames", set.views.len() as u64);
     let of = |view: &View| {
         let range = finish.range_of(&painter.draw(view, set.size)?);
@@ -50,7 +50,7 @@ fn one_range(painter: &dyn Painter, finish: &Finish<'_>, set: &ViewSet, context:
 }
 
 /// Work on every view, side by side where the painter allows it.
-fn each<T: Send>(painter: &dyn Painter, views: &[View], of: impl Fn(&View) -> Result<T> + Sync) -> Result<Vec<T>> {
+fn each<T: Send>(painter: &dyn ViewRenderer, views: &[View], of: impl Fn(&View) -> Result<T> + Sync) -> Result<Vec<T>> {
     match painter.side_by_side() {
         true => parallel::try_map_range(views.len(), |i| of(&views[i])),
         false => views.iter().map(of).collect(),
@@ -61,8 +61,8 @@ fn each<T: Send>(painter: &dyn Painter, views: &[View], of: impl Fn(&View) -> Re
 ///
 /// # Errors
 /// Those of drawing and writing.
-pub fn draw(job: &Job<'_>, into: &Into<'_>) -> Result<Frames> {
-    let Job { painter, finish, set, range, context, .. } = *job;
+pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries> {
+    let DrawingJob { painter, finish, set, range, context, .. } = *job;
     let (density, count) = (finish.about.colormap.is_some(), set.views.len());
     let range = match (range, density) {
         (None, true) => Some(one_range(painter, finish, set, context)?),
@@ -75,12 +75,12 @@ pub fn draw(job: &Job<'_>, into: &Into<'_>) -> Result<Frames> {
     let frame = |view: &View| {
         context.check()?;
         let started = Instant::now();
-        let seen: Seen = painter.draw(view, set.size)?;
+        let seen: ViewContent = painter.draw(view, set.size)?;
         let (image, dpi) = finish.pixels(seen, view, shown)?;
         of_one_size(&size, &image)?;
         if let Some(out) = into.files {
-            let about = About { dpi, ..finish.about(std::slice::from_ref(view), set.size, shown)? };
-            write_bytes(&out.picture(&view.name), &coded(&image, &about, Effort::Quick)?)?;
+            let about = PngMetadata { dpi, ..finish.about(std::slice::from_ref(view), set.size, shown)? };
+            write_bytes(&out.picture(&view.name), &coded(&image, &about, PngEffort::Quick)?)?;
             written.fetch_add(1, Ordering::Relaxed);
         }
         let gif = into.gif.map(|fps| gif::coded(image, fps)).transpose()?;
@@ -91,12 +91,12 @@ pub fn draw(job: &Job<'_>, into: &Into<'_>) -> Result<Frames> {
     context.end();
     let folder = into.files.map_or(PathBuf::new(), |out| out.folder().to_path_buf());
     let all = context.says_what_is_there(&folder, written.into_inner(), count, all)?;
-    let (seconds, gif): (Vec<f64>, Vec<Option<Coded>>) = all.into_iter().unzip();
-    Ok(Frames { seconds, gif: gif.into_iter().flatten().collect(), range })
+    let (seconds, gif): (Vec<f64>, Vec<Option<GifFrame>>) = all.into_iter().unzip();
+    Ok(FrameSeries { seconds, gif: gif.into_iter().flatten().collect(), range })
 }
 
 /// Frames of one film are of one size: labels that grow would change it.
-fn of_one_size(first: &Mutex<Option<particlegs::picture::Size>>, image: &Image) -> Result<()> {
+fn of_one_size(first: &Mutex<Option<particlegs::picture::Size>>, image: &FigureImage) -> Result<()> {
     let size = *first.lock().unwrap_or_else(|e| e.into_inner()).get_or_insert(image.size());
     if size == image.size() {
         return Ok(());

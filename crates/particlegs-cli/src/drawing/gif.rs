@@ -1,6 +1,6 @@
 //! Frames of an animated GIF: each with its own colours, exact where it has at most 256.
 
-use crate::figure::Image;
+use crate::figure::FigureImage;
 use ::gif::{Encoder, Frame, Repeat};
 use particlegs::{Error, Result};
 use particlegs_files::output::write_atomic;
@@ -10,7 +10,7 @@ use std::io::Write;
 use std::path::Path;
 
 /// A frame as it stands in the file.
-pub struct Coded(Frame<'static>);
+pub struct GifFrame(Frame<'static>);
 
 /// Colours of a frame.
 const COLOURS: usize = 256;
@@ -28,17 +28,17 @@ const SHORTEST: u16 = 2;
 ///
 /// # Errors
 /// [`Error::Argument`] for one larger than 65 535 pixels in a direction.
-pub fn coded(image: Image, fps: u32) -> Result<Coded> {
+pub fn coded(image: FigureImage, fps: u32) -> Result<GifFrame> {
     let size = image.size();
     let (Ok(width), Ok(height)) = (u16::try_from(size.width), u16::try_from(size.height)) else {
         return Err(Error::argument(format!("a GIF of {}x{} pixels is too large", size.width, size.height)));
     };
     let mut frame = match image {
-        Image::Gray(gray) => {
+        FigureImage::Gray(gray) => {
             let palette: Vec<u8> = (0..=255).flat_map(|v| [v; 3]).collect();
             Frame { width, height, buffer: Cow::Owned(gray.data), palette: Some(palette), ..Frame::default() }
         }
-        Image::Color(colours) => match of_few(&colours.data) {
+        FigureImage::Color(colours) => match of_few(&colours.data) {
             Some((buffer, palette)) => {
                 Frame { width, height, buffer: Cow::Owned(buffer), palette: Some(palette), ..Frame::default() }
             }
@@ -47,7 +47,7 @@ pub fn coded(image: Image, fps: u32) -> Result<Coded> {
     };
     frame.delay = ((100 + fps / 2) / fps.max(1)).clamp(SHORTEST.into(), 100) as u16;
     frame.make_lzw_pre_encoded();
-    Ok(Coded(frame))
+    Ok(GifFrame(frame))
 }
 
 /// Pixels by their number in a palette; `None` where there are too many colours.
@@ -76,13 +76,13 @@ fn of_few(pixels: &[[u8; 3]]) -> Option<(Vec<u8>, Vec<u8>)> {
 ///
 /// # Errors
 /// [`Error::Io`].
-pub fn write(path: &Path, frames: &[Coded]) -> Result<()> {
-    let Some(Coded(first)) = frames.first() else { return Ok(()) };
+pub fn write(path: &Path, frames: &[GifFrame]) -> Result<()> {
+    let Some(GifFrame(first)) = frames.first() else { return Ok(()) };
     write_atomic(path, |to: &mut dyn Write| {
         let fail = |e: ::gif::EncodingError| std::io::Error::other(e);
         let mut encoder = Encoder::new(to, first.width, first.height, &[]).map_err(fail)?;
         encoder.set_repeat(Repeat::Infinite).map_err(fail)?;
-        for Coded(frame) in frames {
+        for GifFrame(frame) in frames {
             encoder.write_lzw_pre_encoded_frame(frame).map_err(fail)?;
         }
         Ok(())
@@ -100,7 +100,7 @@ mod tests {
         let size = Size { width: 40, height: 9 };
         let gray = Gray8 { size, data: (0..360).map(|i| (i * 7 % 256) as u8).collect() };
         let few = Rgb8 { size, data: (0..360).map(|i| [(i % 200) as u8, 3, 9]).collect() };
-        let frames = [Image::Gray(gray.clone()), Image::Color(few.clone())].map(|i| coded(i, 30).unwrap());
+        let frames = [FigureImage::Gray(gray.clone()), FigureImage::Color(few.clone())].map(|i| coded(i, 30).unwrap());
         assert_eq!(frames[0].0.delay, 3);
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.gif");

@@ -1,6 +1,6 @@
 //! Colours by layer ([`particlegs::picture::Rgb8::layer_hues`]).
 
-use super::Seen;
+use super::ViewContent;
 use particlegs::camera::View;
 use particlegs::model::{LawKind, Model};
 use particlegs::parallel;
@@ -26,7 +26,7 @@ pub fn apart(model: &Model) -> Result<Vec<Model>> {
 ///
 /// # Errors
 /// Those of [`optical_depth`].
-pub fn draw(layers: &[Model], view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Seen> {
+pub fn draw(layers: &[Model], view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<ViewContent> {
     progress.require_memory("a picture by layers", 4 * size.pixels() as u64 * (layers.len() as u64 + 2))?;
     let planes =
         layers.iter().map(|l| optical_depth(&Scene::of(l), view, size, progress)).collect::<Result<Vec<Plane>>>()?;
@@ -34,5 +34,5 @@ pub fn draw(layers: &[Model], view: &View, size: Size, look: Look, progress: &dy
     let all = Plane { size, data: sums };
     let levels = Tones::new(view.opacity, view.radius_pixels(size)).of(&all, look);
     let hues = Rgb8::layer_hues(&planes.iter().zip(0..).collect::<Vec<_>>());
-    Ok(Seen::Layers(levels, hues))
+    Ok(ViewContent::Layers(levels, hues))
 }

@@ -17,7 +17,7 @@ use particlegs::picture::{Gray8, Plane, Size};
 use particlegs::progress::Progress;
 
 /// What is seen in a view, before it has its colours.
-pub enum Seen {
+pub enum ViewContent {
     /// Grey levels.
     Levels(Gray8),
     /// Grey levels of everything, and the mixed colour of the layers at each pixel.
@@ -29,17 +29,17 @@ pub enum Seen {
 /// A picture whose mean grey level is below this is dark.
 const DARK: f64 = 10.0;
 
-impl Seen {
+impl ViewContent {
     /// The mean grey level of a dark picture.
     fn dark(&self) -> Option<f64> {
-        let Seen::Levels(grey) = self else { return None };
+        let ViewContent::Levels(grey) = self else { return None };
         let sum: f64 = grey.data.iter().map(|v| f64::from(*v)).sum();
         Some(sum / grey.data.len() as f64).filter(|mean| *mean < DARK)
     }
 
     /// Says so where a density has nothing in it.
     fn say_if_empty(&self, view: &View, context: &Context) {
-        if matches!(self, Seen::Density(plane) if plane.data.iter().all(|v| *v == 0.0)) {
+        if matches!(self, ViewContent::Density(plane) if plane.data.iter().all(|v| *v == 0.0)) {
             let name = &view.name;
             context.message(&format!("warning: view `{name}` is empty: no particle lies in its window; move --center or widen --width and --depth"));
         }
@@ -47,9 +47,9 @@ impl Seen {
 }
 
 /// Something that can be drawn.
-pub trait Painter: Sync {
+pub trait ViewRenderer: Sync {
     /// Draws a view.
-    fn draw(&self, view: &View, size: Size) -> Result<Seen>;
+    fn draw(&self, view: &View, size: Size) -> Result<ViewContent>;
 
     /// May several views be drawn side by side?
     fn side_by_side(&self) -> bool;

@@ -1,8 +1,8 @@
 //! Several pictures in one figure: one range, one colour bar.
 
-use super::Painter;
+use super::ViewRenderer;
 use super::colours::common_range;
-use super::finish::Finish;
+use super::finish::Finisher;
 use crate::common::Context;
 use crate::figure::output;
 use crate::picture_out::PictureOut;
@@ -18,7 +18,7 @@ const MOST: usize = 100;
 /// What is drawn beside one another, and how.
 pub struct Panels<'a> {
     /// What is drawn, each with its name.
-    pub painters: Vec<(String, &'a dyn Painter)>,
+    pub painters: Vec<(String, &'a dyn ViewRenderer)>,
     /// What stands above the pictures, in place of names.
     pub captions: Vec<String>,
     /// Pictures in a row.
@@ -38,7 +38,7 @@ impl Panels<'_> {
     /// [`Error::Argument`] for too many pictures, or captions that are not as many; those of drawing and writing.
     pub fn draw(
         &self,
-        finish: &Finish<'_>,
+        finish: &Finisher<'_>,
         set: &ViewSet,
         range: Option<[f64; 2]>,
         out: &PictureOut,

@@ -12,11 +12,11 @@ use std::path::Path;
 
 /// What a picture is of.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Provenance {
+pub struct PictureProvenance {
     /// The program's version.
     pub particlegs: String,
     /// What was drawn, one for each panel's file.
-    pub of: Vec<Source>,
+    pub of: Vec<SourceFile>,
     /// The look.
     pub style: String,
     /// Layers that were drawn, or `all`.
@@ -36,7 +36,7 @@ pub struct Provenance {
     pub unit: Option<String>,
     /// What its lengths and masses are in.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub units: Option<DrawnUnits>,
+    pub units: Option<PictureUnits>,
     /// Ground of the picture, where it is chosen.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub background: Option<String>,
@@ -46,18 +46,18 @@ pub struct Provenance {
 
 /// What numbers of a picture are in.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct DrawnUnits {
+pub struct PictureUnits {
     #[serde(flatten)]
     units: Units,
     scale_factor: Option<f64>,
     hubble: Option<f64>,
 }
 
-impl DrawnUnits {
+impl PictureUnits {
     /// Those of a system.
     pub fn of(system: UnitSystem<'_>) -> Self {
         let UnitSystem { units, scale_factor, hubble } = system;
-        DrawnUnits { units: units.clone(), scale_factor, hubble }
+        PictureUnits { units: units.clone(), scale_factor, hubble }
     }
 
     /// As a system.
@@ -68,14 +68,14 @@ impl DrawnUnits {
 
 /// A file that was drawn.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Source {
+pub struct SourceFile {
     /// Its name without its folder.
     pub name: String,
     /// BLAKE3 of a model file, or the hash of a snapshot's particles that models name.
     pub blake3: String,
 }
 
-impl Provenance {
+impl PictureProvenance {
     /// With these views, as text.
     ///
     /// # Errors
@@ -84,7 +84,7 @@ impl Provenance {
         let file = ViewsFile(ViewSet { size, views: views.to_vec() }).text()?;
         let plain = |e: serde_json::Error| Error::argument(e.to_string());
         let views = serde_json::from_str(&file).map_err(plain)?;
-        serde_json::to_string(&Provenance { views, ..self.clone() }).map_err(plain)
+        serde_json::to_string(&PictureProvenance { views, ..self.clone() }).map_err(plain)
     }
 
     /// Of a picture that is there, with its view.
@@ -92,9 +92,9 @@ impl Provenance {
     /// # Errors
     /// [`Error::Io`]; [`Error::Input`] for what is no picture of ours, or one of several views; those of
     /// [`ViewsFile::of_bytes`].
-    pub fn read(path: &Path, progress: &dyn Progress) -> Result<(Provenance, ViewSet)> {
+    pub fn read(path: &Path, progress: &dyn Progress) -> Result<(PictureProvenance, ViewSet)> {
         let text = png_file::provenance(path, progress)?;
-        let told: Provenance = serde_json::from_str(&text)
+        let told: PictureProvenance = serde_json::from_str(&text)
             .map_err(|e| Error::input(path, format!("what it says of itself cannot be read: {e}")))?;
         let ViewsFile(set) = ViewsFile::of_bytes(told.views.to_string().as_bytes(), path)?;
         if set.views.len() != 1 {

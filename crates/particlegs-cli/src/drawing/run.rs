@@ -1,16 +1,16 @@
 //! The way from views to files that `render` and `reference` share: which views, which files, one after the other or as
 //! frames, and the report.
 
-use super::film::{Film, Form};
-use super::finish::Finish;
-use super::frames::{self, Into};
-use super::{Painter, Seen};
+use super::film::{Film, FilmFormat};
+use super::finish::Finisher;
+use super::frames::{self, FrameOutputs};
+use super::{ViewContent, ViewRenderer};
 use crate::common::Context;
 use crate::density_args::DensityArgs;
-use crate::drawn::Drawn;
+use crate::drawn::RenderedView;
 use crate::figure::output::FileKind;
 use crate::picture_out::PictureOut;
-use crate::view_args::{Subject, ViewArgs};
+use crate::view_args::{ViewArgs, ViewSubject};
 use crate::views::sequence_args::SequenceArgs;
 use particlegs::camera::ViewSet;
 use particlegs::progress::Progress;
@@ -19,9 +19,9 @@ use std::path::Path;
 use std::time::Instant;
 
 /// What was drawn, for a report.
-pub struct Report {
+pub struct DrawingReport {
     /// The pictures.
-    pub views: Vec<Drawn>,
+    pub views: Vec<RenderedView>,
     /// The range of all, where they have one.
     pub range: Option<[f64; 2]>,
     /// Lines about the film, for people.
@@ -29,7 +29,7 @@ pub struct Report {
 }
 
 /// Where pictures go.
-pub struct Target<'a> {
+pub struct PictureTarget<'a> {
     /// The folder or the picture; none where a film alone is written.
     pub out: Option<&'a Path>,
     /// Colours and values of a density.
@@ -42,7 +42,7 @@ pub struct Target<'a> {
 ///
 /// # Errors
 /// Those of [`ViewArgs::resolve`] and [`SequenceArgs::frames`].
-pub fn views(args: &ViewArgs, of: &SequenceArgs, subject: &Subject, context: &Context) -> Result<ViewSet> {
+pub fn views(args: &ViewArgs, of: &SequenceArgs, subject: &ViewSubject, context: &Context) -> Result<ViewSet> {
     let set = match of.key_frames(context)? {
         Some(mut keys) => {
             args.apply(&mut keys)?;
@@ -56,11 +56,11 @@ pub fn views(args: &ViewArgs, of: &SequenceArgs, subject: &Subject, context: &Co
 }
 
 /// What is drawn, and how.
-pub struct Job<'a> {
+pub struct DrawingJob<'a> {
     /// What can be drawn.
-    pub painter: &'a dyn Painter,
+    pub painter: &'a dyn ViewRenderer,
     /// How it is finished.
-    pub finish: &'a Finish<'a>,
+    pub finish: &'a Finisher<'a>,
     /// The views.
     pub set: &'a ViewSet,
     /// The range that is asked for.
@@ -71,19 +71,19 @@ pub struct Job<'a> {
     pub context: &'a Context,
 }
 
-impl Job<'_> {
+impl DrawingJob<'_> {
     /// Draws views into files.
     ///
     /// # Errors
     /// Those of drawing and writing.
-    pub fn draw(&self, target: &Target<'_>) -> Result<Report> {
-        let Job { finish, set, context, .. } = *self;
+    pub fn draw(&self, target: &PictureTarget<'_>) -> Result<DrawingReport> {
+        let DrawingJob { finish, set, context, .. } = *self;
         let film = target.sequence.video.as_deref();
         let film = film.map(|path| Film::plan(path, target.sequence.fps, target.out, context)).transpose()?;
         let folder = target.out.or(film.as_ref().and_then(Film::frames));
         let raw = target.density.raw;
         let out = folder.map(|path| PictureOut::new(path, set.views.len(), raw, context)).transpose()?;
-        if film.as_ref().is_some_and(|f| f.form != Form::Gif) && !matches!(out, Some(PictureOut::Folder(_))) {
+        if film.as_ref().is_some_and(|f| f.form != FilmFormat::Gif) && !matches!(out, Some(PictureOut::Folder(_))) {
             let what = "--video joins the frames of a folder, and -o names a picture".to_string();
             return Err(Error::Argument { what, remedy: "name a folder, or leave -o away".into() });
         }
@@ -104,8 +104,8 @@ impl Job<'_> {
         self.one_by_one(&out, target.density)
     }
 
-    fn one_by_one(&self, out: &PictureOut, density: &DensityArgs) -> Result<Report> {
-        let Job { painter, finish, set, range, context, .. } = *self;
+    fn one_by_one(&self, out: &PictureOut, density: &DensityArgs) -> Result<DrawingReport> {
+        let DrawingJob { painter, finish, set, range, context, .. } = *self;
         let mut views = Vec::with_capacity(set.views.len());
         for view in &set.views {
             let started = Instant::now();
@@ -117,7 +117,7 @@ impl Job<'_> {
                     context.message(&format!("note: the picture is dark, as ParaView's would be (mean grey {grey:.1} of 255): --style density shows more"));
                 }
                 match seen {
-                    Seen::Density(plane) if density.raw => {
+                    ViewContent::Density(plane) if density.raw => {
                         density.write_raw(out, &finish.subject.density_view(view, set.size), &plane, finish.quantities)
                     }
                     seen => {
@@ -131,16 +131,16 @@ impl Job<'_> {
                 PictureOut::Folder(folder) => folder,
             };
             let path = context.says_what_is_there(folder, views.len(), set.views.len(), drawn)?;
-            views.push(Drawn::of_view(view, finish.subject, seconds, Some(path)));
+            views.push(RenderedView::of_view(view, finish.subject, seconds, Some(path)));
         }
-        Ok(Report { views, range, lines: Vec::new() })
+        Ok(DrawingReport { views, range, lines: Vec::new() })
     }
 
-    fn sequence(&self, film: Option<&Film>, out: Option<&PictureOut>) -> Result<Report> {
-        let Job { finish, set, context, .. } = *self;
+    fn sequence(&self, film: Option<&Film>, out: Option<&PictureOut>) -> Result<DrawingReport> {
+        let DrawingJob { finish, set, context, .. } = *self;
         let started = Instant::now();
-        let gif = film.filter(|f| f.form == Form::Gif).map(|f| f.fps);
-        let drawn = frames::draw(self, &Into { files: out, gif })?;
+        let gif = film.filter(|f| f.form == FilmFormat::Gif).map(|f| f.fps);
+        let drawn = frames::draw(self, &FrameOutputs { files: out, gif })?;
         let mut lines = vec![format!("{} frames in {:.2} s", set.views.len(), started.elapsed().as_secs_f64())];
         let mut passing = false;
         if let Some(film) = film {
@@ -153,12 +153,12 @@ impl Job<'_> {
         }
         let path = |name: &str| out.filter(|_| !passing).map(|o| o.picture(name));
         let with_seconds = set.views.iter().zip(&drawn.seconds);
-        let views = with_seconds.map(|(v, s)| Drawn::of_view(v, finish.subject, *s, path(&v.name))).collect();
-        Ok(Report { views, range: drawn.range, lines })
+        let views = with_seconds.map(|(v, s)| RenderedView::of_view(v, finish.subject, *s, path(&v.name))).collect();
+        Ok(DrawingReport { views, range: drawn.range, lines })
     }
 }
 
-impl Report {
+impl DrawingReport {
     /// A row for each picture, or, of a film, what became of it.
     pub fn text(&self) -> String {
         if !self.lines.is_empty() {

@@ -1,7 +1,7 @@
 //! What stands about a picture, and how large it is printed. Shared by `render` and `reference`.
 
 use super::output::FileKind;
-use super::{Ground, Place, font};
+use super::{BarPlacement, PaperColour, font};
 use clap::{Args, ValueEnum};
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
@@ -16,7 +16,7 @@ const LETTERS: f64 = 8.0;
 pub struct FigureArgs {
     /// Where the colour bar and the scale bar stand [default: outside].
     #[arg(long, value_enum, value_name = "WHERE", hide_short_help = true, conflicts_with = "no_annotations")]
-    pub colorbar: Option<Where>,
+    pub colorbar: Option<ColorbarArg>,
     /// Ground of the picture and the page [default: a black picture, on a white page where there is one].
     ///
     /// On white, grey levels are inverted and colour maps reversed: dark ink where there is much.
@@ -47,7 +47,7 @@ pub struct FigureArgs {
 
 /// Where bars stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Where {
+pub enum ColorbarArg {
     /// Beside the picture.
     Outside,
     /// On the picture.
@@ -91,22 +91,22 @@ impl FigureArgs {
 
     /// Is a colour bar drawn, where there are colours?
     pub fn has_bar(&self) -> bool {
-        !self.no_annotations && self.colorbar != Some(Where::None)
+        !self.no_annotations && self.colorbar != Some(ColorbarArg::None)
     }
 
     /// Where bars stand.
-    pub fn place(&self) -> Place {
-        if self.colorbar == Some(Where::Inside) { Place::Inside } else { Place::Outside }
+    pub fn place(&self) -> BarPlacement {
+        if self.colorbar == Some(ColorbarArg::Inside) { BarPlacement::Inside } else { BarPlacement::Outside }
     }
 
     /// The pictures' ground.
-    pub fn ground(&self) -> Ground {
-        if self.background == Some(Background::White) { Ground::White } else { Ground::Black }
+    pub fn ground(&self) -> PaperColour {
+        if self.background == Some(Background::White) { PaperColour::White } else { PaperColour::Black }
     }
 
     /// The page's.
-    pub fn page(&self) -> Ground {
-        if self.background == Some(Background::Black) { Ground::Black } else { Ground::White }
+    pub fn page(&self) -> PaperColour {
+        if self.background == Some(Background::Black) { PaperColour::Black } else { PaperColour::White }
     }
 
     /// Width of a figure in points, where it is chosen or the file has one.

@@ -1,6 +1,6 @@
 //! Coordinates along the edges of an orthographic picture.
 
-use super::panel::Axis;
+use super::panel::EdgeAxis;
 use crate::annotate::text::labelled;
 use particlegs::camera::{Camera, Projection};
 use particlegs::picture::Size;
@@ -16,7 +16,7 @@ const FAR: f64 = 200.0;
 ///
 /// # Errors
 /// [`Error::Argument`] for a perspective picture, which has no coordinates.
-pub fn about(camera: &Camera, size: Size, unit: &str) -> Result<[Axis; 2]> {
+pub fn about(camera: &Camera, size: Size, unit: &str) -> Result<[EdgeAxis; 2]> {
     let Projection::Orthographic { height_world } = camera.projection else {
         let what = "--axes frame does nothing here: it belongs to --projection orthographic; in perspective a length \
                     changes with its depth";
@@ -34,9 +34,9 @@ pub fn about(camera: &Camera, size: Size, unit: &str) -> Result<[Axis; 2]> {
                 let name = ["x", "y", "z"][a];
                 let label = labelled(&counted(name, from, half[k]), unit);
                 let middle = center - from;
-                Axis { label, low: middle - sign * half[k], high: middle + sign * half[k] }
+                EdgeAxis { label, low: middle - sign * half[k], high: middle + sign * half[k] }
             }
-            None => Axis { label: labelled(from_middle, unit), low: -half[k], high: half[k] },
+            None => EdgeAxis { label: labelled(from_middle, unit), low: -half[k], high: half[k] },
         }
     };
     Ok([axis(0, "across"), axis(1, "upwards")])

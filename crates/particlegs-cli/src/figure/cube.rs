@@ -7,7 +7,7 @@ use particlegs::picture::Size;
 use particlegs::space::{Bounds, Cell};
 
 /// Lines, and names with their places, in shares of the picture's width and height.
-pub type Drawn = (Vec<[[f64; 2]; 2]>, Vec<([f64; 2], String)>);
+pub type CubeOutline = (Vec<[[f64; 2]; 2]>, Vec<([f64; 2], String)>);
 
 /// How far from its edge's middle an axis' name stands, in shares of the picture's height.
 const AWAY: f64 = 0.035;
@@ -18,7 +18,7 @@ const NEAR: f64 = 1e-3;
 ///
 /// # Errors
 /// Those of [`Camera::frame`].
-pub fn edges(camera: &Camera, size: Size, bounds: &Bounds, cell: Option<&Cell>) -> Result<Drawn> {
+pub fn edges(camera: &Camera, size: Size, bounds: &Bounds, cell: Option<&Cell>) -> Result<CubeOutline> {
     let (corner, vectors) = match cell {
         Some(c) => (c.origin, c.vectors),
         None => {

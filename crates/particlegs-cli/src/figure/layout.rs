@@ -1,15 +1,15 @@
 //! Where everything of a figure stands: pictures in rows, axes and captions about each, one colour bar beside all.
 
 use super::font;
-use super::layout_parts::{Pen, UNDER, bar_width, drawn_axes};
-use super::panel::{Figure, Panel, Place};
-use super::sheet::{Anchor, Area, Mark, Sheet};
-use super::ticks::{self, Ticks};
+use super::layout_parts::{MarkWriter, UNDER, bar_width, drawn_axes};
+use super::panel::{BarPlacement, Figure, Panel};
+use super::sheet::{Anchor, Mark, PageRectangle, Sheet};
+use super::ticks::{self, TickMarks};
 use particlegs::{Error, Result};
 
 /// The room there is for a figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Room {
+pub enum FigureSpace {
     /// Each pixel of a picture is one of the figure's; the figure is as large as that makes it.
     Pixels,
     /// The figure is so wide; pictures take what is left.
@@ -25,14 +25,14 @@ struct Margins {
     /// Between pictures.
     gap: f64,
     /// Ticks of each picture's axes.
-    ticks: Vec<Option<[Ticks; 2]>>,
+    ticks: Vec<Option<[TickMarks; 2]>>,
 }
 
 /// Places a figure's parts; letters are `em` high.
 ///
 /// # Errors
 /// [`Error::Argument`] where nothing is left for the pictures.
-pub fn layout(figure: &Figure, em: f64, room: Room) -> Result<Sheet> {
+pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
     let Some(first) = figure.panels.first() else { return Err(Error::argument("a figure without a picture")) };
     let size = first.image.size();
     let [w, h] = [size.width as f64, size.height as f64];
@@ -40,11 +40,11 @@ pub fn layout(figure: &Figure, em: f64, room: Room) -> Result<Sheet> {
     let rows = figure.panels.len().div_ceil(columns);
     let (mut scale, mut margins);
     match room {
-        Room::Pixels => {
+        FigureSpace::Pixels => {
             scale = 1.0;
             margins = Margins::of(figure, em, [w, h]).rounded();
         }
-        Room::Width(total) => {
+        FigureSpace::Width(total) => {
             // How many ticks there are is decided by the picture's size, and that by the room that their labels take.
             scale = total / (columns as f64 * w);
             margins = Margins::of(figure, em, [w * scale, h * scale]);
@@ -66,10 +66,10 @@ pub fn layout(figure: &Figure, em: f64, room: Room) -> Result<Sheet> {
     let [left, above, right, below] = margins.each;
     let cell = [left + w + right + margins.gap, above + h + below + margins.gap];
     let inner = [columns as f64 * cell[0] - margins.gap, rows as f64 * cell[1] - margins.gap];
-    let places: Vec<Area> = (0..figure.panels.len())
+    let places: Vec<PageRectangle> = (0..figure.panels.len())
         .map(|i| {
             let x = margins.all[0] + (i % columns) as f64 * cell[0] + left;
-            Area { x, y: margins.all[1] + (i / columns) as f64 * cell[1] + above, w, h }
+            PageRectangle { x, y: margins.all[1] + (i / columns) as f64 * cell[1] + above, w, h }
         })
         .collect();
     let mut sheet = Sheet {
@@ -78,8 +78,9 @@ pub fn layout(figure: &Figure, em: f64, room: Room) -> Result<Sheet> {
         ground: figure.page.paper(),
         marks: Vec::new(),
     };
-    let whole = Area { x: places[0].x, y: places[0].y, w: inner[0] - left - right, h: inner[1] - above - below };
-    let mut pen = Pen { figure, em, marks: &mut sheet.marks, fine: matches!(room, Room::Width(_)) };
+    let whole =
+        PageRectangle { x: places[0].x, y: places[0].y, w: inner[0] - left - right, h: inner[1] - above - below };
+    let mut pen = MarkWriter { figure, em, marks: &mut sheet.marks, fine: matches!(room, FigureSpace::Width(_)) };
     for (i, (panel, at)) in figure.panels.iter().zip(&places).enumerate() {
         pen.panel(panel, *at, above, margins.ticks[i].as_ref());
     }
@@ -106,7 +107,7 @@ fn scales(figure: &Figure) -> Vec<usize> {
     let has = |p: &Panel| p.scale.is_some();
     let shown: Vec<usize> = (0..figure.panels.len()).filter(|i| has(&figure.panels[*i])).collect();
     let same = shown.windows(2).all(|p| figure.panels[p[0]].scale == figure.panels[p[1]].scale);
-    if !same || shown.len() < 2 || figure.place == Place::Inside {
+    if !same || shown.len() < 2 || figure.place == BarPlacement::Inside {
         return shown;
     }
     // Under the first picture of the last row.
@@ -116,7 +117,7 @@ fn scales(figure: &Figure) -> Vec<usize> {
 
 impl Margins {
     fn of(figure: &Figure, em: f64, [w, h]: [f64; 2]) -> Margins {
-        let ticks: Vec<Option<[Ticks; 2]>> = figure
+        let ticks: Vec<Option<[TickMarks; 2]>> = figure
             .panels
             .iter()
             .map(|p| {
@@ -135,7 +136,7 @@ impl Margins {
         if figure.panels.iter().any(|p| p.caption.is_some()) {
             each[1] = 1.6 * em;
         }
-        let outside = figure.place == Place::Outside;
+        let outside = figure.place == BarPlacement::Outside;
         let bars = figure.bar.is_some() || figure.panels.iter().any(|p| p.scale.is_some());
         let about = figure.title.is_some() || !figure.legend.is_empty() || each != [0.0; 4] || figure.panels.len() > 1;
         // Where everything stands on the picture there is no page about it.
@@ -187,8 +188,8 @@ fn legend_rows(figure: &Figure, em: f64, width: f64) -> usize {
 }
 
 /// A sheet is never smaller than what stands on it: labels of a small picture may be longer than it.
-fn grow(sheet: &mut Sheet, em: f64, room: Room) {
-    if room != Room::Pixels {
+fn grow(sheet: &mut Sheet, em: f64, room: FigureSpace) {
+    if room != FigureSpace::Pixels {
         return;
     }
     let (mut low, mut high) = ([0.0f64; 2], [sheet.width, sheet.height]);
@@ -227,29 +228,30 @@ fn grow(sheet: &mut Sheet, em: f64, room: Room) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figure::{Axis, Bar, Ground, Image, ScaleBar, raster};
+    use crate::figure::{ColourBar, EdgeAxis, FigureImage, PaperColour, ScaleBar, raster};
     use particlegs::picture::{Gray8, Size};
 
     fn figure(size: Size, panels: usize, axes: bool) -> Figure {
         let panel = Panel {
             caption: Some("model of 20 000 Gaussians".into()),
             scale: Some(ScaleBar { share: 0.2, label: "20 Mpc h⁻¹ (comoving), at the focal point".into() }),
-            axes: axes.then(|| ["x", "y"].map(|n| Axis { label: format!("{n} (Mpc h⁻¹)"), low: -12.5, high: 12.5 })),
-            ..Panel::plain(Image::Gray(Gray8::black(size)))
+            axes: axes
+                .then(|| ["x", "y"].map(|n| EdgeAxis { label: format!("{n} (Mpc h⁻¹)"), low: -12.5, high: 12.5 })),
+            ..Panel::plain(FigureImage::Gray(Gray8::black(size)))
         };
         Figure {
             title: Some("Σ of the bundled sample".into()),
             panels: vec![panel; panels],
             columns: 2,
-            bar: Some(Bar {
+            bar: Some(ColourBar {
                 title: "Σ (10¹⁰ M⊙ h Mpc⁻²)".into(),
                 colours: (0..=255).map(|v| [v; 3]).collect(),
                 ticks: ticks::logarithmic(1e6, 3e11),
             }),
             legend: vec![("dark matter".into(), [230, 159, 0]), ("gas".into(), [86, 180, 233])],
-            place: Place::Outside,
-            page: Ground::White,
-            ground: Ground::Black,
+            place: BarPlacement::Outside,
+            page: PaperColour::White,
+            ground: PaperColour::Black,
         }
     }
 
@@ -264,7 +266,7 @@ mod tests {
             (1920, 1080, 1, true),
             (16, 400, 1, true),
         ] {
-            let sheet = layout(&figure(Size { width, height }, panels, axes), 14.0, Room::Pixels).unwrap();
+            let sheet = layout(&figure(Size { width, height }, panels, axes), 14.0, FigureSpace::Pixels).unwrap();
             let page = raster(&sheet).unwrap();
             let (w, h) = (page.size.width, page.size.height);
             for (i, _) in page.data.iter().enumerate().filter(|(_, p)| p[0] < 128) {
@@ -277,10 +279,11 @@ mod tests {
     #[test]
     fn a_figure_is_as_wide_as_it_is_told() {
         for width in [238.0, 504.0] {
-            let sheet = layout(&figure(Size { width: 1920, height: 1080 }, 2, true), 8.0, Room::Width(width)).unwrap();
+            let sheet =
+                layout(&figure(Size { width: 1920, height: 1080 }, 2, true), 8.0, FigureSpace::Width(width)).unwrap();
             assert!((sheet.width - width).abs() < 1e-6, "{}", sheet.width);
         }
-        let small = layout(&figure(Size { width: 64, height: 64 }, 2, true), 8.0, Room::Width(60.0));
+        let small = layout(&figure(Size { width: 64, height: 64 }, 2, true), 8.0, FigureSpace::Width(60.0));
         assert!(small.unwrap_err().to_string().contains("no room"));
     }
 
@@ -289,8 +292,8 @@ mod tests {
         let size = Size { width: 33, height: 21 };
         let mut f = figure(size, 1, false);
         let levels: Vec<u8> = (0..size.pixels()).map(|i| (i % 251) as u8).collect();
-        f.panels[0].image = Image::Gray(Gray8 { size, data: levels.clone() });
-        let sheet = layout(&f, 11.0, Room::Pixels).unwrap();
+        f.panels[0].image = FigureImage::Gray(Gray8 { size, data: levels.clone() });
+        let sheet = layout(&f, 11.0, FigureSpace::Pixels).unwrap();
         let page = raster(&sheet).unwrap();
         let Some(Mark::Picture(at, _)) = sheet.marks.iter().find(|m| matches!(m, Mark::Picture(..))) else { panic!() };
         for (i, level) in levels.iter().enumerate() {

@@ -1,10 +1,10 @@
 //! The parts of a figure as marks: a picture with its axes and lines, scale bars, the colour bar, the legend.
 
-use super::Image;
+use super::FigureImage;
 use super::font::{self, CAPITALS};
-use super::panel::{Bar, Figure, Panel, Place};
-use super::sheet::{Anchor, Area, Ink, Mark, Words};
-use super::ticks::Ticks;
+use super::panel::{BarPlacement, ColourBar, Figure, Panel};
+use super::sheet::{Anchor, Mark, PageRectangle, RgbColour, TextLine};
+use super::ticks::TickMarks;
 use particlegs::picture::{Rgb8, Size};
 
 /// In ems: from the pictures to the bar, its width, ticks, room before labels, and before the title.
@@ -23,13 +23,13 @@ pub fn drawn_axes(panel: &Panel) -> bool {
 }
 
 /// Room that a colour bar takes beside the pictures.
-pub fn bar_width(bar: &Bar, em: f64) -> f64 {
+pub fn bar_width(bar: &ColourBar, em: f64) -> f64 {
     let labels = bar.ticks.major.iter().map(|(_, l)| font::width(l, em)).fold(0.0, f64::max);
     labels + (TO_BAR + BAR + TICK + 2.0 * SPACE + 1.1) * em
 }
 
 /// Adds marks for a figure.
-pub struct Pen<'a> {
+pub struct MarkWriter<'a> {
     /// The figure.
     pub figure: &'a Figure,
     /// Height of an em.
@@ -40,19 +40,19 @@ pub struct Pen<'a> {
     pub fine: bool,
 }
 
-impl Pen<'_> {
+impl MarkWriter<'_> {
     fn thin(&self) -> f64 {
         if self.fine { 0.06 * self.em } else { (self.em / 16.0).round().max(1.0) }
     }
 
-    fn line(&mut self, points: Vec<[f64; 2]>, ink: Ink) {
+    fn line(&mut self, points: Vec<[f64; 2]>, ink: RgbColour) {
         let width = self.thin();
         self.marks.push(Mark::Line { points, width, ink, opacity: 1.0 });
     }
 
     fn words(&mut self, text: &str, at: [f64; 2], anchor: Anchor) {
         let ink = self.figure.page.ink();
-        let words = Words { text: text.into(), at, em: self.em, ink, anchor, turned: false, rim: None };
+        let words = TextLine { text: text.into(), at, em: self.em, ink, anchor, turned: false, rim: None };
         self.marks.push(Mark::Words(words));
     }
 
@@ -60,18 +60,18 @@ impl Pen<'_> {
     pub fn words_within(&mut self, text: &str, at: [f64; 2], em: f64, anchor: Anchor, room: f64) {
         let em = em * (room / font::width(text, em).max(1e-9)).clamp(0.5, 1.0);
         let ink = self.figure.page.ink();
-        self.marks.push(Mark::Words(Words { text: text.into(), at, em, ink, anchor, turned: false, rim: None }));
+        self.marks.push(Mark::Words(TextLine { text: text.into(), at, em, ink, anchor, turned: false, rim: None }));
     }
 
     /// Text on a picture.
     fn on_picture(&mut self, text: &str, at: [f64; 2], anchor: Anchor) {
         let (ink, rim) = (self.figure.ground.ink(), Some(self.figure.ground.paper()));
-        let words = Words { text: text.into(), at, em: self.em, ink, anchor, turned: false, rim };
+        let words = TextLine { text: text.into(), at, em: self.em, ink, anchor, turned: false, rim };
         self.marks.push(Mark::Words(words));
     }
 
     /// A picture, its caption, what is drawn on it and its axes.
-    pub fn panel(&mut self, panel: &Panel, at: Area, above: f64, ticks: Option<&[Ticks; 2]>) {
+    pub fn panel(&mut self, panel: &Panel, at: PageRectangle, above: f64, ticks: Option<&[TickMarks; 2]>) {
         let em = self.em;
         self.marks.push(Mark::Picture(at, panel.image.clone()));
         let place = |p: [f64; 2]| [at.x + p[0] * at.w, at.y + p[1] * at.h];
@@ -99,7 +99,7 @@ impl Pen<'_> {
         }
     }
 
-    fn axes(&mut self, at: Area, labels: [&str; 2], ticks: &[Ticks; 2]) {
+    fn axes(&mut self, at: PageRectangle, labels: [&str; 2], ticks: &[TickMarks; 2]) {
         let (em, ink) = (self.em, self.figure.page.ink());
         let tick = TICK * em;
         for share in &ticks[0].minor {
@@ -129,17 +129,17 @@ impl Pen<'_> {
 
     fn turned(&mut self, text: &str, at: [f64; 2]) {
         let (em, ink) = (self.em, self.figure.page.ink());
-        let words = Words { text: text.into(), at, em, ink, anchor: Anchor::Middle, turned: true, rim: None };
+        let words = TextLine { text: text.into(), at, em, ink, anchor: Anchor::Middle, turned: true, rim: None };
         self.marks.push(Mark::Words(words));
     }
 
     /// A scale bar under its picture, or on it.
-    pub fn scale(&mut self, panel: &Panel, at: Area) {
+    pub fn scale(&mut self, panel: &Panel, at: PageRectangle) {
         let Some(scale) = &panel.scale else { return };
         let (em, long) = (self.em, scale.share * at.w);
         let thick = if self.fine { 0.16 * em } else { (em / 6.0).round().max(2.0) };
         match self.figure.place {
-            Place::Outside => {
+            BarPlacement::Outside => {
                 let y = at.bottom() + 1.3 * em + if panel.axes.is_some() { UNDER * em } else { 0.0 };
                 let ink = self.figure.page.ink();
                 self.length([at.x, y], long, thick, 0.0, ink);
@@ -148,7 +148,7 @@ impl Pen<'_> {
                 // Beside its bar; where that is too narrow, as small as it need be.
                 let em = if self.fine { em * (room / own).clamp(0.6, 1.0) } else { em };
                 let place = [at.x + long + 0.6 * self.em, y + 0.5 * CAPITALS * em];
-                let words = Words {
+                let words = TextLine {
                     text: scale.label.clone(),
                     at: place,
                     em,
@@ -159,7 +159,7 @@ impl Pen<'_> {
                 };
                 self.marks.push(Mark::Words(words));
             }
-            Place::Inside => {
+            BarPlacement::Inside => {
                 let label = font::width(&scale.label, em);
                 if at.h < 5.0 * em || at.w < label.max(long) + 2.0 * em {
                     return;
@@ -175,9 +175,9 @@ impl Pen<'_> {
     }
 
     /// A bar with marks at its ends, so that the length reads exactly; all of it wider by a rim.
-    fn length(&mut self, [x, y]: [f64; 2], long: f64, thick: f64, rim: f64, ink: Ink) {
+    fn length(&mut self, [x, y]: [f64; 2], long: f64, thick: f64, rim: f64, ink: RgbColour) {
         let mut part = |x: f64, y: f64, w: f64, h: f64| {
-            let area = Area { x: x - rim, y: y - rim, w: w + 2.0 * rim, h: h + 2.0 * rim };
+            let area = PageRectangle { x: x - rim, y: y - rim, w: w + 2.0 * rim, h: h + 2.0 * rim };
             self.marks.push(Mark::Fill(area, ink));
         };
         part(x, y - 0.5 * thick, long, thick);
@@ -187,19 +187,21 @@ impl Pen<'_> {
     }
 
     /// The colour bar: beside all pictures, or on the last.
-    pub fn bar(&mut self, all: Area, last: Area, right: f64) {
+    pub fn bar(&mut self, all: PageRectangle, last: PageRectangle, right: f64) {
         let Some(bar) = &self.figure.bar else { return };
         let em = self.em;
-        let outside = self.figure.place == Place::Outside;
+        let outside = self.figure.place == BarPlacement::Outside;
         let strip = match outside {
-            true => Area { x: all.right() + right + TO_BAR * em, y: all.y, w: BAR * em, h: all.h },
-            false => Area { x: last.right() - (BAR + 1.0) * em, y: last.y + 2.2 * em, w: BAR * em, h: 0.6 * last.h },
+            true => PageRectangle { x: all.right() + right + TO_BAR * em, y: all.y, w: BAR * em, h: all.h },
+            false => {
+                PageRectangle { x: last.right() - (BAR + 1.0) * em, y: last.y + 2.2 * em, w: BAR * em, h: 0.6 * last.h }
+            }
         };
         let title = font::width(&bar.title, em);
         if !outside && (last.h < 12.0 * em || last.w < title + 2.0 * em) {
             return;
         }
-        let strip = if self.fine { strip } else { Area { x: strip.x.round(), y: strip.y.round(), ..strip } };
+        let strip = if self.fine { strip } else { PageRectangle { x: strip.x.round(), y: strip.y.round(), ..strip } };
         self.marks.push(Mark::Picture(strip, column(&bar.colours)));
         let ink = if outside { self.figure.page.ink() } else { self.figure.ground.ink() };
         let (x, y, r, b) = (strip.x, strip.y, strip.right(), strip.bottom());
@@ -235,9 +237,9 @@ impl Pen<'_> {
     }
 
     /// Squares of colour with what each stands for, in rows that end at `bottom`.
-    pub fn legend(&mut self, all: Area, bottom: f64) {
+    pub fn legend(&mut self, all: PageRectangle, bottom: f64) {
         let em = self.em;
-        let mut rows: Vec<Vec<(f64, &str, Ink)>> = Vec::new();
+        let mut rows: Vec<Vec<(f64, &str, RgbColour)>> = Vec::new();
         let mut used = f64::INFINITY;
         for (name, ink) in &self.figure.legend {
             let own = font::width(name, em) + 2.4 * em;
@@ -254,7 +256,8 @@ impl Pen<'_> {
         for (i, row) in rows.into_iter().enumerate() {
             let base = bottom - (count - 1 - i) as f64 * 1.5 * em - 0.2 * em;
             for (x, name, ink) in row {
-                let square = Area { x: all.x + x, y: base - CAPITALS * em, w: CAPITALS * em, h: CAPITALS * em };
+                let square =
+                    PageRectangle { x: all.x + x, y: base - CAPITALS * em, w: CAPITALS * em, h: CAPITALS * em };
                 self.marks.push(Mark::Fill(square, ink));
                 self.words(name, [all.x + x + 1.1 * em, base], Anchor::Start);
             }
@@ -263,7 +266,7 @@ impl Pen<'_> {
 }
 
 /// Colours from below to above, as a picture one pixel wide.
-fn column(colours: &[Ink]) -> Image {
+fn column(colours: &[RgbColour]) -> FigureImage {
     let size = Size { width: 1, height: colours.len() };
-    Image::Color(Rgb8 { size, data: colours.iter().rev().copied().collect() })
+    FigureImage::Color(Rgb8 { size, data: colours.iter().rev().copied().collect() })
 }

@@ -20,9 +20,9 @@ mod sheet;
 pub mod svg;
 pub mod ticks;
 
-pub use image::Image;
-pub use layout::{Room, layout};
+pub use image::FigureImage;
+pub use layout::{FigureSpace, layout};
 #[cfg(test)]
-pub use panel::Axis;
-pub use panel::{Bar, Figure, Ground, Panel, Place, ScaleBar};
+pub use panel::EdgeAxis;
+pub use panel::{BarPlacement, ColourBar, Figure, Panel, PaperColour, ScaleBar};
 pub use raster::raster;

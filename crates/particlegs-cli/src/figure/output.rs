@@ -2,9 +2,9 @@
 
 use super::args::FigureArgs;
 use super::pdf::pdf;
-use super::png_file::{About, Effort, coded};
+use super::png_file::{PngEffort, PngMetadata, coded};
 use super::svg::svg;
-use super::{Figure, Image, Room, layout, raster};
+use super::{Figure, FigureImage, FigureSpace, layout, raster};
 use particlegs::Result;
 use std::path::Path;
 
@@ -36,37 +36,37 @@ impl FileKind {
 ///
 /// # Errors
 /// Those of [`layout`] and [`raster`].
-pub fn pixels(figure: &Figure, args: &FigureArgs) -> Result<(Image, Option<f64>)> {
+pub fn pixels(figure: &Figure, args: &FigureArgs) -> Result<(FigureImage, Option<f64>)> {
     let size = figure.panels.first().map(|p| p.image.size());
     let Some(points) = args.figure_width else {
         let em = size.map_or(11.0, |s| args.pixels(s));
-        return Ok((Image::Color(raster(&layout(figure, em, Room::Pixels)?)?), args.dpi));
+        return Ok((FigureImage::Color(raster(&layout(figure, em, FigureSpace::Pixels)?)?), args.dpi));
     };
     // Letters are so high on paper: how many pixels that is depends on the figure's, which depend on the letters.
     let letters = args.letters();
-    layout(figure, letters, Room::Width(points))?;
+    layout(figure, letters, FigureSpace::Width(points))?;
     let mut em = 11.0;
-    let mut sheet = layout(figure, em, Room::Pixels)?;
+    let mut sheet = layout(figure, em, FigureSpace::Pixels)?;
     for _ in 0..12 {
         em = (letters * sheet.width / points).clamp(1.0, 2000.0);
-        sheet = layout(figure, em, Room::Pixels)?;
+        sheet = layout(figure, em, FigureSpace::Pixels)?;
     }
     let page = raster(&sheet)?;
     let dpi = page.size.width as f64 / (points / 72.0);
-    Ok((Image::Color(page), Some(dpi)))
+    Ok((FigureImage::Color(page), Some(dpi)))
 }
 
 /// The bytes of a figure's file.
 ///
 /// # Errors
 /// Those of [`layout`] and [`raster`]; [`particlegs::Error::Memory`].
-pub fn bytes(figure: &Figure, args: &FigureArgs, kind: FileKind, about: &About) -> Result<Vec<u8>> {
+pub fn bytes(figure: &Figure, args: &FigureArgs, kind: FileKind, about: &PngMetadata) -> Result<Vec<u8>> {
     if kind == FileKind::Png {
         let (image, dpi) = pixels(figure, args)?;
-        return coded(&image, &About { dpi, ..about.clone() }, Effort::Small);
+        return coded(&image, &PngMetadata { dpi, ..about.clone() }, PngEffort::Small);
     }
     let points = args.points(kind).unwrap_or(72.0);
-    let sheet = layout(figure, args.letters(), Room::Width(points))?;
+    let sheet = layout(figure, args.letters(), FigureSpace::Width(points))?;
     match kind {
         FileKind::Svg => Ok(svg(&sheet, about)?.into_bytes()),
         _ => pdf(&sheet, about),

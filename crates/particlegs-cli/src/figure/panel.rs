@@ -1,39 +1,39 @@
 //! What a figure shows, before it is placed.
 
-use super::Image;
-use super::sheet::Ink;
-use super::ticks::{Ticks, logarithmic};
+use super::FigureImage;
+use super::sheet::RgbColour;
+use super::ticks::{TickMarks, logarithmic};
 
 /// Paper and ink.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ground {
+pub enum PaperColour {
     /// Dark on white.
     White,
     /// Light on black.
     Black,
 }
 
-impl Ground {
+impl PaperColour {
     /// The colour of the page.
-    pub fn paper(self) -> Ink {
+    pub fn paper(self) -> RgbColour {
         match self {
-            Ground::White => [255; 3],
-            Ground::Black => [0; 3],
+            PaperColour::White => [255; 3],
+            PaperColour::Black => [0; 3],
         }
     }
 
     /// The colour of lines and letters on it.
-    pub fn ink(self) -> Ink {
+    pub fn ink(self) -> RgbColour {
         match self {
-            Ground::White => [0; 3],
-            Ground::Black => [235; 3],
+            PaperColour::White => [0; 3],
+            PaperColour::Black => [235; 3],
         }
     }
 }
 
 /// Where bars stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum BarPlacement {
     /// Beside the pictures.
     Outside,
     /// On the pictures.
@@ -50,28 +50,28 @@ pub struct Figure {
     /// Pictures in a row.
     pub columns: usize,
     /// The colour bar of all.
-    pub bar: Option<Bar>,
+    pub bar: Option<ColourBar>,
     /// What colours stand for.
-    pub legend: Vec<(String, Ink)>,
+    pub legend: Vec<(String, RgbColour)>,
     /// Where bars stand.
-    pub place: Place,
+    pub place: BarPlacement,
     /// The page about the pictures.
-    pub page: Ground,
+    pub page: PaperColour,
     /// The pictures' own ground, for what is drawn on them.
-    pub ground: Ground,
+    pub ground: PaperColour,
 }
 
 /// A picture of a figure.
 #[derive(Clone, Debug)]
 pub struct Panel {
     /// The picture.
-    pub image: Image,
+    pub image: FigureImage,
     /// Above it.
     pub caption: Option<String>,
     /// What a length in it means.
     pub scale: Option<ScaleBar>,
     /// Coordinates along its edges: across, and upwards.
-    pub axes: Option<[Axis; 2]>,
+    pub axes: Option<[EdgeAxis; 2]>,
     /// Lines on it in shares of its width and height: the edges of a box.
     pub lines: Vec<[[f64; 2]; 2]>,
     /// Names on it, in the same shares.
@@ -80,7 +80,7 @@ pub struct Panel {
 
 impl Panel {
     /// A picture with nothing about it.
-    pub fn plain(image: Image) -> Panel {
+    pub fn plain(image: FigureImage) -> Panel {
         Panel { image, caption: None, scale: None, axes: None, lines: Vec::new(), names: Vec::new() }
     }
 }
@@ -96,7 +96,7 @@ pub struct ScaleBar {
 
 /// Coordinates along an edge.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Axis {
+pub struct EdgeAxis {
     /// Its name with its unit.
     pub label: String,
     /// From the left, or from below.
@@ -107,19 +107,19 @@ pub struct Axis {
 
 /// A colour bar.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Bar {
+pub struct ColourBar {
     /// What it shows, with its unit.
     pub title: String,
     /// Colours from the lowest value to the highest.
-    pub colours: Vec<Ink>,
+    pub colours: Vec<RgbColour>,
     /// Ticks.
-    pub ticks: Ticks,
+    pub ticks: TickMarks,
 }
 
-impl Bar {
+impl ColourBar {
     /// Of a range in equal steps of the logarithm, whose shares from 0 to 1 have these colours.
-    pub fn logarithmic(title: String, range: [f64; 2], colour: impl Fn(f32) -> Ink) -> Bar {
+    pub fn logarithmic(title: String, range: [f64; 2], colour: impl Fn(f32) -> RgbColour) -> ColourBar {
         let colours = (0..=255).map(|i| colour(i as f32 / 255.0)).collect();
-        Bar { title, colours, ticks: logarithmic(range[0], range[1]) }
+        ColourBar { title, colours, ticks: logarithmic(range[0], range[1]) }
     }
 }

@@ -1,9 +1,9 @@
 //! A sheet as a PDF of one page: pictures without loss, lines and text as such. The unit is a point.
 
-use super::Image;
+use super::FigureImage;
 use super::pdf_font::{PageFont, deflated};
-use super::png_file::{About, compressed_rows};
-use super::sheet::{Anchor, Area, Ink, Mark, Sheet, Words};
+use super::png_file::{PngMetadata, compressed_rows};
+use super::sheet::{Anchor, Mark, PageRectangle, RgbColour, Sheet, TextLine};
 use particlegs::Result;
 use pdf_writer::types::{LineCapStyle, LineJoinStyle, Predictor, TextRenderingMode};
 use pdf_writer::{Content, Filter, Finish, Name, Pdf, Rect, Ref, Str, TextStr};
@@ -22,10 +22,10 @@ const PICTURES: i32 = 12;
 ///
 /// # Errors
 /// Those of coding a picture.
-pub fn pdf(sheet: &Sheet, about: &About) -> Result<Vec<u8>> {
+pub fn pdf(sheet: &Sheet, about: &PngMetadata) -> Result<Vec<u8>> {
     let texts = || sheet.marks.iter().filter_map(|m| if let Mark::Words(w) = m { Some(&w.text[..]) } else { None });
     let font = PageFont::of(texts());
-    let pictures: Vec<&Image> =
+    let pictures: Vec<&FigureImage> =
         sheet.marks.iter().filter_map(|m| if let Mark::Picture(_, image) = m { Some(image) } else { None }).collect();
     let mut pdf = Pdf::new();
     pdf.catalog(Ref::new(CATALOG)).pages(Ref::new(PAGES));
@@ -66,7 +66,7 @@ pub fn pdf(sheet: &Sheet, about: &About) -> Result<Vec<u8>> {
     Ok(pdf.finish())
 }
 
-fn picture(pdf: &mut Pdf, own: Ref, image: &Image) -> Result<()> {
+fn picture(pdf: &mut Pdf, own: Ref, image: &FigureImage) -> Result<()> {
     let (size, rows) = (image.size(), compressed_rows(image)?);
     let mut object = pdf.image_xobject(own, &rows);
     object.filter(Filter::FlateDecode);
@@ -94,11 +94,11 @@ fn percent(opacity: f64) -> u8 {
 fn content(sheet: &Sheet, font: &PageFont) -> pdf_writer::Buf {
     let mut to = Content::new();
     let up = |y: f64| (sheet.height - y) as f32;
-    let fill = |to: &mut Content, a: &Area, ink: Ink| {
+    let fill = |to: &mut Content, a: &PageRectangle, ink: RgbColour| {
         let [r, g, b] = unit(ink);
         to.set_fill_rgb(r, g, b).rect(a.x as f32, up(a.bottom()), a.w as f32, a.h as f32).fill_nonzero();
     };
-    fill(&mut to, &Area { x: 0.0, y: 0.0, w: sheet.width, h: sheet.height }, sheet.ground);
+    fill(&mut to, &PageRectangle { x: 0.0, y: 0.0, w: sheet.width, h: sheet.height }, sheet.ground);
     let mut pictures = 0;
     for mark in &sheet.marks {
         match mark {
@@ -131,7 +131,7 @@ fn content(sheet: &Sheet, font: &PageFont) -> pdf_writer::Buf {
     to.finish()
 }
 
-fn text(to: &mut Content, w: &Words, font: &PageFont, height: f64) {
+fn text(to: &mut Content, w: &TextLine, font: &PageFont, height: f64) {
     let (glyphs, width) = font.coded(&w.text, w.em);
     let back = match w.anchor {
         Anchor::Start => 0.0,
@@ -158,6 +158,6 @@ fn text(to: &mut Content, w: &Words, font: &PageFont, height: f64) {
     show(to);
 }
 
-fn unit(ink: Ink) -> [f32; 3] {
+fn unit(ink: RgbColour) -> [f32; 3] {
     ink.map(|v| f32::from(v) / 255.0)
 }

@@ -1,6 +1,6 @@
 //! PNG with what it is of as text inside, and that text read again.
 
-use super::Image;
+use super::FigureImage;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_whole};
@@ -19,7 +19,7 @@ const MOST_TEXT: usize = 1 << 20;
 
 /// What is said of a picture inside its file.
 #[derive(Clone, Debug, Default)]
-pub struct About {
+pub struct PngMetadata {
     /// Its title, where it has one.
     pub title: Option<String>,
     /// Program and version; nothing is said where it is empty.
@@ -32,7 +32,7 @@ pub struct About {
 
 /// How hard to compress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Effort {
+pub enum PngEffort {
     /// Frames of a film.
     Quick,
     /// Pictures.
@@ -43,7 +43,7 @@ pub enum Effort {
 ///
 /// # Errors
 /// [`Error::Memory`]; [`Error::Argument`] for a picture without pixels.
-pub fn coded(image: &Image, about: &About, effort: Effort) -> Result<Vec<u8>> {
+pub fn coded(image: &FigureImage, about: &PngMetadata, effort: PngEffort) -> Result<Vec<u8>> {
     let bytes = image.bytes();
     memory::require("writing a picture", bytes.len() as u64 + bytes.len() as u64 / 64)?;
     let fail = |e: png::EncodingError| Error::argument(format!("a picture cannot be written as PNG: {e}"));
@@ -53,8 +53,8 @@ pub fn coded(image: &Image, about: &About, effort: Effort) -> Result<Vec<u8>> {
     encoder.set_color(if image.channels() == 1 { ColorType::Grayscale } else { ColorType::Rgb });
     encoder.set_depth(BitDepth::Eight);
     encoder.set_compression(match effort {
-        Effort::Quick => Compression::Fast,
-        Effort::Small => Compression::Balanced,
+        PngEffort::Quick => Compression::Fast,
+        PngEffort::Small => Compression::Balanced,
     });
     if let Some(dpi) = about.dpi {
         let per_metre = (dpi / 0.0254).round() as u32;
@@ -79,8 +79,8 @@ pub fn coded(image: &Image, about: &About, effort: Effort) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// As [`coded`].
-pub fn compressed_rows(image: &Image) -> Result<Vec<u8>> {
-    let file = coded(image, &About::default(), Effort::Small)?;
+pub fn compressed_rows(image: &FigureImage) -> Result<Vec<u8>> {
+    let file = coded(image, &PngMetadata::default(), PngEffort::Small)?;
     let mut rows = Vec::with_capacity(file.len());
     chunks(&file, |kind, data| {
         if kind == b"IDAT" {
@@ -135,7 +135,7 @@ mod tests {
     fn text_and_pixels_come_back() {
         let size = Size { width: 33, height: 9 };
         let gray = Gray8 { size, data: (0..size.pixels()).map(|i| (i * 5) as u8).collect() };
-        let about = About {
+        let about = PngMetadata {
             title: Some("Σ über alles".into()),
             software: "particlegs 1".into(),
             provenance: "{\"unit\":\"Mpc h⁻¹\"}".into(),
@@ -143,8 +143,8 @@ mod tests {
         };
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.png");
-        for effort in [Effort::Quick, Effort::Small] {
-            std::fs::write(&path, coded(&Image::Gray(gray.clone()), &about, effort).unwrap()).unwrap();
+        for effort in [PngEffort::Quick, PngEffort::Small] {
+            std::fs::write(&path, coded(&FigureImage::Gray(gray.clone()), &about, effort).unwrap()).unwrap();
             assert_eq!(provenance(&path, &Silent).unwrap(), about.provenance);
             assert_eq!(read_png(&path).unwrap(), gray);
         }
@@ -154,7 +154,8 @@ mod tests {
             // Cut off before the text it says so; nothing panics.
             let _ = provenance(&path, &Silent);
         }
-        std::fs::write(&path, coded(&Image::Gray(gray), &About::default(), Effort::Small).unwrap()).unwrap();
+        std::fs::write(&path, coded(&FigureImage::Gray(gray), &PngMetadata::default(), PngEffort::Small).unwrap())
+            .unwrap();
         assert!(provenance(&path, &Silent).unwrap_err().to_string().contains("does not say"));
     }
 }

@@ -1,8 +1,8 @@
 //! A sheet as pixels.
 
-use super::Image;
+use super::FigureImage;
 use super::font;
-use super::sheet::{Anchor, Area, Ink, Mark, Sheet, Words};
+use super::sheet::{Anchor, Mark, PageRectangle, RgbColour, Sheet, TextLine};
 use particlegs::picture::{Rgb8, Size};
 use particlegs::{Error, Result};
 use particlegs_files::memory;
@@ -34,7 +34,7 @@ pub fn raster(sheet: &Sheet) -> Result<Rgb8> {
 }
 
 /// The whole pixels of an area, as far as the page has them.
-fn pixels(page: &Rgb8, area: Area) -> [std::ops::Range<usize>; 2] {
+fn pixels(page: &Rgb8, area: PageRectangle) -> [std::ops::Range<usize>; 2] {
     let range = |from: f64, to: f64, edge: usize| {
         let place = |v: f64| v.round().clamp(0.0, edge as f64) as usize;
         place(from)..place(to)
@@ -42,20 +42,20 @@ fn pixels(page: &Rgb8, area: Area) -> [std::ops::Range<usize>; 2] {
     [range(area.x, area.right(), page.size.width), range(area.y, area.bottom(), page.size.height)]
 }
 
-fn picture(page: &mut Rgb8, area: Area, image: &Image) {
+fn picture(page: &mut Rgb8, area: PageRectangle, image: &FigureImage) {
     let [columns, rows] = pixels(page, area);
     let (size, [across, down]) = (image.size(), [columns.len(), rows.len()]);
     for (j, y) in rows.enumerate() {
         let row = j * size.height / down.max(1);
         let to = &mut page.data[y * page.size.width..][columns.clone()];
         match image {
-            Image::Color(c) if across == size.width => to.copy_from_slice(&c.data[row * across..][..across]),
+            FigureImage::Color(c) if across == size.width => to.copy_from_slice(&c.data[row * across..][..across]),
             _ => to.iter_mut().enumerate().for_each(|(i, p)| *p = image.pixel(i * size.width / across, row)),
         }
     }
 }
 
-fn fill(page: &mut Rgb8, area: Area, ink: Ink) {
+fn fill(page: &mut Rgb8, area: PageRectangle, ink: RgbColour) {
     let [columns, rows] = pixels(page, area);
     for y in rows {
         page.data[y * page.size.width..][columns.clone()].fill(ink);
@@ -63,7 +63,7 @@ fn fill(page: &mut Rgb8, area: Area, ink: Ink) {
 }
 
 /// Level lines lie on whole pixels, so that they are sharp; others are blended by how far they cover a pixel.
-fn line(page: &mut Rgb8, points: &[[f64; 2]], width: f64, ink: Ink, opacity: f64) {
+fn line(page: &mut Rgb8, points: &[[f64; 2]], width: f64, ink: RgbColour, opacity: f64) {
     for pair in points.windows(2) {
         let (a, b) = (pair[0], pair[1]);
         let (level, upright) = (a[1] == b[1], a[0] == b[0]);
@@ -73,8 +73,8 @@ fn line(page: &mut Rgb8, points: &[[f64; 2]], width: f64, ink: Ink, opacity: f64
             let long = (a[0] - b[0]).abs() + (a[1] - b[1]).abs();
             let side = |v: f64| (v - 0.5 * thick).round();
             let area = match level {
-                true => Area { x: from[0], y: side(a[1]), w: long.max(1.0), h: thick },
-                false => Area { x: side(a[0]), y: from[1], w: thick, h: long.max(1.0) },
+                true => PageRectangle { x: from[0], y: side(a[1]), w: long.max(1.0), h: thick },
+                false => PageRectangle { x: side(a[0]), y: from[1], w: thick, h: long.max(1.0) },
             };
             fill(page, area, ink);
         } else {
@@ -83,7 +83,7 @@ fn line(page: &mut Rgb8, points: &[[f64; 2]], width: f64, ink: Ink, opacity: f64
     }
 }
 
-fn stroke(page: &mut Rgb8, a: [f64; 2], b: [f64; 2], width: f64, ink: Ink, opacity: f64) {
+fn stroke(page: &mut Rgb8, a: [f64; 2], b: [f64; 2], width: f64, ink: RgbColour, opacity: f64) {
     let reach = 0.5 * width + 0.5;
     let edges = |k: usize, edge: usize| {
         let (low, high) = (a[k].min(b[k]) - reach, a[k].max(b[k]) + reach);
@@ -102,7 +102,7 @@ fn stroke(page: &mut Rgb8, a: [f64; 2], b: [f64; 2], width: f64, ink: Ink, opaci
     }
 }
 
-fn blend(page: &mut Rgb8, x: i64, y: i64, ink: Ink, cover: f64) {
+fn blend(page: &mut Rgb8, x: i64, y: i64, ink: RgbColour, cover: f64) {
     let (width, height) = (page.size.width as i64, page.size.height as i64);
     if x < 0 || y < 0 || x >= width || y >= height || cover <= 0.0 {
         return;
@@ -115,14 +115,14 @@ fn blend(page: &mut Rgb8, x: i64, y: i64, ink: Ink, cover: f64) {
 }
 
 /// How far a text covers the pixels about it, relative to its whole-numbered place.
-struct Covered {
+struct GlyphCoverage {
     left: i64,
     top: i64,
     width: usize,
     cover: Vec<f32>,
 }
 
-fn write(page: &mut Rgb8, words: &Words) {
+fn write(page: &mut Rgb8, words: &TextLine) {
     let (glyphs, width) = font::placed(&words.text, words.em);
     let start = match words.anchor {
         Anchor::Start => 0.0,
@@ -138,7 +138,7 @@ fn write(page: &mut Rgb8, words: &Words) {
         let (left, top) = (start.floor() as i64 - margin, (-1.1 * words.em).floor() as i64 - margin);
         let (right, bottom) = ((start + width).ceil() as i64 + margin + 1, (0.4 * words.em).ceil() as i64 + margin);
         let (w, h) = ((right - left) as usize, (bottom - top) as usize);
-        Covered { left, top, width: w, cover: vec![0.0; w * h] }
+        GlyphCoverage { left, top, width: w, cover: vec![0.0; w * h] }
     };
     for (id, pen) in glyphs {
         let Some(outline) = font::outline(id, words.em, [start + offset + pen, 0.0]) else { continue };
@@ -155,7 +155,7 @@ fn write(page: &mut Rgb8, words: &Words) {
             }
         });
     }
-    let mut put = |covered: &Covered, ink: Ink| {
+    let mut put = |covered: &GlyphCoverage, ink: RgbColour| {
         for (i, cover) in covered.cover.iter().enumerate().filter(|(_, c)| **c > 0.0) {
             let (u, v) = (covered.left + (i % covered.width) as i64, covered.top + (i / covered.width) as i64);
             let (px, py) = if words.turned { (x as i64 + v, y as i64 - u) } else { (x as i64 + u, y as i64 + v) };
@@ -168,9 +168,9 @@ fn write(page: &mut Rgb8, words: &Words) {
     put(&covered, words.ink);
 }
 
-impl Covered {
+impl GlyphCoverage {
     /// What lies within a distance of what is covered.
-    fn widened(&self, by: f64) -> Covered {
+    fn widened(&self, by: f64) -> GlyphCoverage {
         let (reach, height) = (by.ceil() as i64, self.cover.len() / self.width.max(1));
         let mut cover = vec![0f32; self.cover.len()];
         for (i, c) in self.cover.iter().enumerate().filter(|(_, c)| **c > 0.0) {
@@ -186,7 +186,7 @@ impl Covered {
                 }
             }
         }
-        Covered { cover, ..*self }
+        GlyphCoverage { cover, ..*self }
     }
 }
 
@@ -202,8 +202,8 @@ mod tests {
     #[test]
     fn pictures_keep_their_pixels() {
         let size = Size { width: 7, height: 5 };
-        let image = Image::Gray(Gray8 { size, data: (0..35).map(|i| i * 7).collect() });
-        let drawn = page(vec![Mark::Picture(Area { x: 11.0, y: 3.0, w: 7.0, h: 5.0 }, image.clone())]);
+        let image = FigureImage::Gray(Gray8 { size, data: (0..35).map(|i| i * 7).collect() });
+        let drawn = page(vec![Mark::Picture(PageRectangle { x: 11.0, y: 3.0, w: 7.0, h: 5.0 }, image.clone())]);
         for y in 0..5 {
             for x in 0..7 {
                 assert_eq!(drawn.data[(y + 3) * 60 + x + 11], image.pixel(x, y));
@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn turned_text_is_the_same_text() {
-        let words = |turned| Words {
+        let words = |turned| TextLine {
             text: "Σ (Mpc)".into(),
             at: [30.0, 20.0],
             em: 8.0,

@@ -1,14 +1,14 @@
 //! A sheet: what is drawn, in the order that it is drawn in. The unit is a pixel of a PNG, a point (1/72 inch) of
 //! SVG and PDF; the origin is the upper left corner.
 
-use super::Image;
+use super::FigureImage;
 
 /// A colour: red, green, blue.
-pub type Ink = [u8; 3];
+pub type RgbColour = [u8; 3];
 
 /// A rectangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Area {
+pub struct PageRectangle {
     /// Left edge.
     pub x: f64,
     /// Upper edge.
@@ -19,7 +19,7 @@ pub struct Area {
     pub h: f64,
 }
 
-impl Area {
+impl PageRectangle {
     /// Right edge.
     pub fn right(&self) -> f64 {
         self.x + self.w
@@ -44,7 +44,7 @@ pub enum Anchor {
 
 /// A line of text.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Words {
+pub struct TextLine {
     /// What it says.
     pub text: String,
     /// Its place, on the baseline.
@@ -52,22 +52,22 @@ pub struct Words {
     /// Height of an em.
     pub em: f64,
     /// Colour.
-    pub ink: Ink,
+    pub ink: RgbColour,
     /// What its place is of.
     pub anchor: Anchor,
     /// Read from below to above.
     pub turned: bool,
     /// A rim in this colour, so that it is read over a picture.
-    pub rim: Option<Ink>,
+    pub rim: Option<RgbColour>,
 }
 
 /// Something drawn.
 #[derive(Clone, Debug)]
 pub enum Mark {
     /// A picture, stretched to an area.
-    Picture(Area, Image),
+    Picture(PageRectangle, FigureImage),
     /// An area in one colour.
-    Fill(Area, Ink),
+    Fill(PageRectangle, RgbColour),
     /// A line through points, so wide, so opaque.
     Line {
         /// Points.
@@ -75,12 +75,12 @@ pub enum Mark {
         /// Width.
         width: f64,
         /// Colour.
-        ink: Ink,
+        ink: RgbColour,
         /// From 0, unseen, to 1.
         opacity: f64,
     },
     /// Text.
-    Words(Words),
+    Words(TextLine),
 }
 
 /// All marks.
@@ -91,7 +91,7 @@ pub struct Sheet {
     /// Down.
     pub height: f64,
     /// The colour under everything.
-    pub ground: Ink,
+    pub ground: RgbColour,
     /// What is drawn, in order.
     pub marks: Vec<Mark>,
 }

@@ -1,7 +1,7 @@
 //! A sheet as SVG: pictures as embedded PNG, text as text. The unit is a point.
 
-use super::png_file::{self, About};
-use super::sheet::{Anchor, Ink, Mark, Sheet, Words};
+use super::png_file::{self, PngMetadata};
+use super::sheet::{Anchor, Mark, RgbColour, Sheet, TextLine};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use particlegs::Result;
@@ -14,7 +14,7 @@ const FONTS: &str = "DejaVu Sans, Verdana, Arial, Helvetica, sans-serif";
 ///
 /// # Errors
 /// Those of coding a picture.
-pub fn svg(sheet: &Sheet, about: &About) -> Result<String> {
+pub fn svg(sheet: &Sheet, about: &PngMetadata) -> Result<String> {
     let (w, h) = (short(sheet.width), short(sheet.height));
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" width=\"{w}pt\" \
@@ -37,7 +37,8 @@ fn mark(out: &mut String, mark: &Mark) -> Result<()> {
     // Writing to a string cannot fail.
     let _ = match mark {
         Mark::Picture(area, image) => {
-            let coded = BASE64_STANDARD.encode(png_file::coded(image, &About::default(), png_file::Effort::Small)?);
+            let coded =
+                BASE64_STANDARD.encode(png_file::coded(image, &PngMetadata::default(), png_file::PngEffort::Small)?);
             writeln!(
                 out,
                 "<image x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" \
@@ -73,7 +74,7 @@ fn mark(out: &mut String, mark: &Mark) -> Result<()> {
     Ok(())
 }
 
-fn text(out: &mut String, w: &Words) -> std::fmt::Result {
+fn text(out: &mut String, w: &TextLine) -> std::fmt::Result {
     let [x, y] = w.at.map(short);
     let anchor = match w.anchor {
         Anchor::Start => "start",
@@ -94,7 +95,7 @@ fn text(out: &mut String, w: &Words) -> std::fmt::Result {
     )
 }
 
-fn colour([r, g, b]: Ink) -> String {
+fn colour([r, g, b]: RgbColour) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
@@ -132,7 +133,7 @@ mod tests {
 
     #[test]
     fn text_is_text_and_escaped() {
-        let words = Words {
+        let words = TextLine {
             text: "a < b & \"c\"\u{7}".into(),
             at: [1.0, 2.5],
             em: 8.0,
@@ -142,7 +143,7 @@ mod tests {
             rim: Some([255; 3]),
         };
         let sheet = Sheet { width: 10.0, height: 20.0, ground: [255; 3], marks: vec![Mark::Words(words)] };
-        let text = svg(&sheet, &About::default()).unwrap();
+        let text = svg(&sheet, &PngMetadata::default()).unwrap();
         assert!(text.contains(">a &lt; b &amp; &quot;c&quot;</text>"), "{text}");
         assert!(text.contains("rotate(-90 1 2.5)") && text.contains("text-anchor=\"end\""), "{text}");
     }

@@ -5,7 +5,7 @@ use particlegs::picture::superscript;
 
 /// Ticks of an axis.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Ticks {
+pub struct TickMarks {
     /// Share of the axis, and label.
     pub major: Vec<(f64, String)>,
     /// Shares of the axis, without labels.
@@ -19,7 +19,7 @@ pub fn round_below(value: f64) -> f64 {
 }
 
 /// Ticks of a logarithmic axis: decades, with 2 and 5 where there are few, with even steps where the range is narrow.
-pub fn logarithmic(lo: f64, hi: f64) -> Ticks {
+pub fn logarithmic(lo: f64, hi: f64) -> TickMarks {
     let share = |v: f64| ((v / lo).ln() / (hi / lo).ln()).clamp(0.0, 1.0);
     let inside = |v: &f64| *v >= lo * (1.0 - 1e-9) && *v <= hi * (1.0 + 1e-9);
     let decades = || (lo.log10().floor() as i32)..=(hi.log10().ceil() as i32);
@@ -44,15 +44,15 @@ pub fn logarithmic(lo: f64, hi: f64) -> Ticks {
     let label = |v: f64| if powers { format!("10{}", superscript(v.log10().round() as i32)) } else { number(v) };
     let major = values.iter().map(|v| (share(*v), label(*v))).collect();
     minor.retain(|m| values.iter().all(|v| (v / m - 1.0).abs() > 1e-6));
-    Ticks { major, minor: minor.into_iter().map(share).collect() }
+    TickMarks { major, minor: minor.into_iter().map(share).collect() }
 }
 
 /// Ticks of an even axis from `low` to `high`, which may fall: at most so many.
-pub fn even(low: f64, high: f64, most: f64) -> Ticks {
+pub fn even(low: f64, high: f64, most: f64) -> TickMarks {
     let (from, to) = (low.min(high), low.max(high));
     let length = to - from;
     if !(length > 0.0 && length.is_finite()) {
-        return Ticks::default();
+        return TickMarks::default();
     }
     let power = 10f64.powi((length / most.max(1.0)).log10().floor() as i32);
     let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|s| length / s <= most.max(1.0));
@@ -67,7 +67,7 @@ pub fn even(low: f64, high: f64, most: f64) -> Ticks {
     let label = |v: f64| number(if v.abs() < 1e-9 * length { 0.0 } else { v });
     let mut minor = all(step / if (step / power - 2.0).abs() < 0.1 { 4.0 } else { 5.0 });
     minor.retain(|m| shown.iter().all(|v| (v - m).abs() > 0.01 * step));
-    Ticks {
+    TickMarks {
         major: shown.into_iter().map(|v| (share(v), label(v))).collect(),
         minor: minor.into_iter().map(share).collect(),
     }

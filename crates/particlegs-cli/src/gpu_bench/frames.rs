@@ -1,9 +1,9 @@
 //! Frames a second of models.
 
-use super::scenes::{Made, OPACITY, views};
-use super::stages::Stages;
-use super::work::{Blends, Depths, Least};
-use super::{LIMIT, Quick, in_megabytes};
+use super::scenes::{OPACITY, TiledScene, views};
+use super::stages::KernelStages;
+use super::work::{BlendWork, DepthWork, WorkBound};
+use super::{LIMIT, QuickRun, in_megabytes};
 use crate::common::Context;
 use crate::device::Device;
 use particlegs::Result;
@@ -30,14 +30,14 @@ const CAMERA: &str = "camera";
 const SETTING: &str = "radius and opacity";
 
 #[derive(Serialize, Deserialize)]
-pub struct Row {
+pub struct FrameRow {
     gaussians: usize,
     width: usize,
     height: usize,
     /// What changes from frame to frame.
     changes: String,
     #[serde(flatten)]
-    kind: Kind,
+    kind: FrameKind,
     distance: f64,
     radius_px: f64,
     opacity: f64,
@@ -46,12 +46,12 @@ pub struct Row {
     /// Each picture read back before the next one is begun.
     frames_per_second_read_back: f64,
     device_memory_bytes: Option<u64>,
-    stages: Stages,
+    stages: KernelStages,
 }
 
 /// What is drawn, and by what.
 #[derive(Serialize, Deserialize)]
-struct Kind {
+struct FrameKind {
     law: LawKind,
     look: Look,
     /// How pixels are summed.
@@ -60,11 +60,11 @@ struct Kind {
     footprints: u64,
     /// What a frame takes at least, whichever way its pixels are summed.
     #[serde(flatten)]
-    least: Least,
+    least: WorkBound,
 }
 
 /// A scene on a card, at a size.
-trait Drawn {
+trait DeviceScene {
     /// Gives the card a picture to draw.
     fn submit(&mut self, view: &View) -> Result<()>;
 
@@ -73,7 +73,7 @@ trait Drawn {
 }
 
 /// Of the optical-depth law.
-struct Summed<'a> {
+struct OpticalDepthScene<'a> {
     renderer: &'a Renderer,
     there: &'a Gaussians,
     canvas: &'a Canvas,
@@ -82,7 +82,7 @@ struct Summed<'a> {
     tiles: Option<Tiles<'a>>,
 }
 
-impl Drawn for Summed<'_> {
+impl DeviceScene for OpticalDepthScene<'_> {
     fn submit(&mut self, view: &View) -> Result<()> {
         match &mut self.tiles {
             None => self.renderer.submit(self.there, self.canvas, view, self.look),
@@ -96,13 +96,13 @@ impl Drawn for Summed<'_> {
 }
 
 /// Of the alpha-blend law.
-struct Blended<'a> {
+struct AlphaBlendScene<'a> {
     renderer: &'a alpha::Renderer,
     there: &'a alpha::Gaussians,
     canvas: alpha::Canvas,
 }
 
-impl Drawn for Blended<'_> {
+impl DeviceScene for AlphaBlendScene<'_> {
     fn submit(&mut self, view: &View) -> Result<()> {
         self.renderer.submit(self.there, &mut self.canvas, view)
     }
@@ -121,7 +121,13 @@ pub const OF_ALPHA: u64 = 2;
 ///
 /// # Errors
 /// Those of the device; [`particlegs::Error::Cancelled`].
-pub fn of_depth(device: &Device, made: &Made, size: Size, quick: Quick, context: &Context) -> Result<Vec<Row>> {
+pub fn of_depth(
+    device: &Device,
+    made: &TiledScene,
+    size: Size,
+    quick: QuickRun,
+    context: &Context,
+) -> Result<Vec<FrameRow>> {
     let renderer = Renderer::new(device)?;
     let scene = Scene::of_mixture(&made.gaussians, made.bounds);
     let there = Gaussians::upload(device, &scene)?;
@@ -134,8 +140,8 @@ pub fn of_depth(device: &Device, made: &Made, size: Size, quick: Quick, context:
         (CAMERA, Look::Paraview, false),
     ] {
         let own = Measurement::new(device, made, size, changes, quick);
-        let work = Depths::of(made, own.counted(), size)?;
-        let kind = Kind {
+        let work = DepthWork::of(made, own.counted(), size)?;
+        let kind = FrameKind {
             law: LawKind::OpticalDepth,
             look,
             way: if by_tiles { "tiles of 8 x 8" } else { "atomic adds" }.into(),
@@ -143,7 +149,7 @@ pub fn of_depth(device: &Device, made: &Made, size: Size, quick: Quick, context:
             least: work.frame(made.gaussians.len(), size),
         };
         let tiles = by_tiles.then(|| Tiles::new(&renderer, &there, &canvas)).transpose()?;
-        let mut drawn = Summed { renderer: &renderer, there: &there, canvas: &canvas, look, tiles };
+        let mut drawn = OpticalDepthScene { renderer: &renderer, there: &there, canvas: &canvas, look, tiles };
         rows.push(own.row(&mut drawn, kind, context)?);
         context.advance(1);
     }
@@ -154,21 +160,27 @@ pub fn of_depth(device: &Device, made: &Made, size: Size, quick: Quick, context:
 ///
 /// # Errors
 /// Those of the device; [`particlegs::Error::Cancelled`].
-pub fn of_alpha(device: &Device, made: &Made, size: Size, quick: Quick, context: &Context) -> Result<Vec<Row>> {
+pub fn of_alpha(
+    device: &Device,
+    made: &TiledScene,
+    size: Size,
+    quick: QuickRun,
+    context: &Context,
+) -> Result<Vec<FrameRow>> {
     let renderer = alpha::Renderer::new(device)?;
     let there = alpha::Gaussians::upload(device, &Scene::of_law(&made.gaussians, made.bounds, [made.radius, OPACITY]))?;
     let mut rows = Vec::new();
     for changes in [CAMERA, SETTING] {
         let own = Measurement::new(device, made, size, changes, quick);
-        let work = Blends::of(made, own.counted(), size, context)?;
-        let kind = Kind {
+        let work = BlendWork::of(made, own.counted(), size, context)?;
+        let kind = FrameKind {
             law: LawKind::AlphaBlend,
             look: Look::Paraview,
             way: "tiles of 16 x 16".into(),
             footprints: work.footprints,
             least: work.frame(made.gaussians.len(), size, changes == SETTING),
         };
-        let mut drawn = Blended { renderer: &renderer, there: &there, canvas: renderer.canvas(&there, size)? };
+        let mut drawn = AlphaBlendScene { renderer: &renderer, there: &there, canvas: renderer.canvas(&there, size)? };
         rows.push(own.row(&mut drawn, kind, context)?);
         context.advance(1);
     }
@@ -182,11 +194,11 @@ struct Measurement<'a> {
     size: Size,
     changes: &'static str,
     views: Vec<View>,
-    quick: Quick,
+    quick: QuickRun,
 }
 
 impl<'a> Measurement<'a> {
-    fn new(device: &'a Device, made: &Made, size: Size, changes: &'static str, quick: Quick) -> Self {
+    fn new(device: &'a Device, made: &TiledScene, size: Size, changes: &'static str, quick: QuickRun) -> Self {
         let (gaussians, views) = (made.gaussians.len(), views(made, size, changes == CAMERA));
         Measurement { device, gaussians, size, changes, views, quick }
     }
@@ -196,16 +208,16 @@ impl<'a> Measurement<'a> {
         &self.views[16]
     }
 
-    fn row(&self, drawn: &mut dyn Drawn, kind: Kind, context: &Context) -> Result<Row> {
+    fn row(&self, drawn: &mut dyn DeviceScene, kind: FrameKind, context: &Context) -> Result<FrameRow> {
         let [most, most_read] = [0, 1].map(|k| self.quick.or(QUICK_FRAMES[k], FRAMES[k]));
         let timed = self.quick.or(1, TIMED);
         // Everything is compiled and there.
         self.frames(drawn, self.quick.or(1, 3), false, context)?;
         let (number, seconds) = self.frames(drawn, most, false, context)?;
         let (read, seconds_read) = self.frames(drawn, most_read, true, context)?;
-        let stages = Stages::of(self.device, timed, || self.frames(drawn, timed, false, context).map(drop))?;
+        let stages = KernelStages::of(self.device, timed, || self.frames(drawn, timed, false, context).map(drop))?;
         let counted = self.counted();
-        Ok(Row {
+        Ok(FrameRow {
             gaussians: self.gaussians,
             width: self.size.width,
             height: self.size.height,
@@ -224,7 +236,13 @@ impl<'a> Measurement<'a> {
 
     /// Draws frames until all are drawn or the time is over: how many, and in how many seconds of the clock to the end
     /// of the last.
-    fn frames(&self, drawn: &mut dyn Drawn, most: usize, read_back: bool, context: &Context) -> Result<(usize, f64)> {
+    fn frames(
+        &self,
+        drawn: &mut dyn DeviceScene,
+        most: usize,
+        read_back: bool,
+        context: &Context,
+    ) -> Result<(usize, f64)> {
         let (started, mut number) = (Instant::now(), 0);
         while number < most && started.elapsed() < LIMIT {
             context.check()?;
@@ -241,11 +259,11 @@ impl<'a> Measurement<'a> {
     }
 }
 
-impl Row {
+impl FrameRow {
     /// Rows as people read them; `rates` are the device's.
-    pub fn text(rows: &[Row], rates: &Rates) -> String {
+    pub fn text(rows: &[FrameRow], rates: &Rates) -> String {
         let mut text = format!("{:>9} {:>10} {:<13} {:<8} {:<18}", "Gaussians", "pixels", "law", "look", "changes");
-        text += &format!(" {:<16} {:>9} {:>10} {:>7}{}", "by", "frames/s", "read back", "MB", Least::heads());
+        text += &format!(" {:<16} {:>9} {:>10} {:>7}{}", "by", "frames/s", "read back", "MB", WorkBound::heads());
         for r in rows {
             let (memory, k) = (in_megabytes(r.device_memory_bytes), &r.kind);
             let pixels = format!("{}x{}", r.width, r.height);
@@ -258,8 +276,8 @@ impl Row {
     }
 
     /// What the row is of, and its kernels.
-    pub fn stages(&self) -> (String, &Stages) {
-        let Row { gaussians, width, height, changes, kind: Kind { law, look, way, .. }, .. } = self;
+    pub fn stages(&self) -> (String, &KernelStages) {
+        let FrameRow { gaussians, width, height, changes, kind: FrameKind { law, look, way, .. }, .. } = self;
         let (law, look) = (law.name(), look.name());
         (format!("frame of {gaussians}, {width}x{height}, {law}, {look}, {changes}, {way}"), &self.stages)
     }

@@ -17,7 +17,7 @@ use particlegs::{Error, Result};
 use particlegs_gpu::Rates;
 use particlegs_lab::Standing;
 use particlegs_lab::lab::Lab;
-use scenes::Made;
+use scenes::TiledScene;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -29,9 +29,9 @@ const LIMIT: Duration = Duration::from_secs(20);
 
 /// Small and few: to see that all of it runs.
 #[derive(Clone, Copy)]
-pub struct Quick(pub bool);
+pub struct QuickRun(pub bool);
 
-impl Quick {
+impl QuickRun {
     /// Few, or as many as are measured.
     fn or(self, few: usize, many: usize) -> usize {
         if self.0 { few } else { many }
@@ -39,12 +39,12 @@ impl Quick {
 }
 
 #[derive(Serialize)]
-pub struct Report {
+pub struct GpuBenchReport {
     particlegs: &'static str,
     device: String,
     threads_of_the_processor: usize,
     #[serde(flatten)]
-    measured: Measured,
+    measured: DeviceMeasurements,
     /// The published recipe, where it is asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     recipe: Option<Standing>,
@@ -52,14 +52,14 @@ pub struct Report {
 
 /// What the device does.
 #[derive(Serialize, Deserialize)]
-struct Measured {
+struct DeviceMeasurements {
     /// What it does at most: bytes read and written where they are copied; atomic additions; operations of float32.
     copied_bytes_per_second: f64,
     additions_per_second: f64,
     operations_per_second: f64,
-    frames: Vec<frames::Row>,
-    training: Vec<training::Row>,
-    particles: Option<particles::Row>,
+    frames: Vec<frames::FrameRow>,
+    training: Vec<training::TrainingRow>,
+    particles: Option<particles::ParticleRow>,
     /// What the device refused or failed at, and why.
     not_measured: Vec<String>,
 }
@@ -71,10 +71,10 @@ const COMMIT: Option<&str> = option_env!("PARTICLEGS_COMMIT");
 ///
 /// # Errors
 /// Those of the device; of the lab; [`particlegs::Error::Cancelled`].
-pub fn measure(device: &Device, quick: Quick, lab: Option<&Lab<'_>>, context: &Context) -> Result<Report> {
-    let now = || Measured::of(device, quick, context);
+pub fn measure(device: &Device, quick: QuickRun, lab: Option<&Lab<'_>>, context: &Context) -> Result<GpuBenchReport> {
+    let now = || DeviceMeasurements::of(device, quick, context);
     let [(sample, tiles), ..] = tilings(quick);
-    Ok(Report {
+    Ok(GpuBenchReport {
         particlegs: env!("CARGO_PKG_VERSION"),
         device: device.name().into(),
         threads_of_the_processor: particlegs::parallel::threads(),
@@ -87,7 +87,7 @@ pub fn measure(device: &Device, quick: Quick, lab: Option<&Lab<'_>>, context: &C
 }
 
 /// The sample, and how often it lies along the axes: 171 000, 769 000 and 1.73 million Gaussians.
-fn tilings(quick: Quick) -> [(usize, [usize; 3]); 3] {
+fn tilings(quick: QuickRun) -> [(usize, [usize; 3]); 3] {
     match quick.0 {
         true => [(1, [1, 2, 2]), (0, [1, 2, 2]), (0, [1, 2, 4])],
         false => [(1, [4, 8, 8]), (0, [4, 16, 16]), (0, [9, 16, 16])],
@@ -98,7 +98,7 @@ fn tilings(quick: Quick) -> [(usize, [usize; 3]); 3] {
 ///
 /// # Errors
 /// [`Error::Cancelled`].
-fn tried<T>(made: &Made, size: Size, row: Result<T>, failed: &mut Vec<String>) -> Result<Option<T>> {
+fn tried<T>(made: &TiledScene, size: Size, row: Result<T>, failed: &mut Vec<String>) -> Result<Option<T>> {
     match row {
         Err(Error::Cancelled) => Err(Error::Cancelled),
         Err(e) => {
@@ -109,8 +109,8 @@ fn tried<T>(made: &Made, size: Size, row: Result<T>, failed: &mut Vec<String>) -
     }
 }
 
-impl Measured {
-    fn of(device: &Device, quick: Quick, context: &Context) -> Result<Measured> {
+impl DeviceMeasurements {
+    fn of(device: &Device, quick: QuickRun, context: &Context) -> Result<DeviceMeasurements> {
         let rates = Rates::measure(device)?;
         let (sizes, hd) = if quick.0 { (&[SMALL][..], SMALL) } else { (&[HD, UHD][..], HD) };
         let [few, more, most] = tilings(quick).map(|(sample, tiles)| scenes::tiled(sample, tiles));
@@ -136,7 +136,7 @@ impl Measured {
         context.advance(1);
         let particles = tried(&few, hd, particles::row(device, &few, hd, quick, context), &mut failed)?;
         context.end();
-        Ok(Measured {
+        Ok(DeviceMeasurements {
             copied_bytes_per_second: rates.copied_bytes,
             additions_per_second: rates.additions,
             operations_per_second: rates.operations,
@@ -149,8 +149,12 @@ impl Measured {
 
     /// Where the time goes.
     fn stages(&self) -> String {
-        let models = self.frames.iter().map(frames::Row::stages).chain(self.training.iter().map(training::Row::stages));
-        stages::Stages::table(models.chain(self.particles.iter().map(particles::Row::stages)))
+        let models = self
+            .frames
+            .iter()
+            .map(frames::FrameRow::stages)
+            .chain(self.training.iter().map(training::TrainingRow::stages));
+        stages::KernelStages::table(models.chain(self.particles.iter().map(particles::ParticleRow::stages)))
     }
 
     /// The tables as people read them.
@@ -168,8 +172,8 @@ impl Measured {
             1e-9 * rates.copied_bytes,
             1e-9 * rates.additions,
             1e-9 * rates.operations,
-            frames::Row::text(&self.frames, &rates),
-            training::Row::text(&self.training, &rates),
+            frames::FrameRow::text(&self.frames, &rates),
+            training::TrainingRow::text(&self.training, &rates),
             self.particles.as_ref().map_or(String::new(), |p| p.text(&rates)),
             self.stages(),
             self.not_measured.iter().map(|why| format!("\nnot measured: {why}")).collect::<String>()
@@ -177,7 +181,7 @@ impl Measured {
     }
 }
 
-impl Report {
+impl GpuBenchReport {
     /// As people read it.
     pub fn text(&self) -> String {
         let recipe = self.recipe.as_ref().map_or(String::new(), |r| format!("\n\n{}", recipe::text(r)));

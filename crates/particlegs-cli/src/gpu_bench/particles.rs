@@ -1,9 +1,9 @@
 //! Pictures of all particles a second.
 
-use super::scenes::{Made, views};
-use super::stages::Stages;
-use super::work::Least;
-use super::{LIMIT, Quick, in_megabytes};
+use super::scenes::{TiledScene, views};
+use super::stages::KernelStages;
+use super::work::WorkBound;
+use super::{LIMIT, QuickRun, in_megabytes};
 use crate::common::Context;
 use crate::device::Device;
 use particlegs::Result;
@@ -22,7 +22,7 @@ const PICTURES: usize = 20;
 const PIECES: usize = 24;
 
 #[derive(Serialize, Deserialize)]
-pub struct Row {
+pub struct ParticleRow {
     particles: u64,
     width: usize,
     height: usize,
@@ -34,15 +34,15 @@ pub struct Row {
     device_memory_bytes: Option<u64>,
     /// What a picture takes at least.
     #[serde(flatten)]
-    least: Least,
-    stages: Stages,
+    least: WorkBound,
+    stages: KernelStages,
 }
 
 /// The noise-free picture of particles that are drawn of the scene, a piece again and again, each time moved.
 ///
 /// # Errors
 /// Those of the device; [`particlegs::Error::Cancelled`].
-pub fn row(device: &Device, made: &Made, size: Size, quick: Quick, context: &Context) -> Result<Row> {
+pub fn row(device: &Device, made: &TiledScene, size: Size, quick: QuickRun, context: &Context) -> Result<ParticleRow> {
     let (pieces, each) = if quick.0 { (2, 100_000) } else { (PIECES, MOST) };
     let (count, columns) = (pieces * each, made.particles(each));
     let started = Instant::now();
@@ -58,8 +58,8 @@ pub fn row(device: &Device, made: &Made, size: Size, quick: Quick, context: &Con
         there.draw(&views[pictures], size, Look::Expected, context)?;
     }
     let seconds_a_picture = started.elapsed().as_secs_f64() / pictures as f64;
-    let stages = Stages::of(device, 1, || there.draw(&views[0], size, Look::Expected, context).map(drop))?;
-    Ok(Row {
+    let stages = KernelStages::of(device, 1, || there.draw(&views[0], size, Look::Expected, context).map(drop))?;
+    Ok(ParticleRow {
         particles: count as u64,
         width: size.width,
         height: size.height,
@@ -68,14 +68,14 @@ pub fn row(device: &Device, made: &Made, size: Size, quick: Quick, context: &Con
         seconds_a_picture,
         seconds_to_load,
         device_memory_bytes: device.allocated(),
-        least: Least::of_particles(count, views[0].radius_pixels(size), size),
+        least: WorkBound::of_particles(count, views[0].radius_pixels(size), size),
         stages,
     })
 }
 
 /// Particles of a range: the drawn ones again and again, each time moved around the box, so that they are as clumped as
 /// before, and elsewhere.
-fn moved(columns: &[Vec<f32>; 3], made: &Made, range: Range<usize>) -> [Vec<f32>; 3] {
+fn moved(columns: &[Vec<f32>; 3], made: &TiledScene, range: Range<usize>) -> [Vec<f32>; 3] {
     let (each, extent) = (columns[0].len(), made.bounds.extent().map(|e| e as f32));
     [0, 1, 2].map(|k| {
         let (column, half) = (&columns[k], 0.5 * extent[k]);
@@ -87,7 +87,7 @@ fn moved(columns: &[Vec<f32>; 3], made: &Made, range: Range<usize>) -> [Vec<f32>
     })
 }
 
-impl Row {
+impl ParticleRow {
     /// As people read it; `rates` are the device's.
     pub fn text(&self, rates: &Rates) -> String {
         let (memory, pixels) = (in_megabytes(self.device_memory_bytes), format!("{}x{}", self.width, self.height));
@@ -99,7 +99,7 @@ impl Row {
             "ms",
             "s to load",
             "MB",
-            Least::heads(),
+            WorkBound::heads(),
             self.particles,
             self.style.name(),
             1e3 * self.seconds_a_picture,
@@ -109,8 +109,8 @@ impl Row {
     }
 
     /// What the row is of, and its kernels.
-    pub fn stages(&self) -> (String, &Stages) {
-        let Row { particles, width, height, style, .. } = self;
+    pub fn stages(&self) -> (String, &KernelStages) {
+        let ParticleRow { particles, width, height, style, .. } = self;
         (format!("picture of {particles} particles, {width}x{height}, {}", style.name()), &self.stages)
     }
 }

@@ -1,7 +1,7 @@
 //! The published recipe on a card, in pieces.
 
-use super::Quick;
-use super::scenes::Made;
+use super::QuickRun;
+use super::scenes::TiledScene;
 use particlegs::Result;
 use particlegs::particles::Particles;
 use particlegs_lab::lab::Lab;
@@ -20,7 +20,7 @@ const MINUTES: [f64; 2] = [120.0, 2.0];
 ///
 /// # Errors
 /// Those of [`published`].
-pub fn piece(lab: &Lab<'_>, made: &Made, quick: Quick) -> Result<Standing> {
+pub fn piece(lab: &Lab<'_>, made: &TiledScene, quick: QuickRun) -> Result<Standing> {
     let own = usize::from(quick.0);
     let [x, y, z] = made.particles(PARTICLES[own]);
     let snapshot = Snapshot::new("tiled".into(), "tiled".into(), Particles::from_columns(x, y, z), None);

@@ -19,7 +19,7 @@ pub const OPACITY: f64 = 0.05;
 const OPACITIES: [f64; 2] = [0.02, 0.95];
 
 /// A scene: a model of the sample, tiled.
-pub struct Made {
+pub struct TiledScene {
     pub gaussians: Mixture,
     pub bounds: Bounds,
     pub particles: u64,
@@ -27,7 +27,7 @@ pub struct Made {
 }
 
 /// A sample's model, so many times along the axes, as if it were one snapshot.
-pub fn tiled(sample: usize, tiles: [usize; 3]) -> Result<Made> {
+pub fn tiled(sample: usize, tiles: [usize; 3]) -> Result<TiledScene> {
     let model = codec::decode(SAMPLES[sample], "the sample")?;
     let m = &model.metadata;
     let side = m.cell.and_then(|c| c.lengths()).unwrap_or(m.bounds.extent());
@@ -48,11 +48,11 @@ pub fn tiled(sample: usize, tiles: [usize; 3]) -> Result<Made> {
     let max = each_axis(|k| m.bounds.max[k] + (tiles[k] - 1) as f64 * side[k]);
     let bounds = Bounds { min: m.bounds.min, max };
     let particles = m.count * tiles.iter().product::<usize>() as u64;
-    Ok(Made { gaussians, bounds, particles, radius: bounds.default_radius(particles) })
+    Ok(TiledScene { gaussians, bounds, particles, radius: bounds.default_radius(particles) })
 }
 
 /// Views from the far orbit: around it, or from one place with other radii and opacities.
-pub fn views(made: &Made, size: Size, around: bool) -> Vec<View> {
+pub fn views(made: &TiledScene, size: Size, around: bool) -> Vec<View> {
     let cameras: Vec<Camera> = spiral(made.bounds.center(), base_distance(&made.bounds, size), 64, None);
     let view = |(i, camera): (usize, &Camera)| {
         let change = if around { 1.0 } else { 0.5 + i as f64 / 64.0 };
@@ -62,11 +62,11 @@ pub fn views(made: &Made, size: Size, around: bool) -> Vec<View> {
     cameras.iter().enumerate().map(view).collect()
 }
 
-impl Made {
+impl TiledScene {
     /// The same scene by the alpha-blend law, as training takes Gaussians over from depths: as much larger as particles
     /// are, as opaque as their depth makes them; here with grey levels from 0.5 to 1, and an untrained network, which
     /// costs what a trained one does.
-    pub fn published(&self) -> Made {
+    pub fn published(&self) -> TiledScene {
         let (m, r2) = (&self.gaussians, self.radius * self.radius);
         let (mut gaussians, mut law) = (Mixture::default(), AlphaBlend::default());
         for i in 0..m.len() {
@@ -78,7 +78,7 @@ impl Made {
         }
         law.vizmapper = Some(Arc::new(VizMapper::new(VizRanges::TRAINING, 1)));
         gaussians.law = Law::AlphaBlend(law);
-        Made { gaussians, ..*self }
+        TiledScene { gaussians, ..*self }
     }
 
     /// So many particles of its Gaussians as columns about its middle.

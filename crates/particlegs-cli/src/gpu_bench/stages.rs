@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// A kernel's part.
 #[derive(Serialize, Deserialize)]
-struct Stage {
+struct KernelStage {
     kernel: String,
     /// Runs a frame, step or picture, and how long they take together.
     runs: f64,
@@ -16,25 +16,25 @@ struct Stage {
 /// Kernels in the order of their first runs; none where the device shows no clock.
 #[derive(Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct Stages(Option<Vec<Stage>>);
+pub struct KernelStages(Option<Vec<KernelStage>>);
 
-impl Stages {
+impl KernelStages {
     /// Of `work`, which is so many frames, steps or pictures.
     ///
     /// # Errors
     /// Those of `work`; those of the device.
-    pub fn of(device: &Device, number: usize, work: impl FnOnce() -> Result<()>) -> Result<Stages> {
-        let one = |s: particlegs_gpu::Stage| Stage {
+    pub fn of(device: &Device, number: usize, work: impl FnOnce() -> Result<()>) -> Result<KernelStages> {
+        let one = |s: particlegs_gpu::Stage| KernelStage {
             kernel: s.kernel.into(),
             runs: s.runs as f64 / number as f64,
             milliseconds: 1e3 * s.seconds / number as f64,
         };
-        Ok(Stages(device.timed(work)?.map(|all| all.into_iter().map(one).collect())))
+        Ok(KernelStages(device.timed(work)?.map(|all| all.into_iter().map(one).collect())))
     }
 
     /// Milliseconds of all, and of those that take a hundredth of that or more, the longest first.
     fn text(&self) -> Option<String> {
-        let mut all: Vec<&Stage> = self.0.as_ref()?.iter().collect();
+        let mut all: Vec<&KernelStage> = self.0.as_ref()?.iter().collect();
         all.sort_by(|a, b| b.milliseconds.total_cmp(&a.milliseconds));
         let sum: f64 = all.iter().map(|s| s.milliseconds).sum();
         let long = all.iter().filter(|s| s.milliseconds >= 0.01 * sum);
@@ -43,8 +43,8 @@ impl Stages {
     }
 
     /// Those of all rows, a line each behind what the row is of.
-    pub fn table<'a>(rows: impl IntoIterator<Item = (String, &'a Stages)>) -> String {
-        let line = |(of, stages): (String, &Stages)| Some(format!("\n{of}: {}", stages.text()?));
+    pub fn table<'a>(rows: impl IntoIterator<Item = (String, &'a KernelStages)>) -> String {
+        let line = |(of, stages): (String, &KernelStages)| Some(format!("\n{of}: {}", stages.text()?));
         let lines: String = rows.into_iter().filter_map(line).collect();
         match lines.is_empty() {
             true => "kernels: not timed, as the device shows no clock".into(),

@@ -1,9 +1,9 @@
 //! Steps of training a second.
 
-use super::scenes::{Made, OPACITY, views};
-use super::stages::Stages;
-use super::work::{Blends, Depths, Least};
-use super::{LIMIT, Quick, in_megabytes};
+use super::scenes::{OPACITY, TiledScene, views};
+use super::stages::KernelStages;
+use super::work::{BlendWork, DepthWork, WorkBound};
+use super::{LIMIT, QuickRun, in_megabytes};
 use crate::common::Context;
 use crate::device::Device;
 use particlegs::Result;
@@ -31,7 +31,7 @@ const TIMED: usize = 4;
 const TARGETS: usize = 8;
 
 #[derive(Serialize, Deserialize)]
-pub struct Row {
+pub struct TrainingRow {
     law: LawKind,
     gaussians: usize,
     width: usize,
@@ -45,8 +45,8 @@ pub struct Row {
     footprints: u64,
     /// What a step takes at least.
     #[serde(flatten)]
-    least: Least,
-    stages: Stages,
+    least: WorkBound,
+    stages: KernelStages,
 }
 
 /// Steps of the optical-depth law from Gaussians that are half as many particles each too many or too few, by pictures
@@ -54,15 +54,21 @@ pub struct Row {
 ///
 /// # Errors
 /// Those of the device; [`particlegs::Error::Cancelled`].
-pub fn of_depth(device: &Device, made: &Made, size: Size, quick: Quick, context: &Context) -> Result<Row> {
-    let lesson = Lesson::new(device, made, &Scene::of_mixture(&made.gaussians, made.bounds), size)?;
+pub fn of_depth(
+    device: &Device,
+    made: &TiledScene,
+    size: Size,
+    quick: QuickRun,
+    context: &Context,
+) -> Result<TrainingRow> {
+    let lesson = TrainingPictures::new(device, made, &Scene::of_mixture(&made.gaussians, made.bounds), size)?;
     let mut gaussians = made.gaussians.clone();
     gaussians.count.iter_mut().enumerate().for_each(|(i, n)| *n *= if i % 2 == 0 { 0.5 } else { 1.5 });
     let mut of = Parameters::new(&gaussians, made.particles, 48, (made.bounds, Look::Expected));
     let mut steps = Trainer::new(device)?.depth_steps(&of)?;
     let pace = StepSize { rates: [0.01; 3], beta1: 0.9, beta2: 0.999, calm: 0.5, pull: 0.0, average: 0.01 };
     let taken = lesson.take(quick, context, |shot| steps.step(&mut of, shot, &Loss::PUBLISHED, &pace))?;
-    let work = Depths::of(made, &lesson.views[0], size)?;
+    let work = DepthWork::of(made, &lesson.views[0], size)?;
     let least = work.step(made.gaussians.len(), size);
     Ok(taken.row(LawKind::OpticalDepth, made, &lesson, (work.footprints, least)))
 }
@@ -72,9 +78,15 @@ pub fn of_depth(device: &Device, made: &Made, size: Size, quick: Quick, context:
 ///
 /// # Errors
 /// Those of the device; [`particlegs::Error::Cancelled`].
-pub fn of_alpha(device: &Device, made: &Made, size: Size, quick: Quick, context: &Context) -> Result<Row> {
+pub fn of_alpha(
+    device: &Device,
+    made: &TiledScene,
+    size: Size,
+    quick: QuickRun,
+    context: &Context,
+) -> Result<TrainingRow> {
     let scene = Scene::of_law(&made.gaussians, made.bounds, [made.radius, OPACITY]);
-    let lesson = Lesson::new(device, made, &scene, size)?;
+    let lesson = TrainingPictures::new(device, made, &scene, size)?;
     let mut gaussians = made.gaussians.clone();
     if let Some(law) = gaussians.law.alpha_blend_mut() {
         let change = |(i, o): (usize, &mut f64)| *o = (*o * if i % 2 == 0 { 0.5 } else { 1.5 }).min(0.95);
@@ -92,13 +104,13 @@ pub fn of_alpha(device: &Device, made: &Made, size: Size, quick: Quick, context:
         identity: c.identity,
     };
     let taken = lesson.take(quick, context, |shot| steps.step(&mut of, shot, &Loss::PUBLISHED, &pace))?;
-    let work = Blends::of(made, &lesson.views[0], size, context)?;
+    let work = BlendWork::of(made, &lesson.views[0], size, context)?;
     let least = work.step(made.gaussians.len(), size);
     Ok(taken.row(LawKind::AlphaBlend, made, &lesson, (work.footprints, least)))
 }
 
 /// Pictures that are learnt from.
-struct Lesson<'a> {
+struct TrainingPictures<'a> {
     device: &'a Device,
     views: Vec<View>,
     /// Brightness in [0, 1].
@@ -107,16 +119,16 @@ struct Lesson<'a> {
 }
 
 /// Steps that were taken.
-struct Taken {
+struct TrainingSteps {
     steps: usize,
     seconds: f64,
     losses: [f64; 2],
-    stages: Stages,
+    stages: KernelStages,
 }
 
-impl<'a> Lesson<'a> {
+impl<'a> TrainingPictures<'a> {
     /// Of the scene as it is.
-    fn new(device: &'a Device, made: &Made, scene: &Scene, size: Size) -> Result<Self> {
+    fn new(device: &'a Device, made: &TiledScene, scene: &Scene, size: Size) -> Result<Self> {
         let views: Vec<View> = views(made, size, true).into_iter().step_by(64 / TARGETS).collect();
         let pictures = Pictures::new(device, scene)?;
         let one = |view| {
@@ -124,16 +136,16 @@ impl<'a> Lesson<'a> {
             Ok(Plane { size, data: levels.data.iter().map(|&v| f32::from(v) / 255.0).collect() })
         };
         let targets = views.iter().map(one).collect::<Result<_>>()?;
-        Ok(Lesson { device, views, targets, size })
+        Ok(TrainingPictures { device, views, targets, size })
     }
 
     /// Takes steps until all are taken or the time is over.
     fn take(
         &self,
-        quick: Quick,
+        quick: QuickRun,
         context: &Context,
         mut step: impl FnMut(&Shot<'_>) -> Result<Stepped>,
-    ) -> Result<Taken> {
+    ) -> Result<TrainingSteps> {
         let mut one = |k: usize| -> Result<f64> {
             context.check()?;
             let (view, target) = (&self.views[k % TARGETS], &self.targets[k % TARGETS]);
@@ -148,14 +160,21 @@ impl<'a> Lesson<'a> {
             steps += 1;
         }
         let seconds = started.elapsed().as_secs_f64();
-        let stages = Stages::of(self.device, timed, || (0..timed).try_for_each(|k| one(2 + steps + k).map(drop)))?;
-        Ok(Taken { steps, seconds, losses, stages })
+        let stages =
+            KernelStages::of(self.device, timed, || (0..timed).try_for_each(|k| one(2 + steps + k).map(drop)))?;
+        Ok(TrainingSteps { steps, seconds, losses, stages })
     }
 }
 
-impl Taken {
-    fn row(self, law: LawKind, made: &Made, of: &Lesson<'_>, (footprints, least): (u64, Least)) -> Row {
-        Row {
+impl TrainingSteps {
+    fn row(
+        self,
+        law: LawKind,
+        made: &TiledScene,
+        of: &TrainingPictures<'_>,
+        (footprints, least): (u64, WorkBound),
+    ) -> TrainingRow {
+        TrainingRow {
             law,
             gaussians: made.gaussians.len(),
             width: of.size.width,
@@ -171,12 +190,12 @@ impl Taken {
     }
 }
 
-impl Row {
+impl TrainingRow {
     /// Rows as people read them; `rates` are the device's.
-    pub fn text(rows: &[Row], rates: &Rates) -> String {
+    pub fn text(rows: &[TrainingRow], rates: &Rates) -> String {
         let mut text =
             format!("{:>9} {:>10} {:<13} {:>8} {:>17}", "Gaussians", "pixels", "law", "steps/s", "loss, from to");
-        text += &format!(" {:>7}{}", "MB", Least::heads());
+        text += &format!(" {:>7}{}", "MB", WorkBound::heads());
         for r in rows {
             let memory = in_megabytes(r.device_memory_bytes);
             let (pixels, losses) = (format!("{}x{}", r.width, r.height), r.losses.map(|l| format!("{l:.5}")).join(" "));
@@ -187,8 +206,8 @@ impl Row {
     }
 
     /// What the row is of, and its kernels.
-    pub fn stages(&self) -> (String, &Stages) {
-        let Row { law, gaussians, width, height, .. } = self;
+    pub fn stages(&self) -> (String, &KernelStages) {
+        let TrainingRow { law, gaussians, width, height, .. } = self;
         (format!("step of {gaussians}, {width}x{height}, {}", law.name()), &self.stages)
     }
 }

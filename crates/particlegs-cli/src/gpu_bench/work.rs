@@ -4,7 +4,7 @@
 //! bytes), their footprints, lists, planes. Operations are those of float32 in the kernels' inner lines, counted in
 //! their sources, a power of two as one.
 
-use super::scenes::{Made, OPACITY};
+use super::scenes::{OPACITY, TiledScene};
 use particlegs::Result;
 use particlegs::camera::View;
 use particlegs::parallel;
@@ -23,7 +23,7 @@ use std::f64::consts::PI;
 
 /// What a picture or a step takes at least.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub struct Least {
+pub struct WorkBound {
     pub bytes: f64,
     /// Atomic additions to words of a plane.
     pub additions: f64,
@@ -32,7 +32,7 @@ pub struct Least {
 }
 
 /// What a picture of the optical-depth law is made of.
-pub struct Depths {
+pub struct DepthWork {
     /// Footprints that touch it: Gaussians, or their pieces.
     pub footprints: u64,
     /// Pixels that they add to, on whatever plane.
@@ -40,7 +40,7 @@ pub struct Depths {
 }
 
 /// What a picture of the alpha-blend law is made of.
-pub struct Blends {
+pub struct BlendWork {
     /// Footprints that touch it.
     pub footprints: u64,
     /// Entries of the lists of tiles.
@@ -54,16 +54,16 @@ const PROJECT: f64 = 300.0;
 /// Operations of Adam for a number.
 const ADAM: f64 = 15.0;
 
-impl Depths {
+impl DepthWork {
     /// Of a scene in a view.
     ///
     /// # Errors
     /// [`particlegs::Error::Argument`] for a view out of range.
-    pub fn of(made: &Made, view: &View, size: Size) -> Result<Depths> {
+    pub fn of(made: &TiledScene, view: &View, size: Size) -> Result<DepthWork> {
         const RUN: usize = 4096;
         let (lens, levels, m) = (Lens::optical(view, size, &made.bounds)?, levels(size), &made.gaussians);
         let runs = parallel::map((0..m.len()).step_by(RUN), |start| {
-            let mut own = Depths { footprints: 0, additions: 0.0 };
+            let mut own = DepthWork { footprints: 0, additions: 0.0 };
             for g in (start..m.len().min(start + RUN)).filter_map(|i| lens.see(m, i, m.count[i])) {
                 pieces(&lens, &g, |moments| {
                     let Some(placed) = place(&levels, &g.footprint(&lens, &moments)) else { return };
@@ -74,18 +74,18 @@ impl Depths {
             }
             own
         });
-        let sum = |a: Depths, b: Depths| Depths {
+        let sum = |a: DepthWork, b: DepthWork| DepthWork {
             footprints: a.footprints + b.footprints,
             additions: a.additions + b.additions,
         };
-        Ok(runs.into_iter().fold(Depths { footprints: 0, additions: 0.0 }, sum))
+        Ok(runs.into_iter().fold(DepthWork { footprints: 0, additions: 0.0 }, sum))
     }
 
     /// A frame: columns (13 words) read, strokes (9 words) written and read, planes cleared, summed, read and made
     /// levels. An addition takes its power of two (8 operations).
-    pub fn frame(&self, gaussians: usize, size: Size) -> Least {
+    pub fn frame(&self, gaussians: usize, size: Size) -> WorkBound {
         let (n, footprints) = (gaussians as f64, self.footprints as f64);
-        Least {
+        WorkBound {
             bytes: 52.0 * n + 72.0 * footprints + 16.0 * words_of_planes(size) + 5.0 * size.pixels() as f64,
             additions: self.additions,
             operations: PROJECT * n + 8.0 * self.additions,
@@ -96,10 +96,10 @@ impl Depths {
     /// that gradient on all planes; the columns once more and the gradient with them (10 numbers) written; Adam, which
     /// reads that, its two means, and columns as they are, as they are drawn and in the mean (14 words each), and
     /// writes all but the first. On the way back every pixel of a footprint takes 12 operations.
-    pub fn step(&self, gaussians: usize, size: Size) -> Least {
+    pub fn step(&self, gaussians: usize, size: Size) -> WorkBound {
         let (n, pixels, frame) = (gaussians as f64, size.pixels() as f64, self.frame(gaussians, size));
         let adam = 40.0 + 2.0 * 2.0 * 40.0 + 2.0 * 3.0 * 56.0;
-        Least {
+        WorkBound {
             bytes: frame.bytes + (24.0 - 5.0) * pixels + 8.0 * words_of_planes(size) + (52.0 + 40.0 + adam) * n,
             additions: frame.additions,
             operations: frame.operations + 12.0 * self.additions + (PROJECT + 10.0 * ADAM) * n,
@@ -112,7 +112,7 @@ fn words_of_planes(size: Size) -> f64 {
     levels(size).iter().map(|l| (l.size.width + 2 * PAD) * l.rows).sum::<usize>() as f64
 }
 
-impl Blends {
+impl BlendWork {
     /// Operations of a blend, on the way there and back: alpha by raster_main.wgsl, and what is wanted of it.
     const BLEND: [f64; 2] = [16.0, 36.0];
     /// Of the network for a Gaussian: three layers, a product and a sum a weight.
@@ -124,16 +124,16 @@ impl Blends {
     ///
     /// # Errors
     /// [`particlegs::Error::Argument`] for a view out of range; [`particlegs::Error::Cancelled`].
-    pub fn of(made: &Made, view: &View, size: Size, progress: &dyn Progress) -> Result<Blends> {
+    pub fn of(made: &TiledScene, view: &View, size: Size, progress: &dyn Progress) -> Result<BlendWork> {
         let Some(blend) = Scene::of_law(&made.gaussians, made.bounds, [made.radius, OPACITY]).blend() else {
-            return Ok(Blends { footprints: 0, entries: 0, blends: 0 });
+            return Ok(BlendWork { footprints: 0, entries: 0, blends: 0 });
         };
         let eye = Eye::new(view, size, &blend.frame)?;
         let seen = blend.gaussians(&[(&made.gaussians, 1.0)], view, &eye, progress)?;
         let plan = Plan::new(&eye, seen.len(), |i| Some(seen[i]), CutOffs::PUBLISHED, progress)?;
         let tiles = parallel::map_range(plan.tiles.number(), |tile| in_tile(&plan, tile, size));
         let [entries, blends] = [0, 1].map(|k| tiles.iter().map(|t| t[k]).sum());
-        Ok(Blends { footprints: plan.splats.len() as u64, entries, blends })
+        Ok(BlendWork { footprints: plan.splats.len() as u64, entries, blends })
     }
 
     /// A frame. Of a Gaussian: columns (16 words) and what the network made of it read; tiles, depth and number
@@ -141,13 +141,13 @@ impl Blends {
     /// written, sorted by four bits of the tile's number a pass, looked at, and read with its footprint. A pixel's
     /// brightness and transmittance are written, and levels made. Where the network runs, it reads and writes two
     /// words.
-    pub fn frame(&self, gaussians: usize, size: Size, with_network: bool) -> Least {
+    pub fn frame(&self, gaussians: usize, size: Size, with_network: bool) -> WorkBound {
         let (n, footprints, pixels) = (gaussians as f64, self.footprints as f64, size.pixels() as f64);
         let tiles = size.width.div_ceil(TILE) * size.height.div_ceil(TILE);
         let passes = 2.0 * f64::from((usize::BITS - (tiles - 1).leading_zeros()).div_ceil(8));
         let an_entry = 8.0 + passes * Self::SORTED + 4.0 + 36.0;
         let network = if with_network { 1.0 } else { 0.0 };
-        Least {
+        WorkBound {
             bytes: (88.0 + 8.0 * Self::SORTED + 24.0 + 16.0 * network) * n
                 + 32.0 * footprints
                 + an_entry * self.entries as f64
@@ -163,11 +163,11 @@ impl Blends {
     /// gradient, numbers and two means, and writes all but the first. Entries are read with their footprints once more,
     /// and what is wanted written and read. Of a pixel: the loss and its gradient (24 bytes), gradient and brightness
     /// on the way back.
-    pub fn step(&self, gaussians: usize, size: Size) -> Least {
+    pub fn step(&self, gaussians: usize, size: Size) -> WorkBound {
         let (n, pixels, frame) = (gaussians as f64, size.pixels() as f64, self.frame(gaussians, size, true));
         let chain = 2.0 * 28.0 + 64.0 + 48.0 + 8.0 + 8.0 + 48.0 + 8.0 + 16.0;
         let adam = 48.0 + 2.0 * 48.0 + 2.0 * 96.0;
-        Least {
+        WorkBound {
             bytes: frame.bytes
                 + (112.0 + chain + 48.0 + adam) * n
                 + (36.0 + 56.0) * self.entries as f64
@@ -208,14 +208,14 @@ fn alpha(s: &Splat, at: [f32; 2]) -> Option<f32> {
     (power >= s.end).then(|| s.peak * power.exp2())
 }
 
-impl Least {
+impl WorkBound {
     /// A noise-free picture of particles of so many pixels' deviation: places are read twice, once to count the work;
     /// sums of 8 bytes a pixel are cleared, read, made depth and levels. The square of three deviations to either side
     /// touches (6 sigma + 1)^2 pixels in the mean, and each takes two means of the splat over it (some 40 operations).
-    pub fn of_particles(count: usize, sigma: f64, size: Size) -> Least {
+    pub fn of_particles(count: usize, sigma: f64, size: Size) -> WorkBound {
         let (n, pixels) = (count as f64, size.pixels() as f64);
         let additions = n * (6.0 * sigma + 1.0).powi(2);
-        Least { bytes: 24.0 * n + 25.0 * pixels, additions, operations: 2.0 * 60.0 * n + 40.0 * additions }
+        WorkBound { bytes: 24.0 * n + 25.0 * pixels, additions, operations: 2.0 * 60.0 * n + 40.0 * additions }
     }
 
     /// The shares of a card's rates that so many a second take, in percent, as columns.

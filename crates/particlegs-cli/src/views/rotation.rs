@@ -9,7 +9,7 @@ use particlegs::math::each_axis;
 pub struct Rotation([f64; 4]);
 
 /// A turn: its axis times its angle in radians.
-type Turn = [f64; 3];
+type RotationVector = [f64; 3];
 
 impl Rotation {
     /// The orientation of a camera's frame (Shepperd 1978: the largest component first).
@@ -60,7 +60,7 @@ impl Rotation {
     }
 
     /// The shorter turn, about the axes of this orientation, that leads to another.
-    fn turn_to(self, o: Rotation) -> Turn {
+    fn turn_to(self, o: Rotation) -> RotationVector {
         let [a, b, c, d] = self.0;
         let Rotation([w, x, y, z]) = Rotation([a, -b, -c, -d]).times(o);
         let sign = if w < 0.0 { -1.0 } else { 1.0 };
@@ -71,7 +71,7 @@ impl Rotation {
     }
 
     /// This orientation, turned about its own axes.
-    fn turned(self, by: Turn) -> Rotation {
+    fn turned(self, by: RotationVector) -> Rotation {
         let angle = by.iter().map(|v| v * v).sum::<f64>().sqrt();
         if angle == 0.0 {
             return self;
@@ -91,7 +91,7 @@ impl Rotation {
 /// (Shoemake 1985), whose turn at each key is the limited mean of those before and after; the ends are at rest.
 pub fn at(keys: &[Rotation], i: usize, t: f64) -> Rotation {
     let Some(&next) = keys.get(i + 1) else { return keys[i] };
-    let speed = |k: usize| -> Turn {
+    let speed = |k: usize| -> RotationVector {
         match (k.checked_sub(1).and_then(|b| keys.get(b)), keys.get(k + 1)) {
             (Some(before), Some(after)) => {
                 let (a, b) = (before.turn_to(keys[k]), keys[k].turn_to(*after));

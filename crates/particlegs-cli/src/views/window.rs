@@ -1,6 +1,6 @@
 //! How far away a camera stands, or how wide a window is, for a box to be in the picture whole.
 
-use crate::view_args::Subject;
+use crate::view_args::ViewSubject;
 use clap::ValueEnum;
 use particlegs::camera::spherical_camera;
 use particlegs::math::each_axis;
@@ -23,7 +23,7 @@ const FILLED: f64 = 0.96;
 ///
 /// # Errors
 /// [`Error::Argument`] where no box is known.
-pub fn corners(fit: Fit, subject: &Subject) -> Result<[[f64; 3]; 8]> {
+pub fn corners(fit: Fit, subject: &ViewSubject) -> Result<[[f64; 3]; 8]> {
     let bit = |c: usize, k: usize| (c >> k & 1) as f64;
     match (fit, subject.cell) {
         (Fit::Box, Some(cell)) => Ok(std::array::from_fn(|c| {
@@ -102,10 +102,10 @@ mod tests {
     use particlegs::camera::{Extent, FOV_DEG};
     use particlegs::space::{Bounds, Cell};
 
-    fn subject(cell: Option<Cell>) -> Subject {
+    fn subject(cell: Option<Cell>) -> ViewSubject {
         let bounds = Bounds { min: [1.0, 2.0, 3.0], max: [5.0, 4.0, 9.0] };
         let extent = Extent::new(&bounds, cell.as_ref());
-        Subject { bounds, cell, extent, radius: 0.1, opacity: 0.05, density: false }
+        ViewSubject { bounds, cell, extent, radius: 0.1, opacity: 0.05, density: false }
     }
 
     #[test]

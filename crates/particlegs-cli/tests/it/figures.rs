@@ -22,15 +22,15 @@ fn model(dir: &Path, name: &str, turns: f32, gaussians: &str) -> PathBuf {
     model
 }
 
-struct Scene {
+struct FigureFolder {
     dir: tempfile::TempDir,
 }
 
-impl Scene {
-    fn new() -> Scene {
+impl FigureFolder {
+    fn new() -> FigureFolder {
         let dir = tempfile::tempdir().unwrap();
         model(dir.path(), "a", 19.0, "40");
-        Scene { dir }
+        FigureFolder { dir }
     }
 
     fn at(&self, name: &str) -> PathBuf {
@@ -58,7 +58,7 @@ const DENSITY: [&str; 8] = ["a.pgs", "--style", "density", "--projection", "orth
 
 #[test]
 fn a_figure_has_its_labels_as_text_and_its_picture_as_it_is() {
-    let s = Scene::new();
+    let s = FigureFolder::new();
     s.draws(&[&DENSITY[..], &["f.svg", "--axes", "frame", "--title", "A < B"]].concat());
     let svg = String::from_utf8(s.bytes("f.svg")).unwrap();
     assert!(svg.starts_with("<svg ") && svg.trim_end().ends_with("</svg>"));
@@ -81,7 +81,7 @@ fn a_figure_has_its_labels_as_text_and_its_picture_as_it_is() {
 
 #[test]
 fn a_picture_is_drawn_alike_from_what_it_says() {
-    let s = Scene::new();
+    let s = FigureFolder::new();
     let views: [&[&str]; 4] = [
         &["--azimuth", "33.3", "--elevation", "-12", "--radius", "0.03", "--opacity", "0.3", "--size", "80x50"],
         &["--style", "density", "--colormap", "viridis", "--size", "80x50", "--background", "white"],
@@ -111,7 +111,7 @@ fn a_picture_is_drawn_alike_from_what_it_says() {
 
 #[test]
 fn panels_have_one_range_and_one_bar() {
-    let s = Scene::new();
+    let s = FigureFolder::new();
     model(s.dir.path(), "b", 7.0, "60");
     let look = ["--style", "density", "--size", "60x40"];
     let range = |names: &[&str], out: &str, more: &[&str]| {
@@ -134,7 +134,7 @@ fn panels_have_one_range_and_one_bar() {
 
 #[test]
 fn a_turn_begins_with_its_view_and_has_one_range() {
-    let s = Scene::new();
+    let s = FigureFolder::new();
     let turn = ["--turntable", "5", "--size", "48x30", "--elevation", "15"];
     let report = s.draws(&[&["a.pgs", "-o", "frames", "--save-views", "keys.json"], &turn[..]].concat());
     let names: Vec<String> = (0..5).map(|i| format!("frame_000{i}.png")).collect();
@@ -165,7 +165,7 @@ fn a_turn_begins_with_its_view_and_has_one_range() {
 /// Where ffmpeg is not to be found the frames are kept, and the error says the line that joins them.
 #[test]
 fn without_ffmpeg_frames_are_kept() {
-    let s = Scene::new();
+    let s = FigureFolder::new();
     let film = ["a.pgs", "--turntable", "2", "--size", "32x20", "--video", "turn.mp4"];
     let mut c = particlegs();
     let out = c.current_dir(&s.dir).arg("render").args(film).env("PATH", s.dir.path()).output().unwrap();
@@ -182,7 +182,7 @@ fn without_ffmpeg_frames_are_kept() {
 #[test]
 fn films_with_colons_in_their_names_are_files() {
     use std::os::unix::fs::PermissionsExt;
-    let s = Scene::new();
+    let s = FigureFolder::new();
     let stand_in = |does: &str| {
         let script = format!("#!/bin/sh\nfor last; do :; done\n{does}\n");
         std::fs::write(s.at("ffmpeg"), script).unwrap();
@@ -209,7 +209,7 @@ fn films_with_colons_in_their_names_are_files() {
 
 #[test]
 fn figures_that_cannot_be_are_refused() {
-    let s = Scene::new();
+    let s = FigureFolder::new();
     fails(&mut s.render(&["a.pgs", "-o", "x.pdf", "--axes", "frame"]), 2, "--projection orthographic");
     let narrow = ["x.pdf", "--figure-width", "10mm", "--font-size", "20"];
     fails(&mut s.render(&[&DENSITY[..], &narrow].concat()), 2, "no room");
@@ -302,7 +302,7 @@ fn unpacked(data: &[u8], least: u32) -> Vec<u8> {
 
 #[test]
 fn a_gif_has_the_frames_pixels() {
-    let s = Scene::new();
+    let s = FigureFolder::new();
     s.draws(&["a.pgs", "--turntable", "4", "--size", "64x40", "--video", "turn.gif", "-o", "frames"]);
     let (size, frames) = decoded(&s.bytes("turn.gif"));
     assert_eq!((size, frames.len()), ([64, 40], 4));

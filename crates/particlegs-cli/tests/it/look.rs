@@ -25,7 +25,7 @@ fn json(c: &mut assert_cmd::Command) -> Value {
 }
 
 /// What a model at the default effort reaches, with 0.3 dB to spare, and a hundredth of the density's error.
-struct Floor {
+struct QualityFloor {
     ratio: &'static str,
     /// Masked PSNR by view against VTK's own pictures of all particles, style `paraview`.
     decibels: [(&'static str, f64); 6],
@@ -34,8 +34,8 @@ struct Floor {
     error: f64,
 }
 
-const FLOORS: [Floor; 2] = [
-    Floor {
+const FLOORS: [QualityFloor; 2] = [
+    QualityFloor {
         ratio: "100",
         decibels: [
             ("far_00", 32.56),
@@ -48,7 +48,7 @@ const FLOORS: [Floor; 2] = [
         correlation: 0.9976,
         error: 0.434,
     },
-    Floor {
+    QualityFloor {
         ratio: "300",
         decibels: [
             ("far_00", 32.36),

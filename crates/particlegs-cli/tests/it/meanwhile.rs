@@ -13,7 +13,7 @@ use std::process::{Command, Output, Stdio};
 const O_NONBLOCK: i32 = 0o4000;
 
 /// A command that reads PIPE and writes OUT, what is there before, and what happens while it reads.
-struct Case {
+struct ReadCase {
     words: &'static str,
     /// Name of OUT, and the input whose bytes come through PIPE.
     files: [&'static str; 2],
@@ -24,13 +24,17 @@ struct Case {
     beside: &'static str,
 }
 
-const fn case(words: &'static str, files: [&'static str; 2], [before, meanwhile, beside]: [&'static str; 3]) -> Case {
-    Case { words, files, before, meanwhile, beside }
+const fn case(
+    words: &'static str,
+    files: [&'static str; 2],
+    [before, meanwhile, beside]: [&'static str; 3],
+) -> ReadCase {
+    ReadCase { words, files, before, meanwhile, beside }
 }
 
 const COMPRESS: &str = "compress PIPE -o OUT --certificate none --effort fast --gaussians 4 -q";
 
-const CASES: &[Case] = &[
+const CASES: &[ReadCase] = &[
     case("recover PIPE -o OUT --force", ["out", "m.pgs"], ["snap > out", "notes > out/notes", ""]),
     case("recover PIPE -o OUT --force", ["out", "m.pgs"], ["snap > out", "notes > out/xx.f32", ""]),
     case("recover PIPE -o OUT --force", ["out", "m.pgs"], ["snap > out", "snap > out/sub", ""]),
@@ -53,11 +57,11 @@ const CASES: &[Case] = &[
 ];
 
 /// Files that commands read, and the binary.
-struct Workshop(tempfile::TempDir);
+struct PipeFiles(tempfile::TempDir);
 
-impl Workshop {
-    fn new() -> Workshop {
-        let w = Workshop(tempfile::tempdir().unwrap());
+impl PipeFiles {
+    fn new() -> PipeFiles {
+        let w = PipeFiles(tempfile::tempdir().unwrap());
         let columns = |seed: u32| -> Vec<Vec<f32>> {
             let number = |i: u32, k: u32| (i * (37 + 14 * k) + seed) % 16_001;
             (0..3).map(|k| (0..16_000).map(|i| number(i, k) as f32 * 0.001).collect()).collect()
@@ -95,7 +99,7 @@ impl Workshop {
     }
 
     /// Runs the case's command, and has the change happen when it reads.
-    fn run(&self, case: &Case, folder: &Path, change: impl FnOnce()) -> Output {
+    fn run(&self, case: &ReadCase, folder: &Path, change: impl FnOnce()) -> Output {
         let [out, input] = case.files;
         let pipe = folder.join("pipe");
         assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
@@ -153,8 +157,8 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 
 #[test]
 fn nothing_is_lost_that_comes_or_changes_while_a_command_runs() {
-    let w = Workshop::new();
-    let check = |case: &Case| {
+    let w = PipeFiles::new();
+    let check = |case: &ReadCase| {
         let folder = tempfile::tempdir().unwrap();
         let what = format!("{} ({})", case.words, case.meanwhile);
         w.put(case.before, folder.path());
@@ -181,7 +185,7 @@ fn nothing_is_lost_that_comes_or_changes_while_a_command_runs() {
 
 #[test]
 fn of_two_compressions_to_one_name_one_fails_unless_they_are_the_same() {
-    let w = Workshop::new();
+    let w = PipeFiles::new();
     for (other, code) in [("b.npy", 8), ("a.npy", 0)] {
         let folder = tempfile::tempdir().unwrap();
         let case = case(COMPRESS, ["m.pgs", "a.npy"], [""; 3]);
@@ -204,7 +208,7 @@ fn of_two_compressions_to_one_name_one_fails_unless_they_are_the_same() {
 /// Folders are filled beside their place: there is time for another file to come.
 #[test]
 fn a_folder_is_not_replaced_with_what_has_come_into_it() {
-    let w = Workshop::new();
+    let w = PipeFiles::new();
     for (words, change) in [
         ("convert SNAP -o out --force --tile 6,6,6", "notes > out/notes"),
         ("recover MODEL -o out --force --particles 3000000", "notes > out/xx.f32"),

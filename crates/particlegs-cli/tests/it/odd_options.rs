@@ -15,30 +15,30 @@ const VALUES: [&str; 9] =
     ["0", "-1", "5e-324", "1e-300", "1e300", "nan", "inf", "18446744073709551615", "1e-9,1e300,1"];
 
 /// A command with what it cannot do without, and what keeps it small.
-struct Base {
+struct MinimalCommand {
     command: &'static str,
     inputs: &'static [&'static str],
     small: &'static [(&'static str, &'static str)],
 }
 
-const COMMANDS: [Base; 9] = [
-    Base {
+const COMMANDS: [MinimalCommand; 9] = [
+    MinimalCommand {
         command: "compress",
         inputs: &["snap", "--certificate=none"],
         small: &[("-o", "@.pgs"), ("--effort", "fast"), ("--ratio", "10")],
     },
-    Base { command: "render", inputs: &["m.pgs"], small: &[("--out", "@"), ("--size", "32x24")] },
-    Base { command: "reference", inputs: &["snap"], small: &[("--out", "@"), ("--size", "32x24")] },
-    Base { command: "eval", inputs: &["m.pgs", "snap"], small: &[("--frames", "1"), ("--size", "32x24")] },
-    Base {
+    MinimalCommand { command: "render", inputs: &["m.pgs"], small: &[("--out", "@"), ("--size", "32x24")] },
+    MinimalCommand { command: "reference", inputs: &["snap"], small: &[("--out", "@"), ("--size", "32x24")] },
+    MinimalCommand { command: "eval", inputs: &["m.pgs", "snap"], small: &[("--frames", "1"), ("--size", "32x24")] },
+    MinimalCommand {
         command: "stats",
         inputs: &["snap", "snap", "--no-plots"],
         small: &[("-o", "@"), ("--grid", "8"), ("--spectrum-grid", "8"), ("--pairs", "10000")],
     },
-    Base { command: "simplify", inputs: &["m.pgs"], small: &[("-o", "@.pgs"), ("--gaussians", "5")] },
-    Base { command: "recover", inputs: &["m.pgs"], small: &[("-o", "@"), ("--particles", "50")] },
-    Base { command: "convert", inputs: &["snap"], small: &[("-o", "@")] },
-    Base { command: "plan", inputs: &["snap"], small: &[("-o", "@"), ("--blocks", "2")] },
+    MinimalCommand { command: "simplify", inputs: &["m.pgs"], small: &[("-o", "@.pgs"), ("--gaussians", "5")] },
+    MinimalCommand { command: "recover", inputs: &["m.pgs"], small: &[("-o", "@"), ("--particles", "50")] },
+    MinimalCommand { command: "convert", inputs: &["snap"], small: &[("-o", "@")] },
+    MinimalCommand { command: "plan", inputs: &["snap"], small: &[("-o", "@"), ("--blocks", "2")] },
 ];
 
 /// A snapshot and a model of it.
@@ -67,7 +67,7 @@ fn options(command: &str) -> Vec<String> {
     found
 }
 
-fn arguments(base: &Base, option: &str, value: &str, number: usize) -> Vec<String> {
+fn arguments(base: &MinimalCommand, option: &str, value: &str, number: usize) -> Vec<String> {
     let mut all: Vec<String> = [base.command].iter().chain(base.inputs).map(|s| s.to_string()).collect();
     for (name, small) in base.small {
         if *name != option && !(*name == "-o" && option == "--out") {

@@ -11,7 +11,7 @@ use std::process::{Command, Output, Stdio};
 
 /// What a command writes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Writes {
+enum OutputKind {
     /// A model, kept without --force.
     Model,
     /// A snapshot in one file, likewise.
@@ -29,62 +29,69 @@ enum Writes {
 }
 
 /// A command: its words, in which OUT is the output and others are files of the workshop.
-struct Case {
+struct OutputCase {
     words: &'static str,
-    writes: Writes,
+    writes: OutputKind,
     ending: &'static str,
 }
 
-const fn case(words: &'static str, writes: Writes, ending: &'static str) -> Case {
-    Case { words, writes, ending }
+const fn case(words: &'static str, writes: OutputKind, ending: &'static str) -> OutputCase {
+    OutputCase { words, writes, ending }
 }
 
-const CASES: &[Case] = &[
-    case("compress snap -o OUT --certificate none --effort fast", Writes::Model, "pgs"),
-    case("compress snap/xx.f32 snap/yy.f32 snap/zz.f32 -o OUT --certificate none --effort fast", Writes::Model, "pgs"),
-    case("merge m.pgs n.pgs -o OUT", Writes::Model, "pgs"),
-    case("merge job -o OUT --certificate none", Writes::Model, "pgs"),
-    case("simplify m.pgs -o OUT --gaussians 3", Writes::Model, "pgs"),
-    case("convert snap -o OUT", Writes::Particles, "npy"),
-    case("convert snap -o OUT", Writes::Particles, "hdf5"),
-    case("convert snap -o OUT", Writes::Particles, "vtp"),
-    case("convert snap -o OUT", Writes::Particles, "dump"),
-    case("convert snap -o OUT", Writes::Columns, ""),
-    case("recover m.pgs -o OUT", Writes::Columns, ""),
-    case("recover m.pgs -o OUT --form npy", Writes::Columns, ""),
-    case("export m.pgs -o OUT", Writes::Export, "ply"),
-    case("export m.pgs -o OUT", Writes::Export, "glb"),
-    case("export m.pgs -o OUT", Writes::Export, "gltf"),
-    case("export m.pgs -o OUT --grid 8", Writes::Export, "npy"),
-    case("export m.pgs -o OUT --grid 8", Writes::Export, "vti"),
-    case("export m.pgs -o OUT --grid 8", Writes::Export, "fits"),
-    case("export m.pgs -o OUT", Writes::Export, "npz"),
-    case("export m.pgs -o OUT", Writes::Export, "csv"),
-    case("plan snap -o OUT --blocks 2 --certificate none", Writes::Job, ""),
-    case("render m.pgs --out OUT --size 64x48", Writes::Within("view.png"), ""),
-    case("render m.pgs --out OUT --size 64x48 --style density", Writes::Within("view.png"), ""),
-    case("render m.pgs --out OUT --size 64x48 --style density --raw", Writes::Within("view.f32"), ""),
-    case("reference snap --out OUT --size 64x48", Writes::Within("view.png"), ""),
-    case("reference snap --out OUT --size 64x48 --style density", Writes::Within("view.png"), ""),
-    case("stats snap m.pgs -o OUT --only moments --no-plots", Writes::Within("stats.json"), ""),
-    case("info m.pgs --json OUT", Writes::Json, "json"),
-    case("info snap --json OUT", Writes::Json, "json"),
-    case("verify m.pgs --json OUT", Writes::Json, "json"),
-    case("verify job --json OUT", Writes::Json, "json"),
-    case("eval m.pgs snap --frames 1 --size 64x36 --json OUT", Writes::Json, "json"),
-    case("compare pictures pictures --json OUT", Writes::Json, "json"),
-    case("status job --json OUT", Writes::Json, "json"),
-    case("scatter job --json OUT", Writes::Json, "json"),
-    case("block job 0 --json OUT", Writes::Json, "json"),
+const CASES: &[OutputCase] = &[
+    case("compress snap -o OUT --certificate none --effort fast", OutputKind::Model, "pgs"),
+    case(
+        "compress snap/xx.f32 snap/yy.f32 snap/zz.f32 -o OUT --certificate none --effort fast",
+        OutputKind::Model,
+        "pgs",
+    ),
+    case("merge m.pgs n.pgs -o OUT", OutputKind::Model, "pgs"),
+    case("merge job -o OUT --certificate none", OutputKind::Model, "pgs"),
+    case("simplify m.pgs -o OUT --gaussians 3", OutputKind::Model, "pgs"),
+    case("convert snap -o OUT", OutputKind::Particles, "npy"),
+    case("convert snap -o OUT", OutputKind::Particles, "hdf5"),
+    case("convert snap -o OUT", OutputKind::Particles, "vtp"),
+    case("convert snap -o OUT", OutputKind::Particles, "dump"),
+    case("convert snap -o OUT", OutputKind::Columns, ""),
+    case("recover m.pgs -o OUT", OutputKind::Columns, ""),
+    case("recover m.pgs -o OUT --form npy", OutputKind::Columns, ""),
+    case("export m.pgs -o OUT", OutputKind::Export, "ply"),
+    case("export m.pgs -o OUT", OutputKind::Export, "glb"),
+    case("export m.pgs -o OUT", OutputKind::Export, "gltf"),
+    case("export m.pgs -o OUT --grid 8", OutputKind::Export, "npy"),
+    case("export m.pgs -o OUT --grid 8", OutputKind::Export, "vti"),
+    case("export m.pgs -o OUT --grid 8", OutputKind::Export, "fits"),
+    case("export m.pgs -o OUT", OutputKind::Export, "npz"),
+    case("export m.pgs -o OUT", OutputKind::Export, "csv"),
+    case("plan snap -o OUT --blocks 2 --certificate none", OutputKind::Job, ""),
+    case("render m.pgs --out OUT --size 64x48", OutputKind::Within("view.png"), ""),
+    case("render m.pgs --out OUT --size 64x48 --style density", OutputKind::Within("view.png"), ""),
+    case("render m.pgs --out OUT --size 64x48 --style density --raw", OutputKind::Within("view.f32"), ""),
+    case("reference snap --out OUT --size 64x48", OutputKind::Within("view.png"), ""),
+    case("reference snap --out OUT --size 64x48 --style density", OutputKind::Within("view.png"), ""),
+    case("stats snap m.pgs -o OUT --only moments --no-plots", OutputKind::Within("stats.json"), ""),
+    case("info m.pgs --json OUT", OutputKind::Json, "json"),
+    case("info snap --json OUT", OutputKind::Json, "json"),
+    case("verify m.pgs --json OUT", OutputKind::Json, "json"),
+    case("verify job --json OUT", OutputKind::Json, "json"),
+    case("eval m.pgs snap --frames 1 --size 64x36 --json OUT", OutputKind::Json, "json"),
+    case("compare pictures pictures --json OUT", OutputKind::Json, "json"),
+    case("status job --json OUT", OutputKind::Json, "json"),
+    case("scatter job --json OUT", OutputKind::Json, "json"),
+    case("block job 0 --json OUT", OutputKind::Json, "json"),
 ];
 
-impl Case {
+impl OutputCase {
     fn is_file(&self) -> bool {
-        matches!(self.writes, Writes::Model | Writes::Particles | Writes::Export | Writes::Json)
+        matches!(self.writes, OutputKind::Model | OutputKind::Particles | OutputKind::Export | OutputKind::Json)
     }
 
     fn has_force(&self) -> bool {
-        matches!(self.writes, Writes::Model | Writes::Particles | Writes::Export | Writes::Columns | Writes::Job)
+        matches!(
+            self.writes,
+            OutputKind::Model | OutputKind::Particles | OutputKind::Export | OutputKind::Columns | OutputKind::Job
+        )
     }
 
     fn out(&self, folder: &Path) -> PathBuf {
@@ -92,22 +99,22 @@ impl Case {
     }
 
     /// The inputs as files.
-    fn inputs(&self, w: &Workshop) -> Vec<PathBuf> {
+    fn inputs(&self, w: &OutputFiles) -> Vec<PathBuf> {
         let named = self.words.split(' ').map(|word| w.at(word)).filter(|p| p.exists());
         named.flat_map(|p| if p.is_dir() { files(&p) } else { vec![p] }).collect()
     }
 }
 
 /// Files of every kind that commands read.
-struct Workshop {
+struct OutputFiles {
     dir: tempfile::TempDir,
     before: BTreeMap<PathBuf, Vec<u8>>,
 }
 
-impl Workshop {
-    fn new() -> Workshop {
+impl OutputFiles {
+    fn new() -> OutputFiles {
         let dir = tempfile::tempdir().unwrap();
-        let mut w = Workshop { dir, before: BTreeMap::new() };
+        let mut w = OutputFiles { dir, before: BTreeMap::new() };
         let columns = |seed: u32| -> Vec<Vec<f32>> {
             let number = |i: u32, k: u32| (i * (37 + 14 * k) + seed) % 101;
             (0..3).map(|k| (0..500).map(|i| number(i, k) as f32 * 0.1).collect()).collect()
@@ -161,7 +168,7 @@ impl Workshop {
     }
 
     /// Runs a case and demands an exit code; the inputs stay as they are.
-    fn demand(&self, case: &Case, what: &str, out: &Path, more: &[&str], code: i32) -> Output {
+    fn demand(&self, case: &OutputCase, what: &str, out: &Path, more: &[&str], code: i32) -> Output {
         let mut c = self.command(case.words, out);
         let said = self.run(c.args(more));
         let err = String::from_utf8_lossy(&said.stderr);
@@ -195,7 +202,7 @@ fn null_device(folder: &Path) -> PathBuf {
 
 #[test]
 fn an_input_is_never_an_output() {
-    let w = Workshop::new();
+    let w = OutputFiles::new();
     for case in CASES.iter().filter(|c| c.is_file()) {
         let folder = w.folder();
         let force: &[&str] = if case.has_force() { &["--force"] } else { &[] };
@@ -210,7 +217,7 @@ fn an_input_is_never_an_output() {
             w.demand(case, "another name of an input", &hard, force, 8);
         }
     }
-    for case in CASES.iter().filter(|c| matches!(c.writes, Writes::Columns | Writes::Job)) {
+    for case in CASES.iter().filter(|c| matches!(c.writes, OutputKind::Columns | OutputKind::Job)) {
         let reads_it = !case.words.starts_with("recover");
         for input in ["snap", "snap/../snap"] {
             let force: &[&str] = if reads_it { &["--force"] } else { &[] };
@@ -219,7 +226,7 @@ fn an_input_is_never_an_output() {
         w.demand(case, "the folder around an input", &w.at("."), &["--force"], 8);
     }
     // An argument that is refused before the model is looked at.
-    let tuned = case("finetune m.pgs snap -o OUT --certificate none --scale 0.01", Writes::Model, "pgs");
+    let tuned = case("finetune m.pgs snap -o OUT --certificate none --scale 0.01", OutputKind::Model, "pgs");
     for input in ["m.pgs", "snap/xx.f32", "snap/meta.json"] {
         w.demand(&tuned, "an input", &w.at(input), &["--force"], 8);
     }
@@ -228,7 +235,7 @@ fn an_input_is_never_an_output() {
 
 #[test]
 fn what_is_there_is_replaced_by_its_own_kind_and_models_particles_and_jobs_by_force_alone() {
-    let w = Workshop::new();
+    let w = OutputFiles::new();
     for case in CASES {
         let folder = w.folder();
         let out = case.out(folder.path());
@@ -240,8 +247,11 @@ fn what_is_there_is_replaced_by_its_own_kind_and_models_particles_and_jobs_by_fo
         // The same again: done, or replaced where it is not kept.
         let again = w.run(&mut w.command(case.words, &out));
         match (case.writes, again.status.code()) {
-            (Writes::Json | Writes::Within(_), Some(0)) => {}
-            (Writes::Model | Writes::Particles | Writes::Export | Writes::Columns | Writes::Job, Some(0)) => {
+            (OutputKind::Json | OutputKind::Within(_), Some(0)) => {}
+            (
+                OutputKind::Model | OutputKind::Particles | OutputKind::Export | OutputKind::Columns | OutputKind::Job,
+                Some(0),
+            ) => {
                 assert_eq!(contents(folder.path()), first);
             }
             (_, code) => panic!("{}: {code:?} {}", case.words, String::from_utf8_lossy(&again.stderr)),
@@ -251,10 +261,10 @@ fn what_is_there_is_replaced_by_its_own_kind_and_models_particles_and_jobs_by_fo
         }
         // Something else of the same kind.
         let other = match case.writes {
-            Writes::Model => Some("simplify n.pgs -o OUT --gaussians 2 --force"),
-            Writes::Particles => Some("convert other -o OUT --force"),
-            Writes::Columns => Some("convert other -o OUT --force"),
-            Writes::Export => Some("export n.pgs -o OUT --force"),
+            OutputKind::Model => Some("simplify n.pgs -o OUT --gaussians 2 --force"),
+            OutputKind::Particles => Some("convert other -o OUT --force"),
+            OutputKind::Columns => Some("convert other -o OUT --force"),
+            OutputKind::Export => Some("export n.pgs -o OUT --force"),
             _ => Some("plan other -o OUT --blocks 3 --certificate none --force"),
         };
         let replaced = w.run(&mut w.command(other.unwrap(), &out));
@@ -271,13 +281,13 @@ fn what_is_there_is_replaced_by_its_own_kind_and_models_particles_and_jobs_by_fo
 
 #[test]
 fn files_of_other_kinds_stay() {
-    let w = Workshop::new();
-    for case in CASES.iter().filter(|c| c.writes != Writes::Particles) {
+    let w = OutputFiles::new();
+    for case in CASES.iter().filter(|c| c.writes != OutputKind::Particles) {
         let folder = w.folder();
         let (mut place, out) = (case.out(folder.path()), case.out(folder.path()));
         if !case.is_file() {
             std::fs::create_dir(&out).unwrap();
-            place = out.join(if let Writes::Within(name) = case.writes { name } else { "notes.txt" });
+            place = out.join(if let OutputKind::Within(name) = case.writes { name } else { "notes.txt" });
         }
         std::fs::write(&place, "my notes").unwrap();
         let force: &[&str] = if case.has_force() { &["--force"] } else { &[] };
@@ -290,7 +300,7 @@ fn files_of_other_kinds_stay() {
 
 #[test]
 fn links_are_followed_and_devices_and_pipes_written_through() {
-    let w = Workshop::new();
+    let w = OutputFiles::new();
     for case in CASES {
         let folder = w.folder();
         let at = |name: &str| folder.path().join(name);
@@ -308,10 +318,10 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
         let null = null_device(folder.path());
         if !case.is_file() {
             let (what, code) = match case.writes {
-                Writes::Job => ("a device is no folder", 8),
+                OutputKind::Job => ("a device is no folder", 8),
                 // A picture is written through, like any file.
-                Writes::Within("view.png") => ("a device takes one picture", 0),
-                Writes::Within("view.f32") => ("a device takes no values beside their description", 2),
+                OutputKind::Within("view.png") => ("a device takes one picture", 0),
+                OutputKind::Within("view.f32") => ("a device takes no values beside their description", 2),
                 _ => ("a device is no folder", refusal(case)),
             };
             w.demand(case, what, &null, &[], code);
@@ -320,9 +330,9 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
         let written = std::fs::read(&plain).unwrap();
         // The ending decides about the format, and a device has none.
         let to: &[&str] = match (case.writes, case.ending) {
-            (Writes::Particles, "dump") => &["--to", "lammps"],
-            (Writes::Particles, ending) => &["--to", ending],
-            (Writes::Export, ending) => &["--kind", ending],
+            (OutputKind::Particles, "dump") => &["--to", "lammps"],
+            (OutputKind::Particles, ending) => &["--to", ending],
+            (OutputKind::Export, ending) => &["--kind", ending],
             _ => &[],
         };
         w.demand(case, "a device", &null, to, 0);
@@ -337,7 +347,7 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
         let read = reader.join().unwrap();
         assert!(std::fs::metadata(&pipe).unwrap().file_type().is_fifo());
         let printed = w.demand(case, "standard output", Path::new("-"), to, 0).stdout;
-        if case.writes == Writes::Json {
+        if case.writes == OutputKind::Json {
             assert!([read, printed].iter().all(|text| serde_json::from_slice::<serde_json::Value>(text).is_ok()));
         } else {
             assert!(read == written && printed == written, "{}", case.words);
@@ -347,13 +357,13 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
 }
 
 /// What a command that writes into a folder says of a device in its place.
-fn refusal(case: &Case) -> i32 {
-    if matches!(case.writes, Writes::Within(_)) { 6 } else { 8 }
+fn refusal(case: &OutputCase) -> i32 {
+    if matches!(case.writes, OutputKind::Within(_)) { 6 } else { 8 }
 }
 
 #[test]
 fn full_disks_and_places_that_cannot_be_written_leave_nothing() {
-    let w = Workshop::new();
+    let w = OutputFiles::new();
     for case in CASES {
         let folder = w.folder();
         let out = case.out(folder.path());
@@ -368,7 +378,7 @@ fn full_disks_and_places_that_cannot_be_written_leave_nothing() {
 }
 
 /// Runs a command that may write files of so many blocks of 512 bytes.
-fn limited(w: &Workshop, command: &Command, blocks: u32) -> Output {
+fn limited(w: &OutputFiles, command: &Command, blocks: u32) -> Output {
     let mut sh = Command::new("sh");
     sh.arg("-c").arg(format!("ulimit -f {blocks}; exec \"$0\" \"$@\""));
     sh.arg(command.get_program()).args(command.get_args()).current_dir(w.dir.path()).output().unwrap()
@@ -377,7 +387,7 @@ fn limited(w: &Workshop, command: &Command, blocks: u32) -> Output {
 /// Where room ends between the first file of a set and the last, none of them appears.
 #[test]
 fn files_that_belong_together_appear_together() {
-    let w = Workshop::new();
+    let w = OutputFiles::new();
     let mut failed = [0, 0];
     for blocks in [1, 4, 16, 40, 80, 1000] {
         let folder = w.folder();
@@ -411,7 +421,7 @@ fn files_that_belong_together_appear_together() {
 /// Another reader of a folder than `info` may be at work: it never sees new columns beside old ones.
 #[test]
 fn a_failure_leaves_the_old_columns_whole() {
-    let w = Workshop::new();
+    let w = OutputFiles::new();
     for words in
         ["convert other -o OUT --force", "recover n.pgs -o OUT --force", "recover n.pgs -o OUT --form npy --force"]
     {
@@ -437,7 +447,7 @@ fn a_failure_leaves_the_old_columns_whole() {
 
 #[test]
 fn two_outputs_are_never_one() {
-    let w = Workshop::new();
+    let w = OutputFiles::new();
     let folder = w.folder();
     let out = folder.path().join("out.pgs");
     for words in [
@@ -480,7 +490,7 @@ fn two_outputs_are_never_one() {
 
 #[test]
 fn folders_that_nothing_comes_into_go_again() {
-    let w = Workshop::new();
+    let w = OutputFiles::new();
     let folder = w.folder();
     for words in [
         "compress nowhere -o m.new --pictures OUT",
@@ -502,7 +512,7 @@ fn folders_that_nothing_comes_into_go_again() {
 /// What the README shows first, twice: it is done, and the pictures are drawn again.
 #[test]
 fn the_same_again_says_that_it_is_done() {
-    let w = Workshop::new();
+    let w = OutputFiles::new();
     let folder = w.folder();
     let out = folder.path().join("m.pgs");
     let words = "compress snap -o OUT --certificate none --effort fast";
@@ -527,7 +537,7 @@ fn the_same_again_says_that_it_is_done() {
 /// A conversion leaves no note of its options: what it would write is compared.
 #[test]
 fn the_same_conversion_again_says_that_it_is_done() {
-    let w = Workshop::new();
+    let w = OutputFiles::new();
     let folder = w.folder();
     for name in ["columns", "a.npy", "a.hdf5", "a.vtp"] {
         let out = folder.path().join(name);
@@ -546,7 +556,7 @@ fn the_same_conversion_again_says_that_it_is_done() {
 /// A full standard output is an error of every command, a reader that went away of none.
 #[test]
 fn standard_output_that_is_full_or_closed() {
-    let w = Workshop::new();
+    let w = OutputFiles::new();
     for words in ["--help", "--version", "completions bash", "info m.pgs", "info m.pgs --json -", "compress --help"] {
         let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let said = w.command(words, Path::new("")).stdout(full).output().unwrap();
@@ -561,7 +571,7 @@ fn standard_output_that_is_full_or_closed() {
 /// Where standard error is full, words are lost and nothing else.
 #[test]
 fn standard_error_that_is_full() {
-    let w = Workshop::new();
+    let w = OutputFiles::new();
     for (words, code) in [("info m.pgs", 0), ("info nowhere", 6), ("convert snap", 2)] {
         let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let said = w.command(words, Path::new("")).stderr(full).output().unwrap();
@@ -579,7 +589,7 @@ fn standard_error_that_is_full() {
 /// next run there.
 #[test]
 fn a_killed_conversion_leaves_the_old_columns() {
-    let w = Workshop::new();
+    let w = OutputFiles::new();
     let folder = w.folder();
     let out = folder.path().join("out");
     assert!(w.run(&mut w.command("convert snap -o OUT", &out)).status.success());
@@ -601,7 +611,7 @@ fn a_killed_conversion_leaves_the_old_columns() {
 /// A pipe's reader that is late is waited for; the wait can be stopped.
 #[test]
 fn a_pipe_without_a_reader_is_said_and_can_be_left() {
-    let w = Workshop::new();
+    let w = OutputFiles::new();
     let folder = w.folder();
     let pipe = folder.path().join("pipe");
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
@@ -617,7 +627,7 @@ fn a_pipe_without_a_reader_is_said_and_can_be_left() {
 /// Batch systems signal more than once: a block still keeps what is finished.
 #[test]
 fn a_second_signal_leaves_a_checkpoint_all_the_same() {
-    let w = Workshop::new();
+    let w = OutputFiles::new();
     let long: Vec<f32> = (0..240_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 12) as f32).collect();
     snapshot(&w.at("long"), &[long.clone(), long.iter().rev().copied().collect(), long]);
     let made = w.run(&mut w.command("plan long -o OUT --blocks 1 --gaussians 40000 --certificate none", &w.at("task")));

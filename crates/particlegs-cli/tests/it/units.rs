@@ -18,19 +18,19 @@ fn particles(dir: &Path, name: &str, size: f32, unit: &str, comoving: bool) -> P
     folder
 }
 
-struct Scene {
+struct UnitFolder {
     dir: tempfile::TempDir,
 }
 
-impl Scene {
+impl UnitFolder {
     /// The same particles in three units, and models of them.
-    fn new() -> Scene {
+    fn new() -> UnitFolder {
         let dir = tempfile::tempdir().unwrap();
         particles(dir.path(), "kpc", 1.0, "kpc", true);
         particles(dir.path(), "large", 1024.0, "1024 kpc", true);
         particles(dir.path(), "physical", 4.0, "kpc/h", false);
         particles(dir.path(), "lj", 1.0, "sigma", false);
-        let s = Scene { dir };
+        let s = UnitFolder { dir };
         for name in ["kpc", "large", "lj"] {
             let out = format!("{name}.pgs");
             s.runs(&["compress", name, "-o", &out, "--gaussians", "30", "--effort", "fast", "--certificate=none"]);
@@ -55,7 +55,7 @@ impl Scene {
 
 #[test]
 fn a_model_is_scored_by_particles_of_another_unit() {
-    let s = Scene::new();
+    let s = UnitFolder::new();
     let scored = |with: &str| s.runs(&["eval", "kpc.pgs", with, "--frames", "1", "--size", "160x90"]);
     let own = scored("kpc").0;
     for (other, says) in [("large", "from 1024 kpc to kpc"), ("physical", "from kpc/h to kpc")] {
@@ -68,7 +68,7 @@ fn a_model_is_scored_by_particles_of_another_unit() {
 
 #[test]
 fn statistics_are_in_the_units_of_the_truth() {
-    let s = Scene::new();
+    let s = UnitFolder::new();
     let measured = |other: &str| {
         let words = ["stats", "kpc", other, "-o", "out", "--only", "density,moments,groups", "--grid", "16"];
         let out = s.runs(&[&words[..], &["--no-plots"]].concat()).0;
@@ -89,7 +89,7 @@ fn statistics_are_in_the_units_of_the_truth() {
 
 #[test]
 fn panels_and_pictures_drawn_alike_are_in_one_unit() {
-    let s = Scene::new();
+    let s = UnitFolder::new();
     let look = ["--style", "density", "--size", "60x40"];
     let brightest = |models: &[&str]| {
         let words = [&["render"], models, &look[..], &["--panels", "-o", "out.png"]].concat();
@@ -137,7 +137,7 @@ fn table(dir: &Path) -> PathBuf {
 #[test]
 fn weights_that_are_not_masses_have_their_own_name_and_unit() {
     let dir = tempfile::tempdir().unwrap();
-    let s = Scene { dir };
+    let s = UnitFolder { dir };
     table(s.dir.path());
     for (field, plural) in [("Temperature", "temperatures"), ("GFM_Metallicity", "fractions"), ("c_7", "temperatures")]
     {
@@ -168,7 +168,7 @@ fn weights_that_are_not_masses_have_their_own_name_and_unit() {
 
 #[test]
 fn fits_has_units_of_the_standard() {
-    let s = Scene::new();
+    let s = UnitFolder::new();
     particles(s.dir.path(), "by_h", 1.0, "kpc/h", true);
     s.runs(&["compress", "by_h", "-o", "by_h.pgs", "--gaussians", "30", "--certificate=none"]);
     let head = |model: &str| {

@@ -1,7 +1,7 @@
 //! Lists of centres: tables with x, y, z and perhaps a radius, as halo finders and people write them.
 
 use super::guess::Guess;
-use super::names::{Name, positions};
+use super::names::{ColumnName, positions};
 use crate::text::split::{number_with, shown, tokens};
 use particlegs::model::{Dimension, Unit, UnitSystem, Units};
 
@@ -142,7 +142,7 @@ struct Program {
 }
 
 impl Program {
-    fn of(names: &[Name]) -> Option<Program> {
+    fn of(names: &[ColumnName]) -> Option<Program> {
         let has = |stem: &str| names.iter().any(|name| name.stem == stem);
         let rockstar = has("descid") || has("numchildparticles") || has("mboundvir");
         if rockstar || has("descscale") {

@@ -1,8 +1,8 @@
 //! How a table is laid out, by its first lines.
 
-use super::names::{Name, positions};
+use super::names::{ColumnName, positions};
 use crate::text::lines::without_end;
-use crate::text::parse::Layout;
+use crate::text::parse::TableLayout;
 use crate::text::split::{Separator, first_byte, is_blank, kind_of, number, number_with, tokens, unquoted};
 
 /// Lines of data that are looked at.
@@ -13,9 +13,9 @@ const MOST_COLUMNS: usize = 1 << 12;
 /// The layout of a table.
 pub struct Guess {
     /// How its lines are taken apart.
-    pub layout: Layout,
+    pub layout: TableLayout,
     /// What the columns are called.
-    pub names: Vec<Name>,
+    pub names: Vec<ColumnName>,
     /// Lines before the first row.
     pub rows_after: u64,
     /// Do the columns have names of their own?
@@ -67,7 +67,7 @@ impl Guess {
         let words = (0..columns).filter(is_words).count();
         let named = names.is_some() && !numbered;
         let names = names.unwrap_or_else(|| (1..=columns).map(|c| format!("column{c}")).collect());
-        let mut names: Vec<Name> = unnumbered(names).iter().map(|name| Name::of(name)).collect();
+        let mut names: Vec<ColumnName> = unnumbered(names).iter().map(|name| ColumnName::of(name)).collect();
         if above == 2 {
             units_below(&mut names, &split[1]);
         }
@@ -75,7 +75,7 @@ impl Guess {
         // Words in a table without names belong to some other format.
         let of_particles = if named { numbers >= 3 || positions(&names).is_some() } else { numbers >= 3 && words == 0 };
         let is_likely = 2 * fitting.len() > split.len() - above && of_particles;
-        let layout = Layout { separator, columns: unique(&names), comment: Some(comment), comma };
+        let layout = TableLayout { separator, columns: unique(&names), comment: Some(comment), comma };
         let first_column = usize::from(numbered && split[0][0].is_empty());
         let remarks = comments.iter().map(|line| String::from_utf8_lossy(line).into_owned()).collect();
         Ok(Guess { layout, names, rows_after, named, first_column, remarks, is_likely })
@@ -181,7 +181,7 @@ fn unnumbered(names: Vec<String>) -> Vec<String> {
 }
 
 /// Units from the row below the names.
-fn units_below(names: &mut [Name], units: &[&[u8]]) {
+fn units_below(names: &mut [ColumnName], units: &[&[u8]]) {
     for (name, unit) in names.iter_mut().zip(units) {
         let text = String::from_utf8_lossy(unit);
         let text = text.trim_matches(['[', ']', '(', ')', ' ']);
@@ -209,7 +209,7 @@ fn commented_names(comments: &[&[u8]], comment: u8, separator: Separator, column
     let names = |line: &&[u8]| names_in_comment(line, comment, separator, columns);
     let all: Vec<Vec<String>> = comments.iter().rev().filter_map(names).collect();
     let places = |names: &Vec<String>| {
-        let names: Vec<Name> = unnumbered(names.clone()).iter().map(|name| Name::of(name)).collect();
+        let names: Vec<ColumnName> = unnumbered(names.clone()).iter().map(|name| ColumnName::of(name)).collect();
         positions(&names).is_some()
     };
     let best = all.iter().position(places).unwrap_or(0);
@@ -236,9 +236,9 @@ fn names_in_comment(line: &[u8], comment: u8, separator: Separator, columns: usi
 }
 
 /// Names that occur again get a number, so that each names one column.
-fn unique(names: &[Name]) -> Vec<String> {
+fn unique(names: &[ColumnName]) -> Vec<String> {
     let mut seen = std::collections::HashMap::new();
-    let again = |name: &Name| {
+    let again = |name: &ColumnName| {
         let count = seen.entry(name.text.clone()).and_modify(|n| *n += 1).or_insert(1);
         if *count == 1 { name.text.clone() } else { format!("{}.{count}", name.text) }
     };

@@ -9,13 +9,13 @@ pub use catalogue::Catalogue;
 
 use crate::fields::is_id;
 use crate::foreign::foreign_of;
-use crate::registry::Head;
-use crate::text::content::{Content, Place};
-use crate::text::snapshot::{Columns, TextSnapshot, kinds};
-use crate::text::table::Builder;
-use crate::{Choice, Description, Field, Format, Snapshot};
+use crate::registry::FileHead;
+use crate::text::content::{TextContent, TextPosition};
+use crate::text::snapshot::{TableColumns, TextSnapshot, kinds};
+use crate::text::table::TableBuilder;
+use crate::{Choice, Description, Format, Snapshot, SpeciesField};
 use guess::Guess;
-use names::Name;
+use names::ColumnName;
 use particlegs::model::Units;
 use particlegs::particles::SnapshotMeta;
 use particlegs::{Error, Result};
@@ -24,7 +24,7 @@ use std::path::PathBuf;
 /// Table of text.
 pub const FORMAT: Format = Format { name: "csv", title: "Table of text", detect, open };
 
-fn detect(head: &Head) -> bool {
+fn detect(head: &FileHead) -> bool {
     Guess::of(&head.content, head.content.len() < 1 << 16).is_ok_and(|guess| guess.is_likely)
         && foreign_of(head).is_none()
 }
@@ -36,13 +36,13 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     if options.frame.is_some_and(|frame| frame > 0) {
         return Err(Error::input(path, "a table of text has one frame only"));
     }
-    let content = Content::open(path)?;
-    let mut lines = content.lines(Place::START, None)?;
+    let content = TextContent::open(path)?;
+    let mut lines = content.lines(TextPosition::START, None)?;
     let first = lines.block()?.unwrap_or(&[]);
     let whole = first.len() < 1 << 16;
     let guess = Guess::of(&first[..first.len().min(1 << 16)], whole).map_err(|what| Error::input(path, what))?;
     lines.pass(guess.rows_after, |_, _| Ok(()))?;
-    let mut builder = Builder::new(&content, guess.layout.clone(), None, lines.place());
+    let mut builder = TableBuilder::new(&content, guess.layout.clone(), None, lines.place());
     lines.pass(u64::MAX, |place, block| builder.add(place, block))?;
     let mut notes = Vec::new();
     if lines.ends_open() {
@@ -63,9 +63,9 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     Ok(Box::new(TextSnapshot::new(description, table, columns, "particles", "")))
 }
 
-fn columns(guess: &Guess, kinds: &[&'static str]) -> Columns {
+fn columns(guess: &Guess, kinds: &[&'static str]) -> TableColumns {
     let names = &guess.names;
-    let field = |((text, name), kind): ((&String, &Name), &&str)| Field {
+    let field = |((text, name), kind): ((&String, &ColumnName), &&str)| SpeciesField {
         name: text.clone(),
         // What is whole in the first rows need not be in all, but for numbers that name things.
         kind: if *kind == "i64" && !is_id(text) { "f64" } else { *kind }.into(),
@@ -82,7 +82,7 @@ fn columns(guess: &Guess, kinds: &[&'static str]) -> Columns {
     };
     let all = &guess.layout.columns;
     let mass = of_numbers.iter().find(|&&c| names[c].is_mass() && !positions.is_some_and(|p| p.contains(&c)));
-    Columns {
+    TableColumns {
         fields: all.iter().zip(names).zip(kinds).map(field).collect(),
         positions: positions.map_or(String::new(), |[x, y, z]| format!("{},{},{}", all[x], all[y], all[z])),
         mass: mass.filter(|_| guess.named).map(|&c| all[c].clone()),
@@ -90,7 +90,7 @@ fn columns(guess: &Guess, kinds: &[&'static str]) -> Columns {
 }
 
 /// Units are known where the names of the columns state them, as in `x [kpc]`.
-fn meta(path: &std::path::Path, columns: &Columns) -> SnapshotMeta {
+fn meta(path: &std::path::Path, columns: &TableColumns) -> SnapshotMeta {
     let unit_of = |name: &str| columns.fields.iter().find(|f| f.name == name)?.unit.clone();
     let lengths: Vec<Option<String>> = columns.positions.split(',').map(unit_of).collect();
     let same = lengths.iter().all(|unit| *unit == lengths[0]);

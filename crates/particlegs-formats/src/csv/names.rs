@@ -2,7 +2,7 @@
 
 /// A column's name, taken apart.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Name {
+pub struct ColumnName {
     /// As the file has it, without the unit.
     pub text: String,
     /// Lower case, letters and digits alone, without the unit.
@@ -29,9 +29,9 @@ const POSITIONS: [&str; 12] = [
 /// The same behind the axis, as in `x_pos`.
 const BEHIND: [&str; 9] = ["pos", "position", "coord", "coordinate", "center", "centre", "com", "cm", "c"];
 
-impl Name {
+impl ColumnName {
     /// Takes `name` apart.
-    pub fn of(name: &str) -> Name {
+    pub fn of(name: &str) -> ColumnName {
         let open = name.find(['[', '(']);
         let (stem, rest) = open.map_or((name, ""), |at| name.split_at(at));
         let inner = match rest.as_bytes() {
@@ -43,7 +43,7 @@ impl Name {
         let unit = (!inner.is_empty() && !counts && !stem.trim().is_empty()).then(|| inner.to_string());
         let text = if unit.is_some() { stem.trim() } else { name }.to_string();
         let stem = text.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
-        Name { text, stem, unit }
+        ColumnName { text, stem, unit }
     }
 
     /// A mass or weight of each particle?
@@ -53,7 +53,7 @@ impl Name {
 }
 
 /// The columns x, y, z: plain ones first, else the first that are called so.
-pub fn positions(names: &[Name]) -> Option<[usize; 3]> {
+pub fn positions(names: &[ColumnName]) -> Option<[usize; 3]> {
     let find = |stem: &str| names.iter().position(|name| name.stem == stem);
     let triple = |axes: [&str; 3], join: &dyn Fn(&str) -> String| {
         let [x, y, z] = axes.map(|axis| find(&join(axis)));
@@ -78,7 +78,7 @@ mod tests {
     #[test]
     fn names_are_taken_apart() {
         let apart = |name| {
-            let Name { text, stem, unit } = Name::of(name);
+            let ColumnName { text, stem, unit } = ColumnName::of(name);
             (text, stem, unit.unwrap_or_default())
         };
         assert_eq!(apart("Mass [Msun/h]"), ("Mass".into(), "mass".into(), "Msun/h".into()));
@@ -91,7 +91,7 @@ mod tests {
     #[test]
     fn positions_are_found_by_their_names() {
         let find = |names: &[&str]| {
-            let names: Vec<Name> = names.iter().map(|n| Name::of(n)).collect();
+            let names: Vec<ColumnName> = names.iter().map(|n| ColumnName::of(n)).collect();
             positions(&names)
         };
         assert_eq!(find(&["id", "z", "Y", "x"]), Some([3, 2, 1]));

@@ -1,9 +1,9 @@
 use super::FORMAT;
-use crate::registry::Head;
-use crate::text::testing::{Got, read, scratch};
-use crate::{Choice, Description, Mass};
+use crate::registry::FileHead;
+use crate::text::testing::{SpeciesParticles, read, scratch};
+use crate::{Choice, Description, SpeciesMass};
 
-fn open(text: &[u8]) -> particlegs::Result<(Description, Got)> {
+fn open(text: &[u8]) -> particlegs::Result<(Description, SpeciesParticles)> {
     let file = scratch(text);
     let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &Choice::default())?;
     Ok((snapshot.description().clone(), read(&*snapshot, 0, &Choice::default())?))
@@ -11,7 +11,7 @@ fn open(text: &[u8]) -> particlegs::Result<(Description, Got)> {
 
 fn detects(text: &[u8]) -> bool {
     let file = scratch(text);
-    (FORMAT.detect)(&Head::read(file.path()).unwrap())
+    (FORMAT.detect)(&FileHead::read(file.path()).unwrap())
 }
 
 const TWO: [[f64; 3]; 2] = [[1.0, 2.0, 3.0], [4.0, 5.0, -6.5]];
@@ -56,7 +56,7 @@ fn separators_headers_and_comments() {
 fn names_state_units_and_masses() {
     let (d, got) = open(b"x [kpc],y [kpc],z [kpc],Mass (Msun)\n1,2,3,10\n4,5,-6.5,20\n").unwrap();
     assert_eq!((d.meta.units.length_text(), d.meta.units.mass_text()), (Some("kpc"), Some("Msun")));
-    assert_eq!((&d.species[0].positions[..], &d.species[0].mass), ("x,y,z", &Mass::Field("Mass".into())));
+    assert_eq!((&d.species[0].positions[..], &d.species[0].mass), ("x,y,z", &SpeciesMass::Field("Mass".into())));
     assert_eq!((&got.positions[..], &got.weights[..]), (&TWO[..], &[10.0, 20.0][..]));
     for text in
         ["x;y;z;Mass\n[kpc];[kpc];[kpc];Msun\n1;2;3;10\n4;5;-6,5;20\n", "x y z mass n\nkpc kpc kpc Msun 1\n1 2 3 4 5\n"]

@@ -1,8 +1,8 @@
 use super::*;
 use std::path::PathBuf;
 
-fn head(name: &str, bytes: &[u8]) -> Head {
-    Head::of(&PathBuf::from(name), bytes.len() as u64, bytes.to_vec()).unwrap()
+fn head(name: &str, bytes: &[u8]) -> FileHead {
+    FileHead::of(&PathBuf::from(name), bytes.len() as u64, bytes.to_vec()).unwrap()
 }
 
 /// What a file is said to be, and the command that converts it.
@@ -80,7 +80,7 @@ fn tables_and_other_text_stay_what_they_are() {
         if path.extension().is_some_and(|e| e == "py") {
             continue;
         }
-        let foreign = foreign_of(&Head::read(&path).unwrap());
+        let foreign = foreign_of(&FileHead::read(&path).unwrap());
         assert!(foreign.is_none(), "{}: {}", path.display(), foreign.unwrap().title);
     }
     for text in ["1 2 3\n4 5 6\n", "2\n2\n1 2 3\n4 5 6\n7 8 9\n1 2 3\n", "x y z\n1 1 1\n2 2 2\n3 3 3\n4 4 4\n5 5 5\n"] {

@@ -1,9 +1,9 @@
 //! One file of a snapshot: its header and where each block lies.
 
-use super::header::{HEADER, Header, TYPES};
+use super::header::{GadgetHeader, HEADER, TYPES};
 use super::order;
-use super::records::{Record, Records};
-use crate::strided::{Bytes, Kind, Lane};
+use super::records::{GadgetRecord, Records};
+use crate::strided::{Bytes, NumberType, StridedColumn};
 use particlegs::{Error, Result};
 use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
@@ -11,13 +11,13 @@ use std::sync::Arc;
 
 /// Numbers of some types of particles, one type after the other.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Block {
+pub struct GadgetBlock {
     /// Name, without trailing blanks.
     pub name: String,
     /// First byte.
     pub offset: u64,
     /// Type of the numbers.
-    pub kind: Kind,
+    pub kind: NumberType,
     /// Numbers a particle.
     pub components: u32,
     /// Which types have it.
@@ -25,7 +25,7 @@ pub struct Block {
 }
 
 /// A file, mapped.
-pub struct Part {
+pub struct GadgetFile {
     /// Its path.
     pub path: PathBuf,
     /// Its bytes.
@@ -35,9 +35,9 @@ pub struct Part {
     /// Do blocks have names (format 2)?
     pub named: bool,
     /// What it says.
-    pub header: Header,
+    pub header: GadgetHeader,
     /// Its blocks.
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<GadgetBlock>,
     /// Blocks whose length tells no layout, by name.
     pub unknown: Vec<String>,
     /// Names of the blocks of format 1 in order, where they were told by what they hold.
@@ -64,12 +64,12 @@ pub fn signature(bytes: &[u8]) -> Option<(bool, bool)> {
     None
 }
 
-impl Part {
+impl GadgetFile {
     /// Maps a file and finds its blocks; those of format 1 are called as `stated`, where anything is.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Input`] where header and records contradict each other.
-    pub fn open(path: &Path, stated: &[String]) -> Result<Part> {
+    pub fn open(path: &Path, stated: &[String]) -> Result<GadgetFile> {
         let (map, _) = map_file(path)?;
         let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);
         let (big_endian, named) = signature(&bytes).ok_or_else(|| {
@@ -80,9 +80,9 @@ impl Part {
         let mut found = if named { named_records(path, &records)? } else { plain_records(path, &records)? }.into_iter();
         let head = found.next().filter(|(name, r)| name == "HEAD" && r.length == HEADER as u64);
         let (_, head) = head.ok_or_else(|| Error::input(path, "its first record is no Gadget header of 256 bytes"))?;
-        let header = Header::parse(path, &bytes[head.offset as usize..][..HEADER], big_endian)?;
+        let header = GadgetHeader::parse(path, &bytes[head.offset as usize..][..HEADER], big_endian)?;
         let (path, blocks, unknown) = (path.to_path_buf(), vec![], vec![]);
-        let mut part = Part { path, bytes, big_endian, named, header, blocks, unknown, order: vec![] };
+        let mut part = GadgetFile { path, bytes, big_endian, named, header, blocks, unknown, order: vec![] };
         match named {
             true if !stated.is_empty() => {
                 return Err(Error::input(&part.path, "its blocks have names: it is format 2"));
@@ -97,24 +97,24 @@ impl Part {
     }
 
     /// The block of a name.
-    pub fn block(&self, name: &str) -> Option<&Block> {
+    pub fn block(&self, name: &str) -> Option<&GadgetBlock> {
         self.blocks.iter().find(|b| b.name == name)
     }
 
     /// Where component `component` of a block's particles of type `t` lies.
-    pub fn lane(&self, block: &Block, t: usize, component: u32) -> Lane {
+    pub fn lane(&self, block: &GadgetBlock, t: usize, component: u32) -> StridedColumn {
         let size = block.kind.bytes();
         let row = size * u64::from(block.components);
         let before: u64 = (0..t).filter(|&u| block.types[u]).map(|u| u64::from(self.header.count[u])).sum();
         let offset = block.offset + before * row + size * u64::from(component);
-        Lane { offset, stride: row, kind: block.kind, big_endian: self.big_endian }
+        StridedColumn { offset, stride: row, kind: block.kind, big_endian: self.big_endian }
     }
 
     fn cut(&self, what: impl Into<String>) -> Error {
         Error::input_with(&self.path, what, CUT)
     }
 
-    fn place_named(&mut self, records: impl Iterator<Item = (String, Record)>) -> Result<()> {
+    fn place_named(&mut self, records: impl Iterator<Item = (String, GadgetRecord)>) -> Result<()> {
         for (name, record) in records {
             match self.place(&name, record)? {
                 Some(block) => self.blocks.push(block),
@@ -125,7 +125,7 @@ impl Part {
     }
 
     /// Format 1 has no names: the user's, else what lengths and values tell.
-    fn place_plain(&mut self, records: &[Record], stated: &[String]) -> Result<()> {
+    fn place_plain(&mut self, records: &[GadgetRecord], stated: &[String]) -> Result<()> {
         if stated.len() > records.len() {
             let what = format!("{} blocks are named, and it has {} behind the header", stated.len(), records.len());
             return Err(Error::input(&self.path, what));
@@ -150,18 +150,22 @@ impl Part {
     }
 
     /// Which types a block holds and how: by what codes write under its name, and by its length.
-    fn place(&self, name: &str, record: Record) -> Result<Option<Block>> {
+    fn place(&self, name: &str, record: GadgetRecord) -> Result<Option<GadgetBlock>> {
         let count = |types: &[bool; TYPES]| -> u64 {
             (0..TYPES).filter(|&t| types[t]).map(|t| u64::from(self.header.count[t])).sum()
         };
-        let real = self.block("POS").map_or(Kind::F32, |b| b.kind);
-        let reals = if real == Kind::F32 { [Kind::F32, Kind::F64] } else { [Kind::F64, Kind::F32] };
+        let real = self.block("POS").map_or(NumberType::F32, |b| b.kind);
+        let reals = if real == NumberType::F32 {
+            [NumberType::F32, NumberType::F64]
+        } else {
+            [NumberType::F64, NumberType::F32]
+        };
         let (all, gas) = ([true; TYPES], [true, false, false, false, false, false]);
         let without_table = self.header.mass.map(|m| m == 0.0);
         let (stars, gas_stars) = ([false, false, false, false, true, false], [true, false, false, false, true, false]);
-        let (sets, components, kinds): (&[[bool; TYPES]], &[u32], [Kind; 2]) = match name {
+        let (sets, components, kinds): (&[[bool; TYPES]], &[u32], [NumberType; 2]) = match name {
             "POS" | "VEL" | "ACCE" => (&[all], &[3], reals),
-            name if name.starts_with("ID") => (&[all], &[1], [Kind::U32, Kind::U64]),
+            name if name.starts_with("ID") => (&[all], &[1], [NumberType::U32, NumberType::U64]),
             "MASS" => (&[without_table, all], &[1], reals),
             "POT" | "TSTP" | "ENDT" => (&[all], &[1], reals),
             "AGE" => (&[stars], &[1], reals),
@@ -174,7 +178,7 @@ impl Part {
                     let rows = count(&types);
                     if rows > 0 && rows.checked_mul(kind.bytes() * u64::from(components)) == Some(record.length) {
                         let name = name.to_string();
-                        return Ok(Some(Block { name, offset: record.offset, kind, components, types }));
+                        return Ok(Some(GadgetBlock { name, offset: record.offset, kind, components, types }));
                     }
                 }
             }
@@ -198,7 +202,7 @@ impl Part {
 const CUT: &str = "the file is cut short or damaged: copy it again from its source";
 
 /// Records of format 2: one of 8 bytes with the name before each.
-fn named_records(path: &Path, records: &Records<'_>) -> Result<Vec<(String, Record)>> {
+fn named_records(path: &Path, records: &Records<'_>) -> Result<Vec<(String, GadgetRecord)>> {
     let mut out = Vec::new();
     let mut at = 0;
     while at < records.bytes.len() as u64 {
@@ -218,7 +222,7 @@ fn named_records(path: &Path, records: &Records<'_>) -> Result<Vec<(String, Reco
 }
 
 /// Records of format 1, without names but the header's.
-fn plain_records(path: &Path, records: &Records<'_>) -> Result<Vec<(String, Record)>> {
+fn plain_records(path: &Path, records: &Records<'_>) -> Result<Vec<(String, GadgetRecord)>> {
     let mut out = Vec::new();
     let mut at = 0;
     while at < records.bytes.len() as u64 {

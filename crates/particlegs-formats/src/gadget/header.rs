@@ -13,7 +13,7 @@ pub const TYPES: usize = 6;
 
 /// What the header says.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Header {
+pub struct GadgetHeader {
     /// Particles in this file, by type.
     pub count: [u32; TYPES],
     /// Mass of every particle of a type; 0 where each has its own.
@@ -38,12 +38,12 @@ pub struct Header {
     pub cooling: bool,
 }
 
-impl Header {
+impl GadgetHeader {
     /// Reads it from [`HEADER`] bytes.
     ///
     /// # Errors
     /// [`Error::Input`] for values that no run has.
-    pub fn parse(path: &Path, bytes: &[u8], big_endian: bool) -> Result<Header> {
+    pub fn parse(path: &Path, bytes: &[u8], big_endian: bool) -> Result<GadgetHeader> {
         let int = |at: usize| {
             let four: [u8; 4] = bytes[at..at + 4].try_into().expect("four bytes");
             if big_endian { u32::from_be_bytes(four) } else { u32::from_le_bytes(four) }
@@ -52,7 +52,7 @@ impl Header {
             let eight: [u8; 8] = bytes[at..at + 8].try_into().expect("eight bytes");
             if big_endian { f64::from_be_bytes(eight) } else { f64::from_le_bytes(eight) }
         };
-        let header = Header {
+        let header = GadgetHeader {
             count: std::array::from_fn(|t| int(4 * t)),
             mass: std::array::from_fn(|t| real(24 + 8 * t)),
             time: real(72),
@@ -150,7 +150,7 @@ mod tests {
     #[test]
     fn time_is_the_scale_factor_where_redshift_agrees() {
         let mut bytes = sample([0, 2, 0, 0, 0, 0], [0.0; 6], 1, [0, 2, 0, 0, 0, 0]);
-        let parse = |bytes: &[u8]| Header::parse(Path::new("f"), bytes, false);
+        let parse = |bytes: &[u8]| GadgetHeader::parse(Path::new("f"), bytes, false);
         let meta = parse(&bytes).unwrap().meta("f".into());
         assert_eq!((meta.epoch.scale_factor, meta.epoch.time, meta.units.comoving), (Some(0.5), None, Some(true)));
         bytes[80..88].copy_from_slice(&0.0f64.to_le_bytes());

@@ -9,11 +9,11 @@ mod order;
 mod parts;
 mod records;
 
-use crate::axes::{Axis, axes};
-use crate::pieces::{Piece, PieceReader};
-use crate::strided::{Lane, Strided};
-use crate::{Choice, Description, Field, Format, Mass, Snapshot, Species};
-use blocks::Part;
+use crate::axes::{FieldComponent, axes};
+use crate::pieces::{ParticlePiece, PieceReader};
+use crate::strided::{StridedColumn, StridedParticles};
+use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass};
+use blocks::GadgetFile;
 use header::TYPES;
 use particlegs::model::species_aliases;
 use particlegs::particles::SnapshotReader;
@@ -29,7 +29,7 @@ pub const FORMAT: Format = Format {
 };
 
 struct Gadget {
-    parts: Vec<Part>,
+    parts: Vec<GadgetFile>,
     description: Description,
     /// Type of each species.
     types: Vec<usize>,
@@ -50,7 +50,7 @@ impl Gadget {
     }
 }
 
-fn describe(parts: &[Part], paths: &[PathBuf], species: Vec<Species>) -> Description {
+fn describe(parts: &[GadgetFile], paths: &[PathBuf], species: Vec<Species>) -> Description {
     let first = &parts[0];
     let format = format!(
         "Gadget binary, format {}, {}",
@@ -78,22 +78,22 @@ fn describe(parts: &[Part], paths: &[PathBuf], species: Vec<Species>) -> Descrip
     Description { format, files, meta: h.meta(name), species, frames: None, notes }
 }
 
-fn species(parts: &[Part], t: usize) -> Result<Species> {
+fn species(parts: &[GadgetFile], t: usize) -> Result<Species> {
     let with = || parts.iter().filter(|p| p.header.count[t] > 0);
     let first = with().next().expect("a part with particles of the type");
     let table = first.header.mass[t];
-    let holds = |p: &Part, name: &str| p.block(name).is_some_and(|b| b.types[t]);
+    let holds = |p: &GadgetFile, name: &str| p.block(name).is_some_and(|b| b.types[t]);
     let mass = if table > 0.0 {
-        Mass::Each(table)
+        SpeciesMass::Each(table)
     } else if with().all(|p| holds(p, "MASS")) {
-        Mass::Field("MASS".into())
+        SpeciesMass::Field("MASS".into())
     } else if with().any(|p| holds(p, "MASS")) {
         return Err(Error::input(&first.path, "some files of the snapshot have a block MASS and some have none"));
     } else {
-        Mass::Unknown
+        SpeciesMass::Unknown
     };
     let fields = first.blocks.iter().filter(|b| b.types[t] && with().all(|p| holds(p, &b.name)));
-    let field = |b: &blocks::Block| Field {
+    let field = |b: &blocks::GadgetBlock| SpeciesField {
         name: b.name.clone(),
         kind: b.kind.name().into(),
         components: b.components,
@@ -119,24 +119,24 @@ impl Snapshot for Gadget {
         let place = self.parts[0].path.display().to_string();
         let axes = axes(&place, species, choice)?;
         let weight = species.weight_field(&place, &choice.weights)?;
-        let mut pieces: Vec<Box<dyn Piece>> = Vec::new();
+        let mut pieces: Vec<Box<dyn ParticlePiece>> = Vec::new();
         for part in self.parts.iter().filter(|p| p.header.count[t] > 0) {
             let lane = |field: &str, component: u32| {
                 let block = part.block(field).filter(|b| b.types[t] && component < b.components);
                 let block = block.ok_or_else(|| Error::input(&part.path, format!("it has no block {field}")))?;
                 let lane = part.lane(block, t, component);
-                Ok(Lane { kind: lane.kind.stored(choice.as_stored), ..lane })
+                Ok(StridedColumn { kind: lane.kind.stored(choice.as_stored), ..lane })
             };
             let [x, y, z] = &axes;
-            let axis = |a: &Axis| lane(&a.field, a.component);
+            let axis = |a: &FieldComponent| lane(&a.field, a.component);
             let weight = weight.as_ref().map(|w| lane(w, 0)).transpose()?;
             let lanes = [axis(x)?, axis(y)?, axis(z)?];
             let rows = u64::from(part.header.count[t]);
             let place = part.path.display().to_string();
-            pieces.push(Box::new(Strided::new(&place, part.bytes.clone(), rows, lanes, weight)?));
+            pieces.push(Box::new(StridedParticles::new(&place, part.bytes.clone(), rows, lanes, weight)?));
         }
         let mut meta = self.description.meta.clone();
-        if let Mass::Each(mass) = species.mass {
+        if let SpeciesMass::Each(mass) = species.mass {
             meta.particle_mass = Some(mass);
         }
         Ok(Box::new(PieceReader::new(meta, pieces, weight.is_some())?))

@@ -1,9 +1,9 @@
 //! Which block of format 1 is which: they have no names, and codes write more of them than Gadget did.
 
-use super::blocks::Part;
+use super::blocks::GadgetFile;
 use super::header::TYPES;
-use super::records::Record;
-use crate::strided::Kind;
+use super::records::GadgetRecord;
+use crate::strided::NumberType;
 use particlegs::{Error, Remedy, Result};
 
 /// Numbers of a block that are looked at.
@@ -25,8 +25,8 @@ enum Values {
 
 /// Blocks of a file, told one after the other.
 struct BlockOrder<'a> {
-    part: &'a Part,
-    records: &'a [Record],
+    part: &'a GadgetFile,
+    records: &'a [GadgetRecord],
     all: u64,
     /// Particles of types whose mass is not in the header.
     massive: u64,
@@ -41,7 +41,7 @@ struct BlockOrder<'a> {
 ///
 /// # Errors
 /// [`Error::Input`] where there should be masses, and no block there holds them.
-pub fn names(part: &Part, records: &[Record]) -> Result<Vec<String>> {
+pub fn names(part: &GadgetFile, records: &[GadgetRecord]) -> Result<Vec<String>> {
     let header = &part.header;
     let massive = (0..TYPES).filter(|&t| header.mass[t] == 0.0).map(|t| u64::from(header.count[t])).sum();
     let (all, gas) = (header.particles(), u64::from(header.count[0]));
@@ -65,12 +65,12 @@ pub fn names(part: &Part, records: &[Record]) -> Result<Vec<String>> {
 }
 
 /// Does a record have so many numbers of 4 or 8 bytes?
-fn fits(record: &Record, numbers: u64) -> bool {
+fn fits(record: &GadgetRecord, numbers: u64) -> bool {
     numbers > 0 && [4, 8].iter().any(|&size| numbers.checked_mul(size) == Some(record.length))
 }
 
 impl BlockOrder<'_> {
-    fn next(&self) -> Option<&Record> {
+    fn next(&self) -> Option<&GadgetRecord> {
         self.records.get(self.at)
     }
 
@@ -82,14 +82,14 @@ impl BlockOrder<'_> {
     }
 
     /// Can a record hold masses, by its length and values?
-    fn is_mass(&self, record: &Record, values: Values) -> bool {
+    fn is_mass(&self, record: &GadgetRecord, values: Values) -> bool {
         [self.massive, self.all].iter().any(|&n| fits(record, n) && self.values(record, n) == values)
     }
 
     /// Identities, then whole numbers, one a particle, up to the first block that holds masses.
     fn identities_and_masses(&mut self) -> Result<()> {
         let (needed, start) = (self.massive > 0, self.at);
-        let one_each = |r: &&Record| fits(r, self.all) || needed && fits(r, self.massive);
+        let one_each = |r: &&GadgetRecord| fits(r, self.all) || needed && fits(r, self.massive);
         let run = self.records[start..].iter().take_while(one_each).count();
         let masses =
             |from: usize, values| (from..start + run).find(|&i| needed && self.is_mass(&self.records[i], values));
@@ -120,11 +120,11 @@ impl BlockOrder<'_> {
     }
 
     /// What the numbers of a record are, `count` of them.
-    fn values(&self, record: &Record, count: u64) -> Values {
+    fn values(&self, record: &GadgetRecord, count: u64) -> Values {
         let (whole, real, least) = match record.length / count.max(1) {
-            8 => (Kind::U64, Kind::F64, 1e-100),
+            8 => (NumberType::U64, NumberType::F64, 1e-100),
             // Whole numbers up to 600 million are smaller than that.
-            _ => (Kind::U32, Kind::F32, 1e-15),
+            _ => (NumberType::U32, NumberType::F32, 1e-15),
         };
         let mut found = Values::Zero;
         let step = count.div_ceil(LOOKED_AT).max(1);

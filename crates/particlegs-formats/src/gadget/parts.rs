@@ -1,6 +1,6 @@
 //! The files of a snapshot: `snap.0`, `snap.1`, ...
 
-use super::blocks::Part;
+use super::blocks::GadgetFile;
 use super::header::TYPES;
 use crate::Choice;
 use particlegs::{Error, Result};
@@ -9,14 +9,14 @@ use std::path::{Path, PathBuf};
 /// More files than any snapshot has.
 const MOST_FILES: u32 = 65_536;
 
-/// Opens all files of the snapshot that `paths` belong to: one of them is enough; their blocks as [`Part::open`]. Also
-/// what a user should know.
+/// Opens all files of the snapshot that `paths` belong to: one of them is enough; their blocks as
+/// [`GadgetFile::open`]. Also what a user should know.
 ///
 /// # Errors
 /// [`Error::Input`] where one is missing or they contradict each other, where headers count other particles than there
 /// are and the choice is [`Choice::strict`]; [`Error::Io`].
-pub fn open(paths: &[PathBuf], options: &Choice) -> Result<(Vec<Part>, Vec<String>)> {
-    let given = Part::open(&paths[0], &options.blocks)?;
+pub fn open(paths: &[PathBuf], options: &Choice) -> Result<(Vec<GadgetFile>, Vec<String>)> {
+    let given = GadgetFile::open(&paths[0], &options.blocks)?;
     let files = given.header.files;
     if files > MOST_FILES {
         return Err(Error::input(&paths[0], format!("the header says {files} files: it is damaged")));
@@ -33,13 +33,13 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<(Vec<Part>, Vec<Strin
         let what = format!("not one of the {files} file(s) of the snapshot {}", names[0].display());
         return Err(Error::input_with(alien, what, "one snapshot at a time"));
     }
-    let mut parts: Vec<Part> = Vec::with_capacity(names.len());
+    let mut parts: Vec<GadgetFile> = Vec::with_capacity(names.len());
     for name in &names {
         if !name.exists() {
             let what = format!("missing: {} says that the snapshot has {files} files", paths[0].display());
             return Err(Error::input_with(name, what, "put all files of the snapshot into one folder"));
         }
-        let part = Part::open(name, &options.blocks)?;
+        let part = GadgetFile::open(name, &options.blocks)?;
         check_alike(&given, &part)?;
         parts.push(part);
     }
@@ -70,7 +70,7 @@ fn names(path: &Path, files: u32) -> Result<Vec<PathBuf>> {
     }
 }
 
-fn check_alike(first: &Part, part: &Part) -> Result<()> {
+fn check_alike(first: &GadgetFile, part: &GadgetFile) -> Result<()> {
     let (a, b) = (&first.header, &part.header);
     let same = a.files == b.files && a.total == b.total && a.box_size == b.box_size && a.time == b.time;
     let masses = (0..TYPES).all(|t| a.count[t] == 0 || b.count[t] == 0 || a.mass[t] == b.mass[t]);
@@ -83,7 +83,7 @@ fn check_alike(first: &Part, part: &Part) -> Result<()> {
 
 /// Where the headers count others than the files hold together. Codes that leave the totals 0 are believed, and the
 /// high words are not looked at: old codes leave what was in memory there.
-fn wrong_totals(parts: &[Part]) -> Vec<String> {
+fn wrong_totals(parts: &[GadgetFile]) -> Vec<String> {
     let total = parts[0].header.total;
     let sum = |t: usize| parts.iter().map(|p| u64::from(p.header.count[t])).sum::<u64>();
     let wrong = (0..TYPES).filter(|&t| total != [0; TYPES] && sum(t) as u32 != total[t]);

@@ -2,14 +2,14 @@
 
 /// The numbers of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Record {
+pub struct GadgetRecord {
     /// Its first byte.
     pub offset: u64,
     /// Its bytes.
     pub length: u64,
 }
 
-impl Record {
+impl GadgetRecord {
     /// Byte behind the closing mark.
     pub fn end(&self) -> u64 {
         self.offset + self.length + 4
@@ -36,7 +36,7 @@ impl Records<'_> {
     /// The record whose opening mark is at byte `at`. Marks have 32 bits: blocks above 4 GiB are
     /// written with the length's low word, so that a length fits if its low word is the mark's and
     /// the closing mark stands behind it. The fault in words where none fits.
-    pub fn at(&self, at: u64) -> Result<Record, String> {
+    pub fn at(&self, at: u64) -> Result<GadgetRecord, String> {
         let end = self.bytes.len() as u64;
         let mark = self.mark(at).ok_or_else(|| format!("it ends at byte {end}, in the middle of a record's mark"))?;
         let fits = |length: u64| (at + 8).checked_add(length).is_some_and(|e| e <= end);
@@ -45,7 +45,7 @@ impl Records<'_> {
         for length in lengths {
             let close = self.mark(at + 4 + length);
             if close == Some(mark) {
-                return Ok(Record { offset: at + 4, length });
+                return Ok(GadgetRecord { offset: at + 4, length });
             }
             first_close.get_or_insert(close);
         }
@@ -69,7 +69,7 @@ mod tests {
         let bytes = [2, 0, 0, 0, 7, 7, 2, 0, 0, 0, 9, 0, 0, 0];
         let records = Records { bytes: &bytes, big_endian: false };
         let first = records.at(0).unwrap();
-        assert_eq!(first, Record { offset: 4, length: 2 });
+        assert_eq!(first, GadgetRecord { offset: 4, length: 2 });
         assert!(records.at(first.end()).unwrap_err().contains("9 bytes"));
         assert!(records.at(13).unwrap_err().contains("middle"));
         assert!(records.at(u64::MAX).is_err());

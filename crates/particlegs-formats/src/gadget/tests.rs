@@ -71,8 +71,8 @@ fn both_formats_give_types_and_masses() {
         let d = snapshot.description();
         assert!(d.format.starts_with("Gadget binary"));
         assert_eq!(d.species.iter().map(|s| s.count).collect::<Vec<_>>(), [2, 3]);
-        assert_eq!(d.species[0].mass, Mass::Field("MASS".into()));
-        assert_eq!(d.species[1].mass, Mass::Each(0.5));
+        assert_eq!(d.species[0].mass, SpeciesMass::Field("MASS".into()));
+        assert_eq!(d.species[1].mass, SpeciesMass::Each(0.5));
         assert_eq!(d.meta.cell.unwrap().lengths(), Some([25.0; 3]));
         let names = |s: &Species| s.fields.iter().map(|f| f.name.clone()).collect::<Vec<_>>();
         assert_eq!(names(&d.species[0]), ["POS", "VEL", "ID", "MASS", "U"]);
@@ -182,7 +182,7 @@ fn blocks_of_format_1_are_told_by_length_and_values() {
     ];
     for (blocks, names) in cases {
         let blocks: Vec<Vec<u8>> = blocks.iter().map(|b| b.to_vec()).collect();
-        let part = Part::open(&written(folder.path(), "s", &plain(&blocks)), &[]).unwrap();
+        let part = GadgetFile::open(&written(folder.path(), "s", &plain(&blocks)), &[]).unwrap();
         assert_eq!(part.order.join(" "), names);
     }
     let gizmo = plain(&[pos.clone(), vel.clone(), id.clone(), children.clone(), zeros, mass.clone(), u.clone()]);

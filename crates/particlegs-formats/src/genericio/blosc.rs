@@ -12,7 +12,7 @@ const LEAST_STREAM: usize = 128;
 
 /// A chunk's header.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Chunk {
+pub struct BloscHeader {
     flags: u8,
     /// Bytes of a number.
     type_size: usize,
@@ -30,11 +30,11 @@ fn int(bytes: &[u8], at: usize) -> Result<usize, String> {
     value.ok_or_else(|| "a blosc chunk is cut short or damaged".into())
 }
 
-impl Chunk {
+impl BloscHeader {
     /// Reads the header of `bytes`, a chunk.
-    pub fn parse(bytes: &[u8]) -> Result<Chunk, String> {
+    pub fn parse(bytes: &[u8]) -> Result<BloscHeader, String> {
         let head = bytes.get(..HEADER).ok_or("a blosc chunk is cut short")?;
-        let chunk = Chunk {
+        let chunk = BloscHeader {
             flags: head[2],
             type_size: usize::from(head[3]).max(1),
             length: int(bytes, 4)?,
@@ -154,18 +154,18 @@ mod tests {
         for (name, n, text) in CHUNKS {
             let bytes: Vec<u8> =
                 (0..text.len() / 2).map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).unwrap()).collect();
-            let chunk = Chunk::parse(&bytes).unwrap();
+            let chunk = BloscHeader::parse(&bytes).unwrap();
             let expected: Vec<u8> = (0..*n).flat_map(|i| (i / 7 + i * i % 13).to_le_bytes()).collect();
             let got: Vec<u8> = (0..chunk.blocks()).flat_map(|b| chunk.decode(&bytes, b).expect(name)).collect();
             assert_eq!(got, expected, "{name} {n}");
             for cut in 0..bytes.len() {
-                if let Ok(chunk) = Chunk::parse(&bytes[..cut]) {
+                if let Ok(chunk) = BloscHeader::parse(&bytes[..cut]) {
                     let _ = chunk.decode(&bytes[..cut], 0);
                 }
                 for bit in 0..8 {
                     let mut bad = bytes.clone();
                     bad[cut] ^= 1 << bit;
-                    if let Ok(chunk) = Chunk::parse(&bad) {
+                    if let Ok(chunk) = BloscHeader::parse(&bad) {
                         let _ = chunk.decode(&bad, 0);
                     }
                 }

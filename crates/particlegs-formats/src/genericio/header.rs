@@ -1,7 +1,7 @@
 //! The header of a GenericIO file: variables, ranks, and where each rank's columns lie.
 
 use crate::codecs::crc64;
-use crate::strided::{Bytes, Kind};
+use crate::strided::{Bytes, NumberType};
 use particlegs::{Error, Result};
 use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ pub struct Variable {
     /// Its name.
     pub name: String,
     /// Type of its numbers; `None` for one that is not known.
-    pub kind: Option<Kind>,
+    pub kind: Option<NumberType>,
     /// Bytes a particle.
     pub size: u64,
     /// Is it this axis of the positions?
@@ -34,7 +34,7 @@ pub struct Rank {
 
 /// Where a rank's column lies.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Column {
+pub struct RankColumn {
     /// First byte.
     pub start: u64,
     /// Bytes, without the checksum.
@@ -44,7 +44,7 @@ pub struct Column {
 }
 
 /// A file, mapped, its header checked.
-pub struct File {
+pub struct GenericIoFile {
     /// Its path.
     pub path: PathBuf,
     /// Its bytes.
@@ -80,12 +80,12 @@ const MOST_RANKS: u64 = 1 << 21;
 
 const HINT: &str = "the file is cut short or damaged: copy it again from its source";
 
-impl File {
+impl GenericIoFile {
     /// Maps a file and reads its header.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Input`] for a header whose checksum or content is wrong.
-    pub fn open(path: &Path) -> Result<File> {
+    pub fn open(path: &Path) -> Result<GenericIoFile> {
         let (map, _) = map_file(path)?;
         let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);
         let big_endian = signature(&bytes).ok_or_else(|| {
@@ -120,7 +120,7 @@ impl File {
             let bytes = before[before.len() - 1].checked_add(variable.size);
             before.push(bytes.ok_or_else(|| header.fault("the sizes of its variables"))?);
         }
-        Ok(File { path: path.into(), bytes, big_endian, variables, ranks, origin, scale, blocks, before })
+        Ok(GenericIoFile { path: path.into(), bytes, big_endian, variables, ranks, origin, scale, blocks, before })
     }
 
     /// Index of the variable of a name.
@@ -132,7 +132,7 @@ impl File {
     ///
     /// # Errors
     /// [`Error::Input`] where it ends beyond the file, or is stored in a way that is not known.
-    pub fn column(&self, rank: usize, variable: usize) -> Result<Column> {
+    pub fn column(&self, rank: usize, variable: usize) -> Result<RankColumn> {
         let Rank { count, start } = self.ranks[rank];
         let length = count.checked_mul(self.variables[variable].size);
         let column = match self.blocks {
@@ -140,15 +140,15 @@ impl File {
                 let skipped = count.checked_mul(self.before[variable]);
                 let start =
                     skipped.and_then(|n| n.checked_add(CRC * variable as u64)).and_then(|n| n.checked_add(start));
-                start.zip(length).map(|(start, size)| Column { start, size, blosc: false })
+                start.zip(length).map(|(start, size)| RankColumn { start, size, blosc: false })
             }
             Some((start, size)) => {
                 let index = (rank * self.variables.len() + variable) as u64;
                 Some(self.block(rank, variable, start + index * size)?)
             }
         };
-        let end = |c: &Column| c.start.checked_add(c.size).and_then(|e| e.checked_add(CRC));
-        let whole = |c: &Column| c.blosc || length == Some(c.size);
+        let end = |c: &RankColumn| c.start.checked_add(c.size).and_then(|e| e.checked_add(CRC));
+        let whole = |c: &RankColumn| c.blosc || length == Some(c.size);
         column.filter(|c| end(c).is_some_and(|e| e <= self.bytes.len() as u64) && whole(c)).ok_or_else(|| {
             let name = &self.variables[variable].name;
             let what = format!("variable {name} of rank {rank} ends beyond the file's {} bytes", self.bytes.len());
@@ -170,8 +170,8 @@ impl File {
     }
 
     /// From the header of a block, within the header.
-    fn block(&self, rank: usize, variable: usize, at: u64) -> Result<Column> {
-        let header = Header { path: &self.path, bytes: &self.bytes, big_endian: self.big_endian };
+    fn block(&self, rank: usize, variable: usize, at: u64) -> Result<RankColumn> {
+        let header = HeaderBytes { path: &self.path, bytes: &self.bytes, big_endian: self.big_endian };
         let filter = header.name(at, 8)?;
         let blosc = match &filter[..] {
             "" => false,
@@ -182,20 +182,20 @@ impl File {
                 return Err(Error::input_with(&self.path, what, "write the file without it"));
             }
         };
-        Ok(Column { start: header.int(at + 32)?, size: header.int(at + 40)?, blosc })
+        Ok(RankColumn { start: header.int(at + 32)?, size: header.int(at + 40)?, blosc })
     }
 }
 
 /// The header's bytes.
-struct Header<'a> {
+struct HeaderBytes<'a> {
     path: &'a Path,
     bytes: &'a [u8],
     big_endian: bool,
 }
 
 /// The header, cut out of the file, its checksum checked.
-fn checked_header<'a>(path: &'a Path, bytes: &'a [u8], big_endian: bool) -> Result<Header<'a>> {
-    let all = Header { path, bytes, big_endian };
+fn checked_header<'a>(path: &'a Path, bytes: &'a [u8], big_endian: bool) -> Result<HeaderBytes<'a>> {
+    let all = HeaderBytes { path, bytes, big_endian };
     let size = all.int(8)?;
     let end = size.checked_add(CRC).filter(|&e| size >= 104 && e <= bytes.len() as u64);
     if end.is_none() {
@@ -207,10 +207,10 @@ fn checked_header<'a>(path: &'a Path, bytes: &'a [u8], big_endian: bool) -> Resu
     if (!crc64(header)).to_le_bytes() != rest[..CRC as usize] {
         return Err(Error::input_with(path, "the checksum (CRC64) of its header is wrong", HINT));
     }
-    Ok(Header { path, bytes: header, big_endian })
+    Ok(HeaderBytes { path, bytes: header, big_endian })
 }
 
-impl Header<'_> {
+impl HeaderBytes<'_> {
     fn fault(&self, what: &str) -> Error {
         Error::input_with(self.path, format!("broken GenericIO header: {what}"), HINT)
     }
@@ -261,16 +261,16 @@ impl Header<'_> {
             let at = start + i * size;
             let (flags, bytes) = (self.int(at + 256)?, self.int(at + 264)?);
             let kind = match (bytes, flags & 1 != 0, flags & 2 != 0) {
-                (4, true, _) => Some(Kind::F32),
-                (8, true, _) => Some(Kind::F64),
-                (1, false, true) => Some(Kind::I8),
-                (2, false, true) => Some(Kind::I16),
-                (4, false, true) => Some(Kind::I32),
-                (8, false, true) => Some(Kind::I64),
-                (1, false, false) => Some(Kind::U8),
-                (2, false, false) => Some(Kind::U16),
-                (4, false, false) => Some(Kind::U32),
-                (8, false, false) => Some(Kind::U64),
+                (4, true, _) => Some(NumberType::F32),
+                (8, true, _) => Some(NumberType::F64),
+                (1, false, true) => Some(NumberType::I8),
+                (2, false, true) => Some(NumberType::I16),
+                (4, false, true) => Some(NumberType::I32),
+                (8, false, true) => Some(NumberType::I64),
+                (1, false, false) => Some(NumberType::U8),
+                (2, false, false) => Some(NumberType::U16),
+                (4, false, false) => Some(NumberType::U32),
+                (8, false, false) => Some(NumberType::U64),
                 _ => None,
             };
             let axis = (0..3).find(|k| flags & (4 << k) != 0);

@@ -13,9 +13,9 @@ mod split;
 
 use crate::axes::axes;
 use crate::cache::DEFAULT_BYTES;
-use crate::pieces::{Piece, PieceReader};
-use crate::{Choice, Description, Field, Format, Mass, Snapshot, Species};
-use header::File;
+use crate::pieces::{ParticlePiece, PieceReader};
+use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass};
+use header::GenericIoFile;
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::space::Cell;
 use particlegs::{Error, Result};
@@ -32,7 +32,7 @@ pub const FORMAT: Format = Format {
 };
 
 struct GenericIo {
-    files: Vec<Arc<File>>,
+    files: Vec<Arc<GenericIoFile>>,
     description: Description,
 }
 
@@ -44,7 +44,7 @@ impl GenericIo {
     }
 }
 
-fn describe(path: &Path, files: &[File]) -> Result<Description> {
+fn describe(path: &Path, files: &[GenericIoFile]) -> Result<Description> {
     let first = &files[0];
     let count = files.iter().flat_map(|f| &f.ranks).try_fold(0u64, |sum, r| sum.checked_add(r.count));
     let count = count.ok_or_else(|| Error::input(path, "more particles than can be counted"))?;
@@ -59,11 +59,11 @@ fn describe(path: &Path, files: &[File]) -> Result<Description> {
     let order = if first.big_endian { "big-endian" } else { "little-endian" };
     let format = format!("GenericIO, {ranks} rank(s), {order}{}", if compressed { ", blosc" } else { "" });
     let has = |v: &header::Variable| v.kind.is_some() && files.iter().all(|f| f.variable(&v.name).is_some());
-    let fields: Vec<Field> = first
+    let fields: Vec<SpeciesField> = first
         .variables
         .iter()
         .filter(|v| has(v))
-        .map(|v| Field {
+        .map(|v| SpeciesField {
             name: v.name.clone(),
             kind: v.kind.map_or("", |k| k.name()).into(),
             components: 1,
@@ -71,7 +71,7 @@ fn describe(path: &Path, files: &[File]) -> Result<Description> {
         })
         .collect();
     let known = |name: &str| fields.iter().any(|f| f.name == name);
-    let mass = if known("mass") { Mass::Field("mass".into()) } else { Mass::Unknown };
+    let mass = if known("mass") { SpeciesMass::Field("mass".into()) } else { SpeciesMass::Unknown };
     let axis = |k: usize| {
         let plain = ["x", "y", "z"][k];
         let marked = first.variables.iter().find(|v| v.axis == Some(k) && has(v)).map(|v| &v.name[..]);
@@ -87,7 +87,7 @@ fn describe(path: &Path, files: &[File]) -> Result<Description> {
     Ok(Description { format, files, meta: meta(path, first), species: vec![species], frames: None, notes })
 }
 
-fn meta(path: &Path, file: &File) -> SnapshotMeta {
+fn meta(path: &Path, file: &GenericIoFile) -> SnapshotMeta {
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let cell =
         file.scale.iter().all(|&s| s > 0.0).then(|| Cell { origin: file.origin, ..Cell::orthogonal(file.scale) });
@@ -105,7 +105,7 @@ impl Snapshot for GenericIo {
         let axes = axes(&place, species, choice)?;
         let weight = species.weight_field(&place, &choice.weights)?;
         let names: Vec<&str> = axes.iter().map(|a| &a.field[..]).chain(weight.as_deref()).collect();
-        let mut pieces: Vec<Box<dyn Piece>> = Vec::new();
+        let mut pieces: Vec<Box<dyn ParticlePiece>> = Vec::new();
         for file in &self.files {
             let variable = |name: &&str| {
                 let missing = || Error::input(&file.path, format!("it has no variable {name}"));
@@ -123,7 +123,7 @@ impl Snapshot for GenericIo {
             && file.ranks.iter().filter(|r| r.count > 0).count() == 1
         {
             // One rank can be used where it lies, past `read`: what is wrong must be said here.
-            one.read(0..1, &mut crate::pieces::Rows::default())?;
+            one.read(0..1, &mut crate::pieces::RowBuffer::default())?;
         }
         Ok(Box::new(PieceReader::new(self.description.meta.clone(), pieces, weight.is_some())?))
     }

@@ -3,12 +3,12 @@
 //! A rank's checksums are verified once, before its first number is handed over. Nothing is kept of
 //! a rank but that: files of big runs have a million.
 
-use super::blosc::Chunk;
-use super::header::{CRC, Column, File};
+use super::blosc::BloscHeader;
+use super::header::{CRC, GenericIoFile, RankColumn};
 use crate::cache::ChunkCache;
 use crate::codecs::crc64;
-use crate::pieces::{Piece, Rows};
-use crate::strided::{Kind, Lane, Strided};
+use crate::pieces::{ParticlePiece, RowBuffer};
+use crate::strided::{NumberType, StridedColumn, StridedParticles};
 use particlegs::particles::InPlace;
 use particlegs::{Error, Result};
 use std::ops::Range;
@@ -19,10 +19,10 @@ const MOST_BLOCKS: u64 = 1 << 24;
 
 /// The columns that are read of a file: x, y, z and perhaps weights.
 pub struct Ranks {
-    file: Arc<File>,
+    file: Arc<GenericIoFile>,
     place: String,
     /// Indices of variables and types of their numbers.
-    columns: Vec<(usize, Kind)>,
+    columns: Vec<(usize, NumberType)>,
     /// Particles before each rank, and in all.
     starts: Vec<u64>,
     /// Were a rank's checksums right?
@@ -36,7 +36,7 @@ impl Ranks {
     ///
     /// # Errors
     /// [`Error::Input`] where a variable holds no numbers.
-    pub fn new(file: Arc<File>, variables: &[usize], cache: usize, as_stored: bool) -> Result<Ranks> {
+    pub fn new(file: Arc<GenericIoFile>, variables: &[usize], cache: usize, as_stored: bool) -> Result<Ranks> {
         let place = file.path.display().to_string();
         let column = |&v: &usize| {
             let variable = &file.variables[v];
@@ -91,18 +91,25 @@ impl Ranks {
         Ok(())
     }
 
-    fn lane(&self, column: &Column, kind: Kind) -> Lane {
-        Lane { offset: column.start, stride: kind.bytes(), kind, big_endian: self.file.big_endian }
+    fn lane(&self, column: &RankColumn, kind: NumberType) -> StridedColumn {
+        StridedColumn { offset: column.start, stride: kind.bytes(), kind, big_endian: self.file.big_endian }
     }
 
-    fn unpack(&self, rank: usize, index: usize, column: &Column, rows: Range<u64>, out: &mut Vec<f64>) -> Result<()> {
+    fn unpack(
+        &self,
+        rank: usize,
+        index: usize,
+        column: &RankColumn,
+        rows: Range<u64>,
+        out: &mut Vec<f64>,
+    ) -> Result<()> {
         let (variable, kind) = self.columns[index];
         let fault = |what: String| self.fault(rank, variable, &what);
         let size = kind.bytes();
         // The chunk stands behind the checksum of what was compressed.
         let packed = self.file.bytes[column.start as usize..(column.start + column.size) as usize].get(CRC as usize..);
         let packed = packed.unwrap_or(&[]);
-        let chunk = Chunk::parse(packed).map_err(fault)?;
+        let chunk = BloscHeader::parse(packed).map_err(fault)?;
         let count = self.file.ranks[rank].count;
         if count.checked_mul(size) != Some(chunk.length as u64) || !(chunk.block as u64).is_multiple_of(size) {
             return Err(fault(format!("{} bytes for {count} particles", chunk.length)));
@@ -112,7 +119,7 @@ impl Ranks {
         }
         let first_key = (4 * rank + index) as u64 * MOST_BLOCKS;
         let each = chunk.block as u64 / size;
-        let lane = Lane { offset: 0, stride: size, kind, big_endian: self.file.big_endian };
+        let lane = StridedColumn { offset: 0, stride: size, kind, big_endian: self.file.big_endian };
         let mut row = rows.start;
         while row < rows.end {
             let block = row / each;
@@ -134,7 +141,7 @@ impl Ranks {
     }
 }
 
-impl Piece for Ranks {
+impl ParticlePiece for Ranks {
     fn rows(&self) -> u64 {
         self.starts[self.starts.len() - 1]
     }
@@ -143,7 +150,7 @@ impl Piece for Ranks {
         self.columns[..3].iter().any(|c| c.1.is_wide())
     }
 
-    fn read(&self, rows: Range<u64>, out: &mut Rows) -> Result<()> {
+    fn read(&self, rows: Range<u64>, out: &mut RowBuffer) -> Result<()> {
         let mut rank = self.starts.partition_point(|&s| s <= rows.start).saturating_sub(1);
         while rank < self.checked.len() && self.starts[rank] < rows.end {
             let (start, end) = (self.starts[rank], self.starts[rank + 1]);
@@ -164,13 +171,14 @@ impl Piece for Ranks {
     fn in_place(&self) -> Option<InPlace> {
         let rank = self.only()?;
         self.check(rank).ok()?;
-        let lane = |&(variable, kind): &(usize, Kind)| {
+        let lane = |&(variable, kind): &(usize, NumberType)| {
             let column = self.file.column(rank, variable).ok().filter(|c| !c.blosc)?;
             Some(self.lane(&column, kind))
         };
-        let lanes: Vec<Lane> = self.columns.iter().map(lane).collect::<Option<_>>()?;
+        let lanes: Vec<StridedColumn> = self.columns.iter().map(lane).collect::<Option<_>>()?;
         let axes = [lanes[0], lanes[1], lanes[2]];
-        let plain = Strided::new(&self.place, self.file.bytes.clone(), self.rows(), axes, lanes.get(3).copied());
+        let plain =
+            StridedParticles::new(&self.place, self.file.bytes.clone(), self.rows(), axes, lanes.get(3).copied());
         plain.ok()?.in_place()
     }
 }

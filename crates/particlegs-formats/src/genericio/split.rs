@@ -1,7 +1,7 @@
 //! Snapshots in several files: `name` maps ranks to partitions, `name#0`, `name#7`, ... hold them.
 
-use super::header::File;
-use crate::strided::Kind;
+use super::header::GenericIoFile;
+use crate::strided::NumberType;
 use particlegs::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -13,9 +13,9 @@ const PARTITION: &str = "$partition";
 ///
 /// # Errors
 /// [`Error::Input`] where a file is missing or not one of them; [`Error::Io`].
-pub fn open(paths: &[PathBuf]) -> Result<Vec<File>> {
+pub fn open(paths: &[PathBuf]) -> Result<Vec<GenericIoFile>> {
     let whole = whole_of(&paths[0]);
-    let first = File::open(&whole)?;
+    let first = GenericIoFile::open(&whole)?;
     let Some(partition) = first.variable(PARTITION) else {
         return match paths.iter().find(|p| **p != whole) {
             Some(other) => Err(Error::input_with(
@@ -33,12 +33,12 @@ pub fn open(paths: &[PathBuf]) -> Result<Vec<File>> {
     }
     let open = |path: &PathBuf| {
         if path.exists() {
-            return File::open(path);
+            return GenericIoFile::open(path);
         }
         let what = format!("missing: {} says that it holds a part of the snapshot", whole.display());
         Err(Error::input_with(path, what, "put all files of the snapshot into one folder"))
     };
-    let files: Vec<File> = parts.iter().map(open).collect::<Result<_>>()?;
+    let files: Vec<GenericIoFile> = parts.iter().map(open).collect::<Result<_>>()?;
     if files.is_empty() {
         return Err(Error::input(&whole, "it names no files"));
     }
@@ -62,11 +62,12 @@ fn whole_of(path: &Path) -> PathBuf {
 }
 
 /// The partitions that a map names, in order.
-fn partitions(map: &File, variable: usize) -> Result<BTreeSet<i64>> {
+fn partitions(map: &GenericIoFile, variable: usize) -> Result<BTreeSet<i64>> {
     let mut out = BTreeSet::new();
     for (r, rank) in map.ranks.iter().enumerate() {
         let column = map.column(r, variable)?;
-        let kind = map.variables[variable].kind.filter(|k| matches!(k, Kind::I32 | Kind::I64 | Kind::U32));
+        let kind =
+            map.variables[variable].kind.filter(|k| matches!(k, NumberType::I32 | NumberType::I64 | NumberType::U32));
         let kind = kind.filter(|_| !column.blosc);
         let kind =
             kind.ok_or_else(|| Error::input(&map.path, "its map of ranks is stored in a way that is not known"))?;

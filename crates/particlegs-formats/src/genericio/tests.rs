@@ -6,12 +6,12 @@ use crate::{Choice, Weights};
 use particlegs::progress::Silent;
 use std::sync::Mutex;
 
-struct Make {
+struct FileBuilder {
     big_endian: bool,
     bytes: Vec<u8>,
 }
 
-impl Make {
+impl FileBuilder {
     fn int(&mut self, v: u64) {
         self.bytes.extend(if self.big_endian { v.to_be_bytes() } else { v.to_le_bytes() });
     }
@@ -24,7 +24,7 @@ impl Make {
 
 /// Columns by rank; `i32` where a name begins with `$`, else `f32`.
 fn file(big_endian: bool, names: &[&str], ranks: &[Vec<Vec<f32>>]) -> Vec<u8> {
-    let mut m = Make { big_endian, bytes: if big_endian { b"HACC01B\0" } else { b"HACC01L\0" }.to_vec() };
+    let mut m = FileBuilder { big_endian, bytes: if big_endian { b"HACC01B\0" } else { b"HACC01L\0" }.to_vec() };
     let (nv, nr) = (names.len() as u64, ranks.len() as u64);
     let counts: Vec<u64> = ranks.iter().map(|r| r[0].len() as u64).collect();
     let size = 168 + 272 * nv + 48 * nr;
@@ -84,7 +84,7 @@ fn both_byte_orders_and_several_ranks() {
         let d = snapshot.description();
         let cell = d.meta.cell.unwrap();
         assert_eq!((cell.origin, cell.lengths()), ([1.0, 2.0, 3.0], Some([10.0, 20.0, 30.0])));
-        assert_eq!((d.species[0].count, &d.species[0].mass), (5, &Mass::Field("mass".into())));
+        assert_eq!((d.species[0].count, &d.species[0].mass), (5, &SpeciesMass::Field("mass".into())));
         let got = rows(std::slice::from_ref(&path), &Choice::default()).unwrap();
         assert_eq!((got[0], got[4]), ([1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0]));
         let other = Choice { positions: Some("mass,z,y".into()), weights: Weights::None, ..Choice::default() };
@@ -96,7 +96,7 @@ fn both_byte_orders_and_several_ranks() {
 fn compressed(name: &str) -> Vec<u8> {
     let (_, n, hex) = super::chunks::CHUNKS.iter().find(|c| c.0 == name && c.1 == 256).unwrap();
     let chunk: Vec<u8> = (0..hex.len() / 2).map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).unwrap()).collect();
-    let mut m = Make { big_endian: false, bytes: b"HACC01L\0".to_vec() };
+    let mut m = FileBuilder { big_endian: false, bytes: b"HACC01L\0".to_vec() };
     let n = u64::from(*n);
     let blocks = 168 + 272 * 3 + 48;
     let size = blocks + 48 * 3;

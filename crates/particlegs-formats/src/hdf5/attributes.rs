@@ -1,6 +1,6 @@
 //! Attributes as numbers or text.
 
-use crate::strided::Kind;
+use crate::strided::NumberType;
 use hdf5_reader::{Attribute, ByteOrder, Datatype};
 
 /// Numbers of an attribute that are looked at; real ones have at most some dozens.
@@ -8,14 +8,14 @@ const MAX_NUMBERS: usize = 1 << 12;
 
 /// What an attribute holds.
 #[derive(Clone, Debug, PartialEq)]
-enum Value {
+enum AttributeValue {
     Numbers(Vec<f64>),
     Text(String),
 }
 
 /// Attributes of a group or data set, by name; what is neither number nor text is left out.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Attributes(Vec<(String, Value)>);
+pub struct Attributes(Vec<(String, AttributeValue)>);
 
 impl Attributes {
     /// From the library's.
@@ -23,7 +23,7 @@ impl Attributes {
         Attributes(attributes.iter().filter_map(|a| Some((a.name.clone(), value(a)?))).collect())
     }
 
-    fn get(&self, name: &str) -> Option<&Value> {
+    fn get(&self, name: &str) -> Option<&AttributeValue> {
         self.0.iter().find(|a| a.0 == name).map(|a| &a.1)
     }
 
@@ -35,8 +35,8 @@ impl Attributes {
     /// The numbers of the attribute `name`.
     pub fn numbers(&self, name: &str) -> Option<&[f64]> {
         match self.get(name)? {
-            Value::Numbers(numbers) => Some(numbers),
-            Value::Text(_) => None,
+            AttributeValue::Numbers(numbers) => Some(numbers),
+            AttributeValue::Text(_) => None,
         }
     }
 
@@ -47,8 +47,8 @@ impl Attributes {
 
     /// All that are one number.
     pub fn single(&self) -> Vec<(String, f64)> {
-        let one = |(name, value): &(String, Value)| match value {
-            Value::Numbers(numbers) if numbers.len() == 1 => Some((name.clone(), numbers[0])),
+        let one = |(name, value): &(String, AttributeValue)| match value {
+            AttributeValue::Numbers(numbers) if numbers.len() == 1 => Some((name.clone(), numbers[0])),
             _ => None,
         };
         self.0.iter().filter_map(one).collect()
@@ -57,26 +57,26 @@ impl Attributes {
     /// The text of the first of `names` that there is and that is not blank.
     pub fn text(&self, names: &[&str]) -> Option<&str> {
         names.iter().find_map(|n| match self.get(n)? {
-            Value::Text(text) if !text.trim().is_empty() => Some(text.trim()),
+            AttributeValue::Text(text) if !text.trim().is_empty() => Some(text.trim()),
             _ => None,
         })
     }
 }
 
-fn value(attribute: &Attribute) -> Option<Value> {
+fn value(attribute: &Attribute) -> Option<AttributeValue> {
     let (size, kind, order) = match &attribute.datatype {
-        Datatype::FloatingPoint { size: 4, byte_order } => (4, Kind::F32, byte_order),
-        Datatype::FloatingPoint { size: 8, byte_order } => (8, Kind::F64, byte_order),
+        Datatype::FloatingPoint { size: 4, byte_order } => (4, NumberType::F32, byte_order),
+        Datatype::FloatingPoint { size: 8, byte_order } => (8, NumberType::F64, byte_order),
         Datatype::FixedPoint { size, signed, byte_order } => {
             let kind = match (size, signed) {
-                (1, true) => Kind::I8,
-                (2, true) => Kind::I16,
-                (4, true) => Kind::I32,
-                (8, true) => Kind::I64,
-                (1, false) => Kind::U8,
-                (2, false) => Kind::U16,
-                (4, false) => Kind::U32,
-                (8, false) => Kind::U64,
+                (1, true) => NumberType::I8,
+                (2, true) => NumberType::I16,
+                (4, true) => NumberType::I32,
+                (8, true) => NumberType::I64,
+                (1, false) => NumberType::U8,
+                (2, false) => NumberType::U16,
+                (4, false) => NumberType::U32,
+                (8, false) => NumberType::U64,
                 _ => return None,
             };
             (usize::from(*size), kind, byte_order)
@@ -84,19 +84,19 @@ fn value(attribute: &Attribute) -> Option<Value> {
         _ => {
             let strings = attribute.read_strings().or_else(|_| attribute.read_string().map(|s| vec![s])).ok()?;
             let text: String = strings.first()?.chars().filter(|c| !c.is_control()).take(1000).collect();
-            return Some(Value::Text(text));
+            return Some(AttributeValue::Text(text));
         }
     };
     let count = attribute.num_elements().ok()?;
     let stored = attribute.raw_data.chunks_exact(size).take(MAX_NUMBERS);
     let numbers: Vec<f64> = stored.map(|b| kind.get(b, *order == ByteOrder::BigEndian)).collect();
-    (numbers.len() as u64 >= count.min(MAX_NUMBERS as u64)).then_some(Value::Numbers(numbers))
+    (numbers.len() as u64 >= count.min(MAX_NUMBERS as u64)).then_some(AttributeValue::Numbers(numbers))
 }
 
 #[cfg(test)]
 impl Attributes {
     /// Attributes of one number each.
     pub fn of_numbers(numbers: &[(&str, f64)]) -> Self {
-        Attributes(numbers.iter().map(|&(n, v)| (n.to_string(), Value::Numbers(vec![v]))).collect())
+        Attributes(numbers.iter().map(|&(n, v)| (n.to_string(), AttributeValue::Numbers(vec![v]))).collect())
     }
 }

@@ -1,9 +1,9 @@
 //! Particles of one file, read from its data sets whatever their layout.
 
-use super::storage::{Chunks, Storage, Table};
+use super::storage::{Chunks, DataSetStorage, NumberTable};
 use crate::cache::ChunkCache;
-use crate::pieces::{Piece, Rows};
-use crate::strided::{Bytes, Lane, Strided};
+use crate::pieces::{ParticlePiece, RowBuffer};
+use crate::strided::{Bytes, StridedColumn, StridedParticles};
 use memmap2::Mmap;
 use particlegs::particles::InPlace;
 use particlegs::{Error, Result};
@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 /// A column of a table and where it goes.
 #[derive(Clone, Copy)]
-pub struct Want {
+pub struct ColumnTarget {
     /// Which number of a row.
     pub component: u64,
     /// 0, 1, 2 for x, y, z; 3 for weights.
@@ -21,22 +21,22 @@ pub struct Want {
 
 /// Columns of rows of one data set.
 #[derive(Clone)]
-pub struct Part {
+pub struct DataSetPart {
     /// The file's bytes.
     pub map: Arc<Mmap>,
     /// Which rows of the table.
     pub rows: Range<u64>,
     /// The data set.
-    pub table: Arc<Table>,
+    pub table: Arc<NumberTable>,
     /// Which columns.
-    pub wants: Vec<Want>,
+    pub wants: Vec<ColumnTarget>,
     /// Its place, for errors.
     pub place: String,
     /// Its number, different from those of others that share the cache.
     pub key: u64,
 }
 
-impl Part {
+impl DataSetPart {
     /// Rows.
     pub fn count(&self) -> u64 {
         self.rows.end - self.rows.start
@@ -47,40 +47,42 @@ impl Part {
 const KEY_BITS: u32 = 40;
 
 /// Particles of one species that lie in one data set a column.
-pub struct Columns {
+pub struct DataSetColumns {
     rows: u64,
-    parts: Vec<Part>,
+    parts: Vec<DataSetPart>,
     cache: Arc<ChunkCache>,
     sampled: bool,
     /// The same in one stretch each, where they lie so.
-    flat: Option<Strided>,
+    flat: Option<StridedParticles>,
 }
 
-impl Columns {
+impl DataSetColumns {
     /// Particles in `parts`, which have the same number of rows. `sampled`: may the reader look here
     /// for where f64 positions lie?
-    pub fn new(parts: Vec<Part>, cache: Arc<ChunkCache>, sampled: bool) -> Self {
-        let rows = parts.first().map_or(0, Part::count);
+    pub fn new(parts: Vec<DataSetPart>, cache: Arc<ChunkCache>, sampled: bool) -> Self {
+        let rows = parts.first().map_or(0, DataSetPart::count);
         let flat = strided(&parts, rows);
-        Columns { rows, parts, cache, sampled, flat }
+        DataSetColumns { rows, parts, cache, sampled, flat }
     }
 }
 
 /// Rows of a row of chunks of a file's parts, and bytes of them decoded; `None` without chunks.
-pub fn chunk_bytes(parts: &[Part]) -> Option<(u64, u64)> {
+pub fn chunk_bytes(parts: &[DataSetPart]) -> Option<(u64, u64)> {
     let chunked = parts.iter().filter_map(|p| match &p.table.storage {
-        Storage::Chunked(c) if !c.pipeline.is_plain(0) => Some((c.rows.min(p.table.rows), c.bytes as u64 * c.across)),
+        DataSetStorage::Chunked(c) if !c.pipeline.is_plain(0) => {
+            Some((c.rows.min(p.table.rows), c.bytes as u64 * c.across))
+        }
         _ => None,
     });
     chunked.reduce(|a, b| (a.0.max(b.0), a.1 + b.1))
 }
 
 /// All parts as lanes of the mapped file.
-fn strided(parts: &[Part], rows: u64) -> Option<Strided> {
+fn strided(parts: &[DataSetPart], rows: u64) -> Option<StridedParticles> {
     let map = &parts.first()?.map;
-    let mut lanes: [Option<Lane>; 4] = [None; 4];
+    let mut lanes: [Option<StridedColumn>; 4] = [None; 4];
     for part in parts {
-        let Storage::Flat(offset) = part.table.storage else { return None };
+        let DataSetStorage::Flat(offset) = part.table.storage else { return None };
         if part.table.packed.is_some() || !Arc::ptr_eq(map, &part.map) {
             return None;
         }
@@ -90,13 +92,13 @@ fn strided(parts: &[Part], rows: u64) -> Option<Strided> {
         }
     }
     let [Some(x), Some(y), Some(z), weight] = lanes else { return None };
-    Strided::new("", Bytes::Mapped(map.clone()), rows, [x, y, z], weight).ok()
+    StridedParticles::new("", Bytes::Mapped(map.clone()), rows, [x, y, z], weight).ok()
 }
 
 /// Column `component` of rows of `components` numbers from byte `offset`.
-fn lane(table: &Table, offset: u64, components: u64, component: u64) -> Lane {
+fn lane(table: &NumberTable, offset: u64, components: u64, component: u64) -> StridedColumn {
     let bytes = table.kind.bytes();
-    Lane {
+    StridedColumn {
         offset: offset + component * bytes,
         stride: components * bytes,
         kind: table.kind,
@@ -106,7 +108,7 @@ fn lane(table: &Table, offset: u64, components: u64, component: u64) -> Lane {
 
 /// Appends rows `rows` of column `component` of rows of `components` numbers from byte `offset`.
 fn append(
-    table: &Table,
+    table: &NumberTable,
     bytes: &[u8],
     [offset, components, component]: [u64; 3],
     rows: Range<u64>,
@@ -122,24 +124,24 @@ fn append(
     }
 }
 
-fn column(out: &mut Rows, target: usize) -> &mut Vec<f64> {
+fn column(out: &mut RowBuffer, target: usize) -> &mut Vec<f64> {
     match target {
         0..3 => &mut out.position[target],
         _ => &mut out.weight,
     }
 }
 
-impl Piece for Columns {
+impl ParticlePiece for DataSetColumns {
     fn rows(&self) -> u64 {
         self.rows
     }
 
     fn is_wide(&self) -> bool {
-        let positions = |p: &&Part| p.wants.iter().any(|w| w.target < 3);
+        let positions = |p: &&DataSetPart| p.wants.iter().any(|w| w.target < 3);
         self.sampled && self.parts.iter().filter(positions).any(|p| p.table.kind.is_wide())
     }
 
-    fn read(&self, rows: Range<u64>, out: &mut Rows) -> Result<()> {
+    fn read(&self, rows: Range<u64>, out: &mut RowBuffer) -> Result<()> {
         if rows.is_empty() {
             return Ok(());
         }
@@ -149,9 +151,9 @@ impl Piece for Columns {
         for part in &self.parts {
             let rows = rows.start + part.rows.start..rows.end + part.rows.start;
             let (bytes, offset) = match &part.table.storage {
-                Storage::Flat(offset) => (&part.map[..], *offset),
-                Storage::Compact(bytes) => (&bytes[..], 0),
-                Storage::Chunked(chunks) => {
+                DataSetStorage::Flat(offset) => (&part.map[..], *offset),
+                DataSetStorage::Compact(bytes) => (&bytes[..], 0),
+                DataSetStorage::Chunked(chunks) => {
                     self.read_chunks(part, chunks, rows, out)?;
                     continue;
                 }
@@ -169,8 +171,8 @@ impl Piece for Columns {
     }
 }
 
-impl Columns {
-    fn read_chunks(&self, part: &Part, chunks: &Chunks, rows: Range<u64>, out: &mut Rows) -> Result<()> {
+impl DataSetColumns {
+    fn read_chunks(&self, part: &DataSetPart, chunks: &Chunks, rows: Range<u64>, out: &mut RowBuffer) -> Result<()> {
         let mut scratch = Vec::new();
         for down in rows.start / chunks.rows..rows.end.div_ceil(chunks.rows) {
             let begin = down * chunks.rows;
@@ -178,7 +180,7 @@ impl Columns {
             let inside = rows.start.max(begin) - begin..rows.end.min(end) - begin;
             let whole = inside.end - inside.start == end - begin;
             for side in 0..chunks.across {
-                let here = |w: &&Want| w.component / chunks.columns == side;
+                let here = |w: &&ColumnTarget| w.component / chunks.columns == side;
                 if !part.wants.iter().any(|w| here(&w)) {
                     continue;
                 }
@@ -207,7 +209,7 @@ impl Columns {
     /// it is wanted; else by way of the cache.
     fn with_chunk(
         &self,
-        part: &Part,
+        part: &DataSetPart,
         chunks: &Chunks,
         index: u64,
         whole: bool,

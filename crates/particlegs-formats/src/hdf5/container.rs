@@ -4,10 +4,10 @@
 //! data in memory, to follow no link to another file, and to bound what it reads at once.
 
 use super::attributes::Attributes;
-use super::packed::Packed;
+use super::packed::PackedNumber;
 use super::tables::TOP;
 use super::virtual_sets::VirtualLayouts;
-use crate::strided::Kind;
+use crate::strided::NumberType;
 use hdf5_reader::error::Error as Hdf5Error;
 use hdf5_reader::group::Group;
 use hdf5_reader::{ByteOrder, Dataset, Datatype, ExternalLinkResolver, Hdf5File, OpenOptions, StringSize};
@@ -31,7 +31,7 @@ pub struct Container {
     /// Its bytes.
     pub map: Arc<Mmap>,
     pub(super) file: Hdf5File,
-    elsewhere: Arc<Elsewhere>,
+    elsewhere: Arc<ExternalLinks>,
 }
 
 /// What is known of a data set without its data.
@@ -42,9 +42,9 @@ pub struct DataSet {
     /// Numbers along each axis.
     pub shape: Vec<u64>,
     /// Type of its numbers and whether they are big-endian; `None` where they are none.
-    pub number: Option<(Kind, bool)>,
+    pub number: Option<(NumberType, bool)>,
     /// Where the numbers' bits lie, where they do not fill their bytes; the type above has as many bytes then.
-    pub packed: Option<Packed>,
+    pub packed: Option<PackedNumber>,
     /// Type, for people.
     pub kind: String,
     /// Its attributes.
@@ -75,9 +75,9 @@ pub struct Members {
 
 /// Links to other files: never followed, remembered by name.
 #[derive(Default)]
-struct Elsewhere(Mutex<Vec<String>>);
+struct ExternalLinks(Mutex<Vec<String>>);
 
-impl ExternalLinkResolver for Elsewhere {
+impl ExternalLinkResolver for ExternalLinks {
     fn resolve_external_link(&self, filename: &str) -> hdf5_reader::error::Result<Option<Hdf5File>> {
         let mut names = self.0.lock().unwrap_or_else(|e| e.into_inner());
         if names.len() < 8 && !names.iter().any(|n| n == filename) {
@@ -105,7 +105,7 @@ impl Container {
     /// As [`Container::open`].
     pub fn of(path: &Path, map: Arc<Mmap>) -> Result<Self> {
         let place = path.display().to_string();
-        let elsewhere = Arc::new(Elsewhere::default());
+        let elsewhere = Arc::new(ExternalLinks::default());
         let options = OpenOptions::default()
             .with_chunk_cache_bytes(0)
             .with_max_object_header_bytes(MAX_HEADER)
@@ -232,7 +232,7 @@ fn describe(name: &str, set: &Dataset) -> DataSet {
     let mut packed = None;
     if number.is_some() {
         // The library does not tell types of fewer bits from whole ones: the description itself does.
-        match Packed::of(&set.raw_datatype().unwrap_or_default()) {
+        match PackedNumber::of(&set.raw_datatype().unwrap_or_default()) {
             Ok(None) => {}
             Ok(Some(bits)) => (packed, kind) = (Some(bits), bits.name()),
             Err(odd) => (number, kind) = (None, odd),
@@ -243,21 +243,21 @@ fn describe(name: &str, set: &Dataset) -> DataSet {
 }
 
 /// What numbers of a type are, and its name.
-fn number_of(datatype: &Datatype) -> (Option<(Kind, bool)>, String) {
+fn number_of(datatype: &Datatype) -> (Option<(NumberType, bool)>, String) {
     let (kind, order) = match datatype {
-        Datatype::FloatingPoint { size: 4, byte_order } => (Kind::F32, byte_order),
-        Datatype::FloatingPoint { size: 8, byte_order } => (Kind::F64, byte_order),
+        Datatype::FloatingPoint { size: 4, byte_order } => (NumberType::F32, byte_order),
+        Datatype::FloatingPoint { size: 8, byte_order } => (NumberType::F64, byte_order),
         // Always packed.
-        Datatype::FloatingPoint { size: 2, byte_order } => (Kind::U16, byte_order),
+        Datatype::FloatingPoint { size: 2, byte_order } => (NumberType::U16, byte_order),
         Datatype::FixedPoint { size, signed, byte_order } => match (size, signed) {
-            (1, true) => (Kind::I8, byte_order),
-            (2, true) => (Kind::I16, byte_order),
-            (4, true) => (Kind::I32, byte_order),
-            (8, true) => (Kind::I64, byte_order),
-            (1, false) => (Kind::U8, byte_order),
-            (2, false) => (Kind::U16, byte_order),
-            (4, false) => (Kind::U32, byte_order),
-            (8, false) => (Kind::U64, byte_order),
+            (1, true) => (NumberType::I8, byte_order),
+            (2, true) => (NumberType::I16, byte_order),
+            (4, true) => (NumberType::I32, byte_order),
+            (8, true) => (NumberType::I64, byte_order),
+            (1, false) => (NumberType::U8, byte_order),
+            (2, false) => (NumberType::U16, byte_order),
+            (4, false) => (NumberType::U32, byte_order),
+            (8, false) => (NumberType::U64, byte_order),
             (size, _) => return (None, format!("{}-byte integer", size)),
         },
         Datatype::FloatingPoint { size, .. } => return (None, format!("{size}-byte float")),

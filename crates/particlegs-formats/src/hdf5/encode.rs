@@ -21,7 +21,7 @@ const ALIGN: u64 = 4096;
 const CHILDREN: u64 = 64;
 
 /// An attribute's value.
-pub enum Value {
+pub enum OutValue {
     /// One number.
     Number(f64),
     /// Several.
@@ -37,10 +37,10 @@ pub enum Value {
 }
 
 /// An attribute.
-pub type Attribute = (&'static str, Value);
+pub type Attribute = (&'static str, OutValue);
 
 /// A data set, or one without numbers.
-pub struct Set {
+pub struct OutDataSet {
     /// Name.
     pub name: String,
     /// Type of its numbers.
@@ -57,7 +57,7 @@ pub struct Set {
     pub hollow: bool,
 }
 
-impl Set {
+impl OutDataSet {
     fn chunk_rows(&self) -> u64 {
         self.rows.min(CHUNK_ROWS)
     }
@@ -77,17 +77,17 @@ impl Set {
 }
 
 /// A group at the top.
-pub struct Group {
+pub struct OutGroup {
     /// Name.
     pub name: String,
     /// Attributes.
     pub attributes: Vec<Attribute>,
     /// Data sets.
-    pub sets: Vec<Set>,
+    pub sets: Vec<OutDataSet>,
 }
 
 /// A file before its data.
-pub struct Plan {
+pub struct EncodedHeader {
     /// Its beginning: all but the data.
     pub metadata: Vec<u8>,
     /// First byte of each data set, group by group.
@@ -97,7 +97,7 @@ pub struct Plan {
 }
 
 /// Lays out a file of `groups`.
-pub fn plan(groups: &[Group]) -> Plan {
+pub fn plan(groups: &[OutGroup]) -> EncodedHeader {
     let mut next = SUPERBLOCK;
     let mut take = |bytes: u64| {
         let at = next;
@@ -105,10 +105,10 @@ pub fn plan(groups: &[Group]) -> Plan {
         at
     };
     // Sizes do not depend on addresses: everything is measured with none first.
-    let none = |g: &Group| vec![0; g.sets.len()];
+    let none = |g: &OutGroup| vec![0; g.sets.len()];
     let root = take(root_header(groups, &vec![0; groups.len()]).len() as u64);
     let heads: Vec<u64> = groups.iter().map(|g| take(group_header(g, &none(g)).len() as u64)).collect();
-    let each = |take: &mut dyn FnMut(&Set) -> u64| -> Vec<Vec<u64>> {
+    let each = |take: &mut dyn FnMut(&OutDataSet) -> u64| -> Vec<Vec<u64>> {
         groups.iter().map(|g| g.sets.iter().map(&mut *take).collect()).collect()
     };
     let sets = each(&mut |s| take(set_header(s, 0).len() as u64));
@@ -136,14 +136,14 @@ pub fn plan(groups: &[Group]) -> Plan {
         put(sets[g][s], set_header(set, top));
         put(trees[g][s], tree);
     }
-    Plan { metadata, data, length }
+    EncodedHeader { metadata, data, length }
 }
 
 /// Bytes in the order of the file's fields.
 #[derive(Default)]
-struct Bytes(Vec<u8>);
+struct ByteWriter(Vec<u8>);
 
-impl Bytes {
+impl ByteWriter {
     fn raw(mut self, bytes: &[u8]) -> Self {
         self.0.extend_from_slice(bytes);
         self
@@ -176,14 +176,18 @@ const SUPERBLOCK: u64 = 48;
 
 fn superblock(root: u64, length: u64) -> Vec<u8> {
     // Version 2, offsets and lengths of 8 bytes, base 0, no extension.
-    Bytes::default().raw(&super::container::SIGNATURE).raw(&[2, 8, 8, 0]).u64s(&[0, UNDEFINED, length, root]).summed()
+    ByteWriter::default()
+        .raw(&super::container::SIGNATURE)
+        .raw(&[2, 8, 8, 0])
+        .u64s(&[0, UNDEFINED, length, root])
+        .summed()
 }
 
 /// An object header of messages: type and content.
 fn header(messages: &[(u8, Vec<u8>)]) -> Vec<u8> {
     let size: usize = messages.iter().map(|m| 4 + m.1.len()).sum();
     // Version 2; the size of the first chunk has 4 bytes.
-    let start = Bytes::default().raw(b"OHDR").raw(&[2, 2]).u32(size as u64);
+    let start = ByteWriter::default().raw(b"OHDR").raw(&[2, 2]).u32(size as u64);
     messages
         .iter()
         .fold(start, |b, (kind, content)| b.raw(&[*kind]).u16(content.len() as u64).raw(&[0]).raw(content))
@@ -192,9 +196,10 @@ fn header(messages: &[(u8, Vec<u8>)]) -> Vec<u8> {
 
 fn group_messages<'a>(links: impl Iterator<Item = (&'a str, u64)>, attributes: &[Attribute]) -> Vec<(u8, Vec<u8>)> {
     // Link info without a heap, group info without hints.
-    let mut messages = vec![(2, Bytes::default().raw(&[0, 0]).u64s(&[UNDEFINED; 2]).0), (10, vec![0, 0])];
-    let link =
-        |(name, at): (&str, u64)| (6, Bytes::default().raw(&[1, 0, name.len() as u8]).raw(name.as_bytes()).u64(at).0);
+    let mut messages = vec![(2, ByteWriter::default().raw(&[0, 0]).u64s(&[UNDEFINED; 2]).0), (10, vec![0, 0])];
+    let link = |(name, at): (&str, u64)| {
+        (6, ByteWriter::default().raw(&[1, 0, name.len() as u8]).raw(name.as_bytes()).u64(at).0)
+    };
     messages.extend(links.map(link));
     messages.extend(attribute_messages(attributes));
     messages
@@ -208,34 +213,34 @@ fn attribute_messages(attributes: &[Attribute]) -> Vec<(u8, Vec<u8>)> {
 }
 
 fn attribute_info() -> (u8, Vec<u8>) {
-    (21, Bytes::default().raw(&[0, 0]).u64s(&[UNDEFINED; 2]).0)
+    (21, ByteWriter::default().raw(&[0, 0]).u64s(&[UNDEFINED; 2]).0)
 }
 
-fn root_header(groups: &[Group], heads: &[u64]) -> Vec<u8> {
+fn root_header(groups: &[OutGroup], heads: &[u64]) -> Vec<u8> {
     header(&group_messages(groups.iter().map(|g| &g.name[..]).zip(heads.iter().copied()), &[]))
 }
 
-fn group_header(group: &Group, sets: &[u64]) -> Vec<u8> {
+fn group_header(group: &OutGroup, sets: &[u64]) -> Vec<u8> {
     header(&group_messages(group.sets.iter().map(|s| &s.name[..]).zip(sets.iter().copied()), &group.attributes))
 }
 
-fn set_header(set: &Set, tree: u64) -> Vec<u8> {
+fn set_header(set: &OutDataSet, tree: u64) -> Vec<u8> {
     if set.hollow {
         // Contiguous, not yet allocated.
-        let layout = Bytes::default().raw(&[3, 1]).u64s(&[UNDEFINED, 8 * set.rows * set.columns]).0;
+        let layout = ByteWriter::default().raw(&[3, 1]).u64s(&[UNDEFINED, 8 * set.rows * set.columns]).0;
         return table_header(set, &UNSIGNED64, 0x0a, layout);
     }
     let chunk = set.shape(set.chunk_rows());
     // Layout 3, chunked; the last dimension is the number's size.
-    let layout = Bytes::default().raw(&[3, 2, chunk.len() as u8 + 1]).u64(tree);
+    let layout = ByteWriter::default().raw(&[3, 2, chunk.len() as u8 + 1]).u64(tree);
     let layout = chunk.iter().chain(&[set.number.bytes()]).fold(layout, |b, &n| b.u32(n));
     table_header(set, &datatype(set.number), 0x0b, layout.0)
 }
 
 /// `fill`: when space is taken, and that no fill value is set.
-fn table_header(set: &Set, kind: &[u8], fill: u8, layout: Vec<u8>) -> Vec<u8> {
+fn table_header(set: &OutDataSet, kind: &[u8], fill: u8, layout: Vec<u8>) -> Vec<u8> {
     let mut messages = vec![(1, dataspace(&set.shape(set.rows))), (3, kind.to_vec()), (5, vec![3, fill]), (8, layout)];
-    let source = set.source.iter().map(|(name, value)| (12, attribute(name, &Value::Number(*value))));
+    let source = set.source.iter().map(|(name, value)| (12, attribute(name, &OutValue::Number(*value))));
     let source: Vec<_> = source.collect();
     match set.attributes.is_empty() && !source.is_empty() {
         true => messages.push(attribute_info()),
@@ -258,7 +263,7 @@ fn datatype(number: Number) -> Vec<u8> {
 }
 
 fn dataspace(shape: &[u64]) -> Vec<u8> {
-    Bytes::default().raw(&[2, shape.len() as u8, 0, u8::from(!shape.is_empty())]).u64s(shape).0
+    ByteWriter::default().raw(&[2, shape.len() as u8, 0, u8::from(!shape.is_empty())]).u64s(shape).0
 }
 
 // Little-endian IEEE 754: where sign, exponent and mantissa lie, and the bias of the exponent.
@@ -268,24 +273,24 @@ const UNSIGNED64: [u8; 12] = [0x10, 0, 0, 0, 8, 0, 0, 0, 0, 0, 64, 0];
 const UNSIGNED32: [u8; 12] = [0x10, 0, 0, 0, 4, 0, 0, 0, 0, 0, 32, 0];
 const SIGNED32: [u8; 12] = [0x10, 8, 0, 0, 4, 0, 0, 0, 0, 0, 32, 0];
 
-fn attribute(name: &str, value: &Value) -> Vec<u8> {
+fn attribute(name: &str, value: &OutValue) -> Vec<u8> {
     let floats = |v: &[f64]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
     let (kind, space, data) = match value {
-        Value::Number(v) => (FLOAT64.to_vec(), dataspace(&[]), floats(&[*v])),
-        Value::Numbers(v) => (FLOAT64.to_vec(), dataspace(&[v.len() as u64]), floats(v)),
-        Value::Integer(v) => (SIGNED32.to_vec(), dataspace(&[]), v.to_le_bytes().to_vec()),
-        Value::Counts(v) => (UNSIGNED64.to_vec(), dataspace(&[v.len() as u64]), Bytes::default().u64s(v).0),
-        Value::Words(v) => {
+        OutValue::Number(v) => (FLOAT64.to_vec(), dataspace(&[]), floats(&[*v])),
+        OutValue::Numbers(v) => (FLOAT64.to_vec(), dataspace(&[v.len() as u64]), floats(v)),
+        OutValue::Integer(v) => (SIGNED32.to_vec(), dataspace(&[]), v.to_le_bytes().to_vec()),
+        OutValue::Counts(v) => (UNSIGNED64.to_vec(), dataspace(&[v.len() as u64]), ByteWriter::default().u64s(v).0),
+        OutValue::Words(v) => {
             (UNSIGNED32.to_vec(), dataspace(&[v.len() as u64]), v.iter().flat_map(|v| v.to_le_bytes()).collect())
         }
-        Value::Text(text) => {
+        OutValue::Text(text) => {
             // UTF-8, ended by a zero.
             let text = [text.as_bytes(), &[0]].concat();
-            (Bytes::default().raw(&[0x13, 0x10, 0, 0]).u32(text.len() as u64).0, dataspace(&[]), text)
+            (ByteWriter::default().raw(&[0x13, 0x10, 0, 0]).u32(text.len() as u64).0, dataspace(&[]), text)
         }
     };
     let lengths = [name.len() + 1, kind.len(), space.len()];
-    let start = lengths.iter().fold(Bytes::default().raw(&[3, 0]), |b, &n| b.u16(n as u64)).raw(&[0]);
+    let start = lengths.iter().fold(ByteWriter::default().raw(&[3, 0]), |b, &n| b.u16(n as u64)).raw(&[0]);
     start.raw(name.as_bytes()).raw(&[0]).raw(&kind).raw(&space).raw(&data).0
 }
 
@@ -301,18 +306,18 @@ fn nodes(chunks: u64) -> Vec<u64> {
     levels
 }
 
-fn key_bytes(set: &Set) -> u64 {
+fn key_bytes(set: &OutDataSet) -> u64 {
     8 + 8 * (set.shape(0).len() as u64 + 1)
 }
 
-fn node_bytes(set: &Set) -> u64 {
+fn node_bytes(set: &OutDataSet) -> u64 {
     24 + CHILDREN * 8 + (CHILDREN + 1) * key_bytes(set)
 }
 
 /// The tree of a set's chunks, at byte `at`, leaves first, the root last. Chunks lie from byte `data`.
-fn tree(set: &Set, at: u64, data: u64) -> Vec<u8> {
+fn tree(set: &OutDataSet, at: u64, data: u64) -> Vec<u8> {
     let (size, chunks) = (node_bytes(set), set.chunks());
-    let key = |bytes: Bytes, chunk: u64| {
+    let key = |bytes: ByteWriter, chunk: u64| {
         // Multiples of the chunk's shape; beyond the last chunk in every direction for the key after it.
         let past = u64::from(chunk >= chunks);
         let mut offsets = set.shape(chunk.min(chunks) * set.chunk_rows());
@@ -330,7 +335,7 @@ fn tree(set: &Set, at: u64, data: u64) -> Vec<u8> {
             let own = node * CHILDREN..children.min((node + 1) * CHILDREN);
             let left = if node == 0 { UNDEFINED } else { here + (node - 1) * size };
             let right = if node + 1 == count { UNDEFINED } else { here + (node + 1) * size };
-            let start = Bytes::default().raw(b"TREE").raw(&[1, level as u8]).u16(own.end - own.start);
+            let start = ByteWriter::default().raw(b"TREE").raw(&[1, level as u8]).u16(own.end - own.start);
             let filled = own
                 .clone()
                 .fold(start.u64s(&[left, right]), |b, child| key(b, child * step).u64(below + child * child_bytes));
@@ -356,7 +361,7 @@ mod tests {
         assert_eq!(nodes(64 * 64 + 1), [65, 2, 1]);
         let (number, attributes, source) = (Number::F32, Vec::new(), Vec::new());
         let rows = 65 * CHUNK_ROWS - 5;
-        let set = Set { name: "a".into(), number, rows, columns: 3, attributes, source, hollow: false };
+        let set = OutDataSet { name: "a".into(), number, rows, columns: 3, attributes, source, hollow: false };
         assert_eq!(tree(&set, 0, 0).len() as u64, 3 * node_bytes(&set));
     }
 }

@@ -11,7 +11,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 /// One step.
-enum Stage {
+enum FilterStage {
     Deflate,
     /// Bytes of equal place in all numbers lie together.
     Shuffle,
@@ -23,7 +23,7 @@ enum Stage {
 
 /// The steps in the order in which they were applied.
 pub struct Pipeline {
-    stages: Vec<Stage>,
+    stages: Vec<FilterStage>,
     element: usize,
 }
 
@@ -51,13 +51,13 @@ impl Pipeline {
     /// [`Error::Input`] naming a filter that is not read.
     pub fn new(filters: &[FilterDescription], element: usize, place: &str) -> Result<Self> {
         let stage = |f: &FilterDescription| match f.id {
-            FILTER_DEFLATE => Ok(Stage::Deflate),
-            FILTER_SHUFFLE if f.client_data.first().is_none_or(|&n| n as usize == element) => Ok(Stage::Shuffle),
+            FILTER_DEFLATE => Ok(FilterStage::Deflate),
+            FILTER_SHUFFLE if f.client_data.first().is_none_or(|&n| n as usize == element) => Ok(FilterStage::Shuffle),
             FILTER_SHUFFLE => Err(Error::input(place, "broken HDF5 file: shuffled as numbers of another size")),
-            FILTER_FLETCHER32 => Ok(Stage::Fletcher32),
-            32000 => Ok(Stage::Lzf),
-            32004 => Ok(Stage::Lz4),
-            id if BY_LIBRARY.contains(&id) => Ok(Stage::Library(f.clone())),
+            FILTER_FLETCHER32 => Ok(FilterStage::Fletcher32),
+            32000 => Ok(FilterStage::Lzf),
+            32004 => Ok(FilterStage::Lz4),
+            id if BY_LIBRARY.contains(&id) => Ok(FilterStage::Library(f.clone())),
             id => {
                 let name = UNREAD.iter().find(|u| u.0 == id).map_or(String::new(), |u| format!(" ({})", u.1));
                 let what = format!("it is compressed by HDF5 filter {id}{name}, which is not read");
@@ -88,12 +88,12 @@ impl Pipeline {
                 continue;
             }
             bytes = match stage {
-                Stage::Deflate => Cow::Owned(inflate(&bytes, limit)?),
-                Stage::Shuffle => Cow::Owned(unshuffle(&bytes, self.element)),
-                Stage::Fletcher32 => checked(bytes)?,
-                Stage::Lzf => Cow::Owned(unlzf(&bytes, limit)?),
-                Stage::Lz4 => Cow::Owned(unlz4(&bytes, limit)?),
-                Stage::Library(filter) => {
+                FilterStage::Deflate => Cow::Owned(inflate(&bytes, limit)?),
+                FilterStage::Shuffle => Cow::Owned(unshuffle(&bytes, self.element)),
+                FilterStage::Fletcher32 => checked(bytes)?,
+                FilterStage::Lzf => Cow::Owned(unlzf(&bytes, limit)?),
+                FilterStage::Lz4 => Cow::Owned(unlz4(&bytes, limit)?),
+                FilterStage::Library(filter) => {
                     let filter = std::slice::from_ref(filter);
                     let done = apply_pipeline_with_limit(&bytes, filter, 0, self.element, None, Some(limit));
                     Cow::Owned(done.map_err(|e| e.to_string())?)
@@ -110,7 +110,7 @@ impl Pipeline {
 
     /// Is the last step to undo a shuffle that [`Pipeline::undo`] leaves?
     pub fn leaves_shuffled(&self, mask: u32) -> bool {
-        self.first(mask).is_some_and(|i| matches!(self.stages[i], Stage::Shuffle))
+        self.first(mask).is_some_and(|i| matches!(self.stages[i], FilterStage::Shuffle))
     }
 
     /// Numbers `range` of a chunk that is left shuffled, their bytes together.

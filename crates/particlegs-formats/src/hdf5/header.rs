@@ -11,7 +11,7 @@ pub const TYPES: usize = 16;
 
 /// The attributes of the groups that describe a snapshot.
 #[derive(Clone, Default)]
-pub struct Groups {
+pub struct HeaderGroups {
     /// `Header`.
     pub header: Attributes,
     /// `Parameters` (Gadget-4, AREPO, SWIFT).
@@ -26,9 +26,9 @@ pub struct Groups {
 
 /// A file's header.
 #[derive(Clone)]
-pub struct Header {
+pub struct Hdf5Header {
     /// All attributes.
-    pub groups: Groups,
+    pub groups: HeaderGroups,
     /// Particles of each type in this file, where it says.
     pub here: Option<Vec<u64>>,
     /// Particles of each type in all files, where it says.
@@ -38,13 +38,13 @@ pub struct Header {
     place: String,
 }
 
-impl Header {
+impl Hdf5Header {
     /// Reads it.
     ///
     /// # Errors
     /// [`Error::Input`] where the bytes are broken or counts are no counts.
     pub fn read(container: &Container) -> Result<Self> {
-        let groups = Groups {
+        let groups = HeaderGroups {
             header: container.attributes("Header")?,
             parameters: container.attributes("Parameters")?,
             config: container.attributes("Config")?,
@@ -65,7 +65,7 @@ impl Header {
             Some(n) => count(n, "NumFilesPerSnapshot", &place)?.max(1),
             None => 1,
         };
-        Ok(Header { groups, here, total, files, place })
+        Ok(Hdf5Header { groups, here, total, files, place })
     }
 
     /// The simulation box. `None` for an isolated run (BoxSize 0, or none).
@@ -218,13 +218,13 @@ fn joined(low: Vec<u64>, high: &[u64]) -> Vec<u64> {
 mod tests {
     use super::*;
 
-    fn header(header: &[(&str, f64)], parameters: &[(&str, f64)]) -> Header {
-        let groups = Groups {
+    fn header(header: &[(&str, f64)], parameters: &[(&str, f64)]) -> Hdf5Header {
+        let groups = HeaderGroups {
             header: Attributes::of_numbers(header),
             parameters: Attributes::of_numbers(parameters),
-            ..Groups::default()
+            ..HeaderGroups::default()
         };
-        Header { groups, here: None, total: None, files: 1, place: "a".into() }
+        Hdf5Header { groups, here: None, total: None, files: 1, place: "a".into() }
     }
 
     #[test]

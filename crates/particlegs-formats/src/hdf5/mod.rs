@@ -23,7 +23,7 @@ mod write;
 pub use write::{fields, write};
 
 use crate::Format;
-use crate::registry::Head;
+use crate::registry::FileHead;
 use std::path::Path;
 
 /// HDF5 snapshot.
@@ -31,7 +31,7 @@ pub const FORMAT: Format =
     Format { name: "hdf5", title: "HDF5 snapshot (Gadget, AREPO, SWIFT, GIZMO)", detect, open: snapshot::open };
 
 /// The signature at byte 0, or after a block of the user's, at 512, 1024, 2048 ...
-fn detect(head: &Head) -> bool {
+fn detect(head: &FileHead) -> bool {
     let at = std::iter::once(0).chain((9..).map(|k| 1usize << k));
     at.take_while(|&k| k < head.bytes.len()).any(|k| head.bytes[k..].starts_with(&container::SIGNATURE))
 }

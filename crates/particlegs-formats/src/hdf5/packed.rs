@@ -2,25 +2,25 @@
 
 /// Where the bits of a number lie in its bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Packed {
+pub struct PackedNumber {
     big_endian: bool,
-    form: Form,
+    form: BitLayout,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Form {
+enum BitLayout {
     Integer { offset: u32, bits: u32, signed: bool },
-    Float { sign: u32, exponent: Field, mantissa: Field, bias: i32 },
+    Float { sign: u32, exponent: BitField, mantissa: BitField, bias: i32 },
 }
 
 /// Some bits of a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Field {
+struct BitField {
     start: u32,
     bits: u32,
 }
 
-impl Field {
+impl BitField {
     fn of(self, raw: u64) -> u64 {
         raw >> self.start & ((1 << self.bits) - 1)
     }
@@ -30,10 +30,10 @@ impl Field {
     }
 }
 
-impl Packed {
+impl PackedNumber {
     /// From the bytes of a type's description. `None` for the machine's own types; an error, in words, for what is
     /// no number that f64 can hold.
-    pub fn of(datatype: &[u8]) -> Result<Option<Packed>, String> {
+    pub fn of(datatype: &[u8]) -> Result<Option<PackedNumber>, String> {
         let word = |at: usize| datatype.get(at..at + 2).map(|b| u32::from(u16::from_le_bytes([b[0], b[1]])));
         let byte = |at: usize| datatype.get(at).copied().map(u32::from);
         let read = || Some((byte(0)? & 15, byte(1)?, byte(2)?, word(4)?, word(8)?, word(10)?));
@@ -45,12 +45,12 @@ impl Packed {
         let big_endian = flags & 1 != 0;
         if class == 0 {
             let whole = offset == 0 && bits == 8 * size;
-            let form = Form::Integer { offset, bits, signed: flags & 8 != 0 };
-            return Ok((!whole).then_some(Packed { big_endian, form }));
+            let form = BitLayout::Integer { offset, bits, signed: flags & 8 != 0 };
+            return Ok((!whole).then_some(PackedNumber { big_endian, form }));
         }
         let read = || Some([byte(12)?, byte(13)?, byte(14)?, byte(15)?, word(16)?, word(18)?]);
         let Some([at, exponent, start, mantissa, low, high]) = read() else { return Err("a broken type".into()) };
-        let (exponent, mantissa) = (Field { start: at, bits: exponent }, Field { start, bits: mantissa });
+        let (exponent, mantissa) = (BitField { start: at, bits: exponent }, BitField { start, bits: mantissa });
         let plain = match size {
             4 => (sign, exponent.start, exponent.bits, mantissa.bits, low) == (31, 23, 8, 23, 127),
             8 => (sign, exponent.start, exponent.bits, mantissa.bits, low) == (63, 52, 11, 52, 1023),
@@ -64,14 +64,14 @@ impl Packed {
         if class != 1 || !normal || !fits || low > 1023 {
             return Err(odd());
         }
-        Ok(Some(Packed { big_endian, form: Form::Float { sign, exponent, mantissa, bias: low as i32 } }))
+        Ok(Some(PackedNumber { big_endian, form: BitLayout::Float { sign, exponent, mantissa, bias: low as i32 } }))
     }
 
     /// Its name.
     pub fn name(&self) -> String {
         match self.form {
-            Form::Integer { bits, signed, .. } => format!("{}{bits}", if signed { 'i' } else { 'u' }),
-            Form::Float { exponent, mantissa, .. } => format!("f{}", 1 + exponent.bits + mantissa.bits),
+            BitLayout::Integer { bits, signed, .. } => format!("{}{bits}", if signed { 'i' } else { 'u' }),
+            BitLayout::Float { exponent, mantissa, .. } => format!("f{}", 1 + exponent.bits + mantissa.bits),
         }
     }
 
@@ -84,12 +84,12 @@ impl Packed {
         }
         let raw = u64::from_le_bytes(raw);
         match self.form {
-            Form::Integer { offset, bits, signed } => {
+            BitLayout::Integer { offset, bits, signed } => {
                 // To the top, then down again, with copies of the sign where there is one.
                 let top = raw >> offset << (64 - bits);
                 if signed { (top as i64 >> (64 - bits)) as f64 } else { (top >> (64 - bits)) as f64 }
             }
-            Form::Float { sign, exponent, mantissa, bias } => {
+            BitLayout::Float { sign, exponent, mantissa, bias } => {
                 let (e, m) = (exponent.of(raw), mantissa.of(raw));
                 let fraction = m as f64 / (1u64 << mantissa.bits) as f64;
                 let size = if e == (1 << exponent.bits) - 1 {
@@ -109,11 +109,11 @@ impl Packed {
 mod tests {
     use super::*;
 
-    fn float(size: u8, bits: u8, sign: u8, exponent: [u8; 2], mantissa: u8, bias: u16) -> Packed {
+    fn float(size: u8, bits: u8, sign: u8, exponent: [u8; 2], mantissa: u8, bias: u16) -> PackedNumber {
         let [low, high] = bias.to_le_bytes();
         let [at, e] = exponent;
         let bytes = [0x11, 0x20, sign, 0, size, 0, 0, 0, 0, 0, bits, 0, at, e, 0, mantissa, low, high, 0, 0];
-        Packed::of(&bytes).unwrap().unwrap()
+        PackedNumber::of(&bytes).unwrap().unwrap()
     }
 
     #[test]
@@ -127,24 +127,24 @@ mod tests {
         let cut = float(4, 18, 17, [9, 8], 9, 127);
         assert_eq!((cut.get(&(1.5f32.to_bits() >> 14).to_le_bytes()), cut.name()), (1.5, "f18".into()));
         let bytes = [0x10, 8, 0, 0, 4, 0, 0, 0, 3, 0, 20, 0];
-        let integer = Packed::of(&bytes).unwrap().unwrap();
+        let integer = PackedNumber::of(&bytes).unwrap().unwrap();
         assert_eq!(integer.get(&((-5i32 as u32) << 3 & 0x7f_ffff).to_le_bytes()), -5.0);
     }
 
     #[test]
     fn own_types_are_not_packed_and_broken_ones_are_refused() {
         let f32 = [0x11, 0x20, 31, 0, 4, 0, 0, 0, 0, 0, 32, 0, 23, 8, 0, 23, 127, 0, 0, 0];
-        assert_eq!(Packed::of(&f32), Ok(None));
-        assert_eq!(Packed::of(&[0x10, 8, 0, 0, 8, 0, 0, 0, 0, 0, 64, 0]), Ok(None));
+        assert_eq!(PackedNumber::of(&f32), Ok(None));
+        assert_eq!(PackedNumber::of(&[0x10, 8, 0, 0, 8, 0, 0, 0, 0, 0, 64, 0]), Ok(None));
         for at in 0..20 {
             for bit in 0..8 {
                 let mut broken = f32;
                 broken[at] ^= 1 << bit;
-                if let Ok(Some(packed)) = Packed::of(&broken) {
+                if let Ok(Some(packed)) = PackedNumber::of(&broken) {
                     packed.get(&[255; 4]);
                 }
             }
-            assert!(Packed::of(&f32[..at]).is_err());
+            assert!(PackedNumber::of(&f32[..at]).is_err());
         }
     }
 }

@@ -1,14 +1,14 @@
 //! A reader of one species with the fields chosen, over all files.
 
-use super::columns::{Columns, Part, Want, chunk_bytes};
+use super::columns::{ColumnTarget, DataSetColumns, DataSetPart, chunk_bytes};
 use super::container::Container;
 use super::snapshot;
 use super::storage::table;
 use super::virtual_sets;
 use crate::axes::axis;
 use crate::cache::ChunkCache;
-use crate::pieces::{Piece, PieceReader};
-use crate::{Choice, Field, Mass, Species};
+use crate::pieces::{ParticlePiece, PieceReader};
+use crate::{Choice, Species, SpeciesField, SpeciesMass};
 use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
@@ -20,9 +20,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// What is read.
-pub struct Source<'a> {
+pub struct GroupSource<'a> {
     /// The snapshot's files.
-    pub parts: &'a [snapshot::Part],
+    pub parts: &'a [snapshot::FilePart],
     /// Number of the type.
     pub kind: usize,
     /// Its group.
@@ -40,24 +40,24 @@ const SAMPLED: usize = 8;
 const BUDGET: u64 = 96 << 20;
 
 /// Data sets to read, each with its columns.
-type Wanted = Vec<(String, Vec<Want>)>;
+type DataSetTargets = Vec<(String, Vec<ColumnTarget>)>;
 
 /// Opens it.
 ///
 /// # Errors
 /// [`Error::Input`] for fields that are missing or have the wrong shape, and for broken files.
-pub fn reader(source: &Source<'_>, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
+pub fn reader(source: &GroupSource<'_>, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
     let species = source.species;
     let place = &source.meta.name;
     let mut wanted = positions(species, place, choice.positions.as_deref().unwrap_or(&species.positions))?;
     let weight = species.weight_field(place, &choice.weights)?;
     if let Some(name) = &weight {
-        wanted.push((name.clone(), vec![Want { component: 0, target: 3 }]));
+        wanted.push((name.clone(), vec![ColumnTarget { component: 0, target: 3 }]));
     }
     let group = source.group;
-    let used: Vec<&snapshot::Part> = source.parts.iter().filter(|p| p.rows[source.kind] > 0).collect();
+    let used: Vec<&snapshot::FilePart> = source.parts.iter().filter(|p| p.rows[source.kind] > 0).collect();
     let mut tables = Vec::with_capacity(used.len());
-    let mut sets = Sets { choice, count: 0 };
+    let mut sets = DataSetSequence { choice, count: 0 };
     for file in used {
         let container = Container::of(&file.path, file.map.clone())?;
         let mut sources = BTreeMap::new();
@@ -65,28 +65,28 @@ pub fn reader(source: &Source<'_>, choice: &Choice) -> Result<Box<dyn SnapshotRe
         tables.extend(side_by_side(columns.collect::<Result<_>>()?)?);
     }
     let mut meta = source.meta.clone();
-    if let Mass::Each(mass) = species.mass {
+    if let SpeciesMass::Each(mass) = species.mass {
         meta.particle_mass = Some(mass);
     }
     assemble(meta, tables, weight.is_some())
 }
 
 /// Data sets that are read, one after the other.
-struct Sets<'a> {
+struct DataSetSequence<'a> {
     choice: &'a Choice,
     /// Those before.
     count: u64,
 }
 
-impl Sets<'_> {
+impl DataSetSequence<'_> {
     /// Columns of a data set: one part, or as many as a virtual one has sources.
     fn parts(
         &mut self,
         container: &Container,
         sources: &mut BTreeMap<Arc<Path>, Container>,
         [group, name]: [&str; 2],
-        wants: &[Want],
-    ) -> Result<Vec<Part>> {
+        wants: &[ColumnTarget],
+    ) -> Result<Vec<DataSetPart>> {
         let set = container.data_set(group, name)?;
         let Some(extents) = virtual_sets::extents(container, group, &set)? else {
             return Ok(vec![self.part(container, [group, name], wants)?]);
@@ -123,7 +123,7 @@ impl Sets<'_> {
         Ok(parts)
     }
 
-    fn part(&mut self, container: &Container, [group, name]: [&str; 2], wants: &[Want]) -> Result<Part> {
+    fn part(&mut self, container: &Container, [group, name]: [&str; 2], wants: &[ColumnTarget]) -> Result<DataSetPart> {
         let place = format!("{}: {group}/{name}", container.place);
         let mut table = table(container, group, name)?;
         if table.packed.is_none() {
@@ -135,13 +135,13 @@ impl Sets<'_> {
         }
         let (key, rows) = (self.count, 0..table.rows);
         self.count += 1;
-        Ok(Part { map: container.map.clone(), rows, table: Arc::new(table), wants: wants.to_vec(), place, key })
+        Ok(DataSetPart { map: container.map.clone(), rows, table: Arc::new(table), wants: wants.to_vec(), place, key })
     }
 }
 
 /// Pieces with one part of each column, cut where any column goes on in another data set.
-fn side_by_side(mut columns: Vec<Vec<Part>>) -> Result<Vec<Vec<Part>>> {
-    let count = |parts: &Vec<Part>| parts.iter().map(Part::count).sum::<u64>();
+fn side_by_side(mut columns: Vec<Vec<DataSetPart>>) -> Result<Vec<Vec<DataSetPart>>> {
+    let count = |parts: &Vec<DataSetPart>| parts.iter().map(DataSetPart::count).sum::<u64>();
     let rows = columns.first().map_or(0, count);
     if let Some(odd) = columns.iter().find(|c| count(c) != rows) {
         let place = odd.first().map_or("", |p| &p.place);
@@ -150,12 +150,12 @@ fn side_by_side(mut columns: Vec<Vec<Part>>) -> Result<Vec<Vec<Part>>> {
     columns.iter_mut().for_each(|parts| parts.reverse());
     let mut pieces = Vec::new();
     while let Some(rows) = columns.iter().filter_map(|c| Some(c.last()?.count())).min() {
-        let take = |parts: &mut Vec<Part>| {
+        let take = |parts: &mut Vec<DataSetPart>| {
             let mut part = parts.pop()?;
             let rest = part.rows.start + rows..part.rows.end;
             part.rows.end = rest.start;
             if !rest.is_empty() {
-                parts.push(Part { rows: rest, ..part.clone() });
+                parts.push(DataSetPart { rows: rest, ..part.clone() });
             }
             Some(part)
         };
@@ -164,7 +164,7 @@ fn side_by_side(mut columns: Vec<Vec<Part>>) -> Result<Vec<Vec<Part>>> {
     Ok(pieces)
 }
 
-fn assemble(meta: SnapshotMeta, tables: Vec<Vec<Part>>, weighted: bool) -> Result<Box<dyn SnapshotReader>> {
+fn assemble(meta: SnapshotMeta, tables: Vec<Vec<DataSetPart>>, weighted: bool) -> Result<Box<dyn SnapshotReader>> {
     let (rows, bytes) = tables.iter().flat_map(|t| chunk_bytes(t)).fold((0, 0), |a, b| (a.0.max(b.0), a.1.max(b.1)));
     let threads = particlegs::parallel::threads() as u64;
     let together = (BUDGET / bytes.max(1)).saturating_sub(1).clamp(1, threads.max(2));
@@ -172,21 +172,25 @@ fn assemble(meta: SnapshotMeta, tables: Vec<Vec<Part>>, weighted: bool) -> Resul
     memory::require("decoding the chunks of this HDF5 file", (together + 3).saturating_mul(bytes))?;
     let cache = Arc::new(ChunkCache::new(((together + 1) * bytes) as usize));
     let step = tables.len().div_ceil(SAMPLED).max(1);
-    let mut pieces: Vec<Box<dyn Piece>> = Vec::with_capacity(tables.len());
+    let mut pieces: Vec<Box<dyn ParticlePiece>> = Vec::with_capacity(tables.len());
     for (index, parts) in tables.into_iter().enumerate() {
-        let piece = Columns::new(parts, cache.clone(), index % step == 0);
+        let piece = DataSetColumns::new(parts, cache.clone(), index % step == 0);
         pieces.push(Box::new(piece));
     }
     let inner = PieceReader::new(meta, pieces, weighted)?;
     // Chunks that only few runs wide are shared by neighbours on one thread; those that are wider must
     // not be decoded again for every run.
     let wide = rows > 2 * RUN as u64;
-    Ok(if wide { Box::new(Stretches { inner, runs: (together * rows).div_ceil(RUN as u64) }) } else { Box::new(inner) })
+    Ok(if wide {
+        Box::new(StretchReader { inner, runs: (together * rows).div_ceil(RUN as u64) })
+    } else {
+        Box::new(inner)
+    })
 }
 
 /// Where positions are: a data set of three numbers a row, or three data sets `x,y,z`.
-fn positions(species: &Species, place: &str, name: &str) -> Result<Wanted> {
-    let find = |name: &str, components: u32| -> Result<&Field> {
+fn positions(species: &Species, place: &str, name: &str) -> Result<DataSetTargets> {
+    let find = |name: &str, components: u32| -> Result<&SpeciesField> {
         species.fields.iter().find(|f| f.name == name && f.components == components).ok_or_else(|| {
             let there = species.fields.iter().filter(|f| f.components == components).map(|f| &f.name[..]);
             species.missing(place, name, there)
@@ -195,13 +199,13 @@ fn positions(species: &Species, place: &str, name: &str) -> Result<Wanted> {
     let names: Vec<&str> = name.split(',').map(str::trim).collect();
     match names[..] {
         [name] => {
-            let wants = (0..3).map(|k| Want { component: k, target: k as usize }).collect();
+            let wants = (0..3).map(|k| ColumnTarget { component: k, target: k as usize }).collect();
             Ok(vec![(find(name, 3)?.name.clone(), wants)])
         }
         [_, _, _] => {
             let one = |(target, name): (usize, &&str)| match axis(species, name) {
-                Some(axis) => Ok((axis.field, vec![Want { component: axis.component.into(), target }])),
-                None => Ok((find(name, 1)?.name.clone(), vec![Want { component: 0, target }])),
+                Some(axis) => Ok((axis.field, vec![ColumnTarget { component: axis.component.into(), target }])),
+                None => Ok((find(name, 1)?.name.clone(), vec![ColumnTarget { component: 0, target }])),
             };
             names.iter().enumerate().map(one).collect()
         }
@@ -210,12 +214,12 @@ fn positions(species: &Species, place: &str, name: &str) -> Result<Wanted> {
 }
 
 /// Reads stretches of so many runs one after the other, so that few wide chunks are in use at a time.
-struct Stretches {
+struct StretchReader {
     inner: PieceReader,
     runs: u64,
 }
 
-impl SnapshotReader for Stretches {
+impl SnapshotReader for StretchReader {
     fn meta(&self) -> &SnapshotMeta {
         self.inner.meta()
     }

@@ -2,12 +2,12 @@
 
 use super::container::{Container, DataSet};
 use super::files;
-use super::header::{Header, TYPES};
-use super::reader::{self, Source};
+use super::header::{Hdf5Header, TYPES};
+use super::reader::{self, GroupSource};
 use super::tables;
 use super::units::{self, Simulation};
 use super::virtual_sets;
-use crate::{Choice, Description, Field, Mass, Snapshot, Species};
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
 use memmap2::Mmap;
 use particlegs::model::{Cosmology, Dimension, Epoch, Unit, Units, species_aliases};
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
@@ -23,7 +23,7 @@ const POSITIONS: [&str; 7] = ["Coordinates", "coordinates", "Positions", "Positi
 const MASSES: [&str; 5] = ["Masses", "Mass", "masses", "MASS", "mass"];
 
 /// A file of the snapshot.
-pub struct Part {
+pub struct FilePart {
     /// Its path.
     pub path: PathBuf,
     /// Its bytes.
@@ -35,7 +35,7 @@ pub struct Part {
 /// An open snapshot.
 struct Hdf5Snapshot {
     description: Description,
-    parts: Vec<Part>,
+    parts: Vec<FilePart>,
     /// The type of each species.
     types: Vec<usize>,
 }
@@ -50,7 +50,7 @@ impl Snapshot for Hdf5Snapshot {
             return Err(Error::argument(format!("there is no particle type {species}")));
         };
         let (group, meta) = (&group_name(*kind)[..], &self.description.meta);
-        let source = Source { parts: &self.parts, kind: *kind, group, species: found, meta };
+        let source = GroupSource { parts: &self.parts, kind: *kind, group, species: found, meta };
         reader::reader(&source, choice)
     }
 
@@ -72,7 +72,7 @@ impl Snapshot for Hdf5Snapshot {
 /// [`Error::Input`] for broken files, for what is no snapshot, and for files that contradict each other.
 pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let first = Container::open(&paths[0])?;
-    let header = Header::read(&first)?;
+    let header = Hdf5Header::read(&first)?;
     if let [path] = paths
         && !first.groups()?.iter().any(|g| kind_of(&g.0).is_some())
     {
@@ -84,7 +84,8 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         }
     }
     let (found, strict) = (Default::default(), options.strict);
-    let mut builder = Builder { header, strict, found, notes: Vec::new(), parts: Vec::new(), sources: BTreeSet::new() };
+    let mut builder =
+        SnapshotBuilder { header, strict, found, notes: Vec::new(), parts: Vec::new(), sources: BTreeSet::new() };
     let paths = match (paths, files::stands_alone(&paths[0], builder.header.files)) {
         ([_], true) if !strict => {
             builder.note(format!(
@@ -102,14 +103,14 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
 }
 
 /// A type of particles as its first file with particles has it.
-struct Found {
+struct TypeGroup {
     group: String,
     positions: String,
     sets: Vec<DataSet>,
     aliases: Vec<String>,
 }
 
-impl Found {
+impl TypeGroup {
     /// The name of the data set of masses.
     fn masses(&self) -> Option<&'static str> {
         MASSES.into_iter().find(|n| self.sets.iter().any(|s| s.name == *n && s.components() == 1))
@@ -133,13 +134,13 @@ fn rows_of(positions: &DataSet, place: &str) -> Result<u64> {
     }
 }
 
-struct Builder {
-    header: Header,
+struct SnapshotBuilder {
+    header: Hdf5Header,
     /// Are counts in the header that are not those of the files refused?
     strict: bool,
-    found: [Option<Found>; TYPES],
+    found: [Option<TypeGroup>; TYPES],
     notes: Vec<String>,
-    parts: Vec<Part>,
+    parts: Vec<FilePart>,
     /// Files that hold the numbers of virtual data sets.
     sources: BTreeSet<PathBuf>,
 }
@@ -155,7 +156,7 @@ pub fn kind_of(group: &str) -> Option<usize> {
     digits.parse::<usize>().ok().filter(|&k| k < TYPES && digits.len() == k.to_string().len())
 }
 
-impl Builder {
+impl SnapshotBuilder {
     fn note(&mut self, text: String) {
         if !self.notes.contains(&text) {
             self.notes.push(text);
@@ -183,7 +184,7 @@ impl Builder {
     }
 
     fn add(&mut self, path: &Path, container: Container) -> Result<()> {
-        let header = Header::read(&container)?;
+        let header = Hdf5Header::read(&container)?;
         if header.files != self.header.files || header.total != self.header.total || header.time() != self.header.time()
         {
             let what = "its header is not that of the first file: it belongs to another snapshot";
@@ -197,12 +198,18 @@ impl Builder {
             rows[kind] = self.add_type(&container, &header, kind, aliases.collect())?;
         }
         self.check_missing(&container, &header, &groups, &rows)?;
-        self.parts.push(Part { path: path.to_path_buf(), map: container.map.clone(), rows });
+        self.parts.push(FilePart { path: path.to_path_buf(), map: container.map.clone(), rows });
         Ok(())
     }
 
     /// Rows of a type in a file; the first file that has some says what the type looks like.
-    fn add_type(&mut self, container: &Container, header: &Header, kind: usize, aliases: Vec<String>) -> Result<u64> {
+    fn add_type(
+        &mut self,
+        container: &Container,
+        header: &Hdf5Header,
+        kind: usize,
+        aliases: Vec<String>,
+    ) -> Result<u64> {
         let group = group_name(kind);
         let place = format!("{}: {group}", container.place);
         let stated = header.here.as_ref().and_then(|h| h.get(kind).copied());
@@ -240,7 +247,7 @@ impl Builder {
             for (_, error) in members.unreadable {
                 self.note(format!("not read: {error}"));
             }
-            self.found[kind] = Some(Found { group, positions, sets: members.sets, aliases });
+            self.found[kind] = Some(TypeGroup { group, positions, sets: members.sets, aliases });
         }
         Ok(rows)
     }
@@ -249,7 +256,7 @@ impl Builder {
     fn check_missing(
         &mut self,
         container: &Container,
-        header: &Header,
+        header: &Hdf5Header,
         groups: &[(String, u64)],
         rows: &[u64; TYPES],
     ) -> Result<()> {
@@ -293,7 +300,7 @@ impl Builder {
         let cell = self.header.cell(&mut notes)?;
         let mut doubts = Vec::new();
         let cosmological = self.header.cosmological(&mut doubts);
-        if !self.found.iter().flatten().any(Found::says_comoving) {
+        if !self.found.iter().flatten().any(TypeGroup::says_comoving) {
             notes.append(&mut doubts);
         }
         let hubble = self.header.hubble();
@@ -352,10 +359,10 @@ impl Builder {
         Ok(())
     }
 
-    fn species(&self, kind: usize, found: &Found, count: u64, [length, mass]: [&Option<Unit>; 2]) -> Species {
+    fn species(&self, kind: usize, found: &TypeGroup, count: u64, [length, mass]: [&Option<Unit>; 2]) -> Species {
         let masses = found.masses();
         let text = |unit: &Option<Unit>| unit.as_ref().map(|u| u.text.clone());
-        let field = |set: &DataSet| Field {
+        let field = |set: &DataSet| SpeciesField {
             name: set.name.clone(),
             kind: set.kind.clone(),
             components: u32::try_from(set.components()).unwrap_or(u32::MAX),
@@ -375,9 +382,9 @@ impl Builder {
             aliases,
             count,
             mass: match (masses, self.header.mass(kind)) {
-                (Some(name), _) => Mass::Field(name.to_string()),
-                (None, Some(mass)) => Mass::Each(mass),
-                (None, None) => Mass::Unknown,
+                (Some(name), _) => SpeciesMass::Field(name.to_string()),
+                (None, Some(mass)) => SpeciesMass::Each(mass),
+                (None, None) => SpeciesMass::Unknown,
             },
             positions: found.positions.clone(),
             fields: found.sets.iter().map(field).collect(),

@@ -2,9 +2,9 @@
 
 use super::container::{Container, broken};
 use super::filters::Pipeline;
-use super::packed::Packed;
+use super::packed::PackedNumber;
 use super::virtual_sets::is_virtual;
-use crate::strided::Kind;
+use crate::strided::NumberType;
 use hdf5_reader::Dataset;
 use hdf5_reader::btree_v1::{BTreeV1Key, collect_btree_v1_leaves_storage};
 use hdf5_reader::chunk_index::{
@@ -22,23 +22,23 @@ use particlegs::{Error, Result};
 const MAX_CHUNK: u64 = 1 << 30;
 
 /// A data set of numbers in rows, and where they lie.
-pub struct Table {
+pub struct NumberTable {
     /// Type of its numbers.
-    pub kind: Kind,
+    pub kind: NumberType,
     /// Their byte order.
     pub big_endian: bool,
     /// Where their bits lie, where they do not fill their bytes.
-    pub packed: Option<Packed>,
+    pub packed: Option<PackedNumber>,
     /// Rows.
     pub rows: u64,
     /// Numbers a row.
     pub components: u64,
     /// Where they lie.
-    pub storage: Storage,
+    pub storage: DataSetStorage,
 }
 
 /// Where numbers lie.
-pub enum Storage {
+pub enum DataSetStorage {
     /// From this byte of the file, row after row; checked to end within it.
     Flat(u64),
     /// In the data set's description.
@@ -60,7 +60,7 @@ pub struct Chunks {
     /// How chunks are encoded.
     pub pipeline: Pipeline,
     /// Chunks, side by side first.
-    pub places: Vec<Place>,
+    pub places: Vec<ChunkLocation>,
 }
 
 impl Chunks {
@@ -68,7 +68,7 @@ impl Chunks {
     /// is one stretch of the file.
     fn stretch(&self, components: u64) -> Option<u64> {
         let first = self.places.first()?.offset;
-        let next = |(i, p): (usize, &Place)| {
+        let next = |(i, p): (usize, &ChunkLocation)| {
             self.pipeline.is_plain(p.mask)
                 && (i as u64).checked_mul(self.bytes as u64).is_some_and(|b| p.offset - first == b)
         };
@@ -78,7 +78,7 @@ impl Chunks {
 }
 
 /// Where a chunk lies in the file; checked to end within it.
-pub struct Place {
+pub struct ChunkLocation {
     /// First byte.
     pub offset: u64,
     /// Bytes.
@@ -92,7 +92,7 @@ pub struct Place {
 /// # Errors
 /// [`Error::Input`] where it is missing, no table of numbers, never written, or encoded in a way
 /// that is not read.
-pub fn table(container: &Container, group: &str, name: &str) -> Result<Table> {
+pub fn table(container: &Container, group: &str, name: &str) -> Result<NumberTable> {
     let place = format!("{}: {group}/{name}", container.place);
     let (set, data) = container.set(group, name)?;
     let Some((kind, big_endian)) = set.number else {
@@ -125,7 +125,7 @@ pub fn table(container: &Container, group: &str, name: &str) -> Result<Table> {
     let found = Finder { container, data: &data, place: &place, shape: &set.shape, element: kind.bytes() };
     let storage = match layout {
         None => return Err(Error::input(&place, "broken HDF5 file: it has no layout")),
-        Some(DataLayout::Compact { data }) if data.len() as u64 >= bytes => Storage::Compact(data.clone()),
+        Some(DataLayout::Compact { data }) if data.len() as u64 >= bytes => DataSetStorage::Compact(data.clone()),
         Some(DataLayout::Compact { data }) => return Err(found.short(bytes, data.len() as u64)),
         Some(DataLayout::Contiguous { address, size }) => found.flat(*address, *size, bytes)?,
         Some(layout) if is_virtual(layout) => {
@@ -135,10 +135,10 @@ pub fn table(container: &Container, group: &str, name: &str) -> Result<Table> {
         Some(DataLayout::Chunked { address, dims, chunk_indexing, .. }) => {
             let pipeline = Pipeline::new(filters, kind.bytes() as usize, &place)?;
             let chunks = found.chunks(*address, dims, chunk_indexing.as_ref(), pipeline)?;
-            chunks.stretch(components).map_or(Storage::Chunked(chunks), Storage::Flat)
+            chunks.stretch(components).map_or(DataSetStorage::Chunked(chunks), DataSetStorage::Flat)
         }
     };
-    Ok(Table { packed: set.packed, kind, big_endian, rows, components, storage })
+    Ok(NumberTable { packed: set.packed, kind, big_endian, rows, components, storage })
 }
 
 struct Finder<'a> {
@@ -170,9 +170,9 @@ impl Finder<'_> {
         (end <= self.container.map.len() as u64).then_some(offset)
     }
 
-    fn flat(&self, address: u64, size: u64, wanted: u64) -> Result<Storage> {
+    fn flat(&self, address: u64, size: u64, wanted: u64) -> Result<DataSetStorage> {
         if wanted == 0 {
-            return Ok(Storage::Compact(Vec::new()));
+            return Ok(DataSetStorage::Compact(Vec::new()));
         }
         if self.undefined(address) {
             return Err(self.never_written());
@@ -184,7 +184,7 @@ impl Finder<'_> {
             let left = (self.container.map.len() as u64).saturating_sub(address);
             return Err(self.short(wanted, left));
         };
-        Ok(Storage::Flat(offset))
+        Ok(DataSetStorage::Flat(offset))
     }
 
     fn chunks(
@@ -278,10 +278,10 @@ impl Finder<'_> {
 
     /// Places of `count` chunks in order, each there once and within the file; those beyond the table's end are
     /// left over from when it was longer.
-    fn sorted(&self, entries: Vec<ChunkEntry>, chunks: &Chunks, count: Option<u64>) -> Result<Vec<Place>> {
+    fn sorted(&self, entries: Vec<ChunkEntry>, chunks: &Chunks, count: Option<u64>) -> Result<Vec<ChunkLocation>> {
         let &Chunks { rows, columns, across, .. } = chunks;
         let bytes = chunks.bytes as u64;
-        let mut places: Vec<(u64, Place)> = Vec::with_capacity(entries.len());
+        let mut places: Vec<(u64, ChunkLocation)> = Vec::with_capacity(entries.len());
         for entry in &entries {
             let at = |k: usize| entry.offsets.get(k).copied().unwrap_or(0);
             if at(0) >= self.shape[0] || self.shape.get(1).is_some_and(|&n| at(1) >= n) || self.undefined(entry.address)
@@ -301,7 +301,7 @@ impl Finder<'_> {
                 return Err(Error::input_with(self.place, what, "the file is cut short: copy it again"));
             };
             let index = at(0) / rows * across + at(1) / columns;
-            places.push((index, Place { offset, size, mask: entry.filter_mask }));
+            places.push((index, ChunkLocation { offset, size, mask: entry.filter_mask }));
         }
         places.sort_by_key(|p| p.0);
         if let Some(i) = (0..places.len()).find(|&i| places[i].0 != i as u64) {

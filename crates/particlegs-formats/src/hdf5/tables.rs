@@ -3,13 +3,13 @@
 
 use super::attributes::Attributes;
 use super::container::{Container, DataSet};
-use super::header::{Groups, TYPES};
-use super::reader::{self, Source};
-use super::snapshot::Part;
+use super::header::{HeaderGroups, TYPES};
+use super::reader::{self, GroupSource};
+use super::snapshot::FilePart;
 use super::units::{self, Simulation};
 use crate::foreign::python;
 use crate::npy::layout::{mass_named, positions_named};
-use crate::{Choice, Description, Field, Mass, Snapshot, Species};
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
 use particlegs::model::{Dimension, Units};
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::space::Cell;
@@ -24,7 +24,7 @@ const BOXES: [&str; 7] = ["BoxSize", "boxsize", "box_size", "Boxsize", "box", "L
 
 struct TableSnapshot {
     description: Description,
-    parts: [Part; 1],
+    parts: [FilePart; 1],
     /// The group of each species.
     groups: Vec<String>,
 }
@@ -39,12 +39,12 @@ impl Snapshot for TableSnapshot {
             return Err(Error::argument(format!("there are no particles of species {species}")));
         };
         let meta = &self.description.meta;
-        reader::reader(&Source { parts: &self.parts, kind: species, group, species: found, meta }, choice)
+        reader::reader(&GroupSource { parts: &self.parts, kind: species, group, species: found, meta }, choice)
     }
 }
 
 /// A group whose data sets hold particles.
-struct Table {
+struct ParticleTable {
     group: String,
     species: Species,
     /// The positions' own attributes.
@@ -70,7 +70,7 @@ pub fn open(path: &Path, container: &Container) -> Result<Option<Box<dyn Snapsho
     let cell = owners.iter().find_map(|a| BOXES.iter().find_map(|name| a.numbers(name)));
     let cell = cell.map(|lengths| cell_of(lengths, &container.place)).transpose()?.flatten();
     let mut notes = Vec::new();
-    let simulation = Simulation { groups: &Groups::default(), cosmological: None, hubble: None };
+    let simulation = Simulation { groups: &HeaderGroups::default(), cosmological: None, hubble: None };
     let mut unit = |own, dimension| units::unit(own, &first.positions, &simulation, dimension, &mut notes).0;
     let units = Units {
         length: unit(&first.positions, Dimension::Length),
@@ -93,33 +93,33 @@ pub fn open(path: &Path, container: &Container) -> Result<Option<Box<dyn Snapsho
         ..Description::default()
     };
     let groups = tables.into_iter().map(|t| t.group).collect();
-    let parts = [Part { path: PathBuf::from(path), map: container.map.clone(), rows }];
+    let parts = [FilePart { path: PathBuf::from(path), map: container.map.clone(), rows }];
     Ok(Some(Box::new(TableSnapshot { description, parts, groups })))
 }
 
-fn table(container: &Container, group: &str) -> Result<Option<Table>> {
+fn table(container: &Container, group: &str) -> Result<Option<ParticleTable>> {
     let sets: Vec<DataSet> = container.members(group)?.sets.into_iter().filter(|s| s.number.is_some()).collect();
-    let field = |set: &DataSet| Field {
+    let field = |set: &DataSet| SpeciesField {
         name: set.name.clone(),
         kind: set.kind.clone(),
         components: u32::try_from(set.components()).unwrap_or(u32::MAX),
         unit: set.attributes.text(&["units", "unit", "Units"]).map(str::to_string),
     };
     let tabular = |set: &&DataSet| matches!(set.shape[..], [_] | [_, _]) && set.components() > 0;
-    let all: Vec<Field> = sets.iter().filter(tabular).map(field).collect();
+    let all: Vec<SpeciesField> = sets.iter().filter(tabular).map(field).collect();
     let Some(positions) = positions_named(&all) else { return Ok(None) };
     let of = |name: &str| sets.iter().find(|s| s.name == name);
     let first = positions.split(',').next().and_then(of);
     let Some(count) = first.map(|s| s.shape[0]).filter(|&n| n > 0) else { return Ok(None) };
-    let fields: Vec<Field> = sets.iter().filter(tabular).filter(|s| s.shape[0] == count).map(field).collect();
+    let fields: Vec<SpeciesField> = sets.iter().filter(tabular).filter(|s| s.shape[0] == count).map(field).collect();
     let mass = mass_named(&fields);
     let attributes = |set: Option<&DataSet>| set.map(|s| s.attributes.clone()).unwrap_or_default();
     let masses = attributes(mass.as_deref().and_then(of));
     let name = if group == TOP { "particles".to_string() } else { group.to_string() };
-    let mass = mass.map_or(Mass::Unknown, Mass::Field);
+    let mass = mass.map_or(SpeciesMass::Unknown, SpeciesMass::Field);
     let positions_of = attributes(first);
     let species = Species { name, aliases: Vec::new(), count, mass, positions, fields };
-    Ok(Some(Table { group: group.into(), species, positions: positions_of, masses }))
+    Ok(Some(ParticleTable { group: group.into(), species, positions: positions_of, masses }))
 }
 
 /// A box of one length or three; 0 means that there is none.

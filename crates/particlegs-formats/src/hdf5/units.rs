@@ -1,7 +1,7 @@
 //! Units: what a file says in centimetres, grams and powers of h and a, by name where it has one.
 
 use super::attributes::Attributes;
-use super::header::Groups;
+use super::header::HeaderGroups;
 use particlegs::model::{Dimension, Si, Unit};
 
 /// Names that lengths get, the smallest first.
@@ -13,7 +13,7 @@ const TOLERANCE: f64 = 1e-3;
 /// What a file says of the simulation as a whole.
 pub struct Simulation<'a> {
     /// The attributes of its groups.
-    pub groups: &'a Groups,
+    pub groups: &'a HeaderGroups,
     /// Does its space expand?
     pub cosmological: Option<bool>,
     /// h.
@@ -68,7 +68,7 @@ pub fn a_power(own: &Attributes) -> Option<f64> {
 }
 
 /// A unit in metres or kilograms: files have it in centimetres or grams.
-fn in_si(own: &Attributes, groups: &Groups, dimension: Dimension) -> Option<f64> {
+fn in_si(own: &Attributes, groups: &HeaderGroups, dimension: Dimension) -> Option<f64> {
     const SWIFT: &str = "Conversion factor to CGS (not including cosmological corrections)";
     let named: &[&str] = match dimension {
         Dimension::Length => &["UnitLength_in_cm", "UnitLength_In_CGS", "Unit length in cgs (U_L)"],
@@ -92,12 +92,12 @@ pub fn per_si(dimension: Dimension) -> f64 {
 }
 
 /// The unit of a file's time, which SWIFT states in seconds.
-pub fn time_unit(groups: &Groups) -> Option<Unit> {
+pub fn time_unit(groups: &HeaderGroups) -> Option<Unit> {
     let seconds = groups.units.number(&["Unit time in cgs (U_t)"])?;
     Some(Unit::parse(&format!("{seconds:e} s"), Dimension::Time))
 }
 
-fn h_power(own: &Attributes, groups: &Groups) -> Option<f64> {
+fn h_power(own: &Attributes, groups: &HeaderGroups) -> Option<f64> {
     let stated = own.number(&["h_scaling", "h-scale-exponent", "h-scale exponent"]);
     // Paicos keeps units as formulas: `arepo_length small_a / small_h`.
     let formula = own.text(&["unit"]).filter(|t| t.starts_with("arepo_"));
@@ -157,7 +157,7 @@ mod tests {
         parameters: &[(&str, f64)],
         run: (Option<bool>, Option<f64>),
     ) -> (Option<Unit>, Option<bool>) {
-        let groups = Groups { parameters: Attributes::of_numbers(parameters), ..Groups::default() };
+        let groups = HeaderGroups { parameters: Attributes::of_numbers(parameters), ..HeaderGroups::default() };
         let simulation = Simulation { groups: &groups, cosmological: run.0, hubble: run.1 };
         let own = Attributes::of_numbers(own);
         unit(&own, &Attributes::default(), &simulation, Dimension::Length, &mut Vec::new())

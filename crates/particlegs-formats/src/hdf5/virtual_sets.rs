@@ -157,7 +157,7 @@ struct Entries<'a> {
 }
 
 /// Elements that are selected.
-enum Selection {
+enum ElementSelection {
     None,
     All,
     /// Along each axis.
@@ -181,16 +181,16 @@ impl Entries<'_> {
             let source = self.source(cursor, version, &sources)?;
             sources.push(source.clone());
             let there = match selection(cursor).map_err(failed)? {
-                Selection::None => Some([0..0, 0..0]),
-                Selection::All => None,
-                Selection::Other(what) => return Err(self.refused(what)),
-                Selection::Block(axes) => Some(self.table(axes)?),
+                ElementSelection::None => Some([0..0, 0..0]),
+                ElementSelection::All => None,
+                ElementSelection::Other(what) => return Err(self.refused(what)),
+                ElementSelection::Block(axes) => Some(self.table(axes)?),
             };
             let rows = match selection(cursor).map_err(failed)? {
-                Selection::None => 0..0,
-                Selection::All => 0..self.set.shape.first().copied().unwrap_or(0),
-                Selection::Other(what) => return Err(self.refused(what)),
-                Selection::Block(axes) => self.rows(axes)?,
+                ElementSelection::None => 0..0,
+                ElementSelection::All => 0..self.set.shape.first().copied().unwrap_or(0),
+                ElementSelection::Other(what) => return Err(self.refused(what)),
+                ElementSelection::Block(axes) => self.rows(axes)?,
             };
             if !rows.is_empty() {
                 extents.push(VirtualExtent { rows, source, there });
@@ -272,15 +272,15 @@ impl Entries<'_> {
 }
 
 /// Reads what is selected of a data set, as HDF5 keeps it.
-fn selection(cursor: &mut Cursor<'_>) -> Hdf5Result<Selection> {
-    const SEVERAL: Selection = Selection::Other("one source has rows in several places");
+fn selection(cursor: &mut Cursor<'_>) -> Hdf5Result<ElementSelection> {
+    const SEVERAL: ElementSelection = ElementSelection::Other("one source has rows in several places");
     let (kind, version) = (cursor.read_u32_le()?, cursor.read_u32_le()?);
     if kind != 2 {
         cursor.skip(8)?;
         return Ok(match kind {
-            0 => Selection::None,
-            3 => Selection::All,
-            _ => Selection::Other("single elements are selected"),
+            0 => ElementSelection::None,
+            3 => ElementSelection::All,
+            _ => ElementSelection::Other("single elements are selected"),
         });
     }
     let (regular, width) = match version {
@@ -300,7 +300,7 @@ fn selection(cursor: &mut Cursor<'_>) -> Hdf5Result<Selection> {
     };
     let rank = cursor.read_u32_le()?;
     if rank > 32 {
-        return Ok(Selection::Other("its sources are no tables"));
+        return Ok(ElementSelection::Other("its sources are no tables"));
     }
     if !regular && cursor.read_uvar(width)? != 1 {
         return Ok(SEVERAL);
@@ -310,22 +310,22 @@ fn selection(cursor: &mut Cursor<'_>) -> Hdf5Result<Selection> {
         let ends: Vec<u64> = (0..2 * rank).map(|_| cursor.read_uvar(width)).collect::<Hdf5Result<_>>()?;
         let (first, last) = ends.split_at(rank as usize);
         axes.extend(first.iter().zip(last).map(|(&first, &last)| first..last.saturating_add(1)));
-        return Ok(Selection::Block(axes));
+        return Ok(ElementSelection::Block(axes));
     }
     if !matches!(width, 2 | 4 | 8) {
-        return Ok(Selection::Other("its list is of a later version of HDF5"));
+        return Ok(ElementSelection::Other("its list is of a later version of HDF5"));
     }
     let unlimited = u64::MAX >> (64 - 8 * width);
     for _ in 0..rank {
         let [start, stride, count, block] = [(); 4].map(|()| cursor.read_uvar(width));
         let (start, stride, count, block) = (start?, stride?, count?, block?);
         if count == unlimited || block == unlimited {
-            return Ok(Selection::Other("it grows with its sources (unlimited)"));
+            return Ok(ElementSelection::Other("it grows with its sources (unlimited)"));
         }
         if count != 1 && stride != block {
             return Ok(SEVERAL);
         }
         axes.push(start..start.saturating_add(count.saturating_mul(block)));
     }
-    Ok(Selection::Block(axes))
+    Ok(ElementSelection::Block(axes))
 }

@@ -1,8 +1,8 @@
 //! HDF5 out, in the layout of Gadget-4: one group a layer, one file, streamed.
 
-use super::encode::{self, Attribute, Group, Set, Value};
+use super::encode::{self, Attribute, OutDataSet, OutGroup, OutValue};
 use super::units;
-use crate::fields::{OutField, Standard, outputs};
+use crate::fields::{OutField, StandardField, outputs};
 use particlegs::model::{Dimension, Layer, Mass, Unit};
 use particlegs::parallel;
 use particlegs::particles::{Kept, Number, Run, SnapshotMeta, SourceField};
@@ -35,7 +35,7 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
         if let Some(layer) = layers.get(index).filter(|_| count > 0) {
             let row = kept.first(id) - layer.content.start;
             let own = fields.get(index).map_or(&[][..], |f| f);
-            let sets = Sets { file: &file, mass: layer.mass, fields: own, data: &plan.data[FIRST + index] };
+            let sets = LayerDataSets { file: &file, mass: layer.mass, fields: own, data: &plan.data[FIRST + index] };
             scratch.with(|bytes| sets.write_run(row, (run, kept), bytes))?;
         }
         progress.advance(count);
@@ -50,7 +50,7 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
 const FIRST: usize = 2;
 
 /// The data sets of a layer.
-struct Sets<'a> {
+struct LayerDataSets<'a> {
     file: &'a PlacedFile,
     mass: Mass,
     fields: &'a [OutField],
@@ -58,7 +58,7 @@ struct Sets<'a> {
     data: &'a [u64],
 }
 
-impl Sets<'_> {
+impl LayerDataSets<'_> {
     /// Writes a run's particles from row `row` on.
     fn write_run(&self, row: u64, (run, kept): (&Run, &Kept<'_>), bytes: &mut Vec<u8>) -> Result<()> {
         let [x, y, z, w] = &run.columns;
@@ -97,7 +97,7 @@ const MASSES: &str = "Masses";
 const IDS: &str = "ParticleIDs";
 
 /// What Gadget calls fields, and what others do.
-const STANDARD: [Standard; 9] = [
+const STANDARD: [StandardField; 9] = [
     (IDS, 1, &["ID", "id", "ids", "ParticleID", "particle_id", "pid"]),
     ("Velocities", 3, &["VEL", "Velocity", "velocities", "velocity", "velo", "vel", "v"]),
     (MASSES, 1, &["Mass", "MASS", "masses", "mass"]),
@@ -146,17 +146,17 @@ fn groups(
     types: &[usize],
     fields: &[Vec<OutField>],
     out: &Path,
-) -> Result<Vec<Group>> {
+) -> Result<Vec<OutGroup>> {
     let meta = kept.meta();
     let (length, mass) = (&meta.units.length, &meta.units.mass);
-    let group = |name: &str, attributes| Group { name: name.into(), attributes, sets: Vec::new() };
+    let group = |name: &str, attributes| OutGroup { name: name.into(), attributes, sets: Vec::new() };
     let mut groups =
         vec![group("Header", header(meta, layers, types, out)?), group("Parameters", parameters(meta, fields))];
     for (index, (layer, kind)) in layers.iter().zip(types).enumerate() {
         let own = fields.get(index).map_or(&[][..], |f| f);
         let rows = layer.content.end - layer.content.start;
         let comoving = meta.units.comoving.map(|c| if c { 1.0 } else { 0.0 });
-        let set = |name: &str, number, columns, attributes| Set {
+        let set = |name: &str, number, columns, attributes| OutDataSet {
             name: name.into(),
             number,
             rows,
@@ -173,21 +173,21 @@ fn groups(
         for field in own {
             let attributes = match (&field.unit, field.name == MASSES) {
                 (_, true) => scaling(mass, Some(0.0), Dimension::Mass),
-                (Some(unit), _) => vec![("unit", Value::Text(unit.chars().take(200).collect()))],
+                (Some(unit), _) => vec![("unit", OutValue::Text(unit.chars().take(200).collect()))],
                 (None, _) => Vec::new(),
             };
             let is_new = |(name, _): &&(String, f64)| attributes.iter().all(|(n, _)| n != name) && name != VELOCITY;
             let source = field.attributes.iter().filter(is_new).cloned().collect();
             let columns = field.columns.len() as u64;
-            sets.push(Set { source, ..set(&field.name, field.number, columns, attributes) });
+            sets.push(OutDataSet { source, ..set(&field.name, field.number, columns, attributes) });
         }
         if own.iter().all(|f| f.name != IDS) {
             // pynbody counts particles by their IDs. There are none here, and none are made up.
-            let why = Value::Text("not known: nothing is stored, and 0 is read".into());
-            sets.push(Set { hollow: true, ..set(IDS, Number::U64, 1, vec![("Description", why)]) });
+            let why = OutValue::Text("not known: nothing is stored, and 0 is read".into());
+            sets.push(OutDataSet { hollow: true, ..set(IDS, Number::U64, 1, vec![("Description", why)]) });
         }
-        let name = Value::Text(layer.name.chars().take(200).collect());
-        groups.push(Group { name: format!("PartType{kind}"), attributes: vec![("Layer", name)], sets });
+        let name = OutValue::Text(layer.name.chars().take(200).collect());
+        groups.push(OutGroup { name: format!("PartType{kind}"), attributes: vec![("Layer", name)], sets });
     }
     Ok(groups)
 }
@@ -203,12 +203,12 @@ fn header(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], ou
         };
     }
     let mut header = vec![
-        ("NumPart_ThisFile", Value::Counts(counts.clone())),
-        ("NumPart_Total", Value::Counts(counts)),
+        ("NumPart_ThisFile", OutValue::Counts(counts.clone())),
+        ("NumPart_Total", OutValue::Counts(counts)),
         // Totals are whole already, as Gadget-4's.
-        ("NumPart_Total_HighWord", Value::Words(vec![0; ORDER.len()])),
-        ("MassTable", Value::Numbers(masses)),
-        ("NumFilesPerSnapshot", Value::Integer(1)),
+        ("NumPart_Total_HighWord", OutValue::Words(vec![0; ORDER.len()])),
+        ("MassTable", OutValue::Numbers(masses)),
+        ("NumFilesPerSnapshot", OutValue::Integer(1)),
     ];
     let cell = meta.cell.map(|c| c.reduced());
     let lengths = match &cell {
@@ -220,22 +220,22 @@ fn header(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], ou
     };
     header.push(box_size(lengths));
     if let Some(cell) = cell.filter(|c| c.origin != [0.0; 3]) {
-        header.push(("BoxOrigin", Value::Numbers(cell.origin.to_vec())));
+        header.push(("BoxOrigin", OutValue::Numbers(cell.origin.to_vec())));
     }
     if let Some(cell) = cell.filter(|c| c.periodic != [true; 3]) {
-        header.push(("BoxPeriodic", Value::Words(cell.periodic.map(u32::from).to_vec())));
+        header.push(("BoxPeriodic", OutValue::Words(cell.periodic.map(u32::from).to_vec())));
     }
     let factor = meta.epoch.scale_factor.filter(|a| *a > 0.0);
     if let Some(time) = meta.epoch.time.or(factor) {
-        header.push(("Time", Value::Number(time)));
+        header.push(("Time", OutValue::Number(time)));
     }
     if let Some(a) = factor {
-        header.push(("Redshift", Value::Number(1.0 / a - 1.0)));
+        header.push(("Redshift", OutValue::Number(1.0 / a - 1.0)));
         // Without it Time is the scale factor.
-        header.extend(meta.epoch.time.map(|_| ("Scale-factor", Value::Number(a))));
+        header.extend(meta.epoch.time.map(|_| ("Scale-factor", OutValue::Number(a))));
     }
     if let Some(h) = meta.cosmology.hubble {
-        header.push(("HubbleParam", Value::Number(h)));
+        header.push(("HubbleParam", OutValue::Number(h)));
     }
     header.extend(omegas(meta));
     Ok(header)
@@ -243,14 +243,14 @@ fn header(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], ou
 
 fn box_size(lengths: [f64; 3]) -> Attribute {
     let cube = lengths[1] == lengths[0] && lengths[2] == lengths[0];
-    ("BoxSize", if cube { Value::Number(lengths[0]) } else { Value::Numbers(lengths.to_vec()) })
+    ("BoxSize", if cube { OutValue::Number(lengths[0]) } else { OutValue::Numbers(lengths.to_vec()) })
 }
 
 /// The header's of Gadget-2 and the parameters' of Gadget-4.
 fn omegas(meta: &SnapshotMeta) -> impl Iterator<Item = Attribute> + use<> {
     let c = meta.cosmology;
     let all = [("Omega0", c.omega_matter), ("OmegaLambda", c.omega_lambda), ("OmegaBaryon", c.omega_baryon)];
-    all.into_iter().filter_map(|(name, value)| Some((name, Value::Number(value?))))
+    all.into_iter().filter_map(|(name, value)| Some((name, OutValue::Number(value?))))
 }
 
 /// What a file says its velocities are in.
@@ -263,11 +263,11 @@ fn parameters(meta: &SnapshotMeta, fields: &[Vec<OutField>]) -> Vec<Attribute> {
     let said = fields.iter().flatten().flat_map(|f| &f.attributes).find(|(name, _)| name == VELOCITY);
     let velocity = said.map(|(_, v)| *v).or(length.and(mass).map(|_| 1e5));
     let named = named.into_iter().chain([(VELOCITY, velocity)]);
-    let mut parameters: Vec<Attribute> = named.filter_map(|(n, v)| Some((n, Value::Number(v?)))).collect();
+    let mut parameters: Vec<Attribute> = named.filter_map(|(n, v)| Some((n, OutValue::Number(v?)))).collect();
     parameters.extend(omegas(meta));
     parameters.extend(meta.cell.and_then(|c| c.reduced().lengths()).map(box_size));
     if let Some(comoving) = meta.units.comoving {
-        parameters.push(("ComovingIntegrationOn", Value::Integer(i32::from(comoving))));
+        parameters.push(("ComovingIntegrationOn", OutValue::Integer(i32::from(comoving))));
     }
     parameters
 }
@@ -281,16 +281,16 @@ fn cgs(unit: &Option<Unit>, dimension: Dimension) -> Option<f64> {
 fn scaling(unit: &Option<Unit>, a: Option<f64>, dimension: Dimension) -> Vec<Attribute> {
     let Some(u) = unit else { return Vec::new() };
     let (Some(si), Some(cgs)) = (u.si, cgs(unit, dimension)) else {
-        return vec![("unit", Value::Text(u.text.clone()))];
+        return vec![("unit", OutValue::Text(u.text.clone()))];
     };
-    let is = |d| Value::Number(if d == dimension { 1.0 } else { 0.0 });
+    let is = |d| OutValue::Number(if d == dimension { 1.0 } else { 0.0 });
     let mut all = vec![
-        ("h_scaling", Value::Number(si.h.into())),
+        ("h_scaling", OutValue::Number(si.h.into())),
         ("length_scaling", is(Dimension::Length)),
         ("mass_scaling", is(Dimension::Mass)),
-        ("velocity_scaling", Value::Number(0.0)),
-        ("to_cgs", Value::Number(cgs)),
+        ("velocity_scaling", OutValue::Number(0.0)),
+        ("to_cgs", OutValue::Number(cgs)),
     ];
-    all.extend(a.map(|a| ("a_scaling", Value::Number(a))));
+    all.extend(a.map(|a| ("a_scaling", OutValue::Number(a))));
     all
 }

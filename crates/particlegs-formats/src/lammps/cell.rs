@@ -6,7 +6,7 @@ use particlegs::space::Cell;
 
 /// A dump's box.
 #[derive(Clone, Debug, Default)]
-pub struct Bounds {
+pub struct LammpsBox {
     /// Lowest corner.
     pub origin: [f64; 3],
     /// Cell vectors.
@@ -19,7 +19,7 @@ pub struct Bounds {
 
 /// What stands behind `BOX BOUNDS`.
 #[derive(Clone, Copy)]
-pub enum Shape {
+pub enum BoxShape {
     /// lo and hi.
     Orthogonal,
     /// lo and hi of the box around the cell, and tilt factors xy, xz, yz.
@@ -29,17 +29,17 @@ pub enum Shape {
 }
 
 /// The shape, and the boundary flags where there are some.
-pub fn shape(words: &[&str]) -> (Shape, [bool; 3], bool) {
+pub fn shape(words: &[&str]) -> (BoxShape, [bool; 3], bool) {
     let (shape, flags) = match words {
-        ["xy", "xz", "yz", flags @ ..] => (Shape::Triclinic, flags),
-        ["abc", "origin", flags @ ..] => (Shape::General, flags),
-        flags => (Shape::Orthogonal, flags),
+        ["xy", "xz", "yz", flags @ ..] => (BoxShape::Triclinic, flags),
+        ["abc", "origin", flags @ ..] => (BoxShape::General, flags),
+        flags => (BoxShape::Orthogonal, flags),
     };
     let periodic = |k: usize| flags.get(k).is_some_and(|flag| *flag == "pp");
     (shape, [periodic(0), periodic(1), periodic(2)], flags.len() >= 3)
 }
 
-impl Bounds {
+impl LammpsBox {
     /// From the words behind `BOX BOUNDS` and the three lines below.
     ///
     /// # Errors
@@ -50,9 +50,9 @@ impl Bounds {
         for (row, line) in rows.iter_mut().zip(lines) {
             let all = tokens(line, Separator::Blanks);
             let need = match shape {
-                Shape::Orthogonal => 2,
-                Shape::Triclinic => 3,
-                Shape::General => 4,
+                BoxShape::Orthogonal => 2,
+                BoxShape::Triclinic => 3,
+                BoxShape::General => 4,
             };
             if all.len() < need {
                 return Err(format!("{} numbers where {need} belong", all.len()));
@@ -62,11 +62,13 @@ impl Bounds {
             }
         }
         let mut bounds = match shape {
-            Shape::Orthogonal => Self::tilted(rows.map(|r| [r[0], r[1]]), [0.0; 3])?,
-            Shape::Triclinic => Self::tilted(rows.map(|r| [r[0], r[1]]), rows.map(|r| r[2]))?,
-            Shape::General => {
-                Bounds { origin: rows.map(|r| r[3]), vectors: rows.map(|r| [r[0], r[1], r[2]]), ..Bounds::default() }
-            }
+            BoxShape::Orthogonal => Self::tilted(rows.map(|r| [r[0], r[1]]), [0.0; 3])?,
+            BoxShape::Triclinic => Self::tilted(rows.map(|r| [r[0], r[1]]), rows.map(|r| r[2]))?,
+            BoxShape::General => LammpsBox {
+                origin: rows.map(|r| r[3]),
+                vectors: rows.map(|r| [r[0], r[1], r[2]]),
+                ..LammpsBox::default()
+            },
         };
         bounds.periodic = periodic;
         if !stated {
@@ -95,7 +97,7 @@ impl Bounds {
             }
         }
         let vectors = [[length[0], 0.0, 0.0], [xy, length[1], 0.0], [xz, yz, length[2]]];
-        Ok(Bounds { origin: low, vectors, ..Bounds::default() })
+        Ok(LammpsBox { origin: low, vectors, ..LammpsBox::default() })
     }
 
     /// The cell, where it has a volume.

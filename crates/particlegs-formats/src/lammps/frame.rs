@@ -1,12 +1,12 @@
 //! One frame of a dump: sections that begin with `ITEM:`, the last of them with a line an atom.
 
-use super::cell::Bounds;
-use crate::text::content::Content;
-use crate::text::frames::Frame;
-use crate::text::lines::{Lines, of_block};
-use crate::text::parse::Layout;
+use super::cell::LammpsBox;
+use crate::text::content::TextContent;
+use crate::text::frames::TextFrame;
+use crate::text::lines::{LineReader, of_block};
+use crate::text::parse::TableLayout;
 use crate::text::split::{Separator, shown};
-use crate::text::table::Builder;
+use crate::text::table::TableBuilder;
 use particlegs::{Error, Result};
 
 /// Most columns that an atom may have.
@@ -14,17 +14,17 @@ const MOST_COLUMNS: usize = 1 << 10;
 
 /// What stands before a frame's atoms.
 #[derive(Default)]
-pub struct FrameHead {
+pub struct LammpsFrameHead {
     step: Option<i64>,
     /// Simulation time.
     pub time: Option<f64>,
     count: Option<u64>,
     /// The box.
-    pub cell: Bounds,
+    pub cell: LammpsBox,
     columns: Vec<String>,
 }
 
-impl FrameHead {
+impl LammpsFrameHead {
     /// The column that tells species apart.
     fn key(&self) -> Option<usize> {
         let find = |name| self.columns.iter().position(|c| c == name);
@@ -43,16 +43,17 @@ impl FrameHead {
 /// # Errors
 /// [`Error::Input`] for broken sections, and where there are fewer atoms than stated.
 pub fn next<'c>(
-    content: &'c Content,
-    lines: &mut Lines<'c>,
+    content: &'c TextContent,
+    lines: &mut LineReader<'c>,
     units: &mut Option<String>,
     number: u64,
     wanted: bool,
-) -> Result<Option<Frame<'c, FrameHead>>> {
+) -> Result<Option<TextFrame<'c, LammpsFrameHead>>> {
     let Some(head) = (Sections { content, lines, number }).read(units)? else { return Ok(None) };
     let (step, start) = (head.step, lines.place());
-    let layout = Layout { separator: Separator::Blanks, columns: head.columns.clone(), comment: None, comma: false };
-    let mut builder = Builder::new(content, layout, head.key(), start);
+    let layout =
+        TableLayout { separator: Separator::Blanks, columns: head.columns.clone(), comment: None, comma: false };
+    let mut builder = TableBuilder::new(content, layout, head.key(), start);
     let count = head.count.unwrap_or(0);
     let (mut found, mut left) = (0, count);
     while left > 0 {
@@ -80,7 +81,7 @@ pub fn next<'c>(
         let what = format!("line {} is {}, and frame {number} states {count} atoms only", end.line, shown(line));
         return Err(Error::input(content.path(), what));
     }
-    Ok(Some(Frame { head, rows: wanted.then(|| builder.until(end)), step }))
+    Ok(Some(TextFrame { head, rows: wanted.then(|| builder.until(end)), step }))
 }
 
 /// Edited dumps have comments, which LAMMPS itself does not write.
@@ -100,8 +101,8 @@ fn comments_in(block: &[u8]) -> u64 {
 }
 
 struct Sections<'a, 'c> {
-    content: &'a Content,
-    lines: &'a mut Lines<'c>,
+    content: &'a TextContent,
+    lines: &'a mut LineReader<'c>,
     number: u64,
 }
 
@@ -120,8 +121,8 @@ impl Sections<'_, '_> {
     }
 
     /// All sections up to the columns of the atoms; nothing at the end of the file.
-    fn read(&mut self, units: &mut Option<String>) -> Result<Option<FrameHead>> {
-        let mut head = FrameHead::default();
+    fn read(&mut self, units: &mut Option<String>) -> Result<Option<LammpsFrameHead>> {
+        let mut head = LammpsFrameHead::default();
         let mut begun = false;
         let mut has_box = false;
         loop {
@@ -143,7 +144,8 @@ impl Sections<'_, '_> {
                 ["ITEM:", "TIME"] => head.time = Some(self.time()?),
                 ["ITEM:", "BOX", "BOUNDS", words @ ..] => {
                     let rows = [self.line()?, self.line()?, self.line()?];
-                    head.cell = Bounds::new(words, &rows).map_err(|what| self.error(format!("BOX BOUNDS: {what}")))?;
+                    head.cell =
+                        LammpsBox::new(words, &rows).map_err(|what| self.error(format!("BOX BOUNDS: {what}")))?;
                     has_box = true;
                 }
                 ["ITEM:", "ATOMS", names @ ..] => {
@@ -158,12 +160,12 @@ impl Sections<'_, '_> {
         Ok(Some(head))
     }
 
-    fn check(&self, head: &FrameHead, has_box: bool) -> Result<()> {
+    fn check(&self, head: &LammpsFrameHead, has_box: bool) -> Result<()> {
         match head {
-            FrameHead { count: None, .. } => Err(self.error("`ITEM: NUMBER OF ATOMS` is missing")),
+            LammpsFrameHead { count: None, .. } => Err(self.error("`ITEM: NUMBER OF ATOMS` is missing")),
             _ if !has_box => Err(self.error("`ITEM: BOX BOUNDS` is missing")),
-            FrameHead { columns, .. } if columns.is_empty() => Err(self.error("`ITEM: ATOMS` names no columns")),
-            FrameHead { columns, .. } if columns.len() > MOST_COLUMNS => {
+            LammpsFrameHead { columns, .. } if columns.is_empty() => Err(self.error("`ITEM: ATOMS` names no columns")),
+            LammpsFrameHead { columns, .. } if columns.len() > MOST_COLUMNS => {
                 Err(self.error(format!("`ITEM: ATOMS` names {} columns, more than {MOST_COLUMNS}", columns.len())))
             }
             _ => Ok(()),

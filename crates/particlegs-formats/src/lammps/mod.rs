@@ -4,13 +4,13 @@ mod cell;
 mod frame;
 pub mod write;
 
-use crate::registry::Head;
-use crate::text::content::Content;
-use crate::text::frames::{Scan, scan};
+use crate::registry::FileHead;
+use crate::text::content::TextContent;
+use crate::text::frames::{FrameScan, scan};
 use crate::text::parse::Scaling;
 use crate::text::snapshot::{self, TextSnapshot, kinds};
-use crate::{Choice, Description, Field, Format, Snapshot};
-use frame::FrameHead;
+use crate::{Choice, Description, Format, Snapshot, SpeciesField};
+use frame::LammpsFrameHead;
 use particlegs::model::{Dimension, Epoch, Unit, Units};
 use particlegs::particles::SnapshotMeta;
 use particlegs::{Error, Result};
@@ -19,7 +19,7 @@ use std::path::PathBuf;
 /// LAMMPS text dump.
 pub const FORMAT: Format = Format { name: "lammps", title: "LAMMPS text dump", detect, open };
 
-fn detect(head: &Head) -> bool {
+fn detect(head: &FileHead) -> bool {
     let mut lines = head.content.split(|&b| b == b'\n');
     lines.find(|line| !frame::is_comment(line)).is_some_and(|line| line.starts_with(b"ITEM: "))
 }
@@ -37,7 +37,7 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let [path] = paths else {
         return Err(Error::argument("one LAMMPS dump is read at a time"));
     };
-    let content = Content::open(path)?;
+    let content = TextContent::open(path)?;
     let mut units = None;
     let found = scan(&content, options.frame, |lines, number, wanted| {
         frame::next(&content, lines, &mut units, number, wanted)
@@ -66,7 +66,12 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     Ok(Box::new(made.with_unwrapped(unwrapped, options)?))
 }
 
-fn meta(path: &std::path::Path, found: &Scan<FrameHead>, style: Option<&str>, notes: &mut Vec<String>) -> SnapshotMeta {
+fn meta(
+    path: &std::path::Path,
+    found: &FrameScan<LammpsFrameHead>,
+    style: Option<&str>,
+    notes: &mut Vec<String>,
+) -> SnapshotMeta {
     let [length, mass, time] = style.map_or([None; 3], units_of);
     if let (Some(style), None) = (style, length) {
         notes.push(format!("units `{style}` are not known"));
@@ -95,7 +100,7 @@ fn units_of(style: &str) -> [Option<&'static str>; 3] {
     }
 }
 
-fn columns(names: &[String], kinds: &[&str], unit: Option<&str>) -> snapshot::Columns {
+fn columns(names: &[String], kinds: &[&str], unit: Option<&str>) -> snapshot::TableColumns {
     let field = |(name, kind): (&String, &&str)| {
         let kind = match &name[..] {
             _ if *kind == "text" => "text",
@@ -104,11 +109,11 @@ fn columns(names: &[String], kinds: &[&str], unit: Option<&str>) -> snapshot::Co
         };
         let length = ["x", "y", "z", "xu", "yu", "zu"].contains(&&name[..]);
         let unit = if length { unit.map(String::from) } else { None };
-        Field { name: name.clone(), kind: kind.into(), components: 1, unit }
+        SpeciesField { name: name.clone(), kind: kind.into(), components: 1, unit }
     };
     let has = |name: &str| names.iter().any(|n| n == name);
     let positions = POSITIONS.iter().find(|p| p.iter().all(|n| has(n)));
-    snapshot::Columns {
+    snapshot::TableColumns {
         fields: names.iter().zip(kinds).map(field).collect(),
         positions: positions.map_or(String::new(), |p| p.join(",")),
         mass: has("mass").then(|| "mass".into()),

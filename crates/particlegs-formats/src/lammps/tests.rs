@@ -1,12 +1,12 @@
 use super::{FORMAT, write};
-use crate::{Choice, Mass, Snapshot, Weights};
+use crate::{Choice, Snapshot, SpeciesMass, Weights};
 use particlegs::model::Units;
 use particlegs::particles::{Column, Kept, Particles, Selection, Tiling};
 use particlegs::progress::Silent;
 use particlegs::space::Cell;
 use std::path::PathBuf;
 
-use crate::text::testing::{Got, read, scratch};
+use crate::text::testing::{SpeciesParticles, read, scratch};
 
 const HEAD: &str = "ITEM: TIMESTEP\n7\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp ff ps\n-1 9\n0 10\n0 10\n";
 
@@ -20,7 +20,7 @@ fn open_frame(text: &str, frame: Option<u64>) -> particlegs::Result<Box<dyn Snap
 }
 
 /// Opens and reads species 0 while the file is there.
-fn all(text: &str, choice: &Choice) -> particlegs::Result<Vec<Got>> {
+fn all(text: &str, choice: &Choice) -> particlegs::Result<Vec<SpeciesParticles>> {
     let file = scratch(text.as_bytes());
     let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &Choice::default())?;
     (0..snapshot.description().species.len()).map(|s| read(&*snapshot, s, choice)).collect()
@@ -49,7 +49,7 @@ fn a_frame_is_described_and_read() {
     assert_eq!(cell.lengths(), Some([10.0; 3]));
     let frames = d.frames.unwrap();
     assert_eq!((frames.count, frames.chosen, frames.step), (1, 0, Some(7)));
-    assert_eq!((d.species.len(), d.species[0].count, &d.species[0].mass), (1, 2, &Mass::Field("mass".into())));
+    assert_eq!((d.species.len(), d.species[0].count, &d.species[0].mass), (1, 2, &SpeciesMass::Field("mass".into())));
     let got = all(&text, &Choice::default()).unwrap();
     assert_eq!(got[0].positions, [[1.0, 2.0, 3.0], [f64::from(-0.4f32), 5.0, 6.0]]);
     assert_eq!(got[0].weights, [2.0, 4.0]);
@@ -61,7 +61,8 @@ fn comments_among_sections_and_atoms_are_passed_over() {
     let commented = format!("# by hand\n{}{atoms}", HEAD.replace("ITEM: BOX", "# the box\nITEM: BOX"));
     let got = all(&commented, &Choice::default()).unwrap();
     assert_eq!(got.iter().map(|g| g.positions.clone()).collect::<Vec<_>>(), [[[1.0, 2.0, 3.0]], [[4.0, 5.0, 6.0]]]);
-    let of = |path: &str, text: &str| crate::registry::Head::of(path.as_ref(), 9, text.as_bytes().to_vec()).unwrap();
+    let of =
+        |path: &str, text: &str| crate::registry::FileHead::of(path.as_ref(), 9, text.as_bytes().to_vec()).unwrap();
     assert!((FORMAT.detect)(&of("a.dump", &commented)) && !(FORMAT.detect)(&of("a.txt", "# 1\n1 2 3\n")));
     // Without types, in several frames, and in a compressed file.
     let plain = format!("{HEAD}ITEM: ATOMS x y z\n1 2 3\n# c\n4 5 6\n#\n");

@@ -1,6 +1,6 @@
 //! LAMMPS text out: one frame, `id type x y z` and masses where they are known.
 
-use crate::fields::{OutField, Standard};
+use crate::fields::{OutField, StandardField};
 use particlegs::parallel;
 use particlegs::particles::{Kept, Number, Run};
 use particlegs::progress::Progress;
@@ -36,8 +36,8 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
                 Ok(())
             })
             .map_err(|e| match e {
-                Stop::Io(e) => e,
-                Stop::Other(e) => {
+                WriteStop::Io(e) => e,
+                WriteStop::Other(e) => {
                     failed = Some(e);
                     std::io::Error::other("stopped")
                 }
@@ -49,7 +49,7 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
 }
 
 /// Why writing ends early.
-enum Stop {
+enum WriteStop {
     Io(std::io::Error),
     Other(Error),
 }
@@ -109,7 +109,7 @@ impl<'a> FrameOut<'a> {
         &self,
         progress: &dyn Progress,
         write: &mut dyn FnMut(&[u8]) -> std::io::Result<()>,
-    ) -> std::result::Result<(), Stop> {
+    ) -> std::result::Result<(), WriteStop> {
         let batch = (2 * parallel::threads()).min(BATCH);
         let mut scratch: Vec<(Run, Vec<u8>)> = (0..batch).map(|_| Default::default()).collect();
         let mut next = 0;
@@ -123,9 +123,9 @@ impl<'a> FrameOut<'a> {
                 Ok(())
             };
             let work: Vec<_> = runs.clone().zip(&mut scratch).collect();
-            parallel::try_for_each(work, format).map_err(Stop::Other)?;
+            parallel::try_for_each(work, format).map_err(WriteStop::Other)?;
             for (_, text) in &scratch[..(runs.end - runs.start) as usize] {
-                write(text).map_err(Stop::Io)?;
+                write(text).map_err(WriteStop::Io)?;
             }
             next = runs.end;
         }
@@ -180,7 +180,7 @@ impl<'a> FrameOut<'a> {
 /// Columns that each dump has.
 const OWN: [&str; 2] = ["id", "type"];
 /// What LAMMPS calls fields, and what others do.
-const STANDARD: [Standard; 2] = [
+const STANDARD: [StandardField; 2] = [
     ("id", 1, &["ParticleIDs", "ID", "ids", "ParticleID", "particle_id", "pid"]),
     ("mass", 1, &["Masses", "MASS", "Mass", "masses"]),
 ];

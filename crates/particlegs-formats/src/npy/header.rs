@@ -1,7 +1,7 @@
 //! What an array's header says: types, order, shape, where the numbers begin.
 
 use super::literal::{Literal, parse};
-use crate::strided::Kind;
+use crate::strided::NumberType;
 use std::io::Read;
 
 /// How every .npy begins.
@@ -13,9 +13,9 @@ const MOST_FIELDS: usize = 4096;
 
 /// An array's header.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Header {
+pub struct NpyHeader {
     /// Its elements.
-    pub element: Element,
+    pub element: NpyElement,
     /// First index fastest?
     pub fortran: bool,
     /// Its sides.
@@ -26,13 +26,13 @@ pub struct Header {
 
 /// What an element is.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Element {
+pub enum NpyElement {
     /// One number, or something else of known size.
-    Plain(Scalar),
+    Plain(NpyScalar),
     /// A record of named fields.
     Record {
         /// Its fields, padding left out.
-        fields: Vec<Member>,
+        fields: Vec<RecordField>,
         /// Its bytes.
         bytes: u64,
     },
@@ -40,11 +40,11 @@ pub enum Element {
 
 /// A field of a record.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Member {
+pub struct RecordField {
     /// Its name.
     pub name: String,
     /// Each of its numbers.
-    pub scalar: Scalar,
+    pub scalar: NpyScalar,
     /// How many.
     pub count: u64,
     /// Byte of the record where they begin.
@@ -53,9 +53,9 @@ pub struct Member {
 
 /// A number, or something else of known size.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Scalar {
+pub struct NpyScalar {
     /// `None` where it is not a number that can be read.
-    pub kind: Option<Kind>,
+    pub kind: Option<NumberType>,
     /// Type as text.
     pub name: String,
     /// Byte order.
@@ -64,22 +64,22 @@ pub struct Scalar {
     pub bytes: u64,
 }
 
-impl Element {
+impl NpyElement {
     /// Bytes of one.
     pub fn bytes(&self) -> u64 {
         match self {
-            Element::Plain(scalar) => scalar.bytes,
-            Element::Record { bytes, .. } => *bytes,
+            NpyElement::Plain(scalar) => scalar.bytes,
+            NpyElement::Record { bytes, .. } => *bytes,
         }
     }
 }
 
-impl Header {
+impl NpyHeader {
     /// Reads the header at the beginning of `stream`.
     ///
     /// # Errors
     /// In words, where it is no header, or of what cannot be read.
-    pub fn read(mut stream: impl Read) -> Result<Header, String> {
+    pub fn read(mut stream: impl Read) -> Result<NpyHeader, String> {
         let broken = || "a broken NumPy header".to_string();
         let mut bytes = |n: u32| {
             let mut out = vec![0; n as usize];
@@ -111,7 +111,7 @@ impl Header {
             return Err(broken());
         };
         let shape = sides.iter().map(whole).collect::<Option<Vec<u64>>>().ok_or_else(broken)?;
-        let header = Header { element: element(descr)?, fortran: *fortran, shape, data: prefix + u64::from(length) };
+        let header = NpyHeader { element: element(descr)?, fortran: *fortran, shape, data: prefix + u64::from(length) };
         header.end().ok_or_else(|| format!("its shape {} is larger than any file", header.shape_text()))?;
         Ok(header)
     }
@@ -131,8 +131,8 @@ impl Header {
     /// Its type in words.
     pub fn kind_text(&self) -> &str {
         match &self.element {
-            Element::Plain(scalar) => &scalar.name,
-            Element::Record { .. } => "records",
+            NpyElement::Plain(scalar) => &scalar.name,
+            NpyElement::Record { .. } => "records",
         }
     }
 }
@@ -144,15 +144,15 @@ fn whole(literal: &Literal) -> Option<u64> {
     }
 }
 
-fn element(descr: &Literal) -> Result<Element, String> {
+fn element(descr: &Literal) -> Result<NpyElement, String> {
     match descr {
-        Literal::Text(text) => Ok(Element::Plain(scalar(text)?)),
+        Literal::Text(text) => Ok(NpyElement::Plain(scalar(text)?)),
         Literal::List(fields) if fields.len() <= MOST_FIELDS => record(fields),
         _ => Err("a type that is not known".into()),
     }
 }
 
-fn record(descr: &[Literal]) -> Result<Element, String> {
+fn record(descr: &[Literal]) -> Result<NpyElement, String> {
     let mut fields = Vec::new();
     let mut offset = 0u64;
     for field in descr {
@@ -174,22 +174,24 @@ fn record(descr: &[Literal]) -> Result<Element, String> {
         let too_large = || format!("its field `{name}` is too large");
         let count = sides.iter().try_fold(1u64, |n, side| n.checked_mul(whole(side)?)).ok_or_else(too_large)?;
         let scalar = match element(descr)? {
-            Element::Plain(scalar) => scalar,
+            NpyElement::Plain(scalar) => scalar,
             // Records within records are passed over.
-            Element::Record { bytes, .. } => Scalar { kind: None, name: "record".into(), big_endian: false, bytes },
+            NpyElement::Record { bytes, .. } => {
+                NpyScalar { kind: None, name: "record".into(), big_endian: false, bytes }
+            }
         };
         let bytes = count.checked_mul(scalar.bytes).filter(|&b| b <= u32::MAX.into()).ok_or_else(too_large)?;
         let (at, padding) = (offset, name.is_empty());
         offset = offset.checked_add(bytes).ok_or_else(too_large)?;
         if !padding {
-            fields.push(Member { name: name.clone(), scalar, count, offset: at });
+            fields.push(RecordField { name: name.clone(), scalar, count, offset: at });
         }
     }
-    Ok(Element::Record { fields, bytes: offset })
+    Ok(NpyElement::Record { fields, bytes: offset })
 }
 
 /// A type as `<f4`: byte order, letter, bytes.
-pub fn scalar(text: &str) -> Result<Scalar, String> {
+pub fn scalar(text: &str) -> Result<NpyScalar, String> {
     let unknown = || format!("its type `{}` is not known", text.escape_default());
     let mut chars = text.chars();
     let big_endian = match chars.next().ok_or_else(unknown)? {
@@ -205,17 +207,17 @@ pub fn scalar(text: &str) -> Result<Scalar, String> {
     let digits: String = chars.take_while(char::is_ascii_digit).collect();
     let number: u64 = digits.parse().map_err(|_| unknown())?;
     let kind = match (letter, number) {
-        ('f', 2) => Some(Kind::F16),
-        ('f', 4) => Some(Kind::F32),
-        ('f', 8) => Some(Kind::F64),
-        ('i', 1) => Some(Kind::I8),
-        ('i', 2) => Some(Kind::I16),
-        ('i', 4) => Some(Kind::I32),
-        ('i', 8) => Some(Kind::I64),
-        ('u' | 'b', 1) => Some(Kind::U8),
-        ('u', 2) => Some(Kind::U16),
-        ('u', 4) => Some(Kind::U32),
-        ('u', 8) => Some(Kind::U64),
+        ('f', 2) => Some(NumberType::F16),
+        ('f', 4) => Some(NumberType::F32),
+        ('f', 8) => Some(NumberType::F64),
+        ('i', 1) => Some(NumberType::I8),
+        ('i', 2) => Some(NumberType::I16),
+        ('i', 4) => Some(NumberType::I32),
+        ('i', 8) => Some(NumberType::I64),
+        ('u' | 'b', 1) => Some(NumberType::U8),
+        ('u', 2) => Some(NumberType::U16),
+        ('u', 4) => Some(NumberType::U32),
+        ('u', 8) => Some(NumberType::U64),
         _ => None,
     };
     let (name, bytes) = match letter {
@@ -228,14 +230,14 @@ pub fn scalar(text: &str) -> Result<Scalar, String> {
         'V' => ("bytes".into(), number),
         _ => return Err(unknown()),
     };
-    Ok(Scalar { kind, name, big_endian, bytes })
+    Ok(NpyScalar { kind, name, big_endian, bytes })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn header(dictionary: &str, version: u8) -> Result<Header, String> {
+    fn header(dictionary: &str, version: u8) -> Result<NpyHeader, String> {
         let mut bytes = MAGIC.to_vec();
         bytes.extend([version, 0]);
         match version {
@@ -243,7 +245,7 @@ mod tests {
             _ => bytes.extend((dictionary.len() as u32).to_le_bytes()),
         }
         bytes.extend(dictionary.as_bytes());
-        Header::read(&bytes[..])
+        NpyHeader::read(&bytes[..])
     }
 
     #[test]
@@ -253,7 +255,7 @@ mod tests {
         for version in [1, 2, 3] {
             let header = header(text, version).unwrap();
             assert_eq!(header.element.bytes(), 32);
-            let Element::Record { fields, .. } = &header.element else { panic!() };
+            let NpyElement::Record { fields, .. } = &header.element else { panic!() };
             let seen: Vec<_> = fields.iter().map(|f| (&f.name[..], &f.scalar.name[..], f.count, f.offset)).collect();
             assert_eq!(seen, [("id", "u16", 1, 0), ("pos", "f64", 3, 4), ("in", "record", 1, 28)]);
             assert!(header.fortran && fields[0].scalar.big_endian);
@@ -273,6 +275,6 @@ mod tests {
         for descr in ["'f4'", "'<'", "'<f'", "7", "[('a',)]", "'<x4'"] {
             assert!(of(descr, "(2, 3)").is_err(), "{descr}");
         }
-        assert!(Header::read(&b"\x93NUMPY\x02\x00\xff\xff\xff\xff"[..]).unwrap_err().contains("longer"));
+        assert!(NpyHeader::read(&b"\x93NUMPY\x02\x00\xff\xff\xff\xff"[..]).unwrap_err().contains("longer"));
     }
 }

@@ -1,8 +1,8 @@
 //! Arrays as fields of particles.
 
-use super::header::{Element, Header, Scalar};
-use crate::Field;
-use crate::laned::LanedField;
+use super::header::{NpyElement, NpyHeader, NpyScalar};
+use crate::SpeciesField;
+use crate::laned::ColumnarField;
 use particlegs::{Error, Result};
 
 /// Columns that are listed one by one, where an array has more than three.
@@ -20,7 +20,7 @@ const AXES: [[&str; 3]; 4] =
 const MASSES: [&str; 4] = ["mass", "masses", "weight", "weights"];
 
 /// The field or three fields whose names say that they hold positions.
-pub fn positions_named(fields: &[Field]) -> Option<String> {
+pub fn positions_named(fields: &[SpeciesField]) -> Option<String> {
     let find = |name: &str, components: u32| {
         fields.iter().find(|f| f.components == components && f.name.eq_ignore_ascii_case(name)).map(|f| &f.name[..])
     };
@@ -29,7 +29,7 @@ pub fn positions_named(fields: &[Field]) -> Option<String> {
 }
 
 /// The scalar field whose name says that it holds masses.
-pub fn mass_named(fields: &[Field]) -> Option<String> {
+pub fn mass_named(fields: &[SpeciesField]) -> Option<String> {
     let find = |name: &&str| fields.iter().find(|f| f.components == 1 && f.name.eq_ignore_ascii_case(name));
     MASSES.iter().find_map(find).map(|f| f.name.clone())
 }
@@ -38,9 +38,9 @@ pub fn mass_named(fields: &[Field]) -> Option<String> {
 ///
 /// # Errors
 /// [`Error::Input`] naming the type.
-pub fn check_numbers(place: &str, header: &Header) -> Result<()> {
+pub fn check_numbers(place: &str, header: &NpyHeader) -> Result<()> {
     match &header.element {
-        Element::Plain(scalar) if scalar.kind.is_none() => {
+        NpyElement::Plain(scalar) if scalar.kind.is_none() => {
             let what = format!("its numbers are {}, and positions are real numbers", scalar.name);
             Err(Error::input_with(place, what, "save x, y and z as float32 or float64"))
         }
@@ -49,7 +49,7 @@ pub fn check_numbers(place: &str, header: &Header) -> Result<()> {
 }
 
 /// An array's sides without those of 1 beyond the first two.
-fn sides(header: &Header) -> Vec<u64> {
+fn sides(header: &NpyHeader) -> Vec<u64> {
     let mut sides = header.shape.clone();
     while sides.len() > 2 {
         match sides.iter().position(|&s| s == 1) {
@@ -61,18 +61,18 @@ fn sides(header: &Header) -> Vec<u64> {
 }
 
 /// Particles of an array that holds positions by itself: N x 3, 3 x N, or records.
-pub fn rows_of_positions(header: &Header) -> Option<u64> {
+pub fn rows_of_positions(header: &NpyHeader) -> Option<u64> {
     match (&header.element, &sides(header)[..]) {
-        (Element::Record { .. }, [n] | [n, 1] | [1, n]) => Some(*n),
-        (Element::Plain(scalar), [n, 3] | [3, n]) if scalar.kind.is_some() => Some(*n),
+        (NpyElement::Record { .. }, [n] | [n, 1] | [1, n]) => Some(*n),
+        (NpyElement::Plain(scalar), [n, 3] | [3, n]) if scalar.kind.is_some() => Some(*n),
         _ => None,
     }
 }
 
 /// Particles of a table of more than three columns, one a row or one a column.
-pub fn rows_of_table(header: &Header) -> Option<u64> {
+pub fn rows_of_table(header: &NpyHeader) -> Option<u64> {
     match (&header.element, &sides(header)[..]) {
-        (Element::Plain(scalar), &[a, b]) if scalar.kind.is_some() => match (a, b) {
+        (NpyElement::Plain(scalar), &[a, b]) if scalar.kind.is_some() => match (a, b) {
             (n, 4..=MOST_COLUMNS) if n > MOST_COLUMNS || n >= b => Some(n),
             (4..=MOST_COLUMNS, n) if n > MOST_COLUMNS => Some(n),
             _ => None,
@@ -82,15 +82,15 @@ pub fn rows_of_table(header: &Header) -> Option<u64> {
 }
 
 /// An array's fields, where it has `rows` rows: one by its own name, or a record's.
-pub fn fields(name: &str, stored: usize, header: &Header, rows: u64) -> Vec<LanedField> {
+pub fn fields(name: &str, stored: usize, header: &NpyHeader, rows: u64) -> Vec<ColumnarField> {
     match &header.element {
-        Element::Plain(scalar) => plain(name, stored, header, scalar, rows).into_iter().collect(),
-        Element::Record { fields, bytes } => {
+        NpyElement::Plain(scalar) => plain(name, stored, header, scalar, rows).into_iter().collect(),
+        NpyElement::Record { fields, bytes } => {
             if !matches!(sides(header)[..], [n] | [n, 1] | [1, n] if n == rows) {
                 return Vec::new();
             }
             let some = fields.iter().filter(|f| (1..=MOST_COMPONENTS).contains(&f.count));
-            some.map(|f| LanedField {
+            some.map(|f| ColumnarField {
                 name: f.name.clone(),
                 offset: f.offset,
                 offset_step: f.scalar.bytes,
@@ -102,12 +102,12 @@ pub fn fields(name: &str, stored: usize, header: &Header, rows: u64) -> Vec<Lane
 }
 
 /// The columns of a table as fields `0`, `1`, ...
-pub fn table(stored: usize, header: &Header, rows: u64) -> Vec<LanedField> {
-    let Element::Plain(scalar) = &header.element else { return Vec::new() };
+pub fn table(stored: usize, header: &NpyHeader, rows: u64) -> Vec<ColumnarField> {
+    let NpyElement::Plain(scalar) = &header.element else { return Vec::new() };
     let Some(whole) = plain("", stored, header, scalar, rows) else { return Vec::new() };
     let columns = 0..u64::from(whole.components);
     columns
-        .map(|c| LanedField {
+        .map(|c| ColumnarField {
             name: c.to_string(),
             components: 1,
             base: whole.base + c * whole.base_step,
@@ -117,8 +117,8 @@ pub fn table(stored: usize, header: &Header, rows: u64) -> Vec<LanedField> {
         .collect()
 }
 
-fn field(stored: usize, base: u64, scalar: &Scalar, components: u64, stride: u64) -> LanedField {
-    LanedField {
+fn field(stored: usize, base: u64, scalar: &NpyScalar, components: u64, stride: u64) -> ColumnarField {
+    ColumnarField {
         name: String::new(),
         kind_name: scalar.name.clone(),
         kind: scalar.kind,
@@ -133,7 +133,7 @@ fn field(stored: usize, base: u64, scalar: &Scalar, components: u64, stride: u64
     }
 }
 
-fn plain(name: &str, stored: usize, header: &Header, scalar: &Scalar, rows: u64) -> Option<LanedField> {
+fn plain(name: &str, stored: usize, header: &NpyHeader, scalar: &NpyScalar, rows: u64) -> Option<ColumnarField> {
     // A field's components lie side by side, or one after the other.
     let (components, beside) = match sides(header)[..] {
         [n] if n == rows => (1, true),
@@ -144,10 +144,10 @@ fn plain(name: &str, stored: usize, header: &Header, scalar: &Scalar, rows: u64)
     if !(1..=MOST_COMPONENTS).contains(&components) {
         return None;
     }
-    let field = LanedField { name: name.into(), ..field(stored, header.data, scalar, components, scalar.bytes) };
+    let field = ColumnarField { name: name.into(), ..field(stored, header.data, scalar, components, scalar.bytes) };
     Some(if beside {
-        LanedField { stride: components.checked_mul(scalar.bytes)?, offset_step: scalar.bytes, ..field }
+        ColumnarField { stride: components.checked_mul(scalar.bytes)?, offset_step: scalar.bytes, ..field }
     } else {
-        LanedField { base_step: rows.checked_mul(scalar.bytes)?, ..field }
+        ColumnarField { base_step: rows.checked_mul(scalar.bytes)?, ..field }
     })
 }

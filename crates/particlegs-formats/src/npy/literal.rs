@@ -22,17 +22,17 @@ const DEEPEST: usize = 16;
 
 /// Reads one literal; blanks may follow.
 pub fn parse(text: &str) -> Option<Literal> {
-    let mut parser = Parser { rest: text };
+    let mut parser = LiteralParser { rest: text };
     let value = parser.value(0)?;
     parser.blanks();
     parser.rest.is_empty().then_some(value)
 }
 
-struct Parser<'a> {
+struct LiteralParser<'a> {
     rest: &'a str,
 }
 
-impl Parser<'_> {
+impl LiteralParser<'_> {
     fn blanks(&mut self) {
         self.rest = self.rest.trim_start();
     }

@@ -6,11 +6,11 @@ pub mod layout;
 mod literal;
 
 use crate::affine::Affine;
-use crate::laned::{Laned, LanedField};
-use crate::stored::{Coding, Stored};
+use crate::laned::{ColumnarField, ColumnarSnapshot};
+use crate::stored::{StoredBytes, StreamCoding};
 use crate::strided::Bytes;
-use crate::{Choice, Description, Format, Mass, Snapshot, Species};
-use header::{Element, Header, MAGIC};
+use crate::{Choice, Description, Format, Snapshot, Species, SpeciesMass};
+use header::{MAGIC, NpyElement, NpyHeader};
 use particlegs::particles::SnapshotMeta;
 use particlegs::{Error, Result};
 use particlegs_files::input::map_file;
@@ -28,7 +28,7 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let place = path.display().to_string();
     let bytes = mapped(path)?;
-    let header = Header::read(&bytes[..]).map_err(|what| Error::input(path, what))?;
+    let header = NpyHeader::read(&bytes[..]).map_err(|what| Error::input(path, what))?;
     let length = bytes.len() as u64;
     if header.end() != Some(length) {
         let what = format!(
@@ -44,7 +44,8 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     if count == 0 {
         return Err(Error::input(path, "it holds no particles"));
     }
-    let stored = Stored::new(bytes, 0, length, length, Coding::Plain).map_err(|what| Error::input(path, what))?;
+    let stored =
+        StoredBytes::new(bytes, 0, length, length, StreamCoding::Plain).map_err(|what| Error::input(path, what))?;
     let species = species(count, &fields, positions, layout::mass_named);
     let description = Description {
         format: format!("NumPy array {} of {}", header.shape_text(), header.kind_text()),
@@ -54,15 +55,15 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         notes,
         ..Description::default()
     };
-    Ok(Box::new(Laned { description, place, stored: vec![stored], fields, world: Affine::IDENTITY }))
+    Ok(Box::new(ColumnarSnapshot { description, place, stored: vec![stored], fields, world: Affine::IDENTITY }))
 }
 
 /// The rows, the fields, and which of them hold positions.
-fn particles(place: &str, header: &Header, notes: &mut Vec<String>) -> Result<(u64, Vec<LanedField>, String)> {
-    let is_record = matches!(header.element, Element::Record { .. });
+fn particles(place: &str, header: &NpyHeader, notes: &mut Vec<String>) -> Result<(u64, Vec<ColumnarField>, String)> {
+    let is_record = matches!(header.element, NpyElement::Record { .. });
     if let Some(rows) = layout::rows_of_positions(header) {
         let fields = layout::fields("positions", 0, header, rows);
-        let described: Vec<_> = fields.iter().map(LanedField::described).collect();
+        let described: Vec<_> = fields.iter().map(ColumnarField::described).collect();
         let positions = layout::positions_named(&described).unwrap_or_default();
         let vectors = described.iter().any(|f| f.components == 3) || described.len() >= 3;
         if !positions.is_empty() || (is_record && vectors) {
@@ -113,12 +114,12 @@ pub(crate) fn named(path: &Path) -> SnapshotMeta {
 /// The one species of a file that has no others.
 pub(crate) fn species(
     count: u64,
-    fields: &[LanedField],
+    fields: &[ColumnarField],
     positions: String,
-    mass: impl Fn(&[crate::Field]) -> Option<String>,
+    mass: impl Fn(&[crate::SpeciesField]) -> Option<String>,
 ) -> Species {
-    let fields: Vec<_> = fields.iter().map(LanedField::described).collect();
-    let mass = mass(&fields).map_or(Mass::Unknown, Mass::Field);
+    let fields: Vec<_> = fields.iter().map(ColumnarField::described).collect();
+    let mass = mass(&fields).map_or(SpeciesMass::Unknown, SpeciesMass::Field);
     Species { name: "particles".into(), aliases: vec!["0".into()], count, mass, positions, fields }
 }
 

@@ -5,11 +5,11 @@
 mod zip;
 
 use crate::affine::Affine;
-use crate::laned::{Laned, LanedField};
-use crate::npy::header::{Element, Header};
+use crate::laned::{ColumnarField, ColumnarSnapshot};
+use crate::npy::header::{NpyElement, NpyHeader};
 use crate::npy::{layout, mapped, named, only, species};
-use crate::stored::Stored;
-use crate::{Choice, Description, Field, Format, Mass, Snapshot};
+use crate::stored::StoredBytes;
+use crate::{Choice, Description, Format, Snapshot, SpeciesField, SpeciesMass};
 use particlegs::space::Cell;
 use particlegs::{Error, Result};
 use std::io::Read;
@@ -27,13 +27,13 @@ pub const FORMAT: Format = Format {
 const CELLS: [&str; 6] = ["box", "boxsize", "box_size", "lattice", "cell", "boxlength"];
 
 /// A result whose error is in words, without the file.
-type InWords<T> = std::result::Result<T, String>;
+type TextResult<T> = std::result::Result<T, String>;
 
 /// An array of the archive.
-struct Array {
+struct ArchiveArray {
     name: String,
     stored: usize,
-    header: Header,
+    header: NpyHeader,
 }
 
 fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
@@ -46,12 +46,12 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     if rows == 0 {
         return Err(refuse("it holds no particles".into()));
     }
-    let mut fields: Vec<LanedField> = Vec::new();
+    let mut fields: Vec<ColumnarField> = Vec::new();
     for array in &arrays {
         for field in layout::fields(&array.name, array.stored, &array.header, rows) {
             let taken = fields.iter().any(|f| f.name == field.name);
             let name = if taken { format!("{}.{}", array.name, field.name) } else { field.name.clone() };
-            fields.push(LanedField { name, ..field });
+            fields.push(ColumnarField { name, ..field });
         }
     }
     let positions = positions(&place, &fields)?;
@@ -62,10 +62,10 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         if CELLS.contains(&&name[..]) {
             let values = small(array, &stored).map_err(|what| refuse(format!("member `{}`: {what}", array.name)))?;
             meta.cell = cell(&values).map_err(|what| refuse(format!("member `{}`: {what}", array.name)))?;
-        } else if species.mass == Mass::Unknown && ["mass", "masses"].contains(&&name[..]) {
+        } else if species.mass == SpeciesMass::Unknown && ["mass", "masses"].contains(&&name[..]) {
             // One number: every particle's.
             if let Ok([mass]) = small(array, &stored).as_deref() {
-                species.mass = Mass::Each(*mass);
+                species.mass = SpeciesMass::Each(*mass);
             }
         }
     }
@@ -77,17 +77,17 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         notes,
         ..Description::default()
     };
-    Ok(Box::new(Laned { description, place, stored, fields, world: Affine::IDENTITY }))
+    Ok(Box::new(ColumnarSnapshot { description, place, stored, fields, world: Affine::IDENTITY }))
 }
 
 /// The archive's arrays; members that cannot be read are named in `notes`.
-fn arrays(bytes: &crate::strided::Bytes, notes: &mut Vec<String>) -> InWords<(Vec<Stored>, Vec<Array>)> {
+fn arrays(bytes: &crate::strided::Bytes, notes: &mut Vec<String>) -> TextResult<(Vec<StoredBytes>, Vec<ArchiveArray>)> {
     let (mut stored, mut arrays) = (Vec::new(), Vec::new());
     for member in zip::members(bytes)? {
         let name = member.name.strip_suffix(".npy").unwrap_or(&member.name).to_string();
         let array = member.content.and_then(|content| {
             let stream = content.open().map_err(|e| format!("it cannot be read: {e}"))?;
-            let header = Header::read(stream)?;
+            let header = NpyHeader::read(stream)?;
             if header.end() != Some(content.size()) {
                 let says = format!("{} of {}", header.shape_text(), header.kind_text());
                 return Err(format!("its header says {says}, which is not what its {} bytes hold", content.size()));
@@ -96,7 +96,7 @@ fn arrays(bytes: &crate::strided::Bytes, notes: &mut Vec<String>) -> InWords<(Ve
         });
         match array {
             Ok((content, header)) => {
-                arrays.push(Array { name, stored: stored.len(), header });
+                arrays.push(ArchiveArray { name, stored: stored.len(), header });
                 stored.push(content);
             }
             Err(what) => notes.push(format!("member `{}` is not read: {what}", name.escape_debug())),
@@ -112,22 +112,22 @@ fn arrays(bytes: &crate::strided::Bytes, notes: &mut Vec<String>) -> InWords<(Ve
 }
 
 /// Particles: the rows of the array whose name says that it holds positions, else of any that may.
-fn rows(place: &str, arrays: &[Array]) -> Result<u64> {
+fn rows(place: &str, arrays: &[ArchiveArray]) -> Result<u64> {
     // Names decide as they do among fields; x alone has as many rows as x, y and z.
-    let as_field = |a: &Array| {
+    let as_field = |a: &ArchiveArray| {
         let components = match a.header.shape[..] {
             [_] => 1,
             _ if layout::rows_of_positions(&a.header).is_some() => 3,
             _ => return None,
         };
-        Some(Field { name: a.name.clone(), kind: String::new(), components, unit: None })
+        Some(SpeciesField { name: a.name.clone(), kind: String::new(), components, unit: None })
     };
-    let fields: Vec<Field> = arrays.iter().filter_map(as_field).collect();
+    let fields: Vec<SpeciesField> = arrays.iter().filter_map(as_field).collect();
     let first = layout::positions_named(&fields);
     let first = first.as_deref().map(|names| names.split(',').next().unwrap_or(names));
     if let Some(array) = first.and_then(|name| arrays.iter().find(|a| a.name == name)) {
         return match (&array.header.element, &array.header.shape[..]) {
-            (Element::Plain(_), [n]) => Ok(*n),
+            (NpyElement::Plain(_), [n]) => Ok(*n),
             _ => Ok(layout::rows_of_positions(&array.header).unwrap_or(0)),
         };
     }
@@ -140,8 +140,8 @@ fn rows(place: &str, arrays: &[Array]) -> Result<u64> {
 }
 
 /// The field that holds positions: by name, else the only one of three components, else none.
-fn positions(place: &str, fields: &[LanedField]) -> Result<String> {
-    let described: Vec<Field> = fields.iter().map(LanedField::described).collect();
+fn positions(place: &str, fields: &[ColumnarField]) -> Result<String> {
+    let described: Vec<SpeciesField> = fields.iter().map(ColumnarField::described).collect();
     if let Some(name) = layout::positions_named(&described) {
         return match fields.iter().find(|f| f.name == name) {
             Some(field) if field.kind.is_none() => {
@@ -160,8 +160,8 @@ fn positions(place: &str, fields: &[LanedField]) -> Result<String> {
 }
 
 /// The numbers of an array of nine at most.
-fn small(array: &Array, stored: &[Stored]) -> InWords<Vec<f64>> {
-    let Element::Plain(scalar) = &array.header.element else { return Err("records are no numbers".into()) };
+fn small(array: &ArchiveArray, stored: &[StoredBytes]) -> TextResult<Vec<f64>> {
+    let NpyElement::Plain(scalar) = &array.header.element else { return Err("records are no numbers".into()) };
     let kind = scalar.kind.ok_or_else(|| format!("{} are no numbers", scalar.name))?;
     let count = array.header.shape.iter().try_fold(1u64, |n, &side| n.checked_mul(side));
     let count = count.filter(|n| (1..=9).contains(n)).ok_or("there are more than nine numbers, or none")?;
@@ -178,7 +178,7 @@ fn small(array: &Array, stored: &[Stored]) -> InWords<Vec<f64>> {
 }
 
 /// A cell of one length, three lengths, or three vectors; of a length of 0 nothing repeats.
-fn cell(values: &[f64]) -> InWords<Option<Cell>> {
+fn cell(values: &[f64]) -> TextResult<Option<Cell>> {
     if let Some(bad) = values.iter().find(|v| !v.is_finite()) {
         return Err(format!("the cell has the length {bad}"));
     }

@@ -1,6 +1,6 @@
 //! A ZIP archive's table of contents, large archives (ZIP64) included. Nothing is unpacked.
 
-use crate::stored::{Coding, Stored};
+use crate::stored::{StoredBytes, StreamCoding};
 use crate::strided::Bytes;
 
 /// How a ZIP archive begins, unless it is empty.
@@ -11,11 +11,11 @@ pub const MAGIC_EMPTY: &[u8; 4] = b"PK\x05\x06";
 const MOST_MEMBERS: u64 = 1 << 14;
 
 /// A member: its name and what it holds.
-pub struct Member {
+pub struct ZipMember {
     /// As the archive has it.
     pub name: String,
     /// What it holds; `Err` says why it cannot be read.
-    pub content: Result<Stored, String>,
+    pub content: Result<StoredBytes, String>,
 }
 
 fn u16_at(bytes: &[u8], at: u64) -> Option<u64> {
@@ -37,20 +37,21 @@ fn u64_at(bytes: &[u8], at: u64) -> Option<u64> {
 ///
 /// # Errors
 /// In words, where there is no table of contents or a member's name leads out of the archive.
-pub fn members(bytes: &Bytes) -> Result<Vec<Member>, String> {
+pub fn members(bytes: &Bytes) -> Result<Vec<ZipMember>, String> {
     let (mut at, count) = directory(bytes).ok_or("no table of contents at its end: it is cut short or no archive")?;
     if count > MOST_MEMBERS {
         return Err(format!("its table of contents lists {count} members"));
     }
     let mut out = Vec::new();
     for number in 0..count {
-        let entry = Entry::read(bytes, at).ok_or_else(|| format!("member {number} of {count} is not listed whole"))?;
+        let entry =
+            ZipEntry::read(bytes, at).ok_or_else(|| format!("member {number} of {count} is not listed whole"))?;
         check_name(&entry.name)?;
         let content = entry.content(bytes);
         at = entry.next;
         // Folders have a name and nothing in it.
         if !entry.name.ends_with('/') {
-            out.push(Member { name: entry.name, content });
+            out.push(ZipMember { name: entry.name, content });
         }
     }
     Ok(out)
@@ -92,7 +93,7 @@ fn check_name(name: &str) -> Result<(), String> {
 }
 
 /// An entry of the table of contents.
-struct Entry {
+struct ZipEntry {
     name: String,
     flags: u64,
     method: u64,
@@ -104,8 +105,8 @@ struct Entry {
     next: u64,
 }
 
-impl Entry {
-    fn read(bytes: &[u8], at: u64) -> Option<Entry> {
+impl ZipEntry {
+    fn read(bytes: &[u8], at: u64) -> Option<ZipEntry> {
         if u32_at(bytes, at)? != 0x0201_4b50 {
             return None;
         }
@@ -114,7 +115,7 @@ impl Entry {
         let extra_at = name_at + name_length;
         let next = extra_at + extra_length + u16_at(bytes, at + 32)?;
         let name = String::from_utf8_lossy(bytes.get(name_at as usize..extra_at as usize)?).into_owned();
-        let mut entry = Entry {
+        let mut entry = ZipEntry {
             name,
             flags: u16_at(bytes, at + 8)?,
             method: u16_at(bytes, at + 10)?,
@@ -146,17 +147,17 @@ impl Entry {
         }
     }
 
-    fn content(&self, bytes: &Bytes) -> Result<Stored, String> {
+    fn content(&self, bytes: &Bytes) -> Result<StoredBytes, String> {
         if self.flags & 1 != 0 {
             return Err("it is encrypted".into());
         }
         let coding = match self.method {
-            0 => Coding::Plain,
-            8 => Coding::Deflate { crc: self.crc },
+            0 => StreamCoding::Plain,
+            8 => StreamCoding::Deflate { crc: self.crc },
             method => return Err(format!("its compression (ZIP method {method}) is not supported: use numpy's own")),
         };
         let start = self.start(bytes).ok_or("it begins where no member is")?;
-        Stored::new(bytes.clone(), start, self.packed, self.size, coding)
+        StoredBytes::new(bytes.clone(), start, self.packed, self.size, coding)
     }
 
     /// Byte where its data begin: behind its own header, which repeats the name.

@@ -1,6 +1,6 @@
 //! What a PLY header says: elements, their properties, the encoding.
 
-use crate::strided::Kind;
+use crate::strided::NumberType;
 
 /// Longest header: real ones have some kilobytes; comments may be long.
 const LONGEST: usize = 1 << 20;
@@ -22,14 +22,14 @@ pub struct Property {
     /// Its name.
     pub name: String,
     /// Type of its values.
-    pub kind: Kind,
+    pub kind: NumberType,
     /// Type of its length, where it is a list.
-    pub list: Option<Kind>,
+    pub list: Option<NumberType>,
 }
 
 /// A kind of things in the file.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Element {
+pub struct PlyElement {
     /// Its name.
     pub name: String,
     /// How many there are.
@@ -40,16 +40,16 @@ pub struct Element {
 
 /// A header.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Header {
+pub struct PlyHeader {
     /// How values are written.
     pub encoding: Encoding,
     /// What the file holds, in order.
-    pub elements: Vec<Element>,
+    pub elements: Vec<PlyElement>,
     /// Byte behind the header.
     pub data: u64,
 }
 
-impl Element {
+impl PlyElement {
     /// Bytes of one in a binary file; `None` where lists make them differ.
     pub fn bytes(&self) -> Option<u64> {
         self.properties.iter().try_fold(0, |sum, p| p.list.is_none().then(|| sum + p.kind.bytes()))
@@ -65,12 +65,12 @@ pub fn is_ply(head: &[u8]) -> bool {
 ///
 /// # Errors
 /// In words, with the line.
-pub fn parse(bytes: &[u8]) -> Result<Header, String> {
+pub fn parse(bytes: &[u8]) -> Result<PlyHeader, String> {
     if !is_ply(bytes) {
         return Err("not a PLY file".into());
     }
     let bytes = &bytes[..bytes.len().min(LONGEST)];
-    let (mut encoding, mut elements) = (None, Vec::<Element>::new());
+    let (mut encoding, mut elements) = (None, Vec::<PlyElement>::new());
     let mut at = 0;
     for number in 1.. {
         let Some(length) = bytes[at..].iter().position(|&b| b == b'\n') else { break };
@@ -93,7 +93,7 @@ pub fn parse(bytes: &[u8]) -> Result<Header, String> {
             }
             ["element", name, count] => {
                 let count = count.parse().map_err(|_| bad("the number of elements is none"))?;
-                elements.push(Element { name: name.into(), count, properties: Vec::new() });
+                elements.push(PlyElement { name: name.into(), count, properties: Vec::new() });
             }
             ["property", "list", length, kind, name] => {
                 let list = Some(kind_named(length).ok_or_else(|| bad("the type is not known"))?);
@@ -108,7 +108,7 @@ pub fn parse(bytes: &[u8]) -> Result<Header, String> {
             }
             ["end_header"] => {
                 let encoding = encoding.ok_or("its header does not say the format")?;
-                return Ok(Header { encoding, elements, data: at as u64 });
+                return Ok(PlyHeader { encoding, elements, data: at as u64 });
             }
             _ => return Err(bad("not a line of a PLY header")),
         }
@@ -116,17 +116,17 @@ pub fn parse(bytes: &[u8]) -> Result<Header, String> {
     Err("its header has no end: no `end_header`".into())
 }
 
-fn kind_named(name: &str) -> Option<Kind> {
+fn kind_named(name: &str) -> Option<NumberType> {
     Some(match name {
-        "char" | "int8" => Kind::I8,
-        "uchar" | "uint8" => Kind::U8,
-        "short" | "int16" => Kind::I16,
-        "ushort" | "uint16" => Kind::U16,
-        "int" | "int32" => Kind::I32,
-        "uint" | "uint32" => Kind::U32,
-        "half" | "float16" => Kind::F16,
-        "float" | "float32" => Kind::F32,
-        "double" | "float64" => Kind::F64,
+        "char" | "int8" => NumberType::I8,
+        "uchar" | "uint8" => NumberType::U8,
+        "short" | "int16" => NumberType::I16,
+        "ushort" | "uint16" => NumberType::U16,
+        "int" | "int32" => NumberType::I32,
+        "uint" | "uint32" => NumberType::U32,
+        "half" | "float16" => NumberType::F16,
+        "float" | "float32" => NumberType::F32,
+        "double" | "float64" => NumberType::F64,
         _ => return None,
     })
 }
@@ -141,7 +141,7 @@ mod tests {
                     property list uchar int i\r\nelement vertex 7\r\nproperty double x\r\nproperty short y\r\nend_header\r\n";
         let header = parse(text.as_bytes()).unwrap();
         assert_eq!((header.encoding, header.data), (Encoding::Big, text.len() as u64));
-        assert_eq!(header.elements.iter().map(Element::bytes).collect::<Vec<_>>(), [None, Some(10)]);
+        assert_eq!(header.elements.iter().map(PlyElement::bytes).collect::<Vec<_>>(), [None, Some(10)]);
     }
 
     #[test]

@@ -7,16 +7,16 @@ mod rows;
 
 use crate::affine::Affine;
 use crate::axes::axes;
-use crate::laned::{Laned, LanedField};
+use crate::laned::{ColumnarField, ColumnarSnapshot};
 use crate::npy::{layout, mapped, named, only, species};
 use crate::pieces::PieceReader;
-use crate::stored::{Coding, Stored};
+use crate::stored::{StoredBytes, StreamCoding};
 use crate::strided::Bytes;
 use crate::{Choice, Description, Format, Snapshot};
-use header::{Element, Encoding, Header};
+use header::{Encoding, PlyElement, PlyHeader};
 use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Result};
-use rows::{RowFormat, Start, WalkedRows};
+use rows::{RowFormat, VariableLengthRows, VertexStart};
 use std::path::PathBuf;
 
 /// PLY points.
@@ -27,7 +27,7 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let place = path.display().to_string();
     let bytes = mapped(path)?;
-    if let Some(compression) = crate::compressed::Compression::of(&bytes) {
+    if let Some(compression) = crate::compressed::FileCompression::of(&bytes) {
         let what = format!("a PLY file in {}, which is not read", compression.name());
         return Err(Error::input_with(path, what, "unpack it first"));
     }
@@ -49,16 +49,16 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     match element.bytes() {
         Some(stride) if header.encoding != Encoding::Ascii => {
             let length = bytes.len() as u64;
-            let stored = Stored::new(bytes, 0, length, length, Coding::Plain).map_err(broken)?;
+            let stored = StoredBytes::new(bytes, 0, length, length, StreamCoding::Plain).map_err(broken)?;
             let place_field =
-                |f| LanedField { base: start.byte, stride, big_endian: header.encoding == Encoding::Big, ..f };
+                |f| ColumnarField { base: start.byte, stride, big_endian: header.encoding == Encoding::Big, ..f };
             let fields = fields.into_iter().map(place_field).collect();
-            Ok(Box::new(Laned { description, place, stored: vec![stored], fields, world: Affine::IDENTITY }))
+            Ok(Box::new(ColumnarSnapshot { description, place, stored: vec![stored], fields, world: Affine::IDENTITY }))
         }
         _ => {
             let lists = element.properties.iter().filter(|p| p.list.is_some());
             description.notes.extend(lists.map(|p| format!("list `{}` is not read", p.name.escape_debug())));
-            Ok(Box::new(Walked {
+            Ok(Box::new(VariableLengthPly {
                 description,
                 place,
                 bytes,
@@ -71,7 +71,7 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
 }
 
 /// Which element holds the points.
-fn vertices(place: &str, header: &Header) -> Result<usize> {
+fn vertices(place: &str, header: &PlyHeader) -> Result<usize> {
     let number = header.elements.iter().position(|e| e.name == "vertex").ok_or_else(|| {
         let names: Vec<&str> = header.elements.iter().map(|e| &e.name[..]).take(20).collect();
         Error::input(place, format!("it has no element `vertex`; there are: {}", names.join(", ")))
@@ -83,12 +83,12 @@ fn vertices(place: &str, header: &Header) -> Result<usize> {
 }
 
 /// Scalar properties as fields, each at its byte of the vertex (where no list stands before it).
-fn fields(element: &Element) -> Vec<LanedField> {
+fn fields(element: &PlyElement) -> Vec<ColumnarField> {
     let mut offset = 0;
     let mut out = Vec::new();
     for property in &element.properties {
         if property.list.is_none() {
-            out.push(LanedField {
+            out.push(ColumnarField {
                 name: property.name.clone(),
                 kind_name: property.kind.name().into(),
                 kind: Some(property.kind),
@@ -107,8 +107,8 @@ fn fields(element: &Element) -> Vec<LanedField> {
     out
 }
 
-fn describe(path: &PathBuf, header: &Header, element: &Element, fields: &[LanedField]) -> Result<Description> {
-    let described: Vec<_> = fields.iter().map(LanedField::described).collect();
+fn describe(path: &PathBuf, header: &PlyHeader, element: &PlyElement, fields: &[ColumnarField]) -> Result<Description> {
+    let described: Vec<_> = fields.iter().map(ColumnarField::described).collect();
     let has = |name: &str| described.iter().any(|f| f.name == name);
     let positions = layout::positions_named(&described).ok_or_else(|| {
         let hint = match has("packed_position") {
@@ -139,7 +139,7 @@ fn describe(path: &PathBuf, header: &Header, element: &Element, fields: &[LanedF
 }
 
 /// Where the vertices begin, the element of that number.
-fn start(bytes: &Bytes, header: &Header, vertices: usize) -> std::result::Result<Start, String> {
+fn start(bytes: &Bytes, header: &PlyHeader, vertices: usize) -> std::result::Result<VertexStart, String> {
     let mut at = header.data;
     let mut lines = 0u64;
     for element in &header.elements[..vertices] {
@@ -160,20 +160,20 @@ fn start(bytes: &Bytes, header: &Header, vertices: usize) -> std::result::Result
             }
         }
     }
-    Ok(Start { byte: at, lines })
+    Ok(VertexStart { byte: at, lines })
 }
 
 /// A file whose vertices have different lengths.
-struct Walked {
+struct VariableLengthPly {
     description: Description,
     place: String,
     bytes: Bytes,
-    element: Element,
+    element: PlyElement,
     encoding: Encoding,
-    start: Start,
+    start: VertexStart,
 }
 
-impl Snapshot for Walked {
+impl Snapshot for VariableLengthPly {
     fn description(&self) -> &Description {
         &self.description
     }
@@ -194,7 +194,7 @@ impl Snapshot for Walked {
             columns.push(number(name)?);
         }
         let format = RowFormat::new(self.encoding, &self.element);
-        let rows = WalkedRows::new(self.bytes.clone(), &self.place, format, self.start, species.count, columns);
+        let rows = VariableLengthRows::new(self.bytes.clone(), &self.place, format, self.start, species.count, columns);
         let meta = self.description.meta.clone();
         Ok(Box::new(PieceReader::new(meta, vec![Box::new(rows)], weight.is_some())?))
     }

@@ -1,8 +1,8 @@
 //! Vertices whose lengths differ: lines of text, and binary ones with lists. Their places are
 //! found when they are first read, and every 4096th is kept.
 
-use super::header::{Element, Encoding, Property};
-use crate::pieces::{Piece, Rows};
+use super::header::{Encoding, PlyElement, Property};
+use crate::pieces::{ParticlePiece, RowBuffer};
 use crate::strided::Bytes;
 use crate::text::number::number_at;
 use crate::text::split::shown;
@@ -13,25 +13,25 @@ use std::sync::OnceLock;
 /// Rows from one kept place to the next.
 const STEP: u64 = 4096;
 
-type InWords<T> = std::result::Result<T, String>;
+type TextResult<T> = std::result::Result<T, String>;
 
 /// Vertices of a file, read through an index.
-pub struct WalkedRows {
+pub struct VariableLengthRows {
     bytes: Bytes,
     place: String,
     format: RowFormat,
-    start: Start,
+    start: VertexStart,
     count: u64,
     /// Properties that are x, y, z and perhaps weights.
     columns: Vec<usize>,
     /// For each property the columns that it is, a bit each.
     wanted: Vec<u8>,
-    index: OnceLock<InWords<Vec<u64>>>,
+    index: OnceLock<TextResult<Vec<u64>>>,
 }
 
 /// Where the vertices begin.
 #[derive(Clone, Copy)]
-pub struct Start {
+pub struct VertexStart {
     /// The byte behind the header, or of the first vertex in a binary file.
     pub byte: u64,
     /// Lines from there to the first vertex, in a file of text.
@@ -46,7 +46,7 @@ pub struct RowFormat {
 
 impl RowFormat {
     /// Of an element.
-    pub fn new(encoding: Encoding, element: &Element) -> Self {
+    pub fn new(encoding: Encoding, element: &PlyElement) -> Self {
         RowFormat { encoding, properties: element.properties.clone() }
     }
 
@@ -60,7 +60,7 @@ impl RowFormat {
     }
 
     /// Where the row at byte `at` begins, behind blank lines, and where it ends.
-    pub fn row(&self, bytes: &[u8], at: u64) -> InWords<Range<u64>> {
+    pub fn row(&self, bytes: &[u8], at: u64) -> TextResult<Range<u64>> {
         match self.encoding {
             Encoding::Ascii => line(bytes, at),
             _ => Ok(at..self.binary(bytes, at, &[], &mut [0.0; 4])?),
@@ -68,7 +68,7 @@ impl RowFormat {
     }
 
     /// Values of the row in `range`: of each property for the columns that want it.
-    fn values(&self, bytes: &[u8], range: Range<u64>, wanted: &[u8], out: &mut [f64; 4]) -> InWords<()> {
+    fn values(&self, bytes: &[u8], range: Range<u64>, wanted: &[u8], out: &mut [f64; 4]) -> TextResult<()> {
         match self.encoding {
             Encoding::Ascii => self.text(&bytes[range.start as usize..range.end as usize], wanted, out),
             _ => self.binary(bytes, range.start, wanted, out).map(drop),
@@ -76,9 +76,9 @@ impl RowFormat {
     }
 
     /// Walks a binary row; gives its end.
-    fn binary(&self, bytes: &[u8], mut at: u64, wanted: &[u8], out: &mut [f64; 4]) -> InWords<u64> {
+    fn binary(&self, bytes: &[u8], mut at: u64, wanted: &[u8], out: &mut [f64; 4]) -> TextResult<u64> {
         let big = self.encoding == Encoding::Big;
-        let number = |at: u64, kind: crate::strided::Kind| {
+        let number = |at: u64, kind: crate::strided::NumberType| {
             let slice = usize::try_from(at).ok().and_then(|at| bytes.get(at..));
             let slice = slice.filter(|s| s.len() as u64 >= kind.bytes()).ok_or("the file ends too early")?;
             Ok::<f64, String>(kind.get(slice, big))
@@ -102,7 +102,7 @@ impl RowFormat {
         Ok(at)
     }
 
-    fn text(&self, line: &[u8], wanted: &[u8], out: &mut [f64; 4]) -> InWords<()> {
+    fn text(&self, line: &[u8], wanted: &[u8], out: &mut [f64; 4]) -> TextResult<()> {
         let mut at = 0;
         for (property, &wanted) in self.properties.iter().zip(wanted) {
             if property.list.is_some() {
@@ -145,7 +145,7 @@ fn word<'a>(line: &'a [u8], at: &mut usize) -> Option<&'a [u8]> {
 }
 
 /// The next word of a line as a number.
-fn value(line: &[u8], at: &mut usize) -> InWords<f64> {
+fn value(line: &[u8], at: &mut usize) -> TextResult<f64> {
     pass_blanks(line, at);
     let start = *at;
     let value = number_at(line, at).filter(|_| line.get(*at).is_none_or(u8::is_ascii_whitespace));
@@ -156,7 +156,7 @@ fn value(line: &[u8], at: &mut usize) -> InWords<f64> {
 }
 
 /// The next line that is not blank, without its end.
-fn line(bytes: &[u8], mut at: u64) -> InWords<Range<u64>> {
+fn line(bytes: &[u8], mut at: u64) -> TextResult<Range<u64>> {
     loop {
         let rest = usize::try_from(at).ok().and_then(|at| bytes.get(at..)).filter(|r| !r.is_empty());
         let rest = rest.ok_or("the file ends too early")?;
@@ -168,13 +168,20 @@ fn line(bytes: &[u8], mut at: u64) -> InWords<Range<u64>> {
     }
 }
 
-impl WalkedRows {
+impl VariableLengthRows {
     /// `count` vertices from `start` on.
-    pub fn new(bytes: Bytes, place: &str, format: RowFormat, start: Start, count: u64, columns: Vec<usize>) -> Self {
+    pub fn new(
+        bytes: Bytes,
+        place: &str,
+        format: RowFormat,
+        start: VertexStart,
+        count: u64,
+        columns: Vec<usize>,
+    ) -> Self {
         let mut wanted = vec![0; format.properties.len()];
         columns.iter().enumerate().for_each(|(k, &property)| wanted[property] |= 1 << k);
         let (place, index) = (place.into(), OnceLock::new());
-        WalkedRows { bytes, place, format, start, count, columns, wanted, index }
+        VariableLengthRows { bytes, place, format, start, count, columns, wanted, index }
     }
 
     fn wrong(&self, row: u64, what: &str) -> Error {
@@ -203,7 +210,7 @@ impl WalkedRows {
     }
 }
 
-impl Piece for WalkedRows {
+impl ParticlePiece for VariableLengthRows {
     fn rows(&self) -> u64 {
         self.count
     }
@@ -212,7 +219,7 @@ impl Piece for WalkedRows {
         self.columns.iter().take(3).any(|&c| self.format.properties[c].kind.is_wide())
     }
 
-    fn read(&self, rows: Range<u64>, out: &mut Rows) -> Result<()> {
+    fn read(&self, rows: Range<u64>, out: &mut RowBuffer) -> Result<()> {
         let index = self.index()?;
         let first = rows.start / STEP;
         let mut at = *index.get(first as usize).ok_or_else(|| self.wrong(rows.start, "there is none"))?;

@@ -1,14 +1,14 @@
 //! Binary glTF: primitives of points, and of `KHR_gaussian_splatting`, in their places of the scene.
 
 use super::NOTE;
-use super::gltf::{Accessor, Document, Primitive};
-use crate::affine::{Affine, Moved};
+use super::gltf::{Accessor, GltfDocument, Primitive};
+use crate::affine::{Affine, AffinePiece};
 use crate::axes::axes;
 use crate::npy::{mapped, named, only};
-use crate::pieces::{Piece, PieceReader};
-use crate::registry::Head;
-use crate::strided::{Bytes, Kind, Lane, Strided};
-use crate::{Choice, Description, Field, Mass, Snapshot, Species};
+use crate::pieces::{ParticlePiece, PieceReader};
+use crate::registry::FileHead;
+use crate::strided::{Bytes, NumberType, StridedColumn, StridedParticles};
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
 use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Result};
 use std::ops::Range;
@@ -20,19 +20,19 @@ const LONGEST: u64 = 1 << 20;
 /// Mode of points.
 const POINTS: u32 = 0;
 
-type InWords<T> = std::result::Result<T, String>;
+type TextResult<T> = std::result::Result<T, String>;
 
 /// By the signature.
-pub fn detect(head: &Head) -> bool {
+pub fn detect(head: &FileHead) -> bool {
     head.bytes.starts_with(MAGIC)
 }
 
 /// Positions of one primitive.
 #[derive(Clone)]
-struct Part {
+struct PrimitivePositions {
     rows: u64,
-    kind: Kind,
-    axes: [Lane; 3],
+    kind: NumberType,
+    axes: [StridedColumn; 3],
     world: Affine,
 }
 
@@ -40,7 +40,7 @@ struct Glb {
     description: Description,
     place: String,
     bytes: Bytes,
-    parts: Vec<Part>,
+    parts: Vec<PrimitivePositions>,
 }
 
 /// Opens it.
@@ -50,7 +50,7 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let bytes = mapped(path)?;
     let (json, binary) = chunks(&bytes).map_err(refuse)?;
     let json = &bytes[json.start as usize..json.end as usize];
-    let document: Document =
+    let document: GltfDocument =
         serde_json::from_slice(json).map_err(|e| refuse(format!("its document cannot be read: {e}")))?;
     let (parts, splats) = parts(&document, binary).map_err(refuse)?;
     let count =
@@ -63,9 +63,9 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         name: "particles".into(),
         aliases: vec!["0".into()],
         count,
-        mass: Mass::Unknown,
+        mass: SpeciesMass::Unknown,
         positions: "POSITION".into(),
-        fields: vec![Field { name: "POSITION".into(), kind, components: 3, unit: None }],
+        fields: vec![SpeciesField { name: "POSITION".into(), kind, components: 3, unit: None }],
     };
     let title = if splats { "glTF 2.0 (binary) with KHR_gaussian_splatting" } else { "glTF 2.0 (binary), points" };
     let description = Description {
@@ -80,7 +80,7 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
 }
 
 /// Where the document and the binary data lie.
-fn chunks(bytes: &[u8]) -> InWords<(Range<u64>, Range<u64>)> {
+fn chunks(bytes: &[u8]) -> TextResult<(Range<u64>, Range<u64>)> {
     let word = |at: u64| {
         let b = bytes.get(at as usize..at as usize + 4)?;
         Some(u64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])))
@@ -108,7 +108,7 @@ fn chunks(bytes: &[u8]) -> InWords<(Range<u64>, Range<u64>)> {
 }
 
 /// All primitives of points, and whether any are splats.
-fn parts(document: &Document, binary: Range<u64>) -> InWords<(Vec<Part>, bool)> {
+fn parts(document: &GltfDocument, binary: Range<u64>) -> TextResult<(Vec<PrimitivePositions>, bool)> {
     let (mut out, mut splats) = (Vec::new(), false);
     for (mesh, world) in document.placed()? {
         let mesh = document.meshes.get(mesh).ok_or("a node shows a mesh that does not exist")?;
@@ -124,7 +124,12 @@ fn parts(document: &Document, binary: Range<u64>) -> InWords<(Vec<Part>, bool)> 
     Ok((out, splats))
 }
 
-fn part(document: &Document, primitive: &Primitive, binary: &Range<u64>, world: Affine) -> InWords<Option<Part>> {
+fn part(
+    document: &GltfDocument,
+    primitive: &Primitive,
+    binary: &Range<u64>,
+    world: Affine,
+) -> TextResult<Option<PrimitivePositions>> {
     let Some(&accessor) = primitive.attributes.get("POSITION") else { return Ok(None) };
     let accessor = document.accessors.get(accessor).ok_or("positions in an accessor that does not exist")?;
     let inner = primitive.extensions.splats.iter().flat_map(|s| s.extensions.keys());
@@ -149,26 +154,27 @@ fn part(document: &Document, primitive: &Primitive, binary: &Range<u64>, world: 
         return Err(format!("its positions are {stride} bytes apart"));
     }
     let offset = view.byte_offset.checked_add(accessor.byte_offset).ok_or("positions begin beyond its end")?;
-    let lane = |k: u64| Lane { offset: offset.saturating_add(k * kind.bytes()), stride, kind, big_endian: false };
+    let lane =
+        |k: u64| StridedColumn { offset: offset.saturating_add(k * kind.bytes()), stride, kind, big_endian: false };
     // Within the view, and the view within the binary data.
     let view_end = view.byte_offset.checked_add(view.byte_length).filter(|&end| end <= binary.end - binary.start);
     let end = view_end.ok_or("positions lie beyond its end")?;
     if !(0..3).all(|k| lane(k).fits(accessor.count, end as usize)) {
         return Err(format!("{} positions end beyond their view of {} bytes", accessor.count, view.byte_length));
     }
-    let axes = [0, 1, 2].map(|k| Lane { offset: lane(k).offset + binary.start, ..lane(k) });
+    let axes = [0, 1, 2].map(|k| StridedColumn { offset: lane(k).offset + binary.start, ..lane(k) });
     let world = world.after(&Affine::scale(1.0 / largest));
-    Ok(Some(Part { rows: accessor.count, kind, axes, world }))
+    Ok(Some(PrimitivePositions { rows: accessor.count, kind, axes, world }))
 }
 
 /// An accessor's type, and what stands for 1.
-fn number(accessor: &Accessor) -> InWords<(Kind, f64)> {
+fn number(accessor: &Accessor) -> TextResult<(NumberType, f64)> {
     let (kind, largest) = match accessor.component_type {
-        5120 => (Kind::I8, 127.0),
-        5121 => (Kind::U8, 255.0),
-        5122 => (Kind::I16, 32_767.0),
-        5123 => (Kind::U16, 65_535.0),
-        5126 => (Kind::F32, 1.0),
+        5120 => (NumberType::I8, 127.0),
+        5121 => (NumberType::U8, 255.0),
+        5122 => (NumberType::I16, 32_767.0),
+        5123 => (NumberType::U16, 65_535.0),
+        5126 => (NumberType::F32, 1.0),
         other => return Err(format!("its positions have the type {other}, which is not known")),
     };
     Ok((kind, if accessor.normalized { largest } else { 1.0 }))
@@ -184,12 +190,12 @@ impl Snapshot for Glb {
         let species = species.ok_or_else(|| Error::argument("there is one kind of particles"))?;
         axes(&self.place, species, choice)?;
         species.weight_field(&self.place, &choice.weights)?;
-        let mut pieces: Vec<Box<dyn Piece>> = Vec::new();
+        let mut pieces: Vec<Box<dyn ParticlePiece>> = Vec::new();
         for part in &self.parts {
-            let inner = Strided::new(&self.place, self.bytes.clone(), part.rows, part.axes, None)?;
+            let inner = StridedParticles::new(&self.place, self.bytes.clone(), part.rows, part.axes, None)?;
             pieces.push(match part.world == Affine::IDENTITY {
                 true => Box::new(inner),
-                false => Box::new(Moved { inner: Box::new(inner), by: part.world, wide: true }),
+                false => Box::new(AffinePiece { inner: Box::new(inner), by: part.world, wide: true }),
             });
         }
         Ok(Box::new(PieceReader::new(self.description.meta.clone(), pieces, false)?))

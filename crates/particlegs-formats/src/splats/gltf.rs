@@ -9,26 +9,26 @@ use std::collections::BTreeMap;
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 #[derive(Default)]
-pub struct Document {
+pub struct GltfDocument {
     pub scene: Option<usize>,
-    pub scenes: Vec<Scene>,
-    pub nodes: Vec<Node>,
+    pub scenes: Vec<GltfScene>,
+    pub nodes: Vec<GltfNode>,
     pub meshes: Vec<Mesh>,
     pub accessors: Vec<Accessor>,
-    pub buffer_views: Vec<View>,
+    pub buffer_views: Vec<BufferView>,
     pub buffers: Vec<Buffer>,
 }
 
 /// Nodes shown together.
 #[derive(Deserialize)]
-pub struct Scene {
+pub struct GltfScene {
     #[serde(default)]
     pub nodes: Vec<usize>,
 }
 
 /// A mesh placed in its parent.
 #[derive(Deserialize)]
-pub struct Node {
+pub struct GltfNode {
     mesh: Option<usize>,
     #[serde(default)]
     children: Vec<usize>,
@@ -92,7 +92,7 @@ pub struct Accessor {
 /// A stretch of a buffer.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
-pub struct View {
+pub struct BufferView {
     #[serde(default)]
     pub buffer: usize,
     #[serde(default)]
@@ -107,7 +107,7 @@ pub struct Buffer {
     pub uri: Option<IgnoredAny>,
 }
 
-impl Node {
+impl GltfNode {
     /// To its parent.
     fn local(&self) -> Affine {
         if let Some(m) = self.matrix {
@@ -126,7 +126,7 @@ impl Node {
     }
 }
 
-impl Document {
+impl GltfDocument {
     /// Meshes and how they are placed in the world, each where a node of the scene shows it; all of
     /// them as they are where there is no scene.
     pub fn placed(&self) -> Result<Vec<(usize, Affine)>, String> {

@@ -21,12 +21,12 @@ pub const SPLAT: Format =
 /// What readers of splats say.
 pub(crate) const NOTE: &str = "Gaussian splats: their centres are read as points, nothing else of them";
 
-use crate::laned::LanedField;
-use crate::strided::Kind;
+use crate::laned::ColumnarField;
+use crate::strided::NumberType;
 
 /// A field of interleaved little-endian numbers in records.
-fn field(name: &str, kind: Kind, components: u32, base: u64, stride: u64, offset: u64) -> LanedField {
-    LanedField {
+fn field(name: &str, kind: NumberType, components: u32, base: u64, stride: u64, offset: u64) -> ColumnarField {
+    ColumnarField {
         name: name.into(),
         kind_name: kind.name().into(),
         kind: Some(kind),

@@ -2,11 +2,11 @@
 
 use super::{NOTE, field};
 use crate::affine::Affine;
-use crate::laned::Laned;
+use crate::laned::ColumnarSnapshot;
 use crate::npy::{mapped, named, only, species};
-use crate::registry::Head;
-use crate::stored::{Coding, Stored};
-use crate::strided::Kind;
+use crate::registry::FileHead;
+use crate::stored::{StoredBytes, StreamCoding};
+use crate::strided::NumberType;
 use crate::{Choice, Description, Snapshot};
 use particlegs::{Error, Result};
 use std::path::PathBuf;
@@ -15,10 +15,10 @@ use std::path::PathBuf;
 const RECORD: usize = 32;
 
 /// There is no signature: the name must say it, and the first records must look like splats.
-pub fn detect(head: &Head) -> bool {
+pub fn detect(head: &FileHead) -> bool {
     let named = head.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("splat"));
     let plausible = |record: &[u8]| {
-        let value = |k: usize| Kind::F32.get(&record[4 * k..], false);
+        let value = |k: usize| NumberType::F32.get(&record[4 * k..], false);
         (0..3).all(|k| value(k).abs() < 1e9) && (3..6).all(|k| (0.0..1e9).contains(&value(k)))
     };
     named
@@ -37,13 +37,14 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         let what = format!("{length} bytes are no whole number of records of {RECORD} bytes");
         return Err(Error::input_with(path, what, "the file is cut short, or no .splat file"));
     }
-    let stored = Stored::new(bytes, 0, length, length, Coding::Plain).map_err(|what| Error::input(path, what))?;
+    let stored =
+        StoredBytes::new(bytes, 0, length, length, StreamCoding::Plain).map_err(|what| Error::input(path, what))?;
     let stride = RECORD as u64;
     let fields = vec![
-        field("position", Kind::F32, 3, 0, stride, 0),
-        field("scale", Kind::F32, 3, 0, stride, 12),
-        field("color", Kind::U8, 4, 0, stride, 24),
-        field("rotation", Kind::U8, 4, 0, stride, 28),
+        field("position", NumberType::F32, 3, 0, stride, 0),
+        field("scale", NumberType::F32, 3, 0, stride, 12),
+        field("color", NumberType::U8, 4, 0, stride, 24),
+        field("rotation", NumberType::U8, 4, 0, stride, 28),
     ];
     let count = length / stride;
     let description = Description {
@@ -55,5 +56,5 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         ..Description::default()
     };
     let place = path.display().to_string();
-    Ok(Box::new(Laned { description, place, stored: vec![stored], fields, world: Affine::IDENTITY }))
+    Ok(Box::new(ColumnarSnapshot { description, place, stored: vec![stored], fields, world: Affine::IDENTITY }))
 }

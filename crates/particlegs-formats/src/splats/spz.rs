@@ -4,11 +4,11 @@
 
 use super::{NOTE, field};
 use crate::affine::Affine;
-use crate::laned::Laned;
+use crate::laned::ColumnarSnapshot;
 use crate::npy::{mapped, named, only, species};
-use crate::registry::Head;
-use crate::stored::{Coding, Stored};
-use crate::strided::{Bytes, Kind};
+use crate::registry::FileHead;
+use crate::stored::{StoredBytes, StreamCoding};
+use crate::strided::{Bytes, NumberType};
 use crate::{Choice, Description, Snapshot};
 use particlegs::{Error, Result};
 use std::io::Read;
@@ -20,15 +20,15 @@ const HEADER: u64 = 16;
 /// Fraction bits that leave the 24 some sense.
 const MOST_FRACTION: u8 = 24;
 
-type InWords<T> = std::result::Result<T, String>;
+type TextResult<T> = std::result::Result<T, String>;
 
 /// By the signature, within gzip or not.
-pub fn detect(head: &Head) -> bool {
+pub fn detect(head: &FileHead) -> bool {
     head.content.starts_with(MAGIC)
 }
 
 /// What a header says.
-struct Header {
+struct SpzHeader {
     version: u32,
     count: u64,
     /// Degree of spherical harmonics.
@@ -40,13 +40,13 @@ struct Header {
     table: u32,
 }
 
-impl Header {
-    fn parse(b: &[u8; HEADER as usize], table: u32) -> InWords<Header> {
+impl SpzHeader {
+    fn parse(b: &[u8; HEADER as usize], table: u32) -> TextResult<SpzHeader> {
         let word = |at: usize| u32::from_le_bytes([b[at], b[at + 1], b[at + 2], b[at + 3]]);
         if b[..4] != MAGIC[..] {
             return Err("not an SPZ file".into());
         }
-        let header = Header {
+        let header = SpzHeader {
             version: word(4),
             count: word(8).into(),
             degree: b[12],
@@ -89,8 +89,8 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let (header, base, stored) = parts(mapped(path)?).map_err(refuse)?;
     let stride = header.position();
     let (kind, world) = match header.version {
-        1 => (Kind::F16, Affine::IDENTITY),
-        _ => (Kind::I24, Affine::scale(2f64.powi(-i32::from(header.fraction)))),
+        1 => (NumberType::F16, Affine::IDENTITY),
+        _ => (NumberType::I24, Affine::scale(2f64.powi(-i32::from(header.fraction)))),
     };
     let fields = vec![field("position", kind, 3, base, stride, 0)];
     let mut notes = vec![NOTE.to_string()];
@@ -106,11 +106,11 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         ..Description::default()
     };
     let place = path.display().to_string();
-    Ok(Box::new(Laned { description, place, stored: vec![stored], fields, world }))
+    Ok(Box::new(ColumnarSnapshot { description, place, stored: vec![stored], fields, world }))
 }
 
 /// The header, and what holds the positions from which byte on.
-fn parts(bytes: Bytes) -> InWords<(Header, u64, Stored)> {
+fn parts(bytes: Bytes) -> TextResult<(SpzHeader, u64, StoredBytes)> {
     let length = bytes.len() as u64;
     let mut start = [0; HEADER as usize];
     let packed = bytes.starts_with(&[0x1f, 0x8b]);
@@ -121,7 +121,7 @@ fn parts(bytes: Bytes) -> InWords<(Header, u64, Stored)> {
         start.copy_from_slice(bytes.get(..HEADER as usize).ok_or("it is shorter than a header")?);
     }
     let table = bytes.get(16..20).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
-    let header = Header::parse(&start, table)?;
+    let header = SpzHeader::parse(&start, table)?;
     if header.version == 4 && !packed {
         let stored = stream(&bytes, &header)?;
         return Ok((header, 0, stored));
@@ -130,17 +130,17 @@ fn parts(bytes: Bytes) -> InWords<(Header, u64, Stored)> {
         return Err("version 4 within gzip, which no writer makes".into());
     }
     let size = HEADER + header.count * header.splat();
-    let coding = if packed { Coding::Gzip } else { Coding::Plain };
+    let coding = if packed { StreamCoding::Gzip } else { StreamCoding::Plain };
     if !packed && size > length {
         return Err(format!("{} splats need {size} bytes, and it has {length}", header.count));
     }
-    let stored = Stored::new(bytes, 0, length, if packed { size } else { length }, coding);
+    let stored = StoredBytes::new(bytes, 0, length, if packed { size } else { length }, coding);
     let stored = stored.map_err(|what| format!("{} splats: {what}", header.count))?;
     Ok((header, HEADER, stored))
 }
 
 /// Version 4's stream of positions, the first of those listed.
-fn stream(bytes: &Bytes, header: &Header) -> InWords<Stored> {
+fn stream(bytes: &Bytes, header: &SpzHeader) -> TextResult<StoredBytes> {
     let table = u64::from(header.table);
     let entry = |i: u64| {
         let at = usize::try_from(table + 16 * i).ok()?;
@@ -161,5 +161,5 @@ fn stream(bytes: &Bytes, header: &Header) -> InWords<Stored> {
     if size != header.count * header.position() {
         return Err(format!("{} splats, but positions of {size} bytes", header.count));
     }
-    Stored::new(bytes.clone(), data, packed, size, Coding::Zstd)
+    StoredBytes::new(bytes.clone(), data, packed, size, StreamCoding::Zstd)
 }

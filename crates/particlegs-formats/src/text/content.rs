@@ -1,7 +1,7 @@
 //! The content of a file of text, decompressed where it is compressed.
 
-use super::lines::Lines;
-use crate::compressed::{Compression, open_stream};
+use super::lines::LineReader;
+use crate::compressed::{FileCompression, open_stream};
 use particlegs::{Error, Result};
 use particlegs_files::input::open_file;
 use std::io::{Read, Seek, SeekFrom};
@@ -10,26 +10,26 @@ use std::sync::mpsc::{Receiver, sync_channel};
 
 /// A place in the content: a line's beginning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Place {
+pub struct TextPosition {
     /// Bytes of content before it.
     pub offset: u64,
     /// Its number, from 1.
     pub line: u64,
 }
 
-impl Place {
+impl TextPosition {
     /// The content's beginning.
-    pub const START: Place = Place { offset: 0, line: 1 };
+    pub const START: TextPosition = TextPosition { offset: 0, line: 1 };
 }
 
 /// A file of text.
 #[derive(Clone, Debug)]
-pub struct Content {
+pub struct TextContent {
     path: PathBuf,
-    compression: Option<Compression>,
+    compression: Option<FileCompression>,
 }
 
-impl Content {
+impl TextContent {
     /// Looks at the first bytes.
     ///
     /// # Errors
@@ -42,7 +42,7 @@ impl Content {
         if head.is_empty() {
             return Err(Error::input(path, "the file is empty"));
         }
-        Ok(Content { path: path.to_path_buf(), compression: Compression::of(&head) })
+        Ok(TextContent { path: path.to_path_buf(), compression: FileCompression::of(&head) })
     }
 
     /// The file.
@@ -68,7 +68,7 @@ impl Content {
     ///
     /// # Errors
     /// [`Error::Io`] where the file cannot be read; [`Error::Input`] for a broken stream.
-    pub fn lines(&self, start: Place, end: Option<u64>) -> Result<Lines<'_>> {
+    pub fn lines(&self, start: TextPosition, end: Option<u64>) -> Result<LineReader<'_>> {
         let fail = |e| Error::io(&self.path, e);
         let length = end.map_or(u64::MAX, |end| end.saturating_sub(start.offset));
         let source: Box<dyn Read> = if self.is_seekable() {
@@ -76,14 +76,14 @@ impl Content {
             file.seek(SeekFrom::Start(start.offset)).map_err(fail)?;
             Box::new(file.take(length))
         } else {
-            let mut source = Ahead::begin(open_stream(&self.path, self.compression)?);
+            let mut source = ReadAheadStream::begin(open_stream(&self.path, self.compression)?);
             let passed = std::io::copy(&mut (&mut source).take(start.offset), &mut std::io::sink());
             if passed.map_err(|e| self.error(0, e))? < start.offset {
                 return Err(Error::input(&self.path, "the file became shorter while it was read"));
             }
             Box::new(source.take(length))
         };
-        Ok(Lines::new(self, source, start))
+        Ok(LineReader::new(self, source, start))
     }
 
     /// The error for a read that failed after `bytes` of content.
@@ -100,14 +100,14 @@ const PIECE: usize = 1 << 18;
 const WAITING: usize = 8;
 
 /// A stream that a thread of its own reads ahead.
-struct Ahead {
+struct ReadAheadStream {
     pieces: Receiver<std::io::Result<Vec<u8>>>,
     piece: Vec<u8>,
     used: usize,
 }
 
-impl Ahead {
-    fn begin(mut source: Box<dyn Read + Send>) -> Ahead {
+impl ReadAheadStream {
+    fn begin(mut source: Box<dyn Read + Send>) -> ReadAheadStream {
         let (sender, pieces) = sync_channel(WAITING);
         // It ends with the stream, or once nobody listens.
         std::thread::spawn(move || {
@@ -127,11 +127,11 @@ impl Ahead {
                 }
             }
         });
-        Ahead { pieces, piece: Vec::new(), used: 0 }
+        ReadAheadStream { pieces, piece: Vec::new(), used: 0 }
     }
 }
 
-impl Read for Ahead {
+impl Read for ReadAheadStream {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         if self.used == self.piece.len() {
             // The thread says when the stream ends: one that went away has panicked.

@@ -1,29 +1,29 @@
 //! Files of several frames: every frame is found, one is kept.
 
-use super::content::Content;
-use super::lines::Lines;
-use super::table::{Builder, Table};
-use crate::Frames;
+use super::content::TextContent;
+use super::lines::LineReader;
+use super::table::{TableBuilder, TextTable};
+use crate::TrajectoryFrames;
 use particlegs::{Error, Remedy, Result};
 
 /// A frame that was found.
-pub struct Frame<'c, H> {
+pub struct TextFrame<'c, H> {
     /// What its header says.
     pub head: H,
     /// Its rows, where they were wanted.
-    pub rows: Option<Builder<'c>>,
+    pub rows: Option<TableBuilder<'c>>,
     /// Its step, as the file numbers it.
     pub step: Option<i64>,
 }
 
 /// The frames of a file.
-pub struct Scan<H> {
+pub struct FrameScan<H> {
     /// The header of the one chosen.
     pub head: H,
     /// Its rows.
-    pub table: Table,
+    pub table: TextTable,
     /// How many there are, and which is chosen.
-    pub frames: Frames,
+    pub frames: TrajectoryFrames,
     /// What a user should know.
     pub notes: Vec<String>,
 }
@@ -35,20 +35,20 @@ pub struct Scan<H> {
 /// # Errors
 /// Those of `next` up to the chosen frame; [`Error::Input`] where there is no such frame.
 pub fn scan<'c, H>(
-    content: &'c Content,
+    content: &'c TextContent,
     chosen: Option<u64>,
-    mut next: impl FnMut(&mut Lines<'c>, u64, bool) -> Result<Option<Frame<'c, H>>>,
-) -> Result<Scan<H>> {
-    let mut lines = content.lines(super::content::Place::START, None)?;
+    mut next: impl FnMut(&mut LineReader<'c>, u64, bool) -> Result<Option<TextFrame<'c, H>>>,
+) -> Result<FrameScan<H>> {
+    let mut lines = content.lines(super::content::TextPosition::START, None)?;
     let mut kept = None;
     let mut notes = Vec::new();
     let mut count = 0;
     loop {
         match next(&mut lines, count, chosen.is_none_or(|c| c == count)) {
             Ok(None) => break,
-            Ok(Some(Frame { head, rows, step })) => {
+            Ok(Some(TextFrame { head, rows, step })) => {
                 if let Some(rows) = rows {
-                    kept = Some((head, rows, Frames { count, chosen: count, step }));
+                    kept = Some((head, rows, TrajectoryFrames { count, chosen: count, step }));
                 }
                 count += 1;
             }
@@ -68,7 +68,7 @@ pub fn scan<'c, H>(
     if chosen.is_none() && count > 1 {
         notes.push(format!("frame {} is taken, the last of {count} (0 to {})", frames.chosen, count - 1));
     }
-    Ok(Scan { head, table, frames: Frames { count, ..frames }, notes })
+    Ok(FrameScan { head, table, frames: TrajectoryFrames { count, ..frames }, notes })
 }
 
 /// The frame before a broken one can be read.
@@ -81,7 +81,7 @@ fn with_last_frame(error: Error, whole: u64) -> Error {
     }
 }
 
-fn no_frame(content: &Content, chosen: Option<u64>, count: u64) -> Error {
+fn no_frame(content: &TextContent, chosen: Option<u64>, count: u64) -> Error {
     match (chosen, count) {
         (_, 0) => Error::input(content.path(), "there are no frames in it"),
         (chosen, 1) => Error::input(content.path(), format!("has no frame {}: its only one is 0", chosen.unwrap_or(0))),

@@ -1,6 +1,6 @@
 //! The lines of a stream, a window at a time, in bounded memory.
 
-use super::content::{Content, Place};
+use super::content::{TextContent, TextPosition};
 use particlegs::{Error, Result};
 use std::io::Read;
 
@@ -12,8 +12,8 @@ const WINDOW: usize = 1 << 18;
 const STRIDE: usize = 1 << 14;
 
 /// Lines of a stream.
-pub struct Lines<'a> {
-    content: &'a Content,
+pub struct LineReader<'a> {
+    content: &'a TextContent,
     source: Box<dyn Read + 'a>,
     buffer: Vec<u8>,
     /// Whole lines lie in `start..whole`, the beginning of the next one in `whole..filled`.
@@ -23,18 +23,18 @@ pub struct Lines<'a> {
     ended: bool,
     /// Is the last line one without an end?
     open: bool,
-    place: Place,
+    place: TextPosition,
 }
 
-impl<'a> Lines<'a> {
+impl<'a> LineReader<'a> {
     /// Lines of `source`, which stands at `place` of `content`.
-    pub fn new(content: &'a Content, source: Box<dyn Read + 'a>, place: Place) -> Self {
+    pub fn new(content: &'a TextContent, source: Box<dyn Read + 'a>, place: TextPosition) -> Self {
         let buffer = vec![0; WINDOW];
-        Lines { content, source, buffer, start: 0, whole: 0, filled: 0, ended: false, open: false, place }
+        LineReader { content, source, buffer, start: 0, whole: 0, filled: 0, ended: false, open: false, place }
     }
 
     /// The place of the next line.
-    pub fn place(&self) -> Place {
+    pub fn place(&self) -> TextPosition {
         self.place
     }
 
@@ -124,7 +124,7 @@ impl<'a> Lines<'a> {
     /// The next line, without its end and without going past it.
     ///
     /// # Errors
-    /// Those of [`Lines::line`].
+    /// Those of [`LineReader::line`].
     pub fn peek(&mut self) -> Result<Option<&[u8]>> {
         if !self.fill()? {
             return Ok(None);
@@ -137,7 +137,7 @@ impl<'a> Lines<'a> {
     /// Whole lines, as many as are at hand; nothing at the end.
     ///
     /// # Errors
-    /// Those of [`Lines::line`].
+    /// Those of [`LineReader::line`].
     pub fn block(&mut self) -> Result<Option<&[u8]>> {
         Ok(if self.fill()? { Some(&self.buffer[self.start..self.whole]) } else { None })
     }
@@ -150,8 +150,8 @@ impl<'a> Lines<'a> {
     /// Goes past `count` lines, giving them to `each` in blocks, and says how many there were.
     ///
     /// # Errors
-    /// Those of [`Lines::line`] and of `each`.
-    pub fn pass(&mut self, count: u64, mut each: impl FnMut(Place, &[u8]) -> Result<()>) -> Result<u64> {
+    /// Those of [`LineReader::line`] and of `each`.
+    pub fn pass(&mut self, count: u64, mut each: impl FnMut(TextPosition, &[u8]) -> Result<()>) -> Result<u64> {
         let mut left = count;
         while left > 0 && self.fill()? {
             let place = self.place;

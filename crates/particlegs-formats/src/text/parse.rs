@@ -7,7 +7,7 @@ use particlegs::space::PeriodicCell;
 
 /// How the lines of a table are taken apart.
 #[derive(Clone, Debug)]
-pub struct Layout {
+pub struct TableLayout {
     /// What stands between columns.
     pub separator: Separator,
     /// Names of the columns.
@@ -18,7 +18,7 @@ pub struct Layout {
     pub comma: bool,
 }
 
-impl Layout {
+impl TableLayout {
     /// Does the line at the beginning of `text` hold a row?
     #[inline]
     pub fn is_row(&self, text: &[u8]) -> bool {
@@ -91,7 +91,7 @@ impl Scaling {
 
 /// What is read of each row.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct RowPlan {
     /// The columns read, ascending, each once.
     wanted: Vec<usize>,
     /// Which of them are x, y, z and the weight.
@@ -109,7 +109,7 @@ pub struct Plan {
     origin: [f64; 3],
 }
 
-impl Plan {
+impl RowPlan {
     /// Reads positions from three columns, and weights, of all species.
     pub fn new(positions: [usize; 3], weight: Option<usize>, scaling: Option<Scaling>) -> Self {
         let all: Vec<usize> = positions.into_iter().chain(weight).collect();
@@ -120,7 +120,7 @@ impl Plan {
         for (slot, column) in slots.iter_mut().zip(&all) {
             *slot = wanted.binary_search(column).unwrap_or(0);
         }
-        Plan {
+        RowPlan {
             wanted,
             slots,
             weighted: weight.is_some(),
@@ -180,7 +180,7 @@ pub fn same(a: &[u8], b: &[u8]) -> bool {
 }
 
 /// Columns of particles: x, y, z about an origin, weights.
-pub type Columns<T = f32> = [Vec<T>; 4];
+pub type ParticleColumns<T = f32> = [Vec<T>; 4];
 
 /// What columns are of.
 pub trait TableNumber: Copy + Send {
@@ -202,7 +202,7 @@ impl TableNumber for f64 {
 
 /// A line that cannot be read.
 #[derive(Debug)]
-pub struct Fault {
+pub struct LineError {
     /// Its number.
     pub line: u64,
     /// What is wrong.
@@ -210,18 +210,18 @@ pub struct Fault {
 }
 
 /// Parses rows, those before `skip` and beyond `room` left out.
-pub struct Parser<'a> {
+pub struct RowParser<'a> {
     /// How lines are taken apart.
-    pub layout: &'a Layout,
+    pub layout: &'a TableLayout,
     /// What is read.
-    pub plan: &'a Plan,
+    pub plan: &'a RowPlan,
     /// Rows to pass over.
     pub skip: u64,
     /// Rows still wanted.
     pub room: usize,
 }
 
-impl Parser<'_> {
+impl RowParser<'_> {
     /// Appends the rows of `block`, whose first line has number `line`, to `out`; bytes and lines
     /// that were used up.
     ///
@@ -231,8 +231,8 @@ impl Parser<'_> {
         &mut self,
         block: &[u8],
         line: u64,
-        out: &mut Columns<T>,
-    ) -> Result<(usize, u64), Fault> {
+        out: &mut ParticleColumns<T>,
+    ) -> Result<(usize, u64), LineError> {
         let (mut at, mut lines) = (0, 0);
         while at < block.len() && self.room > 0 {
             let text = &block[at..];
@@ -264,7 +264,7 @@ impl Parser<'_> {
 
     /// Reads the row at the beginning of `text`; how many bytes its line takes.
     #[inline(always)]
-    fn row<T: TableNumber>(&self, text: &[u8], out: &mut Columns<T>) -> Option<usize> {
+    fn row<T: TableNumber>(&self, text: &[u8], out: &mut ParticleColumns<T>) -> Option<usize> {
         let mut values = [0.0; 4];
         let length = match self.layout.separator {
             _ if self.layout.comma => None,
@@ -372,7 +372,7 @@ impl Parser<'_> {
 
     /// What is wrong with a line that could not be read.
     #[cold]
-    fn fault(&self, line: &[u8], number_of_line: u64) -> Fault {
+    fn fault(&self, line: &[u8], number_of_line: u64) -> LineError {
         let all = tokens(line, self.layout.separator);
         let (have, expected) = (all.len(), self.layout.columns.len());
         let wrong = self.plan.wanted.iter().find(|&&c| c < have && number_with(all[c], self.layout.comma).is_none());
@@ -384,6 +384,6 @@ impl Parser<'_> {
             None if have == 0 || all == [b""] => format!("is empty, where {expected} columns belong"),
             None => format!("has {have} column{}, not {expected}", if have == 1 { "" } else { "s" }),
         };
-        Fault { line: number_of_line, what }
+        LineError { line: number_of_line, what }
     }
 }

@@ -1,8 +1,8 @@
 //! Rows of a table, run by run.
 
-use super::lines::Lines;
-use super::parse::{Columns, Fault, Parser, Plan, TableNumber};
-use super::table::Table;
+use super::lines::LineReader;
+use super::parse::{LineError, ParticleColumns, RowParser, RowPlan, TableNumber};
+use super::table::TextTable;
 use crate::pieces::origin_of;
 use particlegs::parallel;
 use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
@@ -14,9 +14,9 @@ use std::sync::Arc;
 /// Reads one species of a table. Plain files are parsed from any place by any thread; compressed
 /// ones are decompressed by one thread while the others parse.
 pub struct RowReader {
-    table: Arc<Table>,
+    table: Arc<TextTable>,
     kind: usize,
-    plan: Plan,
+    plan: RowPlan,
     meta: SnapshotMeta,
 }
 
@@ -30,7 +30,7 @@ impl RowReader {
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn new(table: Arc<Table>, kind: usize, plan: Plan, meta: SnapshotMeta) -> Result<Self> {
+    pub fn new(table: Arc<TextTable>, kind: usize, plan: RowPlan, meta: SnapshotMeta) -> Result<Self> {
         let mut reader = RowReader { table, kind, plan, meta };
         let origin = reader.sample()?.map(|column| origin_of(&column));
         reader.plan = reader.plan.about(origin);
@@ -40,10 +40,10 @@ impl RowReader {
     /// Positions of any species from the beginning and, in plain files, from three places more.
     /// Broken lines are found when they are read.
     fn sample(&self) -> Result<[Vec<f64>; 3]> {
-        let mut columns = <Columns>::default();
+        let mut columns = <ParticleColumns>::default();
         let plan = self.plan.clone().of(None);
         let mut look = |block: &[u8]| {
-            let mut parser = Parser { layout: &self.table.layout, plan: &plan, skip: 0, room: SAMPLE };
+            let mut parser = RowParser { layout: &self.table.layout, plan: &plan, skip: 0, room: SAMPLE };
             let _ = parser.block(block, 1, &mut columns);
         };
         look(&self.table.head);
@@ -56,11 +56,11 @@ impl RowReader {
         Ok([x, y, z].map(|column| column.into_iter().map(f64::from).collect()))
     }
 
-    fn parser<'p>(&'p self, plan: &'p Plan, skip: u64, room: usize) -> Parser<'p> {
-        Parser { layout: &self.table.layout, plan, skip, room }
+    fn parser<'p>(&'p self, plan: &'p RowPlan, skip: u64, room: usize) -> RowParser<'p> {
+        RowParser { layout: &self.table.layout, plan, skip, room }
     }
 
-    fn fault(&self, fault: Fault) -> Error {
+    fn fault(&self, fault: LineError) -> Error {
         Error::input(self.table.content.path(), format!("line {} {}", fault.line, fault.what))
     }
 
@@ -74,7 +74,7 @@ impl RowReader {
     }
 
     /// Parses run `run` of a plain file.
-    fn run<T: TableNumber>(&self, run: u64, columns: &mut Columns<T>) -> Result<()> {
+    fn run<T: TableNumber>(&self, run: u64, columns: &mut ParticleColumns<T>) -> Result<()> {
         let first = run * RUN as u64;
         let before = &self.table.before[self.kind];
         let stretch = before.partition_point(|&rows| rows <= first).saturating_sub(1);
@@ -93,7 +93,7 @@ impl RowReader {
         Ok(())
     }
 
-    fn chunk<'c>(&self, columns: &'c Columns, rows: Range<usize>) -> Chunk<'c> {
+    fn chunk<'c>(&self, columns: &'c ParticleColumns, rows: Range<usize>) -> Chunk<'c> {
         let [x, y, z, w] = columns;
         let weight = self.has_weights().then(|| &w[rows.clone()]);
         Chunk { position: [&x[rows.clone()], &y[rows.clone()], &z[rows]], weight }
@@ -107,7 +107,7 @@ impl RowReader {
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()> {
         let mut lines = self.table.content.lines(self.table.start, Some(self.table.end.offset))?;
-        let mut waiting = Columns::default();
+        let mut waiting = ParticleColumns::default();
         let mut next = 0;
         while next < runs.end {
             progress.check()?;
@@ -135,7 +135,7 @@ impl RowReader {
     }
 
     /// Parses the next blocks of a stream onto the end of `out`; true at its end.
-    fn batch(&self, lines: &mut Lines<'_>, out: &mut Columns) -> Result<bool> {
+    fn batch(&self, lines: &mut LineReader<'_>, out: &mut ParticleColumns) -> Result<bool> {
         let size = (2 * parallel::threads()).min(BATCH);
         let mut blocks = Vec::with_capacity(size);
         while blocks.len() < size {
@@ -148,7 +148,7 @@ impl RowReader {
         }
         let ended = blocks.len() < size;
         let parsed = parallel::try_map(blocks, |(line, block)| {
-            let mut columns = <Columns>::default();
+            let mut columns = <ParticleColumns>::default();
             self.parser(&self.plan, 0, usize::MAX).block(&block, line, &mut columns).map_err(|f| self.fault(f))?;
             Ok::<_, Error>(columns)
         })?;
@@ -179,7 +179,7 @@ impl SnapshotReader for RowReader {
     }
 
     fn read_wide(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, [&[f64]; 3]) -> Result<()>) -> Result<()> {
-        let mut columns = Columns::<f64>::default();
+        let mut columns = ParticleColumns::<f64>::default();
         if self.table.content.is_seekable() {
             for run in runs {
                 self.run(run, &mut columns)?;
@@ -220,7 +220,7 @@ impl SnapshotReader for RowReader {
         if !self.table.content.is_seekable() {
             return self.stream(runs, progress, sink);
         }
-        let scratch = parallel::Scratch::<Columns>::default();
+        let scratch = parallel::Scratch::<ParticleColumns>::default();
         parallel::try_for_each(runs, |run| {
             progress.check()?;
             scratch.with(|columns| {

@@ -1,13 +1,13 @@
 //! What formats of text have in common: a table, its columns as fields, species by a column.
 
 use super::lines::of_block;
-use super::parse::{self, Parser, Plan, Scaling};
+use super::parse::{self, RowParser, RowPlan, Scaling};
 use super::reader::RowReader;
 use super::split::{kind_of, shown, tokens};
-use super::table::{MOST_SPECIES, Table};
+use super::table::{MOST_SPECIES, TextTable};
 use crate::axes::axis;
 use crate::fields::number_of;
-use crate::{Choice, Description, Field, Mass, Snapshot, Species};
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
 use particlegs::particles::{Number, SnapshotReader};
 use particlegs::space::PeriodicCell;
 use particlegs::{Error, Remedy, Result};
@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// A table of text and what is said about it.
 pub struct TextSnapshot {
     description: Description,
-    table: Arc<Table>,
+    table: Arc<TextTable>,
     /// The columns that hold positions in units of a cell, and the cell.
     scaled: Option<([&'static [&'static str]; 3], Scaling)>,
     /// Are positions wrapped into the periodic cell?
@@ -27,9 +27,9 @@ pub struct TextSnapshot {
 const LOOKED_AT: usize = 1024;
 
 /// What the columns of a table are.
-pub struct Columns {
+pub struct TableColumns {
     /// Choice in the order of the columns.
-    pub fields: Vec<Field>,
+    pub fields: Vec<SpeciesField>,
     /// The field or fields that hold positions; empty where none is known to.
     pub positions: String,
     /// Field of masses.
@@ -39,8 +39,8 @@ pub struct Columns {
 impl TextSnapshot {
     /// `description` without its species, which come from the table: called `all` where there is one,
     /// else by `noun` and the value of the key column.
-    pub fn new(mut description: Description, table: Table, columns: Columns, all: &str, noun: &str) -> Self {
-        let mass = columns.mass.map_or(Mass::Unknown, Mass::Field);
+    pub fn new(mut description: Description, table: TextTable, columns: TableColumns, all: &str, noun: &str) -> Self {
+        let mass = columns.mass.map_or(SpeciesMass::Unknown, SpeciesMass::Field);
         if table.keys.len() > MOST_SPECIES {
             description.notes.push(format!("there are more than {MOST_SPECIES} types: all particles are one species"));
         }
@@ -104,8 +104,8 @@ impl TextSnapshot {
         let Some(plan) = self.description.species.first().and_then(|one| self.plan(one, choice).ok()) else {
             return false;
         };
-        let mut columns = <parse::Columns>::default();
-        let mut parser = Parser { layout: &self.table.layout, plan: &plan, skip: 0, room: LOOKED_AT };
+        let mut columns = <parse::ParticleColumns>::default();
+        let mut parser = RowParser { layout: &self.table.layout, plan: &plan, skip: 0, room: LOOKED_AT };
         let _ = parser.block(&self.table.head, 1, &mut columns);
         let [x, y, z, _] = columns;
         let beyond =
@@ -116,13 +116,13 @@ impl TextSnapshot {
     }
 
     /// What is read of the rows of all species.
-    fn plan(&self, species: &Species, choice: &Choice) -> Result<Plan> {
+    fn plan(&self, species: &Species, choice: &Choice) -> Result<RowPlan> {
         let (positions, scaling) = self.positions(species, choice.positions.as_ref().unwrap_or(&species.positions))?;
         let weight = species.weight_field(&self.place(), &choice.weights)?;
         let weight = weight.map(|name| self.scalar(species, &name)).transpose()?;
         Ok(match choice.as_stored {
-            false => Plan::new(positions, weight, scaling),
-            true => Plan::new(positions, weight, None).with_bits_of(self.whole(species)),
+            false => RowPlan::new(positions, weight, scaling),
+            true => RowPlan::new(positions, weight, None).with_bits_of(self.whole(species)),
         })
     }
 
@@ -181,7 +181,7 @@ impl TextSnapshot {
 }
 
 /// The first column of a field.
-fn column_of(fields: &[Field], name: &str) -> Option<usize> {
+fn column_of(fields: &[SpeciesField], name: &str) -> Option<usize> {
     let index = fields.iter().position(|f| f.name == name)?;
     Some(fields[..index].iter().map(|f| f.components as usize).sum())
 }
@@ -203,7 +203,7 @@ impl Snapshot for TextSnapshot {
 }
 
 /// Kinds of the columns of a table, by its first rows.
-pub fn kinds(table: &Table) -> Vec<&'static str> {
+pub fn kinds(table: &TextTable) -> Vec<&'static str> {
     let rows = of_block(&table.head).map(|(line, _)| line).filter(|line| table.layout.is_row(line)).take(256);
     let rows: Vec<Vec<&[u8]>> = rows.map(|line| tokens(line, table.layout.separator)).collect();
     (0..table.layout.columns.len())

@@ -1,8 +1,8 @@
 //! Where the rows of a table lie in a file, and how many of each species there are.
 
-use super::content::{Content, Place};
+use super::content::{TextContent, TextPosition};
 use super::lines::of_block;
-use super::parse::{Layout, same};
+use super::parse::{TableLayout, same};
 use particlegs::parallel;
 use particlegs::{Error, Result};
 
@@ -17,7 +17,7 @@ const HEAD: usize = 1 << 16;
 
 /// Rows of one species.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Kind {
+pub struct SpeciesRows {
     /// The value of the table's key column, where rows are told apart by one.
     pub key: Option<Vec<u8>>,
     /// How many.
@@ -25,23 +25,23 @@ pub struct Kind {
 }
 
 /// The rows of a table in a file.
-pub struct Table {
+pub struct TextTable {
     /// The file.
-    pub content: Content,
+    pub content: TextContent,
     /// How its lines are taken apart.
-    pub layout: Layout,
+    pub layout: TableLayout,
     /// Column by which rows are told apart, where there are at least two species.
     pub key: Option<usize>,
     /// Species.
-    pub kinds: Vec<Kind>,
+    pub kinds: Vec<SpeciesRows>,
     /// The first rows, at least one.
     pub head: Vec<u8>,
     /// Where they begin.
-    pub start: Place,
+    pub start: TextPosition,
     /// Where they end.
-    pub end: Place,
+    pub end: TextPosition,
     /// Places on the way, the first at the start; none in compressed files.
-    pub stretches: Vec<Place>,
+    pub stretches: Vec<TextPosition>,
     /// Rows of each species before each stretch.
     pub before: Vec<Vec<u64>>,
     /// The values that the key column has: one or more than can be told apart.
@@ -49,29 +49,36 @@ pub struct Table {
 }
 
 /// Takes in the rows of a table, block by block.
-pub struct Builder<'a> {
-    content: &'a Content,
-    layout: Layout,
+pub struct TableBuilder<'a> {
+    content: &'a TextContent,
+    layout: TableLayout,
     key: Option<usize>,
     step: u64,
-    start: Place,
-    end: Place,
+    start: TextPosition,
+    end: TextPosition,
     head: Vec<u8>,
-    stretches: Vec<Place>,
-    tally: Tally,
+    stretches: Vec<TextPosition>,
+    tally: RowTally,
 }
 
 /// Rows counted, by the value of the key column.
 #[derive(Default)]
-struct Tally {
+struct RowTally {
     counts: Vec<(Vec<u8>, u64)>,
     rows: u64,
     /// The value seen last is often the next one.
     last: usize,
 }
 
-impl Tally {
-    fn add(&mut self, content: &Content, layout: &Layout, key: Option<usize>, line: u64, block: &[u8]) -> Result<()> {
+impl RowTally {
+    fn add(
+        &mut self,
+        content: &TextContent,
+        layout: &TableLayout,
+        key: Option<usize>,
+        line: u64,
+        block: &[u8],
+    ) -> Result<()> {
         for (number, (text, _)) in (line..).zip(of_block(block)) {
             if !layout.is_row(text) {
                 continue;
@@ -103,13 +110,13 @@ impl Tally {
     }
 }
 
-impl<'a> Builder<'a> {
+impl<'a> TableBuilder<'a> {
     /// A table whose rows begin at `start`; species by the values of column `key`.
-    pub fn new(content: &'a Content, layout: Layout, key: Option<usize>, start: Place) -> Self {
+    pub fn new(content: &'a TextContent, layout: TableLayout, key: Option<usize>, start: TextPosition) -> Self {
         let length = std::fs::metadata(content.path()).map_or(0, |m| m.len());
         let step = STRETCH.max(length / STRETCHES);
         let (head, stretches, tally) = Default::default();
-        Builder { content, layout, key, step, start, end: start, head, stretches, tally }
+        TableBuilder { content, layout, key, step, start, end: start, head, stretches, tally }
     }
 
     /// From now on, lines that begin so are no rows.
@@ -121,7 +128,7 @@ impl<'a> Builder<'a> {
     ///
     /// # Errors
     /// [`Error::Input`] where the key column is missing.
-    pub fn add(&mut self, place: Place, block: &[u8]) -> Result<()> {
+    pub fn add(&mut self, place: TextPosition, block: &[u8]) -> Result<()> {
         if self.head.len() < HEAD {
             let mut rows = of_block(block).map(|(_, length)| length);
             let mut length = rows.next().unwrap_or(0);
@@ -144,7 +151,7 @@ impl<'a> Builder<'a> {
     }
 
     /// The rows end at `end`.
-    pub fn until(mut self, end: Place) -> Self {
+    pub fn until(mut self, end: TextPosition) -> Self {
         self.end = end;
         self
     }
@@ -153,19 +160,19 @@ impl<'a> Builder<'a> {
     ///
     /// # Errors
     /// [`Error::Input`] where the key column is missing; [`Error::Io`].
-    pub fn finish(mut self) -> Result<Table> {
+    pub fn finish(mut self) -> Result<TextTable> {
         let counts_lines = self.key.is_none() && self.layout.comment.is_none();
-        let tallies: Vec<Tally> = if !self.content.is_seekable() {
+        let tallies: Vec<RowTally> = if !self.content.is_seekable() {
             vec![std::mem::take(&mut self.tally)]
         } else if counts_lines {
-            (0..self.stretches.len()).map(|i| Tally { rows: self.lines_of(i), ..Tally::default() }).collect()
+            (0..self.stretches.len()).map(|i| RowTally { rows: self.lines_of(i), ..RowTally::default() }).collect()
         } else {
             parallel::try_map_range(self.stretches.len(), |i| self.tally(i))?
         };
         Ok(self.table(tallies))
     }
 
-    fn stretch_end(&self, index: usize) -> Place {
+    fn stretch_end(&self, index: usize) -> TextPosition {
         self.stretches.get(index + 1).copied().unwrap_or(self.end)
     }
 
@@ -173,15 +180,15 @@ impl<'a> Builder<'a> {
         self.stretch_end(index).line - self.stretches[index].line
     }
 
-    fn tally(&self, index: usize) -> Result<Tally> {
-        let mut tally = Tally::default();
+    fn tally(&self, index: usize) -> Result<RowTally> {
+        let mut tally = RowTally::default();
         let mut lines = self.content.lines(self.stretches[index], Some(self.stretch_end(index).offset))?;
         lines.pass(u64::MAX, |place, block| tally.add(self.content, &self.layout, self.key, place.line, block))?;
         Ok(tally)
     }
 
-    fn table(self, tallies: Vec<Tally>) -> Table {
-        let mut all = Tally::default();
+    fn table(self, tallies: Vec<RowTally>) -> TextTable {
+        let mut all = RowTally::default();
         for tally in &tallies {
             tally.counts.iter().for_each(|(value, count)| all.count(value, *count));
             all.rows += tally.rows;
@@ -191,9 +198,9 @@ impl<'a> Builder<'a> {
         }
         let keys: Vec<Vec<u8>> = all.counts.iter().map(|(value, _)| value.clone()).collect();
         let key = self.key.filter(|_| (2..=MOST_SPECIES).contains(&keys.len()));
-        let kinds: Vec<Kind> = match key {
-            Some(_) => all.counts.into_iter().map(|(key, count)| Kind { key: Some(key), count }).collect(),
-            None => vec![Kind { key: None, count: all.rows }],
+        let kinds: Vec<SpeciesRows> = match key {
+            Some(_) => all.counts.into_iter().map(|(key, count)| SpeciesRows { key: Some(key), count }).collect(),
+            None => vec![SpeciesRows { key: None, count: all.rows }],
         };
         let before = kinds.iter().map(|kind| {
             let mut sum = 0;
@@ -208,8 +215,8 @@ impl<'a> Builder<'a> {
             .collect()
         });
         let before = if self.content.is_seekable() { before.collect() } else { Vec::new() };
-        let Builder { content, layout, head, stretches, start, end, .. } = self;
-        Table { content: content.clone(), layout, key, kinds, head, start, end, stretches, before, keys }
+        let TableBuilder { content, layout, head, stretches, start, end, .. } = self;
+        TextTable { content: content.clone(), layout, key, kinds, head, start, end, stretches, before, keys }
     }
 }
 

@@ -8,7 +8,7 @@ use std::io::Write;
 use std::sync::Mutex;
 
 /// What was read of a species.
-pub struct Got {
+pub struct SpeciesParticles {
     /// Its name.
     pub name: String,
     /// World positions.
@@ -25,7 +25,7 @@ pub fn scratch(content: &[u8]) -> tempfile::NamedTempFile {
 }
 
 /// Reads a species whole, and again from its second run on.
-pub fn read(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> Result<Got> {
+pub fn read(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> Result<SpeciesParticles> {
     let reader = snapshot.reader(species, choice)?;
     let runs = reader.count().div_ceil(RUN as u64);
     let gather = |from: u64| -> Result<Vec<([f64; 3], f32)>> {
@@ -48,5 +48,5 @@ pub fn read(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> Result<
     }
     let name = snapshot.description().species[species].name.clone();
     let (positions, weights) = all.into_iter().unzip();
-    Ok(Got { name, positions, weights: if reader.has_weights() { weights } else { Vec::new() } })
+    Ok(SpeciesParticles { name, positions, weights: if reader.has_weights() { weights } else { Vec::new() } })
 }

@@ -1,12 +1,12 @@
 //! The ways that all formats of text share: windows, runs, compression, faults, any bytes.
 
 use super::lines::LINE_LIMIT;
-use super::testing::{Got, read, scratch};
+use super::testing::{SpeciesParticles, read, scratch};
 use crate::Choice;
 use flate2::{Compression, write::GzEncoder};
 use std::io::Write;
 
-fn open(content: &[u8], format: &str) -> particlegs::Result<Vec<Got>> {
+fn open(content: &[u8], format: &str) -> particlegs::Result<Vec<SpeciesParticles>> {
     let file = scratch(content);
     let options = Choice { format: Some(format.into()), frame: None, ..Choice::default() };
     let snapshot = options.open(&[file.path().to_path_buf()])?;

@@ -2,18 +2,18 @@
 
 mod scan;
 
-use crate::axes::{Axis, axes};
+use crate::axes::{FieldComponent, axes};
 use crate::pieces::PieceReader;
 use crate::strided::Bytes;
 use crate::vtk_xml::mass_of;
-use crate::vtk_xml::points::Points;
-use crate::vtk_xml::source::{Array, Source, Stream};
-use crate::{Choice, Description, Field, Format, Snapshot, Species};
+use crate::vtk_xml::points::PiecePoints;
+use crate::vtk_xml::source::{ArraySource, Stream, VtkArray};
+use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField};
 use particlegs::model::Epoch;
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
 use particlegs_files::input::map_file;
-use scan::{Data, Found, Scanned};
+use scan::{ArrayData, LegacyArray, LegacyContents};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -22,18 +22,18 @@ pub const FORMAT: Format = Format {
     name: "vtk-legacy",
     title: "legacy VTK",
     detect: |head| head.compression.is_none() && head.bytes.starts_with(b"# vtk DataFile"),
-    open: |paths, _| Ok(Box::new(Legacy::open(paths)?)),
+    open: |paths, _| Ok(Box::new(LegacySnapshot::open(paths)?)),
 };
 
-struct Legacy {
+struct LegacySnapshot {
     place: String,
     bytes: Bytes,
-    scanned: Scanned,
+    scanned: LegacyContents,
     description: Description,
 }
 
-impl Legacy {
-    fn open(paths: &[PathBuf]) -> Result<Legacy> {
+impl LegacySnapshot {
+    fn open(paths: &[PathBuf]) -> Result<LegacySnapshot> {
         let path = &paths[0];
         if let Some(second) = paths.get(1) {
             return Err(Error::input_with(second, "a second VTK file", "one at a time"));
@@ -45,13 +45,13 @@ impl Legacy {
             return Err(Error::input(path, "no points"));
         }
         let coding = if scanned.ascii { "text" } else { "binary" };
-        let fields = scanned.arrays.iter().map(|a| Field {
+        let fields = scanned.arrays.iter().map(|a| SpeciesField {
             name: a.name.clone(),
             kind: a.kind.name().into(),
             components: a.components,
             unit: None,
         });
-        let fields: Vec<Field> = fields.collect();
+        let fields: Vec<SpeciesField> = fields.collect();
         let species = Species {
             name: "points".into(),
             aliases: vec![],
@@ -73,20 +73,20 @@ impl Legacy {
             frames: None,
             notes: scanned.note.iter().cloned().collect(),
         };
-        Ok(Legacy { place: path.display().to_string(), bytes, scanned, description })
+        Ok(LegacySnapshot { place: path.display().to_string(), bytes, scanned, description })
     }
 }
 
-fn array(found: &Found) -> Array {
+fn array(found: &LegacyArray) -> VtkArray {
     let source = match &found.data {
-        Data::Binary(at) => Source::Plain(Stream::Raw(*at)),
-        Data::Text(text) => Source::Ascii(text.clone()),
+        ArrayData::Binary(at) => ArraySource::Plain(Stream::Raw(*at)),
+        ArrayData::Text(text) => ArraySource::Ascii(text.clone()),
     };
     let (name, kind, components) = (found.name.clone(), found.kind, found.components);
-    Array { name, kind, components, big_endian: true, source }
+    VtkArray { name, kind, components, big_endian: true, source }
 }
 
-impl Snapshot for Legacy {
+impl Snapshot for LegacySnapshot {
     fn description(&self) -> &Description {
         &self.description
     }
@@ -95,8 +95,8 @@ impl Snapshot for Legacy {
         let species = &self.description.species[species];
         let weight = species.weight_field(&self.place, &choice.weights)?;
         let mut columns = axes(&self.place, species, choice)?.to_vec();
-        columns.extend(weight.iter().map(|w| Axis { field: w.clone(), component: 0 }));
-        let (mut arrays, mut places): (Vec<Array>, Vec<(usize, u32)>) = (Vec::new(), Vec::new());
+        columns.extend(weight.iter().map(|w| FieldComponent { field: w.clone(), component: 0 }));
+        let (mut arrays, mut places): (Vec<VtkArray>, Vec<(usize, u32)>) = (Vec::new(), Vec::new());
         for axis in &columns {
             let index = match arrays.iter().position(|a| a.name == axis.field) {
                 Some(index) => index,
@@ -104,13 +104,13 @@ impl Snapshot for Legacy {
                     let found = self.scanned.arrays.iter().find(|a| a.name == axis.field);
                     let missing = || Error::input(&self.place, format!("it has no array `{}`", axis.field));
                     let own = array(found.ok_or_else(missing)?);
-                    arrays.push(Array { kind: own.kind.stored(choice.as_stored), ..own });
+                    arrays.push(VtkArray { kind: own.kind.stored(choice.as_stored), ..own });
                     arrays.len() - 1
                 }
             };
             places.push((index, axis.component));
         }
-        let points = Points::new(&self.place, self.bytes.clone(), self.scanned.points, arrays, places)?;
+        let points = PiecePoints::new(&self.place, self.bytes.clone(), self.scanned.points, arrays, places)?;
         let meta = self.description.meta.clone();
         Ok(Box::new(PieceReader::new(meta, vec![Box::new(points)], weight.is_some())?))
     }

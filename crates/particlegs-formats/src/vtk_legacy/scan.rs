@@ -1,14 +1,14 @@
 //! The sections of a legacy VTK file, one after the other: where points and their data lie.
 
 use crate::ascii::{Ascii, shown};
-use crate::strided::Kind;
+use crate::strided::NumberType;
 use particlegs::{Error, Result};
 use std::path::Path;
 use std::sync::Arc;
 
 /// Where an array's numbers are.
 #[derive(Clone)]
-pub enum Data {
+pub enum ArrayData {
     /// Big-endian, from this byte on.
     Binary(u64),
     /// As text.
@@ -17,20 +17,20 @@ pub enum Data {
 
 /// An array.
 #[derive(Clone)]
-pub struct Found {
+pub struct LegacyArray {
     /// Its name.
     pub name: String,
     /// Type of its numbers.
-    pub kind: Kind,
+    pub kind: NumberType,
     /// Numbers a row.
     pub components: u32,
     /// Where they are.
-    pub data: Data,
+    pub data: ArrayData,
 }
 
 /// What a file holds.
 #[derive(Default)]
-pub struct Scanned {
+pub struct LegacyContents {
     /// Kind of data, e.g. `POLYDATA`.
     pub dataset: String,
     /// Are numbers text?
@@ -40,7 +40,7 @@ pub struct Scanned {
     /// Number of points.
     pub points: u64,
     /// Positions, then the points' arrays.
-    pub arrays: Vec<Found>,
+    pub arrays: Vec<LegacyArray>,
     /// The field TIME, as some codes write it.
     pub time: Option<f64>,
     /// Why the rest was not looked at.
@@ -58,18 +58,18 @@ const HINT: &str = "the file is cut short or damaged: copy it again from its sou
 
 /// What an attribute section belongs to.
 #[derive(Clone, Copy, PartialEq)]
-enum Of {
+enum AttributeOwner {
     Dataset,
     Points,
     Cells,
 }
 
-struct Scan<'a> {
+struct LegacyScan<'a> {
     path: &'a Path,
     bytes: &'a [u8],
     at: usize,
-    out: Scanned,
-    of: Of,
+    out: LegacyContents,
+    of: AttributeOwner,
     /// Rows of the attributes that follow.
     rows: u64,
     /// Are cells written as offsets and connectivity?
@@ -80,8 +80,16 @@ struct Scan<'a> {
 ///
 /// # Errors
 /// [`Error::Input`] where it is no such file, or its numbers end beyond the file.
-pub fn scan(path: &Path, bytes: &[u8]) -> Result<Scanned> {
-    let mut scan = Scan { path, bytes, at: 0, out: Scanned::default(), of: Of::Dataset, rows: 0, modern: false };
+pub fn scan(path: &Path, bytes: &[u8]) -> Result<LegacyContents> {
+    let mut scan = LegacyScan {
+        path,
+        bytes,
+        at: 0,
+        out: LegacyContents::default(),
+        of: AttributeOwner::Dataset,
+        rows: 0,
+        modern: false,
+    };
     scan.head()?;
     while let Some(line) = scan.line()? {
         if !scan.section(&line)? {
@@ -97,7 +105,7 @@ pub fn scan(path: &Path, bytes: &[u8]) -> Result<Scanned> {
     Ok(scan.out)
 }
 
-impl Scan<'_> {
+impl LegacyScan<'_> {
     fn fault(&self, what: impl Into<String>) -> Error {
         Error::input_with(self.path, what, HINT)
     }
@@ -165,17 +173,17 @@ impl Scan<'_> {
                 let Some(kind) = kind_of(kind) else { return Ok(false) };
                 let data = self.numbers("POINTS", count, 3, kind)?;
                 self.out.points = count;
-                self.out.arrays.insert(0, Found { name: "POINTS".into(), kind, components: 3, data });
+                self.out.arrays.insert(0, LegacyArray { name: "POINTS".into(), kind, components: 3, data });
             }
             ("VERTICES" | "LINES" | "POLYGONS" | "TRIANGLE_STRIPS" | "CELLS", [offsets, size]) => {
                 return self.cells(&keyword, offsets, size);
             }
             ("CELL_TYPES", [count]) => {
                 let count = self.count(count)?;
-                self.numbers("CELL_TYPES", count, 1, Kind::I32)?;
+                self.numbers("CELL_TYPES", count, 1, NumberType::I32)?;
             }
-            ("POINT_DATA", [count]) => (self.of, self.rows) = (Of::Points, self.count(count)?),
-            ("CELL_DATA", [count]) => (self.of, self.rows) = (Of::Cells, self.count(count)?),
+            ("POINT_DATA", [count]) => (self.of, self.rows) = (AttributeOwner::Points, self.count(count)?),
+            ("CELL_DATA", [count]) => (self.of, self.rows) = (AttributeOwner::Cells, self.count(count)?),
             ("METADATA", []) => while self.raw_line()?.is_some_and(|l| !l.is_empty()) {},
             ("FIELD", [_, count]) => return self.field(count),
             _ => return self.attribute(&keyword, &words[1..]),
@@ -188,13 +196,13 @@ impl Scan<'_> {
     }
 
     /// Skips `rows` rows of numbers and tells where they are.
-    fn numbers(&mut self, name: &str, rows: u64, components: u32, kind: Kind) -> Result<Data> {
+    fn numbers(&mut self, name: &str, rows: u64, components: u32, kind: NumberType) -> Result<ArrayData> {
         let at = self.at as u64;
         let count = rows.saturating_mul(u64::from(components));
         if self.out.ascii {
             let found = Ascii::find(self.bytes, at, count).map_err(|e| self.fault(format!("{name}: {e}")))?;
             self.at = found.end() as usize;
-            return Ok(Data::Text(Arc::new(found)));
+            return Ok(ArrayData::Text(Arc::new(found)));
         }
         let end = count.checked_mul(kind.bytes()).and_then(|n| n.checked_add(at));
         match end.filter(|&e| e <= self.bytes.len() as u64) {
@@ -207,14 +215,14 @@ impl Scan<'_> {
                 return Err(self.fault(what));
             }
         }
-        Ok(Data::Binary(at))
+        Ok(ArrayData::Binary(at))
     }
 
     /// Cells: integers in one run, or, from version 5 on, two arrays.
     fn cells(&mut self, keyword: &str, offsets: &str, size: &str) -> Result<bool> {
         let (offsets, size) = (self.count(offsets)?, self.count(size)?);
         if !self.modern {
-            self.numbers(keyword, size, 1, Kind::I32)?;
+            self.numbers(keyword, size, 1, NumberType::I32)?;
             return Ok(true);
         }
         for (name, count) in [("OFFSETS", offsets), ("CONNECTIVITY", size)] {
@@ -240,7 +248,7 @@ impl Scan<'_> {
             let Ok(components) = u32::try_from(self.count(components)?) else { return Ok(false) };
             let rows = self.count(rows)?;
             let data = self.numbers(name, rows, components, kind)?;
-            if self.of == Of::Dataset && name.eq_ignore_ascii_case("TIME") && rows == 1 && components == 1 {
+            if self.of == AttributeOwner::Dataset && name.eq_ignore_ascii_case("TIME") && rows == 1 && components == 1 {
                 self.out.time = self.first(&data, kind);
             }
             self.keep(name, rows, components, kind, data);
@@ -248,11 +256,11 @@ impl Scan<'_> {
         Ok(true)
     }
 
-    fn first(&self, data: &Data, kind: Kind) -> Option<f64> {
+    fn first(&self, data: &ArrayData, kind: NumberType) -> Option<f64> {
         let mut out = Vec::new();
         match data {
-            Data::Binary(at) => out.push(kind.get(&self.bytes[*at as usize..], true)),
-            Data::Text(text) => text.append(self.bytes, 0..1, kind, &mut out).ok()?,
+            ArrayData::Binary(at) => out.push(kind.get(&self.bytes[*at as usize..], true)),
+            ArrayData::Text(text) => text.append(self.bytes, 0..1, kind, &mut out).ok()?,
         }
         out.first().copied().filter(|t| t.is_finite())
     }
@@ -268,10 +276,10 @@ impl Scan<'_> {
             ("GLOBAL_IDS" | "PEDIGREE_IDS", [name, kind]) => (*name, 1, kind_of(kind)),
             ("TEXTURE_COORDINATES", [name, n, kind]) => (*name, self.count(n)?, kind_of(kind)),
             ("COLOR_SCALARS", [name, n]) => {
-                (*name, self.count(n)?, Some(if self.out.ascii { Kind::F32 } else { Kind::U8 }))
+                (*name, self.count(n)?, Some(if self.out.ascii { NumberType::F32 } else { NumberType::U8 }))
             }
             ("LOOKUP_TABLE", [_, count]) => {
-                let (count, kind) = (self.count(count)?, if self.out.ascii { Kind::F32 } else { Kind::U8 });
+                let (count, kind) = (self.count(count)?, if self.out.ascii { NumberType::F32 } else { NumberType::U8 });
                 self.numbers("LOOKUP_TABLE", count, 4, kind)?;
                 return Ok(true);
             }
@@ -292,14 +300,14 @@ impl Scan<'_> {
     }
 
     /// An array of the points, where it is one.
-    fn keep(&mut self, name: &str, rows: u64, components: u32, kind: Kind, data: Data) {
-        let taken = self.of == Of::Points && rows == self.out.points && self.out.arrays.len() < MOST_ARRAYS;
+    fn keep(&mut self, name: &str, rows: u64, components: u32, kind: NumberType, data: ArrayData) {
+        let taken = self.of == AttributeOwner::Points && rows == self.out.points && self.out.arrays.len() < MOST_ARRAYS;
         if !taken {
             return;
         }
         let name = decoded(name);
         if !self.out.arrays.iter().any(|a| a.name == name) {
-            self.out.arrays.push(Found { name, kind, components, data });
+            self.out.arrays.push(LegacyArray { name, kind, components, data });
         }
     }
 }
@@ -324,18 +332,18 @@ fn decoded(name: &str) -> String {
     String::from_utf8_lossy(&out).replace(char::is_control, "?")
 }
 
-fn kind_of(name: &str) -> Option<Kind> {
+fn kind_of(name: &str) -> Option<NumberType> {
     Some(match &name.to_ascii_lowercase()[..] {
-        "float" => Kind::F32,
-        "double" => Kind::F64,
-        "char" | "signed_char" => Kind::I8,
-        "unsigned_char" => Kind::U8,
-        "short" => Kind::I16,
-        "unsigned_short" => Kind::U16,
-        "int" | "vtkidtype" => Kind::I32,
-        "unsigned_int" => Kind::U32,
-        "long" | "vtktypeint64" => Kind::I64,
-        "unsigned_long" | "vtktypeuint64" => Kind::U64,
+        "float" => NumberType::F32,
+        "double" => NumberType::F64,
+        "char" | "signed_char" => NumberType::I8,
+        "unsigned_char" => NumberType::U8,
+        "short" => NumberType::I16,
+        "unsigned_short" => NumberType::U16,
+        "int" | "vtkidtype" => NumberType::I32,
+        "unsigned_int" => NumberType::U32,
+        "long" | "vtktypeint64" => NumberType::I64,
+        "unsigned_long" | "vtktypeuint64" => NumberType::U64,
         _ => return None,
     })
 }

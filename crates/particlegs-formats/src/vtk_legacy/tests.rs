@@ -1,7 +1,7 @@
 //! Small files made here: text and binary, sections before and after the points.
 
 use super::*;
-use crate::{Choice, Mass, Weights};
+use crate::{Choice, SpeciesMass, Weights};
 use particlegs::progress::Silent;
 use std::sync::Mutex;
 
@@ -29,7 +29,7 @@ const TEXT: &str = "# vtk DataFile Version 2.0\ntitle\nASCII\nDATASET POLYDATA\n
 fn text_with_sections_in_any_order() {
     let (d, got) = rows(TEXT.as_bytes(), &Choice::default()).unwrap();
     assert_eq!(got, [[1.0, 2.0, 3.0, 7.0], [4.0, 5.0, 6.0, 8.0]]);
-    assert_eq!((d.meta.epoch.time, &d.species[0].mass), (Some(0.25), &Mass::Field("mass".into())));
+    assert_eq!((d.meta.epoch.time, &d.species[0].mass), (Some(0.25), &SpeciesMass::Field("mass".into())));
     let names: Vec<&str> = d.species[0].fields.iter().map(|f| &f.name[..]).collect();
     assert_eq!(names, ["POINTS", "mass", "v w"]);
     let other = Choice { positions: Some("v w".into()), weights: Weights::None, ..Choice::default() };

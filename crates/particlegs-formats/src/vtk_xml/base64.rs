@@ -17,20 +17,20 @@ const ENGINE: GeneralPurpose = GeneralPurpose::new(
 
 /// A stretch of text.
 #[derive(Clone, Debug)]
-pub struct Text {
+pub struct Base64Text {
     range: Range<u64>,
     /// Where every [`STEP`]-th character that is no blank stands; empty where there are no blanks.
     starts: Vec<u64>,
 }
 
-impl Text {
+impl Base64Text {
     /// Bytes `range` of a file, which must lie within it and hold no blanks.
-    pub fn plain(range: Range<u64>) -> Text {
-        Text { range, starts: Vec::new() }
+    pub fn plain(range: Range<u64>) -> Base64Text {
+        Base64Text { range, starts: Vec::new() }
     }
 
     /// Bytes `range` of `bytes`, which may hold blanks.
-    pub fn find(bytes: &[u8], range: Range<u64>) -> Text {
+    pub fn find(bytes: &[u8], range: Range<u64>) -> Base64Text {
         let text = &bytes[range.start as usize..range.end as usize];
         let before = text.iter().take_while(|b| b.is_ascii_whitespace()).count();
         let after = text[before..].iter().rev().take_while(|b| b.is_ascii_whitespace()).count();
@@ -41,7 +41,7 @@ impl Text {
             let places = text.iter().enumerate().filter(|(_, b)| !b.is_ascii_whitespace());
             starts.extend(places.step_by(STEP as usize).map(|(i, _)| range.start + i as u64));
         }
-        Text { range, starts }
+        Base64Text { range, starts }
     }
 
     /// Up to `n` characters from the `from`-th on, blanks left out.
@@ -90,7 +90,7 @@ mod tests {
             plain.as_bytes().chunks(76).map(|l| format!("\n {}", std::str::from_utf8(l).unwrap())).collect();
         for text in [&plain, &lines] {
             let bytes = text.as_bytes();
-            let found = Text::find(bytes, 0..bytes.len() as u64);
+            let found = Base64Text::find(bytes, 0..bytes.len() as u64);
             for range in [0..0, 0..1, 1..5, 7..90_001, 99_999..100_000] {
                 let part = &data[range.start as usize..range.end as usize];
                 assert_eq!(found.decode(bytes, 0, range).unwrap(), part);

@@ -56,7 +56,7 @@ impl Integers {
 }
 
 /// An array's blocks.
-pub struct Blocks {
+pub struct CompressedBlocks {
     compressor: Compressor,
     data: Stream,
     /// Bytes of a block, decompressed, and of the last.
@@ -69,7 +69,7 @@ pub struct Blocks {
     pub key: u64,
 }
 
-impl Blocks {
+impl CompressedBlocks {
     /// Reads the header of an array of `length` bytes: number of blocks, bytes of a block and of a
     /// last shorter one, compressed bytes of each, as such integers.
     pub fn open(
@@ -79,7 +79,7 @@ impl Blocks {
         integers: Integers,
         length: u64,
         cache: &Arc<ChunkCache>,
-    ) -> Result<Blocks, String> {
+    ) -> Result<CompressedBlocks, String> {
         let head = stream.get(bytes, 0..3 * integers.size)?;
         let [count, block, last] = [0, 1, 2].map(|i| integers.get(&head, i));
         if count == 0 || count > MOST_BLOCKS || count > bytes.len() as u64 || block == 0 {
@@ -106,7 +106,7 @@ impl Blocks {
         // The last byte must be there.
         let end = starts[count as usize];
         data.get(bytes, end.saturating_sub(1)..end)?;
-        Ok(Blocks { compressor, data, block, last, starts, cache: cache.clone(), key: 0 })
+        Ok(CompressedBlocks { compressor, data, block, last, starts, cache: cache.clone(), key: 0 })
     }
 
     /// Number of blocks.

@@ -2,7 +2,7 @@
 
 use super::blocks::Compressor;
 use crate::ascii::shown;
-use crate::strided::Kind;
+use crate::strided::NumberType;
 use particlegs::{Error, Result};
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
@@ -18,7 +18,7 @@ const MOST_NAME: usize = 1024;
 
 /// How an array is written.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Place {
+pub enum ArrayLocation {
     /// As text in these bytes.
     Ascii(Range<u64>),
     /// As base64 in these bytes.
@@ -29,26 +29,26 @@ pub enum Place {
 
 /// An array as the XML describes it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Declared {
+pub struct ArrayDeclaration {
     /// Its name.
     pub name: String,
     /// Type of its numbers; `None` for what are no numbers.
-    pub kind: Option<Kind>,
+    pub kind: Option<NumberType>,
     /// Numbers a row.
     pub components: u32,
     /// Where they are.
-    pub place: Place,
+    pub place: ArrayLocation,
 }
 
 /// A piece.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Piece {
+pub struct VtkPiece {
     /// Points.
     pub points: u64,
     /// Their positions.
-    pub positions: Option<Declared>,
+    pub positions: Option<ArrayDeclaration>,
     /// Arrays of numbers of the points.
-    pub arrays: Vec<Declared>,
+    pub arrays: Vec<ArrayDeclaration>,
     /// The file that holds it, in files that only list pieces.
     pub source: Option<String>,
 }
@@ -64,7 +64,7 @@ pub struct CollectionEntry {
 
 /// What the XML says.
 #[derive(Clone, Debug, Default)]
-pub struct Document {
+pub struct VtkDocument {
     /// Kind of data, e.g. `PolyData`.
     pub kind: String,
     /// Byte order of binary data.
@@ -74,28 +74,28 @@ pub struct Document {
     /// How binary data are compressed.
     pub compressor: Option<Compressor>,
     /// Its pieces.
-    pub pieces: Vec<Piece>,
+    pub pieces: Vec<VtkPiece>,
     /// Files, in lists of whole files.
     pub listed: Vec<CollectionEntry>,
     /// Arrays of no piece, e.g. the time.
-    pub fields: Vec<Declared>,
+    pub fields: Vec<ArrayDeclaration>,
     /// Where appended data begin, and whether they are base64.
     pub appended: Option<(u64, bool)>,
 }
 
 /// Where in the file the parser is.
 #[derive(Default)]
-struct Walk {
+struct XmlState {
     /// Elements that are open, by their first letters' meaning.
-    open: Vec<Element>,
+    open: Vec<XmlElement>,
     /// The array whose text is awaited.
-    array: Option<(Declared, bool)>,
+    array: Option<(ArrayDeclaration, bool)>,
     arrays: usize,
     closed: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Element {
+enum XmlElement {
     File,
     Piece,
     Points,
@@ -109,10 +109,10 @@ enum Element {
 ///
 /// # Errors
 /// [`Error::Input`] for what is no XML of VTK, with the byte.
-pub fn parse(path: &Path, bytes: &[u8]) -> Result<Document> {
+pub fn parse(path: &Path, bytes: &[u8]) -> Result<VtkDocument> {
     let mut reader = Reader::from_reader(bytes);
-    let mut document = Document { header: 4, ..Document::default() };
-    let mut walk = Walk::default();
+    let mut document = VtkDocument { header: 4, ..VtkDocument::default() };
+    let mut walk = XmlState::default();
     loop {
         let at = reader.buffer_position();
         let fault = |what: String| Error::input_with(path, format!("byte {at}: {what}"), HINT);
@@ -142,10 +142,10 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<Document> {
             }
             Event::End(_) => {
                 let element = walk.open.pop();
-                if matches!(element, Some(Element::Array)) {
+                if matches!(element, Some(XmlElement::Array)) {
                     walk.leave(&mut document).map_err(fault)?;
                 }
-                walk.closed |= element == Some(Element::File);
+                walk.closed |= element == Some(XmlElement::File);
             }
             Event::Text(_) => walk.text(bytes, at..reader.buffer_position()),
             Event::DocType(_) | Event::GeneralRef(_) => {
@@ -182,20 +182,20 @@ fn number(tag: &BytesStart<'_>, name: &str) -> std::result::Result<Option<u64>, 
     text.trim().parse().map(Some).map_err(|_| format!("{name} is `{}`: no count", shown(&text)))
 }
 
-impl Walk {
+impl XmlState {
     /// An element begins: what it is, and what it says.
     fn enter(
         &mut self,
-        document: &mut Document,
+        document: &mut VtkDocument,
         tag: &BytesStart<'_>,
         empty: bool,
-    ) -> std::result::Result<Element, String> {
+    ) -> std::result::Result<XmlElement, String> {
         let inside = self.open.last().copied();
         let name = tag.name();
         Ok(match (name.as_ref(), inside) {
             ("VTKFile", None) => {
                 self.file(document, tag)?;
-                Element::File
+                XmlElement::File
             }
             (_, None) => return Err("it is no VTKFile".into()),
             ("Piece", _) => {
@@ -203,8 +203,8 @@ impl Walk {
                     return Err(format!("more than {MOST_PIECES} pieces"));
                 }
                 let points = number(tag, "NumberOfPoints")?.unwrap_or(0);
-                document.pieces.push(Piece { points, source: attribute(tag, "Source")?, ..Piece::default() });
-                if empty { Element::Other } else { Element::Piece }
+                document.pieces.push(VtkPiece { points, source: attribute(tag, "Source")?, ..VtkPiece::default() });
+                if empty { XmlElement::Other } else { XmlElement::Piece }
             }
             ("DataSet", _) => {
                 if document.listed.len() == MOST_PIECES {
@@ -213,24 +213,24 @@ impl Walk {
                 let time =
                     attribute(tag, "timestep")?.and_then(|t| t.trim().parse().ok()).filter(|t: &f64| t.is_finite());
                 document.listed.extend(attribute(tag, "file")?.map(|file| CollectionEntry { file, time }));
-                Element::Other
+                XmlElement::Other
             }
-            ("Points", Some(Element::Piece)) => Element::Points,
-            ("PointData", Some(Element::Piece)) => Element::PointData,
-            ("FieldData", _) => Element::FieldData,
-            ("DataArray", Some(Element::Points | Element::PointData | Element::FieldData)) => {
+            ("Points", Some(XmlElement::Piece)) => XmlElement::Points,
+            ("PointData", Some(XmlElement::Piece)) => XmlElement::PointData,
+            ("FieldData", _) => XmlElement::FieldData,
+            ("DataArray", Some(XmlElement::Points | XmlElement::PointData | XmlElement::FieldData)) => {
                 self.arrays += 1;
                 if self.arrays > MOST_ARRAYS {
                     return Err(format!("more than {MOST_ARRAYS} arrays"));
                 }
                 self.array = Some(declared(tag)?);
-                Element::Array
+                XmlElement::Array
             }
-            _ => Element::Other,
+            _ => XmlElement::Other,
         })
     }
 
-    fn file(&mut self, document: &mut Document, tag: &BytesStart<'_>) -> std::result::Result<(), String> {
+    fn file(&mut self, document: &mut VtkDocument, tag: &BytesStart<'_>) -> std::result::Result<(), String> {
         document.kind = attribute(tag, "type")?.unwrap_or_default();
         document.big_endian = attribute(tag, "byte_order")?.as_deref() == Some("BigEndian");
         document.header = match attribute(tag, "header_type")?.as_deref() {
@@ -249,25 +249,25 @@ impl Walk {
     fn text(&mut self, bytes: &[u8], range: Range<u64>) {
         let Some((array, awaited)) = &mut self.array else { return };
         let blank = bytes[range.start as usize..range.end as usize].iter().all(u8::is_ascii_whitespace);
-        if !*awaited || blank || self.open.last() != Some(&Element::Array) {
+        if !*awaited || blank || self.open.last() != Some(&XmlElement::Array) {
             return;
         }
         match &mut array.place {
-            Place::Ascii(place) | Place::Inline(place) => *place = range,
-            Place::Appended(_) => {}
+            ArrayLocation::Ascii(place) | ArrayLocation::Inline(place) => *place = range,
+            ArrayLocation::Appended(_) => {}
         }
         *awaited = false;
     }
 
     /// The array that was open is complete.
-    fn leave(&mut self, document: &mut Document) -> std::result::Result<(), String> {
+    fn leave(&mut self, document: &mut VtkDocument) -> std::result::Result<(), String> {
         let Some((array, _)) = self.array.take() else { return Ok(()) };
         // Of an empty element, nothing was opened: the last open one holds it.
         match self.open.last() {
-            Some(Element::FieldData) => document.fields.push(array),
+            Some(XmlElement::FieldData) => document.fields.push(array),
             Some(inside) => {
                 let piece = document.pieces.last_mut().ok_or("an array outside of any piece")?;
-                if *inside == Element::Points {
+                if *inside == XmlElement::Points {
                     piece.positions = Some(array);
                 } else if piece.arrays.len() < MOST_ARRAYS_OF_PIECE {
                     piece.arrays.push(array);
@@ -281,32 +281,34 @@ impl Walk {
     }
 }
 
-fn declared(tag: &BytesStart<'_>) -> std::result::Result<(Declared, bool), String> {
+fn declared(tag: &BytesStart<'_>) -> std::result::Result<(ArrayDeclaration, bool), String> {
     let kind = attribute(tag, "type")?.and_then(|t| kind_of(&t));
     let name = attribute(tag, "Name")?.unwrap_or_default().replace(char::is_control, "?");
     let components = number(tag, "NumberOfComponents")?.unwrap_or(1).max(1);
     let components = u32::try_from(components).map_err(|_| format!("array {name} has {components} components"))?;
     let place = match attribute(tag, "format")?.as_deref() {
-        None | Some("ascii") => Place::Ascii(0..0),
-        Some("binary") => Place::Inline(0..0),
-        Some("appended") => Place::Appended(number(tag, "offset")?.ok_or("an appended array without an offset")?),
+        None | Some("ascii") => ArrayLocation::Ascii(0..0),
+        Some("binary") => ArrayLocation::Inline(0..0),
+        Some("appended") => {
+            ArrayLocation::Appended(number(tag, "offset")?.ok_or("an appended array without an offset")?)
+        }
         Some(other) => return Err(format!("format `{}` is not known", shown(other))),
     };
-    Ok((Declared { name, kind, components, place }, true))
+    Ok((ArrayDeclaration { name, kind, components, place }, true))
 }
 
-fn kind_of(name: &str) -> Option<Kind> {
+fn kind_of(name: &str) -> Option<NumberType> {
     Some(match name {
-        "Float32" => Kind::F32,
-        "Float64" => Kind::F64,
-        "Int8" => Kind::I8,
-        "Int16" => Kind::I16,
-        "Int32" => Kind::I32,
-        "Int64" => Kind::I64,
-        "UInt8" => Kind::U8,
-        "UInt16" => Kind::U16,
-        "UInt32" => Kind::U32,
-        "UInt64" => Kind::U64,
+        "Float32" => NumberType::F32,
+        "Float64" => NumberType::F64,
+        "Int8" => NumberType::I8,
+        "Int16" => NumberType::I16,
+        "Int32" => NumberType::I32,
+        "Int64" => NumberType::I64,
+        "UInt8" => NumberType::U8,
+        "UInt16" => NumberType::U16,
+        "UInt32" => NumberType::U32,
+        "UInt64" => NumberType::U64,
         _ => return None,
     })
 }

@@ -1,9 +1,9 @@
 //! One file: its XML, and its arrays located and checked against the file's length.
 
-use super::base64::Text;
-use super::blocks::{Blocks, Compressor, Integers};
-use super::document::{self, Declared, Document, Place};
-use super::source::{Array, Source, Stream};
+use super::base64::Base64Text;
+use super::blocks::{CompressedBlocks, Compressor, Integers};
+use super::document::{self, ArrayDeclaration, ArrayLocation, VtkDocument};
+use super::source::{ArraySource, Stream, VtkArray};
 use crate::ascii::Ascii;
 use crate::cache::ChunkCache;
 use crate::strided::Bytes;
@@ -13,28 +13,28 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A file, mapped.
-pub struct File {
+pub struct VtkXmlFile {
     /// Its path.
     pub path: PathBuf,
     /// Its bytes.
     pub bytes: Bytes,
     /// What its XML says.
-    pub document: Document,
+    pub document: VtkDocument,
 }
 
 /// Longest text of a number that is a field: the time.
 const FIELD_TEXT: u64 = 4096;
 
-impl File {
+impl VtkXmlFile {
     /// Maps a file and reads its XML.
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Input`] for broken XML and arrays that do not lie in the file.
-    pub fn open(path: &Path) -> Result<File> {
+    pub fn open(path: &Path) -> Result<VtkXmlFile> {
         let (map, _) = map_file(path)?;
         let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);
         let document = document::parse(path, &bytes)?;
-        let file = File { path: path.into(), bytes, document };
+        let file = VtkXmlFile { path: path.into(), bytes, document };
         file.check()?;
         Ok(file)
     }
@@ -57,16 +57,16 @@ impl File {
     ///
     /// # Errors
     /// [`Error::Input`] naming the array that does not lie in the file or has another length.
-    pub fn array(&self, declared: &Declared, rows: u64, cache: &Arc<ChunkCache>) -> Result<Option<Array>> {
+    pub fn array(&self, declared: &ArrayDeclaration, rows: u64, cache: &Arc<ChunkCache>) -> Result<Option<VtkArray>> {
         let Some(kind) = declared.kind else { return Ok(None) };
         let source = match &declared.place {
-            Place::Ascii(range) => {
+            ArrayLocation::Ascii(range) => {
                 let count = rows.checked_mul(u64::from(declared.components));
                 let fault = || "more numbers than can be counted".to_string();
                 let found = count
                     .ok_or_else(fault)
                     .and_then(|n| Ascii::find(&self.bytes[..range.end as usize], range.start, n));
-                Source::Ascii(Arc::new(found.map_err(|e| self.fault(declared, &e))?))
+                ArraySource::Ascii(Arc::new(found.map_err(|e| self.fault(declared, &e))?))
             }
             _ => match self.binary(declared, rows, cache)? {
                 Some(source) => source,
@@ -74,23 +74,25 @@ impl File {
             },
         };
         let (name, components) = (declared.name.clone(), declared.components);
-        Ok(Some(Array { name, kind, components, big_endian: self.document.big_endian, source }))
+        Ok(Some(VtkArray { name, kind, components, big_endian: self.document.big_endian, source }))
     }
 
     /// Where binary numbers are; `None` for text and for what are no numbers.
-    fn binary(&self, declared: &Declared, rows: u64, cache: &Arc<ChunkCache>) -> Result<Option<Source>> {
+    fn binary(&self, declared: &ArrayDeclaration, rows: u64, cache: &Arc<ChunkCache>) -> Result<Option<ArraySource>> {
         let Some(kind) = declared.kind else { return Ok(None) };
         let fault = |e: String| self.fault(declared, &e);
         let stream = match &declared.place {
-            Place::Ascii(range) => {
+            ArrayLocation::Ascii(range) => {
                 let least = rows.saturating_mul(u64::from(declared.components)).saturating_mul(2);
                 if range.end - range.start < least.saturating_sub(1) {
                     return Err(fault(format!("{rows} rows do not fit into its text")));
                 }
                 return Ok(None);
             }
-            Place::Inline(range) => Stream::Base64 { text: Text::find(&self.bytes, range.clone()), base: 0, skip: 0 },
-            Place::Appended(offset) => self.appended(*offset).map_err(fault)?,
+            ArrayLocation::Inline(range) => {
+                Stream::Base64 { text: Base64Text::find(&self.bytes, range.clone()), base: 0, skip: 0 }
+            }
+            ArrayLocation::Appended(offset) => self.appended(*offset).map_err(fault)?,
         };
         let length = rows.checked_mul(kind.bytes()).and_then(|n| n.checked_mul(u64::from(declared.components)));
         let length = length.ok_or_else(|| fault("more numbers than can be counted".into()))?;
@@ -102,7 +104,7 @@ impl File {
         let end = self.bytes.len() as u64;
         let at = start.checked_add(offset).filter(|&at| at < end);
         let at = at.ok_or_else(|| format!("its offset {offset} lies beyond the file's end"))?;
-        Ok(if base64 { Stream::Base64 { text: Text::plain(at..end), base: 0, skip: 0 } } else { Stream::Raw(at) })
+        Ok(if base64 { Stream::Base64 { text: Base64Text::plain(at..end), base: 0, skip: 0 } } else { Stream::Raw(at) })
     }
 
     fn source(
@@ -111,12 +113,12 @@ impl File {
         compressor: Option<Compressor>,
         length: u64,
         cache: &Arc<ChunkCache>,
-    ) -> std::result::Result<Source, String> {
+    ) -> std::result::Result<ArraySource, String> {
         let size = self.document.header;
         let integers = Integers { size, big_endian: self.document.big_endian };
         if let Some(compressor) = compressor {
-            let blocks = Blocks::open(&self.bytes, stream, compressor, integers, length, cache)?;
-            return Ok(Source::Blocks(blocks));
+            let blocks = CompressedBlocks::open(&self.bytes, stream, compressor, integers, length, cache)?;
+            return Ok(ArraySource::Blocks(blocks));
         }
         let said = integers.get(&stream.get(&self.bytes, 0..size)?, 0);
         // Lengths above 4 GiB wrap in small headers.
@@ -125,10 +127,10 @@ impl File {
         }
         let data = stream.after(&self.bytes, size);
         data.get(&self.bytes, length.saturating_sub(1)..length)?;
-        Ok(Source::Plain(data))
+        Ok(ArraySource::Plain(data))
     }
 
-    fn fault(&self, declared: &Declared, what: &str) -> Error {
+    fn fault(&self, declared: &ArrayDeclaration, what: &str) -> Error {
         let what = format!("array `{}`: {what}", declared.name);
         Error::input_with(&self.path, what, "the file is cut short or damaged: copy it again from its source")
     }
@@ -136,7 +138,7 @@ impl File {
     /// The time, where the file says it as ParaView does.
     pub fn time(&self) -> Option<f64> {
         let field = self.document.fields.iter().find(|f| f.name == "TimeValue" && f.components == 1)?;
-        if let Place::Ascii(range) | Place::Inline(range) = &field.place
+        if let ArrayLocation::Ascii(range) | ArrayLocation::Inline(range) = &field.place
             && range.end - range.start > FIELD_TEXT
         {
             return None;

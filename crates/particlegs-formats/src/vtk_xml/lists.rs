@@ -1,8 +1,8 @@
 //! Files that list others: the pieces of a VTP or VTU, blocks (VTM), moments (PVD).
 
 use super::document::CollectionEntry;
-use super::file::File;
-use crate::Frames;
+use super::file::VtkXmlFile;
+use crate::TrajectoryFrames;
 use crate::ascii::shown;
 use particlegs::{Error, Result};
 use std::collections::HashMap;
@@ -15,9 +15,9 @@ const MOST_DEPTH: usize = 4;
 #[derive(Default)]
 pub struct CollectionParts {
     /// Files of points.
-    pub files: Vec<File>,
+    pub files: Vec<VtkXmlFile>,
     /// The moments that there are.
-    pub frames: Option<Frames>,
+    pub frames: Option<TrajectoryFrames>,
     /// The moment, as a list has it.
     pub time: Option<f64>,
     /// What a user should know.
@@ -35,7 +35,7 @@ pub fn open(path: &Path, frame: Option<u64>) -> Result<CollectionParts> {
     if parts.files.is_empty() {
         return Err(Error::input(path, "it lists no files with points"));
     }
-    if let Some(Frames { count: 2.., chosen, .. }) = parts.frames.filter(|_| frame.is_none()) {
+    if let Some(TrajectoryFrames { count: 2.., chosen, .. }) = parts.frames.filter(|_| frame.is_none()) {
         parts.notes.push(format!("frame {chosen} is taken, the last of {} (0 to {chosen})", chosen + 1));
     }
     Ok(parts)
@@ -43,20 +43,20 @@ pub fn open(path: &Path, frame: Option<u64>) -> Result<CollectionParts> {
 
 /// The files that a list names itself, of all moments; none for what is no list.
 pub fn named(path: &Path) -> Vec<PathBuf> {
-    let Ok(list) = File::open(path) else { return Vec::new() };
+    let Ok(list) = VtkXmlFile::open(path) else { return Vec::new() };
     list.document.listed.iter().filter_map(|l| beside(path, &l.file).ok()).collect()
 }
 
 impl CollectionParts {
     fn add(&mut self, path: &Path, frame: Option<u64>, depth: usize) -> Result<()> {
-        let file = File::open(path)?;
+        let file = VtkXmlFile::open(path)?;
         let document = &file.document;
         match &document.kind[..] {
             "PolyData" | "UnstructuredGrid" => self.files.push(file),
             "PPolyData" | "PUnstructuredGrid" => {
                 let sources: Vec<String> = document.pieces.iter().filter_map(|p| p.source.clone()).collect();
                 for name in sources {
-                    let piece = File::open(&beside(path, &name)?)?;
+                    let piece = VtkXmlFile::open(&beside(path, &name)?)?;
                     match &piece.document.kind[..] {
                         "PolyData" | "UnstructuredGrid" => self.files.push(piece),
                         _ => return Err(Error::input(&piece.path, "a piece that is neither a VTP nor a VTU")),
@@ -92,7 +92,11 @@ impl CollectionParts {
 
 /// The files of moment `frame`, or of the last, and how many moments there are. Files without a time are moments of
 /// their own.
-fn moment(path: &Path, listed: &[CollectionEntry], frame: Option<u64>) -> Result<(Vec<CollectionEntry>, Frames)> {
+fn moment(
+    path: &Path,
+    listed: &[CollectionEntry],
+    frame: Option<u64>,
+) -> Result<(Vec<CollectionEntry>, TrajectoryFrames)> {
     let mut moments: Vec<Vec<CollectionEntry>> = Vec::new();
     let mut known = HashMap::new();
     for one in listed {
@@ -111,7 +115,7 @@ fn moment(path: &Path, listed: &[CollectionEntry], frame: Option<u64>) -> Result
         _ => Error::input(path, format!("has no frame {chosen}: they are 0 to {}", count - 1)),
     };
     let files = usize::try_from(chosen).ok().and_then(|i| moments.get(i)).ok_or_else(missing)?;
-    Ok((files.clone(), Frames { count, chosen, step: None }))
+    Ok((files.clone(), TrajectoryFrames { count, chosen, step: None }))
 }
 
 /// The file `name` that the list `path` names, which lies beside or below it.

@@ -9,18 +9,18 @@ pub(crate) mod points;
 pub(crate) mod source;
 mod write;
 
-use crate::axes::{Axis, axes};
+use crate::axes::{FieldComponent, axes};
 use crate::cache::{ChunkCache, DEFAULT_BYTES};
-use crate::pieces::{Piece, PieceReader};
-use crate::registry::Head;
-use crate::{Choice, Description, Field, Format, Mass, Snapshot, Species};
-use document::Declared;
-use file::File;
+use crate::pieces::{ParticlePiece, PieceReader};
+use crate::registry::FileHead;
+use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass};
+use document::ArrayDeclaration;
+use file::VtkXmlFile;
 use particlegs::model::Epoch;
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
-use points::Points;
-use source::Source;
+use points::PiecePoints;
+use source::ArraySource;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -34,7 +34,7 @@ pub const FORMAT: Format = Format {
     open: |paths, choice| Ok(Box::new(VtkXml::open(paths, choice)?)),
 };
 
-fn detect(head: &Head) -> bool {
+fn detect(head: &FileHead) -> bool {
     let text = head.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&head.bytes);
     let text = text.trim_ascii_start();
     let cut = |whole: &[u8]| !text.is_empty() && (text.starts_with(whole) || whole.starts_with(text));
@@ -43,7 +43,7 @@ fn detect(head: &Head) -> bool {
 }
 
 struct VtkXml {
-    files: Vec<File>,
+    files: Vec<VtkXmlFile>,
     description: Description,
 }
 
@@ -60,18 +60,18 @@ impl VtkXml {
 }
 
 /// Every piece with points, of all files.
-fn pieces(files: &[File]) -> impl Iterator<Item = (&File, &document::Piece)> {
+fn pieces(files: &[VtkXmlFile]) -> impl Iterator<Item = (&VtkXmlFile, &document::VtkPiece)> {
     files.iter().flat_map(|f| f.document.pieces.iter().filter(|p| p.points > 0).map(move |p| (f, p)))
 }
 
 /// The array of a name, positions before others.
-fn find<'a>(piece: &'a document::Piece, name: &str) -> Option<&'a Declared> {
-    let of = |d: &&Declared| field_name(d, piece) == name && d.kind.is_some();
+fn find<'a>(piece: &'a document::VtkPiece, name: &str) -> Option<&'a ArrayDeclaration> {
+    let of = |d: &&ArrayDeclaration| field_name(d, piece) == name && d.kind.is_some();
     piece.positions.iter().chain(&piece.arrays).find(of)
 }
 
 /// Positions without a name are called `Points`.
-fn field_name<'a>(declared: &'a Declared, piece: &document::Piece) -> &'a str {
+fn field_name<'a>(declared: &'a ArrayDeclaration, piece: &document::VtkPiece) -> &'a str {
     match &declared.name[..] {
         "" if piece.positions.as_ref() == Some(declared) => "Points",
         name => name,
@@ -83,16 +83,16 @@ fn describe(path: &Path, parts: &lists::CollectionParts) -> Result<Description> 
     let count = pieces(files).try_fold(0u64, |n, (_, p)| n.checked_add(p.points));
     let count = count.ok_or_else(|| Error::input(path, "more points than can be counted"))?;
     let Some((file, first)) = pieces(files).next() else { return Err(Error::input(path, "no points")) };
-    let mut fields: Vec<Field> = Vec::new();
+    let mut fields: Vec<SpeciesField> = Vec::new();
     for declared in first.positions.iter().chain(&first.arrays) {
         let name = field_name(declared, first);
-        let alike = |p: &document::Piece| find(p, name).is_some_and(|d| d.components == declared.components);
+        let alike = |p: &document::VtkPiece| find(p, name).is_some_and(|d| d.components == declared.components);
         if name.is_empty() || fields.iter().any(|f| f.name == name) || !pieces(files).all(|(_, p)| alike(p)) {
             continue;
         }
         if let Some(kind) = declared.kind {
             let (kind, components) = (kind.name().to_string(), declared.components);
-            fields.push(Field { name: name.into(), kind, components, unit: None });
+            fields.push(SpeciesField { name: name.into(), kind, components, unit: None });
         }
     }
     let positions = first.positions.as_ref().map_or("Points", |p| field_name(p, first)).to_string();
@@ -111,9 +111,9 @@ fn describe(path: &Path, parts: &lists::CollectionParts) -> Result<Description> 
 }
 
 /// The field of masses, by its name.
-pub(crate) fn mass_of(fields: &[Field]) -> Mass {
-    let named = |f: &&Field| f.components == 1 && matches!(&f.name.to_lowercase()[..], "mass" | "masses");
-    fields.iter().find(named).map_or(Mass::Unknown, |f| Mass::Field(f.name.clone()))
+pub(crate) fn mass_of(fields: &[SpeciesField]) -> SpeciesMass {
+    let named = |f: &&SpeciesField| f.components == 1 && matches!(&f.name.to_lowercase()[..], "mass" | "masses");
+    fields.iter().find(named).map_or(SpeciesMass::Unknown, |f| SpeciesMass::Field(f.name.clone()))
 }
 
 impl Snapshot for VtkXml {
@@ -126,15 +126,15 @@ impl Snapshot for VtkXml {
         let place = self.files[0].path.display().to_string();
         let weight = species.weight_field(&place, &choice.weights)?;
         let mut columns = axes(&place, species, choice)?.to_vec();
-        columns.extend(weight.iter().map(|w| Axis { field: w.clone(), component: 0 }));
+        columns.extend(weight.iter().map(|w| FieldComponent { field: w.clone(), component: 0 }));
         let cache = Arc::new(ChunkCache::new(DEFAULT_BYTES / 2));
         let mut key = 0;
-        let mut out: Vec<Box<dyn Piece>> = Vec::new();
+        let mut out: Vec<Box<dyn ParticlePiece>> = Vec::new();
         for (file, piece) in pieces(&self.files) {
             let mut arrays = open_piece(file, piece, &columns, &cache, &mut key)?;
             arrays.0.iter_mut().for_each(|a| a.kind = a.kind.stored(choice.as_stored));
             let place = file.path.display().to_string();
-            out.push(Box::new(Points::new(&place, file.bytes.clone(), piece.points, arrays.0, arrays.1)?));
+            out.push(Box::new(PiecePoints::new(&place, file.bytes.clone(), piece.points, arrays.0, arrays.1)?));
         }
         Ok(Box::new(PieceReader::new(self.description.meta.clone(), out, weight.is_some())?))
     }
@@ -142,13 +142,13 @@ impl Snapshot for VtkXml {
 
 /// The arrays that hold `columns`, and which component of which array each is.
 fn open_piece(
-    file: &File,
-    piece: &document::Piece,
-    columns: &[Axis],
+    file: &VtkXmlFile,
+    piece: &document::VtkPiece,
+    columns: &[FieldComponent],
     cache: &Arc<ChunkCache>,
     key: &mut u64,
-) -> Result<(Vec<source::Array>, Vec<(usize, u32)>)> {
-    let mut arrays: Vec<source::Array> = Vec::new();
+) -> Result<(Vec<source::VtkArray>, Vec<(usize, u32)>)> {
+    let mut arrays: Vec<source::VtkArray> = Vec::new();
     let mut names: Vec<&str> = Vec::new();
     let mut places = Vec::new();
     for axis in columns {
@@ -158,7 +158,7 @@ fn open_piece(
                 let missing = || Error::input(&file.path, format!("it has no array `{}`", axis.field));
                 let declared = find(piece, &axis.field).ok_or_else(missing)?;
                 let mut array = file.array(declared, piece.points, cache)?.ok_or_else(missing)?;
-                if let Source::Blocks(blocks) = &mut array.source {
+                if let ArraySource::Blocks(blocks) = &mut array.source {
                     blocks.key = *key;
                     *key += blocks.count();
                 }

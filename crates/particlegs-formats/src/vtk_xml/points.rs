@@ -1,41 +1,47 @@
 //! Points of a piece of VTK, in either of its formats.
 
-use super::source::Array;
-use crate::pieces::{Piece, Rows};
-use crate::strided::{Bytes, Strided};
+use super::source::VtkArray;
+use crate::pieces::{ParticlePiece, RowBuffer};
+use crate::strided::{Bytes, StridedParticles};
 use particlegs::particles::InPlace;
 use particlegs::{Error, Result};
 use std::ops::Range;
 
 /// The arrays that are read of a piece.
-pub struct Points {
+pub struct PiecePoints {
     place: String,
     bytes: Bytes,
     rows: u64,
-    arrays: Vec<Array>,
+    arrays: Vec<VtkArray>,
     /// Array and component of x, y, z and perhaps the weight.
     columns: Vec<(usize, u32)>,
     /// Where all lie in the file as they are.
-    plain: Option<Strided>,
+    plain: Option<StridedParticles>,
 }
 
-impl Points {
+impl PiecePoints {
     /// `rows` points of the file `place`, whose columns are components of `arrays`.
     ///
     /// # Errors
     /// [`Error::Input`] where numbers end beyond the file.
-    pub fn new(place: &str, bytes: Bytes, rows: u64, arrays: Vec<Array>, columns: Vec<(usize, u32)>) -> Result<Points> {
+    pub fn new(
+        place: &str,
+        bytes: Bytes,
+        rows: u64,
+        arrays: Vec<VtkArray>,
+        columns: Vec<(usize, u32)>,
+    ) -> Result<PiecePoints> {
         let lanes: Option<Vec<_>> = columns.iter().map(|&(a, c)| arrays[a].lane(c)).collect();
         let plain = match lanes.as_deref() {
-            Some(&[x, y, z]) => Some(Strided::new(place, bytes.clone(), rows, [x, y, z], None)?),
-            Some(&[x, y, z, w]) => Some(Strided::new(place, bytes.clone(), rows, [x, y, z], Some(w))?),
+            Some(&[x, y, z]) => Some(StridedParticles::new(place, bytes.clone(), rows, [x, y, z], None)?),
+            Some(&[x, y, z, w]) => Some(StridedParticles::new(place, bytes.clone(), rows, [x, y, z], Some(w))?),
             _ => None,
         };
-        Ok(Points { place: place.into(), bytes, rows, arrays, columns, plain })
+        Ok(PiecePoints { place: place.into(), bytes, rows, arrays, columns, plain })
     }
 }
 
-impl Piece for Points {
+impl ParticlePiece for PiecePoints {
     fn rows(&self) -> u64 {
         self.rows
     }
@@ -44,7 +50,7 @@ impl Piece for Points {
         self.columns.iter().take(3).any(|&(a, _)| self.arrays[a].kind.is_wide())
     }
 
-    fn read(&self, rows: Range<u64>, out: &mut Rows) -> Result<()> {
+    fn read(&self, rows: Range<u64>, out: &mut RowBuffer) -> Result<()> {
         if let Some(plain) = &self.plain {
             return plain.read(rows, out);
         }

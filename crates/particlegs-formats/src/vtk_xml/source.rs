@@ -1,9 +1,9 @@
 //! Where an array's numbers are found, and how any rows of them are read.
 
-use super::base64::Text;
-use super::blocks::Blocks;
+use super::base64::Base64Text;
+use super::blocks::CompressedBlocks;
 use crate::ascii::Ascii;
-use crate::strided::{Bytes, Kind, Lane};
+use crate::strided::{Bytes, NumberType, StridedColumn};
 use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ pub enum Stream {
     /// From a byte of what a text decodes to.
     Base64 {
         /// The text.
-        text: Text,
+        text: Base64Text,
         /// Its character that the stream begins with.
         base: u64,
         /// Decoded bytes before the first.
@@ -62,36 +62,41 @@ impl Stream {
 }
 
 /// How an array is stored.
-pub enum Source {
+pub enum ArraySource {
     /// Number after number.
     Plain(Stream),
     /// In compressed blocks.
-    Blocks(Blocks),
+    Blocks(CompressedBlocks),
     /// As text.
     Ascii(Arc<Ascii>),
 }
 
 /// An array of a piece.
-pub struct Array {
+pub struct VtkArray {
     /// Its name.
     pub name: String,
     /// Type of its numbers.
-    pub kind: Kind,
+    pub kind: NumberType,
     /// Numbers a row.
     pub components: u32,
     /// Their byte order.
     pub big_endian: bool,
     /// Where they are.
-    pub source: Source,
+    pub source: ArraySource,
 }
 
-impl Array {
+impl VtkArray {
     /// Where component `component` lies, where the numbers lie in the file as they are.
-    pub fn lane(&self, component: u32) -> Option<Lane> {
-        let Source::Plain(Stream::Raw(start)) = self.source else { return None };
+    pub fn lane(&self, component: u32) -> Option<StridedColumn> {
+        let ArraySource::Plain(Stream::Raw(start)) = self.source else { return None };
         let size = self.kind.bytes();
         let offset = start + u64::from(component) * size;
-        Some(Lane { offset, stride: size * u64::from(self.components), kind: self.kind, big_endian: self.big_endian })
+        Some(StridedColumn {
+            offset,
+            stride: size * u64::from(self.components),
+            kind: self.kind,
+            big_endian: self.big_endian,
+        })
     }
 
     /// Appends rows `rows`, all components of each.
@@ -101,13 +106,13 @@ impl Array {
         let size = self.kind.bytes();
         let range = numbers.start * size..numbers.end * size;
         let mut push = |raw: &[u8]| {
-            let lane = Lane { offset: 0, stride: size, kind: self.kind, big_endian: self.big_endian };
+            let lane = StridedColumn { offset: 0, stride: size, kind: self.kind, big_endian: self.big_endian };
             lane.append(raw, 0..raw.len() as u64 / size, out);
         };
         match &self.source {
-            Source::Plain(stream) => push(&stream.get(bytes, range)?),
-            Source::Blocks(blocks) => push(&blocks.get(bytes, range)?),
-            Source::Ascii(ascii) => ascii.append(bytes, numbers, self.kind, out)?,
+            ArraySource::Plain(stream) => push(&stream.get(bytes, range)?),
+            ArraySource::Blocks(blocks) => push(&blocks.get(bytes, range)?),
+            ArraySource::Ascii(ascii) => ascii.append(bytes, numbers, self.kind, out)?,
         }
         Ok(())
     }

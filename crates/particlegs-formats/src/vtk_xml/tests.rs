@@ -42,7 +42,7 @@ fn pieces_of_text_and_base64() {
     let (d, got) = rows(&path, &Choice::default()).unwrap();
     assert_eq!(got[..2], [[1.0, 2.0, 3.0, 7.0], [4.0, 5.0, 6.0, 8.0]]);
     assert_eq!(got[2..], got[..2]);
-    assert_eq!((d.species[0].count, &d.species[0].mass), (4, &Mass::Field("Mass".into())));
+    assert_eq!((d.species[0].count, &d.species[0].mass), (4, &SpeciesMass::Field("Mass".into())));
     assert_eq!(d.species[0].fields.len(), 2);
     // The length encoded on its own, as some writers do.
     let apart = PIECE.replace("CAAAAAAA4EAAAABB", "CAAAAA==AADgQAAAAEE=");
@@ -173,7 +173,7 @@ fn out_and_in_gives_equal_bits() {
     let bytes = written(&p, &path);
     assert!(bytes < n as u64 * 16 + 2000);
     let (d, got) = rows(&path, &Choice::default()).unwrap();
-    assert_eq!((d.meta.epoch.time, &d.species[0].mass), (Some(0.125), &Mass::Unknown));
+    assert_eq!((d.meta.epoch.time, &d.species[0].mass), (Some(0.125), &SpeciesMass::Unknown));
     let same = |got: &[[f32; 4]], weight: &dyn Fn(usize) -> f32| {
         (0..n as usize).all(|i| {
             let [x, y, z] = p.position(i).map(|v| v as f32);
@@ -193,7 +193,7 @@ fn out_and_in_gives_equal_bits() {
         .with_layers(vec![layer("dm--x", 0..66_000, dm), layer("gas", 66_000..n as usize, gas)]);
     written(&q, &path);
     let (d, got) = rows(&path, &Choice::default()).unwrap();
-    assert_eq!(d.species[0].mass, Mass::Field("mass".into()));
+    assert_eq!(d.species[0].mass, SpeciesMass::Field("mass".into()));
     assert!(same(&got, &|i| if i < 66_000 { 0.5 } else { i as f32 }));
     let species = Choice { weights: Weights::Field("species".into()), ..Choice::default() };
     // A sum of numbers of species is no map.

@@ -21,7 +21,7 @@ const LENGTH: u64 = 8;
 const ALIGNMENT: usize = 64;
 
 /// Where each array's numbers begin, from the first array's length on; none where it is left out.
-struct Layout {
+struct ArrayOffsets {
     points: u64,
     mass: Option<u64>,
     vertices: u64,
@@ -36,8 +36,8 @@ struct Layout {
     end: u64,
 }
 
-impl Layout {
-    fn new(count: u64, mass: bool, species: bool, fields: Vec<Vec<OutField>>, wide: bool) -> Layout {
+impl ArrayOffsets {
+    fn new(count: u64, mass: bool, species: bool, fields: Vec<Vec<OutField>>, wide: bool) -> ArrayOffsets {
         let mut end = 0;
         let mut place = |bytes: u64| {
             let start = end + LENGTH;
@@ -57,7 +57,7 @@ impl Layout {
         let (vertices, offsets) = (place(vertex * count), place(vertex));
         let fields = fields.into_iter().map(|f| of(f, &mut place)).collect();
         let species = species.then(|| place(count));
-        Layout { points, mass, vertices, vertex, offsets, species, fields, wide, end }
+        ArrayOffsets { points, mass, vertices, vertex, offsets, species, fields, wide, end }
     }
 }
 
@@ -78,7 +78,7 @@ pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64
     let unlike = layers.iter().any(|l| l.mass.unit() != layers[0].mass.unit());
     let fields = common(kept);
     let mass = (kept.weighted() || unlike) && !fields.iter().any(|f| is_mass(&f[0].name));
-    let layout = Layout::new(count, mass, layers.len() > 1, fields, kept.is_wide());
+    let layout = ArrayOffsets::new(count, mass, layers.len() > 1, fields, kept.is_wide());
     let head = head(kept, &layers, &layout)?;
     let tail = "\n  </AppendedData>\n</VTKFile>\n";
     let start = head.len() as u64;
@@ -121,7 +121,7 @@ struct Arrays<'a> {
     file: &'a PlacedFile,
     /// The byte that their layout counts from.
     start: u64,
-    layout: &'a Layout,
+    layout: &'a ArrayOffsets,
 }
 
 impl Arrays<'_> {
@@ -205,7 +205,7 @@ fn kind_of(number: Number) -> &'static str {
 }
 
 /// The XML up to the first array, as long as alignment needs.
-fn head(kept: &Kept<'_>, layers: &[Layer<Range<u64>>], layout: &Layout) -> Result<String> {
+fn head(kept: &Kept<'_>, layers: &[Layer<Range<u64>>], layout: &ArrayOffsets) -> Result<String> {
     let mut xml = String::from("<?xml version=\"1.0\"?>\n");
     text(kept, layers, layout, &mut xml).map_err(|_| Error::argument("the header of a VTP cannot be written"))?;
     let opening = "  <AppendedData encoding=\"raw\">";
@@ -217,7 +217,7 @@ fn head(kept: &Kept<'_>, layers: &[Layer<Range<u64>>], layout: &Layout) -> Resul
     Ok(xml)
 }
 
-fn text(kept: &Kept<'_>, layers: &[Layer<Range<u64>>], layout: &Layout, xml: &mut String) -> std::fmt::Result {
+fn text(kept: &Kept<'_>, layers: &[Layer<Range<u64>>], layout: &ArrayOffsets, xml: &mut String) -> std::fmt::Result {
     let count = kept.total();
     // Two dashes would end a comment; XML cannot hold these letters.
     let shown = |text: &str| {

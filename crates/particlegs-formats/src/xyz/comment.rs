@@ -1,7 +1,7 @@
 //! The comment of an extended XYZ frame: `key=value`, values quoted where they hold blanks.
 
 use super::MOST_COLUMNS;
-use crate::Field;
+use crate::SpeciesField;
 use crate::text::snapshot::header_number;
 use crate::text::split::shown;
 use particlegs::space::Cell;
@@ -16,7 +16,7 @@ pub struct Comment {
     /// The step.
     pub step: Option<i64>,
     /// `Properties`.
-    pub fields: Option<Vec<Field>>,
+    pub fields: Option<Vec<SpeciesField>>,
     /// What a user should know.
     pub notes: Vec<String>,
 }
@@ -131,7 +131,7 @@ fn flags(value: &str) -> Result<[bool; 3], String> {
 }
 
 /// `name:kind:columns`, again and again.
-fn fields(value: &str) -> Result<Vec<Field>, String> {
+fn fields(value: &str) -> Result<Vec<SpeciesField>, String> {
     let parts: Vec<&str> = value.split(':').collect();
     if !parts.len().is_multiple_of(3) {
         return Err("`Properties` is not a list of name:kind:columns".into());
@@ -151,7 +151,7 @@ fn fields(value: &str) -> Result<Vec<Field>, String> {
             return Err(format!("`Properties`: {} is not a number of columns", shown(part[2].as_bytes())));
         };
         all = all.saturating_add(components);
-        fields.push(Field { name: part[0].into(), kind: kind.into(), components, unit: None });
+        fields.push(SpeciesField { name: part[0].into(), kind: kind.into(), components, unit: None });
     }
     if all > MOST_COLUMNS as u32 {
         return Err(format!("`Properties` names {all} columns, more than {MOST_COLUMNS}"));

@@ -4,15 +4,15 @@
 
 mod comment;
 
-use crate::registry::Head;
-use crate::text::content::Content;
-use crate::text::frames::{Frame, scan};
-use crate::text::lines::{Lines, without_end};
-use crate::text::parse::Layout;
-use crate::text::snapshot::{Columns, TextSnapshot, kinds};
+use crate::registry::FileHead;
+use crate::text::content::TextContent;
+use crate::text::frames::{TextFrame, scan};
+use crate::text::lines::{LineReader, without_end};
+use crate::text::parse::TableLayout;
+use crate::text::snapshot::{TableColumns, TextSnapshot, kinds};
 use crate::text::split::{Separator, number, shown, tokens};
-use crate::text::table::{Builder, Table};
-use crate::{Choice, Description, Field, Format, Snapshot};
+use crate::text::table::{TableBuilder, TextTable};
+use crate::{Choice, Description, Format, Snapshot, SpeciesField};
 use comment::Comment;
 use particlegs::model::Epoch;
 use particlegs::particles::SnapshotMeta;
@@ -23,7 +23,7 @@ use std::path::PathBuf;
 pub const FORMAT: Format = Format { name: "xyz", title: "XYZ", detect, open };
 
 /// A line with a number alone, a comment, and a line with three numbers, perhaps behind a symbol.
-fn detect(head: &Head) -> bool {
+fn detect(head: &FileHead) -> bool {
     let mut lines = head.content.split(|&b| b == b'\n').map(without_end);
     let count = lines.next().and_then(count_of);
     let (_, atom) = (lines.next(), lines.next());
@@ -46,17 +46,17 @@ fn count_of(line: &[u8]) -> Option<u64> {
 const MOST_COLUMNS: usize = 1 << 10;
 
 /// What stands before a frame's atoms.
-struct FrameHead {
+struct XyzFrameHead {
     comment: Comment,
     /// Choice of a line, in order.
-    fields: Vec<Field>,
+    fields: Vec<SpeciesField>,
 }
 
 fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let [path] = paths else {
         return Err(Error::argument("one XYZ file is read at a time"));
     };
-    let content = Content::open(path)?;
+    let content = TextContent::open(path)?;
     let found = scan(&content, options.frame, |lines, number, wanted| frame(&content, lines, number, wanted))?;
     let mut notes = found.notes;
     notes.extend(found.head.comment.notes.clone());
@@ -82,7 +82,7 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
 }
 
 /// Which of the fields hold positions and masses. Kinds that the file does not state come from its rows.
-fn columns(mut fields: Vec<Field>, table: &Table) -> Columns {
+fn columns(mut fields: Vec<SpeciesField>, table: &TextTable) -> TableColumns {
     let kinds = kinds(table);
     let mut column = 0;
     for field in &mut fields {
@@ -95,16 +95,16 @@ fn columns(mut fields: Vec<Field>, table: &Table) -> Columns {
     let has = |name: &str, components| fields.iter().any(|f| f.name == name && f.components == components);
     let positions = if has("pos", 3) { "pos" } else { "" };
     let mass = ["mass", "masses"].into_iter().find(|name| has(name, 1));
-    Columns { positions: positions.into(), mass: mass.map(String::from), fields }
+    TableColumns { positions: positions.into(), mass: mass.map(String::from), fields }
 }
 
 /// Reads the frame that begins at the next line.
 fn frame<'c>(
-    content: &'c Content,
-    lines: &mut Lines<'c>,
+    content: &'c TextContent,
+    lines: &mut LineReader<'c>,
     number: u64,
     wanted: bool,
-) -> Result<Option<Frame<'c, FrameHead>>> {
+) -> Result<Option<TextFrame<'c, XyzFrameHead>>> {
     let error = |what: String| Error::input(content.path(), format!("frame {number}{what}"));
     let mut first = lines.line()?.map(<[u8]>::to_vec);
     while first.as_ref().is_some_and(|line| line.trim_ascii().is_empty()) {
@@ -125,19 +125,19 @@ fn frame<'c>(
     if fields.len() > MOST_COLUMNS {
         return Err(error(format!(" has more than {MOST_COLUMNS} columns")));
     }
-    let mut rows = Builder::new(content, layout(&fields), key_column(&fields), lines.place());
+    let mut rows = TableBuilder::new(content, layout(&fields), key_column(&fields), lines.place());
     let found = lines.pass(count, |place, block| if wanted { rows.add(place, block) } else { Ok(()) })?;
     if found < count {
         return Err(error(format!(" is cut off: it states {count} atoms, and {found} lines follow")));
     }
     let rows = wanted.then(|| rows.until(lines.place()));
     let step = comment.step;
-    Ok(Some(Frame { head: FrameHead { comment, fields }, rows, step }))
+    Ok(Some(TextFrame { head: XyzFrameHead { comment, fields }, rows, step }))
 }
 
-fn layout(fields: &[Field]) -> Layout {
-    let name = |f: &Field| (0..f.components).map(|_| f.name.clone()).collect::<Vec<_>>();
-    Layout {
+fn layout(fields: &[SpeciesField]) -> TableLayout {
+    let name = |f: &SpeciesField| (0..f.components).map(|_| f.name.clone()).collect::<Vec<_>>();
+    TableLayout {
         separator: Separator::Blanks,
         columns: fields.iter().flat_map(name).collect(),
         comment: None,
@@ -146,7 +146,7 @@ fn layout(fields: &[Field]) -> Layout {
 }
 
 /// The column of symbols or atomic numbers, wherever it stands.
-fn key_column(fields: &[Field]) -> Option<usize> {
+fn key_column(fields: &[SpeciesField]) -> Option<usize> {
     if fields.first().is_some_and(|f| f.kind == "text" && f.components == 1) {
         return Some(0);
     }
@@ -156,8 +156,8 @@ fn key_column(fields: &[Field]) -> Option<usize> {
 }
 
 /// Choice of a plain file with so many columns: symbol, position, and what else there may be.
-fn plain_fields(columns: usize) -> Vec<Field> {
-    let field = |name: String, kind: &str, components| Field { name, kind: kind.into(), components, unit: None };
+fn plain_fields(columns: usize) -> Vec<SpeciesField> {
+    let field = |name: String, kind: &str, components| SpeciesField { name, kind: kind.into(), components, unit: None };
     let mut fields = Vec::new();
     if columns != 3 {
         fields.push(field("species".into(), "text", 1));

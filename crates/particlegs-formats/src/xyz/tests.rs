@@ -1,8 +1,8 @@
 use super::FORMAT;
-use crate::text::testing::{Got, read, scratch};
-use crate::{Choice, Description, Mass, Weights};
+use crate::text::testing::{SpeciesParticles, read, scratch};
+use crate::{Choice, Description, SpeciesMass, Weights};
 
-fn open(text: &str, frame: Option<u64>, choice: &Choice) -> particlegs::Result<(Description, Vec<Got>)> {
+fn open(text: &str, frame: Option<u64>, choice: &Choice) -> particlegs::Result<(Description, Vec<SpeciesParticles>)> {
     let file = scratch(text.as_bytes());
     let options = Choice { frame, ..choice.clone() };
     let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &options)?;
@@ -42,7 +42,7 @@ fn extended_frames_state_cell_and_columns() {
     let cell = d.meta.cell.unwrap();
     assert_eq!((cell.origin, cell.periodic), ([-1.0, 0.0, 1.0], [true, false, true]));
     assert_eq!(cell.vectors[2], [1.0, 0.0, 4.0]);
-    assert_eq!((&d.species[0].positions[..], &d.species[0].mass), ("pos", &Mass::Field("mass".into())));
+    assert_eq!((&d.species[0].positions[..], &d.species[0].mass), ("pos", &SpeciesMass::Field("mass".into())));
     assert_eq!((&got[0].positions[1], &got[0].weights[..]), (&[1.0, 2.0, 3.0], &[5.0, 7.0][..]));
     let fields =
         Choice { positions: Some("velo".into()), weights: Weights::Field("charge".into()), ..Choice::default() };

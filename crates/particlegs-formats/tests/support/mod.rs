@@ -4,7 +4,7 @@
 
 use particlegs::particles::RUN;
 use particlegs::progress::Silent;
-use particlegs_formats::{Choice, Kind, Snapshot};
+use particlegs_formats::{Choice, PathKind, Snapshot};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -41,7 +41,7 @@ pub fn sample(count: usize) -> Vec<[f64; 3]> {
 }
 
 /// Counts what is allocated.
-pub struct Counting;
+pub struct CountingAllocator;
 
 static LIVE: AtomicUsize = AtomicUsize::new(0);
 static PEAK: AtomicUsize = AtomicUsize::new(0);
@@ -53,7 +53,7 @@ fn grown(by: usize) {
 }
 
 // SAFETY: every call goes to the system's allocator as it is.
-unsafe impl GlobalAlloc for Counting {
+unsafe impl GlobalAlloc for CountingAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         grown(layout.size());
         LARGEST.fetch_max(layout.size(), Relaxed);
@@ -95,8 +95,8 @@ pub fn counted() -> (usize, usize) {
 
 /// The name of the format that a file's content has.
 pub fn format_of(path: &Path) -> Option<&'static str> {
-    match Kind::of(path) {
-        Kind::Snapshot(format) => Some(format.name),
+    match PathKind::of(path) {
+        PathKind::Snapshot(format) => Some(format.name),
         _ => None,
     }
 }

@@ -6,7 +6,7 @@ mod truth;
 
 use crate::common::{fails, particlegs, sample, waited};
 use serde_json::{Value, json};
-use serving::{Serving, subjects};
+use serving::{TestServer, subjects};
 use std::path::Path;
 
 #[test]
@@ -14,7 +14,7 @@ fn the_page_and_all_that_it_needs_are_served() {
     let dir = tempfile::tempdir().unwrap();
     let [model, particles] = subjects(dir.path());
     let bytes = std::fs::read(&model).unwrap();
-    let serving = Serving::new(|c| c.arg(&model).arg(&model).arg("--snapshot").arg(&particles));
+    let serving = TestServer::new(|c| c.arg(&model).arg(&model).arg("--snapshot").arg(&particles));
     let page = serving.get("");
     assert_eq!((page.status, page.header("content-type")), (200, Some("text/html; charset=utf-8")));
     let policy = page.header("content-security-policy").unwrap();
@@ -79,7 +79,7 @@ fn a_large_model_has_a_poster() {
         .arg(&picture)
         .assert()
         .success();
-    let serving = Serving::of(&model);
+    let serving = TestServer::of(&model);
     assert!(serving.get("").text().contains("<img id=\"poster\" alt=\"large.pgs\" src=\"poster\">"));
     let poster = serving.get("poster");
     assert_eq!((poster.status, poster.header("content-type")), (200, Some("image/png")));
@@ -127,7 +127,7 @@ fn it_says_where_the_page_is() {
     let [model, _] = subjects(dir.path());
     let chosen = "0123456789abcdefABCDEF0123456789";
     let report = dir.path().join("view.json");
-    let serving = Serving::new(|c| {
+    let serving = TestServer::new(|c| {
         c.arg(&model).arg("--json").arg(&report).env("PARTICLEGS_TOKEN", chosen).env("USER", "ada");
         c.env("SSH_CONNECTION", "203.0.113.9 51022 127.0.0.1 22")
     });
@@ -146,7 +146,7 @@ fn it_says_where_the_page_is() {
 fn other_machines_are_let_in_with_a_warning_and_proxies_by_name() {
     let dir = tempfile::tempdir().unwrap();
     let [model, _] = subjects(dir.path());
-    let serving = Serving::new(|c| c.arg(&model).args(["--host", "0.0.0.0", "--allow-host", "hub.example.org"]));
+    let serving = TestServer::new(|c| c.arg(&model).args(["--host", "0.0.0.0", "--allow-host", "hub.example.org"]));
     // The address to open is one of this machine.
     assert!(serving.url.starts_with("http://127.0.0.1:"), "{}", serving.url);
     for (host, origin, status) in [
@@ -176,7 +176,7 @@ fn a_browser_is_started_by_a_way_for_once() {
     std::fs::write(&browser, script).unwrap();
     std::fs::set_permissions(&browser, std::fs::Permissions::from_mode(0o755)).unwrap();
     let path = format!("{}:{}", dir.path().display(), std::env::var("PATH").unwrap());
-    let serving = Serving::new(|c| c.arg(&model).env("PATH", &path).env("DISPLAY", ":7"));
+    let serving = TestServer::new(|c| c.arg(&model).env("PATH", &path).env("DISPLAY", ":7"));
     waited("the browser", || opened.exists());
     let once = std::fs::read_to_string(&opened).unwrap();
     let (host, token) = serving.parts();
@@ -192,7 +192,7 @@ fn a_browser_is_started_by_a_way_for_once() {
     {
         std::fs::remove_file(&opened).unwrap_or_default();
         let serving =
-            Serving::new(|c| c.arg(&model).arg(argument).env(name, value).env("PATH", &path).env("DISPLAY", ":7"));
+            TestServer::new(|c| c.arg(&model).arg(argument).env(name, value).env("PATH", &path).env("DISPLAY", ":7"));
         assert_eq!(serving.get("").status, 200);
         assert_eq!(serving.end("-INT").0, Some(0));
         assert!(!opened.exists(), "{name}");

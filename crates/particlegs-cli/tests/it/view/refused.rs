@@ -1,6 +1,6 @@
 //! Requests that get nothing: of other sites, of guessers, huge and broken ones; and names that would be markup.
 
-use super::serving::{Answer, Serving, subjects};
+use super::serving::{HttpAnswer, TestServer, subjects};
 use serde_json::Value;
 use std::io::Write;
 use std::net::Shutdown;
@@ -9,7 +9,7 @@ use std::net::Shutdown;
 fn others_find_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let [model, _] = subjects(dir.path());
-    let serving = Serving::of(&model);
+    let serving = TestServer::of(&model);
     let (host, token) = serving.parts();
     let to = |path: &str, head: &str| {
         serving.raw(format!("GET {path} HTTP/1.1\r\n{head}Connection: close\r\n\r\n").as_bytes())
@@ -82,7 +82,7 @@ fn others_find_nothing() {
 fn huge_and_broken_requests_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let [model, particles] = subjects(dir.path());
-    let serving = Serving::new(|c| c.arg(&model).arg("--snapshot").arg(&particles));
+    let serving = TestServer::new(|c| c.arg(&model).arg("--snapshot").arg(&particles));
     let (host, token) = serving.parts();
     let long = "x".repeat(1 << 20);
     for head in [
@@ -101,7 +101,7 @@ fn huge_and_broken_requests_are_refused() {
     let promised = format!("POST {token}truth HTTP/1.1\r\nHost: {host}\r\n{json}Content-Length: 99999999999\r\n\r\n");
     let mut stream = serving.connect();
     stream.write_all(&[promised.as_bytes(), &vec![b' '; 20_000]].concat()).unwrap();
-    assert_eq!(Answer::read(stream).status, 413);
+    assert_eq!(HttpAnswer::read(stream).status, 413);
     // A body that breaks off.
     let mut stream = serving.connect();
     stream
@@ -110,7 +110,7 @@ fn huge_and_broken_requests_are_refused() {
         )
         .unwrap();
     stream.shutdown(Shutdown::Write).unwrap();
-    assert!([0, 400].contains(&Answer::read(stream).status));
+    assert!([0, 400].contains(&HttpAnswer::read(stream).status));
     assert_eq!(serving.ask("POST", "truth", "Content-Type: text/plain\r\n", b"{}").status, 415);
     assert_eq!(serving.ask("GET", "truth", "", b"").status, 405);
     assert_eq!(serving.get("").status, 200);
@@ -124,7 +124,7 @@ fn names_cannot_break_the_page() {
     let name = "<img src=x onerror=alert(1)> \"' & <!--<script> \u{202e}ü.pgs";
     let hostile = dir.path().join(name);
     std::fs::copy(model, &hostile).unwrap();
-    let serving = Serving::of(&hostile);
+    let serving = TestServer::of(&hostile);
     let page = serving.get("");
     let html = page.text();
     assert!(!html.contains("<img src=x") && !html.contains("<!--<script>"), "{html}");

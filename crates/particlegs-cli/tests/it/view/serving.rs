@@ -21,14 +21,14 @@ pub fn subjects(dir: &Path) -> [PathBuf; 2] {
 }
 
 /// The command, serving.
-pub struct Serving {
+pub struct TestServer {
     pub child: Child,
     /// What it printed first.
     pub url: String,
     rest: BufReader<std::process::ChildStdout>,
 }
 
-impl Serving {
+impl TestServer {
     pub fn new(prepare: impl FnOnce(&mut Command) -> &mut Command) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_particlegs"));
         command.args(["view", "--port", "0"]);
@@ -45,7 +45,7 @@ impl Serving {
         let mut url = String::new();
         rest.read_line(&mut url).unwrap();
         assert!(url.starts_with("http://"), "{url}");
-        Serving { child, url: url.trim().to_string(), rest }
+        TestServer { child, url: url.trim().to_string(), rest }
     }
 
     pub fn of(model: &Path) -> Self {
@@ -65,15 +65,15 @@ impl Serving {
     }
 
     /// What comes back for bytes sent as they are.
-    pub fn raw(&self, request: &[u8]) -> Answer {
+    pub fn raw(&self, request: &[u8]) -> HttpAnswer {
         let mut stream = self.connect();
         // It may be refused before all of it is sent.
         let _ = stream.write_all(request);
-        Answer::read(stream)
+        HttpAnswer::read(stream)
     }
 
     /// `METHOD` of a path behind the token, with further lines of the head.
-    pub fn ask(&self, method: &str, path: &str, head: &str, body: &[u8]) -> Answer {
+    pub fn ask(&self, method: &str, path: &str, head: &str, body: &[u8]) -> HttpAnswer {
         self.raw(&self.request(method, path, head, body))
     }
 
@@ -87,11 +87,11 @@ impl Serving {
         [start.as_bytes(), body].concat()
     }
 
-    pub fn get(&self, path: &str) -> Answer {
+    pub fn get(&self, path: &str) -> HttpAnswer {
         self.ask("GET", path, "", b"")
     }
 
-    pub fn truth(&self, question: &Value) -> Answer {
+    pub fn truth(&self, question: &Value) -> HttpAnswer {
         self.raw(&self.question(question))
     }
 
@@ -114,7 +114,7 @@ impl Serving {
     }
 }
 
-impl Drop for Serving {
+impl Drop for TestServer {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
@@ -122,14 +122,14 @@ impl Drop for Serving {
 }
 
 /// What a request got.
-pub struct Answer {
+pub struct HttpAnswer {
     pub status: u16,
     /// In lower case.
     pub head: String,
     pub body: Vec<u8>,
 }
 
-impl Answer {
+impl HttpAnswer {
     pub fn read(mut stream: TcpStream) -> Self {
         let mut bytes = Vec::new();
         // A connection that is cut says no more.
@@ -137,7 +137,7 @@ impl Answer {
         let end = bytes.windows(4).position(|w| w == b"\r\n\r\n").map_or(bytes.len(), |at| at + 4);
         let head = String::from_utf8(bytes[..end].to_vec()).unwrap();
         let status = head.get(9..12).map_or(0, |code| code.parse().unwrap());
-        Answer { status, head: head.to_ascii_lowercase(), body: bytes[end..].to_vec() }
+        HttpAnswer { status, head: head.to_ascii_lowercase(), body: bytes[end..].to_vec() }
     }
 
     pub fn text(&self) -> &str {

@@ -1,6 +1,6 @@
 //! Pictures of all particles: the ones that `reference` draws, and given up when nobody waits for them.
 
-use super::serving::{Answer, Serving, subjects};
+use super::serving::{HttpAnswer, TestServer, subjects};
 use crate::common::{particlegs, sample, waited};
 use serde_json::{Value, json};
 use std::io::Write;
@@ -25,7 +25,7 @@ fn pictures_of_all_particles_are_those_of_reference() {
     let dir = tempfile::tempdir().unwrap();
     let [model, particles] = subjects(dir.path());
     // In a box that repeats, for orthographic windows.
-    let serving = Serving::new(|c| c.arg(&model).arg("--snapshot").arg(&particles).args(["--box", "3"]));
+    let serving = TestServer::new(|c| c.arg(&model).arg("--snapshot").arg(&particles).args(["--box", "3"]));
     let reference = |arguments: &[&str], out: &Path| {
         let mut c = particlegs();
         c.arg("reference")
@@ -123,7 +123,7 @@ fn coarse_pictures_are_of_fewer_particles() {
 fn wrong_questions_are_told_in_a_line() {
     let dir = tempfile::tempdir().unwrap();
     let [model, particles] = subjects(dir.path());
-    let serving = Serving::new(|c| c.arg(&model).arg("--snapshot").arg(&particles));
+    let serving = TestServer::new(|c| c.arg(&model).arg("--snapshot").arg(&particles));
     let set = |place: &[&str], value: Value| {
         let mut q = question("paraview");
         let at = place.iter().fold(&mut q, |q, key| &mut q[*key]);
@@ -170,9 +170,9 @@ fn long() -> Value {
 }
 
 /// The bundled sample, drawn as itself and by a model of another.
-fn of_the_sample(dir: &Path) -> Serving {
+fn of_the_sample(dir: &Path) -> TestServer {
     let [model, _] = subjects(dir);
-    Serving::new(|c| c.arg(&model).arg("--snapshot").arg(sample()))
+    TestServer::new(|c| c.arg(&model).arg("--snapshot").arg(sample()))
 }
 
 #[test]
@@ -193,7 +193,7 @@ fn a_newer_picture_gives_the_older_up() {
     let answer = serving.truth(&small);
     assert_eq!((answer.status, answer.body.len()), (200, 64 * 64));
     for stream in older {
-        let answer = Answer::read(stream);
+        let answer = HttpAnswer::read(stream);
         assert!(answer.status == 409 && answer.text().contains("another picture"), "{}", answer.text());
     }
     assert!(start.elapsed() < Duration::from_secs(20), "{:?}", start.elapsed());
