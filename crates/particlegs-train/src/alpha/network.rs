@@ -3,7 +3,7 @@
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use particlegs_core::math::{Matrix, add_product};
 use particlegs_core::model::VIZMAPPER_PARAMETERS;
-use particlegs_core::model::vizmapper::{Hidden, Network, Places, RUN, dot};
+use particlegs_core::model::vizmapper::{HiddenActivations, Network, Places, RUN, dot};
 use particlegs_core::parallel;
 
 /// Gaussians in one step of parallel work; fixed, so that sums do not depend on threads.
@@ -22,7 +22,7 @@ struct Sums {
 /// Buffers of one thread.
 #[derive(Default)]
 struct Scratch {
-    hidden: Hidden,
+    hidden: HiddenActivations,
     out: Vec<[f32; 2]>,
     last: Vec<[f32; 2]>,
     second: Vec<f32>,

@@ -1,7 +1,7 @@
 //! Gaussians as what is trained: f32 columns in the training frame.
 
 use particlegs_core::math::{Sym3, each_axis};
-use particlegs_core::model::vizmapper::Adapted;
+use particlegs_core::model::vizmapper::Adaptation;
 use particlegs_core::render::alpha::Gaussian;
 
 /// A group of parameters.
@@ -104,7 +104,7 @@ impl One {
 
     /// Opacity before any adaptation.
     pub fn opacity(&self) -> f64 {
-        Adapted::STATIC.opacity(self.logit)
+        Adaptation::STATIC.opacity(self.logit)
     }
 
     /// What the network sees of its size.
@@ -113,7 +113,7 @@ impl One {
     }
 
     /// As it is drawn.
-    pub fn gaussian(&self, adapted: &Adapted) -> Gaussian {
+    pub fn gaussian(&self, adapted: &Adaptation) -> Gaussian {
         Gaussian {
             mean: self.position,
             cov: self.cov().scale(adapted.scale * adapted.scale),

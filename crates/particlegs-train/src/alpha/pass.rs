@@ -6,7 +6,7 @@ use super::parameters::{Group, One, Parameters};
 use super::raster;
 use particlegs_core::Result;
 use particlegs_core::model::VizRanges;
-use particlegs_core::model::vizmapper::{Adapted, Network, Setting, inputs, outputs};
+use particlegs_core::model::vizmapper::{Adaptation, Network, Setting, inputs, outputs};
 use particlegs_core::parallel;
 use particlegs_core::picture::Plane;
 use particlegs_core::progress::{Level, Progress};
@@ -31,7 +31,7 @@ pub(super) struct Pass<'a> {
     mapper: Option<&'a Mapper>,
     setting: Setting,
     inputs: Vec<[f32; 4]>,
-    adapted: Vec<Adapted>,
+    adapted: Vec<Adaptation>,
     plan: Plan,
     /// Brightness, not cut to [0, 1].
     pub drawn: Plane,
@@ -70,7 +70,7 @@ impl<'a> Pass<'a> {
         let simd = progress.simd();
         let n = parameters.len();
         let mut own = vec![[0f32; 4]; if mapper.is_some() { n } else { 0 }];
-        let mut adapted = vec![Adapted::STATIC; n];
+        let mut adapted = vec![Adaptation::STATIC; n];
         if let Some(mapper) = mapper {
             let runs = own.chunks_mut(RUN).zip(adapted.chunks_mut(RUN)).enumerate();
             parallel::for_each(runs, |(c, (own, adapted))| {
@@ -124,7 +124,7 @@ impl<'a> Pass<'a> {
         let Setting { radius, opacity } = self.setting;
         let ranges = &mapper.ranges;
         let hold = 2.0 * mapper.identity / self.parameters.len().max(1) as f64;
-        let wanted = |a: &Adapted, scale: f64, odds: f64| {
+        let wanted = |a: &Adaptation, scale: f64, odds: f64| {
             let scale = scale + hold * (a.scale - radius);
             let odds = if a.floored { 0.0 } else { odds + hold * (a.odds - opacity) };
             let wanted = [scale * radius * ranges.scale, odds * opacity * ranges.opacity];

@@ -7,7 +7,7 @@ use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use particlegs_core::math::across;
 use particlegs_core::parallel;
 use particlegs_core::picture::Plane;
-use particlegs_core::render::alpha::raster::{ASK, Lit, PIXELS, Tile, alphas, lanes, rows};
+use particlegs_core::render::alpha::raster::{ASK, PIXELS, Tile, TilePixels, alphas, lanes, rows};
 use particlegs_core::render::alpha::{Plan, TILE};
 
 /// With h the change of the loss with the logarithm of alpha at a pixel, and d its distance from the
@@ -19,7 +19,7 @@ struct Drawn<'a> {
     /// The tile's number in the plan.
     number: usize,
     /// Its pixels.
-    lit: Lit,
+    lit: TilePixels,
     /// Their brightness.
     total: &'a [f32; PIXELS],
     /// The loss's change with it.
@@ -37,7 +37,7 @@ pub(super) fn sums(level: Level, plan: &Plan, drawn: &Plane, slope: &Plane) -> V
         let mut out = Vec::new();
         for column in 0..plan.tiles.across {
             let number = row * plan.tiles.across + column;
-            let lit = Lit::in_band(width, drawn.len() / width, column, row);
+            let lit = TilePixels::in_band(width, drawn.len() / width, column, row);
             let (total, slope) = (lit.load(drawn, width), lit.load(slope, width));
             // A pixel that wants nothing is done before it begins.
             tile.start(&lit, |i| slope[i] != 0.0);

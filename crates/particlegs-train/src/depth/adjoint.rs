@@ -2,7 +2,7 @@
 
 use particlegs_core::math::each_axis;
 use particlegs_core::render::lens::Lens;
-use particlegs_core::render::project::{DepthMoments, DepthSlopes, InCamera};
+use particlegs_core::render::project::{CameraGaussian, DepthMoments, DepthSlopes};
 
 /// Gradient with a footprint's mean, covariance (xx, xy, yy, each a number of its own) and sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -36,8 +36,8 @@ impl OfGaussian {
     }
 
     /// Adds the part of one piece, in the camera's axes: the reverse of
-    /// [`InCamera::footprint`] in perspective.
-    pub fn add_piece(&mut self, lens: &Lens, g: &InCamera, depth: &PieceDepth, by: &OfFootprint) {
+    /// [`CameraGaussian::footprint`] in perspective.
+    pub fn add_piece(&mut self, lens: &Lens, g: &CameraGaussian, depth: &PieceDepth, by: &OfFootprint) {
         let PieceDepth { moments: m, slopes } = depth;
         let [x, y, d] = g.mean.map(f64::from);
         let (slope, zz, across) = (g.slope.map(f64::from), f64::from(g.depth), g.rest());

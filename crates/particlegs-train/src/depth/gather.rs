@@ -3,7 +3,7 @@
 use super::adjoint::OfFootprint;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level as SimdLevel, Simd, f32x8};
-use particlegs_core::render::bin::{Placed, Stroke, lattice_slope};
+use particlegs_core::render::bin::{PlacedFootprint, Stroke, lattice_slope};
 use particlegs_core::render::project::Footprint;
 use particlegs_core::render::raster::exp2;
 use particlegs_core::render::raster::pyramid::{Level, PAD};
@@ -86,7 +86,7 @@ fn total<S: Simd>(v: f32x8<S>) -> f64 {
 }
 
 /// From what was gathered to the gradient with the footprint.
-pub fn of_footprint(f: &Footprint, placed: &Placed, g: &Gathered) -> OfFootprint {
+pub fn of_footprint(f: &Footprint, placed: &PlacedFootprint, g: &Gathered) -> OfFootprint {
     let peak = f64::from(placed.stroke.peak);
     let ([xx, _, yy], across, lean) = (f.cov(), f64::from(f.across), f64::from(f.lean));
     // The inverse covariance, in the picture's pixels; offsets were gathered in the plane's.

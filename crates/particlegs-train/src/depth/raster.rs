@@ -10,11 +10,11 @@ use particlegs_core::parallel;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::{Level as SimdLevel, Progress};
 use particlegs_core::render::Scratch;
-use particlegs_core::render::bin::{Binner, Bins, Placed, place};
+use particlegs_core::render::bin::{Binner, Bins, PlacedFootprint, place};
 use particlegs_core::render::depth::{grow, paint};
 use particlegs_core::render::lens::Lens;
-use particlegs_core::render::project::slices::{Fate, cut_with_slopes, fate, whole};
-use particlegs_core::render::project::{DepthMoments, DepthSlopes, Footprint, InCamera, inverse_slopes};
+use particlegs_core::render::project::slices::{ClipClass, cut_with_slopes, fate, whole};
+use particlegs_core::render::project::{CameraGaussian, DepthMoments, DepthSlopes, Footprint, inverse_slopes};
 use particlegs_core::render::raster::pyramid::{self, Level, PAD};
 use particlegs_core::space::Bounds;
 
@@ -25,7 +25,7 @@ const RUN: usize = 512;
 struct Piece {
     gaussian: u32,
     footprint: Footprint,
-    placed: Placed,
+    placed: PlacedFootprint,
     depth: PieceDepth,
 }
 
@@ -83,7 +83,7 @@ impl Tape {
         out
     }
 
-    fn of_pieces(&self, g: &InCamera, pieces: &[Piece], planes: &[Vec<f32>]) -> OfGaussian {
+    fn of_pieces(&self, g: &CameraGaussian, pieces: &[Piece], planes: &[Vec<f32>]) -> OfGaussian {
         let mut sum = OfGaussian::default();
         for piece in pieces {
             let level = piece.placed.level;
@@ -129,12 +129,12 @@ fn project_run(m: &Mixture, range: std::ops::Range<usize>, lens: &Lens, levels: 
         };
         let [depth, variance] = g.depths();
         match fate(lens, depth, variance) {
-            Fate::Outside => {}
-            Fate::Cut if lens.misses(&g) => {}
-            Fate::Whole => {
+            ClipClass::Outside => {}
+            ClipClass::Cut if lens.misses(&g) => {}
+            ClipClass::Whole => {
                 add(whole(lens, depth, variance), inverse_slopes(depth, variance));
             }
-            Fate::Cut => cut_with_slopes(lens, depth, variance, add),
+            ClipClass::Cut => cut_with_slopes(lens, depth, variance, add),
         }
     }
     (pieces, binner.finish())

@@ -6,7 +6,7 @@ use super::block::{BlockContext, BlockParticles, CodedBlock, OnStop};
 use super::clock::Clock;
 use crate::Result;
 use crate::model::Target;
-use crate::pieces::{Pieces, Under};
+use crate::pieces::{Pieces, PrefixedPieces};
 use crate::progress::Progress;
 
 /// Where the particles of a job's blocks wait, and its coded blocks are kept.
@@ -50,7 +50,13 @@ pub(crate) fn do_blocks(
         }
         let on_stop = if left > 1 { OnStop::GiveUp } else { context.on_stop };
         let context = BlockContext { limits: &limits, on_stop, ..context };
-        do_block(store, block, target, context, &mut Under { pieces: &mut *pieces, prefix: block.to_string() })?;
+        do_block(
+            store,
+            block,
+            target,
+            context,
+            &mut PrefixedPieces { pieces: &mut *pieces, prefix: block.to_string() },
+        )?;
     }
     Ok(())
 }

@@ -10,7 +10,7 @@ use crate::model::{
     Block, Certificate, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, RecipeStep, VizMapper,
 };
 use crate::particles::Particles;
-use crate::pieces::{Pieces, Under};
+use crate::pieces::{Pieces, PrefixedPieces};
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::score::Measure;
@@ -90,7 +90,7 @@ pub fn finetune(
         let defaults = Defaults { bounds: m.bounds, radius, opacity, seed, bytes: None, gaussians: None };
         let subject = Reference::with_bounds(particles, m.bounds);
         let training = Training { subject: &subject, config: &config, limits: &options.limits, defaults: &defaults };
-        training.run(Initial::Model(model), &mut Under { pieces, prefix: "finetune".into() }, progress)
+        training.run(Initial::Model(model), &mut PrefixedPieces { pieces, prefix: "finetune".into() }, progress)
     })?;
     let run = TrainedRun::of(String::new(), &config, &trained);
     let Trained { mixture, stopped, .. } = trained;

@@ -8,7 +8,7 @@ use crate::codec::{Encoder, decode_block};
 use crate::fit::{Effort, FitOptions, Fitter};
 use crate::model::{Block, LawKind, Layer, Mixture, VizMapper};
 use crate::particles::Particles;
-use crate::pieces::{Pieces, Under};
+use crate::pieces::{Pieces, PrefixedPieces};
 use crate::reference::Reference;
 use crate::space::Bounds;
 use crate::train::{Config, Defaults, Initial, Limits, Start, Trained, TrainedRun, Training};
@@ -174,7 +174,7 @@ impl LayerTask<'_> {
             seed: plan.recipe().seed,
             share: count as f64 / plan.particles().max(1) as f64,
         };
-        let mut pieces = Under { pieces, prefix: format!("{}/{gaussians}", self.layer.layer.name) };
+        let mut pieces = PrefixedPieces { pieces, prefix: format!("{}/{gaussians}", self.layer.layer.name) };
         fitter.fit(&options, &mut pieces, self.context.progress)
     }
 
@@ -192,7 +192,7 @@ impl LayerTask<'_> {
         };
         let limits = self.limits();
         // A search for a quality trains more than one number.
-        let mut pieces = Under { pieces, prefix: format!("{}/trained/{}", layer.layer.name, from.len()) };
+        let mut pieces = PrefixedPieces { pieces, prefix: format!("{}/trained/{}", layer.layer.name, from.len()) };
         let mut clock = Clock::default();
         let trained = clock.time("train", || {
             let subject = Reference::with_bounds(layer.particles(), layer.bounds);

@@ -2,7 +2,7 @@
 
 use super::Band;
 use super::pyramid::{self, BAND, Level, PAD};
-use crate::picture::{Rows, Size};
+use crate::picture::{PlaneRows, Size};
 use crate::progress::Progress;
 use crate::render::bin::Bins;
 use crate::render::scratch::Scratch;
@@ -57,19 +57,19 @@ impl<'a> Canvas<'a> {
     }
 
     /// The planes summed, without the pad. The interpolation may undershoot: see [`clip`].
-    pub fn finish(self, progress: &dyn Progress) -> Rows<'a> {
+    pub fn finish(self, progress: &dyn Progress) -> PlaneRows<'a> {
         for l in (1..self.levels.len()).rev() {
             let (finer, coarser) = self.planes.split_at_mut(l);
             let levels = [&self.levels[l], &self.levels[l - 1]];
             pyramid::add_up(progress.simd(), levels, &coarser[0], &mut finer[l - 1]);
         }
         let Level { size, stride, .. } = self.levels[0];
-        Rows { size, stride, data: &mut self.planes[0][PAD * stride + PAD..] }
+        PlaneRows { size, stride, data: &mut self.planes[0][PAD * stride + PAD..] }
     }
 }
 
 /// Depth and density are never negative.
-pub(in crate::render) fn clip(mut rows: Rows<'_>) -> Rows<'_> {
+pub(in crate::render) fn clip(mut rows: PlaneRows<'_>) -> PlaneRows<'_> {
     rows.each(|_, row| row.iter_mut().for_each(|v| *v = v.max(0.0)));
     rows
 }
@@ -80,14 +80,14 @@ mod tests {
 
     #[test]
     fn memory_is_asked_for_before_it_is_taken() {
-        struct Small;
-        impl Progress for Small {
+        struct LimitedMemory;
+        impl Progress for LimitedMemory {
             fn available_memory(&self) -> Option<u64> {
                 Some(1 << 30)
             }
         }
         let size = Size { width: 1 << 24, height: 1 << 24 };
-        let error = Canvas::new(size, &mut Scratch::default(), &Small).map(drop).unwrap_err();
+        let error = Canvas::new(size, &mut Scratch::default(), &LimitedMemory).map(drop).unwrap_err();
         assert!(matches!(error, crate::Error::Memory { .. }));
     }
 }
