@@ -6,7 +6,7 @@ use crate::render::{Gaussians, MOST, two_floats};
 use crate::{Device, groups};
 use particlegs_core::Result;
 use particlegs_core::math::each_axis;
-use particlegs_train::depth::{Columns, Numbers, Parameters, WIDTHS};
+use particlegs_train::depth::{DepthGaussians, Numbers, Parameters, WIDTHS};
 use wgpu::BufferUsages as Use;
 
 /// Floats of a Gaussian, each a column: those that pictures read, and ln count.
@@ -184,7 +184,7 @@ impl Held {
             let bytes = device.read(buffer, 4 * words as u64)?;
             Ok(bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
         };
-        let columns = |buffer| -> Result<Columns> { Ok(self.numbers(&read(buffer, COLUMNS * self.count)?)) };
+        let columns = |buffer| -> Result<DepthGaussians> { Ok(self.numbers(&read(buffer, COLUMNS * self.count)?)) };
         of.now = columns(&self.now)?;
         of.averaged = columns(&self.averaged)?;
         if let Some(decoded) = &mut of.decoded {
@@ -218,7 +218,7 @@ impl Held {
     }
 
     /// Gaussians as columns.
-    fn columns(&self, of: &Columns) -> Vec<f32> {
+    fn columns(&self, of: &DepthGaussians) -> Vec<f32> {
         let n = self.count;
         let mut columns = vec![0.0f32; COLUMNS * n];
         for (i, g) in of.0.iter().enumerate() {
@@ -228,7 +228,7 @@ impl Held {
     }
 
     /// The reverse.
-    fn numbers(&self, columns: &[f32]) -> Columns {
+    fn numbers(&self, columns: &[f32]) -> DepthGaussians {
         let n = self.count;
         let number = |i: usize| -> Numbers {
             let at = |k: usize| f64::from(columns[k * n + i]);
@@ -238,7 +238,7 @@ impl Held {
                 _ => at(13),
             })
         };
-        Columns((0..n).map(number).collect())
+        DepthGaussians((0..n).map(number).collect())
     }
 }
 

@@ -31,8 +31,8 @@ use particlegs_core::picture::Size;
 use particlegs_core::progress::Progress;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::{Error, Result};
-use particlegs_train::depth::{Parameters, StepSize, Steps, WIDTHS};
-use particlegs_train::{Loss, NotFinite, Shot, Stepped, Subject};
+use particlegs_train::depth::{DepthStepper, Parameters, StepSize, WIDTHS};
+use particlegs_train::{Loss, NonFiniteGradient, Shot, Stepped, TrainingSubject};
 use picture::{Curves, Picture};
 use std::fmt;
 use std::sync::Arc;
@@ -78,15 +78,22 @@ impl Trainer {
 }
 
 impl particlegs_train::Device for Trainer {
-    fn depth_steps(&self, of: &Parameters) -> Result<Box<dyn Steps>> {
+    fn depth_steps(&self, of: &Parameters) -> Result<Box<dyn DepthStepper>> {
         Ok(Box::new(self.of_depth(of)?))
     }
 
-    fn alpha_steps(&self, of: &particlegs_train::alpha::Gaussians) -> Result<Box<dyn particlegs_train::alpha::Steps>> {
+    fn alpha_steps(
+        &self,
+        of: &particlegs_train::alpha::Gaussians,
+    ) -> Result<Box<dyn particlegs_train::alpha::AlphaStepper>> {
         Ok(Box::new(AlphaSteps::new(&self.device, &self.kernels, &self.blender, of)?))
     }
 
-    fn subject<'a>(&self, of: &'a dyn Subject, progress: &dyn Progress) -> Result<Box<dyn Subject + 'a>> {
+    fn subject<'a>(
+        &self,
+        of: &'a dyn TrainingSubject,
+        progress: &dyn Progress,
+    ) -> Result<Box<dyn TrainingSubject + 'a>> {
         Ok(Box::new(OnDevice::new(&self.device, of, progress)?))
     }
 }
@@ -152,7 +159,7 @@ impl StepRecord {
     }
 }
 
-impl Steps for DepthSteps {
+impl DepthStepper for DepthSteps {
     fn step(&mut self, of: &mut Parameters, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped> {
         if self.newer == Side::Here {
             self.held.put(&self.device, of)?;
@@ -243,7 +250,7 @@ fn stepped(words: &[u8]) -> Stepped {
     let word = |k: usize| [words[4 * k], words[4 * k + 1], words[4 * k + 2], words[4 * k + 3]];
     let (count, first) = (u32::from_le_bytes(word(4)), u32::from_le_bytes(word(5)));
     let group = ["position", "covariance", "count"][(first % 4).min(2) as usize];
-    let not_finite = NotFinite { group, gaussian: first as usize / 4, count: count as usize };
+    let not_finite = NonFiniteGradient { group, gaussian: first as usize / 4, count: count as usize };
     Stepped { loss: f64::from(f32::from_le_bytes(word(0))), not_finite: (count > 0).then_some(not_finite) }
 }
 

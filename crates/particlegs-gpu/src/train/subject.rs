@@ -8,7 +8,7 @@ use particlegs_core::progress::Progress;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::Look;
 use particlegs_core::{Error, Result};
-use particlegs_train::Subject;
+use particlegs_train::TrainingSubject;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ const A_PIXEL: u64 = 5;
 
 /// Particles whose pictures the device draws, where it holds them; larger ones are the processor's, which are the same.
 pub(super) struct OnDevice<'a> {
-    of: &'a dyn Subject,
+    of: &'a dyn TrainingSubject,
     device: Arc<Device>,
     pictures: Pictures<'a>,
 }
@@ -27,7 +27,7 @@ impl<'a> OnDevice<'a> {
     ///
     /// # Errors
     /// Those of the device; [`Error::Cancelled`].
-    pub fn new(device: &Arc<Device>, of: &'a dyn Subject, progress: &dyn Progress) -> Result<Self> {
+    pub fn new(device: &Arc<Device>, of: &'a dyn TrainingSubject, progress: &dyn Progress) -> Result<Self> {
         let columns = Box::new(move |range: Range<usize>| of.columns(range));
         let mut pictures = Pictures::new(device, of.origin(), of.bounds(), of.len(), columns)?;
         pictures.keep(device, &mut |_| if progress.cancelled() { Err(Error::Cancelled) } else { Ok(()) })?;
@@ -39,7 +39,7 @@ impl<'a> OnDevice<'a> {
     }
 }
 
-impl Subject for OnDevice<'_> {
+impl TrainingSubject for OnDevice<'_> {
     fn len(&self) -> usize {
         self.of.len()
     }

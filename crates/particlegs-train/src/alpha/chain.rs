@@ -1,7 +1,7 @@
 //! From what a footprint's pixels want to what its Gaussian's parameters want.
 
-use super::parameters::{One, SH0};
-use super::raster::Sums;
+use super::parameters::{GaussianParameters, SH0};
+use super::raster::PixelSums;
 use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::vizmapper::Adaptation;
 use particlegs_core::render::alpha::Eye;
@@ -24,7 +24,7 @@ pub(super) struct Slopes {
 }
 
 /// The chain rule through opacity, footprint, covariance and place.
-pub(super) fn chain(eye: &Eye, one: &One, adapted: &Adaptation, sums: &Sums) -> Slopes {
+pub(super) fn chain(eye: &Eye, one: &GaussianParameters, adapted: &Adaptation, sums: &PixelSums) -> Slopes {
     let g = one.gaussian(adapted);
     let Some(p) = shape(eye, &g.seen(eye).gaussian) else { return Slopes::default() };
     let [sum, sx, sy, sxx, sxy, syy, grey] = sums.map(f64::from);
@@ -100,7 +100,7 @@ fn through_eye(eye: &Eye, p: &FootprintShape, cov: &Sym3, at: [f64; 2], sharp: [
 }
 
 /// Changes with scales and rotation, from those with the covariance.
-fn scales_and_rotation(one: &One, factor: f64, with_cov: &[[f64; 3]; 3], out: &mut Slopes) {
+fn scales_and_rotation(one: &GaussianParameters, factor: f64, with_cov: &[[f64; 3]; 3], out: &mut Slopes) {
     let root = one.root().map(|r| r.map(|v| factor * v));
     let with_root: [[f64; 3]; 3] =
         each_axis(|i| each_axis(|k| 2.0 * (0..3).map(|j| with_cov[i][j] * root[j][k]).sum::<f64>()));

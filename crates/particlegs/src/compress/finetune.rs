@@ -14,7 +14,7 @@ use crate::pieces::{Pieces, PrefixedPieces};
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::score::Measure;
-use crate::train::{AlphaConfig, Config, Defaults, Initial, Limits, Trained, TrainedRun, Training};
+use crate::train::{AlphaConfig, Config, Defaults, InitialGaussians, Limits, TrainedMixture, TrainedRun, Training};
 use crate::{Error, Remedy, Result};
 
 /// What `finetune` is asked to do.
@@ -90,10 +90,14 @@ pub fn finetune(
         let defaults = Defaults { bounds: m.bounds, radius, opacity, seed, bytes: None, gaussians: None };
         let subject = Reference::with_bounds(particles, m.bounds);
         let training = Training { subject: &subject, config: &config, limits: &options.limits, defaults: &defaults };
-        training.run(Initial::Model(model), &mut PrefixedPieces { pieces, prefix: "finetune".into() }, progress)
+        training.run(
+            InitialGaussians::Model(model),
+            &mut PrefixedPieces { pieces, prefix: "finetune".into() },
+            progress,
+        )
     })?;
     let run = TrainedRun::of(String::new(), &config, &trained);
-    let Trained { mixture, stopped, .. } = trained;
+    let TrainedMixture { mixture, stopped, .. } = trained;
     let network = mixture.law.alpha_blend().and_then(|l| l.vizmapper.clone());
     // What was stopped is coded all the same.
     let check = || if stopped { Ok(()) } else { progress.check() };

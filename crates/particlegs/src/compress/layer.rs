@@ -11,7 +11,7 @@ use crate::particles::Particles;
 use crate::pieces::{Pieces, PrefixedPieces};
 use crate::reference::Reference;
 use crate::space::Bounds;
-use crate::train::{Config, Defaults, Initial, Limits, Start, Trained, TrainedRun, Training};
+use crate::train::{Config, Defaults, InitialGaussians, Limits, Start, TrainedMixture, TrainedRun, Training};
 use crate::{Error, Result};
 use std::ops::Range;
 
@@ -135,7 +135,7 @@ impl LayerTask<'_> {
             return Ok(MadeLayer { coded, vizmapper: None, trained: None, stopped: false, clock });
         };
         let goal = Goal { gaussians: mixture.len() as u64, bytes: Some(bytes) };
-        let trained = self.train(config, Initial::Fit(&mixture), goal, pieces)?;
+        let trained = self.train(config, InitialGaussians::Fit(&mixture), goal, pieces)?;
         clock.append(trained.clock);
         self.code(Fitted { clock, ..trained }, Some(bytes))
     }
@@ -152,10 +152,10 @@ impl LayerTask<'_> {
         };
         let trained = if config.start == Start::Random {
             let first = config.start_gaussians.unwrap_or(goal.gaussians).min(goal.gaussians);
-            self.train(config, Initial::Particles(first as usize), goal, pieces)?
+            self.train(config, InitialGaussians::Particles(first as usize), goal, pieces)?
         } else {
             let mixture = fit(pieces)?;
-            self.train(config, Initial::Fit(&mixture), goal, pieces)?
+            self.train(config, InitialGaussians::Fit(&mixture), goal, pieces)?
         };
         clock.append(trained.clock);
         Ok(Fitted { clock, ..trained })
@@ -179,7 +179,13 @@ impl LayerTask<'_> {
     }
 
     /// Trains Gaussians on pictures of the layer.
-    fn train(&self, config: &Config, from: Initial<'_>, goal: Goal, pieces: &mut dyn Pieces) -> Result<Fitted> {
+    fn train(
+        &self,
+        config: &Config,
+        from: InitialGaussians<'_>,
+        goal: Goal,
+        pieces: &mut dyn Pieces,
+    ) -> Result<Fitted> {
         let (layer, plan) = (self.layer, self.context.plan);
         let m = &plan.metadata;
         let defaults = Defaults {
@@ -203,7 +209,7 @@ impl LayerTask<'_> {
             return Err(Error::Cancelled);
         }
         let run = TrainedRun::of(limits.run, config, &trained);
-        let Trained { mixture, factor: step_factor, stopped, .. } = trained;
+        let TrainedMixture { mixture, factor: step_factor, stopped, .. } = trained;
         Ok(Fitted { mixture, step_factor, trained: Some(run), stopped, clock })
     }
 

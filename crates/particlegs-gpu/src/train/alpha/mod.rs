@@ -26,8 +26,8 @@ use crate::{Device, groups};
 use held::Held;
 use kernels::Kernels;
 use particlegs_core::Result;
-use particlegs_train::alpha::{Gaussians, StepSize, Steps};
-use particlegs_train::{Loss, NotFinite, Shot, Stepped};
+use particlegs_train::alpha::{AlphaStepper, Gaussians, StepSize};
+use particlegs_train::{Loss, NonFiniteGradient, Shot, Stepped};
 use picture::Picture;
 use record::StepRecord;
 use std::sync::Arc;
@@ -100,7 +100,7 @@ impl AlphaSteps {
     }
 }
 
-impl Steps for AlphaSteps {
+impl AlphaStepper for AlphaSteps {
     fn step(&mut self, of: &mut Gaussians, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped> {
         let (eye, setting) = (of.eye(shot)?, of.setting(shot));
         if self.newer == Side::Here {
@@ -160,8 +160,8 @@ fn stepped(words: &[u8]) -> (Stepped, bool) {
     let word = |k: usize| [words[4 * k], words[4 * k + 1], words[4 * k + 2], words[4 * k + 3]];
     let [count, first, network] = [4, 5, 6].map(|k| u32::from_le_bytes(word(k)));
     let group = GROUPS[(first % 8).min(4) as usize];
-    let of_gaussians = NotFinite { group, gaussian: first as usize / 8, count: count as usize };
-    let of_network = NotFinite { group: "vizmapper", gaussian: 0, count: 1 };
+    let of_gaussians = NonFiniteGradient { group, gaussian: first as usize / 8, count: count as usize };
+    let of_network = NonFiniteGradient { group: "vizmapper", gaussian: 0, count: 1 };
     let not_finite = (count > 0).then_some(of_gaussians).or((network > 0).then_some(of_network));
     (Stepped { loss: f64::from(f32::from_le_bytes(word(0))), not_finite }, network == 0)
 }
