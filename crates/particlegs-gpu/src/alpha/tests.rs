@@ -1,6 +1,6 @@
 //! Kernels against their twins in core, on whatever adapter there is.
 
-use super::backward::Backward;
+use super::backward::BackwardBuffers;
 use super::*;
 use crate::tests::device;
 use particlegs_core::camera::{Camera, Projection};
@@ -373,7 +373,7 @@ fn limits_are_told() {
 }
 
 /// A footprint of the device, and the pixels of the tiles that it touches.
-struct Drawn {
+struct TileFootprint {
     number: usize,
     splat: [f64; 8],
     columns: std::ops::Range<usize>,
@@ -381,7 +381,7 @@ struct Drawn {
 }
 
 /// The footprints of the last picture, front to back.
-fn drawn(renderer: &Renderer, canvas: &Canvas) -> Vec<Drawn> {
+fn drawn(renderer: &Renderer, canvas: &Canvas) -> Vec<TileFootprint> {
     let read = |b: &wgpu::Buffer| words(&renderer.device().read(b, b.size()).unwrap());
     let (order, keys) = (read(&canvas.order.values), read(&canvas.order.keys));
     let (touched, splats) = (read(&canvas.touched), read(&canvas.splats));
@@ -389,7 +389,7 @@ fn drawn(renderer: &Renderer, canvas: &Canvas) -> Vec<Drawn> {
     let one = |number: usize| {
         let [columns, rows] = [0, 1].map(|k| touched[2 * number + k]);
         let pixels = |t: u32, most: usize| TILE * (t & 0xffff) as usize..(TILE * ((t >> 16) as usize + 1)).min(most);
-        Drawn {
+        TileFootprint {
             number,
             splat: std::array::from_fn(|k| f32::from_bits(splats[8 * number + k]).into()),
             columns: pixels(columns, canvas.size.width),
@@ -400,7 +400,7 @@ fn drawn(renderer: &Renderer, canvas: &Canvas) -> Vec<Drawn> {
 }
 
 /// What pixels want of each Gaussian, pixel by pixel in f64.
-fn wanted(drawn: &[Drawn], gaussians: usize, size: Size, by_pixel: &[f32]) -> Vec<[f64; 7]> {
+fn wanted(drawn: &[TileFootprint], gaussians: usize, size: Size, by_pixel: &[f32]) -> Vec<[f64; 7]> {
     let cut = CutOffs::PUBLISHED;
     let (least, most, pixels) = (f64::from(cut.least_transmittance), f64::from(cut.most_alpha), size.pixels());
     let mut out = vec![[0.0; 7]; gaussians];
@@ -460,7 +460,7 @@ fn footprints_are_wanted_as_pixels_want_them() {
             renderer.most = most;
             let mut canvas = renderer.canvas(&there, case.size).unwrap();
             renderer.submit(&there, &mut canvas, &case.view).unwrap();
-            let mut back = Backward::new(&device, &canvas).unwrap();
+            let mut back = BackwardBuffers::new(&device, &canvas).unwrap();
             device.queue.write_buffer(&back.by_pixel, 0, bytemuck::cast_slice(&by_pixel));
             back.poison(&device);
             renderer.backward(&canvas, &mut back).unwrap();

@@ -16,13 +16,13 @@ use std::sync::Arc;
 const A_PIXEL: u64 = 5;
 
 /// Particles whose pictures the device draws, where it holds them; larger ones are the processor's, which are the same.
-pub(super) struct OnDevice<'a> {
+pub(super) struct DeviceSubject<'a> {
     of: &'a dyn TrainingSubject,
     device: Arc<Device>,
     pictures: Pictures<'a>,
 }
 
-impl<'a> OnDevice<'a> {
+impl<'a> DeviceSubject<'a> {
     /// Sends the particles, as many as there is room for.
     ///
     /// # Errors
@@ -31,7 +31,7 @@ impl<'a> OnDevice<'a> {
         let columns = Box::new(move |range: Range<usize>| of.columns(range));
         let mut pictures = Pictures::new(device, of.origin(), of.bounds(), of.len(), columns)?;
         pictures.keep(device, &mut |_| if progress.cancelled() { Err(Error::Cancelled) } else { Ok(()) })?;
-        Ok(OnDevice { of, device: device.clone(), pictures })
+        Ok(DeviceSubject { of, device: device.clone(), pictures })
     }
 
     fn holds(&self, size: Size) -> bool {
@@ -39,7 +39,7 @@ impl<'a> OnDevice<'a> {
     }
 }
 
-impl TrainingSubject for OnDevice<'_> {
+impl TrainingSubject for DeviceSubject<'_> {
     fn len(&self) -> usize {
         self.of.len()
     }
