@@ -16,12 +16,12 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 /// Refuses allocations that no small job needs: a process would end by them, or the machine.
-struct Bounded;
+struct BoundedAllocator;
 
 static LARGEST: AtomicUsize = AtomicUsize::new(0);
 
 // SAFETY: every call goes to the system's allocator as it is.
-unsafe impl GlobalAlloc for Bounded {
+unsafe impl GlobalAlloc for BoundedAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         LARGEST.fetch_max(layout.size(), Relaxed);
         unsafe { System.alloc(layout) }
@@ -43,7 +43,7 @@ unsafe impl GlobalAlloc for Bounded {
 }
 
 #[global_allocator]
-static ALLOCATOR: Bounded = Bounded;
+static ALLOCATOR: BoundedAllocator = BoundedAllocator;
 
 /// The jobs here hold some kilobytes; no allocation may be larger.
 const MOST_BYTES: usize = 256 << 20;
@@ -90,9 +90,9 @@ fn copy(from: &Path, to: &Path) {
 }
 
 /// Ends work that goes on beyond its time, so that a fault is told instead of a hung suite.
-struct Until(Instant);
+struct Watchdog(Instant);
 
-impl Progress for Until {
+impl Progress for Watchdog {
     fn cancelled(&self) -> bool {
         self.0.elapsed() > LONGEST
     }
@@ -101,7 +101,7 @@ impl Progress for Until {
 /// Every step on a folder; the errors in words.
 fn steps(folder: &Path, what: &str) -> Vec<String> {
     let began = Instant::now();
-    let until = Until(began);
+    let until = Watchdog(began);
     LARGEST.store(0, Relaxed);
     let source = || Ok(Layered::of(&particles()));
     let run = || -> Vec<String> {

@@ -1,8 +1,8 @@
 //! What one pass over a snapshot tells, wherever it lies.
 
-use super::Sample;
+use super::PositionSample;
 use crate::Result;
-use crate::particles::{Chunk, Invalid, Layered, OutsideBox, RUN, RunHash, hash_of_runs, hash_run, invalid};
+use crate::particles::{Chunk, InvalidParticles, Layered, OutsideBox, RUN, RunHash, hash_of_runs, hash_run, invalid};
 use crate::progress::Progress;
 use crate::space::Bounds;
 use particlegs_core::math::each_axis;
@@ -13,7 +13,7 @@ pub struct SnapshotScan {
     /// Its runs, layer after layer, each layer beginning one.
     pub runs: Vec<RunScan>,
     /// Positions spread evenly over it, where they were asked for.
-    pub sample: Sample,
+    pub sample: PositionSample,
     /// The weight that all particles of a layer have, of each layer whose weights are all the same.
     same_weight: Vec<Option<f32>>,
     /// Bounds of all particles, world units.
@@ -38,7 +38,7 @@ pub struct RunScan {
 struct RunContent {
     scan: Option<RunScan>,
     sample: [Vec<f32>; 3],
-    invalid: Invalid,
+    invalid: InvalidParticles,
     /// Its first weight, if all are the same.
     weight: Option<f32>,
     outside: OutsideBox,
@@ -52,16 +52,16 @@ impl SnapshotScan {
     /// Those of the readers; [`crate::Error::Input`] at `place` for no particles and for invalid values;
     /// [`crate::Error::Cancelled`].
     pub fn new(source: &Layered, place: &str, sampled: bool, progress: &dyn Progress) -> Result<SnapshotScan> {
-        let every = if sampled { Sample::every(source.count()) } else { 0 };
+        let every = if sampled { PositionSample::every(source.count()) } else { 0 };
         progress.begin("reading positions", source.count());
         let mut all = SnapshotScan {
             runs: Vec::new(),
-            sample: Sample::default(),
+            sample: PositionSample::default(),
             same_weight: Vec::new(),
             bounds: Bounds::empty(),
             outside: OutsideBox::default(),
         };
-        let (mut start, mut bad) = (0, Invalid::default());
+        let (mut start, mut bad) = (0, InvalidParticles::default());
         for layer in &source.layers {
             let runs: Vec<Mutex<RunContent>> = (0..layer.runs()).map(|_| Mutex::default()).collect();
             layer.read(source.origin, 0..layer.runs(), progress, &|run, chunk| {
@@ -138,7 +138,7 @@ impl RunContent {
         RunContent {
             outside: OutsideBox::count(chunk, source.origin, &scan.bounds(source.origin), source.meta.cell.as_ref()),
             scan: Some(scan),
-            sample: Sample::of_run(chunk, first, every),
+            sample: PositionSample::of_run(chunk, first, every),
             invalid: invalid(chunk),
             weight: one,
         }

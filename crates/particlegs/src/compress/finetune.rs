@@ -1,9 +1,9 @@
 //! A merged alpha-blend model trained further on the whole snapshot (paper section III-D).
 
-use super::certify::Decoded;
+use super::certify::DecodedFile;
 use super::clock::Clock;
 use super::run::Compressed;
-use super::size::{Coded, SizeMet};
+use super::size::{CodedGaussians, SizeOutcome};
 use crate::codec::{self, Encoder};
 use crate::model::Target;
 use crate::model::{
@@ -13,7 +13,7 @@ use crate::particles::Particles;
 use crate::pieces::{Pieces, PrefixedPieces};
 use crate::progress::Progress;
 use crate::reference::Reference;
-use crate::score::Measure;
+use crate::score::CertificateInput;
 use crate::train::{AlphaConfig, Config, Defaults, InitialGaussians, Limits, TrainedMixture, TrainedRun, Training};
 use crate::{Error, Remedy, Result};
 
@@ -102,7 +102,7 @@ pub fn finetune(
     // What was stopped is coded all the same.
     let check = || if stopped { Ok(()) } else { progress.check() };
     let coded = clock.time("code", || file.code(mixture, check))?;
-    let measure = (options.certificate.measures() && !stopped).then_some(Measure {
+    let measure = (options.certificate.measures() && !stopped).then_some(CertificateInput {
         particles,
         seed,
         level: options.certificate,
@@ -110,7 +110,7 @@ pub fn finetune(
         reached: None,
     });
     let assembled = |certificate: Option<&Certificate>| file.assemble(&coded, network.as_deref(), certificate);
-    let done = Decoded::of(assembled, measure, progress)?;
+    let done = DecodedFile::of(assembled, measure, progress)?;
     clock.append(done.clock);
     Ok(Compressed {
         bytes: done.bytes,
@@ -196,12 +196,12 @@ impl NewFile {
     }
 
     /// All Gaussians as one block.
-    fn code(&self, gaussians: Mixture, check: impl FnMut() -> Result<()>) -> Result<Coded> {
+    fn code(&self, gaussians: Mixture, check: impl FnMut() -> Result<()>) -> Result<CodedGaussians> {
         let (bounds, count) = (self.metadata.bounds, self.metadata.count);
         let encoder = Encoder::new(&Block { bounds, count, mass: count as f64, gaussians })?;
-        let Some(bytes) = self.block_bytes else { return Ok(Coded::at_nominal_steps(&encoder)) };
-        let coded = Coded::to_size(&encoder, bytes, None, check)?;
-        if coded.size_met == SizeMet::TooLarge {
+        let Some(bytes) = self.block_bytes else { return Ok(CodedGaussians::at_nominal_steps(&encoder)) };
+        let coded = CodedGaussians::to_size(&encoder, bytes, None, check)?;
+        if coded.size_met == SizeOutcome::TooLarge {
             let (asked, smallest) = (bytes + self.beside, codec::stored_bytes(&coded.bytes) as u64 + self.beside);
             let what = format!("{asked} bytes were asked for; the smallest file has {smallest} bytes");
             return Err(Error::Unreachable { what, remedy: Remedy::LargerFile { bytes: smallest, ratio: None } });
@@ -211,7 +211,7 @@ impl NewFile {
 
     fn assemble(
         &self,
-        coded: &Coded,
+        coded: &CodedGaussians,
         network: Option<&VizMapper>,
         certificate: Option<&Certificate>,
     ) -> Result<Vec<u8>> {

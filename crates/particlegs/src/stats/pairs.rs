@@ -174,7 +174,7 @@ fn uniform(seed: u64, index: u32) -> f64 {
 }
 
 /// Bins by the square of a distance.
-struct Bins {
+struct DistanceBins {
     squares: Vec<f64>,
     /// Square of the last edge.
     end: f64,
@@ -183,14 +183,14 @@ struct Bins {
     parts_per: f64,
 }
 
-impl Bins {
+impl DistanceBins {
     fn new(edges: &[f64]) -> Self {
         let squares: Vec<f64> = edges.iter().map(|e| e * e).collect();
         let end = squares[squares.len() - 1];
         // A little lower, so that rounding passes over no edge.
         let begins = |part: usize| (part as f64 - 1e-6) * (end / PARTS as f64);
         let below = (0..=PARTS).map(|p| squares.iter().take_while(|s| **s <= begins(p)).count() as u32).collect();
-        Bins { squares, end, below, parts_per: PARTS as f64 / end }
+        DistanceBins { squares, end, below, parts_per: PARTS as f64 / end }
     }
 
     /// 1 + the bin that holds the square of a distance below the last edge; 0 below the first.
@@ -207,7 +207,7 @@ impl Bins {
 }
 
 fn count_band(points: &Points, primaries: &[u32], edges: &[f64], progress: &dyn Progress) -> Result<Vec<u64>> {
-    let bins = Bins::new(edges);
+    let bins = DistanceBins::new(edges);
     let reach = edges[edges.len() - 1];
     progress.begin("pair counts", primaries.len() as u64);
     let parts = parallel::try_map(primaries.chunks(STEP), |run| {
