@@ -228,7 +228,7 @@ fn each(cases: impl IntoIterator<Item = (String, Box<dyn Fn(&Path)>)>) -> Vec<Ve
     cases.into_iter().map(run).collect()
 }
 
-type Case = (String, Box<dyn Fn(&Path)>);
+type HostileCase = (String, Box<dyn Fn(&Path)>);
 
 fn write(name: &'static str, bytes: Vec<u8>) -> Box<dyn Fn(&Path)> {
     Box::new(move |folder| std::fs::write(folder.join(name), &bytes).unwrap())
@@ -249,7 +249,7 @@ fn altered_plans() {
     let dir = tempfile::tempdir().unwrap();
     let original: Value =
         serde_json::from_slice(&std::fs::read(planned(dir.path()).folder.join("plan.json")).unwrap()).unwrap();
-    let case = |(plan, what): (Value, String)| -> Case {
+    let case = |(plan, what): (Value, String)| -> HostileCase {
         let text = plan.to_string();
         let alter = move |folder: &Path| {
             std::fs::write(folder.join("plan.json"), &text).unwrap();
@@ -286,7 +286,7 @@ fn altered_runs_buckets_reports_and_blocks() {
     let dir = tempfile::tempdir().unwrap();
     prepared(dir.path());
     let read = |name: &str| std::fs::read(dir.path().join(name)).unwrap();
-    let mut cases: Vec<Case> = Vec::new();
+    let mut cases: Vec<HostileCase> = Vec::new();
     for name in ["plan.json", "runs.bin", "scatter/00000.bin", "blocks/00000.json", "blocks/00000.pgs"] {
         let bytes = read(name);
         cases.push((format!("{name}: empty"), write(name, Vec::new())));

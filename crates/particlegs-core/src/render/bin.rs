@@ -40,7 +40,7 @@ pub struct Stroke {
 
 /// The strokes of a run of Gaussians, by band.
 #[derive(Debug, Default)]
-pub struct Bins {
+pub struct StrokeBins {
     /// Strokes in the order of their bands, then of their Gaussians.
     pub strokes: Vec<Stroke>,
     /// The first stroke of each band, and the end.
@@ -86,7 +86,7 @@ impl<'a> Binner<'a> {
     }
 
     /// Sorts by band, keeping the order within each.
-    pub fn finish(self) -> Bins {
+    pub fn finish(self) -> StrokeBins {
         let bands = self.levels.iter().map(Level::bands).sum::<usize>();
         let mut starts = vec![0u32; bands + 1];
         for (band, _) in &self.found {
@@ -102,7 +102,7 @@ impl<'a> Binner<'a> {
             strokes[*place as usize] = stroke;
             *place += 1;
         }
-        Bins { strokes, starts }
+        StrokeBins { strokes, starts }
     }
 }
 

@@ -1,11 +1,11 @@
 //! Optical depth, and the picture.
 
 use super::alpha;
-use super::bin::{Binner, Bins};
+use super::bin::{Binner, StrokeBins};
 use super::lens::Lens;
 use super::project::project;
 use super::raster::pyramid::Level;
-use super::raster::{Canvas, clip};
+use super::raster::{RasterCanvas, clip};
 use super::scene::Scene;
 use super::scratch::Scratch;
 use super::tone::tone_rows;
@@ -136,7 +136,7 @@ pub(super) fn sum<'a>(
     scratch: &'a mut Scratch,
     progress: &dyn Progress,
 ) -> Result<PlaneRows<'a>> {
-    let mut canvas = Canvas::new(size, scratch, progress)?;
+    let mut canvas = RasterCanvas::new(size, scratch, progress)?;
     let mut runs: Vec<GaussianRun<'_>> = scene
         .parts
         .iter()
@@ -157,7 +157,7 @@ pub(super) fn sum<'a>(
         // once waits, and is projected again.
         let (mut drawn, mut bins) = (0, Vec::with_capacity(projected.len()));
         for run in projected {
-            let (own, left): (Bins, usize) = run?;
+            let (own, left): (StrokeBins, usize) = run?;
             bins.push(own);
             match left {
                 0 => drawn += 1,
@@ -188,8 +188,8 @@ struct GaussianRun<'a> {
 ///
 /// # Errors
 /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
-pub fn paint(size: Size, bins: &[Bins], scratch: &mut Scratch, progress: &dyn Progress) -> Result<Plane> {
-    let mut canvas = Canvas::new(size, scratch, progress)?;
+pub fn paint(size: Size, bins: &[StrokeBins], scratch: &mut Scratch, progress: &dyn Progress) -> Result<Plane> {
+    let mut canvas = RasterCanvas::new(size, scratch, progress)?;
     canvas.draw(bins, progress)?;
     clip(canvas.finish(progress)).to_plane(progress)
 }
@@ -202,7 +202,7 @@ fn project_run(
     lenses: &[Lens],
     levels: &[Level],
     weight: &(impl Fn(&Mixture, usize) -> f64 + Sync),
-) -> (Bins, usize) {
+) -> (StrokeBins, usize) {
     let mut binner = Binner::new(levels, range.len() + range.len() / 4);
     let (mut gaussians, mut footprints) = (Vec::with_capacity(BLOCK), Vec::with_capacity(BLOCK));
     for start in range.clone().step_by(BLOCK) {

@@ -20,7 +20,7 @@ const BOUNDS: Bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
 const SIZE: Size = Size { width: 320, height: 180 };
 
 /// What is drawn by both.
-struct Case {
+struct AlphaRenderCase {
     name: &'static str,
     gaussians: Mixture,
     view: View,
@@ -90,9 +90,9 @@ fn scene(m: &Mixture) -> Scene<'_> {
     Scene::of_law(m, BOUNDS, USUAL)
 }
 
-fn cases() -> Vec<Case> {
+fn cases() -> Vec<AlphaRenderCase> {
     let (far, near, inside) = ([1.0, 2.0, 6.0], [0.3, 0.2, 1.6], [0.1, 0.2, 0.5]);
-    let case = |name, gaussians, view| Case { name, gaussians, view, size: SIZE };
+    let case = |name, gaussians, view| AlphaRenderCase { name, gaussians, view, size: SIZE };
     let asked = |position, radius, opacity| View { radius, opacity, ..view(position) };
     let mut slab = view(far);
     slab.camera.clipping_range = Some([5.9, 6.6]);
@@ -125,14 +125,17 @@ fn cases() -> Vec<Case> {
         case("network, large and opaque", with_network(usual(1, 3000, 0.05), first), asked(far, 0.035, 0.0875)),
         case("network, small and faint", with_network(usual(1, 3000, 0.1), first), asked(near, 0.005, 0.0125)),
         case("network, wide ranges", with_network(usual(2, 3000, 0.05), tuned), asked(inside, 0.03, 0.02)),
-        Case { size: Size { width: 9, height: 7 }, ..case("one tile", usual(1, 2000, 0.05), view(far)) },
-        Case { size: Size { width: 643, height: 351 }, ..case("odd sides", usual(8, 5000, 0.05), view(far)) },
+        AlphaRenderCase { size: Size { width: 9, height: 7 }, ..case("one tile", usual(1, 2000, 0.05), view(far)) },
+        AlphaRenderCase {
+            size: Size { width: 643, height: 351 },
+            ..case("odd sides", usual(8, 5000, 0.05), view(far))
+        },
     ]
 }
 
 /// How far a picture is from core's: the largest difference in levels before rounding, pixels off by more than a
 /// hundredth of one, decibels, and the largest difference after rounding.
-fn apart(renderer: &Renderer, case: &Case) -> (f64, usize, f64, u8) {
+fn apart(renderer: &Renderer, case: &AlphaRenderCase) -> (f64, usize, f64, u8) {
     let scene = scene(&case.gaussians);
     let there = Gaussians::upload(renderer.device(), &scene).unwrap();
     let mut canvas = renderer.canvas(&there, case.size).unwrap();

@@ -20,7 +20,7 @@ pub use source::{Columns, ParticleSource, ParticleStream};
 use crate::Device;
 use crate::groups;
 use crate::kernel::{BufferUse, Kernel};
-use crate::render::{FrameRecord, Planes, Tone, ToneMapper, TonePlane};
+use crate::render::{FrameRecord, PlaneLayout, Tone, ToneMapper, TonePlane};
 use particlegs_core::camera::View;
 use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::splat::{CUT_SIGMA, Look, erf};
@@ -126,7 +126,7 @@ impl ReferenceRenderer {
     /// # Errors
     /// [`Error::Argument`] where a picture is too large for the device; those of the device.
     pub fn canvas(&self, size: Size) -> Result<ReferenceCanvas> {
-        let (device, bytes, planes) = (&*self.device, 4 * size.pixels() as u64, Planes::of(size));
+        let (device, bytes, planes) = (&*self.device, 4 * size.pixels() as u64, PlaneLayout::of(size));
         let [finest, _] = planes.words();
         device.fits(size, 4 * finest)?;
         use wgpu::BufferUsages as Use;

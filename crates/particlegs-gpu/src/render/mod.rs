@@ -31,7 +31,7 @@ pub(crate) use tone::{CURVE, LookRecord, Tone, ToneMapper, TonePlane, curve};
 
 use crate::{AT_ONCE, CUT_GROUPS, CUTS_AT_ONCE, Device, dispatches, groups};
 use frame::MOST_LEVELS;
-pub(crate) use frame::{FrameRecord, Planes};
+pub(crate) use frame::{FrameRecord, PlaneLayout};
 pub(crate) use gaussians::factor;
 use kernels::Kernels;
 use particlegs_core::camera::View;
@@ -54,7 +54,7 @@ pub struct Renderer {
 
 /// The memory of pictures of one size of some Gaussians, and what is bound to kernels.
 pub struct Canvas {
-    planes: Planes,
+    planes: PlaneLayout,
     /// Of the finest plane, and of all others.
     sums: [wgpu::Buffer; 2],
     tiles: wgpu::Buffer,
@@ -83,7 +83,7 @@ pub(crate) struct CanvasBuffers<'a> {
 
 impl Canvas {
     /// Its planes.
-    pub(crate) fn planes(&self) -> &Planes {
+    pub(crate) fn planes(&self) -> &PlaneLayout {
         &self.planes
     }
 
@@ -147,7 +147,7 @@ impl Renderer {
     /// [`Error::Argument`] where a picture is too large for the device; those of the device.
     pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
         let (device, kernels) = (&*self.device, &self.kernels);
-        let planes = Planes::of(size);
+        let planes = PlaneLayout::of(size);
         let words = planes.words();
         words.iter().try_for_each(|w| device.fits(size, 4 * w))?;
         debug_assert!(planes.levels.len() <= MOST_LEVELS);
@@ -358,7 +358,7 @@ impl Renderer {
 }
 
 /// The passes that sum the planes.
-fn steps(device: &Device, kernels: &Kernels, planes: &Planes, of: [&wgpu::Buffer; 4]) -> Vec<LevelPass> {
+fn steps(device: &Device, kernels: &Kernels, planes: &PlaneLayout, of: [&wgpu::Buffer; 4]) -> Vec<LevelPass> {
     let top = planes.levels.len() - 1;
     let small = planes.levels.iter().position(|l| l.width * l.rows <= COARSEST).unwrap_or(top).min(top);
     let step = |level: usize, coarsest: bool, is_sum: bool| {

@@ -14,7 +14,7 @@ use particlegs_train::{Crop, Device as _, Norm};
 
 const SIZE: Size = Size { width: 160, height: 90 };
 
-struct Case {
+struct DepthTrainingCase {
     name: &'static str,
     gaussians: Mixture,
     view: View,
@@ -43,11 +43,17 @@ fn bounds() -> Bounds {
     Bounds { min: [-1.0; 3], max: [1.0; 3] }
 }
 
-fn cases() -> Vec<Case> {
+fn cases() -> Vec<DepthTrainingCase> {
     let (far, near, inside) = ([1.0, 2.0, 6.0], [0.3, 0.2, 1.6], [0.1, 0.2, 0.5]);
     let l2 = Loss { norm: Norm::L2, ..Loss::PUBLISHED };
-    let case =
-        |name, gaussians, view| Case { name, gaussians, view, look: Look::Expected, loss: l2, crop: Crop::whole(SIZE) };
+    let case = |name, gaussians, view| DepthTrainingCase {
+        name,
+        gaussians,
+        view,
+        look: Look::Expected,
+        loss: l2,
+        crop: Crop::whole(SIZE),
+    };
     let usual = [0.01, 0.05];
     let round = || mixture(1, 800, 0.1, 1.0);
     let mut slab = view(far, usual);
@@ -61,15 +67,21 @@ fn cases() -> Vec<Case> {
         case("needles", mixture(4, 300, 0.3, 1e-4), view(far, [0.002, 0.5])),
         case("slab", round(), slab),
         case("wide", mixture(5, 60, 1.0, 1.0), view(far, [0.02, 0.5])),
-        Case { crop, ..case("crop", round(), view(far, usual)) },
-        Case { look: Look::Paraview, ..case("ParaView's look", round(), view(far, [0.01, 0.3])) },
-        Case { loss: Loss { smooth: 0.02, ..Loss::PUBLISHED }, ..case("L1, rounded", round(), view(far, usual)) },
-        Case { loss: Loss { dssim: 0.4, logarithm: true, ..l2 }, ..case("SSIM, logarithm", round(), view(far, usual)) },
-        Case { loss: Loss { dssim: 1.0, ..l2 }, ..case("SSIM alone", round(), view(near, usual)) },
+        DepthTrainingCase { crop, ..case("crop", round(), view(far, usual)) },
+        DepthTrainingCase { look: Look::Paraview, ..case("ParaView's look", round(), view(far, [0.01, 0.3])) },
+        DepthTrainingCase {
+            loss: Loss { smooth: 0.02, ..Loss::PUBLISHED },
+            ..case("L1, rounded", round(), view(far, usual))
+        },
+        DepthTrainingCase {
+            loss: Loss { dssim: 0.4, logarithm: true, ..l2 },
+            ..case("SSIM, logarithm", round(), view(far, usual))
+        },
+        DepthTrainingCase { loss: Loss { dssim: 1.0, ..l2 }, ..case("SSIM alone", round(), view(near, usual)) },
     ]
 }
 
-fn parameters(case: &Case) -> Parameters {
+fn parameters(case: &DepthTrainingCase) -> Parameters {
     let particles = case.gaussians.count.iter().sum::<f64>().round() as u64;
     Parameters::new(&case.gaussians, particles, 48, (bounds(), case.look))
 }
@@ -89,7 +101,7 @@ fn size_of_step(rate: f64) -> StepSize {
     StepSize { rates: [rate; 3], beta1: 0.9, beta2: 0.999, calm: 0.5, pull: 0.01, average: 0.2 }
 }
 
-fn steps(steps: &mut dyn DepthStepper, of: &mut Parameters, case: &Case, number: usize) -> Vec<Stepped> {
+fn steps(steps: &mut dyn DepthStepper, of: &mut Parameters, case: &DepthTrainingCase, number: usize) -> Vec<Stepped> {
     let target = target(case.crop.size);
     let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
     let mut one = || steps.step(of, &shot, &case.loss, &size_of_step(0.01)).unwrap();
@@ -123,7 +135,7 @@ fn gradients_and_losses_are_the_processors() {
 }
 
 /// As from afar, drawn of Gaussians that were decoded.
-fn decoded() -> (Case, Parameters) {
+fn decoded() -> (DepthTrainingCase, Parameters) {
     let case = cases().swap_remove(0);
     let mut of = parameters(&case);
     let mut decoded = of.now.clone();

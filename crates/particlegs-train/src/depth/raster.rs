@@ -10,7 +10,7 @@ use particlegs_core::parallel;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::{Level as SimdLevel, Progress};
 use particlegs_core::render::Scratch;
-use particlegs_core::render::bin::{Binner, Bins, PlacedFootprint, place};
+use particlegs_core::render::bin::{Binner, PlacedFootprint, StrokeBins, place};
 use particlegs_core::render::depth::{grow, paint};
 use particlegs_core::render::lens::Lens;
 use particlegs_core::render::project::slices::{ClipClass, cut_with_slopes, fate, whole};
@@ -119,7 +119,7 @@ fn project_run(
     range: std::ops::Range<usize>,
     lens: &Lens,
     levels: &[Level],
-) -> (Vec<FootprintPiece>, Bins) {
+) -> (Vec<FootprintPiece>, StrokeBins) {
     let mut binner = Binner::new(levels, range.len() + range.len() / 4);
     let mut pieces = Vec::with_capacity(range.len());
     for i in range {

@@ -2,7 +2,9 @@
 
 use super::PositionSample;
 use crate::Result;
-use crate::particles::{Chunk, InvalidParticles, Layered, OutsideBox, RUN, RunHash, hash_of_runs, hash_run, invalid};
+use crate::particles::{
+    Chunk, InvalidParticles, Layered, ParticlesOutsideBox, RUN, RunHash, hash_of_runs, hash_run, invalid,
+};
 use crate::progress::Progress;
 use crate::space::Bounds;
 use particlegs_core::math::each_axis;
@@ -19,7 +21,7 @@ pub struct SnapshotScan {
     /// Bounds of all particles, world units.
     pub bounds: Bounds,
     /// Those outside the periodic box.
-    pub outside: OutsideBox,
+    pub outside: ParticlesOutsideBox,
 }
 
 /// A run of at most 65 536 particles of one layer.
@@ -41,7 +43,7 @@ struct RunContent {
     invalid: InvalidParticles,
     /// Its first weight, if all are the same.
     weight: Option<f32>,
-    outside: OutsideBox,
+    outside: ParticlesOutsideBox,
 }
 
 impl SnapshotScan {
@@ -59,7 +61,7 @@ impl SnapshotScan {
             sample: PositionSample::default(),
             same_weight: Vec::new(),
             bounds: Bounds::empty(),
-            outside: OutsideBox::default(),
+            outside: ParticlesOutsideBox::default(),
         };
         let (mut start, mut bad) = (0, InvalidParticles::default());
         for layer in &source.layers {
@@ -136,7 +138,12 @@ impl RunContent {
         let one = chunk.weight.and_then(|w| w.first().copied().filter(|f| w.iter().all(|v| v == f)));
         let scan = RunScan { min, max, hash: hash_run(chunk) };
         RunContent {
-            outside: OutsideBox::count(chunk, source.origin, &scan.bounds(source.origin), source.meta.cell.as_ref()),
+            outside: ParticlesOutsideBox::count(
+                chunk,
+                source.origin,
+                &scan.bounds(source.origin),
+                source.meta.cell.as_ref(),
+            ),
             scan: Some(scan),
             sample: PositionSample::of_run(chunk, first, every),
             invalid: invalid(chunk),

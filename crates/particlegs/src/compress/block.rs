@@ -24,14 +24,14 @@ pub(crate) struct BlockContext<'a> {
     /// How far training goes.
     pub limits: &'a Limits,
     /// What becomes of training that the caller stops.
-    pub on_stop: OnStop,
+    pub on_stop: StopPolicy,
     /// The caller.
     pub progress: &'a dyn Progress,
 }
 
 /// What becomes of a training run that the caller stops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum OnStop {
+pub(crate) enum StopPolicy {
     /// The best so far is coded.
     KeepBest,
     /// The work is given up, to be taken up again from its pieces.

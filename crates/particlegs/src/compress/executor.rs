@@ -2,7 +2,7 @@
 //! coded blocks are kept is a [`BlockStore`]'s: memory and scratch files ([`super::divided`]) or the folder of
 //! a job ([`crate::job`]).
 
-use super::block::{BlockContext, BlockParticles, CodedBlock, OnStop};
+use super::block::{BlockContext, BlockParticles, CodedBlock, StopPolicy};
 use super::clock::Clock;
 use crate::Result;
 use crate::model::Target;
@@ -48,7 +48,7 @@ pub(crate) fn do_blocks(
         if blocks > 1 {
             limits.run = format!("block {block}");
         }
-        let on_stop = if left > 1 { OnStop::GiveUp } else { context.on_stop };
+        let on_stop = if left > 1 { StopPolicy::GiveUp } else { context.on_stop };
         let context = BlockContext { limits: &limits, on_stop, ..context };
         do_block(
             store,

@@ -1,6 +1,6 @@
 //! One layer of a block: fitted, trained where the job is to, and coded.
 
-use super::block::{BlockContext, OnStop};
+use super::block::{BlockContext, StopPolicy};
 use super::clock::Clock;
 use super::size::{CodedGaussians, SizeTarget, bytes_a_gaussian, most_gaussians};
 use super::thickness::Thickness;
@@ -207,7 +207,7 @@ impl LayerTask<'_> {
             let training = Training { subject: &subject, config, limits: &limits, defaults: &defaults };
             training.run(from, &mut pieces, self.context.progress)
         })?;
-        if trained.stopped && (self.context.on_stop == OnStop::GiveUp || self.runs_left > 1) {
+        if trained.stopped && (self.context.on_stop == StopPolicy::GiveUp || self.runs_left > 1) {
             return Err(Error::Cancelled);
         }
         let run = TrainedRun::of(limits.run, config, &trained);

@@ -1,6 +1,6 @@
 //! From particles to a measured file, in one process.
 
-use super::block::{BlockContext, CodedBlock, OnStop};
+use super::block::{BlockContext, CodedBlock, StopPolicy};
 use super::certify::DecodedFile;
 use super::clock::Clock;
 use super::divided::InMemoryBlocks;
@@ -118,7 +118,8 @@ impl<'a> Compression<'a> {
         let (blocks, reached) = {
             let divide = || InMemoryBlocks::new(particles, &plan.tree, &layer_bounds, options, progress);
             let mut store = clock.time("divide", divide)?;
-            let context = BlockContext { plan: &plan, limits: &options.limits, on_stop: OnStop::KeepBest, progress };
+            let context =
+                BlockContext { plan: &plan, limits: &options.limits, on_stop: StopPolicy::KeepBest, progress };
             let mut code = |target| -> Result<Vec<CodedBlock>> {
                 do_blocks(&mut store, target, context, pieces)?;
                 let mut coded = store.take_coded();

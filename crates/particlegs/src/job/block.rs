@@ -2,7 +2,7 @@
 
 use super::manifest::Job;
 use crate::compress::{
-    BlockContext, BlockParticles, BlockStore, Checkpoint, CodedBlock, OnStop, SizeOutcome, do_block,
+    BlockContext, BlockParticles, BlockStore, Checkpoint, CodedBlock, SizeOutcome, StopPolicy, do_block,
 };
 use crate::model::hex;
 use crate::particles::{Layered, Particles};
@@ -85,7 +85,7 @@ impl Job {
         let before = checkpoint.len();
         let plan = &self.manifest.plan;
         let limits = Limits { scratch: Some(self.folder.clone()), ..Limits::default() };
-        let context = BlockContext { plan, limits: &limits, on_stop: OnStop::GiveUp, progress };
+        let context = BlockContext { plan, limits: &limits, on_stop: StopPolicy::GiveUp, progress };
         let mut folder = JobFolder { job: self, source: Some(source), particles: None, report: None };
         if let Err(error) = do_block(&mut folder, block, plan.recipe().target, context, &mut checkpoint) {
             // What stopped the block is told; that its pieces could not be kept as well, only beside it.

@@ -33,7 +33,7 @@ pub use fields::{LayerFields, Number, SourceField};
 pub(crate) use hash::RunHash;
 pub(crate) use hash::hash_of_runs;
 pub(crate) use hash::hash_run;
-pub(crate) use in_box::{OutsideBox, check_box, check_particles};
+pub(crate) use in_box::{ParticlesOutsideBox, check_box, check_particles};
 pub use layered::Layered;
 pub(crate) use layered::ReadLayer;
 pub(crate) use masses::mass_classes;

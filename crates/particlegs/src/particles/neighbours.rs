@@ -137,14 +137,14 @@ trait NeighbourCollector {
 }
 
 /// The nearest other point.
-struct Nearest {
+struct NearestPoint {
     /// Points at the place itself.
     here: u32,
     /// Smallest square of a distance above zero.
     square: f64,
 }
 
-impl NeighbourCollector for Nearest {
+impl NeighbourCollector for NearestPoint {
     #[inline(always)]
     fn take(&mut self, square: f64) {
         if square == 0.0 {
@@ -326,7 +326,7 @@ impl Neighbours {
     /// Distance from the point at `x`, one of these, to its nearest other; infinite where there is
     /// none.
     pub fn nearest(&self, x: LocalPosition) -> f64 {
-        let mut found = Nearest { here: 0, square: f64::INFINITY };
+        let mut found = NearestPoint { here: 0, square: f64::INFINITY };
         self.search_all(x, &mut found);
         if found.here > 1 { 0.0 } else { found.square.sqrt() }
     }

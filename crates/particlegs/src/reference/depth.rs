@@ -122,7 +122,7 @@ impl<'a> DepthJob<'a> {
     }
 
     /// The splats of some chunks by chunk and band, small ones apart.
-    fn sorted(&self, chunks: std::ops::Range<usize>, pyramid: &Pyramid) -> Result<Vec<ByBand>> {
+    fn sorted(&self, chunks: std::ops::Range<usize>, pyramid: &Pyramid) -> Result<Vec<SplatsByBand>> {
         let n = self.particles.len();
         let buffers = parallel::Scratch::default();
         parallel::try_map(chunks, |c| {
@@ -182,7 +182,7 @@ impl<'a> DepthJob<'a> {
 }
 
 /// A chunk's splats by band: small ones `[x, y, sigma_x, sigma_y]`, and all others.
-type ByBand = (BandedSplats<[f32; 4]>, BandedSplats<PixelSplat>);
+type SplatsByBand = (BandedSplats<[f32; 4]>, BandedSplats<PixelSplat>);
 
 const OUTSIDE: u8 = 0;
 const SMALL: u8 = 1;

@@ -238,7 +238,7 @@ impl ParaviewScene<'_> {
                 band.splats(),
                 first_row + row,
                 &scratch.first[row * width..=end * width],
-                GatherInto {
+                FragmentGather {
                     next: &mut scratch.next,
                     depth: &mut scratch.depth,
                     alpha: &mut scratch.alpha,
@@ -268,11 +268,11 @@ impl ParaviewScene<'_> {
         splats: impl Iterator<Item = &'s NdcSplat>,
         first_row: usize,
         first: &[u64],
-        into: GatherInto<'_>,
+        into: FragmentGather<'_>,
     ) -> Result<()> {
         let width = self.size.width;
         let rows = first.len() / width;
-        let GatherInto { next, depth, alpha, shapes } = into;
+        let FragmentGather { next, depth, alpha, shapes } = into;
         let simd = self.progress.simd();
         let total = (first[first.len() - 1] - first[0]) as usize;
         next.clear();
@@ -314,7 +314,7 @@ impl ParaviewScene<'_> {
     }
 }
 
-struct GatherInto<'a> {
+struct FragmentGather<'a> {
     next: &'a mut Vec<usize>,
     depth: &'a mut Vec<f32>,
     alpha: &'a mut Vec<f32>,

@@ -6,7 +6,7 @@ use crate::model::{GROUP_CLASSES, GroupClass};
 use crate::parallel;
 use crate::particles::Particles;
 use crate::progress::Progress;
-use crate::stats::{Domain, Groups, LinkedParticles, Points, group_center, local_positions};
+use crate::stats::{Domain, Groups, LinkedParticles, PointGrid, group_center, local_positions};
 use particlegs_core::math::each_axis;
 
 /// Groups found in one set of particles, the largest first.
@@ -76,7 +76,7 @@ impl GroupFinder<'_> {
         if truth.sizes.is_empty() || drawn.sizes.is_empty() {
             return Ok(vec![None; truth.sizes.len()]);
         }
-        let points = Points::new(&drawn.centers, self.domain, self.spacing)?;
+        let points = PointGrid::new(&drawn.centers, self.domain, self.spacing)?;
         let mut taken = vec![false; drawn.sizes.len()];
         let found = truth.centers.iter().zip(&truth.sizes).map(|(c, &size)| {
             let radius = self.radius(size, truth);

@@ -1,6 +1,6 @@
 //! Density and enclosed mass about given centres: of particles by counting, of a mixture from its Gaussians.
 
-use super::points::Points;
+use super::points::PointGrid;
 use super::{Domain, Subject};
 use crate::model::Model;
 use crate::parallel;
@@ -204,7 +204,7 @@ fn of_particles(
     edges: &[f64],
     progress: &dyn Progress,
 ) -> Result<Vec<f64>> {
-    let points = Points::new(positions, domain, places.largest())?;
+    let points = PointGrid::new(positions, domain, places.largest())?;
     let (weights, unit) = (p.weights(), p.meta.particle_mass.unwrap_or(1.0));
     about_each(places, edges, progress, |center, radii, inside| {
         let squares: Vec<f64> = radii.iter().map(|r| r * r).collect();
@@ -227,7 +227,7 @@ fn of_particles(
 /// Gaussians of about one size, by the place of their means.
 struct GaussianSizeClass {
     lumps: Vec<Lump>,
-    points: Points,
+    points: PointGrid,
     reach: f64,
 }
 
@@ -268,7 +268,7 @@ fn classes(m: &Model, domain: &Domain, radius: f64) -> Result<Vec<GaussianSizeCl
     let class = |lumps: Vec<Lump>| {
         let reach = lumps.iter().map(Lump::reach).fold(0.0, f64::max).min(IMAGES * repeats);
         let means: Vec<[f64; 3]> = lumps.iter().map(|l| l.mean).collect();
-        Ok(GaussianSizeClass { points: Points::new(&means, domain, radius + reach)?, lumps, reach })
+        Ok(GaussianSizeClass { points: PointGrid::new(&means, domain, radius + reach)?, lumps, reach })
     };
     by_size.into_values().map(class).collect()
 }

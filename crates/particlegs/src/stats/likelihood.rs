@@ -3,7 +3,7 @@
 
 use super::Domain;
 use super::neighbours::sample;
-use super::points::Points;
+use super::points::PointGrid;
 use crate::math::{Purpose, Sym3};
 use crate::model::{Mixture, Model};
 use crate::parallel;
@@ -68,7 +68,7 @@ pub fn likelihood(
     progress.begin("likelihood", RUNS as u64);
     let chosen = sample(particles.len(), SAMPLE, Purpose::LikelihoodSample, seed);
     let places: Vec<[f64; 3]> = chosen.iter().map(|i| domain.local(particles.position(*i as usize))).collect();
-    let points = Points::new(&places, domain, 0.0)?;
+    let points = PointGrid::new(&places, domain, 0.0)?;
     let (n, volume) = (points.position.len(), domain.volume());
     let bells: Vec<GaussianDensity> =
         mixtures.iter().flat_map(|m| (0..m.len()).map(|i| GaussianDensity::new(m, i, m.count[i], domain))).collect();
@@ -141,7 +141,7 @@ impl Domain {
         let mut all = vec![0.0; places.len()];
         for (places, all) in places.chunks(AT_ONCE).zip(all.chunks_mut(AT_ONCE)) {
             let local: Vec<[f64; 3]> = places.iter().map(|p| self.local(*p)).collect();
-            let points = Points::new(&local, self, 0.0)?;
+            let points = PointGrid::new(&local, self, 0.0)?;
             let densities = densities(&bells, &points, progress)?;
             points.index.iter().zip(densities).for_each(|(i, density)| all[*i as usize] = density);
         }
@@ -150,8 +150,8 @@ impl Domain {
     }
 }
 
-/// The sum of Gaussians at points, in the order of [`Points::position`].
-fn densities(bells: &[GaussianDensity], points: &Points, progress: &dyn Progress) -> Result<Vec<f64>> {
+/// The sum of Gaussians at points, in the order of [`PointGrid::position`].
+fn densities(bells: &[GaussianDensity], points: &PointGrid, progress: &dyn Progress) -> Result<Vec<f64>> {
     let n = points.position.len();
     let parts = parallel::try_map(bells.chunks(bells.len().div_ceil(RUNS).max(1)), |run| {
         progress.check()?;
@@ -193,7 +193,7 @@ impl GaussianDensity {
     }
 
     /// Adds its density at the points, that of its images in a box that repeats among it.
-    fn add(&self, points: &Points, density: &mut [f64]) {
+    fn add(&self, points: &PointGrid, density: &mut [f64]) {
         points.near(points.cell_of(self.mean), self.reach, |run, shift| {
             for i in run {
                 let d = each_axis(|k| points.position[i][k] + shift[k] - self.mean[k]);

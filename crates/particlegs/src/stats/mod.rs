@@ -61,7 +61,7 @@ pub use neighbours::NearestDistances;
 pub(crate) use neighbours::{NeighbourOptions, nearest_distances};
 pub use options::{Convention, Measure, StatsOptions};
 pub use pairs::PairCounts;
-pub(crate) use points::{Points, local_positions};
+pub(crate) use points::{PointGrid, local_positions};
 pub use profile::AxisProfile;
 pub use report::{DensityReport, GroupReport, Statistics, XiByTransform};
 pub use sizes::SizeClass;

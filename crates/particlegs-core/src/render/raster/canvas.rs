@@ -4,7 +4,7 @@ use super::Band;
 use super::pyramid::{self, BAND, Level, PAD};
 use crate::picture::{PlaneRows, Size};
 use crate::progress::Progress;
-use crate::render::bin::Bins;
+use crate::render::bin::StrokeBins;
 use crate::render::scratch::Scratch;
 use crate::{Result, parallel};
 
@@ -12,13 +12,13 @@ use crate::{Result, parallel};
 const CHECK: usize = 4096;
 
 /// Planes of a picture, finest first.
-pub(in crate::render) struct Canvas<'a> {
+pub(in crate::render) struct RasterCanvas<'a> {
     /// Their shapes.
     pub levels: Vec<Level>,
     planes: &'a mut [Vec<f32>],
 }
 
-impl<'a> Canvas<'a> {
+impl<'a> RasterCanvas<'a> {
     /// Blank planes.
     ///
     /// # Errors
@@ -31,14 +31,14 @@ impl<'a> Canvas<'a> {
         for (plane, l) in planes.iter_mut().zip(&levels) {
             parallel::for_each_chunk(plane, l.stride * BAND, |_, band| band.fill(0.0));
         }
-        Ok(Canvas { levels, planes })
+        Ok(RasterCanvas { levels, planes })
     }
 
     /// Adds strokes, in their order.
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
-    pub fn draw(&mut self, bins: &[Bins], progress: &dyn Progress) -> Result<()> {
+    pub fn draw(&mut self, bins: &[StrokeBins], progress: &dyn Progress) -> Result<()> {
         let simd = progress.simd();
         let bands = self.levels.iter().zip(&mut *self.planes).flat_map(|(level, plane)| {
             plane.chunks_mut(level.stride * BAND).enumerate().map(move |(b, data)| (level, b, data))
@@ -87,7 +87,7 @@ mod tests {
             }
         }
         let size = Size { width: 1 << 24, height: 1 << 24 };
-        let error = Canvas::new(size, &mut Scratch::default(), &LimitedMemory).map(drop).unwrap_err();
+        let error = RasterCanvas::new(size, &mut Scratch::default(), &LimitedMemory).map(drop).unwrap_err();
         assert!(matches!(error, crate::Error::Memory { .. }));
     }
 }

@@ -5,7 +5,7 @@ use super::{Blender, TrainingKernels};
 use crate::Device;
 use crate::alpha::Canvas;
 use crate::alpha::backward::BackwardBuffers;
-use crate::render::{FrameRecord, Planes};
+use crate::render::{FrameRecord, PlaneLayout};
 use crate::train::compared::{LossBuffers, PARTS};
 use particlegs_core::Result;
 use particlegs_core::picture::Size;
@@ -34,7 +34,7 @@ impl AlphaTrainingPicture {
     ) -> Result<AlphaTrainingPicture> {
         let canvas = blender.renderer.canvas(&held.seen, size)?;
         let back = BackwardBuffers::new(device, &canvas)?;
-        let frame = device.filled("frame", &[FrameRecord::of_planes(&Planes::of(size))], Use::UNIFORM);
+        let frame = device.filled("frame", &[FrameRecord::of_planes(&PlaneLayout::of(size))], Use::UNIFORM);
         let compared = LossBuffers::new(device, shared, &frame, size, with_dssim);
         let LossBuffers { drawn, target, loss, sums, by_structure, told, .. } = &compared;
         let blended = canvas.brightness();

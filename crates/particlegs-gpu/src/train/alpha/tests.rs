@@ -21,7 +21,7 @@ const SIZE: Size = Size { width: 160, height: 90 };
 /// Default radius and opacity.
 const USUAL: [f64; 2] = [0.02, 0.05];
 
-struct Case {
+struct AlphaTrainingCase {
     name: &'static str,
     gaussians: Gaussians,
     view: View,
@@ -57,10 +57,10 @@ fn gaussians(seed: u64, n: u64, size: f64, flatness: f64, with_network: bool) ->
     }
 }
 
-fn cases() -> Vec<Case> {
+fn cases() -> Vec<AlphaTrainingCase> {
     let (far, near, inside) = ([1.0, 2.0, 6.0], [0.3, 0.2, 1.6], [0.1, 0.2, 0.5]);
     let l2 = Loss { norm: Norm::L2, ..Loss::PUBLISHED };
-    let case = |name, gaussians, view| Case { name, gaussians, view, loss: l2, crop: Crop::whole(SIZE) };
+    let case = |name, gaussians, view| AlphaTrainingCase { name, gaussians, view, loss: l2, crop: Crop::whole(SIZE) };
     let usual = || gaussians(1, 800, -3.0, 1.0, true);
     let crop = Crop { full: SIZE, corner: [37, 21], size: Size { width: 64, height: 48 } };
     vec![
@@ -73,10 +73,10 @@ fn cases() -> Vec<Case> {
         case("within", usual(), view(inside, USUAL)),
         case("needles", gaussians(4, 500, -2.0, 5.0, true), view(far, USUAL)),
         case("wide", gaussians(5, 60, 0.0, 1.0, true), view(far, USUAL)),
-        Case { crop, ..case("crop", usual(), view(far, USUAL)) },
-        Case { loss: Loss::PUBLISHED, ..case("published loss", usual(), view(far, USUAL)) },
-        Case { loss: Loss { dssim: 0.4, ..l2 }, ..case("SSIM", usual(), view(far, USUAL)) },
-        Case {
+        AlphaTrainingCase { crop, ..case("crop", usual(), view(far, USUAL)) },
+        AlphaTrainingCase { loss: Loss::PUBLISHED, ..case("published loss", usual(), view(far, USUAL)) },
+        AlphaTrainingCase { loss: Loss { dssim: 0.4, ..l2 }, ..case("SSIM", usual(), view(far, USUAL)) },
+        AlphaTrainingCase {
             loss: Loss { dssim: 1.0, logarithm: true, ..l2 },
             ..case("SSIM alone, logarithm", usual(), view(near, USUAL))
         },
@@ -97,7 +97,7 @@ fn target(size: Size) -> Plane {
 /// Rates that move Gaussians by about as much as published ones do in a hundred steps.
 const STEP: StepSize = StepSize { rates: [1e-3, 5e-3, 1e-3, 5e-2, 2.5e-3], network: 1e-3, clip: 1.0, identity: 0.01 };
 
-fn steps(steps: &mut dyn AlphaStepper, of: &mut Gaussians, case: &Case, number: usize) -> Vec<Stepped> {
+fn steps(steps: &mut dyn AlphaStepper, of: &mut Gaussians, case: &AlphaTrainingCase, number: usize) -> Vec<Stepped> {
     let target = target(case.crop.size);
     let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
     let told = (0..number).map(|_| steps.step(of, &shot, &case.loss, &STEP).unwrap()).collect();
