@@ -34,14 +34,14 @@ impl Pieces for NoPieces {
 }
 
 /// Pieces under a name of their own.
-pub struct Under<'a> {
+pub struct PrefixedPieces<'a> {
     /// Where they are kept.
     pub pieces: &'a mut dyn Pieces,
     /// What their keys begin with.
     pub prefix: String,
 }
 
-impl Pieces for Under<'_> {
+impl Pieces for PrefixedPieces<'_> {
     fn get(&self, key: &str) -> Option<Vec<u8>> {
         self.pieces.get(&format!("{}/{key}", self.prefix))
     }

@@ -30,10 +30,10 @@ pub struct Device {
     /// Bytes of its own memory, where that is known.
     memory: Option<u64>,
     /// The first thing that went wrong since it was last asked.
-    fault: Arc<Mutex<Option<Fault>>>,
+    fault: Arc<Mutex<Option<DeviceFault>>>,
 }
 
-enum Fault {
+enum DeviceFault {
     Memory,
     Lost(String),
     Other(String),
@@ -70,23 +70,23 @@ impl Device {
         };
         let opened = pollster::block_on(adapter.request_device(&descriptor));
         let (device, queue) = opened.map_err(|e| Error::argument(format!("device {name}: {e}")))?;
-        let fault: Arc<Mutex<Option<Fault>>> = Arc::default();
-        let note = |fault: &Arc<Mutex<Option<Fault>>>| {
+        let fault: Arc<Mutex<Option<DeviceFault>>> = Arc::default();
+        let note = |fault: &Arc<Mutex<Option<DeviceFault>>>| {
             let fault = fault.clone();
-            move |new: Fault| {
+            move |new: DeviceFault| {
                 fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(new);
             }
         };
         let (of_errors, of_loss) = (note(&fault), note(&fault));
         device.on_uncaptured_error(Arc::new(move |e| {
             of_errors(match e {
-                wgpu::Error::OutOfMemory { .. } => Fault::Memory,
-                other => Fault::Other(other.to_string()),
+                wgpu::Error::OutOfMemory { .. } => DeviceFault::Memory,
+                other => DeviceFault::Other(other.to_string()),
             });
         }));
         device.set_device_lost_callback(move |reason, text| {
             if reason != wgpu::DeviceLostReason::Destroyed {
-                of_loss(Fault::Lost(text));
+                of_loss(DeviceFault::Lost(text));
             }
         });
         let timer = features.contains(timer::WANTED).then(|| Arc::new(Timer::new(&device)));
@@ -118,12 +118,12 @@ impl Device {
         let line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
         let what = match fault {
             None => return Ok(()),
-            Some(Fault::Memory) => "its memory does not hold this: use a smaller picture, or --device cpu".into(),
-            Some(Fault::Lost(text)) => format!(
+            Some(DeviceFault::Memory) => "its memory does not hold this: use a smaller picture, or --device cpu".into(),
+            Some(DeviceFault::Lost(text)) => format!(
                 "it was lost, by a reset or its driver ({}): run again; training goes on from its checkpoint (--resume)",
                 line(&text)
             ),
-            Some(Fault::Other(text)) => line(&text),
+            Some(DeviceFault::Other(text)) => line(&text),
         };
         Err(Error::input(format!("device {}", self.name), what))
     }

@@ -10,7 +10,7 @@ pub(crate) const FOUR_LEVELS: &str = include_str!("four_levels_main.wgsl");
 
 /// What a kernel does with a buffer.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Use {
+pub(crate) enum BufferUse {
     /// Records that all threads read.
     Uniform,
     /// Read.
@@ -30,7 +30,7 @@ pub(crate) struct Kernel {
 
 impl Kernel {
     /// Of sources in WGSL one behind the other, with buffers for the bindings from 0 on.
-    pub fn new(device: &Device, label: &'static str, sources: &[&str], uses: &[Use]) -> Kernel {
+    pub fn new(device: &Device, label: &'static str, sources: &[&str], uses: &[BufferUse]) -> Kernel {
         let source = wgpu::ShaderSource::Wgsl(sources.join("\n").into());
         let module = wgpu::ShaderModuleDescriptor { label: Some(label), source };
         let module = match device.checks {
@@ -42,11 +42,11 @@ impl Kernel {
                 device.device.create_shader_module_trusted(module, checks)
             },
         };
-        let entry = |(binding, own): (usize, &Use)| {
+        let entry = |(binding, own): (usize, &BufferUse)| {
             let ty = match own {
-                Use::Uniform => wgpu::BufferBindingType::Uniform,
-                Use::Read => wgpu::BufferBindingType::Storage { read_only: true },
-                Use::Write => wgpu::BufferBindingType::Storage { read_only: false },
+                BufferUse::Uniform => wgpu::BufferBindingType::Uniform,
+                BufferUse::Read => wgpu::BufferBindingType::Storage { read_only: true },
+                BufferUse::Write => wgpu::BufferBindingType::Storage { read_only: false },
             };
             wgpu::BindGroupLayoutEntry {
                 binding: binding as u32,

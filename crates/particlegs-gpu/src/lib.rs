@@ -2,7 +2,7 @@
 //!
 //! A [`Device`] is an adapter that was opened; [`adapters`] lists what there is. A [`render::Renderer`] draws scenes of the
 //! optical-depth law, an [`alpha::Renderer`] those of the alpha-blend law; [`render::Pictures`] are of a scene of either. A
-//! [`reference::Reference`] draws all particles without noise, a [`reference::paraview::Paraview`] as ParaView does; a
+//! [`reference::ReferenceRenderer`] draws all particles without noise, a [`reference::paraview::Paraview`] as ParaView does; a
 //! [`train::Trainer`] takes the steps of training. Files in WGSL are called as the stages that they are twins of, and say
 //! where they differ: cards count in f32. What several threads add to are whole numbers, and what is sorted stays in its
 //! order among equals, so that a picture has the same bits whatever the order of threads.

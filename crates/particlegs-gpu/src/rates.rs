@@ -1,7 +1,7 @@
 //! What a device does at most: beside it stands what is measured.
 
 use crate::Device;
-use crate::kernel::{Kernel, Use};
+use crate::kernel::{BufferUse, Kernel};
 use particlegs_core::Result;
 use std::time::{Duration, Instant};
 
@@ -37,12 +37,12 @@ impl Rates {
         let [from, to] = ["copied", "copy"].map(|label| device.buffer(label, BYTES, usage));
         let copied = rate(device, |encoder| encoder.copy_buffer_to_buffer(&from, 0, &to, 0, BYTES))?;
         let words = device.buffer("words", 4 * WORDS, usage);
-        let kernel = Kernel::new(device, "additions", &[include_str!("additions_main.wgsl")], &[Use::Write]);
+        let kernel = Kernel::new(device, "additions", &[include_str!("additions_main.wgsl")], &[BufferUse::Write]);
         let bound = kernel.bind(device, &[&words]);
         let added = rate(device, |encoder| {
             kernel.run(&mut encoder.begin_compute_pass(&Default::default()), &bound, [ADDERS[0], 1]);
         })?;
-        let kernel = Kernel::new(device, "operations", &[include_str!("operations_main.wgsl")], &[Use::Write]);
+        let kernel = Kernel::new(device, "operations", &[include_str!("operations_main.wgsl")], &[BufferUse::Write]);
         let bound = kernel.bind(device, &[&words]);
         let computed = rate(device, |encoder| {
             kernel.run(&mut encoder.begin_compute_pass(&Default::default()), &bound, [COMPUTERS[0], 1]);

@@ -97,7 +97,7 @@ impl Device {
 
 #[cfg(test)]
 mod tests {
-    use crate::kernel::{Kernel, Use};
+    use crate::kernel::{BufferUse, Kernel};
     use crate::{Checks, Choice, Device, groups};
 
     #[test]
@@ -107,7 +107,7 @@ mod tests {
         }
         let device = Device::open_timed(Choice::Number(0), Checks::On).unwrap();
         let words = device.buffer("words", 1 << 20, wgpu::BufferUsages::STORAGE);
-        let kernel = Kernel::new(&device, "additions", &[include_str!("additions_main.wgsl")], &[Use::Write]);
+        let kernel = Kernel::new(&device, "additions", &[include_str!("additions_main.wgsl")], &[BufferUse::Write]);
         let bound = kernel.bind(&device, &[&words]);
         let run = |times: usize| {
             let mut encoder = device.device.create_command_encoder(&Default::default());

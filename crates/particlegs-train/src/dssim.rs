@@ -1,7 +1,7 @@
 //! 1 - SSIM as 3-D Gaussian splatting takes it (Kerbl et al. 2023): a Gaussian window of 11 pixels,
 //! sigma 1.5, pictures continued with zeros, K1 0.01, K2 0.03, data range 1; and its gradient.
 
-use super::loss::Valued;
+use super::loss::LossValue;
 use particlegs_core::parallel;
 use particlegs_core::picture::{Plane, Size};
 
@@ -11,7 +11,7 @@ const C1: f32 = 1e-4;
 const C2: f32 = 9e-4;
 
 /// The mean over all pixels of 1 - SSIM, and its change with each pixel of `a`.
-pub(super) fn dssim(a: &Plane, b: &Plane) -> Valued {
+pub(super) fn dssim(a: &Plane, b: &Plane) -> LossValue {
     let size = a.size;
     let product = |p: &Plane, q: &Plane| p.data.iter().zip(&q.data).map(|(x, y)| x * y).collect::<Vec<f32>>();
     let [ma, mb] = [&a.data, &b.data].map(|p| blur(p, size));
@@ -36,7 +36,7 @@ pub(super) fn dssim(a: &Plane, b: &Plane) -> Valued {
     let scale = -1.0 / n as f32;
     let gradient =
         (0..n).map(|i| scale * (by_mean[i] + 2.0 * a.data[i] * by_square[i] + b.data[i] * by_product[i])).collect();
-    Valued { value: value / n as f64, gradient: Plane { size, data: gradient } }
+    LossValue { value: value / n as f64, gradient: Plane { size, data: gradient } }
 }
 
 /// The window's weighted mean about every pixel; symmetric, so its own transpose.

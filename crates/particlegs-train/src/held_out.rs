@@ -2,7 +2,7 @@
 
 use super::cameras::Defaults;
 use super::config::Config;
-use super::subject::Subject;
+use super::subject::TrainingSubject;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
 use particlegs_core::model::Mixture;
@@ -11,7 +11,7 @@ use particlegs_core::progress::Progress;
 use particlegs_core::render::{self, Scene};
 
 /// Views and their targets.
-pub(crate) struct HeldOut<'a> {
+pub(crate) struct HeldOutViews<'a> {
     config: &'a Config,
     defaults: &'a Defaults,
     progress: &'a dyn Progress,
@@ -20,13 +20,13 @@ pub(crate) struct HeldOut<'a> {
     truth: Vec<Gray8>,
 }
 
-impl<'a> HeldOut<'a> {
+impl<'a> HeldOutViews<'a> {
     /// Draws the targets of the first `config.evaluate_views` views, at the largest stage's size.
     ///
     /// # Errors
     /// Those of the reference renderer.
     pub fn draw(
-        subject: &dyn Subject,
+        subject: &dyn TrainingSubject,
         views: &[View],
         config: &'a Config,
         defaults: &'a Defaults,
@@ -37,7 +37,7 @@ impl<'a> HeldOut<'a> {
         let views: Vec<View> = views.iter().take(config.evaluate_views as usize).cloned().collect();
         let truth =
             views.iter().map(|view| subject.draw(view, size, config.target, progress)).collect::<Result<_>>()?;
-        Ok(HeldOut { config, defaults, progress, size, views, truth })
+        Ok(HeldOutViews { config, defaults, progress, size, views, truth })
     }
 
     /// Mean masked PSNR of Gaussians, dB; `None` where no view has one.

@@ -1,6 +1,6 @@
 //! What a run says: messages for the user, JSON lines for its log.
 
-use super::learner::NotFinite;
+use super::learner::NonFiniteGradient;
 use particlegs_core::progress::Progress;
 use serde::Serialize;
 
@@ -11,7 +11,7 @@ const NAMED: u64 = 3;
 
 /// A line of the log.
 #[derive(Clone, Debug, Default, Serialize)]
-struct Line<'a> {
+struct LogLine<'a> {
     #[serde(skip_serializing_if = "str::is_empty")]
     run: &'a str,
     iteration: u64,
@@ -27,7 +27,7 @@ struct Line<'a> {
 
 /// Where a run stands when it says something.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Standing {
+pub(crate) struct RunStatus {
     /// Steps done.
     pub iteration: u64,
     /// Steps of the whole run.
@@ -55,22 +55,22 @@ impl<'a> Journal<'a> {
     }
 
     /// After a step.
-    pub fn step(&mut self, loss: f64, not_finite: Option<NotFinite>, at: &Standing) {
+    pub fn step(&mut self, loss: f64, not_finite: Option<NonFiniteGradient>, at: &RunStatus) {
         self.loss_sum += loss;
         if let Some(n) = not_finite {
             self.fault(&n, at);
         }
         if at.iteration.is_multiple_of(LOG_STEPS) {
             let loss = std::mem::take(&mut self.loss_sum) / LOG_STEPS as f64;
-            self.log(Line { loss: Some(loss), ..Line::default() }, at);
+            self.log(LogLine { loss: Some(loss), ..LogLine::default() }, at);
         }
     }
 
     /// After an evaluation.
-    pub fn evaluation(&self, score: Option<f64>, at: &Standing) {
-        self.log(Line { held_out_masked_psnr: score, ..Line::default() }, at);
+    pub fn evaluation(&self, score: Option<f64>, at: &RunStatus) {
+        self.log(LogLine { held_out_masked_psnr: score, ..LogLine::default() }, at);
         if let Some(s) = score {
-            let Standing { iteration, iterations, gaussians, .. } = at;
+            let RunStatus { iteration, iterations, gaussians, .. } = at;
             self.say(&format!(
                 "step {iteration} of {iterations}: {s:.3} dB masked PSNR on held-out views, {gaussians} Gaussians"
             ));
@@ -78,7 +78,7 @@ impl<'a> Journal<'a> {
     }
 
     /// When the time is up before the steps are done.
-    pub fn late(&self, at: &Standing) {
+    pub fn late(&self, at: &RunStatus) {
         self.say(&format!("note: training ended by the time limit after {} of {} steps", at.iteration, at.iterations));
     }
 
@@ -90,7 +90,7 @@ impl<'a> Journal<'a> {
     }
 
     /// Names the first gradients that are not finite; then says how many there are, ever more rarely.
-    fn fault(&mut self, n: &NotFinite, at: &Standing) {
+    fn fault(&mut self, n: &NonFiniteGradient, at: &RunStatus) {
         self.faulty += 1;
         if self.faulty > NAMED && !is_power_of_ten(self.faulty) {
             return;
@@ -99,7 +99,7 @@ impl<'a> Journal<'a> {
         let what = format!("{} of Gaussian {}{more}", n.group, n.gaussian);
         let steps = if self.faulty > NAMED { format!(" (in {} steps so far)", self.faulty) } else { String::new() };
         self.say(&format!("warning: step {}: gradient of {what} is not finite, left out{steps}", at.iteration));
-        let line = Line { not_finite: Some(what), not_finite_steps: Some(self.faulty), ..Line::default() };
+        let line = LogLine { not_finite: Some(what), not_finite_steps: Some(self.faulty), ..LogLine::default() };
         self.log(line, at);
     }
 
@@ -110,9 +110,9 @@ impl<'a> Journal<'a> {
         }
     }
 
-    fn log(&self, line: Line<'_>, at: &Standing) {
-        let Standing { iteration, seconds, gaussians, .. } = *at;
-        if let Ok(text) = serde_json::to_string(&Line { run: self.run, iteration, seconds, gaussians, ..line }) {
+    fn log(&self, line: LogLine<'_>, at: &RunStatus) {
+        let RunStatus { iteration, seconds, gaussians, .. } = *at;
+        if let Ok(text) = serde_json::to_string(&LogLine { run: self.run, iteration, seconds, gaussians, ..line }) {
             self.progress.log(&text);
         }
     }
@@ -128,9 +128,9 @@ mod tests {
     use std::sync::Mutex;
 
     #[derive(Default)]
-    struct Heard(Mutex<[Vec<String>; 2]>);
+    struct MessageRecorder(Mutex<[Vec<String>; 2]>);
 
-    impl Progress for Heard {
+    impl Progress for MessageRecorder {
         fn message(&self, text: &str) {
             self.0.lock().unwrap()[0].push(text.into());
         }
@@ -141,11 +141,11 @@ mod tests {
 
     #[test]
     fn ten_thousand_faulty_steps_are_a_few_lines() {
-        let heard = Heard::default();
+        let heard = MessageRecorder::default();
         let mut journal = Journal::new(&heard, "block 1");
-        let n = NotFinite { group: "position", gaussian: 7, count: 3 };
+        let n = NonFiniteGradient { group: "position", gaussian: 7, count: 3 };
         for iteration in 1..=10_000 {
-            let at = Standing { iteration, iterations: 10_000, seconds: 0.0, gaussians: 9 };
+            let at = RunStatus { iteration, iterations: 10_000, seconds: 0.0, gaussians: 9 };
             journal.step(f64::NAN, Some(n), &at);
         }
         journal.end();

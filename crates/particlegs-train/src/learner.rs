@@ -1,7 +1,7 @@
 //! What a law must offer to be trained: steps, density control, a mixture, a state.
 
 use super::loss::Loss;
-use super::state::State;
+use super::state::TrainingState;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
 use particlegs_core::model::Mixture;
@@ -40,7 +40,7 @@ impl Crop {
 
 /// Where in a run a step stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Moment {
+pub(crate) struct StepInfo {
     /// Steps done before this one, over all stages.
     pub iteration: u64,
     /// Steps of the whole run.
@@ -70,12 +70,12 @@ pub struct Stepped {
     /// Loss before the step.
     pub loss: f64,
     /// The first parameter whose gradient was not finite, if any: the Gaussian was left as it was.
-    pub not_finite: Option<NotFinite>,
+    pub not_finite: Option<NonFiniteGradient>,
 }
 
 /// A gradient that was not a number, and whose.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NotFinite {
+pub struct NonFiniteGradient {
     /// Group of parameters, e.g. `position`.
     pub group: &'static str,
     /// The first Gaussian.
@@ -91,13 +91,13 @@ pub(crate) trait Learner {
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] for a view with a number outside its range.
-    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &Moment) -> Result<Stepped>;
+    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &StepInfo) -> Result<Stepped>;
 
     /// Density control due after the step at `at`.
     ///
     /// # Errors
     /// Those of a device.
-    fn control(&mut self, at: &Moment) -> Result<()>;
+    fn control(&mut self, at: &StepInfo) -> Result<()>;
 
     /// Brings here what steps have moved elsewhere: before the Gaussians or the state are asked for.
     ///
@@ -128,11 +128,11 @@ pub(crate) trait Learner {
     }
 
     /// Everything that the next step depends on, exactly.
-    fn state(&self) -> State;
+    fn state(&self) -> TrainingState;
 
     /// Goes on from a state.
     ///
     /// # Errors
     /// A text, where columns are missing or of unequal length.
-    fn restore(&mut self, state: &State) -> std::result::Result<(), String>;
+    fn restore(&mut self, state: &TrainingState) -> std::result::Result<(), String>;
 }

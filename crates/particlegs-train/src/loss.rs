@@ -37,7 +37,7 @@ pub struct Loss {
 }
 
 /// The loss of one picture.
-pub(crate) struct Valued {
+pub(crate) struct LossValue {
     /// Its value.
     pub value: f64,
     /// Change with the brightness of each pixel.
@@ -49,7 +49,7 @@ impl Loss {
     pub const PUBLISHED: Loss = Loss { norm: Norm::L1, smooth: 0.0, dssim: 0.0, logarithm: false };
 
     /// Compares brightnesses in [0, 1] of two pictures of one size. No lit pixel: the loss is 0.
-    pub(crate) fn of(&self, drawn: &Plane, target: &Plane, simd: Level) -> Valued {
+    pub(crate) fn of(&self, drawn: &Plane, target: &Plane, simd: Level) -> LossValue {
         assert_eq!(drawn.size, target.size, "pictures of one size");
         let mut gradient = Plane::zeros(drawn.size);
         let runs = gradient.data.chunks_mut(RUN).zip(drawn.data.chunks(RUN).zip(target.data.chunks(RUN)));
@@ -70,7 +70,7 @@ impl Loss {
             gradient.data.iter_mut().zip(&s.gradient.data).for_each(|(g, s)| *g += share * s);
         }
         let value = if self.logarithm && value > 0.0 { value.ln() } else { value };
-        Valued { value, gradient }
+        LossValue { value, gradient }
     }
 
     /// Sum of differences over lit pixels, their number, and the change with each pixel.

@@ -3,13 +3,13 @@
 use super::alpha::{AlphaConfig, AlphaLearner, Ground};
 use super::cameras::{Defaults, Views};
 use super::config::{Config, Stage};
-use super::depth::{DepthGround, DepthLearner, Processor};
+use super::depth::{DepthContext, DepthCpuSteps, DepthLearner};
 use super::device::Device;
-use super::held_out::HeldOut;
-use super::journal::{Journal, Standing};
-use super::learner::{Crop, Learner, Moment, Shot};
-use super::state::State;
-use super::subject::Subject;
+use super::held_out::HeldOutViews;
+use super::journal::{Journal, RunStatus};
+use super::learner::{Crop, Learner, Shot, StepInfo};
+use super::state::TrainingState;
+use super::subject::TrainingSubject;
 use super::targets::Targets;
 use particlegs_core::camera::{Normalisation, View};
 use particlegs_core::math::{Purpose, Random};
@@ -57,7 +57,7 @@ impl Limits {
 
 /// A trained mixture.
 #[derive(Clone, Debug)]
-pub struct Trained {
+pub struct TrainedMixture {
     /// The best by held-out score.
     pub mixture: Mixture,
     /// The precision that the mixture is to be coded at, in nominal steps, where it matters.
@@ -89,19 +89,19 @@ pub struct TrainedRun {
 
 impl TrainedRun {
     /// Of a run of that name under `config`.
-    pub fn of(run: String, config: &Config, trained: &Trained) -> Self {
-        let Trained { iterations, scores, not_finite, .. } = *trained;
+    pub fn of(run: String, config: &Config, trained: &TrainedMixture) -> Self {
+        let TrainedMixture { iterations, scores, not_finite, .. } = *trained;
         TrainedRun { run, iterations, of: config.iterations(), scores, not_finite }
     }
 }
 
-struct Run<'a> {
+struct TrainingLoop<'a> {
     config: &'a Config,
     limits: &'a Limits,
     defaults: &'a Defaults,
     progress: &'a dyn Progress,
     learner: Box<dyn Learner + 'a>,
-    held_out: HeldOut<'a>,
+    held_out: HeldOutViews<'a>,
     views: Views,
     journal: Journal<'a>,
     /// Steps done.
@@ -112,20 +112,20 @@ struct Run<'a> {
     before: f64,
     /// Seconds of the command at the first step.
     first: f64,
-    best: Best,
+    best: BestState,
 }
 
 #[derive(Clone, Default)]
-struct Best {
+struct BestState {
     first: Option<f64>,
     score: Option<f64>,
     /// The learner's state then.
-    state: State,
+    state: TrainingState,
 }
 
 /// The Gaussians that a run starts from.
 #[derive(Clone, Copy, Debug)]
-pub enum Initial<'a> {
+pub enum InitialGaussians<'a> {
     /// Those of a fit.
     Fit(&'a Mixture),
     /// So many particles at random.
@@ -134,13 +134,13 @@ pub enum Initial<'a> {
     Model(&'a Model),
 }
 
-impl Initial<'_> {
+impl InitialGaussians<'_> {
     /// Their number.
     pub fn len(&self) -> usize {
         match self {
-            Initial::Fit(m) => m.len(),
-            Initial::Particles(n) => *n,
-            Initial::Model(m) => m.gaussians(),
+            InitialGaussians::Fit(m) => m.len(),
+            InitialGaussians::Particles(n) => *n,
+            InitialGaussians::Model(m) => m.gaussians(),
         }
     }
 
@@ -154,7 +154,7 @@ impl Initial<'_> {
 #[derive(Clone, Copy)]
 pub struct Training<'a> {
     /// The particles and their pictures.
-    pub subject: &'a dyn Subject,
+    pub subject: &'a dyn TrainingSubject,
     /// Hyper-parameters.
     pub config: &'a Config,
     /// How far the run goes, and where it may write.
@@ -173,7 +173,12 @@ impl<'a> Training<'a> {
     /// # Errors
     /// [`Error::Argument`] for a configuration out of range; [`Error::Memory`] where its pictures and
     /// Gaussians do not fit; [`Error::Io`] of the scratch file; those of `pieces`.
-    pub fn run(&self, initial: Initial<'_>, pieces: &mut dyn Pieces, progress: &dyn Progress) -> Result<Trained> {
+    pub fn run(
+        &self,
+        initial: InitialGaussians<'_>,
+        pieces: &mut dyn Pieces,
+        progress: &dyn Progress,
+    ) -> Result<TrainedMixture> {
         self.config.check()?;
         progress.require_memory("training", bytes_wanted(self.config, initial.len()))?;
         let learner = self.learner(initial)?;
@@ -188,12 +193,12 @@ impl<'a> Training<'a> {
         learner: Box<dyn Learner + 'a>,
         pieces: &mut dyn Pieces,
         progress: &'a dyn Progress,
-    ) -> Result<Trained> {
+    ) -> Result<TrainedMixture> {
         let Training { subject, config, limits, defaults } = *self;
         let internal = config.stages.iter().any(|s| s.internal > 0.0);
         let views = Views::new(&config.cameras, defaults, internal);
-        let held_out = HeldOut::draw(subject, &views.held_out, config, defaults, progress)?;
-        let mut run = Run {
+        let held_out = HeldOutViews::draw(subject, &views.held_out, config, defaults, progress)?;
+        let mut run = TrainingLoop {
             config,
             limits,
             defaults,
@@ -206,9 +211,9 @@ impl<'a> Training<'a> {
             evaluated: None,
             before: 0.0,
             first: limits.began.elapsed().as_secs_f64(),
-            best: Best::default(),
+            best: BestState::default(),
         };
-        match pieces.get(KEY).and_then(|b| State::of_bytes(&b)) {
+        match pieces.get(KEY).and_then(|b| TrainingState::of_bytes(&b)) {
             Some(state) => run.restore(&state).map_err(|what| Error::argument(format!("the checkpoint: {what}")))?,
             None => run.evaluate()?,
         }
@@ -225,7 +230,7 @@ impl<'a> Training<'a> {
     }
 
     /// The learner of the law, at its start.
-    fn learner(&self, initial: Initial<'_>) -> Result<Box<dyn Learner>> {
+    fn learner(&self, initial: InitialGaussians<'_>) -> Result<Box<dyn Learner>> {
         let Training { subject, config, limits, defaults } = *self;
         let (bounds, particles) = (defaults.bounds, subject.len() as u64);
         let ground = Ground {
@@ -238,11 +243,11 @@ impl<'a> Training<'a> {
         let most_gaussians = config.alpha_blend.most_gaussians.or(defaults.gaussians);
         let alpha = AlphaConfig { most_gaussians, ..config.alpha_blend };
         let random = |n| AlphaLearner::from_particles(subject, n, ground, alpha);
-        let depth_ground = DepthGround { bounds, particles, look: config.target, bytes: defaults.bytes };
+        let depth_ground = DepthContext { bounds, particles, look: config.target, bytes: defaults.bytes };
         let depth = |m: &Mixture| {
             DepthLearner::new(m, depth_ground, config.optical_depth, |parameters| match &limits.device {
                 Some(device) => device.depth_steps(parameters),
-                None => Ok(Box::new(Processor::default())),
+                None => Ok(Box::new(DepthCpuSteps::default())),
             })
         };
         let blended = |learner: AlphaLearner| match &limits.device {
@@ -250,17 +255,21 @@ impl<'a> Training<'a> {
             None => Ok(learner),
         };
         Ok(match (config.law, initial) {
-            (LawKind::OpticalDepth, Initial::Fit(m)) => Box::new(depth(m)?),
-            (LawKind::OpticalDepth, Initial::Particles(n)) => {
+            (LawKind::OpticalDepth, InitialGaussians::Fit(m)) => Box::new(depth(m)?),
+            (LawKind::OpticalDepth, InitialGaussians::Particles(n)) => {
                 Box::new(depth(&Mixture { law: Law::OpticalDepth, ..random(n)?.mixture() })?)
             }
-            (LawKind::OpticalDepth, Initial::Model(_)) => {
+            (LawKind::OpticalDepth, InitialGaussians::Model(_)) => {
                 let what = "a model of the optical-depth law is not trained further".into();
                 return Err(Error::Argument { what, remedy: Remedy::TrainFromSnapshot });
             }
-            (LawKind::AlphaBlend, Initial::Fit(m)) => Box::new(blended(AlphaLearner::from_mixture(m, ground, alpha)?)?),
-            (LawKind::AlphaBlend, Initial::Particles(n)) => Box::new(blended(random(n)?)?),
-            (LawKind::AlphaBlend, Initial::Model(m)) => Box::new(blended(AlphaLearner::from_model(m, ground, alpha)?)?),
+            (LawKind::AlphaBlend, InitialGaussians::Fit(m)) => {
+                Box::new(blended(AlphaLearner::from_mixture(m, ground, alpha)?)?)
+            }
+            (LawKind::AlphaBlend, InitialGaussians::Particles(n)) => Box::new(blended(random(n)?)?),
+            (LawKind::AlphaBlend, InitialGaussians::Model(m)) => {
+                Box::new(blended(AlphaLearner::from_model(m, ground, alpha)?)?)
+            }
         })
     }
 }
@@ -279,9 +288,9 @@ pub(super) fn bytes_wanted(config: &Config, gaussians: usize) -> u64 {
 }
 
 /// A step is done whole: what it asks is the machine alone.
-struct Whole<'a>(&'a dyn Progress);
+struct UninterruptedProgress<'a>(&'a dyn Progress);
 
-impl Progress for Whole<'_> {
+impl Progress for UninterruptedProgress<'_> {
     fn simd(&self) -> Level {
         self.0.simd()
     }
@@ -291,9 +300,9 @@ impl Progress for Whole<'_> {
     }
 }
 
-impl Run<'_> {
+impl TrainingLoop<'_> {
     /// All stages, as far as the time goes.
-    fn stages(&mut self, subject: &dyn Subject, pieces: &mut dyn Pieces) -> Result<()> {
+    fn stages(&mut self, subject: &dyn TrainingSubject, pieces: &mut dyn Pieces) -> Result<()> {
         self.progress.begin("training", self.config.iterations());
         self.progress.advance(self.iteration);
         let folder = self.limits.scratch.clone().unwrap_or_else(std::env::temp_dir);
@@ -340,8 +349,8 @@ impl Run<'_> {
         self.limits.seconds.map_or(0.0, share)
     }
 
-    fn standing(&self) -> Standing {
-        Standing {
+    fn standing(&self) -> RunStatus {
+        RunStatus {
             iteration: self.iteration,
             iterations: self.config.iterations(),
             seconds: self.seconds(),
@@ -354,13 +363,13 @@ impl Run<'_> {
         let (key, view, crop) = self.choose(stage);
         let target = targets.get(key, &view, &crop, self.progress)?;
         let total = self.config.iterations();
-        let at = Moment {
+        let at = StepInfo {
             iteration: self.iteration,
             iterations: total,
             done: (self.iteration as f64 / total as f64).max(self.share_of_time()).min(1.0),
             densify: stage.densify,
         };
-        let shot = Shot { view: &view, target: &target, crop, progress: &Whole(self.progress) };
+        let shot = Shot { view: &view, target: &target, crop, progress: &UninterruptedProgress(self.progress) };
         let stepped = self.learner.step(&shot, &self.config.loss, &at)?;
         self.learner.control(&at)?;
         self.iteration += 1;
@@ -409,7 +418,7 @@ impl Run<'_> {
             self.best.first = score;
         }
         if self.iteration == 0 || score > self.best.score {
-            self.best = Best { first: self.best.first, score, state: self.learner.state() };
+            self.best = BestState { first: self.best.first, score, state: self.learner.state() };
         }
         self.evaluated = Some(self.iteration);
         self.journal.evaluation(score, &self.standing());
@@ -417,7 +426,7 @@ impl Run<'_> {
     }
 
     /// The best Gaussians.
-    fn finish(mut self, stopped: bool) -> Result<Trained> {
+    fn finish(mut self, stopped: bool) -> Result<TrainedMixture> {
         let fail = |what| Error::argument(format!("the best state: {what}"));
         self.learner.restore(&self.best.state).map_err(fail)?;
         // As they are: those that were decoded on the way would be rounded twice.
@@ -425,12 +434,12 @@ impl Run<'_> {
         let scores = [self.best.first, self.best.score];
         let not_finite = self.journal.faulty;
         let factor = self.learner.factor();
-        Ok(Trained { mixture, factor, iterations: self.iteration, scores, not_finite, stopped })
+        Ok(TrainedMixture { mixture, factor, iterations: self.iteration, scores, not_finite, stopped })
     }
 
     /// The learner's state, the best one, and where the run stands.
-    fn state(&self) -> State {
-        let mut all = State::default();
+    fn state(&self) -> TrainingState {
+        let mut all = TrainingState::default();
         for (prefix, state) in [("now", &self.learner.state()), ("best", &self.best.state)] {
             all.columns.extend(state.columns.iter().map(|(n, c)| (format!("{prefix}/{n}"), c.clone())));
             all.numbers.extend(state.numbers.iter().map(|(n, c)| (format!("{prefix}/{n}"), c.clone())));
@@ -450,10 +459,10 @@ impl Run<'_> {
         all
     }
 
-    fn restore(&mut self, state: &State) -> std::result::Result<(), String> {
+    fn restore(&mut self, state: &TrainingState) -> std::result::Result<(), String> {
         let part = |prefix: &str| {
             let own = |n: &String| n.strip_prefix(prefix).and_then(|n| n.strip_prefix('/')).map(String::from);
-            State {
+            TrainingState {
                 columns: state.columns.iter().filter_map(|(n, c)| Some((own(n)?, c.clone()))).collect(),
                 numbers: state.numbers.iter().filter_map(|(n, c)| Some((own(n)?, c.clone()))).collect(),
             }
@@ -464,7 +473,7 @@ impl Run<'_> {
         self.evaluated = some(run[1]).map(|i| i as u64);
         (self.before, self.first) = (run[2], run[3]);
         (self.journal.loss_sum, self.journal.faulty) = (run[4], run[5] as u64);
-        self.best = Best { first: some(run[6]), score: some(run[7]), state: part("best") };
+        self.best = BestState { first: some(run[6]), score: some(run[7]), state: part("best") };
         self.learner.restore(&part("now"))
     }
 }

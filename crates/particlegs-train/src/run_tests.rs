@@ -1,11 +1,11 @@
 //! Runs broken at any moment end as unbroken ones; faults and limits are survived.
 
-use super::learner::{Learner, Moment, NotFinite, Shot, Stepped};
+use super::learner::{Learner, NonFiniteGradient, Shot, StepInfo, Stepped};
 use super::loss::Loss;
 use super::run::bytes_wanted;
-use super::state::State;
-use super::targets_tests::{Cloud, cloud, defaults};
-use super::{Cameras, Config, Initial, Limits, Preset, Stage, Trained, Training};
+use super::state::TrainingState;
+use super::targets_tests::{ParticleSubject, cloud, defaults};
+use super::{Cameras, Config, InitialGaussians, Limits, Preset, Stage, TrainedMixture, Training};
 use particlegs::fit::{self, Effort, FitOptions};
 use particlegs::particles::Particles;
 use particlegs::reference::Reference;
@@ -36,9 +36,9 @@ fn fitted(particles: &Particles) -> Mixture {
 
 /// Pieces in memory.
 #[derive(Default)]
-struct Kept(BTreeMap<String, Vec<u8>>);
+struct MemoryPieces(BTreeMap<String, Vec<u8>>);
 
-impl Pieces for Kept {
+impl Pieces for MemoryPieces {
     fn get(&self, key: &str) -> Option<Vec<u8>> {
         self.0.get(key).cloned()
     }
@@ -49,9 +49,9 @@ impl Pieces for Kept {
 }
 
 /// Asks to stop from the n-th question on.
-struct After(AtomicU64);
+struct CancelAfter(AtomicU64);
 
-impl Progress for After {
+impl Progress for CancelAfter {
     fn cancelled(&self) -> bool {
         self.0.fetch_update(Ordering::SeqCst, Ordering::SeqCst, |n| Some(n.saturating_sub(1))) == Ok(0)
     }
@@ -70,23 +70,23 @@ fn memory_is_that_of_the_largest_pictures() {
 fn a_run_stopped_at_any_question_ends_with_the_same_bits() {
     let particles = cloud(2000);
     let (of, start) = (defaults(&particles), fitted(&particles));
-    let subject = Cloud(Reference::with_bounds(&particles, of.bounds));
+    let subject = ParticleSubject(Reference::with_bounds(&particles, of.bounds));
     for law in [LawKind::OpticalDepth, LawKind::AlphaBlend] {
         let config = config(law, 8);
-        let run = |pieces: &mut dyn Pieces, progress: &dyn Progress| -> Result<Trained> {
+        let run = |pieces: &mut dyn Pieces, progress: &dyn Progress| -> Result<TrainedMixture> {
             let training = Training { subject: &subject, config: &config, limits: &Limits::default(), defaults: &of };
-            training.run(Initial::Fit(&start), pieces, progress)
+            training.run(InitialGaussians::Fit(&start), pieces, progress)
         };
         let whole = run(&mut NoPieces, &Silent).unwrap();
         assert_eq!((whole.iterations, whole.stopped), (10, false));
         // Every process is stopped a few questions after it has gone on.
         for stride in [9, 14, 31] {
-            let mut kept = Kept::default();
+            let mut kept = MemoryPieces::default();
             let mut processes = 0;
             let broken = loop {
                 processes += 1;
                 assert!(processes < 400, "no progress");
-                match run(&mut kept, &After(AtomicU64::new(stride + processes / 4))) {
+                match run(&mut kept, &CancelAfter(AtomicU64::new(stride + processes / 4))) {
                     Err(Error::Cancelled) => {}
                     Ok(t) if t.stopped => {}
                     done => break done.unwrap(),
@@ -102,15 +102,15 @@ fn a_run_stopped_at_any_question_ends_with_the_same_bits() {
 }
 
 /// Never has a finite gradient.
-struct Faulty(Mixture, f64);
+struct FaultyLearner(Mixture, f64);
 
-impl Learner for Faulty {
-    fn step(&mut self, _: &Shot<'_>, _: &Loss, _: &Moment) -> Result<Stepped> {
+impl Learner for FaultyLearner {
+    fn step(&mut self, _: &Shot<'_>, _: &Loss, _: &StepInfo) -> Result<Stepped> {
         self.1 += 1.0;
-        let not_finite = Some(NotFinite { group: "position", gaussian: 4, count: 1 });
+        let not_finite = Some(NonFiniteGradient { group: "position", gaussian: 4, count: 1 });
         Ok(Stepped { loss: f64::NAN, not_finite })
     }
-    fn control(&mut self, _: &Moment) -> Result<()> {
+    fn control(&mut self, _: &StepInfo) -> Result<()> {
         Ok(())
     }
     fn len(&self) -> usize {
@@ -119,12 +119,12 @@ impl Learner for Faulty {
     fn mixture(&self) -> Mixture {
         self.0.clone()
     }
-    fn state(&self) -> State {
-        let mut state = State::default();
+    fn state(&self) -> TrainingState {
+        let mut state = TrainingState::default();
         state.numbers.insert("steps".into(), vec![self.1]);
         state
     }
-    fn restore(&mut self, state: &State) -> std::result::Result<(), String> {
+    fn restore(&mut self, state: &TrainingState) -> std::result::Result<(), String> {
         self.1 = state.doubles("steps", 1)?[0];
         Ok(())
     }
@@ -134,10 +134,10 @@ impl Learner for Faulty {
 fn faults_in_every_step_and_a_time_that_is_up_are_survived() {
     let particles = cloud(500);
     let of = defaults(&particles);
-    let subject = Cloud(Reference::with_bounds(&particles, of.bounds));
+    let subject = ParticleSubject(Reference::with_bounds(&particles, of.bounds));
     let config = config(LawKind::OpticalDepth, 30);
     let run = |limits: &Limits| {
-        let learner = Box::new(Faulty(fitted(&particles), 0.0));
+        let learner = Box::new(FaultyLearner(fitted(&particles), 0.0));
         let training = Training { subject: &subject, config: &config, limits, defaults: &of };
         training.run_with(learner, &mut NoPieces, &Silent).unwrap()
     };
@@ -152,12 +152,12 @@ fn faults_in_every_step_and_a_time_that_is_up_are_survived() {
 fn states_of_other_runs_are_refused() {
     let particles = cloud(500);
     let (of, start) = (defaults(&particles), fitted(&particles));
-    let subject = Cloud(Reference::with_bounds(&particles, of.bounds));
-    let mut kept = Kept::default();
-    kept.keep("train", State::default().to_bytes()).unwrap();
+    let subject = ParticleSubject(Reference::with_bounds(&particles, of.bounds));
+    let mut kept = MemoryPieces::default();
+    kept.keep("train", TrainingState::default().to_bytes()).unwrap();
     let config = config(LawKind::OpticalDepth, 4);
     let training = Training { subject: &subject, config: &config, limits: &Limits::default(), defaults: &of };
-    let error = training.run(Initial::Fit(&start), &mut kept, &Silent).unwrap_err();
+    let error = training.run(InitialGaussians::Fit(&start), &mut kept, &Silent).unwrap_err();
     assert!(error.to_string().contains("the checkpoint: no column `run`"), "{error}");
 }
 

@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 
 /// Named columns of numbers, kept bit by bit.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct State {
+pub(crate) struct TrainingState {
     /// Single precision: parameters and moments.
     pub columns: BTreeMap<String, Vec<f32>>,
     /// Double precision: sums, counts, and whole numbers up to 2^53.
     pub numbers: BTreeMap<String, Vec<f64>>,
 }
 
-impl State {
+impl TrainingState {
     /// A column of `len` numbers.
     ///
     /// # Errors
@@ -27,7 +27,7 @@ impl State {
     /// A column of `len` numbers of double precision.
     ///
     /// # Errors
-    /// As [`State::column`].
+    /// As [`TrainingState::column`].
     pub fn doubles(&self, name: &str, len: usize) -> Result<&[f64], String> {
         self.numbers
             .get(name)
@@ -40,7 +40,7 @@ impl State {
 /// What a file of a state begins with.
 const MAGIC: &[u8; 8] = b"PGSTATE1";
 
-impl State {
+impl TrainingState {
     /// All columns as bytes, little-endian: magic; for single, then double precision u32 number of
     /// columns, and of each u32 length of its name, name, u64 numbers, numbers.
     pub fn to_bytes(&self) -> Vec<u8> {
@@ -64,11 +64,11 @@ impl State {
     }
 
     /// The state of bytes; `None` where they are none.
-    pub fn of_bytes(bytes: &[u8]) -> Option<State> {
+    pub fn of_bytes(bytes: &[u8]) -> Option<TrainingState> {
         let mut rest = bytes.strip_prefix(MAGIC)?;
         let columns = read_columns(&mut rest, f32::from_le_bytes)?;
         let numbers = read_columns(&mut rest, f64::from_le_bytes)?;
-        rest.is_empty().then_some(State { columns, numbers })
+        rest.is_empty().then_some(TrainingState { columns, numbers })
     }
 }
 
@@ -98,17 +98,17 @@ mod tests {
 
     #[test]
     fn states_come_back_bit_by_bit_and_broken_bytes_are_none() {
-        let mut state = State::default();
+        let mut state = TrainingState::default();
         state.columns.insert("a".into(), vec![1.0, -0.0, f32::MIN_POSITIVE]);
         state.columns.insert("empty".into(), vec![]);
         state.numbers.insert("b".into(), vec![1.0 / 3.0, f64::INFINITY]);
         let bytes = state.to_bytes();
-        assert_eq!(State::of_bytes(&bytes), Some(state));
+        assert_eq!(TrainingState::of_bytes(&bytes), Some(state));
         for cut in 0..bytes.len() {
-            assert_eq!(State::of_bytes(&bytes[..cut]), None, "{cut}");
+            assert_eq!(TrainingState::of_bytes(&bytes[..cut]), None, "{cut}");
         }
         let mut long = bytes.clone();
         long[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert_eq!(State::of_bytes(&long), None);
+        assert_eq!(TrainingState::of_bytes(&long), None);
     }
 }

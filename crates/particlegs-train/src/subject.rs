@@ -10,7 +10,7 @@ use std::ops::Range;
 
 /// The particles of a run: their pictures to learn from and to be scored on, and where they lie.
 /// `particlegs::reference::Reference` is one.
-pub trait Subject: Sync {
+pub trait TrainingSubject: Sync {
     /// Number of particles.
     fn len(&self) -> usize;
 
@@ -41,6 +41,6 @@ pub trait Subject: Sync {
     /// The noise-free optical depth a pixel.
     ///
     /// # Errors
-    /// As [`Subject::draw`].
+    /// As [`TrainingSubject::draw`].
     fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane>;
 }

@@ -3,7 +3,7 @@
 
 use super::config::Stage;
 use super::learner::Crop;
-use super::subject::Subject;
+use super::subject::TrainingSubject;
 use particlegs_core::camera::View;
 use particlegs_core::parallel;
 use particlegs_core::picture::{Plane, Size};
@@ -22,7 +22,7 @@ const LEVELS: f32 = 65_535.0;
 
 /// Targets of one stage.
 pub(crate) struct Targets<'a> {
-    subject: &'a dyn Subject,
+    subject: &'a dyn TrainingSubject,
     look: Look,
     size: Size,
     oversample: usize,
@@ -37,7 +37,7 @@ pub(crate) struct Targets<'a> {
 
 impl<'a> Targets<'a> {
     /// For a stage; at most `bytes` are kept in a scratch file in `folder`.
-    pub fn new(subject: &'a dyn Subject, look: Look, stage: &Stage, folder: &Path, bytes: u64) -> Self {
+    pub fn new(subject: &'a dyn TrainingSubject, look: Look, stage: &Stage, folder: &Path, bytes: u64) -> Self {
         let size = Size { width: stage.size[0], height: stage.size[1] };
         Targets {
             subject,

@@ -4,7 +4,7 @@ use super::config::{Config, Preset, Stage};
 use super::learner::Crop;
 use super::targets::Targets;
 use crate::Defaults;
-use crate::Subject;
+use crate::TrainingSubject;
 use crate::cameras::Views;
 use particlegs::particles::Particles;
 use particlegs::reference::Reference;
@@ -18,9 +18,9 @@ use particlegs_core::progress::Silent;
 use particlegs_core::splat::Look;
 
 /// Particles as the renderer of references draws them.
-pub(super) struct Cloud<'a>(pub Reference<'a>);
+pub(super) struct ParticleSubject<'a>(pub Reference<'a>);
 
-impl Subject for Cloud<'_> {
+impl TrainingSubject for ParticleSubject<'_> {
     fn len(&self) -> usize {
         self.0.particles().len()
     }
@@ -67,7 +67,7 @@ fn view(of: &Defaults) -> View {
 fn kept_drawn_and_cut_targets_agree() {
     let particles = cloud(3000);
     let of = defaults(&particles);
-    let reference = Cloud(Reference::with_bounds(&particles, of.bounds));
+    let reference = ParticleSubject(Reference::with_bounds(&particles, of.bounds));
     let folder = tempfile::tempdir().unwrap();
     let view = view(&of);
     let size = Size { width: 48, height: 32 };
@@ -94,7 +94,7 @@ fn kept_drawn_and_cut_targets_agree() {
 fn a_scratch_folder_that_is_not_there_is_named() {
     let particles = cloud(100);
     let of = defaults(&particles);
-    let reference = Cloud(Reference::with_bounds(&particles, of.bounds));
+    let reference = ParticleSubject(Reference::with_bounds(&particles, of.bounds));
     let stage = Stage { size: [16, 16], ..Config::preset(Preset::Paper, LawKind::OpticalDepth).stages[0] };
     let nowhere = std::path::Path::new("/nowhere/at/all");
     let mut targets = Targets::new(&reference, Look::Expected, &stage, nowhere, 1 << 20);

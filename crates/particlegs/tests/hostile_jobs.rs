@@ -16,12 +16,12 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 /// Refuses allocations that no small job needs: a process would end by them, or the machine.
-struct Bounded;
+struct BoundedAllocator;
 
 static LARGEST: AtomicUsize = AtomicUsize::new(0);
 
 // SAFETY: every call goes to the system's allocator as it is.
-unsafe impl GlobalAlloc for Bounded {
+unsafe impl GlobalAlloc for BoundedAllocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         LARGEST.fetch_max(layout.size(), Relaxed);
         unsafe { System.alloc(layout) }
@@ -43,7 +43,7 @@ unsafe impl GlobalAlloc for Bounded {
 }
 
 #[global_allocator]
-static ALLOCATOR: Bounded = Bounded;
+static ALLOCATOR: BoundedAllocator = BoundedAllocator;
 
 /// The jobs here hold some kilobytes; no allocation may be larger.
 const MOST_BYTES: usize = 256 << 20;
@@ -90,9 +90,9 @@ fn copy(from: &Path, to: &Path) {
 }
 
 /// Ends work that goes on beyond its time, so that a fault is told instead of a hung suite.
-struct Until(Instant);
+struct Watchdog(Instant);
 
-impl Progress for Until {
+impl Progress for Watchdog {
     fn cancelled(&self) -> bool {
         self.0.elapsed() > LONGEST
     }
@@ -101,7 +101,7 @@ impl Progress for Until {
 /// Every step on a folder; the errors in words.
 fn steps(folder: &Path, what: &str) -> Vec<String> {
     let began = Instant::now();
-    let until = Until(began);
+    let until = Watchdog(began);
     LARGEST.store(0, Relaxed);
     let source = || Ok(Layered::of(&particles()));
     let run = || -> Vec<String> {
@@ -228,7 +228,7 @@ fn each(cases: impl IntoIterator<Item = (String, Box<dyn Fn(&Path)>)>) -> Vec<Ve
     cases.into_iter().map(run).collect()
 }
 
-type Case = (String, Box<dyn Fn(&Path)>);
+type HostileCase = (String, Box<dyn Fn(&Path)>);
 
 fn write(name: &'static str, bytes: Vec<u8>) -> Box<dyn Fn(&Path)> {
     Box::new(move |folder| std::fs::write(folder.join(name), &bytes).unwrap())
@@ -249,7 +249,7 @@ fn altered_plans() {
     let dir = tempfile::tempdir().unwrap();
     let original: Value =
         serde_json::from_slice(&std::fs::read(planned(dir.path()).folder.join("plan.json")).unwrap()).unwrap();
-    let case = |(plan, what): (Value, String)| -> Case {
+    let case = |(plan, what): (Value, String)| -> HostileCase {
         let text = plan.to_string();
         let alter = move |folder: &Path| {
             std::fs::write(folder.join("plan.json"), &text).unwrap();
@@ -286,7 +286,7 @@ fn altered_runs_buckets_reports_and_blocks() {
     let dir = tempfile::tempdir().unwrap();
     prepared(dir.path());
     let read = |name: &str| std::fs::read(dir.path().join(name)).unwrap();
-    let mut cases: Vec<Case> = Vec::new();
+    let mut cases: Vec<HostileCase> = Vec::new();
     for name in ["plan.json", "runs.bin", "scatter/00000.bin", "blocks/00000.json", "blocks/00000.pgs"] {
         let bytes = read(name);
         cases.push((format!("{name}: empty"), write(name, Vec::new())));

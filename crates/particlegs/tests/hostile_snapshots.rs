@@ -162,7 +162,7 @@ fn tiny_opacities_are_stored_and_drawn() {
 #[test]
 fn odd_options_of_statistics_end() {
     #[derive(Debug, PartialEq)]
-    enum Tried {
+    enum TrialOutcome {
         Measured,
         Refused,
     }
@@ -171,15 +171,15 @@ fn odd_options_of_statistics_end() {
         let mut o = StatsOptions { cells: 8, spectrum_cells: 8, pair_budget: 100_000, ..StatsOptions::default() };
         change(&mut o);
         match compare(Subject::Particles(&p), Subject::Particles(&p), &o, &Silent) {
-            Ok(_) => Tried::Measured,
-            Err(Error::Argument { .. }) => Tried::Refused,
+            Ok(_) => TrialOutcome::Measured,
+            Err(Error::Argument { .. }) => TrialOutcome::Refused,
             Err(e) => panic!("{e}"),
         }
     };
     for pair in [[1e-300, 1e300], [1e-300, 1e-299], [1e299, 1e300], [0.0, 1.0], [1.0, f64::INFINITY], [f64::NAN, 1.0]] {
         tried(&|o| o.separations = Some(pair));
     }
-    assert_eq!(tried(&|o| o.separations = Some([1e-300, 1e300])), Tried::Refused);
+    assert_eq!(tried(&|o| o.separations = Some([1e-300, 1e300])), TrialOutcome::Refused);
     for k in [5e-324, 1e-300, 1e300, f64::INFINITY, f64::NAN, -1.0] {
         tried(&|o| o.k_max = Some(k));
     }
@@ -192,8 +192,8 @@ fn odd_options_of_statistics_end() {
         tried(&|o| (o.halo_radius, o.centers) = (Some(v), Some(vec![([0.5; 3], None)])));
         tried(&|o| o.centers = Some(vec![([v, -1e300, 0.5], Some(v)), ([0.1; 3], None)]));
     }
-    assert_eq!(tried(&|o| o.centers = Some(vec![([f64::NAN; 3], None)])), Tried::Refused);
-    assert_eq!(tried(&|o| o.centers = Some(vec![([1e30; 3], Some(1.0)); 3])), Tried::Measured);
+    assert_eq!(tried(&|o| o.centers = Some(vec![([f64::NAN; 3], None)])), TrialOutcome::Refused);
+    assert_eq!(tried(&|o| o.centers = Some(vec![([1e30; 3], Some(1.0)); 3])), TrialOutcome::Measured);
     for n in [0, 1, 2, 9000, usize::MAX] {
         tried(&|o| o.profile_axis = n);
         tried(&|o| o.profile_bins = n);
@@ -203,5 +203,5 @@ fn odd_options_of_statistics_end() {
         tried(&|o| o.smallest_group = n);
         tried(&|o| o.neighbour_sample = n);
     }
-    assert_eq!(tried(&|o| (o.cells, o.spectrum_cells) = (9000, 9000)), Tried::Refused);
+    assert_eq!(tried(&|o| (o.cells, o.spectrum_cells) = (9000, 9000)), TrialOutcome::Refused);
 }

@@ -14,9 +14,9 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Says stop at the n-th question.
-struct StopsAt(AtomicU64);
+struct CancelAtQuestion(AtomicU64);
 
-impl Progress for StopsAt {
+impl Progress for CancelAtQuestion {
     fn cancelled(&self) -> bool {
         self.0.load(Ordering::SeqCst) == 0 || self.0.fetch_sub(1, Ordering::SeqCst) == 1
     }
@@ -74,7 +74,7 @@ fn a_block_goes_on_where_it_stopped() {
     let checkpoint = job.folder.join("blocks/00000.checkpoint");
     let (mut stops, mut questions) = (0, 20);
     let pieces = loop {
-        match job.block(0, source, &StopsAt(AtomicU64::new(questions))) {
+        match job.block(0, source, &CancelAtQuestion(AtomicU64::new(questions))) {
             Ok(report) => break report.continued.unwrap(),
             Err(Error::Cancelled) => {
                 stops += 1;

@@ -1,6 +1,6 @@
 //! The certificate's section: its groups of figures, tagged (docs/format.md, section 3). What a figure is, `model` says.
 
-use super::wire::Reader;
+use super::wire::WireReader;
 use crate::model::{
     Certificate, CertificateLevel, Coding, Metric, MetricField, MetricGroup, MetricValue, MetricVisitor, PictureScore,
 };
@@ -26,7 +26,7 @@ pub(super) fn size(level: CertificateLevel, like: &Certificate) -> usize {
 }
 
 fn encoded(c: &Certificate, wanted: &dyn Fn(&MetricGroup, bool) -> bool) -> Vec<u8> {
-    let mut encoder = Encoder { out: Vec::new(), start: 0, wanted };
+    let mut encoder = CertificateEncoder { out: Vec::new(), start: 0, wanted };
     let mut own = *c;
     let Ok(()) = own.visit("", &mut encoder);
     encoder.out
@@ -34,7 +34,7 @@ fn encoded(c: &Certificate, wanted: &dyn Fn(&MetricGroup, bool) -> bool) -> Vec<
 
 /// Reads the section. Groups of unknown tags are skipped.
 pub(super) fn read(bytes: &[u8]) -> Result<Certificate, String> {
-    let (mut r, mut groups) = (Reader::new(bytes), Vec::new());
+    let (mut r, mut groups) = (WireReader::new(bytes), Vec::new());
     let mut last = 0;
     while !r.is_done() {
         let tag = r.u8()?;
@@ -45,19 +45,20 @@ pub(super) fn read(bytes: &[u8]) -> Result<Certificate, String> {
         groups.push((tag, r.take(length)?));
         last = tag;
     }
-    let (mut certificate, mut decoder) = (Certificate::default(), Decoder { groups, left: Reader::new(&[]) });
+    let (mut certificate, mut decoder) =
+        (Certificate::default(), CertificateDecoder { groups, left: WireReader::new(&[]) });
     certificate.visit("", &mut decoder)?;
     Ok(certificate)
 }
 
-struct Encoder<'a> {
+struct CertificateEncoder<'a> {
     out: Vec<u8>,
     /// Where the group's value begins.
     start: usize,
     wanted: &'a dyn Fn(&MetricGroup, bool) -> bool,
 }
 
-impl MetricVisitor for Encoder<'_> {
+impl MetricVisitor for CertificateEncoder<'_> {
     type Error = Infallible;
 
     fn begin(&mut self, group: &MetricGroup, there: bool) -> Result<bool, Infallible> {
@@ -117,18 +118,18 @@ impl MetricVisitor for Encoder<'_> {
     }
 }
 
-struct Decoder<'a> {
+struct CertificateDecoder<'a> {
     groups: Vec<(u8, &'a [u8])>,
     /// What is left of the group that is read.
-    left: Reader<'a>,
+    left: WireReader<'a>,
 }
 
-impl MetricVisitor for Decoder<'_> {
+impl MetricVisitor for CertificateDecoder<'_> {
     type Error = String;
 
     fn begin(&mut self, group: &MetricGroup, _: bool) -> Result<bool, String> {
         let found = self.groups.iter().find(|g| g.0 == group.tag);
-        self.left = Reader::new(found.map_or(&[], |g| g.1));
+        self.left = WireReader::new(found.map_or(&[], |g| g.1));
         Ok(found.is_some())
     }
 
@@ -198,19 +199,19 @@ mod tests {
     use proptest::prelude::*;
 
     /// Values that the file holds, from a stream of random bytes: decoded figure by figure, again until one is held.
-    struct Random {
+    struct RandomFigures {
         state: u64,
         groups: bool,
     }
 
-    impl Random {
+    impl RandomFigures {
         fn next(&mut self) -> u64 {
             self.state = self.state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             self.state ^ self.state >> 29
         }
     }
 
-    impl MetricVisitor for Random {
+    impl MetricVisitor for RandomFigures {
         type Error = Infallible;
 
         fn begin(&mut self, _: &MetricGroup, _: bool) -> Result<bool, Infallible> {
@@ -233,7 +234,7 @@ mod tests {
                     (_, Coding::Name(_)) => vec![(self.next() % 2) as u8],
                     _ => self.next().to_le_bytes().into(),
                 };
-                let mut decoder = Decoder { groups: Vec::new(), left: Reader::new(&bytes) };
+                let mut decoder = CertificateDecoder { groups: Vec::new(), left: WireReader::new(&bytes) };
                 if let Ok(value) = decoder.metric(metric, MetricValue::None) {
                     return Ok(value);
                 }
@@ -244,7 +245,7 @@ mod tests {
     /// A certificate of random figures; with every group, or some.
     fn random(seed: u64, groups: bool) -> Certificate {
         let mut c = Certificate::default();
-        let Ok(()) = c.visit("", &mut Random { state: seed, groups });
+        let Ok(()) = c.visit("", &mut RandomFigures { state: seed, groups });
         agreed(&mut c);
         c
     }

@@ -1,6 +1,6 @@
 //! The file: a head with its own length, then sections with checksums (docs/format.md, section 1).
 
-use super::wire::Reader;
+use super::wire::WireReader;
 use crate::{Error, Result};
 
 /// First bytes of a model file; like PNG's, they show transfers that change bytes.
@@ -206,7 +206,7 @@ fn is_index_of(index: &[u8], sections: &[Section<'_>], open: bool) -> bool {
 
 /// Where a section ends by its head, if that is there.
 fn section_end(file: &[u8], offset: usize) -> Option<u64> {
-    let length = Reader::new(file.get(offset + 4..)?).u64().ok()?;
+    let length = WireReader::new(file.get(offset + 4..)?).u64().ok()?;
     (offset as u64 + SECTION_BYTES as u64).checked_add(length)
 }
 
@@ -228,12 +228,12 @@ fn promise(file: &[u8], place: &str) -> Result<u64> {
     let Some(head) = file.get(..HEAD_BYTES) else {
         return corrupt(format!("it ends after {} bytes, within its head", file.len()));
     };
-    let field = |r: &mut Reader<'_>| -> std::result::Result<_, String> {
+    let field = |r: &mut WireReader<'_>| -> std::result::Result<_, String> {
         r.take(8)?;
         Ok((r.u8()?, r.u8()?, r.u8()?, r.u8()?, r.u64()?, r.u32()?))
     };
     let (major, minor, kind, reserved, length, sum) =
-        field(&mut Reader::new(head)).map_err(|what| Error::corrupt(place, what))?;
+        field(&mut WireReader::new(head)).map_err(|what| Error::corrupt(place, what))?;
     if crc32fast::hash(&head[..HEAD_BYTES - 4]) != sum {
         return corrupt("the checksum of its head is wrong".into());
     }
@@ -251,9 +251,9 @@ fn promise(file: &[u8], place: &str) -> Result<u64> {
 }
 
 fn section(file: &[u8], offset: usize) -> std::result::Result<Section<'_>, String> {
-    let mut r = Reader::new(&file[offset..]);
+    let mut r = WireReader::new(&file[offset..]);
     let head = r.take(12)?;
-    let mut fields = Reader::new(head);
+    let mut fields = WireReader::new(head);
     let tag = fields.take(4)?;
     let tag = [tag[0], tag[1], tag[2], tag[3]];
     if !tag.iter().all(u8::is_ascii_alphabetic) {
@@ -269,7 +269,7 @@ fn section(file: &[u8], offset: usize) -> std::result::Result<Section<'_>, Strin
     if !belongs_to_block(tag) {
         return Ok(Section { tag, offset, block: None, bytes });
     }
-    let mut content = Reader::new(bytes);
+    let mut content = WireReader::new(bytes);
     let block = Some(content.u32()?);
     Ok(Section { tag, offset, block, bytes: &bytes[OWNER_BYTES..] })
 }

@@ -1,7 +1,7 @@
 //! Model files to models, whole or piece by piece.
 
 use super::decoder::{self, BlockDecoder};
-use super::file::{BlockPart, Parts, parts};
+use super::file::{BlockPart, FileParts, parts};
 use super::info::FileInfo;
 use crate::model::{Block, LawKind, Mixture, Model};
 use crate::progress::{Progress, Silent};
@@ -36,11 +36,11 @@ pub struct Decoder<'a> {
     place: String,
     info: FileInfo,
     /// Those of all layers, in their order.
-    blocks: Vec<BlockUnderWay>,
-    pieces: Vec<Piece>,
+    blocks: Vec<PartialBlock>,
+    pieces: Vec<SegmentPiece>,
 }
 
-struct BlockUnderWay {
+struct PartialBlock {
     layer: usize,
     /// Of the section's head in the file, as errors have it; and the block's bytes.
     offset: usize,
@@ -54,7 +54,7 @@ enum BlockState {
     Coarse(Block),
 }
 
-struct Piece {
+struct SegmentPiece {
     block: usize,
     segment: usize,
     read: bool,
@@ -72,16 +72,16 @@ impl<'a> Decoder<'a> {
         let (mut blocks, mut pieces) = (Vec::new(), Vec::new());
         for (layer, part) in parts.layers.iter().enumerate() {
             for block in &part.content {
-                let at = |fault: decoder::Fault| fault.at(|what| corrupt(place, block.offset, what));
+                let at = |fault: decoder::BlockFault| fault.at(|what| corrupt(place, block.offset, what));
                 let state = if block.is_whole() {
                     let decoder = BlockDecoder::new(&block.bytes, progress).map_err(at)?;
-                    let piece = |segment| Piece { block: blocks.len(), segment, read: false };
+                    let piece = |segment| SegmentPiece { block: blocks.len(), segment, read: false };
                     pieces.extend((0..decoder.len()).map(piece));
                     BlockState::Whole(decoder)
                 } else {
                     BlockState::Coarse(decoder::part(&block.bytes, decoder::Ending::Stage).map_err(at)?)
                 };
-                blocks.push(BlockUnderWay { layer, offset: block.offset, bytes: block.bytes.to_vec(), state });
+                blocks.push(PartialBlock { layer, offset: block.offset, bytes: block.bytes.to_vec(), state });
             }
         }
         let info = FileInfo::of(parts, &file);
@@ -109,7 +109,7 @@ impl<'a> Decoder<'a> {
     /// # Panics
     /// For a piece that there is not, as the other methods.
     pub fn gaussians(&self, piece: usize) -> usize {
-        let Piece { block, segment, .. } = self.pieces[piece];
+        let SegmentPiece { block, segment, .. } = self.pieces[piece];
         self.blocks[block].decoder().map_or(0, |d| d.gaussians(segment))
     }
 
@@ -124,7 +124,7 @@ impl<'a> Decoder<'a> {
     /// [`Error::Corrupt`].
     pub fn read(&mut self, piece: usize) -> Result<()> {
         let Decoder { place, blocks, pieces, .. } = self;
-        let Piece { block, segment, read } = &mut pieces[piece];
+        let SegmentPiece { block, segment, read } = &mut pieces[piece];
         let block = &mut blocks[*block];
         let offset = block.offset;
         block.segments().swap_remove(*segment).read().map_err(|what| corrupt(place, offset, what))?;
@@ -136,7 +136,7 @@ impl<'a> Decoder<'a> {
     /// are not yet the blocks' to the last digit), else the boxes that they lie in, each as one Gaussian of the particles
     /// that it may hold. `None` of the alpha-blend law.
     pub fn so_far(&self, piece: usize) -> Option<Mixture> {
-        let Piece { block, segment, read } = self.pieces[piece];
+        let SegmentPiece { block, segment, read } = self.pieces[piece];
         let decoder = self.blocks[block].decoder()?;
         let shaded = self.info.metadata.law == LawKind::AlphaBlend;
         (!shaded).then(|| if read { decoder.read_so_far(segment) } else { decoder.boxes(segment) })
@@ -170,7 +170,7 @@ impl<'a> Decoder<'a> {
     }
 }
 
-impl BlockUnderWay {
+impl PartialBlock {
     fn decoder(&self) -> Option<&BlockDecoder> {
         match &self.state {
             BlockState::Whole(decoder) => Some(decoder),
@@ -179,7 +179,7 @@ impl BlockUnderWay {
     }
 
     /// The segments that are to be read.
-    fn segments(&mut self) -> Vec<decoder::Segment<'_>> {
+    fn segments(&mut self) -> Vec<decoder::SegmentReader<'_>> {
         match &mut self.state {
             BlockState::Whole(decoder) => decoder.segments(&self.bytes),
             BlockState::Coarse(_) => Vec::new(),
@@ -193,7 +193,7 @@ fn corrupt(place: &str, offset: usize, what: String) -> Error {
 }
 
 /// Bytes that decoding takes beside the file: all Gaussians, a copy of the blocks, and the work on the largest block.
-fn decoding_bytes(parts: &Parts<'_>) -> u64 {
+fn decoding_bytes(parts: &FileParts<'_>) -> u64 {
     let blocks = || parts.layers.iter().flat_map(|l| &l.content);
     let work = blocks().map(decoder::working_bytes).max().unwrap_or(0);
     blocks().map(|b| decoder::gaussian_bytes(b) + b.bytes.len() as u64).sum::<u64>() + work

@@ -5,12 +5,12 @@ use super::exact::exp;
 use super::file::BlockPart;
 use super::fine::{FineWalk, Leaf};
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE};
-use super::levels::{Below, LEVELS, LevelWalk, NoSource, TreeNode};
-use super::rans::{Coder, Player};
+use super::levels::{LEVELS, LevelWalk, NoSource, NodeContent, TreeNode};
+use super::rans::{Coder, RansReader};
 use super::splits::trunk;
 use super::streams::{self, Streams};
 use super::sums::{opacity_of, rescale, whole_counts};
-use super::tree::{Node, gaussians, pieces};
+use super::tree::{SplitNode, gaussians, pieces};
 use crate::math::{Sym3, each_axis};
 use crate::memory::filled;
 use crate::model::{AlphaBlend, Block, Law, MASS, Mixture};
@@ -19,7 +19,7 @@ use crate::{Error, parallel};
 use std::ops::Range;
 
 /// Where a segment's Gaussians go: mean, count and covariance.
-struct Columns<'a> {
+struct GaussianColumns<'a> {
     mean: [&'a mut [f64]; 3],
     count: &'a mut [f64],
     cov: [&'a mut [f64]; 6],
@@ -28,37 +28,37 @@ struct Columns<'a> {
 }
 
 /// Why a block cannot be decoded.
-pub(crate) enum Fault {
+pub(crate) enum BlockFault {
     /// It contradicts the format.
     Corrupt(String),
     /// There is no memory for its Gaussians.
     Memory(Error),
 }
 
-impl From<String> for Fault {
+impl From<String> for BlockFault {
     fn from(what: String) -> Self {
-        Fault::Corrupt(what)
+        BlockFault::Corrupt(what)
     }
 }
 
-impl From<&str> for Fault {
+impl From<&str> for BlockFault {
     fn from(what: &str) -> Self {
-        Fault::Corrupt(what.into())
+        BlockFault::Corrupt(what.into())
     }
 }
 
-impl From<Error> for Fault {
+impl From<Error> for BlockFault {
     fn from(error: Error) -> Self {
-        Fault::Memory(error)
+        BlockFault::Memory(error)
     }
 }
 
-impl Fault {
+impl BlockFault {
     /// As an error of the block that `corrupt` names.
     pub(crate) fn at(self, corrupt: impl FnOnce(String) -> Error) -> Error {
         match self {
-            Fault::Corrupt(what) => corrupt(what),
-            Fault::Memory(error) => error,
+            BlockFault::Corrupt(what) => corrupt(what),
+            BlockFault::Memory(error) => error,
         }
     }
 }
@@ -90,7 +90,7 @@ const COLUMNS: &str = "decoding the model";
 /// A block on its way to Gaussians: its segments are read on their own, in any order.
 pub(crate) struct BlockDecoder {
     header: BlockHeader,
-    segments: Vec<Coded>,
+    segments: Vec<CodedSegment>,
     /// Bytes of the block.
     length: usize,
     /// Is every segment's stream as long as a table says?
@@ -107,35 +107,35 @@ struct BlockColumns {
 }
 
 /// A segment as it lies in its block: a stream for each stage.
-struct Coded {
-    nodes: Vec<Node>,
+struct CodedSegment {
+    nodes: Vec<SplitNode>,
     streams: Vec<Range<usize>>,
 }
 
 /// A segment to be read.
-pub(crate) struct Segment<'a> {
+pub(crate) struct SegmentReader<'a> {
     header: &'a BlockHeader,
-    nodes: &'a [Node],
+    nodes: &'a [SplitNode],
     streams: Vec<&'a [u8]>,
     /// Bytes of the block, where what follows the stream is its padding.
     padded: Option<usize>,
-    out: Columns<'a>,
+    out: GaussianColumns<'a>,
 }
 
 /// Decodes a block. Where its last stages are missing, its Gaussians are fewer and larger: those known by then.
-pub(crate) fn block(bytes: &[u8], progress: &dyn Progress) -> Result<Block, Fault> {
+pub(crate) fn block(bytes: &[u8], progress: &dyn Progress) -> Result<Block, BlockFault> {
     let header = BlockHeader::read(bytes)?;
     if streams::stages(&header, bytes)?.len() <= header.cuts.len() {
         return part(bytes, Ending::Stage);
     }
     let mut decoder = BlockDecoder::new(bytes, progress)?;
-    parallel::try_for_each(decoder.segments(bytes), Segment::read)?;
+    parallel::try_for_each(decoder.segments(bytes), SegmentReader::read)?;
     Ok(decoder.finish())
 }
 
 /// What the first bytes of a block say: a mixture of fewer, larger Gaussians of the same particles and mass. The header
 /// and the table of streams must be there.
-pub(crate) fn prefix(bytes: &[u8]) -> Result<Block, Fault> {
+pub(crate) fn prefix(bytes: &[u8]) -> Result<Block, BlockFault> {
     part(bytes, Ending::Anywhere)
 }
 
@@ -149,11 +149,11 @@ pub(crate) enum Ending {
 }
 
 /// What a part of a block says.
-pub(crate) fn part(bytes: &[u8], ending: Ending) -> Result<Block, Fault> {
+pub(crate) fn part(bytes: &[u8], ending: Ending) -> Result<Block, BlockFault> {
     let header = BlockHeader::read(bytes)?;
     let streams = streams::read(&header, bytes)?;
     let nodes = segment_nodes(&header, &streams, bytes)?;
-    let coded = nodes.into_iter().enumerate().map(|(segment, nodes)| Coded {
+    let coded = nodes.into_iter().enumerate().map(|(segment, nodes)| CodedSegment {
         nodes,
         streams: streams
             .stages
@@ -180,8 +180,8 @@ pub(crate) fn part(bytes: &[u8], ending: Ending) -> Result<Block, Fault> {
 }
 
 /// The nodes of each segment.
-fn segment_nodes(header: &BlockHeader, streams: &Streams, block: &[u8]) -> Result<Vec<Vec<Node>>, String> {
-    let Some(trunk_stream) = &streams.trunk else { return Ok(vec![vec![Node::root(header.gaussians)]]) };
+fn segment_nodes(header: &BlockHeader, streams: &Streams, block: &[u8]) -> Result<Vec<Vec<SplitNode>>, String> {
+    let Some(trunk_stream) = &streams.trunk else { return Ok(vec![vec![SplitNode::root(header.gaussians)]]) };
     let stream = block.get(trunk_stream.clone()).ok_or("a stream ends too soon")?;
     let mut player = start(stream)?;
     let nodes = trunk(&mut player, header, &[]).map_err(out_of_range)?;
@@ -201,14 +201,19 @@ const PART_VARIANCE: f64 = 1.0 / 12.0;
 const MIDDLE: f64 = 0.25;
 
 /// What the streams of a segment say, as far as they go.
-fn coarse(header: &BlockHeader, nodes: &[Node], streams: &[&[u8]], ending: Ending) -> Result<BlockColumns, String> {
+fn coarse(
+    header: &BlockHeader,
+    nodes: &[SplitNode],
+    streams: &[&[u8]],
+    ending: Ending,
+) -> Result<BlockColumns, String> {
     let mut out = BlockColumns { mean: Default::default(), count: vec![], cov: Default::default(), weight: vec![] };
     let extent = header.bounds.extent();
     let bytes: usize = streams.iter().map(|s| s.len()).sum();
     let mut walk: Option<LevelWalk<'_>> = None;
     let mut fine = None;
     for (stage, stream) in streams.iter().enumerate() {
-        let mut player = match Player::new(stream) {
+        let mut player = match RansReader::new(stream) {
             Some(player) => player,
             None if ending == Ending::Anywhere => break,
             // A stage that is not there has no bytes at all.
@@ -278,7 +283,7 @@ impl BlockColumns {
     fn push_node(&mut self, header: &BlockHeader, extent: [f64; 3], node: &TreeNode) {
         let widths = node.cell.widths(extent);
         let (mean, variance) = match node.below {
-            Below::Gaussian { size, bits, place } => {
+            NodeContent::Gaussian { size, bits, place } => {
                 let radius = exp(f64::from(header.steps[1]) * (f64::from(size) + MIDDLE));
                 let part = each_axis(|k| 1.0 / f64::from(1u32 << bits[k]));
                 let mean =
@@ -305,7 +310,7 @@ impl BlockColumns {
     }
 
     /// A node of which only the number of its Gaussians is known.
-    fn push_cell(&mut self, header: &BlockHeader, node: &Node) {
+    fn push_cell(&mut self, header: &BlockHeader, node: &SplitNode) {
         let extent = header.bounds.extent();
         let mean = each_axis(|k| node.cell.point(&header.bounds, extent, k, 0.5));
         let [x, y, z] = node.cell.widths(extent).map(|w| w * w * CELL_VARIANCE);
@@ -325,7 +330,7 @@ impl BlockColumns {
             Law::OpticalDepth
         };
         whole_counts(&mut count, header.count);
-        let mut named = crate::model::Columns::default();
+        let mut named = crate::model::GaussianColumns::default();
         if header.weighted {
             let mut mass: Vec<f64> = count.iter().zip(&weight).map(|(c, w)| c * w).collect();
             rescale(&mut mass, header.mass);
@@ -338,7 +343,7 @@ impl BlockColumns {
 
 impl BlockDecoder {
     /// Reads all but the segments' streams, and takes the memory that its Gaussians need. All stages must be there.
-    pub(crate) fn new(block: &[u8], progress: &dyn Progress) -> Result<Self, Fault> {
+    pub(crate) fn new(block: &[u8], progress: &dyn Progress) -> Result<Self, BlockFault> {
         let header = BlockHeader::read(block)?;
         header.check_length(block.len() as u64)?;
         let streams = streams::read(&header, block)?;
@@ -346,7 +351,7 @@ impl BlockDecoder {
         let rest = block.get(last..).ok_or("a stream ends too soon")?;
         padding(&header, block.len(), rest)?;
         let nodes = segment_nodes(&header, &streams, block)?;
-        let segments = nodes.into_iter().enumerate().map(|(segment, nodes)| Coded {
+        let segments = nodes.into_iter().enumerate().map(|(segment, nodes)| CodedSegment {
             nodes,
             streams: streams.stages.iter().map(|s| s[segment].clone()).collect(),
         });
@@ -377,10 +382,10 @@ impl BlockDecoder {
     }
 
     /// The segments, to be read from the bytes of the same block.
-    pub(crate) fn segments<'a>(&'a mut self, block: &'a [u8]) -> Vec<Segment<'a>> {
+    pub(crate) fn segments<'a>(&'a mut self, block: &'a [u8]) -> Vec<SegmentReader<'a>> {
         let BlockDecoder { header, segments, length, table, columns } = self;
         let parts = columns.split(segments.iter().map(|s| gaussians(&s.nodes)));
-        let segment = |(coded, out): (&'a Coded, Columns<'a>)| Segment {
+        let segment = |(coded, out): (&'a CodedSegment, GaussianColumns<'a>)| SegmentReader {
             header,
             nodes: &coded.nodes,
             streams: coded.streams.iter().map(|s| &block[s.clone()]).collect(),
@@ -398,7 +403,7 @@ impl BlockDecoder {
         let part = |column: &Vec<f64>| column[all.clone()].to_vec();
         let BlockColumns { mean, count, cov, weight } = &self.columns;
         let count = part(count);
-        let mut columns = crate::model::Columns::default();
+        let mut columns = crate::model::GaussianColumns::default();
         if self.header.weighted {
             // Weights are relative to the mean of the block's particles.
             let mean = self.header.mass / self.header.count as f64;
@@ -430,12 +435,12 @@ impl BlockDecoder {
     }
 }
 
-fn start(stream: &[u8]) -> Result<Player<'_>, String> {
-    Player::new(stream).ok_or_else(|| "a stream has no start".into())
+fn start(stream: &[u8]) -> Result<RansReader<'_>, String> {
+    RansReader::new(stream).ok_or_else(|| "a stream has no start".into())
 }
 
 /// Is a stream read to its end; `whole`: and nothing left of it?
-fn end(player: &Player<'_>, whole: bool) -> Result<(), String> {
+fn end(player: &RansReader<'_>, whole: bool) -> Result<(), String> {
     if player.exhausted() {
         return Err("a stream ends too soon".into());
     }
@@ -460,12 +465,12 @@ fn padding(header: &BlockHeader, length: usize, rest: &[u8]) -> Result<(), Strin
 
 impl BlockColumns {
     /// The columns of segments of these lengths.
-    fn split<'a>(&'a mut self, lengths: impl Iterator<Item = usize> + Clone) -> Vec<Columns<'a>> {
+    fn split<'a>(&'a mut self, lengths: impl Iterator<Item = usize> + Clone) -> Vec<GaussianColumns<'a>> {
         let part = |column: &'a mut [f64]| pieces(column, lengths.clone()).into_iter();
         let mut mean = self.mean.each_mut().map(|c| part(c));
         let mut cov = self.cov.each_mut().map(|c| part(c));
         let (mut count, mut weight) = (part(&mut self.count), part(&mut self.weight));
-        let columns = |_| Columns {
+        let columns = |_| GaussianColumns {
             mean: mean.each_mut().map(|c| c.next().unwrap_or_default()),
             count: count.next().unwrap_or_default(),
             cov: cov.each_mut().map(|c| c.next().unwrap_or_default()),
@@ -475,10 +480,10 @@ impl BlockColumns {
     }
 }
 
-impl Segment<'_> {
+impl SegmentReader<'_> {
     /// Reads the segment's streams, stage after stage.
     pub(crate) fn read(self) -> Result<(), String> {
-        let Segment { header, nodes, streams, padded, out } = self;
+        let SegmentReader { header, nodes, streams, padded, out } = self;
         let mut walk: Option<LevelWalk<'_>> = None;
         let (last, earlier) = streams.split_last().ok_or("a stream has no start")?;
         for (stream, &level) in earlier.iter().zip(&header.cuts) {
@@ -489,7 +494,7 @@ impl Segment<'_> {
         let mut player = start(last)?;
         let walk = advance(&mut walk, &mut player, header, nodes, LEVELS - 1)?;
         let extent = header.bounds.extent();
-        let Columns { mut mean, count, cov, weight } = out;
+        let GaussianColumns { mut mean, count, cov, weight } = out;
         let mut fine = FineWalk::new(header);
         let mut finite = true;
         for (i, node) in walk.leaves().map_err(out_of_range)?.into_iter().enumerate() {
@@ -520,9 +525,9 @@ impl Segment<'_> {
 /// Begins the walk over levels where there is none yet, and goes on to the end of `level`.
 fn advance<'a, 'h>(
     walk: &'a mut Option<LevelWalk<'h>>,
-    player: &mut Player<'_>,
+    player: &mut RansReader<'_>,
     header: &'h BlockHeader,
-    nodes: &[Node],
+    nodes: &[SplitNode],
     level: usize,
 ) -> Result<&'a mut LevelWalk<'h>, String> {
     let mut there = match walk.take() {

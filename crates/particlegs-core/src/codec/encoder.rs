@@ -5,16 +5,16 @@ use super::file::STAGE_BYTES;
 use super::fine::{FineWalk, Leaf};
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE, MOST_PARTICLES, cholesky};
 use super::levels::{LEVELS, LevelWalk, NodeHalves};
-use super::place::{Target, quantise_places};
+use super::place::{PlacementTarget, quantise_places};
 use super::precision::Precision;
 use super::predict::{fit, low_bits};
-use super::rans::Recorder;
+use super::rans::RansWriter;
 use super::shape::Logs;
 use super::source::{SegmentSource, SegmentTree};
 use super::splits::trunk;
 use super::streams;
 use super::tree::{Tree, pieces};
-use super::trellis::{Sample, State, quantise};
+use super::trellis::{TrellisSample, TrellisState, quantise};
 use crate::math::{Sym3, each_axis};
 use crate::model::{AlphaBlend, Block};
 use crate::space::Bounds;
@@ -97,7 +97,7 @@ impl Encoder {
     /// The block's bytes at a precision.
     pub fn encode(&self, precision: &Precision) -> Vec<u8> {
         let (mut header, leaves) = self.quantise(precision);
-        let (trunk, segments) = self.record(&header, &leaves, Recorder::default);
+        let (trunk, segments) = self.record(&header, &leaves, RansWriter::default);
         if self.len() >= STAGED {
             header.cuts = cuts(&segments);
         }
@@ -122,9 +122,9 @@ impl Encoder {
     /// Bits a Gaussian by what they are spent on, headers apart.
     pub fn breakdown(&self, precision: &Precision) -> Vec<(&'static str, f64)> {
         let (header, leaves) = self.quantise(precision);
-        let (trunk, segments) = self.record(&header, &leaves, Recorder::with_parts);
+        let (trunk, segments) = self.record(&header, &leaves, RansWriter::with_parts);
         let mut bits = trunk.bits_by_part();
-        for segment in segments.iter().map(Recorder::bits_by_part) {
+        for segment in segments.iter().map(RansWriter::bits_by_part) {
             (0..bits.len()).for_each(|p| bits[p] += segment[p]);
         }
         let [count, mass] = if self.shaded { ["opacity", "grey"] } else { ["count", "mass"] };
@@ -136,8 +136,8 @@ impl Encoder {
         &self,
         header: &BlockHeader,
         leaves: &[Leaf],
-        recorder: impl Fn() -> Recorder + Sync,
-    ) -> (Recorder, Vec<Recorder>) {
+        recorder: impl Fn() -> RansWriter + Sync,
+    ) -> (RansWriter, Vec<RansWriter>) {
         let mut above = recorder();
         let walked = trunk(&mut above, header, &self.tree.trunk);
         debug_assert!(walked.is_ok(), "splits are those of the tree");
@@ -208,7 +208,7 @@ impl Encoder {
     fn scalars(&self, header: &BlockHeader, range: Range<usize>, leaves: &mut [Leaf]) {
         let column = |values: &[f64], step: f32| {
             let values = &values[range.clone()];
-            halves(values.len(), |i| Sample::free(values[i] / f64::from(step)))
+            halves(values.len(), |i| TrellisSample::free(values[i] / f64::from(step)))
         };
         let (t, m) =
             parallel::join(|| column(&self.logs.size, header.steps[1]), || column(&self.logs.count, header.steps[2]));
@@ -225,7 +225,7 @@ impl Encoder {
         let given = &self.logs.shape[5 * range.start..5 * range.end];
         let shapes = halves(given.len(), |j| {
             let weight = if self.logs.flat.is_along(j % 5, given[j]) { EXACT } else { 1.0 };
-            Sample { pull: PULL, weight, ..Sample::free(given[j] / steps[j / 5]) }
+            TrellisSample { pull: PULL, weight, ..TrellisSample::free(given[j] / steps[j / 5]) }
         });
         for (leaf, shape) in leaves.iter_mut().zip(shapes.chunks_exact(5)) {
             leaf.shape.copy_from_slice(shape);
@@ -244,7 +244,7 @@ impl Encoder {
             let cell = leaf.cell.widths(extent);
             // Levels to a step of the block.
             let fine = each_axis(|k| if cell[k] > 0.0 { levels[k] as f64 * step / cell[k] } else { 0.0 });
-            Target {
+            PlacementTarget {
                 levels,
                 place: each_axis(|k| self.within[k][range.start + i] * levels[k] as f64),
                 coarse: each_axis(|k| if fine[k] > 0.0 { 1.0 / (fine[k] * widths[k]) } else { 0.0 }),
@@ -296,7 +296,7 @@ const STAGED: usize = 4096;
 pub(super) const STAGES: [f64; 2] = [0.12, 0.45];
 
 /// Levels after which stages end, the same in all segments.
-fn cuts(segments: &[Recorder]) -> Vec<u8> {
+fn cuts(segments: &[RansWriter]) -> Vec<u8> {
     let recorded = |level: usize| segments.iter().map(|s| s.levels()[level]).sum::<usize>() as f64;
     let all = recorded(LEVELS - 1);
     let level = |share: f64| (0..LEVELS - 1).find(|&l| recorded(l) >= share * all).unwrap_or(LEVELS - 2) as u8;
@@ -316,8 +316,8 @@ fn ranges(tree: &Tree) -> Vec<Range<usize>> {
 }
 
 /// Trellis indices as half steps.
-fn halves(count: usize, sample: impl Fn(usize) -> Sample) -> Vec<i32> {
-    let mut state = State::default();
+fn halves(count: usize, sample: impl Fn(usize) -> TrellisSample) -> Vec<i32> {
+    let mut state = TrellisState::default();
     let half = |k: i64| {
         let h = 2 * k as i32 + state.lattice();
         state.step(k);

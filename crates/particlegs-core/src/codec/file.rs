@@ -6,9 +6,9 @@ use super::container::{
 };
 use super::encoder::STAGES;
 use super::header::BlockHeader;
-use super::metadata::Fault;
+use super::metadata::MetadataFault;
 use super::sums::compensated;
-use super::wire::Reader;
+use super::wire::WireReader;
 use super::{Encoder, Precision, certificate, metadata, streams, vizmapper};
 use crate::model::{
     Certificate, CertificateLevel, LawKind, Layer, LayerRatios, Mass, MassPower, Metadata, Model, SAMPLED_ABOVE,
@@ -106,7 +106,7 @@ pub(super) struct CodedFile {
 impl CodedFile {
     /// Takes a file apart.
     pub(super) fn read(bytes: &[u8], place: &str) -> Result<CodedFile> {
-        let copy = |part: Part<'_>| part.map(|blocks| blocks.into_iter().map(BlockPart::stored).collect());
+        let copy = |part: LayerPart<'_>| part.map(|blocks| blocks.into_iter().map(BlockPart::stored).collect());
         let parts = parts(bytes, place)?;
         Ok(CodedFile {
             metadata: parts.metadata,
@@ -263,12 +263,12 @@ fn layer_bytes(layer: &CodedLayer) -> Vec<u8> {
 }
 
 /// A file taken apart: metadata and certificate read, blocks still coded.
-pub(super) struct Parts<'a> {
+pub(super) struct FileParts<'a> {
     pub metadata: Metadata,
     pub certificate: Option<Certificate>,
     /// The network's section, and what it says.
     pub network: Option<(&'a [u8], VizMapper)>,
-    pub layers: Vec<Part<'a>>,
+    pub layers: Vec<LayerPart<'a>>,
     /// Sections of unknown tags that belong to no block.
     pub sections: Vec<Section<'a>>,
     /// Particles of blocks that an open file ends before.
@@ -276,7 +276,7 @@ pub(super) struct Parts<'a> {
 }
 
 /// Coded blocks, and their headers.
-type Part<'a> = Layer<Vec<BlockPart<'a>>>;
+type LayerPart<'a> = Layer<Vec<BlockPart<'a>>>;
 
 /// A block as it lies in a file.
 pub(super) struct BlockPart<'a> {
@@ -310,7 +310,7 @@ impl From<&Section<'_>> for StoredSection {
 }
 
 /// Reads all but the streams, and checks what the parts say of each other.
-pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
+pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
     let file = container::read(bytes, place)?;
     let corrupt = |what: String| Error::corrupt(place, what);
     let unknown = |what: String| Error::Compatibility { place: place.into(), what };
@@ -320,8 +320,8 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
     let mut rest = sections.into_iter().peekable();
     let (mut metadata, masses) = match rest.next() {
         Some(s) if s.tag == META => metadata::read(s.bytes).map_err(|fault| match fault {
-            Fault::Corrupt(what) => corrupt(what),
-            Fault::Unknown(what) => unknown(what),
+            MetadataFault::Corrupt(what) => corrupt(what),
+            MetadataFault::Unknown(what) => unknown(what),
         })?,
         _ => return Err(corrupt("it does not begin with metadata".into())),
     };
@@ -330,8 +330,8 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
     let network = rest.next_if(|s| s.tag == VIZMAPPER).map(|s| match vizmapper::read(s.bytes) {
         Ok(_) if metadata.law != LawKind::AlphaBlend => Err(corrupt("a VizMapper in a file of another law".into())),
         Ok(network) => Ok((s.bytes, network)),
-        Err(vizmapper::Fault::Corrupt(what)) => Err(corrupt(what)),
-        Err(vizmapper::Fault::Unknown(what)) => Err(unknown(what)),
+        Err(vizmapper::VizMapperFault::Corrupt(what)) => Err(corrupt(what)),
+        Err(vizmapper::VizMapperFault::Unknown(what)) => Err(unknown(what)),
     });
     let network = network.transpose()?;
     let mut layers: Vec<(String, usize, Vec<BlockPart<'a>>)> = Vec::new();
@@ -389,7 +389,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
     let wrong = || corrupt("masses of another number of layers".into());
     let masses = metadata::of_layers(&masses, layers.len(), file.open).ok_or_else(wrong)?;
     let part = |((name, _, content), mass)| Layer { name, mass, content };
-    let layers: Vec<Part<'a>> = layers.into_iter().zip(masses).map(part).collect();
+    let layers: Vec<LayerPart<'a>> = layers.into_iter().zip(masses).map(part).collect();
     let mut missing_particles = 0;
     if file.open {
         // What is there may be less than the whole: the rest of the file speaks of what is there.
@@ -405,7 +405,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<Parts<'a>> {
     let complete = missing_particles == 0 && layers.iter().flat_map(|l| &l.content).all(BlockPart::is_whole);
     let certificate = certificate.filter(|_| complete);
     certificate.iter().try_for_each(|c| agree_with(c, &metadata, bytes.len() as u64)).map_err(corrupt)?;
-    Ok(Parts { metadata, certificate, network, layers, sections: others, missing_particles })
+    Ok(FileParts { metadata, certificate, network, layers, sections: others, missing_particles })
 }
 
 /// Are there the blocks that each layer says, in order? The last ones of an open file may be missing.
@@ -435,7 +435,7 @@ fn layer_head(section: &Section<'_>) -> std::result::Result<(String, u32), Strin
     if section.tag != LAYER {
         return Err(out_of_order(section));
     }
-    let mut r = Reader::new(section.bytes);
+    let mut r = WireReader::new(section.bytes);
     let length = r.u8()?;
     let name =
         std::str::from_utf8(r.take(usize::from(length))?).map_err(|_| "a layer's name is not UTF-8")?.to_string();
@@ -448,7 +448,7 @@ fn layer_head(section: &Section<'_>) -> std::result::Result<(String, u32), Strin
 }
 
 /// Blocks hold together what the metadata says.
-fn agree(m: &Metadata, layers: &[Part<'_>]) -> std::result::Result<(), String> {
+fn agree(m: &Metadata, layers: &[LayerPart<'_>]) -> std::result::Result<(), String> {
     let blocks = || layers.iter().flat_map(|l| l.content.iter().map(|b| &b.header));
     let count = blocks().try_fold(0u64, |sum, b| sum.checked_add(b.count));
     if count != Some(m.count) {

@@ -4,18 +4,18 @@
 use super::OutOfRange;
 use super::exact::exp;
 use super::header::{BlockHeader, cholesky, limited};
-use super::levels::{Below, TreeNode};
-use super::rans::{Coder, Part};
+use super::levels::{NodeContent, TreeNode};
+use super::rans::{Coder, StreamPart};
 use super::splits::long_uniform;
 use super::symbols::Residual;
-use super::tree::Cell;
-use super::trellis::State;
+use super::tree::TreeCell;
+use super::trellis::TrellisState;
 use crate::math::Sym3;
 
 /// Whole numbers of one Gaussian. `t`, `m`, `w` and `shape` are on half steps (2 k + lattice).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Leaf {
-    pub cell: Cell,
+    pub cell: TreeCell,
     /// Log size.
     pub t: i32,
     /// Log count; in shaded blocks log depth.
@@ -48,16 +48,16 @@ pub(crate) struct FineWalk<'a> {
     extent: [f64; 3],
     powers: PowerCache,
     shapes: Vec<Residual<16>>,
-    trellis_t: State,
-    trellis_m: State,
-    trellis_w: State,
-    trellis_shape: State,
-    trellis_place: State,
+    trellis_t: TrellisState,
+    trellis_m: TrellisState,
+    trellis_w: TrellisState,
+    trellis_shape: TrellisState,
+    trellis_place: TrellisState,
 }
 
 impl<'a> FineWalk<'a> {
     pub(crate) fn new(header: &'a BlockHeader) -> Self {
-        let start = State::default();
+        let start = TrellisState::default();
         FineWalk {
             header,
             extent: header.bounds.extent(),
@@ -74,7 +74,7 @@ impl<'a> FineWalk<'a> {
     /// Codes the next Gaussian: the one that the walk over levels left in `node`.
     #[inline(always)]
     pub(crate) fn code(&mut self, c: &mut impl Coder, node: &TreeNode, leaf: &mut Leaf) -> Result<(), OutOfRange> {
-        let Below::Gaussian { size, bits, place } = node.below else { return Err(OutOfRange) };
+        let NodeContent::Gaussian { size, bits, place } = node.below else { return Err(OutOfRange) };
         leaf.cell = node.cell;
         leaf.t = self.trellis_t.half_steps(size);
         leaf.m = self.trellis_m.half_steps(node.count);
@@ -86,7 +86,7 @@ impl<'a> FineWalk<'a> {
 
     #[inline(always)]
     fn shape(&mut self, c: &mut impl Coder, leaf: &mut Leaf) -> Result<(), OutOfRange> {
-        c.part(Part::Shape);
+        c.part(StreamPart::Shape);
         let h = self.header;
         // Numbers of this Gaussian, and with less and less weight the block's.
         let mean = f64::from(h.spreads[2]) / leaf.factor;
@@ -108,7 +108,7 @@ impl<'a> FineWalk<'a> {
 
     #[inline(always)]
     fn place(&mut self, c: &mut impl Coder, leaf: &mut Leaf, bits: [u8; 3], part: [u8; 3]) -> Result<(), OutOfRange> {
-        c.part(Part::Place);
+        c.part(StreamPart::Place);
         let h = self.header;
         let step = h.place_step(leaf.radius, leaf.factor);
         leaf.levels = h.levels(&leaf.cell, self.extent, step, cholesky(&leaf.unit).0);

@@ -1,8 +1,8 @@
 //! A block's header: what its stream is decoded with (docs/format.md, section 4).
 
 use super::exact::{exp, exp_twice};
-use super::tree::Cell;
-use super::wire::Reader;
+use super::tree::TreeCell;
+use super::wire::WireReader;
 use crate::math::{Sym3, each_axis};
 use crate::space::Bounds;
 
@@ -88,7 +88,7 @@ impl BlockHeader {
 
     /// Reads and checks a header; the text says what is wrong.
     pub(crate) fn read(block: &[u8]) -> Result<BlockHeader, String> {
-        let mut r = Reader::new(block);
+        let mut r = WireReader::new(block);
         let min = [r.f64()?, r.f64()?, r.f64()?];
         let max = [r.f64()?, r.f64()?, r.f64()?];
         let (count, mass, gaussians) = (r.u64()?, r.f64()?, r.u32()?);
@@ -245,7 +245,7 @@ impl BlockHeader {
     /// Levels of a cell's axes: its width in steps, rounded, at least 1. `widths` of a Gaussian of radius 1: what its
     /// covariance leaves to each axis where the earlier ones are known.
     #[inline(always)]
-    pub(crate) fn levels(&self, cell: &Cell, extent: [f64; 3], step: f64, widths: [f64; 3]) -> [u64; 3] {
+    pub(crate) fn levels(&self, cell: &TreeCell, extent: [f64; 3], step: f64, widths: [f64; 3]) -> [u64; 3] {
         let cell = cell.widths(extent);
         // The cast rounds down and takes what is too large to 2^64 - 1, the limit to 2^40.
         each_axis(|k| ((cell[k] / (step * widths[k]) + 0.5) as u64).clamp(1, 1 << 40))

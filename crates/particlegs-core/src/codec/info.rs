@@ -1,7 +1,7 @@
 //! What a file says of itself, its Gaussians apart.
 
 use super::Precision;
-use super::file::{BlockPart, Parts, parts};
+use super::file::{BlockPart, FileParts, parts};
 use crate::Result;
 use crate::model::{Certificate, Layer, Mass, Metadata, VizMapper};
 
@@ -90,7 +90,7 @@ impl FileInfo {
     }
 
     /// Of the parts of a file.
-    pub(super) fn of(parts: Parts<'_>, file: &[u8]) -> FileInfo {
+    pub(super) fn of(parts: FileParts<'_>, file: &[u8]) -> FileInfo {
         let block = |BlockPart { header: h, bytes, stages, .. }: &BlockPart<'_>| BlockInfo {
             bounds: h.bounds,
             count: h.count,

@@ -5,9 +5,9 @@
 use super::OutOfRange;
 use super::exact::exp;
 use super::header::{BlockHeader, limited};
-use super::rans::{Coder, Part};
-use super::symbols::{Model, Residual};
-use super::tree::{Cell, Node};
+use super::rans::{Coder, StreamPart};
+use super::symbols::{Residual, SymbolModel};
+use super::tree::{SplitNode, TreeCell};
 
 /// Levels of a walk: the last takes all that is left.
 pub(crate) const LEVELS: usize = 256;
@@ -62,7 +62,7 @@ pub(crate) struct Division {
 
 /// A Gaussian as the encoder has it: log size in whole steps, and its place along the axes of its cell in quarter levels.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Single {
+pub(crate) struct LeafGaussian {
     pub size: i32,
     pub place: [u64; 3],
     pub levels: [u64; 3],
@@ -82,8 +82,8 @@ pub(crate) trait NodeSource {
     }
 
     /// The Gaussian of a node of one.
-    fn single(&mut self, _node: usize) -> Single {
-        Single { size: 0, place: [0; 3], levels: [1; 3] }
+    fn single(&mut self, _node: usize) -> LeafGaussian {
+        LeafGaussian { size: 0, place: [0; 3], levels: [1; 3] }
     }
 }
 
@@ -94,7 +94,7 @@ impl NodeSource for NoSource {}
 
 /// What is known below a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Below {
+pub(crate) enum NodeContent {
     /// It holds several Gaussians.
     Several,
     /// It holds one.
@@ -108,12 +108,12 @@ pub(crate) enum Below {
 /// A node of the tree.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TreeNode {
-    pub cell: Cell,
+    pub cell: TreeCell,
     /// Log count, whole steps; in shaded blocks log depth.
     pub count: i32,
     /// Mean log mass a particle, relative, whole steps; in shaded blocks log grey level.
     pub mass: i32,
-    pub below: Below,
+    pub below: NodeContent,
     /// Log count of the node that it is a half of.
     parent: i32,
     /// Root that it belongs to.
@@ -141,11 +141,11 @@ pub(crate) struct LevelWalk<'a> {
     total: usize,
     most: usize,
     sums: CountSums,
-    models: Models,
+    models: LevelModels,
 }
 
-struct Models {
-    halves: Vec<Model<4>>,
+struct LevelModels {
+    halves: Vec<SymbolModel<4>>,
     count: [Residual<64>; 3],
     mass: Residual<32>,
     size: Residual<32>,
@@ -156,7 +156,7 @@ impl<'a> LevelWalk<'a> {
     pub(crate) fn new(
         c: &mut impl Coder,
         header: &'a BlockHeader,
-        nodes: &[Node],
+        nodes: &[SplitNode],
         source: &mut impl NodeSource,
     ) -> Result<Self, OutOfRange> {
         let mut walk = LevelWalk {
@@ -172,17 +172,17 @@ impl<'a> LevelWalk<'a> {
             total: 0,
             most: 0,
             sums: CountSums::new(f64::from(header.steps[2])),
-            models: Models::new(header),
+            models: LevelModels::new(header),
         };
         for (number, node) in nodes.iter().enumerate() {
             let [count, mass] = source.root(number);
-            c.part(Part::Count);
+            c.part(StreamPart::Count);
             let count = plain(c, count)?;
-            c.part(Part::Mass);
+            c.part(StreamPart::Mass);
             let mass = if header.has_w() { plain(c, mass)? } else { 0 };
             walk.roots.push((f64::from(node.count), count));
             walk.total += node.count as usize;
-            let below = if node.count > 1 { Below::Several } else { Below::Single };
+            let below = if node.count > 1 { NodeContent::Several } else { NodeContent::Single };
             let root = number as u32;
             walk.least += least(&below);
             walk.nodes.push(TreeNode { cell: node.cell, count, mass, below, parent: count, root, whole: false });
@@ -215,7 +215,7 @@ impl<'a> LevelWalk<'a> {
             self.done += 1;
             let node = node as usize;
             let went_on = match self.nodes[node].below {
-                Below::Several => self.divide(c, source, node)?,
+                NodeContent::Several => self.divide(c, source, node)?,
                 _ => self.resolve(c, source, node)?,
             };
             if !went_on {
@@ -240,7 +240,7 @@ impl<'a> LevelWalk<'a> {
         let mut stack: Vec<u32> = (0..self.roots.len() as u32).rev().collect();
         while let Some(node) = stack.pop() {
             match self.nodes[node as usize].below {
-                Below::Halves([a, b]) => stack.extend([b, a]),
+                NodeContent::Halves([a, b]) => stack.extend([b, a]),
                 _ => out.push(node),
             }
         }
@@ -253,7 +253,7 @@ impl<'a> LevelWalk<'a> {
         let node = self.nodes[number];
         let axis = node.cell.axis(self.extent);
         let given = source.division(number);
-        c.part(Part::Tree);
+        c.part(StreamPart::Tree);
         let class = self.class(&node);
         let halves = self.models.halves[class].code(c, given.halves.symbol());
         let halves = NodeHalves::of(halves, |upper| c.bits(1, u32::from(upper)) == 1, given.halves);
@@ -271,12 +271,12 @@ impl<'a> LevelWalk<'a> {
             return Ok(true);
         }
         let [count_a, count_b] = {
-            c.part(Part::Count);
+            c.part(StreamPart::Count);
             let difference = self.count(c, halves, given.count);
             self.sums.parts(node.count, difference)
         };
         let [mass_a, mass_b] = if self.header.has_w() {
-            c.part(Part::Mass);
+            c.part(StreamPart::Mass);
             let difference = self.models.mass.code(c, u32::from(self.header.low[2]), given.mass);
             let mass = node.mass.saturating_sub(difference >> 1);
             [mass.saturating_add(difference), mass]
@@ -287,18 +287,18 @@ impl<'a> LevelWalk<'a> {
             return Ok(false);
         }
         let (below_a, below_b) = match halves {
-            NodeHalves::Single(true) => (Below::Single, Below::Several),
-            NodeHalves::Single(false) => (Below::Several, Below::Single),
-            NodeHalves::Several => (Below::Several, Below::Several),
-            _ => (Below::Single, Below::Single),
+            NodeHalves::Single(true) => (NodeContent::Single, NodeContent::Several),
+            NodeHalves::Single(false) => (NodeContent::Several, NodeContent::Single),
+            NodeHalves::Several => (NodeContent::Several, NodeContent::Several),
+            _ => (NodeContent::Single, NodeContent::Single),
         };
         let extremes = [count_a, count_b, mass_a, mass_b];
-        self.least += least(&below_a) + least(&below_b) - least(&Below::Several);
+        self.least += least(&below_a) + least(&below_b) - least(&NodeContent::Several);
         if extremes.iter().any(|v| v.unsigned_abs() > MOST_NODE_STEPS as u32) || self.least > self.most {
             return Err(OutOfRange);
         }
         let first = self.nodes.len() as u32;
-        self.nodes[number].below = Below::Halves([first, first + 1]);
+        self.nodes[number].below = NodeContent::Halves([first, first + 1]);
         for (side, count, mass, below) in [(0, count_a, mass_a, below_a), (1, count_b, mass_b, below_b)] {
             let cell = halves_of(side);
             let next = self.nodes.len();
@@ -329,12 +329,12 @@ impl<'a> LevelWalk<'a> {
     fn resolve(&mut self, c: &mut impl Coder, source: &mut impl NodeSource, number: usize) -> Result<bool, OutOfRange> {
         let node = self.nodes[number];
         let given = source.single(number);
-        c.part(Part::Size);
+        c.part(StreamPart::Size);
         let h = self.header;
         let predicted = h.predict_size(node.cell.level(), node.count, node.parent);
         let size = self.models.size.code(c, u32::from(h.low[0]), given.size.saturating_sub(predicted));
         let size = size.saturating_add(predicted);
-        c.part(Part::Place);
+        c.part(StreamPart::Place);
         let bits = self.place_bits(&node, size);
         let mut place = [0; 3];
         for k in 0..3 {
@@ -347,7 +347,7 @@ impl<'a> LevelWalk<'a> {
         if [size, node.count, node.mass].iter().any(|v| v.unsigned_abs() > MOST_STEPS as u32) {
             return Err(OutOfRange);
         }
-        self.nodes[number].below = Below::Gaussian { size, bits, place };
+        self.nodes[number].below = NodeContent::Gaussian { size, bits, place };
         Ok(true)
     }
 
@@ -387,11 +387,11 @@ impl<'a> LevelWalk<'a> {
     }
 }
 
-impl Models {
+impl LevelModels {
     fn new(h: &BlockHeader) -> Self {
         let [size, count, _] = h.spreads.map(f64::from);
-        let halves = |class: usize| Model::from_weights(HALVES[(class / 2).min(HALVES.len() - 1)]);
-        Models {
+        let halves = |class: usize| SymbolModel::from_weights(HALVES[(class / 2).min(HALVES.len() - 1)]);
+        LevelModels {
             halves: (0..2 * CLASSES).map(halves).collect(),
             count: [0, 1, 2].map(|_| Residual::bell(count)),
             mass: Residual::geometric(),
@@ -424,8 +424,8 @@ impl NodeHalves {
 }
 
 /// Gaussians that a node holds at least.
-fn least(below: &Below) -> usize {
-    if *below == Below::Several { 2 } else { 1 }
+fn least(below: &NodeContent) -> usize {
+    if *below == NodeContent::Several { 2 } else { 1 }
 }
 
 /// A plain whole number.

@@ -28,14 +28,14 @@ pub struct Merge {
     known: Option<(Metadata, String)>,
     layers: BTreeMap<String, MergedLayer>,
     /// The first block so far and the network of the part that holds it.
-    network: Option<(First, Option<Vec<u8>>)>,
+    network: Option<(FirstBlockKey, Option<Vec<u8>>)>,
     /// Sections of unknown tags that belong to no block and are kept, each once.
     sections: BTreeSet<StoredSection>,
     bytes: u64,
 }
 
 /// What decides which block is the first of a file: its layer's name, its bounds, its bytes.
-type First = (String, [u64; 6], Vec<u8>);
+type FirstBlockKey = (String, [u64; 6], Vec<u8>);
 
 /// A layer of the merged file.
 struct MergedLayer {
@@ -125,7 +125,7 @@ impl Merge {
 }
 
 /// The first block of a file: they come in order.
-fn first_block(layers: &[CodedLayer], place: &str) -> Result<Option<First>> {
+fn first_block(layers: &[CodedLayer], place: &str) -> Result<Option<FirstBlockKey>> {
     let Some((layer, block)) = layers.first().and_then(|l| Some((l, l.content.first()?))) else { return Ok(None) };
     let header = BlockHeader::read(&block.bytes).map_err(|what| Error::corrupt(place, what))?;
     Ok(Some((layer.name.clone(), order_key(&header), block.bytes.clone())))

@@ -1,14 +1,14 @@
 //! The encoder's search for places: trellis-coded on three axes of each Gaussian, the least error measured in the
 //! Gaussian's own widths (docs/format.md, section 11).
 
-use super::trellis::{NEXT, STATES, State, nearest};
+use super::trellis::{NEXT, STATES, TrellisState, nearest};
 
 /// Gaussians that are decided together; bounds the memory of the search.
 const WINDOW: usize = 1 << 12;
 
 /// Where a Gaussian is to be placed in its cell.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Target {
+pub(crate) struct PlacementTarget {
     /// Levels of each axis.
     pub levels: [u64; 3],
     /// Place in levels, each within 0 to the number of levels.
@@ -21,23 +21,23 @@ pub(crate) struct Target {
 
 /// The best way into one state of the trellis.
 #[derive(Clone, Copy)]
-struct Way {
+struct TrellisPath {
     cost: f64,
     /// Errors of the Gaussian's axes so far, in steps of its shape.
     error: [f64; 3],
 }
 
 /// How a state was reached: the state before, and the index.
-type Step = [(u8, i64); STATES];
+type TrellisStep = [(u8, i64); STATES];
 
 /// Levels, and quarter levels of the places of least total error (Viterbi).
-pub(crate) fn quantise_places(count: usize, target: impl Fn(usize) -> Target) -> Vec<[[u64; 3]; 2]> {
+pub(crate) fn quantise_places(count: usize, target: impl Fn(usize) -> PlacementTarget) -> Vec<[[u64; 3]; 2]> {
     let mut out = vec![[[1; 3], [2; 3]]; count];
-    let mut state = State::default();
-    let mut steps: Vec<Step> = Vec::with_capacity(3 * WINDOW.min(count));
+    let mut state = TrellisState::default();
+    let mut steps: Vec<TrellisStep> = Vec::with_capacity(3 * WINDOW.min(count));
     for start in (0..count).step_by(WINDOW) {
         let end = count.min(start + WINDOW);
-        let mut ways = [Way { cost: f64::INFINITY, error: [0.0; 3] }; STATES];
+        let mut ways = [TrellisPath { cost: f64::INFINITY, error: [0.0; 3] }; STATES];
         ways[state.number()].cost = 0.0;
         steps.clear();
         for i in start..end {
@@ -52,7 +52,7 @@ pub(crate) fn quantise_places(count: usize, target: impl Fn(usize) -> Target) ->
             }
         }
         let best = (0..STATES).min_by(|&a, &b| ways[a].cost.total_cmp(&ways[b].cost)).unwrap_or(0);
-        state = State::of(best);
+        state = TrellisState::of(best);
         let mut s = best;
         for i in (start..end).rev() {
             let levels = out[i][0];
@@ -68,9 +68,9 @@ pub(crate) fn quantise_places(count: usize, target: impl Fn(usize) -> Target) ->
 }
 
 /// Codes one axis: the cheapest way into each state.
-fn choose(ways: &mut [Way; STATES], target: &Target, axis: usize) -> Step {
-    let mut next = [Way { cost: f64::INFINITY, error: [0.0; 3] }; STATES];
-    let mut step: Step = [(0, 0); STATES];
+fn choose(ways: &mut [TrellisPath; STATES], target: &PlacementTarget, axis: usize) -> TrellisStep {
+    let mut next = [TrellisPath { cost: f64::INFINITY, error: [0.0; 3] }; STATES];
+    let mut step: TrellisStep = [(0, 0); STATES];
     let range = [0, target.levels[axis] as i64 - 1];
     for s in 0..STATES {
         let way = ways[s];
@@ -94,9 +94,9 @@ fn choose(ways: &mut [Way; STATES], target: &Target, axis: usize) -> Step {
     step
 }
 
-impl Way {
+impl TrellisPath {
     /// The place on an axis that leaves no error in the widths of the Gaussian, those of earlier axes given.
-    fn wanted(&self, axis: usize, target: &Target) -> f64 {
+    fn wanted(&self, axis: usize, target: &PlacementTarget) -> f64 {
         let [a, b, _] = self.error;
         let moved = match axis {
             0 => 0.0,
@@ -107,7 +107,7 @@ impl Way {
     }
 
     /// Takes a place.
-    fn add(&mut self, axis: usize, target: &Target, place: f64) {
+    fn add(&mut self, axis: usize, target: &PlacementTarget, place: f64) {
         let error = (place - self.wanted(axis, target)) * target.coarse[axis];
         self.error[axis] = error;
         self.cost += error * error;

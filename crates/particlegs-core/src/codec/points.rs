@@ -1,9 +1,9 @@
 //! Points alone, coded as a block codes its means: what a subset of the particles takes in bytes.
 
 use super::OutOfRange;
-use super::rans::{Coder, Recorder};
+use super::rans::{Coder, RansWriter};
 use super::splits::{Splits, long_uniform};
-use super::tree::{Cell, Node, Segment, Tree, segments};
+use super::tree::{Segment, SplitNode, Tree, TreeCell, segments};
 use crate::math::each_axis;
 use crate::parallel;
 use crate::space::Bounds;
@@ -31,7 +31,7 @@ impl CodedPoints {
     pub fn of(points: &[Vec<f64>; 3], bounds: &Bounds, step: f64) -> CodedPoints {
         let tree = Tree::build(points, bounds);
         let lattice = Lattice { bounds, extent: bounds.extent(), step };
-        let mut above = Recorder::default();
+        let mut above = RansWriter::default();
         let (mut splits, mut lows) = (Splits::new(), tree.trunk.iter());
         let trunk = segments(tree.order.len() as u32, lattice.extent, |node, _, _| {
             splits.code(&mut above, node, lows.next().copied().unwrap_or(0))
@@ -39,7 +39,7 @@ impl CodedPoints {
         debug_assert!(trunk.is_ok(), "splits are those of the tree");
         let starts = tree.lengths().into_iter().scan(0, |next, n| Some(std::mem::replace(next, *next + n)));
         let parts = parallel::map(tree.segments.iter().zip(starts), |(segment, start)| {
-            let mut recorder = Recorder::default();
+            let mut recorder = RansWriter::default();
             let mut position: [Vec<f64>; 3] = Default::default();
             let of = |at: usize| each_axis(|k| points[k][tree.order[start + at] as usize]);
             let walked = lattice.walk(&mut recorder, segment, of, |p| (0..3).for_each(|k| position[k].push(p[k])));
@@ -73,7 +73,7 @@ impl Lattice<'_> {
         mut sink: impl FnMut([f64; 3]),
     ) -> Result<(), OutOfRange> {
         let (mut splits, mut lows, mut done) = (Splits::new(), segment.splits.iter(), 0);
-        let mut stack: Vec<Node> = segment.nodes.iter().rev().copied().collect();
+        let mut stack: Vec<SplitNode> = segment.nodes.iter().rev().copied().collect();
         while let Some(node) = stack.pop() {
             match node.cell.axis(self.extent).filter(|_| node.count > 1) {
                 None => {
@@ -93,7 +93,7 @@ impl Lattice<'_> {
     }
 
     /// A point's place within its leaf.
-    fn place(&self, c: &mut impl Coder, cell: &Cell, point: [f64; 3]) -> [f64; 3] {
+    fn place(&self, c: &mut impl Coder, cell: &TreeCell, point: [f64; 3]) -> [f64; 3] {
         let widths = cell.widths(self.extent);
         each_axis(|k| {
             let n = (widths[k] / self.step).ceil().clamp(1.0, MOST_LEVELS);
@@ -108,7 +108,7 @@ impl Lattice<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::rans::Player;
+    use super::super::rans::RansReader;
     use super::*;
     use crate::math::Random;
 
@@ -148,13 +148,13 @@ mod tests {
         let (points, bounds) = (clumps(5000), Bounds { min: [0.0; 3], max: [50.0; 3] });
         let tree = Tree::build(&points, &bounds);
         let lattice = Lattice { bounds: &bounds, extent: bounds.extent(), step: 0.04 };
-        let mut recorder = Recorder::default();
+        let mut recorder = RansWriter::default();
         let mut written = Vec::new();
         let of = |at: usize| each_axis(|k| points[k][tree.order[at] as usize]);
         assert!(lattice.walk(&mut recorder, &tree.segments[0], of, |p| written.push(p)).is_ok());
         let stream = recorder.finish();
-        let blank = Segment { nodes: vec![Node::root(5000)], splits: Vec::new() };
-        let (mut player, mut read) = (Player::new(&stream).unwrap(), Vec::new());
+        let blank = Segment { nodes: vec![SplitNode::root(5000)], splits: Vec::new() };
+        let (mut player, mut read) = (RansReader::new(&stream).unwrap(), Vec::new());
         assert!(lattice.walk(&mut player, &blank, |_| [0.0; 3], |p| read.push(p)).is_ok());
         assert!(player.finished() && read == written);
         // Less than evenly spread points of that precision take: log2(cells / n) + log2(e) bits.

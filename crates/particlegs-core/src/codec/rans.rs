@@ -8,7 +8,7 @@ const LOW: u32 = 1 << 16;
 
 /// What bits are spent on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Part {
+pub(crate) enum StreamPart {
     /// Counts of the tree.
     Tree,
     /// Sizes.
@@ -40,8 +40,8 @@ pub(crate) trait Coder {
     /// A level of a walk is done.
     fn end_of_level(&mut self) {}
 
-    /// What follows belongs to `part` (of [`Part`]); for accounts of where the bits go.
-    fn part(&mut self, _part: Part) {}
+    /// What follows belongs to `part` (of [`StreamPart`]); for accounts of where the bits go.
+    fn part(&mut self, _part: StreamPart) {}
 
     /// A value in `0 .. n` that is as likely as any other; `n` in 1 ..= 2^12.
     #[inline(always)]
@@ -102,22 +102,22 @@ fn inverse(n: u32) -> u64 {
     }
 }
 
-/// Records intervals; [`Recorder::finish`] codes them last to first, as rANS asks for.
+/// Records intervals; [`RansWriter::finish`] codes them last to first, as rANS asks for.
 #[derive(Default)]
-pub(crate) struct Recorder {
+pub(crate) struct RansWriter {
     intervals: Vec<(u16, u16)>,
     /// Where each level of a walk ends.
     levels: Vec<usize>,
     /// Where runs of one part begin, if asked for.
-    parts: Option<Vec<(Part, usize)>>,
+    parts: Option<Vec<(StreamPart, usize)>>,
 }
 
-impl Coder for Recorder {
+impl Coder for RansWriter {
     fn end_of_level(&mut self) {
         self.levels.push(self.intervals.len());
     }
 
-    fn part(&mut self, part: Part) {
+    fn part(&mut self, part: StreamPart) {
         if let Some(parts) = &mut self.parts {
             parts.push((part, self.intervals.len()));
         }
@@ -135,10 +135,10 @@ impl Coder for Recorder {
     }
 }
 
-impl Recorder {
+impl RansWriter {
     /// Keeps account of the parts.
     pub(crate) fn with_parts() -> Self {
-        Recorder { parts: Some(Vec::new()), ..Recorder::default() }
+        RansWriter { parts: Some(Vec::new()), ..RansWriter::default() }
     }
 
     /// Bits that the recorded probabilities ask for.
@@ -201,21 +201,21 @@ fn bits(interval: &(u16, u16)) -> f64 {
     f64::from(PROBABILITY_BITS) - libm::log2(f64::from(interval.1))
 }
 
-/// Reads a stream. After the end it goes on with zeros; [`Player::finished`] tells.
-pub(crate) struct Player<'a> {
+/// Reads a stream. After the end it goes on with zeros; [`RansReader::finished`] tells.
+pub(crate) struct RansReader<'a> {
     words: &'a [u8],
     next: usize,
     states: [u32; 2],
 }
 
-impl<'a> Player<'a> {
+impl<'a> RansReader<'a> {
     /// Takes the two states; `None` where the stream is too short or a state too low.
     pub(crate) fn new(stream: &'a [u8]) -> Option<Self> {
         let (head, words) = stream.split_at_checked(8)?;
         let word = |i: usize| u32::from_le_bytes([head[i], head[i + 1], head[i + 2], head[i + 3]]);
         let states = [word(0), word(4)];
         let sound = states.iter().all(|&s| s >= LOW);
-        sound.then_some(Player { words, next: 0, states })
+        sound.then_some(RansReader { words, next: 0, states })
     }
 
     /// Are both states where the encoder began?
@@ -229,7 +229,7 @@ impl<'a> Player<'a> {
     }
 }
 
-impl Coder for Player<'_> {
+impl Coder for RansReader<'_> {
     #[inline(always)]
     fn exhausted(&self) -> bool {
         self.next > self.words.len()
@@ -279,12 +279,12 @@ mod tests {
                 (n, (r.uniform() * f64::from(n)) as u32)
             })
             .collect();
-        let mut recorder = Recorder::default();
+        let mut recorder = RansWriter::default();
         walk(&mut recorder, &values);
         let entropy: f64 = values.iter().map(|v| f64::from(v.0).log2()).sum::<f64>() / 8.0;
         let stream = recorder.finish();
         assert!((stream.len() as f64) < entropy * 1.002 + 16.0, "{} bytes for {entropy}", stream.len());
-        let mut player = Player::new(&stream).unwrap();
+        let mut player = RansReader::new(&stream).unwrap();
         let blank: Vec<(u32, u32)> = values.iter().map(|v| (v.0, 0)).collect();
         assert_eq!(walk(&mut player, &blank), values.iter().map(|v| v.1).collect::<Vec<_>>());
         assert!(player.finished() && player.rest().is_empty());
@@ -292,12 +292,12 @@ mod tests {
 
     #[test]
     fn a_short_stream_is_noticed() {
-        let mut recorder = Recorder::default();
+        let mut recorder = RansWriter::default();
         walk(&mut recorder, &[(1000, 7); 500]);
         let stream = recorder.finish();
-        let mut player = Player::new(&stream[..stream.len() - 2]).unwrap();
+        let mut player = RansReader::new(&stream[..stream.len() - 2]).unwrap();
         walk(&mut player, &[(1000, 0); 500]);
         assert!(player.exhausted() && !player.finished());
-        assert!(Player::new(&stream[..7]).is_none() && Player::new(&[0; 8]).is_none());
+        assert!(RansReader::new(&stream[..7]).is_none() && RansReader::new(&[0; 8]).is_none());
     }
 }

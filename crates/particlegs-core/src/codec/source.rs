@@ -1,8 +1,8 @@
 //! The encoder's side of a walk over levels: a segment's tree, with the numbers of its nodes.
 
 use super::fine::Leaf;
-use super::levels::{CountSums, Division, NodeHalves, NodeSource, Single};
-use super::tree::{Cell, Node};
+use super::levels::{CountSums, Division, LeafGaussian, NodeHalves, NodeSource};
+use super::tree::{SplitNode, TreeCell};
 
 /// What the tree is below a node.
 #[derive(Clone, Copy, Debug)]
@@ -24,7 +24,7 @@ pub(crate) struct SegmentTree {
 
 impl SegmentTree {
     /// Of a segment's nodes, and the cells of its Gaussians in the order of the tree.
-    pub(crate) fn new(nodes: &[Node], cells: &[Cell], extent: [f64; 3]) -> Self {
+    pub(crate) fn new(nodes: &[SplitNode], cells: &[TreeCell], extent: [f64; 3]) -> Self {
         let mut forks = vec![Fork::Leaf(0); nodes.len()];
         let mut start = 0u32;
         let mut stack = Vec::with_capacity(nodes.len());
@@ -41,7 +41,7 @@ impl SegmentTree {
             let middle = match axis {
                 // The bit of a leaf's index that says which half it lies in.
                 Some(k) => {
-                    let lower = |leaf: &Cell| leaf.index[k] >> (leaf.depth[k] - cell.depth[k] - 1) & 1 == 0;
+                    let lower = |leaf: &TreeCell| leaf.index[k] >> (leaf.depth[k] - cell.depth[k] - 1) & 1 == 0;
                     from + cells[from as usize..to as usize].partition_point(lower) as u32
                 }
                 // Gaussians in one place: half of them each.
@@ -145,11 +145,11 @@ impl NodeSource for SegmentSource<'_> {
         }
     }
 
-    fn single(&mut self, node: usize) -> Single {
+    fn single(&mut self, node: usize) -> LeafGaussian {
         let Fork::Leaf(leaf) = self.tree.forks[self.numbers[node] as usize] else {
-            return Single { size: 0, place: [0; 3], levels: [1; 3] };
+            return LeafGaussian { size: 0, place: [0; 3], levels: [1; 3] };
         };
         let leaf = &self.leaves[leaf as usize];
-        Single { size: leaf.t >> 1, place: leaf.place, levels: leaf.levels }
+        LeafGaussian { size: leaf.t >> 1, place: leaf.place, levels: leaf.levels }
     }
 }

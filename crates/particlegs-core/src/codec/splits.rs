@@ -2,12 +2,12 @@
 
 use super::OutOfRange;
 use super::header::BlockHeader;
-use super::rans::{Coder, Part};
-use super::symbols::Model;
-use super::tree::{Node, segments};
+use super::rans::{Coder, StreamPart};
+use super::symbols::SymbolModel;
+use super::tree::{SplitNode, segments};
 
 /// Models of how nodes fall apart: by count (2 to 15, then powers of two) and share.
-pub(super) struct Splits(Vec<[Model<16>; 3]>);
+pub(super) struct Splits(Vec<[SymbolModel<16>; 3]>);
 
 impl Splits {
     pub(super) fn new() -> Splits {
@@ -23,16 +23,16 @@ impl Splits {
                     1
                 }
             });
-            [0, 1, 2].map(|_| Model::from_weights(weights))
+            [0, 1, 2].map(|_| SymbolModel::from_weights(weights))
         };
         Splits((2..16).chain([16, 32, 64, 128, 256]).map(split).collect())
     }
 
     /// The number of the lower half's Gaussians.
     #[inline(always)]
-    pub(super) fn code(&mut self, c: &mut impl Coder, node: &Node, low: u32) -> Result<u32, OutOfRange> {
+    pub(super) fn code(&mut self, c: &mut impl Coder, node: &SplitNode, low: u32) -> Result<u32, OutOfRange> {
         let n = node.count;
-        c.part(Part::Tree);
+        c.part(StreamPart::Tree);
         if n < 16 {
             let low = self.0[n as usize - 2][node.share as usize].code(c, low.min(n) as usize) as u32;
             return if low <= n { Ok(low) } else { Err(OutOfRange) };
@@ -57,7 +57,7 @@ pub(super) fn long_uniform(c: &mut impl Coder, n: u64, value: u64) -> u64 {
 
 /// The splits above the segments, and with them the segments' nodes. The encoder's `lows` say how many Gaussians
 /// fall into each node's lower half; the decoder has none.
-pub(super) fn trunk(c: &mut impl Coder, header: &BlockHeader, lows: &[u32]) -> Result<Vec<Vec<Node>>, OutOfRange> {
+pub(super) fn trunk(c: &mut impl Coder, header: &BlockHeader, lows: &[u32]) -> Result<Vec<Vec<SplitNode>>, OutOfRange> {
     let (mut splits, mut lows) = (Splits::new(), lows.iter());
     segments(header.gaussians, header.bounds.extent(), |node, _, _| {
         splits.code(c, node, lows.next().copied().unwrap_or(0))

@@ -3,7 +3,7 @@
 
 use super::header::BlockHeader;
 use super::tree::SEGMENT;
-use super::wire::Reader;
+use super::wire::WireReader;
 use std::ops::Range;
 
 /// Where the streams of a block lie in its bytes, whether these go that far or not.
@@ -42,7 +42,7 @@ pub(crate) fn write(header: &BlockHeader, trunk: &[u8], stages: &[Vec<Vec<u8>>],
 
 /// Takes what follows the header apart; nothing is reserved that the bytes do not hold.
 pub(crate) fn read(header: &BlockHeader, block: &[u8]) -> Result<Streams, String> {
-    let mut r = Reader::new(&block[header.bytes()..]);
+    let mut r = WireReader::new(&block[header.bytes()..]);
     let stages = header.cuts.len() + 1;
     let (segments, trunk) = match has_segments(header.gaussians) {
         true => (r.u32()?, Some(r.u32()?)),

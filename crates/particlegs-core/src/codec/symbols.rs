@@ -13,13 +13,13 @@ const SLOWER_AFTER: [u32; 5] = [12, 40, 120, 360, 1000];
 
 /// Probabilities of `N` symbols that follow what was coded.
 #[derive(Clone)]
-pub(crate) struct Model<const N: usize> {
+pub(crate) struct SymbolModel<const N: usize> {
     /// `cumulative[s]`: below symbol `s`, out of 2^30. Neighbours differ by 2^15 at least.
     cumulative: [i32; N],
     seen: u32,
 }
 
-impl<const N: usize> Model<N> {
+impl<const N: usize> SymbolModel<N> {
     /// Starts from weights; every symbol gets at least 2^-15.
     pub(crate) fn from_weights(weights: [u32; N]) -> Self {
         let sum: u64 = weights.iter().map(|&w| u64::from(w)).sum();
@@ -30,7 +30,7 @@ impl<const N: usize> Model<N> {
             cumulative[s] = (below * room / sum) as i32 + s as i32 * FLOOR;
             below += u64::from(weights[s]);
         }
-        Model { cumulative, seen: 0 }
+        SymbolModel { cumulative, seen: 0 }
     }
 
     #[inline(always)]
@@ -84,7 +84,7 @@ impl<const N: usize> Model<N> {
 
 /// A model of residuals around 0: `N - 1` symbols for `-(N / 2 - 1) ..= N / 2 - 1`, and the escape.
 #[derive(Clone)]
-pub(crate) struct Residual<const N: usize>(Model<N>);
+pub(crate) struct Residual<const N: usize>(SymbolModel<N>);
 
 impl<const N: usize> Residual<N> {
     const CENTRE: i32 = N as i32 / 2 - 1;
@@ -100,7 +100,7 @@ impl<const N: usize> Residual<N> {
             w = w * 3 / 4;
         }
         weights[N - 1] = w;
-        Residual(Model::from_weights(weights))
+        Residual(SymbolModel::from_weights(weights))
     }
 
     /// Starts at a bell with longer tails of a width of `spread` steps.
@@ -113,7 +113,7 @@ impl<const N: usize> Residual<N> {
         };
         let mut weights: [u32; N] = std::array::from_fn(|s| weight(s.abs_diff(centre)));
         weights[N - 1] = weight(centre + 1);
-        Residual(Model::from_weights(weights))
+        Residual(SymbolModel::from_weights(weights))
     }
 
     /// Codes a residual whose lowest `low` bits are plain.
@@ -140,7 +140,7 @@ fn escape(c: &mut impl Coder, centre: i32, value: i32) -> i32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::rans::{Player, Recorder};
+    use super::super::rans::{RansReader, RansWriter};
     use super::*;
     use crate::math::Random;
 
@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn coded_size_is_the_models_entropy() {
         let values: Vec<i32> = (0..50_000).map(|i| (Random::new(3, 0, i).normal() * 2.5).round() as i32).collect();
-        let mut recorder = Recorder::default();
+        let mut recorder = RansWriter::default();
         walk(&mut recorder, &values, 0);
         let entropy = recorder.entropy_bits() / 8.0;
         let stream = recorder.finish();
@@ -160,7 +160,7 @@ mod tests {
         // And the model itself is close to the law of the values: H(normal, 2.5) = 3.369 bits.
         let bits = stream.len() as f64 * 8.0 / values.len() as f64;
         assert!(bits < 3.369 * 1.03, "{bits} bits");
-        let mut player = Player::new(&stream).unwrap();
+        let mut player = RansReader::new(&stream).unwrap();
         assert_eq!(walk(&mut player, &vec![0; values.len()], 0), values);
         assert!(player.finished());
     }
@@ -169,10 +169,10 @@ mod tests {
     fn far_residuals_escape() {
         for low in [0, 3] {
             let values = [0, -1, 15, 16, -16, 17, -1000, 1 << 20, -(1 << 20), 5, (1 << 21) + 14];
-            let mut recorder = Recorder::default();
+            let mut recorder = RansWriter::default();
             walk(&mut recorder, &values, low);
             let stream = recorder.finish();
-            let mut player = Player::new(&stream).unwrap();
+            let mut player = RansReader::new(&stream).unwrap();
             assert_eq!(walk(&mut player, &[0; 11], low), values);
             assert!(player.finished());
         }

@@ -45,7 +45,7 @@ impl Thinning<'_> {
             return Ok(None);
         }
         progress.begin("subset of the same bytes", 0);
-        let mut order = Order::new(n, self.seed);
+        let mut order = RandomOrder::new(n, self.seed);
         let mut best: Option<(usize, CodedPoints)> = None;
         let bytes = self.bytes as f64;
         let mut kept = share_of(n, 8.0 * bytes / FIRST_GUESS);
@@ -88,17 +88,17 @@ fn share_of(n: usize, wanted: f64) -> usize {
 }
 
 /// All points in a random order, as far as it was asked for.
-struct Order {
+struct RandomOrder {
     random: Random,
     taken: Vec<u64>,
     order: Vec<usize>,
     n: usize,
 }
 
-impl Order {
+impl RandomOrder {
     fn new(n: usize, seed: u64) -> Self {
         let random = Random::of(Purpose::CertificateSubset, seed, 0);
-        Order { random, taken: vec![0; n.div_ceil(64)], order: Vec::new(), n }
+        RandomOrder { random, taken: vec![0; n.div_ceil(64)], order: Vec::new(), n }
     }
 
     /// The first `k`.

@@ -10,12 +10,12 @@ pub(crate) const DEEPEST: u8 = 40;
 
 /// A box of the tree: bounds halved `depth[k]` times along axis k, number `index[k]` of those.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Cell {
+pub(crate) struct TreeCell {
     pub index: [u64; 3],
     pub depth: [u8; 3],
 }
 
-impl Cell {
+impl TreeCell {
     /// Edge lengths.
     #[inline(always)]
     pub(crate) fn widths(&self, extent: [f64; 3]) -> [f64; 3] {
@@ -34,7 +34,7 @@ impl Cell {
 
     /// The lower (0) or upper (1) half.
     #[inline(always)]
-    pub(crate) fn half(&self, axis: usize, side: u64) -> Cell {
+    pub(crate) fn half(&self, axis: usize, side: u64) -> TreeCell {
         let mut c = *self;
         c.index[axis] = 2 * c.index[axis] + side;
         c.depth[axis] += 1;
@@ -62,23 +62,23 @@ fn power_of_half(d: u8) -> f64 {
 
 /// A node that waits for its turn: its box, its Gaussians, and how its parent fell apart.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Node {
-    pub cell: Cell,
+pub(crate) struct SplitNode {
+    pub cell: TreeCell,
     pub count: u32,
     /// 0: all of the parent's are here (or this is the root); 1: fewer than half; 2: half or more.
     pub share: u8,
 }
 
-impl Node {
+impl SplitNode {
     /// All of a block's `count` Gaussians.
-    pub(crate) fn root(count: u32) -> Node {
-        Node { cell: Cell::default(), count, share: 0 }
+    pub(crate) fn root(count: u32) -> SplitNode {
+        SplitNode { cell: TreeCell::default(), count, share: 0 }
     }
 
     /// The two halves after `low` of the Gaussians fell into the lower.
     #[inline(always)]
-    pub(crate) fn halves(&self, axis: usize, low: u32) -> [Node; 2] {
-        let side = |side: u64, count: u32| Node {
+    pub(crate) fn halves(&self, axis: usize, low: u32) -> [SplitNode; 2] {
+        let side = |side: u64, count: u32| SplitNode {
             cell: self.cell.half(axis, side),
             count,
             share: if count == self.count { 0 } else { 1 + u8::from(2 * u64::from(count) >= u64::from(self.count)) },
@@ -97,11 +97,11 @@ pub(crate) const SEGMENT: u32 = 1 << 16;
 pub(crate) fn segments<E>(
     count: u32,
     extent: [f64; 3],
-    mut split: impl FnMut(&Node, usize, usize) -> Result<u32, E>,
-) -> Result<Vec<Vec<Node>>, E> {
-    let mut out: Vec<Vec<Node>> = Vec::new();
+    mut split: impl FnMut(&SplitNode, usize, usize) -> Result<u32, E>,
+) -> Result<Vec<Vec<SplitNode>>, E> {
+    let mut out: Vec<Vec<SplitNode>> = Vec::new();
     let (mut start, mut filled) = (0, 0u64);
-    let mut stack = vec![Node::root(count)];
+    let mut stack = vec![SplitNode::root(count)];
     while let Some(node) = stack.pop() {
         if let Some(axis) = node.cell.axis(extent).filter(|_| node.count > SEGMENT) {
             let [a, b] = node.halves(axis, split(&node, axis, start)?);
@@ -122,7 +122,7 @@ pub(crate) fn segments<E>(
 }
 
 /// Gaussians of a segment's nodes.
-pub(crate) fn gaussians(nodes: &[Node]) -> usize {
+pub(crate) fn gaussians(nodes: &[SplitNode]) -> usize {
     nodes.iter().map(|n| n.count as usize).sum()
 }
 
@@ -137,7 +137,7 @@ pub(crate) struct Tree {
     /// Gaussians in the order of the leaves.
     pub order: Vec<u32>,
     /// The leaf of each Gaussian, in `order`.
-    pub cells: Vec<Cell>,
+    pub cells: Vec<TreeCell>,
     /// How many of each node's fall into its lower half, of the nodes above the segments.
     pub trunk: Vec<u32>,
     pub segments: Vec<Segment>,
@@ -146,7 +146,7 @@ pub(crate) struct Tree {
 /// A part of the tree that is coded on its own.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Segment {
-    pub nodes: Vec<Node>,
+    pub nodes: Vec<SplitNode>,
     /// How many of each node's fall into its lower half, nodes in the order of the walk.
     pub splits: Vec<u32>,
 }
@@ -157,10 +157,10 @@ impl Tree {
         let extent = bounds.extent();
         let n = mean[0].len();
         let mut order: Vec<u32> = (0..n as u32).collect();
-        let mut cells = vec![Cell::default(); n];
+        let mut cells = vec![TreeCell::default(); n];
         // Whole coordinates of 2^-40 of the extent: comparing them is exact.
         let fine: [Vec<u64>; 3] = each_axis(|k| parallel::map_range(n, |i| grid(mean[k][i], bounds.min[k], extent[k])));
-        let part = |order: &mut [u32], node: &Node, axis: usize| {
+        let part = |order: &mut [u32], node: &SplitNode, axis: usize| {
             let bit = DEEPEST - 1 - node.cell.depth[axis];
             partition(order, |i| (fine[axis][i as usize] >> bit) & 1 == 0) as u32
         };
@@ -191,15 +191,15 @@ impl Tree {
 
 /// Sorts the Gaussians of some nodes into their leaves; returns the splits.
 fn sort(
-    nodes: &[Node],
+    nodes: &[SplitNode],
     order: &mut [u32],
-    cells: &mut [Cell],
+    cells: &mut [TreeCell],
     extent: [f64; 3],
-    part: impl Fn(&mut [u32], &Node, usize) -> u32,
+    part: impl Fn(&mut [u32], &SplitNode, usize) -> u32,
 ) -> Vec<u32> {
     let mut splits = Vec::new();
     let mut start = 0;
-    let mut stack: Vec<Node> = nodes.iter().rev().copied().collect();
+    let mut stack: Vec<SplitNode> = nodes.iter().rev().copied().collect();
     while let Some(node) = stack.pop() {
         let end = start + node.count as usize;
         match node.cell.axis(extent).filter(|_| node.count > 1) {

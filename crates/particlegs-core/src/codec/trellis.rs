@@ -11,17 +11,17 @@ const WINDOW: usize = 1 << 14;
 
 /// The state that encoder and decoder share.
 #[derive(Clone, Copy, Default)]
-pub(crate) struct State(u8);
+pub(crate) struct TrellisState(u8);
 
-impl State {
+impl TrellisState {
     /// 0: whole steps; 1: half a step further.
     #[inline(always)]
     pub(crate) fn lattice(self) -> i32 {
         i32::from(self.0 & 1)
     }
 
-    pub(super) fn of(number: usize) -> State {
-        State(number as u8)
+    pub(super) fn of(number: usize) -> TrellisState {
+        TrellisState(number as u8)
     }
 
     pub(super) fn number(self) -> usize {
@@ -45,7 +45,7 @@ impl State {
 
 /// A number to quantise: `value` in steps; allowed indices. A squared error of one step costs 1.
 #[derive(Clone, Copy)]
-pub(crate) struct Sample {
+pub(crate) struct TrellisSample {
     /// In steps.
     pub value: f64,
     /// Lowest and highest index.
@@ -56,10 +56,10 @@ pub(crate) struct Sample {
     pub weight: f64,
 }
 
-impl Sample {
+impl TrellisSample {
     /// A number on the whole lattice.
     pub(crate) fn free(value: f64) -> Self {
-        Sample { value, range: [-(1 << 20), 1 << 20], pull: 0.0, weight: 1.0 }
+        TrellisSample { value, range: [-(1 << 20), 1 << 20], pull: 0.0, weight: 1.0 }
     }
 }
 
@@ -77,9 +77,9 @@ pub(super) fn nearest(x: f64, parity: i64, range: [i64; 2]) -> Option<i64> {
 }
 
 /// The indices of least total cost (Viterbi), from `state` on.
-pub(crate) fn quantise(count: usize, sample: impl Fn(usize) -> Sample) -> Vec<i64> {
+pub(crate) fn quantise(count: usize, sample: impl Fn(usize) -> TrellisSample) -> Vec<i64> {
     let mut out = Vec::with_capacity(count);
-    let mut state = State::default();
+    let mut state = TrellisState::default();
     let mut back: Vec<[u8; 8]> = Vec::with_capacity(WINDOW.min(count));
     while out.len() < count {
         let start = out.len();
@@ -91,7 +91,7 @@ pub(crate) fn quantise(count: usize, sample: impl Fn(usize) -> Sample) -> Vec<i6
             back.push(advance(&mut cost, sample(i)));
         }
         let mut s = (0..8).min_by(|&a, &b| cost[a].total_cmp(&cost[b])).unwrap_or(0);
-        state = State(s as u8);
+        state = TrellisState(s as u8);
         out.resize(end, 0);
         for i in (start..end).rev() {
             let (from, parity) = (back[i - start][s] >> 1, i64::from(back[i - start][s] & 1));
@@ -106,7 +106,7 @@ pub(crate) fn quantise(count: usize, sample: impl Fn(usize) -> Sample) -> Vec<i6
 
 /// One step of the search: the cheapest way into each state, as 2 (state before) + parity.
 #[inline]
-fn advance(cost: &mut [f64; 8], sample: Sample) -> [u8; 8] {
+fn advance(cost: &mut [f64; 8], sample: TrellisSample) -> [u8; 8] {
     // Both lattices, both parities.
     let price: [[f64; 2]; 2] = std::array::from_fn(|lattice| {
         let x = sample.value - 0.5 * lattice as f64;
@@ -142,8 +142,8 @@ mod tests {
     #[test]
     fn error_is_a_decibel_below_rounding() {
         let values: Vec<f64> = (0..40_000).map(|i| Random::new(5, 0, i).uniform() * 1000.0).collect();
-        let indices = quantise(values.len(), |i| Sample::free(values[i]));
-        let mut state = State::default();
+        let indices = quantise(values.len(), |i| TrellisSample::free(values[i]));
+        let mut state = TrellisState::default();
         let mut mse = 0.0;
         for (v, &k) in values.iter().zip(&indices) {
             let e = v - k as f64 - 0.5 * f64::from(state.lattice());
@@ -159,7 +159,8 @@ mod tests {
     fn ranges_are_kept() {
         let values: Vec<f64> = (0..1000).map(|i| Random::new(6, 0, i).uniform() * 3.0).collect();
         for top in 0..3 {
-            let indices = quantise(values.len(), |i| Sample { range: [0, top], ..Sample::free(values[i]) });
+            let indices =
+                quantise(values.len(), |i| TrellisSample { range: [0, top], ..TrellisSample::free(values[i]) });
             assert!(indices.iter().all(|k| (0..=top).contains(k)));
         }
     }
@@ -169,8 +170,8 @@ mod tests {
         let is_zero = |i: usize| i % 5 > 1;
         let value = |i: usize| if is_zero(i) { 0.0 } else { Random::new(7, 0, i as u64).uniform() * 9.0 - 4.5 };
         let weight = |i: usize| if is_zero(i) { 1e6 } else { 1.0 };
-        let indices = quantise(5000, |i| Sample { weight: weight(i), ..Sample::free(value(i)) });
-        let mut state = State::default();
+        let indices = quantise(5000, |i| TrellisSample { weight: weight(i), ..TrellisSample::free(value(i)) });
+        let mut state = TrellisState::default();
         for (i, &k) in indices.iter().enumerate() {
             let half = state.half_steps(k as i32);
             assert!(

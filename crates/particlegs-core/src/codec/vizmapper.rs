@@ -1,7 +1,7 @@
 //! The section `VIZM`: the network of the alpha-blend law in 8 bits a weight (docs/format.md,
 //! section 13).
 
-use super::wire::Reader;
+use super::wire::WireReader;
 use crate::model::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 use crate::{Error, Result};
 
@@ -18,16 +18,16 @@ const MOST_BIAS: f32 = 32_767.0;
 const WIDEST_STEP: f32 = 1e6;
 
 /// Why a section cannot be read.
-pub enum Fault {
+pub enum VizMapperFault {
     /// It contradicts the format.
     Corrupt(String),
     /// A network of another shape.
     Unknown(String),
 }
 
-impl From<String> for Fault {
+impl From<String> for VizMapperFault {
     fn from(what: String) -> Self {
-        Fault::Corrupt(what)
+        VizMapperFault::Corrupt(what)
     }
 }
 
@@ -63,11 +63,11 @@ pub fn write(network: &VizMapper) -> Result<Vec<u8>> {
 }
 
 /// Reads the section.
-pub fn read(bytes: &[u8]) -> std::result::Result<VizMapper, Fault> {
-    let mut r = Reader::new(bytes);
+pub fn read(bytes: &[u8]) -> std::result::Result<VizMapper, VizMapperFault> {
+    let mut r = WireReader::new(bytes);
     let shape = [r.u16()?, r.u16()?, r.u16()?, r.u16()?];
     if shape.map(usize::from) != VIZMAPPER_SHAPE {
-        return Err(Fault::Unknown(format!("a VizMapper of the shape {shape:?} is not known")));
+        return Err(VizMapperFault::Unknown(format!("a VizMapper of the shape {shape:?} is not known")));
     }
     let ranges = VizRanges { scale: r.f64()?, opacity: r.f64()?, floor: r.f64()? };
     check_ranges(&ranges)?;
@@ -75,25 +75,25 @@ pub fn read(bytes: &[u8]) -> std::result::Result<VizMapper, Fault> {
     for pair in VIZMAPPER_SHAPE.windows(2) {
         let (step, bias_step) = (r.f32()?, r.f32()?);
         if ![step, bias_step].iter().all(|s| (0.0..=WIDEST_STEP).contains(s)) {
-            return Err(Fault::Corrupt(format!("steps {step} and {bias_step} of a VizMapper")));
+            return Err(VizMapperFault::Corrupt(format!("steps {step} and {bias_step} of a VizMapper")));
         }
         for _ in 0..pair[0] * pair[1] {
             let w = r.u8()? as i8;
             if w == i8::MIN {
-                return Err(Fault::Corrupt("a weight of a VizMapper is out of range".into()));
+                return Err(VizMapperFault::Corrupt("a weight of a VizMapper is out of range".into()));
             }
             parameters.push(f32::from(w) * step);
         }
         for _ in 0..pair[1] {
             let b = r.u16()? as i16;
             if b == i16::MIN {
-                return Err(Fault::Corrupt("a bias of a VizMapper is out of range".into()));
+                return Err(VizMapperFault::Corrupt("a bias of a VizMapper is out of range".into()));
             }
             parameters.push(f32::from(b) * bias_step);
         }
     }
     if !r.is_done() {
-        return Err(Fault::Corrupt(format!("a VizMapper of {} bytes", bytes.len())));
+        return Err(VizMapperFault::Corrupt(format!("a VizMapper of {} bytes", bytes.len())));
     }
     Ok(VizMapper { parameters, ranges })
 }
@@ -197,10 +197,10 @@ mod tests {
             b[at..at + value.len()].copy_from_slice(value);
             read(&b)
         };
-        assert!(matches!(with(0, &[5]), Err(Fault::Unknown(_))));
+        assert!(matches!(with(0, &[5]), Err(VizMapperFault::Unknown(_))));
         for range in [f64::NAN, -0.1, 17.0, f64::INFINITY] {
             for k in 0..3 {
-                assert!(matches!(with(8 + 8 * k, &range.to_le_bytes()), Err(Fault::Corrupt(_))), "{range}");
+                assert!(matches!(with(8 + 8 * k, &range.to_le_bytes()), Err(VizMapperFault::Corrupt(_))), "{range}");
             }
         }
         for step in [f32::NAN, -1.0, f32::INFINITY, 2e6] {

@@ -1,6 +1,6 @@
 //! What was measured after decoding, when the file was made.
 
-use super::metric::{Group, MetricField, MetricVisitor, RequiredGroup, record};
+use super::metric::{MetricField, MetricVisitor, OptionalGroup, RequiredGroup, record};
 use super::metrics::{CELL_NAMES, CLASS_NAMES};
 use super::{
     CellDensity, CrossValidation, DensityMetrics, GoalResult, GroupClass, Layer, LayerRatio, LayerRatios, MassPower,
@@ -38,8 +38,13 @@ const BLOCKS: &[CertificateLevel] = &[CertificateLevel::Blocks];
 /// What certificates have where the snapshot or the user asks for it.
 const SOME: &[CertificateLevel] = &[];
 
-const fn group<F>(tag: u8, levels: &'static [CertificateLevel], [name, words]: [&'static str; 2], form: F) -> Group<F> {
-    Group(MetricGroup { tag, levels, name, words }, form)
+const fn group<F>(
+    tag: u8,
+    levels: &'static [CertificateLevel],
+    [name, words]: [&'static str; 2],
+    form: F,
+) -> OptionalGroup<F> {
+    OptionalGroup(MetricGroup { tag, levels, name, words }, form)
 }
 
 record! {
@@ -132,7 +137,7 @@ impl Certificate {
 
     /// Every group of figures in the order of the file; `None` where it was not measured.
     pub fn groups(&self) -> Vec<(MetricGroup, Option<Vec<MetricEntry>>)> {
-        let mut list = List::default();
+        let mut list = FigureList::default();
         let mut own = *self;
         let Ok(()) = own.visit("", &mut list);
         list.groups
@@ -141,12 +146,12 @@ impl Certificate {
 
 /// Lists all figures.
 #[derive(Default)]
-struct List {
+struct FigureList {
     groups: Vec<(MetricGroup, Option<Vec<MetricEntry>>)>,
     row: Vec<&'static str>,
 }
 
-impl MetricVisitor for List {
+impl MetricVisitor for FigureList {
     type Error = Infallible;
 
     fn begin(&mut self, group: &MetricGroup, there: bool) -> Result<bool, Infallible> {

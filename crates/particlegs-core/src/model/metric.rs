@@ -281,13 +281,17 @@ impl<T: MetricField<&'static str> + Default + Copy> MetricField<&'static str> fo
 }
 
 /// A group that a certificate may have, and the form of what is in it.
-pub(crate) struct Group<F>(pub MetricGroup, pub F);
+pub(crate) struct OptionalGroup<F>(pub MetricGroup, pub F);
 
 /// A group that every certificate has.
-pub(crate) struct RequiredGroup<F>(pub Group<F>);
+pub(crate) struct RequiredGroup<F>(pub OptionalGroup<F>);
 
-impl<T: MetricField<F> + Default + Copy, F> MetricField<Group<F>> for Option<T> {
-    fn visit<V: MetricVisitor>(&mut self, Group(group, form): Group<F>, v: &mut V) -> Result<(), V::Error> {
+impl<T: MetricField<F> + Default + Copy, F> MetricField<OptionalGroup<F>> for Option<T> {
+    fn visit<V: MetricVisitor>(
+        &mut self,
+        OptionalGroup(group, form): OptionalGroup<F>,
+        v: &mut V,
+    ) -> Result<(), V::Error> {
         *self = v.begin(&group, self.is_some())?.then(|| self.unwrap_or_default());
         let Some(content) = self else { return Ok(()) };
         content.visit(form, v)?;
@@ -298,7 +302,7 @@ impl<T: MetricField<F> + Default + Copy, F> MetricField<Group<F>> for Option<T> 
 impl<T: MetricField<F>, F> MetricField<RequiredGroup<F>> for T {
     fn visit<V: MetricVisitor>(
         &mut self,
-        RequiredGroup(Group(group, form)): RequiredGroup<F>,
+        RequiredGroup(OptionalGroup(group, form)): RequiredGroup<F>,
         v: &mut V,
     ) -> Result<(), V::Error> {
         v.begin(&group, true)?;

@@ -52,7 +52,7 @@ impl Lump {
             })
             .sum::<f64>()
             .sqrt();
-        let small = Small::new(center, self.deviation);
+        let small = LocalDensity::new(center, self.deviation);
         let nearest = if distance > 0.0 { distance - TAIL * (along / distance) } else { 0.0 };
         for (to, r) in to.iter_mut().zip(radii) {
             if *r >= distance + self.reach() {
@@ -90,7 +90,7 @@ impl Lump {
 }
 
 /// Spheres in which a Gaussian is its density at their centre and the curvature there.
-struct Small {
+struct LocalDensity {
     /// The largest.
     radius: f64,
     density: f64,
@@ -98,7 +98,7 @@ struct Small {
     curvature: f64,
 }
 
-impl Small {
+impl LocalDensity {
     fn new(center: [f64; 3], deviation: [f64; 3]) -> Self {
         let sum = |of: fn(f64, f64) -> f64| (0..3).map(|k| of(center[k], deviation[k])).sum::<f64>();
         let slopes = sum(|c, s| {
@@ -112,7 +112,7 @@ impl Small {
                 v * v
             });
         let peak = deviation.iter().map(|s| 1.0 / (TAU.sqrt() * s)).product::<f64>();
-        Small {
+        LocalDensity {
             radius: SMALL / (slopes.sqrt() + widths.sqrt()),
             density: peak * libm::exp(exponent),
             curvature: slopes - widths,

@@ -138,7 +138,7 @@ impl Dimension {
 
 /// What a text says.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Reading {
+struct ParsedUnit {
     number: f64,
     /// The first of its names.
     name: &'static str,
@@ -165,7 +165,7 @@ impl Unit {
     /// Of a unit's text: a number, the name of a unit and its size in SI, and the exponents of a and h that it is
     /// multiplied by; `None` where the text is no unit with a size. `1e10 Msun/h` is 1e10, `Msun`, 1.98841e30, 0, -1.
     pub fn parts(text: &str, dimension: Dimension) -> Option<(f64, &'static str, f64, f32, f32)> {
-        let Reading { number, name, size, a, h, .. } = read(text, dimension)?;
+        let ParsedUnit { number, name, size, a, h, .. } = read(text, dimension)?;
         (size != REDUCED).then_some((number, name, size, a, h))
     }
 
@@ -191,7 +191,7 @@ impl Unit {
 
 /// A product of numbers, one name, and powers of h and a, with `*`, `/`, blanks or nothing between them:
 /// `1e10 Msun/h`, `h^-1 Mpc`, `kpccm/h`, `kpc a h**-1`, `ckpc`, `comoving Mpc/h`, `g/mol`.
-fn read(text: &str, dimension: Dimension) -> Option<Reading> {
+fn read(text: &str, dimension: Dimension) -> Option<ParsedUnit> {
     let mut plain = text.trim().trim_matches(['[', ']', '(', ')']).replace(['{', '}', '$'], "");
     for (written, meant) in [
         ("**", "^"),
@@ -208,7 +208,7 @@ fn read(text: &str, dimension: Dimension) -> Option<Reading> {
         plain = plain.replace(written, meant);
     }
     let spaced = plain.replace('/', " / ").replace(['*', '\u{d7}', '\u{b7}'], " ");
-    let mut found = Reading { number: 1.0, name: "", size: REDUCED, a: 0.0, h: 0.0, comoving: None };
+    let mut found = ParsedUnit { number: 1.0, name: "", size: REDUCED, a: 0.0, h: 0.0, comoving: None };
     let mut below = false;
     for word in spaced.split_whitespace() {
         if word == "/" {
@@ -279,7 +279,7 @@ fn powered(word: &str) -> (&str, f32) {
 
 /// What the numbers of a snapshot are in. `None` = the source does not say.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(from = "Flat", into = "Flat")]
+#[serde(from = "SerializedUnits", into = "SerializedUnits")]
 pub struct Units {
     /// Unit of length.
     pub length: Option<Unit>,
@@ -343,7 +343,7 @@ impl Units {
 
 /// [`Units`] in serde's terms: texts under the names that they have everywhere.
 #[derive(Serialize, Deserialize)]
-struct Flat {
+struct SerializedUnits {
     length_unit: Option<String>,
     length_unit_si: Option<Si>,
     mass_unit: Option<String>,
@@ -353,19 +353,19 @@ struct Flat {
     comoving: Option<bool>,
 }
 
-impl From<Units> for Flat {
-    fn from(u: Units) -> Flat {
+impl From<Units> for SerializedUnits {
+    fn from(u: Units) -> SerializedUnits {
         let apart = |u: Option<Unit>| u.map_or((None, None), |u| (Some(u.text), u.si));
         let (length_unit, length_unit_si) = apart(u.length);
         let (mass_unit, mass_unit_si) = apart(u.mass);
         let (time_unit, time_unit_si) = apart(u.time);
         let comoving = u.comoving;
-        Flat { length_unit, length_unit_si, mass_unit, mass_unit_si, time_unit, time_unit_si, comoving }
+        SerializedUnits { length_unit, length_unit_si, mass_unit, mass_unit_si, time_unit, time_unit_si, comoving }
     }
 }
 
-impl From<Flat> for Units {
-    fn from(f: Flat) -> Units {
+impl From<SerializedUnits> for Units {
+    fn from(f: SerializedUnits) -> Units {
         let unit = |text: Option<String>, si| text.map(|text| Unit { text, si });
         Units {
             length: unit(f.length_unit, f.length_unit_si),

@@ -47,7 +47,7 @@ pub struct Setting {
 
 /// What the network makes of one Gaussian.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Adapted {
+pub struct Adaptation {
     /// Factor on its scales: `f_r (1 + delta_s)`.
     pub scale: f64,
     /// Factor on the odds of its opacity: `max(f_a (1 + delta_o), floor)`.
@@ -56,10 +56,10 @@ pub struct Adapted {
     pub floored: bool,
 }
 
-impl Adapted {
+impl Adaptation {
     /// Without a network every Gaussian stays as it is, whatever radius and opacity are (paper
     /// section IV-B: the static model).
-    pub const STATIC: Adapted = Adapted { scale: 1.0, odds: 1.0, floored: false };
+    pub const STATIC: Adaptation = Adaptation { scale: 1.0, odds: 1.0, floored: false };
 
     /// The opacity of a Gaussian with this logit: `sigmoid(logit + ln odds)`.
     pub fn opacity(&self, logit: f64) -> f64 {
@@ -69,10 +69,10 @@ impl Adapted {
 
 impl VizRanges {
     /// The law, from the network's two outputs in [-1, 1].
-    pub fn adapt(&self, of: Setting, out: [f32; 2]) -> Adapted {
+    pub fn adapt(&self, of: Setting, out: [f32; 2]) -> Adaptation {
         let [s, o] = out.map(f64::from);
         let free = of.opacity * (1.0 + self.opacity * o);
-        Adapted {
+        Adaptation {
             scale: of.radius * (1.0 + self.scale * s),
             odds: free.max(self.floor),
             floored: free.is_nan() || free <= self.floor,
@@ -119,7 +119,7 @@ pub struct Network {
 
 /// Activations of a run: of each hidden layer a row of 64 a Gaussian.
 #[derive(Default)]
-pub struct Hidden {
+pub struct HiddenActivations {
     /// After SiLU.
     pub value: [Vec<f32>; 2],
     /// Change of that with what stands before it.
@@ -143,7 +143,7 @@ impl Network {
     }
 
     /// The two outputs of up to [`RUN`] Gaussians, in [-1, 1].
-    pub fn run(&self, level: Level, inputs: &[[f32; INPUTS]], hidden: &mut Hidden, out: &mut [[f32; 2]]) {
+    pub fn run(&self, level: Level, inputs: &[[f32; INPUTS]], hidden: &mut HiddenActivations, out: &mut [[f32; 2]]) {
         dispatch!(level, simd => self.hidden(simd, inputs, hidden));
         for (row, out) in hidden.value[1].chunks_exact(HIDDEN).zip(out) {
             *out = std::array::from_fn(|o| {
@@ -154,9 +154,9 @@ impl Network {
     }
 
     #[inline(always)]
-    fn hidden<S: Simd>(&self, simd: S, inputs: &[[f32; INPUTS]], hidden: &mut Hidden) {
+    fn hidden<S: Simd>(&self, simd: S, inputs: &[[f32; INPUTS]], hidden: &mut HiddenActivations) {
         let n = inputs.len();
-        let Hidden { value: [h1, h2], slope: [d1, d2] } = hidden;
+        let HiddenActivations { value: [h1, h2], slope: [d1, d2] } = hidden;
         for (h, bias) in [(&mut *h1, &self.bias[0]), (&mut *h2, &self.bias[1])] {
             h.clear();
             (0..n).for_each(|_| h.extend_from_slice(bias));
@@ -206,7 +206,7 @@ fn silu<S: Simd>(simd: S, x: &mut [f32], slope: &mut Vec<f32>) {
 
 /// Whole columns through the network, a run at a time.
 pub fn outputs(level: Level, network: &Network, inputs: &[[f32; INPUTS]], out: &mut [[f32; 2]]) {
-    let mut hidden = Hidden::default();
+    let mut hidden = HiddenActivations::default();
     for (inputs, out) in inputs.chunks(RUN).zip(out.chunks_mut(RUN)) {
         network.run(level, inputs, &mut hidden, out);
     }
@@ -280,7 +280,7 @@ mod tests {
         let a = m.ranges.adapt(of, out[0]);
         assert_eq!((a.scale, a.odds, a.floored), (1.5, 0.4, true));
         let logit = (0.3f64 / 0.7).ln();
-        assert!((Adapted::STATIC.opacity(logit) - 0.3).abs() < 1e-15);
+        assert!((Adaptation::STATIC.opacity(logit) - 0.3).abs() < 1e-15);
         assert!((a.opacity(logit) - 1.0 / (1.0 + 0.7 / 0.3 / 0.4)).abs() < 1e-15);
     }
 }

@@ -9,7 +9,7 @@ mod score_ssim;
 mod units;
 
 pub use colormap::{Colormap, DensityColors, diverging};
-pub(crate) use plane::Rows;
+pub(crate) use plane::PlaneRows;
 pub use plane::{Gray8, Pixels, Plane, Rgb8, Size};
 pub use score::{MASK_LEVEL, Scores, decibels, is_lit, masked_psnr, psnr};
 pub use score_density::DensityScores;

@@ -124,7 +124,7 @@ impl<'a, T> Pixels<'a, T> {
 }
 
 /// The rows of a picture in a larger plane.
-pub(crate) struct Rows<'a> {
+pub(crate) struct PlaneRows<'a> {
     /// Size in pixels.
     pub size: Size,
     /// Values from row to row.
@@ -133,7 +133,7 @@ pub(crate) struct Rows<'a> {
     pub data: &'a mut [f32],
 }
 
-impl Rows<'_> {
+impl PlaneRows<'_> {
     /// Works on every row, with its number.
     pub(crate) fn each(&mut self, work: impl Fn(usize, &mut [f32]) + Send + Sync) {
         let Size { width, height } = self.size;
@@ -169,8 +169,8 @@ impl Rows<'_> {
 
 impl Plane {
     /// All rows.
-    pub(crate) fn rows(&mut self) -> Rows<'_> {
-        Rows { size: self.size, stride: self.size.width, data: &mut self.data }
+    pub(crate) fn rows(&mut self) -> PlaneRows<'_> {
+        PlaneRows { size: self.size, stride: self.size.width, data: &mut self.data }
     }
 }
 

@@ -24,7 +24,7 @@ pub struct Scores {
 impl Scores {
     /// All three scores of two pictures of one size.
     pub fn of(a: &Gray8, b: &Gray8) -> Self {
-        let sums = Sums::of(a, b);
+        let sums = LevelSums::of(a, b);
         Scores { psnr: sums.psnr(), masked_psnr: sums.masked_psnr(), ssim: ssim(a, b) }
     }
 }
@@ -32,13 +32,13 @@ impl Scores {
 /// -10 log10 of the mean squared difference of values in [0, 1], over all pixels of two pictures
 /// of one size. `None` where they are identical.
 pub fn psnr(a: &Gray8, b: &Gray8) -> Option<f64> {
-    Sums::of(a, b).psnr()
+    LevelSums::of(a, b).psnr()
 }
 
 /// [`psnr`] over the pixels where either picture is brighter than [`MASK_LEVEL`]. `None` where
 /// these are identical or there are none.
 pub fn masked_psnr(a: &Gray8, b: &Gray8) -> Option<f64> {
-    Sums::of(a, b).masked_psnr()
+    LevelSums::of(a, b).masked_psnr()
 }
 
 /// Is a pixel with these two levels counted in the masked PSNR?
@@ -53,22 +53,22 @@ pub fn decibels(mean_squared_error: f64) -> Option<f64> {
 
 /// Squared differences in levels, and pixels, whole and lit.
 #[derive(Clone, Copy, Default)]
-struct Sums {
+struct LevelSums {
     all: u64,
     pixels: u64,
     lit: u64,
     lit_pixels: u64,
 }
 
-impl Sums {
-    fn of(a: &Gray8, b: &Gray8) -> Sums {
+impl LevelSums {
+    fn of(a: &Gray8, b: &Gray8) -> LevelSums {
         assert_eq!(a.size, b.size, "pictures of one size");
         let runs = a.data.chunks(STEP).zip(b.data.chunks(STEP));
-        parallel::map(runs, |(a, b)| Self::of_run(a, b)).into_iter().fold(Sums::default(), Sums::plus)
+        parallel::map(runs, |(a, b)| Self::of_run(a, b)).into_iter().fold(LevelSums::default(), LevelSums::plus)
     }
 
     /// 2^16 squares of at most 255^2 stay below 2^32.
-    fn of_run(a: &[u8], b: &[u8]) -> Sums {
+    fn of_run(a: &[u8], b: &[u8]) -> LevelSums {
         let (mut all, mut lit, mut lit_pixels) = (0u32, 0u32, 0u32);
         for (&a, &b) in a.iter().zip(b) {
             let d = u32::from(a.abs_diff(b));
@@ -77,11 +77,11 @@ impl Sums {
             lit += d * d * mask;
             lit_pixels += mask;
         }
-        Sums { all: all.into(), pixels: a.len() as u64, lit: lit.into(), lit_pixels: lit_pixels.into() }
+        LevelSums { all: all.into(), pixels: a.len() as u64, lit: lit.into(), lit_pixels: lit_pixels.into() }
     }
 
-    fn plus(self, o: Sums) -> Sums {
-        Sums {
+    fn plus(self, o: LevelSums) -> LevelSums {
+        LevelSums {
             all: self.all + o.all,
             pixels: self.pixels + o.pixels,
             lit: self.lit + o.lit,

@@ -41,7 +41,7 @@ impl DensityScores {
         let Some(median) = median(&truth.data, progress)? else {
             return Ok(DensityScores { pixels: 0, empty: 0, rms_dex: None, mean_dex: None, correlation: None });
         };
-        let pairs = Pairs { density: &density.data, truth: &truth.data, floor: FLOOR * f64::from(median) };
+        let pairs = DensityPairs { density: &density.data, truth: &truth.data, floor: FLOOR * f64::from(median) };
         let [pixels, empty, x, y] = pairs.sums(|[x, y], empty| [1.0, f64::from(u8::from(empty)), x, y]);
         let [x, y] = [x / pixels, y / pixels];
         let [xx, xy, yy, square] = pairs.sums(|[a, b], _| [sq(a - x), (a - x) * (b - y), sq(b - y), sq(a - b)]);
@@ -69,13 +69,13 @@ fn median(values: &[f32], progress: &dyn Progress) -> Result<Option<f32>> {
 }
 
 /// Densities pixel by pixel.
-struct Pairs<'a> {
+struct DensityPairs<'a> {
     density: &'a [f32],
     truth: &'a [f32],
     floor: f64,
 }
 
-impl Pairs<'_> {
+impl DensityPairs<'_> {
     /// Sums of what `of` makes of the logarithms of a pixel, and of whether it is empty; the same whatever the
     /// threads.
     fn sums(&self, of: impl Fn([f64; 2], bool) -> [f64; 4] + Sync) -> [f64; 4] {

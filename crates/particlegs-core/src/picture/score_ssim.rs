@@ -58,7 +58,7 @@ impl ColumnSums {
     }
 
     /// Sum of the similarity over one row of windows.
-    fn similarity(&self, row: &mut Row) -> f64 {
+    fn similarity(&self, row: &mut WindowRow) -> f64 {
         let columns = [&self.a, &self.b, &self.squares, &self.products];
         columns.into_iter().zip(&mut row.sums).for_each(|(column, sums)| window_sums(column, sums));
         let [a, b, squares, products] = &row.sums;
@@ -72,15 +72,15 @@ impl ColumnSums {
 }
 
 /// One row of windows.
-struct Row {
+struct WindowRow {
     /// Sums over each window, of what [`ColumnSums`] has.
     sums: [Vec<i32>; 4],
     similarity: Vec<f64>,
 }
 
-impl Row {
+impl WindowRow {
     fn new(windows: usize) -> Self {
-        Row { sums: [0; 4].map(|_| vec![0; windows]), similarity: vec![0.0; windows] }
+        WindowRow { sums: [0; 4].map(|_| vec![0; windows]), similarity: vec![0.0; windows] }
     }
 }
 
@@ -108,7 +108,7 @@ fn window_similarity(a: i32, b: i32, squares: i32, products: i32) -> f64 {
 fn band(a: &Gray8, b: &Gray8, rows: std::ops::Range<usize>) -> Vec<f64> {
     let width = a.size.width;
     let row = |y: usize| y * width..(y + 1) * width;
-    let (mut sums, mut windows) = (ColumnSums::new(width), Row::new(width + 1 - WINDOW));
+    let (mut sums, mut windows) = (ColumnSums::new(width), WindowRow::new(width + 1 - WINDOW));
     for y in rows.start..rows.start + WINDOW - 1 {
         sums.row(&a.data[row(y)], &b.data[row(y)], 1);
     }

@@ -17,8 +17,8 @@ pub fn superscript(n: i32) -> String {
 /// A unit in powers, as a journal prints it. One that is not made of names, powers, products and quotients is
 /// left as it is.
 pub fn journal_unit(unit: &str) -> String {
-    let mut factors = Factors::default();
-    match factors.product(&mut Letters { rest: unit, depth: 0 }, 1) {
+    let mut factors = UnitFactors::default();
+    match factors.product(&mut UnitParser { rest: unit, depth: 0 }, 1) {
         Some(()) => factors.text(),
         None => unit.trim().to_string(),
     }
@@ -30,16 +30,16 @@ const DEEPEST: u32 = 16;
 
 /// Numbers and names with their powers, in the order in which they come first.
 #[derive(Default)]
-struct Factors {
+struct UnitFactors {
     powers: Vec<(String, i32)>,
 }
 
-struct Letters<'a> {
+struct UnitParser<'a> {
     rest: &'a str,
     depth: u32,
 }
 
-impl Letters<'_> {
+impl UnitParser<'_> {
     fn peek(&mut self) -> Option<char> {
         self.rest = self.rest.trim_start();
         self.rest.chars().next()
@@ -85,9 +85,9 @@ impl Letters<'_> {
     }
 }
 
-impl Factors {
+impl UnitFactors {
     /// Reads a product up to its end or a closing bracket.
-    fn product(&mut self, l: &mut Letters<'_>, sign: i32) -> Option<()> {
+    fn product(&mut self, l: &mut UnitParser<'_>, sign: i32) -> Option<()> {
         if l.rest.len() > LONGEST || l.depth > DEEPEST {
             return None;
         }
@@ -115,11 +115,11 @@ impl Factors {
         }
     }
 
-    fn factor(&mut self, l: &mut Letters<'_>, sign: i32) -> Option<()> {
+    fn factor(&mut self, l: &mut UnitParser<'_>, sign: i32) -> Option<()> {
         match l.peek()? {
             '(' => {
                 l.next();
-                let mut inner = Factors::default();
+                let mut inner = UnitFactors::default();
                 l.depth += 1;
                 inner.product(l, 1)?;
                 l.depth -= 1;

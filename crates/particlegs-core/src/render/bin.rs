@@ -40,7 +40,7 @@ pub struct Stroke {
 
 /// The strokes of a run of Gaussians, by band.
 #[derive(Debug, Default)]
-pub struct Bins {
+pub struct StrokeBins {
     /// Strokes in the order of their bands, then of their Gaussians.
     pub strokes: Vec<Stroke>,
     /// The first stroke of each band, and the end.
@@ -75,7 +75,7 @@ impl<'a> Binner<'a> {
 
     /// Adds a stroke to every band that it touches.
     #[inline]
-    pub fn add_placed(&mut self, placed: &Placed) {
+    pub fn add_placed(&mut self, placed: &PlacedFootprint) {
         let shape = &self.levels[placed.level];
         let (y, half) = (f64::from(placed.stroke.y), f64::from(placed.stroke.half));
         let first = (y - half).max(0.0) as usize / BAND;
@@ -86,7 +86,7 @@ impl<'a> Binner<'a> {
     }
 
     /// Sorts by band, keeping the order within each.
-    pub fn finish(self) -> Bins {
+    pub fn finish(self) -> StrokeBins {
         let bands = self.levels.iter().map(Level::bands).sum::<usize>();
         let mut starts = vec![0u32; bands + 1];
         for (band, _) in &self.found {
@@ -102,13 +102,13 @@ impl<'a> Binner<'a> {
             strokes[*place as usize] = stroke;
             *place += 1;
         }
-        Bins { strokes, starts }
+        StrokeBins { strokes, starts }
     }
 }
 
 /// A footprint that touches the picture, on the plane that suits it.
 #[derive(Clone, Copy, Debug)]
-pub struct Placed {
+pub struct PlacedFootprint {
     /// The plane.
     pub level: usize,
     /// Its pixels over the picture's.
@@ -121,7 +121,7 @@ pub struct Placed {
 
 /// Finds a footprint's plane and stroke; `None` where it does not touch the picture.
 #[inline]
-pub fn place(levels: &[Level], f: &Footprint) -> Option<Placed> {
+pub fn place(levels: &[Level], f: &Footprint) -> Option<PlacedFootprint> {
     // In f64: wide enough for every product, and pixel coordinates keep their digits on the way to the plane's.
     let ([xx, _, yy], across) = (f.cov(), f64::from(f.across));
     let ([at_x, at_y], sum) = (f.mean.map(f64::from), f64::from(f.sum));
@@ -175,7 +175,7 @@ pub fn place(levels: &[Level], f: &Footprint) -> Option<Placed> {
         peak: peak as f32,
         half: half_y as f32,
     };
-    Some(Placed { level, scale, small, stroke })
+    Some(PlacedFootprint { level, scale, small, stroke })
 }
 
 /// The coarsest plane that still shows a variance, and its scale.

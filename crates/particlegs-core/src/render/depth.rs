@@ -1,18 +1,18 @@
 //! Optical depth, and the picture.
 
 use super::alpha;
-use super::bin::{Binner, Bins};
+use super::bin::{Binner, StrokeBins};
 use super::lens::Lens;
 use super::project::project;
 use super::raster::pyramid::Level;
-use super::raster::{Canvas, clip};
+use super::raster::{RasterCanvas, clip};
 use super::scene::Scene;
 use super::scratch::Scratch;
 use super::tone::tone_rows;
 use crate::camera::{Projection, View};
 use crate::memory::filled;
 use crate::model::Mixture;
-use crate::picture::{Gray8, Pixels, Plane, Rows, Size};
+use crate::picture::{Gray8, Pixels, Plane, PlaneRows, Size};
 use crate::progress::Progress;
 use crate::splat::Look;
 use crate::{Result, parallel};
@@ -93,7 +93,7 @@ fn depth<'a>(
     size: Size,
     scratch: &'a mut Scratch,
     progress: &dyn Progress,
-) -> Result<Rows<'a>> {
+) -> Result<PlaneRows<'a>> {
     if let Some(blend) = &scene.blend {
         return alpha::optical_depth(blend, &scene.parts, view, size, scratch, progress);
     }
@@ -112,7 +112,7 @@ pub fn grow(plane: &mut Plane, lens: &Lens) {
     grow_rows(&mut plane.rows(), lens);
 }
 
-fn grow_rows(rows: &mut Rows<'_>, lens: &Lens) {
+fn grow_rows(rows: &mut PlaneRows<'_>, lens: &Lens) {
     let factor = |i: usize, center: f64| {
         let t = (i as f64 - center) / lens.focal;
         (1.0 + t * t).sqrt() as f32
@@ -135,12 +135,12 @@ pub(super) fn sum<'a>(
     weight: impl Fn(&Mixture, f64, usize) -> f64 + Sync,
     scratch: &'a mut Scratch,
     progress: &dyn Progress,
-) -> Result<Rows<'a>> {
-    let mut canvas = Canvas::new(size, scratch, progress)?;
-    let mut runs: Vec<Run<'_>> = scene
+) -> Result<PlaneRows<'a>> {
+    let mut canvas = RasterCanvas::new(size, scratch, progress)?;
+    let mut runs: Vec<GaussianRun<'_>> = scene
         .parts
         .iter()
-        .flat_map(|&(m, unit_mass)| (0..m.len()).step_by(RUN).map(move |start| Run { m, unit_mass, start }))
+        .flat_map(|&(m, unit_mass)| (0..m.len()).step_by(RUN).map(move |start| GaussianRun { m, unit_mass, start }))
         .collect();
     runs.reverse();
     let mut group = MOST_RUNS;
@@ -157,7 +157,7 @@ pub(super) fn sum<'a>(
         // once waits, and is projected again.
         let (mut drawn, mut bins) = (0, Vec::with_capacity(projected.len()));
         for run in projected {
-            let (own, left): (Bins, usize) = run?;
+            let (own, left): (StrokeBins, usize) = run?;
             bins.push(own);
             match left {
                 0 => drawn += 1,
@@ -178,7 +178,7 @@ pub(super) fn sum<'a>(
 }
 
 /// Gaussians to be projected in one step: from `start` to the next multiple of [`RUN`].
-struct Run<'a> {
+struct GaussianRun<'a> {
     m: &'a Mixture,
     unit_mass: f64,
     start: usize,
@@ -188,8 +188,8 @@ struct Run<'a> {
 ///
 /// # Errors
 /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
-pub fn paint(size: Size, bins: &[Bins], scratch: &mut Scratch, progress: &dyn Progress) -> Result<Plane> {
-    let mut canvas = Canvas::new(size, scratch, progress)?;
+pub fn paint(size: Size, bins: &[StrokeBins], scratch: &mut Scratch, progress: &dyn Progress) -> Result<Plane> {
+    let mut canvas = RasterCanvas::new(size, scratch, progress)?;
     canvas.draw(bins, progress)?;
     clip(canvas.finish(progress)).to_plane(progress)
 }
@@ -202,7 +202,7 @@ fn project_run(
     lenses: &[Lens],
     levels: &[Level],
     weight: &(impl Fn(&Mixture, usize) -> f64 + Sync),
-) -> (Bins, usize) {
+) -> (StrokeBins, usize) {
     let mut binner = Binner::new(levels, range.len() + range.len() / 4);
     let (mut gaussians, mut footprints) = (Vec::with_capacity(BLOCK), Vec::with_capacity(BLOCK));
     for start in range.clone().step_by(BLOCK) {

@@ -1,10 +1,10 @@
 //! For tests, in f64: the law written plainly, every Gaussian at every pixel, integrated along depth on a fine
 //! grid with nothing approximated but the grids; and the stages' formulas in moments, unrounded between them.
 
-use super::bin::{Placed, SMALL, Stroke, cut as cut_of, lattice_sum, suited};
+use super::bin::{PlacedFootprint, SMALL, Stroke, cut as cut_of, lattice_sum, suited};
 use super::lens::Lens;
 use super::project::DepthMoments;
-use super::project::slices::{Fate, cut, fate, whole};
+use super::project::slices::{ClipClass, cut, fate, whole};
 use super::raster::pyramid::{Level, PAD};
 use super::scene::Scene;
 use crate::camera::{Projection, View};
@@ -20,13 +20,13 @@ const DEPTHS: usize = 1200;
 pub fn optical_depth(scene: &Scene, view: &View, size: Size) -> Vec<f64> {
     let lens = Lens::optical(view, size, &scene.bounds).unwrap();
     let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
-    let mut picture = Picture { lens, perspective, size, tau: vec![0.0; size.pixels()] };
+    let mut picture = PlainPicture { lens, perspective, size, tau: vec![0.0; size.pixels()] };
     for (m, _) in &scene.parts {
         for i in 0..m.len() {
             picture.add(m.mean_of(i), m.cov_of(i).rows(), m.count[i]);
         }
     }
-    let Picture { lens, mut tau, .. } = picture;
+    let PlainPicture { lens, mut tau, .. } = picture;
     for j in 0..size.height {
         for i in 0..size.width {
             if perspective {
@@ -39,7 +39,7 @@ pub fn optical_depth(scene: &Scene, view: &View, size: Size) -> Vec<f64> {
 }
 
 /// What has been drawn.
-struct Picture {
+struct PlainPicture {
     lens: Lens,
     /// Else the lines of sight are parallel.
     perspective: bool,
@@ -48,7 +48,7 @@ struct Picture {
     tau: Vec<f64>,
 }
 
-impl Picture {
+impl PlainPicture {
     fn add(&mut self, mean: [f64; 3], cov: [[f64; 3]; 3], count: f64) {
         let (lens, size, perspective) = (&self.lens, self.size, self.perspective);
         let a = lens.axes;
@@ -116,7 +116,7 @@ impl Picture {
 
 /// A Gaussian, or a piece of one, on the picture plane.
 #[derive(Clone, Copy, Debug)]
-pub struct Footprint {
+pub struct PlainFootprint {
     /// Mean, pixels.
     pub mean: [f64; 2],
     /// Covariance xx, xy, yy with the pixel's own variance.
@@ -126,7 +126,7 @@ pub struct Footprint {
 }
 
 /// The footprints of a mixture's Gaussian: the twin of `Lens::see` and `project`.
-pub fn footprints(lens: &Lens, m: &Mixture, i: usize, weight: f64) -> Vec<Footprint> {
+pub fn footprints(lens: &Lens, m: &Mixture, i: usize, weight: f64) -> Vec<PlainFootprint> {
     let a = lens.axes;
     let v: [f64; 3] = each_axis(|k| m.mean[k][i] - lens.position[k]);
     let mean = a.map(|a| a[0] * v[0] + a[1] * v[1] + a[2] * v[2]);
@@ -136,15 +136,15 @@ pub fn footprints(lens: &Lens, m: &Mixture, i: usize, weight: f64) -> Vec<Footpr
     let mut found = Vec::new();
     let mut add = |m: DepthMoments| found.push(footprint(lens, mean, &cov, lens.unit * weight, &m));
     match fate(lens, depth, variance) {
-        Fate::Outside => {}
-        Fate::Cut if lens.see(m, i, weight).is_some_and(|g| lens.misses(&g)) => {}
-        Fate::Whole => add(whole(lens, depth, variance)),
-        Fate::Cut => cut(lens, depth, variance, add),
+        ClipClass::Outside => {}
+        ClipClass::Cut if lens.see(m, i, weight).is_some_and(|g| lens.misses(&g)) => {}
+        ClipClass::Whole => add(whole(lens, depth, variance)),
+        ClipClass::Cut => cut(lens, depth, variance, add),
     }
     found
 }
 
-fn footprint(lens: &Lens, [x, y, d]: [f64; 3], cov: &[[f64; 3]; 3], weight: f64, m: &DepthMoments) -> Footprint {
+fn footprint(lens: &Lens, [x, y, d]: [f64; 3], cov: &[[f64; 3]; 3], weight: f64, m: &DepthMoments) -> PlainFootprint {
     let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = *cov;
     let inverse = if zz > 1e-14 * (xx + yy) { 1.0 / zz } else { 0.0 };
     let along = [xz * inverse, yz * inverse];
@@ -158,7 +158,7 @@ fn footprint(lens: &Lens, [x, y, d]: [f64; 3], cov: &[[f64; 3]; 3], weight: f64,
         let round = lens.radius2 * (if i == j { 1.0 } else { 0.0 } + tilt[i] * tilt[j]);
         f2 * (scale2 * (rest + round) + slope[i] * slope[j] * m.variance)
     };
-    Footprint {
+    PlainFootprint {
         mean: [0, 1].map(|k| lens.center[k] + lens.focal * t[k]),
         cov: [term(rest[0], 0, 0) + PIXEL_VARIANCE, term(rest[1], 0, 1), term(rest[2], 1, 1) + PIXEL_VARIANCE],
         sum: weight * m.weight,
@@ -166,7 +166,7 @@ fn footprint(lens: &Lens, [x, y, d]: [f64; 3], cov: &[[f64; 3]; 3], weight: f64,
 }
 
 /// A footprint's plane and stroke, whether it touches the picture or not: the twin of `bin::place`.
-pub fn place(levels: &[Level], f: &Footprint) -> Placed {
+pub fn place(levels: &[Level], f: &PlainFootprint) -> PlacedFootprint {
     let [xx, xy, yy] = f.cov;
     let det = xx * yy - xy * xy;
     let half_sum = 0.5 * (xx + yy);
@@ -188,5 +188,5 @@ pub fn place(levels: &[Level], f: &Footprint) -> Placed {
         peak: (peak / (1.0 - libm::exp(-0.5 * cut2)) / lattice) as f32,
         half: ((cut2 * yy).sqrt() * scale) as f32,
     };
-    Placed { level, scale, small, stroke }
+    PlacedFootprint { level, scale, small, stroke }
 }

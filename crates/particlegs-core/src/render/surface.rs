@@ -9,7 +9,7 @@ use crate::Result;
 use crate::camera::{CenteredCell, DensityView, Extent};
 use crate::math::each_axis;
 use crate::model::Mixture;
-use crate::picture::{Plane, Rows, Size};
+use crate::picture::{Plane, PlaneRows, Size};
 use crate::progress::Progress;
 use crate::space::Cell;
 use crate::splat::erf;
@@ -56,7 +56,7 @@ fn drawn(scene: &Scene, view: &DensityView, size: Size, progress: &dyn Progress)
     let mut scratch = Scratch::default();
     let weight = |m: &Mixture, unit_mass, i| unit_mass * m.mass_of(i);
     let rows = sum(scene, &lenses, size, weight, &mut scratch, progress)?;
-    let all = |rows: &Rows<'_>| -> f64 { (0..size.height).flat_map(|j| rows.row(j)).map(|v| f64::from(*v)).sum() };
+    let all = |rows: &PlaneRows<'_>| -> f64 { (0..size.height).flat_map(|j| rows.row(j)).map(|v| f64::from(*v)).sum() };
     let own = all(&rows);
     let mut rows = clip(rows);
     // Clipped undershoot adds mass, which is taken from all pixels alike.

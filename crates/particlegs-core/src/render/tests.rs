@@ -152,9 +152,9 @@ fn what_stages_hand_over_is_plain() {
     fn size<T: bytemuck::Pod>() -> usize {
         size_of::<T>()
     }
-    use super::alpha::project::{Projected, Seen, Splat};
-    assert_eq!([size::<project::InCamera>(), size::<project::Footprint>(), size::<bin::Stroke>()], [40, 24, 32]);
-    assert_eq!([size::<Seen>(), size::<Projected>(), size::<Splat>()], [44, 44, 32]);
+    use super::alpha::project::{GreyCameraGaussian, ProjectedSplat, Splat};
+    assert_eq!([size::<project::CameraGaussian>(), size::<project::Footprint>(), size::<bin::Stroke>()], [40, 24, 32]);
+    assert_eq!([size::<GreyCameraGaussian>(), size::<ProjectedSplat>(), size::<Splat>()], [44, 44, 32]);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! From optical depth to grey levels: the tone curve of each look.
 
 use crate::parallel;
-use crate::picture::{Gray8, Plane, Rows};
+use crate::picture::{Gray8, Plane, PlaneRows};
 use crate::splat::{FxaaMean, Look, Response, fxaa_blur};
 use std::sync::OnceLock;
 
@@ -16,7 +16,7 @@ pub fn tone(tau: &Plane, look: Look, opacity: f64, radius_px: f64) -> Gray8 {
 }
 
 /// [`tone`] of rows, which are overwritten, into `out`.
-pub(crate) fn tone_rows(tau: Rows<'_>, look: Look, opacity: f64, radius_px: f64, out: &mut [u8]) {
+pub(crate) fn tone_rows(tau: PlaneRows<'_>, look: Look, opacity: f64, radius_px: f64, out: &mut [u8]) {
     Tones::new(opacity, radius_px).rows(tau, look, out);
 }
 
@@ -41,7 +41,7 @@ impl Tones {
         out
     }
 
-    fn rows(&self, mut tau: Rows<'_>, look: Look, out: &mut [u8]) {
+    fn rows(&self, mut tau: PlaneRows<'_>, look: Look, out: &mut [u8]) {
         let response = || self.response.get_or_init(|| Response::new(self.opacity));
         match look {
             Look::Expected => per_pixel(&tau, out, |t| 255.0 * -libm::expm1f(-t)),
@@ -58,7 +58,7 @@ impl Tones {
     }
 }
 
-fn per_pixel(tau: &Rows<'_>, out: &mut [u8], curve: impl Fn(f32) -> f32 + Send + Sync) {
+fn per_pixel(tau: &PlaneRows<'_>, out: &mut [u8], curve: impl Fn(f32) -> f32 + Send + Sync) {
     // The cast saturates and takes NaN to black.
     parallel::for_each_chunk(out, tau.size.width.max(1), |j, out| {
         out.iter_mut().zip(tau.row(j)).for_each(|(o, &t)| *o = curve(t).round_ties_even() as u8);
@@ -66,7 +66,7 @@ fn per_pixel(tau: &Rows<'_>, out: &mut [u8], curve: impl Fn(f32) -> f32 + Send +
 }
 
 /// Levels with `tap` of either neighbour mixed in along both axes (edges repeated), rounded.
-fn blurred(levels: &Rows<'_>, tap: f32, out: &mut [u8]) {
+fn blurred(levels: &PlaneRows<'_>, tap: f32, out: &mut [u8]) {
     let (w, h) = (levels.size.width, levels.size.height);
     let center = 1.0 - 2.0 * tap;
     parallel::for_each_chunk_with(out, w.max(1), Vec::new, |column, y, out| {

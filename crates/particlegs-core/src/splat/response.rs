@@ -31,7 +31,7 @@ impl Response {
         if opacity.is_nan() || opacity <= INVISIBLE_OPACITY {
             return Response { levels: vec![0.0; table_length() + 1] };
         }
-        let chain = Chain::new(opacity);
+        let chain = BlendStep::new(opacity);
         let per_fragment = MEAN_COVERED_ALPHA * opacity;
         let by_count = chain.levels_by_count(table_tau(table_length()) / per_fragment);
         let levels =
@@ -102,14 +102,14 @@ pub fn mul8(a: u32, b: u32) -> u32 {
 }
 
 /// One fragment's step of the back and of the front buffer.
-struct Chain {
+struct BlendStep {
     /// (q, probability) of a fragment's alpha in the back buffer, quantised before blending.
     back: Vec<(u32, f64)>,
     /// Row f: probabilities of the front level after one more fragment (float alpha, one rounding).
     front: Vec<[f64; LEVELS]>,
 }
 
-impl Chain {
+impl BlendStep {
     fn new(opacity: f64) -> Self {
         let share = |low: f64, high: f64| share_above(low, opacity) - share_above(high, opacity);
         let back = (0..LEVELS as u32)
@@ -129,7 +129,7 @@ impl Chain {
                 *p = share((up - 0.5) / room, (up + 0.5) / room);
             }
         }
-        Chain { back, front }
+        BlendStep { back, front }
     }
 
     fn back_step(&self, from: &[f64; LEVELS]) -> [f64; LEVELS] {
@@ -266,7 +266,7 @@ mod tests {
     #[test]
     fn faint_splats_are_rounded_away() {
         for a in [0.001, INVISIBLE_OPACITY] {
-            let chain = Chain::new(a);
+            let chain = BlendStep::new(a);
             assert!(chain.levels_by_count(1000.0).iter().all(|level| *level == 0.0));
             assert!(chain.back.iter().all(|(q, _)| *q == 0));
         }

@@ -1,14 +1,14 @@
 //! The network that follows radius and opacity: adapt_main.wgsl and what it reads. It runs where they change alone.
 
-use super::gaussians::{Chunk, Gaussians};
-use crate::kernel::{Kernel, Use};
+use super::gaussians::{AlphaGaussianChunk, Gaussians};
+use crate::kernel::{BufferUse, Kernel};
 use crate::{Device, groups};
 use particlegs_core::model::vizmapper::Setting;
 use particlegs_core::model::{VizMapper, VizRanges};
 use std::sync::{Mutex, PoisonError};
 
 /// A scene's network on the device.
-pub(super) struct Network {
+pub(super) struct NetworkBuffers {
     weights: wgpu::Buffer,
     ranges: VizRanges,
     /// A record for each part of the Gaussians.
@@ -27,18 +27,23 @@ struct SettingRecord {
     pad: [u32; 2],
 }
 
-impl Network {
+impl NetworkBuffers {
     /// For these parts.
-    pub fn new(device: &Device, of: &VizMapper, chunks: &[Chunk]) -> Network {
+    pub fn new(device: &Device, of: &VizMapper, chunks: &[AlphaGaussianChunk]) -> NetworkBuffers {
         let weights = device.filled("network", &of.parameters, wgpu::BufferUsages::STORAGE);
-        Network::of_buffer(device, weights, of.ranges, chunks)
+        NetworkBuffers::of_buffer(device, weights, of.ranges, chunks)
     }
 
     /// Whose numbers lie in a buffer.
-    pub fn of_buffer(device: &Device, weights: wgpu::Buffer, ranges: VizRanges, chunks: &[Chunk]) -> Network {
+    pub fn of_buffer(
+        device: &Device,
+        weights: wgpu::Buffer,
+        ranges: VizRanges,
+        chunks: &[AlphaGaussianChunk],
+    ) -> NetworkBuffers {
         use wgpu::BufferUsages as Use;
         let record = || device.buffer("setting", size_of::<SettingRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
-        Network { weights, ranges, settings: chunks.iter().map(|_| record()).collect(), of: Mutex::default() }
+        NetworkBuffers { weights, ranges, settings: chunks.iter().map(|_| record()).collect(), of: Mutex::default() }
     }
 
     /// Gaussians are to be bent anew.
@@ -48,13 +53,13 @@ impl Network {
 }
 
 /// The kernel.
-pub(super) struct Adapter(Kernel);
+pub(super) struct AdaptationKernel(Kernel);
 
-impl Adapter {
+impl AdaptationKernel {
     /// Compiled for a device.
-    pub fn new(device: &Device) -> Adapter {
-        let uses = [Use::Uniform, Use::Read, Use::Read, Use::Write];
-        Adapter(Kernel::new(device, "adapt", &[include_str!("adapt_main.wgsl")], &uses))
+    pub fn new(device: &Device) -> AdaptationKernel {
+        let uses = [BufferUse::Uniform, BufferUse::Read, BufferUse::Read, BufferUse::Write];
+        AdaptationKernel(Kernel::new(device, "adapt", &[include_str!("adapt_main.wgsl")], &uses))
     }
 
     /// What is bound to it, part by part; nothing where there is no network.

@@ -2,7 +2,7 @@
 //! footprint in the order of its tiles.
 
 use super::frame::SlabRecord;
-use super::kernels::Kernels;
+use super::kernels::AlphaKernels;
 use super::slabs::BLOCK;
 use super::{Canvas, STORAGE};
 use crate::{Device, groups};
@@ -13,7 +13,7 @@ use particlegs_core::Result;
 pub(crate) const SUMS: u64 = 7;
 
 /// The memory of the way back, of pictures on one canvas.
-pub(crate) struct Backward {
+pub(crate) struct BackwardBuffers {
     /// The change of the loss with each pixel's brightness: written before the way back begins.
     pub by_pixel: wgpu::Buffer,
     /// [`SUMS`] of each Gaussian, a column a number; 0 of those that are not drawn.
@@ -26,18 +26,18 @@ pub(crate) struct Backward {
     slots: Option<(u32, wgpu::Buffer)>,
 }
 
-impl Backward {
+impl BackwardBuffers {
     /// For a canvas.
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] where the picture or the Gaussians are too many for the device; those of the
     /// device.
-    pub fn new(device: &Device, canvas: &Canvas) -> Result<Backward> {
+    pub fn new(device: &Device, canvas: &Canvas) -> Result<BackwardBuffers> {
         let (pixels, n) = (canvas.size.pixels() as u64, u64::from(canvas.gaussians));
         device.fits(canvas.size, 8 * pixels)?;
         device.holds(&format!("{n} Gaussians"), 4 * SUMS * n)?;
         let buffer = |label, bytes| device.buffer(label, bytes, STORAGE);
-        let own = Backward {
+        let own = BackwardBuffers {
             by_pixel: buffer("change with brightness", 4 * pixels),
             sums: buffer("wanted of footprints", 4 * SUMS * n),
             places: buffer("places of slots", 8 * n),
@@ -75,7 +75,7 @@ impl super::Renderer {
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] where its lists are too long for the device; those of the device.
-    pub(crate) fn backward(&self, canvas: &Canvas, back: &mut Backward) -> Result<()> {
+    pub(crate) fn backward(&self, canvas: &Canvas, back: &mut BackwardBuffers) -> Result<()> {
         back.room(&self.device, canvas.slabs.largest())?;
         for slab in &canvas.slabs.all {
             if canvas.slabs.all.len() > 1 {
@@ -87,9 +87,9 @@ impl super::Renderer {
     }
 
     /// Walks the lists of a slab, which are there.
-    fn back_through(&self, canvas: &Canvas, back: &Backward, slab: &SlabRecord) {
+    fn back_through(&self, canvas: &Canvas, back: &BackwardBuffers, slab: &SlabRecord) {
         let (Some(lists), Some((_, slots))) = (&canvas.lists, &back.slots) else { return };
-        let Kernels { slots: place, backward, gather, .. } = &self.kernels;
+        let AlphaKernels { slots: place, backward, gather, .. } = &self.kernels;
         let (device, frame) = (&*self.device, &canvas.batches[0].frame);
         let (order, touched, places) = (&canvas.order.values, &canvas.touched, &back.places);
         let placed = place.bind(device, &[frame, &canvas.slab, order, touched, &canvas.starts, places]);

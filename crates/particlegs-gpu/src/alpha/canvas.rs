@@ -1,9 +1,9 @@
 //! The memory of pictures of one size of some Gaussians, and what is bound to kernels.
 
 use super::STORAGE;
-use super::frame::{FrameRecord, SlabRecord};
+use super::frame::{AlphaFrameRecord, SlabRecord};
 use super::gaussians::Gaussians;
-use super::kernels::Kernels;
+use super::kernels::AlphaKernels;
 use super::slabs::{BLOCK, Slabs};
 use crate::Device;
 use crate::sort::Sort;
@@ -20,7 +20,7 @@ pub struct Canvas {
     pub(super) size: Size,
     pub(super) tiles: Tiles,
     pub(super) gaussians: u32,
-    pub(super) batches: Vec<Batch>,
+    pub(super) batches: Vec<AlphaBatch>,
     pub(super) adapt: Vec<wgpu::BindGroup>,
     /// Depths, and the numbers of Gaussians that have them.
     pub(super) order: Sort,
@@ -41,11 +41,11 @@ pub struct Canvas {
     /// The slabs of the last picture.
     pub(super) slabs: Slabs,
     /// Lists of tiles, for as many entries as a picture had yet.
-    pub(super) lists: Option<Lists>,
+    pub(super) lists: Option<AlphaTileLists>,
 }
 
 /// Gaussians that are projected together.
-pub(super) struct Batch {
+pub(super) struct AlphaBatch {
     pub first: u32,
     pub count: u32,
     pub frame: wgpu::Buffer,
@@ -53,7 +53,7 @@ pub(super) struct Batch {
 }
 
 /// Entries of all lists: tiles, and the footprints that touch them.
-pub(super) struct Lists {
+pub(super) struct AlphaTileLists {
     pub room: u32,
     pub sort: Sort,
     pub fill: wgpu::BindGroup,
@@ -63,7 +63,7 @@ pub(super) struct Lists {
 
 impl Canvas {
     /// For pictures of `size` of these Gaussians.
-    pub(super) fn new(device: &Device, kernels: &Kernels, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
+    pub(super) fn new(device: &Device, kernels: &AlphaKernels, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
         let (tiles, pixels, n) = (Tiles::of(size), size.pixels() as u64, gaussians.len() as u64);
         device.fits(size, 4 * pixels)?;
         device.fits(size, 8 * tiles.number() as u64)?;
@@ -76,13 +76,13 @@ impl Canvas {
         let slab = device.buffer("slab", size_of::<SlabRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
         let (sums, lefts) = (buffer("brightness", 4 * pixels), buffer("transmittance", 4 * pixels));
         let picture = buffer("picture", pixels);
-        let batch = |c: &super::gaussians::Chunk| {
-            let frame = device.buffer("frame", size_of::<FrameRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
+        let batch = |c: &super::gaussians::AlphaGaussianChunk| {
+            let frame = device.buffer("frame", size_of::<AlphaFrameRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
             let all = [&frame, &c.columns, &c.bent, &splats, &touched, &order.keys, &order.values];
-            Batch { first: c.first, count: c.count, project: kernels.project.bind(device, &all), frame }
+            AlphaBatch { first: c.first, count: c.count, project: kernels.project.bind(device, &all), frame }
         };
-        let batches: Vec<Batch> = gaussians.chunks.iter().map(batch).collect();
-        let Some(Batch { frame, .. }) = batches.first() else {
+        let batches: Vec<AlphaBatch> = gaussians.chunks.iter().map(batch).collect();
+        let Some(AlphaBatch { frame, .. }) = batches.first() else {
             return Err(particlegs_core::Error::argument("no Gaussians to draw"));
         };
         let canvas = Canvas {
@@ -129,7 +129,7 @@ impl Canvas {
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] where they are more than the device sees at once; those of the device.
-    pub(super) fn lists(&mut self, device: &Device, kernels: &Kernels, entries: u32) -> Result<&Lists> {
+    pub(super) fn lists(&mut self, device: &Device, kernels: &AlphaKernels, entries: u32) -> Result<&AlphaTileLists> {
         let kept = self.lists.take().filter(|l| l.room >= entries);
         let lists = match kept {
             Some(lists) => lists,
@@ -146,13 +146,13 @@ impl Canvas {
         Ok(self.lists.insert(lists))
     }
 
-    fn new_lists(&self, device: &Device, kernels: &Kernels, room: u32) -> Lists {
+    fn new_lists(&self, device: &Device, kernels: &AlphaKernels, room: u32) -> AlphaTileLists {
         let bits = u32::BITS - (self.tiles.number() as u32).saturating_sub(1).leading_zeros();
         let sort = kernels.sort.room(device, room, 0..bits.max(1));
         let (frame, slab, order) = (&self.batches[0].frame, &self.slab, &self.order);
         let fill = [frame, slab, &order.values, &self.touched, &self.starts, &sort.keys, &sort.values];
         let raster = [frame, slab, &self.ranges, &sort.values, &self.splats, &self.sums, &self.lefts];
-        Lists {
+        AlphaTileLists {
             room,
             fill: kernels.fill.bind(device, &fill),
             ends: kernels.ends.bind(device, &[slab, &sort.keys, &self.ranges]),

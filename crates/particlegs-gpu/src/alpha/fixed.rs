@@ -25,7 +25,7 @@ fn words(v: i64) -> [u32; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::{Kernel, Use};
+    use crate::kernel::{BufferUse, Kernel};
     use crate::tests::device;
     use particlegs_core::math::Random;
     use wgpu::BufferUsages;
@@ -67,7 +67,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         let axes: Vec<[u32; 4]> =
             places.iter().enumerate().map(|(i, _)| axis(if i % 9 == 0 { 1.0 } else { r.uniform() })).collect();
         let sources = [ASKED, include_str!("fixed.wgsl")];
-        let kernel = Kernel::new(&device, "fixed", &sources, &[Use::Read, Use::Read, Use::Write]);
+        let kernel = Kernel::new(&device, "fixed", &sources, &[BufferUse::Read, BufferUse::Read, BufferUse::Write]);
         let there: Vec<[u32; 2]> = places.iter().map(|v| words(*v)).collect();
         let there = device.filled("places", &there, BufferUsages::STORAGE);
         let along = device.filled("axes", &axes, BufferUsages::STORAGE);

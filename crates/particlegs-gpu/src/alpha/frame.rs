@@ -11,7 +11,7 @@ const TOO_FAR: &str = "the camera stands a million boxes away, farther than a ca
 
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct FrameRecord {
+pub(super) struct AlphaFrameRecord {
     right: [f32; 4],
     down: [f32; 4],
     forward: [f32; 4],
@@ -46,12 +46,12 @@ pub(super) struct SlabRecord {
     pub pad: [u32; 3],
 }
 
-impl FrameRecord {
+impl AlphaFrameRecord {
     /// Of a camera, for `count` Gaussians from `first` on.
     ///
     /// # Errors
     /// [`Error::Argument`] where the camera is too far away.
-    pub fn new(eye: &Eye, first: u32, count: u32) -> Result<FrameRecord> {
+    pub fn new(eye: &Eye, first: u32, count: u32) -> Result<AlphaFrameRecord> {
         let four = |v: [f32; 3]| [v[0], v[1], v[2], 0.0];
         let [right, down, forward] = eye.axes.map(|a| four(a.map(|v| v as f32)));
         let mut to_middle = [[0; 4]; 3];
@@ -62,7 +62,7 @@ impl FrameRecord {
         let mut axes = [[0; 4]; 9];
         axes.iter_mut().zip(eye.axes.as_flattened()).for_each(|(words, v)| *words = fixed::axis(*v));
         let cut = CutOffs::PUBLISHED;
-        Ok(FrameRecord {
+        Ok(AlphaFrameRecord {
             right,
             down,
             forward,

@@ -1,6 +1,6 @@
 //! Gaussians on the device, in the training frame.
 
-use super::adapt::Network;
+use super::adapt::NetworkBuffers;
 use super::fixed;
 use crate::Device;
 use crate::render::factor;
@@ -22,14 +22,14 @@ const NEVER: f32 = 3e38;
 
 /// The Gaussians of a scene of the alpha-blend law on a device, and its network.
 pub struct Gaussians {
-    pub(super) chunks: Vec<Chunk>,
-    pub(super) network: Option<Network>,
+    pub(super) chunks: Vec<AlphaGaussianChunk>,
+    pub(super) network: Option<NetworkBuffers>,
     /// Frame and defaults; the network is on the device.
     pub(super) blend: Blend<'static>,
 }
 
 /// Some of them.
-pub(super) struct Chunk {
+pub(super) struct AlphaGaussianChunk {
     pub columns: wgpu::Buffer,
     /// What the network makes of each.
     pub bent: wgpu::Buffer,
@@ -62,10 +62,10 @@ impl Gaussians {
         let mut chunks = Vec::new();
         for first in (0..all).step_by(most.max(1)) {
             let n = most.max(1).min(all - first);
-            chunks.push(Chunk::new(device, &blend, some.by_ref().take(n), [first, n])?);
+            chunks.push(AlphaGaussianChunk::new(device, &blend, some.by_ref().take(n), [first, n])?);
             device.check()?;
         }
-        let network = blend.vizmapper.map(|v| Network::new(device, v, &chunks));
+        let network = blend.vizmapper.map(|v| NetworkBuffers::new(device, v, &chunks));
         device.check()?;
         Ok(Gaussians { chunks, network, blend: Blend { vizmapper: None, ..blend } })
     }
@@ -79,8 +79,8 @@ impl Gaussians {
         network: Option<(wgpu::Buffer, VizRanges)>,
         blend: Blend<'static>,
     ) -> Gaussians {
-        let chunks = vec![Chunk { columns, bent, first: 0, count }];
-        let network = network.map(|(weights, ranges)| Network::of_buffer(device, weights, ranges, &chunks));
+        let chunks = vec![AlphaGaussianChunk { columns, bent, first: 0, count }];
+        let network = network.map(|(weights, ranges)| NetworkBuffers::of_buffer(device, weights, ranges, &chunks));
         Gaussians { chunks, network, blend }
     }
 
@@ -107,14 +107,14 @@ impl Gaussians {
     }
 }
 
-impl Chunk {
+impl AlphaGaussianChunk {
     /// Of `n` Gaussians that `first` come before.
     fn new<'a>(
         device: &Device,
         blend: &Blend,
         some: impl Iterator<Item = (&'a Mixture, usize)>,
         [first, n]: [usize; 2],
-    ) -> Result<Chunk> {
+    ) -> Result<AlphaGaussianChunk> {
         let mut columns = vec![0u32; COLUMNS * n];
         for (place, (m, i)) in some.enumerate() {
             let own =
@@ -122,7 +122,7 @@ impl Chunk {
             own.iter().enumerate().for_each(|(k, v)| columns[k * n + place] = *v);
         }
         use wgpu::BufferUsages as Use;
-        Ok(Chunk {
+        Ok(AlphaGaussianChunk {
             columns: device.filled("gaussians", &columns, Use::STORAGE),
             // Without a network they stay as they are.
             bent: device.filled("bent", &vec![[1.0f32; 2]; n], Use::STORAGE),

@@ -1,9 +1,9 @@
 //! The kernels of pictures, by their sources.
 
-use super::adapt::Adapter;
+use super::adapt::AdaptationKernel;
 use crate::Device;
-use crate::kernel::{FOUR_LEVELS, Kernel, Use};
-use crate::sort::{Carry, Sorter};
+use crate::kernel::{BufferUse, FOUR_LEVELS, Kernel};
+use crate::sort::{SortPayload, Sorter};
 
 /// Sources that steps of training have too.
 pub(crate) mod sources {
@@ -18,8 +18,8 @@ const SLOT: &str = include_str!("slot.wgsl");
 const SHARE: &str = include_str!("../share.wgsl");
 
 /// All of them.
-pub(super) struct Kernels {
-    pub adapt: Adapter,
+pub(super) struct AlphaKernels {
+    pub adapt: AdaptationKernel,
     pub project: Kernel,
     pub sort: Sorter,
     pub sums: Kernel,
@@ -32,19 +32,19 @@ pub(super) struct Kernels {
     pub gather: Kernel,
 }
 
-impl Kernels {
+impl AlphaKernels {
     /// Compiled for a device.
-    pub fn new(device: &Device) -> Kernels {
-        use Use::{Read, Uniform, Write};
-        let new = |label, sources: &[&str], uses: &[Use]| Kernel::new(device, label, sources, uses);
-        Kernels {
-            adapt: Adapter::new(device),
+    pub fn new(device: &Device) -> AlphaKernels {
+        use BufferUse::{Read, Uniform, Write};
+        let new = |label, sources: &[&str], uses: &[BufferUse]| Kernel::new(device, label, sources, uses);
+        AlphaKernels {
+            adapt: AdaptationKernel::new(device),
             project: new(
                 "project, alpha",
                 &[include_str!("project_main.wgsl"), FRAME, FIXED, PROJECT, BIN],
                 &[Uniform, Read, Read, Write, Write, Write, Write],
             ),
-            sort: Sorter::new(device, Carry::Values),
+            sort: Sorter::new(device, SortPayload::Values),
             sums: new(
                 "sizes of lists",
                 &[include_str!("bin_sums_main.wgsl"), FRAME, BIN, SHARE],

@@ -31,8 +31,8 @@ pub use gaussians::Gaussians;
 pub(crate) use kernels::sources;
 
 use crate::{Device, groups};
-use frame::{FrameRecord, SlabRecord};
-use kernels::Kernels;
+use frame::{AlphaFrameRecord, SlabRecord};
+use kernels::AlphaKernels;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
 use particlegs_core::model::vizmapper::Setting;
@@ -50,7 +50,7 @@ const _: () = assert!(TILE == 16);
 /// Draws on a device.
 pub struct Renderer {
     device: Arc<Device>,
-    kernels: Kernels,
+    kernels: AlphaKernels,
     /// Entries that are blended together.
     most: u32,
 }
@@ -61,7 +61,7 @@ impl Renderer {
     /// # Errors
     /// Those of the device.
     pub fn new(device: &Arc<Device>) -> Result<Self> {
-        let kernels = Kernels::new(device);
+        let kernels = AlphaKernels::new(device);
         device.check()?;
         let most = MOST_ENTRIES.min((device.largest_binding() / 4).min(u64::from(u32::MAX)) as u32);
         Ok(Renderer { device: device.clone(), kernels, most })
@@ -124,7 +124,7 @@ impl Renderer {
     fn sort(&self, gaussians: &Gaussians, canvas: &Canvas, eye: &Eye, of: Setting) -> Result<()> {
         let (queue, kernels, n) = (&self.device.queue, &self.kernels, canvas.gaussians);
         for batch in &canvas.batches {
-            let record = FrameRecord::new(eye, batch.first, batch.count)?;
+            let record = AlphaFrameRecord::new(eye, batch.first, batch.count)?;
             queue.write_buffer(&batch.frame, 0, bytemuck::bytes_of(&record));
         }
         let slab = SlabRecord { gaussians: n, ..SlabRecord::default() };

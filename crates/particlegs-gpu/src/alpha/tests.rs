@@ -1,6 +1,6 @@
 //! Kernels against their twins in core, on whatever adapter there is.
 
-use super::backward::Backward;
+use super::backward::BackwardBuffers;
 use super::*;
 use crate::tests::device;
 use particlegs_core::camera::{Camera, Projection};
@@ -20,7 +20,7 @@ const BOUNDS: Bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
 const SIZE: Size = Size { width: 320, height: 180 };
 
 /// What is drawn by both.
-struct Case {
+struct AlphaRenderCase {
     name: &'static str,
     gaussians: Mixture,
     view: View,
@@ -90,9 +90,9 @@ fn scene(m: &Mixture) -> Scene<'_> {
     Scene::of_law(m, BOUNDS, USUAL)
 }
 
-fn cases() -> Vec<Case> {
+fn cases() -> Vec<AlphaRenderCase> {
     let (far, near, inside) = ([1.0, 2.0, 6.0], [0.3, 0.2, 1.6], [0.1, 0.2, 0.5]);
-    let case = |name, gaussians, view| Case { name, gaussians, view, size: SIZE };
+    let case = |name, gaussians, view| AlphaRenderCase { name, gaussians, view, size: SIZE };
     let asked = |position, radius, opacity| View { radius, opacity, ..view(position) };
     let mut slab = view(far);
     slab.camera.clipping_range = Some([5.9, 6.6]);
@@ -125,14 +125,17 @@ fn cases() -> Vec<Case> {
         case("network, large and opaque", with_network(usual(1, 3000, 0.05), first), asked(far, 0.035, 0.0875)),
         case("network, small and faint", with_network(usual(1, 3000, 0.1), first), asked(near, 0.005, 0.0125)),
         case("network, wide ranges", with_network(usual(2, 3000, 0.05), tuned), asked(inside, 0.03, 0.02)),
-        Case { size: Size { width: 9, height: 7 }, ..case("one tile", usual(1, 2000, 0.05), view(far)) },
-        Case { size: Size { width: 643, height: 351 }, ..case("odd sides", usual(8, 5000, 0.05), view(far)) },
+        AlphaRenderCase { size: Size { width: 9, height: 7 }, ..case("one tile", usual(1, 2000, 0.05), view(far)) },
+        AlphaRenderCase {
+            size: Size { width: 643, height: 351 },
+            ..case("odd sides", usual(8, 5000, 0.05), view(far))
+        },
     ]
 }
 
 /// How far a picture is from core's: the largest difference in levels before rounding, pixels off by more than a
 /// hundredth of one, decibels, and the largest difference after rounding.
-fn apart(renderer: &Renderer, case: &Case) -> (f64, usize, f64, u8) {
+fn apart(renderer: &Renderer, case: &AlphaRenderCase) -> (f64, usize, f64, u8) {
     let scene = scene(&case.gaussians);
     let there = Gaussians::upload(renderer.device(), &scene).unwrap();
     let mut canvas = renderer.canvas(&there, case.size).unwrap();
@@ -373,7 +376,7 @@ fn limits_are_told() {
 }
 
 /// A footprint of the device, and the pixels of the tiles that it touches.
-struct Drawn {
+struct TileFootprint {
     number: usize,
     splat: [f64; 8],
     columns: std::ops::Range<usize>,
@@ -381,7 +384,7 @@ struct Drawn {
 }
 
 /// The footprints of the last picture, front to back.
-fn drawn(renderer: &Renderer, canvas: &Canvas) -> Vec<Drawn> {
+fn drawn(renderer: &Renderer, canvas: &Canvas) -> Vec<TileFootprint> {
     let read = |b: &wgpu::Buffer| words(&renderer.device().read(b, b.size()).unwrap());
     let (order, keys) = (read(&canvas.order.values), read(&canvas.order.keys));
     let (touched, splats) = (read(&canvas.touched), read(&canvas.splats));
@@ -389,7 +392,7 @@ fn drawn(renderer: &Renderer, canvas: &Canvas) -> Vec<Drawn> {
     let one = |number: usize| {
         let [columns, rows] = [0, 1].map(|k| touched[2 * number + k]);
         let pixels = |t: u32, most: usize| TILE * (t & 0xffff) as usize..(TILE * ((t >> 16) as usize + 1)).min(most);
-        Drawn {
+        TileFootprint {
             number,
             splat: std::array::from_fn(|k| f32::from_bits(splats[8 * number + k]).into()),
             columns: pixels(columns, canvas.size.width),
@@ -400,7 +403,7 @@ fn drawn(renderer: &Renderer, canvas: &Canvas) -> Vec<Drawn> {
 }
 
 /// What pixels want of each Gaussian, pixel by pixel in f64.
-fn wanted(drawn: &[Drawn], gaussians: usize, size: Size, by_pixel: &[f32]) -> Vec<[f64; 7]> {
+fn wanted(drawn: &[TileFootprint], gaussians: usize, size: Size, by_pixel: &[f32]) -> Vec<[f64; 7]> {
     let cut = CutOffs::PUBLISHED;
     let (least, most, pixels) = (f64::from(cut.least_transmittance), f64::from(cut.most_alpha), size.pixels());
     let mut out = vec![[0.0; 7]; gaussians];
@@ -460,7 +463,7 @@ fn footprints_are_wanted_as_pixels_want_them() {
             renderer.most = most;
             let mut canvas = renderer.canvas(&there, case.size).unwrap();
             renderer.submit(&there, &mut canvas, &case.view).unwrap();
-            let mut back = Backward::new(&device, &canvas).unwrap();
+            let mut back = BackwardBuffers::new(&device, &canvas).unwrap();
             device.queue.write_buffer(&back.by_pixel, 0, bytemuck::cast_slice(&by_pixel));
             back.poison(&device);
             renderer.backward(&canvas, &mut back).unwrap();

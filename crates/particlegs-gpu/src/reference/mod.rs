@@ -15,12 +15,12 @@ mod tests;
 mod view;
 
 pub use pictures::Pictures;
-pub use source::{Columns, Snapshot, Source};
+pub use source::{Columns, ParticleSource, ParticleStream};
 
 use crate::Device;
 use crate::groups;
-use crate::kernel::{Kernel, Use};
-use crate::render::{FrameRecord, Planes, Tone, ToneMapper, TonePlane};
+use crate::kernel::{BufferUse, Kernel};
+use crate::render::{FrameRecord, PlaneLayout, Tone, ToneMapper, TonePlane};
 use particlegs_core::camera::View;
 use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::splat::{CUT_SIGMA, Look, erf};
@@ -38,17 +38,17 @@ const MOST_THOUSANDS: u64 = 1 << 31;
 const STEPS: usize = 4096;
 
 /// Particles on a device.
-pub struct Points {
+pub struct DeviceParticles {
     positions: wgpu::Buffer,
     count: u32,
 }
 
-impl Points {
+impl DeviceParticles {
     /// Positions in columns of one length, relative to an origin that all pieces share.
     ///
     /// # Errors
     /// [`Error::Argument`] for more than [`MOST`]; those of the device.
-    pub fn upload(device: &Device, columns: [&[f32]; 3]) -> Result<Points> {
+    pub fn upload(device: &Device, columns: [&[f32]; 3]) -> Result<DeviceParticles> {
         let n = columns[0].len();
         if n > MOST || columns.iter().any(|c| c.len() != n) {
             return Err(Error::argument(format!("{n} particles in a piece, {MOST} at most")));
@@ -59,12 +59,12 @@ impl Points {
             device.queue.write_buffer(&positions, (4 * k * n) as u64, bytemuck::cast_slice(column));
         }
         device.check()?;
-        Ok(Points { positions, count: n as u32 })
+        Ok(DeviceParticles { positions, count: n as u32 })
     }
 }
 
 /// Draws all particles on a device.
-pub struct Reference {
+pub struct ReferenceRenderer {
     device: Arc<Device>,
     count: Kernel,
     deposit: Kernel,
@@ -74,7 +74,7 @@ pub struct Reference {
 }
 
 /// The memory of pictures of one size.
-pub struct Canvas {
+pub struct ReferenceCanvas {
     size: Size,
     /// Low words of all pixels, and high ones.
     sums: [wgpu::Buffer; 2],
@@ -87,13 +87,13 @@ pub struct Canvas {
 
 /// A picture to which particles are added.
 pub struct Sum<'a> {
-    reference: &'a Reference,
-    canvas: &'a Canvas,
+    reference: &'a ReferenceRenderer,
+    canvas: &'a ReferenceCanvas,
     view: &'a View,
     record: ViewRecord,
 }
 
-impl Reference {
+impl ReferenceRenderer {
     /// Its kernels.
     ///
     /// # Errors
@@ -103,30 +103,30 @@ impl Reference {
         let frame = include_str!("../render/frame.wgsl");
         let [main, splats, deposit] =
             [include_str!("deposit_main.wgsl"), include_str!("splats.wgsl"), include_str!("deposit.wgsl")];
-        let uses = [Use::Uniform, Use::Read, Use::Read, Use::Write, Use::Write];
+        let uses = [BufferUse::Uniform, BufferUse::Read, BufferUse::Read, BufferUse::Write, BufferUse::Write];
         let share = include_str!("../share.wgsl");
         let count_main = include_str!("count_main.wgsl");
-        let uses_of_count = [Use::Uniform, Use::Read, Use::Write];
+        let uses_of_count = [BufferUse::Uniform, BufferUse::Read, BufferUse::Write];
         let count = Kernel::new(device, "work", &[count_main, VIEW, splats], &uses_of_count);
         let deposit = Kernel::new(device, "particles", &[main, VIEW, splats, deposit, share], &uses);
         let collect = Kernel::new(
             device,
             "depth of particles",
             &[include_str!("collect_main.wgsl"), VIEW, frame],
-            &[Use::Uniform, Use::Read, Use::Read, Use::Uniform, Use::Write],
+            &[BufferUse::Uniform, BufferUse::Read, BufferUse::Read, BufferUse::Uniform, BufferUse::Write],
         );
         let integrals = device.filled("integrals", &integrals(), wgpu::BufferUsages::STORAGE);
         let tones = ToneMapper::new(device);
         device.check()?;
-        Ok(Reference { device: device.clone(), count, deposit, collect, integrals, tones })
+        Ok(ReferenceRenderer { device: device.clone(), count, deposit, collect, integrals, tones })
     }
 
     /// Memory for pictures of a size.
     ///
     /// # Errors
     /// [`Error::Argument`] where a picture is too large for the device; those of the device.
-    pub fn canvas(&self, size: Size) -> Result<Canvas> {
-        let (device, bytes, planes) = (&*self.device, 4 * size.pixels() as u64, Planes::of(size));
+    pub fn canvas(&self, size: Size) -> Result<ReferenceCanvas> {
+        let (device, bytes, planes) = (&*self.device, 4 * size.pixels() as u64, PlaneLayout::of(size));
         let [finest, _] = planes.words();
         device.fits(size, 4 * finest)?;
         use wgpu::BufferUsages as Use;
@@ -142,7 +142,7 @@ impl Reference {
         let collect = self.collect.bind(device, &[&view, low, high, &frame, &plane]);
         let tone = self.tones.bind(device, [&frame, &scale, &plane, &picture]);
         device.check()?;
-        Ok(Canvas { size, sums, view, work, collect, picture, tone })
+        Ok(ReferenceCanvas { size, sums, view, work, collect, picture, tone })
     }
 
     /// Begins a picture; `origin` is the particles', `range` the distances between which they are drawn.
@@ -151,7 +151,7 @@ impl Reference {
     /// [`Error::Argument`] for a view out of range, or not in perspective.
     pub fn begin<'a>(
         &'a self,
-        canvas: &'a Canvas,
+        canvas: &'a ReferenceCanvas,
         view: &'a View,
         origin: [f64; 3],
         range: [f64; 2],
@@ -169,7 +169,7 @@ impl Sum<'_> {
     ///
     /// # Errors
     /// [`Error::Argument`] for splats that are so large that this would take hours; those of the device.
-    pub fn add(&mut self, points: &Points) -> Result<()> {
+    pub fn add(&mut self, points: &DeviceParticles) -> Result<()> {
         let work = self.work(points)?;
         if work > MOST_THOUSANDS {
             let (name, radius) = (&self.view.name, self.view.radius);
@@ -191,7 +191,7 @@ impl Sum<'_> {
     }
 
     /// Thousands of pixels that particles reach.
-    fn work(&mut self, points: &Points) -> Result<u64> {
+    fn work(&mut self, points: &DeviceParticles) -> Result<u64> {
         let (r, canvas) = (self.reference, self.canvas);
         self.record.count = points.count;
         r.device.queue.write_buffer(&canvas.work, 0, &[0; 8]);

@@ -1,8 +1,8 @@
 //! Pictures of one snapshot.
 
 use super::paraview::{self, Paraview};
-use super::source::{Checked, Columns, Snapshot, Source};
-use super::{Canvas, Reference, Sum};
+use super::source::{CancellableSource, Columns, ParticleSource, ParticleStream};
+use super::{ReferenceCanvas, ReferenceRenderer, Sum};
 use crate::Device;
 use particlegs_core::Result;
 use particlegs_core::camera::{View, clipping_range};
@@ -14,21 +14,21 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A snapshot drawn on a device at whatever size, one picture at a time.
 pub struct Pictures<'a> {
-    reference: Reference,
+    reference: ReferenceRenderer,
     paraview: Paraview,
     origin: [f64; 3],
     bounds: Bounds,
-    snapshot: Snapshot<'a>,
+    snapshot: ParticleStream<'a>,
     // What the last pictures were drawn on.
-    sums: Mutex<Option<Canvas>>,
-    layers: Mutex<Option<paraview::Canvas>>,
+    sums: Mutex<Option<ReferenceCanvas>>,
+    layers: Mutex<Option<paraview::ParaviewCanvas>>,
 }
 
 impl<'a> Pictures<'a> {
     /// Of `count` particles about `origin`, with these bounds (world units). None is on the device yet.
     ///
     /// # Errors
-    /// Those of [`Reference::new`].
+    /// Those of [`ReferenceRenderer::new`].
     pub fn new(
         device: &Arc<Device>,
         origin: [f64; 3],
@@ -37,11 +37,11 @@ impl<'a> Pictures<'a> {
         columns: Columns<'a>,
     ) -> Result<Self> {
         Ok(Pictures {
-            reference: Reference::new(device)?,
+            reference: ReferenceRenderer::new(device)?,
             paraview: Paraview::new(device)?,
             origin,
             bounds,
-            snapshot: Snapshot::new(device, count, columns),
+            snapshot: ParticleStream::new(device, count, columns),
             sums: Mutex::default(),
             layers: Mutex::default(),
         })
@@ -50,7 +50,7 @@ impl<'a> Pictures<'a> {
     /// Keeps on the device the particles that half of its memory holds; the others are sent anew for every picture.
     ///
     /// # Errors
-    /// Those of [`Snapshot::keep`].
+    /// Those of [`ParticleStream::keep`].
     pub fn keep(&mut self, device: &Device, sent: &mut dyn FnMut(u64) -> Result<()>) -> Result<()> {
         self.snapshot.keep(device.room(), sent)
     }
@@ -58,7 +58,7 @@ impl<'a> Pictures<'a> {
     /// Keeps all of them on the device.
     ///
     /// # Errors
-    /// Those of [`Snapshot::keep`]; that of a device which does not hold them.
+    /// Those of [`ParticleStream::keep`]; that of a device which does not hold them.
     pub fn keep_all(&mut self, sent: &mut dyn FnMut(u64) -> Result<()>) -> Result<()> {
         self.snapshot.keep(u64::MAX, sent)
     }
@@ -66,7 +66,7 @@ impl<'a> Pictures<'a> {
     /// A picture of all particles: of ParaView's looks its own, shot noise and all; [`Look::Expected`] is noise-free.
     ///
     /// # Errors
-    /// Those of [`Paraview::canvas`], [`Paraview::shot`] and [`paraview::Shot::draw`], or [`Pictures::response`].
+    /// Those of [`Paraview::canvas`], [`Paraview::shot`] and [`paraview::PictureRequest::draw`], or [`Pictures::response`].
     pub fn draw(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
         let fxaa = match look {
             Look::Expected => return self.response(view, size, look, progress),
@@ -82,7 +82,7 @@ impl<'a> Pictures<'a> {
             }
         };
         let shot = self.paraview.shot(&canvas, view, self.origin, self.range(view))?;
-        let drawn = shot.draw(&Checked { source: &self.snapshot, progress }, fxaa)?;
+        let drawn = shot.draw(&CancellableSource { source: &self.snapshot, progress }, fxaa)?;
         *kept = Some(canvas);
         Ok(drawn)
     }
@@ -90,7 +90,7 @@ impl<'a> Pictures<'a> {
     /// The noise-free picture in a look.
     ///
     /// # Errors
-    /// Those of [`Reference::canvas`], [`Reference::begin`] and [`Sum::add`].
+    /// Those of [`ReferenceRenderer::canvas`], [`ReferenceRenderer::begin`] and [`Sum::add`].
     pub fn response(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
         self.summed(view, size, progress, |sum| sum.finish(look))
     }
@@ -119,7 +119,7 @@ impl<'a> Pictures<'a> {
             }
         };
         let mut sum = self.reference.begin(&canvas, view, self.origin, self.range(view))?;
-        Checked { source: &self.snapshot, progress }.each(&mut |points| sum.add(points))?;
+        CancellableSource { source: &self.snapshot, progress }.each(&mut |points| sum.add(points))?;
         let drawn = finish(sum)?;
         *kept = Some(canvas);
         Ok(drawn)

@@ -1,6 +1,6 @@
 //! Particles on their way to a picture.
 
-use super::{MOST, Points};
+use super::{DeviceParticles, MOST};
 use crate::Device;
 use particlegs_core::Result;
 use particlegs_core::progress::Progress;
@@ -8,17 +8,17 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// Particles, piece by piece in their order, as often as a picture asks for them.
-pub trait Source {
+pub trait ParticleSource {
     /// Calls `work` with every piece.
     ///
     /// # Errors
     /// Those of `work`, and of pieces that cannot be had.
-    fn each(&self, work: &mut dyn FnMut(&Points) -> Result<()>) -> Result<()>;
+    fn each(&self, work: &mut dyn FnMut(&DeviceParticles) -> Result<()>) -> Result<()>;
 }
 
 /// Pieces that are on the device.
-impl Source for Vec<Points> {
-    fn each(&self, work: &mut dyn FnMut(&Points) -> Result<()>) -> Result<()> {
+impl ParticleSource for Vec<DeviceParticles> {
+    fn each(&self, work: &mut dyn FnMut(&DeviceParticles) -> Result<()>) -> Result<()> {
         self.iter().try_for_each(work)
     }
 }
@@ -27,31 +27,31 @@ impl Source for Vec<Points> {
 pub type Columns<'a> = Box<dyn Fn(Range<usize>) -> [Vec<f32>; 3] + Send + Sync + 'a>;
 
 /// A snapshot's particles: the first pieces stay on the device, the others are sent whenever they are asked for.
-pub struct Snapshot<'a> {
+pub struct ParticleStream<'a> {
     device: Arc<Device>,
     count: usize,
     columns: Columns<'a>,
     /// Particles of a piece.
     each: usize,
-    kept: Vec<Points>,
+    kept: Vec<DeviceParticles>,
 }
 
-impl<'a> Snapshot<'a> {
+impl<'a> ParticleStream<'a> {
     /// Of `count` particles, none of which is on the device.
     pub fn new(device: &Arc<Device>, count: usize, columns: Columns<'a>) -> Self {
-        Snapshot { device: device.clone(), count, columns, each: MOST, kept: Vec::new() }
+        ParticleStream { device: device.clone(), count, columns, each: MOST, kept: Vec::new() }
     }
 
     /// In pieces of at most so many particles.
     #[cfg(test)]
     pub(super) fn in_pieces(self, each: usize) -> Self {
-        Snapshot { each, ..self }
+        ParticleStream { each, ..self }
     }
 
     /// Keeps as many pieces on the device as `bytes` hold; `sent` hears how many particles each has.
     ///
     /// # Errors
-    /// Those of [`Points::upload`] and `sent`.
+    /// Those of [`DeviceParticles::upload`] and `sent`.
     pub fn keep(&mut self, bytes: u64, sent: &mut dyn FnMut(u64) -> Result<()>) -> Result<()> {
         let fit = (bytes / (12 * self.each as u64)) as usize;
         for piece in self.kept.len()..fit.min(self.pieces()) {
@@ -66,18 +66,18 @@ impl<'a> Snapshot<'a> {
         self.count.div_ceil(self.each)
     }
 
-    fn send(&self, piece: usize) -> Result<Points> {
+    fn send(&self, piece: usize) -> Result<DeviceParticles> {
         let first = piece * self.each;
         let columns = (self.columns)(first..self.count.min(first + self.each));
-        let points = Points::upload(&self.device, columns.each_ref().map(Vec::as_slice))?;
+        let points = DeviceParticles::upload(&self.device, columns.each_ref().map(Vec::as_slice))?;
         // What was given to the queue is on the device before more is.
         self.device.wait()?;
         Ok(points)
     }
 }
 
-impl Source for Snapshot<'_> {
-    fn each(&self, work: &mut dyn FnMut(&Points) -> Result<()>) -> Result<()> {
+impl ParticleSource for ParticleStream<'_> {
+    fn each(&self, work: &mut dyn FnMut(&DeviceParticles) -> Result<()>) -> Result<()> {
         self.kept.iter().try_for_each(&mut *work)?;
         for piece in self.kept.len()..self.pieces() {
             work(&self.send(piece)?)?;
@@ -89,13 +89,13 @@ impl Source for Snapshot<'_> {
 }
 
 /// A source whose user may want to stop.
-pub(super) struct Checked<'a> {
-    pub source: &'a dyn Source,
+pub(super) struct CancellableSource<'a> {
+    pub source: &'a dyn ParticleSource,
     pub progress: &'a dyn Progress,
 }
 
-impl Source for Checked<'_> {
-    fn each(&self, work: &mut dyn FnMut(&Points) -> Result<()>) -> Result<()> {
+impl ParticleSource for CancellableSource<'_> {
+    fn each(&self, work: &mut dyn FnMut(&DeviceParticles) -> Result<()>) -> Result<()> {
         self.source.each(&mut |points| {
             self.progress.check()?;
             work(points)

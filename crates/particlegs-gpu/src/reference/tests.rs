@@ -42,7 +42,7 @@ fn view(position: [f64; 3], radius: f64, opacity: f64) -> View {
 #[test]
 fn kernels_agree_with_their_twins() {
     let Some(device) = device() else { return };
-    let there = Reference::new(&device).unwrap();
+    let there = ReferenceRenderer::new(&device).unwrap();
     let (columns, size) = (columns(4000), Size { width: 320, height: 180 });
     let particles = particles(&columns);
     let own = reference::Reference::new(&particles);
@@ -65,7 +65,7 @@ fn kernels_agree_with_their_twins() {
                 let n = 4000usize.div_ceil(pieces);
                 for k in 0..pieces {
                     let piece = columns.each_ref().map(|c| &c[k * n..4000.min((k + 1) * n)]);
-                    sum.add(&Points::upload(&device, piece).unwrap()).unwrap();
+                    sum.add(&DeviceParticles::upload(&device, piece).unwrap()).unwrap();
                 }
             };
             let mut sum = begin();
@@ -92,14 +92,14 @@ fn kernels_agree_with_their_twins() {
 #[test]
 fn a_picture_of_8k_is_drawn() {
     let Some(device) = device() else { return };
-    let there = Reference::new(&device).unwrap();
+    let there = ReferenceRenderer::new(&device).unwrap();
     let (columns, size) = (columns(1000), Size { width: 7680, height: 4320 });
     let view = view([1.0, 2.0, 6.0], 0.002, 0.05);
     let particles = particles(&columns);
     let own = reference::Reference::new(&particles);
     let canvas = there.canvas(size).unwrap();
     let mut sum = there.begin(&canvas, &view, [0.0; 3], clipping_range(own.bounds(), &view.camera)).unwrap();
-    sum.add(&Points::upload(&device, columns.each_ref().map(|c| &c[..])).unwrap()).unwrap();
+    sum.add(&DeviceParticles::upload(&device, columns.each_ref().map(|c| &c[..])).unwrap()).unwrap();
     let (a, b) = (sum.finish(Look::Expected).unwrap(), own.response(&view, size, Look::Expected, &Silent).unwrap());
     assert!(b.data.iter().any(|v| *v > 0) && a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 1));
 }

@@ -50,14 +50,14 @@ pub(crate) struct FrameRecord {
 
 /// The planes of a picture, and how many words they and their tiles have.
 #[derive(Clone, Debug)]
-pub(crate) struct Planes {
+pub(crate) struct PlaneLayout {
     pub size: Size,
     pub levels: Vec<LevelRecord>,
     pub sums: u64,
     pub tiles: u64,
 }
 
-impl Planes {
+impl PlaneLayout {
     /// Words of the finest one, and of all others.
     pub fn words(&self) -> [u64; 2] {
         let finest = self.levels.get(1).map_or(self.sums, |l| u64::from(l.first));
@@ -65,7 +65,7 @@ impl Planes {
     }
 
     /// Of a picture: core's pyramid without the room that vectors take.
-    pub fn of(size: Size) -> Planes {
+    pub fn of(size: Size) -> PlaneLayout {
         let (mut sums, mut tiles) = (0u64, 0u64);
         let level = |l: &pyramid::Level| {
             let (width, rows) = (l.size.width + 2 * pyramid::PAD, l.rows);
@@ -83,7 +83,7 @@ impl Planes {
             own
         };
         let levels = pyramid::levels(size).iter().map(level).collect();
-        Planes { size, levels, sums, tiles }
+        PlaneLayout { size, levels, sums, tiles }
     }
 }
 
@@ -95,7 +95,7 @@ pub(crate) fn two_floats(v: f64) -> [f32; 2] {
 
 impl FrameRecord {
     /// Of planes alone, whose depth is as it is to be seen.
-    pub fn of_planes(planes: &Planes) -> FrameRecord {
+    pub fn of_planes(planes: &PlaneLayout) -> FrameRecord {
         let mut levels = [LevelRecord::default(); MOST_LEVELS];
         levels[..planes.levels.len()].copy_from_slice(&planes.levels);
         FrameRecord {
@@ -107,7 +107,7 @@ impl FrameRecord {
     }
 
     /// Of a camera, for `count` Gaussians about `origin`.
-    pub fn new(lens: &Lens, origin: [f64; 3], planes: &Planes, count: u32) -> FrameRecord {
+    pub fn new(lens: &Lens, origin: [f64; 3], planes: &PlaneLayout, count: u32) -> FrameRecord {
         let eye = each_axis(|k| two_floats(lens.position[k] - origin[k]));
         let four = |v: [f32; 3]| [v[0], v[1], v[2], 0.0];
         let [right, down, forward] = lens.axes.map(|a| four(a.map(|v| v as f32)));

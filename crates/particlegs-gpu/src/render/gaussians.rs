@@ -17,22 +17,22 @@ pub(crate) const MOST: usize = 1 << 21;
 
 /// The Gaussians of a scene on a device, about a point near them.
 pub struct Gaussians {
-    pub(super) chunks: Vec<Chunk>,
+    pub(super) chunks: Vec<GaussianChunk>,
     pub(super) origin: [f64; 3],
     pub(super) bounds: Bounds,
     pub(super) shifts: Vec<[f64; 3]>,
     /// Where they are; none where training moves them.
-    extent: Option<Extent>,
+    extent: Option<GaussianExtent>,
 }
 
 /// Where Gaussians lie, and the standard deviation that none of them exceeds.
-struct Extent {
+struct GaussianExtent {
     means: Bounds,
     sigma: f64,
 }
 
 /// Some of them.
-pub(super) struct Chunk {
+pub(super) struct GaussianChunk {
     pub columns: wgpu::Buffer,
     pub count: u32,
 }
@@ -54,14 +54,14 @@ impl Gaussians {
         }
         // A repeated scene's bounds are those of all its images.
         let bounds = *scene.bounds();
-        let extent = Some(Extent::of(scene));
+        let extent = Some(GaussianExtent::of(scene));
         let origin = each_axis(|k| 0.5 * (bounds.min[k] + bounds.max[k]));
         let mut left: usize = scene.parts().map(Mixture::len).sum();
         let mut all = scene.parts().flat_map(|m| (0..m.len()).map(move |i| (m, i)));
         let mut chunks = Vec::new();
         while left > 0 {
             let n = left.min(most.max(1));
-            chunks.push(Chunk::new(device, all.by_ref().take(n), n, origin));
+            chunks.push(GaussianChunk::new(device, all.by_ref().take(n), n, origin));
             left -= n;
             device.check()?;
         }
@@ -70,12 +70,18 @@ impl Gaussians {
 
     /// Those of a buffer that has the columns, and may have more, about `origin`.
     pub(crate) fn of_buffer(columns: wgpu::Buffer, count: u32, origin: [f64; 3], bounds: Bounds) -> Gaussians {
-        Gaussians { chunks: vec![Chunk { columns, count }], origin, bounds, shifts: vec![[0.0; 3]], extent: None }
+        Gaussians {
+            chunks: vec![GaussianChunk { columns, count }],
+            origin,
+            bounds,
+            shifts: vec![[0.0; 3]],
+            extent: None,
+        }
     }
 
     /// May a lens cut any of them along depth? Where it may not, what draws those need not run.
     pub(super) fn may_be_cut(&self, lens: &Lens) -> bool {
-        let cuts = |extent: &Extent| self.shifts.iter().any(|s| extent.may_be_cut(&lens.shifted(*s)));
+        let cuts = |extent: &GaussianExtent| self.shifts.iter().any(|s| extent.may_be_cut(&lens.shifted(*s)));
         self.extent.as_ref().is_none_or(cuts)
     }
 
@@ -95,9 +101,10 @@ impl Gaussians {
     }
 }
 
-impl Extent {
-    fn of(scene: &Scene) -> Extent {
-        let mut extent = Extent { means: Bounds { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3] }, sigma: 0.0 };
+impl GaussianExtent {
+    fn of(scene: &Scene) -> GaussianExtent {
+        let mut extent =
+            GaussianExtent { means: Bounds { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3] }, sigma: 0.0 };
         for (m, i) in scene.parts().flat_map(|m| (0..m.len()).map(move |i| (m, i))) {
             let (mean, [xx, _, _, yy, _, zz]) = (m.mean_of(i), m.cov_of(i).0);
             extent.means.min = each_axis(|k| extent.means.min[k].min(mean[k]));
@@ -126,8 +133,13 @@ impl Extent {
     }
 }
 
-impl Chunk {
-    fn new<'a>(device: &Device, some: impl Iterator<Item = (&'a Mixture, usize)>, n: usize, origin: [f64; 3]) -> Chunk {
+impl GaussianChunk {
+    fn new<'a>(
+        device: &Device,
+        some: impl Iterator<Item = (&'a Mixture, usize)>,
+        n: usize,
+        origin: [f64; 3],
+    ) -> GaussianChunk {
         let mut columns = vec![0.0f32; COLUMNS * n];
         for (place, (m, i)) in some.enumerate() {
             let (mean, factor) = (m.mean_of(i), factor(&m.cov_of(i)));
@@ -140,7 +152,7 @@ impl Chunk {
             factor.iter().enumerate().for_each(|(k, v)| put(6 + k, *v as f32));
             put(12, m.count[i] as f32);
         }
-        Chunk { columns: device.filled("gaussians", &columns, wgpu::BufferUsages::STORAGE), count: n as u32 }
+        GaussianChunk { columns: device.filled("gaussians", &columns, wgpu::BufferUsages::STORAGE), count: n as u32 }
     }
 }
 

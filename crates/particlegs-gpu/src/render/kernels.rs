@@ -1,7 +1,7 @@
 //! The kernels of pictures, by their sources.
 
 use crate::Device;
-use crate::kernel::{Kernel, Use};
+use crate::kernel::{BufferUse, Kernel};
 
 /// The sources that other kernels share.
 pub(crate) mod sources {
@@ -37,8 +37,8 @@ pub(super) struct Kernels {
 impl Kernels {
     /// Compiled for a device.
     pub fn new(device: &Device) -> Kernels {
-        use Use::{Read, Uniform, Write};
-        let new = |label, sources: &[&str], uses: &[Use]| Kernel::new(device, label, sources, uses);
+        use BufferUse::{Read, Uniform, Write};
+        let new = |label, sources: &[&str], uses: &[BufferUse]| Kernel::new(device, label, sources, uses);
         Kernels {
             project: new(
                 "project",

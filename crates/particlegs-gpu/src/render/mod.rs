@@ -31,7 +31,7 @@ pub(crate) use tone::{CURVE, LookRecord, Tone, ToneMapper, TonePlane, curve};
 
 use crate::{AT_ONCE, CUT_GROUPS, CUTS_AT_ONCE, Device, dispatches, groups};
 use frame::MOST_LEVELS;
-pub(crate) use frame::{FrameRecord, Planes};
+pub(crate) use frame::{FrameRecord, PlaneLayout};
 pub(crate) use gaussians::factor;
 use kernels::Kernels;
 use particlegs_core::camera::View;
@@ -54,7 +54,7 @@ pub struct Renderer {
 
 /// The memory of pictures of one size of some Gaussians, and what is bound to kernels.
 pub struct Canvas {
-    planes: Planes,
+    planes: PlaneLayout,
     /// Of the finest plane, and of all others.
     sums: [wgpu::Buffer; 2],
     tiles: wgpu::Buffer,
@@ -65,9 +65,9 @@ pub struct Canvas {
     /// Strokes and their planes: what is written before it is read.
     scratch: [wgpu::Buffer; 2],
     cuts: wgpu::Buffer,
-    batches: Vec<Batch>,
+    batches: Vec<GaussianBatch>,
     scale: wgpu::BindGroup,
-    steps: Vec<Step>,
+    steps: Vec<LevelPass>,
     tone: Tone,
 }
 
@@ -83,7 +83,7 @@ pub(crate) struct CanvasBuffers<'a> {
 
 impl Canvas {
     /// Its planes.
-    pub(crate) fn planes(&self) -> &Planes {
+    pub(crate) fn planes(&self) -> &PlaneLayout {
         &self.planes
     }
 
@@ -100,7 +100,7 @@ impl Canvas {
 }
 
 /// Gaussians that go through the stages together, from one place.
-struct Batch {
+struct GaussianBatch {
     shift: [f64; 3],
     count: u32,
     frame: wgpu::Buffer,
@@ -119,7 +119,7 @@ struct Slices {
 }
 
 /// A pass from coarse to fine.
-struct Step {
+struct LevelPass {
     coarsest: bool,
     groups: [u32; 2],
     bound: wgpu::BindGroup,
@@ -147,7 +147,7 @@ impl Renderer {
     /// [`Error::Argument`] where a picture is too large for the device; those of the device.
     pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
         let (device, kernels) = (&*self.device, &self.kernels);
-        let planes = Planes::of(size);
+        let planes = PlaneLayout::of(size);
         let words = planes.words();
         words.iter().try_for_each(|w| device.fits(size, 4 * w))?;
         debug_assert!(planes.levels.len() <= MOST_LEVELS);
@@ -168,7 +168,7 @@ impl Renderer {
             for chunk in &gaussians.chunks {
                 let frame = device.buffer("frame", size_of::<FrameRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
                 let own = &chunk.columns;
-                batches.push(Batch {
+                batches.push(GaussianBatch {
                     shift: *shift,
                     count: chunk.count,
                     project: kernels
@@ -284,11 +284,11 @@ impl Renderer {
         encoder.clear_buffer(&canvas.tiles, 0, None);
     }
 
-    fn project(&self, pass: &mut wgpu::ComputePass<'_>, batch: &Batch) {
+    fn project(&self, pass: &mut wgpu::ComputePass<'_>, batch: &GaussianBatch) {
         self.kernels.project.run(pass, &batch.project, groups(u64::from(batch.count)));
     }
 
-    fn raster(&self, pass: &mut wgpu::ComputePass<'_>, batch: &Batch, cuts: bool) {
+    fn raster(&self, pass: &mut wgpu::ComputePass<'_>, batch: &GaussianBatch, cuts: bool) {
         for (bound, count) in &batch.raster {
             self.kernels.raster.run(pass, bound, groups(u64::from(*count)));
         }
@@ -297,13 +297,13 @@ impl Renderer {
         }
     }
 
-    fn bound_slices(&self, pass: &mut wgpu::ComputePass<'_>, batch: &Batch) {
+    fn bound_slices(&self, pass: &mut wgpu::ComputePass<'_>, batch: &GaussianBatch) {
         for some in &batch.slices {
             self.kernels.slices_bound.run(pass, &some.bound, [CUT_GROUPS.min(some.count), 1]);
         }
     }
 
-    fn slices(&self, pass: &mut wgpu::ComputePass<'_>, batch: &Batch) {
+    fn slices(&self, pass: &mut wgpu::ComputePass<'_>, batch: &GaussianBatch) {
         for some in &batch.slices {
             self.kernels.slices.run(pass, &some.draw, [CUT_GROUPS.min(some.count), 1]);
         }
@@ -358,7 +358,7 @@ impl Renderer {
 }
 
 /// The passes that sum the planes.
-fn steps(device: &Device, kernels: &Kernels, planes: &Planes, of: [&wgpu::Buffer; 4]) -> Vec<Step> {
+fn steps(device: &Device, kernels: &Kernels, planes: &PlaneLayout, of: [&wgpu::Buffer; 4]) -> Vec<LevelPass> {
     let top = planes.levels.len() - 1;
     let small = planes.levels.iter().position(|l| l.width * l.rows <= COARSEST).unwrap_or(top).min(top);
     let step = |level: usize, coarsest: bool, is_sum: bool| {
@@ -367,7 +367,7 @@ fn steps(device: &Device, kernels: &Kernels, planes: &Planes, of: [&wgpu::Buffer
         let kernel = if coarsest { &kernels.pyramid_coarsest } else { &kernels.pyramid };
         let l = planes.levels[level];
         let groups = if coarsest { [1, 1] } else { [l.width.div_ceil(16), l.rows.div_ceil(16)] };
-        Step { coarsest, groups, bound: kernel.bind(device, &[&of[..], &[&target]].concat()) }
+        LevelPass { coarsest, groups, bound: kernel.bind(device, &[&of[..], &[&target]].concat()) }
     };
     let fused = (small < top).then(|| step(small, true, true));
     let rest = (0..small).rev().map(|level| step(level, false, level + 1 == top));

@@ -13,22 +13,22 @@ use particlegs_core::splat::Look;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A scene on a device, drawn at whatever size, one picture at a time.
-pub struct Pictures(Law);
+pub struct Pictures(LawRenderer);
 
-enum Law {
-    OpticalDepth(Box<Held<Renderer, Gaussians, Canvas>>),
-    AlphaBlend(Box<Held<alpha::Renderer, alpha::Gaussians, alpha::Canvas>>),
+enum LawRenderer {
+    OpticalDepth(Box<DrawingState<Renderer, Gaussians, Canvas>>),
+    AlphaBlend(Box<DrawingState<alpha::Renderer, alpha::Gaussians, alpha::Canvas>>),
 }
 
 /// What draws, what is drawn, and the memory of the last picture.
-struct Held<R, G, C> {
+struct DrawingState<R, G, C> {
     renderer: R,
     gaussians: G,
-    kept: Kept<C>,
+    kept: CanvasCache<C>,
 }
 
 /// The memory of the last picture.
-struct Kept<C>(Mutex<Option<(Size, C)>>);
+struct CanvasCache<C>(Mutex<Option<(Size, C)>>);
 
 impl Pictures {
     /// Of a scene of either law.
@@ -39,11 +39,11 @@ impl Pictures {
         Ok(Pictures(match scene.law() {
             LawKind::OpticalDepth => {
                 let (renderer, gaussians) = (Renderer::new(device)?, Gaussians::upload(device, scene)?);
-                Law::OpticalDepth(Box::new(Held { renderer, gaussians, kept: Kept::new() }))
+                LawRenderer::OpticalDepth(Box::new(DrawingState { renderer, gaussians, kept: CanvasCache::new() }))
             }
             LawKind::AlphaBlend => {
                 let (renderer, gaussians) = (alpha::Renderer::new(device)?, alpha::Gaussians::upload(device, scene)?);
-                Law::AlphaBlend(Box::new(Held { renderer, gaussians, kept: Kept::new() }))
+                LawRenderer::AlphaBlend(Box::new(DrawingState { renderer, gaussians, kept: CanvasCache::new() }))
             }
         }))
     }
@@ -54,15 +54,15 @@ impl Pictures {
     /// Those of [`Renderer::canvas`], [`Renderer::submit`], and of the same in [`alpha`].
     pub fn draw(&self, view: &View, size: Size, look: Look) -> Result<Gray8> {
         match &self.0 {
-            Law::OpticalDepth(own) if own.gaussians.is_empty() => Ok(Gray8::black(size)),
-            Law::AlphaBlend(own) if own.gaussians.is_empty() => Ok(Gray8::black(size)),
-            Law::OpticalDepth(own) => {
-                let Held { renderer, gaussians, kept } = &**own;
+            LawRenderer::OpticalDepth(own) if own.gaussians.is_empty() => Ok(Gray8::black(size)),
+            LawRenderer::AlphaBlend(own) if own.gaussians.is_empty() => Ok(Gray8::black(size)),
+            LawRenderer::OpticalDepth(own) => {
+                let DrawingState { renderer, gaussians, kept } = &**own;
                 let new = || renderer.canvas(gaussians, size);
                 kept.with(size, new, |canvas| renderer.draw(gaussians, canvas, view, look))
             }
-            Law::AlphaBlend(own) => {
-                let Held { renderer, gaussians, kept } = &**own;
+            LawRenderer::AlphaBlend(own) => {
+                let DrawingState { renderer, gaussians, kept } = &**own;
                 let new = || renderer.canvas(gaussians, size);
                 kept.with(size, new, |canvas| renderer.draw(gaussians, canvas, view))
             }
@@ -75,10 +75,10 @@ impl Pictures {
     /// As [`Pictures::draw`].
     pub fn optical_depth(&self, view: &View, size: Size) -> Result<Plane> {
         match &self.0 {
-            Law::OpticalDepth(own) if own.gaussians.is_empty() => Ok(Plane::zeros(size)),
-            Law::AlphaBlend(own) if own.gaussians.is_empty() => Ok(Plane::zeros(size)),
-            Law::OpticalDepth(own) => {
-                let Held { renderer, gaussians, kept } = &**own;
+            LawRenderer::OpticalDepth(own) if own.gaussians.is_empty() => Ok(Plane::zeros(size)),
+            LawRenderer::AlphaBlend(own) if own.gaussians.is_empty() => Ok(Plane::zeros(size)),
+            LawRenderer::OpticalDepth(own) => {
+                let DrawingState { renderer, gaussians, kept } = &**own;
                 let new = || renderer.canvas(gaussians, size);
                 let mut tau = kept.with(size, new, |canvas| {
                     renderer.submit(gaussians, canvas, view, Look::Expected)?;
@@ -90,8 +90,8 @@ impl Pictures {
                 }
                 Ok(tau)
             }
-            Law::AlphaBlend(own) => {
-                let Held { renderer, gaussians, kept } = &**own;
+            LawRenderer::AlphaBlend(own) => {
+                let DrawingState { renderer, gaussians, kept } = &**own;
                 let new = || renderer.canvas(gaussians, size);
                 let mut plane = kept.with(size, new, |canvas| {
                     renderer.submit(gaussians, canvas, view)?;
@@ -104,9 +104,9 @@ impl Pictures {
     }
 }
 
-impl<C> Kept<C> {
+impl<C> CanvasCache<C> {
     fn new() -> Self {
-        Kept(Mutex::new(None))
+        CanvasCache(Mutex::new(None))
     }
 
     /// Draws with the memory that is there, where it is of this size; it is kept where that succeeds.

@@ -7,12 +7,12 @@ use particlegs_core::math::{Random, Sym3, each_axis};
 use particlegs_core::model::Mixture;
 use particlegs_core::picture::psnr;
 use particlegs_core::progress::Silent;
-use particlegs_core::render::project::slices::{Fate, fate};
+use particlegs_core::render::project::slices::{ClipClass, fate};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
 
 /// What is drawn by both.
-struct Case {
+struct DepthRenderCase {
     name: &'static str,
     gaussians: Mixture,
     view: View,
@@ -51,10 +51,10 @@ fn needles(n: u64) -> Mixture {
     m
 }
 
-fn cases() -> Vec<Case> {
+fn cases() -> Vec<DepthRenderCase> {
     let (far, near, inside) = ([1.0, 2.0, 6.0], [0.3, 0.2, 1.6], [0.1, 0.2, 0.5]);
     let (usual, size) = ([0.002, 0.05], Size { width: 320, height: 180 });
-    let case = |name, gaussians, view| Case { name, gaussians, view, size };
+    let case = |name, gaussians, view| DepthRenderCase { name, gaussians, view, size };
     let mut flat = view(far, usual);
     flat.camera.projection = Projection::Orthographic { height_world: 2.5 };
     let mut slab = view(far, usual);
@@ -72,8 +72,14 @@ fn cases() -> Vec<Case> {
         case("a slab", mixture(6, 3000, 0.2), slab),
         case("a slab, parallel", mixture(6, 3000, 0.2), flat_slab),
         case("deep", mixture(7, 5000, 0.02), view(far, [0.05, 1.0])),
-        Case { size: Size { width: 9, height: 7 }, ..case("one plane", mixture(1, 500, 0.05), view(far, usual)) },
-        Case { size: Size { width: 1283, height: 701 }, ..case("odd sides", mixture(8, 5000, 0.05), view(far, usual)) },
+        DepthRenderCase {
+            size: Size { width: 9, height: 7 },
+            ..case("one plane", mixture(1, 500, 0.05), view(far, usual))
+        },
+        DepthRenderCase {
+            size: Size { width: 1283, height: 701 },
+            ..case("odd sides", mixture(8, 5000, 0.05), view(far, usual))
+        },
     ]
 }
 
@@ -86,7 +92,7 @@ fn scene(m: &Mixture) -> Scene<'_> {
 fn kernels_agree_with_their_twins() {
     let Some(device) = device() else { return };
     let renderer = Renderer::new(&device).unwrap();
-    for Case { name, gaussians, view, size } in cases() {
+    for DepthRenderCase { name, gaussians, view, size } in cases() {
         let scene = scene(&gaussians);
         let there = Gaussians::upload(&device, &scene).unwrap();
         let canvas = renderer.canvas(&there, size).unwrap();
@@ -122,7 +128,7 @@ fn a_picture_of_8k_is_drawn() {
     let Some(device) = device() else { return };
     let renderer = Renderer::new(&device).unwrap();
     let (gaussians, size) = (mixture(1, 500, 0.05), Size { width: 7680, height: 4320 });
-    assert!(Planes::of(size).words().iter().all(|w| 4 * w <= 128 << 20));
+    assert!(PlaneLayout::of(size).words().iter().all(|w| 4 * w <= 128 << 20));
     let (scene, view) = (scene(&gaussians), view([1.0, 2.0, 6.0], [0.002, 0.05]));
     let there = Gaussians::upload(&device, &scene).unwrap();
     let canvas = renderer.canvas(&there, size).unwrap();
@@ -135,14 +141,14 @@ fn a_picture_of_8k_is_drawn() {
 #[test]
 fn what_is_cut_is_known_before() {
     let Some(device) = device() else { return };
-    for Case { name, gaussians, view, size } in cases() {
+    for DepthRenderCase { name, gaussians, view, size } in cases() {
         let scene = scene(&gaussians);
         let lens = Lens::optical(&view, size, scene.bounds()).unwrap();
         let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(&b).map(|(a, b)| a * b).sum::<f64>();
         let cut = (0..gaussians.len()).any(|i| {
             let away = each_axis(|k| gaussians.mean_of(i)[k] - lens.position[k]);
             let (forward, cov) = (lens.axes[2], gaussians.cov_of(i));
-            fate(&lens, dot(forward, away), dot(forward, cov.apply(forward))) == Fate::Cut
+            fate(&lens, dot(forward, away), dot(forward, cov.apply(forward))) == ClipClass::Cut
         });
         let may = Gaussians::upload(&device, &scene).unwrap().may_be_cut(&lens);
         println!("{name}: {cut}, {may}");
@@ -195,7 +201,7 @@ fn nothing_depends_on_order_or_on_what_was_there() {
 fn tiles_have_the_bits_of_atomic_adds() {
     let Some(device) = device() else { return };
     let renderer = Renderer::new(&device).unwrap();
-    for Case { name, gaussians, view, size } in cases() {
+    for DepthRenderCase { name, gaussians, view, size } in cases() {
         for most in [1 << 20, 1700] {
             let there = Gaussians::upload_in(&device, &scene(&gaussians), most).unwrap();
             let canvas = renderer.canvas(&there, size).unwrap();

@@ -1,7 +1,7 @@
 //! Depth to grey levels: tone.wgsl and what it reads.
 
 use super::kernels::sources::{FRAME, SCALE, TONE};
-use crate::kernel::{FOUR_LEVELS, Kernel, Use};
+use crate::kernel::{BufferUse, FOUR_LEVELS, Kernel};
 use crate::{Device, groups};
 use particlegs_core::camera::View;
 use particlegs_core::picture::Size;
@@ -56,7 +56,7 @@ impl LookRecord {
 impl ToneMapper {
     /// Compiled for a device.
     pub fn new(device: &Device) -> ToneMapper {
-        use Use::{Read, Uniform, Write};
+        use BufferUse::{Read, Uniform, Write};
         let new = |label, main: &[&str]| {
             let uses = [Uniform, Read, Write, Uniform, Read, Write];
             Kernel::new(device, label, &[&[TONE, FRAME, SCALE], main].concat(), &uses)

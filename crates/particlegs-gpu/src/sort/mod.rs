@@ -3,7 +3,7 @@
 #[cfg(test)]
 mod tests;
 
-use crate::kernel::{Kernel, Use};
+use crate::kernel::{BufferUse, Kernel};
 use crate::{Device, groups};
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ const BLOCK: u32 = 512;
 
 /// What goes with each key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Carry {
+pub(crate) enum SortPayload {
     /// A value.
     Values,
     /// Nothing but the key's own bits that it is not sorted by.
@@ -25,7 +25,7 @@ pub(crate) enum Carry {
 
 /// The kernels.
 pub(crate) struct Sorter {
-    carry: Carry,
+    carry: SortPayload,
     count: Kernel,
     scan: Kernel,
     scatter: Kernel,
@@ -36,13 +36,13 @@ pub(crate) struct Sort {
     pub keys: wgpu::Buffer,
     /// Empty where keys carry nothing.
     pub values: wgpu::Buffer,
-    passes: Vec<Pass>,
+    passes: Vec<SortPass>,
     /// Second places of keys and values, counts and their sums: what is written before it is read.
     #[cfg(test)]
     pub scratch: [wgpu::Buffer; 4],
 }
 
-struct Pass {
+struct SortPass {
     record: wgpu::Buffer,
     shift: u32,
     count: wgpu::BindGroup,
@@ -61,12 +61,12 @@ struct PassRecord {
 
 impl Sorter {
     /// Compiled for a device.
-    pub fn new(device: &Device, carry: Carry) -> Sorter {
-        use Use::{Read, Uniform, Write};
-        let new = |label, sources: &[&str], uses: &[Use]| Kernel::new(device, label, sources, uses);
-        let (carried, own): (_, &[Use]) = match carry {
-            Carry::Values => (include_str!("values.wgsl"), &[Read, Write]),
-            Carry::Nothing => (include_str!("no_values.wgsl"), &[]),
+    pub fn new(device: &Device, carry: SortPayload) -> Sorter {
+        use BufferUse::{Read, Uniform, Write};
+        let new = |label, sources: &[&str], uses: &[BufferUse]| Kernel::new(device, label, sources, uses);
+        let (carried, own): (_, &[BufferUse]) = match carry {
+            SortPayload::Values => (include_str!("values.wgsl"), &[Read, Write]),
+            SortPayload::Nothing => (include_str!("no_values.wgsl"), &[]),
         };
         Sorter {
             carry,
@@ -89,7 +89,7 @@ impl Sorter {
         use wgpu::BufferUsages as Use;
         let storage = Use::STORAGE | Use::COPY_DST | Use::COPY_SRC;
         let column = |label, count: u32| device.buffer(label, 4 * u64::from(count), storage);
-        let carried = if self.carry == Carry::Values { most } else { 0 };
+        let carried = if self.carry == SortPayload::Values { most } else { 0 };
         let [keys, other_keys] = ["keys", "other keys"].map(|label| column(label, most));
         let [values, other_values] = ["values", "other values"].map(|label| column(label, carried));
         let counts = column("digits", DIGITS * most.div_ceil(BLOCK));
@@ -99,10 +99,10 @@ impl Sorter {
             let (source, target) = if k.is_multiple_of(2) { (there, back) } else { (back, there) };
             let record = device.buffer("pass", size_of::<PassRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
             let mut all = vec![&record, source[0], &counts, &totals, target[0]];
-            if self.carry == Carry::Values {
+            if self.carry == SortPayload::Values {
                 all.extend([source[1], target[1]]);
             }
-            Pass {
+            SortPass {
                 shift: bits.start + 4 * k,
                 count: self.count.bind(device, &[&record, source[0], &counts]),
                 scan: self.scan.bind(device, &[&record, &counts, &totals]),

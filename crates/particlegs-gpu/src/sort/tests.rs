@@ -5,11 +5,18 @@ use crate::tests::device;
 use particlegs_core::math::Random;
 
 /// The first `n` keys with their values, sorted; those behind them as they were.
-fn sorted(device: &Device, carry: Carry, n: u32, bits: Range<u32>, keys: &[u32], values: &[u32]) -> Vec<(u32, u32)> {
+fn sorted(
+    device: &Device,
+    carry: SortPayload,
+    n: u32,
+    bits: Range<u32>,
+    keys: &[u32],
+    values: &[u32],
+) -> Vec<(u32, u32)> {
     let sorter = Sorter::new(device, carry);
     let sort = sorter.room(device, keys.len() as u32, bits);
     device.queue.write_buffer(&sort.keys, 0, bytemuck::cast_slice(keys));
-    if carry == Carry::Values {
+    if carry == SortPayload::Values {
         device.queue.write_buffer(&sort.values, 0, bytemuck::cast_slice(values));
     }
     sort.set(&device.queue, n);
@@ -21,7 +28,7 @@ fn sorted(device: &Device, carry: Carry, n: u32, bits: Range<u32>, keys: &[u32],
     let read = |b: &wgpu::Buffer| -> Vec<u32> {
         bytemuck::pod_collect_to_vec(&device.read(b, 4 * keys.len() as u64).unwrap())
     };
-    let values = if carry == Carry::Values { read(&sort.values) } else { values.to_vec() };
+    let values = if carry == SortPayload::Values { read(&sort.values) } else { values.to_vec() };
     read(&sort.keys).into_iter().zip(values).collect()
 }
 
@@ -45,7 +52,7 @@ fn sorted_as_by_std() {
         let keys: Vec<u32> =
             (0..room).map(|i| if i % 11 == 0 { u32::MAX >> (32 - bits) } else { key(&mut r) }).collect();
         let values: Vec<u32> = (0..room as u32).map(|i| i.wrapping_mul(2654435761)).collect();
-        let got = sorted(&device, Carry::Values, n as u32, 0..bits as u32, &keys, &values);
+        let got = sorted(&device, SortPayload::Values, n as u32, 0..bits as u32, &keys, &values);
         let mut wanted: Vec<(u32, u32)> = keys.into_iter().zip(values).collect();
         wanted[..n as usize].sort_by_key(|(key, _)| *key);
         assert!(got == wanted, "{n} of {room} with {bits} bits");
@@ -61,7 +68,7 @@ fn keys_alone_are_sorted_by_some_bits() {
         let mut key = || ((r.uniform() * f64::from(most)) as u32) << 8 | (r.bits() as u32 & 255);
         let keys: Vec<u32> = (0..count).map(|_| key()).collect();
         let bits = (u32::BITS - (most - 1).leading_zeros()).max(1);
-        let got = sorted(&device, Carry::Nothing, count, 8..8 + bits, &keys, &vec![0; keys.len()]);
+        let got = sorted(&device, SortPayload::Nothing, count, 8..8 + bits, &keys, &vec![0; keys.len()]);
         let mut wanted = keys.clone();
         wanted.sort_by_key(|k| k >> 8);
         assert!(got.iter().map(|(key, _)| *key).eq(wanted), "{count} keys below {most}");

@@ -1,6 +1,6 @@
 //! A drawn picture beside the one that is learnt: its loss, and that of its structure.
 
-use super::kernels::Kernels;
+use super::kernels::TrainingKernels;
 use crate::Device;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_train::{Loss, Norm};
@@ -10,7 +10,7 @@ use wgpu::BufferUsages as Use;
 pub(super) const PARTS: u32 = 256;
 
 /// The memory of one size of picture, by any law.
-pub(super) struct Compared {
+pub(super) struct LossBuffers {
     pub size: Size,
     /// Brightness, in [0, 1]: drawn, and wanted.
     pub drawn: wgpu::Buffer,
@@ -39,9 +39,15 @@ struct LossRecord {
     dssim: f32,
 }
 
-impl Compared {
+impl LossBuffers {
     /// For a loss with SSIM or without; `frame` is render's record of the picture.
-    pub fn new(device: &Device, kernels: &Kernels, frame: &wgpu::Buffer, size: Size, with_dssim: bool) -> Compared {
+    pub fn new(
+        device: &Device,
+        kernels: &TrainingKernels,
+        frame: &wgpu::Buffer,
+        size: Size,
+        with_dssim: bool,
+    ) -> LossBuffers {
         let storage = Use::STORAGE | Use::COPY_DST | Use::COPY_SRC;
         let plane = |label| device.buffer(label, 4 * size.pixels() as u64, storage);
         let parts = |label| device.buffer(label, 8 * u64::from(PARTS), storage);
@@ -60,7 +66,7 @@ impl Compared {
             ]
         });
         let total = kernels.loss_total.bind(device, &[&loss, frame, &sums, &unlike, &told]);
-        Compared {
+        LossBuffers {
             size,
             drawn,
             target,
@@ -93,7 +99,7 @@ impl Compared {
     }
 
     /// From what is drawn and the sums of differences to the loss, and the change of SSIM with each pixel.
-    pub fn total(&self, pass: &mut wgpu::ComputePass<'_>, kernels: &Kernels) {
+    pub fn total(&self, pass: &mut wgpu::ComputePass<'_>, kernels: &TrainingKernels) {
         if let Some([across, down, back]) = &self.dssim {
             let all = [self.size.width.div_ceil(16) as u32, self.size.height.div_ceil(16) as u32];
             kernels.dssim_across.run(pass, across, all);

@@ -1,12 +1,12 @@
 //! Gaussians in training on the device, and what Adam remembers of them.
 
-use super::kernels::Kernels;
+use super::kernels::TrainingKernels;
 use super::{NUMBERS, StepRecord, too_many};
 use crate::render::{Gaussians, MOST, two_floats};
 use crate::{Device, groups};
 use particlegs_core::Result;
 use particlegs_core::math::each_axis;
-use particlegs_train::depth::{Columns, Numbers, Parameters, WIDTHS};
+use particlegs_train::depth::{DepthGaussians, Numbers, Parameters, WIDTHS};
 use wgpu::BufferUsages as Use;
 
 /// Floats of a Gaussian, each a column: those that pictures read, and ln count.
@@ -15,7 +15,7 @@ const COLUMNS: usize = 14;
 const PARTS: u32 = 64;
 
 /// Buffers, and what they are bound to.
-pub(super) struct Held {
+pub(super) struct DepthBuffers {
     origin: [f64; 3],
     count: usize,
     /// Those that pictures are drawn of: as decoded where they are coded on the way, else the same as `now`.
@@ -30,7 +30,7 @@ pub(super) struct Held {
     members: wgpu::Buffer,
     group_records: wgpu::Buffer,
     step: wgpu::Buffer,
-    bound: Bound,
+    bound: StepBindGroups,
     /// Gaussians by group, and where each group begins among them; then the end.
     order: Vec<u32>,
     starts: Vec<u32>,
@@ -38,7 +38,7 @@ pub(super) struct Held {
     sizes: [wgpu::Buffer; 2],
 }
 
-struct Bound {
+struct StepBindGroups {
     sizes: wgpu::BindGroup,
     sizes_total: wgpu::BindGroup,
     adam: wgpu::BindGroup,
@@ -46,12 +46,12 @@ struct Bound {
     average: wgpu::BindGroup,
 }
 
-impl Held {
+impl DepthBuffers {
     /// Room for these, and what steps are bound to.
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] where they are too many; those of the device.
-    pub fn new(device: &Device, kernels: &Kernels, of: &Parameters) -> Result<Held> {
+    pub fn new(device: &Device, kernels: &TrainingKernels, of: &Parameters) -> Result<DepthBuffers> {
         let (count, group_count) = (of.len(), of.groups.counts.len());
         let most = MOST.min((device.largest_binding() / (8 * NUMBERS as u64)) as usize);
         if count > most {
@@ -64,7 +64,7 @@ impl Held {
         let (members, group_records) = (buffer("members", 2 * count), buffer("groups", 2 * (group_count + 1)));
         let step = device.buffer("step", size_of::<StepRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
         let (parts, epsilon) = (buffer("sizes", 4 * PARTS as usize), buffer("epsilon", 4));
-        let bound = Bound {
+        let bound = StepBindGroups {
             sizes: kernels.sizes.bind(device, &[&step, &averages, &parts]),
             sizes_total: kernels.sizes_total.bind(device, &[&step, &parts, &epsilon]),
             adam: kernels
@@ -77,7 +77,7 @@ impl Held {
         let origin = each_axis(|k| 0.5 * (of.bounds.min[k] + of.bounds.max[k]));
         let seen = Gaussians::of_buffer(seen_columns.clone(), count as u32, origin, of.bounds);
         let (order, starts) = by_group(of);
-        Ok(Held {
+        Ok(DepthBuffers {
             origin,
             count,
             seen,
@@ -109,7 +109,7 @@ impl Held {
     }
 
     /// Moves the Gaussians by their gradients.
-    pub fn update(&self, pass: &mut wgpu::ComputePass<'_>, kernels: &Kernels) {
+    pub fn update(&self, pass: &mut wgpu::ComputePass<'_>, kernels: &TrainingKernels) {
         let (bound, each) = (&self.bound, groups(self.count as u64));
         kernels.sizes.run(pass, &bound.sizes, [PARTS, 1]);
         kernels.sizes_total.run(pass, &bound.sizes_total, [1, 1]);
@@ -148,7 +148,7 @@ impl Held {
     ///
     /// # Errors
     /// Those of the device.
-    pub fn replace(&self, device: &Device, kernels: &Kernels, of: &Parameters, which: &[usize]) -> Result<()> {
+    pub fn replace(&self, device: &Device, kernels: &TrainingKernels, of: &Parameters, which: &[usize]) -> Result<()> {
         let mut place = vec![0u32; self.count];
         self.order.iter().zip(0..).for_each(|(&i, at)| place[i as usize] = at);
         let mut records: Vec<u32> = Vec::new();
@@ -184,7 +184,7 @@ impl Held {
             let bytes = device.read(buffer, 4 * words as u64)?;
             Ok(bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
         };
-        let columns = |buffer| -> Result<Columns> { Ok(self.numbers(&read(buffer, COLUMNS * self.count)?)) };
+        let columns = |buffer| -> Result<DepthGaussians> { Ok(self.numbers(&read(buffer, COLUMNS * self.count)?)) };
         of.now = columns(&self.now)?;
         of.averaged = columns(&self.averaged)?;
         if let Some(decoded) = &mut of.decoded {
@@ -218,7 +218,7 @@ impl Held {
     }
 
     /// Gaussians as columns.
-    fn columns(&self, of: &Columns) -> Vec<f32> {
+    fn columns(&self, of: &DepthGaussians) -> Vec<f32> {
         let n = self.count;
         let mut columns = vec![0.0f32; COLUMNS * n];
         for (i, g) in of.0.iter().enumerate() {
@@ -228,7 +228,7 @@ impl Held {
     }
 
     /// The reverse.
-    fn numbers(&self, columns: &[f32]) -> Columns {
+    fn numbers(&self, columns: &[f32]) -> DepthGaussians {
         let n = self.count;
         let number = |i: usize| -> Numbers {
             let at = |k: usize| f64::from(columns[k * n + i]);
@@ -238,7 +238,7 @@ impl Held {
                 _ => at(13),
             })
         };
-        Columns((0..n).map(number).collect())
+        DepthGaussians((0..n).map(number).collect())
     }
 }
 

@@ -1,7 +1,7 @@
 //! The kernels of steps, by their sources.
 
 use crate::Device;
-use crate::kernel::{Kernel, Use};
+use crate::kernel::{BufferUse, Kernel};
 use crate::render::sources::{BIN, FRAME, PROJECT, PYRAMID, ROWS, SCALE, SHARE, SLICES, STROKE, TONE};
 
 const ADJOINT: &str = include_str!("adjoint.wgsl");
@@ -15,7 +15,7 @@ const SLOPES: &str = include_str!("slopes.wgsl");
 const STEP: &str = include_str!("step.wgsl");
 
 /// All of them.
-pub(super) struct Kernels {
+pub(super) struct TrainingKernels {
     pub loss: Kernel,
     pub dssim_across: Kernel,
     pub dssim: Kernel,
@@ -33,17 +33,17 @@ pub(super) struct Kernels {
     pub replace: Kernel,
 }
 
-impl Kernels {
+impl TrainingKernels {
     /// Compiled for a device.
-    pub fn new(device: &Device) -> Kernels {
-        use Use::{Read as R, Uniform as U, Write as W};
-        let new = |label, sources: &[&str], uses: &[Use]| Kernel::new(device, label, sources, uses);
+    pub fn new(device: &Device) -> TrainingKernels {
+        use BufferUse::{Read as R, Uniform as U, Write as W};
+        let new = |label, sources: &[&str], uses: &[BufferUse]| Kernel::new(device, label, sources, uses);
         macro_rules! main {
             ($file:literal) => {
                 include_str!(concat!($file, "_main.wgsl"))
             };
         }
-        Kernels {
+        TrainingKernels {
             loss: new("loss", &[main!("loss"), FRAME, SCALE, TONE, LOSS, PART], &[U, R, W, U, R, W, R, U, W]),
             dssim_across: new("SSIM along rows", &[main!("dssim_across"), FRAME, DSSIM], &[U, R, R, W, W, W, W]),
             dssim: new("SSIM", &[main!("dssim"), FRAME, DSSIM, LOSS, PART], &[U, R, R, R, R, W, W, W, W]),

@@ -25,24 +25,24 @@ mod tests;
 use crate::render::Renderer;
 use crate::{CUT_GROUPS, Device, groups};
 use alpha::{AlphaSteps, Blender};
-use gaussians::Held;
-use kernels::Kernels;
+use gaussians::DepthBuffers;
+use kernels::TrainingKernels;
 use particlegs_core::picture::Size;
 use particlegs_core::progress::Progress;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::{Error, Result};
-use particlegs_train::depth::{Parameters, StepSize, Steps, WIDTHS};
-use particlegs_train::{Loss, NotFinite, Shot, Stepped, Subject};
-use picture::{Curves, Picture};
+use particlegs_train::depth::{DepthStepper, Parameters, StepSize, WIDTHS};
+use particlegs_train::{Loss, NonFiniteGradient, Shot, Stepped, TrainingSubject};
+use picture::{CurveCache, TrainingPicture};
 use std::fmt;
 use std::sync::Arc;
-use subject::OnDevice;
+use subject::DeviceSubject;
 
 /// Trains on a device.
 pub struct Trainer {
     device: Arc<Device>,
     renderer: Arc<Renderer>,
-    kernels: Arc<Kernels>,
+    kernels: Arc<TrainingKernels>,
     blender: Arc<Blender>,
 }
 
@@ -58,7 +58,7 @@ impl Trainer {
     /// # Errors
     /// Those of the device.
     pub fn new(device: &Arc<Device>) -> Result<Trainer> {
-        let (renderer, kernels) = (Arc::new(Renderer::new(device)?), Arc::new(Kernels::new(device)));
+        let (renderer, kernels) = (Arc::new(Renderer::new(device)?), Arc::new(TrainingKernels::new(device)));
         let blender = Arc::new(Blender::new(device)?);
         device.check()?;
         Ok(Trainer { device: device.clone(), renderer, kernels, blender })
@@ -69,31 +69,38 @@ impl Trainer {
             device: self.device.clone(),
             renderer: self.renderer.clone(),
             kernels: self.kernels.clone(),
-            held: Held::new(&self.device, &self.kernels, of)?,
-            newer: Side::Here,
+            held: DepthBuffers::new(&self.device, &self.kernels, of)?,
+            newer: ParameterLocation::Here,
             picture: None,
-            curves: Curves::default(),
+            curves: CurveCache::default(),
         })
     }
 }
 
 impl particlegs_train::Device for Trainer {
-    fn depth_steps(&self, of: &Parameters) -> Result<Box<dyn Steps>> {
+    fn depth_steps(&self, of: &Parameters) -> Result<Box<dyn DepthStepper>> {
         Ok(Box::new(self.of_depth(of)?))
     }
 
-    fn alpha_steps(&self, of: &particlegs_train::alpha::Gaussians) -> Result<Box<dyn particlegs_train::alpha::Steps>> {
+    fn alpha_steps(
+        &self,
+        of: &particlegs_train::alpha::Gaussians,
+    ) -> Result<Box<dyn particlegs_train::alpha::AlphaStepper>> {
         Ok(Box::new(AlphaSteps::new(&self.device, &self.kernels, &self.blender, of)?))
     }
 
-    fn subject<'a>(&self, of: &'a dyn Subject, progress: &dyn Progress) -> Result<Box<dyn Subject + 'a>> {
-        Ok(Box::new(OnDevice::new(&self.device, of, progress)?))
+    fn subject<'a>(
+        &self,
+        of: &'a dyn TrainingSubject,
+        progress: &dyn Progress,
+    ) -> Result<Box<dyn TrainingSubject + 'a>> {
+        Ok(Box::new(DeviceSubject::new(&self.device, of, progress)?))
     }
 }
 
 /// Where the parameters are up to date.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Side {
+enum ParameterLocation {
     Here,
     Device,
     Both,
@@ -103,12 +110,12 @@ enum Side {
 struct DepthSteps {
     device: Arc<Device>,
     renderer: Arc<Renderer>,
-    kernels: Arc<Kernels>,
-    held: Held,
-    newer: Side,
+    kernels: Arc<TrainingKernels>,
+    held: DepthBuffers,
+    newer: ParameterLocation,
     /// Of the last step's size.
-    picture: Option<Picture>,
-    curves: Curves,
+    picture: Option<TrainingPicture>,
+    curves: CurveCache,
 }
 
 /// Adam's numbers of a step, as step.wgsl has them.
@@ -152,9 +159,9 @@ impl StepRecord {
     }
 }
 
-impl Steps for DepthSteps {
+impl DepthStepper for DepthSteps {
     fn step(&mut self, of: &mut Parameters, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped> {
-        if self.newer == Side::Here {
+        if self.newer == ParameterLocation::Here {
             self.held.put(&self.device, of)?;
         }
         let picture = self.picture_of(shot.crop.size, loss.dssim > 0.0)?;
@@ -177,28 +184,28 @@ impl Steps for DepthSteps {
         let told = picture.told(&self.device)?;
         self.picture = Some(picture);
         of.averages.iter_mut().for_each(|a| a.steps += 1);
-        self.newer = Side::Device;
+        self.newer = ParameterLocation::Device;
         Ok(told)
     }
 
     fn fetch(&mut self, of: &mut Parameters) -> Result<()> {
-        if self.newer == Side::Device {
+        if self.newer == ParameterLocation::Device {
             self.held.get(&self.device, of)?;
-            self.newer = Side::Both;
+            self.newer = ParameterLocation::Both;
         }
         Ok(())
     }
 
     fn changed(&mut self) {
-        self.newer = Side::Here;
+        self.newer = ParameterLocation::Here;
     }
 
     fn replaced(&mut self, of: &Parameters, which: &[usize]) -> Result<()> {
         match self.newer {
-            Side::Both => self.held.replace(&self.device, &self.kernels, of, which),
+            ParameterLocation::Both => self.held.replace(&self.device, &self.kernels, of, which),
             // They are sent with the next step.
-            Side::Here | Side::Device => {
-                self.newer = Side::Here;
+            ParameterLocation::Here | ParameterLocation::Device => {
+                self.newer = ParameterLocation::Here;
                 Ok(())
             }
         }
@@ -207,17 +214,17 @@ impl Steps for DepthSteps {
 
 impl DepthSteps {
     /// Memory for pictures of a size: that of the last step where it had that size.
-    fn picture_of(&mut self, size: Size, with_dssim: bool) -> Result<Picture> {
+    fn picture_of(&mut self, size: Size, with_dssim: bool) -> Result<TrainingPicture> {
         // Where it had not, its memory goes before the next one's is taken.
         if let Some(kept) = self.picture.take().filter(|p| p.shape() == (size, with_dssim)) {
             return Ok(kept);
         }
         let canvas = self.renderer.canvas(&self.held.seen, size)?;
-        Picture::new(&self.device, &self.kernels, &self.held, canvas, with_dssim)
+        TrainingPicture::new(&self.device, &self.kernels, &self.held, canvas, with_dssim)
     }
 
     /// The gradient with every Gaussian.
-    fn backward(&self, pass: &mut wgpu::ComputePass<'_>, picture: &Picture) {
+    fn backward(&self, pass: &mut wgpu::ComputePass<'_>, picture: &TrainingPicture) {
         for (bound, count) in &picture.whole {
             self.kernels.backward.run(pass, bound, groups(u64::from(*count)));
         }
@@ -243,7 +250,7 @@ fn stepped(words: &[u8]) -> Stepped {
     let word = |k: usize| [words[4 * k], words[4 * k + 1], words[4 * k + 2], words[4 * k + 3]];
     let (count, first) = (u32::from_le_bytes(word(4)), u32::from_le_bytes(word(5)));
     let group = ["position", "covariance", "count"][(first % 4).min(2) as usize];
-    let not_finite = NotFinite { group, gaussian: first as usize / 4, count: count as usize };
+    let not_finite = NonFiniteGradient { group, gaussian: first as usize / 4, count: count as usize };
     Stepped { loss: f64::from(f32::from_le_bytes(word(0))), not_finite: (count > 0).then_some(not_finite) }
 }
 

@@ -1,8 +1,8 @@
 //! A picture that is learnt from, on the device: its loss, and the gradient of that with depth.
 
-use super::compared::{Compared, PARTS};
-use super::gaussians::Held;
-use super::kernels::Kernels;
+use super::compared::{LossBuffers, PARTS};
+use super::gaussians::DepthBuffers;
+use super::kernels::TrainingKernels;
 use super::stepped;
 use crate::render::{CURVE, Canvas, LookRecord, curve};
 use crate::{AT_ONCE, CUTS_AT_ONCE, Device, dispatches};
@@ -17,12 +17,12 @@ use wgpu::BufferUsages as Use;
 const MOST_CURVES: usize = 4096;
 
 /// The memory of one size of picture.
-pub(super) struct Picture {
+pub(super) struct TrainingPicture {
     pub canvas: Canvas,
-    pub compared: Compared,
+    pub compared: LossBuffers,
     look: wgpu::Buffer,
     curve: wgpu::Buffer,
-    bound: Bound,
+    bound: PictureBindGroups,
     /// The gradient of Gaussians that are whole, in dispatches of some each, and of those that are cut.
     pub whole: Vec<(wgpu::BindGroup, u32)>,
     pub cut: Vec<(wgpu::BindGroup, u32)>,
@@ -30,19 +30,25 @@ pub(super) struct Picture {
     by_depth: wgpu::Buffer,
 }
 
-struct Bound {
+struct PictureBindGroups {
     loss: wgpu::BindGroup,
     gradient: wgpu::BindGroup,
     /// From fine to coarse, and the workgroups of each.
     planes: Vec<(wgpu::BindGroup, [u32; 2])>,
 }
 
-impl Picture {
+impl TrainingPicture {
     /// Of Gaussians with their canvas, for a loss with SSIM or without.
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] where a picture is too large for the device; those of the device.
-    pub fn new(device: &Device, kernels: &Kernels, held: &Held, canvas: Canvas, with_dssim: bool) -> Result<Picture> {
+    pub fn new(
+        device: &Device,
+        kernels: &TrainingKernels,
+        held: &DepthBuffers,
+        canvas: Canvas,
+        with_dssim: bool,
+    ) -> Result<TrainingPicture> {
         let (size, planes) = (canvas.planes().size, canvas.planes().sums);
         device.fits(size, 4 * planes)?;
         let storage = Use::STORAGE | Use::COPY_DST | Use::COPY_SRC;
@@ -50,15 +56,15 @@ impl Picture {
         let curve = device.buffer("curve", 4 * (CURVE + 1), storage);
         let by_depth = device.buffer("gradient of planes", 4 * planes, storage);
         let b = canvas.buffers();
-        let compared = Compared::new(device, kernels, b.frame, size, with_dssim);
-        let Compared { drawn, target, loss, sums, by_structure, told, .. } = &compared;
+        let compared = LossBuffers::new(device, kernels, b.frame, size, with_dssim);
+        let LossBuffers { drawn, target, loss, sums, by_structure, told, .. } = &compared;
         let tone = [b.frame, b.scale, b.finest, &look, &curve, drawn, target, loss];
         let coarser = canvas.planes().levels.iter().enumerate().skip(1).map(|(k, level)| {
             let plane = device.filled("target plane", &[k as u32, 0, 0, 0], Use::UNIFORM);
             let bound = kernels.gather_down.bind(device, &[b.frame, &by_depth, &plane]);
             (bound, [level.width.div_ceil(8), level.rows.div_ceil(8)])
         });
-        let bound = Bound {
+        let bound = PictureBindGroups {
             loss: kernels.loss.bind(device, &[tone.as_slice(), &[sums]].concat()),
             gradient: kernels.loss_gradient.bind(device, &[tone.as_slice(), &[told, by_structure, &by_depth]].concat()),
             planes: coarser.collect(),
@@ -72,7 +78,7 @@ impl Picture {
         let cut =
             cut.map(|(some, n)| (kernels.backward_slices.bind(device, &[&own[..], &[&some]].concat()), n)).collect();
         device.check()?;
-        Ok(Picture {
+        Ok(TrainingPicture {
             canvas,
             compared,
             look,
@@ -106,7 +112,7 @@ impl Picture {
     }
 
     /// From the finest plane's depth to the gradient on every plane.
-    pub fn backward(&self, pass: &mut wgpu::ComputePass<'_>, kernels: &Kernels) {
+    pub fn backward(&self, pass: &mut wgpu::ComputePass<'_>, kernels: &TrainingKernels) {
         let bound = &self.bound;
         kernels.loss.run(pass, &bound.loss, [PARTS, 1]);
         self.compared.total(pass, kernels);
@@ -126,9 +132,9 @@ impl Picture {
 
 /// Curves from depth to brightness, each of which takes the processor a millisecond, by opacity and radius.
 #[derive(Default)]
-pub(super) struct Curves(HashMap<[u64; 2], Vec<f32>>);
+pub(super) struct CurveCache(HashMap<[u64; 2], Vec<f32>>);
 
-impl Curves {
+impl CurveCache {
     /// That of a look, an opacity and a splat radius in pixels; none where it is no table.
     pub fn of(&mut self, look: Look, opacity: f64, radius_px: f64) -> Option<&[f32]> {
         if look == Look::Expected {

@@ -8,7 +8,7 @@ use particlegs_core::progress::Progress;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::Look;
 use particlegs_core::{Error, Result};
-use particlegs_train::Subject;
+use particlegs_train::TrainingSubject;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -16,22 +16,22 @@ use std::sync::Arc;
 const A_PIXEL: u64 = 5;
 
 /// Particles whose pictures the device draws, where it holds them; larger ones are the processor's, which are the same.
-pub(super) struct OnDevice<'a> {
-    of: &'a dyn Subject,
+pub(super) struct DeviceSubject<'a> {
+    of: &'a dyn TrainingSubject,
     device: Arc<Device>,
     pictures: Pictures<'a>,
 }
 
-impl<'a> OnDevice<'a> {
+impl<'a> DeviceSubject<'a> {
     /// Sends the particles, as many as there is room for.
     ///
     /// # Errors
     /// Those of the device; [`Error::Cancelled`].
-    pub fn new(device: &Arc<Device>, of: &'a dyn Subject, progress: &dyn Progress) -> Result<Self> {
+    pub fn new(device: &Arc<Device>, of: &'a dyn TrainingSubject, progress: &dyn Progress) -> Result<Self> {
         let columns = Box::new(move |range: Range<usize>| of.columns(range));
         let mut pictures = Pictures::new(device, of.origin(), of.bounds(), of.len(), columns)?;
         pictures.keep(device, &mut |_| if progress.cancelled() { Err(Error::Cancelled) } else { Ok(()) })?;
-        Ok(OnDevice { of, device: device.clone(), pictures })
+        Ok(DeviceSubject { of, device: device.clone(), pictures })
     }
 
     fn holds(&self, size: Size) -> bool {
@@ -39,7 +39,7 @@ impl<'a> OnDevice<'a> {
     }
 }
 
-impl Subject for OnDevice<'_> {
+impl TrainingSubject for DeviceSubject<'_> {
     fn len(&self) -> usize {
         self.of.len()
     }

@@ -9,12 +9,12 @@ use particlegs_core::picture::Plane;
 use particlegs_core::progress::Silent;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::Look;
-use particlegs_train::depth::{Columns, Processor};
+use particlegs_train::depth::{DepthCpuSteps, DepthGaussians};
 use particlegs_train::{Crop, Device as _, Norm};
 
 const SIZE: Size = Size { width: 160, height: 90 };
 
-struct Case {
+struct DepthTrainingCase {
     name: &'static str,
     gaussians: Mixture,
     view: View,
@@ -43,11 +43,17 @@ fn bounds() -> Bounds {
     Bounds { min: [-1.0; 3], max: [1.0; 3] }
 }
 
-fn cases() -> Vec<Case> {
+fn cases() -> Vec<DepthTrainingCase> {
     let (far, near, inside) = ([1.0, 2.0, 6.0], [0.3, 0.2, 1.6], [0.1, 0.2, 0.5]);
     let l2 = Loss { norm: Norm::L2, ..Loss::PUBLISHED };
-    let case =
-        |name, gaussians, view| Case { name, gaussians, view, look: Look::Expected, loss: l2, crop: Crop::whole(SIZE) };
+    let case = |name, gaussians, view| DepthTrainingCase {
+        name,
+        gaussians,
+        view,
+        look: Look::Expected,
+        loss: l2,
+        crop: Crop::whole(SIZE),
+    };
     let usual = [0.01, 0.05];
     let round = || mixture(1, 800, 0.1, 1.0);
     let mut slab = view(far, usual);
@@ -61,15 +67,21 @@ fn cases() -> Vec<Case> {
         case("needles", mixture(4, 300, 0.3, 1e-4), view(far, [0.002, 0.5])),
         case("slab", round(), slab),
         case("wide", mixture(5, 60, 1.0, 1.0), view(far, [0.02, 0.5])),
-        Case { crop, ..case("crop", round(), view(far, usual)) },
-        Case { look: Look::Paraview, ..case("ParaView's look", round(), view(far, [0.01, 0.3])) },
-        Case { loss: Loss { smooth: 0.02, ..Loss::PUBLISHED }, ..case("L1, rounded", round(), view(far, usual)) },
-        Case { loss: Loss { dssim: 0.4, logarithm: true, ..l2 }, ..case("SSIM, logarithm", round(), view(far, usual)) },
-        Case { loss: Loss { dssim: 1.0, ..l2 }, ..case("SSIM alone", round(), view(near, usual)) },
+        DepthTrainingCase { crop, ..case("crop", round(), view(far, usual)) },
+        DepthTrainingCase { look: Look::Paraview, ..case("ParaView's look", round(), view(far, [0.01, 0.3])) },
+        DepthTrainingCase {
+            loss: Loss { smooth: 0.02, ..Loss::PUBLISHED },
+            ..case("L1, rounded", round(), view(far, usual))
+        },
+        DepthTrainingCase {
+            loss: Loss { dssim: 0.4, logarithm: true, ..l2 },
+            ..case("SSIM, logarithm", round(), view(far, usual))
+        },
+        DepthTrainingCase { loss: Loss { dssim: 1.0, ..l2 }, ..case("SSIM alone", round(), view(near, usual)) },
     ]
 }
 
-fn parameters(case: &Case) -> Parameters {
+fn parameters(case: &DepthTrainingCase) -> Parameters {
     let particles = case.gaussians.count.iter().sum::<f64>().round() as u64;
     Parameters::new(&case.gaussians, particles, 48, (bounds(), case.look))
 }
@@ -89,7 +101,7 @@ fn size_of_step(rate: f64) -> StepSize {
     StepSize { rates: [rate; 3], beta1: 0.9, beta2: 0.999, calm: 0.5, pull: 0.01, average: 0.2 }
 }
 
-fn steps(steps: &mut dyn Steps, of: &mut Parameters, case: &Case, number: usize) -> Vec<Stepped> {
+fn steps(steps: &mut dyn DepthStepper, of: &mut Parameters, case: &DepthTrainingCase, number: usize) -> Vec<Stepped> {
     let target = target(case.crop.size);
     let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
     let mut one = || steps.step(of, &shot, &case.loss, &size_of_step(0.01)).unwrap();
@@ -111,7 +123,7 @@ fn gradients_and_losses_are_the_processors() {
     let trainer = Trainer::new(&device).unwrap();
     for case in cases() {
         let (mut here, mut there) = (parameters(&case), parameters(&case));
-        let ours = steps(&mut Processor::default(), &mut here, &case, 1);
+        let ours = steps(&mut DepthCpuSteps::default(), &mut here, &case, 1);
         let theirs = steps(&mut *trainer.depth_steps(&there).unwrap(), &mut there, &case, 1);
         // Adam's first mean is a tenth of the gradient.
         let by: Vec<f64> = (0..3).map(|k| apart(&here.averages[k].first, &there.averages[k].first)).collect();
@@ -123,7 +135,7 @@ fn gradients_and_losses_are_the_processors() {
 }
 
 /// As from afar, drawn of Gaussians that were decoded.
-fn decoded() -> (Case, Parameters) {
+fn decoded() -> (DepthTrainingCase, Parameters) {
     let case = cases().swap_remove(0);
     let mut of = parameters(&case);
     let mut decoded = of.now.clone();
@@ -137,8 +149,8 @@ fn decoded() -> (Case, Parameters) {
 }
 
 /// How far numbers were moved apart, over the way that they went from `start`.
-fn strayed(here: &Columns, there: &Columns, start: &Columns) -> f64 {
-    let square = |a: &Columns, b: &Columns| -> f64 {
+fn strayed(here: &DepthGaussians, there: &DepthGaussians, start: &DepthGaussians) -> f64 {
+    let square = |a: &DepthGaussians, b: &DepthGaussians| -> f64 {
         let numbers = a.0.as_flattened().iter().zip(b.0.as_flattened());
         numbers.map(|(a, b)| (a - b) * (a - b)).sum()
     };
@@ -151,7 +163,7 @@ fn steps_lead_where_the_processors_do_and_either_may_go_on() {
     let trainer = Trainer::new(&device).unwrap();
     let (case, start) = decoded();
     let mut here = start.clone();
-    steps(&mut Processor::default(), &mut here, &case, 12);
+    steps(&mut DepthCpuSteps::default(), &mut here, &case, 12);
     let counts = |of: &Parameters| of.groups.counts.len();
     assert!(counts(&start) > 10);
     // All on the device; the first half there and the second here; and the other way.
@@ -159,12 +171,12 @@ fn steps_lead_where_the_processors_do_and_either_may_go_on() {
         let mut there = start.clone();
         let mut own = trainer.depth_steps(&there).unwrap();
         if of_device[0] == 0 {
-            steps(&mut Processor::default(), &mut there, &case, 6);
+            steps(&mut DepthCpuSteps::default(), &mut there, &case, 6);
             own.changed();
             steps(&mut *own, &mut there, &case, of_device[1]);
         } else {
             steps(&mut *own, &mut there, &case, of_device[0]);
-            steps(&mut Processor::default(), &mut there, &case, of_device[1]);
+            steps(&mut DepthCpuSteps::default(), &mut there, &case, of_device[1]);
         }
         let pairs = [
             (&here.now, &there.now, &start.now),
@@ -209,7 +221,7 @@ fn what_is_replaced_goes_on_as_on_the_processor() {
     let Some(device) = device() else { return };
     let trainer = Trainer::new(&device).unwrap();
     let (case, start) = decoded();
-    let run = |steps: &mut dyn Steps| {
+    let run = |steps: &mut dyn DepthStepper| {
         let mut of = start.clone();
         self::steps(steps, &mut of, &case, 4);
         for i in [3, 77, 401] {
@@ -225,7 +237,7 @@ fn what_is_replaced_goes_on_as_on_the_processor() {
         self::steps(steps, &mut of, &case, 4);
         of
     };
-    let (here, there) = (run(&mut Processor::default()), run(&mut *trainer.depth_steps(&start).unwrap()));
+    let (here, there) = (run(&mut DepthCpuSteps::default()), run(&mut *trainer.depth_steps(&start).unwrap()));
     let apart = [(&here.now, &there.now, &start.now), (&here.averaged, &there.averaged, &start.averaged)]
         .map(|(a, b, from)| strayed(a, b, from));
     eprintln!("now {:.1e}, averaged {:.1e}", apart[0], apart[1]);
@@ -242,12 +254,12 @@ fn gradients_that_are_no_numbers_are_told_and_survived() {
     target.data[SIZE.width * 45 + 80] = f32::NAN;
     let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
     let (mut here, mut there) = (parameters(&case), parameters(&case));
-    let one = |steps: &mut dyn Steps, of: &mut Parameters| {
+    let one = |steps: &mut dyn DepthStepper, of: &mut Parameters| {
         let told = steps.step(of, &shot, &case.loss, &size_of_step(0.01)).unwrap();
         steps.fetch(of).unwrap();
         told.not_finite.unwrap()
     };
-    let ours = one(&mut Processor::default(), &mut here);
+    let ours = one(&mut DepthCpuSteps::default(), &mut here);
     let theirs = one(&mut *trainer.depth_steps(&there).unwrap(), &mut there);
     // The processor multiplies pixels beside a footprint by zero, which makes no number of them either.
     assert!(ours.gaussian <= theirs.gaussian && (1..=ours.count).contains(&theirs.count), "{ours:?} {theirs:?}");

@@ -1,11 +1,11 @@
 //! From what a footprint's pixels want to what its Gaussian's parameters want.
 
-use super::parameters::{One, SH0};
-use super::raster::Sums;
+use super::parameters::{GaussianParameters, SH0};
+use super::raster::PixelSums;
 use particlegs_core::math::{Sym3, each_axis};
-use particlegs_core::model::vizmapper::Adapted;
+use particlegs_core::model::vizmapper::Adaptation;
 use particlegs_core::render::alpha::Eye;
-use particlegs_core::render::alpha::project::{LEAST_RATIO, Shape, shape};
+use particlegs_core::render::alpha::project::{FootprintShape, LEAST_RATIO, shape};
 
 /// Changes of the loss with one Gaussian's parameters, and with how it was adapted.
 #[derive(Clone, Copy, Debug, Default)]
@@ -24,7 +24,7 @@ pub(super) struct Slopes {
 }
 
 /// The chain rule through opacity, footprint, covariance and place.
-pub(super) fn chain(eye: &Eye, one: &One, adapted: &Adapted, sums: &Sums) -> Slopes {
+pub(super) fn chain(eye: &Eye, one: &GaussianParameters, adapted: &Adaptation, sums: &PixelSums) -> Slopes {
     let g = one.gaussian(adapted);
     let Some(p) = shape(eye, &g.seen(eye).gaussian) else { return Slopes::default() };
     let [sum, sx, sy, sxx, sxy, syy, grey] = sums.map(f64::from);
@@ -48,7 +48,7 @@ pub(super) fn chain(eye: &Eye, one: &One, adapted: &Adapted, sums: &Sums) -> Slo
 
 /// Changes with the covariance of the footprint before widening: xx, xy (both of the pair) and yy.
 /// `inverse` is that of the widened one, `second` the sums of h times dx^2, dx dy, dy^2.
-fn footprint(p: &Shape, inverse: [f64; 3], second: [f64; 3], sum: f64) -> [f64; 3] {
+fn footprint(p: &FootprintShape, inverse: [f64; 3], second: [f64; 3], sum: f64) -> [f64; 3] {
     let [a, b, c] = inverse;
     // With the inverse, as a symmetric matrix: -h/2 d d^T.
     let [g0, g1, g2] = second.map(|v| -0.5 * v);
@@ -78,7 +78,7 @@ fn jacobian(eye: &Eye, depth: f64, slope: [f64; 2]) -> [[f64; 3]; 2] {
 
 /// Changes with the place as seen (right, down, depth), and with the adapted covariance, as rows of
 /// a symmetric matrix.
-fn through_eye(eye: &Eye, p: &Shape, cov: &Sym3, at: [f64; 2], sharp: [f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
+fn through_eye(eye: &Eye, p: &FootprintShape, cov: &Sym3, at: [f64; 2], sharp: [f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
     let [x, y, depth] = p.seen;
     let [(u, u_cut), (v, v_cut)] = p.slope;
     let rows = jacobian(eye, depth, [u, v]);
@@ -100,7 +100,7 @@ fn through_eye(eye: &Eye, p: &Shape, cov: &Sym3, at: [f64; 2], sharp: [f64; 3]) 
 }
 
 /// Changes with scales and rotation, from those with the covariance.
-fn scales_and_rotation(one: &One, factor: f64, with_cov: &[[f64; 3]; 3], out: &mut Slopes) {
+fn scales_and_rotation(one: &GaussianParameters, factor: f64, with_cov: &[[f64; 3]; 3], out: &mut Slopes) {
     let root = one.root().map(|r| r.map(|v| factor * v));
     let with_root: [[f64; 3]; 3] =
         each_axis(|i| each_axis(|k| 2.0 * (0..3).map(|j| with_cov[i][j] * root[j][k]).sum::<f64>()));

@@ -2,8 +2,8 @@
 //! numbers of its reference code and of docs/law/published.md, "Training").
 
 use super::learner::AlphaLearner;
-use super::parameters::{Group, One, keep_rows, rotation_matrix};
-use crate::learner::Moment;
+use super::parameters::{GaussianParameters, ParameterGroup, keep_rows, rotation_matrix};
+use crate::learner::StepInfo;
 use particlegs_core::math::{Purpose, Random, each_axis};
 
 /// Pieces that a large Gaussian is split into.
@@ -14,7 +14,7 @@ const SHRINK: f64 = 0.8 * PIECES as f64;
 
 impl AlphaLearner {
     /// What is due after the step at `at`: densification, and a reset of opacities.
-    fn dues(&self, at: &Moment) -> [bool; 2] {
+    fn dues(&self, at: &StepInfo) -> [bool; 2] {
         let (done, d, reset) = (at.iteration + 1, at.densify, self.config.reset_every);
         let goes_on = d.every > 0 && done < d.until;
         let densified = goes_on && done > self.config.densify_from && done % d.every == 0;
@@ -22,12 +22,12 @@ impl AlphaLearner {
     }
 
     /// Is anything due after the step at `at`?
-    pub(super) fn due(&self, at: &Moment) -> bool {
+    pub(super) fn due(&self, at: &StepInfo) -> bool {
         self.dues(at).contains(&true)
     }
 
     /// Does what is due after the step at `at`.
-    pub(super) fn densify(&mut self, at: &Moment) {
+    pub(super) fn densify(&mut self, at: &StepInfo) {
         let (done, d, [densified, reset]) = (at.iteration + 1, at.densify, self.dues(at));
         if densified {
             self.grow(d.threshold, done);
@@ -71,7 +71,7 @@ impl AlphaLearner {
         self.keep(&keep);
         added.iter().for_each(|one| self.gaussians.parameters.push(one));
         let n = self.gaussians.parameters.len();
-        for g in Group::ALL {
+        for g in ParameterGroup::ALL {
             let averages = &mut self.gaussians.averages[g as usize];
             averages.first.resize(n * g.width(), 0.0);
             averages.second.resize(n * g.width(), 0.0);
@@ -94,14 +94,14 @@ impl AlphaLearner {
     fn reset(&mut self) {
         let most = self.config.reset_opacity();
         let most = (most / (1.0 - most)).ln() as f32;
-        self.gaussians.parameters.0[Group::Opacity as usize].iter_mut().for_each(|v| *v = v.min(most));
-        let averages = &mut self.gaussians.averages[Group::Opacity as usize];
+        self.gaussians.parameters.0[ParameterGroup::Opacity as usize].iter_mut().for_each(|v| *v = v.min(most));
+        let averages = &mut self.gaussians.averages[ParameterGroup::Opacity as usize];
         averages.first.fill(0.0);
         averages.second.fill(0.0);
     }
 
     fn keep(&mut self, keep: &[bool]) {
-        for g in Group::ALL {
+        for g in ParameterGroup::ALL {
             let averages = &mut self.gaussians.averages[g as usize];
             for column in [&mut self.gaussians.parameters.0[g as usize], &mut averages.first, &mut averages.second] {
                 keep_rows(column, g.width(), keep);
@@ -113,11 +113,11 @@ impl AlphaLearner {
 }
 
 /// One of the pieces of a Gaussian: a draw from it, smaller.
-fn piece(of: &One, mut draw: Random) -> One {
+fn piece(of: &GaussianParameters, mut draw: Random) -> GaussianParameters {
     let norm = of.rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
     let r = rotation_matrix(of.rotation.map(|v| v / norm));
     let offset: [f64; 3] = each_axis(|k| of.log_scale[k].exp() * draw.normal());
-    One {
+    GaussianParameters {
         position: each_axis(|i| of.position[i] + (0..3).map(|k| r[i][k] * offset[k]).sum::<f64>()),
         log_scale: of.log_scale.map(|v| v - SHRINK.ln()),
         ..*of

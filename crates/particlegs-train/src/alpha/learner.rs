@@ -1,13 +1,13 @@
 //! The alpha-blend law as something to be trained.
 
 use super::config::AlphaConfig;
-use super::parameters::{GROUPS, Group, Parameters};
+use super::parameters::{AlphaParameters, GROUPS, ParameterGroup};
 use super::start::Ground;
-use super::steps::{Gaussians, Processor, StepSize, Steps};
+use super::steps::{AlphaCpuSteps, AlphaStepper, Gaussians, StepSize};
 use crate::adam::Averages;
-use crate::learner::{Learner, Moment, Shot, Stepped};
+use crate::learner::{Learner, Shot, StepInfo, Stepped};
 use crate::loss::Loss;
-use crate::state::State;
+use crate::state::TrainingState;
 use particlegs_core::Result;
 use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::{AlphaBlend, Law, Mixture, VIZMAPPER_PARAMETERS, VizMapper};
@@ -17,16 +17,21 @@ use std::sync::Arc;
 pub(crate) struct AlphaLearner {
     pub(super) config: AlphaConfig,
     pub(super) gaussians: Gaussians,
-    steps: Box<dyn Steps>,
+    steps: Box<dyn AlphaStepper>,
 }
 
 impl AlphaLearner {
     /// Before the first step.
-    pub(super) fn of(parameters: Parameters, mapper: Option<VizMapper>, ground: Ground, config: AlphaConfig) -> Self {
+    pub(super) fn of(
+        parameters: AlphaParameters,
+        mapper: Option<VizMapper>,
+        ground: Ground,
+        config: AlphaConfig,
+    ) -> Self {
         AlphaLearner {
             config,
             gaussians: Gaussians::new(parameters, mapper, ground),
-            steps: Box::new(Processor::default()),
+            steps: Box::new(AlphaCpuSteps::default()),
         }
     }
 
@@ -34,27 +39,27 @@ impl AlphaLearner {
     ///
     /// # Errors
     /// Those of `steps`.
-    pub fn by(self, steps: impl FnOnce(&Gaussians) -> Result<Box<dyn Steps>>) -> Result<Self> {
+    pub fn by(self, steps: impl FnOnce(&Gaussians) -> Result<Box<dyn AlphaStepper>>) -> Result<Self> {
         Ok(AlphaLearner { steps: steps(&self.gaussians)?, ..self })
     }
 
     /// Adam's rate of a group in a step, counted from 1.
-    fn rate(&self, group: Group, step: u64) -> f64 {
+    fn rate(&self, group: ParameterGroup, step: u64) -> f64 {
         match group {
-            Group::Position => self.config.position_rate_at(step),
-            Group::Scale => self.config.scale_rate,
-            Group::Rotation => self.config.rotation_rate,
-            Group::Opacity => self.config.opacity_rate,
-            Group::Feature => self.config.feature_rate,
+            ParameterGroup::Position => self.config.position_rate_at(step),
+            ParameterGroup::Scale => self.config.scale_rate,
+            ParameterGroup::Rotation => self.config.rotation_rate,
+            ParameterGroup::Opacity => self.config.opacity_rate,
+            ParameterGroup::Feature => self.config.feature_rate,
         }
     }
 }
 
 impl Learner for AlphaLearner {
-    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &Moment) -> Result<Stepped> {
+    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &StepInfo) -> Result<Stepped> {
         let c = &self.config;
         let size = StepSize {
-            rates: Group::ALL.map(|g| self.rate(g, at.iteration + 1)),
+            rates: ParameterGroup::ALL.map(|g| self.rate(g, at.iteration + 1)),
             network: c.vizmapper_rate,
             clip: c.vizmapper_clip,
             identity: c.identity,
@@ -62,7 +67,7 @@ impl Learner for AlphaLearner {
         self.steps.step(&mut self.gaussians, shot, loss, &size)
     }
 
-    fn control(&mut self, at: &Moment) -> Result<()> {
+    fn control(&mut self, at: &StepInfo) -> Result<()> {
         if self.due(at) {
             self.steps.fetch(&mut self.gaussians)?;
             self.densify(at);
@@ -97,10 +102,10 @@ impl Learner for AlphaLearner {
         mixture
     }
 
-    fn state(&self) -> State {
-        let mut state = State::default();
+    fn state(&self) -> TrainingState {
+        let mut state = TrainingState::default();
         let mut column = |name: String, v: &[f32]| state.columns.insert(name, v.to_vec());
-        for g in Group::ALL {
+        for g in ParameterGroup::ALL {
             let (name, averages) = (g.name(), &self.gaussians.averages[g as usize]);
             column(name.to_string(), &self.gaussians.parameters.0[g as usize]);
             column(format!("{name}.first"), &averages.first);
@@ -118,17 +123,17 @@ impl Learner for AlphaLearner {
         state
     }
 
-    fn restore(&mut self, state: &State) -> std::result::Result<(), String> {
-        let n = state.columns.get(Group::Opacity.name()).ok_or("no column `opacity`")?.len();
+    fn restore(&mut self, state: &TrainingState) -> std::result::Result<(), String> {
+        let n = state.columns.get(ParameterGroup::Opacity.name()).ok_or("no column `opacity`")?.len();
         let steps = state.doubles("steps", GROUPS + 1)?;
         let averages = |name: &str, len: usize, steps: f64| -> std::result::Result<Averages, String> {
             let first = state.column(&format!("{name}.first"), len)?.to_vec();
             let second = state.column(&format!("{name}.second"), len)?.to_vec();
             Ok(Averages { first, second, steps: steps as u64 })
         };
-        let mut parameters = Parameters::default();
+        let mut parameters = AlphaParameters::default();
         let mut all = Vec::with_capacity(GROUPS);
-        for g in Group::ALL {
+        for g in ParameterGroup::ALL {
             let len = n * g.width();
             parameters.0[g as usize] = state.column(g.name(), len)?.to_vec();
             all.push(averages(g.name(), len, steps[g as usize])?);

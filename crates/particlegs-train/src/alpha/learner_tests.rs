@@ -1,11 +1,11 @@
 //! The learner as a whole, on the sample.
 
-use super::parameters::Group;
+use super::parameters::ParameterGroup;
 use super::*;
-use crate::learner::{Crop, Densify, Learner, Moment, NotFinite, Shot};
+use crate::learner::{Crop, Densify, Learner, NonFiniteGradient, Shot, StepInfo};
 use crate::loss::Loss;
-use crate::state::State;
-use crate::targets_tests::Cloud;
+use crate::state::TrainingState;
+use crate::targets_tests::ParticleSubject;
 use particlegs::particles::Particles;
 use particlegs::reference::Reference;
 use particlegs_core::camera::{Normalisation, ORBITS, View, base_distance, spiral};
@@ -28,7 +28,7 @@ fn ground(bounds: &Bounds, particles: u64) -> Ground {
 }
 
 /// Pictures of the sample to learn from.
-struct Lesson {
+struct TrainingSet {
     bounds: Bounds,
     particles: Particles,
     shots: Vec<(View, Gray8, Plane)>,
@@ -48,11 +48,11 @@ fn views(bounds: &Bounds, radius: f64, size: Size, frames: usize, seed: u64) -> 
         .collect()
 }
 
-fn lesson(size: Size, frames: usize) -> Lesson {
+fn lesson(size: Size, frames: usize) -> TrainingSet {
     lesson_of(concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64"), size, frames)
 }
 
-fn lesson_of(folder: &str, size: Size, frames: usize) -> Lesson {
+fn lesson_of(folder: &str, size: Size, frames: usize) -> TrainingSet {
     let particles = Particles::open_raw(&[folder.into()]).unwrap();
     let bounds = particles.bounds();
     let radius = bounds.default_radius(particles.len() as u64);
@@ -65,7 +65,7 @@ fn lesson_of(folder: &str, size: Size, frames: usize) -> Lesson {
             (view, truth, target)
         })
         .collect();
-    Lesson { bounds, particles, shots }
+    TrainingSet { bounds, particles, shots }
 }
 
 fn shot<'a>(view: &'a View, target: &'a Plane) -> Shot<'a> {
@@ -76,19 +76,19 @@ fn shot_with<'a>(view: &'a View, target: &'a Plane, progress: &'a dyn Progress) 
     Shot { view, target, crop: Crop::whole(target.size), progress }
 }
 
-fn moment(iteration: u64, iterations: u64, densify: Densify) -> Moment {
-    Moment { iteration, iterations, done: iteration as f64 / iterations as f64, densify }
+fn moment(iteration: u64, iterations: u64, densify: Densify) -> StepInfo {
+    StepInfo { iteration, iterations, done: iteration as f64 / iterations as f64, densify }
 }
 
 const STILL: Densify = Densify { every: 0, until: 0, threshold: 2e-4 };
 
-fn train(learner: &mut AlphaLearner, lesson: &Lesson, from: u64, steps: u64, densify: Densify) -> f64 {
+fn train(learner: &mut AlphaLearner, lesson: &TrainingSet, from: u64, steps: u64, densify: Densify) -> f64 {
     train_with(learner, lesson, from..from + steps, densify, &Silent)
 }
 
 fn train_with(
     learner: &mut AlphaLearner,
-    lesson: &Lesson,
+    lesson: &TrainingSet,
     iterations: std::ops::Range<u64>,
     densify: Densify,
     progress: &dyn Progress,
@@ -119,7 +119,7 @@ fn model(learner: &AlphaLearner, bounds: Bounds) -> Model {
 }
 
 /// Mean masked PSNR over a lesson's views, drawn as models are.
-fn score(learner: &AlphaLearner, lesson: &Lesson) -> f64 {
+fn score(learner: &AlphaLearner, lesson: &TrainingSet) -> f64 {
     let m = model(learner, lesson.bounds);
     let psnr = lesson.shots.iter().map(|(view, truth, _)| {
         masked_psnr(&render::draw(&Scene::of(&m), view, truth.size, Look::Paraview, &Silent).unwrap(), truth).unwrap()
@@ -133,7 +133,7 @@ const SMALL: Size = Size { width: 240, height: 135 };
 fn training_on_the_sample_lowers_the_loss() {
     let lesson = lesson(SMALL, 4);
     let n = lesson.particles.len() as u64;
-    let subject = Cloud(Reference::with_bounds(&lesson.particles, lesson.bounds));
+    let subject = ParticleSubject(Reference::with_bounds(&lesson.particles, lesson.bounds));
     let mut learner =
         AlphaLearner::from_particles(&subject, 2000, ground(&lesson.bounds, n), AlphaConfig::default()).unwrap();
     let before = score(&learner, &lesson);
@@ -148,16 +148,21 @@ fn training_on_the_sample_lowers_the_loss() {
 
 const BUSY: Densify = Densify { every: 4, until: 100, threshold: 1e-5 };
 
-fn small_learner(lesson: &Lesson, config: AlphaConfig) -> AlphaLearner {
+fn small_learner(lesson: &TrainingSet, config: AlphaConfig) -> AlphaLearner {
     let n = lesson.particles.len() as u64;
-    let subject = Cloud(Reference::with_bounds(&lesson.particles, lesson.bounds));
+    let subject = ParticleSubject(Reference::with_bounds(&lesson.particles, lesson.bounds));
     AlphaLearner::from_particles(&subject, 600, ground(&lesson.bounds, n), config).unwrap()
 }
 
 const QUICK: Size = Size { width: 112, height: 63 };
 
 /// Twelve steps, densification, pruning and a reset among them.
-fn eventful(lesson: &Lesson, from: Option<(&State, u64)>, to: u64, progress: &dyn Progress) -> State {
+fn eventful(
+    lesson: &TrainingSet,
+    from: Option<(&TrainingState, u64)>,
+    to: u64,
+    progress: &dyn Progress,
+) -> TrainingState {
     let config = AlphaConfig { densify_from: 1, reset_every: 9, ..AlphaConfig::default() };
     let mut learner = small_learner(lesson, config);
     if let Some((state, _)) = from {
@@ -199,17 +204,17 @@ fn a_state_that_does_not_fit_is_refused() {
 #[test]
 fn gradients_that_are_not_numbers_are_survived() {
     let lesson = lesson(QUICK, 1);
-    for (group, value) in [(Group::Scale, f32::NAN), (Group::Position, f32::INFINITY)] {
+    for (group, value) in [(ParameterGroup::Scale, f32::NAN), (ParameterGroup::Position, f32::INFINITY)] {
         let mut learner = small_learner(&lesson, AlphaConfig::default());
         train(&mut learner, &lesson, 0, 3, STILL);
         let before = learner.state();
-        learner = learner.by(|_| Ok(Box::new(Processor { spoil: Some((group, 17, value)) }))).unwrap();
+        learner = learner.by(|_| Ok(Box::new(AlphaCpuSteps { spoil: Some((group, 17, value)) }))).unwrap();
         let (view, _, target) = &lesson.shots[0];
         let at = moment(3, 9, STILL);
         let stepped = learner.step(&shot(view, target), &Loss::PUBLISHED, &at).unwrap();
-        assert_eq!(stepped.not_finite, Some(NotFinite { group: group.name(), gaussian: 17, count: 1 }));
+        assert_eq!(stepped.not_finite, Some(NonFiniteGradient { group: group.name(), gaussian: 17, count: 1 }));
         let after = learner.state();
-        for g in Group::ALL {
+        for g in ParameterGroup::ALL {
             let w = g.width();
             for name in [g.name().to_string(), format!("{}.first", g.name()), format!("{}.second", g.name())] {
                 let (a, b) = (&before.columns[&name], &after.columns[&name]);
@@ -225,11 +230,11 @@ fn gradients_that_are_not_numbers_are_survived() {
 fn parameters_and_targets_that_are_not_numbers_are_named() {
     let lesson = lesson(QUICK, 1);
     let mut learner = small_learner(&lesson, AlphaConfig::default());
-    learner.gaussians.parameters.0[Group::Rotation as usize][4 * 33 + 1] = f32::NAN;
+    learner.gaussians.parameters.0[ParameterGroup::Rotation as usize][4 * 33 + 1] = f32::NAN;
     let (view, _, target) = &lesson.shots[0];
     let at = moment(0, 9, STILL);
     let stepped = learner.step(&shot(view, target), &Loss::PUBLISHED, &at).unwrap();
-    assert_eq!(stepped.not_finite, Some(NotFinite { group: "rotation", gaussian: 33, count: 1 }));
+    assert_eq!(stepped.not_finite, Some(NonFiniteGradient { group: "rotation", gaussian: 33, count: 1 }));
     assert!(learner.gaussians.mapper.as_ref().unwrap().parameters.iter().all(|v| v.is_finite()));
     let mut target = target.clone();
     target.data.fill(f32::NAN);
@@ -254,12 +259,12 @@ fn density_control_by_hand() {
     let fresh = || {
         let mut l = small_learner(&lesson, config);
         // Gaussian 3 is small and pulled at, 5 large and pulled at, 7 nearly transparent.
-        l.gaussians.parameters.0[Group::Scale as usize][9..12].fill(-6.0);
-        l.gaussians.parameters.0[Group::Scale as usize][15..18].copy_from_slice(&[-6.0, -1.0, -6.0]);
-        l.gaussians.parameters.0[Group::Opacity as usize][7] = -6.0;
+        l.gaussians.parameters.0[ParameterGroup::Scale as usize][9..12].fill(-6.0);
+        l.gaussians.parameters.0[ParameterGroup::Scale as usize][15..18].copy_from_slice(&[-6.0, -1.0, -6.0]);
+        l.gaussians.parameters.0[ParameterGroup::Opacity as usize][7] = -6.0;
         l.gaussians.screen[3] = [3e-3, 3.0];
         l.gaussians.screen[5] = [9e-3, 3.0];
-        l.gaussians.averages[Group::Opacity as usize].first.fill(0.5);
+        l.gaussians.averages[ParameterGroup::Opacity as usize].first.fill(0.5);
         l
     };
     let due = Densify { every: 10, until: 100, threshold: 5e-4 };
@@ -282,7 +287,7 @@ fn density_control_by_hand() {
         assert!((0..3).all(|a| (whole.log_scale[a] - piece.log_scale[a] - 1.6f64.ln()).abs() < 1e-6));
         assert!(piece.position != whole.position && piece.rotation == whole.rotation);
     }
-    let first = &l.gaussians.averages[Group::Opacity as usize].first;
+    let first = &l.gaussians.averages[ParameterGroup::Opacity as usize].first;
     assert!(first.len() == 601 && first[597] == 0.5 && first[598..] == [0.0; 3]);
     assert!(l.gaussians.screen.iter().all(|s| *s == [0.0; 2]));
     // One place is left: the stronger pull gets it.
@@ -297,7 +302,8 @@ fn density_control_by_hand() {
     l.control(&at(6, due)).unwrap();
     let most = (0..600).map(|i| l.gaussians.parameters.get(i).opacity()).fold(0.0, f64::max);
     assert!(
-        (most - 0.0133).abs() < 1e-6 && l.gaussians.averages[Group::Opacity as usize].first.iter().all(|v| *v == 0.0)
+        (most - 0.0133).abs() < 1e-6
+            && l.gaussians.averages[ParameterGroup::Opacity as usize].first.iter().all(|v| *v == 0.0)
     );
 }
 

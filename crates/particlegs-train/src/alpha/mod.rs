@@ -1,7 +1,7 @@
 //! Training of the alpha-blend law: 3-D Gaussian splatting as published, with the network that
 //! follows radius and opacity (paper section III).
 //!
-//! `learner` holds the [`Gaussians`] in the training frame (`parameters`, `start`). A step ([`Steps`]) is a `pass`:
+//! `learner` holds the [`Gaussians`] in the training frame (`parameters`, `start`). A step ([`AlphaStepper`]) is a `pass`:
 //! adapt, draw, then back again, tile by tile (`raster`), Gaussian by Gaussian (`chain`) and through the network
 //! (`network`); and Adam. `density` clones, splits and prunes as published. The rates and all else that can be chosen
 //! stand in [`AlphaConfig`].
@@ -27,6 +27,6 @@ mod twin;
 
 pub use config::AlphaConfig;
 pub(crate) use learner::AlphaLearner;
-pub use parameters::{GROUPS, Parameters, SH0};
+pub use parameters::{AlphaParameters, GROUPS, SH0};
 pub use start::Ground;
-pub use steps::{Gaussians, Processor, StepSize, Steps};
+pub use steps::{AlphaCpuSteps, AlphaStepper, Gaussians, StepSize};

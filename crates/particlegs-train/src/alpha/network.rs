@@ -3,7 +3,7 @@
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use particlegs_core::math::{Matrix, add_product};
 use particlegs_core::model::VIZMAPPER_PARAMETERS;
-use particlegs_core::model::vizmapper::{Hidden, Network, Places, RUN, dot};
+use particlegs_core::model::vizmapper::{HiddenActivations, Network, Places, RUN, dot};
 use particlegs_core::parallel;
 
 /// Gaussians in one step of parallel work; fixed, so that sums do not depend on threads.
@@ -13,7 +13,7 @@ const HIDDEN: usize = 64;
 
 /// Changes with every layer's weights (the first layer's a row an input, the others' a row an
 /// output) and biases.
-struct Sums {
+struct NetworkGradient {
     weight: [Vec<f32>; 3],
     bias: [Vec<f32>; 2],
     last_bias: [f32; 2],
@@ -21,8 +21,8 @@ struct Sums {
 
 /// Buffers of one thread.
 #[derive(Default)]
-struct Scratch {
-    hidden: Hidden,
+struct NetworkScratch {
+    hidden: HiddenActivations,
     out: Vec<[f32; 2]>,
     last: Vec<[f32; 2]>,
     second: Vec<f32>,
@@ -30,7 +30,7 @@ struct Scratch {
 }
 
 /// A run of Gaussians on their way back through the network.
-struct Run<'a> {
+struct NetworkRun<'a> {
     /// What the network was given.
     inputs: &'a [[f32; 4]],
     /// The changes with the network's outputs.
@@ -48,17 +48,17 @@ pub(super) fn slopes(
     wanted: &[[f32; 2]],
 ) -> (Vec<f32>, Vec<[f32; 2]>) {
     let mut with_inputs = vec![[0f32; 2]; inputs.len()];
-    let spaces = parallel::Scratch::<Scratch>::default();
+    let spaces = parallel::Scratch::<NetworkScratch>::default();
     let steps = inputs.chunks(STEP).zip(wanted.chunks(STEP)).zip(with_inputs.chunks_mut(STEP));
     let steps = parallel::map(steps, |((inputs, wanted), with_inputs)| {
-        let mut sums = Sums {
+        let mut sums = NetworkGradient {
             weight: [4, HIDDEN, 2].map(|n| vec![0.0; n * HIDDEN]),
             bias: [(); 2].map(|_| vec![0.0; HIDDEN]),
             last_bias: [0.0; 2],
         };
         let runs = inputs.chunks(RUN).zip(wanted.chunks(RUN)).zip(with_inputs.chunks_mut(RUN));
         for ((inputs, wanted), with_inputs) in runs {
-            let run = Run { inputs, wanted, with_inputs };
+            let run = NetworkRun { inputs, wanted, with_inputs };
             spaces.with(|scratch| dispatch!(level, simd => back(simd, network, run, scratch, &mut sums)));
         }
         sums
@@ -67,10 +67,16 @@ pub(super) fn slopes(
 }
 
 #[inline(always)]
-fn back<S: Simd>(simd: S, network: &Network, run: Run<'_>, scratch: &mut Scratch, sums: &mut Sums) {
-    let Run { inputs, wanted, with_inputs } = run;
+fn back<S: Simd>(
+    simd: S,
+    network: &Network,
+    run: NetworkRun<'_>,
+    scratch: &mut NetworkScratch,
+    sums: &mut NetworkGradient,
+) {
+    let NetworkRun { inputs, wanted, with_inputs } = run;
     let n = inputs.len();
-    let Scratch { hidden, out, last, second, first } = scratch;
+    let NetworkScratch { hidden, out, last, second, first } = scratch;
     out.resize(n, [0.0; 2]);
     network.run(simd.level(), inputs, hidden, out);
     last.clear();
@@ -109,7 +115,7 @@ fn times<S: Simd>(simd: S, a: &mut [f32], b: &[f32]) {
 }
 
 /// Adds up steps, in the order of [`particlegs_core::model::VizMapper::parameters`].
-fn total(steps: &[Sums]) -> Vec<f32> {
+fn total(steps: &[NetworkGradient]) -> Vec<f32> {
     let places = Places::default();
     let mut sums = vec![0f64; VIZMAPPER_PARAMETERS];
     let mut add = |at: usize, v: f32| sums[at] += f64::from(v);

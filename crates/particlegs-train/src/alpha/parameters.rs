@@ -1,12 +1,12 @@
 //! Gaussians as what is trained: f32 columns in the training frame.
 
 use particlegs_core::math::{Sym3, each_axis};
-use particlegs_core::model::vizmapper::Adapted;
+use particlegs_core::model::vizmapper::Adaptation;
 use particlegs_core::render::alpha::Gaussian;
 
 /// A group of parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Group {
+pub(super) enum ParameterGroup {
     Position,
     Scale,
     Rotation,
@@ -17,8 +17,14 @@ pub(super) enum Group {
 /// How many groups of parameters there are.
 pub const GROUPS: usize = 5;
 
-impl Group {
-    pub const ALL: [Group; GROUPS] = [Group::Position, Group::Scale, Group::Rotation, Group::Opacity, Group::Feature];
+impl ParameterGroup {
+    pub const ALL: [ParameterGroup; GROUPS] = [
+        ParameterGroup::Position,
+        ParameterGroup::Scale,
+        ParameterGroup::Rotation,
+        ParameterGroup::Opacity,
+        ParameterGroup::Feature,
+    ];
 
     /// Its name in states and messages.
     pub fn name(self) -> &'static str {
@@ -36,7 +42,7 @@ pub const SH0: f64 = 0.282_094_791_773_878_14;
 
 /// One Gaussian's parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct One {
+pub(super) struct GaussianParameters {
     /// Training frame.
     pub position: [f64; 3],
     /// Logarithms of its standard deviations along its axes.
@@ -81,7 +87,7 @@ pub(super) fn quaternion(columns: [[f64; 3]; 3]) -> [f64; 4] {
     }
 }
 
-impl One {
+impl GaussianParameters {
     /// Columns are the axes times their standard deviations: the covariance is M M^T.
     pub fn root(&self) -> [[f64; 3]; 3] {
         let norm = self.rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
@@ -104,7 +110,7 @@ impl One {
 
     /// Opacity before any adaptation.
     pub fn opacity(&self) -> f64 {
-        Adapted::STATIC.opacity(self.logit)
+        Adaptation::STATIC.opacity(self.logit)
     }
 
     /// What the network sees of its size.
@@ -113,7 +119,7 @@ impl One {
     }
 
     /// As it is drawn.
-    pub fn gaussian(&self, adapted: &Adapted) -> Gaussian {
+    pub fn gaussian(&self, adapted: &Adaptation) -> Gaussian {
         Gaussian {
             mean: self.position,
             cov: self.cov().scale(adapted.scale * adapted.scale),
@@ -137,18 +143,18 @@ impl One {
 /// and quaternions w, x, y, z of those, logits of opacities, grey levels as `(grey - 0.5) / SH0`; a Gaussian's numbers stand
 /// together.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Parameters(pub [Vec<f32>; GROUPS]);
+pub struct AlphaParameters(pub [Vec<f32>; GROUPS]);
 
-impl Parameters {
+impl AlphaParameters {
     /// Number of Gaussians.
     pub fn len(&self) -> usize {
-        self.0[Group::Opacity as usize].len()
+        self.0[ParameterGroup::Opacity as usize].len()
     }
 
     /// Gaussian `i`.
-    pub(super) fn get(&self, i: usize) -> One {
+    pub(super) fn get(&self, i: usize) -> GaussianParameters {
         let [position, scale, rotation, opacity, feature] = &self.0;
-        One {
+        GaussianParameters {
             position: each_axis(|k| position[3 * i + k].into()),
             log_scale: each_axis(|k| scale[3 * i + k].into()),
             rotation: std::array::from_fn(|k| rotation[4 * i + k].into()),
@@ -163,7 +169,7 @@ impl Parameters {
     }
 
     /// Adds one.
-    pub(super) fn push(&mut self, one: &One) {
+    pub(super) fn push(&mut self, one: &GaussianParameters) {
         for (column, numbers) in self.0.iter_mut().zip(one.numbers()) {
             column.extend(numbers.iter().map(|v| *v as f32));
         }
@@ -171,7 +177,7 @@ impl Parameters {
 
     /// All zero.
     pub fn zeros(n: usize) -> Self {
-        Parameters(Group::ALL.map(|g| vec![0.0; n * g.width()]))
+        AlphaParameters(ParameterGroup::ALL.map(|g| vec![0.0; n * g.width()]))
     }
 }
 

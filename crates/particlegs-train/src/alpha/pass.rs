@@ -2,11 +2,11 @@
 
 use super::chain::{Slopes, chain};
 use super::network;
-use super::parameters::{Group, One, Parameters};
+use super::parameters::{AlphaParameters, GaussianParameters, ParameterGroup};
 use super::raster;
 use particlegs_core::Result;
 use particlegs_core::model::VizRanges;
-use particlegs_core::model::vizmapper::{Adapted, Network, Setting, inputs, outputs};
+use particlegs_core::model::vizmapper::{Adaptation, Network, Setting, inputs, outputs};
 use particlegs_core::parallel;
 use particlegs_core::picture::Plane;
 use particlegs_core::progress::{Level, Progress};
@@ -17,7 +17,7 @@ use particlegs_core::render::alpha::{CutOffs, Eye, Plan};
 const RUN: usize = 2048;
 
 /// The network, laid out, and its ranges.
-pub(super) struct Mapper {
+pub(super) struct LoadedNetwork {
     pub network: Network,
     pub ranges: VizRanges,
     /// Weight of what holds it to the identity.
@@ -25,13 +25,13 @@ pub(super) struct Mapper {
 }
 
 /// A picture drawn, and all that its gradient needs.
-pub(super) struct Pass<'a> {
+pub(super) struct ForwardPass<'a> {
     eye: &'a Eye,
-    parameters: &'a Parameters,
-    mapper: Option<&'a Mapper>,
+    parameters: &'a AlphaParameters,
+    mapper: Option<&'a LoadedNetwork>,
     setting: Setting,
     inputs: Vec<[f32; 4]>,
-    adapted: Vec<Adapted>,
+    adapted: Vec<Adaptation>,
     plan: Plan,
     /// Brightness, not cut to [0, 1].
     pub drawn: Plane,
@@ -41,7 +41,7 @@ pub(super) struct Pass<'a> {
 /// Changes of the loss.
 pub(super) struct Gradient {
     /// With the Gaussians' parameters.
-    pub parameters: Parameters,
+    pub parameters: AlphaParameters,
     /// With the network's.
     pub network: Option<Vec<f32>>,
     /// Gaussians that are seen, and the size of the change with their centres on the picture.
@@ -49,20 +49,20 @@ pub(super) struct Gradient {
 }
 
 /// Are all of a Gaussian's numbers numbers?
-fn fine(one: &One) -> bool {
+fn fine(one: &GaussianParameters) -> bool {
     let sum = one.position.iter().sum::<f64>() + one.rotation.iter().sum::<f64>() + one.mean_log_scale();
     (sum + one.logit + one.feature).is_finite()
 }
 
-impl<'a> Pass<'a> {
+impl<'a> ForwardPass<'a> {
     /// Draws. Gaussians with numbers that are not finite are left out.
     ///
     /// # Errors
     /// [`particlegs_core::Error::Memory`], [`particlegs_core::Error::Cancelled`].
     pub fn new(
         eye: &'a Eye,
-        parameters: &'a Parameters,
-        mapper: Option<&'a Mapper>,
+        parameters: &'a AlphaParameters,
+        mapper: Option<&'a LoadedNetwork>,
         setting: Setting,
         cut: CutOffs,
         progress: &dyn Progress,
@@ -70,7 +70,7 @@ impl<'a> Pass<'a> {
         let simd = progress.simd();
         let n = parameters.len();
         let mut own = vec![[0f32; 4]; if mapper.is_some() { n } else { 0 }];
-        let mut adapted = vec![Adapted::STATIC; n];
+        let mut adapted = vec![Adaptation::STATIC; n];
         if let Some(mapper) = mapper {
             let runs = own.chunks_mut(RUN).zip(adapted.chunks_mut(RUN)).enumerate();
             parallel::for_each(runs, |(c, (own, adapted))| {
@@ -90,7 +90,7 @@ impl<'a> Pass<'a> {
         };
         let plan = Plan::new(eye, n, gaussian, cut, progress)?;
         let drawn = blend(&plan, eye.size, progress)?;
-        Ok(Pass { eye, parameters, mapper, setting, inputs: own, adapted, plan, drawn, simd })
+        Ok(ForwardPass { eye, parameters, mapper, setting, inputs: own, adapted, plan, drawn, simd })
     }
 
     /// Goes back, from the changes of the loss with each pixel's brightness.
@@ -100,7 +100,7 @@ impl<'a> Pass<'a> {
             let i = self.plan.indices[k] as usize;
             chain(self.eye, &self.parameters.get(i), &self.adapted[i], &sums[k])
         });
-        let mut out = Parameters::zeros(self.parameters.len());
+        let mut out = AlphaParameters::zeros(self.parameters.len());
         let screen = self.plan.indices.iter().zip(&slopes).map(|(i, s)| (*i, s.screen as f32)).collect();
         for (&i, s) in self.plan.indices.iter().zip(&slopes) {
             let i = i as usize;
@@ -120,11 +120,11 @@ impl<'a> Pass<'a> {
     }
 
     /// Through the network: its parameters, and what its inputs add to scales and opacities.
-    fn back_through(&self, mapper: &Mapper, slopes: &[Slopes], out: &mut Parameters) -> Vec<f32> {
+    fn back_through(&self, mapper: &LoadedNetwork, slopes: &[Slopes], out: &mut AlphaParameters) -> Vec<f32> {
         let Setting { radius, opacity } = self.setting;
         let ranges = &mapper.ranges;
         let hold = 2.0 * mapper.identity / self.parameters.len().max(1) as f64;
-        let wanted = |a: &Adapted, scale: f64, odds: f64| {
+        let wanted = |a: &Adaptation, scale: f64, odds: f64| {
             let scale = scale + hold * (a.scale - radius);
             let odds = if a.floored { 0.0 } else { odds + hold * (a.odds - opacity) };
             let wanted = [scale * radius * ranges.scale, odds * opacity * ranges.opacity];
@@ -148,9 +148,9 @@ impl<'a> Pass<'a> {
 
 /// Groups and numbers of the Gaussians with parameters or gradients that are not finite: the first
 /// group at fault of each, in the order of the Gaussians.
-pub(super) fn faults(parameters: &Parameters, gradient: &Parameters) -> Vec<(usize, Group)> {
-    let mut found: Vec<(usize, Group)> = Vec::new();
-    for g in Group::ALL {
+pub(super) fn faults(parameters: &AlphaParameters, gradient: &AlphaParameters) -> Vec<(usize, ParameterGroup)> {
+    let mut found: Vec<(usize, ParameterGroup)> = Vec::new();
+    for g in ParameterGroup::ALL {
         for column in [&parameters.0[g as usize], &gradient.0[g as usize]] {
             // One sum tells whether there is anything to look for.
             if !column.iter().map(|v| v * 0.0).sum::<f32>().is_finite() {

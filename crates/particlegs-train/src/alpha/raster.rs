@@ -7,19 +7,19 @@ use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use particlegs_core::math::across;
 use particlegs_core::parallel;
 use particlegs_core::picture::Plane;
-use particlegs_core::render::alpha::raster::{ASK, Lit, PIXELS, Tile, alphas, lanes, rows};
+use particlegs_core::render::alpha::raster::{ASK, PIXELS, Tile, TilePixels, alphas, lanes, rows};
 use particlegs_core::render::alpha::{Plan, TILE};
 
 /// With h the change of the loss with the logarithm of alpha at a pixel, and d its distance from the
 /// centre: sums of h, h dx, h dy, h dx^2, h dx dy, h dy^2; and the change with the grey level.
-pub(super) type Sums = [f32; 7];
+pub(super) type PixelSums = [f32; 7];
 
 /// A tile of the picture as it was blended.
-struct Drawn<'a> {
+struct BlendedTile<'a> {
     /// The tile's number in the plan.
     number: usize,
     /// Its pixels.
-    lit: Lit,
+    lit: TilePixels,
     /// Their brightness.
     total: &'a [f32; PIXELS],
     /// The loss's change with it.
@@ -28,7 +28,7 @@ struct Drawn<'a> {
 
 /// Sums of every footprint of a plan, in its order, for the change `slope` of the loss with each
 /// pixel's brightness. `drawn` is the picture as it was blended.
-pub(super) fn sums(level: Level, plan: &Plan, drawn: &Plane, slope: &Plane) -> Vec<Sums> {
+pub(super) fn sums(level: Level, plan: &Plan, drawn: &Plane, slope: &Plane) -> Vec<PixelSums> {
     let width = drawn.size.width;
     let band = width * TILE;
     let bands = drawn.data.chunks(band).zip(slope.data.chunks(band)).enumerate();
@@ -37,15 +37,15 @@ pub(super) fn sums(level: Level, plan: &Plan, drawn: &Plane, slope: &Plane) -> V
         let mut out = Vec::new();
         for column in 0..plan.tiles.across {
             let number = row * plan.tiles.across + column;
-            let lit = Lit::in_band(width, drawn.len() / width, column, row);
+            let lit = TilePixels::in_band(width, drawn.len() / width, column, row);
             let (total, slope) = (lit.load(drawn, width), lit.load(slope, width));
             // A pixel that wants nothing is done before it begins.
             tile.start(&lit, |i| slope[i] != 0.0);
             let start = out.len();
-            out.resize(start + plan.bins.iter().map(|b| b.of(number).len()).sum::<usize>(), Sums::default());
+            out.resize(start + plan.bins.iter().map(|b| b.of(number).len()).sum::<usize>(), PixelSums::default());
             let out = &mut out[start..];
             if !tile.done() {
-                let drawn = Drawn { number, lit, total: &total, slope: &slope };
+                let drawn = BlendedTile { number, lit, total: &total, slope: &slope };
                 dispatch!(level, simd => tile_sums(simd, plan, &drawn, &mut tile, out));
             }
         }
@@ -55,7 +55,7 @@ pub(super) fn sums(level: Level, plan: &Plan, drawn: &Plane, slope: &Plane) -> V
 }
 
 /// Adds up each footprint's sums over its tiles, in their order.
-fn gather(plan: &Plan, bands: &[Vec<Sums>]) -> Vec<Sums> {
+fn gather(plan: &Plan, bands: &[Vec<PixelSums>]) -> Vec<PixelSums> {
     let (across, number) = (plan.tiles.across, plan.bins.len());
     // Where the entries of each tile and bin begin in the tile's band.
     let mut starts = vec![0u32; plan.tiles.number() * number];
@@ -68,7 +68,7 @@ fn gather(plan: &Plan, bands: &[Vec<Sums>]) -> Vec<Sums> {
             }
         }
     }
-    let mut out = vec![Sums::default(); plan.splats.len()];
+    let mut out = vec![PixelSums::default(); plan.splats.len()];
     parallel::for_each(out.chunks_mut(plan.run).zip(&plan.bins).enumerate(), |(b, (out, bin))| {
         for tile in 0..plan.tiles.number() {
             let entries = bin.of(tile);
@@ -83,8 +83,8 @@ fn gather(plan: &Plan, bands: &[Vec<Sums>]) -> Vec<Sums> {
 }
 
 #[inline(always)]
-fn tile_sums<S: Simd>(simd: S, plan: &Plan, drawn: &Drawn<'_>, tile: &mut Tile, out: &mut [Sums]) {
-    let &Drawn { number, ref lit, total, slope } = drawn;
+fn tile_sums<S: Simd>(simd: S, plan: &Plan, drawn: &BlendedTile<'_>, tile: &mut Tile, out: &mut [PixelSums]) {
+    let &BlendedTile { number, ref lit, total, slope } = drawn;
     let (lanes, zero) = (lanes(simd), f32x16::splat(simd, 0.0));
     for (count, (entry, out)) in plan.in_tile(number).zip(out).enumerate() {
         if count % ASK == ASK - 1 && tile.done() {

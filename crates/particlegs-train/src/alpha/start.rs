@@ -4,9 +4,9 @@
 use super::config::AlphaConfig;
 use super::learner::AlphaLearner;
 use super::nearest::mean_square_of_three;
-use super::parameters::{One, Parameters, SH0, quaternion};
+use super::parameters::{AlphaParameters, GaussianParameters, SH0, quaternion};
 use super::steps::Gaussians;
-use crate::subject::Subject;
+use crate::subject::TrainingSubject;
 use particlegs_core::camera::Normalisation;
 use particlegs_core::math::{Purpose, Random, Sym3, each_axis};
 use particlegs_core::model::{Mixture, Model, VizMapper};
@@ -46,7 +46,7 @@ impl AlphaLearner {
     /// # Errors
     /// [`Error::Argument`] where there is no particle, or none is asked for.
     pub(crate) fn from_particles(
-        subject: &dyn Subject,
+        subject: &dyn TrainingSubject,
         number: usize,
         ground: Ground,
         config: AlphaConfig,
@@ -62,9 +62,9 @@ impl AlphaLearner {
                 each_axis(|k| (p[k] - f.center[k]) * f.scale)
             })
             .collect();
-        let mut parameters = Parameters::default();
+        let mut parameters = AlphaParameters::default();
         for (position, square) in points.iter().zip(mean_square_of_three(&points)) {
-            parameters.push(&One {
+            parameters.push(&GaussianParameters {
                 position: *position,
                 log_scale: [0.5 * square.max(LEAST_SQUARE).ln(); 3],
                 rotation: [1.0, 0.0, 0.0, 0.0],
@@ -84,7 +84,7 @@ impl AlphaLearner {
     /// [`Error::Argument`] that names the first Gaussian that is not a number; for an empty mixture.
     pub(crate) fn from_mixture(mixture: &Mixture, ground: Ground, config: AlphaConfig) -> Result<Self> {
         let r2 = ground.radius * ground.radius;
-        let mut parameters = Parameters::default();
+        let mut parameters = AlphaParameters::default();
         for i in 0..mixture.len() {
             let cov = mixture.cov_of(i).add(&Sym3::scaled_identity(r2));
             let area = cov.det().cbrt();
@@ -101,16 +101,21 @@ impl AlphaLearner {
     /// # Errors
     /// As [`Self::from_mixture`]; [`Error::Argument`] for a model without opacities.
     pub(crate) fn from_model(model: &Model, ground: Ground, config: AlphaConfig) -> Result<Self> {
-        let mut parameters = Parameters::default();
+        let mut parameters = AlphaParameters::default();
         model.blocks().try_for_each(|b| push_all(&mut parameters, &b.gaussians, &ground.frame))?;
         Self::new(parameters, model.vizmapper().map(|v| VizMapper::clone(v)), ground, config)
     }
 
-    fn new(parameters: Parameters, mapper: Option<VizMapper>, ground: Ground, config: AlphaConfig) -> Result<Self> {
+    fn new(
+        parameters: AlphaParameters,
+        mapper: Option<VizMapper>,
+        ground: Ground,
+        config: AlphaConfig,
+    ) -> Result<Self> {
         if parameters.is_empty() {
             return Err(Error::argument("training starts from one Gaussian at least"));
         }
-        if let Some((i, group)) = super::pass::faults(&parameters, &Parameters::default()).first() {
+        if let Some((i, group)) = super::pass::faults(&parameters, &AlphaParameters::default()).first() {
             return Err(Error::argument(format!("Gaussian {i}: its {} is not finite", group.name())));
         }
         let mapper = config.vizmapper.then(|| match mapper {
@@ -127,7 +132,7 @@ impl Gaussians {
     /// # Errors
     /// [`Error::Argument`] for a mixture without opacities.
     pub fn of_mixture(mixture: &Mixture, ground: Ground) -> Result<Self> {
-        let mut parameters = Parameters::default();
+        let mut parameters = AlphaParameters::default();
         push_all(&mut parameters, mixture, &ground.frame)?;
         let network = mixture.law.alpha_blend().and_then(|own| own.vizmapper.as_deref().cloned());
         Ok(Gaussians::new(parameters, network, ground))
@@ -135,7 +140,7 @@ impl Gaussians {
 }
 
 /// Adds the Gaussians of a mixture of this law.
-fn push_all(parameters: &mut Parameters, m: &Mixture, frame: &Normalisation) -> Result<()> {
+fn push_all(parameters: &mut AlphaParameters, m: &Mixture, frame: &Normalisation) -> Result<()> {
     let own = m.law.alpha_blend().ok_or_else(|| Error::argument("the model is not of the alpha-blend law"))?;
     for i in 0..m.len() {
         parameters.push(&one(frame, m.mean_of(i), &m.cov_of(i), own.opacity[i], own.grey[i]));
@@ -144,7 +149,7 @@ fn push_all(parameters: &mut Parameters, m: &Mixture, frame: &Normalisation) -> 
 }
 
 /// A Gaussian in world units as parameters.
-fn one(frame: &Normalisation, mean: [f64; 3], cov: &Sym3, opacity: f64, grey: f64) -> One {
+fn one(frame: &Normalisation, mean: [f64; 3], cov: &Sym3, opacity: f64, grey: f64) -> GaussianParameters {
     let e = cov.scale(frame.scale * frame.scale).eigen();
     let mut axes = e.vectors;
     let [a, b, c] = axes;
@@ -153,7 +158,7 @@ fn one(frame: &Normalisation, mean: [f64; 3], cov: &Sym3, opacity: f64, grey: f6
     if triple < 0.0 {
         axes[2] = c.map(|v| -v);
     }
-    One {
+    GaussianParameters {
         position: each_axis(|k| (mean[k] - frame.center[k]) * frame.scale),
         // Not the maximum of the two: a value that is not a number must be seen.
         log_scale: e.values.map(|v| if v < LEAST_SQUARE { LEAST_SQUARE } else { v }.ln() * 0.5),

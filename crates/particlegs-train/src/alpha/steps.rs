@@ -1,10 +1,10 @@
 //! A step: a picture drawn, its loss, the gradient of that, and Adam. On the processor here; a device's are its own.
 
-use super::parameters::{GROUPS, Group, Parameters};
-use super::pass::{Mapper, Pass, faults};
+use super::parameters::{AlphaParameters, GROUPS, ParameterGroup};
+use super::pass::{ForwardPass, LoadedNetwork, faults};
 use super::start::Ground;
 use crate::adam::{Adam, Averages};
-use crate::learner::{NotFinite, Shot, Stepped};
+use crate::learner::{NonFiniteGradient, Shot, Stepped};
 use crate::loss::Loss;
 use particlegs_core::Result;
 use particlegs_core::model::vizmapper::{Network, Setting};
@@ -24,7 +24,7 @@ pub struct Gaussians {
     /// Of the snapshot.
     pub ground: Ground,
     /// The Gaussians.
-    pub parameters: Parameters,
+    pub parameters: AlphaParameters,
     /// Adam's, a group each.
     pub averages: [Averages; GROUPS],
     /// The network, where there is one.
@@ -50,7 +50,7 @@ pub struct StepSize {
 }
 
 /// What takes steps.
-pub trait Steps {
+pub trait AlphaStepper {
     /// Draws the shot, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
     /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](Steps::fetch).
     ///
@@ -70,19 +70,19 @@ pub trait Steps {
 
 /// Steps on the processor.
 #[derive(Default)]
-pub struct Processor {
+pub struct AlphaCpuSteps {
     /// A gradient to be spoilt in the next step: group, Gaussian, number.
     #[cfg(test)]
-    pub(super) spoil: Option<(Group, usize, f32)>,
+    pub(super) spoil: Option<(ParameterGroup, usize, f32)>,
 }
 
 impl Gaussians {
     /// Before the first step.
-    pub(super) fn new(parameters: Parameters, mapper: Option<VizMapper>, ground: Ground) -> Self {
+    pub(super) fn new(parameters: AlphaParameters, mapper: Option<VizMapper>, ground: Ground) -> Self {
         let n = parameters.len();
         Gaussians {
             ground,
-            averages: Group::ALL.map(|g| Averages::zeros(n * g.width())),
+            averages: ParameterGroup::ALL.map(|g| Averages::zeros(n * g.width())),
             mapper_averages: Averages::zeros(if mapper.is_some() { VIZMAPPER_PARAMETERS } else { 0 }),
             screen: vec![[0.0; 2]; n],
             parameters,
@@ -105,8 +105,8 @@ impl Gaussians {
     }
 
     /// Moves all Gaussians but those of `still`.
-    fn descend(&mut self, gradient: &Parameters, still: &[(usize, Group)], size: &StepSize) {
-        for g in Group::ALL {
+    fn descend(&mut self, gradient: &AlphaParameters, still: &[(usize, ParameterGroup)], size: &StepSize) {
+        for g in ParameterGroup::ALL {
             let (rate, w) = (size.rates[g as usize], g.width());
             let (values, averages) = (&mut self.parameters.0[g as usize], &mut self.averages[g as usize]);
             let rows = |v: &[f32]| still.iter().flat_map(|(i, _)| v[i * w..(i + 1) * w].to_vec()).collect::<Vec<f32>>();
@@ -141,12 +141,15 @@ fn shown(drawn: &Plane) -> Plane {
     Plane { size: drawn.size, data: drawn.data.iter().map(|b| b.clamp(0.0, 1.0)).collect() }
 }
 
-impl Steps for Processor {
+impl AlphaStepper for AlphaCpuSteps {
     fn step(&mut self, of: &mut Gaussians, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped> {
         let (eye, setting) = (of.eye(shot)?, of.setting(shot));
-        let mapper =
-            of.mapper.as_ref().map(|m| Mapper { network: Network::new(m), ranges: m.ranges, identity: size.identity });
-        let pass = Pass::new(&eye, &of.parameters, mapper.as_ref(), setting, CutOffs::PUBLISHED, shot.progress)?;
+        let mapper = of.mapper.as_ref().map(|m| LoadedNetwork {
+            network: Network::new(m),
+            ranges: m.ranges,
+            identity: size.identity,
+        });
+        let pass = ForwardPass::new(&eye, &of.parameters, mapper.as_ref(), setting, CutOffs::PUBLISHED, shot.progress)?;
         let mut valued = loss.of(&shown(&pass.drawn), shot.target, shot.progress.simd());
         // Brightness beyond white is cut: nothing there moves it.
         let beyond = valued.gradient.data.iter_mut().zip(&pass.drawn.data);
@@ -159,7 +162,7 @@ impl Steps for Processor {
         }
         let still = faults(&of.parameters, &gradient.parameters);
         let mut not_finite =
-            still.first().map(|(i, g)| NotFinite { group: g.name(), gaussian: *i, count: still.len() });
+            still.first().map(|(i, g)| NonFiniteGradient { group: g.name(), gaussian: *i, count: still.len() });
         for (i, size) in &gradient.screen {
             if size.is_finite() {
                 let s = &mut of.screen[*i as usize];
@@ -170,7 +173,7 @@ impl Steps for Processor {
         if let Some(g) = gradient.network
             && !of.descend_network(g, size)
         {
-            not_finite = not_finite.or(Some(NotFinite { group: "vizmapper", gaussian: 0, count: 1 }));
+            not_finite = not_finite.or(Some(NonFiniteGradient { group: "vizmapper", gaussian: 0, count: 1 }));
         }
         // The picture's loss alone: what holds the network to the identity is no measure of it.
         Ok(Stepped { loss: valued.value, not_finite })

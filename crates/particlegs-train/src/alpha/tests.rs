@@ -1,8 +1,8 @@
 //! Gradients against differences of the plain twin.
 
-use super::parameters::{Group, One, Parameters};
-use super::pass::{Mapper, Pass};
-use super::twin::{Twin, drawn};
+use super::parameters::{AlphaParameters, GaussianParameters, ParameterGroup};
+use super::pass::{ForwardPass, LoadedNetwork};
+use super::twin::{DoubleParameters, drawn};
 use particlegs_core::camera::{Camera, Normalisation, Projection, View};
 use particlegs_core::math::Random;
 use particlegs_core::model::vizmapper::{Network, Setting, twin::stirred};
@@ -25,14 +25,14 @@ fn view(position: [f64; 3]) -> View {
 
 /// Gaussians of all kinds: among them one without any width, one beyond the guard band that reaches
 /// into the picture, one nearly opaque, one that is black.
-fn some() -> Parameters {
-    let mut p = Parameters::default();
+fn some() -> AlphaParameters {
+    let mut p = AlphaParameters::default();
     for i in 0..14 {
         let mut one = drawn(5, i);
         match i {
             0 => one.log_scale = [-12.0, -12.5, -13.0],
-            1 => one = One { position: [0.9, -0.2, 0.3], log_scale: [-1.0, -0.6, -0.9], ..one },
-            2 => one = One { logit: 9.0, log_scale: [-2.0, -1.5, -2.2], ..one },
+            1 => one = GaussianParameters { position: [0.9, -0.2, 0.3], log_scale: [-1.0, -0.6, -0.9], ..one },
+            2 => one = GaussianParameters { logit: 9.0, log_scale: [-2.0, -1.5, -2.2], ..one },
             3 => one.feature = -4.0,
             _ => {}
         }
@@ -47,14 +47,14 @@ fn check(position: [f64; 3], of: Setting, mapper: Option<VizMapper>) {
     let mut draw = Random::new(8, 1, 2);
     let want: Vec<f32> = (0..SIZE.pixels()).map(|_| draw.normal() as f32).collect();
     let identity = 0.01;
-    let used = mapper.as_ref().map(|m| Mapper { network: Network::new(m), ranges: m.ranges, identity });
-    let pass = Pass::new(&eye, &p, used.as_ref(), of, SMOOTH, &Silent).unwrap();
+    let used = mapper.as_ref().map(|m| LoadedNetwork { network: Network::new(m), ranges: m.ranges, identity });
+    let pass = ForwardPass::new(&eye, &p, used.as_ref(), of, SMOOTH, &Silent).unwrap();
     let found = pass.back(&Plane { size: SIZE, data: want.clone() });
     let parameters = mapper.as_ref().map(|m| &m.parameters[..]);
-    let mut twin = Twin::of(&p, parameters, VizRanges::TRAINING, identity);
+    let mut twin = DoubleParameters::of(&p, parameters, VizRanges::TRAINING, identity);
     let want: Vec<f64> = want.into_iter().map(f64::from).collect();
     let h = 1e-5;
-    let difference = |twin: &mut Twin, at: &dyn Fn(&mut Twin) -> &mut f64| {
+    let difference = |twin: &mut DoubleParameters, at: &dyn Fn(&mut DoubleParameters) -> &mut f64| {
         let kept = *at(twin);
         *at(twin) = kept + h;
         let up = twin.value(&eye, of, &SMOOTH, &want);
@@ -71,15 +71,15 @@ fn check(position: [f64; 3], of: Setting, mapper: Option<VizMapper>) {
             assert!(error < 1e-4 * largest + 1e-3 * l.abs(), "{what} {i}: {f} for {l}, largest {largest}");
         }
     };
-    for g in Group::ALL {
+    for g in ParameterGroup::ALL {
         let law: Vec<f64> = (0..p.0[g as usize].len())
-            .map(|i| difference(&mut twin, &move |t: &mut Twin| &mut t.columns[g as usize][i]))
+            .map(|i| difference(&mut twin, &move |t: &mut DoubleParameters| &mut t.columns[g as usize][i]))
             .collect();
         close(g.name(), &found.parameters.0[g as usize], &law);
     }
     if let Some(network) = &found.network {
         let law: Vec<f64> = (0..network.len())
-            .map(|i| difference(&mut twin, &move |t: &mut Twin| &mut t.network.as_mut().unwrap()[i]))
+            .map(|i| difference(&mut twin, &move |t: &mut DoubleParameters| &mut t.network.as_mut().unwrap()[i]))
             .collect();
         close("network", network, &law);
     }
@@ -104,25 +104,31 @@ fn what_is_not_seen_wants_nothing_and_order_does_not_matter() {
     let eye = Eye::new(&view([0.3, 0.5, 3.0]), SIZE, &FRAME).unwrap();
     let want = Plane { size: SIZE, data: vec![1.0; SIZE.pixels()] };
     let of = Setting { radius: 1.0, opacity: 1.0 };
-    let back = |p: &Parameters| Pass::new(&eye, p, None, of, CutOffs::PUBLISHED, &Silent).unwrap().back(&want);
-    let ones: Vec<One> = (0..40).map(|i| drawn(6, i)).collect();
-    let mut forth = Parameters::default();
+    let back =
+        |p: &AlphaParameters| ForwardPass::new(&eye, p, None, of, CutOffs::PUBLISHED, &Silent).unwrap().back(&want);
+    let ones: Vec<GaussianParameters> = (0..40).map(|i| drawn(6, i)).collect();
+    let mut forth = AlphaParameters::default();
     ones.iter().for_each(|o| forth.push(o));
     // Behind the camera, and not a number.
-    forth.push(&One { position: [1.0, 2.0, 12.0], ..ones[0] });
-    forth.push(&One { position: [f64::NAN, 0.0, 0.0], ..ones[0] });
-    let mut turned = Parameters::default();
+    forth.push(&GaussianParameters { position: [1.0, 2.0, 12.0], ..ones[0] });
+    forth.push(&GaussianParameters { position: [f64::NAN, 0.0, 0.0], ..ones[0] });
+    let mut turned = AlphaParameters::default();
     ones.iter().rev().for_each(|o| turned.push(o));
     let (a, b) = (back(&forth), back(&turned));
     for i in 0..40 {
         assert_eq!(a.parameters.get(i), b.parameters.get(39 - i));
     }
     for i in [40, 41] {
-        assert_eq!(a.parameters.get(i), Parameters::zeros(1).get(0));
+        assert_eq!(a.parameters.get(i), AlphaParameters::zeros(1).get(0));
     }
-    let none = Parameters::default();
+    let none = AlphaParameters::default();
     assert!(
-        Pass::new(&eye, &none, None, of, CutOffs::PUBLISHED, &Silent).unwrap().drawn.data.iter().all(|v| *v == 0.0)
+        ForwardPass::new(&eye, &none, None, of, CutOffs::PUBLISHED, &Silent)
+            .unwrap()
+            .drawn
+            .data
+            .iter()
+            .all(|v| *v == 0.0)
     );
 }
 
@@ -134,18 +140,19 @@ fn what_is_hidden_wants_nothing() {
     let mut draw = Random::new(8, 1, 3);
     let want = Plane { size: SIZE, data: (0..SIZE.pixels()).map(|_| draw.normal() as f32).collect() };
     let of = Setting { radius: 1.0, opacity: 1.0 };
-    let back = |p: &Parameters| Pass::new(&eye, p, None, of, CutOffs::PUBLISHED, &Silent).unwrap().back(&want);
-    let mut wall = Parameters::default();
+    let back =
+        |p: &AlphaParameters| ForwardPass::new(&eye, p, None, of, CutOffs::PUBLISHED, &Silent).unwrap().back(&want);
+    let mut wall = AlphaParameters::default();
     for k in 0..3 {
         let rotation = [1.0, 0.0, 0.0, 0.0];
         let position = [0.0, 0.0, 1.0 - 0.1 * f64::from(k)];
-        wall.push(&One { position, log_scale: [2.0, 2.0, -3.0], rotation, logit: 12.0, feature: 0.3 });
+        wall.push(&GaussianParameters { position, log_scale: [2.0, 2.0, -3.0], rotation, logit: 12.0, feature: 0.3 });
     }
     let mut both = wall.clone();
     (0..20).for_each(|i| both.push(&drawn(6, i)));
     let (alone, hidden) = (back(&wall), back(&both));
     for i in 0..23 {
-        let law = if i < 3 { alone.parameters.get(i) } else { Parameters::zeros(1).get(0) };
+        let law = if i < 3 { alone.parameters.get(i) } else { AlphaParameters::zeros(1).get(0) };
         assert_eq!(hidden.parameters.get(i), law, "{i}");
     }
 }

@@ -1,6 +1,6 @@
 //! The law as a reader would write it, in f64, as a function of every parameter.
 
-use super::parameters::{GROUPS, Group, One, Parameters, SH0};
+use super::parameters::{AlphaParameters, GROUPS, GaussianParameters, ParameterGroup, SH0};
 use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::VizRanges;
 use particlegs_core::model::vizmapper::{Setting, twin::plain as network};
@@ -9,30 +9,30 @@ use particlegs_core::render::alpha::{CutOffs, Eye, Gaussian};
 
 /// All parameters, f64.
 #[derive(Clone)]
-pub(super) struct Twin {
+pub(super) struct DoubleParameters {
     pub columns: [Vec<f64>; GROUPS],
     pub network: Option<Vec<f64>>,
     pub ranges: VizRanges,
     pub identity: f64,
 }
 
-impl Twin {
-    pub fn of(p: &Parameters, network: Option<&[f32]>, ranges: VizRanges, identity: f64) -> Self {
+impl DoubleParameters {
+    pub fn of(p: &AlphaParameters, network: Option<&[f32]>, ranges: VizRanges, identity: f64) -> Self {
         let wide = |v: &[f32]| v.iter().map(|v| f64::from(*v)).collect::<Vec<f64>>();
-        Twin { columns: p.0.each_ref().map(|c| wide(c)), network: network.map(wide), ranges, identity }
+        DoubleParameters { columns: p.0.each_ref().map(|c| wide(c)), network: network.map(wide), ranges, identity }
     }
 
     /// The sum over pixels of `want` times brightness, and what holds the network.
     pub fn value(&self, eye: &Eye, of: Setting, cut: &CutOffs, want: &[f64]) -> f64 {
-        let n = self.columns[Group::Opacity as usize].len();
+        let n = self.columns[ParameterGroup::Opacity as usize].len();
         let mut held = 0.0;
         let gaussians: Vec<Gaussian> = (0..n)
             .map(|i| {
-                let at = |g: Group, k: usize| self.columns[g as usize][i * g.width() + k];
-                let q: [f64; 4] = std::array::from_fn(|k| at(Group::Rotation, k));
+                let at = |g: ParameterGroup, k: usize| self.columns[g as usize][i * g.width() + k];
+                let q: [f64; 4] = std::array::from_fn(|k| at(ParameterGroup::Rotation, k));
                 let norm = q.iter().map(|v| v * v).sum::<f64>().sqrt();
-                let s: [f64; 3] = each_axis(|k| at(Group::Scale, k));
-                let logit = at(Group::Opacity, 0);
+                let s: [f64; 3] = each_axis(|k| at(ParameterGroup::Scale, k));
+                let logit = at(ParameterGroup::Opacity, 0);
                 let (mut scale, mut odds) = (1.0, 1.0);
                 if let Some(p) = &self.network {
                     let mean = (s[0] + s[1] + s[2]) / 3.0;
@@ -48,10 +48,10 @@ impl Twin {
                     cov = cov.add(&Sym3::outer(axis.map(|v| v * scale * s[k].exp())));
                 }
                 Gaussian {
-                    mean: each_axis(|k| at(Group::Position, k)),
+                    mean: each_axis(|k| at(ParameterGroup::Position, k)),
                     cov,
                     opacity: 1.0 / (1.0 + (-logit - odds.ln()).exp()),
-                    grey: (0.5 + SH0 * at(Group::Feature, 0)).max(0.0),
+                    grey: (0.5 + SH0 * at(ParameterGroup::Feature, 0)).max(0.0),
                 }
             })
             .collect();
@@ -77,9 +77,9 @@ fn turned(q: [f64; 4], k: usize) -> [f64; 3] {
 }
 
 /// Parameters of one Gaussian, drawn.
-pub(super) fn drawn(seed: u64, i: u64) -> One {
+pub(super) fn drawn(seed: u64, i: u64) -> GaussianParameters {
     let mut r = particlegs_core::math::Random::new(seed, 3, i);
-    One {
+    GaussianParameters {
         position: [0; 3].map(|_| 1.2 * r.uniform() - 0.6),
         log_scale: [0; 3].map(|_| -3.0 + r.normal()),
         rotation: [0; 4].map(|_| r.normal()),

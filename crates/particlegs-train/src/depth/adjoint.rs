@@ -2,11 +2,11 @@
 
 use particlegs_core::math::each_axis;
 use particlegs_core::render::lens::Lens;
-use particlegs_core::render::project::{DepthMoments, DepthSlopes, InCamera};
+use particlegs_core::render::project::{CameraGaussian, DepthMoments, DepthSlopes};
 
 /// Gradient with a footprint's mean, covariance (xx, xy, yy, each a number of its own) and sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct OfFootprint {
+pub struct FootprintGradient {
     pub mean: [f64; 2],
     pub cov: [f64; 3],
     pub sum: f64,
@@ -15,7 +15,7 @@ pub struct OfFootprint {
 /// Gradient with a Gaussian's mean (3), covariance (xx, xy, xz, yy, yz, zz, each a number of its
 /// own) and count.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct OfGaussian {
+pub struct GaussianGradient {
     pub mean: [f64; 3],
     pub cov: [f64; 6],
     pub count: f64,
@@ -29,15 +29,15 @@ pub struct PieceDepth {
     pub slopes: DepthSlopes,
 }
 
-impl OfGaussian {
+impl GaussianGradient {
     /// Is every number finite?
     pub fn is_finite(&self) -> bool {
         self.mean.iter().chain(&self.cov).all(|v| v.is_finite()) && self.count.is_finite()
     }
 
     /// Adds the part of one piece, in the camera's axes: the reverse of
-    /// [`InCamera::footprint`] in perspective.
-    pub fn add_piece(&mut self, lens: &Lens, g: &InCamera, depth: &PieceDepth, by: &OfFootprint) {
+    /// [`CameraGaussian::footprint`] in perspective.
+    pub fn add_piece(&mut self, lens: &Lens, g: &CameraGaussian, depth: &PieceDepth, by: &FootprintGradient) {
         let PieceDepth { moments: m, slopes } = depth;
         let [x, y, d] = g.mean.map(f64::from);
         let (slope, zz, across) = (g.slope.map(f64::from), f64::from(g.depth), g.rest());
@@ -85,7 +85,7 @@ impl OfGaussian {
     }
 
     /// From the camera's axes to the world's.
-    pub fn to_world(self, lens: &Lens) -> OfGaussian {
+    pub fn to_world(self, lens: &Lens) -> GaussianGradient {
         let a = &lens.axes;
         let mean = each_axis(|k| (0..3).map(|r| a[r][k] * self.mean[r]).sum());
         let g = full(&self.cov);
@@ -93,7 +93,7 @@ impl OfGaussian {
             (0..3).map(|r| a[r][i] * (0..3).map(|c| g[r][c] * a[c][j]).sum::<f64>()).sum()
         };
         let cov = [world(0, 0), 2.0 * world(0, 1), 2.0 * world(0, 2), world(1, 1), 2.0 * world(1, 2), world(2, 2)];
-        OfGaussian { mean, cov, count: self.count }
+        GaussianGradient { mean, cov, count: self.count }
     }
 }
 

@@ -10,7 +10,7 @@
 //! to the same bytes again. A number then changes where the pictures insist, and the file that comes
 //! out is the one that was trained.
 
-use super::columns::Columns;
+use super::columns::DepthGaussians;
 use particlegs_core::Result;
 use particlegs_core::codec::{Encoder, Precision, decode_block};
 use particlegs_core::model::{Block, Mixture};
@@ -33,18 +33,18 @@ pub(super) struct Budget {
 
 /// Decoded Gaussians and the precision that they were coded at.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Coded {
+pub(super) struct DecodedGaussians {
     /// As decoded.
-    pub exact: Columns,
+    pub exact: DepthGaussians,
     /// Multiple of the nominal steps.
     pub factor: f64,
     /// Bytes over the budget.
     pub filled: f64,
 }
 
-impl Coded {
+impl DecodedGaussians {
     /// Codes and decodes `gaussians` at `factor` times the nominal steps.
-    pub fn of(gaussians: Mixture, budget: &Budget, factor: f64) -> Result<Coded> {
+    pub fn of(gaussians: Mixture, budget: &Budget, factor: f64) -> Result<DecodedGaussians> {
         let m = gaussians.len();
         let mass = gaussians.masses().map_or(budget.count as f64, |m| m.iter().sum());
         let encoder = Encoder::new(&Block { bounds: budget.bounds, count: budget.count, mass, gaussians })?;
@@ -54,8 +54,8 @@ impl Coded {
         for (k, &i) in encoder.order().iter().enumerate() {
             place[i as usize] = k as u32;
         }
-        let exact = Columns::of(&decoded, |i| place[i] as usize);
-        Ok(Coded { exact, factor, filled: bytes.len() as f64 / budget.bytes as f64 })
+        let exact = DepthGaussians::of(&decoded, |i| place[i] as usize);
+        Ok(DecodedGaussians { exact, factor, filled: bytes.len() as f64 / budget.bytes as f64 })
     }
 
     /// Does the file fit, and nearly fill its budget?

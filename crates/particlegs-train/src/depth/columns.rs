@@ -12,13 +12,13 @@ const RUN: usize = 1024;
 pub type Numbers = [f64; 10];
 
 /// A change of a Gaussian in its own frame: mean (3), lower factor (6), ln count.
-pub(super) type Change = [f32; 10];
+pub(super) type FrameChange = [f32; 10];
 
 /// Gaussians, ten numbers each.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Columns(pub Vec<Numbers>);
+pub struct DepthGaussians(pub Vec<Numbers>);
 
-impl Columns {
+impl DepthGaussians {
     /// Those of a mixture; Gaussian i is the mixture's `place(i)`.
     pub fn of(m: &Mixture, place: impl Fn(usize) -> usize + Sync) -> Self {
         let one = |i: usize| {
@@ -27,7 +27,7 @@ impl Columns {
             // A Gaussian of no particles could never grow.
             [x, y, z, l[0], l[1], l[2], l[3], l[4], l[5], m.count[i].max(1e-3).ln()]
         };
-        Columns(parallel::map_range(m.len(), one))
+        DepthGaussians(parallel::map_range(m.len(), one))
     }
 
     /// As a mixture.
@@ -45,7 +45,7 @@ impl Columns {
     }
 
     /// Moves every number a share of the way to `other`'s.
-    pub fn approach(&mut self, other: &Columns, share: f64) {
+    pub fn approach(&mut self, other: &DepthGaussians, share: f64) {
         parallel::for_each(self.0.chunks_mut(RUN).zip(other.0.chunks(RUN)), |(own, other)| {
             let numbers = own.as_flattened_mut().iter_mut().zip(other.as_flattened());
             numbers.for_each(|(a, b)| *a += share * (b - *a));
@@ -54,7 +54,7 @@ impl Columns {
 
     /// Moves every Gaussian in its own frame: its mean by L v, its factor to L B with B lower
     /// triangular and the exponential of a number on the diagonal, its count by a factor.
-    pub fn change(&mut self, by: &[Change]) {
+    pub fn change(&mut self, by: &[FrameChange]) {
         parallel::for_each(self.0.iter_mut().zip(by), |(n, by)| {
             let [_, _, _, a, b, c, d, e, f, _] = *n;
             let d10 = by.map(f64::from);
@@ -96,7 +96,7 @@ mod tests {
         let mut m = Mixture::default();
         m.push([1.0, -2.0, 3.0], Sym3([2.0, 0.3, -0.1, 1.0, 0.2, 0.5]), 7.0, 0.0);
         m.push([0.0; 3], Sym3([1e-6, 0.0, 0.0, 2.0, 0.0, 3.0]), 1.0, 0.0);
-        let mut columns = Columns::of(&m, |i| 1 - i);
+        let mut columns = DepthGaussians::of(&m, |i| 1 - i);
         columns.change(&[[0.0; 10]; 2]);
         let back = columns.mixture();
         for k in 0..6 {
@@ -109,7 +109,7 @@ mod tests {
     fn a_mean_moves_by_standard_deviations() {
         let mut m = Mixture::default();
         m.push([0.0; 3], Sym3([4.0, 0.0, 0.0, 9.0, 0.0, 16.0]), 1.0, 0.0);
-        let mut columns = Columns::of(&m, |i| i);
+        let mut columns = DepthGaussians::of(&m, |i| i);
         columns.change(&[[1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5]]);
         assert_eq!(columns.0[0][..3], [2.0, 3.0, 4.0]);
         assert!((columns.0[0][9] - 0.5).abs() < 1e-12);

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Rates of the groups of parameters, relative to the rate of the step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Rates {
+pub struct DepthRates {
     /// Means, in standard deviations.
     pub place: f64,
     /// Shapes, in logarithms of radii.
@@ -26,7 +26,7 @@ pub struct DepthConfig {
     /// Steps over which the rate rises to its full value.
     pub warm_up: u64,
     /// Relative rates of the groups.
-    pub rates: Rates,
+    pub rates: DepthRates,
     /// Neighbouring Gaussians, at most, whose counts sum to what they did: pictures move mass between
     /// neighbours, not across the box; 0 = all.
     pub kept_among: u64,
@@ -64,7 +64,7 @@ impl Default for DepthConfig {
             rate: 0.03,
             last_rate: 0.05,
             warm_up: 20,
-            rates: Rates { place: 1.0, shape: 1.0, count: 1.0 },
+            rates: DepthRates { place: 1.0, shape: 1.0, count: 1.0 },
             kept_among: 48,
             count_pull: 0.0,
             average: 300.0,

@@ -5,21 +5,21 @@ use particlegs_core::math::exp2;
 use particlegs_core::splat::{FxaaMean, Look, Response};
 
 /// Brightness in [0, 1] against optical depth.
-pub enum Curve {
+pub enum BrightnessCurve {
     /// 1 - exp(-tau)
     Expected,
     /// ParaView's level curve, with FXAA's mean or without.
     Response(Box<Response>, Option<FxaaMean>),
 }
 
-impl Curve {
+impl BrightnessCurve {
     /// The curve of a look for an opacity and a splat radius in pixels.
     pub fn new(look: Look, opacity: f64, radius_px: f64) -> Self {
         match look {
-            Look::Expected => Curve::Expected,
-            Look::ParaviewNoFxaa => Curve::Response(Box::new(Response::new(opacity)), None),
+            Look::Expected => BrightnessCurve::Expected,
+            Look::ParaviewNoFxaa => BrightnessCurve::Response(Box::new(Response::new(opacity)), None),
             Look::Paraview => {
-                Curve::Response(Box::new(Response::new(opacity)), Some(FxaaMean::new(opacity, radius_px)))
+                BrightnessCurve::Response(Box::new(Response::new(opacity)), Some(FxaaMean::new(opacity, radius_px)))
             }
         }
     }
@@ -27,8 +27,8 @@ impl Curve {
     /// Brightness of each depth and its change with depth, in slices of one length.
     pub fn apply(&self, simd: Level, tau: &[f32], drawn: &mut [f32], slope: &mut [f32]) {
         match self {
-            Curve::Expected => dispatch!(simd, simd => expected(simd, tau, drawn, slope)),
-            Curve::Response(response, mean) => {
+            BrightnessCurve::Expected => dispatch!(simd, simd => expected(simd, tau, drawn, slope)),
+            BrightnessCurve::Response(response, mean) => {
                 let level = |t: f32| response.level(t) * mean.as_ref().map_or(1.0, |m| m.ratio(t)) / 255.0;
                 for ((&t, d), s) in tau.iter().zip(drawn).zip(slope) {
                     // The curve is a table: its slope is taken over a few of its steps.

@@ -2,7 +2,7 @@
 //! neighbour, and their places go to halves of those whose gradients are the largest. Counts and first
 //! and second moments stay exactly what they were.
 
-use super::columns::{Columns, Numbers};
+use super::columns::{DepthGaussians, Numbers};
 use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::Mixture;
 use particlegs_core::parallel;
@@ -14,14 +14,14 @@ const HALF_MEAN: f64 = 0.797_884_560_802_865_4;
 
 /// A Gaussian that gave up its place, the one it was merged into, and the one whose half came there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Move {
+pub(super) struct Relocation {
     pub from: usize,
     pub into: usize,
     pub half_of: usize,
 }
 
 /// Moves `share` of the Gaussians, by the size of their gradients, and tells which.
-pub(super) fn relocate(columns: &mut Columns, gradients: &[f64], share: f64) -> Vec<Move> {
+pub(super) fn relocate(columns: &mut DepthGaussians, gradients: &[f64], share: f64) -> Vec<Relocation> {
     let m = columns.0.len();
     let number = ((share * m as f64) as usize).min(MOST).min(m / 4);
     let mut order: Vec<usize> = (0..m).collect();
@@ -38,7 +38,7 @@ pub(super) fn relocate(columns: &mut Columns, gradients: &[f64], share: f64) -> 
         columns.0[into] = merged(&columns.0[into], &columns.0[from]);
         let (a, b) = halves(&columns.0[half_of]);
         (columns.0[half_of], columns.0[from]) = (a, b);
-        moves.push(Move { from, into, half_of });
+        moves.push(Relocation { from, into, half_of });
     }
     moves
 }
@@ -79,13 +79,13 @@ fn halves(g: &Numbers) -> (Numbers, Numbers) {
 }
 
 fn covariance(g: &Numbers) -> Sym3 {
-    Columns(vec![*g]).mixture().cov_of(0)
+    DepthGaussians(vec![*g]).mixture().cov_of(0)
 }
 
 fn numbers(mean: [f64; 3], cov: &Sym3, count: f64) -> Numbers {
     let mut m = Mixture::default();
     m.push(mean, *cov, count, 0.0);
-    Columns::of(&m, |i| i).0[0]
+    DepthGaussians::of(&m, |i| i).0[0]
 }
 
 #[cfg(test)]
@@ -93,7 +93,7 @@ mod tests {
     use super::*;
     use particlegs_core::math::Random;
 
-    fn some(number: usize) -> Columns {
+    fn some(number: usize) -> DepthGaussians {
         let mut m = Mixture::default();
         for i in 0..number {
             let mut d = Random::new(3, 0, i as u64);
@@ -103,11 +103,11 @@ mod tests {
             }
             m.push(each_axis(|_| d.normal()), cov, 1.0 + 50.0 * d.uniform(), 0.0);
         }
-        Columns::of(&m, |i| i)
+        DepthGaussians::of(&m, |i| i)
     }
 
     /// Sums of counts, means and second moments.
-    fn sums(c: &Columns) -> [f64; 10] {
+    fn sums(c: &DepthGaussians) -> [f64; 10] {
         let m = c.mixture();
         let mut s = [0.0; 10];
         for i in 0..m.len() {

@@ -1,16 +1,16 @@
 //! What a footprint gathers from a gradient plane: the moments of gradient times footprint.
 
-use super::adjoint::OfFootprint;
+use super::adjoint::FootprintGradient;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level as SimdLevel, Simd, f32x8};
-use particlegs_core::render::bin::{Placed, Stroke, lattice_slope};
+use particlegs_core::render::bin::{PlacedFootprint, Stroke, lattice_slope};
 use particlegs_core::render::project::Footprint;
 use particlegs_core::render::raster::exp2;
 use particlegs_core::render::raster::pyramid::{Level, PAD};
 
 /// Sums over a stroke's pixels of gradient times exp(-q/2) times powers of the offset.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Gathered {
+pub struct GradientMoments {
     /// 1
     pub sum: f64,
     /// x, y
@@ -20,12 +20,12 @@ pub struct Gathered {
 }
 
 /// Gathers `gradient`, a plane of `level`, over a stroke.
-pub fn gather(simd: SimdLevel, gradient: &[f32], level: &Level, stroke: &Stroke) -> Gathered {
+pub fn gather(simd: SimdLevel, gradient: &[f32], level: &Level, stroke: &Stroke) -> GradientMoments {
     fearless_simd::dispatch!(simd, simd => gather_all(simd, gradient, level, stroke))
 }
 
 #[inline(always)]
-fn gather_all<S: Simd>(simd: S, gradient: &[f32], level: &Level, s: &Stroke) -> Gathered {
+fn gather_all<S: Simd>(simd: S, gradient: &[f32], level: &Level, s: &Stroke) -> GradientMoments {
     let zero = f32x8::splat(simd, 0.0);
     let lanes = f32x8::from_slice(simd, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
     let width = level.size.width + 2 * PAD;
@@ -74,7 +74,11 @@ fn gather_all<S: Simd>(simd: S, gradient: &[f32], level: &Level, s: &Stroke) -> 
     let [n, u, uu, v, uv, vv] = sums.map(total);
     // x = u + slope v
     let slope = f64::from(s.slope);
-    Gathered { sum: n, first: [u + slope * v, v], second: [uu + slope * (2.0 * uv + slope * vv), uv + slope * vv, vv] }
+    GradientMoments {
+        sum: n,
+        first: [u + slope * v, v],
+        second: [uu + slope * (2.0 * uv + slope * vv), uv + slope * vv, vv],
+    }
 }
 
 /// The lanes' sum in a fixed order.
@@ -86,7 +90,7 @@ fn total<S: Simd>(v: f32x8<S>) -> f64 {
 }
 
 /// From what was gathered to the gradient with the footprint.
-pub fn of_footprint(f: &Footprint, placed: &Placed, g: &Gathered) -> OfFootprint {
+pub fn of_footprint(f: &Footprint, placed: &PlacedFootprint, g: &GradientMoments) -> FootprintGradient {
     let peak = f64::from(placed.stroke.peak);
     let ([xx, _, yy], across, lean) = (f.cov(), f64::from(f.across), f64::from(f.lean));
     // The inverse covariance, in the picture's pixels; offsets were gathered in the plane's.
@@ -104,7 +108,7 @@ pub fn of_footprint(f: &Footprint, placed: &Placed, g: &Gathered) -> OfFootprint
     let pxx = left[0] * p[0] + left[1] * p[1];
     let pxy = left[0] * p[1] + left[1] * p[2];
     let pyy = left[2] * p[1] + left[3] * p[2];
-    let mut by = OfFootprint {
+    let mut by = FootprintGradient {
         mean: [peak * (p[0] * first[0] + p[1] * first[1]), peak * (p[1] * first[0] + p[2] * first[1])],
         cov: [0.5 * peak * (pxx - g.sum * p[0]), peak * (pxy - g.sum * p[1]), 0.5 * peak * (pyy - g.sum * p[2])],
         sum: g.sum * peak / f64::from(f.sum),

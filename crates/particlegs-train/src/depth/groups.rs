@@ -1,7 +1,7 @@
 //! Neighbouring Gaussians whose counts sum to what they did: pictures move mass between neighbours,
 //! not across the box. The largest scales' power, and what is drawn with a large radius, hang on that.
 
-use super::columns::{Change, Numbers};
+use super::columns::{FrameChange, Numbers};
 
 /// Share of a group's straying that is mended at each coding, and the farthest that goes.
 const CHASE: f64 = 0.2;
@@ -9,7 +9,7 @@ const FARTHEST: f64 = 1.25;
 
 /// The group of every Gaussian, and the groups' particles.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Groups {
+pub struct GaussianGroups {
     /// By Gaussian.
     pub of: Vec<u32>,
     /// By group.
@@ -19,11 +19,11 @@ pub struct Groups {
     pub aims: Vec<f64>,
 }
 
-impl Groups {
+impl GaussianGroups {
     /// Halves of halves at the median of the widest axis, until they have `most` Gaussians at most; 0 =
     /// all in one.
-    pub fn new(now: &[Numbers], particles: u64, most: u64) -> Groups {
-        let mut groups = Groups { of: vec![0; now.len()], ..Groups::default() };
+    pub fn new(now: &[Numbers], particles: u64, most: u64) -> GaussianGroups {
+        let mut groups = GaussianGroups { of: vec![0; now.len()], ..GaussianGroups::default() };
         let mut order: Vec<u32> = (0..now.len() as u32).collect();
         let most = if most == 0 { now.len() } else { usize::try_from(most).unwrap_or(usize::MAX) };
         groups.split(now, &mut order, most);
@@ -87,7 +87,7 @@ impl Groups {
     }
 
     /// Adds to changes of logarithms of counts what keeps the groups' particles.
-    pub(super) fn keep(&self, now: &[Numbers], changes: &mut [Change]) {
+    pub(super) fn keep(&self, now: &[Numbers], changes: &mut [FrameChange]) {
         let changed = self.sums(|i| (now[i][9] + f64::from(changes[i][9])).exp());
         let shift = |(kept, changed): (&f64, f64)| (kept / changed).ln() as f32;
         let shifts: Vec<f32> = self.aims.iter().zip(changed).map(shift).collect();

@@ -4,16 +4,16 @@
 //! its factor becomes L B (B lower triangular, exp of a number on the diagonal), its count is
 //! multiplied by exp of a number. One rate then suits Gaussians of all sizes and shapes.
 
-use super::coded::{Budget, Coded};
-use super::columns::{Columns, Numbers};
+use super::coded::{Budget, DecodedGaussians};
+use super::columns::{DepthGaussians, Numbers};
 use super::config::DepthConfig;
-use super::density::{Move, relocate};
+use super::density::{Relocation, relocate};
 use super::parameters::{Parameters, WIDTHS};
-use super::steps::{StepSize, Steps};
+use super::steps::{DepthStepper, StepSize};
 use crate::adam::Averages;
-use crate::learner::{Densify, Learner, Moment, Shot, Stepped};
+use crate::learner::{Densify, Learner, Shot, StepInfo, Stepped};
 use crate::loss::Loss;
-use crate::state::State;
+use crate::state::TrainingState;
 use particlegs_core::Result;
 use particlegs_core::model::{MASS, Mixture};
 use particlegs_core::space::Bounds;
@@ -21,7 +21,7 @@ use particlegs_core::splat::Look;
 
 /// What the Gaussians are trained for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct DepthGround {
+pub(crate) struct DepthContext {
     /// Bounds of the particles, world units.
     pub bounds: Bounds,
     /// Particles.
@@ -35,11 +35,11 @@ pub(crate) struct DepthGround {
 /// Parameters, and what becomes of them beside the steps.
 pub(crate) struct DepthLearner {
     config: DepthConfig,
-    ground: DepthGround,
+    ground: DepthContext,
     parameters: Parameters,
-    steps: Box<dyn Steps>,
+    steps: Box<dyn DepthStepper>,
     /// How they are coded on the way.
-    coded: Option<Coded>,
+    coded: Option<DecodedGaussians>,
     /// Does the precision stay as it is?
     settled: bool,
     /// Mass a particle, where particles have weights; density control alone changes it.
@@ -53,9 +53,9 @@ impl DepthLearner {
     /// Those of `steps`.
     pub fn new(
         mixture: &Mixture,
-        ground: DepthGround,
+        ground: DepthContext,
         config: DepthConfig,
-        steps: impl FnOnce(&Parameters) -> Result<Box<dyn Steps>>,
+        steps: impl FnOnce(&Parameters) -> Result<Box<dyn DepthStepper>>,
     ) -> Result<Self> {
         let of = (ground.bounds, ground.look);
         let parameters = Parameters::new(mixture, ground.particles, config.kept_among, of);
@@ -71,7 +71,7 @@ impl DepthLearner {
     }
 
     /// How far a step goes.
-    fn size(&self, at: &Moment) -> StepSize {
+    fn size(&self, at: &StepInfo) -> StepSize {
         let c = &self.config;
         let warm = ((at.iteration + 1) as f64 / (c.warm_up.max(1)) as f64).min(1.0);
         let cosine = 0.5 * (1.0 + (std::f64::consts::PI * at.done.min(1.0)).cos());
@@ -88,7 +88,7 @@ impl DepthLearner {
     }
 
     /// Codes the Gaussians where that is due.
-    fn code(&mut self, at: &Moment) -> Result<()> {
+    fn code(&mut self, at: &StepInfo) -> Result<()> {
         let (every, Some(budget)) = (self.config.code_every, self.budget()) else { return Ok(()) };
         if every == 0 || at.done < self.config.code_from || !at.iteration.is_multiple_of(every) {
             return Ok(());
@@ -103,7 +103,7 @@ impl DepthLearner {
             Some(c) => c.better_factor(&budget),
             None => 1.0,
         };
-        let coded = Coded::of(self.weighed(&self.parameters.now), &budget, factor)?;
+        let coded = DecodedGaussians::of(self.weighed(&self.parameters.now), &budget, factor)?;
         self.parameters.groups.aim(&coded.exact.0);
         self.parameters.decoded = Some(coded.exact.clone());
         self.coded = Some(coded);
@@ -113,12 +113,12 @@ impl DepthLearner {
 
     /// What the file is to be, where that is known.
     fn budget(&self) -> Option<Budget> {
-        let DepthGround { bounds, particles, bytes, .. } = self.ground;
+        let DepthContext { bounds, particles, bytes, .. } = self.ground;
         bytes.map(|bytes| Budget { bounds, count: particles, bytes })
     }
 
     /// As a mixture of all particles, with its masses.
-    fn weighed(&self, columns: &Columns) -> Mixture {
+    fn weighed(&self, columns: &DepthGaussians) -> Mixture {
         let mut mixture = columns.mixture();
         // A mean of logarithms is below that of the numbers.
         let scale = self.ground.particles as f64 / mixture.count.iter().sum::<f64>();
@@ -131,13 +131,13 @@ impl DepthLearner {
     }
 
     /// The Gaussians as they lie in a file that fits.
-    fn ready(&self) -> Option<&Coded> {
+    fn ready(&self) -> Option<&DecodedGaussians> {
         self.coded.as_ref().filter(|c| self.settled && c.fits())
     }
 }
 
 impl Learner for DepthLearner {
-    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &Moment) -> Result<Stepped> {
+    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &StepInfo) -> Result<Stepped> {
         self.code(at)?;
         let size = self.size(at);
         self.steps.step(&mut self.parameters, shot, loss, &size)
@@ -147,7 +147,7 @@ impl Learner for DepthLearner {
         self.steps.fetch(&mut self.parameters)
     }
 
-    fn control(&mut self, at: &Moment) -> Result<()> {
+    fn control(&mut self, at: &StepInfo) -> Result<()> {
         let step = at.iteration + 1;
         let Densify { every, until, .. } = at.densify;
         if every == 0 || step > until || !step.is_multiple_of(every) {
@@ -162,7 +162,7 @@ impl Learner for DepthLearner {
         let heavy = |(w, n): (&f64, &Numbers)| w * n[9].exp();
         let mut mass: Option<Vec<f64>> = self.weight.as_ref().map(|w| w.iter().zip(&p.now.0).map(heavy).collect());
         let mut replaced = Vec::new();
-        for Move { from, into, half_of } in relocate(&mut p.now, &gradients, self.config.relocate) {
+        for Relocation { from, into, half_of } in relocate(&mut p.now, &gradients, self.config.relocate) {
             for i in [from, into, half_of] {
                 replaced.push(i);
                 p.first_log_count[i] = p.now.0[i][9];
@@ -203,17 +203,17 @@ impl Learner for DepthLearner {
         // Twice: the first says at which precision the bytes are met.
         let averaged = &self.parameters.averaged;
         let factor = self.coded.as_ref().map_or(1.0, |c| c.factor);
-        let factor = Coded::of(self.weighed(averaged), &budget, factor)?.better_factor(&budget);
-        Ok(Coded::of(self.weighed(averaged), &budget, factor)?.exact.mixture())
+        let factor = DecodedGaussians::of(self.weighed(averaged), &budget, factor)?.better_factor(&budget);
+        Ok(DecodedGaussians::of(self.weighed(averaged), &budget, factor)?.exact.mixture())
     }
 
     fn factor(&self) -> Option<f64> {
         self.ready().map(|c| c.factor)
     }
 
-    fn state(&self) -> State {
-        let (mut state, p) = (State::default(), &self.parameters);
-        let flat = |c: &Columns| c.0.iter().flatten().copied().collect::<Vec<f64>>();
+    fn state(&self) -> TrainingState {
+        let (mut state, p) = (TrainingState::default(), &self.parameters);
+        let flat = |c: &DepthGaussians| c.0.iter().flatten().copied().collect::<Vec<f64>>();
         state.numbers.insert("gaussians".into(), flat(&p.now));
         state.numbers.insert("averaged".into(), flat(&p.averaged));
         state.numbers.insert("group counts".into(), p.groups.counts.clone());
@@ -235,11 +235,11 @@ impl Learner for DepthLearner {
         state
     }
 
-    fn restore(&mut self, state: &State) -> std::result::Result<(), String> {
+    fn restore(&mut self, state: &TrainingState) -> std::result::Result<(), String> {
         let m = state.numbers.get("first log count").map_or(0, Vec::len);
-        let columns = |name: &str| -> std::result::Result<Columns, String> {
+        let columns = |name: &str| -> std::result::Result<DepthGaussians, String> {
             let flat = state.doubles(name, 10 * m)?;
-            Ok(Columns(flat.chunks_exact(10).map(|n| std::array::from_fn(|k| n[k])).collect()))
+            Ok(DepthGaussians(flat.chunks_exact(10).map(|n| std::array::from_fn(|k| n[k])).collect()))
         };
         let groups = &self.parameters.groups;
         if m != groups.of.len() {
@@ -252,7 +252,7 @@ impl Learner for DepthLearner {
         if state.numbers.contains_key("coder") {
             let coder = state.doubles("coder", 3)?;
             decoded = Some(columns("coded, moved")?);
-            coded = Some(Coded { exact: columns("coded")?, factor: coder[0], filled: coder[1] });
+            coded = Some(DecodedGaussians { exact: columns("coded")?, factor: coder[0], filled: coder[1] });
             settled = coder[2] != 0.0;
         }
         let mut averages: [Averages; 3] = Default::default();

@@ -4,7 +4,7 @@
 //! `raster` projects and draws as `render` does and keeps what it placed; the
 //! backward pass takes the gradient of the depth down the pyramid of planes, each piece gathers it
 //! over its footprint (`gather`), and `adjoint` carries it back through the projection to mean,
-//! covariance and count. A step moves them ([`Steps`]) in each Gaussian's own frame.
+//! covariance and count. A step moves them ([`DepthStepper`]) in each Gaussian's own frame.
 
 mod adjoint;
 mod coded;
@@ -22,9 +22,9 @@ mod steps;
 #[cfg(test)]
 mod tests;
 
-pub use columns::{Columns, Numbers};
-pub use config::{DepthConfig, Rates};
-pub use groups::Groups;
-pub(crate) use learner::{DepthGround, DepthLearner};
+pub use columns::{DepthGaussians, Numbers};
+pub use config::{DepthConfig, DepthRates};
+pub use groups::GaussianGroups;
+pub(crate) use learner::{DepthContext, DepthLearner};
 pub use parameters::{Parameters, WIDTHS};
-pub use steps::{LEAST_EPSILON, Processor, StepSize, Steps};
+pub use steps::{DepthCpuSteps, DepthStepper, LEAST_EPSILON, StepSize};

@@ -1,7 +1,7 @@
 //! The Gaussians of the optical-depth law in training: what steps move, and what they hold to.
 
-use super::columns::Columns;
-use super::groups::Groups;
+use super::columns::DepthGaussians;
+use super::groups::GaussianGroups;
 use crate::adam::Averages;
 use particlegs_core::model::Mixture;
 use particlegs_core::space::Bounds;
@@ -18,13 +18,13 @@ pub struct Parameters {
     /// Look of the targets.
     pub look: Look,
     /// The Gaussians.
-    pub now: Columns,
+    pub now: DepthGaussians,
     /// Their running average: what is scored and kept.
-    pub averaged: Columns,
+    pub averaged: DepthGaussians,
     /// The same as decoded and moved since, where they are coded on the way: pictures are drawn of these.
-    pub decoded: Option<Columns>,
+    pub decoded: Option<DepthGaussians>,
     /// Those whose counts sum to what they did.
-    pub groups: Groups,
+    pub groups: GaussianGroups,
     /// ln count at the start.
     pub first_log_count: Vec<f64>,
     /// What Adam remembers of each group's numbers, Gaussian by Gaussian.
@@ -34,13 +34,13 @@ pub struct Parameters {
 impl Parameters {
     /// Those of a mixture of `particles`, whose counts are kept among so many neighbours (0 = all).
     pub fn new(mixture: &Mixture, particles: u64, kept_among: u64, (bounds, look): (Bounds, Look)) -> Parameters {
-        let now = Columns::of(mixture, |i| i);
+        let now = DepthGaussians::of(mixture, |i| i);
         Parameters {
             bounds,
             look,
             averaged: now.clone(),
             decoded: None,
-            groups: Groups::new(&now.0, particles, kept_among),
+            groups: GaussianGroups::new(&now.0, particles, kept_among),
             first_log_count: now.0.iter().map(|n| n[9]).collect(),
             averages: WIDTHS.map(|k| Averages::zeros(k * now.0.len())),
             now,
@@ -58,7 +58,7 @@ impl Parameters {
     }
 
     /// The Gaussians that pictures are drawn of.
-    pub fn seen(&self) -> &Columns {
+    pub fn seen(&self) -> &DepthGaussians {
         self.decoded.as_ref().unwrap_or(&self.now)
     }
 }

@@ -1,6 +1,6 @@
 //! Optical depth of a mixture, and its gradient.
 
-use super::adjoint::{OfGaussian, PieceDepth};
+use super::adjoint::{GaussianGradient, PieceDepth};
 use super::gather::{gather, of_footprint};
 use crate::Crop;
 use particlegs_core::Result;
@@ -10,11 +10,11 @@ use particlegs_core::parallel;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::{Level as SimdLevel, Progress};
 use particlegs_core::render::Scratch;
-use particlegs_core::render::bin::{Binner, Bins, Placed, place};
+use particlegs_core::render::bin::{Binner, PlacedFootprint, StrokeBins, place};
 use particlegs_core::render::depth::{grow, paint};
 use particlegs_core::render::lens::Lens;
-use particlegs_core::render::project::slices::{Fate, cut_with_slopes, fate, whole};
-use particlegs_core::render::project::{DepthMoments, DepthSlopes, Footprint, InCamera, inverse_slopes};
+use particlegs_core::render::project::slices::{ClipClass, cut_with_slopes, fate, whole};
+use particlegs_core::render::project::{CameraGaussian, DepthMoments, DepthSlopes, Footprint, inverse_slopes};
 use particlegs_core::render::raster::pyramid::{self, Level, PAD};
 use particlegs_core::space::Bounds;
 
@@ -22,10 +22,10 @@ use particlegs_core::space::Bounds;
 const RUN: usize = 512;
 
 /// A footprint that was drawn.
-struct Piece {
+struct FootprintPiece {
     gaussian: u32,
     footprint: Footprint,
-    placed: Placed,
+    placed: PlacedFootprint,
     depth: PieceDepth,
 }
 
@@ -35,7 +35,7 @@ pub struct Tape {
     pub tau: Plane,
     lens: Lens,
     levels: Vec<Level>,
-    runs: Vec<Vec<Piece>>,
+    runs: Vec<Vec<FootprintPiece>>,
     simd: SimdLevel,
 }
 
@@ -67,24 +67,24 @@ impl Tape {
     }
 
     /// The gradient with every Gaussian, given that with every pixel's depth.
-    pub fn gradient(&self, mixture: &Mixture, mut by_tau: Plane) -> Vec<OfGaussian> {
+    pub fn gradient(&self, mixture: &Mixture, mut by_tau: Plane) -> Vec<GaussianGradient> {
         // The drawn depth is never negative; where the planes' sum was, nothing changes it.
         by_tau.data.iter_mut().zip(&self.tau.data).for_each(|(g, &t)| *g = if t > 0.0 { *g } else { 0.0 });
         grow(&mut by_tau, &self.lens);
         let planes = self.planes(&by_tau);
-        let mut out = vec![OfGaussian::default(); mixture.len()];
+        let mut out = vec![GaussianGradient::default(); mixture.len()];
         parallel::for_each(self.runs.iter().zip(out.chunks_mut(RUN)).enumerate(), |(run, (pieces, out))| {
             for group in pieces.chunk_by(|a, b| a.gaussian == b.gaussian) {
                 let i = group[0].gaussian as usize;
                 let g = self.lens.see(mixture, i, mixture.count[i]);
-                out[i - run * RUN] = g.map_or_else(OfGaussian::default, |g| self.of_pieces(&g, group, &planes));
+                out[i - run * RUN] = g.map_or_else(GaussianGradient::default, |g| self.of_pieces(&g, group, &planes));
             }
         });
         out
     }
 
-    fn of_pieces(&self, g: &InCamera, pieces: &[Piece], planes: &[Vec<f32>]) -> OfGaussian {
-        let mut sum = OfGaussian::default();
+    fn of_pieces(&self, g: &CameraGaussian, pieces: &[FootprintPiece], planes: &[Vec<f32>]) -> GaussianGradient {
+        let mut sum = GaussianGradient::default();
         for piece in pieces {
             let level = piece.placed.level;
             let gathered = gather(self.simd, &planes[level], &self.levels[level], &piece.placed.stroke);
@@ -114,7 +114,12 @@ impl Tape {
     }
 }
 
-fn project_run(m: &Mixture, range: std::ops::Range<usize>, lens: &Lens, levels: &[Level]) -> (Vec<Piece>, Bins) {
+fn project_run(
+    m: &Mixture,
+    range: std::ops::Range<usize>,
+    lens: &Lens,
+    levels: &[Level],
+) -> (Vec<FootprintPiece>, StrokeBins) {
     let mut binner = Binner::new(levels, range.len() + range.len() / 4);
     let mut pieces = Vec::with_capacity(range.len());
     for i in range {
@@ -124,17 +129,17 @@ fn project_run(m: &Mixture, range: std::ops::Range<usize>, lens: &Lens, levels: 
             if let Some(placed) = place(levels, &footprint) {
                 binner.add_placed(&placed);
                 let depth = PieceDepth { moments, slopes };
-                pieces.push(Piece { gaussian: i as u32, footprint, placed, depth });
+                pieces.push(FootprintPiece { gaussian: i as u32, footprint, placed, depth });
             }
         };
         let [depth, variance] = g.depths();
         match fate(lens, depth, variance) {
-            Fate::Outside => {}
-            Fate::Cut if lens.misses(&g) => {}
-            Fate::Whole => {
+            ClipClass::Outside => {}
+            ClipClass::Cut if lens.misses(&g) => {}
+            ClipClass::Whole => {
                 add(whole(lens, depth, variance), inverse_slopes(depth, variance));
             }
-            Fate::Cut => cut_with_slopes(lens, depth, variance, add),
+            ClipClass::Cut => cut_with_slopes(lens, depth, variance, add),
         }
     }
     (pieces, binner.finish())

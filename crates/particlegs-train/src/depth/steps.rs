@@ -1,12 +1,12 @@
 //! A step: a picture drawn, its loss, the gradient of that, and Adam. On the processor here; a device's are its own.
 
-use super::adjoint::{OfGaussian, full};
-use super::columns::{Change, Numbers};
-use super::curve::Curve;
+use super::adjoint::{GaussianGradient, full};
+use super::columns::{FrameChange, Numbers};
+use super::curve::BrightnessCurve;
 use super::parameters::{Parameters, WIDTHS};
 use super::raster::Tape;
 use crate::adam::Adam;
-use crate::learner::{NotFinite, Shot, Stepped};
+use crate::learner::{NonFiniteGradient, Shot, Stepped};
 use crate::loss::Loss;
 use particlegs_core::Result;
 use particlegs_core::parallel;
@@ -36,7 +36,7 @@ pub struct StepSize {
 }
 
 /// What takes steps.
-pub trait Steps {
+pub trait DepthStepper {
     /// Draws the shot, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
     /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](Steps::fetch).
     ///
@@ -63,7 +63,7 @@ pub trait Steps {
 
 /// Steps on the processor.
 #[derive(Default)]
-pub struct Processor {
+pub struct DepthCpuSteps {
     /// Of its pictures.
     scratch: Scratch,
     /// A Gaussian whose gradient is to be spoilt.
@@ -72,12 +72,12 @@ pub struct Processor {
 }
 
 /// Gradients in the Gaussians' own frames, by group.
-struct Own {
+struct OwnFrameGradient {
     groups: [Vec<f32>; 3],
-    not_finite: Option<NotFinite>,
+    not_finite: Option<NonFiniteGradient>,
 }
 
-impl Steps for Processor {
+impl DepthStepper for DepthCpuSteps {
     fn step(&mut self, of: &mut Parameters, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped> {
         #[allow(unused_mut)]
         let (value, mut world) = self.backward(of, shot, loss)?;
@@ -102,12 +102,12 @@ impl Steps for Processor {
     }
 }
 
-impl Processor {
+impl DepthCpuSteps {
     /// Loss of a shot, and its gradient with every Gaussian.
-    fn backward(&mut self, of: &Parameters, shot: &Shot<'_>, loss: &Loss) -> Result<(f64, Vec<OfGaussian>)> {
+    fn backward(&mut self, of: &Parameters, shot: &Shot<'_>, loss: &Loss) -> Result<(f64, Vec<GaussianGradient>)> {
         let (simd, mixture) = (shot.progress.simd(), of.seen().mixture());
         let tape = Tape::draw(&mixture, &of.bounds, shot.view, &shot.crop, &mut self.scratch, shot.progress)?;
-        let curve = Curve::new(of.look, shot.view.opacity, shot.view.radius_pixels(shot.crop.full));
+        let curve = BrightnessCurve::new(of.look, shot.view.opacity, shot.view.radius_pixels(shot.crop.full));
         let size = tape.tau.size;
         let (mut drawn, mut slope) = (Plane::zeros(size), Plane::zeros(size));
         let pixels = drawn.data.chunks_mut(PIXELS).zip(slope.data.chunks_mut(PIXELS));
@@ -121,10 +121,10 @@ impl Processor {
 }
 
 /// Gradients turned into the Gaussians' own frames; what is not finite counts as zero.
-fn own(of: &Parameters, world: &[OfGaussian]) -> Own {
+fn own(of: &Parameters, world: &[GaussianGradient]) -> OwnFrameGradient {
     let seen = &of.seen().0;
     let turned = parallel::map_range(world.len(), |i| turned(&seen[i], &world[i]));
-    let mut own = Own { groups: WIDTHS.map(|k| Vec::with_capacity(k * world.len())), not_finite: None };
+    let mut own = OwnFrameGradient { groups: WIDTHS.map(|k| Vec::with_capacity(k * world.len())), not_finite: None };
     for (i, (t, g)) in turned.iter().zip(world).enumerate() {
         let t = if g.is_finite() && t.iter().all(|v| v.is_finite()) {
             *t
@@ -136,7 +136,7 @@ fn own(of: &Parameters, world: &[OfGaussian]) -> Own {
             } else {
                 "count"
             };
-            own.not_finite.get_or_insert(NotFinite { group, gaussian: i, count: 0 }).count += 1;
+            own.not_finite.get_or_insert(NonFiniteGradient { group, gaussian: i, count: 0 }).count += 1;
             [0.0; 10]
         };
         own.groups[0].extend(&t[..3]);
@@ -148,7 +148,7 @@ fn own(of: &Parameters, world: &[OfGaussian]) -> Own {
 }
 
 /// Adam's step, with the particles of every group of neighbours kept.
-fn update(of: &mut Parameters, own: &Own, size: &StepSize) {
+fn update(of: &mut Parameters, own: &OwnFrameGradient, size: &StepSize) {
     let m = of.len();
     let (beta1, beta2) = (size.beta1 as f32, size.beta2 as f32);
     let mut by = WIDTHS.map(|k| vec![0.0f32; k * m]);
@@ -157,7 +157,7 @@ fn update(of: &mut Parameters, own: &Own, size: &StepSize) {
         Adam { beta1, beta2, epsilon }.step(&mut by[k], &own.groups[k], &mut of.averages[k], rate);
     }
     let pull = size.pull as f32;
-    let mut changes: Vec<Change> = (0..m)
+    let mut changes: Vec<FrameChange> = (0..m)
         .map(|i| {
             let [p, s] = [&by[0][3 * i..3 * i + 3], &by[1][6 * i..6 * i + 6]];
             let away = (of.now.0[i][9] - of.first_log_count[i]) as f32;
@@ -171,8 +171,8 @@ fn update(of: &mut Parameters, own: &Own, size: &StepSize) {
     }
 }
 
-/// A gradient in the Gaussian's own frame (see [`super::Columns::change`]).
-fn turned(n: &Numbers, g: &OfGaussian) -> [f32; 10] {
+/// A gradient in the Gaussian's own frame (see [`super::DepthGaussians::change`]).
+fn turned(n: &Numbers, g: &GaussianGradient) -> [f32; 10] {
     let [_, _, _, a, b, c, d, e, f, log_count] = *n;
     let [x, y, z] = g.mean;
     let s = congruent(&[a, b, c, d, e, f], &full(&g.cov));

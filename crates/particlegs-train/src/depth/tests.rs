@@ -1,12 +1,12 @@
-use super::adjoint::OfGaussian;
-use super::columns::{Change, Columns};
+use super::adjoint::GaussianGradient;
+use super::columns::{DepthGaussians, FrameChange};
 use super::config::DepthConfig;
-use super::groups::Groups;
-use super::learner::{DepthGround, DepthLearner};
+use super::groups::GaussianGroups;
+use super::learner::{DepthContext, DepthLearner};
 use super::parameters::Parameters;
 use super::raster::Tape;
-use super::steps::{Processor, Steps};
-use crate::learner::{Densify, Learner, Moment, Shot};
+use super::steps::{DepthCpuSteps, DepthStepper};
+use crate::learner::{Densify, Learner, Shot, StepInfo};
 use crate::{Crop, Loss, Norm};
 use particlegs_core::camera::{View, spherical_camera};
 use particlegs_core::codec::{Encoder, Precision, decode_block};
@@ -27,16 +27,16 @@ fn bounds() -> Bounds {
     Bounds { min: [-3.0; 3], max: [3.0; 3] }
 }
 
-fn learner(m: &Mixture, ground: DepthGround, config: DepthConfig) -> DepthLearner {
-    DepthLearner::new(m, ground, config, |_| Ok(Box::new(Processor::default()))).unwrap()
+fn learner(m: &Mixture, ground: DepthContext, config: DepthConfig) -> DepthLearner {
+    DepthLearner::new(m, ground, config, |_| Ok(Box::new(DepthCpuSteps::default()))).unwrap()
 }
 
 fn drawn(m: &Mixture, view: &View, crop: &Crop) -> Tape {
     Tape::draw(m, &bounds(), view, crop, &mut Scratch::default(), &Silent).unwrap()
 }
 
-fn ground(m: &Mixture, look: Look) -> DepthGround {
-    DepthGround { bounds: bounds(), particles: m.count.iter().sum::<f64>() as u64, look, bytes: None }
+fn ground(m: &Mixture, look: Look) -> DepthContext {
+    DepthContext { bounds: bounds(), particles: m.count.iter().sum::<f64>() as u64, look, bytes: None }
 }
 
 fn view(distance: f64) -> View {
@@ -44,9 +44,9 @@ fn view(distance: f64) -> View {
     View { name: "v".into(), camera, radius: 0.02, opacity: 0.05 }
 }
 
-fn moment(iteration: u64, iterations: u64) -> Moment {
+fn moment(iteration: u64, iterations: u64) -> StepInfo {
     let densify = Densify { every: 0, until: 0, threshold: 0.0 };
-    Moment { iteration, iterations, done: iteration as f64 / iterations as f64, densify }
+    StepInfo { iteration, iterations, done: iteration as f64 / iterations as f64, densify }
 }
 
 /// Gaussians of many sizes and shapes, some flat, around the origin.
@@ -82,7 +82,7 @@ fn value(tau: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// The ten numbers of a Gaussian, and their gradient.
-fn numbers(g: &OfGaussian) -> [f64; 10] {
+fn numbers(g: &GaussianGradient) -> [f64; 10] {
     let mut n = [0.0; 10];
     n[..3].copy_from_slice(&g.mean);
     n[3..9].copy_from_slice(&g.cov);
@@ -194,8 +194,8 @@ fn gradients_among_the_gaussians() {
 #[test]
 fn neighbours_share_their_particles() {
     let m = mixture(8, 100);
-    let (now, particles) = (Columns::of(&m, |i| i), ground(&m, Look::Expected).particles);
-    let groups = Groups::new(&now.0, particles, 16);
+    let (now, particles) = (DepthGaussians::of(&m, |i| i), ground(&m, Look::Expected).particles);
+    let groups = GaussianGroups::new(&now.0, particles, 16);
     assert_eq!(groups.counts.len(), 8);
     let mut draw = Random::new(5, 0, 0);
     let mut gradient: Vec<f32> = (0..100).map(|_| draw.normal() as f32).collect();
@@ -206,7 +206,8 @@ fn neighbours_share_their_particles() {
         let (left, own) = (of(&gradient).iter().sum::<f32>(), of(&own).iter().map(|v| v.abs()).sum::<f32>());
         assert!(left.abs() < 1e-5 * own, "{left} of {own}");
     }
-    let mut changes: Vec<Change> = gradient.iter().map(|&g| [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, g]).collect();
+    let mut changes: Vec<FrameChange> =
+        gradient.iter().map(|&g| [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, g]).collect();
     groups.keep(&now.0, &mut changes);
     let mut after = now.clone();
     after.change(&changes);
@@ -215,7 +216,7 @@ fn neighbours_share_their_particles() {
     for (now, before) in moved.counts.iter().zip(&groups.counts) {
         assert!((now / before - 1.0).abs() < 1e-6, "{now} of {before}");
     }
-    let all = Groups::new(&now.0, 2 * particles, 0).counts;
+    let all = GaussianGroups::new(&now.0, 2 * particles, 0).counts;
     assert!(all.len() == 1 && (all[0] / (2 * particles) as f64 - 1.0).abs() < 1e-12, "a start may hold another number");
 }
 
@@ -225,7 +226,7 @@ fn a_settled_run_is_what_is_coded() {
     let (m, view) = (mixture(8, 400), view(12.0));
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
     let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
-    let ground = DepthGround { bytes: Some(1800), ..ground(&m, Look::Expected) };
+    let ground = DepthContext { bytes: Some(1800), ..ground(&m, Look::Expected) };
     let config = DepthConfig { code_every: 2, ..DepthConfig::default() };
     let mut learner = learner(&m, ground, config);
     for i in 0..100 {
@@ -287,7 +288,7 @@ fn what_is_not_seen_has_no_gradient_and_changes_none() {
     let (after, tau_after) = draw(&m);
     assert_eq!(before[..], after[..8]);
     assert_eq!(tau, tau_after);
-    assert!(after[8..].iter().all(|g| *g == OfGaussian::default()));
+    assert!(after[8..].iter().all(|g| *g == GaussianGradient::default()));
 }
 
 #[test]
@@ -317,8 +318,8 @@ fn a_gradient_that_is_not_a_number_is_named_and_survived() {
     let (m, view) = (mixture(4, 8), view(14.0));
     let target = Plane::zeros(SIZE);
     let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
-    let steps = |_: &Parameters| -> particlegs_core::Result<Box<dyn Steps>> {
-        let mut processor = Processor::default();
+    let steps = |_: &Parameters| -> particlegs_core::Result<Box<dyn DepthStepper>> {
+        let mut processor = DepthCpuSteps::default();
         processor.poison = Some(3);
         Ok(Box::new(processor))
     };
@@ -345,7 +346,7 @@ fn masses_are_kept_by_density_control_and_by_states() {
     let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
     let mut learner = new();
     learner.step(&shot, &Loss::PUBLISHED, &moment(0, 10)).unwrap();
-    let at = Moment { densify: Densify { every: 1, until: 10, threshold: 0.0 }, ..moment(0, 10) };
+    let at = StepInfo { densify: Densify { every: 1, until: 10, threshold: 0.0 }, ..moment(0, 10) };
     // What is scored is the average, which density control sets to the present.
     learner.control(&at).unwrap();
     let all = mass(&learner);

@@ -4,7 +4,7 @@ use super::KdTree;
 use crate::Result;
 use crate::model::Layer;
 use crate::parallel;
-use crate::particles::{Blank, ChunkBuffer, Particles, RUN, Storage};
+use crate::particles::{ChunkBuffer, ColumnBuffer, Particles, RUN, Storage};
 use crate::progress::Progress;
 use std::ops::Range;
 
@@ -35,7 +35,7 @@ pub fn divide(
     })?;
     let of_block = |b: usize| counts.iter().map(|c| c[b] as usize).sum::<usize>();
     let width = if particles.weights().is_some() { 4 } else { 3 };
-    let mut columns: Vec<Vec<Blank>> =
+    let mut columns: Vec<Vec<ColumnBuffer>> =
         (0..blocks as usize).map(|b| storage.columns("the blocks", width, of_block(b))).collect::<Result<_>>()?;
     let places = places(&mut columns, &counts);
     parallel::try_for_each(runs.iter().zip(places), |((_, run), mut place)| {
@@ -53,7 +53,7 @@ pub fn divide(
         Ok::<_, crate::Error>(())
     })?;
     let blocks = columns.into_iter().enumerate().map(|(b, columns)| {
-        let columns = columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
+        let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
         let kinds = kinds(layers, runs.iter().map(|r| r.0).zip(counts.iter().map(|c| c[b] as usize)));
         Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), kinds))
     });
@@ -67,7 +67,7 @@ fn runs_of(layer: usize, range: &Range<usize>) -> impl Iterator<Item = (usize, R
 }
 
 /// Where each run writes: for each block, its part of the block's columns.
-fn places<'a>(columns: &'a mut [Vec<Blank>], counts: &[Vec<u32>]) -> Vec<Vec<Vec<&'a mut [f32]>>> {
+fn places<'a>(columns: &'a mut [Vec<ColumnBuffer>], counts: &[Vec<u32>]) -> Vec<Vec<Vec<&'a mut [f32]>>> {
     let mut places: Vec<Vec<Vec<&mut [f32]>>> = counts.iter().map(|_| Vec::with_capacity(columns.len())).collect();
     for (b, columns) in columns.iter_mut().enumerate() {
         places.iter_mut().for_each(|p| p.push(Vec::with_capacity(columns.len())));

@@ -10,6 +10,6 @@ mod scan;
 mod tree;
 
 pub(crate) use divide::divide;
-pub(crate) use sample::Sample;
+pub(crate) use sample::PositionSample;
 pub(crate) use scan::{RunScan, SnapshotScan};
 pub(crate) use tree::KdTree;

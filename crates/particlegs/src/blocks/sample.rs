@@ -8,12 +8,12 @@ const MOST: u64 = 1 << 22;
 
 /// Positions about the reader's origin: all particles where they are few, else every K-th.
 #[derive(Default)]
-pub struct Sample {
+pub struct PositionSample {
     /// x, y, z.
     pub position: [Vec<f32>; 3],
 }
 
-impl Sample {
+impl PositionSample {
     /// Of `count` particles, the first of every so many is taken.
     pub(super) fn every(count: u64) -> u64 {
         count.div_ceil(MOST).max(1)

@@ -1,8 +1,10 @@
 //! What one pass over a snapshot tells, wherever it lies.
 
-use super::Sample;
+use super::PositionSample;
 use crate::Result;
-use crate::particles::{Chunk, Invalid, Layered, OutsideBox, RUN, RunHash, hash_of_runs, hash_run, invalid};
+use crate::particles::{
+    Chunk, InvalidParticles, Layered, ParticlesOutsideBox, RUN, RunHash, hash_of_runs, hash_run, invalid,
+};
 use crate::progress::Progress;
 use crate::space::Bounds;
 use particlegs_core::math::each_axis;
@@ -13,13 +15,13 @@ pub struct SnapshotScan {
     /// Its runs, layer after layer, each layer beginning one.
     pub runs: Vec<RunScan>,
     /// Positions spread evenly over it, where they were asked for.
-    pub sample: Sample,
+    pub sample: PositionSample,
     /// The weight that all particles of a layer have, of each layer whose weights are all the same.
     same_weight: Vec<Option<f32>>,
     /// Bounds of all particles, world units.
     pub bounds: Bounds,
     /// Those outside the periodic box.
-    pub outside: OutsideBox,
+    pub outside: ParticlesOutsideBox,
 }
 
 /// A run of at most 65 536 particles of one layer.
@@ -38,10 +40,10 @@ pub struct RunScan {
 struct RunContent {
     scan: Option<RunScan>,
     sample: [Vec<f32>; 3],
-    invalid: Invalid,
+    invalid: InvalidParticles,
     /// Its first weight, if all are the same.
     weight: Option<f32>,
-    outside: OutsideBox,
+    outside: ParticlesOutsideBox,
 }
 
 impl SnapshotScan {
@@ -52,16 +54,16 @@ impl SnapshotScan {
     /// Those of the readers; [`crate::Error::Input`] at `place` for no particles and for invalid values;
     /// [`crate::Error::Cancelled`].
     pub fn new(source: &Layered, place: &str, sampled: bool, progress: &dyn Progress) -> Result<SnapshotScan> {
-        let every = if sampled { Sample::every(source.count()) } else { 0 };
+        let every = if sampled { PositionSample::every(source.count()) } else { 0 };
         progress.begin("reading positions", source.count());
         let mut all = SnapshotScan {
             runs: Vec::new(),
-            sample: Sample::default(),
+            sample: PositionSample::default(),
             same_weight: Vec::new(),
             bounds: Bounds::empty(),
-            outside: OutsideBox::default(),
+            outside: ParticlesOutsideBox::default(),
         };
-        let (mut start, mut bad) = (0, Invalid::default());
+        let (mut start, mut bad) = (0, InvalidParticles::default());
         for layer in &source.layers {
             let runs: Vec<Mutex<RunContent>> = (0..layer.runs()).map(|_| Mutex::default()).collect();
             layer.read(source.origin, 0..layer.runs(), progress, &|run, chunk| {
@@ -136,9 +138,14 @@ impl RunContent {
         let one = chunk.weight.and_then(|w| w.first().copied().filter(|f| w.iter().all(|v| v == f)));
         let scan = RunScan { min, max, hash: hash_run(chunk) };
         RunContent {
-            outside: OutsideBox::count(chunk, source.origin, &scan.bounds(source.origin), source.meta.cell.as_ref()),
+            outside: ParticlesOutsideBox::count(
+                chunk,
+                source.origin,
+                &scan.bounds(source.origin),
+                source.meta.cell.as_ref(),
+            ),
             scan: Some(scan),
-            sample: Sample::of_run(chunk, first, every),
+            sample: PositionSample::of_run(chunk, first, every),
             invalid: invalid(chunk),
             weight: one,
         }

@@ -1,6 +1,6 @@
 //! Cuts along the longest axis at balanced counts.
 
-use super::Sample;
+use super::PositionSample;
 use crate::particles::Chunk;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -10,13 +10,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct KdTree {
     /// The root first; a cut's children come after it.
-    nodes: Vec<Node>,
+    nodes: Vec<CutNode>,
     blocks: u32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-enum Node {
+enum CutNode {
     /// Positions below `at` on `axis` go to node `below`, the others to `above`.
     Cut { axis: usize, at: f32, below: u32, above: u32 },
     /// A block's number.
@@ -29,7 +29,7 @@ impl KdTree {
     ///
     /// # Errors
     /// [`Error::Argument`] for no blocks, and where the particles stand at fewer places than blocks.
-    pub fn new(sample: &Sample, blocks: u32) -> Result<Self> {
+    pub fn new(sample: &PositionSample, blocks: u32) -> Result<Self> {
         let count = sample.position[0].len();
         if blocks == 0 || blocks as usize > count.max(1) {
             return Err(Error::argument(format!("{blocks} blocks are outside 1 to {count}, the number of particles")));
@@ -41,9 +41,9 @@ impl KdTree {
     }
 
     /// Adds the nodes of `order`'s particles in `blocks` blocks; gives the first one's number.
-    fn grow(&mut self, sample: &Sample, order: &mut [u32], blocks: u32) -> Result<u32> {
+    fn grow(&mut self, sample: &PositionSample, order: &mut [u32], blocks: u32) -> Result<u32> {
         let here = self.nodes.len() as u32;
-        self.nodes.push(Node::Block(self.blocks));
+        self.nodes.push(CutNode::Block(self.blocks));
         if blocks == 1 {
             self.blocks += 1;
             return Ok(here);
@@ -66,7 +66,7 @@ impl KdTree {
         }
         let below = self.grow(sample, below, lower)?;
         let above = self.grow(sample, above, blocks - lower)?;
-        self.nodes[here as usize] = Node::Cut { axis, at, below, above };
+        self.nodes[here as usize] = CutNode::Cut { axis, at, below, above };
         Ok(here)
     }
 
@@ -80,8 +80,8 @@ impl KdTree {
         let mut node = 0;
         loop {
             match self.nodes[node as usize] {
-                Node::Block(block) => return block,
-                Node::Cut { axis, at, below, above } => node = if position[axis] < at { below } else { above },
+                CutNode::Block(block) => return block,
+                CutNode::Cut { axis, at, below, above } => node = if position[axis] < at { below } else { above },
             }
         }
     }
@@ -96,8 +96,8 @@ impl KdTree {
         let (mut found, mut open) = (Vec::new(), vec![0u32]);
         while let Some(node) = open.pop() {
             match self.nodes[node as usize] {
-                Node::Block(block) => found.push(block),
-                Node::Cut { axis, at, below, above } => {
+                CutNode::Block(block) => found.push(block),
+                CutNode::Cut { axis, at, below, above } => {
                     open.extend((max[axis] >= at).then_some(above));
                     open.extend((min[axis] < at).then_some(below));
                 }
@@ -109,11 +109,11 @@ impl KdTree {
 
     /// Is a tree that was read from a file one that [`KdTree::block_of`] can walk?
     pub fn is_sound(&self) -> bool {
-        let blocks = self.nodes.iter().filter_map(|n| if let Node::Block(b) = n { Some(*b) } else { None });
+        let blocks = self.nodes.iter().filter_map(|n| if let CutNode::Block(b) = n { Some(*b) } else { None });
         // Every node but the root has one parent: else walks would take time beyond measure.
         let mut parents = vec![0u32; self.nodes.len()];
         for node in &self.nodes {
-            if let Node::Cut { below, above, .. } = node {
+            if let CutNode::Cut { below, above, .. } = node {
                 for child in [*below, *above] {
                     parents.get_mut(child as usize).into_iter().for_each(|p| *p += 1);
                 }
@@ -122,9 +122,9 @@ impl KdTree {
         if parents.iter().skip(1).any(|p| *p != 1) {
             return false;
         }
-        let children = |(i, n): (usize, &Node)| match n {
-            Node::Block(_) => true,
-            Node::Cut { axis, at, below, above } => {
+        let children = |(i, n): (usize, &CutNode)| match n {
+            CutNode::Block(_) => true,
+            CutNode::Cut { axis, at, below, above } => {
                 let inside = |c: u32| (c as usize) > i && (c as usize) < self.nodes.len();
                 *axis < 3 && at.is_finite() && inside(*below) && inside(*above)
             }
@@ -138,7 +138,7 @@ fn by(column: &[f32], a: u32, b: u32) -> std::cmp::Ordering {
 }
 
 /// The axis of the largest extent, of equal ones the first.
-fn longest(sample: &Sample, order: &[u32]) -> usize {
+fn longest(sample: &PositionSample, order: &[u32]) -> usize {
     let extent = [0, 1, 2].map(|k| {
         let column = order.iter().map(|&i| sample.position[k][i as usize]);
         let (lo, hi) = column.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
@@ -161,13 +161,13 @@ mod tests {
     use super::*;
     use crate::math::Random;
 
-    fn cloud(n: usize) -> Sample {
+    fn cloud(n: usize) -> PositionSample {
         let mut random = Random::new(3, 7, 0);
         let mut column = |scale: f32| (0..n).map(|_| random.uniform() as f32 * scale).collect::<Vec<f32>>();
-        Sample { position: [column(1.0), column(4.0), column(2.0)] }
+        PositionSample { position: [column(1.0), column(4.0), column(2.0)] }
     }
 
-    fn counts(tree: &KdTree, s: &Sample) -> Vec<usize> {
+    fn counts(tree: &KdTree, s: &PositionSample) -> Vec<usize> {
         let mut counts = vec![0; tree.blocks() as usize];
         for i in 0..s.position[0].len() {
             counts[tree.block_of([0, 1, 2].map(|k| s.position[k][i])) as usize] += 1;
@@ -207,7 +207,7 @@ mod tests {
         let s = cloud(5);
         assert_eq!(counts(&KdTree::new(&s, 5).unwrap(), &s), [1; 5]);
         assert!(KdTree::new(&s, 6).is_err() && KdTree::new(&s, 0).is_err());
-        let one_place = Sample { position: [0, 1, 2].map(|_| vec![1.0; 9]) };
+        let one_place = PositionSample { position: [0, 1, 2].map(|_| vec![1.0; 9]) };
         assert!(KdTree::new(&one_place, 2).is_err());
         assert!(KdTree::new(&one_place, 1).is_ok());
     }

@@ -4,9 +4,9 @@
 //! not on other blocks, nor on where it is done.
 
 use super::clock::Clock;
-use super::layer::{LayerParticles, LayerTask, MadeLayer, Share};
-use super::plan::Plan;
-use super::size::SizeMet;
+use super::layer::{LayerParticles, LayerResult, LayerTask, Share};
+use super::plan::CompressionPlan;
+use super::size::SizeOutcome;
 use crate::Result;
 use crate::codec::{self, CodedLayer};
 use crate::model::{LawKind, Layer, Mass, VizMapper};
@@ -20,18 +20,18 @@ use crate::train::{Limits, TrainedRun};
 #[derive(Clone, Copy)]
 pub(crate) struct BlockContext<'a> {
     /// What is asked for, and what is known of the whole.
-    pub plan: &'a Plan,
+    pub plan: &'a CompressionPlan,
     /// How far training goes.
     pub limits: &'a Limits,
     /// What becomes of training that the caller stops.
-    pub on_stop: OnStop,
+    pub on_stop: StopPolicy,
     /// The caller.
     pub progress: &'a dyn Progress,
 }
 
 /// What becomes of a training run that the caller stops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum OnStop {
+pub(crate) enum StopPolicy {
     /// The best so far is coded.
     KeepBest,
     /// The work is given up, to be taken up again from its pieces.
@@ -60,7 +60,7 @@ pub(crate) struct CodedBlock {
     /// Multiple of the nominal steps, of the largest layer.
     pub step_factor: f64,
     /// How the largest layer meets its size.
-    pub size_met: SizeMet,
+    pub size_met: SizeOutcome,
     /// Its training runs.
     pub trained: Vec<TrainedRun>,
     /// Was the last of them stopped, and the best so far taken?
@@ -95,7 +95,7 @@ impl BlockParticles {
     /// Those of the fit, of training and of the coder.
     pub fn code(&self, share: Share, context: BlockContext<'_>, pieces: &mut dyn Pieces) -> Result<CodedBlock> {
         let mut coded = CodedBlock::empty(self.layers.iter().fold(Bounds::empty(), |all, l| all.union(&l.bounds)));
-        let mut left = Left { share, count: self.count, raw_bytes: self.raw_bytes };
+        let mut left = RemainingShare { share, count: self.count, raw_bytes: self.raw_bytes };
         for (i, layer) in self.layers.iter().enumerate() {
             let task = LayerTask { layer, context, runs_left: self.layers.len() - i };
             let made = task.make(left.next(layer), pieces)?;
@@ -107,13 +107,13 @@ impl BlockParticles {
 }
 
 /// What is left of a block's share, and the particles that it is for.
-struct Left {
+struct RemainingShare {
     share: Share,
     count: u64,
     raw_bytes: u64,
 }
 
-impl Left {
+impl RemainingShare {
     /// The share of the next layer.
     fn next(&self, layer: &LayerParticles) -> Share {
         match self.share {
@@ -128,7 +128,7 @@ impl Left {
     }
 
     /// Takes away what a layer was made of: bytes that it has not used are left.
-    fn take(&mut self, layer: &LayerParticles, made: &MadeLayer) {
+    fn take(&mut self, layer: &LayerParticles, made: &LayerResult) {
         self.share = match (self.share, self.next(layer)) {
             (Share::Gaussians(number), Share::Gaussians(own)) => Share::Gaussians(number.saturating_sub(own)),
             (Share::Bytes(bytes), _) => {
@@ -149,7 +149,7 @@ impl CodedBlock {
             layers: Vec::new(),
             vizmapper: None,
             step_factor: 1.0,
-            size_met: SizeMet::Met,
+            size_met: SizeOutcome::Met,
             trained: Vec::new(),
             stopped: false,
             clock: Clock::default(),
@@ -161,7 +161,7 @@ impl CodedBlock {
         self.layers.iter().flat_map(|l| &l.content).map(|b| codec::stored_bytes(&b.bytes)).sum()
     }
 
-    fn push(&mut self, layer: &LayerParticles, made: MadeLayer) {
+    fn push(&mut self, layer: &LayerParticles, made: LayerResult) {
         self.layers.push(layer.layer.with(vec![made.coded.bytes.into()]));
         self.vizmapper = made.vizmapper.or(self.vizmapper.take());
         (self.step_factor, self.size_met) = (made.coded.step_factor, made.coded.size_met);

@@ -5,7 +5,7 @@ use super::halves::held_out;
 use crate::model::{Certificate, CertificateLevel, Goal, GoalResult, Model};
 use crate::particles::Particles;
 use crate::progress::Progress;
-use crate::score::{Gauge, Measure};
+use crate::score::{CertificateInput, GoalMetric};
 use crate::{Error, Result, codec};
 
 /// The name of a file in the making, in errors.
@@ -30,11 +30,11 @@ pub fn certify(
         Some(stored) => reached_again(stored.goal, model, particles, seed, progress)?,
         None => None,
     };
-    complete(&Measure { particles, seed, level, memory: None, reached }, model, bytes, progress)
+    complete(&CertificateInput { particles, seed, level, memory: None, reached }, model, bytes, progress)
 }
 
 /// What one model's particles say of it, and where all is asked for what halves of them do.
-fn complete(measure: &Measure<'_>, model: &Model, bytes: u64, progress: &dyn Progress) -> Result<Certificate> {
+fn complete(measure: &CertificateInput<'_>, model: &Model, bytes: u64, progress: &dyn Progress) -> Result<Certificate> {
     let certificate = measure.certificate(model, bytes, progress)?;
     let held_out = match measure.level {
         CertificateLevel::Full => held_out(model, measure.particles, measure.seed, progress)?,
@@ -51,7 +51,7 @@ fn reached_again(
     seed: u64,
     progress: &dyn Progress,
 ) -> Result<Option<GoalResult>> {
-    match Gauge::new(goal, particles, &model.metadata, seed, progress) {
+    match GoalMetric::new(goal, particles, &model.metadata, seed, progress) {
         Ok(gauge) => gauge.measure(model, progress).map(Some),
         Err(Error::Argument { .. }) => Ok(None),
         Err(other) => Err(other),
@@ -59,7 +59,7 @@ fn reached_again(
 }
 
 /// A file and the model in it; where it is to be measured, with its certificate.
-pub(crate) struct Decoded {
+pub(crate) struct DecodedFile {
     /// The file, whole.
     pub bytes: Vec<u8>,
     /// What it decodes to.
@@ -68,28 +68,28 @@ pub(crate) struct Decoded {
     pub clock: Clock,
 }
 
-impl Decoded {
+impl DecodedFile {
     /// Decodes what `file` gives for a certificate, at first none; measures it, and puts it together again.
     ///
     /// # Errors
     /// Those of `file`, [`codec::decode_with`] and those of [`certify`].
     pub fn of(
         file: impl Fn(Option<&Certificate>) -> Result<Vec<u8>>,
-        measure: Option<Measure<'_>>,
+        measure: Option<CertificateInput<'_>>,
         progress: &dyn Progress,
-    ) -> Result<Decoded> {
+    ) -> Result<DecodedFile> {
         let mut clock = Clock::default();
         let mut bytes = file(None)?;
         let mut model = clock.time("decode", || codec::decode_with(&bytes, PLACE, progress))?;
         if let Some(measure) = measure {
             // The model and what is drawn of it take the rest of the memory.
-            let measure = Measure { memory: measure.memory.map(|m| m / 5), ..measure };
+            let measure = CertificateInput { memory: measure.memory.map(|m| m / 5), ..measure };
             let without = bytes.len() as u64;
             let certificate = clock.time("certificate", || complete(&measure, &model, without, progress))?;
             bytes = file(Some(&certificate))?;
             // What is told is what the file holds, rounded as it is there.
             model.certificate = codec::read_info(&bytes, PLACE)?.certificate;
         }
-        Ok(Decoded { bytes, model, clock })
+        Ok(DecodedFile { bytes, model, clock })
     }
 }

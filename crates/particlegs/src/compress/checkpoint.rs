@@ -20,7 +20,7 @@ const INTERVAL: Duration = Duration::from_secs(60);
 
 /// What there was where a checkpoint is looked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Found {
+enum CheckpointState {
     /// No file.
     Nothing,
     /// A file that is half-written, changed, or no checkpoint.
@@ -39,7 +39,7 @@ pub struct Checkpoint {
     saved: Instant,
     /// Pieces that the file does not hold.
     unsaved: usize,
-    found: Found,
+    found: CheckpointState,
 }
 
 impl Checkpoint {
@@ -56,12 +56,12 @@ impl Checkpoint {
         let mut all = Checkpoint::fresh(path, whose);
         (all.found, all.pieces) = match read_own(&all.path, FORM) {
             Ok(Some(bytes)) => match pieces_of(&bytes, &all.head) {
-                Some(pieces) => (Found::Ours, pieces),
-                None if is_whole(&bytes) => (Found::Other, BTreeMap::new()),
-                None => (Found::Broken, BTreeMap::new()),
+                Some(pieces) => (CheckpointState::Ours, pieces),
+                None if is_whole(&bytes) => (CheckpointState::Other, BTreeMap::new()),
+                None => (CheckpointState::Broken, BTreeMap::new()),
             },
             Ok(None) => return Ok(all),
-            Err(Error::Input { .. }) => (Found::Broken, BTreeMap::new()),
+            Err(Error::Input { .. }) => (CheckpointState::Broken, BTreeMap::new()),
             Err(e) => return Err(e),
         };
         Ok(all)
@@ -70,16 +70,23 @@ impl Checkpoint {
     /// Why what was there when it was opened cannot be gone on from; `None` where it can, or nothing was there.
     pub fn fault(&self) -> Option<&'static str> {
         match self.found {
-            Found::Ours | Found::Nothing => None,
-            Found::Broken => Some("not a complete checkpoint: it is truncated or altered"),
-            Found::Other => Some("a checkpoint of another command, snapshot or configuration"),
+            CheckpointState::Ours | CheckpointState::Nothing => None,
+            CheckpointState::Broken => Some("not a complete checkpoint: it is truncated or altered"),
+            CheckpointState::Other => Some("a checkpoint of another command, snapshot or configuration"),
         }
     }
 
     /// Of new work: what is there is not looked at.
     pub fn fresh(path: PathBuf, whose: &[u8; 32]) -> Checkpoint {
         let head = [&MAGIC[..], whose].concat();
-        Checkpoint { path, head, pieces: BTreeMap::new(), saved: Instant::now(), unsaved: 0, found: Found::Nothing }
+        Checkpoint {
+            path,
+            head,
+            pieces: BTreeMap::new(),
+            saved: Instant::now(),
+            unsaved: 0,
+            found: CheckpointState::Nothing,
+        }
     }
 
     /// The file.
@@ -209,16 +216,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.checkpoint");
         let found = |whose: u8| Checkpoint::open(path.clone(), &[whose; 32]).unwrap().found;
-        assert_eq!(found(1), Found::Nothing);
+        assert_eq!(found(1), CheckpointState::Nothing);
         let mut c = Checkpoint::fresh(path.clone(), &[1; 32]);
         c.keep("fit", vec![7]).unwrap();
-        assert_eq!(found(1), Found::Nothing, "pieces of fits wait");
+        assert_eq!(found(1), CheckpointState::Nothing, "pieces of fits wait");
         c.keep_now("train", vec![1, 2, 3]).unwrap();
-        assert_eq!((found(1), found(2)), (Found::Ours, Found::Other));
+        assert_eq!((found(1), found(2)), (CheckpointState::Ours, CheckpointState::Other));
         let bytes = std::fs::read(&path).unwrap();
         for broken in [&bytes[..bytes.len() - 1], &bytes[1..], b"", b"abc"] {
             std::fs::write(&path, broken).unwrap();
-            assert_eq!(found(1), Found::Broken);
+            assert_eq!(found(1), CheckpointState::Broken);
         }
     }
 }

@@ -9,7 +9,7 @@ use crate::space::Bounds;
 use crate::splat::DEFAULT_OPACITY;
 
 /// What a pass over a snapshot tells.
-pub(super) struct Known {
+pub(super) struct SourceFacts {
     /// Particles.
     pub count: u64,
     /// Their bounds, world units.
@@ -19,8 +19,8 @@ pub(super) struct Known {
 }
 
 /// Metadata of a model in `blocks` blocks; its mass is known when its blocks are.
-pub(super) fn describe(meta: &SnapshotMeta, known: &Known, options: &Options, blocks: u32) -> Metadata {
-    let Known { count, bounds, source_hash } = *known;
+pub(super) fn describe(meta: &SnapshotMeta, known: &SourceFacts, options: &Options, blocks: u32) -> Metadata {
+    let SourceFacts { count, bounds, source_hash } = *known;
     Metadata {
         cell: meta.cell,
         default_radius: options.radius.unwrap_or_else(|| bounds.default_radius(count)),
@@ -46,7 +46,7 @@ impl Options {
             return Ok(false);
         }
         let (count, source_hash) = (particles.len() as u64, particles.source_hash());
-        let known = Known { count, bounds: told.bounds, source_hash };
+        let known = SourceFacts { count, bounds: told.bounds, source_hash };
         let asked = describe(&particles.meta, &known, self, self.blocks_of(particles)?);
         // What the hash decides, and how files are called, is not compared.
         Ok(*told == Metadata { mass: told.mass, source: told.source.clone(), ..asked })

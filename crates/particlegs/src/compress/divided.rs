@@ -1,7 +1,7 @@
 //! Particles in this process divided into blocks, in memory or scratch files, and the blocks made of them.
 
 use super::block::{BlockParticles, CodedBlock};
-use super::executor::Store;
+use super::executor::BlockStore;
 use super::options::Options;
 use crate::Result;
 use crate::blocks::{KdTree, divide};
@@ -10,12 +10,12 @@ use crate::progress::Progress;
 use crate::space::Bounds;
 
 /// The blocks of particles in this process.
-pub(super) struct Divided {
+pub(super) struct InMemoryBlocks {
     blocks: Vec<BlockParticles>,
     coded: Vec<Option<CodedBlock>>,
 }
 
-impl Divided {
+impl InMemoryBlocks {
     /// Divides particles as the tree says; what is copied goes where the options say. `layer_bounds` are the
     /// bounds of their layers.
     ///
@@ -37,7 +37,7 @@ impl Divided {
                 .collect(),
         };
         let coded = blocks.iter().map(|_| None).collect();
-        Ok(Divided { blocks, coded })
+        Ok(InMemoryBlocks { blocks, coded })
     }
 
     /// Takes the coded blocks away; all of them are done.
@@ -46,7 +46,7 @@ impl Divided {
     }
 }
 
-impl Store for Divided {
+impl BlockStore for InMemoryBlocks {
     fn particles(&mut self, block: u32, _: &dyn Progress) -> Result<BlockParticles> {
         Ok(self.blocks[block as usize].clone())
     }

@@ -1,16 +1,16 @@
 //! The one way in which blocks are done: read, fitted, coded, kept. Where their particles wait and where
-//! coded blocks are kept is a [`Store`]'s: memory and scratch files ([`super::divided`]) or the folder of
+//! coded blocks are kept is a [`BlockStore`]'s: memory and scratch files ([`super::divided`]) or the folder of
 //! a job ([`crate::job`]).
 
-use super::block::{BlockContext, BlockParticles, CodedBlock, OnStop};
+use super::block::{BlockContext, BlockParticles, CodedBlock, StopPolicy};
 use super::clock::Clock;
 use crate::Result;
 use crate::model::Target;
-use crate::pieces::{Pieces, Under};
+use crate::pieces::{Pieces, PrefixedPieces};
 use crate::progress::Progress;
 
 /// Where the particles of a job's blocks wait, and its coded blocks are kept.
-pub(crate) trait Store {
+pub(crate) trait BlockStore {
     /// The particles of a block.
     fn particles(&mut self, block: u32, progress: &dyn Progress) -> Result<BlockParticles>;
 
@@ -20,7 +20,7 @@ pub(crate) trait Store {
 
 /// Does one block: its share of what `target` asks of the whole.
 pub(crate) fn do_block(
-    store: &mut dyn Store,
+    store: &mut dyn BlockStore,
     block: u32,
     target: Target,
     context: BlockContext<'_>,
@@ -36,7 +36,7 @@ pub(crate) fn do_block(
 /// Does all blocks, one after the other: a fit itself uses all threads. Limits are those of all together;
 /// what becomes of training that is stopped holds for the last block, as a file wants every block.
 pub(crate) fn do_blocks(
-    store: &mut dyn Store,
+    store: &mut dyn BlockStore,
     target: Target,
     context: BlockContext<'_>,
     pieces: &mut dyn Pieces,
@@ -48,9 +48,15 @@ pub(crate) fn do_blocks(
         if blocks > 1 {
             limits.run = format!("block {block}");
         }
-        let on_stop = if left > 1 { OnStop::GiveUp } else { context.on_stop };
+        let on_stop = if left > 1 { StopPolicy::GiveUp } else { context.on_stop };
         let context = BlockContext { limits: &limits, on_stop, ..context };
-        do_block(store, block, target, context, &mut Under { pieces: &mut *pieces, prefix: block.to_string() })?;
+        do_block(
+            store,
+            block,
+            target,
+            context,
+            &mut PrefixedPieces { pieces: &mut *pieces, prefix: block.to_string() },
+        )?;
     }
     Ok(())
 }

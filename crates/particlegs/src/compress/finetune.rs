@@ -1,20 +1,20 @@
 //! A merged alpha-blend model trained further on the whole snapshot (paper section III-D).
 
-use super::certify::Decoded;
+use super::certify::DecodedFile;
 use super::clock::Clock;
 use super::run::Compressed;
-use super::size::{Coded, SizeMet};
+use super::size::{CodedGaussians, SizeOutcome};
 use crate::codec::{self, Encoder};
 use crate::model::Target;
 use crate::model::{
     Block, Certificate, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, RecipeStep, VizMapper,
 };
 use crate::particles::Particles;
-use crate::pieces::{Pieces, Under};
+use crate::pieces::{Pieces, PrefixedPieces};
 use crate::progress::Progress;
 use crate::reference::Reference;
-use crate::score::Measure;
-use crate::train::{AlphaConfig, Config, Defaults, Initial, Limits, Trained, TrainedRun, Training};
+use crate::score::CertificateInput;
+use crate::train::{AlphaConfig, Config, Defaults, InitialGaussians, Limits, TrainedMixture, TrainedRun, Training};
 use crate::{Error, Remedy, Result};
 
 /// What `finetune` is asked to do.
@@ -90,15 +90,19 @@ pub fn finetune(
         let defaults = Defaults { bounds: m.bounds, radius, opacity, seed, bytes: None, gaussians: None };
         let subject = Reference::with_bounds(particles, m.bounds);
         let training = Training { subject: &subject, config: &config, limits: &options.limits, defaults: &defaults };
-        training.run(Initial::Model(model), &mut Under { pieces, prefix: "finetune".into() }, progress)
+        training.run(
+            InitialGaussians::Model(model),
+            &mut PrefixedPieces { pieces, prefix: "finetune".into() },
+            progress,
+        )
     })?;
     let run = TrainedRun::of(String::new(), &config, &trained);
-    let Trained { mixture, stopped, .. } = trained;
+    let TrainedMixture { mixture, stopped, .. } = trained;
     let network = mixture.law.alpha_blend().and_then(|l| l.vizmapper.clone());
     // What was stopped is coded all the same.
     let check = || if stopped { Ok(()) } else { progress.check() };
     let coded = clock.time("code", || file.code(mixture, check))?;
-    let measure = (options.certificate.measures() && !stopped).then_some(Measure {
+    let measure = (options.certificate.measures() && !stopped).then_some(CertificateInput {
         particles,
         seed,
         level: options.certificate,
@@ -106,7 +110,7 @@ pub fn finetune(
         reached: None,
     });
     let assembled = |certificate: Option<&Certificate>| file.assemble(&coded, network.as_deref(), certificate);
-    let done = Decoded::of(assembled, measure, progress)?;
+    let done = DecodedFile::of(assembled, measure, progress)?;
     clock.append(done.clock);
     Ok(Compressed {
         bytes: done.bytes,
@@ -192,12 +196,12 @@ impl NewFile {
     }
 
     /// All Gaussians as one block.
-    fn code(&self, gaussians: Mixture, check: impl FnMut() -> Result<()>) -> Result<Coded> {
+    fn code(&self, gaussians: Mixture, check: impl FnMut() -> Result<()>) -> Result<CodedGaussians> {
         let (bounds, count) = (self.metadata.bounds, self.metadata.count);
         let encoder = Encoder::new(&Block { bounds, count, mass: count as f64, gaussians })?;
-        let Some(bytes) = self.block_bytes else { return Ok(Coded::at_nominal_steps(&encoder)) };
-        let coded = Coded::to_size(&encoder, bytes, None, check)?;
-        if coded.size_met == SizeMet::TooLarge {
+        let Some(bytes) = self.block_bytes else { return Ok(CodedGaussians::at_nominal_steps(&encoder)) };
+        let coded = CodedGaussians::to_size(&encoder, bytes, None, check)?;
+        if coded.size_met == SizeOutcome::TooLarge {
             let (asked, smallest) = (bytes + self.beside, codec::stored_bytes(&coded.bytes) as u64 + self.beside);
             let what = format!("{asked} bytes were asked for; the smallest file has {smallest} bytes");
             return Err(Error::Unreachable { what, remedy: Remedy::LargerFile { bytes: smallest, ratio: None } });
@@ -207,7 +211,7 @@ impl NewFile {
 
     fn assemble(
         &self,
-        coded: &Coded,
+        coded: &CodedGaussians,
         network: Option<&VizMapper>,
         certificate: Option<&Certificate>,
     ) -> Result<Vec<u8>> {

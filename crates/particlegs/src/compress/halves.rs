@@ -6,7 +6,7 @@ use crate::model::{CertificateLevel, CrossValidation, Effort, Model, SAMPLED_ABO
 use crate::particles::{Particles, Selection, Storage};
 use crate::pieces::NoPieces;
 use crate::progress::Progress;
-use crate::score::{Halves, Scope, spectrum_options};
+use crate::score::{Halves, ParticlesWithModel, spectrum_options};
 
 /// Particles whose halves are fitted: of fewer the halves say nothing.
 const LEAST: usize = 2000;
@@ -20,13 +20,18 @@ pub(super) fn held_out(
     progress: &dyn Progress,
 ) -> Result<Option<CrossValidation>> {
     let Some(effort) = model.metadata.recipe.fitted() else { return Ok(None) };
-    match Scope::of(model, particles, seed, SAMPLED_ABOVE, progress)? {
+    match ParticlesWithModel::of(model, particles, seed, SAMPLED_ABOVE, progress)? {
         Some(scope) if scope.particles.len() >= LEAST => of_scope(&scope, effort, seed, progress).map(Some),
         _ => Ok(None),
     }
 }
 
-fn of_scope(scope: &Scope<'_>, effort: Effort, seed: u64, progress: &dyn Progress) -> Result<CrossValidation> {
+fn of_scope(
+    scope: &ParticlesWithModel<'_>,
+    effort: Effort,
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<CrossValidation> {
     let (m, particles) = (&scope.model.metadata, &*scope.particles);
     let sample = Some(particles.len() as u64 / 2);
     let half = |left_out| {

@@ -1,17 +1,17 @@
 //! One layer of a block: fitted, trained where the job is to, and coded.
 
-use super::block::{BlockContext, OnStop};
+use super::block::{BlockContext, StopPolicy};
 use super::clock::Clock;
-use super::size::{Coded, SizeTarget, bytes_a_gaussian, most_gaussians};
+use super::size::{CodedGaussians, SizeTarget, bytes_a_gaussian, most_gaussians};
 use super::thickness::Thickness;
 use crate::codec::{Encoder, decode_block};
 use crate::fit::{Effort, FitOptions, Fitter};
 use crate::model::{Block, LawKind, Layer, Mixture, VizMapper};
 use crate::particles::Particles;
-use crate::pieces::{Pieces, Under};
+use crate::pieces::{Pieces, PrefixedPieces};
 use crate::reference::Reference;
 use crate::space::Bounds;
-use crate::train::{Config, Defaults, Initial, Limits, Start, Trained, TrainedRun, Training};
+use crate::train::{Config, Defaults, InitialGaussians, Limits, Start, TrainedMixture, TrainedRun, Training};
 use crate::{Error, Result};
 use std::ops::Range;
 
@@ -56,9 +56,9 @@ pub(crate) enum Share {
 }
 
 /// A layer that is coded, and how that went.
-pub(super) struct MadeLayer {
+pub(super) struct LayerResult {
     /// Its Gaussians.
-    pub coded: Coded,
+    pub coded: CodedGaussians,
     /// The network of the alpha-blend law.
     pub vizmapper: Option<VizMapper>,
     /// Its training run.
@@ -71,7 +71,7 @@ pub(super) struct MadeLayer {
 
 /// Gaussians before they are coded.
 #[derive(Default)]
-struct Fitted {
+struct LayerFit {
     mixture: Mixture,
     /// The precision to code them at, where it matters.
     step_factor: Option<f64>,
@@ -82,7 +82,7 @@ struct Fitted {
 
 /// What Gaussians are to be once they are made.
 #[derive(Clone, Copy)]
-struct Goal {
+struct GaussianGoal {
     /// Their number at most.
     gaussians: u64,
     /// Their bytes once they are coded, where known.
@@ -104,22 +104,24 @@ impl LayerTask<'_> {
     ///
     /// # Errors
     /// Those of the fit, of training and of the coder.
-    pub fn make(&self, share: Share, pieces: &mut dyn Pieces) -> Result<MadeLayer> {
+    pub fn make(&self, share: Share, pieces: &mut dyn Pieces) -> Result<LayerResult> {
         match share {
-            Share::Gaussians(gaussians) => self.code(self.gaussians(Goal { gaussians, bytes: None }, pieces)?, None),
+            Share::Gaussians(gaussians) => {
+                self.code(self.gaussians(GaussianGoal { gaussians, bytes: None }, pieces)?, None)
+            }
             Share::Bytes(bytes) => self.to_size(bytes, pieces),
         }
     }
 
     /// A number of Gaussians whose steps are near nominal, and the steps that just fit `bytes`.
-    fn to_size(&self, bytes: u64, pieces: &mut dyn Pieces) -> Result<MadeLayer> {
+    fn to_size(&self, bytes: u64, pieces: &mut dyn Pieces) -> Result<LayerResult> {
         let plan = self.context.plan;
         let each = bytes_a_gaussian(plan.recipe().effort);
         let target = SizeTarget { bytes, bytes_a_gaussian: each, most: most_gaussians(self.layer.count()) };
         let training = plan.training.as_ref();
         if training.is_some_and(|t| t.start == Start::Random || t.law == LawKind::AlphaBlend) {
             // Nothing is known of what a trained Gaussian costs before it is trained.
-            let fitted = self.gaussians(Goal { gaussians: target.number(each), bytes: Some(bytes) }, pieces)?;
+            let fitted = self.gaussians(GaussianGoal { gaussians: target.number(each), bytes: Some(bytes) }, pieces)?;
             return self.code(fitted, Some(bytes));
         }
         let (mut clock, mut fitter) = (Clock::default(), Fitter::new(self.layer.particles()));
@@ -127,38 +129,38 @@ impl LayerTask<'_> {
             let mixture = clock.time("fit", || self.fit(number, &mut fitter, pieces))?;
             let kept = training.is_some().then(|| mixture.clone());
             let check = || self.context.progress.check();
-            let code = |encoder: &Encoder| Coded::to_size(encoder, bytes, None, check);
+            let code = |encoder: &Encoder| CodedGaussians::to_size(encoder, bytes, None, check);
             Ok((clock.time("code", || self.coded(mixture, code))?, kept))
         })?;
         drop(fitter);
         let (Some(config), Some(mixture)) = (training, mixture) else {
-            return Ok(MadeLayer { coded, vizmapper: None, trained: None, stopped: false, clock });
+            return Ok(LayerResult { coded, vizmapper: None, trained: None, stopped: false, clock });
         };
-        let goal = Goal { gaussians: mixture.len() as u64, bytes: Some(bytes) };
-        let trained = self.train(config, Initial::Fit(&mixture), goal, pieces)?;
+        let goal = GaussianGoal { gaussians: mixture.len() as u64, bytes: Some(bytes) };
+        let trained = self.train(config, InitialGaussians::Fit(&mixture), goal, pieces)?;
         clock.append(trained.clock);
-        self.code(Fitted { clock, ..trained }, Some(bytes))
+        self.code(LayerFit { clock, ..trained }, Some(bytes))
     }
 
     /// Gaussians that are fitted and, where the job is to, trained.
-    fn gaussians(&self, goal: Goal, pieces: &mut dyn Pieces) -> Result<Fitted> {
+    fn gaussians(&self, goal: GaussianGoal, pieces: &mut dyn Pieces) -> Result<LayerFit> {
         let mut clock = Clock::default();
         let mut fit = |pieces: &mut dyn Pieces| {
             clock.time("fit", || self.fit(goal.gaussians, &mut Fitter::new(self.layer.particles()), pieces))
         };
         let Some(config) = &self.context.plan.training else {
             let mixture = fit(pieces)?;
-            return Ok(Fitted { mixture, clock, ..Fitted::default() });
+            return Ok(LayerFit { mixture, clock, ..LayerFit::default() });
         };
         let trained = if config.start == Start::Random {
             let first = config.start_gaussians.unwrap_or(goal.gaussians).min(goal.gaussians);
-            self.train(config, Initial::Particles(first as usize), goal, pieces)?
+            self.train(config, InitialGaussians::Particles(first as usize), goal, pieces)?
         } else {
             let mixture = fit(pieces)?;
-            self.train(config, Initial::Fit(&mixture), goal, pieces)?
+            self.train(config, InitialGaussians::Fit(&mixture), goal, pieces)?
         };
         clock.append(trained.clock);
-        Ok(Fitted { clock, ..trained })
+        Ok(LayerFit { clock, ..trained })
     }
 
     /// Fits `number` Gaussians, fewer where the particles do not carry so many.
@@ -174,12 +176,18 @@ impl LayerTask<'_> {
             seed: plan.recipe().seed,
             share: count as f64 / plan.particles().max(1) as f64,
         };
-        let mut pieces = Under { pieces, prefix: format!("{}/{gaussians}", self.layer.layer.name) };
+        let mut pieces = PrefixedPieces { pieces, prefix: format!("{}/{gaussians}", self.layer.layer.name) };
         fitter.fit(&options, &mut pieces, self.context.progress)
     }
 
     /// Trains Gaussians on pictures of the layer.
-    fn train(&self, config: &Config, from: Initial<'_>, goal: Goal, pieces: &mut dyn Pieces) -> Result<Fitted> {
+    fn train(
+        &self,
+        config: &Config,
+        from: InitialGaussians<'_>,
+        goal: GaussianGoal,
+        pieces: &mut dyn Pieces,
+    ) -> Result<LayerFit> {
         let (layer, plan) = (self.layer, self.context.plan);
         let m = &plan.metadata;
         let defaults = Defaults {
@@ -192,19 +200,19 @@ impl LayerTask<'_> {
         };
         let limits = self.limits();
         // A search for a quality trains more than one number.
-        let mut pieces = Under { pieces, prefix: format!("{}/trained/{}", layer.layer.name, from.len()) };
+        let mut pieces = PrefixedPieces { pieces, prefix: format!("{}/trained/{}", layer.layer.name, from.len()) };
         let mut clock = Clock::default();
         let trained = clock.time("train", || {
             let subject = Reference::with_bounds(layer.particles(), layer.bounds);
             let training = Training { subject: &subject, config, limits: &limits, defaults: &defaults };
             training.run(from, &mut pieces, self.context.progress)
         })?;
-        if trained.stopped && (self.context.on_stop == OnStop::GiveUp || self.runs_left > 1) {
+        if trained.stopped && (self.context.on_stop == StopPolicy::GiveUp || self.runs_left > 1) {
             return Err(Error::Cancelled);
         }
         let run = TrainedRun::of(limits.run, config, &trained);
-        let Trained { mixture, factor: step_factor, stopped, .. } = trained;
-        Ok(Fitted { mixture, step_factor, trained: Some(run), stopped, clock })
+        let TrainedMixture { mixture, factor: step_factor, stopped, .. } = trained;
+        Ok(LayerFit { mixture, step_factor, trained: Some(run), stopped, clock })
     }
 
     /// The limits of the layer's training run: its share of the time that is left.
@@ -224,7 +232,11 @@ impl LayerTask<'_> {
     }
 
     /// Codes Gaussians. In a flat box those that are not trained get the particles' thickness.
-    fn coded(&self, mut gaussians: Mixture, code: impl Fn(&Encoder) -> Result<Coded>) -> Result<Coded> {
+    fn coded(
+        &self,
+        mut gaussians: Mixture,
+        code: impl Fn(&Encoder) -> Result<CodedGaussians>,
+    ) -> Result<CodedGaussians> {
         let thickness = Thickness::of(self.layer.particles(), &self.layer.bounds);
         let Some(thickness) = thickness.filter(|_| self.context.plan.training.is_none()) else {
             return code(&self.encoder(gaussians)?);
@@ -241,17 +253,17 @@ impl LayerTask<'_> {
     }
 
     /// Codes Gaussians to a size, or at the nominal steps.
-    fn code(&self, fitted: Fitted, bytes: Option<u64>) -> Result<MadeLayer> {
-        let Fitted { mixture, step_factor, trained, stopped, mut clock } = fitted;
+    fn code(&self, fitted: LayerFit, bytes: Option<u64>) -> Result<LayerResult> {
+        let LayerFit { mixture, step_factor, trained, stopped, mut clock } = fitted;
         let vizmapper = network_of(&mixture);
         // What was stopped is coded all the same.
         let check = || if stopped { Ok(()) } else { self.context.progress.check() };
         let code = |encoder: &Encoder| match bytes {
-            Some(bytes) => Coded::to_size(encoder, bytes, step_factor, check),
-            None => Ok(Coded::at_nominal_steps(encoder)),
+            Some(bytes) => CodedGaussians::to_size(encoder, bytes, step_factor, check),
+            None => Ok(CodedGaussians::at_nominal_steps(encoder)),
         };
         let coded = clock.time("code", || self.coded(mixture, code))?;
-        Ok(MadeLayer { coded, vizmapper, trained, stopped, clock })
+        Ok(LayerResult { coded, vizmapper, trained, stopped, clock })
     }
 }
 

@@ -20,7 +20,7 @@ const COPIED: u64 = 16;
 
 /// What decides the memory of a job.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Load {
+pub(crate) struct MemoryLoad {
     /// Particles.
     pub count: u64,
     /// Their bytes as float32.
@@ -36,7 +36,7 @@ pub(crate) struct Load {
     pub measuring: bool,
 }
 
-impl Load {
+impl MemoryLoad {
     /// The fewest blocks whose fits take at most `bound` bytes each.
     ///
     /// # Errors
@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn less_memory_asks_for_more_blocks() {
-        let load = |ratio| Load {
+        let load = |ratio| MemoryLoad {
             count: 1 << 28,
             raw_bytes: 12 << 28,
             target: Target::Ratio(ratio),
@@ -124,7 +124,7 @@ mod tests {
         assert!(load(290.0).block_bytes(u64::from(blocks[3]) - 1) > 1 << 30);
         assert!(matches!(load(290.0).blocks_within(100 << 20), Err(Error::Bound { .. })));
         // A model larger than the bound: no single process, but tasks.
-        let vast = Load { count: 1 << 36, raw_bytes: 12 << 36, ..load(300.0) };
+        let vast = MemoryLoad { count: 1 << 36, raw_bytes: 12 << 36, ..load(300.0) };
         assert!(vast.blocks_within(8 << 30).is_err());
         assert!(vast.task_bytes(u64::from(vast.tasks_within(8 << 30).unwrap())) <= 8 << 30);
         assert!(vast.merge_bytes(true) > 8 << 30 && vast.merge_bytes(false) < vast.merge_bytes(true) / 5);

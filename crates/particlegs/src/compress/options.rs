@@ -1,6 +1,6 @@
 //! What a model is to be.
 
-use super::memory::Load;
+use super::memory::MemoryLoad;
 use crate::model::{CertificateLevel, Effort, LawKind, Recipe, Target};
 use crate::particles::{Particles, Storage};
 use crate::train::{Config, Limits};
@@ -91,16 +91,16 @@ impl Options {
 
     /// The number of blocks in which particles are fitted by tasks of their own, each within the memory, or
     /// within `default` bytes.
-    pub(crate) fn tasks_of(&self, load: &Load, default: u64) -> Result<u32> {
+    pub(crate) fn tasks_of(&self, load: &MemoryLoad, default: u64) -> Result<u32> {
         let Some(blocks) = self.blocks else { return load.tasks_within(self.memory.unwrap_or(default)) };
         within(self.memory.unwrap_or(u64::MAX), load.task_bytes(u64::from(blocks)), blocks)
     }
 
     /// What decides the memory of `count` particles of `raw_bytes`; a process holds so many `copies` of a
     /// block's.
-    pub(crate) fn load(&self, count: u64, raw_bytes: u64, copies: u64) -> Load {
+    pub(crate) fn load(&self, count: u64, raw_bytes: u64, copies: u64) -> MemoryLoad {
         let measuring = self.certificate == CertificateLevel::Blocks;
-        Load { count, raw_bytes, target: self.target, effort: self.effort, copies, measuring }
+        MemoryLoad { count, raw_bytes, target: self.target, effort: self.effort, copies, measuring }
     }
 }
 

@@ -1,10 +1,10 @@
 //! What every block must know of the whole: the same for all of a job, wherever blocks are done.
 
 use super::block::{BlockParticles, CodedBlock};
-use super::describe::{Known, describe};
+use super::describe::{SourceFacts, describe};
 use super::layer::Share;
 use super::options::Options;
-use super::size::SizeMet;
+use super::size::SizeOutcome;
 use crate::blocks::{KdTree, SnapshotScan};
 use crate::camera::{ORBITS, base_distance, spherical_camera};
 use crate::codec::{self, CodedLayer};
@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 
 /// What is asked for, and what is known of the whole.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Plan {
+pub struct CompressionPlan {
     /// How blocks are trained after the fit; `None` = not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<Config>,
@@ -38,7 +38,7 @@ pub struct Plan {
     pub notes: Vec<String>,
 }
 
-impl Plan {
+impl CompressionPlan {
     /// A plan for a snapshot that was scanned, in `blocks` blocks: all that can be refused before a block is fitted, and
     /// all that a user should know. Says what the default target chose.
     ///
@@ -52,7 +52,7 @@ impl Plan {
         scan: &SnapshotScan,
         blocks: u32,
         progress: &dyn Progress,
-    ) -> Result<Plan> {
+    ) -> Result<CompressionPlan> {
         let (name, cell) = (&source.meta.name, source.meta.cell.as_ref());
         if source.layers.is_empty() || source.layers.iter().any(|l| l.layer.content == 0) {
             return Err(Error::input(name, "no particles, or a layer without any"));
@@ -72,8 +72,8 @@ impl Plan {
         let fields = &source.meta.fields;
         let left_out = (!fields.is_empty()).then(|| format!("fields that the model leaves out: {}", fields.join(", ")));
         options.target.check()?;
-        let known = Known { count: source.count(), bounds: scan.bounds, source_hash: scan.hash(source.origin) };
-        let plan = Plan {
+        let known = SourceFacts { count: source.count(), bounds: scan.bounds, source_hash: scan.hash(source.origin) };
+        let plan = CompressionPlan {
             training: options.training.clone(),
             certificate: options.certificate,
             layers: source.layers.iter().map(|l| l.layer.clone()).collect(),
@@ -176,7 +176,7 @@ impl Plan {
     pub(crate) fn judge(&self, blocks: &[CodedBlock]) -> Result<Option<String>> {
         let Some(target) = self.recipe().target.bytes(self.raw_bytes()) else { return Ok(None) };
         let smallest = blocks.iter().map(|b| b.size() as u64).sum::<u64>() + self.overhead();
-        if blocks.iter().any(|b| b.size_met == SizeMet::TooLarge) {
+        if blocks.iter().any(|b| b.size_met == SizeOutcome::TooLarge) {
             let what =
                 format!("{target} bytes were asked for; the smallest file of this snapshot has {smallest} bytes");
             if self.recipe().target != Target::Default {
@@ -186,7 +186,7 @@ impl Plan {
             }
             return Ok(Some(what));
         }
-        Ok(blocks.iter().all(|b| b.size_met == SizeMet::TooSmall).then(|| {
+        Ok(blocks.iter().all(|b| b.size_met == SizeOutcome::TooSmall).then(|| {
             format!(
                 "the file has {smallest} bytes, less than the {target} asked for: more Gaussians would fit the \
                  particles' noise (a number of Gaussians as the target sets it)"

@@ -1,12 +1,12 @@
 //! From particles to a measured file, in one process.
 
-use super::block::{BlockContext, CodedBlock, OnStop};
-use super::certify::Decoded;
+use super::block::{BlockContext, CodedBlock, StopPolicy};
+use super::certify::DecodedFile;
 use super::clock::Clock;
-use super::divided::Divided;
+use super::divided::InMemoryBlocks;
 use super::executor::do_blocks;
 use super::options::Options;
-use super::plan::Plan;
+use super::plan::CompressionPlan;
 use super::search;
 use super::thickness::Thickness;
 #[cfg(doc)]
@@ -18,7 +18,7 @@ use crate::model::{GoalResult, Model};
 use crate::particles::{Layered, Particles, Storage};
 use crate::pieces::Pieces;
 use crate::progress::Progress;
-use crate::score::{Gauge, Measure};
+use crate::score::{CertificateInput, GoalMetric};
 use crate::space::Bounds;
 use crate::train::TrainedRun;
 use particlegs_files::memory::require;
@@ -69,7 +69,7 @@ pub fn compress(
 pub struct Compression<'a> {
     particles: &'a Particles,
     options: &'a Options,
-    plan: Plan,
+    plan: CompressionPlan,
     /// Bounds of each layer.
     layer_bounds: Vec<Bounds>,
     clock: Clock,
@@ -89,7 +89,7 @@ impl<'a> Compression<'a> {
         let mut clock = Clock::default();
         let source = Layered::of(particles);
         let scan = clock.time("read", || SnapshotScan::new(&source, &particles.meta.name, blocks != 1, progress))?;
-        let plan = clock.time("divide", || Plan::new(options, &source, &scan, blocks, progress))?;
+        let plan = clock.time("divide", || CompressionPlan::new(options, &source, &scan, blocks, progress))?;
         let layer_bounds = scan.layer_bounds(&source);
         Ok(Compression { particles, options, plan, layer_bounds, clock })
     }
@@ -113,12 +113,13 @@ impl<'a> Compression<'a> {
         let Compression { particles, options, plan, layer_bounds, mut clock } = self;
         let mut trained = Vec::new();
         // What cannot be measured is refused before anything is fitted.
-        let gauge = |goal| Gauge::new(goal, particles, &plan.metadata, plan.recipe().seed, progress);
+        let gauge = |goal| GoalMetric::new(goal, particles, &plan.metadata, plan.recipe().seed, progress);
         let gauge = plan.recipe().target.goal().map(|goal| clock.time("measure", || gauge(goal))).transpose()?;
         let (blocks, reached) = {
-            let divide = || Divided::new(particles, &plan.tree, &layer_bounds, options, progress);
+            let divide = || InMemoryBlocks::new(particles, &plan.tree, &layer_bounds, options, progress);
             let mut store = clock.time("divide", divide)?;
-            let context = BlockContext { plan: &plan, limits: &options.limits, on_stop: OnStop::KeepBest, progress };
+            let context =
+                BlockContext { plan: &plan, limits: &options.limits, on_stop: StopPolicy::KeepBest, progress };
             let mut code = |target| -> Result<Vec<CodedBlock>> {
                 do_blocks(&mut store, target, context, pieces)?;
                 let mut coded = store.take_coded();
@@ -140,12 +141,13 @@ impl<'a> Compression<'a> {
         let stopped = blocks.iter().any(|b| b.stopped);
         let (level, memory) = (plan.certificate, options.memory);
         let measured = level.measures() && !stopped;
-        let measure = measured.then_some(Measure { particles, seed: plan.recipe().seed, level, memory, reached });
-        let done = Decoded::of(|certificate| plan.file(&blocks, certificate), measure, progress)?;
+        let measure =
+            measured.then_some(CertificateInput { particles, seed: plan.recipe().seed, level, memory, reached });
+        let done = DecodedFile::of(|certificate| plan.file(&blocks, certificate), measure, progress)?;
         clock.append(done.clock);
         let step_factor = blocks.iter().map(|b| b.step_factor).sum::<f64>() / blocks.len().max(1) as f64;
         let (raw_bytes, seconds) = (plan.raw_bytes(), clock.seconds());
-        let Decoded { bytes, model, .. } = done;
+        let DecodedFile { bytes, model, .. } = done;
         let thick = Thickness::of(particles, &plan.metadata.bounds).and_then(|t| t.note(&model));
         let notes = plan.notes.iter().cloned().chain(met).chain(thick).collect();
         Ok(Compressed { bytes, model, raw_bytes, reached, step_factor, trained, stopped, notes, seconds })

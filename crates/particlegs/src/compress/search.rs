@@ -2,12 +2,12 @@
 //! measured.
 
 use super::block::CodedBlock;
-use super::plan::Plan;
+use super::plan::CompressionPlan;
 use super::size::{bytes_a_gaussian, most_gaussians};
 use crate::codec;
 use crate::model::{DEFAULT_RATIO, Goal, GoalKind, GoalResult, Target};
 use crate::progress::Progress;
-use crate::score::Gauge;
+use crate::score::GoalMetric;
 use crate::{Error, Result};
 
 /// Fits tried at most.
@@ -21,7 +21,7 @@ const PARTICLES_A_GAUSSIAN: u64 = 8;
 
 /// How a figure follows the number of Gaussians. It is searched as a height that rises by about as much with every
 /// doubling: decibels, or how often the error is halved.
-struct Scale {
+struct SearchScale {
     /// What a doubling of the Gaussians buys, to begin with.
     a_doubling: f64,
     /// A file this far above what is wanted is small enough.
@@ -35,19 +35,21 @@ struct Scale {
     most: u64,
 }
 
-impl Scale {
-    fn of(kind: GoalKind, particles: u64) -> Scale {
+impl SearchScale {
+    fn of(kind: GoalKind, particles: u64) -> SearchScale {
         match kind {
-            GoalKind::Psnr => Scale { a_doubling: 0.85, close: 0.05, steps: [0.0, 3.0], apart: 0.1, most: particles },
+            GoalKind::Psnr => {
+                SearchScale { a_doubling: 0.85, close: 0.05, steps: [0.0, 3.0], apart: 0.1, most: particles }
+            }
             _ => {
                 let most = (particles / PARTICLES_A_GAUSSIAN).max(most_gaussians(particles));
-                Scale { a_doubling: 0.6, close: 0.1, steps: [1.0, 2.0], apart: 0.3, most }
+                SearchScale { a_doubling: 0.6, close: 0.1, steps: [1.0, 2.0], apart: 0.3, most }
             }
         }
     }
 }
 
-/// See [`Scale`].
+/// See [`SearchScale`].
 fn height(goal: &Goal, value: f64) -> f64 {
     let halvings = |error: f64| -error.max(1e-12).log2();
     match goal.kind {
@@ -59,7 +61,7 @@ fn height(goal: &Goal, value: f64) -> f64 {
 
 /// One fit of the search.
 #[derive(Clone, Copy)]
-struct Tried {
+struct SearchTrial {
     number: f64,
     height: f64,
     reached: GoalResult,
@@ -71,13 +73,13 @@ struct Tried {
 /// # Errors
 /// [`Error::Unreachable`] where the most Gaussians, or eight fits, do not reach it; those of `code`.
 pub(super) fn reach(
-    gauge: &Gauge<'_>,
-    plan: &Plan,
+    gauge: &GoalMetric<'_>,
+    plan: &CompressionPlan,
     code: &mut dyn FnMut(Target) -> Result<Vec<CodedBlock>>,
     progress: &dyn Progress,
 ) -> Result<(Vec<CodedBlock>, GoalResult)> {
     let goal = gauge.goal;
-    let scale = Scale::of(goal.kind, plan.metadata.count);
+    let scale = SearchScale::of(goal.kind, plan.metadata.count);
     let start = plan.raw_bytes() as f64 / DEFAULT_RATIO / bytes_a_gaussian(plan.recipe().effort);
     // A fit may find room for fewer Gaussians than it is asked for.
     let (mut kept, mut made) = (None, Vec::new());
@@ -100,13 +102,19 @@ pub(super) fn reach(
 }
 
 /// Tries numbers of Gaussians, each that reaches the goal smaller than the last that did. Gives the best.
-fn search(goal: &Goal, scale: &Scale, start: f64, attempt: &mut dyn FnMut(f64) -> Result<GoalResult>) -> Result<Tried> {
+fn search(
+    goal: &Goal,
+    scale: &SearchScale,
+    start: f64,
+    attempt: &mut dyn FnMut(f64) -> Result<GoalResult>,
+) -> Result<SearchTrial> {
     let (most, wanted) = (scale.most as f64, height(goal, goal.asked));
     let mut number = start.clamp(1.0, most).floor();
-    let (mut above, mut below, mut best): (Option<Tried>, Option<Tried>, Option<Tried>) = (None, None, None);
+    let (mut above, mut below, mut best): (Option<SearchTrial>, Option<SearchTrial>, Option<SearchTrial>) =
+        (None, None, None);
     for _ in 0..FITS {
         let reached = attempt(number)?;
-        let tried = Tried { number, height: height(goal, reached.reached), reached };
+        let tried = SearchTrial { number, height: height(goal, reached.reached), reached };
         let met = goal.is_met(reached.reached);
         *(if met { &mut above } else { &mut below }) = Some(tried);
         if best.is_none_or(|b| tried.height > b.height) {
@@ -126,7 +134,7 @@ fn search(goal: &Goal, scale: &Scale, start: f64, attempt: &mut dyn FnMut(f64) -
 }
 
 /// The number to try next: along the line through both sides, else along the usual slope.
-fn next(above: Option<Tried>, below: Option<Tried>, wanted: f64, scale: &Scale) -> f64 {
+fn next(above: Option<SearchTrial>, below: Option<SearchTrial>, wanted: f64, scale: &SearchScale) -> f64 {
     match (above, below) {
         (Some(a), Some(b)) => {
             let share = ((wanted - b.height) / (a.height - b.height)).clamp(scale.apart, 1.0 - scale.apart);
@@ -141,7 +149,7 @@ fn next(above: Option<Tried>, below: Option<Tried>, wanted: f64, scale: &Scale) 
 }
 
 /// Why the goal is not reached, and what would help.
-fn unreachable(scale: &Scale, best: GoalResult, gaussians: usize, plan: &Plan) -> Error {
+fn unreachable(scale: &SearchScale, best: GoalResult, gaussians: usize, plan: &CompressionPlan) -> Error {
     let goal = best.goal;
     let what = format!(
         "{} was asked for; at best {} was reached, with {gaussians} Gaussians",
@@ -160,9 +168,9 @@ mod tests {
     use super::*;
 
     /// Searches a figure that is a function of the number, from 1000 on; numbers tried, and those that met it.
-    fn searched(goal: Goal, particles: u64, figure: impl Fn(f64) -> f64) -> (Vec<f64>, Vec<f64>, Tried) {
+    fn searched(goal: Goal, particles: u64, figure: impl Fn(f64) -> f64) -> (Vec<f64>, Vec<f64>, SearchTrial) {
         let (mut tried, mut met) = (Vec::new(), Vec::new());
-        let best = search(&goal, &Scale::of(goal.kind, particles), 1000.0, &mut |number| {
+        let best = search(&goal, &SearchScale::of(goal.kind, particles), 1000.0, &mut |number| {
             tried.push(number);
             let reached = GoalResult { goal, reached: figure(number) };
             if goal.is_met(reached.reached) {

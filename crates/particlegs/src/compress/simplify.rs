@@ -1,7 +1,7 @@
 //! A smaller file from a file, without the particles.
 
 use super::plan::near_pixel;
-use super::size::{Coded, SizeMet, SizeTarget, bytes_a_gaussian};
+use super::size::{CodedGaussians, SizeOutcome, SizeTarget, bytes_a_gaussian};
 use crate::codec::{self, Encoder};
 use crate::fit::{self, Effort, SimplifyOptions};
 use crate::model::Target;
@@ -77,7 +77,7 @@ impl Reduction<'_> {
     }
 
     /// `number` Gaussians at the nominal precision, every layer by the same factor.
-    fn to_number(&self, number: u64) -> Result<Vec<Coded>> {
+    fn to_number(&self, number: u64) -> Result<Vec<CodedGaussians>> {
         let there: usize = self.layers.iter().map(|l| l.content.gaussians.len()).sum();
         let fewest = self.layers.len();
         if number > there as u64 || number < fewest as u64 {
@@ -92,14 +92,14 @@ impl Reduction<'_> {
             let share = (left as f64 * own as f64 / there_left as f64).round() as usize;
             // One at least for this layer and for each that is still to come.
             let share = share.clamp(1, left - (fewest - 1 - i)).min(own);
-            coded.push(Coded::at_nominal_steps(&self.reduced(layer, share)?));
+            coded.push(CodedGaussians::at_nominal_steps(&self.reduced(layer, share)?));
             (left, there_left) = (left - share, there_left - own);
         }
         Ok(coded)
     }
 
     /// The best file of at most `target` bytes.
-    fn to_size(&self, target: u64, raw_bytes: u64) -> Result<Vec<Coded>> {
+    fn to_size(&self, target: u64, raw_bytes: u64) -> Result<Vec<CodedGaussians>> {
         let heads: Vec<Layer<usize>> = self.layers.iter().map(|l| l.with(1)).collect();
         let overhead = codec::size_without_blocks(&self.metadata, CertificateLevel::None, &heads) as u64;
         let mut left = target.saturating_sub(overhead);
@@ -112,7 +112,7 @@ impl Reduction<'_> {
             there -= own;
             coded.push(done);
         }
-        if coded.last().is_some_and(|c| c.size_met == SizeMet::TooLarge) {
+        if coded.last().is_some_and(|c| c.size_met == SizeOutcome::TooLarge) {
             let smallest = overhead + coded.iter().map(|c| codec::stored_bytes(&c.bytes) as u64).sum::<u64>();
             let what = format!("{target} bytes were asked for; the smallest file of this model has {smallest} bytes");
             let hint = format!("ask for a ratio of {:.4} or less", raw_bytes as f64 / smallest as f64);
@@ -122,18 +122,18 @@ impl Reduction<'_> {
     }
 
     /// A layer's block of at most `bytes`, its steps near nominal where that can be.
-    fn layer_to_size(&self, layer: &Layer<Block>, bytes: u64) -> Result<Coded> {
+    fn layer_to_size(&self, layer: &Layer<Block>, bytes: u64) -> Result<CodedGaussians> {
         let most = layer.content.gaussians.len() as u64;
         let target = SizeTarget { bytes, bytes_a_gaussian: bytes_a_gaussian(Effort::Default), most };
         let (coded, ()) = target.find(|number| {
             let encoder = self.reduced(layer, number as usize)?;
-            Ok((Coded::to_size(&encoder, bytes, None, || self.progress.check())?, ()))
+            Ok((CodedGaussians::to_size(&encoder, bytes, None, || self.progress.check())?, ()))
         })?;
         Ok(coded)
     }
 
-    fn file(self, coded: Vec<Coded>) -> Result<Vec<u8>> {
-        let layer = |(l, c): (Layer<Block>, Coded)| l.with(vec![c.bytes.into()]);
+    fn file(self, coded: Vec<CodedGaussians>) -> Result<Vec<u8>> {
+        let layer = |(l, c): (Layer<Block>, CodedGaussians)| l.with(vec![c.bytes.into()]);
         codec::assemble(&self.metadata, None, self.layers.into_iter().zip(coded).map(layer).collect())
     }
 }

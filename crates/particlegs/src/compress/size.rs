@@ -36,7 +36,7 @@ pub(super) fn most_gaussians(particles: u64) -> u64 {
 /// How coded Gaussians meet the size that was asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum SizeMet {
+pub enum SizeOutcome {
     /// They are at most as large, and close to it.
     #[default]
     Met,
@@ -48,7 +48,7 @@ pub enum SizeMet {
 
 /// Gaussians coded.
 #[derive(Debug)]
-pub(super) struct Coded {
+pub(super) struct CodedGaussians {
     /// The block's bytes.
     pub bytes: Vec<u8>,
     /// Gaussians.
@@ -56,17 +56,17 @@ pub(super) struct Coded {
     /// Multiple of the nominal steps.
     pub step_factor: f64,
     /// How they meet the size asked for.
-    pub size_met: SizeMet,
+    pub size_met: SizeOutcome,
     /// Bytes at the nominal steps.
     pub nominal_bytes: u64,
 }
 
-impl Coded {
+impl CodedGaussians {
     /// Gaussians at the nominal steps, whatever bytes they take.
-    pub fn at_nominal_steps(encoder: &Encoder) -> Coded {
+    pub fn at_nominal_steps(encoder: &Encoder) -> CodedGaussians {
         let bytes = encoder.encode(&Precision::BALANCED);
         let (gaussians, nominal_bytes) = (encoder.len() as u64, bytes.len() as u64);
-        Coded { bytes, gaussians, step_factor: 1.0, size_met: SizeMet::Met, nominal_bytes }
+        CodedGaussians { bytes, gaussians, step_factor: 1.0, size_met: SizeOutcome::Met, nominal_bytes }
     }
 
     /// Gaussians at the finest steps at which they have at most `size` bytes. Where a step factor is
@@ -79,7 +79,7 @@ impl Coded {
         size: u64,
         wanted: Option<f64>,
         mut check: impl FnMut() -> Result<()>,
-    ) -> Result<Coded> {
+    ) -> Result<CodedGaussians> {
         let size = size.saturating_sub(encoder.stage_bytes() as u64);
         meet_size(size, encoder.len(), wanted, |factor| {
             check()?;
@@ -110,12 +110,12 @@ impl SizeTarget {
     ///
     /// # Errors
     /// Those of `fit`.
-    pub fn find<T>(&self, mut fit: impl FnMut(u64) -> Result<(Coded, T)>) -> Result<(Coded, T)> {
+    pub fn find<T>(&self, mut fit: impl FnMut(u64) -> Result<(CodedGaussians, T)>) -> Result<(CodedGaussians, T)> {
         let mut number = self.number(self.bytes_a_gaussian);
         let mut found = fit(number)?;
         for _ in 1..FITS {
             let coded = &found.0;
-            let cheap = coded.size_met != SizeMet::TooLarge && CHEAP_STEP_FACTORS.contains(&coded.step_factor);
+            let cheap = coded.size_met != SizeOutcome::TooLarge && CHEAP_STEP_FACTORS.contains(&coded.step_factor);
             // What a Gaussian costs at the nominal steps tells the right number.
             let better = self.number(coded.nominal_bytes as f64 / coded.gaussians as f64);
             let there_are_no_more = coded.gaussians < number && better > coded.gaussians;
@@ -125,7 +125,7 @@ impl SizeTarget {
             number = better;
             found = fit(number)?;
         }
-        if found.0.size_met == SizeMet::TooLarge && number > 1 {
+        if found.0.size_met == SizeOutcome::TooLarge && number > 1 {
             found = fit(1)?;
         }
         Ok(found)
@@ -145,12 +145,12 @@ fn meet_size(
     gaussians: usize,
     wanted: Option<f64>,
     mut encode: impl FnMut(f64) -> Result<Vec<u8>>,
-) -> Result<Coded> {
+) -> Result<CodedGaussians> {
     let [mut fine, mut coarse] = Precision::FACTORS.map(f64::log2);
     let mut at = 0.0f64;
     let mut kept = (at, encode(1.0)?);
     let nominal_bytes = kept.1.len() as u64;
-    let coded = |bytes: Vec<u8>, step_factor, size_met| Coded {
+    let coded = |bytes: Vec<u8>, step_factor, size_met| CodedGaussians {
         bytes,
         gaussians: gaussians as u64,
         step_factor,
@@ -160,7 +160,7 @@ fn meet_size(
     if let Some(factor) = wanted {
         let bytes = encode(factor)?;
         if close_enough(bytes.len() as u64, target) {
-            return Ok(coded(bytes, factor, SizeMet::Met));
+            return Ok(coded(bytes, factor, SizeOutcome::Met));
         }
     }
     let mut size = nominal_bytes;
@@ -184,9 +184,9 @@ fn meet_size(
     }
     let (at, bytes) = kept;
     let size_met = match bytes.len() as u64 {
-        n if n > target => SizeMet::TooLarge,
-        n if close_enough(n, target) => SizeMet::Met,
-        _ => SizeMet::TooSmall,
+        n if n > target => SizeOutcome::TooLarge,
+        n if close_enough(n, target) => SizeOutcome::Met,
+        _ => SizeOutcome::TooSmall,
     };
     Ok(coded(bytes, at.exp2(), size_met))
 }
@@ -218,12 +218,12 @@ mod tests {
             // The search halves its way to the coarsest steps and never tries the last of them.
             prop_assume!(size(0.5 * Precision::FACTORS[1]) as u64 <= target);
             let met = meet_size(target, gaussians, None, |q| Ok(vec![0; size(q)])).unwrap();
-            prop_assert!(met.size_met != SizeMet::TooLarge);
-            prop_assert!(met.size_met == SizeMet::TooSmall || close_enough(met.bytes.len() as u64, target));
+            prop_assert!(met.size_met != SizeOutcome::TooLarge);
+            prop_assert!(met.size_met == SizeOutcome::TooSmall || close_enough(met.bytes.len() as u64, target));
             prop_assert!(met.bytes.len() as u64 <= target);
             // A precision that was found is taken again; one that is too fine is not.
             let again = meet_size(target, gaussians, Some(met.step_factor), |q| Ok(vec![0; size(q)])).unwrap();
-            prop_assert!(met.size_met == SizeMet::TooSmall || again.step_factor == met.step_factor);
+            prop_assert!(met.size_met == SizeOutcome::TooSmall || again.step_factor == met.step_factor);
             let finer = meet_size(target, gaussians, Some(0.25 * met.step_factor), |q| Ok(vec![0; size(q)])).unwrap();
             prop_assert!(finer.bytes.len() as u64 <= target);
         }
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn a_target_out_of_reach_says_so() {
         let met = |target| meet_size(target, 10, None, |q| Ok(vec![0; 500 + (10.0 / q) as usize])).unwrap().size_met;
-        assert_eq!((met(100), met(1_000_000)), (SizeMet::TooLarge, SizeMet::TooSmall));
+        assert_eq!((met(100), met(1_000_000)), (SizeOutcome::TooLarge, SizeOutcome::TooSmall));
     }
 
     /// Gaussians of so many bytes each: a first guess that is far off is mended, and where the particles
@@ -252,16 +252,16 @@ mod tests {
         };
         let mut tried = Vec::new();
         let (coded, number) = fit(8.0, u64::MAX, &mut tried);
-        assert_eq!((&tried[..], number, coded.size_met), (&[2500, 1250][..], 1250, SizeMet::Met));
+        assert_eq!((&tried[..], number, coded.size_met), (&[2500, 1250][..], 1250, SizeOutcome::Met));
         tried.clear();
         assert_eq!(fit(4.0, u64::MAX, &mut tried).1, 2500);
         assert_eq!(tried.len(), 1);
         tried.clear();
         let (coded, _) = fit(4.0, 100, &mut tried);
-        assert_eq!((tried.len(), coded.gaussians, coded.size_met), (1, 100, SizeMet::TooSmall));
+        assert_eq!((tried.len(), coded.gaussians, coded.size_met), (1, 100, SizeOutcome::TooSmall));
         let none = SizeTarget { bytes: 10, ..target };
         let numbers = none.find(|n| Ok((meet_size(10, n as usize, None, |_| Ok(vec![0; 50]))?, n))).unwrap();
-        assert_eq!((numbers.0.size_met, numbers.1), (SizeMet::TooLarge, 1));
+        assert_eq!((numbers.0.size_met, numbers.1), (SizeOutcome::TooLarge, 1));
     }
 
     /// A block of the alpha-blend law meets a size by its steps as any other.
@@ -280,8 +280,8 @@ mod tests {
         let bounds = Bounds { min: [0.0; 3], max: [10.0; 3] };
         let encoder = Encoder::new(&Block { bounds, count: 100_000, mass: 1e5, gaussians: g }).unwrap();
         for target in [5000u64, 6500, 9000] {
-            let met = Coded::to_size(&encoder, target, None, || Ok(())).unwrap();
-            assert_eq!(met.size_met, SizeMet::Met, "{target} {}", met.bytes.len());
+            let met = CodedGaussians::to_size(&encoder, target, None, || Ok(())).unwrap();
+            assert_eq!(met.size_met, SizeOutcome::Met, "{target} {}", met.bytes.len());
         }
     }
 }

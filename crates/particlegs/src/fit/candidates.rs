@@ -15,7 +15,7 @@ const MOST_LEAVES: usize = 1024;
 
 /// How far a search goes.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Reach {
+pub(crate) struct SearchReach {
     /// At most so many are found.
     pub(crate) most: usize,
     /// Largest difference of separations from the best (2 ln of the ratio of overlaps).
@@ -64,7 +64,7 @@ impl Ellipsoid {
     }
 }
 
-struct Node {
+struct OverlapNode {
     min: [f64; 3],
     max: [f64; 3],
     widest: f64,
@@ -80,7 +80,7 @@ struct Node {
 pub(crate) struct OverlapTree<'a> {
     items: &'a [Ellipsoid],
     order: Vec<u32>,
-    nodes: Vec<Node>,
+    nodes: Vec<OverlapNode>,
 }
 
 impl<'a> OverlapTree<'a> {
@@ -98,7 +98,7 @@ impl<'a> OverlapTree<'a> {
 
     fn build(&mut self, order: &mut [u32], offset: usize) -> u32 {
         let id = self.nodes.len() as u32;
-        let mut node = Node {
+        let mut node = OverlapNode {
             min: [f64::INFINITY; 3],
             max: [f64::NEG_INFINITY; 3],
             widest: 0.0,
@@ -138,14 +138,14 @@ impl<'a> OverlapTree<'a> {
     }
 
     /// The Gaussians that overlap most with `group`, as far as `reach`, best first.
-    pub(crate) fn nearest(&self, group: &Ellipsoid, reach: Reach, found: &mut Vec<(f64, u32)>) {
+    pub(crate) fn nearest(&self, group: &Ellipsoid, reach: SearchReach, found: &mut Vec<(f64, u32)>) {
         self.search(group, None, usize::MAX, reach, found);
     }
 
     /// [`Self::nearest`] to one of the Gaussians themselves, the `at`-th in the tree's order, by a look
     /// at no more than [`MOST_LEAVES`] leaves. Where so many overlap alike that no bound tells them
     /// apart (thousands at one place), those are taken that lie beside it in the tree.
-    pub(crate) fn nearest_to(&self, at: usize, reach: Reach, found: &mut Vec<(f64, u32)>) {
+    pub(crate) fn nearest_to(&self, at: usize, reach: SearchReach, found: &mut Vec<(f64, u32)>) {
         let own = &self.items[self.order[at] as usize];
         self.search(own, Some(at as u32), MOST_LEAVES, reach, found);
     }
@@ -160,7 +160,7 @@ impl<'a> OverlapTree<'a> {
         group: &Ellipsoid,
         home: Option<u32>,
         mut leaves: usize,
-        reach: Reach,
+        reach: SearchReach,
         found: &mut Vec<(f64, u32)>,
     ) {
         found.clear();
@@ -221,7 +221,7 @@ impl<'a> OverlapTree<'a> {
     }
 }
 
-impl Reach {
+impl SearchReach {
     /// The largest separation that can still be found.
     fn limit(self, found: &[(f64, u32)]) -> f64 {
         match found.first() {
@@ -262,7 +262,7 @@ mod tests {
             all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             let cut = all[0].0 + 9.0;
             let expected: Vec<_> = all.into_iter().take(12).filter(|f| f.0 <= cut).collect();
-            tree.nearest(&group, Reach { most: 12, beyond: 9.0 }, &mut found);
+            tree.nearest(&group, SearchReach { most: 12, beyond: 9.0 }, &mut found);
             assert_eq!(found, expected);
         }
     }

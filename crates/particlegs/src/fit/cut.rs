@@ -23,18 +23,18 @@ const FLUSH: usize = 2048;
 const SAMPLE: usize = 1 << 13;
 
 /// Sums over a slice: particles, place t along the axis, t^2, distance^2 from the axis.
-type Slice = [f64; 4];
+type SliceSums = [f64; 4];
 
 /// A plane between two slices.
 pub(super) struct Cut {
-    axis: Axis,
+    axis: PrincipalAxis,
     /// Particles whose place is below go to the first half. Slices are one unit wide.
     below: f32,
 }
 
 /// The principal axis, scaled so that slices are one unit wide and start at 0.
 #[derive(Clone, Copy)]
-struct Axis {
+struct PrincipalAxis {
     direction: [f32; 3],
     reference: [f32; 3],
     offset: f32,
@@ -42,8 +42,8 @@ struct Axis {
     per_unit: f32,
 }
 
-impl Axis {
-    fn principal(moments: &Moments) -> Option<Axis> {
+impl PrincipalAxis {
+    fn principal(moments: &Moments) -> Option<PrincipalAxis> {
         let (variance, direction) = principal_axis(&moments.cov);
         let per_unit = SLICES as f64 / (2.0 * SPAN * variance.sqrt());
         if variance <= 0.0 || !((per_unit * per_unit) as f32).is_finite() {
@@ -51,7 +51,7 @@ impl Axis {
         }
         let reference = moments.mean.map(|v| v as f32);
         let residue: f64 = (0..3).map(|k| (moments.mean[k] - f64::from(reference[k])) * direction[k]).sum();
-        Some(Axis {
+        Some(PrincipalAxis {
             direction: direction.map(|v| (v * per_unit) as f32),
             reference,
             offset: (0.5 * SLICES as f64 - residue * per_unit) as f32,
@@ -70,7 +70,7 @@ impl Axis {
 impl Cut {
     /// The best cut of `xyz`, or `None` where its particles are all in one place.
     pub fn best(level: Level, xyz: &[[f32; 3]], moments: &Moments, blur: Blur) -> Option<Cut> {
-        let axis = Axis::principal(moments)?;
+        let axis = PrincipalAxis::principal(moments)?;
         let stride = if xyz.len() > 2 * SAMPLE { xyz.len() / SAMPLE } else { 1 };
         let slices = fearless_simd::dispatch!(level, _simd => profile(&axis, xyz, stride));
         let unit = f64::from(axis.per_unit);
@@ -96,7 +96,7 @@ impl Cut {
             }
         };
         let (mut left, mut right) = (0, xyz.len());
-        let (mut low, mut high) = (Wrong::default(), Wrong::default());
+        let (mut low, mut high) = (MisplacedParticles::default(), MisplacedParticles::default());
         while right - left >= 2 * BLOCK {
             if low.is_empty() {
                 low.fill(self, &xyz[left..left + BLOCK], false);
@@ -125,19 +125,19 @@ impl Cut {
 }
 
 /// Places in a block whose particles belong to the other half.
-struct Wrong {
+struct MisplacedParticles {
     place: [u8; BLOCK],
     next: usize,
     end: usize,
 }
 
-impl Default for Wrong {
+impl Default for MisplacedParticles {
     fn default() -> Self {
-        Wrong { place: [0; BLOCK], next: 0, end: 0 }
+        MisplacedParticles { place: [0; BLOCK], next: 0, end: 0 }
     }
 }
 
-impl Wrong {
+impl MisplacedParticles {
     fn is_empty(&self) -> bool {
         self.next == self.end
     }
@@ -171,7 +171,7 @@ impl Wrong {
 
 /// Sums by slice of every `stride`-th particle.
 #[inline(always)]
-fn profile(axis: &Axis, xyz: &[[f32; 3]], stride: usize) -> [Slice; SLICES] {
+fn profile(axis: &PrincipalAxis, xyz: &[[f32; 3]], stride: usize) -> [SliceSums; SLICES] {
     let mut total = [[0f64; 4]; SLICES];
     let mut part = [[0f32; 4]; SLICES];
     let mut kept = 0;
@@ -202,7 +202,7 @@ fn profile(axis: &Axis, xyz: &[[f32; 3]], stride: usize) -> [Slice; SLICES] {
 
 /// Adds the first `len` particles of a block.
 #[inline(always)]
-fn add_block(axis: &Axis, xyz: &[[f32; 3]; BLOCK], len: usize, part: &mut [[f32; 4]; SLICES]) {
+fn add_block(axis: &PrincipalAxis, xyz: &[[f32; 3]; BLOCK], len: usize, part: &mut [[f32; 4]; SLICES]) {
     let mut slice = [0u8; BLOCK];
     let mut sums = [[0f32; 4]; BLOCK];
     let unit = axis.per_unit * axis.per_unit;
@@ -227,7 +227,7 @@ fn add_block(axis: &Axis, xyz: &[[f32; 3]; BLOCK], len: usize, part: &mut [[f32;
 /// Each half is a Gaussian along the axis (mean m, variance v) and across it (variance u); with
 /// the blur, <A,B> = n_A n_B N(m_A - m_B; v_A + v_B + 2 s^2) N(0; u_A + u_B + 2 s^2), constants left out.
 #[inline(always)]
-fn best_slice(slices: &[Slice; SLICES], two_s: f64) -> Option<usize> {
+fn best_slice(slices: &[SliceSums; SLICES], two_s: f64) -> Option<usize> {
     let mut running = [[0f64; SLICES]; 4];
     let mut sum = [0f64; 4];
     for (b, slice) in slices.iter().enumerate() {

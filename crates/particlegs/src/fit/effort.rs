@@ -1,7 +1,7 @@
 //! The fit of a snapshot: partition, then as much refinement as the effort asks for.
 
 use super::partition::partition;
-use super::{PartitionOptions, RefineOptions, Store, refine};
+use super::{ParticleStore, PartitionOptions, RefineOptions, refine};
 use crate::Result;
 use crate::model::{Effort, Mixture};
 use crate::particles::Particles;
@@ -46,7 +46,7 @@ pub fn fit(particles: &Particles, options: &FitOptions, progress: &dyn Progress)
 /// them that a refined fit reorders is made in the same memory each time.
 pub(crate) struct Fitter<'a> {
     particles: &'a Particles,
-    store: Option<Store>,
+    store: Option<ParticleStore>,
 }
 
 impl<'a> Fitter<'a> {
@@ -66,7 +66,7 @@ impl<'a> Fitter<'a> {
                 store.copy_again(self.particles);
                 store
             }
-            None => Store::new(self.particles),
+            None => ParticleStore::new(self.particles),
         };
         let how = PartitionOptions { pixel: options.pixel, ..PartitionOptions::default() };
         let cells = partition(store, options.gaussians, options.radius, how, progress)?;

@@ -4,8 +4,8 @@
 //! the groups that hold it as a candidate, always in the order of the groups.
 
 use super::Moments;
-use super::candidates::{Ellipsoid, OverlapTree, Reach};
-use super::em_kernel::{self, Group, SUMS, Scratch, Sums, Whitened};
+use super::candidates::{Ellipsoid, OverlapTree, SearchReach};
+use super::em_kernel::{self, CandidateSums, KernelScratch, ParticleGroup, SUMS, WhitenedGaussian};
 use super::prior::{MeanShape, Prior};
 use crate::math::Sym3;
 use crate::parallel;
@@ -16,7 +16,7 @@ use std::ops::Range;
 
 /// Gaussians under refinement, in the store's scaled coordinates.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Gaussians {
+pub(crate) struct RefinedGaussians {
     pub(crate) mean: Vec<[f64; 3]>,
     /// As measured, without the floor.
     pub(crate) cov: Vec<Sym3>,
@@ -25,7 +25,7 @@ pub(crate) struct Gaussians {
     pub(crate) mass: Vec<f64>,
 }
 
-impl Gaussians {
+impl RefinedGaussians {
     pub(crate) fn len(&self) -> usize {
         self.count.len()
     }
@@ -40,7 +40,7 @@ impl Gaussians {
 
 /// Runs of particles that lie together.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Groups {
+pub(crate) struct ParticleGroups {
     pub(crate) range: Vec<Range<usize>>,
     /// Moments of their particles, f64; the means of empty groups mean nothing.
     pub(crate) mean: Vec<[f64; 3]>,
@@ -49,16 +49,16 @@ pub(crate) struct Groups {
 
 /// Particles in the order of their groups.
 #[derive(Clone, Copy)]
-pub(crate) struct Cloud<'a> {
+pub(crate) struct GroupedParticles<'a> {
     pub(crate) xyz: &'a [[f32; 3]],
     /// One a particle, where they have weights.
     pub(crate) weight: Option<&'a [f32]>,
-    pub(crate) groups: &'a Groups,
+    pub(crate) groups: &'a ParticleGroups,
 }
 
 /// What the E and the M step regularise by; lengths are store units, squared.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Shape {
+pub(crate) struct Regularisation {
     /// Added to every variance.
     pub(crate) floor: f64,
     /// How strongly moments are taken from a Gaussian's core: a particle counts by
@@ -72,11 +72,11 @@ pub(crate) struct Shape {
     pub(crate) prior: Prior,
 }
 
-impl Groups {
+impl ParticleGroups {
     pub(crate) fn new(range: Vec<Range<usize>>, xyz: &[[f32; 3]]) -> Self {
         let parts: Vec<Moments> = parallel::map_range(range.len(), |g| Moments::of(&xyz[range[g].clone()], None));
         let (mean, cov) = parts.into_iter().map(|m| (m.mean, m.cov)).unzip();
-        Groups { range, mean, cov }
+        ParticleGroups { range, mean, cov }
     }
 }
 
@@ -94,7 +94,7 @@ pub(crate) struct Candidates {
 
 /// One exchange: `freed` went into `kept` (itself where it was dead) and became a half of `split`.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Move {
+pub(crate) struct GaussianExchange {
     pub(crate) split: u32,
     pub(crate) kept: u32,
     pub(crate) freed: u32,
@@ -112,9 +112,9 @@ impl Candidates {
     /// # Errors
     /// [`Error::Cancelled`].
     pub(crate) fn find(
-        groups: &Groups,
-        gaussians: &Gaussians,
-        reach: Reach,
+        groups: &ParticleGroups,
+        gaussians: &RefinedGaussians,
+        reach: SearchReach,
         floor: f64,
         progress: &dyn Progress,
     ) -> Result<Self> {
@@ -165,7 +165,7 @@ impl Candidates {
 
     /// The same lists after an exchange: who held a Gaussian that was merged away holds the one it
     /// went into, who held one that was split holds both halves.
-    pub(crate) fn after(&self, moves: &[Move], gaussians: usize) -> Self {
+    pub(crate) fn after(&self, moves: &[GaussianExchange], gaussians: usize) -> Self {
         let (mut into, mut half): (Vec<Option<u32>>, Vec<Option<u32>>) = (vec![None; gaussians], vec![None; gaussians]);
         for m in moves {
             into[m.freed as usize] = Some(m.kept);
@@ -190,7 +190,7 @@ impl Candidates {
     }
 
     /// The mean shape of the candidates of each group, where group j is Gaussian j's.
-    pub(crate) fn mean_shapes(&self, gaussians: &Gaussians) -> Vec<Sym3> {
+    pub(crate) fn mean_shapes(&self, gaussians: &RefinedGaussians) -> Vec<Sym3> {
         parallel::map_range(gaussians.len(), |j| {
             let mut mean = MeanShape::new();
             for &i in self.of(j).iter().take(NEIGHBOURS) {
@@ -208,7 +208,7 @@ impl Candidates {
 
 /// What one E step found.
 pub(crate) struct Expectation {
-    sums: Vec<Sums>,
+    sums: Vec<CandidateSums>,
     /// The likeliest Gaussian of each particle, where asked for.
     pub(crate) owner: Vec<u32>,
     /// Sum of natural log likelihoods (up to a constant), where asked for.
@@ -218,7 +218,7 @@ pub(crate) struct Expectation {
 
 /// What an E step is asked for besides the sums of the M step.
 #[derive(Clone, Copy, Default)]
-pub(crate) struct Wanted {
+pub(crate) struct ExpectationOptions {
     /// [`Expectation::owner`].
     pub(crate) owner: bool,
     /// [`Expectation::likelihood`].
@@ -230,11 +230,11 @@ pub(crate) struct Wanted {
 /// # Errors
 /// [`crate::Error::Cancelled`].
 pub(crate) fn expect(
-    cloud: Cloud<'_>,
+    cloud: GroupedParticles<'_>,
     candidates: &Candidates,
-    gaussians: &Gaussians,
-    shape: Shape,
-    wanted: Wanted,
+    gaussians: &RefinedGaussians,
+    shape: Regularisation,
+    wanted: ExpectationOptions,
     progress: &dyn Progress,
 ) -> Result<Expectation> {
     let groups = cloud.groups;
@@ -243,7 +243,7 @@ pub(crate) fn expect(
     let mut owner = vec![0u32; if wanted.owner { cloud.xyz.len() } else { 0 }];
     let work = split_by_groups(&mut sums, &mut owner, groups, candidates);
     let simd = progress.simd();
-    let spaces = parallel::Scratch::<(Scratch, Vec<_>)>::default();
+    let spaces = parallel::Scratch::<(KernelScratch, Vec<_>)>::default();
     let parts = parallel::try_map(work, |task| {
         progress.check()?;
         let mut total = 0.0;
@@ -260,7 +260,7 @@ pub(crate) fn expect(
                 local.clear();
                 local.extend(list.iter().map(|&j| whitened[j as usize].about(centre)));
                 let weight = cloud.weight.map(|w| &w[range.clone()]);
-                let group = Group { points: &cloud.xyz[range], weight, centre, candidates: local };
+                let group = ParticleGroup { points: &cloud.xyz[range], weight, centre, candidates: local };
                 let asked = wanted.owner.then_some(&mut named[..]);
                 total += em_kernel::expect(simd, &group, scratch, mine, asked, wanted.likelihood);
                 named.iter_mut().for_each(|n| *n = list[*n as usize]);
@@ -272,19 +272,19 @@ pub(crate) fn expect(
     Ok(Expectation { sums, owner, likelihood })
 }
 
-struct Task<'a> {
+struct GroupTask<'a> {
     groups: Range<usize>,
-    sums: &'a mut [Sums],
+    sums: &'a mut [CandidateSums],
     owner: &'a mut [u32],
 }
 
 /// Cuts the outputs at fixed runs of groups.
 fn split_by_groups<'a>(
-    mut sums: &'a mut [Sums],
+    mut sums: &'a mut [CandidateSums],
     mut owner: &'a mut [u32],
-    groups: &Groups,
+    groups: &ParticleGroups,
     candidates: &Candidates,
-) -> Vec<Task<'a>> {
+) -> Vec<GroupTask<'a>> {
     let n = groups.range.len();
     let mut tasks = Vec::with_capacity(n.div_ceil(TASK));
     for first in (0..n).step_by(TASK) {
@@ -294,7 +294,7 @@ fn split_by_groups<'a>(
         let particles = if owner.is_empty() { 0 } else { groups.range[end - 1].end - groups.range[first].start };
         let (named, rest) = owner.split_at_mut(particles);
         owner = rest;
-        tasks.push(Task { groups: first..end, sums: mine, owner: named });
+        tasks.push(GroupTask { groups: first..end, sums: mine, owner: named });
     }
     tasks
 }
@@ -308,16 +308,16 @@ struct Whitening {
 }
 
 impl Whitening {
-    fn new(g: &Gaussians, j: usize, shape: Shape) -> Self {
+    fn new(g: &RefinedGaussians, j: usize, shape: Regularisation) -> Self {
         let (rows, det) = whiten(&g.cov[j], shape.floor, 1.0);
         let (focus, _) = whiten(&g.cov[j], shape.floor + shape.blur, shape.focus);
         let level = g.count[j].max(1e-30).log2() - det.log2();
         Whitening { mean: g.mean[j], rows, focus, level: level as f32 }
     }
 
-    fn about(&self, centre: [f32; 3]) -> Whitened {
+    fn about(&self, centre: [f32; 3]) -> WhitenedGaussian {
         let mean = each_axis(|k| (self.mean[k] - f64::from(centre[k])) as f32);
-        Whitened { mean, rows: self.rows, focus: self.focus, level: self.level }
+        WhitenedGaussian { mean, rows: self.rows, focus: self.focus, level: self.level }
     }
 }
 
@@ -343,10 +343,10 @@ fn whiten(cov: &Sym3, floor: f64, share: f64) -> ([f32; 6], f64) {
 /// it against the one `expected`. One that got (nearly) nothing keeps its shape with a count of zero.
 pub(crate) fn maximise(
     expectation: &Expectation,
-    groups: &Groups,
+    groups: &ParticleGroups,
     candidates: &Candidates,
-    gaussians: &mut Gaussians,
-    shape: Shape,
+    gaussians: &mut RefinedGaussians,
+    shape: Regularisation,
     expected: &[Sym3],
 ) {
     let new = parallel::map_range(gaussians.len(), |j| {
@@ -373,7 +373,7 @@ pub(crate) fn maximise(
 const LEAST: f64 = 1e-6;
 
 /// Gaussian j's sums over all groups, about its old mean.
-fn gather(e: &Expectation, groups: &Groups, candidates: &Candidates, j: usize, about: [f64; 3]) -> [f64; SUMS] {
+fn gather(e: &Expectation, groups: &ParticleGroups, candidates: &Candidates, j: usize, about: [f64; 3]) -> [f64; SUMS] {
     let mut total = [0f64; SUMS];
     for &entry in &candidates.entry[candidates.entry_start[j]..candidates.entry_start[j + 1]] {
         let part = e.sums[entry as usize].map(f64::from);
@@ -393,7 +393,7 @@ fn gather(e: &Expectation, groups: &Groups, candidates: &Candidates, j: usize, a
 
 /// Puts right what the focus does to a covariance: with T = 1 + focus S (S + blur)^-1 a true
 /// Gaussian's focused covariance is S T^-1, so T^1/2 C T^1/2 is its own. S is the old covariance.
-fn unfocus(cov: Sym3, old: &Sym3, shape: Shape) -> Sym3 {
+fn unfocus(cov: Sym3, old: &Sym3, shape: Regularisation) -> Sym3 {
     if shape.focus == 0.0 {
         return cov;
     }
@@ -421,7 +421,11 @@ fn nonnegative(mut cov: Sym3) -> Sym3 {
 
 /// Reorders particles so that each Gaussian's own lie together: group j is Gaussian j's. Returns the
 /// new order's positions and weights.
-pub(crate) fn regroup(cloud: Cloud<'_>, owner: &[u32], gaussians: usize) -> (Vec<[f32; 3]>, Option<Vec<f32>>, Groups) {
+pub(crate) fn regroup(
+    cloud: GroupedParticles<'_>,
+    owner: &[u32],
+    gaussians: usize,
+) -> (Vec<[f32; 3]>, Option<Vec<f32>>, ParticleGroups) {
     let mut start = vec![0usize; gaussians + 1];
     for &o in owner {
         start[o as usize + 1] += 1;
@@ -440,7 +444,7 @@ pub(crate) fn regroup(cloud: Cloud<'_>, owner: &[u32], gaussians: usize) -> (Vec
             new[at] = old[i];
         }
     }
-    let groups = Groups::new((0..gaussians).map(|j| start[j]..start[j + 1]).collect(), &xyz);
+    let groups = ParticleGroups::new((0..gaussians).map(|j| start[j]..start[j + 1]).collect(), &xyz);
     (xyz, weight, groups)
 }
 
@@ -452,16 +456,16 @@ mod tests {
     use crate::progress::Silent;
     use proptest::prelude::*;
 
-    const PLAIN: Shape = Shape { floor: 1e-4, focus: 0.0, blur: 0.0, prior: Prior::NONE };
+    const PLAIN: Regularisation = Regularisation { floor: 1e-4, focus: 0.0, blur: 0.0, prior: Prior::NONE };
 
     /// Four clumps cut into eight cells along x.
-    fn problem(seed: u64) -> (Vec<[f32; 3]>, Groups, Gaussians) {
+    fn problem(seed: u64) -> (Vec<[f32; 3]>, ParticleGroups, RefinedGaussians) {
         let mut random = Random::new(seed, 5, 0);
         let mut xyz: Vec<[f32; 3]> =
             (0..400).map(|i| each_axis(|k| ((i % 4 * (k + 1)) as f64 * 0.2 + 0.1 * random.normal()) as f32)).collect();
         xyz.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let groups = Groups::new((0..8).map(|g| 50 * g..50 * g + 50).collect(), &xyz);
-        let mut gaussians = Gaussians::default();
+        let groups = ParticleGroups::new((0..8).map(|g| 50 * g..50 * g + 50).collect(), &xyz);
+        let mut gaussians = RefinedGaussians::default();
         for g in 0..8 {
             gaussians.push(groups.mean[g], groups.cov[g], 50.0, 0.0);
         }
@@ -473,9 +477,9 @@ mod tests {
         #[test]
         fn an_iteration_never_lowers_the_likelihood(seed in 0u64..1000) {
             let (xyz, groups, mut gaussians) = problem(seed);
-            let cloud = Cloud { xyz: &xyz, weight: None, groups: &groups };
-            let wanted = Wanted { likelihood: true, ..Wanted::default() };
-            let reach = Reach { most: 8, beyond: 1e9 };
+            let cloud = GroupedParticles { xyz: &xyz, weight: None, groups: &groups };
+            let wanted = ExpectationOptions { likelihood: true, ..ExpectationOptions::default() };
+            let reach = SearchReach { most: 8, beyond: 1e9 };
             let candidates = Candidates::find(&groups, &gaussians, reach, PLAIN.floor, &Silent).unwrap();
             let mut last = f64::NEG_INFINITY;
             for _ in 0..12 {
@@ -494,15 +498,15 @@ mod tests {
         let mut random = Random::new(1, 6, 0);
         let spread = [0.3, 0.1, 0.02];
         let xyz: Vec<[f32; 3]> = (0..40_000).map(|_| spread.map(|s: f64| (s * random.normal()) as f32)).collect();
-        let groups = Groups::new(std::iter::once(0..xyz.len()).collect(), &xyz);
-        let mut gaussians = Gaussians::default();
+        let groups = ParticleGroups::new(std::iter::once(0..xyz.len()).collect(), &xyz);
+        let mut gaussians = RefinedGaussians::default();
         gaussians.push(groups.mean[0], groups.cov[0], 40_000.0, 0.0);
-        let shape = Shape { floor: 1e-8, focus: 0.8, blur: 0.04 * 0.04, prior: Prior::NONE };
+        let shape = Regularisation { floor: 1e-8, focus: 0.8, blur: 0.04 * 0.04, prior: Prior::NONE };
         let candidates =
-            Candidates::find(&groups, &gaussians, Reach { most: 4, beyond: 9.0 }, shape.floor, &Silent).unwrap();
+            Candidates::find(&groups, &gaussians, SearchReach { most: 4, beyond: 9.0 }, shape.floor, &Silent).unwrap();
         for _ in 0..10 {
-            let cloud = Cloud { xyz: &xyz, weight: None, groups: &groups };
-            let e = expect(cloud, &candidates, &gaussians, shape, Wanted::default(), &Silent).unwrap();
+            let cloud = GroupedParticles { xyz: &xyz, weight: None, groups: &groups };
+            let e = expect(cloud, &candidates, &gaussians, shape, ExpectationOptions::default(), &Silent).unwrap();
             maximise(&e, &groups, &candidates, &mut gaussians, shape, &[SPHERE]);
         }
         for (k, s) in [(0, 0.3), (3, 0.1), (5, 0.02)] {

@@ -13,16 +13,16 @@ const LANES: usize = 16;
 /// Particles whose sums are kept in f32 before they go to f64.
 const RUN: usize = 512;
 
-/// Columns of [`Sums`]: responsibility, weight times responsibility, then the focused responsibility
-/// (see [`Whitened::focus`]) times 1, x, y, z, xx, xy, xz, yy, yz, zz (relative to the group's centre).
+/// Columns of [`CandidateSums`]: responsibility, weight times responsibility, then the focused responsibility
+/// (see [`WhitenedGaussian::focus`]) times 1, x, y, z, xx, xy, xz, yy, yz, zz (relative to the group's centre).
 pub(crate) const SUMS: usize = 12;
 
 /// What a group gives to one candidate.
-pub(crate) type Sums = [f32; SUMS];
+pub(crate) type CandidateSums = [f32; SUMS];
 
 /// A Gaussian as the kernel wants it: log2 of its density at x is `level - |rows (x - mean)|^2`.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Whitened {
+pub(crate) struct WhitenedGaussian {
     /// Relative to the group's centre.
     pub(crate) mean: [f32; 3],
     /// Lower triangle by rows.
@@ -46,13 +46,13 @@ const BATCH: usize = 4;
 
 /// Buffers of one thread.
 #[derive(Default)]
-pub(crate) struct Scratch {
+pub(crate) struct KernelScratch {
     share: Vec<[Lanes; BATCH]>,
     sums: Vec<[Lanes; SUMS]>,
 }
 
 /// Particles that lie together, and the Gaussians that they may belong to.
-pub(crate) struct Group<'a> {
+pub(crate) struct ParticleGroup<'a> {
     /// Where the particles are.
     pub(crate) points: &'a [[f32; 3]],
     /// One a particle, where they have weights.
@@ -60,7 +60,7 @@ pub(crate) struct Group<'a> {
     /// What the sums and the candidates' means are relative to.
     pub(crate) centre: [f32; 3],
     /// The Gaussians, best first.
-    pub(crate) candidates: &'a [Whitened],
+    pub(crate) candidates: &'a [WhitenedGaussian],
 }
 
 /// The E step of one group: adds each particle's responsibilities for the candidates into `sums`
@@ -68,9 +68,9 @@ pub(crate) struct Group<'a> {
 /// Returns the sum of log2 likelihoods where `likelihood` is set, else 0.
 pub(crate) fn expect(
     level: Level,
-    group: &Group<'_>,
-    scratch: &mut Scratch,
-    sums: &mut [Sums],
+    group: &ParticleGroup<'_>,
+    scratch: &mut KernelScratch,
+    sums: &mut [CandidateSums],
     owner: Option<&mut [u32]>,
     likelihood: bool,
 ) -> f64 {
@@ -81,13 +81,13 @@ pub(crate) fn expect(
 #[inline(always)]
 fn kernel<S: Simd>(
     simd: S,
-    group: &Group<'_>,
-    scratch: &mut Scratch,
-    sums: &mut [Sums],
+    group: &ParticleGroup<'_>,
+    scratch: &mut KernelScratch,
+    sums: &mut [CandidateSums],
     owner: &mut [u32],
     likelihood: bool,
 ) -> f64 {
-    let &Group { points, weight, centre, candidates } = group;
+    let &ParticleGroup { points, weight, centre, candidates } = group;
     let k = candidates.len();
     scratch.share.resize(k, [ZERO; BATCH]);
     let mut total = vec![[0f64; SUMS]; if points.len() > RUN { k } else { 0 }];
@@ -99,13 +99,13 @@ fn kernel<S: Simd>(
         for start in (first..end).step_by(BATCH * LANES) {
             let stop = end.min(start + BATCH * LANES);
             let owner = if owner.is_empty() { &mut [] } else { &mut owner[start..stop] };
-            let batch = Batch::new(&points[start..stop], weight.map(|w| &w[start..stop]), centre);
+            let batch = ParticleBatch::new(&points[start..stop], weight.map(|w| &w[start..stop]), centre);
             let share = &mut scratch.share[..k];
             let invert = responsibilities(simd, &batch, candidates, share, owner, log_likelihood.as_mut());
             add_moments(simd, &batch, &invert, candidates, share, &mut scratch.sums[..k]);
         }
         for (c, lanes) in scratch.sums.iter().enumerate() {
-            let part: Sums = std::array::from_fn(|q| across(&lanes[q]));
+            let part: CandidateSums = std::array::from_fn(|q| across(&lanes[q]));
             if total.is_empty() {
                 sums[c] = part;
             } else {
@@ -131,18 +131,22 @@ fn across(lanes: &Lanes) -> f32 {
 }
 
 /// Particles side by side; places beyond `n` are empty.
-struct Batch {
+struct ParticleBatch {
     n: usize,
     position: [[Lanes; 3]; BATCH],
     present: [Lanes; BATCH],
     mass: [Lanes; BATCH],
 }
 
-impl Batch {
+impl ParticleBatch {
     #[inline(always)]
     fn new(points: &[[f32; 3]], weight: Option<&[f32]>, centre: [f32; 3]) -> Self {
-        let mut b =
-            Batch { n: points.len(), position: [[ZERO; 3]; BATCH], present: [ZERO; BATCH], mass: [ZERO; BATCH] };
+        let mut b = ParticleBatch {
+            n: points.len(),
+            position: [[ZERO; 3]; BATCH],
+            present: [ZERO; BATCH],
+            mass: [ZERO; BATCH],
+        };
         for (i, p) in points.iter().enumerate() {
             let (v, lane) = (i / LANES, i % LANES);
             for axis in 0..3 {
@@ -172,8 +176,8 @@ impl Batch {
 #[inline(always)]
 fn responsibilities<S: Simd>(
     simd: S,
-    batch: &Batch,
-    candidates: &[Whitened],
+    batch: &ParticleBatch,
+    candidates: &[WhitenedGaussian],
     share: &mut [[Lanes; BATCH]],
     owner: &mut [u32],
     mut log_likelihood: Option<&mut f64>,
@@ -210,9 +214,9 @@ fn responsibilities<S: Simd>(
 #[inline(always)]
 fn add_moments<S: Simd>(
     simd: S,
-    batch: &Batch,
+    batch: &ParticleBatch,
     invert: &[Lanes; BATCH],
-    candidates: &[Whitened],
+    candidates: &[WhitenedGaussian],
     share: &[[Lanes; BATCH]],
     sums: &mut [[Lanes; SUMS]],
 ) {
@@ -265,7 +269,12 @@ mod tests {
     use crate::math::Random;
 
     /// The E step as a reader would write it, f64.
-    fn plain(points: &[[f32; 3]], weight: &[f32], centre: [f32; 3], candidates: &[Whitened]) -> Vec<[f64; SUMS]> {
+    fn plain(
+        points: &[[f32; 3]],
+        weight: &[f32],
+        centre: [f32; 3],
+        candidates: &[WhitenedGaussian],
+    ) -> Vec<[f64; SUMS]> {
         let mut sums = vec![[0f64; SUMS]; candidates.len()];
         for (p, &mass) in points.iter().zip(weight) {
             let d: [f64; 3] = each_axis(|k| f64::from(p[k]) - f64::from(centre[k]));
@@ -275,7 +284,7 @@ mod tests {
                 let w = [r[0] * v[0], r[1] * v[0] + r[2] * v[1], r[3] * v[0] + r[4] * v[1] + r[5] * v[2]];
                 w.iter().map(|x| x * x).sum::<f64>()
             };
-            let density = |c: &Whitened| (f64::from(c.level) - squared(c.rows, c.mean)).exp2();
+            let density = |c: &WhitenedGaussian| (f64::from(c.level) - squared(c.rows, c.mean)).exp2();
             let norm: f64 = candidates.iter().map(density).sum();
             for (s, c) in sums.iter_mut().zip(candidates) {
                 let r = density(c) / norm;
@@ -292,7 +301,7 @@ mod tests {
         sums
     }
 
-    fn case(n: usize, k: usize) -> (Vec<[f32; 3]>, Vec<f32>, Vec<Whitened>) {
+    fn case(n: usize, k: usize) -> (Vec<[f32; 3]>, Vec<f32>, Vec<WhitenedGaussian>) {
         let mut random = Random::new(n as u64, 1, k as u64);
         let mut f = || random.normal() as f32;
         let points = (0..n).map(|_| [f(), f(), f()]).collect();
@@ -301,7 +310,7 @@ mod tests {
         let pairs: Vec<_> = (0..k).map(|_| (rows(), rows())).collect();
         let candidates = pairs
             .into_iter()
-            .map(|(rows, focus)| Whitened { mean: [f(), f(), f()], rows, focus, level: 3.0 * f() })
+            .map(|(rows, focus)| WhitenedGaussian { mean: [f(), f(), f()], rows, focus, level: 3.0 * f() })
             .collect();
         (points, weight, candidates)
     }
@@ -314,8 +323,8 @@ mod tests {
             let run = |level| {
                 let mut sums = vec![[0f32; SUMS]; k];
                 let mut owner = vec![0; n];
-                let mut scratch = Scratch::default();
-                let group = Group { points: &points, weight: Some(&weight), centre, candidates: &candidates };
+                let mut scratch = KernelScratch::default();
+                let group = ParticleGroup { points: &points, weight: Some(&weight), centre, candidates: &candidates };
                 let l = expect(level, &group, &mut scratch, &mut sums, Some(&mut owner), true);
                 (sums, owner, l)
             };

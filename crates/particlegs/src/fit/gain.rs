@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 
 /// A Gaussian as projections see it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Blob {
+pub(crate) struct PictureGaussian {
     /// Particles.
     pub count: f64,
     /// Mean.
@@ -19,22 +19,22 @@ pub(crate) struct Blob {
     pub cov: Sym3,
 }
 
-impl Blob {
+impl PictureGaussian {
     /// One blob with the moments of both.
-    pub fn union(&self, other: &Blob) -> Blob {
+    pub fn union(&self, other: &PictureGaussian) -> PictureGaussian {
         let (a, b) = (self, other);
         let count = a.count + b.count;
         let (p, q) = (a.count / count, b.count / count);
         let mean = each_axis(|k| p * a.mean[k] + q * b.mean[k]);
         let d: [f64; 3] = each_axis(|k| a.mean[k] - b.mean[k]);
         let cov = a.cov.scale(p).add(&b.cov.scale(q)).add(&Sym3::outer(d).scale(p * q));
-        Blob { count, mean, cov }
+        PictureGaussian { count, mean, cov }
     }
 }
 
-impl From<&Moments> for Blob {
-    fn from(m: &Moments) -> Blob {
-        Blob { count: m.count as f64, mean: m.mean, cov: m.cov }
+impl From<&Moments> for PictureGaussian {
+    fn from(m: &Moments) -> PictureGaussian {
+        PictureGaussian { count: m.count as f64, mean: m.mean, cov: m.cov }
     }
 }
 
@@ -61,13 +61,13 @@ impl Blur {
 
     /// Sum over the three axis planes of ||P(whole) - P(a) - P(b)||^2, where P projects along an axis
     /// and blurs. Products are closed: <A,B> = n_A n_B N2(mu_A - mu_B; S_A + S_B + 2 s^2 I).
-    pub fn difference(self, whole: &Blob, a: &Blob, b: &Blob) -> f64 {
+    pub fn difference(self, whole: &PictureGaussian, a: &PictureGaussian, b: &PictureGaussian) -> f64 {
         let same = self.product(whole, whole) + self.product(a, a) + self.product(b, b);
         same + 2.0 * (self.product(a, b) - self.product(whole, a) - self.product(whole, b))
     }
 
     /// Sum over the axis planes of the product of two blurred projections.
-    fn product(self, a: &Blob, b: &Blob) -> f64 {
+    fn product(self, a: &PictureGaussian, b: &PictureGaussian) -> f64 {
         let both = 2.0 * self.variance;
         let mut sum = 0.0;
         for ([u, v], [uu, uv, vv]) in PLANES {
@@ -85,14 +85,15 @@ impl Blur {
 mod tests {
     use super::*;
 
-    fn gaussian(count: f64, x: f64) -> Blob {
-        Blob { count, mean: [x, 0.0, 0.0], cov: Sym3::scaled_identity(0.01) }
+    fn gaussian(count: f64, x: f64) -> PictureGaussian {
+        PictureGaussian { count, mean: [x, 0.0, 0.0], cov: Sym3::scaled_identity(0.01) }
     }
 
     #[test]
     fn equal_halves_gain_nothing_and_distant_ones_much() {
         let (a, b) = (gaussian(10.0, 0.0), gaussian(30.0, 0.0));
-        let under = |variance, a: &Blob, b: &Blob| Blur { variance }.difference(&a.union(b), a, b);
+        let under =
+            |variance, a: &PictureGaussian, b: &PictureGaussian| Blur { variance }.difference(&a.union(b), a, b);
         assert!(under(0.01, &a, &b).abs() < 1e-9);
         let b = gaussian(30.0, 1.0);
         let (far, softer) = (under(0.01, &a, &b), under(0.1, &a, &b));

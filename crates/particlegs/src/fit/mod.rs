@@ -1,6 +1,6 @@
 //! Floor 3: particles to mixture, without gradients.
 //!
-//! A `Store` is the snapshot copied once, free to be reordered. `partition` cuts it into cells
+//! A `ParticleStore` is the snapshot copied once, free to be reordered. `partition` cuts it into cells
 //! whose particles lie side by side, best cut first, and sums each cell's `Moments`: one
 //! Gaussian a cell. The geometry counts particles, as ParaView draws them; masses are carried
 //! along. `refine` softens the cells by truncated EM and moves Gaussians from where they are not
@@ -38,4 +38,4 @@ pub(crate) use moments::Moments;
 use partition::{Partition, PartitionOptions};
 use refine::{RefineOptions, refine};
 pub(crate) use simplify::{SimplifyOptions, simplify};
-pub(crate) use store::Store;
+pub(crate) use store::ParticleStore;

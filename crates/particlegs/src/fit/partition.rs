@@ -6,9 +6,9 @@
 //! best cuts are chosen: one that is not chosen has only reordered its cell.
 
 use super::cut::Cut;
-use super::gain::{Blob, Blur, picture_sigma};
-use super::select::{Made, best_cuts};
-use super::{Moments, Store};
+use super::gain::{Blur, PictureGaussian, picture_sigma};
+use super::select::{CutRecord, best_cuts};
+use super::{Moments, ParticleStore};
 use crate::parallel;
 use crate::progress::Progress;
 use crate::{Error, Result};
@@ -37,7 +37,7 @@ impl Default for PartitionOptions {
 #[derive(Clone, Debug)]
 pub(crate) struct Partition {
     /// The particles, reordered.
-    pub store: Store,
+    pub store: ParticleStore,
     /// Each cell's particles, in the store's order: together they are the whole store.
     pub cells: Vec<Range<usize>>,
     /// Each cell's moments, store units.
@@ -51,7 +51,7 @@ const SPARE: f64 = 1.3;
 
 /// A cell that is cut already, but whose halves are not examined yet.
 #[derive(Clone, Copy)]
-struct Pending {
+struct PendingCell {
     start: usize,
     mid: usize,
     end: usize,
@@ -65,7 +65,7 @@ struct Pending {
 /// [`Error::Argument`] for no particles, no Gaussians, or a radius that is not positive;
 /// [`Error::Cancelled`].
 pub(super) fn partition(
-    mut store: Store,
+    mut store: ParticleStore,
     gaussians: usize,
     radius: f64,
     options: PartitionOptions,
@@ -84,7 +84,7 @@ pub(super) fn partition(
     }
     progress.check()?;
     let s = (picture_sigma(options.blur_radii * radius, options.pixel) * store.scale).clamp(1e-9, 1e9);
-    let grower = Grower { blur: Blur::of_sigma(s), progress };
+    let grower = PartitionBuilder { blur: Blur::of_sigma(s), progress };
     let bounds = grower.grow(&mut store, gaussians)?;
     let cells: Vec<Range<usize>> = bounds.windows(2).map(|w| w[0]..w[1]).collect();
     let moments_of =
@@ -93,7 +93,7 @@ pub(super) fn partition(
     Ok(Partition { store, cells, moments })
 }
 
-struct Grower<'a> {
+struct PartitionBuilder<'a> {
     blur: Blur,
     progress: &'a dyn Progress,
 }
@@ -101,8 +101,8 @@ struct Grower<'a> {
 /// What a branch has done.
 #[derive(Default)]
 struct Branch {
-    made: Vec<Made>,
-    pending: Vec<Pending>,
+    made: Vec<CutRecord>,
+    pending: Vec<PendingCell>,
 }
 
 impl Branch {
@@ -113,14 +113,14 @@ impl Branch {
 }
 
 /// A cell's particles.
-struct Cell<'a> {
+struct ParticleCell<'a> {
     start: usize,
     xyz: &'a mut [[f32; 3]],
     weight: Option<&'a mut [f32]>,
 }
 
-impl<'a> Cell<'a> {
-    fn halves(self, mid: usize) -> [Cell<'a>; 2] {
+impl<'a> ParticleCell<'a> {
+    fn halves(self, mid: usize) -> [ParticleCell<'a>; 2] {
         let at = mid - self.start;
         let (a, b) = self.xyz.split_at_mut(at);
         let (wa, wb) = match self.weight {
@@ -130,18 +130,18 @@ impl<'a> Cell<'a> {
             }
             None => (None, None),
         };
-        [Cell { start: self.start, xyz: a, weight: wa }, Cell { start: mid, xyz: b, weight: wb }]
+        [ParticleCell { start: self.start, xyz: a, weight: wa }, ParticleCell { start: mid, xyz: b, weight: wb }]
     }
 }
 
-impl Grower<'_> {
+impl PartitionBuilder<'_> {
     /// Cell boundaries, ascending, first 0 and last N.
-    fn grow(&self, store: &mut Store, gaussians: usize) -> Result<Vec<usize>> {
+    fn grow(&self, store: &mut ParticleStore, gaussians: usize) -> Result<Vec<usize>> {
         let n = store.len();
         let enough = (gaussians as f64 * SPARE).ceil() as usize;
         self.progress.begin("partitioning", enough as u64);
         let whole = Moments::quick(self.progress.simd(), &store.xyz);
-        let root = Cell { start: 0, xyz: &mut store.xyz, weight: store.weight.as_deref_mut() };
+        let root = ParticleCell { start: 0, xyz: &mut store.xyz, weight: store.weight.as_deref_mut() };
         let mut all = Branch::default();
         self.examine(root, whole, f64::INFINITY, &mut all)?;
         let mut threshold = Threshold::new();
@@ -164,7 +164,7 @@ impl Grower<'_> {
     }
 
     /// Cuts the pending cells down to `threshold`, in the order of the store.
-    fn round(&self, store: &mut Store, mut go: Vec<Pending>, threshold: f64) -> Vec<Result<Branch>> {
+    fn round(&self, store: &mut ParticleStore, mut go: Vec<PendingCell>, threshold: f64) -> Vec<Result<Branch>> {
         go.sort_unstable_by_key(|p| p.start);
         let mut cells = Vec::with_capacity(go.len());
         let (mut xyz, mut weight) = (&mut store.xyz[..], store.weight.as_deref_mut());
@@ -177,13 +177,13 @@ impl Grower<'_> {
             let (w_here, w_rest) = w.unzip();
             weight = w_rest;
             at = p.end;
-            let cell = Cell { start: p.start, xyz: here.0, weight: w_here };
+            let cell = ParticleCell { start: p.start, xyz: here.0, weight: w_here };
             cells.push((cell, p));
         }
         parallel::map(cells, |(cell, p)| {
             let mut out = Branch::default();
             self.progress.check()?;
-            out.made.push(Made { start: p.start, mid: p.mid, end: p.end, gain: p.gain });
+            out.made.push(CutRecord { start: p.start, mid: p.mid, end: p.end, gain: p.gain });
             for half in cell.halves(p.mid) {
                 let moments = Moments::quick(self.progress.simd(), half.xyz);
                 self.examine(half, moments, threshold, &mut out)?;
@@ -193,21 +193,21 @@ impl Grower<'_> {
     }
 
     /// Cuts a cell, and its halves in turn while cuts gain at least `threshold`.
-    fn examine(&self, cell: Cell<'_>, moments: Moments, threshold: f64, out: &mut Branch) -> Result<()> {
+    fn examine(&self, cell: ParticleCell<'_>, moments: Moments, threshold: f64, out: &mut Branch) -> Result<()> {
         let mut cell = cell;
         let simd = self.progress.simd();
         let Some(cut) = Cut::best(simd, cell.xyz, &moments, self.blur) else { return Ok(()) };
         let len = cut.apply(simd, cell.xyz, cell.weight.as_deref_mut());
         let a = Moments::quick(simd, &cell.xyz[..len]);
         let b = Moments::quick(simd, &cell.xyz[len..]);
-        let [whole, first, second] = [&moments, &a, &b].map(Blob::from);
+        let [whole, first, second] = [&moments, &a, &b].map(PictureGaussian::from);
         let gain = self.blur.difference(&whole, &first, &second).max(f64::MIN_POSITIVE);
         let (start, mid, end) = (cell.start, cell.start + len, cell.start + cell.xyz.len());
         if gain < threshold {
-            out.pending.push(Pending { start, mid, end, gain });
+            out.pending.push(PendingCell { start, mid, end, gain });
             return Ok(());
         }
-        out.made.push(Made { start, mid, end, gain });
+        out.made.push(CutRecord { start, mid, end, gain });
         let large = cell.xyz.len() > PARALLEL;
         let [first, second] = cell.halves(mid);
         if !large {

@@ -1,7 +1,7 @@
 //! The partition: nothing lost, any input, any number of threads.
 
 use crate::fit::partition::partition;
-use crate::fit::{Moments, Partition, PartitionOptions, Store};
+use crate::fit::{Moments, ParticleStore, Partition, PartitionOptions};
 use crate::math::Random;
 use crate::model::{Columns, Law, MASS, Mixture};
 use crate::particles::{Column, Particles};
@@ -35,7 +35,7 @@ fn cut(p: &Particles, gaussians: usize) -> Partition {
 
 fn cut_with(p: &Particles, gaussians: usize, progress: &dyn Progress) -> Partition {
     let radius = p.bounds().default_radius(p.len() as u64);
-    partition(Store::new(p), gaussians, radius, PartitionOptions::default(), progress).unwrap()
+    partition(ParticleStore::new(p), gaussians, radius, PartitionOptions::default(), progress).unwrap()
 }
 
 /// Cells tile the store, the store is a permutation of the particles, sums are kept.
@@ -152,9 +152,9 @@ fn threads_do_not_matter() {
 fn nonsense_is_refused() {
     let p = cloud(5, 10, 1.0, [false; 3]);
     for radius in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(partition(Store::new(&p), 3, radius, PartitionOptions::default(), &Silent).is_err());
+        assert!(partition(ParticleStore::new(&p), 3, radius, PartitionOptions::default(), &Silent).is_err());
     }
-    assert!(partition(Store::new(&p), 0, 1.0, PartitionOptions::default(), &Silent).is_err());
+    assert!(partition(ParticleStore::new(&p), 0, 1.0, PartitionOptions::default(), &Silent).is_err());
 }
 
 proptest! {

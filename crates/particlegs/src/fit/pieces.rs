@@ -1,23 +1,23 @@
 //! Gaussians as bytes: a finished piece of a fit.
 
-use super::em::Gaussians;
+use super::em::RefinedGaussians;
 use crate::math::Sym3;
 
 /// Numbers of a Gaussian.
 const WIDTH: usize = 11;
 
 /// Gaussians as bytes: mean, covariance, count, mass of each, f64, little-endian.
-pub(super) fn to_bytes(g: &Gaussians) -> Vec<u8> {
+pub(super) fn to_bytes(g: &RefinedGaussians) -> Vec<u8> {
     let one = |j: usize| g.mean[j].into_iter().chain(g.cov[j].0).chain([g.count[j], g.mass[j]]);
     (0..g.len()).flat_map(one).flat_map(f64::to_le_bytes).collect()
 }
 
 /// Gaussians of bytes; `None` where they are none.
-pub(super) fn of_bytes(bytes: &[u8]) -> Option<Gaussians> {
+pub(super) fn of_bytes(bytes: &[u8]) -> Option<RefinedGaussians> {
     if !bytes.len().is_multiple_of(8 * WIDTH) {
         return None;
     }
-    let mut g = Gaussians::default();
+    let mut g = RefinedGaussians::default();
     for one in bytes.chunks_exact(8 * WIDTH) {
         let v: [f64; WIDTH] = std::array::from_fn(|i| f64::from_le_bytes(std::array::from_fn(|b| one[8 * i + b])));
         let cov = Sym3([v[3], v[4], v[5], v[6], v[7], v[8]]);
@@ -32,7 +32,7 @@ mod tests {
 
     #[test]
     fn gaussians_come_back() {
-        let mut g = Gaussians::default();
+        let mut g = RefinedGaussians::default();
         let cov = Sym3([1.0, 2.0, 3.0, 0.1, -0.2, f64::MIN_POSITIVE]);
         g.push([0.1, -2.0, 1e300], cov, 7.0, 0.5);
         g.push([0.0; 3], cov, 1.0, 1.0);

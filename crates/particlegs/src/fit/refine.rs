@@ -6,13 +6,16 @@
 //! of each cell's particles where there are more than the Gaussians need; the last iterations see
 //! every particle.
 
-use super::candidates::Reach;
-use super::em::{Candidates, Cloud, Gaussians, Groups, Shape, Wanted, expect, maximise, regroup};
+use super::candidates::SearchReach;
+use super::em::{
+    Candidates, ExpectationOptions, GroupedParticles, ParticleGroups, RefinedGaussians, Regularisation, expect,
+    maximise, regroup,
+};
 use super::gain::{Blur, picture_sigma};
 use super::prior::{MeanShape, Prior};
-use super::shade::Shade;
+use super::shade::TransmittanceMaps;
 use super::split_merge::{MoveOptions, exchange};
-use super::{Moments, Partition, Store, pieces as kept};
+use super::{Moments, ParticleStore, Partition, pieces as kept};
 use crate::math::{Purpose, Random, Sym3};
 use crate::model::Mixture;
 use crate::parallel;
@@ -61,7 +64,7 @@ const LAST_MOVE_BLUR_RADII: f64 = 5.0;
 /// Pixels of refinement's blurs, in those of the nearest pictures: the far orbit's. Where pixels are wider than splats
 /// (33.6 million particles in 1080 lines) 1 loses 0.02 dB far and mid, and gains nothing near.
 const PIXELS: f64 = 2.0;
-/// See [`Shape::focus`]. On nbody64 at ratio 300, focus 0, 0.6 and 1 (of Gaussians wider than 5 radii) give 4.362, 4.393,
+/// See [`Regularisation::focus`]. On nbody64 at ratio 300, focus 0, 0.6 and 1 (of Gaussians wider than 5 radii) give 4.362, 4.393,
 /// 4.374 bits a held-out particle on its halves, 22.93, 23.17, 22.88 dB at large radii and 32.13, 32.24, 32.22 dB at the
 /// default one: all of it swells P(k) by 1 %, none of it loses halo cores (mass 0.59 of the truth's, 0.83 with 1). From
 /// 3 radii on it keeps cores (0.90 with 0.6) and costs 0.01 bits and 0.1 dB at large radii. 0.75 gains 0.01 dB at the default
@@ -90,7 +93,7 @@ pub(crate) fn refine(
         return Err(Error::argument(format!("radius {radius} and sample {} must be positive", options.sample)));
     }
     let scaled = (radius * partition.store.scale).clamp(1e-9, 1e9);
-    let shade = (options.rounds > 0).then(|| Shade::new(&partition.store.xyz, scaled));
+    let shade = (options.rounds > 0).then(|| TransmittanceMaps::new(&partition.store.xyz, scaled));
     let pixel = PIXELS * options.pixel * partition.store.scale;
     let refiner = Refiner { shade: shade.as_ref(), partition, radius: scaled, pixel, options, progress };
     let blocks = refiner.blocks();
@@ -115,7 +118,7 @@ pub(crate) fn refine(
 
 struct Refiner<'a> {
     /// Where there are rounds.
-    shade: Option<&'a Shade>,
+    shade: Option<&'a TransmittanceMaps>,
     partition: &'a Partition,
     /// Store units.
     radius: f64,
@@ -143,13 +146,13 @@ impl Refiner<'_> {
         (wanted / self.partition.store.len().max(1) as f64).min(1.0)
     }
 
-    fn shape(&self) -> Shape {
+    fn shape(&self) -> Regularisation {
         let prior = Prior { thin: self.options.thin, ..Prior::REFINED };
         let blur = Blur::of_sigma(picture_sigma(FOCUS_BLUR_RADII * self.radius, self.pixel));
-        Shape { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur.variance, prior }
+        Regularisation { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur.variance, prior }
     }
 
-    fn block(&self, cells: Range<usize>) -> Result<Gaussians> {
+    fn block(&self, cells: Range<usize>) -> Result<RefinedGaussians> {
         let store = &self.partition.store;
         let first = self.partition.cells[cells.start].start;
         let span = first..self.partition.cells[cells.end - 1].end;
@@ -157,13 +160,13 @@ impl Refiner<'_> {
         let ranges = groups.map(|c| c[0].start - first..c[c.len() - 1].end - first).collect();
         let moments = &self.partition.moments[cells];
         let mut gaussians = start(moments);
-        let groups = Groups::new(ranges, &store.xyz[span.clone()]);
+        let groups = ParticleGroups::new(ranges, &store.xyz[span.clone()]);
         let weight = store.weight.as_ref().map(|w| &w[span.clone()]);
-        let whole = Cloud { xyz: &store.xyz[span], weight, groups: &groups };
+        let whole = GroupedParticles { xyz: &store.xyz[span], weight, groups: &groups };
         let rate = self.rate();
         if rate < 1.0 {
             let (xyz, weight, sampled) = sample(whole, rate, self.options.seed);
-            let cloud = Cloud { xyz: &xyz, weight: weight.as_deref(), groups: &sampled };
+            let cloud = GroupedParticles { xyz: &xyz, weight: weight.as_deref(), groups: &sampled };
             scale_counts(&mut gaussians, rate);
             let expected = self.rounds(cloud, &mut gaussians)?;
             scale_counts(&mut gaussians, 1.0 / rate);
@@ -179,22 +182,22 @@ impl Refiner<'_> {
         Ok(gaussians)
     }
 
-    fn candidates(&self, groups: &Groups, gaussians: &Gaussians) -> Result<Candidates> {
-        Candidates::find(groups, gaussians, Reach { most: 24, beyond: 14.0 }, self.shape().floor, self.progress)
+    fn candidates(&self, groups: &ParticleGroups, gaussians: &RefinedGaussians) -> Result<Candidates> {
+        Candidates::find(groups, gaussians, SearchReach { most: 24, beyond: 14.0 }, self.shape().floor, self.progress)
     }
 
     /// EM with fixed candidates and expected shapes; whose each particle is.
     fn iterate(
         &self,
-        cloud: Cloud<'_>,
+        cloud: GroupedParticles<'_>,
         candidates: &Candidates,
-        gaussians: &mut Gaussians,
+        gaussians: &mut RefinedGaussians,
         expected: &[Sym3],
         iterations: usize,
     ) -> Result<Vec<u32>> {
         let mut owner = Vec::new();
         for i in 0..iterations {
-            let wanted = Wanted { owner: i + 1 == iterations, ..Wanted::default() };
+            let wanted = ExpectationOptions { owner: i + 1 == iterations, ..ExpectationOptions::default() };
             let e = expect(cloud, candidates, gaussians, self.shape(), wanted, self.progress)?;
             maximise(&e, cloud.groups, candidates, gaussians, self.shape(), expected);
             owner = e.owner;
@@ -203,7 +206,7 @@ impl Refiner<'_> {
     }
 
     /// EM and rounds of split and merge; returns the shape that was expected of each Gaussian last.
-    fn rounds(&self, cloud: Cloud<'_>, gaussians: &mut Gaussians) -> Result<Vec<Sym3>> {
+    fn rounds(&self, cloud: GroupedParticles<'_>, gaussians: &mut RefinedGaussians) -> Result<Vec<Sym3>> {
         let options = self.options;
         let moves = |radii: f64| MoveOptions {
             blur: Blur::of_sigma(picture_sigma(radii * self.radius, self.pixel)),
@@ -223,7 +226,7 @@ impl Refiner<'_> {
             let last = round == options.rounds;
             self.progress.check()?;
             (xyz, weight, groups) = regroup(cloud, &owner, gaussians.len());
-            cloud = Cloud { xyz: &xyz, weight: weight.as_deref(), groups: &groups };
+            cloud = GroupedParticles { xyz: &xyz, weight: weight.as_deref(), groups: &groups };
             let candidates = self.candidates(&groups, gaussians)?;
             expected = candidates.mean_shapes(gaussians);
             let moves = moves(if last { LAST_MOVE_BLUR_RADII } else { MOVE_BLUR_RADII });
@@ -239,7 +242,7 @@ impl Refiner<'_> {
 }
 
 /// The mean shape of each cell's neighbours in the order of the cuts.
-fn beside(cells: &Gaussians) -> Vec<Sym3> {
+fn beside(cells: &RefinedGaussians) -> Vec<Sym3> {
     /// On either side.
     const CELLS: usize = 4;
     parallel::map_range(cells.len(), |i| {
@@ -252,8 +255,8 @@ fn beside(cells: &Gaussians) -> Vec<Sym3> {
 }
 
 /// The cells as Gaussians.
-fn start(moments: &[Moments]) -> Gaussians {
-    let mut gaussians = Gaussians::default();
+fn start(moments: &[Moments]) -> RefinedGaussians {
+    let mut gaussians = RefinedGaussians::default();
     for m in moments {
         gaussians.push(m.mean, m.cov, m.count as f64, m.mass);
     }
@@ -262,7 +265,7 @@ fn start(moments: &[Moments]) -> Gaussians {
 
 /// Every 1/rate-th particle of the store's order, in which neighbours stand together: each cell
 /// keeps its share. The seed shifts which.
-fn sample(cloud: Cloud<'_>, rate: f64, seed: u64) -> (Vec<[f32; 3]>, Option<Vec<f32>>, Groups) {
+fn sample(cloud: GroupedParticles<'_>, rate: f64, seed: u64) -> (Vec<[f32; 3]>, Option<Vec<f32>>, ParticleGroups) {
     let shift = Random::of(Purpose::RefinementSample, seed, 0).uniform();
     let keep = |i: usize| ((i + 1) as f64 * rate + shift).floor() > (i as f64 * rate + shift).floor();
     let mut xyz = Vec::with_capacity((cloud.xyz.len() as f64 * rate) as usize + 1);
@@ -280,11 +283,11 @@ fn sample(cloud: Cloud<'_>, rate: f64, seed: u64) -> (Vec<[f32; 3]>, Option<Vec<
         }
         ranges.push(from..xyz.len());
     }
-    let groups = Groups::new(ranges, &xyz);
+    let groups = ParticleGroups::new(ranges, &xyz);
     (xyz, weight, groups)
 }
 
-fn scale_counts(gaussians: &mut Gaussians, by: f64) {
+fn scale_counts(gaussians: &mut RefinedGaussians, by: f64) {
     gaussians.count.iter_mut().chain(&mut gaussians.mass).for_each(|v| *v *= by);
 }
 
@@ -292,7 +295,7 @@ fn scale_counts(gaussians: &mut Gaussians, by: f64) {
 const LEAST_PARTICLES: f64 = 0.5;
 
 /// Makes counts and masses sum to the particles': responsibilities are rounded, and Gaussians of next to none go.
-fn conserve(gaussians: &mut Gaussians, moments: &[Moments], weighted: bool) {
+fn conserve(gaussians: &mut RefinedGaussians, moments: &[Moments], weighted: bool) {
     for j in 0..gaussians.len() {
         if gaussians.count[j] < LEAST_PARTICLES {
             (gaussians.count[j], gaussians.mass[j]) = (0.0, 0.0);
@@ -326,7 +329,7 @@ fn sound(cov: &Sym3) -> Sym3 {
 }
 
 /// Adds a block's living Gaussians in world units.
-fn append(mixture: &mut Mixture, gaussians: &Gaussians, store: &Store) {
+fn append(mixture: &mut Mixture, gaussians: &RefinedGaussians, store: &ParticleStore) {
     let unit = 1.0 / store.scale;
     for j in 0..gaussians.len() {
         if gaussians.count[j] > 0.0 {

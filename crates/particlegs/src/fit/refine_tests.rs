@@ -2,7 +2,7 @@
 
 use crate::fit::effort::refinement;
 use crate::fit::partition::partition;
-use crate::fit::{Effort, FitOptions, PartitionOptions, RefineOptions, Store, fit, refine};
+use crate::fit::{Effort, FitOptions, ParticleStore, PartitionOptions, RefineOptions, fit, refine};
 use crate::math::{Random, Sym3};
 use crate::model::Mixture;
 use crate::particles::{Column, Particles};
@@ -24,7 +24,7 @@ fn refined(p: &Particles, gaussians: usize, rounds: usize, sample: f64) -> Mixtu
 }
 
 fn refined_with(p: &Particles, gaussians: usize, rounds: usize, sample: f64, progress: &dyn Progress) -> Mixture {
-    let cells = partition(Store::new(p), gaussians, radius(p), PartitionOptions::default(), progress).unwrap();
+    let cells = partition(ParticleStore::new(p), gaussians, radius(p), PartitionOptions::default(), progress).unwrap();
     let options = RefineOptions {
         cells_a_group: 1,
         first_iterations: 3,
@@ -74,7 +74,7 @@ fn projected_error(m: &Mixture, p: &Particles, blur: f64) -> f64 {
 #[test]
 fn refinement_beats_the_partition_in_projection() {
     let p = sample();
-    let cells = partition(Store::new(&p), 150, radius(&p), PartitionOptions::default(), &Silent).unwrap();
+    let cells = partition(ParticleStore::new(&p), 150, radius(&p), PartitionOptions::default(), &Silent).unwrap();
     let blur = 6.0 * radius(&p);
     let before = projected_error(&cells.mixture(), &p, blur);
     let after = projected_error(&refined(&p, 150, 4, 1e9), &p, blur);

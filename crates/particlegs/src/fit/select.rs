@@ -7,7 +7,7 @@
 
 /// A cut that was made in `start .. end`.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Made {
+pub(super) struct CutRecord {
     pub start: usize,
     pub mid: usize,
     pub end: usize,
@@ -18,7 +18,7 @@ const NONE: u32 = u32::MAX;
 
 /// A group of cuts that are kept or dropped together, a node of a leftist heap of groups.
 #[derive(Clone, Copy)]
-struct Group {
+struct CutGroup {
     gain: f64,
     cuts: u32,
     left: u32,
@@ -28,14 +28,14 @@ struct Group {
     joined: u32,
 }
 
-impl Group {
+impl CutGroup {
     fn mean(&self) -> f64 {
         self.gain / f64::from(self.cuts)
     }
 }
 
 /// The places of the `keep` best cuts, unsorted.
-pub(super) fn best_cuts(mut made: Vec<Made>, keep: usize) -> Vec<usize> {
+pub(super) fn best_cuts(mut made: Vec<CutRecord>, keep: usize) -> Vec<usize> {
     if made.len() > keep {
         // Parents before children, first halves before second ones.
         made.sort_unstable_by(|a, b| a.start.cmp(&b.start).then(b.end.cmp(&a.end)));
@@ -49,9 +49,11 @@ pub(super) fn best_cuts(mut made: Vec<Made>, keep: usize) -> Vec<usize> {
 }
 
 /// Keys of cuts in preorder.
-fn keys(made: &[Made]) -> Vec<f64> {
-    let mut groups: Vec<Group> =
-        made.iter().map(|m| Group { gain: m.gain, cuts: 1, left: NONE, right: NONE, rank: 1, joined: NONE }).collect();
+fn keys(made: &[CutRecord]) -> Vec<f64> {
+    let mut groups: Vec<CutGroup> = made
+        .iter()
+        .map(|m| CutGroup { gain: m.gain, cuts: 1, left: NONE, right: NONE, rank: 1, joined: NONE })
+        .collect();
     // Backwards, a cell's halves come before it: their heaps wait on a stack.
     let mut waiting: Vec<(usize, usize, u32)> = Vec::new();
     for i in (0..made.len()).rev() {
@@ -83,7 +85,7 @@ fn keys(made: &[Made]) -> Vec<f64> {
 }
 
 /// Merges two leftist heaps, largest mean on top, along their right spines.
-fn merge(groups: &mut [Group], a: u32, b: u32) -> u32 {
+fn merge(groups: &mut [CutGroup], a: u32, b: u32) -> u32 {
     let (mut a, mut b) = (a, b);
     let mut spine: Vec<u32> = Vec::new();
     while a != NONE && b != NONE {
@@ -94,7 +96,7 @@ fn merge(groups: &mut [Group], a: u32, b: u32) -> u32 {
         a = groups[a as usize].right;
     }
     let mut merged = if a == NONE { b } else { a };
-    let rank = |groups: &[Group], i: u32| if i == NONE { 0 } else { groups[i as usize].rank };
+    let rank = |groups: &[CutGroup], i: u32| if i == NONE { 0 } else { groups[i as usize].rank };
     while let Some(top) = spine.pop() {
         let (left, right) = (groups[top as usize].left, merged);
         let swap = rank(groups, left) < rank(groups, right);
@@ -113,7 +115,7 @@ mod tests {
 
     #[test]
     fn a_poor_cut_before_rich_ones_is_taken() {
-        let cut = |start, mid, end, gain| Made { start, mid, end, gain };
+        let cut = |start, mid, end, gain| CutRecord { start, mid, end, gain };
         let made = vec![
             cut(0, 8, 16, 10.0),
             cut(0, 4, 8, 3.0),
@@ -134,13 +136,13 @@ mod tests {
     #[test]
     fn keys_fall_on_the_way_down() {
         // A random tree over 0 .. 4096.
-        fn grow(start: usize, end: usize, out: &mut Vec<Made>) {
+        fn grow(start: usize, end: usize, out: &mut Vec<CutRecord>) {
             if end - start < 2 {
                 return;
             }
             let mut r = crate::math::Random::new(1, start as u32, end as u64);
             let mid = start + 1 + (r.uniform() * (end - start - 1) as f64) as usize;
-            out.push(Made { start, mid, end, gain: r.uniform() });
+            out.push(CutRecord { start, mid, end, gain: r.uniform() });
             grow(start, mid, out);
             grow(mid, end, out);
         }

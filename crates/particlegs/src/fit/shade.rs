@@ -17,7 +17,7 @@ const GRID: usize = 1024;
 const MOST: usize = 1 << 23;
 
 /// Maps of exp(-tau), one an axis.
-pub(crate) struct Shade {
+pub(crate) struct TransmittanceMaps {
     low: [f64; 3],
     per_unit: f64,
     maps: [Vec<f32>; 3],
@@ -26,7 +26,7 @@ pub(crate) struct Shade {
 /// The two axes of each map.
 const AXES: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
 
-impl Shade {
+impl TransmittanceMaps {
     /// Maps of particles drawn with `radius` (the unit of `xyz`).
     pub(crate) fn new(xyz: &[[f32; 3]], radius: f64) -> Self {
         let step = xyz.len().div_ceil(MOST).max(1);
@@ -51,7 +51,7 @@ impl Shade {
             soften(&map)
         });
         let mut maps = maps.into_iter();
-        Shade { low, per_unit, maps: each_axis(|_| maps.next().unwrap_or_default()) }
+        TransmittanceMaps { low, per_unit, maps: each_axis(|_| maps.next().unwrap_or_default()) }
     }
 
     /// Mean over the axes of exp(-tau) at a place.

@@ -8,8 +8,8 @@
 //! explains it best (Goldberger and Roweis 2004), and the new ones get the moments of their own.
 //! Count, mass, mean and covariance of the whole are kept throughout.
 
-use super::candidates::{Ellipsoid, OverlapTree, Reach};
-use super::gain::{Blob, Blur, picture_sigma};
+use super::candidates::{Ellipsoid, OverlapTree, SearchReach};
+use super::gain::{Blur, PictureGaussian, picture_sigma};
 use crate::math::Sym3;
 use crate::model::Mixture;
 use crate::parallel;
@@ -64,16 +64,16 @@ pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, progress: &dyn Pro
         )));
     }
     require("simplifying", mixture.len() as u64 * BYTES_A_GAUSSIAN)?;
-    let frame = Frame::of(mixture);
+    let frame = WorkUnits::of(mixture);
     let old = frame.items(mixture);
     if old.len() <= options.gaussians {
         return Ok(frame.mixture(&old, mixture.masses().is_some()));
     }
     let radius = options.radius / frame.unit;
     let blur = Blur::of_sigma(picture_sigma(BLUR_RADII * radius, options.pixel / frame.unit));
-    let measure = Measure { blur, floor: (FLOOR_RADII * radius).powi(2) };
+    let measure = OverlapMeasure { blur, floor: (FLOOR_RADII * radius).powi(2) };
     let (mut new, mut homes) = merged(&old, options.gaussians, measure, progress)?;
-    let neighbours = Neighbours::find(&new, measure, REACH, progress)?;
+    let neighbours = OverlapNeighbours::find(&new, measure, REACH, progress)?;
     for _ in 0..REGROUPINGS {
         progress.check()?;
         new = regrouped(&old, &new, &mut homes, &neighbours, measure);
@@ -84,24 +84,24 @@ pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, progress: &dyn Pro
 
 /// A Gaussian and its mass.
 #[derive(Clone, Copy)]
-struct Item {
-    blob: Blob,
+struct MergeGaussian {
+    blob: PictureGaussian,
     mass: f64,
 }
 
-impl Item {
-    fn joined(&self, other: &Item) -> Item {
-        Item { blob: self.blob.union(&other.blob), mass: self.mass + other.mass }
+impl MergeGaussian {
+    fn joined(&self, other: &MergeGaussian) -> MergeGaussian {
+        MergeGaussian { blob: self.blob.union(&other.blob), mass: self.mass + other.mass }
     }
 
     /// The same place without particles.
-    fn emptied(&self) -> Item {
-        Item { blob: Blob { count: 0.0, ..self.blob }, mass: 0.0 }
+    fn emptied(&self) -> MergeGaussian {
+        MergeGaussian { blob: PictureGaussian { count: 0.0, ..self.blob }, mass: 0.0 }
     }
 }
 
 #[derive(Clone, Copy)]
-struct Measure {
+struct OverlapMeasure {
     /// Of the pictures.
     blur: Blur,
     /// Least variance in the search for neighbours.
@@ -109,36 +109,36 @@ struct Measure {
 }
 
 /// The unit and the origin of the work: products of many lengths stay within f64 whatever the unit.
-struct Frame {
+struct WorkUnits {
     origin: [f64; 3],
     unit: f64,
 }
 
-impl Frame {
-    fn of(mixture: &Mixture) -> Frame {
+impl WorkUnits {
+    fn of(mixture: &Mixture) -> WorkUnits {
         let mut bounds = Bounds::empty();
         (0..mixture.len()).for_each(|i| bounds.include(mixture.mean_of(i)));
         let widest = bounds.extent().into_iter().fold(0.0, f64::max);
         let spread = mixture.cov[0].iter().zip(&mixture.cov[3]).zip(&mixture.cov[5]);
         let size = spread.map(|((x, y), z)| (x + y + z).sqrt()).fold(0.0, f64::max);
         let unit = widest.max(size);
-        Frame { origin: bounds.center(), unit: if unit > 0.0 && unit.is_finite() { unit } else { 1.0 } }
+        WorkUnits { origin: bounds.center(), unit: if unit > 0.0 && unit.is_finite() { unit } else { 1.0 } }
     }
 
-    fn items(&self, mixture: &Mixture) -> Vec<Item> {
+    fn items(&self, mixture: &Mixture) -> Vec<MergeGaussian> {
         let per = 1.0 / self.unit;
         let item = |i: usize| {
             let mean = mixture.mean_of(i);
             let mean = each_axis(|k| (mean[k] - self.origin[k]) * per);
             let cov = mixture.cov_of(i).scale(per).scale(per);
-            Item { blob: Blob { count: mixture.count[i], mean, cov }, mass: mixture.mass_of(i) }
+            MergeGaussian { blob: PictureGaussian { count: mixture.count[i], mean, cov }, mass: mixture.mass_of(i) }
         };
         (0..mixture.len()).filter(|&i| mixture.count[i] > 0.0).map(item).collect()
     }
 
-    fn mixture(&self, items: &[Item], masses: bool) -> Mixture {
+    fn mixture(&self, items: &[MergeGaussian], masses: bool) -> Mixture {
         let mut out = Mixture::new(masses);
-        for Item { blob, mass } in items {
+        for MergeGaussian { blob, mass } in items {
             let mean = each_axis(|k| self.origin[k] + blob.mean[k] * self.unit);
             out.push(mean, blob.cov.scale(self.unit).scale(self.unit), blob.count, *mass);
         }
@@ -146,18 +146,18 @@ impl Frame {
     }
 }
 
-fn ellipsoid(b: &Blob, floor: f64) -> Ellipsoid {
+fn ellipsoid(b: &PictureGaussian, floor: f64) -> Ellipsoid {
     Ellipsoid::new(b.mean, b.cov.add(&Sym3::scaled_identity(floor)), b.count)
 }
 
 /// For each Gaussian those that it overlaps most, itself left out, in an order that repeats.
-struct Neighbours(Vec<Vec<u32>>);
+struct OverlapNeighbours(Vec<Vec<u32>>);
 
-impl Neighbours {
-    fn find(items: &[Item], measure: Measure, reach: f64, progress: &dyn Progress) -> Result<Self> {
+impl OverlapNeighbours {
+    fn find(items: &[MergeGaussian], measure: OverlapMeasure, reach: f64, progress: &dyn Progress) -> Result<Self> {
         let ellipsoids: Vec<Ellipsoid> = parallel::map_range(items.len(), |i| ellipsoid(&items[i].blob, measure.floor));
         let tree = OverlapTree::new(&ellipsoids);
-        let reach = Reach { most: NEIGHBOURS, beyond: reach };
+        let reach = SearchReach { most: NEIGHBOURS, beyond: reach };
         let mut place = vec![0u32; items.len()];
         tree.order().iter().enumerate().for_each(|(at, &i)| place[i as usize] = at as u32);
         let scratch = parallel::Scratch::<Vec<(f64, u32)>>::default();
@@ -178,7 +178,7 @@ impl Neighbours {
     }
 
     /// Each with those before and after it in the order of a tree over places.
-    fn beside(items: &[Item], measure: Measure) -> Self {
+    fn beside(items: &[MergeGaussian], measure: OverlapMeasure) -> Self {
         let ellipsoids: Vec<Ellipsoid> = parallel::map_range(items.len(), |i| ellipsoid(&items[i].blob, measure.floor));
         let tree = OverlapTree::new(&ellipsoids);
         let mut lists = vec![Vec::new(); items.len()];
@@ -186,12 +186,12 @@ impl Neighbours {
             lists[pair[0] as usize].push(pair[1]);
             lists[pair[1] as usize].push(pair[0]);
         }
-        Neighbours(lists)
+        OverlapNeighbours(lists)
     }
 
     /// Each with the next, the last with the one before.
     fn chain(count: usize) -> Self {
-        Neighbours(
+        OverlapNeighbours(
             (0..count).map(|j| if j + 1 < count { j as u32 + 1 } else { j as u32 - 1 }).map(|n| vec![n]).collect(),
         )
     }
@@ -215,7 +215,7 @@ impl Neighbours {
             }
             all
         };
-        Neighbours(parallel::map(&round.kept, own))
+        OverlapNeighbours(parallel::map(&round.kept, own))
     }
 }
 
@@ -230,12 +230,17 @@ struct Round {
 }
 
 /// Merges pairs until `wanted` are left; for each old one says where it went.
-fn merged(old: &[Item], wanted: usize, measure: Measure, progress: &dyn Progress) -> Result<(Vec<Item>, Vec<u32>)> {
+fn merged(
+    old: &[MergeGaussian],
+    wanted: usize,
+    measure: OverlapMeasure,
+    progress: &dyn Progress,
+) -> Result<(Vec<MergeGaussian>, Vec<u32>)> {
     progress.begin("simplifying", (old.len() - wanted) as u64);
     let mut items = old.to_vec();
     let mut homes: Vec<u32> = (0..old.len() as u32).collect();
     let (mut reach, mut searched) = (REACH, items.len());
-    let mut neighbours = Neighbours::find(&items, measure, reach, progress)?;
+    let mut neighbours = OverlapNeighbours::find(&items, measure, reach, progress)?;
     while items.len() > wanted {
         progress.check()?;
         let merges = cheapest(&items, &neighbours, measure);
@@ -243,21 +248,21 @@ fn merged(old: &[Item], wanted: usize, measure: Measure, progress: &dyn Progress
             // Islands have no neighbours within reach: look as far as it takes. Flat Gaussians whose
             // overlaps are no numbers go with the next.
             neighbours = match reach.is_finite() {
-                true => Neighbours::find(&items, measure, f64::INFINITY, progress)?,
-                false => Neighbours::chain(items.len()),
+                true => OverlapNeighbours::find(&items, measure, f64::INFINITY, progress)?,
+                false => OverlapNeighbours::chain(items.len()),
             };
             (reach, searched) = (f64::INFINITY, items.len());
             continue;
         }
         if (items.len() as f64) < SEARCH_AGAIN * searched as f64 {
-            neighbours = Neighbours::find(&items, measure, reach, progress)?;
+            neighbours = OverlapNeighbours::find(&items, measure, reach, progress)?;
             searched = items.len();
             continue;
         }
         let mut round = Round::of(items.len(), &merges, wanted);
         if round.is_poor(wanted) {
             // Where thousands overlap, a few heavy ones are the nearest of all and merge one at a time.
-            let beside = Neighbours::beside(&items, measure);
+            let beside = OverlapNeighbours::beside(&items, measure);
             round = Round::of(items.len(), &cheapest(&items, &beside, measure), wanted);
         }
         progress.advance((items.len() - round.kept.len()) as u64);
@@ -281,12 +286,12 @@ impl Round {
     }
 
     /// The cheapest disjoint pairs, until `wanted` are left or a round's share is used up.
-    fn of(count: usize, merges: &[Merge], wanted: usize) -> Round {
+    fn of(count: usize, merges: &[MergeCandidate], wanted: usize) -> Round {
         let most = (count - wanted).min((count as f64 * SHARE) as usize).max(1);
         let mut partner = vec![None; count];
         let mut into: Vec<Option<u32>> = vec![None; count];
         let mut made = 0;
-        for &Merge { a, b, .. } in merges {
+        for &MergeCandidate { a, b, .. } in merges {
             let free = |k: u32| partner[k as usize].is_none() && into[k as usize].is_none();
             if made == most {
                 break;
@@ -310,36 +315,42 @@ impl Round {
 }
 
 /// The cheapest merge of a Gaussian.
-struct Merge {
+struct MergeCandidate {
     cost: f64,
     a: u32,
     b: u32,
 }
 
 /// Each Gaussian's cheapest merge among its neighbours, the cheapest of all first.
-fn cheapest(items: &[Item], neighbours: &Neighbours, measure: Measure) -> Vec<Merge> {
+fn cheapest(items: &[MergeGaussian], neighbours: &OverlapNeighbours, measure: OverlapMeasure) -> Vec<MergeCandidate> {
     let own = |j: usize| {
         let me = &items[j].blob;
         let merge = |&n: &u32| {
             let other = &items[n as usize].blob;
             let cost = measure.blur.difference(&me.union(other), me, other);
-            Merge { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
+            MergeCandidate { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
         };
         neighbours.0[j].iter().map(merge).min_by(by_cost)
     };
-    let mut merges: Vec<Merge> = parallel::map_range(items.len(), own).into_iter().flatten().collect();
+    let mut merges: Vec<MergeCandidate> = parallel::map_range(items.len(), own).into_iter().flatten().collect();
     merges.sort_unstable_by(by_cost);
     merges
 }
 
-fn by_cost(p: &Merge, q: &Merge) -> std::cmp::Ordering {
+fn by_cost(p: &MergeCandidate, q: &MergeCandidate) -> std::cmp::Ordering {
     p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b)))
 }
 
 /// Each old Gaussian goes to the one under which it is likeliest, of its home and the home's
 /// neighbours; the new ones get the moments of their own, which may be none.
-fn regrouped(old: &[Item], new: &[Item], homes: &mut [u32], neighbours: &Neighbours, measure: Measure) -> Vec<Item> {
-    let fields = parallel::map(new, |item| Field::of(item, measure));
+fn regrouped(
+    old: &[MergeGaussian],
+    new: &[MergeGaussian],
+    homes: &mut [u32],
+    neighbours: &OverlapNeighbours,
+    measure: OverlapMeasure,
+) -> Vec<MergeGaussian> {
+    let fields = parallel::map(new, |item| MergeDensity::of(item, measure));
     parallel::for_each(homes.iter_mut().zip(old), |(home, item)| {
         let cov = item.blob.cov.add(&Sym3::scaled_identity(measure.floor));
         let cost = |n: u32| fields[n as usize].as_ref().map_or(f64::INFINITY, |f| f.cost(item.blob.mean, &cov));
@@ -347,7 +358,7 @@ fn regrouped(old: &[Item], new: &[Item], homes: &mut [u32], neighbours: &Neighbo
         let best = others.fold((cost(*home), *home), |best, next| if next.0 < best.0 { next } else { best });
         *home = best.1;
     });
-    let mut groups: Vec<Option<Item>> = vec![None; new.len()];
+    let mut groups: Vec<Option<MergeGaussian>> = vec![None; new.len()];
     for (item, &home) in old.iter().zip(homes.iter()) {
         let group = &mut groups[home as usize];
         *group = Some(group.map_or(*item, |g| g.joined(item)));
@@ -356,18 +367,18 @@ fn regrouped(old: &[Item], new: &[Item], homes: &mut [u32], neighbours: &Neighbo
 }
 
 /// A Gaussian as a density that others are judged by.
-struct Field {
+struct MergeDensity {
     mean: [f64; 3],
     inverse: Sym3,
     /// ln det - 2 ln count.
     constant: f64,
 }
 
-impl Field {
-    fn of(item: &Item, measure: Measure) -> Option<Field> {
+impl MergeDensity {
+    fn of(item: &MergeGaussian, measure: OverlapMeasure) -> Option<MergeDensity> {
         let cov = item.blob.cov.add(&Sym3::scaled_identity(measure.floor));
         let inverse = cov.inverse().filter(|_| item.blob.count > 0.0)?;
-        Some(Field { mean: item.blob.mean, inverse, constant: cov.det().ln() - 2.0 * item.blob.count.ln() })
+        Some(MergeDensity { mean: item.blob.mean, inverse, constant: cov.det().ln() - 2.0 * item.blob.count.ln() })
     }
 
     /// Minus twice the mean log-likelihood of a Gaussian's particles, but for a constant.
@@ -402,8 +413,8 @@ mod tests {
     }
 
     /// Count, mass, mean and covariance of the whole.
-    fn moments(m: &Mixture) -> (f64, Blob) {
-        let item = |i| Blob { count: m.count[i], mean: m.mean_of(i), cov: m.cov_of(i) };
+    fn moments(m: &Mixture) -> (f64, PictureGaussian) {
+        let item = |i| PictureGaussian { count: m.count[i], mean: m.mean_of(i), cov: m.cov_of(i) };
         let whole = (1..m.len()).fold(item(0), |all, i| all.union(&item(i)));
         ((0..m.len()).map(|i| m.mass_of(i)).sum(), whole)
     }
@@ -454,8 +465,8 @@ mod tests {
     /// searches are few.
     #[test]
     fn thousands_at_one_place_are_no_matter() {
-        struct Counted(std::sync::atomic::AtomicUsize);
-        impl Progress for Counted {
+        struct RoundCounter(std::sync::atomic::AtomicUsize);
+        impl Progress for RoundCounter {
             fn advance(&self, _: u64) {
                 self.0.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
             }
@@ -463,7 +474,7 @@ mod tests {
         for sizes in [0.0, 1e-3] {
             let mut m = Mixture::default();
             (0..1500).for_each(|i| m.push([0.5; 3], Sym3::scaled_identity(0.01 + sizes * f64::from(i % 7)), 2.0, 0.0));
-            let rounds = Counted(Default::default());
+            let rounds = RoundCounter(Default::default());
             let small = simplify(&m, &SimplifyOptions { gaussians: 15, radius: 0.01, pixel: 0.0 }, &rounds).unwrap();
             assert_eq!(small.count.iter().sum::<f64>(), 3000.0);
             let rounds = rounds.0.into_inner();
@@ -473,14 +484,14 @@ mod tests {
 
     #[test]
     fn a_stop_is_heard_in_the_first_search() {
-        struct Stopped;
-        impl Progress for Stopped {
+        struct CancelledSimplification;
+        impl Progress for CancelledSimplification {
             fn cancelled(&self) -> bool {
                 true
             }
         }
         let options = SimplifyOptions { gaussians: 3, radius: 0.01, pixel: 0.0 };
-        assert!(matches!(simplify(&mixture(200, 1.0), &options, &Stopped), Err(Error::Cancelled)));
+        assert!(matches!(simplify(&mixture(200, 1.0), &options, &CancelledSimplification), Err(Error::Cancelled)));
     }
 
     #[test]

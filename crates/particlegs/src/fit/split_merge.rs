@@ -3,10 +3,10 @@
 //! A split's gain and a merge's cost are the same measure: what pictures show ([`Blur::difference`]) and, with
 //! less weight, what particles tell of the density (log likelihood).
 
-use super::em::{Candidates, Gaussians, Groups, Move, Shape};
-use super::gain::{Blob, Blur};
+use super::em::{Candidates, GaussianExchange, ParticleGroups, RefinedGaussians, Regularisation};
+use super::gain::{Blur, PictureGaussian};
 use super::prior::SPHERE;
-use super::shade::Shade;
+use super::shade::TransmittanceMaps;
 use crate::Result;
 use crate::math::Sym3;
 use crate::parallel;
@@ -18,7 +18,7 @@ const BINS: usize = 32;
 
 /// Cuts points along `axis` where the variance between the parts is largest (Otsu), and returns the
 /// moments of both parts; `None` where they cannot be cut.
-pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option<(Blob, Blob)> {
+pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option<(PictureGaussian, PictureGaussian)> {
     let place = |p: &[f32; 3]| -> f64 { (0..3).map(|k| (f64::from(p[k]) - mean[k]) * axis[k]).sum() };
     let (lo, hi) = points.iter().map(place).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(t), h.max(t)));
     if hi.is_nan() || hi <= lo {
@@ -62,7 +62,7 @@ pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option
     let [a, b] = sums.map(|s| {
         let d: [f64; 3] = each_axis(|k| s[1 + k] / s[0]);
         let cov = Sym3(std::array::from_fn(|k| s[4 + k] / s[0])).add(&Sym3::outer(d).scale(-1.0));
-        Blob { count: s[0], mean: each_axis(|k| mean[k] + d[k]), cov }
+        PictureGaussian { count: s[0], mean: each_axis(|k| mean[k] + d[k]), cov }
     });
     Some((a, b))
 }
@@ -73,7 +73,7 @@ pub(crate) struct MoveOptions {
     /// Blur of the measure.
     pub(crate) blur: Blur,
     /// How covariances are regularised.
-    pub(crate) shape: Shape,
+    pub(crate) shape: Regularisation,
     /// Weight of a split's share of the log likelihood that all splits would gain, beside its share of what
     /// they would gain in pictures.
     pub(crate) likelihood: f64,
@@ -85,34 +85,34 @@ pub(crate) struct MoveOptions {
 
 /// What is gained by two Gaussians in the place of one.
 #[derive(Clone, Copy)]
-struct Gain {
+struct SplitGain {
     /// In pictures, by what shows.
     picture: f64,
     /// Log likelihood.
     likelihood: f64,
 }
 
-impl Gain {
+impl SplitGain {
     fn weighted(self, per_nat: f64) -> f64 {
         self.picture + per_nat * self.likelihood
     }
 }
 
 /// Log likelihood that parts gain that lie apart; 0 where they overlap so much that it would be lost.
-fn likelihood_gain(whole: &Blob, a: &Blob, b: &Blob, floor: f64) -> f64 {
+fn likelihood_gain(whole: &PictureGaussian, a: &PictureGaussian, b: &PictureGaussian, floor: f64) -> f64 {
     let floor = Sym3::scaled_identity(floor);
-    let width = |x: &Blob| 0.5 * x.count * x.cov.add(&floor).det().max(f64::MIN_POSITIVE).ln();
-    let share = |x: &Blob| if x.count > 0.0 { x.count * (x.count / whole.count).ln() } else { 0.0 };
+    let width = |x: &PictureGaussian| 0.5 * x.count * x.cov.add(&floor).det().max(f64::MIN_POSITIVE).ln();
+    let share = |x: &PictureGaussian| if x.count > 0.0 { x.count * (x.count / whole.count).ln() } else { 0.0 };
     (width(whole) - width(a) - width(b) + share(a) + share(b)).max(0.0)
 }
 
-struct Split {
-    gain: Gain,
+struct SplitProposal {
+    gain: SplitGain,
     at: u32,
-    parts: (Blob, Blob),
+    parts: (PictureGaussian, PictureGaussian),
 }
 
-struct Merge {
+struct MergeProposal {
     cost: f64,
     a: u32,
     b: u32,
@@ -125,13 +125,13 @@ struct Merge {
 /// # Errors
 /// [`crate::Error::Cancelled`]; the Gaussians stay as they are.
 pub(crate) fn exchange(
-    gaussians: &mut Gaussians,
-    groups: (&Groups, &[[f32; 3]]),
+    gaussians: &mut RefinedGaussians,
+    groups: (&ParticleGroups, &[[f32; 3]]),
     candidates: &Candidates,
-    shade: &Shade,
+    shade: &TransmittanceMaps,
     options: MoveOptions,
     progress: &dyn Progress,
-) -> Result<Vec<Move>> {
+) -> Result<Vec<GaussianExchange>> {
     let mut splits = best_splits(groups, shade, &options, progress)?;
     let all = splits.iter().fold((0.0, 0.0), |s, x| (s.0 + x.gain.picture, s.1 + x.gain.likelihood));
     let per_nat = if all.1 > 0.0 { options.likelihood * all.0 / all.1 } else { 0.0 };
@@ -147,7 +147,7 @@ pub(crate) fn exchange(
         if used[at] {
             continue;
         }
-        let free = |m: &Merge| !used[m.a as usize] && !used[m.b as usize] && m.a != split.at && m.b != split.at;
+        let free = |m: &MergeProposal| !used[m.a as usize] && !used[m.b as usize] && m.a != split.at && m.b != split.at;
         let Some(merge) = merges.find(free) else { break };
         if made.len() == most || split.gain.weighted(per_nat) <= options.ratio * merge.cost {
             break;
@@ -156,16 +156,16 @@ pub(crate) fn exchange(
             used[k as usize] = true;
         }
         apply(gaussians, at, &split.parts, merge.a as usize, merge.b as usize);
-        made.push(Move { split: split.at, kept: merge.a, freed: merge.b });
+        made.push(GaussianExchange { split: split.at, kept: merge.a, freed: merge.b });
     }
     Ok(made)
 }
 
-fn blob(g: &Gaussians, j: usize) -> Blob {
-    Blob { count: g.count[j], mean: g.mean[j], cov: g.cov[j] }
+fn blob(g: &RefinedGaussians, j: usize) -> PictureGaussian {
+    PictureGaussian { count: g.count[j], mean: g.mean[j], cov: g.cov[j] }
 }
 
-fn place(g: &mut Gaussians, j: usize, b: &Blob, mass: f64) {
+fn place(g: &mut RefinedGaussians, j: usize, b: &PictureGaussian, mass: f64) {
     g.mean[j] = b.mean;
     g.cov[j] = b.cov;
     g.count[j] = b.count;
@@ -173,58 +173,58 @@ fn place(g: &mut Gaussians, j: usize, b: &Blob, mass: f64) {
 }
 
 /// `a` becomes the union of a and b, `at` the split's first part and `b` its second.
-fn apply(g: &mut Gaussians, at: usize, parts: &(Blob, Blob), a: usize, b: usize) {
+fn apply(g: &mut RefinedGaussians, at: usize, parts: &(PictureGaussian, PictureGaussian), a: usize, b: usize) {
     if a != b {
         let whole = blob(g, a).union(&blob(g, b));
         place(g, a, &whole, g.mass[a] + g.mass[b]);
     }
     let share = parts.0.count / (parts.0.count + parts.1.count);
     let (mass, count) = (g.mass[at], g.count[at]);
-    let part = |p: &Blob, s: f64| Blob { count: count * s, ..*p };
+    let part = |p: &PictureGaussian, s: f64| PictureGaussian { count: count * s, ..*p };
     place(g, at, &part(&parts.0, share), mass * share);
     place(g, b, &part(&parts.1, 1.0 - share), mass * (1.0 - share));
 }
 
 fn best_splits(
-    (groups, xyz): (&Groups, &[[f32; 3]]),
-    shade: &Shade,
+    (groups, xyz): (&ParticleGroups, &[[f32; 3]]),
+    shade: &TransmittanceMaps,
     options: &MoveOptions,
     progress: &dyn Progress,
-) -> Result<Vec<Split>> {
-    let Shape { prior, floor, .. } = options.shape;
-    let fitted = |b: &Blob| Blob { cov: prior.most_probable(&b.cov, b.count, &SPHERE), ..*b };
+) -> Result<Vec<SplitProposal>> {
+    let Regularisation { prior, floor, .. } = options.shape;
+    let fitted = |b: &PictureGaussian| PictureGaussian { cov: prior.most_probable(&b.cov, b.count, &SPHERE), ..*b };
     let split = |j: usize| {
         let points = &xyz[groups.range[j].clone()];
-        let whole = Blob { count: points.len() as f64, mean: groups.mean[j], cov: groups.cov[j] };
+        let whole = PictureGaussian { count: points.len() as f64, mean: groups.mean[j], cov: groups.cov[j] };
         let axis = whole.cov.eigen().vectors[0];
         let (a, b) = cut(points, whole.mean, axis)?;
         let picture = options.blur.difference(&whole, &a, &b) * shade.at(whole.mean);
         let likelihood = likelihood_gain(&fitted(&whole), &fitted(&a), &fitted(&b), floor);
-        Some(Split { gain: Gain { picture, likelihood }, at: j as u32, parts: (a, b) })
+        Some(SplitProposal { gain: SplitGain { picture, likelihood }, at: j as u32, parts: (a, b) })
     };
     let splits = parallel::try_map_range(groups.range.len(), |j| progress.check().map(|()| split(j)))?;
     Ok(splits.into_iter().flatten().collect())
 }
 
 fn cheapest_merges(
-    g: &Gaussians,
+    g: &RefinedGaussians,
     candidates: &Candidates,
-    (shade, per_nat): (&Shade, f64),
+    (shade, per_nat): (&TransmittanceMaps, f64),
     options: &MoveOptions,
     progress: &dyn Progress,
-) -> Result<Vec<Merge>> {
+) -> Result<Vec<MergeProposal>> {
     let cheapest = |j: usize| {
         let me = blob(g, j);
         if me.count == 0.0 {
-            return Some(Merge { cost: 0.0, a: j as u32, b: j as u32 });
+            return Some(MergeProposal { cost: 0.0, a: j as u32, b: j as u32 });
         }
         let merge = |n: u32| {
             let other = blob(g, n as usize);
             let whole = me.union(&other);
             let picture = options.blur.difference(&whole, &me, &other) * shade.at(whole.mean);
             let likelihood = likelihood_gain(&whole, &me, &other, options.shape.floor);
-            let cost = Gain { picture, likelihood }.weighted(per_nat);
-            Merge { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
+            let cost = SplitGain { picture, likelihood }.weighted(per_nat);
+            MergeProposal { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
         };
         let others = candidates.of(j).iter().filter(|&&n| n as usize != j);
         others.map(|&n| merge(n)).min_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))))

@@ -12,7 +12,7 @@ const STEP: usize = 1 << 16;
 /// Coordinates are `(world - origin) * scale` with `scale` a power of two that brings the largest
 /// coordinate to between 1/2 and 1: nothing is rounded, and boxes of 1e-30 and 1e30 behave as a box of 1.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Store {
+pub struct ParticleStore {
     /// Positions in store units.
     pub xyz: Vec<[f32; 3]>,
     /// Weights (> 0), one a particle, where the snapshot has them.
@@ -23,12 +23,12 @@ pub struct Store {
     pub scale: f64,
 }
 
-impl Store {
+impl ParticleStore {
     /// Copies a snapshot: 12 bytes a particle (16 with weights).
     pub fn new(particles: &Particles) -> Self {
         let scale = power_of_two_scale(particles);
         let weight = particles.weights().map(|w| vec![0.0; w.len()]);
-        let mut store = Store { xyz: vec![[0.0; 3]; particles.len()], weight, origin: particles.origin, scale };
+        let mut store = ParticleStore { xyz: vec![[0.0; 3]; particles.len()], weight, origin: particles.origin, scale };
         store.copy_again(particles);
         store
     }
@@ -86,7 +86,7 @@ mod tests {
         for unit in [1e-30f32, 1.0, 3.7, 1e30, f32::from_bits(1), f32::MAX] {
             let x = vec![unit, unit * 0.5, -unit];
             let p = Particles::from_columns(x.clone(), vec![0.0; 3], vec![unit; 3]);
-            let s = Store::new(&p);
+            let s = ParticleStore::new(&p);
             assert!(s.scale.log2().fract() == 0.0);
             for i in 0..3 {
                 assert_eq!(s.to_world(s.xyz[i].map(f64::from))[0], f64::from(x[i]));

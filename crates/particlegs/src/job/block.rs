@@ -1,7 +1,9 @@
 //! One block of a job: read, fitted, coded, written.
 
 use super::manifest::Job;
-use crate::compress::{BlockContext, BlockParticles, Checkpoint, CodedBlock, OnStop, SizeMet, Store, do_block};
+use crate::compress::{
+    BlockContext, BlockParticles, BlockStore, Checkpoint, CodedBlock, SizeOutcome, StopPolicy, do_block,
+};
 use crate::model::hex;
 use crate::particles::{Layered, Particles};
 use crate::progress::Progress;
@@ -29,7 +31,7 @@ pub struct BlockReport {
     /// Multiple of the nominal steps, of the largest layer.
     pub step_factor: f64,
     /// How the largest layer meets its size.
-    pub(super) size_met: SizeMet,
+    pub(super) size_met: SizeOutcome,
     /// Wall-clock seconds by phase.
     pub seconds: Vec<(String, f64)>,
     /// Parts that a checkpoint held when the block was done just now; `None` where it was done before.
@@ -83,8 +85,8 @@ impl Job {
         let before = checkpoint.len();
         let plan = &self.manifest.plan;
         let limits = Limits { scratch: Some(self.folder.clone()), ..Limits::default() };
-        let context = BlockContext { plan, limits: &limits, on_stop: OnStop::GiveUp, progress };
-        let mut folder = Folder { job: self, source: Some(source), particles: None, report: None };
+        let context = BlockContext { plan, limits: &limits, on_stop: StopPolicy::GiveUp, progress };
+        let mut folder = JobFolder { job: self, source: Some(source), particles: None, report: None };
         if let Err(error) = do_block(&mut folder, block, plan.recipe().target, context, &mut checkpoint) {
             // What stopped the block is told; that its pieces could not be kept as well, only beside it.
             if let Err(e) = checkpoint.save() {
@@ -110,7 +112,7 @@ impl Job {
 }
 
 /// The folder while a block is done.
-struct Folder<'a, F> {
+struct JobFolder<'a, F> {
     job: &'a Job,
     /// Opens the snapshot.
     source: Option<F>,
@@ -120,7 +122,7 @@ struct Folder<'a, F> {
     report: Option<BlockReport>,
 }
 
-impl<F: FnOnce() -> Result<Layered>> Store for Folder<'_, F> {
+impl<F: FnOnce() -> Result<Layered>> BlockStore for JobFolder<'_, F> {
     fn particles(&mut self, block: u32, progress: &dyn Progress) -> Result<BlockParticles> {
         let source = self.source.take().ok_or_else(|| Error::argument("a snapshot is opened once"))?;
         let particles = self.job.gather(block, source, progress)?;

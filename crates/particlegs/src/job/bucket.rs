@@ -28,7 +28,7 @@ fn particle_bytes(job: &Job, counts: &[u64]) -> Option<u64> {
 
 /// A run's particles sorted by block.
 #[derive(Default)]
-pub(super) struct Sorted {
+pub(super) struct SortedRun {
     /// The layer.
     pub layer: usize,
     /// Blocks that have particles here, rising, and how many.
@@ -38,11 +38,11 @@ pub(super) struct Sorted {
 }
 
 /// The chunk's bucket file, from its runs in order.
-pub(super) fn write(job: &Job, chunk: u64, runs: &[Sorted], to: &mut dyn Write) -> std::io::Result<()> {
+pub(super) fn write(job: &Job, chunk: u64, runs: &[SortedRun], to: &mut dyn Write) -> std::io::Result<()> {
     let (blocks, layers) = (job.manifest.plan.recipe().blocks, job.manifest.plan.layers.len());
     let mut offset = (HEAD + blocks as usize * entry_bytes(job)) as u64;
     let mut entries = Vec::with_capacity(offset as usize - HEAD);
-    let mut parts = Parts::new(runs);
+    let mut parts = RunCursor::new(runs);
     for block in 0..blocks {
         let mut entry = offset.to_le_bytes().to_vec();
         let mut crc = crc32fast::Hasher::new();
@@ -62,7 +62,7 @@ pub(super) fn write(job: &Job, chunk: u64, runs: &[Sorted], to: &mut dyn Write) 
     head.extend(crc32fast::hash(&head).to_le_bytes());
     to.write_all(&head)?;
     to.write_all(&entries)?;
-    let mut parts = Parts::new(runs);
+    let mut parts = RunCursor::new(runs);
     for block in 0..blocks {
         for pieces in parts.of_block(block, layers) {
             columns(runs, &pieces, |bytes| to.write_all(bytes))?;
@@ -72,39 +72,39 @@ pub(super) fn write(job: &Job, chunk: u64, runs: &[Sorted], to: &mut dyn Write) 
 }
 
 /// A part of a run.
-struct Piece {
+struct RunPiece {
     run: usize,
     start: usize,
     end: usize,
 }
 
-impl Piece {
+impl RunPiece {
     fn len(&self) -> usize {
         self.end - self.start
     }
 }
 
 /// Where each run stands while blocks are taken in rising order.
-struct Parts<'a> {
-    runs: &'a [Sorted],
+struct RunCursor<'a> {
+    runs: &'a [SortedRun],
     /// The next of the run's blocks, and where its particles begin.
     at: Vec<(usize, usize)>,
 }
 
-impl<'a> Parts<'a> {
-    fn new(runs: &'a [Sorted]) -> Self {
-        Parts { runs, at: vec![(0, 0); runs.len()] }
+impl<'a> RunCursor<'a> {
+    fn new(runs: &'a [SortedRun]) -> Self {
+        RunCursor { runs, at: vec![(0, 0); runs.len()] }
     }
 
     /// The parts that lie in `block`, by layer.
-    fn of_block(&mut self, block: u32, layers: usize) -> Vec<Vec<Piece>> {
-        let mut found: Vec<Vec<Piece>> = (0..layers).map(|_| Vec::new()).collect();
+    fn of_block(&mut self, block: u32, layers: usize) -> Vec<Vec<RunPiece>> {
+        let mut found: Vec<Vec<RunPiece>> = (0..layers).map(|_| Vec::new()).collect();
         for (run, (next, start)) in self.at.iter_mut().enumerate() {
             let sorted = &self.runs[run];
             if let Some(&(b, n)) = sorted.blocks.get(*next)
                 && b == block
             {
-                found[sorted.layer].push(Piece { run, start: *start, end: *start + n as usize });
+                found[sorted.layer].push(RunPiece { run, start: *start, end: *start + n as usize });
                 (*next, *start) = (*next + 1, *start + n as usize);
             }
         }
@@ -113,7 +113,11 @@ impl<'a> Parts<'a> {
 }
 
 /// The bytes of some parts of one layer, column after column.
-fn columns(runs: &[Sorted], pieces: &[Piece], mut to: impl FnMut(&[u8]) -> std::io::Result<()>) -> std::io::Result<()> {
+fn columns(
+    runs: &[SortedRun],
+    pieces: &[RunPiece],
+    mut to: impl FnMut(&[u8]) -> std::io::Result<()>,
+) -> std::io::Result<()> {
     for k in 0..4 {
         for p in pieces {
             let column = &runs[p.run].columns[k];
@@ -135,7 +139,7 @@ pub(super) struct Buckets<'a> {
 }
 
 /// What an entry says.
-pub(super) struct Entry {
+pub(super) struct BucketEntry {
     /// Particles, by layer.
     pub counts: Vec<u64>,
     offset: u64,
@@ -174,7 +178,7 @@ impl<'a> Buckets<'a> {
     }
 
     /// What there is of a block.
-    pub(super) fn entry(&mut self, block: u32) -> Result<Entry> {
+    pub(super) fn entry(&mut self, block: u32) -> Result<BucketEntry> {
         let mut bytes = vec![0; entry_bytes(self.job)];
         self.read_at((HEAD + block as usize * bytes.len()) as u64, &mut bytes)?;
         let (body, crc) = bytes.split_at(bytes.len() - 4);
@@ -187,14 +191,14 @@ impl<'a> Buckets<'a> {
         match length {
             Some(bytes) if crc32fast::hash(body).to_le_bytes() == crc => {
                 let crc = u32::from_le_bytes(std::array::from_fn(|b| body[body.len() - 4 + b]));
-                Ok(Entry { offset: u64_at(0), bytes, crc, counts })
+                Ok(BucketEntry { offset: u64_at(0), bytes, crc, counts })
             }
             _ => Err(self.broken("changed")),
         }
     }
 
     /// The columns of a block's layers, one after the other, checked.
-    pub(super) fn read(&mut self, entry: &Entry) -> Result<Vec<f32>> {
+    pub(super) fn read(&mut self, entry: &BucketEntry) -> Result<Vec<f32>> {
         let mut values = vec![0f32; entry.bytes as usize / 4];
         self.read_at(entry.offset, bytemuck::cast_slice_mut(&mut values))?;
         if crc32fast::hash(bytemuck::cast_slice(&values)) != entry.crc {

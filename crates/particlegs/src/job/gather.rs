@@ -3,7 +3,7 @@
 use super::bucket::Buckets;
 use super::manifest::Job;
 use crate::model::Layer;
-use crate::particles::{Blank, Chunk, Layered, Particles, SnapshotMeta, Storage};
+use crate::particles::{Chunk, ColumnBuffer, Layered, Particles, SnapshotMeta, Storage};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::ops::Range;
@@ -35,7 +35,7 @@ impl Job {
             let what = format!("its buckets hold more particles of block {block} than were planned in all");
             return Err(Error::input_with(&self.folder, what, "plan anew, in another folder"));
         }
-        let mut particles = Gathered::new(self, &counts)?;
+        let mut particles = BlockGatherer::new(self, &counts)?;
         for (chunk, entry) in (0..chunks).zip(&entries) {
             progress.check()?;
             if entry.counts.iter().all(|n| *n == 0) {
@@ -78,7 +78,7 @@ impl Job {
         let width = |l: usize| self.manifest.plan.layers[l].mass.columns();
         let count = |(l, runs): (usize, &Vec<Vec<f32>>)| runs.iter().map(|r| (r.len() / width(l)) as u64).sum();
         let counts: Vec<u64> = layers.iter().enumerate().map(count).collect();
-        let mut particles = Gathered::new(self, &counts)?;
+        let mut particles = BlockGatherer::new(self, &counts)?;
         for (layer, runs) in layers.into_iter().enumerate() {
             runs.iter().for_each(|own| particles.push(layer, own));
         }
@@ -107,15 +107,15 @@ fn stretches(runs: &[u64]) -> Vec<Range<u64>> {
 }
 
 /// A block's columns being filled, layer by layer.
-struct Gathered<'a> {
+struct BlockGatherer<'a> {
     job: &'a Job,
-    columns: Vec<Blank>,
+    columns: Vec<ColumnBuffer>,
     /// Where each layer lies, and how much of it is filled.
     layers: Vec<Layer<Range<usize>>>,
     filled: Vec<usize>,
 }
 
-impl<'a> Gathered<'a> {
+impl<'a> BlockGatherer<'a> {
     fn new(job: &'a Job, counts: &[u64]) -> Result<Self> {
         let layers = &job.manifest.plan.layers;
         let total: u64 = counts.iter().fold(0, |n, c| n.saturating_add(*c));
@@ -128,7 +128,7 @@ impl<'a> Gathered<'a> {
             l.with(end - n as usize..end)
         };
         let layers: Vec<_> = layers.iter().zip(counts).map(place).collect();
-        Ok(Gathered { job, columns, filled: vec![0; layers.len()], layers })
+        Ok(BlockGatherer { job, columns, filled: vec![0; layers.len()], layers })
     }
 
     /// Appends particles of a layer, column after column.
@@ -142,7 +142,7 @@ impl<'a> Gathered<'a> {
     }
 
     fn finish(self) -> Result<Particles> {
-        let columns = self.columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
+        let columns = self.columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
         let meta = SnapshotMeta { name: self.job.manifest.plan.metadata.source.clone(), ..SnapshotMeta::default() };
         let particles = Particles::of_columns(columns, self.job.manifest.origin, meta, self.layers);
         particles.checked(&self.job.folder.display().to_string(), None)

@@ -3,7 +3,7 @@
 use super::runs;
 use crate::blocks::RunScan;
 use crate::codec::MOST_LAYERS;
-use crate::compress::Plan;
+use crate::compress::CompressionPlan;
 use crate::model::{CertificateLevel, Metadata};
 use crate::particles::{Layered, RUN};
 use crate::{Error, Remedy, Result};
@@ -21,7 +21,7 @@ pub(super) const FORM: Form = Form { title: "a job's plan", begins: Begins::Obje
 
 /// The version alone.
 #[derive(Deserialize)]
-struct Versioned {
+struct ManifestVersion {
     particlegs_job: u64,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct Manifest {
     /// How the snapshot is opened: the caller's own.
     pub snapshot: serde_json::Value,
     /// What every block must know of the whole.
-    pub plan: Plan,
+    pub plan: CompressionPlan,
     /// What positions are relative to.
     pub origin: [f64; 3],
     /// Runs that are bucketed together.
@@ -119,7 +119,7 @@ impl Job {
         let text = read_own(&path, FORM)?
             .ok_or_else(|| Error::input_with(folder, "no plan.json: not a job's folder", Remedy::PlanJob))?;
         let no_plan = |e: serde_json::Error| Error::input(&path, format!("not a plan: {e}"));
-        let version = serde_json::from_slice::<Versioned>(&text).map_err(no_plan)?.particlegs_job;
+        let version = serde_json::from_slice::<ManifestVersion>(&text).map_err(no_plan)?.particlegs_job;
         let what = match version.cmp(&u64::from(VERSION)) {
             Ordering::Equal => None,
             Ordering::Greater => Some("the plan of a newer program"),

@@ -2,11 +2,11 @@
 
 use super::manifest::Job;
 use crate::codec;
-use crate::compress::{CodedBlock, Decoded};
+use crate::compress::{CodedBlock, DecodedFile};
 use crate::model::{Certificate, CertificateLevel};
 use crate::particles::Particles;
 use crate::progress::{Progress, Silent};
-use crate::score::Measure;
+use crate::score::CertificateInput;
 use crate::{Error, Remedy, Result};
 
 impl Job {
@@ -52,8 +52,9 @@ impl Job {
             CertificateLevel::Quick | CertificateLevel::Full => {
                 let needed = || Error::argument("this certificate is measured on the particles, which are not given");
                 let particles = particles.ok_or_else(needed)?;
-                let measure = Measure { particles, seed: plan.recipe().seed, level, memory: None, reached: None };
-                return Ok(Decoded::of(file, Some(measure), progress)?.bytes);
+                let measure =
+                    CertificateInput { particles, seed: plan.recipe().seed, level, memory: None, reached: None };
+                return Ok(DecodedFile::of(file, Some(measure), progress)?.bytes);
             }
         };
         // Looked at block by block, in less memory than the whole model takes.

@@ -24,4 +24,4 @@ mod sums;
 pub use block::BlockReport;
 pub use manifest::Job;
 pub use plan::Task;
-pub use status::{State, Status};
+pub use status::{JobStatus, State};

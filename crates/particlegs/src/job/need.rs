@@ -2,7 +2,7 @@
 
 use super::manifest::Job;
 use super::plan::BUCKETED;
-use crate::compress::Load;
+use crate::compress::MemoryLoad;
 use crate::model::CertificateLevel;
 use crate::particles::RUN;
 
@@ -13,9 +13,9 @@ pub(super) const COPIES: u64 = 2;
 const ADDED_UP: u64 = 500 << 20;
 
 impl Job {
-    fn load(&self) -> Load {
+    fn load(&self) -> MemoryLoad {
         let plan = &self.manifest.plan;
-        Load {
+        MemoryLoad {
             count: plan.metadata.count,
             raw_bytes: plan.raw_bytes(),
             target: plan.recipe().target,

@@ -5,7 +5,7 @@ use super::manifest::{FORM, Job, Manifest, VERSION};
 use super::need::COPIES;
 use super::runs;
 use crate::blocks::{KdTree, SnapshotScan};
-use crate::compress::{Options, Plan};
+use crate::compress::{CompressionPlan, Options};
 use crate::particles::{Layered, RUN};
 use crate::progress::Progress;
 use crate::{Error, Remedy, Result};
@@ -58,7 +58,7 @@ impl Job {
         let blocks = task.options.tasks_of(&task.options.load(source.count(), source.raw_bytes(), COPIES), MEMORY)?;
         let mut scan = SnapshotScan::new(&source, task.place, blocks != 1, progress)?;
         scan.settle(&mut source);
-        let plan = Plan::new(task.options, &source, &scan, blocks, progress)?;
+        let plan = CompressionPlan::new(task.options, &source, &scan, blocks, progress)?;
         let (runs, memory) = (scan.runs.len() as u64, task.options.memory);
         let within = memory.map_or(MOST_RUNS, |m| (m / (BUCKETED * RUN as u64)).max(1));
         let chunk_runs = runs.div_ceil(CHUNKS).clamp(1, MOST_RUNS.min(within));

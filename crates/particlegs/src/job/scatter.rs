@@ -1,6 +1,6 @@
 //! Chunks of the snapshot into buckets, one for each block.
 
-use super::bucket::{self, Buckets, Sorted};
+use super::bucket::{self, Buckets, SortedRun};
 use super::manifest::Job;
 use crate::blocks::RunScan;
 use crate::particles::{Chunk, Layered, hash_run};
@@ -40,7 +40,7 @@ impl Job {
     pub(super) fn bucket(&self, source: &Layered, chunk: u64, progress: &dyn Progress) -> Result<()> {
         let first = chunk * self.manifest.chunk_runs;
         let end = (first + self.manifest.chunk_runs).min(self.runs.len() as u64);
-        let sorted: Vec<Mutex<Sorted>> = (first..end).map(|_| Mutex::default()).collect();
+        let sorted: Vec<Mutex<SortedRun>> = (first..end).map(|_| Mutex::default()).collect();
         for (layer, runs) in self.by_layer(first..end) {
             source.layers[layer].read(source.origin, runs, progress, &|run, chunk| {
                 self.check_run(layer, run, &chunk)?;
@@ -50,7 +50,7 @@ impl Job {
             })?;
         }
         progress.check()?;
-        let sorted: Vec<Sorted> =
+        let sorted: Vec<SortedRun> =
             sorted.into_iter().map(|s| s.into_inner().unwrap_or_else(|e| e.into_inner())).collect();
         let path = self.chunk_path(chunk);
         output::write_atomic(&path, |to| bucket::write(self, chunk, &sorted, to))
@@ -69,7 +69,7 @@ impl Job {
     }
 
     /// A run's particles sorted by block; order is kept within.
-    fn sort(&self, layer: usize, chunk: &Chunk<'_>) -> Sorted {
+    fn sort(&self, layer: usize, chunk: &Chunk<'_>) -> SortedRun {
         let blocks: Vec<u32> = self.manifest.plan.tree.blocks_of(chunk).collect();
         let mut order: Vec<u32> = (0..blocks.len() as u32).collect();
         order.sort_by_key(|&i| blocks[i as usize]);
@@ -77,6 +77,6 @@ impl Job {
         let [x, y, z] = chunk.position.map(pick);
         let same = order.chunk_by(|&a, &b| blocks[a as usize] == blocks[b as usize]);
         let counts = same.map(|run| (blocks[run[0] as usize], run.len() as u32)).collect();
-        Sorted { layer, blocks: counts, columns: [x, y, z, chunk.weight.map_or_else(Vec::new, pick)] }
+        SortedRun { layer, blocks: counts, columns: [x, y, z, chunk.weight.map_or_else(Vec::new, pick)] }
     }
 }

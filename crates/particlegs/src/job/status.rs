@@ -23,7 +23,7 @@ pub enum State {
 
 /// How far a job is.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Status {
+pub struct JobStatus {
     /// Chunks of the snapshot, bucketed or missing.
     pub chunks: Vec<State>,
     /// Blocks.
@@ -43,10 +43,10 @@ impl Job {
     ///
     /// # Errors
     /// [`crate::Error::Io`].
-    pub fn status(&self) -> Result<Status> {
+    pub fn status(&self) -> Result<JobStatus> {
         let m = &self.manifest;
         let chunk = |c| if self.chunk_path(c).is_file() { State::Done } else { State::Missing };
-        let mut status = Status {
+        let mut status = JobStatus {
             chunks: (0..m.chunks).map(chunk).collect(),
             blocks: Vec::new(),
             model_bytes: 0,

@@ -1,13 +1,13 @@
 //! `blocks/00000.sums`: what a block's task measured of its particles and its decoded model, to be added up.
 //!
-//! Little-endian: magic, the plan's id; the sections of [`Section::ALL`], one after the other; for each its u64 length and
+//! Little-endian: magic, the plan's id; the sections of [`SumsSection::ALL`], one after the other; for each its u64 length and
 //! CRC-32; CRC-32 of all that is neither section nor this. One section is read without the others.
 
 use super::manifest::Job;
 use crate::model::{Certificate, CertificateLevel};
 use crate::particles::Particles;
 use crate::progress::Progress;
-use crate::score::{Frame, Joined, Section};
+use crate::score::{MeasurementFrame, PartSums, SumsSection};
 use crate::{Error, Result, codec};
 use particlegs_files::input::open_file;
 use particlegs_files::output;
@@ -19,7 +19,7 @@ const MAGIC: &[u8; 8] = b"PGSSUMS1";
 const HEAD: usize = 8 + 32;
 /// A section's length and checksum.
 const ENTRY: usize = 8 + 4;
-const TAIL: usize = ENTRY * Section::ALL.len() + 4;
+const TAIL: usize = ENTRY * SumsSection::ALL.len() + 4;
 
 impl Job {
     /// Is what the plan wants to be measured of a block there?
@@ -42,14 +42,14 @@ impl Job {
         let mut model = codec::decode_with(file, "the block just coded", progress)?;
         // Drawn as a part of the whole.
         model.metadata.bounds = plan.metadata.bounds;
-        let frame = Frame::of(&plan.metadata, plan.recipe().seed);
+        let frame = MeasurementFrame::of(&plan.metadata, plan.recipe().seed);
         let mut failed = None;
         progress.begin("measuring the block", 0);
         let fill = |to: &mut dyn Write| {
             to.write_all(MAGIC)?;
             to.write_all(&self.id)?;
             let mut tail = Vec::with_capacity(TAIL);
-            for section in Section::ALL {
+            for section in SumsSection::ALL {
                 let bytes = frame.measure(section, &model, particles, progress).map_err(|e| {
                     failed = Some(e);
                     std::io::Error::other("not measured")
@@ -82,9 +82,9 @@ impl Job {
         if self.certificate() != CertificateLevel::Blocks {
             return Err(Error::argument("the plan does not measure its blocks: plan with --certificate blocks"));
         }
-        let frame = Frame::of(&plan.metadata, plan.recipe().seed);
-        let read = |block, section| Sums::open(self, block)?.read(section);
-        Joined { frame: &frame, seed: plan.recipe().seed, parts: plan.recipe().blocks, read: &read }
+        let frame = MeasurementFrame::of(&plan.metadata, plan.recipe().seed);
+        let read = |block, section| BlockSums::open(self, block)?.read(section);
+        PartSums { frame: &frame, seed: plan.recipe().seed, parts: plan.recipe().blocks, read: &read }
             .certificate(progress)
     }
 
@@ -93,13 +93,13 @@ impl Job {
         if self.certificate() != CertificateLevel::Blocks {
             return Ok(());
         }
-        let mut sums = Sums::open(self, block)?;
-        Section::ALL.into_iter().try_for_each(|s| sums.read(s).map(drop))
+        let mut sums = BlockSums::open(self, block)?;
+        SumsSection::ALL.into_iter().try_for_each(|s| sums.read(s).map(drop))
     }
 }
 
 /// A block's sums, opened.
-struct Sums<'a> {
+struct BlockSums<'a> {
     job: &'a Job,
     block: u32,
     path: PathBuf,
@@ -108,7 +108,7 @@ struct Sums<'a> {
     entries: Vec<(u64, u64, u32)>,
 }
 
-impl<'a> Sums<'a> {
+impl<'a> BlockSums<'a> {
     fn open(job: &'a Job, block: u32) -> Result<Self> {
         let path = job.block_path(block, "sums");
         let (file, length) = open_file(&path).map_err(|e| match e {
@@ -117,7 +117,7 @@ impl<'a> Sums<'a> {
             }
             other => other,
         })?;
-        let mut sums = Sums { job, block, path, file, entries: Vec::new() };
+        let mut sums = BlockSums { job, block, path, file, entries: Vec::new() };
         let tail = length.checked_sub(TAIL as u64).filter(|at| *at >= HEAD as u64);
         let tail = tail.ok_or_else(|| sums.broken("half-written"))?;
         let (head, rest) = (sums.at(0, HEAD)?, sums.at(tail, TAIL)?);
@@ -138,8 +138,8 @@ impl<'a> Sums<'a> {
         Ok(sums)
     }
 
-    fn read(&mut self, section: Section) -> Result<Vec<u8>> {
-        let number = Section::ALL.iter().position(|s| *s == section).unwrap_or(0);
+    fn read(&mut self, section: SumsSection) -> Result<Vec<u8>> {
+        let number = SumsSection::ALL.iter().position(|s| *s == section).unwrap_or(0);
         let (place, length, crc) = self.entries[number];
         let bytes = self.at(place, length as usize)?;
         if crc32fast::hash(&bytes) == crc { Ok(bytes) } else { Err(self.broken("changed")) }

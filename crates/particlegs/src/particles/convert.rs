@@ -3,7 +3,7 @@
 //! Memory stays at a few runs a thread, whatever the size of the output.
 
 use super::select::Kept;
-use super::write::{Described, RawForm, SnapshotWriter};
+use super::write::{RawForm, SnapshotDescription, SnapshotWriter};
 use crate::Result;
 use crate::parallel;
 use crate::progress::Progress;
@@ -27,7 +27,7 @@ impl Kept<'_> {
             Ok(())
         })?;
         let bytes = writer.particle_bytes(weighted) * self.total();
-        writer.finish(&Described {
+        writer.finish(&SnapshotDescription {
             meta: self.meta(),
             origin: self.origin(),
             layers: self.layers(),
@@ -200,9 +200,9 @@ mod tests {
     }
 
     /// Stops in the middle of writing.
-    struct Stopping(std::sync::atomic::AtomicBool);
+    struct CancelledConversion(std::sync::atomic::AtomicBool);
 
-    impl Progress for Stopping {
+    impl Progress for CancelledConversion {
         fn advance(&self, _: u64) {
             self.0.store(true, std::sync::atomic::Ordering::SeqCst);
         }
@@ -217,12 +217,12 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let tiling = Tiling::new([4, 4, 4], &p).unwrap();
         for out in [dir.path().join("new"), dir.path().to_path_buf()] {
-            let stopped = convert(&p, tiling, Selection::all(), &out, &Stopping(false.into()));
+            let stopped = convert(&p, tiling, Selection::all(), &out, &CancelledConversion(false.into()));
             assert!(matches!(stopped, Err(Error::Cancelled)));
             assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
         }
         convert(&p, Tiling::single(), Selection::all(), dir.path(), &Silent).unwrap();
-        assert!(convert(&p, tiling, Selection::all(), dir.path(), &Stopping(false.into())).is_err());
+        assert!(convert(&p, tiling, Selection::all(), dir.path(), &CancelledConversion(false.into())).is_err());
         assert_eq!(Particles::open_raw(&[dir.path().to_path_buf()]).unwrap().len(), p.len());
     }
 }

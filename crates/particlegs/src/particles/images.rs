@@ -9,14 +9,14 @@ use particlegs_core::math::each_axis;
 const WIDER: f64 = 1e-12;
 
 /// Takes positions at their periodic images nearest to a point.
-pub(super) struct Images {
+pub(super) struct NearestImages {
     centre: [f64; 3],
     cell: Cell,
     /// Maps a world vector to fractions of the cell vectors.
     fractions: [[f64; 3]; 3],
 }
 
-impl Images {
+impl NearestImages {
     /// Images about the middle of `crop`, which must not be wider than the cell where it repeats.
     ///
     /// # Errors
@@ -41,7 +41,7 @@ impl Images {
                 }
             }));
         }
-        Ok(Images { centre: crop.center(), cell, fractions })
+        Ok(NearestImages { centre: crop.center(), cell, fractions })
     }
 
     /// Replaces the positions of `columns` (about `origin`) by those of `chunk` (about `offset`) at

@@ -64,14 +64,14 @@ fn holds(cell: &Cell, bounds: &Bounds) -> bool {
 
 /// Particles outside a periodic box, tilted or not.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct OutsideBox {
+pub(crate) struct ParticlesOutsideBox {
     /// All of them.
     all: u64,
     /// Those more than a box length outside.
     far: u64,
 }
 
-impl OutsideBox {
+impl ParticlesOutsideBox {
     /// Counts them in a chunk about `origin`, which has these bounds in world units.
     pub(crate) fn count(chunk: &Chunk<'_>, origin: [f64; 3], bounds: &Bounds, cell: Option<&Cell>) -> Self {
         let cell = cell.filter(|c| !holds(c, bounds));
@@ -93,7 +93,7 @@ impl OutsideBox {
 
     /// With those of another chunk.
     pub(crate) fn and(self, other: Self) -> Self {
-        OutsideBox { all: self.all + other.all, far: self.far + other.far }
+        ParticlesOutsideBox { all: self.all + other.all, far: self.far + other.far }
     }
 
     /// Refuses particles that lie far outside; what a user must know of the others, which are at their images in the
@@ -102,7 +102,7 @@ impl OutsideBox {
     /// # Errors
     /// [`Error::Input`].
     pub(crate) fn judge(self, count: u64, name: &str) -> Result<Option<String>> {
-        let OutsideBox { all, far } = self;
+        let ParticlesOutsideBox { all, far } = self;
         if far > 0 {
             let what = format!("{far} of {count} particles lie more than a box length outside the periodic box");
             return Err(Error::input_with(name, what, "check the unit of length and the box"));
@@ -116,15 +116,18 @@ impl OutsideBox {
     }
 }
 
-/// [`check_box`] and [`OutsideBox::judge`] of particles.
+/// [`check_box`] and [`ParticlesOutsideBox::judge`] of particles.
 ///
 /// # Errors
 /// [`Error::Input`].
 pub(crate) fn check_particles(particles: &Particles, bounds: &Bounds) -> Result<Option<String>> {
     let (name, cell) = (&particles.meta.name, particles.meta.cell.as_ref());
     check_box(bounds, cell, name)?;
-    let counts = particles.par_chunks(|_, chunk| OutsideBox::count(&chunk, particles.origin, bounds, cell));
-    counts.into_iter().fold(OutsideBox::default(), OutsideBox::and).judge(particles.len() as u64, name)
+    let counts = particles.par_chunks(|_, chunk| ParticlesOutsideBox::count(&chunk, particles.origin, bounds, cell));
+    counts
+        .into_iter()
+        .fold(ParticlesOutsideBox::default(), ParticlesOutsideBox::and)
+        .judge(particles.len() as u64, name)
 }
 
 #[cfg(test)]

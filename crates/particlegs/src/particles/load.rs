@@ -1,6 +1,6 @@
 //! A snapshot opened whole from readers: one a layer.
 
-use super::scratch::Blank;
+use super::scratch::ColumnBuffer;
 use super::{InPlace, Layered, Particles, RUN, ReadLayer, Storage};
 use crate::model::Layer;
 use crate::progress::Progress;
@@ -36,7 +36,7 @@ impl Layered {
             fill(layer, parts, origin, progress)?;
         }
         progress.end();
-        let columns = columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
+        let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
         Ok(Particles::of_columns(columns, origin, meta, layers))
     }
 }

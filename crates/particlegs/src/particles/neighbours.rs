@@ -28,22 +28,22 @@ const TOGETHER: usize = 1024;
 const TREE_BYTES: u64 = 14;
 
 /// A position relative to the particles' origin, inside the domain along axes that repeat.
-pub(crate) type Place = [f32; 3];
+pub(crate) type LocalPosition = [f32; 3];
 
 /// Where particles lie in a domain.
-struct Placing<'a> {
+struct PlaceFinder<'a> {
     domain: &'a Domain,
     /// Its lowest corner relative to the particles' origin.
     corner: [f64; 3],
 }
 
-impl<'a> Placing<'a> {
+impl<'a> PlaceFinder<'a> {
     fn new(p: &Particles, domain: &'a Domain) -> Self {
-        Placing { domain, corner: each_axis(|k| domain.min[k] - p.origin[k]) }
+        PlaceFinder { domain, corner: each_axis(|k| domain.min[k] - p.origin[k]) }
     }
 
     /// The places of a run, in place of what `places` holds.
-    fn places(&self, chunk: &Chunk<'_>, places: &mut Vec<Place>) {
+    fn places(&self, chunk: &Chunk<'_>, places: &mut Vec<LocalPosition>) {
         let Domain { length, periodic, tilt, .. } = self.domain;
         places.clear();
         if let Some(tilt) = tilt {
@@ -59,14 +59,14 @@ impl<'a> Placing<'a> {
             let turns = ((f64::from(raw) - self.corner[k]) / length[k]).floor();
             if periodic[k] && turns != 0.0 { (f64::from(raw) - turns * length[k]) as f32 } else { raw }
         };
-        places.extend((0..chunk.len()).map(|i| [0, 1, 2].map(|k| inside(k, chunk.position[k][i])) as Place));
+        places.extend((0..chunk.len()).map(|i| [0, 1, 2].map(|k| inside(k, chunk.position[k][i])) as LocalPosition));
     }
 }
 
 /// Calls `visit` with runs of places, the index of the first, in parallel.
-fn visit_places(p: &Particles, domain: &Domain, visit: impl Fn(usize, &[Place]) + Sync) {
-    let placing = Placing::new(p, domain);
-    let scratch = parallel::Scratch::<Vec<Place>>::default();
+fn visit_places(p: &Particles, domain: &Domain, visit: impl Fn(usize, &[LocalPosition]) + Sync) {
+    let placing = PlaceFinder::new(p, domain);
+    let scratch = parallel::Scratch::<Vec<LocalPosition>>::default();
     p.par_chunks(|first, chunk| {
         scratch.with(|places| {
             placing.places(&chunk, places);
@@ -86,7 +86,7 @@ pub(crate) fn cubic_spline(q: f64) -> f64 {
 }
 
 /// The places of some particles, `chosen` in ascending order.
-pub(crate) fn places_of(p: &Particles, domain: &Domain, chosen: &[u32]) -> Vec<Place> {
+pub(crate) fn places_of(p: &Particles, domain: &Domain, chosen: &[u32]) -> Vec<LocalPosition> {
     let out: Vec<[AtomicU32; 3]> = chosen.iter().map(|_| Default::default()).collect();
     visit_places(p, domain, |first, places| {
         let from = chosen.partition_point(|i| (*i as usize) < first);
@@ -97,18 +97,18 @@ pub(crate) fn places_of(p: &Particles, domain: &Domain, chosen: &[u32]) -> Vec<P
     loaded(out)
 }
 
-fn store(to: &[AtomicU32; 3], place: Place) {
+fn store(to: &[AtomicU32; 3], place: LocalPosition) {
     (0..3).for_each(|k| to[k].store(place[k].to_bits(), Relaxed));
 }
 
 /// In place: one column turns into the other.
-fn loaded(all: Vec<[AtomicU32; 3]>) -> Vec<Place> {
+fn loaded(all: Vec<[AtomicU32; 3]>) -> Vec<LocalPosition> {
     all.into_iter().map(|x| x.map(|v| f32::from_bits(v.into_inner()))).collect()
 }
 
 /// Points by cell, and in each cell ordered so that every subtree is a run that its median divides.
 pub(crate) struct Neighbours {
-    points: Vec<Place>,
+    points: Vec<LocalPosition>,
     /// The axis of each median.
     axes: Vec<u8>,
     /// First point of each cell, x slowest, and the number of points.
@@ -128,7 +128,7 @@ struct CellGrid {
 }
 
 /// What a search has found so far.
-trait Found {
+trait NeighbourCollector {
     /// Another point, by the square of its distance.
     fn take(&mut self, square: f64);
 
@@ -137,14 +137,14 @@ trait Found {
 }
 
 /// The nearest other point.
-struct Nearest {
+struct NearestPoint {
     /// Points at the place itself.
     here: u32,
     /// Smallest square of a distance above zero.
     square: f64,
 }
 
-impl Found for Nearest {
+impl NeighbourCollector for NearestPoint {
     #[inline(always)]
     fn take(&mut self, square: f64) {
         if square == 0.0 {
@@ -164,12 +164,12 @@ impl Found for Nearest {
 /// The nearest points of a number, the point itself among them: a heap with the farthest first. Squares are
 /// kept as their bits, which are in the order of the squares.
 #[derive(Default)]
-struct Several {
+struct NearestHeap {
     wanted: usize,
     squares: BinaryHeap<u64>,
 }
 
-impl Several {
+impl NearestHeap {
     /// The square of the farthest; infinite until there are enough.
     #[inline(always)]
     fn farthest(&self) -> f64 {
@@ -180,7 +180,7 @@ impl Several {
     }
 }
 
-impl Found for Several {
+impl NeighbourCollector for NearestHeap {
     #[inline(always)]
     fn take(&mut self, square: f64) {
         if self.squares.len() < self.wanted {
@@ -300,7 +300,7 @@ impl Neighbours {
     pub fn new(p: &Particles, domain: &Domain) -> Self {
         let grid = CellGrid::new(p, domain);
         let next: Vec<AtomicU32> = (0..grid.cells.iter().product::<usize>()).map(|_| AtomicU32::new(0)).collect();
-        let key = |x: &Place| grid.index(grid.cell(&grid.along(&x.map(f64::from))));
+        let key = |x: &LocalPosition| grid.index(grid.cell(&grid.along(&x.map(f64::from))));
         visit_places(p, domain, |_, places| {
             places.iter().for_each(|x| {
                 next[key(x)].fetch_add(1, Relaxed);
@@ -325,16 +325,16 @@ impl Neighbours {
 
     /// Distance from the point at `x`, one of these, to its nearest other; infinite where there is
     /// none.
-    pub fn nearest(&self, x: Place) -> f64 {
-        let mut found = Nearest { here: 0, square: f64::INFINITY };
+    pub fn nearest(&self, x: LocalPosition) -> f64 {
+        let mut found = NearestPoint { here: 0, square: f64::INFINITY };
         self.search_all(x, &mut found);
         if found.here > 1 { 0.0 } else { found.square.sqrt() }
     }
 
     /// Particles in a volume at `x`, by [`cubic_spline`]s that reach to the `rank`-th point from there; infinite where
     /// so many lie at one place, 0 where there are fewer.
-    pub fn density(&self, x: Place, rank: usize) -> f64 {
-        let mut found = Several { wanted: rank, ..Several::default() };
+    pub fn density(&self, x: LocalPosition, rank: usize) -> f64 {
+        let mut found = NearestHeap { wanted: rank, ..NearestHeap::default() };
         self.search_all(x, &mut found);
         let reach = found.farthest().sqrt();
         if reach.is_infinite() {
@@ -346,7 +346,7 @@ impl Neighbours {
     }
 
     /// Searches the cells about `x`, a place in the box.
-    fn search_all(&self, x: Place, found: &mut impl Found) {
+    fn search_all(&self, x: LocalPosition, found: &mut impl NeighbourCollector) {
         let x = x.map(f64::from);
         let along = self.grid.along(&x);
         let home = self.grid.cell(&along);
@@ -368,7 +368,7 @@ impl Neighbours {
     }
 
     /// The cells `shell` steps from home.
-    fn search_shell(&self, x: &[f64; 3], home: [usize; 3], shell: i64, found: &mut impl Found) {
+    fn search_shell(&self, x: &[f64; 3], home: [usize; 3], shell: i64, found: &mut impl NeighbourCollector) {
         let g = &self.grid;
         let at = |k: usize, d: i64| g.image(k, home[k] as i64 + d);
         // Axes of few cells end long before the shell does.
@@ -400,9 +400,9 @@ impl Neighbours {
     }
 
     /// `off` holds the distance to the run's region along each axis.
-    fn search(&self, run: Range<usize>, x: &[f64; 3], off: [f64; 3], found: &mut impl Found) {
+    fn search(&self, run: Range<usize>, x: &[f64; 3], off: [f64; 3], found: &mut impl NeighbourCollector) {
         let points = &self.points[run.clone()];
-        let square = |p: &Place| {
+        let square = |p: &LocalPosition| {
             let d: [f64; 3] = each_axis(|k| f64::from(p[k]) - x[k]);
             d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
         };
@@ -443,8 +443,8 @@ pub(crate) fn distances_to(rank: usize, p: &Particles, domain: &Domain, progress
     progress.require_memory("a tree of neighbours", n as u64 * (TREE_BYTES + 4))?;
     progress.begin("neighbours", n as u64);
     let tree = Neighbours::new(p, domain);
-    let (placing, mut buffer, mut places) = (Placing::new(p, domain), ChunkBuffer::default(), Vec::new());
-    let scratch = parallel::Scratch::<Several>::default();
+    let (placing, mut buffer, mut places) = (PlaceFinder::new(p, domain), ChunkBuffer::default(), Vec::new());
+    let scratch = parallel::Scratch::<NearestHeap>::default();
     let mut out = filled("distances to neighbours", 0.0f32, n, progress)?;
     for (k, run) in out.chunks_mut(CHUNK).enumerate() {
         let start = k * CHUNK;
@@ -468,7 +468,7 @@ pub(crate) fn distances_to(rank: usize, p: &Particles, domain: &Domain, progress
 }
 
 /// Builds the trees of the cells that begin at `start`, whose points these are.
-fn build_cells(points: &mut [Place], axes: &mut [u8], start: &[u32]) {
+fn build_cells(points: &mut [LocalPosition], axes: &mut [u8], start: &[u32]) {
     if points.is_empty() {
         return;
     }
@@ -488,7 +488,7 @@ fn build_cells(points: &mut [Place], axes: &mut [u8], start: &[u32]) {
     }
 }
 
-fn build(points: &mut [Place], axes: &mut [u8]) {
+fn build(points: &mut [LocalPosition], axes: &mut [u8]) {
     if points.len() <= LEAF {
         return;
     }
@@ -507,7 +507,7 @@ fn build(points: &mut [Place], axes: &mut [u8]) {
 }
 
 /// The axis along which a run is longest.
-fn widest(points: &[Place]) -> usize {
+fn widest(points: &[LocalPosition]) -> usize {
     let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     for x in points {
         for k in 0..3 {

@@ -1,6 +1,6 @@
 //! Opens raw float32: a folder, or three or four files; checks the values of any snapshot.
 
-use super::scratch::Blank;
+use super::scratch::ColumnBuffer;
 use super::storage::CHUNK;
 use super::{ChunkBuffer, Column, Particles, Positions, SnapshotMeta, Storage, sidecar, sidecar::Sidecar};
 use crate::{Error, Remedy, Result};
@@ -104,7 +104,8 @@ impl Particles {
     /// [`Error::Input`] at `place`: how many, and the first; [`Error::Memory`], [`Error::Io`] where `storage` has no room.
     pub fn checked(self, place: &str, drop: Option<&Storage>) -> Result<Particles> {
         let invalid = self.par_chunks(|_, chunk| invalid(&chunk)).into_iter();
-        let invalid = invalid.enumerate().fold(Invalid::default(), |all, (i, own)| all.and((i * CHUNK) as u64, own));
+        let invalid =
+            invalid.enumerate().fold(InvalidParticles::default(), |all, (i, own)| all.and((i * CHUNK) as u64, own));
         match (invalid.count(), drop) {
             (0, _) => Ok(self),
             (_, None) => Err(invalid.refusal(place)),
@@ -118,7 +119,7 @@ impl Particles {
 
 /// Invalid particles of a stretch, and the first of them.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Invalid {
+pub(crate) struct InvalidParticles {
     /// Those without a place.
     positions: u64,
     /// Others whose weight is no weight.
@@ -126,16 +127,16 @@ pub(crate) struct Invalid {
     first: u64,
 }
 
-impl Invalid {
+impl InvalidParticles {
     /// How many there are.
     pub(crate) fn count(self) -> u64 {
         self.positions + self.weights
     }
 
     /// With those of a later stretch, which begins at index `start`.
-    pub(crate) fn and(self, start: u64, later: Invalid) -> Invalid {
+    pub(crate) fn and(self, start: u64, later: InvalidParticles) -> InvalidParticles {
         let first = if self.count() > 0 { self.first } else { start + later.first };
-        Invalid { positions: self.positions + later.positions, weights: self.weights + later.weights, first }
+        InvalidParticles { positions: self.positions + later.positions, weights: self.weights + later.weights, first }
     }
 
     /// The error that refuses them.
@@ -152,18 +153,18 @@ impl Invalid {
 }
 
 /// The invalid particles of a chunk.
-pub(crate) fn invalid(chunk: &super::Chunk<'_>) -> Invalid {
+pub(crate) fn invalid(chunk: &super::Chunk<'_>) -> InvalidParticles {
     // NaN and infinity have the largest exponents; one maximum tells for the whole chunk whether a
     // closer look is needed.
     let largest = |c: &[f32]| c.iter().fold(0, |m: u32, v| m.max(v.to_bits() & 0x7fff_ffff));
     let suspicious = chunk.position.iter().any(|c| largest(c) >= f32::INFINITY.to_bits())
         || chunk.weight.is_some_and(|w| w.iter().any(|&v| !valid_weight(v)));
     if !suspicious {
-        return Invalid::default();
+        return InvalidParticles::default();
     }
-    (0..chunk.len()).filter(|&i| !valid(chunk, i)).fold(Invalid::default(), |all, i| {
+    (0..chunk.len()).filter(|&i| !valid(chunk, i)).fold(InvalidParticles::default(), |all, i| {
         let unplaced = chunk.position.iter().any(|c| !c[i].is_finite());
-        all.and(0, Invalid { positions: unplaced.into(), weights: (!unplaced).into(), first: i as u64 })
+        all.and(0, InvalidParticles { positions: unplaced.into(), weights: (!unplaced).into(), first: i as u64 })
     })
 }
 
@@ -191,7 +192,7 @@ fn keep_valid(particles: &Particles, count: usize, storage: &Storage) -> Result<
         }
         layers.push(layer.with(first..end));
     }
-    let columns = columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
+    let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
     Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), layers))
 }
 

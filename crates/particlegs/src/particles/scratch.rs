@@ -22,7 +22,7 @@ pub enum Storage {
 }
 
 /// A column that is being filled, zeros at first.
-pub(crate) enum Blank {
+pub(crate) enum ColumnBuffer {
     /// In memory.
     Memory(Vec<f32>),
     /// In a mapped file.
@@ -41,19 +41,19 @@ impl Storage {
     ///
     /// # Errors
     /// [`Error::Memory`], or [`Error::Io`] where the disk has no room, before anything is taken.
-    pub(crate) fn columns(&self, what: &str, count: usize, len: usize) -> Result<Vec<Blank>> {
+    pub(crate) fn columns(&self, what: &str, count: usize, len: usize) -> Result<Vec<ColumnBuffer>> {
         let bytes = len as u64 * 4;
         match self {
             Storage::Memory => {
                 require(what, bytes.saturating_mul(count as u64))?;
-                Ok((0..count).map(|_| Blank::Memory(vec![0.0; len])).collect())
+                Ok((0..count).map(|_| ColumnBuffer::Memory(vec![0.0; len])).collect())
             }
             // A file of no bytes cannot be mapped.
-            Storage::Disk(_) if len == 0 => Ok((0..count).map(|_| Blank::Memory(Vec::new())).collect()),
+            Storage::Disk(_) if len == 0 => Ok((0..count).map(|_| ColumnBuffer::Memory(Vec::new())).collect()),
             Storage::Disk(folder) => {
                 let fail = |e| Error::io(folder, e);
                 output::check_space(folder, bytes.saturating_mul(count as u64)).map_err(fail)?;
-                (0..count).map(|_| map_scratch(folder, bytes).map(Blank::Disk).map_err(fail)).collect()
+                (0..count).map(|_| map_scratch(folder, bytes).map(ColumnBuffer::Disk).map_err(fail)).collect()
             }
         }
     }
@@ -67,15 +67,15 @@ fn map_scratch(folder: &Path, bytes: u64) -> std::io::Result<MmapMut> {
     unsafe { MmapMut::map_mut(&file) }
 }
 
-impl Blank {
+impl ColumnBuffer {
     /// The column, filled.
     ///
     /// # Errors
     /// [`Error::Io`] where the mapping cannot be made read-only.
     pub fn finish(self) -> Result<Column> {
         Ok(match self {
-            Blank::Memory(values) => Column::owned(values),
-            Blank::Disk(map) => {
+            ColumnBuffer::Memory(values) => Column::owned(values),
+            ColumnBuffer::Disk(map) => {
                 let len = map.len() / 4;
                 let map = map.make_read_only().map_err(|e| Error::io("scratch file", e))?;
                 Column::Mapped { map: Arc::new(map), offset: 0, len }
@@ -84,22 +84,22 @@ impl Blank {
     }
 }
 
-impl Deref for Blank {
+impl Deref for ColumnBuffer {
     type Target = [f32];
 
     fn deref(&self) -> &[f32] {
         match self {
-            Blank::Memory(values) => values,
-            Blank::Disk(map) => bytemuck::cast_slice(map),
+            ColumnBuffer::Memory(values) => values,
+            ColumnBuffer::Disk(map) => bytemuck::cast_slice(map),
         }
     }
 }
 
-impl DerefMut for Blank {
+impl DerefMut for ColumnBuffer {
     fn deref_mut(&mut self) -> &mut [f32] {
         match self {
-            Blank::Memory(values) => values,
-            Blank::Disk(map) => bytemuck::cast_slice_mut(map),
+            ColumnBuffer::Memory(values) => values,
+            ColumnBuffer::Disk(map) => bytemuck::cast_slice_mut(map),
         }
     }
 }

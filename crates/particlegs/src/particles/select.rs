@@ -5,8 +5,8 @@
 //! threads.
 
 use super::fields::{LayerFields, SourceField};
-use super::images::Images;
-use super::scratch::Blank;
+use super::images::NearestImages;
+use super::scratch::ColumnBuffer;
 use super::storage::CHUNK;
 use super::{ChunkBuffer, Particles, SnapshotMeta, Storage, Tiling};
 use crate::math::{Purpose, Random};
@@ -141,7 +141,7 @@ pub struct Kept<'a> {
     layers: &'a [Layer<Range<usize>>],
     /// Runs before each layer, and in all.
     layer_runs: Vec<u64>,
-    images: Option<Images>,
+    images: Option<NearestImages>,
     /// Fields of each layer; none where none are carried.
     fields: Vec<LayerFields>,
     /// Particles inside the crop in the runs before each run; empty without a crop.
@@ -210,7 +210,7 @@ impl<'a> Kept<'a> {
         let mut meta = particles.meta.clone();
         let cell = meta.cell.take().map(|cell| tiling.cell(&cell));
         let images = match (selection.crop, selection.wrap) {
-            (Some(crop), true) => Some(Images::about(&crop, cell.as_ref(), &meta.name)?),
+            (Some(crop), true) => Some(NearestImages::about(&crop, cell.as_ref(), &meta.name)?),
             _ => None,
         };
         if selection.crop.is_none() {
@@ -337,7 +337,7 @@ impl<'a> Kept<'a> {
             Ok(())
         })?;
         let layers = self.layers().into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect();
-        let columns = values.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
+        let columns = values.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
         Ok(Particles::of_columns(columns, self.origin, self.meta.clone(), layers))
     }
 

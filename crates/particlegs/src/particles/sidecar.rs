@@ -14,10 +14,10 @@ const FILE: input::Form =
     input::Form { title: "a snapshot's metadata", begins: Begins::Object, most: 1 << 20, expansion: 16 };
 
 #[derive(Deserialize, Default)]
-struct Form {
+struct SidecarForm {
     #[serde(rename = "box")]
-    lengths: Option<Lengths>,
-    periodic: Option<Periodic>,
+    lengths: Option<CellLengths>,
+    periodic: Option<PeriodicAxes>,
     origin: Option<[f64; 3]>,
     cell: Option<Cell>,
     layers: Option<Vec<LayerForm>>,
@@ -42,14 +42,14 @@ struct Form {
 
 #[derive(Deserialize)]
 #[serde(untagged)]
-enum Lengths {
+enum CellLengths {
     Cube(f64),
     Each([f64; 3]),
 }
 
 #[derive(Deserialize, Clone, Copy)]
 #[serde(untagged)]
-enum Periodic {
+enum PeriodicAxes {
     All(bool),
     Each([bool; 3]),
 }
@@ -81,13 +81,13 @@ pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
     let mut meta = named(&std::fs::canonicalize(place).unwrap_or_else(|_| place.to_path_buf()));
     let none = [0.0; 3];
     let Some(text) = read_own(file, FILE)? else { return Ok(Sidecar { meta, origin: none, layers: Vec::new() }) };
-    let form: Form =
+    let form: SidecarForm =
         serde_json::from_slice(&text).map_err(|e| Error::input(file, format!("not a snapshot's metadata: {e}")))?;
     let positive = |v: &f64| *v > 0.0 && v.is_finite();
     if let Some(lengths) = form.lengths {
         let lengths = match lengths {
-            Lengths::Cube(l) => [l; 3],
-            Lengths::Each(l) => l,
+            CellLengths::Cube(l) => [l; 3],
+            CellLengths::Each(l) => l,
         };
         if !lengths.iter().all(positive) {
             return Err(Error::input(file, format!("box lengths {} must be positive", listed(&lengths))));
@@ -130,11 +130,11 @@ pub(super) fn listed(numbers: &[f64]) -> String {
     numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
 }
 
-fn periodic(said: Option<Periodic>) -> [bool; 3] {
+fn periodic(said: Option<PeriodicAxes>) -> [bool; 3] {
     match said {
         None => [true; 3],
-        Some(Periodic::All(all)) => [all; 3],
-        Some(Periodic::Each(each)) => each,
+        Some(PeriodicAxes::All(all)) => [all; 3],
+        Some(PeriodicAxes::Each(each)) => each,
     }
 }
 

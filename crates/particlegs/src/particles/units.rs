@@ -1,6 +1,6 @@
 //! Particles in other units.
 
-use super::scratch::Blank;
+use super::scratch::ColumnBuffer;
 use super::{CHUNK, Particles, Storage};
 use crate::model::UnitSystem;
 use crate::parallel;
@@ -37,7 +37,7 @@ impl Particles {
             }
             Ok::<(), Error>(())
         })?;
-        let columns = columns.into_iter().map(Blank::finish).collect::<Result<Vec<_>>>()?;
+        let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
         let origin = self.origin.map(|v| v * by.length);
         let weights = self.weights().cloned();
         let moved = Particles::of_columns(columns.into_iter().chain(weights).collect(), origin, self.meta, self.layers);

@@ -37,7 +37,7 @@ impl RawForm {
 }
 
 /// What is known about a snapshot that is written: its meta.json.
-pub(crate) struct Described<'a> {
+pub(crate) struct SnapshotDescription<'a> {
     /// Box, units, cosmology; unknown things are left out.
     pub meta: &'a SnapshotMeta,
     /// What the columns are relative to.
@@ -55,7 +55,7 @@ pub(crate) struct Described<'a> {
 pub struct SnapshotWriter {
     out: PathBuf,
     form: RawForm,
-    target: Target,
+    target: WriteTarget,
     /// Bytes before the triples.
     header: u64,
     /// What runs are relative to.
@@ -65,7 +65,7 @@ pub struct SnapshotWriter {
 }
 
 /// What is written.
-enum Target {
+enum WriteTarget {
     /// One file.
     File(PlacedFile),
     /// A folder with these files: columns, or one of triples.
@@ -109,7 +109,7 @@ impl SnapshotWriter {
             RawForm::Npy => {
                 let file = PlacedFile::create(out, bytes)?;
                 file.write_at(&header, 0)?;
-                Target::File(file)
+                WriteTarget::File(file)
             }
             RawForm::Columns if weighted => folder(out, &COLUMNS, bytes, &header)?,
             RawForm::Columns => folder(out, &COLUMNS[..3], bytes, &header)?,
@@ -138,12 +138,12 @@ impl SnapshotWriter {
         }
         let place = self.header + self.particle_bytes(false) * first;
         let done = match &self.target {
-            Target::File(file) => return file.write_at(triples, place),
-            Target::Folder(_, files) if self.form == RawForm::Columns => {
+            WriteTarget::File(file) => return file.write_at(triples, place),
+            WriteTarget::Folder(_, files) if self.form == RawForm::Columns => {
                 let mut columns = files.iter().zip(&run.columns);
                 columns.try_for_each(|((_, file), column)| write_at(file, bytemuck::cast_slice(column), 4 * first))
             }
-            Target::Folder(_, files) => write_at(&files[0].1, triples, place),
+            WriteTarget::Folder(_, files) => write_at(&files[0].1, triples, place),
         };
         done.map_err(|e| Error::io(&self.out, e))
     }
@@ -152,11 +152,11 @@ impl SnapshotWriter {
     ///
     /// # Errors
     /// [`Error::Io`]; what was there is untouched then.
-    pub fn finish(self, described: &Described<'_>) -> Result<()> {
+    pub fn finish(self, described: &SnapshotDescription<'_>) -> Result<()> {
         let fail = |e| Error::io(&self.out, e);
         match self.target {
-            Target::File(file) => file.finish(),
-            Target::Folder(folder, files) => {
+            WriteTarget::File(file) => file.finish(),
+            WriteTarget::Folder(folder, files) => {
                 files.iter().try_for_each(|f| f.1.sync_all()).map_err(fail)?;
                 write_sidecar(&folder.path().join(SIDECAR), described).map_err(fail)?;
                 folder.finish()
@@ -171,7 +171,7 @@ fn particle_bytes(wide: bool, weighted: bool) -> u64 {
 }
 
 /// A folder with files of these names, each with `header` in front.
-fn folder(out: &Path, names: &[&'static str], bytes: u64, header: &[u8]) -> Result<Target> {
+fn folder(out: &Path, names: &[&'static str], bytes: u64, header: &[u8]) -> Result<WriteTarget> {
     let folder = WholeFolder::create(out, &RawForm::FOLDER_FILES)?;
     let create = |name: &&'static str| {
         let mut file = File::create(folder.path().join(name))?;
@@ -180,11 +180,11 @@ fn folder(out: &Path, names: &[&'static str], bytes: u64, header: &[u8]) -> Resu
     };
     let files = check_space(folder.path(), bytes).and_then(|()| names.iter().map(create).collect());
     let files: Vec<_> = files.map_err(|e: std::io::Error| Error::io(out, e))?;
-    Ok(Target::Folder(folder, files))
+    Ok(WriteTarget::Folder(folder, files))
 }
 
 /// meta.json in the form that opening a folder reads; unknown things are left out.
-fn write_sidecar(path: &Path, described: &Described<'_>) -> std::io::Result<()> {
+fn write_sidecar(path: &Path, described: &SnapshotDescription<'_>) -> std::io::Result<()> {
     let meta = described.meta;
     let mut form = serde_json::json!({ "name": meta.name, "order": described.order });
     if described.origin != [0.0; 3] {

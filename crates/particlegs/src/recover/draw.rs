@@ -2,10 +2,10 @@
 
 use super::Method;
 use super::normals::Draws;
-use super::plan::{LayerPlan, Plan};
+use super::plan::{LayerPlan, RecoveryPlan};
 use super::spaced::Cascade;
 use super::stratified::stratify;
-use super::wrap::Wrap;
+use super::wrap::PeriodicWrap;
 use crate::math::{Purpose, Random, Sym3};
 use crate::model::Metadata;
 use crate::particles::Run;
@@ -20,7 +20,7 @@ const GRID: f64 = 512.0;
 const REACH: f64 = 3.0;
 
 /// What all runs are drawn by.
-pub(super) struct Rules {
+pub(super) struct DrawRules {
     pub method: Method,
     /// Factor on standard deviations.
     pub scale: f64,
@@ -29,7 +29,7 @@ pub(super) struct Rules {
     pub bounds: Bounds,
     /// Particles drawn in a unit of volume of the snapshot, for [`Method::Spaced`].
     pub mean_density: f64,
-    pub wrap: Option<Wrap>,
+    pub wrap: Option<PeriodicWrap>,
     /// Does the output have a column of weights?
     pub weighted: bool,
     /// The instruction set to draw with.
@@ -38,7 +38,7 @@ pub(super) struct Rules {
 
 /// Scratch space of a thread.
 #[derive(Default)]
-pub(super) struct Scratch {
+pub(super) struct DrawScratch {
     draws: Draws,
     flat: Vec<f64>,
     radii: Vec<f64>,
@@ -46,7 +46,7 @@ pub(super) struct Scratch {
 }
 
 /// Particles of a layer, one after the other.
-struct Stretch<'a> {
+struct ParticleRun<'a> {
     layer: &'a LayerPlan,
     /// The layer's seed.
     stream: u64,
@@ -55,23 +55,30 @@ struct Stretch<'a> {
 }
 
 /// A Gaussian ready to be drawn from.
-struct Placed {
+struct SampledGaussian {
     mean: [f64; 3],
     /// Lower triangle of a root of the covariance: xx, yx, yy, zx, zy, zz.
     root: [f64; 6],
 }
 
-impl Rules {
+impl DrawRules {
     /// For the particles of a plan, those of the snapshot that `metadata` describes.
-    pub(super) fn new(method: Method, scale: f64, seed: u64, metadata: &Metadata, plan: &Plan, simd: Level) -> Rules {
+    pub(super) fn new(
+        method: Method,
+        scale: f64,
+        seed: u64,
+        metadata: &Metadata,
+        plan: &RecoveryPlan,
+        simd: Level,
+    ) -> DrawRules {
         let volume: f64 = metadata.bounds.extent_nonzero().iter().product();
-        Rules {
+        DrawRules {
             method,
             scale,
             seed,
             bounds: metadata.bounds,
             mean_density: plan.total as f64 / volume,
-            wrap: Wrap::new(metadata.cell.as_ref(), &metadata.bounds),
+            wrap: PeriodicWrap::new(metadata.cell.as_ref(), &metadata.bounds),
             weighted: plan.weighted(),
             simd,
         }
@@ -86,11 +93,11 @@ impl Rules {
         layer: &LayerPlan,
         number: u64,
         range: Range<u64>,
-        scratch: &mut Scratch,
+        scratch: &mut DrawScratch,
         run: &mut Run,
     ) -> Result<()> {
         let n = (range.end - range.start) as usize;
-        let stretch = Stretch { layer, stream: self.stream(&layer.layer.name), first: range.start };
+        let stretch = ParticleRun { layer, stream: self.stream(&layer.layer.name), first: range.start };
         let mut random = Random::of(Purpose::Recovery, stretch.stream, number);
         scratch.position.iter_mut().for_each(|c| c.resize(n, 0.0));
         self.raw(n, &mut random, scratch);
@@ -118,7 +125,7 @@ impl Rules {
     }
 
     /// Normal or uniform numbers, one column after the other.
-    fn raw(&self, n: usize, random: &mut Random, scratch: &mut Scratch) {
+    fn raw(&self, n: usize, random: &mut Random, scratch: &mut DrawScratch) {
         scratch.flat.resize(3 * n, 0.0);
         match self.method {
             Method::Count | Method::Volume => scratch.draws.normals(self.simd, random, &mut scratch.flat),
@@ -133,8 +140,8 @@ impl Rules {
     }
 
     /// Places the particles `range` of a stretch, which belong to one Gaussian.
-    fn place(&self, stretch: &Stretch<'_>, gaussian: usize, range: Range<usize>, scratch: &mut Scratch) {
-        let &Stretch { layer, stream, first } = stretch;
+    fn place(&self, stretch: &ParticleRun<'_>, gaussian: usize, range: Range<usize>, scratch: &mut DrawScratch) {
+        let &ParticleRun { layer, stream, first } = stretch;
         let n = scratch.flat.len() / 3;
         let (x, rest) = scratch.flat.split_at_mut(n);
         let (y, z) = rest.split_at_mut(n);
@@ -145,7 +152,7 @@ impl Rules {
         // The Gaussian's name among all, and its first particle in the layer.
         let key = [stream, gaussian as u64];
         let begin = if gaussian == 0 { 0 } else { layer.ends[gaussian - 1] };
-        let placed = Placed::new(g.mean_of(gaussian), &g.cov_of(gaussian), self.scale);
+        let placed = SampledGaussian::new(g.mean_of(gaussian), &g.cov_of(gaussian), self.scale);
         match self.method {
             Method::Count | Method::Volume => {}
             Method::Ellipsoid => to_ball(&mut raw, &scratch.radii[range]),
@@ -161,7 +168,7 @@ impl Rules {
     }
 
     /// Wraps, rounds to f32 and checks.
-    fn finish(&self, layer: &LayerPlan, scratch: &mut Scratch, run: &mut Run) -> Result<()> {
+    fn finish(&self, layer: &LayerPlan, scratch: &mut DrawScratch, run: &mut Run) -> Result<()> {
         if let Some(wrap) = &self.wrap {
             wrap.apply(&mut scratch.position);
         }
@@ -180,10 +187,10 @@ impl Rules {
     }
 }
 
-impl Placed {
+impl SampledGaussian {
     /// A lower triangle L with L L^T = `cov` times the square of `scale`; directions without extent
     /// get none.
-    fn new(mean: [f64; 3], cov: &Sym3, scale: f64) -> Placed {
+    fn new(mean: [f64; 3], cov: &Sym3, scale: f64) -> SampledGaussian {
         let [xx, xy, xz, yy, yz, zz] = cov.0;
         let over = |v: f64, root: f64| if root > 0.0 { v / root } else { 0.0 };
         let a = xx.max(0.0).sqrt();
@@ -191,7 +198,7 @@ impl Placed {
         let c = (yy - b * b).max(0.0).sqrt();
         let e = over(yz - b * d, c);
         let f = (zz - d * d - e * e).max(0.0).sqrt();
-        Placed { mean, root: [a, b, c, d, e, f].map(|v| v * scale) }
+        SampledGaussian { mean, root: [a, b, c, d, e, f].map(|v| v * scale) }
     }
 
     /// Volume that a Gaussian of one particle fills at its mean density, (4 pi)^(3/2) times the root

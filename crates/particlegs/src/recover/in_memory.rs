@@ -1,8 +1,8 @@
 //! Particles drawn into memory, to be measured.
 
-use super::draw::{Rules, Scratch};
+use super::draw::{DrawRules, DrawScratch};
 use super::job::{meta_of, origin_of};
-use super::plan::Plan;
+use super::plan::RecoveryPlan;
 use super::{Method, Options};
 use crate::Result;
 use crate::model::{Mass, Model};
@@ -26,9 +26,9 @@ impl Options {
         let origin = origin_of(&metadata);
         let model = moved(model, origin);
         let local = model.metadata.clone();
-        let plan = Plan::new(model, self.particles, self.method)?;
+        let plan = RecoveryPlan::new(model, self.particles, self.method)?;
         require("drawn particles", plan.total.saturating_mul(16))?;
-        let rules = Rules::new(self.method, self.scale, self.seed, &local, &plan, progress.simd());
+        let rules = DrawRules::new(self.method, self.scale, self.seed, &local, &plan, progress.simd());
         let [x, y, z, w] = columns(&plan, &rules, plan.weighted(), &|_| 1.0, progress)?;
         let layers = plan.described();
         let meta = meta_of(&metadata, &layers);
@@ -54,8 +54,8 @@ pub(crate) fn draw(
 ) -> Result<Particles> {
     require("drawn particles", model.metadata.count.saturating_mul(16))?;
     let moved = moved(model.clone(), origin);
-    let (metadata, plan) = (moved.metadata.clone(), Plan::new(moved, None, Method::Count)?);
-    let mut rules = Rules::new(Method::Count, 1.0, seed, &metadata, &plan, progress.simd());
+    let (metadata, plan) = (moved.metadata.clone(), RecoveryPlan::new(moved, None, Method::Count)?);
+    let mut rules = DrawRules::new(Method::Count, 1.0, seed, &metadata, &plan, progress.simd());
     rules.weighted = weighted;
     let [x, y, z, w] = columns(&plan, &rules, weighted, &|mass| mass.unit_or_one(), progress)?;
     let meta = SnapshotMeta { cell: model.metadata.cell, ..SnapshotMeta::default() };
@@ -65,15 +65,15 @@ pub(crate) fn draw(
 
 /// Columns x, y, z and perhaps weights, each times what its layer's masses give.
 fn columns(
-    plan: &Plan,
-    rules: &Rules,
+    plan: &RecoveryPlan,
+    rules: &DrawRules,
     weighted: bool,
     unit: &(dyn Fn(Mass) -> f64 + Sync),
     progress: &dyn Progress,
 ) -> Result<[Vec<f32>; 4]> {
     let mut columns = [0, 1, 2, 3].map(|k| Vec::with_capacity(if k < 3 || weighted { plan.total as usize } else { 0 }));
     progress.begin("drawing particles", plan.total);
-    let spaces = parallel::Scratch::<Scratch>::default();
+    let spaces = parallel::Scratch::<DrawScratch>::default();
     for first in (0..plan.runs()).step_by(BATCH as usize) {
         let runs = parallel::try_map(first..plan.runs().min(first + BATCH), |id| {
             progress.check()?;

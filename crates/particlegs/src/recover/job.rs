@@ -1,13 +1,13 @@
 //! From a model to files of particles, run by run.
 
 use super::Method;
-use super::draw::{Rules, Scratch};
+use super::draw::{DrawRules, DrawScratch};
 use super::in_memory::moved;
 use super::notes::notes;
-use super::plan::Plan;
+use super::plan::RecoveryPlan;
 use crate::model::{Layer, Metadata, Model};
 use crate::parallel;
-use crate::particles::{Described, Particles, RUN, RawForm, Run, SnapshotMeta, SnapshotWriter};
+use crate::particles::{Particles, RUN, RawForm, Run, SnapshotDescription, SnapshotMeta, SnapshotWriter};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_own};
@@ -103,13 +103,13 @@ pub fn recover(
     let origin = origin_of(&metadata);
     let model = moved(model, origin);
     let local = model.metadata.clone();
-    let plan = Plan::new(model, options.particles, options.method)?;
+    let plan = RecoveryPlan::new(model, options.particles, options.method)?;
     let weighted = plan.weighted();
-    let rules = Rules::new(options.method, options.scale, options.seed, &local, &plan, progress.simd());
+    let rules = DrawRules::new(options.method, options.scale, options.seed, &local, &plan, progress.simd());
     let writer = SnapshotWriter::create(out, options.form, plan.total, weighted, origin)?;
     let bytes = writer.particle_bytes(weighted) * plan.total;
     progress.begin("drawing particles", plan.total);
-    let spaces = parallel::Scratch::<(Scratch, Run, Vec<_>)>::default();
+    let spaces = parallel::Scratch::<(DrawScratch, Run, Vec<_>)>::default();
     parallel::try_for_each(0..plan.runs(), |id| {
         progress.check()?;
         let (layer, number, range) = plan.run(id);
@@ -123,7 +123,7 @@ pub fn recover(
     })?;
     let layers = plan.described();
     let meta = meta_of(&metadata, &layers);
-    writer.finish(&Described {
+    writer.finish(&SnapshotDescription {
         meta: &meta,
         origin,
         layers,

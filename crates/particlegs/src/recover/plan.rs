@@ -35,13 +35,13 @@ impl LayerPlan {
 }
 
 /// What is to be drawn.
-pub(super) struct Plan {
+pub(super) struct RecoveryPlan {
     pub layers: Vec<LayerPlan>,
     /// Particles.
     pub total: u64,
 }
 
-impl Plan {
+impl RecoveryPlan {
     /// Shares `wanted` particles (`None`: as many as the model stands for) among the Gaussians.
     /// Where that is the model's own number, each gets its own count, but for methods that go by
     /// volume. Other numbers of an alpha-blend model are shared by the opacities themselves, which
@@ -49,7 +49,7 @@ impl Plan {
     ///
     /// # Errors
     /// [`Error::Argument`] for 0 particles, or more than 2^53.
-    pub fn new(model: Model, wanted: Option<u64>, method: Method) -> Result<Plan> {
+    pub fn new(model: Model, wanted: Option<u64>, method: Method) -> Result<RecoveryPlan> {
         let own: u64 = model.layers.iter().map(|l: &Layer<Vec<Block>>| l.count()).sum();
         let total = wanted.unwrap_or(own);
         if total == 0 || total > MOST {
@@ -81,7 +81,7 @@ impl Plan {
             rest = others;
         }
         layers.retain(|l| l.count() > 0);
-        Ok(Plan { layers, total })
+        Ok(RecoveryPlan { layers, total })
     }
 
     /// Do any particles have weights of their own?
@@ -212,13 +212,13 @@ pub(super) mod tests {
             let gas: Vec<_> = counts.iter().map(|c| (c.0, Some(c.1))).collect();
             let model = model(&[("dm", &dm), ("gas", &gas)]);
             let masses: Vec<f64> = model.layers.iter().map(|l| l.mass.unit_or_one() * l.content[0].mass).collect();
-            let own = Plan::new(model.clone(), None, Method::Count).unwrap();
+            let own = RecoveryPlan::new(model.clone(), None, Method::Count).unwrap();
             for (layer, g) in own.layers.iter().zip([&dm, &gas]) {
                 let each: Vec<u64> = std::iter::once(0).chain(layer.ends.iter().copied()).collect();
                 prop_assert!(each.windows(2).zip(g).all(|(w, g)| w[1] - w[0] == g.0));
             }
             for method in [Method::Count, Method::Volume] {
-                let plan = Plan::new(model.clone(), Some(wanted), method).unwrap();
+                let plan = RecoveryPlan::new(model.clone(), Some(wanted), method).unwrap();
                 prop_assert_eq!(plan.layers.iter().map(LayerPlan::count).sum::<u64>(), wanted);
                 for (layer, mass) in plan.layers.iter().zip(&masses) {
                     let drawn: f64 = match layer.layer.mass.is_weighted() {
@@ -252,7 +252,7 @@ pub(super) mod tests {
     #[test]
     fn alpha_blend_models_are_shared_by_opacity() {
         let each = |count: u64, wanted: Option<u64>, method| {
-            let plan = Plan::new(shaded(count), wanted, method).unwrap();
+            let plan = RecoveryPlan::new(shaded(count), wanted, method).unwrap();
             let ends = &plan.layers[0].ends;
             [ends[0], ends[1] - ends[0], ends[2] - ends[1]]
         };
@@ -269,20 +269,21 @@ pub(super) mod tests {
         }
         // Grids of the other law go by counts.
         let depth = model(&[("particles", &[(10, None), (30, None)])]);
-        assert_eq!(Plan::new(depth, Some(400), Method::Grid).unwrap().layers[0].ends, [100, 400]);
+        assert_eq!(RecoveryPlan::new(depth, Some(400), Method::Grid).unwrap().layers[0].ends, [100, 400]);
     }
 
     #[test]
     fn none_and_too_many_are_refused() {
         let m = model(&[("particles", &[(5, None)])]);
-        assert!(Plan::new(m.clone(), Some(0), Method::Count).is_err());
-        assert!(Plan::new(m, Some(u64::MAX), Method::Count).is_err());
+        assert!(RecoveryPlan::new(m.clone(), Some(0), Method::Count).is_err());
+        assert!(RecoveryPlan::new(m, Some(u64::MAX), Method::Count).is_err());
     }
 
     #[test]
     fn runs_cover_every_layer() {
         let plan =
-            Plan::new(model(&[("a", &[(70_000, None), (3, None)]), ("b", &[(1, None)])]), None, Method::Count).unwrap();
+            RecoveryPlan::new(model(&[("a", &[(70_000, None), (3, None)]), ("b", &[(1, None)])]), None, Method::Count)
+                .unwrap();
         assert_eq!(plan.runs(), 3);
         let runs: Vec<_> = (0..3).map(|id| plan.run(id)).map(|(l, n, r)| (l.layer.name.clone(), n, r)).collect();
         assert_eq!(runs[1], ("a".into(), 1, 65_536..70_003));

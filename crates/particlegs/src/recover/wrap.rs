@@ -6,7 +6,7 @@ use crate::space::{Bounds, Cell};
 const SLACK: f64 = 1e-6;
 
 /// Takes positions to their image inside the cell, along the axes that repeat.
-pub(super) struct Wrap {
+pub(super) struct PeriodicWrap {
     corner: [f64; 3],
     vectors: [[f64; 3]; 3],
     inverse: [[f64; 3]; 3],
@@ -15,10 +15,10 @@ pub(super) struct Wrap {
     lengths: Option<[f64; 3]>,
 }
 
-impl Wrap {
+impl PeriodicWrap {
     /// `None` where nothing repeats. Particles of a snapshot that does not lie in its orthogonal
     /// cell (one about 0, say, with a cell from 0) are kept in the box about their middle.
-    pub(super) fn new(cell: Option<&Cell>, bounds: &Bounds) -> Option<Wrap> {
+    pub(super) fn new(cell: Option<&Cell>, bounds: &Bounds) -> Option<PeriodicWrap> {
         let cell = cell.filter(|c| c.periodic.contains(&true))?;
         let reduced = cell.reduced();
         let cell = if reduced.lengths().is_some() { &reduced } else { cell };
@@ -32,7 +32,7 @@ impl Wrap {
                 corner[k] = bounds.center()[k] - 0.5 * length;
             }
         }
-        Some(Wrap { corner, vectors: cell.vectors, inverse, periodic: cell.periodic, lengths })
+        Some(PeriodicWrap { corner, vectors: cell.vectors, inverse, periodic: cell.periodic, lengths })
     }
 
     /// Wraps columns of positions.
@@ -86,19 +86,19 @@ mod tests {
     fn positions_come_into_the_box() {
         let cell = Cell { periodic: [true, true, false], ..Cell::orthogonal([10.0, 20.0, 30.0]) };
         let bounds = Bounds { min: [0.0; 3], max: [10.0, 20.0, 30.0] };
-        let wrap = Wrap::new(Some(&cell), &bounds).unwrap();
+        let wrap = PeriodicWrap::new(Some(&cell), &bounds).unwrap();
         let mut columns = [vec![-1.0, 25.0, 3.0], vec![-1.0, 25.0, 3.0], vec![-1.0, 35.0, 3.0]];
         wrap.apply(&mut columns);
         assert_eq!(columns, [vec![9.0, 5.0, 3.0], vec![19.0, 5.0, 3.0], vec![-1.0, 35.0, 3.0]]);
         assert!(f64::from(wrap.round(0, 10.0 - 1e-12)) < 10.0);
-        assert!(Wrap::new(None, &bounds).is_none());
-        assert!(Wrap::new(Some(&Cell { periodic: [false; 3], ..cell }), &bounds).is_none());
+        assert!(PeriodicWrap::new(None, &bounds).is_none());
+        assert!(PeriodicWrap::new(Some(&Cell { periodic: [false; 3], ..cell }), &bounds).is_none());
     }
 
     #[test]
     fn a_snapshot_about_zero_stays_there() {
         let bounds = Bounds { min: [-5.0; 3], max: [5.0; 3] };
-        let wrap = Wrap::new(Some(&Cell::orthogonal([10.0; 3])), &bounds).unwrap();
+        let wrap = PeriodicWrap::new(Some(&Cell::orthogonal([10.0; 3])), &bounds).unwrap();
         let mut columns = [vec![-5.5], vec![4.0], vec![5.5]];
         wrap.apply(&mut columns);
         assert_eq!(columns, [vec![4.5], vec![4.0], vec![-4.5]]);
@@ -108,7 +108,7 @@ mod tests {
     fn negative_vectors_and_slabs_wrap_as_upright_boxes() {
         let vectors = [[0.0, 20.0, 0.0], [-10.0, 0.0, 0.0], [0.0; 3]];
         let cell = Cell::stated([0.0; 3], vectors, [true; 3]).unwrap();
-        let wrap = Wrap::new(Some(&cell), &Bounds { min: [-10.0, 0.0, 0.0], max: [0.0, 20.0, 5.0] }).unwrap();
+        let wrap = PeriodicWrap::new(Some(&cell), &Bounds { min: [-10.0, 0.0, 0.0], max: [0.0, 20.0, 5.0] }).unwrap();
         let mut columns = [vec![3.0], vec![-1.0], vec![50.0]];
         wrap.apply(&mut columns);
         assert_eq!(columns, [vec![-7.0], vec![19.0], vec![50.0]]);
@@ -121,7 +121,7 @@ mod tests {
             vectors: [[10.0, 0.0, 0.0], [5.0, 10.0, 0.0], [0.0, 0.0, 10.0]],
             periodic: [true; 3],
         };
-        let wrap = Wrap::new(Some(&cell), &Bounds { min: [0.0; 3], max: [10.0; 3] }).unwrap();
+        let wrap = PeriodicWrap::new(Some(&cell), &Bounds { min: [0.0; 3], max: [10.0; 3] }).unwrap();
         let mut columns = [vec![3.0], vec![-1.0], vec![5.0]];
         wrap.apply(&mut columns);
         let p = [columns[0][0] - 1.0, columns[1][0], columns[2][0]];

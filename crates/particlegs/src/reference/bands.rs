@@ -2,12 +2,12 @@
 
 /// Splats of a run of particles by band: those of band b are `splats[start[b]..start[b + 1]]`.
 #[derive(Default)]
-pub(super) struct Sorted<T> {
+pub(super) struct BandedSplats<T> {
     splats: Vec<T>,
     start: Vec<u32>,
 }
 
-impl<T> Sorted<T> {
+impl<T> BandedSplats<T> {
     /// The splats of a band, in particle order.
     pub fn band(&self, band: usize) -> &[T] {
         &self.splats[self.start[band] as usize..self.start[band + 1] as usize]
@@ -15,21 +15,21 @@ impl<T> Sorted<T> {
 }
 
 /// Collects splats with the bands they reach, then sorts them by band.
-pub(super) struct Sorter<T> {
+pub(super) struct BandSorter<T> {
     splats: Vec<T>,
     reach: Vec<[u32; 2]>,
 }
 
-impl<T> Default for Sorter<T> {
+impl<T> Default for BandSorter<T> {
     fn default() -> Self {
-        Sorter { splats: Vec::new(), reach: Vec::new() }
+        BandSorter { splats: Vec::new(), reach: Vec::new() }
     }
 }
 
-impl<T: Copy + Default> Sorter<T> {
+impl<T: Copy + Default> BandSorter<T> {
     /// With room for some splats.
     pub fn with_capacity(n: usize) -> Self {
-        Sorter { splats: Vec::with_capacity(n), reach: Vec::with_capacity(n) }
+        BandSorter { splats: Vec::with_capacity(n), reach: Vec::with_capacity(n) }
     }
 
     /// Adds a splat that reaches bands `first..end`.
@@ -42,7 +42,7 @@ impl<T: Copy + Default> Sorter<T> {
     }
 
     /// The splats by band (one that reaches several stands in each); empties the sorter.
-    pub fn sort(&mut self, bands: usize) -> Sorted<T> {
+    pub fn sort(&mut self, bands: usize) -> BandedSplats<T> {
         let mut start = vec![0u32; bands + 1];
         for &[first, end] in &self.reach {
             for band in first..end {
@@ -63,6 +63,6 @@ impl<T: Copy + Default> Sorter<T> {
         }
         self.splats.clear();
         self.reach.clear();
-        Sorted { splats, start }
+        BandedSplats { splats, start }
     }
 }

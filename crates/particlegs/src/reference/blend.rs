@@ -5,7 +5,7 @@ use crate::splat::{DEPTH_TOLERANCE, PEELS, mul8};
 
 /// What a pixel's fragments made of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Blended {
+pub(super) struct BlendedPixel {
     /// Grey level before FXAA.
     pub level: u8,
     /// Bit k: peel k wrote a visible back layer here.
@@ -27,11 +27,14 @@ fn to_float(byte: u32) -> f32 {
 /// Blends fragments given in particle order; `peels` is how many peels are made and `rest` whether
 /// what they leave is blended (VTK stops early once a whole peel writes no back layer anywhere).
 #[inline(always)]
-pub(super) fn blend(depth: &[f32], alpha: &[f32], peels: usize, rest: bool) -> Blended {
+pub(super) fn blend(depth: &[f32], alpha: &[f32], peels: usize, rest: bool) -> BlendedPixel {
     let (mut front, mut back, mut wrote) = (0u32, 0u32, 0u8);
     if let ([_], [a]) = (depth, alpha) {
         // Alone it is the first peel's front.
-        return Blended { level: if peels > 0 && *a > 0.0 { to_byte(to_float(to_byte(*a))) as u8 } else { 0 }, wrote };
+        return BlendedPixel {
+            level: if peels > 0 && *a > 0.0 { to_byte(to_float(to_byte(*a))) as u8 } else { 0 },
+            wrote,
+        };
     }
     let (mut low, mut high) = extremes(depth);
     for peel in 0..peels.min(PEELS) {
@@ -55,7 +58,7 @@ pub(super) fn blend(depth: &[f32], alpha: &[f32], peels: usize, rest: bool) -> B
         }
     }
     let (f, b) = (to_float(front), to_float(back));
-    Blended { level: to_byte(f + b * (1.0 - f)) as u8, wrote }
+    BlendedPixel { level: to_byte(f + b * (1.0 - f)) as u8, wrote }
 }
 
 fn extremes(depth: &[f32]) -> (f32, f32) {

@@ -21,7 +21,7 @@ const BAND: usize = 32;
 type Deposits = Vec<Vec<(u32, f32)>>;
 
 /// Where particles are seen.
-pub(super) struct Sight {
+pub(super) struct PointProjector {
     /// Right, down, forward.
     axes: [[f64; 3]; 3],
     /// The eye, relative to the particles' origin.
@@ -37,7 +37,7 @@ pub(super) struct Sight {
 }
 
 /// Where a particle is seen.
-pub(super) struct Seen {
+pub(super) struct ProjectedPoint {
     /// Pixels from the left and from the top.
     pub x: f64,
     pub y: f64,
@@ -45,11 +45,11 @@ pub(super) struct Seen {
     pub scale: f64,
 }
 
-impl Sight {
+impl PointProjector {
     pub fn new(particles: &Particles, view: &DensityView, size: Size) -> Result<Self> {
         let frame = view.camera.frame()?;
         let [right, up, back] = frame.axes;
-        Ok(Sight {
+        Ok(PointProjector {
             axes: [right, up.map(|v| -v), back.map(|v| -v)],
             position: each_axis(|k| frame.position[k] - particles.origin[k]),
             perspective: matches!(view.camera.projection, Projection::Perspective { .. }),
@@ -64,7 +64,7 @@ impl Sight {
 
     /// Calls `visit` with every particle of a chunk whose centre, moved by `shift`, is in the range of depths.
     #[inline(always)]
-    pub fn each(&self, chunk: &Chunk<'_>, shift: &[f64; 3], mut visit: impl FnMut(usize, Seen)) {
+    pub fn each(&self, chunk: &Chunk<'_>, shift: &[f64; 3], mut visit: impl FnMut(usize, ProjectedPoint)) {
         let eye: [f64; 3] = each_axis(|k| self.position[k] - shift[k]);
         let [xs, ys, zs] = chunk.position;
         for i in 0..chunk.len() {
@@ -80,7 +80,7 @@ impl Sight {
             }
             let scale = if self.perspective { self.focal / depth } else { self.focal };
             let [x, y] = [0.5 * self.size.width as f64 + scale * x, 0.5 * self.size.height as f64 + scale * y];
-            visit(i, Seen { x, y, scale });
+            visit(i, ProjectedPoint { x, y, scale });
         }
     }
 
@@ -104,7 +104,7 @@ pub(super) fn unsmoothed(
     size: Size,
     progress: &dyn Progress,
 ) -> Result<Plane> {
-    let sight = Sight::new(particles, view, size)?;
+    let sight = PointProjector::new(particles, view, size)?;
     let shifts = view.copies(size, bounds, 0.0)?;
     let n = particles.len();
     require("a picture", 12 * size.pixels() as u64)?;
@@ -130,12 +130,12 @@ pub(super) fn unsmoothed(
     Ok(Plane { size, data: sums.into_iter().map(|v| v as f32).collect() })
 }
 
-impl Sight {
+impl PointProjector {
     fn deposit(&self, chunk: &Chunk<'_>, shifts: &[[f64; 3]]) -> Deposits {
         let Size { width, height } = self.size;
         let mut out: Deposits = vec![Vec::new(); height.div_ceil(BAND)];
         for shift in shifts {
-            self.each(chunk, shift, |i, Seen { x, y, scale }| {
+            self.each(chunk, shift, |i, ProjectedPoint { x, y, scale }| {
                 if x >= 0.0 && y >= 0.0 && x < width as f64 && y < height as f64 {
                     let (column, row) = (x as usize, y as usize);
                     let density = self.mass(chunk, i) * scale * scale;

@@ -53,7 +53,7 @@ const CUT_LINES: i32 = 16;
 const STEPS: usize = 4096;
 
 /// A run of rows of a plane.
-pub(super) struct Rows<'a> {
+pub(super) struct RowRun<'a> {
     pub data: &'a mut [f32],
     pub width: usize,
     /// The pixel coordinates of `data[0]`'s lower left corner.
@@ -95,7 +95,7 @@ impl Depositor {
     }
 
     /// Adds small aligned splats `[x, y, sigma_x, sigma_y]`: two by two pixels at most.
-    pub fn add_small(&self, splats: &[[f32; 4]], rows: &mut Rows<'_>) {
+    pub fn add_small(&self, splats: &[[f32; 4]], rows: &mut RowRun<'_>) {
         let whole = self.integral[STEPS];
         let height = (rows.data.len() / rows.width) as i32;
         // First pixel, its share and the next one's.
@@ -138,7 +138,7 @@ impl Depositor {
         &self,
         level: Level,
         splats: impl Iterator<Item = PixelSplat>,
-        rows: &mut Rows<'_>,
+        rows: &mut RowRun<'_>,
         profiles: &mut Profiles,
     ) {
         dispatch!(level, simd => self.add_kernel(simd, splats, rows, profiles));
@@ -149,11 +149,11 @@ impl Depositor {
         &self,
         _simd: S,
         splats: impl Iterator<Item = PixelSplat>,
-        rows: &mut Rows<'_>,
+        rows: &mut RowRun<'_>,
         profiles: &mut Profiles,
     ) {
         for splat in splats {
-            let Some(window) = Window::new(&splat, rows) else { continue };
+            let Some(window) = RowWindow::new(&splat, rows) else { continue };
             let [sx, sy] = splat.sigma();
             if splat.axes[1] == 0.0 && splat.axes[2] == 0.0 {
                 let area = rows.fine_area;
@@ -199,8 +199,8 @@ impl Depositor {
 
     /// A rotated splat: exact along x on a few lines of every row.
     #[inline(always)]
-    fn add_rotated(&self, splat: &PixelSplat, window: &Window, rows: &mut Rows<'_>, sum: &mut Vec<f32>) {
-        let form = Form::new(splat);
+    fn add_rotated(&self, splat: &PixelSplat, window: &RowWindow, rows: &mut RowRun<'_>, sum: &mut Vec<f32>) {
+        let form = RotatedForm::new(splat);
         let lines = if self.opacity > SERIES_OPACITY {
             CUT_LINES
         } else {
@@ -233,8 +233,8 @@ impl Depositor {
 
     /// A large rotated splat: centres and a curvature term.
     #[inline(always)]
-    fn add_rotated_smooth(&self, splat: &PixelSplat, window: &Window, rows: &mut Rows<'_>, sum: &mut Vec<f32>) {
-        let form = Form::new(splat);
+    fn add_rotated_smooth(&self, splat: &PixelSplat, window: &RowWindow, rows: &mut RowRun<'_>, sum: &mut Vec<f32>) {
+        let form = RotatedForm::new(splat);
         let curvature = rows.fine_area / 24.0;
         let trace = form.xx + form.yy;
         for row in window.rows[0]..window.rows[1] {
@@ -261,7 +261,7 @@ impl Depositor {
 }
 
 /// The inverse covariance of a rotated splat and its four edges.
-struct Form {
+struct RotatedForm {
     xx: f32,
     xy: f32,
     yy: f32,
@@ -271,7 +271,7 @@ struct Form {
     along_y: [f32; 2],
 }
 
-impl Form {
+impl RotatedForm {
     fn new(splat: &PixelSplat) -> Self {
         let [a, b, c, d] = splat.axes;
         let s = 1.0 / (a * d - b * c);
@@ -283,7 +283,7 @@ impl Form {
         let solid = |p: f32| if p.abs() < 1e-12 { 1e-12 } else { p };
         let limit = |e: [f32; 2], i: usize| [-e[1 - i] / solid(e[i]), CUT / solid(e[i]).abs()];
         let along_x = [limit(steep, 0), limit(flat, 0)];
-        Form { xx: dot(0, 0), xy: dot(0, 1), yy: dot(1, 1), along_x, along_y: limit(flat, 1) }
+        RotatedForm { xx: dot(0, 0), xy: dot(0, 1), yy: dot(1, 1), along_x, along_y: limit(flat, 1) }
     }
 
     /// The interval of dx inside the square at a dy.
@@ -309,25 +309,25 @@ impl Form {
 }
 
 /// The pixels of a run of rows that a splat reaches.
-struct Window {
+struct RowWindow {
     columns: [i32; 2],
     rows: [i32; 2],
 }
 
-impl Window {
+impl RowWindow {
     #[inline(always)]
-    fn new(splat: &PixelSplat, rows: &Rows<'_>) -> Option<Window> {
+    fn new(splat: &PixelSplat, rows: &RowRun<'_>) -> Option<RowWindow> {
         let [rx, ry] = splat.reach();
         let span = |c: f32, r: f32, first: i32, count: usize| {
             [((c - r).floor() as i32).max(first), ((c + r).floor() as i32).saturating_add(1).min(first + count as i32)]
         };
         let columns = span(splat.x, rx, rows.corner[0], rows.width);
         let lines = span(splat.y, ry, rows.corner[1], rows.data.len() / rows.width);
-        (columns[0] < columns[1] && lines[0] < lines[1]).then_some(Window { columns, rows: lines })
+        (columns[0] < columns[1] && lines[0] < lines[1]).then_some(RowWindow { columns, rows: lines })
     }
 }
 
-impl Rows<'_> {
+impl RowRun<'_> {
     #[inline(always)]
     fn row(&mut self, row: i32, columns: [i32; 2]) -> &mut [f32] {
         let start = (row - self.corner[1]) as usize * self.width;

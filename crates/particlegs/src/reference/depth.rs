@@ -4,10 +4,10 @@
 //! depend on threads. Where many splats are large they go to coarser planes, which are then
 //! interpolated up and added: the cost stays O(particles + pixels x levels).
 
-use super::bands::{Sorted, Sorter};
+use super::bands::{BandSorter, BandedSplats};
 use super::deposit::{Depositor, PixelSplat, Profiles, SMALL_SIGMA};
-use super::project::{BLOCK, Block, DIAGONAL_LIMIT, Projector};
-use super::pyramid::{Level, Pyramid};
+use super::project::{BLOCK, DIAGONAL_LIMIT, ProjectedBlock, Projector};
+use super::pyramid::{Pyramid, PyramidLevel};
 use crate::parallel;
 use crate::particles::{CHUNK, Chunk, Particles};
 use crate::picture::{Plane, Size};
@@ -49,7 +49,7 @@ pub(super) fn optical_depth(
     direct: f64,
     progress: &dyn Progress,
 ) -> Result<Plane> {
-    let job = Job::new(particles, projector, size, direct, progress);
+    let job = DepthJob::new(particles, projector, size, direct, progress);
     let mut pyramid = Pyramid::new(size, job.deepest());
     let (depositor, simd) = (Depositor::new(opacity), progress.simd());
     let chunks = particles.len().div_ceil(CHUNK);
@@ -73,7 +73,7 @@ pub(super) fn optical_depth(
     Ok(pyramid.collapse())
 }
 
-struct Job<'a> {
+struct DepthJob<'a> {
     particles: &'a Particles,
     projector: &'a Projector,
     size: Size,
@@ -82,7 +82,7 @@ struct Job<'a> {
     level: [u8; OCTAVES],
 }
 
-impl<'a> Job<'a> {
+impl<'a> DepthJob<'a> {
     fn new(
         particles: &'a Particles,
         projector: &'a Projector,
@@ -90,7 +90,7 @@ impl<'a> Job<'a> {
         direct: f64,
         progress: &'a dyn Progress,
     ) -> Self {
-        let mut job = Job { particles, projector, size, progress, level: [0; OCTAVES] };
+        let mut job = DepthJob { particles, projector, size, progress, level: [0; OCTAVES] };
         for (octave, cover) in job.cover_by_octave().into_iter().enumerate() {
             if cover > direct {
                 let excess = octave as i32 + 1 - LARGE_SIGMA.log2() as i32;
@@ -122,14 +122,14 @@ impl<'a> Job<'a> {
     }
 
     /// The splats of some chunks by chunk and band, small ones apart.
-    fn sorted(&self, chunks: std::ops::Range<usize>, pyramid: &Pyramid) -> Result<Vec<ByBand>> {
+    fn sorted(&self, chunks: std::ops::Range<usize>, pyramid: &Pyramid) -> Result<Vec<SplatsByBand>> {
         let n = self.particles.len();
         let buffers = parallel::Scratch::default();
         parallel::try_map(chunks, |c| {
             self.progress.check()?;
             buffers.with(|buffer| {
                 let chunk = self.particles.chunk(c * CHUNK..n.min((c + 1) * CHUNK), buffer);
-                let (mut small, mut others) = (Sorter::with_capacity(chunk.len()), Sorter::default());
+                let (mut small, mut others) = (BandSorter::with_capacity(chunk.len()), BandSorter::default());
                 self.for_splats(chunk, |splat, is_small| {
                     let [sx, sy] = splat.sigma();
                     if is_small {
@@ -152,7 +152,7 @@ impl<'a> Job<'a> {
     fn for_splats(&self, chunk: Chunk<'_>, mut work: impl FnMut(&PixelSplat, bool)) {
         let (w, h) = (self.size.width as f32, self.size.height as f32);
         let simd = self.progress.simd();
-        let (mut block, mut screen) = (Box::new(Block::default()), Box::new(Screen::default()));
+        let (mut block, mut screen) = (Box::new(ProjectedBlock::default()), Box::new(Screen::default()));
         for start in (0..chunk.len()).step_by(BLOCK) {
             let end = chunk.len().min(start + BLOCK);
             self.projector.project(simd, chunk.position.map(|c| &c[start..end]), &mut block);
@@ -182,7 +182,7 @@ impl<'a> Job<'a> {
 }
 
 /// A chunk's splats by band: small ones `[x, y, sigma_x, sigma_y]`, and all others.
-type ByBand = (Sorted<[f32; 4]>, Sorted<PixelSplat>);
+type SplatsByBand = (BandedSplats<[f32; 4]>, BandedSplats<PixelSplat>);
 
 const OUTSIDE: u8 = 0;
 const SMALL: u8 = 1;
@@ -205,7 +205,7 @@ impl Default for Screen {
 }
 
 #[inline(always)]
-fn screen_kernel<S: Simd>(_simd: S, block: &Block, [w, h]: [f32; 2], out: &mut Screen) {
+fn screen_kernel<S: Simd>(_simd: S, block: &ProjectedBlock, [w, h]: [f32; 2], out: &mut Screen) {
     for i in 0..BLOCK {
         let (x, y) = ((block.x[i] + 1.0) * 0.5 * w, (block.y[i] + 1.0) * 0.5 * h);
         let (sx, sy) = (block.c00[i].sqrt() * 0.5 * w, block.c11[i].sqrt() * 0.5 * h);
@@ -225,7 +225,7 @@ fn octave(sigma: f32) -> usize {
     (((sigma.to_bits() >> 23) as i32) - 127).clamp(0, OCTAVES as i32 - 1) as usize
 }
 
-impl Level {
+impl PyramidLevel {
     /// A splat of the picture in this plane's pixels.
     #[inline(always)]
     fn place(&self, splat: &PixelSplat) -> PixelSplat {

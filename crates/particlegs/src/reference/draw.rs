@@ -142,7 +142,7 @@ impl<'a> Reference<'a> {
     }
 }
 
-impl crate::train::Subject for Reference<'_> {
+impl crate::train::TrainingSubject for Reference<'_> {
     fn len(&self) -> usize {
         self.particles.len()
     }

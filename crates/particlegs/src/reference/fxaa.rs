@@ -28,7 +28,7 @@ impl Tables {
 /// The picture after FXAA.
 pub fn fxaa(picture: &Gray8) -> Gray8 {
     let tables = Tables::new();
-    let image = Image { picture, tables: &tables };
+    let image = FxaaImage { picture, tables: &tables };
     let width = picture.size.width;
     let mut data = vec![0u8; picture.data.len()];
     parallel::for_each_chunk(&mut data, width.max(1), |row, out| {
@@ -54,12 +54,12 @@ struct Edge {
     other: f32,
 }
 
-struct Image<'a> {
+struct FxaaImage<'a> {
     picture: &'a Gray8,
     tables: &'a Tables,
 }
 
-impl Image<'_> {
+impl FxaaImage<'_> {
     fn level(&self, x: i32, y: i32) -> u8 {
         let (w, h) = (self.picture.size.width, self.picture.size.height);
         let (x, y) = (x.clamp(0, w as i32 - 1) as usize, y.clamp(0, h as i32 - 1) as usize);

@@ -50,14 +50,14 @@ pub(super) struct Disc {
 }
 
 /// Rows of a plane while they are summed.
-pub(super) struct Sums<'a> {
+pub(super) struct RowSums<'a> {
     pub data: &'a mut [f64],
     pub width: usize,
     /// The pixel coordinates of `data[0]`'s lower left corner.
     pub corner: [i32; 2],
 }
 
-impl Sums<'_> {
+impl RowSums<'_> {
     /// Where a pixel's row begins; `None` outside.
     #[inline(always)]
     fn row(&self, y: i32) -> Option<usize> {
@@ -73,15 +73,15 @@ impl Sums<'_> {
 }
 
 /// The kernel as a table.
-pub(super) struct Kernel {
+pub(super) struct KernelTable {
     /// Surface density at squares of distances, and twice zero.
     table: Vec<f32>,
 }
 
-impl Kernel {
+impl KernelTable {
     pub fn new() -> Self {
         let inside = (0..STEPS).map(|k| projected(k as f64 / STEPS as f64) as f32);
-        Kernel { table: inside.chain([0.0; 2]).collect() }
+        KernelTable { table: inside.chain([0.0; 2]).collect() }
     }
 
     /// Surface density at the square of a distance.
@@ -94,12 +94,12 @@ impl Kernel {
     }
 
     /// Adds a disc to some rows. The shares of all pixels that it reaches, within these rows or not, sum to 1.
-    pub fn add(&self, disc: &Disc, sums: &mut Sums<'_>) {
+    pub fn add(&self, disc: &Disc, sums: &mut RowSums<'_>) {
         if disc.radius < SMALL { add_small(disc, sums) } else { self.add_sampled(disc, sums) }
     }
 
     /// Samples each pixel at its centre, or at those of its parts.
-    fn add_sampled(&self, disc: &Disc, sums: &mut Sums<'_>) {
+    fn add_sampled(&self, disc: &Disc, sums: &mut RowSums<'_>) {
         let parts = (SAMPLES / disc.radius).ceil().max(1.0);
         let [x, y, radius] = [disc.x, disc.y, disc.radius].map(|v| v * parts);
         let first = [x, y].map(|v| (v - radius).floor());
@@ -138,7 +138,7 @@ impl Kernel {
 }
 
 /// Two by two pixels, as if the shares along the axes were independent: exact where one edge cuts the disc.
-fn add_small(disc: &Disc, sums: &mut Sums<'_>) {
+fn add_small(disc: &Disc, sums: &mut RowSums<'_>) {
     let split = |center: f32| {
         let pixel = (center - disc.radius).floor();
         let edge = pixel + 1.0 - center;
@@ -171,7 +171,7 @@ mod tests {
         // d(area) = pi d(b^2).
         let disc: f64 = (0..n).map(|k| PI * projected(at(k))).sum::<f64>() / n as f64;
         assert!((disc - 1.0).abs() < 1e-6, "{disc}");
-        let kernel = Kernel::new();
+        let kernel = KernelTable::new();
         let table: f64 = (0..n).map(|k| PI * f64::from(kernel.at(at(k) as f32))).sum::<f64>() / n as f64;
         assert!((table - 1.0).abs() < 1e-5, "{table}");
         assert_eq!([share_below(-1.0), share_below(0.0), share_below(1.0), share_below(7.0)], [0.0, 0.5, 1.0, 1.0]);
@@ -191,7 +191,7 @@ mod tests {
     /// Of any size and at any place: the shares sum to 1, and their mean place is the disc's.
     #[test]
     fn discs_keep_their_mass_and_place() {
-        let kernel = Kernel::new();
+        let kernel = KernelTable::new();
         for k in 0..400 {
             let radius = 0.01 * 1.0185f32.powi(k);
             if radius > LARGEST {
@@ -199,7 +199,7 @@ mod tests {
             }
             let disc = Disc { x: 20.0 + 0.0173 * k as f32, y: 21.0 - 0.0311 * k as f32, radius, density: 1.0 };
             let mut data = vec![0.0; 48 * 48];
-            kernel.add(&disc, &mut Sums { data: &mut data, width: 48, corner: [0, -4] });
+            kernel.add(&disc, &mut RowSums { data: &mut data, width: 48, corner: [0, -4] });
             let sum = |of: &dyn Fn(usize) -> f64| data.iter().enumerate().map(|(i, v)| v * of(i)).sum::<f64>();
             assert!((sum(&|_| 1.0) - 1.0).abs() < 1e-6, "{disc:?}");
             let place = [sum(&|i| (i % 48) as f64 + 0.5), sum(&|i| (i / 48) as f64 - 3.5)];
@@ -213,12 +213,12 @@ mod tests {
     /// Rows that hold a part of a disc get what whole planes have there.
     #[test]
     fn parts_of_a_disc_are_those_of_the_whole() {
-        let kernel = Kernel::new();
+        let kernel = KernelTable::new();
         for radius in [0.3, 0.9, 5.0, 11.0] {
             let disc = Disc { x: 15.9, y: 16.1, radius, density: 3.0 };
             let (mut whole, mut part) = (vec![0.0; 32 * 32], vec![0.0; 20 * 16]);
-            kernel.add(&disc, &mut Sums { data: &mut whole, width: 32, corner: [0, 0] });
-            kernel.add(&disc, &mut Sums { data: &mut part, width: 20, corner: [10, 16] });
+            kernel.add(&disc, &mut RowSums { data: &mut whole, width: 32, corner: [0, 0] });
+            kernel.add(&disc, &mut RowSums { data: &mut part, width: 20, corner: [10, 16] });
             for (i, value) in part.iter().enumerate() {
                 assert_eq!(*value, whole[(16 + i / 20) * 32 + 10 + i % 20], "{radius} {i}");
             }

@@ -1,9 +1,9 @@
 //! ParaView's picture before FXAA, exactly: project, sort into bands of rows, gather every pixel's
 //! fragments in particle order, blend (docs/law/splat.md).
 
-use super::bands::{Sorted, Sorter};
+use super::bands::{BandSorter, BandedSplats};
 use super::blend::blend;
-use super::project::{BLOCK, Block, DIAGONAL_LIMIT, Projector, Splat};
+use super::project::{BLOCK, DIAGONAL_LIMIT, NdcSplat, ProjectedBlock, Projector};
 use super::quad::{Quad, first_pixel, snap};
 use crate::parallel;
 use crate::particles::{CHUNK, Chunk, Particles};
@@ -40,7 +40,7 @@ pub(super) fn draw(
     budget: u64,
     progress: &dyn Progress,
 ) -> Result<Gray8> {
-    let scene = Scene { particles, projector, size, opacity, budget, progress };
+    let scene = ParaviewScene { particles, projector, size, opacity, budget, progress };
     let (picture, wrote) = scene.render(PEELS, true)?;
     // VTK stops once a whole peel writes no back layer anywhere, and blends no rest then: only in
     // nearly empty or nearly transparent pictures, which are drawn again with fewer peels.
@@ -50,7 +50,7 @@ pub(super) fn draw(
     }
 }
 
-struct Scene<'a> {
+struct ParaviewScene<'a> {
     particles: &'a Particles,
     projector: &'a Projector,
     size: Size,
@@ -61,7 +61,7 @@ struct Scene<'a> {
 }
 
 #[derive(Default)]
-struct Scratch {
+struct FragmentScratch {
     first: Vec<u64>,
     next: Vec<usize>,
     depth: Vec<f32>,
@@ -71,23 +71,23 @@ struct Scratch {
 }
 
 /// A band of rows of the picture, and the splats that reach it.
-struct Band<'a> {
+struct PictureBand<'a> {
     /// The splats of the band's group, by chunk of particles.
-    chunks: &'a [Sorted<Splat>],
+    chunks: &'a [BandedSplats<NdcSplat>],
     /// Its number in the group.
     number: usize,
     /// Its lowest row.
     first_row: usize,
 }
 
-impl Band<'_> {
+impl PictureBand<'_> {
     /// In particle order.
-    fn splats(&self) -> impl Iterator<Item = &Splat> {
+    fn splats(&self) -> impl Iterator<Item = &NdcSplat> {
         self.chunks.iter().flat_map(|c| c.band(self.number))
     }
 }
 
-impl Scene<'_> {
+impl ParaviewScene<'_> {
     /// The picture, and which peels wrote a back layer anywhere.
     fn render(&self, peels: usize, rest: bool) -> Result<(Gray8, u8)> {
         let (width, height) = (self.size.width, self.size.height);
@@ -96,13 +96,13 @@ impl Scene<'_> {
         let groups = self.groups();
         let chunks = self.particles.len().div_ceil(CHUNK);
         self.progress.begin("ParaView's picture", (groups.len() * chunks + self.bands()) as u64);
-        let spaces = parallel::Scratch::<Scratch>::default();
+        let spaces = parallel::Scratch::<FragmentScratch>::default();
         for group in groups {
             let chunks = self.sorted(group.clone())?;
             let rows = group.start * BAND_ROWS..height.min(group.end * BAND_ROWS);
             let bands = upward[rows.start * width..rows.end * width].chunks_mut(BAND_ROWS * width).enumerate();
             let parts = parallel::try_map(bands, |(number, out)| {
-                let band = Band { chunks: &chunks, number, first_row: (group.start + number) * BAND_ROWS };
+                let band = PictureBand { chunks: &chunks, number, first_row: (group.start + number) * BAND_ROWS };
                 let wrote = spaces.with(|scratch| self.draw_band(&band, out, scratch, peels, rest))?;
                 self.progress.advance(1);
                 Ok::<u8, Error>(wrote)
@@ -122,7 +122,7 @@ impl Scene<'_> {
     /// Runs of bands whose splats fit the budget together, judged by a sample of the particles.
     fn groups(&self) -> Vec<Range<usize>> {
         let n = self.particles.len();
-        let budget = (self.budget / size_of::<Splat>() as u64) as usize;
+        let budget = (self.budget / size_of::<NdcSplat>() as u64) as usize;
         let bands = self.bands();
         // Even every particle in two bands fits: no need to look.
         if n * 2 <= budget && self.projector.radius_pixels_at_most(self.size) < BAND_ROWS as f32 / 6.0 {
@@ -136,7 +136,7 @@ impl Scene<'_> {
         for start in (0..n).step_by(stride) {
             let chunk = self.particles.chunk(start..n.min(start + RUN), &mut buffer);
             sampled += chunk.len();
-            let mut sorter = Sorter::default();
+            let mut sorter = BandSorter::default();
             self.cull(chunk, 0..bands, &mut sorter);
             let sorted = sorter.sort(bands);
             for (band, total) in count.iter_mut().enumerate() {
@@ -158,10 +158,10 @@ impl Scene<'_> {
     }
 
     /// The splats that reach a group's bands, by chunk of particles and band.
-    fn sorted(&self, group: Range<usize>) -> Result<Vec<Sorted<Splat>>> {
+    fn sorted(&self, group: Range<usize>) -> Result<Vec<BandedSplats<NdcSplat>>> {
         let parts = self.particles.par_chunks(|_, chunk| {
             self.progress.check()?;
-            let mut sorter = Sorter::default();
+            let mut sorter = BandSorter::default();
             self.cull(chunk, group.clone(), &mut sorter);
             self.progress.advance(1);
             Ok::<_, Error>(sorter.sort(group.len()))
@@ -170,8 +170,8 @@ impl Scene<'_> {
     }
 
     /// Projects a chunk and keeps what covers a pixel centre in the group's bands.
-    fn cull(&self, chunk: Chunk<'_>, group: Range<usize>, sorter: &mut Sorter<Splat>) {
-        let mut block = Box::new(Block::default());
+    fn cull(&self, chunk: Chunk<'_>, group: Range<usize>, sorter: &mut BandSorter<NdcSplat>) {
+        let mut block = Box::new(ProjectedBlock::default());
         let mut keep = [0u8; BLOCK];
         let simd = self.progress.simd();
         for start in (0..chunk.len()).step_by(BLOCK) {
@@ -197,9 +197,9 @@ impl Scene<'_> {
     /// The pixels of a band, and which peels wrote a back layer.
     fn draw_band(
         &self,
-        band: &Band<'_>,
+        band: &PictureBand<'_>,
         out: &mut [u8],
-        scratch: &mut Scratch,
+        scratch: &mut FragmentScratch,
         peels: usize,
         rest: bool,
     ) -> Result<u8> {
@@ -238,7 +238,7 @@ impl Scene<'_> {
                 band.splats(),
                 first_row + row,
                 &scratch.first[row * width..=end * width],
-                GatherInto {
+                FragmentGather {
                     next: &mut scratch.next,
                     depth: &mut scratch.depth,
                     alpha: &mut scratch.alpha,
@@ -265,14 +265,14 @@ impl Scene<'_> {
     /// many fragments stand before each pixel of the rows.
     fn gather<'s>(
         &self,
-        splats: impl Iterator<Item = &'s Splat>,
+        splats: impl Iterator<Item = &'s NdcSplat>,
         first_row: usize,
         first: &[u64],
-        into: GatherInto<'_>,
+        into: FragmentGather<'_>,
     ) -> Result<()> {
         let width = self.size.width;
         let rows = first.len() / width;
-        let GatherInto { next, depth, alpha, shapes } = into;
+        let FragmentGather { next, depth, alpha, shapes } = into;
         let simd = self.progress.simd();
         let total = (first[first.len() - 1] - first[0]) as usize;
         next.clear();
@@ -314,7 +314,7 @@ impl Scene<'_> {
     }
 }
 
-struct GatherInto<'a> {
+struct FragmentGather<'a> {
     next: &'a mut Vec<usize>,
     depth: &'a mut Vec<f32>,
     alpha: &'a mut Vec<f32>,
@@ -358,7 +358,7 @@ fn for_rows(quad: &Quad, first: usize, rows: usize, mut work: impl FnMut(usize, 
 
 /// Marks the particles of a block whose quad may cover a pixel centre of the picture.
 #[inline(always)]
-fn touch_kernel<S: Simd>(_simd: S, block: &Block, size: Size, keep: &mut [u8; BLOCK]) {
+fn touch_kernel<S: Simd>(_simd: S, block: &ProjectedBlock, size: Size, keep: &mut [u8; BLOCK]) {
     const CUT: f32 = CUT_SIGMA as f32;
     let (sx, sy) = (0.5 * size.width as f32, 0.5 * size.height as f32);
     let (w, h) = (size.width as i32, size.height as i32);

@@ -18,7 +18,7 @@ pub(super) const DIAGONAL_LIMIT: f32 = 1e-6;
 
 /// A splat in normalised device coordinates (x right, y up, the picture is [-1, 1]^2).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Splat {
+pub(super) struct NdcSplat {
     /// Centre.
     pub x: f32,
     /// Centre.
@@ -29,7 +29,7 @@ pub(super) struct Splat {
     pub axes: [f32; 4],
 }
 
-impl Splat {
+impl NdcSplat {
     /// Is u along x and v along y?
     pub fn is_aligned(&self) -> bool {
         self.axes[1] == 0.0 && self.axes[2] == 0.0
@@ -37,7 +37,7 @@ impl Splat {
 }
 
 /// A block of projected particles, one column a quantity.
-pub(super) struct Block {
+pub(super) struct ProjectedBlock {
     pub x: [f32; BLOCK],
     pub y: [f32; BLOCK],
     pub depth: [f32; BLOCK],
@@ -47,21 +47,21 @@ pub(super) struct Block {
     pub c01: [f32; BLOCK],
 }
 
-impl Default for Block {
+impl Default for ProjectedBlock {
     fn default() -> Self {
         let zero = [0.0; BLOCK];
-        Block { x: zero, y: zero, depth: zero, c00: zero, c11: zero, c01: zero }
+        ProjectedBlock { x: zero, y: zero, depth: zero, c00: zero, c11: zero, c01: zero }
     }
 }
 
-impl Block {
+impl ProjectedBlock {
     /// Splat `i`, or `None` where VTK draws nothing.
-    pub fn splat(&self, i: usize) -> Option<Splat> {
+    pub fn splat(&self, i: usize) -> Option<NdcSplat> {
         if self.c00[i] < 0.0 {
             return None;
         }
         let axes = axes(self.c00[i], self.c11[i], self.c01[i])?;
-        Some(Splat { x: self.x[i], y: self.y[i], depth: self.depth[i], axes })
+        Some(NdcSplat { x: self.x[i], y: self.y[i], depth: self.depth[i], axes })
     }
 }
 
@@ -133,13 +133,13 @@ impl Projector {
     }
 
     /// Projects up to [`BLOCK`] particles.
-    pub fn project(&self, level: Level, position: [&[f32]; 3], out: &mut Block) {
+    pub fn project(&self, level: Level, position: [&[f32]; 3], out: &mut ProjectedBlock) {
         dispatch!(level, simd => project_kernel(simd, self, position, out));
     }
 }
 
 #[inline(always)]
-fn project_kernel<S: Simd>(_simd: S, p: &Projector, [xs, ys, zs]: [&[f32]; 3], out: &mut Block) {
+fn project_kernel<S: Simd>(_simd: S, p: &Projector, [xs, ys, zs]: [&[f32]; 3], out: &mut ProjectedBlock) {
     let n = xs.len().min(BLOCK);
     let (xs, ys, zs) = (&xs[..n], &ys[..n], &zs[..n]);
     let m = &p.view;

@@ -1,6 +1,6 @@
 //! A plane and coarser ones above it, each of half the resolution, cut into bands of rows.
 
-use super::deposit::Rows;
+use super::deposit::RowRun;
 use crate::parallel;
 use crate::picture::{Plane, Size};
 
@@ -15,7 +15,7 @@ const TAPS: [f32; 4] = [-5.0 / 128.0, 35.0 / 128.0, 105.0 / 128.0, -7.0 / 128.0]
 
 /// One plane: pixels of `2^shift` picture pixels, rows upward.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Level {
+pub(super) struct PyramidLevel {
     pub shift: u32,
     /// `2^-shift`.
     pub scale: f32,
@@ -25,7 +25,7 @@ pub(super) struct Level {
     first_band: usize,
 }
 
-impl Level {
+impl PyramidLevel {
     fn bands(&self) -> usize {
         self.height.div_ceil(BAND_ROWS)
     }
@@ -34,7 +34,7 @@ impl Level {
 /// The planes, finest first.
 pub(super) struct Pyramid {
     size: Size,
-    levels: Vec<Level>,
+    levels: Vec<PyramidLevel>,
     data: Vec<Vec<f32>>,
 }
 
@@ -46,7 +46,7 @@ impl Pyramid {
         for shift in 0..=deepest as u32 {
             let pad = if shift == 0 { 0 } else { PAD };
             let side = |n: usize| n.div_ceil(1 << shift) + 2 * pad;
-            let level = Level {
+            let level = PyramidLevel {
                 shift,
                 scale: 0.5f32.powi(shift as i32),
                 width: side(size.width),
@@ -63,7 +63,7 @@ impl Pyramid {
 
     /// Bands of all planes together.
     pub fn bands(&self) -> usize {
-        self.levels.iter().map(Level::bands).sum()
+        self.levels.iter().map(PyramidLevel::bands).sum()
     }
 
     /// The bands, half-open, of a plane that a splat at picture row `y` reaches.
@@ -76,13 +76,13 @@ impl Pyramid {
     }
 
     /// Every band with its number, its plane and its rows.
-    pub fn bands_mut(&mut self) -> Vec<(usize, Level, Rows<'_>)> {
+    pub fn bands_mut(&mut self) -> Vec<(usize, PyramidLevel, RowRun<'_>)> {
         let mut all = Vec::with_capacity(self.bands());
         for (level, data) in self.levels.iter().zip(&mut self.data) {
             for (k, rows) in data.chunks_mut(BAND_ROWS * level.width).enumerate() {
                 let corner = [-(level.pad as i32), (k * BAND_ROWS) as i32 - level.pad as i32];
                 let fine_area = level.scale * level.scale;
-                all.push((level.first_band + k, *level, Rows { data: rows, width: level.width, corner, fine_area }));
+                all.push((level.first_band + k, *level, RowRun { data: rows, width: level.width, corner, fine_area }));
             }
         }
         all
@@ -103,7 +103,7 @@ impl Pyramid {
 
 /// The four coarse indices and weights that a fine index is interpolated from.
 #[inline(always)]
-fn taps(index: usize, fine: &Level, coarse: &Level) -> (usize, [f32; 4]) {
+fn taps(index: usize, fine: &PyramidLevel, coarse: &PyramidLevel) -> (usize, [f32; 4]) {
     let at = index as i32 - fine.pad as i32;
     let center = at.div_euclid(2) + coarse.pad as i32;
     if at.rem_euclid(2) == 0 {
@@ -113,7 +113,7 @@ fn taps(index: usize, fine: &Level, coarse: &Level) -> (usize, [f32; 4]) {
     }
 }
 
-fn add_upsampled(coarse: &[f32], from: &Level, fine: &mut [f32], to: &Level) {
+fn add_upsampled(coarse: &[f32], from: &PyramidLevel, fine: &mut [f32], to: &PyramidLevel) {
     parallel::for_each_chunk_with(fine, to.width, Vec::new, |line: &mut Vec<f32>, y, out| {
         let (first, w) = taps(y, to, from);
         let row = |k: usize| &coarse[(first + k) * from.width..(first + k + 1) * from.width];

@@ -1,7 +1,7 @@
 //! A splat's quad on the screen: which pixel centres it covers and what its alpha is there, as
 //! llvmpipe rasterises and interpolates (docs/law/splat.md, "Coverage").
 
-use super::project::Splat;
+use super::project::NdcSplat;
 use crate::picture::Size;
 use crate::splat::CUT_SIGMA;
 use fearless_simd::{Level, Simd, dispatch};
@@ -45,7 +45,7 @@ pub(super) fn first_pixel(snapped: i32) -> i32 {
 
 /// `a + d x + e y`, the plane of an interpolated value over a triangle.
 #[derive(Clone, Copy, Debug, Default)]
-struct PlaneOf {
+struct LinearPlane {
     at_origin: f32,
     dx: f32,
     dy: f32,
@@ -53,9 +53,9 @@ struct PlaneOf {
 
 /// The planes of u and v over one of the quad's two triangles.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Planes {
-    u: PlaneOf,
-    v: PlaneOf,
+pub(super) struct QuadPlanes {
+    u: LinearPlane,
+    v: LinearPlane,
 }
 
 /// A quad: rows of pixels counted from the bottom, as in VTK's framebuffer.
@@ -78,13 +78,13 @@ const OFFSETS: [[f32; 2]; 4] = [[-CUT, -CUT], [CUT, -CUT], [-CUT, CUT], [CUT, CU
 impl Quad {
     /// The quad of a splat, or `None` where it covers no pixel centre.
     #[inline]
-    pub fn new(s: &Splat, size: Size) -> Option<Quad> {
+    pub fn new(s: &NdcSplat, size: Size) -> Option<Quad> {
         if s.is_aligned() { Self::straight(s, size) } else { Self::turned(s, size) }
     }
 
     /// A splat whose u is along x and v along y: as [`Quad::turned`] finds it, with half the work.
     #[inline]
-    fn straight(s: &Splat, size: Size) -> Option<Quad> {
+    fn straight(s: &NdcSplat, size: Size) -> Option<Quad> {
         let (sx, sy) = (0.5 * size.width as f32, 0.5 * size.height as f32);
         let [a, _, _, d] = s.axes;
         let x = [-CUT, CUT].map(|u| (s.x + a * u) * sx + sx);
@@ -101,7 +101,7 @@ impl Quad {
         })
     }
 
-    fn turned(s: &Splat, size: Size) -> Option<Quad> {
+    fn turned(s: &NdcSplat, size: Size) -> Option<Quad> {
         let (sx, sy) = (0.5 * size.width as f32, 0.5 * size.height as f32);
         let [a, b, c, d] = s.axes;
         let window = OFFSETS.map(|[u, v]| [(s.x + (a * u + b * v)) * sx + sx, (s.y + (c * u + d * v)) * sy + sy]);
@@ -153,14 +153,14 @@ impl Quad {
 
     /// The planes of one of the strip's two triangles, below or above the diagonal.
     #[inline]
-    pub fn planes(&self, triangle: usize) -> Planes {
+    pub fn planes(&self, triangle: usize) -> QuadPlanes {
         // The order matters to float32: the first vertex is the one that planes start from.
         self.planes_of(if triangle == 0 { [1, 2, 0] } else { [1, 3, 2] })
     }
 
     /// Alphas of covered columns of a row, from `columns[0]` on.
     #[inline]
-    pub fn alphas(&self, level: Level, planes: &[Planes; 2], row: i32, columns: [i32; 2], out: &mut [f32]) {
+    pub fn alphas(&self, level: Level, planes: &[QuadPlanes; 2], row: i32, columns: [i32; 2], out: &mut [f32]) {
         let mut from = columns[0];
         while from < columns[1] {
             let triangle = self.triangle(from, row);
@@ -179,7 +179,7 @@ impl Quad {
         }
     }
 
-    fn planes_of(&self, t: [usize; 3]) -> Planes {
+    fn planes_of(&self, t: [usize; 3]) -> QuadPlanes {
         let v = t.map(|i| self.window[i]);
         let dxy01 = [v[0][0] - v[1][0], v[0][1] - v[1][1]];
         let dxy20 = [v[2][0] - v[0][0], v[2][1] - v[0][1]];
@@ -192,9 +192,9 @@ impl Quad {
             let (da01, da20) = (a[0] - a[1], a[2] - a[0]);
             let dx = da01 * d20[1] - da20 * d01[1];
             let dy = da20 * d01[0] - da01 * d20[0];
-            PlaneOf { at_origin: a[0] - (dx * center[0] + dy * center[1]), dx, dy }
+            LinearPlane { at_origin: a[0] - (dx * center[0] + dy * center[1]), dx, dy }
         };
-        Planes { u: plane(0), v: plane(1) }
+        QuadPlanes { u: plane(0), v: plane(1) }
     }
 
     /// Which of the two triangles a covered pixel centre lies in.
@@ -216,12 +216,12 @@ fn cross(a: [i32; 2], b: [i32; 2], c: [i32; 2]) -> i64 {
 const WIDE: usize = 8;
 
 #[inline(always)]
-fn gaussians_kernel<S: Simd>(_simd: S, planes: &Planes, row: i32, from: i32, out: &mut [f32]) {
+fn gaussians_kernel<S: Simd>(_simd: S, planes: &QuadPlanes, row: i32, from: i32, out: &mut [f32]) {
     planes.gaussians(row, from, out);
 }
 
-impl Planes {
-    /// [`Planes::gaussian`] at pixels of a row.
+impl QuadPlanes {
+    /// [`QuadPlanes::gaussian`] at pixels of a row.
     #[inline(always)]
     fn gaussians(&self, row: i32, from: i32, out: &mut [f32]) {
         out.iter_mut().enumerate().for_each(|(i, a)| *a = self.gaussian(from + i as i32, row));
@@ -231,7 +231,7 @@ impl Planes {
     #[inline(always)]
     pub fn gaussian(&self, column: i32, row: i32) -> f32 {
         let (x, y) = (column as f32, row as f32);
-        let at = |p: &PlaneOf| fma(p.dy, y, fma(p.dx, x, p.at_origin));
+        let at = |p: &LinearPlane| fma(p.dy, y, fma(p.dx, x, p.at_origin));
         let (u, v) = (at(&self.u), at(&self.v));
         exp2(std::f32::consts::LOG2_E * (-0.5 * (u * u + v * v)))
     }

@@ -3,9 +3,9 @@
 //! Discs are sorted into bands of rows and added in particle order, so that sums do not depend on threads; those
 //! of many pixels go to coarser planes, which are interpolated up: each costs a few hundred samples at most.
 
-use super::bands::{Sorted, Sorter};
-use super::density::{Seen, Sight};
-use super::kernel::{Disc, Kernel, LARGEST, Sums};
+use super::bands::{BandSorter, BandedSplats};
+use super::density::{PointProjector, ProjectedPoint};
+use super::kernel::{Disc, KernelTable, LARGEST, RowSums};
 use super::pyramid::Pyramid;
 use crate::camera::DensityView;
 use crate::parallel;
@@ -47,7 +47,7 @@ fn drawn(
     size: Size,
     progress: &dyn Progress,
 ) -> Result<Plane> {
-    let sight = Sight::new(particles, view, size)?;
+    let sight = PointProjector::new(particles, view, size)?;
     let shifts = view.copies(size, bounds, largest)?;
     let chunks = particles.len().div_ceil(CHUNK);
     let held = particles.len().min(CHUNKS_AT_ONCE * CHUNK) as u64;
@@ -55,7 +55,7 @@ fn drawn(
     require("a picture", 10 * size.pixels() as u64 + DISC_BYTES * held)?;
     let mut pyramid = Pyramid::new(size, level(largest * sight.largest_scale()).unwrap_or(MOST_LEVELS) as usize);
     let discs = Discs { particles, radii, sight, size };
-    let kernel = Kernel::new();
+    let kernel = KernelTable::new();
     let rounds = chunks.div_ceil(CHUNKS_AT_ONCE);
     progress.begin("surface density", (shifts.len() * (chunks + rounds * pyramid.bands())) as u64);
     for shift in &shifts {
@@ -69,13 +69,18 @@ fn drawn(
 }
 
 /// Adds discs of chunks to all planes, summing in f64.
-fn add(kernel: &Kernel, sorted: &[Sorted<Disc>], pyramid: &mut Pyramid, progress: &dyn Progress) -> Result<()> {
+fn add(
+    kernel: &KernelTable,
+    sorted: &[BandedSplats<Disc>],
+    pyramid: &mut Pyramid,
+    progress: &dyn Progress,
+) -> Result<()> {
     let scratch = parallel::Scratch::<Vec<f64>>::default();
     parallel::try_for_each(pyramid.bands_mut(), |(band, _, rows)| {
         scratch.with(|data| {
             data.clear();
             data.extend(rows.data.iter().map(|v| f64::from(*v)));
-            let mut sums = Sums { data, width: rows.width, corner: rows.corner };
+            let mut sums = RowSums { data, width: rows.width, corner: rows.corner };
             for chunk in sorted {
                 progress.check()?;
                 chunk.band(band).iter().for_each(|disc| kernel.add(disc, &mut sums));
@@ -92,7 +97,7 @@ fn add(kernel: &Kernel, sorted: &[Sorted<Disc>], pyramid: &mut Pyramid, progress
 struct Discs<'a> {
     particles: &'a Particles,
     radii: &'a [f32],
-    sight: Sight,
+    sight: PointProjector,
     size: Size,
 }
 
@@ -104,7 +109,7 @@ impl Discs<'_> {
         shift: &[f64; 3],
         pyramid: &Pyramid,
         progress: &dyn Progress,
-    ) -> Result<Vec<Sorted<Disc>>> {
+    ) -> Result<Vec<BandedSplats<Disc>>> {
         let n = self.particles.len();
         let buffers = parallel::Scratch::default();
         parallel::try_map(chunks, |c| {
@@ -117,10 +122,10 @@ impl Discs<'_> {
         })
     }
 
-    fn sort(&self, chunk: &Chunk<'_>, radii: &[f32], shift: &[f64; 3], pyramid: &Pyramid) -> Sorted<Disc> {
-        let mut sorter = Sorter::default();
+    fn sort(&self, chunk: &Chunk<'_>, radii: &[f32], shift: &[f64; 3], pyramid: &Pyramid) -> BandedSplats<Disc> {
+        let mut sorter = BandSorter::default();
         let (width, height) = (self.size.width as f64, self.size.height as f64);
-        self.sight.each(chunk, shift, |i, Seen { x, y, scale }| {
+        self.sight.each(chunk, shift, |i, ProjectedPoint { x, y, scale }| {
             let radius = f64::from(radii[i]) * scale;
             // Rows of planes go upward. A coarse plane reaches beyond the picture, by less than half a radius.
             let (y, reach) = (height - y, 1.5 * radius);
@@ -297,9 +302,9 @@ mod tests {
         }
     }
 
-    struct Stopped;
+    struct CancelledSmoothing;
 
-    impl Progress for Stopped {
+    impl Progress for CancelledSmoothing {
         fn cancelled(&self) -> bool {
             true
         }
@@ -313,9 +318,9 @@ mod tests {
             let line = refused(Reference::new(&particles).smoothed(neighbours, &Silent));
             assert!(line.contains("there are 100") && !line.contains('\n'), "{line}");
         }
-        assert!(matches!(Reference::new(&particles).smoothed(9, &Stopped), Err(Error::Cancelled)));
+        assert!(matches!(Reference::new(&particles).smoothed(9, &CancelledSmoothing), Err(Error::Cancelled)));
         let smoothed = Reference::new(&particles).smoothed(9, &Silent).unwrap();
         let view = window([1.0; 3], 2.0, None, None);
-        assert!(matches!(smoothed.surface_density(&view, SIZE, &Stopped), Err(Error::Cancelled)));
+        assert!(matches!(smoothed.surface_density(&view, SIZE, &CancelledSmoothing), Err(Error::Cancelled)));
     }
 }

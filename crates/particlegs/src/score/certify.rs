@@ -2,14 +2,14 @@
 
 use super::cells::cell_densities;
 use super::density::DensityAgreement;
-use super::evaluate::Comparison;
+use super::evaluate::ModelComparison;
 use super::layers::layer_ratios;
-use super::matched::Tally;
+use super::matched::GroupTally;
 use super::pictures::{pictures, scores_of};
 use super::science::{linking, mass_power, numbers_agree_from, science};
-use super::scope::Scope;
-use super::subset::Thinned;
-use super::{Frame, Joined, certificate_views, check_radius, density_of};
+use super::scope::ParticlesWithModel;
+use super::subset::RandomSubset;
+use super::{MeasurementFrame, PartSums, certificate_views, check_radius, density_of};
 use crate::Result;
 use crate::model::{
     Certificate, CertificateLevel, DensityMetrics, GROUP_CLASSES, GoalResult, GroupClass, Limit, Model, OrbitMetrics,
@@ -33,7 +33,7 @@ const DRAWS: u64 = 8;
 
 /// What a decoded model is measured on.
 #[derive(Clone, Copy)]
-pub(crate) struct Measure<'a> {
+pub(crate) struct CertificateInput<'a> {
     /// The particles that it was made of.
     pub particles: &'a Particles,
     /// Seed of the views.
@@ -46,7 +46,7 @@ pub(crate) struct Measure<'a> {
     pub reached: Option<GoalResult>,
 }
 
-impl Measure<'_> {
+impl CertificateInput<'_> {
     /// Measures `model`, best the decoded one, whose file has `bytes` without a certificate: pictures (`pictures_of`), and the
     /// density on a grid of 50 cells along the longest extent, over the periodic box where there is one; what an empty
     /// picture, a uniform box and a uniform density score there; then P(k), r(k) and groups (`science`), densities in cells and
@@ -57,7 +57,7 @@ impl Measure<'_> {
     /// [`crate::Error::Input`] for a box that does not hold the particles; [`crate::Error::Memory`],
     /// [`crate::Error::Cancelled`].
     pub fn certificate(&self, model: &Model, bytes: u64, progress: &dyn Progress) -> Result<Certificate> {
-        let &Measure { particles, seed, level, .. } = self;
+        let &CertificateInput { particles, seed, level, .. } = self;
         let m = &model.metadata;
         check_radius(m, seed)?;
         if level == CertificateLevel::Blocks {
@@ -68,7 +68,7 @@ impl Measure<'_> {
         let domain = Domain::of_particles(particles);
         let (views, subset, pictures) = self.pictures_of(model, bytes, &domain, progress)?;
         let [density, uniform] = density_of(model, particles, &m.bounds, GRID, progress)?;
-        let scope = Scope::of(model, particles, seed, SAMPLED_ABOVE, progress)?;
+        let scope = ParticlesWithModel::of(model, particles, seed, SAMPLED_ABOVE, progress)?;
         let first = scope.as_ref().map(|s| s.draw(seed, progress)).transpose()?.flatten();
         let scope = scope.as_ref().zip(first.as_ref());
         let whole = scope.and_then(|(s, first)| s.sample.is_none().then_some(first));
@@ -114,9 +114,9 @@ impl Measure<'_> {
         let m = &model.metadata;
         let truth = Reference::new(self.particles).within(self.memory.unwrap_or(u64::MAX));
         let spacing = domain.spacing(self.particles.len());
-        let thinned = Thinned::new(&truth, spacing, bytes, self.seed, progress)?;
+        let thinned = RandomSubset::new(&truth, spacing, bytes, self.seed, progress)?;
         let whole = self.level == CertificateLevel::Full;
-        let comparison = Comparison::new(model, &truth, thinned.as_ref().map(|t| (t, whole)));
+        let comparison = ModelComparison::new(model, &truth, thinned.as_ref().map(|t| (t, whole)));
         let evaluation = comparison.evaluate(&certificate_views(m, SIZE, self.seed), SIZE, progress)?;
         let orbits = each_axis(|k| {
             let v = &evaluation.views[k];
@@ -151,13 +151,13 @@ pub(super) fn density_metrics([model, uniform]: [DensityAgreement; 2]) -> Densit
 
 /// What tasks measure of their blocks, of all as one.
 fn as_one_block(model: &Model, particles: &Particles, seed: u64, progress: &dyn Progress) -> Result<Certificate> {
-    let frame = Frame::of(&model.metadata, seed);
+    let frame = MeasurementFrame::of(&model.metadata, seed);
     let read = |_: u32, section| frame.measure(section, model, particles, progress);
-    Joined { frame: &frame, seed, parts: 1, read: &read }.certificate(progress)
+    PartSums { frame: &frame, seed, parts: 1, read: &read }.certificate(progress)
 }
 
 /// Distances to the nearest neighbour among the particles and among those drawn.
-fn spacing(scope: &Scope<'_>, drawn: &Particles, seed: u64, progress: &dyn Progress) -> Result<Spacing> {
+fn spacing(scope: &ParticlesWithModel<'_>, drawn: &Particles, seed: u64, progress: &dyn Progress) -> Result<Spacing> {
     let options = NeighbourOptions { sample: NEIGHBOURS, among_sample: false, seed };
     let of = |p: &Particles| {
         let d = nearest_distances(p, &scope.domain, &options, progress)?;
@@ -171,7 +171,7 @@ fn spacing(scope: &Scope<'_>, drawn: &Particles, seed: u64, progress: &dyn Progr
 /// Groups of the particles against those of [`DRAWS`] draws, the first of which is there: from which size on that one's
 /// numbers agree, and all matched by position.
 fn matched(
-    scope: &Scope<'_>,
+    scope: &ParticlesWithModel<'_>,
     first: &Particles,
     seed: u64,
     progress: &dyn Progress,
@@ -184,7 +184,7 @@ fn matched(
         return Ok(None);
     }
     let numbers = numbers_agree_from(&truth.sizes, &found.sizes);
-    let mut tally = Tally::default();
+    let mut tally = GroupTally::default();
     tally.add(&linking, &truth, &found)?;
     for draw in 1..DRAWS {
         let Some(particles) = scope.draw(seed.wrapping_add(draw), progress)? else { return Ok(None) };

@@ -6,7 +6,7 @@ use crate::parallel;
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
-use crate::stats::{Domain, Grid, Slab, Splat};
+use crate::stats::{DepositScratch, Domain, Grid, Slab};
 use particlegs_core::math::each_axis;
 
 /// Parallel parts of a sum, fixed so that results do not depend on threads.
@@ -90,7 +90,7 @@ impl DensityGrid {
 
     fn of_mixture(&self, mixture: &Mixture, progress: &dyn Progress) -> Result<Vec<f64>> {
         self.sum_parts(mixture.len(), |grid, range| {
-            let (mut splat, mut slab) = (Splat::default(), Slab::whole(&self.0, grid));
+            let (mut splat, mut slab) = (DepositScratch::default(), Slab::whole(&self.0, grid));
             for i in range {
                 if i.is_multiple_of(256) {
                     progress.check()?;

@@ -1,8 +1,8 @@
 //! A model against its snapshot over views, in every look, with what stands beside each score.
 
-use super::Truth;
+use super::ViewTruth;
 use super::scores::{Evaluation, LookScores, ViewScores, gap};
-use super::subset::{Seen, Thinned};
+use super::subset::{RandomSubset, SubsetView};
 use super::views::orbit_of;
 use crate::camera::{View, clipping_range};
 use crate::model::Model;
@@ -37,18 +37,18 @@ pub fn evaluate(
         return Err(Error::input(&meta.name, "its unit of length is not the model's: convert it first"));
     }
     let truth = Reference::new(particles);
-    Comparison { drawer, ..Comparison::new(model, &truth, None) }.evaluate(views, size, progress)
+    ModelComparison { drawer, ..ModelComparison::new(model, &truth, None) }.evaluate(views, size, progress)
 }
 
 /// Progress that says which view a phase belongs to.
-pub(super) struct InView<'a> {
+pub(super) struct ViewProgress<'a> {
     /// Of the view.
     pub name: String,
     /// Whom to tell.
     pub inner: &'a dyn Progress,
 }
 
-impl Progress for InView<'_> {
+impl Progress for ViewProgress<'_> {
     fn begin(&self, phase: &str, total: u64) {
         self.inner.begin(&format!("{} {phase}", self.name), total);
     }
@@ -91,7 +91,7 @@ pub(super) fn clipped(view: &View, bounds: &Bounds) -> View {
 }
 
 /// A model beside its snapshot.
-pub(super) struct Comparison<'a> {
+pub(super) struct ModelComparison<'a> {
     /// The model, ready to be drawn.
     scene: Scene<'a>,
     /// Draws the snapshot.
@@ -100,17 +100,17 @@ pub(super) struct Comparison<'a> {
     /// else their bounds.
     even: Domain,
     /// The particles' own rival, and whether it is drawn in all looks.
-    subset: Option<(&'a Thinned, bool)>,
+    subset: Option<(&'a RandomSubset, bool)>,
     /// What draws model and snapshot in place of the processor.
     drawer: Option<&'a dyn Drawer>,
 }
 
-impl<'a> Comparison<'a> {
+impl<'a> ModelComparison<'a> {
     /// Of a model and the snapshot that `truth` draws; with a subset of its particles where that is to be scored, in
     /// all looks or in `expected` alone.
-    pub fn new(model: &'a Model, truth: &'a Reference<'a>, subset: Option<(&'a Thinned, bool)>) -> Self {
+    pub fn new(model: &'a Model, truth: &'a Reference<'a>, subset: Option<(&'a RandomSubset, bool)>) -> Self {
         let even = Domain::drawn(truth.bounds(), truth.particles().meta.cell.as_ref());
-        Comparison { scene: Scene::of(model), truth, even, subset, drawer: None }
+        ModelComparison { scene: Scene::of(model), truth, even, subset, drawer: None }
     }
 
     /// Scores of all looks in `views`.
@@ -121,7 +121,8 @@ impl<'a> Comparison<'a> {
         views.iter().try_for_each(|v| v.check(size))?;
         let mut scored = Vec::with_capacity(views.len());
         for (number, view) in views.iter().enumerate() {
-            let progress = InView { name: format!("{} ({}/{})", view.name, number + 1, views.len()), inner: progress };
+            let progress =
+                ViewProgress { name: format!("{} ({}/{})", view.name, number + 1, views.len()), inner: progress };
             let drawn = self.draw(view, size, &progress)?;
             progress.begin("scores", 0);
             scored.push(self.scores(view, &drawn));
@@ -131,9 +132,9 @@ impl<'a> Comparison<'a> {
     }
 
     /// Draws a view of all that is compared.
-    pub fn draw(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Drawn> {
+    pub fn draw(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<ViewPictures> {
         let view = clipped(view, self.truth.bounds());
-        let truth = Truth::draw(self.truth, &view, size, self.drawer, progress)?;
+        let truth = ViewTruth::draw(self.truth, &view, size, self.drawer, progress)?;
         let subset = self.subset.map(|(s, whole)| s.draw(self.truth, &view, size, whole, progress)).transpose()?;
         progress.begin("model", 0);
         let tau = match self.drawer {
@@ -142,15 +143,15 @@ impl<'a> Comparison<'a> {
         };
         let even = uniform_box(&self.even, self.truth.particles().len() as f64, &view, size)?;
         progress.end();
-        Ok(Drawn { truth, tau, even, subset })
+        Ok(ViewPictures { truth, tau, even, subset })
     }
 
     /// The scores of one look.
-    pub fn look(&self, drawn: &Drawn, look: Look) -> LookScores {
+    pub fn look(&self, drawn: &ViewPictures, look: Look) -> LookScores {
         drawn.scores(look, &self.scene.tone(&drawn.tau, look, &drawn.truth.tones))
     }
 
-    fn scores(&self, view: &View, drawn: &Drawn) -> ViewScores {
+    fn scores(&self, view: &View, drawn: &ViewPictures) -> ViewScores {
         let no_fxaa = self.scene.tone(&drawn.tau, Look::ParaviewNoFxaa, &drawn.truth.tones);
         let target = drawn.truth.picture(Look::ParaviewNoFxaa);
         ViewScores {
@@ -169,16 +170,16 @@ impl<'a> Comparison<'a> {
 }
 
 /// One view of all that is compared.
-pub(super) struct Drawn {
-    truth: Truth,
+pub(super) struct ViewPictures {
+    truth: ViewTruth,
     /// The model's.
     tau: Plane,
     /// The uniform box's.
     even: Plane,
-    subset: Option<Seen>,
+    subset: Option<SubsetView>,
 }
 
-impl Drawn {
+impl ViewPictures {
     fn scores(&self, look: Look, model: &Gray8) -> LookScores {
         let target = self.truth.picture(look);
         let of = |picture: &Gray8| Scores::of(picture, target);

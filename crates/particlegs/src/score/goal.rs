@@ -3,14 +3,14 @@
 
 use super::cells::Cells;
 use super::science::{MOST_DRAWN, linking, spectrum_options};
-use super::{HeldOut, Scope, held_out_views};
+use super::{HeldOutPictures, ParticlesWithModel, held_out_views};
 use crate::model::{GROUP_CLASSES, Goal, GoalKind, GoalResult, Metadata, Model};
 use crate::particles::Particles;
 use crate::picture::Size;
 use crate::progress::Progress;
 use crate::render::Scene;
 use crate::stats::{
-    Domain, FEWEST_GROUPS, Spectra, SpectrumOptions, Subject, TransformedOnce, largest_deviation_of_numbers,
+    CachedTransform, Domain, FEWEST_GROUPS, Spectra, SpectrumOptions, Subject, largest_deviation_of_numbers,
     size_histogram,
 };
 use crate::{Error, Remedy, Result};
@@ -26,25 +26,25 @@ const DRAWS: u64 = 4;
 const IDENTICAL: f64 = 1000.0;
 
 /// A goal, and the particles' side of it.
-pub(crate) struct Gauge<'a> {
+pub(crate) struct GoalMetric<'a> {
     /// What is asked for.
     pub goal: Goal,
     particles: &'a Particles,
     domain: Domain,
     seed: u64,
-    truth: Truth,
+    truth: GoalTruth,
 }
 
 /// What the particles have.
-enum Truth {
-    Pictures(Box<HeldOut>),
-    Spectrum(Box<TransformedOnce>),
+enum GoalTruth {
+    Pictures(Box<HeldOutPictures>),
+    Spectrum(Box<CachedTransform>),
     Cells(Box<Cells>),
     /// Sizes of groups, descending.
     Groups(Vec<u64>),
 }
 
-impl<'a> Gauge<'a> {
+impl<'a> GoalMetric<'a> {
     /// Measures the particles. `metadata` says how their pictures are drawn; `seed` is that of the certificate.
     ///
     /// # Errors
@@ -60,16 +60,16 @@ impl<'a> Gauge<'a> {
         let truth = match goal.kind {
             GoalKind::Psnr => {
                 let views = held_out_views(metadata, SIZE, seed, FRAMES);
-                Truth::Pictures(Box::new(HeldOut::draw(particles, &views, SIZE, progress)?))
+                GoalTruth::Pictures(Box::new(HeldOutPictures::draw(particles, &views, SIZE, progress)?))
             }
             GoalKind::PowerSpectrum => {
                 let options = spectrum_to(goal.at, &domain, particles.len())?;
-                Truth::Spectrum(Box::new(power_of(particles, &domain, &options, progress)?))
+                GoalTruth::Spectrum(Box::new(power_of(particles, &domain, &options, progress)?))
             }
-            GoalKind::Correlation => Truth::Cells(Box::new(Cells::of_edge(goal.at, particles, &domain, progress)?)),
-            GoalKind::Groups => Truth::Groups(sizes_of(goal.at, particles, &domain, progress)?),
+            GoalKind::Correlation => GoalTruth::Cells(Box::new(Cells::of_edge(goal.at, particles, &domain, progress)?)),
+            GoalKind::Groups => GoalTruth::Groups(sizes_of(goal.at, particles, &domain, progress)?),
         };
-        Ok(Gauge { goal, particles, domain, seed, truth })
+        Ok(GoalMetric { goal, particles, domain, seed, truth })
     }
 
     /// What a model has.
@@ -78,10 +78,10 @@ impl<'a> Gauge<'a> {
     /// [`Error::Memory`], [`Error::Cancelled`]; [`Error::Input`] for Gaussians that cannot be drawn from.
     pub fn measure(&self, model: &Model, progress: &dyn Progress) -> Result<GoalResult> {
         let reached = match &self.truth {
-            Truth::Pictures(views) => views.expected_masked_psnr(&Scene::of(model), progress)?.unwrap_or(IDENTICAL),
-            Truth::Spectrum(truth) => self.deviation_of_power(truth, model, progress)?,
-            Truth::Cells(truth) => truth.correlation(Subject::Model(model), progress)?,
-            Truth::Groups(truth) => self.deviation_of_groups(truth, model, progress)?,
+            GoalTruth::Pictures(views) => views.expected_masked_psnr(&Scene::of(model), progress)?.unwrap_or(IDENTICAL),
+            GoalTruth::Spectrum(truth) => self.deviation_of_power(truth, model, progress)?,
+            GoalTruth::Cells(truth) => truth.correlation(Subject::Model(model), progress)?,
+            GoalTruth::Groups(truth) => self.deviation_of_groups(truth, model, progress)?,
         };
         Ok(GoalResult { goal: self.goal, reached })
     }
@@ -91,12 +91,12 @@ impl<'a> Gauge<'a> {
         if self.particles.len() as u64 > MOST_DRAWN {
             return Ok(None);
         }
-        let scope = Scope::of(model, self.particles, self.seed, MOST_DRAWN, progress)?;
+        let scope = ParticlesWithModel::of(model, self.particles, self.seed, MOST_DRAWN, progress)?;
         scope.map_or(Ok(None), |scope| scope.draw(self.seed.wrapping_add(draw), progress))
     }
 
     /// The worst of several draws: one may be lucky. The first is the certificate's.
-    fn deviation_of_power(&self, truth: &TransformedOnce, model: &Model, progress: &dyn Progress) -> Result<f64> {
+    fn deviation_of_power(&self, truth: &CachedTransform, model: &Model, progress: &dyn Progress) -> Result<f64> {
         let of = |spectra: Spectra| spectra.largest_power_deviation().unwrap_or(f64::MAX);
         let mut largest = 0.0f64;
         for draw in 0..DRAWS {
@@ -153,8 +153,8 @@ fn power_of(
     domain: &Domain,
     options: &SpectrumOptions,
     progress: &dyn Progress,
-) -> Result<TransformedOnce> {
-    let truth = TransformedOnce::new(Subject::Particles(particles), domain, options, progress)?;
+) -> Result<CachedTransform> {
+    let truth = CachedTransform::new(Subject::Particles(particles), domain, options, progress)?;
     if truth.against_itself(progress)?.largest_power_deviation().is_none() {
         let what = format!("up to k = {} the particles have no power above the scatter of their noise", options.k_max);
         return Err(Error::argument(what));

@@ -12,13 +12,13 @@ use crate::render::{self, Scene, tone};
 use crate::splat::Look;
 
 /// Views and the `expected` pictures of all particles in them, drawn once.
-pub struct HeldOut {
+pub struct HeldOutPictures {
     size: Size,
     views: Vec<View>,
     truth: Vec<Gray8>,
 }
 
-impl HeldOut {
+impl HeldOutPictures {
     /// Draws the truth: one noise-free pass over the particles a view.
     ///
     /// # Errors
@@ -35,7 +35,7 @@ impl HeldOut {
                 Ok(tone(&tau, Look::Expected, view.opacity, view.radius_pixels(size)))
             })
             .collect::<Result<_>>()?;
-        Ok(HeldOut { size, views, truth })
+        Ok(HeldOutPictures { size, views, truth })
     }
 
     /// Mean over the views of the masked PSNR of `scene` in `expected`, dB. `None` where no view

@@ -3,7 +3,7 @@
 use super::certify;
 use super::density::{DensityAgreement, density_agreement};
 use super::science::told;
-use super::sums::{Frame, Section, add_rows};
+use super::sums::{MeasurementFrame, SumsSection, add_rows};
 use crate::model::{
     CELL_SIZES, CellDensity, Certificate, OrbitMetrics, PictureScore, PictureScores, ScienceMetrics, ScienceSubject,
 };
@@ -16,22 +16,22 @@ use crate::splat::Look;
 use crate::stats::{Domain, Field, Grid, spectra_of};
 use crate::{Error, Result};
 
-/// Gives a section of a part, as [`Frame::measure`] made it.
-pub(crate) type Read<'a> = &'a dyn Fn(u32, Section) -> Result<Vec<u8>>;
+/// Gives a section of a part, as [`MeasurementFrame::measure`] made it.
+pub(crate) type SectionReader<'a> = &'a dyn Fn(u32, SumsSection) -> Result<Vec<u8>>;
 
 /// Adds up the sums of `parts` parts, in their order.
-pub(crate) struct Joined<'a> {
+pub(crate) struct PartSums<'a> {
     /// What they were measured by.
-    pub frame: &'a Frame,
+    pub frame: &'a MeasurementFrame,
     /// Seed of the views.
     pub seed: u64,
     /// Their number.
     pub parts: u32,
     /// Where they are.
-    pub read: Read<'a>,
+    pub read: SectionReader<'a>,
 }
 
-impl Joined<'_> {
+impl PartSums<'_> {
     /// The certificate.
     ///
     /// # Errors
@@ -51,7 +51,7 @@ impl Joined<'_> {
         Ok(certificate)
     }
 
-    fn sum(&self, section: Section, progress: &dyn Progress) -> Result<Vec<f32>> {
+    fn sum(&self, section: SumsSection, progress: &dyn Progress) -> Result<Vec<f32>> {
         let [length, width] = self.frame.shape(section);
         particlegs_files::memory::require("the blocks' sums", 4 * length as u64)?;
         let mut sum = vec![0.0f32; length];
@@ -73,7 +73,7 @@ impl Joined<'_> {
         let (even, view_of) = (Domain::drawn(&metadata.bounds, metadata.cell.as_ref()), &self.frame.views[view]);
         let picture = |tau: &Plane| tone(tau, Look::Expected, view_of.opacity, view_of.radius_pixels(size));
         let side =
-            |side| Ok::<_, Error>(picture(&Plane { size, data: self.sum(Section::View(side, view), progress)? }));
+            |side| Ok::<_, Error>(picture(&Plane { size, data: self.sum(SumsSection::View(side, view), progress)? }));
         let (truth, model) = (side(0)?, side(1)?);
         let even = picture(&uniform_box(&even, metadata.count as f64, view_of, size)?);
         let score = |p: &Gray8| {
@@ -92,7 +92,7 @@ impl Joined<'_> {
 
     fn density(&self, progress: &dyn Progress) -> Result<[DensityAgreement; 2]> {
         let side = |side| {
-            let sum = self.sum(Section::Density(side), progress)?;
+            let sum = self.sum(SumsSection::Density(side), progress)?;
             Ok::<_, Error>(sum.into_iter().map(f64::from).collect::<Vec<f64>>())
         };
         let (truth, model) = (side(0)?, side(1)?);
@@ -100,13 +100,13 @@ impl Joined<'_> {
         Ok([&model, &uniform].map(|other| density_agreement(&truth, other)))
     }
 
-    fn field(&self, section: Section, grid: &Grid, progress: &dyn Progress) -> Result<Field> {
+    fn field(&self, section: SumsSection, grid: &Grid, progress: &dyn Progress) -> Result<Field> {
         Ok(Field { grid: *grid, mass: self.sum(section, progress)?, outside: 0.0 })
     }
 
     fn cells(&self, progress: &dyn Progress) -> Result<Option<[CellDensity; CELL_SIZES]>> {
         let Some(grid) = &self.frame.cells else { return Ok(None) };
-        let side = |side| self.field(Section::Cells(side), grid, progress);
+        let side = |side| self.field(SumsSection::Cells(side), grid, progress);
         Ok(agreements([side(0)?, side(1)?], self.frame.metadata.count as usize))
     }
 
@@ -118,13 +118,13 @@ impl Joined<'_> {
         }
         let (mut mass, mut squares) = (0.0, 0.0);
         for part in 0..self.parts {
-            let bytes = (self.read)(part, Section::Weights)?;
+            let bytes = (self.read)(part, SumsSection::Weights)?;
             let sums: [u8; 16] = bytes.try_into().map_err(|_| self.none(part))?;
             let real = |at: usize| f64::from_le_bytes(std::array::from_fn(|b| sums[at + b]));
             (mass, squares) = (mass + real(0), squares + real(8));
         }
         let noise = domain.volume() * squares / (mass * mass);
-        let field = |side, moved| self.field(Section::Spectrum(side, moved), &grid, progress);
+        let field = |side, moved| self.field(SumsSection::Spectrum(side, moved), &grid, progress);
         let spectra = spectra_of(&field, noise, domain, o, progress)?;
         Ok(Some(told(ScienceSubject::Mixture, o, &spectra)))
     }

@@ -6,11 +6,11 @@ use crate::model::{GROUP_CLASSES, GroupClass};
 use crate::parallel;
 use crate::particles::Particles;
 use crate::progress::Progress;
-use crate::stats::{Domain, Groups, LinkedParticles, Points, group_center, local_positions};
+use crate::stats::{Domain, Groups, LinkedParticles, PointGrid, group_center, local_positions};
 use particlegs_core::math::each_axis;
 
 /// Groups found in one set of particles, the largest first.
-pub(super) struct Found {
+pub(super) struct GroupCatalogue {
     /// Particles of each.
     pub(super) sizes: Vec<u64>,
     /// Centre of each, relative to the domain's corner.
@@ -21,7 +21,7 @@ pub(super) struct Found {
 
 /// How groups are found.
 #[derive(Clone, Copy)]
-pub(super) struct Linking<'a> {
+pub(super) struct GroupFinder<'a> {
     /// The box.
     pub domain: &'a Domain,
     /// Linking length, world units.
@@ -30,16 +30,16 @@ pub(super) struct Linking<'a> {
     pub spacing: f64,
 }
 
-impl Linking<'_> {
+impl GroupFinder<'_> {
     /// The groups of the smallest class and above.
     ///
     /// # Errors
     /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
-    pub fn groups(&self, particles: &Particles, progress: &dyn Progress) -> Result<Found> {
+    pub fn groups(&self, particles: &Particles, progress: &dyn Progress) -> Result<GroupCatalogue> {
         let positions = local_positions(particles, self.domain);
         let (groups, finest) = self.linked(particles, &positions, progress)?;
         let center = |i: usize| group_center(&positions, &groups.members[i], self.domain);
-        Ok(Found { sizes: groups.sizes(), centers: parallel::map_range(groups.members.len(), center), finest })
+        Ok(GroupCatalogue { sizes: groups.sizes(), centers: parallel::map_range(groups.members.len(), center), finest })
     }
 
     /// Particles of each group of the smallest class and above, descending.
@@ -66,17 +66,17 @@ impl Linking<'_> {
 
     /// The radius within which a counterpart of a group of `size` particles may lie: that of a sphere which has 200
     /// times the mean density.
-    fn radius(&self, size: u64, truth: &Found) -> f64 {
+    fn radius(&self, size: u64, truth: &GroupCatalogue) -> f64 {
         truth.finest.unwrap_or(self.spacing) * (3.0 * size as f64 / (4.0 * std::f64::consts::PI * 200.0)).cbrt()
     }
 
     /// The counterpart of each group of `truth` among `drawn`: from the largest on the nearest that is left within the
     /// group's radius.
-    fn counterparts(&self, truth: &Found, drawn: &Found) -> Result<Vec<Option<usize>>> {
+    fn counterparts(&self, truth: &GroupCatalogue, drawn: &GroupCatalogue) -> Result<Vec<Option<usize>>> {
         if truth.sizes.is_empty() || drawn.sizes.is_empty() {
             return Ok(vec![None; truth.sizes.len()]);
         }
-        let points = Points::new(&drawn.centers, self.domain, self.spacing)?;
+        let points = PointGrid::new(&drawn.centers, self.domain, self.spacing)?;
         let mut taken = vec![false; drawn.sizes.len()];
         let found = truth.centers.iter().zip(&truth.sizes).map(|(c, &size)| {
             let radius = self.radius(size, truth);
@@ -99,12 +99,12 @@ impl Linking<'_> {
 
 /// Sums over draws for each class.
 #[derive(Default)]
-pub(super) struct Tally {
-    classes: [Class; GROUP_CLASSES.len()],
+pub(super) struct GroupTally {
+    classes: [GroupClassSums; GROUP_CLASSES.len()],
 }
 
 #[derive(Default)]
-struct Class {
+struct GroupClassSums {
     groups: u64,
     /// Groups of each draw.
     numbers: Vec<f64>,
@@ -120,12 +120,12 @@ fn class_of(size: u64) -> usize {
     GROUP_CLASSES.iter().rposition(|&from| size >= from).unwrap_or(0)
 }
 
-impl Tally {
+impl GroupTally {
     /// Takes in one draw.
     ///
     /// # Errors
     /// [`crate::Error::Memory`].
-    pub fn add(&mut self, linking: &Linking<'_>, truth: &Found, drawn: &Found) -> Result<()> {
+    pub fn add(&mut self, linking: &GroupFinder<'_>, truth: &GroupCatalogue, drawn: &GroupCatalogue) -> Result<()> {
         let counterparts = linking.counterparts(truth, drawn)?;
         for class in &mut self.classes {
             class.groups = 0;
@@ -155,11 +155,11 @@ impl Tally {
 
     /// The figures of each class.
     pub fn finish(self) -> [GroupClass; GROUP_CLASSES.len()] {
-        self.classes.map(Class::finish)
+        self.classes.map(GroupClassSums::finish)
     }
 }
 
-impl Class {
+impl GroupClassSums {
     fn finish(mut self) -> GroupClass {
         let share = |part: u64, of: u64| (of > 0).then(|| part as f64 / of as f64);
         let draws = self.numbers.len().max(1) as f64;
@@ -184,19 +184,19 @@ impl Class {
 mod tests {
     use super::*;
 
-    fn found(groups: &[([f64; 3], u64)]) -> Found {
+    fn found(groups: &[([f64; 3], u64)]) -> GroupCatalogue {
         let (sizes, centers) = (groups.iter().map(|g| g.1).collect(), groups.iter().map(|g| g.0).collect());
-        Found { sizes, centers, finest: None }
+        GroupCatalogue { sizes, centers, finest: None }
     }
 
     #[test]
     fn counterparts_are_near_and_taken_once() {
         let domain = Domain::upright([0.0; 3], [10.0; 3], [true; 3]);
-        let linking = Linking { domain: &domain, length: 0.2, spacing: 1.0 };
+        let linking = GroupFinder { domain: &domain, length: 0.2, spacing: 1.0 };
         let truth = found(&[([9.95, 5.0, 5.0], 400), ([5.0; 3], 120), ([5.2, 5.0, 5.0], 30), ([1.0; 3], 25)]);
         // The first lies across the edge of the box; the second's is nearer to the third than its own.
         let drawn = found(&[([0.1, 5.0, 5.0], 380), ([5.1, 5.0, 5.0], 150), ([3.0; 3], 60)]);
-        let mut tally = Tally::default();
+        let mut tally = GroupTally::default();
         tally.add(&linking, &truth, &drawn).unwrap();
         tally.add(&linking, &truth, &drawn).unwrap();
         let [small, middle, large] = tally.finish();

@@ -3,7 +3,7 @@
 //! [`evaluate`] draws every view of all particles and of the model in every look and puts the
 //! noise-free score, the floors and the gap beside each score (docs/law/scores.md). The certificate
 //! does so for one frame an orbit and adds the density; [`Finding::verdict`] says in plain words what it is good for.
-//! `HeldOut` keeps the truth of a few views for who compares many models.
+//! `HeldOutPictures` keeps the truth of a few views for who compares many models.
 
 mod cells;
 mod certify;
@@ -30,23 +30,23 @@ mod truth;
 mod verdict;
 mod views;
 
-pub(crate) use certify::Measure;
+pub(crate) use certify::CertificateInput;
 use density::density_of;
 pub use evaluate::evaluate;
 #[cfg(test)]
 pub(crate) use evaluate::shot_noise;
-pub(crate) use goal::Gauge;
+pub(crate) use goal::GoalMetric;
 pub(crate) use halves::Halves;
-pub(crate) use held_out::HeldOut;
-pub(crate) use joined::Joined;
+pub(crate) use held_out::HeldOutPictures;
+pub(crate) use joined::PartSums;
 use mean::mean;
 #[cfg(test)]
 use science::mass_power;
 pub(crate) use science::spectrum_options;
-pub(crate) use scope::Scope;
+pub(crate) use scope::ParticlesWithModel;
 pub use scores::{Evaluation, LookScores, MeanViewScores, ViewScores};
-pub(crate) use sums::{Frame, Section};
-use truth::Truth;
+pub(crate) use sums::{MeasurementFrame, SumsSection};
+use truth::ViewTruth;
 pub use verdict::{Finding, Use, Word};
 use views::certificate_views;
 pub(crate) use views::check_radius;

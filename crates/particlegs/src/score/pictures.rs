@@ -1,6 +1,6 @@
 //! Pictures at the radii and opacities that users take, and from close up, beside those that they are compared with.
 
-use super::evaluate::{Comparison, InView};
+use super::evaluate::{ModelComparison, ViewProgress};
 use super::views::{certificate_views, close_views};
 use super::{LookScores, mean};
 use crate::Result;
@@ -17,18 +17,18 @@ use crate::splat::Look;
 const SIZE: Size = Size { width: 640, height: 360 };
 
 /// One radius and opacity, in the model's own, from the orbits or from close up.
-struct Setting {
+struct SceneSetting {
     radius: f64,
     opacity: f64,
     close: bool,
 }
 
 /// Radius by radius, opacity by opacity, then from close up.
-fn settings() -> impl Iterator<Item = Setting> {
+fn settings() -> impl Iterator<Item = SceneSetting> {
     let orbits = PICTURE_RADII
         .into_iter()
-        .flat_map(|radius| PICTURE_OPACITIES.map(|opacity| Setting { radius, opacity, close: false }));
-    orbits.chain([Setting { radius: 1.0, opacity: 1.0, close: true }])
+        .flat_map(|radius| PICTURE_OPACITIES.map(|opacity| SceneSetting { radius, opacity, close: false }));
+    orbits.chain([SceneSetting { radius: 1.0, opacity: 1.0, close: true }])
 }
 
 /// Scores the model of `comparison` at every setting.
@@ -36,7 +36,7 @@ fn settings() -> impl Iterator<Item = Setting> {
 /// # Errors
 /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
 pub(super) fn pictures(
-    comparison: &Comparison<'_>,
+    comparison: &ModelComparison<'_>,
     m: &Metadata,
     seed: u64,
     progress: &dyn Progress,
@@ -49,10 +49,10 @@ pub(super) fn pictures(
     Ok(Pictures { width: SIZE.width as u16, height: SIZE.height as u16, settings })
 }
 
-impl Setting {
+impl SceneSetting {
     fn measure(
         &self,
-        comparison: &Comparison<'_>,
+        comparison: &ModelComparison<'_>,
         m: &Metadata,
         seed: u64,
         progress: &dyn Progress,
@@ -61,7 +61,7 @@ impl Setting {
         let opacity = (self.opacity * m.default_opacity).min(1.0);
         let mut scores = [Vec::new(), Vec::new()];
         for view in views {
-            let progress = InView { name: self.name(&view), inner: progress };
+            let progress = ViewProgress { name: self.name(&view), inner: progress };
             let view = View { radius: self.radius * m.default_radius, opacity, ..view };
             let drawn = comparison.draw(&view, SIZE, &progress)?;
             progress.begin("scores", 0);

@@ -3,7 +3,7 @@
 //! What is measured follows from the number of particles and the level alone, so that the same input gives the
 //! same file on every machine, and takes less than 500 MB beside the snapshot.
 
-use super::matched::Linking;
+use super::matched::GroupFinder;
 use crate::model::{
     GROUP_CLASSES, Limit, MassPower, Model, POWER_LAYERS, PowerAgreement, SAMPLED_ABOVE, ScienceMetrics, ScienceSubject,
 };
@@ -57,9 +57,9 @@ pub(super) fn science(
 }
 
 /// How groups are linked, `spacing` being the particles' mean one; `None` where the box is thinner than links allow.
-pub(super) fn linking(domain: &Domain, spacing: f64) -> Option<Linking<'_>> {
+pub(super) fn linking(domain: &Domain, spacing: f64) -> Option<GroupFinder<'_>> {
     let length = LINKING * spacing;
-    (length <= longest_link(domain)).then_some(Linking { domain, length, spacing })
+    (length <= longest_link(domain)).then_some(GroupFinder { domain, length, spacing })
 }
 
 /// The spectrum's grid and largest wave number for `n` particles.

@@ -21,7 +21,7 @@ const POSITIONS: usize = 1 << 18;
 const REACH: f64 = 5.0;
 
 /// Particles, and the model of them.
-pub(crate) struct Scope<'a> {
+pub(crate) struct ParticlesWithModel<'a> {
     /// The model, or its Gaussians that reach into the region.
     pub model: Cow<'a, Model>,
     /// All particles, or those of the region.
@@ -34,7 +34,7 @@ pub(crate) struct Scope<'a> {
     pub sample: Option<Sample>,
 }
 
-impl<'a> Scope<'a> {
+impl<'a> ParticlesWithModel<'a> {
     /// The whole of at most `most` particles, else a region that `seed` chooses; `None` where that holds next to nothing.
     ///
     /// # Errors
@@ -50,7 +50,7 @@ impl<'a> Scope<'a> {
         let (count, spacing) = (particles.len() as u64, domain.spacing(particles.len()));
         if count <= most {
             let (model, particles) = (Cow::Borrowed(model), Cow::Borrowed(particles));
-            return Ok((count >= 2).then_some(Scope { model, particles, domain, spacing, sample: None }));
+            return Ok((count >= 2).then_some(ParticlesWithModel { model, particles, domain, spacing, sample: None }));
         }
         let bounds = region(particles, &domain, seed, most.min(IN_REGION));
         let inside = match particles.select(cropped(&domain, bounds), &Storage::Memory, progress) {
@@ -63,7 +63,7 @@ impl<'a> Scope<'a> {
         let sound = inside.len() >= 2 && own.length.iter().all(|l| *l > 0.0);
         let near = near(model, &domain, &bounds);
         let (model, particles) = (Cow::Owned(near), Cow::Owned(inside));
-        let scope = Scope { model, particles, domain: own, spacing, sample };
+        let scope = ParticlesWithModel { model, particles, domain: own, spacing, sample };
         Ok((sound && scope.model.gaussians() > 0).then_some(scope))
     }
 

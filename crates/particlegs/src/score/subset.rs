@@ -1,6 +1,6 @@
 //! The particles' own rival to a model: as many of them, chosen at random, as its bytes hold, drawn larger.
 
-use super::Truth;
+use super::ViewTruth;
 use crate::Result;
 use crate::camera::View;
 use crate::codec::{CodedPoints, Thinning};
@@ -12,7 +12,7 @@ use crate::splat::Look;
 use particlegs_core::math::each_axis;
 
 /// A random subset as its coded bytes have it.
-pub struct Thinned {
+pub struct RandomSubset {
     particles: Particles,
     /// Particles kept.
     pub kept: u64,
@@ -23,24 +23,24 @@ pub struct Thinned {
 }
 
 /// The subset in one view.
-pub enum Seen {
+pub enum SubsetView {
     /// In every look.
-    Whole(Box<Truth>),
+    Whole(Box<ViewTruth>),
     /// In `expected` alone: ParaView's pictures of few large splats take as long as those of all particles.
     Expected(Gray8),
 }
 
-impl Seen {
+impl SubsetView {
     /// The picture in a look, where it was drawn.
     pub fn picture(&self, look: Look) -> Option<&Gray8> {
         match self {
-            Seen::Whole(truth) => Some(truth.picture(look)),
-            Seen::Expected(picture) => (look == Look::Expected).then_some(picture),
+            SubsetView::Whole(truth) => Some(truth.picture(look)),
+            SubsetView::Expected(picture) => (look == Look::Expected).then_some(picture),
         }
     }
 }
 
-impl Thinned {
+impl RandomSubset {
     /// The most particles whose places, coded, take at most `bytes` ([`Thinning::most`]). `None` where not one fits.
     ///
     /// # Errors
@@ -60,14 +60,14 @@ impl Thinned {
             let kept = coded.position[0].len();
             let scale = (n as f64 / kept as f64).sqrt();
             let bytes = coded.bytes as u64;
-            Thinned { particles: as_particles(&coded, particles), kept: kept as u64, bytes, scale }
+            RandomSubset { particles: as_particles(&coded, particles), kept: kept as u64, bytes, scale }
         }))
     }
 
     /// Draws it where `truth` is drawn, in all looks or in `expected` alone.
     ///
     /// # Errors
-    /// As [`Truth::draw`].
+    /// As [`ViewTruth::draw`].
     pub fn draw(
         &self,
         truth: &Reference<'_>,
@@ -75,12 +75,12 @@ impl Thinned {
         size: Size,
         whole: bool,
         progress: &dyn Progress,
-    ) -> Result<Seen> {
+    ) -> Result<SubsetView> {
         let reference = Reference::with_bounds(&self.particles, *truth.bounds());
         let view = View { radius: view.radius * self.scale, ..view.clone() };
         Ok(match whole {
-            true => Seen::Whole(Box::new(Truth::draw(&reference, &view, size, None, progress)?)),
-            false => Seen::Expected(reference.draw(&view, size, Look::Expected, progress)?),
+            true => SubsetView::Whole(Box::new(ViewTruth::draw(&reference, &view, size, None, progress)?)),
+            false => SubsetView::Expected(reference.draw(&view, size, Look::Expected, progress)?),
         })
     }
 }
@@ -106,7 +106,7 @@ mod tests {
     fn as_many_are_kept_as_fit() {
         let particles = sample();
         let truth = Reference::new(&particles);
-        let of = |bytes, seed| Thinned::new(&truth, 0.78, bytes, seed, &Silent).unwrap();
+        let of = |bytes, seed| RandomSubset::new(&truth, 0.78, bytes, seed, &Silent).unwrap();
         for bytes in [2_000, 10_485, 200_000] {
             let thin = of(bytes, 42).unwrap();
             assert!(thin.bytes <= bytes && thin.bytes as f64 >= 0.99 * bytes as f64, "{} of {bytes}", thin.bytes);
@@ -129,7 +129,7 @@ mod tests {
     fn those_kept_are_particles() {
         let particles = sample();
         let truth = Reference::new(&particles);
-        let thin = Thinned::new(&truth, 0.78, 1_000, 5, &Silent).unwrap().unwrap();
+        let thin = RandomSubset::new(&truth, 0.78, 1_000, 5, &Silent).unwrap().unwrap();
         for i in 0..thin.particles.len() {
             let p = thin.particles.position(i);
             let near = (0..particles.len()).any(|j| {

@@ -1,7 +1,7 @@
 //! What a certificate can be added up of: sums over a part of the particles and its Gaussians.
 //!
 //! Optical depths, masses in cells and the weights that shot noise follows from add up; ParaView's pictures, whose splats
-//! hide each other, do not, nor do groups and neighbours across parts. A [`Frame`] says what all parts share. Sections are
+//! hide each other, do not, nor do groups and neighbours across parts. A [`MeasurementFrame`] says what all parts share. Sections are
 //! little-endian, of a fixed order and independent of threads; rows of zeros are left out.
 
 use super::cells::finest;
@@ -20,7 +20,7 @@ use crate::stats::{Assignment, Domain, Field, Grid, SpectrumOptions, Subject, de
 
 /// A section of a part's sums: of the particles (0) or of the Gaussians (1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Section {
+pub(crate) enum SumsSection {
     /// The particles' mass and the sum of its squares.
     Weights,
     /// Mass in the cells of the certificate's coarse grid.
@@ -33,10 +33,10 @@ pub(crate) enum Section {
     View(usize, usize),
 }
 
-impl Section {
+impl SumsSection {
     /// All, in the order of a part.
-    pub const ALL: [Section; 15] = {
-        use Section::{Cells, Density, Spectrum, View, Weights};
+    pub const ALL: [SumsSection; 15] = {
+        use SumsSection::{Cells, Density, Spectrum, View, Weights};
         [
             Weights,
             Density(0),
@@ -58,7 +58,7 @@ impl Section {
 }
 
 /// What all parts of a snapshot are measured by: it follows from what is known of the whole.
-pub(crate) struct Frame {
+pub(crate) struct MeasurementFrame {
     /// Of the whole.
     pub metadata: Metadata,
     /// The whole box.
@@ -73,13 +73,13 @@ pub(crate) struct Frame {
     pub spectrum: SpectrumOptions,
 }
 
-impl Frame {
+impl MeasurementFrame {
     /// The frame of a snapshot of this metadata, in views that `seed` turns.
-    pub fn of(metadata: &Metadata, seed: u64) -> Frame {
+    pub fn of(metadata: &Metadata, seed: u64) -> MeasurementFrame {
         let domain = Domain::new(&metadata.bounds, metadata.cell.as_ref());
         let views = certificate_views(metadata, certify::SIZE, seed);
         let count = metadata.count as usize;
-        Frame {
+        MeasurementFrame {
             domain,
             views: views.iter().map(|v| clipped(v, &metadata.bounds)).collect(),
             density: DensityGrid::new(&metadata.bounds, metadata.cell.as_ref(), certify::GRID),
@@ -96,14 +96,14 @@ impl Frame {
     }
 
     /// Numbers that a section adds up, and how many of them are a row.
-    pub fn shape(&self, section: Section) -> [usize; 2] {
+    pub fn shape(&self, section: SumsSection) -> [usize; 2] {
         let of = |g: &Grid| [g.len(), g.cells[2]];
         match section {
-            Section::Weights => [2, 2],
-            Section::Density(_) => of(self.density.grid()),
-            Section::Cells(_) => self.cells.as_ref().map_or([0, 1], of),
-            Section::Spectrum(..) => of(&self.spectrum_grid()),
-            Section::View(..) => [certify::SIZE.pixels(), certify::SIZE.width],
+            SumsSection::Weights => [2, 2],
+            SumsSection::Density(_) => of(self.density.grid()),
+            SumsSection::Cells(_) => self.cells.as_ref().map_or([0, 1], of),
+            SumsSection::Spectrum(..) => of(&self.spectrum_grid()),
+            SumsSection::View(..) => [certify::SIZE.pixels(), certify::SIZE.width],
         }
     }
 
@@ -113,24 +113,24 @@ impl Frame {
     /// [`crate::Error::Memory`], [`crate::Error::Cancelled`], [`crate::Error::Argument`].
     pub fn measure(
         &self,
-        section: Section,
+        section: SumsSection,
         model: &Model,
         particles: &Particles,
         progress: &dyn Progress,
     ) -> Result<Vec<u8>> {
-        let part = Part { frame: self, layers: layers_of(particles), model, progress };
+        let part = PartWithModel { frame: self, layers: layers_of(particles), model, progress };
         let [_, width] = self.shape(section);
         Ok(match section {
-            Section::Weights => part.weights().into_iter().flat_map(f64::to_le_bytes).collect(),
-            Section::Density(side) => rows(&part.density(side)?, width),
-            Section::Cells(side) => match &self.cells {
+            SumsSection::Weights => part.weights().into_iter().flat_map(f64::to_le_bytes).collect(),
+            SumsSection::Density(side) => rows(&part.density(side)?, width),
+            SumsSection::Cells(side) => match &self.cells {
                 Some(grid) => rows(&part.field(side, grid, Assignment::Ngp, 0.0)?, width),
                 None => Vec::new(),
             },
-            Section::Spectrum(side, moved) => {
+            SumsSection::Spectrum(side, moved) => {
                 rows(&part.field(side, &self.spectrum_grid(), self.spectrum.assignment, 0.5 * moved as f64)?, width)
             }
-            Section::View(side, view) => rows(&part.optical_depth(side, &self.views[view])?, width),
+            SumsSection::View(side, view) => rows(&part.optical_depth(side, &self.views[view])?, width),
         })
     }
 }
@@ -141,14 +141,14 @@ fn layers_of(particles: &Particles) -> Vec<Particles> {
 }
 
 /// A part of a snapshot, and the model made of it.
-struct Part<'a> {
-    frame: &'a Frame,
+struct PartWithModel<'a> {
+    frame: &'a MeasurementFrame,
     layers: Vec<Particles>,
     model: &'a Model,
     progress: &'a dyn Progress,
 }
 
-impl Part<'_> {
+impl PartWithModel<'_> {
     fn weights(&self) -> [f64; 2] {
         let mut sums = [0.0; 2];
         for p in &self.layers {

@@ -72,7 +72,7 @@ fn held_out_views_rank_models() {
     let particles = sample();
     let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
     let views = held_out_views(&coarse.metadata, SIZE, 42, 1);
-    let held_out = HeldOut::draw(&particles, &views, SIZE, &Silent).unwrap();
+    let held_out = HeldOutPictures::draw(&particles, &views, SIZE, &Silent).unwrap();
     let [a, b] = [&coarse, &fine].map(|m| held_out.expected_masked_psnr(&Scene::of(m), &Silent).unwrap().unwrap());
     assert!(b > a + 1.0, "{a} {b}");
     let scored = evaluate(&fine, &particles, &views, SIZE, None, &Silent).unwrap();
@@ -83,9 +83,14 @@ fn held_out_views_rank_models() {
 fn certificates_repeat_and_know_the_density() {
     let particles = sample();
     let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
-    let steps = Steps::default();
-    let measure =
-        Measure { particles: &particles, seed: 42, level: CertificateLevel::Full, memory: None, reached: None };
+    let steps = PhaseRecorder::default();
+    let measure = CertificateInput {
+        particles: &particles,
+        seed: 42,
+        level: CertificateLevel::Full,
+        memory: None,
+        reached: None,
+    };
     let c = measure.certificate(&fine, 20_000, &steps).unwrap();
     assert_eq!((c.views.width, c.views.height, c.density.cells), (1920, 1080, 50));
     let identical = Some(PictureScore { masked_psnr: None, ssim: 1.0 });
@@ -123,9 +128,9 @@ fn certificates_repeat_and_know_the_density() {
 
 /// Phases with the steps that they were to have and had.
 #[derive(Default)]
-struct Steps(std::sync::Mutex<Vec<(String, u64, u64)>>);
+struct PhaseRecorder(std::sync::Mutex<Vec<(String, u64, u64)>>);
 
-impl Progress for Steps {
+impl Progress for PhaseRecorder {
     fn begin(&self, phase: &str, total: u64) {
         self.0.lock().unwrap().push((phase.into(), total, 0));
     }
@@ -135,7 +140,7 @@ impl Progress for Steps {
     }
 }
 
-impl Steps {
+impl PhaseRecorder {
     /// Every part of a measurement shows how far it is, and comes to its end.
     fn check(&self) {
         let phases = self.0.lock().unwrap();
@@ -160,8 +165,8 @@ impl Steps {
 
 #[test]
 fn stops_and_refusals() {
-    struct Stop;
-    impl Progress for Stop {
+    struct CancelledEvaluation;
+    impl Progress for CancelledEvaluation {
         fn cancelled(&self) -> bool {
             true
         }
@@ -169,7 +174,10 @@ fn stops_and_refusals() {
     let particles = sample();
     let model = tiny(&particles, 4);
     let mut views = evaluation_views(&model.metadata, SIZE, 42, 1);
-    assert!(matches!(evaluate(&model, &particles, &views, SIZE, None, &Stop), Err(crate::Error::Cancelled)));
+    assert!(matches!(
+        evaluate(&model, &particles, &views, SIZE, None, &CancelledEvaluation),
+        Err(crate::Error::Cancelled)
+    ));
     assert!(evaluate(&model, &particles, &[], SIZE, None, &Silent).is_err());
     views[1].opacity = 2.0;
     assert!(evaluate(&model, &particles, &views, SIZE, None, &Silent).is_err());
@@ -216,7 +224,7 @@ fn large_snapshots_are_measured_in_a_region() {
     let model = tiny(&particles, 24);
     let mut corners = Vec::new();
     for seed in [0, 5] {
-        let scope = Scope::of(&model, &particles, seed, 20_000, &Silent).unwrap().unwrap();
+        let scope = ParticlesWithModel::of(&model, &particles, seed, 20_000, &Silent).unwrap().unwrap();
         let (sample, n) = (scope.sample.unwrap(), scope.particles.len());
         assert!((8_000..=20_500).contains(&n) && sample.particles == n as u64, "{n}");
         let inside = |p: [f64; 3]| (0..3).all(|k| p[k] >= sample.bounds.min[k] && p[k] < sample.bounds.max[k]);
@@ -228,5 +236,5 @@ fn large_snapshots_are_measured_in_a_region() {
         corners.push(sample.bounds.min);
     }
     assert!(corners[0] != corners[1]);
-    assert!(Scope::of(&model, &particles, 0, 1 << 20, &Silent).unwrap().unwrap().sample.is_none());
+    assert!(ParticlesWithModel::of(&model, &particles, 0, 1 << 20, &Silent).unwrap().unwrap().sample.is_none());
 }

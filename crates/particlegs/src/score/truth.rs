@@ -9,7 +9,7 @@ use crate::render::{Drawer, Tones};
 use crate::splat::Look;
 
 /// One view of all particles: ParaView's pictures, and the noise-free optical depth.
-pub(super) struct Truth {
+pub(super) struct ViewTruth {
     paraview: Gray8,
     paraview_no_fxaa: Gray8,
     expected: Gray8,
@@ -18,7 +18,7 @@ pub(super) struct Truth {
     pub tones: Tones,
 }
 
-impl Truth {
+impl ViewTruth {
     /// Draws all looks: ParaView's picture and the depth, by `drawer` where there is one.
     pub fn draw(
         particles: &Reference,
@@ -35,7 +35,7 @@ impl Truth {
             ),
         };
         let tones = Tones::new(view.opacity, view.radius_pixels(size));
-        Ok(Truth {
+        Ok(ViewTruth {
             paraview: fxaa(&paraview_no_fxaa),
             paraview_no_fxaa,
             expected: tones.of(&tau, Look::Expected),

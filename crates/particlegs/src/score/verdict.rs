@@ -140,7 +140,7 @@ impl Finding {
 /// The smallest gain of the `expected` look, whose score has no sampling noise in it.
 fn pictures(c: &Certificate) -> Finding {
     let finding = |word, why| Finding { of: Use::Pictures, word, why };
-    let gains: Vec<Gain> = c.views.orbits.iter().filter_map(|o| Gain::of(&o.expected)).collect();
+    let gains: Vec<PictureGain> = c.views.orbits.iter().filter_map(|o| PictureGain::of(&o.expected)).collect();
     let beaten = gains.iter().any(|g| g.subset_is_better);
     let Some(worst) = gains.into_iter().min_by(|a, b| a.decibels.total_cmp(&b.decibels)) else {
         return finding(Word::NotMeasured, "nothing is lit at the default radius and opacity".into());
@@ -171,14 +171,14 @@ fn at_setting(
     let Some(at) = c.pictures.as_ref().and_then(|p| p.settings.iter().find(|s| kind(s))) else {
         return finding(Word::NotMeasured, NEEDS_FULL.into());
     };
-    let Some(gain) = Gain::of(&at.expected.worst) else {
+    let Some(gain) = PictureGain::of(&at.expected.worst) else {
         return finding(Word::NotMeasured, "nothing is lit, or all is white".into());
     };
     finding(gain.word(gain.subset_is_better, limits), gain.in_words(&format!("worst view, {}", name(at))))
 }
 
 /// How far a picture is above the better of the trivial ones.
-struct Gain {
+struct PictureGain {
     model: Option<f64>,
     trivial: f64,
     name: &'static str,
@@ -190,9 +190,9 @@ struct Gain {
     subset_is_better: bool,
 }
 
-impl Gain {
+impl PictureGain {
     /// `None` where a trivial picture is identical, nothing is lit, or nothing was drawn.
-    fn of(scores: &PictureScores) -> Option<Gain> {
+    fn of(scores: &PictureScores) -> Option<PictureGain> {
         let PictureScore { masked_psnr: model, ssim } = scores.model?;
         let (black, even) = (scores.all_black?, scores.uniform_box?);
         let more_similar = ssim > black.ssim.max(even.ssim) || model.is_none();
@@ -202,7 +202,7 @@ impl Gain {
         let decibels = model.map_or(f64::INFINITY, |v| v - trivial);
         let subset = scores.subset.map(|s| s.masked_psnr.unwrap_or(f64::INFINITY));
         let subset_is_better = subset.is_some_and(|s| model.is_some_and(|v| s >= v));
-        Some(Gain { model, trivial, name, decibels, more_similar, subset, subset_is_better })
+        Some(PictureGain { model, trivial, name, decibels, more_similar, subset, subset_is_better })
     }
 
     /// From which decibels on it holds, and roughly.

@@ -1,6 +1,6 @@
 //! Mass inside fixed apertures about the centres of the truth's groups.
 
-use super::points::Points;
+use super::points::PointGrid;
 use super::{Domain, Groups};
 use crate::Result;
 use crate::parallel;
@@ -47,7 +47,7 @@ pub fn counts_within(
     radius: f64,
     progress: &dyn Progress,
 ) -> Result<Vec<u64>> {
-    let points = Points::new(positions, domain, radius)?;
+    let points = PointGrid::new(positions, domain, radius)?;
     parallel::try_map_range(centers.len(), |i| {
         let c = &centers[i];
         progress.check()?;

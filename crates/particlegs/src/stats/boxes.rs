@@ -16,13 +16,13 @@ const SAME: f64 = 1e-5;
 pub(super) fn check_boxes(pair: [Subject<'_>; 2]) -> Result<Vec<String>> {
     let mut notes = Vec::new();
     for subject in pair {
-        let at = Place::of(subject);
+        let at = BoxPlacement::of(subject);
         match subject {
             Subject::Particles(p) => notes.extend(check_particles(p, &at.bounds)?),
             Subject::Model(_) => check_box(&at.bounds, at.cell, at.name)?,
         }
     }
-    let [truth, other] = pair.map(Place::of);
+    let [truth, other] = pair.map(BoxPlacement::of);
     match (truth.repeating(), other.repeating()) {
         (Some(a), Some(b)) => same_box(&a, &b, other.name)?,
         (Some(_), None) => {
@@ -36,22 +36,22 @@ pub(super) fn check_boxes(pair: [Subject<'_>; 2]) -> Result<Vec<String>> {
 }
 
 /// Where a subject lies.
-struct Place<'a> {
+struct BoxPlacement<'a> {
     name: &'a str,
     bounds: Bounds,
     cell: Option<&'a Cell>,
 }
 
-impl<'a> Place<'a> {
+impl<'a> BoxPlacement<'a> {
     fn of(subject: Subject<'a>) -> Self {
         match subject {
             Subject::Particles(p) => {
                 let m = &p.meta;
-                Place { name: &m.name, bounds: p.bounds(), cell: m.cell.as_ref() }
+                BoxPlacement { name: &m.name, bounds: p.bounds(), cell: m.cell.as_ref() }
             }
             Subject::Model(model) => {
                 let m = &model.metadata;
-                Place { name: &m.source, bounds: m.bounds, cell: m.cell.as_ref() }
+                BoxPlacement { name: &m.source, bounds: m.bounds, cell: m.cell.as_ref() }
             }
         }
     }

@@ -13,8 +13,8 @@ use super::points::local_positions;
 use super::profile::axis_profiles;
 use super::rdf::rdf_edges;
 use super::report::{DensityReport, GroupReport, Statistics, XiByTransform};
-use super::spectrum::{Pair, SpectrumOptions, spectra, transform_pair};
-use super::subject::OwnSubject;
+use super::spectrum::{SpectrumOptions, TransformPair, spectra, transform_pair};
+use super::subject::ConvertedSubject;
 use super::xi_transform::xi_of_modes;
 use super::{
     AxisProfile, Convention, Domain, Field, Grid, Groups, HaloProfiles, Likelihood, Measure, NearestDistances,
@@ -62,12 +62,12 @@ pub fn compare(
     let (converted, of_units) = other.in_units_of(truth)?;
     let other = match &converted {
         None => other,
-        Some(OwnSubject::Particles(p)) => Subject::Particles(p),
-        Some(OwnSubject::Model(m)) => Subject::Model(m),
+        Some(ConvertedSubject::Particles(p)) => Subject::Particles(p),
+        Some(ConvertedSubject::Model(m)) => Subject::Model(m),
     };
     let of_boxes = check_boxes([truth, other])?;
     o.linking_length.as_ref().map(|text| length_in(text, &truth.unit_system())).transpose()?;
-    let job = Job { pair: [truth, other], domain: job_domain(truth, o), o, progress };
+    let job = ComparisonJob { pair: [truth, other], domain: job_domain(truth, o), o, progress };
     let wants = |m| o.measures.contains(&m);
     let mut notes = job.notes();
     notes.extend(of_units.into_iter().chain(of_boxes));
@@ -170,14 +170,14 @@ fn job_domain(truth: Subject<'_>, o: &StatsOptions) -> Domain {
     Domain::new(&truth.bounds(), None)
 }
 
-struct Job<'a> {
+struct ComparisonJob<'a> {
     pair: [Subject<'a>; 2],
     domain: Domain,
     o: &'a StatsOptions,
     progress: &'a dyn Progress,
 }
 
-impl Job<'_> {
+impl ComparisonJob<'_> {
     fn paper(&self) -> bool {
         self.o.convention == Convention::Paper
     }
@@ -282,7 +282,7 @@ impl Job<'_> {
         };
         let grid =
             if self.paper() { Grid::stretched(&self.domain, [cells; 3]) } else { Grid::new(&self.domain, cells) };
-        let pair: Pair = transform_pair(self.pair, &grid, &domain, &options, self.progress)?;
+        let pair: TransformPair = transform_pair(self.pair, &grid, &domain, &options, self.progress)?;
         let spectra = spectra(&pair, &domain, &options, self.progress)?;
         // Bins as wide as the shortest wave's half: narrower ones hold its ringing.
         let (width, last) = (PI / options.k_max, self.edges().last().copied().unwrap_or(0.0));

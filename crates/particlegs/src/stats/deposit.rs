@@ -3,7 +3,7 @@
 //! Every task owns a run of planes and adds to them alone, in the order of the particles: no
 //! atomics, no copies of the grid, and the same bits whatever the threads.
 
-use super::gaussian::{Slab, Splat};
+use super::gaussian::{DepositScratch, Slab};
 use super::{Assignment, Grid, Subject};
 use crate::Result;
 use crate::model::Mixture;
@@ -36,7 +36,7 @@ pub struct Field {
 /// Bytes that [`deposit`] takes at most, of `particles` or of a model (0).
 pub fn deposit_bytes(grid: &Grid, particles: u64) -> u64 {
     let sums = if sums_stay(grid, particles) { 8 } else { 0 };
-    (4 + sums) * grid.len() as u64 + (BATCH * RUN * (size_of::<Record>() + 16)) as u64
+    (4 + sums) * grid.len() as u64 + (BATCH * RUN * (size_of::<CellRecord>() + 16)) as u64
 }
 
 /// Are sums kept in f64 from batch to batch? They cost less than a third of the particles' own bytes
@@ -105,11 +105,11 @@ fn model_planes(grid: &Grid) -> usize {
 }
 
 /// A particle in units of cells.
-type Record = ([f64; 3], f64);
+type CellRecord = ([f64; 3], f64);
 
 /// A chunk's particles sorted by plane, and where each plane begins.
-struct Sorted {
-    records: Vec<Record>,
+struct SortedChunk {
+    records: Vec<CellRecord>,
     start: Vec<u32>,
     outside: f64,
 }
@@ -129,7 +129,7 @@ fn add_particles(
     for first in (0..chunks).step_by(BATCH) {
         progress.check()?;
         let sort = |c| sort_by_plane(&grid, p, c * RUN..p.len().min((c + 1) * RUN), shift);
-        let sorted: Vec<Sorted> = parallel::map(first..chunks.min(first + BATCH), sort);
+        let sorted: Vec<SortedChunk> = parallel::map(first..chunks.min(first + BATCH), sort);
         field.outside += sorted.iter().map(|s| s.outside).sum::<f64>();
         let add = |slab: usize, out: &mut [f64]| {
             let planes = slab * depth..slab * depth + out.len() / plane;
@@ -152,7 +152,7 @@ fn add_particles(
     Ok(())
 }
 
-fn sort_by_plane(grid: &Grid, p: &Particles, range: Range<usize>, shift: f64) -> Sorted {
+fn sort_by_plane(grid: &Grid, p: &Particles, range: Range<usize>, shift: f64) -> SortedChunk {
     let mut buffer = ChunkBuffer::default();
     let chunk = p.chunk(range, &mut buffer);
     let scale = grid.side.map(f64::recip);
@@ -187,7 +187,7 @@ fn sort_by_plane(grid: &Grid, p: &Particles, range: Range<usize>, shift: f64) ->
             *at += 1;
         }
     }
-    Sorted { records, start, outside }
+    SortedChunk { records, start, outside }
 }
 
 /// Brings a coordinate into [0, cells), or says that it lies outside. An open grid's far end
@@ -212,7 +212,7 @@ fn place(grid: &Grid, axis: usize, u: &mut f64) -> bool {
 }
 
 /// Adds what a sorted chunk has in some planes; `out` holds those planes alone.
-fn add_to_planes(grid: &Grid, sorted: &Sorted, scheme: Assignment, planes: Range<usize>, out: &mut [f64]) {
+fn add_to_planes(grid: &Grid, sorted: &SortedChunk, scheme: Assignment, planes: Range<usize>, out: &mut [f64]) {
     let n = grid.cells[0];
     let reach = usize::from(scheme != Assignment::Ngp);
     let mut visit = |plane: usize| {
@@ -235,7 +235,7 @@ fn add_to_planes(grid: &Grid, sorted: &Sorted, scheme: Assignment, planes: Range
 }
 
 #[inline]
-fn add_record(grid: &Grid, (u, weight): &Record, scheme: Assignment, planes: &Range<usize>, out: &mut [f64]) {
+fn add_record(grid: &Grid, (u, weight): &CellRecord, scheme: Assignment, planes: &Range<usize>, out: &mut [f64]) {
     let order = scheme.order();
     let axes: [(i64, [f64; 3]); 3] = each_axis(|k| scheme.weights(u[k]));
     for a in 0..order {
@@ -267,7 +267,7 @@ fn add_mixtures(
     parallel::try_for_each(field.mass.chunks_mut(depth * plane).enumerate(), |(slab, out)| {
         let planes = slab * depth..slab * depth + out.len() / plane;
         // Sums of many small shares: f64, rounded once.
-        let (mut sum, mut splat) = (vec![0.0f64; out.len()], Splat::default());
+        let (mut sum, mut splat) = (vec![0.0f64; out.len()], DepositScratch::default());
         let mut slab = Slab { grid: &moved, planes, cells: &mut sum };
         for m in parts {
             for i in 0..m.len() {

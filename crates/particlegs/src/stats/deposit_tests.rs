@@ -91,7 +91,7 @@ fn a_model_keeps_its_mass_and_its_place() {
     assert!((field.mass.iter().map(|v| f64::from(*v)).sum::<f64>() - 300.0).abs() < 1e-3);
     assert!((field.mass[grid.index([11, 2, 26])] - 100.0).abs() < 0.5);
     let mut whole = vec![0.0; grid.len()];
-    let (mut splat, mut slab) = (Splat::default(), Slab::whole(&grid, &mut whole));
+    let (mut splat, mut slab) = (DepositScratch::default(), Slab::whole(&grid, &mut whole));
     (0..2).for_each(|i| splat.add(&mut slab, m.mean_of(i), &m.cov_of(i), 2.0 * m.mass_of(i)));
     assert!(field.mass.iter().zip(&whole).all(|(a, b)| (f64::from(*a) - b).abs() < 1e-5));
 }

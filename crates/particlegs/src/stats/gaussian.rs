@@ -6,7 +6,7 @@
 //! grid resolves the Gaussian, the density at the cells' centres is closer and faster (`resolved`).
 
 use super::Grid;
-use super::resolved::Resolved;
+use super::resolved::ResolvedGaussian;
 use crate::math::{Eigen, Sym3};
 use particlegs_core::math::{each_axis, normal_share};
 use std::ops::Range;
@@ -54,12 +54,12 @@ impl<'a> Slab<'a> {
 
 /// Scratch space to deposit one Gaussian.
 #[derive(Default)]
-pub(crate) struct Splat {
+pub(crate) struct DepositScratch {
     nodes: [Vec<(f64, f64)>; 3],
     shares: [Vec<(usize, f64)>; 3],
 }
 
-impl Splat {
+impl DepositScratch {
     /// Adds what a Gaussian has in a slab.
     pub fn add(&mut self, slab: &mut Slab<'_>, mean: [f64; 3], cov: &Sym3, mass: f64) {
         let g = slab.grid;
@@ -73,7 +73,7 @@ impl Splat {
         let kernel = deviation[2].max(SMALLEST * cell).max(FLATTEST * deviation[0]);
         let thick = eigen.values.map(|v| v.max(kernel * kernel));
         let cov = if deviation[2] < kernel { &Sym3::from_eigen(&Eigen { values: thick, ..eigen }) } else { cov };
-        if let Some(resolved) = Resolved::new(g, mean, cov, kernel, mass) {
+        if let Some(resolved) = ResolvedGaussian::new(g, mean, cov, kernel, mass) {
             return resolved.add_to(slab);
         }
         for k in 0..3 {
@@ -206,7 +206,7 @@ mod tests {
 
     fn deposit(g: &Grid, mean: [f64; 3], cov: &Sym3) -> Vec<f64> {
         let mut out = vec![0.0; g.cells.iter().product()];
-        Splat::default().add(&mut Slab::whole(g, &mut out), mean, cov, 1.0);
+        DepositScratch::default().add(&mut Slab::whole(g, &mut out), mean, cov, 1.0);
         out
     }
 
@@ -265,7 +265,7 @@ mod tests {
                     let mut part = vec![0.0; 3 * 144];
                     let mut slab = Slab { grid: &g, planes, cells: &mut part };
                     if slab.may_hold(mean, &cov) {
-                        Splat::default().add(&mut slab, mean, &cov, 1.0);
+                        DepositScratch::default().add(&mut slab, mean, &cov, 1.0);
                     }
                     assert_eq!(part, whole[432 * number..432 * (number + 1)]);
                 }

@@ -45,17 +45,17 @@ struct CellRun {
 
 /// Which cells are looked at: those with a face, edge or corner in common, or the others.
 #[derive(Clone, Copy, PartialEq)]
-enum Reach {
+enum NeighbourCells {
     Touching,
     Apart,
 }
 
 /// How two rows are walked.
-struct Walk<'a> {
+struct RowWalk<'a> {
     length: f64,
     /// Square of the rows' distance.
     gap: f64,
-    reach: Reach,
+    reach: NeighbourCells,
     /// Do the rows not touch?
     apart: bool,
     /// Set of each cell so far.
@@ -63,7 +63,7 @@ struct Walk<'a> {
     progress: &'a dyn Progress,
 }
 
-struct Rows<'a> {
+struct CellRows<'a> {
     domain: &'a Domain,
     cells: [i64; 3],
     /// Distances between a cell's faces.
@@ -104,11 +104,11 @@ pub fn find_groups(
         return Err(Error::argument("groups of more than 4294967295 particles; take a sample"));
     }
     particlegs_files::memory::require("friends of friends", positions.len() as u64 * 80)?;
-    let rows = Rows::new(positions, domain, linking_length);
+    let rows = CellRows::new(positions, domain, linking_length);
     progress.check()?;
     progress.begin("friends of friends", 2 * (rows.rows.len() - 1) as u64);
-    let mut sets = Sets::new(rows.runs.len());
-    for reach in [Reach::Touching, Reach::Apart] {
+    let mut sets = DisjointSets::new(rows.runs.len());
+    for reach in [NeighbourCells::Touching, NeighbourCells::Apart] {
         let links = rows.links(linking_length, reach, &sets.roots(), progress)?;
         links.iter().flatten().for_each(|(a, b)| sets.join(*a, *b));
     }
@@ -116,7 +116,7 @@ pub fn find_groups(
     Ok(Groups { linking_length, members: rows.members(&mut sets, smallest) })
 }
 
-impl<'a> Rows<'a> {
+impl<'a> CellRows<'a> {
     fn new(positions: &[[f64; 3]], domain: &'a Domain, linking_length: f64) -> Self {
         // A little under the diagonal, so that rounding makes no friends.
         let wanted = linking_length / domain.diagonal() * (1.0 - 1e-9);
@@ -150,12 +150,18 @@ impl<'a> Rows<'a> {
         }
         rows.push(([i64::MAX; 2], runs.len() as u32));
         let position = gathered(positions, &order);
-        Rows { domain, cells, height, most, runs, rows, position, index: order }
+        CellRows { domain, cells, height, most, runs, rows, position, index: order }
     }
 
     /// Pairs of cells that hold friends and are not in one set yet, row by row.
-    fn links(&self, length: f64, reach: Reach, roots: &[u32], progress: &dyn Progress) -> Result<Vec<Vec<(u32, u32)>>> {
-        let most = if reach == Reach::Touching { [1; 3] } else { self.most };
+    fn links(
+        &self,
+        length: f64,
+        reach: NeighbourCells,
+        roots: &[u32],
+        progress: &dyn Progress,
+    ) -> Result<Vec<Vec<(u32, u32)>>> {
+        let most = if reach == NeighbourCells::Touching { [1; 3] } else { self.most };
         parallel::try_map_range(self.rows.len() - 1, |row| {
             progress.check()?;
             let mut links = Vec::new();
@@ -171,7 +177,7 @@ impl<'a> Rows<'a> {
                         );
                         // Rows that touch have cells apart along z alone.
                         let apart = dx.abs() > 1 || dy.abs() > 1;
-                        let walk = Walk { length, gap, reach, apart, roots, progress };
+                        let walk = RowWalk { length, gap, reach, apart, roots, progress };
                         self.link_rows(row, other, turns, &walk, &mut links);
                     }
                 }
@@ -207,7 +213,7 @@ impl<'a> Rows<'a> {
     }
 
     /// Walks two rows side by side and joins cells that a link reaches along z.
-    fn link_rows(&self, a: usize, b: usize, turns: [f64; 2], walk: &Walk<'_>, links: &mut Vec<(u32, u32)>) {
+    fn link_rows(&self, a: usize, b: usize, turns: [f64; 2], walk: &RowWalk<'_>, links: &mut Vec<(u32, u32)>) {
         let most = self.most[2];
         let runs_of = |row: usize| self.rows[row].1 as usize..self.rows[row + 1].1 as usize;
         let (own, others) = (runs_of(a), runs_of(b));
@@ -237,7 +243,7 @@ impl<'a> Rows<'a> {
                     let steps = self.runs[j].z + turn - cell.z;
                     let dz = gap(steps) * self.height[2];
                     if once
-                        && (walk.apart || steps.abs() > 1) == (walk.reach == Reach::Apart)
+                        && (walk.apart || steps.abs() > 1) == (walk.reach == NeighbourCells::Apart)
                         && self.least_square(walk.gap, dz * dz) <= walk.length * walk.length
                         && walk.roots[i] != walk.roots[j]
                         && self.friends(cell, self.runs[j], shift, walk)
@@ -250,7 +256,7 @@ impl<'a> Rows<'a> {
     }
 
     /// Is a particle of one cell within the linking length of one of the other? (False after a stop.)
-    fn friends(&self, a: CellRun, b: CellRun, shift: [f64; 3], walk: &Walk<'_>) -> bool {
+    fn friends(&self, a: CellRun, b: CellRun, shift: [f64; 3], walk: &RowWalk<'_>) -> bool {
         let square = walk.length * walk.length;
         let [own, others] = [a, b].map(|c| &self.position[c.first as usize..c.end as usize]);
         let moved = |x: &[f64; 3]| -> [f64; 3] { each_axis(|k| x[k] - shift[k]) };
@@ -273,7 +279,7 @@ impl<'a> Rows<'a> {
     }
 
     /// Particles of each large set, ascending; sets by size, then by their first particle.
-    fn members(&self, sets: &mut Sets, smallest: usize) -> Vec<Vec<u32>> {
+    fn members(&self, sets: &mut DisjointSets, smallest: usize) -> Vec<Vec<u32>> {
         let n = self.runs.len();
         let root = sets.roots();
         let mut size = vec![0usize; n];
@@ -345,11 +351,11 @@ fn gap(d: i64) -> f64 {
 }
 
 /// Disjoint sets: the smaller number is the root, paths are halved.
-struct Sets(Vec<u32>);
+struct DisjointSets(Vec<u32>);
 
-impl Sets {
+impl DisjointSets {
     fn new(n: usize) -> Self {
-        Sets((0..n as u32).collect())
+        DisjointSets((0..n as u32).collect())
     }
 
     fn root(&mut self, mut i: u32) -> u32 {
@@ -382,7 +388,7 @@ mod tests {
 
     /// The plain twin: every pair.
     fn plain(x: &[[f64; 3]], domain: &Domain, length: f64, smallest: usize) -> Vec<Vec<u32>> {
-        let mut sets = Sets::new(x.len());
+        let mut sets = DisjointSets::new(x.len());
         for i in 0..x.len() {
             for j in 0..i {
                 let d = domain.shortest_way(each_axis(|k| x[i][k] - x[j][k]));

@@ -1,6 +1,6 @@
 //! Density and enclosed mass about given centres: of particles by counting, of a mixture from its Gaussians.
 
-use super::points::Points;
+use super::points::PointGrid;
 use super::{Domain, Subject};
 use crate::model::Model;
 use crate::parallel;
@@ -103,8 +103,8 @@ pub fn halo_profiles(
     progress.end();
     let masses = pair.map(|s| all_mass(s.subject));
     let shares = masses.map(|m| 1.0 / m.max(f64::MIN_POSITIVE));
-    let at = |i: usize| Compared::new(&enclosed, shares, i, edges.len());
-    let compared: Vec<Compared> = (0..edges.len()).map(at).collect();
+    let at = |i: usize| MassComparison::new(&enclosed, shares, i, edges.len());
+    let compared: Vec<MassComparison> = (0..edges.len()).map(at).collect();
     Ok(HaloProfiles {
         centers: places.centers.iter().map(|c| each_axis(|k| domain.min[k] + c[k])).collect(),
         radii: places.radii.to_vec(),
@@ -137,14 +137,14 @@ impl HaloProfiles {
 }
 
 /// Masses inside one radius about all centres, compared.
-struct Compared {
+struct MassComparison {
     number: u64,
     median: Option<f64>,
     quartiles: Option<[f64; 2]>,
     total: Option<f64>,
 }
 
-impl Compared {
+impl MassComparison {
     fn new([truth, other]: &[Vec<f64>; 2], shares: [f64; 2], edge: usize, edges: usize) -> Self {
         let here = |i: &usize| i % edges == edge && truth[*i] > 0.0;
         let chosen: Vec<usize> = (0..truth.len()).filter(here).collect();
@@ -156,7 +156,7 @@ impl Compared {
             Some(ratios[i] + f * (ratios[(i + 1).min(ratios.len() - 1)] - ratios[i]))
         };
         let sum = |v: &[f64]| chosen.iter().map(|i| v[*i]).sum::<f64>();
-        Compared {
+        MassComparison {
             number: chosen.len() as u64,
             median: at(0.5),
             quartiles: at(0.25).zip(at(0.75)).map(|(low, high)| [low, high]),
@@ -204,7 +204,7 @@ fn of_particles(
     edges: &[f64],
     progress: &dyn Progress,
 ) -> Result<Vec<f64>> {
-    let points = Points::new(positions, domain, places.largest())?;
+    let points = PointGrid::new(positions, domain, places.largest())?;
     let (weights, unit) = (p.weights(), p.meta.particle_mass.unwrap_or(1.0));
     about_each(places, edges, progress, |center, radii, inside| {
         let squares: Vec<f64> = radii.iter().map(|r| r * r).collect();
@@ -225,9 +225,9 @@ fn of_particles(
 }
 
 /// Gaussians of about one size, by the place of their means.
-struct Class {
+struct GaussianSizeClass {
     lumps: Vec<Lump>,
-    points: Points,
+    points: PointGrid,
     reach: f64,
 }
 
@@ -255,7 +255,7 @@ fn of_model(
     })
 }
 
-fn classes(m: &Model, domain: &Domain, radius: f64) -> Result<Vec<Class>> {
+fn classes(m: &Model, domain: &Domain, radius: f64) -> Result<Vec<GaussianSizeClass>> {
     let repeats = (0..3).filter(|k| domain.periodic[*k]).map(|k| domain.length[k]).fold(f64::INFINITY, f64::min);
     let widest = if domain.periodic == [true; 3] { WIDEST * domain.longest() } else { f64::MAX };
     let widths = [NARROWEST * domain.longest(), widest];
@@ -268,7 +268,7 @@ fn classes(m: &Model, domain: &Domain, radius: f64) -> Result<Vec<Class>> {
     let class = |lumps: Vec<Lump>| {
         let reach = lumps.iter().map(Lump::reach).fold(0.0, f64::max).min(IMAGES * repeats);
         let means: Vec<[f64; 3]> = lumps.iter().map(|l| l.mean).collect();
-        Ok(Class { points: Points::new(&means, domain, radius + reach)?, lumps, reach })
+        Ok(GaussianSizeClass { points: PointGrid::new(&means, domain, radius + reach)?, lumps, reach })
     };
     by_size.into_values().map(class).collect()
 }

@@ -3,7 +3,7 @@
 
 use super::Domain;
 use super::neighbours::sample;
-use super::points::Points;
+use super::points::PointGrid;
 use crate::math::{Purpose, Sym3};
 use crate::model::{Mixture, Model};
 use crate::parallel;
@@ -68,10 +68,10 @@ pub fn likelihood(
     progress.begin("likelihood", RUNS as u64);
     let chosen = sample(particles.len(), SAMPLE, Purpose::LikelihoodSample, seed);
     let places: Vec<[f64; 3]> = chosen.iter().map(|i| domain.local(particles.position(*i as usize))).collect();
-    let points = Points::new(&places, domain, 0.0)?;
+    let points = PointGrid::new(&places, domain, 0.0)?;
     let (n, volume) = (points.position.len(), domain.volume());
-    let bells: Vec<Bell> =
-        mixtures.iter().flat_map(|m| (0..m.len()).map(|i| Bell::new(m, i, m.count[i], domain))).collect();
+    let bells: Vec<GaussianDensity> =
+        mixtures.iter().flat_map(|m| (0..m.len()).map(|i| GaussianDensity::new(m, i, m.count[i], domain))).collect();
     let densities = densities(&bells, &points, progress)?;
     progress.end();
     // Relative to uniform.
@@ -134,14 +134,14 @@ impl Domain {
         for layer in &model.layers {
             for m in layer.content.iter().map(|b| &b.gaussians) {
                 let mass = |i| layer.mass.unit_or_one() * m.mass_of(i);
-                bells.extend((0..m.len()).map(|i| Bell::new(m, i, mass(i), self)));
+                bells.extend((0..m.len()).map(|i| GaussianDensity::new(m, i, mass(i), self)));
             }
         }
         progress.begin("density", (places.len().div_ceil(AT_ONCE) * RUNS) as u64);
         let mut all = vec![0.0; places.len()];
         for (places, all) in places.chunks(AT_ONCE).zip(all.chunks_mut(AT_ONCE)) {
             let local: Vec<[f64; 3]> = places.iter().map(|p| self.local(*p)).collect();
-            let points = Points::new(&local, self, 0.0)?;
+            let points = PointGrid::new(&local, self, 0.0)?;
             let densities = densities(&bells, &points, progress)?;
             points.index.iter().zip(densities).for_each(|(i, density)| all[*i as usize] = density);
         }
@@ -150,8 +150,8 @@ impl Domain {
     }
 }
 
-/// The sum of Gaussians at points, in the order of [`Points::position`].
-fn densities(bells: &[Bell], points: &Points, progress: &dyn Progress) -> Result<Vec<f64>> {
+/// The sum of Gaussians at points, in the order of [`PointGrid::position`].
+fn densities(bells: &[GaussianDensity], points: &PointGrid, progress: &dyn Progress) -> Result<Vec<f64>> {
     let n = points.position.len();
     let parts = parallel::try_map(bells.chunks(bells.len().div_ceil(RUNS).max(1)), |run| {
         progress.check()?;
@@ -164,7 +164,7 @@ fn densities(bells: &[Bell], points: &Points, progress: &dyn Progress) -> Result
 }
 
 /// A Gaussian as its density is evaluated.
-struct Bell {
+struct GaussianDensity {
     /// Relative to the domain's corner, within it where it repeats.
     mean: [f64; 3],
     inverse: Sym3,
@@ -174,16 +174,16 @@ struct Bell {
     needle: bool,
 }
 
-impl Bell {
+impl GaussianDensity {
     /// Gaussian `i` of a mixture, of `amount` particles or mass.
-    fn new(m: &Mixture, i: usize, amount: f64, domain: &Domain) -> Bell {
+    fn new(m: &Mixture, i: usize, amount: f64, domain: &Domain) -> GaussianDensity {
         let mut eigen = m.cov_of(i).eigen();
         // Coded widths may be zero: no narrower than a millionth of the box.
         let least = (1e-6 * domain.longest()).powi(2);
         eigen.values = eigen.values.map(|v| v.max(least));
         let [longest, middle, shortest] = eigen.values;
         eigen.values = eigen.values.map(f64::recip);
-        Bell {
+        GaussianDensity {
             mean: domain.local(each_axis(|k| m.mean[k][i])),
             inverse: Sym3::from_eigen(&eigen),
             peak: amount / (TAU.powi(3) * longest * middle * shortest).sqrt(),
@@ -193,7 +193,7 @@ impl Bell {
     }
 
     /// Adds its density at the points, that of its images in a box that repeats among it.
-    fn add(&self, points: &Points, density: &mut [f64]) {
+    fn add(&self, points: &PointGrid, density: &mut [f64]) {
         points.near(points.cell_of(self.mean), self.reach, |run, shift| {
             for i in run {
                 let d = each_axis(|k| points.position[i][k] + shift[k] - self.mean[k]);

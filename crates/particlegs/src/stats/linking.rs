@@ -1,6 +1,6 @@
 //! What friends of friends links, and how long links are: in a zoom the finest particles, by their own mean spacing.
 
-use super::points::{Points, gathered};
+use super::points::{PointGrid, gathered};
 use super::{Domain, Groups, find_groups, group_center, longest_link};
 use crate::model::{Dimension, Unit, UnitSystem, Units};
 use crate::parallel;
@@ -186,7 +186,7 @@ fn contaminated(
     let mut own = vec![false; positions.len()];
     linked.iter().for_each(|i| own[*i as usize] = true);
     let others: Vec<[f64; 3]> = positions.iter().zip(&own).filter(|(_, own)| !**own).map(|(x, _)| *x).collect();
-    let points = Points::new(&others, domain, 0.0)?;
+    let points = PointGrid::new(&others, domain, 0.0)?;
     let square = |d: [f64; 3]| d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
     let found = parallel::try_map(&groups.members, |members| {
         progress.check()?;

@@ -17,7 +17,7 @@ pub struct AxisMoments {
 }
 
 /// Sums of mass, m x, m x^2, m x^3, m x^4 about a pivot.
-type Sums = [f64; 5];
+type PowerSums = [f64; 5];
 
 /// Moments along x, y and z. Positions are taken as they are: a periodic box has no other origin.
 pub fn axis_moments(subject: Subject<'_>) -> [AxisMoments; 3] {
@@ -28,7 +28,7 @@ pub fn axis_moments(subject: Subject<'_>) -> [AxisMoments; 3] {
     let sums = match subject {
         Subject::Particles(p) => of_particles(p, pivot),
         Subject::Model(m) => {
-            let mut sums = [Sums::default(); 3];
+            let mut sums = [PowerSums::default(); 3];
             for layer in &m.layers {
                 for g in layer.content.iter().map(|b| &b.gaussians) {
                     for i in 0..g.len() {
@@ -49,9 +49,9 @@ pub fn axis_moments(subject: Subject<'_>) -> [AxisMoments; 3] {
     [0, 1, 2].map(|k| moments(&sums[k], pivot[k]))
 }
 
-fn of_particles(p: &Particles, pivot: [f64; 3]) -> [Sums; 3] {
+fn of_particles(p: &Particles, pivot: [f64; 3]) -> [PowerSums; 3] {
     let parts = p.par_chunks(|_, c| {
-        let mut sums = [Sums::default(); 3];
+        let mut sums = [PowerSums::default(); 3];
         for k in 0..3 {
             let origin = p.origin[k] - pivot[k];
             for (i, x) in c.position[k].iter().enumerate() {
@@ -63,12 +63,12 @@ fn of_particles(p: &Particles, pivot: [f64; 3]) -> [Sums; 3] {
         }
         sums
     });
-    let mut all = [Sums::default(); 3];
+    let mut all = [PowerSums::default(); 3];
     parts.iter().for_each(|s| (0..3).for_each(|k| (0..5).for_each(|t| all[k][t] += s[k][t])));
     all
 }
 
-fn moments(s: &Sums, pivot: f64) -> AxisMoments {
+fn moments(s: &PowerSums, pivot: f64) -> AxisMoments {
     if s[0] <= 0.0 {
         return AxisMoments { mean: 0.0, deviation: 0.0, skewness: 0.0, kurtosis: 0.0 };
     }

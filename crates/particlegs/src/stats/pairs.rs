@@ -6,7 +6,7 @@
 //! 4 pi r^2 dr per volume, less what an open box's edges cut off.
 
 use super::Domain;
-use super::points::Points;
+use super::points::PointGrid;
 use crate::math::{Purpose, Random};
 use crate::parallel;
 use crate::progress::Progress;
@@ -125,7 +125,7 @@ pub fn count_pairs(
         let last =
             (first + 1..=bins).take_while(|b| edges[*b] <= o.band * edges[first + 1]).last().unwrap_or(first + 1);
         let band = &edges[first..=last];
-        let points = Points::new(positions, domain, 0.5 * band[band.len() - 1])?;
+        let points = PointGrid::new(positions, domain, 0.5 * band[band.len() - 1])?;
         progress.check()?;
         let primaries = choose(&points, band[band.len() - 1], o, first as u64);
         let pairs = count_band(&points, &primaries, band, progress)?;
@@ -143,7 +143,7 @@ pub fn count_pairs(
 }
 
 /// The primaries of a band, as places in the sorted points: all, or as many as the budget allows.
-fn choose(points: &Points, reach: f64, o: &PairOptions, band: u64) -> Vec<u32> {
+fn choose(points: &PointGrid, reach: f64, o: &PairOptions, band: u64) -> Vec<u32> {
     let n = points.position.len();
     // Work of all, from a few thousand of them.
     let probe = n.clamp(1, 4096);
@@ -174,7 +174,7 @@ fn uniform(seed: u64, index: u32) -> f64 {
 }
 
 /// Bins by the square of a distance.
-struct Bins {
+struct DistanceBins {
     squares: Vec<f64>,
     /// Square of the last edge.
     end: f64,
@@ -183,14 +183,14 @@ struct Bins {
     parts_per: f64,
 }
 
-impl Bins {
+impl DistanceBins {
     fn new(edges: &[f64]) -> Self {
         let squares: Vec<f64> = edges.iter().map(|e| e * e).collect();
         let end = squares[squares.len() - 1];
         // A little lower, so that rounding passes over no edge.
         let begins = |part: usize| (part as f64 - 1e-6) * (end / PARTS as f64);
         let below = (0..=PARTS).map(|p| squares.iter().take_while(|s| **s <= begins(p)).count() as u32).collect();
-        Bins { squares, end, below, parts_per: PARTS as f64 / end }
+        DistanceBins { squares, end, below, parts_per: PARTS as f64 / end }
     }
 
     /// 1 + the bin that holds the square of a distance below the last edge; 0 below the first.
@@ -206,8 +206,8 @@ impl Bins {
     }
 }
 
-fn count_band(points: &Points, primaries: &[u32], edges: &[f64], progress: &dyn Progress) -> Result<Vec<u64>> {
-    let bins = Bins::new(edges);
+fn count_band(points: &PointGrid, primaries: &[u32], edges: &[f64], progress: &dyn Progress) -> Result<Vec<u64>> {
+    let bins = DistanceBins::new(edges);
     let reach = edges[edges.len() - 1];
     progress.begin("pair counts", primaries.len() as u64);
     let parts = parallel::try_map(primaries.chunks(STEP), |run| {

@@ -29,7 +29,7 @@ pub(super) fn gathered(positions: &[[f64; 3]], index: &[u32]) -> Vec<[f64; 3]> {
 }
 
 /// Points by cell.
-pub(crate) struct Points {
+pub(crate) struct PointGrid {
     /// The domain.
     pub domain: Domain,
     /// Cells along each axis.
@@ -54,7 +54,7 @@ pub(super) fn points_bytes(n: usize) -> u64 {
     n as u64 * (24 + 24 + 4 + 8 + 16)
 }
 
-impl Points {
+impl PointGrid {
     /// Cells at least `side` long; longer where there would be more than four a point.
     ///
     /// # Errors
@@ -73,7 +73,7 @@ impl Points {
             side *= 1.25;
         }
         let cells = count(side).map(|c| c as usize);
-        let mut p = Points {
+        let mut p = PointGrid {
             domain: *domain,
             cells,
             low,

@@ -32,7 +32,7 @@ pub struct AxisProfile {
 }
 
 /// Masses in the slabs along x, y and z.
-type Slabs = [Vec<f64>; 3];
+type AxisSlabs = [Vec<f64>; 3];
 
 /// Profiles along x, y and z, or the edges of a tilted domain, in `bins` slabs of it; mass beyond open edges is in none.
 ///
@@ -111,8 +111,8 @@ fn summed(
     n: usize,
     grid: &Grid,
     progress: &dyn Progress,
-    add: impl Fn(Range<usize>, &mut Slabs) + Sync,
-) -> Result<Slabs> {
+    add: impl Fn(Range<usize>, &mut AxisSlabs) + Sync,
+) -> Result<AxisSlabs> {
     let empty = || grid.cells.map(|n| vec![0.0; n]);
     let parts = parallel::try_map_range(PARTS, |part| {
         progress.check()?;
@@ -128,7 +128,7 @@ fn summed(
     Ok(all)
 }
 
-fn of_particles(p: &Particles, grid: &Grid, progress: &dyn Progress) -> Result<Slabs> {
+fn of_particles(p: &Particles, grid: &Grid, progress: &dyn Progress) -> Result<AxisSlabs> {
     let scale = grid.side.map(f64::recip);
     let corner: [f64; 3] = each_axis(|k| p.origin[k] - grid.min[k]);
     let unit = p.meta.particle_mass.unwrap_or(1.0);
@@ -152,7 +152,7 @@ fn of_particles(p: &Particles, grid: &Grid, progress: &dyn Progress) -> Result<S
     })
 }
 
-fn of_model(m: &Model, grid: &Grid, progress: &dyn Progress) -> Result<Slabs> {
+fn of_model(m: &Model, grid: &Grid, progress: &dyn Progress) -> Result<AxisSlabs> {
     let parts: Vec<(f64, &Mixture)> = m.layers.iter().flat_map(mixtures).collect();
     let mut first = vec![0];
     parts.iter().for_each(|(_, g)| first.push(first[first.len() - 1] + g.len()));

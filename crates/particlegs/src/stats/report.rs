@@ -107,22 +107,22 @@ pub(super) fn xi_ratio([truth, other]: &[PairCounts; 2]) -> Vec<Option<f64>> {
 
 fn with_xi_ratio<S: Serializer>(pair: &Option<[PairCounts; 2]>, serializer: S) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]
-    struct Form<'a> {
+    struct PairCountsForm<'a> {
         counts: &'a [PairCounts; 2],
         ratio: Vec<Option<f64>>,
     }
-    pair.as_ref().map(|counts| Form { counts, ratio: xi_ratio(counts) }).serialize(serializer)
+    pair.as_ref().map(|counts| PairCountsForm { counts, ratio: xi_ratio(counts) }).serialize(serializer)
 }
 
 fn with_g<S: Serializer>(pair: &Option<[PairCounts; 2]>, serializer: S) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]
-    struct Form<'a> {
+    struct CorrelationForm<'a> {
         edges: &'a [f64],
         pairs: [&'a [u64]; 2],
         expected: [&'a [f64]; 2],
         g: [Vec<f64>; 2],
     }
-    let form = pair.as_ref().map(|counts| Form {
+    let form = pair.as_ref().map(|counts| CorrelationForm {
         edges: &counts[0].edges,
         pairs: counts.each_ref().map(|c| &c.pairs[..]),
         expected: counts.each_ref().map(|c| &c.expected[..]),
@@ -133,13 +133,13 @@ fn with_g<S: Serializer>(pair: &Option<[PairCounts; 2]>, serializer: S) -> Resul
 
 fn with_distance_ratios<S: Serializer>(pair: &Option<[NearestDistances; 2]>, serializer: S) -> Result<S::Ok, S::Error> {
     #[derive(Serialize)]
-    struct Form<'a> {
+    struct DistancesForm<'a> {
         distances: &'a [NearestDistances; 2],
         mean_ratio: f64,
         median_ratio: f64,
     }
     let ratio = |[truth, other]: &[NearestDistances; 2], of: fn(&NearestDistances) -> f64| of(other) / of(truth);
-    let form = pair.as_ref().map(|distances| Form {
+    let form = pair.as_ref().map(|distances| DistancesForm {
         distances,
         mean_ratio: ratio(distances, |d| d.mean),
         median_ratio: ratio(distances, |d| d.median),

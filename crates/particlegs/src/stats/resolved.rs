@@ -24,7 +24,7 @@ const MOST_HALVINGS: u32 = 3;
 const MOST_PARTS: f64 = 4e6;
 
 /// A Gaussian in units of cells, or of the parts that they are divided into.
-pub(super) struct Resolved {
+pub(super) struct ResolvedGaussian {
     /// The grid of the parts.
     fine: Grid,
     /// Parts of a cell along an axis, as a power of two.
@@ -43,7 +43,7 @@ pub(super) struct Resolved {
     step: f64,
 }
 
-impl Resolved {
+impl ResolvedGaussian {
     /// `None` where the smallest parts are too coarse for it, or it is many boxes wide.
     pub fn new(grid: &Grid, mean: [f64; 3], cov: &Sym3, smallest: f64, mass: f64) -> Option<Self> {
         let coarsest = grid.side[0].max(grid.side[1]).max(grid.side[2]);
@@ -84,7 +84,7 @@ impl Resolved {
         let sound = zz > 0.0 && projected[2] > 0.0 && line > 0.0 && peak.is_finite();
         // The ellipsoid's volume, 4/3 pi times its half-axes.
         let few = halvings == 0 || 4.2 * REACH.powi(3) * det.sqrt() <= MOST_PARTS;
-        (sound && few).then_some(Resolved {
+        (sound && few).then_some(ResolvedGaussian {
             fine,
             halvings,
             mean: middle,

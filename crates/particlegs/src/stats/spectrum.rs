@@ -158,7 +158,7 @@ pub(super) fn visit_plane(
 }
 
 /// Transforms of both subjects, kept for what else is made of them.
-pub(super) struct Pair {
+pub(super) struct TransformPair {
     /// Modes of the first and the second.
     pub modes: [Modes; 2],
     /// Shot noise of each.
@@ -177,7 +177,7 @@ pub(super) fn transform_pair(
     domain: &Domain,
     o: &SpectrumOptions,
     progress: &dyn Progress,
-) -> Result<Pair> {
+) -> Result<TransformPair> {
     let most = mode_limits(grid, domain, o.k_max);
     particlegs_files::memory::require(
         "the power spectrum's grid",
@@ -191,14 +191,19 @@ pub(super) fn transform_pair(
     let first = modes_of(a, grid, most, o, progress)?;
     let second = modes_of(b, grid, most, o, progress)?;
     progress.end();
-    Ok(Pair { modes: [first, second], shot_noise: [a.shot_noise(domain), b.shot_noise(domain)], grid: *grid })
+    Ok(TransformPair { modes: [first, second], shot_noise: [a.shot_noise(domain), b.shot_noise(domain)], grid: *grid })
 }
 
 /// P(k), cross power and r(k) of a pair, in shells of width 2 pi / longest edge.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
-pub(super) fn spectra(pair: &Pair, domain: &Domain, o: &SpectrumOptions, progress: &dyn Progress) -> Result<Spectra> {
+pub(super) fn spectra(
+    pair: &TransformPair,
+    domain: &Domain,
+    o: &SpectrumOptions,
+    progress: &dyn Progress,
+) -> Result<Spectra> {
     let width = 2.0 * PI / domain.longest();
     // Shell s is centred at s + 1 widths.
     let bins = ((o.k_max / width + 0.5).floor() as usize).max(1);
@@ -264,7 +269,7 @@ pub fn power_spectra(
 }
 
 /// One subject's transform, kept to be compared with one other after the other.
-pub(crate) struct TransformedOnce {
+pub(crate) struct CachedTransform {
     domain: Domain,
     grid: Grid,
     options: SpectrumOptions,
@@ -272,7 +277,7 @@ pub(crate) struct TransformedOnce {
     shot_noise: f64,
 }
 
-impl TransformedOnce {
+impl CachedTransform {
     /// Transforms a subject over a domain.
     ///
     /// # Errors
@@ -287,7 +292,7 @@ impl TransformedOnce {
         progress.begin("power spectrum", passes * (deposit_steps(subject, &grid) + grid.len() as u64));
         let modes = modes_of(subject, &grid, most, o, progress)?;
         progress.end();
-        Ok(TransformedOnce { domain: *domain, grid, options: *o, modes, shot_noise: subject.shot_noise(domain) })
+        Ok(CachedTransform { domain: *domain, grid, options: *o, modes, shot_noise: subject.shot_noise(domain) })
     }
 
     /// The spectra of this and another, taken in the same way.
@@ -308,7 +313,7 @@ impl TransformedOnce {
     }
 
     fn pair(&self, [other, own]: [Modes; 2], shot_noise: f64, progress: &dyn Progress) -> Result<Spectra> {
-        let pair = Pair { modes: [own, other], shot_noise: [self.shot_noise, shot_noise], grid: self.grid };
+        let pair = TransformPair { modes: [own, other], shot_noise: [self.shot_noise, shot_noise], grid: self.grid };
         spectra(&pair, &self.domain, &self.options, progress)
     }
 }
@@ -331,5 +336,5 @@ pub(crate) fn spectra_of(
         let scheme = if side == 0 { o.assignment } else { Assignment::Ngp };
         modes_of_fields(&|moved, _| field(side, moved), scheme, most, o, progress)
     };
-    spectra(&Pair { modes: [modes(0)?, modes(1)?], shot_noise: [noise, 0.0], grid }, domain, o, progress)
+    spectra(&TransformPair { modes: [modes(0)?, modes(1)?], shot_noise: [noise, 0.0], grid }, domain, o, progress)
 }

@@ -17,7 +17,7 @@ pub enum Subject<'a> {
 }
 
 /// A subject in other units.
-pub(super) enum OwnSubject {
+pub(super) enum ConvertedSubject {
     /// A snapshot.
     Particles(Box<Particles>),
     /// A mixture.
@@ -34,16 +34,16 @@ impl<'a> Subject<'a> {
     }
 
     /// It in the units of `truth`, where they differ; what a reader of the results must know of that.
-    pub(super) fn in_units_of(&self, truth: Subject<'_>) -> Result<(Option<OwnSubject>, Vec<String>)> {
+    pub(super) fn in_units_of(&self, truth: Subject<'_>) -> Result<(Option<ConvertedSubject>, Vec<String>)> {
         let to = truth.unit_system();
         let (by, words) = self.unit_system().conversion_of("the other", &to)?;
         let converted = match self {
             _ if by.is_identity() => None,
             Subject::Particles(p) => {
-                Some(OwnSubject::Particles(Box::new((*p).clone().in_units(&to, &Storage::Memory, &Silent)?)))
+                Some(ConvertedSubject::Particles(Box::new((*p).clone().in_units(&to, &Storage::Memory, &Silent)?)))
             }
             Subject::Model(m) => {
-                Some(OwnSubject::Model(Box::new((*m).clone().in_units(&to, &m.metadata.source, &Silent)?)))
+                Some(ConvertedSubject::Model(Box::new((*m).clone().in_units(&to, &m.metadata.source, &Silent)?)))
             }
         };
         Ok((converted, words))

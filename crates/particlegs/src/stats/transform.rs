@@ -65,7 +65,7 @@ pub fn transform(field: &Field, most: [usize; 3], progress: &dyn Progress) -> Re
         return Ok(modes);
     }
     let (columns, depth) = modes.plane();
-    let plan = Plan {
+    let plan = TransformPlan {
         n,
         most,
         z: RealFftPlanner::new().plan_fft_forward(n[2]),
@@ -87,7 +87,7 @@ pub fn transform(field: &Field, most: [usize; 3], progress: &dyn Progress) -> Re
     Ok(modes)
 }
 
-struct Plan {
+struct TransformPlan {
     n: [usize; 3],
     most: [usize; 3],
     z: Arc<dyn RealToComplex<f64>>,
@@ -97,16 +97,16 @@ struct Plan {
 }
 
 #[derive(Default)]
-struct Scratch {
+struct TransformScratch {
     row: Vec<f64>,
     half: Vec<Complex64>,
     columns: Vec<Complex64>,
     work: Vec<Complex64>,
 }
 
-impl Plan {
+impl TransformPlan {
     /// One plane: rows to half-spectra, kept transposed, then columns.
-    fn plane(&self, cells: &[f32], out: &mut [Complex64], s: &mut Scratch) {
+    fn plane(&self, cells: &[f32], out: &mut [Complex64], s: &mut TransformScratch) {
         let [_, ny, nz] = self.n;
         let depth = self.most[2] + 1;
         s.row.resize(nz, 0.0);

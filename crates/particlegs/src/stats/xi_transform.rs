@@ -1,7 +1,7 @@
 //! xi(r) from the modes of a transform.
 
 use super::Domain;
-use super::spectrum::{Pair, SpectrumOptions, visit_plane};
+use super::spectrum::{SpectrumOptions, TransformPair, visit_plane};
 use crate::Result;
 use crate::parallel;
 use crate::progress::Progress;
@@ -15,7 +15,7 @@ use crate::progress::Progress;
 /// # Errors
 /// [`crate::Error::Cancelled`].
 pub(super) fn xi_of_modes(
-    pair: &Pair,
+    pair: &TransformPair,
     domain: &Domain,
     o: &SpectrumOptions,
     edges: &[f64],

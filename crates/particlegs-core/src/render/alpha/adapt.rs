@@ -2,10 +2,10 @@
 //! opacity.
 
 use super::eye::Eye;
-use super::project::{Gaussian, Seen};
+use super::project::{Gaussian, GreyCameraGaussian};
 use crate::camera::{Normalisation, View};
 use crate::math::{Sym3, each_axis};
-use crate::model::vizmapper::{Adapted, Network, Setting, inputs, outputs};
+use crate::model::vizmapper::{Adaptation, Network, Setting, inputs, outputs};
 use crate::model::{LawKind, Mixture, Model, VizMapper};
 use crate::progress::{Level, Progress};
 use crate::{Error, Result, parallel};
@@ -35,7 +35,7 @@ pub struct Blend<'a> {
 
 /// A Gaussian in the training frame, not yet bent for a radius and an opacity, and what the network reads of it.
 #[derive(Clone, Copy, Debug)]
-pub struct Trained {
+pub struct UnadaptedGaussian {
     /// Its opacity is kept a little off 0 and 1.
     pub gaussian: Gaussian,
     /// Mean of the natural logarithms of its three scales.
@@ -72,7 +72,7 @@ impl<'a> Blend<'a> {
         view: &View,
         eye: &Eye,
         progress: &dyn Progress,
-    ) -> Result<Vec<Seen>> {
+    ) -> Result<Vec<GreyCameraGaussian>> {
         let setting = self.setting(view);
         let network = self.vizmapper.map(|v| (Network::new(v), v.ranges));
         let runs = parts
@@ -111,7 +111,7 @@ impl<'a> Blend<'a> {
             outputs(simd, network, &own, &mut out);
         }
         for (g, out) in gaussians.iter_mut().zip(out) {
-            let a = network.map_or(Adapted::STATIC, |(_, ranges)| ranges.adapt(setting, out));
+            let a = network.map_or(Adaptation::STATIC, |(_, ranges)| ranges.adapt(setting, out));
             g.cov = g.cov.scale(a.scale * a.scale);
             g.opacity = a.opacity(logit(g.opacity));
         }
@@ -122,7 +122,7 @@ impl<'a> Blend<'a> {
     ///
     /// # Errors
     /// What is wrong with it: a number that is not finite, or a mixture without opacities.
-    pub fn trained(&self, m: &Mixture, i: usize) -> std::result::Result<Trained, String> {
+    pub fn trained(&self, m: &Mixture, i: usize) -> std::result::Result<UnadaptedGaussian, String> {
         let own = m.law.alpha_blend().ok_or("the mixture has no opacities, which the alpha-blend law needs")?;
         let scale = self.frame.scale;
         let mean: [f64; 3] = each_axis(|k| (m.mean[k][i] - self.frame.center[k]) * scale);
@@ -137,7 +137,7 @@ impl<'a> Blend<'a> {
         }
         let opacity = opacity.clamp(EDGE, 1.0 - EDGE);
         let log_scale = libm::log(cov.det().max(LEAST_DET)) / 6.0;
-        Ok(Trained { gaussian: Gaussian { mean, cov, opacity, grey }, log_scale, logit: logit(opacity) })
+        Ok(UnadaptedGaussian { gaussian: Gaussian { mean, cov, opacity, grey }, log_scale, logit: logit(opacity) })
     }
 }
 

@@ -1,6 +1,6 @@
 //! Which footprints touch which tile.
 
-use super::project::Projected;
+use super::project::ProjectedSplat;
 use crate::picture::Size;
 
 /// Pixels of a tile's side.
@@ -17,7 +17,7 @@ pub struct Tiles {
 
 /// Tiles that a footprint touches: columns and rows, both ends included.
 #[derive(Clone, Copy, Debug)]
-pub struct Touched {
+pub struct TileRange {
     /// First and last column of tiles.
     pub columns: [u16; 2],
     /// First and last row of tiles.
@@ -36,18 +36,18 @@ impl Tiles {
     }
 
     /// The tiles that a footprint reaches; `None` outside the picture.
-    pub fn touched(&self, size: Size, p: &Projected) -> Option<Touched> {
+    pub fn touched(&self, size: Size, p: &ProjectedSplat) -> Option<TileRange> {
         let [right, down] = p.reach;
         let [columns, rows] = [(p.splat.x, right, size.width), (p.splat.y, down, size.height)].map(|(at, reach, n)| {
             let from = (at - reach).ceil().max(0.0);
             let to = (at + reach).floor().min(n as f32 - 1.0);
             (from <= to).then(|| [from, to].map(|v| (v as usize / TILE) as u16))
         });
-        Some(Touched { columns: columns?, rows: rows? })
+        Some(TileRange { columns: columns?, rows: rows? })
     }
 }
 
-impl Touched {
+impl TileRange {
     /// How many.
     pub fn number(&self) -> u64 {
         let span = |[from, to]: [u16; 2]| u64::from(to - from) + 1;
@@ -73,7 +73,7 @@ pub struct Bin {
 
 impl Bin {
     /// Of footprints numbered from `first`.
-    pub fn new(tiles: &Tiles, first: usize, touched: &[Touched]) -> Self {
+    pub fn new(tiles: &Tiles, first: usize, touched: &[TileRange]) -> Self {
         let mut starts = vec![0u32; tiles.number() + 1];
         for t in touched {
             t.each(tiles, |tile| starts[tile + 1] += 1);

@@ -7,7 +7,7 @@ use super::raster::blend_into;
 use crate::Result;
 use crate::camera::View;
 use crate::model::Mixture;
-use crate::picture::{Rows, Size};
+use crate::picture::{PlaneRows, Size};
 use crate::progress::Progress;
 use crate::render::Scratch;
 
@@ -27,7 +27,7 @@ pub(in crate::render) fn optical_depth<'a>(
     size: Size,
     scratch: &'a mut Scratch,
     progress: &dyn Progress,
-) -> Result<Rows<'a>> {
+) -> Result<PlaneRows<'a>> {
     let eye = Eye::new(view, size, &of.frame)?;
     let n: usize = parts.iter().map(|(m, _)| m.len()).sum();
     progress.require_memory("a picture", 4 * size.pixels() as u64 + 256 * n as u64)?;
@@ -35,7 +35,7 @@ pub(in crate::render) fn optical_depth<'a>(
     let plan = Plan::new(&eye, n, |i| Some(gaussians[i]), CutOffs::PUBLISHED, progress)?;
     let data = &mut scratch.planes([size.pixels()].into_iter(), progress)?[0];
     blend_into(&plan, size, data, progress)?;
-    let mut rows = Rows { size, stride: size.width, data };
+    let mut rows = PlaneRows { size, stride: size.width, data };
     rows.each(|_, row| row.iter_mut().for_each(|b| *b = depth_as_bright(*b)));
     Ok(rows)
 }

@@ -3,7 +3,7 @@
 //!
 //! Everything happens in the training frame ([`crate::camera::Normalisation`]). `adapt` takes a
 //! scene's Gaussians there, bends their scales and opacities for the view's radius and opacity, and hands them over
-//! relative to the eye ([`project::Seen`]). [`project`] puts each on the picture ([`project::Projected`]); a [`Plan`]
+//! relative to the eye ([`project::GreyCameraGaussian`]). [`project`] puts each on the picture ([`project::ProjectedSplat`]); a [`Plan`]
 //! holds all that are seen ([`project::Splat`]), sorted by depth, in bins of 16 x 16 pixels; [`raster`] blends each tile front to back. Training walks the same plan again
 //! for its gradients.
 
@@ -23,9 +23,9 @@ pub mod testing;
 #[cfg(test)]
 mod tests;
 
-pub use adapt::{Blend, Trained};
+pub use adapt::{Blend, UnadaptedGaussian};
 pub use bin::TILE;
-pub use bin::{Bin, Tiles, Touched};
+pub use bin::{Bin, TileRange, Tiles};
 pub(super) use draw::optical_depth;
 pub use draw::{BRIGHTEST, depth_as_bright};
 pub use eye::Eye;

@@ -5,13 +5,13 @@ use super::plan::CutOffs;
 use super::project::Gaussian;
 use crate::math::each_axis;
 
-type Matrix = [[f64; 3]; 3];
+type Matrix3 = [[f64; 3]; 3];
 
-fn product(a: Matrix, b: Matrix) -> Matrix {
+fn product(a: Matrix3, b: Matrix3) -> Matrix3 {
     each_axis(|i| each_axis(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
 }
 
-fn transposed(a: Matrix) -> Matrix {
+fn transposed(a: Matrix3) -> Matrix3 {
     each_axis(|i| each_axis(|j| a[j][i]))
 }
 

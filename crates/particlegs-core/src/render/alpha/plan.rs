@@ -1,8 +1,8 @@
 //! All Gaussians that a picture shows, sorted by depth, in bins.
 
-use super::bin::{Bin, Tiles, Touched};
+use super::bin::{Bin, TileRange, Tiles};
 use super::eye::Eye;
-use super::project::{Seen, Splat, project};
+use super::project::{GreyCameraGaussian, Splat, project};
 use crate::progress::Progress;
 use crate::{Error, Result, parallel};
 
@@ -52,7 +52,7 @@ impl Plan {
     pub fn new(
         eye: &Eye,
         n: usize,
-        gaussian: impl Fn(usize) -> Option<Seen> + Sync,
+        gaussian: impl Fn(usize) -> Option<GreyCameraGaussian> + Sync,
         cut: CutOffs,
         progress: &dyn Progress,
     ) -> Result<Plan> {
@@ -68,7 +68,7 @@ impl Plan {
             progress.check()?;
             Ok((c * RUN..n.min((c + 1) * RUN)).filter_map(see).collect::<Vec<_>>())
         })?;
-        let seen: Vec<(u64, Splat, Touched)> = runs.into_iter().flatten().collect();
+        let seen: Vec<(u64, Splat, TileRange)> = runs.into_iter().flatten().collect();
         let mut order: Vec<(u64, u32)> =
             seen.iter().enumerate().map(|(place, (key, ..))| (*key, place as u32)).collect();
         parallel::sort_keys(&mut order);
@@ -81,7 +81,7 @@ impl Plan {
             return Err(Error::Memory { what: "a picture".into(), need_bytes: 4 * entries, have_bytes: 4 * most });
         }
         progress.require_memory("a picture", 4 * (entries + 2 * places))?;
-        let touched: Vec<Touched> = order.iter().map(|(_, place)| seen[*place as usize].2).collect();
+        let touched: Vec<TileRange> = order.iter().map(|(_, place)| seen[*place as usize].2).collect();
         let bins = parallel::map(touched.chunks(run).enumerate(), |(c, t)| Bin::new(&tiles, c * run, t));
         Ok(Plan {
             splats: order.iter().map(|(_, place)| seen[*place as usize].1).collect(),

@@ -3,7 +3,7 @@
 
 use super::eye::Eye;
 use crate::math::Sym3;
-use crate::render::project::InCamera;
+use crate::render::project::CameraGaussian;
 
 /// Variance added to every footprint along either axis: one pixel, in quadrature (docs/law/published.md).
 pub const LOW_PASS: f64 = 1.0;
@@ -26,18 +26,18 @@ pub struct Gaussian {
 
 impl Gaussian {
     /// As the projection reads it.
-    pub fn seen(&self, eye: &Eye) -> Seen {
-        let gaussian = InCamera::new(&eye.axes, eye.position, self.mean, &self.cov, self.opacity);
-        Seen { gaussian, grey: self.grey as f32 }
+    pub fn seen(&self, eye: &Eye) -> GreyCameraGaussian {
+        let gaussian = CameraGaussian::new(&eye.axes, eye.position, self.mean, &self.cov, self.opacity);
+        GreyCameraGaussian { gaussian, grey: self.grey as f32 }
     }
 }
 
 /// A Gaussian of a view: what the projection reads, 44 bytes, as a GPU reads them. Lengths are the training frame's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-pub struct Seen {
+pub struct GreyCameraGaussian {
     /// Relative to the eye; its weight is its opacity.
-    pub gaussian: InCamera,
+    pub gaussian: CameraGaussian,
     /// Grey level, 1 = white.
     pub grey: f32,
 }
@@ -45,7 +45,7 @@ pub struct Seen {
 /// A footprint: what the projection writes, 44 bytes, as a GPU reads them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-pub struct Projected {
+pub struct ProjectedSplat {
     /// As tiles are drawn with it.
     pub splat: Splat,
     /// Depth of its centre.
@@ -56,7 +56,7 @@ pub struct Projected {
 
 /// The way from a Gaussian to its footprint, which its gradient goes back.
 #[derive(Clone, Copy, Debug)]
-pub struct Shape {
+pub struct FootprintShape {
     /// Its centre, pixels.
     pub at: [f64; 2],
     /// Right, down, depth in the training frame.
@@ -77,7 +77,7 @@ pub struct Shape {
 
 /// The footprint's shape, or `None` in front of the near plane or beyond the far one, or where a number is
 /// not one. In f64: determinants of long footprints are differences.
-pub fn shape(eye: &Eye, g: &InCamera) -> Option<Shape> {
+pub fn shape(eye: &Eye, g: &CameraGaussian) -> Option<FootprintShape> {
     let seen = g.mean.map(f64::from);
     let [x, y, depth] = seen;
     if !(depth > eye.range[0] && depth <= eye.range[1]) {
@@ -96,7 +96,7 @@ pub fn shape(eye: &Eye, g: &InCamera) -> Option<Shape> {
     let wide_det = wide[0] * wide[2] - wide[1] * wide[1];
     let at = [eye.center[0] + eye.focal * x / depth, eye.center[1] + eye.focal * y / depth];
     let fine = at[0].is_finite() && at[1].is_finite() && wide_det > 0.0 && wide_det.is_finite();
-    fine.then(|| Shape {
+    fine.then(|| FootprintShape {
         at,
         seen,
         slope,
@@ -109,7 +109,7 @@ pub fn shape(eye: &Eye, g: &InCamera) -> Option<Shape> {
 }
 
 /// The footprint, or `None` where nothing is drawn.
-pub fn project(eye: &Eye, g: &Seen, least_alpha: f64) -> Option<Projected> {
+pub fn project(eye: &Eye, g: &GreyCameraGaussian, least_alpha: f64) -> Option<ProjectedSplat> {
     let p = shape(eye, &g.gaussian)?;
     let peak = f64::from(g.gaussian.weight) * p.compensation;
     // Not the negation: nothing is drawn of what is not a number.
@@ -130,7 +130,7 @@ pub fn project(eye: &Eye, g: &Seen, least_alpha: f64) -> Option<Projected> {
         grey: g.grey,
     };
     let reach = [xx, yy].map(|v| (v * -end / half_log2).sqrt() as f32);
-    Some(Projected { splat, depth: p.seen[2] as f32, reach })
+    Some(ProjectedSplat { splat, depth: p.seen[2] as f32, reach })
 }
 
 /// A footprint as tiles are drawn with it. The alpha of a pixel is `peak 2^p` with

@@ -35,7 +35,7 @@ pub fn blend_into(plan: &Plan, size: Size, out: &mut [f32], progress: &dyn Progr
         progress.check()?;
         let mut tile = Tile::default();
         for column in 0..plan.tiles.across {
-            let lit = Lit::in_band(size.width, pixels.len() / size.width, column, row);
+            let lit = TilePixels::in_band(size.width, pixels.len() / size.width, column, row);
             tile.start(&lit, |_| true);
             dispatch!(simd, simd => blend_tile(simd, plan, row * plan.tiles.across + column, &lit, &mut tile));
             lit.store(&tile.sum, pixels, size.width);
@@ -46,17 +46,17 @@ pub fn blend_into(plan: &Plan, size: Size, out: &mut [f32], progress: &dyn Progr
 
 /// The pixels of a tile that lie in the picture.
 #[derive(Clone, Copy)]
-pub struct Lit {
+pub struct TilePixels {
     /// The first pixel.
     pub origin: [usize; 2],
     /// Pixels across and down.
     pub extent: [usize; 2],
 }
 
-impl Lit {
+impl TilePixels {
     /// Of a column of tiles in a band of `height` rows.
     pub fn in_band(width: usize, height: usize, column: usize, row: usize) -> Self {
-        Lit { origin: [column * TILE, row * TILE], extent: [TILE.min(width - column * TILE), TILE.min(height)] }
+        TilePixels { origin: [column * TILE, row * TILE], extent: [TILE.min(width - column * TILE), TILE.min(height)] }
     }
 
     /// Copies a tile's numbers to its rows of the picture.
@@ -93,7 +93,7 @@ impl Default for Tile {
 
 impl Tile {
     /// Begins a tile: pixels outside the picture, and those that are not `wanted`, are done.
-    pub fn start(&mut self, lit: &Lit, wanted: impl Fn(usize) -> bool) {
+    pub fn start(&mut self, lit: &TilePixels, wanted: impl Fn(usize) -> bool) {
         self.sum.fill(0.0);
         for (i, left) in self.left.iter_mut().enumerate() {
             let inside = i % TILE < lit.extent[0] && i / TILE < lit.extent[1];
@@ -110,7 +110,7 @@ impl Tile {
 /// A row of a footprint in a tile: how much it has fallen by there, and how far the tile's first pixel
 /// lies from the crest.
 #[derive(Clone, Copy)]
-pub struct Row {
+pub struct FootprintRow {
     /// Depth in the exponent at the row's crest.
     pub fall: f32,
     /// Pixels from the crest to the tile's first.
@@ -121,7 +121,7 @@ pub struct Row {
 
 /// Calls `each` with the rows of a tile that a footprint touches.
 #[inline(always)]
-pub fn rows(s: &Splat, lit: &Lit, mut each: impl FnMut(usize, Row)) {
+pub fn rows(s: &Splat, lit: &TilePixels, mut each: impl FnMut(usize, FootprintRow)) {
     let (x0, y0) = (lit.origin[0] as f32 - s.x, lit.origin[1] as f32 - s.y);
     let half = (s.end / s.down).sqrt();
     let from = (-half - y0).ceil().max(0.0) as usize;
@@ -133,14 +133,20 @@ pub fn rows(s: &Splat, lit: &Lit, mut each: impl FnMut(usize, Row)) {
         // The pixel nearest to the crest.
         let nearest = start.max(0.0) + (start + (TILE as f32 - 1.0)).min(0.0);
         if s.along * (nearest * nearest) + fall >= s.end {
-            each(row, Row { fall, start, dy });
+            each(row, FootprintRow { fall, start, dy });
         }
     }
 }
 
 /// Alphas of a row, before and after they are cut to the largest; 0 where too small.
 #[inline(always)]
-pub fn alphas<S: Simd>(simd: S, s: &Splat, row: &Row, lanes: f32x16<S>, cut: &CutOffs) -> (f32x16<S>, f32x16<S>) {
+pub fn alphas<S: Simd>(
+    simd: S,
+    s: &Splat,
+    row: &FootprintRow,
+    lanes: f32x16<S>,
+    cut: &CutOffs,
+) -> (f32x16<S>, f32x16<S>) {
     let d = lanes + row.start;
     let power = d * d * s.along + row.fall;
     let raw = exp2(simd, power) * s.peak;
@@ -155,7 +161,7 @@ pub fn lanes<S: Simd>(simd: S) -> f32x16<S> {
 }
 
 #[inline(always)]
-fn blend_tile<S: Simd>(simd: S, plan: &Plan, number: usize, lit: &Lit, tile: &mut Tile) {
+fn blend_tile<S: Simd>(simd: S, plan: &Plan, number: usize, lit: &TilePixels, tile: &mut Tile) {
     let (lanes, zero) = (lanes(simd), f32x16::splat(simd, 0.0));
     for (count, entry) in plan.in_tile(number).enumerate() {
         if count % ASK == ASK - 1 && tile.done() {

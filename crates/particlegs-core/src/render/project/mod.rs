@@ -18,7 +18,7 @@ use crate::splat::PIXEL_VARIANCE;
 /// extent, where six rounded moments would lose a long one's width.
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-pub struct InCamera {
+pub struct CameraGaussian {
     /// Mean.
     pub mean: [f32; 3],
     /// Variance of depth.
@@ -138,11 +138,11 @@ fn covariance([down, lean, across]: [f32; 3]) -> [f64; 3] {
     [across + lean * lean * down, lean * down, down]
 }
 
-impl InCamera {
+impl CameraGaussian {
     /// In f64 until it is relative to the eye and factored, as both are differences of large numbers. A spread that
     /// is rounding noise beside the others counts as none.
     #[inline(always)]
-    pub fn new(axes: &[[f64; 3]; 3], eye: [f64; 3], mean: [f64; 3], cov: &Sym3, weight: f64) -> InCamera {
+    pub fn new(axes: &[[f64; 3]; 3], eye: [f64; 3], mean: [f64; 3], cov: &Sym3, weight: f64) -> CameraGaussian {
         let from_eye = each_axis(|k| mean[k] - eye[k]);
         let [right, down, forward] = *axes;
         let [with_right, with_down, with_forward] = axes.map(|a| cov.apply(a));
@@ -152,7 +152,7 @@ impl InCamera {
         let slope = [xz, yz].map(|v| v * inverse(zz, xx + yy));
         let (xx, xy, yy) = ((xx - slope[0] * xz).max(0.0), xy - slope[0] * yz, (yy - slope[1] * yz).max(0.0));
         let lean = xy * inverse(yy, xx);
-        InCamera {
+        CameraGaussian {
             mean: axes.map(|a| dot(a, from_eye) as f32),
             depth: zz as f32,
             slope: slope.map(|v| v as f32),
@@ -222,7 +222,7 @@ impl Footprint {
 }
 
 /// The footprints of Gaussians, of all their pieces.
-pub fn project(lens: &Lens, gaussians: &[InCamera], footprints: &mut Vec<Footprint>) {
+pub fn project(lens: &Lens, gaussians: &[CameraGaussian], footprints: &mut Vec<Footprint>) {
     for g in gaussians {
         slices::pieces(lens, g, |m| footprints.push(g.footprint(lens, &m)));
     }

@@ -5,7 +5,7 @@
 //! and are smooth, so that the pieces blend without seams. Each piece is the Gaussian times one
 //! spline, inside the clipping range; its moments are sums over a fine grid of depths.
 
-use super::{DepthMoments, DepthSlopes, InCamera, inverse_moments};
+use super::{CameraGaussian, DepthMoments, DepthSlopes, inverse_moments};
 use crate::render::lens::Lens;
 
 /// A Gaussian whose depth spread is a larger share of its depth is cut.
@@ -21,7 +21,7 @@ const MOST: f64 = 1024.0;
 
 /// Is the Gaussian drawn whole, cut, or not at all?
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fate {
+pub enum ClipClass {
     /// In one piece.
     Whole,
     /// In pieces along depth.
@@ -32,30 +32,30 @@ pub enum Fate {
 
 /// Decides for a mean depth and its variance.
 #[inline(always)]
-pub fn fate(lens: &Lens, depth: f64, variance: f64) -> Fate {
+pub fn fate(lens: &Lens, depth: f64, variance: f64) -> ClipClass {
     let reach = REACH * variance.max(0.0).sqrt();
     let [near, far] = lens.range;
     if depth + reach < near || depth - reach > far {
-        Fate::Outside
+        ClipClass::Outside
     } else if depth - reach < near
         || depth + reach > far
         || (lens.perspective && variance > LARGEST_SPREAD * LARGEST_SPREAD * depth * depth)
     {
-        Fate::Cut
+        ClipClass::Cut
     } else {
-        Fate::Whole
+        ClipClass::Whole
     }
 }
 
 /// Calls `emit` with the moments of each piece that the picture may show.
 #[inline(always)]
-pub fn pieces(lens: &Lens, g: &InCamera, mut emit: impl FnMut(DepthMoments)) {
+pub fn pieces(lens: &Lens, g: &CameraGaussian, mut emit: impl FnMut(DepthMoments)) {
     let [depth, variance] = g.depths();
     match fate(lens, depth, variance) {
-        Fate::Outside => {}
-        Fate::Cut if lens.misses(g) => {}
-        Fate::Whole => emit(whole(lens, depth, variance)),
-        Fate::Cut => cut(lens, depth, variance, emit),
+        ClipClass::Outside => {}
+        ClipClass::Cut if lens.misses(g) => {}
+        ClipClass::Whole => emit(whole(lens, depth, variance)),
+        ClipClass::Cut => cut(lens, depth, variance, emit),
     }
 }
 

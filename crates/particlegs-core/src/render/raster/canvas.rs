@@ -2,9 +2,9 @@
 
 use super::Band;
 use super::pyramid::{self, BAND, Level, PAD};
-use crate::picture::{Rows, Size};
+use crate::picture::{PlaneRows, Size};
 use crate::progress::Progress;
-use crate::render::bin::Bins;
+use crate::render::bin::StrokeBins;
 use crate::render::scratch::Scratch;
 use crate::{Result, parallel};
 
@@ -12,13 +12,13 @@ use crate::{Result, parallel};
 const CHECK: usize = 4096;
 
 /// Planes of a picture, finest first.
-pub(in crate::render) struct Canvas<'a> {
+pub(in crate::render) struct RasterCanvas<'a> {
     /// Their shapes.
     pub levels: Vec<Level>,
     planes: &'a mut [Vec<f32>],
 }
 
-impl<'a> Canvas<'a> {
+impl<'a> RasterCanvas<'a> {
     /// Blank planes.
     ///
     /// # Errors
@@ -31,14 +31,14 @@ impl<'a> Canvas<'a> {
         for (plane, l) in planes.iter_mut().zip(&levels) {
             parallel::for_each_chunk(plane, l.stride * BAND, |_, band| band.fill(0.0));
         }
-        Ok(Canvas { levels, planes })
+        Ok(RasterCanvas { levels, planes })
     }
 
     /// Adds strokes, in their order.
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
-    pub fn draw(&mut self, bins: &[Bins], progress: &dyn Progress) -> Result<()> {
+    pub fn draw(&mut self, bins: &[StrokeBins], progress: &dyn Progress) -> Result<()> {
         let simd = progress.simd();
         let bands = self.levels.iter().zip(&mut *self.planes).flat_map(|(level, plane)| {
             plane.chunks_mut(level.stride * BAND).enumerate().map(move |(b, data)| (level, b, data))
@@ -57,19 +57,19 @@ impl<'a> Canvas<'a> {
     }
 
     /// The planes summed, without the pad. The interpolation may undershoot: see [`clip`].
-    pub fn finish(self, progress: &dyn Progress) -> Rows<'a> {
+    pub fn finish(self, progress: &dyn Progress) -> PlaneRows<'a> {
         for l in (1..self.levels.len()).rev() {
             let (finer, coarser) = self.planes.split_at_mut(l);
             let levels = [&self.levels[l], &self.levels[l - 1]];
             pyramid::add_up(progress.simd(), levels, &coarser[0], &mut finer[l - 1]);
         }
         let Level { size, stride, .. } = self.levels[0];
-        Rows { size, stride, data: &mut self.planes[0][PAD * stride + PAD..] }
+        PlaneRows { size, stride, data: &mut self.planes[0][PAD * stride + PAD..] }
     }
 }
 
 /// Depth and density are never negative.
-pub(in crate::render) fn clip(mut rows: Rows<'_>) -> Rows<'_> {
+pub(in crate::render) fn clip(mut rows: PlaneRows<'_>) -> PlaneRows<'_> {
     rows.each(|_, row| row.iter_mut().for_each(|v| *v = v.max(0.0)));
     rows
 }
@@ -80,14 +80,14 @@ mod tests {
 
     #[test]
     fn memory_is_asked_for_before_it_is_taken() {
-        struct Small;
-        impl Progress for Small {
+        struct LimitedMemory;
+        impl Progress for LimitedMemory {
             fn available_memory(&self) -> Option<u64> {
                 Some(1 << 30)
             }
         }
         let size = Size { width: 1 << 24, height: 1 << 24 };
-        let error = Canvas::new(size, &mut Scratch::default(), &Small).map(drop).unwrap_err();
+        let error = RasterCanvas::new(size, &mut Scratch::default(), &LimitedMemory).map(drop).unwrap_err();
         assert!(matches!(error, crate::Error::Memory { .. }));
     }
 }

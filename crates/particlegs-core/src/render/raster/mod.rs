@@ -3,7 +3,7 @@
 mod canvas;
 pub mod pyramid;
 
-pub(super) use canvas::{Canvas, clip};
+pub(super) use canvas::{RasterCanvas, clip};
 
 use super::bin::Stroke;
 use fearless_simd::prelude::*;

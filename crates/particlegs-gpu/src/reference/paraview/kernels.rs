@@ -1,11 +1,11 @@
 //! The kernels of ParaView's pictures.
 
 use crate::Device;
-use crate::kernel::{FOUR_LEVELS, Kernel, Use};
-use crate::sort::{Carry, Sorter};
+use crate::kernel::{BufferUse, FOUR_LEVELS, Kernel};
+use crate::sort::{SortPayload, Sorter};
 
 /// All of them.
-pub(super) struct Kernels {
+pub(super) struct ParaviewKernels {
     pub count: Kernel,
     pub range: Kernel,
     pub peel: Kernel,
@@ -28,19 +28,19 @@ const RANGES: &str = include_str!("ranges.wgsl");
 const BLEND: &str = include_str!("blend.wgsl");
 const REST: &str = include_str!("rest.wgsl");
 
-impl Kernels {
-    pub fn new(device: &Device) -> Kernels {
-        use Use::{Read, Uniform, Write};
+impl ParaviewKernels {
+    pub fn new(device: &Device) -> ParaviewKernels {
+        use BufferUse::{Read, Uniform, Write};
         // Over slices of the pixels of splats: the view, positions, slices, and the kernel's own.
-        let over_slices = |label, sources: &[&str], own: &[Use]| {
+        let over_slices = |label, sources: &[&str], own: &[BufferUse]| {
             let all = [sources, &[VIEW, SHARE, EXACT, PROJECT, QUAD, SLICE]].concat();
             Kernel::new(device, label, &all, &[&[Uniform, Read, Read], own].concat())
         };
-        let over_pixels = |label, sources: &[&str], own: &[Use]| {
+        let over_pixels = |label, sources: &[&str], own: &[BufferUse]| {
             let all = [sources, &[VIEW, EXACT, BLEND]].concat();
             Kernel::new(device, label, &all, &[&[Uniform], own].concat())
         };
-        Kernels {
+        ParaviewKernels {
             count: over_slices("pixels of splats", &[include_str!("count_main.wgsl")], &[Write]),
             range: over_slices("ranges of depths", &[include_str!("range_main.wgsl"), RANGES], &[Write]),
             peel: over_slices("peel", &[include_str!("peel_main.wgsl"), RANGES, BLEND], &[Write, Read, Read, Write]),
@@ -62,7 +62,7 @@ impl Kernels {
                 &[include_str!("fxaa_main.wgsl"), include_str!("fxaa.wgsl"), FOUR_LEVELS],
                 &[Read, Write],
             ),
-            sorter: Sorter::new(device, Carry::Nothing),
+            sorter: Sorter::new(device, SortPayload::Nothing),
         }
     }
 }

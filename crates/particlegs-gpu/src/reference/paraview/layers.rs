@@ -1,6 +1,6 @@
 //! The memory of pictures of one size.
 
-use super::Limits;
+use super::DispatchLimits;
 use super::rest::band_of;
 use crate::Device;
 use crate::reference::view::ViewRecord;
@@ -45,7 +45,7 @@ impl Strip {
 }
 
 /// The memory of pictures of one size.
-pub struct Canvas {
+pub struct ParaviewCanvas {
     pub(super) size: Size,
     pub(super) view: wgpu::Buffer,
     pub(super) slices: wgpu::Buffer,
@@ -63,8 +63,8 @@ pub struct Canvas {
     pub(super) picture: wgpu::Buffer,
 }
 
-impl Canvas {
-    pub(super) fn new(device: &Device, sorter: &Sorter, size: Size, limits: &Limits) -> Result<Canvas> {
+impl ParaviewCanvas {
+    pub(super) fn new(device: &Device, sorter: &Sorter, size: Size, limits: &DispatchLimits) -> Result<ParaviewCanvas> {
         let pixels = size.pixels() as u64;
         // A strip has four rows at least.
         device.fits(size, pixels.max(WIDEST * (size.width * size.height.min(WHOLE)) as u64))?;
@@ -78,7 +78,7 @@ impl Canvas {
         let slices = limits.slices as u64;
         let band = band_of(size.width as u32, limits) * size.width as u32;
         let bits = u32::BITS - (band.min(pixels as u32) - 1).leading_zeros();
-        let canvas = Canvas {
+        let canvas = ParaviewCanvas {
             size,
             view: device.buffer("view", size_of::<ViewRecord>() as u64, Use::UNIFORM | Use::COPY_DST),
             slices: device.buffer("slices", 8 * slices, Use::STORAGE | Use::COPY_DST),

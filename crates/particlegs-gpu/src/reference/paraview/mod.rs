@@ -25,25 +25,25 @@ mod slices;
 #[cfg(test)]
 mod tests;
 
-pub use layers::Canvas;
+pub use layers::ParaviewCanvas;
 use layers::Strip;
 
-use super::Points;
-use super::source::Source;
+use super::DeviceParticles;
+use super::source::ParticleSource;
 use super::view::ViewRecord;
 use crate::kernel::Kernel;
 use crate::{Device, groups};
-use kernels::Kernels;
+use kernels::ParaviewKernels;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
 use particlegs_core::picture::{Gray8, Size};
 use particlegs_core::splat::PEELS;
-use slices::{Batches, GROUP, Slice};
+use slices::{Batches, GROUP, GroupSlice};
 use std::sync::Arc;
 
 /// What is done at a time.
 #[derive(Clone, Copy, Debug)]
-struct Limits {
+struct DispatchLimits {
     /// Slices of a dispatch.
     slices: usize,
     /// Pixels that they have together: well below a second's work of a slow card.
@@ -56,25 +56,26 @@ struct Limits {
     strip: u64,
 }
 
-const LIMITS: Limits = Limits { slices: 65_535, pixels: 1 << 26, keys: 1 << 23, band: 1 << 24, strip: u64::MAX };
+const LIMITS: DispatchLimits =
+    DispatchLimits { slices: 65_535, pixels: 1 << 26, keys: 1 << 23, band: 1 << 24, strip: u64::MAX };
 
 /// Draws ParaView's pictures of all particles on a device.
 pub struct Paraview {
     device: Arc<Device>,
-    kernels: Kernels,
-    limits: Limits,
+    kernels: ParaviewKernels,
+    limits: DispatchLimits,
 }
 
 /// A strip, and of each piece of the particles how many pixels there the boxes of every 64 have.
-struct Work<'a> {
+struct StripWork<'a> {
     strip: &'a Strip,
     counts: Vec<Vec<u32>>,
 }
 
 /// A picture about to be drawn.
-pub struct Shot<'a> {
+pub struct PictureRequest<'a> {
     paraview: &'a Paraview,
-    canvas: &'a Canvas,
+    canvas: &'a ParaviewCanvas,
     record: ViewRecord,
 }
 
@@ -87,8 +88,8 @@ impl Paraview {
         Paraview::within(device, LIMITS)
     }
 
-    fn within(device: &Arc<Device>, limits: Limits) -> Result<Paraview> {
-        let kernels = Kernels::new(device);
+    fn within(device: &Arc<Device>, limits: DispatchLimits) -> Result<Paraview> {
+        let kernels = ParaviewKernels::new(device);
         device.check()?;
         Ok(Paraview { device: device.clone(), kernels, limits })
     }
@@ -97,26 +98,32 @@ impl Paraview {
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] where a picture is too large for the device; those of the device.
-    pub fn canvas(&self, size: Size) -> Result<Canvas> {
-        Canvas::new(&self.device, &self.kernels.sorter, size, &self.limits)
+    pub fn canvas(&self, size: Size) -> Result<ParaviewCanvas> {
+        ParaviewCanvas::new(&self.device, &self.kernels.sorter, size, &self.limits)
     }
 
     /// A picture of particles about `origin`, between two distances (world units).
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] for a view out of range, or not in perspective.
-    pub fn shot<'a>(&'a self, canvas: &'a Canvas, view: &View, origin: [f64; 3], range: [f64; 2]) -> Result<Shot<'a>> {
+    pub fn shot<'a>(
+        &'a self,
+        canvas: &'a ParaviewCanvas,
+        view: &View,
+        origin: [f64; 3],
+        range: [f64; 2],
+    ) -> Result<PictureRequest<'a>> {
         let record = ViewRecord::new(view, canvas.size, origin, range)?;
-        Ok(Shot { paraview: self, canvas, record })
+        Ok(PictureRequest { paraview: self, canvas, record })
     }
 }
 
-impl Shot<'_> {
+impl PictureRequest<'_> {
     /// ParaView's picture, with FXAA or before it.
     ///
     /// # Errors
     /// Those of the source and the device.
-    pub fn draw(&self, source: &dyn Source, fxaa: bool) -> Result<Gray8> {
+    pub fn draw(&self, source: &dyn ParticleSource, fxaa: bool) -> Result<Gray8> {
         let canvas = self.canvas;
         canvas.clear(&self.paraview.device);
         let work = self.work(source)?;
@@ -134,7 +141,7 @@ impl Shot<'_> {
     }
 
     /// Peels; is there a rest to blend? VTK stops once a whole peel writes no back layer anywhere, and blends no rest then.
-    fn peels(&self, source: &dyn Source, work: &[Work<'_>]) -> Result<bool> {
+    fn peels(&self, source: &dyn ParticleSource, work: &[StripWork<'_>]) -> Result<bool> {
         let (canvas, kernel) = (self.canvas, &self.paraview.kernels.peel);
         for _ in 0..PEELS {
             self.each_batch(source, work, &mut |points, strip, batch| {
@@ -173,9 +180,9 @@ impl Shot<'_> {
     }
 
     /// How many pixels of every strip the boxes of every 64 particles have, piece by piece.
-    fn work(&self, source: &dyn Source) -> Result<Vec<Work<'_>>> {
+    fn work(&self, source: &dyn ParticleSource) -> Result<Vec<StripWork<'_>>> {
         let (canvas, kernel) = (self.canvas, &self.paraview.kernels.count);
-        let mut work: Vec<_> = canvas.strips.iter().map(|strip| Work { strip, counts: Vec::new() }).collect();
+        let mut work: Vec<_> = canvas.strips.iter().map(|strip| StripWork { strip, counts: Vec::new() }).collect();
         source.each(&mut |points| {
             let all = points.count.div_ceil(GROUP);
             let counts = self.device().buffer(
@@ -196,13 +203,13 @@ impl Shot<'_> {
     /// Calls `run` with every piece, every strip and the slices of its pixels, as many as a dispatch takes.
     fn each_batch(
         &self,
-        source: &dyn Source,
-        work: &[Work<'_>],
-        run: &mut dyn FnMut(&Points, &Strip, &[Slice]) -> Result<()>,
+        source: &dyn ParticleSource,
+        work: &[StripWork<'_>],
+        run: &mut dyn FnMut(&DeviceParticles, &Strip, &[GroupSlice]) -> Result<()>,
     ) -> Result<()> {
         let mut piece = 0;
         source.each(&mut |points| {
-            for Work { strip, counts } in work {
+            for StripWork { strip, counts } in work {
                 for batch in counts.get(piece).iter().flat_map(|c| Batches::new(c, &self.paraview.limits)) {
                     run(points, strip, &batch)?;
                 }
@@ -214,7 +221,7 @@ impl Shot<'_> {
     }
 
     /// Runs a kernel over slices.
-    fn run_slices(&self, kernel: &Kernel, bound: &wgpu::BindGroup, record: ViewRecord, batch: &[Slice]) {
+    fn run_slices(&self, kernel: &Kernel, bound: &wgpu::BindGroup, record: ViewRecord, batch: &[GroupSlice]) {
         self.device().queue.write_buffer(&self.canvas.slices, 0, bytemuck::cast_slice(batch));
         self.run(kernel, bound, record, [batch.len() as u32, 1]);
     }
@@ -250,7 +257,7 @@ impl Shot<'_> {
         ViewRecord { strip: [strip.rows.start, strip.rows.end], ..self.record }
     }
 
-    fn of(&self, points: &Points, strip: &Strip) -> ViewRecord {
+    fn of(&self, points: &DeviceParticles, strip: &Strip) -> ViewRecord {
         ViewRecord { count: points.count, ..self.within(strip) }
     }
 

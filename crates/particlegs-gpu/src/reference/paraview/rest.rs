@@ -1,17 +1,17 @@
 //! What the peels left, blended in the order of the particles.
 
-use super::slices::Slice;
-use super::{Limits, Shot, Strip, Work};
+use super::slices::GroupSlice;
+use super::{DispatchLimits, PictureRequest, Strip, StripWork};
 use crate::groups;
-use crate::reference::Points;
-use crate::reference::source::Source;
+use crate::reference::DeviceParticles;
+use crate::reference::source::ParticleSource;
 use crate::reference::view::ViewRecord;
 use particlegs_core::Result;
 use std::ops::Range;
 
-impl Shot<'_> {
+impl PictureRequest<'_> {
     /// Blends the rest, band of a strip's rows by band.
-    pub(super) fn rest(&self, source: &dyn Source, work: &[Work<'_>]) -> Result<()> {
+    pub(super) fn rest(&self, source: &dyn ParticleSource, work: &[StripWork<'_>]) -> Result<()> {
         let height = band_of(self.record.size[0], &self.paraview.limits);
         for own in work {
             let rows = own.strip.rows.clone();
@@ -27,7 +27,13 @@ impl Shot<'_> {
     }
 
     /// The fragments of a batch of slices, as many at a time as there is room for.
-    fn rest_of_batch(&self, points: &Points, strip: &Strip, batch: &[Slice], band: ViewRecord) -> Result<()> {
+    fn rest_of_batch(
+        &self,
+        points: &DeviceParticles,
+        strip: &Strip,
+        batch: &[GroupSlice],
+        band: ViewRecord,
+    ) -> Result<()> {
         let (canvas, device, kernels) = (self.canvas, self.device(), &self.paraview.kernels);
         let record = ViewRecord { count: points.count, ..band };
         let buffers = [&canvas.view, &points.positions, &canvas.slices, &strip.ranges, &canvas.counts];
@@ -61,7 +67,7 @@ impl Shot<'_> {
 }
 
 /// Rows of a picture so wide that are sorted together. The last pixel's number is left to keys that are none.
-pub(super) fn band_of(width: u32, limits: &Limits) -> u32 {
+pub(super) fn band_of(width: u32, limits: &DispatchLimits) -> u32 {
     ((limits.band - 1) / width).max(1)
 }
 

@@ -1,6 +1,6 @@
 //! Pixels of splats, cut into slices that are equal work.
 
-use super::Limits;
+use super::DispatchLimits;
 
 /// Particles whose pixels stand one behind the other: those of a workgroup.
 pub(super) const GROUP: u32 = 64;
@@ -8,26 +8,26 @@ pub(super) const GROUP: u32 = 64;
 pub(super) const SLICE: u32 = 4096;
 
 /// The number of a group of particles in its piece, and the first of its pixels.
-pub(super) type Slice = [u32; 2];
+pub(super) type GroupSlice = [u32; 2];
 
 /// The slices of a piece, in the order of its particles, as many at a time as a dispatch takes.
 pub(super) struct Batches<'a> {
     /// Pixels of every group.
     counts: &'a [u32],
-    next: Slice,
-    limits: &'a Limits,
+    next: GroupSlice,
+    limits: &'a DispatchLimits,
 }
 
 impl<'a> Batches<'a> {
-    pub fn new(counts: &'a [u32], limits: &'a Limits) -> Self {
+    pub fn new(counts: &'a [u32], limits: &'a DispatchLimits) -> Self {
         Batches { counts, next: [0, 0], limits }
     }
 }
 
 impl Iterator for Batches<'_> {
-    type Item = Vec<Slice>;
+    type Item = Vec<GroupSlice>;
 
-    fn next(&mut self) -> Option<Vec<Slice>> {
+    fn next(&mut self) -> Option<Vec<GroupSlice>> {
         let mut batch = Vec::new();
         let mut pixels = 0;
         while let Some(&all) = self.counts.get(self.next[0] as usize) {
@@ -53,7 +53,7 @@ mod tests {
 
     #[test]
     fn every_pixel_is_in_one_slice() {
-        let limits = Limits { slices: 3, pixels: 9000, keys: 0, band: 0, strip: 0 };
+        let limits = DispatchLimits { slices: 3, pixels: 9000, keys: 0, band: 0, strip: 0 };
         let counts = [0, 1, 4096, 0, 4097, 20_000, 0];
         let batches: Vec<_> = Batches::new(&counts, &limits).collect();
         assert!(batches.iter().all(|b| (1..=3).contains(&b.len())), "{batches:?}");

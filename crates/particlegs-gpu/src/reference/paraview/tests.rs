@@ -1,7 +1,7 @@
 //! ParaView's pictures of all particles against particlegs' own.
 
 use super::*;
-use crate::reference::source::Snapshot;
+use crate::reference::source::ParticleStream;
 use crate::tests::device;
 use particlegs::particles::{Column, Particles, Positions};
 use particlegs::progress::Silent;
@@ -45,14 +45,14 @@ fn particles(columns: &[Vec<f32>; 3]) -> Particles {
     Particles::new(Positions::Columns(columns.clone().map(Column::owned)), [0.0; 3], meta)
 }
 
-fn points(device: &Device, columns: &[Vec<f32>; 3], pieces: usize) -> Vec<Points> {
+fn points(device: &Device, columns: &[Vec<f32>; 3], pieces: usize) -> Vec<DeviceParticles> {
     let n = columns[0].len();
     let each = n.div_ceil(pieces);
     let piece = |k: usize| columns.each_ref().map(|c| &c[k * each..n.min((k + 1) * each)]);
-    (0..pieces).map(|k| Points::upload(device, piece(k)).unwrap()).collect()
+    (0..pieces).map(|k| DeviceParticles::upload(device, piece(k)).unwrap()).collect()
 }
 
-fn draw(there: &Paraview, canvas: &Canvas, view: &View, source: &dyn Source, fxaa: bool) -> Gray8 {
+fn draw(there: &Paraview, canvas: &ParaviewCanvas, view: &View, source: &dyn ParticleSource, fxaa: bool) -> Gray8 {
     let range = view.camera.clipping_range.unwrap();
     there.shot(canvas, view, [0.0; 3], range).unwrap().draw(source, fxaa).unwrap()
 }
@@ -126,7 +126,7 @@ fn no_division_of_the_work_shows() {
     let Some(device) = device() else { return };
     let columns = columns(1500);
     let views = [view(FAR, 0.06, 0.3), view(FAR, 0.02, 1.0), view(FAR, 0.06, 0.3)];
-    let small = Limits { slices: 7, pixels: 20_000, keys: 5000, band: 6400, strip: 13_000 };
+    let small = DispatchLimits { slices: 7, pixels: 20_000, keys: 5000, band: 6400, strip: 13_000 };
     let mut all = Vec::new();
     for (limits, pieces) in [(LIMITS, 1), (LIMITS, 3), (small, 1), (small, 3)] {
         let there = Paraview::within(&device, limits).unwrap();
@@ -138,7 +138,7 @@ fn no_division_of_the_work_shows() {
     let there = Paraview::new(&device).unwrap();
     let canvas = there.canvas(SIZE).unwrap();
     let columns_of = |range: std::ops::Range<usize>| columns.each_ref().map(|c| c[range.clone()].to_vec());
-    let mut snapshot = Snapshot::new(&device, 1500, Box::new(columns_of)).in_pieces(400);
+    let mut snapshot = ParticleStream::new(&device, 1500, Box::new(columns_of)).in_pieces(400);
     for bytes in [0, 12 * 800, 1 << 30] {
         snapshot.keep(bytes, &mut |_| Ok(())).unwrap();
         all.push(views.each_ref().map(|v| draw(&there, &canvas, v, &snapshot, true)));
@@ -162,7 +162,7 @@ fn strips_of_odd_pictures_leave_no_trace() {
         for (fxaa, look) in [(false, Look::ParaviewNoFxaa), (true, Look::Paraview)] {
             let expected = own.draw(&view, size, look, &Silent).unwrap();
             for (strip, strips) in [(u64::MAX, 1), (1000, 3), (1, 12)] {
-                let there = Paraview::within(&device, Limits { strip, ..LIMITS }).unwrap();
+                let there = Paraview::within(&device, DispatchLimits { strip, ..LIMITS }).unwrap();
                 let canvas = there.canvas(size).unwrap();
                 assert_eq!(canvas.strips.len(), strips);
                 let drawn = draw(&there, &canvas, &view, &points(&device, &columns, 2), fxaa);
@@ -203,7 +203,7 @@ fn the_order_of_particles_is_kept() {
 }
 
 /// Whatever stands in buffers before a picture: not numbers.
-fn poison(device: &Device, canvas: &Canvas) {
+fn poison(device: &Device, canvas: &ParaviewCanvas) {
     let of_strip = |s: &'_ Strip| [&s.ranges, &s.next_ranges, &s.layers, &s.next_layers].map(Clone::clone);
     let strips = canvas.strips.iter().flat_map(of_strip);
     for buffer in strips.chain([&canvas.found, &canvas.counts].map(Clone::clone)) {

@@ -4,8 +4,8 @@
 //! into dispatches, however long lists are: slow cards may take one for hung.
 
 use super::kernels::sources::{FRAME, PLANES, ROWS, SCALE, SPAN, STROKE};
-use super::{Batch, Canvas, Gaussians, Renderer};
-use crate::kernel::{Kernel, Use};
+use super::{Canvas, GaussianBatch, Gaussians, Renderer};
+use crate::kernel::{BufferUse, Kernel};
 use crate::{Device, groups};
 use particlegs_core::camera::View;
 use particlegs_core::picture::Size;
@@ -17,7 +17,7 @@ pub struct Tiles<'a> {
     renderer: &'a Renderer,
     gaussians: &'a Gaussians,
     canvas: &'a Canvas,
-    kernels: Kernels,
+    kernels: TileKernels,
     /// Of each tile: how many strokes touch it, then where its list begins, then where it ends.
     ends: wgpu::Buffer,
     total: wgpu::Buffer,
@@ -25,33 +25,33 @@ pub struct Tiles<'a> {
     /// Of each batch.
     counts: Vec<wgpu::BindGroup>,
     /// For as many entries as a picture had yet.
-    lists: Option<Lists>,
+    lists: Option<TileLists>,
     /// Entries that the device sees at once.
     pub(super) most: u32,
 }
 
 /// What is bound for lists of so many entries.
-struct Lists {
+struct TileLists {
     room: u32,
     /// Of each batch.
     fills: Vec<wgpu::BindGroup>,
     sum: wgpu::BindGroup,
 }
 
-struct Kernels {
+struct TileKernels {
     count: Kernel,
     scan: Kernel,
     fill: Kernel,
     sum: Kernel,
 }
 
-impl Kernels {
-    fn new(device: &Device) -> Kernels {
-        use Use::{Read, Uniform, Write};
+impl TileKernels {
+    fn new(device: &Device) -> TileKernels {
+        use BufferUse::{Read, Uniform, Write};
         const TILES: &str = include_str!("tiles.wgsl");
         let of_strokes =
-            |label, main, uses: &[Use]| Kernel::new(device, label, &[main, FRAME, STROKE, ROWS, TILES], uses);
-        Kernels {
+            |label, main, uses: &[BufferUse]| Kernel::new(device, label, &[main, FRAME, STROKE, ROWS, TILES], uses);
+        TileKernels {
             count: of_strokes("strokes of tiles", include_str!("count_main.wgsl"), &[Uniform, Read, Read, Write]),
             scan: Kernel::new(device, "starts of tiles", &[include_str!("scan_main.wgsl")], &[Write, Write]),
             fill: of_strokes("lists of tiles", include_str!("fill_main.wgsl"), &[Uniform, Read, Read, Write, Write]),
@@ -72,13 +72,13 @@ impl<'a> Tiles<'a> {
     /// [`Error::Argument`] where a picture is too large for the device; those of the device.
     pub fn new(renderer: &'a Renderer, gaussians: &'a Gaussians, canvas: &'a Canvas) -> Result<Self> {
         use wgpu::BufferUsages as Usage;
-        let (device, kernels) = (&*renderer.device, Kernels::new(&renderer.device));
+        let (device, kernels) = (&*renderer.device, TileKernels::new(&renderer.device));
         let bytes = 16 * canvas.planes.tiles;
         device.fits(canvas.planes.size, bytes)?;
         let ends = device.buffer("ends of lists", bytes, Usage::STORAGE | Usage::COPY_DST);
         let total = device.buffer("entries", 4, Usage::STORAGE | Usage::COPY_SRC);
         let [strokes, planes_of] = &canvas.scratch;
-        let count = |b: &Batch| kernels.count.bind(device, &[&b.frame, strokes, planes_of, &ends]);
+        let count = |b: &GaussianBatch| kernels.count.bind(device, &[&b.frame, strokes, planes_of, &ends]);
         let counts = canvas.batches.iter().map(count).collect();
         let scan = kernels.scan.bind(device, &[&ends, &total]);
         // Those that 32 bits do not count are counted as the most that they hold.
@@ -160,7 +160,7 @@ impl<'a> Tiles<'a> {
     }
 
     /// Takes the lists, with room for so many entries.
-    fn lists(&mut self, entries: u32) -> Result<Lists> {
+    fn lists(&mut self, entries: u32) -> Result<TileLists> {
         if let Some(lists) = self.lists.take().filter(|l| l.room >= entries) {
             return Ok(lists);
         }
@@ -177,12 +177,13 @@ impl<'a> Tiles<'a> {
         let room = u64::from(entries).next_power_of_two().min(u64::from(self.most)) as u32;
         let list = device.buffer("lists of tiles", 4 * u64::from(room), wgpu::BufferUsages::STORAGE);
         let [strokes, planes_of] = &canvas.scratch;
-        let fill = |b: &Batch| self.kernels.fill.bind(device, &[&b.frame, strokes, planes_of, &self.ends, &list]);
+        let fill =
+            |b: &GaussianBatch| self.kernels.fill.bind(device, &[&b.frame, strokes, planes_of, &self.ends, &list]);
         let fills = canvas.batches.iter().map(fill).collect();
         let [finest, coarser] = &canvas.sums;
         let sum = [&canvas.batches[0].frame, strokes, &self.ends, &list, &canvas.scales, finest, coarser];
         let sum = self.kernels.sum.bind(device, &sum);
         device.check()?;
-        Ok(Lists { room, fills, sum })
+        Ok(TileLists { room, fills, sum })
     }
 }

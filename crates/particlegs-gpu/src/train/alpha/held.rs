@@ -1,7 +1,7 @@
 //! Gaussians in training on the device with their network, and what Adam and density control remember of them.
 
 use super::Blender;
-use super::record::StepRecord;
+use super::record::AlphaStepRecord;
 use crate::alpha::Gaussians;
 use crate::alpha::gaussians::{COLUMNS, MOST};
 use crate::{Device, groups};
@@ -21,7 +21,7 @@ const SHARE: usize = 64;
 const NETWORK_PARTS: usize = 512;
 
 /// Buffers, and what they are bound to.
-pub(super) struct Held {
+pub(super) struct AlphaBuffers {
     count: usize,
     /// What pictures are drawn of.
     pub seen: Gaussians,
@@ -36,10 +36,10 @@ pub(super) struct Held {
     /// Adam's means of gradients, then of their squares.
     averages: wgpu::Buffer,
     unfold: wgpu::BindGroup,
-    network: Option<Network>,
+    network: Option<NetworkTrainingBuffers>,
 }
 
-struct Network {
+struct NetworkTrainingBuffers {
     weights: wgpu::Buffer,
     averages: wgpu::Buffer,
     #[cfg(test)]
@@ -54,12 +54,12 @@ fn parts_of_network(count: usize) -> usize {
     count.div_ceil(SHARE).clamp(1, NETWORK_PARTS)
 }
 
-impl Held {
+impl AlphaBuffers {
     /// Room for these.
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] where they are too many; those of the device.
-    pub fn new(device: &Device, blender: &Blender, of: &alpha::Gaussians) -> Result<Held> {
+    pub fn new(device: &Device, blender: &Blender, of: &alpha::Gaussians) -> Result<AlphaBuffers> {
         let count = of.parameters.len();
         let most = MOST.min((device.largest_binding() / (8 * NUMBERS as u64)) as usize);
         if count > most {
@@ -73,13 +73,13 @@ impl Held {
         let (by_output, screen) = (buffer("change with outputs", 2 * count), buffer("screen", 2 * count));
         // Without a network they stay as they are.
         let bent = device.filled("bent", &vec![[1.0f32; 2]; count], usage);
-        let step = device.buffer("step", size_of::<StepRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
+        let step = device.buffer("step", size_of::<AlphaStepRecord>() as u64, Use::UNIFORM | Use::COPY_DST);
         let network = of.mapper.as_ref().map(|_| {
             let weights = buffer("network", VIZMAPPER_PARAMETERS);
             let parts = buffer("parts of the network's gradient", parts_of_network(count) * VIZMAPPER_PARAMETERS);
             let by_network = buffer("the network's gradient", VIZMAPPER_PARAMETERS);
             let back = [&step, &weights, &columns, &by_output, &gradient, &parts];
-            Network {
+            NetworkTrainingBuffers {
                 backward: kernels.network.bind(device, &back),
                 total: kernels.network_total.bind(device, &[&parts, &by_network]),
                 averages: buffer("averages of the network", 2 * VIZMAPPER_PARAMETERS),
@@ -95,7 +95,20 @@ impl Held {
         let seen = Gaussians::of_buffers(device, [columns.clone(), bent.clone()], count as u32, drawn_by, blend);
         let unfold = kernels.unfold.bind(device, &[&step, &trained, &columns]);
         device.check()?;
-        Ok(Held { count, seen, columns, bent, trained, gradient, by_output, screen, step, averages, unfold, network })
+        Ok(AlphaBuffers {
+            count,
+            seen,
+            columns,
+            bent,
+            trained,
+            gradient,
+            by_output,
+            screen,
+            step,
+            averages,
+            unfold,
+            network,
+        })
     }
 
     /// Are they for as many Gaussians, with a network or without?
@@ -111,7 +124,7 @@ impl Held {
     }
 
     /// How far the next step goes; pictures are drawn of what there is now.
-    pub fn begin(&self, device: &Device, blender: &Blender, record: &StepRecord) {
+    pub fn begin(&self, device: &Device, blender: &Blender, record: &AlphaStepRecord) {
         device.queue.write_buffer(&self.step, 0, bytemuck::bytes_of(record));
         self.seen.changed();
         let mut encoder = device.device.create_command_encoder(&Default::default());

@@ -2,7 +2,7 @@
 
 use crate::Device;
 use crate::alpha::sources::{BIN, FIXED, FRAME, PROJECT};
-use crate::kernel::{Kernel, Use};
+use crate::kernel::{BufferUse, Kernel};
 use crate::render::sources::FRAME as PICTURE;
 
 const FAULTS: &str = include_str!("../faults.wgsl");
@@ -12,7 +12,7 @@ const PART: &str = include_str!("../part.wgsl");
 const STEP: &str = include_str!("step.wgsl");
 
 /// All of them, but those that the other law has too.
-pub(super) struct Kernels {
+pub(super) struct AlphaTrainingKernels {
     pub unfold: Kernel,
     pub loss: Kernel,
     pub loss_gradient: Kernel,
@@ -23,17 +23,17 @@ pub(super) struct Kernels {
     pub adam: Kernel,
 }
 
-impl Kernels {
+impl AlphaTrainingKernels {
     /// Compiled for a device.
-    pub fn new(device: &Device) -> Kernels {
-        use Use::{Read as R, Uniform as U, Write as W};
-        let new = |label, sources: &[&str], uses: &[Use]| Kernel::new(device, label, sources, uses);
+    pub fn new(device: &Device) -> AlphaTrainingKernels {
+        use BufferUse::{Read as R, Uniform as U, Write as W};
+        let new = |label, sources: &[&str], uses: &[BufferUse]| Kernel::new(device, label, sources, uses);
         macro_rules! main {
             ($file:literal) => {
                 include_str!(concat!($file, "_main.wgsl"))
             };
         }
-        Kernels {
+        AlphaTrainingKernels {
             unfold: new("unfold", &[main!("unfold"), STEP, FIXED], &[U, R, W]),
             loss: new("loss, alpha", &[main!("loss"), PICTURE, LOSS, PART], &[U, R, R, U, W, W]),
             loss_gradient: new(

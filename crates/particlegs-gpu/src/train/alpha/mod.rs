@@ -19,17 +19,17 @@ mod record;
 #[cfg(test)]
 mod tests;
 
-use super::Side;
-use super::kernels::Kernels as Shared;
+use super::ParameterLocation;
+use super::kernels::TrainingKernels;
 use crate::alpha::Renderer;
 use crate::{Device, groups};
-use held::Held;
-use kernels::Kernels;
+use held::AlphaBuffers;
+use kernels::AlphaTrainingKernels;
 use particlegs_core::Result;
-use particlegs_train::alpha::{Gaussians, StepSize, Steps};
-use particlegs_train::{Loss, NotFinite, Shot, Stepped};
-use picture::Picture;
-use record::StepRecord;
+use particlegs_train::alpha::{AlphaStepper, Gaussians, StepSize};
+use particlegs_train::{Loss, NonFiniteGradient, Shot, Stepped};
+use picture::AlphaTrainingPicture;
+use record::AlphaStepRecord;
 use std::sync::Arc;
 
 /// Groups of parameters, by their numbers in adam_main.wgsl.
@@ -38,7 +38,7 @@ const GROUPS: [&str; 5] = ["position", "scale", "rotation", "opacity", "feature"
 /// What draws and what takes steps by this law.
 pub(super) struct Blender {
     renderer: Renderer,
-    kernels: Kernels,
+    kernels: AlphaTrainingKernels,
 }
 
 impl Blender {
@@ -48,20 +48,20 @@ impl Blender {
     /// Those of the device.
     pub fn new(device: &Arc<Device>) -> Result<Blender> {
         let renderer = Renderer::for_training(device)?;
-        Ok(Blender { renderer, kernels: Kernels::new(device) })
+        Ok(Blender { renderer, kernels: AlphaTrainingKernels::new(device) })
     }
 }
 
 /// Gaussians of the alpha-blend law on a device.
 pub(super) struct AlphaSteps {
     device: Arc<Device>,
-    shared: Arc<Shared>,
+    shared: Arc<TrainingKernels>,
     blender: Arc<Blender>,
-    held: Held,
+    held: AlphaBuffers,
     /// Are those on the device newer than the caller's, older, or neither?
-    newer: Side,
+    newer: ParameterLocation,
     /// Of the last step's size.
-    picture: Option<Picture>,
+    picture: Option<AlphaTrainingPicture>,
 }
 
 impl AlphaSteps {
@@ -69,13 +69,18 @@ impl AlphaSteps {
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] where they are too many; those of the device.
-    pub fn new(device: &Arc<Device>, shared: &Arc<Shared>, blender: &Arc<Blender>, of: &Gaussians) -> Result<Self> {
+    pub fn new(
+        device: &Arc<Device>,
+        shared: &Arc<TrainingKernels>,
+        blender: &Arc<Blender>,
+        of: &Gaussians,
+    ) -> Result<Self> {
         Ok(AlphaSteps {
             device: device.clone(),
             shared: shared.clone(),
             blender: blender.clone(),
-            held: Held::new(device, blender, of)?,
-            newer: Side::Here,
+            held: AlphaBuffers::new(device, blender, of)?,
+            newer: ParameterLocation::Here,
             picture: None,
         })
     }
@@ -84,31 +89,31 @@ impl AlphaSteps {
     fn send(&mut self, of: &Gaussians) -> Result<()> {
         if !self.held.fits(of) {
             self.picture = None;
-            self.held = Held::new(&self.device, &self.blender, of)?;
+            self.held = AlphaBuffers::new(&self.device, &self.blender, of)?;
         }
         self.held.put(&self.device, of)
     }
 
     /// Memory for the pictures of a shot: that of the last step where it had that size.
-    fn picture_of(&mut self, shot: &Shot<'_>, loss: &Loss) -> Result<Picture> {
+    fn picture_of(&mut self, shot: &Shot<'_>, loss: &Loss) -> Result<AlphaTrainingPicture> {
         let shape = (shot.crop.size, loss.dssim > 0.0);
         // Where it had not, its memory goes before the next one's is taken.
         match self.picture.take().filter(|p| p.shape() == shape) {
             Some(kept) => Ok(kept),
-            None => Picture::new(&self.device, (&self.shared, &self.blender), &self.held, shape),
+            None => AlphaTrainingPicture::new(&self.device, (&self.shared, &self.blender), &self.held, shape),
         }
     }
 }
 
-impl Steps for AlphaSteps {
+impl AlphaStepper for AlphaSteps {
     fn step(&mut self, of: &mut Gaussians, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped> {
         let (eye, setting) = (of.eye(shot)?, of.setting(shot));
-        if self.newer == Side::Here {
+        if self.newer == ParameterLocation::Here {
             self.send(of)?;
         }
         let mut picture = self.picture_of(shot, loss)?;
         let (device, blender, held) = (&*self.device, &*self.blender, &self.held);
-        held.begin(device, blender, &StepRecord::new(of, &eye, setting, size));
+        held.begin(device, blender, &AlphaStepRecord::new(of, &eye, setting, size));
         picture.compared.set(device, shot.target, loss);
         blender.renderer.blend_all(&held.seen, &mut picture.canvas, &eye, setting)?;
         picture.compare(device, (&self.shared, blender));
@@ -125,20 +130,20 @@ impl Steps for AlphaSteps {
         if of.mapper.is_some() && network_moved {
             of.mapper_averages.steps += 1;
         }
-        self.newer = Side::Device;
+        self.newer = ParameterLocation::Device;
         Ok(told)
     }
 
     fn fetch(&mut self, of: &mut Gaussians) -> Result<()> {
-        if self.newer == Side::Device {
+        if self.newer == ParameterLocation::Device {
             self.held.get(&self.device, of)?;
-            self.newer = Side::Both;
+            self.newer = ParameterLocation::Both;
         }
         Ok(())
     }
 
     fn changed(&mut self) {
-        self.newer = Side::Here;
+        self.newer = ParameterLocation::Here;
     }
 }
 
@@ -160,8 +165,8 @@ fn stepped(words: &[u8]) -> (Stepped, bool) {
     let word = |k: usize| [words[4 * k], words[4 * k + 1], words[4 * k + 2], words[4 * k + 3]];
     let [count, first, network] = [4, 5, 6].map(|k| u32::from_le_bytes(word(k)));
     let group = GROUPS[(first % 8).min(4) as usize];
-    let of_gaussians = NotFinite { group, gaussian: first as usize / 8, count: count as usize };
-    let of_network = NotFinite { group: "vizmapper", gaussian: 0, count: 1 };
+    let of_gaussians = NonFiniteGradient { group, gaussian: first as usize / 8, count: count as usize };
+    let of_network = NonFiniteGradient { group: "vizmapper", gaussian: 0, count: 1 };
     let not_finite = (count > 0).then_some(of_gaussians).or((network > 0).then_some(of_network));
     (Stepped { loss: f64::from(f32::from_le_bytes(word(0))), not_finite }, network == 0)
 }

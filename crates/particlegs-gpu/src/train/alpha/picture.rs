@@ -1,48 +1,48 @@
 //! A picture that is learnt from, on the device: its loss, and what its pixels want.
 
-use super::held::Held;
-use super::{Blender, Shared};
+use super::held::AlphaBuffers;
+use super::{Blender, TrainingKernels};
 use crate::Device;
 use crate::alpha::Canvas;
-use crate::alpha::backward::Backward;
-use crate::render::{FrameRecord, Planes};
-use crate::train::compared::{Compared, PARTS};
+use crate::alpha::backward::BackwardBuffers;
+use crate::render::{FrameRecord, PlaneLayout};
+use crate::train::compared::{LossBuffers, PARTS};
 use particlegs_core::Result;
 use particlegs_core::picture::Size;
 use wgpu::BufferUsages as Use;
 
 /// The memory of one size of picture of some Gaussians.
-pub(super) struct Picture {
+pub(super) struct AlphaTrainingPicture {
     pub canvas: Canvas,
-    pub back: Backward,
-    pub compared: Compared,
+    pub back: BackwardBuffers,
+    pub compared: LossBuffers,
     pub chain: wgpu::BindGroup,
     loss: wgpu::BindGroup,
     gradient: wgpu::BindGroup,
 }
 
-impl Picture {
+impl AlphaTrainingPicture {
     /// Of Gaussians, of a size, for a loss with SSIM or without.
     ///
     /// # Errors
     /// Those of the device, also where it is too small for such a picture.
     pub fn new(
         device: &Device,
-        (shared, blender): (&Shared, &Blender),
-        held: &Held,
+        (shared, blender): (&TrainingKernels, &Blender),
+        held: &AlphaBuffers,
         (size, with_dssim): (Size, bool),
-    ) -> Result<Picture> {
+    ) -> Result<AlphaTrainingPicture> {
         let canvas = blender.renderer.canvas(&held.seen, size)?;
-        let back = Backward::new(device, &canvas)?;
-        let frame = device.filled("frame", &[FrameRecord::of_planes(&Planes::of(size))], Use::UNIFORM);
-        let compared = Compared::new(device, shared, &frame, size, with_dssim);
-        let Compared { drawn, target, loss, sums, by_structure, told, .. } = &compared;
+        let back = BackwardBuffers::new(device, &canvas)?;
+        let frame = device.filled("frame", &[FrameRecord::of_planes(&PlaneLayout::of(size))], Use::UNIFORM);
+        let compared = LossBuffers::new(device, shared, &frame, size, with_dssim);
+        let LossBuffers { drawn, target, loss, sums, by_structure, told, .. } = &compared;
         let blended = canvas.brightness();
         let kernels = &blender.kernels;
         let gradient = [&frame, blended, target, loss, told, by_structure, &back.by_pixel];
         let of = [canvas.frame(), &held.step, &held.columns, &held.bent, &held.trained, canvas.touched()];
         let chain = [of.as_slice(), &[&back.sums, &held.gradient, &held.by_output, &held.screen]].concat();
-        let own = Picture {
+        let own = AlphaTrainingPicture {
             loss: kernels.loss.bind(device, &[&frame, blended, target, loss, drawn, sums]),
             gradient: kernels.loss_gradient.bind(device, &gradient),
             chain: kernels.chain.bind(device, &chain),
@@ -60,7 +60,7 @@ impl Picture {
     }
 
     /// From brightness to the gradient with it.
-    pub fn compare(&self, device: &Device, (shared, blender): (&Shared, &Blender)) {
+    pub fn compare(&self, device: &Device, (shared, blender): (&TrainingKernels, &Blender)) {
         let Size { width, height } = self.compared.size;
         let mut encoder = device.device.create_command_encoder(&Default::default());
         let mut pass = encoder.begin_compute_pass(&Default::default());

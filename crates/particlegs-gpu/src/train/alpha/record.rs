@@ -11,7 +11,7 @@ const BETA: [f32; 2] = [0.9, 0.999];
 
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-pub(super) struct StepRecord {
+pub(super) struct AlphaStepRecord {
     rate: [f32; 4],
     unroot: [f32; 4],
     rate_more: [f32; 2],
@@ -26,9 +26,9 @@ pub(super) struct StepRecord {
     count: u32,
 }
 
-impl StepRecord {
+impl AlphaStepRecord {
     /// Of the next step of these Gaussians.
-    pub fn new(of: &Gaussians, eye: &Eye, setting: Setting, size: &StepSize) -> StepRecord {
+    pub fn new(of: &Gaussians, eye: &Eye, setting: Setting, size: &StepSize) -> AlphaStepRecord {
         let [position, scale, rotation, opacity, feature] = &of.averages;
         let corrected = |averages: &Averages, rate: f64| {
             let steps = (averages.steps + 1).min(i32::MAX as u64) as i32;
@@ -40,7 +40,7 @@ impl StepRecord {
         let own: Vec<[f32; 2]> = own.collect();
         let more = [corrected(feature, r[4]), corrected(&of.mapper_averages, size.network)];
         let ranges = of.mapper.as_ref().map_or(VizRanges::TRAINING, |m| m.ranges);
-        StepRecord {
+        AlphaStepRecord {
             rate: std::array::from_fn(|k| own[k][0]),
             unroot: std::array::from_fn(|k| own[k][1]),
             rate_more: more.map(|m| m[0]),

@@ -14,14 +14,14 @@ use particlegs_core::model::vizmapper::twin::stirred;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::Silent;
 use particlegs_core::space::Bounds;
-use particlegs_train::alpha::{Ground, Parameters, Processor};
+use particlegs_train::alpha::{AlphaCpuSteps, AlphaParameters, Ground};
 use particlegs_train::{Averages, Crop, Device as _, Norm};
 
 const SIZE: Size = Size { width: 160, height: 90 };
 /// Default radius and opacity.
 const USUAL: [f64; 2] = [0.02, 0.05];
 
-struct Case {
+struct AlphaTrainingCase {
     name: &'static str,
     gaussians: Gaussians,
     view: View,
@@ -34,7 +34,7 @@ fn gaussians(seed: u64, n: u64, size: f64, flatness: f64, with_network: bool) ->
     let bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
     let [radius, opacity] = USUAL;
     let frame = Normalisation::of(&bounds);
-    let mut parameters = Parameters::default();
+    let mut parameters = AlphaParameters::default();
     for i in 0..n {
         let mut r = Random::new(seed, 1, i);
         let [position, scale, rotation, logit, feature] = &mut parameters.0;
@@ -57,10 +57,10 @@ fn gaussians(seed: u64, n: u64, size: f64, flatness: f64, with_network: bool) ->
     }
 }
 
-fn cases() -> Vec<Case> {
+fn cases() -> Vec<AlphaTrainingCase> {
     let (far, near, inside) = ([1.0, 2.0, 6.0], [0.3, 0.2, 1.6], [0.1, 0.2, 0.5]);
     let l2 = Loss { norm: Norm::L2, ..Loss::PUBLISHED };
-    let case = |name, gaussians, view| Case { name, gaussians, view, loss: l2, crop: Crop::whole(SIZE) };
+    let case = |name, gaussians, view| AlphaTrainingCase { name, gaussians, view, loss: l2, crop: Crop::whole(SIZE) };
     let usual = || gaussians(1, 800, -3.0, 1.0, true);
     let crop = Crop { full: SIZE, corner: [37, 21], size: Size { width: 64, height: 48 } };
     vec![
@@ -73,10 +73,10 @@ fn cases() -> Vec<Case> {
         case("within", usual(), view(inside, USUAL)),
         case("needles", gaussians(4, 500, -2.0, 5.0, true), view(far, USUAL)),
         case("wide", gaussians(5, 60, 0.0, 1.0, true), view(far, USUAL)),
-        Case { crop, ..case("crop", usual(), view(far, USUAL)) },
-        Case { loss: Loss::PUBLISHED, ..case("published loss", usual(), view(far, USUAL)) },
-        Case { loss: Loss { dssim: 0.4, ..l2 }, ..case("SSIM", usual(), view(far, USUAL)) },
-        Case {
+        AlphaTrainingCase { crop, ..case("crop", usual(), view(far, USUAL)) },
+        AlphaTrainingCase { loss: Loss::PUBLISHED, ..case("published loss", usual(), view(far, USUAL)) },
+        AlphaTrainingCase { loss: Loss { dssim: 0.4, ..l2 }, ..case("SSIM", usual(), view(far, USUAL)) },
+        AlphaTrainingCase {
             loss: Loss { dssim: 1.0, logarithm: true, ..l2 },
             ..case("SSIM alone, logarithm", usual(), view(near, USUAL))
         },
@@ -97,7 +97,7 @@ fn target(size: Size) -> Plane {
 /// Rates that move Gaussians by about as much as published ones do in a hundred steps.
 const STEP: StepSize = StepSize { rates: [1e-3, 5e-3, 1e-3, 5e-2, 2.5e-3], network: 1e-3, clip: 1.0, identity: 0.01 };
 
-fn steps(steps: &mut dyn Steps, of: &mut Gaussians, case: &Case, number: usize) -> Vec<Stepped> {
+fn steps(steps: &mut dyn AlphaStepper, of: &mut Gaussians, case: &AlphaTrainingCase, number: usize) -> Vec<Stepped> {
     let target = target(case.crop.size);
     let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
     let told = (0..number).map(|_| steps.step(of, &shot, &case.loss, &STEP).unwrap()).collect();
@@ -124,7 +124,7 @@ fn gradients_and_losses_are_the_processors() {
     let trainer = Trainer::new(&device).unwrap();
     for case in cases() {
         let (mut here, mut there) = (case.gaussians.clone(), case.gaussians.clone());
-        let ours = steps(&mut Processor::default(), &mut here, &case, 1);
+        let ours = steps(&mut AlphaCpuSteps::default(), &mut here, &case, 1);
         let theirs = steps(&mut *trainer.alpha_steps(&there).unwrap(), &mut there, &case, 1);
         // Adam's first mean is a tenth of the gradient.
         let mut by: Vec<f64> =
@@ -154,7 +154,7 @@ fn steps_go_where_the_processors_go() {
     for case in [0, 1, 11].map(|k| cases().swap_remove(k)) {
         let start = &case.gaussians;
         let [mut here, mut there, mut poisoned, mut both] = std::array::from_fn(|_| start.clone());
-        let ours = steps(&mut Processor::default(), &mut here, &case, 12);
+        let ours = steps(&mut AlphaCpuSteps::default(), &mut here, &case, 12);
         let theirs = steps(&mut *trainer.alpha_steps(&there).unwrap(), &mut there, &case, 12);
         let mut own = AlphaSteps::new(&device, &trainer.kernels, &trainer.blender, start).unwrap();
         for _ in 0..12 {
@@ -163,7 +163,7 @@ fn steps_go_where_the_processors_go() {
         }
         assert!(poisoned == there, "{}: what was there before is seen", case.name);
         // Begun on one, and gone on on the other.
-        steps(&mut Processor::default(), &mut both, &case, 6);
+        steps(&mut AlphaCpuSteps::default(), &mut both, &case, 6);
         steps(&mut *trainer.alpha_steps(&both).unwrap(), &mut both, &case, 6);
         let passed: Vec<f64> = here.parameters.0.iter().zip(&both.parameters.0).map(|(a, b)| apart(a, b)).collect();
         assert!(passed.iter().all(|v| *v < 1e-4), "{}: {passed:?}", case.name);
@@ -215,10 +215,10 @@ fn numbers_that_are_none_are_told_and_survived() {
     case.gaussians.parameters.0[2][4 * 33 + 1] = f32::NAN;
     case.gaussians.parameters.0[3][40] = f32::INFINITY;
     let (mut here, mut there) = (case.gaussians.clone(), case.gaussians.clone());
-    let ours = steps(&mut Processor::default(), &mut here, &case, 1);
+    let ours = steps(&mut AlphaCpuSteps::default(), &mut here, &case, 1);
     let theirs = steps(&mut *trainer.alpha_steps(&there).unwrap(), &mut there, &case, 1);
     assert_eq!(ours[0].not_finite, theirs[0].not_finite);
-    assert_eq!(theirs[0].not_finite, Some(NotFinite { group: "rotation", gaussian: 33, count: 2 }));
+    assert_eq!(theirs[0].not_finite, Some(NonFiniteGradient { group: "rotation", gaussian: 33, count: 2 }));
     let start = &case.gaussians.parameters.0;
     assert_eq!(there.parameters.0[0][3 * 33..3 * 34], start[0][3 * 33..3 * 34]);
     assert_ne!(there.parameters.0[0][3 * 34..3 * 35], start[0][3 * 34..3 * 35]);
