@@ -27,7 +27,7 @@ IRREGULAR = set(
 )
 # Nouns that look like participles.
 NOUNS = set(
-    "Bed Bound Coding Coloring Cut Drawing Embed Encoding Ending Feed Linking Need Opening Packing Read Reading Run "
+    "Bed Bound Coding Listing Whitening Coloring Cut Drawing Embed Encoding Ending Feed Linking Need Opening Packing Read Reading Run "
     "Finding Scaling Seed Set Setting Smoothing Speed Split Spread String Thinning Tiling Timing Training Tuning".split()
 )
 DEFINITION = re.compile(r"^\s*(?:pub(?:\([^)]*\))?\s+)?(?:unsafe\s+)?(?:struct|enum|trait|union|type)\s+([A-Z]\w*)", re.M)

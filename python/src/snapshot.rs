@@ -7,7 +7,7 @@ use crate::work::WorkOptions;
 use numpy::ndarray::ArrayView;
 use numpy::{PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
 use particlegs::model::{Cosmology, Epoch, Layer, Units, is_species};
-use particlegs::particles::{Kept, Layered, Particles, Positions, Selection, SnapshotMeta, Storage, Tiling};
+use particlegs::particles::{SelectedParticles, LayeredParticles, Particles, Positions, Selection, SnapshotMeta, Storage, Tiling};
 use particlegs::picture::Size;
 use particlegs::reference::Reference;
 use particlegs::space::{Bounds, Cell};
@@ -138,7 +138,7 @@ impl Snapshot {
                 InputPositions::InPlace(positions) => Particles::new(positions, [0.0; 3], meta),
                 InputPositions::Rows(array) => {
                     let reader = array.reader(meta)?;
-                    Layered::new(vec![(Particles::ONE_LAYER.into(), reader)])?.load(&Storage::Memory, progress)?
+                    LayeredParticles::new(vec![(Particles::ONE_LAYER.into(), reader)])?.load(&Storage::Memory, progress)?
                 }
             };
             let name = particles.meta.name.clone();
@@ -269,7 +269,7 @@ impl Snapshot {
         crate::model::refuse(&path, overwrite)?;
         let particles = &self.particles;
         WorkOptions { threads, progress }.run(py, |progress| {
-            let kept = Kept::new(particles, Tiling::single(), Selection::all(), progress)?;
+            let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), progress)?;
             Writer::of(&path, None)?.write(&kept, &path, progress)
         })
     }

@@ -3,7 +3,7 @@
 use crate::common::Context;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
 use particlegs::job::Job;
-use particlegs::particles::{Layered, Particles, Storage};
+use particlegs::particles::{LayeredParticles, Particles, Storage};
 use particlegs::{Error, Result};
 use particlegs_files::input::{is_stream, name_of};
 use serde::{Deserialize, Serialize};
@@ -72,15 +72,15 @@ impl JobSnapshot {
 
     /// The snapshot, and whether tasks can open it again and read any part of it; what cannot be read where it
     /// lies is put into `storage`.
-    pub fn source(&self, storage: &Storage, context: &Context) -> Result<(Layered, bool)> {
+    pub fn source(&self, storage: &Storage, context: &Context) -> Result<(LayeredParticles, bool)> {
         match self.opening.open_later(&self.paths, self.subset(), context)? {
             Some(layered) => Ok((layered, true)),
-            None => Ok((Layered::of(&self.selected(storage, context)?), false)),
+            None => Ok((LayeredParticles::of(&self.selected(storage, context)?), false)),
         }
     }
 
     /// The snapshot of a job, to be read run by run; `plan` told its notes.
-    pub fn layered(&self, context: &Context) -> Result<Layered> {
+    pub fn layered(&self, context: &Context) -> Result<LayeredParticles> {
         Ok(context.told_before(|| self.source(&Storage::Memory, context))?.0)
     }
 

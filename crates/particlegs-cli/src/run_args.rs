@@ -5,7 +5,7 @@ use crate::common::Context;
 use crate::outputs::{LOG, PNG, SVG};
 use crate::train_log::{curves, logged};
 use clap::{Args, ValueHint};
-use particlegs::compress::{Checkpoint, Compressed};
+use particlegs::compress::{Checkpoint, CompressedModel};
 use particlegs::pieces::{NoPieces, Pieces};
 use particlegs::progress::Progress;
 use particlegs::train::Limits;
@@ -111,8 +111,8 @@ impl RunArgs {
         &self,
         context: &Context,
         mut checkpoint: Option<&mut Checkpoint>,
-        work: impl FnOnce(&mut dyn Pieces, &dyn Progress) -> Result<Compressed>,
-    ) -> Result<Compressed> {
+        work: impl FnOnce(&mut dyn Pieces, &dyn Progress) -> Result<CompressedModel>,
+    ) -> Result<CompressedModel> {
         let mut none = NoPieces;
         let pieces: &mut dyn Pieces = match &mut checkpoint {
             Some(c) => *c,
@@ -158,7 +158,7 @@ pub fn stopped(output: &Path, context: &Context) -> Error {
 }
 
 /// How the training runs went, a line each.
-pub fn trained(done: &Compressed) -> String {
+pub fn trained(done: &CompressedModel) -> String {
     let mut text = String::new();
     for t in &done.trained {
         let run = if t.run.is_empty() { String::new() } else { format!(" {}", t.run) };

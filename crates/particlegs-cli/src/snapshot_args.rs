@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use particlegs::model::Model;
-use particlegs::particles::{Layered, Particles, Selection, Storage};
+use particlegs::particles::{LayeredParticles, Particles, Selection, Storage};
 use particlegs::progress::Progress;
 use particlegs::space::Bounds;
 use particlegs::{Error, Result};
@@ -187,7 +187,7 @@ impl SnapshotArgs {
         paths: &[PathBuf],
         subset: SnapshotSubset<'_>,
         progress: &dyn Progress,
-    ) -> Result<Option<Layered>> {
+    ) -> Result<Option<LayeredParticles>> {
         self.choice_of(subset)?.read_later(paths, progress)
     }
 

@@ -242,12 +242,12 @@ const LEFT_FREE: u64 = 256 << 20;
 
 /// What a pipe or device gave, in a file without a name: it can be read again and from many places.
 #[derive(Debug)]
-pub struct Spooled {
+pub struct SpoolFile {
     file: File,
     place: String,
 }
 
-impl Spooled {
+impl SpoolFile {
     /// Keeps what `source` still has to give, in the system's folder for temporary files.
     ///
     /// # Errors
@@ -270,7 +270,7 @@ impl Spooled {
             file.write_all(piece).map_err(|e| Error::io(&folder, e))
         })?;
         source.progress.end();
-        Ok(Spooled { file, place })
+        Ok(SpoolFile { file, place })
     }
 
     /// Where it can be opened, while this lives.

@@ -41,7 +41,7 @@ impl Array {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::particles::{Layered, Storage};
+    use particlegs::particles::{LayeredParticles, Storage};
     use particlegs::progress::Silent;
 
     #[test]
@@ -57,7 +57,8 @@ mod tests {
         };
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_be_bytes()).collect();
         let reader = array(">f8", bytes.clone()).reader(SnapshotMeta::default()).unwrap();
-        let particles = Layered::new(vec![("a".into(), reader)]).unwrap().load(&Storage::Memory, &Silent).unwrap();
+        let particles =
+            LayeredParticles::new(vec![("a".into(), reader)]).unwrap().load(&Storage::Memory, &Silent).unwrap();
         assert_eq!([0, 1].map(|i| particles.position(i)), [[3.0, 5.0, 7.0], [4.0, 6.0, 8.0]]);
         for bad in ["|O", "", "<c16", ">f3", "f"] {
             assert!(array(bad, bytes.clone()).reader(SnapshotMeta::default()).is_err(), "{bad}");

@@ -5,11 +5,13 @@ use crate::folder::resolved;
 use crate::registry::{FORMATS, spool};
 use crate::{Description, Snapshot, Species, SpeciesField, Weights, raw};
 use particlegs::model::{Dimension, Unit, UnitSystem, Units, WeightKind, is_species};
-use particlegs::particles::{LayerFields, Layered, Particles, Selection, SnapshotMeta, SnapshotReader, Storage};
+use particlegs::particles::{
+    LayerFields, LayeredParticles, Particles, Selection, SnapshotMeta, SnapshotReader, Storage,
+};
 use particlegs::progress::{Progress, Silent};
 use particlegs::space::Bounds;
 use particlegs::{Error, Result};
-use particlegs_files::input::{Source, Spooled, is_stream};
+use particlegs_files::input::{Source, SpoolFile, is_stream};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -51,7 +53,7 @@ pub struct Choice {
     /// Fields as they are stored: in no cell, not moved, whole numbers of 64 bits as the bits of f64.
     pub as_stored: bool,
     /// What the stream that is named has given already ([`Choice::spool`]).
-    pub spooled: Option<Arc<Spooled>>,
+    pub spooled: Option<Arc<SpoolFile>>,
 }
 
 impl Choice {
@@ -110,7 +112,7 @@ impl Choice {
     ///
     /// # Errors
     /// [`Error::Input`] where its first bytes are not those of a snapshot, unless a format is named;
-    /// those of [`Spooled::of`].
+    /// those of [`SpoolFile::of`].
     pub fn spool(&mut self, source: Source<'_>) -> Result<()> {
         self.spooled = Some(Arc::new(spool(source, self)?));
         Ok(())
@@ -165,14 +167,14 @@ impl Choice {
     ///
     /// # Errors
     /// Those of opening; [`Error::Input`] for a species that there is not.
-    pub fn read_later(&self, paths: &[PathBuf], progress: &dyn Progress) -> Result<Option<Layered>> {
+    pub fn read_later(&self, paths: &[PathBuf], progress: &dyn Progress) -> Result<Option<LayeredParticles>> {
         let converted = self.convert_units && (self.length_unit.is_some() || self.mass_unit.is_some());
         let selected = self.skip_invalid || self.by_mass || converted || self.kept().is_some();
         if selected || paths.iter().any(|p| is_stream(p)) {
             return Ok(None);
         }
         let mut source = match SpeciesData::of(paths, self, progress, false)? {
-            SpeciesData::InPlace(particles) => Layered::of(&particles),
+            SpeciesData::InPlace(particles) => LayeredParticles::of(&particles),
             SpeciesData::Readers(layers, _) => layers,
         };
         say(&self.state(&mut source.meta)?, progress);
@@ -202,7 +204,7 @@ impl Choice {
 /// The files to read: those that are named, or what the stream that is named has given.
 struct InputFiles {
     paths: Vec<PathBuf>,
-    spooled: Option<Arc<Spooled>>,
+    spooled: Option<Arc<SpoolFile>>,
 }
 
 impl InputFiles {
@@ -259,7 +261,7 @@ enum SpeciesData {
     /// As they lie in the files.
     InPlace(Particles),
     /// Each by its reader, with its fields where they are wanted.
-    Readers(Layered, Vec<LayerFields>),
+    Readers(LayeredParticles, Vec<LayerFields>),
 }
 
 impl SpeciesData {
@@ -274,7 +276,7 @@ impl SpeciesData {
             return Ok(SpeciesData::InPlace(particles));
         }
         let layer = |i: usize| Ok((description.species[i].name.clone(), snapshot.reader(i, choice)?.into()));
-        let mut layers = Layered::new(chosen.iter().copied().map(layer).collect::<Result<_>>()?)?;
+        let mut layers = LayeredParticles::new(chosen.iter().copied().map(layer).collect::<Result<_>>()?)?;
         weigh(&mut layers.meta, weights);
         for name in chosen.iter().flat_map(|&i| fields::others(&description.species[i], choice)) {
             if !layers.meta.fields.contains(&name) {

@@ -2,7 +2,7 @@
 
 use crate::{Choice, Snapshot, Species, SpeciesField, Weights};
 use particlegs::Result;
-use particlegs::particles::{Kept, LayerFields, Number, Run, SnapshotReader, SourceField};
+use particlegs::particles::{LayerFields, Number, Run, SelectedParticles, SnapshotReader, SourceField};
 use std::sync::Arc;
 
 /// Components that a field may have in a file that is written.
@@ -206,7 +206,11 @@ fn join(all: &mut Vec<OutField>, name: &str) {
 }
 
 /// The fields that all layers have alike, each of every layer.
-pub(crate) fn common(kept: &Kept<'_>, standard: &[StandardField], reserved: &[&str]) -> Vec<Vec<OutField>> {
+pub(crate) fn common(
+    kept: &SelectedParticles<'_>,
+    standard: &[StandardField],
+    reserved: &[&str],
+) -> Vec<Vec<OutField>> {
     let own = |fields: &&[SourceField]| outputs(fields, standard, reserved);
     let layers: Vec<Vec<OutField>> = kept.fields().iter().map(own).collect();
     let Some((first, rest)) = layers.split_first() else { return Vec::new() };

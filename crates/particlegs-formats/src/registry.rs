@@ -4,7 +4,7 @@ use crate::compressed::FileCompression;
 use crate::foreign::foreign_of;
 use crate::{Choice, PathKind, Snapshot};
 use particlegs::{Error, Remedy, Result};
-use particlegs_files::input::{Source, Spooled, open_file};
+use particlegs_files::input::{Source, SpoolFile, open_file};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -101,8 +101,8 @@ fn decompressed(bytes: &[u8], compression: FileCompression) -> Vec<u8> {
 /// Keeps what a pipe or device gives, once its first bytes are those of a snapshot.
 ///
 /// # Errors
-/// As [`detect`], unless `options` name a format; those of [`Spooled::of`].
-pub(crate) fn spool(mut source: Source<'_>, options: &Choice) -> Result<Spooled> {
+/// As [`detect`], unless `options` name a format; those of [`SpoolFile::of`].
+pub(crate) fn spool(mut source: Source<'_>, options: &Choice) -> Result<SpoolFile> {
     let bytes = source.peek(LOOKED_AT)?.to_vec();
     let head = FileHead::of(Path::new(source.place()), u64::MAX, bytes)?;
     match &options.format {
@@ -113,7 +113,7 @@ pub(crate) fn spool(mut source: Source<'_>, options: &Choice) -> Result<Spooled>
         }
         Some(_) => {}
     }
-    Spooled::of(source)
+    SpoolFile::of(source)
 }
 
 /// The format of a file, by its content.

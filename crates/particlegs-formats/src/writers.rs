@@ -2,7 +2,7 @@
 
 use crate::fields::OutField;
 use particlegs::model::Cosmology;
-use particlegs::particles::{Kept, RawForm};
+use particlegs::particles::{RawForm, SelectedParticles};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::path::Path;
@@ -18,10 +18,10 @@ pub struct Writer {
     /// What it holds beside positions and masses.
     holds: WriterCapabilities,
     /// The fields that it holds of what is kept, of each layer or of all.
-    fields: fn(&Kept<'_>) -> Vec<Vec<OutField>>,
+    fields: fn(&SelectedParticles<'_>) -> Vec<Vec<OutField>>,
     /// Does it write a folder, not a file?
     pub folder: bool,
-    pub(crate) write: fn(&Kept<'_>, &Path, &dyn Progress) -> Result<u64>,
+    pub(crate) write: fn(&SelectedParticles<'_>, &Path, &dyn Progress) -> Result<u64>,
 }
 
 /// What a format holds beside positions and masses.
@@ -34,7 +34,7 @@ struct WriterCapabilities {
 }
 
 /// No fields.
-fn none(_: &Kept<'_>) -> Vec<Vec<OutField>> {
+fn none(_: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
     Vec::new()
 }
 
@@ -134,12 +134,12 @@ impl Writer {
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Argument`] for what the format cannot hold; [`Error::Cancelled`].
-    pub fn write(&self, kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
+    pub fn write(&self, kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
         (self.write)(kept, out, progress)
     }
 
     /// What a file of what is kept leaves out, in words; none where it holds all.
-    pub fn left_out(&self, kept: &Kept<'_>) -> Option<String> {
+    pub fn left_out(&self, kept: &SelectedParticles<'_>) -> Option<String> {
         let (meta, holds) = (kept.meta(), &self.holds);
         let written = (self.fields)(kept);
         let is_written = |name: &String| written.iter().flatten().any(|f| f.sources.contains(name));

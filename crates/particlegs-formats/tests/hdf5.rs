@@ -4,7 +4,7 @@ mod support;
 
 use particlegs::Result;
 use particlegs::model::{Cosmology, Layer, Mass as LayerMass, Units};
-use particlegs::particles::{Column, Kept, Particles, RUN, Selection, SnapshotReader, Tiling};
+use particlegs::particles::{Column, Particles, RUN, SelectedParticles, Selection, SnapshotReader, Tiling};
 use particlegs::progress::Silent;
 use particlegs::space::Cell;
 use particlegs_formats::{Choice, Snapshot, SpeciesMass, Weights, Writer};
@@ -27,7 +27,7 @@ fn opened(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
     Choice { format: Some("hdf5".into()), ..Choice::default() }.open(paths)
 }
 
-fn write(kept: &Kept<'_>, path: &Path, progress: &Silent) -> Result<u64> {
+fn write(kept: &SelectedParticles<'_>, path: &Path, progress: &Silent) -> Result<u64> {
     Writer::of(path, Some("hdf5"))?.write(kept, path, progress)
 }
 
@@ -329,7 +329,7 @@ fn what_is_written_is_read_back_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.hdf5");
     let particles = made(&[("PartType4", 200_000), ("dm", 10), ("PartType0", 70_001)]);
-    let kept = Kept::new(&particles, Tiling::single(), Selection::all(), &Silent).unwrap();
+    let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Silent).unwrap();
     let bytes = write(&kept, &path, &Silent).unwrap();
     assert_eq!(bytes, std::fs::metadata(&path).unwrap().len());
     let snapshot = opened(&[path]).unwrap();
@@ -359,7 +359,7 @@ fn the_bytes_written_are_those_that_others_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.hdf5");
     let particles = made(&[("PartType4", 50), ("dm", 10), ("PartType0", 100)]);
-    let kept = Kept::new(&particles, Tiling::single(), Selection::all(), &Silent).unwrap();
+    let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Silent).unwrap();
     write(&kept, &path, &Silent).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hdf5/large/written.hdf5");
@@ -376,7 +376,7 @@ fn slabs_go_out_and_come_back() {
     let path = folder.path().join("out.hdf5");
     let mut particles = made(&[("dm", 10)]);
     particles.meta.cell = Cell::stated([0.0; 3], [[0.0, 32.0, 0.0], [-64.0, 0.0, 0.0], [0.0; 3]], [true; 3]);
-    let kept = Kept::new(&particles, Tiling::single(), Selection::all(), &Silent).unwrap();
+    let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Silent).unwrap();
     write(&kept, &path, &Silent).unwrap();
     let snapshot = opened(&[path]).unwrap();
     let d = snapshot.description();
@@ -392,7 +392,7 @@ fn what_the_layout_does_not_hold_is_refused() {
     let path = folder.path().join("out.hdf5");
     let mut particles = made(&[("a", 1), ("b", 1), ("c", 1), ("d", 1), ("e", 1), ("f", 1), ("g", 1)]);
     let refused = |particles: &Particles| {
-        let kept = Kept::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
+        let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
         write(&kept, &path, &Silent).unwrap_err().to_string()
     };
     assert!(refused(&particles).contains("7 layers"));

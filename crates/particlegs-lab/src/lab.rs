@@ -10,7 +10,7 @@ use crate::store::ResultStore;
 use particlegs::Error;
 use particlegs::Result;
 use particlegs::codec;
-use particlegs::compress::{Compressed, Options, Target, compress};
+use particlegs::compress::{CompressedModel, Options, Target, compress};
 use particlegs::fit::Effort;
 use particlegs::model::{CertificateLevel, Model};
 use particlegs::particles::{Particles, RawForm};
@@ -143,7 +143,7 @@ impl<'a> Lab<'a> {
     ///
     /// # Errors
     /// [`Error::Io`].
-    pub fn keep(&self, snapshot: &Snapshot, recipe: &ModelSettings, done: Compressed, seconds: f64) -> Result<()> {
+    pub fn keep(&self, snapshot: &Snapshot, recipe: &ModelSettings, done: CompressedModel, seconds: f64) -> Result<()> {
         let inputs = (&snapshot.hash, recipe.in_bytes(snapshot));
         self.store.bytes("model", &inputs, "pgs", || Ok(done.bytes))?;
         self.store.result("model-seconds", &inputs, || Ok(seconds))?;
@@ -154,7 +154,7 @@ impl<'a> Lab<'a> {
     ///
     /// # Errors
     /// Those of `make`; [`Error::Io`].
-    pub fn made(&self, inputs: &impl Serialize, make: impl FnOnce() -> Result<Compressed>) -> Result<ModelBuild> {
+    pub fn made(&self, inputs: &impl Serialize, make: impl FnOnce() -> Result<CompressedModel>) -> Result<ModelBuild> {
         self.kept_model(&self.store, inputs, || timed(make))
     }
 
@@ -166,7 +166,7 @@ impl<'a> Lab<'a> {
     pub fn made_on_device(
         &self,
         inputs: &impl Serialize,
-        make: impl FnOnce() -> Result<(Compressed, f64)>,
+        make: impl FnOnce() -> Result<(CompressedModel, f64)>,
     ) -> Result<ModelBuild> {
         self.kept_model(&self.on_device, inputs, make)
     }
@@ -175,7 +175,7 @@ impl<'a> Lab<'a> {
         &self,
         store: &ResultStore,
         inputs: &impl Serialize,
-        make: impl FnOnce() -> Result<(Compressed, f64)>,
+        make: impl FnOnce() -> Result<(CompressedModel, f64)>,
     ) -> Result<ModelBuild> {
         let seconds = std::cell::Cell::new(0.0);
         let bytes = store.bytes("model", inputs, "pgs", || {

@@ -33,7 +33,7 @@ pub mod subset;
 mod training;
 pub mod views;
 
-pub use training::{Standing, TrainingScore, published};
+pub use training::{PublishedRunStatus, TrainingScore, published};
 
 use external::External;
 use particlegs::{Error, Result};

@@ -66,7 +66,7 @@ pub struct Densify {
 
 /// What a step tells.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stepped {
+pub struct StepReport {
     /// Loss before the step.
     pub loss: f64,
     /// The first parameter whose gradient was not finite, if any: the Gaussian was left as it was.
@@ -91,7 +91,7 @@ pub(crate) trait Learner {
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] for a view with a number outside its range.
-    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &StepInfo) -> Result<Stepped>;
+    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport>;
 
     /// Density control due after the step at `at`.
     ///

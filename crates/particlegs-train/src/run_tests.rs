@@ -1,6 +1,6 @@
 //! Runs broken at any moment end as unbroken ones; faults and limits are survived.
 
-use super::learner::{Learner, NonFiniteGradient, Shot, StepInfo, Stepped};
+use super::learner::{Learner, NonFiniteGradient, Shot, StepInfo, StepReport};
 use super::loss::Loss;
 use super::run::bytes_wanted;
 use super::state::TrainingState;
@@ -105,10 +105,10 @@ fn a_run_stopped_at_any_question_ends_with_the_same_bits() {
 struct FaultyLearner(Mixture, f64);
 
 impl Learner for FaultyLearner {
-    fn step(&mut self, _: &Shot<'_>, _: &Loss, _: &StepInfo) -> Result<Stepped> {
+    fn step(&mut self, _: &Shot<'_>, _: &Loss, _: &StepInfo) -> Result<StepReport> {
         self.1 += 1.0;
         let not_finite = Some(NonFiniteGradient { group: "position", gaussian: 4, count: 1 });
-        Ok(Stepped { loss: f64::NAN, not_finite })
+        Ok(StepReport { loss: f64::NAN, not_finite })
     }
     fn control(&mut self, _: &StepInfo) -> Result<()> {
         Ok(())

@@ -2,7 +2,7 @@
 
 use particlegs::progress::Progress;
 use particlegs_view::page::PageOpening;
-use particlegs_view::server::{Event, Limits, Options, Server, Shown, Token};
+use particlegs_view::server::{Event, Limits, Options, Server, Token, ViewerContent};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::sync::Mutex;
@@ -43,7 +43,7 @@ fn while_serving(
             let _stop = StopGuard(&caller);
             client(&client_side);
         });
-        let shown = Shown {
+        let shown = ViewerContent {
             models: vec![("m.pgs".into(), b"model".to_vec())],
             truth: None,
             opening: PageOpening::default(),
@@ -194,7 +194,7 @@ fn left_alone_it_ends() {
     let server =
         Server::bind(Options { host, port: Some(0), proxies: vec![], node: None, token, limits: idle }).unwrap();
     let start = Instant::now();
-    let shown = Shown { models: vec![], truth: None, opening: PageOpening::default(), poster: None };
+    let shown = ViewerContent { models: vec![], truth: None, opening: PageOpening::default(), poster: None };
     server.serve(shown, &Caller::default(), &|_| {}).unwrap();
     assert!(start.elapsed() >= SHORT && start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
 }

@@ -1,7 +1,7 @@
 //! A reader of one's own: particles that come from anywhere, run by run, in bounded memory:
 //! `cargo run --release --example reader`.
 
-use particlegs::particles::{Chunk, Layered, RUN, SnapshotMeta, SnapshotReader, Storage};
+use particlegs::particles::{Chunk, LayeredParticles, RUN, SnapshotMeta, SnapshotReader, Storage};
 use particlegs::progress::{Progress, Silent};
 use std::ops::Range;
 use std::sync::Arc;
@@ -50,7 +50,7 @@ impl SnapshotReader for Spiral {
 fn main() -> particlegs::Result<()> {
     let meta = SnapshotMeta { name: "spiral".into(), ..SnapshotMeta::default() };
     let reader = Arc::new(Spiral { meta, count: 200_000 });
-    let source = Layered::new(vec![("gas".into(), reader)])?;
+    let source = LayeredParticles::new(vec![("gas".into(), reader)])?;
     let particles = source.load(&Storage::Memory, &Silent)?;
     println!("{} particles within {:?}", particles.len(), particles.bounds());
     Ok(())

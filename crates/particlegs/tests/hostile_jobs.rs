@@ -7,7 +7,7 @@ use particlegs::fit::Effort;
 use particlegs::job::{Job, Task};
 use particlegs::math::Random;
 use particlegs::model::{CertificateLevel, Layer, Mass};
-use particlegs::particles::{Layered, Particles};
+use particlegs::particles::{LayeredParticles, Particles};
 use particlegs::progress::{Progress, Silent};
 use serde_json::{Value, json};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -69,13 +69,13 @@ fn planned(folder: &Path) -> Job {
         ..Options::default()
     };
     let task = Task { options: &options, snapshot: "a cloud".into(), place: "here", replace: false, reopened: false };
-    Job::plan(Layered::of(&particles()), &task, folder, &Silent).unwrap()
+    Job::plan(LayeredParticles::of(&particles()), &task, folder, &Silent).unwrap()
 }
 
 /// A whole job to be altered: planned, one of two blocks done.
 fn prepared(folder: &Path) {
     let job = planned(folder);
-    job.block(0, || Ok(Layered::of(&particles())), &Silent).unwrap();
+    job.block(0, || Ok(LayeredParticles::of(&particles())), &Silent).unwrap();
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -103,7 +103,7 @@ fn steps(folder: &Path, what: &str) -> Vec<String> {
     let began = Instant::now();
     let until = Watchdog(began);
     LARGEST.store(0, Relaxed);
-    let source = || Ok(Layered::of(&particles()));
+    let source = || Ok(LayeredParticles::of(&particles()));
     let run = || -> Vec<String> {
         let mut errors = Vec::new();
         let mut note = |result: particlegs::Result<()>| errors.extend(result.err().map(|e| e.to_string()));

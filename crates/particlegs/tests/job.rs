@@ -5,7 +5,7 @@ use particlegs::compress::{Checkpoint, Compression, FineTuning, Options, Target,
 use particlegs::fit::Effort;
 use particlegs::job::{Job, Task};
 use particlegs::model::{CertificateLevel, LawKind, Layer, Limit, Mass, Units};
-use particlegs::particles::{Layered, Particles, Storage};
+use particlegs::particles::{LayeredParticles, Particles, Storage};
 use particlegs::progress::{Progress, Silent};
 use particlegs::space::Cell;
 use particlegs::train::{Config, Limits, Preset};
@@ -41,7 +41,7 @@ fn planned(folder: &Path) -> Job {
         ..Options::default()
     };
     let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
-    Job::plan(Layered::of(&sample()), &task, folder, &Silent).unwrap()
+    Job::plan(LayeredParticles::of(&sample()), &task, folder, &Silent).unwrap()
 }
 
 /// A sound block with a right report is refused where it is another block's.
@@ -49,7 +49,7 @@ fn planned(folder: &Path) -> Job {
 fn blocks_that_changed_places_are_found() {
     let folder = tempfile::tempdir().unwrap();
     let job = planned(&folder.path().join("job"));
-    let source = || -> particlegs::Result<Layered> { panic!("buckets are enough") };
+    let source = || -> particlegs::Result<LayeredParticles> { panic!("buckets are enough") };
     for block in 0..2 {
         job.block(block, source, &Silent).unwrap();
     }
@@ -65,7 +65,7 @@ fn blocks_that_changed_places_are_found() {
 #[test]
 fn a_block_goes_on_where_it_stopped() {
     let folder = tempfile::tempdir().unwrap();
-    let source = || -> particlegs::Result<Layered> { panic!("buckets are enough") };
+    let source = || -> particlegs::Result<LayeredParticles> { panic!("buckets are enough") };
     let job = planned(&folder.path().join("whole"));
     job.block(0, source, &Silent).unwrap();
     let whole = std::fs::read(job.folder.join("blocks/00000.pgs")).unwrap();
@@ -185,7 +185,7 @@ fn measured(folder: &Path, order: [u32; 3]) -> Job {
         ..Options::default()
     };
     let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
-    let job = Job::plan(Layered::of(&sample()), &task, folder, &Silent).unwrap();
+    let job = Job::plan(LayeredParticles::of(&sample()), &task, folder, &Silent).unwrap();
     for block in order {
         job.block(block, || panic!("buckets are enough"), &Silent).unwrap();
     }

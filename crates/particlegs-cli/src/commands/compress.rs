@@ -10,7 +10,7 @@ use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
 use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
-use particlegs::compress::{Compressed, Compression, Options};
+use particlegs::compress::{CompressedModel, Compression, Options};
 use particlegs::model::Model;
 use particlegs::particles::{Particles, Storage};
 use particlegs::pieces::Pieces;
@@ -226,7 +226,7 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
     a.write_pictures(&model, particles, context)
 }
 
-fn report(a: &Arguments, context: &Context, done: &Compressed, seconds: f64) -> Result<()> {
+fn report(a: &Arguments, context: &Context, done: &CompressedModel, seconds: f64) -> Result<()> {
     let (bytes, gaussians) = (done.bytes.len(), done.model.gaussians());
     let ratio = done.raw_bytes as f64 / bytes as f64;
     let mut text = format!(

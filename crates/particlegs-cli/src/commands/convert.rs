@@ -5,7 +5,7 @@ use crate::inputs::{self, PathContent, path_as_text};
 use crate::outputs::{ForceArgs, PARTICLES};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::{Args, ValueHint};
-use particlegs::particles::{Kept, RawForm, Storage, Tiling};
+use particlegs::particles::{RawForm, SelectedParticles, Storage, Tiling};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
@@ -108,7 +108,7 @@ pub fn run(a: Arguments) -> Result<()> {
     };
     let selection = a.selection.selection(&a.window, context.common.seed)?;
     let start = std::time::Instant::now();
-    let mut kept = Kept::new(&particles, tiling, selection, &context)?;
+    let mut kept = SelectedParticles::new(&particles, tiling, selection, &context)?;
     if !fields.is_empty() {
         kept = kept.with_fields(fields);
     }

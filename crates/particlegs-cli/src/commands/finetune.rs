@@ -14,7 +14,7 @@ use crate::target_args::parse_bytes;
 use crate::target_args::{TargetArgs, with_default};
 use crate::train_args::TuneArgs;
 use clap::{Args, ValueHint};
-use particlegs::compress::{Checkpoint, Compressed, FineTuning, finetune};
+use particlegs::compress::{Checkpoint, CompressedModel, FineTuning, finetune};
 use particlegs::model::LawKind;
 use particlegs::particles::Storage;
 use particlegs::pieces::Pieces;
@@ -156,7 +156,7 @@ fn report(
     context: &Context,
     gaussians_in: usize,
     bytes_in: u64,
-    done: &Compressed,
+    done: &CompressedModel,
     seconds: f64,
 ) -> Result<()> {
     let (bytes, gaussians) = (done.bytes.len(), done.model.gaussians());

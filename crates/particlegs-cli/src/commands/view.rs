@@ -13,7 +13,7 @@ use particlegs::particles::Particles;
 use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs_view::page::Snapshot;
-use particlegs_view::server::{Event, Limits, Options, Server, Shown, Token};
+use particlegs_view::server::{Event, Limits, Options, Server, Token, ViewerContent};
 use particlegs_view::tunnel::{self, Session};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -135,7 +135,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let poster = |bytes: &[u8]| viewed.poster(bytes, &context, &tell);
     let poster: Option<&(dyn Fn(&[u8]) -> Option<Vec<u8>> + Sync)> =
         if viewed.has_poster(&opening) { Some(&poster) } else { None };
-    server.serve(Shown { models, truth, opening, poster }, &context, &|event| tell(&in_words(&event)))
+    server.serve(ViewerContent { models, truth, opening, poster }, &context, &|event| tell(&in_words(&event)))
 }
 
 fn listen(a: &Arguments, context: &Context) -> Result<Server> {

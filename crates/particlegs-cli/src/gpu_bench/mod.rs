@@ -15,7 +15,7 @@ use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_gpu::Rates;
-use particlegs_lab::Standing;
+use particlegs_lab::PublishedRunStatus;
 use particlegs_lab::lab::Lab;
 use scenes::TiledScene;
 use serde::{Deserialize, Serialize};
@@ -47,7 +47,7 @@ pub struct GpuBenchReport {
     measured: DeviceMeasurements,
     /// The published recipe, where it is asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
-    recipe: Option<Standing>,
+    recipe: Option<PublishedRunStatus>,
 }
 
 /// What the device does.

@@ -6,7 +6,7 @@ use particlegs::Result;
 use particlegs::particles::Particles;
 use particlegs_lab::lab::Lab;
 use particlegs_lab::snapshot::Snapshot;
-use particlegs_lab::{Standing, published};
+use particlegs_lab::{PublishedRunStatus, published};
 use std::time::Duration;
 
 /// Particles that it is trained on.
@@ -20,7 +20,7 @@ const MINUTES: [f64; 2] = [120.0, 2.0];
 ///
 /// # Errors
 /// Those of [`published`].
-pub fn piece(lab: &Lab<'_>, made: &TiledScene, quick: QuickRun) -> Result<Standing> {
+pub fn piece(lab: &Lab<'_>, made: &TiledScene, quick: QuickRun) -> Result<PublishedRunStatus> {
     let own = usize::from(quick.0);
     let [x, y, z] = made.particles(PARTICLES[own]);
     let snapshot = Snapshot::new("tiled".into(), "tiled".into(), Particles::from_columns(x, y, z), None);
@@ -29,7 +29,7 @@ pub fn piece(lab: &Lab<'_>, made: &TiledScene, quick: QuickRun) -> Result<Standi
 }
 
 /// How far it is, as people read it.
-pub fn text(s: &Standing) -> String {
+pub fn text(s: &PublishedRunStatus) -> String {
     let score = s.held_out_masked_psnr.map_or("not scored yet".into(), |v| format!("{v:.2} dB"));
     let goes_on = if s.iterations < s.of { "; the same command goes on" } else { "" };
     format!(

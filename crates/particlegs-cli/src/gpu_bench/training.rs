@@ -15,7 +15,7 @@ use particlegs::render::Scene;
 use particlegs::splat::Look;
 use particlegs::train::alpha::{self, Ground};
 use particlegs::train::depth::{Parameters, StepSize};
-use particlegs::train::{AlphaConfig, Crop, Device as _, Loss, Shot, Stepped};
+use particlegs::train::{AlphaConfig, Crop, Device as _, Loss, Shot, StepReport};
 use particlegs_gpu::Rates;
 use particlegs_gpu::render::Pictures;
 use particlegs_gpu::train::Trainer;
@@ -144,7 +144,7 @@ impl<'a> TrainingPictures<'a> {
         &self,
         quick: QuickRun,
         context: &Context,
-        mut step: impl FnMut(&Shot<'_>) -> Result<Stepped>,
+        mut step: impl FnMut(&Shot<'_>) -> Result<StepReport>,
     ) -> Result<TrainingSteps> {
         let mut one = |k: usize| -> Result<f64> {
             context.check()?;

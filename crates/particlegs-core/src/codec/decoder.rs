@@ -330,7 +330,7 @@ impl BlockColumns {
             Law::OpticalDepth
         };
         whole_counts(&mut count, header.count);
-        let mut named = crate::model::GaussianColumns::default();
+        let mut named = crate::model::Columns::default();
         if header.weighted {
             let mut mass: Vec<f64> = count.iter().zip(&weight).map(|(c, w)| c * w).collect();
             rescale(&mut mass, header.mass);
@@ -403,7 +403,7 @@ impl BlockDecoder {
         let part = |column: &Vec<f64>| column[all.clone()].to_vec();
         let BlockColumns { mean, count, cov, weight } = &self.columns;
         let count = part(count);
-        let mut columns = crate::model::GaussianColumns::default();
+        let mut columns = crate::model::Columns::default();
         if self.header.weighted {
             // Weights are relative to the mean of the block's particles.
             let mean = self.header.mass / self.header.count as f64;

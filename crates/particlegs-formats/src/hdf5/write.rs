@@ -5,7 +5,7 @@ use super::units;
 use crate::fields::{OutField, StandardField, outputs};
 use particlegs::model::{Dimension, Layer, Mass, Unit};
 use particlegs::parallel;
-use particlegs::particles::{Kept, Number, Run, SnapshotMeta, SourceField};
+use particlegs::particles::{Number, Run, SelectedParticles, SnapshotMeta, SourceField};
 use particlegs::progress::Progress;
 use particlegs::{Error, Remedy, Result};
 use particlegs_files::output::PlacedFile;
@@ -19,7 +19,7 @@ const ORDER: [usize; 6] = [1, 2, 3, 4, 5, 0];
 ///
 /// # Errors
 /// [`Error::Input`] for more layers or another cell than the layout has; [`Error::Io`]; those of reading.
-pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
+pub fn write(kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
     let layers = kept.layers();
     let types = types(&layers, out)?;
     let fields = fields(kept);
@@ -60,7 +60,7 @@ struct LayerDataSets<'a> {
 
 impl LayerDataSets<'_> {
     /// Writes a run's particles from row `row` on.
-    fn write_run(&self, row: u64, (run, kept): (&Run, &Kept<'_>), bytes: &mut Vec<u8>) -> Result<()> {
+    fn write_run(&self, row: u64, (run, kept): (&Run, &SelectedParticles<'_>), bytes: &mut Vec<u8>) -> Result<()> {
         let [x, y, z, w] = &run.columns;
         bytes.clear();
         match kept.is_wide() {
@@ -110,7 +110,7 @@ const STANDARD: [StandardField; 9] = [
 ];
 
 /// The fields of each layer, as they are written.
-pub fn fields(kept: &Kept<'_>) -> Vec<Vec<OutField>> {
+pub fn fields(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
     let named = |field: &OutField| {
         !field.name.is_empty() && field.name.len() <= 200 && !field.name.contains('/') && field.name != "."
     };
@@ -141,7 +141,7 @@ fn types(layers: &[Layer<Range<u64>>], out: &Path) -> Result<Vec<usize>> {
 }
 
 fn groups(
-    kept: &Kept<'_>,
+    kept: &SelectedParticles<'_>,
     layers: &[Layer<Range<u64>>],
     types: &[usize],
     fields: &[Vec<OutField>],

@@ -1,7 +1,7 @@
 use super::{FORMAT, write};
 use crate::{Choice, Snapshot, SpeciesMass, Weights};
 use particlegs::model::Units;
-use particlegs::particles::{Column, Kept, Particles, Selection, Tiling};
+use particlegs::particles::{Column, Particles, SelectedParticles, Selection, Tiling};
 use particlegs::progress::Silent;
 use particlegs::space::Cell;
 use std::path::PathBuf;
@@ -210,7 +210,7 @@ fn particles() -> Particles {
 fn written(particles: &Particles) -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out.dump");
-    let kept = Kept::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
+    let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
     let bytes = write::write(&kept, &out, &Silent).unwrap();
     assert_eq!(bytes, std::fs::metadata(&out).unwrap().len());
     (dir, out)

@@ -2,7 +2,7 @@
 
 use crate::fields::{OutField, StandardField};
 use particlegs::parallel;
-use particlegs::particles::{Kept, Number, Run};
+use particlegs::particles::{Number, Run, SelectedParticles};
 use particlegs::progress::Progress;
 use particlegs::space::Cell;
 use particlegs::{Error, Result};
@@ -20,7 +20,7 @@ const BATCH: usize = 8;
 /// # Errors
 /// [`Error::Io`] where the place cannot be written; nothing is left then; [`Error::Input`] for
 /// positions that do not fit into float32; [`Error::Cancelled`].
-pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
+pub fn write(kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
     let frame = FrameOut::new(kept, progress)?;
     progress.begin("writing", kept.total());
     let mut bytes = 0;
@@ -55,7 +55,7 @@ enum WriteStop {
 }
 
 struct FrameOut<'a> {
-    kept: &'a Kept<'a>,
+    kept: &'a SelectedParticles<'a>,
     cell: Cell,
     /// Mass of a particle of weight 1, by layer; none where masses are not known, or are a field.
     masses: Option<Vec<f64>>,
@@ -64,7 +64,7 @@ struct FrameOut<'a> {
 }
 
 impl<'a> FrameOut<'a> {
-    fn new(kept: &'a Kept<'a>, progress: &dyn Progress) -> Result<Self> {
+    fn new(kept: &'a SelectedParticles<'a>, progress: &dyn Progress) -> Result<Self> {
         let layers = kept.layers();
         let fields = common(kept);
         let known = !fields.iter().any(|f| f[0].name == "mass");
@@ -188,7 +188,7 @@ const STANDARD: [StandardField; 2] = [
 const MOST_COLUMNS: usize = 1000;
 
 /// The fields that all layers have alike, each of every layer.
-pub fn common(kept: &Kept<'_>) -> Vec<Vec<OutField>> {
+pub fn common(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
     let mut all = crate::fields::common(kept, &STANDARD, &["x", "y", "z"]);
     let is_whole = |f: &OutField| f.columns.len() == 1 && !matches!(f.number, Number::F32 | Number::F64);
     all.retain(|f| !OWN.contains(&&f[0].name[..]) || is_whole(&f[0]));
@@ -244,7 +244,7 @@ fn push_whole(mut value: u64, text: &mut Vec<u8>) {
 }
 
 /// The box around particles that have no cell; it repeats nowhere.
-fn bounds(kept: &Kept<'_>, progress: &dyn Progress) -> Result<Cell> {
+fn bounds(kept: &SelectedParticles<'_>, progress: &dyn Progress) -> Result<Cell> {
     progress.begin("finding the box", kept.total());
     let ends = kept.map_runs(progress, |id, run| {
         kept.load(id, run)?;
@@ -270,7 +270,7 @@ fn bounds(kept: &Kept<'_>, progress: &dyn Progress) -> Result<Cell> {
 
 /// The style of units in which lengths and masses are what they are. Styles that share both are told
 /// apart by quantities that are not written.
-fn style_of(kept: &Kept<'_>) -> Option<&'static str> {
+fn style_of(kept: &SelectedParticles<'_>) -> Option<&'static str> {
     let meta = kept.meta();
     if meta.units.comoving == Some(true) {
         return None;

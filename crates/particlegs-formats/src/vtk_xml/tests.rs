@@ -3,7 +3,7 @@
 use super::*;
 use crate::{Choice, Weights};
 use particlegs::model::{Layer, Mass as LayerMass, Units};
-use particlegs::particles::{Column, Kept, Particles, Selection, Storage, Tiling};
+use particlegs::particles::{Column, Particles, SelectedParticles, Selection, Storage, Tiling};
 use particlegs::progress::Silent;
 use std::sync::Mutex;
 
@@ -94,7 +94,7 @@ fn broken_files_are_refused() {
 }
 
 fn written(particles: &Particles, path: &Path) -> u64 {
-    let kept = Kept::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
+    let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
     let bytes = write(&kept, path, &Silent).unwrap();
     assert_eq!(std::fs::metadata(path).unwrap().len(), bytes);
     bytes

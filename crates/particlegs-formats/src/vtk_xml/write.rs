@@ -7,7 +7,7 @@
 use crate::fields::OutField;
 use particlegs::model::{Layer, Mass};
 use particlegs::parallel;
-use particlegs::particles::{Kept, Number, Run};
+use particlegs::particles::{Number, Run, SelectedParticles};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_files::output::PlacedFile;
@@ -66,7 +66,7 @@ impl ArrayOffsets {
 /// # Errors
 /// [`Error::Input`] where positions overflow float32; [`Error::Argument`] for more than 256 layers;
 /// [`Error::Io`]; [`Error::Cancelled`].
-pub fn write(kept: &Kept<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
+pub fn write(kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
     let layers = kept.layers();
     if layers.len() > 256 {
         return Err(Error::argument(format!(
@@ -184,7 +184,7 @@ fn is_mass(name: &str) -> bool {
 }
 
 /// The fields that all layers have alike, each of every layer.
-pub fn common(kept: &Kept<'_>) -> Vec<Vec<OutField>> {
+pub fn common(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
     crate::fields::common(kept, &[], &["Points", "species", "connectivity", "offsets"])
 }
 
@@ -205,7 +205,7 @@ fn kind_of(number: Number) -> &'static str {
 }
 
 /// The XML up to the first array, as long as alignment needs.
-fn head(kept: &Kept<'_>, layers: &[Layer<Range<u64>>], layout: &ArrayOffsets) -> Result<String> {
+fn head(kept: &SelectedParticles<'_>, layers: &[Layer<Range<u64>>], layout: &ArrayOffsets) -> Result<String> {
     let mut xml = String::from("<?xml version=\"1.0\"?>\n");
     text(kept, layers, layout, &mut xml).map_err(|_| Error::argument("the header of a VTP cannot be written"))?;
     let opening = "  <AppendedData encoding=\"raw\">";
@@ -217,7 +217,12 @@ fn head(kept: &Kept<'_>, layers: &[Layer<Range<u64>>], layout: &ArrayOffsets) ->
     Ok(xml)
 }
 
-fn text(kept: &Kept<'_>, layers: &[Layer<Range<u64>>], layout: &ArrayOffsets, xml: &mut String) -> std::fmt::Result {
+fn text(
+    kept: &SelectedParticles<'_>,
+    layers: &[Layer<Range<u64>>],
+    layout: &ArrayOffsets,
+    xml: &mut String,
+) -> std::fmt::Result {
     let count = kept.total();
     // Two dashes would end a comment; XML cannot hold these letters.
     let shown = |text: &str| {

@@ -32,7 +32,7 @@ use particlegs_core::progress::Progress;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::{Error, Result};
 use particlegs_train::depth::{DepthStepper, Parameters, StepSize, WIDTHS};
-use particlegs_train::{Loss, NonFiniteGradient, Shot, Stepped, TrainingSubject};
+use particlegs_train::{Loss, NonFiniteGradient, Shot, StepReport, TrainingSubject};
 use picture::{CurveCache, TrainingPicture};
 use std::fmt;
 use std::sync::Arc;
@@ -160,7 +160,7 @@ impl StepRecord {
 }
 
 impl DepthStepper for DepthSteps {
-    fn step(&mut self, of: &mut Parameters, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped> {
+    fn step(&mut self, of: &mut Parameters, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<StepReport> {
         if self.newer == ParameterLocation::Here {
             self.held.put(&self.device, of)?;
         }
@@ -246,12 +246,12 @@ impl DepthSteps {
 }
 
 /// What a step tells, of faults.wgsl's words.
-fn stepped(words: &[u8]) -> Stepped {
+fn stepped(words: &[u8]) -> StepReport {
     let word = |k: usize| [words[4 * k], words[4 * k + 1], words[4 * k + 2], words[4 * k + 3]];
     let (count, first) = (u32::from_le_bytes(word(4)), u32::from_le_bytes(word(5)));
     let group = ["position", "covariance", "count"][(first % 4).min(2) as usize];
     let not_finite = NonFiniteGradient { group, gaussian: first as usize / 4, count: count as usize };
-    Stepped { loss: f64::from(f32::from_le_bytes(word(0))), not_finite: (count > 0).then_some(not_finite) }
+    StepReport { loss: f64::from(f32::from_le_bytes(word(0))), not_finite: (count > 0).then_some(not_finite) }
 }
 
 /// Numbers of a Gaussian that steps move.

@@ -9,7 +9,7 @@ use crate::{AT_ONCE, CUTS_AT_ONCE, Device, dispatches};
 use particlegs_core::Result;
 use particlegs_core::picture::Size;
 use particlegs_core::splat::Look;
-use particlegs_train::Stepped;
+use particlegs_train::StepReport;
 use std::collections::HashMap;
 use wgpu::BufferUsages as Use;
 
@@ -125,7 +125,7 @@ impl TrainingPicture {
     ///
     /// # Errors
     /// Those of the device.
-    pub fn told(&self, device: &Device) -> Result<Stepped> {
+    pub fn told(&self, device: &Device) -> Result<StepReport> {
         Ok(stepped(&device.read(&self.compared.told, 24)?))
     }
 }

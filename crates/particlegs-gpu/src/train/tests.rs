@@ -101,7 +101,12 @@ fn size_of_step(rate: f64) -> StepSize {
     StepSize { rates: [rate; 3], beta1: 0.9, beta2: 0.999, calm: 0.5, pull: 0.01, average: 0.2 }
 }
 
-fn steps(steps: &mut dyn DepthStepper, of: &mut Parameters, case: &DepthTrainingCase, number: usize) -> Vec<Stepped> {
+fn steps(
+    steps: &mut dyn DepthStepper,
+    of: &mut Parameters,
+    case: &DepthTrainingCase,
+    number: usize,
+) -> Vec<StepReport> {
     let target = target(case.crop.size);
     let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
     let mut one = || steps.step(of, &shot, &case.loss, &size_of_step(0.01)).unwrap();

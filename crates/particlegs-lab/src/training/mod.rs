@@ -6,7 +6,7 @@ mod published;
 use crate::lab::{Lab, ModelBuild};
 use crate::snapshot::Snapshot;
 use heard::{CurveCheckpoint, CurveRecorder, curve_of, seconds_of};
-use particlegs::compress::{Checkpoint, Compressed, FineTuning, Options, Target, compress, finetune};
+use particlegs::compress::{Checkpoint, CompressedModel, FineTuning, Options, Target, compress, finetune};
 use particlegs::model::{CertificateLevel, LawKind};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
@@ -14,7 +14,7 @@ use particlegs::pieces::Pieces;
 use particlegs::progress::Progress;
 use particlegs::train::{Config, Densify, Limits, Preset, Stage};
 use particlegs::{Error, Result};
-pub use published::{Standing, published};
+pub use published::{PublishedRunStatus, published};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -231,7 +231,7 @@ fn kept(
     lab: &Lab<'_>,
     inputs: &impl Serialize,
     piece: Option<Duration>,
-    work: impl FnOnce(&mut dyn Pieces, &dyn Progress) -> Result<Compressed>,
+    work: impl FnOnce(&mut dyn Pieces, &dyn Progress) -> Result<CompressedModel>,
 ) -> Result<TrainingResult> {
     let path = lab.on_device.path("checkpoint", inputs, "checkpoint");
     let whose = serde_json::to_vec(inputs).map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;

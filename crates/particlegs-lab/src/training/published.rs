@@ -13,7 +13,7 @@ use std::time::Duration;
 
 /// How far a run of the published recipe is.
 #[derive(Clone, Debug, Serialize)]
-pub struct Standing {
+pub struct PublishedRunStatus {
     /// Share of its pixels, steps and Gaussians.
     pub scale: f64,
     /// Particles that it is trained on.
@@ -36,12 +36,12 @@ pub struct Standing {
 ///
 /// # Errors
 /// [`Error::Argument`] for another scale; those of [`particlegs::compress::compress`]; [`Error::Io`].
-pub fn published(lab: &Lab<'_>, snapshot: &Snapshot, scale: f64, piece: Duration) -> Result<Standing> {
+pub fn published(lab: &Lab<'_>, snapshot: &Snapshot, scale: f64, piece: Duration) -> Result<PublishedRunStatus> {
     let config = scaled(Config::preset(Preset::Paper, LawKind::AlphaBlend), scale)?;
     let of = config.iterations();
     let task = TrainingTask::published(config, 1, lab.settings.seed);
     let run = trained_on(lab, (&snapshot.particles, &snapshot.hash), &task, Some(piece))?;
-    Ok(Standing {
+    Ok(PublishedRunStatus {
         scale,
         particles: snapshot.particles.len() as u64,
         iterations: run.unfinished.unwrap_or(of),

@@ -5,7 +5,7 @@ use super::parameters::{AlphaParameters, GROUPS, ParameterGroup};
 use super::start::Ground;
 use super::steps::{AlphaCpuSteps, AlphaStepper, Gaussians, StepSize};
 use crate::adam::Averages;
-use crate::learner::{Learner, Shot, StepInfo, Stepped};
+use crate::learner::{Learner, Shot, StepInfo, StepReport};
 use crate::loss::Loss;
 use crate::state::TrainingState;
 use particlegs_core::Result;
@@ -56,7 +56,7 @@ impl AlphaLearner {
 }
 
 impl Learner for AlphaLearner {
-    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &StepInfo) -> Result<Stepped> {
+    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport> {
         let c = &self.config;
         let size = StepSize {
             rates: ParameterGroup::ALL.map(|g| self.rate(g, at.iteration + 1)),

@@ -4,7 +4,7 @@ use super::parameters::{AlphaParameters, GROUPS, ParameterGroup};
 use super::pass::{ForwardPass, LoadedNetwork, faults};
 use super::start::Ground;
 use crate::adam::{Adam, Averages};
-use crate::learner::{NonFiniteGradient, Shot, Stepped};
+use crate::learner::{NonFiniteGradient, Shot, StepReport};
 use crate::loss::Loss;
 use particlegs_core::Result;
 use particlegs_core::model::vizmapper::{Network, Setting};
@@ -52,11 +52,11 @@ pub struct StepSize {
 /// What takes steps.
 pub trait AlphaStepper {
     /// Draws the shot, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
-    /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](Steps::fetch).
+    /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](AlphaStepper::fetch).
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] for a view with a number outside its range; those of a device.
-    fn step(&mut self, of: &mut Gaussians, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped>;
+    fn step(&mut self, of: &mut Gaussians, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<StepReport>;
 
     /// Brings everything up to date with the steps taken.
     ///
@@ -142,7 +142,7 @@ fn shown(drawn: &Plane) -> Plane {
 }
 
 impl AlphaStepper for AlphaCpuSteps {
-    fn step(&mut self, of: &mut Gaussians, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped> {
+    fn step(&mut self, of: &mut Gaussians, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<StepReport> {
         let (eye, setting) = (of.eye(shot)?, of.setting(shot));
         let mapper = of.mapper.as_ref().map(|m| LoadedNetwork {
             network: Network::new(m),
@@ -176,7 +176,7 @@ impl AlphaStepper for AlphaCpuSteps {
             not_finite = not_finite.or(Some(NonFiniteGradient { group: "vizmapper", gaussian: 0, count: 1 }));
         }
         // The picture's loss alone: what holds the network to the identity is no measure of it.
-        Ok(Stepped { loss: valued.value, not_finite })
+        Ok(StepReport { loss: valued.value, not_finite })
     }
 
     fn fetch(&mut self, _of: &mut Gaussians) -> Result<()> {

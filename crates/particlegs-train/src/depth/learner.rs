@@ -11,7 +11,7 @@ use super::density::{Relocation, relocate};
 use super::parameters::{Parameters, WIDTHS};
 use super::steps::{DepthStepper, StepSize};
 use crate::adam::Averages;
-use crate::learner::{Densify, Learner, Shot, StepInfo, Stepped};
+use crate::learner::{Densify, Learner, Shot, StepInfo, StepReport};
 use crate::loss::Loss;
 use crate::state::TrainingState;
 use particlegs_core::Result;
@@ -137,7 +137,7 @@ impl DepthLearner {
 }
 
 impl Learner for DepthLearner {
-    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &StepInfo) -> Result<Stepped> {
+    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport> {
         self.code(at)?;
         let size = self.size(at);
         self.steps.step(&mut self.parameters, shot, loss, &size)

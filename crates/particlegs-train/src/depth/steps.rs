@@ -6,7 +6,7 @@ use super::curve::BrightnessCurve;
 use super::parameters::{Parameters, WIDTHS};
 use super::raster::Tape;
 use crate::adam::Adam;
-use crate::learner::{NonFiniteGradient, Shot, Stepped};
+use crate::learner::{NonFiniteGradient, Shot, StepReport};
 use crate::loss::Loss;
 use particlegs_core::Result;
 use particlegs_core::parallel;
@@ -38,11 +38,11 @@ pub struct StepSize {
 /// What takes steps.
 pub trait DepthStepper {
     /// Draws the shot, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
-    /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](Steps::fetch).
+    /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](DepthStepper::fetch).
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] for a view with a number outside its range; those of a device.
-    fn step(&mut self, of: &mut Parameters, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped>;
+    fn step(&mut self, of: &mut Parameters, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<StepReport>;
 
     /// Brings the parameters up to date with the steps taken.
     ///
@@ -78,7 +78,7 @@ struct OwnFrameGradient {
 }
 
 impl DepthStepper for DepthCpuSteps {
-    fn step(&mut self, of: &mut Parameters, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped> {
+    fn step(&mut self, of: &mut Parameters, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<StepReport> {
         #[allow(unused_mut)]
         let (value, mut world) = self.backward(of, shot, loss)?;
         #[cfg(test)]
@@ -88,7 +88,7 @@ impl DepthStepper for DepthCpuSteps {
         let own = own(of, &world);
         update(of, &own, size);
         of.averaged.approach(&of.now, size.average);
-        Ok(Stepped { loss: value, not_finite: own.not_finite })
+        Ok(StepReport { loss: value, not_finite: own.not_finite })
     }
 
     fn fetch(&mut self, _of: &mut Parameters) -> Result<()> {

@@ -72,7 +72,7 @@ impl Default for Limits {
 }
 
 /// What is shown.
-pub struct Shown<'a> {
+pub struct ViewerContent<'a> {
     /// Model files: what the page calls each, and its bytes.
     pub models: Vec<(String, Vec<u8>)>,
     /// All particles, for the pictures beside the model's, and what the page calls them.
@@ -171,8 +171,8 @@ impl Server {
     ///
     /// # Errors
     /// [`Error::Io`] where the system refuses what serving needs.
-    pub fn serve(self, shown: Shown<'_>, progress: &dyn Progress, tell: &dyn Fn(Event)) -> Result<()> {
-        let Shown { models, truth, opening, poster } = shown;
+    pub fn serve(self, shown: ViewerContent<'_>, progress: &dyn Progress, tell: &dyn Fn(Event)) -> Result<()> {
+        let ViewerContent { models, truth, opening, poster } = shown;
         let named = models.iter().map(|(name, bytes)| ModelFile { name, bytes });
         let page = served(named, truth.as_ref().map(|t| &t.0), &opening, poster.is_some());
         let (desk, painter) = truth.as_ref().map(|_| desk::open()).unzip();

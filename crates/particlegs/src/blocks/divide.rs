@@ -103,7 +103,7 @@ mod tests {
     use super::super::SnapshotScan;
     use super::*;
     use crate::model::Mass;
-    use crate::particles::{Column, Layered};
+    use crate::particles::{Column, LayeredParticles};
     use crate::progress::Silent;
 
     #[test]
@@ -116,7 +116,7 @@ mod tests {
             .with_layers(vec![layer("a", 0..70_000), layer("b", 70_000..n as usize)]);
         let folder = tempfile::tempdir().unwrap();
         for storage in [Storage::Memory, Storage::Disk(folder.path().into())] {
-            let scan = SnapshotScan::new(&Layered::of(&p), "here", true, &Silent).unwrap();
+            let scan = SnapshotScan::new(&LayeredParticles::of(&p), "here", true, &Silent).unwrap();
             let blocks = divide(&p, &KdTree::new(&scan.sample, 3).unwrap(), &storage, &Silent).unwrap();
             assert_eq!(blocks.iter().map(Particles::len).sum::<usize>(), p.len());
             let mut seen: Vec<f32> = blocks.iter().flat_map(|b| b.weights().cloned().unwrap().to_vec()).collect();

@@ -3,7 +3,7 @@
 use super::PositionSample;
 use crate::Result;
 use crate::particles::{
-    Chunk, InvalidParticles, Layered, ParticlesOutsideBox, RUN, RunHash, hash_of_runs, hash_run, invalid,
+    Chunk, InvalidParticles, LayeredParticles, ParticlesOutsideBox, RUN, RunHash, hash_of_runs, hash_run, invalid,
 };
 use crate::progress::Progress;
 use crate::space::Bounds;
@@ -53,7 +53,7 @@ impl SnapshotScan {
     /// # Errors
     /// Those of the readers; [`crate::Error::Input`] at `place` for no particles and for invalid values;
     /// [`crate::Error::Cancelled`].
-    pub fn new(source: &Layered, place: &str, sampled: bool, progress: &dyn Progress) -> Result<SnapshotScan> {
+    pub fn new(source: &LayeredParticles, place: &str, sampled: bool, progress: &dyn Progress) -> Result<SnapshotScan> {
         let every = if sampled { PositionSample::every(source.count()) } else { 0 };
         progress.begin("reading positions", source.count());
         let mut all = SnapshotScan {
@@ -97,7 +97,7 @@ impl SnapshotScan {
 
     /// Drops the weights of layers in which they turned out to be all the same, here and in `source`, as
     /// [`crate::particles::settle_masses`] does of particles in memory.
-    pub fn settle(&mut self, source: &mut Layered) {
+    pub fn settle(&mut self, source: &mut LayeredParticles) {
         let mut from = 0;
         for (index, weight) in self.same_weight.iter_mut().enumerate() {
             let end = from + source.layers[index].runs() as usize;
@@ -110,7 +110,7 @@ impl SnapshotScan {
     }
 
     /// Bounds of each layer, world units.
-    pub fn layer_bounds(&self, source: &Layered) -> Vec<Bounds> {
+    pub fn layer_bounds(&self, source: &LayeredParticles) -> Vec<Bounds> {
         let mut runs = self.runs.iter();
         let of =
             |n: u64| runs.by_ref().take(n as usize).fold(Bounds::empty(), |all, r| all.union(&r.bounds(source.origin)));
@@ -132,7 +132,7 @@ impl RunScan {
 }
 
 impl RunContent {
-    fn of(chunk: &Chunk<'_>, source: &Layered, first: u64, every: u64) -> Self {
+    fn of(chunk: &Chunk<'_>, source: &LayeredParticles, first: u64, every: u64) -> Self {
         let end = |f: fn(f32, f32) -> f32, from: f32| chunk.position.map(|c| c.iter().fold(from, |a, &v| f(a, v)));
         let (min, max) = (end(f32::min, f32::INFINITY), end(f32::max, f32::NEG_INFINITY));
         let one = chunk.weight.and_then(|w| w.first().copied().filter(|f| w.iter().all(|v| v == f)));
@@ -176,7 +176,7 @@ mod tests {
     fn tells_what_the_particles_in_memory_tell() {
         for same in [false, true] {
             let p = snapshot(|i| if same && i >= 70_000 { 2.0 } else { 1.0 + i as f32 });
-            let mut source = Layered::of(&p);
+            let mut source = LayeredParticles::of(&p);
             let mut scan = SnapshotScan::new(&source, "here", true, &Silent).unwrap();
             assert_eq!(scan.hash(source.origin), p.source_hash());
             scan.settle(&mut source);
@@ -196,7 +196,7 @@ mod tests {
     #[test]
     fn invalid_values_are_named() {
         let p = snapshot(|i| if i == 140_000 { -1.0 } else { 1.0 + i as f32 });
-        let error = SnapshotScan::new(&Layered::of(&p), "here", false, &Silent).err().unwrap();
+        let error = SnapshotScan::new(&LayeredParticles::of(&p), "here", false, &Silent).err().unwrap();
         assert!(
             error
                 .to_string()

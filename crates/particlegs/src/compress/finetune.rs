@@ -2,7 +2,7 @@
 
 use super::certify::DecodedFile;
 use super::clock::Clock;
-use super::run::Compressed;
+use super::run::CompressedModel;
 use super::size::{CodedGaussians, SizeOutcome};
 use crate::codec::{self, Encoder};
 use crate::model::Target;
@@ -74,7 +74,7 @@ pub fn finetune(
     options: &FineTuning,
     pieces: &mut dyn Pieces,
     progress: &dyn Progress,
-) -> Result<Compressed> {
+) -> Result<CompressedModel> {
     let file = NewFile::of(model, model_bytes, options)?;
     let count = particles.len() as u64;
     if count != model.metadata.count {
@@ -112,7 +112,7 @@ pub fn finetune(
     let assembled = |certificate: Option<&Certificate>| file.assemble(&coded, network.as_deref(), certificate);
     let done = DecodedFile::of(assembled, measure, progress)?;
     clock.append(done.clock);
-    Ok(Compressed {
+    Ok(CompressedModel {
         bytes: done.bytes,
         model: done.model,
         raw_bytes: raw_bytes(model),

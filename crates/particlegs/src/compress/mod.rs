@@ -33,6 +33,6 @@ pub use finetune::{FineTuning, finetune};
 pub(crate) use memory::MemoryLoad;
 pub use options::Options;
 pub(crate) use plan::CompressionPlan;
-pub use run::{Compressed, Compression, compress};
+pub use run::{CompressedModel, Compression, compress};
 pub use simplify::simplify;
 pub(crate) use size::SizeOutcome;

@@ -10,7 +10,7 @@ use crate::camera::{ORBITS, base_distance, spherical_camera};
 use crate::codec::{self, CodedLayer};
 use crate::model::Target;
 use crate::model::{Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata, Recipe};
-use crate::particles::{Layered, check_box};
+use crate::particles::{LayeredParticles, check_box};
 use crate::picture::Size;
 use crate::progress::Progress;
 use crate::score::check_radius;
@@ -48,7 +48,7 @@ impl CompressionPlan {
     /// [`Error::Unreachable`] for a size that the network alone exceeds.
     pub(crate) fn new(
         options: &Options,
-        source: &Layered,
+        source: &LayeredParticles,
         scan: &SnapshotScan,
         blocks: u32,
         progress: &dyn Progress,

@@ -15,7 +15,7 @@ use crate::Result;
 use crate::blocks::SnapshotScan;
 use crate::fit::{self};
 use crate::model::{GoalResult, Model};
-use crate::particles::{Layered, Particles, Storage};
+use crate::particles::{LayeredParticles, Particles, Storage};
 use crate::pieces::Pieces;
 use crate::progress::Progress;
 use crate::score::{CertificateInput, GoalMetric};
@@ -25,7 +25,7 @@ use particlegs_files::memory::require;
 use particlegs_files::output;
 
 /// A file and how it came to be.
-pub struct Compressed {
+pub struct CompressedModel {
     /// The file, whole.
     pub bytes: Vec<u8>,
     /// The file decoded again.
@@ -61,7 +61,7 @@ pub fn compress(
     options: &Options,
     pieces: &mut dyn Pieces,
     progress: &dyn Progress,
-) -> Result<Compressed> {
+) -> Result<CompressedModel> {
     Compression::plan(particles, options, progress)?.run(pieces, progress)
 }
 
@@ -87,7 +87,7 @@ impl<'a> Compression<'a> {
             output::check_space_in(folder, particles.raw_bytes())?;
         }
         let mut clock = Clock::default();
-        let source = Layered::of(particles);
+        let source = LayeredParticles::of(particles);
         let scan = clock.time("read", || SnapshotScan::new(&source, &particles.meta.name, blocks != 1, progress))?;
         let plan = clock.time("divide", || CompressionPlan::new(options, &source, &scan, blocks, progress))?;
         let layer_bounds = scan.layer_bounds(&source);
@@ -109,7 +109,7 @@ impl<'a> Compression<'a> {
     ///
     /// # Errors
     /// As [`compress`].
-    pub fn run(self, pieces: &mut dyn Pieces, progress: &dyn Progress) -> Result<Compressed> {
+    pub fn run(self, pieces: &mut dyn Pieces, progress: &dyn Progress) -> Result<CompressedModel> {
         let Compression { particles, options, plan, layer_bounds, mut clock } = self;
         let mut trained = Vec::new();
         // What cannot be measured is refused before anything is fitted.
@@ -150,6 +150,6 @@ impl<'a> Compression<'a> {
         let DecodedFile { bytes, model, .. } = done;
         let thick = Thickness::of(particles, &plan.metadata.bounds).and_then(|t| t.note(&model));
         let notes = plan.notes.iter().cloned().chain(met).chain(thick).collect();
-        Ok(Compressed { bytes, model, raw_bytes, reached, step_factor, trained, stopped, notes, seconds })
+        Ok(CompressedModel { bytes, model, raw_bytes, reached, step_factor, trained, stopped, notes, seconds })
     }
 }

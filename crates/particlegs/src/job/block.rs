@@ -5,7 +5,7 @@ use crate::compress::{
     BlockContext, BlockParticles, BlockStore, Checkpoint, CodedBlock, SizeOutcome, StopPolicy, do_block,
 };
 use crate::model::hex;
-use crate::particles::{Layered, Particles};
+use crate::particles::{LayeredParticles, Particles};
 use crate::progress::Progress;
 use crate::train::Limits;
 use crate::{Error, Result, codec};
@@ -53,7 +53,7 @@ impl Job {
     pub fn block(
         &self,
         block: u32,
-        source: impl FnOnce() -> Result<Layered>,
+        source: impl FnOnce() -> Result<LayeredParticles>,
         progress: &dyn Progress,
     ) -> Result<BlockReport> {
         let blocks = self.manifest.plan.recipe().blocks;
@@ -122,7 +122,7 @@ struct JobFolder<'a, F> {
     report: Option<BlockReport>,
 }
 
-impl<F: FnOnce() -> Result<Layered>> BlockStore for JobFolder<'_, F> {
+impl<F: FnOnce() -> Result<LayeredParticles>> BlockStore for JobFolder<'_, F> {
     fn particles(&mut self, block: u32, progress: &dyn Progress) -> Result<BlockParticles> {
         let source = self.source.take().ok_or_else(|| Error::argument("a snapshot is opened once"))?;
         let particles = self.job.gather(block, source, progress)?;

@@ -3,7 +3,7 @@
 use super::bucket::Buckets;
 use super::manifest::Job;
 use crate::model::Layer;
-use crate::particles::{Chunk, ColumnBuffer, Layered, Particles, SnapshotMeta, Storage};
+use crate::particles::{Chunk, ColumnBuffer, LayeredParticles, Particles, SnapshotMeta, Storage};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::ops::Range;
@@ -14,7 +14,7 @@ impl Job {
     pub(super) fn gather(
         &self,
         block: u32,
-        source: impl FnOnce() -> Result<Layered>,
+        source: impl FnOnce() -> Result<LayeredParticles>,
         progress: &dyn Progress,
     ) -> Result<Particles> {
         match self.manifest.chunks {
@@ -53,7 +53,7 @@ impl Job {
     }
 
     /// From the runs that reach into the block.
-    fn gather_in_place(&self, block: u32, source: &Layered, progress: &dyn Progress) -> Result<Particles> {
+    fn gather_in_place(&self, block: u32, source: &LayeredParticles, progress: &dyn Progress) -> Result<Particles> {
         let (starts, tree) = (&self.starts, &self.manifest.plan.tree);
         let inside = |run: &u64| {
             let r = &self.runs[*run as usize];

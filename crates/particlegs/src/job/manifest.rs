@@ -5,7 +5,7 @@ use crate::blocks::RunScan;
 use crate::codec::MOST_LAYERS;
 use crate::compress::CompressionPlan;
 use crate::model::{CertificateLevel, Metadata};
-use crate::particles::{Layered, RUN};
+use crate::particles::{LayeredParticles, RUN};
 use crate::{Error, Remedy, Result};
 use particlegs_files::input::{Begins, Form, read_own};
 use serde::{Deserialize, Serialize};
@@ -202,7 +202,7 @@ impl Job {
     ///
     /// # Errors
     /// [`Error::Input`] where its layers are others than those planned.
-    pub(super) fn as_planned(&self, mut source: Layered) -> Result<Layered> {
+    pub(super) fn as_planned(&self, mut source: LayeredParticles) -> Result<LayeredParticles> {
         let planned = &self.manifest.plan.layers;
         let same = source.layers.len() == planned.len()
             && source.origin == self.manifest.origin

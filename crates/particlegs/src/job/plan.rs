@@ -6,7 +6,7 @@ use super::need::COPIES;
 use super::runs;
 use crate::blocks::{KdTree, SnapshotScan};
 use crate::compress::{CompressionPlan, Options};
-use crate::particles::{Layered, RUN};
+use crate::particles::{LayeredParticles, RUN};
 use crate::progress::Progress;
 use crate::{Error, Remedy, Result};
 use particlegs_files::input::read_own;
@@ -47,7 +47,7 @@ impl Job {
     /// [`Error::Argument`] for a target that only all blocks together meet and for more blocks than there are
     /// places; [`Error::Output`] where the folder holds another plan or something else; [`Error::Input`] for
     /// invalid values; [`Error::Bound`] where a task cannot be small enough; those of reading and writing.
-    pub fn plan(mut source: Layered, task: &Task<'_>, folder: &Path, progress: &dyn Progress) -> Result<Job> {
+    pub fn plan(mut source: LayeredParticles, task: &Task<'_>, folder: &Path, progress: &dyn Progress) -> Result<Job> {
         if task.options.target.goal().is_some() {
             return Err(Error::Argument {
                 what: "a quality is met by all blocks together, which a job cannot do".into(),
@@ -86,7 +86,7 @@ impl Job {
 }
 
 /// Writes the files of a plan, the manifest last; chunks too where `source` is only here.
-fn write(job: &Job, source: Option<&Layered>, text: &str, progress: &dyn Progress) -> Result<()> {
+fn write(job: &Job, source: Option<&LayeredParticles>, text: &str, progress: &dyn Progress) -> Result<()> {
     let folder = &job.folder;
     make_folder(&folder.join("blocks"))?;
     make_folder(&folder.join("scatter"))?;

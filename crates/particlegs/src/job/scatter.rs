@@ -3,7 +3,7 @@
 use super::bucket::{self, Buckets, SortedRun};
 use super::manifest::Job;
 use crate::blocks::RunScan;
-use crate::particles::{Chunk, Layered, hash_run};
+use crate::particles::{Chunk, LayeredParticles, hash_run};
 use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_files::output;
@@ -18,7 +18,7 @@ impl Job {
     /// after it was planned; those of reading and writing; [`Error::Cancelled`].
     pub fn scatter(
         &self,
-        source: impl FnOnce() -> Result<Layered>,
+        source: impl FnOnce() -> Result<LayeredParticles>,
         chunk: u64,
         progress: &dyn Progress,
     ) -> Result<bool> {
@@ -37,7 +37,7 @@ impl Job {
     }
 
     /// Reads a chunk's runs and writes their buckets.
-    pub(super) fn bucket(&self, source: &Layered, chunk: u64, progress: &dyn Progress) -> Result<()> {
+    pub(super) fn bucket(&self, source: &LayeredParticles, chunk: u64, progress: &dyn Progress) -> Result<()> {
         let first = chunk * self.manifest.chunk_runs;
         let end = (first + self.manifest.chunk_runs).min(self.runs.len() as u64);
         let sorted: Vec<Mutex<SortedRun>> = (first..end).map(|_| Mutex::default()).collect();

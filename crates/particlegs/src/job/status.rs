@@ -3,7 +3,7 @@
 use super::bucket::Buckets;
 use super::manifest::Job;
 use crate::blocks::SnapshotScan;
-use crate::particles::Layered;
+use crate::particles::LayeredParticles;
 use crate::progress::Progress;
 use crate::{Error, Result, codec};
 use particlegs_core::math::each_axis;
@@ -80,7 +80,7 @@ impl Job {
     /// # Errors
     /// [`crate::Error::Input`] naming the first that is broken, of another plan, or changed, or a block that
     /// is another one's; [`crate::Error::Corrupt`] for a block whose Gaussians cannot be decoded.
-    pub fn verify(&self, source: Option<Layered>, progress: &dyn Progress) -> Result<()> {
+    pub fn verify(&self, source: Option<LayeredParticles>, progress: &dyn Progress) -> Result<()> {
         let m = &self.manifest;
         if let Some(source) = source {
             let scan = SnapshotScan::new(&self.as_planned(source)?, &m.plan.metadata.source, false, progress)?;

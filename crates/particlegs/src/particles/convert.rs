@@ -2,14 +2,14 @@
 //!
 //! Memory stays at a few runs a thread, whatever the size of the output.
 
-use super::select::Kept;
+use super::select::SelectedParticles;
 use super::write::{RawForm, SnapshotDescription, SnapshotWriter};
 use crate::Result;
 use crate::parallel;
 use crate::progress::Progress;
 use std::path::Path;
 
-impl Kept<'_> {
+impl SelectedParticles<'_> {
     /// Writes float32 (float64 triples where positions have more digits) at `out`; says how many bytes. Nothing is left at `out` after an error or a stop.
     ///
     /// # Errors
@@ -59,7 +59,7 @@ mod tests {
         out: &Path,
         progress: &dyn Progress,
     ) -> Result<u64> {
-        let kept = Kept::new(p, tiling, selection, progress)?;
+        let kept = SelectedParticles::new(p, tiling, selection, progress)?;
         kept.write_raw(out, RawForm::of_name(out), progress).map(|_| kept.total())
     }
 

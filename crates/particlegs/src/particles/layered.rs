@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 /// Layers of one snapshot, about one origin. Where one layer has weights, or the masses of their
 /// particles differ, particles have masses, if all are known; else none is used.
-pub struct Layered {
+pub struct LayeredParticles {
     /// What the snapshot says.
     pub meta: SnapshotMeta,
     /// What positions are relative to.
@@ -26,7 +26,7 @@ pub(crate) struct ReadLayer {
     reader: Arc<dyn SnapshotReader>,
 }
 
-impl Layered {
+impl LayeredParticles {
     /// Layers as their readers give them: a name, and a reader whose metadata says the mass of a particle.
     ///
     /// # Errors
@@ -48,7 +48,7 @@ impl Layered {
             let layer = Layer { name, mass: Mass::new(weighted, particle_mass), content: reader.count() };
             ReadLayer { layer, reader }
         });
-        Ok(Layered { meta, origin, layers: layers.collect() })
+        Ok(LayeredParticles { meta, origin, layers: layers.collect() })
     }
 
     /// Particles in memory or mapped.
@@ -58,7 +58,7 @@ impl Layered {
             reader: Arc::new(particles.of_layer(l)),
         };
         let layers = particles.layers().iter().map(layer).filter(|l| l.layer.content > 0).collect();
-        Layered { meta: particles.meta.clone(), origin: particles.origin, layers }
+        LayeredParticles { meta: particles.meta.clone(), origin: particles.origin, layers }
     }
 
     /// Number of particles.

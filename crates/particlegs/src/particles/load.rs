@@ -1,14 +1,14 @@
 //! A snapshot opened whole from readers: one a layer.
 
 use super::scratch::ColumnBuffer;
-use super::{InPlace, Layered, Particles, RUN, ReadLayer, Storage};
+use super::{InPlace, LayeredParticles, Particles, RUN, ReadLayer, Storage};
 use crate::model::Layer;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::ops::Range;
 use std::sync::Mutex;
 
-impl Layered {
+impl LayeredParticles {
     /// Reads layers into columns of `storage`, one layer after the other; a single layer is mapped where its
     /// file's layout allows it. `NaN` and infinity stay ([`Particles::checked`]).
     ///
@@ -42,7 +42,7 @@ impl Layered {
 }
 
 /// The layers and where they lie.
-fn layers(source: &Layered) -> Result<Vec<Layer<Range<usize>>>> {
+fn layers(source: &LayeredParticles) -> Result<Vec<Layer<Range<usize>>>> {
     let mut end = 0usize;
     let place = |l: &ReadLayer| {
         let start = end;

@@ -3,7 +3,7 @@
 //! A [`SnapshotReader`] tells its [`SnapshotMeta`] first and then hands over its particles run by
 //! run; [`Particles`] is a snapshot opened whole, mapped where the file's layout allows it.
 //! Positions are `origin + local` with f32 locals, so that a box far from the origin keeps its
-//! precision; raw float32 files have the origin 0 and are never copied. [`Kept`] is what is
+//! precision; raw float32 files have the origin 0 and are never copied. [`SelectedParticles`] is what is
 //! left of a snapshot when it is tiled, cropped and thinned, to be written by any format.
 
 mod convert;
@@ -34,7 +34,7 @@ pub(crate) use hash::RunHash;
 pub(crate) use hash::hash_of_runs;
 pub(crate) use hash::hash_run;
 pub(crate) use in_box::{ParticlesOutsideBox, check_box, check_particles};
-pub use layered::Layered;
+pub use layered::LayeredParticles;
 pub(crate) use layered::ReadLayer;
 pub(crate) use masses::mass_classes;
 pub use meta::SnapshotMeta;
@@ -42,7 +42,7 @@ pub(crate) use neighbours::{Neighbours, cubic_spline, distances_to, places_of};
 pub(crate) use open::{InvalidParticles, invalid};
 pub(crate) use scratch::ColumnBuffer;
 pub use scratch::Storage;
-pub use select::{Kept, Run, Selection};
+pub use select::{Run, SelectedParticles, Selection};
 pub(crate) use source::ChunkBuffer;
 pub use source::{Chunk, InPlace, RUN, SnapshotReader};
 pub(crate) use storage::CHUNK;

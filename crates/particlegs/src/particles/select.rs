@@ -100,11 +100,11 @@ impl Selection {
 /// A run's particles, as they are to be written; reused from run to run.
 #[derive(Default)]
 pub struct Run {
-    /// x, y, z about [`Kept::origin`], then weights (empty where there are none).
+    /// x, y, z about [`SelectedParticles::origin`], then weights (empty where there are none).
     pub columns: [Vec<f32>; 4],
-    /// x, y, z about 0; empty where [`Kept::is_wide`] is not so.
+    /// x, y, z about 0; empty where [`SelectedParticles::is_wide`] is not so.
     pub positions: [Vec<f64>; 3],
-    /// The numbers of the layer's fields ([`Kept::fields`]), component by component; whole ones of 64 bits as their bits.
+    /// The numbers of the layer's fields ([`SelectedParticles::fields`]), component by component; whole ones of 64 bits as their bits.
     pub fields: Vec<Vec<f64>>,
     kept: Vec<u32>,
     buffer: ChunkBuffer,
@@ -124,14 +124,14 @@ impl Particles {
     /// The particles that a selection keeps, in columns of `storage`, about the same origin.
     ///
     /// # Errors
-    /// Those of [`Kept::new`]; [`Error::Memory`], [`Error::Io`] where `storage` has no room.
+    /// Those of [`SelectedParticles::new`]; [`Error::Memory`], [`Error::Io`] where `storage` has no room.
     pub fn select(&self, selection: Selection, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
-        Kept::about(self.origin, self, Tiling::single(), selection, progress)?.collect(storage, progress)
+        SelectedParticles::about(self.origin, self, Tiling::single(), selection, progress)?.collect(storage, progress)
     }
 }
 
 /// Runs of a tiled snapshot and what each keeps: what writers are given.
-pub struct Kept<'a> {
+pub struct SelectedParticles<'a> {
     particles: &'a Particles,
     /// What positions are written relative to.
     origin: [f64; 3],
@@ -152,7 +152,7 @@ pub struct Kept<'a> {
     first: Vec<u64>,
 }
 
-impl<'a> Kept<'a> {
+impl<'a> SelectedParticles<'a> {
     /// Counts what every run keeps of `particles`, repeated by `tiling`.
     ///
     /// # Errors
@@ -190,7 +190,7 @@ impl<'a> Kept<'a> {
         self.origin != [0.0; 3] || self.fields.iter().any(LayerFields::has_positions)
     }
 
-    /// The fields of each layer of [`Kept::layers`]; nothing where none are carried.
+    /// The fields of each layer of [`SelectedParticles::layers`]; nothing where none are carried.
     pub fn fields(&self) -> Vec<&[SourceField]> {
         let kept = |i: &usize| self.first(self.layer_runs[*i]) < self.first(self.layer_runs[*i + 1]);
         (0..self.fields.len()).filter(kept).map(|i| &self.fields[i].fields[..]).collect()
@@ -220,7 +220,7 @@ impl<'a> Kept<'a> {
         let runs = layers.iter().map(|l| l.content.len().div_ceil(CHUNK) as u64 * tiling.tiles());
         let layer_runs = running_sums(runs.collect());
         let (cropped_before, last_key, first) = Default::default();
-        let mut kept = Kept {
+        let mut kept = SelectedParticles {
             particles,
             origin,
             tiling,
@@ -295,7 +295,7 @@ impl<'a> Kept<'a> {
         layers.filter(|l| !l.content.is_empty()).collect()
     }
 
-    /// The layer (an index into [`Kept::layers`]) that run `id` lies in; a run may keep nothing.
+    /// The layer (an index into [`SelectedParticles::layers`]) that run `id` lies in; a run may keep nothing.
     pub fn layer_of(&self, id: u64) -> usize {
         let index = self.layer_runs.partition_point(|&r| r <= id) - 1;
         (0..index).filter(|&i| self.first(self.layer_runs[i]) < self.first(self.layer_runs[i + 1])).count()
@@ -344,7 +344,7 @@ impl<'a> Kept<'a> {
     /// Calls `each` with the number of every run and what it keeps, in parallel.
     ///
     /// # Errors
-    /// Those of [`Kept::load`] and `each`; [`Error::Cancelled`].
+    /// Those of [`SelectedParticles::load`] and `each`; [`Error::Cancelled`].
     pub fn for_each_run(
         &self,
         progress: &dyn Progress,
@@ -522,7 +522,7 @@ impl<'a> Kept<'a> {
         Ok(keys.get(left as usize - 1).copied())
     }
 
-    /// `of` the number of every run, in parallel, with scratch space for [`Kept::load`].
+    /// `of` the number of every run, in parallel, with scratch space for [`SelectedParticles::load`].
     ///
     /// # Errors
     /// Those of `of`; [`Error::Cancelled`].

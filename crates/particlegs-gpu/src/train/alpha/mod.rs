@@ -27,7 +27,7 @@ use held::AlphaBuffers;
 use kernels::AlphaTrainingKernels;
 use particlegs_core::Result;
 use particlegs_train::alpha::{AlphaStepper, Gaussians, StepSize};
-use particlegs_train::{Loss, NonFiniteGradient, Shot, Stepped};
+use particlegs_train::{Loss, NonFiniteGradient, Shot, StepReport};
 use picture::AlphaTrainingPicture;
 use record::AlphaStepRecord;
 use std::sync::Arc;
@@ -106,7 +106,7 @@ impl AlphaSteps {
 }
 
 impl AlphaStepper for AlphaSteps {
-    fn step(&mut self, of: &mut Gaussians, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<Stepped> {
+    fn step(&mut self, of: &mut Gaussians, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<StepReport> {
         let (eye, setting) = (of.eye(shot)?, of.setting(shot));
         if self.newer == ParameterLocation::Here {
             self.send(of)?;
@@ -161,12 +161,12 @@ impl AlphaSteps {
 }
 
 /// What a step tells, of faults.wgsl's words, and whether the network was moved.
-fn stepped(words: &[u8]) -> (Stepped, bool) {
+fn stepped(words: &[u8]) -> (StepReport, bool) {
     let word = |k: usize| [words[4 * k], words[4 * k + 1], words[4 * k + 2], words[4 * k + 3]];
     let [count, first, network] = [4, 5, 6].map(|k| u32::from_le_bytes(word(k)));
     let group = GROUPS[(first % 8).min(4) as usize];
     let of_gaussians = NonFiniteGradient { group, gaussian: first as usize / 8, count: count as usize };
     let of_network = NonFiniteGradient { group: "vizmapper", gaussian: 0, count: 1 };
     let not_finite = (count > 0).then_some(of_gaussians).or((network > 0).then_some(of_network));
-    (Stepped { loss: f64::from(f32::from_le_bytes(word(0))), not_finite }, network == 0)
+    (StepReport { loss: f64::from(f32::from_le_bytes(word(0))), not_finite }, network == 0)
 }

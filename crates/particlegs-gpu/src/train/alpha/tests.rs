@@ -97,7 +97,7 @@ fn target(size: Size) -> Plane {
 /// Rates that move Gaussians by about as much as published ones do in a hundred steps.
 const STEP: StepSize = StepSize { rates: [1e-3, 5e-3, 1e-3, 5e-2, 2.5e-3], network: 1e-3, clip: 1.0, identity: 0.01 };
 
-fn steps(steps: &mut dyn AlphaStepper, of: &mut Gaussians, case: &AlphaTrainingCase, number: usize) -> Vec<Stepped> {
+fn steps(steps: &mut dyn AlphaStepper, of: &mut Gaussians, case: &AlphaTrainingCase, number: usize) -> Vec<StepReport> {
     let target = target(case.crop.size);
     let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
     let told = (0..number).map(|_| steps.step(of, &shot, &case.loss, &STEP).unwrap()).collect();

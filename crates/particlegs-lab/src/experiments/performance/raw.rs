@@ -3,7 +3,7 @@
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
 use particlegs::Result;
-use particlegs::particles::{Kept, RawForm, Selection, Tiling};
+use particlegs::particles::{RawForm, SelectedParticles, Selection, Tiling};
 use particlegs_files::output::FileSet;
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
@@ -47,7 +47,7 @@ impl<'a> RawCopy<'a> {
     pub fn written(&self, name: &str, tiling: Tiling, selection: Selection) -> Result<PathBuf> {
         let path = self.folder()?.join(name);
         if !path.exists() {
-            let kept = Kept::new(&self.of.particles, tiling, selection, self.lab.progress)?;
+            let kept = SelectedParticles::new(&self.of.particles, tiling, selection, self.lab.progress)?;
             kept.write_raw(&path, RawForm::Columns, self.lab.progress)?;
         }
         Ok(path)
