@@ -7,7 +7,7 @@ use crate::work::WorkOptions;
 use particlegs::compress::{Options, Target, compress as run};
 use particlegs::model::{CertificateLevel, Goal, GoalKind, LawKind};
 use particlegs::particles::Storage;
-use particlegs::pieces::NoPieces;
+use particlegs::pieces::NoCheckpoints;
 use particlegs::train::{Config, Preset};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
@@ -131,7 +131,7 @@ pub fn compress(
     let particles = &*snapshot.particles;
     let name = particles.meta.name.clone();
     let made =
-        WorkOptions { threads, progress }.run(py, |progress| run(particles, &options, &mut NoPieces, progress))?;
+        WorkOptions { threads, progress }.run(py, |progress| run(particles, &options, &mut NoCheckpoints, progress))?;
     // Of the line that calls the package, not of the package's own.
     const CALLER: i32 = 2;
     let (certificate, unit) = (made.model.certificate.as_ref(), made.model.metadata.units.length_text());

@@ -13,7 +13,7 @@ use particlegs::particles::RawForm;
 use particlegs::picture::{Gray8, Pixels, Plane, Size};
 use particlegs::recover::Options;
 use particlegs::render::{Scene, Scratch, draw_into, extent, optical_depth_into, surface_density};
-use particlegs::score::Finding;
+use particlegs::score::Assessment;
 use particlegs::{codec, parallel};
 use particlegs_export::density_unit;
 use particlegs_files::output;
@@ -164,7 +164,7 @@ impl Model {
             "raw_bytes": raw_bytes,
             "layers": m.layers.iter().map(layer).collect::<Vec<_>>(),
             "certificate": m.certificate,
-            "verdict": Finding::verdict(m.certificate.as_ref(), &m.metadata),
+            "verdict": Assessment::verdict(m.certificate.as_ref(), &m.metadata),
         })
         .to_string()
     }

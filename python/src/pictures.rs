@@ -6,7 +6,7 @@ use numpy::{PyArray2, PyReadonlyArrayDyn, ToPyArray};
 use particlegs::camera::{Camera, DensityView, Projection, View, Window, base_distance, spherical_camera};
 use particlegs::picture::{DensityColors, Gray8, Plane, Size};
 use particlegs::space::{Bounds, Cell};
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs::{Error, Result};
 use pyo3::prelude::*;
 
@@ -120,8 +120,8 @@ pub fn check(size: Size) -> Result<()> {
 }
 
 /// The look of a style; `None` = brightness without rounding.
-pub fn look(style: &str) -> PyResult<Option<Look>> {
-    Ok(Some(named("style", style)?).filter(|look| *look != Look::Expected))
+pub fn look(style: &str) -> PyResult<Option<ToneStyle>> {
+    Ok(Some(named("style", style)?).filter(|look| *look != ToneStyle::Expected))
 }
 
 /// 8-bit levels, (height, width).

@@ -7,7 +7,9 @@ use crate::work::WorkOptions;
 use numpy::ndarray::ArrayView;
 use numpy::{PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
 use particlegs::model::{Cosmology, Epoch, Layer, Units, is_species};
-use particlegs::particles::{SelectedParticles, LayeredParticles, Particles, Positions, Selection, SnapshotMeta, Storage, Tiling};
+use particlegs::particles::{
+    LayeredParticles, Particles, Positions, SelectedParticles, Selection, SnapshotMeta, Storage, Tiling,
+};
 use particlegs::picture::Size;
 use particlegs::reference::Reference;
 use particlegs::space::{Bounds, Cell};
@@ -138,7 +140,8 @@ impl Snapshot {
                 InputPositions::InPlace(positions) => Particles::new(positions, [0.0; 3], meta),
                 InputPositions::Rows(array) => {
                     let reader = array.reader(meta)?;
-                    LayeredParticles::new(vec![(Particles::ONE_LAYER.into(), reader)])?.load(&Storage::Memory, progress)?
+                    LayeredParticles::new(vec![(Particles::ONE_LAYER.into(), reader)])?
+                        .load(&Storage::Memory, progress)?
                 }
             };
             let name = particles.meta.name.clone();

@@ -13,7 +13,7 @@ use particlegs::model::{
     MetricEntry, MetricGroup, MetricValue, Quantity, Recipe, Units, VIZMAPPER_SHAPE, VizMapper, VizRanges,
 };
 use particlegs::progress::Progress;
-use particlegs::score::{Finding, Use, Word};
+use particlegs::score::{Assessment, Grade, UseCase};
 use particlegs::space::Cell;
 use particlegs_files::input::name_of;
 use serde::Serialize;
@@ -38,7 +38,7 @@ struct ModelInfoReport<'a> {
     vizmapper: Option<NetworkReport>,
     published_bytes: u64,
     certificate: Option<&'a Certificate>,
-    verdict: Vec<Finding>,
+    verdict: Vec<Assessment>,
 }
 
 #[derive(Serialize)]
@@ -128,7 +128,7 @@ fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
         vizmapper: info.vizmapper.as_ref().map(network),
         published_bytes: gaussians * AlphaBlend::PLY_BYTES,
         certificate: info.certificate.as_ref(),
-        verdict: Finding::verdict(info.certificate.as_ref(), &info.metadata),
+        verdict: Assessment::verdict(info.certificate.as_ref(), &info.metadata),
     };
     context.finish(&text(&report), &report)
 }
@@ -318,7 +318,7 @@ fn tables(entries: &[MetricEntry], unit: Option<&str>) -> Vec<String> {
 }
 
 /// What the model is good for, a line a use.
-pub fn verdict(findings: &[Finding]) -> String {
+pub fn verdict(findings: &[Assessment]) -> String {
     let mut out = "verdict            what the model is good for (docs/guide/certificate.md)\n".to_string();
     for f in findings {
         out += &(wrapped(&format!("  {:<15} {:<14} ", f.of.name(), f.word.name()), &f.why, 33) + "\n");
@@ -334,9 +334,9 @@ pub fn told<T>(
     layers: &[Layer<T>],
     place: &Path,
     progress: &dyn Progress,
-) -> (String, Vec<Finding>) {
-    let v = Finding::verdict(c, metadata);
-    let poor = |f: &&Finding| matches!(f.of, Use::Pictures | Use::Density) && f.word == Word::DoesNot;
+) -> (String, Vec<Assessment>) {
+    let v = Assessment::verdict(c, metadata);
+    let poor = |f: &&Assessment| matches!(f.of, UseCase::Pictures | UseCase::Density) && f.word == Grade::DoesNot;
     let poor: Vec<String> = v.iter().filter(poor).map(|f| format!("{}: {}", f.of.name(), f.figure())).collect();
     if !poor.is_empty() {
         progress.message(&format!("warning: the model shows little of these particles; {}", poor.join("; ")));
@@ -352,13 +352,13 @@ pub fn told<T>(
 }
 
 /// A line a use; uses that were not measured for one reason share a line.
-fn in_short(findings: &[Finding]) -> String {
-    let (missing, judged): (Vec<_>, Vec<_>) = findings.iter().partition(|f| f.word == Word::NotMeasured);
+fn in_short(findings: &[Assessment]) -> String {
+    let (missing, judged): (Vec<_>, Vec<_>) = findings.iter().partition(|f| f.word == Grade::NotMeasured);
     let mut lines: Vec<[String; 3]> =
         judged.iter().map(|f| [f.of.name(), f.word.name(), f.figure()].map(String::from)).collect();
     for why in missing.iter().map(|f| f.figure()).collect::<BTreeSet<_>>() {
         let uses: Vec<&str> = missing.iter().filter(|f| f.figure() == why).map(|f| f.of.name()).collect();
-        lines.push([Word::NotMeasured.name().into(), String::new(), format!("{}: {why}", uses.join(", "))]);
+        lines.push([Grade::NotMeasured.name().into(), String::new(), format!("{}: {why}", uses.join(", "))]);
     }
     lines.iter().map(|[of, word, why]| format!("\n  {of:<15} {word:<14} {why}")).collect()
 }

@@ -18,7 +18,7 @@ use particlegs::picture::{Colormap, Gray8, Rgb8, Size, diverging, masked_psnr};
 use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs::render::{self, Scene};
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs_files::output::{FileSet, write_bytes};
 use std::path::{Path, PathBuf};
 
@@ -98,8 +98,8 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn 
         radius: m.default_radius,
         opacity: m.default_opacity,
     };
-    let truth = Reference::with_bounds(particles, m.bounds).draw(&view, PANEL, Look::Paraview, progress)?;
-    let drawn = render::draw(&Scene::of(model), &view, PANEL, Look::Paraview, progress)?;
+    let truth = Reference::with_bounds(particles, m.bounds).draw(&view, PANEL, ToneStyle::Paraview, progress)?;
+    let drawn = render::draw(&Scene::of(model), &view, PANEL, ToneStyle::Paraview, progress)?;
     let score = masked_psnr(&truth, &drawn).map_or("identical".into(), |s| format!("masked PSNR {s:.1} dB"));
     let captions = [
         format!("{} particles, as ParaView draws them", grouped(m.count)),

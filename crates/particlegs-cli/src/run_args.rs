@@ -6,7 +6,7 @@ use crate::outputs::{LOG, PNG, SVG};
 use crate::train_log::{curves, logged};
 use clap::{Args, ValueHint};
 use particlegs::compress::{Checkpoint, CompressedModel};
-use particlegs::pieces::{NoPieces, Pieces};
+use particlegs::pieces::{CheckpointStore, NoCheckpoints};
 use particlegs::progress::Progress;
 use particlegs::train::Limits;
 use particlegs::{Error, Result};
@@ -111,10 +111,10 @@ impl RunArgs {
         &self,
         context: &Context,
         mut checkpoint: Option<&mut Checkpoint>,
-        work: impl FnOnce(&mut dyn Pieces, &dyn Progress) -> Result<CompressedModel>,
+        work: impl FnOnce(&mut dyn CheckpointStore, &dyn Progress) -> Result<CompressedModel>,
     ) -> Result<CompressedModel> {
-        let mut none = NoPieces;
-        let pieces: &mut dyn Pieces = match &mut checkpoint {
+        let mut none = NoCheckpoints;
+        let pieces: &mut dyn CheckpointStore = match &mut checkpoint {
             Some(c) => *c,
             None => &mut none,
         };

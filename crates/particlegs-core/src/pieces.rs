@@ -3,7 +3,7 @@
 use crate::Result;
 
 /// Where finished pieces are kept. What the work gives does not depend on which of them are there.
-pub trait Pieces {
+pub trait CheckpointStore {
     /// A piece that was kept before.
     fn get(&self, key: &str) -> Option<Vec<u8>>;
     /// Keeps a piece.
@@ -14,16 +14,16 @@ pub trait Pieces {
     /// Keeps a piece, and sees to it that it outlives the process from now on.
     ///
     /// # Errors
-    /// As [`Pieces::keep`].
+    /// As [`CheckpointStore::keep`].
     fn keep_now(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
         self.keep(key, bytes)
     }
 }
 
 /// Keeps nothing.
-pub struct NoPieces;
+pub struct NoCheckpoints;
 
-impl Pieces for NoPieces {
+impl CheckpointStore for NoCheckpoints {
     fn get(&self, _: &str) -> Option<Vec<u8>> {
         None
     }
@@ -36,12 +36,12 @@ impl Pieces for NoPieces {
 /// Pieces under a name of their own.
 pub struct PrefixedPieces<'a> {
     /// Where they are kept.
-    pub pieces: &'a mut dyn Pieces,
+    pub pieces: &'a mut dyn CheckpointStore,
     /// What their keys begin with.
     pub prefix: String,
 }
 
-impl Pieces for PrefixedPieces<'_> {
+impl CheckpointStore for PrefixedPieces<'_> {
     fn get(&self, key: &str) -> Option<Vec<u8>> {
         self.pieces.get(&format!("{}/{key}", self.prefix))
     }

@@ -230,23 +230,23 @@ mod tests {
         use particlegs::model::CertificateLevel;
         use particlegs::particles::Particles;
         use particlegs::picture::{Size, masked_psnr};
-        use particlegs::pieces::NoPieces;
+        use particlegs::pieces::NoCheckpoints;
         use particlegs::progress::Silent;
         use particlegs::render::{Scene, draw};
-        use particlegs::splat::Look;
+        use particlegs::splat::ToneStyle;
 
         let sample = concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64");
         let particles = Particles::open_raw(&[sample.into()]).unwrap();
         let (certificate, effort) = (CertificateLevel::None, particlegs::model::Effort::Fast);
         let options = Options { target: Target::Gaussians(4000), certificate, effort, ..Options::default() };
-        let model = compress(&particles, &options, &mut NoPieces, &Silent).unwrap().model;
+        let model = compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap().model;
         let (m, size) = (&model.metadata, Size { width: 480, height: 270 });
         let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, size));
         for (opacity, least) in [(0.05, 30.0), (0.5, 26.5)] {
             let view = View { name: "view".into(), camera, radius: m.default_radius, opacity };
-            let wanted = draw(&Scene::of(&model), &view, size, Look::Expected, &Silent).unwrap();
+            let wanted = draw(&Scene::of(&model), &view, size, ToneStyle::Expected, &Silent).unwrap();
             let (splats, faint) = as_splats(model.clone(), m.default_radius, opacity, &Silent).unwrap();
-            let got = draw(&Scene::of(&splats), &view, size, Look::Expected, &Silent).unwrap();
+            let got = draw(&Scene::of(&splats), &view, size, ToneStyle::Expected, &Silent).unwrap();
             let score = masked_psnr(&wanted, &got).unwrap_or(f64::INFINITY);
             eprintln!("opacity {opacity}: {score:.2} dB, {faint:?}");
             assert!(score > least, "{opacity}: {score} dB");

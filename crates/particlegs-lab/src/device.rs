@@ -8,7 +8,7 @@ use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs::render::{Scene, draw};
 use particlegs::space::Bounds;
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs::{Result, train};
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -66,13 +66,13 @@ impl Device for Processor {
     fn particles<'a>(&self, of: &'a Particles, bounds: Bounds, style: Style, p: &'a dyn Progress) -> Result<Draw<'a>> {
         let reference = Reference::with_bounds(of, bounds);
         Ok(Box::new(move |view, size| match style {
-            Style::Paraview => reference.draw(view, size, Look::Paraview, p),
-            Style::NoiseFree => reference.response(view, size, Look::Paraview, p),
+            Style::Paraview => reference.draw(view, size, ToneStyle::Paraview, p),
+            Style::NoiseFree => reference.response(view, size, ToneStyle::Paraview, p),
         }))
     }
 
     fn model<'a>(&self, of: &'a Model, progress: &'a dyn Progress) -> Result<Draw<'a>> {
         let scene = Scene::of(of);
-        Ok(Box::new(move |view, size| draw(&scene, view, size, Look::Paraview, progress)))
+        Ok(Box::new(move |view, size| draw(&scene, view, size, ToneStyle::Paraview, progress)))
     }
 }

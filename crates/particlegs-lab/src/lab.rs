@@ -14,7 +14,7 @@ use particlegs::compress::{CompressedModel, Options, Target, compress};
 use particlegs::fit::Effort;
 use particlegs::model::{CertificateLevel, Model};
 use particlegs::particles::{Particles, RawForm};
-use particlegs::pieces::NoPieces;
+use particlegs::pieces::NoCheckpoints;
 use particlegs::progress::Progress;
 use particlegs::recover;
 use particlegs::space::Bounds;
@@ -109,7 +109,7 @@ impl<'a> Lab<'a> {
     pub fn model(&self, snapshot: &Snapshot, recipe: &ModelSettings) -> Result<ModelBuild> {
         let recipe = recipe.in_bytes(snapshot);
         self.made(&(&snapshot.hash, &recipe), || {
-            compress(&snapshot.particles, &recipe.options(), &mut NoPieces, self.progress)
+            compress(&snapshot.particles, &recipe.options(), &mut NoCheckpoints, self.progress)
         })
     }
 

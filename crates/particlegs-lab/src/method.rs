@@ -12,7 +12,7 @@ use particlegs::compress::{Target, compress};
 use particlegs::fit::Effort;
 use particlegs::model::Model;
 use particlegs::particles::Particles;
-use particlegs::pieces::NoPieces;
+use particlegs::pieces::NoCheckpoints;
 use particlegs::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -137,8 +137,9 @@ impl CompressionMethod {
         match self {
             CompressionMethod::OpticalDepth => {
                 let recipe = ModelSettings { target: Target::Size(bytes), effort: Effort::Default, blocks: 1, seed };
-                let made =
-                    lab.made(&(hash, &recipe), || compress(particles, &recipe.options(), &mut NoPieces, lab.progress))?;
+                let made = lab.made(&(hash, &recipe), || {
+                    compress(particles, &recipe.options(), &mut NoCheckpoints, lab.progress)
+                })?;
                 Ok(MethodOutput {
                     bytes: made.bytes.len() as u64,
                     content: FileContent::Model(Box::new(made.model)),

@@ -6,7 +6,7 @@ use super::learner::Densify;
 use super::loss::{Loss, Norm};
 use particlegs_core::codec::file_hash;
 use particlegs_core::model::{LawKind, TrainingRecipe, hex};
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 use particlegs_core::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -68,7 +68,7 @@ pub struct Config {
     /// How Gaussians become a picture.
     pub law: LawKind,
     /// Look of the targets: `paraview`, `paraview-no-fxaa` or `expected`.
-    pub target: Look,
+    pub target: ToneStyle,
     /// What the run starts from.
     pub start: Start,
     /// Steps from one evaluation on held-out pictures to the next.
@@ -130,7 +130,7 @@ impl Config {
         // full size teach half as much in the same time (docs/results/training-optical-depth.md).
         let ours = |[half, larger]: [u64; 2], frames: u64| Config {
             law,
-            target: Look::Expected,
+            target: ToneStyle::Expected,
             start: Start::Fit,
             evaluate_every: 500,
             evaluate_views: 6,
@@ -171,7 +171,7 @@ impl Config {
         let (hd, three) = ([1920, 1080], [5760, 3240]);
         Config {
             law,
-            target: Look::Paraview,
+            target: ToneStyle::Paraview,
             start: Start::Random,
             evaluate_every: 1000,
             evaluate_views: 8,

@@ -9,7 +9,7 @@ use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::Progress;
 
 /// A picture to learn from.
-pub struct Shot<'a> {
+pub struct TrainingSample<'a> {
     /// Camera, radius and opacity.
     pub view: &'a View,
     /// Brightness wanted, in [0, 1]; its size is the crop's.
@@ -91,7 +91,7 @@ pub(crate) trait Learner {
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] for a view with a number outside its range.
-    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport>;
+    fn step(&mut self, shot: &TrainingSample<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport>;
 
     /// Density control due after the step at `at`.
     ///

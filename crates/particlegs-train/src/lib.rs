@@ -32,7 +32,7 @@ pub use cameras::Defaults;
 pub use config::{Cameras, Config, Preset, Stage, Start};
 pub use depth::{DepthConfig, DepthRates};
 pub use device::Device;
-pub use learner::{Crop, Densify, NonFiniteGradient, Shot, StepReport};
+pub use learner::{Crop, Densify, NonFiniteGradient, StepReport, TrainingSample};
 pub use loss::{Loss, Norm};
 pub use run::{InitialGaussians, Limits, TrainedMixture, TrainedRun, Training};
 pub use subject::TrainingSubject;

@@ -1,13 +1,13 @@
 //! A training run: stages of steps, evaluation on held-out views, checkpoints, a log.
 
-use super::alpha::{AlphaConfig, AlphaLearner, Ground};
+use super::alpha::{AlphaConfig, AlphaLearner, TrainingScale};
 use super::cameras::{Defaults, Views};
 use super::config::{Config, Stage};
 use super::depth::{DepthContext, DepthCpuSteps, DepthLearner};
 use super::device::Device;
 use super::held_out::HeldOutViews;
 use super::journal::{Journal, RunStatus};
-use super::learner::{Crop, Learner, Shot, StepInfo};
+use super::learner::{Crop, Learner, StepInfo, TrainingSample};
 use super::state::TrainingState;
 use super::subject::TrainingSubject;
 use super::targets::Targets;
@@ -15,7 +15,7 @@ use particlegs_core::camera::{Normalisation, View};
 use particlegs_core::math::{Purpose, Random};
 use particlegs_core::model::{Law, LawKind, Mixture, Model};
 use particlegs_core::picture::Size;
-use particlegs_core::pieces::Pieces;
+use particlegs_core::pieces::CheckpointStore;
 use particlegs_core::progress::{Level, Progress};
 use particlegs_core::{Error, Remedy, Result};
 use std::path::PathBuf;
@@ -176,7 +176,7 @@ impl<'a> Training<'a> {
     pub fn run(
         &self,
         initial: InitialGaussians<'_>,
-        pieces: &mut dyn Pieces,
+        pieces: &mut dyn CheckpointStore,
         progress: &dyn Progress,
     ) -> Result<TrainedMixture> {
         self.config.check()?;
@@ -191,7 +191,7 @@ impl<'a> Training<'a> {
     pub(super) fn run_with(
         &self,
         learner: Box<dyn Learner + 'a>,
-        pieces: &mut dyn Pieces,
+        pieces: &mut dyn CheckpointStore,
         progress: &'a dyn Progress,
     ) -> Result<TrainedMixture> {
         let Training { subject, config, limits, defaults } = *self;
@@ -233,7 +233,7 @@ impl<'a> Training<'a> {
     fn learner(&self, initial: InitialGaussians<'_>) -> Result<Box<dyn Learner>> {
         let Training { subject, config, limits, defaults } = *self;
         let (bounds, particles) = (defaults.bounds, subject.len() as u64);
-        let ground = Ground {
+        let ground = TrainingScale {
             frame: Normalisation::of(&bounds),
             radius: defaults.radius,
             opacity: defaults.opacity,
@@ -302,7 +302,7 @@ impl Progress for UninterruptedProgress<'_> {
 
 impl TrainingLoop<'_> {
     /// All stages, as far as the time goes.
-    fn stages(&mut self, subject: &dyn TrainingSubject, pieces: &mut dyn Pieces) -> Result<()> {
+    fn stages(&mut self, subject: &dyn TrainingSubject, pieces: &mut dyn CheckpointStore) -> Result<()> {
         self.progress.begin("training", self.config.iterations());
         self.progress.advance(self.iteration);
         let folder = self.limits.scratch.clone().unwrap_or_else(std::env::temp_dir);
@@ -369,7 +369,8 @@ impl TrainingLoop<'_> {
             done: (self.iteration as f64 / total as f64).max(self.share_of_time()).min(1.0),
             densify: stage.densify,
         };
-        let shot = Shot { view: &view, target: &target, crop, progress: &UninterruptedProgress(self.progress) };
+        let shot =
+            TrainingSample { view: &view, target: &target, crop, progress: &UninterruptedProgress(self.progress) };
         let stepped = self.learner.step(&shot, &self.config.loss, &at)?;
         self.learner.control(&at)?;
         self.iteration += 1;

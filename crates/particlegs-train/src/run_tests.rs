@@ -1,6 +1,6 @@
 //! Runs broken at any moment end as unbroken ones; faults and limits are survived.
 
-use super::learner::{Learner, NonFiniteGradient, Shot, StepInfo, StepReport};
+use super::learner::{Learner, NonFiniteGradient, StepInfo, StepReport, TrainingSample};
 use super::loss::Loss;
 use super::run::bytes_wanted;
 use super::state::TrainingState;
@@ -10,7 +10,7 @@ use particlegs::fit::{self, Effort, FitOptions};
 use particlegs::particles::Particles;
 use particlegs::reference::Reference;
 use particlegs_core::model::{LawKind, Mixture};
-use particlegs_core::pieces::{NoPieces, Pieces};
+use particlegs_core::pieces::{CheckpointStore, NoCheckpoints};
 use particlegs_core::progress::{Progress, Silent};
 use particlegs_core::{Error, Result};
 use std::collections::BTreeMap;
@@ -38,7 +38,7 @@ fn fitted(particles: &Particles) -> Mixture {
 #[derive(Default)]
 struct MemoryPieces(BTreeMap<String, Vec<u8>>);
 
-impl Pieces for MemoryPieces {
+impl CheckpointStore for MemoryPieces {
     fn get(&self, key: &str) -> Option<Vec<u8>> {
         self.0.get(key).cloned()
     }
@@ -73,11 +73,11 @@ fn a_run_stopped_at_any_question_ends_with_the_same_bits() {
     let subject = ParticleSubject(Reference::with_bounds(&particles, of.bounds));
     for law in [LawKind::OpticalDepth, LawKind::AlphaBlend] {
         let config = config(law, 8);
-        let run = |pieces: &mut dyn Pieces, progress: &dyn Progress| -> Result<TrainedMixture> {
+        let run = |pieces: &mut dyn CheckpointStore, progress: &dyn Progress| -> Result<TrainedMixture> {
             let training = Training { subject: &subject, config: &config, limits: &Limits::default(), defaults: &of };
             training.run(InitialGaussians::Fit(&start), pieces, progress)
         };
-        let whole = run(&mut NoPieces, &Silent).unwrap();
+        let whole = run(&mut NoCheckpoints, &Silent).unwrap();
         assert_eq!((whole.iterations, whole.stopped), (10, false));
         // Every process is stopped a few questions after it has gone on.
         for stride in [9, 14, 31] {
@@ -105,7 +105,7 @@ fn a_run_stopped_at_any_question_ends_with_the_same_bits() {
 struct FaultyLearner(Mixture, f64);
 
 impl Learner for FaultyLearner {
-    fn step(&mut self, _: &Shot<'_>, _: &Loss, _: &StepInfo) -> Result<StepReport> {
+    fn step(&mut self, _: &TrainingSample<'_>, _: &Loss, _: &StepInfo) -> Result<StepReport> {
         self.1 += 1.0;
         let not_finite = Some(NonFiniteGradient { group: "position", gaussian: 4, count: 1 });
         Ok(StepReport { loss: f64::NAN, not_finite })
@@ -139,7 +139,7 @@ fn faults_in_every_step_and_a_time_that_is_up_are_survived() {
     let run = |limits: &Limits| {
         let learner = Box::new(FaultyLearner(fitted(&particles), 0.0));
         let training = Training { subject: &subject, config: &config, limits, defaults: &of };
-        training.run_with(learner, &mut NoPieces, &Silent).unwrap()
+        training.run_with(learner, &mut NoCheckpoints, &Silent).unwrap()
     };
     let done = run(&Limits::default());
     assert_eq!((done.iterations, done.not_finite, done.mixture.len()), (32, 32, 20));

@@ -5,7 +5,7 @@ use particlegs_core::camera::View;
 use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::progress::Progress;
 use particlegs_core::space::Bounds;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 use std::ops::Range;
 
 /// The particles of a run: their pictures to learn from and to be scored on, and where they lie.
@@ -36,7 +36,7 @@ pub trait TrainingSubject: Sync {
     /// # Errors
     /// [`particlegs_core::Error::Argument`] for a view out of range; [`particlegs_core::Error::Memory`],
     /// [`particlegs_core::Error::Cancelled`].
-    fn draw(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8>;
+    fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8>;
 
     /// The noise-free optical depth a pixel.
     ///

@@ -8,7 +8,7 @@ use particlegs_core::camera::View;
 use particlegs_core::parallel;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::Progress;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 use particlegs_core::{Error, Result};
 use std::collections::HashMap;
 use std::fs::File;
@@ -23,7 +23,7 @@ const LEVELS: f32 = 65_535.0;
 /// Targets of one stage.
 pub(crate) struct Targets<'a> {
     subject: &'a dyn TrainingSubject,
-    look: Look,
+    look: ToneStyle,
     size: Size,
     oversample: usize,
     folder: PathBuf,
@@ -37,7 +37,7 @@ pub(crate) struct Targets<'a> {
 
 impl<'a> Targets<'a> {
     /// For a stage; at most `bytes` are kept in a scratch file in `folder`.
-    pub fn new(subject: &'a dyn TrainingSubject, look: Look, stage: &Stage, folder: &Path, bytes: u64) -> Self {
+    pub fn new(subject: &'a dyn TrainingSubject, look: ToneStyle, stage: &Stage, folder: &Path, bytes: u64) -> Self {
         let size = Size { width: stage.size[0], height: stage.size[1] };
         Targets {
             subject,
@@ -73,7 +73,7 @@ impl<'a> Targets<'a> {
     fn draw(&self, view: &View, progress: &dyn Progress) -> Result<Vec<u16>> {
         let k = self.oversample;
         let large = Size { width: self.size.width * k, height: self.size.height * k };
-        if self.look != Look::Expected {
+        if self.look != ToneStyle::Expected {
             let picture = self.subject.draw(view, large, self.look, progress)?;
             return Ok(averaged(self.size, k, |i| f32::from(picture.data[i]) / 255.0));
         }

@@ -15,7 +15,7 @@ use particlegs_core::picture::Size;
 use particlegs_core::picture::{Gray8, Plane};
 use particlegs_core::progress::Progress;
 use particlegs_core::progress::Silent;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 
 /// Particles as the renderer of references draws them.
 pub(super) struct ParticleSubject<'a>(pub Reference<'a>);
@@ -36,7 +36,7 @@ impl TrainingSubject for ParticleSubject<'_> {
     fn bounds(&self) -> particlegs_core::space::Bounds {
         *self.0.bounds()
     }
-    fn draw(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
+    fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
         self.0.draw(view, size, look, progress)
     }
     fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
@@ -72,7 +72,7 @@ fn kept_drawn_and_cut_targets_agree() {
     let view = view(&of);
     let size = Size { width: 48, height: 32 };
     let part = Crop { full: size, corner: [7, 11], size: Size { width: 20, height: 16 } };
-    for (look, oversample) in [(Look::Expected, 1), (Look::Expected, 2), (Look::Paraview, 2)] {
+    for (look, oversample) in [(ToneStyle::Expected, 1), (ToneStyle::Expected, 2), (ToneStyle::Paraview, 2)] {
         let plain = Config::preset(Preset::Paper, LawKind::OpticalDepth).stages[0];
         let stage = Stage { size: [48, 32], oversample, ..plain };
         let mut kept = Targets::new(&reference, look, &stage, folder.path(), 1 << 20);
@@ -97,7 +97,7 @@ fn a_scratch_folder_that_is_not_there_is_named() {
     let reference = ParticleSubject(Reference::with_bounds(&particles, of.bounds));
     let stage = Stage { size: [16, 16], ..Config::preset(Preset::Paper, LawKind::OpticalDepth).stages[0] };
     let nowhere = std::path::Path::new("/nowhere/at/all");
-    let mut targets = Targets::new(&reference, Look::Expected, &stage, nowhere, 1 << 20);
+    let mut targets = Targets::new(&reference, ToneStyle::Expected, &stage, nowhere, 1 << 20);
     let whole = Crop::whole(Size { width: 16, height: 16 });
     let error = targets.get(0, &view(&of), &whole, &Silent).unwrap_err();
     assert!(

@@ -11,7 +11,7 @@ use base64::prelude::BASE64_STANDARD;
 use particlegs::model::Model;
 use particlegs::picture::Colormap;
 use particlegs::progress::Progress;
-use particlegs::score::Finding;
+use particlegs::score::Assessment;
 use particlegs::{Result, codec};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
@@ -28,10 +28,10 @@ pub struct ModelFile<'a> {
 
 impl ModelFile<'_> {
     /// What its certificate says that it is good for; nothing where it has none.
-    fn verdict(&self) -> Vec<Finding> {
+    fn verdict(&self) -> Vec<Assessment> {
         let info = codec::read_info(self.bytes, self.name).ok();
         let certified = info.filter(|i| i.certificate.is_some());
-        certified.map_or_else(Vec::new, |i| Finding::verdict(i.certificate.as_ref(), &i.metadata))
+        certified.map_or_else(Vec::new, |i| Assessment::verdict(i.certificate.as_ref(), &i.metadata))
     }
 }
 
@@ -177,7 +177,7 @@ struct Setup<'a> {
 struct SetupModel<'a> {
     name: &'a str,
     bytes: usize,
-    verdict: Vec<Finding>,
+    verdict: Vec<Assessment>,
     #[serde(flatten)]
     place: BytesLocation,
 }

@@ -6,7 +6,7 @@ use particlegs::model::{LawKind, Model};
 use particlegs::picture::{Colormap, DensityColors, Size};
 use particlegs::progress::Progress;
 use particlegs::render::{Scene, draw as draw_scene, surface_density};
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs::{Error, Result};
 
 /// Models of so many Gaussians at most are drawn by the page as soon as a poster would be there.
@@ -43,7 +43,7 @@ pub fn draw(model: &Model, size: Size, progress: &dyn Progress) -> Result<Poster
     let view = View { name: "poster".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
     let scene = Scene::of(model);
     if m.law == LawKind::AlphaBlend {
-        let picture = draw_scene(&scene, &view, size, Look::Paraview, progress)?;
+        let picture = draw_scene(&scene, &view, size, ToneStyle::Paraview, progress)?;
         return Ok(Poster { png: png(png::ColorType::Grayscale, size, &picture.data)?, range: None });
     }
     let plane = surface_density(&scene, &DensityView::of_view(&view, scene.bounds()), size, progress)?;

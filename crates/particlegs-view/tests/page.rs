@@ -7,7 +7,7 @@ use particlegs::model::{LawKind, Model};
 use particlegs::picture::{Colormap, DensityColors, Size};
 use particlegs::progress::{Progress, Silent};
 use particlegs::render::{Scene, draw, surface_density};
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs::{Error, codec};
 use particlegs_view::page::{ModelFile, PageOpening, PageStyle, Snapshot, offline, served};
 use particlegs_view::poster;
@@ -206,7 +206,7 @@ fn the_poster_is_the_default_view() {
         let poster = poster::draw(&model, size, &Silent).unwrap();
         let expected: Vec<u8> = if m.law == LawKind::AlphaBlend {
             assert_eq!(poster.range, None);
-            draw(&scene, &view, size, Look::Paraview, &Silent).unwrap().data
+            draw(&scene, &view, size, ToneStyle::Paraview, &Silent).unwrap().data
         } else {
             let plane = surface_density(&scene, &DensityView::of_view(&view, &m.bounds), size, &Silent).unwrap();
             assert_eq!(poster.range, plane.first_range());

@@ -6,7 +6,7 @@ use particlegs_core::model::{LawKind, Model};
 use particlegs_core::picture::{DensityColors, Gray8, Pixels, Plane, Rgb8, Size};
 use particlegs_core::progress::Silent;
 use particlegs_core::render::{Scene, Scratch, Tones, optical_depth_into, surface_density};
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 
 /// The range of a picture in which nothing is lit.
 pub(crate) const UNLIT: [f64; 2] = [1.0, 10.0];
@@ -73,7 +73,7 @@ impl PlaneRenderer {
         &mut self,
         (scene, of): (&Scene<'_>, &SceneRequest),
         tau: &Plane,
-        look: Look,
+        look: ToneStyle,
         exposure: f32,
     ) -> Result<Vec<u8>> {
         let key = [of.opacity, of.view()?.radius_pixels(of.size)];

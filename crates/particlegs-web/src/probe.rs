@@ -2,7 +2,7 @@
 
 use particlegs_core::camera::Camera;
 use particlegs_core::math::{Sym3, each_axis};
-use particlegs_core::model::{Lump, Mixture, Model, Rules};
+use particlegs_core::model::{GaussianInSphere, Mixture, Model, Rules};
 use particlegs_core::picture::Size;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::render::project::project;
@@ -153,7 +153,7 @@ pub(crate) fn held(model: &Model, shown: &dyn Fn(usize) -> bool, center: [f64; 3
     let widths = [1e-9 * longest, f64::MAX];
     let (mut count, mut mass) = (0.0, 0.0);
     for (_, p) in places(model, shown) {
-        let lump = Lump::new(p.m.mean_of(p.i), &p.m.cov_of(p.i), 1.0, widths);
+        let lump = GaussianInSphere::new(p.m.mean_of(p.i), &p.m.cov_of(p.i), 1.0, widths);
         let mut share = [0.0];
         lump.add_within(each_axis(|k| center[k] - lump.mean[k]), &[radius], &rules, &mut share);
         count += p.m.count[p.i] * share[0];

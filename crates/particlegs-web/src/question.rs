@@ -4,7 +4,7 @@ use particlegs_core::Result;
 use particlegs_core::camera::{Camera, DensityView, Projection, View};
 use particlegs_core::picture::Size;
 use particlegs_core::space::Bounds;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 use serde::Deserialize;
 
 /// A question about the model that was opened as number `model`.
@@ -107,7 +107,7 @@ pub(crate) enum PlaneStyle {
 #[derive(Clone, Deserialize)]
 pub(crate) struct PlaneColours {
     /// A look; `None` = surface density.
-    pub look: Option<Look>,
+    pub look: Option<ToneStyle>,
     /// Dark on white?
     #[serde(default)]
     pub white: bool,

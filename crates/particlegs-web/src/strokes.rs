@@ -5,7 +5,7 @@ use crate::answer::EngineResponse;
 use particlegs_core::Result;
 use particlegs_core::model::{Mixture, Model};
 use particlegs_core::picture::Size;
-use particlegs_core::render::bin::{Stroke, place};
+use particlegs_core::render::bin::{RasterSplat, place};
 use particlegs_core::render::lens::Lens;
 use particlegs_core::render::project::project;
 use particlegs_core::render::raster::pyramid::{Level, PAD, levels};
@@ -45,7 +45,7 @@ pub(crate) fn strokes(
     mass: bool,
 ) -> Result<EngineResponse> {
     let levels = levels(size);
-    let mut by_level: Vec<Vec<Stroke>> = levels.iter().map(|_| Vec::new()).collect();
+    let mut by_level: Vec<Vec<RasterSplat>> = levels.iter().map(|_| Vec::new()).collect();
     for (_, layer) in model.layers.iter().enumerate().filter(|(place, _)| shown(*place)) {
         let unit = layer.mass.unit_or_one();
         for block in &layer.content {
@@ -79,7 +79,7 @@ fn add(
     lens: &Lens,
     weight: &impl Fn(&Mixture, usize) -> f64,
     levels: &[Level],
-    by_level: &mut [Vec<Stroke>],
+    by_level: &mut [Vec<RasterSplat>],
 ) {
     let (mut gaussians, mut footprints) = (Vec::with_capacity(BLOCK), Vec::with_capacity(BLOCK));
     for start in (0..m.len()).step_by(BLOCK) {

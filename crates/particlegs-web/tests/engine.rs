@@ -8,7 +8,7 @@ use particlegs_core::picture::Size;
 use particlegs_core::progress::Silent;
 use particlegs_core::render::{Scene, draw};
 use particlegs_core::space::{Bounds, Cell};
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 use particlegs_web::{Engine, EngineResponse};
 use serde_json::{Value, json};
 
@@ -45,7 +45,7 @@ fn opened() -> (Engine, View, Value) {
 fn its_picture_is_the_renderers() {
     let (mut engine, view, scene) = opened();
     let model = codec::decode(MODEL, "the model").unwrap();
-    for look in Look::ALL {
+    for look in ToneStyle::ALL {
         let paint = json!({ "look": look, "white": false });
         let answer = ask(&mut engine, &json!({ "ask": "picture", "scene": scene, "paint": paint }));
         let picture = draw(&Scene::of(&model), &view, SIZE, look, &Silent).unwrap();

@@ -6,7 +6,7 @@ use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::progress::Silent;
 use particlegs::reference::Reference;
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use std::path::Path;
 
 const SIZE: Size = Size { width: 1920, height: 1080 };
@@ -40,7 +40,7 @@ fn far(reference: &Reference<'_>, count: usize, times: f64) -> View {
     View { name: "far".into(), camera, radius: times * b.default_radius(count as u64), opacity: 0.05 }
 }
 
-fn draw(bencher: Bencher, look: Look, times: f64) {
+fn draw(bencher: Bencher, look: ToneStyle, times: f64) {
     let particles = tiled();
     let reference = Reference::new(&particles);
     let view = far(&reference, particles.len(), times);
@@ -51,10 +51,10 @@ fn draw(bencher: Bencher, look: Look, times: f64) {
 
 #[divan::bench(sample_count = 3, args = [0.25, 1.0, 4.0])]
 fn paraview(bencher: Bencher, radius: f64) {
-    draw(bencher, Look::Paraview, radius);
+    draw(bencher, ToneStyle::Paraview, radius);
 }
 
 #[divan::bench(sample_count = 3, args = [0.25, 1.0, 4.0])]
 fn expected(bencher: Bencher, radius: f64) {
-    draw(bencher, Look::Expected, radius);
+    draw(bencher, ToneStyle::Expected, radius);
 }

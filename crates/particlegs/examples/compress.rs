@@ -5,7 +5,7 @@ use particlegs::compress::{Options, Target, compress};
 use particlegs::math::Random;
 use particlegs::model::CertificateLevel;
 use particlegs::particles::Particles;
-use particlegs::pieces::NoPieces;
+use particlegs::pieces::NoCheckpoints;
 use particlegs::progress::Silent;
 use particlegs_files::output::write_bytes;
 use std::path::Path;
@@ -18,7 +18,7 @@ fn main() -> particlegs::Result<()> {
     let particles = Particles::from_columns(column(0), column(1), column(2));
 
     let options = Options { target: Target::Ratio(100.0), certificate: CertificateLevel::None, ..Options::default() };
-    let made = compress(&particles, &options, &mut NoPieces, &Silent)?;
+    let made = compress(&particles, &options, &mut NoCheckpoints, &Silent)?;
     write_bytes(Path::new("cloud.pgs"), &made.bytes)?;
 
     let info = codec::read_info(&made.bytes, "cloud.pgs")?;

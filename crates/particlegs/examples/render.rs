@@ -5,7 +5,7 @@ use particlegs::codec;
 use particlegs::picture::{Size, write_png};
 use particlegs::progress::Silent;
 use particlegs::render::{Scene, draw};
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use std::path::{Path, PathBuf};
 
 fn main() -> particlegs::Result<()> {
@@ -23,6 +23,6 @@ fn main() -> particlegs::Result<()> {
         radius: 2.0 * m.default_radius,
         opacity: m.default_opacity,
     };
-    let picture = draw(&Scene::of(&model), &view, size, Look::Paraview, &Silent)?;
+    let picture = draw(&Scene::of(&model), &view, size, ToneStyle::Paraview, &Silent)?;
     write_png(Path::new("view.png"), size, &picture.data)
 }

@@ -14,8 +14,8 @@ use crate::render::{self, Scene, tone};
 use crate::score::{evaluation_views, shot_noise};
 use crate::space::Bounds;
 use crate::splat::{
-    CUT_SHARE, CUT_SHARE_2D, CUT_SIGMA, DEFAULT_OPACITY, DEPTH_TOLERANCE, FxaaMean, LARGEST_MEAN_ALPHA, Look,
-    MEAN_COVERED_ALPHA, PEELS, PIXEL_VARIANCE, Response, erf, fxaa_blur, opacity_integral,
+    CUT_SHARE, CUT_SHARE_2D, CUT_SIGMA, DEFAULT_OPACITY, DEPTH_TOLERANCE, FxaaMean, LARGEST_MEAN_ALPHA,
+    MEAN_COVERED_ALPHA, PEELS, PIXEL_VARIANCE, Response, ToneStyle, erf, fxaa_blur, opacity_integral,
 };
 use crate::stats::StatsOptions;
 use crate::stats::testing::model_of;
@@ -152,7 +152,7 @@ fn drawn(fov_deg: f64, x: f64, depths: &[f64], radius: f64, opacity: f64) -> Gra
     let z = column(depths.iter().map(|d| -d));
     let particles = Particles::from_columns(vec![x as f32; n], vec![0.0; n], z);
     let view = view(ahead(fov_deg, [0.5, 20.0]), radius, opacity);
-    Reference::new(&particles).draw(&view, SMALL, Look::ParaviewNoFxaa, &Silent).unwrap()
+    Reference::new(&particles).draw(&view, SMALL, ToneStyle::ParaviewNoFxaa, &Silent).unwrap()
 }
 
 /// Where between `low` and `high` something ceases to be.
@@ -308,7 +308,7 @@ fn the_level_curve() {
 fn levels_of_even_planes() {
     for row in table(RESPONSE, "## Examples") {
         let plane = Plane { size: SMALL, data: vec![number(&row[0]) as f32; SMALL.pixels()] };
-        for (text, look) in row[1..].iter().zip([Look::Expected, Look::ParaviewNoFxaa, Look::Paraview]) {
+        for (text, look) in row[1..].iter().zip([ToneStyle::Expected, ToneStyle::ParaviewNoFxaa, ToneStyle::Paraview]) {
             let picture = tone(&plane, look, 0.05, 0.3);
             assert!(picture.data.iter().all(|v| agrees(text, (*v).into(), 0.0)), "{row:?}: {}", picture.data[0]);
         }
@@ -333,7 +333,7 @@ fn sheet(opacity: f64, radius_px: f64, tau: f64) -> Gray8 {
     let [x, y, z] = [0, 1, 2].map(|k| column(places.iter().map(|p| p[k])));
     let particles = Particles::from_columns(x, y, z);
     let view = view(camera, radius_px * pixel, opacity);
-    Reference::new(&particles).draw(&view, size, Look::ParaviewNoFxaa, &Silent).unwrap()
+    Reference::new(&particles).draw(&view, size, ToneStyle::ParaviewNoFxaa, &Silent).unwrap()
 }
 
 /// Mean level and standard deviation.
@@ -413,7 +413,7 @@ fn fxaas_blur() {
     // On the picture: a line of white is spread to its neighbours.
     let mut plane = Plane::zeros(SMALL);
     (0..9).for_each(|x| plane.data[4 * 9 + x] = 8.0);
-    let picture = tone(&plane, Look::Paraview, 0.05, 0.3);
+    let picture = tone(&plane, ToneStyle::Paraview, 0.05, 0.3);
     let level = 245.92f64;
     for (row, share) in [(2, 0.0), (3, 0.0404), (4, 1.0 - 2.0 * 0.0404)] {
         assert_eq!(picture.data[row * 9 + 4], (share * level).round() as u8, "row {row}");
@@ -571,7 +571,7 @@ fn blended(network: Option<&VizMapper>, [radius, opacity]: [f64; 2], depth: f64)
     mixture.law = Law::AlphaBlend(AlphaBlend { opacity: vec![0.5], grey: vec![1.0], vizmapper });
     let scene = Scene::of_law(&mixture, cube(), [1.0, 0.05]);
     let view = view(camera, radius, 0.05 * opacity);
-    f64::from(render::draw(&scene, &view, SMALL, Look::Expected, &Silent).unwrap().data[MIDDLE])
+    f64::from(render::draw(&scene, &view, SMALL, ToneStyle::Expected, &Silent).unwrap().data[MIDDLE])
 }
 
 #[test]

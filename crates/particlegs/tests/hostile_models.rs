@@ -14,7 +14,7 @@ use particlegs::picture::Size;
 use particlegs::progress::{Progress, Silent};
 use particlegs::recover::{Method, Options, recover};
 use particlegs::render::{Scene, draw, surface_density};
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs::stats::{StatsOptions, Subject, compare};
 use particlegs::{Error, camera};
 use std::time::{Duration, Instant};
@@ -133,7 +133,7 @@ fn pictures(model: &Model) {
     for (factor, opacity) in [(1.0, m.default_opacity), (0.2, 1e-12)] {
         let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, factor * distance);
         let view = View { name: "v".into(), camera, radius: m.default_radius, opacity };
-        step("render", |p| draw(&scene, &view, SIZE, Look::Paraview, p));
+        step("render", |p| draw(&scene, &view, SIZE, ToneStyle::Paraview, p));
     }
     step("density", |p| {
         let width = m.bounds.extent_nonzero().into_iter().fold(0.0, f64::max);

@@ -149,7 +149,7 @@ fn other_options_are_other_work() {
     // What was kept of one is not gone on from by another.
     let path = folder.path().join("m.checkpoint");
     let mut kept = Checkpoint::fresh(path.clone(), &ids[0]);
-    particlegs::pieces::Pieces::keep_now(&mut kept, "train", vec![1]).unwrap();
+    particlegs::pieces::CheckpointStore::keep_now(&mut kept, "train", vec![1]).unwrap();
     assert_eq!(Checkpoint::open(path.clone(), &ids[0]).unwrap().len(), 1);
     for other in &ids[1..] {
         let opened = Checkpoint::open(path.clone(), other).unwrap();

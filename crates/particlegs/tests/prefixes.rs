@@ -5,7 +5,7 @@ use particlegs::compress::{Options, compress, simplify};
 use particlegs::model::{CertificateLevel, Layer, Model, Target};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
-use particlegs::pieces::NoPieces;
+use particlegs::pieces::NoCheckpoints;
 use particlegs::progress::Silent;
 use particlegs::score::{evaluate, evaluation_views};
 use std::path::Path;
@@ -15,7 +15,7 @@ fn prefixes_draw_pictures_like_simplified_models() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
     let particles = Particles::open_raw(&["xx", "yy", "zz"].map(|c| folder.join(c).with_extension("f32"))).unwrap();
     let options = Options { target: Target::Ratio(300.0), certificate: CertificateLevel::None, ..Options::default() };
-    let whole = compress(&particles, &options, &mut NoPieces, &Silent).unwrap();
+    let whole = compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap();
     let size = Size { width: 640, height: 360 };
     let views = evaluation_views(&whole.model.metadata, size, 42, 2);
     let score = |model: &Model| {

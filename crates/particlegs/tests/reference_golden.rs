@@ -5,7 +5,7 @@ use particlegs::particles::Particles;
 use particlegs::picture::{Gray8, read_png};
 use particlegs::progress::Silent;
 use particlegs::reference::Reference;
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use std::path::Path;
 
 fn root() -> &'static Path {
@@ -41,13 +41,15 @@ fn pictures_of_the_sample() {
         let (plain, smooth) = (truth("paraview-no-fxaa"), truth("paraview"));
 
         let ours = |look| reference.draw(view, set.size, look, &Silent).unwrap();
-        let (d, f) = (decibels(&ours(Look::ParaviewNoFxaa), &plain), decibels(&ours(Look::Paraview), &smooth));
+        let (d, f) =
+            (decibels(&ours(ToneStyle::ParaviewNoFxaa), &plain), decibels(&ours(ToneStyle::Paraview), &smooth));
         println!("{name}: {d:.2} dB, with FXAA {f:.2} dB");
         assert!(d > 84.0, "{name}: {d:.2} dB");
         assert!(f > 80.0, "{name} with FXAA: {f:.2} dB");
 
         let mean = |look| reference.response(view, set.size, look, &Silent).unwrap();
-        let (d, f) = (decibels(&mean(Look::ParaviewNoFxaa), &plain), decibels(&mean(Look::Paraview), &smooth));
+        let (d, f) =
+            (decibels(&mean(ToneStyle::ParaviewNoFxaa), &plain), decibels(&mean(ToneStyle::Paraview), &smooth));
         println!("{name}: noise-free {d:.2} dB, with FXAA {f:.2} dB");
         assert!(d > noise_free && f > noise_free_fxaa, "{name}: noise-free {d:.2} dB, with FXAA {f:.2} dB");
     }

@@ -5,7 +5,7 @@ use particlegs_core::codec;
 use particlegs_core::picture::{Pixels, Size};
 use particlegs_core::progress::Progress;
 use particlegs_core::render::{Scene, Scratch, draw_into, optical_depth_into, surface_density};
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 use particlegs_core::{Error, Result};
 
 const SIZE: Size = Size { width: 320, height: 180 };
@@ -29,7 +29,7 @@ pub fn pictures(model: &[u8], progress: &dyn Progress) -> Result<Vec<u8>> {
             View { name: "a test".into(), camera, radius: radius * m.default_radius, opacity: m.default_opacity };
         optical_depth_into(&scene, &view, Pixels::new(SIZE, &mut depth)?, &mut scratch, progress)?;
         out.extend(depth.iter().flat_map(|v| v.to_le_bytes()));
-        for look in Look::ALL {
+        for look in ToneStyle::ALL {
             draw_into(&scene, &view, look, Pixels::new(SIZE, &mut levels)?, &mut scratch, progress)?;
             out.extend_from_slice(&levels);
         }

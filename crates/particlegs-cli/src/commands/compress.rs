@@ -13,7 +13,7 @@ use clap::{Args, ValueHint};
 use particlegs::compress::{CompressedModel, Compression, Options};
 use particlegs::model::Model;
 use particlegs::particles::{Particles, Storage};
-use particlegs::pieces::Pieces;
+use particlegs::pieces::CheckpointStore;
 use particlegs::progress::Progress;
 use particlegs::{Result, codec};
 use particlegs_files::output;
@@ -129,7 +129,7 @@ pub fn run(a: Arguments) -> Result<()> {
         Some(_) => a.run.checkpoint(a.output(), &planned.id())?,
         None => None,
     };
-    let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| planned.run(pieces, progress);
+    let work = |pieces: &mut dyn CheckpointStore, progress: &dyn Progress| planned.run(pieces, progress);
     let done = a.run.run(&context, checkpoint.as_mut(), work)?;
     context.notes(&done.notes[told..]);
     if !done.stopped {

@@ -17,7 +17,7 @@ use clap::{Args, ValueHint};
 use particlegs::compress::{Checkpoint, CompressedModel, FineTuning, finetune};
 use particlegs::model::LawKind;
 use particlegs::particles::Storage;
-use particlegs::pieces::Pieces;
+use particlegs::pieces::CheckpointStore;
 use particlegs::progress::Progress;
 use particlegs::train::Config;
 use particlegs::{Error, Result, codec};
@@ -118,7 +118,7 @@ pub fn run(a: Arguments) -> Result<()> {
     source::check(&model, of_several, &particles, a.snapshot.first().map_or(none, |p| p), path)?;
     let mut checkpoint = a.run.checkpoint(out, &options.id(&bytes))?;
     let size = bytes.len() as u64;
-    let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| {
+    let work = |pieces: &mut dyn CheckpointStore, progress: &dyn Progress| {
         finetune(&model, size, &particles, &options, pieces, progress)
     };
     let done = a.run.run(&context, checkpoint.as_mut(), work)?;

@@ -21,7 +21,7 @@ use particlegs::model::hex;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::reference::Reference;
-use particlegs::splat::{DEFAULT_OPACITY, Look};
+use particlegs::splat::{DEFAULT_OPACITY, ToneStyle};
 use particlegs::{Error, Result};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -110,13 +110,13 @@ enum ParticleStyle {
 
 impl ParticleStyle {
     /// Its look, and whether it is drawn as that look is, with its noise; none of a density.
-    fn picture(self) -> Option<(Look, bool)> {
+    fn picture(self) -> Option<(ToneStyle, bool)> {
         match self {
-            ParticleStyle::Paraview => Some((Look::Paraview, true)),
-            ParticleStyle::ParaviewNoFxaa => Some((Look::ParaviewNoFxaa, true)),
-            ParticleStyle::Expected => Some((Look::Expected, true)),
-            ParticleStyle::Response => Some((Look::ParaviewNoFxaa, false)),
-            ParticleStyle::ResponseFxaa => Some((Look::Paraview, false)),
+            ParticleStyle::Paraview => Some((ToneStyle::Paraview, true)),
+            ParticleStyle::ParaviewNoFxaa => Some((ToneStyle::ParaviewNoFxaa, true)),
+            ParticleStyle::Expected => Some((ToneStyle::Expected, true)),
+            ParticleStyle::Response => Some((ToneStyle::ParaviewNoFxaa, false)),
+            ParticleStyle::ResponseFxaa => Some((ToneStyle::Paraview, false)),
             ParticleStyle::Density => None,
         }
     }

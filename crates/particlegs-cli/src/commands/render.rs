@@ -21,7 +21,7 @@ use particlegs::model::{LawKind, Model, species_title};
 use particlegs::picture::{Colormap, Gray8, Pixels, Rgb8, Size};
 use particlegs::progress::Progress;
 use particlegs::render::{Scene, Scratch, draw_into, surface_density};
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs::{Error, Result, codec, parallel};
 use particlegs_files::input::name_of;
 use serde::Serialize;
@@ -143,11 +143,11 @@ impl ModelStyle {
     }
 
     /// The look of a picture; none of a density.
-    fn look(self) -> Option<Look> {
+    fn look(self) -> Option<ToneStyle> {
         match self {
-            ModelStyle::Paraview => Some(Look::Paraview),
-            ModelStyle::ParaviewNoFxaa => Some(Look::ParaviewNoFxaa),
-            ModelStyle::Expected => Some(Look::Expected),
+            ModelStyle::Paraview => Some(ToneStyle::Paraview),
+            ModelStyle::ParaviewNoFxaa => Some(ToneStyle::ParaviewNoFxaa),
+            ModelStyle::Expected => Some(ToneStyle::Expected),
             ModelStyle::Density => None,
         }
     }
@@ -365,7 +365,7 @@ struct ModelDrawing<'a> {
     scene: Scene<'a>,
     /// Each layer alone, where colours tell them apart.
     layers: Vec<Model>,
-    look: Option<Look>,
+    look: Option<ToneStyle>,
     /// Drawn on a graphics card.
     pictures: Option<Pictures>,
     subject: &'a ViewSubject,

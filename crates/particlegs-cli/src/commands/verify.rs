@@ -12,7 +12,7 @@ use particlegs::job::{Job, State};
 use particlegs::model::{Certificate, CertificateLevel, Model};
 use particlegs::particles::Particles;
 use particlegs::progress::Progress;
-use particlegs::score::Finding;
+use particlegs::score::Assessment;
 use particlegs::{Error, Result, codec, compress};
 use particlegs_files::input::name_of;
 use particlegs_files::output;
@@ -69,7 +69,7 @@ struct VerifyReport {
     contradictions: Vec<String>,
     /// What is hard to believe.
     doubts: Vec<String>,
-    verdict: Vec<Finding>,
+    verdict: Vec<Assessment>,
 }
 
 /// Reads the whole file, decodes every block and checks the sums; with a snapshot compares its hash, then
@@ -100,14 +100,14 @@ pub fn run(a: Arguments) -> Result<()> {
     };
     let stored = model.certificate;
     let (verdict, figures) = match (&stored, &measured_again) {
-        (_, None) => (Finding::unverified(), Vec::new()),
-        (None, Some(measured)) => (Finding::verdict(Some(measured), &model.metadata), Vec::new()),
+        (_, None) => (Assessment::unverified(), Vec::new()),
+        (None, Some(measured)) => (Assessment::verdict(Some(measured), &model.metadata), Vec::new()),
         (Some(stored), Some(measured)) => {
             let completes = agree::level_of(measured) != agree::level_of(stored);
             // Sums of blocks are rounded one by one.
             let exact = stored.blocks.is_none() && model.metadata.tool_version == env!("CARGO_PKG_VERSION");
             let figures = agree::side_by_side(stored, measured, completes, exact);
-            (Finding::verdict(Some(measured), &model.metadata), figures)
+            (Assessment::verdict(Some(measured), &model.metadata), figures)
         }
     };
     let report = VerifyReport {

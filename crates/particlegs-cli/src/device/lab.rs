@@ -8,7 +8,7 @@ use particlegs::particles::Particles;
 use particlegs::progress::Progress;
 use particlegs::render::Scene;
 use particlegs::space::Bounds;
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs::{Result, train};
 use particlegs_lab::device::{self, Draw, Style};
 use std::fmt::{self, Debug, Formatter};
@@ -48,13 +48,13 @@ impl device::Device for NamedDevice {
     fn particles<'a>(&self, of: &'a Particles, bounds: Bounds, style: Style, p: &'a dyn Progress) -> Result<Draw<'a>> {
         let pictures = on_card(&self.device, of, bounds, p)?;
         Ok(Box::new(move |view, size| match style {
-            Style::Paraview => pictures.draw(view, size, Look::Paraview, p),
-            Style::NoiseFree => pictures.response(view, size, Look::Paraview, p),
+            Style::Paraview => pictures.draw(view, size, ToneStyle::Paraview, p),
+            Style::NoiseFree => pictures.response(view, size, ToneStyle::Paraview, p),
         }))
     }
 
     fn model<'a>(&self, of: &'a Model, _progress: &'a dyn Progress) -> Result<Draw<'a>> {
         let pictures = Pictures::new(&self.device, &Scene::of(of))?;
-        Ok(Box::new(move |view: &View, size| pictures.draw(view, size, Look::Paraview)))
+        Ok(Box::new(move |view: &View, size| pictures.draw(view, size, ToneStyle::Paraview)))
     }
 }

@@ -5,7 +5,7 @@ use particlegs::picture::{Gray8, Plane, Size};
 use particlegs::progress::Progress;
 use particlegs::render::Scene;
 use particlegs::space::Bounds;
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs::{Error, Result};
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -35,7 +35,7 @@ impl Pictures {
         match *device {}
     }
 
-    uncalled! { draw(&View, Size, Look) -> Gray8; optical_depth(&View, Size) -> Plane; }
+    uncalled! { draw(&View, Size, ToneStyle) -> Gray8; optical_depth(&View, Size) -> Plane; }
 }
 
 impl<'a> ParticlePictures<'a> {
@@ -48,8 +48,8 @@ impl<'a> ParticlePictures<'a> {
     }
 
     uncalled! {
-        draw(&View, Size, Look, &dyn Progress) -> Gray8;
-        response(&View, Size, Look, &dyn Progress) -> Gray8;
+        draw(&View, Size, ToneStyle, &dyn Progress) -> Gray8;
+        response(&View, Size, ToneStyle, &dyn Progress) -> Gray8;
         optical_depth(&View, Size, &dyn Progress) -> Plane;
     }
 }

@@ -9,7 +9,7 @@ use particlegs::picture::{Gray8, Plane, Size};
 use particlegs::progress::Progress;
 use particlegs::render::{Drawer, Scene};
 use particlegs::space::Bounds;
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 
 /// Pictures of all particles on a card, which keeps what it has room for.
 ///
@@ -51,7 +51,7 @@ impl<'a> ModelAndParticles<'a> {
 
 impl Drawer for ModelAndParticles<'_> {
     fn particles(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Gray8> {
-        self.particles.draw(view, size, Look::ParaviewNoFxaa, progress)
+        self.particles.draw(view, size, ToneStyle::ParaviewNoFxaa, progress)
     }
 
     fn particles_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {

@@ -7,7 +7,7 @@ use particlegs::parallel;
 use particlegs::picture::{Plane, Rgb8, Size};
 use particlegs::progress::Progress;
 use particlegs::render::{Scene, Tones, optical_depth};
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs::{Error, Result};
 
 /// A model's layers, each to be drawn alone.
@@ -26,7 +26,13 @@ pub fn apart(model: &Model) -> Result<Vec<Model>> {
 ///
 /// # Errors
 /// Those of [`optical_depth`].
-pub fn draw(layers: &[Model], view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<ViewContent> {
+pub fn draw(
+    layers: &[Model],
+    view: &View,
+    size: Size,
+    look: ToneStyle,
+    progress: &dyn Progress,
+) -> Result<ViewContent> {
     progress.require_memory("a picture by layers", 4 * size.pixels() as u64 * (layers.len() as u64 + 2))?;
     let planes =
         layers.iter().map(|l| optical_depth(&Scene::of(l), view, size, progress)).collect::<Result<Vec<Plane>>>()?;

@@ -12,7 +12,7 @@ use particlegs::model::LawKind;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::render::Scene;
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs_gpu::render::{Canvas, Gaussians, Renderer, Tiles};
 use particlegs_gpu::{Rates, alpha};
 use serde::{Deserialize, Serialize};
@@ -53,7 +53,7 @@ pub struct FrameRow {
 #[derive(Serialize, Deserialize)]
 struct FrameKind {
     law: LawKind,
-    look: Look,
+    look: ToneStyle,
     /// How pixels are summed.
     way: String,
     /// Footprints of a frame.
@@ -77,7 +77,7 @@ struct OpticalDepthScene<'a> {
     renderer: &'a Renderer,
     there: &'a Gaussians,
     canvas: &'a Canvas,
-    look: Look,
+    look: ToneStyle,
     /// Where they sum, not atomic adds.
     tiles: Option<Tiles<'a>>,
 }
@@ -134,10 +134,10 @@ pub fn of_depth(
     let mut rows = Vec::new();
     let canvas = renderer.canvas(&there, size)?;
     for (changes, look, by_tiles) in [
-        (CAMERA, Look::Expected, false),
-        (CAMERA, Look::Expected, true),
-        (SETTING, Look::Expected, false),
-        (CAMERA, Look::Paraview, false),
+        (CAMERA, ToneStyle::Expected, false),
+        (CAMERA, ToneStyle::Expected, true),
+        (SETTING, ToneStyle::Expected, false),
+        (CAMERA, ToneStyle::Paraview, false),
     ] {
         let own = Measurement::new(device, made, size, changes, quick);
         let work = DepthWork::of(made, own.counted(), size)?;
@@ -175,7 +175,7 @@ pub fn of_alpha(
         let work = BlendWork::of(made, own.counted(), size, context)?;
         let kind = FrameKind {
             law: LawKind::AlphaBlend,
-            look: Look::Paraview,
+            look: ToneStyle::Paraview,
             way: "tiles of 16 x 16".into(),
             footprints: work.footprints,
             least: work.frame(made.gaussians.len(), size, changes == SETTING),

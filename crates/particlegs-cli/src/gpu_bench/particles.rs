@@ -9,7 +9,7 @@ use crate::device::Device;
 use particlegs::Result;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs_gpu::Rates;
 use particlegs_gpu::reference::{MOST, Pictures};
 use serde::{Deserialize, Serialize};
@@ -26,7 +26,7 @@ pub struct ParticleRow {
     particles: u64,
     width: usize,
     height: usize,
-    style: Look,
+    style: ToneStyle,
     pictures: usize,
     /// Each read back.
     seconds_a_picture: f64,
@@ -51,19 +51,19 @@ pub fn row(device: &Device, made: &TiledScene, size: Size, quick: QuickRun, cont
     there.keep_all(&mut |_| context.check())?;
     let seconds_to_load = started.elapsed().as_secs_f64();
     let views = views(made, size, true);
-    there.draw(&views[0], size, Look::Expected, context)?;
+    there.draw(&views[0], size, ToneStyle::Expected, context)?;
     let (started, mut pictures) = (Instant::now(), 0);
     while pictures < quick.or(1, PICTURES) && started.elapsed() < LIMIT {
         pictures += 1;
-        there.draw(&views[pictures], size, Look::Expected, context)?;
+        there.draw(&views[pictures], size, ToneStyle::Expected, context)?;
     }
     let seconds_a_picture = started.elapsed().as_secs_f64() / pictures as f64;
-    let stages = KernelStages::of(device, 1, || there.draw(&views[0], size, Look::Expected, context).map(drop))?;
+    let stages = KernelStages::of(device, 1, || there.draw(&views[0], size, ToneStyle::Expected, context).map(drop))?;
     Ok(ParticleRow {
         particles: count as u64,
         width: size.width,
         height: size.height,
-        style: Look::Expected,
+        style: ToneStyle::Expected,
         pictures,
         seconds_a_picture,
         seconds_to_load,

@@ -12,10 +12,10 @@ use particlegs::model::LawKind;
 use particlegs::picture::{Plane, Size};
 use particlegs::progress::Progress;
 use particlegs::render::Scene;
-use particlegs::splat::Look;
-use particlegs::train::alpha::{self, Ground};
+use particlegs::splat::ToneStyle;
+use particlegs::train::alpha::{self, TrainingScale};
 use particlegs::train::depth::{Parameters, StepSize};
-use particlegs::train::{AlphaConfig, Crop, Device as _, Loss, Shot, StepReport};
+use particlegs::train::{AlphaConfig, Crop, Device as _, Loss, StepReport, TrainingSample};
 use particlegs_gpu::Rates;
 use particlegs_gpu::render::Pictures;
 use particlegs_gpu::train::Trainer;
@@ -64,7 +64,7 @@ pub fn of_depth(
     let lesson = TrainingPictures::new(device, made, &Scene::of_mixture(&made.gaussians, made.bounds), size)?;
     let mut gaussians = made.gaussians.clone();
     gaussians.count.iter_mut().enumerate().for_each(|(i, n)| *n *= if i % 2 == 0 { 0.5 } else { 1.5 });
-    let mut of = Parameters::new(&gaussians, made.particles, 48, (made.bounds, Look::Expected));
+    let mut of = Parameters::new(&gaussians, made.particles, 48, (made.bounds, ToneStyle::Expected));
     let mut steps = Trainer::new(device)?.depth_steps(&of)?;
     let pace = StepSize { rates: [0.01; 3], beta1: 0.9, beta2: 0.999, calm: 0.5, pull: 0.0, average: 0.01 };
     let taken = lesson.take(quick, context, |shot| steps.step(&mut of, shot, &Loss::PUBLISHED, &pace))?;
@@ -93,7 +93,7 @@ pub fn of_alpha(
         law.opacity.iter_mut().enumerate().for_each(change);
     }
     let frame = Normalisation::of(&made.bounds);
-    let ground = Ground { frame, radius: made.radius, opacity: OPACITY, particles: made.particles, seed: 1 };
+    let ground = TrainingScale { frame, radius: made.radius, opacity: OPACITY, particles: made.particles, seed: 1 };
     let mut of = alpha::Gaussians::of_mixture(&gaussians, ground)?;
     let mut steps = Trainer::new(device)?.alpha_steps(&of)?;
     let c = AlphaConfig::default();
@@ -132,7 +132,7 @@ impl<'a> TrainingPictures<'a> {
         let views: Vec<View> = views(made, size, true).into_iter().step_by(64 / TARGETS).collect();
         let pictures = Pictures::new(device, scene)?;
         let one = |view| {
-            let levels = pictures.draw(view, size, Look::Expected)?;
+            let levels = pictures.draw(view, size, ToneStyle::Expected)?;
             Ok(Plane { size, data: levels.data.iter().map(|&v| f32::from(v) / 255.0).collect() })
         };
         let targets = views.iter().map(one).collect::<Result<_>>()?;
@@ -144,12 +144,12 @@ impl<'a> TrainingPictures<'a> {
         &self,
         quick: QuickRun,
         context: &Context,
-        mut step: impl FnMut(&Shot<'_>) -> Result<StepReport>,
+        mut step: impl FnMut(&TrainingSample<'_>) -> Result<StepReport>,
     ) -> Result<TrainingSteps> {
         let mut one = |k: usize| -> Result<f64> {
             context.check()?;
             let (view, target) = (&self.views[k % TARGETS], &self.targets[k % TARGETS]);
-            Ok(step(&Shot { view, target, crop: Crop::whole(self.size), progress: context })?.loss)
+            Ok(step(&TrainingSample { view, target, crop: Crop::whole(self.size), progress: context })?.loss)
         };
         // Everything is compiled and there.
         let mut losses = [one(0)?, one(1)?];

@@ -40,7 +40,7 @@ pub use network::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 pub use recipe::{Effort, Recipe, RecipeStep, TrainingRecipe};
 pub use science::{Limit, ScienceMetrics, ScienceSubject, per_length};
 pub use species::{is_species, species_aliases, species_title};
-pub use sphere::{Lump, Rules};
+pub use sphere::{GaussianInSphere, Rules};
 pub use target::{DEFAULT_RATIO, Target};
 pub use unit::{Dimension, Si, Unit, Units};
 pub use weighting::WeightKind;

@@ -18,7 +18,7 @@ const SMALL: f64 = 0.6;
 
 /// A Gaussian as its mass in spheres is computed.
 #[derive(Clone, Debug)]
-pub struct Lump {
+pub struct GaussianInSphere {
     /// The mean, wherever the caller counts from.
     pub mean: [f64; 3],
     /// All of its mass.
@@ -27,12 +27,12 @@ pub struct Lump {
     axes: [[f64; 3]; 3],
 }
 
-impl Lump {
+impl GaussianInSphere {
     /// Deviations are taken as the ends of `widths` where they are beyond.
     pub fn new(mean: [f64; 3], cov: &Sym3, mass: f64, widths: [f64; 2]) -> Self {
         let eigen = cov.eigen();
         let deviation = eigen.values.map(|v| v.max(0.0).sqrt().clamp(widths[0], widths[1]));
-        Lump { mean, mass, deviation, axes: eigen.vectors }
+        GaussianInSphere { mean, mass, deviation, axes: eigen.vectors }
     }
 
     /// Distance from the mean beyond which there is nothing.
@@ -203,7 +203,7 @@ mod tests {
     fn within(deviations: [f64; 3], offset: [f64; 3], r: f64) -> f64 {
         let [a, b, c] = deviations.map(|s| s * s);
         let mut to = [0.0];
-        let lump = Lump::new([0.0; 3], &Sym3([a, 0.0, 0.0, b, 0.0, c]), 1.0, [1e-12, 1e12]);
+        let lump = GaussianInSphere::new([0.0; 3], &Sym3([a, 0.0, 0.0, b, 0.0, c]), 1.0, [1e-12, 1e12]);
         lump.add_within(offset, &[r], &Rules::new(), &mut to);
         to[0]
     }

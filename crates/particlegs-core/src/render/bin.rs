@@ -19,7 +19,7 @@ pub(super) const SMALL: f64 = 0.45;
 /// where p is not below `end`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-pub struct Stroke {
+pub struct RasterSplat {
     /// Centre, pixels from the left; pixel centres have whole coordinates.
     pub x: f32,
     /// Centre, pixels from the top.
@@ -42,7 +42,7 @@ pub struct Stroke {
 #[derive(Debug, Default)]
 pub struct StrokeBins {
     /// Strokes in the order of their bands, then of their Gaussians.
-    pub strokes: Vec<Stroke>,
+    pub strokes: Vec<RasterSplat>,
     /// The first stroke of each band, and the end.
     pub starts: Vec<u32>,
 }
@@ -50,7 +50,7 @@ pub struct StrokeBins {
 /// Gathers strokes of a run of Gaussians, then sorts them.
 pub struct Binner<'a> {
     levels: &'a [Level],
-    found: Vec<(u32, Stroke)>,
+    found: Vec<(u32, RasterSplat)>,
 }
 
 impl<'a> Binner<'a> {
@@ -96,7 +96,7 @@ impl<'a> Binner<'a> {
             starts[b + 1] += starts[b];
         }
         let mut next = starts.clone();
-        let mut strokes = vec![Stroke::default(); self.found.len()];
+        let mut strokes = vec![RasterSplat::default(); self.found.len()];
         for (band, stroke) in self.found {
             let place = &mut next[band as usize];
             strokes[*place as usize] = stroke;
@@ -116,7 +116,7 @@ pub struct PlacedFootprint {
     /// Is the sum over the pixel grid made exact, as that of small footprints is?
     pub small: bool,
     /// What is drawn.
-    pub stroke: Stroke,
+    pub stroke: RasterSplat,
 }
 
 /// Finds a footprint's plane and stroke; `None` where it does not touch the picture.
@@ -165,7 +165,7 @@ pub fn place(levels: &[Level], f: &Footprint) -> Option<PlacedFootprint> {
     }
     const HALF_LOG2_E: f64 = 0.5 * std::f64::consts::LOG2_E;
     let unscale2 = 1.0 / (scale * scale);
-    let stroke = Stroke {
+    let stroke = RasterSplat {
         x: x as f32,
         y: y as f32,
         slope: f.lean,

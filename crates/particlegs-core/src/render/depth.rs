@@ -14,7 +14,7 @@ use crate::memory::filled;
 use crate::model::Mixture;
 use crate::picture::{Gray8, Pixels, Plane, PlaneRows, Size};
 use crate::progress::Progress;
-use crate::splat::Look;
+use crate::splat::ToneStyle;
 use crate::{Result, parallel};
 
 /// Gaussians projected in one step; fixed, so that sums do not depend on threads.
@@ -59,7 +59,7 @@ pub fn optical_depth_into(
 ///
 /// # Errors
 /// As [`optical_depth`].
-pub fn draw(scene: &Scene, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
+pub fn draw(scene: &Scene, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
     let mut scratch = Scratch::default();
     let tau = depth(scene, view, size, &mut scratch, progress)?;
     let mut out = Gray8 { size, data: filled("a picture", 0, size.pixels(), progress)? };
@@ -75,7 +75,7 @@ pub fn draw(scene: &Scene, view: &View, size: Size, look: Look, progress: &dyn P
 pub fn draw_into(
     scene: &Scene,
     view: &View,
-    look: Look,
+    look: ToneStyle,
     out: Pixels<'_, u8>,
     scratch: &mut Scratch,
     progress: &dyn Progress,

@@ -7,7 +7,7 @@
 //! | stage | reads | writes |
 //! |---|---|---|
 //! | [`project`] | [`project::CameraGaussian`]: relative to the eye, in its axes | [`project::Footprint`]: position and 2-D covariance on the picture |
-//! | [`bin`] | footprints | [`bin::Stroke`]s, sorted by the plane that suits their sharpness and the bands of rows that they touch |
+//! | [`bin`] | footprints | [`bin::RasterSplat`]s, sorted by the plane that suits their sharpness and the bands of rows that they touch |
 //! | [`raster`] | strokes | planes of optical depth, drawn over all cores and summed from coarse to fine |
 //! | [`tone`](tone()) | the sum | grey levels by a look's curve |
 //!

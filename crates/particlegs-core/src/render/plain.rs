@@ -1,7 +1,7 @@
 //! For tests, in f64: the law written plainly, every Gaussian at every pixel, integrated along depth on a fine
 //! grid with nothing approximated but the grids; and the stages' formulas in moments, unrounded between them.
 
-use super::bin::{PlacedFootprint, SMALL, Stroke, cut as cut_of, lattice_sum, suited};
+use super::bin::{PlacedFootprint, RasterSplat, SMALL, cut as cut_of, lattice_sum, suited};
 use super::lens::Lens;
 use super::project::DepthMoments;
 use super::project::slices::{ClipClass, cut, fate, whole};
@@ -178,7 +178,7 @@ pub fn place(levels: &[Level], f: &PlainFootprint) -> PlacedFootprint {
     let lattice = if small { lattice_sum(f.mean, f.cov) } else { 1.0 };
     let half_log2 = 0.5 * std::f64::consts::LOG2_E;
     let [x, y] = f.mean.map(|v| ((v + 0.5) * scale - 0.5 + PAD as f64) as f32);
-    let stroke = Stroke {
+    let stroke = RasterSplat {
         x,
         y,
         slope: (xy / yy) as f32,

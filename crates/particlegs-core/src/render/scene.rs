@@ -7,7 +7,7 @@ use crate::math::each_axis;
 use crate::model::{AlphaBlend, LawKind, Mixture, Model};
 use crate::picture::{Gray8, Plane};
 use crate::space::Bounds;
-use crate::splat::Look;
+use crate::splat::ToneStyle;
 
 /// Gaussians to draw. Cheap to make: nothing is copied.
 #[derive(Clone, Debug)]
@@ -96,12 +96,12 @@ impl<'a> Scene<'a> {
 
     /// Grey levels of its optical depth ([`super::optical_depth`]) in a look. A scene of the
     /// alpha-blend law has the one look that it was trained on, whichever is asked for.
-    pub fn tone(&self, tau: &Plane, look: Look, tones: &Tones) -> Gray8 {
+    pub fn tone(&self, tau: &Plane, look: ToneStyle, tones: &Tones) -> Gray8 {
         tones.of(tau, self.look(look))
     }
 
     /// The look that it is drawn in where this one is asked for.
-    pub(super) fn look(&self, asked: Look) -> Look {
-        if self.blend.is_some() { Look::Expected } else { asked }
+    pub(super) fn look(&self, asked: ToneStyle) -> ToneStyle {
+        if self.blend.is_some() { ToneStyle::Expected } else { asked }
     }
 }

@@ -7,7 +7,7 @@ use crate::model::Mixture;
 use crate::picture::{Plane, Size};
 use crate::progress::{Progress, Scalar, Silent};
 use crate::space::Bounds;
-use crate::splat::Look;
+use crate::splat::ToneStyle;
 
 const SIZE: Size = Size { width: 96, height: 64 };
 
@@ -138,7 +138,7 @@ fn rounding_between_stages_does_not_show() {
         let decibels = -10.0 * (squares / wide.pixels() as f64).log10();
         assert!(a.iter().any(|v| *v > 0.1), "trial {trial}: nothing is seen");
         assert!(decibels > 95.0, "trial {trial}: {decibels:.1} dB");
-        for look in [Look::Expected, Look::Paraview, Look::ParaviewNoFxaa] {
+        for look in [ToneStyle::Expected, ToneStyle::Paraview, ToneStyle::ParaviewNoFxaa] {
             let tones = Tones::new(view.opacity, view.radius_pixels(wide));
             let [a, b] = [&exact, &found].map(|p| scene.tone(p, look, &tones).data);
             assert!(a.iter().zip(&b).all(|(a, b)| a.abs_diff(*b) <= 1), "trial {trial}, {look:?}");
@@ -153,7 +153,7 @@ fn what_stages_hand_over_is_plain() {
         size_of::<T>()
     }
     use super::alpha::project::{GreyCameraGaussian, ProjectedSplat, Splat};
-    assert_eq!([size::<project::CameraGaussian>(), size::<project::Footprint>(), size::<bin::Stroke>()], [40, 24, 32]);
+    assert_eq!([size::<project::CameraGaussian>(), size::<project::Footprint>(), size::<bin::RasterSplat>()], [40, 24, 32]);
     assert_eq!([size::<GreyCameraGaussian>(), size::<ProjectedSplat>(), size::<Splat>()], [44, 44, 32]);
 }
 

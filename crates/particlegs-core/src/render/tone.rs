@@ -2,7 +2,7 @@
 
 use crate::parallel;
 use crate::picture::{Gray8, Plane, PlaneRows};
-use crate::splat::{FxaaMean, Look, Response, fxaa_blur};
+use crate::splat::{FxaaMean, Response, ToneStyle, fxaa_blur};
 use std::sync::OnceLock;
 
 /// Grey levels of a noise-free plane of optical depth (the opacity integral, A1 of
@@ -11,12 +11,12 @@ use std::sync::OnceLock;
 /// `opacity` in (0, 1] and `radius_px`, the splat radius in pixels at the focal point, say how
 /// noisy ParaView's picture would be and so what its rounding and FXAA do to the mean.
 /// Results do not depend on the number of threads.
-pub fn tone(tau: &Plane, look: Look, opacity: f64, radius_px: f64) -> Gray8 {
+pub fn tone(tau: &Plane, look: ToneStyle, opacity: f64, radius_px: f64) -> Gray8 {
     Tones::new(opacity, radius_px).of(tau, look)
 }
 
 /// [`tone`] of rows, which are overwritten, into `out`.
-pub(crate) fn tone_rows(tau: PlaneRows<'_>, look: Look, opacity: f64, radius_px: f64, out: &mut [u8]) {
+pub(crate) fn tone_rows(tau: PlaneRows<'_>, look: ToneStyle, opacity: f64, radius_px: f64, out: &mut [u8]) {
     Tones::new(opacity, radius_px).rows(tau, look, out);
 }
 
@@ -35,21 +35,21 @@ impl Tones {
     }
 
     /// [`tone`] in a look.
-    pub fn of(&self, tau: &Plane, look: Look) -> Gray8 {
+    pub fn of(&self, tau: &Plane, look: ToneStyle) -> Gray8 {
         let mut out = Gray8::black(tau.size);
         self.rows(tau.clone().rows(), look, &mut out.data);
         out
     }
 
-    fn rows(&self, mut tau: PlaneRows<'_>, look: Look, out: &mut [u8]) {
+    fn rows(&self, mut tau: PlaneRows<'_>, look: ToneStyle, out: &mut [u8]) {
         let response = || self.response.get_or_init(|| Response::new(self.opacity));
         match look {
-            Look::Expected => per_pixel(&tau, out, |t| 255.0 * -libm::expm1f(-t)),
-            Look::ParaviewNoFxaa => {
+            ToneStyle::Expected => per_pixel(&tau, out, |t| 255.0 * -libm::expm1f(-t)),
+            ToneStyle::ParaviewNoFxaa => {
                 let response = response();
                 per_pixel(&tau, out, |t| response.level(t));
             }
-            Look::Paraview => {
+            ToneStyle::Paraview => {
                 let (response, mean) = (response(), FxaaMean::new(self.opacity, self.radius_px));
                 tau.each(|_, row| row.iter_mut().for_each(|t| *t = response.level(*t) * mean.ratio(*t)));
                 blurred(&tau, fxaa_blur(self.opacity, self.radius_px), out);
@@ -93,10 +93,10 @@ mod tests {
     #[test]
     fn uniform_sheets_have_the_published_levels() {
         // docs/law/response.md, "Examples".
-        assert!(tone(&sheet(1.0), Look::Expected, 0.05, 0.3).data.iter().all(|&v| v == 161));
-        assert!(tone(&sheet(1.0), Look::ParaviewNoFxaa, 0.05, 0.3).data.iter().all(|&v| v == 159));
-        assert!(tone(&sheet(0.03), Look::Paraview, 0.05, 0.3).data.iter().all(|&v| v == 7));
-        assert!(tone(&sheet(0.0), Look::Paraview, 0.05, 0.3).data.iter().all(|&v| v == 0));
-        assert!(tone(&sheet(f32::NAN), Look::Expected, 0.05, 0.3).data.iter().all(|&v| v == 0));
+        assert!(tone(&sheet(1.0), ToneStyle::Expected, 0.05, 0.3).data.iter().all(|&v| v == 161));
+        assert!(tone(&sheet(1.0), ToneStyle::ParaviewNoFxaa, 0.05, 0.3).data.iter().all(|&v| v == 159));
+        assert!(tone(&sheet(0.03), ToneStyle::Paraview, 0.05, 0.3).data.iter().all(|&v| v == 7));
+        assert!(tone(&sheet(0.0), ToneStyle::Paraview, 0.05, 0.3).data.iter().all(|&v| v == 0));
+        assert!(tone(&sheet(f32::NAN), ToneStyle::Expected, 0.05, 0.3).data.iter().all(|&v| v == 0));
     }
 }

@@ -4,7 +4,7 @@ crate::named_values! {
     /// How optical depth, or a snapshot, becomes grey levels; scores are given for all (docs/law/response.md, "Looks").
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
     #[serde(rename_all = "kebab-case")]
-    pub enum Look {
+    pub enum ToneStyle {
         /// ParaView 6.0's default: four-layer dual depth peeling, 8-bit blending, FXAA.
         Paraview = "paraview",
         /// The same without FXAA.

@@ -11,6 +11,6 @@ pub use constants::{
     PEELS, PIXEL_VARIANCE, erf, opacity_integral,
 };
 pub use fxaa_mean::{FxaaMean, fxaa_blur};
-pub use look::Look;
+pub use look::ToneStyle;
 pub use response::Response;
 pub use response::mul8;

@@ -12,7 +12,7 @@ use particlegs_core::progress::Silent;
 use particlegs_core::render::alpha::{BRIGHTEST, CutOffs, Plan};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 
 /// Default radius and opacity.
 const USUAL: [f64; 2] = [0.02, 0.05];
@@ -149,7 +149,7 @@ fn apart(renderer: &Renderer, case: &AlphaRenderCase) -> (f64, usize, f64, u8) {
     let off = levels.iter().filter(|d| **d > 0.01).count();
     let squares: f64 = levels.iter().map(|d| d * d).sum();
     let a = renderer.picture(&canvas).unwrap();
-    let b = render::draw(&scene, &case.view, case.size, Look::Paraview, &Silent).unwrap();
+    let b = render::draw(&scene, &case.view, case.size, ToneStyle::Paraview, &Silent).unwrap();
     assert!(b.data.iter().any(|v| *v > 20), "{}: nothing is seen", case.name);
     let rounded = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
     let decibels = -10.0 * (squares / 255.0 / 255.0 / case.size.pixels() as f64).log10();
@@ -294,7 +294,7 @@ fn pictures_are_by_the_scenes_law() {
     let scenes = [scene(&gaussians), scene(&depths)];
     let pictures = scenes.each_ref().map(|s| crate::render::Pictures::new(&device, s).unwrap());
     for size in [Size { width: 33, height: 17 }, SIZE, Size { width: 64, height: 64 }] {
-        for look in Look::ALL {
+        for look in ToneStyle::ALL {
             for (own, scene) in pictures.iter().zip(&scenes) {
                 let (a, b) = (own.draw(&view, size, look).unwrap(), render::draw(scene, &view, size, look, &Silent));
                 let b = b.unwrap();
@@ -305,7 +305,7 @@ fn pictures_are_by_the_scenes_law() {
     }
     let none = Mixture { law: Law::AlphaBlend(AlphaBlend::default()), ..Mixture::default() };
     let none = crate::render::Pictures::new(&device, &scene(&none)).unwrap();
-    assert!(none.draw(&view, SIZE, Look::Expected).unwrap().data.iter().all(|v| *v == 0));
+    assert!(none.draw(&view, SIZE, ToneStyle::Expected).unwrap().data.iter().all(|v| *v == 0));
 }
 
 /// What float32 does not hold, or is behind, beside or before the range, is not drawn; nothing at all is black.

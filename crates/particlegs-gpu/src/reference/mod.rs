@@ -23,7 +23,7 @@ use crate::kernel::{BufferUse, Kernel};
 use crate::render::{FrameRecord, PlaneLayout, Tone, ToneMapper, TonePlane};
 use particlegs_core::camera::View;
 use particlegs_core::picture::{Gray8, Plane, Size};
-use particlegs_core::splat::{CUT_SIGMA, Look, erf};
+use particlegs_core::splat::{CUT_SIGMA, ToneStyle, erf};
 use particlegs_core::{Error, Result};
 use std::sync::Arc;
 use view::ViewRecord;
@@ -215,7 +215,7 @@ impl Sum<'_> {
     ///
     /// # Errors
     /// Those of the device.
-    pub fn finish(self, look: Look) -> Result<Gray8> {
+    pub fn finish(self, look: ToneStyle) -> Result<Gray8> {
         let (r, canvas) = (self.reference, self.canvas);
         let plane = TonePlane { size: canvas.size, is_sum: false };
         canvas.tone.set(&r.device.queue, self.view, look, plane);

@@ -9,7 +9,7 @@ use particlegs_core::camera::{View, clipping_range};
 use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::progress::Progress;
 use particlegs_core::space::Bounds;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A snapshot drawn on a device at whatever size, one picture at a time.
@@ -63,15 +63,15 @@ impl<'a> Pictures<'a> {
         self.snapshot.keep(u64::MAX, sent)
     }
 
-    /// A picture of all particles: of ParaView's looks its own, shot noise and all; [`Look::Expected`] is noise-free.
+    /// A picture of all particles: of ParaView's looks its own, shot noise and all; [`ToneStyle::Expected`] is noise-free.
     ///
     /// # Errors
     /// Those of [`Paraview::canvas`], [`Paraview::shot`] and [`paraview::PictureRequest::draw`], or [`Pictures::response`].
-    pub fn draw(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
+    pub fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
         let fxaa = match look {
-            Look::Expected => return self.response(view, size, look, progress),
-            Look::ParaviewNoFxaa => false,
-            Look::Paraview => true,
+            ToneStyle::Expected => return self.response(view, size, look, progress),
+            ToneStyle::ParaviewNoFxaa => false,
+            ToneStyle::Paraview => true,
         };
         let mut kept = lock(&self.layers);
         let canvas = match kept.take() {
@@ -91,7 +91,7 @@ impl<'a> Pictures<'a> {
     ///
     /// # Errors
     /// Those of [`ReferenceRenderer::canvas`], [`ReferenceRenderer::begin`] and [`Sum::add`].
-    pub fn response(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
+    pub fn response(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
         self.summed(view, size, progress, |sum| sum.finish(look))
     }
 

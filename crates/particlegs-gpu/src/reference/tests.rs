@@ -77,7 +77,7 @@ fn kernels_agree_with_their_twins() {
             println!("{position:?} radius {radius} opacity {opacity}: largest {worst:.4} levels");
             assert!(worst < 0.1, "{position:?} radius {radius} opacity {opacity}: largest {worst:.4} levels");
             assert!(whole.get_or_insert_with(|| depth.data.clone()) == &depth.data, "pieces show");
-            for look in Look::ALL {
+            for look in ToneStyle::ALL {
                 let mut sum = begin();
                 add(&mut sum);
                 let (a, b) = (sum.finish(look).unwrap(), own.response(&view, size, look, &Silent).unwrap());
@@ -100,6 +100,7 @@ fn a_picture_of_8k_is_drawn() {
     let canvas = there.canvas(size).unwrap();
     let mut sum = there.begin(&canvas, &view, [0.0; 3], clipping_range(own.bounds(), &view.camera)).unwrap();
     sum.add(&DeviceParticles::upload(&device, columns.each_ref().map(|c| &c[..])).unwrap()).unwrap();
-    let (a, b) = (sum.finish(Look::Expected).unwrap(), own.response(&view, size, Look::Expected, &Silent).unwrap());
+    let (a, b) =
+        (sum.finish(ToneStyle::Expected).unwrap(), own.response(&view, size, ToneStyle::Expected, &Silent).unwrap());
     assert!(b.data.iter().any(|v| *v > 0) && a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 1));
 }

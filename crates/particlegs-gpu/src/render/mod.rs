@@ -38,7 +38,7 @@ use particlegs_core::camera::View;
 use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::render::lens::Lens;
 use particlegs_core::render::raster::pyramid::PAD;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 use particlegs_core::{Error, Result};
 use std::sync::Arc;
 
@@ -222,7 +222,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`Error::Argument`] for a view out of range; those of the device.
-    pub fn submit(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: Look) -> Result<()> {
+    pub fn submit(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: ToneStyle) -> Result<()> {
         let lens = self.seen(gaussians, canvas, view, look)?;
         let mut encoder = self.device.device.create_command_encoder(&Default::default());
         self.sum(&mut encoder, gaussians, canvas, &lens);
@@ -234,7 +234,7 @@ impl Renderer {
     }
 
     /// The lens of a picture, once the device knows how it is to be toned.
-    fn seen(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: Look) -> Result<Lens> {
+    fn seen(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: ToneStyle) -> Result<Lens> {
         let size = canvas.planes.size;
         let lens = Lens::optical(view, size, &gaussians.bounds)?;
         canvas.tone.set(&self.device.queue, view, look, TonePlane { size, is_sum: canvas.holds_sums() });
@@ -327,7 +327,7 @@ impl Renderer {
     }
 
     /// The depth that the last picture was made of, before splats are widened towards the edges; not in
-    /// [`Look::Paraview`], whose levels take its place.
+    /// [`ToneStyle::Paraview`], whose levels take its place.
     ///
     /// # Errors
     /// Those of the device.
@@ -351,7 +351,7 @@ impl Renderer {
     ///
     /// # Errors
     /// As [`Renderer::submit`].
-    pub fn draw(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: Look) -> Result<Gray8> {
+    pub fn draw(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: ToneStyle) -> Result<Gray8> {
         self.submit(gaussians, canvas, view, look)?;
         self.picture(canvas)
     }

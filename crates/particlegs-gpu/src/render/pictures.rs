@@ -9,7 +9,7 @@ use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::render::alpha::depth_as_bright;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::render::{Scene, depth};
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A scene on a device, drawn at whatever size, one picture at a time.
@@ -52,7 +52,7 @@ impl Pictures {
     ///
     /// # Errors
     /// Those of [`Renderer::canvas`], [`Renderer::submit`], and of the same in [`alpha`].
-    pub fn draw(&self, view: &View, size: Size, look: Look) -> Result<Gray8> {
+    pub fn draw(&self, view: &View, size: Size, look: ToneStyle) -> Result<Gray8> {
         match &self.0 {
             LawRenderer::OpticalDepth(own) if own.gaussians.is_empty() => Ok(Gray8::black(size)),
             LawRenderer::AlphaBlend(own) if own.gaussians.is_empty() => Ok(Gray8::black(size)),
@@ -81,7 +81,7 @@ impl Pictures {
                 let DrawingState { renderer, gaussians, kept } = &**own;
                 let new = || renderer.canvas(gaussians, size);
                 let mut tau = kept.with(size, new, |canvas| {
-                    renderer.submit(gaussians, canvas, view, Look::Expected)?;
+                    renderer.submit(gaussians, canvas, view, ToneStyle::Expected)?;
                     renderer.depth(canvas)
                 })?;
                 let lens = Lens::optical(view, size, &gaussians.bounds)?;

@@ -96,7 +96,7 @@ fn kernels_agree_with_their_twins() {
         let scene = scene(&gaussians);
         let there = Gaussians::upload(&device, &scene).unwrap();
         let canvas = renderer.canvas(&there, size).unwrap();
-        renderer.submit(&there, &canvas, &view, Look::Expected).unwrap();
+        renderer.submit(&there, &canvas, &view, ToneStyle::Expected).unwrap();
         let mut tau = renderer.depth(&canvas).unwrap();
         let lens = Lens::optical(&view, size, scene.bounds()).unwrap();
         if lens.perspective {
@@ -109,7 +109,7 @@ fn kernels_agree_with_their_twins() {
         let db = 20.0 * (255.0 / (sum / size.pixels() as f64).sqrt()).log10();
         println!("{name}: largest {worst:.3} levels, {db:.1} dB");
         assert!(worst < 0.5 && db > 76.0, "{name}: largest {worst:.3} levels, {db:.1} dB");
-        for look in Look::ALL {
+        for look in ToneStyle::ALL {
             let (a, b) = (
                 renderer.draw(&there, &canvas, &view, look).unwrap(),
                 render::draw(&scene, &view, size, look, &Silent).unwrap(),
@@ -132,8 +132,8 @@ fn a_picture_of_8k_is_drawn() {
     let (scene, view) = (scene(&gaussians), view([1.0, 2.0, 6.0], [0.002, 0.05]));
     let there = Gaussians::upload(&device, &scene).unwrap();
     let canvas = renderer.canvas(&there, size).unwrap();
-    let a = renderer.draw(&there, &canvas, &view, Look::Expected).unwrap();
-    let b = render::draw(&scene, &view, size, Look::Expected, &Silent).unwrap();
+    let a = renderer.draw(&there, &canvas, &view, ToneStyle::Expected).unwrap();
+    let b = render::draw(&scene, &view, size, ToneStyle::Expected, &Silent).unwrap();
     assert!(b.data.iter().any(|v| *v > 0) && a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 1));
 }
 
@@ -186,7 +186,7 @@ fn nothing_depends_on_order_or_on_what_was_there() {
                 device.queue.write_buffer(buffer, 0, &vec![0xff; buffer.size() as usize]);
             }
         }
-        renderer.submit(&there, &canvas, &inside, Look::Expected).unwrap();
+        renderer.submit(&there, &canvas, &inside, ToneStyle::Expected).unwrap();
         (renderer.depth(&canvas).unwrap().data, renderer.picture(&canvas).unwrap().data)
     };
     let once = drawn(&gaussians, 1 << 20, false);
@@ -206,9 +206,9 @@ fn tiles_have_the_bits_of_atomic_adds() {
             let there = Gaussians::upload_in(&device, &scene(&gaussians), most).unwrap();
             let canvas = renderer.canvas(&there, size).unwrap();
             let mut tiles = Tiles::new(&renderer, &there, &canvas).unwrap();
-            for look in [Look::Expected, Look::Paraview] {
+            for look in [ToneStyle::Expected, ToneStyle::Paraview] {
                 // In that look the plane holds depth.
-                let depth = || (look == Look::Expected).then(|| renderer.depth(&canvas).unwrap().data);
+                let depth = || (look == ToneStyle::Expected).then(|| renderer.depth(&canvas).unwrap().data);
                 let drawn = || (depth(), renderer.picture(&canvas).unwrap().data);
                 renderer.submit(&there, &canvas, &view, look).unwrap();
                 let by_adds = drawn();
@@ -232,13 +232,13 @@ fn lists_of_tiles_have_an_end() {
     let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
     let canvas = renderer.canvas(&there, size).unwrap();
     let own = view([1.0, 2.0, 6.0], [0.01, 0.05]);
-    let by_adds = renderer.draw(&there, &canvas, &own, Look::Expected).unwrap();
+    let by_adds = renderer.draw(&there, &canvas, &own, ToneStyle::Expected).unwrap();
     let mut tiles = Tiles::new(&renderer, &there, &canvas).unwrap();
     let most = std::mem::replace(&mut tiles.most, 100);
-    let long = tiles.submit(&own, Look::Expected).unwrap_err().to_string();
+    let long = tiles.submit(&own, ToneStyle::Expected).unwrap_err().to_string();
     assert!(long.contains("160x90") && long.contains("the 100 that") && !long.contains('\n'), "{long}");
     tiles.most = most;
-    tiles.submit(&own, Look::Expected).unwrap();
+    tiles.submit(&own, ToneStyle::Expected).unwrap();
     assert_eq!(renderer.picture(&canvas).unwrap().data, by_adds.data);
 }
 
@@ -253,8 +253,8 @@ fn images_are_repeated() {
     let view = view([1.0, 2.0, 9.0], [0.01, 0.05]);
     let there = Gaussians::upload(&device, &scene).unwrap();
     let canvas = renderer.canvas(&there, size).unwrap();
-    let a = renderer.draw(&there, &canvas, &view, Look::Paraview).unwrap();
-    let b = render::draw(&scene, &view, size, Look::Paraview, &Silent).unwrap();
+    let a = renderer.draw(&there, &canvas, &view, ToneStyle::Paraview).unwrap();
+    let b = render::draw(&scene, &view, size, ToneStyle::Paraview, &Silent).unwrap();
     assert!(a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 1));
     assert!(psnr(&a, &b).is_none_or(|db| db > 70.0));
 }
@@ -272,5 +272,5 @@ fn limits_are_told() {
     assert!(none.is_empty() && renderer.canvas(&none, Size { width: 16, height: 9 }).is_err());
     let canvas = renderer.canvas(&there, Size { width: 16, height: 9 }).unwrap();
     let wrong = view([1.0, 2.0, 6.0], [0.01, 2.0]);
-    assert!(renderer.submit(&there, &canvas, &wrong, Look::Expected).is_err());
+    assert!(renderer.submit(&there, &canvas, &wrong, ToneStyle::Expected).is_err());
 }

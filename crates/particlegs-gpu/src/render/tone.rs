@@ -5,7 +5,7 @@ use crate::kernel::{BufferUse, FOUR_LEVELS, Kernel};
 use crate::{Device, groups};
 use particlegs_core::camera::View;
 use particlegs_core::picture::Size;
-use particlegs_core::splat::{FxaaMean, Look, Response, fxaa_blur};
+use particlegs_core::splat::{FxaaMean, Response, ToneStyle, fxaa_blur};
 use std::sync::{Mutex, PoisonError};
 
 /// Entries of the curve but the last: its depths are 2^e (1 + k/64), e from -14 to 3.
@@ -26,7 +26,7 @@ pub(crate) struct Tone {
     plain: wgpu::BindGroup,
     blurred: wgpu::BindGroup,
     /// The opacity, radius in pixels and look that the curve is of.
-    of: Mutex<Option<([u64; 2], Look)>>,
+    of: Mutex<Option<([u64; 2], ToneStyle)>>,
 }
 
 /// What is said of the plane that levels are made of.
@@ -48,8 +48,8 @@ pub(crate) struct LookRecord {
 
 impl LookRecord {
     /// Of a look, for levels that are not blurred.
-    pub fn sharp(look: Look, is_sum: bool) -> LookRecord {
-        LookRecord { kind: u32::from(look != Look::Expected), tap: 0.0, is_sum: u32::from(is_sum), pad: 0 }
+    pub fn sharp(look: ToneStyle, is_sum: bool) -> LookRecord {
+        LookRecord { kind: u32::from(look != ToneStyle::Expected), tap: 0.0, is_sum: u32::from(is_sum), pad: 0 }
     }
 }
 
@@ -86,10 +86,10 @@ impl ToneMapper {
     }
 
     /// Makes the levels of a picture.
-    pub fn run(&self, pass: &mut wgpu::ComputePass<'_>, tone: &Tone, size: Size, look: Look) {
+    pub fn run(&self, pass: &mut wgpu::ComputePass<'_>, tone: &Tone, size: Size, look: ToneStyle) {
         let pixels = size.pixels() as u64;
         let words = groups(pixels.div_ceil(4));
-        if look == Look::Paraview {
+        if look == ToneStyle::Paraview {
             self.levels.run(pass, &tone.levels, groups(pixels));
             self.tone.run(pass, &tone.blurred, words);
         } else {
@@ -100,19 +100,19 @@ impl ToneMapper {
 
 impl Tone {
     /// The look's records, and its curve where it is not there yet.
-    pub fn set(&self, queue: &wgpu::Queue, view: &View, look: Look, plane: TonePlane) {
+    pub fn set(&self, queue: &wgpu::Queue, view: &View, look: ToneStyle, plane: TonePlane) {
         let radius_px = view.radius_pixels(plane.size);
         let of = ([view.opacity.to_bits(), radius_px.to_bits()], look);
         if self.of.lock().unwrap_or_else(PoisonError::into_inner).replace(of) == Some(of) {
             return;
         }
         queue.write_buffer(&self.look, 0, bytemuck::bytes_of(&LookRecord::sharp(look, plane.is_sum)));
-        if look == Look::Paraview {
+        if look == ToneStyle::Paraview {
             let tap = fxaa_blur(view.opacity, radius_px);
             queue.write_buffer(&self.blur, 0, bytemuck::bytes_of(&LookRecord { kind: 2, tap, is_sum: 0, pad: 0 }));
         }
-        if look != Look::Expected {
-            let curve = curve(view.opacity, (look == Look::Paraview).then_some(radius_px));
+        if look != ToneStyle::Expected {
+            let curve = curve(view.opacity, (look == ToneStyle::Paraview).then_some(radius_px));
             queue.write_buffer(&self.curve, 0, bytemuck::cast_slice(&curve));
         }
     }

@@ -32,7 +32,7 @@ use particlegs_core::progress::Progress;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::{Error, Result};
 use particlegs_train::depth::{DepthStepper, Parameters, StepSize, WIDTHS};
-use particlegs_train::{Loss, NonFiniteGradient, Shot, StepReport, TrainingSubject};
+use particlegs_train::{Loss, NonFiniteGradient, StepReport, TrainingSample, TrainingSubject};
 use picture::{CurveCache, TrainingPicture};
 use std::fmt;
 use std::sync::Arc;
@@ -160,7 +160,13 @@ impl StepRecord {
 }
 
 impl DepthStepper for DepthSteps {
-    fn step(&mut self, of: &mut Parameters, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<StepReport> {
+    fn step(
+        &mut self,
+        of: &mut Parameters,
+        shot: &TrainingSample<'_>,
+        loss: &Loss,
+        size: &StepSize,
+    ) -> Result<StepReport> {
         if self.newer == ParameterLocation::Here {
             self.held.put(&self.device, of)?;
         }

@@ -8,7 +8,7 @@ use crate::render::{CURVE, Canvas, LookRecord, curve};
 use crate::{AT_ONCE, CUTS_AT_ONCE, Device, dispatches};
 use particlegs_core::Result;
 use particlegs_core::picture::Size;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 use particlegs_train::StepReport;
 use std::collections::HashMap;
 use wgpu::BufferUsages as Use;
@@ -103,7 +103,7 @@ impl TrainingPicture {
     }
 
     /// The curve from depth to brightness.
-    pub fn set_curve(&self, device: &Device, look: Look, curve: Option<&[f32]>) {
+    pub fn set_curve(&self, device: &Device, look: ToneStyle, curve: Option<&[f32]>) {
         let record = LookRecord::sharp(look, self.canvas.holds_sums());
         device.queue.write_buffer(&self.look, 0, bytemuck::bytes_of(&record));
         if let Some(curve) = curve {
@@ -136,15 +136,15 @@ pub(super) struct CurveCache(HashMap<[u64; 2], Vec<f32>>);
 
 impl CurveCache {
     /// That of a look, an opacity and a splat radius in pixels; none where it is no table.
-    pub fn of(&mut self, look: Look, opacity: f64, radius_px: f64) -> Option<&[f32]> {
-        if look == Look::Expected {
+    pub fn of(&mut self, look: ToneStyle, opacity: f64, radius_px: f64) -> Option<&[f32]> {
+        if look == ToneStyle::Expected {
             return None;
         }
         let key = [opacity.to_bits(), radius_px.to_bits()];
         if self.0.len() >= MOST_CURVES && !self.0.contains_key(&key) {
             self.0.clear();
         }
-        let with_fxaa = (look == Look::Paraview).then_some(radius_px);
+        let with_fxaa = (look == ToneStyle::Paraview).then_some(radius_px);
         Some(self.0.entry(key).or_insert_with(|| curve(opacity, with_fxaa)))
     }
 }

@@ -6,7 +6,7 @@ use particlegs_core::camera::View;
 use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::progress::Progress;
 use particlegs_core::space::Bounds;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 use particlegs_core::{Error, Result};
 use particlegs_train::TrainingSubject;
 use std::ops::Range;
@@ -60,7 +60,7 @@ impl TrainingSubject for DeviceSubject<'_> {
         self.of.bounds()
     }
 
-    fn draw(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
+    fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
         if self.holds(size) {
             return self.pictures.draw(view, size, look, progress);
         }

@@ -8,7 +8,7 @@ use particlegs_core::model::Mixture;
 use particlegs_core::picture::Plane;
 use particlegs_core::progress::Silent;
 use particlegs_core::space::Bounds;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 use particlegs_train::depth::{DepthCpuSteps, DepthGaussians};
 use particlegs_train::{Crop, Device as _, Norm};
 
@@ -18,7 +18,7 @@ struct DepthTrainingCase {
     name: &'static str,
     gaussians: Mixture,
     view: View,
-    look: Look,
+    look: ToneStyle,
     loss: Loss,
     crop: Crop,
 }
@@ -50,7 +50,7 @@ fn cases() -> Vec<DepthTrainingCase> {
         name,
         gaussians,
         view,
-        look: Look::Expected,
+        look: ToneStyle::Expected,
         loss: l2,
         crop: Crop::whole(SIZE),
     };
@@ -68,7 +68,7 @@ fn cases() -> Vec<DepthTrainingCase> {
         case("slab", round(), slab),
         case("wide", mixture(5, 60, 1.0, 1.0), view(far, [0.02, 0.5])),
         DepthTrainingCase { crop, ..case("crop", round(), view(far, usual)) },
-        DepthTrainingCase { look: Look::Paraview, ..case("ParaView's look", round(), view(far, [0.01, 0.3])) },
+        DepthTrainingCase { look: ToneStyle::Paraview, ..case("ParaView's look", round(), view(far, [0.01, 0.3])) },
         DepthTrainingCase {
             loss: Loss { smooth: 0.02, ..Loss::PUBLISHED },
             ..case("L1, rounded", round(), view(far, usual))
@@ -108,7 +108,7 @@ fn steps(
     number: usize,
 ) -> Vec<StepReport> {
     let target = target(case.crop.size);
-    let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
+    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
     let mut one = || steps.step(of, &shot, &case.loss, &size_of_step(0.01)).unwrap();
     let told = (0..number).map(|_| one()).collect();
     steps.fetch(of).unwrap();
@@ -257,7 +257,7 @@ fn gradients_that_are_no_numbers_are_told_and_survived() {
     let case = cases().swap_remove(0);
     let mut target = target(SIZE);
     target.data[SIZE.width * 45 + 80] = f32::NAN;
-    let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
+    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
     let (mut here, mut there) = (parameters(&case), parameters(&case));
     let one = |steps: &mut dyn DepthStepper, of: &mut Parameters| {
         let told = steps.step(of, &shot, &case.loss, &size_of_step(0.01)).unwrap();
@@ -291,7 +291,7 @@ fn a_device_that_is_gone_is_an_error() {
     let before = of.now.clone();
     device.device.destroy();
     let target = target(SIZE);
-    let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
+    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
     let error = own.step(&mut of, &shot, &case.loss, &size_of_step(0.01)).unwrap_err().to_string();
     assert!(error.contains("device") && error.lines().count() == 1, "{error}");
     assert!(of.now == before);
@@ -309,7 +309,7 @@ fn more_gaussians_than_it_holds_are_refused() {
 fn a_short_run_reaches_the_processors_score() {
     use particlegs::compress::{Options, Target, compress};
     use particlegs::particles::Particles;
-    use particlegs::pieces::NoPieces;
+    use particlegs::pieces::NoCheckpoints;
     use particlegs::train::{Config, Limits, Preset, Start};
     let Some(device) = device() else { return };
     let device: Arc<dyn particlegs_train::Device> = Arc::new(Trainer::new(&device).unwrap());
@@ -324,7 +324,7 @@ fn a_short_run_reaches_the_processors_score() {
     let fast = Config::preset(Preset::Fast, particlegs::model::LawKind::OpticalDepth);
     let config = Config {
         start: Start::Random,
-        target: Look::Expected,
+        target: ToneStyle::Expected,
         start_gaussians: Some(300),
         ..fast.scaled(0.06).unwrap()
     };
@@ -332,7 +332,7 @@ fn a_short_run_reaches_the_processors_score() {
         let limits = Limits { device, ..Limits::default() };
         let training = Some(config.clone());
         let options = Options { target: Target::Gaussians(300), training, limits, seed: 4, ..Options::default() };
-        let done = compress(&particles, &options, &mut NoPieces, &Silent).unwrap();
+        let done = compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap();
         done.trained[0].clone()
     };
     let (here, there) = (run(None), run(Some(device)));

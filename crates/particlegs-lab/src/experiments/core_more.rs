@@ -3,7 +3,7 @@
 use crate::training::{TrainingTask, recipe, scaled};
 use particlegs::Result;
 use particlegs::model::LawKind;
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs::train::{Config, Norm, Start};
 
 /// What is chosen otherwise, and what is trained then.
@@ -23,7 +23,7 @@ pub(super) fn choices(scale: f64, seed: u64) -> Result<Vec<(&'static str, Traini
         ("without opacity resets", published(|c| c.alpha_blend.reset_every = 0)?),
         ("0.8 L1 + 0.2 DSSIM", published(|c| c.loss.dssim = 0.2)?),
         ("L2", published(|c| c.loss.norm = Norm::L2)?),
-        ("targets free of noise (expected)", published(|c| c.target = Look::Expected)?),
+        ("targets free of noise (expected)", published(|c| c.target = ToneStyle::Expected)?),
         ("started from our partition", from(|c| c.start = Start::Partition)?),
         ("started from our fit", from(|c| c.start = Start::Fit)?),
         ("law optical-depth, all else published", published(|c| c.law = LawKind::OpticalDepth)?),

@@ -128,7 +128,7 @@ mod tests {
     use particlegs::compress::{Options, Target, compress};
     use particlegs::model::CertificateLevel;
     use particlegs::particles::Particles;
-    use particlegs::pieces::NoPieces;
+    use particlegs::pieces::NoCheckpoints;
     use particlegs::progress::Silent;
 
     fn metadata() -> Metadata {
@@ -136,7 +136,7 @@ mod tests {
         let particles = Particles::from_columns(column(1), column(2), column(3));
         let certificate = CertificateLevel::None;
         let options = Options { target: Target::Gaussians(5), certificate, ..Options::default() };
-        compress(&particles, &options, &mut NoPieces, &Silent).unwrap().model.metadata
+        compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap().model.metadata
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::TrainingScore;
 use particlegs::Result;
 use particlegs::compress::Checkpoint;
-use particlegs::pieces::Pieces;
+use particlegs::pieces::CheckpointStore;
 use particlegs::progress::{Level, Progress};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -53,7 +53,7 @@ impl CurveCheckpoint<'_> {
     }
 }
 
-impl Pieces for CurveCheckpoint<'_> {
+impl CheckpointStore for CurveCheckpoint<'_> {
     fn get(&self, key: &str) -> Option<Vec<u8>> {
         self.checkpoint.get(key)
     }

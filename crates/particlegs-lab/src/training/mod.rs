@@ -10,7 +10,7 @@ use particlegs::compress::{Checkpoint, CompressedModel, FineTuning, Options, Tar
 use particlegs::model::{CertificateLevel, LawKind};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
-use particlegs::pieces::Pieces;
+use particlegs::pieces::CheckpointStore;
 use particlegs::progress::Progress;
 use particlegs::train::{Config, Densify, Limits, Preset, Stage};
 use particlegs::{Error, Result};
@@ -187,7 +187,8 @@ pub(crate) fn trained_on(
         certificate: CertificateLevel::None,
         ..Options::default()
     };
-    let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| compress(particles, &options, pieces, progress);
+    let work =
+        |pieces: &mut dyn CheckpointStore, progress: &dyn Progress| compress(particles, &options, pieces, progress);
     let trained = kept(lab, &("compress", hash, task), piece, work)?;
     Ok(match (task.target, &task.training) {
         (Target::Gaussians(most), Some(c)) if c.law == LawKind::AlphaBlend => {
@@ -219,7 +220,7 @@ pub(crate) fn tuned(
         certificate: CertificateLevel::None,
     };
     let model = blake3::hash(&merged.bytes).to_hex().to_string();
-    let work = |pieces: &mut dyn Pieces, progress: &dyn Progress| {
+    let work = |pieces: &mut dyn CheckpointStore, progress: &dyn Progress| {
         let size = merged.bytes.len() as u64;
         finetune(&merged.model, size, &snapshot.particles, &options, pieces, progress)
     };
@@ -231,7 +232,7 @@ fn kept(
     lab: &Lab<'_>,
     inputs: &impl Serialize,
     piece: Option<Duration>,
-    work: impl FnOnce(&mut dyn Pieces, &dyn Progress) -> Result<CompressedModel>,
+    work: impl FnOnce(&mut dyn CheckpointStore, &dyn Progress) -> Result<CompressedModel>,
 ) -> Result<TrainingResult> {
     let path = lab.on_device.path("checkpoint", inputs, "checkpoint");
     let whose = serde_json::to_vec(inputs).map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;

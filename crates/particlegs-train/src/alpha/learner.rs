@@ -2,10 +2,10 @@
 
 use super::config::AlphaConfig;
 use super::parameters::{AlphaParameters, GROUPS, ParameterGroup};
-use super::start::Ground;
+use super::start::TrainingScale;
 use super::steps::{AlphaCpuSteps, AlphaStepper, Gaussians, StepSize};
 use crate::adam::Averages;
-use crate::learner::{Learner, Shot, StepInfo, StepReport};
+use crate::learner::{Learner, StepInfo, StepReport, TrainingSample};
 use crate::loss::Loss;
 use crate::state::TrainingState;
 use particlegs_core::Result;
@@ -25,7 +25,7 @@ impl AlphaLearner {
     pub(super) fn of(
         parameters: AlphaParameters,
         mapper: Option<VizMapper>,
-        ground: Ground,
+        ground: TrainingScale,
         config: AlphaConfig,
     ) -> Self {
         AlphaLearner {
@@ -56,7 +56,7 @@ impl AlphaLearner {
 }
 
 impl Learner for AlphaLearner {
-    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport> {
+    fn step(&mut self, shot: &TrainingSample<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport> {
         let c = &self.config;
         let size = StepSize {
             rates: ParameterGroup::ALL.map(|g| self.rate(g, at.iteration + 1)),
@@ -87,7 +87,7 @@ impl Learner for AlphaLearner {
     fn mixture(&self) -> Mixture {
         let mut mixture = Mixture::default();
         let mut law = AlphaBlend { vizmapper: self.gaussians.mapper.clone().map(Arc::new), ..AlphaBlend::default() };
-        let Ground { frame, particles, .. } = self.gaussians.ground;
+        let TrainingScale { frame, particles, .. } = self.gaussians.ground;
         let sum: f64 = (0..self.len()).map(|i| self.gaussians.parameters.get(i).opacity()).sum();
         for i in 0..self.len() {
             let one = self.gaussians.parameters.get(i);

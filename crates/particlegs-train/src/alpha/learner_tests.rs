@@ -2,7 +2,7 @@
 
 use super::parameters::ParameterGroup;
 use super::*;
-use crate::learner::{Crop, Densify, Learner, NonFiniteGradient, Shot, StepInfo};
+use crate::learner::{Crop, Densify, Learner, NonFiniteGradient, StepInfo, TrainingSample};
 use crate::loss::Loss;
 use crate::state::TrainingState;
 use crate::targets_tests::ParticleSubject;
@@ -15,10 +15,10 @@ use particlegs_core::picture::{Gray8, Plane, Size, masked_psnr};
 use particlegs_core::progress::{Level, Progress, Scalar, Silent};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 
-fn ground(bounds: &Bounds, particles: u64) -> Ground {
-    Ground {
+fn ground(bounds: &Bounds, particles: u64) -> TrainingScale {
+    TrainingScale {
         frame: Normalisation::of(bounds),
         radius: bounds.default_radius(particles),
         opacity: 0.05,
@@ -60,7 +60,7 @@ fn lesson_of(folder: &str, size: Size, frames: usize) -> TrainingSet {
     let shots = views(&bounds, radius, size, frames, 3)
         .into_iter()
         .map(|view| {
-            let truth = reference.draw(&view, size, Look::Expected, &Silent).unwrap();
+            let truth = reference.draw(&view, size, ToneStyle::Expected, &Silent).unwrap();
             let target = Plane { size, data: truth.data.iter().map(|b| f32::from(*b) / 255.0).collect() };
             (view, truth, target)
         })
@@ -68,12 +68,12 @@ fn lesson_of(folder: &str, size: Size, frames: usize) -> TrainingSet {
     TrainingSet { bounds, particles, shots }
 }
 
-fn shot<'a>(view: &'a View, target: &'a Plane) -> Shot<'a> {
+fn shot<'a>(view: &'a View, target: &'a Plane) -> TrainingSample<'a> {
     shot_with(view, target, &Silent)
 }
 
-fn shot_with<'a>(view: &'a View, target: &'a Plane, progress: &'a dyn Progress) -> Shot<'a> {
-    Shot { view, target, crop: Crop::whole(target.size), progress }
+fn shot_with<'a>(view: &'a View, target: &'a Plane, progress: &'a dyn Progress) -> TrainingSample<'a> {
+    TrainingSample { view, target, crop: Crop::whole(target.size), progress }
 }
 
 fn moment(iteration: u64, iterations: u64, densify: Densify) -> StepInfo {
@@ -122,7 +122,8 @@ fn model(learner: &AlphaLearner, bounds: Bounds) -> Model {
 fn score(learner: &AlphaLearner, lesson: &TrainingSet) -> f64 {
     let m = model(learner, lesson.bounds);
     let psnr = lesson.shots.iter().map(|(view, truth, _)| {
-        masked_psnr(&render::draw(&Scene::of(&m), view, truth.size, Look::Paraview, &Silent).unwrap(), truth).unwrap()
+        masked_psnr(&render::draw(&Scene::of(&m), view, truth.size, ToneStyle::Paraview, &Silent).unwrap(), truth)
+            .unwrap()
     });
     psnr.sum::<f64>() / lesson.shots.len() as f64
 }
@@ -323,7 +324,7 @@ fn models_hold_what_was_trained() {
     let shot = shot(view, target);
     let losses = [&mut learner, &mut again].map(|l| l.step(&shot, &Loss::PUBLISHED, &at).unwrap().loss);
     assert!((losses[0] - losses[1]).abs() < 1e-6, "{losses:?}");
-    let drawn = render::draw(&Scene::of(&m), view, QUICK, Look::Expected, &Silent).unwrap();
+    let drawn = render::draw(&Scene::of(&m), view, QUICK, ToneStyle::Expected, &Silent).unwrap();
     let levels = drawn.data.iter().map(|b| f32::from(*b) / 255.0).collect();
     let loss = Loss::PUBLISHED.of(&Plane { size: QUICK, data: levels }, target, Level::new()).value;
     assert!((loss - losses[0]).abs() < 2e-3, "{loss} {losses:?}");

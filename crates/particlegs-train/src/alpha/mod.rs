@@ -28,5 +28,5 @@ mod twin;
 pub use config::AlphaConfig;
 pub(crate) use learner::AlphaLearner;
 pub use parameters::{AlphaParameters, GROUPS, SH0};
-pub use start::Ground;
+pub use start::TrainingScale;
 pub use steps::{AlphaCpuSteps, AlphaStepper, Gaussians, StepSize};

@@ -26,7 +26,7 @@ const OPACITIES: [f64; 2] = [0.02, 0.95];
 
 /// What a learner must know of its snapshot.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ground {
+pub struct TrainingScale {
     /// The training frame.
     pub frame: Normalisation,
     /// Default radius, world units.
@@ -48,7 +48,7 @@ impl AlphaLearner {
     pub(crate) fn from_particles(
         subject: &dyn TrainingSubject,
         number: usize,
-        ground: Ground,
+        ground: TrainingScale,
         config: AlphaConfig,
     ) -> Result<Self> {
         if subject.is_empty() || number == 0 {
@@ -82,7 +82,7 @@ impl AlphaLearner {
     ///
     /// # Errors
     /// [`Error::Argument`] that names the first Gaussian that is not a number; for an empty mixture.
-    pub(crate) fn from_mixture(mixture: &Mixture, ground: Ground, config: AlphaConfig) -> Result<Self> {
+    pub(crate) fn from_mixture(mixture: &Mixture, ground: TrainingScale, config: AlphaConfig) -> Result<Self> {
         let r2 = ground.radius * ground.radius;
         let mut parameters = AlphaParameters::default();
         for i in 0..mixture.len() {
@@ -100,7 +100,7 @@ impl AlphaLearner {
     ///
     /// # Errors
     /// As [`Self::from_mixture`]; [`Error::Argument`] for a model without opacities.
-    pub(crate) fn from_model(model: &Model, ground: Ground, config: AlphaConfig) -> Result<Self> {
+    pub(crate) fn from_model(model: &Model, ground: TrainingScale, config: AlphaConfig) -> Result<Self> {
         let mut parameters = AlphaParameters::default();
         model.blocks().try_for_each(|b| push_all(&mut parameters, &b.gaussians, &ground.frame))?;
         Self::new(parameters, model.vizmapper().map(|v| VizMapper::clone(v)), ground, config)
@@ -109,7 +109,7 @@ impl AlphaLearner {
     fn new(
         parameters: AlphaParameters,
         mapper: Option<VizMapper>,
-        ground: Ground,
+        ground: TrainingScale,
         config: AlphaConfig,
     ) -> Result<Self> {
         if parameters.is_empty() {
@@ -131,7 +131,7 @@ impl Gaussians {
     ///
     /// # Errors
     /// [`Error::Argument`] for a mixture without opacities.
-    pub fn of_mixture(mixture: &Mixture, ground: Ground) -> Result<Self> {
+    pub fn of_mixture(mixture: &Mixture, ground: TrainingScale) -> Result<Self> {
         let mut parameters = AlphaParameters::default();
         push_all(&mut parameters, mixture, &ground.frame)?;
         let network = mixture.law.alpha_blend().and_then(|own| own.vizmapper.as_deref().cloned());

@@ -2,9 +2,9 @@
 
 use super::parameters::{AlphaParameters, GROUPS, ParameterGroup};
 use super::pass::{ForwardPass, LoadedNetwork, faults};
-use super::start::Ground;
+use super::start::TrainingScale;
 use crate::adam::{Adam, Averages};
-use crate::learner::{NonFiniteGradient, Shot, StepReport};
+use crate::learner::{NonFiniteGradient, StepReport, TrainingSample};
 use crate::loss::Loss;
 use particlegs_core::Result;
 use particlegs_core::model::vizmapper::{Network, Setting};
@@ -22,7 +22,7 @@ const NETWORK_ADAM: Adam = Adam { beta1: 0.9, beta2: 0.999, epsilon: 1e-8 };
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gaussians {
     /// Of the snapshot.
-    pub ground: Ground,
+    pub ground: TrainingScale,
     /// The Gaussians.
     pub parameters: AlphaParameters,
     /// Adam's, a group each.
@@ -56,7 +56,13 @@ pub trait AlphaStepper {
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] for a view with a number outside its range; those of a device.
-    fn step(&mut self, of: &mut Gaussians, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<StepReport>;
+    fn step(
+        &mut self,
+        of: &mut Gaussians,
+        shot: &TrainingSample<'_>,
+        loss: &Loss,
+        size: &StepSize,
+    ) -> Result<StepReport>;
 
     /// Brings everything up to date with the steps taken.
     ///
@@ -78,7 +84,7 @@ pub struct AlphaCpuSteps {
 
 impl Gaussians {
     /// Before the first step.
-    pub(super) fn new(parameters: AlphaParameters, mapper: Option<VizMapper>, ground: Ground) -> Self {
+    pub(super) fn new(parameters: AlphaParameters, mapper: Option<VizMapper>, ground: TrainingScale) -> Self {
         let n = parameters.len();
         Gaussians {
             ground,
@@ -91,8 +97,8 @@ impl Gaussians {
     }
 
     /// What a picture asks of the network.
-    pub fn setting(&self, shot: &Shot<'_>) -> Setting {
-        let Ground { radius, opacity, .. } = self.ground;
+    pub fn setting(&self, shot: &TrainingSample<'_>) -> Setting {
+        let TrainingScale { radius, opacity, .. } = self.ground;
         Setting { radius: shot.view.radius / radius, opacity: shot.view.opacity / opacity }
     }
 
@@ -100,7 +106,7 @@ impl Gaussians {
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] for a view with a number outside its range.
-    pub fn eye(&self, shot: &Shot<'_>) -> Result<Eye> {
+    pub fn eye(&self, shot: &TrainingSample<'_>) -> Result<Eye> {
         Ok(Eye::new(shot.view, shot.crop.full, &self.ground.frame)?.part(shot.crop.corner, shot.crop.size))
     }
 
@@ -142,7 +148,13 @@ fn shown(drawn: &Plane) -> Plane {
 }
 
 impl AlphaStepper for AlphaCpuSteps {
-    fn step(&mut self, of: &mut Gaussians, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<StepReport> {
+    fn step(
+        &mut self,
+        of: &mut Gaussians,
+        shot: &TrainingSample<'_>,
+        loss: &Loss,
+        size: &StepSize,
+    ) -> Result<StepReport> {
         let (eye, setting) = (of.eye(shot)?, of.setting(shot));
         let mapper = of.mapper.as_ref().map(|m| LoadedNetwork {
             network: Network::new(m),

@@ -2,7 +2,7 @@
 
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use particlegs_core::math::exp2;
-use particlegs_core::splat::{FxaaMean, Look, Response};
+use particlegs_core::splat::{FxaaMean, Response, ToneStyle};
 
 /// Brightness in [0, 1] against optical depth.
 pub enum BrightnessCurve {
@@ -14,11 +14,11 @@ pub enum BrightnessCurve {
 
 impl BrightnessCurve {
     /// The curve of a look for an opacity and a splat radius in pixels.
-    pub fn new(look: Look, opacity: f64, radius_px: f64) -> Self {
+    pub fn new(look: ToneStyle, opacity: f64, radius_px: f64) -> Self {
         match look {
-            Look::Expected => BrightnessCurve::Expected,
-            Look::ParaviewNoFxaa => BrightnessCurve::Response(Box::new(Response::new(opacity)), None),
-            Look::Paraview => {
+            ToneStyle::Expected => BrightnessCurve::Expected,
+            ToneStyle::ParaviewNoFxaa => BrightnessCurve::Response(Box::new(Response::new(opacity)), None),
+            ToneStyle::Paraview => {
                 BrightnessCurve::Response(Box::new(Response::new(opacity)), Some(FxaaMean::new(opacity, radius_px)))
             }
         }

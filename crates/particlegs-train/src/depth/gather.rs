@@ -3,7 +3,7 @@
 use super::adjoint::FootprintGradient;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level as SimdLevel, Simd, f32x8};
-use particlegs_core::render::bin::{PlacedFootprint, Stroke, lattice_slope};
+use particlegs_core::render::bin::{PlacedFootprint, RasterSplat, lattice_slope};
 use particlegs_core::render::project::Footprint;
 use particlegs_core::render::raster::exp2;
 use particlegs_core::render::raster::pyramid::{Level, PAD};
@@ -20,12 +20,12 @@ pub struct GradientMoments {
 }
 
 /// Gathers `gradient`, a plane of `level`, over a stroke.
-pub fn gather(simd: SimdLevel, gradient: &[f32], level: &Level, stroke: &Stroke) -> GradientMoments {
+pub fn gather(simd: SimdLevel, gradient: &[f32], level: &Level, stroke: &RasterSplat) -> GradientMoments {
     fearless_simd::dispatch!(simd, simd => gather_all(simd, gradient, level, stroke))
 }
 
 #[inline(always)]
-fn gather_all<S: Simd>(simd: S, gradient: &[f32], level: &Level, s: &Stroke) -> GradientMoments {
+fn gather_all<S: Simd>(simd: S, gradient: &[f32], level: &Level, s: &RasterSplat) -> GradientMoments {
     let zero = f32x8::splat(simd, 0.0);
     let lanes = f32x8::from_slice(simd, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
     let width = level.size.width + 2 * PAD;

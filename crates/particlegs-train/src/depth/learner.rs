@@ -11,13 +11,13 @@ use super::density::{Relocation, relocate};
 use super::parameters::{Parameters, WIDTHS};
 use super::steps::{DepthStepper, StepSize};
 use crate::adam::Averages;
-use crate::learner::{Densify, Learner, Shot, StepInfo, StepReport};
+use crate::learner::{Densify, Learner, StepInfo, StepReport, TrainingSample};
 use crate::loss::Loss;
 use crate::state::TrainingState;
 use particlegs_core::Result;
 use particlegs_core::model::{MASS, Mixture};
 use particlegs_core::space::Bounds;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 
 /// What the Gaussians are trained for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +27,7 @@ pub(crate) struct DepthContext {
     /// Particles.
     pub particles: u64,
     /// Look of the targets.
-    pub look: Look,
+    pub look: ToneStyle,
     /// Bytes that the coded Gaussians are to have; `None` = not known: they are not coded on the way.
     pub bytes: Option<u64>,
 }
@@ -137,7 +137,7 @@ impl DepthLearner {
 }
 
 impl Learner for DepthLearner {
-    fn step(&mut self, shot: &Shot<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport> {
+    fn step(&mut self, shot: &TrainingSample<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport> {
         self.code(at)?;
         let size = self.size(at);
         self.steps.step(&mut self.parameters, shot, loss, &size)

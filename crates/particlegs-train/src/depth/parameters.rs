@@ -5,7 +5,7 @@ use super::groups::GaussianGroups;
 use crate::adam::Averages;
 use particlegs_core::model::Mixture;
 use particlegs_core::space::Bounds;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 
 /// Groups of numbers that have a rate each, and their numbers a Gaussian: place, shape, count.
 pub const WIDTHS: [usize; 3] = [3, 6, 1];
@@ -16,7 +16,7 @@ pub struct Parameters {
     /// Bounds of the particles, world units.
     pub bounds: Bounds,
     /// Look of the targets.
-    pub look: Look,
+    pub look: ToneStyle,
     /// The Gaussians.
     pub now: DepthGaussians,
     /// Their running average: what is scored and kept.
@@ -33,7 +33,7 @@ pub struct Parameters {
 
 impl Parameters {
     /// Those of a mixture of `particles`, whose counts are kept among so many neighbours (0 = all).
-    pub fn new(mixture: &Mixture, particles: u64, kept_among: u64, (bounds, look): (Bounds, Look)) -> Parameters {
+    pub fn new(mixture: &Mixture, particles: u64, kept_among: u64, (bounds, look): (Bounds, ToneStyle)) -> Parameters {
         let now = DepthGaussians::of(mixture, |i| i);
         Parameters {
             bounds,

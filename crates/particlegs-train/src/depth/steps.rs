@@ -6,7 +6,7 @@ use super::curve::BrightnessCurve;
 use super::parameters::{Parameters, WIDTHS};
 use super::raster::Tape;
 use crate::adam::Adam;
-use crate::learner::{NonFiniteGradient, Shot, StepReport};
+use crate::learner::{NonFiniteGradient, StepReport, TrainingSample};
 use crate::loss::Loss;
 use particlegs_core::Result;
 use particlegs_core::parallel;
@@ -42,7 +42,13 @@ pub trait DepthStepper {
     ///
     /// # Errors
     /// [`particlegs_core::Error::Argument`] for a view with a number outside its range; those of a device.
-    fn step(&mut self, of: &mut Parameters, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<StepReport>;
+    fn step(
+        &mut self,
+        of: &mut Parameters,
+        shot: &TrainingSample<'_>,
+        loss: &Loss,
+        size: &StepSize,
+    ) -> Result<StepReport>;
 
     /// Brings the parameters up to date with the steps taken.
     ///
@@ -78,7 +84,13 @@ struct OwnFrameGradient {
 }
 
 impl DepthStepper for DepthCpuSteps {
-    fn step(&mut self, of: &mut Parameters, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<StepReport> {
+    fn step(
+        &mut self,
+        of: &mut Parameters,
+        shot: &TrainingSample<'_>,
+        loss: &Loss,
+        size: &StepSize,
+    ) -> Result<StepReport> {
         #[allow(unused_mut)]
         let (value, mut world) = self.backward(of, shot, loss)?;
         #[cfg(test)]
@@ -104,7 +116,12 @@ impl DepthStepper for DepthCpuSteps {
 
 impl DepthCpuSteps {
     /// Loss of a shot, and its gradient with every Gaussian.
-    fn backward(&mut self, of: &Parameters, shot: &Shot<'_>, loss: &Loss) -> Result<(f64, Vec<GaussianGradient>)> {
+    fn backward(
+        &mut self,
+        of: &Parameters,
+        shot: &TrainingSample<'_>,
+        loss: &Loss,
+    ) -> Result<(f64, Vec<GaussianGradient>)> {
         let (simd, mixture) = (shot.progress.simd(), of.seen().mixture());
         let tape = Tape::draw(&mixture, &of.bounds, shot.view, &shot.crop, &mut self.scratch, shot.progress)?;
         let curve = BrightnessCurve::new(of.look, shot.view.opacity, shot.view.radius_pixels(shot.crop.full));

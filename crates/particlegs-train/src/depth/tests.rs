@@ -6,7 +6,7 @@ use super::learner::{DepthContext, DepthLearner};
 use super::parameters::Parameters;
 use super::raster::Tape;
 use super::steps::{DepthCpuSteps, DepthStepper};
-use crate::learner::{Densify, Learner, Shot, StepInfo};
+use crate::learner::{Densify, Learner, StepInfo, TrainingSample};
 use crate::{Crop, Loss, Norm};
 use particlegs_core::camera::{View, spherical_camera};
 use particlegs_core::codec::{Encoder, Precision, decode_block};
@@ -19,7 +19,7 @@ use particlegs_core::render::bin::lattice_sum;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::render::plain::footprints;
 use particlegs_core::space::Bounds;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 
 const SIZE: Size = Size { width: 48, height: 32 };
 
@@ -35,7 +35,7 @@ fn drawn(m: &Mixture, view: &View, crop: &Crop) -> Tape {
     Tape::draw(m, &bounds(), view, crop, &mut Scratch::default(), &Silent).unwrap()
 }
 
-fn ground(m: &Mixture, look: Look) -> DepthContext {
+fn ground(m: &Mixture, look: ToneStyle) -> DepthContext {
     DepthContext { bounds: bounds(), particles: m.count.iter().sum::<f64>() as u64, look, bytes: None }
 }
 
@@ -194,7 +194,7 @@ fn gradients_among_the_gaussians() {
 #[test]
 fn neighbours_share_their_particles() {
     let m = mixture(8, 100);
-    let (now, particles) = (DepthGaussians::of(&m, |i| i), ground(&m, Look::Expected).particles);
+    let (now, particles) = (DepthGaussians::of(&m, |i| i), ground(&m, ToneStyle::Expected).particles);
     let groups = GaussianGroups::new(&now.0, particles, 16);
     assert_eq!(groups.counts.len(), 8);
     let mut draw = Random::new(5, 0, 0);
@@ -225,8 +225,8 @@ fn neighbours_share_their_particles() {
 fn a_settled_run_is_what_is_coded() {
     let (m, view) = (mixture(8, 400), view(12.0));
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
-    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
-    let ground = DepthContext { bytes: Some(1800), ..ground(&m, Look::Expected) };
+    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
+    let ground = DepthContext { bytes: Some(1800), ..ground(&m, ToneStyle::Expected) };
     let config = DepthConfig { code_every: 2, ..DepthConfig::default() };
     let mut learner = learner(&m, ground, config);
     for i in 0..100 {
@@ -248,14 +248,14 @@ fn steps_go_down_the_loss() {
     let (m, view) = (mixture(8, 30), view(12.0));
     let target = drawn(&mixture(9, 30), &view, &Crop::whole(SIZE)).tau;
     let target = Plane { size: SIZE, data: target.data.iter().map(|t| 1.0 - (-t).exp()).collect() };
-    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
+    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
     let loss = Loss { norm: Norm::L2, ..Loss::PUBLISHED };
-    let mut learner = learner(&m, ground(&m, Look::Expected), DepthConfig::default());
+    let mut learner = learner(&m, ground(&m, ToneStyle::Expected), DepthConfig::default());
     let at = |iteration| moment(iteration, 150);
     let losses: Vec<f64> = (0..150).map(|i| learner.step(&shot, &loss, &at(i)).unwrap().loss).collect();
     assert!(losses[149] < 0.5 * losses[0], "{} to {}", losses[0], losses[149]);
     let sum: f64 = learner.mixture().count.iter().sum();
-    assert!((sum / ground(&m, Look::Expected).particles as f64 - 1.0).abs() < 1e-6, "particles are kept");
+    assert!((sum / ground(&m, ToneStyle::Expected).particles as f64 - 1.0).abs() < 1e-6, "particles are kept");
 }
 
 #[test]
@@ -317,13 +317,13 @@ fn order_changes_next_to_nothing_and_none_is_black() {
 fn a_gradient_that_is_not_a_number_is_named_and_survived() {
     let (m, view) = (mixture(4, 8), view(14.0));
     let target = Plane::zeros(SIZE);
-    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
+    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
     let steps = |_: &Parameters| -> particlegs_core::Result<Box<dyn DepthStepper>> {
         let mut processor = DepthCpuSteps::default();
         processor.poison = Some(3);
         Ok(Box::new(processor))
     };
-    let mut learner = DepthLearner::new(&m, ground(&m, Look::Expected), DepthConfig::default(), steps).unwrap();
+    let mut learner = DepthLearner::new(&m, ground(&m, ToneStyle::Expected), DepthConfig::default(), steps).unwrap();
     let at = moment(0, 10);
     let told = learner.step(&shot, &Loss::PUBLISHED, &at).unwrap().not_finite.unwrap();
     assert_eq!((told.group, told.gaussian, told.count), ("covariance", 3, 1));
@@ -341,9 +341,9 @@ fn masses_are_kept_by_density_control_and_by_states() {
     m.columns.set(particlegs_core::model::MASS, masses);
     let mass = |l: &DepthLearner| l.mixture().masses().unwrap().iter().sum::<f64>();
     let config = DepthConfig { relocate: 0.25, ..DepthConfig::default() };
-    let new = || learner(&m, ground(&m, Look::Expected), config);
+    let new = || learner(&m, ground(&m, ToneStyle::Expected), config);
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
-    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
+    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
     let mut learner = new();
     learner.step(&shot, &Loss::PUBLISHED, &moment(0, 10)).unwrap();
     let at = StepInfo { densify: Densify { every: 1, until: 10, threshold: 0.0 }, ..moment(0, 10) };
@@ -361,8 +361,8 @@ fn masses_are_kept_by_density_control_and_by_states() {
 fn a_state_goes_on_to_the_same_bits() {
     let (m, view) = (mixture(8, 30), view(12.0));
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
-    let shot = Shot { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
-    let new = || learner(&m, ground(&m, Look::Paraview), DepthConfig::default());
+    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
+    let new = || learner(&m, ground(&m, ToneStyle::Paraview), DepthConfig::default());
     let at = |iteration| moment(iteration, 20);
     let run = |learner: &mut DepthLearner, range: std::ops::Range<u64>| {
         range.for_each(|i| {

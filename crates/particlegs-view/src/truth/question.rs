@@ -5,7 +5,7 @@ use particlegs::picture::{Plane, Size};
 use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs::render::tone;
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs::{Error, Result};
 use serde::Deserialize;
 
@@ -167,11 +167,11 @@ impl RenderRequest {
 
 impl RequestLook {
     /// The look in grey levels; `None` for surface density.
-    fn of_grey(self) -> Option<Look> {
+    fn of_grey(self) -> Option<ToneStyle> {
         match self {
-            RequestLook::Paraview => Some(Look::Paraview),
-            RequestLook::ParaviewNoFxaa => Some(Look::ParaviewNoFxaa),
-            RequestLook::Expected => Some(Look::Expected),
+            RequestLook::Paraview => Some(ToneStyle::Paraview),
+            RequestLook::ParaviewNoFxaa => Some(ToneStyle::ParaviewNoFxaa),
+            RequestLook::Expected => Some(ToneStyle::Expected),
             RequestLook::Density => None,
         }
     }

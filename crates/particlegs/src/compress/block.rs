@@ -11,7 +11,7 @@ use crate::Result;
 use crate::codec::{self, CodedLayer};
 use crate::model::{LawKind, Layer, Mass, VizMapper};
 use crate::particles::Particles;
-use crate::pieces::Pieces;
+use crate::pieces::CheckpointStore;
 use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::train::{Limits, TrainedRun};
@@ -93,7 +93,12 @@ impl BlockParticles {
     ///
     /// # Errors
     /// Those of the fit, of training and of the coder.
-    pub fn code(&self, share: Share, context: BlockContext<'_>, pieces: &mut dyn Pieces) -> Result<CodedBlock> {
+    pub fn code(
+        &self,
+        share: Share,
+        context: BlockContext<'_>,
+        pieces: &mut dyn CheckpointStore,
+    ) -> Result<CodedBlock> {
         let mut coded = CodedBlock::empty(self.layers.iter().fold(Bounds::empty(), |all, l| all.union(&l.bounds)));
         let mut left = RemainingShare { share, count: self.count, raw_bytes: self.raw_bytes };
         for (i, layer) in self.layers.iter().enumerate() {

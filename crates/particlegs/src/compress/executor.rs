@@ -6,7 +6,7 @@ use super::block::{BlockContext, BlockParticles, CodedBlock, StopPolicy};
 use super::clock::Clock;
 use crate::Result;
 use crate::model::Target;
-use crate::pieces::{Pieces, PrefixedPieces};
+use crate::pieces::{CheckpointStore, PrefixedPieces};
 use crate::progress::Progress;
 
 /// Where the particles of a job's blocks wait, and its coded blocks are kept.
@@ -24,7 +24,7 @@ pub(crate) fn do_block(
     block: u32,
     target: Target,
     context: BlockContext<'_>,
-    pieces: &mut dyn Pieces,
+    pieces: &mut dyn CheckpointStore,
 ) -> Result<()> {
     let mut clock = Clock::default();
     let particles = clock.time("read", || store.particles(block, context.progress))?;
@@ -39,7 +39,7 @@ pub(crate) fn do_blocks(
     store: &mut dyn BlockStore,
     target: Target,
     context: BlockContext<'_>,
-    pieces: &mut dyn Pieces,
+    pieces: &mut dyn CheckpointStore,
 ) -> Result<()> {
     let blocks = context.plan.recipe().blocks;
     for block in 0..blocks {

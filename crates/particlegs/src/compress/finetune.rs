@@ -10,7 +10,7 @@ use crate::model::{
     Block, Certificate, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, RecipeStep, VizMapper,
 };
 use crate::particles::Particles;
-use crate::pieces::{Pieces, PrefixedPieces};
+use crate::pieces::{CheckpointStore, PrefixedPieces};
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::score::CertificateInput;
@@ -72,7 +72,7 @@ pub fn finetune(
     model_bytes: u64,
     particles: &Particles,
     options: &FineTuning,
-    pieces: &mut dyn Pieces,
+    pieces: &mut dyn CheckpointStore,
     progress: &dyn Progress,
 ) -> Result<CompressedModel> {
     let file = NewFile::of(model, model_bytes, options)?;

@@ -4,7 +4,7 @@ use super::{Options, Target, compress};
 use crate::Result;
 use crate::model::{CertificateLevel, CrossValidation, Effort, Model, SAMPLED_ABOVE};
 use crate::particles::{Particles, Selection, Storage};
-use crate::pieces::NoPieces;
+use crate::pieces::NoCheckpoints;
 use crate::progress::Progress;
 use crate::score::{Halves, ParticlesWithModel, spectrum_options};
 
@@ -49,7 +49,8 @@ fn of_scope(
         seed,
         ..Options::default()
     };
-    let model_of = |half: &Particles| Ok::<_, crate::Error>(compress(half, &options, &mut NoPieces, progress)?.model);
+    let model_of =
+        |half: &Particles| Ok::<_, crate::Error>(compress(half, &options, &mut NoCheckpoints, progress)?.model);
     let models = [model_of(&halves[0])?, model_of(&halves[1])?];
     let domain = scope.domain;
     let spectrum = spectrum_options(&domain, particles.len());

@@ -8,7 +8,7 @@ use crate::codec::{Encoder, decode_block};
 use crate::fit::{Effort, FitOptions, Fitter};
 use crate::model::{Block, LawKind, Layer, Mixture, VizMapper};
 use crate::particles::Particles;
-use crate::pieces::{Pieces, PrefixedPieces};
+use crate::pieces::{CheckpointStore, PrefixedPieces};
 use crate::reference::Reference;
 use crate::space::Bounds;
 use crate::train::{Config, Defaults, InitialGaussians, Limits, Start, TrainedMixture, TrainedRun, Training};
@@ -104,7 +104,7 @@ impl LayerTask<'_> {
     ///
     /// # Errors
     /// Those of the fit, of training and of the coder.
-    pub fn make(&self, share: Share, pieces: &mut dyn Pieces) -> Result<LayerResult> {
+    pub fn make(&self, share: Share, pieces: &mut dyn CheckpointStore) -> Result<LayerResult> {
         match share {
             Share::Gaussians(gaussians) => {
                 self.code(self.gaussians(GaussianGoal { gaussians, bytes: None }, pieces)?, None)
@@ -114,7 +114,7 @@ impl LayerTask<'_> {
     }
 
     /// A number of Gaussians whose steps are near nominal, and the steps that just fit `bytes`.
-    fn to_size(&self, bytes: u64, pieces: &mut dyn Pieces) -> Result<LayerResult> {
+    fn to_size(&self, bytes: u64, pieces: &mut dyn CheckpointStore) -> Result<LayerResult> {
         let plan = self.context.plan;
         let each = bytes_a_gaussian(plan.recipe().effort);
         let target = SizeTarget { bytes, bytes_a_gaussian: each, most: most_gaussians(self.layer.count()) };
@@ -143,9 +143,9 @@ impl LayerTask<'_> {
     }
 
     /// Gaussians that are fitted and, where the job is to, trained.
-    fn gaussians(&self, goal: GaussianGoal, pieces: &mut dyn Pieces) -> Result<LayerFit> {
+    fn gaussians(&self, goal: GaussianGoal, pieces: &mut dyn CheckpointStore) -> Result<LayerFit> {
         let mut clock = Clock::default();
-        let mut fit = |pieces: &mut dyn Pieces| {
+        let mut fit = |pieces: &mut dyn CheckpointStore| {
             clock.time("fit", || self.fit(goal.gaussians, &mut Fitter::new(self.layer.particles()), pieces))
         };
         let Some(config) = &self.context.plan.training else {
@@ -164,7 +164,7 @@ impl LayerTask<'_> {
     }
 
     /// Fits `number` Gaussians, fewer where the particles do not carry so many.
-    fn fit(&self, number: u64, fitter: &mut Fitter<'_>, pieces: &mut dyn Pieces) -> Result<Mixture> {
+    fn fit(&self, number: u64, fitter: &mut Fitter<'_>, pieces: &mut dyn CheckpointStore) -> Result<Mixture> {
         let (plan, count) = (self.context.plan, self.layer.count());
         let partition = plan.training.as_ref().is_some_and(|t| t.start == Start::Partition);
         let gaussians = usize::try_from(number.min(count)).unwrap_or(usize::MAX);
@@ -186,7 +186,7 @@ impl LayerTask<'_> {
         config: &Config,
         from: InitialGaussians<'_>,
         goal: GaussianGoal,
-        pieces: &mut dyn Pieces,
+        pieces: &mut dyn CheckpointStore,
     ) -> Result<LayerFit> {
         let (layer, plan) = (self.layer, self.context.plan);
         let m = &plan.metadata;

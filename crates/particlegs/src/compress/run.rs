@@ -16,7 +16,7 @@ use crate::blocks::SnapshotScan;
 use crate::fit::{self};
 use crate::model::{GoalResult, Model};
 use crate::particles::{LayeredParticles, Particles, Storage};
-use crate::pieces::Pieces;
+use crate::pieces::CheckpointStore;
 use crate::progress::Progress;
 use crate::score::{CertificateInput, GoalMetric};
 use crate::space::Bounds;
@@ -59,7 +59,7 @@ pub struct CompressedModel {
 pub fn compress(
     particles: &Particles,
     options: &Options,
-    pieces: &mut dyn Pieces,
+    pieces: &mut dyn CheckpointStore,
     progress: &dyn Progress,
 ) -> Result<CompressedModel> {
     Compression::plan(particles, options, progress)?.run(pieces, progress)
@@ -109,7 +109,7 @@ impl<'a> Compression<'a> {
     ///
     /// # Errors
     /// As [`compress`].
-    pub fn run(self, pieces: &mut dyn Pieces, progress: &dyn Progress) -> Result<CompressedModel> {
+    pub fn run(self, pieces: &mut dyn CheckpointStore, progress: &dyn Progress) -> Result<CompressedModel> {
         let Compression { particles, options, plan, layer_bounds, mut clock } = self;
         let mut trained = Vec::new();
         // What cannot be measured is refused before anything is fitted.

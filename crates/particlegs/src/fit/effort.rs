@@ -5,7 +5,7 @@ use super::{ParticleStore, PartitionOptions, RefineOptions, refine};
 use crate::Result;
 use crate::model::{Effort, Mixture};
 use crate::particles::Particles;
-use crate::pieces::{NoPieces, Pieces};
+use crate::pieces::{CheckpointStore, NoCheckpoints};
 use crate::progress::Progress;
 
 /// What to fit.
@@ -39,7 +39,7 @@ impl FitOptions {
 /// [`crate::Error::Argument`] for no particles, no Gaussians, or a radius that is not positive;
 /// [`crate::Error::Cancelled`].
 pub fn fit(particles: &Particles, options: &FitOptions, progress: &dyn Progress) -> Result<Mixture> {
-    Fitter::new(particles).fit(options, &mut NoPieces, progress)
+    Fitter::new(particles).fit(options, &mut NoCheckpoints, progress)
 }
 
 /// Fits the same particles again and again, for one number of Gaussians after the other: the copy of
@@ -58,8 +58,13 @@ impl<'a> Fitter<'a> {
     /// [`fit`] that keeps its pieces, and takes those that are there.
     ///
     /// # Errors
-    /// As [`fit`], and those of [`Pieces::keep`].
-    pub fn fit(&mut self, options: &FitOptions, pieces: &mut dyn Pieces, progress: &dyn Progress) -> Result<Mixture> {
+    /// As [`fit`], and those of [`CheckpointStore::keep`].
+    pub fn fit(
+        &mut self,
+        options: &FitOptions,
+        pieces: &mut dyn CheckpointStore,
+        progress: &dyn Progress,
+    ) -> Result<Mixture> {
         progress.check()?;
         let store = match self.store.take() {
             Some(mut store) => {

@@ -19,7 +19,7 @@ use super::{Moments, ParticleStore, Partition, pieces as kept};
 use crate::math::{Purpose, Random, Sym3};
 use crate::model::Mixture;
 use crate::parallel;
-use crate::pieces::Pieces;
+use crate::pieces::CheckpointStore;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::ops::Range;
@@ -80,13 +80,13 @@ const LIKELIHOOD: f64 = 0.1;
 /// the number of particles.
 ///
 /// # Errors
-/// [`Error::Argument`] for a radius that is not positive; those of [`Pieces::keep`];
+/// [`Error::Argument`] for a radius that is not positive; those of [`CheckpointStore::keep`];
 /// [`Error::Cancelled`].
 pub(crate) fn refine(
     partition: &Partition,
     radius: f64,
     options: &RefineOptions,
-    pieces: &mut dyn Pieces,
+    pieces: &mut dyn CheckpointStore,
     progress: &dyn Progress,
 ) -> Result<Mixture> {
     if !(radius > 0.0 && radius.is_finite() && options.sample > 0.0 && options.pixel >= 0.0) {

@@ -6,7 +6,7 @@ use crate::fit::{Effort, FitOptions, ParticleStore, PartitionOptions, RefineOpti
 use crate::math::{Random, Sym3};
 use crate::model::Mixture;
 use crate::particles::{Column, Particles};
-use crate::pieces::NoPieces;
+use crate::pieces::NoCheckpoints;
 use crate::progress::{Progress, Scalar, Silent};
 use std::path::Path;
 
@@ -37,7 +37,7 @@ fn refined_with(p: &Particles, gaussians: usize, rounds: usize, sample: f64, pro
         seed: 1,
         thin: None,
     };
-    refine(&cells, radius(p), &options, &mut NoPieces, progress).unwrap()
+    refine(&cells, radius(p), &options, &mut NoCheckpoints, progress).unwrap()
 }
 
 /// ||P(mixture) - P(particles)||^2 over ||P(particles)||^2 in the axis planes at `blur`, with one of `STEP`

@@ -10,7 +10,7 @@ use crate::picture::{Gray8, Plane, Size};
 use crate::progress::Progress;
 use crate::render::tone;
 use crate::space::Bounds;
-use crate::splat::Look;
+use crate::splat::ToneStyle;
 use particlegs_files::memory::require;
 use std::ops::Range;
 
@@ -83,16 +83,16 @@ impl<'a> Reference<'a> {
     }
 
     /// A picture of all particles: for ParaView's looks its own, exactly, shot noise and all
-    /// (docs/law/splat.md); for [`Look::Expected`] `round(255 (1 - exp(-tau*)))`.
+    /// (docs/law/splat.md); for [`ToneStyle::Expected`] `round(255 (1 - exp(-tau*)))`.
     ///
     /// # Errors
     /// [`crate::Error::Argument`] for a view out of range or not in perspective;
     /// [`crate::Error::Cancelled`] where the caller stops.
-    pub fn draw(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
+    pub fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
         match look {
-            Look::Expected => self.response(view, size, look, progress),
-            Look::ParaviewNoFxaa => self.exact(view, size, progress),
-            Look::Paraview => Ok(fxaa(&self.exact(view, size, progress)?)),
+            ToneStyle::Expected => self.response(view, size, look, progress),
+            ToneStyle::ParaviewNoFxaa => self.exact(view, size, progress),
+            ToneStyle::Paraview => Ok(fxaa(&self.exact(view, size, progress)?)),
         }
     }
 
@@ -101,7 +101,7 @@ impl<'a> Reference<'a> {
     ///
     /// # Errors
     /// As [`Reference::draw`].
-    pub fn response(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
+    pub fn response(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
         let tau = self.optical_depth(view, size, progress)?;
         Ok(tone(&tau, look, view.opacity, view.radius_pixels(size)))
     }
@@ -163,7 +163,7 @@ impl crate::train::TrainingSubject for Reference<'_> {
         self.bounds
     }
 
-    fn draw(&self, view: &View, size: Size, look: Look, progress: &dyn Progress) -> Result<Gray8> {
+    fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
         Reference::draw(self, view, size, look, progress)
     }
 

@@ -6,7 +6,7 @@ use crate::math::Random;
 use crate::particles::Particles;
 use crate::picture::{Plane, Size};
 use crate::progress::{Progress, Scalar, Silent};
-use crate::splat::Look;
+use crate::splat::ToneStyle;
 
 const SIZE: Size = Size { width: 240, height: 136 };
 
@@ -100,7 +100,7 @@ fn threads_and_vectors_change_no_bit() {
         let view = view(&particles, distance, radius_px, 0.05);
         let draw = |how: &dyn Progress| {
             let tau = reference.optical_depth(&view, SIZE, how).unwrap();
-            let exact = reference.draw(&view, SIZE, Look::Paraview, how).unwrap();
+            let exact = reference.draw(&view, SIZE, ToneStyle::Paraview, how).unwrap();
             (tau.data.iter().map(|t| t.to_bits()).collect::<Vec<_>>(), exact)
         };
         let many = draw(&Silent);
@@ -129,7 +129,7 @@ fn degenerate_snapshots_draw() {
     for particles in [cube(1, 1), Particles::from_columns(vec![2.0; 9], vec![2.0; 9], vec![2.0; 9])] {
         let v = view(&particles, 1.0, 2.0, 0.5);
         let reference = Reference::new(&particles);
-        for look in Look::ALL {
+        for look in ToneStyle::ALL {
             assert!(reference.draw(&v, SIZE, look, &Silent).unwrap().data.iter().any(|&p| p > 0), "{look:?}");
         }
     }

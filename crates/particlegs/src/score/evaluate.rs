@@ -12,7 +12,7 @@ use crate::progress::{Level, Progress};
 use crate::reference::{Reference, uniform_box};
 use crate::render::{self, Drawer, Scene};
 use crate::space::Bounds;
-use crate::splat::Look;
+use crate::splat::ToneStyle;
 use crate::stats::Domain;
 use crate::{Error, Result};
 
@@ -147,24 +147,24 @@ impl<'a> ModelComparison<'a> {
     }
 
     /// The scores of one look.
-    pub fn look(&self, drawn: &ViewPictures, look: Look) -> LookScores {
+    pub fn look(&self, drawn: &ViewPictures, look: ToneStyle) -> LookScores {
         drawn.scores(look, &self.scene.tone(&drawn.tau, look, &drawn.truth.tones))
     }
 
     fn scores(&self, view: &View, drawn: &ViewPictures) -> ViewScores {
-        let no_fxaa = self.scene.tone(&drawn.tau, Look::ParaviewNoFxaa, &drawn.truth.tones);
-        let target = drawn.truth.picture(Look::ParaviewNoFxaa);
+        let no_fxaa = self.scene.tone(&drawn.tau, ToneStyle::ParaviewNoFxaa, &drawn.truth.tones);
+        let target = drawn.truth.picture(ToneStyle::ParaviewNoFxaa);
         ViewScores {
             name: view.name.clone(),
             orbit: orbit_of(view),
             radius: view.radius,
             opacity: view.opacity,
-            paraview: self.look(drawn, Look::Paraview),
+            paraview: self.look(drawn, ToneStyle::Paraview),
             paraview_no_fxaa: LookScores {
                 shot_noise: Some(shot_noise(&drawn.tau, view.opacity, &no_fxaa, target)),
-                ..drawn.scores(Look::ParaviewNoFxaa, &no_fxaa)
+                ..drawn.scores(ToneStyle::ParaviewNoFxaa, &no_fxaa)
             },
-            expected: self.look(drawn, Look::Expected),
+            expected: self.look(drawn, ToneStyle::Expected),
         }
     }
 }
@@ -180,12 +180,12 @@ pub(super) struct ViewPictures {
 }
 
 impl ViewPictures {
-    fn scores(&self, look: Look, model: &Gray8) -> LookScores {
+    fn scores(&self, look: ToneStyle, model: &Gray8) -> LookScores {
         let target = self.truth.picture(look);
         let of = |picture: &Gray8| Scores::of(picture, target);
         let noise_free = match look {
             // The target itself.
-            Look::Expected => Scores { psnr: None, masked_psnr: None, ssim: ssim(target, target) },
+            ToneStyle::Expected => Scores { psnr: None, masked_psnr: None, ssim: ssim(target, target) },
             _ => of(&self.truth.noise_free(look)),
         };
         let model = of(model);

@@ -9,7 +9,7 @@ use crate::picture::{Gray8, Size, masked_psnr};
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::render::{self, Scene, tone};
-use crate::splat::Look;
+use crate::splat::ToneStyle;
 
 /// Views and the `expected` pictures of all particles in them, drawn once.
 pub struct HeldOutPictures {
@@ -32,7 +32,7 @@ impl HeldOutPictures {
             .map(|view| {
                 view.check(size)?;
                 let tau = reference.optical_depth(view, size, progress)?;
-                Ok(tone(&tau, Look::Expected, view.opacity, view.radius_pixels(size)))
+                Ok(tone(&tau, ToneStyle::Expected, view.opacity, view.radius_pixels(size)))
             })
             .collect::<Result<_>>()?;
         Ok(HeldOutPictures { size, views, truth })
@@ -49,7 +49,7 @@ impl HeldOutPictures {
             .iter()
             .zip(&self.truth)
             .map(|(view, truth)| {
-                let drawn = render::draw(scene, view, self.size, Look::Expected, progress)?;
+                let drawn = render::draw(scene, view, self.size, ToneStyle::Expected, progress)?;
                 Ok(masked_psnr(&drawn, truth))
             })
             .collect::<Result<Vec<_>>>()?;

@@ -12,7 +12,7 @@ use crate::progress::Progress;
 use crate::reference::uniform_box;
 use crate::render::tone;
 use crate::score::cells::agreements;
-use crate::splat::Look;
+use crate::splat::ToneStyle;
 use crate::stats::{Domain, Field, Grid, spectra_of};
 use crate::{Error, Result};
 
@@ -71,7 +71,7 @@ impl PartSums<'_> {
     fn view(&self, view: usize, progress: &dyn Progress) -> Result<OrbitMetrics> {
         let (size, metadata) = (certify::SIZE, &self.frame.metadata);
         let (even, view_of) = (Domain::drawn(&metadata.bounds, metadata.cell.as_ref()), &self.frame.views[view]);
-        let picture = |tau: &Plane| tone(tau, Look::Expected, view_of.opacity, view_of.radius_pixels(size));
+        let picture = |tau: &Plane| tone(tau, ToneStyle::Expected, view_of.opacity, view_of.radius_pixels(size));
         let side =
             |side| Ok::<_, Error>(picture(&Plane { size, data: self.sum(SumsSection::View(side, view), progress)? }));
         let (truth, model) = (side(0)?, side(1)?);

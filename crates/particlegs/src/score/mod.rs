@@ -2,7 +2,7 @@
 //!
 //! [`evaluate`] draws every view of all particles and of the model in every look and puts the
 //! noise-free score, the floors and the gap beside each score (docs/law/scores.md). The certificate
-//! does so for one frame an orbit and adds the density; [`Finding::verdict`] says in plain words what it is good for.
+//! does so for one frame an orbit and adds the density; [`Assessment::verdict`] says in plain words what it is good for.
 //! `HeldOutPictures` keeps the truth of a few views for who compares many models.
 
 mod cells;
@@ -47,7 +47,7 @@ pub(crate) use scope::ParticlesWithModel;
 pub use scores::{Evaluation, LookScores, MeanViewScores, ViewScores};
 pub(crate) use sums::{MeasurementFrame, SumsSection};
 use truth::ViewTruth;
-pub use verdict::{Finding, Use, Word};
+pub use verdict::{Assessment, Grade, UseCase};
 use views::certificate_views;
 pub(crate) use views::check_radius;
 pub use views::evaluation_views;

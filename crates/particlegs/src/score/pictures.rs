@@ -11,7 +11,7 @@ use crate::model::{
 };
 use crate::picture::{Scores, Size};
 use crate::progress::Progress;
-use crate::splat::Look;
+use crate::splat::ToneStyle;
 
 /// Size of the pictures: a third of the certificate's, since large splats of millions of particles take their time.
 const SIZE: Size = Size { width: 640, height: 360 };
@@ -65,7 +65,7 @@ impl SceneSetting {
             let view = View { radius: self.radius * m.default_radius, opacity, ..view };
             let drawn = comparison.draw(&view, SIZE, &progress)?;
             progress.begin("scores", 0);
-            for (all, look) in scores.iter_mut().zip([Look::Paraview, Look::Expected]) {
+            for (all, look) in scores.iter_mut().zip([ToneStyle::Paraview, ToneStyle::Expected]) {
                 all.push(comparison.look(&drawn, look));
             }
             progress.end();

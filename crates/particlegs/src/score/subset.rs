@@ -8,7 +8,7 @@ use crate::particles::{Column, Particles, Positions};
 use crate::picture::{Gray8, Size};
 use crate::progress::Progress;
 use crate::reference::Reference;
-use crate::splat::Look;
+use crate::splat::ToneStyle;
 use particlegs_core::math::each_axis;
 
 /// A random subset as its coded bytes have it.
@@ -32,10 +32,10 @@ pub enum SubsetView {
 
 impl SubsetView {
     /// The picture in a look, where it was drawn.
-    pub fn picture(&self, look: Look) -> Option<&Gray8> {
+    pub fn picture(&self, look: ToneStyle) -> Option<&Gray8> {
         match self {
             SubsetView::Whole(truth) => Some(truth.picture(look)),
-            SubsetView::Expected(picture) => (look == Look::Expected).then_some(picture),
+            SubsetView::Expected(picture) => (look == ToneStyle::Expected).then_some(picture),
         }
     }
 }
@@ -80,7 +80,7 @@ impl RandomSubset {
         let view = View { radius: view.radius * self.scale, ..view.clone() };
         Ok(match whole {
             true => SubsetView::Whole(Box::new(ViewTruth::draw(&reference, &view, size, None, progress)?)),
-            false => SubsetView::Expected(reference.draw(&view, size, Look::Expected, progress)?),
+            false => SubsetView::Expected(reference.draw(&view, size, ToneStyle::Expected, progress)?),
         })
     }
 }

@@ -6,7 +6,7 @@ use crate::picture::{Gray8, Plane, Size};
 use crate::progress::Progress;
 use crate::reference::{Reference, fxaa};
 use crate::render::{Drawer, Tones};
-use crate::splat::Look;
+use crate::splat::ToneStyle;
 
 /// One view of all particles: ParaView's pictures, and the noise-free optical depth.
 pub(super) struct ViewTruth {
@@ -30,7 +30,7 @@ impl ViewTruth {
         let (paraview_no_fxaa, tau) = match drawer {
             Some(d) => (d.particles(view, size, progress)?, d.particles_depth(view, size, progress)?),
             None => (
-                particles.draw(view, size, Look::ParaviewNoFxaa, progress)?,
+                particles.draw(view, size, ToneStyle::ParaviewNoFxaa, progress)?,
                 particles.optical_depth(view, size, progress)?,
             ),
         };
@@ -38,24 +38,24 @@ impl ViewTruth {
         Ok(ViewTruth {
             paraview: fxaa(&paraview_no_fxaa),
             paraview_no_fxaa,
-            expected: tones.of(&tau, Look::Expected),
+            expected: tones.of(&tau, ToneStyle::Expected),
             tau,
             tones,
         })
     }
 
     /// The target in a look.
-    pub fn picture(&self, look: Look) -> &Gray8 {
+    pub fn picture(&self, look: ToneStyle) -> &Gray8 {
         match look {
-            Look::Paraview => &self.paraview,
-            Look::ParaviewNoFxaa => &self.paraview_no_fxaa,
-            Look::Expected => &self.expected,
+            ToneStyle::Paraview => &self.paraview,
+            ToneStyle::ParaviewNoFxaa => &self.paraview_no_fxaa,
+            ToneStyle::Expected => &self.expected,
         }
     }
 
     /// The noise-free picture of all particles in a look: what a model gets that knows every
     /// particle but not the sampling noise of one shot.
-    pub fn noise_free(&self, look: Look) -> Gray8 {
+    pub fn noise_free(&self, look: ToneStyle) -> Gray8 {
         self.tones.of(&self.tau, look)
     }
 }

@@ -53,7 +53,7 @@ particlegs_core::named_values! {
     /// What a model may be used for.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
     #[serde(rename_all = "snake_case")]
-    pub enum Use {
+    pub enum UseCase {
         /// Pictures at the default radius and opacity.
         Pictures = "pictures",
         /// Pictures of large splats.
@@ -74,7 +74,7 @@ particlegs_core::named_values! {
 particlegs_core::named_values! {
     /// How far that goes.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-    pub enum Word {
+    pub enum Grade {
         /// Use it.
         #[serde(rename = "holds")]
         Holds = "holds",
@@ -98,35 +98,35 @@ particlegs_core::named_values! {
 
 /// One use, its word, and the figures that decided it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Finding {
+pub struct Assessment {
     /// What for.
     #[serde(rename = "use")]
-    pub of: Use,
+    pub of: UseCase,
     /// The word.
-    pub word: Word,
+    pub word: Grade,
     /// Why, in one line: the figure that decided, and behind a semicolon what stands beside it.
     pub why: String,
 }
 
-impl Finding {
+impl Assessment {
     /// The figure that decided.
     pub fn figure(&self) -> &str {
         self.why.split("; ").next().unwrap_or_default()
     }
 
     /// Of a file whose figures nobody has measured again.
-    pub fn unverified() -> Vec<Finding> {
+    pub fn unverified() -> Vec<Assessment> {
         let why = "the snapshot is needed, to measure again what the file says";
-        Use::ALL.map(|of| Finding { of, word: Word::NotVerified, why: why.into() }).into()
+        UseCase::ALL.map(|of| Assessment { of, word: Grade::NotVerified, why: why.into() }).into()
     }
 
     /// Judges the certificate of a model of `metadata`: pictures (as they are, at a large radius, from close up), density, power
     /// spectrum, groups and spacing, in this order.
     /// Without a certificate nothing is measured.
-    pub fn verdict(certificate: Option<&Certificate>, metadata: &Metadata) -> Vec<Finding> {
+    pub fn verdict(certificate: Option<&Certificate>, metadata: &Metadata) -> Vec<Assessment> {
         let Some(c) = certificate else {
-            let none = |of| Finding { of, word: Word::NotMeasured, why: "the file has no certificate".into() };
-            return Use::ALL.map(none).into();
+            let none = |of| Assessment { of, word: Grade::NotMeasured, why: "the file has no certificate".into() };
+            return UseCase::ALL.map(none).into();
         };
         let unit = metadata.units.length_text();
         let density = c.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
@@ -138,41 +138,47 @@ impl Finding {
 }
 
 /// The smallest gain of the `expected` look, whose score has no sampling noise in it.
-fn pictures(c: &Certificate) -> Finding {
-    let finding = |word, why| Finding { of: Use::Pictures, word, why };
+fn pictures(c: &Certificate) -> Assessment {
+    let finding = |word, why| Assessment { of: UseCase::Pictures, word, why };
     let gains: Vec<PictureGain> = c.views.orbits.iter().filter_map(|o| PictureGain::of(&o.expected)).collect();
     let beaten = gains.iter().any(|g| g.subset_is_better);
     let Some(worst) = gains.into_iter().min_by(|a, b| a.decibels.total_cmp(&b.decibels)) else {
-        return finding(Word::NotMeasured, "nothing is lit at the default radius and opacity".into());
+        return finding(Grade::NotMeasured, "nothing is lit at the default radius and opacity".into());
     };
     finding(worst.word(beaten, [PICTURES_HOLD, PICTURES_ROUGHLY]), worst.in_words("worst orbit"))
 }
 
 /// At the largest radius and the default opacity.
-fn at_large_radius(c: &Certificate) -> Finding {
+fn at_large_radius(c: &Certificate) -> Assessment {
     let limits = [LARGE_HOLDS, LARGE_ROUGHLY];
-    at_setting(c, Use::LargeRadius, |s| !s.close && s.radius > 1.0, limits, |s| format!("{} default radii", s.radius))
+    at_setting(
+        c,
+        UseCase::LargeRadius,
+        |s| !s.close && s.radius > 1.0,
+        limits,
+        |s| format!("{} default radii", s.radius),
+    )
 }
 
 /// From within, at the default radius and opacity.
-fn close_up(c: &Certificate) -> Finding {
-    at_setting(c, Use::CloseUp, |s| s.close, [PICTURES_HOLD, PICTURES_ROUGHLY], |_| "from within".into())
+fn close_up(c: &Certificate) -> Assessment {
+    at_setting(c, UseCase::CloseUp, |s| s.close, [PICTURES_HOLD, PICTURES_ROUGHLY], |_| "from within".into())
 }
 
 /// The worst view of the first setting of a kind, which is at the default opacity.
 fn at_setting(
     c: &Certificate,
-    of: Use,
+    of: UseCase,
     kind: impl Fn(&PictureSetting) -> bool,
     limits: [f64; 2],
     name: impl Fn(&PictureSetting) -> String,
-) -> Finding {
-    let finding = |word, why| Finding { of, word, why };
+) -> Assessment {
+    let finding = |word, why| Assessment { of, word, why };
     let Some(at) = c.pictures.as_ref().and_then(|p| p.settings.iter().find(|s| kind(s))) else {
-        return finding(Word::NotMeasured, NEEDS_FULL.into());
+        return finding(Grade::NotMeasured, NEEDS_FULL.into());
     };
     let Some(gain) = PictureGain::of(&at.expected.worst) else {
-        return finding(Word::NotMeasured, "nothing is lit, or all is white".into());
+        return finding(Grade::NotMeasured, "nothing is lit, or all is white".into());
     };
     finding(gain.word(gain.subset_is_better, limits), gain.in_words(&format!("worst view, {}", name(at))))
 }
@@ -206,7 +212,7 @@ impl PictureGain {
     }
 
     /// From which decibels on it holds, and roughly.
-    fn word(&self, beaten: bool, [hold, roughly]: [f64; 2]) -> Word {
+    fn word(&self, beaten: bool, [hold, roughly]: [f64; 2]) -> Grade {
         let holds = self.decibels >= hold && !beaten;
         graded(self.more_similar && holds, self.more_similar && self.decibels >= roughly)
     }
@@ -223,7 +229,7 @@ impl PictureGain {
     }
 }
 
-fn density(c: &Certificate) -> Finding {
+fn density(c: &Certificate) -> Assessment {
     // An empty density has an error of 1.
     let d = &c.density;
     let trivial = d.uniform_mean_absolute_error.min(1.0);
@@ -235,11 +241,11 @@ fn density(c: &Certificate) -> Finding {
         "correlation {:.4} on {} cells along the longest edge; mean error {:.2} where a trivial density has {trivial:.2}",
         d.correlation, d.cells, d.mean_absolute_error
     );
-    Finding { of: Use::Density, word, why }
+    Assessment { of: UseCase::Density, word, why }
 }
 
 /// Of cells of three sizes, from which on the density holds.
-fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
+fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Assessment {
     let trivial = |d: &CellDensity| d.uniform_mean_absolute_error.min(1.0);
     let holds =
         |d: &CellDensity| d.correlation >= DENSITY_HOLDS && d.mean_absolute_error <= DENSITY_ERROR_HOLDS * trivial(d);
@@ -247,28 +253,28 @@ fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
     let from = |good: &dyn Fn(&CellDensity) -> bool| densities.iter().rev().take_while(|d| good(d)).last();
     let unit = unit.map_or(String::new(), |u| format!(" {u}"));
     let told = |d: &CellDensity, word| {
-        let (even, more) = if word == Word::DoesNot { ("even ", "") } else { ("", " and more") };
+        let (even, more) = if word == Grade::DoesNot { ("even ", "") } else { ("", " and more") };
         let (&CellDensity { edge, particles, correlation, mean_absolute_error, .. }, trivial) = (d, trivial(d));
         let why = format!(
             "correlation {correlation:.4} {even}in cells of {}{unit}{more}; {particles:.0} particles in each, mean \
              error {mean_absolute_error:.2} where a trivial density has {trivial:.2}",
             decimals(edge)
         );
-        Finding { of: Use::Density, word, why }
+        Assessment { of: UseCase::Density, word, why }
     };
     match (from(&holds), from(&roughly), densities.last()) {
-        (Some(d), ..) => told(d, Word::Holds),
-        (None, Some(d), _) => told(d, Word::Roughly),
-        (None, None, Some(d)) => told(d, Word::DoesNot),
-        _ => Finding { of: Use::Density, word: Word::NotMeasured, why: "too few particles".into() },
+        (Some(d), ..) => told(d, Grade::Holds),
+        (None, Some(d), _) => told(d, Grade::Roughly),
+        (None, None, Some(d)) => told(d, Grade::DoesNot),
+        _ => Assessment { of: UseCase::Density, word: Grade::NotMeasured, why: "too few particles".into() },
     }
 }
 
 /// Of halves of the particles where they were fitted, else of the particles that the file was fitted to.
-fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
-    let finding = |word, why| Finding { of: Use::PowerSpectrum, word, why };
+fn spectrum(c: &Certificate, metadata: &Metadata) -> Assessment {
+    let finding = |word, why| Assessment { of: UseCase::PowerSpectrum, word, why };
     if !metadata.cell.as_ref().is_some_and(|cell| cell.periodic.contains(&true)) {
-        return finding(Word::NotApplicable, "the particles have no periodic box".into());
+        return finding(Grade::NotApplicable, "the particles have no periodic box".into());
     }
     let (k_max, one, five, of) = match (&c.held_out, &c.science) {
         (Some(h), _) => {
@@ -277,7 +283,7 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
         (None, Some(s)) if s.power_within_5_percent_to != Limit::NotMeasured => {
             (s.k_max, s.power_within_1_percent_to, s.power_within_5_percent_to, "")
         }
-        _ => return finding(Word::NotMeasured, "too few particles".into()),
+        _ => return finding(Grade::NotMeasured, "too few particles".into()),
     };
     let unit = metadata.units.length_text().map_or_else(|| "1/length".into(), per_length);
     let reaches = |limit: Limit| limit.place().is_some_and(|k| k >= SPECTRUM_SHARE * k_max);
@@ -288,7 +294,7 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
     };
     let word = graded(reaches(one), reaches(five));
     let why = match word {
-        Word::Holds => within(1, one),
+        Grade::Holds => within(1, one),
         _ => format!("{}, {}", within(5, five), within(1, one)),
     };
     finding(word, format!("{why}; measured to {}{of}", wavenumber(k_max)))
@@ -300,8 +306,8 @@ fn wavenumber(k: f64) -> String {
 }
 
 /// By counterparts and numbers, whichever is worse.
-fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
-    let finding = |word, why| Finding { of: Use::Groups, word, why };
+fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Assessment {
+    let finding = |word, why| Assessment { of: UseCase::Groups, word, why };
     let good = |c: &GroupClass, share: f64, number: f64| {
         let matched = |v: Option<f64>| v.is_none_or(|v| v >= share);
         matched(c.completeness) && matched(c.purity) && c.number.is_none_or(|n| (n - 1.0).abs() <= number)
@@ -309,14 +315,14 @@ fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
     let largest = &classes[GROUP_CLASSES.len() - 1];
     let (Some(completeness), Some(number)) = (largest.completeness, largest.number) else {
         return finding(
-            Word::NotMeasured,
+            Grade::NotMeasured,
             format!("no groups of {} particles", GROUP_CLASSES[GROUP_CLASSES.len() - 1]),
         );
     };
     let hold = classes.iter().rev().take_while(|c| good(c, MATCHED_HOLD, NUMBERS_HOLD)).count();
     if hold > 0 {
         let from = GROUP_CLASSES[GROUP_CLASSES.len() - hold];
-        return finding(Word::Holds, format!("matched by position, and in number, from {from} particles a group on"));
+        return finding(Grade::Holds, format!("matched by position, and in number, from {from} particles a group on"));
     }
     let why = format!(
         "{:.0} % of groups of {} and more particles have a counterpart; {:.0} % of those drawn are one, their number is {:+.0} %",
@@ -329,11 +335,11 @@ fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
 }
 
 /// A smooth model knows how dense it is at a place, and not how its particles keep apart.
-fn spacing(c: &Certificate, unit: Option<&str>) -> Finding {
-    let finding = |word, why| Finding { of: Use::Spacing, word, why };
+fn spacing(c: &Certificate, unit: Option<&str>) -> Assessment {
+    let finding = |word, why| Assessment { of: UseCase::Spacing, word, why };
     let Some(s) = &c.spacing else {
         let why = if c.blocks.is_some() { ADDED_UP } else { "too few particles" };
-        return finding(Word::NotMeasured, why.into());
+        return finding(Grade::NotMeasured, why.into());
     };
     let within = |share: f64| {
         (s.drawn_median / s.median - 1.0).abs() <= share && (s.drawn_regularity - s.regularity).abs() <= share
@@ -350,8 +356,8 @@ fn spacing(c: &Certificate, unit: Option<&str>) -> Finding {
     finding(graded(within(SPACING_HOLDS), within(SPACING_ROUGHLY)), why)
 }
 
-fn groups(c: &Certificate) -> Finding {
-    let finding = |word, why| Finding { of: Use::Groups, word, why };
+fn groups(c: &Certificate) -> Assessment {
+    let finding = |word, why| Assessment { of: UseCase::Groups, word, why };
     match c.science.map_or(Limit::NotMeasured, |s| s.groups_within_10_percent_from) {
         Limit::NotMeasured => {
             let why = match (c.blocks, c.pictures) {
@@ -359,9 +365,9 @@ fn groups(c: &Certificate) -> Finding {
                 (None, None) => NEEDS_FULL,
                 (None, Some(_)) => "too few groups",
             };
-            finding(Word::NotMeasured, why.into())
+            finding(Grade::NotMeasured, why.into())
         }
-        Limit::Never => finding(Word::DoesNot, "numbers are within 10 % at no size".into()),
+        Limit::Never => finding(Grade::DoesNot, "numbers are within 10 % at no size".into()),
         Limit::At(n) => {
             let why = format!("numbers within 10 % from {n} particles a group on");
             finding(graded(n <= GROUPS_HOLD, n <= GROUPS_ROUGHLY), why)
@@ -369,11 +375,11 @@ fn groups(c: &Certificate) -> Finding {
     }
 }
 
-fn graded(holds: bool, roughly: bool) -> Word {
+fn graded(holds: bool, roughly: bool) -> Grade {
     match (holds, roughly) {
-        (true, _) => Word::Holds,
-        (false, true) => Word::Roughly,
-        (false, false) => Word::DoesNot,
+        (true, _) => Grade::Holds,
+        (false, true) => Grade::Roughly,
+        (false, false) => Grade::DoesNot,
     }
 }
 
@@ -388,18 +394,18 @@ mod tests {
         model_of(&[], [50.0; 3]).metadata
     }
 
-    fn finding(c: &Certificate, of: Use) -> Finding {
-        Finding::verdict(Some(c), &boxed()).into_iter().find(|f| f.of == of).unwrap()
+    fn finding(c: &Certificate, of: UseCase) -> Assessment {
+        Assessment::verdict(Some(c), &boxed()).into_iter().find(|f| f.of == of).unwrap()
     }
 
-    fn word(c: &Certificate, of: Use) -> Word {
+    fn word(c: &Certificate, of: UseCase) -> Grade {
         finding(c, of).word
     }
 
     #[test]
     fn pictures_are_judged_against_the_better_trivial_one() {
         let c = certificate();
-        assert_eq!(word(&c, Use::Pictures), Word::Holds);
+        assert_eq!(word(&c, UseCase::Pictures), Grade::Holds);
         let with = |black: Option<f64>, even: Option<f64>| {
             let mut c = c;
             // One orbit that is worse than the others decides.
@@ -408,20 +414,20 @@ mod tests {
             (look.all_black, look.uniform_box) = (score(black), score(even));
             c
         };
-        assert_eq!(word(&with(Some(26.0), Some(12.0)), Use::Pictures), Word::Roughly);
-        assert_eq!(word(&with(Some(12.0), Some(29.4)), Use::Pictures), Word::DoesNot);
-        let why = finding(&with(Some(29.4), Some(12.0)), Use::Pictures).why;
+        assert_eq!(word(&with(Some(26.0), Some(12.0)), UseCase::Pictures), Grade::Roughly);
+        assert_eq!(word(&with(Some(12.0), Some(29.4)), UseCase::Pictures), Grade::DoesNot);
+        let why = finding(&with(Some(29.4), Some(12.0)), UseCase::Pictures).why;
         assert!(why.contains("30.5 dB where an empty picture scores 29.4"), "{why}");
         // No better in structure is no better.
         let mut dim = c;
         dim.views.orbits[0].expected.uniform_box.as_mut().unwrap().ssim = 0.76;
-        assert_eq!(word(&dim, Use::Pictures), Word::DoesNot);
+        assert_eq!(word(&dim, UseCase::Pictures), Grade::DoesNot);
         let mut dark = c;
         for orbit in &mut dark.views.orbits {
             orbit.expected.all_black = Some(PictureScore { masked_psnr: None, ssim: 1.0 });
         }
-        assert_eq!(word(&dark, Use::Pictures), Word::NotMeasured);
-        assert_eq!(word(&Certificate::default(), Use::Pictures), Word::NotMeasured);
+        assert_eq!(word(&dark, UseCase::Pictures), Grade::NotMeasured);
+        assert_eq!(word(&Certificate::default(), UseCase::Pictures), Grade::NotMeasured);
     }
 
     #[test]
@@ -436,8 +442,11 @@ mod tests {
             }
             c
         };
-        assert_eq!([word(&with(30.4), Use::Pictures), word(&with(30.5), Use::Pictures)], [Word::Holds, Word::Roughly]);
-        assert!(finding(&with(25.0), Use::Pictures).why.contains("a random subset of the same bytes 20.0"));
+        assert_eq!(
+            [word(&with(30.4), UseCase::Pictures), word(&with(30.5), UseCase::Pictures)],
+            [Grade::Holds, Grade::Roughly]
+        );
+        assert!(finding(&with(25.0), UseCase::Pictures).why.contains("a random subset of the same bytes 20.0"));
     }
 
     #[test]
@@ -461,12 +470,12 @@ mod tests {
             let settings = [a, b, c4, d, at(6.0, false, large), at(6.0, false, 12.0), at(1.0, true, close)];
             let pictures = Some(Pictures { width: 960, height: 540, settings });
             let c = Certificate { pictures, ..c };
-            [word(&c, Use::LargeRadius), word(&c, Use::CloseUp)]
+            [word(&c, UseCase::LargeRadius), word(&c, UseCase::CloseUp)]
         };
-        assert_eq!(words(24.0, 14.5), [Word::Holds, Word::Roughly]);
+        assert_eq!(words(24.0, 14.5), [Grade::Holds, Grade::Roughly]);
         // Above the trivial ones, and no better than the subset.
-        assert_eq!(words(19.0, 13.0), [Word::Roughly, Word::DoesNot]);
-        assert_eq!([word(&c, Use::LargeRadius), word(&c, Use::CloseUp)], [Word::NotMeasured; 2]);
+        assert_eq!(words(19.0, 13.0), [Grade::Roughly, Grade::DoesNot]);
+        assert_eq!([word(&c, UseCase::LargeRadius), word(&c, UseCase::CloseUp)], [Grade::NotMeasured; 2]);
     }
 
     #[test]
@@ -474,16 +483,16 @@ mod tests {
         let c = certificate();
         let density = |correlation, mean_absolute_error| {
             let density = DensityMetrics { correlation, mean_absolute_error, ..c.density };
-            word(&Certificate { density, ..c }, Use::Density)
+            word(&Certificate { density, ..c }, UseCase::Density)
         };
         assert_eq!(
             [density(0.997, 0.4), density(0.997, 0.7), density(0.95, 0.6)],
-            [Word::Holds, Word::Roughly, Word::Roughly]
+            [Grade::Holds, Grade::Roughly, Grade::Roughly]
         );
-        assert_eq!([density(0.95, 1.1), density(-0.0006, 0.9)], [Word::DoesNot; 2]);
+        assert_eq!([density(0.95, 1.1), density(-0.0006, 0.9)], [Grade::DoesNot; 2]);
         // Against a uniform density that errs little, little error is needed.
         let even = DensityMetrics { uniform_mean_absolute_error: 0.3, ..c.density };
-        assert_eq!(word(&Certificate { density: even, ..c }, Use::Density), Word::DoesNot);
+        assert_eq!(word(&Certificate { density: even, ..c }, UseCase::Density), Grade::DoesNot);
         let science = |one, five, groups| Certificate {
             science: Some(ScienceMetrics {
                 power_within_1_percent_to: one,
@@ -494,14 +503,14 @@ mod tests {
             ..c
         };
         let all = science(Limit::At(2.0), Limit::At(8.0), Limit::At(57.0));
-        assert_eq!([word(&all, Use::PowerSpectrum), word(&all, Use::Groups)], [Word::Holds; 2]);
+        assert_eq!([word(&all, UseCase::PowerSpectrum), word(&all, UseCase::Groups)], [Grade::Holds; 2]);
         let some = science(Limit::Never, Limit::At(8.0), Limit::At(160.0));
-        assert_eq!([word(&some, Use::PowerSpectrum), word(&some, Use::Groups)], [Word::Roughly; 2]);
+        assert_eq!([word(&some, UseCase::PowerSpectrum), word(&some, UseCase::Groups)], [Grade::Roughly; 2]);
         let none = science(Limit::Never, Limit::At(1.0), Limit::Never);
-        assert_eq!([word(&none, Use::PowerSpectrum), word(&none, Use::Groups)], [Word::DoesNot; 2]);
+        assert_eq!([word(&none, UseCase::PowerSpectrum), word(&none, UseCase::Groups)], [Grade::DoesNot; 2]);
         let early = Certificate { science: None, ..c };
-        assert_eq!([word(&early, Use::PowerSpectrum), word(&early, Use::Groups)], [Word::NotMeasured; 2]);
-        assert!(Finding::verdict(None, &boxed()).iter().all(|f| f.word == Word::NotMeasured));
+        assert_eq!([word(&early, UseCase::PowerSpectrum), word(&early, UseCase::Groups)], [Grade::NotMeasured; 2]);
+        assert!(Assessment::verdict(None, &boxed()).iter().all(|f| f.word == Grade::NotMeasured));
     }
 
     #[test]
@@ -514,43 +523,43 @@ mod tests {
             uniform_mean_absolute_error: 1.2,
             ..CellDensity::default()
         };
-        let densities = |v: [CellDensity; 3]| finding(&Certificate { densities: Some(v), ..c }, Use::Density);
+        let densities = |v: [CellDensity; 3]| finding(&Certificate { densities: Some(v), ..c }, UseCase::Density);
         let some = densities([cell(1.0, 0.95, 0.6), cell(2.0, 0.995, 0.3), cell(4.0, 0.999, 0.2)]);
-        assert!(some.word == Word::Holds && some.why.contains("cells of 2.0000"), "{}", some.why);
-        assert_eq!(densities([cell(1.0, 0.1, 1.0), cell(2.0, 0.2, 1.0), cell(4.0, 0.95, 0.6)]).word, Word::Roughly);
-        assert_eq!(densities([cell(1.0, 0.1, 1.0), cell(2.0, 0.2, 1.0), cell(4.0, 0.3, 0.9)]).word, Word::DoesNot);
+        assert!(some.word == Grade::Holds && some.why.contains("cells of 2.0000"), "{}", some.why);
+        assert_eq!(densities([cell(1.0, 0.1, 1.0), cell(2.0, 0.2, 1.0), cell(4.0, 0.95, 0.6)]).word, Grade::Roughly);
+        assert_eq!(densities([cell(1.0, 0.1, 1.0), cell(2.0, 0.2, 1.0), cell(4.0, 0.3, 0.9)]).word, Grade::DoesNot);
         let class = |share, number| GroupClass {
             number: Some(number),
             completeness: Some(share),
             purity: Some(share),
             ..GroupClass::default()
         };
-        let groups = |v| word(&Certificate { groups: Some(v), ..c }, Use::Groups);
-        assert_eq!(groups([class(0.5, 1.3), class(0.8, 1.0), class(0.95, 0.97)]), Word::Holds);
-        assert_eq!(groups([class(0.95, 1.0), class(0.95, 1.0), class(0.85, 1.2)]), Word::Roughly);
+        let groups = |v| word(&Certificate { groups: Some(v), ..c }, UseCase::Groups);
+        assert_eq!(groups([class(0.5, 1.3), class(0.8, 1.0), class(0.95, 0.97)]), Grade::Holds);
+        assert_eq!(groups([class(0.95, 1.0), class(0.95, 1.0), class(0.85, 1.2)]), Grade::Roughly);
         // Equal numbers are not equal groups.
-        assert_eq!(groups([class(0.2, 1.0); 3]), Word::DoesNot);
+        assert_eq!(groups([class(0.2, 1.0); 3]), Grade::DoesNot);
         let spacing = |drawn_median, drawn_regularity| {
             let s = Spacing { median: 1.0, drawn_median, drawn_regularity, ..Spacing::default() };
-            word(&Certificate { spacing: Some(s), ..c }, Use::Spacing)
+            word(&Certificate { spacing: Some(s), ..c }, UseCase::Spacing)
         };
         assert_eq!(
             [spacing(1.05, 0.02), spacing(1.2, 0.0), spacing(0.6, 0.0)],
-            [Word::Holds, Word::Roughly, Word::DoesNot]
+            [Grade::Holds, Grade::Roughly, Grade::DoesNot]
         );
         let mut transfer = [Transfer { deviation: Some(0.004), scatter: 0.001 }; 7];
         transfer[6].deviation = Some(-0.2);
         let held_out = CrossValidation { k_max: 8.0, transfer, ..CrossValidation::default() };
         let halves = Certificate { held_out: Some(held_out), ..c };
-        assert!(finding(&halves, Use::PowerSpectrum).why.contains("1 % up to k = 6.000"));
+        assert!(finding(&halves, UseCase::PowerSpectrum).why.contains("1 % up to k = 6.000"));
         let open = Metadata { cell: None, ..boxed() };
-        let found = Finding::verdict(Some(&c), &open);
-        assert_eq!(found.iter().find(|f| f.of == Use::PowerSpectrum).unwrap().word, Word::NotApplicable);
+        let found = Assessment::verdict(Some(&c), &open);
+        assert_eq!(found.iter().find(|f| f.of == UseCase::PowerSpectrum).unwrap().word, Grade::NotApplicable);
     }
 
     #[test]
     fn json_says_use_word_and_why() {
-        let json = serde_json::to_value(Finding::verdict(None, &boxed())).unwrap();
+        let json = serde_json::to_value(Assessment::verdict(None, &boxed())).unwrap();
         assert_eq!((&json[1]["use"], &json[4]["use"]), (&"large_radius".into(), &"power_spectrum".into()));
         assert_eq!(json[4]["word"], "not measured");
         assert!(json[4]["why"].as_str().is_some_and(|w| !w.is_empty()));

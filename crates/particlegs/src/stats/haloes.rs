@@ -8,7 +8,7 @@ use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
-use particlegs_core::model::{Lump, Rules};
+use particlegs_core::model::{GaussianInSphere, Rules};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
@@ -226,7 +226,7 @@ fn of_particles(
 
 /// Gaussians of about one size, by the place of their means.
 struct GaussianSizeClass {
-    lumps: Vec<Lump>,
+    lumps: Vec<GaussianInSphere>,
     points: PointGrid,
     reach: f64,
 }
@@ -260,13 +260,13 @@ fn classes(m: &Model, domain: &Domain, radius: f64) -> Result<Vec<GaussianSizeCl
     let widest = if domain.periodic == [true; 3] { WIDEST * domain.longest() } else { f64::MAX };
     let widths = [NARROWEST * domain.longest(), widest];
     particlegs_files::memory::require("Gaussians about centres", 280 * m.gaussians() as u64)?;
-    let mut by_size = BTreeMap::<i64, Vec<Lump>>::new();
+    let mut by_size = BTreeMap::<i64, Vec<GaussianInSphere>>::new();
     for (unit, g, i) in gaussians(m) {
-        let lump = Lump::new(domain.local(g.mean_of(i)), &g.cov_of(i), unit * g.mass_of(i), widths);
+        let lump = GaussianInSphere::new(domain.local(g.mean_of(i)), &g.cov_of(i), unit * g.mass_of(i), widths);
         by_size.entry(lump.reach().log2().ceil() as i64).or_default().push(lump);
     }
-    let class = |lumps: Vec<Lump>| {
-        let reach = lumps.iter().map(Lump::reach).fold(0.0, f64::max).min(IMAGES * repeats);
+    let class = |lumps: Vec<GaussianInSphere>| {
+        let reach = lumps.iter().map(GaussianInSphere::reach).fold(0.0, f64::max).min(IMAGES * repeats);
         let means: Vec<[f64; 3]> = lumps.iter().map(|l| l.mean).collect();
         Ok(GaussianSizeClass { points: PointGrid::new(&means, domain, radius + reach)?, lumps, reach })
     };

@@ -11,7 +11,7 @@ use crate::picture::{Plane, Size};
 use crate::progress::{Progress, Scalar, Silent};
 use crate::render::{self, Scene};
 use crate::space::Bounds;
-use crate::splat::Look;
+use crate::splat::ToneStyle;
 use std::sync::Arc;
 
 const SIZE: Size = Size { width: 83, height: 61 };
@@ -229,8 +229,8 @@ fn models_are_drawn_by_their_law() {
     for vizmapper in [None, Some(VizMapper::new(VizRanges::TRAINING, 1)), Some(stirred(2))] {
         let m = model(200, vizmapper.clone());
         let v = world_view(&m);
-        let drawn = render::draw(&Scene::of(&m), &v, SIZE, Look::Paraview, &Silent).unwrap();
-        assert_eq!(drawn, render::draw(&Scene::of(&m), &v, SIZE, Look::Expected, &Silent).unwrap());
+        let drawn = render::draw(&Scene::of(&m), &v, SIZE, ToneStyle::Paraview, &Silent).unwrap();
+        assert_eq!(drawn, render::draw(&Scene::of(&m), &v, SIZE, ToneStyle::Expected, &Silent).unwrap());
         let (fr, fa) = (1.5, 0.8);
         let adapted: Vec<Gaussian> = gaussians(11, 200, 0.05)
             .into_iter()
@@ -257,11 +257,11 @@ fn models_are_drawn_by_their_law() {
 fn a_bent_model_needs_no_network() {
     let m = model(200, Some(crate::model::vizmapper::twin::stirred(2)));
     let mut v = world_view(&m);
-    let wanted = render::draw(&Scene::of(&m), &v, SIZE, Look::Expected, &Silent).unwrap();
+    let wanted = render::draw(&Scene::of(&m), &v, SIZE, ToneStyle::Expected, &Silent).unwrap();
     let plain = m.clone().bent(v.radius, v.opacity, &Silent).unwrap();
     assert!(plain.vizmapper().is_none());
     v.radius = 0.5;
-    let got = render::draw(&Scene::of(&plain), &v, SIZE, Look::Expected, &Silent).unwrap();
+    let got = render::draw(&Scene::of(&plain), &v, SIZE, ToneStyle::Expected, &Silent).unwrap();
     let far = wanted.data.iter().zip(&got.data).filter(|(a, b)| a.abs_diff(**b) > 1);
     assert!(far.count() <= 2);
     assert_ne!(plain, model(200, None));
@@ -270,8 +270,9 @@ fn a_bent_model_needs_no_network() {
 
 #[test]
 fn faults_are_named() {
-    let fault =
-        |m: &Model, v: &View| render::draw(&Scene::of(m), v, SIZE, Look::Expected, &Silent).unwrap_err().to_string();
+    let fault = |m: &Model, v: &View| {
+        render::draw(&Scene::of(m), v, SIZE, ToneStyle::Expected, &Silent).unwrap_err().to_string()
+    };
     let mut m = model(20, None);
     let mut v = world_view(&m);
     m.layers[0].content[0].gaussians.mean[1][17] = f64::NAN;

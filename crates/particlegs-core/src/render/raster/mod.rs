@@ -5,7 +5,7 @@ pub mod pyramid;
 
 pub(super) use canvas::{RasterCanvas, clip};
 
-use super::bin::Stroke;
+use super::bin::RasterSplat;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd, f32x8};
 
@@ -22,12 +22,12 @@ pub struct Band<'a> {
 }
 
 /// Adds strokes to a band, in their order.
-pub fn draw(level: Level, band: &mut Band, strokes: &[Stroke]) {
+pub fn draw(level: Level, band: &mut Band, strokes: &[RasterSplat]) {
     fearless_simd::dispatch!(level, simd => draw_all(simd, band, strokes));
 }
 
 #[inline(always)]
-fn draw_all<S: Simd>(simd: S, band: &mut Band, strokes: &[Stroke]) {
+fn draw_all<S: Simd>(simd: S, band: &mut Band, strokes: &[RasterSplat]) {
     let rows = band.data.len() / band.stride;
     let lanes = f32x8::from_slice(simd, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
     for s in strokes {

@@ -8,7 +8,7 @@ use particlegs::progress::Silent;
 use particlegs::reference;
 use particlegs_core::camera::{Camera, Projection};
 use particlegs_core::math::Random;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 
 const SIZE: Size = Size { width: 320, height: 180 };
 const FAR: [f64; 3] = [1.0, 2.0, 6.0];
@@ -69,7 +69,7 @@ fn compare(device: &Arc<Device>, columns: &[Vec<f32>; 3], view: &View) -> usize 
     let (particles, canvas) = (particles(columns), there.canvas(SIZE).unwrap());
     let own = reference::Reference::new(&particles);
     let mut most = 0;
-    for (fxaa, look) in [(false, Look::ParaviewNoFxaa), (true, Look::Paraview)] {
+    for (fxaa, look) in [(false, ToneStyle::ParaviewNoFxaa), (true, ToneStyle::Paraview)] {
         let card = draw(&there, &canvas, view, &points(device, columns, 1), fxaa);
         let (differ, lit, worst) = apart(&card, &own.draw(view, SIZE, look, &Silent).unwrap());
         let (at, radius, opacity) = (view.camera.position, view.radius, view.opacity);
@@ -159,7 +159,7 @@ fn strips_of_odd_pictures_leave_no_trace() {
         let own = particles(&columns);
         let own = reference::Reference::new(&own);
         let view = view(FAR, radius, opacity);
-        for (fxaa, look) in [(false, Look::ParaviewNoFxaa), (true, Look::Paraview)] {
+        for (fxaa, look) in [(false, ToneStyle::ParaviewNoFxaa), (true, ToneStyle::Paraview)] {
             let expected = own.draw(&view, size, look, &Silent).unwrap();
             for (strip, strips) in [(u64::MAX, 1), (1000, 3), (1, 12)] {
                 let there = Paraview::within(&device, DispatchLimits { strip, ..LIMITS }).unwrap();
@@ -184,7 +184,7 @@ fn a_picture_of_8k_is_drawn() {
     let card = draw(&there, &canvas, &view, &points(&device, &columns, 1), true);
     let own = particles(&columns);
     let (differ, lit, worst) =
-        apart(&card, &reference::Reference::new(&own).draw(&view, size, Look::Paraview, &Silent).unwrap());
+        apart(&card, &reference::Reference::new(&own).draw(&view, size, ToneStyle::Paraview, &Silent).unwrap());
     assert!(lit > 100_000 && differ * 10_000 <= lit, "{differ} of {lit}, largest {worst}");
 }
 

@@ -9,7 +9,7 @@ use crate::kernel::{BufferUse, Kernel};
 use crate::{Device, groups};
 use particlegs_core::camera::View;
 use particlegs_core::picture::Size;
-use particlegs_core::splat::Look;
+use particlegs_core::splat::ToneStyle;
 use particlegs_core::{Error, Result};
 
 /// Draws on a canvas by tiles.
@@ -92,7 +92,7 @@ impl<'a> Tiles<'a> {
     ///
     /// # Errors
     /// As there; [`Error::Argument`] where lists are too long for the device.
-    pub fn submit(&mut self, view: &View, look: Look) -> Result<()> {
+    pub fn submit(&mut self, view: &View, look: ToneStyle) -> Result<()> {
         let (renderer, canvas) = (self.renderer, self.canvas);
         let lens = renderer.seen(self.gaussians, canvas, view, look)?;
         let mut encoder = self.encoder();

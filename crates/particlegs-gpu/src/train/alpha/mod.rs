@@ -27,7 +27,7 @@ use held::AlphaBuffers;
 use kernels::AlphaTrainingKernels;
 use particlegs_core::Result;
 use particlegs_train::alpha::{AlphaStepper, Gaussians, StepSize};
-use particlegs_train::{Loss, NonFiniteGradient, Shot, StepReport};
+use particlegs_train::{Loss, NonFiniteGradient, StepReport, TrainingSample};
 use picture::AlphaTrainingPicture;
 use record::AlphaStepRecord;
 use std::sync::Arc;
@@ -95,7 +95,7 @@ impl AlphaSteps {
     }
 
     /// Memory for the pictures of a shot: that of the last step where it had that size.
-    fn picture_of(&mut self, shot: &Shot<'_>, loss: &Loss) -> Result<AlphaTrainingPicture> {
+    fn picture_of(&mut self, shot: &TrainingSample<'_>, loss: &Loss) -> Result<AlphaTrainingPicture> {
         let shape = (shot.crop.size, loss.dssim > 0.0);
         // Where it had not, its memory goes before the next one's is taken.
         match self.picture.take().filter(|p| p.shape() == shape) {
@@ -106,7 +106,13 @@ impl AlphaSteps {
 }
 
 impl AlphaStepper for AlphaSteps {
-    fn step(&mut self, of: &mut Gaussians, shot: &Shot<'_>, loss: &Loss, size: &StepSize) -> Result<StepReport> {
+    fn step(
+        &mut self,
+        of: &mut Gaussians,
+        shot: &TrainingSample<'_>,
+        loss: &Loss,
+        size: &StepSize,
+    ) -> Result<StepReport> {
         let (eye, setting) = (of.eye(shot)?, of.setting(shot));
         if self.newer == ParameterLocation::Here {
             self.send(of)?;

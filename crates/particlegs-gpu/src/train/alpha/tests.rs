@@ -6,7 +6,7 @@ use crate::train::Trainer;
 use particlegs::compress::{Options, Target, compress};
 use particlegs::model::LawKind;
 use particlegs::particles::Particles;
-use particlegs::pieces::NoPieces;
+use particlegs::pieces::NoCheckpoints;
 use particlegs::train::{Config, Limits, Preset};
 use particlegs_core::camera::{Normalisation, View};
 use particlegs_core::math::Random;
@@ -14,7 +14,7 @@ use particlegs_core::model::vizmapper::twin::stirred;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::Silent;
 use particlegs_core::space::Bounds;
-use particlegs_train::alpha::{AlphaCpuSteps, AlphaParameters, Ground};
+use particlegs_train::alpha::{AlphaCpuSteps, AlphaParameters, TrainingScale};
 use particlegs_train::{Averages, Crop, Device as _, Norm};
 
 const SIZE: Size = Size { width: 160, height: 90 };
@@ -48,7 +48,7 @@ fn gaussians(seed: u64, n: u64, size: f64, flatness: f64, with_network: bool) ->
     let mapper = with_network.then(|| stirred(3));
     let network = mapper.as_ref().map_or(0, |m| m.parameters.len());
     Gaussians {
-        ground: Ground { frame, radius, opacity, particles: 1000, seed: 1 },
+        ground: TrainingScale { frame, radius, opacity, particles: 1000, seed: 1 },
         averages: parameters.0.each_ref().map(|column| Averages::zeros(column.len())),
         mapper,
         mapper_averages: Averages::zeros(network),
@@ -99,7 +99,7 @@ const STEP: StepSize = StepSize { rates: [1e-3, 5e-3, 1e-3, 5e-2, 2.5e-3], netwo
 
 fn steps(steps: &mut dyn AlphaStepper, of: &mut Gaussians, case: &AlphaTrainingCase, number: usize) -> Vec<StepReport> {
     let target = target(case.crop.size);
-    let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
+    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
     let told = (0..number).map(|_| steps.step(of, &shot, &case.loss, &STEP).unwrap()).collect();
     steps.fetch(of).unwrap();
     told
@@ -237,7 +237,7 @@ fn a_device_that_is_gone_is_an_error() {
     let before = of.parameters.clone();
     device.device.destroy();
     let target = target(SIZE);
-    let shot = Shot { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
+    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
     let error = own.step(&mut of, &shot, &case.loss, &STEP).unwrap_err().to_string();
     assert!(error.contains("device") && error.lines().count() == 1, "{error}");
     assert!(of.parameters == before);
@@ -273,5 +273,5 @@ fn scores(config: &Config, seed: u64, device: Option<Arc<dyn particlegs_train::D
     let limits = Limits { device, ..Limits::default() };
     let training = Some(config.clone());
     let options = Options { target: Target::Gaussians(6000), training, limits, seed, ..Options::default() };
-    compress(&particles, &options, &mut NoPieces, &Silent).unwrap().trained[0].scores.map(Option::unwrap)
+    compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap().trained[0].scores.map(Option::unwrap)
 }

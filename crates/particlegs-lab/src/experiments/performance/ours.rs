@@ -10,10 +10,10 @@ use particlegs::compress::compress;
 use particlegs::fit::Effort;
 use particlegs::particles::Storage;
 use particlegs::picture::{Gray8, Pixels, Size};
-use particlegs::pieces::NoPieces;
+use particlegs::pieces::NoCheckpoints;
 use particlegs::reference::Reference;
 use particlegs::render::{Scene, Scratch, draw_into};
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs::{Result, codec};
 use particlegs_formats::Choice;
 use serde::{Deserialize, Serialize};
@@ -59,7 +59,7 @@ pub(super) fn compression(lab: &Lab<'_>, of: &Snapshot, effort: Effort, machine:
     let recipe = recipe(lab, effort);
     lab.store.result("timed-compression", &(&of.hash, &recipe, machine), || {
         let start = std::time::Instant::now();
-        let done = compress(&of.particles, &recipe.options(), &mut NoPieces, lab.progress)?;
+        let done = compress(&of.particles, &recipe.options(), &mut NoCheckpoints, lab.progress)?;
         let seconds = start.elapsed().as_secs_f64();
         let phases = done.seconds.iter().map(|(name, s)| (name.to_string(), *s)).collect();
         let (bytes, gaussians) = (done.bytes.len() as u64, done.model.gaussians() as u64);
@@ -107,9 +107,9 @@ pub(super) fn frames(
         let (scene, mut scratch) = (Scene::of(&made.model), Scratch::default());
         let reference = Reference::new(&of.particles);
         let (times, look) = match what {
-            RenderSource::Model => (DRAWN, Look::Paraview),
-            RenderSource::Paraview => (1, Look::Paraview),
-            RenderSource::Expected => (1, Look::Expected),
+            RenderSource::Model => (DRAWN, ToneStyle::Paraview),
+            RenderSource::Paraview => (1, ToneStyle::Paraview),
+            RenderSource::Expected => (1, ToneStyle::Expected),
         };
         let mut picture = Gray8::black(shots.size);
         let mut draw = |view: &View| match what {
@@ -134,7 +134,7 @@ fn each(views: &[View], times: usize, draw: &mut dyn FnMut(&View) -> Result<()>)
 }
 
 /// All particles in the first view by our renderer: what VTK's picture is compared with.
-pub(super) fn picture(lab: &Lab<'_>, of: &Snapshot, view: &View, size: Size, look: Look) -> Result<Gray8> {
+pub(super) fn picture(lab: &Lab<'_>, of: &Snapshot, view: &View, size: Size, look: ToneStyle) -> Result<Gray8> {
     let key = ("all particles", &of.hash, crate::views::told(view, size), look.name());
     crate::views::kept_picture(lab, &key, || Reference::new(&of.particles).draw(view, size, look, lab.progress))
 }

@@ -8,7 +8,7 @@ use super::views::{TimingViews, as_json};
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
 use particlegs::picture::{Gray8, Size, masked_psnr, psnr};
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -122,8 +122,8 @@ fn child(
         .map_err(|e| Error::input(python, format!("does not answer as lab/point_gaussian.py does: {e}")))?;
     let agrees = match compared {
         true => Some([
-            agreement(lab, of, shots, folder, ("plain.gray", Look::ParaviewNoFxaa))?,
-            agreement(lab, of, shots, folder, ("fxaa.gray", Look::Paraview))?,
+            agreement(lab, of, shots, folder, ("plain.gray", ToneStyle::ParaviewNoFxaa))?,
+            agreement(lab, of, shots, folder, ("fxaa.gray", ToneStyle::Paraview))?,
         ]),
         false => None,
     };
@@ -145,7 +145,7 @@ fn agreement(
     of: &Snapshot,
     shots: &TimingViews,
     folder: &Path,
-    (name, look): (&str, Look),
+    (name, look): (&str, ToneStyle),
 ) -> Result<Agreement> {
     let (path, size): (_, Size) = (folder.join(name), shots.size);
     let data = std::fs::read(&path).map_err(|e| Error::io(&path, e))?;

@@ -10,12 +10,12 @@ use particlegs::compress::{Target, compress};
 use particlegs::fit::Effort;
 use particlegs::particles::{Selection, Storage};
 use particlegs::picture::{Size, masked_psnr};
-use particlegs::pieces::NoPieces;
+use particlegs::pieces::NoCheckpoints;
 use particlegs::reference::Reference;
 use particlegs::render::{Scene, draw};
 use particlegs::score::evaluation_views;
 use particlegs::space::Bounds;
-use particlegs::splat::Look;
+use particlegs::splat::ToneStyle;
 use particlegs::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -71,8 +71,8 @@ fn quality(lab: &Lab<'_>, of: &Snapshot) -> Result<f64> {
         let (scene, truth) = (Scene::of(&model), Reference::new(&of.particles));
         let views = evaluation_views(&model.metadata, SIZE, recipe.seed, FRAMES);
         let of_view = |view| {
-            let drawn = draw(&scene, view, SIZE, Look::Expected, lab.progress)?;
-            Ok(masked_psnr(&drawn, &truth.draw(view, SIZE, Look::Expected, lab.progress)?))
+            let drawn = draw(&scene, view, SIZE, ToneStyle::Expected, lab.progress)?;
+            Ok(masked_psnr(&drawn, &truth.draw(view, SIZE, ToneStyle::Expected, lab.progress)?))
         };
         let scores = views.iter().map(of_view).collect::<Result<Vec<Option<f64>>>>()?;
         let scores: Vec<f64> = scores.into_iter().flatten().collect();
@@ -115,7 +115,7 @@ fn block(
     lab.store.result("scale-block", &key, || {
         let crop = (halvings > 0).then_some(region);
         let particles = of.particles.select(Selection { crop, ..Selection::all() }, &Storage::Memory, lab.progress)?;
-        let model = match compress(&particles, &recipe.options(), &mut NoPieces, lab.progress) {
+        let model = match compress(&particles, &recipe.options(), &mut NoCheckpoints, lab.progress) {
             Ok(done) => Ok([done.bytes.len() as u64, done.model.gaussians() as u64]),
             // A block without particles, or whose quality cannot be reached, is one that says so.
             Err(e @ (Error::Unreachable { .. } | Error::Input { .. } | Error::Argument { .. })) => Err(e.to_string()),
