@@ -16,7 +16,7 @@ PYTHON = pathlib.Path(__file__).resolve().parents[1]
 
 #: What a user writes, and the types that it has.
 FACE = """
-from typing import Any, Optional
+from typing import Any, Optional, Union
 import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import assert_type
