@@ -153,7 +153,10 @@ fn what_stages_hand_over_is_plain() {
         size_of::<T>()
     }
     use super::alpha::project::{GreyCameraGaussian, ProjectedSplat, Splat};
-    assert_eq!([size::<project::CameraGaussian>(), size::<project::Footprint>(), size::<bin::RasterSplat>()], [40, 24, 32]);
+    assert_eq!(
+        [size::<project::CameraGaussian>(), size::<project::Footprint>(), size::<bin::RasterSplat>()],
+        [40, 24, 32]
+    );
     assert_eq!([size::<GreyCameraGaussian>(), size::<ProjectedSplat>(), size::<Splat>()], [44, 44, 32]);
 }
 
