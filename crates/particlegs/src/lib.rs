@@ -11,13 +11,13 @@
 //! ```
 //! use particlegs::camera::{View, base_distance, spherical_camera};
 //! use particlegs::compress::{Options, Target, compress};
-//! use particlegs::pieces::NoPieces;
+//! use particlegs::pieces::NoCheckpoints;
 //! use particlegs::model::CertificateLevel;
 //! use particlegs::particles::Particles;
 //! use particlegs::picture::Size;
 //! use particlegs::progress::Silent;
 //! use particlegs::render::{Scene, draw};
-//! use particlegs::splat::Look;
+//! use particlegs::splat::ToneStyle;
 //!
 //! // Positions in columns of float32, any unit of length.
 //! let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
@@ -25,14 +25,14 @@
 //!
 //! // A file of 100 Gaussians: `made.bytes`, and what they decode to.
 //! let options = Options { target: Target::Gaussians(100), certificate: CertificateLevel::None, ..Options::default() };
-//! let made = compress(&particles, &options, &mut NoPieces, &Silent)?;
+//! let made = compress(&particles, &options, &mut NoCheckpoints, &Silent)?;
 //! assert_eq!(made.model.metadata.count, 3000);
 //!
 //! // Its picture from any side, at any particle radius and opacity.
 //! let (m, size) = (&made.model.metadata, Size { width: 64, height: 36 });
 //! let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, size));
 //! let view = View { name: "view".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
-//! let picture = draw(&Scene::of(&made.model), &view, size, Look::Expected, &Silent)?;
+//! let picture = draw(&Scene::of(&made.model), &view, size, ToneStyle::Expected, &Silent)?;
 //! assert_eq!(picture.data.len(), 64 * 36);
 //! # Ok::<(), particlegs::Error>(())
 //! ```
