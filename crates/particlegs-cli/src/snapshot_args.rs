@@ -273,7 +273,7 @@ impl SelectionArgs {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "lab"))]
 mod tests {
     use super::*;
     use clap::Parser;
