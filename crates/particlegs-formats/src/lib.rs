@@ -55,3 +55,6 @@ pub use registry::Format;
 pub use snapshot::{Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames, Weights};
 pub use splats::write_splats;
 pub use writers::Writer;
+
+/// A result whose error is in words, without the file.
+type TextResult<T> = std::result::Result<T, String>;

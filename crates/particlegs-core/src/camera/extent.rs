@@ -3,7 +3,7 @@
 use super::view::Frame;
 use crate::math::{dot, each_axis, norm};
 use crate::picture::Size;
-use crate::space::{Bounds, Cell};
+use crate::space::{Bounds, Cell, PeriodicCell};
 
 /// Windows are so much larger than what they hold that rounding leaves nothing outside.
 pub(super) const ROOM: f64 = 1e-9;
@@ -108,27 +108,22 @@ pub(super) fn across(cell: &Cell, frame: &Frame) -> Option<Cell> {
 #[derive(Clone, Copy, Debug)]
 pub struct CenteredCell {
     center: [f64; 3],
-    cell: Cell,
-    inverse: [[f64; 3]; 3],
+    cell: PeriodicCell,
 }
 
 impl CenteredCell {
-    /// `None` for a cell without volume.
+    /// `None` for a cell without volume, and for one that does not repeat.
     pub(super) fn new(center: [f64; 3], cell: Cell) -> Option<CenteredCell> {
-        Some(CenteredCell { center, cell, inverse: cell.inverse()? })
+        Some(CenteredCell { center, cell: PeriodicCell::new(cell)? })
     }
 
     /// What is added to a point.
     #[inline]
     pub fn shift(&self, point: [f64; 3]) -> [f64; 3] {
-        let d: [f64; 3] = each_axis(|k| point[k] - self.center[k]);
-        let cells: [f64; 3] = each_axis(|a| match self.cell.periodic[a] {
-            true => (0..3).map(|k| d[k] * self.inverse[k][a]).sum::<f64>().round(),
-            false => 0.0,
-        });
+        let cells = self.cell.fractions(each_axis(|k| point[k] - self.center[k])).map(f64::round);
         match cells == [0.0; 3] {
             true => [0.0; 3],
-            false => each_axis(|k| -(0..3).map(|a| cells[a] * self.cell.vectors[a][k]).sum::<f64>()),
+            false => self.cell.vector(cells).map(|v| -v),
         }
     }
 }

@@ -19,9 +19,14 @@ impl PeriodicCell {
     }
 
     /// Where the point at `d` from the cell's corner lies, in lengths of the vectors; 0 along those that do not repeat.
-    fn fractions(&self, d: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn fractions(&self, d: [f64; 3]) -> [f64; 3] {
         let fraction = |a: usize| (0..3).map(|k| d[k] * self.inverse[k][a]).sum();
         each_axis(|a| if self.cell.periodic[a] { fraction(a) } else { 0.0 })
+    }
+
+    /// The vector that so many of each of the cell's vectors make together.
+    pub(crate) fn vector(&self, numbers: [f64; 3]) -> [f64; 3] {
+        each_axis(|k| (0..3).map(|a| numbers[a] * self.cell.vectors[a][k]).sum())
     }
 
     /// By how many lengths of the cell the point at `d` from its corner lies outside it; 0 within.
@@ -38,8 +43,8 @@ impl PeriodicCell {
     pub fn image(&self, p: [f64; 3]) -> [f64; 3] {
         let inside = |f: f64| (0.0..=1.0).contains(&f);
         let whole = self.fractions(self.offset(p)).map(|f| if inside(f) { 0.0 } else { f.floor() });
-        let v = &self.cell.vectors;
-        each_axis(|k| p[k] - (whole[0] * v[0][k] + whole[1] * v[1][k] + whole[2] * v[2][k]))
+        let shift = self.vector(whole);
+        each_axis(|k| p[k] - shift[k])
     }
 }
 

@@ -121,7 +121,7 @@ impl Catalogue {
             if stated.is_ok_and(|stated| sides.iter().any(|side| (side / stated - 1.0).abs() > SAME_BOX)) {
                 let own = to.units.length_text().map_or(String::new(), |text| format!(" {text}"));
                 let [x, y, z] = sides;
-                notes.push(format!("its header states a box of {length} {unit}, and the snapshot's box is {x} x {y} x {z}{own}: they may not be of one run"));
+                notes.push(format!("its header states a box of {length} {unit}, and the snapshot's box is {x} x {y} x {z}{own}: they may come from different runs"));
             }
         }
         let radius = match to.units.length_text() {

@@ -4,6 +4,7 @@
 
 mod zip;
 
+use crate::TextResult;
 use crate::affine::Affine;
 use crate::laned::{ColumnarField, ColumnarSnapshot};
 use crate::npy::header::{NpyElement, NpyHeader};
@@ -25,9 +26,6 @@ pub const FORMAT: Format = Format {
 
 /// Names of members that hold the cell.
 const CELLS: [&str; 6] = ["box", "boxsize", "box_size", "lattice", "cell", "boxlength"];
-
-/// A result whose error is in words, without the file.
-type TextResult<T> = std::result::Result<T, String>;
 
 /// An array of the archive.
 struct ArchiveArray {

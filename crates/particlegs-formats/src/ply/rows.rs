@@ -2,6 +2,7 @@
 //! found when they are first read, and every 4096th is kept.
 
 use super::header::{Encoding, PlyElement, Property};
+use crate::TextResult;
 use crate::pieces::{ParticlePiece, RowBuffer};
 use crate::strided::Bytes;
 use crate::text::number::number_at;
@@ -12,8 +13,6 @@ use std::sync::OnceLock;
 
 /// Rows from one kept place to the next.
 const STEP: u64 = 4096;
-
-type TextResult<T> = std::result::Result<T, String>;
 
 /// Vertices of a file, read through an index.
 pub struct VariableLengthRows {

@@ -2,6 +2,7 @@
 
 use super::NOTE;
 use super::gltf::{Accessor, GltfDocument, Primitive};
+use crate::TextResult;
 use crate::affine::{Affine, AffinePiece};
 use crate::axes::axes;
 use crate::npy::{mapped, named, only};
@@ -19,8 +20,6 @@ const MAGIC: &[u8; 4] = b"glTF";
 const LONGEST: u64 = 1 << 20;
 /// Mode of points.
 const POINTS: u32 = 0;
-
-type TextResult<T> = std::result::Result<T, String>;
 
 /// By the signature.
 pub fn detect(head: &FileHead) -> bool {

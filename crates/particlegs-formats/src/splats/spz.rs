@@ -3,6 +3,7 @@
 //! header and a Zstandard stream an attribute.
 
 use super::{NOTE, field};
+use crate::TextResult;
 use crate::affine::Affine;
 use crate::laned::ColumnarSnapshot;
 use crate::npy::{mapped, named, only, species};
@@ -19,8 +20,6 @@ const MAGIC: &[u8; 4] = b"NGSP";
 const HEADER: u64 = 16;
 /// Fraction bits that leave the 24 some sense.
 const MOST_FRACTION: u8 = 24;
-
-type TextResult<T> = std::result::Result<T, String>;
 
 /// By the signature, within gzip or not.
 pub fn detect(head: &FileHead) -> bool {
