@@ -12,9 +12,6 @@ use std::path::Path;
 const FORM: Form = Form { title: "a list of centres", begins: Begins::Text, most: 64 << 20, expansion: 16 };
 
 /// Reads a list of centres; `-` is standard input.
-///
-/// # Errors
-/// Those of [`Catalogue::parse`] and [`read_whole`].
 pub fn read(path: &Path, progress: &dyn Progress) -> Result<Catalogue> {
     let bytes = read_whole(path, FORM, progress)?;
     let hint = "put names above the columns, such as `# id x y z radius`";
@@ -22,9 +19,6 @@ pub fn read(path: &Path, progress: &dyn Progress) -> Result<Catalogue> {
 }
 
 /// Centres and their radii in the units of a snapshot or model, whose box they belong to; what a user should know is said.
-///
-/// # Errors
-/// [`Error::Input`] where units cannot be converted, and for centres far outside the box.
 pub fn convert(
     list: Catalogue,
     path: &Path,

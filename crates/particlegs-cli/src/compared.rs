@@ -71,10 +71,6 @@ pub struct MeanScores {
 
 /// Scores a picture, or the values of a surface density, against another; of a folder and a file, the one in the folder
 /// that has the file's name; of two folders, all that have the same names.
-///
-/// # Errors
-/// [`Error::Io`] where a file is missing or a folder cannot be read; [`Error::Input`] where a file is neither, or
-/// folders share no name. A pair that cannot be scored is told in its place, not here.
 pub fn compare(a: &Path, b: &Path, progress: &dyn Progress) -> Result<FolderComparison> {
     let within = |folder: &Path, file: &Path| folder.join(file.file_name().unwrap_or_default());
     let (a, b) = match (a.is_dir(), b.is_dir()) {

@@ -97,9 +97,6 @@ impl Quantities {
 }
 
 /// The range of colours that is asked for by `--range`.
-///
-/// # Errors
-/// [`Error::Argument`] for numbers outside their range.
 pub fn range_of(asked: Option<&[f64]>) -> Result<Option<[f64; 2]>> {
     match asked {
         None => Ok(None),
@@ -110,17 +107,11 @@ pub fn range_of(asked: Option<&[f64]>) -> Result<Option<[f64; 2]>> {
 
 impl DensityArgs {
     /// The range that is asked for.
-    ///
-    /// # Errors
-    /// Those of [`range_of`].
     pub fn asked_range(&self) -> Result<Option<[f64; 2]>> {
         range_of(self.range.as_deref())
     }
 
     /// Says what is written of these views as values.
-    ///
-    /// # Errors
-    /// Those of [`Context::writes`].
     pub fn plan_raw(&self, out: &PictureOut, views: &[View], context: &Context) -> Result<()> {
         let path = |view: &View, ending| out.folder().join(format!("{}.{ending}", view.name));
         views.iter().try_for_each(|view| {
@@ -130,9 +121,6 @@ impl DensityArgs {
     }
 
     /// Writes a plane as raw values; the path written.
-    ///
-    /// # Errors
-    /// Those of writing.
     pub fn write_raw(&self, out: &PictureOut, view: &DensityView, plane: &Plane, q: &Quantities) -> Result<PathBuf> {
         let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
         let focal = view.camera.focal_pixels(plane.size);

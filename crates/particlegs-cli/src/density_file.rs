@@ -100,9 +100,6 @@ fn described(view: &DensityView, size: Size, means: Means) -> DensityDescription
 }
 
 /// Reads what [`write`] has written of a view, by the name of one of its two files.
-///
-/// # Errors
-/// [`Error::Io`], [`Error::Input`], [`Error::Memory`], [`Error::Cancelled`].
 pub fn read(file: &Path, progress: &dyn Progress) -> Result<(DensityDescription, Plane)> {
     let path = file.with_extension("json");
     let text = read_whole(&path, JSON, progress)?;

@@ -95,9 +95,6 @@ pub fn print(context: &Context, path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// Does a model file say that this made it?
-///
-/// # Errors
-/// Those of reading it.
 pub fn is_of_recipe(path: &Path, recipe: &Recipe, progress: &dyn Progress) -> Result<bool> {
     Ok(codec::read_metadata(&inputs::model(path, progress)?, &name_of(path))?.recipe == *recipe)
 }

@@ -22,10 +22,6 @@ pub enum PathContent {
 const HEAD: usize = 8;
 
 /// A model file's bytes; `-` is standard input.
-///
-/// # Errors
-/// [`Error::Input`] that says what the path names instead, and what to do with that; those of
-/// [`codec::read_source`].
 pub fn model(path: &Path, progress: &dyn Progress) -> Result<Vec<u8>> {
     if path.is_dir() {
         return Err(no_model(path));
@@ -44,9 +40,6 @@ fn no_model(path: &Path) -> Error {
 }
 
 /// A model or a snapshot. What a pipe gives is looked at once.
-///
-/// # Errors
-/// As [`model`]; those of `opening`.
 pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, progress: &dyn Progress) -> Result<PathContent> {
     let mut choice = opening.choice()?;
     if path.is_dir() {

@@ -166,9 +166,6 @@ const RULES: &[OptionRule] = rules! {
 };
 
 /// Refuses the first option on the command line that would do nothing.
-///
-/// # Errors
-/// [`Error::Argument`] that names the option and what it belongs to.
 pub fn check(matches: &ArgMatches) -> Result<()> {
     let Some((command, matches)) = matches.subcommand() else { return Ok(()) };
     let given = CommandMatches(matches);

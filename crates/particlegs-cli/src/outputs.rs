@@ -141,18 +141,12 @@ fn beginning(path: &Path) -> Option<String> {
 impl Context {
     /// Begins the plan of a command that reads `inputs` and replaces kept outputs if `force`; `--json` is
     /// its first output.
-    ///
-    /// # Errors
-    /// Those of [`Outputs::writes`].
     pub fn reads<'a>(&self, inputs: impl IntoIterator<Item = &'a Path>, force: bool) -> Result<()> {
         let inputs = inputs.into_iter().map(|path| Input::Data(path.to_path_buf()));
         self.plan(Outputs::new(force, ADVICE), inputs)
     }
 
     /// [`Context::reads`] of a job's folder and the snapshot that it names.
-    ///
-    /// # Errors
-    /// Those of [`Outputs::writes`].
     pub fn reads_job(&self, job: &Path, snapshot: &[PathBuf], force: bool) -> Result<()> {
         let inputs = snapshot.iter().map(|path| Input::Data(path.clone()));
         self.plan(Outputs::new(force, ADVICE), inputs.chain([Input::Whole(job.to_path_buf())]))
@@ -170,9 +164,6 @@ impl Context {
 
     /// Takes note of a file that is to be written; tells whether one is there that is kept
     /// ([`Outputs::writes`]).
-    ///
-    /// # Errors
-    /// Those of [`Outputs::writes`].
     pub fn writes(&self, path: &Path, kind: &Kind) -> Result<bool> {
         let kept = self.outputs().writes(path, kind, self)?;
         self.files().push(path.to_path_buf());
@@ -198,9 +189,6 @@ impl Context {
     }
 
     /// Takes note of a file that is to be written, and refuses one that is there and kept.
-    ///
-    /// # Errors
-    /// Those of [`Outputs::writes`].
     pub fn writes_new(&self, path: &Path, kind: &Kind) -> Result<()> {
         if self.writes(path, kind)? { Err(self.refused(path)) } else { Ok(()) }
     }
@@ -211,9 +199,6 @@ impl Context {
     }
 
     /// Makes a folder for outputs; it goes again if nothing comes into it.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
     pub fn makes_folder(&self, folder: &Path) -> Result<()> {
         self.outputs().make_folder(folder)
     }
@@ -227,9 +212,6 @@ impl Context {
     }
 
     /// Writes a model file. Where one is `kept` it is only looked whether it is the same.
-    ///
-    /// # Errors
-    /// [`Error::Output`] where another one is kept; those of writing.
     pub fn write_model(&self, path: &Path, bytes: &[u8], kept: bool) -> Result<()> {
         if !kept {
             return output::write_bytes(path, bytes);
@@ -243,9 +225,6 @@ impl Context {
     }
 
     /// Writes a snapshot. Where one is `kept` it is written beside it, and only looked whether it is the same.
-    ///
-    /// # Errors
-    /// [`Error::Output`] where another one is kept; those of `write`.
     pub fn write_snapshot(&self, path: &Path, kept: bool, write: impl FnOnce(&Path) -> Result<u64>) -> Result<u64> {
         if !kept {
             return write(path);
@@ -264,9 +243,6 @@ impl Context {
 
     /// Writes a file and what describes it beside it, both or neither. Where one is `kept` they are only looked
     /// whether they are the same.
-    ///
-    /// # Errors
-    /// As [`Context::write_snapshot`].
     pub fn write_described(
         &self,
         path: &Path,
@@ -292,10 +268,6 @@ impl Context {
     }
 
     /// Writes several files into `folder`, all of them or none; gives their paths.
-    ///
-    /// # Errors
-    /// Those of `fill`; [`Error::Output`] where a file of another kind is in the place of one; those of
-    /// writing.
     pub fn write_set(&self, folder: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<Vec<PathBuf>> {
         self.makes_folder(folder)?;
         let set = FileSet::in_folder(folder)?;

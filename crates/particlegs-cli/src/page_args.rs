@@ -119,10 +119,6 @@ impl PageArgs {
     }
 
     /// How a page of these models opens; of `layers` those are drawn, all where there are none.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a number out of range, a layer that there is not and a style that a model has not; those
-    /// of [`PictureProvenance::read`] and [`ViewsFile::read`].
     pub fn opening(
         &self,
         dials: &AppearanceArgs,

@@ -19,9 +19,6 @@ pub enum PictureOut {
 impl PictureOut {
     /// What an output means for so many views; a name that ends in `.png`, `.pdf` or `.svg` is the one picture's, and so
     /// is a stream. Makes the folder. `raw` values need a folder.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for one name and several views, or a file that is no picture; [`Error::Io`].
     pub fn new(out: &Path, views: usize, raw: bool, context: &Context) -> Result<Self> {
         let is_picture = FileKind::of(out).is_some() && !out.is_dir() || output::is_stream(out)?;
         if !is_picture && out.is_file() {
@@ -44,9 +41,6 @@ impl PictureOut {
     }
 
     /// The files of the views' pictures, which are about to be written.
-    ///
-    /// # Errors
-    /// Those of [`Context::writes`].
     pub fn pictures<'a>(&self, names: impl Iterator<Item = &'a str>, context: &Context) -> Result<Vec<PathBuf>> {
         let paths: Vec<PathBuf> = names.map(|name| self.picture(name)).collect();
         let kind = match self.kind() {

@@ -39,9 +39,6 @@ pub fn paths(folder: &Path) -> [PathBuf; 2] {
 }
 
 /// Writes them, both or none; the paths written. Their places have been looked at before.
-///
-/// # Errors
-/// Those of drawing and writing.
 pub fn write(folder: &Path, model: &Model, particles: &Particles, progress: &dyn Progress) -> Result<Vec<PathBuf>> {
     let set = FileSet::in_folder(folder)?;
     let [compared, summed] = paths(set.path());

@@ -53,9 +53,6 @@ pub struct Chart<'a> {
 }
 
 /// Writes NAME.svg and NAME.png; a figure without a point to show is left out.
-///
-/// # Errors
-/// [`particlegs::Error::Io`].
 pub fn write(folder: &Path, figure: &Chart<'_>) -> Result<()> {
     let mut svg = String::new();
     if draw(SVGBackend::with_string(&mut svg, SIZE), figure).is_none() {

@@ -39,9 +39,6 @@ pub struct RunArgs {
 
 impl RunArgs {
     /// How far training goes in a command that began at `began`; scratch files go to `scratch`.
-    ///
-    /// # Errors
-    /// [`Error::Argument`].
     pub fn limits(&self, began: Instant, scratch: PathBuf) -> Result<Limits> {
         if self.minutes.is_some_and(|m| !(m > 0.0 && m.is_finite())) {
             return Err(Error::argument("--minutes must be positive"));
@@ -57,10 +54,6 @@ impl RunArgs {
 
     /// Says what is written beside the model at `output`: the checkpoint, the log and its curves. What an
     /// interrupted run has left is given up by `force` alone.
-    ///
-    /// # Errors
-    /// [`Error::Output`], [`Error::Argument`] where there cannot be a checkpoint; those of
-    /// [`Context::writes`].
     pub fn plan(&self, output: &Path, force: bool, context: &Context) -> Result<()> {
         match checkpoint_path(output)? {
             Some(path) => {
@@ -83,9 +76,6 @@ impl RunArgs {
     }
 
     /// The checkpoint beside `output` of the work that `whose` names; none where the output is a stream.
-    ///
-    /// # Errors
-    /// [`Error::Input`], [`Error::Argument`] where there is none to go on from.
     pub fn checkpoint(&self, output: &Path, whose: &[u8; 32]) -> Result<Option<Checkpoint>> {
         let Some(path) = checkpoint_path(output)? else { return Ok(None) };
         let place = path.display().to_string();
@@ -104,9 +94,6 @@ impl RunArgs {
     }
 
     /// Does the work, with its log and its checkpoint. The checkpoint stays where the work ends early.
-    ///
-    /// # Errors
-    /// Those of the work.
     pub fn run(
         &self,
         context: &Context,

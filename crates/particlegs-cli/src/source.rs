@@ -7,18 +7,12 @@ use particlegs::{Error, Result};
 use std::path::Path;
 
 /// Is a file a merge of several snapshots? It has the hash of its blocks: no snapshot can match it.
-///
-/// # Errors
-/// [`Error::Corrupt`].
 pub fn is_of_several(bytes: &[u8], model: &Model, place: &str) -> Result<bool> {
     Ok(model.metadata.source_hash == codec::blocks_hash(&codec::coded_layers(bytes, place)?))
 }
 
 /// Refuses particles that are not those of the model: by their hash, or, of a merge of several
 /// snapshots, by their number. `snapshot` and the model's `file` are how the error names them.
-///
-/// # Errors
-/// [`Error::Input`] that names the snapshot.
 pub fn check(model: &Model, of_several: bool, particles: &Particles, snapshot: &Path, file: &Path) -> Result<()> {
     let told = model.metadata.source_hash;
     let matches = particles.source_hash() == told || of_several && particles.len() as u64 == model.metadata.count;

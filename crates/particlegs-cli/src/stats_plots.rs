@@ -29,9 +29,6 @@ impl AxisUnits {
 }
 
 /// Writes every figure that the statistics have.
-///
-/// # Errors
-/// [`particlegs::Error::Io`].
 pub fn write_all(folder: &Path, s: &Statistics, unit: Option<&str>) -> Result<()> {
     let units = AxisUnits::new(unit);
     let of_particles = groups(s).into_iter().chain(neighbours(s, &units)).chain(rdf(s, &units));

@@ -30,9 +30,6 @@ fn maybe(v: Option<impl ToString>) -> String {
 }
 
 /// Writes a CSV file for every statistic measured. Lengths are in the snapshot's unit.
-///
-/// # Errors
-/// [`particlegs::Error::Io`].
 pub fn write(folder: &Path, s: &Statistics) -> Result<()> {
     if let Some(spectra) = &s.spectra {
         let mut csv = Csv::new("k_low,k_high,k,modes,power_truth,power_other,cross,ratio,r,r_without_noise");

@@ -34,9 +34,6 @@ pub fn with_default(ratio: Arg, default: &str) -> Arg {
 
 impl TargetArgs {
     /// The target.
-    ///
-    /// # Errors
-    /// [`particlegs::Error::Argument`] for what cannot be.
     pub fn target(&self) -> Result<Target> {
         match (self.ratio, &self.size, self.gaussians) {
             (Some(r), ..) => Target::Ratio(r),
@@ -49,9 +46,6 @@ impl TargetArgs {
 }
 
 /// Parses a number of bytes: `11MB`, `900 kB`, `1.5GiB`, `83886`.
-///
-/// # Errors
-/// [`Error::Argument`] for anything else.
 pub fn parse_bytes(text: &str) -> Result<u64> {
     let fail = || Error::argument(format!("size `{text}` is not a number with B, kB, MB, GB, KiB, MiB or GiB"));
     let split = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
@@ -114,9 +108,6 @@ pub struct GoalArgs {
 
 impl GoalArgs {
     /// The target; `None` where no quality is asked for.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for what cannot be.
     pub fn target(&self) -> Result<Option<Target>> {
         if let Some(d) = self.psnr {
             return Target::Psnr(d).check().map(Some);

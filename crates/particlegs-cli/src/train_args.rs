@@ -95,9 +95,6 @@ impl TrainArgs {
     }
 
     /// The hyper-parameters; `None` = no training.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for options that need --train; those of [`TuneArgs::config`].
     pub fn config(&self) -> Result<Option<Config>> {
         if let Some(preset) = self.preset() {
             return self.tune.config(preset, self.law).map(Some);
@@ -109,9 +106,6 @@ impl TrainArgs {
     }
 
     /// The hyper-parameters as TOML where they are to be printed.
-    ///
-    /// # Errors
-    /// As [`TrainArgs::config`].
     pub fn printed(&self) -> Result<Option<String>> {
         self.preset().map_or(Ok(None), |preset| self.tune.printed(preset, self.law))
     }
@@ -138,9 +132,6 @@ impl TuneArgs {
     }
 
     /// `preset` as changed by the file, then by the other options; `law` is what it must be, if anything.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where the file does not parse; [`Error::Argument`] for a number out of range.
     pub fn config(&self, preset: Config, law: Option<LawKind>) -> Result<Config> {
         let mut config = preset;
         if let Some(path) = &self.config {
@@ -172,9 +163,6 @@ impl TuneArgs {
     }
 
     /// The hyper-parameters as TOML where they are to be printed.
-    ///
-    /// # Errors
-    /// As [`TuneArgs::config`].
     pub fn printed(&self, preset: Config, law: Option<LawKind>) -> Result<Option<String>> {
         let Some(which) = self.print_config else { return Ok(None) };
         let mut all = table(&self.config(preset.clone(), law)?)?;

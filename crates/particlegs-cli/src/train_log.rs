@@ -85,9 +85,6 @@ pub fn logged<T>(
 const CURVES: [&str; 2] = ["loss", "psnr"];
 
 /// Where the curves of the log at `path` are drawn; nowhere where it is a stream.
-///
-/// # Errors
-/// Those of [`output::is_stream`].
 pub fn curves(path: &Path) -> Result<Vec<PathBuf>> {
     if output::is_stream(path)? {
         return Ok(Vec::new());

@@ -119,10 +119,6 @@ pub struct ViewSubject {
 
 impl ViewArgs {
     /// The views, every one checked. `turned` = azimuths that a view is turned by, all of which have to fit.
-    ///
-    /// # Errors
-    /// [`Error::Input`] or [`Error::Io`] for a views file that cannot be used; [`Error::Argument`]
-    /// for a number outside its range.
     pub fn resolve(&self, subject: &ViewSubject, turned: &[f64], context: &Context) -> Result<ViewSet> {
         let ViewsFile(mut set) = match &self.views {
             Some(path) => ViewsFile::read(path, context)?,
@@ -133,9 +129,6 @@ impl ViewArgs {
     }
 
     /// What is said of size, radius and opacity, in place of what views say.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a number outside its range.
     pub fn apply(&self, set: &mut ViewSet) -> Result<()> {
         if let Some(size) = self.size {
             set.size = size;
@@ -149,9 +142,6 @@ impl ViewArgs {
     }
 
     /// Writes the views that are drawn, where that is asked for.
-    ///
-    /// # Errors
-    /// Those of [`Context::writes`], and of writing.
     pub fn save(&self, set: &ViewSet, context: &Context) -> Result<()> {
         if let Some(path) = &self.save_views {
             context.writes(path, &JSON)?;

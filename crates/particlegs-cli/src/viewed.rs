@@ -27,9 +27,6 @@ struct PageModelFile {
 impl ModelFiles {
     /// Reads the files; none that is not whole is shown. Small ones are decoded. Of those that would keep the page
     /// waiting the checksums are checked, which find whatever storage and networks do to a file.
-    ///
-    /// # Errors
-    /// Those of [`inputs::model`] and of [`codec::check`].
     pub fn read(paths: &[PathBuf], context: &Context) -> Result<Self> {
         let names = names(paths);
         let mut files = Vec::with_capacity(paths.len());
@@ -63,9 +60,6 @@ impl ModelFiles {
     }
 
     /// Particles in the units of the first model.
-    ///
-    /// # Errors
-    /// Those of [`Particles::in_units`].
     pub fn in_units(&self, particles: Particles, context: &Context) -> Result<Particles> {
         match self.files.first() {
             Some(first) => particles.in_units(&first.info.metadata.unit_system(), &Storage::Memory, context),

@@ -4,9 +4,6 @@ use crate::progress::Progress;
 use crate::{Error, Result};
 
 /// `len` copies of a value.
-///
-/// # Errors
-/// [`Error::Memory`].
 pub fn filled<T: Clone>(what: &str, value: T, len: usize, progress: &dyn Progress) -> Result<Vec<T>> {
     let mut out = reserved(what, len, progress)?;
     out.resize(len, value);
@@ -14,9 +11,6 @@ pub fn filled<T: Clone>(what: &str, value: T, len: usize, progress: &dyn Progres
 }
 
 /// Storage for `len` values.
-///
-/// # Errors
-/// [`Error::Memory`].
 pub fn reserved<T>(what: &str, len: usize, progress: &dyn Progress) -> Result<Vec<T>> {
     let mut out = Vec::new();
     out.try_reserve_exact(len).map_err(|_| Error::Memory {

@@ -7,14 +7,8 @@ pub trait CheckpointStore {
     /// A piece that was kept before.
     fn get(&self, key: &str) -> Option<Vec<u8>>;
     /// Keeps a piece.
-    ///
-    /// # Errors
-    /// Those of where it is kept.
     fn keep(&mut self, key: &str, bytes: Vec<u8>) -> Result<()>;
     /// Keeps a piece, and sees to it that it outlives the process from now on.
-    ///
-    /// # Errors
-    /// As [`CheckpointStore::keep`].
     fn keep_now(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
         self.keep(key, bytes)
     }

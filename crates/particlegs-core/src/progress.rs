@@ -38,9 +38,6 @@ pub trait Progress: Sync {
         None
     }
     /// Asks for memory before it is taken.
-    ///
-    /// # Errors
-    /// [`Error::Memory`] where `need_bytes` are many, and more than there are.
     fn require_memory(&self, what: &str, need_bytes: u64) -> Result<()> {
         if need_bytes < SMALL {
             return Ok(());

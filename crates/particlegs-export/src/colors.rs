@@ -34,9 +34,6 @@ pub struct Coloring {
 
 impl Coloring {
     /// Colours of a model's Gaussians; `range` = densities of the first and the last colour.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a range that is none.
     pub fn new(model: &Model, by: ColorBy, map: Colormap, range: Option<[f64; 2]>) -> Result<Coloring> {
         if let Some([low, high]) = range
             && !(low > 0.0 && high > low && high.is_finite())

@@ -11,9 +11,6 @@ use std::path::Path;
 const COVARIANCES: [&str; 6] = ["xx", "xy", "xz", "yy", "yz", "zz"];
 
 /// Writes them.
-///
-/// # Errors
-/// Those of [`written`].
 pub fn write(model: &Model, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
     let names: Vec<String> = model.layers.iter().map(|l| quoted(&l.name)).collect();
     let [masses, opacities] = [model.has_masses(), has_opacities(model)];

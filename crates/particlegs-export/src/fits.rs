@@ -71,9 +71,6 @@ impl UnitScale {
 }
 
 /// Writes it.
-///
-/// # Errors
-/// Those of [`written`].
 pub fn write(density: &Density, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
     let scale = UnitScale::of(notes);
     let head = head(density, notes, &scale);

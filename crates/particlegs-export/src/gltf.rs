@@ -44,10 +44,6 @@ const ATTRIBUTES: [(&str, &str, u64); 6] = [
 const BYTES: u64 = 60;
 
 /// Writes the splats of an alpha-blend model in the frame of [`Normalisation`].
-///
-/// # Errors
-/// [`Error::Argument`] for a model without Gaussians, and for more than the 4 GiB that a GLB can have;
-/// [`Error::Memory`]; [`Error::Io`]; [`Error::Cancelled`].
 pub fn write(
     model: &Model,
     colors: Option<&[[f32; 3]]>,

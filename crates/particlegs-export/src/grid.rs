@@ -27,9 +27,6 @@ impl Default for Cells {
 
 impl Cells {
     /// The grid over a domain. Cells of a given length become as long as divides the box.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for no cell, and for more along an axis than 65 536.
     fn over(self, domain: &Domain) -> Result<Grid> {
         match self {
             Cells::Along(n) if (1..=MOST).contains(&n) => Ok(Grid::new(domain, n)),
@@ -63,10 +60,6 @@ pub struct Density {
 
 impl Density {
     /// Of all layers of a model, over its periodic box, or its bounds where it has none or a tilted one.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for cells out of range, and where some layers have masses and others none;
-    /// [`Error::Memory`] before any is taken; [`Error::Cancelled`].
     pub fn of(model: &Model, cells: Cells, progress: &dyn Progress) -> Result<Density> {
         let known = model.layers.iter().filter(|l| l.mass != particlegs::model::Mass::Unknown).count();
         if known > 0 && known < model.layers.len() {

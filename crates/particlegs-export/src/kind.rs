@@ -60,9 +60,6 @@ impl Kind {
     }
 
     /// The format that an output's ending means, or the one that is asked for.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where neither tells, or they differ.
     pub fn of(out: &Path, asked: Option<Kind>) -> Result<Kind> {
         let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase());
         let ending = match ending.as_deref() {

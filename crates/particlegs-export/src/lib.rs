@@ -62,10 +62,6 @@ impl Write for CountingWriter<'_> {
 }
 
 /// A file of about `expected` bytes, whole or not at all; its bytes.
-///
-/// # Errors
-/// [`particlegs::Error::Io`], for a disk without room before anything is written;
-/// [`particlegs::Error::Cancelled`].
 fn written(
     out: &Path,
     expected: u64,
@@ -86,9 +82,6 @@ fn written(
 }
 
 /// The splats of a model that [`as_splats`] made, as PLY or glTF.
-///
-/// # Errors
-/// Those of [`write_splats`] and of glTF.
 pub fn write_as_splats(
     kind: Kind,
     model: &Model,
@@ -105,9 +98,6 @@ pub fn write_as_splats(
 }
 
 /// A density in one of the formats of grids.
-///
-/// # Errors
-/// [`particlegs::Error::Io`]; [`particlegs::Error::Cancelled`].
 pub fn write_density(kind: Kind, density: &Density, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
     match kind {
         Kind::Vti => vti::write(density, notes, out, progress),
@@ -124,9 +114,6 @@ pub fn write_density(kind: Kind, density: &Density, notes: &Notes, out: &Path, p
 }
 
 /// A model's Gaussians as a table.
-///
-/// # Errors
-/// [`particlegs::Error::Io`]; [`particlegs::Error::Cancelled`].
 pub fn write_gaussians(kind: Kind, model: &Model, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
     match kind {
         Kind::Csv => csv::write(model, notes, out, progress),

@@ -40,9 +40,6 @@ const OPACITIES: [NpzColumn; 2] = [
 ];
 
 /// Writes them.
-///
-/// # Errors
-/// Those of [`written`].
 pub fn write(model: &Model, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
     let masses = model.has_masses().then_some(MASS);
     let opacities = has_opacities(model).then_some(OPACITIES);

@@ -35,10 +35,6 @@ pub struct Faint {
 /// The model as one of the alpha-blend law, for particles of this radius and opacity, and what of it is
 /// fainter than viewers draw. An alpha-blend model stays as it is at its own radius and opacity, and is bent by its
 /// network for others.
-///
-/// # Errors
-/// [`Error::Argument`] for a radius or an opacity out of range, and for a Gaussian that is not a number;
-/// [`Error::Cancelled`].
 pub fn as_splats(mut model: Model, radius: f64, opacity: f64, progress: &dyn Progress) -> Result<(Model, Faint)> {
     if !(radius.is_finite() && radius > 0.0) {
         return Err(Error::argument(format!("--radius {radius} is not a length above 0")));

@@ -8,9 +8,6 @@ use std::fmt::Write;
 use std::path::Path;
 
 /// Writes it.
-///
-/// # Errors
-/// Those of [`written`].
 pub fn write(density: &Density, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
     let bytes = 4 * density.values.len() as u64;
     let mut head = String::new();

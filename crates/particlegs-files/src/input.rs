@@ -76,9 +76,6 @@ pub struct Source<'a> {
 
 impl<'a> Source<'a> {
     /// Opens `path`; `-` is standard input. A pipe without a writer is opened too: reading waits.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] for a folder.
     pub fn open(path: &Path, progress: &'a dyn Progress) -> Result<Self> {
         let place = name_of(path);
         let file = match is_standard(path) {
@@ -105,18 +102,12 @@ impl<'a> Source<'a> {
     }
 
     /// The next `bytes` bytes, or fewer where there are no more; they are still to be read.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; [`Error::Cancelled`] while it waits.
     pub fn peek(&mut self, bytes: usize) -> Result<&[u8]> {
         self.fill(bytes)?;
         Ok(&self.head[..bytes.min(self.head.len())])
     }
 
     /// Reads to the end, or `most` bytes. Memory grows with what is there, not with what is promised.
-    ///
-    /// # Errors
-    /// As [`Source::peek`].
     pub fn read(&mut self, most: u64) -> Result<Vec<u8>> {
         let most = usize::try_from(most).unwrap_or(usize::MAX);
         if let Some(length) = self.length {
@@ -129,9 +120,6 @@ impl<'a> Source<'a> {
     }
 
     /// Hands what is left over in pieces to `to`.
-    ///
-    /// # Errors
-    /// As [`Source::peek`]; those of `to`.
     pub fn copy(&mut self, mut to: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
         loop {
             self.fill(PIECE)?;
@@ -190,18 +178,11 @@ impl<'a> Source<'a> {
 }
 
 /// Reads a file, pipe or device whole: `-` is standard input.
-///
-/// # Errors
-/// [`Error::Input`] for a folder, an empty file, one that does not begin as `form` says and one that is
-/// larger than it allows; [`Error::Memory`] before it is read; [`Error::Io`]; [`Error::Cancelled`].
 pub fn read_whole(path: &Path, form: Form, progress: &dyn Progress) -> Result<Vec<u8>> {
     form.read(Source::open(path, progress)?)
 }
 
 /// [`read_whole`] of a regular file of the program's own; `None` where there is none.
-///
-/// # Errors
-/// As [`read_whole`]; [`Error::Input`] for what is no regular file.
 pub fn read_own(path: &Path, form: Form) -> Result<Option<Vec<u8>>> {
     let (file, length) = match open_file(path) {
         Ok(opened) => opened,
@@ -249,10 +230,6 @@ pub struct SpoolFile {
 
 impl SpoolFile {
     /// Keeps what `source` still has to give, in the system's folder for temporary files.
-    ///
-    /// # Errors
-    /// [`Error::Io`] where the disk is full; [`Error::Cancelled`]; [`Error::Input`] on systems where a
-    /// file without a name cannot be opened again.
     pub fn of(mut source: Source<'_>) -> Result<Self> {
         let place = source.place.clone();
         if !cfg!(target_os = "linux") {
@@ -304,9 +281,6 @@ impl SpoolFile {
 }
 
 /// Opens a regular file and tells its length; never waits.
-///
-/// # Errors
-/// [`Error::Io`]; [`Error::Input`] for folders, pipes and devices.
 pub fn open_file(path: &Path) -> Result<(File, u64)> {
     let file = open_at_once(path).map_err(|e| Error::io(path, e))?;
     let metadata = file.metadata().map_err(|e| Error::io(path, e))?;
@@ -394,9 +368,6 @@ fn ready(_: &File) -> std::io::Result<bool> {
 }
 
 /// Maps a file and tells its length; `None` for an empty one, which cannot be mapped.
-///
-/// # Errors
-/// [`Error::Io`]; [`Error::Input`] for what is no regular file.
 pub fn map_file(path: &Path) -> Result<(Option<Arc<memmap2::Mmap>>, usize)> {
     let (file, length) = open_file(path)?;
     if length == 0 {

@@ -58,9 +58,6 @@ pub(crate) fn others(species: &Species, choice: &Choice) -> Vec<String> {
 }
 
 /// The fields of species `index` beside its positions, and these where float32 does not hold them.
-///
-/// # Errors
-/// Those of reading streams.
 pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) -> Result<LayerFields> {
     let species = &snapshot.description().species[index];
     let own = positions(species, choice);

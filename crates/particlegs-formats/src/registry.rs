@@ -99,9 +99,6 @@ fn decompressed(bytes: &[u8], compression: FileCompression) -> Vec<u8> {
 }
 
 /// Keeps what a pipe or device gives, once its first bytes are those of a snapshot.
-///
-/// # Errors
-/// As [`detect`], unless `options` name a format; those of [`SpoolFile::of`].
 pub(crate) fn spool(mut source: Source<'_>, options: &Choice) -> Result<SpoolFile> {
     let bytes = source.peek(LOOKED_AT)?.to_vec();
     let head = FileHead::of(Path::new(source.place()), u64::MAX, bytes)?;
@@ -117,9 +114,6 @@ pub(crate) fn spool(mut source: Source<'_>, options: &Choice) -> Result<SpoolFil
 }
 
 /// The format of a file, by its content.
-///
-/// # Errors
-/// [`Error::Input`] where none fits; [`Error::Io`].
 pub(crate) fn detect(path: &Path) -> Result<&'static Format> {
     known(&FileHead::read(path)?)
 }
@@ -174,9 +168,6 @@ impl Choice {
     }
 
     /// Refuses what is chosen and means nothing in a format.
-    ///
-    /// # Errors
-    /// [`Error::Input`].
     pub(crate) fn fits(&self, format: &str, place: &str) -> Result<()> {
         if !self.blocks.is_empty() && format != crate::gadget::FORMAT.name {
             return Err(Error::input(place, "only Gadget files of format 1 have blocks to name"));

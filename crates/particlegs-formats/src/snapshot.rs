@@ -131,10 +131,6 @@ pub enum Weights {
 
 impl Species {
     /// The field that weights are read from, where there is one.
-    ///
-    /// # Errors
-    /// [`particlegs::Error::Input`] naming the scalar fields there are, where a chosen one is missing, and for one
-    /// that does not add up over particles.
     pub(crate) fn weight_field(&self, place: &str, weights: &Weights) -> Result<Option<String>> {
         match weights {
             Weights::None => Ok(None),

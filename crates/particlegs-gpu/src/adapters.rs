@@ -98,9 +98,6 @@ pub(crate) fn memory_of(_adapter: &wgpu::Adapter) -> Option<u64> {
 }
 
 /// The adapter of a choice.
-///
-/// # Errors
-/// [`Error::Argument`] where there is none.
 pub(crate) fn chosen(choice: Choice) -> Result<wgpu::Adapter> {
     let mut all = found();
     let place = match choice {

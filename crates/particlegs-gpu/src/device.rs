@@ -41,17 +41,11 @@ enum DeviceFault {
 
 impl Device {
     /// Opens an adapter with the limits that it has and without any feature.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where there is none, or it does not open.
     pub fn open(choice: Choice, checks: Checks) -> Result<Device> {
         Device::open_with(chosen(choice)?, checks, wgpu::Features::empty())
     }
 
     /// [`Device::open`], to be [timed](Device::timed) where the adapter offers it.
-    ///
-    /// # Errors
-    /// As [`Device::open`].
     pub fn open_timed(choice: Choice, checks: Checks) -> Result<Device> {
         let adapter = chosen(choice)?;
         let offered = adapter.features().contains(timer::WANTED);
@@ -110,9 +104,6 @@ impl Device {
     }
 
     /// Whatever went wrong on the device since this was last asked.
-    ///
-    /// # Errors
-    /// [`Error::Input`] whose place is the device.
     pub fn check(&self) -> Result<()> {
         let fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner).take();
         let line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
@@ -129,9 +120,6 @@ impl Device {
     }
 
     /// Waits until all that was given to it is done.
-    ///
-    /// # Errors
-    /// As [`Device::check`].
     pub fn wait(&self) -> Result<()> {
         let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
         self.check()?;
@@ -144,9 +132,6 @@ impl Device {
     }
 
     /// May `what`, which takes so many bytes in a buffer, be on the device?
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where it may not.
     pub(crate) fn holds(&self, what: &str, bytes: u64) -> Result<()> {
         let most = self.largest_binding();
         if bytes <= most {
@@ -157,9 +142,6 @@ impl Device {
     }
 
     /// May a picture that takes so many bytes in a buffer be drawn?
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where it may not, or has no pixel.
     pub(crate) fn fits(&self, size: Size, bytes: u64) -> Result<()> {
         let most = self.largest_binding();
         if bytes <= most && size.pixels() > 0 {
@@ -195,9 +177,6 @@ impl Device {
     }
 
     /// The bytes of a buffer, once all that was given to the device is done.
-    ///
-    /// # Errors
-    /// As [`Device::check`].
     pub(crate) fn read(&self, from: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>> {
         let size = bytes.next_multiple_of(4);
         let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;

@@ -28,9 +28,6 @@ pub struct Rates {
 
 impl Rates {
     /// Measures them; takes about a second.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn measure(device: &Device) -> Result<Rates> {
         use wgpu::BufferUsages as Usage;
         let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;

@@ -62,9 +62,6 @@ impl Timer {
 impl Device {
     /// The kernels that `work` runs, in the order of their first runs, and how long each takes. `None` where the device
     /// has no clock that it shows, was not opened for it, or more was run than it times together.
-    ///
-    /// # Errors
-    /// Those of `work`; those of the device.
     pub fn timed(&self, work: impl FnOnce() -> Result<()>) -> Result<Option<Vec<Stage>>> {
         let Some(timer) = &self.timer else { return work().map(|()| None) };
         self.wait()?;

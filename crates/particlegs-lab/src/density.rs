@@ -34,9 +34,6 @@ const A_CELL: f64 = 16.0;
 
 impl DensityMeasures {
     /// Of one way at one size.
-    ///
-    /// # Errors
-    /// [`Error::Cancelled`], [`Error::Io`], [`Error::Memory`].
     pub fn of(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes: u64) -> Result<DensityMeasures> {
         let seed = lab.settings.seed;
         let inputs = (method.source(lab), &snapshot.hash, bytes, seed, lab.settings.quick);
@@ -117,9 +114,6 @@ fn held_out(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes
 }
 
 /// What a kernel on all particles of one half says of the other: as much as there is to know of so many.
-///
-/// # Errors
-/// As [`DensityMeasures::of`].
 pub fn all_particles_bits(lab: &Lab<'_>, snapshot: &Snapshot) -> Result<f64> {
     let seed = lab.settings.seed;
     lab.store.result("kernel-bits", &(&snapshot.hash, seed), || {

@@ -32,21 +32,12 @@ pub trait Device: Debug + Send + Sync {
     fn name(&self) -> Option<&str>;
 
     /// What takes steps of training; `None` = the processor.
-    ///
-    /// # Errors
-    /// Those of the device.
     fn trainer(&self) -> Result<Option<Arc<dyn train::Device>>>;
 
     /// Pictures of particles with these bounds (world units).
-    ///
-    /// # Errors
-    /// Those of the device; [`particlegs::Error::Cancelled`].
     fn particles<'a>(&self, of: &'a Particles, bounds: Bounds, style: Style, p: &'a dyn Progress) -> Result<Draw<'a>>;
 
     /// Pictures of a model.
-    ///
-    /// # Errors
-    /// Those of the device.
     fn model<'a>(&self, of: &'a Model, progress: &'a dyn Progress) -> Result<Draw<'a>>;
 }
 

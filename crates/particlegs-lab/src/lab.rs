@@ -85,9 +85,6 @@ pub struct ModelBuild {
 
 impl<'a> Lab<'a> {
     /// Keeps results in `folder`, which is there.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for a Python that cannot be started or lacks packages.
     pub fn new(settings: Settings, folder: &Path, progress: &'a dyn Progress) -> Result<Self> {
         let external = settings.python.as_deref().map(External::start).transpose()?;
         let baselines = crate::baselines(external.as_ref());
@@ -103,9 +100,6 @@ impl<'a> Lab<'a> {
     }
 
     /// The model of a snapshot by a recipe: kept, or made now.
-    ///
-    /// # Errors
-    /// Those of [`compress`]; [`Error::Io`].
     pub fn model(&self, snapshot: &Snapshot, recipe: &ModelSettings) -> Result<ModelBuild> {
         let recipe = recipe.in_bytes(snapshot);
         self.made(&(&snapshot.hash, &recipe), || {
@@ -114,9 +108,6 @@ impl<'a> Lab<'a> {
     }
 
     /// As many particles drawn from a model as it stands for.
-    ///
-    /// # Errors
-    /// Those of the draw.
     pub fn drawn(&self, model: Model, method: recover::Method, seed: u64) -> Result<Particles> {
         let form = RawForm::Columns;
         let options = recover::Options { particles: None, method, scale: 1.0, seed, form, model_name: String::new() };
@@ -124,25 +115,16 @@ impl<'a> Lab<'a> {
     }
 
     /// Pictures of particles with these bounds (world units) by the settings' device.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn draws_particles<'b>(&'b self, of: &'b Particles, bounds: Bounds, style: Style) -> Result<Draw<'b>> {
         self.settings.device.particles(of, bounds, style, self.progress)
     }
 
     /// Pictures of a model by the settings' device.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn draws_model<'b>(&'b self, of: &'b Model) -> Result<Draw<'b>> {
         self.settings.device.model(of, self.progress)
     }
 
     /// Keeps a model that a recipe gave in `seconds`, unless there is one.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
     pub fn keep(&self, snapshot: &Snapshot, recipe: &ModelSettings, done: CompressedModel, seconds: f64) -> Result<()> {
         let inputs = (&snapshot.hash, recipe.in_bytes(snapshot));
         self.store.bytes("model", &inputs, "pgs", || Ok(done.bytes))?;
@@ -151,18 +133,12 @@ impl<'a> Lab<'a> {
     }
 
     /// A model by whatever way, kept by what it was made from.
-    ///
-    /// # Errors
-    /// Those of `make`; [`Error::Io`].
     pub fn made(&self, inputs: &impl Serialize, make: impl FnOnce() -> Result<CompressedModel>) -> Result<ModelBuild> {
         self.kept_model(&self.store, inputs, || timed(make))
     }
 
     /// [`Lab::made`] by the settings' device, and by work that says itself how many seconds it took, those of earlier
     /// pieces included.
-    ///
-    /// # Errors
-    /// As [`Lab::made`].
     pub fn made_on_device(
         &self,
         inputs: &impl Serialize,
@@ -190,9 +166,6 @@ impl<'a> Lab<'a> {
 }
 
 /// What is there already, or is made now.
-///
-/// # Errors
-/// Those of `make`.
 pub fn or_made<T>(there: &mut Option<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
     let made = match there.take() {
         Some(made) => made,
@@ -202,9 +175,6 @@ pub fn or_made<T>(there: &mut Option<T>, make: impl FnOnce() -> Result<T>) -> Re
 }
 
 /// What work gives, and its wall-clock seconds.
-///
-/// # Errors
-/// Those of the work.
 pub fn timed<T>(work: impl FnOnce() -> Result<T>) -> Result<(T, f64)> {
     let start = std::time::Instant::now();
     let done = work()?;

@@ -56,15 +56,8 @@ pub trait Baseline: Sync {
     /// Where it is from: paper or library, and version.
     fn source(&self) -> String;
     /// Compresses particles so that no decoded coordinate is off by more than `bound`.
-    ///
-    /// # Errors
-    /// [`particlegs::Error::Argument`] for a bound that is not positive and finite; of [`external`] ones
-    /// [`particlegs::Error::Input`] for what their library said.
     fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles>;
     /// The particles.
-    ///
-    /// # Errors
-    /// [`particlegs::Error::Input`] for bytes that it did not make.
     fn decompress(&self, bytes: &[u8]) -> Result<PositionColumns>;
 }
 

@@ -130,9 +130,6 @@ impl CompressionMethod {
     }
 
     /// Keeps particles in at most about so many bytes. `hash` names the particles.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for a compressor that fails or breaks its bound; those of the fit; [`Error::Cancelled`].
     pub fn keep(self, lab: &Lab<'_>, particles: &Particles, hash: &str, bytes: u64, seed: u64) -> Result<MethodOutput> {
         match self {
             CompressionMethod::OpticalDepth => {
@@ -193,9 +190,6 @@ impl CompressionMethod {
 
     /// Keeps a snapshot in about so many bytes and scores its pictures. A failure is a result, but not a kept one: what
     /// a Python that died could not do is tried again the next time.
-    ///
-    /// # Errors
-    /// [`Error::Cancelled`], [`Error::Io`], [`Error::Memory`].
     pub fn measure(
         self,
         lab: &Lab<'_>,

@@ -38,9 +38,6 @@ impl SizeBound {
 
 /// The bound at which a baseline takes as close to `bytes` as it can, on a logarithmic scale of sizes: sought between
 /// bounds of too many and too few bytes by the secant of log size over log bound.
-///
-/// # Errors
-/// [`Error::Argument`] for no particles or no bytes; [`Error::Cancelled`]; a baseline's own.
 pub fn at_size(
     baseline: &dyn Baseline,
     particles: &PositionColumns,

@@ -32,9 +32,6 @@ impl Snapshot {
     }
 
     /// Two random halves of the particles, the same for the same seed.
-    ///
-    /// # Errors
-    /// [`Error::Memory`], [`Error::Cancelled`].
     pub fn halves(&self, seed: u64, progress: &dyn Progress) -> Result<[Particles; 2]> {
         let half = Selection { sample: Some(self.particles.len() as u64 / 2), seed, ..Selection::all() };
         let taken = |selection| self.particles.select(selection, &Storage::Memory, progress);

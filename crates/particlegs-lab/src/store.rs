@@ -47,9 +47,6 @@ impl ResultStore {
     }
 
     /// Bytes that are there, or are made and kept.
-    ///
-    /// # Errors
-    /// Those of `make`; [`Error::Io`].
     pub fn bytes(
         &self,
         kind: &str,
@@ -69,9 +66,6 @@ impl ResultStore {
     }
 
     /// A result that is there, or is made and kept. What cannot be read, of another version or damaged, is made again.
-    ///
-    /// # Errors
-    /// As [`ResultStore::bytes`].
     pub fn result<T: Serialize + DeserializeOwned>(
         &self,
         kind: &str,
@@ -83,9 +77,6 @@ impl ResultStore {
 
     /// [`ResultStore::result`], kept only where it `lasts`: what failed for a reason that may pass is tried again the next
     /// time.
-    ///
-    /// # Errors
-    /// As [`ResultStore::bytes`].
     pub fn result_if<T: Serialize + DeserializeOwned>(
         &self,
         kind: &str,
@@ -110,9 +101,6 @@ impl ResultStore {
     }
 
     /// A folder for files that go away with it.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
     pub fn scratch(&self) -> Result<FileSet> {
         FileSet::in_folder(&self.folder)
     }

@@ -19,9 +19,6 @@ pub struct CodedSubset {
 
 /// The most particles, the first of one random order of all, whose places within 0.05 of the mean spacing
 /// ([`mean_spacing`]) take at most `bytes`, as they come back from their coded form. `None` where not one fits.
-///
-/// # Errors
-/// [`Error::Argument`] for coordinates that are not finite, or more particles than 2^32; [`Error::Cancelled`].
 pub fn subset(
     particles: &PositionColumns,
     bytes: u64,

@@ -40,26 +40,17 @@ pub struct Score {
 impl ReferenceViews {
     /// In the views that models are scored on: `frames` an orbit, radius and opacity drawn from the published ranges
     /// (paper, section 5.1).
-    ///
-    /// # Errors
-    /// Those of drawing; [`particlegs::Error::Io`].
     pub fn of(lab: &Lab<'_>, snapshot: &Snapshot, metadata: &Metadata) -> Result<ReferenceViews> {
         let s = &lab.settings;
         ReferenceViews::in_views(lab, snapshot, evaluation_views(metadata, s.size, s.seed, s.frames))
     }
 
     /// In given views.
-    ///
-    /// # Errors
-    /// As [`ReferenceViews::of`].
     pub fn in_views(lab: &Lab<'_>, snapshot: &Snapshot, views: Vec<View>) -> Result<ReferenceViews> {
         ReferenceViews::at_size(lab, snapshot, views, lab.settings.size)
     }
 
     /// In given views, at a size of its own.
-    ///
-    /// # Errors
-    /// As [`ReferenceViews::of`].
     pub fn at_size(lab: &Lab<'_>, snapshot: &Snapshot, mut views: Vec<View>, size: Size) -> Result<ReferenceViews> {
         let bounds = snapshot.particles.bounds();
         for view in &mut views {
@@ -84,9 +75,6 @@ impl ReferenceViews {
     }
 
     /// Scores of the pictures that `draw` gives for each view.
-    ///
-    /// # Errors
-    /// Those of `draw`.
     pub fn score(&self, mut draw: impl FnMut(&View) -> Result<Gray8>) -> Result<Vec<Score>> {
         let of = |(view, truth): (&View, &Gray8)| {
             let Scores { psnr, masked_psnr: masked, ssim } = Scores::of(&draw(view)?, truth);
@@ -96,18 +84,12 @@ impl ReferenceViews {
     }
 
     /// Scores of other particles, drawn with a multiple of the radius.
-    ///
-    /// # Errors
-    /// Those of drawing.
     pub fn of_particles(&self, lab: &Lab<'_>, particles: &Particles, radius_factor: f64) -> Result<Vec<Score>> {
         let draw = lab.draws_particles(particles, self.bounds, Style::Paraview)?;
         self.score(|view| draw(&View { radius: view.radius * radius_factor, ..view.clone() }, self.size))
     }
 
     /// Scores of a model.
-    ///
-    /// # Errors
-    /// Those of drawing.
     pub fn of_model(&self, lab: &Lab<'_>, model: &Model) -> Result<Vec<Score>> {
         let draw = lab.draws_model(model)?;
         self.score(|view| draw(view, self.size))
@@ -120,9 +102,6 @@ pub fn told(view: &View, size: Size) -> String {
 }
 
 /// A picture that is there, or is drawn and kept.
-///
-/// # Errors
-/// Those of `draw`; [`particlegs::Error::Io`].
 pub fn kept_picture(lab: &Lab<'_>, inputs: &impl Serialize, draw: impl FnOnce() -> Result<Gray8>) -> Result<Gray8> {
     let path = lab.on_device.path("picture", inputs, "png");
     if path.exists() {

@@ -199,9 +199,6 @@ impl Config {
     }
 
     /// Resolution, steps and counts in proportion to `scale` in (0, 1].
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a scale outside that.
     pub fn scaled(mut self, scale: f64) -> Result<Config> {
         if !(scale > 0.0 && scale <= 1.0) {
             return Err(Error::argument(format!("a scale of {scale} is outside (0, 1]")));
@@ -227,9 +224,6 @@ impl Config {
     /// With `n` steps in all; stages, and every schedule that counts steps (densification, opacity
     /// resets, the decay of the position rate), keep their proportions. How often the run is evaluated
     /// stays.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for none.
     pub fn with_iterations(mut self, n: u64) -> Result<Config> {
         if n == 0 {
             return Err(Error::argument("iterations must be at least 1"));
@@ -253,9 +247,6 @@ impl Config {
     }
 
     /// Checks every number.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] that names the first one out of range.
     pub fn check(&self) -> Result<()> {
         let fail = |what: &str| Err(Error::argument(format!("training: {what}")));
         let c = &self.cameras;

@@ -22,9 +22,6 @@ pub(crate) struct HeldOutViews<'a> {
 
 impl<'a> HeldOutViews<'a> {
     /// Draws the targets of the first `config.evaluate_views` views, at the largest stage's size.
-    ///
-    /// # Errors
-    /// Those of the reference renderer.
     pub fn draw(
         subject: &dyn TrainingSubject,
         views: &[View],
@@ -41,9 +38,6 @@ impl<'a> HeldOutViews<'a> {
     }
 
     /// Mean masked PSNR of Gaussians, dB; `None` where no view has one.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Cancelled`].
     pub fn masked_psnr(&self, mixture: &Mixture) -> Result<Option<f64>> {
         let Defaults { bounds, radius, opacity, .. } = *self.defaults;
         let scene = Scene::of_law(mixture, bounds, [radius, opacity]);

@@ -88,21 +88,12 @@ pub struct NonFiniteGradient {
 pub(crate) trait Learner {
     /// Draws the shot, takes the loss, and moves all parameters a step down its gradient. Gaussians
     /// with gradients that are not finite stay as they are, and are named.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] for a view with a number outside its range.
     fn step(&mut self, shot: &TrainingSample<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport>;
 
     /// Density control due after the step at `at`.
-    ///
-    /// # Errors
-    /// Those of a device.
     fn control(&mut self, at: &StepInfo) -> Result<()>;
 
     /// Brings here what steps have moved elsewhere: before the Gaussians or the state are asked for.
-    ///
-    /// # Errors
-    /// Those of a device.
     fn fetch(&mut self) -> Result<()> {
         Ok(())
     }
@@ -114,9 +105,6 @@ pub(crate) trait Learner {
     fn mixture(&self) -> Mixture;
 
     /// The Gaussians as the file will give them, where that is known.
-    ///
-    /// # Errors
-    /// Those of the coder, for numbers that are not finite.
     fn shown(&self) -> Result<Mixture> {
         Ok(self.mixture())
     }

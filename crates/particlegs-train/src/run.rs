@@ -169,10 +169,6 @@ impl<'a> Training<'a> {
     /// Pictures, steps and densities depend on the seed alone; a run that goes on from `pieces` ends with
     /// the same bits as one that was never broken. When the caller stops it, the best so far is given and
     /// the state kept.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a configuration out of range; [`Error::Memory`] where its pictures and
-    /// Gaussians do not fit; [`Error::Io`] of the scratch file; those of `pieces`.
     pub fn run(
         &self,
         initial: InitialGaussians<'_>,

@@ -25,9 +25,6 @@ impl TrainingState {
     }
 
     /// A column of `len` numbers of double precision.
-    ///
-    /// # Errors
-    /// As [`TrainingState::column`].
     pub fn doubles(&self, name: &str, len: usize) -> Result<&[f64], String> {
         self.numbers
             .get(name)

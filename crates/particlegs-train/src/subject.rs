@@ -32,15 +32,8 @@ pub trait TrainingSubject: Sync {
     fn bounds(&self) -> Bounds;
 
     /// The picture of all particles in a look, shot noise and all.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] for a view out of range; [`particlegs_core::Error::Memory`],
-    /// [`particlegs_core::Error::Cancelled`].
     fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8>;
 
     /// The noise-free optical depth a pixel.
-    ///
-    /// # Errors
-    /// As [`TrainingSubject::draw`].
     fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane>;
 }

@@ -52,9 +52,6 @@ impl<'a> Targets<'a> {
     }
 
     /// Brightness in [0, 1] of a part of the picture of `view`, whose number is `key`.
-    ///
-    /// # Errors
-    /// [`Error::Io`] of the scratch file; those of the reference renderer.
     pub fn get(&mut self, key: u64, view: &View, crop: &Crop, progress: &dyn Progress) -> Result<Plane> {
         if let Some(&place) = self.places.get(&key) {
             return self.read(place, crop);

@@ -128,9 +128,6 @@ pub struct Page {
 /// Beside each file stands what it was decoded to, so that a page that is written can show what it holds. A single model
 /// of more than [`poster::MORE_THAN`] Gaussians has its picture in the page, for it takes a moment to decode, unless
 /// the page opens otherwise than usual.
-///
-/// # Errors
-/// [`particlegs::Error::Memory`], [`particlegs::Error::Cancelled`].
 pub fn offline(models: &[(ModelFile<'_>, &Model)], opening: &PageOpening, progress: &dyn Progress) -> Result<Vec<u8>> {
     progress.check()?;
     let poster = match models {

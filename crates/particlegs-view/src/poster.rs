@@ -34,9 +34,6 @@ pub struct Poster {
 
 /// The view that a page opens with: azimuth 0, elevation 0, distance 1, the surface density of all layers; of the
 /// alpha-blend law look `paraview` at the model's own radius and opacity.
-///
-/// # Errors
-/// [`Error::Memory`], [`Error::Cancelled`].
 pub fn draw(model: &Model, size: Size, progress: &dyn Progress) -> Result<Poster> {
     let m = &model.metadata;
     let camera = spherical_camera(m.bounds.center(), 0.0, 0.0, base_distance(&m.bounds, size));

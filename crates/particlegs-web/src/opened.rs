@@ -65,9 +65,6 @@ impl LoadedModel {
     }
 
     /// Decodes a step more; gives the share of the Gaussians that were decoded, 1 where the model is whole.
-    ///
-    /// # Errors
-    /// [`Error::Corrupt`], as of every other question from then on.
     pub(crate) fn step(&mut self) -> Result<f64> {
         if let Some(opening) = &mut self.opening {
             match opening.step() {
@@ -84,9 +81,6 @@ impl LoadedModel {
     }
 
     /// The model that a scene shows: what there is of it, where it is drawn for motion; else all of it.
-    ///
-    /// # Errors
-    /// As [`LoadedModel::full`].
     pub(crate) fn shown(&mut self, of: &SceneRequest) -> Result<&Model> {
         let sketched = of.coarse && self.opening.as_ref().is_some_and(|o| o.sketch.is_some());
         if !sketched {
@@ -99,17 +93,11 @@ impl LoadedModel {
     }
 
     /// All of it; what is left is decoded now.
-    ///
-    /// # Errors
-    /// [`Error::Corrupt`], and its line from then on.
     pub(crate) fn full(&mut self) -> Result<&mut ClippedModel> {
         Ok(&mut self.whole()?.full)
     }
 
     /// What a view along parallel lines shows whole.
-    ///
-    /// # Errors
-    /// As [`LoadedModel::full`].
     pub(crate) fn extent(&mut self) -> Result<Extent> {
         let CompleteModel { full: ClippedModel { model, .. }, extent, .. } = self.whole()?;
         let found = || render::extent(&Scene::of(model), model.metadata.cell.as_ref());

@@ -209,9 +209,6 @@ fn experiment_by_experiment(
 
 impl Arguments {
     /// Options that would do nothing where a card is measured.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] that names the first.
     fn refuse_for_gpu(&self) -> Result<()> {
         let of_experiments = [
             (!self.snapshots.is_empty(), "SNAPSHOT"),

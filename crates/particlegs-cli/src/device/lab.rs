@@ -22,8 +22,6 @@ pub struct NamedDevice {
 }
 
 impl NamedDevice {
-    /// # Errors
-    /// Those of the card.
     pub fn new(device: Device) -> Result<NamedDevice> {
         let (trainer, name) = (card::trainer(&device)?, card::name(&device));
         Ok(NamedDevice { device, trainer, name })

@@ -53,10 +53,6 @@ impl FromStr for DeviceRequest {
 
 impl DeviceArgs {
     /// What takes the steps of training, where anything is trained; none for the processor.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where a card is asked for, and nothing is trained that it can; those of
-    /// [`DeviceArgs::open`].
     pub fn trainer(&self, trains: bool) -> Result<Option<Arc<dyn train::Device>>> {
         if trains {
             return self.open()?.as_ref().map(card::trainer).transpose();
@@ -70,9 +66,6 @@ impl DeviceArgs {
     }
 
     /// What draws and trains for the laboratory.
-    ///
-    /// # Errors
-    /// Those of [`DeviceArgs::open`].
     #[cfg(feature = "lab")]
     pub fn for_lab(&self) -> Result<Arc<dyn particlegs_lab::device::Device>> {
         Ok(match self.open()? {
@@ -82,9 +75,6 @@ impl DeviceArgs {
     }
 
     /// The card that is asked for, the first real one where none is, to be measured.
-    ///
-    /// # Errors
-    /// [`particlegs::Error::Argument`] where there is none.
     #[cfg(feature = "lab")]
     pub fn open_card(&self) -> Result<Device> {
         match self.device {
@@ -94,9 +84,6 @@ impl DeviceArgs {
     }
 
     /// The card that is asked for; none for the processor.
-    ///
-    /// # Errors
-    /// [`particlegs::Error::Argument`] where there is none.
     pub fn open(&self) -> Result<Option<Device>> {
         match self.device {
             DeviceRequest::Cpu => Ok(None),

@@ -12,9 +12,6 @@ use particlegs::space::Bounds;
 use particlegs::splat::ToneStyle;
 
 /// Pictures of all particles on a card, which keeps what it has room for.
-///
-/// # Errors
-/// Those of the card; [`particlegs::Error::Cancelled`].
 pub fn on_card<'a>(
     device: &Device,
     particles: &'a Particles,
@@ -40,9 +37,6 @@ pub struct ModelAndParticles<'a> {
 
 impl<'a> ModelAndParticles<'a> {
     /// Sends them there.
-    ///
-    /// # Errors
-    /// Those of [`on_card`]; [`particlegs::Error::Argument`] for a model that no card draws.
     pub fn new(device: &Device, scene: &Scene, particles: &'a Particles, context: &Context) -> Result<Self> {
         let model = Pictures::new(device, scene)?;
         Ok(ModelAndParticles { particles: on_card(device, particles, particles.bounds(), context)?, model })

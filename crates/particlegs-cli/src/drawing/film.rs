@@ -37,9 +37,6 @@ pub struct Film {
 
 impl Film {
     /// A film, and where its frames go: the folder that is named, or one beside the film.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a name with another ending; those of [`Context::writes`].
     pub fn plan(path: &Path, fps: u32, out: Option<&Path>, context: &Context) -> Result<Film> {
         let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         let (form, kind) = match &ending[..] {
@@ -80,10 +77,6 @@ impl Film {
     }
 
     /// Joins the frames.
-    ///
-    /// # Errors
-    /// [`Error::Io`] where ffmpeg makes no film: the frames are kept, and the line that joins them is said; those of
-    /// writing; [`Error::Cancelled`].
     pub fn join(&self, gif: &[GifFrame], out: Option<&PictureOut>, names: &[String], context: &Context) -> Result<()> {
         if self.form == FilmFormat::Gif {
             return gif::write(&self.path, gif);

@@ -97,9 +97,6 @@ impl Finisher<'_> {
     }
 
     /// A picture with what is about it.
-    ///
-    /// # Errors
-    /// [`particlegs::Error::Argument`] for coordinates about a perspective picture.
     pub fn panel(&self, seen: ViewContent, view: &View, range: [f64; 2], kind: FileKind) -> Result<Panel> {
         let mut panel = Panel::plain(colours::image(seen, self.colormap, range, self.args.ground()));
         let size = panel.image.size();
@@ -133,9 +130,6 @@ impl Finisher<'_> {
     }
 
     /// What a file says of itself.
-    ///
-    /// # Errors
-    /// Those of [`PictureProvenance::text`].
     pub fn about(&self, views: &[View], size: Size, range: [f64; 2]) -> Result<PngMetadata> {
         let range = self.about.colormap.is_some().then_some(range);
         let views: Vec<View> = views.iter().map(|v| self.spelled_out(v)).collect();
@@ -159,9 +153,6 @@ impl Finisher<'_> {
     }
 
     /// A picture as it is shown in a film: the figure's pixels.
-    ///
-    /// # Errors
-    /// Those of [`Finisher::panel`] and of drawing.
     pub fn pixels(&self, seen: ViewContent, view: &View, range: [f64; 2]) -> Result<(FigureImage, Option<f64>)> {
         if !self.is_figure(FileKind::Png) {
             let image = colours::image(seen, self.colormap, range, self.args.ground());
@@ -172,9 +163,6 @@ impl Finisher<'_> {
     }
 
     /// Writes the picture of a view.
-    ///
-    /// # Errors
-    /// Those of drawing and of writing.
     pub fn write(
         &self,
         path: &Path,

@@ -58,9 +58,6 @@ fn each<T: Send>(painter: &dyn ViewRenderer, views: &[View], of: impl Fn(&View) 
 }
 
 /// Draws all frames. After an error no frame that follows is begun; those that are there are whole.
-///
-/// # Errors
-/// Those of drawing and writing.
 pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries> {
     let DrawingJob { painter, finish, set, range, context, .. } = *job;
     let (density, count) = (finish.about.colormap.is_some(), set.views.len());

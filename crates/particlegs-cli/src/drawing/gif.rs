@@ -25,9 +25,6 @@ const SPEED: i32 = 10;
 const SHORTEST: u16 = 2;
 
 /// A picture as a frame that is shown for a share of a second.
-///
-/// # Errors
-/// [`Error::Argument`] for one larger than 65 535 pixels in a direction.
 pub fn coded(image: FigureImage, fps: u32) -> Result<GifFrame> {
     let size = image.size();
     let (Ok(width), Ok(height)) = (u16::try_from(size.width), u16::try_from(size.height)) else {
@@ -73,9 +70,6 @@ fn of_few(pixels: &[[u8; 3]]) -> Option<(Vec<u8>, Vec<u8>)> {
 }
 
 /// Writes frames as one GIF that begins again at its end.
-///
-/// # Errors
-/// [`Error::Io`].
 pub fn write(path: &Path, frames: &[GifFrame]) -> Result<()> {
     let Some(GifFrame(first)) = frames.first() else { return Ok(()) };
     write_atomic(path, |to: &mut dyn Write| {

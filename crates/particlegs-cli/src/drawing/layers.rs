@@ -11,9 +11,6 @@ use particlegs::splat::ToneStyle;
 use particlegs::{Error, Result};
 
 /// A model's layers, each to be drawn alone.
-///
-/// # Errors
-/// [`Error::Argument`] for a model of the alpha-blend law, whose layers hide one another.
 pub fn apart(model: &Model) -> Result<Vec<Model>> {
     if model.metadata.law == LawKind::AlphaBlend {
         let what = "--color-by-layer: an alpha-blend model has no optical depth to mix colours by".to_string();
@@ -23,9 +20,6 @@ pub fn apart(model: &Model) -> Result<Vec<Model>> {
 }
 
 /// Draws a view of layers.
-///
-/// # Errors
-/// Those of [`optical_depth`].
 pub fn draw(
     layers: &[Model],
     view: &View,

@@ -33,9 +33,6 @@ impl Panels<'_> {
     }
 
     /// Draws every view of everything into one figure; the range that they have in common.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for too many pictures, or captions that are not as many; those of drawing and writing.
     pub fn draw(
         &self,
         finish: &Finisher<'_>,

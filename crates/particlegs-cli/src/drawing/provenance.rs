@@ -77,9 +77,6 @@ pub struct SourceFile {
 
 impl PictureProvenance {
     /// With these views, as text.
-    ///
-    /// # Errors
-    /// Those of [`ViewsFile::text`].
     pub fn text(&self, views: &[View], size: Size) -> Result<String> {
         let file = ViewsFile(ViewSet { size, views: views.to_vec() }).text()?;
         let plain = |e: serde_json::Error| Error::argument(e.to_string());
@@ -88,10 +85,6 @@ impl PictureProvenance {
     }
 
     /// Of a picture that is there, with its view.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] for what is no picture of ours, or one of several views; those of
-    /// [`ViewsFile::of_bytes`].
     pub fn read(path: &Path, progress: &dyn Progress) -> Result<(PictureProvenance, ViewSet)> {
         let text = png_file::provenance(path, progress)?;
         let told: PictureProvenance = serde_json::from_str(&text)

@@ -39,9 +39,6 @@ pub struct PictureTarget<'a> {
 }
 
 /// The views that the options say, with key frames made a path.
-///
-/// # Errors
-/// Those of [`ViewArgs::resolve`] and [`SequenceArgs::frames`].
 pub fn views(args: &ViewArgs, of: &SequenceArgs, subject: &ViewSubject, context: &Context) -> Result<ViewSet> {
     let set = match of.key_frames(context)? {
         Some(mut keys) => {
@@ -73,9 +70,6 @@ pub struct DrawingJob<'a> {
 
 impl DrawingJob<'_> {
     /// Draws views into files.
-    ///
-    /// # Errors
-    /// Those of drawing and writing.
     pub fn draw(&self, target: &PictureTarget<'_>) -> Result<DrawingReport> {
         let DrawingJob { finish, set, context, .. } = *self;
         let film = target.sequence.video.as_deref();

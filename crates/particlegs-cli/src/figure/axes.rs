@@ -13,9 +13,6 @@ const FAR: f64 = 200.0;
 
 /// The axes across and upwards: world coordinates where the picture looks along an axis, else distances from its
 /// middle.
-///
-/// # Errors
-/// [`Error::Argument`] for a perspective picture, which has no coordinates.
 pub fn about(camera: &Camera, size: Size, unit: &str) -> Result<[EdgeAxis; 2]> {
     let Projection::Orthographic { height_world } = camera.projection else {
         let what = "--axes frame does nothing here: it belongs to --projection orthographic; in perspective a length \

@@ -15,9 +15,6 @@ const AWAY: f64 = 0.035;
 const NEAR: f64 = 1e-3;
 
 /// The edges of a cell, or of bounds.
-///
-/// # Errors
-/// Those of [`Camera::frame`].
 pub fn edges(camera: &Camera, size: Size, bounds: &Bounds, cell: Option<&Cell>) -> Result<CubeOutline> {
     let (corner, vectors) = match cell {
         Some(c) => (c.origin, c.vectors),

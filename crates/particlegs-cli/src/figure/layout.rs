@@ -29,9 +29,6 @@ struct Margins {
 }
 
 /// Places a figure's parts; letters are `em` high.
-///
-/// # Errors
-/// [`Error::Argument`] where nothing is left for the pictures.
 pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
     let Some(first) = figure.panels.first() else { return Err(Error::argument("a figure without a picture")) };
     let size = first.image.size();

@@ -33,9 +33,6 @@ impl FileKind {
 }
 
 /// A figure as pixels, and their number an inch where its width on paper is chosen.
-///
-/// # Errors
-/// Those of [`layout`] and [`raster`].
 pub fn pixels(figure: &Figure, args: &FigureArgs) -> Result<(FigureImage, Option<f64>)> {
     let size = figure.panels.first().map(|p| p.image.size());
     let Some(points) = args.figure_width else {
@@ -57,9 +54,6 @@ pub fn pixels(figure: &Figure, args: &FigureArgs) -> Result<(FigureImage, Option
 }
 
 /// The bytes of a figure's file.
-///
-/// # Errors
-/// Those of [`layout`] and [`raster`]; [`particlegs::Error::Memory`].
 pub fn bytes(figure: &Figure, args: &FigureArgs, kind: FileKind, about: &PngMetadata) -> Result<Vec<u8>> {
     if kind == FileKind::Png {
         let (image, dpi) = pixels(figure, args)?;

@@ -19,9 +19,6 @@ const FONT: i32 = 6;
 const PICTURES: i32 = 12;
 
 /// The bytes of the file; no date, so that the same page has the same bytes.
-///
-/// # Errors
-/// Those of coding a picture.
 pub fn pdf(sheet: &Sheet, about: &PngMetadata) -> Result<Vec<u8>> {
     let texts = || sheet.marks.iter().filter_map(|m| if let Mark::Words(w) = m { Some(&w.text[..]) } else { None });
     let font = PageFont::of(texts());

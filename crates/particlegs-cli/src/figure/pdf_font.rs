@@ -39,9 +39,6 @@ impl PageFont {
     }
 
     /// Writes the font under the number `own`, and what belongs to it under the five that follow.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where the font cannot be cut.
     pub fn write(&self, pdf: &mut Pdf, own: Ref) -> Result<()> {
         let of = |k: i32| Ref::new(own.get() + k);
         let (cid, descriptor, file, unicode) = (of(1), of(2), of(3), of(4));

@@ -40,9 +40,6 @@ pub enum PngEffort {
 }
 
 /// The bytes of a PNG.
-///
-/// # Errors
-/// [`Error::Memory`]; [`Error::Argument`] for a picture without pixels.
 pub fn coded(image: &FigureImage, about: &PngMetadata, effort: PngEffort) -> Result<Vec<u8>> {
     let bytes = image.bytes();
     memory::require("writing a picture", bytes.len() as u64 + bytes.len() as u64 / 64)?;
@@ -76,9 +73,6 @@ pub fn coded(image: &FigureImage, about: &PngMetadata, effort: PngEffort) -> Res
 }
 
 /// A picture's pixels as PNG and PDF hold them: a zlib stream of rows, each behind the number of its filter.
-///
-/// # Errors
-/// As [`coded`].
 pub fn compressed_rows(image: &FigureImage) -> Result<Vec<u8>> {
     let file = coded(image, &PngMetadata::default(), PngEffort::Small)?;
     let mut rows = Vec::with_capacity(file.len());
@@ -104,10 +98,6 @@ fn chunks(file: &[u8], mut visit: impl FnMut(&[u8], &[u8])) {
 }
 
 /// What a picture says it is of, as JSON.
-///
-/// # Errors
-/// [`Error::Io`]; [`Error::Input`] for what is no PNG, or was not drawn by this program; [`Error::Memory`],
-/// [`Error::Cancelled`].
 pub fn provenance(path: &Path, progress: &dyn Progress) -> Result<String> {
     let file = read_whole(path, FORM, progress)?;
     let lead: Vec<u8> = [KEYWORD.as_bytes(), &[0]].concat();

@@ -11,9 +11,6 @@ use particlegs_files::memory;
 const LARGEST_SIDE: f64 = 65_536.0;
 
 /// Draws a sheet whose unit is a pixel.
-///
-/// # Errors
-/// [`Error::Argument`] for one larger than 65 536 pixels in a direction; [`Error::Memory`].
 pub fn raster(sheet: &Sheet) -> Result<Rgb8> {
     let (width, height) = (sheet.width.ceil(), sheet.height.ceil());
     if !(width <= LARGEST_SIDE && height <= LARGEST_SIDE) {

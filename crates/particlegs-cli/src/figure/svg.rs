@@ -11,9 +11,6 @@ use std::fmt::Write;
 const FONTS: &str = "DejaVu Sans, Verdana, Arial, Helvetica, sans-serif";
 
 /// The file's text.
-///
-/// # Errors
-/// Those of coding a picture.
 pub fn svg(sheet: &Sheet, about: &PngMetadata) -> Result<String> {
     let (w, h) = (short(sheet.width), short(sheet.height));
     let mut out = format!(

@@ -118,9 +118,6 @@ pub const OF_DEPTH: u64 = 4;
 pub const OF_ALPHA: u64 = 2;
 
 /// All rows of a scene of the optical-depth law at a size.
-///
-/// # Errors
-/// Those of the device; [`particlegs::Error::Cancelled`].
 pub fn of_depth(
     device: &Device,
     made: &TiledScene,
@@ -157,9 +154,6 @@ pub fn of_depth(
 }
 
 /// All rows of a scene of the alpha-blend law, which has one look, at a size. The network runs where radius and opacity change.
-///
-/// # Errors
-/// Those of the device; [`particlegs::Error::Cancelled`].
 pub fn of_alpha(
     device: &Device,
     made: &TiledScene,

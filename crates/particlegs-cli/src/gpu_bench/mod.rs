@@ -68,9 +68,6 @@ struct DeviceMeasurements {
 const COMMIT: Option<&str> = option_env!("PARTICLEGS_COMMIT");
 
 /// Measures; where there is a `lab`, also the published recipe, for a piece. What was measured is kept there.
-///
-/// # Errors
-/// Those of the device; of the lab; [`particlegs::Error::Cancelled`].
 pub fn measure(device: &Device, quick: QuickRun, lab: Option<&Lab<'_>>, context: &Context) -> Result<GpuBenchReport> {
     let now = || DeviceMeasurements::of(device, quick, context);
     let [(sample, tiles), ..] = tilings(quick);
@@ -95,9 +92,6 @@ fn tilings(quick: QuickRun) -> [(usize, [usize; 3]); 3] {
 }
 
 /// What a device refuses or fails at does not keep the rest from being measured.
-///
-/// # Errors
-/// [`Error::Cancelled`].
 fn tried<T>(made: &TiledScene, size: Size, row: Result<T>, failed: &mut Vec<String>) -> Result<Option<T>> {
     match row {
         Err(Error::Cancelled) => Err(Error::Cancelled),

@@ -39,9 +39,6 @@ pub struct ParticleRow {
 }
 
 /// The noise-free picture of particles that are drawn of the scene, a piece again and again, each time moved.
-///
-/// # Errors
-/// Those of the device; [`particlegs::Error::Cancelled`].
 pub fn row(device: &Device, made: &TiledScene, size: Size, quick: QuickRun, context: &Context) -> Result<ParticleRow> {
     let (pieces, each) = if quick.0 { (2, 100_000) } else { (PIECES, MOST) };
     let (count, columns) = (pieces * each, made.particles(each));

@@ -17,9 +17,6 @@ const SCALE: [f64; 2] = [1.0, 0.004];
 const MINUTES: [f64; 2] = [120.0, 2.0];
 
 /// Trains for a piece on particles that are drawn of a scene.
-///
-/// # Errors
-/// Those of [`published`].
 pub fn piece(lab: &Lab<'_>, made: &TiledScene, quick: QuickRun) -> Result<PublishedRunStatus> {
     let own = usize::from(quick.0);
     let [x, y, z] = made.particles(PARTICLES[own]);

@@ -20,9 +20,6 @@ pub struct KernelStages(Option<Vec<KernelStage>>);
 
 impl KernelStages {
     /// Of `work`, which is so many frames, steps or pictures.
-    ///
-    /// # Errors
-    /// Those of `work`; those of the device.
     pub fn of(device: &Device, number: usize, work: impl FnOnce() -> Result<()>) -> Result<KernelStages> {
         let one = |s: particlegs_gpu::Stage| KernelStage {
             kernel: s.kernel.into(),

@@ -51,9 +51,6 @@ pub struct TrainingRow {
 
 /// Steps of the optical-depth law from Gaussians that are half as many particles each too many or too few, by pictures
 /// of those as they were.
-///
-/// # Errors
-/// Those of the device; [`particlegs::Error::Cancelled`].
 pub fn of_depth(
     device: &Device,
     made: &TiledScene,
@@ -75,9 +72,6 @@ pub fn of_depth(
 
 /// Steps of the alpha-blend law, at the published rates, from Gaussians half as opaque, or half more, as those of the
 /// pictures.
-///
-/// # Errors
-/// Those of the device; [`particlegs::Error::Cancelled`].
 pub fn of_alpha(
     device: &Device,
     made: &TiledScene,

@@ -56,9 +56,6 @@ const ADAM: f64 = 15.0;
 
 impl DepthWork {
     /// Of a scene in a view.
-    ///
-    /// # Errors
-    /// [`particlegs::Error::Argument`] for a view out of range.
     pub fn of(made: &TiledScene, view: &View, size: Size) -> Result<DepthWork> {
         const RUN: usize = 4096;
         let (lens, levels, m) = (Lens::optical(view, size, &made.bounds)?, levels(size), &made.gaussians);
@@ -121,9 +118,6 @@ impl BlendWork {
     const SORTED: f64 = 20.0;
 
     /// Of a scene in a view.
-    ///
-    /// # Errors
-    /// [`particlegs::Error::Argument`] for a view out of range; [`particlegs::Error::Cancelled`].
     pub fn of(made: &TiledScene, view: &View, size: Size, progress: &dyn Progress) -> Result<BlendWork> {
         let Some(blend) = Scene::of_law(&made.gaussians, made.bounds, [made.radius, OPACITY]).blend() else {
             return Ok(BlendWork { footprints: 0, entries: 0, blends: 0 });

@@ -68,9 +68,6 @@ impl SequenceArgs {
     }
 
     /// The views of the path, in place of others.
-    ///
-    /// # Errors
-    /// Those of [`ViewsFile::read`], and [`Error::Argument`] for too many frames.
     pub fn key_frames(&self, progress: &dyn Progress) -> Result<Option<ViewSet>> {
         let Some(file) = &self.path else { return Ok(None) };
         let ViewsFile(set) = ViewsFile::read(file, progress)?;
@@ -78,9 +75,6 @@ impl SequenceArgs {
     }
 
     /// The frames of these views: all of them where no film is asked for.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where several views are to be turned, for too many frames, and for a film of no frames.
     pub fn frames(&self, set: ViewSet) -> Result<ViewSet> {
         let views = match (self.turntable, &self.path) {
             (Some(frames), _) => match &set.views[..] {

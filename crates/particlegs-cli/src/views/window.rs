@@ -20,9 +20,6 @@ pub enum Fit {
 const FILLED: f64 = 0.96;
 
 /// The corners of what has to fit.
-///
-/// # Errors
-/// [`Error::Argument`] where no box is known.
 pub fn corners(fit: Fit, subject: &ViewSubject) -> Result<[[f64; 3]; 8]> {
     let bit = |c: usize, k: usize| (c >> k & 1) as f64;
     match (fit, subject.cell) {
@@ -53,9 +50,6 @@ fn seen(corners: &[[f64; 3]; 8], center: [f64; 3], [azimuth, elevation]: [f64; 2
 }
 
 /// The distance from which all corners are in a picture with these slopes of its edges, along every direction.
-///
-/// # Errors
-/// [`Error::Argument`] where there is none.
 pub fn distance(
     corners: &[[f64; 3]; 8],
     center: [f64; 3],
@@ -73,9 +67,6 @@ pub fn distance(
 }
 
 /// The width of an orthographic window that holds all corners, along every direction.
-///
-/// # Errors
-/// As [`distance`].
 pub fn width(
     corners: &[[f64; 3]; 8],
     center: [f64; 3],

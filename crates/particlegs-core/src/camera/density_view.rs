@@ -85,9 +85,6 @@ impl DensityView {
     }
 
     /// An orthographic window.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where a length is not positive or a number not finite.
     pub fn orthographic(
         name: &str,
         window: &Window,
@@ -122,9 +119,6 @@ impl DensityView {
 
     /// A map by `draw`. Where it shows a cell whole that repeats along the picture's sides, it is drawn with room for
     /// tails, which then come in on the other side; `tails` is how much longer they make each edge, over the edge.
-    ///
-    /// # Errors
-    /// Those of `draw`.
     pub fn wrapped(
         &self,
         size: Size,
@@ -166,10 +160,6 @@ impl DensityView {
 
     /// Shifts of the particles (bounds `bounds`, reaching `margin` beyond their centres) that can
     /// bring some of them into the window; only the zero shift where no copies are drawn.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where the window holds thousands of copies of the cell or the cell is
-    /// flat.
     pub fn copies(&self, size: Size, bounds: &Bounds, margin: f64) -> Result<Vec<[f64; 3]>> {
         let (Images::All(cell), Projection::Orthographic { height_world }) = (self.images, self.camera.projection)
         else {

@@ -46,9 +46,6 @@ pub struct Frame {
 
 impl Camera {
     /// The camera's frame, as VTK builds it.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where the camera stands at its focal point or looks along its up.
     pub fn frame(&self) -> Result<Frame> {
         let back: [f64; 3] = each_axis(|k| self.position[k] - self.focal_point[k]);
         let z = normalised(back).ok_or_else(|| Error::argument("the camera stands at its focal point"))?;
@@ -65,9 +62,6 @@ impl Camera {
 
     /// The line of sight through a pixel, whose centres have whole coordinates: where it starts, and its direction of
     /// length 1. World units.
-    ///
-    /// # Errors
-    /// As [`Camera::frame`].
     pub fn ray(&self, pixel: [f64; 2], size: Size) -> Result<([f64; 3], [f64; 3])> {
         let Frame { axes: [right, up, back], position } = self.frame()?;
         let focal = self.focal_pixels(size);
@@ -141,9 +135,6 @@ impl View {
     }
 
     /// Checks every number.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] that names the view and the value.
     pub fn check(&self, size: Size) -> Result<()> {
         let name = &self.name;
         let fail = |what: String| Err(Error::argument(format!("view `{name}`: {what}")));

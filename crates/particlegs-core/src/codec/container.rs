@@ -141,9 +141,6 @@ pub fn is_model(head: &[u8]) -> bool {
 
 /// The length of the file that begins with `head`, as its head says: what a reader asks memory for. `None`: the file
 /// ends with its last whole section.
-///
-/// # Errors
-/// [`Error::Corrupt`] for what is no model file or ends within its head; [`Error::Compatibility`].
 pub fn promised_length(head: &[u8], place: &str) -> Result<Option<u64>> {
     promise(head, place).map(|length| Some(length).filter(|length| *length > 0))
 }
@@ -157,9 +154,6 @@ pub(crate) struct FileSections<'a> {
 }
 
 /// Takes a file apart and checks every checksum.
-///
-/// # Errors
-/// [`Error::Corrupt`] and [`Error::Compatibility`].
 pub(crate) fn read<'a>(file: &'a [u8], place: &str) -> Result<FileSections<'a>> {
     let length = promise(file, place)?;
     let open = length == 0;

@@ -10,19 +10,12 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 /// [`decode_with`], silently.
-///
-/// # Errors
-/// As [`decode_with`].
 pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
     decode_with(bytes, place, &Silent)
 }
 
 /// Reads a whole file. `place` names it in errors. A small file may stand for many Gaussians: memory is
 /// asked for before they are decoded.
-///
-/// # Errors
-/// [`Error::Corrupt`] where the bytes contradict docs/format.md; [`Error::Compatibility`] for a
-/// newer version or a feature that this program does not know; [`Error::Memory`].
 pub fn decode_with(bytes: &[u8], place: &str, progress: &dyn Progress) -> Result<Model> {
     Decoder::new(bytes, place, progress)?.finish()
 }
@@ -62,9 +55,6 @@ struct SegmentPiece {
 
 impl<'a> Decoder<'a> {
     /// Reads everything but the Gaussians, and takes the memory that they need.
-    ///
-    /// # Errors
-    /// As [`decode_with`].
     pub fn new(file: impl Into<Cow<'a, [u8]>>, place: &str, progress: &dyn Progress) -> Result<Self> {
         let file = file.into();
         let parts = parts(&file, place)?;
@@ -119,9 +109,6 @@ impl<'a> Decoder<'a> {
     }
 
     /// Reads a piece.
-    ///
-    /// # Errors
-    /// [`Error::Corrupt`].
     pub fn read(&mut self, piece: usize) -> Result<()> {
         let Decoder { place, blocks, pieces, .. } = self;
         let SegmentPiece { block, segment, read } = &mut pieces[piece];
@@ -143,9 +130,6 @@ impl<'a> Decoder<'a> {
     }
 
     /// Reads the pieces that are left, on several threads, and gives the model.
-    ///
-    /// # Errors
-    /// [`Error::Corrupt`].
     pub fn finish(mut self) -> Result<Model> {
         let Decoder { place, blocks, pieces, .. } = &mut self;
         let segments = blocks.iter_mut().flat_map(|b| {
@@ -200,27 +184,18 @@ fn decoding_bytes(parts: &FileParts<'_>) -> u64 {
 }
 
 /// Decodes one coded block.
-///
-/// # Errors
-/// [`Error::Corrupt`]; [`Error::Memory`].
 pub fn decode_block(bytes: &[u8], place: &str) -> Result<Block> {
     decoder::block(bytes, &Silent).map_err(|fault| fault.at(|what| Error::corrupt(place, what)))
 }
 
 /// A mixture of fewer, larger Gaussians from the first bytes of a coded block: their counts and masses sum to the block's.
 /// The more bytes, the more it is like the whole block's (docs/format.md, section 6).
-///
-/// # Errors
-/// [`Error::Corrupt`], also where the bytes end before the first stream.
 pub fn decode_prefix(bytes: &[u8], place: &str) -> Result<Block> {
     decoder::prefix(bytes).map_err(|fault| fault.at(|what| Error::corrupt(place, what)))
 }
 
 /// Can a file be read again, to its last Gaussian? Its blocks are decoded one after the other, and
 /// nothing is kept. What is written has passed this, or [`decode`].
-///
-/// # Errors
-/// As [`decode_with`].
 pub fn check(bytes: &[u8], place: &str, progress: &dyn Progress) -> Result<()> {
     let parts = parts(bytes, place)?;
     let sound = |block: &BlockPart<'_>| {

@@ -46,10 +46,6 @@ pub struct Encoder {
 impl Encoder {
     /// Sorts the Gaussians and takes their logarithms. Of Gaussians of the alpha-blend law the opacity is coded
     /// and not the count, which follows from it.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a block without Gaussians or particles, for numbers that are not
-    /// finite, opacities outside [0, 1], grey levels below 0, and masses beside opacities.
     pub fn new(block: &Block) -> Result<Encoder> {
         check(block)?;
         let g = &block.gaussians;

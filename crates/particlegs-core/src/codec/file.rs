@@ -53,10 +53,6 @@ impl From<Vec<u8>> for StoredBlock {
 pub type CodedLayer = Layer<Vec<StoredBlock>>;
 
 /// A file of a model with every block at `precision`.
-///
-/// # Errors
-/// [`Error::Argument`] where the model holds no layer, a layer without blocks, or numbers that
-/// cannot be coded.
 pub fn encode(model: &Model, precision: &Precision) -> Result<Vec<u8>> {
     let layers = model.layers.iter().map(|layer| {
         let coded = |b| Ok(Encoder::new(b)?.encode(precision).into());
@@ -69,19 +65,12 @@ pub fn encode(model: &Model, precision: &Precision) -> Result<Vec<u8>> {
 
 /// A file of coded blocks: copied, not coded anew. Layers are sorted by name and blocks by their
 /// bounds, so that the file does not depend on the order in which parts were merged.
-///
-/// # Errors
-/// [`Error::Argument`] where there is no layer, one without blocks, two of one name, a block that is
-/// none, or one of another law than the metadata's, and for metadata that no file holds.
 pub fn assemble(metadata: &Metadata, certificate: Option<&Certificate>, layers: Vec<CodedLayer>) -> Result<Vec<u8>> {
     assemble_with(metadata, None, certificate, layers)
 }
 
 /// [`assemble`], with the network of an alpha-blend model that has one. It is kept in 8 bits a weight:
 /// what is measured is best measured on the decoded file.
-///
-/// # Errors
-/// As [`assemble`]; for a network that cannot be coded, or of a model of another law.
 pub fn assemble_with(
     metadata: &Metadata,
     vizmapper: Option<&VizMapper>,
@@ -492,9 +481,6 @@ fn agree_with(c: &Certificate, m: &Metadata, bytes: u64) -> std::result::Result<
 }
 
 /// The coded blocks of a file, to be merged or copied ([`assemble`]).
-///
-/// # Errors
-/// As [`super::decode`], streams apart.
 pub fn coded_layers(bytes: &[u8], place: &str) -> Result<Vec<CodedLayer>> {
     Ok(CodedFile::read(bytes, place)?.layers)
 }
@@ -507,9 +493,6 @@ pub fn file_hash(bytes: &[u8]) -> [u8; 32] {
 }
 
 /// Metadata alone.
-///
-/// # Errors
-/// As [`super::read_info`].
 pub fn read_metadata(bytes: &[u8], place: &str) -> Result<Metadata> {
     Ok(parts(bytes, place)?.metadata)
 }

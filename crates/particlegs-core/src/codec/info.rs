@@ -47,9 +47,6 @@ pub struct BlockInfo {
 }
 
 /// Reads everything but the Gaussians; every checksum is checked.
-///
-/// # Errors
-/// As [`super::decode`], streams apart.
 pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
     Ok(FileInfo::of(parts(bytes, place)?, bytes))
 }

@@ -46,11 +46,6 @@ struct MergedLayer {
 
 impl Merge {
     /// Adds a model file's blocks. `place` names it in errors.
-    ///
-    /// # Errors
-    /// As [`super::decode_with`]; [`Error::Input`] where it differs from the parts before
-    /// it in law, units, cell or cosmology, or in the masses of a layer that both have;
-    /// [`Error::Memory`].
     pub fn add(&mut self, bytes: &[u8], place: &str, progress: &dyn Progress) -> Result<()> {
         // A copy of the blocks now, and another when the file is put together.
         self.bytes += bytes.len() as u64;
@@ -99,9 +94,6 @@ impl Merge {
     }
 
     /// The merged file: no certificate, for nothing was measured on it.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where nothing was added, a block is there twice, or the sums overflow.
     pub fn finish(self) -> Result<Vec<u8>> {
         let Some((mut metadata, _)) = self.known else {
             return Err(Error::argument("nothing to merge: name at least one model file"));
@@ -155,9 +147,6 @@ fn combined_digest(sorted: &[[u8; 32]]) -> [u8; 32] {
 }
 
 /// Particles and mass of all blocks: the masses in rising order, so that no order of files shows.
-///
-/// # Errors
-/// [`Error::Argument`] for a block that is none, and where the sums overflow.
 pub fn sums(layers: &[CodedLayer]) -> Result<(u64, f64)> {
     let (mut count, mut masses) = (Some(0u64), Vec::new());
     for block in layers.iter().flat_map(|l| &l.content) {

@@ -32,9 +32,6 @@ impl Thinning<'_> {
     /// The most of `n` points whose places, coded, take at most the bytes, each within 0.05 of the spacing along every
     /// axis. They are the first of one random order of all points: their number is sought along the secant of the coded
     /// size, which is measured at every trial. `None` where not one fits. `place` is asked for finite places alone.
-    ///
-    /// # Errors
-    /// [`crate::Error::Cancelled`].
     pub fn most(
         &self,
         n: usize,

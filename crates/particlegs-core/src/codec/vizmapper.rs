@@ -32,10 +32,6 @@ impl From<String> for VizMapperFault {
 }
 
 /// The section's bytes.
-///
-/// # Errors
-/// [`Error::Argument`] for another number of parameters, some that are not finite or too large, and
-/// ranges that [`check_ranges`] refuses.
 pub fn write(network: &VizMapper) -> Result<Vec<u8>> {
     let p = &network.parameters;
     let most = WIDEST_STEP * MOST_WEIGHT;

@@ -96,9 +96,6 @@ impl<'a> UnitSystem<'a> {
     }
 
     /// [`UnitSystem::conversion`] of the subject `name`, and in words what is converted and what is not stated.
-    ///
-    /// # Errors
-    /// [`Error::Input`].
     pub fn conversion_of(&self, name: &str, to: &UnitSystem<'_>) -> Result<(Conversion, Vec<String>)> {
         let found = self.conversion(to).map_err(|what| Error::input(name, what))?;
         let mut words: Vec<String> = found.unstated.iter().map(|what| format!("{name}: {what}")).collect();
@@ -168,10 +165,6 @@ fn size(unit: &Unit, dimension: Dimension) -> Option<Si> {
 impl Model {
     /// The model in the units of another system; what the two do not state is taken from the other. The certificate
     /// goes where lengths are converted: its figures are in the model's own unit.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for units that cannot be converted, and for lengths of the alpha-blend law, whose opacities
-    /// and network belong to its own.
     pub fn in_units(mut self, to: &UnitSystem<'_>, name: &str, progress: &dyn Progress) -> Result<Self> {
         let (by, words) = self.metadata.unit_system().conversion_of(name, to)?;
         words.iter().for_each(|words| progress.message(&format!("note: {words}")));

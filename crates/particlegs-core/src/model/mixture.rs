@@ -158,9 +158,6 @@ impl Model {
     /// The model of some layers alone. Bounds, radius, opacity and all that is known stay those of
     /// the whole snapshot, so that pictures of layers match; the certificate is of the whole, and
     /// goes.
-    ///
-    /// # Errors
-    /// Those of [`Model::which`].
     pub fn only(mut self, names: &[String]) -> crate::Result<Self> {
         let mut which = self.which(names)?.into_iter();
         self.layers.retain(|_| which.next() == Some(true));
@@ -171,9 +168,6 @@ impl Model {
     }
 
     /// Which layers are meant by `names`: their own, or those of their species ([`is_species`]).
-    ///
-    /// # Errors
-    /// [`crate::Error::Argument`] for a name that no layer has; it lists those there are.
     pub fn which(&self, names: &[String]) -> crate::Result<Vec<bool>> {
         let called = |name: &str, asked: &String| match self.layers.iter().any(|l| l.name == *asked) {
             true => name == asked,

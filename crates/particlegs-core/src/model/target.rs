@@ -81,10 +81,6 @@ impl Target {
     }
 
     /// Checks the number.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a ratio, size, count or quality that is not positive and finite, and for a goal that is
-    /// no share or correlation, or is asked for at no wave number, edge or size of groups.
     pub fn check(self) -> Result<Self> {
         let fine = match self {
             Target::Default => true,

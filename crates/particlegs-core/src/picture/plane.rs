@@ -97,9 +97,6 @@ pub struct Pixels<'a, T> {
 
 impl<'a, T> Pixels<'a, T> {
     /// Of `size.pixels()` values.
-    ///
-    /// # Errors
-    /// [`crate::Error::Argument`] for a buffer of another length.
     pub fn new(size: Size, data: &'a mut [T]) -> Result<Self> {
         match data.len() == size.pixels() {
             true => Ok(Pixels { size, data }),
@@ -145,9 +142,6 @@ impl PlaneRows<'_> {
     }
 
     /// A copy.
-    ///
-    /// # Errors
-    /// [`Error::Memory`].
     pub(crate) fn to_plane(&self, progress: &dyn Progress) -> Result<Plane> {
         let pixels = self.size.pixels();
         progress.require_memory("a picture", 4 * pixels as u64)?;

@@ -31,9 +31,6 @@ pub struct DensityScores {
 
 impl DensityScores {
     /// Of two planes of one size.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for planes of two sizes; [`Error::Memory`].
     pub fn of(density: &Plane, truth: &Plane, progress: &dyn Progress) -> Result<Self> {
         if density.size != truth.size {
             return Err(Error::argument("surface densities of two sizes cannot be compared"));

@@ -31,19 +31,11 @@ const BLOCK: usize = 64;
 ///
 /// Of a scene of the alpha-blend law, whose pictures are brightnesses b in [0, 1], it is the depth
 /// that would look as bright: `-ln(1 - b)`.
-///
-/// # Errors
-/// [`crate::Error::Argument`] where the view has a number outside its range, for an orthographic
-/// view of the alpha-blend law, and where one of its Gaussians is not a number;
-/// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
 pub fn optical_depth(scene: &Scene, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
     depth(scene, view, size, &mut Scratch::default(), progress)?.to_plane(progress)
 }
 
 /// [`optical_depth`] into a buffer of the caller's.
-///
-/// # Errors
-/// As [`optical_depth`].
 pub fn optical_depth_into(
     scene: &Scene,
     view: &View,
@@ -56,9 +48,6 @@ pub fn optical_depth_into(
 }
 
 /// The picture of a scene in a look; a scene of the alpha-blend law has one look ([`Scene::tone`]).
-///
-/// # Errors
-/// As [`optical_depth`].
 pub fn draw(scene: &Scene, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
     let mut scratch = Scratch::default();
     let tau = depth(scene, view, size, &mut scratch, progress)?;
@@ -69,9 +58,6 @@ pub fn draw(scene: &Scene, view: &View, size: Size, look: ToneStyle, progress: &
 
 /// [`draw`] into a buffer of the caller's: `out` becomes 8-bit levels. With the same `scratch` from picture to
 /// picture no large memory is taken anew.
-///
-/// # Errors
-/// As [`optical_depth`].
 pub fn draw_into(
     scene: &Scene,
     view: &View,
@@ -185,9 +171,6 @@ struct GaussianRun<'a> {
 }
 
 /// Draws all strokes and sums the planes.
-///
-/// # Errors
-/// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
 pub fn paint(size: Size, bins: &[StrokeBins], scratch: &mut Scratch, progress: &dyn Progress) -> Result<Plane> {
     let mut canvas = RasterCanvas::new(size, scratch, progress)?;
     canvas.draw(bins, progress)?;

@@ -15,9 +15,6 @@ pub trait Drawer: Sync {
     fn particles(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Gray8>;
 
     /// The noise-free optical depth of all particles.
-    ///
-    /// # Errors
-    /// As [`Drawer::particles`].
     fn particles_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane>;
 
     /// The optical depth of the model.

@@ -38,9 +38,6 @@ pub struct Lens {
 impl Lens {
     /// The lens of a view for optical depth: a particle of radius r and opacity a adds
     /// 2 pi a e^2 r_px^2 (docs/law/depth.md, "A mixture").
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where the view has a number outside its range.
     pub fn optical(view: &View, size: Size, bounds: &Bounds) -> Result<Lens> {
         view.check(size)?;
         let range = view.camera.clipping_range.unwrap_or_else(|| clipping_range(bounds, &view.camera));
@@ -57,9 +54,6 @@ impl Lens {
 
     /// The lens of a view for surface density: a unit of mass adds (pixels a world unit)^2 at its
     /// depth. `shift` is added to every position.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where the camera has no direction.
     pub fn density(view: &DensityView, size: Size, shift: [f64; 3]) -> Result<Lens> {
         let (lens, length) = Lens::new(&view.camera, size, view.range)?;
         Ok(Lens { unit: (lens.focal / length) * (lens.focal / length), ..lens.shifted(shift) })

@@ -14,9 +14,6 @@ pub struct Scratch {
 
 impl Scratch {
     /// One plane of each length, of any values.
-    ///
-    /// # Errors
-    /// [`crate::Error::Memory`].
     pub(super) fn planes(
         &mut self,
         lengths: impl ExactSizeIterator<Item = usize>,

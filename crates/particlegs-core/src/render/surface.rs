@@ -18,9 +18,6 @@ use std::borrow::Cow;
 /// Mass a world unit squared at every pixel, averaged over the pixel:
 /// `Sigma = sum m (f/z)^2 N2` in perspective, `sum m f^2 N2` in an orthographic view, whose periodic
 /// images are drawn as the view says. Where no mass is known the result counts particles.
-///
-/// # Errors
-/// [`crate::Error::Argument`] for a window of thousands of boxes, [`crate::Error::Cancelled`].
 pub fn surface_density(scene: &Scene, view: &DensityView, size: Size, progress: &dyn Progress) -> Result<Plane> {
     let Some(centered) = view.centered_cell() else { return drawn(scene, view, size, progress) };
     let parts: Vec<Cow<'_, Mixture>> = scene.parts.iter().map(|(m, _)| moved(m, &centered)).collect();

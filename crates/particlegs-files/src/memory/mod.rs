@@ -49,9 +49,6 @@ impl Progress for QuietProgress {
 }
 
 /// Asks for memory before it is taken, where there is no one else to ask.
-///
-/// # Errors
-/// [`crate::Error::Memory`] where `need_bytes` are many, and more than there are.
 pub fn require(what: &str, need_bytes: u64) -> Result<()> {
     QuietProgress.require_memory(what, need_bytes)
 }

@@ -31,10 +31,6 @@ enum MoveMethod {
 
 impl WholeFolder {
     /// Tells whether `out` is a folder that holds files with the names `own`.
-    ///
-    /// # Errors
-    /// [`Error::Output`] where it is a file or a stream, or holds anything else; [`Error::Io`] where it
-    /// cannot be made or written.
     pub fn check(out: &Path, own: &[&str]) -> Result<bool> {
         let OutputTarget::File(target) = OutputTarget::of(out)? else { return Err(no_folder(out)) };
         if target.is_file() {
@@ -60,10 +56,6 @@ impl WholeFolder {
     }
 
     /// Begins a folder for `out`, which may replace files with the names `own`.
-    ///
-    /// # Errors
-    /// As [`WholeFolder::check`]; [`Error::Output`] for the working folder, where it is not empty: whoever
-    /// works in it would be left in one that is gone; and for one that has changed since [`super::Outputs`] looked.
     pub fn create(out: &Path, own: &[&str]) -> Result<WholeFolder> {
         let fail = |e| Error::io(out, e);
         let OutputTarget::File(target) = OutputTarget::of(out)? else { return Err(no_folder(out)) };
@@ -98,10 +90,6 @@ impl WholeFolder {
     }
 
     /// Moves it to its place.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; what was there is untouched then. [`Error::Output`] where something has appeared or changed there:
-    /// the folder is beside it then.
     pub fn finish(mut self) -> Result<()> {
         if let Ok(there) = self.target.metadata() {
             // Who may use the folder stays as it is; where that cannot be, it is as any new folder.

@@ -42,11 +42,6 @@ const BUFFER: usize = 1 << 20;
 
 /// Writes `path`: a regular file is written beside its place, synced, then moved there; a device or a
 /// pipe is written through.
-///
-/// # Errors
-/// [`Error::Io`] where the folder cannot be written or the disk is full: nothing is left then, and what
-/// was there before is untouched. [`Error::Output`] for a block device, and where something has appeared at the place of an
-/// output since [`Outputs`] looked: the file is beside it then.
 pub fn write_atomic(path: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     let fail = |e| Error::io(path, e);
     match OutputTarget::of(path)? {
@@ -73,9 +68,6 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// Says early, before long work, whether `path` can be created in its folder.
-///
-/// # Errors
-/// [`Error::Io`] where the folder is missing or cannot be written, or `path` is a folder.
 pub fn check_writable(path: &Path) -> Result<()> {
     match OutputTarget::of(path)? {
         OutputTarget::File(target) if target.is_dir() => {
@@ -87,9 +79,6 @@ pub fn check_writable(path: &Path) -> Result<()> {
 }
 
 /// Is `path` a device, a pipe or standard output, which nothing can lie beside?
-///
-/// # Errors
-/// As [`write_atomic`].
 pub fn is_stream(path: &Path) -> Result<bool> {
     Ok(!matches!(OutputTarget::of(path)?, OutputTarget::File(_)))
 }
@@ -104,9 +93,6 @@ pub fn scratch_folder(path: &Path) -> PathBuf {
 }
 
 /// Opens a file that grows line by line, at its end or anew; a device or a pipe is written through.
-///
-/// # Errors
-/// As [`write_atomic`].
 pub fn open_log(path: &Path, append: bool) -> Result<Box<dyn Write + Send>> {
     let fail = |e| Error::io(path, e);
     match OutputTarget::of(path)? {

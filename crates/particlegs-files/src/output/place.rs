@@ -24,9 +24,6 @@ pub(super) enum OutputTarget {
 
 impl OutputTarget {
     /// Follows `path`.
-    ///
-    /// # Errors
-    /// [`Error::Output`] for a block device, whose data would be lost; [`Error::Io`].
     pub fn of(path: &Path) -> Result<OutputTarget> {
         if path == Path::new(STANDARD_OUTPUT) {
             return Ok(OutputTarget::StandardOutput);

@@ -23,10 +23,6 @@ enum FileDestination {
 
 impl PlacedFile {
     /// A file of `length` bytes for `out`.
-    ///
-    /// # Errors
-    /// [`Error::Io`] where the folder cannot be written or the disk has no room; [`Error::Output`] for a
-    /// block device.
     pub fn create(out: &Path, length: u64) -> Result<PlacedFile> {
         let fail = |e| Error::io(out, e);
         let target = match OutputTarget::of(out)? {
@@ -52,17 +48,11 @@ impl PlacedFile {
     }
 
     /// Writes `bytes` from byte `offset` on.
-    ///
-    /// # Errors
-    /// [`Error::Io`], e.g. for a full disk.
     pub fn write_at(&self, bytes: &[u8], offset: u64) -> Result<()> {
         write_at(self.file(), bytes, offset).map_err(|e| Error::io(&self.out, e))
     }
 
     /// Syncs the file and moves it to its place.
-    ///
-    /// # Errors
-    /// As [`super::write_atomic`].
     pub fn finish(self) -> Result<()> {
         let fail = |e| Error::io(&self.out, e);
         match self.target {

@@ -62,10 +62,6 @@ impl Outputs {
     /// Takes note of a file that is to be written, and tells whether one is there that is kept: then
     /// the caller shows that it is what would be written, or refuses by [`Outputs::refused`]. Waits for the
     /// reader of a named pipe.
-    ///
-    /// # Errors
-    /// [`Error::Output`] where it is an input or another output, or something of another kind is there;
-    /// [`Error::Io`] where it cannot be written; [`Error::Cancelled`].
     pub fn writes(&mut self, path: &Path, kind: &Kind, progress: &dyn Progress) -> Result<bool> {
         let place = OutputTarget::of(path)?;
         self.take(path, &place)?;
@@ -90,9 +86,6 @@ impl Outputs {
     }
 
     /// Takes note of an input that is to be written anew, before it is read: of what has changed by then nothing is lost.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
     pub fn rewrites(&mut self, path: &Path) -> Result<()> {
         if let OutputTarget::File(target) = OutputTarget::of(path)? { self.note(path, &target) } else { Ok(()) }
     }
@@ -105,9 +98,6 @@ impl Outputs {
 
     /// Takes note of a folder that is to be written whole, of files with the names `own`, and tells
     /// whether such files are there and kept, as [`Outputs::writes`] does.
-    ///
-    /// # Errors
-    /// As [`Outputs::writes`]; [`Error::Output`] where it holds anything else.
     pub fn writes_folder(&mut self, path: &Path, own: &[&str]) -> Result<bool> {
         let OutputTarget::File(target) = OutputTarget::of(path)? else {
             return Err(is_no_folder(path));
@@ -123,9 +113,6 @@ impl Outputs {
     }
 
     /// Takes note of a job's folder; what is in it is the job's to look at.
-    ///
-    /// # Errors
-    /// [`Error::Output`] where it is, or lies in, an input or another output, or is no folder.
     pub fn writes_job(&mut self, path: &Path) -> Result<()> {
         let OutputTarget::File(target) = OutputTarget::of(path)? else { return Err(is_no_folder(path)) };
         if target.is_file() {
@@ -141,9 +128,6 @@ impl Outputs {
     }
 
     /// Makes a folder where it is missing; it goes again if nothing comes into it.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
     pub fn make_folder(&mut self, folder: &Path) -> Result<()> {
         let missing = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists());
         let missing: Vec<PathBuf> = missing.map(Path::to_path_buf).collect();

@@ -5,9 +5,6 @@ use std::path::Path;
 
 /// A new file of `bytes` zeros without a name in `folder`, its blocks taken where the file system can: writing
 /// into it does not find the disk full.
-///
-/// # Errors
-/// Those of the system.
 pub fn scratch_file(folder: &Path, bytes: u64) -> std::io::Result<File> {
     let file = tempfile::tempfile_in(folder)?;
     reserve(&file, bytes)?;

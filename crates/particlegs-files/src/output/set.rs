@@ -16,9 +16,6 @@ pub struct FileSet {
 
 impl FileSet {
     /// Files for `folder`, which is there.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
     pub fn in_folder(folder: &Path) -> Result<FileSet> {
         let staged = TemporaryFolder::within(folder).map_err(|e| Error::io(folder, e))?;
         Ok(FileSet { folder: folder.to_path_buf(), staged })
@@ -30,9 +27,6 @@ impl FileSet {
     }
 
     /// The places of the files that have been written, in the order of their names.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
     pub fn places(&self) -> Result<Vec<PathBuf>> {
         let fail = |e| Error::io(&self.folder, e);
         let entries = std::fs::read_dir(self.staged.path()).map_err(fail)?;
@@ -43,10 +37,6 @@ impl FileSet {
     }
 
     /// Moves them to their places, over what is there; gives the places.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; [`Error::Output`] where something has appeared at the place of one since
-    /// [`Outputs`](super::Outputs) looked.
     pub fn finish(self) -> Result<Vec<PathBuf>> {
         let places = self.places()?;
         for place in &places {

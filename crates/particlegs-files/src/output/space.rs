@@ -4,9 +4,6 @@ use crate::{Error, Result};
 use std::path::Path;
 
 /// Says before the work that the disk of `folder` has no room for `bytes`.
-///
-/// # Errors
-/// [`Error::Io`].
 pub fn check_space_in(folder: &Path, bytes: u64) -> Result<()> {
     check_space(folder, bytes).map_err(|e| Error::io(folder, e))
 }

@@ -64,9 +64,6 @@ impl TemporaryFile {
 
     /// Moves it to `target`, which `out` stands for. Of an output that a command has planned nothing is replaced but what
     /// was there then: else the file goes beside it.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; [`Error::Output`] where something else is there by now.
     pub fn place(mut self, out: &Path, target: &Path) -> Result<()> {
         let fail = |e| Error::io(out, e);
         let Some(planned) = PlannedOutput::of(out) else { return self.replace(target).map_err(fail) };

@@ -196,9 +196,6 @@ impl Container {
     }
 
     /// A data set of a group at the top, and the library's view of it.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where there is none, or it is broken.
     pub(super) fn set(&self, group: &str, name: &str) -> Result<(DataSet, Dataset)> {
         let place = format!("{}: {group}/{name}", self.place);
         let set = self.group(group)?.dataset(name).map_err(|e| broken(&place, &e))?;

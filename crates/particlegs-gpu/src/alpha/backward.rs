@@ -28,10 +28,6 @@ pub(crate) struct BackwardBuffers {
 
 impl BackwardBuffers {
     /// For a canvas.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] where the picture or the Gaussians are too many for the device; those of the
-    /// device.
     pub fn new(device: &Device, canvas: &Canvas) -> Result<BackwardBuffers> {
         let (pixels, n) = (canvas.size.pixels() as u64, u64::from(canvas.gaussians));
         device.fits(canvas.size, 8 * pixels)?;
@@ -72,9 +68,6 @@ impl BackwardBuffers {
 
 impl super::Renderer {
     /// Sums what the pixels of the picture that was last submitted want of its footprints.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] where its lists are too long for the device; those of the device.
     pub(crate) fn backward(&self, canvas: &Canvas, back: &mut BackwardBuffers) -> Result<()> {
         back.room(&self.device, canvas.slabs.largest())?;
         for slab in &canvas.slabs.all {

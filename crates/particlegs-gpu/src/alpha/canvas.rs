@@ -126,9 +126,6 @@ impl Canvas {
     }
 
     /// Room for lists of so many entries.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] where they are more than the device sees at once; those of the device.
     pub(super) fn lists(&mut self, device: &Device, kernels: &AlphaKernels, entries: u32) -> Result<&AlphaTileLists> {
         let kept = self.lists.take().filter(|l| l.room >= entries);
         let lists = match kept {

@@ -48,9 +48,6 @@ pub(super) struct SlabRecord {
 
 impl AlphaFrameRecord {
     /// Of a camera, for `count` Gaussians from `first` on.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where the camera is too far away.
     pub fn new(eye: &Eye, first: u32, count: u32) -> Result<AlphaFrameRecord> {
         let four = |v: [f32; 3]| [v[0], v[1], v[2], 0.0];
         let [right, down, forward] = eye.axes.map(|a| four(a.map(|v| v as f32)));

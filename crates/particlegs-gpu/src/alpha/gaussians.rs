@@ -40,10 +40,6 @@ pub(super) struct AlphaGaussianChunk {
 
 impl Gaussians {
     /// Of a scene of the alpha-blend law.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for one of the other law, for one that is repeated, for more Gaussians than are numbered
-    /// with 32 bits, and that names the first Gaussian that is not a number or lies too far away; those of the device.
     pub fn upload(device: &Device, scene: &Scene) -> Result<Gaussians> {
         let seen = (device.largest_binding() / (4 * COLUMNS as u64)) as usize;
         Gaussians::upload_in(device, scene, MOST.min(seen))

@@ -57,9 +57,6 @@ pub struct Renderer {
 
 impl Renderer {
     /// Its kernels.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn new(device: &Arc<Device>) -> Result<Self> {
         let kernels = AlphaKernels::new(device);
         device.check()?;
@@ -68,9 +65,6 @@ impl Renderer {
     }
 
     /// Its kernels, for pictures whose way back is gone: that takes more memory an entry.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub(crate) fn for_training(device: &Arc<Device>) -> Result<Self> {
         let own = Renderer::new(device)?;
         let most = own.most.min((device.largest_binding() / (4 * backward::SUMS)).min(u64::from(u32::MAX)) as u32);
@@ -83,19 +77,11 @@ impl Renderer {
     }
 
     /// Memory for pictures of `size` of these Gaussians.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] where a picture is too large for the device, or there are too many
-    /// Gaussians for it, or none; those of the device.
     pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
         Canvas::new(&self.device, &self.kernels, gaussians, size)
     }
 
     /// Gives the device a picture to draw, once it has said how long its lists are; the next one overwrites it.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] for a view out of range or not in perspective, and where lists are too
-    /// long for the device; those of the device.
     pub fn submit(&self, gaussians: &Gaussians, canvas: &mut Canvas, view: &View) -> Result<()> {
         let eye = Eye::new(view, canvas.size, &gaussians.blend.frame)?;
         self.blend_all(gaussians, canvas, &eye, gaussians.setting(view))?;
@@ -179,18 +165,12 @@ impl Renderer {
     }
 
     /// The last picture that was submitted, once it is drawn.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn picture(&self, canvas: &Canvas) -> Result<Gray8> {
         let size = canvas.size;
         Ok(Gray8 { size, data: self.device.read(&canvas.picture, size.pixels() as u64)? })
     }
 
     /// The brightness that it was made of, 1 = white, not cut to [0, 1].
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn brightness(&self, canvas: &Canvas) -> Result<Plane> {
         let bytes = self.device.read(&canvas.sums, 4 * canvas.size.pixels() as u64)?;
         let data = bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
@@ -198,9 +178,6 @@ impl Renderer {
     }
 
     /// A picture.
-    ///
-    /// # Errors
-    /// As [`Renderer::submit`].
     pub fn draw(&self, gaussians: &Gaussians, canvas: &mut Canvas, view: &View) -> Result<Gray8> {
         self.submit(gaussians, canvas, view)?;
         self.picture(canvas)

@@ -45,9 +45,6 @@ pub struct DeviceParticles {
 
 impl DeviceParticles {
     /// Positions in columns of one length, relative to an origin that all pieces share.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for more than [`MOST`]; those of the device.
     pub fn upload(device: &Device, columns: [&[f32]; 3]) -> Result<DeviceParticles> {
         let n = columns[0].len();
         if n > MOST || columns.iter().any(|c| c.len() != n) {
@@ -95,9 +92,6 @@ pub struct Sum<'a> {
 
 impl ReferenceRenderer {
     /// Its kernels.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn new(device: &Arc<Device>) -> Result<Self> {
         const VIEW: &str = include_str!("view.wgsl");
         let frame = include_str!("../render/frame.wgsl");
@@ -122,9 +116,6 @@ impl ReferenceRenderer {
     }
 
     /// Memory for pictures of a size.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where a picture is too large for the device; those of the device.
     pub fn canvas(&self, size: Size) -> Result<ReferenceCanvas> {
         let (device, bytes, planes) = (&*self.device, 4 * size.pixels() as u64, PlaneLayout::of(size));
         let [finest, _] = planes.words();
@@ -146,9 +137,6 @@ impl ReferenceRenderer {
     }
 
     /// Begins a picture; `origin` is the particles', `range` the distances between which they are drawn.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a view out of range, or not in perspective.
     pub fn begin<'a>(
         &'a self,
         canvas: &'a ReferenceCanvas,
@@ -166,9 +154,6 @@ impl ReferenceRenderer {
 
 impl Sum<'_> {
     /// Adds particles, in as many dispatches as they are work.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for splats that are so large that this would take hours; those of the device.
     pub fn add(&mut self, points: &DeviceParticles) -> Result<()> {
         let work = self.work(points)?;
         if work > MOST_THOUSANDS {
@@ -212,9 +197,6 @@ impl Sum<'_> {
     }
 
     /// The picture in a look's tone curve; of ParaView's looks the mean without noise.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn finish(self, look: ToneStyle) -> Result<Gray8> {
         let (r, canvas) = (self.reference, self.canvas);
         let plane = TonePlane { size: canvas.size, is_sum: false };
@@ -230,9 +212,6 @@ impl Sum<'_> {
     }
 
     /// The optical depth.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn depth(self) -> Result<Plane> {
         let words = |of: &wgpu::Buffer| -> Result<Vec<u32>> {
             let bytes = self.reference.device.read(of, 4 * self.canvas.size.pixels() as u64)?;

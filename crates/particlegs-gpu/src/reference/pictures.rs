@@ -26,9 +26,6 @@ pub struct Pictures<'a> {
 
 impl<'a> Pictures<'a> {
     /// Of `count` particles about `origin`, with these bounds (world units). None is on the device yet.
-    ///
-    /// # Errors
-    /// Those of [`ReferenceRenderer::new`].
     pub fn new(
         device: &Arc<Device>,
         origin: [f64; 3],
@@ -48,25 +45,16 @@ impl<'a> Pictures<'a> {
     }
 
     /// Keeps on the device the particles that half of its memory holds; the others are sent anew for every picture.
-    ///
-    /// # Errors
-    /// Those of [`ParticleStream::keep`].
     pub fn keep(&mut self, device: &Device, sent: &mut dyn FnMut(u64) -> Result<()>) -> Result<()> {
         self.snapshot.keep(device.room(), sent)
     }
 
     /// Keeps all of them on the device.
-    ///
-    /// # Errors
-    /// Those of [`ParticleStream::keep`]; that of a device which does not hold them.
     pub fn keep_all(&mut self, sent: &mut dyn FnMut(u64) -> Result<()>) -> Result<()> {
         self.snapshot.keep(u64::MAX, sent)
     }
 
     /// A picture of all particles: of ParaView's looks its own, shot noise and all; [`ToneStyle::Expected`] is noise-free.
-    ///
-    /// # Errors
-    /// Those of [`Paraview::canvas`], [`Paraview::shot`] and [`paraview::PictureRequest::draw`], or [`Pictures::response`].
     pub fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
         let fxaa = match look {
             ToneStyle::Expected => return self.response(view, size, look, progress),
@@ -88,17 +76,11 @@ impl<'a> Pictures<'a> {
     }
 
     /// The noise-free picture in a look.
-    ///
-    /// # Errors
-    /// Those of [`ReferenceRenderer::canvas`], [`ReferenceRenderer::begin`] and [`Sum::add`].
     pub fn response(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
         self.summed(view, size, progress, |sum| sum.finish(look))
     }
 
     /// The noise-free optical depth.
-    ///
-    /// # Errors
-    /// As [`Pictures::response`].
     pub fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
         self.summed(view, size, progress, |sum| sum.depth())
     }

@@ -10,9 +10,6 @@ use std::sync::Arc;
 /// Particles, piece by piece in their order, as often as a picture asks for them.
 pub trait ParticleSource {
     /// Calls `work` with every piece.
-    ///
-    /// # Errors
-    /// Those of `work`, and of pieces that cannot be had.
     fn each(&self, work: &mut dyn FnMut(&DeviceParticles) -> Result<()>) -> Result<()>;
 }
 
@@ -49,9 +46,6 @@ impl<'a> ParticleStream<'a> {
     }
 
     /// Keeps as many pieces on the device as `bytes` hold; `sent` hears how many particles each has.
-    ///
-    /// # Errors
-    /// Those of [`DeviceParticles::upload`] and `sent`.
     pub fn keep(&mut self, bytes: u64, sent: &mut dyn FnMut(u64) -> Result<()>) -> Result<()> {
         let fit = (bytes / (12 * self.each as u64)) as usize;
         for piece in self.kept.len()..fit.min(self.pieces()) {

@@ -26,9 +26,6 @@ pub(super) struct ViewRecord {
 
 impl ViewRecord {
     /// For positions about `origin`: the camera is moved in f64, and matrices are rounded last.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a view that is out of range or not in perspective.
     pub fn new(view: &View, size: Size, origin: [f64; 3], [near, far]: [f64; 2]) -> Result<ViewRecord> {
         view.check(size)?;
         let Projection::Perspective { fov_deg } = view.camera.projection else {

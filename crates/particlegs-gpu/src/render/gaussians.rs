@@ -39,9 +39,6 @@ pub(super) struct GaussianChunk {
 
 impl Gaussians {
     /// Of a scene of the optical-depth law.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for one of the other law; those of the device.
     pub fn upload(device: &Device, scene: &Scene) -> Result<Gaussians> {
         let seen = (device.largest_binding() / (4 * COLUMNS as u64)) as usize;
         Gaussians::upload_in(device, scene, MOST.min(seen))

@@ -127,9 +127,6 @@ struct LevelPass {
 
 impl Renderer {
     /// Its kernels.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn new(device: &Arc<Device>) -> Result<Self> {
         let (kernels, tones) = (Kernels::new(device), ToneMapper::new(device));
         device.check()?;
@@ -142,9 +139,6 @@ impl Renderer {
     }
 
     /// Memory for pictures of `size` of these Gaussians.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where a picture is too large for the device; those of the device.
     pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
         let (device, kernels) = (&*self.device, &self.kernels);
         let planes = PlaneLayout::of(size);
@@ -219,9 +213,6 @@ impl Renderer {
     }
 
     /// Gives the device a picture to draw; the next one overwrites it.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a view out of range; those of the device.
     pub fn submit(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: ToneStyle) -> Result<()> {
         let lens = self.seen(gaussians, canvas, view, look)?;
         let mut encoder = self.device.device.create_command_encoder(&Default::default());
@@ -318,9 +309,6 @@ impl Renderer {
     }
 
     /// The last picture that was submitted, once it is drawn.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn picture(&self, canvas: &Canvas) -> Result<Gray8> {
         let size = canvas.planes.size;
         Ok(Gray8 { size, data: self.device.read(&canvas.picture, size.pixels() as u64)? })
@@ -328,9 +316,6 @@ impl Renderer {
 
     /// The depth that the last picture was made of, before splats are widened towards the edges; not in
     /// [`ToneStyle::Paraview`], whose levels take its place.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn depth(&self, canvas: &Canvas) -> Result<Plane> {
         let (size, level) = (canvas.planes.size, canvas.planes.levels[0]);
         let bytes = self.device.read(&canvas.sums[0], 4 * u64::from(level.width) * u64::from(level.rows))?;
@@ -348,9 +333,6 @@ impl Renderer {
     }
 
     /// A picture of a scene.
-    ///
-    /// # Errors
-    /// As [`Renderer::submit`].
     pub fn draw(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: ToneStyle) -> Result<Gray8> {
         self.submit(gaussians, canvas, view, look)?;
         self.picture(canvas)

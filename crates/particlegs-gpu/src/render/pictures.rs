@@ -32,9 +32,6 @@ struct CanvasCache<C>(Mutex<Option<(Size, C)>>);
 
 impl Pictures {
     /// Of a scene of either law.
-    ///
-    /// # Errors
-    /// Those of [`Gaussians::upload`] and [`alpha::Gaussians::upload`].
     pub fn new(device: &Arc<Device>, scene: &Scene) -> Result<Pictures> {
         Ok(Pictures(match scene.law() {
             LawKind::OpticalDepth => {
@@ -49,9 +46,6 @@ impl Pictures {
     }
 
     /// A picture; a scene of the alpha-blend law has one look, whichever is asked for.
-    ///
-    /// # Errors
-    /// Those of [`Renderer::canvas`], [`Renderer::submit`], and of the same in [`alpha`].
     pub fn draw(&self, view: &View, size: Size, look: ToneStyle) -> Result<Gray8> {
         match &self.0 {
             LawRenderer::OpticalDepth(own) if own.gaussians.is_empty() => Ok(Gray8::black(size)),
@@ -70,9 +64,6 @@ impl Pictures {
     }
 
     /// The optical depth; of a scene of the alpha-blend law the depth that would look as bright.
-    ///
-    /// # Errors
-    /// As [`Pictures::draw`].
     pub fn optical_depth(&self, view: &View, size: Size) -> Result<Plane> {
         match &self.0 {
             LawRenderer::OpticalDepth(own) if own.gaussians.is_empty() => Ok(Plane::zeros(size)),

@@ -48,9 +48,6 @@ struct StepBindGroups {
 
 impl DepthBuffers {
     /// Room for these, and what steps are bound to.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] where they are too many; those of the device.
     pub fn new(device: &Device, kernels: &TrainingKernels, of: &Parameters) -> Result<DepthBuffers> {
         let (count, group_count) = (of.len(), of.groups.counts.len());
         let most = MOST.min((device.largest_binding() / (8 * NUMBERS as u64)) as usize);
@@ -120,9 +117,6 @@ impl DepthBuffers {
     }
 
     /// Sends the parameters.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn put(&self, device: &Device, of: &Parameters) -> Result<()> {
         let write = |buffer: &wgpu::Buffer, words: &[f32]| {
             device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(words));
@@ -145,9 +139,6 @@ impl DepthBuffers {
     }
 
     /// Sends the Gaussians that density control has changed, which are neither coded nor averaged.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn replace(&self, device: &Device, kernels: &TrainingKernels, of: &Parameters, which: &[usize]) -> Result<()> {
         let mut place = vec![0u32; self.count];
         self.order.iter().zip(0..).for_each(|(&i, at)| place[i as usize] = at);
@@ -176,9 +167,6 @@ impl DepthBuffers {
     }
 
     /// Brings the parameters back.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn get(&self, device: &Device, of: &mut Parameters) -> Result<()> {
         let read = |buffer: &wgpu::Buffer, words: usize| -> Result<Vec<f32>> {
             let bytes = device.read(buffer, 4 * words as u64)?;

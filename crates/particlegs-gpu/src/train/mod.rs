@@ -54,9 +54,6 @@ impl fmt::Debug for Trainer {
 
 impl Trainer {
     /// Its kernels.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn new(device: &Arc<Device>) -> Result<Trainer> {
         let (renderer, kernels) = (Arc::new(Renderer::new(device)?), Arc::new(TrainingKernels::new(device)));
         let blender = Arc::new(Blender::new(device)?);

@@ -39,9 +39,6 @@ struct PictureBindGroups {
 
 impl TrainingPicture {
     /// Of Gaussians with their canvas, for a loss with SSIM or without.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] where a picture is too large for the device; those of the device.
     pub fn new(
         device: &Device,
         kernels: &TrainingKernels,
@@ -122,9 +119,6 @@ impl TrainingPicture {
     }
 
     /// What the step told, once it is done.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn told(&self, device: &Device) -> Result<StepReport> {
         Ok(stepped(&device.read(&self.compared.told, 24)?))
     }

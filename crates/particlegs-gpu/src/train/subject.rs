@@ -24,9 +24,6 @@ pub(super) struct DeviceSubject<'a> {
 
 impl<'a> DeviceSubject<'a> {
     /// Sends the particles, as many as there is room for.
-    ///
-    /// # Errors
-    /// Those of the device; [`Error::Cancelled`].
     pub fn new(device: &Arc<Device>, of: &'a dyn TrainingSubject, progress: &dyn Progress) -> Result<Self> {
         let columns = Box::new(move |range: Range<usize>| of.columns(range));
         let mut pictures = Pictures::new(device, of.origin(), of.bounds(), of.len(), columns)?;

@@ -42,9 +42,6 @@ pub(super) struct AblationRow {
 
 impl<'a> StageEvaluator<'a> {
     /// Of models that `config` trains, in views of `groups`.
-    ///
-    /// # Errors
-    /// Those of drawing.
     pub fn new(
         lab: &'a Lab<'a>,
         snapshot: &'a Snapshot,
@@ -59,9 +56,6 @@ impl<'a> StageEvaluator<'a> {
     }
 
     /// What models of one recipe score.
-    ///
-    /// # Errors
-    /// Those of drawing.
     pub fn row(
         &self,
         label: &str,
@@ -84,9 +78,6 @@ impl<'a> StageEvaluator<'a> {
     }
 
     /// The noise-free picture's scores at both sizes, as a row of its own.
-    ///
-    /// # Errors
-    /// Those of drawing.
     pub fn noise_free(&self) -> Result<AblationRow> {
         let of = |truth| Ok(vec![groups::noise_free(self.lab, self.snapshot, truth)?]);
         let [small, large] = &self.truths;

@@ -24,9 +24,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 };
 
 /// The published recipe of this experiment.
-///
-/// # Errors
-/// Those of [`scaled`].
 pub(super) fn whole(lab: &Lab<'_>) -> Result<Config> {
     scaled(recipe(), scale(lab))
 }

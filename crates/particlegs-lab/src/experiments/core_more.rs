@@ -7,9 +7,6 @@ use particlegs::splat::ToneStyle;
 use particlegs::train::{Config, Norm, Start};
 
 /// What is chosen otherwise, and what is trained then.
-///
-/// # Errors
-/// Those of [`scaled`].
 pub(super) fn choices(scale: f64, seed: u64) -> Result<Vec<(&'static str, TrainingTask)>> {
     let with = |change: fn(&mut Config)| {
         let mut config = recipe();

@@ -26,9 +26,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 const BLOCKS: u32 = 8;
 
 /// The published fine-tuning in its share.
-///
-/// # Errors
-/// Those of [`scaled`].
 pub(super) fn production(scale: f64) -> Result<Config> {
     scaled(Config { evaluate_views: 4, ..Config::fine_tuning() }, scale)
 }

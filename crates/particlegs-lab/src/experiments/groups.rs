@@ -77,9 +77,6 @@ pub(super) fn views(groups: &[ViewGroup], of: &Metadata, seed: u64, frames: usiz
 }
 
 /// Scores of a model in the views of `truth`: kept, or measured now.
-///
-/// # Errors
-/// Those of drawing; [`particlegs::Error::Io`].
 pub(super) fn scores(
     lab: &Lab<'_>,
     snapshot: &Snapshot,
@@ -91,9 +88,6 @@ pub(super) fn scores(
 }
 
 /// Scores of the noise-free picture of all particles, which no model can be expected to pass: kept, or measured now.
-///
-/// # Errors
-/// As [`scores`].
 pub(super) fn noise_free(lab: &Lab<'_>, snapshot: &Snapshot, truth: &ReferenceViews) -> Result<Vec<Score>> {
     lab.on_device.result("scores", &(&snapshot.hash, "noise-free", all_told(truth)), || {
         let draw = lab.draws_particles(&snapshot.particles, truth.bounds, Style::NoiseFree)?;

@@ -57,9 +57,6 @@ pub const EXPERIMENTS: &[Experiment] = &[
 ];
 
 /// The experiments that a name stands for: one, or `all` that the settings allow.
-///
-/// # Errors
-/// [`Error::Argument`] for a name that there is not.
 pub fn named(name: &str, training: bool) -> Result<Vec<&'static Experiment>> {
     if name == "all" {
         return Ok(EXPERIMENTS.iter().filter(|e| training || !e.trains).collect());

@@ -28,9 +28,6 @@ fn numbers(lab: &Lab<'_>) -> &'static [u32] {
 }
 
 /// The model of `blocks` blocks, each trained in its own frame by the whole recipe, merged with the first one's network.
-///
-/// # Errors
-/// Those of training.
 pub(super) fn merged(lab: &Lab<'_>, snapshot: &Snapshot, blocks: u32, seed: u64) -> Result<TrainingResult> {
     let config = scaled(recipe(), scale(lab))?;
     trained(lab, snapshot, &TrainingTask::published(config, blocks, seed))

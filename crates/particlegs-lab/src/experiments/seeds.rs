@@ -6,9 +6,6 @@ use particlegs::model::Model;
 
 /// What `make` gives for each seed of the settings; one alone where the second seed gives the Gaussians of the first. A
 /// fit draws nothing unless cells have more particles than it looks at, and small snapshots have not.
-///
-/// # Errors
-/// Those of `make`.
 pub(super) fn each_seed<T>(
     lab: &Lab<'_>,
     model: fn(&T) -> &Model,

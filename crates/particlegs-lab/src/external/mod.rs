@@ -42,10 +42,6 @@ struct Request<'a> {
 
 impl External {
     /// Starts a Python, by its path or by a name that is looked for where commands are.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for one that cannot be started, that lacks packages (with the command that installs them) or
-    /// that does not answer.
     pub fn start(python: &Path) -> Result<External> {
         External::of_command(python, ["-u", "-c", SCRIPT].map(String::from).to_vec())
     }

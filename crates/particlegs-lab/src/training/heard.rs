@@ -44,9 +44,6 @@ impl CurveCheckpoint<'_> {
     }
 
     /// Puts them into the checkpoint.
-    ///
-    /// # Errors
-    /// [`particlegs::Error::Io`].
     pub fn keep_seconds(&mut self) -> Result<()> {
         let text = serde_json::to_vec(&self.seconds()).unwrap_or_default();
         self.checkpoint.keep(SECONDS, text)

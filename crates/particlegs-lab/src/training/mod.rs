@@ -60,9 +60,6 @@ impl TrainingTask {
     }
 
     /// The same in a file of so many bytes, which may hold fewer Gaussians than the recipe begins with or makes.
-    ///
-    /// # Errors
-    /// Those of [`Config::scaled`].
     pub fn published_in(bytes: u64, scale: f64, seed: u64) -> Result<TrainingTask> {
         Ok(TrainingTask { target: Target::Size(bytes), training: Some(recipe().scaled(scale)?), blocks: 1, seed })
     }
@@ -88,18 +85,12 @@ const FEWEST: f64 = 64.0;
 
 /// A recipe scaled as a whole: pixels along either side, steps and pictures by `scale`, first Gaussians by its square, as
 /// many to a pixel as before.
-///
-/// # Errors
-/// [`Error::Argument`] for a scale outside (0, 1].
 pub(crate) fn scaled(config: Config, scale: f64) -> Result<Config> {
     let start_gaussians = config.start_gaussians.map(|n| (n as f64 * scale * scale).round().max(FEWEST) as u64);
     Ok(Config { start_gaussians, ..config.scaled(scale)? })
 }
 
 /// Our preset `fast` with a last stage of the size that the published recipe's has at `scale`.
-///
-/// # Errors
-/// Those of [`scaled`].
 pub(crate) fn ours_at(scale: f64) -> Result<Config> {
     let fast = Config { evaluate_views: HELD_OUT, ..Config::preset(Preset::Fast, LawKind::OpticalDepth) };
     scaled(fast, (scale * WIDTHS[1] / WIDTHS[0]).min(1.0))
@@ -155,9 +146,6 @@ impl TrainingResult {
 }
 
 /// The model of a task: kept, or trained now.
-///
-/// # Errors
-/// Those of [`compress`]; [`Error::Io`].
 pub(crate) fn trained(lab: &Lab<'_>, snapshot: &Snapshot, task: &TrainingTask) -> Result<TrainingResult> {
     trained_on(lab, (&snapshot.particles, &snapshot.hash), task, None)
 }
@@ -169,9 +157,6 @@ fn limits(lab: &Lab<'_>) -> Result<Limits> {
 
 /// [`trained`] on particles with a name for them, in pieces where there is a `piece`: training ends after it, if it is not
 /// done, and the next call goes on from there.
-///
-/// # Errors
-/// As [`trained`].
 pub(crate) fn trained_on(
     lab: &Lab<'_>,
     (particles, hash): (&Particles, &str),
@@ -199,9 +184,6 @@ pub(crate) fn trained_on(
 }
 
 /// A merged model that is fine-tuned by `config`: kept, or tuned now. It has as many Gaussians as the recipe makes.
-///
-/// # Errors
-/// Those of [`finetune`]; [`Error::Io`].
 pub(crate) fn tuned(
     lab: &Lab<'_>,
     snapshot: &Snapshot,

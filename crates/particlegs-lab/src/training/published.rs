@@ -33,9 +33,6 @@ pub struct PublishedRunStatus {
 }
 
 /// Trains by the published recipe at a `scale` in (0, 1] for a `piece` of time; the next call goes on from there.
-///
-/// # Errors
-/// [`Error::Argument`] for another scale; those of [`particlegs::compress::compress`]; [`Error::Io`].
 pub fn published(lab: &Lab<'_>, snapshot: &Snapshot, scale: f64, piece: Duration) -> Result<PublishedRunStatus> {
     let config = scaled(Config::preset(Preset::Paper, LawKind::AlphaBlend), scale)?;
     let of = config.iterations();

@@ -88,9 +88,6 @@ impl AlphaConfig {
     }
 
     /// Checks every number.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] that names the first one out of range.
     pub fn check(&self) -> Result<()> {
         let fail = |what: &str| Err(Error::argument(format!("training: alpha_blend: {what}")));
         let rates = [

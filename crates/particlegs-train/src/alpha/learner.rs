@@ -36,9 +36,6 @@ impl AlphaLearner {
     }
 
     /// Whose steps are those of `steps` for its Gaussians.
-    ///
-    /// # Errors
-    /// Those of `steps`.
     pub fn by(self, steps: impl FnOnce(&Gaussians) -> Result<Box<dyn AlphaStepper>>) -> Result<Self> {
         Ok(AlphaLearner { steps: steps(&self.gaussians)?, ..self })
     }

@@ -56,9 +56,6 @@ fn fine(one: &GaussianParameters) -> bool {
 
 impl<'a> ForwardPass<'a> {
     /// Draws. Gaussians with numbers that are not finite are left out.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Memory`], [`particlegs_core::Error::Cancelled`].
     pub fn new(
         eye: &'a Eye,
         parameters: &'a AlphaParameters,

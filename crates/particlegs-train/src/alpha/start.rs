@@ -42,9 +42,6 @@ pub struct TrainingScale {
 impl AlphaLearner {
     /// `number` particles at random, each a round Gaussian as large as its three nearest neighbours
     /// among them are far, white, of opacity 0.1 (docs/law/published.md, "Training").
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where there is no particle, or none is asked for.
     pub(crate) fn from_particles(
         subject: &dyn TrainingSubject,
         number: usize,
@@ -79,9 +76,6 @@ impl AlphaLearner {
     /// covariance grows by its square; the opacity is `1 - exp(-tau)` with tau the depth at the peak at
     /// default radius and opacity, for a Gaussian of the same volume that is round, between 0.02 and
     /// 0.95; white.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] that names the first Gaussian that is not a number; for an empty mixture.
     pub(crate) fn from_mixture(mixture: &Mixture, ground: TrainingScale, config: AlphaConfig) -> Result<Self> {
         let r2 = ground.radius * ground.radius;
         let mut parameters = AlphaParameters::default();
@@ -97,9 +91,6 @@ impl AlphaLearner {
 
     /// The Gaussians and the network of a model of this law, as they are; the network gets the
     /// configured ranges.
-    ///
-    /// # Errors
-    /// As [`Self::from_mixture`]; [`Error::Argument`] for a model without opacities.
     pub(crate) fn from_model(model: &Model, ground: TrainingScale, config: AlphaConfig) -> Result<Self> {
         let mut parameters = AlphaParameters::default();
         model.blocks().try_for_each(|b| push_all(&mut parameters, &b.gaussians, &ground.frame))?;
@@ -128,9 +119,6 @@ impl AlphaLearner {
 
 impl Gaussians {
     /// Those of a mixture of this law as they are, and its network where it has one, before the first step.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a mixture without opacities.
     pub fn of_mixture(mixture: &Mixture, ground: TrainingScale) -> Result<Self> {
         let mut parameters = AlphaParameters::default();
         push_all(&mut parameters, mixture, &ground.frame)?;

@@ -53,9 +53,6 @@ pub struct StepSize {
 pub trait AlphaStepper {
     /// Draws the shot, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
     /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](AlphaStepper::fetch).
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] for a view with a number outside its range; those of a device.
     fn step(
         &mut self,
         of: &mut Gaussians,
@@ -65,9 +62,6 @@ pub trait AlphaStepper {
     ) -> Result<StepReport>;
 
     /// Brings everything up to date with the steps taken.
-    ///
-    /// # Errors
-    /// Those of a device.
     fn fetch(&mut self, of: &mut Gaussians) -> Result<()>;
 
     /// Others than steps changed them, in number too.
@@ -103,9 +97,6 @@ impl Gaussians {
     }
 
     /// The camera of a shot in the training frame.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] for a view with a number outside its range.
     pub fn eye(&self, shot: &TrainingSample<'_>) -> Result<Eye> {
         Ok(Eye::new(shot.view, shot.crop.full, &self.ground.frame)?.part(shot.crop.corner, shot.crop.size))
     }

@@ -82,9 +82,6 @@ impl Default for DepthConfig {
 
 impl DepthConfig {
     /// Checks every number.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] that names the first one out of range.
     pub fn check(&self) -> Result<()> {
         let r = &self.rates;
         let within = |v: f64, low: f64, high: f64| (low..=high).contains(&v);

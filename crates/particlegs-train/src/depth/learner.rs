@@ -48,9 +48,6 @@ pub(crate) struct DepthLearner {
 
 impl DepthLearner {
     /// From a mixture, with what `steps` gives for its parameters.
-    ///
-    /// # Errors
-    /// Those of `steps`.
     pub fn new(
         mixture: &Mixture,
         ground: DepthContext,

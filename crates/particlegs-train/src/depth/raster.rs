@@ -41,10 +41,6 @@ pub struct Tape {
 
 impl Tape {
     /// Draws `mixture` as `render::optical_depth` does.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] for a view with a number outside its range;
-    /// [`particlegs_core::Error::Memory`], [`particlegs_core::Error::Cancelled`].
     pub fn draw(
         mixture: &Mixture,
         bounds: &Bounds,

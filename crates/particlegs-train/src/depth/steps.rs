@@ -39,9 +39,6 @@ pub struct StepSize {
 pub trait DepthStepper {
     /// Draws the shot, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
     /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](DepthStepper::fetch).
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] for a view with a number outside its range; those of a device.
     fn step(
         &mut self,
         of: &mut Parameters,
@@ -51,9 +48,6 @@ pub trait DepthStepper {
     ) -> Result<StepReport>;
 
     /// Brings the parameters up to date with the steps taken.
-    ///
-    /// # Errors
-    /// Those of a device.
     fn fetch(&mut self, of: &mut Parameters) -> Result<()>;
 
     /// The parameters were changed by others than steps.
@@ -61,9 +55,6 @@ pub trait DepthStepper {
 
     /// Density control changed these Gaussians, which had been fetched, and what groups are to sum to; none are coded, and
     /// the average is of the present.
-    ///
-    /// # Errors
-    /// Those of a device.
     fn replaced(&mut self, of: &Parameters, which: &[usize]) -> Result<()>;
 }
 

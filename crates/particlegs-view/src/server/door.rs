@@ -14,9 +14,6 @@ pub struct Token(String);
 
 impl Token {
     /// One of the user's.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for one that could be guessed, or does not fit an address.
     pub fn chosen(token: String) -> Result<Self> {
         let fits = (SHORTEST..=LONGEST).contains(&token.len()) && token.bytes().all(|b| b.is_ascii_alphanumeric());
         let what = format!("a token is {SHORTEST} to {LONGEST} letters and digits, and no others");
@@ -24,9 +21,6 @@ impl Token {
     }
 
     /// 128 random bits.
-    ///
-    /// # Errors
-    /// [`Error::Io`] where the system has no random numbers.
     pub fn random() -> Result<Self> {
         let mut bits = [0; 16];
         getrandom::fill(&mut bits).map_err(|e| Error::io("random numbers", std::io::Error::other(e.to_string())))?;

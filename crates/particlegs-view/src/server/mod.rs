@@ -105,9 +105,6 @@ pub struct Server {
 
 impl Server {
     /// Listens. From now on clients can connect, and wait.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for an address that cannot be listened at, or a proxy that is no host's name.
     pub fn bind(options: Options) -> Result<Self> {
         let Options { host, port, proxies, node, token, limits } = options;
         if let Some(no_name) = proxies.iter().find(|name| !guard::is_name(name)) {
@@ -154,9 +151,6 @@ impl Server {
 
     /// An address that leads to the page once: other users of the machine can read it in the list of processes
     /// where a browser is started with it, and then it is of no use to them.
-    ///
-    /// # Errors
-    /// [`Error::Io`] where the system has no random numbers.
     pub fn url_for_once(&self) -> Result<String> {
         let token = self.door.for_once()?;
         Ok(self.url().replace(self.door.token(), token.as_str()).trim_end_matches('/').to_string())
@@ -168,9 +162,6 @@ impl Server {
     }
 
     /// Serves until `progress` is cancelled, or nobody has asked for as long as the limits say.
-    ///
-    /// # Errors
-    /// [`Error::Io`] where the system refuses what serving needs.
     pub fn serve(self, shown: ViewerContent<'_>, progress: &dyn Progress, tell: &dyn Fn(Event)) -> Result<()> {
         let ViewerContent { models, truth, opening, poster } = shown;
         let named = models.iter().map(|(name, bytes)| ModelFile { name, bytes });

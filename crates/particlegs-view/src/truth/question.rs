@@ -61,9 +61,6 @@ fn all() -> f64 {
 
 impl RenderRequest {
     /// Reads the JSON and checks every number.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] that says what is wrong.
     pub fn read(json: &[u8]) -> Result<Self> {
         let question: RenderRequest =
             serde_json::from_slice(json).map_err(|e| Error::argument(format!("not a picture to draw: {e}")))?;
@@ -133,9 +130,6 @@ impl RenderRequest {
 
     /// Draws it: grey levels, one byte a pixel, or surface density, mass per area as little-endian float32; row by
     /// row from the top.
-    ///
-    /// # Errors
-    /// Those of [`Reference::draw`] and [`Reference::surface_density`].
     pub fn draw(&self, reference: &Reference<'_>, progress: &dyn Progress) -> Result<Vec<u8>> {
         match self.look.of_grey() {
             Some(look) => Ok(reference.draw(&self.view()?, self.size(), look, progress)?.data),

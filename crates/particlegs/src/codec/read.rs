@@ -9,10 +9,6 @@ use std::path::Path;
 
 /// Reads a model file: its head first, and no further than the head says that the file goes (an open file to its end).
 /// `-` is standard input.
-///
-/// # Errors
-/// [`Error::Corrupt`] for what is no model file, is cut short or goes on after its end;
-/// [`Error::Compatibility`]; [`Error::Memory`] before it is read; [`Error::Io`]; [`Error::Cancelled`].
 pub(crate) fn read_file(path: &Path, progress: &dyn Progress) -> Result<Vec<u8>> {
     read_source(Source::open(path, progress)?, &input::name_of(path))
 }

@@ -41,11 +41,6 @@ pub struct CompressionPlan {
 impl CompressionPlan {
     /// A plan for a snapshot that was scanned, in `blocks` blocks: all that can be refused before a block is fitted, and
     /// all that a user should know. Says what the default target chose.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a target that is none, a law that does not fit what is asked for, and more blocks than
-    /// there are places; [`Error::Input`] for a snapshot or a layer of no particles, and a box that does not hold them;
-    /// [`Error::Unreachable`] for a size that the network alone exceeds.
     pub(crate) fn new(
         options: &Options,
         source: &LayeredParticles,
@@ -151,9 +146,6 @@ impl CompressionPlan {
     }
 
     /// The share of a block of what `target` asks of the whole.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where the target can only be met by all blocks together.
     pub(super) fn share(&self, target: Target, block: &BlockParticles) -> Result<Share> {
         match (target, target.bytes(self.raw_bytes())) {
             (_, Some(bytes)) => {
@@ -170,9 +162,6 @@ impl CompressionPlan {
     }
 
     /// What a user should know of how all blocks together meet their target.
-    ///
-    /// # Errors
-    /// [`Error::Unreachable`] where header and one Gaussian do not fit an explicit size.
     pub(crate) fn judge(&self, blocks: &[CodedBlock]) -> Result<Option<String>> {
         let Some(target) = self.recipe().target.bytes(self.raw_bytes()) else { return Ok(None) };
         let smallest = blocks.iter().map(|b| b.size() as u64).sum::<u64>() + self.overhead();

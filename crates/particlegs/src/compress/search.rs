@@ -69,9 +69,6 @@ struct SearchTrial {
 
 /// Finds the number of Gaussians, at the nominal precision, whose decoded file just reaches the goal; `code` gives all
 /// blocks at a number. What the file reaches comes with it.
-///
-/// # Errors
-/// [`Error::Unreachable`] where the most Gaussians, or eight fits, do not reach it; those of `code`.
 pub(super) fn reach(
     gauge: &GoalMetric<'_>,
     plan: &CompressionPlan,

@@ -108,9 +108,6 @@ const TASK: usize = 64;
 impl Candidates {
     /// Finds each group's candidates among Gaussians with a count above zero. `floor` is added to every
     /// variance, scaled units squared.
-    ///
-    /// # Errors
-    /// [`Error::Cancelled`].
     pub(crate) fn find(
         groups: &ParticleGroups,
         gaussians: &RefinedGaussians,
@@ -226,9 +223,6 @@ pub(crate) struct ExpectationOptions {
 }
 
 /// One E step over all groups.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`].
 pub(crate) fn expect(
     cloud: GroupedParticles<'_>,
     candidates: &Candidates,

@@ -60,10 +60,6 @@ struct PendingCell {
 
 /// Cuts the particles of `store` into at most `gaussians` cells for pictures drawn with `radius` (world units).
 /// Fewer come back where fewer places are occupied. The result does not depend on threads.
-///
-/// # Errors
-/// [`Error::Argument`] for no particles, no Gaussians, or a radius that is not positive;
-/// [`Error::Cancelled`].
 pub(super) fn partition(
     mut store: ParticleStore,
     gaussians: usize,

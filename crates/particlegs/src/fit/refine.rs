@@ -78,10 +78,6 @@ const LIKELIHOOD: f64 = 0.1;
 /// Refines a partition for pictures drawn with `radius` (world units). The same bits for any number
 /// of threads. At most as many Gaussians come back as the partition has cells; their counts sum to
 /// the number of particles.
-///
-/// # Errors
-/// [`Error::Argument`] for a radius that is not positive; those of [`CheckpointStore::keep`];
-/// [`Error::Cancelled`].
 pub(crate) fn refine(
     partition: &Partition,
     radius: f64,

@@ -121,9 +121,6 @@ struct MergeProposal {
 /// Pairs the best splits with the cheapest merges, and makes them. `groups` are the Gaussians' own
 /// particles (group j is Gaussian j's), with their places, `candidates` whom each may merge with. A dead Gaussian is
 /// a merge that costs nothing.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`]; the Gaussians stay as they are.
 pub(crate) fn exchange(
     gaussians: &mut RefinedGaussians,
     groups: (&ParticleGroups, &[[f32; 3]]),

@@ -199,9 +199,6 @@ impl Job {
     }
 
     /// The snapshot, opened again, as it was planned: layers whose weights were all the same have none.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where its layers are others than those planned.
     pub(super) fn as_planned(&self, mut source: LayeredParticles) -> Result<LayeredParticles> {
         let planned = &self.manifest.plan.layers;
         let same = source.layers.len() == planned.len()

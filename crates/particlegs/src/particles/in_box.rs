@@ -13,9 +13,6 @@ const SLACK: f64 = 1e-5;
 
 /// Refuses coordinates and boxes that no arithmetic stands, and an axis-aligned box that lies more
 /// than its own length away from some particles: a box of another unit, most likely.
-///
-/// # Errors
-/// [`Error::Input`].
 pub(crate) fn check_box(bounds: &Bounds, cell: Option<&Cell>, name: &str) -> Result<()> {
     let refused = |what: String| Err(Error::input_with(name, what, "check the unit of length and the box"));
     let [least, most] = LENGTHS;
@@ -98,9 +95,6 @@ impl ParticlesOutsideBox {
 
     /// Refuses particles that lie far outside; what a user must know of the others, which are at their images in the
     /// box wherever it matters. `count` is the number of all particles.
-    ///
-    /// # Errors
-    /// [`Error::Input`].
     pub(crate) fn judge(self, count: u64, name: &str) -> Result<Option<String>> {
         let ParticlesOutsideBox { all, far } = self;
         if far > 0 {
@@ -117,9 +111,6 @@ impl ParticlesOutsideBox {
 }
 
 /// [`check_box`] and [`ParticlesOutsideBox::judge`] of particles.
-///
-/// # Errors
-/// [`Error::Input`].
 pub(crate) fn check_particles(particles: &Particles, bounds: &Bounds) -> Result<Option<String>> {
     let (name, cell) = (&particles.meta.name, particles.meta.cell.as_ref());
     check_box(bounds, cell, name)?;

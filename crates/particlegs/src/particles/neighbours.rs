@@ -430,10 +430,6 @@ impl Neighbours {
 /// Distance from every particle to its neighbour of a rank: the `rank`-th nearest other particle. Copies of
 /// particles in a domain that repeats count as others, and particles at one place as neighbours at distance
 /// zero.
-///
-/// # Errors
-/// [`Error::Argument`] where there are not so many others, or 4 294 967 295 particles and more;
-/// [`Error::Memory`]; [`Error::Cancelled`].
 pub(crate) fn distances_to(rank: usize, p: &Particles, domain: &Domain, progress: &dyn Progress) -> Result<Vec<f32>> {
     let n = p.len();
     if rank >= n || n >= u32::MAX as usize {

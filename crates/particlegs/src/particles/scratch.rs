@@ -38,9 +38,6 @@ impl Storage {
     }
 
     /// `count` columns of `len` zeros; `what` names them where they do not fit.
-    ///
-    /// # Errors
-    /// [`Error::Memory`], or [`Error::Io`] where the disk has no room, before anything is taken.
     pub(crate) fn columns(&self, what: &str, count: usize, len: usize) -> Result<Vec<ColumnBuffer>> {
         let bytes = len as u64 * 4;
         match self {

@@ -85,9 +85,6 @@ impl DrawRules {
     }
 
     /// Fills `run` with the particles `range` of a layer, its run number `number`.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where a position does not fit into f32.
     pub(super) fn fill(
         &self,
         layer: &LayerPlan,

@@ -41,10 +41,6 @@ impl Options {
 /// As many particles as `model` stands for, by [`Method::Count`]: those that [`super::recover`]
 /// writes with this seed, as f32 relative to `origin`. Each has its mass as weight where `weighted`
 /// is set, else none.
-///
-/// # Errors
-/// [`crate::Error::Input`] where positions do not fit into float32, [`crate::Error::Memory`],
-/// [`crate::Error::Cancelled`].
 pub(crate) fn draw(
     model: &Model,
     seed: u64,

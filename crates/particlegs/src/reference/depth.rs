@@ -38,9 +38,6 @@ const OCTAVES: usize = 24;
 
 /// tau* of all particles for a projected view. Octaves of large splats that would make more than
 /// `direct` deposits go to coarser planes.
-///
-/// # Errors
-/// [`Error::Cancelled`] where the caller stops.
 pub(super) fn optical_depth(
     particles: &Particles,
     projector: &Projector,

@@ -29,9 +29,6 @@ const CHECK: usize = 512;
 pub(super) const LEAST_BUDGET: u64 = 512 << 20;
 
 /// ParaView's picture of all particles without FXAA.
-///
-/// # Errors
-/// [`Error::Cancelled`] where the caller stops.
 pub(super) fn draw(
     particles: &Particles,
     projector: &Projector,

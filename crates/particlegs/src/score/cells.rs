@@ -16,9 +16,6 @@ const MOST_CELLS: f64 = 256.0;
 const COARSEST: usize = 1 << (CELL_SIZES - 1);
 
 /// Compares the densities; `None` where the box holds fewer cells than make a comparison.
-///
-/// # Errors
-/// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
 pub(super) fn cell_densities(
     model: &Model,
     particles: &Particles,

@@ -22,9 +22,6 @@ const MOST_ERROR: f64 = 1.0;
 
 /// Of each further layer against the first, in cells of the size at which the error is largest for the noise; `None` of
 /// one layer.
-///
-/// # Errors
-/// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
 pub(super) fn layer_ratios(
     model: &Model,
     particles: &Particles,

@@ -32,9 +32,6 @@ fn settings() -> impl Iterator<Item = SceneSetting> {
 }
 
 /// Scores the model of `comparison` at every setting.
-///
-/// # Errors
-/// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
 pub(super) fn pictures(
     comparison: &ModelComparison<'_>,
     m: &Metadata,

@@ -34,9 +34,6 @@ const GROUPS_WITHIN: f64 = 0.1;
 
 /// Measures `model`, and particles `drawn` from it where there are any, against its snapshot, groups apart. `None` in
 /// units so small or so large that float32, in which a file keeps wave numbers, does not hold them.
-///
-/// # Errors
-/// [`Error::Memory`], [`Error::Cancelled`].
 pub(super) fn science(
     model: &Model,
     particles: &Particles,
@@ -82,9 +79,6 @@ pub(crate) fn spectrum_options(domain: &Domain, n: usize) -> SpectrumOptions {
 
 /// P(k) of mass, of all layers and of each, where masses are known and differ or there are several layers: of the
 /// mixture itself, to which no draw adds its noise.
-///
-/// # Errors
-/// [`Error::Memory`], [`Error::Cancelled`].
 pub(super) fn mass_power(
     model: &Model,
     particles: &Particles,

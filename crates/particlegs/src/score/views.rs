@@ -41,9 +41,6 @@ const COVERED: f64 = 2e3;
 const COVERED_BY_ALL: f64 = 3e8;
 
 /// Refuses to measure pictures of particles so large that each covers much of a picture: it would take hours.
-///
-/// # Errors
-/// [`Error::Input`].
 pub(crate) fn check_radius(m: &Metadata, seed: u64) -> Result<()> {
     let size = super::certify::SIZE;
     // A splat ends at three radii.

@@ -10,9 +10,6 @@ const SAME: f64 = 1e-5;
 
 /// Refuses subjects that their boxes do not hold and boxes of different sizes; what a reader of the
 /// results must know beside.
-///
-/// # Errors
-/// [`Error::Input`]; [`Error::Cancelled`].
 pub(super) fn check_boxes(pair: [Subject<'_>; 2]) -> Result<Vec<String>> {
     let mut notes = Vec::new();
     for subject in pair {

@@ -62,9 +62,6 @@ pub fn deposit(
 }
 
 /// [`deposit`] on the grid of a field that is no longer wanted, in its memory.
-///
-/// # Errors
-/// As [`deposit`].
 pub(super) fn deposit_again(
     subject: Subject<'_>,
     mut field: Field,

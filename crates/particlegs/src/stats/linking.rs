@@ -204,9 +204,6 @@ fn contaminated(
 }
 
 /// A length such as `0.02Mpc`, `20 kpc/h` or, in the unit that numbers are in, `0.02`.
-///
-/// # Errors
-/// [`Error::Argument`] for what is no length above zero, and for a unit that cannot be converted.
 pub(super) fn length_in(text: &str, system: &UnitSystem<'_>) -> Result<f64> {
     let text = text.trim();
     // The longest beginning that is a number: `1e-3kpc` has an exponent, `2eV` would have none.

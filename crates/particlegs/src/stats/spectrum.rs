@@ -168,9 +168,6 @@ pub(super) struct TransformPair {
 }
 
 /// Transforms both. `domain` gives the wave numbers of the grid's modes.
-///
-/// # Errors
-/// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
 pub(super) fn transform_pair(
     [a, b]: [Subject<'_>; 2],
     grid: &Grid,
@@ -195,9 +192,6 @@ pub(super) fn transform_pair(
 }
 
 /// P(k), cross power and r(k) of a pair, in shells of width 2 pi / longest edge.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`].
 pub(super) fn spectra(
     pair: &TransformPair,
     domain: &Domain,
@@ -320,9 +314,6 @@ impl CachedTransform {
 
 /// Spectra of a mixture and particles whose fields were added up: `field` gives that of the particles (0) or the mixture
 /// (1), as it is (0) or moved by half a cell (1); `noise` is the particles' shot noise.
-///
-/// # Errors
-/// Those of `field`; [`crate::Error::Memory`], [`crate::Error::Cancelled`].
 pub(crate) fn spectra_of(
     field: &dyn Fn(usize, usize) -> Result<Field>,
     noise: f64,

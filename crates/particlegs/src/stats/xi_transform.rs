@@ -11,9 +11,6 @@ use crate::progress::Progress;
 /// The mean of exp(i k d) over the directions of d is sin(kr) / (kr), and over a shell of r the
 /// difference of 3 (sin kr - kr cos kr) / k^3 at its edges over that of r^3: exact sums over the
 /// modes, without a second transform. Bins narrower than about pi / k_max hold ringing.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`].
 pub(super) fn xi_of_modes(
     pair: &TransformPair,
     domain: &Domain,

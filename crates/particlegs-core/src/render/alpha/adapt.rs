@@ -62,10 +62,6 @@ impl<'a> Blend<'a> {
     }
 
     /// The Gaussians as they look in a view, relative to its eye.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] that names the first Gaussian that is not a number, and for a mixture
-    /// without opacities.
     pub fn gaussians(
         &self,
         parts: &[(&Mixture, f64)],
@@ -144,9 +140,6 @@ impl<'a> Blend<'a> {
 impl Model {
     /// An alpha-blend model as its network bends it for a particle radius (world units) and an opacity: without a
     /// network, and drawn so at whatever radius and opacity. A model without a network stays as it is.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] that names the first Gaussian of a block that is not a number; [`Error::Cancelled`].
     pub fn bent(mut self, radius: f64, opacity: f64, progress: &dyn Progress) -> Result<Model> {
         let Some(vizmapper) = self.vizmapper().cloned() else { return Ok(self) };
         let m = &self.metadata;

@@ -37,9 +37,6 @@ pub struct Eye {
 impl Eye {
     /// The camera of a view. Gaussians with centres nearer than 0.2 in the training frame, or outside
     /// the view's clipping range where it has one, are not drawn.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where the view has a number outside its range or is not in perspective.
     pub fn new(view: &View, size: Size, frame: &Normalisation) -> Result<Eye> {
         view.check(size)?;
         if !matches!(view.camera.projection, Projection::Perspective { .. }) {

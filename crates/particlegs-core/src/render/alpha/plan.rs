@@ -46,9 +46,6 @@ pub struct Plan {
 
 impl Plan {
     /// Of Gaussians `0..n`. Those of equal depth are drawn in the order of their numbers.
-    ///
-    /// # Errors
-    /// [`Error::Memory`] where the bins do not fit; [`Error::Cancelled`].
     pub fn new(
         eye: &Eye,
         n: usize,

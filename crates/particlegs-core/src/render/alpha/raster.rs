@@ -16,9 +16,6 @@ pub const PIXELS: usize = TILE * TILE;
 pub const ASK: usize = 32;
 
 /// Brightness at every pixel: `sum grey alpha T` over black, not cut to [0, 1].
-///
-/// # Errors
-/// [`crate::Error::Cancelled`].
 pub fn blend(plan: &Plan, size: Size, progress: &dyn Progress) -> Result<Plane> {
     let mut out = Plane::zeros(size);
     blend_into(plan, size, &mut out.data, progress)?;
@@ -26,9 +23,6 @@ pub fn blend(plan: &Plan, size: Size, progress: &dyn Progress) -> Result<Plane> 
 }
 
 /// [`blend`] into a buffer of the picture's pixels.
-///
-/// # Errors
-/// As [`blend`].
 pub fn blend_into(plan: &Plan, size: Size, out: &mut [f32], progress: &dyn Progress) -> Result<()> {
     let simd = progress.simd();
     parallel::try_for_each(out.chunks_mut(size.width * TILE).enumerate(), |(row, pixels)| {

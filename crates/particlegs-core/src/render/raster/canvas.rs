@@ -20,9 +20,6 @@ pub(in crate::render) struct RasterCanvas<'a> {
 
 impl<'a> RasterCanvas<'a> {
     /// Blank planes.
-    ///
-    /// # Errors
-    /// [`crate::Error::Memory`].
     pub fn new(size: Size, scratch: &'a mut Scratch, progress: &dyn Progress) -> Result<Self> {
         let levels = pyramid::levels(size);
         let lengths = levels.iter().map(|l| l.stride * l.rows);
@@ -35,9 +32,6 @@ impl<'a> RasterCanvas<'a> {
     }
 
     /// Adds strokes, in their order.
-    ///
-    /// # Errors
-    /// [`crate::Error::Cancelled`].
     pub fn draw(&mut self, bins: &[StrokeBins], progress: &dyn Progress) -> Result<()> {
         let simd = progress.simd();
         let bands = self.levels.iter().zip(&mut *self.planes).flat_map(|(level, plane)| {

@@ -81,9 +81,6 @@ pub struct PictureRequest<'a> {
 
 impl Paraview {
     /// Its kernels.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn new(device: &Arc<Device>) -> Result<Paraview> {
         Paraview::within(device, LIMITS)
     }
@@ -95,17 +92,11 @@ impl Paraview {
     }
 
     /// Memory for pictures of a size: 30 bytes a pixel, and 68 MiB.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] where a picture is too large for the device; those of the device.
     pub fn canvas(&self, size: Size) -> Result<ParaviewCanvas> {
         ParaviewCanvas::new(&self.device, &self.kernels.sorter, size, &self.limits)
     }
 
     /// A picture of particles about `origin`, between two distances (world units).
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] for a view out of range, or not in perspective.
     pub fn shot<'a>(
         &'a self,
         canvas: &'a ParaviewCanvas,
@@ -120,9 +111,6 @@ impl Paraview {
 
 impl PictureRequest<'_> {
     /// ParaView's picture, with FXAA or before it.
-    ///
-    /// # Errors
-    /// Those of the source and the device.
     pub fn draw(&self, source: &dyn ParticleSource, fxaa: bool) -> Result<Gray8> {
         let canvas = self.canvas;
         canvas.clear(&self.paraview.device);

@@ -67,9 +67,6 @@ impl TileKernels {
 
 impl<'a> Tiles<'a> {
     /// For pictures of these Gaussians on a canvas of theirs.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where a picture is too large for the device; those of the device.
     pub fn new(renderer: &'a Renderer, gaussians: &'a Gaussians, canvas: &'a Canvas) -> Result<Self> {
         use wgpu::BufferUsages as Usage;
         let (device, kernels) = (&*renderer.device, TileKernels::new(&renderer.device));

@@ -56,9 +56,6 @@ fn parts_of_network(count: usize) -> usize {
 
 impl AlphaBuffers {
     /// Room for these.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] where they are too many; those of the device.
     pub fn new(device: &Device, blender: &Blender, of: &alpha::Gaussians) -> Result<AlphaBuffers> {
         let count = of.parameters.len();
         let most = MOST.min((device.largest_binding() / (8 * NUMBERS as u64)) as usize);
@@ -148,9 +145,6 @@ impl AlphaBuffers {
     }
 
     /// Sends everything.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn put(&self, device: &Device, of: &alpha::Gaussians) -> Result<()> {
         let write = |buffer: &wgpu::Buffer, words: &[f32]| {
             device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(words));
@@ -168,9 +162,6 @@ impl AlphaBuffers {
     }
 
     /// Brings everything back.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn get(&self, device: &Device, of: &mut alpha::Gaussians) -> Result<()> {
         let read = |buffer: &wgpu::Buffer, words: usize| -> Result<Vec<f32>> {
             let bytes = device.read(buffer, 4 * words as u64)?;

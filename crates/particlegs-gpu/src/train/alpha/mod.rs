@@ -43,9 +43,6 @@ pub(super) struct Blender {
 
 impl Blender {
     /// Its kernels.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn new(device: &Arc<Device>) -> Result<Blender> {
         let renderer = Renderer::for_training(device)?;
         Ok(Blender { renderer, kernels: AlphaTrainingKernels::new(device) })
@@ -66,9 +63,6 @@ pub(super) struct AlphaSteps {
 
 impl AlphaSteps {
     /// For these.
-    ///
-    /// # Errors
-    /// [`particlegs_core::Error::Argument`] where they are too many; those of the device.
     pub fn new(
         device: &Arc<Device>,
         shared: &Arc<TrainingKernels>,

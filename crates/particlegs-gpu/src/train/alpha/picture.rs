@@ -23,9 +23,6 @@ pub(super) struct AlphaTrainingPicture {
 
 impl AlphaTrainingPicture {
     /// Of Gaussians, of a size, for a loss with SSIM or without.
-    ///
-    /// # Errors
-    /// Those of the device, also where it is too small for such a picture.
     pub fn new(
         device: &Device,
         (shared, blender): (&TrainingKernels, &Blender),

@@ -31,9 +31,6 @@ impl MethodPictures {
 }
 
 /// Every other way at about `bytes`, drawn in the views of `truth` as all particles are; and what failed, in words.
-///
-/// # Errors
-/// [`Error::Cancelled`], [`Error::Io`] and those of drawing; a compressor's own are among the words.
 pub(super) fn at_size(
     lab: &Lab<'_>,
     snapshot: &Snapshot,

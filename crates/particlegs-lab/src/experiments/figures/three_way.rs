@@ -35,9 +35,6 @@ pub(super) struct ThreeWayComparison {
 }
 
 /// Of a model of `snapshot`, in the views of `truth`; `model` are its pictures there, with their scores.
-///
-/// # Errors
-/// Those of the draw and of drawing.
 pub(super) fn three_way(
     lab: &Lab<'_>,
     snapshot: &Snapshot,

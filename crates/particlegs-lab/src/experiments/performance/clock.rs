@@ -48,9 +48,6 @@ pub(super) struct Times {
 
 impl Times {
     /// Of work done `times` times.
-    ///
-    /// # Errors
-    /// Those of the work.
     pub fn of<T>(times: usize, mut work: impl FnMut() -> Result<T>) -> Result<Times> {
         let mut seconds = Vec::with_capacity(times);
         for _ in 0..times {

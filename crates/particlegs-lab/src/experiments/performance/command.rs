@@ -61,9 +61,6 @@ impl CommandRun {
 }
 
 /// Runs a command to its end. `folder` takes what it says.
-///
-/// # Errors
-/// [`Error::Io`] for a program that cannot be started; [`Error::Cancelled`].
 pub(super) fn run(command: &mut Command, input: &str, folder: &Path, progress: &dyn Progress) -> Result<CommandRun> {
     let names = ["stdin", "stdout", "stderr"].map(|n| folder.join(n));
     let io = |path: &Path, e| Error::io(path, e);

@@ -22,9 +22,6 @@ impl<'a> RawCopy<'a> {
     }
 
     /// The folder.
-    ///
-    /// # Errors
-    /// [`particlegs::Error::Io`].
     pub fn folder(&self) -> Result<&Path> {
         if self.set.get().is_none() {
             let _ = self.set.set(self.lab.store.scratch()?);
@@ -33,17 +30,11 @@ impl<'a> RawCopy<'a> {
     }
 
     /// All particles.
-    ///
-    /// # Errors
-    /// Those of writing.
     pub fn snapshot(&self) -> Result<PathBuf> {
         self.written("all", Tiling::single(), Selection::all())
     }
 
     /// Particles of a selection of the tiled snapshot, as a folder of that name.
-    ///
-    /// # Errors
-    /// Those of selecting and of writing.
     pub fn written(&self, name: &str, tiling: Tiling, selection: Selection) -> Result<PathBuf> {
         let path = self.folder()?.join(name);
         if !path.exists() {

@@ -80,9 +80,6 @@ pub(super) struct RecoverySource<'a> {
 
 impl RecoverySource<'_> {
     /// Statistics of particles drawn from the model: kept, or measured now.
-    ///
-    /// # Errors
-    /// Those of the compression, the draw and the statistics.
     pub fn facts(&self, method: Method, seed: u64, depth: MeasurementScope) -> Result<Facts> {
         let (lab, truth) = (self.lab, &self.snapshot.particles);
         let options = depth.options(truth.len(), lab.settings.quick);
@@ -95,17 +92,11 @@ impl RecoverySource<'_> {
     }
 
     /// The same for every seed.
-    ///
-    /// # Errors
-    /// As [`RecoverySource::facts`].
     pub fn facts_of_seeds(&self, method: Method, depth: MeasurementScope) -> Result<Vec<Facts>> {
         self.lab.settings.seeds().map(|seed| self.facts(method, seed, depth)).collect()
     }
 
     /// Statistics of the model itself, its mixture integrated over cells: density and spectra.
-    ///
-    /// # Errors
-    /// As [`RecoverySource::facts`].
     pub fn facts_of_model(&self) -> Result<Facts> {
         let (lab, truth) = (self.lab, &self.snapshot.particles);
         let options = StatsOptions {
@@ -120,26 +111,17 @@ impl RecoverySource<'_> {
     }
 
     /// The model as its file decodes, and the file's bytes.
-    ///
-    /// # Errors
-    /// Those of the compression.
     pub fn model(&self) -> Result<(Model, Vec<u8>)> {
         let made = self.lab.model(self.snapshot, &self.recipe)?;
         Ok((made.model, made.bytes))
     }
 
     /// Particles drawn from it, as many as the snapshot has: those that `particlegs recover` writes.
-    ///
-    /// # Errors
-    /// Those of the compression and the draw.
     pub fn particles(&self, method: Method, seed: u64) -> Result<Particles> {
         self.lab.drawn(self.model()?.0, method, seed)
     }
 
     /// Gaussians of the model, bytes of its file and the ratio reached.
-    ///
-    /// # Errors
-    /// Those of the compression.
     pub fn size(&self) -> Result<(u64, u64, f64)> {
         let inputs = (&self.snapshot.hash, &self.recipe);
         let [gaussians, bytes] = self.lab.store.result("model-size", &inputs, || {
