@@ -1,7 +1,7 @@
 //! What the targets of the particle formats share.
 
 use particlegs::particles::RUN;
-use particlegs::progress::Silent;
+use particlegs::context::Context;
 use particlegs_formats::Choice;
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -24,7 +24,7 @@ pub fn fuzz_format(name: &str, data: &[u8]) {
     for (index, species) in snapshot.description().species.iter().enumerate() {
         let Ok(reader) = snapshot.reader(index, &Choice::default()) else { continue };
         assert_eq!(reader.count(), species.count);
-        let _ = reader.read(0..reader.count().div_ceil(RUN as u64), &Silent, &|run, chunk| {
+        let _ = reader.read(0..reader.count().div_ceil(RUN as u64), &Context::SILENT, &|run, chunk| {
             let n = reader.count().min((run + 1) * RUN as u64) - run * RUN as u64;
             assert!(chunk.position.iter().chain(&chunk.weight).all(|c| c.len() as u64 == n));
             Ok(())

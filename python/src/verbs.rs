@@ -64,7 +64,7 @@ fn made(
     py: Python<'_>,
     name: &str,
     how: WorkOptions,
-    work: impl FnOnce(&dyn particlegs::progress::Progress) -> particlegs::Result<Vec<u8>> + Send,
+    work: impl FnOnce(&particlegs::context::Context<'_>) -> particlegs::Result<Vec<u8>> + Send,
 ) -> PyResult<Model> {
     let (bytes, model) = how.run(py, |progress| {
         let bytes = work(progress)?;

@@ -1,7 +1,7 @@
 //! Long work: without the interpreter's lock, on threads of its own, told about, and stopped by Ctrl-C.
 
 use crate::errors::{InputError, exception};
-use particlegs::progress::Progress;
+use particlegs::context::{Context, ProgressEvent, ProgressSink};
 use particlegs::{Error, Result, parallel};
 use particlegs_files::memory;
 use pyo3::prelude::*;
@@ -32,7 +32,7 @@ impl WorkOptions {
     ///
     /// # Errors
     /// Those of the work as exceptions; the exception that stopped it.
-    pub fn run<T: Send>(self, py: Python<'_>, work: impl FnOnce(&dyn Progress) -> Result<T> + Send) -> PyResult<T> {
+    pub fn run<T: Send>(self, py: Python<'_>, work: impl FnOnce(&Context<'_>) -> Result<T> + Send) -> PyResult<T> {
         let threads = self.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
         if !(1..=4096).contains(&threads) {
             return Err(InputError::new_err(format!("threads={threads} is outside 1 to 4096")));
@@ -44,7 +44,10 @@ impl WorkOptions {
             let sink = &sink;
             scope.spawn(move || {
                 let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-                    parallel::with_threads(threads, || work(sink))
+                    let cancel = || sink.stop.load(Ordering::SeqCst);
+                    let memory = &memory::available_bytes;
+                    let context = Context::default().with_sink(sink).with_cancel(&cancel).with_memory(memory);
+                    parallel::with_threads(threads, || work(&context))
                         .unwrap_or_else(|e| Err(Error::argument(format!("threads={threads}: {e}"))))
                 }));
                 let _ = done.send(result);
@@ -133,36 +136,30 @@ impl PythonProgress {
     }
 }
 
-impl Progress for PythonProgress {
-    fn begin(&self, phase: &str, total: u64) {
+impl ProgressSink for PythonProgress {
+    fn event(&self, event: ProgressEvent<'_>) {
         let mut told = self.told();
-        told.phases.push(PhaseProgress { name: phase.into(), done: 0, total, moved: false });
-        told.events.push_back((phase.into(), 0, total));
-    }
-
-    fn advance(&self, steps: u64) {
-        if let Some(now) = self.told().phases.last_mut() {
-            (now.done, now.moved) = (now.done.saturating_add(steps), true);
-        }
-    }
-
-    fn end(&self) {
-        let mut told = self.told();
-        if let Some(PhaseProgress { name, done, total, .. }) = told.phases.pop() {
-            let all = total.max(done);
-            told.events.push_back((name, all, all));
+        match event {
+            ProgressEvent::Begin { phase, total } => {
+                told.phases.push(PhaseProgress { name: phase.into(), done: 0, total, moved: false });
+                told.events.push_back((phase.into(), 0, total));
+            }
+            ProgressEvent::Advance(steps) => {
+                if let Some(now) = told.phases.last_mut() {
+                    (now.done, now.moved) = (now.done.saturating_add(steps), true);
+                }
+            }
+            ProgressEvent::End => {
+                if let Some(PhaseProgress { name, done, total, .. }) = told.phases.pop() {
+                    let all = total.max(done);
+                    told.events.push_back((name, all, all));
+                }
+            }
+            ProgressEvent::Log(_) => {}
         }
     }
 
     fn message(&self, text: &str) {
         self.told().messages.push(text.into());
-    }
-
-    fn cancelled(&self) -> bool {
-        self.stop.load(Ordering::SeqCst)
-    }
-
-    fn available_memory(&self) -> Option<u64> {
-        memory::available_bytes()
     }
 }

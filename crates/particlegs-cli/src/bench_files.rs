@@ -1,7 +1,7 @@
 //! What experiments found, as files of a folder.
 
 use crate::canvas::PictureCanvas;
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::figure::png_file::{PngEffort, PngMetadata, coded};
 use crate::figure::{self, BarPlacement, ColourBar, Figure, FigureImage, FigureSpace, Panel, PaperColour};
 use particlegs::picture::{Gray8, Rgb8, Size, write_png};
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 const RESULTS: &str = "results.json";
 
 /// The folder of kept results in a folder that is new, empty or of results.
-pub fn folder(output: &Path, context: &Context) -> Result<PathBuf> {
+pub fn folder(output: &Path, context: &CommandContext) -> Result<PathBuf> {
     let io = |e| Error::io(output, e);
     if output.is_dir() {
         let names: Vec<_> = std::fs::read_dir(output).map_err(io)?.filter_map(|e| Some(e.ok()?.file_name())).collect();

@@ -1,7 +1,7 @@
 //! A list of centres: a table of text with x, y, z and perhaps a radius in each line.
 
+use particlegs::context::Context;
 use particlegs::model::UnitSystem;
-use particlegs::progress::Progress;
 use particlegs::space::{Cell, PeriodicCell};
 use particlegs::{Error, Result};
 use particlegs_files::input::{Begins, Form, name_of, read_whole};
@@ -12,8 +12,8 @@ use std::path::Path;
 const FORM: Form = Form { title: "a list of centres", begins: Begins::Text, most: 64 << 20, expansion: 16 };
 
 /// Reads a list of centres; `-` is standard input.
-pub fn read(path: &Path, progress: &dyn Progress) -> Result<Catalogue> {
-    let bytes = read_whole(path, FORM, progress)?;
+pub fn read(path: &Path, context: &Context<'_>) -> Result<Catalogue> {
+    let bytes = read_whole(path, FORM, context)?;
     let hint = "put names above the columns, such as `# id x y z radius`";
     Catalogue::parse(&bytes).map_err(|what| Error::input_with(name_of(path), what, hint))
 }
@@ -23,11 +23,11 @@ pub fn convert(
     list: Catalogue,
     path: &Path,
     (to, cell): (UnitSystem<'_>, Option<Cell>),
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Vec<([f64; 3], Option<f64>)>> {
     let (centres, notes) =
         list.convert(&to, cell.and_then(|c| c.lengths())).map_err(|what| Error::input(name_of(path), what))?;
-    notes.iter().for_each(|note| progress.message(&format!("note: {}: {note}", name_of(path))));
+    notes.iter().for_each(|note| context.message(&format!("note: {}: {note}", name_of(path))));
     let cell = cell.and_then(PeriodicCell::new);
     let is_far = |place: [f64; 3]| cell.is_some_and(|cell| cell.beyond(cell.offset(place)) > 1.0);
     let far = centres.iter().filter(|(place, _)| is_far(*place)).count();

@@ -5,15 +5,16 @@ use crate::printable::one_line;
 use crate::progress::Meter;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueHint};
+use particlegs::context::{Context, Level, ProgressEvent, ProgressSink};
 use particlegs::parallel;
-use particlegs::progress::{Level, Progress};
 use particlegs::{Error, NamedValue, Result};
 use particlegs_files::memory;
 use particlegs_files::output::Outputs;
 use std::collections::BTreeSet;
+use std::ops::Deref;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, LazyLock, Mutex, MutexGuard, OnceLock};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Options of every command.
@@ -59,15 +60,20 @@ const FOR_A_CHECKPOINT: Duration = Duration::from_secs(10);
 static SOON: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
 /// What a command runs with.
-pub struct Context {
+pub struct CommandContext {
     /// The options.
     pub common: Common,
-    /// The instruction set to work with.
-    simd: Level,
-    /// What is shown of the work; nothing under --quiet.
-    meter: Option<Meter>,
+    /// What the library is given.
+    context: Context<'static>,
+    display: &'static CommandDisplay,
     outputs: Mutex<Outputs>,
     files: Mutex<Vec<PathBuf>>,
+}
+
+/// What a user sees of the work; nothing under --quiet.
+#[derive(Default)]
+struct CommandDisplay {
+    meter: Mutex<Option<Meter>>,
     /// Notes that were told: none is told twice.
     told: Mutex<BTreeSet<String>>,
     /// Did a command before tell the notes of what is done now?
@@ -76,7 +82,7 @@ pub struct Context {
 
 impl Common {
     /// Sets the threads and the stop signal up.
-    pub fn start(self) -> Result<Context> {
+    pub fn start(self) -> Result<CommandContext> {
         let threads = self.threads.unwrap_or_else(allotted::threads);
         if threads == 0 || threads > 4096 {
             return Err(Error::argument(format!("--threads {threads} is outside 1 to 4096")));
@@ -86,16 +92,16 @@ impl Common {
         let plain = std::env::var_os("PARTICLEGS_SIMD").is_some_and(|v| v == "off");
         let simd = if plain { Level::baseline() } else { Level::new() };
         meet_stop_signals();
-        let meter = (!self.quiet).then(Meter::start);
-        Ok(Context {
-            common: self,
-            simd,
-            meter,
-            outputs: Mutex::new(Outputs::new(false, "")),
-            files: Mutex::default(),
-            told: Mutex::default(),
-            told_before: AtomicBool::new(false),
-        })
+        // A process has one, or two where it opens the page after other work.
+        let display: &'static CommandDisplay = Box::leak(Box::default());
+        *lock(&display.meter) = (!self.quiet).then(Meter::start);
+        let context = Context::SILENT
+            .with_sink(display)
+            .with_simd(simd)
+            .with_memory(&memory::available_bytes)
+            .with_cancel(&|| STOP.load(Ordering::SeqCst) || SOON.load(Ordering::SeqCst));
+        let outputs = Mutex::new(Outputs::new(false, ""));
+        Ok(CommandContext { common: self, context, display, outputs, files: Mutex::default() })
     }
 }
 
@@ -132,7 +138,7 @@ fn stop() {
     }
 }
 
-impl Context {
+impl CommandContext {
     /// From now on a checkpoint is kept where the work is stopped: signals after the first are ignored for
     /// some seconds.
     pub fn finishes_its_steps(&self) {
@@ -141,19 +147,20 @@ impl Context {
 
     /// With nothing shown of the work any more: it goes on until it is stopped.
     pub fn without_progress(self) -> Self {
-        Context { meter: None, ..self }
+        lock(&self.display.meter).take();
+        self
     }
 
     /// What the command reads and writes.
     pub fn outputs(&self) -> MutexGuard<'_, Outputs> {
-        self.outputs.lock().unwrap_or_else(|e| e.into_inner())
+        lock(&self.outputs)
     }
 
     /// Does work whose notes a command before has told.
     pub fn told_before<T>(&self, work: impl FnOnce() -> T) -> T {
-        self.told_before.store(true, Ordering::Relaxed);
+        self.display.told_before.store(true, Ordering::Relaxed);
         let done = work();
-        self.told_before.store(false, Ordering::Relaxed);
+        self.display.told_before.store(false, Ordering::Relaxed);
         done
     }
 
@@ -179,7 +186,7 @@ impl Context {
 
     /// Files that the command writes.
     pub fn files(&self) -> MutexGuard<'_, Vec<PathBuf>> {
-        self.files.lock().unwrap_or_else(|e| e.into_inner())
+        lock(&self.files)
     }
 
     /// Prints a line of the result: on stdout, or on stderr where an output is there.
@@ -193,43 +200,49 @@ impl Context {
 
     /// Does something that prints, with no progress shown meanwhile. Messages are not for inside it.
     fn aside<T>(&self, print: impl FnOnce() -> T) -> T {
-        match &self.meter {
+        match &*lock(&self.display.meter) {
             Some(meter) => meter.aside(print),
             None => print(),
         }
     }
 }
 
-impl Progress for Context {
-    fn begin(&self, phase: &str, total: u64) {
-        self.meter.iter().for_each(|m| m.begin(&one_line(phase), total));
-    }
+impl Deref for CommandContext {
+    type Target = Context<'static>;
 
-    fn advance(&self, steps: u64) {
-        self.meter.iter().for_each(|m| m.advance(steps));
+    fn deref(&self) -> &Self::Target {
+        &self.context
     }
+}
 
-    fn end(&self) {
-        self.meter.iter().for_each(Meter::end);
+impl Drop for CommandContext {
+    /// What is shown of the work is taken away.
+    fn drop(&mut self) {
+        lock(&self.display.meter).take();
+    }
+}
+
+impl ProgressSink for CommandDisplay {
+    fn event(&self, event: ProgressEvent<'_>) {
+        let meter = lock(&self.meter);
+        let Some(meter) = &*meter else { return };
+        match event {
+            ProgressEvent::Begin { phase, total } => meter.begin(&one_line(phase), total),
+            ProgressEvent::Advance(steps) => meter.advance(steps),
+            ProgressEvent::End => meter.end(),
+            ProgressEvent::Log(_) => {}
+        }
     }
 
     fn message(&self, text: &str) {
-        let is_new = || self.told.lock().unwrap_or_else(|e| e.into_inner()).insert(text.into());
+        let is_new = || lock(&self.told).insert(text.into());
         if text.starts_with("note: ") && (self.told_before.load(Ordering::Relaxed) || !is_new()) {
             return;
         }
-        self.meter.iter().for_each(|m| m.message(&one_line(text)));
+        lock(&self.meter).iter().for_each(|m| m.message(&one_line(text)));
     }
+}
 
-    fn simd(&self) -> Level {
-        self.simd
-    }
-
-    fn available_memory(&self) -> Option<u64> {
-        memory::available_bytes()
-    }
-
-    fn cancelled(&self) -> bool {
-        STOP.load(Ordering::SeqCst) || SOON.load(Ordering::SeqCst)
-    }
+fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
 }

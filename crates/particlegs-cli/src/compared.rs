@@ -1,9 +1,9 @@
 //! Two PNGs or surface densities, or two folders of them with the same names, against each other.
 
 use crate::compared_density::{DensityFileComparison, MeanDensityScores, compare_density};
+use particlegs::context::Context;
 use particlegs::parallel;
 use particlegs::picture::{Gray8, Scores, read_png};
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -71,10 +71,10 @@ pub struct MeanScores {
 
 /// Scores a picture, or the values of a surface density, against another; of a folder and a file, the one in the folder
 /// that has the file's name; of two folders, all that have the same names.
-pub fn compare(a: &Path, b: &Path, progress: &dyn Progress) -> Result<FolderComparison> {
+pub fn compare(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderComparison> {
     let within = |folder: &Path, file: &Path| folder.join(file.file_name().unwrap_or_default());
     let (a, b) = match (a.is_dir(), b.is_dir()) {
-        (true, true) => return compare_folders(a, b, progress),
+        (true, true) => return compare_folders(a, b, context),
         (true, false) => (within(a, b), b.to_path_buf()),
         (false, true) => (a.to_path_buf(), within(b, a)),
         (false, false) => (a.to_path_buf(), b.to_path_buf()),
@@ -86,7 +86,7 @@ pub fn compare(a: &Path, b: &Path, progress: &dyn Progress) -> Result<FolderComp
     let values = |p: &Path| p.extension().is_some_and(|e| e == "f32" || e == "json");
     let (mut views, mut densities) = (Vec::new(), Vec::new());
     match (values(&a), values(&b)) {
-        (true, true) => densities.push(compare_density(&name, &a, &b, progress)),
+        (true, true) => densities.push(compare_density(&name, &a, &b, context)),
         (false, false) => views.push(compare_pictures(&name, &a, &b)),
         _ => return Err(Error::input(&a, format!("a picture and values cannot be compared with {}", b.display()))),
     }
@@ -94,7 +94,7 @@ pub fn compare(a: &Path, b: &Path, progress: &dyn Progress) -> Result<FolderComp
 }
 
 /// Scores every PNG of folder `a` against the one of its name in `b`, and every surface density that `--raw` wrote.
-fn compare_folders(a: &Path, b: &Path, progress: &dyn Progress) -> Result<FolderComparison> {
+fn compare_folders(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderComparison> {
     let (in_a, in_b) = (FolderNames::of(a)?, FolderNames::of(b)?);
     let shared: Vec<&String> = in_a.pictures.intersection(&in_b.pictures).collect();
     let shared_densities: Vec<&String> = in_a.densities.intersection(&in_b.densities).collect();
@@ -102,22 +102,22 @@ fn compare_folders(a: &Path, b: &Path, progress: &dyn Progress) -> Result<Folder
         let what = format!("no PNG, and no surface density by --raw, has the name of one in {}", b.display());
         return Err(Error::input(a, what));
     }
-    progress.begin("comparing", (shared.len() + shared_densities.len()) as u64);
+    context.begin("comparing", (shared.len() + shared_densities.len()) as u64);
     let views = parallel::try_map(shared, |name| {
-        progress.check()?;
+        context.check()?;
         let file = format!("{name}.png");
         let compared = compare_pictures(name, &a.join(&file), &b.join(&file));
-        progress.advance(1);
+        context.advance(1);
         Ok::<_, Error>(compared)
     })?;
     let densities = parallel::try_map(shared_densities, |name| {
-        progress.check()?;
+        context.check()?;
         let file = format!("{name}.f32");
-        let compared = compare_density(name, &a.join(&file), &b.join(&file), progress);
-        progress.advance(1);
+        let compared = compare_density(name, &a.join(&file), &b.join(&file), context);
+        context.advance(1);
         Ok::<_, Error>(compared)
     })?;
-    progress.end();
+    context.end();
     let (only_in_a, only_in_b) = (in_a.without(&in_b), in_b.without(&in_a));
     Ok(FolderComparison { only_in_a, only_in_b, ..FolderComparison::of(views, densities) })
 }
@@ -207,8 +207,8 @@ impl FolderNames {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use particlegs::context::Context;
     use particlegs::picture::{Size, write_png};
-    use particlegs::progress::Silent;
 
     #[test]
     fn counterparts_and_sizes() {
@@ -221,12 +221,12 @@ mod tests {
         };
         write(&a, "alone.png", 8, 0);
         write(&b, "other.png", 8, 0);
-        assert!(compare(&a, &b, &Silent).is_err());
+        assert!(compare(&a, &b, &Context::SILENT).is_err());
         for (name, side, level) in [("same.png", 8, 10), ("differs.png", 8, 20), ("sizes.png", 9, 10)] {
             write(&a, name, 8, 10);
             write(&b, name, side, level);
         }
-        let c = compare(&a, &b, &Silent).unwrap();
+        let c = compare(&a, &b, &Context::SILENT).unwrap();
         assert_eq!((&c.only_in_a[..], &c.only_in_b[..]), (&["alone".to_string()][..], &["other".to_string()][..]));
         assert_eq!(c.views.iter().map(|v| v.name.as_str()).collect::<Vec<_>>(), ["differs", "same", "sizes"]);
         assert_eq!(c.failures().count(), 1);
@@ -236,12 +236,12 @@ mod tests {
         // Two files, whatever their names; a file and the folder that has its like.
         let (one, other) = (a.join("same.png"), b.join("differs.png"));
         for (a, b) in [(&one, &other), (&other, &a), (&b, &a.join("differs.png"))] {
-            let c = compare(a, b, &Silent).unwrap();
+            let c = compare(a, b, &Context::SILENT).unwrap();
             assert!((c.mean.psnr.unwrap() - expected).abs() < 1e-12 && c.views.len() == 1, "{a:?} {b:?}");
         }
         std::fs::write(a.join("values.f32"), b"").unwrap();
         for (a, b) in [(&one, &b.join("none.png")), (&one, &b.join("values.f32")), (&one, &a.join("values.f32"))] {
-            assert!(compare(a, b, &Silent).is_err(), "{b:?}");
+            assert!(compare(a, b, &Context::SILENT).is_err(), "{b:?}");
         }
     }
 }

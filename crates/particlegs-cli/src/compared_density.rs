@@ -2,8 +2,8 @@
 
 use crate::density_file;
 use particlegs::Result;
+use particlegs::context::Context;
 use particlegs::picture::DensityScores;
-use particlegs::progress::Progress;
 use serde::Serialize;
 use std::path::Path;
 
@@ -32,8 +32,8 @@ pub struct MeanDensityScores {
 }
 
 /// Scores the values of one file against those of another. A pair that cannot be scored is told in its place.
-pub fn compare_density(name: &str, a: &Path, b: &Path, progress: &dyn Progress) -> DensityFileComparison {
-    let (scores, error) = match compare(a, b, progress) {
+pub fn compare_density(name: &str, a: &Path, b: &Path, context: &Context<'_>) -> DensityFileComparison {
+    let (scores, error) = match compare(a, b, context) {
         Ok(Ok(scores)) => (Some(scores), None),
         Ok(Err(why)) => (None, Some(format!("{name}: {why}"))),
         Err(e) => (None, Some(e.to_string())),
@@ -42,11 +42,11 @@ pub fn compare_density(name: &str, a: &Path, b: &Path, progress: &dyn Progress) 
 }
 
 /// The scores, or why there are none.
-fn compare(a: &Path, b: &Path, progress: &dyn Progress) -> Result<std::result::Result<DensityScores, String>> {
-    let (said_a, density) = density_file::read(a, progress)?;
-    let (said_b, truth) = density_file::read(b, progress)?;
+fn compare(a: &Path, b: &Path, context: &Context<'_>) -> Result<std::result::Result<DensityScores, String>> {
+    let (said_a, density) = density_file::read(a, context)?;
+    let (said_b, truth) = density_file::read(b, context)?;
     match said_a.differs(&said_b) {
         Some(why) => Ok(Err(why)),
-        None => DensityScores::of(&density, &truth, progress).map(Ok),
+        None => DensityScores::of(&density, &truth, context).map(Ok),
     }
 }

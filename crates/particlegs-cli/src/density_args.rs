@@ -1,6 +1,6 @@
 //! Surface density on the command line: colours, and values in place of pictures. Shared by `render` and `reference`.
 
-use crate::common::{Context, named};
+use crate::common::{CommandContext, named};
 use crate::density_file::{self, Means};
 use crate::outputs::{JSON, VALUES};
 use crate::picture_out::PictureOut;
@@ -112,7 +112,7 @@ impl DensityArgs {
     }
 
     /// Says what is written of these views as values.
-    pub fn plan_raw(&self, out: &PictureOut, views: &[View], context: &Context) -> Result<()> {
+    pub fn plan_raw(&self, out: &PictureOut, views: &[View], context: &CommandContext) -> Result<()> {
         let path = |view: &View, ending| out.folder().join(format!("{}.{ending}", view.name));
         views.iter().try_for_each(|view| {
             context.writes(&path(view, "f32"), &VALUES)?;

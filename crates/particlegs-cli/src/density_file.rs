@@ -2,8 +2,8 @@
 //! what they are. Written by `--raw`, read by `compare`.
 
 use particlegs::camera::{DensityView, Projection};
+use particlegs::context::Context;
 use particlegs::picture::{Plane, Size};
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_whole};
 use particlegs_files::output::{FileSet, write_atomic, write_bytes};
@@ -100,9 +100,9 @@ fn described(view: &DensityView, size: Size, means: Means) -> DensityDescription
 }
 
 /// Reads what [`write`] has written of a view, by the name of one of its two files.
-pub fn read(file: &Path, progress: &dyn Progress) -> Result<(DensityDescription, Plane)> {
+pub fn read(file: &Path, context: &Context<'_>) -> Result<(DensityDescription, Plane)> {
     let path = file.with_extension("json");
-    let text = read_whole(&path, JSON, progress)?;
+    let text = read_whole(&path, JSON, context)?;
     let described: DensityDescription =
         serde_json::from_slice(&text).map_err(|e| Error::input(&path, format!("not what --raw writes: {e}")))?;
     let size = Size { width: described.width, height: described.height };
@@ -113,7 +113,7 @@ pub fn read(file: &Path, progress: &dyn Progress) -> Result<(DensityDescription,
     let most = 4 * size.pixels() as u64;
     // As they are read, and as numbers.
     let form = Form { title: "values of surface density", begins: Begins::With(b""), most, expansion: 2 };
-    let bytes = read_whole(&path, form, progress)?;
+    let bytes = read_whole(&path, form, context)?;
     let (numbers, rest) = bytes.as_chunks::<4>();
     if numbers.len() != size.pixels() || !rest.is_empty() {
         let what = format!("{} bytes, and {}x{} pixels take {most}", bytes.len(), size.width, size.height);

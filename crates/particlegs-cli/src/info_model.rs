@@ -1,18 +1,18 @@
 //! What `info` prints about a model file, and its certificate as a table.
 
 use crate::annotate::text::number;
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::info_snapshot;
 use crate::inputs;
 use crate::printable::one_line;
 use crate::rows::wrapped;
 use particlegs::Result;
 use particlegs::codec::{self, BlockInfo, FileInfo};
+use particlegs::context::Context;
 use particlegs::model::{
     AlphaBlend, Certificate, CertificateLevel, Cosmology, Effort, Epoch, GoalResult, LawKind, Layer, Metadata,
     MetricEntry, MetricGroup, MetricValue, Quantity, Recipe, Units, VIZMAPPER_SHAPE, VizMapper, VizRanges,
 };
-use particlegs::progress::Progress;
 use particlegs::score::{Assessment, Grade, UseCase};
 use particlegs::space::Cell;
 use particlegs_files::input::name_of;
@@ -90,13 +90,13 @@ struct MetadataReport<'a> {
 }
 
 /// Prints what the file says.
-pub fn print(context: &Context, path: &Path, bytes: &[u8]) -> Result<()> {
+pub fn print(context: &CommandContext, path: &Path, bytes: &[u8]) -> Result<()> {
     print_info(context, &codec::read_info(bytes, &name_of(path))?)
 }
 
 /// Does a model file say that this made it?
-pub fn is_of_recipe(path: &Path, recipe: &Recipe, progress: &dyn Progress) -> Result<bool> {
-    Ok(codec::read_metadata(&inputs::model(path, progress)?, &name_of(path))?.recipe == *recipe)
+pub fn is_of_recipe(path: &Path, recipe: &Recipe, context: &Context<'_>) -> Result<bool> {
+    Ok(codec::read_metadata(&inputs::model(path, context)?, &name_of(path))?.recipe == *recipe)
 }
 
 fn layer_report(layer: &Layer<Vec<BlockInfo>>) -> LayerReport<'_> {
@@ -104,7 +104,7 @@ fn layer_report(layer: &Layer<Vec<BlockInfo>>) -> LayerReport<'_> {
     LayerReport { name, particle_mass: mass.unit(), weighted: mass.is_weighted(), blocks: content }
 }
 
-fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
+fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
     let gaussians = info.gaussians() as u64;
     let layer_bytes = |l: &Layer<Vec<BlockInfo>>| {
         let count = l.content.iter().fold(0u64, |sum, b| sum.saturating_add(b.count));
@@ -330,20 +330,20 @@ pub fn told<T>(
     metadata: &Metadata,
     layers: &[Layer<T>],
     place: &Path,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> (String, Vec<Assessment>) {
     let v = Assessment::verdict(c, metadata);
     let poor = |f: &&Assessment| matches!(f.of, UseCase::Pictures | UseCase::Density) && f.word == Grade::DoesNot;
     let poor: Vec<String> = v.iter().filter(poor).map(|f| format!("{}: {}", f.of.name(), f.figure())).collect();
     if !poor.is_empty() {
-        progress.message(&format!("warning: the model shows little of these particles; {}", poor.join("; ")));
-        progress.message(
+        context.message(&format!("warning: the model shows little of these particles; {}", poor.join("; ")));
+        context.message(
             "hint: where particles cluster a larger file helps, such as half the ratio; liquids and crystals are shown at \
              no ratio (docs/guide/certificate.md)",
         );
     }
     let differing = c.map_or_else(Vec::new, |c| c.differing_layers(layers, metadata.units.length_text()));
-    differing.iter().for_each(|what| progress.message(&format!("warning: {what}")));
+    differing.iter().for_each(|what| context.message(&format!("warning: {what}")));
     let short = if c.is_some() { in_short(&v) } else { String::new() };
     (format!("{short}\nparticlegs info {} shows the rest", place.display()), v)
 }

@@ -1,6 +1,6 @@
 //! What `info` prints about a snapshot.
 
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::printable::one_line;
 use crate::rows::wrapped;
 use particlegs::Result;
@@ -23,7 +23,7 @@ struct SnapshotInfoReport<'a> {
 }
 
 /// Describes the snapshot in words or as JSON.
-pub fn print(context: &Context, paths: &[PathBuf], choice: &Choice, bounds: bool) -> Result<()> {
+pub fn print(context: &CommandContext, paths: &[PathBuf], choice: &Choice, bounds: bool) -> Result<()> {
     let (description, bounds) = choice.describe(paths, bounds, context)?;
     let report = SnapshotInfoReport {
         particles: description.species.iter().map(|s| s.count).sum(),

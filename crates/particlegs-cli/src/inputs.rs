@@ -3,7 +3,7 @@
 use crate::printable::one_line;
 use crate::progress::to_stderr;
 use crate::snapshot_args::SnapshotArgs;
-use particlegs::progress::Progress;
+use particlegs::context::{Context, ProgressSink};
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::{Source, is_stream, name_of};
 use particlegs_formats::{Choice, PathKind};
@@ -22,11 +22,11 @@ pub enum PathContent {
 const HEAD: usize = 8;
 
 /// A model file's bytes; `-` is standard input.
-pub fn model(path: &Path, progress: &dyn Progress) -> Result<Vec<u8>> {
+pub fn model(path: &Path, context: &Context<'_>) -> Result<Vec<u8>> {
     if path.is_dir() {
         return Err(no_model(path));
     }
-    let mut source = Source::open(path, progress)?;
+    let mut source = Source::open(path, context)?;
     if !codec::is_model(source.peek(HEAD)?) && PathKind::of(path).in_words().is_some() {
         return Err(no_model(path));
     }
@@ -40,12 +40,12 @@ fn no_model(path: &Path) -> Error {
 }
 
 /// A model or a snapshot. What a pipe gives is looked at once.
-pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, progress: &dyn Progress) -> Result<PathContent> {
+pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, context: &Context<'_>) -> Result<PathContent> {
     let mut choice = opening.choice()?;
     if path.is_dir() {
         return Ok(PathContent::Snapshot(choice.into()));
     }
-    let mut source = Source::open(path, progress)?;
+    let mut source = Source::open(path, context)?;
     if codec::is_model(source.peek(HEAD)?) {
         return Ok(PathContent::Model(codec::read_source(source, &name_of(path))?));
     }
@@ -58,7 +58,7 @@ pub fn model_or_snapshot(path: &Path, opening: &SnapshotArgs, progress: &dyn Pro
 /// Says what is waited for before a command's own progress is set up.
 pub struct WaitNotice;
 
-impl Progress for WaitNotice {
+impl ProgressSink for WaitNotice {
     fn message(&self, text: &str) {
         to_stderr(&one_line(text));
     }

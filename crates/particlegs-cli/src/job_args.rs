@@ -1,6 +1,6 @@
 //! How a job's snapshot is named in its manifest, and opened again.
 
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
 use particlegs::job::Job;
 use particlegs::particles::{LayeredParticles, Particles, Storage};
@@ -72,7 +72,7 @@ impl JobSnapshot {
 
     /// The snapshot, and whether tasks can open it again and read any part of it; what cannot be read where it
     /// lies is put into `storage`.
-    pub fn source(&self, storage: &Storage, context: &Context) -> Result<(LayeredParticles, bool)> {
+    pub fn source(&self, storage: &Storage, context: &CommandContext) -> Result<(LayeredParticles, bool)> {
         match self.opening.open_later(&self.paths, self.subset(), context)? {
             Some(layered) => Ok((layered, true)),
             None => Ok((LayeredParticles::of(&self.selected(storage, context)?), false)),
@@ -80,16 +80,16 @@ impl JobSnapshot {
     }
 
     /// The snapshot of a job, to be read run by run; `plan` told its notes.
-    pub fn layered(&self, context: &Context) -> Result<LayeredParticles> {
+    pub fn layered(&self, context: &CommandContext) -> Result<LayeredParticles> {
         Ok(context.told_before(|| self.source(&Storage::Memory, context))?.0)
     }
 
     /// The particles of a job; `plan` told their notes.
-    pub fn particles(&self, context: &Context) -> Result<Particles> {
+    pub fn particles(&self, context: &CommandContext) -> Result<Particles> {
         context.told_before(|| self.selected(&Storage::Memory, context))
     }
 
-    fn selected(&self, storage: &Storage, context: &Context) -> Result<Particles> {
+    fn selected(&self, storage: &Storage, context: &CommandContext) -> Result<Particles> {
         self.opening.open_selected_in(storage, &self.paths, self.subset(), context)
     }
 }

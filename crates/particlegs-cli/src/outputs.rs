@@ -1,9 +1,8 @@
 //! What a command reads and writes, said before its work: the one place that decides what is replaced.
 
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::rows::wrapped;
 use clap::Args;
-use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
 use particlegs_files::output;
 use particlegs_files::output::{FileSet, Input, Kind, Outputs};
@@ -138,7 +137,7 @@ fn beginning(path: &Path) -> Option<String> {
     Some(String::from_utf8_lossy(&head).into_owned())
 }
 
-impl Context {
+impl CommandContext {
     /// Begins the plan of a command that reads `inputs` and replaces kept outputs if `force`; `--json` is
     /// its first output.
     pub fn reads<'a>(&self, inputs: impl IntoIterator<Item = &'a Path>, force: bool) -> Result<()> {
@@ -146,7 +145,7 @@ impl Context {
         self.plan(Outputs::new(force, ADVICE), inputs)
     }
 
-    /// [`Context::reads`] of a job's folder and the snapshot that it names.
+    /// [`CommandContext::reads`] of a job's folder and the snapshot that it names.
     pub fn reads_job(&self, job: &Path, snapshot: &[PathBuf], force: bool) -> Result<()> {
         let inputs = snapshot.iter().map(|path| Input::Data(path.clone()));
         self.plan(Outputs::new(force, ADVICE), inputs.chain([Input::Whole(job.to_path_buf())]))

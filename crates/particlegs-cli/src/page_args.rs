@@ -1,6 +1,6 @@
 //! How a page opens. Shared by `view` and `export`.
 
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::density_args::{colormaps, range_of};
 use crate::drawing::provenance::PictureProvenance;
 use crate::figure::args::Background;
@@ -124,7 +124,7 @@ impl PageArgs {
         dials: &AppearanceArgs,
         layers: &[String],
         models: &[&FileInfo],
-        context: &Context,
+        context: &CommandContext,
     ) -> Result<PageOpening> {
         let mut opening = self.own(dials)?;
         if let Some(path) = &self.views {

@@ -1,6 +1,6 @@
 //! Where pictures go: a folder with one file a view, or the one file that is named.
 
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::figure::output::FileKind;
 use crate::outputs::{PDF, PNG, SVG};
 use particlegs::{Error, Result};
@@ -19,7 +19,7 @@ pub enum PictureOut {
 impl PictureOut {
     /// What an output means for so many views; a name that ends in `.png`, `.pdf` or `.svg` is the one picture's, and so
     /// is a stream. Makes the folder. `raw` values need a folder.
-    pub fn new(out: &Path, views: usize, raw: bool, context: &Context) -> Result<Self> {
+    pub fn new(out: &Path, views: usize, raw: bool, context: &CommandContext) -> Result<Self> {
         let is_picture = FileKind::of(out).is_some() && !out.is_dir() || output::is_stream(out)?;
         if !is_picture && out.is_file() {
             let what = format!("{} is a file, and its name does not end in .png, .pdf or .svg", out.display());
@@ -41,7 +41,7 @@ impl PictureOut {
     }
 
     /// The files of the views' pictures, which are about to be written.
-    pub fn pictures<'a>(&self, names: impl Iterator<Item = &'a str>, context: &Context) -> Result<Vec<PathBuf>> {
+    pub fn pictures<'a>(&self, names: impl Iterator<Item = &'a str>, context: &CommandContext) -> Result<Vec<PathBuf>> {
         let paths: Vec<PathBuf> = names.map(|name| self.picture(name)).collect();
         let kind = match self.kind() {
             FileKind::Png => PNG,

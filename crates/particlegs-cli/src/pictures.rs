@@ -12,10 +12,10 @@ use crate::figure::{ColourBar, Figure, FigureImage, Panel};
 use crate::view_args::ViewSubject;
 use particlegs::Result;
 use particlegs::camera::{DensityView, View, Window, base_distance, spherical_camera};
+use particlegs::context::Context;
 use particlegs::model::{Model, hex};
 use particlegs::particles::Particles;
 use particlegs::picture::{Colormap, Gray8, Rgb8, Size, diverging, masked_psnr};
-use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs::render::{self, Scene};
 use particlegs::splat::ToneStyle;
@@ -39,11 +39,11 @@ pub fn paths(folder: &Path) -> [PathBuf; 2] {
 }
 
 /// Writes them, both or none; the paths written. Their places have been looked at before.
-pub fn write(folder: &Path, model: &Model, particles: &Particles, progress: &dyn Progress) -> Result<Vec<PathBuf>> {
+pub fn write(folder: &Path, model: &Model, particles: &Particles, context: &Context<'_>) -> Result<Vec<PathBuf>> {
     let set = FileSet::in_folder(folder)?;
     let [compared, summed] = paths(set.path());
-    comparison(&compared, model, particles, progress)?;
-    density(&summed, model, progress)?;
+    comparison(&compared, model, particles, context)?;
+    density(&summed, model, context)?;
     set.finish()
 }
 
@@ -86,7 +86,7 @@ fn figure_args() -> FigureArgs {
     }
 }
 
-fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn Progress) -> Result<()> {
+fn comparison(path: &Path, model: &Model, particles: &Particles, context: &Context<'_>) -> Result<()> {
     let m = &model.metadata;
     let distance = DISTANCE * base_distance(&m.bounds, PANEL);
     let view = View {
@@ -95,8 +95,8 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn 
         radius: m.default_radius,
         opacity: m.default_opacity,
     };
-    let truth = Reference::with_bounds(particles, m.bounds).draw(&view, PANEL, ToneStyle::Paraview, progress)?;
-    let drawn = render::draw(&Scene::of(model), &view, PANEL, ToneStyle::Paraview, progress)?;
+    let truth = Reference::with_bounds(particles, m.bounds).draw(&view, PANEL, ToneStyle::Paraview, context)?;
+    let drawn = render::draw(&Scene::of(model), &view, PANEL, ToneStyle::Paraview, context)?;
     let score = masked_psnr(&truth, &drawn).map_or("identical".into(), |s| format!("masked PSNR {s:.1} dB"));
     let captions = [
         format!("{} particles, as ParaView draws them", grouped(m.count)),
@@ -156,7 +156,7 @@ fn reach(differences: &[i32]) -> f32 {
     [4, 10, 20, 40, 100, 200].into_iter().find(|r| *r >= high).unwrap_or(256) as f32
 }
 
-fn density(path: &Path, model: &Model, progress: &dyn Progress) -> Result<()> {
+fn density(path: &Path, model: &Model, context: &Context<'_>) -> Result<()> {
     let m = &model.metadata;
     let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), ViewSubject::of_model(model, true));
     let extent = m.bounds.extent_nonzero();
@@ -166,7 +166,7 @@ fn density(path: &Path, model: &Model, progress: &dyn Progress) -> Result<()> {
     let width = subject.extent.width(&spherical_camera([0.0; 3], 0.0, 0.0, 1.0).frame()?, size);
     let window = Window { center: subject.extent.center, angles_deg: [0.0; 2], width, depth: None };
     let seen = DensityView::orthographic("density", &window, size, &m.bounds, m.cell)?;
-    let plane = render::surface_density(&Scene::of(model), &seen, size, progress)?;
+    let plane = render::surface_density(&Scene::of(model), &seen, size, context)?;
     let view =
         View { name: "density".into(), camera: seen.camera, radius: m.default_radius, opacity: m.default_opacity };
     finish(model, &args, &quantities, &subject).write(path, ViewContent::Density(plane), &view, None, FileKind::Png)

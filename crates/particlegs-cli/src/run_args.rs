@@ -1,13 +1,13 @@
 //! Long runs: how long they may take, what they go on from, what they say. The same for `compress` and
 //! `finetune`.
 
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::outputs::{LOG, PNG, SVG};
 use crate::train_log::{curves, logged};
 use clap::{Args, ValueHint};
 use particlegs::compress::{Checkpoint, CompressedModel};
+use particlegs::context::Context;
 use particlegs::pieces::{CheckpointStore, NoCheckpoints};
-use particlegs::progress::Progress;
 use particlegs::train::Limits;
 use particlegs::{Error, Result};
 use particlegs_files::output;
@@ -54,7 +54,7 @@ impl RunArgs {
 
     /// Says what is written beside the model at `output`: the checkpoint, the log and its curves. What an
     /// interrupted run has left is given up by `force` alone.
-    pub fn plan(&self, output: &Path, force: bool, context: &Context) -> Result<()> {
+    pub fn plan(&self, output: &Path, force: bool, context: &CommandContext) -> Result<()> {
         match checkpoint_path(output)? {
             Some(path) => {
                 context.finishes_its_steps();
@@ -96,9 +96,9 @@ impl RunArgs {
     /// Does the work, with its log and its checkpoint. The checkpoint stays where the work ends early.
     pub fn run(
         &self,
-        context: &Context,
+        context: &CommandContext,
         mut checkpoint: Option<&mut Checkpoint>,
-        work: impl FnOnce(&mut dyn CheckpointStore, &dyn Progress) -> Result<CompressedModel>,
+        work: impl FnOnce(&mut dyn CheckpointStore, &Context<'_>) -> Result<CompressedModel>,
     ) -> Result<CompressedModel> {
         let mut none = NoCheckpoints;
         let pieces: &mut dyn CheckpointStore = match &mut checkpoint {
@@ -106,7 +106,7 @@ impl RunArgs {
             None => &mut none,
         };
         let done = match &self.log {
-            Some(log) => logged(log, self.resume, context, |progress| work(pieces, progress)),
+            Some(log) => logged(log, self.resume, context, |context| work(pieces, context)),
             None => work(pieces, context),
         };
         let Some(checkpoint) = checkpoint else { return done };
@@ -137,7 +137,7 @@ fn checkpoint_path(output: &Path) -> Result<Option<PathBuf>> {
 }
 
 /// Says of a run that was stopped what there is.
-pub fn stopped(output: &Path, context: &Context) -> Error {
+pub fn stopped(output: &Path, context: &CommandContext) -> Error {
     let output = output.display();
     context
         .message(&format!("stopped: {output} holds the best model so far; the same command with --resume continues"));

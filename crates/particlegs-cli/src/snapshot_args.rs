@@ -1,9 +1,9 @@
 //! How a snapshot is named, and what of it is read.
 
 use clap::{Args, ValueEnum};
+use particlegs::context::Context;
 use particlegs::model::Model;
 use particlegs::particles::{LayeredParticles, Particles, Selection, Storage};
-use particlegs::progress::Progress;
 use particlegs::space::Bounds;
 use particlegs::{Error, Result};
 use particlegs_formats::{Choice, Weights};
@@ -165,9 +165,9 @@ impl SnapshotArgs {
         &self,
         paths: &[PathBuf],
         subset: SnapshotSubset<'_>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Particles> {
-        self.open_selected_in(&Storage::Memory, paths, subset, progress)
+        self.open_selected_in(&Storage::Memory, paths, subset, context)
     }
 
     /// Opens a subset of it; what is not used as it lies is put into `storage`.
@@ -176,9 +176,9 @@ impl SnapshotArgs {
         storage: &Storage,
         paths: &[PathBuf],
         subset: SnapshotSubset<'_>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Particles> {
-        self.choice_of(subset)?.read(paths, storage, progress)
+        self.choice_of(subset)?.read(paths, storage, context)
     }
 
     /// A subset of it, to be read in parts where it lies, if that can be.
@@ -186,9 +186,9 @@ impl SnapshotArgs {
         &self,
         paths: &[PathBuf],
         subset: SnapshotSubset<'_>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Option<LayeredParticles>> {
-        self.choice_of(subset)?.read_later(paths, progress)
+        self.choice_of(subset)?.read_later(paths, context)
     }
 
     /// What is read of it.

@@ -5,6 +5,7 @@ use crate::common::named;
 use crate::inputs::WaitNotice;
 use crate::remedies;
 use clap::{Args, ValueEnum, ValueHint};
+use particlegs::context::Context;
 use particlegs::model::LawKind;
 use particlegs::train::{Config, Preset};
 use particlegs::{Error, Result};
@@ -126,7 +127,7 @@ impl TuneArgs {
         if let Some(text) = self.file.get() {
             return Ok(text);
         }
-        let bytes = read_whole(path, FILE, &WaitNotice)?;
+        let bytes = read_whole(path, FILE, &Context::SILENT.with_sink(&WaitNotice))?;
         let text = String::from_utf8(bytes).map_err(|_| Error::input(path, "not UTF-8 text"))?;
         Ok(self.file.get_or_init(|| text))
     }

@@ -1,9 +1,9 @@
 //! The log of a training run, line by line, and its curves.
 
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::plots::{self, Chart, ChartCurve};
 use particlegs::Result;
-use particlegs::progress::{Level, Progress};
+use particlegs::context::{Context, ProgressEvent, ProgressSink};
 use particlegs_files::input::{Begins, Form, read_own};
 use particlegs_files::output;
 use particlegs_files::output::FileSet;
@@ -15,31 +15,16 @@ use std::sync::Mutex;
 /// Years of training, a line every fifty steps.
 const FILE: Form = Form { title: "a log of training", begins: Begins::Text, most: 1 << 28, expansion: 16 };
 
-/// A caller's progress whose log lines go to a file.
+/// A caller's sink whose log lines go to a file.
 struct LoggedProgress<'a> {
-    context: &'a Context,
+    context: &'a CommandContext,
     path: PathBuf,
     file: Mutex<Option<Box<dyn Write + Send>>>,
 }
 
-impl Progress for LoggedProgress<'_> {
-    fn begin(&self, phase: &str, total: u64) {
-        self.context.begin(phase, total);
-    }
-
-    fn advance(&self, steps: u64) {
-        self.context.advance(steps);
-    }
-
-    fn end(&self) {
-        self.context.end();
-    }
-
-    fn message(&self, text: &str) {
-        self.context.message(text);
-    }
-
-    fn log(&self, line: &str) {
+impl ProgressSink for LoggedProgress<'_> {
+    fn event(&self, event: ProgressEvent<'_>) {
+        let ProgressEvent::Log(line) = event else { return self.context.sink().event(event) };
         let mut file = self.file.lock().unwrap_or_else(|e| e.into_inner());
         if let Some(Err(error)) = file.as_mut().map(|f| writeln!(f, "{line}")) {
             self.context.message(&format!("warning: {}: {error}; nothing more is logged", self.path.display()));
@@ -47,16 +32,8 @@ impl Progress for LoggedProgress<'_> {
         }
     }
 
-    fn simd(&self) -> Level {
-        self.context.simd()
-    }
-
-    fn available_memory(&self) -> Option<u64> {
-        self.context.available_memory()
-    }
-
-    fn cancelled(&self) -> bool {
-        self.context.cancelled()
+    fn message(&self, text: &str) {
+        self.context.message(text);
     }
 }
 
@@ -64,12 +41,12 @@ impl Progress for LoggedProgress<'_> {
 pub fn logged<T>(
     path: &Path,
     append: bool,
-    context: &Context,
-    work: impl FnOnce(&dyn Progress) -> Result<T>,
+    context: &CommandContext,
+    work: impl FnOnce(&Context<'_>) -> Result<T>,
 ) -> Result<T> {
     let file = output::open_log(path, append)?;
     let logged = LoggedProgress { context, path: path.to_path_buf(), file: Mutex::new(Some(file)) };
-    let done = work(&logged);
+    let done = work(&context.with_sink(&logged));
     let whole = logged.file.into_inner().unwrap_or_else(|e| e.into_inner()).is_some();
     // The run's outcome is worth more than its curves.
     if whole

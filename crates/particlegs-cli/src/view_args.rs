@@ -1,7 +1,7 @@
 //! Which views to draw: a views file, or one camera described in words. Shared by `reference` and
 //! `render`.
 
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::outputs::JSON;
 use crate::views::window::{self, Fit};
 use clap::{Args, ValueEnum, ValueHint};
@@ -119,7 +119,7 @@ pub struct ViewSubject {
 
 impl ViewArgs {
     /// The views, every one checked. `turned` = azimuths that a view is turned by, all of which have to fit.
-    pub fn resolve(&self, subject: &ViewSubject, turned: &[f64], context: &Context) -> Result<ViewSet> {
+    pub fn resolve(&self, subject: &ViewSubject, turned: &[f64], context: &CommandContext) -> Result<ViewSet> {
         let ViewsFile(mut set) = match &self.views {
             Some(path) => ViewsFile::read(path, context)?,
             None => ViewsFile(self.one_view(subject, turned)?),
@@ -142,7 +142,7 @@ impl ViewArgs {
     }
 
     /// Writes the views that are drawn, where that is asked for.
-    pub fn save(&self, set: &ViewSet, context: &Context) -> Result<()> {
+    pub fn save(&self, set: &ViewSet, context: &CommandContext) -> Result<()> {
         if let Some(path) = &self.save_views {
             context.writes(path, &JSON)?;
             write_bytes(path, ViewsFile(set.clone()).text()?.as_bytes())?;

@@ -1,6 +1,6 @@
 //! The models that a page shows: read and looked at before a browser opens.
 
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::inputs;
 use particlegs::codec::FileInfo;
 use particlegs::model::Metadata;
@@ -27,7 +27,7 @@ struct PageModelFile {
 impl ModelFiles {
     /// Reads the files; none that is not whole is shown. Small ones are decoded. Of those that would keep the page
     /// waiting the checksums are checked, which find whatever storage and networks do to a file.
-    pub fn read(paths: &[PathBuf], context: &Context) -> Result<Self> {
+    pub fn read(paths: &[PathBuf], context: &CommandContext) -> Result<Self> {
         let names = names(paths);
         let mut files = Vec::with_capacity(paths.len());
         for (path, name) in paths.iter().zip(names) {
@@ -44,7 +44,7 @@ impl ModelFiles {
     }
 
     /// Says where models are in other units than the first: the page shows each in its own.
-    fn note_units(&self, context: &Context) {
+    fn note_units(&self, context: &CommandContext) {
         let Some((first, others)) = self.files.split_first() else { return };
         let text = |m: &Metadata| m.units.length_text().unwrap_or("a unit that is not stated").to_string();
         for PageModelFile { name, info, .. } in others {
@@ -60,7 +60,7 @@ impl ModelFiles {
     }
 
     /// Particles in the units of the first model.
-    pub fn in_units(&self, particles: Particles, context: &Context) -> Result<Particles> {
+    pub fn in_units(&self, particles: Particles, context: &CommandContext) -> Result<Particles> {
         match self.files.first() {
             Some(first) => particles.in_units(&first.info.metadata.unit_system(), &Storage::Memory, context),
             None => Ok(particles),
@@ -89,7 +89,7 @@ impl ModelFiles {
     }
 
     /// The poster of the only model, from its bytes. What fails is told, and the page goes without.
-    pub fn poster(&self, bytes: &[u8], context: &Context, tell: &dyn Fn(&str)) -> Option<Vec<u8>> {
+    pub fn poster(&self, bytes: &[u8], context: &CommandContext, tell: &dyn Fn(&str)) -> Option<Vec<u8>> {
         let place = self.files.first().map_or("", |f| &f.place);
         let model = codec::decode_with(bytes, place, context);
         match model.and_then(|model| poster::draw(&model, poster::LARGE, context)) {

@@ -2,19 +2,19 @@
 //!
 //! A model file is decoded from bytes ([`codec`]), held as columns ([`model`]), and drawn into a
 //! picture ([`render`]) that [`splat`] turns into grey levels. No files, no clock, no state of its own: the
-//! caller's [`progress::Progress`] says which instruction set to use and how much memory there is. Without the
+//! caller's [`context::Context`] says which instruction set to use and how much memory there is. Without the
 //! feature `threads` no threads either.
 
 // clippy.toml: functions whose bits are the platform's. Tests compare with them.
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
+pub mod context;
 pub mod error;
 pub mod math;
 pub mod memory;
 mod named;
 pub mod parallel;
 pub mod pieces;
-pub mod progress;
 mod remedy;
 pub mod space;
 

@@ -4,19 +4,19 @@ use super::gaussians::{LayerGaussian, all, has_opacities};
 use super::notes::one_line;
 use super::{Notes, RUN, written};
 use particlegs::Result;
+use particlegs::context::Context;
 use particlegs::model::Model;
-use particlegs::progress::Progress;
 use std::path::Path;
 
 const COVARIANCES: [&str; 6] = ["xx", "xy", "xz", "yy", "yz", "zz"];
 
 /// Writes them.
-pub fn write(model: &Model, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
+pub fn write(model: &Model, notes: &Notes, out: &Path, context: &Context<'_>) -> Result<u64> {
     let names: Vec<String> = model.layers.iter().map(|l| quoted(&l.name)).collect();
     let [masses, opacities] = [model.has_masses(), has_opacities(model)];
     // A number takes about ten letters.
     let expected = 120 * model.gaussians() as u64;
-    written(out, expected, progress, |sink| {
+    written(out, expected, context, |sink| {
         for line in notes.lines() {
             sink.put(format!("# {line}\n").as_bytes())?;
         }

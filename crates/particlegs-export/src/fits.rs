@@ -4,8 +4,8 @@
 use super::notes::ascii;
 use super::{Density, Notes, written};
 use particlegs::Result;
+use particlegs::context::Context;
 use particlegs::model::{Dimension, Unit};
-use particlegs::progress::Progress;
 use std::path::Path;
 
 /// Bytes of a card, and of a block of cards or numbers.
@@ -71,12 +71,12 @@ impl UnitScale {
 }
 
 /// Writes it.
-pub fn write(density: &Density, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
+pub fn write(density: &Density, notes: &Notes, out: &Path, context: &Context<'_>) -> Result<u64> {
     let scale = UnitScale::of(notes);
     let head = head(density, notes, &scale);
     let by = scale.mass / scale.length.powi(3);
     let bytes = 4 * density.values.len() as u64;
-    written(out, head.len() as u64 + bytes.next_multiple_of(BLOCK), progress, |sink| {
+    written(out, head.len() as u64 + bytes.next_multiple_of(BLOCK), context, |sink| {
         sink.put(&head)?;
         density.for_each_run(|run| {
             sink.check()?;

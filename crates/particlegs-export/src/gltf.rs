@@ -8,8 +8,8 @@ use super::{Notes, RUN, written};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use particlegs::camera::Normalisation;
+use particlegs::context::Context;
 use particlegs::model::{Block, Layer, Model};
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -50,7 +50,7 @@ pub fn write(
     notes: &Notes,
     out: &Path,
     form: GltfForm,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<u64> {
     let bytes = BYTES * model.gaussians() as u64;
     if bytes == 0 {
@@ -61,27 +61,22 @@ pub fn write(
         return Err(Error::Argument { what, remedy: "write a PLY, or make the model smaller with `simplify`".into() });
     }
     let text = if form == GltfForm::Text { bytes / 3 * 4 } else { 0 };
-    progress.require_memory("a glTF", 2 * bytes + 2 * text)?;
-    let (document, binary) = scene(model, colors, notes, progress)?;
+    context.require_memory("a glTF", 2 * bytes + 2 * text)?;
+    let (document, binary) = scene(model, colors, notes, context)?;
     match form {
-        GltfForm::Binary => binary_file(document, &binary, out, progress),
+        GltfForm::Binary => binary_file(document, &binary, out, context),
         GltfForm::Text => {
             let mut document = document;
             document["buffers"][0]["uri"] =
                 format!("data:application/octet-stream;base64,{}", STANDARD.encode(&binary)).into();
             let text = serde_json::to_vec(&document).expect("plain data");
-            written(out, text.len() as u64, progress, |sink| sink.put(&text))
+            written(out, text.len() as u64, context, |sink| sink.put(&text))
         }
     }
 }
 
 /// The document, and the numbers that it speaks of.
-fn scene(
-    model: &Model,
-    colors: Option<&[[f32; 3]]>,
-    notes: &Notes,
-    progress: &dyn Progress,
-) -> Result<(Value, Vec<u8>)> {
+fn scene(model: &Model, colors: Option<&[[f32; 3]]>, notes: &Notes, context: &Context<'_>) -> Result<(Value, Vec<u8>)> {
     let frame = Normalisation::of(&model.metadata.bounds);
     let mut binary = Vec::new();
     let (mut meshes, mut nodes, mut accessors, mut views) = (vec![], vec![], vec![], vec![]);
@@ -93,7 +88,7 @@ fn scene(
         if count == 0 {
             continue;
         }
-        let columns = LayerArrays::of(layer, own.map(|o| o.0), &frame, progress)?;
+        let columns = LayerArrays::of(layer, own.map(|o| o.0), &frame, context)?;
         let first = accessors.len();
         let mut attributes = serde_json::Map::new();
         for (k, (name, shape, bytes)) in ATTRIBUTES.iter().enumerate() {
@@ -148,13 +143,13 @@ impl LayerArrays {
         layer: &Layer<Vec<Block>>,
         colors: Option<&[[f32; 3]]>,
         frame: &Normalisation,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<LayerArrays> {
         let mut columns = LayerArrays { floats: Default::default(), fallback: Vec::new() };
         let gaussians = layer.content.iter().flat_map(|b| (0..b.gaussians.len()).map(|i| (&b.gaussians, i)));
         for (number, (g, i)) in gaussians.enumerate() {
             if number.is_multiple_of(RUN) {
-                progress.check()?;
+                context.check()?;
             }
             let own = g.law.alpha_blend().map_or((0.5, 0.5), |s| (s.opacity[i] as f32, s.grey[i] as f32));
             let color = colors.map_or([own.1; 3], |c| c[number]);
@@ -194,7 +189,7 @@ fn byte(share: f32) -> u8 {
 }
 
 /// A GLB: a head, and chunks that begin at multiples of four.
-fn binary_file(document: Value, binary: &[u8], out: &Path, progress: &dyn Progress) -> Result<u64> {
+fn binary_file(document: Value, binary: &[u8], out: &Path, context: &Context<'_>) -> Result<u64> {
     let mut text = serde_json::to_vec(&document).expect("plain data");
     text.resize(text.len().next_multiple_of(4), b' ');
     // A Gaussian's bytes are a multiple of four, and so are those of all.
@@ -208,7 +203,7 @@ fn binary_file(document: Value, binary: &[u8], out: &Path, progress: &dyn Progre
     head.extend(text);
     head.extend(word(binary.len() as u64)?);
     head.extend(b"BIN\0");
-    written(out, length, progress, |sink| {
+    written(out, length, context, |sink| {
         sink.put(&head)?;
         sink.put(binary)
     })

@@ -1,7 +1,7 @@
 //! A model's density on a grid, integrated over its cells.
 
+use particlegs::context::Context;
 use particlegs::model::{Metadata, Model};
-use particlegs::progress::Progress;
 use particlegs::stats::{Assignment, Domain, Grid, Subject, deposit};
 use particlegs::{Error, Result};
 
@@ -60,7 +60,7 @@ pub struct Density {
 
 impl Density {
     /// Of all layers of a model, over its periodic box, or its bounds where it has none or a tilted one.
-    pub fn of(model: &Model, cells: Cells, progress: &dyn Progress) -> Result<Density> {
+    pub fn of(model: &Model, cells: Cells, context: &Context<'_>) -> Result<Density> {
         let known = model.layers.iter().filter(|l| l.mass != particlegs::model::Mass::Unknown).count();
         if known > 0 && known < model.layers.len() {
             let what = "some layers have masses and others do not: their sum is no density".to_string();
@@ -71,9 +71,9 @@ impl Density {
         let domain = domain.unwrap_or_else(|| Domain::new(&model.metadata.bounds, None));
         let grid = cells.over(&domain)?;
         let subject = Subject::Model(model);
-        progress.begin("density", 0);
-        let field = deposit(subject, &grid, Assignment::Ngp, 0.0, progress)?;
-        progress.end();
+        context.begin("density", 0);
+        let field = deposit(subject, &grid, Assignment::Ngp, 0.0, context)?;
+        context.end();
         let total = field.mass.iter().map(|m| f64::from(*m)).sum();
         let volume: f64 = grid.side.iter().product();
         let mut values = field.mass;

@@ -21,8 +21,8 @@ pub use notes::Notes;
 pub use splats::{Faint, as_splats};
 
 use particlegs::Result;
+use particlegs::context::Context;
 use particlegs::model::Model;
-use particlegs::progress::Progress;
 use particlegs_files::output::{check_space_in, npy_header, scratch_folder, write_atomic};
 use particlegs_formats::write_splats;
 use std::io::Write;
@@ -35,7 +35,7 @@ const RUN: usize = 1 << 14;
 struct CountingWriter<'a> {
     to: &'a mut dyn Write,
     bytes: u64,
-    progress: &'a dyn Progress,
+    context: &'a Context<'a>,
 }
 
 impl CountingWriter<'_> {
@@ -47,7 +47,7 @@ impl CountingWriter<'_> {
 
     /// An error where the user wants to stop.
     fn check(&self) -> std::io::Result<()> {
-        self.progress.check().map_err(|_| std::io::ErrorKind::Interrupted.into())
+        self.context.check().map_err(|_| std::io::ErrorKind::Interrupted.into())
     }
 }
 
@@ -65,19 +65,19 @@ impl Write for CountingWriter<'_> {
 fn written(
     out: &Path,
     expected: u64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
     fill: impl FnOnce(&mut CountingWriter<'_>) -> std::io::Result<()>,
 ) -> Result<u64> {
     check_space_in(&scratch_folder(out), expected)?;
     let mut bytes = 0;
     let done = write_atomic(out, |to| {
-        let mut sink = CountingWriter { to, bytes: 0, progress };
+        let mut sink = CountingWriter { to, bytes: 0, context };
         fill(&mut sink)?;
         bytes = sink.bytes;
         Ok(())
     });
     // What was asked for says more than that writing was interrupted.
-    progress.check()?;
+    context.check()?;
     done.map(|()| bytes)
 }
 
@@ -88,21 +88,21 @@ pub fn write_as_splats(
     colors: Option<&[[f32; 3]]>,
     notes: &Notes,
     out: &Path,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<u64> {
     match kind {
-        Kind::Glb => gltf::write(model, colors, notes, out, gltf::GltfForm::Binary, progress),
-        Kind::Gltf => gltf::write(model, colors, notes, out, gltf::GltfForm::Text, progress),
-        _ => write_splats(model, colors, &notes.lines(), out, progress),
+        Kind::Glb => gltf::write(model, colors, notes, out, gltf::GltfForm::Binary, context),
+        Kind::Gltf => gltf::write(model, colors, notes, out, gltf::GltfForm::Text, context),
+        _ => write_splats(model, colors, &notes.lines(), out, context),
     }
 }
 
 /// A density in one of the formats of grids.
-pub fn write_density(kind: Kind, density: &Density, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
+pub fn write_density(kind: Kind, density: &Density, notes: &Notes, out: &Path, context: &Context<'_>) -> Result<u64> {
     match kind {
-        Kind::Vti => vti::write(density, notes, out, progress),
-        Kind::Fits => fits::write(density, notes, out, progress),
-        _ => written(out, 4 * density.values.len() as u64, progress, |sink| {
+        Kind::Vti => vti::write(density, notes, out, context),
+        Kind::Fits => fits::write(density, notes, out, context),
+        _ => written(out, 4 * density.values.len() as u64, context, |sink| {
             sink.put(&npy_header("<f4", &density.grid.cells.map(|n| n as u64)))?;
             for run in density.values.chunks(RUN) {
                 sink.check()?;
@@ -114,9 +114,9 @@ pub fn write_density(kind: Kind, density: &Density, notes: &Notes, out: &Path, p
 }
 
 /// A model's Gaussians as a table.
-pub fn write_gaussians(kind: Kind, model: &Model, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
+pub fn write_gaussians(kind: Kind, model: &Model, notes: &Notes, out: &Path, context: &Context<'_>) -> Result<u64> {
     match kind {
-        Kind::Csv => csv::write(model, notes, out, progress),
-        _ => npz::write(model, notes, out, progress),
+        Kind::Csv => csv::write(model, notes, out, context),
+        _ => npz::write(model, notes, out, context),
     }
 }

@@ -3,8 +3,8 @@
 use super::gaussians::{LayerGaussian, all, has_opacities};
 use super::{CountingWriter, Notes, RUN, written};
 use particlegs::Result;
+use particlegs::context::Context;
 use particlegs::model::Model;
-use particlegs::progress::Progress;
 use particlegs_files::output::npy_header;
 use rawzip::ZipArchiveWriter;
 use std::io::{Error, Write};
@@ -40,15 +40,15 @@ const OPACITIES: [NpzColumn; 2] = [
 ];
 
 /// Writes them.
-pub fn write(model: &Model, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
+pub fn write(model: &Model, notes: &Notes, out: &Path, context: &Context<'_>) -> Result<u64> {
     let masses = model.has_masses().then_some(MASS);
     let opacities = has_opacities(model).then_some(OPACITIES);
     let columns = COLUMNS.into_iter().chain(masses).chain(opacities.into_iter().flatten());
     let bytes = model.gaussians() as u64 * (9 + 3 + 2) * 8;
-    written(out, bytes, progress, |sink| {
+    written(out, bytes, context, |sink| {
         let mut archive = ZipArchiveWriter::new(sink);
         for column in columns {
-            member(&mut archive, column.name, |to| of_column(to, model, &column, progress))?;
+            member(&mut archive, column.name, |to| of_column(to, model, &column, context))?;
         }
         let names: Vec<&str> = model.layers.iter().map(|l| &l.name[..]).collect();
         member(&mut archive, "layer_names", |to| of_texts(to, &names, &[names.len() as u64]))?;
@@ -72,14 +72,14 @@ fn member(
     entry.finish(descriptor).map_err(Error::other).map(drop)
 }
 
-fn of_column(to: &mut dyn Write, model: &Model, column: &NpzColumn, progress: &dyn Progress) -> std::io::Result<()> {
+fn of_column(to: &mut dyn Write, model: &Model, column: &NpzColumn, context: &Context<'_>) -> std::io::Result<()> {
     let shape: Vec<u64> = std::iter::once(model.gaussians() as u64).chain(column.sides.iter().copied()).collect();
     to.write_all(&npy_header(column.element, &shape))?;
     let mut run = Vec::new();
     for (number, one) in all(model).enumerate() {
         (column.put)(&one, &mut run);
         if (number + 1).is_multiple_of(RUN) {
-            progress.check().map_err(|_| Error::from(std::io::ErrorKind::Interrupted))?;
+            context.check().map_err(|_| Error::from(std::io::ErrorKind::Interrupted))?;
             to.write_all(&run)?;
             run.clear();
         }

@@ -10,9 +10,9 @@
 //! flatter than `G`: over the picture it sums to `Ein(tau) / tau` of the depth. So the splat's covariance is `S`
 //! times `Ein(tau) / (1 - exp(-tau))`, which keeps that sum: 1 for what is faint, 1.26 at `tau = 1`.
 
+use particlegs::context::Context;
 use particlegs::math::Sym3;
 use particlegs::model::{AlphaBlend, Law, LawKind, Mixture, Model};
-use particlegs::progress::Progress;
 use particlegs::splat::opacity_integral;
 use particlegs::{Error, Result};
 
@@ -35,7 +35,7 @@ pub struct Faint {
 /// The model as one of the alpha-blend law, for particles of this radius and opacity, and what of it is
 /// fainter than viewers draw. An alpha-blend model stays as it is at its own radius and opacity, and is bent by its
 /// network for others.
-pub fn as_splats(mut model: Model, radius: f64, opacity: f64, progress: &dyn Progress) -> Result<(Model, Faint)> {
+pub fn as_splats(mut model: Model, radius: f64, opacity: f64, context: &Context<'_>) -> Result<(Model, Faint)> {
     if !(radius.is_finite() && radius > 0.0) {
         return Err(Error::argument(format!("--radius {radius} is not a length above 0")));
     }
@@ -44,12 +44,12 @@ pub fn as_splats(mut model: Model, radius: f64, opacity: f64, progress: &dyn Pro
     }
     if model.metadata.law == LawKind::OpticalDepth {
         for block in model.layers.iter_mut().flat_map(|l| &mut l.content) {
-            progress.check()?;
+            context.check()?;
             blended(&mut block.gaussians, radius, opacity)?;
         }
         model.metadata.law = LawKind::AlphaBlend;
     } else if (radius, opacity) != (model.metadata.default_radius, model.metadata.default_opacity) {
-        model = model.bent(radius, opacity, progress)?;
+        model = model.bent(radius, opacity, context)?;
     }
     let faint = faint(&model);
     Ok((model, faint))
@@ -223,11 +223,11 @@ mod tests {
     fn blended_splats_look_like_the_optical_depth() {
         use particlegs::camera::{View, base_distance, spherical_camera};
         use particlegs::compress::{Options, Target, compress};
+        use particlegs::context::Context;
         use particlegs::model::CertificateLevel;
         use particlegs::particles::Particles;
         use particlegs::picture::{Size, masked_psnr};
         use particlegs::pieces::NoCheckpoints;
-        use particlegs::progress::Silent;
         use particlegs::render::{Scene, draw};
         use particlegs::splat::ToneStyle;
 
@@ -235,14 +235,14 @@ mod tests {
         let particles = Particles::open_raw(&[sample.into()]).unwrap();
         let (certificate, effort) = (CertificateLevel::None, particlegs::model::Effort::Fast);
         let options = Options { target: Target::Gaussians(4000), certificate, effort, ..Options::default() };
-        let model = compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap().model;
+        let model = compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT).unwrap().model;
         let (m, size) = (&model.metadata, Size { width: 480, height: 270 });
         let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, size));
         for (opacity, least) in [(0.05, 30.0), (0.5, 26.5)] {
             let view = View { name: "view".into(), camera, radius: m.default_radius, opacity };
-            let wanted = draw(&Scene::of(&model), &view, size, ToneStyle::Expected, &Silent).unwrap();
-            let (splats, faint) = as_splats(model.clone(), m.default_radius, opacity, &Silent).unwrap();
-            let got = draw(&Scene::of(&splats), &view, size, ToneStyle::Expected, &Silent).unwrap();
+            let wanted = draw(&Scene::of(&model), &view, size, ToneStyle::Expected, &Context::SILENT).unwrap();
+            let (splats, faint) = as_splats(model.clone(), m.default_radius, opacity, &Context::SILENT).unwrap();
+            let got = draw(&Scene::of(&splats), &view, size, ToneStyle::Expected, &Context::SILENT).unwrap();
             let score = masked_psnr(&wanted, &got).unwrap_or(f64::INFINITY);
             eprintln!("opacity {opacity}: {score:.2} dB, {faint:?}");
             assert!(score > least, "{opacity}: {score} dB");

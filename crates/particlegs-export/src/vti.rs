@@ -3,17 +3,17 @@
 use super::notes::ascii;
 use super::{Density, Notes, written};
 use particlegs::Result;
-use particlegs::progress::Progress;
+use particlegs::context::Context;
 use std::fmt::Write;
 use std::path::Path;
 
 /// Writes it.
-pub fn write(density: &Density, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
+pub fn write(density: &Density, notes: &Notes, out: &Path, context: &Context<'_>) -> Result<u64> {
     let bytes = 4 * density.values.len() as u64;
     let mut head = String::new();
     // Writing to a String does not fail.
     let _ = text(density, notes, &mut head);
-    written(out, head.len() as u64 + bytes, progress, |sink| {
+    written(out, head.len() as u64 + bytes, context, |sink| {
         sink.put(head.as_bytes())?;
         sink.put(&bytes.to_le_bytes())?;
         density.for_each_run(|run| {

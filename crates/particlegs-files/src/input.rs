@@ -5,7 +5,7 @@
 //! devices give their data as they come, within the same bounds; waiting for them is said and can be
 //! stopped. Files that are mapped or read from many places must be regular ones ([`open_file`]).
 
-use crate::progress::Progress;
+use crate::context::Context;
 use crate::{Error, Result, memory};
 use std::fs::{File, Metadata};
 use std::io::{ErrorKind, Read, Write};
@@ -69,14 +69,14 @@ pub struct Source<'a> {
     ended: bool,
     /// Bytes, of a regular file.
     length: Option<u64>,
-    progress: &'a dyn Progress,
+    context: &'a Context<'a>,
     /// Has somebody been told that we wait?
     said: bool,
 }
 
 impl<'a> Source<'a> {
     /// Opens `path`; `-` is standard input. A pipe without a writer is opened too: reading waits.
-    pub fn open(path: &Path, progress: &'a dyn Progress) -> Result<Self> {
+    pub fn open(path: &Path, context: &'a Context<'a>) -> Result<Self> {
         let place = name_of(path);
         let file = match is_standard(path) {
             true => standard().map_err(|e| Error::io(&place, e))?,
@@ -88,7 +88,7 @@ impl<'a> Source<'a> {
         }
         // Standard input may be a file that others have read from.
         let length = (metadata.is_file() && !is_standard(path)).then_some(metadata.len());
-        Ok(Source { file, place, head: Vec::new(), ended: false, length, progress, said: false })
+        Ok(Source { file, place, head: Vec::new(), ended: false, length, context, said: false })
     }
 
     /// How messages name it.
@@ -134,7 +134,7 @@ impl<'a> Source<'a> {
     /// Has `bytes` bytes at hand, or all that there are.
     fn fill(&mut self, bytes: usize) -> Result<()> {
         while self.head.len() < bytes && !self.ended {
-            self.progress.check()?;
+            self.context.check()?;
             self.wait()?;
             let start = self.head.len();
             let piece = PIECE.min(bytes - start);
@@ -162,9 +162,9 @@ impl<'a> Source<'a> {
         }
         let began = Instant::now();
         while !ready(&self.file).map_err(|e| Error::io(&self.place, e))? {
-            self.progress.check()?;
+            self.context.check()?;
             if !self.said && began.elapsed() >= SAY_AFTER {
-                self.progress.message(&format!("waiting for data from {}", self.place));
+                self.context.message(&format!("waiting for data from {}", self.place));
                 self.said = true;
             }
         }
@@ -178,8 +178,8 @@ impl<'a> Source<'a> {
 }
 
 /// Reads a file, pipe or device whole: `-` is standard input.
-pub fn read_whole(path: &Path, form: Form, progress: &dyn Progress) -> Result<Vec<u8>> {
-    form.read(Source::open(path, progress)?)
+pub fn read_whole(path: &Path, form: Form, context: &Context<'_>) -> Result<Vec<u8>> {
+    form.read(Source::open(path, context)?)
 }
 
 /// [`read_whole`] of a regular file of the program's own; `None` where there is none.
@@ -189,9 +189,9 @@ pub fn read_own(path: &Path, form: Form) -> Result<Option<Vec<u8>>> {
         Err(Error::Io { source, .. }) if source.kind() == ErrorKind::NotFound => return Ok(None),
         Err(e) => return Err(e),
     };
-    let progress = &crate::progress::Silent;
+    let context = &crate::context::Context::SILENT;
     let (place, length) = (name_of(path), Some(length));
-    form.read(Source { file, place, head: Vec::new(), ended: false, length, progress, said: false }).map(Some)
+    form.read(Source { file, place, head: Vec::new(), ended: false, length, context, said: false }).map(Some)
 }
 
 impl Form {
@@ -237,7 +237,7 @@ impl SpoolFile {
         }
         let folder = std::env::temp_dir();
         let mut file = tempfile::tempfile_in(&folder).map_err(|e| Error::io(&folder, e))?;
-        source.progress.begin("reading the input", 0);
+        source.context.begin("reading the input", 0);
         source.copy(|piece| {
             // The disk is not filled to its end by a stream that has none.
             crate::output::check_space_in(&folder, LEFT_FREE).map_err(|_| {
@@ -246,7 +246,7 @@ impl SpoolFile {
             })?;
             file.write_all(piece).map_err(|e| Error::io(&folder, e))
         })?;
-        source.progress.end();
+        source.context.end();
         Ok(SpoolFile { file, place })
     }
 
@@ -383,7 +383,8 @@ pub fn map_file(path: &Path) -> Result<(Option<Arc<memmap2::Mmap>>, usize)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::Silent;
+    use crate::context::Context;
+    use crate::context::ProgressSink;
     use std::sync::Mutex;
     use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -402,7 +403,7 @@ mod tests {
             (&[b' '; 101], Some("larger than 100 bytes: not a note")),
         ] {
             std::fs::write(&path, bytes).unwrap();
-            let read = read_whole(&path, NOTE, &Silent);
+            let read = read_whole(&path, NOTE, &Context::SILENT);
             let own = read_own(&path, NOTE);
             match fault {
                 None => assert_eq!((&read.unwrap()[..], &own.unwrap().unwrap()[..]), (bytes, bytes)),
@@ -414,7 +415,7 @@ mod tests {
         }
         assert!(read_own(&folder.path().join("none"), NOTE).unwrap().is_none());
         assert!(read_own(folder.path(), NOTE).unwrap_err().to_string().contains("a folder"));
-        assert!(read_whole(folder.path(), NOTE, &Silent).unwrap_err().to_string().contains("a folder"));
+        assert!(read_whole(folder.path(), NOTE, &Context::SILENT).unwrap_err().to_string().contains("a folder"));
     }
 
     #[cfg(target_os = "linux")]
@@ -429,9 +430,9 @@ mod tests {
     #[test]
     fn an_endless_device_is_left_after_its_first_bytes() {
         let zero = Path::new("/dev/zero");
-        assert!(read_whole(zero, NOTE, &Silent).unwrap_err().to_string().contains("does not begin as one"));
+        assert!(read_whole(zero, NOTE, &Context::SILENT).unwrap_err().to_string().contains("does not begin as one"));
         let endless = Form { begins: Begins::With(b"\0"), ..NOTE };
-        assert!(read_whole(zero, endless, &Silent).unwrap_err().to_string().contains("larger than 100"));
+        assert!(read_whole(zero, endless, &Context::SILENT).unwrap_err().to_string().contains("larger than 100"));
         assert!(open_file(zero).unwrap_err().to_string().contains("a device"));
         assert!(read_own(zero, endless).is_err());
     }
@@ -449,21 +450,17 @@ mod tests {
                 std::fs::write(path, b"{\"a\": 1}").unwrap();
             }
         });
-        assert_eq!(read_whole(&path, NOTE, &Silent).unwrap(), b"{\"a\": 1}");
+        assert_eq!(read_whole(&path, NOTE, &Context::SILENT).unwrap(), b"{\"a\": 1}");
         writer.join().unwrap();
     }
 
     /// Keeps what is said, and stops the work then.
     struct CancelOnMessage(Mutex<Vec<String>>, AtomicBool);
 
-    impl Progress for CancelOnMessage {
+    impl ProgressSink for CancelOnMessage {
         fn message(&self, text: &str) {
             self.0.lock().unwrap().push(text.into());
             self.1.store(true, Ordering::SeqCst);
-        }
-
-        fn cancelled(&self) -> bool {
-            self.1.load(Ordering::SeqCst)
         }
     }
 
@@ -473,7 +470,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = fifo(folder.path());
         let impatient = CancelOnMessage(Mutex::default(), AtomicBool::new(false));
-        assert!(matches!(read_whole(&path, NOTE, &impatient), Err(Error::Cancelled)));
+        let cancel = || impatient.1.load(Ordering::SeqCst);
+        let context = Context::SILENT.with_sink(&impatient).with_cancel(&cancel);
+        assert!(matches!(read_whole(&path, NOTE, &context), Err(Error::Cancelled)));
         let said = impatient.0.into_inner().unwrap();
         assert_eq!(said.len(), 1);
         assert!(said[0].starts_with("waiting for data from ") && said[0].ends_with("pipe"), "{said:?}");

@@ -6,4 +6,4 @@ pub mod input;
 pub mod memory;
 pub mod output;
 
-use particlegs_core::{Error, Result, progress};
+use particlegs_core::{Error, Result, context};

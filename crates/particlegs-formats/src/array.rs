@@ -41,8 +41,8 @@ impl Array {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use particlegs::context::Context;
     use particlegs::particles::{LayeredParticles, Storage};
-    use particlegs::progress::Silent;
 
     #[test]
     fn strides_and_byte_orders_are_followed() {
@@ -57,8 +57,10 @@ mod tests {
         };
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_be_bytes()).collect();
         let reader = array(">f8", bytes.clone()).reader(SnapshotMeta::default()).unwrap();
-        let particles =
-            LayeredParticles::new(vec![("a".into(), reader)]).unwrap().load(&Storage::Memory, &Silent).unwrap();
+        let particles = LayeredParticles::new(vec![("a".into(), reader)])
+            .unwrap()
+            .load(&Storage::Memory, &Context::SILENT)
+            .unwrap();
         assert_eq!([0, 1].map(|i| particles.position(i)), [[3.0, 5.0, 7.0], [4.0, 6.0, 8.0]]);
         for bad in ["|O", "", "<c16", ">f3", "f"] {
             assert!(array(bad, bytes.clone()).reader(SnapshotMeta::default()).is_err(), "{bad}");

@@ -4,11 +4,11 @@ use crate::fields;
 use crate::folder::resolved;
 use crate::registry::{FORMATS, spool};
 use crate::{Description, Snapshot, Species, SpeciesField, Weights, raw};
+use particlegs::context::Context;
 use particlegs::model::{Dimension, Unit, UnitSystem, Units, WeightKind, is_species};
 use particlegs::particles::{
     LayerFields, LayeredParticles, Particles, Selection, SnapshotMeta, SnapshotReader, Storage,
 };
-use particlegs::progress::{Progress, Silent};
 use particlegs::space::Bounds;
 use particlegs::{Error, Result};
 use particlegs_files::input::{Source, SpoolFile, is_stream};
@@ -100,7 +100,7 @@ impl Choice {
         let units = said.replaced(&Units::of(length, mass, said.comoving));
         let to = UnitSystem { units: &units, ..particles.meta.unit_system() };
         // What was asked for need not be told.
-        particles.clone().in_units(&to, storage, &Silent)
+        particles.clone().in_units(&to, storage, &Context::SILENT)
     }
 
     /// The selection, where it leaves anything out.
@@ -123,9 +123,9 @@ impl Choice {
     ///
     /// # Errors
     /// Those of opening, reading and [`Particles::select`]; [`Error::Input`] for a species that there is not.
-    pub fn read(&self, paths: &[PathBuf], storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
-        let at_hand = InputFiles::of(paths, self, progress)?;
-        Ok(self.read_at_hand(&at_hand, storage, progress, false)?.0)
+    pub fn read(&self, paths: &[PathBuf], storage: &Storage, context: &Context<'_>) -> Result<Particles> {
+        let at_hand = InputFiles::of(paths, self, context)?;
+        Ok(self.read_at_hand(&at_hand, storage, context, false)?.0)
     }
 
     /// The same, with the fields of each layer, which are read where they are written: none where particles are
@@ -137,27 +137,27 @@ impl Choice {
         &mut self,
         paths: &[PathBuf],
         storage: &Storage,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<(Particles, Vec<LayerFields>)> {
-        let at_hand = InputFiles::of(paths, self, progress)?;
+        let at_hand = InputFiles::of(paths, self, context)?;
         // What a stream has given must be there as long as its fields are.
         self.spooled.clone_from(&at_hand.spooled);
-        self.read_at_hand(&at_hand, storage, progress, true)
+        self.read_at_hand(&at_hand, storage, context, true)
     }
 
     fn read_at_hand(
         &self,
         at_hand: &InputFiles,
         storage: &Storage,
-        progress: &dyn Progress,
+        context: &Context<'_>,
         with_fields: bool,
     ) -> Result<(Particles, Vec<LayerFields>)> {
-        let read = read_at_hand(&at_hand.paths, self, storage, progress, with_fields);
+        let read = read_at_hand(&at_hand.paths, self, storage, context, with_fields);
         let (mut particles, fields) = at_hand.named(read)?;
         at_hand.name(&mut particles.meta);
         match self.kept() {
             None => Ok((particles, fields)),
-            Some(selection) => Ok((particles.select(selection, storage, progress)?, Vec::new())),
+            Some(selection) => Ok((particles.select(selection, storage, context)?, Vec::new())),
         }
     }
 
@@ -167,17 +167,17 @@ impl Choice {
     ///
     /// # Errors
     /// Those of opening; [`Error::Input`] for a species that there is not.
-    pub fn read_later(&self, paths: &[PathBuf], progress: &dyn Progress) -> Result<Option<LayeredParticles>> {
+    pub fn read_later(&self, paths: &[PathBuf], context: &Context<'_>) -> Result<Option<LayeredParticles>> {
         let converted = self.convert_units && (self.length_unit.is_some() || self.mass_unit.is_some());
         let selected = self.skip_invalid || self.by_mass || converted || self.kept().is_some();
         if selected || paths.iter().any(|p| is_stream(p)) {
             return Ok(None);
         }
-        let mut source = match SpeciesData::of(paths, self, progress, false)? {
+        let mut source = match SpeciesData::of(paths, self, context, false)? {
             SpeciesData::InPlace(particles) => LayeredParticles::of(&particles),
             SpeciesData::Readers(layers, _) => layers,
         };
-        say(&self.state(&mut source.meta)?, progress);
+        say(&self.state(&mut source.meta)?, context);
         Ok(source.random_access().then_some(source))
     }
 
@@ -189,10 +189,10 @@ impl Choice {
         &self,
         paths: &[PathBuf],
         bounds: bool,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<(Description, Vec<Bounds>)> {
-        let at_hand = InputFiles::of(paths, self, progress)?;
-        let (mut description, bounds) = at_hand.named(describe_at_hand(&at_hand.paths, self, bounds, progress))?;
+        let at_hand = InputFiles::of(paths, self, context)?;
+        let (mut description, bounds) = at_hand.named(describe_at_hand(&at_hand.paths, self, bounds, context))?;
         at_hand.name(&mut description.meta);
         if at_hand.spooled.is_some() {
             description.files = paths.to_vec();
@@ -208,9 +208,9 @@ struct InputFiles {
 }
 
 impl InputFiles {
-    fn of(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress) -> Result<InputFiles> {
+    fn of(paths: &[PathBuf], choice: &Choice, context: &Context<'_>) -> Result<InputFiles> {
         let spooled = match (paths, &choice.spooled) {
-            ([one], None) if is_stream(one) => Some(Arc::new(spool(Source::open(one, progress)?, choice)?)),
+            ([one], None) if is_stream(one) => Some(Arc::new(spool(Source::open(one, context)?, choice)?)),
             (_, spooled) => spooled.clone(),
         };
         let paths = spooled.as_ref().map_or_else(|| paths.to_vec(), |s| vec![s.path()]);
@@ -237,16 +237,16 @@ fn read_at_hand(
     paths: &[PathBuf],
     choice: &Choice,
     storage: &Storage,
-    progress: &dyn Progress,
+    context: &Context<'_>,
     with_fields: bool,
 ) -> Result<(Particles, Vec<LayerFields>)> {
-    let (particles, mut fields) = match SpeciesData::of(paths, choice, progress, with_fields)? {
+    let (particles, mut fields) = match SpeciesData::of(paths, choice, context, with_fields)? {
         SpeciesData::InPlace(particles) => (particles, Vec::new()),
-        SpeciesData::Readers(layers, fields) => (layers.load(storage, progress)?, fields),
+        SpeciesData::Readers(layers, fields) => (layers.load(storage, context)?, fields),
     };
     let count = particles.len();
     let mut particles = choice.converted(particles, storage)?;
-    say(&choice.state(&mut particles.meta)?, progress);
+    say(&choice.state(&mut particles.meta)?, context);
     let drop = choice.skip_invalid.then_some(storage);
     let particles = particles.checked(&place(paths), drop)?.settle_masses();
     // Fields are as they lie in the files: not where numbers are converted.
@@ -265,11 +265,11 @@ enum SpeciesData {
 }
 
 impl SpeciesData {
-    fn of(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress, with_fields: bool) -> Result<SpeciesData> {
+    fn of(paths: &[PathBuf], choice: &Choice, context: &Context<'_>, with_fields: bool) -> Result<SpeciesData> {
         let snapshot = opened(paths, choice)?;
         let description = snapshot.description();
         let chosen = chosen(&description.species, &choice.species, &description.meta.name)?;
-        say(&description.notes, progress);
+        say(&description.notes, context);
         let weights = chosen.iter().find_map(|&i| description.species[i].other_weights(&choice.weights));
         if let Some(mut particles) = snapshot.in_place(&chosen, choice)? {
             weigh(&mut particles.meta, weights);
@@ -300,8 +300,8 @@ fn weigh(meta: &mut SnapshotMeta, field: Option<(&SpeciesField, WeightKind)>) {
     }
 }
 
-fn say(notes: &[String], progress: &dyn Progress) {
-    notes.iter().for_each(|note| progress.message(&format!("note: {note}")));
+fn say(notes: &[String], context: &Context<'_>) {
+    notes.iter().for_each(|note| context.message(&format!("note: {note}")));
 }
 
 /// How errors name what was named.
@@ -313,13 +313,13 @@ fn describe_at_hand(
     paths: &[PathBuf],
     choice: &Choice,
     bounds: bool,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<(Description, Vec<Bounds>)> {
     let snapshot = opened(paths, choice)?;
     let mut description = snapshot.description().clone();
     let wanted = if bounds { 0..description.species.len() } else { 0..0 };
     let bounds =
-        wanted.map(|index| bounds_of(&*snapshot.reader(index, choice)?, progress)).collect::<Result<Vec<_>>>()?;
+        wanted.map(|index| bounds_of(&*snapshot.reader(index, choice)?, context)).collect::<Result<Vec<_>>>()?;
     let notes = choice.state(&mut description.meta)?;
     description.notes.extend(notes);
     Ok((description, bounds))
@@ -340,11 +340,11 @@ fn opened(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
 }
 
 /// Bounds of what a reader reads, invalid positions apart.
-fn bounds_of(reader: &dyn SnapshotReader, progress: &dyn Progress) -> Result<Bounds> {
+fn bounds_of(reader: &dyn SnapshotReader, context: &Context<'_>) -> Result<Bounds> {
     let all = std::sync::Mutex::new(Bounds::empty());
     let origin = reader.origin();
     let runs = reader.count().div_ceil(particlegs::particles::RUN as u64);
-    reader.read(0..runs, progress, &|_, chunk| {
+    reader.read(0..runs, context, &|_, chunk| {
         let ends = chunk.position.map(|c| {
             let finite = c.iter().filter(|v| v.is_finite());
             finite.fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), &v| (lo.min(v), hi.max(v)))

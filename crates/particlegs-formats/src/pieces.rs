@@ -1,8 +1,8 @@
 //! One reader for all formats whose rows can be read from any place.
 
+use particlegs::context::Context;
 use particlegs::parallel;
 use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::ops::Range;
 
@@ -115,12 +115,12 @@ impl SnapshotReader for PieceReader {
     fn read(
         &self,
         runs: Range<u64>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()> {
         let scratch = parallel::Scratch::<(RowBuffer, [Vec<f32>; 4])>::default();
         let read = |run: u64, (rows, columns): &mut (RowBuffer, [Vec<f32>; 4])| {
-            progress.check()?;
+            context.check()?;
             let start = run * RUN as u64;
             let end = self.count().min(start + RUN as u64);
             rows.clear();
@@ -133,7 +133,7 @@ impl SnapshotReader for PieceReader {
             columns[3].extend(rows.weight.iter().map(|&v| v as f32));
             let [x, y, z, w] = &*columns;
             sink(run, Chunk { position: [x, y, z], weight: self.weighted.then_some(w) })?;
-            progress.advance(end - start);
+            context.advance(end - start);
             Ok(())
         };
         parallel::try_for_each(runs, |run| scratch.with(|space| read(run, space)))

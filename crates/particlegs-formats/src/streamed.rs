@@ -4,8 +4,8 @@ use crate::affine::Affine;
 use crate::pieces::{RowBuffer, origin_of};
 use crate::stored::StoredBytes;
 use crate::strided::StridedColumn;
+use particlegs::context::Context;
 use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::io::Read;
 use std::ops::Range;
@@ -166,12 +166,12 @@ impl SnapshotReader for StreamReader {
     fn read(
         &self,
         runs: Range<u64>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()> {
         let mut columns = <[Vec<f32>; 4]>::default();
         self.rows(runs, &mut |run, rows| {
-            progress.check()?;
+            context.check()?;
             for k in 0..3 {
                 columns[k].clear();
                 columns[k].extend(rows.position[k].iter().map(|&v| (v - self.origin[k]) as f32));
@@ -180,7 +180,7 @@ impl SnapshotReader for StreamReader {
             columns[3].extend(rows.weight.iter().map(|&v| v as f32));
             let [x, y, z, w] = &columns;
             sink(run, Chunk { position: [x, y, z], weight: self.weighted.then_some(w) })?;
-            progress.advance(x.len() as u64);
+            context.advance(x.len() as u64);
             Ok(())
         })
     }

@@ -1,9 +1,9 @@
 //! The formats that snapshots are written in.
 
 use crate::fields::OutField;
+use particlegs::context::Context;
 use particlegs::model::Cosmology;
 use particlegs::particles::{RawForm, SelectedParticles};
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::path::Path;
 
@@ -21,7 +21,7 @@ pub struct Writer {
     fields: fn(&SelectedParticles<'_>) -> Vec<Vec<OutField>>,
     /// Does it write a folder, not a file?
     pub folder: bool,
-    pub(crate) write: fn(&SelectedParticles<'_>, &Path, &dyn Progress) -> Result<u64>,
+    pub(crate) write: fn(&SelectedParticles<'_>, &Path, &Context<'_>) -> Result<u64>,
 }
 
 /// What a format holds beside positions and masses.
@@ -47,7 +47,7 @@ static WRITERS: &[Writer] = &[
         holds: WriterCapabilities { cell: true, units: true, cosmology: true, time: true, step: true },
         fields: none,
         folder: true,
-        write: |kept, out, progress| kept.write_raw(out, RawForm::Columns, progress),
+        write: |kept, out, context| kept.write_raw(out, RawForm::Columns, context),
     },
     Writer {
         name: "npy",
@@ -56,7 +56,7 @@ static WRITERS: &[Writer] = &[
         holds: WriterCapabilities { cell: false, units: false, cosmology: false, time: false, step: false },
         fields: none,
         folder: false,
-        write: |kept, out, progress| kept.write_raw(out, RawForm::Npy, progress),
+        write: |kept, out, context| kept.write_raw(out, RawForm::Npy, context),
     },
     Writer {
         name: "hdf5",
@@ -134,8 +134,8 @@ impl Writer {
     ///
     /// # Errors
     /// [`Error::Io`]; [`Error::Argument`] for what the format cannot hold; [`Error::Cancelled`].
-    pub fn write(&self, kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
-        (self.write)(kept, out, progress)
+    pub fn write(&self, kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
+        (self.write)(kept, out, context)
     }
 
     /// What a file of what is kept leaves out, in words; none where it holds all.

@@ -3,9 +3,9 @@
 mod support;
 
 use particlegs::Result;
+use particlegs::context::Context;
 use particlegs::model::{Cosmology, Layer, Mass as LayerMass, Units};
 use particlegs::particles::{Column, Particles, RUN, SelectedParticles, Selection, SnapshotReader, Tiling};
-use particlegs::progress::Silent;
 use particlegs::space::Cell;
 use particlegs_formats::{Choice, Snapshot, SpeciesMass, Weights, Writer};
 use std::path::{Path, PathBuf};
@@ -27,8 +27,8 @@ fn opened(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
     Choice { format: Some("hdf5".into()), ..Choice::default() }.open(paths)
 }
 
-fn write(kept: &SelectedParticles<'_>, path: &Path, progress: &Silent) -> Result<u64> {
-    Writer::of(path, Some("hdf5"))?.write(kept, path, progress)
+fn write(kept: &SelectedParticles<'_>, path: &Path, context: &Context<'_>) -> Result<u64> {
+    Writer::of(path, Some("hdf5"))?.write(kept, path, context)
 }
 
 /// All positions of a reader, and its weights, in order.
@@ -37,7 +37,7 @@ fn positions(reader: &dyn SnapshotReader) -> Result<(Vec<[f64; 3]>, Vec<f32>)> {
     let count = reader.count() as usize;
     let weights = if reader.has_weights() { count } else { 0 };
     let all = Mutex::new((vec![[0.0; 3]; count], vec![0.0; weights]));
-    reader.read(0..count.div_ceil(RUN) as u64, &Silent, &|run, chunk| {
+    reader.read(0..count.div_ceil(RUN) as u64, &Context::SILENT, &|run, chunk| {
         let mut all = all.lock().unwrap();
         let start = run as usize * RUN;
         for i in 0..chunk.len() {
@@ -58,7 +58,7 @@ fn read_whole(paths: &[PathBuf]) -> Result<u64> {
     for species in 0..snapshot.description().species.len() {
         let reader = snapshot.reader(species, &Choice::default())?;
         let runs = reader.count().div_ceil(RUN as u64);
-        reader.read(0..runs, &Silent, &|_, chunk| {
+        reader.read(0..runs, &Context::SILENT, &|_, chunk| {
             let finite = chunk.position.iter().all(|c| c.iter().all(|v| v.is_finite()));
             if finite { Ok(()) } else { Err(particlegs::Error::input("positions", "not finite")) }
         })?;
@@ -329,8 +329,8 @@ fn what_is_written_is_read_back_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.hdf5");
     let particles = made(&[("PartType4", 200_000), ("dm", 10), ("PartType0", 70_001)]);
-    let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Silent).unwrap();
-    let bytes = write(&kept, &path, &Silent).unwrap();
+    let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
+    let bytes = write(&kept, &path, &Context::SILENT).unwrap();
     assert_eq!(bytes, std::fs::metadata(&path).unwrap().len());
     let snapshot = opened(&[path]).unwrap();
     let d = snapshot.description();
@@ -359,8 +359,8 @@ fn the_bytes_written_are_those_that_others_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.hdf5");
     let particles = made(&[("PartType4", 50), ("dm", 10), ("PartType0", 100)]);
-    let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Silent).unwrap();
-    write(&kept, &path, &Silent).unwrap();
+    let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
+    write(&kept, &path, &Context::SILENT).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hdf5/large/written.hdf5");
     if std::env::var_os("PARTICLEGS_KEEP").is_some() {
@@ -376,8 +376,8 @@ fn slabs_go_out_and_come_back() {
     let path = folder.path().join("out.hdf5");
     let mut particles = made(&[("dm", 10)]);
     particles.meta.cell = Cell::stated([0.0; 3], [[0.0, 32.0, 0.0], [-64.0, 0.0, 0.0], [0.0; 3]], [true; 3]);
-    let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Silent).unwrap();
-    write(&kept, &path, &Silent).unwrap();
+    let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
+    write(&kept, &path, &Context::SILENT).unwrap();
     let snapshot = opened(&[path]).unwrap();
     let d = snapshot.description();
     let cell = d.meta.cell.unwrap();
@@ -392,8 +392,8 @@ fn what_the_layout_does_not_hold_is_refused() {
     let path = folder.path().join("out.hdf5");
     let mut particles = made(&[("a", 1), ("b", 1), ("c", 1), ("d", 1), ("e", 1), ("f", 1), ("g", 1)]);
     let refused = |particles: &Particles| {
-        let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
-        write(&kept, &path, &Silent).unwrap_err().to_string()
+        let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
+        write(&kept, &path, &Context::SILENT).unwrap_err().to_string()
     };
     assert!(refused(&particles).contains("7 layers"));
     particles = particles.with_layers(Vec::new());

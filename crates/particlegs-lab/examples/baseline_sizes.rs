@@ -1,7 +1,7 @@
 //! Sizes of every baseline on raw columns, each run's bound verified: `baseline_sizes FOLDER BOUND|RATIOx...`, as
 //! `0.2 263x`; SZ3 and ZFP too where PARTICLEGS_LAB_PYTHON names a Python that has them. Lines of CSV.
+use particlegs::context::Context;
 use particlegs::particles::Particles;
-use particlegs::progress::Silent;
 use particlegs_lab::{Baseline, PositionColumns, baselines, external::External, rate, subset};
 
 fn main() -> particlegs::Result<()> {
@@ -16,7 +16,7 @@ fn main() -> particlegs::Result<()> {
     }
     for ratio in asked.iter().filter_map(|a| a.strip_suffix('x')) {
         let bytes = bytes_of(&columns, ratio);
-        if let Some(thin) = subset::subset(&columns, bytes, 1, &Silent)? {
+        if let Some(thin) = subset::subset(&columns, bytes, 1, &Context::SILENT)? {
             println!("subset of {};{ratio}x;;{};;;;;", thin.particles[0].len(), thin.bytes);
         }
     }
@@ -31,7 +31,7 @@ fn line(baseline: &dyn Baseline, columns: &PositionColumns, asked: &str) -> part
     let bound = match asked.strip_suffix('x') {
         None => asked.parse().expect("a bound"),
         Some(ratio) => {
-            let found = rate::at_size(baseline, columns, bytes_of(columns, ratio), &Silent)?;
+            let found = rate::at_size(baseline, columns, bytes_of(columns, ratio), &Context::SILENT)?;
             eprintln!("{} at {asked}: {found:?}", baseline.name());
             found.bound
         }

@@ -40,7 +40,7 @@ impl DensityMeasures {
         match lab.store.result("density", &inputs, || measured(lab, snapshot, method, bytes)) {
             // A way that fails has no measures; its failure stands beside its pictures, and is not kept.
             Err(Error::Input { .. } | Error::Argument { .. } | Error::Unreachable { .. }) => {
-                lab.progress.check()?;
+                lab.context.check()?;
                 Ok(DensityMeasures::default())
             }
             other => other,
@@ -79,7 +79,7 @@ fn statistics(lab: &Lab<'_>, truth: &Particles, other: &Particles) -> Result<Sta
         seed: lab.settings.seed,
         ..StatsOptions::default()
     };
-    compare(Subject::Particles(truth), Subject::Particles(other), &options, lab.progress)
+    compare(Subject::Particles(truth), Subject::Particles(other), &options, lab.context)
 }
 
 fn large_scales(s: &Statistics) -> Option<f64> {
@@ -100,14 +100,14 @@ fn held_out(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes
         return Ok(None);
     }
     let seed = lab.settings.seed;
-    let [fitted, left_out] = snapshot.halves(seed, lab.progress)?;
+    let [fitted, left_out] = snapshot.halves(seed, lab.context)?;
     let hash = format!("{} half {seed}", snapshot.hash);
     let domain = Domain::of_particles(&snapshot.particles);
     match method.keep(lab, &fitted, &hash, bytes, seed)?.content {
-        FileContent::Particles(p, _) => Likelihood::kernel_bits(&p, &left_out, &domain, seed, lab.progress).map(Some),
+        FileContent::Particles(p, _) => Likelihood::kernel_bits(&p, &left_out, &domain, seed, lab.context).map(Some),
         FileContent::Model(model) => {
             let options = StatsOptions { measures: vec![Measure::Likelihood], seed, ..StatsOptions::default() };
-            let s = compare(Subject::Particles(&left_out), Subject::Model(&model), &options, lab.progress)?;
+            let s = compare(Subject::Particles(&left_out), Subject::Model(&model), &options, lab.context)?;
             Ok(s.likelihood.map(|l| l.bits))
         }
     }
@@ -117,7 +117,7 @@ fn held_out(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes
 pub fn all_particles_bits(lab: &Lab<'_>, snapshot: &Snapshot) -> Result<f64> {
     let seed = lab.settings.seed;
     lab.store.result("kernel-bits", &(&snapshot.hash, seed), || {
-        let [fitted, left_out] = snapshot.halves(seed, lab.progress)?;
-        Likelihood::kernel_bits(&fitted, &left_out, &Domain::of_particles(&snapshot.particles), seed, lab.progress)
+        let [fitted, left_out] = snapshot.halves(seed, lab.context)?;
+        Likelihood::kernel_bits(&fitted, &left_out, &Domain::of_particles(&snapshot.particles), seed, lab.context)
     })
 }

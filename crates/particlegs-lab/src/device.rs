@@ -1,10 +1,10 @@
 //! What draws the pictures of experiments, and takes steps of training: the processor, or what the caller has.
 
 use particlegs::camera::View;
+use particlegs::context::Context;
 use particlegs::model::Model;
 use particlegs::particles::Particles;
 use particlegs::picture::{Gray8, Size};
-use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs::render::{Scene, draw};
 use particlegs::space::Bounds;
@@ -35,10 +35,10 @@ pub trait Device: Debug + Send + Sync {
     fn trainer(&self) -> Result<Option<Arc<dyn train::Device>>>;
 
     /// Pictures of particles with these bounds (world units).
-    fn particles<'a>(&self, of: &'a Particles, bounds: Bounds, style: Style, p: &'a dyn Progress) -> Result<Draw<'a>>;
+    fn particles<'a>(&self, of: &'a Particles, bounds: Bounds, style: Style, p: &'a Context<'a>) -> Result<Draw<'a>>;
 
     /// Pictures of a model.
-    fn model<'a>(&self, of: &'a Model, progress: &'a dyn Progress) -> Result<Draw<'a>>;
+    fn model<'a>(&self, of: &'a Model, context: &'a Context<'a>) -> Result<Draw<'a>>;
 }
 
 /// The processor.
@@ -54,7 +54,7 @@ impl Device for Processor {
         Ok(None)
     }
 
-    fn particles<'a>(&self, of: &'a Particles, bounds: Bounds, style: Style, p: &'a dyn Progress) -> Result<Draw<'a>> {
+    fn particles<'a>(&self, of: &'a Particles, bounds: Bounds, style: Style, p: &'a Context<'a>) -> Result<Draw<'a>> {
         let reference = Reference::with_bounds(of, bounds);
         Ok(Box::new(move |view, size| match style {
             Style::Paraview => reference.draw(view, size, ToneStyle::Paraview, p),
@@ -62,8 +62,8 @@ impl Device for Processor {
         }))
     }
 
-    fn model<'a>(&self, of: &'a Model, progress: &'a dyn Progress) -> Result<Draw<'a>> {
+    fn model<'a>(&self, of: &'a Model, context: &'a Context<'a>) -> Result<Draw<'a>> {
         let scene = Scene::of(of);
-        Ok(Box::new(move |view, size| draw(&scene, view, size, ToneStyle::Paraview, progress)))
+        Ok(Box::new(move |view, size| draw(&scene, view, size, ToneStyle::Paraview, context)))
     }
 }

@@ -11,11 +11,11 @@ use particlegs::Error;
 use particlegs::Result;
 use particlegs::codec;
 use particlegs::compress::{CompressedModel, Options, Target, compress};
+use particlegs::context::Context;
 use particlegs::fit::Effort;
 use particlegs::model::{CertificateLevel, Model};
 use particlegs::particles::{Particles, RawForm};
 use particlegs::pieces::NoCheckpoints;
-use particlegs::progress::Progress;
 use particlegs::recover;
 use particlegs::space::Bounds;
 use serde::{Deserialize, Serialize};
@@ -32,7 +32,7 @@ pub struct Lab<'a> {
     /// Other compressors: those that need nothing else, and those of the settings' Python.
     pub baselines: Vec<Box<dyn Baseline>>,
     /// Whom to tell.
-    pub progress: &'a dyn Progress,
+    pub context: &'a Context<'a>,
 }
 
 /// How a model is made.
@@ -85,12 +85,12 @@ pub struct ModelBuild {
 
 impl<'a> Lab<'a> {
     /// Keeps results in `folder`, which is there.
-    pub fn new(settings: Settings, folder: &Path, progress: &'a dyn Progress) -> Result<Self> {
+    pub fn new(settings: Settings, folder: &Path, context: &'a Context<'a>) -> Result<Self> {
         let external = settings.python.as_deref().map(External::start).transpose()?;
         let baselines = crate::baselines(external.as_ref());
         let store = ResultStore::new(folder);
         let on_device = store.by(settings.device.name());
-        Ok(Lab { settings, store, on_device, baselines, progress })
+        Ok(Lab { settings, store, on_device, baselines, context })
     }
 
     /// What is not measured for want of a Python; nothing where there is one.
@@ -103,7 +103,7 @@ impl<'a> Lab<'a> {
     pub fn model(&self, snapshot: &Snapshot, recipe: &ModelSettings) -> Result<ModelBuild> {
         let recipe = recipe.in_bytes(snapshot);
         self.made(&(&snapshot.hash, &recipe), || {
-            compress(&snapshot.particles, &recipe.options(), &mut NoCheckpoints, self.progress)
+            compress(&snapshot.particles, &recipe.options(), &mut NoCheckpoints, self.context)
         })
     }
 
@@ -111,17 +111,17 @@ impl<'a> Lab<'a> {
     pub fn drawn(&self, model: Model, method: recover::Method, seed: u64) -> Result<Particles> {
         let form = RawForm::Columns;
         let options = recover::Options { particles: None, method, scale: 1.0, seed, form, model_name: String::new() };
-        options.draw(model, self.progress)
+        options.draw(model, self.context)
     }
 
     /// Pictures of particles with these bounds (world units) by the settings' device.
     pub fn draws_particles<'b>(&'b self, of: &'b Particles, bounds: Bounds, style: Style) -> Result<Draw<'b>> {
-        self.settings.device.particles(of, bounds, style, self.progress)
+        self.settings.device.particles(of, bounds, style, self.context)
     }
 
     /// Pictures of a model by the settings' device.
     pub fn draws_model<'b>(&'b self, of: &'b Model) -> Result<Draw<'b>> {
-        self.settings.device.model(of, self.progress)
+        self.settings.device.model(of, self.context)
     }
 
     /// Keeps a model that a recipe gave in `seconds`, unless there is one.
@@ -160,7 +160,7 @@ impl<'a> Lab<'a> {
             Ok(done.bytes)
         })?;
         let seconds = store.result("model-seconds", inputs, || Ok(seconds.get()))?;
-        let model = codec::decode_with(&bytes, "the model", self.progress)?;
+        let model = codec::decode_with(&bytes, "the model", self.context)?;
         Ok(ModelBuild { bytes, model, seconds })
     }
 }
@@ -191,7 +191,8 @@ mod tests {
         let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
         let particles = Particles::from_columns(column(1), column(2), column(3));
         let (of, folder) = (Snapshot::new("s".into(), "s".into(), particles, None), tempfile::tempdir().unwrap());
-        let lab = Lab::new(Settings::new(true, "".into()), folder.path(), &particlegs::progress::Silent).unwrap();
+        let lab =
+            Lab::new(Settings::new(true, "".into()), folder.path(), &particlegs::context::Context::SILENT).unwrap();
         let asked = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().bytes;
         let files = || std::fs::read_dir(folder.path()).unwrap().count();
         let kept = files();

@@ -135,7 +135,7 @@ impl CompressionMethod {
             CompressionMethod::OpticalDepth => {
                 let recipe = ModelSettings { target: Target::Size(bytes), effort: Effort::Default, blocks: 1, seed };
                 let made = lab.made(&(hash, &recipe), || {
-                    compress(particles, &recipe.options(), &mut NoCheckpoints, lab.progress)
+                    compress(particles, &recipe.options(), &mut NoCheckpoints, lab.context)
                 })?;
                 Ok(MethodOutput {
                     bytes: made.bytes.len() as u64,
@@ -153,7 +153,7 @@ impl CompressionMethod {
                 })
             }
             CompressionMethod::Subset => {
-                let thin = subset(&columns_of(particles), bytes, seed, lab.progress)?;
+                let thin = subset(&columns_of(particles), bytes, seed, lab.context)?;
                 let thin = thin.ok_or_else(|| Error::input("subset", format!("not one particle in {bytes} bytes")))?;
                 let content =
                     FileContent::Particles(Box::new(particles_of(thin.particles, particles)), thin.radius_factor);
@@ -163,7 +163,7 @@ impl CompressionMethod {
                 let (baseline, columns) = (&*lab.baselines[at], columns_of(particles));
                 let inputs = (baseline.name(), baseline.source(), hash, bytes);
                 let found: (f64, u64) = lab.store.result("bound", &inputs, || {
-                    let SizeBound { bound, bytes, .. } = at_size(baseline, &columns, bytes, lab.progress)?;
+                    let SizeBound { bound, bytes, .. } = at_size(baseline, &columns, bytes, lab.context)?;
                     Ok((bound, bytes))
                 })?;
                 let checked = verified(baseline, &columns, found.0);
@@ -212,7 +212,7 @@ impl CompressionMethod {
             Err(e @ (Error::Cancelled | Error::Io { .. } | Error::Memory { .. })) => Err(e),
             Err(e) => {
                 // A stop that reaches a Python ends it before it answers: that is no failure of its own.
-                lab.progress.check()?;
+                lab.context.check()?;
                 Ok(MethodMeasurement { bytes: 0, bound: None, scores: Vec::new(), failure: Some(e.to_string()) })
             }
             measured => measured,
@@ -226,8 +226,8 @@ mod tests {
     use crate::quantised::QuantisedCoder;
     use crate::settings::Settings;
     use crate::{Baseline, CompressedParticles, PositionColumns};
+    use particlegs::context::Context;
     use particlegs::picture::Size;
-    use particlegs::progress::Progress;
     use std::sync::atomic::{AtomicBool, Ordering};
 
     /// Fails while it is to.
@@ -254,14 +254,6 @@ mod tests {
         }
     }
 
-    struct FlagProgress<'a>(&'a AtomicBool);
-
-    impl Progress for FlagProgress<'_> {
-        fn cancelled(&self) -> bool {
-            self.0.load(Ordering::Relaxed)
-        }
-    }
-
     /// What failed once is no failure of the next run, and what a stop ended is none at all.
     #[test]
     fn failures_are_told_and_not_kept() {
@@ -270,10 +262,11 @@ mod tests {
         let particles = Particles::from_columns(column(1), column(2), column(3));
         let (of, folder) = (Snapshot::new("s".into(), "s".into(), particles, None), tempfile::tempdir().unwrap());
         let stopped = AtomicBool::new(false);
-        let heard = FlagProgress(&stopped);
+        let cancel = || stopped.load(Ordering::Relaxed);
+        let context = Context::SILENT.with_cancel(&cancel);
         let size = Size { width: 64, height: 36 };
         let settings = Settings { size, ..Settings::new(true, "".into()) };
-        let mut lab = Lab::new(settings, folder.path(), &heard).unwrap();
+        let mut lab = Lab::new(settings, folder.path(), &context).unwrap();
         lab.baselines = vec![Box::new(FlakyBaseline(&FAILS))];
         let model = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().model;
         let truth = ReferenceViews::of(&lab, &of, &model.metadata).unwrap();
@@ -296,7 +289,7 @@ mod tests {
         let particles = Particles::from_columns(column(1), column(2), column(3));
         let folder = tempfile::tempdir().unwrap();
         let settings = Settings { training: true, scale: Some(0.004), ..Settings::new(true, "".into()) };
-        let mut lab = Lab::new(settings, folder.path(), &particlegs::progress::Silent).unwrap();
+        let mut lab = Lab::new(settings, folder.path(), &particlegs::context::Context::SILENT).unwrap();
         assert_eq!(
             CompressionMethod::all_and_trained(&lab)[..2],
             [CompressionMethod::OpticalDepth, CompressionMethod::AlphaBlend]

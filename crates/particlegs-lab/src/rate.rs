@@ -2,7 +2,7 @@
 
 use crate::subset::mean_spacing;
 use crate::{Baseline, PositionColumns, errors};
-use particlegs::progress::Progress;
+use particlegs::context::Context;
 use particlegs::{Error, Result};
 use std::time::Instant;
 
@@ -42,7 +42,7 @@ pub fn at_size(
     baseline: &dyn Baseline,
     particles: &PositionColumns,
     bytes: u64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<SizeBound> {
     if bytes == 0 || particles[0].is_empty() {
         return Err(Error::argument(format!(
@@ -50,16 +50,16 @@ pub fn at_size(
             particles[0].len()
         )));
     }
-    progress.begin(&format!("{} at {bytes} bytes", baseline.name()), TRIALS);
+    context.begin(&format!("{} at {bytes} bytes", baseline.name()), TRIALS);
     let mut search = Search::new(particles, bytes);
     let mut best: Option<SizeBound> = None;
     let mut trials = 0;
     while trials < TRIALS {
-        progress.check()?;
+        context.check()?;
         trials += 1;
         let bound = search.next.exp();
         let got = baseline.compress(particles, bound)?.bytes.len() as u64;
-        progress.advance(1);
+        context.advance(1);
         let off = got as f64 / bytes as f64 - 1.0;
         let miss = (got.max(1) as f64 / bytes as f64).ln();
         if best.is_none_or(|b| miss.abs() < b.off.ln_1p().abs()) {
@@ -69,7 +69,7 @@ pub fn at_size(
             break;
         }
     }
-    progress.end();
+    context.end();
     Ok(SizeBound { trials, ..best.expect("one trial at least") })
 }
 

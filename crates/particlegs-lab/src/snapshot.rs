@@ -4,8 +4,8 @@ use crate::PositionColumns;
 #[cfg(doc)]
 use particlegs::Error;
 use particlegs::Result;
+use particlegs::context::Context;
 use particlegs::particles::{Column, Particles, Positions, Selection, SnapshotMeta, Storage};
-use particlegs::progress::Progress;
 use std::path::PathBuf;
 
 /// A snapshot that is measured.
@@ -32,9 +32,9 @@ impl Snapshot {
     }
 
     /// Two random halves of the particles, the same for the same seed.
-    pub fn halves(&self, seed: u64, progress: &dyn Progress) -> Result<[Particles; 2]> {
+    pub fn halves(&self, seed: u64, context: &Context<'_>) -> Result<[Particles; 2]> {
         let half = Selection { sample: Some(self.particles.len() as u64 / 2), seed, ..Selection::all() };
-        let taken = |selection| self.particles.select(selection, &Storage::Memory, progress);
+        let taken = |selection| self.particles.select(selection, &Storage::Memory, context);
         Ok([taken(half)?, taken(Selection { left_out: true, ..half })?])
     }
 

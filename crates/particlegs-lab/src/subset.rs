@@ -2,8 +2,8 @@
 
 use crate::PositionColumns;
 use particlegs::codec::Thinning;
+use particlegs::context::Context;
 use particlegs::math::each_axis;
-use particlegs::progress::Progress;
 use particlegs::space::Bounds;
 use particlegs::{Error, Result};
 
@@ -23,7 +23,7 @@ pub fn subset(
     particles: &PositionColumns,
     bytes: u64,
     seed: u64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Option<CodedSubset>> {
     let n = particles[0].len();
     if u32::try_from(n).is_err() || !particles.iter().flatten().all(|v| v.is_finite()) {
@@ -35,7 +35,7 @@ pub fn subset(
     let place = |i: usize| each_axis(|k| f64::from(particles[k][i]));
     let bounds = bounds(particles);
     let thinning = Thinning { bounds: &bounds, spacing: mean_spacing(particles), bytes, seed };
-    let most = thinning.most(n, place, progress)?;
+    let most = thinning.most(n, place, context)?;
     Ok(most.map(|coded| CodedSubset {
         radius_factor: (n as f64 / coded.position[0].len() as f64).sqrt(),
         bytes: coded.bytes as u64,
@@ -62,12 +62,12 @@ fn bounds(particles: &PositionColumns) -> Bounds {
 mod tests {
     use super::*;
     use crate::testing;
-    use particlegs::progress::Silent;
+    use particlegs::context::Context;
 
     #[test]
     fn as_many_are_kept_as_fit() {
         let particles = testing::clustered(20_000);
-        let of = |bytes, seed| subset(&particles, bytes, seed, &Silent).unwrap();
+        let of = |bytes, seed| subset(&particles, bytes, seed, &Context::SILENT).unwrap();
         for bytes in [1_000, 10_000] {
             let thin = of(bytes, 3).unwrap();
             let kept = thin.particles[0].len();
@@ -84,7 +84,7 @@ mod tests {
     #[test]
     fn those_kept_are_particles() {
         let particles = testing::clustered(2000);
-        let thin = subset(&particles, 600, 5, &Silent).unwrap().unwrap();
+        let thin = subset(&particles, 600, 5, &Context::SILENT).unwrap().unwrap();
         let close = 0.05 * mean_spacing(&particles) + 1e-5;
         for i in 0..thin.particles[0].len() {
             let near = |j: &usize| (0..3).all(|k| f64::from((thin.particles[k][i] - particles[k][*j]).abs()) <= close);
@@ -95,11 +95,11 @@ mod tests {
     #[test]
     fn odd_particles_are_taken_or_refused() {
         let none: PositionColumns = Default::default();
-        assert!(subset(&none, 1000, 1, &Silent).unwrap().is_none());
+        assert!(subset(&none, 1000, 1, &Context::SILENT).unwrap().is_none());
         let same = [vec![5.0f32; 9], vec![5.0; 9], vec![-1e7; 9]];
-        let all = subset(&same, 1000, 1, &Silent).unwrap().unwrap();
+        let all = subset(&same, 1000, 1, &Context::SILENT).unwrap().unwrap();
         assert_eq!((all.particles, all.radius_factor), (same, 1.0));
         let bad = [vec![1.0, f32::NAN], vec![0.0; 2], vec![0.0; 2]];
-        assert!(matches!(subset(&bad, 1000, 1, &Silent), Err(Error::Argument { .. })));
+        assert!(matches!(subset(&bad, 1000, 1, &Context::SILENT), Err(Error::Argument { .. })));
     }
 }

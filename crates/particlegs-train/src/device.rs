@@ -4,7 +4,7 @@ use crate::alpha;
 use crate::depth::{DepthStepper, Parameters};
 use crate::subject::TrainingSubject;
 use particlegs_core::Result;
-use particlegs_core::progress::Progress;
+use particlegs_core::context::Context;
 use std::fmt::Debug;
 
 /// A device that takes steps of training, and draws what is learnt.
@@ -16,9 +16,5 @@ pub trait Device: Debug + Send + Sync {
     fn alpha_steps(&self, of: &alpha::Gaussians) -> Result<Box<dyn alpha::AlphaStepper>>;
 
     /// The same subject, whose pictures the device draws.
-    fn subject<'a>(
-        &self,
-        of: &'a dyn TrainingSubject,
-        progress: &dyn Progress,
-    ) -> Result<Box<dyn TrainingSubject + 'a>>;
+    fn subject<'a>(&self, of: &'a dyn TrainingSubject, context: &Context<'_>) -> Result<Box<dyn TrainingSubject + 'a>>;
 }

@@ -5,16 +5,16 @@ use super::config::Config;
 use super::subject::TrainingSubject;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
+use particlegs_core::context::Context;
 use particlegs_core::model::Mixture;
 use particlegs_core::picture::{Gray8, Size, masked_psnr};
-use particlegs_core::progress::Progress;
 use particlegs_core::render::{self, Scene};
 
 /// Views and their targets.
 pub(crate) struct HeldOutViews<'a> {
     config: &'a Config,
     defaults: &'a Defaults,
-    progress: &'a dyn Progress,
+    context: &'a Context<'a>,
     size: Size,
     views: Vec<View>,
     truth: Vec<Gray8>,
@@ -27,14 +27,13 @@ impl<'a> HeldOutViews<'a> {
         views: &[View],
         config: &'a Config,
         defaults: &'a Defaults,
-        progress: &'a dyn Progress,
+        context: &'a Context<'a>,
     ) -> Result<Self> {
         let [width, height] = config.stages.iter().map(|s| s.size).max_by_key(|s| s[0] * s[1]).unwrap_or([16, 16]);
         let size = Size { width, height };
         let views: Vec<View> = views.iter().take(config.evaluate_views as usize).cloned().collect();
-        let truth =
-            views.iter().map(|view| subject.draw(view, size, config.target, progress)).collect::<Result<_>>()?;
-        Ok(HeldOutViews { config, defaults, progress, size, views, truth })
+        let truth = views.iter().map(|view| subject.draw(view, size, config.target, context)).collect::<Result<_>>()?;
+        Ok(HeldOutViews { config, defaults, context, size, views, truth })
     }
 
     /// Mean masked PSNR of Gaussians, dB; `None` where no view has one.
@@ -43,7 +42,7 @@ impl<'a> HeldOutViews<'a> {
         let scene = Scene::of_law(mixture, bounds, [radius, opacity]);
         let mut scores = Vec::new();
         for (view, truth) in self.views.iter().zip(&self.truth) {
-            let drawn = render::draw(&scene, view, self.size, self.config.target, self.progress)?;
+            let drawn = render::draw(&scene, view, self.size, self.config.target, self.context)?;
             scores.extend(masked_psnr(&drawn, truth));
         }
         Ok((!scores.is_empty()).then(|| scores.iter().sum::<f64>() / scores.len() as f64))

@@ -1,7 +1,7 @@
 //! What a run says: messages for the user, JSON lines for its log.
 
 use super::learner::NonFiniteGradient;
-use particlegs_core::progress::Progress;
+use particlegs_core::context::Context;
 use serde::Serialize;
 
 /// Steps over which the loss that is logged is averaged.
@@ -40,7 +40,7 @@ pub(crate) struct RunStatus {
 
 /// A run's messages and log.
 pub(crate) struct Journal<'a> {
-    progress: &'a dyn Progress,
+    context: &'a Context<'a>,
     /// Which of several runs of a command this is; empty = the only one.
     run: &'a str,
     /// Sum of the losses since the last line of the log.
@@ -50,8 +50,8 @@ pub(crate) struct Journal<'a> {
 }
 
 impl<'a> Journal<'a> {
-    pub fn new(progress: &'a dyn Progress, run: &'a str) -> Self {
-        Journal { progress, run, loss_sum: 0.0, faulty: 0 }
+    pub fn new(context: &'a Context<'a>, run: &'a str) -> Self {
+        Journal { context, run, loss_sum: 0.0, faulty: 0 }
     }
 
     /// After a step.
@@ -105,15 +105,15 @@ impl<'a> Journal<'a> {
 
     fn say(&self, text: &str) {
         match self.run {
-            "" => self.progress.message(text),
-            run => self.progress.message(&format!("{run}: {text}")),
+            "" => self.context.message(text),
+            run => self.context.message(&format!("{run}: {text}")),
         }
     }
 
     fn log(&self, line: LogLine<'_>, at: &RunStatus) {
         let RunStatus { iteration, seconds, gaussians, .. } = *at;
         if let Ok(text) = serde_json::to_string(&LogLine { run: self.run, iteration, seconds, gaussians, ..line }) {
-            self.progress.log(&text);
+            self.context.log(&text);
         }
     }
 }
@@ -125,24 +125,28 @@ fn is_power_of_ten(n: u64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use particlegs_core::context::{ProgressEvent, ProgressSink};
     use std::sync::Mutex;
 
     #[derive(Default)]
     struct MessageRecorder(Mutex<[Vec<String>; 2]>);
 
-    impl Progress for MessageRecorder {
+    impl ProgressSink for MessageRecorder {
         fn message(&self, text: &str) {
             self.0.lock().unwrap()[0].push(text.into());
         }
-        fn log(&self, line: &str) {
-            self.0.lock().unwrap()[1].push(line.into());
+        fn event(&self, event: ProgressEvent<'_>) {
+            if let ProgressEvent::Log(line) = event {
+                self.0.lock().unwrap()[1].push(line.into());
+            }
         }
     }
 
     #[test]
     fn ten_thousand_faulty_steps_are_a_few_lines() {
         let heard = MessageRecorder::default();
-        let mut journal = Journal::new(&heard, "block 1");
+        let context = Context::SILENT.with_sink(&heard);
+        let mut journal = Journal::new(&context, "block 1");
         let n = NonFiniteGradient { group: "position", gaussian: 7, count: 3 };
         for iteration in 1..=10_000 {
             let at = RunStatus { iteration, iterations: 10_000, seconds: 0.0, gaussians: 9 };

@@ -4,9 +4,9 @@ use super::loss::Loss;
 use super::state::TrainingState;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
+use particlegs_core::context::Context;
 use particlegs_core::model::Mixture;
 use particlegs_core::picture::{Plane, Size};
-use particlegs_core::progress::Progress;
 
 /// A picture to learn from.
 pub struct TrainingSample<'a> {
@@ -17,7 +17,7 @@ pub struct TrainingSample<'a> {
     /// The part of the view's picture that the target shows.
     pub crop: Crop,
     /// The machine, asked for its instruction set and memory.
-    pub progress: &'a dyn Progress,
+    pub context: &'a Context<'a>,
 }
 
 /// A part of a picture.

@@ -12,11 +12,11 @@ use super::state::TrainingState;
 use super::subject::TrainingSubject;
 use super::targets::Targets;
 use particlegs_core::camera::{Normalisation, View};
+use particlegs_core::context::Context;
 use particlegs_core::math::{Purpose, Random};
 use particlegs_core::model::{Law, LawKind, Mixture, Model};
 use particlegs_core::picture::Size;
 use particlegs_core::pieces::CheckpointStore;
-use particlegs_core::progress::{Level, Progress};
 use particlegs_core::{Error, Remedy, Result};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -99,7 +99,7 @@ struct TrainingLoop<'a> {
     config: &'a Config,
     limits: &'a Limits,
     defaults: &'a Defaults,
-    progress: &'a dyn Progress,
+    context: &'a Context<'a>,
     learner: Box<dyn Learner + 'a>,
     held_out: HeldOutViews<'a>,
     views: Views,
@@ -173,14 +173,14 @@ impl<'a> Training<'a> {
         &self,
         initial: InitialGaussians<'_>,
         pieces: &mut dyn CheckpointStore,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<TrainedMixture> {
         self.config.check()?;
-        progress.require_memory("training", bytes_wanted(self.config, initial.len()))?;
+        context.require_memory("training", bytes_wanted(self.config, initial.len()))?;
         let learner = self.learner(initial)?;
-        let Some(device) = &self.limits.device else { return self.run_with(learner, pieces, progress) };
-        let subject = device.subject(self.subject, progress)?;
-        Training { subject: &*subject, ..*self }.run_with(learner, pieces, progress)
+        let Some(device) = &self.limits.device else { return self.run_with(learner, pieces, context) };
+        let subject = device.subject(self.subject, context)?;
+        Training { subject: &*subject, ..*self }.run_with(learner, pieces, context)
     }
 
     /// [`Training::run`] of any learner.
@@ -188,21 +188,21 @@ impl<'a> Training<'a> {
         &self,
         learner: Box<dyn Learner + 'a>,
         pieces: &mut dyn CheckpointStore,
-        progress: &'a dyn Progress,
+        context: &'a Context<'a>,
     ) -> Result<TrainedMixture> {
         let Training { subject, config, limits, defaults } = *self;
         let internal = config.stages.iter().any(|s| s.internal > 0.0);
         let views = Views::new(&config.cameras, defaults, internal);
-        let held_out = HeldOutViews::draw(subject, &views.held_out, config, defaults, progress)?;
+        let held_out = HeldOutViews::draw(subject, &views.held_out, config, defaults, context)?;
         let mut run = TrainingLoop {
             config,
             limits,
             defaults,
-            progress,
+            context,
             learner,
             held_out,
             views,
-            journal: Journal::new(progress, &limits.run),
+            journal: Journal::new(context, &limits.run),
             iteration: 0,
             evaluated: None,
             before: 0.0,
@@ -217,7 +217,7 @@ impl<'a> Training<'a> {
             Err(Error::Cancelled) => true,
             done => done.map(|()| false)?,
         };
-        progress.end();
+        context.end();
         // Finished runs are kept as well: what comes after them may be interrupted too.
         run.learner.fetch()?;
         pieces.keep_now(KEY, run.state().to_bytes())?;
@@ -283,24 +283,11 @@ pub(super) fn bytes_wanted(config: &Config, gaussians: usize) -> u64 {
     config.stages.iter().map(of_stage).max().unwrap_or(0) + A_GAUSSIAN * gaussians as u64
 }
 
-/// A step is done whole: what it asks is the machine alone.
-struct UninterruptedProgress<'a>(&'a dyn Progress);
-
-impl Progress for UninterruptedProgress<'_> {
-    fn simd(&self) -> Level {
-        self.0.simd()
-    }
-
-    fn available_memory(&self) -> Option<u64> {
-        self.0.available_memory()
-    }
-}
-
 impl TrainingLoop<'_> {
     /// All stages, as far as the time goes.
     fn stages(&mut self, subject: &dyn TrainingSubject, pieces: &mut dyn CheckpointStore) -> Result<()> {
-        self.progress.begin("training", self.config.iterations());
-        self.progress.advance(self.iteration);
+        self.context.begin("training", self.config.iterations());
+        self.context.advance(self.iteration);
         let folder = self.limits.scratch.clone().unwrap_or_else(std::env::temp_dir);
         let mut saved = Instant::now();
         let mut end = 0;
@@ -313,7 +300,7 @@ impl TrainingLoop<'_> {
             }
             let mut targets = Targets::new(subject, self.config.target, stage, &folder, self.config.cache_bytes);
             while self.iteration < end {
-                self.progress.check()?;
+                self.context.check()?;
                 if self.is_late() {
                     self.journal.late(&self.standing());
                     return self.evaluate();
@@ -357,7 +344,7 @@ impl TrainingLoop<'_> {
     /// One step.
     fn step(&mut self, stage: &Stage, targets: &mut Targets<'_>) -> Result<()> {
         let (key, view, crop) = self.choose(stage);
-        let target = targets.get(key, &view, &crop, self.progress)?;
+        let target = targets.get(key, &view, &crop, self.context)?;
         let total = self.config.iterations();
         let at = StepInfo {
             iteration: self.iteration,
@@ -365,12 +352,11 @@ impl TrainingLoop<'_> {
             done: (self.iteration as f64 / total as f64).max(self.share_of_time()).min(1.0),
             densify: stage.densify,
         };
-        let shot =
-            TrainingSample { view: &view, target: &target, crop, progress: &UninterruptedProgress(self.progress) };
+        let shot = TrainingSample { view: &view, target: &target, crop, context: &self.context.silent() };
         let stepped = self.learner.step(&shot, &self.config.loss, &at)?;
         self.learner.control(&at)?;
         self.iteration += 1;
-        self.progress.advance(1);
+        self.context.advance(1);
         let standing = self.standing();
         self.journal.step(stepped.loss, stepped.not_finite, &standing);
         Ok(())

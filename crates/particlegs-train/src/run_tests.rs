@@ -9,9 +9,9 @@ use super::{Cameras, Config, InitialGaussians, Limits, Preset, Stage, TrainedMix
 use particlegs::fit::{self, Effort, FitOptions};
 use particlegs::particles::Particles;
 use particlegs::reference::Reference;
+use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, Mixture};
 use particlegs_core::pieces::{CheckpointStore, NoCheckpoints};
-use particlegs_core::progress::{Progress, Silent};
 use particlegs_core::{Error, Result};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -31,7 +31,7 @@ fn config(law: LawKind, iterations: u64) -> Config {
 
 fn fitted(particles: &Particles) -> Mixture {
     let options = FitOptions { gaussians: 20, effort: Effort::Fast, radius: 0.1, pixel: 0.1, seed: 1, share: 1.0 };
-    fit::fit(particles, &options, &Silent).unwrap()
+    fit::fit(particles, &options, &Context::SILENT).unwrap()
 }
 
 /// Pieces in memory.
@@ -49,12 +49,9 @@ impl CheckpointStore for MemoryPieces {
 }
 
 /// Asks to stop from the n-th question on.
-struct CancelAfter(AtomicU64);
-
-impl Progress for CancelAfter {
-    fn cancelled(&self) -> bool {
-        self.0.fetch_update(Ordering::SeqCst, Ordering::SeqCst, |n| Some(n.saturating_sub(1))) == Ok(0)
-    }
+fn cancel_after(n: u64) -> impl Fn() -> bool + Sync {
+    let left = AtomicU64::new(n);
+    move || left.fetch_update(Ordering::SeqCst, Ordering::SeqCst, |n| Some(n.saturating_sub(1))) == Ok(0)
 }
 
 #[test]
@@ -73,11 +70,11 @@ fn a_run_stopped_at_any_question_ends_with_the_same_bits() {
     let subject = ParticleSubject(Reference::with_bounds(&particles, of.bounds));
     for law in [LawKind::OpticalDepth, LawKind::AlphaBlend] {
         let config = config(law, 8);
-        let run = |pieces: &mut dyn CheckpointStore, progress: &dyn Progress| -> Result<TrainedMixture> {
+        let run = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| -> Result<TrainedMixture> {
             let training = Training { subject: &subject, config: &config, limits: &Limits::default(), defaults: &of };
-            training.run(InitialGaussians::Fit(&start), pieces, progress)
+            training.run(InitialGaussians::Fit(&start), pieces, context)
         };
-        let whole = run(&mut NoCheckpoints, &Silent).unwrap();
+        let whole = run(&mut NoCheckpoints, &Context::SILENT).unwrap();
         assert_eq!((whole.iterations, whole.stopped), (10, false));
         // Every process is stopped a few questions after it has gone on.
         for stride in [9, 14, 31] {
@@ -86,7 +83,7 @@ fn a_run_stopped_at_any_question_ends_with_the_same_bits() {
             let broken = loop {
                 processes += 1;
                 assert!(processes < 400, "no progress");
-                match run(&mut kept, &CancelAfter(AtomicU64::new(stride + processes / 4))) {
+                match run(&mut kept, &Context::SILENT.with_cancel(&cancel_after(stride + processes / 4))) {
                     Err(Error::Cancelled) => {}
                     Ok(t) if t.stopped => {}
                     done => break done.unwrap(),
@@ -96,7 +93,7 @@ fn a_run_stopped_at_any_question_ends_with_the_same_bits() {
             assert_eq!(&broken.mixture, &whole.mixture, "{law:?} {stride}");
             assert_eq!((broken.scores, broken.iterations), (whole.scores, whole.iterations));
             // A finished run is not done again.
-            assert_eq!(run(&mut kept, &Silent).unwrap().mixture, whole.mixture);
+            assert_eq!(run(&mut kept, &Context::SILENT).unwrap().mixture, whole.mixture);
         }
     }
 }
@@ -139,7 +136,7 @@ fn faults_in_every_step_and_a_time_that_is_up_are_survived() {
     let run = |limits: &Limits| {
         let learner = Box::new(FaultyLearner(fitted(&particles), 0.0));
         let training = Training { subject: &subject, config: &config, limits, defaults: &of };
-        training.run_with(learner, &mut NoCheckpoints, &Silent).unwrap()
+        training.run_with(learner, &mut NoCheckpoints, &Context::SILENT).unwrap()
     };
     let done = run(&Limits::default());
     assert_eq!((done.iterations, done.not_finite, done.mixture.len()), (32, 32, 20));
@@ -157,7 +154,7 @@ fn states_of_other_runs_are_refused() {
     kept.keep("train", TrainingState::default().to_bytes()).unwrap();
     let config = config(LawKind::OpticalDepth, 4);
     let training = Training { subject: &subject, config: &config, limits: &Limits::default(), defaults: &of };
-    let error = training.run(InitialGaussians::Fit(&start), &mut kept, &Silent).unwrap_err();
+    let error = training.run(InitialGaussians::Fit(&start), &mut kept, &Context::SILENT).unwrap_err();
     assert!(error.to_string().contains("the checkpoint: no column `run`"), "{error}");
 }
 

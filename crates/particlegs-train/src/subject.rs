@@ -2,8 +2,8 @@
 
 use particlegs_core::Result;
 use particlegs_core::camera::View;
+use particlegs_core::context::Context;
 use particlegs_core::picture::{Gray8, Plane, Size};
-use particlegs_core::progress::Progress;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
 use std::ops::Range;
@@ -32,8 +32,8 @@ pub trait TrainingSubject: Sync {
     fn bounds(&self) -> Bounds;
 
     /// The picture of all particles in a look, shot noise and all.
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8>;
+    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8>;
 
     /// The noise-free optical depth a pixel.
-    fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane>;
+    fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane>;
 }

@@ -5,9 +5,9 @@ use super::config::Stage;
 use super::learner::Crop;
 use super::subject::TrainingSubject;
 use particlegs_core::camera::View;
+use particlegs_core::context::Context;
 use particlegs_core::parallel;
 use particlegs_core::picture::{Plane, Size};
-use particlegs_core::progress::Progress;
 use particlegs_core::splat::ToneStyle;
 use particlegs_core::{Error, Result};
 use std::collections::HashMap;
@@ -52,11 +52,11 @@ impl<'a> Targets<'a> {
     }
 
     /// Brightness in [0, 1] of a part of the picture of `view`, whose number is `key`.
-    pub fn get(&mut self, key: u64, view: &View, crop: &Crop, progress: &dyn Progress) -> Result<Plane> {
+    pub fn get(&mut self, key: u64, view: &View, crop: &Crop, context: &Context<'_>) -> Result<Plane> {
         if let Some(&place) = self.places.get(&key) {
             return self.read(place, crop);
         }
-        let levels = self.draw(view, progress)?;
+        let levels = self.draw(view, context)?;
         let place = self.places.len() as u64;
         if place < self.most {
             self.write(place, &levels)?;
@@ -67,14 +67,14 @@ impl<'a> Targets<'a> {
     }
 
     /// The whole picture, from `oversample` times as many pixels along either side.
-    fn draw(&self, view: &View, progress: &dyn Progress) -> Result<Vec<u16>> {
+    fn draw(&self, view: &View, context: &Context<'_>) -> Result<Vec<u16>> {
         let k = self.oversample;
         let large = Size { width: self.size.width * k, height: self.size.height * k };
         if self.look != ToneStyle::Expected {
-            let picture = self.subject.draw(view, large, self.look, progress)?;
+            let picture = self.subject.draw(view, large, self.look, context)?;
             return Ok(averaged(self.size, k, |i| f32::from(picture.data[i]) / 255.0));
         }
-        let tau = self.subject.optical_depth(view, large, progress)?;
+        let tau = self.subject.optical_depth(view, large, context)?;
         Ok(averaged(self.size, k, |i| -(-tau.data[i]).exp_m1()))
     }
 

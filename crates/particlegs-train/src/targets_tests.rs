@@ -10,11 +10,10 @@ use particlegs::particles::Particles;
 use particlegs::reference::Reference;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
+use particlegs_core::context::Context;
 use particlegs_core::model::LawKind;
 use particlegs_core::picture::Size;
 use particlegs_core::picture::{Gray8, Plane};
-use particlegs_core::progress::Progress;
-use particlegs_core::progress::Silent;
 use particlegs_core::splat::ToneStyle;
 
 /// Particles as the renderer of references draws them.
@@ -36,11 +35,11 @@ impl TrainingSubject for ParticleSubject<'_> {
     fn bounds(&self) -> particlegs_core::space::Bounds {
         *self.0.bounds()
     }
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
-        self.0.draw(view, size, look, progress)
+    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        self.0.draw(view, size, look, context)
     }
-    fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
-        self.0.optical_depth(view, size, progress)
+    fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
+        self.0.optical_depth(view, size, context)
     }
 }
 
@@ -77,10 +76,10 @@ fn kept_drawn_and_cut_targets_agree() {
         let stage = Stage { size: [48, 32], oversample, ..plain };
         let mut kept = Targets::new(&reference, look, &stage, folder.path(), 1 << 20);
         let mut none = Targets::new(&reference, look, &stage, folder.path(), 0);
-        let whole = kept.get(3, &view, &Crop::whole(size), &Silent).unwrap();
+        let whole = kept.get(3, &view, &Crop::whole(size), &Context::SILENT).unwrap();
         assert!(whole.data.iter().any(|v| *v > 0.05) && whole.data.iter().all(|v| (0.0..=1.0).contains(v)));
-        let [first, again] = [0, 1].map(|_| none.get(3, &view, &part, &Silent).unwrap());
-        let from_file = kept.get(3, &view, &part, &Silent).unwrap();
+        let [first, again] = [0, 1].map(|_| none.get(3, &view, &part, &Context::SILENT).unwrap());
+        let from_file = kept.get(3, &view, &part, &Context::SILENT).unwrap();
         assert_eq!(first.data, again.data);
         assert_eq!(first.data, from_file.data);
         let row = |y: usize| &whole.data[(11 + y) * 48 + 7..][..20];
@@ -99,7 +98,7 @@ fn a_scratch_folder_that_is_not_there_is_named() {
     let nowhere = std::path::Path::new("/nowhere/at/all");
     let mut targets = Targets::new(&reference, ToneStyle::Expected, &stage, nowhere, 1 << 20);
     let whole = Crop::whole(Size { width: 16, height: 16 });
-    let error = targets.get(0, &view(&of), &whole, &Silent).unwrap_err();
+    let error = targets.get(0, &view(&of), &whole, &Context::SILENT).unwrap_err();
     assert!(
         error.to_string().starts_with("/nowhere/at/all") && matches!(error, particlegs_core::Error::Io { .. }),
         "{error}"

@@ -8,9 +8,9 @@ use crate::truth::smoothed;
 use crate::{assets, markup, poster};
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
+use particlegs::context::Context;
 use particlegs::model::Model;
 use particlegs::picture::Colormap;
-use particlegs::progress::Progress;
 use particlegs::score::Assessment;
 use particlegs::{Result, codec};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -128,17 +128,17 @@ pub struct Page {
 /// Beside each file stands what it was decoded to, so that a page that is written can show what it holds. A single model
 /// of more than [`poster::MORE_THAN`] Gaussians has its picture in the page, for it takes a moment to decode, unless
 /// the page opens otherwise than usual.
-pub fn offline(models: &[(ModelFile<'_>, &Model)], opening: &PageOpening, progress: &dyn Progress) -> Result<Vec<u8>> {
-    progress.check()?;
+pub fn offline(models: &[(ModelFile<'_>, &Model)], opening: &PageOpening, context: &Context<'_>) -> Result<Vec<u8>> {
+    context.check()?;
     let poster = match models {
         [(_, model)] if poster::wanted(model.gaussians(), opening) => {
-            Some(poster::draw(model, poster::SMALL, progress)?.png)
+            Some(poster::draw(model, poster::SMALL, context)?.png)
         }
         _ => None,
     };
     let files = || models.iter().map(|(file, _)| *file);
     let coded: u64 = files().map(|m| 4 * (m.bytes.len() as u64).div_ceil(3)).sum();
-    progress.require_memory("the page", coded + (coded >> 3))?;
+    context.require_memory("the page", coded + (coded >> 3))?;
     let poster = poster.map(|png| format!("data:image/png;base64,{}", BASE64_STANDARD.encode(png)));
     let setup = Setup::new(files(), None, opening, false);
     let mut page = PageBuilder::new(&setup, poster.as_deref());

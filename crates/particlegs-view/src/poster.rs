@@ -2,9 +2,9 @@
 
 use crate::page::PageOpening;
 use particlegs::camera::{DensityView, View, base_distance, spherical_camera};
+use particlegs::context::Context;
 use particlegs::model::{LawKind, Model};
 use particlegs::picture::{Colormap, DensityColors, Size};
-use particlegs::progress::Progress;
 use particlegs::render::{Scene, draw as draw_scene, surface_density};
 use particlegs::splat::ToneStyle;
 use particlegs::{Error, Result};
@@ -34,16 +34,16 @@ pub struct Poster {
 
 /// The view that a page opens with: azimuth 0, elevation 0, distance 1, the surface density of all layers; of the
 /// alpha-blend law look `paraview` at the model's own radius and opacity.
-pub fn draw(model: &Model, size: Size, progress: &dyn Progress) -> Result<Poster> {
+pub fn draw(model: &Model, size: Size, context: &Context<'_>) -> Result<Poster> {
     let m = &model.metadata;
     let camera = spherical_camera(m.bounds.center(), 0.0, 0.0, base_distance(&m.bounds, size));
     let view = View { name: "poster".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
     let scene = Scene::of(model);
     if m.law == LawKind::AlphaBlend {
-        let picture = draw_scene(&scene, &view, size, ToneStyle::Paraview, progress)?;
+        let picture = draw_scene(&scene, &view, size, ToneStyle::Paraview, context)?;
         return Ok(Poster { png: png(png::ColorType::Grayscale, size, &picture.data)?, range: None });
     }
-    let plane = surface_density(&scene, &DensityView::of_view(&view, scene.bounds()), size, progress)?;
+    let plane = surface_density(&scene, &DensityView::of_view(&view, scene.bounds()), size, context)?;
     let range = plane.first_range();
     let colors = DensityColors::new(Colormap::default(), false, range.unwrap_or([1.0, 10.0]));
     let pixels: Vec<u8> = plane.data.iter().flat_map(|v| colors.of(*v)).collect();

@@ -1,6 +1,6 @@
 //! What clients may cost: silent, slow and many ones, and none at all.
 
-use particlegs::progress::Progress;
+use particlegs::context::Context;
 use particlegs_view::page::PageOpening;
 use particlegs_view::server::{Event, Limits, Options, Server, Token, ViewerContent};
 use std::io::{Read, Write};
@@ -8,16 +8,6 @@ use std::net::TcpStream;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-
-/// The caller's side: it can stop the server.
-#[derive(Default)]
-struct Caller(AtomicBool);
-
-impl Progress for Caller {
-    fn cancelled(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
-    }
-}
 
 const SHORT: Duration = Duration::from_millis(300);
 
@@ -37,10 +27,11 @@ fn while_serving(
     let address = format!("127.0.0.1:{}", server.port());
     let path = |url: &str| url.strip_prefix(&format!("http://{address}")).unwrap().to_string();
     let client_side = Client { path: path(&urls[0]), once: path(&urls[1]), address: address.clone() };
-    let (caller, told) = (Caller::default(), Mutex::new(Vec::new()));
+    let (stop, told) = (AtomicBool::new(false), Mutex::new(Vec::new()));
+    let cancel = || stop.load(Ordering::Relaxed);
     std::thread::scope(|scope| {
         let talking = scope.spawn(|| {
-            let _stop = StopGuard(&caller);
+            let _stop = StopGuard(&stop);
             client(&client_side);
         });
         let shown = ViewerContent {
@@ -49,7 +40,7 @@ fn while_serving(
             opening: PageOpening::default(),
             poster,
         };
-        server.serve(shown, &caller, &|event| told.lock().unwrap().push(event)).unwrap();
+        server.serve(shown, &Context::SILENT.with_cancel(&cancel), &|event| told.lock().unwrap().push(event)).unwrap();
         if let Err(panic) = talking.join() {
             std::panic::resume_unwind(panic);
         }
@@ -58,11 +49,11 @@ fn while_serving(
 }
 
 /// Stops the server whatever becomes of the client, so that a failing test ends.
-struct StopGuard<'a>(&'a Caller);
+struct StopGuard<'a>(&'a AtomicBool);
 
 impl Drop for StopGuard<'_> {
     fn drop(&mut self) {
-        self.0.0.store(true, Ordering::Relaxed);
+        self.0.store(true, Ordering::Relaxed);
     }
 }
 
@@ -195,7 +186,7 @@ fn left_alone_it_ends() {
         Server::bind(Options { host, port: Some(0), proxies: vec![], node: None, token, limits: idle }).unwrap();
     let start = Instant::now();
     let shown = ViewerContent { models: vec![], truth: None, opening: PageOpening::default(), poster: None };
-    server.serve(shown, &Caller::default(), &|_| {}).unwrap();
+    server.serve(shown, &Context::SILENT, &|_| {}).unwrap();
     assert!(start.elapsed() >= SHORT && start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
 }
 

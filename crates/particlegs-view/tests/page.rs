@@ -3,9 +3,9 @@
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
 use particlegs::camera::{DensityView, View, base_distance, spherical_camera};
+use particlegs::context::Context;
 use particlegs::model::{LawKind, Model};
 use particlegs::picture::{Colormap, DensityColors, Size};
-use particlegs::progress::{Progress, Silent};
 use particlegs::render::{Scene, draw, surface_density};
 use particlegs::splat::ToneStyle;
 use particlegs::{Error, codec};
@@ -20,7 +20,7 @@ const OTHER: &[u8] = include_bytes!("../../particlegs/tests/fixtures/format-1.0-
 fn page(models: &[ModelFile<'_>]) -> String {
     let decoded: Vec<Model> = models.iter().map(|m| codec::decode(m.bytes, m.name).unwrap()).collect();
     let models: Vec<_> = models.iter().copied().zip(&decoded).collect();
-    String::from_utf8(offline(&models, &PageOpening::default(), &Silent).unwrap()).unwrap()
+    String::from_utf8(offline(&models, &PageOpening::default(), &Context::SILENT).unwrap()).unwrap()
 }
 
 /// What stands in the element of an id.
@@ -114,15 +114,12 @@ fn hostile_names_stay_names() {
 
 #[test]
 fn a_page_is_not_made_once_it_is_cancelled() {
-    struct InterruptedProgress;
-    impl Progress for InterruptedProgress {
-        fn cancelled(&self) -> bool {
-            true
-        }
-    }
     let model = codec::decode(MODEL, "m").unwrap();
     let (file, opening) = (ModelFile { name: "m", bytes: MODEL }, PageOpening::default());
-    assert!(matches!(offline(&[(file, &model)], &opening, &InterruptedProgress), Err(Error::Cancelled)));
+    assert!(matches!(
+        offline(&[(file, &model)], &opening, &Context::SILENT.with_cancel(&|| true)),
+        Err(Error::Cancelled)
+    ));
 }
 
 /// A model of so many Gaussians that they take a moment to decode.
@@ -172,7 +169,8 @@ fn a_page_says_how_it_opens() {
     let model = codec::decode(MODEL, "model").unwrap();
     let opened = |opening: &PageOpening| {
         let file = ModelFile { name: "m", bytes: MODEL };
-        setup(std::str::from_utf8(&offline(&[(file, &model)], opening, &Silent).unwrap()).unwrap())["opening"].clone()
+        setup(std::str::from_utf8(&offline(&[(file, &model)], opening, &Context::SILENT).unwrap()).unwrap())["opening"]
+            .clone()
     };
     assert_eq!(opened(&PageOpening::default()), serde_json::json!({}));
     let (style, colormap) = (Some(PageStyle::Paraview), Some(Colormap::Viridis));
@@ -203,12 +201,13 @@ fn the_poster_is_the_default_view() {
         let (m, scene) = (&model.metadata, Scene::of(&model));
         let camera = spherical_camera(m.bounds.center(), 0.0, 0.0, base_distance(&m.bounds, size));
         let view = View { name: "view".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
-        let poster = poster::draw(&model, size, &Silent).unwrap();
+        let poster = poster::draw(&model, size, &Context::SILENT).unwrap();
         let expected: Vec<u8> = if m.law == LawKind::AlphaBlend {
             assert_eq!(poster.range, None);
-            draw(&scene, &view, size, ToneStyle::Paraview, &Silent).unwrap().data
+            draw(&scene, &view, size, ToneStyle::Paraview, &Context::SILENT).unwrap().data
         } else {
-            let plane = surface_density(&scene, &DensityView::of_view(&view, &m.bounds), size, &Silent).unwrap();
+            let plane =
+                surface_density(&scene, &DensityView::of_view(&view, &m.bounds), size, &Context::SILENT).unwrap();
             assert_eq!(poster.range, plane.first_range());
             let colors = DensityColors::new(Colormap::Inferno, false, plane.first_range().unwrap());
             plane.data.iter().flat_map(|v| colors.of(*v)).collect()

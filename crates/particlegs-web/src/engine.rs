@@ -8,10 +8,10 @@ use crate::probe;
 use crate::question::{EngineQuery, PlaneColours, PlaneStyle, QueryKind, SceneRequest};
 use crate::strokes::strokes;
 use particlegs_core::codec::Decoder;
+use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::Model;
 use particlegs_core::picture::{Colormap, DensityColors, Size};
-use particlegs_core::progress::Silent;
 use particlegs_core::render::Scene;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::splat::Response;
@@ -64,7 +64,7 @@ impl Engine {
     /// Begins to decode a model file, and keeps the model; the answer says what it is. Small models are whole then,
     /// others after as many `Decode` questions as they need.
     pub fn open(&mut self, file: Vec<u8>) -> EngineResponse {
-        let opened = Decoder::new(file, "the model", &Silent).and_then(|decoder| {
+        let opened = Decoder::new(file, "the model", &Context::SILENT).and_then(|decoder| {
             let about = json!(ModelSummary::new(decoder.info(), decoder.file()));
             let mut opened = LoadedModel::new(decoder);
             let decoded = opened.step()?;

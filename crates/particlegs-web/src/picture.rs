@@ -2,9 +2,9 @@
 
 use crate::question::{PlaneColours, PlaneStyle, SceneRequest};
 use particlegs_core::Result;
+use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, Model};
 use particlegs_core::picture::{DensityColors, Gray8, Pixels, Plane, Rgb8, Size};
-use particlegs_core::progress::Silent;
 use particlegs_core::render::{Scene, Scratch, Tones, optical_depth_into, surface_density};
 use particlegs_core::splat::ToneStyle;
 
@@ -22,11 +22,11 @@ impl PlaneRenderer {
     /// The plane behind a picture of a scene.
     pub(crate) fn plane(&mut self, scene: &Scene<'_>, of: &SceneRequest, style: PlaneStyle) -> Result<Plane> {
         match style {
-            PlaneStyle::Density => surface_density(scene, &of.density_view(scene.bounds())?, of.size, &Silent),
+            PlaneStyle::Density => surface_density(scene, &of.density_view(scene.bounds())?, of.size, &Context::SILENT),
             PlaneStyle::Depth => {
                 let mut plane = Plane::zeros(of.size);
                 let out = Pixels::new(of.size, &mut plane.data)?;
-                optical_depth_into(scene, &of.view()?, out, &mut self.scratch, &Silent)?;
+                optical_depth_into(scene, &of.view()?, out, &mut self.scratch, &Context::SILENT)?;
                 Ok(plane)
             }
         }

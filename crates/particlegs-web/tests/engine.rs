@@ -2,10 +2,10 @@
 
 use particlegs_core::camera::{View, base_distance, spherical_camera};
 use particlegs_core::codec::{self, Precision};
+use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::{Block, Layer, Model};
 use particlegs_core::picture::Size;
-use particlegs_core::progress::Silent;
 use particlegs_core::render::{Scene, draw};
 use particlegs_core::space::{Bounds, Cell};
 use particlegs_core::splat::ToneStyle;
@@ -48,7 +48,7 @@ fn its_picture_is_the_renderers() {
     for look in ToneStyle::ALL {
         let paint = json!({ "look": look, "white": false });
         let answer = ask(&mut engine, &json!({ "ask": "picture", "scene": scene, "paint": paint }));
-        let picture = draw(&Scene::of(&model), &view, SIZE, look, &Silent).unwrap();
+        let picture = draw(&Scene::of(&model), &view, SIZE, look, &Context::SILENT).unwrap();
         let greys: Vec<u8> = answer.numbers.chunks_exact(4).map(|p| p[0]).collect();
         assert!(greys == picture.data && greys.iter().any(|v| *v > 0), "{look:?}");
     }

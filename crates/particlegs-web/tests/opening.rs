@@ -2,10 +2,10 @@
 
 use particlegs_core::camera::{View, base_distance, spherical_camera};
 use particlegs_core::codec::{self, Encoder, Precision};
+use particlegs_core::context::Context;
 use particlegs_core::math::{Random, Sym3, each_axis};
 use particlegs_core::model::{Block, Layer, Mass, Mixture, Model};
 use particlegs_core::picture::Size;
-use particlegs_core::progress::Silent;
 use particlegs_core::render::{Scene, draw};
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
@@ -101,7 +101,7 @@ fn a_picture_of_the_whole_box_is_there_before_the_last_step() {
     }
     // And in the end the same, to the last bit.
     let whole = codec::decode(&file, "the model").unwrap();
-    let expected = draw(&Scene::of(&whole), &view(false).0, SIZE, ToneStyle::Expected, &Silent).unwrap();
+    let expected = draw(&Scene::of(&whole), &view(false).0, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap();
     assert!(full == expected.data);
 }
 

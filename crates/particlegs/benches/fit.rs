@@ -1,9 +1,9 @@
 //! Speed of the partition on the sample and on a cloud of four million particles.
 
+use particlegs::context::Context;
 use particlegs::fit::{Effort, FitOptions, fit};
 use particlegs::math::Random;
 use particlegs::particles::Particles;
-use particlegs::progress::Silent;
 use std::path::Path;
 
 fn main() {
@@ -13,7 +13,7 @@ fn main() {
 fn cells(bencher: divan::Bencher, p: &Particles, gaussians: usize) {
     let radius = p.bounds().default_radius(p.len() as u64);
     let options = FitOptions { effort: Effort::Fast, ..FitOptions::new(gaussians, radius) };
-    bencher.counter(divan::counter::ItemsCount::new(p.len())).bench(|| fit(p, &options, &Silent).unwrap());
+    bencher.counter(divan::counter::ItemsCount::new(p.len())).bench(|| fit(p, &options, &Context::SILENT).unwrap());
 }
 
 #[divan::bench(args = [250, 2500, 25_000], sample_count = 10)]

@@ -2,9 +2,9 @@
 
 use divan::{Bencher, counter::ItemsCount};
 use particlegs::camera::{View, base_distance, spherical_camera};
+use particlegs::context::Context;
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
-use particlegs::progress::Silent;
 use particlegs::reference::Reference;
 use particlegs::splat::ToneStyle;
 use std::path::Path;
@@ -46,7 +46,7 @@ fn draw(bencher: Bencher, look: ToneStyle, times: f64) {
     let view = far(&reference, particles.len(), times);
     bencher
         .counter(ItemsCount::new(particles.len()))
-        .bench(|| reference.draw(&view, SIZE, look, &Silent).expect("a picture"));
+        .bench(|| reference.draw(&view, SIZE, look, &Context::SILENT).expect("a picture"));
 }
 
 #[divan::bench(sample_count = 3, args = [0.25, 1.0, 4.0])]

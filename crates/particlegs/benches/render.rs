@@ -1,11 +1,11 @@
 //! Frames of a mixture: `cargo bench --bench render`.
 
 use particlegs::camera::{View, base_distance, spherical_camera};
+use particlegs::context::Context;
 use particlegs::fit::{Effort, FitOptions, fit};
 use particlegs::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
-use particlegs::progress::Silent;
 use particlegs::render::{Scene, optical_depth};
 use particlegs::space::Bounds;
 
@@ -18,7 +18,7 @@ fn main() {
 fn far_1080p(bencher: divan::Bencher, gaussians: usize) {
     let (mixture, bounds, size, view) = far(gaussians);
     let scene = Scene::of_mixture(&mixture, bounds);
-    bencher.bench(|| optical_depth(&scene, &view, size, &Silent).expect("a picture"));
+    bencher.bench(|| optical_depth(&scene, &view, size, &Context::SILENT).expect("a picture"));
 }
 
 /// The same Gaussians drawn by the alpha-blend law, all of one opacity, with the network.
@@ -30,7 +30,7 @@ fn alpha_blend_far_1080p(bencher: divan::Bencher, gaussians: usize) {
     let vizmapper = Some(std::sync::Arc::new(network));
     mixture.law = Law::AlphaBlend(AlphaBlend { opacity: vec![0.3; n], grey: vec![1.0; n], vizmapper });
     let scene = Scene::of_law(&mixture, bounds, [view.radius, view.opacity]);
-    bencher.bench(|| optical_depth(&scene, &view, size, &Silent).expect("a picture"));
+    bencher.bench(|| optical_depth(&scene, &view, size, &Context::SILENT).expect("a picture"));
 }
 
 /// A partition of the sample, and a view of it from the far orbit.
@@ -40,7 +40,7 @@ fn far(gaussians: usize) -> (Mixture, Bounds, Size, View) {
     let bounds = particles.bounds();
     let radius = bounds.default_radius(particles.len() as u64);
     let options = FitOptions { effort: Effort::Fast, ..FitOptions::new(gaussians, radius) };
-    let mixture = fit(&particles, &options, &Silent).expect("a partition");
+    let mixture = fit(&particles, &options, &Context::SILENT).expect("a partition");
     let size = Size { width: 1920, height: 1080 };
     let camera = spherical_camera(bounds.center(), 30.0, 20.0, base_distance(&bounds, size));
     let view = View { name: "far".into(), camera, radius, opacity: 0.05 };

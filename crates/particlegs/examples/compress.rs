@@ -2,11 +2,11 @@
 
 use particlegs::codec;
 use particlegs::compress::{Options, Target, compress};
+use particlegs::context::Context;
 use particlegs::math::Random;
 use particlegs::model::CertificateLevel;
 use particlegs::particles::Particles;
 use particlegs::pieces::NoCheckpoints;
-use particlegs::progress::Silent;
 use particlegs_files::output::write_bytes;
 use std::path::Path;
 
@@ -18,7 +18,7 @@ fn main() -> particlegs::Result<()> {
     let particles = Particles::from_columns(column(0), column(1), column(2));
 
     let options = Options { target: Target::Ratio(100.0), certificate: CertificateLevel::None, ..Options::default() };
-    let made = compress(&particles, &options, &mut NoCheckpoints, &Silent)?;
+    let made = compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT)?;
     write_bytes(Path::new("cloud.pgs"), &made.bytes)?;
 
     let info = codec::read_info(&made.bytes, "cloud.pgs")?;

@@ -1,8 +1,8 @@
 //! Density on a grid, of particles or of a model: `cargo run --release --example density`.
 
+use particlegs::context::Context;
 use particlegs::math::Random;
 use particlegs::particles::Particles;
-use particlegs::progress::Silent;
 use particlegs::space::Cell;
 use particlegs::stats::{Assignment, Grid, Subject, deposit};
 
@@ -16,7 +16,7 @@ fn main() -> particlegs::Result<()> {
 
     let subject = Subject::Particles(&particles);
     let grid = Grid::new(&subject.domain(), 32);
-    let field = deposit(subject, &grid, Assignment::Cic, 0.0, &Silent)?;
+    let field = deposit(subject, &grid, Assignment::Cic, 0.0, &Context::SILENT)?;
     let mean = field.mass.iter().sum::<f32>() / field.mass.len() as f32;
     let densest = field.mass.iter().fold(0.0, |a: f32, b| a.max(*b));
     println!("{} cells, {mean:.3} particles in the mean one, {densest:.3} in the densest", field.mass.len());

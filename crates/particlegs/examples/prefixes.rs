@@ -5,10 +5,10 @@
 use particlegs::camera::View;
 use particlegs::codec::{self, CodedLayer};
 use particlegs::compress::simplify;
+use particlegs::context::Context;
 use particlegs::model::{Layer, Model, Target};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
-use particlegs::progress::Silent;
 use particlegs::score::{evaluate, evaluation_views};
 use std::path::PathBuf;
 
@@ -17,7 +17,7 @@ const SIZE: Size = Size { width: 640, height: 360 };
 const SHARES: [usize; 4] = [5, 10, 25, 50];
 
 fn score(model: &Model, particles: &Particles, views: &[View]) -> particlegs::Result<f64> {
-    let evaluation = evaluate(model, particles, views, SIZE, None, &Silent)?;
+    let evaluation = evaluate(model, particles, views, SIZE, None, &Context::SILENT)?;
     Ok(evaluation.mean.expected.model.masked_psnr.unwrap_or(f64::INFINITY))
 }
 
@@ -39,7 +39,7 @@ fn main() -> particlegs::Result<()> {
         let layer = Layer { content: vec![part], ..model.layers[0].clone() };
         let prefix = score(&Model { layers: vec![layer], ..model.clone() }, &particles, &views)?;
         let size = (bytes.len() - block.len() + n) as u64;
-        let file = simplify(model.clone(), bytes.len() as u64, Target::Size(size), &Silent)?;
+        let file = simplify(model.clone(), bytes.len() as u64, Target::Size(size), &Context::SILENT)?;
         let other = codec::decode(&file, path)?;
         let simplified = score(&other, &particles, &views)?;
         println!(

@@ -1,8 +1,8 @@
 //! A reader of one's own: particles that come from anywhere, run by run, in bounded memory:
 //! `cargo run --release --example reader`.
 
+use particlegs::context::Context;
 use particlegs::particles::{Chunk, LayeredParticles, RUN, SnapshotMeta, SnapshotReader, Storage};
-use particlegs::progress::{Progress, Silent};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -32,11 +32,11 @@ impl SnapshotReader for Spiral {
     fn read(
         &self,
         runs: Range<u64>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
         sink: &(dyn Fn(u64, Chunk<'_>) -> particlegs::Result<()> + Sync),
     ) -> particlegs::Result<()> {
         for run in runs {
-            progress.check()?;
+            context.check()?;
             let own = run * RUN as u64..self.count.min((run + 1) * RUN as u64);
             let turn = |i: u64| i as f32 / self.count as f32 * 40.0;
             let column = |f: &dyn Fn(f32) -> f32| own.clone().map(|i| f(turn(i))).collect::<Vec<f32>>();
@@ -51,7 +51,7 @@ fn main() -> particlegs::Result<()> {
     let meta = SnapshotMeta { name: "spiral".into(), ..SnapshotMeta::default() };
     let reader = Arc::new(Spiral { meta, count: 200_000 });
     let source = LayeredParticles::new(vec![("gas".into(), reader)])?;
-    let particles = source.load(&Storage::Memory, &Silent)?;
+    let particles = source.load(&Storage::Memory, &Context::SILENT)?;
     println!("{} particles within {:?}", particles.len(), particles.bounds());
     Ok(())
 }

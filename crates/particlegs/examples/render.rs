@@ -2,8 +2,8 @@
 
 use particlegs::camera::{View, base_distance, spherical_camera};
 use particlegs::codec;
+use particlegs::context::Context;
 use particlegs::picture::{Size, write_png};
-use particlegs::progress::Silent;
 use particlegs::render::{Scene, draw};
 use particlegs::splat::ToneStyle;
 use std::path::{Path, PathBuf};
@@ -23,6 +23,6 @@ fn main() -> particlegs::Result<()> {
         radius: 2.0 * m.default_radius,
         opacity: m.default_opacity,
     };
-    let picture = draw(&Scene::of(&model), &view, size, ToneStyle::Paraview, &Silent)?;
+    let picture = draw(&Scene::of(&model), &view, size, ToneStyle::Paraview, &Context::SILENT)?;
     write_png(Path::new("view.png"), size, &picture.data)
 }

@@ -1,8 +1,8 @@
 //! Statistics of two clouds of particles: `cargo run --release --example statistics`.
 
+use particlegs::context::Context;
 use particlegs::math::Random;
 use particlegs::particles::Particles;
-use particlegs::progress::Silent;
 use particlegs::space::Cell;
 use particlegs::stats::{Measure, StatsOptions, Subject, compare};
 
@@ -24,7 +24,7 @@ fn main() -> particlegs::Result<()> {
     let (truth, other) = (cloud(1, 0.1), cloud(2, 0.12));
     let options =
         StatsOptions { measures: vec![Measure::Density, Measure::Spectrum], cells: 32, ..StatsOptions::default() };
-    let found = compare(Subject::Particles(&truth), Subject::Particles(&other), &options, &Silent)?;
+    let found = compare(Subject::Particles(&truth), Subject::Particles(&other), &options, &Context::SILENT)?;
     if let Some(density) = &found.density {
         println!("density in {:?} cells: correlation {:.4}", density.cells, density.agreement.correlation);
     }

@@ -3,11 +3,11 @@
 
 use crate::camera::{Camera, FOV_DEG, ORBITS, Projection, View};
 use crate::camera::{base_distance, clipping_range, spherical_camera, spiral};
+use crate::context::Context;
 use crate::math::{Random, Sym3};
 use crate::model::{AlphaBlend, Law, LawKind, Metadata, Mixture, VizMapper, VizRanges};
 use crate::particles::Particles;
 use crate::picture::{DensityScores, Gray8, Plane, Size, masked_psnr, psnr, ssim};
-use crate::progress::Silent;
 use crate::recover::Method;
 use crate::reference::{Reference, fxaa, uniform_box};
 use crate::render::{self, Scene, tone};
@@ -129,7 +129,7 @@ fn one_splat(size: Size, sigma: f64, opacity: f64, slope: f64) -> f64 {
     let camera = ahead(30.0, [0.5, 20.0]);
     let radius = sigma * 5.0 / camera.focal_pixels(size);
     let particle = Particles::from_columns(vec![(5.0 * slope) as f32], vec![0.0], vec![-5.0]);
-    let tau = Reference::new(&particle).optical_depth(&view(camera, radius, opacity), size, &Silent).unwrap();
+    let tau = Reference::new(&particle).optical_depth(&view(camera, radius, opacity), size, &Context::SILENT).unwrap();
     sum(&tau) / (opacity_integral(opacity) * sigma * sigma)
 }
 
@@ -152,7 +152,7 @@ fn drawn(fov_deg: f64, x: f64, depths: &[f64], radius: f64, opacity: f64) -> Gra
     let z = column(depths.iter().map(|d| -d));
     let particles = Particles::from_columns(vec![x as f32; n], vec![0.0; n], z);
     let view = view(ahead(fov_deg, [0.5, 20.0]), radius, opacity);
-    Reference::new(&particles).draw(&view, SMALL, ToneStyle::ParaviewNoFxaa, &Silent).unwrap()
+    Reference::new(&particles).draw(&view, SMALL, ToneStyle::ParaviewNoFxaa, &Context::SILENT).unwrap()
 }
 
 /// Where between `low` and `high` something ceases to be.
@@ -239,7 +239,7 @@ fn depth_of_gaussians() {
     let size = Size { width: 101, height: 101 };
     let parallel = |mixture: &Mixture, radius: f64| {
         let scene = Scene::of_mixture(mixture, cube());
-        render::optical_depth(&scene, &view(orthographic(size), radius, 0.05), size, &Silent).unwrap()
+        render::optical_depth(&scene, &view(orthographic(size), radius, 0.05), size, &Context::SILENT).unwrap()
     };
     let wide = parallel(&gaussian(500.0, Sym3::scaled_identity(100.0), 1000.0), 2.0);
     let narrow = parallel(&gaussian(500.0, Sym3::default(), 1000.0), 0.3);
@@ -247,7 +247,7 @@ fn depth_of_gaussians() {
         let cov = Sym3([1e-6, 0.0, 0.0, 1e-6, 0.0, (10.0 * share).powi(2)]);
         let mixture = gaussian(10.0, cov, 1000.0);
         let view = view(ahead(30.0, [0.5, 60.0]), 0.1, 0.05);
-        sum(&render::optical_depth(&Scene::of_mixture(&mixture, cube()), &view, size, &Silent).unwrap())
+        sum(&render::optical_depth(&Scene::of_mixture(&mixture, cube()), &view, size, &Context::SILENT).unwrap())
     };
     let wide_picture = Size { width: 161, height: 91 };
     let hacc = Bounds { min: [0.0; 3], max: [64.0, 256.0, 256.0] };
@@ -333,7 +333,7 @@ fn sheet(opacity: f64, radius_px: f64, tau: f64) -> Gray8 {
     let [x, y, z] = [0, 1, 2].map(|k| column(places.iter().map(|p| p[k])));
     let particles = Particles::from_columns(x, y, z);
     let view = view(camera, radius_px * pixel, opacity);
-    Reference::new(&particles).draw(&view, size, ToneStyle::ParaviewNoFxaa, &Silent).unwrap()
+    Reference::new(&particles).draw(&view, size, ToneStyle::ParaviewNoFxaa, &Context::SILENT).unwrap()
 }
 
 /// Mean level and standard deviation.
@@ -447,7 +447,7 @@ fn what_scores_are() {
     let row = |data: &[u8]| Gray8 { size: Size { width: data.len(), height: 1 }, data: data.to_vec() };
     let (a, b) = (row(&[0, 0, 3, 2]), row(&[255, 0, 0, 2]));
     let plane = |v: &[f32]| Plane { size: Size { width: v.len(), height: 1 }, data: v.to_vec() };
-    let densities = |a: &[f32], b: &[f32]| DensityScores::of(&plane(a), &plane(b), &Silent).unwrap();
+    let densities = |a: &[f32], b: &[f32]| DensityScores::of(&plane(a), &plane(b), &Context::SILENT).unwrap();
     let values = [
         ("PSNR of pictures one level apart everywhere", psnr(&even(7), &even(8)).unwrap()),
         ("PSNR of black and white", psnr(&even(0), &even(255)).unwrap()),
@@ -571,7 +571,7 @@ fn blended(network: Option<&VizMapper>, [radius, opacity]: [f64; 2], depth: f64)
     mixture.law = Law::AlphaBlend(AlphaBlend { opacity: vec![0.5], grey: vec![1.0], vizmapper });
     let scene = Scene::of_law(&mixture, cube(), [1.0, 0.05]);
     let view = view(camera, radius, 0.05 * opacity);
-    f64::from(render::draw(&scene, &view, SMALL, ToneStyle::Expected, &Silent).unwrap().data[MIDDLE])
+    f64::from(render::draw(&scene, &view, SMALL, ToneStyle::Expected, &Context::SILENT).unwrap().data[MIDDLE])
 }
 
 #[test]

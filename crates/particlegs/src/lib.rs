@@ -15,7 +15,7 @@
 //! use particlegs::model::CertificateLevel;
 //! use particlegs::particles::Particles;
 //! use particlegs::picture::Size;
-//! use particlegs::progress::Silent;
+//! use particlegs::context::Context;
 //! use particlegs::render::{Scene, draw};
 //! use particlegs::splat::ToneStyle;
 //!
@@ -25,19 +25,19 @@
 //!
 //! // A file of 100 Gaussians: `made.bytes`, and what they decode to.
 //! let options = Options { target: Target::Gaussians(100), certificate: CertificateLevel::None, ..Options::default() };
-//! let made = compress(&particles, &options, &mut NoCheckpoints, &Silent)?;
+//! let made = compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT)?;
 //! assert_eq!(made.model.metadata.count, 3000);
 //!
 //! // Its picture from any side, at any particle radius and opacity.
 //! let (m, size) = (&made.model.metadata, Size { width: 64, height: 36 });
 //! let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, size));
 //! let view = View { name: "view".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
-//! let picture = draw(&Scene::of(&made.model), &view, size, ToneStyle::Expected, &Silent)?;
+//! let picture = draw(&Scene::of(&made.model), &view, size, ToneStyle::Expected, &Context::SILENT)?;
 //! assert_eq!(picture.data.len(), 64 * 36);
 //! # Ok::<(), particlegs::Error>(())
 //! ```
 
-pub use particlegs_core::{error, math, model, parallel, pieces, progress, render, space, splat};
+pub use particlegs_core::{context, error, math, model, parallel, pieces, render, space, splat};
 
 pub mod camera;
 pub mod particles;

@@ -6,9 +6,9 @@ mod common;
 use common::{block, certificate, metadata, mixture, partner, reseal};
 use particlegs::Error;
 use particlegs::codec::{self, Encoder, Precision};
+use particlegs::context::Context;
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{Block, CertificateLevel, Layer, Mass, Mixture, Model};
-use particlegs::progress::Silent;
 use particlegs::space::Cell;
 use proptest::prelude::*;
 
@@ -253,7 +253,7 @@ fn pieces_of_a_model_are_read_on_their_own() {
     let m = model(vec![alone(1, 0.0), block(mixture(70_000, 8, 20.0, 50.0, true)), alone(2, 90.0)], true);
     let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
     let whole = codec::decode(&bytes, "m").unwrap();
-    let new = || codec::Decoder::new(&bytes[..], "m", &Silent).unwrap();
+    let new = || codec::Decoder::new(&bytes[..], "m", &Context::SILENT).unwrap();
     let pieces = new().pieces();
     assert!((4..=5).contains(&pieces), "{pieces}");
     assert_eq!((0..pieces).map(|p| new().gaussians(p)).sum::<usize>(), whole.gaussians());

@@ -6,12 +6,12 @@ mod common;
 use common::{block, certificate, metadata, mixture, partner, reseal};
 use particlegs::Error;
 use particlegs::codec::{self, CodedLayer, Encoder, Merge, Precision, VIZMAPPER_SECTION_BYTES};
+use particlegs::context::Context;
 use particlegs::math::Random;
 use particlegs::model::{
     AlphaBlend, Block, CertificateLevel, Law, LawKind, Layer, MASS, Mass, Metadata, Mixture, Model,
     VIZMAPPER_PARAMETERS, VizMapper, VizRanges,
 };
-use particlegs::progress::Silent;
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -358,7 +358,7 @@ fn merged_files_take_the_network_of_the_first_block() {
     let files: Vec<Vec<u8>> = (1..4).map(|i| encoded(&part(i))).collect();
     let merge = |parts: &[&[u8]]| {
         let mut merge = Merge::default();
-        parts.iter().enumerate().try_for_each(|(i, p)| merge.add(p, &format!("part {i}"), &Silent))?;
+        parts.iter().enumerate().try_for_each(|(i, p)| merge.add(p, &format!("part {i}"), &Context::SILENT))?;
         merge.finish()
     };
     let [a, b, c] = [0, 1, 2].map(|i| &files[i][..]);

@@ -3,12 +3,12 @@
 #![allow(missing_docs)]
 
 use particlegs::compress::{Options, Target};
+use particlegs::context::Context;
 use particlegs::fit::Effort;
 use particlegs::job::{Job, Task};
 use particlegs::math::Random;
 use particlegs::model::{CertificateLevel, Layer, Mass};
 use particlegs::particles::{LayeredParticles, Particles};
-use particlegs::progress::{Progress, Silent};
 use serde_json::{Value, json};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
@@ -69,13 +69,13 @@ fn planned(folder: &Path) -> Job {
         ..Options::default()
     };
     let task = Task { options: &options, snapshot: "a cloud".into(), place: "here", replace: false, reopened: false };
-    Job::plan(LayeredParticles::of(&particles()), &task, folder, &Silent).unwrap()
+    Job::plan(LayeredParticles::of(&particles()), &task, folder, &Context::SILENT).unwrap()
 }
 
 /// A whole job to be altered: planned, one of two blocks done.
 fn prepared(folder: &Path) {
     let job = planned(folder);
-    job.block(0, || Ok(LayeredParticles::of(&particles())), &Silent).unwrap();
+    job.block(0, || Ok(LayeredParticles::of(&particles())), &Context::SILENT).unwrap();
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -89,22 +89,15 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Ends work that goes on beyond its time, so that a fault is told instead of a hung suite.
-struct Watchdog(Instant);
-
-impl Progress for Watchdog {
-    fn cancelled(&self) -> bool {
-        self.0.elapsed() > LONGEST
-    }
-}
-
 /// Every step on a folder; the errors in words.
 fn steps(folder: &Path, what: &str) -> Vec<String> {
     let began = Instant::now();
-    let until = Watchdog(began);
     LARGEST.store(0, Relaxed);
     let source = || Ok(LayeredParticles::of(&particles()));
     let run = || -> Vec<String> {
+        // Ends work that goes on beyond its time, so that a fault is told instead of a hung suite.
+        let late = || began.elapsed() > LONGEST;
+        let until = Context::SILENT.with_cancel(&late);
         let mut errors = Vec::new();
         let mut note = |result: particlegs::Result<()>| errors.extend(result.err().map(|e| e.to_string()));
         let job = match Job::open(folder) {

@@ -7,11 +7,11 @@ use common::reseal;
 use particlegs::camera::{View, base_distance, spherical_camera};
 use particlegs::codec::{self, Merge};
 use particlegs::compress::{Target, simplify};
+use particlegs::context::Context;
 use particlegs::math::Random;
 use particlegs::model::Model;
 use particlegs::particles::RawForm;
 use particlegs::picture::Size;
-use particlegs::progress::{Progress, Silent};
 use particlegs::recover::{Method, Options, recover};
 use particlegs::render::{Scene, draw, surface_density};
 use particlegs::splat::ToneStyle;
@@ -25,19 +25,10 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// ... and has then stopped within this, on a machine that does much else.
 const HEARD: Duration = Duration::from_secs(20);
 
-/// Tells a step to stop when it has gone on for [`PATIENCE`].
-struct Deadline(Instant);
-
-impl Progress for Deadline {
-    fn cancelled(&self) -> bool {
-        self.0.elapsed() > PATIENCE
-    }
-}
-
-/// Runs a step; a stop that was asked for is a result like any other.
-fn step<T>(name: &str, work: impl FnOnce(&Deadline) -> Result<T, Error>) -> Option<T> {
+/// Runs a step, which is told to stop when it has gone on for [`PATIENCE`]; a stop that was asked for is a result like any other.
+fn step<T>(name: &str, work: impl FnOnce(&Context<'_>) -> Result<T, Error>) -> Option<T> {
     let start = Instant::now();
-    let outcome = work(&Deadline(start));
+    let outcome = work(&Context::SILENT.with_cancel(&|| start.elapsed() > PATIENCE));
     assert!(start.elapsed() < PATIENCE + HEARD, "{name} took {:?}", start.elapsed());
     match outcome {
         Ok(value) => Some(value),
@@ -112,7 +103,7 @@ fn use_all(bytes: &[u8], good: &[u8]) {
     let decoded = step("decode", |_| codec::decode(bytes, "m"));
     if let Some(merged) = step("merge", |_| {
         let mut merge = Merge::default();
-        merge.add(bytes, "m", &Silent)?;
+        merge.add(bytes, "m", &Context::SILENT)?;
         merge.finish()
     }) {
         assert!(decoded.is_some(), "a model that cannot be read was merged");
@@ -179,12 +170,12 @@ fn a_block_that_cannot_be_decoded_is_not_merged() {
         bad[at] ^= 0x55;
         reseal(&mut bad);
         if codec::read_info(&bad, "m").is_ok() && codec::decode(&bad, "m").is_err() {
-            let error = Merge::default().add(&bad, "m", &Silent).unwrap_err();
+            let error = Merge::default().add(&bad, "m", &Context::SILENT).unwrap_err();
             assert!(
                 matches!(error, crate::Error::Corrupt { .. }) && error.to_string().starts_with("m: corrupt model file"),
                 "{error}"
             );
-            assert!(matches!(codec::check(&bad, "m", &Silent).unwrap_err(), crate::Error::Corrupt { .. }));
+            assert!(matches!(codec::check(&bad, "m", &Context::SILENT).unwrap_err(), crate::Error::Corrupt { .. }));
             tried += 1;
         }
     }

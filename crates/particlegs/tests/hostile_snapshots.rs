@@ -4,6 +4,7 @@
 use particlegs::camera::{View, base_distance, spherical_camera};
 use particlegs::codec;
 use particlegs::compress::{Options, Target, compress};
+use particlegs::context::Context;
 use particlegs::fit::Effort;
 use particlegs::math::Random;
 use particlegs::model::Model;
@@ -11,7 +12,6 @@ use particlegs::model::{CertificateLevel, Layer, Mass};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::pieces::NoCheckpoints;
-use particlegs::progress::Silent;
 use particlegs::render::{Scene, draw};
 use particlegs::space::Cell;
 use particlegs::splat::ToneStyle;
@@ -44,8 +44,8 @@ fn options() -> Options {
 }
 
 fn compressed(p: &Particles) -> Result<Model> {
-    let made = compress(p, &options(), &mut NoCheckpoints, &Silent)?;
-    codec::check(&made.bytes, "made", &Silent)?;
+    let made = compress(p, &options(), &mut NoCheckpoints, &Context::SILENT)?;
+    codec::check(&made.bytes, "made", &Context::SILENT)?;
     codec::decode(&made.bytes, "made")
 }
 
@@ -54,10 +54,10 @@ fn used(p: &Particles, model: &Model) {
     let m = &model.metadata;
     let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, SIZE));
     let view = View { name: "v".into(), camera, radius: m.default_radius, opacity: 0.05 };
-    draw(&Scene::of(model), &view, SIZE, ToneStyle::Paraview, &Silent).unwrap();
+    draw(&Scene::of(model), &view, SIZE, ToneStyle::Paraview, &Context::SILENT).unwrap();
     let o = StatsOptions { cells: 8, spectrum_cells: 8, pair_budget: 100_000, ..StatsOptions::default() };
     for other in [Subject::Model(model), Subject::Particles(p)] {
-        let s = compare(Subject::Particles(p), other, &o, &Silent).unwrap();
+        let s = compare(Subject::Particles(p), other, &o, &Context::SILENT).unwrap();
         assert!(s.density.is_some() && s.spectra.is_some());
     }
 }
@@ -105,11 +105,11 @@ fn boxes_that_do_not_hold_the_data_are_said_or_refused() {
     for length in [5e-324, 1e-60, 1e-3, 30.0, 1e60] {
         p.meta.cell = Some(Cell::orthogonal([length; 3]));
         assert!(matches!(compressed(&p).unwrap_err(), crate::Error::Input { .. }), "{length}");
-        let stats = compare(Subject::Particles(&p), Subject::Particles(&p), &StatsOptions::default(), &Silent);
+        let stats = compare(Subject::Particles(&p), Subject::Particles(&p), &StatsOptions::default(), &Context::SILENT);
         assert!(matches!(stats.unwrap_err(), crate::Error::Input { .. }), "{length}");
     }
     p.meta.cell = Some(Cell::orthogonal([80.0; 3]));
-    let notes = compress(&p, &options(), &mut NoCheckpoints, &Silent).unwrap().notes;
+    let notes = compress(&p, &options(), &mut NoCheckpoints, &Context::SILENT).unwrap().notes;
     assert!(notes.iter().any(|m| m.contains("snap: ") && m.contains("of 400 particles lie outside")), "{notes:?}");
 }
 
@@ -121,7 +121,7 @@ fn models_with_odd_boxes_are_measured_or_refused() {
         model.metadata.cell = Some(Cell::orthogonal([length; 3]));
         let subject = Subject::Model(&model);
         assert!(matches!(
-            compare(subject, subject, &StatsOptions::default(), &Silent).unwrap_err(),
+            compare(subject, subject, &StatsOptions::default(), &Context::SILENT).unwrap_err(),
             crate::Error::Input { .. }
         ));
     }
@@ -135,11 +135,11 @@ fn nothing_is_no_snapshot_and_empty_layers_are_none() {
     let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Unknown, content };
     p = p.with_layers(vec![layer("gas", 0..0), layer("dm", 0..400), layer("stars", 400..400)]);
     for target in [Target::Gaussians(40), Target::Ratio(4.0)] {
-        let made = compress(&p, &Options { target, ..options() }, &mut NoCheckpoints, &Silent).unwrap();
+        let made = compress(&p, &Options { target, ..options() }, &mut NoCheckpoints, &Context::SILENT).unwrap();
         let names: Vec<&str> = made.model.layers.iter().map(|l| &l.name[..]).collect();
         assert_eq!(names, ["dm"]);
     }
-    let two = compress(&p, &Options { blocks: Some(2), ..options() }, &mut NoCheckpoints, &Silent).unwrap();
+    let two = compress(&p, &Options { blocks: Some(2), ..options() }, &mut NoCheckpoints, &Context::SILENT).unwrap();
     assert_eq!(two.model.metadata.count, 400);
 }
 
@@ -147,12 +147,14 @@ fn nothing_is_no_snapshot_and_empty_layers_are_none() {
 fn tiny_opacities_are_stored_and_drawn() {
     let p = snapshot(400, [1.0; 3], 0.0);
     for opacity in [1e-9, 1e-300, f64::MIN_POSITIVE] {
-        let made = compress(&p, &Options { opacity: Some(opacity), ..options() }, &mut NoCheckpoints, &Silent).unwrap();
+        let made = compress(&p, &Options { opacity: Some(opacity), ..options() }, &mut NoCheckpoints, &Context::SILENT)
+            .unwrap();
         let m = &made.model.metadata;
         let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, SIZE));
         for radius in [1e-300, m.default_radius, 1e100] {
             let view = View { name: "v".into(), camera, radius, opacity };
-            let picture = draw(&Scene::of(&made.model), &view, SIZE, ToneStyle::ParaviewNoFxaa, &Silent).unwrap();
+            let picture =
+                draw(&Scene::of(&made.model), &view, SIZE, ToneStyle::ParaviewNoFxaa, &Context::SILENT).unwrap();
             assert!(picture.data.iter().all(|v| *v == 0), "splats of opacity {opacity} change no 8-bit buffer");
         }
     }
@@ -170,7 +172,7 @@ fn odd_options_of_statistics_end() {
     let tried = |change: &dyn Fn(&mut StatsOptions)| {
         let mut o = StatsOptions { cells: 8, spectrum_cells: 8, pair_budget: 100_000, ..StatsOptions::default() };
         change(&mut o);
-        match compare(Subject::Particles(&p), Subject::Particles(&p), &o, &Silent) {
+        match compare(Subject::Particles(&p), Subject::Particles(&p), &o, &Context::SILENT) {
             Ok(_) => TrialOutcome::Measured,
             Err(Error::Argument { .. }) => TrialOutcome::Refused,
             Err(e) => panic!("{e}"),

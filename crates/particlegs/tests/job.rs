@@ -2,11 +2,11 @@
 //! from.
 
 use particlegs::compress::{Checkpoint, Compression, FineTuning, Options, Target, certify};
+use particlegs::context::Context;
 use particlegs::fit::Effort;
 use particlegs::job::{Job, Task};
 use particlegs::model::{CertificateLevel, LawKind, Layer, Limit, Mass, Units};
 use particlegs::particles::{LayeredParticles, Particles, Storage};
-use particlegs::progress::{Progress, Silent};
 use particlegs::space::Cell;
 use particlegs::train::{Config, Limits, Preset};
 use particlegs::{Error, codec};
@@ -14,12 +14,9 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Says stop at the n-th question.
-struct CancelAtQuestion(AtomicU64);
-
-impl Progress for CancelAtQuestion {
-    fn cancelled(&self) -> bool {
-        self.0.load(Ordering::SeqCst) == 0 || self.0.fetch_sub(1, Ordering::SeqCst) == 1
-    }
+fn cancel_at_question(n: u64) -> impl Fn() -> bool + Sync {
+    let left = AtomicU64::new(n);
+    move || left.load(Ordering::SeqCst) == 0 || left.fetch_sub(1, Ordering::SeqCst) == 1
 }
 
 /// The sample as two layers: a fit each, so that one may be finished while the other is not.
@@ -41,7 +38,7 @@ fn planned(folder: &Path) -> Job {
         ..Options::default()
     };
     let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
-    Job::plan(LayeredParticles::of(&sample()), &task, folder, &Silent).unwrap()
+    Job::plan(LayeredParticles::of(&sample()), &task, folder, &Context::SILENT).unwrap()
 }
 
 /// A sound block with a right report is refused where it is another block's.
@@ -51,14 +48,14 @@ fn blocks_that_changed_places_are_found() {
     let job = planned(&folder.path().join("job"));
     let source = || -> particlegs::Result<LayeredParticles> { panic!("buckets are enough") };
     for block in 0..2 {
-        job.block(block, source, &Silent).unwrap();
+        job.block(block, source, &Context::SILENT).unwrap();
     }
-    job.verify(None, &Silent).unwrap();
+    job.verify(None, &Context::SILENT).unwrap();
     let path = |block: u32, kind: &str| job.folder.join(format!("blocks/{block:05}.{kind}"));
     std::fs::copy(path(0, "pgs"), path(1, "pgs")).unwrap();
     let report = std::fs::read_to_string(path(0, "json")).unwrap();
     std::fs::write(path(1, "json"), report.replace("\"block\": 0", "\"block\": 1")).unwrap();
-    let error = job.verify(None, &Silent).unwrap_err().to_string();
+    let error = job.verify(None, &Context::SILENT).unwrap_err().to_string();
     assert!(error.contains("00001.pgs") && error.contains("not those of block 1"), "{error}");
 }
 
@@ -67,14 +64,14 @@ fn a_block_goes_on_where_it_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let source = || -> particlegs::Result<LayeredParticles> { panic!("buckets are enough") };
     let job = planned(&folder.path().join("whole"));
-    job.block(0, source, &Silent).unwrap();
+    job.block(0, source, &Context::SILENT).unwrap();
     let whole = std::fs::read(job.folder.join("blocks/00000.pgs")).unwrap();
 
     let job = planned(&folder.path().join("stopped"));
     let checkpoint = job.folder.join("blocks/00000.checkpoint");
     let (mut stops, mut questions) = (0, 20);
     let pieces = loop {
-        match job.block(0, source, &CancelAtQuestion(AtomicU64::new(questions))) {
+        match job.block(0, source, &Context::SILENT.with_cancel(&cancel_at_question(questions))) {
             Ok(report) => break report.continued.unwrap(),
             Err(Error::Cancelled) => {
                 stops += 1;
@@ -88,7 +85,7 @@ fn a_block_goes_on_where_it_stopped() {
     assert!(pieces > 0, "no checkpoint was used");
     assert_eq!(std::fs::read(job.folder.join("blocks/00000.pgs")).unwrap(), whole);
     assert!(!checkpoint.exists());
-    assert_eq!(job.block(0, source, &Silent).unwrap().continued, None);
+    assert_eq!(job.block(0, source, &Context::SILENT).unwrap().continued, None);
 }
 
 /// A few particles in a box.
@@ -103,7 +100,7 @@ fn cloud(scale: f32) -> Particles {
 /// work; where it is done, and how far training goes, is not.
 #[test]
 fn other_options_are_other_work() {
-    let id = |p: &Particles, o: &Options| Compression::plan(p, o, &Silent).unwrap().id();
+    let id = |p: &Particles, o: &Options| Compression::plan(p, o, &Context::SILENT).unwrap().id();
     let base = Options { target: Target::Gaussians(8), ..Options::default() };
     let training = |law| Some(Config::preset(Preset::Fast, law));
     let options = [
@@ -185,9 +182,9 @@ fn measured(folder: &Path, order: [u32; 3]) -> Job {
         ..Options::default()
     };
     let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
-    let job = Job::plan(LayeredParticles::of(&sample()), &task, folder, &Silent).unwrap();
+    let job = Job::plan(LayeredParticles::of(&sample()), &task, folder, &Context::SILENT).unwrap();
     for block in order {
-        job.block(block, || panic!("buckets are enough"), &Silent).unwrap();
+        job.block(block, || panic!("buckets are enough"), &Context::SILENT).unwrap();
     }
     job
 }
@@ -197,12 +194,12 @@ fn measured(folder: &Path, order: [u32; 3]) -> Job {
 fn certificates_add_up_over_blocks() {
     let folder = tempfile::tempdir().unwrap();
     let [a, b] = [[2, 0, 1], [0, 1, 2]].map(|order| measured(&folder.path().join(format!("{order:?}")), order));
-    let bytes = a.merge(CertificateLevel::Blocks, None, &Silent).unwrap();
-    assert!(bytes == b.merge(CertificateLevel::Blocks, None, &Silent).unwrap());
+    let bytes = a.merge(CertificateLevel::Blocks, None, &Context::SILENT).unwrap();
+    assert!(bytes == b.merge(CertificateLevel::Blocks, None, &Context::SILENT).unwrap());
 
     let model = codec::decode(&bytes, "the file").unwrap();
     let added = model.certificate.unwrap();
-    let whole = |level| certify(&model, 5000, &sample(), 3, level, &Silent).unwrap();
+    let whole = |level| certify(&model, 5000, &sample(), 3, level, &Context::SILENT).unwrap();
     let (one, quick) = (whole(CertificateLevel::Blocks), whole(CertificateLevel::Quick));
     assert_eq!((added.blocks, one.blocks), (Some(3), Some(1)));
     for other in [one, quick] {
@@ -230,22 +227,27 @@ fn certificates_add_up_over_blocks() {
 fn sums_are_checked_and_measured_again() {
     let folder = tempfile::tempdir().unwrap();
     let job = measured(&folder.path().join("job"), [0, 1, 2]);
-    job.verify(None, &Silent).unwrap();
+    job.verify(None, &Context::SILENT).unwrap();
     let path = job.folder.join("blocks/00001.sums");
     let sums = std::fs::read(&path).unwrap();
     for at in [3, 20, sums.len() / 2, sums.len() - 1] {
         let mut altered = sums.clone();
         altered[at] ^= 1;
         std::fs::write(&path, altered).unwrap();
-        let error = job.verify(None, &Silent).unwrap_err().to_string();
+        let error = job.verify(None, &Context::SILENT).unwrap_err().to_string();
         assert!(error.contains("00001.sums"), "{at}: {error}");
     }
     std::fs::remove_file(&path).unwrap();
-    assert!(job.merge(CertificateLevel::Blocks, None, &Silent).unwrap_err().to_string().contains("not fitted yet: 1"));
-    assert_eq!(job.block(1, || panic!("buckets are enough"), &Silent).unwrap().continued, None);
+    assert!(
+        job.merge(CertificateLevel::Blocks, None, &Context::SILENT)
+            .unwrap_err()
+            .to_string()
+            .contains("not fitted yet: 1")
+    );
+    assert_eq!(job.block(1, || panic!("buckets are enough"), &Context::SILENT).unwrap().continued, None);
     assert!(std::fs::read(&path).unwrap() == sums);
     // Other levels need the particles; none needs nothing.
-    assert!(job.merge(CertificateLevel::Quick, None, &Silent).is_err());
-    let bytes = job.merge(CertificateLevel::None, None, &Silent).unwrap();
+    assert!(job.merge(CertificateLevel::Quick, None, &Context::SILENT).is_err());
+    let bytes = job.merge(CertificateLevel::None, None, &Context::SILENT).unwrap();
     assert!(codec::read_info(&bytes, "the file").unwrap().certificate.is_none());
 }

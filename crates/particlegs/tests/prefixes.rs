@@ -2,11 +2,11 @@
 
 use particlegs::codec;
 use particlegs::compress::{Options, compress, simplify};
+use particlegs::context::Context;
 use particlegs::model::{CertificateLevel, Layer, Model, Target};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::pieces::NoCheckpoints;
-use particlegs::progress::Silent;
 use particlegs::score::{evaluate, evaluation_views};
 use std::path::Path;
 
@@ -15,11 +15,11 @@ fn prefixes_draw_pictures_like_simplified_models() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
     let particles = Particles::open_raw(&["xx", "yy", "zz"].map(|c| folder.join(c).with_extension("f32"))).unwrap();
     let options = Options { target: Target::Ratio(300.0), certificate: CertificateLevel::None, ..Options::default() };
-    let whole = compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap();
+    let whole = compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT).unwrap();
     let size = Size { width: 640, height: 360 };
     let views = evaluation_views(&whole.model.metadata, size, 42, 2);
     let score = |model: &Model| {
-        let mean = evaluate(model, &particles, &views, size, None, &Silent).unwrap().mean;
+        let mean = evaluate(model, &particles, &views, size, None, &Context::SILENT).unwrap().mean;
         mean.expected.model.masked_psnr.unwrap()
     };
     let block = codec::coded_layers(&whole.bytes, "m").unwrap()[0].content[0].bytes.clone();
@@ -33,7 +33,7 @@ fn prefixes_draw_pictures_like_simplified_models() {
         before = prefix;
         if share < 100 {
             let target = Target::Size((whole.bytes.len() - block.len() + n) as u64);
-            let file = simplify(whole.model.clone(), whole.bytes.len() as u64, target, &Silent).unwrap();
+            let file = simplify(whole.model.clone(), whole.bytes.len() as u64, target, &Context::SILENT).unwrap();
             let simplified = score(&codec::decode(&file, "m").unwrap());
             println!("{share} %: {prefix:.2} dB, simplified {simplified:.2} dB");
             assert!(prefix > simplified - 1.5, "{share} %: {prefix} dB, simplified {simplified} dB");

@@ -1,9 +1,9 @@
 //! The sample drawn by VTK 9.7 set up as ParaView 6.0.1 (Mesa llvmpipe), against our pictures.
 
 use particlegs::camera::ViewsFile;
+use particlegs::context::Context;
 use particlegs::particles::Particles;
 use particlegs::picture::{Gray8, read_png};
-use particlegs::progress::Silent;
 use particlegs::reference::Reference;
 use particlegs::splat::ToneStyle;
 use std::path::Path;
@@ -33,21 +33,21 @@ const NOISE_FREE: [(&str, f64, f64); 6] = [
 fn pictures_of_the_sample() {
     let particles = Particles::open_raw(&[root().join("../../samples/nbody64")]).unwrap();
     let golden = root().join("tests/golden/nbody64");
-    let ViewsFile(set) = ViewsFile::read(&golden.join("views.json"), &Silent).unwrap();
+    let ViewsFile(set) = ViewsFile::read(&golden.join("views.json"), &Context::SILENT).unwrap();
     let reference = Reference::new(&particles);
     for (name, noise_free, noise_free_fxaa) in NOISE_FREE {
         let view = set.views.iter().find(|v| v.name == name).unwrap();
         let truth = |style: &str| read_png(&golden.join(style).join(format!("{name}.png"))).unwrap();
         let (plain, smooth) = (truth("paraview-no-fxaa"), truth("paraview"));
 
-        let ours = |look| reference.draw(view, set.size, look, &Silent).unwrap();
+        let ours = |look| reference.draw(view, set.size, look, &Context::SILENT).unwrap();
         let (d, f) =
             (decibels(&ours(ToneStyle::ParaviewNoFxaa), &plain), decibels(&ours(ToneStyle::Paraview), &smooth));
         println!("{name}: {d:.2} dB, with FXAA {f:.2} dB");
         assert!(d > 84.0, "{name}: {d:.2} dB");
         assert!(f > 80.0, "{name} with FXAA: {f:.2} dB");
 
-        let mean = |look| reference.response(view, set.size, look, &Silent).unwrap();
+        let mean = |look| reference.response(view, set.size, look, &Context::SILENT).unwrap();
         let (d, f) =
             (decibels(&mean(ToneStyle::ParaviewNoFxaa), &plain), decibels(&mean(ToneStyle::Paraview), &smooth));
         println!("{name}: noise-free {d:.2} dB, with FXAA {f:.2} dB");

@@ -3,7 +3,7 @@
 use particlegs_core::camera::{DensityView, View, Window, base_distance, spherical_camera};
 use particlegs_core::codec;
 use particlegs_core::picture::{Pixels, Size};
-use particlegs_core::progress::Progress;
+use particlegs_core::context::Context;
 use particlegs_core::render::{Scene, Scratch, draw_into, optical_depth_into, surface_density};
 use particlegs_core::splat::ToneStyle;
 use particlegs_core::{Error, Result};
@@ -15,8 +15,8 @@ const SIZE: Size = Size { width: 320, height: 180 };
 ///
 /// # Errors
 /// [`Error::Corrupt`] and others for a file that is no model.
-pub fn pictures(model: &[u8], progress: &dyn Progress) -> Result<Vec<u8>> {
-    let model = codec::decode_with(model, "the model", progress)?;
+pub fn pictures(model: &[u8], context: &Context<'_>) -> Result<Vec<u8>> {
+    let model = codec::decode_with(model, "the model", context)?;
     let scene = Scene::of(&model);
     let m = &model.metadata;
     let mut scratch = Scratch::default();
@@ -27,10 +27,10 @@ pub fn pictures(model: &[u8], progress: &dyn Progress) -> Result<Vec<u8>> {
         let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, share * base_distance(&m.bounds, SIZE));
         let view =
             View { name: "a test".into(), camera, radius: radius * m.default_radius, opacity: m.default_opacity };
-        optical_depth_into(&scene, &view, Pixels::new(SIZE, &mut depth)?, &mut scratch, progress)?;
+        optical_depth_into(&scene, &view, Pixels::new(SIZE, &mut depth)?, &mut scratch, context)?;
         out.extend(depth.iter().flat_map(|v| v.to_le_bytes()));
         for look in ToneStyle::ALL {
-            draw_into(&scene, &view, look, Pixels::new(SIZE, &mut levels)?, &mut scratch, progress)?;
+            draw_into(&scene, &view, look, Pixels::new(SIZE, &mut levels)?, &mut scratch, context)?;
             out.extend_from_slice(&levels);
         }
     }
@@ -38,7 +38,7 @@ pub fn pictures(model: &[u8], progress: &dyn Progress) -> Result<Vec<u8>> {
     let width = e[0].max(e[1]).max(e[2]);
     let window = Window { center: m.bounds.center(), angles_deg: [30.0, 20.0], width, depth: None };
     let window = DensityView::orthographic("a test", &window, SIZE, &m.bounds, None)?;
-    let density = surface_density(&scene, &window, SIZE, progress)?;
+    let density = surface_density(&scene, &window, SIZE, context)?;
     out.extend(density.data.iter().flat_map(|v| v.to_le_bytes()));
     if depth.iter().all(|v| *v == 0.0) || density.data.iter().all(|v| *v == 0.0) {
         return Err(Error::argument("nothing was drawn"));
@@ -50,7 +50,7 @@ pub fn pictures(model: &[u8], progress: &dyn Progress) -> Result<Vec<u8>> {
 mod exported {
     //! Memory is handed over by address and length; what a caller gets stays until the instance ends.
 
-    use particlegs_core::progress::Silent;
+    use particlegs_core::context::Context;
 
     /// Room for `length` bytes.
     #[unsafe(no_mangle)]
@@ -67,7 +67,7 @@ mod exported {
     pub unsafe extern "C" fn pictures(model: *const u8, length: usize) -> u64 {
         // SAFETY: the caller's promise.
         let model = unsafe { std::slice::from_raw_parts(model, length) };
-        let (good, bytes) = match super::pictures(model, &Silent) {
+        let (good, bytes) = match super::pictures(model, &Context::SILENT) {
             Ok(bytes) => (1, bytes),
             Err(error) => (0, error.to_string().into_bytes()),
         };

@@ -1,13 +1,13 @@
 //! `particlegs bench NAME SNAPSHOT... -o DIR`.
 
 use crate::bench_files;
-use crate::common::{Common, Context};
+use crate::common::{CommandContext, Common};
 use crate::device::DeviceArgs;
 use crate::snapshot_args::SnapshotArgs;
 use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
+use particlegs::context::{ProgressEvent, ProgressSink};
 use particlegs::picture::Size;
-use particlegs::progress::{Level, Progress};
 use particlegs::{Error, Result, parallel};
 use particlegs_lab::device::Device;
 use particlegs_lab::experiments::{self, EXPERIMENTS, Experiment};
@@ -100,6 +100,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let kept = bench_files::folder(output, &context)?;
     let snapshots = a.open(&context)?;
     let work = BenchProgress(&context);
+    let work = context.with_sink(&work);
     let lab = Lab::new(settings, &kept, &work)?;
     let sections = experiment_by_experiment(&chosen, &lab, &snapshots)?;
     let provenance = a.provenance(&lab, &snapshots);
@@ -134,37 +135,17 @@ fn gpu(a: &Arguments) -> Result<()> {
 }
 
 /// The work of experiments as a user sees it: notes on single snapshots and models, hundreds of them, are not said.
-struct BenchProgress<'a>(&'a Context);
+struct BenchProgress<'a>(&'a CommandContext);
 
-impl Progress for BenchProgress<'_> {
-    fn begin(&self, phase: &str, total: u64) {
-        self.0.begin(phase, total);
-    }
-
-    fn advance(&self, steps: u64) {
-        self.0.advance(steps);
-    }
-
-    fn end(&self) {
-        self.0.end();
+impl ProgressSink for BenchProgress<'_> {
+    fn event(&self, event: ProgressEvent<'_>) {
+        self.0.sink().event(event);
     }
 
     fn message(&self, text: &str) {
         if !text.starts_with("note:") {
             self.0.message(text);
         }
-    }
-
-    fn simd(&self) -> Level {
-        self.0.simd()
-    }
-
-    fn available_memory(&self) -> Option<u64> {
-        self.0.available_memory()
-    }
-
-    fn cancelled(&self) -> bool {
-        self.0.cancelled()
     }
 }
 
@@ -187,23 +168,23 @@ fn experiment_by_experiment(
     lab: &Lab<'_>,
     snapshots: &[Snapshot],
 ) -> Result<Vec<Section>> {
-    lab.progress.begin("experiments", chosen.iter().map(|e| e.weight).sum());
+    lab.context.begin("experiments", chosen.iter().map(|e| e.weight).sum());
     let mut sections = Vec::new();
     for experiment in chosen {
-        lab.progress.begin(experiment.name, 0);
+        lab.context.begin(experiment.name, 0);
         let found = match (experiment.run)(lab, snapshots) {
             Err(Error::Cancelled) => return Err(Error::Cancelled),
             Err(e) => {
-                lab.progress.message(&format!("{}: {e}", experiment.name));
+                lab.context.message(&format!("{}: {e}", experiment.name));
                 Err(e.to_string())
             }
             Ok(found) => Ok(found),
         };
         sections.push(Section { experiment, found });
-        lab.progress.end();
-        lab.progress.advance(experiment.weight);
+        lab.context.end();
+        lab.context.advance(experiment.weight);
     }
-    lab.progress.end();
+    lab.context.end();
     Ok(sections)
 }
 
@@ -266,7 +247,7 @@ impl Arguments {
     }
 
     /// Opens every snapshot; names are those of files and folders.
-    fn open(&self, context: &Context) -> Result<Vec<Snapshot>> {
+    fn open(&self, context: &CommandContext) -> Result<Vec<Snapshot>> {
         let open = |path: &PathBuf| {
             let particles = self.snapshot.choice()?.read(
                 std::slice::from_ref(path),
@@ -311,7 +292,7 @@ impl Arguments {
 }
 
 /// What was found where; fails where every experiment failed.
-fn report(sections: &[Section], output: &Path, context: &Context) -> Result<()> {
+fn report(sections: &[Section], output: &Path, context: &CommandContext) -> Result<()> {
     let mut text = String::new();
     for s in sections {
         let words = match &s.found {

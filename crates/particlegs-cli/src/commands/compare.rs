@@ -4,7 +4,6 @@ use crate::common::Common;
 use crate::compared::{self, FolderComparison};
 use crate::printable::one_line;
 use clap::{Args, ValueHint};
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 

@@ -1,6 +1,6 @@
 //! `particlegs compress IN... -o M.pgs`.
 
-use crate::common::{Common, Context};
+use crate::common::{CommandContext, Common};
 use crate::device::DeviceArgs;
 use crate::fit_args::{FitArgs, number_of_blocks};
 use crate::info_model;
@@ -11,10 +11,10 @@ use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowAr
 use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
 use particlegs::compress::{CompressedModel, Compression, Options};
+use particlegs::context::Context;
 use particlegs::model::Model;
 use particlegs::particles::{Particles, Storage};
 use particlegs::pieces::CheckpointStore;
-use particlegs::progress::Progress;
 use particlegs::{Result, codec};
 use particlegs_files::output;
 use serde_json::json;
@@ -129,7 +129,7 @@ pub fn run(a: Arguments) -> Result<()> {
         Some(_) => a.run.checkpoint(a.output(), &planned.id())?,
         None => None,
     };
-    let work = |pieces: &mut dyn CheckpointStore, progress: &dyn Progress| planned.run(pieces, progress);
+    let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| planned.run(pieces, context);
     let done = a.run.run(&context, checkpoint.as_mut(), work)?;
     context.notes(&done.notes[told..]);
     if !done.stopped {
@@ -160,7 +160,7 @@ impl Arguments {
 
     /// Says what is read and written. Tells whether a model is there that is kept: one that this command
     /// can have made.
-    fn plan(&self, options: &Options, context: &Context) -> Result<bool> {
+    fn plan(&self, options: &Options, context: &CommandContext) -> Result<bool> {
         let inputs = self.input.iter().map(PathBuf::as_path).chain(self.fit.train.config_file());
         context.reads(inputs, self.force.force)?;
         if let Some(folder) = &self.pictures {
@@ -189,7 +189,7 @@ impl Arguments {
     }
 
     /// Draws the pictures that are asked for.
-    fn write_pictures(&self, model: &Model, particles: &Particles, context: &Context) -> Result<()> {
+    fn write_pictures(&self, model: &Model, particles: &Particles, context: &CommandContext) -> Result<()> {
         let Some(folder) = &self.pictures else { return Ok(()) };
         let written = crate::pictures::write(folder, model, particles, context).inspect_err(|_| {
             context
@@ -202,7 +202,7 @@ impl Arguments {
 
 /// A model is there and not to be replaced: says that it is what this command makes, or refuses. Its
 /// pictures are drawn all the same.
-fn there_already(a: &Arguments, options: &Options, particles: &Particles, context: &Context) -> Result<()> {
+fn there_already(a: &Arguments, options: &Options, particles: &Particles, context: &CommandContext) -> Result<()> {
     let (bytes, place) = (crate::inputs::model(a.output(), context)?, a.output().display().to_string());
     let model = codec::decode_with(&bytes, &place, context)?;
     let certificate = model.certificate.as_ref();
@@ -226,7 +226,7 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
     a.write_pictures(&model, particles, context)
 }
 
-fn report(a: &Arguments, context: &Context, done: &CompressedModel, seconds: f64) -> Result<()> {
+fn report(a: &Arguments, context: &CommandContext, done: &CompressedModel, seconds: f64) -> Result<()> {
     let (bytes, gaussians) = (done.bytes.len(), done.model.gaussians());
     let ratio = done.raw_bytes as f64 / bytes as f64;
     let mut text = format!(

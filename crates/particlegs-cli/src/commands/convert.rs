@@ -1,12 +1,11 @@
 //! `particlegs convert IN... -o OUT`.
 
-use crate::common::{Common, Context};
+use crate::common::{CommandContext, Common};
 use crate::inputs::{self, PathContent, path_as_text};
 use crate::outputs::{ForceArgs, PARTICLES};
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
 use clap::{Args, ValueHint};
 use particlegs::particles::{RawForm, SelectedParticles, Storage, Tiling};
-use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
 use particlegs_formats::{Writer, write_splats};
@@ -133,7 +132,7 @@ struct SplatFileReport {
 }
 
 /// A model's Gaussians as the PLY of splat viewers.
-fn splats(a: &Arguments, model: &Path, bytes: &[u8], context: &Context) -> Result<()> {
+fn splats(a: &Arguments, model: &Path, bytes: &[u8], context: &CommandContext) -> Result<()> {
     let start = std::time::Instant::now();
     let is_ply = a.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"));
     if !is_ply || a.to.is_some() || a.tile.is_some() {

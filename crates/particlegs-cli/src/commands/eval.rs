@@ -1,6 +1,6 @@
 //! `particlegs eval MODEL SNAPSHOT...`.
 
-use crate::common::{Common, Context};
+use crate::common::{CommandContext, Common};
 use crate::device::{DeviceArgs, ModelAndParticles};
 use crate::inputs;
 use crate::outputs::PNG;
@@ -12,7 +12,6 @@ use particlegs::camera::{View, ViewsFile};
 use particlegs::model::Model;
 use particlegs::particles::{Particles, Storage};
 use particlegs::picture::Size;
-use particlegs::progress::Progress;
 use particlegs::render::{Drawer, Scene};
 use particlegs::score::{Evaluation, LookScores, MeanViewScores};
 use particlegs::{Error, Result, codec, score};
@@ -119,7 +118,7 @@ pub fn run(a: Arguments) -> Result<()> {
 }
 
 /// The views, their size, and where they are from in words.
-fn views(a: &Arguments, model: &Model, context: &Context) -> Result<(Vec<View>, Size, String)> {
+fn views(a: &Arguments, model: &Model, context: &CommandContext) -> Result<(Vec<View>, Size, String)> {
     if let Some(path) = &a.views {
         let ViewsFile(set) = ViewsFile::read(path, context)?;
         return Ok((set.views, set.size, format!("{}", path.display())));

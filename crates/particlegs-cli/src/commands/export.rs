@@ -1,13 +1,12 @@
 //! `particlegs export MODEL -o OUT`.
 
-use crate::common::{Common, Context, named};
+use crate::common::{CommandContext, Common, named};
 use crate::density_args::range_of;
 use crate::inputs::{self, path_as_text};
 use crate::outputs::ForceArgs;
 use crate::page_args::{AppearanceArgs, PageArgs};
 use clap::{Args, ValueHint};
 use particlegs::model::{LawKind, Model};
-use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
 use particlegs_export::{
     Cells, ColorBy, Coloring, Density, Faint, Group, Kind, Notes, as_splats, write_as_splats, write_density,
@@ -151,7 +150,7 @@ struct Export<'a> {
     kind: Kind,
     kept: bool,
     notes: Notes,
-    context: &'a Context,
+    context: &'a CommandContext,
 }
 
 /// Exports.

@@ -1,7 +1,7 @@
 //! `particlegs finetune M.pgs SNAPSHOT... -o M2.pgs`.
 
 use crate::certificate_args::CertificateArgs;
-use crate::common::{Common, Context};
+use crate::common::{CommandContext, Common};
 use crate::device::DeviceArgs;
 use crate::info_model;
 use crate::inputs;
@@ -15,10 +15,10 @@ use crate::target_args::{TargetArgs, with_default};
 use crate::train_args::TuneArgs;
 use clap::{Args, ValueHint};
 use particlegs::compress::{Checkpoint, CompressedModel, FineTuning, finetune};
+use particlegs::context::Context;
 use particlegs::model::LawKind;
 use particlegs::particles::Storage;
 use particlegs::pieces::CheckpointStore;
-use particlegs::progress::Progress;
 use particlegs::train::Config;
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
@@ -118,8 +118,8 @@ pub fn run(a: Arguments) -> Result<()> {
     source::check(&model, of_several, &particles, a.snapshot.first().map_or(none, |p| p), path)?;
     let mut checkpoint = a.run.checkpoint(out, &options.id(&bytes))?;
     let size = bytes.len() as u64;
-    let work = |pieces: &mut dyn CheckpointStore, progress: &dyn Progress| {
-        finetune(&model, size, &particles, &options, pieces, progress)
+    let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| {
+        finetune(&model, size, &particles, &options, pieces, context)
     };
     let done = a.run.run(&context, checkpoint.as_mut(), work)?;
     if !done.stopped {
@@ -153,7 +153,7 @@ impl Arguments {
 
 fn report(
     out: &Path,
-    context: &Context,
+    context: &CommandContext,
     gaussians_in: usize,
     bytes_in: u64,
     done: &CompressedModel,

@@ -2,7 +2,7 @@
 
 use clap::{Args, CommandFactory, ValueHint};
 use clap_mangen::Man;
-use particlegs::progress::Silent;
+use particlegs::context::Context;
 use particlegs::{Error, Result};
 use particlegs_files::output::{self, Kind, Outputs};
 use std::path::{Path, PathBuf};
@@ -42,7 +42,7 @@ pub fn run(a: &Arguments) -> Result<()> {
 
 /// One page, as troff.
 fn page(command: clap::Command, path: &Path, outputs: &mut Outputs) -> Result<()> {
-    outputs.writes(path, &PAGE, &Silent)?;
+    outputs.writes(path, &PAGE, &Context::SILENT)?;
     let mut page = Vec::new();
     let source = concat!("particlegs ", env!("CARGO_PKG_VERSION"));
     Man::new(command).source(source).render(&mut page).map_err(|e| Error::io(path, e))?;

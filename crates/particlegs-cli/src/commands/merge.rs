@@ -1,6 +1,6 @@
 //! `particlegs merge A.pgs B.pgs ... -o M.pgs`, `particlegs merge JOB -o M.pgs`.
 
-use crate::common::{Common, Context, named};
+use crate::common::{CommandContext, Common, named};
 use crate::inputs::{self, path_as_text};
 use crate::job_args::JobSnapshot;
 use crate::outputs;
@@ -10,7 +10,6 @@ use particlegs::Result;
 use particlegs::codec::{self, Merge};
 use particlegs::job::Job;
 use particlegs::model::{CertificateLevel, LawKind};
-use particlegs::progress::Progress;
 use particlegs_files::input::name_of;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -114,7 +113,7 @@ pub fn run(a: Arguments) -> Result<()> {
 }
 
 /// The file of model files.
-fn of_files(parts: &[PathBuf], context: &Context) -> Result<Vec<u8>> {
+fn of_files(parts: &[PathBuf], context: &CommandContext) -> Result<Vec<u8>> {
     let mut merge = Merge::default();
     context.begin("merging", parts.len() as u64);
     for part in parts {
@@ -127,7 +126,7 @@ fn of_files(parts: &[PathBuf], context: &Context) -> Result<Vec<u8>> {
 }
 
 /// The file of a job, the number of its blocks, and whether a model is there that is kept.
-fn of_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, usize, bool)> {
+fn of_job(a: &Arguments, folder: &Path, context: &CommandContext) -> Result<(Vec<u8>, usize, bool)> {
     let job = Job::open(folder)?;
     let snapshot = JobSnapshot::of(&job)?;
     context.reads_job(folder, snapshot.paths(), a.force.force)?;

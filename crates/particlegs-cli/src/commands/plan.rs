@@ -10,7 +10,6 @@ use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
 use particlegs::job::{Job, Task};
 use particlegs::particles::Storage;
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};

@@ -7,7 +7,6 @@ use clap::{Args, ValueEnum, ValueHint};
 use particlegs::Result;
 use particlegs::codec;
 use particlegs::particles::RawForm;
-use particlegs::progress::Progress;
 use particlegs::recover::{Method, Options, recover};
 use particlegs_files::input::name_of;
 use serde::Serialize;

@@ -1,7 +1,7 @@
 //! `particlegs reference IN... --style S --out DIR`.
 
 use crate::annotate::text::number;
-use crate::common::{Common, Context};
+use crate::common::{CommandContext, Common};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::device::{self, DeviceArgs, ParticlePictures};
 use crate::drawing::finish::Finisher;
@@ -17,9 +17,9 @@ use crate::views::sequence_args::SequenceArgs;
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::camera::{Extent, View, ViewSet};
+use particlegs::context::Context;
 use particlegs::model::hex;
 use particlegs::picture::Size;
-use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs::splat::{DEFAULT_OPACITY, ToneStyle};
 use particlegs::{Error, Result};
@@ -247,12 +247,12 @@ struct ParticleDrawing<'a> {
     style: ParticleStyle,
     on_card: Option<ParticlePictures<'a>>,
     subject: &'a ViewSubject,
-    context: &'a Context,
+    context: &'a CommandContext,
 }
 
 impl ViewRenderer for ParticleDrawing<'_> {
     fn draw(&self, view: &View, size: Size) -> Result<ViewContent> {
-        let (all, context) = (&self.reference, self.context as &dyn Progress);
+        let (all, context) = (&self.reference, self.context as &Context<'_>);
         let levels = match (self.style.picture(), &self.on_card) {
             (Some((look, true)), None) => all.draw(view, size, look, context),
             (Some((look, true)), Some(card)) => card.draw(view, size, look, context),

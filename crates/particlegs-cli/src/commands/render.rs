@@ -1,6 +1,6 @@
 //! `particlegs render MODEL... --style S -o OUT`.
 
-use crate::common::{Common, Context};
+use crate::common::{CommandContext, Common};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::device::{Device, DeviceArgs, Pictures};
 use crate::drawing::finish::Finisher;
@@ -19,7 +19,6 @@ use clap::{Args, ValueEnum, ValueHint};
 use particlegs::camera::{View, ViewSet};
 use particlegs::model::{LawKind, Model, species_title};
 use particlegs::picture::{Colormap, Gray8, Pixels, Rgb8, Size};
-use particlegs::progress::Progress;
 use particlegs::render::{Scene, Scratch, draw_into, surface_density};
 use particlegs::splat::ToneStyle;
 use particlegs::{Error, Result, codec, parallel};
@@ -161,7 +160,7 @@ struct SourceModel {
 
 impl SourceModel {
     /// Converts it to the units of another.
-    fn convert(self, to: &Model, context: &Context) -> Result<SourceModel> {
+    fn convert(self, to: &Model, context: &CommandContext) -> Result<SourceModel> {
         let model = self.model.in_units(&to.metadata.unit_system(), &self.source.name, context)?;
         Ok(SourceModel { model, ..self })
     }
@@ -180,7 +179,7 @@ struct RenderOptions {
 }
 
 impl RenderOptions {
-    fn of(a: &Arguments, context: &Context) -> Result<RenderOptions> {
+    fn of(a: &Arguments, context: &CommandContext) -> Result<RenderOptions> {
         let mut asked = RenderOptions {
             style: a.style.unwrap_or_default(),
             layers: a.layers.clone().unwrap_or_else(|| vec!["all".into()]),
@@ -217,7 +216,7 @@ impl RenderOptions {
     }
 
     /// What is to be drawn alike in the units of the model; a range that is given is in them.
-    fn convert(&mut self, a: &Arguments, model: &Model, context: &Context) -> Result<()> {
+    fn convert(&mut self, a: &Arguments, model: &Model, context: &CommandContext) -> Result<()> {
         let (Some((set, units)), Some(path)) = (&mut self.like, &a.like) else { return Ok(()) };
         let to = model.metadata.unit_system();
         let (by, words) = units.system().conversion_of(&path.display().to_string(), &to)?;
@@ -319,7 +318,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     context.finish(&text, &report)
 }
 
-fn read(path: &Path, asked: &RenderOptions, context: &Context) -> Result<SourceModel> {
+fn read(path: &Path, asked: &RenderOptions, context: &CommandContext) -> Result<SourceModel> {
     let bytes = inputs::model(path, context)?;
     let name = name_of(path);
     let model = codec::decode_with(&bytes, &name, context)?;
@@ -370,7 +369,7 @@ struct ModelDrawing<'a> {
     pictures: Option<Pictures>,
     subject: &'a ViewSubject,
     scratch: parallel::Scratch<Scratch>,
-    context: &'a Context,
+    context: &'a CommandContext,
 }
 
 impl<'a> ModelDrawing<'a> {
@@ -379,7 +378,7 @@ impl<'a> ModelDrawing<'a> {
         asked: &RenderOptions,
         subject: &'a ViewSubject,
         device: Option<&Device>,
-        context: &'a Context,
+        context: &'a CommandContext,
     ) -> Result<Self> {
         let look = asked.style.look();
         if look.is_none() && read.model.metadata.law == LawKind::AlphaBlend {

@@ -5,7 +5,6 @@ use crate::job_args::{JobSnapshot, of_task, task_number};
 use clap::{Args, ValueHint};
 use particlegs::Result;
 use particlegs::job::Job;
-use particlegs::progress::Progress;
 use serde_json::json;
 use std::path::PathBuf;
 

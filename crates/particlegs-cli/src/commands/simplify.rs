@@ -9,7 +9,6 @@ use crate::target_args::TargetArgs;
 use clap::{Args, ValueHint};
 use particlegs::compress::simplify;
 use particlegs::model::RecipeStep;
-use particlegs::progress::Progress;
 use particlegs::{Result, codec};
 use particlegs_files::input::name_of;
 use serde::Serialize;

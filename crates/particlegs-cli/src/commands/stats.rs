@@ -6,9 +6,9 @@ use crate::inputs::{self, PathContent};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{stats_plots, stats_tables};
 use clap::{Args, ValueHint};
+use particlegs::context::Context;
 use particlegs::model::{Model, UnitSystem};
 use particlegs::particles::{Particles, Storage};
-use particlegs::progress::Progress;
 use particlegs::space::Cell;
 use particlegs::stats::{Assignment, Convention, Measure, Statistics, StatsOptions, Subject, compare};
 use particlegs::{Error, Result, codec};
@@ -137,14 +137,14 @@ enum StatsInput {
 }
 
 impl StatsInput {
-    fn open(path: &Path, args: &SnapshotArgs, progress: &dyn Progress) -> Result<Self> {
-        match inputs::model_or_snapshot(path, args, progress)? {
+    fn open(path: &Path, args: &SnapshotArgs, context: &Context<'_>) -> Result<Self> {
+        match inputs::model_or_snapshot(path, args, context)? {
             PathContent::Model(bytes) => {
-                let model = codec::decode_with(&bytes, &name_of(path), progress)?;
+                let model = codec::decode_with(&bytes, &name_of(path), context)?;
                 Ok(StatsInput::Model(Box::new(args.layers_of(model)?)))
             }
             PathContent::Snapshot(choice) => {
-                let particles = choice.read(&[path.to_path_buf()], &Storage::Memory, progress)?;
+                let particles = choice.read(&[path.to_path_buf()], &Storage::Memory, context)?;
                 Ok(StatsInput::Particles(Box::new(particles)))
             }
         }

@@ -1,7 +1,7 @@
 //! `particlegs verify M.pgs [SNAPSHOT...]`.
 
 use crate::agree::{self, CertificateFigure};
-use crate::common::{Common, Context};
+use crate::common::{CommandContext, Common};
 use crate::info_model;
 use crate::inputs;
 use crate::job_args::JobSnapshot;
@@ -11,7 +11,6 @@ use clap::Args;
 use particlegs::job::{Job, State};
 use particlegs::model::{Certificate, CertificateLevel, Model};
 use particlegs::particles::Particles;
-use particlegs::progress::Progress;
 use particlegs::score::Assessment;
 use particlegs::{Error, Result, codec, compress};
 use particlegs_files::input::name_of;
@@ -235,7 +234,7 @@ fn beside(figures: &[CertificateFigure]) -> String {
 }
 
 /// Reads every file of a job, and its snapshot, through.
-fn verify_job(a: &Arguments, context: &Context) -> Result<()> {
+fn verify_job(a: &Arguments, context: &CommandContext) -> Result<()> {
     if !a.snapshot.is_empty() {
         return Err(Error::argument("a job names its snapshot itself: give the folder alone"));
     }
@@ -277,7 +276,7 @@ fn measure(
     a: &Arguments,
     model: &Model,
     bytes: &[u8],
-    context: &Context,
+    context: &CommandContext,
 ) -> Result<(Option<Certificate>, Vec<[String; 3]>)> {
     let of_several = source::is_of_several(bytes, model, &name_of(&a.model))?;
     let without_certificate = with_certificate(&a.model, bytes, model, None)?.len() as u64;

@@ -1,6 +1,6 @@
 //! `particlegs view MODEL... [--snapshot SNAP]`.
 
-use crate::common::{Common, Context};
+use crate::common::{CommandContext, Common};
 use crate::page_args::{AppearanceArgs, PageArgs};
 use crate::printable::one_line;
 use crate::progress::to_stderr;
@@ -10,7 +10,6 @@ use crate::viewed::ModelFiles;
 use clap::{Args, ValueHint};
 use particlegs::Result;
 use particlegs::particles::Particles;
-use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs_view::page::Snapshot;
 use particlegs_view::server::{Event, Limits, Options, Server, Token, ViewerContent};
@@ -138,7 +137,7 @@ pub fn run(a: Arguments) -> Result<()> {
     server.serve(ViewerContent { models, truth, opening, poster }, &context, &|event| tell(&in_words(&event)))
 }
 
-fn listen(a: &Arguments, context: &Context) -> Result<Server> {
+fn listen(a: &Arguments, context: &CommandContext) -> Result<Server> {
     let minutes = |m: u64| Duration::from_secs(m.saturating_mul(60));
     let limits = Limits { idle: a.idle.map(minutes), ..Limits::default() };
     let server = Server::bind(Options {
@@ -170,7 +169,7 @@ fn token() -> Result<Token> {
 
 impl Arguments {
     /// The snapshot's particles, opened as `reference` opens them.
-    fn particles(&self, context: &Context) -> Result<Option<Particles>> {
+    fn particles(&self, context: &CommandContext) -> Result<Option<Particles>> {
         if self.particles.is_empty() {
             return Ok(None);
         }
@@ -194,7 +193,7 @@ fn announce(
     server: &Server,
     viewed: &ModelFiles,
     snapshot: Option<&Snapshot>,
-    context: &Context,
+    context: &CommandContext,
 ) -> Result<()> {
     let variable = |name: &str| std::env::var(name).ok();
     let (connection, user) = (variable("SSH_CONNECTION"), variable("USER").or_else(|| variable("LOGNAME")));
@@ -227,7 +226,7 @@ fn announce(
 }
 
 /// Starts the user's browser, where there is a screen that it can appear on.
-fn open(server: &Server, context: &Context) -> Result<()> {
+fn open(server: &Server, context: &CommandContext) -> Result<()> {
     let is_set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
     let screen = !cfg!(all(unix, not(target_os = "macos")))
         || ["DISPLAY", "WAYLAND_DISPLAY", "WSL_DISTRO_NAME"].into_iter().any(is_set);

@@ -3,9 +3,9 @@
 use super::card::{self, Device, Pictures};
 use super::particles::on_card;
 use particlegs::camera::View;
+use particlegs::context::Context;
 use particlegs::model::Model;
 use particlegs::particles::Particles;
-use particlegs::progress::Progress;
 use particlegs::render::Scene;
 use particlegs::space::Bounds;
 use particlegs::splat::ToneStyle;
@@ -43,7 +43,7 @@ impl device::Device for NamedDevice {
         Ok(Some(Arc::clone(&self.trainer)))
     }
 
-    fn particles<'a>(&self, of: &'a Particles, bounds: Bounds, style: Style, p: &'a dyn Progress) -> Result<Draw<'a>> {
+    fn particles<'a>(&self, of: &'a Particles, bounds: Bounds, style: Style, p: &'a Context<'a>) -> Result<Draw<'a>> {
         let pictures = on_card(&self.device, of, bounds, p)?;
         Ok(Box::new(move |view, size| match style {
             Style::Paraview => pictures.draw(view, size, ToneStyle::Paraview, p),
@@ -51,7 +51,7 @@ impl device::Device for NamedDevice {
         }))
     }
 
-    fn model<'a>(&self, of: &'a Model, _progress: &'a dyn Progress) -> Result<Draw<'a>> {
+    fn model<'a>(&self, of: &'a Model, _progress: &'a Context<'a>) -> Result<Draw<'a>> {
         let pictures = Pictures::new(&self.device, &Scene::of(of))?;
         Ok(Box::new(move |view: &View, size| pictures.draw(view, size, ToneStyle::Paraview)))
     }

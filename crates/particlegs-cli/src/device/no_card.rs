@@ -1,8 +1,8 @@
 //! In place of graphics cards, where the program was built without them.
 
 use particlegs::camera::View;
+use particlegs::context::Context;
 use particlegs::picture::{Gray8, Plane, Size};
-use particlegs::progress::Progress;
 use particlegs::render::Scene;
 use particlegs::space::Bounds;
 use particlegs::splat::ToneStyle;
@@ -48,9 +48,9 @@ impl<'a> ParticlePictures<'a> {
     }
 
     uncalled! {
-        draw(&View, Size, ToneStyle, &dyn Progress) -> Gray8;
-        response(&View, Size, ToneStyle, &dyn Progress) -> Gray8;
-        optical_depth(&View, Size, &dyn Progress) -> Plane;
+        draw(&View, Size, ToneStyle, &Context<'_>) -> Gray8;
+        response(&View, Size, ToneStyle, &Context<'_>) -> Gray8;
+        optical_depth(&View, Size, &Context<'_>) -> Plane;
     }
 }
 

@@ -1,12 +1,12 @@
 //! Snapshots on a graphics card, alone and beside their models.
 
 use super::card::{Columns, Device, ParticlePictures, Pictures};
-use crate::common::Context;
+use crate::common::CommandContext;
 use particlegs::Result;
 use particlegs::camera::View;
+use particlegs::context::Context;
 use particlegs::particles::Particles;
 use particlegs::picture::{Gray8, Plane, Size};
-use particlegs::progress::Progress;
 use particlegs::render::{Drawer, Scene};
 use particlegs::space::Bounds;
 use particlegs::splat::ToneStyle;
@@ -16,16 +16,16 @@ pub fn on_card<'a>(
     device: &Device,
     particles: &'a Particles,
     bounds: Bounds,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<ParticlePictures<'a>> {
     let columns: Columns<'a> = Box::new(|range| particles.columns(range));
     let mut pictures = ParticlePictures::new(device, particles.origin, bounds, particles.len(), columns)?;
-    progress.begin("particles to the graphics card", particles.len() as u64);
+    context.begin("particles to the graphics card", particles.len() as u64);
     pictures.keep(device, &mut |sent| {
-        progress.advance(sent);
-        progress.check()
+        context.advance(sent);
+        context.check()
     })?;
-    progress.end();
+    context.end();
     Ok(pictures)
 }
 
@@ -37,19 +37,19 @@ pub struct ModelAndParticles<'a> {
 
 impl<'a> ModelAndParticles<'a> {
     /// Sends them there.
-    pub fn new(device: &Device, scene: &Scene, particles: &'a Particles, context: &Context) -> Result<Self> {
+    pub fn new(device: &Device, scene: &Scene, particles: &'a Particles, context: &CommandContext) -> Result<Self> {
         let model = Pictures::new(device, scene)?;
         Ok(ModelAndParticles { particles: on_card(device, particles, particles.bounds(), context)?, model })
     }
 }
 
 impl Drawer for ModelAndParticles<'_> {
-    fn particles(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Gray8> {
-        self.particles.draw(view, size, ToneStyle::ParaviewNoFxaa, progress)
+    fn particles(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Gray8> {
+        self.particles.draw(view, size, ToneStyle::ParaviewNoFxaa, context)
     }
 
-    fn particles_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
-        self.particles.optical_depth(view, size, progress)
+    fn particles_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
+        self.particles.optical_depth(view, size, context)
     }
 
     fn model_depth(&self, view: &View, size: Size) -> Result<Plane> {

@@ -1,11 +1,10 @@
 //! Frames joined to a film: by ffmpeg where it is installed, a GIF by ourselves.
 
 use super::gif::{self, GifFrame};
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::outputs::{GIF, MP4, WEBM};
 use crate::picture_out::PictureOut;
 use crate::views::path::digits;
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_files::output::FileSet;
 use std::path::{Path, PathBuf};
@@ -37,7 +36,7 @@ pub struct Film {
 
 impl Film {
     /// A film, and where its frames go: the folder that is named, or one beside the film.
-    pub fn plan(path: &Path, fps: u32, out: Option<&Path>, context: &Context) -> Result<Film> {
+    pub fn plan(path: &Path, fps: u32, out: Option<&Path>, context: &CommandContext) -> Result<Film> {
         let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         let (form, kind) = match &ending[..] {
             "mp4" => (FilmFormat::Mp4, &MP4),
@@ -77,7 +76,13 @@ impl Film {
     }
 
     /// Joins the frames.
-    pub fn join(&self, gif: &[GifFrame], out: Option<&PictureOut>, names: &[String], context: &Context) -> Result<()> {
+    pub fn join(
+        &self,
+        gif: &[GifFrame],
+        out: Option<&PictureOut>,
+        names: &[String],
+        context: &CommandContext,
+    ) -> Result<()> {
         if self.form == FilmFormat::Gif {
             return gif::write(&self.path, gif);
         }

@@ -5,12 +5,11 @@ use super::finish::Finisher;
 use super::gif::{self, GifFrame};
 use super::run::DrawingJob;
 use super::{ViewContent, ViewRenderer};
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::figure::FigureImage;
 use crate::figure::png_file::{PngEffort, PngMetadata, coded};
 use crate::picture_out::PictureOut;
 use particlegs::camera::{View, ViewSet};
-use particlegs::progress::Progress;
 use particlegs::{Error, Result, parallel};
 use particlegs_files::output::write_bytes;
 use std::path::PathBuf;
@@ -37,7 +36,12 @@ pub struct FrameOutputs<'a> {
 }
 
 /// The range that all of these views have in common: each is drawn once for it.
-fn one_range(painter: &dyn ViewRenderer, finish: &Finisher<'_>, set: &ViewSet, context: &Context) -> Result<[f64; 2]> {
+fn one_range(
+    painter: &dyn ViewRenderer,
+    finish: &Finisher<'_>,
+    set: &ViewSet,
+    context: &CommandContext,
+) -> Result<[f64; 2]> {
     context.begin("one range for all frames", set.views.len() as u64);
     let of = |view: &View| {
         let range = finish.range_of(&painter.draw(view, set.size)?);

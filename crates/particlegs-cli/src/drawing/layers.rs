@@ -2,10 +2,10 @@
 
 use super::ViewContent;
 use particlegs::camera::View;
+use particlegs::context::Context;
 use particlegs::model::{LawKind, Model};
 use particlegs::parallel;
 use particlegs::picture::{Plane, Rgb8, Size};
-use particlegs::progress::Progress;
 use particlegs::render::{Scene, Tones, optical_depth};
 use particlegs::splat::ToneStyle;
 use particlegs::{Error, Result};
@@ -20,16 +20,10 @@ pub fn apart(model: &Model) -> Result<Vec<Model>> {
 }
 
 /// Draws a view of layers.
-pub fn draw(
-    layers: &[Model],
-    view: &View,
-    size: Size,
-    look: ToneStyle,
-    progress: &dyn Progress,
-) -> Result<ViewContent> {
-    progress.require_memory("a picture by layers", 4 * size.pixels() as u64 * (layers.len() as u64 + 2))?;
+pub fn draw(layers: &[Model], view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<ViewContent> {
+    context.require_memory("a picture by layers", 4 * size.pixels() as u64 * (layers.len() as u64 + 2))?;
     let planes =
-        layers.iter().map(|l| optical_depth(&Scene::of(l), view, size, progress)).collect::<Result<Vec<Plane>>>()?;
+        layers.iter().map(|l| optical_depth(&Scene::of(l), view, size, context)).collect::<Result<Vec<Plane>>>()?;
     let sums = parallel::map_range(size.pixels(), |i| planes.iter().map(|p| p.data[i]).sum::<f32>());
     let all = Plane { size, data: sums };
     let levels = Tones::new(view.opacity, view.radius_pixels(size)).of(&all, look);

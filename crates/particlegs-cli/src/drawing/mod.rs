@@ -10,11 +10,10 @@ pub mod panels;
 pub mod provenance;
 pub mod run;
 
-use crate::common::Context;
+use crate::common::CommandContext;
 use particlegs::Result;
 use particlegs::camera::View;
 use particlegs::picture::{Gray8, Plane, Size};
-use particlegs::progress::Progress;
 
 /// What is seen in a view, before it has its colours.
 pub enum ViewContent {
@@ -38,7 +37,7 @@ impl ViewContent {
     }
 
     /// Says so where a density has nothing in it.
-    fn say_if_empty(&self, view: &View, context: &Context) {
+    fn say_if_empty(&self, view: &View, context: &CommandContext) {
         if matches!(self, ViewContent::Density(plane) if plane.data.iter().all(|v| *v == 0.0)) {
             let name = &view.name;
             context.message(&format!("warning: view `{name}` is empty: no particle lies in its window; move --center or widen --width and --depth"));

@@ -3,11 +3,10 @@
 use super::ViewRenderer;
 use super::colours::common_range;
 use super::finish::Finisher;
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::figure::output;
 use crate::picture_out::PictureOut;
 use particlegs::camera::ViewSet;
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_files::output::write_bytes;
 use std::path::PathBuf;
@@ -39,7 +38,7 @@ impl Panels<'_> {
         set: &ViewSet,
         range: Option<[f64; 2]>,
         out: &PictureOut,
-        context: &Context,
+        context: &CommandContext,
     ) -> Result<(PathBuf, Option<[f64; 2]>)> {
         let count = self.painters.len() * set.views.len();
         if count > MOST {

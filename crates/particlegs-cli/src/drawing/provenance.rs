@@ -2,9 +2,9 @@
 
 use crate::figure::png_file;
 use particlegs::camera::{View, ViewSet, ViewsFile};
+use particlegs::context::Context;
 use particlegs::model::{UnitSystem, Units};
 use particlegs::picture::Size;
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -85,8 +85,8 @@ impl PictureProvenance {
     }
 
     /// Of a picture that is there, with its view.
-    pub fn read(path: &Path, progress: &dyn Progress) -> Result<(PictureProvenance, ViewSet)> {
-        let text = png_file::provenance(path, progress)?;
+    pub fn read(path: &Path, context: &Context<'_>) -> Result<(PictureProvenance, ViewSet)> {
+        let text = png_file::provenance(path, context)?;
         let told: PictureProvenance = serde_json::from_str(&text)
             .map_err(|e| Error::input(path, format!("what it says of itself cannot be read: {e}")))?;
         let ViewsFile(set) = ViewsFile::of_bytes(told.views.to_string().as_bytes(), path)?;

@@ -5,7 +5,7 @@ use super::film::{Film, FilmFormat};
 use super::finish::Finisher;
 use super::frames::{self, FrameOutputs};
 use super::{ViewContent, ViewRenderer};
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::density_args::DensityArgs;
 use crate::drawn::RenderedView;
 use crate::figure::output::FileKind;
@@ -13,7 +13,6 @@ use crate::picture_out::PictureOut;
 use crate::view_args::{ViewArgs, ViewSubject};
 use crate::views::sequence_args::SequenceArgs;
 use particlegs::camera::ViewSet;
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::path::Path;
 use std::time::Instant;
@@ -39,7 +38,7 @@ pub struct PictureTarget<'a> {
 }
 
 /// The views that the options say, with key frames made a path.
-pub fn views(args: &ViewArgs, of: &SequenceArgs, subject: &ViewSubject, context: &Context) -> Result<ViewSet> {
+pub fn views(args: &ViewArgs, of: &SequenceArgs, subject: &ViewSubject, context: &CommandContext) -> Result<ViewSet> {
     let set = match of.key_frames(context)? {
         Some(mut keys) => {
             args.apply(&mut keys)?;
@@ -65,7 +64,7 @@ pub struct DrawingJob<'a> {
     /// Is it said what would show more than a dark picture?
     pub hints: bool,
     /// Where progress is told.
-    pub context: &'a Context,
+    pub context: &'a CommandContext,
 }
 
 impl DrawingJob<'_> {

@@ -3,8 +3,8 @@
 use super::output::FileKind;
 use super::{BarPlacement, PaperColour, font};
 use clap::{Args, ValueEnum};
+use particlegs::context::Context;
 use particlegs::picture::Size;
-use particlegs::progress::Progress;
 
 /// Width of a figure and height of its letters, points: a column of a journal.
 const COLUMN: f64 = 84.0 * 72.0 / 25.4;
@@ -135,11 +135,11 @@ impl FigureArgs {
     }
 
     /// Says of characters that the letters lack.
-    pub fn note_missing(&self, more: &[String], progress: &dyn Progress) {
+    pub fn note_missing(&self, more: &[String], context: &Context<'_>) {
         let texts = self.title.iter().chain(more);
         let missing: String = texts.map(|t| font::missing(t)).collect();
         if !missing.is_empty() {
-            progress.message(&format!("note: the font has no letters for `{missing}`: boxes stand for them"));
+            context.message(&format!("note: the font has no letters for `{missing}`: boxes stand for them"));
         }
     }
 }

@@ -1,7 +1,7 @@
 //! PNG with what it is of as text inside, and that text read again.
 
 use super::FigureImage;
-use particlegs::progress::Progress;
+use particlegs::context::Context;
 use particlegs::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_whole};
 use particlegs_files::memory;
@@ -98,8 +98,8 @@ fn chunks(file: &[u8], mut visit: impl FnMut(&[u8], &[u8])) {
 }
 
 /// What a picture says it is of, as JSON.
-pub fn provenance(path: &Path, progress: &dyn Progress) -> Result<String> {
-    let file = read_whole(path, FORM, progress)?;
+pub fn provenance(path: &Path, context: &Context<'_>) -> Result<String> {
+    let file = read_whole(path, FORM, context)?;
     let lead: Vec<u8> = [KEYWORD.as_bytes(), &[0]].concat();
     let mut found = None;
     chunks(&file, |kind, data| {
@@ -118,8 +118,8 @@ pub fn provenance(path: &Path, progress: &dyn Progress) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use particlegs::context::Context;
     use particlegs::picture::{Gray8, Size, read_png};
-    use particlegs::progress::Silent;
 
     #[test]
     fn text_and_pixels_come_back() {
@@ -135,17 +135,17 @@ mod tests {
         let path = dir.path().join("a.png");
         for effort in [PngEffort::Quick, PngEffort::Small] {
             std::fs::write(&path, coded(&FigureImage::Gray(gray.clone()), &about, effort).unwrap()).unwrap();
-            assert_eq!(provenance(&path, &Silent).unwrap(), about.provenance);
+            assert_eq!(provenance(&path, &Context::SILENT).unwrap(), about.provenance);
             assert_eq!(read_png(&path).unwrap(), gray);
         }
         let whole = std::fs::read(&path).unwrap();
         for end in [8, 20, 60, whole.len() / 2] {
             std::fs::write(&path, &whole[..end]).unwrap();
             // Cut off before the text it says so; nothing panics.
-            let _ = provenance(&path, &Silent);
+            let _ = provenance(&path, &Context::SILENT);
         }
         std::fs::write(&path, coded(&FigureImage::Gray(gray), &PngMetadata::default(), PngEffort::Small).unwrap())
             .unwrap();
-        assert!(provenance(&path, &Silent).unwrap_err().to_string().contains("does not say"));
+        assert!(provenance(&path, &Context::SILENT).unwrap_err().to_string().contains("does not say"));
     }
 }

@@ -4,13 +4,12 @@ use super::scenes::{OPACITY, TiledScene, views};
 use super::stages::KernelStages;
 use super::work::{BlendWork, DepthWork, WorkBound};
 use super::{LIMIT, QuickRun, in_megabytes};
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::device::Device;
 use particlegs::Result;
 use particlegs::camera::View;
 use particlegs::model::LawKind;
 use particlegs::picture::Size;
-use particlegs::progress::Progress;
 use particlegs::render::Scene;
 use particlegs::splat::ToneStyle;
 use particlegs_gpu::render::{Canvas, Gaussians, Renderer, Tiles};
@@ -123,7 +122,7 @@ pub fn of_depth(
     made: &TiledScene,
     size: Size,
     quick: QuickRun,
-    context: &Context,
+    context: &CommandContext,
 ) -> Result<Vec<FrameRow>> {
     let renderer = Renderer::new(device)?;
     let scene = Scene::of_mixture(&made.gaussians, made.bounds);
@@ -159,7 +158,7 @@ pub fn of_alpha(
     made: &TiledScene,
     size: Size,
     quick: QuickRun,
-    context: &Context,
+    context: &CommandContext,
 ) -> Result<Vec<FrameRow>> {
     let renderer = alpha::Renderer::new(device)?;
     let there = alpha::Gaussians::upload(device, &Scene::of_law(&made.gaussians, made.bounds, [made.radius, OPACITY]))?;
@@ -202,7 +201,7 @@ impl<'a> Measurement<'a> {
         &self.views[16]
     }
 
-    fn row(&self, drawn: &mut dyn DeviceScene, kind: FrameKind, context: &Context) -> Result<FrameRow> {
+    fn row(&self, drawn: &mut dyn DeviceScene, kind: FrameKind, context: &CommandContext) -> Result<FrameRow> {
         let [most, most_read] = [0, 1].map(|k| self.quick.or(QUICK_FRAMES[k], FRAMES[k]));
         let timed = self.quick.or(1, TIMED);
         // Everything is compiled and there.
@@ -235,7 +234,7 @@ impl<'a> Measurement<'a> {
         drawn: &mut dyn DeviceScene,
         most: usize,
         read_back: bool,
-        context: &Context,
+        context: &CommandContext,
     ) -> Result<(usize, f64)> {
         let (started, mut number) = (Instant::now(), 0);
         while number < most && started.elapsed() < LIMIT {

@@ -4,11 +4,10 @@ use super::scenes::{TiledScene, views};
 use super::stages::KernelStages;
 use super::work::WorkBound;
 use super::{LIMIT, QuickRun, in_megabytes};
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::device::Device;
 use particlegs::Result;
 use particlegs::picture::Size;
-use particlegs::progress::Progress;
 use particlegs::splat::ToneStyle;
 use particlegs_gpu::Rates;
 use particlegs_gpu::reference::{MOST, Pictures};
@@ -39,7 +38,13 @@ pub struct ParticleRow {
 }
 
 /// The noise-free picture of particles that are drawn of the scene, a piece again and again, each time moved.
-pub fn row(device: &Device, made: &TiledScene, size: Size, quick: QuickRun, context: &Context) -> Result<ParticleRow> {
+pub fn row(
+    device: &Device,
+    made: &TiledScene,
+    size: Size,
+    quick: QuickRun,
+    context: &CommandContext,
+) -> Result<ParticleRow> {
     let (pieces, each) = if quick.0 { (2, 100_000) } else { (PIECES, MOST) };
     let (count, columns) = (pieces * each, made.particles(each));
     let started = Instant::now();

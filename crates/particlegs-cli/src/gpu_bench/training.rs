@@ -4,13 +4,12 @@ use super::scenes::{OPACITY, TiledScene, views};
 use super::stages::KernelStages;
 use super::work::{BlendWork, DepthWork, WorkBound};
 use super::{LIMIT, QuickRun, in_megabytes};
-use crate::common::Context;
+use crate::common::CommandContext;
 use crate::device::Device;
 use particlegs::Result;
 use particlegs::camera::{Normalisation, View};
 use particlegs::model::LawKind;
 use particlegs::picture::{Plane, Size};
-use particlegs::progress::Progress;
 use particlegs::render::Scene;
 use particlegs::splat::ToneStyle;
 use particlegs::train::alpha::{self, TrainingScale};
@@ -56,7 +55,7 @@ pub fn of_depth(
     made: &TiledScene,
     size: Size,
     quick: QuickRun,
-    context: &Context,
+    context: &CommandContext,
 ) -> Result<TrainingRow> {
     let lesson = TrainingPictures::new(device, made, &Scene::of_mixture(&made.gaussians, made.bounds), size)?;
     let mut gaussians = made.gaussians.clone();
@@ -77,7 +76,7 @@ pub fn of_alpha(
     made: &TiledScene,
     size: Size,
     quick: QuickRun,
-    context: &Context,
+    context: &CommandContext,
 ) -> Result<TrainingRow> {
     let scene = Scene::of_law(&made.gaussians, made.bounds, [made.radius, OPACITY]);
     let lesson = TrainingPictures::new(device, made, &scene, size)?;
@@ -137,13 +136,13 @@ impl<'a> TrainingPictures<'a> {
     fn take(
         &self,
         quick: QuickRun,
-        context: &Context,
+        context: &CommandContext,
         mut step: impl FnMut(&TrainingSample<'_>) -> Result<StepReport>,
     ) -> Result<TrainingSteps> {
         let mut one = |k: usize| -> Result<f64> {
             context.check()?;
             let (view, target) = (&self.views[k % TARGETS], &self.targets[k % TARGETS]);
-            Ok(step(&TrainingSample { view, target, crop: Crop::whole(self.size), progress: context })?.loss)
+            Ok(step(&TrainingSample { view, target, crop: Crop::whole(self.size), context: context })?.loss)
         };
         // Everything is compiled and there.
         let mut losses = [one(0)?, one(1)?];

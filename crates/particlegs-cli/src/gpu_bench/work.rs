@@ -7,9 +7,9 @@
 use super::scenes::{OPACITY, TiledScene};
 use particlegs::Result;
 use particlegs::camera::View;
+use particlegs::context::Context;
 use particlegs::parallel;
 use particlegs::picture::Size;
-use particlegs::progress::Progress;
 use particlegs::render::Scene;
 use particlegs::render::alpha::project::Splat;
 use particlegs::render::alpha::{CutOffs, Eye, Plan, TILE};
@@ -118,13 +118,13 @@ impl BlendWork {
     const SORTED: f64 = 20.0;
 
     /// Of a scene in a view.
-    pub fn of(made: &TiledScene, view: &View, size: Size, progress: &dyn Progress) -> Result<BlendWork> {
+    pub fn of(made: &TiledScene, view: &View, size: Size, context: &Context<'_>) -> Result<BlendWork> {
         let Some(blend) = Scene::of_law(&made.gaussians, made.bounds, [made.radius, OPACITY]).blend() else {
             return Ok(BlendWork { footprints: 0, entries: 0, blends: 0 });
         };
         let eye = Eye::new(view, size, &blend.frame)?;
-        let seen = blend.gaussians(&[(&made.gaussians, 1.0)], view, &eye, progress)?;
-        let plan = Plan::new(&eye, seen.len(), |i| Some(seen[i]), CutOffs::PUBLISHED, progress)?;
+        let seen = blend.gaussians(&[(&made.gaussians, 1.0)], view, &eye, context)?;
+        let plan = Plan::new(&eye, seen.len(), |i| Some(seen[i]), CutOffs::PUBLISHED, context)?;
         let tiles = parallel::map_range(plan.tiles.number(), |tile| in_tile(&plan, tile, size));
         let [entries, blends] = [0, 1].map(|k| tiles.iter().map(|t| t[k]).sum());
         Ok(BlendWork { footprints: plan.splats.len() as u64, entries, blends })

@@ -4,7 +4,7 @@ use super::path;
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueHint};
 use particlegs::camera::{ViewSet, ViewsFile};
-use particlegs::progress::Progress;
+use particlegs::context::Context;
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
@@ -68,9 +68,9 @@ impl SequenceArgs {
     }
 
     /// The views of the path, in place of others.
-    pub fn key_frames(&self, progress: &dyn Progress) -> Result<Option<ViewSet>> {
+    pub fn key_frames(&self, context: &Context<'_>) -> Result<Option<ViewSet>> {
         let Some(file) = &self.path else { return Ok(None) };
-        let ViewsFile(set) = ViewsFile::read(file, progress)?;
+        let ViewsFile(set) = ViewsFile::read(file, context)?;
         Ok(Some(set))
     }
 

@@ -33,8 +33,8 @@ fn merging_is_exact_whatever_the_order() {
 
     // The picture is that of the parts together: depths add up.
     use particlegs::camera::{View, base_distance, spherical_camera};
+    use particlegs::context::Context;
     use particlegs::picture::Size;
-    use particlegs::progress::Silent;
     use particlegs::render::{Scene, optical_depth};
     let size = Size { width: 320, height: 240 };
     let decode = |path: &Path| particlegs::codec::decode(&std::fs::read(path).unwrap(), "file").unwrap();
@@ -43,12 +43,12 @@ fn merging_is_exact_whatever_the_order() {
     let distance = base_distance(&m.bounds, size);
     let camera = spherical_camera(m.bounds.center(), 25.0, 15.0, distance);
     let view = View { name: "far".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
-    let together = optical_depth(&Scene::of(&all), &view, size, &Silent).unwrap();
+    let together = optical_depth(&Scene::of(&all), &view, size, &Context::SILENT).unwrap();
     let part = |path: &PathBuf| {
         let model = decode(path);
         // The same clipping range for all.
         let scene = Scene::of_mixture(&model.layers[0].content[0].gaussians, m.bounds);
-        optical_depth(&scene, &view, size, &Silent).unwrap()
+        optical_depth(&scene, &view, size, &Context::SILENT).unwrap()
     };
     let parts = [&a, &b, &c].map(part);
     let brightest = together.data.iter().cloned().fold(0.0, f32::max);

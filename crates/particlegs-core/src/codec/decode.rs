@@ -3,21 +3,21 @@
 use super::decoder::{self, BlockDecoder};
 use super::file::{BlockPart, FileParts, parts};
 use super::info::FileInfo;
+use crate::context::Context;
 use crate::model::{Block, LawKind, Mixture, Model};
-use crate::progress::{Progress, Silent};
 use crate::{Error, Result, parallel};
 use std::borrow::Cow;
 use std::sync::Arc;
 
 /// [`decode_with`], silently.
 pub fn decode(bytes: &[u8], place: &str) -> Result<Model> {
-    decode_with(bytes, place, &Silent)
+    decode_with(bytes, place, &Context::SILENT)
 }
 
 /// Reads a whole file. `place` names it in errors. A small file may stand for many Gaussians: memory is
 /// asked for before they are decoded.
-pub fn decode_with(bytes: &[u8], place: &str, progress: &dyn Progress) -> Result<Model> {
-    Decoder::new(bytes, place, progress)?.finish()
+pub fn decode_with(bytes: &[u8], place: &str, context: &Context<'_>) -> Result<Model> {
+    Decoder::new(bytes, place, context)?.finish()
 }
 
 /// A model file on its way to its model, for who wants to see what there is of it meanwhile. Its pieces (segments of
@@ -55,16 +55,16 @@ struct SegmentPiece {
 
 impl<'a> Decoder<'a> {
     /// Reads everything but the Gaussians, and takes the memory that they need.
-    pub fn new(file: impl Into<Cow<'a, [u8]>>, place: &str, progress: &dyn Progress) -> Result<Self> {
+    pub fn new(file: impl Into<Cow<'a, [u8]>>, place: &str, context: &Context<'_>) -> Result<Self> {
         let file = file.into();
         let parts = parts(&file, place)?;
-        progress.require_memory("decoding the model", decoding_bytes(&parts))?;
+        context.require_memory("decoding the model", decoding_bytes(&parts))?;
         let (mut blocks, mut pieces) = (Vec::new(), Vec::new());
         for (layer, part) in parts.layers.iter().enumerate() {
             for block in &part.content {
                 let at = |fault: decoder::BlockFault| fault.at(|what| corrupt(place, block.offset, what));
                 let state = if block.is_whole() {
-                    let decoder = BlockDecoder::new(&block.bytes, progress).map_err(at)?;
+                    let decoder = BlockDecoder::new(&block.bytes, context).map_err(at)?;
                     let piece = |segment| SegmentPiece { block: blocks.len(), segment, read: false };
                     pieces.extend((0..decoder.len()).map(piece));
                     BlockState::Whole(decoder)
@@ -75,7 +75,7 @@ impl<'a> Decoder<'a> {
             }
         }
         let info = FileInfo::of(parts, &file);
-        info.missing().iter().for_each(|what| progress.message(&format!("note: {place}: {what}")));
+        info.missing().iter().for_each(|what| context.message(&format!("note: {place}: {what}")));
         Ok(Decoder { place: place.into(), info, blocks, pieces, file })
     }
 
@@ -185,7 +185,7 @@ fn decoding_bytes(parts: &FileParts<'_>) -> u64 {
 
 /// Decodes one coded block.
 pub fn decode_block(bytes: &[u8], place: &str) -> Result<Block> {
-    decoder::block(bytes, &Silent).map_err(|fault| fault.at(|what| Error::corrupt(place, what)))
+    decoder::block(bytes, &Context::SILENT).map_err(|fault| fault.at(|what| Error::corrupt(place, what)))
 }
 
 /// A mixture of fewer, larger Gaussians from the first bytes of a coded block: their counts and masses sum to the block's.
@@ -196,12 +196,12 @@ pub fn decode_prefix(bytes: &[u8], place: &str) -> Result<Block> {
 
 /// Can a file be read again, to its last Gaussian? Its blocks are decoded one after the other, and
 /// nothing is kept. What is written has passed this, or [`decode`].
-pub fn check(bytes: &[u8], place: &str, progress: &dyn Progress) -> Result<()> {
+pub fn check(bytes: &[u8], place: &str, context: &Context<'_>) -> Result<()> {
     let parts = parts(bytes, place)?;
     let sound = |block: &BlockPart<'_>| {
         let need = decoder::gaussian_bytes(block) + decoder::working_bytes(block);
-        progress.require_memory("decoding the model", need)?;
-        let decoded = decoder::block(&block.bytes, progress);
+        context.require_memory("decoding the model", need)?;
+        let decoded = decoder::block(&block.bytes, context);
         decoded.map(drop).map_err(|fault| fault.at(|what| corrupt(place, block.offset, what)))
     };
     parts.layers.iter().flat_map(|l| &l.content).try_for_each(sound)

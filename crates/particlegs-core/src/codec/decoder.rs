@@ -11,10 +11,10 @@ use super::splits::trunk;
 use super::streams::{self, Streams};
 use super::sums::{opacity_of, rescale, whole_counts};
 use super::tree::{SplitNode, gaussians, pieces};
+use crate::context::Context;
 use crate::math::{Sym3, each_axis};
 use crate::memory::filled;
 use crate::model::{AlphaBlend, Block, Law, MASS, Mixture};
-use crate::progress::Progress;
 use crate::{Error, parallel};
 use std::ops::Range;
 
@@ -123,12 +123,12 @@ pub(crate) struct SegmentReader<'a> {
 }
 
 /// Decodes a block. Where its last stages are missing, its Gaussians are fewer and larger: those known by then.
-pub(crate) fn block(bytes: &[u8], progress: &dyn Progress) -> Result<Block, BlockFault> {
+pub(crate) fn block(bytes: &[u8], context: &Context<'_>) -> Result<Block, BlockFault> {
     let header = BlockHeader::read(bytes)?;
     if streams::stages(&header, bytes)?.len() <= header.cuts.len() {
         return part(bytes, Ending::Stage);
     }
-    let mut decoder = BlockDecoder::new(bytes, progress)?;
+    let mut decoder = BlockDecoder::new(bytes, context)?;
     parallel::try_for_each(decoder.segments(bytes), SegmentReader::read)?;
     Ok(decoder.finish())
 }
@@ -343,7 +343,7 @@ impl BlockColumns {
 
 impl BlockDecoder {
     /// Reads all but the segments' streams, and takes the memory that its Gaussians need. All stages must be there.
-    pub(crate) fn new(block: &[u8], progress: &dyn Progress) -> Result<Self, BlockFault> {
+    pub(crate) fn new(block: &[u8], context: &Context<'_>) -> Result<Self, BlockFault> {
         let header = BlockHeader::read(block)?;
         header.check_length(block.len() as u64)?;
         let streams = streams::read(&header, block)?;
@@ -356,7 +356,7 @@ impl BlockDecoder {
             streams: streams.stages.iter().map(|s| s[segment].clone()).collect(),
         });
         let n = header.gaussians as usize;
-        let column = |n: usize| filled(COLUMNS, 0.0f64, n, progress);
+        let column = |n: usize| filled(COLUMNS, 0.0f64, n, context);
         Ok(BlockDecoder {
             segments: segments.collect(),
             length: block.len(),

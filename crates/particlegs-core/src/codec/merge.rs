@@ -10,9 +10,9 @@ use super::decode::check;
 use super::file::{CodedFile, CodedLayer, StoredSection, order_key};
 use super::header::BlockHeader;
 use super::sums::compensated;
+use crate::context::Context;
 use crate::model::{Dimension, Metadata, Unit, Units};
 use crate::parallel;
-use crate::progress::Progress;
 use crate::space::Cell;
 use crate::splat::DEFAULT_OPACITY;
 use crate::{Error, Result};
@@ -46,16 +46,16 @@ struct MergedLayer {
 
 impl Merge {
     /// Adds a model file's blocks. `place` names it in errors.
-    pub fn add(&mut self, bytes: &[u8], place: &str, progress: &dyn Progress) -> Result<()> {
+    pub fn add(&mut self, bytes: &[u8], place: &str, context: &Context<'_>) -> Result<()> {
         // A copy of the blocks now, and another when the file is put together.
         self.bytes += bytes.len() as u64;
-        progress.require_memory("the merge", self.bytes + bytes.len() as u64)?;
+        context.require_memory("the merge", self.bytes + bytes.len() as u64)?;
         // What is copied is read first: a block that cannot be decoded must not spread.
-        check(bytes, place, progress)?;
+        check(bytes, place, context)?;
         let CodedFile { mut metadata, network, sections, layers } = CodedFile::read(bytes, place)?;
         let (kept, lost): (Vec<_>, Vec<_>) = sections.into_iter().partition(|s| survives_merging(s.tag));
         self.sections.extend(kept);
-        lost.iter().for_each(|s| progress.message(&format!("note: {place}: `{}` is left out", s.tag.escape_ascii())));
+        lost.iter().for_each(|s| context.message(&format!("note: {place}: `{}` is left out", s.tag.escape_ascii())));
         metadata.recipe = metadata.recipe.merged();
         self.known = Some(match self.known.take() {
             None => (metadata, place.to_string()),
@@ -294,7 +294,10 @@ mod tests {
 
     fn merge(parts: &[&[u8]]) -> Result<Vec<u8>> {
         let mut merge = Merge::default();
-        parts.iter().enumerate().try_for_each(|(i, p)| merge.add(p, &format!("part {i}"), &crate::progress::Silent))?;
+        parts
+            .iter()
+            .enumerate()
+            .try_for_each(|(i, p)| merge.add(p, &format!("part {i}"), &crate::context::Context::SILENT))?;
         merge.finish()
     }
 

@@ -6,9 +6,9 @@ use super::{
     encode, read_info,
 };
 use crate::Error;
+use crate::context::Context;
 use crate::math::{Random, Sym3, each_axis};
 use crate::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
-use crate::progress::Silent;
 use crate::space::Bounds;
 
 /// Clumps of Gaussians in a box at `corner`.
@@ -72,7 +72,7 @@ fn open(file: &[u8]) -> Vec<u8> {
 
 fn merged(parts: &[&[u8]]) -> Vec<u8> {
     let mut merge = Merge::default();
-    parts.iter().for_each(|p| merge.add(p, "a part", &Silent).unwrap());
+    parts.iter().for_each(|p| merge.add(p, "a part", &Context::SILENT).unwrap());
     merge.finish().unwrap()
 }
 

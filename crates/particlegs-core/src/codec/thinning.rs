@@ -2,8 +2,8 @@
 
 use super::CodedPoints;
 use crate::Result;
+use crate::context::Context;
 use crate::math::{Purpose, Random};
-use crate::progress::Progress;
 use crate::space::Bounds;
 
 /// Points come back this close to their places along every axis, in mean spacings.
@@ -36,12 +36,12 @@ impl Thinning<'_> {
         &self,
         n: usize,
         place: impl Fn(usize) -> [f64; 3],
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Option<CodedPoints>> {
         if n == 0 {
             return Ok(None);
         }
-        progress.begin("subset of the same bytes", 0);
+        context.begin("subset of the same bytes", 0);
         let mut order = RandomOrder::new(n, self.seed);
         let mut best: Option<(usize, CodedPoints)> = None;
         let bytes = self.bytes as f64;
@@ -49,7 +49,7 @@ impl Thinning<'_> {
         // What is known to be too many.
         let mut above = n + 1;
         for _ in 0..TRIALS {
-            progress.check()?;
+            context.check()?;
             let coded = self.coded(order.first(kept), &place);
             let used = coded.bytes as f64;
             if coded.bytes as u64 <= self.bytes {
@@ -66,7 +66,7 @@ impl Thinning<'_> {
             let next = share_of(n, kept as f64 * (1.0 - 0.3 * CLOSE_ENOUGH) * bytes / used);
             kept = next.clamp(below + 1, above - 1);
         }
-        progress.end();
+        context.end();
         Ok(best.map(|b| b.1))
     }
 

@@ -1,7 +1,7 @@
 //! Numbers in one unit as numbers in another.
 
 use super::{Cosmology, Dimension, Epoch, LawKind, Layer, Mass, Metadata, Model, Si, Unit, Units};
-use crate::progress::Progress;
+use crate::context::Context;
 use crate::{Error, Result};
 
 /// The scale factor or h of two subjects differ where they do by more than this share.
@@ -165,9 +165,9 @@ fn size(unit: &Unit, dimension: Dimension) -> Option<Si> {
 impl Model {
     /// The model in the units of another system; what the two do not state is taken from the other. The certificate
     /// goes where lengths are converted: its figures are in the model's own unit.
-    pub fn in_units(mut self, to: &UnitSystem<'_>, name: &str, progress: &dyn Progress) -> Result<Self> {
+    pub fn in_units(mut self, to: &UnitSystem<'_>, name: &str, context: &Context<'_>) -> Result<Self> {
         let (by, words) = self.metadata.unit_system().conversion_of(name, to)?;
-        words.iter().for_each(|words| progress.message(&format!("note: {words}")));
+        words.iter().for_each(|words| context.message(&format!("note: {words}")));
         let m = &mut self.metadata;
         m.units = m.units.replaced(to.units);
         let f = by.length;

@@ -1,7 +1,7 @@
 //! Pictures as plain arrays, row by row from the top.
 
+use crate::context::Context;
 use crate::memory::filled;
-use crate::progress::Progress;
 use crate::{Error, Result, parallel};
 
 /// Width and height in pixels.
@@ -142,10 +142,10 @@ impl PlaneRows<'_> {
     }
 
     /// A copy.
-    pub(crate) fn to_plane(&self, progress: &dyn Progress) -> Result<Plane> {
+    pub(crate) fn to_plane(&self, context: &Context<'_>) -> Result<Plane> {
         let pixels = self.size.pixels();
-        progress.require_memory("a picture", 4 * pixels as u64)?;
-        let mut out = Plane { size: self.size, data: filled("a picture", 0.0, pixels, progress)? };
+        context.require_memory("a picture", 4 * pixels as u64)?;
+        let mut out = Plane { size: self.size, data: filled("a picture", 0.0, pixels, context)? };
         self.copy_to(&mut out.data);
         Ok(out)
     }

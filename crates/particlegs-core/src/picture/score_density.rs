@@ -1,9 +1,9 @@
 //! Surface densities against each other, in decades (docs/law/scores.md).
 
 use super::Plane;
+use crate::context::Context;
 use crate::memory::reserved;
 use crate::parallel;
-use crate::progress::Progress;
 use crate::{Error, Result};
 
 /// Densities below this share of the truth's median count as that share.
@@ -31,11 +31,11 @@ pub struct DensityScores {
 
 impl DensityScores {
     /// Of two planes of one size.
-    pub fn of(density: &Plane, truth: &Plane, progress: &dyn Progress) -> Result<Self> {
+    pub fn of(density: &Plane, truth: &Plane, context: &Context<'_>) -> Result<Self> {
         if density.size != truth.size {
             return Err(Error::argument("surface densities of two sizes cannot be compared"));
         }
-        let Some(median) = median(&truth.data, progress)? else {
+        let Some(median) = median(&truth.data, context)? else {
             return Ok(DensityScores { pixels: 0, empty: 0, rms_dex: None, mean_dex: None, correlation: None });
         };
         let pairs = DensityPairs { density: &density.data, truth: &truth.data, floor: FLOOR * f64::from(median) };
@@ -57,9 +57,9 @@ fn sq(v: f64) -> f64 {
 }
 
 /// The median of the values above zero: the upper one of two.
-fn median(values: &[f32], progress: &dyn Progress) -> Result<Option<f32>> {
-    progress.require_memory("scores", 4 * values.len() as u64)?;
-    let mut above = reserved("scores", values.len(), progress)?;
+fn median(values: &[f32], context: &Context<'_>) -> Result<Option<f32>> {
+    context.require_memory("scores", 4 * values.len() as u64)?;
+    let mut above = reserved("scores", values.len(), context)?;
     above.extend(values.iter().copied().filter(|v| *v > 0.0));
     let middle = above.len() / 2;
     Ok((!above.is_empty()).then(|| *above.select_nth_unstable_by(middle, f32::total_cmp).1))
@@ -93,12 +93,12 @@ impl DensityPairs<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::context::Context;
     use crate::picture::Size;
-    use crate::progress::Silent;
 
     fn scores(density: &[f32], truth: &[f32]) -> DensityScores {
         let plane = |v: &[f32]| Plane { size: Size { width: v.len(), height: 1 }, data: v.to_vec() };
-        DensityScores::of(&plane(density), &plane(truth), &Silent).unwrap()
+        DensityScores::of(&plane(density), &plane(truth), &Context::SILENT).unwrap()
     }
 
     #[test]
@@ -121,7 +121,7 @@ mod tests {
         assert_eq!(scores(&[1.0, 1.0, 0.0], &[1.0, 1.0, 1e-30]).rms_dex, Some(0.0));
         assert_eq!(scores(&[1.0], &[0.0]), DensityScores { rms_dex: None, ..scores(&[0.0], &[0.0]) });
         let plane = |width| Plane::zeros(Size { width, height: 1 });
-        assert!(DensityScores::of(&plane(1), &plane(2), &Silent).is_err());
+        assert!(DensityScores::of(&plane(1), &plane(2), &Context::SILENT).is_err());
     }
 
     /// Sums over many runs.

@@ -10,10 +10,10 @@ use super::scene::Scene;
 use super::scratch::Scratch;
 use super::tone::tone_rows;
 use crate::camera::{Projection, View};
+use crate::context::Context;
 use crate::memory::filled;
 use crate::model::Mixture;
 use crate::picture::{Gray8, Pixels, Plane, PlaneRows, Size};
-use crate::progress::Progress;
 use crate::splat::ToneStyle;
 use crate::{Result, parallel};
 
@@ -31,8 +31,8 @@ const BLOCK: usize = 64;
 ///
 /// Of a scene of the alpha-blend law, whose pictures are brightnesses b in [0, 1], it is the depth
 /// that would look as bright: `-ln(1 - b)`.
-pub fn optical_depth(scene: &Scene, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
-    depth(scene, view, size, &mut Scratch::default(), progress)?.to_plane(progress)
+pub fn optical_depth(scene: &Scene, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
+    depth(scene, view, size, &mut Scratch::default(), context)?.to_plane(context)
 }
 
 /// [`optical_depth`] into a buffer of the caller's.
@@ -41,17 +41,17 @@ pub fn optical_depth_into(
     view: &View,
     out: Pixels<'_, f32>,
     scratch: &mut Scratch,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<()> {
-    depth(scene, view, out.size(), scratch, progress)?.copy_to(out.into_data());
+    depth(scene, view, out.size(), scratch, context)?.copy_to(out.into_data());
     Ok(())
 }
 
 /// The picture of a scene in a look; a scene of the alpha-blend law has one look ([`Scene::tone`]).
-pub fn draw(scene: &Scene, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
+pub fn draw(scene: &Scene, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
     let mut scratch = Scratch::default();
-    let tau = depth(scene, view, size, &mut scratch, progress)?;
-    let mut out = Gray8 { size, data: filled("a picture", 0, size.pixels(), progress)? };
+    let tau = depth(scene, view, size, &mut scratch, context)?;
+    let mut out = Gray8 { size, data: filled("a picture", 0, size.pixels(), context)? };
     tone_rows(tau, scene.look(look), view.opacity, view.radius_pixels(size), &mut out.data);
     Ok(out)
 }
@@ -64,10 +64,10 @@ pub fn draw_into(
     look: ToneStyle,
     out: Pixels<'_, u8>,
     scratch: &mut Scratch,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<()> {
     let size = out.size();
-    let tau = depth(scene, view, size, scratch, progress)?;
+    let tau = depth(scene, view, size, scratch, context)?;
     tone_rows(tau, scene.look(look), view.opacity, view.radius_pixels(size), out.into_data());
     Ok(())
 }
@@ -78,14 +78,14 @@ fn depth<'a>(
     view: &View,
     size: Size,
     scratch: &'a mut Scratch,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<PlaneRows<'a>> {
     if let Some(blend) = &scene.blend {
-        return alpha::optical_depth(blend, &scene.parts, view, size, scratch, progress);
+        return alpha::optical_depth(blend, &scene.parts, view, size, scratch, context);
     }
     let lens = Lens::optical(view, size, &scene.bounds)?;
     let lenses: Vec<Lens> = scene.shifts.iter().map(|shift| lens.shifted(*shift)).collect();
-    let mut rows = clip(sum(scene, &lenses, size, |m, _, i| m.count[i], scratch, progress)?);
+    let mut rows = clip(sum(scene, &lenses, size, |m, _, i| m.count[i], scratch, context)?);
     if matches!(view.camera.projection, Projection::Perspective { .. }) {
         grow_rows(&mut rows, &lens);
     }
@@ -120,9 +120,9 @@ pub(super) fn sum<'a>(
     size: Size,
     weight: impl Fn(&Mixture, f64, usize) -> f64 + Sync,
     scratch: &'a mut Scratch,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<PlaneRows<'a>> {
-    let mut canvas = RasterCanvas::new(size, scratch, progress)?;
+    let mut canvas = RasterCanvas::new(size, scratch, context)?;
     let mut runs: Vec<GaussianRun<'_>> = scene
         .parts
         .iter()
@@ -133,7 +133,7 @@ pub(super) fn sum<'a>(
     while !runs.is_empty() {
         let from = runs.len().saturating_sub(group);
         let projected = parallel::map_range(runs.len() - from, |k| {
-            progress.check()?;
+            context.check()?;
             let run = &runs[runs.len() - 1 - k];
             let end = run.m.len().min((run.start / RUN + 1) * RUN);
             let weight = |m: &Mixture, i| weight(m, run.unit_mass, i);
@@ -158,9 +158,9 @@ pub(super) fn sum<'a>(
         let whole = drawn == runs.len() - from;
         group = if whole { (2 * group).min(MOST_RUNS) } else { group.div_ceil(2) };
         runs.truncate(runs.len() - drawn);
-        canvas.draw(&bins, progress)?;
+        canvas.draw(&bins, context)?;
     }
-    Ok(canvas.finish(progress))
+    Ok(canvas.finish(context))
 }
 
 /// Gaussians to be projected in one step: from `start` to the next multiple of [`RUN`].
@@ -171,10 +171,10 @@ struct GaussianRun<'a> {
 }
 
 /// Draws all strokes and sums the planes.
-pub fn paint(size: Size, bins: &[StrokeBins], scratch: &mut Scratch, progress: &dyn Progress) -> Result<Plane> {
-    let mut canvas = RasterCanvas::new(size, scratch, progress)?;
-    canvas.draw(bins, progress)?;
-    clip(canvas.finish(progress)).to_plane(progress)
+pub fn paint(size: Size, bins: &[StrokeBins], scratch: &mut Scratch, context: &Context<'_>) -> Result<Plane> {
+    let mut canvas = RasterCanvas::new(size, scratch, context)?;
+    canvas.draw(bins, context)?;
+    clip(canvas.finish(context)).to_plane(context)
 }
 
 /// Projects a run of Gaussians to strokes; stops where they are too many to be kept. Says how many

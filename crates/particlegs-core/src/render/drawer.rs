@@ -2,8 +2,8 @@
 
 use crate::Result;
 use crate::camera::View;
+use crate::context::Context;
 use crate::picture::{Gray8, Plane, Size};
-use crate::progress::Progress;
 
 /// Draws a model and its snapshot elsewhere, on a graphics card say, as this program's stages draw them. Views have a
 /// clipping range.
@@ -12,10 +12,10 @@ pub trait Drawer: Sync {
     ///
     /// # Errors
     /// For a view out of range or not in perspective; where the caller stops; those of whatever draws.
-    fn particles(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Gray8>;
+    fn particles(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Gray8>;
 
     /// The noise-free optical depth of all particles.
-    fn particles_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane>;
+    fn particles_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane>;
 
     /// The optical depth of the model.
     ///

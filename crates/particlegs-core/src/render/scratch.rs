@@ -1,8 +1,8 @@
 //! Buffers kept from one picture to the next: fresh memory costs more than drawing a small scene.
 
 use crate::Result;
+use crate::context::Context;
 use crate::memory::reserved;
-use crate::progress::Progress;
 
 /// Working memory of the renderer, some 5.4 bytes a pixel of the largest picture drawn with it. What is in
 /// it does not matter: any picture may follow any other.
@@ -17,7 +17,7 @@ impl Scratch {
     pub(super) fn planes(
         &mut self,
         lengths: impl ExactSizeIterator<Item = usize>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<&mut [Vec<f32>]> {
         let number = lengths.len();
         if self.planes.len() < number {
@@ -27,7 +27,7 @@ impl Scratch {
             if plane.capacity() < length {
                 // The old one goes before the new one comes.
                 *plane = Vec::new();
-                *plane = reserved("a picture", length, progress)?;
+                *plane = reserved("a picture", length, context)?;
             }
             plane.resize(length, 0.0);
         }

@@ -7,10 +7,10 @@ use super::scene::Scene;
 use super::scratch::Scratch;
 use crate::Result;
 use crate::camera::{CenteredCell, DensityView, Extent};
+use crate::context::Context;
 use crate::math::each_axis;
 use crate::model::Mixture;
 use crate::picture::{Plane, PlaneRows, Size};
-use crate::progress::Progress;
 use crate::space::Cell;
 use crate::splat::erf;
 use std::borrow::Cow;
@@ -18,15 +18,15 @@ use std::borrow::Cow;
 /// Mass a world unit squared at every pixel, averaged over the pixel:
 /// `Sigma = sum m (f/z)^2 N2` in perspective, `sum m f^2 N2` in an orthographic view, whose periodic
 /// images are drawn as the view says. Where no mass is known the result counts particles.
-pub fn surface_density(scene: &Scene, view: &DensityView, size: Size, progress: &dyn Progress) -> Result<Plane> {
-    let Some(centered) = view.centered_cell() else { return drawn(scene, view, size, progress) };
+pub fn surface_density(scene: &Scene, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane> {
+    let Some(centered) = view.centered_cell() else { return drawn(scene, view, size, context) };
     let parts: Vec<Cow<'_, Mixture>> = scene.parts.iter().map(|(m, _)| moved(m, &centered)).collect();
     let parts = parts.iter().zip(&scene.parts).map(|(m, (_, mass))| (&**m, *mass)).collect();
     let scene = Scene { parts, shifts: scene.shifts.clone(), ..*scene };
     view.wrapped(
         size,
         |cell| all_tails(&scene, view.camera.focal_point, cell),
-        |view, size| drawn(&scene, view, size, progress),
+        |view, size| drawn(&scene, view, size, context),
     )
 }
 
@@ -43,7 +43,7 @@ fn moved<'a>(mixture: &'a Mixture, cell: &CenteredCell) -> Cow<'a, Mixture> {
     moved
 }
 
-fn drawn(scene: &Scene, view: &DensityView, size: Size, progress: &dyn Progress) -> Result<Plane> {
+fn drawn(scene: &Scene, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane> {
     let lenses = view
         .copies(size, &scene.bounds, reach(scene))?
         .into_iter()
@@ -52,14 +52,14 @@ fn drawn(scene: &Scene, view: &DensityView, size: Size, progress: &dyn Progress)
         .collect::<Result<Vec<_>>>()?;
     let mut scratch = Scratch::default();
     let weight = |m: &Mixture, unit_mass, i| unit_mass * m.mass_of(i);
-    let rows = sum(scene, &lenses, size, weight, &mut scratch, progress)?;
+    let rows = sum(scene, &lenses, size, weight, &mut scratch, context)?;
     let all = |rows: &PlaneRows<'_>| -> f64 { (0..size.height).flat_map(|j| rows.row(j)).map(|v| f64::from(*v)).sum() };
     let own = all(&rows);
     let mut rows = clip(rows);
     // Clipped undershoot adds mass, which is taken from all pixels alike.
     let share = (own / all(&rows)).max(1.0 - MOST_CLIPPED) as f32;
     rows.each(|_, row| row.iter_mut().for_each(|v| *v *= share));
-    rows.to_plane(progress)
+    rows.to_plane(context)
 }
 
 /// A window of little but undershoot loses no more than this share.

@@ -2,10 +2,10 @@
 
 use super::*;
 use crate::camera::{Camera, Projection, View};
+use crate::context::Context;
 use crate::math::{Random, Sym3};
 use crate::model::Mixture;
 use crate::picture::{Plane, Size};
-use crate::progress::{Progress, Scalar, Silent};
 use crate::space::Bounds;
 use crate::splat::ToneStyle;
 
@@ -66,7 +66,7 @@ fn needles(seed: u64, n: u64) -> Mixture {
 /// The largest and the mean difference of 1 - exp(-tau) from the plain law.
 fn difference(m: &Mixture, view: &View) -> (f64, f64) {
     let scene = Scene::of_mixture(m, bounds());
-    let fast = optical_depth(&scene, view, SIZE, &Silent).unwrap();
+    let fast = optical_depth(&scene, view, SIZE, &Context::SILENT).unwrap();
     let slow = plain::optical_depth(&scene, view, SIZE);
     let d = fast.data.iter().zip(&slow).map(|(f, s)| ((-s).exp() - (-f64::from(*f)).exp()).abs());
     d.fold((0.0, 0.0), |(w, sum), d| (d.max(w), sum + d / SIZE.pixels() as f64))
@@ -129,9 +129,9 @@ fn rounding_between_stages_does_not_show() {
         for f in (0..m.len()).flat_map(|i| plain::footprints(&lens, &m, i, m.count[i])) {
             binner.add_placed(&plain::place(&levels, &f));
         }
-        let mut exact = depth::paint(wide, &[binner.finish()], &mut Scratch::default(), &Silent).unwrap();
+        let mut exact = depth::paint(wide, &[binner.finish()], &mut Scratch::default(), &Context::SILENT).unwrap();
         depth::grow(&mut exact, &lens);
-        let found = optical_depth(&scene, &view, wide, &Silent).unwrap();
+        let found = optical_depth(&scene, &view, wide, &Context::SILENT).unwrap();
         let bright = |p: &Plane| p.data.iter().map(|t| -f64::from(-t).exp_m1()).collect::<Vec<_>>();
         let (a, b) = (bright(&exact), bright(&found));
         let squares: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
@@ -165,10 +165,10 @@ fn threads_and_vectors_do_not_change_a_bit() {
     let m = random_mixture(7, 9000, 0.1);
     let scene = Scene::of_mixture(&m, bounds());
     let v = view([0.1, 0.2, 2.0], 0.01, 0.1);
-    let draw = |how: &dyn Progress| optical_depth(&scene, &v, SIZE, how).unwrap();
-    let many = draw(&Silent);
-    let plain = draw(&Scalar);
-    let one = rayon_core::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| draw(&Silent));
+    let draw = |how: &Context<'_>| optical_depth(&scene, &v, SIZE, how).unwrap();
+    let many = draw(&Context::SILENT);
+    let plain = draw(&Context::scalar());
+    let one = rayon_core::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| draw(&Context::SILENT));
     let bits = |p: &Plane| p.data.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(&many), bits(&one));
     assert_eq!(bits(&many), bits(&plain));
@@ -184,7 +184,8 @@ fn depth_is_conserved() {
             m.push([offset, 0.5 * offset, 0.0], Sym3::scaled_identity(sigma * sigma), 10.0, 10.0);
             let scene = Scene::of_mixture(&m, bounds());
             let v = view([0.0, 0.0, 6.0], 0.002, 0.05);
-            let sum: f64 = optical_depth(&scene, &v, SIZE, &Silent).unwrap().data.iter().map(|v| f64::from(*v)).sum();
+            let sum: f64 =
+                optical_depth(&scene, &v, SIZE, &Context::SILENT).unwrap().data.iter().map(|v| f64::from(*v)).sum();
             let r = v.radius_pixels(SIZE);
             let law =
                 10.0 * 2.0 * std::f64::consts::PI * 0.05 * 0.994_607_9 * r * r * (1.0 + 3.0 * sigma * sigma / 36.0);
@@ -211,7 +212,7 @@ fn units_do_not_matter() {
         v.radius *= scale;
         v.camera.position = v.camera.position.map(|x| x * scale + shift);
         v.camera.focal_point = v.camera.focal_point.map(|x| x * scale + shift);
-        optical_depth(&Scene::of_mixture(&n, b), &v, SIZE, &Silent).unwrap().data
+        optical_depth(&Scene::of_mixture(&n, b), &v, SIZE, &Context::SILENT).unwrap().data
     };
     let base = draw(1.0, 0.0);
     for (scale, shift, limit) in [(1e-30, 0.0, 1e-5), (1e30, 0.0, 1e-5), (1.0, 1e6, 1e-5)] {
@@ -234,7 +235,7 @@ fn periodic_windows_wrap() {
         let cell = Some(Cell::orthogonal([2.0; 3]));
         let window = Window { center, angles_deg: [0.0; 2], width: 2.0, depth: None };
         let view = DensityView::orthographic("w", &window, size, &bounds(), cell).unwrap();
-        surface_density(&Scene::of_mixture(&m, bounds()), &view, size, &Silent).unwrap().data
+        surface_density(&Scene::of_mixture(&m, bounds()), &view, size, &Context::SILENT).unwrap().data
     };
     let here = window([0.0; 3]);
     let there = window([1.0, -0.5, 3.7]);
@@ -263,7 +264,7 @@ fn tails_that_leave_a_whole_box_come_in_on_the_other_side() {
         let size = Size { width, height: 80 };
         let window = Window { center: [0.3, 0.0, 0.0], angles_deg: [0.0; 2], width: width as f64 / 40.0, depth: None };
         let view = DensityView::orthographic("w", &window, size, &bounds(), Some(Cell::orthogonal([2.0; 3]))).unwrap();
-        surface_density(&Scene::of_mixture(&m, bounds()), &view, size, &Silent).unwrap().data
+        surface_density(&Scene::of_mixture(&m, bounds()), &view, size, &Context::SILENT).unwrap().data
     };
     let (repeated, whole) = (map(80), map(120));
     let highest = repeated.iter().fold(0.0f32, |a, b| a.max(*b));
@@ -283,7 +284,7 @@ fn a_wide_gaussian_keeps_its_mass_in_a_map_of_the_whole_box() {
     let size = Size { width: 1280, height: 720 };
     let window = Window { center: [0.0; 3], angles_deg: [0.0; 2], width: 2.0 * 16.0 / 9.0, depth: None };
     let view = DensityView::orthographic("w", &window, size, &bounds(), Some(Cell::orthogonal([2.0; 3]))).unwrap();
-    let plane = surface_density(&Scene::of_mixture(&m, bounds()), &view, size, &Silent).unwrap();
+    let plane = surface_density(&Scene::of_mixture(&m, bounds()), &view, size, &Context::SILENT).unwrap();
     let mass = plane.data.iter().map(|v| f64::from(*v)).sum::<f64>() / 360.0 / 360.0;
     assert!((mass / 1e4 - 1.0).abs() < 1e-5, "{}", mass / 1e4 - 1.0);
 }
@@ -322,7 +323,7 @@ fn maps_of_whole_boxes_have_their_mass() {
             assert!(width == of_particles || angles_deg[0] == 30.0, "{angles_deg:?}: {width} {of_particles}");
             let window = Window { center: extent.center, angles_deg, width, depth: None };
             let view = DensityView::orthographic("w", &window, size, &bounds, Some(cell)).unwrap();
-            let plane = surface_density(&scene, &view, size, &Silent).unwrap();
+            let plane = surface_density(&scene, &view, size, &Context::SILENT).unwrap();
             let area = (width / side[0] as f64).powi(2);
             let mass = plane.data.iter().map(|v| f64::from(*v)).sum::<f64>() * area;
             assert!((mass / total - 1.0).abs() < 1e-5, "{sides:?} {angles_deg:?} {side:?}: {}", mass / total - 1.0);

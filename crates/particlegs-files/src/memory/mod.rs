@@ -6,7 +6,7 @@
 mod cgroup;
 
 use crate::Result;
-use crate::progress::Progress;
+use crate::context::Context;
 use std::path::Path;
 
 /// Bytes that this process can take without swapping, and without being refused or killed; `None`
@@ -39,18 +39,9 @@ fn kib_of(text: &str, name: &str) -> Option<u64> {
     kib.checked_mul(1024)
 }
 
-/// A caller that says nothing, never stops the work and knows how much memory there is.
-pub(crate) struct QuietProgress;
-
-impl Progress for QuietProgress {
-    fn available_memory(&self) -> Option<u64> {
-        available_bytes()
-    }
-}
-
 /// Asks for memory before it is taken, where there is no one else to ask.
 pub fn require(what: &str, need_bytes: u64) -> Result<()> {
-    QuietProgress.require_memory(what, need_bytes)
+    Context::SILENT.with_memory(&available_bytes).require_memory(what, need_bytes)
 }
 
 #[cfg(test)]

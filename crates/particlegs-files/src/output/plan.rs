@@ -6,7 +6,7 @@ use super::kind::Kind;
 use super::place::{OutputTarget, open_stream};
 use super::state::PlannedOutput;
 use super::{WholeFolder, check_writable};
-use crate::progress::Progress;
+use crate::context::Context;
 use crate::{Error, Result};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -62,12 +62,12 @@ impl Outputs {
     /// Takes note of a file that is to be written, and tells whether one is there that is kept: then
     /// the caller shows that it is what would be written, or refuses by [`Outputs::refused`]. Waits for the
     /// reader of a named pipe.
-    pub fn writes(&mut self, path: &Path, kind: &Kind, progress: &dyn Progress) -> Result<bool> {
+    pub fn writes(&mut self, path: &Path, kind: &Kind, context: &Context<'_>) -> Result<bool> {
         let place = OutputTarget::of(path)?;
         self.take(path, &place)?;
         match &place {
             OutputTarget::StandardOutput => Ok(false),
-            OutputTarget::Stream(pipe) => self.wait_for_reader(pipe, progress).map(|()| false),
+            OutputTarget::Stream(pipe) => self.wait_for_reader(pipe, context).map(|()| false),
             OutputTarget::File(target) if target.is_file() => {
                 self.note(path, target)?;
                 check_writable(path)?;
@@ -156,7 +156,7 @@ impl Outputs {
     }
 
     /// Opens a named pipe when somebody reads it, and keeps it open.
-    fn wait_for_reader(&mut self, path: &Path, progress: &dyn Progress) -> Result<()> {
+    fn wait_for_reader(&mut self, path: &Path, context: &Context<'_>) -> Result<()> {
         if !is_pipe(path) {
             return Ok(());
         }
@@ -171,10 +171,10 @@ impl Outputs {
                 Err(e) => return Err(Error::io(path, e)),
             }
             if !said {
-                progress.message(&format!("waiting for a reader of the pipe {}", path.display()));
+                context.message(&format!("waiting for a reader of the pipe {}", path.display()));
                 said = true;
             }
-            progress.check()?;
+            context.check()?;
             std::thread::sleep(PATIENCE);
         }
     }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::progress::Silent;
+use crate::context::Context;
 use std::fs;
 
 const TEXT: Kind = Kind { name: "a text", kept: true, is: |_, head| head.starts_with(b"text") };
@@ -81,7 +81,7 @@ fn inputs_and_other_outputs_are_refused_and_so_is_another_kind() {
     let mut o = Outputs::new(false, "use force");
     o.reads(Input::Data(at("data")));
     ["snap.0.hdf5", "list.pvtp", "g"].iter().for_each(|name| o.reads(Input::Data(at(name))));
-    let refused = |o: &mut Outputs, name: &str, kind: &Kind| match o.writes(&at(name), kind, &Silent) {
+    let refused = |o: &mut Outputs, name: &str, kind: &Kind| match o.writes(&at(name), kind, &Context::SILENT) {
         Err(Error::Output { what, .. }) => what,
         other => panic!("{name}: {other:?}"),
     };
@@ -89,16 +89,16 @@ fn inputs_and_other_outputs_are_refused_and_so_is_another_kind() {
         assert!(refused(&mut o, name, &NOTE).contains("input"), "{name}");
     }
     assert!(refused(&mut o, "other", &TEXT).contains("not a text"));
-    assert!(o.writes(&at("text"), &TEXT, &Silent).unwrap(), "it is there, and kept");
+    assert!(o.writes(&at("text"), &TEXT, &Context::SILENT).unwrap(), "it is there, and kept");
     assert!(refused(&mut Outputs::new(true, ""), "text", &NOTE).contains("not a note"));
-    assert!(!o.writes(&at("note"), &NOTE, &Silent).unwrap());
-    assert!(!o.writes(&at("empty"), &TEXT, &Silent).unwrap());
-    assert!(!o.writes(&at("new"), &TEXT, &Silent).unwrap());
+    assert!(!o.writes(&at("note"), &NOTE, &Context::SILENT).unwrap());
+    assert!(!o.writes(&at("empty"), &TEXT, &Context::SILENT).unwrap());
+    assert!(!o.writes(&at("new"), &TEXT, &Context::SILENT).unwrap());
     assert!(refused(&mut o, "data/../new", &TEXT).contains("another output"));
-    assert!(!o.writes(Path::new("-"), &TEXT, &Silent).unwrap() && o.on_standard_output());
-    assert!(o.writes(Path::new("-"), &NOTE, &Silent).is_err());
+    assert!(!o.writes(Path::new("-"), &TEXT, &Context::SILENT).unwrap() && o.on_standard_output());
+    assert!(o.writes(Path::new("-"), &NOTE, &Context::SILENT).is_err());
     let mut forced = Outputs::new(true, "");
-    assert!(!forced.writes(&at("text"), &TEXT, &Silent).unwrap());
+    assert!(!forced.writes(&at("text"), &TEXT, &Context::SILENT).unwrap());
     let inner = forced.writes_folder(dir.path(), &[]);
     assert!(matches!(inner, Err(Error::Output { .. })), "foreign files");
     assert!(o.writes_folder(&at("data"), &["xx.f32", "meta.json"]).is_err(), "an input");
@@ -156,7 +156,7 @@ fn changed_meanwhile(
     write: impl FnOnce() -> Result<()>,
 ) -> Result<()> {
     let mut o = Outputs::new(force, "");
-    o.writes(path, &TEXT, &Silent)?;
+    o.writes(path, &TEXT, &Context::SILENT)?;
     change();
     write()
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{Choice, Weights};
-use particlegs::progress::Silent;
+use particlegs::context::Context;
 use std::path::Path;
 use std::sync::Mutex;
 
@@ -52,7 +52,7 @@ fn rows(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> Vec<[f32; 4
         out.lock().unwrap().extend((0..c.len()).map(|i| [c.position[0][i], c.position[1][i], c.position[2][i], w(i)]));
         Ok(())
     };
-    reader.read(0..reader.count().div_ceil(1 << 16), &Silent, &take).unwrap();
+    reader.read(0..reader.count().div_ceil(1 << 16), &Context::SILENT, &take).unwrap();
     out.into_inner().unwrap()
 }
 

@@ -3,7 +3,7 @@
 use super::*;
 use crate::codecs::crc64;
 use crate::{Choice, Weights};
-use particlegs::progress::Silent;
+use particlegs::context::Context;
 use std::sync::Mutex;
 
 struct FileBuilder {
@@ -70,7 +70,7 @@ fn rows(paths: &[PathBuf], choice: &Choice) -> Result<Vec<[f32; 4]>> {
         out.lock().unwrap().extend((0..c.len()).map(|i| [c.position[0][i], c.position[1][i], c.position[2][i], w(i)]));
         Ok(())
     };
-    reader.read(0..1, &Silent, &take)?;
+    reader.read(0..1, &Context::SILENT, &take)?;
     Ok(out.into_inner().unwrap())
 }
 

@@ -9,8 +9,8 @@ use crate::axes::axis;
 use crate::cache::ChunkCache;
 use crate::pieces::{ParticlePiece, PieceReader};
 use crate::{Choice, Species, SpeciesField, SpeciesMass};
+use particlegs::context::Context;
 use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_files::memory;
 use std::collections::BTreeMap;
@@ -239,13 +239,13 @@ impl SnapshotReader for StretchReader {
     fn read(
         &self,
         runs: Range<u64>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()> {
         let mut start = runs.start;
         while start < runs.end {
             let end = runs.end.min((start / self.runs + 1) * self.runs);
-            self.inner.read(start..end, progress, sink)?;
+            self.inner.read(start..end, context, sink)?;
             start = end;
         }
         Ok(())

@@ -3,10 +3,10 @@
 use super::encode::{self, Attribute, OutDataSet, OutGroup, OutValue};
 use super::units;
 use crate::fields::{OutField, StandardField, outputs};
+use particlegs::context::Context;
 use particlegs::model::{Dimension, Layer, Mass, Unit};
 use particlegs::parallel;
 use particlegs::particles::{Number, Run, SelectedParticles, SnapshotMeta, SourceField};
-use particlegs::progress::Progress;
 use particlegs::{Error, Remedy, Result};
 use particlegs_files::output::PlacedFile;
 use std::ops::Range;
@@ -19,16 +19,16 @@ const ORDER: [usize; 6] = [1, 2, 3, 4, 5, 0];
 ///
 /// # Errors
 /// [`Error::Input`] for more layers or another cell than the layout has; [`Error::Io`]; those of reading.
-pub fn write(kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
+pub fn write(kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
     let layers = kept.layers();
     let types = types(&layers, out)?;
     let fields = fields(kept);
     let plan = encode::plan(&groups(kept, &layers, &types, &fields, out)?);
     let file = PlacedFile::create(out, plan.length)?;
     file.write_at(&plan.metadata, 0)?;
-    progress.begin("writing", kept.total());
+    context.begin("writing", kept.total());
     let scratch = parallel::Scratch::<Vec<u8>>::default();
-    kept.for_each_run(progress, &|id, run| {
+    kept.for_each_run(context, &|id, run| {
         let index = kept.layer_of(id);
         let count = run.columns[0].len() as u64;
         // A run that keeps nothing may belong to a layer that keeps nothing, which has no group.
@@ -38,10 +38,10 @@ pub fn write(kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) 
             let sets = LayerDataSets { file: &file, mass: layer.mass, fields: own, data: &plan.data[FIRST + index] };
             scratch.with(|bytes| sets.write_run(row, (run, kept), bytes))?;
         }
-        progress.advance(count);
+        context.advance(count);
         Ok(())
     })?;
-    progress.end();
+    context.end();
     file.finish()?;
     Ok(plan.length)
 }

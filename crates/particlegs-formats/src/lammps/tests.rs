@@ -1,8 +1,8 @@
 use super::{FORMAT, write};
 use crate::{Choice, Snapshot, SpeciesMass, Weights};
+use particlegs::context::Context;
 use particlegs::model::Units;
 use particlegs::particles::{Column, Particles, SelectedParticles, Selection, Tiling};
-use particlegs::progress::Silent;
 use particlegs::space::Cell;
 use std::path::PathBuf;
 
@@ -210,8 +210,8 @@ fn particles() -> Particles {
 fn written(particles: &Particles) -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out.dump");
-    let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
-    let bytes = write::write(&kept, &out, &Silent).unwrap();
+    let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
+    let bytes = write::write(&kept, &out, &Context::SILENT).unwrap();
     assert_eq!(bytes, std::fs::metadata(&out).unwrap().len());
     (dir, out)
 }

@@ -1,9 +1,9 @@
 //! LAMMPS text out: one frame, `id type x y z` and masses where they are known.
 
 use crate::fields::{OutField, StandardField};
+use particlegs::context::Context;
 use particlegs::parallel;
 use particlegs::particles::{Number, Run, SelectedParticles};
-use particlegs::progress::Progress;
 use particlegs::space::Cell;
 use particlegs::{Error, Result};
 use particlegs_files::output;
@@ -20,9 +20,9 @@ const BATCH: usize = 8;
 /// # Errors
 /// [`Error::Io`] where the place cannot be written; nothing is left then; [`Error::Input`] for
 /// positions that do not fit into float32; [`Error::Cancelled`].
-pub fn write(kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
-    let frame = FrameOut::new(kept, progress)?;
-    progress.begin("writing", kept.total());
+pub fn write(kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
+    let frame = FrameOut::new(kept, context)?;
+    context.begin("writing", kept.total());
     let mut bytes = 0;
     let mut failed = None;
     let done = output::write_atomic(out, |to| {
@@ -30,7 +30,7 @@ pub fn write(kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) 
         to.write_all(header.as_bytes())?;
         bytes = header.len() as u64;
         frame
-            .rows(progress, &mut |text| {
+            .rows(context, &mut |text| {
                 to.write_all(text)?;
                 bytes += text.len() as u64;
                 Ok(())
@@ -44,7 +44,7 @@ pub fn write(kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) 
             })
     });
     done.map_err(|e| failed.unwrap_or(e))?;
-    progress.end();
+    context.end();
     Ok(bytes)
 }
 
@@ -64,7 +64,7 @@ struct FrameOut<'a> {
 }
 
 impl<'a> FrameOut<'a> {
-    fn new(kept: &'a SelectedParticles<'a>, progress: &dyn Progress) -> Result<Self> {
+    fn new(kept: &'a SelectedParticles<'a>, context: &Context<'_>) -> Result<Self> {
         let layers = kept.layers();
         let fields = common(kept);
         let known = !fields.iter().any(|f| f[0].name == "mass");
@@ -72,7 +72,7 @@ impl<'a> FrameOut<'a> {
         let masses = known.then(|| layers.iter().map(|l| l.mass.unit_or_one()).collect());
         let cell = match kept.meta().cell {
             Some(cell) => cell,
-            None => bounds(kept, progress)?,
+            None => bounds(kept, context)?,
         };
         Ok(FrameOut { kept, cell, masses, fields })
     }
@@ -107,7 +107,7 @@ impl<'a> FrameOut<'a> {
     /// Formats runs in parallel and gives their text in order.
     fn rows(
         &self,
-        progress: &dyn Progress,
+        context: &Context<'_>,
         write: &mut dyn FnMut(&[u8]) -> std::io::Result<()>,
     ) -> std::result::Result<(), WriteStop> {
         let batch = (2 * parallel::threads()).min(BATCH);
@@ -116,10 +116,10 @@ impl<'a> FrameOut<'a> {
         while next < self.kept.runs() {
             let runs = next..self.kept.runs().min(next + batch as u64);
             let format = |(id, (run, text)): (u64, &mut (Run, Vec<u8>))| {
-                progress.check()?;
+                context.check()?;
                 text.clear();
                 self.format(id, run, text)?;
-                progress.advance(run.columns[0].len() as u64);
+                context.advance(run.columns[0].len() as u64);
                 Ok(())
             };
             let work: Vec<_> = runs.clone().zip(&mut scratch).collect();
@@ -244,18 +244,18 @@ fn push_whole(mut value: u64, text: &mut Vec<u8>) {
 }
 
 /// The box around particles that have no cell; it repeats nowhere.
-fn bounds(kept: &SelectedParticles<'_>, progress: &dyn Progress) -> Result<Cell> {
-    progress.begin("finding the box", kept.total());
-    let ends = kept.map_runs(progress, |id, run| {
+fn bounds(kept: &SelectedParticles<'_>, context: &Context<'_>) -> Result<Cell> {
+    context.begin("finding the box", kept.total());
+    let ends = kept.map_runs(context, |id, run| {
         kept.load(id, run)?;
-        progress.advance(run.columns[0].len() as u64);
+        context.advance(run.columns[0].len() as u64);
         Ok([0, 1, 2].map(|k| {
             let both = |(low, high): (f64, f64), v: f64| (low.min(v), high.max(v));
             let all = (0..run.columns[0].len()).map(|i| run.wide(kept.origin(), i)[k]);
             all.fold((f64::INFINITY, f64::NEG_INFINITY), both)
         }))
     })?;
-    progress.end();
+    context.end();
     let (mut origin, mut lengths) = ([0.0; 3], [0.0; 3]);
     for k in 0..3 {
         let low = ends.iter().map(|e| e[k].0).fold(f64::INFINITY, f64::min);

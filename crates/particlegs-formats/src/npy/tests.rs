@@ -1,7 +1,7 @@
 use super::*;
 use crate::{Choice, Weights};
+use particlegs::context::Context;
 use particlegs::particles::RUN;
-use particlegs::progress::Silent;
 use std::sync::Mutex;
 
 /// A .npy of version 1.
@@ -23,7 +23,7 @@ pub(crate) fn npy(descr: &str, fortran: bool, shape: &str, data: &[u8]) -> Vec<u
 pub(crate) fn read_all(snapshot: &dyn Snapshot, choice: &Choice) -> Result<(Vec<[f64; 4]>, bool)> {
     let reader = snapshot.reader(0, choice)?;
     let out = Mutex::new(vec![[f64::NAN; 4]; reader.count() as usize]);
-    reader.read(0..reader.count().div_ceil(RUN as u64), &Silent, &|run, chunk| {
+    reader.read(0..reader.count().div_ceil(RUN as u64), &Context::SILENT, &|run, chunk| {
         for i in 0..chunk.len() {
             let [x, y, z] = [0, 1, 2].map(|k| reader.origin()[k] + f64::from(chunk.position[k][i]));
             let weight = chunk.weight.map_or(0.0, |w| f64::from(w[i]));

@@ -3,8 +3,8 @@
 //! (Kerbl et al. 2023, `gaussian_model.py`, `save_ply`; docs/law/published.md, "Evaluation").
 
 use particlegs::camera::Normalisation;
+use particlegs::context::Context;
 use particlegs::model::{AlphaBlend, LawKind, Mixture, Model};
-use particlegs::progress::Progress;
 use particlegs::{Error, Remedy, Result};
 use particlegs_files::output::{check_space_in, write_atomic};
 use std::io::Write;
@@ -39,7 +39,7 @@ pub fn write_splats(
     colors: Option<&[[f32; 3]]>,
     comments: &[String],
     out: &Path,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<u64> {
     if model.metadata.law != LawKind::AlphaBlend {
         let what = format!("a model of the {} law has no opacities to write as splats", model.metadata.law.name());
@@ -54,14 +54,14 @@ pub fn write_splats(
     if let Some(folder) = out.parent().filter(|f| !f.as_os_str().is_empty()) {
         check_space_in(folder, bytes)?;
     }
-    progress.begin("writing splats", model.gaussians() as u64);
+    context.begin("writing splats", model.gaussians() as u64);
     let mut stopped = Ok(());
     let mut colors = colors.map(|c| c.iter());
     let written = write_atomic(out, |w| {
         w.write_all(head.as_bytes())?;
         for block in model.blocks() {
             for start in (0..block.gaussians.len()).step_by(RUN) {
-                stopped = progress.check();
+                stopped = context.check();
                 if stopped.is_err() {
                     return Err(std::io::ErrorKind::Interrupted.into());
                 }
@@ -70,14 +70,14 @@ pub fn write_splats(
                     let color = colors.as_mut().and_then(Iterator::next);
                     write_one(w, &block.gaussians, i, color, &frame)?;
                 }
-                progress.advance((end - start) as u64);
+                context.advance((end - start) as u64);
             }
         }
         Ok(())
     });
     stopped?;
     written?;
-    progress.end();
+    context.end();
     Ok(bytes)
 }
 
@@ -116,10 +116,10 @@ fn write_one(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use particlegs::context::Context;
     use particlegs::math::{Random, Sym3};
     use particlegs::model::{AlphaBlend, Block, Law, Layer, Mass, Metadata};
     use particlegs::particles::Storage;
-    use particlegs::progress::Silent;
     use particlegs::space::Bounds;
 
     fn model(n: usize) -> Model {
@@ -148,7 +148,7 @@ mod tests {
         let m = model(200);
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("m.ply");
-        let bytes = write_splats(&m, None, &[], &path, &Silent).unwrap();
+        let bytes = write_splats(&m, None, &[], &path, &Context::SILENT).unwrap();
         let file = std::fs::read(&path).unwrap();
         assert_eq!((file.len() as u64, AlphaBlend::PLY_BYTES), (bytes, 68));
         let body = &file[file.len() - 200 * 68..];
@@ -173,7 +173,7 @@ mod tests {
                 assert!((back.0[k] - want.0[k]).abs() < 1e-5 * want.trace(), "{i}: {back:?} {want:?}");
             }
         }
-        let read = crate::Choice::default().read(&[path], &Storage::Memory, &Silent).unwrap();
+        let read = crate::Choice::default().read(&[path], &Storage::Memory, &Context::SILENT).unwrap();
         assert_eq!(read.len(), 200);
         for i in 0..200 {
             let p = read.position(i);
@@ -202,7 +202,8 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("m.ply");
         let colors = [[1.0, 0.0, 0.5], [0.25; 3], [0.0, 1.0, 0.0]];
-        write_splats(&m, Some(&colors), &["one\nelement vertex 7".into(), "two".into()], &path, &Silent).unwrap();
+        write_splats(&m, Some(&colors), &["one\nelement vertex 7".into(), "two".into()], &path, &Context::SILENT)
+            .unwrap();
         let file = std::fs::read(&path).unwrap();
         let text = String::from_utf8_lossy(&file);
         assert!(text.contains("comment one\ncomment element vertex 7\ncomment two\nelement vertex 3\n"), "{text}");
@@ -214,8 +215,8 @@ mod tests {
                 assert!((0.5 + HARMONIC * dc - f64::from(color[k])).abs() < 1e-6);
             }
         }
-        assert_eq!(crate::Choice::default().read(&[path], &Storage::Memory, &Silent).unwrap().len(), 3);
-        let two = write_splats(&m, Some(&colors[..2]), &[], &dir.path().join("n.ply"), &Silent);
+        assert_eq!(crate::Choice::default().read(&[path], &Storage::Memory, &Context::SILENT).unwrap().len(), 3);
+        let two = write_splats(&m, Some(&colors[..2]), &[], &dir.path().join("n.ply"), &Context::SILENT);
         assert!(matches!(two, Err(Error::Argument { .. })));
     }
 
@@ -224,7 +225,10 @@ mod tests {
         let mut m = model(3);
         m.metadata.law = LawKind::OpticalDepth;
         let dir = tempfile::tempdir().unwrap();
-        assert!(matches!(write_splats(&m, None, &[], &dir.path().join("m.ply"), &Silent), Err(Error::Argument { .. })));
+        assert!(matches!(
+            write_splats(&m, None, &[], &dir.path().join("m.ply"), &Context::SILENT),
+            Err(Error::Argument { .. })
+        ));
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
     }
 }

@@ -4,9 +4,9 @@ use super::lines::LineReader;
 use super::parse::{LineError, ParticleColumns, RowParser, RowPlan, TableNumber};
 use super::table::TextTable;
 use crate::pieces::origin_of;
+use particlegs::context::Context;
 use particlegs::parallel;
 use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::ops::Range;
 use std::sync::Arc;
@@ -103,14 +103,14 @@ impl RowReader {
     fn stream(
         &self,
         runs: Range<u64>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()> {
         let mut lines = self.table.content.lines(self.table.start, Some(self.table.end.offset))?;
         let mut waiting = ParticleColumns::default();
         let mut next = 0;
         while next < runs.end {
-            progress.check()?;
+            context.check()?;
             let ended = self.batch(&mut lines, &mut waiting)?;
             let whole = waiting[0].len() / RUN;
             let last = ended && next + whole as u64 + 1 == self.count().div_ceil(RUN as u64);
@@ -122,7 +122,7 @@ impl RowReader {
                     return Err(self.changed());
                 }
                 sink(next + i as u64, self.chunk(&waiting, rows.clone()))?;
-                progress.advance(rows.len() as u64);
+                context.advance(rows.len() as u64);
                 Ok(())
             })?;
             next += ready as u64;
@@ -213,21 +213,21 @@ impl SnapshotReader for RowReader {
     fn read(
         &self,
         runs: Range<u64>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()> {
         let runs = runs.start..runs.end.min(self.count().div_ceil(RUN as u64));
         if !self.table.content.is_seekable() {
-            return self.stream(runs, progress, sink);
+            return self.stream(runs, context, sink);
         }
         let scratch = parallel::Scratch::<ParticleColumns>::default();
         parallel::try_for_each(runs, |run| {
-            progress.check()?;
+            context.check()?;
             scratch.with(|columns| {
                 self.run::<f32>(run, columns)?;
                 sink(run, self.chunk(columns, 0..self.length(run)))
             })?;
-            progress.advance(self.length(run) as u64);
+            context.advance(self.length(run) as u64);
             Ok(())
         })
     }

@@ -2,8 +2,8 @@
 
 use crate::{Choice, Snapshot};
 use particlegs::Result;
+use particlegs::context::Context;
 use particlegs::particles::RUN;
-use particlegs::progress::Silent;
 use std::io::Write;
 use std::sync::Mutex;
 
@@ -30,7 +30,7 @@ pub fn read(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> Result<
     let runs = reader.count().div_ceil(RUN as u64);
     let gather = |from: u64| -> Result<Vec<([f64; 3], f32)>> {
         let parts: Vec<Mutex<Vec<([f64; 3], f32)>>> = (from..runs).map(|_| Mutex::default()).collect();
-        reader.read(from..runs, &Silent, &|run, chunk| {
+        reader.read(from..runs, &Context::SILENT, &|run, chunk| {
             let origin = reader.origin();
             let at = |i: usize| std::array::from_fn(|k| origin[k] + f64::from(chunk.position[k][i]));
             let weight = |i: usize| chunk.weight.map_or(0.0, |w| w[i]);

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{Choice, SpeciesMass, Weights};
-use particlegs::progress::Silent;
+use particlegs::context::Context;
 use std::sync::Mutex;
 
 fn rows(bytes: &[u8], choice: &Choice) -> Result<(Description, Vec<[f32; 4]>)> {
@@ -17,7 +17,7 @@ fn rows(bytes: &[u8], choice: &Choice) -> Result<(Description, Vec<[f32; 4]>)> {
         out.lock().unwrap().extend((0..c.len()).map(|i| [c.position[0][i], c.position[1][i], c.position[2][i], w(i)]));
         Ok(())
     };
-    reader.read(0..1, &Silent, &take)?;
+    reader.read(0..1, &Context::SILENT, &take)?;
     Ok((snapshot.description().clone(), out.into_inner().unwrap()))
 }
 

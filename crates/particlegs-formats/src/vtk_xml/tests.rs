@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::{Choice, Weights};
+use particlegs::context::Context;
 use particlegs::model::{Layer, Mass as LayerMass, Units};
 use particlegs::particles::{Column, Particles, SelectedParticles, Selection, Storage, Tiling};
-use particlegs::progress::Silent;
 use std::sync::Mutex;
 
 fn rows(path: &Path, choice: &Choice) -> Result<(Description, Vec<[f32; 4]>)> {
@@ -17,7 +17,7 @@ fn rows(path: &Path, choice: &Choice) -> Result<(Description, Vec<[f32; 4]>)> {
         out.lock().unwrap().push((run, rows.collect::<Vec<_>>()));
         Ok(())
     };
-    reader.read(0..reader.count().div_ceil(1 << 16), &Silent, &take)?;
+    reader.read(0..reader.count().div_ceil(1 << 16), &Context::SILENT, &take)?;
     let mut out = out.into_inner().unwrap();
     out.sort_by_key(|r| r.0);
     Ok((snapshot.description().clone(), out.into_iter().flat_map(|r| r.1).collect()))
@@ -94,8 +94,8 @@ fn broken_files_are_refused() {
 }
 
 fn written(particles: &Particles, path: &Path) -> u64 {
-    let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
-    let bytes = write(&kept, path, &Silent).unwrap();
+    let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
+    let bytes = write(&kept, path, &Context::SILENT).unwrap();
     assert_eq!(std::fs::metadata(path).unwrap().len(), bytes);
     bytes
 }
@@ -158,7 +158,8 @@ fn collections_and_blocks_are_read() {
         assert!(of(name, None).unwrap_err().to_string().contains(why), "{name}");
     }
     // Their folder is several snapshots: what a list names is none of its own.
-    let error = Choice::default().read(&[folder.path().to_path_buf()], &Storage::Memory, &Silent).err().unwrap();
+    let error =
+        Choice::default().read(&[folder.path().to_path_buf()], &Storage::Memory, &Context::SILENT).err().unwrap();
     assert!(error.to_string().contains("run.pvd") && !error.to_string().contains("p1.vtp"), "{error}");
 }
 

@@ -5,10 +5,10 @@
 //! have weights or layers different masses, layers are numbered by an array where there are several.
 
 use crate::fields::OutField;
+use particlegs::context::Context;
 use particlegs::model::{Layer, Mass};
 use particlegs::parallel;
 use particlegs::particles::{Number, Run, SelectedParticles};
-use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use particlegs_files::output::PlacedFile;
 use std::fmt::Write;
@@ -66,7 +66,7 @@ impl ArrayOffsets {
 /// # Errors
 /// [`Error::Input`] where positions overflow float32; [`Error::Argument`] for more than 256 layers;
 /// [`Error::Io`]; [`Error::Cancelled`].
-pub fn write(kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
+pub fn write(kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
     let layers = kept.layers();
     if layers.len() > 256 {
         return Err(Error::argument(format!(
@@ -102,17 +102,17 @@ pub fn write(kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) 
     }
     file.write_at(&count.to_le_bytes()[..layout.vertex as usize], start + layout.offsets)?;
     let arrays = Arrays { file: &file, start, layout: &layout };
-    progress.begin("writing", count);
+    context.begin("writing", count);
     let scratch = parallel::Scratch::<Vec<u8>>::default();
-    kept.for_each_run(progress, &|id, run| {
+    kept.for_each_run(context, &|id, run| {
         let layer = kept.layer_of(id);
         let mass = layers.get(layer).map(|l| l.mass);
         scratch.with(|bytes| arrays.write_run((kept.first(id), kept.origin()), run, layer, mass, bytes))?;
-        progress.advance(run.columns[0].len() as u64);
+        context.advance(run.columns[0].len() as u64);
         Ok(())
     })?;
     file.finish()?;
-    progress.end();
+    context.end();
     Ok(length)
 }
 

@@ -2,8 +2,8 @@
 // Each suite uses its part.
 #![allow(dead_code)]
 
+use particlegs::context::Context;
 use particlegs::particles::RUN;
-use particlegs::progress::Silent;
 use particlegs_formats::{Choice, PathKind, Snapshot};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::{Path, PathBuf};
@@ -115,7 +115,7 @@ pub fn read_everything(path: &Path, format: Option<&str>) -> particlegs::Result<
     for species in 0..snapshot.description().species.len() {
         let reader = snapshot.reader(species, &Choice::default())?;
         let runs = reader.count().div_ceil(RUN as u64);
-        reader.read(0..runs, &Silent, &|_, chunk| {
+        reader.read(0..runs, &Context::SILENT, &|_, chunk| {
             let columns = chunk.position.iter().chain(&chunk.weight);
             match columns.flat_map(|c| c.iter()).find(|v| !v.is_finite()) {
                 Some(v) => Err(particlegs::Error::input(path, format!("a particle lies at {v}"))),
@@ -135,7 +135,7 @@ pub fn particles(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> pa
     let reader = snapshot.reader(species, choice)?;
     let out = Mutex::new(vec![[f64::NAN; 4]; reader.count() as usize]);
     let origin = reader.origin();
-    reader.read(0..reader.count().div_ceil(RUN as u64), &Silent, &|run, chunk| {
+    reader.read(0..reader.count().div_ceil(RUN as u64), &Context::SILENT, &|run, chunk| {
         let mut out = out.lock().expect("no reader panics");
         for i in 0..chunk.len() {
             let at = |k: usize| origin[k] + f64::from(chunk.position[k][i]);

@@ -4,11 +4,11 @@ use super::backward::BackwardBuffers;
 use super::*;
 use crate::tests::device;
 use particlegs_core::camera::{Camera, Projection};
+use particlegs_core::context::Context;
 use particlegs_core::math::{Random, Sym3};
 use particlegs_core::model::vizmapper::twin::stirred;
 use particlegs_core::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
 use particlegs_core::picture::psnr;
-use particlegs_core::progress::Silent;
 use particlegs_core::render::alpha::{BRIGHTEST, CutOffs, Plan};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
@@ -141,7 +141,7 @@ fn apart(renderer: &Renderer, case: &AlphaRenderCase) -> (f64, usize, f64, u8) {
     let mut canvas = renderer.canvas(&there, case.size).unwrap();
     renderer.submit(&there, &mut canvas, &case.view).unwrap();
     let seen = renderer.brightness(&canvas).unwrap();
-    let own = render::optical_depth(&scene, &case.view, case.size, &Silent).unwrap();
+    let own = render::optical_depth(&scene, &case.view, case.size, &Context::SILENT).unwrap();
     let both = seen.data.iter().zip(&own.data);
     let levels: Vec<f64> =
         both.map(|(a, t)| 255.0 * (f64::from(a.clamp(0.0, BRIGHTEST)) + f64::from(-t).exp_m1()).abs()).collect();
@@ -149,7 +149,7 @@ fn apart(renderer: &Renderer, case: &AlphaRenderCase) -> (f64, usize, f64, u8) {
     let off = levels.iter().filter(|d| **d > 0.01).count();
     let squares: f64 = levels.iter().map(|d| d * d).sum();
     let a = renderer.picture(&canvas).unwrap();
-    let b = render::draw(&scene, &case.view, case.size, ToneStyle::Paraview, &Silent).unwrap();
+    let b = render::draw(&scene, &case.view, case.size, ToneStyle::Paraview, &Context::SILENT).unwrap();
     assert!(b.data.iter().any(|v| *v > 20), "{}: nothing is seen", case.name);
     let rounded = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
     let decibels = -10.0 * (squares / 255.0 / 255.0 / case.size.pixels() as f64).log10();
@@ -188,8 +188,8 @@ fn the_order_is_the_processors() {
         renderer.submit(&there, &mut canvas, &case.view).unwrap();
         let blend = scene.blend().unwrap();
         let eye = Eye::new(&case.view, case.size, &blend.frame).unwrap();
-        let own = blend.gaussians(&[(&case.gaussians, 1.0)], &case.view, &eye, &Silent).unwrap();
-        let plan = Plan::new(&eye, own.len(), |i| Some(own[i]), CutOffs::PUBLISHED, &Silent).unwrap();
+        let own = blend.gaussians(&[(&case.gaussians, 1.0)], &case.view, &eye, &Context::SILENT).unwrap();
+        let plan = Plan::new(&eye, own.len(), |i| Some(own[i]), CutOffs::PUBLISHED, &Context::SILENT).unwrap();
         let read = |b: &wgpu::Buffer| words(&device.read(b, 4 * own.len() as u64).unwrap());
         let (keys, order) = (read(&canvas.order.keys), read(&canvas.order.values));
         let seen = keys.iter().filter(|k| **k != u32::MAX).count();
@@ -296,7 +296,8 @@ fn pictures_are_by_the_scenes_law() {
     for size in [Size { width: 33, height: 17 }, SIZE, Size { width: 64, height: 64 }] {
         for look in ToneStyle::ALL {
             for (own, scene) in pictures.iter().zip(&scenes) {
-                let (a, b) = (own.draw(&view, size, look).unwrap(), render::draw(scene, &view, size, look, &Silent));
+                let (a, b) =
+                    (own.draw(&view, size, look).unwrap(), render::draw(scene, &view, size, look, &Context::SILENT));
                 let b = b.unwrap();
                 assert!(a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 2), "{}", look.name());
                 assert!(psnr(&a, &b).is_none_or(|db| db > 70.0), "{}", look.name());

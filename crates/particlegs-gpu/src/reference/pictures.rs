@@ -6,8 +6,8 @@ use super::{ReferenceCanvas, ReferenceRenderer, Sum};
 use crate::Device;
 use particlegs_core::Result;
 use particlegs_core::camera::{View, clipping_range};
+use particlegs_core::context::Context;
 use particlegs_core::picture::{Gray8, Plane, Size};
-use particlegs_core::progress::Progress;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -55,9 +55,9 @@ impl<'a> Pictures<'a> {
     }
 
     /// A picture of all particles: of ParaView's looks its own, shot noise and all; [`ToneStyle::Expected`] is noise-free.
-    pub fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
+    pub fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
         let fxaa = match look {
-            ToneStyle::Expected => return self.response(view, size, look, progress),
+            ToneStyle::Expected => return self.response(view, size, look, context),
             ToneStyle::ParaviewNoFxaa => false,
             ToneStyle::Paraview => true,
         };
@@ -70,26 +70,26 @@ impl<'a> Pictures<'a> {
             }
         };
         let shot = self.paraview.shot(&canvas, view, self.origin, self.range(view))?;
-        let drawn = shot.draw(&CancellableSource { source: &self.snapshot, progress }, fxaa)?;
+        let drawn = shot.draw(&CancellableSource { source: &self.snapshot, context }, fxaa)?;
         *kept = Some(canvas);
         Ok(drawn)
     }
 
     /// The noise-free picture in a look.
-    pub fn response(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
-        self.summed(view, size, progress, |sum| sum.finish(look))
+    pub fn response(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        self.summed(view, size, context, |sum| sum.finish(look))
     }
 
     /// The noise-free optical depth.
-    pub fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
-        self.summed(view, size, progress, |sum| sum.depth())
+    pub fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
+        self.summed(view, size, context, |sum| sum.depth())
     }
 
     fn summed<T>(
         &self,
         view: &View,
         size: Size,
-        progress: &dyn Progress,
+        context: &Context<'_>,
         finish: impl FnOnce(Sum<'_>) -> Result<T>,
     ) -> Result<T> {
         let mut kept = lock(&self.sums);
@@ -101,7 +101,7 @@ impl<'a> Pictures<'a> {
             }
         };
         let mut sum = self.reference.begin(&canvas, view, self.origin, self.range(view))?;
-        CancellableSource { source: &self.snapshot, progress }.each(&mut |points| sum.add(points))?;
+        CancellableSource { source: &self.snapshot, context }.each(&mut |points| sum.add(points))?;
         let drawn = finish(sum)?;
         *kept = Some(canvas);
         Ok(drawn)

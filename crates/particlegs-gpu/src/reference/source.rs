@@ -3,7 +3,7 @@
 use super::{DeviceParticles, MOST};
 use crate::Device;
 use particlegs_core::Result;
-use particlegs_core::progress::Progress;
+use particlegs_core::context::Context;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -85,13 +85,13 @@ impl ParticleSource for ParticleStream<'_> {
 /// A source whose user may want to stop.
 pub(super) struct CancellableSource<'a> {
     pub source: &'a dyn ParticleSource,
-    pub progress: &'a dyn Progress,
+    pub context: &'a Context<'a>,
 }
 
 impl ParticleSource for CancellableSource<'_> {
     fn each(&self, work: &mut dyn FnMut(&DeviceParticles) -> Result<()>) -> Result<()> {
         self.source.each(&mut |points| {
-            self.progress.check()?;
+            self.context.check()?;
             work(points)
         })
     }

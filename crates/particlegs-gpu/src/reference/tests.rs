@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::tests::device;
+use particlegs::context::Context;
 use particlegs::particles::{Column, Particles, Positions};
-use particlegs::progress::Silent;
 use particlegs::reference;
 use particlegs_core::camera::{Camera, Projection, clipping_range};
 use particlegs_core::math::Random;
@@ -57,7 +57,7 @@ fn kernels_agree_with_their_twins() {
     ] {
         let view = view(position, radius, opacity);
         let range = clipping_range(own.bounds(), &view.camera);
-        let tau = own.optical_depth(&view, size, &Silent).unwrap();
+        let tau = own.optical_depth(&view, size, &Context::SILENT).unwrap();
         let mut whole = None;
         for pieces in [1, 3] {
             let begin = || there.begin(&canvas, &view, [0.0; 3], range).unwrap();
@@ -80,7 +80,7 @@ fn kernels_agree_with_their_twins() {
             for look in ToneStyle::ALL {
                 let mut sum = begin();
                 add(&mut sum);
-                let (a, b) = (sum.finish(look).unwrap(), own.response(&view, size, look, &Silent).unwrap());
+                let (a, b) = (sum.finish(look).unwrap(), own.response(&view, size, look, &Context::SILENT).unwrap());
                 let apart = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
                 assert!(apart <= 1, "{}: largest {apart}", look.name());
             }
@@ -100,7 +100,9 @@ fn a_picture_of_8k_is_drawn() {
     let canvas = there.canvas(size).unwrap();
     let mut sum = there.begin(&canvas, &view, [0.0; 3], clipping_range(own.bounds(), &view.camera)).unwrap();
     sum.add(&DeviceParticles::upload(&device, columns.each_ref().map(|c| &c[..])).unwrap()).unwrap();
-    let (a, b) =
-        (sum.finish(ToneStyle::Expected).unwrap(), own.response(&view, size, ToneStyle::Expected, &Silent).unwrap());
+    let (a, b) = (
+        sum.finish(ToneStyle::Expected).unwrap(),
+        own.response(&view, size, ToneStyle::Expected, &Context::SILENT).unwrap(),
+    );
     assert!(b.data.iter().any(|v| *v > 0) && a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 1));
 }

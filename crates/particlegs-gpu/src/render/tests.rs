@@ -3,10 +3,10 @@
 use super::*;
 use crate::tests::{device, view};
 use particlegs_core::camera::Projection;
+use particlegs_core::context::Context;
 use particlegs_core::math::{Random, Sym3, each_axis};
 use particlegs_core::model::Mixture;
 use particlegs_core::picture::psnr;
-use particlegs_core::progress::Silent;
 use particlegs_core::render::project::slices::{ClipClass, fate};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
@@ -102,7 +102,7 @@ fn kernels_agree_with_their_twins() {
         if lens.perspective {
             render::depth::grow(&mut tau, &lens);
         }
-        let own = render::optical_depth(&scene, &view, size, &Silent).unwrap();
+        let own = render::optical_depth(&scene, &view, size, &Context::SILENT).unwrap();
         let seen = |t: f32| 255.0 * (1.0 - f64::from(-t).exp());
         let apart = tau.data.iter().zip(&own.data).map(|(a, b)| (seen(*a) - seen(*b)).abs());
         let (worst, sum) = apart.fold((0.0f64, 0.0), |(w, s), d| (w.max(d), s + d * d));
@@ -112,7 +112,7 @@ fn kernels_agree_with_their_twins() {
         for look in ToneStyle::ALL {
             let (a, b) = (
                 renderer.draw(&there, &canvas, &view, look).unwrap(),
-                render::draw(&scene, &view, size, look, &Silent).unwrap(),
+                render::draw(&scene, &view, size, look, &Context::SILENT).unwrap(),
             );
             let apart = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
             let db = psnr(&a, &b).unwrap_or(f64::INFINITY);
@@ -133,7 +133,7 @@ fn a_picture_of_8k_is_drawn() {
     let there = Gaussians::upload(&device, &scene).unwrap();
     let canvas = renderer.canvas(&there, size).unwrap();
     let a = renderer.draw(&there, &canvas, &view, ToneStyle::Expected).unwrap();
-    let b = render::draw(&scene, &view, size, ToneStyle::Expected, &Silent).unwrap();
+    let b = render::draw(&scene, &view, size, ToneStyle::Expected, &Context::SILENT).unwrap();
     assert!(b.data.iter().any(|v| *v > 0) && a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 1));
 }
 
@@ -254,7 +254,7 @@ fn images_are_repeated() {
     let there = Gaussians::upload(&device, &scene).unwrap();
     let canvas = renderer.canvas(&there, size).unwrap();
     let a = renderer.draw(&there, &canvas, &view, ToneStyle::Paraview).unwrap();
-    let b = render::draw(&scene, &view, size, ToneStyle::Paraview, &Silent).unwrap();
+    let b = render::draw(&scene, &view, size, ToneStyle::Paraview, &Context::SILENT).unwrap();
     assert!(a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 1));
     assert!(psnr(&a, &b).is_none_or(|db| db > 70.0));
 }

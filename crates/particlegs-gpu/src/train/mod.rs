@@ -27,8 +27,8 @@ use crate::{CUT_GROUPS, Device, groups};
 use alpha::{AlphaSteps, Blender};
 use gaussians::DepthBuffers;
 use kernels::TrainingKernels;
+use particlegs_core::context::Context;
 use particlegs_core::picture::Size;
-use particlegs_core::progress::Progress;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::{Error, Result};
 use particlegs_train::depth::{DepthStepper, Parameters, StepSize, WIDTHS};
@@ -86,12 +86,8 @@ impl particlegs_train::Device for Trainer {
         Ok(Box::new(AlphaSteps::new(&self.device, &self.kernels, &self.blender, of)?))
     }
 
-    fn subject<'a>(
-        &self,
-        of: &'a dyn TrainingSubject,
-        progress: &dyn Progress,
-    ) -> Result<Box<dyn TrainingSubject + 'a>> {
-        Ok(Box::new(DeviceSubject::new(&self.device, of, progress)?))
+    fn subject<'a>(&self, of: &'a dyn TrainingSubject, context: &Context<'_>) -> Result<Box<dyn TrainingSubject + 'a>> {
+        Ok(Box::new(DeviceSubject::new(&self.device, of, context)?))
     }
 }
 

@@ -3,8 +3,8 @@
 use crate::Device;
 use crate::reference::Pictures;
 use particlegs_core::camera::View;
+use particlegs_core::context::Context;
 use particlegs_core::picture::{Gray8, Plane, Size};
-use particlegs_core::progress::Progress;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
 use particlegs_core::{Error, Result};
@@ -24,10 +24,10 @@ pub(super) struct DeviceSubject<'a> {
 
 impl<'a> DeviceSubject<'a> {
     /// Sends the particles, as many as there is room for.
-    pub fn new(device: &Arc<Device>, of: &'a dyn TrainingSubject, progress: &dyn Progress) -> Result<Self> {
+    pub fn new(device: &Arc<Device>, of: &'a dyn TrainingSubject, context: &Context<'_>) -> Result<Self> {
         let columns = Box::new(move |range: Range<usize>| of.columns(range));
         let mut pictures = Pictures::new(device, of.origin(), of.bounds(), of.len(), columns)?;
-        pictures.keep(device, &mut |_| if progress.cancelled() { Err(Error::Cancelled) } else { Ok(()) })?;
+        pictures.keep(device, &mut |_| if context.cancelled() { Err(Error::Cancelled) } else { Ok(()) })?;
         Ok(DeviceSubject { of, device: device.clone(), pictures })
     }
 
@@ -57,17 +57,17 @@ impl TrainingSubject for DeviceSubject<'_> {
         self.of.bounds()
     }
 
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
+    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
         if self.holds(size) {
-            return self.pictures.draw(view, size, look, progress);
+            return self.pictures.draw(view, size, look, context);
         }
-        self.of.draw(view, size, look, progress)
+        self.of.draw(view, size, look, context)
     }
 
-    fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
+    fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
         if self.holds(size) {
-            return self.pictures.optical_depth(view, size, progress);
+            return self.pictures.optical_depth(view, size, context);
         }
-        self.of.optical_depth(view, size, progress)
+        self.of.optical_depth(view, size, context)
     }
 }

@@ -3,10 +3,10 @@
 use super::*;
 use crate::tests::{device, view};
 use particlegs_core::camera::View;
+use particlegs_core::context::Context;
 use particlegs_core::math::{Random, Sym3};
 use particlegs_core::model::Mixture;
 use particlegs_core::picture::Plane;
-use particlegs_core::progress::Silent;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
 use particlegs_train::depth::{DepthCpuSteps, DepthGaussians};
@@ -108,7 +108,7 @@ fn steps(
     number: usize,
 ) -> Vec<StepReport> {
     let target = target(case.crop.size);
-    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
+    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
     let mut one = || steps.step(of, &shot, &case.loss, &size_of_step(0.01)).unwrap();
     let told = (0..number).map(|_| one()).collect();
     steps.fetch(of).unwrap();
@@ -257,7 +257,7 @@ fn gradients_that_are_no_numbers_are_told_and_survived() {
     let case = cases().swap_remove(0);
     let mut target = target(SIZE);
     target.data[SIZE.width * 45 + 80] = f32::NAN;
-    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
+    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
     let (mut here, mut there) = (parameters(&case), parameters(&case));
     let one = |steps: &mut dyn DepthStepper, of: &mut Parameters| {
         let told = steps.step(of, &shot, &case.loss, &size_of_step(0.01)).unwrap();
@@ -291,7 +291,7 @@ fn a_device_that_is_gone_is_an_error() {
     let before = of.now.clone();
     device.device.destroy();
     let target = target(SIZE);
-    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
+    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
     let error = own.step(&mut of, &shot, &case.loss, &size_of_step(0.01)).unwrap_err().to_string();
     assert!(error.contains("device") && error.lines().count() == 1, "{error}");
     assert!(of.now == before);
@@ -332,7 +332,7 @@ fn a_short_run_reaches_the_processors_score() {
         let limits = Limits { device, ..Limits::default() };
         let training = Some(config.clone());
         let options = Options { target: Target::Gaussians(300), training, limits, seed: 4, ..Options::default() };
-        let done = compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap();
+        let done = compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT).unwrap();
         done.trained[0].clone()
     };
     let (here, there) = (run(None), run(Some(device)));

@@ -28,7 +28,7 @@ struct DatasetComparison<'a> {
 }
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
-    lab.progress.begin("data sets", snapshots.len() as u64);
+    lab.context.begin("data sets", snapshots.len() as u64);
     let (mut sets, mut failed) = (Vec::new(), Vec::new());
     for snapshot in snapshots {
         match measured(lab, snapshot) {
@@ -39,9 +39,9 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
             }
             Err(e) => return Err(e),
         }
-        lab.progress.advance(1);
+        lab.context.advance(1);
     }
-    lab.progress.end();
+    lab.context.end();
     if sets.is_empty()
         && let Some((snapshot, e)) = failed.first()
     {
@@ -163,9 +163,9 @@ fn plot(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> Plot {
 mod tests {
     use super::*;
     use crate::settings::Settings;
+    use particlegs::context::Context;
     use particlegs::particles::Particles;
     use particlegs::picture::Size;
-    use particlegs::progress::Silent;
 
     #[test]
     fn one_that_is_too_small_leaves_the_others() {
@@ -175,7 +175,7 @@ mod tests {
         };
         let folder = tempfile::tempdir().unwrap();
         let settings = Settings { size: Size { width: 64, height: 36 }, ..Settings::new(true, "".into()) };
-        let lab = Lab::new(settings, folder.path(), &Silent).unwrap();
+        let lab = Lab::new(settings, folder.path(), &Context::SILENT).unwrap();
         let found = run(&lab, &[of("large", 20_000), of("small", 300)]).unwrap();
         assert!(found.notes.last().unwrap().starts_with("small was not measured: "), "{:?}", found.notes);
         let (ours, margins) = (&found.tables[0], &found.tables[1]);

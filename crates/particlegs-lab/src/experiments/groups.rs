@@ -120,17 +120,17 @@ pub(super) fn in_pixels(size: Size) -> String {
 mod tests {
     use super::*;
     use particlegs::compress::{Options, Target, compress};
+    use particlegs::context::Context;
     use particlegs::model::CertificateLevel;
     use particlegs::particles::Particles;
     use particlegs::pieces::NoCheckpoints;
-    use particlegs::progress::Silent;
 
     fn metadata() -> Metadata {
         let column = |k: u32| (0..500u32).map(|i| (i * (k + 7) % 97) as f32).collect::<Vec<f32>>();
         let particles = Particles::from_columns(column(1), column(2), column(3));
         let certificate = CertificateLevel::None;
         let options = Options { target: Target::Gaussians(5), certificate, ..Options::default() };
-        compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap().model.metadata
+        compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT).unwrap().model.metadata
     }
 
     #[test]

@@ -19,7 +19,7 @@ pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint]) -> Res
     let chosen: Vec<f64> = ratios.iter().copied().skip(compared % step).step_by(step).collect();
     let raw = of.position_bytes() as f64;
     let methods = CompressionMethod::all_and_trained(lab);
-    lab.progress.begin("densities", (methods.len() * chosen.len()) as u64);
+    lab.context.begin("densities", (methods.len() * chosen.len()) as u64);
     let mut all = Vec::new();
     for method in methods {
         for &ratio in &chosen {
@@ -28,10 +28,10 @@ pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint]) -> Res
             if let Some(reached) = met.map(|bytes| raw / bytes) {
                 all.push((method, reached, DensityMeasures::of(lab, of, method, (raw / ratio) as u64)?));
             }
-            lab.progress.advance(1);
+            lab.context.advance(1);
         }
     }
-    lab.progress.end();
+    lab.context.end();
     Ok(all)
 }
 

@@ -93,7 +93,7 @@ pub(super) fn beside(
 ) -> Result<ReferenceScores> {
     lab.store.result("beside", &(&of.hash, truth.key()), || {
         let scored =
-            score::evaluate(&any.model, &of.particles, &truth.views, truth.size, None, lab.progress)?.mean.paraview;
+            score::evaluate(&any.model, &of.particles, &truth.views, truth.size, None, lab.context)?.mean.paraview;
         Ok(ReferenceScores {
             noise_free: scored.noise_free.masked_psnr,
             uniform_box: scored.uniform_box.masked_psnr,
@@ -106,7 +106,7 @@ pub(super) fn beside(
 /// longest, at the ratio that is compared alone.
 pub(super) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &ReferenceViews, ratios: &[f64]) -> Result<Vec<RatePoint>> {
     let (raw, methods) = (of.position_bytes() as f64, CompressionMethod::all_and_trained(lab));
-    lab.progress.begin("ways and sizes", (ratios.len() * methods.len()) as u64);
+    lab.context.begin("ways and sizes", (ratios.len() * methods.len()) as u64);
     let mut rows = Vec::new();
     for &ratio in ratios {
         for &method in &methods {
@@ -114,10 +114,10 @@ pub(super) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &ReferenceViews, ratios:
             let seeds: Vec<u64> = lab.settings.seeds().take(if several { usize::MAX } else { 1 }).collect();
             let run = |seed| method.measure(lab, of, truth, (raw / ratio) as u64, seed);
             rows.push(RatePoint { method, ratio, runs: seeds.into_iter().map(run).collect::<Result<_>>()? });
-            lab.progress.advance(1);
+            lab.context.advance(1);
         }
     }
-    lab.progress.end();
+    lab.context.end();
     // A method's ratios stand together.
     rows.sort_by_key(|r: &RatePoint| methods.iter().position(|m| *m == r.method));
     Ok(rows)

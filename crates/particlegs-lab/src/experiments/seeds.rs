@@ -41,8 +41,8 @@ mod tests {
     use crate::lab::{ModelBuild, ModelSettings};
     use crate::settings::Settings;
     use crate::snapshot::Snapshot;
+    use particlegs::context::Context;
     use particlegs::particles::Particles;
-    use particlegs::progress::Silent;
 
     #[test]
     fn seeds_that_change_nothing_count_once() {
@@ -50,7 +50,7 @@ mod tests {
         let particles = Particles::from_columns(column(1), column(2), column(3));
         let (snapshot, folder) = (Snapshot::new("s".into(), "s".into(), particles, None), tempfile::tempdir().unwrap());
         let settings = Settings { seeds: 3, ..Settings::new(true, "".into()) };
-        let lab = Lab::new(settings, folder.path(), &Silent).unwrap();
+        let lab = Lab::new(settings, folder.path(), &Context::SILENT).unwrap();
         let of = |ratio: fn(u64) -> f64| {
             each_seed(
                 &lab,
@@ -62,7 +62,7 @@ mod tests {
         };
         assert_eq!((of(|_| 10.0), of(|seed| 5.0 + seed as f64 / 10.0)), (1, 3));
         // One seed alone says nothing of what seeds change.
-        let mut one = Lab::new(lab.settings.clone(), folder.path(), &Silent).unwrap();
+        let mut one = Lab::new(lab.settings.clone(), folder.path(), &Context::SILENT).unwrap();
         one.settings.seeds = 1;
         assert!(!told(&one, &[1, 1]).contains("nothing") && told(&lab, &[1, 1]).contains("nothing"));
         assert!(told(&lab, &[1, 3]).contains("else 3") && told(&lab, &[3, 3]).starts_with("3 fits"));

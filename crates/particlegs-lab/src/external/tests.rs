@@ -1,7 +1,7 @@
 use super::*;
 use crate::testing::{clustered, odd};
 use crate::{PositionColumns, largest_error, rate};
-use particlegs::progress::Silent;
+use particlegs::context::Context;
 use std::ffi::OsString;
 
 /// The Python with the packages, where the caller names one: `PARTICLEGS_LAB_PYTHON`.
@@ -165,7 +165,7 @@ fn the_libraries_meet_sizes_and_refuse_damage() {
     let external = External::start(&python).unwrap();
     assert!(sz3(&external).source().starts_with("SZ3 3."), "{}", sz3(&external).source());
     let particles = clustered(20_000);
-    let found = rate::at_size(&sz3(&external), &particles, 12_000, &Silent).unwrap();
+    let found = rate::at_size(&sz3(&external), &particles, 12_000, &Context::SILENT).unwrap();
     assert!(found.met(), "{found:?}");
     let other = Zfp { external: external.clone(), order: ColumnOrder::File };
     let bytes = other.compress(&particles, 0.1).unwrap().bytes;

@@ -3,7 +3,7 @@ use crate::lcp::Lcp;
 use crate::quantised::QuantisedCoder;
 use crate::testing::{clustered, odd};
 use crate::{CompressedParticles, check_bound};
-use particlegs::progress::Silent;
+use particlegs::context::Context;
 
 /// Coordinates rounded to steps of a power of two, as ZFP's are; told to err, and by how much.
 struct RoundingBaseline {
@@ -43,7 +43,7 @@ fn sizes_are_met() {
     for baseline in [&Lcp as &dyn Baseline, &QuantisedCoder] {
         for ratio in [4, 20, 100] {
             let bytes = 240_000 / ratio;
-            let found = at_size(baseline, &particles, bytes, &Silent).unwrap();
+            let found = at_size(baseline, &particles, bytes, &Context::SILENT).unwrap();
             assert!(found.met() && found.trials <= TRIALS, "{} {ratio}: {found:?}", baseline.name());
             let again = baseline.compress(&particles, found.bound).unwrap().bytes.len() as u64;
             assert_eq!(again, found.bytes);
@@ -56,25 +56,25 @@ fn sizes_are_met() {
 fn what_cannot_be_met_is_as_close_as_there_is() {
     let particles = clustered(1000);
     // Fewer bytes than its header.
-    let found = at_size(&QuantisedCoder, &particles, 10, &Silent).unwrap();
+    let found = at_size(&QuantisedCoder, &particles, 10, &Context::SILENT).unwrap();
     let least = QuantisedCoder.compress(&particles, 1e4).unwrap().bytes.len() as u64;
     assert!(!found.met() && found.bytes <= least && found.off > 0.0, "{found:?} {least}");
     // More than there are digits.
-    let found = at_size(&QuantisedCoder, &particles, 1_000_000, &Silent).unwrap();
+    let found = at_size(&QuantisedCoder, &particles, 1_000_000, &Context::SILENT).unwrap();
     assert!(!found.met() && found.off < 0.0 && found.bytes > 6000, "{found:?}");
     // Between two steps: 2560 and 2720 bytes.
     let particles = clustered(40);
-    let found = at_size(&RoundingBaseline { off: 0.0, drop: 0 }, &particles, 2630, &Silent).unwrap();
+    let found = at_size(&RoundingBaseline { off: 0.0, drop: 0 }, &particles, 2630, &Context::SILENT).unwrap();
     assert!(!found.met() && found.bytes == 2560 && found.trials <= TRIALS, "{found:?}");
-    assert!(at_size(&Lcp, &Default::default(), 100, &Silent).is_err());
-    assert!(at_size(&Lcp, &particles, 0, &Silent).is_err());
+    assert!(at_size(&Lcp, &Default::default(), 100, &Context::SILENT).is_err());
+    assert!(at_size(&Lcp, &particles, 0, &Context::SILENT).is_err());
 }
 
 #[test]
 fn odd_particles_have_bounds_of_sizes() {
     for (particles, _) in odd() {
         if !particles[0].is_empty() {
-            let found = at_size(&QuantisedCoder, &particles, 300, &Silent).unwrap();
+            let found = at_size(&QuantisedCoder, &particles, 300, &Context::SILENT).unwrap();
             assert!(found.bound > 0.0 && found.bound.is_finite(), "{found:?}");
         }
     }

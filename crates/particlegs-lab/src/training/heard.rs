@@ -3,8 +3,8 @@
 use super::TrainingScore;
 use particlegs::Result;
 use particlegs::compress::Checkpoint;
+use particlegs::context::{ProgressEvent, ProgressSink};
 use particlegs::pieces::CheckpointStore;
-use particlegs::progress::{Level, Progress};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -69,7 +69,7 @@ impl CheckpointStore for CurveCheckpoint<'_> {
 
 /// Hears the scores of a run, and ends its training, and nothing but that, when its time is over.
 pub(super) struct CurveRecorder<'a> {
-    inner: &'a dyn Progress,
+    inner: &'a dyn ProgressSink,
     curve: Mutex<Vec<TrainingScore>>,
     piece: Option<Duration>,
     /// Phases that have begun and not ended.
@@ -83,13 +83,18 @@ const TRAINING: &str = "training";
 
 impl<'a> CurveRecorder<'a> {
     /// With the curve of earlier pieces, for `piece` of time at most.
-    pub fn new(inner: &'a dyn Progress, curve: Vec<TrainingScore>, piece: Option<Duration>) -> Self {
+    pub fn new(inner: &'a dyn ProgressSink, curve: Vec<TrainingScore>, piece: Option<Duration>) -> Self {
         CurveRecorder { inner, curve: Mutex::new(curve), piece, phases: Mutex::default(), began: Mutex::default() }
     }
 
     /// The scores so far.
     pub fn curve(&self) -> MutexGuard<'_, Vec<TrainingScore>> {
         locked(&self.curve)
+    }
+
+    /// Is the piece's time over while it trains?
+    pub fn ends_training(&self) -> bool {
+        self.late() && locked(&self.phases).iter().any(|p| p == TRAINING)
     }
 
     /// Is the piece's time over?
@@ -103,43 +108,26 @@ fn locked<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
     of.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Progress for CurveRecorder<'_> {
-    fn begin(&self, phase: &str, total: u64) {
-        if phase == TRAINING {
-            locked(&self.began).get_or_insert_with(Instant::now);
+impl ProgressSink for CurveRecorder<'_> {
+    fn event(&self, event: ProgressEvent<'_>) {
+        match event {
+            ProgressEvent::Begin { phase, .. } => {
+                if phase == TRAINING {
+                    locked(&self.began).get_or_insert_with(Instant::now);
+                }
+                locked(&self.phases).push(phase.into());
+            }
+            ProgressEvent::End => drop(locked(&self.phases).pop()),
+            ProgressEvent::Log(line) => {
+                let scored = serde_json::from_str::<TrainingScore>(line).ok();
+                self.curve().extend(scored.filter(|e| e.held_out_masked_psnr.is_some()));
+            }
+            ProgressEvent::Advance(_) => {}
         }
-        locked(&self.phases).push(phase.into());
-        self.inner.begin(phase, total);
-    }
-
-    fn advance(&self, steps: u64) {
-        self.inner.advance(steps);
-    }
-
-    fn end(&self) {
-        locked(&self.phases).pop();
-        self.inner.end();
+        self.inner.event(event);
     }
 
     fn message(&self, text: &str) {
         self.inner.message(text);
-    }
-
-    fn log(&self, line: &str) {
-        let scored = serde_json::from_str::<TrainingScore>(line).ok().filter(|e| e.held_out_masked_psnr.is_some());
-        self.curve().extend(scored);
-        self.inner.log(line);
-    }
-
-    fn cancelled(&self) -> bool {
-        self.inner.cancelled() || self.late() && locked(&self.phases).iter().any(|p| p == TRAINING)
-    }
-
-    fn simd(&self) -> Level {
-        self.inner.simd()
-    }
-
-    fn available_memory(&self) -> Option<u64> {
-        self.inner.available_memory()
     }
 }

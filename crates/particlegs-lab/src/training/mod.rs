@@ -7,11 +7,11 @@ use crate::lab::{Lab, ModelBuild};
 use crate::snapshot::Snapshot;
 use heard::{CurveCheckpoint, CurveRecorder, curve_of, seconds_of};
 use particlegs::compress::{Checkpoint, CompressedModel, FineTuning, Options, Target, compress, finetune};
+use particlegs::context::Context;
 use particlegs::model::{CertificateLevel, LawKind};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::pieces::CheckpointStore;
-use particlegs::progress::Progress;
 use particlegs::train::{Config, Densify, Limits, Preset, Stage};
 use particlegs::{Error, Result};
 pub use published::{PublishedRunStatus, published};
@@ -172,8 +172,7 @@ pub(crate) fn trained_on(
         certificate: CertificateLevel::None,
         ..Options::default()
     };
-    let work =
-        |pieces: &mut dyn CheckpointStore, progress: &dyn Progress| compress(particles, &options, pieces, progress);
+    let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| compress(particles, &options, pieces, context);
     let trained = kept(lab, &("compress", hash, task), piece, work)?;
     Ok(match (task.target, &task.training) {
         (Target::Gaussians(most), Some(c)) if c.law == LawKind::AlphaBlend => {
@@ -202,9 +201,9 @@ pub(crate) fn tuned(
         certificate: CertificateLevel::None,
     };
     let model = blake3::hash(&merged.bytes).to_hex().to_string();
-    let work = |pieces: &mut dyn CheckpointStore, progress: &dyn Progress| {
+    let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| {
         let size = merged.bytes.len() as u64;
-        finetune(&merged.model, size, &snapshot.particles, &options, pieces, progress)
+        finetune(&merged.model, size, &snapshot.particles, &options, pieces, context)
     };
     Ok(kept(lab, &("finetune", model, &snapshot.hash, config, seed, most), None, work)?.held_by(most))
 }
@@ -214,17 +213,18 @@ fn kept(
     lab: &Lab<'_>,
     inputs: &impl Serialize,
     piece: Option<Duration>,
-    work: impl FnOnce(&mut dyn CheckpointStore, &dyn Progress) -> Result<CompressedModel>,
+    work: impl FnOnce(&mut dyn CheckpointStore, &Context<'_>) -> Result<CompressedModel>,
 ) -> Result<TrainingResult> {
     let path = lab.on_device.path("checkpoint", inputs, "checkpoint");
     let whose = serde_json::to_vec(inputs).map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
     let mut best = None;
     let made = lab.made_on_device(inputs, || {
         let checkpoint = Checkpoint::open(path.clone(), blake3::hash(&whose).as_bytes())?;
-        let heard = CurveRecorder::new(lab.progress, curve_of(&checkpoint), piece);
+        let heard = CurveRecorder::new(lab.context.sink(), curve_of(&checkpoint), piece);
         let before = seconds_of(&checkpoint);
         let mut pieces = CurveCheckpoint { checkpoint, heard: &heard, before, start: Instant::now() };
-        let done = work(&mut pieces, &heard);
+        let cancel = || lab.context.cancelled() || heard.ends_training();
+        let done = work(&mut pieces, &lab.context.with_sink(&heard).with_cancel(&cancel));
         if done.as_ref().map_or_else(|e| matches!(e, Error::Cancelled), |d| d.stopped) {
             pieces.keep_seconds()?;
         }
@@ -236,7 +236,7 @@ fn kept(
             return Ok((done, seconds));
         }
         // What the user stops is to stop; what ran out of time gives its best so far.
-        if heard.late() && !lab.progress.cancelled() {
+        if heard.late() && !lab.context.cancelled() {
             let made = ModelBuild { bytes: done.bytes, model: done.model, seconds };
             let steps = done.trained.iter().map(|run| run.iterations).sum();
             best = Some(TrainingResult { made, curve, unfinished: Some(steps), held: false });
@@ -258,7 +258,7 @@ fn kept(
 mod tests {
     use super::*;
     use crate::settings::Settings;
-    use particlegs::progress::Silent;
+    use particlegs::context::Context;
 
     fn snapshot() -> Snapshot {
         let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
@@ -274,7 +274,7 @@ mod tests {
     fn pieces_end_with_the_same_bytes_and_the_same_curve() {
         let (snapshot, folders) = (snapshot(), [0, 1].map(|_| tempfile::tempdir().unwrap()));
         let [whole, parts] =
-            folders.each_ref().map(|f| Lab::new(Settings::new(true, "".into()), f.path(), &Silent).unwrap());
+            folders.each_ref().map(|f| Lab::new(Settings::new(true, "".into()), f.path(), &Context::SILENT).unwrap());
         let task = TrainingTask::published(small(), 1, 42);
         let all = trained(&whole, &snapshot, &task).unwrap();
         assert!(all.unfinished.is_none() && all.curve.len() >= 8, "{:?}", all.curve);

@@ -9,10 +9,10 @@ use crate::targets_tests::ParticleSubject;
 use particlegs::particles::Particles;
 use particlegs::reference::Reference;
 use particlegs_core::camera::{Normalisation, ORBITS, View, base_distance, spiral};
+use particlegs_core::context::{Context, Level};
 use particlegs_core::math::Random;
 use particlegs_core::model::{Block, LawKind, Layer, Mass, Mixture, Model};
 use particlegs_core::picture::{Gray8, Plane, Size, masked_psnr};
-use particlegs_core::progress::{Level, Progress, Scalar, Silent};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
@@ -60,7 +60,7 @@ fn lesson_of(folder: &str, size: Size, frames: usize) -> TrainingSet {
     let shots = views(&bounds, radius, size, frames, 3)
         .into_iter()
         .map(|view| {
-            let truth = reference.draw(&view, size, ToneStyle::Expected, &Silent).unwrap();
+            let truth = reference.draw(&view, size, ToneStyle::Expected, &Context::SILENT).unwrap();
             let target = Plane { size, data: truth.data.iter().map(|b| f32::from(*b) / 255.0).collect() };
             (view, truth, target)
         })
@@ -69,11 +69,11 @@ fn lesson_of(folder: &str, size: Size, frames: usize) -> TrainingSet {
 }
 
 fn shot<'a>(view: &'a View, target: &'a Plane) -> TrainingSample<'a> {
-    shot_with(view, target, &Silent)
+    shot_with(view, target, &Context::SILENT)
 }
 
-fn shot_with<'a>(view: &'a View, target: &'a Plane, progress: &'a dyn Progress) -> TrainingSample<'a> {
-    TrainingSample { view, target, crop: Crop::whole(target.size), progress }
+fn shot_with<'a>(view: &'a View, target: &'a Plane, context: &'a Context<'a>) -> TrainingSample<'a> {
+    TrainingSample { view, target, crop: Crop::whole(target.size), context }
 }
 
 fn moment(iteration: u64, iterations: u64, densify: Densify) -> StepInfo {
@@ -83,7 +83,7 @@ fn moment(iteration: u64, iterations: u64, densify: Densify) -> StepInfo {
 const STILL: Densify = Densify { every: 0, until: 0, threshold: 2e-4 };
 
 fn train(learner: &mut AlphaLearner, lesson: &TrainingSet, from: u64, steps: u64, densify: Densify) -> f64 {
-    train_with(learner, lesson, from..from + steps, densify, &Silent)
+    train_with(learner, lesson, from..from + steps, densify, &Context::SILENT)
 }
 
 fn train_with(
@@ -91,13 +91,13 @@ fn train_with(
     lesson: &TrainingSet,
     iterations: std::ops::Range<u64>,
     densify: Densify,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> f64 {
     let (mut sum, last, steps) = (0.0, iterations.end, iterations.end - iterations.start);
     for iteration in iterations {
         let (view, _, target) = &lesson.shots[iteration as usize % lesson.shots.len()];
         let at = moment(iteration, last, densify);
-        let stepped = learner.step(&shot_with(view, target, progress), &Loss::PUBLISHED, &at).unwrap();
+        let stepped = learner.step(&shot_with(view, target, context), &Loss::PUBLISHED, &at).unwrap();
         assert_eq!(stepped.not_finite, None);
         sum += stepped.loss;
         learner.control(&at).unwrap();
@@ -122,8 +122,11 @@ fn model(learner: &AlphaLearner, bounds: Bounds) -> Model {
 fn score(learner: &AlphaLearner, lesson: &TrainingSet) -> f64 {
     let m = model(learner, lesson.bounds);
     let psnr = lesson.shots.iter().map(|(view, truth, _)| {
-        masked_psnr(&render::draw(&Scene::of(&m), view, truth.size, ToneStyle::Paraview, &Silent).unwrap(), truth)
-            .unwrap()
+        masked_psnr(
+            &render::draw(&Scene::of(&m), view, truth.size, ToneStyle::Paraview, &Context::SILENT).unwrap(),
+            truth,
+        )
+        .unwrap()
     });
     psnr.sum::<f64>() / lesson.shots.len() as f64
 }
@@ -162,7 +165,7 @@ fn eventful(
     lesson: &TrainingSet,
     from: Option<(&TrainingState, u64)>,
     to: u64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> TrainingState {
     let config = AlphaConfig { densify_from: 1, reset_every: 9, ..AlphaConfig::default() };
     let mut learner = small_learner(lesson, config);
@@ -170,7 +173,7 @@ fn eventful(
         learner.restore(state).unwrap();
     }
     let start = from.map_or(0, |f| f.1);
-    train_with(&mut learner, lesson, start..to, BUSY, progress);
+    train_with(&mut learner, lesson, start..to, BUSY, context);
     assert!(learner.len() > 700, "{}", learner.len());
     learner.state()
 }
@@ -178,13 +181,13 @@ fn eventful(
 #[test]
 fn threads_vectors_and_interruptions_do_not_change_a_bit() {
     let lesson = lesson(QUICK, 1);
-    let whole = eventful(&lesson, None, 12, &Silent);
+    let whole = eventful(&lesson, None, 12, &Context::SILENT);
     let one = rayon_core::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    assert!(whole == one.install(|| eventful(&lesson, None, 12, &Silent)), "threads");
-    let plain = eventful(&lesson, None, 12, &Scalar);
+    assert!(whole == one.install(|| eventful(&lesson, None, 12, &Context::SILENT)), "threads");
+    let plain = eventful(&lesson, None, 12, &Context::scalar());
     assert!(whole == plain, "vectors");
-    let half = eventful(&lesson, None, 6, &Silent);
-    assert!(whole == eventful(&lesson, Some((&half, 6)), 12, &Silent), "interruption");
+    let half = eventful(&lesson, None, 6, &Context::SILENT);
+    assert!(whole == eventful(&lesson, Some((&half, 6)), 12, &Context::SILENT), "interruption");
 }
 
 #[test]
@@ -324,7 +327,7 @@ fn models_hold_what_was_trained() {
     let shot = shot(view, target);
     let losses = [&mut learner, &mut again].map(|l| l.step(&shot, &Loss::PUBLISHED, &at).unwrap().loss);
     assert!((losses[0] - losses[1]).abs() < 1e-6, "{losses:?}");
-    let drawn = render::draw(&Scene::of(&m), view, QUICK, ToneStyle::Expected, &Silent).unwrap();
+    let drawn = render::draw(&Scene::of(&m), view, QUICK, ToneStyle::Expected, &Context::SILENT).unwrap();
     let levels = drawn.data.iter().map(|b| f32::from(*b) / 255.0).collect();
     let loss = Loss::PUBLISHED.of(&Plane { size: QUICK, data: levels }, target, Level::new()).value;
     assert!((loss - losses[0]).abs() < 2e-3, "{loss} {losses:?}");
@@ -337,7 +340,7 @@ fn a_mixture_is_a_start() {
     let lesson = lesson(QUICK, 2);
     let ground = ground(&lesson.bounds, lesson.particles.len() as u64);
     let options = FitOptions { effort: Effort::Fast, ..FitOptions::new(600, ground.radius) };
-    let mixture = fit(&lesson.particles, &options, &Silent).unwrap();
+    let mixture = fit(&lesson.particles, &options, &Context::SILENT).unwrap();
     let from = AlphaLearner::from_mixture(&mixture, ground, AlphaConfig::default()).unwrap();
     let (mixture, random) = (score(&from, &lesson), score(&small_learner(&lesson, AlphaConfig::default()), &lesson));
     println!("masked PSNR of the start: mixture {mixture:.2}, particles {random:.2} dB");

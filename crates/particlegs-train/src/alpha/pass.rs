@@ -5,11 +5,11 @@ use super::network;
 use super::parameters::{AlphaParameters, GaussianParameters, ParameterGroup};
 use super::raster;
 use particlegs_core::Result;
+use particlegs_core::context::{Context, Level};
 use particlegs_core::model::VizRanges;
 use particlegs_core::model::vizmapper::{Adaptation, Network, Setting, inputs, outputs};
 use particlegs_core::parallel;
 use particlegs_core::picture::Plane;
-use particlegs_core::progress::{Level, Progress};
 use particlegs_core::render::alpha::raster::blend;
 use particlegs_core::render::alpha::{CutOffs, Eye, Plan};
 
@@ -62,9 +62,9 @@ impl<'a> ForwardPass<'a> {
         mapper: Option<&'a LoadedNetwork>,
         setting: Setting,
         cut: CutOffs,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Self> {
-        let simd = progress.simd();
+        let simd = context.simd();
         let n = parameters.len();
         let mut own = vec![[0f32; 4]; if mapper.is_some() { n } else { 0 }];
         let mut adapted = vec![Adaptation::STATIC; n];
@@ -85,8 +85,8 @@ impl<'a> ForwardPass<'a> {
             let one = parameters.get(i);
             fine(&one).then(|| one.gaussian(&adapted[i]).seen(eye))
         };
-        let plan = Plan::new(eye, n, gaussian, cut, progress)?;
-        let drawn = blend(&plan, eye.size, progress)?;
+        let plan = Plan::new(eye, n, gaussian, cut, context)?;
+        let drawn = blend(&plan, eye.size, context)?;
         Ok(ForwardPass { eye, parameters, mapper, setting, inputs: own, adapted, plan, drawn, simd })
     }
 

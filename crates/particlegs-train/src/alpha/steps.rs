@@ -152,8 +152,8 @@ impl AlphaStepper for AlphaCpuSteps {
             ranges: m.ranges,
             identity: size.identity,
         });
-        let pass = ForwardPass::new(&eye, &of.parameters, mapper.as_ref(), setting, CutOffs::PUBLISHED, shot.progress)?;
-        let mut valued = loss.of(&shown(&pass.drawn), shot.target, shot.progress.simd());
+        let pass = ForwardPass::new(&eye, &of.parameters, mapper.as_ref(), setting, CutOffs::PUBLISHED, shot.context)?;
+        let mut valued = loss.of(&shown(&pass.drawn), shot.target, shot.context.simd());
         // Brightness beyond white is cut: nothing there moves it.
         let beyond = valued.gradient.data.iter_mut().zip(&pass.drawn.data);
         beyond.filter(|(_, b)| **b > 1.0).for_each(|(g, _)| *g = 0.0);

@@ -4,11 +4,11 @@ use super::parameters::{AlphaParameters, GaussianParameters, ParameterGroup};
 use super::pass::{ForwardPass, LoadedNetwork};
 use super::twin::{DoubleParameters, drawn};
 use particlegs_core::camera::{Camera, Normalisation, Projection, View};
+use particlegs_core::context::Context;
 use particlegs_core::math::Random;
 use particlegs_core::model::vizmapper::{Network, Setting, twin::stirred};
 use particlegs_core::model::{VizMapper, VizRanges};
 use particlegs_core::picture::{Plane, Size};
-use particlegs_core::progress::Silent;
 use particlegs_core::render::alpha::{CutOffs, Eye};
 
 const SIZE: Size = Size { width: 37, height: 21 };
@@ -48,7 +48,7 @@ fn check(position: [f64; 3], of: Setting, mapper: Option<VizMapper>) {
     let want: Vec<f32> = (0..SIZE.pixels()).map(|_| draw.normal() as f32).collect();
     let identity = 0.01;
     let used = mapper.as_ref().map(|m| LoadedNetwork { network: Network::new(m), ranges: m.ranges, identity });
-    let pass = ForwardPass::new(&eye, &p, used.as_ref(), of, SMOOTH, &Silent).unwrap();
+    let pass = ForwardPass::new(&eye, &p, used.as_ref(), of, SMOOTH, &Context::SILENT).unwrap();
     let found = pass.back(&Plane { size: SIZE, data: want.clone() });
     let parameters = mapper.as_ref().map(|m| &m.parameters[..]);
     let mut twin = DoubleParameters::of(&p, parameters, VizRanges::TRAINING, identity);
@@ -104,8 +104,9 @@ fn what_is_not_seen_wants_nothing_and_order_does_not_matter() {
     let eye = Eye::new(&view([0.3, 0.5, 3.0]), SIZE, &FRAME).unwrap();
     let want = Plane { size: SIZE, data: vec![1.0; SIZE.pixels()] };
     let of = Setting { radius: 1.0, opacity: 1.0 };
-    let back =
-        |p: &AlphaParameters| ForwardPass::new(&eye, p, None, of, CutOffs::PUBLISHED, &Silent).unwrap().back(&want);
+    let back = |p: &AlphaParameters| {
+        ForwardPass::new(&eye, p, None, of, CutOffs::PUBLISHED, &Context::SILENT).unwrap().back(&want)
+    };
     let ones: Vec<GaussianParameters> = (0..40).map(|i| drawn(6, i)).collect();
     let mut forth = AlphaParameters::default();
     ones.iter().for_each(|o| forth.push(o));
@@ -123,7 +124,7 @@ fn what_is_not_seen_wants_nothing_and_order_does_not_matter() {
     }
     let none = AlphaParameters::default();
     assert!(
-        ForwardPass::new(&eye, &none, None, of, CutOffs::PUBLISHED, &Silent)
+        ForwardPass::new(&eye, &none, None, of, CutOffs::PUBLISHED, &Context::SILENT)
             .unwrap()
             .drawn
             .data
@@ -140,8 +141,9 @@ fn what_is_hidden_wants_nothing() {
     let mut draw = Random::new(8, 1, 3);
     let want = Plane { size: SIZE, data: (0..SIZE.pixels()).map(|_| draw.normal() as f32).collect() };
     let of = Setting { radius: 1.0, opacity: 1.0 };
-    let back =
-        |p: &AlphaParameters| ForwardPass::new(&eye, p, None, of, CutOffs::PUBLISHED, &Silent).unwrap().back(&want);
+    let back = |p: &AlphaParameters| {
+        ForwardPass::new(&eye, p, None, of, CutOffs::PUBLISHED, &Context::SILENT).unwrap().back(&want)
+    };
     let mut wall = AlphaParameters::default();
     for k in 0..3 {
         let rotation = [1.0, 0.0, 0.0, 0.0];

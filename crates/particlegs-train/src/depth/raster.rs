@@ -5,10 +5,10 @@ use super::gather::{gather, of_footprint};
 use crate::Crop;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
+use particlegs_core::context::{Context, Level as SimdLevel};
 use particlegs_core::model::Mixture;
 use particlegs_core::parallel;
 use particlegs_core::picture::{Plane, Size};
-use particlegs_core::progress::{Level as SimdLevel, Progress};
 use particlegs_core::render::Scratch;
 use particlegs_core::render::bin::{Binner, PlacedFootprint, StrokeBins, place};
 use particlegs_core::render::depth::{grow, paint};
@@ -47,7 +47,7 @@ impl Tape {
         view: &View,
         crop: &Crop,
         scratch: &mut Scratch,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Tape> {
         let mut lens = Lens::optical(view, crop.full, bounds)?;
         for k in 0..2 {
@@ -57,9 +57,9 @@ impl Tape {
         let project = |start| project_run(mixture, start..mixture.len().min(start + RUN), &lens, &levels);
         let drawn = parallel::map((0..mixture.len()).step_by(RUN), project);
         let (runs, bins): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
-        let mut tau = paint(crop.size, &bins, scratch, progress)?;
+        let mut tau = paint(crop.size, &bins, scratch, context)?;
         grow(&mut tau, &lens);
-        Ok(Tape { tau, lens, levels, runs, simd: progress.simd() })
+        Ok(Tape { tau, lens, levels, runs, simd: context.simd() })
     }
 
     /// The gradient with every Gaussian, given that with every pixel's depth.

@@ -113,8 +113,8 @@ impl DepthCpuSteps {
         shot: &TrainingSample<'_>,
         loss: &Loss,
     ) -> Result<(f64, Vec<GaussianGradient>)> {
-        let (simd, mixture) = (shot.progress.simd(), of.seen().mixture());
-        let tape = Tape::draw(&mixture, &of.bounds, shot.view, &shot.crop, &mut self.scratch, shot.progress)?;
+        let (simd, mixture) = (shot.context.simd(), of.seen().mixture());
+        let tape = Tape::draw(&mixture, &of.bounds, shot.view, &shot.crop, &mut self.scratch, shot.context)?;
         let curve = BrightnessCurve::new(of.look, shot.view.opacity, shot.view.radius_pixels(shot.crop.full));
         let size = tape.tau.size;
         let (mut drawn, mut slope) = (Plane::zeros(size), Plane::zeros(size));

@@ -10,10 +10,10 @@ use crate::learner::{Densify, Learner, StepInfo, TrainingSample};
 use crate::{Crop, Loss, Norm};
 use particlegs_core::camera::{View, spherical_camera};
 use particlegs_core::codec::{Encoder, Precision, decode_block};
+use particlegs_core::context::Context;
 use particlegs_core::math::{Random, Sym3, each_axis};
 use particlegs_core::model::{Block, Mixture};
 use particlegs_core::picture::{Plane, Size};
-use particlegs_core::progress::Silent;
 use particlegs_core::render::Scratch;
 use particlegs_core::render::bin::lattice_sum;
 use particlegs_core::render::lens::Lens;
@@ -32,7 +32,7 @@ fn learner(m: &Mixture, ground: DepthContext, config: DepthConfig) -> DepthLearn
 }
 
 fn drawn(m: &Mixture, view: &View, crop: &Crop) -> Tape {
-    Tape::draw(m, &bounds(), view, crop, &mut Scratch::default(), &Silent).unwrap()
+    Tape::draw(m, &bounds(), view, crop, &mut Scratch::default(), &Context::SILENT).unwrap()
 }
 
 fn ground(m: &Mixture, look: ToneStyle) -> DepthContext {
@@ -225,7 +225,7 @@ fn neighbours_share_their_particles() {
 fn a_settled_run_is_what_is_coded() {
     let (m, view) = (mixture(8, 400), view(12.0));
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
-    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
+    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), context: &Context::SILENT };
     let ground = DepthContext { bytes: Some(1800), ..ground(&m, ToneStyle::Expected) };
     let config = DepthConfig { code_every: 2, ..DepthConfig::default() };
     let mut learner = learner(&m, ground, config);
@@ -248,7 +248,7 @@ fn steps_go_down_the_loss() {
     let (m, view) = (mixture(8, 30), view(12.0));
     let target = drawn(&mixture(9, 30), &view, &Crop::whole(SIZE)).tau;
     let target = Plane { size: SIZE, data: target.data.iter().map(|t| 1.0 - (-t).exp()).collect() };
-    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
+    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), context: &Context::SILENT };
     let loss = Loss { norm: Norm::L2, ..Loss::PUBLISHED };
     let mut learner = learner(&m, ground(&m, ToneStyle::Expected), DepthConfig::default());
     let at = |iteration| moment(iteration, 150);
@@ -317,7 +317,7 @@ fn order_changes_next_to_nothing_and_none_is_black() {
 fn a_gradient_that_is_not_a_number_is_named_and_survived() {
     let (m, view) = (mixture(4, 8), view(14.0));
     let target = Plane::zeros(SIZE);
-    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
+    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), context: &Context::SILENT };
     let steps = |_: &Parameters| -> particlegs_core::Result<Box<dyn DepthStepper>> {
         let mut processor = DepthCpuSteps::default();
         processor.poison = Some(3);
@@ -343,7 +343,7 @@ fn masses_are_kept_by_density_control_and_by_states() {
     let config = DepthConfig { relocate: 0.25, ..DepthConfig::default() };
     let new = || learner(&m, ground(&m, ToneStyle::Expected), config);
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
-    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
+    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), context: &Context::SILENT };
     let mut learner = new();
     learner.step(&shot, &Loss::PUBLISHED, &moment(0, 10)).unwrap();
     let at = StepInfo { densify: Densify { every: 1, until: 10, threshold: 0.0 }, ..moment(0, 10) };
@@ -361,7 +361,7 @@ fn masses_are_kept_by_density_control_and_by_states() {
 fn a_state_goes_on_to_the_same_bits() {
     let (m, view) = (mixture(8, 30), view(12.0));
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
-    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), progress: &Silent };
+    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), context: &Context::SILENT };
     let new = || learner(&m, ground(&m, ToneStyle::Paraview), DepthConfig::default());
     let at = |iteration| moment(iteration, 20);
     let run = |learner: &mut DepthLearner, range: std::ops::Range<u64>| {

@@ -12,7 +12,7 @@ use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper::{Request, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
-use particlegs::progress::Progress;
+use particlegs::context::Context;
 use particlegs::{Error, Result};
 use std::collections::{HashSet, VecDeque};
 use std::convert::Infallible;
@@ -85,7 +85,7 @@ impl UnverifiedConnections {
 
 impl SiteServer {
     /// Serves until it is stopped or left alone for long.
-    pub fn serve(self, progress: &dyn Progress, tell: &dyn Fn(Event)) -> Result<()> {
+    pub fn serve(self, context: &Context<'_>, tell: &dyn Fn(Event)) -> Result<()> {
         let SiteServer { listener, guard, door, limits, table } = self;
         let fault = |e| Error::io("the server", e);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build().map_err(fault)?;
@@ -97,7 +97,7 @@ impl SiteServer {
         runtime.block_on(async {
             let listener = tokio::net::TcpListener::from_std(listener).map_err(fault)?;
             let nobody_is_there = || shared.seats.available_permits() == limits.connections;
-            while !(progress.cancelled() || nobody_is_there() && shared.is_left_alone()) {
+            while !(context.cancelled() || nobody_is_there() && shared.is_left_alone()) {
                 happened.try_iter().for_each(tell);
                 match timeout(TICK, listener.accept()).await {
                     Ok(Ok((stream, _))) => {

@@ -16,7 +16,7 @@ pub use door::Token;
 use door::TokenAuth;
 use guard::{Guard, is_loopback};
 use hyper::body::Bytes;
-use particlegs::progress::Progress;
+use particlegs::context::Context;
 use particlegs::reference::Reference;
 use particlegs::{Error, Result};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener, ToSocketAddrs};
@@ -162,7 +162,7 @@ impl Server {
     }
 
     /// Serves until `progress` is cancelled, or nobody has asked for as long as the limits say.
-    pub fn serve(self, shown: ViewerContent<'_>, progress: &dyn Progress, tell: &dyn Fn(Event)) -> Result<()> {
+    pub fn serve(self, shown: ViewerContent<'_>, context: &Context<'_>, tell: &dyn Fn(Event)) -> Result<()> {
         let ViewerContent { models, truth, opening, poster } = shown;
         let named = models.iter().map(|(name, bytes)| ModelFile { name, bytes });
         let page = served(named, truth.as_ref().map(|t| &t.0), &opening, poster.is_some());
@@ -175,12 +175,12 @@ impl Server {
             SiteServer { listener: self.listener, guard: self.guard, door: self.door, limits: self.limits, table };
         std::thread::scope(|scope| {
             if let (Some(painter), Some((_, reference))) = (painter, truth) {
-                scope.spawn(move || painter.work(reference, progress));
+                scope.spawn(move || painter.work(reference, context));
             }
             if let Some(draw) = poster {
                 scope.spawn(move || hang.up(draw(&first)));
             }
-            let served = listening.serve(progress, tell);
+            let served = listening.serve(context, tell);
             desk.iter().for_each(|d| d.close());
             served
         })

@@ -1,8 +1,8 @@
 //! One thread draws; whoever asks last is answered.
 
 use super::{RenderRequest, smoothed};
+use particlegs::context::Context;
 use particlegs::particles::{Particles, Selection, Storage};
-use particlegs::progress::{Level, Progress};
 use particlegs::reference::Reference;
 use particlegs::{Error, Result};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -82,11 +82,13 @@ impl Drop for PendingRender {
 
 impl RenderWorker {
     /// Draws what is asked for until the desk is closed.
-    pub fn work(self, reference: &Reference<'_>, progress: &dyn Progress) {
+    pub fn work(self, reference: &Reference<'_>, context: &Context<'_>) {
         let mut subject = ParticleScene { all: reference, smooth: None, some: None };
         for QueuedRender { question, given_up, answer } in self.jobs {
-            let watched = CancellableProgress { progress, given_up: &given_up };
-            let drawn = watched.check().and_then(|()| subject.draw(&question, &watched, progress));
+            // What is drawn for a page is not told elsewhere.
+            let cancel = || given_up.load(Ordering::Relaxed) || context.cancelled();
+            let watched = context.silent().with_cancel(&cancel);
+            let drawn = watched.check().and_then(|()| subject.draw(&question, &watched, context));
             // Nobody may be waiting any more.
             let _ = answer.send(drawn);
         }
@@ -103,7 +105,7 @@ struct ParticleScene<'a> {
 
 impl ParticleScene<'_> {
     /// `whole` is not given up with the picture: what it makes serves all that come after.
-    fn draw(&mut self, question: &RenderRequest, progress: &dyn Progress, whole: &dyn Progress) -> Result<Vec<u8>> {
+    fn draw(&mut self, question: &RenderRequest, context: &Context<'_>, whole: &Context<'_>) -> Result<Vec<u8>> {
         let particles = self.all.particles();
         let number = question.particles(particles.len());
         if number == particles.len() {
@@ -113,37 +115,17 @@ impl ParticleScene<'_> {
                 self.smooth = Some(all.smoothed(neighbours, whole)?);
             }
             let smooth = self.smooth.as_ref().filter(|_| neighbours.is_some());
-            return question.draw(smooth.unwrap_or(self.all), progress);
+            return question.draw(smooth.unwrap_or(self.all), context);
         }
         // Others go before the new ones come.
         let some = match self.some.take().filter(|some| some.len() == number) {
             Some(some) => some,
             None => {
                 let sample = Selection { sample: Some(number as u64), seed: SEED, ..Selection::all() };
-                particles.select(sample, &Storage::Memory, progress)?
+                particles.select(sample, &Storage::Memory, context)?
             }
         };
         let reference = Reference::with_bounds(self.some.insert(some), *self.all.bounds());
-        question.draw_some(&reference, particles.len() as f64 / number as f64, progress)
-    }
-}
-
-/// The command's own side of long work, given up with the picture. What is drawn for a page is not told elsewhere.
-struct CancellableProgress<'a> {
-    progress: &'a dyn Progress,
-    given_up: &'a AtomicBool,
-}
-
-impl Progress for CancellableProgress<'_> {
-    fn cancelled(&self) -> bool {
-        self.given_up.load(Ordering::Relaxed) || self.progress.cancelled()
-    }
-
-    fn simd(&self) -> Level {
-        self.progress.simd()
-    }
-
-    fn available_memory(&self) -> Option<u64> {
-        self.progress.available_memory()
+        question.draw_some(&reference, particles.len() as f64 / number as f64, context)
     }
 }

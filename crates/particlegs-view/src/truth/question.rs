@@ -1,8 +1,8 @@
 //! What the page asks for: a camera, a look, a size, as JSON.
 
 use particlegs::camera::{Camera, DensityView, Projection, View};
+use particlegs::context::Context;
 use particlegs::picture::{Plane, Size};
-use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs::render::tone;
 use particlegs::splat::ToneStyle;
@@ -130,32 +130,32 @@ impl RenderRequest {
 
     /// Draws it: grey levels, one byte a pixel, or surface density, mass per area as little-endian float32; row by
     /// row from the top.
-    pub fn draw(&self, reference: &Reference<'_>, progress: &dyn Progress) -> Result<Vec<u8>> {
+    pub fn draw(&self, reference: &Reference<'_>, context: &Context<'_>) -> Result<Vec<u8>> {
         match self.look.of_grey() {
-            Some(look) => Ok(reference.draw(&self.view()?, self.size(), look, progress)?.data),
-            None => Ok(as_bytes(&self.density(reference, progress)?)),
+            Some(look) => Ok(reference.draw(&self.view()?, self.size(), look, context)?.data),
+            None => Ok(as_bytes(&self.density(reference, context)?)),
         }
     }
 
     /// [`RenderRequest::draw`] where `some` holds but a few of the particles, each for `many`: the picture that all of
     /// them may be expected to give, without the noise of single splats that ParaView's looks have.
-    pub(super) fn draw_some(&self, some: &Reference<'_>, many: f64, progress: &dyn Progress) -> Result<Vec<u8>> {
+    pub(super) fn draw_some(&self, some: &Reference<'_>, many: f64, context: &Context<'_>) -> Result<Vec<u8>> {
         let for_all = |mut plane: Plane| {
             plane.data.iter_mut().for_each(|v| *v = (f64::from(*v) * many) as f32);
             plane
         };
         let Some(look) = self.look.of_grey() else {
-            return Ok(as_bytes(&for_all(self.density(some, progress)?)));
+            return Ok(as_bytes(&for_all(self.density(some, context)?)));
         };
         let (view, size) = (self.view()?, self.size());
-        let tau = for_all(some.optical_depth(&view, size, progress)?);
+        let tau = for_all(some.optical_depth(&view, size, context)?);
         Ok(tone(&tau, look, view.opacity, view.radius_pixels(size)).data)
     }
 
-    fn density(&self, reference: &Reference<'_>, progress: &dyn Progress) -> Result<Plane> {
+    fn density(&self, reference: &Reference<'_>, context: &Context<'_>) -> Result<Plane> {
         let cell = reference.particles().meta.cell.filter(|_| self.periodic);
         let view = DensityView::of_cell(&self.view()?, self.size(), reference.bounds(), cell);
-        reference.surface_density(&view, self.size(), progress)
+        reference.surface_density(&view, self.size(), context)
     }
 }
 

@@ -2,10 +2,10 @@
 
 use super::KdTree;
 use crate::Result;
+use crate::context::Context;
 use crate::model::Layer;
 use crate::parallel;
 use crate::particles::{ChunkBuffer, ColumnBuffer, Particles, RUN, Storage};
-use crate::progress::Progress;
 use std::ops::Range;
 
 /// The particles of each block, in their order, in columns of `storage`; layers stay layers. Blocks may
@@ -17,7 +17,7 @@ pub fn divide(
     particles: &Particles,
     tree: &KdTree,
     storage: &Storage,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Vec<Particles>> {
     let blocks = tree.blocks();
     let layers = particles.layers();
@@ -25,7 +25,7 @@ pub fn divide(
         layers.iter().enumerate().flat_map(|(i, l)| runs_of(i, &l.content)).collect();
     let buffers = parallel::Scratch::<ChunkBuffer>::default();
     let counts = parallel::try_map(&runs, |(_, run)| {
-        progress.check()?;
+        context.check()?;
         let mut counts = vec![0u32; blocks as usize];
         buffers.with(|buffer| {
             let chunk = particles.chunk(run.clone(), buffer);
@@ -39,7 +39,7 @@ pub fn divide(
         (0..blocks as usize).map(|b| storage.columns("the blocks", width, of_block(b))).collect::<Result<_>>()?;
     let places = places(&mut columns, &counts);
     parallel::try_for_each(runs.iter().zip(places), |((_, run), mut place)| {
-        progress.check()?;
+        context.check()?;
         buffers.with(|buffer| {
             let chunk = particles.chunk(run.clone(), buffer);
             let mut at = vec![0usize; blocks as usize];
@@ -102,9 +102,9 @@ pub(super) fn kinds(
 mod tests {
     use super::super::SnapshotScan;
     use super::*;
+    use crate::context::Context;
     use crate::model::Mass;
     use crate::particles::{Column, LayeredParticles};
-    use crate::progress::Silent;
 
     #[test]
     fn every_particle_is_in_one_block() {
@@ -116,8 +116,8 @@ mod tests {
             .with_layers(vec![layer("a", 0..70_000), layer("b", 70_000..n as usize)]);
         let folder = tempfile::tempdir().unwrap();
         for storage in [Storage::Memory, Storage::Disk(folder.path().into())] {
-            let scan = SnapshotScan::new(&LayeredParticles::of(&p), "here", true, &Silent).unwrap();
-            let blocks = divide(&p, &KdTree::new(&scan.sample, 3).unwrap(), &storage, &Silent).unwrap();
+            let scan = SnapshotScan::new(&LayeredParticles::of(&p), "here", true, &Context::SILENT).unwrap();
+            let blocks = divide(&p, &KdTree::new(&scan.sample, 3).unwrap(), &storage, &Context::SILENT).unwrap();
             assert_eq!(blocks.iter().map(Particles::len).sum::<usize>(), p.len());
             let mut seen: Vec<f32> = blocks.iter().flat_map(|b| b.weights().cloned().unwrap().to_vec()).collect();
             seen.sort_by(f32::total_cmp);

@@ -2,10 +2,10 @@
 
 use super::PositionSample;
 use crate::Result;
+use crate::context::Context;
 use crate::particles::{
     Chunk, InvalidParticles, LayeredParticles, ParticlesOutsideBox, RUN, RunHash, hash_of_runs, hash_run, invalid,
 };
-use crate::progress::Progress;
 use crate::space::Bounds;
 use particlegs_core::math::each_axis;
 use std::sync::Mutex;
@@ -53,9 +53,9 @@ impl SnapshotScan {
     /// # Errors
     /// Those of the readers; [`crate::Error::Input`] at `place` for no particles and for invalid values;
     /// [`crate::Error::Cancelled`].
-    pub fn new(source: &LayeredParticles, place: &str, sampled: bool, progress: &dyn Progress) -> Result<SnapshotScan> {
+    pub fn new(source: &LayeredParticles, place: &str, sampled: bool, context: &Context<'_>) -> Result<SnapshotScan> {
         let every = if sampled { PositionSample::every(source.count()) } else { 0 };
-        progress.begin("reading positions", source.count());
+        context.begin("reading positions", source.count());
         let mut all = SnapshotScan {
             runs: Vec::new(),
             sample: PositionSample::default(),
@@ -66,7 +66,7 @@ impl SnapshotScan {
         let (mut start, mut bad) = (0, InvalidParticles::default());
         for layer in &source.layers {
             let runs: Vec<Mutex<RunContent>> = (0..layer.runs()).map(|_| Mutex::default()).collect();
-            layer.read(source.origin, 0..layer.runs(), progress, &|run, chunk| {
+            layer.read(source.origin, 0..layer.runs(), context, &|run, chunk| {
                 let first = start + run * RUN as u64;
                 let content = RunContent::of(&chunk, source, first, every);
                 *runs[run as usize].lock().unwrap_or_else(|e| e.into_inner()) = content;
@@ -87,7 +87,7 @@ impl SnapshotScan {
             let first = weights.first().copied().flatten().filter(|_| layer.layer.mass.is_weighted());
             all.same_weight.push(first.filter(|w| weights.iter().all(|other| *other == Some(*w))));
         }
-        progress.end();
+        context.end();
         if bad.count() > 0 {
             return Err(bad.refusal(place));
         }
@@ -155,9 +155,9 @@ impl RunContent {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::context::Context;
     use crate::model::{Layer, Mass};
     use crate::particles::{Column, Particles};
-    use crate::progress::Silent;
     use std::ops::Range;
 
     fn snapshot(weights: impl Fn(usize) -> f32) -> Particles {
@@ -177,7 +177,7 @@ mod tests {
         for same in [false, true] {
             let p = snapshot(|i| if same && i >= 70_000 { 2.0 } else { 1.0 + i as f32 });
             let mut source = LayeredParticles::of(&p);
-            let mut scan = SnapshotScan::new(&source, "here", true, &Silent).unwrap();
+            let mut scan = SnapshotScan::new(&source, "here", true, &Context::SILENT).unwrap();
             assert_eq!(scan.hash(source.origin), p.source_hash());
             scan.settle(&mut source);
             let p = p.settle_masses();
@@ -196,7 +196,7 @@ mod tests {
     #[test]
     fn invalid_values_are_named() {
         let p = snapshot(|i| if i == 140_000 { -1.0 } else { 1.0 + i as f32 });
-        let error = SnapshotScan::new(&LayeredParticles::of(&p), "here", false, &Silent).err().unwrap();
+        let error = SnapshotScan::new(&LayeredParticles::of(&p), "here", false, &Context::SILENT).err().unwrap();
         assert!(
             error
                 .to_string()

@@ -1,8 +1,8 @@
 //! Views files: JSON with `width`, `height`, `fov_deg` and `views` (docs/guide/pictures.md).
 
 use super::{Camera, Projection, View, ViewSet};
+use crate::context::Context;
 use crate::picture::Size;
-use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_whole};
 use serde::{Deserialize, Serialize};
@@ -74,8 +74,8 @@ impl ViewsFile {
     /// # Errors
     /// [`Error::Io`] where it cannot be read; [`Error::Input`] where it is no views file, holds no view,
     /// two of one name, a name that no file can have, or a number outside its range; [`Error::Cancelled`].
-    pub fn read(path: &Path, progress: &dyn Progress) -> Result<Self> {
-        Self::of_bytes(&read_whole(path, FORM, progress)?, path)
+    pub fn read(path: &Path, context: &Context<'_>) -> Result<Self> {
+        Self::of_bytes(&read_whole(path, FORM, context)?, path)
     }
 
     /// [`ViewsFile::read`] of a views file's bytes, which `path` names in errors.
@@ -153,7 +153,7 @@ fn view(v: ViewForm, of_file: Option<f64>) -> std::result::Result<View, String> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::Silent;
+    use crate::context::Context;
     use proptest::prelude::*;
 
     /// Numbers of every size, whose decimals do not end early.
@@ -193,7 +193,7 @@ mod tests {
             prop_assume!(set.0.views.iter().all(|v| v.check(set.0.size).is_ok()));
             let file = tempfile::NamedTempFile::new().unwrap();
             std::fs::write(file.path(), set.text().unwrap()).unwrap();
-            prop_assert_eq!(ViewsFile::read(file.path(), &Silent).unwrap(), set);
+            prop_assert_eq!(ViewsFile::read(file.path(), &Context::SILENT).unwrap(), set);
         }
     }
 
@@ -208,7 +208,7 @@ mod tests {
             view.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
             let text = serde_json::json!({ "width": 8, "height": 8, "fov_deg": of_file, "views": [view] });
             std::fs::write(file.path(), text.to_string()).unwrap();
-            ViewsFile::read(file.path(), &Silent).map_err(|e| e.to_string())
+            ViewsFile::read(file.path(), &Context::SILENT).map_err(|e| e.to_string())
         };
         let none = serde_json::Value::Null;
         let height = serde_json::json!({ "height_world": 5.0 });
@@ -234,7 +234,7 @@ mod tests {
         let example = page.split("```json").nth(1).unwrap().split("```").next().unwrap();
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), example).unwrap();
-        let set = ViewsFile::read(file.path(), &Silent).unwrap();
+        let set = ViewsFile::read(file.path(), &Context::SILENT).unwrap();
         let written: serde_json::Value = serde_json::from_str(&set.text().unwrap()).unwrap();
         let views = written["views"].as_array().unwrap().iter().flat_map(|v| v.as_object().unwrap().keys());
         let keys: std::collections::BTreeSet<&String> = written.as_object().unwrap().keys().chain(views).collect();
@@ -254,7 +254,7 @@ mod tests {
         let views = [view("other"), view(name)];
         let text = serde_json::json!({ "width": 8, "height": 8, "fov_deg": 30.0, "views": views });
         std::fs::write(&path, text.to_string()).unwrap();
-        ViewsFile::read(&path, &Silent).err().map(|e| e.to_string())
+        ViewsFile::read(&path, &Context::SILENT).err().map(|e| e.to_string())
     }
 
     #[test]

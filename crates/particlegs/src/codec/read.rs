@@ -1,7 +1,7 @@
 //! Model files, read whole within the bounds that they state.
 
 use super::{HEAD_BYTES, other_length, promised_length};
-use crate::progress::Progress;
+use crate::context::Context;
 use crate::{Error, Result};
 use particlegs_files::input::{self, Source};
 use particlegs_files::memory;
@@ -9,8 +9,8 @@ use std::path::Path;
 
 /// Reads a model file: its head first, and no further than the head says that the file goes (an open file to its end).
 /// `-` is standard input.
-pub(crate) fn read_file(path: &Path, progress: &dyn Progress) -> Result<Vec<u8>> {
-    read_source(Source::open(path, progress)?, &input::name_of(path))
+pub(crate) fn read_file(path: &Path, context: &Context<'_>) -> Result<Vec<u8>> {
+    read_source(Source::open(path, context)?, &input::name_of(path))
 }
 
 /// A model file that is open: its head first, and no further than the head says that the file goes.

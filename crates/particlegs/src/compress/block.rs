@@ -9,16 +9,16 @@ use super::plan::CompressionPlan;
 use super::size::SizeOutcome;
 use crate::Result;
 use crate::codec::{self, CodedLayer};
+use crate::context::Context;
 use crate::model::{LawKind, Layer, Mass, VizMapper};
 use crate::particles::Particles;
 use crate::pieces::CheckpointStore;
-use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::train::{Limits, TrainedRun};
 
 /// What the blocks of a job are made by.
 #[derive(Clone, Copy)]
-pub(crate) struct BlockContext<'a> {
+pub(crate) struct BlockSetup<'a> {
     /// What is asked for, and what is known of the whole.
     pub plan: &'a CompressionPlan,
     /// How far training goes.
@@ -26,7 +26,7 @@ pub(crate) struct BlockContext<'a> {
     /// What becomes of training that the caller stops.
     pub on_stop: StopPolicy,
     /// The caller.
-    pub progress: &'a dyn Progress,
+    pub context: &'a Context<'a>,
 }
 
 /// What becomes of a training run that the caller stops.
@@ -93,16 +93,11 @@ impl BlockParticles {
     ///
     /// # Errors
     /// Those of the fit, of training and of the coder.
-    pub fn code(
-        &self,
-        share: Share,
-        context: BlockContext<'_>,
-        pieces: &mut dyn CheckpointStore,
-    ) -> Result<CodedBlock> {
+    pub fn code(&self, share: Share, setup: BlockSetup<'_>, pieces: &mut dyn CheckpointStore) -> Result<CodedBlock> {
         let mut coded = CodedBlock::empty(self.layers.iter().fold(Bounds::empty(), |all, l| all.union(&l.bounds)));
         let mut left = RemainingShare { share, count: self.count, raw_bytes: self.raw_bytes };
         for (i, layer) in self.layers.iter().enumerate() {
-            let task = LayerTask { layer, context, runs_left: self.layers.len() - i };
+            let task = LayerTask { layer, setup, runs_left: self.layers.len() - i };
             let made = task.make(left.next(layer), pieces)?;
             left.take(layer, &made);
             coded.push(layer, made);

@@ -2,9 +2,9 @@
 
 use super::clock::Clock;
 use super::halves::held_out;
+use crate::context::Context;
 use crate::model::{Certificate, CertificateLevel, Goal, GoalResult, Model};
 use crate::particles::Particles;
-use crate::progress::Progress;
 use crate::score::{CertificateInput, GoalMetric};
 use crate::{Error, Result, codec};
 
@@ -24,20 +24,20 @@ pub fn certify(
     particles: &Particles,
     seed: u64,
     level: CertificateLevel,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Certificate> {
     let reached = match model.certificate.and_then(|c| c.goal) {
-        Some(stored) => reached_again(stored.goal, model, particles, seed, progress)?,
+        Some(stored) => reached_again(stored.goal, model, particles, seed, context)?,
         None => None,
     };
-    complete(&CertificateInput { particles, seed, level, memory: None, reached }, model, bytes, progress)
+    complete(&CertificateInput { particles, seed, level, memory: None, reached }, model, bytes, context)
 }
 
 /// What one model's particles say of it, and where all is asked for what halves of them do.
-fn complete(measure: &CertificateInput<'_>, model: &Model, bytes: u64, progress: &dyn Progress) -> Result<Certificate> {
-    let certificate = measure.certificate(model, bytes, progress)?;
+fn complete(measure: &CertificateInput<'_>, model: &Model, bytes: u64, context: &Context<'_>) -> Result<Certificate> {
+    let certificate = measure.certificate(model, bytes, context)?;
     let held_out = match measure.level {
-        CertificateLevel::Full => held_out(model, measure.particles, measure.seed, progress)?,
+        CertificateLevel::Full => held_out(model, measure.particles, measure.seed, context)?,
         _ => None,
     };
     Ok(Certificate { held_out, ..certificate })
@@ -49,10 +49,10 @@ fn reached_again(
     model: &Model,
     particles: &Particles,
     seed: u64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Option<GoalResult>> {
-    match GoalMetric::new(goal, particles, &model.metadata, seed, progress) {
-        Ok(gauge) => gauge.measure(model, progress).map(Some),
+    match GoalMetric::new(goal, particles, &model.metadata, seed, context) {
+        Ok(gauge) => gauge.measure(model, context).map(Some),
         Err(Error::Argument { .. }) => Ok(None),
         Err(other) => Err(other),
     }
@@ -76,16 +76,16 @@ impl DecodedFile {
     pub fn of(
         file: impl Fn(Option<&Certificate>) -> Result<Vec<u8>>,
         measure: Option<CertificateInput<'_>>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<DecodedFile> {
         let mut clock = Clock::default();
         let mut bytes = file(None)?;
-        let mut model = clock.time("decode", || codec::decode_with(&bytes, PLACE, progress))?;
+        let mut model = clock.time("decode", || codec::decode_with(&bytes, PLACE, context))?;
         if let Some(measure) = measure {
             // The model and what is drawn of it take the rest of the memory.
             let measure = CertificateInput { memory: measure.memory.map(|m| m / 5), ..measure };
             let without = bytes.len() as u64;
-            let certificate = clock.time("certificate", || complete(&measure, &model, without, progress))?;
+            let certificate = clock.time("certificate", || complete(&measure, &model, without, context))?;
             bytes = file(Some(&certificate))?;
             // What is told is what the file holds, rounded as it is there.
             model.certificate = codec::read_info(&bytes, PLACE)?.certificate;

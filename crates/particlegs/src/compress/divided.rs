@@ -5,8 +5,8 @@ use super::executor::BlockStore;
 use super::options::Options;
 use crate::Result;
 use crate::blocks::{KdTree, divide};
+use crate::context::Context;
 use crate::particles::Particles;
-use crate::progress::Progress;
 use crate::space::Bounds;
 
 /// The blocks of particles in this process.
@@ -26,15 +26,14 @@ impl InMemoryBlocks {
         tree: &KdTree,
         layer_bounds: &[Bounds],
         options: &Options,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Self> {
         let law = options.law();
         let blocks: Vec<BlockParticles> = match tree.blocks() {
             1 => vec![BlockParticles::of_bounds(particles, law, layer_bounds)],
-            _ => divide(particles, tree, &options.storage, progress)?
-                .iter()
-                .map(|p| BlockParticles::of(p, law))
-                .collect(),
+            _ => {
+                divide(particles, tree, &options.storage, context)?.iter().map(|p| BlockParticles::of(p, law)).collect()
+            }
         };
         let coded = blocks.iter().map(|_| None).collect();
         Ok(InMemoryBlocks { blocks, coded })
@@ -47,11 +46,11 @@ impl InMemoryBlocks {
 }
 
 impl BlockStore for InMemoryBlocks {
-    fn particles(&mut self, block: u32, _: &dyn Progress) -> Result<BlockParticles> {
+    fn particles(&mut self, block: u32, _: &Context<'_>) -> Result<BlockParticles> {
         Ok(self.blocks[block as usize].clone())
     }
 
-    fn keep(&mut self, block: u32, coded: CodedBlock, _: &dyn Progress) -> Result<()> {
+    fn keep(&mut self, block: u32, coded: CodedBlock, _: &Context<'_>) -> Result<()> {
         self.coded[block as usize] = Some(coded);
         Ok(())
     }

@@ -2,20 +2,20 @@
 //! coded blocks are kept is a [`BlockStore`]'s: memory and scratch files ([`super::divided`]) or the folder of
 //! a job ([`crate::job`]).
 
-use super::block::{BlockContext, BlockParticles, CodedBlock, StopPolicy};
+use super::block::{BlockParticles, BlockSetup, CodedBlock, StopPolicy};
 use super::clock::Clock;
 use crate::Result;
+use crate::context::Context;
 use crate::model::Target;
 use crate::pieces::{CheckpointStore, PrefixedPieces};
-use crate::progress::Progress;
 
 /// Where the particles of a job's blocks wait, and its coded blocks are kept.
 pub(crate) trait BlockStore {
     /// The particles of a block.
-    fn particles(&mut self, block: u32, progress: &dyn Progress) -> Result<BlockParticles>;
+    fn particles(&mut self, block: u32, context: &Context<'_>) -> Result<BlockParticles>;
 
     /// Keeps a coded block.
-    fn keep(&mut self, block: u32, coded: CodedBlock, progress: &dyn Progress) -> Result<()>;
+    fn keep(&mut self, block: u32, coded: CodedBlock, context: &Context<'_>) -> Result<()>;
 }
 
 /// Does one block: its share of what `target` asks of the whole.
@@ -23,14 +23,14 @@ pub(crate) fn do_block(
     store: &mut dyn BlockStore,
     block: u32,
     target: Target,
-    context: BlockContext<'_>,
+    setup: BlockSetup<'_>,
     pieces: &mut dyn CheckpointStore,
 ) -> Result<()> {
     let mut clock = Clock::default();
-    let particles = clock.time("read", || store.particles(block, context.progress))?;
-    let coded = particles.code(context.plan.share(target, &particles)?, context, pieces)?;
+    let particles = clock.time("read", || store.particles(block, setup.context))?;
+    let coded = particles.code(setup.plan.share(target, &particles)?, setup, pieces)?;
     clock.append(coded.clock);
-    store.keep(block, CodedBlock { clock, ..coded }, context.progress)
+    store.keep(block, CodedBlock { clock, ..coded }, setup.context)
 }
 
 /// Does all blocks, one after the other: a fit itself uses all threads. Limits are those of all together;
@@ -38,25 +38,19 @@ pub(crate) fn do_block(
 pub(crate) fn do_blocks(
     store: &mut dyn BlockStore,
     target: Target,
-    context: BlockContext<'_>,
+    setup: BlockSetup<'_>,
     pieces: &mut dyn CheckpointStore,
 ) -> Result<()> {
-    let blocks = context.plan.recipe().blocks;
+    let blocks = setup.plan.recipe().blocks;
     for block in 0..blocks {
         let left = blocks - block;
-        let mut limits = context.limits.share(left as usize);
+        let mut limits = setup.limits.share(left as usize);
         if blocks > 1 {
             limits.run = format!("block {block}");
         }
-        let on_stop = if left > 1 { StopPolicy::GiveUp } else { context.on_stop };
-        let context = BlockContext { limits: &limits, on_stop, ..context };
-        do_block(
-            store,
-            block,
-            target,
-            context,
-            &mut PrefixedPieces { pieces: &mut *pieces, prefix: block.to_string() },
-        )?;
+        let on_stop = if left > 1 { StopPolicy::GiveUp } else { setup.on_stop };
+        let setup = BlockSetup { limits: &limits, on_stop, ..setup };
+        do_block(store, block, target, setup, &mut PrefixedPieces { pieces: &mut *pieces, prefix: block.to_string() })?;
     }
     Ok(())
 }

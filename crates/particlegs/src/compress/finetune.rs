@@ -5,13 +5,13 @@ use super::clock::Clock;
 use super::run::CompressedModel;
 use super::size::{CodedGaussians, SizeOutcome};
 use crate::codec::{self, Encoder};
+use crate::context::Context;
 use crate::model::Target;
 use crate::model::{
     Block, Certificate, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, RecipeStep, VizMapper,
 };
 use crate::particles::Particles;
 use crate::pieces::{CheckpointStore, PrefixedPieces};
-use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::score::CertificateInput;
 use crate::train::{AlphaConfig, Config, Defaults, InitialGaussians, Limits, TrainedMixture, TrainedRun, Training};
@@ -73,7 +73,7 @@ pub fn finetune(
     particles: &Particles,
     options: &FineTuning,
     pieces: &mut dyn CheckpointStore,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<CompressedModel> {
     let file = NewFile::of(model, model_bytes, options)?;
     let count = particles.len() as u64;
@@ -90,17 +90,13 @@ pub fn finetune(
         let defaults = Defaults { bounds: m.bounds, radius, opacity, seed, bytes: None, gaussians: None };
         let subject = Reference::with_bounds(particles, m.bounds);
         let training = Training { subject: &subject, config: &config, limits: &options.limits, defaults: &defaults };
-        training.run(
-            InitialGaussians::Model(model),
-            &mut PrefixedPieces { pieces, prefix: "finetune".into() },
-            progress,
-        )
+        training.run(InitialGaussians::Model(model), &mut PrefixedPieces { pieces, prefix: "finetune".into() }, context)
     })?;
     let run = TrainedRun::of(String::new(), &config, &trained);
     let TrainedMixture { mixture, stopped, .. } = trained;
     let network = mixture.law.alpha_blend().and_then(|l| l.vizmapper.clone());
     // What was stopped is coded all the same.
-    let check = || if stopped { Ok(()) } else { progress.check() };
+    let check = || if stopped { Ok(()) } else { context.check() };
     let coded = clock.time("code", || file.code(mixture, check))?;
     let measure = (options.certificate.measures() && !stopped).then_some(CertificateInput {
         particles,
@@ -110,7 +106,7 @@ pub fn finetune(
         reached: None,
     });
     let assembled = |certificate: Option<&Certificate>| file.assemble(&coded, network.as_deref(), certificate);
-    let done = DecodedFile::of(assembled, measure, progress)?;
+    let done = DecodedFile::of(assembled, measure, context)?;
     clock.append(done.clock);
     Ok(CompressedModel {
         bytes: done.bytes,

@@ -2,10 +2,10 @@
 
 use super::{Options, Target, compress};
 use crate::Result;
+use crate::context::Context;
 use crate::model::{CertificateLevel, CrossValidation, Effort, Model, SAMPLED_ABOVE};
 use crate::particles::{Particles, Selection, Storage};
 use crate::pieces::NoCheckpoints;
-use crate::progress::Progress;
 use crate::score::{Halves, ParticlesWithModel, spectrum_options};
 
 /// Particles whose halves are fitted: of fewer the halves say nothing.
@@ -17,11 +17,11 @@ pub(super) fn held_out(
     model: &Model,
     particles: &Particles,
     seed: u64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Option<CrossValidation>> {
     let Some(effort) = model.metadata.recipe.fitted() else { return Ok(None) };
-    match ParticlesWithModel::of(model, particles, seed, SAMPLED_ABOVE, progress)? {
-        Some(scope) if scope.particles.len() >= LEAST => of_scope(&scope, effort, seed, progress).map(Some),
+    match ParticlesWithModel::of(model, particles, seed, SAMPLED_ABOVE, context)? {
+        Some(scope) if scope.particles.len() >= LEAST => of_scope(&scope, effort, seed, context).map(Some),
         _ => Ok(None),
     }
 }
@@ -30,12 +30,12 @@ fn of_scope(
     scope: &ParticlesWithModel<'_>,
     effort: Effort,
     seed: u64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<CrossValidation> {
     let (m, particles) = (&scope.model.metadata, &*scope.particles);
     let sample = Some(particles.len() as u64 / 2);
     let half = |left_out| {
-        particles.select(Selection { sample, left_out, seed, ..Selection::all() }, &Storage::Memory, progress)
+        particles.select(Selection { sample, left_out, seed, ..Selection::all() }, &Storage::Memory, context)
     };
     let halves = [half(false)?, half(true)?];
     let default_radius = m.bounds.default_radius(m.count);
@@ -50,12 +50,12 @@ fn of_scope(
         ..Options::default()
     };
     let model_of =
-        |half: &Particles| Ok::<_, crate::Error>(compress(half, &options, &mut NoCheckpoints, progress)?.model);
+        |half: &Particles| Ok::<_, crate::Error>(compress(half, &options, &mut NoCheckpoints, context)?.model);
     let models = [model_of(&halves[0])?, model_of(&halves[1])?];
     let domain = scope.domain;
     let spectrum = spectrum_options(&domain, particles.len());
     let [a, b] = &halves;
     let halves =
         Halves { particles: [a, b], models: [&models[0], &models[1]], domain: &domain, spectrum: &spectrum, seed };
-    halves.measure(progress)
+    halves.measure(context)
 }

@@ -1,6 +1,6 @@
 //! One layer of a block: fitted, trained where the job is to, and coded.
 
-use super::block::{BlockContext, StopPolicy};
+use super::block::{BlockSetup, StopPolicy};
 use super::clock::Clock;
 use super::size::{CodedGaussians, SizeTarget, bytes_a_gaussian, most_gaussians};
 use super::thickness::Thickness;
@@ -94,7 +94,7 @@ pub(super) struct LayerTask<'a> {
     /// Its particles.
     pub layer: &'a LayerParticles,
     /// What all blocks are made by.
-    pub context: BlockContext<'a>,
+    pub setup: BlockSetup<'a>,
     /// Training runs of the block from this layer's on.
     pub runs_left: usize,
 }
@@ -115,7 +115,7 @@ impl LayerTask<'_> {
 
     /// A number of Gaussians whose steps are near nominal, and the steps that just fit `bytes`.
     fn to_size(&self, bytes: u64, pieces: &mut dyn CheckpointStore) -> Result<LayerResult> {
-        let plan = self.context.plan;
+        let plan = self.setup.plan;
         let each = bytes_a_gaussian(plan.recipe().effort);
         let target = SizeTarget { bytes, bytes_a_gaussian: each, most: most_gaussians(self.layer.count()) };
         let training = plan.training.as_ref();
@@ -128,7 +128,7 @@ impl LayerTask<'_> {
         let (coded, mixture) = target.find(|number| {
             let mixture = clock.time("fit", || self.fit(number, &mut fitter, pieces))?;
             let kept = training.is_some().then(|| mixture.clone());
-            let check = || self.context.progress.check();
+            let check = || self.setup.context.check();
             let code = |encoder: &Encoder| CodedGaussians::to_size(encoder, bytes, None, check);
             Ok((clock.time("code", || self.coded(mixture, code))?, kept))
         })?;
@@ -148,7 +148,7 @@ impl LayerTask<'_> {
         let mut fit = |pieces: &mut dyn CheckpointStore| {
             clock.time("fit", || self.fit(goal.gaussians, &mut Fitter::new(self.layer.particles()), pieces))
         };
-        let Some(config) = &self.context.plan.training else {
+        let Some(config) = &self.setup.plan.training else {
             let mixture = fit(pieces)?;
             return Ok(LayerFit { mixture, clock, ..LayerFit::default() });
         };
@@ -165,7 +165,7 @@ impl LayerTask<'_> {
 
     /// Fits `number` Gaussians, fewer where the particles do not carry so many.
     fn fit(&self, number: u64, fitter: &mut Fitter<'_>, pieces: &mut dyn CheckpointStore) -> Result<Mixture> {
-        let (plan, count) = (self.context.plan, self.layer.count());
+        let (plan, count) = (self.setup.plan, self.layer.count());
         let partition = plan.training.as_ref().is_some_and(|t| t.start == Start::Partition);
         let gaussians = usize::try_from(number.min(count)).unwrap_or(usize::MAX);
         let options = FitOptions {
@@ -177,7 +177,7 @@ impl LayerTask<'_> {
             share: count as f64 / plan.particles().max(1) as f64,
         };
         let mut pieces = PrefixedPieces { pieces, prefix: format!("{}/{gaussians}", self.layer.layer.name) };
-        fitter.fit(&options, &mut pieces, self.context.progress)
+        fitter.fit(&options, &mut pieces, self.setup.context)
     }
 
     /// Trains Gaussians on pictures of the layer.
@@ -188,7 +188,7 @@ impl LayerTask<'_> {
         goal: GaussianGoal,
         pieces: &mut dyn CheckpointStore,
     ) -> Result<LayerFit> {
-        let (layer, plan) = (self.layer, self.context.plan);
+        let (layer, plan) = (self.layer, self.setup.plan);
         let m = &plan.metadata;
         let defaults = Defaults {
             bounds: layer.bounds,
@@ -205,9 +205,9 @@ impl LayerTask<'_> {
         let trained = clock.time("train", || {
             let subject = Reference::with_bounds(layer.particles(), layer.bounds);
             let training = Training { subject: &subject, config, limits: &limits, defaults: &defaults };
-            training.run(from, &mut pieces, self.context.progress)
+            training.run(from, &mut pieces, self.setup.context)
         })?;
-        if trained.stopped && (self.context.on_stop == StopPolicy::GiveUp || self.runs_left > 1) {
+        if trained.stopped && (self.setup.on_stop == StopPolicy::GiveUp || self.runs_left > 1) {
             return Err(Error::Cancelled);
         }
         let run = TrainedRun::of(limits.run, config, &trained);
@@ -217,8 +217,8 @@ impl LayerTask<'_> {
 
     /// The limits of the layer's training run: its share of the time that is left.
     fn limits(&self) -> Limits {
-        let mut limits = self.context.limits.share(self.runs_left);
-        if self.context.plan.layers.len() > 1 {
+        let mut limits = self.setup.limits.share(self.runs_left);
+        if self.setup.plan.layers.len() > 1 {
             let between = if limits.run.is_empty() { "" } else { ", " };
             limits.run = format!("{}{between}{}", limits.run, self.layer.layer.name);
         }
@@ -238,7 +238,7 @@ impl LayerTask<'_> {
         code: impl Fn(&Encoder) -> Result<CodedGaussians>,
     ) -> Result<CodedGaussians> {
         let thickness = Thickness::of(self.layer.particles(), &self.layer.bounds);
-        let Some(thickness) = thickness.filter(|_| self.context.plan.training.is_none()) else {
+        let Some(thickness) = thickness.filter(|_| self.setup.plan.training.is_none()) else {
             return code(&self.encoder(gaussians)?);
         };
         for _ in 1..Thickness::TRIALS {
@@ -257,7 +257,7 @@ impl LayerTask<'_> {
         let LayerFit { mixture, step_factor, trained, stopped, mut clock } = fitted;
         let vizmapper = network_of(&mixture);
         // What was stopped is coded all the same.
-        let check = || if stopped { Ok(()) } else { self.context.progress.check() };
+        let check = || if stopped { Ok(()) } else { self.setup.context.check() };
         let code = |encoder: &Encoder| match bytes {
             Some(bytes) => CodedGaussians::to_size(encoder, bytes, step_factor, check),
             None => Ok(CodedGaussians::at_nominal_steps(encoder)),

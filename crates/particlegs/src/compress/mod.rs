@@ -24,7 +24,7 @@ mod size;
 mod thickness;
 
 pub use crate::model::Target;
-pub(crate) use block::{BlockContext, BlockParticles, CodedBlock, StopPolicy};
+pub(crate) use block::{BlockParticles, BlockSetup, CodedBlock, StopPolicy};
 pub(crate) use certify::DecodedFile;
 pub use certify::certify;
 pub use checkpoint::Checkpoint;

@@ -8,11 +8,11 @@ use super::size::SizeOutcome;
 use crate::blocks::{KdTree, SnapshotScan};
 use crate::camera::{ORBITS, base_distance, spherical_camera};
 use crate::codec::{self, CodedLayer};
+use crate::context::Context;
 use crate::model::Target;
 use crate::model::{Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata, Recipe};
 use crate::particles::{LayeredParticles, check_box};
 use crate::picture::Size;
-use crate::progress::Progress;
 use crate::score::check_radius;
 use crate::space::Bounds;
 use crate::train::Config;
@@ -46,7 +46,7 @@ impl CompressionPlan {
         source: &LayeredParticles,
         scan: &SnapshotScan,
         blocks: u32,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<CompressionPlan> {
         let (name, cell) = (&source.meta.name, source.meta.cell.as_ref());
         if source.layers.is_empty() || source.layers.iter().any(|l| l.layer.content == 0) {
@@ -80,7 +80,7 @@ impl CompressionPlan {
         if plan.certificate.measures() {
             check_radius(&plan.metadata, plan.recipe().seed)?;
         }
-        options.target.choice_in_words(plan.raw_bytes()).iter().for_each(|words| progress.message(words));
+        options.target.choice_in_words(plan.raw_bytes()).iter().for_each(|words| context.message(words));
         Ok(plan)
     }
 

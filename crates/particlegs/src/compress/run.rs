@@ -1,6 +1,6 @@
 //! From particles to a measured file, in one process.
 
-use super::block::{BlockContext, CodedBlock, StopPolicy};
+use super::block::{BlockSetup, CodedBlock, StopPolicy};
 use super::certify::DecodedFile;
 use super::clock::Clock;
 use super::divided::InMemoryBlocks;
@@ -13,11 +13,11 @@ use super::thickness::Thickness;
 use crate::Error;
 use crate::Result;
 use crate::blocks::SnapshotScan;
+use crate::context::Context;
 use crate::fit::{self};
 use crate::model::{GoalResult, Model};
 use crate::particles::{LayeredParticles, Particles, Storage};
 use crate::pieces::CheckpointStore;
-use crate::progress::Progress;
 use crate::score::{CertificateInput, GoalMetric};
 use crate::space::Bounds;
 use crate::train::TrainedRun;
@@ -60,9 +60,9 @@ pub fn compress(
     particles: &Particles,
     options: &Options,
     pieces: &mut dyn CheckpointStore,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<CompressedModel> {
-    Compression::plan(particles, options, progress)?.run(pieces, progress)
+    Compression::plan(particles, options, context)?.run(pieces, context)
 }
 
 /// A compression that is planned: the snapshot was read once, and no block is fitted yet.
@@ -80,7 +80,7 @@ impl<'a> Compression<'a> {
     ///
     /// # Errors
     /// As [`compress`].
-    pub fn plan(particles: &'a Particles, options: &'a Options, progress: &dyn Progress) -> Result<Self> {
+    pub fn plan(particles: &'a Particles, options: &'a Options, context: &Context<'_>) -> Result<Self> {
         let blocks = options.blocks_of(particles)?;
         require("the fit", fit::memory_needed(particles) / u64::from(blocks.max(1)))?;
         if let (Storage::Disk(folder), true) = (&options.storage, blocks > 1) {
@@ -88,8 +88,8 @@ impl<'a> Compression<'a> {
         }
         let mut clock = Clock::default();
         let source = LayeredParticles::of(particles);
-        let scan = clock.time("read", || SnapshotScan::new(&source, &particles.meta.name, blocks != 1, progress))?;
-        let plan = clock.time("divide", || CompressionPlan::new(options, &source, &scan, blocks, progress))?;
+        let scan = clock.time("read", || SnapshotScan::new(&source, &particles.meta.name, blocks != 1, context))?;
+        let plan = clock.time("divide", || CompressionPlan::new(options, &source, &scan, blocks, context))?;
         let layer_bounds = scan.layer_bounds(&source);
         Ok(Compression { particles, options, plan, layer_bounds, clock })
     }
@@ -109,19 +109,18 @@ impl<'a> Compression<'a> {
     ///
     /// # Errors
     /// As [`compress`].
-    pub fn run(self, pieces: &mut dyn CheckpointStore, progress: &dyn Progress) -> Result<CompressedModel> {
+    pub fn run(self, pieces: &mut dyn CheckpointStore, context: &Context<'_>) -> Result<CompressedModel> {
         let Compression { particles, options, plan, layer_bounds, mut clock } = self;
         let mut trained = Vec::new();
         // What cannot be measured is refused before anything is fitted.
-        let gauge = |goal| GoalMetric::new(goal, particles, &plan.metadata, plan.recipe().seed, progress);
+        let gauge = |goal| GoalMetric::new(goal, particles, &plan.metadata, plan.recipe().seed, context);
         let gauge = plan.recipe().target.goal().map(|goal| clock.time("measure", || gauge(goal))).transpose()?;
         let (blocks, reached) = {
-            let divide = || InMemoryBlocks::new(particles, &plan.tree, &layer_bounds, options, progress);
+            let divide = || InMemoryBlocks::new(particles, &plan.tree, &layer_bounds, options, context);
             let mut store = clock.time("divide", divide)?;
-            let context =
-                BlockContext { plan: &plan, limits: &options.limits, on_stop: StopPolicy::KeepBest, progress };
+            let setup = BlockSetup { plan: &plan, limits: &options.limits, on_stop: StopPolicy::KeepBest, context };
             let mut code = |target| -> Result<Vec<CodedBlock>> {
-                do_blocks(&mut store, target, context, pieces)?;
+                do_blocks(&mut store, target, setup, pieces)?;
                 let mut coded = store.take_coded();
                 for block in &mut coded {
                     clock.append(std::mem::take(&mut block.clock));
@@ -131,7 +130,7 @@ impl<'a> Compression<'a> {
             };
             match &gauge {
                 Some(gauge) => {
-                    search::reach(gauge, &plan, &mut code, progress).map(|(b, reached)| (b, Some(reached)))?
+                    search::reach(gauge, &plan, &mut code, context).map(|(b, reached)| (b, Some(reached)))?
                 }
                 None => (code(plan.recipe().target)?, None),
             }
@@ -143,7 +142,7 @@ impl<'a> Compression<'a> {
         let measured = level.measures() && !stopped;
         let measure =
             measured.then_some(CertificateInput { particles, seed: plan.recipe().seed, level, memory, reached });
-        let done = DecodedFile::of(|certificate| plan.file(&blocks, certificate), measure, progress)?;
+        let done = DecodedFile::of(|certificate| plan.file(&blocks, certificate), measure, context)?;
         clock.append(done.clock);
         let step_factor = blocks.iter().map(|b| b.step_factor).sum::<f64>() / blocks.len().max(1) as f64;
         let (raw_bytes, seconds) = (plan.raw_bytes(), clock.seconds());

@@ -5,8 +5,8 @@ use super::block::CodedBlock;
 use super::plan::CompressionPlan;
 use super::size::{bytes_a_gaussian, most_gaussians};
 use crate::codec;
+use crate::context::Context;
 use crate::model::{DEFAULT_RATIO, Goal, GoalKind, GoalResult, Target};
-use crate::progress::Progress;
 use crate::score::GoalMetric;
 use crate::{Error, Result};
 
@@ -73,7 +73,7 @@ pub(super) fn reach(
     gauge: &GoalMetric<'_>,
     plan: &CompressionPlan,
     code: &mut dyn FnMut(Target) -> Result<Vec<CodedBlock>>,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<(Vec<CodedBlock>, GoalResult)> {
     let goal = gauge.goal;
     let scale = SearchScale::of(goal.kind, plan.metadata.count);
@@ -83,11 +83,11 @@ pub(super) fn reach(
     let best = search(&goal, &scale, start, &mut |number| {
         let blocks = code(Target::Gaussians(number as u64))?;
         let model = codec::decode(&plan.file(&blocks, None)?, "the file just coded")?;
-        let reached = gauge.measure(&model, progress)?;
+        let reached = gauge.measure(&model, context)?;
         made.push((number, model.gaussians()));
         let bytes: usize = blocks.iter().map(CodedBlock::size).sum();
         let figure = goal.value_in_words(reached.reached);
-        progress.message(&format!("{} Gaussians, {bytes} bytes: {figure}", model.gaussians()));
+        context.message(&format!("{} Gaussians, {bytes} bytes: {figure}", model.gaussians()));
         // Numbers that reach the goal only fall from one to the next.
         if goal.is_met(reached.reached) {
             kept = Some((blocks, reached));

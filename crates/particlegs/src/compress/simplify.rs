@@ -3,10 +3,10 @@
 use super::plan::near_pixel;
 use super::size::{CodedGaussians, SizeOutcome, SizeTarget, bytes_a_gaussian};
 use crate::codec::{self, Encoder};
+use crate::context::Context;
 use crate::fit::{self, Effort, SimplifyOptions};
 use crate::model::Target;
 use crate::model::{Block, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, RecipeStep};
-use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::{Error, Result};
 
@@ -17,7 +17,7 @@ use crate::{Error, Result};
 /// [`Error::Argument`] for a model of the alpha-blend law, whose splats do not add up; for more
 /// Gaussians than there are or fewer than layers, or a target that is neither; [`Error::Unreachable`]
 /// for a ratio below the model's own, or one that no file reaches; those of the fit.
-pub fn simplify(model: Model, model_bytes: u64, target: Target, progress: &dyn Progress) -> Result<Vec<u8>> {
+pub fn simplify(model: Model, model_bytes: u64, target: Target, context: &Context<'_>) -> Result<Vec<u8>> {
     let target = target.check()?;
     let Model { mut metadata, layers, .. } = model;
     if metadata.law != LawKind::OpticalDepth {
@@ -30,7 +30,7 @@ pub fn simplify(model: Model, model_bytes: u64, target: Target, progress: &dyn P
     let mut layers: Vec<Layer<Block>> = layers.into_iter().map(|l| l.map(joined)).collect();
     // The smallest first: what they leave of their share goes to the larger.
     layers.sort_by(|a, b| (a.content.gaussians.len(), &a.name).cmp(&(b.content.gaussians.len(), &b.name)));
-    let job = Reduction { metadata, layers, progress };
+    let job = Reduction { metadata, layers, context };
     let coded = match target {
         Target::Gaussians(k) => job.to_number(k)?,
         Target::Ratio(_) | Target::Size(_) => {
@@ -46,7 +46,7 @@ pub fn simplify(model: Model, model_bytes: u64, target: Target, progress: &dyn P
         }
     };
     let bytes = job.file(coded)?;
-    codec::check(&bytes, "the simplified model", progress)?;
+    codec::check(&bytes, "the simplified model", context)?;
     Ok(bytes)
 }
 
@@ -62,7 +62,7 @@ fn joined(blocks: Vec<Block>) -> Block {
 struct Reduction<'a> {
     metadata: Metadata,
     layers: Vec<Layer<Block>>,
-    progress: &'a dyn Progress,
+    context: &'a Context<'a>,
 }
 
 impl Reduction<'_> {
@@ -72,7 +72,7 @@ impl Reduction<'_> {
             radius: self.metadata.default_radius,
             pixel: near_pixel(&self.metadata.bounds),
         };
-        let gaussians = fit::simplify(&layer.content.gaussians, &options, self.progress)?;
+        let gaussians = fit::simplify(&layer.content.gaussians, &options, self.context)?;
         Encoder::new(&Block { gaussians, ..layer.content })
     }
 
@@ -127,7 +127,7 @@ impl Reduction<'_> {
         let target = SizeTarget { bytes, bytes_a_gaussian: bytes_a_gaussian(Effort::Default), most };
         let (coded, ()) = target.find(|number| {
             let encoder = self.reduced(layer, number as usize)?;
-            Ok((CodedGaussians::to_size(&encoder, bytes, None, || self.progress.check())?, ()))
+            Ok((CodedGaussians::to_size(&encoder, bytes, None, || self.context.check())?, ()))
         })?;
         Ok(coded)
     }

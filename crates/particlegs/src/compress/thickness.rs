@@ -60,10 +60,10 @@ impl Thickness {
 mod tests {
     use super::*;
     use crate::compress::{Options, compress};
+    use crate::context::Context;
     use crate::math::Random;
     use crate::model::CertificateLevel;
     use crate::pieces::NoCheckpoints;
-    use crate::progress::Silent;
 
     /// Uniform in a box, and the model's deviation along `axis` over theirs; a note says where they differ.
     fn thickness(edges: [f64; 3], axis: usize) -> f64 {
@@ -75,7 +75,7 @@ mod tests {
         let [x, y, z] = [0, 1, 2].map(|k| points.iter().map(|p| p[k]).collect::<Vec<_>>());
         let particles = Particles::from_columns(x, y, z);
         let options = Options { certificate: CertificateLevel::None, ..Options::default() };
-        let made = compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap();
+        let made = compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT).unwrap();
         let thickness = Thickness::of(&particles, &particles.bounds()).unwrap();
         assert_eq!(thickness.axis, axis);
         let gaussians = made.model.layers[0].content.iter().map(|b| &b.gaussians).collect::<Vec<_>>();

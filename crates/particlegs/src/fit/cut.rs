@@ -8,8 +8,8 @@
 use super::Moments;
 use super::eigen::largest_eigenvalue;
 use super::gain::Blur;
+use crate::context::Level;
 use crate::math::Sym3;
-use crate::progress::Level;
 use particlegs_core::math::each_axis;
 
 /// Slices along the axis; they span the mean +- [`SPAN`] standard deviations, the outermost take the rest.

@@ -3,10 +3,10 @@
 use super::partition::partition;
 use super::{ParticleStore, PartitionOptions, RefineOptions, refine};
 use crate::Result;
+use crate::context::Context;
 use crate::model::{Effort, Mixture};
 use crate::particles::Particles;
 use crate::pieces::{CheckpointStore, NoCheckpoints};
-use crate::progress::Progress;
 
 /// What to fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,8 +38,8 @@ impl FitOptions {
 /// # Errors
 /// [`crate::Error::Argument`] for no particles, no Gaussians, or a radius that is not positive;
 /// [`crate::Error::Cancelled`].
-pub fn fit(particles: &Particles, options: &FitOptions, progress: &dyn Progress) -> Result<Mixture> {
-    Fitter::new(particles).fit(options, &mut NoCheckpoints, progress)
+pub fn fit(particles: &Particles, options: &FitOptions, context: &Context<'_>) -> Result<Mixture> {
+    Fitter::new(particles).fit(options, &mut NoCheckpoints, context)
 }
 
 /// Fits the same particles again and again, for one number of Gaussians after the other: the copy of
@@ -63,9 +63,9 @@ impl<'a> Fitter<'a> {
         &mut self,
         options: &FitOptions,
         pieces: &mut dyn CheckpointStore,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Mixture> {
-        progress.check()?;
+        context.check()?;
         let store = match self.store.take() {
             Some(mut store) => {
                 store.copy_again(self.particles);
@@ -74,11 +74,11 @@ impl<'a> Fitter<'a> {
             None => ParticleStore::new(self.particles),
         };
         let how = PartitionOptions { pixel: options.pixel, ..PartitionOptions::default() };
-        let cells = partition(store, options.gaussians, options.radius, how, progress)?;
+        let cells = partition(store, options.gaussians, options.radius, how, context)?;
         let (particles, gaussians) = (cells.store.len(), cells.cells.len());
         let thin = self.particles.bounds().thin_axis();
         let how = RefineOptions { thin, ..refinement(particles, gaussians, options) };
-        let mixture = refine(&cells, options.radius, &how, pieces, progress)?;
+        let mixture = refine(&cells, options.radius, &how, pieces, context)?;
         // What comes after takes less memory than refinement, but not always less than a partition.
         self.store = Some(cells.store);
         Ok(mixture)

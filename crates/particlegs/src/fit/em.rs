@@ -7,9 +7,9 @@ use super::Moments;
 use super::candidates::{Ellipsoid, OverlapTree, SearchReach};
 use super::em_kernel::{self, CandidateSums, KernelScratch, ParticleGroup, SUMS, WhitenedGaussian};
 use super::prior::{MeanShape, Prior};
+use crate::context::Context;
 use crate::math::Sym3;
 use crate::parallel;
-use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
 use std::ops::Range;
@@ -113,7 +113,7 @@ impl Candidates {
         gaussians: &RefinedGaussians,
         reach: SearchReach,
         floor: f64,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Self> {
         let floor = Sym3::scaled_identity(floor);
         let items = parallel::map_range(gaussians.len(), |j| {
@@ -125,7 +125,7 @@ impl Candidates {
             if groups.range[g].is_empty() {
                 return Ok(Vec::new());
             }
-            progress.check()?;
+            context.check()?;
             let group = Ellipsoid::new(groups.mean[g], groups.cov[g].add(&floor), 1.0);
             Ok::<_, Error>(scratch.with(|found| {
                 tree.nearest(&group, reach, found);
@@ -229,17 +229,17 @@ pub(crate) fn expect(
     gaussians: &RefinedGaussians,
     shape: Regularisation,
     wanted: ExpectationOptions,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Expectation> {
     let groups = cloud.groups;
     let whitened: Vec<_> = parallel::map_range(gaussians.len(), |j| Whitening::new(gaussians, j, shape));
     let mut sums = vec![[0f32; SUMS]; candidates.index.len()];
     let mut owner = vec![0u32; if wanted.owner { cloud.xyz.len() } else { 0 }];
     let work = split_by_groups(&mut sums, &mut owner, groups, candidates);
-    let simd = progress.simd();
+    let simd = context.simd();
     let spaces = parallel::Scratch::<(KernelScratch, Vec<_>)>::default();
     let parts = parallel::try_map(work, |task| {
-        progress.check()?;
+        context.check()?;
         let mut total = 0.0;
         spaces.with(|(scratch, local)| {
             let (mut sums, mut owner) = (task.sums, task.owner);
@@ -446,8 +446,8 @@ pub(crate) fn regroup(
 mod tests {
     use super::super::prior::SPHERE;
     use super::*;
+    use crate::context::Context;
     use crate::math::Random;
-    use crate::progress::Silent;
     use proptest::prelude::*;
 
     const PLAIN: Regularisation = Regularisation { floor: 1e-4, focus: 0.0, blur: 0.0, prior: Prior::NONE };
@@ -474,10 +474,10 @@ mod tests {
             let cloud = GroupedParticles { xyz: &xyz, weight: None, groups: &groups };
             let wanted = ExpectationOptions { likelihood: true, ..ExpectationOptions::default() };
             let reach = SearchReach { most: 8, beyond: 1e9 };
-            let candidates = Candidates::find(&groups, &gaussians, reach, PLAIN.floor, &Silent).unwrap();
+            let candidates = Candidates::find(&groups, &gaussians, reach, PLAIN.floor, &Context::SILENT).unwrap();
             let mut last = f64::NEG_INFINITY;
             for _ in 0..12 {
-                let e = expect(cloud, &candidates, &gaussians, PLAIN, wanted, &Silent).unwrap();
+                let e = expect(cloud, &candidates, &gaussians, PLAIN, wanted, &Context::SILENT).unwrap();
                 // The floor is added, not fitted: it may cost a little.
                 prop_assert!(e.likelihood >= last - 0.02 * xyz.len() as f64 * PLAIN.floor / 0.01, "{} {last}", e.likelihood);
                 last = e.likelihood;
@@ -497,10 +497,12 @@ mod tests {
         gaussians.push(groups.mean[0], groups.cov[0], 40_000.0, 0.0);
         let shape = Regularisation { floor: 1e-8, focus: 0.8, blur: 0.04 * 0.04, prior: Prior::NONE };
         let candidates =
-            Candidates::find(&groups, &gaussians, SearchReach { most: 4, beyond: 9.0 }, shape.floor, &Silent).unwrap();
+            Candidates::find(&groups, &gaussians, SearchReach { most: 4, beyond: 9.0 }, shape.floor, &Context::SILENT)
+                .unwrap();
         for _ in 0..10 {
             let cloud = GroupedParticles { xyz: &xyz, weight: None, groups: &groups };
-            let e = expect(cloud, &candidates, &gaussians, shape, ExpectationOptions::default(), &Silent).unwrap();
+            let e =
+                expect(cloud, &candidates, &gaussians, shape, ExpectationOptions::default(), &Context::SILENT).unwrap();
             maximise(&e, &groups, &candidates, &mut gaussians, shape, &[SPHERE]);
         }
         for (k, s) in [(0, 0.3), (3, 0.1), (5, 0.02)] {

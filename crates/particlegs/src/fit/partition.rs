@@ -9,8 +9,8 @@ use super::cut::Cut;
 use super::gain::{Blur, PictureGaussian, picture_sigma};
 use super::select::{CutRecord, best_cuts};
 use super::{Moments, ParticleStore};
+use crate::context::Context;
 use crate::parallel;
-use crate::progress::Progress;
 use crate::{Error, Result};
 use std::ops::Range;
 
@@ -65,7 +65,7 @@ pub(super) fn partition(
     gaussians: usize,
     radius: f64,
     options: PartitionOptions,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Partition> {
     if store.is_empty() || gaussians == 0 {
         return Err(Error::argument("a partition needs at least one particle and one Gaussian"));
@@ -78,9 +78,9 @@ pub(super) fn partition(
     {
         return Err(Error::argument(format!("radius {radius} and blur {} must be positive", options.blur_radii)));
     }
-    progress.check()?;
+    context.check()?;
     let s = (picture_sigma(options.blur_radii * radius, options.pixel) * store.scale).clamp(1e-9, 1e9);
-    let grower = PartitionBuilder { blur: Blur::of_sigma(s), progress };
+    let grower = PartitionBuilder { blur: Blur::of_sigma(s), context };
     let bounds = grower.grow(&mut store, gaussians)?;
     let cells: Vec<Range<usize>> = bounds.windows(2).map(|w| w[0]..w[1]).collect();
     let moments_of =
@@ -91,7 +91,7 @@ pub(super) fn partition(
 
 struct PartitionBuilder<'a> {
     blur: Blur,
-    progress: &'a dyn Progress,
+    context: &'a Context<'a>,
 }
 
 /// What a branch has done.
@@ -135,8 +135,8 @@ impl PartitionBuilder<'_> {
     fn grow(&self, store: &mut ParticleStore, gaussians: usize) -> Result<Vec<usize>> {
         let n = store.len();
         let enough = (gaussians as f64 * SPARE).ceil() as usize;
-        self.progress.begin("partitioning", enough as u64);
-        let whole = Moments::quick(self.progress.simd(), &store.xyz);
+        self.context.begin("partitioning", enough as u64);
+        let whole = Moments::quick(self.context.simd(), &store.xyz);
         let root = ParticleCell { start: 0, xyz: &mut store.xyz, weight: store.weight.as_deref_mut() };
         let mut all = Branch::default();
         self.examine(root, whole, f64::INFINITY, &mut all)?;
@@ -149,9 +149,9 @@ impl PartitionBuilder<'_> {
             for branch in self.round(store, go, least) {
                 all.append(branch?);
             }
-            self.progress.advance((all.made.len() - made) as u64);
+            self.context.advance((all.made.len() - made) as u64);
         }
-        self.progress.end();
+        self.context.end();
         drop(all.pending);
         let mut bounds = best_cuts(all.made, gaussians - 1);
         bounds.extend([0, n]);
@@ -178,10 +178,10 @@ impl PartitionBuilder<'_> {
         }
         parallel::map(cells, |(cell, p)| {
             let mut out = Branch::default();
-            self.progress.check()?;
+            self.context.check()?;
             out.made.push(CutRecord { start: p.start, mid: p.mid, end: p.end, gain: p.gain });
             for half in cell.halves(p.mid) {
-                let moments = Moments::quick(self.progress.simd(), half.xyz);
+                let moments = Moments::quick(self.context.simd(), half.xyz);
                 self.examine(half, moments, threshold, &mut out)?;
             }
             Ok(out)
@@ -191,7 +191,7 @@ impl PartitionBuilder<'_> {
     /// Cuts a cell, and its halves in turn while cuts gain at least `threshold`.
     fn examine(&self, cell: ParticleCell<'_>, moments: Moments, threshold: f64, out: &mut Branch) -> Result<()> {
         let mut cell = cell;
-        let simd = self.progress.simd();
+        let simd = self.context.simd();
         let Some(cut) = Cut::best(simd, cell.xyz, &moments, self.blur) else { return Ok(()) };
         let len = cut.apply(simd, cell.xyz, cell.weight.as_deref_mut());
         let a = Moments::quick(simd, &cell.xyz[..len]);
@@ -210,7 +210,7 @@ impl PartitionBuilder<'_> {
             self.examine(first, a, threshold, out)?;
             return self.examine(second, b, threshold, out);
         }
-        self.progress.check()?;
+        self.context.check()?;
         let mut other = Branch::default();
         let (x, y) = parallel::join(
             || self.examine(first, a, threshold, out),

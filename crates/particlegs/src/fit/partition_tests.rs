@@ -1,11 +1,11 @@
 //! The partition: nothing lost, any input, any number of threads.
 
+use crate::context::Context;
 use crate::fit::partition::partition;
 use crate::fit::{Moments, ParticleStore, Partition, PartitionOptions};
 use crate::math::Random;
 use crate::model::{Columns, Law, MASS, Mixture};
 use crate::particles::{Column, Particles};
-use crate::progress::{Progress, Scalar, Silent};
 use particlegs_core::math::each_axis;
 use proptest::prelude::*;
 use std::path::Path;
@@ -30,12 +30,12 @@ impl Partition {
 }
 
 fn cut(p: &Particles, gaussians: usize) -> Partition {
-    cut_with(p, gaussians, &Silent)
+    cut_with(p, gaussians, &Context::SILENT)
 }
 
-fn cut_with(p: &Particles, gaussians: usize, progress: &dyn Progress) -> Partition {
+fn cut_with(p: &Particles, gaussians: usize, context: &Context<'_>) -> Partition {
     let radius = p.bounds().default_radius(p.len() as u64);
-    partition(ParticleStore::new(p), gaussians, radius, PartitionOptions::default(), progress).unwrap()
+    partition(ParticleStore::new(p), gaussians, radius, PartitionOptions::default(), context).unwrap()
 }
 
 /// Cells tile the store, the store is a permutation of the particles, sums are kept.
@@ -144,7 +144,7 @@ fn threads_do_not_matter() {
     check(&p, &one);
     assert_eq!(one.cells.len(), 2000);
     assert!(one.store == three.store && one.cells == three.cells && one.moments == three.moments);
-    let plain = cut_with(&p, 2000, &Scalar);
+    let plain = cut_with(&p, 2000, &Context::scalar());
     assert!(one.store == plain.store && one.cells == plain.cells && one.moments == plain.moments);
 }
 
@@ -152,9 +152,9 @@ fn threads_do_not_matter() {
 fn nonsense_is_refused() {
     let p = cloud(5, 10, 1.0, [false; 3]);
     for radius in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(partition(ParticleStore::new(&p), 3, radius, PartitionOptions::default(), &Silent).is_err());
+        assert!(partition(ParticleStore::new(&p), 3, radius, PartitionOptions::default(), &Context::SILENT).is_err());
     }
-    assert!(partition(ParticleStore::new(&p), 0, 1.0, PartitionOptions::default(), &Silent).is_err());
+    assert!(partition(ParticleStore::new(&p), 0, 1.0, PartitionOptions::default(), &Context::SILENT).is_err());
 }
 
 proptest! {

@@ -16,11 +16,11 @@ use super::prior::{MeanShape, Prior};
 use super::shade::TransmittanceMaps;
 use super::split_merge::{MoveOptions, exchange};
 use super::{Moments, ParticleStore, Partition, pieces as kept};
+use crate::context::Context;
 use crate::math::{Purpose, Random, Sym3};
 use crate::model::Mixture;
 use crate::parallel;
 use crate::pieces::CheckpointStore;
-use crate::progress::Progress;
 use crate::{Error, Result};
 use std::ops::Range;
 
@@ -83,7 +83,7 @@ pub(crate) fn refine(
     radius: f64,
     options: &RefineOptions,
     pieces: &mut dyn CheckpointStore,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Mixture> {
     if !(radius > 0.0 && radius.is_finite() && options.sample > 0.0 && options.pixel >= 0.0) {
         return Err(Error::argument(format!("radius {radius} and sample {} must be positive", options.sample)));
@@ -91,9 +91,9 @@ pub(crate) fn refine(
     let scaled = (radius * partition.store.scale).clamp(1e-9, 1e9);
     let shade = (options.rounds > 0).then(|| TransmittanceMaps::new(&partition.store.xyz, scaled));
     let pixel = PIXELS * options.pixel * partition.store.scale;
-    let refiner = Refiner { shade: shade.as_ref(), partition, radius: scaled, pixel, options, progress };
+    let refiner = Refiner { shade: shade.as_ref(), partition, radius: scaled, pixel, options, context };
     let blocks = refiner.blocks();
-    progress.begin("refining", (blocks.len() * (options.rounds + 2)) as u64);
+    context.begin("refining", (blocks.len() * (options.rounds + 2)) as u64);
     let store = &partition.store;
     let mut mixture = Mixture::new(store.weight.is_some());
     for (i, block) in blocks.into_iter().enumerate() {
@@ -108,7 +108,7 @@ pub(crate) fn refine(
         };
         append(&mut mixture, &gaussians, store);
     }
-    progress.end();
+    context.end();
     Ok(mixture)
 }
 
@@ -120,7 +120,7 @@ struct Refiner<'a> {
     radius: f64,
     pixel: f64,
     options: &'a RefineOptions,
-    progress: &'a dyn Progress,
+    context: &'a Context<'a>,
 }
 
 impl Refiner<'_> {
@@ -173,13 +173,13 @@ impl Refiner<'_> {
         } else {
             self.rounds(whole, &mut gaussians)?;
         }
-        self.progress.advance(1);
+        self.context.advance(1);
         conserve(&mut gaussians, moments, store.weight.is_some());
         Ok(gaussians)
     }
 
     fn candidates(&self, groups: &ParticleGroups, gaussians: &RefinedGaussians) -> Result<Candidates> {
-        Candidates::find(groups, gaussians, SearchReach { most: 24, beyond: 14.0 }, self.shape().floor, self.progress)
+        Candidates::find(groups, gaussians, SearchReach { most: 24, beyond: 14.0 }, self.shape().floor, self.context)
     }
 
     /// EM with fixed candidates and expected shapes; whose each particle is.
@@ -194,7 +194,7 @@ impl Refiner<'_> {
         let mut owner = Vec::new();
         for i in 0..iterations {
             let wanted = ExpectationOptions { owner: i + 1 == iterations, ..ExpectationOptions::default() };
-            let e = expect(cloud, candidates, gaussians, self.shape(), wanted, self.progress)?;
+            let e = expect(cloud, candidates, gaussians, self.shape(), wanted, self.context)?;
             maximise(&e, cloud.groups, candidates, gaussians, self.shape(), expected);
             owner = e.owner;
         }
@@ -214,24 +214,24 @@ impl Refiner<'_> {
         let candidates = self.candidates(cloud.groups, gaussians)?;
         let mut expected = beside(gaussians);
         let mut owner = self.iterate(cloud, &candidates, gaussians, &expected, options.first_iterations.max(1))?;
-        self.progress.advance(1);
+        self.context.advance(1);
         let (mut xyz, mut weight, mut groups);
         let mut cloud = cloud;
         let Some(shade) = self.shade else { return Ok(expected) };
         for round in 1..=options.rounds {
             let last = round == options.rounds;
-            self.progress.check()?;
+            self.context.check()?;
             (xyz, weight, groups) = regroup(cloud, &owner, gaussians.len());
             cloud = GroupedParticles { xyz: &xyz, weight: weight.as_deref(), groups: &groups };
             let candidates = self.candidates(&groups, gaussians)?;
             expected = candidates.mean_shapes(gaussians);
             let moves = moves(if last { LAST_MOVE_BLUR_RADII } else { MOVE_BLUR_RADII });
-            let made = exchange(gaussians, (&groups, cloud.xyz), &candidates, shade, moves, self.progress)?;
+            let made = exchange(gaussians, (&groups, cloud.xyz), &candidates, shade, moves, self.context)?;
             let candidates = candidates.after(&made, gaussians.len());
             made.iter().for_each(|m| expected[m.freed as usize] = expected[m.split as usize]);
             let iterations = if last { options.settling } else { options.iterations };
             owner = self.iterate(cloud, &candidates, gaussians, &expected, iterations.max(1))?;
-            self.progress.advance(1);
+            self.context.advance(1);
         }
         Ok(expected)
     }

@@ -1,5 +1,6 @@
 //! Refinement on the sample and on degenerate input, through the public interface.
 
+use crate::context::Context;
 use crate::fit::effort::refinement;
 use crate::fit::partition::partition;
 use crate::fit::{Effort, FitOptions, ParticleStore, PartitionOptions, RefineOptions, fit, refine};
@@ -7,7 +8,6 @@ use crate::math::{Random, Sym3};
 use crate::model::Mixture;
 use crate::particles::{Column, Particles};
 use crate::pieces::NoCheckpoints;
-use crate::progress::{Progress, Scalar, Silent};
 use std::path::Path;
 
 fn sample() -> Particles {
@@ -20,11 +20,11 @@ fn radius(p: &Particles) -> f64 {
 }
 
 fn refined(p: &Particles, gaussians: usize, rounds: usize, sample: f64) -> Mixture {
-    refined_with(p, gaussians, rounds, sample, &Silent)
+    refined_with(p, gaussians, rounds, sample, &Context::SILENT)
 }
 
-fn refined_with(p: &Particles, gaussians: usize, rounds: usize, sample: f64, progress: &dyn Progress) -> Mixture {
-    let cells = partition(ParticleStore::new(p), gaussians, radius(p), PartitionOptions::default(), progress).unwrap();
+fn refined_with(p: &Particles, gaussians: usize, rounds: usize, sample: f64, context: &Context<'_>) -> Mixture {
+    let cells = partition(ParticleStore::new(p), gaussians, radius(p), PartitionOptions::default(), context).unwrap();
     let options = RefineOptions {
         cells_a_group: 1,
         first_iterations: 3,
@@ -37,7 +37,7 @@ fn refined_with(p: &Particles, gaussians: usize, rounds: usize, sample: f64, pro
         seed: 1,
         thin: None,
     };
-    refine(&cells, radius(p), &options, &mut NoCheckpoints, progress).unwrap()
+    refine(&cells, radius(p), &options, &mut NoCheckpoints, context).unwrap()
 }
 
 /// ||P(mixture) - P(particles)||^2 over ||P(particles)||^2 in the axis planes at `blur`, with one of `STEP`
@@ -74,7 +74,8 @@ fn projected_error(m: &Mixture, p: &Particles, blur: f64) -> f64 {
 #[test]
 fn refinement_beats_the_partition_in_projection() {
     let p = sample();
-    let cells = partition(ParticleStore::new(&p), 150, radius(&p), PartitionOptions::default(), &Silent).unwrap();
+    let cells =
+        partition(ParticleStore::new(&p), 150, radius(&p), PartitionOptions::default(), &Context::SILENT).unwrap();
     let blur = 6.0 * radius(&p);
     let before = projected_error(&cells.mixture(), &p, blur);
     let after = projected_error(&refined(&p, 150, 4, 1e9), &p, blur);
@@ -110,7 +111,7 @@ fn threads_and_simd_do_not_change_a_bit() {
     };
     let one = run(1);
     assert_eq!(one, run(3));
-    assert_eq!(one, refined_with(&p, 900, 2, 200.0, &Scalar));
+    assert_eq!(one, refined_with(&p, 900, 2, 200.0, &Context::scalar()));
 }
 
 #[test]
@@ -134,7 +135,7 @@ fn degenerate_snapshots_are_fitted() {
         for gaussians in [1, 2, 30, 199, 500] {
             for effort in [Effort::Fast, Effort::Default] {
                 let options = FitOptions { gaussians, effort, radius: radius(p), pixel: 0.0, seed: 3, share: 1.0 };
-                let m = fit(p, &options, &Silent).unwrap();
+                let m = fit(p, &options, &Context::SILENT).unwrap();
                 assert!(!m.is_empty() && m.len() <= gaussians.min(p.len()));
                 assert!((m.count.iter().sum::<f64>() - p.len() as f64).abs() < 1e-9 * p.len() as f64);
                 let columns = m.mean.iter().chain(&m.cov).chain([&m.count]);
@@ -196,7 +197,7 @@ fn discs_and_layers_stay_thin() {
             .sqrt();
         for effort in [Effort::Fast, Effort::Default] {
             let options = FitOptions { effort, ..FitOptions::new(600, radius(&particles)) };
-            let is = height(&fit(&particles, &options, &Silent).unwrap());
+            let is = height(&fit(&particles, &options, &Context::SILENT).unwrap());
             println!("{name} {effort:?}: {:.4}", is / truth);
             assert!((is / truth - 1.0).abs() < limit, "{name} {effort:?}: {is} for {truth}");
         }
@@ -214,7 +215,7 @@ fn flat_boxes_keep_their_thickness() {
         let truth = thin / 12f64.sqrt();
         for effort in [Effort::Fast, Effort::Default] {
             let options = FitOptions { effort, ..FitOptions::new(1250, radius(&particles)) };
-            let ratio = height(&fit(&particles, &options, &Silent).unwrap()) / truth;
+            let ratio = height(&fit(&particles, &options, &Context::SILENT).unwrap()) / truth;
             println!("{thin} {effort:?}: {ratio:.4}");
             assert!((0.95..1.13).contains(&ratio), "{thin} {effort:?}: {ratio}");
         }
@@ -229,7 +230,7 @@ fn voids_have_no_needles() {
     let particles = Particles::from_columns(column(), column(), column());
     for effort in [Effort::Fast, Effort::Default] {
         let options = FitOptions { effort, ..FitOptions::new(2000, radius(&particles)) };
-        let m = fit(&particles, &options, &Silent).unwrap();
+        let m = fit(&particles, &options, &Context::SILENT).unwrap();
         let needles = (0..m.len()).filter(|&i| {
             let e = m.cov_of(i).eigen();
             e.values[0] > 25.0 * e.values[1]

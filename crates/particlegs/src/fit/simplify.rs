@@ -10,10 +10,10 @@
 
 use super::candidates::{Ellipsoid, OverlapTree, SearchReach};
 use super::gain::{Blur, PictureGaussian, picture_sigma};
+use crate::context::Context;
 use crate::math::Sym3;
 use crate::model::Mixture;
 use crate::parallel;
-use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
@@ -56,7 +56,7 @@ const BYTES_A_GAUSSIAN: u64 = 600;
 /// # Errors
 /// [`Error::Argument`] for no Gaussians or a radius that is not positive; [`Error::Memory`];
 /// [`Error::Cancelled`].
-pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Mixture> {
+pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, context: &Context<'_>) -> Result<Mixture> {
     if options.gaussians == 0 || !(options.radius > 0.0 && options.radius.is_finite() && options.pixel >= 0.0) {
         return Err(Error::argument(format!(
             "{} Gaussians and a radius of {} must be positive",
@@ -72,10 +72,10 @@ pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, progress: &dyn Pro
     let radius = options.radius / frame.unit;
     let blur = Blur::of_sigma(picture_sigma(BLUR_RADII * radius, options.pixel / frame.unit));
     let measure = OverlapMeasure { blur, floor: (FLOOR_RADII * radius).powi(2) };
-    let (mut new, mut homes) = merged(&old, options.gaussians, measure, progress)?;
-    let neighbours = OverlapNeighbours::find(&new, measure, REACH, progress)?;
+    let (mut new, mut homes) = merged(&old, options.gaussians, measure, context)?;
+    let neighbours = OverlapNeighbours::find(&new, measure, REACH, context)?;
     for _ in 0..REGROUPINGS {
-        progress.check()?;
+        context.check()?;
         new = regrouped(&old, &new, &mut homes, &neighbours, measure);
     }
     new.retain(|item| item.blob.count > 0.0);
@@ -154,7 +154,7 @@ fn ellipsoid(b: &PictureGaussian, floor: f64) -> Ellipsoid {
 struct OverlapNeighbours(Vec<Vec<u32>>);
 
 impl OverlapNeighbours {
-    fn find(items: &[MergeGaussian], measure: OverlapMeasure, reach: f64, progress: &dyn Progress) -> Result<Self> {
+    fn find(items: &[MergeGaussian], measure: OverlapMeasure, reach: f64, context: &Context<'_>) -> Result<Self> {
         let ellipsoids: Vec<Ellipsoid> = parallel::map_range(items.len(), |i| ellipsoid(&items[i].blob, measure.floor));
         let tree = OverlapTree::new(&ellipsoids);
         let reach = SearchReach { most: NEIGHBOURS, beyond: reach };
@@ -163,7 +163,7 @@ impl OverlapNeighbours {
         let scratch = parallel::Scratch::<Vec<(f64, u32)>>::default();
         let own = |j: usize| {
             if j.is_multiple_of(CHECK) {
-                progress.check()?;
+                context.check()?;
             }
             scratch.with(|found| {
                 // Those without particles are in no tree: they have no place to search from.
@@ -234,28 +234,28 @@ fn merged(
     old: &[MergeGaussian],
     wanted: usize,
     measure: OverlapMeasure,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<(Vec<MergeGaussian>, Vec<u32>)> {
-    progress.begin("simplifying", (old.len() - wanted) as u64);
+    context.begin("simplifying", (old.len() - wanted) as u64);
     let mut items = old.to_vec();
     let mut homes: Vec<u32> = (0..old.len() as u32).collect();
     let (mut reach, mut searched) = (REACH, items.len());
-    let mut neighbours = OverlapNeighbours::find(&items, measure, reach, progress)?;
+    let mut neighbours = OverlapNeighbours::find(&items, measure, reach, context)?;
     while items.len() > wanted {
-        progress.check()?;
+        context.check()?;
         let merges = cheapest(&items, &neighbours, measure);
         if merges.is_empty() {
             // Islands have no neighbours within reach: look as far as it takes. Flat Gaussians whose
             // overlaps are no numbers go with the next.
             neighbours = match reach.is_finite() {
-                true => OverlapNeighbours::find(&items, measure, f64::INFINITY, progress)?,
+                true => OverlapNeighbours::find(&items, measure, f64::INFINITY, context)?,
                 false => OverlapNeighbours::chain(items.len()),
             };
             (reach, searched) = (f64::INFINITY, items.len());
             continue;
         }
         if (items.len() as f64) < SEARCH_AGAIN * searched as f64 {
-            neighbours = OverlapNeighbours::find(&items, measure, reach, progress)?;
+            neighbours = OverlapNeighbours::find(&items, measure, reach, context)?;
             searched = items.len();
             continue;
         }
@@ -265,7 +265,7 @@ fn merged(
             let beside = OverlapNeighbours::beside(&items, measure);
             round = Round::of(items.len(), &cheapest(&items, &beside, measure), wanted);
         }
-        progress.advance((items.len() - round.kept.len()) as u64);
+        context.advance((items.len() - round.kept.len()) as u64);
         neighbours = neighbours.after(&round);
         homes.iter_mut().for_each(|home| *home = round.place[*home as usize]);
         let joined = |&i: &u32| {
@@ -274,7 +274,7 @@ fn merged(
         };
         items = parallel::map(&round.kept, joined);
     }
-    progress.end();
+    context.end();
     Ok((items, homes))
 }
 
@@ -396,8 +396,9 @@ fn trace_of_product(a: &Sym3, b: &Sym3) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::context::Context;
+    use crate::context::{ProgressEvent, ProgressSink};
     use crate::math::Random;
-    use crate::progress::Silent;
 
     fn mixture(n: u64, unit: f64) -> Mixture {
         let mut m = Mixture::new(true);
@@ -425,7 +426,7 @@ mod tests {
             let m = mixture(500, unit);
             for k in [1, 7, 200, 499, 500, 900] {
                 let options = SimplifyOptions { gaussians: k, radius: 0.02 * unit, pixel: 0.01 * unit };
-                let small = simplify(&m, &options, &Silent).unwrap();
+                let small = simplify(&m, &options, &Context::SILENT).unwrap();
                 assert!(small.len() <= k && small.len() >= k.min(500) * 9 / 10, "{k}: {}", small.len());
                 let ((mass, a), (mass2, b)) = (moments(&m), moments(&small));
                 assert_eq!((a.count, mass), (b.count, mass2));
@@ -445,7 +446,8 @@ mod tests {
         for x in [0.0, 1.0, 1.001, 2.0] {
             m.push([x, 0.0, 0.0], Sym3::scaled_identity(0.01), 10.0, 0.0);
         }
-        let small = simplify(&m, &SimplifyOptions { gaussians: 3, radius: 0.01, pixel: 0.0 }, &Silent).unwrap();
+        let small =
+            simplify(&m, &SimplifyOptions { gaussians: 3, radius: 0.01, pixel: 0.0 }, &Context::SILENT).unwrap();
         assert_eq!(small.count, [10.0, 20.0, 10.0]);
         assert!((small.mean[0][1] - 1.0005).abs() < 1e-12);
     }
@@ -456,7 +458,8 @@ mod tests {
         for i in 0..40 {
             m.push([f64::from(i * i * i), 0.0, 0.0], Sym3::default(), 3.0, 0.0);
         }
-        let small = simplify(&m, &SimplifyOptions { gaussians: 3, radius: 1e-9, pixel: 0.0 }, &Silent).unwrap();
+        let small =
+            simplify(&m, &SimplifyOptions { gaussians: 3, radius: 1e-9, pixel: 0.0 }, &Context::SILENT).unwrap();
         assert!(!small.is_empty() && small.len() <= 3);
         assert_eq!(small.count.iter().sum::<f64>(), 120.0);
     }
@@ -466,16 +469,22 @@ mod tests {
     #[test]
     fn thousands_at_one_place_are_no_matter() {
         struct RoundCounter(std::sync::atomic::AtomicUsize);
-        impl Progress for RoundCounter {
-            fn advance(&self, _: u64) {
-                self.0.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        impl ProgressSink for RoundCounter {
+            fn event(&self, event: ProgressEvent<'_>) {
+                let round = matches!(event, ProgressEvent::Advance(_));
+                self.0.fetch_add(round.into(), std::sync::atomic::Ordering::Relaxed);
             }
         }
         for sizes in [0.0, 1e-3] {
             let mut m = Mixture::default();
             (0..1500).for_each(|i| m.push([0.5; 3], Sym3::scaled_identity(0.01 + sizes * f64::from(i % 7)), 2.0, 0.0));
             let rounds = RoundCounter(Default::default());
-            let small = simplify(&m, &SimplifyOptions { gaussians: 15, radius: 0.01, pixel: 0.0 }, &rounds).unwrap();
+            let small = simplify(
+                &m,
+                &SimplifyOptions { gaussians: 15, radius: 0.01, pixel: 0.0 },
+                &Context::SILENT.with_sink(&rounds),
+            )
+            .unwrap();
             assert_eq!(small.count.iter().sum::<f64>(), 3000.0);
             let rounds = rounds.0.into_inner();
             assert!(small.len() <= 15 && rounds < 120, "{} left after {rounds} rounds", small.len());
@@ -484,19 +493,14 @@ mod tests {
 
     #[test]
     fn a_stop_is_heard_in_the_first_search() {
-        struct CancelledSimplification;
-        impl Progress for CancelledSimplification {
-            fn cancelled(&self) -> bool {
-                true
-            }
-        }
+        let cancelled = Context::SILENT.with_cancel(&|| true);
         let options = SimplifyOptions { gaussians: 3, radius: 0.01, pixel: 0.0 };
-        assert!(matches!(simplify(&mixture(200, 1.0), &options, &CancelledSimplification), Err(Error::Cancelled)));
+        assert!(matches!(simplify(&mixture(200, 1.0), &options, &cancelled), Err(Error::Cancelled)));
     }
 
     #[test]
     fn nothing_is_refused() {
         let options = SimplifyOptions { gaussians: 0, radius: 1.0, pixel: 0.0 };
-        assert!(simplify(&mixture(3, 1.0), &options, &Silent).is_err());
+        assert!(simplify(&mixture(3, 1.0), &options, &Context::SILENT).is_err());
     }
 }

@@ -8,9 +8,9 @@ use super::gain::{Blur, PictureGaussian};
 use super::prior::SPHERE;
 use super::shade::TransmittanceMaps;
 use crate::Result;
+use crate::context::Context;
 use crate::math::Sym3;
 use crate::parallel;
-use crate::progress::Progress;
 use particlegs_core::math::each_axis;
 
 /// Bins of the cut along an axis.
@@ -127,12 +127,12 @@ pub(crate) fn exchange(
     candidates: &Candidates,
     shade: &TransmittanceMaps,
     options: MoveOptions,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Vec<GaussianExchange>> {
-    let mut splits = best_splits(groups, shade, &options, progress)?;
+    let mut splits = best_splits(groups, shade, &options, context)?;
     let all = splits.iter().fold((0.0, 0.0), |s, x| (s.0 + x.gain.picture, s.1 + x.gain.likelihood));
     let per_nat = if all.1 > 0.0 { options.likelihood * all.0 / all.1 } else { 0.0 };
-    let mut merges = cheapest_merges(gaussians, candidates, (shade, per_nat), &options, progress)?;
+    let mut merges = cheapest_merges(gaussians, candidates, (shade, per_nat), &options, context)?;
     splits.sort_unstable_by(|a, b| b.gain.weighted(per_nat).total_cmp(&a.gain.weighted(per_nat)).then(a.at.cmp(&b.at)));
     merges.sort_unstable_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))));
     let most = ((options.share * gaussians.len() as f64) as usize).max(1);
@@ -186,7 +186,7 @@ fn best_splits(
     (groups, xyz): (&ParticleGroups, &[[f32; 3]]),
     shade: &TransmittanceMaps,
     options: &MoveOptions,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Vec<SplitProposal>> {
     let Regularisation { prior, floor, .. } = options.shape;
     let fitted = |b: &PictureGaussian| PictureGaussian { cov: prior.most_probable(&b.cov, b.count, &SPHERE), ..*b };
@@ -199,7 +199,7 @@ fn best_splits(
         let likelihood = likelihood_gain(&fitted(&whole), &fitted(&a), &fitted(&b), floor);
         Some(SplitProposal { gain: SplitGain { picture, likelihood }, at: j as u32, parts: (a, b) })
     };
-    let splits = parallel::try_map_range(groups.range.len(), |j| progress.check().map(|()| split(j)))?;
+    let splits = parallel::try_map_range(groups.range.len(), |j| context.check().map(|()| split(j)))?;
     Ok(splits.into_iter().flatten().collect())
 }
 
@@ -208,7 +208,7 @@ fn cheapest_merges(
     candidates: &Candidates,
     (shade, per_nat): (&TransmittanceMaps, f64),
     options: &MoveOptions,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Vec<MergeProposal>> {
     let cheapest = |j: usize| {
         let me = blob(g, j);
@@ -226,6 +226,6 @@ fn cheapest_merges(
         let others = candidates.of(j).iter().filter(|&&n| n as usize != j);
         others.map(|&n| merge(n)).min_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))))
     };
-    let merges = parallel::try_map_range(g.len(), |j| progress.check().map(|()| cheapest(j)))?;
+    let merges = parallel::try_map_range(g.len(), |j| context.check().map(|()| cheapest(j)))?;
     Ok(merges.into_iter().flatten().collect())
 }

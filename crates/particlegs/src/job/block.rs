@@ -2,11 +2,11 @@
 
 use super::manifest::Job;
 use crate::compress::{
-    BlockContext, BlockParticles, BlockStore, Checkpoint, CodedBlock, SizeOutcome, StopPolicy, do_block,
+    BlockParticles, BlockSetup, BlockStore, Checkpoint, CodedBlock, SizeOutcome, StopPolicy, do_block,
 };
+use crate::context::Context;
 use crate::model::hex;
 use crate::particles::{LayeredParticles, Particles};
-use crate::progress::Progress;
 use crate::train::Limits;
 use crate::{Error, Result, codec};
 use particlegs_files::input::{Begins, Form, read_own};
@@ -54,7 +54,7 @@ impl Job {
         &self,
         block: u32,
         source: impl FnOnce() -> Result<LayeredParticles>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<BlockReport> {
         let blocks = self.manifest.plan.recipe().blocks;
         if block >= blocks {
@@ -65,32 +65,27 @@ impl Job {
             && self.block_path(block, "pgs").metadata().is_ok_and(|m| m.len() == report.bytes)
         {
             if !self.is_measured(block) {
-                let particles = self.gather(block, source, progress)?;
-                self.measure(
-                    block,
-                    &codec::read_file(&self.block_path(block, "pgs"), progress)?,
-                    &particles,
-                    progress,
-                )?;
+                let particles = self.gather(block, source, context)?;
+                self.measure(block, &codec::read_file(&self.block_path(block, "pgs"), context)?, &particles, context)?;
             }
             return Ok(report);
         }
         let mut checkpoint = Checkpoint::open(self.block_path(block, "checkpoint"), &self.id)?;
         if checkpoint.fault().is_some() {
             let place = checkpoint.path().display();
-            progress.message(&format!(
+            context.message(&format!(
                 "warning: {place}: damaged, or of another plan; the block starts from the beginning"
             ));
         }
         let before = checkpoint.len();
         let plan = &self.manifest.plan;
         let limits = Limits { scratch: Some(self.folder.clone()), ..Limits::default() };
-        let context = BlockContext { plan, limits: &limits, on_stop: StopPolicy::GiveUp, progress };
+        let setup = BlockSetup { plan, limits: &limits, on_stop: StopPolicy::GiveUp, context };
         let mut folder = JobFolder { job: self, source: Some(source), particles: None, report: None };
-        if let Err(error) = do_block(&mut folder, block, plan.recipe().target, context, &mut checkpoint) {
+        if let Err(error) = do_block(&mut folder, block, plan.recipe().target, setup, &mut checkpoint) {
             // What stopped the block is told; that its pieces could not be kept as well, only beside it.
             if let Err(e) = checkpoint.save() {
-                progress.message(&format!("warning: the checkpoint was not saved: {e}"));
+                context.message(&format!("warning: the checkpoint was not saved: {e}"));
             }
             return Err(error);
         }
@@ -123,9 +118,9 @@ struct JobFolder<'a, F> {
 }
 
 impl<F: FnOnce() -> Result<LayeredParticles>> BlockStore for JobFolder<'_, F> {
-    fn particles(&mut self, block: u32, progress: &dyn Progress) -> Result<BlockParticles> {
+    fn particles(&mut self, block: u32, context: &Context<'_>) -> Result<BlockParticles> {
         let source = self.source.take().ok_or_else(|| Error::argument("a snapshot is opened once"))?;
-        let particles = self.job.gather(block, source, progress)?;
+        let particles = self.job.gather(block, source, context)?;
         if particles.is_empty() {
             return Err(Error::input(&self.job.folder, format!("block {block} holds no particles")));
         }
@@ -136,13 +131,13 @@ impl<F: FnOnce() -> Result<LayeredParticles>> BlockStore for JobFolder<'_, F> {
     }
 
     /// Writes the model file of the block, then its report.
-    fn keep(&mut self, block: u32, coded: CodedBlock, progress: &dyn Progress) -> Result<()> {
+    fn keep(&mut self, block: u32, coded: CodedBlock, context: &Context<'_>) -> Result<()> {
         let job = self.job;
         let bytes = job.manifest.plan.block_file(&coded)?;
-        codec::check(&bytes, "the block just coded", progress)?;
+        codec::check(&bytes, "the block just coded", context)?;
         output::write_bytes(&job.block_path(block, "pgs"), &bytes)?;
         if let Some(particles) = self.particles.take() {
-            job.measure(block, &bytes, &particles, progress)?;
+            job.measure(block, &bytes, &particles, context)?;
         }
         let info = codec::read_info(&bytes, "the block just coded")?;
         let report = BlockReport {

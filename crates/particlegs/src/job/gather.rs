@@ -2,9 +2,9 @@
 
 use super::bucket::Buckets;
 use super::manifest::Job;
+use crate::context::Context;
 use crate::model::Layer;
 use crate::particles::{Chunk, ColumnBuffer, LayeredParticles, Particles, SnapshotMeta, Storage};
-use crate::progress::Progress;
 use crate::{Error, Result};
 use std::ops::Range;
 use std::sync::Mutex;
@@ -15,16 +15,16 @@ impl Job {
         &self,
         block: u32,
         source: impl FnOnce() -> Result<LayeredParticles>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Particles> {
         match self.manifest.chunks {
-            0 => self.gather_in_place(block, &self.as_planned(source()?)?, progress),
-            chunks => self.gather_buckets(block, chunks, progress),
+            0 => self.gather_in_place(block, &self.as_planned(source()?)?, context),
+            chunks => self.gather_buckets(block, chunks, context),
         }
     }
 
     /// From the buckets of all chunks.
-    fn gather_buckets(&self, block: u32, chunks: u64, progress: &dyn Progress) -> Result<Particles> {
+    fn gather_buckets(&self, block: u32, chunks: u64, context: &Context<'_>) -> Result<Particles> {
         let layers = self.manifest.plan.layers.len();
         // One file open at a time: there may be more chunks than a process may have files.
         let entries = (0..chunks).map(|c| Buckets::open(self, c)?.entry(block)).collect::<Result<Vec<_>>>()?;
@@ -37,7 +37,7 @@ impl Job {
         }
         let mut particles = BlockGatherer::new(self, &counts)?;
         for (chunk, entry) in (0..chunks).zip(&entries) {
-            progress.check()?;
+            context.check()?;
             if entry.counts.iter().all(|n| *n == 0) {
                 continue;
             }
@@ -53,7 +53,7 @@ impl Job {
     }
 
     /// From the runs that reach into the block.
-    fn gather_in_place(&self, block: u32, source: &LayeredParticles, progress: &dyn Progress) -> Result<Particles> {
+    fn gather_in_place(&self, block: u32, source: &LayeredParticles, context: &Context<'_>) -> Result<Particles> {
         let (starts, tree) = (&self.starts, &self.manifest.plan.tree);
         let inside = |run: &u64| {
             let r = &self.runs[*run as usize];
@@ -64,7 +64,7 @@ impl Job {
             let runs: Vec<u64> = (starts[index]..starts[index + 1]).filter(inside).map(|r| r - starts[index]).collect();
             let found: Vec<Mutex<Vec<f32>>> = runs.iter().map(|_| Mutex::default()).collect();
             for stretch in stretches(&runs) {
-                layer.read(source.origin, stretch, progress, &|run, chunk| {
+                layer.read(source.origin, stretch, context, &|run, chunk| {
                     self.check_run(index, run, &chunk)?;
                     if let Ok(place) = runs.binary_search(&run) {
                         *found[place].lock().unwrap_or_else(|e| e.into_inner()) = self.pick(block, &chunk);

@@ -3,9 +3,9 @@
 use super::manifest::Job;
 use crate::codec;
 use crate::compress::{CodedBlock, DecodedFile};
+use crate::context::Context;
 use crate::model::{Certificate, CertificateLevel};
 use crate::particles::Particles;
-use crate::progress::{Progress, Silent};
 use crate::score::CertificateInput;
 use crate::{Error, Remedy, Result};
 
@@ -21,22 +21,22 @@ impl Job {
         &self,
         level: CertificateLevel,
         particles: Option<&Particles>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Vec<u8>> {
         let plan = &self.manifest.plan;
         if particles.is_some_and(|p| p.source_hash() != plan.metadata.source_hash) {
             return Err(self.changed("its hash is another"));
         }
         self.check_done()?;
-        progress.begin("merging", u64::from(plan.recipe().blocks));
+        context.begin("merging", u64::from(plan.recipe().blocks));
         let mut blocks = Vec::new();
         for block in 0..plan.recipe().blocks {
-            progress.check()?;
+            context.check()?;
             blocks.push(self.done_block(block)?);
-            progress.advance(1);
+            context.advance(1);
         }
-        progress.end();
-        plan.judge(&blocks)?.iter().for_each(|note| progress.message(&format!("note: {note}")));
+        context.end();
+        plan.judge(&blocks)?.iter().for_each(|note| context.message(&format!("note: {note}")));
         let add = |n: u64, b: &CodedBlock| Ok::<_, Error>(n.saturating_add(codec::sums(&b.layers)?.0));
         let (count, planned) = (blocks.iter().try_fold(0, add)?, plan.metadata.count);
         if count != planned {
@@ -48,18 +48,18 @@ impl Job {
         let file = |certificate: Option<&Certificate>| plan.file(&blocks, certificate);
         let certificate = match level {
             CertificateLevel::None => None,
-            CertificateLevel::Blocks => Some(self.added_up(progress)?),
+            CertificateLevel::Blocks => Some(self.added_up(context)?),
             CertificateLevel::Quick | CertificateLevel::Full => {
                 let needed = || Error::argument("this certificate is measured on the particles, which are not given");
                 let particles = particles.ok_or_else(needed)?;
                 let measure =
                     CertificateInput { particles, seed: plan.recipe().seed, level, memory: None, reached: None };
-                return Ok(DecodedFile::of(file, Some(measure), progress)?.bytes);
+                return Ok(DecodedFile::of(file, Some(measure), context)?.bytes);
             }
         };
         // Looked at block by block, in less memory than the whole model takes.
         let bytes = file(certificate.as_ref())?;
-        codec::check(&bytes, "the merged file", progress)?;
+        codec::check(&bytes, "the merged file", context)?;
         Ok(bytes)
     }
 
@@ -85,7 +85,7 @@ impl Job {
         let path = self.block_path(block, "pgs");
         let broken = |what: &str| Error::input_with(&path, what, self.fit_again(block, true));
         let report = self.report(block)?.ok_or_else(|| broken("its report is missing"))?;
-        let bytes = match codec::read_file(&path, &Silent) {
+        let bytes = match codec::read_file(&path, &Context::SILENT) {
             Err(Error::Corrupt { what, .. } | Error::Compatibility { what, .. }) => return Err(broken(&what)),
             read => read?,
         };

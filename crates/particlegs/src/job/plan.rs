@@ -6,8 +6,8 @@ use super::need::COPIES;
 use super::runs;
 use crate::blocks::{KdTree, SnapshotScan};
 use crate::compress::{CompressionPlan, Options};
+use crate::context::Context;
 use crate::particles::{LayeredParticles, RUN};
-use crate::progress::Progress;
 use crate::{Error, Remedy, Result};
 use particlegs_files::input::read_own;
 use particlegs_files::output;
@@ -47,7 +47,7 @@ impl Job {
     /// [`Error::Argument`] for a target that only all blocks together meet and for more blocks than there are
     /// places; [`Error::Output`] where the folder holds another plan or something else; [`Error::Input`] for
     /// invalid values; [`Error::Bound`] where a task cannot be small enough; those of reading and writing.
-    pub fn plan(mut source: LayeredParticles, task: &Task<'_>, folder: &Path, progress: &dyn Progress) -> Result<Job> {
+    pub fn plan(mut source: LayeredParticles, task: &Task<'_>, folder: &Path, context: &Context<'_>) -> Result<Job> {
         if task.options.target.goal().is_some() {
             return Err(Error::Argument {
                 what: "a quality is met by all blocks together, which a job cannot do".into(),
@@ -56,9 +56,9 @@ impl Job {
         }
         check_folder(folder)?;
         let blocks = task.options.tasks_of(&task.options.load(source.count(), source.raw_bytes(), COPIES), MEMORY)?;
-        let mut scan = SnapshotScan::new(&source, task.place, blocks != 1, progress)?;
+        let mut scan = SnapshotScan::new(&source, task.place, blocks != 1, context)?;
         scan.settle(&mut source);
-        let plan = CompressionPlan::new(task.options, &source, &scan, blocks, progress)?;
+        let plan = CompressionPlan::new(task.options, &source, &scan, blocks, context)?;
         let (runs, memory) = (scan.runs.len() as u64, task.options.memory);
         let within = memory.map_or(MOST_RUNS, |m| (m / (BUCKETED * RUN as u64)).max(1));
         let chunk_runs = runs.div_ceil(CHUNKS).clamp(1, MOST_RUNS.min(within));
@@ -77,7 +77,7 @@ impl Job {
         let id = *blake3::hash(text.as_bytes()).as_bytes();
         let starts = manifest.layer_runs();
         let job = Job { folder: folder.to_path_buf(), manifest, id, starts, runs: scan.runs, before };
-        let written = write(&job, (!task.reopened).then_some(&source), &text, progress);
+        let written = write(&job, (!task.reopened).then_some(&source), &text, context);
         if written.is_err() && !before {
             clear(folder)?;
         }
@@ -86,7 +86,7 @@ impl Job {
 }
 
 /// Writes the files of a plan, the manifest last; chunks too where `source` is only here.
-fn write(job: &Job, source: Option<&LayeredParticles>, text: &str, progress: &dyn Progress) -> Result<()> {
+fn write(job: &Job, source: Option<&LayeredParticles>, text: &str, context: &Context<'_>) -> Result<()> {
     let folder = &job.folder;
     make_folder(&folder.join("blocks"))?;
     make_folder(&folder.join("scatter"))?;
@@ -95,7 +95,7 @@ fn write(job: &Job, source: Option<&LayeredParticles>, text: &str, progress: &dy
         output::check_space_in(folder, source.raw_bytes())?;
         (0..job.manifest.chunks).try_for_each(|c| match Buckets::open(job, c) {
             Ok(_) => Ok(()),
-            Err(_) => job.bucket(source, c, progress),
+            Err(_) => job.bucket(source, c, context),
         })?;
     }
     output::write_bytes(&folder.join("plan.json"), text.as_bytes())

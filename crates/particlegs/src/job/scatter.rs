@@ -3,8 +3,8 @@
 use super::bucket::{self, Buckets, SortedRun};
 use super::manifest::Job;
 use crate::blocks::RunScan;
+use crate::context::Context;
 use crate::particles::{Chunk, LayeredParticles, hash_run};
-use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_files::output;
 use std::sync::Mutex;
@@ -20,7 +20,7 @@ impl Job {
         &self,
         source: impl FnOnce() -> Result<LayeredParticles>,
         chunk: u64,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<bool> {
         let chunks = self.manifest.chunks;
         if chunk >= chunks {
@@ -32,24 +32,24 @@ impl Job {
             Buckets::open(self, chunk)?;
             return Ok(false);
         }
-        self.bucket(&self.as_planned(source()?)?, chunk, progress)?;
+        self.bucket(&self.as_planned(source()?)?, chunk, context)?;
         Ok(true)
     }
 
     /// Reads a chunk's runs and writes their buckets.
-    pub(super) fn bucket(&self, source: &LayeredParticles, chunk: u64, progress: &dyn Progress) -> Result<()> {
+    pub(super) fn bucket(&self, source: &LayeredParticles, chunk: u64, context: &Context<'_>) -> Result<()> {
         let first = chunk * self.manifest.chunk_runs;
         let end = (first + self.manifest.chunk_runs).min(self.runs.len() as u64);
         let sorted: Vec<Mutex<SortedRun>> = (first..end).map(|_| Mutex::default()).collect();
         for (layer, runs) in self.by_layer(first..end) {
-            source.layers[layer].read(source.origin, runs, progress, &|run, chunk| {
+            source.layers[layer].read(source.origin, runs, context, &|run, chunk| {
                 self.check_run(layer, run, &chunk)?;
                 let place = &sorted[(self.starts[layer] + run - first) as usize];
                 *place.lock().unwrap_or_else(|e| e.into_inner()) = self.sort(layer, &chunk);
                 Ok(())
             })?;
         }
-        progress.check()?;
+        context.check()?;
         let sorted: Vec<SortedRun> =
             sorted.into_iter().map(|s| s.into_inner().unwrap_or_else(|e| e.into_inner())).collect();
         let path = self.chunk_path(chunk);

@@ -3,8 +3,8 @@
 use super::bucket::Buckets;
 use super::manifest::Job;
 use crate::blocks::SnapshotScan;
+use crate::context::Context;
 use crate::particles::LayeredParticles;
-use crate::progress::Progress;
 use crate::{Error, Result, codec};
 use particlegs_core::math::each_axis;
 use serde::Serialize;
@@ -80,28 +80,28 @@ impl Job {
     /// # Errors
     /// [`crate::Error::Input`] naming the first that is broken, of another plan, or changed, or a block that
     /// is another one's; [`crate::Error::Corrupt`] for a block whose Gaussians cannot be decoded.
-    pub fn verify(&self, source: Option<LayeredParticles>, progress: &dyn Progress) -> Result<()> {
+    pub fn verify(&self, source: Option<LayeredParticles>, context: &Context<'_>) -> Result<()> {
         let m = &self.manifest;
         if let Some(source) = source {
-            let scan = SnapshotScan::new(&self.as_planned(source)?, &m.plan.metadata.source, false, progress)?;
+            let scan = SnapshotScan::new(&self.as_planned(source)?, &m.plan.metadata.source, false, context)?;
             if scan.runs != self.runs {
                 return Err(self.changed("its particles are others"));
             }
         }
-        progress.begin("verifying", m.chunks + u64::from(m.plan.recipe().blocks));
+        context.begin("verifying", m.chunks + u64::from(m.plan.recipe().blocks));
         for chunk in (0..m.chunks).filter(|c| self.chunk_path(*c).is_file()) {
-            progress.check()?;
+            context.check()?;
             Buckets::open(self, chunk)?.check()?;
-            progress.advance(1);
+            context.advance(1);
         }
         let missing = self.missing()?;
         let mut particles = 0u64;
         for block in (0..m.plan.recipe().blocks).filter(|b| missing.binary_search(b).is_err()) {
-            progress.check()?;
+            context.check()?;
             particles = particles.saturating_add(self.verify_block(block)?);
-            progress.advance(1);
+            context.advance(1);
         }
-        progress.end();
+        context.end();
         if missing.is_empty() && particles != m.plan.metadata.count {
             let what = format!("its blocks hold {particles} particles, the plan {}", m.plan.metadata.count);
             return Err(Error::input(&self.folder, what));

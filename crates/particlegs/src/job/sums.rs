@@ -4,9 +4,9 @@
 //! CRC-32; CRC-32 of all that is neither section nor this. One section is read without the others.
 
 use super::manifest::Job;
+use crate::context::Context;
 use crate::model::{Certificate, CertificateLevel};
 use crate::particles::Particles;
-use crate::progress::Progress;
 use crate::score::{MeasurementFrame, PartSums, SumsSection};
 use crate::{Error, Result, codec};
 use particlegs_files::input::open_file;
@@ -28,29 +28,23 @@ impl Job {
     }
 
     /// Measures a block, `file` being the bytes of its model, where the plan wants it.
-    pub(super) fn measure(
-        &self,
-        block: u32,
-        file: &[u8],
-        particles: &Particles,
-        progress: &dyn Progress,
-    ) -> Result<()> {
+    pub(super) fn measure(&self, block: u32, file: &[u8], particles: &Particles, context: &Context<'_>) -> Result<()> {
         if self.certificate() != CertificateLevel::Blocks {
             return Ok(());
         }
         let plan = &self.manifest.plan;
-        let mut model = codec::decode_with(file, "the block just coded", progress)?;
+        let mut model = codec::decode_with(file, "the block just coded", context)?;
         // Drawn as a part of the whole.
         model.metadata.bounds = plan.metadata.bounds;
         let frame = MeasurementFrame::of(&plan.metadata, plan.recipe().seed);
         let mut failed = None;
-        progress.begin("measuring the block", 0);
+        context.begin("measuring the block", 0);
         let fill = |to: &mut dyn Write| {
             to.write_all(MAGIC)?;
             to.write_all(&self.id)?;
             let mut tail = Vec::with_capacity(TAIL);
             for section in SumsSection::ALL {
-                let bytes = frame.measure(section, &model, particles, progress).map_err(|e| {
+                let bytes = frame.measure(section, &model, particles, context).map_err(|e| {
                     failed = Some(e);
                     std::io::Error::other("not measured")
                 })?;
@@ -62,7 +56,7 @@ impl Job {
             to.write_all(&tail)
         };
         let written = output::write_atomic(&self.block_path(block, "sums"), fill);
-        progress.end();
+        context.end();
         // What kept it from being measured says more than that nothing was written.
         failed.map_or(written, Err)
     }
@@ -77,7 +71,7 @@ impl Job {
     }
 
     /// The certificate that the blocks' sums make, in the order of their numbers.
-    pub(super) fn added_up(&self, progress: &dyn Progress) -> Result<Certificate> {
+    pub(super) fn added_up(&self, context: &Context<'_>) -> Result<Certificate> {
         let plan = &self.manifest.plan;
         if self.certificate() != CertificateLevel::Blocks {
             return Err(Error::argument("the plan does not measure its blocks: plan with --certificate blocks"));
@@ -85,7 +79,7 @@ impl Job {
         let frame = MeasurementFrame::of(&plan.metadata, plan.recipe().seed);
         let read = |block, section| BlockSums::open(self, block)?.read(section);
         PartSums { frame: &frame, seed: plan.recipe().seed, parts: plan.recipe().blocks, read: &read }
-            .certificate(progress)
+            .certificate(context)
     }
 
     /// Reads a block's sums through, where the plan has them.

@@ -5,8 +5,8 @@
 use super::select::SelectedParticles;
 use super::write::{RawForm, SnapshotDescription, SnapshotWriter};
 use crate::Result;
+use crate::context::Context;
 use crate::parallel;
-use crate::progress::Progress;
 use std::path::Path;
 
 impl SelectedParticles<'_> {
@@ -16,14 +16,14 @@ impl SelectedParticles<'_> {
     /// [`crate::Error::Input`] for positions beyond float32, and where weights would be lost; [`crate::Error::Io`]
     /// where there is no room; [`crate::Error::Output`] where a folder there holds anything but particles;
     /// [`crate::Error::Cancelled`].
-    pub fn write_raw(&self, out: &Path, form: RawForm, progress: &dyn Progress) -> Result<u64> {
+    pub fn write_raw(&self, out: &Path, form: RawForm, context: &Context<'_>) -> Result<u64> {
         let weighted = self.weighted();
         let writer = SnapshotWriter::create_as(out, form, self.total(), weighted, (self.origin(), self.is_wide()))?;
-        progress.begin("writing", self.total());
+        context.begin("writing", self.total());
         let triples = parallel::Scratch::default();
-        self.for_each_run(progress, &|id, run| {
+        self.for_each_run(context, &|id, run| {
             triples.with(|triples| writer.write(self.first(id), run, triples))?;
-            progress.advance(run.columns[0].len() as u64);
+            context.advance(run.columns[0].len() as u64);
             Ok(())
         })?;
         let bytes = writer.particle_bytes(weighted) * self.total();
@@ -34,7 +34,7 @@ impl SelectedParticles<'_> {
             order: "layer by layer, tile by tile, particles in input order",
             notes: [("made_from".to_string(), self.notes())].into_iter().collect(),
         })?;
-        progress.end();
+        context.end();
         Ok(bytes)
     }
 }
@@ -43,24 +43,19 @@ impl SelectedParticles<'_> {
 mod tests {
     use super::*;
     use crate::Error;
+    use crate::context::Context;
+    use crate::context::{ProgressEvent, ProgressSink};
     use crate::model::Units;
     use crate::particles::Column;
     use crate::particles::{Particles, Selection, Tiling};
-    use crate::progress::Silent;
     use crate::space::{Bounds, Cell};
     use particlegs_core::math::each_axis;
 
     /// More than one run of particles on a ramp, in a box of 100 x 10 x 10.
     /// Writes what a selection keeps; says how many particles that are.
-    fn convert(
-        p: &Particles,
-        tiling: Tiling,
-        selection: Selection,
-        out: &Path,
-        progress: &dyn Progress,
-    ) -> Result<u64> {
-        let kept = SelectedParticles::new(p, tiling, selection, progress)?;
-        kept.write_raw(out, RawForm::of_name(out), progress).map(|_| kept.total())
+    fn convert(p: &Particles, tiling: Tiling, selection: Selection, out: &Path, context: &Context<'_>) -> Result<u64> {
+        let kept = SelectedParticles::new(p, tiling, selection, context)?;
+        kept.write_raw(out, RawForm::of_name(out), context).map(|_| kept.total())
     }
 
     fn ramp() -> Particles {
@@ -75,7 +70,7 @@ mod tests {
     fn run(p: &Particles, tiling: Tiling, selection: Selection, name: &str) -> Result<Particles> {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join(name);
-        let made = convert(p, tiling, selection, &out, &Silent);
+        let made = convert(p, tiling, selection, &out, &Context::SILENT);
         let left = std::fs::read_dir(dir.path()).unwrap().count();
         assert_eq!(left, usize::from(made.is_ok()), "temporary files are left");
         let back = Particles::open_raw(&[out])?;
@@ -90,7 +85,7 @@ mod tests {
         assert!((0..p.len()).all(|i| back.position(i) == p.position(i)));
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("copy.npy");
-        convert(&p, Tiling::single(), Selection::all(), &out, &Silent).unwrap();
+        convert(&p, Tiling::single(), Selection::all(), &out, &Context::SILENT).unwrap();
         let bytes = std::fs::read(&out).unwrap();
         let triples: Vec<f32> = bytes[bytes.len() - 12 * p.len()..]
             .chunks_exact(4)
@@ -111,7 +106,7 @@ mod tests {
         assert!((0..100).all(|i| back.position(i) == p.position(i)));
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("far.npy");
-        convert(&p, Tiling::single(), Selection::all(), &out, &Silent).unwrap();
+        convert(&p, Tiling::single(), Selection::all(), &out, &Context::SILENT).unwrap();
         let bytes = std::fs::read(&out).unwrap();
         let values: Vec<f64> =
             bytes[bytes.len() - 2400..].chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().unwrap())).collect();
@@ -200,15 +195,20 @@ mod tests {
     }
 
     /// Stops in the middle of writing.
+    #[derive(Default)]
     struct CancelledConversion(std::sync::atomic::AtomicBool);
 
-    impl Progress for CancelledConversion {
-        fn advance(&self, _: u64) {
-            self.0.store(true, std::sync::atomic::Ordering::SeqCst);
+    impl ProgressSink for CancelledConversion {
+        fn event(&self, event: ProgressEvent<'_>) {
+            self.0.fetch_or(matches!(event, ProgressEvent::Advance(_)), std::sync::atomic::Ordering::SeqCst);
         }
-        fn cancelled(&self) -> bool {
-            self.0.load(std::sync::atomic::Ordering::SeqCst)
-        }
+    }
+
+    fn convert_until_stopped(p: &Particles, tiling: Tiling, out: &Path) -> Result<()> {
+        let stopped = CancelledConversion::default();
+        let cancel = || stopped.0.load(std::sync::atomic::Ordering::SeqCst);
+        let context = Context::SILENT.with_sink(&stopped).with_cancel(&cancel);
+        convert(p, tiling, Selection::all(), out, &context).map(drop)
     }
 
     #[test]
@@ -217,12 +217,11 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let tiling = Tiling::new([4, 4, 4], &p).unwrap();
         for out in [dir.path().join("new"), dir.path().to_path_buf()] {
-            let stopped = convert(&p, tiling, Selection::all(), &out, &CancelledConversion(false.into()));
-            assert!(matches!(stopped, Err(Error::Cancelled)));
+            assert!(matches!(convert_until_stopped(&p, tiling, &out), Err(Error::Cancelled)));
             assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
         }
-        convert(&p, Tiling::single(), Selection::all(), dir.path(), &Silent).unwrap();
-        assert!(convert(&p, tiling, Selection::all(), dir.path(), &CancelledConversion(false.into())).is_err());
+        convert(&p, Tiling::single(), Selection::all(), dir.path(), &Context::SILENT).unwrap();
+        assert!(convert_until_stopped(&p, tiling, dir.path()).is_err());
         assert_eq!(Particles::open_raw(&[dir.path().to_path_buf()]).unwrap().len(), p.len());
     }
 }

@@ -1,8 +1,8 @@
 //! The layers of a snapshot, read run by run as if they were in memory.
 
 use super::{Chunk, ChunkBuffer, Particles, RUN, SnapshotMeta, SnapshotReader};
+use crate::context::Context;
 use crate::model::{Layer, Mass};
-use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
 use std::ops::Range;
@@ -112,13 +112,13 @@ impl ReadLayer {
         &self,
         origin: [f64; 3],
         runs: Range<u64>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()> {
         let reader = &*self.reader;
         let shift: [f64; 3] = each_axis(|k| reader.origin()[k] - origin[k]);
         let wrong = |what: String| Error::input(&self.layer.name, what);
-        reader.read(runs.clone(), progress, &|run, chunk| {
+        reader.read(runs.clone(), context, &|run, chunk| {
             if !runs.contains(&run) {
                 return Err(wrong(format!("run {run} came, which was not asked for")));
             }

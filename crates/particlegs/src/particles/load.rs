@@ -2,8 +2,8 @@
 
 use super::scratch::ColumnBuffer;
 use super::{InPlace, LayeredParticles, Particles, RUN, ReadLayer, Storage};
+use crate::context::Context;
 use crate::model::Layer;
-use crate::progress::Progress;
 use crate::{Error, Result};
 use std::ops::Range;
 use std::sync::Mutex;
@@ -14,7 +14,7 @@ impl LayeredParticles {
     ///
     /// # Errors
     /// [`Error::Memory`], [`Error::Io`] where `storage` has no room, before anything is read; those of the readers; [`Error::Cancelled`].
-    pub fn load(&self, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
+    pub fn load(&self, storage: &Storage, context: &Context<'_>) -> Result<Particles> {
         let (origin, meta) = (self.origin, self.meta.clone());
         let weighted = self.has_weights();
         let layers = layers(self)?;
@@ -28,14 +28,14 @@ impl LayeredParticles {
         }
         let total = layers.last().map_or(0, |l| l.content.end);
         let width = if weighted { 4 } else { 3 };
-        storage.announce("the particles as read", 4 * width as u64 * total as u64, progress);
+        storage.announce("the particles as read", 4 * width as u64 * total as u64, context);
         let mut columns = storage.columns("the particles", width, total)?;
-        progress.begin("reading", total as u64);
+        context.begin("reading", total as u64);
         for (layer, place) in self.layers.iter().zip(&layers) {
             let parts: Vec<&mut [f32]> = columns.iter_mut().map(|c| &mut c[place.content.clone()]).collect();
-            fill(layer, parts, origin, progress)?;
+            fill(layer, parts, origin, context)?;
         }
-        progress.end();
+        context.end();
         let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
         Ok(Particles::of_columns(columns, origin, meta, layers))
     }
@@ -56,7 +56,7 @@ fn layers(source: &LayeredParticles) -> Result<Vec<Layer<Range<usize>>>> {
 }
 
 /// Reads one layer into its part of the columns (x, y, z and perhaps weights).
-fn fill(layer: &ReadLayer, parts: Vec<&mut [f32]>, origin: [f64; 3], progress: &dyn Progress) -> Result<()> {
+fn fill(layer: &ReadLayer, parts: Vec<&mut [f32]>, origin: [f64; 3], context: &Context<'_>) -> Result<()> {
     let runs = layer.runs();
     let mass = layer.layer.mass.unit_or_one() as f32;
     // Runs arrive in any order from several threads: each has its place and its lock.
@@ -67,7 +67,7 @@ fn fill(layer: &ReadLayer, parts: Vec<&mut [f32]>, origin: [f64; 3], progress: &
         }
     }
     let wrong = |what: String| Error::input(&layer.layer.name, what);
-    layer.read(origin, 0..runs, progress, &|run, chunk| {
+    layer.read(origin, 0..runs, context, &|run, chunk| {
         let Some(mut columns) = places[run as usize].lock().unwrap_or_else(|e| e.into_inner()).take() else {
             return Err(wrong(format!("run {run} came twice")));
         };

@@ -6,8 +6,8 @@
 //! within a cell, and no distance depends on it.
 
 use super::{CHUNK, Chunk, ChunkBuffer, Domain, Particles};
+use crate::context::Context;
 use crate::parallel;
-use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
 use particlegs_core::memory::filled;
@@ -430,18 +430,18 @@ impl Neighbours {
 /// Distance from every particle to its neighbour of a rank: the `rank`-th nearest other particle. Copies of
 /// particles in a domain that repeats count as others, and particles at one place as neighbours at distance
 /// zero.
-pub(crate) fn distances_to(rank: usize, p: &Particles, domain: &Domain, progress: &dyn Progress) -> Result<Vec<f32>> {
+pub(crate) fn distances_to(rank: usize, p: &Particles, domain: &Domain, context: &Context<'_>) -> Result<Vec<f32>> {
     let n = p.len();
     if rank >= n || n >= u32::MAX as usize {
         let what = format!("{rank} neighbours of each particle need more particles than that, and fewer than 2^32 - 1");
         return Err(Error::argument(format!("{what}: there are {n}")));
     }
-    progress.require_memory("a tree of neighbours", n as u64 * (TREE_BYTES + 4))?;
-    progress.begin("neighbours", n as u64);
+    context.require_memory("a tree of neighbours", n as u64 * (TREE_BYTES + 4))?;
+    context.begin("neighbours", n as u64);
     let tree = Neighbours::new(p, domain);
     let (placing, mut buffer, mut places) = (PlaceFinder::new(p, domain), ChunkBuffer::default(), Vec::new());
     let scratch = parallel::Scratch::<NearestHeap>::default();
-    let mut out = filled("distances to neighbours", 0.0f32, n, progress)?;
+    let mut out = filled("distances to neighbours", 0.0f32, n, context)?;
     for (k, run) in out.chunks_mut(CHUNK).enumerate() {
         let start = k * CHUNK;
         placing.places(&p.chunk(start..start + run.len(), &mut buffer), &mut places);
@@ -449,17 +449,17 @@ pub(crate) fn distances_to(rank: usize, p: &Particles, domain: &Domain, progress
             scratch.with(|several| {
                 several.wanted = rank + 1;
                 for (out, x) in out.iter_mut().zip(places) {
-                    progress.check()?;
+                    context.check()?;
                     several.squares.clear();
                     tree.search_all(*x, several);
                     *out = several.farthest().sqrt() as f32;
                 }
-                progress.advance(out.len() as u64);
+                context.advance(out.len() as u64);
                 Ok(())
             })
         })?;
     }
-    progress.end();
+    context.end();
     Ok(out)
 }
 
@@ -517,8 +517,8 @@ fn widest(points: &[LocalPosition]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::context::Context;
     use crate::math::Random;
-    use crate::progress::Silent;
 
     /// Against all pairs, copies of a box that repeats included.
     #[test]
@@ -545,7 +545,7 @@ mod tests {
             };
             let expected: Vec<Vec<f64>> = (0..40).map(all).collect();
             for rank in [1, 2, 16, 150] {
-                let found = distances_to(rank, &p, &domain, &Silent).unwrap();
+                let found = distances_to(rank, &p, &domain, &Context::SILENT).unwrap();
                 for (i, squares) in expected.iter().enumerate() {
                     assert!((f64::from(found[i]) - squares[rank].sqrt()).abs() < 1e-6, "{periodic:?} {rank} {i}");
                 }
@@ -568,7 +568,7 @@ mod tests {
             let column = |k: usize| (0..900).map(|i| moved(i, k)).collect();
             p = Particles::from_columns(column(0), column(1), column(2));
             for rank in [1, 16] {
-                let found = distances_to(rank, &p, &domain, &Silent).unwrap();
+                let found = distances_to(rank, &p, &domain, &Context::SILENT).unwrap();
                 for i in 0..40 {
                     let square = |j: usize| {
                         let d = domain.shortest_way(each_axis(|k| x[j][k] - x[i][k]));
@@ -586,8 +586,8 @@ mod tests {
     fn particles_at_one_place_are_neighbours() {
         let p = Particles::from_columns(vec![0.0, 0.0, 0.0, 3.0], vec![0.0; 4], vec![0.0; 4]);
         let domain = Domain::of_particles(&p);
-        assert_eq!(distances_to(2, &p, &domain, &Silent).unwrap(), [0.0, 0.0, 0.0, 3.0]);
-        assert_eq!(distances_to(3, &p, &domain, &Silent).unwrap(), [3.0, 3.0, 3.0, 3.0]);
-        assert!(distances_to(4, &p, &domain, &Silent).is_err());
+        assert_eq!(distances_to(2, &p, &domain, &Context::SILENT).unwrap(), [0.0, 0.0, 0.0, 3.0]);
+        assert_eq!(distances_to(3, &p, &domain, &Context::SILENT).unwrap(), [3.0, 3.0, 3.0, 3.0]);
+        assert!(distances_to(4, &p, &domain, &Context::SILENT).is_err());
     }
 }

@@ -1,7 +1,7 @@
 //! Where large columns are put: memory, or files of a scratch folder that vanish by themselves.
 
 use super::Column;
-use crate::progress::Progress;
+use crate::context::Context;
 use crate::{Error, Result};
 use memmap2::MmapMut;
 use particlegs_files::memory::require;
@@ -31,9 +31,9 @@ pub(crate) enum ColumnBuffer {
 
 impl Storage {
     /// Says what scratch space is about to be taken, if any.
-    pub fn announce(&self, what: &str, bytes: u64, progress: &dyn Progress) {
+    pub fn announce(&self, what: &str, bytes: u64, context: &Context<'_>) {
         if let Storage::Disk(folder) = self {
-            progress.message(&format!("scratch file for {what}: {bytes} bytes in {}", folder.display()));
+            context.message(&format!("scratch file for {what}: {bytes} bytes in {}", folder.display()));
         }
     }
 

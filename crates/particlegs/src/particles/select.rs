@@ -9,10 +9,10 @@ use super::images::NearestImages;
 use super::scratch::ColumnBuffer;
 use super::storage::CHUNK;
 use super::{ChunkBuffer, Particles, SnapshotMeta, Storage, Tiling};
+use crate::context::Context;
 use crate::math::{Purpose, Random};
 use crate::model::Layer;
 use crate::parallel;
-use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
@@ -125,8 +125,8 @@ impl Particles {
     ///
     /// # Errors
     /// Those of [`SelectedParticles::new`]; [`Error::Memory`], [`Error::Io`] where `storage` has no room.
-    pub fn select(&self, selection: Selection, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
-        SelectedParticles::about(self.origin, self, Tiling::single(), selection, progress)?.collect(storage, progress)
+    pub fn select(&self, selection: Selection, storage: &Storage, context: &Context<'_>) -> Result<Particles> {
+        SelectedParticles::about(self.origin, self, Tiling::single(), selection, context)?.collect(storage, context)
     }
 }
 
@@ -158,16 +158,11 @@ impl<'a> SelectedParticles<'a> {
     /// # Errors
     /// [`Error::Argument`] where a sample is larger than what there is, or nothing is left;
     /// [`Error::Input`] where periodic images are wanted and there is no cell; [`Error::Cancelled`].
-    pub fn new(
-        particles: &'a Particles,
-        tiling: Tiling,
-        selection: Selection,
-        progress: &dyn Progress,
-    ) -> Result<Self> {
+    pub fn new(particles: &'a Particles, tiling: Tiling, selection: Selection, context: &Context<'_>) -> Result<Self> {
         let far = particles.bounds();
         let far = far.float32_origin(far.default_radius(particles.len() as u64));
         let origin = each_axis(|k| if far[k] == 0.0 { 0.0 } else { particles.origin[k] });
-        Self::about(origin, particles, tiling, selection, progress)
+        Self::about(origin, particles, tiling, selection, context)
     }
 
     /// With the fields of each layer, read where they are written.
@@ -202,7 +197,7 @@ impl<'a> SelectedParticles<'a> {
         particles: &'a Particles,
         tiling: Tiling,
         selection: Selection,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Self> {
         if selection.every == 0 {
             return Err(Error::argument("keeping every 0th particle keeps none; 1 keeps all"));
@@ -234,24 +229,24 @@ impl<'a> SelectedParticles<'a> {
             last_key,
             first,
         };
-        kept.count(progress)?;
+        kept.count(context)?;
         Ok(kept)
     }
 
-    fn count(&mut self, progress: &dyn Progress) -> Result<()> {
+    fn count(&mut self, context: &Context<'_>) -> Result<()> {
         if self.selection.crop.is_some() {
-            self.cropped_before = running_sums(self.map_runs(progress, |id, run| {
+            self.cropped_before = running_sums(self.map_runs(context, |id, run| {
                 self.fill(id, run)?;
                 Ok(self.inside(run).count() as u64)
             })?);
         }
         if let Some(wanted) = self.selection.sample {
-            self.last_key = self.draw(wanted, progress)?;
+            self.last_key = self.draw(wanted, context)?;
         }
         self.first = if self.selection.is_all() {
             running_sums((0..self.runs()).map(|id| self.range(id).len() as u64).collect())
         } else {
-            running_sums(self.map_runs(progress, |id, run| {
+            running_sums(self.map_runs(context, |id, run| {
                 self.keep(id, run)?;
                 Ok(run.kept.len() as u64)
             })?)
@@ -317,9 +312,9 @@ impl<'a> SelectedParticles<'a> {
     }
 
     /// What is kept, in columns.
-    fn collect(&self, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
+    fn collect(&self, storage: &Storage, context: &Context<'_>) -> Result<Particles> {
         let columns = if self.weighted() { 4 } else { 3 };
-        storage.announce("the particles chosen", 4 * columns as u64 * self.total(), progress);
+        storage.announce("the particles chosen", 4 * columns as u64 * self.total(), context);
         let mut values = storage.columns("the particles chosen", columns, self.total() as usize)?;
         let mut places: Vec<Vec<&mut [f32]>> = (0..self.runs()).map(|_| Vec::new()).collect();
         for column in &mut values {
@@ -331,7 +326,7 @@ impl<'a> SelectedParticles<'a> {
             }
         }
         let places: Vec<_> = places.into_iter().map(Mutex::new).collect();
-        self.for_each_run(progress, &|id, run| {
+        self.for_each_run(context, &|id, run| {
             let mut place = places[id as usize].lock().unwrap_or_else(|e| e.into_inner());
             place.iter_mut().zip(&run.columns).for_each(|(to, from)| to.copy_from_slice(from));
             Ok(())
@@ -347,10 +342,10 @@ impl<'a> SelectedParticles<'a> {
     /// Those of [`SelectedParticles::load`] and `each`; [`Error::Cancelled`].
     pub fn for_each_run(
         &self,
-        progress: &dyn Progress,
+        context: &Context<'_>,
         each: &(dyn Fn(u64, &mut Run) -> Result<()> + Sync),
     ) -> Result<()> {
-        self.map_runs(progress, |id, run| {
+        self.map_runs(context, |id, run| {
             self.load(id, run)?;
             each(id, run)
         })
@@ -486,10 +481,10 @@ impl<'a> SelectedParticles<'a> {
 
     /// The largest of the `wanted` smallest keys: a histogram of their leading bits, then an exact
     /// look at the one bin in which it lies. `None` where all are wanted.
-    fn draw(&self, wanted: u64, progress: &dyn Progress) -> Result<Option<Key>> {
+    fn draw(&self, wanted: u64, context: &Context<'_>) -> Result<Option<Key>> {
         const SHIFT: u32 = 64 - 16;
         let bins: Vec<AtomicU64> = (0..1 << 16).map(|_| AtomicU64::new(0)).collect();
-        self.map_runs(progress, |id, run| {
+        self.map_runs(context, |id, run| {
             self.thin(id, run)?;
             let keys = self.keys(id);
             for &i in &run.kept {
@@ -511,7 +506,7 @@ impl<'a> SelectedParticles<'a> {
             here
         });
         let bin = bin.unwrap_or(histogram.len() - 1) as u64;
-        let parts: Vec<Vec<Key>> = self.map_runs(progress, |id, run| {
+        let parts: Vec<Vec<Key>> = self.map_runs(context, |id, run| {
             self.thin(id, run)?;
             let keys = self.keys(id);
             let own = run.kept.iter().map(|&i| (keys[i as usize], id, i));
@@ -528,12 +523,12 @@ impl<'a> SelectedParticles<'a> {
     /// Those of `of`; [`Error::Cancelled`].
     pub fn map_runs<R: Send>(
         &self,
-        progress: &dyn Progress,
+        context: &Context<'_>,
         of: impl Fn(u64, &mut Run) -> Result<R> + Sync,
     ) -> Result<Vec<R>> {
         let scratch = parallel::Scratch::<Run>::default();
         parallel::try_map(0..self.runs(), |id| {
-            progress.check()?;
+            context.check()?;
             scratch.with(|run| of(id, run))
         })
     }

@@ -2,8 +2,8 @@
 
 use super::{Column, Particles, Positions, SnapshotMeta};
 use crate::Result;
+use crate::context::Context;
 use crate::parallel;
-use crate::progress::{Progress, Silent};
 use std::ops::Range;
 use std::sync::Mutex;
 
@@ -66,7 +66,7 @@ pub trait SnapshotReader: Send + Sync {
     fn read(
         &self,
         runs: Range<u64>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()>;
     /// Hands over the positions of every run of `runs` in order, as f64 about 0, to as many digits as the source has.
@@ -77,7 +77,7 @@ pub trait SnapshotReader: Send + Sync {
         let origin = self.origin();
         for run in runs {
             let wide = Mutex::new(<[Vec<f64>; 3]>::default());
-            self.read(run..run + 1, &Silent, &|_, chunk| {
+            self.read(run..run + 1, &Context::SILENT, &|_, chunk| {
                 let position = |k: usize| chunk.position[k].iter().map(|&v| origin[k] + f64::from(v)).collect();
                 *wide.lock().unwrap_or_else(|e| e.into_inner()) = [0, 1, 2].map(position);
                 Ok(())
@@ -118,16 +118,16 @@ impl SnapshotReader for Particles {
     fn read(
         &self,
         runs: Range<u64>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()> {
         let buffers = parallel::Scratch::<ChunkBuffer>::default();
         parallel::try_for_each(runs, |run| {
-            progress.check()?;
+            context.check()?;
             let start = run as usize * RUN;
             buffers.with(|buffer| {
                 let chunk = self.chunk(start..self.len().min(start + RUN), buffer);
-                progress.advance(chunk.len() as u64);
+                context.advance(chunk.len() as u64);
                 sink(run, chunk)
             })
         })

@@ -2,9 +2,9 @@
 
 use super::scratch::ColumnBuffer;
 use super::{CHUNK, Particles, Storage};
+use crate::context::Context;
 use crate::model::UnitSystem;
 use crate::parallel;
-use crate::progress::Progress;
 use crate::{Error, Result};
 
 impl Particles {
@@ -14,9 +14,9 @@ impl Particles {
     /// # Errors
     /// [`Error::Input`] for units that cannot be converted, and for positions that float32 does not hold then;
     /// [`Error::Memory`], [`Error::Io`] where `storage` has no room.
-    pub fn in_units(mut self, to: &UnitSystem<'_>, storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
+    pub fn in_units(mut self, to: &UnitSystem<'_>, storage: &Storage, context: &Context<'_>) -> Result<Particles> {
         let (by, words) = self.meta.unit_system().conversion_of(&self.meta.name, to)?;
-        words.iter().for_each(|words| progress.message(&format!("note: {words}")));
+        words.iter().for_each(|words| context.message(&format!("note: {words}")));
         self.meta.units = self.meta.units.replaced(to.units);
         // Weights stay, and the mass of weight 1 is another.
         let weighted = self.weights().is_some() && by.mass != 1.0;
@@ -52,9 +52,9 @@ impl Particles {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::context::Context;
     use crate::model::{Mass, Units};
     use crate::particles::{Column, SnapshotMeta};
-    use crate::progress::Silent;
     use crate::space::Cell;
 
     #[test]
@@ -69,13 +69,13 @@ mod tests {
         };
         let to = Units::of(Some("kpc"), Some("Msun"), None);
         let to = UnitSystem { units: &to, scale_factor: None, hubble: None };
-        let moved = p.clone().in_units(&to, &Storage::Memory, &Silent).unwrap();
+        let moved = p.clone().in_units(&to, &Storage::Memory, &Context::SILENT).unwrap();
         assert_eq!((moved.position(0), moved.position(1)), ([11e3, 500.0, 3e3], [12e3, 4e3, 8e3]));
         assert_eq!(moved.meta.cell, Some(Cell::orthogonal([20e3; 3])));
         assert_eq!(moved.meta.units, Units::of(Some("kpc"), Some("Msun"), Some(true)));
         assert_eq!((moved.layers()[0].mass, moved.meta.particle_mass), (Mass::Weights(Some(1e10)), Some(1e10)));
         let tiny = Units::of(Some("1e-40 m"), None, None);
         let tiny = UnitSystem { units: &tiny, ..to };
-        assert!(p.in_units(&tiny, &Storage::Memory, &Silent).is_err());
+        assert!(p.in_units(&tiny, &Storage::Memory, &Context::SILENT).is_err());
     }
 }

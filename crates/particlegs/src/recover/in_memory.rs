@@ -5,10 +5,10 @@ use super::job::{meta_of, origin_of};
 use super::plan::RecoveryPlan;
 use super::{Method, Options};
 use crate::Result;
+use crate::context::Context;
 use crate::model::{Mass, Model};
 use crate::parallel;
 use crate::particles::{Column, Particles, Positions, Run, SnapshotMeta};
-use crate::progress::Progress;
 use particlegs_files::memory::require;
 
 /// Runs drawn at once: bounds what is held beside the particles.
@@ -20,7 +20,7 @@ impl Options {
     ///
     /// # Errors
     /// As [`super::recover`], but for those of files.
-    pub fn draw(&self, model: Model, progress: &dyn Progress) -> Result<Particles> {
+    pub fn draw(&self, model: Model, context: &Context<'_>) -> Result<Particles> {
         self.check()?;
         let metadata = model.metadata.clone();
         let origin = origin_of(&metadata);
@@ -28,8 +28,8 @@ impl Options {
         let local = model.metadata.clone();
         let plan = RecoveryPlan::new(model, self.particles, self.method)?;
         require("drawn particles", plan.total.saturating_mul(16))?;
-        let rules = DrawRules::new(self.method, self.scale, self.seed, &local, &plan, progress.simd());
-        let [x, y, z, w] = columns(&plan, &rules, plan.weighted(), &|_| 1.0, progress)?;
+        let rules = DrawRules::new(self.method, self.scale, self.seed, &local, &plan, context.simd());
+        let [x, y, z, w] = columns(&plan, &rules, plan.weighted(), &|_| 1.0, context)?;
         let layers = plan.described();
         let meta = meta_of(&metadata, &layers);
         let drawn = Particles::new(Positions::Columns([x, y, z].map(Column::owned)), origin, meta);
@@ -46,14 +46,14 @@ pub(crate) fn draw(
     seed: u64,
     origin: [f64; 3],
     weighted: bool,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Particles> {
     require("drawn particles", model.metadata.count.saturating_mul(16))?;
     let moved = moved(model.clone(), origin);
     let (metadata, plan) = (moved.metadata.clone(), RecoveryPlan::new(moved, None, Method::Count)?);
-    let mut rules = DrawRules::new(Method::Count, 1.0, seed, &metadata, &plan, progress.simd());
+    let mut rules = DrawRules::new(Method::Count, 1.0, seed, &metadata, &plan, context.simd());
     rules.weighted = weighted;
-    let [x, y, z, w] = columns(&plan, &rules, weighted, &|mass| mass.unit_or_one(), progress)?;
+    let [x, y, z, w] = columns(&plan, &rules, weighted, &|mass| mass.unit_or_one(), context)?;
     let meta = SnapshotMeta { cell: model.metadata.cell, ..SnapshotMeta::default() };
     let drawn = Particles::new(Positions::Columns([x, y, z].map(Column::owned)), origin, meta);
     Ok(if weighted { drawn.with_weights(Column::owned(w)) } else { drawn })
@@ -65,27 +65,27 @@ fn columns(
     rules: &DrawRules,
     weighted: bool,
     unit: &(dyn Fn(Mass) -> f64 + Sync),
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<[Vec<f32>; 4]> {
     let mut columns = [0, 1, 2, 3].map(|k| Vec::with_capacity(if k < 3 || weighted { plan.total as usize } else { 0 }));
-    progress.begin("drawing particles", plan.total);
+    context.begin("drawing particles", plan.total);
     let spaces = parallel::Scratch::<DrawScratch>::default();
     for first in (0..plan.runs()).step_by(BATCH as usize) {
         let runs = parallel::try_map(first..plan.runs().min(first + BATCH), |id| {
-            progress.check()?;
+            context.check()?;
             let (layer, number, range) = plan.run(id);
             let mut run = Run::default();
             spaces.with(|scratch| rules.fill(layer, number, range, scratch, &mut run))?;
             let unit = unit(layer.layer.mass) as f32;
             run.columns[3].iter_mut().for_each(|w| *w *= unit);
-            progress.advance(run.columns[0].len() as u64);
+            context.advance(run.columns[0].len() as u64);
             Ok(run.columns)
         })?;
         for run in &runs {
             columns.iter_mut().zip(run).for_each(|(all, part)| all.extend_from_slice(part));
         }
     }
-    progress.end();
+    context.end();
     Ok(columns)
 }
 
@@ -109,13 +109,13 @@ mod tests {
     use super::super::plan::tests::model;
     use super::super::recover;
     use super::*;
+    use crate::context::Context;
     use crate::particles::RawForm;
-    use crate::progress::Silent;
 
     #[test]
     fn these_are_the_particles_that_are_written() {
         let m = model(&[("dm", &[(100_000, None), (7, None)]), ("gas", &[(300, None)])]);
-        let drawn = draw(&m, 5, [0.0; 3], false, &Silent).unwrap();
+        let drawn = draw(&m, 5, [0.0; 3], false, &Context::SILENT).unwrap();
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out");
         let options = Options {
@@ -126,10 +126,10 @@ mod tests {
             form: RawForm::Columns,
             model_name: "m.pgs".into(),
         };
-        recover(m.clone(), [0; 32], &options, &out, &Silent).unwrap();
+        recover(m.clone(), [0; 32], &options, &out, &Context::SILENT).unwrap();
         let written = Particles::open_raw(&["xx.f32", "yy.f32", "zz.f32"].map(|n| out.join(n))).unwrap();
         assert_eq!(drawn.len(), 100_307);
-        let whole = options.draw(m.clone(), &Silent).unwrap();
+        let whole = options.draw(m.clone(), &Context::SILENT).unwrap();
         assert!((0..drawn.len()).all(|i| whole.position(i) == written.position(i)));
         assert_eq!(
             whole.layers().iter().map(|l| l.content.clone()).collect::<Vec<_>>(),
@@ -137,7 +137,7 @@ mod tests {
         );
         assert!((0..drawn.len()).all(|i| drawn.position(i) == written.position(i)) && drawn.weights().is_none());
         // About an origin far away they are the same, but for rounding.
-        let far = draw(&m, 5, [-1000.0, 0.0, 500.0], false, &Silent).unwrap();
+        let far = draw(&m, 5, [-1000.0, 0.0, 500.0], false, &Context::SILENT).unwrap();
         let off = |i: usize| (0..3).map(|k| (far.position(i)[k] - drawn.position(i)[k]).abs()).fold(0.0, f64::max);
         // Two points on both sides of the seam are the same place.
         assert!((0..drawn.len()).all(|i| off(i) < 1e-3 || off(i) > 9.99));
@@ -146,7 +146,7 @@ mod tests {
     #[test]
     fn weights_are_masses() {
         let m = model(&[("dm", &[(100, None)]), ("gas", &[(50, Some(25.0))])]);
-        let drawn = draw(&m, 5, [0.0; 3], true, &Silent).unwrap();
+        let drawn = draw(&m, 5, [0.0; 3], true, &Context::SILENT).unwrap();
         let w = drawn.weights().unwrap();
         assert_eq!((w.len(), w[0], w[149]), (150, 2.0, 0.5));
     }

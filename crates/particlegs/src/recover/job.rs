@@ -5,10 +5,10 @@ use super::draw::{DrawRules, DrawScratch};
 use super::in_memory::moved;
 use super::notes::notes;
 use super::plan::RecoveryPlan;
+use crate::context::Context;
 use crate::model::{Layer, Metadata, Model};
 use crate::parallel;
 use crate::particles::{Particles, RUN, RawForm, Run, SnapshotDescription, SnapshotMeta, SnapshotWriter};
-use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_own};
 use particlegs_files::memory::require;
@@ -95,7 +95,7 @@ pub fn recover(
     model_hash: [u8; 32],
     options: &Options,
     out: &Path,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<u64> {
     options.check()?;
     require("drawing", (parallel::threads() * RUN * BYTES_A_DRAW + model.gaussians() * 8) as u64)?;
@@ -105,20 +105,20 @@ pub fn recover(
     let local = model.metadata.clone();
     let plan = RecoveryPlan::new(model, options.particles, options.method)?;
     let weighted = plan.weighted();
-    let rules = DrawRules::new(options.method, options.scale, options.seed, &local, &plan, progress.simd());
+    let rules = DrawRules::new(options.method, options.scale, options.seed, &local, &plan, context.simd());
     let writer = SnapshotWriter::create(out, options.form, plan.total, weighted, origin)?;
     let bytes = writer.particle_bytes(weighted) * plan.total;
-    progress.begin("drawing particles", plan.total);
+    context.begin("drawing particles", plan.total);
     let spaces = parallel::Scratch::<(DrawScratch, Run, Vec<_>)>::default();
     parallel::try_for_each(0..plan.runs(), |id| {
-        progress.check()?;
+        context.check()?;
         let (layer, number, range) = plan.run(id);
         let (first, count) = (layer.first + range.start, range.end - range.start);
         spaces.with(|(scratch, run, triples)| {
             rules.fill(layer, number, range, scratch, run)?;
             writer.write(first, run, triples)
         })?;
-        progress.advance(count);
+        context.advance(count);
         Ok::<_, Error>(())
     })?;
     let layers = plan.described();
@@ -130,7 +130,7 @@ pub fn recover(
         order: "layer by layer, Gaussian by Gaussian",
         notes: notes(&metadata, certificate.as_ref(), model_hash, options, plan.total),
     })?;
-    progress.end();
+    context.end();
     Ok(bytes)
 }
 
@@ -168,9 +168,9 @@ const BYTES_A_DRAW: usize = 8 * 7 + 4 * 7;
 mod tests {
     use super::super::plan::tests::model;
     use super::*;
+    use crate::context::Context;
     use crate::model::Mass;
     use crate::particles::Particles;
-    use crate::progress::Silent;
     use particlegs_core::math::each_axis;
 
     fn options(method: Method) -> Options {
@@ -181,7 +181,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out");
         let number = options.total(&model);
-        let made = recover(model, [0; 32], options, &out, &Silent);
+        let made = recover(model, [0; 32], options, &out, &Context::SILENT);
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), usize::from(made.is_ok()));
         let bytes = made?;
         let p = Particles::open_raw(
@@ -264,14 +264,17 @@ mod tests {
         far.metadata.default_radius = 1e-3;
         far.layers[0].content[0].gaussians.cov.iter_mut().for_each(|c| c[0] *= 1e-4);
         let spread = |p: &Particles| moments(p).1[0].sqrt();
-        let expected = spread(&options(Method::Count).draw(far.clone(), &Silent).unwrap());
+        let expected = spread(&options(Method::Count).draw(far.clone(), &Context::SILENT).unwrap());
         let p = drawn(far.clone(), &options(Method::Count)).unwrap();
         assert!(p.origin != [0.0; 3] && (spread(&p) / 0.002 - 1.0).abs() < 0.05, "{:?} {}", p.origin, spread(&p));
         assert_eq!(spread(&p), expected);
         // One file of triples has no place for an origin: it has float64.
         let dir = tempfile::tempdir().unwrap();
         let npy = Options { form: RawForm::NpyFolder, ..options(Method::Count) };
-        assert_eq!(recover(far.clone(), [0; 32], &npy, &dir.path().join("out"), &Silent).unwrap(), 24 * 20_000);
+        assert_eq!(
+            recover(far.clone(), [0; 32], &npy, &dir.path().join("out"), &Context::SILENT).unwrap(),
+            24 * 20_000
+        );
         let bytes = std::fs::read(dir.path().join("out/positions.npy")).unwrap();
         let first = f64::from_le_bytes(bytes[NPY_HEADER as usize..][..8].try_into().unwrap());
         assert_eq!(first, p.position(0)[0]);

@@ -3,8 +3,8 @@
 //! machine and instruction set gets the same bits; no table, no branch, so that compilers make
 //! vectors of it.
 
+use crate::context::Level;
 use crate::math::Random;
-use crate::progress::Level;
 
 /// Draws with their scratch space.
 #[derive(Default)]

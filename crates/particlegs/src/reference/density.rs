@@ -2,10 +2,10 @@
 
 use crate::Result;
 use crate::camera::{CenteredCell, DensityView, Projection};
+use crate::context::Context;
 use crate::parallel;
 use crate::particles::{Chunk, ChunkBuffer, Particles};
 use crate::picture::{Plane, Size};
-use crate::progress::Progress;
 use crate::space::Bounds;
 use particlegs_core::math::each_axis;
 use particlegs_core::memory::filled;
@@ -102,17 +102,17 @@ pub(super) fn unsmoothed(
     bounds: &Bounds,
     view: &DensityView,
     size: Size,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Plane> {
     let sight = PointProjector::new(particles, view, size)?;
     let shifts = view.copies(size, bounds, 0.0)?;
     let n = particles.len();
     require("a picture", 12 * size.pixels() as u64)?;
-    let mut sums = filled("a picture", 0.0f64, size.pixels(), progress)?;
-    progress.begin("surface density", n as u64);
+    let mut sums = filled("a picture", 0.0f64, size.pixels(), context)?;
+    context.begin("surface density", n as u64);
     let buffers = parallel::Scratch::<ChunkBuffer>::default();
     for round in (0..n).step_by(CHUNK * ROUND) {
-        progress.check()?;
+        context.check()?;
         let end = n.min(round + CHUNK * ROUND);
         let deposits: Vec<Deposits> = parallel::map((round..end).step_by(CHUNK), |start| {
             buffers.with(|buffer| sight.deposit(&particles.chunk(start..end.min(start + CHUNK), buffer), &shifts))
@@ -124,9 +124,9 @@ pub(super) fn unsmoothed(
                 }
             }
         });
-        progress.advance((end - round) as u64);
+        context.advance((end - round) as u64);
     }
-    progress.end();
+    context.end();
     Ok(Plane { size, data: sums.into_iter().map(|v| v as f32).collect() })
 }
 
@@ -151,8 +151,8 @@ impl PointProjector {
 mod tests {
     use super::*;
     use crate::camera::Window;
+    use crate::context::Context;
     use crate::math::Random;
-    use crate::progress::Silent;
     use crate::reference::Reference;
     use crate::space::Cell;
 
@@ -170,7 +170,7 @@ mod tests {
                 DensityView::orthographic("v", &window, size, &bounds, cell).unwrap()
             };
             let mass = |depth| {
-                let plane = Reference::new(&particles).surface_density(&view(depth), size, &Silent).unwrap();
+                let plane = Reference::new(&particles).surface_density(&view(depth), size, &Context::SILENT).unwrap();
                 plane.data.iter().map(|v| f64::from(*v)).sum::<f64>() * (2.0f64 / 64.0).powi(2)
             };
             assert!((mass(None) - 5000.0).abs() < 5.0, "{}", mass(None));
@@ -208,7 +208,7 @@ mod tests {
                     let center = if cell.periodic[2] { center } else { extent.center };
                     let window = Window { center, angles_deg, width, depth: None };
                     let view = DensityView::orthographic("v", &window, size, &bounds, Some(cell)).unwrap();
-                    let plane = reference.surface_density(&view, size, &Silent).unwrap();
+                    let plane = reference.surface_density(&view, size, &Context::SILENT).unwrap();
                     let mass = plane.data.iter().map(|v| f64::from(*v)).sum::<f64>();
                     let count = mass * (width / size.width as f64).powi(2);
                     assert!((count / 1000.0 - 1.0).abs() < 1e-6, "{cell:?} {angles_deg:?}: {count}");

@@ -8,10 +8,10 @@ use super::bands::{BandSorter, BandedSplats};
 use super::deposit::{Depositor, PixelSplat, Profiles, SMALL_SIGMA};
 use super::project::{BLOCK, DIAGONAL_LIMIT, ProjectedBlock, Projector};
 use super::pyramid::{Pyramid, PyramidLevel};
+use crate::context::Context;
 use crate::parallel;
 use crate::particles::{CHUNK, Chunk, Particles};
 use crate::picture::{Plane, Size};
-use crate::progress::Progress;
 use crate::{Error, Result};
 use fearless_simd::{Simd, dispatch};
 
@@ -44,29 +44,29 @@ pub(super) fn optical_depth(
     size: Size,
     opacity: f64,
     direct: f64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Plane> {
-    let job = DepthJob::new(particles, projector, size, direct, progress);
+    let job = DepthJob::new(particles, projector, size, direct, context);
     let mut pyramid = Pyramid::new(size, job.deepest());
-    let (depositor, simd) = (Depositor::new(opacity), progress.simd());
+    let (depositor, simd) = (Depositor::new(opacity), context.simd());
     let chunks = particles.len().div_ceil(CHUNK);
     let steps = chunks + chunks.div_ceil(CHUNKS_AT_ONCE) * pyramid.bands();
-    progress.begin("noise-free picture", steps as u64);
+    context.begin("noise-free picture", steps as u64);
     let profiles = parallel::Scratch::<Profiles>::default();
     for first in (0..chunks).step_by(CHUNKS_AT_ONCE) {
         let sorted = job.sorted(first..chunks.min(first + CHUNKS_AT_ONCE), &pyramid)?;
         parallel::try_for_each(pyramid.bands_mut(), |(band, level, mut rows)| {
             for (small, chunk) in &sorted {
-                progress.check()?;
+                context.check()?;
                 depositor.add_small(small.band(band), &mut rows);
                 let splats = chunk.band(band).iter().map(|s| level.place(s));
                 profiles.with(|profiles| depositor.add(simd, splats, &mut rows, profiles));
             }
-            progress.advance(1);
+            context.advance(1);
             Ok(())
         })?;
     }
-    progress.end();
+    context.end();
     Ok(pyramid.collapse())
 }
 
@@ -74,7 +74,7 @@ struct DepthJob<'a> {
     particles: &'a Particles,
     projector: &'a Projector,
     size: Size,
-    progress: &'a dyn Progress,
+    context: &'a Context<'a>,
     /// Plane that splats with a deviation of `2^octave` pixels go to.
     level: [u8; OCTAVES],
 }
@@ -85,9 +85,9 @@ impl<'a> DepthJob<'a> {
         projector: &'a Projector,
         size: Size,
         direct: f64,
-        progress: &'a dyn Progress,
+        context: &'a Context<'a>,
     ) -> Self {
-        let mut job = DepthJob { particles, projector, size, progress, level: [0; OCTAVES] };
+        let mut job = DepthJob { particles, projector, size, context, level: [0; OCTAVES] };
         for (octave, cover) in job.cover_by_octave().into_iter().enumerate() {
             if cover > direct {
                 let excess = octave as i32 + 1 - LARGE_SIGMA.log2() as i32;
@@ -123,7 +123,7 @@ impl<'a> DepthJob<'a> {
         let n = self.particles.len();
         let buffers = parallel::Scratch::default();
         parallel::try_map(chunks, |c| {
-            self.progress.check()?;
+            self.context.check()?;
             buffers.with(|buffer| {
                 let chunk = self.particles.chunk(c * CHUNK..n.min((c + 1) * CHUNK), buffer);
                 let (mut small, mut others) = (BandSorter::with_capacity(chunk.len()), BandSorter::default());
@@ -138,7 +138,7 @@ impl<'a> DepthJob<'a> {
                         others.push(*splat, first, end);
                     }
                 });
-                self.progress.advance(1);
+                self.context.advance(1);
                 Ok::<_, Error>((small.sort(pyramid.bands()), others.sort(pyramid.bands())))
             })
         })
@@ -148,7 +148,7 @@ impl<'a> DepthJob<'a> {
     /// whether it is a small aligned one.
     fn for_splats(&self, chunk: Chunk<'_>, mut work: impl FnMut(&PixelSplat, bool)) {
         let (w, h) = (self.size.width as f32, self.size.height as f32);
-        let simd = self.progress.simd();
+        let simd = self.context.simd();
         let (mut block, mut screen) = (Box::new(ProjectedBlock::default()), Box::new(Screen::default()));
         for start in (0..chunk.len()).step_by(BLOCK) {
             let end = chunk.len().min(start + BLOCK);

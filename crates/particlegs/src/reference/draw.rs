@@ -5,9 +5,9 @@ use super::project::Projector;
 use super::{density, depth, paraview, smooth};
 use crate::Result;
 use crate::camera::{DensityView, View, clipping_range};
+use crate::context::Context;
 use crate::particles::{Domain, Particles, distances_to};
 use crate::picture::{Gray8, Plane, Size};
-use crate::progress::Progress;
 use crate::render::tone;
 use crate::space::Bounds;
 use crate::splat::ToneStyle;
@@ -50,9 +50,9 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// [`crate::Error::Argument`] where there are not so many other particles;
     /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
-    pub fn smoothed(self, neighbours: usize, progress: &dyn Progress) -> Result<Self> {
+    pub fn smoothed(self, neighbours: usize, context: &Context<'_>) -> Result<Self> {
         let domain = Domain::new(&self.bounds, self.particles.meta.cell.as_ref());
-        let radii = Some(distances_to(neighbours, self.particles, &domain, progress)?);
+        let radii = Some(distances_to(neighbours, self.particles, &domain, context)?);
         Ok(Reference { radii, ..self })
     }
 
@@ -65,10 +65,10 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// [`crate::Error::Argument`] for a window of thousands of boxes; [`crate::Error::Memory`],
     /// [`crate::Error::Cancelled`].
-    pub fn surface_density(&self, view: &DensityView, size: Size, progress: &dyn Progress) -> Result<Plane> {
+    pub fn surface_density(&self, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane> {
         match &self.radii {
-            None => density::unsmoothed(self.particles, &self.bounds, view, size, progress),
-            Some(radii) => smooth::smoothed(self.particles, &self.bounds, radii, view, size, progress),
+            None => density::unsmoothed(self.particles, &self.bounds, view, size, context),
+            Some(radii) => smooth::smoothed(self.particles, &self.bounds, radii, view, size, context),
         }
     }
 
@@ -88,11 +88,11 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// [`crate::Error::Argument`] for a view out of range or not in perspective;
     /// [`crate::Error::Cancelled`] where the caller stops.
-    pub fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
+    pub fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
         match look {
-            ToneStyle::Expected => self.response(view, size, look, progress),
-            ToneStyle::ParaviewNoFxaa => self.exact(view, size, progress),
-            ToneStyle::Paraview => Ok(fxaa(&self.exact(view, size, progress)?)),
+            ToneStyle::Expected => self.response(view, size, look, context),
+            ToneStyle::ParaviewNoFxaa => self.exact(view, size, context),
+            ToneStyle::Paraview => Ok(fxaa(&self.exact(view, size, context)?)),
         }
     }
 
@@ -101,8 +101,8 @@ impl<'a> Reference<'a> {
     ///
     /// # Errors
     /// As [`Reference::draw`].
-    pub fn response(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
-        let tau = self.optical_depth(view, size, progress)?;
+    pub fn response(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        let tau = self.optical_depth(view, size, context)?;
         Ok(tone(&tau, look, view.opacity, view.radius_pixels(size)))
     }
 
@@ -111,8 +111,8 @@ impl<'a> Reference<'a> {
     ///
     /// # Errors
     /// As [`Reference::draw`].
-    pub fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
-        self.optical_depth_within(view, size, depth::direct_deposits(size, view.opacity), progress)
+    pub fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
+        self.optical_depth_within(view, size, depth::direct_deposits(size, view.opacity), context)
     }
 
     /// With a limit of our own on direct deposits.
@@ -121,19 +121,19 @@ impl<'a> Reference<'a> {
         view: &View,
         size: Size,
         direct: f64,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Plane> {
         let projector = self.projector(view, size)?;
         // Planes of halved resolution, and what a look takes beside the finest.
         require("a picture", 10 * size.pixels() as u64)?;
-        depth::optical_depth(self.particles, &projector, size, view.opacity, direct, progress)
+        depth::optical_depth(self.particles, &projector, size, view.opacity, direct, context)
     }
 
-    fn exact(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Gray8> {
+    fn exact(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Gray8> {
         let projector = self.projector(view, size)?;
         // The picture upside down, turned, and smoothed.
         require("a picture", 3 * size.pixels() as u64)?;
-        paraview::draw(self.particles, &projector, size, view.opacity as f32, self.budget, progress)
+        paraview::draw(self.particles, &projector, size, view.opacity as f32, self.budget, context)
     }
 
     fn projector(&self, view: &View, size: Size) -> Result<Projector> {
@@ -163,11 +163,11 @@ impl crate::train::TrainingSubject for Reference<'_> {
         self.bounds
     }
 
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
-        Reference::draw(self, view, size, look, progress)
+    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        Reference::draw(self, view, size, look, context)
     }
 
-    fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
-        Reference::optical_depth(self, view, size, progress)
+    fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
+        Reference::optical_depth(self, view, size, context)
     }
 }

@@ -5,10 +5,10 @@ use super::bands::{BandSorter, BandedSplats};
 use super::blend::blend;
 use super::project::{BLOCK, DIAGONAL_LIMIT, NdcSplat, ProjectedBlock, Projector};
 use super::quad::{Quad, first_pixel, snap};
+use crate::context::Context;
 use crate::parallel;
 use crate::particles::{CHUNK, Chunk, Particles};
 use crate::picture::{Gray8, Size};
-use crate::progress::Progress;
 use crate::splat::{CUT_SIGMA, PEELS};
 use crate::{Error, Result};
 use fearless_simd::{Simd, dispatch};
@@ -35,9 +35,9 @@ pub(super) fn draw(
     size: Size,
     opacity: f32,
     budget: u64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Gray8> {
-    let scene = ParaviewScene { particles, projector, size, opacity, budget, progress };
+    let scene = ParaviewScene { particles, projector, size, opacity, budget, context };
     let (picture, wrote) = scene.render(PEELS, true)?;
     // VTK stops once a whole peel writes no back layer anywhere, and blends no rest then: only in
     // nearly empty or nearly transparent pictures, which are drawn again with fewer peels.
@@ -54,7 +54,7 @@ struct ParaviewScene<'a> {
     opacity: f32,
     /// Bytes of splats held at a time.
     budget: u64,
-    progress: &'a dyn Progress,
+    context: &'a Context<'a>,
 }
 
 #[derive(Default)]
@@ -92,7 +92,7 @@ impl ParaviewScene<'_> {
         let mut wrote = 0;
         let groups = self.groups();
         let chunks = self.particles.len().div_ceil(CHUNK);
-        self.progress.begin("ParaView's picture", (groups.len() * chunks + self.bands()) as u64);
+        self.context.begin("ParaView's picture", (groups.len() * chunks + self.bands()) as u64);
         let spaces = parallel::Scratch::<FragmentScratch>::default();
         for group in groups {
             let chunks = self.sorted(group.clone())?;
@@ -101,12 +101,12 @@ impl ParaviewScene<'_> {
             let parts = parallel::try_map(bands, |(number, out)| {
                 let band = PictureBand { chunks: &chunks, number, first_row: (group.start + number) * BAND_ROWS };
                 let wrote = spaces.with(|scratch| self.draw_band(&band, out, scratch, peels, rest))?;
-                self.progress.advance(1);
+                self.context.advance(1);
                 Ok::<u8, Error>(wrote)
             })?;
             wrote = parts.into_iter().fold(wrote, |all, part| all | part);
         }
-        self.progress.end();
+        self.context.end();
         let mut data = Vec::with_capacity(upward.len());
         upward.chunks_exact(width).rev().for_each(|row| data.extend_from_slice(row));
         Ok((Gray8 { size: self.size, data }, wrote))
@@ -157,10 +157,10 @@ impl ParaviewScene<'_> {
     /// The splats that reach a group's bands, by chunk of particles and band.
     fn sorted(&self, group: Range<usize>) -> Result<Vec<BandedSplats<NdcSplat>>> {
         let parts = self.particles.par_chunks(|_, chunk| {
-            self.progress.check()?;
+            self.context.check()?;
             let mut sorter = BandSorter::default();
             self.cull(chunk, group.clone(), &mut sorter);
-            self.progress.advance(1);
+            self.context.advance(1);
             Ok::<_, Error>(sorter.sort(group.len()))
         });
         parts.into_iter().collect()
@@ -170,7 +170,7 @@ impl ParaviewScene<'_> {
     fn cull(&self, chunk: Chunk<'_>, group: Range<usize>, sorter: &mut BandSorter<NdcSplat>) {
         let mut block = Box::new(ProjectedBlock::default());
         let mut keep = [0u8; BLOCK];
-        let simd = self.progress.simd();
+        let simd = self.context.simd();
         for start in (0..chunk.len()).step_by(BLOCK) {
             let end = chunk.len().min(start + BLOCK);
             let n = end - start;
@@ -207,7 +207,7 @@ impl ParaviewScene<'_> {
         scratch.first.resize(out.len() + 1, 0);
         for (i, splat) in band.splats().enumerate() {
             if i.is_multiple_of(CHECK) {
-                self.progress.check()?;
+                self.context.check()?;
             }
             let Some(quad) = Quad::new(splat, self.size) else { continue };
             for_rows(&quad, first_row, rows, |row, [from, to]| {
@@ -243,7 +243,7 @@ impl ParaviewScene<'_> {
                 },
             )?;
             for row in row..end {
-                self.progress.check()?;
+                self.context.check()?;
                 let pixels = row * width..(row + 1) * width;
                 let fragments = Fragments {
                     first: &scratch.first[pixels.start..=pixels.end],
@@ -270,19 +270,19 @@ impl ParaviewScene<'_> {
         let width = self.size.width;
         let rows = first.len() / width;
         let FragmentGather { next, depth, alpha, shapes } = into;
-        let simd = self.progress.simd();
+        let simd = self.context.simd();
         let total = (first[first.len() - 1] - first[0]) as usize;
         next.clear();
         next.extend(first.iter().map(|f| (f - first[0]) as usize));
         for column in [&mut *depth, &mut *alpha] {
             if column.capacity() < total {
-                *column = reserved("splats that cover most of the picture", total, self.progress)?;
+                *column = reserved("splats that cover most of the picture", total, self.context)?;
             }
             column.resize(total, 0.0);
         }
         for (i, splat) in splats.enumerate() {
             if i.is_multiple_of(CHECK) {
-                self.progress.check()?;
+                self.context.check()?;
             }
             let Some(quad) = Quad::new(splat, self.size) else { continue };
             if quad.rows[1] <= first_row as i32 || quad.rows[0] >= (first_row + rows) as i32 {

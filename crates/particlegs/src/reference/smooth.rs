@@ -8,10 +8,10 @@ use super::density::{PointProjector, ProjectedPoint};
 use super::kernel::{Disc, KernelTable, LARGEST, RowSums};
 use super::pyramid::Pyramid;
 use crate::camera::DensityView;
+use crate::context::Context;
 use crate::parallel;
 use crate::particles::{CHUNK, Chunk, Particles};
 use crate::picture::{Plane, Size};
-use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
 use crate::{Error, Result};
 use particlegs_files::memory::require;
@@ -32,11 +32,11 @@ pub(super) fn smoothed(
     radii: &[f32],
     view: &DensityView,
     size: Size,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Plane> {
     let largest = f64::from(radii.iter().copied().fold(0.0, f32::max));
     let tails = |cell: &Cell| cell.vectors.map(|v| 2.0 * largest / v.iter().map(|x| x * x).sum::<f64>().sqrt());
-    view.wrapped(size, tails, |view, size| drawn(particles, bounds, (radii, largest), view, size, progress))
+    view.wrapped(size, tails, |view, size| drawn(particles, bounds, (radii, largest), view, size, context))
 }
 
 fn drawn(
@@ -45,7 +45,7 @@ fn drawn(
     (radii, largest): (&[f32], f64),
     view: &DensityView,
     size: Size,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Plane> {
     let sight = PointProjector::new(particles, view, size)?;
     let shifts = view.copies(size, bounds, largest)?;
@@ -57,14 +57,14 @@ fn drawn(
     let discs = Discs { particles, radii, sight, size };
     let kernel = KernelTable::new();
     let rounds = chunks.div_ceil(CHUNKS_AT_ONCE);
-    progress.begin("surface density", (shifts.len() * (chunks + rounds * pyramid.bands())) as u64);
+    context.begin("surface density", (shifts.len() * (chunks + rounds * pyramid.bands())) as u64);
     for shift in &shifts {
         for first in (0..chunks).step_by(CHUNKS_AT_ONCE) {
-            let sorted = discs.sorted(first..chunks.min(first + CHUNKS_AT_ONCE), shift, &pyramid, progress)?;
-            add(&kernel, &sorted, &mut pyramid, progress)?;
+            let sorted = discs.sorted(first..chunks.min(first + CHUNKS_AT_ONCE), shift, &pyramid, context)?;
+            add(&kernel, &sorted, &mut pyramid, context)?;
         }
     }
-    progress.end();
+    context.end();
     Ok(pyramid.collapse())
 }
 
@@ -73,7 +73,7 @@ fn add(
     kernel: &KernelTable,
     sorted: &[BandedSplats<Disc>],
     pyramid: &mut Pyramid,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<()> {
     let scratch = parallel::Scratch::<Vec<f64>>::default();
     parallel::try_for_each(pyramid.bands_mut(), |(band, _, rows)| {
@@ -82,13 +82,13 @@ fn add(
             data.extend(rows.data.iter().map(|v| f64::from(*v)));
             let mut sums = RowSums { data, width: rows.width, corner: rows.corner };
             for chunk in sorted {
-                progress.check()?;
+                context.check()?;
                 chunk.band(band).iter().for_each(|disc| kernel.add(disc, &mut sums));
             }
             rows.data.iter_mut().zip(sums.data).for_each(|(to, sum)| *to = *sum as f32);
             Ok::<_, Error>(())
         })?;
-        progress.advance(1);
+        context.advance(1);
         Ok(())
     })
 }
@@ -108,16 +108,16 @@ impl Discs<'_> {
         chunks: Range<usize>,
         shift: &[f64; 3],
         pyramid: &Pyramid,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Vec<BandedSplats<Disc>>> {
         let n = self.particles.len();
         let buffers = parallel::Scratch::default();
         parallel::try_map(chunks, |c| {
-            progress.check()?;
+            context.check()?;
             let range = c * CHUNK..n.min((c + 1) * CHUNK);
             let radii = &self.radii[range.clone()];
             let sorted = buffers.with(|buffer| self.sort(&self.particles.chunk(range, buffer), radii, shift, pyramid));
-            progress.advance(1);
+            context.advance(1);
             Ok::<_, Error>(sorted)
         })
     }
@@ -152,10 +152,10 @@ fn level(radius: f64) -> Option<i32> {
 mod tests {
     use super::super::kernel::projected;
     use crate::camera::{DensityView, Images, Window, base_distance, spherical_camera};
+    use crate::context::Context;
     use crate::math::Random;
     use crate::particles::Particles;
     use crate::picture::{Plane, Size};
-    use crate::progress::{Progress, Silent};
     use crate::reference::Reference;
     use crate::space::{Bounds, Cell};
     use crate::{Error, Result};
@@ -181,8 +181,8 @@ mod tests {
     }
 
     fn smoothed(particles: &Particles, neighbours: usize, view: &DensityView) -> Plane {
-        let reference = Reference::new(particles).smoothed(neighbours, &Silent).unwrap();
-        reference.surface_density(view, SIZE, &Silent).unwrap()
+        let reference = Reference::new(particles).smoothed(neighbours, &Context::SILENT).unwrap();
+        reference.surface_density(view, SIZE, &Context::SILENT).unwrap()
     }
 
     fn mass(plane: &Plane, pixel: f64) -> f64 {
@@ -208,10 +208,10 @@ mod tests {
         // Weights count, and centres alone say what is in a slab.
         let slab = |reference: Reference| {
             let view = window([1.0; 3], 2.0, Some(1.0), particles.meta.cell);
-            mass(&reference.surface_density(&view, SIZE, &Silent).unwrap(), 2.0 / 64.0)
+            mass(&reference.surface_density(&view, SIZE, &Context::SILENT).unwrap(), 2.0 / 64.0)
         };
         let reference = || Reference::new(&particles);
-        let off = slab(reference().smoothed(16, &Silent).unwrap()) / slab(reference()) - 1.0;
+        let off = slab(reference().smoothed(16, &Context::SILENT).unwrap()) / slab(reference()) - 1.0;
         assert!(off.abs() < 1e-5, "{off}");
     }
 
@@ -225,7 +225,7 @@ mod tests {
             (plane.data.iter().map(square).sum::<f64>() / plane.data.len() as f64).sqrt()
         };
         // Points: 4.9 a pixel. Kernels of n neighbours: some tens of n^(2/3) particles in each column.
-        let points = scatter(&Reference::new(&particles).surface_density(&view, SIZE, &Silent).unwrap());
+        let points = scatter(&Reference::new(&particles).surface_density(&view, SIZE, &Context::SILENT).unwrap());
         let [some, many] = [16, 128].map(|n| scatter(&smoothed(&particles, n, &view)));
         assert!((points - 0.45).abs() < 0.02 && some < 0.13 && many < 0.07, "{points} {some} {many}");
     }
@@ -236,9 +236,10 @@ mod tests {
         const PARTS: usize = 4;
         let particles = cloud(100, 0);
         for (neighbours, width, allowed) in [(4, 16.0, 0.02), (8, 5.0, 0.02), (8, 2.0, 0.02), (80, 2.0, 0.001)] {
-            let reference = Reference::new(&particles).smoothed(neighbours, &Silent).unwrap();
+            let reference = Reference::new(&particles).smoothed(neighbours, &Context::SILENT).unwrap();
             let radii = reference.radii.as_ref().unwrap();
-            let plane = reference.surface_density(&window([1.0; 3], width, None, None), SIZE, &Silent).unwrap();
+            let plane =
+                reference.surface_density(&window([1.0; 3], width, None, None), SIZE, &Context::SILENT).unwrap();
             let place = |k: usize| (k as f64 + 0.5) / PARTS as f64;
             let (mut worst, mut largest) = (0.0f64, 0.0f64);
             for (at, value) in plane.data.iter().enumerate() {
@@ -302,25 +303,17 @@ mod tests {
         }
     }
 
-    struct CancelledSmoothing;
-
-    impl Progress for CancelledSmoothing {
-        fn cancelled(&self) -> bool {
-            true
-        }
-    }
-
     #[test]
     fn what_cannot_be_done_is_an_error() {
-        let particles = cloud(100, 0);
+        let (particles, cancelled) = (cloud(100, 0), Context::SILENT.with_cancel(&|| true));
         let refused = |result: Result<Reference<'_>>| result.err().map(|e| e.to_string()).unwrap_or_default();
         for neighbours in [100, usize::MAX] {
-            let line = refused(Reference::new(&particles).smoothed(neighbours, &Silent));
+            let line = refused(Reference::new(&particles).smoothed(neighbours, &Context::SILENT));
             assert!(line.contains("there are 100") && !line.contains('\n'), "{line}");
         }
-        assert!(matches!(Reference::new(&particles).smoothed(9, &CancelledSmoothing), Err(Error::Cancelled)));
-        let smoothed = Reference::new(&particles).smoothed(9, &Silent).unwrap();
+        assert!(matches!(Reference::new(&particles).smoothed(9, &cancelled), Err(Error::Cancelled)));
+        let smoothed = Reference::new(&particles).smoothed(9, &Context::SILENT).unwrap();
         let view = window([1.0; 3], 2.0, None, None);
-        assert!(matches!(smoothed.surface_density(&view, SIZE, &CancelledSmoothing), Err(Error::Cancelled)));
+        assert!(matches!(smoothed.surface_density(&view, SIZE, &cancelled), Err(Error::Cancelled)));
     }
 }

@@ -2,10 +2,10 @@
 
 use super::{Reference, fxaa, twin};
 use crate::camera::{View, base_distance, clipping_range, spherical_camera};
+use crate::context::Context;
 use crate::math::Random;
 use crate::particles::Particles;
 use crate::picture::{Plane, Size};
-use crate::progress::{Progress, Scalar, Silent};
 use crate::splat::ToneStyle;
 
 const SIZE: Size = Size { width: 240, height: 136 };
@@ -41,7 +41,7 @@ fn largest_difference(a: &Plane, b: &Plane) -> f64 {
 
 fn against_twin(particles: &Particles, view: &View) -> f64 {
     let reference = Reference::new(particles);
-    let fast = reference.optical_depth(view, SIZE, &Silent).unwrap();
+    let fast = reference.optical_depth(view, SIZE, &Context::SILENT).unwrap();
     let range = clipping_range(reference.bounds(), &view.camera);
     largest_difference(&fast, &twin::optical_depth(particles, view, SIZE, range))
 }
@@ -84,8 +84,8 @@ fn coarse_planes_agree_with_full_resolution() {
         let particles = cube(n, 5);
         let reference = Reference::new(&particles);
         let view = view(&particles, distance, radius_px, 0.05);
-        let fine = reference.optical_depth_within(&view, SIZE, f64::INFINITY, &Silent).unwrap();
-        let coarse = reference.optical_depth_within(&view, SIZE, 0.0, &Silent).unwrap();
+        let fine = reference.optical_depth_within(&view, SIZE, f64::INFINITY, &Context::SILENT).unwrap();
+        let coarse = reference.optical_depth_within(&view, SIZE, 0.0, &Context::SILENT).unwrap();
         let d = largest_difference(&fine, &coarse);
         println!("coarse, n {n} r {radius_px} px: {d:.2e}");
         assert!(d < 2e-3, "n {n}, {radius_px} px: {d:.2e}");
@@ -98,15 +98,16 @@ fn threads_and_vectors_change_no_bit() {
     let reference = Reference::new(&particles);
     for (radius_px, distance) in [(0.2, 1.0), (3.0, 0.4)] {
         let view = view(&particles, distance, radius_px, 0.05);
-        let draw = |how: &dyn Progress| {
+        let draw = |how: &Context<'_>| {
             let tau = reference.optical_depth(&view, SIZE, how).unwrap();
             let exact = reference.draw(&view, SIZE, ToneStyle::Paraview, how).unwrap();
             (tau.data.iter().map(|t| t.to_bits()).collect::<Vec<_>>(), exact)
         };
-        let many = draw(&Silent);
-        let one = rayon_core::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| draw(&Silent));
+        let many = draw(&Context::SILENT);
+        let one =
+            rayon_core::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| draw(&Context::SILENT));
         assert!(many == one, "threads change the picture");
-        let plain = draw(&Scalar);
+        let plain = draw(&Context::scalar());
         assert!(many == plain, "vector instructions change the picture");
     }
 }
@@ -119,8 +120,8 @@ fn an_origin_moves_nothing() {
     let (a, b) = (Reference::new(&particles), Reference::new(&far));
     let (here, mut there) = (view(&particles, 1.0, 1.0, 0.05), view(&far, 1.0, 1.0, 0.05));
     there.radius = here.radius;
-    let x = a.optical_depth(&here, SIZE, &Silent).unwrap();
-    let y = b.optical_depth(&there, SIZE, &Silent).unwrap();
+    let x = a.optical_depth(&here, SIZE, &Context::SILENT).unwrap();
+    let y = b.optical_depth(&there, SIZE, &Context::SILENT).unwrap();
     assert!(largest_difference(&x, &y) < 1e-3);
 }
 
@@ -130,7 +131,7 @@ fn degenerate_snapshots_draw() {
         let v = view(&particles, 1.0, 2.0, 0.5);
         let reference = Reference::new(&particles);
         for look in ToneStyle::ALL {
-            assert!(reference.draw(&v, SIZE, look, &Silent).unwrap().data.iter().any(|&p| p > 0), "{look:?}");
+            assert!(reference.draw(&v, SIZE, look, &Context::SILENT).unwrap().data.iter().any(|&p| p > 0), "{look:?}");
         }
     }
 }

@@ -69,9 +69,9 @@ fn depth_inside(domain: &Domain, start: [f64; 3], direction: [f64; 3], range: [f
 mod tests {
     use super::*;
     use crate::camera::{base_distance, spherical_camera};
+    use crate::context::Context;
     use crate::math::Random;
     use crate::particles::Particles;
-    use crate::progress::Silent;
     use crate::reference::Reference;
     use crate::space::Bounds;
 
@@ -99,7 +99,7 @@ mod tests {
                 let sum: f64 = even.data.iter().map(|&v| f64::from(v)).sum();
                 worst = (sum / (200_000.0 * opacity_integral(0.05) * pixels) - 1.0).abs();
             } else {
-                let drawn = Reference::new(&particles).optical_depth(&view, size, &Silent).unwrap();
+                let drawn = Reference::new(&particles).optical_depth(&view, size, &Context::SILENT).unwrap();
                 for (rows, from) in [(8, 12), (8, 28), (8, 44)] {
                     let sum = |p: &Plane| -> f64 {
                         (from..from + rows)
@@ -125,7 +125,7 @@ mod tests {
         let camera = spherical_camera(domain.bounds().center(), 30.0, 20.0, base_distance(&domain.bounds(), size));
         let view = View { name: "v".into(), camera, radius: 0.1, opacity: 0.05 };
         let even = uniform_box(&domain, 100_000.0, &view, size).unwrap();
-        let drawn = Reference::new(&particles).optical_depth(&view, size, &Silent).unwrap();
+        let drawn = Reference::new(&particles).optical_depth(&view, size, &Context::SILENT).unwrap();
         let difference: f64 = even.data.iter().zip(&drawn.data).map(|(a, b)| f64::from((a - b).abs())).sum();
         let all: f64 = even.data.iter().map(|v| f64::from(*v)).sum();
         assert!(difference < 0.1 * all, "{difference} of {all}");

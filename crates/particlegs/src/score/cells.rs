@@ -1,8 +1,8 @@
 //! A model's density against its particles' in cells of three sizes, told in the data's units and in particles.
 
+use crate::context::Context;
 use crate::model::{CELL_SIZES, CellDensity, Model};
 use crate::particles::Particles;
-use crate::progress::Progress;
 use crate::score::density::density_agreement;
 use crate::stats::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
 use crate::{Error, Result};
@@ -20,14 +20,14 @@ pub(super) fn cell_densities(
     model: &Model,
     particles: &Particles,
     domain: &Domain,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Option<[CellDensity; CELL_SIZES]>> {
     let Some(grid) = finest(domain, particles.len()) else { return Ok(None) };
     let [truth, other] = [Subject::Particles(particles), Subject::Model(model)];
-    progress.begin("density in cells", deposit_steps(truth, &grid) + deposit_steps(other, &grid));
-    let of = |subject| deposit(subject, &grid, Assignment::Ngp, 0.0, progress);
+    context.begin("density in cells", deposit_steps(truth, &grid) + deposit_steps(other, &grid));
+    let of = |subject| deposit(subject, &grid, Assignment::Ngp, 0.0, context);
     let pair = [of(truth)?, of(other)?];
-    progress.end();
+    context.end();
     Ok(agreements(pair, particles.len()))
 }
 
@@ -71,12 +71,12 @@ impl Cells {
     /// # Errors
     /// [`Error::Argument`] for so large an edge that hardly any cells are left, or so small a one that they are too many;
     /// [`Error::Memory`], [`Error::Cancelled`].
-    pub fn of_edge(edge: f64, particles: &Particles, domain: &Domain, progress: &dyn Progress) -> Result<Self> {
+    pub fn of_edge(edge: f64, particles: &Particles, domain: &Domain, context: &Context<'_>) -> Result<Self> {
         let grid = grid_of_edge(edge, domain)?;
         // Both densities, and the sums while one is filled.
         let bytes = 8 * grid.len() as u64 + deposit_bytes(&grid, particles.len() as u64);
         particlegs_files::memory::require("the density in cells of that edge", bytes)?;
-        let truth = filled(Subject::Particles(particles), &grid, progress)?;
+        let truth = filled(Subject::Particles(particles), &grid, context)?;
         Ok(Cells { grid, truth })
     }
 
@@ -84,15 +84,15 @@ impl Cells {
     ///
     /// # Errors
     /// [`Error::Memory`], [`Error::Cancelled`].
-    pub fn correlation(&self, other: Subject<'_>, progress: &dyn Progress) -> Result<f64> {
-        Ok(density_agreement(&self.truth, &filled(other, &self.grid, progress)?).correlation)
+    pub fn correlation(&self, other: Subject<'_>, context: &Context<'_>) -> Result<f64> {
+        Ok(density_agreement(&self.truth, &filled(other, &self.grid, context)?).correlation)
     }
 }
 
-fn filled(subject: Subject<'_>, grid: &Grid, progress: &dyn Progress) -> Result<Vec<f32>> {
-    progress.begin("density in cells", 0);
-    let field = deposit(subject, grid, Assignment::Ngp, 0.0, progress)?;
-    progress.end();
+fn filled(subject: Subject<'_>, grid: &Grid, context: &Context<'_>) -> Result<Vec<f32>> {
+    context.begin("density in cells", 0);
+    let field = deposit(subject, grid, Assignment::Ngp, 0.0, context)?;
+    context.end();
     Ok(field.mass)
 }
 

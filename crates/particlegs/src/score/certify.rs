@@ -11,13 +11,13 @@ use super::scope::ParticlesWithModel;
 use super::subset::RandomSubset;
 use super::{MeasurementFrame, PartSums, certificate_views, check_radius, density_of};
 use crate::Result;
+use crate::context::Context;
 use crate::model::{
     Certificate, CertificateLevel, DensityMetrics, GROUP_CLASSES, GoalResult, GroupClass, Limit, Model, OrbitMetrics,
     Pictures, SAMPLED_ABOVE, ScienceMetrics, Spacing, Subset, ViewMetrics,
 };
 use crate::particles::{Particles, check_box};
 use crate::picture::Size;
-use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::stats::{Domain, NeighbourOptions, nearest_distances};
 use particlegs_core::math::each_axis;
@@ -56,25 +56,25 @@ impl CertificateInput<'_> {
     /// # Errors
     /// [`crate::Error::Input`] for a box that does not hold the particles; [`crate::Error::Memory`],
     /// [`crate::Error::Cancelled`].
-    pub fn certificate(&self, model: &Model, bytes: u64, progress: &dyn Progress) -> Result<Certificate> {
+    pub fn certificate(&self, model: &Model, bytes: u64, context: &Context<'_>) -> Result<Certificate> {
         let &CertificateInput { particles, seed, level, .. } = self;
         let m = &model.metadata;
         check_radius(m, seed)?;
         if level == CertificateLevel::Blocks {
-            let certificate = as_one_block(model, particles, seed, progress)?;
+            let certificate = as_one_block(model, particles, seed, context)?;
             return Ok(Certificate { goal: self.reached, ..certificate });
         }
         check_box(&particles.bounds(), particles.meta.cell.as_ref(), &particles.meta.name)?;
         let domain = Domain::of_particles(particles);
-        let (views, subset, pictures) = self.pictures_of(model, bytes, &domain, progress)?;
-        let [density, uniform] = density_of(model, particles, &m.bounds, GRID, progress)?;
-        let scope = ParticlesWithModel::of(model, particles, seed, SAMPLED_ABOVE, progress)?;
-        let first = scope.as_ref().map(|s| s.draw(seed, progress)).transpose()?.flatten();
+        let (views, subset, pictures) = self.pictures_of(model, bytes, &domain, context)?;
+        let [density, uniform] = density_of(model, particles, &m.bounds, GRID, context)?;
+        let scope = ParticlesWithModel::of(model, particles, seed, SAMPLED_ABOVE, context)?;
+        let first = scope.as_ref().map(|s| s.draw(seed, context)).transpose()?.flatten();
         let scope = scope.as_ref().zip(first.as_ref());
         let whole = scope.and_then(|(s, first)| s.sample.is_none().then_some(first));
-        let science = science(model, particles, whole, &domain, progress)?;
+        let science = science(model, particles, whole, &domain, context)?;
         let groups = match scope {
-            Some((scope, first)) if level == CertificateLevel::Full => matched(scope, first, seed, progress)?,
+            Some((scope, first)) if level == CertificateLevel::Full => matched(scope, first, seed, context)?,
             _ => None,
         };
         let (numbers, groups) =
@@ -83,22 +83,22 @@ impl CertificateInput<'_> {
         Ok(Certificate {
             views,
             density: density_metrics([density, uniform]),
-            densities: cell_densities(model, particles, &domain, progress)?,
+            densities: cell_densities(model, particles, &domain, context)?,
             science,
             // Where wave numbers are none that a file holds, neither are these.
             mass_power: match science {
-                Some(_) => mass_power(model, particles, &domain, progress)?,
+                Some(_) => mass_power(model, particles, &domain, context)?,
                 None => None,
             },
             sample: scope.and_then(|s| s.0.sample),
-            spacing: scope.map(|(scope, first)| spacing(scope, first, seed, progress)).transpose()?,
+            spacing: scope.map(|(scope, first)| spacing(scope, first, seed, context)).transpose()?,
             groups,
             held_out: None,
             subset,
             pictures,
             blocks: None,
             goal: self.reached,
-            layer_ratios: layer_ratios(model, particles, &domain, progress)?,
+            layer_ratios: layer_ratios(model, particles, &domain, context)?,
         })
     }
 
@@ -109,15 +109,15 @@ impl CertificateInput<'_> {
         model: &Model,
         bytes: u64,
         domain: &Domain,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<(ViewMetrics, Option<Subset>, Option<Pictures>)> {
         let m = &model.metadata;
         let truth = Reference::new(self.particles).within(self.memory.unwrap_or(u64::MAX));
         let spacing = domain.spacing(self.particles.len());
-        let thinned = RandomSubset::new(&truth, spacing, bytes, self.seed, progress)?;
+        let thinned = RandomSubset::new(&truth, spacing, bytes, self.seed, context)?;
         let whole = self.level == CertificateLevel::Full;
         let comparison = ModelComparison::new(model, &truth, thinned.as_ref().map(|t| (t, whole)));
-        let evaluation = comparison.evaluate(&certificate_views(m, SIZE, self.seed), SIZE, progress)?;
+        let evaluation = comparison.evaluate(&certificate_views(m, SIZE, self.seed), SIZE, context)?;
         let orbits = each_axis(|k| {
             let v = &evaluation.views[k];
             let [paraview, paraview_no_fxaa, expected] =
@@ -127,7 +127,7 @@ impl CertificateInput<'_> {
         let views = view_metrics(self.seed, orbits);
         let subset = thinned.as_ref().map(|t| Subset { kept: t.kept, bytes: t.bytes });
         let pictures = match self.level {
-            CertificateLevel::Full => Some(pictures(&comparison, m, self.seed, progress)?),
+            CertificateLevel::Full => Some(pictures(&comparison, m, self.seed, context)?),
             _ => None,
         };
         Ok((views, subset, pictures))
@@ -150,17 +150,17 @@ pub(super) fn density_metrics([model, uniform]: [DensityAgreement; 2]) -> Densit
 }
 
 /// What tasks measure of their blocks, of all as one.
-fn as_one_block(model: &Model, particles: &Particles, seed: u64, progress: &dyn Progress) -> Result<Certificate> {
+fn as_one_block(model: &Model, particles: &Particles, seed: u64, context: &Context<'_>) -> Result<Certificate> {
     let frame = MeasurementFrame::of(&model.metadata, seed);
-    let read = |_: u32, section| frame.measure(section, model, particles, progress);
-    PartSums { frame: &frame, seed, parts: 1, read: &read }.certificate(progress)
+    let read = |_: u32, section| frame.measure(section, model, particles, context);
+    PartSums { frame: &frame, seed, parts: 1, read: &read }.certificate(context)
 }
 
 /// Distances to the nearest neighbour among the particles and among those drawn.
-fn spacing(scope: &ParticlesWithModel<'_>, drawn: &Particles, seed: u64, progress: &dyn Progress) -> Result<Spacing> {
+fn spacing(scope: &ParticlesWithModel<'_>, drawn: &Particles, seed: u64, context: &Context<'_>) -> Result<Spacing> {
     let options = NeighbourOptions { sample: NEIGHBOURS, among_sample: false, seed };
     let of = |p: &Particles| {
-        let d = nearest_distances(p, &scope.domain, &options, progress)?;
+        let d = nearest_distances(p, &scope.domain, &options, context)?;
         let regularity = if d.median > 0.0 { d.percentiles[1] / d.median } else { 0.0 };
         Ok::<_, crate::Error>((d.median, regularity))
     };
@@ -174,11 +174,11 @@ fn matched(
     scope: &ParticlesWithModel<'_>,
     first: &Particles,
     seed: u64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Option<(Limit, [GroupClass; GROUP_CLASSES.len()])>> {
     let Some(linking) = linking(&scope.domain, scope.spacing) else { return Ok(None) };
-    let truth = linking.groups(&scope.particles, progress)?;
-    let found = linking.groups(first, progress)?;
+    let truth = linking.groups(&scope.particles, context)?;
+    let found = linking.groups(first, context)?;
     // What is drawn of a zoom whose masses the model mixes has no finest particles.
     if truth.finest.is_some() != found.finest.is_some() {
         return Ok(None);
@@ -187,8 +187,8 @@ fn matched(
     let mut tally = GroupTally::default();
     tally.add(&linking, &truth, &found)?;
     for draw in 1..DRAWS {
-        let Some(particles) = scope.draw(seed.wrapping_add(draw), progress)? else { return Ok(None) };
-        tally.add(&linking, &truth, &linking.groups(&particles, progress)?)?;
+        let Some(particles) = scope.draw(seed.wrapping_add(draw), context)? else { return Ok(None) };
+        tally.add(&linking, &truth, &linking.groups(&particles, context)?)?;
     }
     Ok(Some((numbers, tally.finish())))
 }

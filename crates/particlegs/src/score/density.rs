@@ -1,10 +1,10 @@
 //! Density on a grid: particles by nearest grid point, Gaussians integrated over the cells.
 
 use crate::Result;
+use crate::context::Context;
 use crate::model::{Mixture, Model};
 use crate::parallel;
 use crate::particles::Particles;
-use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
 use crate::stats::{DepositScratch, Domain, Grid, Slab};
 use particlegs_core::math::each_axis;
@@ -45,7 +45,7 @@ impl DensityGrid {
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
-    pub fn of_particles(&self, particles: &Particles, progress: &dyn Progress) -> Result<Vec<f64>> {
+    pub fn of_particles(&self, particles: &Particles, context: &Context<'_>) -> Result<Vec<f64>> {
         let unit_mass = particles.meta.particle_mass.unwrap_or(1.0);
         let scale = self.0.side.map(f64::recip);
         let corner: [f64; 3] = each_axis(|k| particles.origin[k] - self.0.min[k]);
@@ -53,7 +53,7 @@ impl DensityGrid {
         self.sum_parts(particles.len(), |grid, range| {
             let mut buffer = Default::default();
             for start in range.clone().step_by(1 << 16) {
-                progress.check()?;
+                context.check()?;
                 let chunk = particles.chunk(start..range.end.min(start + (1 << 16)), &mut buffer);
                 for i in 0..chunk.len() {
                     let raw: [f64; 3] = each_axis(|k| f64::from(chunk.position[k][i]));
@@ -66,7 +66,7 @@ impl DensityGrid {
                     };
                     grid[self.0.index(cell)] += unit_mass * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
                 }
-                progress.advance(chunk.len() as u64);
+                context.advance(chunk.len() as u64);
             }
             Ok(())
         })
@@ -77,24 +77,24 @@ impl DensityGrid {
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
-    pub fn of_model(&self, model: &Model, progress: &dyn Progress) -> Result<Vec<f64>> {
+    pub fn of_model(&self, model: &Model, context: &Context<'_>) -> Result<Vec<f64>> {
         let mut sum = vec![0.0; self.0.cells.iter().product()];
         for layer in &model.layers {
             for block in &layer.content {
-                let part = self.of_mixture(&block.gaussians, progress)?;
+                let part = self.of_mixture(&block.gaussians, context)?;
                 sum.iter_mut().zip(part).for_each(|(s, v)| *s += layer.mass.unit_or_one() * v);
             }
         }
         Ok(sum)
     }
 
-    fn of_mixture(&self, mixture: &Mixture, progress: &dyn Progress) -> Result<Vec<f64>> {
+    fn of_mixture(&self, mixture: &Mixture, context: &Context<'_>) -> Result<Vec<f64>> {
         self.sum_parts(mixture.len(), |grid, range| {
             let (mut splat, mut slab) = (DepositScratch::default(), Slab::whole(&self.0, grid));
             for i in range {
                 if i.is_multiple_of(256) {
-                    progress.check()?;
-                    progress.advance(256);
+                    context.check()?;
+                    context.advance(256);
                 }
                 let (mean, cov) = self.0.upright(mixture.mean_of(i), mixture.cov_of(i));
                 splat.add(&mut slab, mean, &cov, mixture.mass_of(i));
@@ -162,22 +162,22 @@ pub fn density_of(
     particles: &Particles,
     bounds: &Bounds,
     longest: u16,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<[DensityAgreement; 2]> {
     let grid = DensityGrid::new(bounds, particles.meta.cell.as_ref(), longest);
-    progress.begin("density", (particles.len() + model.gaussians()) as u64);
-    let truth = grid.of_particles(particles, progress)?;
+    context.begin("density", (particles.len() + model.gaussians()) as u64);
+    let truth = grid.of_particles(particles, context)?;
     let uniform = vec![truth.iter().sum::<f64>() / truth.len().max(1) as f64; truth.len()];
-    let model = grid.of_model(model, progress)?;
-    progress.end();
+    let model = grid.of_model(model, context)?;
+    context.end();
     Ok([&model, &uniform].map(|other| density_agreement(&truth, other)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::context::Context;
     use crate::math::Sym3;
-    use crate::progress::Silent;
 
     #[test]
     fn particles_fall_into_their_cells() {
@@ -185,12 +185,12 @@ mod tests {
         let bounds = Bounds { min: [0.0; 3], max: [10.0, 5.0, 5.0] };
         let open = DensityGrid::new(&bounds, None, 10);
         assert_eq!(open.0.cells, [10, 5, 5]);
-        let rho = open.of_particles(&p, &Silent).unwrap();
+        let rho = open.of_particles(&p, &Context::SILENT).unwrap();
         let at = |rho: &[f64], i: usize, k: usize| rho[open.0.index([i, 0, k])];
         assert_eq!([at(&rho, 0, 0), at(&rho, 9, 0), at(&rho, 0, 4)], [1.0, 2.0, 1.0]);
         // The same in a box: 10.0 is 0.0 again.
         p.meta.cell = Some(Cell::orthogonal([10.0, 5.0, 5.0]));
-        let rho = DensityGrid::new(&bounds, p.meta.cell.as_ref(), 10).of_particles(&p, &Silent).unwrap();
+        let rho = DensityGrid::new(&bounds, p.meta.cell.as_ref(), 10).of_particles(&p, &Context::SILENT).unwrap();
         assert_eq!([at(&rho, 0, 0), at(&rho, 9, 0), at(&rho, 0, 4)], [2.0, 1.0, 1.0]);
     }
 
@@ -200,12 +200,12 @@ mod tests {
         for cell in crate::stats::testing::tilted_cells() {
             let p = crate::stats::testing::gas(40_000, &cell, 7);
             let grid = DensityGrid::new(&p.bounds(), p.meta.cell.as_ref(), 6);
-            let held = grid.of_particles(&p, &Silent).unwrap();
+            let held = grid.of_particles(&p, &Context::SILENT).unwrap();
             let mean = 40_000.0 / held.len() as f64;
             assert!(held.iter().all(|n| (n - mean).abs() < 6.0 * mean.sqrt()), "{cell:?}: {held:?}");
             let mut mixture = Mixture::default();
             (0..40_000).for_each(|i| mixture.push(p.position(i), Sym3::scaled_identity(0.0), 1.0, 1.0));
-            let model = grid.of_mixture(&mixture, &Silent).unwrap();
+            let model = grid.of_mixture(&mixture, &Context::SILENT).unwrap();
             // Positions on a face of the box may go either way.
             let moved: f64 = held.iter().zip(&model).map(|(a, b)| (a - b).abs()).sum();
             assert!(moved < 5.0, "{cell:?}: {moved}");
@@ -231,8 +231,8 @@ mod tests {
             mixture.push(p.position(i), Sym3::scaled_identity(0.0), 1.0, 1.0);
         }
         let grid = DensityGrid::new(&p.bounds(), Some(&Cell::orthogonal([10.0; 3])), 7);
-        let truth = grid.of_particles(&p, &Silent).unwrap();
-        let model = grid.of_mixture(&mixture, &Silent).unwrap();
+        let truth = grid.of_particles(&p, &Context::SILENT).unwrap();
+        let model = grid.of_mixture(&mixture, &Context::SILENT).unwrap();
         assert!(truth.iter().zip(&model).all(|(a, b)| (a - b).abs() < 1e-9));
     }
 }

@@ -5,10 +5,10 @@ use super::scores::{Evaluation, LookScores, ViewScores, gap};
 use super::subset::{RandomSubset, SubsetView};
 use super::views::orbit_of;
 use crate::camera::{View, clipping_range};
+use crate::context::{Context, ProgressEvent, ProgressSink};
 use crate::model::Model;
 use crate::particles::Particles;
 use crate::picture::{Gray8, Plane, Scores, Size, decibels, is_lit, ssim};
-use crate::progress::{Level, Progress};
 use crate::reference::{Reference, uniform_box};
 use crate::render::{self, Drawer, Scene};
 use crate::space::Bounds;
@@ -30,55 +30,36 @@ pub fn evaluate(
     views: &[View],
     size: Size,
     drawer: Option<&dyn Drawer>,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Evaluation> {
     let (meta, to) = (&particles.meta, model.metadata.unit_system());
     if meta.unit_system().conversion_of(&meta.name, &to)?.0.length != 1.0 {
         return Err(Error::input(&meta.name, "its unit of length is not the model's: convert it first"));
     }
     let truth = Reference::new(particles);
-    ModelComparison { drawer, ..ModelComparison::new(model, &truth, None) }.evaluate(views, size, progress)
+    ModelComparison { drawer, ..ModelComparison::new(model, &truth, None) }.evaluate(views, size, context)
 }
 
-/// Progress that says which view a phase belongs to.
+/// Says which view a phase belongs to.
 pub(super) struct ViewProgress<'a> {
     /// Of the view.
     pub name: String,
     /// Whom to tell.
-    pub inner: &'a dyn Progress,
+    pub inner: &'a dyn ProgressSink,
 }
 
-impl Progress for ViewProgress<'_> {
-    fn begin(&self, phase: &str, total: u64) {
-        self.inner.begin(&format!("{} {phase}", self.name), total);
-    }
-
-    fn advance(&self, steps: u64) {
-        self.inner.advance(steps);
-    }
-
-    fn end(&self) {
-        self.inner.end();
+impl ProgressSink for ViewProgress<'_> {
+    fn event(&self, event: ProgressEvent<'_>) {
+        match event {
+            ProgressEvent::Begin { phase, total } => {
+                self.inner.event(ProgressEvent::Begin { phase: &format!("{} {phase}", self.name), total });
+            }
+            other => self.inner.event(other),
+        }
     }
 
     fn message(&self, text: &str) {
         self.inner.message(text);
-    }
-
-    fn log(&self, line: &str) {
-        self.inner.log(line);
-    }
-
-    fn simd(&self) -> Level {
-        self.inner.simd()
-    }
-
-    fn available_memory(&self) -> Option<u64> {
-        self.inner.available_memory()
-    }
-
-    fn cancelled(&self) -> bool {
-        self.inner.cancelled()
     }
 }
 
@@ -114,35 +95,36 @@ impl<'a> ModelComparison<'a> {
     }
 
     /// Scores of all looks in `views`.
-    pub fn evaluate(&self, views: &[View], size: Size, progress: &dyn Progress) -> Result<Evaluation> {
+    pub fn evaluate(&self, views: &[View], size: Size, context: &Context<'_>) -> Result<Evaluation> {
         if views.is_empty() {
             return Err(Error::argument("no views to score in"));
         }
         views.iter().try_for_each(|v| v.check(size))?;
         let mut scored = Vec::with_capacity(views.len());
         for (number, view) in views.iter().enumerate() {
-            let progress =
-                ViewProgress { name: format!("{} ({}/{})", view.name, number + 1, views.len()), inner: progress };
-            let drawn = self.draw(view, size, &progress)?;
-            progress.begin("scores", 0);
+            let name = format!("{} ({}/{})", view.name, number + 1, views.len());
+            let sink = ViewProgress { name, inner: context.sink() };
+            let context = context.with_sink(&sink);
+            let drawn = self.draw(view, size, &context)?;
+            context.begin("scores", 0);
             scored.push(self.scores(view, &drawn));
-            progress.end();
+            context.end();
         }
         Ok(Evaluation::of(scored))
     }
 
     /// Draws a view of all that is compared.
-    pub fn draw(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<ViewPictures> {
+    pub fn draw(&self, view: &View, size: Size, context: &Context<'_>) -> Result<ViewPictures> {
         let view = clipped(view, self.truth.bounds());
-        let truth = ViewTruth::draw(self.truth, &view, size, self.drawer, progress)?;
-        let subset = self.subset.map(|(s, whole)| s.draw(self.truth, &view, size, whole, progress)).transpose()?;
-        progress.begin("model", 0);
+        let truth = ViewTruth::draw(self.truth, &view, size, self.drawer, context)?;
+        let subset = self.subset.map(|(s, whole)| s.draw(self.truth, &view, size, whole, context)).transpose()?;
+        context.begin("model", 0);
         let tau = match self.drawer {
             Some(drawer) => drawer.model_depth(&view, size)?,
-            None => render::optical_depth(&self.scene, &view, size, progress)?,
+            None => render::optical_depth(&self.scene, &view, size, context)?,
         };
         let even = uniform_box(&self.even, self.truth.particles().len() as f64, &view, size)?;
-        progress.end();
+        context.end();
         Ok(ViewPictures { truth, tau, even, subset })
     }
 

@@ -4,10 +4,10 @@
 use super::cells::Cells;
 use super::science::{MOST_DRAWN, linking, spectrum_options};
 use super::{HeldOutPictures, ParticlesWithModel, held_out_views};
+use crate::context::Context;
 use crate::model::{GROUP_CLASSES, Goal, GoalKind, GoalResult, Metadata, Model};
 use crate::particles::Particles;
 use crate::picture::Size;
-use crate::progress::Progress;
 use crate::render::Scene;
 use crate::stats::{
     CachedTransform, Domain, FEWEST_GROUPS, Spectra, SpectrumOptions, Subject, largest_deviation_of_numbers,
@@ -54,20 +54,20 @@ impl<'a> GoalMetric<'a> {
         particles: &'a Particles,
         metadata: &Metadata,
         seed: u64,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Self> {
         let domain = Domain::of_particles(particles);
         let truth = match goal.kind {
             GoalKind::Psnr => {
                 let views = held_out_views(metadata, SIZE, seed, FRAMES);
-                GoalTruth::Pictures(Box::new(HeldOutPictures::draw(particles, &views, SIZE, progress)?))
+                GoalTruth::Pictures(Box::new(HeldOutPictures::draw(particles, &views, SIZE, context)?))
             }
             GoalKind::PowerSpectrum => {
                 let options = spectrum_to(goal.at, &domain, particles.len())?;
-                GoalTruth::Spectrum(Box::new(power_of(particles, &domain, &options, progress)?))
+                GoalTruth::Spectrum(Box::new(power_of(particles, &domain, &options, context)?))
             }
-            GoalKind::Correlation => GoalTruth::Cells(Box::new(Cells::of_edge(goal.at, particles, &domain, progress)?)),
-            GoalKind::Groups => GoalTruth::Groups(sizes_of(goal.at, particles, &domain, progress)?),
+            GoalKind::Correlation => GoalTruth::Cells(Box::new(Cells::of_edge(goal.at, particles, &domain, context)?)),
+            GoalKind::Groups => GoalTruth::Groups(sizes_of(goal.at, particles, &domain, context)?),
         };
         Ok(GoalMetric { goal, particles, domain, seed, truth })
     }
@@ -76,49 +76,49 @@ impl<'a> GoalMetric<'a> {
     ///
     /// # Errors
     /// [`Error::Memory`], [`Error::Cancelled`]; [`Error::Input`] for Gaussians that cannot be drawn from.
-    pub fn measure(&self, model: &Model, progress: &dyn Progress) -> Result<GoalResult> {
+    pub fn measure(&self, model: &Model, context: &Context<'_>) -> Result<GoalResult> {
         let reached = match &self.truth {
-            GoalTruth::Pictures(views) => views.expected_masked_psnr(&Scene::of(model), progress)?.unwrap_or(IDENTICAL),
-            GoalTruth::Spectrum(truth) => self.deviation_of_power(truth, model, progress)?,
-            GoalTruth::Cells(truth) => truth.correlation(Subject::Model(model), progress)?,
-            GoalTruth::Groups(truth) => self.deviation_of_groups(truth, model, progress)?,
+            GoalTruth::Pictures(views) => views.expected_masked_psnr(&Scene::of(model), context)?.unwrap_or(IDENTICAL),
+            GoalTruth::Spectrum(truth) => self.deviation_of_power(truth, model, context)?,
+            GoalTruth::Cells(truth) => truth.correlation(Subject::Model(model), context)?,
+            GoalTruth::Groups(truth) => self.deviation_of_groups(truth, model, context)?,
         };
         Ok(GoalResult { goal: self.goal, reached })
     }
 
     /// As many particles as there are, drawn from the model; `None` of too many, and where nothing can be drawn.
-    fn drawn(&self, model: &Model, draw: u64, progress: &dyn Progress) -> Result<Option<Particles>> {
+    fn drawn(&self, model: &Model, draw: u64, context: &Context<'_>) -> Result<Option<Particles>> {
         if self.particles.len() as u64 > MOST_DRAWN {
             return Ok(None);
         }
-        let scope = ParticlesWithModel::of(model, self.particles, self.seed, MOST_DRAWN, progress)?;
-        scope.map_or(Ok(None), |scope| scope.draw(self.seed.wrapping_add(draw), progress))
+        let scope = ParticlesWithModel::of(model, self.particles, self.seed, MOST_DRAWN, context)?;
+        scope.map_or(Ok(None), |scope| scope.draw(self.seed.wrapping_add(draw), context))
     }
 
     /// The worst of several draws: one may be lucky. The first is the certificate's.
-    fn deviation_of_power(&self, truth: &CachedTransform, model: &Model, progress: &dyn Progress) -> Result<f64> {
+    fn deviation_of_power(&self, truth: &CachedTransform, model: &Model, context: &Context<'_>) -> Result<f64> {
         let of = |spectra: Spectra| spectra.largest_power_deviation().unwrap_or(f64::MAX);
         let mut largest = 0.0f64;
         for draw in 0..DRAWS {
-            let Some(sample) = self.drawn(model, draw, progress)? else {
-                return Ok(of(truth.against(Subject::Model(model), progress)?));
+            let Some(sample) = self.drawn(model, draw, context)? else {
+                return Ok(of(truth.against(Subject::Model(model), context)?));
             };
-            largest = largest.max(of(truth.against(Subject::Particles(&sample), progress)?));
+            largest = largest.max(of(truth.against(Subject::Particles(&sample), context)?));
         }
         Ok(largest)
     }
 
-    fn deviation_of_groups(&self, truth: &[u64], model: &Model, progress: &dyn Progress) -> Result<f64> {
+    fn deviation_of_groups(&self, truth: &[u64], model: &Model, context: &Context<'_>) -> Result<f64> {
         let Some(linking) = linking(&self.domain, self.domain.spacing(self.particles.len())) else {
             return Ok(f64::MAX);
         };
         let mut sizes = Vec::new();
         for draw in 0..DRAWS {
             // Where tails of Gaussians lie at the end of float32 nothing is drawn.
-            let Some(sample) = self.drawn(model, draw, progress)? else {
+            let Some(sample) = self.drawn(model, draw, context)? else {
                 return Ok(f64::MAX);
             };
-            sizes.append(&mut linking.sizes(&sample, progress)?);
+            sizes.append(&mut linking.sizes(&sample, context)?);
         }
         sizes.sort_unstable_by(|a, b| b.cmp(a));
         let histogram = size_histogram([truth, &sizes], self.goal.at as u64);
@@ -152,10 +152,10 @@ fn power_of(
     particles: &Particles,
     domain: &Domain,
     options: &SpectrumOptions,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<CachedTransform> {
-    let truth = CachedTransform::new(Subject::Particles(particles), domain, options, progress)?;
-    if truth.against_itself(progress)?.largest_power_deviation().is_none() {
+    let truth = CachedTransform::new(Subject::Particles(particles), domain, options, context)?;
+    if truth.against_itself(context)?.largest_power_deviation().is_none() {
         let what = format!("up to k = {} the particles have no power above the scatter of their noise", options.k_max);
         return Err(Error::argument(what));
     }
@@ -163,7 +163,7 @@ fn power_of(
 }
 
 /// Sizes of the particles' groups, if there are enough from `from` particles on.
-fn sizes_of(from: f64, particles: &Particles, domain: &Domain, progress: &dyn Progress) -> Result<Vec<u64>> {
+fn sizes_of(from: f64, particles: &Particles, domain: &Domain, context: &Context<'_>) -> Result<Vec<u64>> {
     let (least, count) = (GROUP_CLASSES[0], particles.len() as u64);
     if from < least as f64 {
         return Err(Error::argument(format!("groups are counted from {least} particles on, not from {from}")));
@@ -176,7 +176,7 @@ fn sizes_of(from: f64, particles: &Particles, domain: &Domain, progress: &dyn Pr
     let Some(linking) = linking(domain, domain.spacing(particles.len())) else {
         return Err(Error::argument("groups cannot be counted: the box is thinner than links allow"));
     };
-    let groups = linking.groups(particles, progress)?;
+    let groups = linking.groups(particles, context)?;
     if groups.finest.is_some() {
         let what = "numbers of groups are no goal for a zoom, whose masses the model may mix".into();
         return Err(Error::Argument { what, remedy: "choose its finest particles alone".into() });

@@ -4,9 +4,9 @@
 //! the particles B over that of A with B needs no shot noise subtracted and tells bias from noise.
 
 use crate::Result;
+use crate::context::Context;
 use crate::model::{BANDS, CrossValidation, Model, Transfer};
 use crate::particles::Particles;
-use crate::progress::Progress;
 use crate::stats::{Domain, Likelihood, Shell, SpectrumOptions, Subject, likelihood, power_spectra};
 
 /// The halves, and the model of each.
@@ -28,10 +28,10 @@ impl Halves<'_> {
     ///
     /// # Errors
     /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
-    pub fn measure(&self, progress: &dyn Progress) -> Result<CrossValidation> {
-        let scored = |i: usize| likelihood(self.models[i], self.particles[1 - i], self.domain, self.seed, progress);
+    pub fn measure(&self, context: &Context<'_>) -> Result<CrossValidation> {
+        let scored = |i: usize| likelihood(self.models[i], self.particles[1 - i], self.domain, self.seed, context);
         let kernel = |i: usize| {
-            Likelihood::kernel_bits(self.particles[i], self.particles[1 - i], self.domain, self.seed, progress)
+            Likelihood::kernel_bits(self.particles[i], self.particles[1 - i], self.domain, self.seed, context)
         };
         let (a, b) = (scored(0)?, scored(1)?);
         let sampling = 0.5 * a.error.hypot(b.error);
@@ -41,12 +41,12 @@ impl Halves<'_> {
             error: sampling.max(0.5 * (a.bits - b.bits).abs()),
             volume: a.volume,
             k_max: self.spectrum.k_max,
-            transfer: self.transfer(progress)?,
+            transfer: self.transfer(context)?,
         })
     }
 
-    fn transfer(&self, progress: &dyn Progress) -> Result<[Transfer; BANDS.len()]> {
-        let shells = |pair| Ok(power_spectra(pair, self.domain, self.spectrum, progress)?.shells);
+    fn transfer(&self, context: &Context<'_>) -> Result<[Transfer; BANDS.len()]> {
+        let shells = |pair| Ok(power_spectra(pair, self.domain, self.spectrum, context)?.shells);
         let [a, b] = self.particles.map(Subject::Particles);
         let truth = shells([a, b])?;
         let models = [shells([Subject::Model(self.models[0]), b])?, shells([Subject::Model(self.models[1]), a])?];

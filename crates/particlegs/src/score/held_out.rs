@@ -4,9 +4,9 @@ use super::evaluate::clipped;
 use super::mean;
 use crate::Result;
 use crate::camera::View;
+use crate::context::Context;
 use crate::particles::Particles;
 use crate::picture::{Gray8, Size, masked_psnr};
-use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::render::{self, Scene, tone};
 use crate::splat::ToneStyle;
@@ -24,14 +24,14 @@ impl HeldOutPictures {
     /// # Errors
     /// [`crate::Error::Argument`] for a view with a number outside its range;
     /// [`crate::Error::Cancelled`].
-    pub fn draw(particles: &Particles, views: &[View], size: Size, progress: &dyn Progress) -> Result<Self> {
+    pub fn draw(particles: &Particles, views: &[View], size: Size, context: &Context<'_>) -> Result<Self> {
         let reference = Reference::new(particles);
         let views: Vec<View> = views.iter().map(|v| clipped(v, reference.bounds())).collect();
         let truth = views
             .iter()
             .map(|view| {
                 view.check(size)?;
-                let tau = reference.optical_depth(view, size, progress)?;
+                let tau = reference.optical_depth(view, size, context)?;
                 Ok(tone(&tau, ToneStyle::Expected, view.opacity, view.radius_pixels(size)))
             })
             .collect::<Result<_>>()?;
@@ -43,13 +43,13 @@ impl HeldOutPictures {
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
-    pub fn expected_masked_psnr(&self, scene: &Scene, progress: &dyn Progress) -> Result<Option<f64>> {
+    pub fn expected_masked_psnr(&self, scene: &Scene, context: &Context<'_>) -> Result<Option<f64>> {
         let scores = self
             .views
             .iter()
             .zip(&self.truth)
             .map(|(view, truth)| {
-                let drawn = render::draw(scene, view, self.size, ToneStyle::Expected, progress)?;
+                let drawn = render::draw(scene, view, self.size, ToneStyle::Expected, context)?;
                 Ok(masked_psnr(&drawn, truth))
             })
             .collect::<Result<Vec<_>>>()?;

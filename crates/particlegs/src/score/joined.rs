@@ -4,11 +4,11 @@ use super::certify;
 use super::density::{DensityAgreement, density_agreement};
 use super::science::told;
 use super::sums::{MeasurementFrame, SumsSection, add_rows};
+use crate::context::Context;
 use crate::model::{
     CELL_SIZES, CellDensity, Certificate, OrbitMetrics, PictureScore, PictureScores, ScienceMetrics, ScienceSubject,
 };
 use crate::picture::{Gray8, Plane, Scores};
-use crate::progress::Progress;
 use crate::reference::uniform_box;
 use crate::render::tone;
 use crate::score::cells::agreements;
@@ -36,27 +36,27 @@ impl PartSums<'_> {
     ///
     /// # Errors
     /// Those of reading; [`Error::Corrupt`] for sums that are none; [`Error::Memory`], [`Error::Cancelled`].
-    pub fn certificate(&self, progress: &dyn Progress) -> Result<Certificate> {
-        progress.begin("adding up the blocks' sums", 0);
-        let orbits = [self.view(0, progress)?, self.view(1, progress)?, self.view(2, progress)?];
+    pub fn certificate(&self, context: &Context<'_>) -> Result<Certificate> {
+        context.begin("adding up the blocks' sums", 0);
+        let orbits = [self.view(0, context)?, self.view(1, context)?, self.view(2, context)?];
         let certificate = Certificate {
             views: certify::view_metrics(self.seed, orbits),
-            density: certify::density_metrics(self.density(progress)?),
-            densities: self.cells(progress)?,
-            science: self.science(progress)?,
+            density: certify::density_metrics(self.density(context)?),
+            densities: self.cells(context)?,
+            science: self.science(context)?,
             blocks: Some(self.parts),
             ..Certificate::default()
         };
-        progress.end();
+        context.end();
         Ok(certificate)
     }
 
-    fn sum(&self, section: SumsSection, progress: &dyn Progress) -> Result<Vec<f32>> {
+    fn sum(&self, section: SumsSection, context: &Context<'_>) -> Result<Vec<f32>> {
         let [length, width] = self.frame.shape(section);
         particlegs_files::memory::require("the blocks' sums", 4 * length as u64)?;
         let mut sum = vec![0.0f32; length];
         for part in 0..self.parts {
-            progress.check()?;
+            context.check()?;
             let bytes = (self.read)(part, section)?;
             add_rows(&mut sum, width, &bytes).ok_or_else(|| self.none(part))?;
         }
@@ -68,12 +68,12 @@ impl PartSums<'_> {
     }
 
     /// The noise-free pictures alone: ParaView's own, in which splats hide each other, do not add up.
-    fn view(&self, view: usize, progress: &dyn Progress) -> Result<OrbitMetrics> {
+    fn view(&self, view: usize, context: &Context<'_>) -> Result<OrbitMetrics> {
         let (size, metadata) = (certify::SIZE, &self.frame.metadata);
         let (even, view_of) = (Domain::drawn(&metadata.bounds, metadata.cell.as_ref()), &self.frame.views[view]);
         let picture = |tau: &Plane| tone(tau, ToneStyle::Expected, view_of.opacity, view_of.radius_pixels(size));
         let side =
-            |side| Ok::<_, Error>(picture(&Plane { size, data: self.sum(SumsSection::View(side, view), progress)? }));
+            |side| Ok::<_, Error>(picture(&Plane { size, data: self.sum(SumsSection::View(side, view), context)? }));
         let (truth, model) = (side(0)?, side(1)?);
         let even = picture(&uniform_box(&even, metadata.count as f64, view_of, size)?);
         let score = |p: &Gray8| {
@@ -90,9 +90,9 @@ impl PartSums<'_> {
         Ok(OrbitMetrics { expected, ..OrbitMetrics::default() })
     }
 
-    fn density(&self, progress: &dyn Progress) -> Result<[DensityAgreement; 2]> {
+    fn density(&self, context: &Context<'_>) -> Result<[DensityAgreement; 2]> {
         let side = |side| {
-            let sum = self.sum(SumsSection::Density(side), progress)?;
+            let sum = self.sum(SumsSection::Density(side), context)?;
             Ok::<_, Error>(sum.into_iter().map(f64::from).collect::<Vec<f64>>())
         };
         let (truth, model) = (side(0)?, side(1)?);
@@ -100,17 +100,17 @@ impl PartSums<'_> {
         Ok([&model, &uniform].map(|other| density_agreement(&truth, other)))
     }
 
-    fn field(&self, section: SumsSection, grid: &Grid, progress: &dyn Progress) -> Result<Field> {
-        Ok(Field { grid: *grid, mass: self.sum(section, progress)?, outside: 0.0 })
+    fn field(&self, section: SumsSection, grid: &Grid, context: &Context<'_>) -> Result<Field> {
+        Ok(Field { grid: *grid, mass: self.sum(section, context)?, outside: 0.0 })
     }
 
-    fn cells(&self, progress: &dyn Progress) -> Result<Option<[CellDensity; CELL_SIZES]>> {
+    fn cells(&self, context: &Context<'_>) -> Result<Option<[CellDensity; CELL_SIZES]>> {
         let Some(grid) = &self.frame.cells else { return Ok(None) };
-        let side = |side| self.field(SumsSection::Cells(side), grid, progress);
+        let side = |side| self.field(SumsSection::Cells(side), grid, context);
         Ok(agreements([side(0)?, side(1)?], self.frame.metadata.count as usize))
     }
 
-    fn science(&self, progress: &dyn Progress) -> Result<Option<ScienceMetrics>> {
+    fn science(&self, context: &Context<'_>) -> Result<Option<ScienceMetrics>> {
         let (o, domain, grid) = (&self.frame.spectrum, &self.frame.domain, self.frame.spectrum_grid());
         let held = |k: f64| (k as f32).is_normal();
         if !held(2.0 * std::f64::consts::PI / domain.longest()) || !held(o.k_max) {
@@ -124,8 +124,8 @@ impl PartSums<'_> {
             (mass, squares) = (mass + real(0), squares + real(8));
         }
         let noise = domain.volume() * squares / (mass * mass);
-        let field = |side, moved| self.field(SumsSection::Spectrum(side, moved), &grid, progress);
-        let spectra = spectra_of(&field, noise, domain, o, progress)?;
+        let field = |side, moved| self.field(SumsSection::Spectrum(side, moved), &grid, context);
+        let spectra = spectra_of(&field, noise, domain, o, context)?;
         Ok(Some(told(ScienceSubject::Mixture, o, &spectra)))
     }
 }

@@ -3,9 +3,9 @@
 
 use super::cells::Masses;
 use crate::Result;
+use crate::context::Context;
 use crate::model::{LayerRatio, LayerRatios, Model};
 use crate::particles::Particles;
-use crate::progress::Progress;
 use crate::stats::{Assignment, Domain, Grid, Subject, deposit, deposit_steps};
 use particlegs_core::math::each_axis;
 
@@ -26,7 +26,7 @@ pub(super) fn layer_ratios(
     model: &Model,
     particles: &Particles,
     domain: &Domain,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Option<LayerRatios>> {
     let Some(mut ratios) = LayerRatios::of_layers(model.layers.len()) else { return Ok(None) };
     let edge = (SMALLEST * domain.spacing(particles.len())).max(domain.longest() / MOST_CELLS);
@@ -34,9 +34,9 @@ pub(super) fn layer_ratios(
         return Ok(Some(ratios));
     }
     let grid = Grid::stretched(domain, each_axis(|k| (domain.length[k] / edge).round().max(1.0) as usize));
-    let Some(first) = LayerNumbers::of(model, 0, particles, &grid, progress)? else { return Ok(Some(ratios)) };
+    let Some(first) = LayerNumbers::of(model, 0, particles, &grid, context)? else { return Ok(Some(ratios)) };
     for (ratio, place) in ratios.to_first.iter_mut().flatten().zip(1..) {
-        if let Some(other) = LayerNumbers::of(model, place, particles, &grid, progress)? {
+        if let Some(other) = LayerNumbers::of(model, place, particles, &grid, context)? {
             *ratio = largest([&first, &other], grid.side.into_iter().fold(0.0, f64::max));
         }
     }
@@ -56,25 +56,25 @@ impl LayerNumbers {
         place: usize,
         particles: &Particles,
         grid: &Grid,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Option<LayerNumbers>> {
         let layer = &model.layers[place];
         let Some(own) = particles.layers().iter().find(|l| l.name == layer.name) else { return Ok(None) };
         let own = particles.of_layer(own);
         let alone = Model { layers: vec![layer.clone()], certificate: None, metadata: model.metadata.clone() };
         let pair = [Subject::Particles(&own), Subject::Model(&alone)];
-        progress.begin("layers in cells", pair.map(|subject| deposit_steps(subject, grid)).iter().sum());
+        context.begin("layers in cells", pair.map(|subject| deposit_steps(subject, grid)).iter().sum());
         let unit = own.meta.particle_mass.unwrap_or(1.0);
         let (sum, squares) = own.weights().map_or((1.0, 1.0), |weights| {
             weights.iter().map(|w| f64::from(*w)).fold((0.0, 0.0), |(sum, squares), w| (sum + w, squares + w * w))
         });
         let of = |subject| -> Result<Masses> {
-            let mut masses = Masses::of(deposit(subject, grid, Assignment::Ngp, 0.0, progress)?);
+            let mut masses = Masses::of(deposit(subject, grid, Assignment::Ngp, 0.0, context)?);
             masses.mass.iter_mut().for_each(|m| *m *= sum / (squares * unit));
             Ok(masses)
         };
         let [truth, model] = [of(pair[0])?, of(pair[1])?];
-        progress.end();
+        context.end();
         Ok(Some(LayerNumbers { truth, model }))
     }
 
@@ -128,10 +128,10 @@ fn compared([a, b]: [&LayerNumbers; 2], edge: f64) -> LayerRatio {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::context::Context;
     use crate::math::{Random, Sym3};
     use crate::model::{Layer, Mass};
     use crate::particles::Column;
-    use crate::progress::Silent;
     use crate::space::Cell;
     use crate::stats::testing::model_of;
 
@@ -163,7 +163,7 @@ mod tests {
 
     fn measured(model: &Model, particles: &Particles) -> LayerRatio {
         let domain = Domain::of_particles(particles);
-        layer_ratios(model, particles, &domain, &Silent).unwrap().unwrap().to_first[0].unwrap()
+        layer_ratios(model, particles, &domain, &Context::SILENT).unwrap().unwrap().to_first[0].unwrap()
     }
 
     #[test]
@@ -198,12 +198,12 @@ mod tests {
         let particles = particles();
         let domain = Domain::of_particles(&particles);
         let one = Model { layers: model(0.0).layers[..1].to_vec(), ..model(0.0) };
-        assert!(layer_ratios(&one, &particles, &domain, &Silent).unwrap().is_none());
+        assert!(layer_ratios(&one, &particles, &domain, &Context::SILENT).unwrap().is_none());
         let few = particles
             .select(
                 crate::particles::Selection { every: 1000, ..crate::particles::Selection::all() },
                 &crate::particles::Storage::Memory,
-                &Silent,
+                &Context::SILENT,
             )
             .unwrap();
         let none = measured(&model(0.0), &few);

@@ -2,10 +2,10 @@
 //! haloes.
 
 use crate::Result;
+use crate::context::Context;
 use crate::model::{GROUP_CLASSES, GroupClass};
 use crate::parallel;
 use crate::particles::Particles;
-use crate::progress::Progress;
 use crate::stats::{Domain, Groups, LinkedParticles, PointGrid, group_center, local_positions};
 use particlegs_core::math::each_axis;
 
@@ -35,9 +35,9 @@ impl GroupFinder<'_> {
     ///
     /// # Errors
     /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
-    pub fn groups(&self, particles: &Particles, progress: &dyn Progress) -> Result<GroupCatalogue> {
+    pub fn groups(&self, particles: &Particles, context: &Context<'_>) -> Result<GroupCatalogue> {
         let positions = local_positions(particles, self.domain);
-        let (groups, finest) = self.linked(particles, &positions, progress)?;
+        let (groups, finest) = self.linked(particles, &positions, context)?;
         let center = |i: usize| group_center(&positions, &groups.members[i], self.domain);
         Ok(GroupCatalogue { sizes: groups.sizes(), centers: parallel::map_range(groups.members.len(), center), finest })
     }
@@ -46,8 +46,8 @@ impl GroupFinder<'_> {
     ///
     /// # Errors
     /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
-    pub fn sizes(&self, particles: &Particles, progress: &dyn Progress) -> Result<Vec<u64>> {
-        Ok(self.linked(particles, &local_positions(particles, self.domain), progress)?.0.sizes())
+    pub fn sizes(&self, particles: &Particles, context: &Context<'_>) -> Result<Vec<u64>> {
+        Ok(self.linked(particles, &local_positions(particles, self.domain), context)?.0.sizes())
     }
 
     /// The groups, and the mean spacing of the finest particles of a zoom, which links follow.
@@ -55,12 +55,12 @@ impl GroupFinder<'_> {
         &self,
         particles: &Particles,
         positions: &[[f64; 3]],
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<(Groups, Option<f64>)> {
         let linked = LinkedParticles::of(particles, positions, self.domain);
         let finest = linked.is_part().then_some(linked.spacing);
         let length = finest.map_or(self.length, |spacing| self.length / self.spacing * spacing);
-        let found = linked.groups(positions, self.domain, length, GROUP_CLASSES[0] as usize, progress)?;
+        let found = linked.groups(positions, self.domain, length, GROUP_CLASSES[0] as usize, context)?;
         Ok((found.map_or_else(|| Groups { linking_length: length, members: Vec::new() }, |f| f.groups), finest))
     }
 

@@ -5,12 +5,12 @@ use super::views::{certificate_views, close_views};
 use super::{LookScores, mean};
 use crate::Result;
 use crate::camera::View;
+use crate::context::Context;
 use crate::model::{
     LookSummary, Metadata, PICTURE_OPACITIES, PICTURE_RADII, PICTURE_SETTINGS, PictureScore, PictureScores,
     PictureSetting, Pictures,
 };
 use crate::picture::{Scores, Size};
-use crate::progress::Progress;
 use crate::splat::ToneStyle;
 
 /// Size of the pictures: a third of the certificate's, since large splats of millions of particles take their time.
@@ -36,11 +36,11 @@ pub(super) fn pictures(
     comparison: &ModelComparison<'_>,
     m: &Metadata,
     seed: u64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Pictures> {
     let mut found = Vec::with_capacity(PICTURE_SETTINGS);
     for setting in settings() {
-        found.push(setting.measure(comparison, m, seed, progress)?);
+        found.push(setting.measure(comparison, m, seed, context)?);
     }
     let settings = std::array::from_fn(|i| found[i]);
     Ok(Pictures { width: SIZE.width as u16, height: SIZE.height as u16, settings })
@@ -52,20 +52,21 @@ impl SceneSetting {
         comparison: &ModelComparison<'_>,
         m: &Metadata,
         seed: u64,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<PictureSetting> {
         let views = if self.close { close_views(m, SIZE, seed) } else { certificate_views(m, SIZE, seed) };
         let opacity = (self.opacity * m.default_opacity).min(1.0);
         let mut scores = [Vec::new(), Vec::new()];
         for view in views {
-            let progress = ViewProgress { name: self.name(&view), inner: progress };
+            let sink = ViewProgress { name: self.name(&view), inner: context.sink() };
+            let context = context.with_sink(&sink);
             let view = View { radius: self.radius * m.default_radius, opacity, ..view };
-            let drawn = comparison.draw(&view, SIZE, &progress)?;
-            progress.begin("scores", 0);
+            let drawn = comparison.draw(&view, SIZE, &context)?;
+            context.begin("scores", 0);
             for (all, look) in scores.iter_mut().zip([ToneStyle::Paraview, ToneStyle::Expected]) {
                 all.push(comparison.look(&drawn, look));
             }
-            progress.end();
+            context.end();
         }
         let [paraview, expected] = scores.map(|s| over_views(&s));
         Ok(PictureSetting { radius: self.radius, opacity, close: self.close, paraview, expected })

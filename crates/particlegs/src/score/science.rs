@@ -4,11 +4,11 @@
 //! same file on every machine, and takes less than 500 MB beside the snapshot.
 
 use super::matched::GroupFinder;
+use crate::context::Context;
 use crate::model::{
     GROUP_CLASSES, Limit, MassPower, Model, POWER_LAYERS, PowerAgreement, SAMPLED_ABOVE, ScienceMetrics, ScienceSubject,
 };
 use crate::particles::Particles;
-use crate::progress::Progress;
 use crate::stats::{
     Assignment, Domain, Grid, Spectra, SpectrumOptions, Subject, longest_link, power_spectra, size_histogram,
     sizes_within,
@@ -39,7 +39,7 @@ pub(super) fn science(
     particles: &Particles,
     drawn: Option<&Particles>,
     domain: &Domain,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Option<ScienceMetrics>> {
     let options = options_for(domain, particles.len(), model);
     let wave_numbers = [2.0 * PI / domain.longest(), options.k_max];
@@ -50,7 +50,7 @@ pub(super) fn science(
         Some(drawn) => (ScienceSubject::DrawnParticles, Subject::Particles(drawn)),
         None => (ScienceSubject::Mixture, Subject::Model(model)),
     };
-    measure(of, [Subject::Particles(particles), other], domain, &options, progress).map(Some)
+    measure(of, [Subject::Particles(particles), other], domain, &options, context).map(Some)
 }
 
 /// How groups are linked, `spacing` being the particles' mean one; `None` where the box is thinner than links allow.
@@ -83,7 +83,7 @@ pub(super) fn mass_power(
     model: &Model,
     particles: &Particles,
     domain: &Domain,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Option<MassPower>> {
     let several = particles.layers().len() > 1;
     if particles.weights().is_none() && !(several && particles.meta.particle_mass.is_some()) {
@@ -91,7 +91,7 @@ pub(super) fn mass_power(
     }
     let options = options_for(domain, particles.len(), model);
     let agreement = |p: &Particles, m: &Model| {
-        let spectra = power_spectra([Subject::Particles(p), Subject::Model(m)], domain, &options, progress)?;
+        let spectra = power_spectra([Subject::Particles(p), Subject::Model(m)], domain, &options, context)?;
         let within =
             if spectra.shells.is_empty() { Limit::NotMeasured } else { Limit::measured(spectra.power_within(0.01)) };
         Ok::<_, Error>(PowerAgreement {
@@ -147,9 +147,9 @@ fn measure(
     pair: [Subject<'_>; 2],
     domain: &Domain,
     o: &SpectrumOptions,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<ScienceMetrics> {
-    Ok(told(of, o, &power_spectra(pair, domain, o, progress)?))
+    Ok(told(of, o, &power_spectra(pair, domain, o, context)?))
 }
 
 /// What spectra say, groups apart.

@@ -3,9 +3,9 @@
 //! A random sample has other groups and distances than the whole; a region that keeps all its particles has the same but
 //! at its faces, which cut those drawn alike.
 
+use crate::context::Context;
 use crate::model::{Block, LawKind, Layer, Metadata, Mixture, Model, Sample};
 use crate::particles::{Particles, Selection, Storage};
-use crate::progress::Progress;
 use crate::recover::draw;
 use crate::space::Bounds;
 use crate::stats::Domain;
@@ -44,7 +44,7 @@ impl<'a> ParticlesWithModel<'a> {
         particles: &'a Particles,
         seed: u64,
         most: u64,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Option<Self>> {
         let domain = Domain::of_particles(particles);
         let (count, spacing) = (particles.len() as u64, domain.spacing(particles.len()));
@@ -53,7 +53,7 @@ impl<'a> ParticlesWithModel<'a> {
             return Ok((count >= 2).then_some(ParticlesWithModel { model, particles, domain, spacing, sample: None }));
         }
         let bounds = region(particles, &domain, seed, most.min(IN_REGION));
-        let inside = match particles.select(cropped(&domain, bounds), &Storage::Memory, progress) {
+        let inside = match particles.select(cropped(&domain, bounds), &Storage::Memory, context) {
             // Nothing is there, or images of a box that is none.
             Err(Error::Argument { .. } | Error::Input { .. }) => return Ok(None),
             inside => inside?,
@@ -72,15 +72,15 @@ impl<'a> ParticlesWithModel<'a> {
     ///
     /// # Errors
     /// [`Error::Memory`], [`Error::Cancelled`].
-    pub fn draw(&self, seed: u64, progress: &dyn Progress) -> Result<Option<Particles>> {
+    pub fn draw(&self, seed: u64, context: &Context<'_>) -> Result<Option<Particles>> {
         let (origin, weighted) = (self.particles.origin, self.particles.weights().is_some());
-        let drawn = match draw(&self.model, seed, origin, weighted, progress) {
+        let drawn = match draw(&self.model, seed, origin, weighted, context) {
             Err(Error::Input { .. }) => return Ok(None),
             drawn => drawn?,
         };
         let Some(sample) = self.sample else { return Ok(Some(drawn)) };
         let whole = Domain::of_model(&self.model);
-        match drawn.select(cropped(&whole, sample.bounds), &Storage::Memory, progress) {
+        match drawn.select(cropped(&whole, sample.bounds), &Storage::Memory, context) {
             Err(Error::Argument { .. } | Error::Input { .. }) => Ok(None),
             drawn => drawn.map(Some),
         }

@@ -4,9 +4,9 @@ use super::ViewTruth;
 use crate::Result;
 use crate::camera::View;
 use crate::codec::{CodedPoints, Thinning};
+use crate::context::Context;
 use crate::particles::{Column, Particles, Positions};
 use crate::picture::{Gray8, Size};
-use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::splat::ToneStyle;
 use particlegs_core::math::each_axis;
@@ -50,12 +50,12 @@ impl RandomSubset {
         spacing: f64,
         bytes: u64,
         seed: u64,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Option<Self>> {
         let (particles, bounds) = (truth.particles(), truth.bounds());
         let n = particles.len();
         particlegs_files::memory::require("a subset of the particles", n as u64 / 8 + 2 * bytes)?;
-        let most = Thinning { bounds, spacing, bytes, seed }.most(n, |i| particles.position(i), progress)?;
+        let most = Thinning { bounds, spacing, bytes, seed }.most(n, |i| particles.position(i), context)?;
         Ok(most.map(|coded| {
             let kept = coded.position[0].len();
             let scale = (n as f64 / kept as f64).sqrt();
@@ -74,13 +74,13 @@ impl RandomSubset {
         view: &View,
         size: Size,
         whole: bool,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<SubsetView> {
         let reference = Reference::with_bounds(&self.particles, *truth.bounds());
         let view = View { radius: view.radius * self.scale, ..view.clone() };
         Ok(match whole {
-            true => SubsetView::Whole(Box::new(ViewTruth::draw(&reference, &view, size, None, progress)?)),
-            false => SubsetView::Expected(reference.draw(&view, size, ToneStyle::Expected, progress)?),
+            true => SubsetView::Whole(Box::new(ViewTruth::draw(&reference, &view, size, None, context)?)),
+            false => SubsetView::Expected(reference.draw(&view, size, ToneStyle::Expected, context)?),
         })
     }
 }
@@ -95,7 +95,7 @@ fn as_particles(coded: &CodedPoints, of: &Particles) -> Particles {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::Silent;
+    use crate::context::Context;
 
     fn sample() -> Particles {
         let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
@@ -106,7 +106,7 @@ mod tests {
     fn as_many_are_kept_as_fit() {
         let particles = sample();
         let truth = Reference::new(&particles);
-        let of = |bytes, seed| RandomSubset::new(&truth, 0.78, bytes, seed, &Silent).unwrap();
+        let of = |bytes, seed| RandomSubset::new(&truth, 0.78, bytes, seed, &Context::SILENT).unwrap();
         for bytes in [2_000, 10_485, 200_000] {
             let thin = of(bytes, 42).unwrap();
             assert!(thin.bytes <= bytes && thin.bytes as f64 >= 0.99 * bytes as f64, "{} of {bytes}", thin.bytes);
@@ -129,7 +129,7 @@ mod tests {
     fn those_kept_are_particles() {
         let particles = sample();
         let truth = Reference::new(&particles);
-        let thin = RandomSubset::new(&truth, 0.78, 1_000, 5, &Silent).unwrap().unwrap();
+        let thin = RandomSubset::new(&truth, 0.78, 1_000, 5, &Context::SILENT).unwrap().unwrap();
         for i in 0..thin.particles.len() {
             let p = thin.particles.position(i);
             let near = (0..particles.len()).any(|j| {

@@ -11,9 +11,9 @@ use super::science::spectrum_options;
 use super::{certificate_views, certify};
 use crate::Result;
 use crate::camera::View;
+use crate::context::Context;
 use crate::model::{Metadata, Model};
 use crate::particles::Particles;
-use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::render::{self, Scene};
 use crate::stats::{Assignment, Domain, Field, Grid, SpectrumOptions, Subject, deposit};
@@ -116,9 +116,9 @@ impl MeasurementFrame {
         section: SumsSection,
         model: &Model,
         particles: &Particles,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Vec<u8>> {
-        let part = PartWithModel { frame: self, layers: layers_of(particles), model, progress };
+        let part = PartWithModel { frame: self, layers: layers_of(particles), model, context };
         let [_, width] = self.shape(section);
         Ok(match section {
             SumsSection::Weights => part.weights().into_iter().flat_map(f64::to_le_bytes).collect(),
@@ -145,7 +145,7 @@ struct PartWithModel<'a> {
     frame: &'a MeasurementFrame,
     layers: Vec<Particles>,
     model: &'a Model,
-    progress: &'a dyn Progress,
+    context: &'a Context<'a>,
 }
 
 impl PartWithModel<'_> {
@@ -167,14 +167,14 @@ impl PartWithModel<'_> {
         let mut sum = vec![0.0f64; grid.grid().len()];
         let mut add = |own: Vec<f64>| sum.iter_mut().zip(own).for_each(|(s, v)| *s += v);
         match side {
-            0 => self.layers.iter().try_for_each(|p| grid.of_particles(p, self.progress).map(&mut add))?,
-            _ => add(grid.of_model(self.model, self.progress)?),
+            0 => self.layers.iter().try_for_each(|p| grid.of_particles(p, self.context).map(&mut add))?,
+            _ => add(grid.of_model(self.model, self.context)?),
         }
         Ok(sum.into_iter().map(|v| v as f32).collect())
     }
 
     fn field(&self, side: usize, grid: &Grid, scheme: Assignment, shift: f64) -> Result<Vec<f32>> {
-        let of = |subject| deposit(subject, grid, scheme, shift, self.progress).map(|f: Field| f.mass);
+        let of = |subject| deposit(subject, grid, scheme, shift, self.context).map(|f: Field| f.mass);
         if side == 1 {
             return of(Subject::Model(self.model));
         }
@@ -192,11 +192,11 @@ impl PartWithModel<'_> {
     fn optical_depth(&self, side: usize, view: &View) -> Result<Vec<f32>> {
         let size = certify::SIZE;
         if side == 1 {
-            return Ok(render::optical_depth(&Scene::of(self.model), view, size, self.progress)?.data);
+            return Ok(render::optical_depth(&Scene::of(self.model), view, size, self.context)?.data);
         }
         let mut sum = vec![0.0f32; size.pixels()];
         for p in &self.layers {
-            let own = Reference::with_bounds(p, self.frame.metadata.bounds).optical_depth(view, size, self.progress)?;
+            let own = Reference::with_bounds(p, self.frame.metadata.bounds).optical_depth(view, size, self.context)?;
             sum.iter_mut().zip(own.data).for_each(|(s, v)| *s += v);
         }
         Ok(sum)

@@ -1,11 +1,11 @@
 //! Evaluation and certificate of a tiny model of the sample.
 
 use super::*;
+use crate::context::{Context, ProgressEvent, ProgressSink};
 use crate::math::Sym3;
 use crate::model::{Block, CertificateLevel, LawKind, Layer, Mass, Metadata, Mixture, Model, PictureScore};
 use crate::particles::Particles;
 use crate::picture::Size;
-use crate::progress::{Progress, Silent};
 use crate::render::Scene;
 
 const SIZE: Size = Size { width: 160, height: 90 };
@@ -52,7 +52,8 @@ fn a_finer_model_scores_higher_and_floors_stand_below() {
     let particles = sample();
     let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
     let views = evaluation_views(&coarse.metadata, SIZE, 42, 1);
-    let [coarse, fine] = [coarse, fine].map(|m| evaluate(&m, &particles, &views, SIZE, None, &Silent).unwrap());
+    let [coarse, fine] =
+        [coarse, fine].map(|m| evaluate(&m, &particles, &views, SIZE, None, &Context::SILENT).unwrap());
     assert_eq!(fine.views.len(), 3);
     for (orbit, m) in &fine.by_orbit {
         let worse = coarse.by_orbit.iter().find(|o| o.0 == *orbit).unwrap().1;
@@ -72,10 +73,11 @@ fn held_out_views_rank_models() {
     let particles = sample();
     let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
     let views = held_out_views(&coarse.metadata, SIZE, 42, 1);
-    let held_out = HeldOutPictures::draw(&particles, &views, SIZE, &Silent).unwrap();
-    let [a, b] = [&coarse, &fine].map(|m| held_out.expected_masked_psnr(&Scene::of(m), &Silent).unwrap().unwrap());
+    let held_out = HeldOutPictures::draw(&particles, &views, SIZE, &Context::SILENT).unwrap();
+    let [a, b] =
+        [&coarse, &fine].map(|m| held_out.expected_masked_psnr(&Scene::of(m), &Context::SILENT).unwrap().unwrap());
     assert!(b > a + 1.0, "{a} {b}");
-    let scored = evaluate(&fine, &particles, &views, SIZE, None, &Silent).unwrap();
+    let scored = evaluate(&fine, &particles, &views, SIZE, None, &Context::SILENT).unwrap();
     assert_eq!(scored.mean.expected.model.masked_psnr, Some(b));
 }
 
@@ -91,12 +93,12 @@ fn certificates_repeat_and_know_the_density() {
         memory: None,
         reached: None,
     };
-    let c = measure.certificate(&fine, 20_000, &steps).unwrap();
+    let c = measure.certificate(&fine, 20_000, &Context::SILENT.with_sink(&steps)).unwrap();
     assert_eq!((c.views.width, c.views.height, c.density.cells), (1920, 1080, 50));
     let identical = Some(PictureScore { masked_psnr: None, ssim: 1.0 });
     assert!(c.views.orbits.iter().all(|o| o.expected.noise_free == identical));
     let bounds = &fine.metadata.bounds;
-    let [coarse, uniform] = density_of(&coarse, &particles, bounds, 50, &Silent).unwrap();
+    let [coarse, uniform] = density_of(&coarse, &particles, bounds, 50, &Context::SILENT).unwrap();
     let d = &c.density;
     assert!(d.correlation > coarse.correlation && d.mean_absolute_error < coarse.mean_absolute_error);
     assert!(d.correlation > 0.8 && d.correlation < 1.0, "{}", d.correlation);
@@ -130,13 +132,14 @@ fn certificates_repeat_and_know_the_density() {
 #[derive(Default)]
 struct PhaseRecorder(std::sync::Mutex<Vec<(String, u64, u64)>>);
 
-impl Progress for PhaseRecorder {
-    fn begin(&self, phase: &str, total: u64) {
-        self.0.lock().unwrap().push((phase.into(), total, 0));
-    }
-
-    fn advance(&self, steps: u64) {
-        self.0.lock().unwrap().last_mut().unwrap().2 += steps;
+impl ProgressSink for PhaseRecorder {
+    fn event(&self, event: ProgressEvent<'_>) {
+        let mut phases = self.0.lock().unwrap();
+        match event {
+            ProgressEvent::Begin { phase, total } => phases.push((phase.into(), total, 0)),
+            ProgressEvent::Advance(steps) => phases.last_mut().unwrap().2 += steps,
+            _ => {}
+        }
     }
 }
 
@@ -165,22 +168,16 @@ impl PhaseRecorder {
 
 #[test]
 fn stops_and_refusals() {
-    struct CancelledEvaluation;
-    impl Progress for CancelledEvaluation {
-        fn cancelled(&self) -> bool {
-            true
-        }
-    }
     let particles = sample();
     let model = tiny(&particles, 4);
     let mut views = evaluation_views(&model.metadata, SIZE, 42, 1);
     assert!(matches!(
-        evaluate(&model, &particles, &views, SIZE, None, &CancelledEvaluation),
+        evaluate(&model, &particles, &views, SIZE, None, &Context::SILENT.with_cancel(&|| true)),
         Err(crate::Error::Cancelled)
     ));
-    assert!(evaluate(&model, &particles, &[], SIZE, None, &Silent).is_err());
+    assert!(evaluate(&model, &particles, &[], SIZE, None, &Context::SILENT).is_err());
     views[1].opacity = 2.0;
-    assert!(evaluate(&model, &particles, &views, SIZE, None, &Silent).is_err());
+    assert!(evaluate(&model, &particles, &views, SIZE, None, &Context::SILENT).is_err());
 }
 
 /// Two species of different masses: each has its own P(k), and a layer whose Gaussians are wrong is told.
@@ -189,7 +186,7 @@ fn power_of_mass_is_told_by_layer() {
     let particles = sample();
     let (n, half) = (particles.len(), particles.len() / 2);
     let domain = crate::stats::Domain::of_particles(&particles);
-    assert!(mass_power(&tiny(&particles, 8), &particles, &domain, &Silent).unwrap().is_none());
+    assert!(mass_power(&tiny(&particles, 8), &particles, &domain, &Context::SILENT).unwrap().is_none());
     // In the snapshot's order, which is not the file's.
     let layer = |name: &str, content, each| Layer { name: name.into(), mass: Mass::Each(each), content };
     let weights = (0..n).map(|i| if i < half { 4.0 } else { 1.0 }).collect();
@@ -205,7 +202,7 @@ fn power_of_mass_is_told_by_layer() {
         Model { layers: vec![own(1), own(0)], ..tiny(&particles, 1) }
     };
     let [good, bad] = [[24, 24], [2, 24]].map(|cells| {
-        let found = mass_power(&model_of(cells), &particles, &domain, &Silent).unwrap().unwrap();
+        let found = mass_power(&model_of(cells), &particles, &domain, &Context::SILENT).unwrap().unwrap();
         assert_eq!(found.layers.iter().flatten().count(), 2);
         [found.whole, found.layers[0].unwrap(), found.layers[1].unwrap()].map(|p| p.within_1_percent_to.place())
     });
@@ -224,17 +221,19 @@ fn large_snapshots_are_measured_in_a_region() {
     let model = tiny(&particles, 24);
     let mut corners = Vec::new();
     for seed in [0, 5] {
-        let scope = ParticlesWithModel::of(&model, &particles, seed, 20_000, &Silent).unwrap().unwrap();
+        let scope = ParticlesWithModel::of(&model, &particles, seed, 20_000, &Context::SILENT).unwrap().unwrap();
         let (sample, n) = (scope.sample.unwrap(), scope.particles.len());
         assert!((8_000..=20_500).contains(&n) && sample.particles == n as u64, "{n}");
         let inside = |p: [f64; 3]| (0..3).all(|k| p[k] >= sample.bounds.min[k] && p[k] < sample.bounds.max[k]);
         let there = (0..particles.len()).filter(|&i| inside(particles.position(i))).count();
         assert!(there == n && (0..n).all(|i| inside(scope.particles.position(i))), "{there} {n}");
-        let drawn = scope.draw(7, &Silent).unwrap().unwrap();
+        let drawn = scope.draw(7, &Context::SILENT).unwrap().unwrap();
         assert!((drawn.len() as f64 / n as f64 - 1.0).abs() < 0.1, "{} {n}", drawn.len());
         assert!((0..drawn.len()).all(|i| inside(drawn.position(i))) && scope.model.gaussians() < model.gaussians() / 4);
         corners.push(sample.bounds.min);
     }
     assert!(corners[0] != corners[1]);
-    assert!(ParticlesWithModel::of(&model, &particles, 0, 1 << 20, &Silent).unwrap().unwrap().sample.is_none());
+    assert!(
+        ParticlesWithModel::of(&model, &particles, 0, 1 << 20, &Context::SILENT).unwrap().unwrap().sample.is_none()
+    );
 }

@@ -2,8 +2,8 @@
 
 use crate::Result;
 use crate::camera::View;
+use crate::context::Context;
 use crate::picture::{Gray8, Plane, Size};
-use crate::progress::Progress;
 use crate::reference::{Reference, fxaa};
 use crate::render::{Drawer, Tones};
 use crate::splat::ToneStyle;
@@ -25,13 +25,13 @@ impl ViewTruth {
         view: &View,
         size: Size,
         drawer: Option<&dyn Drawer>,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Self> {
         let (paraview_no_fxaa, tau) = match drawer {
-            Some(d) => (d.particles(view, size, progress)?, d.particles_depth(view, size, progress)?),
+            Some(d) => (d.particles(view, size, context)?, d.particles_depth(view, size, context)?),
             None => (
-                particles.draw(view, size, ToneStyle::ParaviewNoFxaa, progress)?,
-                particles.optical_depth(view, size, progress)?,
+                particles.draw(view, size, ToneStyle::ParaviewNoFxaa, context)?,
+                particles.optical_depth(view, size, context)?,
             ),
         };
         let tones = Tones::new(view.opacity, view.radius_pixels(size));

@@ -3,8 +3,8 @@
 use super::points::PointGrid;
 use super::{Domain, Groups};
 use crate::Result;
+use crate::context::Context;
 use crate::parallel;
-use crate::progress::Progress;
 use particlegs_core::math::each_axis;
 
 /// A sphere shrinks by this share a step towards its densest part (Power et al. 2003).
@@ -45,12 +45,12 @@ pub fn counts_within(
     domain: &Domain,
     centers: &[[f64; 3]],
     radius: f64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Vec<u64>> {
     let points = PointGrid::new(positions, domain, radius)?;
     parallel::try_map_range(centers.len(), |i| {
         let c = &centers[i];
-        progress.check()?;
+        context.check()?;
         let mut count = 0;
         points.near(points.cell_of(*c), radius, |run, shift| {
             let at: [f64; 3] = each_axis(|k| c[k] - shift[k]);
@@ -115,8 +115,8 @@ pub fn aperture_mass(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::context::Context;
     use crate::math::Random;
-    use crate::progress::Silent;
 
     #[test]
     fn a_lopsided_group_across_the_seam_is_centred_on_its_core() {
@@ -133,7 +133,7 @@ mod tests {
         let c = group_center(&x, &members, &domain);
         let d = domain.shortest_way(each_axis(|k| c[k] - core[k]));
         assert!(d.iter().all(|v| v.abs() < 0.01), "{c:?}");
-        let n = counts_within(&x, &domain, &[c, [5.0; 3]], 0.06, &Silent).unwrap();
+        let n = counts_within(&x, &domain, &[c, [5.0; 3]], 0.06, &Context::SILENT).unwrap();
         assert!(n[0] >= 195 && n[0] <= 215 && n[1] == 0, "{n:?}");
     }
 

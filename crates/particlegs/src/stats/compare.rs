@@ -21,10 +21,10 @@ use super::{
     PairCounts, SizeClass, StatsOptions, Subject, Summary, deposit, deposit_bytes, deposit_steps, longest_link,
     size_histogram,
 };
+use crate::context::Context;
 use crate::model::LawKind;
 use crate::parallel;
 use crate::particles::Particles;
-use crate::progress::Progress;
 use crate::{Error, Result};
 use std::f64::consts::PI;
 
@@ -47,12 +47,7 @@ const WIDEST_SEPARATIONS: f64 = 1e9;
 /// [`Error::Input`] for a subject without particles, units that cannot be converted, a subject that its box does not
 /// hold, and boxes of different sizes, [`Error::Argument`] for options outside their
 /// range, [`Error::Memory`] where a grid does not fit, [`Error::Cancelled`].
-pub fn compare(
-    truth: Subject<'_>,
-    other: Subject<'_>,
-    o: &StatsOptions,
-    progress: &dyn Progress,
-) -> Result<Statistics> {
+pub fn compare(truth: Subject<'_>, other: Subject<'_>, o: &StatsOptions, context: &Context<'_>) -> Result<Statistics> {
     check(o)?;
     for (name, subject) in [("the truth", &truth), ("the other", &other)] {
         if subject.count() == 0 {
@@ -67,7 +62,7 @@ pub fn compare(
     };
     let of_boxes = check_boxes([truth, other])?;
     o.linking_length.as_ref().map(|text| length_in(text, &truth.unit_system())).transpose()?;
-    let job = ComparisonJob { pair: [truth, other], domain: job_domain(truth, o), o, progress };
+    let job = ComparisonJob { pair: [truth, other], domain: job_domain(truth, o), o, context };
     let wants = |m| o.measures.contains(&m);
     let mut notes = job.notes();
     notes.extend(of_units.into_iter().chain(of_boxes));
@@ -174,7 +169,7 @@ struct ComparisonJob<'a> {
     pair: [Subject<'a>; 2],
     domain: Domain,
     o: &'a StatsOptions,
-    progress: &'a dyn Progress,
+    context: &'a Context<'a>,
 }
 
 impl ComparisonJob<'_> {
@@ -236,7 +231,7 @@ impl ComparisonJob<'_> {
             [Subject::Model(m), Subject::Particles(p)] | [Subject::Particles(p), Subject::Model(m)] => (m, p),
             _ => return Ok(None),
         };
-        likelihood(model, particles, &self.domain, self.o.seed, self.progress).map(Some)
+        likelihood(model, particles, &self.domain, self.o.seed, self.context).map(Some)
     }
 
     fn density(&self) -> Result<DensityReport> {
@@ -246,10 +241,10 @@ impl ComparisonJob<'_> {
             "two density grids",
             deposit_bytes(&grid, self.most_particles()) + 4 * grid.len() as u64,
         )?;
-        self.progress.begin("density grids", self.pair.iter().map(|s| deposit_steps(*s, &grid)).sum());
-        let of = |s: Subject<'_>| deposit(s, &grid, self.o.assignment, 0.0, self.progress);
+        self.context.begin("density grids", self.pair.iter().map(|s| deposit_steps(*s, &grid)).sum());
+        let of = |s: Subject<'_>| deposit(s, &grid, self.o.assignment, 0.0, self.context);
         let (a, b) = (of(self.pair[0])?, of(self.pair[1])?);
-        self.progress.end();
+        self.context.end();
         let inside = |f: &Field| mean_mass(f) * f.grid.len() as f64;
         Ok(DensityReport {
             cells: grid.cells,
@@ -282,13 +277,13 @@ impl ComparisonJob<'_> {
         };
         let grid =
             if self.paper() { Grid::stretched(&self.domain, [cells; 3]) } else { Grid::new(&self.domain, cells) };
-        let pair: TransformPair = transform_pair(self.pair, &grid, &domain, &options, self.progress)?;
-        let spectra = spectra(&pair, &domain, &options, self.progress)?;
+        let pair: TransformPair = transform_pair(self.pair, &grid, &domain, &options, self.context)?;
+        let spectra = spectra(&pair, &domain, &options, self.context)?;
         // Bins as wide as the shortest wave's half: narrower ones hold its ringing.
         let (width, last) = (PI / options.k_max, self.edges().last().copied().unwrap_or(0.0));
         let edges: Vec<f64> = (1..=1000).map(|i| width * f64::from(i)).take_while(|r| *r <= last).collect();
         let xi = if edges.len() > 1 && !self.paper() {
-            let xi = xi_of_modes(&pair, &domain, &options, &edges, self.progress)?;
+            let xi = xi_of_modes(&pair, &domain, &options, &edges, self.context)?;
             Some(XiByTransform { xi, edges })
         } else {
             None
@@ -307,7 +302,7 @@ impl ComparisonJob<'_> {
 
     fn pairs(&self, positions: [&[[f64; 3]]; 2], notes: &mut Vec<String>) -> Result<[PairCounts; 2]> {
         let options = PairOptions { edges: self.edges(), band: 3.0, budget: self.o.pair_budget, seed: self.o.seed };
-        let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.progress);
+        let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.context);
         let counts = [count(0)?, count(1)?];
         if counts.iter().any(PairCounts::sampled) {
             notes.push("pairs at large separations are of a random sample of particles with all others".into());
@@ -323,7 +318,7 @@ impl ComparisonJob<'_> {
         }
         let edges = rdf_edges(self.o.rdf_max.unwrap_or(RDF_SPACINGS * self.spacing(0)).min(longest));
         let options = PairOptions { edges, band: 10.0, budget: self.o.pair_budget / 3, seed: self.o.seed };
-        let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.progress);
+        let count = |side: usize| count_pairs(positions[side], &self.domain, &options, self.context);
         let counts = [count(0)?, count(1)?];
         if counts.iter().any(PairCounts::sampled) {
             notes.push("g(r) is of a random sample of particles with all others".into());
@@ -332,7 +327,7 @@ impl ComparisonJob<'_> {
     }
 
     fn profiles(&self) -> Result<[AxisProfile; 3]> {
-        axis_profiles(self.pair, &self.domain, self.o.profile_bins, self.progress)
+        axis_profiles(self.pair, &self.domain, self.o.profile_bins, self.context)
     }
 
     /// The particles, where both sides are some.
@@ -375,7 +370,7 @@ impl ComparisonJob<'_> {
             Some(text) => length_in(text, &self.pair[0].unit_system())?,
             None => self.o.linking * linked.spacing,
         };
-        let found = linked.groups(positions, &self.domain, length, self.o.smallest_group, self.progress)?;
+        let found = linked.groups(positions, &self.domain, length, self.o.smallest_group, self.context)?;
         match &found {
             None => {
                 let longest = longest_link(&self.domain);
@@ -425,7 +420,7 @@ impl ComparisonJob<'_> {
         }
         let side = |s: usize| HaloSide { subject: self.pair[s], positions: positions[s] };
         let places = HaloPlaces { centers: &centers, radii: &radii, bins: self.o.halo_bins };
-        halo_profiles([side(0), side(1)], &self.domain, &places, self.progress).map(Some)
+        halo_profiles([side(0), side(1)], &self.domain, &places, self.context).map(Some)
     }
 
     /// `None`, and a note, in a box too thin for links of the other's length.
@@ -477,7 +472,7 @@ impl ComparisonJob<'_> {
         let large = truth.members.iter().take_while(|m| m.len() as u64 >= CORES[0][0]).count();
         let chosen = Groups { linking_length: truth.linking_length, members: truth.members[..large].to_vec() };
         let centers = parallel::map(&chosen.members, |m| group_center(positions[0], m, &self.domain));
-        let count = |side: usize| counts_within(positions[side], &self.domain, &centers, radius, self.progress);
+        let count = |side: usize| counts_within(positions[side], &self.domain, &centers, radius, self.context);
         let (a, b) = (count(0)?, count(1)?);
         let per = positions[0].len() as f64 / positions[1].len() as f64;
         Ok(CORES.map(|sizes| aperture_mass(&chosen, &a, &b, per, radius, sizes)).to_vec())
@@ -486,7 +481,7 @@ impl ComparisonJob<'_> {
     fn neighbours(&self, particles: [&Particles; 2]) -> Result<[NearestDistances; 2]> {
         let options =
             NeighbourOptions { sample: self.o.neighbour_sample, among_sample: self.paper(), seed: self.o.seed };
-        let of = |side: usize| nearest_distances(particles[side], &self.domain, &options, self.progress);
+        let of = |side: usize| nearest_distances(particles[side], &self.domain, &options, self.context);
         Ok([of(0)?, of(1)?])
     }
 }

@@ -6,10 +6,10 @@
 use super::gaussian::{DepositScratch, Slab};
 use super::{Assignment, Grid, Subject};
 use crate::Result;
+use crate::context::Context;
 use crate::model::Mixture;
 use crate::parallel;
 use crate::particles::{ChunkBuffer, Particles, RUN};
-use crate::progress::Progress;
 use particlegs_core::math::each_axis;
 use std::ops::Range;
 
@@ -56,9 +56,9 @@ pub fn deposit(
     grid: &Grid,
     scheme: Assignment,
     shift: f64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Field> {
-    deposit_again(subject, Field { grid: *grid, mass: Vec::new(), outside: 0.0 }, scheme, shift, progress)
+    deposit_again(subject, Field { grid: *grid, mass: Vec::new(), outside: 0.0 }, scheme, shift, context)
 }
 
 /// [`deposit`] on the grid of a field that is no longer wanted, in its memory.
@@ -67,7 +67,7 @@ pub(super) fn deposit_again(
     mut field: Field,
     scheme: Assignment,
     shift: f64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Field> {
     let particles = subject.particles().map_or(0, |p| p.len() as u64);
     particlegs_files::memory::require("a density grid", deposit_bytes(&field.grid, particles))?;
@@ -77,11 +77,11 @@ pub(super) fn deposit_again(
         _ => field.mass.fill(0.0),
     }
     match subject {
-        Subject::Particles(p) => add_particles(&mut field, p, scheme, shift, progress)?,
+        Subject::Particles(p) => add_particles(&mut field, p, scheme, shift, context)?,
         Subject::Model(m) => {
             for layer in &m.layers {
                 let parts: Vec<&Mixture> = layer.content.iter().map(|b| &b.gaussians).collect();
-                add_mixtures(&mut field, &parts, layer.mass.unit_or_one(), shift, progress)?;
+                add_mixtures(&mut field, &parts, layer.mass.unit_or_one(), shift, context)?;
             }
         }
     }
@@ -116,7 +116,7 @@ fn add_particles(
     p: &Particles,
     scheme: Assignment,
     shift: f64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<()> {
     let grid = field.grid;
     let (plane, depth) = (grid.cells[1] * grid.cells[2], grid.cells[0].div_ceil(SLABS).max(4));
@@ -124,7 +124,7 @@ fn add_particles(
     // Thousands of small shares meet in a cell: they are summed in f64.
     let mut sums = if sums_stay(&grid, p.len() as u64) { vec![0.0f64; grid.len()] } else { Vec::new() };
     for first in (0..chunks).step_by(BATCH) {
-        progress.check()?;
+        context.check()?;
         let sort = |c| sort_by_plane(&grid, p, c * RUN..p.len().min((c + 1) * RUN), shift);
         let sorted: Vec<SortedChunk> = parallel::map(first..chunks.min(first + BATCH), sort);
         field.outside += sorted.iter().map(|s| s.outside).sum::<f64>();
@@ -141,7 +141,7 @@ fn add_particles(
         } else {
             parallel::for_each(sums.chunks_mut(depth * plane).enumerate(), |(slab, out)| add(slab, out));
         }
-        progress.advance(sorted.iter().map(|s| s.records.len() as u64).sum());
+        context.advance(sorted.iter().map(|s| s.records.len() as u64).sum());
     }
     if !sums.is_empty() {
         field.mass.iter_mut().zip(&sums).for_each(|(o, s)| *o = *s as f32);
@@ -256,7 +256,7 @@ fn add_mixtures(
     parts: &[&Mixture],
     unit_mass: f64,
     shift: f64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<()> {
     let grid = field.grid;
     let moved = Grid { min: each_axis(|k| grid.min[k] - shift * grid.side[k]), ..grid };
@@ -270,8 +270,8 @@ fn add_mixtures(
             for i in 0..m.len() {
                 // A Gaussian as wide as the box takes milliseconds.
                 if i.is_multiple_of(8) {
-                    progress.check()?;
-                    progress.advance((m.len() - i).min(8) as u64);
+                    context.check()?;
+                    context.advance((m.len() - i).min(8) as u64);
                 }
                 let (mean, cov) = grid.upright(m.mean_of(i), m.cov_of(i));
                 if slab.may_hold(mean, &cov) {

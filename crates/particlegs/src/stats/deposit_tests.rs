@@ -1,7 +1,7 @@
 use super::*;
+use crate::context::Context;
 use crate::math::{Random, Sym3};
 use crate::particles::Column;
-use crate::progress::Silent;
 use crate::stats::Domain;
 use particlegs_core::math::each_axis;
 
@@ -45,7 +45,7 @@ fn every_scheme_agrees_with_its_plain_twin() {
                     if shift > 0.0 && !periodic {
                         continue;
                     }
-                    let fast = deposit(Subject::Particles(&p), &grid, scheme, shift, &Silent).unwrap();
+                    let fast = deposit(Subject::Particles(&p), &grid, scheme, shift, &Context::SILENT).unwrap();
                     let plain = plain(&p, &grid, scheme, shift);
                     let worst = fast
                         .mass
@@ -66,7 +66,7 @@ fn threads_change_no_bit() {
     let grid = Grid::new(&domain([4.0; 3], true), 24);
     let run = |threads| {
         let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| deposit(Subject::Particles(&p), &grid, Assignment::Tsc, 0.5, &Silent).unwrap().mass)
+        pool.install(|| deposit(Subject::Particles(&p), &grid, Assignment::Tsc, 0.5, &Context::SILENT).unwrap().mass)
     };
     assert_eq!(run(1), run(5));
 }
@@ -75,7 +75,7 @@ fn threads_change_no_bit() {
 fn what_lies_beyond_an_open_edge_is_counted() {
     let p = Particles::from_columns(vec![-0.5, 0.5, 4.0, 4.1], vec![1.0; 4], vec![1.0; 4]);
     let grid = Grid::new(&domain([4.0; 3], false), 4);
-    let f = deposit(Subject::Particles(&p), &grid, Assignment::Tsc, 0.0, &Silent).unwrap();
+    let f = deposit(Subject::Particles(&p), &grid, Assignment::Tsc, 0.0, &Context::SILENT).unwrap();
     assert_eq!(f.outside, 2.0);
     assert!((f.mass.iter().sum::<f32>() - 2.0).abs() < 1e-6);
 }
@@ -87,7 +87,7 @@ fn a_model_keeps_its_mass_and_its_place() {
     m.push([2.9, 0.6, 6.6], Sym3::scaled_identity(1e-6), 50.0, 50.0);
     let grid = Grid::new(&domain([3.0, 10.0, 7.0], true), 40);
     let mut field = Field { grid, mass: vec![0.0; grid.len()], outside: 0.0 };
-    add_mixtures(&mut field, &[&m], 2.0, 0.0, &Silent).unwrap();
+    add_mixtures(&mut field, &[&m], 2.0, 0.0, &Context::SILENT).unwrap();
     assert!((field.mass.iter().map(|v| f64::from(*v)).sum::<f64>() - 300.0).abs() < 1e-3);
     assert!((field.mass[grid.index([11, 2, 26])] - 100.0).abs() < 0.5);
     let mut whole = vec![0.0; grid.len()];
@@ -102,7 +102,7 @@ fn a_grid_beyond_memory_says_what_it_needs() {
     let p = random(10, [1.0; 3]);
     // Refused before anything is taken, where the system tells what it has.
     if particlegs_files::memory::available_bytes().is_some() {
-        let error = deposit(Subject::Particles(&p), &grid, Assignment::Ngp, 0.0, &Silent).unwrap_err();
+        let error = deposit(Subject::Particles(&p), &grid, Assignment::Ngp, 0.0, &Context::SILENT).unwrap_err();
         assert!(matches!(error, crate::Error::Memory { .. }));
     }
 }

@@ -7,9 +7,9 @@
 
 use super::Domain;
 use super::points::gathered;
+use crate::context::Context;
 use crate::parallel;
 use crate::particles::RUN;
-use crate::progress::Progress;
 use crate::space::Bounds;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
@@ -60,7 +60,7 @@ struct RowWalk<'a> {
     apart: bool,
     /// Set of each cell so far.
     roots: &'a [u32],
-    progress: &'a dyn Progress,
+    context: &'a Context<'a>,
 }
 
 struct CellRows<'a> {
@@ -94,7 +94,7 @@ pub fn find_groups(
     domain: &Domain,
     linking_length: f64,
     smallest: usize,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Groups> {
     let longest = longest_link(domain);
     if !(linking_length > 0.0 && linking_length <= longest) {
@@ -105,14 +105,14 @@ pub fn find_groups(
     }
     particlegs_files::memory::require("friends of friends", positions.len() as u64 * 80)?;
     let rows = CellRows::new(positions, domain, linking_length);
-    progress.check()?;
-    progress.begin("friends of friends", 2 * (rows.rows.len() - 1) as u64);
+    context.check()?;
+    context.begin("friends of friends", 2 * (rows.rows.len() - 1) as u64);
     let mut sets = DisjointSets::new(rows.runs.len());
     for reach in [NeighbourCells::Touching, NeighbourCells::Apart] {
-        let links = rows.links(linking_length, reach, &sets.roots(), progress)?;
+        let links = rows.links(linking_length, reach, &sets.roots(), context)?;
         links.iter().flatten().for_each(|(a, b)| sets.join(*a, *b));
     }
-    progress.end();
+    context.end();
     Ok(Groups { linking_length, members: rows.members(&mut sets, smallest) })
 }
 
@@ -159,11 +159,11 @@ impl<'a> CellRows<'a> {
         length: f64,
         reach: NeighbourCells,
         roots: &[u32],
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Vec<Vec<(u32, u32)>>> {
         let most = if reach == NeighbourCells::Touching { [1; 3] } else { self.most };
         parallel::try_map_range(self.rows.len() - 1, |row| {
-            progress.check()?;
+            context.check()?;
             let mut links = Vec::new();
             for dx in 0..=most[0] {
                 for dy in -most[1]..=most[1] {
@@ -177,14 +177,14 @@ impl<'a> CellRows<'a> {
                         );
                         // Rows that touch have cells apart along z alone.
                         let apart = dx.abs() > 1 || dy.abs() > 1;
-                        let walk = RowWalk { length, gap, reach, apart, roots, progress };
+                        let walk = RowWalk { length, gap, reach, apart, roots, context };
                         self.link_rows(row, other, turns, &walk, &mut links);
                     }
                 }
             }
             // What a stop cut short is no list of links.
-            progress.check()?;
-            progress.advance(1);
+            context.check()?;
+            context.advance(1);
             Ok(links)
         })
     }
@@ -275,7 +275,7 @@ impl<'a> CellRows<'a> {
         let others = near(others, &own);
         // Without one there are no bounds to be near to.
         let own = if others.is_empty() { vec![] } else { near(&own, &others) };
-        own.iter().any(|x| !walk.progress.cancelled() && any(*x, &others))
+        own.iter().any(|x| !walk.context.cancelled() && any(*x, &others))
     }
 
     /// Particles of each large set, ascending; sets by size, then by their first particle.
@@ -381,8 +381,8 @@ impl DisjointSets {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::context::Context;
     use crate::math::Random;
-    use crate::progress::Silent;
     use crate::stats::local_positions;
     use crate::stats::testing::{gas, tilted_cells};
 
@@ -422,7 +422,7 @@ mod tests {
             let domain = Domain::upright([0.0; 3], length, periodic);
             let x = clustered(1500, length);
             for link in [0.02, 0.06, 0.11, 0.3] {
-                let fast = find_groups(&x, &domain, link, 2, &Silent).unwrap();
+                let fast = find_groups(&x, &domain, link, 2, &Context::SILENT).unwrap();
                 assert_eq!(fast.members, plain(&x, &domain, link, 2), "{periodic:?} {link}");
             }
         }
@@ -436,7 +436,7 @@ mod tests {
             let x = local_positions(&p, &domain);
             for share in [0.1, 0.3, 1.0] {
                 let link = share * longest_link(&domain);
-                let fast = find_groups(&x, &domain, link, 2, &Silent).unwrap();
+                let fast = find_groups(&x, &domain, link, 2, &Context::SILENT).unwrap();
                 assert_eq!(fast.members, plain(&x, &domain, link, 2), "{cell:?} {link}");
             }
         }
@@ -448,11 +448,11 @@ mod tests {
         let x: Vec<[f64; 3]> = (0..20).map(|i| [(9.0 + 0.1 * i as f64) % 10.0, 0.0, 0.999]).collect();
         let run = |threads| {
             let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| find_groups(&x, &domain, 0.11, 2, &Silent).unwrap())
+            pool.install(|| find_groups(&x, &domain, 0.11, 2, &Context::SILENT).unwrap())
         };
         assert_eq!(run(1).members, vec![(0..20).collect::<Vec<u32>>()]);
         assert_eq!(run(1), run(4));
-        assert!(find_groups(&x, &domain, 0.09, 2, &Silent).unwrap().members.is_empty());
+        assert!(find_groups(&x, &domain, 0.09, 2, &Context::SILENT).unwrap().members.is_empty());
     }
 
     /// Clumps in neighbouring cells, further apart than a link, and outliers beyond what whole numbers of
@@ -465,9 +465,9 @@ mod tests {
             let mut x: Vec<[f64; 3]> = (0..4000).map(|i| [0.3 + 1e-6 * f64::from(i % 2), 0.5, 0.5]).collect();
             x.extend((0..4000).map(|i| [0.3 + apart, 0.5 + 1e-6 * f64::from(i % 3), 0.5]));
             x.extend([[1e20; 3], [0.9e20; 3], [1e20; 3]]);
-            let members = find_groups(&x, &domain, 1e-3, 2, &Silent).unwrap().members;
+            let members = find_groups(&x, &domain, 1e-3, 2, &Context::SILENT).unwrap().members;
             assert_eq!(members.iter().map(Vec::len).collect::<Vec<_>>(), [4000, 4000, 2]);
-            assert_eq!(find_groups(&x, &domain, 1.5e-3, 2, &Silent).unwrap().members.len(), 2);
+            assert_eq!(find_groups(&x, &domain, 1.5e-3, 2, &Context::SILENT).unwrap().members.len(), 2);
         }
     }
 
@@ -476,10 +476,10 @@ mod tests {
         let domain = Domain::upright([0.0; 3], [1.0; 3], [true; 3]);
         for link in [0.0, -1.0, f64::NAN, 0.5] {
             assert!(matches!(
-                find_groups(&[[0.5; 3]], &domain, link, 2, &Silent).unwrap_err(),
+                find_groups(&[[0.5; 3]], &domain, link, 2, &Context::SILENT).unwrap_err(),
                 crate::Error::Argument { .. }
             ));
         }
-        assert!(find_groups(&[], &domain, 0.1, 1, &Silent).unwrap().members.is_empty());
+        assert!(find_groups(&[], &domain, 0.1, 1, &Context::SILENT).unwrap().members.is_empty());
     }
 }

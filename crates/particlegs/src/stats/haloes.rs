@@ -2,10 +2,10 @@
 
 use super::points::PointGrid;
 use super::{Domain, Subject};
+use crate::context::Context;
 use crate::model::Model;
 use crate::parallel;
 use crate::particles::Particles;
-use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
 use particlegs_core::model::{GaussianInSphere, Rules};
@@ -90,17 +90,17 @@ pub fn halo_profiles(
     pair: [HaloSide<'_>; 2],
     domain: &Domain,
     places: &HaloPlaces<'_>,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<HaloProfiles> {
     let (edges, halos) = (places.edges(), places.centers.len());
     particlegs_files::memory::require("profiles of haloes", 24 * (edges.len() * halos) as u64)?;
-    progress.begin("halo profiles", 2 * halos as u64);
+    context.begin("halo profiles", 2 * halos as u64);
     let of = |side: HaloSide<'_>| match side.subject {
-        Subject::Particles(p) => of_particles(p, side.positions, domain, places, &edges, progress),
-        Subject::Model(m) => of_model(m, domain, places, &edges, progress),
+        Subject::Particles(p) => of_particles(p, side.positions, domain, places, &edges, context),
+        Subject::Model(m) => of_model(m, domain, places, &edges, context),
     };
     let enclosed = [of(pair[0])?, of(pair[1])?];
-    progress.end();
+    context.end();
     let masses = pair.map(|s| all_mass(s.subject));
     let shares = masses.map(|m| 1.0 / m.max(f64::MIN_POSITIVE));
     let at = |i: usize| MassComparison::new(&enclosed, shares, i, edges.len());
@@ -182,15 +182,15 @@ fn gaussians(m: &Model) -> impl Iterator<Item = (f64, &crate::model::Mixture, us
 fn about_each(
     places: &HaloPlaces<'_>,
     edges: &[f64],
-    progress: &dyn Progress,
+    context: &Context<'_>,
     of: impl Fn([f64; 3], &[f64], &mut [f64]) -> Result<()> + Sync,
 ) -> Result<Vec<f64>> {
     let parts = parallel::try_map_range(places.centers.len(), |i| {
         let radii: Vec<f64> = edges.iter().map(|e| e * places.radii[i]).collect();
         let mut inside = vec![0.0; radii.len()];
-        progress.check()?;
+        context.check()?;
         of(places.centers[i], &radii, &mut inside)?;
-        progress.advance(1);
+        context.advance(1);
         Ok::<_, Error>(inside)
     })?;
     Ok(parts.concat())
@@ -202,11 +202,11 @@ fn of_particles(
     domain: &Domain,
     places: &HaloPlaces<'_>,
     edges: &[f64],
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Vec<f64>> {
     let points = PointGrid::new(positions, domain, places.largest())?;
     let (weights, unit) = (p.weights(), p.meta.particle_mass.unwrap_or(1.0));
-    about_each(places, edges, progress, |center, radii, inside| {
+    about_each(places, edges, context, |center, radii, inside| {
         let squares: Vec<f64> = radii.iter().map(|r| r * r).collect();
         points.near(points.cell_of(center), radii[radii.len() - 1], |run, shift| {
             let at: [f64; 3] = each_axis(|k| center[k] - shift[k]);
@@ -236,20 +236,20 @@ fn of_model(
     domain: &Domain,
     places: &HaloPlaces<'_>,
     edges: &[f64],
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Vec<f64>> {
     let (classes, rules) = (classes(m, domain, places.largest())?, Rules::new());
-    about_each(places, edges, progress, |center, radii, inside| {
+    about_each(places, edges, context, |center, radii, inside| {
         for class in &classes {
             let (points, reach) = (&class.points, class.reach + radii[radii.len() - 1]);
             points.near(points.cell_of(center), reach, |run, shift| {
-                for i in run.filter(|_| !progress.cancelled()) {
+                for i in run.filter(|_| !context.cancelled()) {
                     let lump = &class.lumps[points.index[i] as usize];
                     let offset: [f64; 3] = each_axis(|k| center[k] - shift[k] - lump.mean[k]);
                     lump.add_within(offset, radii, &rules, inside);
                 }
             });
-            progress.check()?;
+            context.check()?;
         }
         Ok(())
     })
@@ -276,8 +276,8 @@ fn classes(m: &Model, domain: &Domain, radius: f64) -> Result<Vec<GaussianSizeCl
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::context::Context;
     use crate::math::{Random, Sym3};
-    use crate::progress::Silent;
     use crate::stats::local_positions;
     use crate::stats::testing::model_of;
 
@@ -310,7 +310,7 @@ mod tests {
         let centers = [core, [5.5, 14.0, 9.5], [12.0; 3]].map(|c| BOX.local(c));
         let places = HaloPlaces { centers: &centers, radii: &[3.0, 1.0, 2.0], bins: 20 };
         let pair = [side(Subject::Particles(&particles), &positions), side(Subject::Model(&model), &[])];
-        let h = halo_profiles(pair, &BOX, &places, &Silent).unwrap();
+        let h = halo_profiles(pair, &BOX, &places, &Context::SILENT).unwrap();
         assert_eq!((h.edges.len(), h.count, h.radius), (21, 3, None));
         assert!((h.edges[0] - 0.02).abs() < 1e-12 && h.edges[20] == 1.0);
         for center in 0..3 {
@@ -348,7 +348,7 @@ mod tests {
         let p = Particles::from_columns(x, y, z);
         let positions = local_positions(&p, &BOX);
         let places = HaloPlaces { centers: &[[5.0; 3]], radii: &[1.0], bins: 12 };
-        let h = halo_profiles([side(Subject::Particles(&p), &positions); 2], &BOX, &places, &Silent).unwrap();
+        let h = halo_profiles([side(Subject::Particles(&p), &positions); 2], &BOX, &places, &Context::SILENT).unwrap();
         for edge in 0..13 {
             let expected = n as f64 * mass(h.edges[edge] / scale) / mass(10.0);
             let [found, same] = h.enclosed_mass(0, edge);
@@ -380,7 +380,7 @@ mod tests {
             let domain = Domain { periodic: [periodic; 3], ..BOX };
             let run = |threads| {
                 let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                pool.install(|| halo_profiles(pair, &domain, &places, &Silent).unwrap())
+                pool.install(|| halo_profiles(pair, &domain, &places, &Context::SILENT).unwrap())
             };
             let h = run(1);
             assert!(h == run(4) && h.enclosed[0].iter().all(|m| m.is_finite() && *m >= 0.0));

@@ -4,11 +4,11 @@
 use super::Domain;
 use super::neighbours::sample;
 use super::points::PointGrid;
+use crate::context::Context;
 use crate::math::{Purpose, Sym3};
 use crate::model::{Mixture, Model};
 use crate::parallel;
 use crate::particles::{Neighbours, Particles, places_of};
-use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
 use std::f64::consts::TAU;
@@ -58,22 +58,22 @@ pub fn likelihood(
     particles: &Particles,
     domain: &Domain,
     seed: u64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Likelihood> {
     let mixtures: Vec<&Mixture> = model.layers.iter().flat_map(|l| l.content.iter().map(|b| &b.gaussians)).collect();
     let total: f64 = mixtures.iter().map(|m| m.count.iter().sum::<f64>()).sum();
     if total <= 0.0 || particles.is_empty() {
         return Err(Error::input("likelihood", "no particles to score"));
     }
-    progress.begin("likelihood", RUNS as u64);
+    context.begin("likelihood", RUNS as u64);
     let chosen = sample(particles.len(), SAMPLE, Purpose::LikelihoodSample, seed);
     let places: Vec<[f64; 3]> = chosen.iter().map(|i| domain.local(particles.position(*i as usize))).collect();
     let points = PointGrid::new(&places, domain, 0.0)?;
     let (n, volume) = (points.position.len(), domain.volume());
     let bells: Vec<GaussianDensity> =
         mixtures.iter().flat_map(|m| (0..m.len()).map(|i| GaussianDensity::new(m, i, m.count[i], domain))).collect();
-    let densities = densities(&bells, &points, progress)?;
-    progress.end();
+    let densities = densities(&bells, &points, context)?;
+    context.end();
     // Relative to uniform.
     let ratios: Vec<f64> = densities.iter().map(|d| volume / total * d).collect();
     let bits: Vec<f64> = ratios.iter().map(|r| ((1.0 - UNIFORM) * r + UNIFORM).log2()).collect();
@@ -103,14 +103,14 @@ impl Likelihood {
         particles: &Particles,
         domain: &Domain,
         seed: u64,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<f64> {
         particlegs_files::memory::require("a tree of neighbours", fitted.len() as u64 * 14)?;
         let places = places_of(particles, domain, &sample(particles.len(), SAMPLE, Purpose::LikelihoodSample, seed));
         let tree = Neighbours::new(fitted, domain);
         let volume = domain.volume() / fitted.len() as f64;
         let parts = parallel::try_map(places.chunks(1024), |run| {
-            progress.check()?;
+            context.check()?;
             // No density is infinite: as many at one place are a millionth of a spacing apart.
             let ratio = |x: &[f32; 3]| (tree.density(*x, KERNEL_NEIGHBOURS) * volume).min(1e18);
             Ok::<f64, Error>(run.iter().map(|x| ((1.0 - UNIFORM) * ratio(x) + UNIFORM).log2()).sum())
@@ -126,7 +126,7 @@ impl Domain {
     ///
     /// # Errors
     /// [`Error::Argument`] for a place that is not finite, [`Error::Memory`], [`Error::Cancelled`].
-    pub fn density_at(&self, model: &Model, places: &[[f64; 3]], progress: &dyn Progress) -> Result<Vec<f64>> {
+    pub fn density_at(&self, model: &Model, places: &[[f64; 3]], context: &Context<'_>) -> Result<Vec<f64>> {
         if let Some(i) = places.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
             return Err(Error::argument(format!("point {i} is not finite")));
         }
@@ -137,27 +137,27 @@ impl Domain {
                 bells.extend((0..m.len()).map(|i| GaussianDensity::new(m, i, mass(i), self)));
             }
         }
-        progress.begin("density", (places.len().div_ceil(AT_ONCE) * RUNS) as u64);
+        context.begin("density", (places.len().div_ceil(AT_ONCE) * RUNS) as u64);
         let mut all = vec![0.0; places.len()];
         for (places, all) in places.chunks(AT_ONCE).zip(all.chunks_mut(AT_ONCE)) {
             let local: Vec<[f64; 3]> = places.iter().map(|p| self.local(*p)).collect();
             let points = PointGrid::new(&local, self, 0.0)?;
-            let densities = densities(&bells, &points, progress)?;
+            let densities = densities(&bells, &points, context)?;
             points.index.iter().zip(densities).for_each(|(i, density)| all[*i as usize] = density);
         }
-        progress.end();
+        context.end();
         Ok(all)
     }
 }
 
 /// The sum of Gaussians at points, in the order of [`PointGrid::position`].
-fn densities(bells: &[GaussianDensity], points: &PointGrid, progress: &dyn Progress) -> Result<Vec<f64>> {
+fn densities(bells: &[GaussianDensity], points: &PointGrid, context: &Context<'_>) -> Result<Vec<f64>> {
     let n = points.position.len();
     let parts = parallel::try_map(bells.chunks(bells.len().div_ceil(RUNS).max(1)), |run| {
-        progress.check()?;
+        context.check()?;
         let mut density = vec![0f64; n];
         run.iter().for_each(|bell| bell.add(points, &mut density));
-        progress.advance(1);
+        context.advance(1);
         Ok::<_, Error>(density)
     })?;
     Ok((0..n).map(|i| parts.iter().map(|p| p[i]).sum()).collect())
@@ -208,8 +208,8 @@ impl GaussianDensity {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::context::Context;
     use crate::math::Random;
-    use crate::progress::Silent;
     use crate::stats::testing::model_of;
 
     const BOX: Domain = Domain::upright([0.0; 3], [1.0; 3], [true; 3]);
@@ -225,7 +225,7 @@ mod tests {
     fn the_truth_scores_its_own_entropy() {
         let s = 0.03;
         let model = model_of(&[([0.0; 3], Sym3::scaled_identity(s * s), 20_000.0)], BOX.length);
-        let found = likelihood(&model, &cloud(20_000, s, 3), &BOX, 1, &Silent).unwrap();
+        let found = likelihood(&model, &cloud(20_000, s, 3), &BOX, 1, &Context::SILENT).unwrap();
         // Differential entropy of a Gaussian against a unit box, and the uniform share.
         let expected = -1.5 * (TAU * s * s * std::f64::consts::E).log2() + (1.0 - UNIFORM).log2();
         assert!((found.bits - expected).abs() < 4.0 * found.error, "{} {expected} {}", found.bits, found.error);
@@ -236,7 +236,7 @@ mod tests {
     fn a_model_that_misses_costs_ten_bits_and_needles_are_counted() {
         let needle = Sym3([4e-4, 0.0, 0.0, 1e-5, 0.0, 1e-5]);
         let model = model_of(&[([0.5; 3], needle, 1000.0)], BOX.length);
-        let found = likelihood(&model, &cloud(1000, 0.03, 3), &BOX, 1, &Silent).unwrap();
+        let found = likelihood(&model, &cloud(1000, 0.03, 3), &BOX, 1, &Context::SILENT).unwrap();
         assert!((found.bits - UNIFORM.log2()).abs() < 0.01 && found.missed == 1.0 && found.needles == 1.0);
     }
 
@@ -246,12 +246,12 @@ mod tests {
         let model = model_of(&[([0.02, 0.5, 0.5], round, 1000.0), ([0.5; 3], round, 500.0)], BOX.length);
         // On the first mean, on the second, across the seam from the first, nowhere near.
         let places = [[0.02, 0.5, 0.5], [0.5; 3], [0.97, 0.5, 0.5], [0.5, 0.0, 0.0]];
-        let found = BOX.density_at(&model, &places, &Silent).unwrap();
+        let found = BOX.density_at(&model, &places, &Context::SILENT).unwrap();
         let peak = (TAU * 0.05f64.powi(2)).powf(-1.5);
         for (got, want) in found.iter().zip([1000.0 * peak, 500.0 * peak, 1000.0 * peak * (-0.5f64).exp(), 0.0]) {
             assert!((got - want).abs() <= 1e-9 * peak * 1000.0, "{got} {want}");
         }
-        assert!(BOX.density_at(&model, &[[0.0, f64::NAN, 0.0]], &Silent).is_err());
-        assert!(BOX.density_at(&model, &[], &Silent).unwrap().is_empty());
+        assert!(BOX.density_at(&model, &[[0.0, f64::NAN, 0.0]], &Context::SILENT).is_err());
+        assert!(BOX.density_at(&model, &[], &Context::SILENT).unwrap().is_empty());
     }
 }

@@ -2,10 +2,10 @@
 
 use super::points::{PointGrid, gathered};
 use super::{Domain, Groups, find_groups, group_center, longest_link};
+use crate::context::Context;
 use crate::model::{Dimension, Unit, UnitSystem, Units};
 use crate::parallel;
 use crate::particles::{Particles, mass_classes};
-use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
 use std::ops::Range;
@@ -159,18 +159,18 @@ impl LinkedParticles {
         domain: &Domain,
         length: f64,
         smallest: usize,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Option<LinkedGroups>> {
         if length > longest_link(domain) {
             return Ok(None);
         }
         let Some(index) = &self.index else {
-            let groups = find_groups(positions, domain, length, smallest, progress)?;
+            let groups = find_groups(positions, domain, length, smallest, context)?;
             return Ok(Some(LinkedGroups { groups, linked: positions.len() as u64, contaminated: None }));
         };
-        let mut groups = find_groups(&gathered(positions, index), domain, length, smallest, progress)?;
+        let mut groups = find_groups(&gathered(positions, index), domain, length, smallest, context)?;
         parallel::for_each(&mut groups.members, |m| m.iter_mut().for_each(|i| *i = index[*i as usize]));
-        let contaminated = contaminated(&groups, positions, index, domain, progress)?;
+        let contaminated = contaminated(&groups, positions, index, domain, context)?;
         Ok(Some(LinkedGroups { groups, linked: index.len() as u64, contaminated: Some(contaminated) }))
     }
 }
@@ -181,7 +181,7 @@ fn contaminated(
     positions: &[[f64; 3]],
     linked: &[u32],
     domain: &Domain,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<u64> {
     let mut own = vec![false; positions.len()];
     linked.iter().for_each(|i| own[*i as usize] = true);
@@ -189,7 +189,7 @@ fn contaminated(
     let points = PointGrid::new(&others, domain, 0.0)?;
     let square = |d: [f64; 3]| d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
     let found = parallel::try_map(&groups.members, |members| {
-        progress.check()?;
+        context.check()?;
         let center = group_center(positions, members, domain);
         let away = |x: &[f64; 3]| square(domain.shortest_way(each_axis(|k| x[k] - center[k])));
         let reach = members.iter().map(|i| away(&positions[*i as usize])).fold(0.0, f64::max);
@@ -231,10 +231,10 @@ pub(super) fn length_in(text: &str, system: &UnitSystem<'_>) -> Result<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::context::Context;
     use crate::math::Random;
     use crate::model::{Cosmology, Epoch};
     use crate::particles::Column;
-    use crate::progress::Silent;
     use crate::stats::local_positions;
 
     const BOX: Domain = Domain::upright([0.0; 3], [100.0; 3], [true; 3]);
@@ -265,7 +265,7 @@ mod tests {
     fn found(p: &Particles, share: f64) -> LinkedGroups {
         let x = local_positions(p, &BOX);
         let linked = LinkedParticles::of(p, &x, &BOX);
-        linked.groups(&x, &BOX, share * linked.spacing, 20, &Silent).unwrap().unwrap()
+        linked.groups(&x, &BOX, share * linked.spacing, 20, &Context::SILENT).unwrap().unwrap()
     }
 
     /// In the middle of the box and across its corner.

@@ -1,10 +1,10 @@
 //! Distances to the nearest neighbour, of all particles or of a sample of them.
 
 use super::Domain;
+use crate::context::Context;
 use crate::math::{Purpose, Random};
 use crate::parallel;
 use crate::particles::{Neighbours, Particles, places_of};
-use crate::progress::Progress;
 use crate::{Error, Result};
 
 /// Bins of the histogram, a decade.
@@ -68,16 +68,16 @@ pub fn nearest_distances(
     particles: &Particles,
     domain: &Domain,
     o: &NeighbourOptions,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<NearestDistances> {
     let n = particles.len();
     if n < 2 || n >= u32::MAX as usize || o.sample < 2 {
         return Err(Error::argument("nearest neighbours need from 2 to 4294967294 particles"));
     }
     particlegs_files::memory::require("a tree of neighbours", n as u64 * 14 + o.sample.min(n) as u64 * 28)?;
-    progress.begin("nearest neighbours", o.sample.min(n) as u64);
+    context.begin("nearest neighbours", o.sample.min(n) as u64);
     let chosen = places_of(particles, domain, &sample(n, o.sample, Purpose::NeighbourSample, o.seed));
-    progress.check()?;
+    context.check()?;
     let thinned = o.among_sample.then(|| {
         let column = |k: usize| chosen.iter().map(|x| x[k]).collect();
         let mut thinned = Particles::from_columns(column(0), column(1), column(2));
@@ -87,13 +87,13 @@ pub fn nearest_distances(
     let among = thinned.as_ref().unwrap_or(particles);
     let tree = Neighbours::new(among, domain);
     let mut distances = parallel::try_map(chosen.chunks(1024), |run| {
-        let one = |x| progress.check().map(|()| tree.nearest(x));
+        let one = |x| context.check().map(|()| tree.nearest(x));
         let distances = run.iter().map(|x| one(*x)).collect::<Result<Vec<f64>>>()?;
-        progress.advance(run.len() as u64);
+        context.advance(run.len() as u64);
         Ok(distances)
     })?
     .concat();
-    progress.end();
+    context.end();
     let mean = distances.iter().sum::<f64>() / distances.len() as f64;
     distances.sort_unstable_by(f64::total_cmp);
     Ok(summary(&distances, mean, among.len()))
@@ -130,7 +130,7 @@ fn summary(sorted: &[f64], mean: f64, among: usize) -> NearestDistances {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::Silent;
+    use crate::context::Context;
     use particlegs_core::math::each_axis;
 
     fn particles(x: &[[f64; 3]]) -> Particles {
@@ -183,7 +183,7 @@ mod tests {
             })
             .collect();
         let o = NeighbourOptions { sample: 20_000, among_sample: false, seed: 1 };
-        let d = nearest_distances(&particles(&x), &domain, &o, &Silent).unwrap();
+        let d = nearest_distances(&particles(&x), &domain, &o, &Context::SILENT).unwrap();
         assert!((d.mean / domain.spacing(30_000) / 0.55396 - 1.0).abs() < 0.01, "{d:?}");
         assert_eq!((d.sampled, d.among), (20_000, 30_000));
         assert_eq!(d.counts.iter().sum::<u64>() + d.zero, 20_000);
@@ -191,7 +191,7 @@ mod tests {
             &particles(&x),
             &domain,
             &NeighbourOptions { among_sample: true, sample: 3750, ..o },
-            &Silent,
+            &Context::SILENT,
         );
         assert!((thin.unwrap().mean / d.mean - 2.0).abs() < 0.06);
     }
@@ -204,7 +204,7 @@ mod tests {
             let x: Vec<[f64; 3]> = (0..n).map(|i| [i as f64 * step, (i % 2) as f64 * 1e-38, 0.0]).collect();
             let domain = Domain::upright([0.0; 3], [n as f64 * step, 1e-38, 1e-38], periodic);
             let o = NeighbourOptions { sample: n, among_sample: false, seed: 1 };
-            let d = nearest_distances(&particles(&x), &domain, &o, &Silent).unwrap();
+            let d = nearest_distances(&particles(&x), &domain, &o, &Context::SILENT).unwrap();
             if !periodic[0] {
                 assert_eq!(d.median, step);
             }
@@ -216,10 +216,10 @@ mod tests {
         let domain = Domain::upright([0.0; 3], [4.0; 3], [true; 3]);
         let mut x: Vec<[f64; 3]> = (0..64).map(|i| [i / 16, i / 4 % 4, i % 4].map(|v| v as f64)).collect();
         let o = NeighbourOptions { sample: 1000, among_sample: false, seed: 1 };
-        let d = nearest_distances(&particles(&x), &domain, &o, &Silent).unwrap();
+        let d = nearest_distances(&particles(&x), &domain, &o, &Context::SILENT).unwrap();
         assert_eq!((d.mean, d.median, d.zero), (1.0, 1.0, 0));
         x.push([1.0; 3]);
-        assert_eq!(nearest_distances(&particles(&x), &domain, &o, &Silent).unwrap().zero, 2);
-        assert!(nearest_distances(&particles(&x[..1]), &domain, &o, &Silent).is_err());
+        assert_eq!(nearest_distances(&particles(&x), &domain, &o, &Context::SILENT).unwrap().zero, 2);
+        assert!(nearest_distances(&particles(&x[..1]), &domain, &o, &Context::SILENT).is_err());
     }
 }

@@ -7,9 +7,9 @@
 
 use super::Domain;
 use super::points::PointGrid;
+use crate::context::Context;
 use crate::math::{Purpose, Random};
 use crate::parallel;
-use crate::progress::Progress;
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
 use std::f64::consts::PI;
@@ -101,7 +101,7 @@ pub fn count_pairs(
     positions: &[[f64; 3]],
     domain: &Domain,
     o: &PairOptions,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<PairCounts> {
     let (edges, bins) = (&o.edges, o.edges.len().saturating_sub(1));
     let ascending = edges.windows(2).all(|e| e[0] < e[1]) && edges.first().is_some_and(|e| *e >= 0.0);
@@ -126,9 +126,9 @@ pub fn count_pairs(
             (first + 1..=bins).take_while(|b| edges[*b] <= o.band * edges[first + 1]).last().unwrap_or(first + 1);
         let band = &edges[first..=last];
         let points = PointGrid::new(positions, domain, 0.5 * band[band.len() - 1])?;
-        progress.check()?;
+        context.check()?;
         let primaries = choose(&points, band[band.len() - 1], o, first as u64);
-        let pairs = count_band(&points, &primaries, band, progress)?;
+        let pairs = count_band(&points, &primaries, band, context)?;
         for b in first..last {
             counts.pairs[b] = pairs[b - first];
             counts.primaries[b] = primaries.len() as u64;
@@ -206,15 +206,15 @@ impl DistanceBins {
     }
 }
 
-fn count_band(points: &PointGrid, primaries: &[u32], edges: &[f64], progress: &dyn Progress) -> Result<Vec<u64>> {
+fn count_band(points: &PointGrid, primaries: &[u32], edges: &[f64], context: &Context<'_>) -> Result<Vec<u64>> {
     let bins = DistanceBins::new(edges);
     let reach = edges[edges.len() - 1];
-    progress.begin("pair counts", primaries.len() as u64);
+    context.begin("pair counts", primaries.len() as u64);
     let parts = parallel::try_map(primaries.chunks(STEP), |run| {
         // One more bin before the first takes what is nearer.
         let mut counts = vec![0u64; edges.len()];
         for &i in run {
-            progress.check()?;
+            context.check()?;
             let at = points.position[i as usize];
             points.near(points.cell_of(at), reach, |others, shift| {
                 let origin: [f64; 3] = each_axis(|k| at[k] - shift[k]);
@@ -231,10 +231,10 @@ fn count_band(points: &PointGrid, primaries: &[u32], edges: &[f64], progress: &d
                 counts[bins.of(0.0)] -= 1;
             }
         }
-        progress.advance(run.len() as u64);
+        context.advance(run.len() as u64);
         Ok(counts)
     })?;
-    progress.end();
+    context.end();
     let mut pairs = vec![0; edges.len() - 1];
     parts.iter().for_each(|p| pairs.iter_mut().zip(&p[1..]).for_each(|(s, v)| *s += v));
     Ok(pairs)
@@ -243,7 +243,7 @@ fn count_band(points: &PointGrid, primaries: &[u32], edges: &[f64], progress: &d
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::Silent;
+    use crate::context::Context;
     use crate::stats::local_positions;
     use crate::stats::testing::{gas, tilted_cells};
 
@@ -283,7 +283,7 @@ mod tests {
             let mut edges = logarithmic_edges(0.02, 0.98 * longest_separation(&domain), 6);
             edges.insert(0, 0.0);
             let o = PairOptions { edges: edges.clone(), band: 3.0, budget: u64::MAX, seed: 1 };
-            let c = count_pairs(&x, &domain, &o, &Silent).unwrap();
+            let c = count_pairs(&x, &domain, &o, &Context::SILENT).unwrap();
             assert_eq!(c.pairs, plain(&x, &domain, &edges), "{length:?}");
             assert!(c.primaries.iter().all(|p| *p == n as u64));
         }
@@ -298,7 +298,7 @@ mod tests {
             let longest = longest_separation(&domain);
             let edges: Vec<f64> = (0..=6).map(|i| longest * f64::from(i) / 6.0).collect();
             let o = PairOptions { edges: edges.clone(), band: 10.0, budget: u64::MAX, seed: 1 };
-            let c = count_pairs(&x, &domain, &o, &Silent).unwrap();
+            let c = count_pairs(&x, &domain, &o, &Context::SILENT).unwrap();
             assert_eq!(c.pairs, plain(&x, &domain, &edges), "{cell:?}");
             for b in 0..6 {
                 let sigma = (2.0 / c.expected[b]).sqrt();
@@ -314,7 +314,7 @@ mod tests {
         let o = PairOptions { edges: logarithmic_edges(0.05, 1.0, 8), band: 3.0, budget: 2_000_000, seed: 1 };
         let run = |threads| {
             let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| count_pairs(&x, &domain, &o, &Silent).unwrap())
+            pool.install(|| count_pairs(&x, &domain, &o, &Context::SILENT).unwrap())
         };
         let (one, many) = (run(1), run(6));
         assert_eq!(one, many);
@@ -328,7 +328,7 @@ mod tests {
             let domain = Domain::upright([0.0; 3], [1.0, 3.0, 2.0], periodic);
             let x = random(6000, domain.length, 9);
             let o = PairOptions { edges: vec![0.1, 0.2, 0.3, 0.4, 0.5], band: 3.0, budget: u64::MAX, seed: 1 };
-            let c = count_pairs(&x, &domain, &o, &Silent).unwrap();
+            let c = count_pairs(&x, &domain, &o, &Context::SILENT).unwrap();
             for b in 0..4 {
                 let sigma = (2.0 / c.expected[b]).sqrt();
                 assert!(c.xi[b].abs() < 4.0 * sigma + 0.006, "{periodic:?} {b}: {} {sigma}", c.xi[b]);
@@ -342,7 +342,7 @@ mod tests {
         let x: Vec<[f64; 3]> = (0..512).map(|i| [i / 64, i / 8 % 8, i % 8].map(|v| v as f64)).collect();
         let domain = Domain::upright([0.0; 3], [8.0; 3], [true; 3]);
         let o = PairOptions { edges: vec![0.5, 0.9, 1.1, 1.3, 1.5, 1.6, 1.8], band: 3.0, budget: u64::MAX, seed: 1 };
-        let c = count_pairs(&x, &domain, &o, &Silent).unwrap();
+        let c = count_pairs(&x, &domain, &o, &Context::SILENT).unwrap();
         assert_eq!(c.pairs, [0, 6 * 512, 0, 12 * 512, 0, 8 * 512]);
         assert_eq!(c.xi[0], -1.0);
     }
@@ -353,7 +353,7 @@ mod tests {
         for edges in [vec![0.1, 0.6], vec![0.2, 0.1], vec![0.1], vec![]] {
             let o = PairOptions { edges, band: 3.0, budget: 1, seed: 1 };
             assert!(matches!(
-                count_pairs(&[[0.5; 3]; 2], &domain, &o, &Silent).unwrap_err(),
+                count_pairs(&[[0.5; 3]; 2], &domain, &o, &Context::SILENT).unwrap_err(),
                 crate::Error::Argument { .. }
             ));
         }

@@ -3,10 +3,10 @@
 use super::gaussian::shares;
 use super::{Domain, Grid, Subject};
 use crate::Result;
+use crate::context::Context;
 use crate::model::{Layer, Mixture, Model};
 use crate::parallel;
 use crate::particles::{ChunkBuffer, Particles, RUN};
-use crate::progress::Progress;
 use particlegs_core::math::{Sym3, each_axis};
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -42,16 +42,16 @@ pub fn axis_profiles(
     pair: [Subject<'_>; 2],
     domain: &Domain,
     bins: usize,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<[AxisProfile; 3]> {
     let grid = Grid::stretched(domain, [bins; 3]);
-    progress.begin("profiles", 2 * PARTS as u64);
+    context.begin("profiles", 2 * PARTS as u64);
     let of = |subject: Subject<'_>| match subject {
-        Subject::Particles(p) => of_particles(p, &grid, progress),
-        Subject::Model(m) => of_model(m, &grid, progress),
+        Subject::Particles(p) => of_particles(p, &grid, context),
+        Subject::Model(m) => of_model(m, &grid, context),
     };
     let (truth, other) = (of(pair[0])?, of(pair[1])?);
-    progress.end();
+    context.end();
     let noise = pair.map(|s| s.shot_noise(domain) / domain.volume()).iter().sum::<f64>();
     Ok([0, 1, 2].map(|k| AxisProfile::new(domain, k, [&truth[k], &other[k]], noise)))
 }
@@ -110,15 +110,15 @@ fn between_quartiles(density: &[f64], first: usize) -> f64 {
 fn summed(
     n: usize,
     grid: &Grid,
-    progress: &dyn Progress,
+    context: &Context<'_>,
     add: impl Fn(Range<usize>, &mut AxisSlabs) + Sync,
 ) -> Result<AxisSlabs> {
     let empty = || grid.cells.map(|n| vec![0.0; n]);
     let parts = parallel::try_map_range(PARTS, |part| {
-        progress.check()?;
+        context.check()?;
         let mut slabs = empty();
         add(part * n / PARTS..(part + 1) * n / PARTS, &mut slabs);
-        progress.advance(1);
+        context.advance(1);
         Ok::<_, crate::Error>(slabs)
     })?;
     let mut all = empty();
@@ -128,11 +128,11 @@ fn summed(
     Ok(all)
 }
 
-fn of_particles(p: &Particles, grid: &Grid, progress: &dyn Progress) -> Result<AxisSlabs> {
+fn of_particles(p: &Particles, grid: &Grid, context: &Context<'_>) -> Result<AxisSlabs> {
     let scale = grid.side.map(f64::recip);
     let corner: [f64; 3] = each_axis(|k| p.origin[k] - grid.min[k]);
     let unit = p.meta.particle_mass.unwrap_or(1.0);
-    summed(p.len().div_ceil(RUN), grid, progress, |runs, slabs| {
+    summed(p.len().div_ceil(RUN), grid, context, |runs, slabs| {
         let mut buffer = ChunkBuffer::default();
         for run in runs {
             let chunk = p.chunk(run * RUN..p.len().min((run + 1) * RUN), &mut buffer);
@@ -152,11 +152,11 @@ fn of_particles(p: &Particles, grid: &Grid, progress: &dyn Progress) -> Result<A
     })
 }
 
-fn of_model(m: &Model, grid: &Grid, progress: &dyn Progress) -> Result<AxisSlabs> {
+fn of_model(m: &Model, grid: &Grid, context: &Context<'_>) -> Result<AxisSlabs> {
     let parts: Vec<(f64, &Mixture)> = m.layers.iter().flat_map(mixtures).collect();
     let mut first = vec![0];
     parts.iter().for_each(|(_, g)| first.push(first[first.len() - 1] + g.len()));
-    summed(first[parts.len()], grid, progress, |range, slabs| {
+    summed(first[parts.len()], grid, context, |range, slabs| {
         let mut cells = Vec::new();
         for (at, (unit, g)) in parts.iter().enumerate() {
             for i in range.start.max(first[at])..range.end.min(first[at + 1]) {
@@ -179,9 +179,9 @@ fn mixtures(layer: &Layer<Vec<crate::model::Block>>) -> impl Iterator<Item = (f6
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::context::Context;
     use crate::math::Random;
     use crate::particles::SnapshotMeta;
-    use crate::progress::Silent;
     use crate::splat::erf;
     use crate::stats::testing::model_of;
 
@@ -196,7 +196,7 @@ mod tests {
         for (periodic, z) in [(true, 9.7), (true, -0.3), (false, 4.2)] {
             let model = model_of(&[([1.0, 1.0, z], cov, 600.0)], [2.0, 3.0, 10.0]);
             let d = domain(periodic);
-            let p = &axis_profiles([Subject::Model(&model); 2], &d, 50, &Silent).unwrap()[2];
+            let p = &axis_profiles([Subject::Model(&model); 2], &d, 50, &Context::SILENT).unwrap()[2];
             let below = |x: f64| 0.5 * erf((x - z) / (s * 2.0f64.sqrt()));
             for i in 0..50 {
                 let images = if periodic { -2..=2 } else { 0..=0 };
@@ -224,14 +224,15 @@ mod tests {
         let z = column(1.0).into_iter().map(height).collect();
         let mut p = Particles::from_columns(x, y, z);
         p.meta = SnapshotMeta { particle_mass: Some(3.0), ..SnapshotMeta::default() };
-        let profiles = axis_profiles([Subject::Particles(&p); 2], &domain(true), 400, &Silent).unwrap();
+        let profiles = axis_profiles([Subject::Particles(&p); 2], &domain(true), 400, &Context::SILENT).unwrap();
         let [x, _, z] = &profiles;
         assert!((z.half_mass_height[0] / (h * 0.5f64.atanh()) - 1.0).abs() < 0.01, "{:?}", z.half_mass_height);
         assert!((z.mean[0] - 3.0 * n as f64 / 60.0).abs() < 1e-6 && z.relative_difference == 0.0);
         assert!((x.half_mass_height[0] - 0.5).abs() < 0.01);
         let model = model_of(&[([1.0, 1.5, 9.9], Sym3::scaled_identity(400.0), n as f64)], [2.0, 3.0, 10.0]);
         let [x, _, _] =
-            axis_profiles([Subject::Particles(&p), Subject::Model(&model)], &domain(true), 400, &Silent).unwrap();
+            axis_profiles([Subject::Particles(&p), Subject::Model(&model)], &domain(true), 400, &Context::SILENT)
+                .unwrap();
         // Uniform along x on either side: shot noise alone.
         assert!(
             (x.relative_difference / x.shot_noise - 1.0).abs() < 0.15,
@@ -251,7 +252,7 @@ mod tests {
         let run = |threads| {
             let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let pair = [Subject::Particles(&p), Subject::Model(&model)];
-            pool.install(|| axis_profiles(pair, &domain(false), 30, &Silent).unwrap())
+            pool.install(|| axis_profiles(pair, &domain(false), 30, &Context::SILENT).unwrap())
         };
         assert_eq!(run(1), run(5));
     }

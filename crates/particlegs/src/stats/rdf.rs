@@ -58,13 +58,13 @@ mod tests {
     use super::super::Domain;
     use super::super::pairs::{PairOptions, count_pairs};
     use super::*;
+    use crate::context::Context;
     use crate::math::Random;
-    use crate::progress::Silent;
 
     fn counted(x: &[[f64; 3]], length: f64, longest: f64) -> PairCounts {
         let domain = Domain::upright([0.0; 3], [length; 3], [true; 3]);
         let o = PairOptions { edges: rdf_edges(longest), band: 10.0, budget: u64::MAX, seed: 1 };
-        count_pairs(x, &domain, &o, &Silent).unwrap()
+        count_pairs(x, &domain, &o, &Context::SILENT).unwrap()
     }
 
     fn uniform(n: usize, length: f64, seed: u64) -> Vec<[f64; 3]> {

@@ -7,8 +7,8 @@ use super::moments::axis_moments;
 use super::neighbours::{NeighbourOptions, nearest_distances};
 use super::pairs::{PairOptions, count_pairs};
 use super::{Assignment, Grid, SpectrumOptions, Subject, deposit, find_groups, power_spectra};
+use crate::context::Context;
 use crate::particles::Particles;
-use crate::progress::Silent;
 use crate::space::Cell;
 use serde_json::Value;
 
@@ -37,14 +37,14 @@ fn neighbours_pairs_and_groups_are_scipys() {
     let domain = Subject::Particles(&p).domain();
     assert_eq!(domain.periodic, [true; 3]);
     let o = PairOptions { edges: floats(&e["pair_edges"]), band: 3.0, budget: u64::MAX, seed: 1 };
-    let pairs = count_pairs(&x, &domain, &o, &Silent).unwrap().pairs;
+    let pairs = count_pairs(&x, &domain, &o, &Context::SILENT).unwrap().pairs;
     assert_eq!(pairs.iter().map(|p| *p as f64).collect::<Vec<_>>(), floats(&e["pairs"]));
     let o = NeighbourOptions { sample: 600, among_sample: false, seed: 1 };
-    let d = nearest_distances(&p, &domain, &o, &Silent).unwrap();
+    let d = nearest_distances(&p, &domain, &o, &Context::SILENT).unwrap();
     close(d.mean, e["nearest_mean"].as_f64().unwrap(), 1e-12);
     close(d.median, e["nearest_median"].as_f64().unwrap(), 1e-12);
     let length = e["linking"].as_f64().unwrap() * domain.spacing(600);
-    let groups = find_groups(&x, &domain, length, 3, &Silent).unwrap();
+    let groups = find_groups(&x, &domain, length, 3, &Context::SILENT).unwrap();
     assert_eq!(groups.members.iter().map(|m| m.len() as f64).collect::<Vec<_>>(), floats(&e["groups"]));
 }
 
@@ -55,7 +55,7 @@ fn densities_spectra_and_moments_are_numpys() {
     let domain = subject.domain();
     let grid = Grid::new(&domain, 20);
     assert_eq!(grid.cells, [8, 20, 12]);
-    let of = |scheme| deposit(subject, &grid, scheme, 0.0, &Silent).unwrap();
+    let of = |scheme| deposit(subject, &grid, scheme, 0.0, &Context::SILENT).unwrap();
     let c = compare_density(&of(Assignment::Cic), &of(Assignment::Ngp));
     close(c.variance[0], e["cic_variance"].as_f64().unwrap(), 1e-5);
     close(c.variance[1], e["ngp_variance"].as_f64().unwrap(), 1e-6);
@@ -68,7 +68,7 @@ fn densities_spectra_and_moments_are_numpys() {
         shot_noise_subtracted: false,
         k_max: e["k_max"].as_f64().unwrap(),
     };
-    let s = power_spectra([subject, subject], &domain, &o, &Silent).unwrap();
+    let s = power_spectra([subject, subject], &domain, &o, &Context::SILENT).unwrap();
     let expected: Vec<Vec<f64>> = e["power"].as_array().unwrap().iter().map(floats).collect();
     assert_eq!(s.shells.len(), expected.len());
     for (shell, numpy) in s.shells.iter().zip(&expected) {

@@ -9,8 +9,8 @@ use super::deposit::deposit_again;
 use super::transform::{Modes, transform, transform_bytes};
 use super::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
 use crate::Result;
+use crate::context::Context;
 use crate::parallel;
-use crate::progress::Progress;
 use particlegs_core::math::each_axis;
 use realfft::num_complex::Complex64;
 use std::f64::consts::PI;
@@ -72,14 +72,14 @@ pub(super) fn modes_of(
     grid: &Grid,
     most: [usize; 3],
     o: &SpectrumOptions,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Modes> {
     let scheme = if subject.particles().is_some() { o.assignment } else { Assignment::Ngp };
     let field = |moved: usize, spare: Option<Field>| match spare {
-        Some(field) => deposit_again(subject, field, scheme, 0.5 * moved as f64, progress),
-        None => deposit(subject, grid, scheme, 0.5 * moved as f64, progress),
+        Some(field) => deposit_again(subject, field, scheme, 0.5 * moved as f64, context),
+        None => deposit(subject, grid, scheme, 0.5 * moved as f64, context),
     };
-    modes_of_fields(&field, scheme, most, o, progress)
+    modes_of_fields(&field, scheme, most, o, context)
 }
 
 /// The same of the fields that `field` gives: as it is (0) and moved by half a cell (1), which may take the first one's
@@ -89,12 +89,12 @@ fn modes_of_fields(
     scheme: Assignment,
     most: [usize; 3],
     o: &SpectrumOptions,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Modes> {
     let first = field(0, None)?;
     let grid = first.grid;
-    let mut modes = transform(&first, most, progress)?;
-    let second = if o.interlaced { Some(transform(&field(1, Some(first))?, most, progress)?) } else { None };
+    let mut modes = transform(&first, most, context)?;
+    let second = if o.interlaced { Some(transform(&field(1, Some(first))?, most, context)?) } else { None };
     let (columns, depth) = modes.plane();
     let n = grid.cells.map(|n| n as f64);
     let window: [Vec<f64>; 3] = each_axis(|k| {
@@ -135,14 +135,14 @@ pub(super) fn visit_plane(
     domain: &Domain,
     i: usize,
     k_max: f64,
-    progress: &dyn Progress,
+    context: &Context<'_>,
     mut visit: impl FnMut(usize, f64, u64),
 ) -> Result<()> {
     let (columns, depth) = modes.plane();
     let base: [f64; 3] = domain.length.map(|l| 2.0 * PI / l);
     let kx = base[0] * (i as f64 - modes.most[0] as f64);
     for j in 0..columns {
-        progress.check()?;
+        context.check()?;
         let ky = base[1] * (j as f64 - modes.most[1] as f64);
         for c in 0..depth {
             let kz = base[2] * c as f64;
@@ -173,7 +173,7 @@ pub(super) fn transform_pair(
     grid: &Grid,
     domain: &Domain,
     o: &SpectrumOptions,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<TransformPair> {
     let most = mode_limits(grid, domain, o.k_max);
     particlegs_files::memory::require(
@@ -184,10 +184,10 @@ pub(super) fn transform_pair(
     )?;
     let passes = if o.interlaced { 2 } else { 1 };
     let steps = [a, b].iter().map(|s| deposit_steps(*s, grid) + grid.len() as u64).sum::<u64>();
-    progress.begin("power spectra", passes * steps);
-    let first = modes_of(a, grid, most, o, progress)?;
-    let second = modes_of(b, grid, most, o, progress)?;
-    progress.end();
+    context.begin("power spectra", passes * steps);
+    let first = modes_of(a, grid, most, o, context)?;
+    let second = modes_of(b, grid, most, o, context)?;
+    context.end();
     Ok(TransformPair { modes: [first, second], shot_noise: [a.shot_noise(domain), b.shot_noise(domain)], grid: *grid })
 }
 
@@ -196,7 +196,7 @@ pub(super) fn spectra(
     pair: &TransformPair,
     domain: &Domain,
     o: &SpectrumOptions,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Spectra> {
     let width = 2.0 * PI / domain.longest();
     // Shell s is centred at s + 1 widths.
@@ -204,7 +204,7 @@ pub(super) fn spectra(
     let [a, b] = &pair.modes;
     let planes = parallel::try_map_range(2 * a.most[0] + 1, |i| {
         let (mut count, mut sum) = (vec![0u64; bins], vec![[0.0; 4]; bins]);
-        visit_plane(a, domain, i, o.k_max, progress, |at, k, weight| {
+        visit_plane(a, domain, i, o.k_max, context, |at, k, weight| {
             let bin = (k / width - 0.5).max(0.0) as usize;
             if bin < bins {
                 let (x, y, w) = (a.value[at], b.value[at], weight as f64);
@@ -256,10 +256,10 @@ pub fn power_spectra(
     subjects: [Subject<'_>; 2],
     domain: &Domain,
     o: &SpectrumOptions,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Spectra> {
     let grid = Grid::new(domain, o.cells);
-    spectra(&transform_pair(subjects, &grid, domain, o, progress)?, domain, o, progress)
+    spectra(&transform_pair(subjects, &grid, domain, o, context)?, domain, o, context)
 }
 
 /// One subject's transform, kept to be compared with one other after the other.
@@ -276,16 +276,16 @@ impl CachedTransform {
     ///
     /// # Errors
     /// As [`power_spectra`].
-    pub fn new(subject: Subject<'_>, domain: &Domain, o: &SpectrumOptions, progress: &dyn Progress) -> Result<Self> {
+    pub fn new(subject: Subject<'_>, domain: &Domain, o: &SpectrumOptions, context: &Context<'_>) -> Result<Self> {
         let grid = Grid::new(domain, o.cells);
         let most = mode_limits(&grid, domain, o.k_max);
         let particles = subject.particles().map_or(0, |p| p.len() as u64);
         let bytes = deposit_bytes(&grid, particles) + transform_bytes(grid.cells, most) + 3 * Modes::bytes(most);
         particlegs_files::memory::require("the power spectrum's grid", bytes)?;
         let passes = if o.interlaced { 2 } else { 1 };
-        progress.begin("power spectrum", passes * (deposit_steps(subject, &grid) + grid.len() as u64));
-        let modes = modes_of(subject, &grid, most, o, progress)?;
-        progress.end();
+        context.begin("power spectrum", passes * (deposit_steps(subject, &grid) + grid.len() as u64));
+        let modes = modes_of(subject, &grid, most, o, context)?;
+        context.end();
         Ok(CachedTransform { domain: *domain, grid, options: *o, modes, shot_noise: subject.shot_noise(domain) })
     }
 
@@ -293,22 +293,22 @@ impl CachedTransform {
     ///
     /// # Errors
     /// As [`power_spectra`].
-    pub fn against(&self, other: Subject<'_>, progress: &dyn Progress) -> Result<Spectra> {
-        let other = Self::new(other, &self.domain, &self.options, progress)?;
-        self.pair([other.modes, self.modes.clone()], other.shot_noise, progress)
+    pub fn against(&self, other: Subject<'_>, context: &Context<'_>) -> Result<Spectra> {
+        let other = Self::new(other, &self.domain, &self.options, context)?;
+        self.pair([other.modes, self.modes.clone()], other.shot_noise, context)
     }
 
     /// The spectra of this and itself.
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
-    pub fn against_itself(&self, progress: &dyn Progress) -> Result<Spectra> {
-        self.pair([self.modes.clone(), self.modes.clone()], self.shot_noise, progress)
+    pub fn against_itself(&self, context: &Context<'_>) -> Result<Spectra> {
+        self.pair([self.modes.clone(), self.modes.clone()], self.shot_noise, context)
     }
 
-    fn pair(&self, [other, own]: [Modes; 2], shot_noise: f64, progress: &dyn Progress) -> Result<Spectra> {
+    fn pair(&self, [other, own]: [Modes; 2], shot_noise: f64, context: &Context<'_>) -> Result<Spectra> {
         let pair = TransformPair { modes: [own, other], shot_noise: [self.shot_noise, shot_noise], grid: self.grid };
-        spectra(&pair, &self.domain, &self.options, progress)
+        spectra(&pair, &self.domain, &self.options, context)
     }
 }
 
@@ -319,13 +319,13 @@ pub(crate) fn spectra_of(
     noise: f64,
     domain: &Domain,
     o: &SpectrumOptions,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<Spectra> {
     let grid = Grid::new(domain, o.cells);
     let most = mode_limits(&grid, domain, o.k_max);
     let modes = |side: usize| {
         let scheme = if side == 0 { o.assignment } else { Assignment::Ngp };
-        modes_of_fields(&|moved, _| field(side, moved), scheme, most, o, progress)
+        modes_of_fields(&|moved, _| field(side, moved), scheme, most, o, context)
     };
-    spectra(&TransformPair { modes: [modes(0)?, modes(1)?], shot_noise: [noise, 0.0], grid }, domain, o, progress)
+    spectra(&TransformPair { modes: [modes(0)?, modes(1)?], shot_noise: [noise, 0.0], grid }, domain, o, context)
 }

@@ -4,9 +4,9 @@ use super::spectrum::{SpectrumOptions, power_spectra, spectra, transform_pair};
 use super::testing::{gas, model_of, tilted_cells};
 use super::xi_transform::xi_of_modes;
 use super::{Assignment, Domain, Grid, Subject};
+use crate::context::Context;
 use crate::math::{Random, Sym3};
 use crate::particles::Particles;
-use crate::progress::Silent;
 use std::f64::consts::PI;
 
 fn options(cells: usize, k_max: f64) -> SpectrumOptions {
@@ -37,7 +37,8 @@ fn poisson_points_are_shot_noise_up_to_the_nyquist_frequency() {
     let (a, b) = (poisson(40_000, length, 1), poisson(30_000, length, 2));
     let k_max = PI * 32.0 / 8.0 * 0.98;
     let o = SpectrumOptions { shot_noise_subtracted: false, ..options(32, k_max) };
-    let s = power_spectra([Subject::Particles(&a), Subject::Particles(&b)], &domain(length), &o, &Silent).unwrap();
+    let s =
+        power_spectra([Subject::Particles(&a), Subject::Particles(&b)], &domain(length), &o, &Context::SILENT).unwrap();
     assert_eq!(s.cells, [8, 32, 24]);
     assert!((s.shot_noise[0] - 96.0 / 40_000.0).abs() < 1e-12);
     for shell in &s.shells {
@@ -71,7 +72,7 @@ fn a_wave_has_its_power_and_its_place() {
     let p = Particles::from_columns(x, y, z);
     let o = SpectrumOptions { shot_noise_subtracted: false, ..options(32, 0.9 * PI * 16.0) };
     let subject = Subject::Particles(&p);
-    let s = power_spectra([subject, subject], &domain(length), &o, &Silent).unwrap();
+    let s = power_spectra([subject, subject], &domain(length), &o, &Context::SILENT).unwrap();
     let total: f64 = s.shells.iter().map(|h| h.modes as f64 * h.power[0]).sum();
     let expected = 2.0 * (amplitude * wave).powi(2) / 4.0 * 2.0;
     // A lattice of one point a cell along z leaves even aliases of about a hundredth.
@@ -89,8 +90,9 @@ fn one_gaussian_from_the_mixture_itself() {
     let o = options(64, 20.0);
     let subject = Subject::Model(&model);
     let pair =
-        transform_pair([subject, subject], &Grid::new(&domain(length), 64), &domain(length), &o, &Silent).unwrap();
-    let s = spectra(&pair, &domain(length), &o, &Silent).unwrap();
+        transform_pair([subject, subject], &Grid::new(&domain(length), 64), &domain(length), &o, &Context::SILENT)
+            .unwrap();
+    let s = spectra(&pair, &domain(length), &o, &Context::SILENT).unwrap();
     assert_eq!(s.shot_noise, [0.0, 0.0]);
     for h in s.shells.iter().filter(|h| h.k * deviation < 2.5) {
         // The shell's mean of exp(-k^2 s^2) is close to the value at its mean k for narrow shells.
@@ -99,7 +101,7 @@ fn one_gaussian_from_the_mixture_itself() {
     }
     // xi(r) = V / (4 pi s^2)^(3/2) exp(-r^2 / 4 s^2) - 1.
     let edges = [0.4, 0.42, 0.6, 0.62, 0.9, 0.92];
-    let [xi, _] = xi_of_modes(&pair, &domain(length), &o, &edges, &Silent).unwrap();
+    let [xi, _] = xi_of_modes(&pair, &domain(length), &o, &edges, &Context::SILENT).unwrap();
     for (i, r) in [(0, 0.41f64), (2, 0.61), (4, 0.91)] {
         let expected =
             64.0 / (4.0 * PI * deviation * deviation).powf(1.5) * (-r * r / (4.0 * deviation * deviation)).exp() - 1.0;
@@ -115,7 +117,7 @@ fn tilted_boxes_have_their_own_modes() {
         let domain = Domain::of_particles(&particles);
         let k_max = 0.9 * PI * 24.0 / domain.longest();
         let o = SpectrumOptions { shot_noise_subtracted: false, ..options(24, k_max) };
-        let s = power_spectra([Subject::Particles(&particles); 2], &domain, &o, &Silent).unwrap();
+        let s = power_spectra([Subject::Particles(&particles); 2], &domain, &o, &Context::SILENT).unwrap();
         for shell in &s.shells {
             let off = shell.power[0] / s.shot_noise[0] - 1.0;
             assert!(off.abs() < 4.0 * (2.0 / shell.modes as f64).sqrt() + 0.02, "{cell:?}: {shell:?}");
@@ -127,7 +129,7 @@ fn tilted_boxes_have_their_own_modes() {
         let (a, b) = (0.5f64, 0.3f64);
         let mut model = model_of(&[(cell.origin, Sym3([a * a, 0.0, 0.0, b * b, 0.0, a * a]), 1000.0)], [1.0; 3]);
         model.metadata.cell = Some(*cell);
-        let s = power_spectra([Subject::Model(&model); 2], &domain, &options(48, 2.5), &Silent).unwrap();
+        let s = power_spectra([Subject::Model(&model); 2], &domain, &options(48, 2.5), &Context::SILENT).unwrap();
         for shell in &s.shells {
             // The mean over directions of exp(-k^2 (a^2 + (b^2 - a^2) mu^2)).
             let n = 2000;

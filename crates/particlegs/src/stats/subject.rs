@@ -2,9 +2,9 @@
 
 use super::Domain;
 use crate::Result;
+use crate::context::Context;
 use crate::model::{Model, UnitSystem};
 use crate::particles::{Particles, Storage};
-use crate::progress::Silent;
 use crate::space::Bounds;
 
 /// Particles, or a model.
@@ -39,12 +39,16 @@ impl<'a> Subject<'a> {
         let (by, words) = self.unit_system().conversion_of("the other", &to)?;
         let converted = match self {
             _ if by.is_identity() => None,
-            Subject::Particles(p) => {
-                Some(ConvertedSubject::Particles(Box::new((*p).clone().in_units(&to, &Storage::Memory, &Silent)?)))
-            }
-            Subject::Model(m) => {
-                Some(ConvertedSubject::Model(Box::new((*m).clone().in_units(&to, &m.metadata.source, &Silent)?)))
-            }
+            Subject::Particles(p) => Some(ConvertedSubject::Particles(Box::new((*p).clone().in_units(
+                &to,
+                &Storage::Memory,
+                &Context::SILENT,
+            )?))),
+            Subject::Model(m) => Some(ConvertedSubject::Model(Box::new((*m).clone().in_units(
+                &to,
+                &m.metadata.source,
+                &Context::SILENT,
+            )?))),
         };
         Ok((converted, words))
     }

@@ -7,8 +7,8 @@
 use super::Field;
 use super::density::mean_mass;
 use crate::Result;
+use crate::context::Context;
 use crate::parallel;
-use crate::progress::Progress;
 use realfft::num_complex::Complex64;
 use realfft::{RealFftPlanner, RealToComplex};
 use rustfft::{Fft, FftPlanner};
@@ -55,7 +55,7 @@ fn place(m: i64, n: usize) -> usize {
 ///
 /// # Errors
 /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
-pub fn transform(field: &Field, most: [usize; 3], progress: &dyn Progress) -> Result<Modes> {
+pub fn transform(field: &Field, most: [usize; 3], context: &Context<'_>) -> Result<Modes> {
     let n = field.grid.cells;
     assert!((0..3).all(|k| most[k] <= n[k] / 2), "modes that the grid has");
     particlegs_files::memory::require("a Fourier transform", transform_bytes(n, most))?;
@@ -78,12 +78,12 @@ pub fn transform(field: &Field, most: [usize; 3], progress: &dyn Progress) -> Re
     let scratch = parallel::Scratch::default();
     let parts = planes.chunks_mut(columns * depth).zip(field.mass.chunks(n[1] * n[2]));
     parallel::try_for_each(parts, |(out, cells)| {
-        progress.check()?;
+        context.check()?;
         scratch.with(|scratch| plan.plane(cells, out, scratch));
-        progress.advance(cells.len() as u64);
+        context.advance(cells.len() as u64);
         Ok(())
     })?;
-    along_x(&planes, &mut modes, n[0], progress)?;
+    along_x(&planes, &mut modes, n[0], context)?;
     Ok(modes)
 }
 
@@ -135,12 +135,12 @@ impl TransformPlan {
 }
 
 /// The last pass: columns along x, a row of z modes at a time.
-fn along_x(planes: &[Complex64], modes: &mut Modes, nx: usize, progress: &dyn Progress) -> Result<()> {
+fn along_x(planes: &[Complex64], modes: &mut Modes, nx: usize, context: &Context<'_>) -> Result<()> {
     let (columns, depth) = modes.plane();
     let most = modes.most[0] as i64;
     let plan = FftPlanner::new().plan_fft_forward(nx);
     let done = parallel::try_map_range(columns, |j| {
-        progress.check()?;
+        context.check()?;
         let mut run = vec![Complex64::default(); depth * nx];
         for i in 0..nx {
             for c in 0..depth {
@@ -166,7 +166,7 @@ fn along_x(planes: &[Complex64], modes: &mut Modes, nx: usize, progress: &dyn Pr
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::Silent;
+    use crate::context::Context;
     use crate::stats::{Domain, Grid};
 
     /// Against the sum by hand, on a grid with odd, even and short axes.
@@ -178,7 +178,7 @@ mod tests {
         let field = Field { grid, mass, outside: 0.0 };
         let mean = mean_mass(&field);
         for most in [[3, 2, 4], [1, 2, 0], [0, 0, 3]] {
-            let modes = transform(&field, most, &Silent).unwrap();
+            let modes = transform(&field, most, &Context::SILENT).unwrap();
             let (columns, depth) = modes.plane();
             for (at, value) in modes.value.iter().enumerate() {
                 let m = [

@@ -3,8 +3,8 @@
 use super::Domain;
 use super::spectrum::{SpectrumOptions, TransformPair, visit_plane};
 use crate::Result;
+use crate::context::Context;
 use crate::parallel;
-use crate::progress::Progress;
 
 /// xi of both fields in bins of r, from |delta_k|^2 with the shot noise subtracted.
 ///
@@ -16,14 +16,14 @@ pub(super) fn xi_of_modes(
     domain: &Domain,
     o: &SpectrumOptions,
     edges: &[f64],
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<[Vec<f64>; 2]> {
     let [a, b] = &pair.modes;
     let bins = edges.len().saturating_sub(1);
     let noise = pair.shot_noise.map(|n| n / domain.volume());
     let planes = parallel::try_map_range(2 * a.most[0] + 1, |i| {
         let mut sum = vec![[0.0; 2]; bins];
-        visit_plane(a, domain, i, o.k_max, progress, |at, k, weight| {
+        visit_plane(a, domain, i, o.k_max, context, |at, k, weight| {
             let w = weight as f64;
             let power = [w * (a.value[at].norm_sqr() - noise[0]), w * (b.value[at].norm_sqr() - noise[1])];
             let mut below = primitive(k, edges[0]);

@@ -4,10 +4,10 @@
 use super::eye::Eye;
 use super::project::{Gaussian, GreyCameraGaussian};
 use crate::camera::{Normalisation, View};
+use crate::context::{Context, Level};
 use crate::math::{Sym3, each_axis};
 use crate::model::vizmapper::{Adaptation, Network, Setting, inputs, outputs};
 use crate::model::{LawKind, Mixture, Model, VizMapper};
-use crate::progress::{Level, Progress};
 use crate::{Error, Result, parallel};
 
 /// Gaussians in one step of parallel work.
@@ -67,7 +67,7 @@ impl<'a> Blend<'a> {
         parts: &[(&Mixture, f64)],
         view: &View,
         eye: &Eye,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Vec<GreyCameraGaussian>> {
         let setting = self.setting(view);
         let network = self.vizmapper.map(|v| (Network::new(v), v.ranges));
@@ -79,7 +79,7 @@ impl<'a> Blend<'a> {
             })
             .flat_map(|(m, first)| (0..m.len()).step_by(RUN).map(move |start| (m, first, start)));
         let gaussians = parallel::try_map(runs, |(m, first, start)| {
-            self.run(progress.simd(), m, start..m.len().min(start + RUN), setting, network.as_ref())
+            self.run(context.simd(), m, start..m.len().min(start + RUN), setting, network.as_ref())
                 .map(|own| own.iter().map(|g| g.seen(eye)).collect::<Vec<_>>())
                 .map_err(|(i, what)| Error::argument(format!("Gaussian {}: {what}", first + i)))
         })?;
@@ -140,7 +140,7 @@ impl<'a> Blend<'a> {
 impl Model {
     /// An alpha-blend model as its network bends it for a particle radius (world units) and an opacity: without a
     /// network, and drawn so at whatever radius and opacity. A model without a network stays as it is.
-    pub fn bent(mut self, radius: f64, opacity: f64, progress: &dyn Progress) -> Result<Model> {
+    pub fn bent(mut self, radius: f64, opacity: f64, context: &Context<'_>) -> Result<Model> {
         let Some(vizmapper) = self.vizmapper().cloned() else { return Ok(self) };
         let m = &self.metadata;
         let (frame, usual) = (Normalisation::of(&m.bounds), [m.default_radius, m.default_opacity]);
@@ -150,9 +150,9 @@ impl Model {
         for m in self.layers.iter_mut().flat_map(|l| &mut l.content).map(|b| &mut b.gaussians) {
             let runs = (0..m.len()).step_by(RUN).map(|start| start..m.len().min(start + RUN));
             let bent = parallel::try_map(runs, |range| {
-                progress.check()?;
+                context.check()?;
                 blend
-                    .run(progress.simd(), m, range, setting, Some(&network))
+                    .run(context.simd(), m, range, setting, Some(&network))
                     .map_err(|(i, what)| Error::argument(format!("Gaussian {i}: {what}")))
             })?;
             for (i, g) in bent.into_iter().flatten().enumerate() {

@@ -6,9 +6,9 @@ use super::plan::{CutOffs, Plan};
 use super::raster::blend_into;
 use crate::Result;
 use crate::camera::View;
+use crate::context::Context;
 use crate::model::Mixture;
 use crate::picture::{PlaneRows, Size};
-use crate::progress::Progress;
 use crate::render::Scratch;
 
 /// Largest brightness that a depth is given for.
@@ -26,15 +26,15 @@ pub(in crate::render) fn optical_depth<'a>(
     view: &View,
     size: Size,
     scratch: &'a mut Scratch,
-    progress: &dyn Progress,
+    context: &Context<'_>,
 ) -> Result<PlaneRows<'a>> {
     let eye = Eye::new(view, size, &of.frame)?;
     let n: usize = parts.iter().map(|(m, _)| m.len()).sum();
-    progress.require_memory("a picture", 4 * size.pixels() as u64 + 256 * n as u64)?;
-    let gaussians = of.gaussians(parts, view, &eye, progress)?;
-    let plan = Plan::new(&eye, n, |i| Some(gaussians[i]), CutOffs::PUBLISHED, progress)?;
-    let data = &mut scratch.planes([size.pixels()].into_iter(), progress)?[0];
-    blend_into(&plan, size, data, progress)?;
+    context.require_memory("a picture", 4 * size.pixels() as u64 + 256 * n as u64)?;
+    let gaussians = of.gaussians(parts, view, &eye, context)?;
+    let plan = Plan::new(&eye, n, |i| Some(gaussians[i]), CutOffs::PUBLISHED, context)?;
+    let data = &mut scratch.planes([size.pixels()].into_iter(), context)?[0];
+    blend_into(&plan, size, data, context)?;
     let mut rows = PlaneRows { size, stride: size.width, data };
     rows.each(|_, row| row.iter_mut().for_each(|b| *b = depth_as_bright(*b)));
     Ok(rows)

@@ -3,7 +3,7 @@
 use super::bin::{Bin, TileRange, Tiles};
 use super::eye::Eye;
 use super::project::{GreyCameraGaussian, Splat, project};
-use crate::progress::Progress;
+use crate::context::Context;
 use crate::{Error, Result, parallel};
 
 /// Gaussians in one step of parallel work, at least.
@@ -51,7 +51,7 @@ impl Plan {
         n: usize,
         gaussian: impl Fn(usize) -> Option<GreyCameraGaussian> + Sync,
         cut: CutOffs,
-        progress: &dyn Progress,
+        context: &Context<'_>,
     ) -> Result<Plan> {
         let tiles = Tiles::of(eye.size);
         let see = |i: usize| {
@@ -62,7 +62,7 @@ impl Plan {
             Some((key, p.splat, touched))
         };
         let runs = parallel::try_map_range(n.div_ceil(RUN), |c| {
-            progress.check()?;
+            context.check()?;
             Ok((c * RUN..n.min((c + 1) * RUN)).filter_map(see).collect::<Vec<_>>())
         })?;
         let seen: Vec<(u64, Splat, TileRange)> = runs.into_iter().flatten().collect();
@@ -77,7 +77,7 @@ impl Plan {
         if entries > most {
             return Err(Error::Memory { what: "a picture".into(), need_bytes: 4 * entries, have_bytes: 4 * most });
         }
-        progress.require_memory("a picture", 4 * (entries + 2 * places))?;
+        context.require_memory("a picture", 4 * (entries + 2 * places))?;
         let touched: Vec<TileRange> = order.iter().map(|(_, place)| seen[*place as usize].2).collect();
         let bins = parallel::map(touched.chunks(run).enumerate(), |(c, t)| Bin::new(&tiles, c * run, t));
         Ok(Plan {

@@ -3,9 +3,9 @@
 use super::bin::TILE;
 use super::plan::{CutOffs, Plan};
 use super::project::Splat;
+use crate::context::Context;
 use crate::math::exp2;
 use crate::picture::{Plane, Size};
-use crate::progress::Progress;
 use crate::{Result, parallel};
 use fearless_simd::{Simd, dispatch, f32x16, prelude::*};
 
@@ -16,17 +16,17 @@ pub const PIXELS: usize = TILE * TILE;
 pub const ASK: usize = 32;
 
 /// Brightness at every pixel: `sum grey alpha T` over black, not cut to [0, 1].
-pub fn blend(plan: &Plan, size: Size, progress: &dyn Progress) -> Result<Plane> {
+pub fn blend(plan: &Plan, size: Size, context: &Context<'_>) -> Result<Plane> {
     let mut out = Plane::zeros(size);
-    blend_into(plan, size, &mut out.data, progress)?;
+    blend_into(plan, size, &mut out.data, context)?;
     Ok(out)
 }
 
 /// [`blend`] into a buffer of the picture's pixels.
-pub fn blend_into(plan: &Plan, size: Size, out: &mut [f32], progress: &dyn Progress) -> Result<()> {
-    let simd = progress.simd();
+pub fn blend_into(plan: &Plan, size: Size, out: &mut [f32], context: &Context<'_>) -> Result<()> {
+    let simd = context.simd();
     parallel::try_for_each(out.chunks_mut(size.width * TILE).enumerate(), |(row, pixels)| {
-        progress.check()?;
+        context.check()?;
         let mut tile = Tile::default();
         for column in 0..plan.tiles.across {
             let lit = TilePixels::in_band(size.width, pixels.len() / size.width, column, row);

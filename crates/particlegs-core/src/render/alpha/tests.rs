@@ -5,10 +5,10 @@ use super::raster::blend;
 use super::testing::empty_model;
 use super::*;
 use crate::camera::{Camera, Normalisation, Projection, View};
+use crate::context::Context;
 use crate::math::{Random, Sym3, each_axis};
 use crate::model::{AlphaBlend, Block, Law, Layer, Mass, Mixture, Model, VizMapper, VizRanges};
 use crate::picture::{Plane, Size};
-use crate::progress::{Progress, Scalar, Silent};
 use crate::render::{self, Scene};
 use crate::space::Bounds;
 use crate::splat::ToneStyle;
@@ -57,12 +57,12 @@ fn gaussians(seed: u64, n: u64, spread: f64) -> Vec<Gaussian> {
 }
 
 fn draw(eye: &Eye, g: &[Gaussian], cut: CutOffs) -> Plane {
-    draw_with(eye, g, cut, &Silent)
+    draw_with(eye, g, cut, &Context::SILENT)
 }
 
-fn draw_with(eye: &Eye, g: &[Gaussian], cut: CutOffs, progress: &dyn Progress) -> Plane {
-    let plan = Plan::new(eye, g.len(), |i| Some(g[i].seen(eye)), cut, progress).unwrap();
-    blend(&plan, eye.size, progress).unwrap()
+fn draw_with(eye: &Eye, g: &[Gaussian], cut: CutOffs, context: &Context<'_>) -> Plane {
+    let plan = Plan::new(eye, g.len(), |i| Some(g[i].seen(eye)), cut, context).unwrap();
+    blend(&plan, eye.size, context).unwrap()
 }
 
 /// The largest difference from the plain law, but for a few pixels at which rounding decides a
@@ -124,7 +124,7 @@ fn threads_and_vectors_do_not_change_a_bit() {
     let many = draw(&e, &g, CutOffs::PUBLISHED);
     let one = rayon_core::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let one = one.install(|| draw(&e, &g, CutOffs::PUBLISHED));
-    let plain = draw_with(&e, &g, CutOffs::PUBLISHED, &Scalar);
+    let plain = draw_with(&e, &g, CutOffs::PUBLISHED, &Context::scalar());
     assert_eq!(bits(&many), bits(&one));
     assert_eq!(bits(&many), bits(&plain));
 }
@@ -229,8 +229,8 @@ fn models_are_drawn_by_their_law() {
     for vizmapper in [None, Some(VizMapper::new(VizRanges::TRAINING, 1)), Some(stirred(2))] {
         let m = model(200, vizmapper.clone());
         let v = world_view(&m);
-        let drawn = render::draw(&Scene::of(&m), &v, SIZE, ToneStyle::Paraview, &Silent).unwrap();
-        assert_eq!(drawn, render::draw(&Scene::of(&m), &v, SIZE, ToneStyle::Expected, &Silent).unwrap());
+        let drawn = render::draw(&Scene::of(&m), &v, SIZE, ToneStyle::Paraview, &Context::SILENT).unwrap();
+        assert_eq!(drawn, render::draw(&Scene::of(&m), &v, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap());
         let (fr, fa) = (1.5, 0.8);
         let adapted: Vec<Gaussian> = gaussians(11, 200, 0.05)
             .into_iter()
@@ -257,21 +257,21 @@ fn models_are_drawn_by_their_law() {
 fn a_bent_model_needs_no_network() {
     let m = model(200, Some(crate::model::vizmapper::twin::stirred(2)));
     let mut v = world_view(&m);
-    let wanted = render::draw(&Scene::of(&m), &v, SIZE, ToneStyle::Expected, &Silent).unwrap();
-    let plain = m.clone().bent(v.radius, v.opacity, &Silent).unwrap();
+    let wanted = render::draw(&Scene::of(&m), &v, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap();
+    let plain = m.clone().bent(v.radius, v.opacity, &Context::SILENT).unwrap();
     assert!(plain.vizmapper().is_none());
     v.radius = 0.5;
-    let got = render::draw(&Scene::of(&plain), &v, SIZE, ToneStyle::Expected, &Silent).unwrap();
+    let got = render::draw(&Scene::of(&plain), &v, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap();
     let far = wanted.data.iter().zip(&got.data).filter(|(a, b)| a.abs_diff(**b) > 1);
     assert!(far.count() <= 2);
     assert_ne!(plain, model(200, None));
-    assert_eq!(model(20, None).bent(1.0, 0.5, &Silent).unwrap(), model(20, None));
+    assert_eq!(model(20, None).bent(1.0, 0.5, &Context::SILENT).unwrap(), model(20, None));
 }
 
 #[test]
 fn faults_are_named() {
     let fault = |m: &Model, v: &View| {
-        render::draw(&Scene::of(m), v, SIZE, ToneStyle::Expected, &Silent).unwrap_err().to_string()
+        render::draw(&Scene::of(m), v, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap_err().to_string()
     };
     let mut m = model(20, None);
     let mut v = world_view(&m);

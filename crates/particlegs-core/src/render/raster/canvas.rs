@@ -2,8 +2,8 @@
 
 use super::Band;
 use super::pyramid::{self, BAND, Level, PAD};
+use crate::context::Context;
 use crate::picture::{PlaneRows, Size};
-use crate::progress::Progress;
 use crate::render::bin::StrokeBins;
 use crate::render::scratch::Scratch;
 use crate::{Result, parallel};
@@ -20,11 +20,11 @@ pub(in crate::render) struct RasterCanvas<'a> {
 
 impl<'a> RasterCanvas<'a> {
     /// Blank planes.
-    pub fn new(size: Size, scratch: &'a mut Scratch, progress: &dyn Progress) -> Result<Self> {
+    pub fn new(size: Size, scratch: &'a mut Scratch, context: &Context<'_>) -> Result<Self> {
         let levels = pyramid::levels(size);
         let lengths = levels.iter().map(|l| l.stride * l.rows);
-        progress.require_memory("a picture", 4 * lengths.clone().sum::<usize>() as u64)?;
-        let planes = scratch.planes(lengths, progress)?;
+        context.require_memory("a picture", 4 * lengths.clone().sum::<usize>() as u64)?;
+        let planes = scratch.planes(lengths, context)?;
         for (plane, l) in planes.iter_mut().zip(&levels) {
             parallel::for_each_chunk(plane, l.stride * BAND, |_, band| band.fill(0.0));
         }
@@ -32,8 +32,8 @@ impl<'a> RasterCanvas<'a> {
     }
 
     /// Adds strokes, in their order.
-    pub fn draw(&mut self, bins: &[StrokeBins], progress: &dyn Progress) -> Result<()> {
-        let simd = progress.simd();
+    pub fn draw(&mut self, bins: &[StrokeBins], context: &Context<'_>) -> Result<()> {
+        let simd = context.simd();
         let bands = self.levels.iter().zip(&mut *self.planes).flat_map(|(level, plane)| {
             plane.chunks_mut(level.stride * BAND).enumerate().map(move |(b, data)| (level, b, data))
         });
@@ -42,7 +42,7 @@ impl<'a> RasterCanvas<'a> {
             let number = level.first_band + b;
             for bin in bins {
                 for strokes in bin.strokes[bin.starts[number] as usize..bin.starts[number + 1] as usize].chunks(CHECK) {
-                    progress.check()?;
+                    context.check()?;
                     super::draw(simd, &mut band, strokes);
                 }
             }
@@ -51,11 +51,11 @@ impl<'a> RasterCanvas<'a> {
     }
 
     /// The planes summed, without the pad. The interpolation may undershoot: see [`clip`].
-    pub fn finish(self, progress: &dyn Progress) -> PlaneRows<'a> {
+    pub fn finish(self, context: &Context<'_>) -> PlaneRows<'a> {
         for l in (1..self.levels.len()).rev() {
             let (finer, coarser) = self.planes.split_at_mut(l);
             let levels = [&self.levels[l], &self.levels[l - 1]];
-            pyramid::add_up(progress.simd(), levels, &coarser[0], &mut finer[l - 1]);
+            pyramid::add_up(context.simd(), levels, &coarser[0], &mut finer[l - 1]);
         }
         let Level { size, stride, .. } = self.levels[0];
         PlaneRows { size, stride, data: &mut self.planes[0][PAD * stride + PAD..] }
@@ -74,14 +74,10 @@ mod tests {
 
     #[test]
     fn memory_is_asked_for_before_it_is_taken() {
-        struct LimitedMemory;
-        impl Progress for LimitedMemory {
-            fn available_memory(&self) -> Option<u64> {
-                Some(1 << 30)
-            }
-        }
         let size = Size { width: 1 << 24, height: 1 << 24 };
-        let error = RasterCanvas::new(size, &mut Scratch::default(), &LimitedMemory).map(drop).unwrap_err();
+        let error = RasterCanvas::new(size, &mut Scratch::default(), &Context::SILENT.with_memory(&|| Some(1 << 30)))
+            .map(drop)
+            .unwrap_err();
         assert!(matches!(error, crate::Error::Memory { .. }));
     }
 }

@@ -3,8 +3,8 @@
 use super::*;
 use crate::reference::source::ParticleStream;
 use crate::tests::device;
+use particlegs::context::Context;
 use particlegs::particles::{Column, Particles, Positions};
-use particlegs::progress::Silent;
 use particlegs::reference;
 use particlegs_core::camera::{Camera, Projection};
 use particlegs_core::math::Random;
@@ -71,7 +71,7 @@ fn compare(device: &Arc<Device>, columns: &[Vec<f32>; 3], view: &View) -> usize 
     let mut most = 0;
     for (fxaa, look) in [(false, ToneStyle::ParaviewNoFxaa), (true, ToneStyle::Paraview)] {
         let card = draw(&there, &canvas, view, &points(device, columns, 1), fxaa);
-        let (differ, lit, worst) = apart(&card, &own.draw(view, SIZE, look, &Silent).unwrap());
+        let (differ, lit, worst) = apart(&card, &own.draw(view, SIZE, look, &Context::SILENT).unwrap());
         let (at, radius, opacity) = (view.camera.position, view.radius, view.opacity);
         let what =
             format!("{at:?} radius {radius} opacity {opacity} {}: {differ} of {lit}, largest {worst}", look.name());
@@ -160,7 +160,7 @@ fn strips_of_odd_pictures_leave_no_trace() {
         let own = reference::Reference::new(&own);
         let view = view(FAR, radius, opacity);
         for (fxaa, look) in [(false, ToneStyle::ParaviewNoFxaa), (true, ToneStyle::Paraview)] {
-            let expected = own.draw(&view, size, look, &Silent).unwrap();
+            let expected = own.draw(&view, size, look, &Context::SILENT).unwrap();
             for (strip, strips) in [(u64::MAX, 1), (1000, 3), (1, 12)] {
                 let there = Paraview::within(&device, DispatchLimits { strip, ..LIMITS }).unwrap();
                 let canvas = there.canvas(size).unwrap();
@@ -183,8 +183,10 @@ fn a_picture_of_8k_is_drawn() {
     let canvas = there.canvas(size).unwrap();
     let card = draw(&there, &canvas, &view, &points(&device, &columns, 1), true);
     let own = particles(&columns);
-    let (differ, lit, worst) =
-        apart(&card, &reference::Reference::new(&own).draw(&view, size, ToneStyle::Paraview, &Silent).unwrap());
+    let (differ, lit, worst) = apart(
+        &card,
+        &reference::Reference::new(&own).draw(&view, size, ToneStyle::Paraview, &Context::SILENT).unwrap(),
+    );
     assert!(lit > 100_000 && differ * 10_000 <= lit, "{differ} of {lit}, largest {worst}");
 }
 

@@ -9,10 +9,10 @@ use particlegs::particles::Particles;
 use particlegs::pieces::NoCheckpoints;
 use particlegs::train::{Config, Limits, Preset};
 use particlegs_core::camera::{Normalisation, View};
+use particlegs_core::context::Context;
 use particlegs_core::math::Random;
 use particlegs_core::model::vizmapper::twin::stirred;
 use particlegs_core::picture::{Plane, Size};
-use particlegs_core::progress::Silent;
 use particlegs_core::space::Bounds;
 use particlegs_train::alpha::{AlphaCpuSteps, AlphaParameters, TrainingScale};
 use particlegs_train::{Averages, Crop, Device as _, Norm};
@@ -99,7 +99,7 @@ const STEP: StepSize = StepSize { rates: [1e-3, 5e-3, 1e-3, 5e-2, 2.5e-3], netwo
 
 fn steps(steps: &mut dyn AlphaStepper, of: &mut Gaussians, case: &AlphaTrainingCase, number: usize) -> Vec<StepReport> {
     let target = target(case.crop.size);
-    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
+    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
     let told = (0..number).map(|_| steps.step(of, &shot, &case.loss, &STEP).unwrap()).collect();
     steps.fetch(of).unwrap();
     told
@@ -237,7 +237,7 @@ fn a_device_that_is_gone_is_an_error() {
     let before = of.parameters.clone();
     device.device.destroy();
     let target = target(SIZE);
-    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, progress: &Silent };
+    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
     let error = own.step(&mut of, &shot, &case.loss, &STEP).unwrap_err().to_string();
     assert!(error.contains("device") && error.lines().count() == 1, "{error}");
     assert!(of.parameters == before);
@@ -273,5 +273,5 @@ fn scores(config: &Config, seed: u64, device: Option<Arc<dyn particlegs_train::D
     let limits = Limits { device, ..Limits::default() };
     let training = Some(config.clone());
     let options = Options { target: Target::Gaussians(6000), training, limits, seed, ..Options::default() };
-    compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap().trained[0].scores.map(Option::unwrap)
+    compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT).unwrap().trained[0].scores.map(Option::unwrap)
 }

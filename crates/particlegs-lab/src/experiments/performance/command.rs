@@ -2,7 +2,7 @@
 
 use super::clock::{digits, load};
 use crate::found::TableCell;
-use particlegs::progress::Progress;
+use particlegs::context::Context;
 use particlegs::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
@@ -61,7 +61,7 @@ impl CommandRun {
 }
 
 /// Runs a command to its end. `folder` takes what it says.
-pub(super) fn run(command: &mut Command, input: &str, folder: &Path, progress: &dyn Progress) -> Result<CommandRun> {
+pub(super) fn run(command: &mut Command, input: &str, folder: &Path, context: &Context<'_>) -> Result<CommandRun> {
     let names = ["stdin", "stdout", "stderr"].map(|n| folder.join(n));
     let io = |path: &Path, e| Error::io(path, e);
     std::fs::write(&names[0], input).map_err(|e| io(&names[0], e))?;
@@ -72,7 +72,7 @@ pub(super) fn run(command: &mut Command, input: &str, folder: &Path, progress: &
     let before = processor_of_children();
     let start = Instant::now();
     let mut child = command.spawn().map_err(|e| io(Path::new(command.get_program()), e))?;
-    let (status, peak) = watch(&mut child, progress)?;
+    let (status, peak) = watch(&mut child, context)?;
     let seconds = start.elapsed().as_secs_f64();
     let processor = processor_of_children().zip(before).map(|(after, before)| after - before);
     let text = |i: usize| String::from_utf8_lossy(&std::fs::read(&names[i]).unwrap_or_default()).into_owned();
@@ -80,7 +80,7 @@ pub(super) fn run(command: &mut Command, input: &str, folder: &Path, progress: &
         return Ok(CommandRun { cost: Some(Cost { seconds, processor, peak, load: load() }), said: text(1) });
     }
     // A stop reaches the child as well, which may end first: that is no failure of its own.
-    progress.check()?;
+    context.check()?;
     let words = |l: &&str| !l.is_empty() && !l.starts_with("hint:");
     let last = text(2).lines().rev().map(str::trim).find(words).unwrap_or_default().to_string();
     let why = if last.is_empty() { status.to_string() } else { last };
@@ -88,14 +88,14 @@ pub(super) fn run(command: &mut Command, input: &str, folder: &Path, progress: &
 }
 
 /// Waits for a child; the most memory it had.
-fn watch(child: &mut Child, progress: &dyn Progress) -> Result<(std::process::ExitStatus, Option<u64>)> {
+fn watch(child: &mut Child, context: &Context<'_>) -> Result<(std::process::ExitStatus, Option<u64>)> {
     let status = format!("/proc/{}/status", child.id());
     let mut peak = None;
     loop {
         peak = peak.max(std::fs::read_to_string(&status).ok().and_then(|text| unbacked(&text)));
         match child.try_wait() {
             Ok(Some(status)) => return Ok((status, peak)),
-            Ok(None) if progress.cancelled() => {
+            Ok(None) if context.cancelled() => {
                 let _ = child.kill();
                 let _ = child.wait();
                 return Err(Error::Cancelled);
@@ -131,7 +131,7 @@ fn of_children(stat: &str) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::progress::Silent;
+    use particlegs::context::Context;
 
     #[test]
     fn the_systems_words_are_read() {
@@ -147,7 +147,8 @@ mod tests {
         if !shell.exists() || !Path::new("/proc/self/stat").exists() {
             return;
         }
-        let run = |script: &str| run(Command::new(shell).args(["-c", script]), "in\n", dir.path(), &Silent).unwrap();
+        let run =
+            |script: &str| run(Command::new(shell).args(["-c", script]), "in\n", dir.path(), &Context::SILENT).unwrap();
         let ran = run("cat; i=0; while [ $i -lt 100000 ]; do i=$((i+1)); done");
         let cost = ran.cost.unwrap();
         assert_eq!(ran.said, "in\n");
@@ -156,15 +157,10 @@ mod tests {
         assert!(failed.cost.is_none() && failed.said == "why not", "{failed:?}");
         assert!(run("exit 4").said.contains('4'));
         assert!(run("exit 4").failed() && !run("exit 0").failed());
-        struct CancellingProgress;
-        impl Progress for CancellingProgress {
-            fn cancelled(&self) -> bool {
-                true
-            }
-        }
+        let cancelled = Context::SILENT.with_cancel(&|| true);
         // Whichever of the two ends first.
         for script in ["exit 130", "sleep 5"] {
-            let stopped = super::run(Command::new(shell).args(["-c", script]), "", dir.path(), &CancellingProgress);
+            let stopped = super::run(Command::new(shell).args(["-c", script]), "", dir.path(), &cancelled);
             assert!(matches!(stopped, Err(Error::Cancelled)), "{script}");
         }
     }

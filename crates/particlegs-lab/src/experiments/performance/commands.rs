@@ -47,7 +47,7 @@ pub(super) fn measure(
             let one = |i: usize| {
                 // An output of its own each: no command replaces a file.
                 let out = folder.join(format!("{}-{i}.png", key.replace(' ', "-")));
-                run(&mut make(&out)?, "", folder, lab.progress)
+                run(&mut make(&out)?, "", folder, lab.context)
             };
             (0..TIMES).map(one).collect::<Result<Vec<CommandRun>>>()
         };

@@ -58,7 +58,7 @@ fn one(
         let parent = snapshot.parent().unwrap_or(&snapshot).to_path_buf();
         let out = parent.join(format!("n{particles}.pgs"));
         let mut command = compress(lab, &snapshot, &out);
-        let ran = run(&mut command, "", &parent, lab.progress)?;
+        let ran = run(&mut command, "", &parent, lab.context)?;
         let bytes = ran.cost.is_some().then(|| std::fs::metadata(&out).map(|m| m.len()).ok()).flatten();
         Ok(GrowthPoint { particles, what, bytes, ran })
     };

@@ -71,21 +71,21 @@ fn frames(
     sizes: &[Size],
     (raw, machine): (&RawCopy<'_>, &Machine),
 ) -> Result<Vec<SizeTimings>> {
-    lab.progress.begin("frames", 4 * sizes.len() as u64);
+    lab.context.begin("frames", 4 * sizes.len() as u64);
     let mut all = Vec::new();
     for size in sizes {
         let shots = TimingViews::of(lab, &made.model.metadata, *size);
         let ours = |what: RenderSource| {
             let frames = ours::frames(lab, of, (what, made), &shots, machine);
-            lab.progress.advance(1);
+            lab.context.advance(1);
             frames
         };
         let (model, paraview, expected) =
             (ours(RenderSource::Model)?, ours(RenderSource::Paraview)?, ours(RenderSource::Expected)?);
         let vtk = point_gaussian::measure(lab, of, (&shots, all.is_empty()), raw, machine)?;
-        lab.progress.advance(1);
+        lab.context.advance(1);
         all.push(SizeTimings { size: *size, model, paraview, expected, vtk });
     }
-    lab.progress.end();
+    lab.context.end();
     Ok(all)
 }

@@ -48,7 +48,7 @@ pub(super) fn recipe(lab: &Lab<'_>, effort: Effort) -> ModelSettings {
 pub(super) fn opening(lab: &Lab<'_>, of: &Snapshot, machine: &Machine) -> Result<Option<Times>> {
     lab.store.result("timed-opening", &(&of.hash, &of.path, machine), || {
         let choice = Choice::default();
-        let read = || choice.read(std::slice::from_ref(&of.path), &Storage::Memory, lab.progress);
+        let read = || choice.read(std::slice::from_ref(&of.path), &Storage::Memory, lab.context);
         let same = read().ok().is_some_and(|p| p.source_hash() == of.particles.source_hash());
         if same { Times::of(TIMES, read).map(Some) } else { Ok(None) }
     })
@@ -59,7 +59,7 @@ pub(super) fn compression(lab: &Lab<'_>, of: &Snapshot, effort: Effort, machine:
     let recipe = recipe(lab, effort);
     lab.store.result("timed-compression", &(&of.hash, &recipe, machine), || {
         let start = std::time::Instant::now();
-        let done = compress(&of.particles, &recipe.options(), &mut NoCheckpoints, lab.progress)?;
+        let done = compress(&of.particles, &recipe.options(), &mut NoCheckpoints, lab.context)?;
         let seconds = start.elapsed().as_secs_f64();
         let phases = done.seconds.iter().map(|(name, s)| (name.to_string(), *s)).collect();
         let (bytes, gaussians) = (done.bytes.len() as u64, done.model.gaussians() as u64);
@@ -72,7 +72,7 @@ pub(super) fn compression(lab: &Lab<'_>, of: &Snapshot, effort: Effort, machine:
 pub(super) fn decoding(lab: &Lab<'_>, of: &Snapshot, made: &ModelBuild, machine: &Machine) -> Result<Times> {
     let key = (&of.hash, recipe(lab, Effort::Default), machine);
     lab.store.result("timed-decoding", &key, || {
-        Times::of(TIMES, || codec::decode_with(&made.bytes, "the model", lab.progress))
+        Times::of(TIMES, || codec::decode_with(&made.bytes, "the model", lab.context))
     })
 }
 
@@ -115,9 +115,9 @@ pub(super) fn frames(
         let mut draw = |view: &View| match what {
             RenderSource::Model => {
                 let pixels = Pixels::new(shots.size, &mut picture.data)?;
-                draw_into(&scene, view, look, pixels, &mut scratch, lab.progress)
+                draw_into(&scene, view, look, pixels, &mut scratch, lab.context)
             }
-            _ => reference.draw(view, shots.size, look, lab.progress).map(drop),
+            _ => reference.draw(view, shots.size, look, lab.context).map(drop),
         };
         // The first takes its memory.
         draw(&shots.first)?;
@@ -136,5 +136,5 @@ fn each(views: &[View], times: usize, draw: &mut dyn FnMut(&View) -> Result<()>)
 /// All particles in the first view by our renderer: what VTK's picture is compared with.
 pub(super) fn picture(lab: &Lab<'_>, of: &Snapshot, view: &View, size: Size, look: ToneStyle) -> Result<Gray8> {
     let key = ("all particles", &of.hash, crate::views::told(view, size), look.name());
-    crate::views::kept_picture(lab, &key, || Reference::new(&of.particles).draw(view, size, look, lab.progress))
+    crate::views::kept_picture(lab, &key, || Reference::new(&of.particles).draw(view, size, look, lab.context))
 }

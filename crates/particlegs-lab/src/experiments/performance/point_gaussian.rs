@@ -116,7 +116,7 @@ fn child(
         "limit": limit,
     });
     let mut command = Command::new(python);
-    let ran = run(command.args(["-u", "-c", SCRIPT]), &request.to_string(), folder, lab.progress)?;
+    let ran = run(command.args(["-u", "-c", SCRIPT]), &request.to_string(), folder, lab.context)?;
     let Some(cost) = ran.cost else { return Err(Error::input(python, ran.said)) };
     let answer: ScriptOutput = serde_json::from_str(&ran.said)
         .map_err(|e| Error::input(python, format!("does not answer as lab/point_gaussian.py does: {e}")))?;
@@ -160,8 +160,8 @@ mod tests {
     use super::*;
     use crate::lab::ModelSettings;
     use crate::settings::Settings;
+    use particlegs::context::Context;
     use particlegs::particles::Particles;
-    use particlegs::progress::Silent;
     use std::path::PathBuf;
 
     const SIZE: Size = Size { width: 160, height: 90 };
@@ -171,7 +171,7 @@ mod tests {
         let column = |k: u32| (0..3000u32).map(|i| ((i * (k + 7) % 997) as f32 / 100.0).powi(2)).collect::<Vec<f32>>();
         let of = Snapshot::new("s".into(), "s".into(), Particles::from_columns(column(1), column(2), column(3)), None);
         let folder = tempfile::tempdir().unwrap();
-        let lab = Lab::new(Settings { size: SIZE, ..Settings::new(true, "".into()) }, folder.path(), &Silent);
+        let lab = Lab::new(Settings { size: SIZE, ..Settings::new(true, "".into()) }, folder.path(), &Context::SILENT);
         let mut lab = lab.unwrap();
         lab.settings.python = python;
         let mut model = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().model;

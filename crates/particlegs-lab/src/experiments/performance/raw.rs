@@ -38,8 +38,8 @@ impl<'a> RawCopy<'a> {
     pub fn written(&self, name: &str, tiling: Tiling, selection: Selection) -> Result<PathBuf> {
         let path = self.folder()?.join(name);
         if !path.exists() {
-            let kept = SelectedParticles::new(&self.of.particles, tiling, selection, self.lab.progress)?;
-            kept.write_raw(&path, RawForm::Columns, self.lab.progress)?;
+            let kept = SelectedParticles::new(&self.of.particles, tiling, selection, self.lab.context)?;
+            kept.write_raw(&path, RawForm::Columns, self.lab.context)?;
         }
         Ok(path)
     }

@@ -71,8 +71,8 @@ fn quality(lab: &Lab<'_>, of: &Snapshot) -> Result<f64> {
         let (scene, truth) = (Scene::of(&model), Reference::new(&of.particles));
         let views = evaluation_views(&model.metadata, SIZE, recipe.seed, FRAMES);
         let of_view = |view| {
-            let drawn = draw(&scene, view, SIZE, ToneStyle::Expected, lab.progress)?;
-            Ok(masked_psnr(&drawn, &truth.draw(view, SIZE, ToneStyle::Expected, lab.progress)?))
+            let drawn = draw(&scene, view, SIZE, ToneStyle::Expected, lab.context)?;
+            Ok(masked_psnr(&drawn, &truth.draw(view, SIZE, ToneStyle::Expected, lab.context)?))
         };
         let scores = views.iter().map(of_view).collect::<Result<Vec<Option<f64>>>>()?;
         let scores: Vec<f64> = scores.into_iter().flatten().collect();
@@ -114,8 +114,8 @@ fn block(
     let key = (&of.hash, halvings, format!("{region:?}"), &recipe);
     lab.store.result("scale-block", &key, || {
         let crop = (halvings > 0).then_some(region);
-        let particles = of.particles.select(Selection { crop, ..Selection::all() }, &Storage::Memory, lab.progress)?;
-        let model = match compress(&particles, &recipe.options(), &mut NoCheckpoints, lab.progress) {
+        let particles = of.particles.select(Selection { crop, ..Selection::all() }, &Storage::Memory, lab.context)?;
+        let model = match compress(&particles, &recipe.options(), &mut NoCheckpoints, lab.context) {
             Ok(done) => Ok([done.bytes.len() as u64, done.model.gaussians() as u64]),
             // A block without particles, or whose quality cannot be reached, is one that says so.
             Err(e @ (Error::Unreachable { .. } | Error::Input { .. } | Error::Argument { .. })) => Err(e.to_string()),

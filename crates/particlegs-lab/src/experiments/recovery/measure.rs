@@ -86,7 +86,7 @@ impl RecoverySource<'_> {
         let inputs = (&self.snapshot.hash, &self.recipe, method.name(), seed, &options);
         lab.store.result("recovered", &inputs, || {
             let drawn = self.particles(method, seed)?;
-            let compared = compare(Subject::Particles(truth), Subject::Particles(&drawn), &options, lab.progress)?;
+            let compared = compare(Subject::Particles(truth), Subject::Particles(&drawn), &options, lab.context)?;
             Ok(Facts::of(&compared))
         })
     }
@@ -105,7 +105,7 @@ impl RecoverySource<'_> {
         };
         lab.store.result("of-model", &(&self.snapshot.hash, &self.recipe, &options), || {
             let model = self.model()?.0;
-            let compared = compare(Subject::Particles(truth), Subject::Model(&model), &options, lab.progress)?;
+            let compared = compare(Subject::Particles(truth), Subject::Model(&model), &options, lab.context)?;
             Ok(Facts::of(&compared))
         })
     }

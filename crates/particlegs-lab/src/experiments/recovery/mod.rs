@@ -78,13 +78,13 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let snapshot = &snapshots[0];
     let base = ModelSettings::ratio(RATIO, lab.settings.seed);
     let (recipes, blocks) = (sizes(lab), if lab.settings.quick { &[1, 8][..] } else { &[1, 2, 4, 8, 16] });
-    lab.progress.begin("recovered particles", (METHODS.len() + recipes.len() + blocks.len()) as u64);
+    lab.context.begin("recovered particles", (METHODS.len() + recipes.len() + blocks.len()) as u64);
     let drawn = |recipe: ModelSettings| RecoverySource { lab, snapshot, recipe };
     let methods = METHODS.iter().map(|m| of_method(&drawn(base.clone()), *m)).collect::<Result<_>>()?;
     let sizes = recipes.into_iter().map(|recipe| of_size(&drawn(recipe))).collect::<Result<_>>()?;
     let of_blocks = |n: &u32| of_blocks(&drawn(ModelSettings { blocks: *n, ..base.clone() }));
     let blocks = blocks.iter().map(of_blocks).collect::<Result<_>>()?;
-    lab.progress.end();
+    lab.context.end();
     let unit = snapshot.particles.meta.units.length_text().unwrap_or("length units").to_string();
     let measured = RecoveryMeasurements { methods, sizes, blocks, spacing: snapshot.spacing(), unit };
     Ok(ExperimentResults {
@@ -109,7 +109,7 @@ fn sizes(lab: &Lab<'_>) -> Vec<ModelSettings> {
 fn of_method(drawn: &RecoverySource<'_>, method: Method) -> Result<MethodRecovery> {
     let (all, paper) =
         (drawn.facts_of_seeds(method, MeasurementScope::All)?, drawn.facts_of_seeds(method, MeasurementScope::Paper)?);
-    drawn.lab.progress.advance(1);
+    drawn.lab.context.advance(1);
     Ok(MethodRecovery { method, all, paper })
 }
 
@@ -125,13 +125,13 @@ fn of_size(drawn: &RecoverySource<'_>) -> Result<SizeRecovery> {
         spaced: drawn.facts(Method::Spaced, seed, MeasurementScope::Local)?,
         model: drawn.facts_of_model()?,
     };
-    drawn.lab.progress.advance(1);
+    drawn.lab.context.advance(1);
     Ok(measured)
 }
 
 fn of_blocks(drawn: &RecoverySource<'_>) -> Result<BlocksRecovery> {
     let of = |depth| drawn.facts_of_seeds(Method::Count, depth);
     let (all, paper) = (of(MeasurementScope::All)?, of(MeasurementScope::Paper)?);
-    drawn.lab.progress.advance(1);
+    drawn.lab.context.advance(1);
     Ok(BlocksRecovery { blocks: drawn.recipe.blocks, size: drawn.size()?, all, paper })
 }

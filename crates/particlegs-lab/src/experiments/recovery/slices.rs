@@ -22,7 +22,7 @@ pub(super) fn pictures(drawn: &RecoverySource<'_>) -> Result<Pictures> {
     let domain = Domain::of_particles(truth);
     let grid = Grid::new(&domain, ((truth.len() as f64).cbrt().round() as usize).clamp(2 * PLANES, 512));
     let picture = |subject: Subject<'_>| {
-        let field = deposit(subject, &grid, Assignment::Ngp, 0.0, drawn.lab.progress)?;
+        let field = deposit(subject, &grid, Assignment::Ngp, 0.0, drawn.lab.context)?;
         Ok(painted(&slab(&field), grid.cells))
     };
     let panel = |name: &str, subject: Subject<'_>| Ok((name.to_string(), picture(subject)?));
