@@ -1,8 +1,9 @@
 //! docs/law says what the program does: every table there that is announced as "(checked)" is computed
 //! again.
 
-use crate::camera::{Camera, FOV_DEG, ORBITS, Projection, View};
-use crate::camera::{base_distance, clipping_range, spherical_camera, spiral};
+use crate::camera::{
+    Camera, FOV_DEG, ORBITS, Projection, View, base_distance, clipping_range, spherical_camera, spiral,
+};
 use crate::math::{Random, Sym3};
 use crate::model::{AlphaBlend, Law, LawKind, Metadata, Mixture, VizMapper, VizRanges};
 use crate::particles::Particles;
@@ -67,7 +68,6 @@ fn agrees(text: &str, value: f64, slack: f64) -> bool {
     (number(text) - value).abs() <= last + slack + 1e-12 * value.abs()
 }
 
-/// Compares a table of names and values.
 fn compare(page: &str, announced: &str, slack: f64, values: &[(&str, f64)]) {
     let rows = table(page, announced);
     for row in &rows {

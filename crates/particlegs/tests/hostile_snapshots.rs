@@ -2,12 +2,10 @@
 //! refused in one line.
 
 use particlegs::camera::{View, base_distance, spherical_camera};
-use particlegs::codec;
 use particlegs::compress::{Options, Target, compress};
 use particlegs::fit::Effort;
 use particlegs::math::Random;
-use particlegs::model::Model;
-use particlegs::model::{CertificateLevel, Layer, Mass};
+use particlegs::model::{CertificateLevel, Layer, Mass, Model};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
 use particlegs::pieces::NoCheckpoints;
@@ -16,7 +14,7 @@ use particlegs::render::{Scene, draw};
 use particlegs::space::Cell;
 use particlegs::splat::ToneStyle;
 use particlegs::stats::{StatsOptions, Subject, compare};
-use particlegs::{Error, Result};
+use particlegs::{Error, Result, codec};
 
 const SIZE: Size = Size { width: 40, height: 24 };
 

@@ -1,18 +1,14 @@
 //! A snapshot in memory divided into its blocks.
 
 use super::KdTree;
-use crate::Result;
 use crate::model::Layer;
-use crate::parallel;
 use crate::particles::{ChunkBuffer, ColumnBuffer, Particles, RUN, Storage};
 use crate::progress::Progress;
+use crate::{Result, parallel};
 use std::ops::Range;
 
 /// The particles of each block, in their order, in columns of `storage`; layers stay layers. Blocks may
 /// lack a layer.
-///
-/// # Errors
-/// Those of [`Storage::columns`]; [`crate::Error::Cancelled`].
 pub fn divide(
     particles: &Particles,
     tree: &KdTree,

@@ -31,7 +31,6 @@ pub struct RunScan {
     pub min: [f32; 3],
     /// Highest coordinates.
     pub max: [f32; 3],
-    /// Hash of its particles.
     pub hash: RunHash,
 }
 
@@ -49,10 +48,6 @@ struct RunContent {
 impl SnapshotScan {
     /// Reads all particles once: bounds, hash, validity, how many lie outside the box and, where it is `sampled`,
     /// positions to cut blocks by.
-    ///
-    /// # Errors
-    /// Those of the readers; [`crate::Error::Input`] at `place` for no particles and for invalid values;
-    /// [`crate::Error::Cancelled`].
     pub fn new(source: &LayeredParticles, place: &str, sampled: bool, progress: &dyn Progress) -> Result<SnapshotScan> {
         let every = if sampled { PositionSample::every(source.count()) } else { 0 };
         progress.begin("reading positions", source.count());
@@ -117,7 +112,6 @@ impl SnapshotScan {
         source.layers.iter().map(|l| l.runs()).map(of).collect()
     }
 
-    /// The snapshot's hash.
     pub fn hash(&self, origin: [f64; 3]) -> [u8; 32] {
         hash_of_runs(origin, self.runs.iter().map(|r| &r.hash))
     }

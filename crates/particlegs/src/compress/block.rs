@@ -19,13 +19,9 @@ use crate::train::{Limits, TrainedRun};
 /// What the blocks of a job are made by.
 #[derive(Clone, Copy)]
 pub(crate) struct BlockContext<'a> {
-    /// What is asked for, and what is known of the whole.
     pub plan: &'a CompressionPlan,
-    /// How far training goes.
     pub limits: &'a Limits,
-    /// What becomes of training that the caller stops.
     pub on_stop: StopPolicy,
-    /// The caller.
     pub progress: &'a dyn Progress,
 }
 
@@ -43,29 +39,21 @@ pub(crate) enum StopPolicy {
 pub(crate) struct BlockParticles {
     /// Layers, the smallest first: what they leave of their share goes to the larger.
     pub layers: Vec<LayerParticles>,
-    /// Particles.
     pub count: u64,
-    /// Their bytes as float32.
     pub raw_bytes: u64,
 }
 
 /// A block's layers coded, one block of the file each, and how that went.
 pub(crate) struct CodedBlock {
-    /// Bounds of its particles.
     pub bounds: Bounds,
-    /// Its layers.
     pub layers: Vec<CodedLayer>,
-    /// The network of the alpha-blend law.
     pub vizmapper: Option<VizMapper>,
     /// Multiple of the nominal steps, of the largest layer.
     pub step_factor: f64,
-    /// How the largest layer meets its size.
     pub size_met: SizeOutcome,
-    /// Its training runs.
     pub trained: Vec<TrainedRun>,
     /// Was the last of them stopped, and the best so far taken?
     pub stopped: bool,
-    /// Seconds by phase.
     pub clock: Clock,
 }
 
@@ -90,9 +78,6 @@ impl BlockParticles {
 
     /// Codes the block to its share of the job: of bytes, every layer at about the same ratio; of
     /// Gaussians, shared among the layers by their particles.
-    ///
-    /// # Errors
-    /// Those of the fit, of training and of the coder.
     pub fn code(
         &self,
         share: Share,

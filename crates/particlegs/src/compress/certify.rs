@@ -60,19 +60,13 @@ fn reached_again(
 
 /// A file and the model in it; where it is to be measured, with its certificate.
 pub(crate) struct DecodedFile {
-    /// The file, whole.
     pub bytes: Vec<u8>,
-    /// What it decodes to.
     pub model: Model,
-    /// Seconds by phase.
     pub clock: Clock,
 }
 
 impl DecodedFile {
     /// Decodes what `file` gives for a certificate, at first none; measures it, and puts it together again.
-    ///
-    /// # Errors
-    /// Those of `file`, [`codec::decode_with`] and those of [`certify`].
     pub fn of(
         file: impl Fn(Option<&Certificate>) -> Result<Vec<u8>>,
         measure: Option<CertificateInput<'_>>,

@@ -21,13 +21,10 @@ const INTERVAL: Duration = Duration::from_secs(60);
 /// What there was where a checkpoint is looked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum CheckpointState {
-    /// No file.
     Nothing,
     /// A file that is half-written, changed, or no checkpoint.
     Broken,
-    /// A checkpoint of other work.
     Other,
-    /// A checkpoint of this work.
     Ours,
 }
 
@@ -155,7 +152,6 @@ impl CheckpointStore for Checkpoint {
     }
 }
 
-/// Is this a checkpoint, of whatever work?
 fn is_whole(bytes: &[u8]) -> bool {
     let body = bytes.split_at_checked(bytes.len().saturating_sub(4));
     body.is_some_and(|(body, crc)| body.starts_with(MAGIC) && crc32fast::hash(body).to_le_bytes() == crc)

@@ -18,9 +18,6 @@ pub(super) struct InMemoryBlocks {
 impl InMemoryBlocks {
     /// Divides particles as the tree says; what is copied goes where the options say. `layer_bounds` are the
     /// bounds of their layers.
-    ///
-    /// # Errors
-    /// Those of [`divide`].
     pub fn new(
         particles: &Particles,
         tree: &KdTree,

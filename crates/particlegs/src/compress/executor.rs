@@ -11,10 +11,8 @@ use crate::progress::Progress;
 
 /// Where the particles of a job's blocks wait, and its coded blocks are kept.
 pub(crate) trait BlockStore {
-    /// The particles of a block.
     fn particles(&mut self, block: u32, progress: &dyn Progress) -> Result<BlockParticles>;
 
-    /// Keeps a coded block.
     fn keep(&mut self, block: u32, coded: CodedBlock, progress: &dyn Progress) -> Result<()>;
 }
 

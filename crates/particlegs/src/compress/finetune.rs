@@ -5,9 +5,8 @@ use super::clock::Clock;
 use super::run::CompressedModel;
 use super::size::{CodedGaussians, SizeOutcome};
 use crate::codec::{self, Encoder};
-use crate::model::Target;
 use crate::model::{
-    Block, Certificate, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, RecipeStep, VizMapper,
+    Block, Certificate, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, RecipeStep, Target, VizMapper,
 };
 use crate::particles::Particles;
 use crate::pieces::{CheckpointStore, PrefixedPieces};
@@ -133,7 +132,6 @@ fn raw_bytes(model: &Model) -> u64 {
 /// The file that a model becomes.
 struct NewFile {
     metadata: Metadata,
-    /// Its one layer.
     layer: Layer<()>,
     /// Bytes beside its coded block.
     beside: u64,
@@ -195,7 +193,6 @@ impl NewFile {
         Ok(Config { alpha_blend, ..options.training.clone() })
     }
 
-    /// All Gaussians as one block.
     fn code(&self, gaussians: Mixture, check: impl FnMut() -> Result<()>) -> Result<CodedGaussians> {
         let (bounds, count) = (self.metadata.bounds, self.metadata.count);
         let encoder = Encoder::new(&Block { bounds, count, mass: count as f64, gaussians })?;

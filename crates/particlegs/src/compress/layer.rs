@@ -18,13 +18,10 @@ use std::ops::Range;
 /// The particles of one layer of a block.
 #[derive(Clone)]
 pub(crate) struct LayerParticles {
-    /// Its particles.
     pub layer: Layer<Particles>,
-    /// Their bounds.
     pub bounds: Bounds,
     /// Sum of the weights, or the count.
     pub mass: f64,
-    /// Their bytes as float32.
     pub raw_bytes: u64,
 }
 
@@ -35,12 +32,10 @@ impl LayerParticles {
         LayerParticles { bounds, mass: own.total_mass(), raw_bytes: own.raw_bytes(), layer: layer.with(own) }
     }
 
-    /// Its particles.
     pub fn particles(&self) -> &Particles {
         &self.layer.content
     }
 
-    /// Number of particles.
     pub fn count(&self) -> u64 {
         self.particles().len() as u64
     }
@@ -57,15 +52,11 @@ pub(crate) enum Share {
 
 /// A layer that is coded, and how that went.
 pub(super) struct LayerResult {
-    /// Its Gaussians.
     pub coded: CodedGaussians,
-    /// The network of the alpha-blend law.
     pub vizmapper: Option<VizMapper>,
-    /// Its training run.
     pub trained: Option<TrainedRun>,
     /// Was training stopped, and the best so far taken?
     pub stopped: bool,
-    /// Seconds by phase.
     pub clock: Clock,
 }
 
@@ -89,11 +80,8 @@ struct GaussianGoal {
     bytes: Option<u64>,
 }
 
-/// A layer to be made.
 pub(super) struct LayerTask<'a> {
-    /// Its particles.
     pub layer: &'a LayerParticles,
-    /// What all blocks are made by.
     pub context: BlockContext<'a>,
     /// Training runs of the block from this layer's on.
     pub runs_left: usize,
@@ -101,9 +89,6 @@ pub(super) struct LayerTask<'a> {
 
 impl LayerTask<'_> {
     /// Makes it.
-    ///
-    /// # Errors
-    /// Those of the fit, of training and of the coder.
     pub fn make(&self, share: Share, pieces: &mut dyn CheckpointStore) -> Result<LayerResult> {
         match share {
             Share::Gaussians(gaussians) => {
@@ -180,7 +165,6 @@ impl LayerTask<'_> {
         fitter.fit(&options, &mut pieces, self.context.progress)
     }
 
-    /// Trains Gaussians on pictures of the layer.
     fn train(
         &self,
         config: &Config,
@@ -225,7 +209,6 @@ impl LayerTask<'_> {
         limits
     }
 
-    /// Gaussians ready to be coded.
     fn encoder(&self, gaussians: Mixture) -> Result<Encoder> {
         let (bounds, mass) = (self.layer.bounds, self.layer.mass);
         Encoder::new(&Block { bounds, count: self.layer.count(), mass, gaussians })
@@ -267,7 +250,6 @@ impl LayerTask<'_> {
     }
 }
 
-/// The network that a mixture is drawn with.
 fn network_of(gaussians: &Mixture) -> Option<VizMapper> {
     Some(VizMapper::clone(gaussians.law.alpha_blend()?.vizmapper.as_ref()?))
 }

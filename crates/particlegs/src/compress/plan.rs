@@ -8,8 +8,7 @@ use super::size::SizeOutcome;
 use crate::blocks::{KdTree, SnapshotScan};
 use crate::camera::{ORBITS, base_distance, spherical_camera};
 use crate::codec::{self, CodedLayer};
-use crate::model::Target;
-use crate::model::{Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata, Recipe};
+use crate::model::{Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata, Recipe, Target};
 use crate::particles::{LayeredParticles, check_box};
 use crate::picture::Size;
 use crate::progress::Progress;
@@ -25,7 +24,6 @@ pub struct CompressionPlan {
     /// How blocks are trained after the fit; `None` = not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<Config>,
-    /// How much of the decoded model is measured.
     pub certificate: CertificateLevel,
     /// Layers, and their numbers of particles.
     pub layers: Vec<Layer<u64>>,
@@ -84,7 +82,6 @@ impl CompressionPlan {
         Ok(plan)
     }
 
-    /// What makes the model.
     pub fn recipe(&self) -> &Recipe {
         &self.metadata.recipe
     }

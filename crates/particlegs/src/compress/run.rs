@@ -70,7 +70,6 @@ pub struct Compression<'a> {
     particles: &'a Particles,
     options: &'a Options,
     plan: CompressionPlan,
-    /// Bounds of each layer.
     layer_bounds: Vec<Bounds>,
     clock: Clock,
 }

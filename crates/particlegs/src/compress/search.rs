@@ -4,11 +4,10 @@
 use super::block::CodedBlock;
 use super::plan::CompressionPlan;
 use super::size::{bytes_a_gaussian, most_gaussians};
-use crate::codec;
 use crate::model::{DEFAULT_RATIO, Goal, GoalKind, GoalResult, Target};
 use crate::progress::Progress;
 use crate::score::GoalMetric;
-use crate::{Error, Result};
+use crate::{Error, Result, codec};
 
 /// Fits tried at most.
 const FITS: usize = 8;
@@ -59,7 +58,6 @@ fn height(goal: &Goal, value: f64) -> f64 {
     }
 }
 
-/// One fit of the search.
 #[derive(Clone, Copy)]
 struct SearchTrial {
     number: f64,
@@ -145,7 +143,6 @@ fn next(above: Option<SearchTrial>, below: Option<SearchTrial>, wanted: f64, sca
     }
 }
 
-/// Why the goal is not reached, and what would help.
 fn unreachable(scale: &SearchScale, best: GoalResult, gaussians: usize, plan: &CompressionPlan) -> Error {
     let goal = best.goal;
     let what = format!(

@@ -4,12 +4,9 @@ use crate::model::{Mixture, Model};
 use crate::particles::Particles;
 use crate::space::Bounds;
 
-/// The thickness of the particles of a flat box.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Thickness {
-    /// The thin axis.
     pub axis: usize,
-    /// The particles' variance along it.
     variance: f64,
 }
 

@@ -13,7 +13,6 @@ const LEAF: usize = 8;
 /// Leaves that a search from one of the Gaussians looks at, at most.
 const MOST_LEAVES: usize = 1024;
 
-/// How far a search goes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SearchReach {
     /// At most so many are found.
@@ -29,7 +28,6 @@ pub(crate) struct Ellipsoid {
     pub(crate) cov: Sym3,
     /// Largest eigenvalue.
     pub(crate) widest: f64,
-    /// Cube root of the determinant.
     pub(crate) det_cbrt: f64,
     /// 2 ln(count); -infinity for none.
     pub(crate) log_count2: f64,
@@ -76,7 +74,6 @@ struct OverlapNode {
     right: u32,
 }
 
-/// A tree over Gaussians.
 pub(crate) struct OverlapTree<'a> {
     items: &'a [Ellipsoid],
     order: Vec<u32>,

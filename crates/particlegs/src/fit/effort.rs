@@ -50,15 +50,11 @@ pub(crate) struct Fitter<'a> {
 }
 
 impl<'a> Fitter<'a> {
-    /// Of `particles`.
     pub fn new(particles: &'a Particles) -> Self {
         Fitter { particles, store: None }
     }
 
     /// [`fit`] that keeps its pieces, and takes those that are there.
-    ///
-    /// # Errors
-    /// As [`fit`], and those of [`CheckpointStore::keep`].
     pub fn fit(
         &mut self,
         options: &FitOptions,

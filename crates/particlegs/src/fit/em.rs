@@ -8,9 +8,8 @@ use super::candidates::{Ellipsoid, OverlapTree, SearchReach};
 use super::em_kernel::{self, CandidateSums, KernelScratch, ParticleGroup, SUMS, WhitenedGaussian};
 use super::prior::{MeanShape, Prior};
 use crate::math::Sym3;
-use crate::parallel;
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use std::ops::Range;
 
@@ -68,7 +67,6 @@ pub(crate) struct Regularisation {
     pub(crate) focus: f64,
     /// Variance below which details do not show: smaller Gaussians keep their plain moments.
     pub(crate) blur: f64,
-    /// What is expected of covariances.
     pub(crate) prior: Prior,
 }
 
@@ -88,7 +86,6 @@ pub(crate) struct Candidates {
     /// Gaussian j stands at the entries `entry[entry_start[j]..entry_start[j + 1]]`, ascending.
     entry_start: Vec<usize>,
     entry: Vec<u32>,
-    /// The group of each entry.
     group: Vec<u32>,
 }
 
@@ -203,7 +200,6 @@ impl Candidates {
     }
 }
 
-/// What one E step found.
 pub(crate) struct Expectation {
     sums: Vec<CandidateSums>,
     /// The likeliest Gaussian of each particle, where asked for.
@@ -216,13 +212,10 @@ pub(crate) struct Expectation {
 /// What an E step is asked for besides the sums of the M step.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct ExpectationOptions {
-    /// [`Expectation::owner`].
     pub(crate) owner: bool,
-    /// [`Expectation::likelihood`].
     pub(crate) likelihood: bool,
 }
 
-/// One E step over all groups.
 pub(crate) fn expect(
     cloud: GroupedParticles<'_>,
     candidates: &Candidates,

@@ -11,11 +11,8 @@ use std::f64::consts::TAU;
 /// A Gaussian as projections see it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PictureGaussian {
-    /// Particles.
     pub count: f64,
-    /// Mean.
     pub mean: [f64; 3],
-    /// Covariance.
     pub cov: Sym3,
 }
 

@@ -8,11 +8,9 @@ use particlegs_core::math::each_axis;
 /// Moments of a set of particles, store units. The geometry counts particles; mass is a sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments {
-    /// Particles.
     pub count: u64,
     /// Sum of their weights; the count where they have none.
     pub mass: f64,
-    /// Mean position.
     pub mean: [f64; 3],
     /// Covariance of the positions (divided by the count).
     pub cov: Sym3,

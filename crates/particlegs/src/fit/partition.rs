@@ -9,12 +9,10 @@ use super::cut::Cut;
 use super::gain::{Blur, PictureGaussian, picture_sigma};
 use super::select::{CutRecord, best_cuts};
 use super::{Moments, ParticleStore};
-use crate::parallel;
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use std::ops::Range;
 
-/// How to cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PartitionOptions {
     /// Blur under which pictures are compared, in particle radii. Small values favour fine detail
@@ -108,7 +106,6 @@ impl Branch {
     }
 }
 
-/// A cell's particles.
 struct ParticleCell<'a> {
     start: usize,
     xyz: &'a mut [[f32; 3]],

@@ -64,7 +64,6 @@ impl MeanShape {
         MeanShape { sum: SPHERE.scale(Self::FIRST), count: Self::FIRST }
     }
 
-    /// Adds a Gaussian of `count` particles.
     pub(crate) fn add(&mut self, cov: &Sym3, count: f64) {
         let size = cov.trace() / 3.0;
         if size > 0.0 && count > 0.0 {

@@ -18,13 +18,11 @@ use super::split_merge::{MoveOptions, exchange};
 use super::{Moments, ParticleStore, Partition, pieces as kept};
 use crate::math::{Purpose, Random, Sym3};
 use crate::model::Mixture;
-use crate::parallel;
 use crate::pieces::CheckpointStore;
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use std::ops::Range;
 
-/// How long to refine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RefineOptions {
     /// Cells side by side whose particles look for their Gaussians together: 2 halve the search and lose nothing where
@@ -32,7 +30,6 @@ pub(crate) struct RefineOptions {
     pub cells_a_group: usize,
     /// EM iterations before the first round.
     pub first_iterations: usize,
-    /// Rounds of split and merge.
     pub rounds: usize,
     /// EM iterations after each round but the last.
     pub iterations: usize,
@@ -44,7 +41,6 @@ pub(crate) struct RefineOptions {
     pub sample: f64,
     /// A pixel of the nearest pictures that the model is made for, world units (0: finer than a radius).
     pub pixel: f64,
-    /// Seed of the sample.
     pub seed: u64,
     /// The axis across a flat box ([`Prior::thin`]).
     pub thin: Option<usize>,

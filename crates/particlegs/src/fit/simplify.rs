@@ -12,14 +12,12 @@ use super::candidates::{Ellipsoid, OverlapTree, SearchReach};
 use super::gain::{Blur, PictureGaussian, picture_sigma};
 use crate::math::Sym3;
 use crate::model::Mixture;
-use crate::parallel;
 use crate::progress::Progress;
 use crate::space::Bounds;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use particlegs_files::memory::require;
 
-/// What to make of a mixture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimplifyOptions {
     /// Gaussians, at most.
@@ -52,10 +50,6 @@ const BYTES_A_GAUSSIAN: u64 = 600;
 
 /// Merges Gaussians until at most `options.gaussians` are left. The same bits for any number of
 /// threads. Gaussians without particles are dropped.
-///
-/// # Errors
-/// [`Error::Argument`] for no Gaussians or a radius that is not positive; [`Error::Memory`];
-/// [`Error::Cancelled`].
 pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, progress: &dyn Progress) -> Result<Mixture> {
     if options.gaussians == 0 || !(options.radius > 0.0 && options.radius.is_finite() && options.pixel >= 0.0) {
         return Err(Error::argument(format!(
@@ -82,7 +76,6 @@ pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, progress: &dyn Pro
     Ok(frame.mixture(&new, mixture.masses().is_some()))
 }
 
-/// A Gaussian and its mass.
 #[derive(Clone, Copy)]
 struct MergeGaussian {
     blob: PictureGaussian,

@@ -7,10 +7,9 @@ use super::em::{Candidates, GaussianExchange, ParticleGroups, RefinedGaussians, 
 use super::gain::{Blur, PictureGaussian};
 use super::prior::SPHERE;
 use super::shade::TransmittanceMaps;
-use crate::Result;
 use crate::math::Sym3;
-use crate::parallel;
 use crate::progress::Progress;
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 
 /// Bins of the cut along an axis.
@@ -70,9 +69,7 @@ pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option
 /// How much a round may change.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MoveOptions {
-    /// Blur of the measure.
     pub(crate) blur: Blur,
-    /// How covariances are regularised.
     pub(crate) shape: Regularisation,
     /// Weight of a split's share of the log likelihood that all splits would gain, beside its share of what
     /// they would gain in pictures.
@@ -88,7 +85,6 @@ pub(crate) struct MoveOptions {
 struct SplitGain {
     /// In pictures, by what shows.
     picture: f64,
-    /// Log likelihood.
     likelihood: f64,
 }
 

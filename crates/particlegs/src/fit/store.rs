@@ -45,12 +45,10 @@ impl ParticleStore {
         }
     }
 
-    /// Number of particles.
     pub fn len(&self) -> usize {
         self.xyz.len()
     }
 
-    /// No particles?
     pub fn is_empty(&self) -> bool {
         self.xyz.is_empty()
     }

@@ -30,7 +30,6 @@ pub struct BlockReport {
     pub gaussians: u64,
     /// Multiple of the nominal steps, of the largest layer.
     pub step_factor: f64,
-    /// How the largest layer meets its size.
     pub(super) size_met: SizeOutcome,
     /// Wall-clock seconds by phase.
     pub seconds: Vec<(String, f64)>,
@@ -114,11 +113,9 @@ impl Job {
 /// The folder while a block is done.
 struct JobFolder<'a, F> {
     job: &'a Job,
-    /// Opens the snapshot.
     source: Option<F>,
     /// What is read of the block, to be measured on.
     particles: Option<Particles>,
-    /// What is said of the block that was kept.
     report: Option<BlockReport>,
 }
 
@@ -135,7 +132,6 @@ impl<F: FnOnce() -> Result<LayeredParticles>> BlockStore for JobFolder<'_, F> {
         Ok(own)
     }
 
-    /// Writes the model file of the block, then its report.
     fn keep(&mut self, block: u32, coded: CodedBlock, progress: &dyn Progress) -> Result<()> {
         let job = self.job;
         let bytes = job.manifest.plan.block_file(&coded)?;

@@ -1,13 +1,12 @@
 //! The job's file from its blocks' files.
 
 use super::manifest::Job;
-use crate::codec;
 use crate::compress::{CodedBlock, DecodedFile};
 use crate::model::{Certificate, CertificateLevel};
 use crate::particles::Particles;
 use crate::progress::{Progress, Silent};
 use crate::score::CertificateInput;
-use crate::{Error, Remedy, Result};
+use crate::{Error, Remedy, Result, codec};
 
 impl Job {
     /// Puts the file together: the same bytes whatever ran where and in what order. The decoded model is measured on
@@ -80,7 +79,6 @@ impl Job {
         Remedy::FitBlock { folder: self.folder.clone(), block, broken }
     }
 
-    /// A block that is done.
     pub(super) fn done_block(&self, block: u32) -> Result<CodedBlock> {
         let path = self.block_path(block, "pgs");
         let broken = |what: &str| Error::input_with(&path, what, self.fit_again(block, true));
@@ -103,7 +101,6 @@ impl Job {
         })
     }
 
-    /// Blocks that are not done.
     pub(super) fn missing(&self) -> Result<Vec<u32>> {
         let mut missing = Vec::new();
         for block in 0..self.manifest.plan.recipe().blocks {

@@ -170,7 +170,6 @@ fn check_folder(folder: &Path) -> Result<()> {
     }
 }
 
-/// Makes a folder where it is not there.
 fn make_folder(folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))
 }

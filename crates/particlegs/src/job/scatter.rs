@@ -36,7 +36,6 @@ impl Job {
         Ok(true)
     }
 
-    /// Reads a chunk's runs and writes their buckets.
     pub(super) fn bucket(&self, source: &LayeredParticles, chunk: u64, progress: &dyn Progress) -> Result<()> {
         let first = chunk * self.manifest.chunk_runs;
         let end = (first + self.manifest.chunk_runs).min(self.runs.len() as u64);

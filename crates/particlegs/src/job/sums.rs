@@ -98,7 +98,6 @@ impl Job {
     }
 }
 
-/// A block's sums, opened.
 struct BlockSums<'a> {
     job: &'a Job,
     block: u32,

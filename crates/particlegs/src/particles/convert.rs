@@ -4,9 +4,8 @@
 
 use super::select::SelectedParticles;
 use super::write::{RawForm, SnapshotDescription, SnapshotWriter};
-use crate::Result;
-use crate::parallel;
 use crate::progress::Progress;
+use crate::{Result, parallel};
 use std::path::Path;
 
 impl SelectedParticles<'_> {
@@ -44,8 +43,7 @@ mod tests {
     use super::*;
     use crate::Error;
     use crate::model::Units;
-    use crate::particles::Column;
-    use crate::particles::{Particles, Selection, Tiling};
+    use crate::particles::{Column, Particles, Selection, Tiling};
     use crate::progress::Silent;
     use crate::space::{Bounds, Cell};
     use particlegs_core::math::each_axis;

@@ -103,7 +103,6 @@ impl LayerFields {
         Ok(LayerFields { fields, columns, positions: positions.map(Triple::of).transpose()? })
     }
 
-    /// Are there positions?
     pub(super) fn has_positions(&self) -> bool {
         self.positions.is_some()
     }
@@ -120,7 +119,6 @@ impl LayerFields {
         Ok(())
     }
 
-    /// Positions of run `run`.
     pub(super) fn read_positions(&self, run: u64, out: &mut [Vec<f64>; 3]) -> Result<()> {
         self.positions.as_ref().map_or(Ok(()), |p| p.read(run, out))
     }

@@ -6,13 +6,10 @@ use super::{Chunk, Particles};
 /// of its weights where there are any.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RunHash {
-    /// Of the positions.
     pub positions: [u8; 32],
-    /// Of the weights.
     pub weights: Option<[u8; 32]>,
 }
 
-/// The hash of a run.
 pub fn hash_run(chunk: &Chunk<'_>) -> RunHash {
     let mut hasher = blake3::Hasher::new();
     for axis in chunk.position {

@@ -18,9 +18,6 @@ pub(super) struct NearestImages {
 
 impl NearestImages {
     /// Images about the middle of `crop`, which must not be wider than the cell where it repeats.
-    ///
-    /// # Errors
-    /// [`Error::Input`] without a cell that has a volume; [`Error::Argument`] for a wider crop.
     pub fn about(crop: &Bounds, cell: Option<&Cell>, name: &str) -> Result<Self> {
         let Some(cell) = cell else {
             return Err(Error::input_with(
@@ -53,7 +50,6 @@ impl NearestImages {
         }
     }
 
-    /// The image of a position.
     pub fn nearest_to(&self, p: [f64; 3]) -> [f64; 3] {
         let d: [f64; 3] = each_axis(|k| p[k] - self.centre[k]);
         let steps: [f64; 3] = each_axis(|a| {

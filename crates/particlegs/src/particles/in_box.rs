@@ -62,7 +62,6 @@ fn holds(cell: &Cell, bounds: &Bounds) -> bool {
 /// Particles outside a periodic box, tilted or not.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct ParticlesOutsideBox {
-    /// All of them.
     all: u64,
     /// Those more than a box length outside.
     far: u64,

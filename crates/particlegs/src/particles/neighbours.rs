@@ -6,9 +6,8 @@
 //! within a cell, and no distance depends on it.
 
 use super::{CHUNK, Chunk, ChunkBuffer, Domain, Particles};
-use crate::parallel;
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use particlegs_core::memory::filled;
 use std::collections::BinaryHeap;
@@ -30,7 +29,6 @@ const TREE_BYTES: u64 = 14;
 /// A position relative to the particles' origin, inside the domain along axes that repeat.
 pub(crate) type LocalPosition = [f32; 3];
 
-/// Where particles lie in a domain.
 struct PlaceFinder<'a> {
     domain: &'a Domain,
     /// Its lowest corner relative to the particles' origin.
@@ -136,7 +134,6 @@ trait NeighbourCollector {
     fn limit(&self) -> f64;
 }
 
-/// The nearest other point.
 struct NearestPoint {
     /// Points at the place itself.
     here: u32,
@@ -296,7 +293,6 @@ impl CellGrid {
 }
 
 impl Neighbours {
-    /// Sorts the particles.
     pub fn new(p: &Particles, domain: &Domain) -> Self {
         let grid = CellGrid::new(p, domain);
         let next: Vec<AtomicU32> = (0..grid.cells.iter().product::<usize>()).map(|_| AtomicU32::new(0)).collect();

@@ -128,7 +128,6 @@ pub(crate) struct InvalidParticles {
 }
 
 impl InvalidParticles {
-    /// How many there are.
     pub(crate) fn count(self) -> u64 {
         self.positions + self.weights
     }
@@ -139,7 +138,6 @@ impl InvalidParticles {
         InvalidParticles { positions: self.positions + later.positions, weights: self.weights + later.weights, first }
     }
 
-    /// The error that refuses them.
     pub(crate) fn refusal(self, place: &str) -> Error {
         let faults = [
             (self.positions, "a position that is not finite"),
@@ -152,7 +150,6 @@ impl InvalidParticles {
     }
 }
 
-/// The invalid particles of a chunk.
 pub(crate) fn invalid(chunk: &super::Chunk<'_>) -> InvalidParticles {
     // NaN and infinity have the largest exponents; one maximum tells for the whole chunk whether a
     // closer look is needed.

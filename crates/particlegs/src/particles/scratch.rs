@@ -23,9 +23,7 @@ pub enum Storage {
 
 /// A column that is being filled, zeros at first.
 pub(crate) enum ColumnBuffer {
-    /// In memory.
     Memory(Vec<f32>),
-    /// In a mapped file.
     Disk(MmapMut),
 }
 
@@ -66,9 +64,6 @@ fn map_scratch(folder: &Path, bytes: u64) -> std::io::Result<MmapMut> {
 
 impl ColumnBuffer {
     /// The column, filled.
-    ///
-    /// # Errors
-    /// [`Error::Io`] where the mapping cannot be made read-only.
     pub fn finish(self) -> Result<Column> {
         Ok(match self {
             ColumnBuffer::Memory(values) => Column::owned(values),

@@ -11,10 +11,9 @@ use super::storage::CHUNK;
 use super::{ChunkBuffer, Particles, SnapshotMeta, Storage, Tiling};
 use crate::math::{Purpose, Random};
 use crate::model::Layer;
-use crate::parallel;
 use crate::progress::Progress;
 use crate::space::Bounds;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -411,7 +410,6 @@ impl<'a> SelectedParticles<'a> {
         (layer, own / chunks, (own % chunks) as usize)
     }
 
-    /// The particles of run `id`.
     fn range(&self, id: u64) -> Range<usize> {
         let (layer, _, chunk) = self.place(id);
         let start = layer.content.start + chunk * CHUNK;
@@ -478,7 +476,6 @@ impl<'a> SelectedParticles<'a> {
         Ok(())
     }
 
-    /// The random keys of run `id`'s particles.
     fn keys(&self, id: u64) -> Vec<u64> {
         let mut random = Random::of(Purpose::ParticleSample, self.selection.seed, id);
         self.range(id).map(|_| random.bits()).collect()

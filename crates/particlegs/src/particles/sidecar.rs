@@ -74,9 +74,6 @@ pub struct Sidecar {
 }
 
 /// Reads `file` where it exists; the snapshot is named after `place`.
-///
-/// # Errors
-/// [`Error::Input`] where it is no JSON object or a known key holds an impossible value.
 pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
     let mut meta = named(&std::fs::canonicalize(place).unwrap_or_else(|_| place.to_path_buf()));
     let none = [0.0; 3];

@@ -1,9 +1,8 @@
 //! The reader trait: metadata first, then particles run by run.
 
 use super::{Column, Particles, Positions, SnapshotMeta};
-use crate::Result;
-use crate::parallel;
 use crate::progress::{Progress, Silent};
+use crate::{Result, parallel};
 use std::ops::Range;
 use std::sync::Mutex;
 

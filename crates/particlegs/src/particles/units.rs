@@ -3,9 +3,8 @@
 use super::scratch::ColumnBuffer;
 use super::{CHUNK, Particles, Storage};
 use crate::model::UnitSystem;
-use crate::parallel;
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 
 impl Particles {
     /// The particles in the units of another system, in columns of `storage` where lengths are converted; what the two

@@ -42,7 +42,6 @@ pub(crate) struct SnapshotDescription<'a> {
     pub meta: &'a SnapshotMeta,
     /// What the columns are relative to.
     pub origin: [f64; 3],
-    /// Layers, one after the other.
     pub layers: Vec<Layer<Range<u64>>>,
     /// The particles' order, in words.
     pub order: &'static str,
@@ -64,9 +63,7 @@ pub struct SnapshotWriter {
     wide: bool,
 }
 
-/// What is written.
 enum WriteTarget {
-    /// One file.
     File(PlacedFile),
     /// A folder with these files: columns, or one of triples.
     Folder(WholeFolder, Vec<(&'static str, File)>),
@@ -75,10 +72,6 @@ enum WriteTarget {
 impl SnapshotWriter {
     /// Opens files for `count` particles, whose runs are relative to `origin`: columns stay so, triples are float64
     /// about 0 where it is not 0. A folder that is there is replaced by the new one as a whole.
-    ///
-    /// # Errors
-    /// [`Error::Io`] where the place cannot be written or the disk has no room; [`Error::Input`]
-    /// where weights would be lost; [`Error::Output`] where the folder holds anything but particles.
     pub fn create(out: &Path, form: RawForm, count: u64, weighted: bool, origin: [f64; 3]) -> Result<Self> {
         Self::create_as(out, form, count, weighted, (origin, origin != [0.0; 3]))
     }
@@ -125,9 +118,6 @@ impl SnapshotWriter {
 
     /// Writes a run at particle `first`; runs may come in any order and from several threads.
     /// `triples` is scratch space.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
     pub fn write(&self, first: u64, run: &Run, triples: &mut Vec<u8>) -> Result<()> {
         triples.clear();
         if self.wide {
@@ -149,9 +139,6 @@ impl SnapshotWriter {
     }
 
     /// Syncs the files and moves them to their place; what is known goes beside them.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; what was there is untouched then.
     pub fn finish(self, described: &SnapshotDescription<'_>) -> Result<()> {
         let fail = |e| Error::io(&self.out, e);
         match self.target {

@@ -32,11 +32,9 @@ pub(super) struct DrawRules {
     pub wrap: Option<PeriodicWrap>,
     /// Does the output have a column of weights?
     pub weighted: bool,
-    /// The instruction set to draw with.
     pub simd: Level,
 }
 
-/// Scratch space of a thread.
 #[derive(Default)]
 pub(super) struct DrawScratch {
     draws: Draws,

@@ -4,11 +4,10 @@ use super::draw::{DrawRules, DrawScratch};
 use super::job::{meta_of, origin_of};
 use super::plan::RecoveryPlan;
 use super::{Method, Options};
-use crate::Result;
 use crate::model::{Mass, Model};
-use crate::parallel;
 use crate::particles::{Column, Particles, Positions, Run, SnapshotMeta};
 use crate::progress::Progress;
+use crate::{Result, parallel};
 use particlegs_files::memory::require;
 
 /// Runs drawn at once: bounds what is held beside the particles.

@@ -6,10 +6,9 @@ use super::in_memory::moved;
 use super::notes::notes;
 use super::plan::RecoveryPlan;
 use crate::model::{Layer, Metadata, Model};
-use crate::parallel;
 use crate::particles::{Particles, RUN, RawForm, Run, SnapshotDescription, SnapshotMeta, SnapshotWriter};
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_files::input::{Begins, Form, read_own};
 use particlegs_files::memory::require;
 use std::ops::Range;
@@ -33,7 +32,6 @@ pub struct Options {
 }
 
 impl Options {
-    /// Checks the numbers.
     pub(super) fn check(&self) -> Result<()> {
         if self.scale > 0.0 && self.scale.is_finite() {
             return Ok(());

@@ -6,7 +6,6 @@
 use crate::math::Random;
 use crate::progress::Level;
 
-/// Draws with their scratch space.
 #[derive(Default)]
 pub(super) struct Draws {
     words: Vec<u32>,

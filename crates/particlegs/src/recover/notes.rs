@@ -1,8 +1,7 @@
 //! What meta.json says about recovered particles.
 
 use super::Options;
-use crate::model::hex;
-use crate::model::{Certificate, LawKind, Metadata, MetricGroup};
+use crate::model::{Certificate, LawKind, Metadata, MetricGroup, hex};
 use serde_json::{Map, Value, json};
 
 /// The first thing that a reader of meta.json should see.

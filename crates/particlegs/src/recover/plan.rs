@@ -24,7 +24,6 @@ pub(super) struct LayerPlan {
 }
 
 impl LayerPlan {
-    /// Particles.
     pub fn count(&self) -> u64 {
         self.ends.last().copied().unwrap_or(0)
     }
@@ -37,7 +36,6 @@ impl LayerPlan {
 /// What is to be drawn.
 pub(super) struct RecoveryPlan {
     pub layers: Vec<LayerPlan>,
-    /// Particles.
     pub total: u64,
 }
 
@@ -46,9 +44,6 @@ impl RecoveryPlan {
     /// Where that is the model's own number, each gets its own count, but for methods that go by
     /// volume. Other numbers of an alpha-blend model are shared by the opacities themselves, which
     /// rounding to whole counts would lose where Gaussians are many and particles few.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for 0 particles, or more than 2^53.
     pub fn new(model: Model, wanted: Option<u64>, method: Method) -> Result<RecoveryPlan> {
         let own: u64 = model.layers.iter().map(|l: &Layer<Vec<Block>>| l.count()).sum();
         let total = wanted.unwrap_or(own);
@@ -94,7 +89,6 @@ impl RecoveryPlan {
         self.layers.iter().map(|l| l.layer.with(l.first..l.first + l.count())).collect()
     }
 
-    /// Number of runs.
     pub fn runs(&self) -> u64 {
         self.layers.iter().map(LayerPlan::runs).sum()
     }

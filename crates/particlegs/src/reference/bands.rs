@@ -27,7 +27,6 @@ impl<T> Default for BandSorter<T> {
 }
 
 impl<T: Copy + Default> BandSorter<T> {
-    /// With room for some splats.
     pub fn with_capacity(n: usize) -> Self {
         BandSorter { splats: Vec::with_capacity(n), reach: Vec::with_capacity(n) }
     }

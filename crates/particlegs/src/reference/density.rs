@@ -1,12 +1,11 @@
 //! Surface density of all particles: mass along the line of sight for an area.
 
-use crate::Result;
 use crate::camera::{CenteredCell, DensityView, Projection};
-use crate::parallel;
 use crate::particles::{Chunk, ChunkBuffer, Particles};
 use crate::picture::{Plane, Size};
 use crate::progress::Progress;
 use crate::space::Bounds;
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 use particlegs_core::memory::filled;
 use particlegs_files::memory::require;
@@ -36,7 +35,6 @@ pub(super) struct PointProjector {
     origin: [f64; 3],
 }
 
-/// Where a particle is seen.
 pub(super) struct ProjectedPoint {
     /// Pixels from the left and from the top.
     pub x: f64,
@@ -84,7 +82,6 @@ impl PointProjector {
         }
     }
 
-    /// The mass of a particle.
     #[inline(always)]
     pub fn mass(&self, chunk: &Chunk<'_>, i: usize) -> f64 {
         self.unit_mass * chunk.weight.map_or(1.0, |w| f64::from(w[i]))

@@ -52,7 +52,6 @@ const CUT_LINES: i32 = 16;
 /// Intervals of the table of the Gaussian's integral from -3 to +3.
 const STEPS: usize = 4096;
 
-/// A run of rows of a plane.
 pub(super) struct RowRun<'a> {
     pub data: &'a mut [f32],
     pub width: usize,
@@ -62,7 +61,6 @@ pub(super) struct RowRun<'a> {
     pub fine_area: f32,
 }
 
-/// Adds splats of one opacity to planes.
 pub(super) struct Depositor {
     opacity: f32,
     integral: Vec<f32>,

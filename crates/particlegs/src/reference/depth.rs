@@ -8,11 +8,10 @@ use super::bands::{BandSorter, BandedSplats};
 use super::deposit::{Depositor, PixelSplat, Profiles, SMALL_SIGMA};
 use super::project::{BLOCK, DIAGONAL_LIMIT, ProjectedBlock, Projector};
 use super::pyramid::{Pyramid, PyramidLevel};
-use crate::parallel;
 use crate::particles::{CHUNK, Chunk, Particles};
 use crate::picture::{Plane, Size};
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use fearless_simd::{Simd, dispatch};
 
 /// Chunks of particles whose splats are held at a time.

@@ -25,7 +25,6 @@ impl Tables {
     }
 }
 
-/// The picture after FXAA.
 pub fn fxaa(picture: &Gray8) -> Gray8 {
     let tables = Tables::new();
     let image = FxaaImage { picture, tables: &tables };

@@ -8,12 +8,11 @@ use super::density::{PointProjector, ProjectedPoint};
 use super::kernel::{Disc, KernelTable, LARGEST, RowSums};
 use super::pyramid::Pyramid;
 use crate::camera::DensityView;
-use crate::parallel;
 use crate::particles::{CHUNK, Chunk, Particles};
 use crate::picture::{Plane, Size};
 use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_files::memory::require;
 use std::ops::Range;
 
@@ -93,7 +92,6 @@ fn add(
     })
 }
 
-/// Particles as discs.
 struct Discs<'a> {
     particles: &'a Particles,
     radii: &'a [f32],

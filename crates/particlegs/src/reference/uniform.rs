@@ -1,11 +1,10 @@
 //! The picture of particles spread evenly over a box: what any model must beat.
 
-use crate::Result;
 use crate::camera::{Projection, View, clipping_range};
-use crate::parallel;
 use crate::particles::Domain;
 use crate::picture::{Plane, Size};
 use crate::splat::opacity_integral;
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 
 /// The noise-free optical depth of `count` particles spread evenly over a box, without fluctuations:
@@ -13,9 +12,6 @@ use particlegs_core::math::each_axis;
 /// which the pixel's ray is inside. Splats widen towards the corners as everywhere; in perspective a
 /// particle's size on the picture falls with depth as the pixel's cone grows, so no power of depth is
 /// left. Views without a clipping range get that of the bounds.
-///
-/// # Errors
-/// [`crate::Error::Argument`] for a view with a number outside its range.
 pub fn uniform_box(domain: &Domain, count: f64, view: &View, size: Size) -> Result<Plane> {
     view.check(size)?;
     let frame = view.camera.frame()?;

@@ -67,10 +67,6 @@ pub(super) struct Cells {
 
 impl Cells {
     /// Fills the fewest equal cells that are no longer than `edge`: 50 along a box of 50 for an edge of 1, 63 for 0.8.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for so large an edge that hardly any cells are left, or so small a one that they are too many;
-    /// [`Error::Memory`], [`Error::Cancelled`].
     pub fn of_edge(edge: f64, particles: &Particles, domain: &Domain, progress: &dyn Progress) -> Result<Self> {
         let grid = grid_of_edge(edge, domain)?;
         // Both densities, and the sums while one is filled.
@@ -81,9 +77,6 @@ impl Cells {
     }
 
     /// Pearson's coefficient of the particles' density and another's.
-    ///
-    /// # Errors
-    /// [`Error::Memory`], [`Error::Cancelled`].
     pub fn correlation(&self, other: Subject<'_>, progress: &dyn Progress) -> Result<f64> {
         Ok(density_agreement(&self.truth, &filled(other, &self.grid, progress)?).correlation)
     }

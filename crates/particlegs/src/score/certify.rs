@@ -34,11 +34,8 @@ const DRAWS: u64 = 8;
 /// What a decoded model is measured on.
 #[derive(Clone, Copy)]
 pub(crate) struct CertificateInput<'a> {
-    /// The particles that it was made of.
     pub particles: &'a Particles,
-    /// Seed of the views.
     pub seed: u64,
-    /// How much is measured.
     pub level: CertificateLevel,
     /// What the pictures of all particles may take, bytes; what is measured does not depend on it.
     pub memory: Option<u64>,
@@ -52,10 +49,6 @@ impl CertificateInput<'_> {
     /// picture, a uniform box and a uniform density score there; then P(k), r(k) and groups (`science`), densities in cells and
     /// distances, and where all is asked for groups matched by position. The seed turns the views and draws the
     /// particles; measuring again with the certificate's own repeats it.
-    ///
-    /// # Errors
-    /// [`crate::Error::Input`] for a box that does not hold the particles; [`crate::Error::Memory`],
-    /// [`crate::Error::Cancelled`].
     pub fn certificate(&self, model: &Model, bytes: u64, progress: &dyn Progress) -> Result<Certificate> {
         let &CertificateInput { particles, seed, level, .. } = self;
         let m = &model.metadata;

@@ -1,12 +1,11 @@
 //! Density on a grid: particles by nearest grid point, Gaussians integrated over the cells.
 
-use crate::Result;
 use crate::model::{Mixture, Model};
-use crate::parallel;
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
 use crate::stats::{DepositScratch, Domain, Grid, Slab};
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 
 /// Parallel parts of a sum, fixed so that results do not depend on threads.
@@ -19,7 +18,6 @@ pub struct DensityGrid(Grid);
 /// How two densities on a grid agree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DensityAgreement {
-    /// Pearson correlation over the cells.
     pub correlation: f64,
     /// Mean absolute difference of the contrast rho / mean - 1, `mean` being the first's.
     pub mean_absolute_error: f64,
@@ -36,15 +34,11 @@ impl DensityGrid {
         DensityGrid(Grid { min, ..grid })
     }
 
-    /// Its cells.
     pub(super) fn grid(&self) -> &Grid {
         &self.0
     }
 
     /// Mass in each cell, x slowest: every particle in the cell that holds it.
-    ///
-    /// # Errors
-    /// [`crate::Error::Cancelled`].
     pub fn of_particles(&self, particles: &Particles, progress: &dyn Progress) -> Result<Vec<f64>> {
         let unit_mass = particles.meta.particle_mass.unwrap_or(1.0);
         let scale = self.0.side.map(f64::recip);
@@ -74,9 +68,6 @@ impl DensityGrid {
 
     /// Mass in each cell of a model's Gaussians; what lies outside a grid that does not repeat is
     /// in no cell.
-    ///
-    /// # Errors
-    /// [`crate::Error::Cancelled`].
     pub fn of_model(&self, model: &Model, progress: &dyn Progress) -> Result<Vec<f64>> {
         let mut sum = vec![0.0; self.0.cells.iter().product()];
         for layer in &model.layers {
@@ -154,9 +145,6 @@ pub fn density_agreement<T: Copy + Into<f64>>(truth: &[T], model: &[T]) -> Densi
 
 /// The agreement of a model with its snapshot, and that of a uniform density, on a grid of `longest`
 /// cells along the longest extent, over the snapshot's periodic box where it has one.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`].
 pub fn density_of(
     model: &Model,
     particles: &Particles,

@@ -42,9 +42,7 @@ pub fn evaluate(
 
 /// Progress that says which view a phase belongs to.
 pub(super) struct ViewProgress<'a> {
-    /// Of the view.
     pub name: String,
-    /// Whom to tell.
     pub inner: &'a dyn Progress,
 }
 
@@ -92,9 +90,7 @@ pub(super) fn clipped(view: &View, bounds: &Bounds) -> View {
 
 /// A model beside its snapshot.
 pub(super) struct ModelComparison<'a> {
-    /// The model, ready to be drawn.
     scene: Scene<'a>,
-    /// Draws the snapshot.
     truth: &'a Reference<'a>,
     /// The particles spread evenly over this are what the least of models draws: the periodic box where they fill it,
     /// else their bounds.
@@ -146,7 +142,6 @@ impl<'a> ModelComparison<'a> {
         Ok(ViewPictures { truth, tau, even, subset })
     }
 
-    /// The scores of one look.
     pub fn look(&self, drawn: &ViewPictures, look: ToneStyle) -> LookScores {
         drawn.scores(look, &self.scene.tone(&drawn.tau, look, &drawn.truth.tones))
     }
@@ -169,7 +164,6 @@ impl<'a> ModelComparison<'a> {
     }
 }
 
-/// One view of all that is compared.
 pub(super) struct ViewPictures {
     truth: ViewTruth,
     /// The model's.

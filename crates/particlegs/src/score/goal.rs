@@ -25,9 +25,7 @@ const DRAWS: u64 = 4;
 /// What stands for the PSNR of pictures that are identical in every view, dB.
 const IDENTICAL: f64 = 1000.0;
 
-/// A goal, and the particles' side of it.
 pub(crate) struct GoalMetric<'a> {
-    /// What is asked for.
     pub goal: Goal,
     particles: &'a Particles,
     domain: Domain,
@@ -46,9 +44,6 @@ enum GoalTruth {
 
 impl<'a> GoalMetric<'a> {
     /// Measures the particles. `metadata` says how their pictures are drawn; `seed` is that of the certificate.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for what cannot be measured of these particles; [`Error::Memory`], [`Error::Cancelled`].
     pub fn new(
         goal: Goal,
         particles: &'a Particles,
@@ -73,9 +68,6 @@ impl<'a> GoalMetric<'a> {
     }
 
     /// What a model has.
-    ///
-    /// # Errors
-    /// [`Error::Memory`], [`Error::Cancelled`]; [`Error::Input`] for Gaussians that cannot be drawn from.
     pub fn measure(&self, model: &Model, progress: &dyn Progress) -> Result<GoalResult> {
         let reached = match &self.truth {
             GoalTruth::Pictures(views) => views.expected_masked_psnr(&Scene::of(model), progress)?.unwrap_or(IDENTICAL),

@@ -11,23 +11,15 @@ use crate::stats::{Domain, Likelihood, Shell, SpectrumOptions, Subject, likeliho
 
 /// The halves, and the model of each.
 pub(crate) struct Halves<'a> {
-    /// The particles.
     pub particles: [&'a Particles; 2],
-    /// The model of each half.
     pub models: [&'a Model; 2],
-    /// The box of the whole.
     pub domain: &'a Domain,
-    /// How spectra are taken.
     pub spectrum: &'a SpectrumOptions,
-    /// Of the sample of particles that are scored.
     pub seed: u64,
 }
 
 impl Halves<'_> {
     /// Scores each model by the other half.
-    ///
-    /// # Errors
-    /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
     pub fn measure(&self, progress: &dyn Progress) -> Result<CrossValidation> {
         let scored = |i: usize| likelihood(self.models[i], self.particles[1 - i], self.domain, self.seed, progress);
         let kernel = |i: usize| {

@@ -20,10 +20,6 @@ pub struct HeldOutPictures {
 
 impl HeldOutPictures {
     /// Draws the truth: one noise-free pass over the particles a view.
-    ///
-    /// # Errors
-    /// [`crate::Error::Argument`] for a view with a number outside its range;
-    /// [`crate::Error::Cancelled`].
     pub fn draw(particles: &Particles, views: &[View], size: Size, progress: &dyn Progress) -> Result<Self> {
         let reference = Reference::new(particles);
         let views: Vec<View> = views.iter().map(|v| clipped(v, reference.bounds())).collect();
@@ -40,9 +36,6 @@ impl HeldOutPictures {
 
     /// Mean over the views of the masked PSNR of `scene` in `expected`, dB. `None` where no view
     /// has a value: nothing is lit, or all are identical.
-    ///
-    /// # Errors
-    /// [`crate::Error::Cancelled`].
     pub fn expected_masked_psnr(&self, scene: &Scene, progress: &dyn Progress) -> Result<Option<f64>> {
         let scores = self
             .views

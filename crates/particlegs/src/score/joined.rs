@@ -21,21 +21,14 @@ pub(crate) type SectionReader<'a> = &'a dyn Fn(u32, SumsSection) -> Result<Vec<u
 
 /// Adds up the sums of `parts` parts, in their order.
 pub(crate) struct PartSums<'a> {
-    /// What they were measured by.
     pub frame: &'a MeasurementFrame,
-    /// Seed of the views.
     pub seed: u64,
-    /// Their number.
     pub parts: u32,
-    /// Where they are.
     pub read: SectionReader<'a>,
 }
 
 impl PartSums<'_> {
     /// The certificate.
-    ///
-    /// # Errors
-    /// Those of reading; [`Error::Corrupt`] for sums that are none; [`Error::Memory`], [`Error::Cancelled`].
     pub fn certificate(&self, progress: &dyn Progress) -> Result<Certificate> {
         progress.begin("adding up the blocks' sums", 0);
         let orbits = [self.view(0, progress)?, self.view(1, progress)?, self.view(2, progress)?];

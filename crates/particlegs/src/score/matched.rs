@@ -1,17 +1,15 @@
 //! Groups of particles drawn from a model, matched by position with those of the truth: equal numbers are not equal
 //! haloes.
 
-use crate::Result;
 use crate::model::{GROUP_CLASSES, GroupClass};
-use crate::parallel;
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::stats::{Domain, Groups, LinkedParticles, PointGrid, group_center, local_positions};
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 
 /// Groups found in one set of particles, the largest first.
 pub(super) struct GroupCatalogue {
-    /// Particles of each.
     pub(super) sizes: Vec<u64>,
     /// Centre of each, relative to the domain's corner.
     centers: Vec<[f64; 3]>,
@@ -19,10 +17,8 @@ pub(super) struct GroupCatalogue {
     pub(super) finest: Option<f64>,
 }
 
-/// How groups are found.
 #[derive(Clone, Copy)]
 pub(super) struct GroupFinder<'a> {
-    /// The box.
     pub domain: &'a Domain,
     /// Linking length, world units.
     pub length: f64,
@@ -32,9 +28,6 @@ pub(super) struct GroupFinder<'a> {
 
 impl GroupFinder<'_> {
     /// The groups of the smallest class and above.
-    ///
-    /// # Errors
-    /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
     pub fn groups(&self, particles: &Particles, progress: &dyn Progress) -> Result<GroupCatalogue> {
         let positions = local_positions(particles, self.domain);
         let (groups, finest) = self.linked(particles, &positions, progress)?;
@@ -43,9 +36,6 @@ impl GroupFinder<'_> {
     }
 
     /// Particles of each group of the smallest class and above, descending.
-    ///
-    /// # Errors
-    /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
     pub fn sizes(&self, particles: &Particles, progress: &dyn Progress) -> Result<Vec<u64>> {
         Ok(self.linked(particles, &local_positions(particles, self.domain), progress)?.0.sizes())
     }
@@ -115,16 +105,12 @@ struct GroupClassSums {
     masses: Vec<f64>,
 }
 
-/// The class of a size.
 fn class_of(size: u64) -> usize {
     GROUP_CLASSES.iter().rposition(|&from| size >= from).unwrap_or(0)
 }
 
 impl GroupTally {
     /// Takes in one draw.
-    ///
-    /// # Errors
-    /// [`crate::Error::Memory`].
     pub fn add(&mut self, linking: &GroupFinder<'_>, truth: &GroupCatalogue, drawn: &GroupCatalogue) -> Result<()> {
         let counterparts = linking.counterparts(truth, drawn)?;
         for class in &mut self.classes {
@@ -153,7 +139,6 @@ impl GroupTally {
         Ok(())
     }
 
-    /// The figures of each class.
     pub fn finish(self) -> [GroupClass; GROUP_CLASSES.len()] {
         self.classes.map(GroupClassSums::finish)
     }

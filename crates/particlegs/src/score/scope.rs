@@ -26,19 +26,14 @@ pub(crate) struct ParticlesWithModel<'a> {
     pub model: Cow<'a, Model>,
     /// All particles, or those of the region.
     pub particles: Cow<'a, Particles>,
-    /// The box, or the region.
     pub domain: Domain,
     /// The mean spacing of the whole.
     pub spacing: f64,
-    /// The region, where it is one.
     pub sample: Option<Sample>,
 }
 
 impl<'a> ParticlesWithModel<'a> {
     /// The whole of at most `most` particles, else a region that `seed` chooses; `None` where that holds next to nothing.
-    ///
-    /// # Errors
-    /// [`Error::Memory`], [`Error::Cancelled`].
     pub fn of(
         model: &'a Model,
         particles: &'a Particles,
@@ -69,9 +64,6 @@ impl<'a> ParticlesWithModel<'a> {
 
     /// As many particles as the model has there, drawn with `seed`; `None` where tails of Gaussians lie at the end of
     /// float32, or none are drawn.
-    ///
-    /// # Errors
-    /// [`Error::Memory`], [`Error::Cancelled`].
     pub fn draw(&self, seed: u64, progress: &dyn Progress) -> Result<Option<Particles>> {
         let (origin, weighted) = (self.particles.origin, self.particles.weights().is_some());
         let drawn = match draw(&self.model, seed, origin, weighted, progress) {

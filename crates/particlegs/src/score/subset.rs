@@ -14,9 +14,7 @@ use particlegs_core::math::each_axis;
 /// A random subset as its coded bytes have it.
 pub struct RandomSubset {
     particles: Particles,
-    /// Particles kept.
     pub kept: u64,
-    /// Bytes that they take.
     pub bytes: u64,
     /// Their radius, in the particles' own: sqrt(N / kept), so that as much light is covered.
     scale: f64,
@@ -42,9 +40,6 @@ impl SubsetView {
 
 impl RandomSubset {
     /// The most particles whose places, coded, take at most `bytes` ([`Thinning::most`]). `None` where not one fits.
-    ///
-    /// # Errors
-    /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
     pub fn new(
         truth: &Reference<'_>,
         spacing: f64,
@@ -65,9 +60,6 @@ impl RandomSubset {
     }
 
     /// Draws it where `truth` is drawn, in all looks or in `expected` alone.
-    ///
-    /// # Errors
-    /// As [`ViewTruth::draw`].
     pub fn draw(
         &self,
         truth: &Reference<'_>,

@@ -59,17 +59,13 @@ impl SumsSection {
 
 /// What all parts of a snapshot are measured by: it follows from what is known of the whole.
 pub(crate) struct MeasurementFrame {
-    /// Of the whole.
     pub metadata: Metadata,
-    /// The whole box.
     pub domain: Domain,
     /// The certificate's views, with the whole's clipping ranges.
     pub views: Vec<View>,
-    /// The coarse grid.
     pub density: DensityGrid,
     /// The smallest cells, where there are enough.
     pub cells: Option<Grid>,
-    /// The spectrum's grid.
     pub spectrum: SpectrumOptions,
 }
 
@@ -90,7 +86,6 @@ impl MeasurementFrame {
         }
     }
 
-    /// The spectrum's grid.
     pub fn spectrum_grid(&self) -> Grid {
         Grid::new(&self.domain, self.spectrum.cells)
     }
@@ -108,9 +103,6 @@ impl MeasurementFrame {
     }
 
     /// One section of a part: `particles` and the `model` made of them.
-    ///
-    /// # Errors
-    /// [`crate::Error::Memory`], [`crate::Error::Cancelled`], [`crate::Error::Argument`].
     pub fn measure(
         &self,
         section: SumsSection,
@@ -140,7 +132,6 @@ fn layers_of(particles: &Particles) -> Vec<Particles> {
     particles.layers().iter().map(|l| particles.of_layer(l)).filter(|l| !l.is_empty()).collect()
 }
 
-/// A part of a snapshot, and the model made of it.
 struct PartWithModel<'a> {
     frame: &'a MeasurementFrame,
     layers: Vec<Particles>,

@@ -44,7 +44,6 @@ impl ViewTruth {
         })
     }
 
-    /// The target in a look.
     pub fn picture(&self, look: ToneStyle) -> &Gray8 {
         match look {
             ToneStyle::Paraview => &self.paraview,

@@ -2,9 +2,8 @@
 
 use super::points::PointGrid;
 use super::{Domain, Groups};
-use crate::Result;
-use crate::parallel;
 use crate::progress::Progress;
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 
 /// A sphere shrinks by this share a step towards its densest part (Power et al. 2003).
@@ -37,9 +36,6 @@ pub fn group_center(positions: &[[f64; 3]], members: &[u32], domain: &Domain) ->
 }
 
 /// Particles within `radius` of each centre.
-///
-/// # Errors
-/// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
 pub fn counts_within(
     positions: &[[f64; 3]],
     domain: &Domain,

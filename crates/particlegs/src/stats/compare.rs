@@ -22,10 +22,9 @@ use super::{
     size_histogram,
 };
 use crate::model::LawKind;
-use crate::parallel;
 use crate::particles::Particles;
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use std::f64::consts::PI;
 
 /// Sizes of groups whose cores are compared.

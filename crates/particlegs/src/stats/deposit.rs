@@ -5,11 +5,10 @@
 
 use super::gaussian::{DepositScratch, Slab};
 use super::{Assignment, Grid, Subject};
-use crate::Result;
 use crate::model::Mixture;
-use crate::parallel;
 use crate::particles::{ChunkBuffer, Particles, RUN};
 use crate::progress::Progress;
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 use std::ops::Range;
 

@@ -22,7 +22,6 @@ const TAIL: f64 = 4.5;
 
 /// Some planes of a grid across x, and what their cells hold.
 pub(crate) struct Slab<'a> {
-    /// The whole grid.
     pub(crate) grid: &'a Grid,
     /// Which of its planes.
     pub(crate) planes: Range<usize>,
@@ -31,7 +30,6 @@ pub(crate) struct Slab<'a> {
 }
 
 impl<'a> Slab<'a> {
-    /// All planes of a grid.
     pub(crate) fn whole(grid: &'a Grid, cells: &'a mut [f64]) -> Self {
         Slab { grid, planes: 0..grid.cells[0], cells }
     }
@@ -52,7 +50,6 @@ impl<'a> Slab<'a> {
     }
 }
 
-/// Scratch space to deposit one Gaussian.
 #[derive(Default)]
 pub(crate) struct DepositScratch {
     nodes: [Vec<(f64, f64)>; 3],
@@ -60,7 +57,6 @@ pub(crate) struct DepositScratch {
 }
 
 impl DepositScratch {
-    /// Adds what a Gaussian has in a slab.
     pub fn add(&mut self, slab: &mut Slab<'_>, mean: [f64; 3], cov: &Sym3, mass: f64) {
         let g = slab.grid;
         let cell = g.side[0].min(g.side[1]).min(g.side[2]);

@@ -7,11 +7,10 @@
 
 use super::Domain;
 use super::points::gathered;
-use crate::parallel;
 use crate::particles::RUN;
 use crate::progress::Progress;
 use crate::space::Bounds;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 
 /// Groups of at least the smallest size asked for, the largest first.
@@ -85,10 +84,6 @@ pub fn longest_link(domain: &Domain) -> f64 {
 }
 
 /// Finds the groups of at least `smallest` particles.
-///
-/// # Errors
-/// [`Error::Argument`] for a linking length that is not above zero or above a third of an edge that
-/// repeats, or 4 294 967 295 particles and more; [`Error::Memory`]; [`Error::Cancelled`].
 pub fn find_groups(
     positions: &[[f64; 3]],
     domain: &Domain,

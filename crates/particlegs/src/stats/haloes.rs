@@ -3,10 +3,9 @@
 use super::points::PointGrid;
 use super::{Domain, Subject};
 use crate::model::Model;
-use crate::parallel;
 use crate::particles::Particles;
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use particlegs_core::model::{GaussianInSphere, Rules};
 use std::collections::BTreeMap;
@@ -54,11 +53,9 @@ pub struct HaloProfiles {
 
 /// About which places, relative to the domain's corner, and how far.
 pub struct HaloPlaces<'a> {
-    /// Centres.
     pub centers: &'a [[f64; 3]],
     /// Largest radius of each.
     pub radii: &'a [f64],
-    /// Shells.
     pub bins: usize,
 }
 
@@ -76,16 +73,11 @@ impl HaloPlaces<'_> {
 /// A side of the comparison.
 #[derive(Clone, Copy)]
 pub struct HaloSide<'a> {
-    /// What is measured.
     pub subject: Subject<'a>,
-    /// Its positions, of particles.
     pub positions: &'a [[f64; 3]],
 }
 
 /// Compares enclosed masses.
-///
-/// # Errors
-/// [`Error::Memory`], [`Error::Cancelled`].
 pub fn halo_profiles(
     pair: [HaloSide<'_>; 2],
     domain: &Domain,

@@ -6,10 +6,9 @@ use super::neighbours::sample;
 use super::points::PointGrid;
 use crate::math::{Purpose, Sym3};
 use crate::model::{Mixture, Model};
-use crate::parallel;
 use crate::particles::{Neighbours, Particles, places_of};
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use std::f64::consts::TAU;
 
@@ -50,9 +49,6 @@ pub struct Likelihood {
 
 /// Scores a random sample of `particles` under `model`, in `domain`. Masses are not looked at: p is the density of
 /// numbers.
-///
-/// # Errors
-/// [`Error::Input`] for a model without particles, [`Error::Memory`], [`Error::Cancelled`].
 pub fn likelihood(
     model: &Model,
     particles: &Particles,

@@ -3,10 +3,9 @@
 use super::points::{PointGrid, gathered};
 use super::{Domain, Groups, find_groups, group_center, longest_link};
 use crate::model::{Dimension, Unit, UnitSystem, Units};
-use crate::parallel;
 use crate::particles::{Particles, mass_classes};
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use std::ops::Range;
 
@@ -23,15 +22,12 @@ const FEW: usize = 10;
 
 /// Groups of one side.
 pub(crate) struct LinkedGroups {
-    /// The groups.
     pub groups: Groups,
-    /// Particles that were linked.
     pub linked: u64,
     /// Groups with heavier particles inside, where those were not linked.
     pub contaminated: Option<u64>,
 }
 
-/// Which particles are linked.
 pub(crate) struct LinkedParticles {
     /// Their indices; `None` = all.
     index: Option<Vec<u32>>,
@@ -150,9 +146,6 @@ impl LinkedParticles {
 
     /// The groups by links of a length, with members by their number among all particles; `None` where links are longer than
     /// the box allows.
-    ///
-    /// # Errors
-    /// As [`find_groups`].
     pub fn groups(
         &self,
         positions: &[[f64; 3]],

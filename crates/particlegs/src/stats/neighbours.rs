@@ -2,10 +2,9 @@
 
 use super::Domain;
 use crate::math::{Purpose, Random};
-use crate::parallel;
 use crate::particles::{Neighbours, Particles, places_of};
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 
 /// Bins of the histogram, a decade.
 const PER_DECADE: f64 = 20.0;
@@ -32,14 +31,12 @@ pub struct NearestDistances {
     pub zero: u64,
 }
 
-/// Which neighbours.
 pub struct NeighbourOptions {
     /// Particles to look from, at most.
     pub sample: usize,
     /// Thin the particles to the sample first and look among it alone, as the published table does:
     /// its distances are those of the thinned set.
     pub among_sample: bool,
-    /// Seed of the sample.
     pub seed: u64,
 }
 
@@ -60,10 +57,6 @@ pub(super) fn sample(n: usize, wanted: usize, purpose: Purpose, seed: u64) -> Ve
 }
 
 /// Distances to nearest neighbours.
-///
-/// # Errors
-/// [`Error::Argument`] for fewer than two particles or 4 294 967 295 and more, [`Error::Memory`],
-/// [`Error::Cancelled`].
 pub fn nearest_distances(
     particles: &Particles,
     domain: &Domain,

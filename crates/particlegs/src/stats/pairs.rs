@@ -8,9 +8,8 @@
 use super::Domain;
 use super::points::PointGrid;
 use crate::math::{Purpose, Random};
-use crate::parallel;
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use std::f64::consts::PI;
 
@@ -43,7 +42,6 @@ impl PairCounts {
     }
 }
 
-/// What to count.
 pub struct PairOptions {
     /// Edges of the bins, ascending.
     pub edges: Vec<f64>,
@@ -51,7 +49,6 @@ pub struct PairOptions {
     pub band: f64,
     /// Distances that may be taken, about; above it, primaries are a sample.
     pub budget: u64,
-    /// Seed of the sample.
     pub seed: u64,
 }
 
@@ -93,10 +90,6 @@ pub fn longest_separation(domain: &Domain) -> f64 {
 
 /// Counts pairs. Bins are worked in bands of at most a factor of `band` in separation, each with its own
 /// grid and, where it must be, its own sample of primaries.
-///
-/// # Errors
-/// [`Error::Argument`] for edges that are not ascending or too long for the box, for a
-/// model instead of particles and for weights; [`Error::Memory`]; [`Error::Cancelled`].
 pub fn count_pairs(
     positions: &[[f64; 3]],
     domain: &Domain,

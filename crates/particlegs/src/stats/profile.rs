@@ -2,11 +2,10 @@
 
 use super::gaussian::shares;
 use super::{Domain, Grid, Subject};
-use crate::Result;
 use crate::model::{Layer, Mixture, Model};
-use crate::parallel;
 use crate::particles::{ChunkBuffer, Particles, RUN};
 use crate::progress::Progress;
+use crate::{Result, parallel};
 use particlegs_core::math::{Sym3, each_axis};
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -35,9 +34,6 @@ pub struct AxisProfile {
 type AxisSlabs = [Vec<f64>; 3];
 
 /// Profiles along x, y and z, or the edges of a tilted domain, in `bins` slabs of it; mass beyond open edges is in none.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`].
 pub fn axis_profiles(
     pair: [Subject<'_>; 2],
     domain: &Domain,

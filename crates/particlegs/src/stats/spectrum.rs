@@ -8,14 +8,12 @@
 use super::deposit::deposit_again;
 use super::transform::{Modes, transform, transform_bytes};
 use super::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
-use crate::Result;
-use crate::parallel;
 use crate::progress::Progress;
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 use realfft::num_complex::Complex64;
 use std::f64::consts::PI;
 
-/// How spectra are taken.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct SpectrumOptions {
     /// Cells along the longest edge.
@@ -163,7 +161,6 @@ pub(super) struct TransformPair {
     pub modes: [Modes; 2],
     /// Shot noise of each.
     pub shot_noise: [f64; 2],
-    /// The grid.
     pub grid: Grid,
 }
 
@@ -249,9 +246,6 @@ pub(super) fn spectra(
 }
 
 /// Spectra of two subjects over a domain. Axes that do not repeat are taken as if they did.
-///
-/// # Errors
-/// [`crate::Error::Memory`] where the grid does not fit, [`crate::Error::Cancelled`].
 pub fn power_spectra(
     subjects: [Subject<'_>; 2],
     domain: &Domain,
@@ -273,9 +267,6 @@ pub(crate) struct CachedTransform {
 
 impl CachedTransform {
     /// Transforms a subject over a domain.
-    ///
-    /// # Errors
-    /// As [`power_spectra`].
     pub fn new(subject: Subject<'_>, domain: &Domain, o: &SpectrumOptions, progress: &dyn Progress) -> Result<Self> {
         let grid = Grid::new(domain, o.cells);
         let most = mode_limits(&grid, domain, o.k_max);
@@ -290,18 +281,12 @@ impl CachedTransform {
     }
 
     /// The spectra of this and another, taken in the same way.
-    ///
-    /// # Errors
-    /// As [`power_spectra`].
     pub fn against(&self, other: Subject<'_>, progress: &dyn Progress) -> Result<Spectra> {
         let other = Self::new(other, &self.domain, &self.options, progress)?;
         self.pair([other.modes, self.modes.clone()], other.shot_noise, progress)
     }
 
     /// The spectra of this and itself.
-    ///
-    /// # Errors
-    /// [`crate::Error::Cancelled`].
     pub fn against_itself(&self, progress: &dyn Progress) -> Result<Spectra> {
         self.pair([self.modes.clone(), self.modes.clone()], self.shot_noise, progress)
     }

@@ -18,14 +18,11 @@ pub enum Subject<'a> {
 
 /// A subject in other units.
 pub(super) enum ConvertedSubject {
-    /// A snapshot.
     Particles(Box<Particles>),
-    /// A mixture.
     Model(Box<Model>),
 }
 
 impl<'a> Subject<'a> {
-    /// What its numbers are in.
     pub(super) fn unit_system(&self) -> UnitSystem<'a> {
         match self {
             Subject::Particles(p) => p.meta.unit_system(),
@@ -65,7 +62,6 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// Where its particles lie.
     pub(super) fn bounds(&self) -> Bounds {
         match self {
             Subject::Particles(p) => p.bounds(),
