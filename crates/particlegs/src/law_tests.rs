@@ -19,7 +19,7 @@ use crate::splat::{
     MEAN_COVERED_ALPHA, PEELS, PIXEL_VARIANCE, Response, ToneStyle, erf, fxaa_blur, opacity_integral,
 };
 use crate::stats::StatsOptions;
-use crate::stats::testing::model_of;
+use crate::testing::model_of;
 use crate::train::{Config, Preset};
 use serde_json::Value;
 use std::f64::consts::PI;

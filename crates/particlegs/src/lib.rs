@@ -60,5 +60,7 @@ pub mod job;
 
 #[cfg(test)]
 mod law_tests;
+#[cfg(test)]
+mod testing;
 
 pub use particlegs_core::{Error, NamedValue, Remedy, Result, named_values};

@@ -4,35 +4,16 @@
 //! not on other blocks, nor on where it is done.
 
 use super::clock::Clock;
+use super::context::BlockContext;
 use super::layer::{LayerParticles, LayerResult, LayerTask, Share};
-use super::plan::CompressionPlan;
 use super::size::SizeOutcome;
 use crate::Result;
 use crate::codec::{self, CodedLayer};
 use crate::model::{LawKind, Layer, Mass, VizMapper};
 use crate::particles::Particles;
 use crate::pieces::CheckpointStore;
-use crate::progress::Progress;
 use crate::space::Bounds;
-use crate::train::{Limits, TrainedRun};
-
-/// What the blocks of a job are made by.
-#[derive(Clone, Copy)]
-pub(crate) struct BlockContext<'a> {
-    pub plan: &'a CompressionPlan,
-    pub limits: &'a Limits,
-    pub on_stop: StopPolicy,
-    pub progress: &'a dyn Progress,
-}
-
-/// What becomes of a training run that the caller stops.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum StopPolicy {
-    /// The best so far is coded.
-    KeepBest,
-    /// The work is given up, to be taken up again from its pieces.
-    GiveUp,
-}
+use crate::train::TrainedRun;
 
 /// The particles of a block, in its layers.
 #[derive(Clone)]

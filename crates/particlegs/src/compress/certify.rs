@@ -1,7 +1,7 @@
 //! A file decoded again, measured, and put together with what was found.
 
 use super::clock::Clock;
-use super::halves::held_out;
+use super::cross_validation::held_out;
 use crate::model::{Certificate, CertificateLevel, Goal, GoalResult, Model};
 use crate::particles::Particles;
 use crate::progress::Progress;

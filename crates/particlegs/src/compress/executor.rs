@@ -1,9 +1,10 @@
 //! The one way in which blocks are done: read, fitted, coded, kept. Where their particles wait and where
-//! coded blocks are kept is a [`BlockStore`]'s: memory and scratch files ([`super::divided`]) or the folder of
+//! coded blocks are kept is a [`BlockStore`]'s: memory and scratch files ([`super::in_memory`]) or the folder of
 //! a job ([`crate::job`]).
 
-use super::block::{BlockContext, BlockParticles, CodedBlock, StopPolicy};
+use super::block::{BlockParticles, CodedBlock};
 use super::clock::Clock;
+use super::context::{BlockContext, StopPolicy};
 use crate::Result;
 use crate::model::Target;
 use crate::pieces::{CheckpointStore, PrefixedPieces};

@@ -1,7 +1,7 @@
 //! One layer of a block: fitted, trained where the job is to, and coded.
 
-use super::block::{BlockContext, StopPolicy};
 use super::clock::Clock;
+use super::context::{BlockContext, StopPolicy};
 use super::size::{CodedGaussians, SizeTarget, bytes_a_gaussian, most_gaussians};
 use super::thickness::Thickness;
 use crate::codec::{Encoder, decode_block};

@@ -5,14 +5,16 @@
 //! makes a file smaller without the particles, [`finetune()`] trains a merged file on the whole snapshot.
 
 mod block;
+mod budget;
 mod certify;
 mod checkpoint;
 mod clock;
+mod context;
+mod cross_validation;
 mod describe;
-mod divided;
 mod executor;
 mod finetune;
-mod halves;
+mod in_memory;
 mod layer;
 mod memory;
 mod options;
@@ -24,10 +26,11 @@ mod size;
 mod thickness;
 
 pub use crate::model::Target;
-pub(crate) use block::{BlockContext, BlockParticles, CodedBlock, StopPolicy};
+pub(crate) use block::{BlockParticles, CodedBlock};
 pub(crate) use certify::DecodedFile;
 pub use certify::certify;
 pub use checkpoint::Checkpoint;
+pub(crate) use context::{BlockContext, StopPolicy};
 pub(crate) use executor::{BlockStore, do_block};
 pub use finetune::{FineTuning, finetune};
 pub(crate) use memory::MemoryLoad;

@@ -1,10 +1,11 @@
 //! From particles to a measured file, in one process.
 
-use super::block::{BlockContext, CodedBlock, StopPolicy};
+use super::block::CodedBlock;
 use super::certify::DecodedFile;
 use super::clock::Clock;
-use super::divided::InMemoryBlocks;
+use super::context::{BlockContext, StopPolicy};
 use super::executor::do_blocks;
+use super::in_memory::InMemoryBlocks;
 use super::options::Options;
 use super::plan::CompressionPlan;
 use super::search;

@@ -42,6 +42,12 @@ pub fn fit(particles: &Particles, options: &FitOptions, progress: &dyn Progress)
     Fitter::new(particles).fit(options, &mut NoCheckpoints, progress)
 }
 
+/// Bytes of memory that a fit takes beside the mapped file: the store that is reordered, and a
+/// margin for the Gaussians and their neighbourhoods.
+pub(crate) fn memory_needed(particles: &Particles) -> u64 {
+    particles.len() as u64 * if particles.weights().is_some() { 20 } else { 16 }
+}
+
 /// Fits the same particles again and again, for one number of Gaussians after the other: the copy of
 /// them that a refined fit reorders is made in the same memory each time.
 pub(crate) struct Fitter<'a> {

@@ -4,8 +4,8 @@
 //! the groups that hold it as a candidate, always in the order of the groups.
 
 use super::Moments;
-use super::candidates::{Ellipsoid, OverlapTree, SearchReach};
 use super::em_kernel::{self, CandidateSums, KernelScratch, ParticleGroup, SUMS, WhitenedGaussian};
+use super::overlap_tree::{Ellipsoid, OverlapTree, SearchReach};
 use super::prior::{MeanShape, Prior};
 use crate::math::Sym3;
 use crate::progress::Progress;

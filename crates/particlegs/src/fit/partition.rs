@@ -5,9 +5,9 @@
 //! threshold falls from round to round until there are somewhat more cells than wanted. Then the
 //! best cuts are chosen: one that is not chosen has only reordered its cell.
 
+use super::best_cuts::{CutRecord, best_cuts};
 use super::cut::Cut;
 use super::gain::{Blur, PictureGaussian, picture_sigma};
-use super::select::{CutRecord, best_cuts};
 use super::{Moments, ParticleStore};
 use crate::progress::Progress;
 use crate::{Error, Result, parallel};

@@ -6,16 +6,16 @@
 //! of each cell's particles where there are more than the Gaussians need; the last iterations see
 //! every particle.
 
-use super::candidates::SearchReach;
 use super::em::{
     Candidates, ExpectationOptions, GroupedParticles, ParticleGroups, RefinedGaussians, Regularisation, expect,
     maximise, regroup,
 };
 use super::gain::{Blur, picture_sigma};
+use super::overlap_tree::SearchReach;
 use super::prior::{MeanShape, Prior};
-use super::shade::TransmittanceMaps;
 use super::split_merge::{MoveOptions, exchange};
-use super::{Moments, ParticleStore, Partition, pieces as kept};
+use super::transmittance::TransmittanceMaps;
+use super::{Moments, ParticleStore, Partition};
 use crate::math::{Purpose, Random, Sym3};
 use crate::model::Mixture;
 use crate::pieces::CheckpointStore;
@@ -94,11 +94,11 @@ pub(crate) fn refine(
     let mut mixture = Mixture::new(store.weight.is_some());
     for (i, block) in blocks.into_iter().enumerate() {
         let key = format!("refined {i}");
-        let gaussians = match pieces.get(&key).and_then(|bytes| kept::of_bytes(&bytes)) {
+        let gaussians = match pieces.get(&key).and_then(|bytes| RefinedGaussians::from_bytes(&bytes)) {
             Some(there) => there,
             None => {
                 let made = refiner.block(block)?;
-                pieces.keep(&key, kept::to_bytes(&made))?;
+                pieces.keep(&key, made.to_bytes())?;
                 made
             }
         };

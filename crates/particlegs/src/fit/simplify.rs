@@ -8,8 +8,8 @@
 //! explains it best (Goldberger and Roweis 2004), and the new ones get the moments of their own.
 //! Count, mass, mean and covariance of the whole are kept throughout.
 
-use super::candidates::{Ellipsoid, OverlapTree, SearchReach};
 use super::gain::{Blur, PictureGaussian, picture_sigma};
+use super::overlap_tree::{Ellipsoid, OverlapTree, SearchReach};
 use crate::math::Sym3;
 use crate::model::Mixture;
 use crate::progress::Progress;

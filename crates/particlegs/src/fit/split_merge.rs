@@ -6,7 +6,7 @@
 use super::em::{Candidates, GaussianExchange, ParticleGroups, RefinedGaussians, Regularisation};
 use super::gain::{Blur, PictureGaussian};
 use super::prior::SPHERE;
-use super::shade::TransmittanceMaps;
+use super::transmittance::TransmittanceMaps;
 use crate::math::Sym3;
 use crate::progress::Progress;
 use crate::{Result, parallel};

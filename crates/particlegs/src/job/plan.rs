@@ -2,7 +2,7 @@
 
 use super::bucket::Buckets;
 use super::manifest::{FORM, Job, Manifest, VERSION};
-use super::need::COPIES;
+use super::memory::{BUCKETED, COPIES};
 use super::runs;
 use crate::blocks::{KdTree, SnapshotScan};
 use crate::compress::{CompressionPlan, Options};
@@ -34,8 +34,6 @@ const MOST_RUNS: u64 = 512;
 const CHUNKS: u64 = 32;
 /// Memory of a task where none is given.
 const MEMORY: u64 = 4 << 30;
-/// Bytes of a particle in a chunk while it is bucketed: as read, sorted, and its order.
-pub(super) const BUCKETED: u64 = 40;
 /// Blocks read a snapshot where it lies if together they read it no more than this often.
 const READ_AGAIN: f64 = 2.0;
 

@@ -3,6 +3,7 @@
 use crate::model::{Cosmology, Dimension, Epoch, Unit, UnitSystem, Units};
 use crate::space::Cell;
 use crate::{Error, Result};
+use std::path::Path;
 
 /// Metadata of a snapshot, read before any particle. `None` means that the source does not say;
 /// nothing is guessed.
@@ -49,9 +50,9 @@ impl SnapshotMeta {
             let origin = self.cell.map_or([0.0; 3], |c| c.origin);
             let upright = Cell::orthogonal(lengths);
             let sound = lengths.iter().all(|l| *l >= 0.0 && l.is_finite());
-            let cell = Cell::stated(origin, upright.vectors, upright.periodic).filter(|_| sound).ok_or_else(|| {
-                Error::argument(format!("box lengths {} must be positive", super::sidecar::listed(&lengths)))
-            })?;
+            let cell = Cell::stated(origin, upright.vectors, upright.periodic)
+                .filter(|_| sound)
+                .ok_or_else(|| Error::argument(format!("box lengths {} must be positive", listed(&lengths))))?;
             if let Some(said) = self.cell.replace(cell).filter(|said| *said != cell) {
                 notes.push(format!("the box is taken as {}; the file says {}", cell.in_words(), said.in_words()));
             }
@@ -74,4 +75,15 @@ impl SnapshotMeta {
         self.units = std::mem::take(&mut self.units).settled();
         Ok(notes)
     }
+}
+
+/// Metadata of a file that says nothing but its name.
+pub(super) fn named(path: &Path) -> SnapshotMeta {
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned());
+    SnapshotMeta { name: name.unwrap_or_else(|| "snapshot".into()), ..SnapshotMeta::default() }
+}
+
+/// Numbers as people write them: `1, 2, 3`.
+pub(super) fn listed(numbers: &[f64]) -> String {
+    numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
 }

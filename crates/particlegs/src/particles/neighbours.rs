@@ -552,7 +552,7 @@ mod tests {
     /// The same in tilted boxes, particles of other images among them.
     #[test]
     fn distances_in_tilted_boxes_are_those_of_all_pairs() {
-        use crate::stats::testing::{gas, tilted_cells};
+        use crate::testing::{gas, tilted_cells};
         for mut cell in tilted_cells() {
             cell.origin = [-3.0, 1.0, 0.5];
             let mut p = gas(900, &cell, 5);

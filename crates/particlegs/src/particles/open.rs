@@ -2,7 +2,7 @@
 
 use super::scratch::ColumnBuffer;
 use super::storage::CHUNK;
-use super::{ChunkBuffer, Column, Particles, Positions, SnapshotMeta, Storage, sidecar, sidecar::Sidecar};
+use super::{ChunkBuffer, Column, Particles, Positions, Storage, sidecar, sidecar::Sidecar};
 use crate::{Error, Remedy, Result};
 use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
@@ -191,10 +191,4 @@ fn keep_valid(particles: &Particles, count: usize, storage: &Storage) -> Result<
     }
     let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
     Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), layers))
-}
-
-/// Metadata of a file that says nothing but its name.
-pub(super) fn named(path: &Path) -> SnapshotMeta {
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned());
-    SnapshotMeta { name: name.unwrap_or_else(|| "snapshot".into()), ..SnapshotMeta::default() }
 }

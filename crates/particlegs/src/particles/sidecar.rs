@@ -1,6 +1,7 @@
 //! meta.json beside raw data: box, units, cosmology, layers.
 
-use super::{SnapshotMeta, open::named};
+use super::SnapshotMeta;
+use super::meta::{listed, named};
 use crate::model::{Cosmology, Dimension, Epoch, Layer, Mass, Unit, Units};
 use crate::space::Cell;
 use crate::{Error, Result};
@@ -120,11 +121,6 @@ pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
         return Err(Error::input(file, "`origin` must be finite"));
     }
     Ok(Sidecar { meta, origin, layers: layers(form.layers.unwrap_or_default(), file)? })
-}
-
-/// Numbers as people write them: `1, 2, 3`.
-pub(super) fn listed(numbers: &[f64]) -> String {
-    numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
 }
 
 fn periodic(said: Option<PeriodicAxes>) -> [bool; 3] {

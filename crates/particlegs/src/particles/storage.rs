@@ -1,6 +1,7 @@
 //! A snapshot opened whole: columns or triples, owned or mapped.
 
-use super::{Chunk, ChunkBuffer, SnapshotMeta};
+use super::SnapshotMeta;
+use super::chunk::{Chunk, ChunkBuffer, RUN};
 use crate::model::{Columns, Layer, MASS};
 use crate::parallel;
 use crate::space::Bounds;
@@ -104,7 +105,7 @@ pub struct Particles {
 }
 
 /// Particles in one step of parallel work; fixed, so that sums do not depend on threads.
-pub(crate) const CHUNK: usize = super::RUN;
+pub(crate) const CHUNK: usize = RUN;
 
 impl Particles {
     /// Particles of one layer without weights.

@@ -1,7 +1,7 @@
 //! A run of particles from its Gaussians.
 
-use super::Method;
 use super::normals::Draws;
+use super::options::Method;
 use super::plan::{LayerPlan, RecoveryPlan};
 use super::spaced::Cascade;
 use super::stratified::stratify;

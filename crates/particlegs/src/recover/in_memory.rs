@@ -1,9 +1,8 @@
 //! Particles drawn into memory, to be measured.
 
 use super::draw::{DrawRules, DrawScratch};
-use super::job::{meta_of, origin_of};
-use super::plan::RecoveryPlan;
-use super::{Method, Options};
+use super::options::{Method, Options};
+use super::plan::{RecoveryPlan, meta_of, moved, origin_of};
 use crate::model::{Mass, Model};
 use crate::particles::{Column, Particles, Positions, Run, SnapshotMeta};
 use crate::progress::Progress;
@@ -86,21 +85,6 @@ fn columns(
     }
     progress.end();
     Ok(columns)
-}
-
-/// The model about another origin.
-pub(super) fn moved(mut moved: Model, origin: [f64; 3]) -> Model {
-    for k in 0..3 {
-        for block in moved.layers.iter_mut().flat_map(|l| &mut l.content) {
-            block.gaussians.mean[k].iter_mut().for_each(|x| *x -= origin[k]);
-        }
-        let m = &mut moved.metadata;
-        (m.bounds.min[k], m.bounds.max[k]) = (m.bounds.min[k] - origin[k], m.bounds.max[k] - origin[k]);
-        if let Some(cell) = &mut m.cell {
-            cell.origin[k] -= origin[k];
-        }
-    }
-    moved
 }
 
 #[cfg(test)]

@@ -1,49 +1,18 @@
 //! From a model to files of particles, run by run.
 
-use super::Method;
 use super::draw::{DrawRules, DrawScratch};
-use super::in_memory::moved;
 use super::notes::notes;
-use super::plan::RecoveryPlan;
-use crate::model::{Layer, Metadata, Model};
-use crate::particles::{Particles, RUN, RawForm, Run, SnapshotDescription, SnapshotMeta, SnapshotWriter};
+use super::options::Options;
+use super::plan::{RecoveryPlan, meta_of, moved, origin_of};
+use crate::model::Model;
+use crate::particles::{RUN, RawForm, Run, SnapshotDescription, SnapshotWriter};
 use crate::progress::Progress;
 use crate::{Error, Result, parallel};
 use particlegs_files::input::{Begins, Form, read_own};
 use particlegs_files::memory::require;
-use std::ops::Range;
 use std::path::Path;
 
-/// How to draw.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Options {
-    /// Particles (`None`: as many as the model stands for).
-    pub particles: Option<u64>,
-    /// How they are placed.
-    pub method: Method,
-    /// Factor on the Gaussians' standard deviations (the published variants: 1.2 to 3).
-    pub scale: f64,
-    /// Seed of the draws.
-    pub seed: u64,
-    /// Columns, or triples.
-    pub form: RawForm,
-    /// The model file's name, for meta.json.
-    pub model_name: String,
-}
-
 impl Options {
-    pub(super) fn check(&self) -> Result<()> {
-        if self.scale > 0.0 && self.scale.is_finite() {
-            return Ok(());
-        }
-        Err(Error::argument(format!("a scale of {} is not positive", self.scale)))
-    }
-
-    /// Number of particles that are drawn from `model`.
-    pub fn total(&self, model: &Model) -> u64 {
-        self.particles.unwrap_or_else(|| model.layers.iter().map(|l| l.count()).sum())
-    }
-
     /// What particles drawn from `model` by these options are: the keys that meta.json has beside box and units.
     pub fn notes(&self, model: &Model, model_hash: [u8; 32]) -> serde_json::Value {
         notes(&model.metadata, model.certificate.as_ref(), model_hash, self, self.total(model)).into()
@@ -132,26 +101,6 @@ pub fn recover(
     Ok(bytes)
 }
 
-/// What the particles of a model are written about: 0 unless float32 would not hold their places there.
-pub(super) fn origin_of(metadata: &Metadata) -> [f64; 3] {
-    metadata.bounds.float32_origin(metadata.default_radius)
-}
-
-/// What is known about particles drawn from a model, in these layers.
-pub(super) fn meta_of(metadata: &Metadata, layers: &[Layer<Range<u64>>]) -> SnapshotMeta {
-    let one = layers.len() == 1 && layers[0].name == Particles::ONE_LAYER;
-    SnapshotMeta {
-        name: format!("{} (synthetic)", metadata.source),
-        cell: metadata.cell,
-        units: metadata.units.clone(),
-        particle_mass: layers[0].mass.unit().filter(|_| one),
-        weight_name: metadata.weight_name().map(str::to_string),
-        cosmology: metadata.cosmology,
-        epoch: metadata.epoch,
-        fields: Vec::new(),
-    }
-}
-
 /// Bytes before the triples of a positions.npy.
 const NPY_HEADER: u64 = 128;
 /// What lies beside recovered particles.
@@ -164,6 +113,7 @@ const BYTES_A_DRAW: usize = 8 * 7 + 4 * 7;
 
 #[cfg(test)]
 mod tests {
+    use super::super::options::Method;
     use super::super::plan::tests::model;
     use super::*;
     use crate::model::Mass;

@@ -1,6 +1,6 @@
 //! What meta.json says about recovered particles.
 
-use super::Options;
+use super::options::Options;
 use crate::model::{Certificate, LawKind, Metadata, MetricGroup, hex};
 use serde_json::{Map, Value, json};
 

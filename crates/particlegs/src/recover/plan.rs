@@ -1,10 +1,10 @@
 //! Which particles belong to which Gaussian.
 
-use super::Method;
+use super::options::Method;
 use crate::codec::whole_counts;
 use crate::math::Sym3;
-use crate::model::{Block, Layer, Mass, Mixture, Model};
-use crate::particles::RUN;
+use crate::model::{Block, Layer, Mass, Metadata, Mixture, Model};
+use crate::particles::{Particles, RUN, SnapshotMeta};
 use crate::{Error, Result};
 use std::ops::Range;
 
@@ -159,6 +159,41 @@ fn numbers(block: &Block) -> Vec<f64> {
 /// Volume of an ellipsoid of one standard deviation, but for 4 pi / 3.
 fn volume(cov: &Sym3) -> f64 {
     cov.det().max(0.0).sqrt()
+}
+
+/// The model about another origin.
+pub(super) fn moved(mut moved: Model, origin: [f64; 3]) -> Model {
+    for k in 0..3 {
+        for block in moved.layers.iter_mut().flat_map(|l| &mut l.content) {
+            block.gaussians.mean[k].iter_mut().for_each(|x| *x -= origin[k]);
+        }
+        let m = &mut moved.metadata;
+        (m.bounds.min[k], m.bounds.max[k]) = (m.bounds.min[k] - origin[k], m.bounds.max[k] - origin[k]);
+        if let Some(cell) = &mut m.cell {
+            cell.origin[k] -= origin[k];
+        }
+    }
+    moved
+}
+
+/// What the particles of a model are written about: 0 unless float32 would not hold their places there.
+pub(super) fn origin_of(metadata: &Metadata) -> [f64; 3] {
+    metadata.bounds.float32_origin(metadata.default_radius)
+}
+
+/// What is known about particles drawn from a model, in these layers.
+pub(super) fn meta_of(metadata: &Metadata, layers: &[Layer<Range<u64>>]) -> SnapshotMeta {
+    let one = layers.len() == 1 && layers[0].name == Particles::ONE_LAYER;
+    SnapshotMeta {
+        name: format!("{} (synthetic)", metadata.source),
+        cell: metadata.cell,
+        units: metadata.units.clone(),
+        particle_mass: layers[0].mass.unit().filter(|_| one),
+        weight_name: metadata.weight_name().map(str::to_string),
+        cosmology: metadata.cosmology,
+        epoch: metadata.epoch,
+        fields: Vec::new(),
+    }
 }
 
 #[cfg(test)]

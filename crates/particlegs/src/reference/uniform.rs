@@ -113,7 +113,7 @@ mod tests {
     /// Of a tilted cell every line of sight has the depth that its own even particles have.
     #[test]
     fn a_tilted_box_has_its_own_picture() {
-        use crate::stats::testing::{gas, tilted_cells};
+        use crate::testing::{gas, tilted_cells};
         let cell = tilted_cells()[0];
         let particles = gas(100_000, &cell, 3);
         let domain = Domain::drawn(&particles.bounds(), Some(&cell));

@@ -1,31 +1,27 @@
 //! The certificate: what a model's file says was measured after decoding it.
 
 use super::cells::cell_densities;
-use super::density::DensityAgreement;
+use super::density::{GRID, density_metrics};
 use super::evaluate::ModelComparison;
 use super::layers::layer_ratios;
-use super::matched::GroupTally;
+use super::match_groups::GroupTally;
 use super::pictures::{pictures, scores_of};
+use super::region::ParticlesWithModel;
 use super::science::{linking, mass_power, numbers_agree_from, science};
-use super::scope::ParticlesWithModel;
 use super::subset::RandomSubset;
+use super::views::{SIZE, view_metrics};
 use super::{MeasurementFrame, PartSums, certificate_views, check_radius, density_of};
 use crate::Result;
 use crate::model::{
-    Certificate, CertificateLevel, DensityMetrics, GROUP_CLASSES, GoalResult, GroupClass, Limit, Model, OrbitMetrics,
-    Pictures, SAMPLED_ABOVE, ScienceMetrics, Spacing, Subset, ViewMetrics,
+    Certificate, CertificateLevel, GROUP_CLASSES, GoalResult, GroupClass, Limit, Model, OrbitMetrics, Pictures,
+    SAMPLED_ABOVE, ScienceMetrics, Spacing, Subset, ViewMetrics,
 };
 use crate::particles::{Particles, check_box};
-use crate::picture::Size;
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::stats::{Domain, NeighbourOptions, nearest_distances};
 use particlegs_core::math::each_axis;
 
-/// Picture size of certificates.
-pub(super) const SIZE: Size = Size { width: 1920, height: 1080 };
-/// Cells of the density grid along the longest extent.
-pub(super) const GRID: u16 = 50;
 /// Particles whose nearest neighbour is sought.
 const NEIGHBOURS: usize = 20_000;
 /// Draws that groups are matched in.
@@ -124,21 +120,6 @@ impl CertificateInput<'_> {
             _ => None,
         };
         Ok((views, subset, pictures))
-    }
-}
-
-/// Of pictures of a certificate's size.
-pub(super) fn view_metrics(seed: u64, orbits: [OrbitMetrics; 3]) -> ViewMetrics {
-    ViewMetrics { width: SIZE.width as u16, height: SIZE.height as u16, seed, orbits }
-}
-
-/// Of a model's density and a uniform one.
-pub(super) fn density_metrics([model, uniform]: [DensityAgreement; 2]) -> DensityMetrics {
-    DensityMetrics {
-        cells: GRID,
-        correlation: model.correlation,
-        mean_absolute_error: model.mean_absolute_error,
-        uniform_mean_absolute_error: uniform.mean_absolute_error,
     }
 }
 

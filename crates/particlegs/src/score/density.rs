@@ -1,6 +1,6 @@
 //! Density on a grid: particles by nearest grid point, Gaussians integrated over the cells.
 
-use crate::model::{Mixture, Model};
+use crate::model::{DensityMetrics, Mixture, Model};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
@@ -8,6 +8,8 @@ use crate::stats::{DepositScratch, Domain, Grid, Slab};
 use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 
+/// Cells of the density grid along the longest extent.
+pub(super) const GRID: u16 = 50;
 /// Parallel parts of a sum, fixed so that results do not depend on threads.
 const PARTS: usize = 32;
 
@@ -143,6 +145,16 @@ pub fn density_agreement<T: Copy + Into<f64>>(truth: &[T], model: &[T]) -> Densi
     DensityAgreement { correlation, mean_absolute_error: if mt > 0.0 { error / (n * mt) } else { 0.0 } }
 }
 
+/// Of a model's density and a uniform one.
+pub(super) fn density_metrics([model, uniform]: [DensityAgreement; 2]) -> DensityMetrics {
+    DensityMetrics {
+        cells: GRID,
+        correlation: model.correlation,
+        mean_absolute_error: model.mean_absolute_error,
+        uniform_mean_absolute_error: uniform.mean_absolute_error,
+    }
+}
+
 /// The agreement of a model with its snapshot, and that of a uniform density, on a grid of `longest`
 /// cells along the longest extent, over the snapshot's periodic box where it has one.
 pub fn density_of(
@@ -185,8 +197,8 @@ mod tests {
     /// Cells of a tilted box hold alike what a gas has, and points as Gaussians are points.
     #[test]
     fn tilted_boxes_have_no_empty_corners() {
-        for cell in crate::stats::testing::tilted_cells() {
-            let p = crate::stats::testing::gas(40_000, &cell, 7);
+        for cell in crate::testing::tilted_cells() {
+            let p = crate::testing::gas(40_000, &cell, 7);
             let grid = DensityGrid::new(&p.bounds(), p.meta.cell.as_ref(), 6);
             let held = grid.of_particles(&p, &Silent).unwrap();
             let mean = 40_000.0 / held.len() as f64;

@@ -1,7 +1,7 @@
 //! Held-out views with the truth at hand: how candidates are ranked while a model is made.
 
 use super::evaluate::clipped;
-use super::mean;
+use super::scores::mean;
 use crate::Result;
 use crate::camera::View;
 use crate::particles::Particles;

@@ -133,7 +133,7 @@ mod tests {
     use crate::particles::Column;
     use crate::progress::Silent;
     use crate::space::Cell;
-    use crate::stats::testing::model_of;
+    use crate::testing::model_of;
 
     const LENGTH: f64 = 8.0;
     const EACH: usize = 60_000;

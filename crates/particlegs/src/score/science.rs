@@ -3,7 +3,7 @@
 //! What is measured follows from the number of particles and the level alone, so that the same input gives the
 //! same file on every machine, and takes less than 500 MB beside the snapshot.
 
-use super::matched::GroupFinder;
+use super::match_groups::GroupFinder;
 use crate::model::{
     GROUP_CLASSES, Limit, MassPower, Model, POWER_LAYERS, PowerAgreement, SAMPLED_ABOVE, ScienceMetrics, ScienceSubject,
 };

@@ -1,6 +1,5 @@
 //! The numbers of an evaluation, in the form that `--json` writes.
 
-use super::mean;
 use crate::picture::Scores;
 use serde::{Serialize, Serializer};
 
@@ -40,6 +39,12 @@ pub(super) fn gap(noise_free: Scores, model: Scores) -> Scores {
 /// A gap is written without its SSIM.
 fn decibels_alone<S: Serializer>(gap: &Scores, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map([("psnr", gap.psnr), ("masked_psnr", gap.masked_psnr)])
+}
+
+/// The mean of the values there are, in order; `None` where there is none.
+pub(super) fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    let (sum, count) = values.flatten().fold((0.0, 0u32), |(sum, count), v| (sum + v, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
 }
 
 fn mean_scores(all: impl Iterator<Item = Scores> + Clone) -> Scores {

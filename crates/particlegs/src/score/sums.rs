@@ -5,10 +5,10 @@
 //! little-endian, of a fixed order and independent of threads; rows of zeros are left out.
 
 use super::cells::finest;
-use super::density::DensityGrid;
+use super::density::{DensityGrid, GRID};
 use super::evaluate::clipped;
 use super::science::spectrum_options;
-use super::{certificate_views, certify};
+use super::views::{SIZE, certificate_views};
 use crate::Result;
 use crate::camera::View;
 use crate::model::{Metadata, Model};
@@ -73,12 +73,12 @@ impl MeasurementFrame {
     /// The frame of a snapshot of this metadata, in views that `seed` turns.
     pub fn of(metadata: &Metadata, seed: u64) -> MeasurementFrame {
         let domain = Domain::new(&metadata.bounds, metadata.cell.as_ref());
-        let views = certificate_views(metadata, certify::SIZE, seed);
+        let views = certificate_views(metadata, SIZE, seed);
         let count = metadata.count as usize;
         MeasurementFrame {
             domain,
             views: views.iter().map(|v| clipped(v, &metadata.bounds)).collect(),
-            density: DensityGrid::new(&metadata.bounds, metadata.cell.as_ref(), certify::GRID),
+            density: DensityGrid::new(&metadata.bounds, metadata.cell.as_ref(), GRID),
             cells: finest(&domain, count),
             // Parts do not know how many Gaussians there are of all.
             spectrum: SpectrumOptions { assignment: Assignment::Cic, ..spectrum_options(&domain, count) },
@@ -98,7 +98,7 @@ impl MeasurementFrame {
             SumsSection::Density(_) => of(self.density.grid()),
             SumsSection::Cells(_) => self.cells.as_ref().map_or([0, 1], of),
             SumsSection::Spectrum(..) => of(&self.spectrum_grid()),
-            SumsSection::View(..) => [certify::SIZE.pixels(), certify::SIZE.width],
+            SumsSection::View(..) => [SIZE.pixels(), SIZE.width],
         }
     }
 
@@ -181,7 +181,7 @@ impl PartWithModel<'_> {
     }
 
     fn optical_depth(&self, side: usize, view: &View) -> Result<Vec<f32>> {
-        let size = certify::SIZE;
+        let size = SIZE;
         if side == 1 {
             return Ok(render::optical_depth(&Scene::of(self.model), view, size, self.progress)?.data);
         }

@@ -388,7 +388,7 @@ mod tests {
     use super::super::testing::certificate;
     use super::*;
     use crate::model::{CrossValidation, DensityMetrics, LookSummary, Pictures, ScienceMetrics, Spacing, Transfer};
-    use crate::stats::testing::model_of;
+    use crate::testing::model_of;
 
     fn boxed() -> Metadata {
         model_of(&[], [50.0; 3]).metadata

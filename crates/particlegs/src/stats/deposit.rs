@@ -3,7 +3,8 @@
 //! Every task owns a run of planes and adds to them alone, in the order of the particles: no
 //! atomics, no copies of the grid, and the same bits whatever the threads.
 
-use super::gaussian::{DepositScratch, Slab};
+use super::gaussian::DepositScratch;
+use super::slab::Slab;
 use super::{Assignment, Grid, Subject};
 use crate::model::Mixture;
 use crate::particles::{ChunkBuffer, Particles, RUN};

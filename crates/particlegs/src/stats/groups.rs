@@ -379,7 +379,7 @@ mod tests {
     use crate::math::Random;
     use crate::progress::Silent;
     use crate::stats::local_positions;
-    use crate::stats::testing::{gas, tilted_cells};
+    use crate::testing::{gas, tilted_cells};
 
     /// The plain twin: every pair.
     fn plain(x: &[[f64; 3]], domain: &Domain, length: f64, smallest: usize) -> Vec<Vec<u32>> {

@@ -271,7 +271,7 @@ mod tests {
     use crate::math::{Random, Sym3};
     use crate::progress::Silent;
     use crate::stats::local_positions;
-    use crate::stats::testing::model_of;
+    use crate::testing::model_of;
 
     const BOX: Domain = Domain::upright([5.0; 3], [10.0; 3], [true; 3]);
 

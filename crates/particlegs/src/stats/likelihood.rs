@@ -206,7 +206,7 @@ mod tests {
     use super::*;
     use crate::math::Random;
     use crate::progress::Silent;
-    use crate::stats::testing::model_of;
+    use crate::testing::model_of;
 
     const BOX: Domain = Domain::upright([0.0; 3], [1.0; 3], [true; 3]);
 

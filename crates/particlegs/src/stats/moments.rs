@@ -99,7 +99,7 @@ mod tests {
         assert_eq!((y.mean, y.deviation, y.skewness), (5.0, 0.0, 0.0));
         assert!((z.kurtosis - 1.0).abs() < 1e-12);
         let model =
-            crate::stats::testing::model_of(&[([3.0, 4.0, 5.0], Sym3([4.0, 0.0, 0.0, 1.0, 0.0, 0.25]), 7.0)], [9.0; 3]);
+            crate::testing::model_of(&[([3.0, 4.0, 5.0], Sym3([4.0, 0.0, 0.0, 1.0, 0.0, 0.25]), 7.0)], [9.0; 3]);
         let [x, _, z] = axis_moments(Subject::Model(&model));
         assert!((x.mean - 3.0).abs() < 1e-12 && (x.deviation - 2.0).abs() < 1e-12);
         assert!(x.skewness.abs() < 1e-12 && (z.kurtosis - 3.0).abs() < 1e-9);

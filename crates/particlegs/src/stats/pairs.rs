@@ -238,7 +238,7 @@ mod tests {
     use super::*;
     use crate::progress::Silent;
     use crate::stats::local_positions;
-    use crate::stats::testing::{gas, tilted_cells};
+    use crate::testing::{gas, tilted_cells};
 
     fn random(n: usize, length: [f64; 3], seed: u64) -> Vec<[f64; 3]> {
         (0..n)

@@ -179,7 +179,7 @@ mod tests {
     use crate::particles::SnapshotMeta;
     use crate::progress::Silent;
     use crate::splat::erf;
-    use crate::stats::testing::model_of;
+    use crate::testing::model_of;
 
     fn domain(periodic: bool) -> Domain {
         Domain::upright([0.0; 3], [2.0, 3.0, 10.0], [periodic; 3])

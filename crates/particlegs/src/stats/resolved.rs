@@ -6,7 +6,7 @@
 //! divided, and what the parts hold is added up.
 
 use super::Grid;
-use super::gaussian::Slab;
+use super::slab::Slab;
 use crate::math::Sym3;
 use particlegs_core::math::each_axis;
 use std::ops::Range;

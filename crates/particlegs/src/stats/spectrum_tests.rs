@@ -1,12 +1,12 @@
 //! Spectra of what is known: noise, a wave, a Gaussian.
 
 use super::spectrum::{SpectrumOptions, power_spectra, spectra, transform_pair};
-use super::testing::{gas, model_of, tilted_cells};
 use super::xi_transform::xi_of_modes;
 use super::{Assignment, Domain, Grid, Subject};
 use crate::math::{Random, Sym3};
 use crate::particles::Particles;
 use crate::progress::Silent;
+use crate::testing::{gas, model_of, tilted_cells};
 use std::f64::consts::PI;
 
 fn options(cells: usize, k_max: f64) -> SpectrumOptions {

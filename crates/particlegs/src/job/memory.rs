@@ -1,13 +1,14 @@
 //! What the tasks of a job take, for engines that want to know before they start them.
 
 use super::manifest::Job;
-use super::plan::BUCKETED;
 use crate::compress::MemoryLoad;
 use crate::model::CertificateLevel;
 use crate::particles::RUN;
 
 /// Copies of a block's particles that a task holds: as gathered, and the fit's.
 pub(super) const COPIES: u64 = 2;
+/// Bytes of a particle in a chunk while it is bucketed: as read, sorted, and its order.
+pub(super) const BUCKETED: u64 = 40;
 
 /// Fields of 256 x 256 x 256 cells, two and as f64, while the blocks' sums are added up.
 const ADDED_UP: u64 = 500 << 20;

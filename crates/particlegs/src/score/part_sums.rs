@@ -1,9 +1,9 @@
 //! A certificate of sums over parts: what was never in one process.
 
-use super::certify;
-use super::density::{DensityAgreement, density_agreement};
+use super::density::{DensityAgreement, density_agreement, density_metrics};
 use super::science::told;
 use super::sums::{MeasurementFrame, SumsSection, add_rows};
+use super::views::{SIZE, view_metrics};
 use crate::model::{
     CELL_SIZES, CellDensity, Certificate, OrbitMetrics, PictureScore, PictureScores, ScienceMetrics, ScienceSubject,
 };
@@ -33,8 +33,8 @@ impl PartSums<'_> {
         progress.begin("adding up the blocks' sums", 0);
         let orbits = [self.view(0, progress)?, self.view(1, progress)?, self.view(2, progress)?];
         let certificate = Certificate {
-            views: certify::view_metrics(self.seed, orbits),
-            density: certify::density_metrics(self.density(progress)?),
+            views: view_metrics(self.seed, orbits),
+            density: density_metrics(self.density(progress)?),
             densities: self.cells(progress)?,
             science: self.science(progress)?,
             blocks: Some(self.parts),
@@ -62,7 +62,7 @@ impl PartSums<'_> {
 
     /// The noise-free pictures alone: ParaView's own, in which splats hide each other, do not add up.
     fn view(&self, view: usize, progress: &dyn Progress) -> Result<OrbitMetrics> {
-        let (size, metadata) = (certify::SIZE, &self.frame.metadata);
+        let (size, metadata) = (SIZE, &self.frame.metadata);
         let (even, view_of) = (Domain::drawn(&metadata.bounds, metadata.cell.as_ref()), &self.frame.views[view]);
         let picture = |tau: &Plane| tone(tau, ToneStyle::Expected, view_of.opacity, view_of.radius_pixels(size));
         let side =
