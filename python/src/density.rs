@@ -52,7 +52,7 @@ pub fn at<'py>(
     refuse_without_masses(model, &vec![true; model.layers.len()])?;
     let points = arrays::points(points)?;
     let values = WorkOptions::quietly(threads)
-        .run(py, |progress| Domain::of_model(model).density_at(model, &points, progress))?;
+        .run(py, |progress| Domain::from_model(model).density_at(model, &points, progress))?;
     let array = ArrayD::from_shape_vec(IxDyn(&[values.len()]), values);
     Ok(array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py))
 }

@@ -75,7 +75,7 @@ impl JobSnapshot {
     pub fn source(&self, storage: &Storage, context: &Context) -> Result<(LayeredParticles, bool)> {
         match self.opening.open_later(&self.paths, self.subset(), context)? {
             Some(layered) => Ok((layered, true)),
-            None => Ok((LayeredParticles::of(&self.selected(storage, context)?), false)),
+            None => Ok((LayeredParticles::from_particles(&self.selected(storage, context)?), false)),
         }
     }
 

@@ -67,7 +67,7 @@ impl Density {
             return Err(Error::Argument { what, remedy: "choose layers that all have masses, or none".into() });
         }
         // Grids of files are upright: a tilted box lies open in its bounds.
-        let domain = Some(Domain::of_model(model)).filter(|d| !d.is_tilted());
+        let domain = Some(Domain::from_model(model)).filter(|d| !d.is_tilted());
         let domain = domain.unwrap_or_else(|| Domain::new(&model.metadata.bounds, None));
         let grid = cells.over(&domain)?;
         let subject = Subject::Model(model);

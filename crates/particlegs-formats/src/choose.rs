@@ -174,7 +174,7 @@ impl Choice {
             return Ok(None);
         }
         let mut source = match SpeciesData::of(paths, self, progress, false)? {
-            SpeciesData::InPlace(particles) => LayeredParticles::of(&particles),
+            SpeciesData::InPlace(particles) => LayeredParticles::from_particles(&particles),
             SpeciesData::Readers(layers, _) => layers,
         };
         say(&self.state(&mut source.meta)?, progress);

@@ -102,7 +102,7 @@ fn held_out(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes
     let seed = lab.settings.seed;
     let [fitted, left_out] = snapshot.halves(seed, lab.progress)?;
     let hash = format!("{} half {seed}", snapshot.hash);
-    let domain = Domain::of_particles(&snapshot.particles);
+    let domain = Domain::from_particles(&snapshot.particles);
     match method.keep(lab, &fitted, &hash, bytes, seed)?.content {
         FileContent::Particles(p, _) => Likelihood::kernel_bits(&p, &left_out, &domain, seed, lab.progress).map(Some),
         FileContent::Model(model) => {
@@ -118,6 +118,6 @@ pub fn all_particles_bits(lab: &Lab<'_>, snapshot: &Snapshot) -> Result<f64> {
     let seed = lab.settings.seed;
     lab.store.result("kernel-bits", &(&snapshot.hash, seed), || {
         let [fitted, left_out] = snapshot.halves(seed, lab.progress)?;
-        Likelihood::kernel_bits(&fitted, &left_out, &Domain::of_particles(&snapshot.particles), seed, lab.progress)
+        Likelihood::kernel_bits(&fitted, &left_out, &Domain::from_particles(&snapshot.particles), seed, lab.progress)
     })
 }

@@ -61,7 +61,7 @@ impl Snapshot {
 
     /// Mean spacing of the particles in their box, world units.
     pub fn spacing(&self) -> f64 {
-        particlegs::stats::Domain::of_particles(&self.particles).spacing(self.particles.len())
+        particlegs::stats::Domain::from_particles(&self.particles).spacing(self.particles.len())
     }
 }
 

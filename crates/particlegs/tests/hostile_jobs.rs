@@ -69,13 +69,13 @@ fn planned(folder: &Path) -> Job {
         ..Options::default()
     };
     let task = Task { options: &options, snapshot: "a cloud".into(), place: "here", replace: false, reopened: false };
-    Job::plan(LayeredParticles::of(&particles()), &task, folder, &Silent).unwrap()
+    Job::plan(LayeredParticles::from_particles(&particles()), &task, folder, &Silent).unwrap()
 }
 
 /// A whole job to be altered: planned, one of two blocks done.
 fn prepared(folder: &Path) {
     let job = planned(folder);
-    job.block(0, || Ok(LayeredParticles::of(&particles())), &Silent).unwrap();
+    job.block(0, || Ok(LayeredParticles::from_particles(&particles())), &Silent).unwrap();
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -103,7 +103,7 @@ fn steps(folder: &Path, what: &str) -> Vec<String> {
     let began = Instant::now();
     let until = Watchdog(began);
     LARGEST.store(0, Relaxed);
-    let source = || Ok(LayeredParticles::of(&particles()));
+    let source = || Ok(LayeredParticles::from_particles(&particles()));
     let run = || -> Vec<String> {
         let mut errors = Vec::new();
         let mut note = |result: particlegs::Result<()>| errors.extend(result.err().map(|e| e.to_string()));

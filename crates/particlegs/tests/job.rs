@@ -41,7 +41,7 @@ fn planned(folder: &Path) -> Job {
         ..Options::default()
     };
     let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
-    Job::plan(LayeredParticles::of(&sample()), &task, folder, &Silent).unwrap()
+    Job::plan(LayeredParticles::from_particles(&sample()), &task, folder, &Silent).unwrap()
 }
 
 /// A sound block with a right report is refused where it is another block's.
@@ -185,7 +185,7 @@ fn measured(folder: &Path, order: [u32; 3]) -> Job {
         ..Options::default()
     };
     let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
-    let job = Job::plan(LayeredParticles::of(&sample()), &task, folder, &Silent).unwrap();
+    let job = Job::plan(LayeredParticles::from_particles(&sample()), &task, folder, &Silent).unwrap();
     for block in order {
         job.block(block, || panic!("buckets are enough"), &Silent).unwrap();
     }

@@ -49,9 +49,8 @@ pub fn divide(
         Ok::<_, crate::Error>(())
     })?;
     let blocks = columns.into_iter().enumerate().map(|(b, columns)| {
-        let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
         let kinds = kinds(layers, runs.iter().map(|r| r.0).zip(counts.iter().map(|c| c[b] as usize)));
-        Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), kinds))
+        Particles::from_buffers(columns, particles.origin, particles.meta.clone(), kinds)
     });
     blocks.collect()
 }
@@ -112,7 +111,7 @@ mod tests {
             .with_layers(vec![layer("a", 0..70_000), layer("b", 70_000..n as usize)]);
         let folder = tempfile::tempdir().unwrap();
         for storage in [Storage::Memory, Storage::Disk(folder.path().into())] {
-            let scan = SnapshotScan::new(&LayeredParticles::of(&p), "here", true, &Silent).unwrap();
+            let scan = SnapshotScan::new(&LayeredParticles::from_particles(&p), "here", true, &Silent).unwrap();
             let blocks = divide(&p, &KdTree::new(&scan.sample, 3).unwrap(), &storage, &Silent).unwrap();
             assert_eq!(blocks.iter().map(Particles::len).sum::<usize>(), p.len());
             let mut seen: Vec<f32> = blocks.iter().flat_map(|b| b.weights().cloned().unwrap().to_vec()).collect();

@@ -63,7 +63,7 @@ impl SnapshotScan {
             let runs: Vec<Mutex<RunContent>> = (0..layer.runs()).map(|_| Mutex::default()).collect();
             layer.read(source.origin, 0..layer.runs(), progress, &|run, chunk| {
                 let first = start + run * RUN as u64;
-                let content = RunContent::of(&chunk, source, first, every);
+                let content = RunContent::new(&chunk, source, first, every);
                 *runs[run as usize].lock().unwrap_or_else(|e| e.into_inner()) = content;
                 Ok(())
             })?;
@@ -126,7 +126,7 @@ impl RunScan {
 }
 
 impl RunContent {
-    fn of(chunk: &Chunk<'_>, source: &LayeredParticles, first: u64, every: u64) -> Self {
+    fn new(chunk: &Chunk<'_>, source: &LayeredParticles, first: u64, every: u64) -> Self {
         let end = |f: fn(f32, f32) -> f32, from: f32| chunk.position.map(|c| c.iter().fold(from, |a, &v| f(a, v)));
         let (min, max) = (end(f32::min, f32::INFINITY), end(f32::max, f32::NEG_INFINITY));
         let one = chunk.weight.and_then(|w| w.first().copied().filter(|f| w.iter().all(|v| v == f)));
@@ -170,7 +170,7 @@ mod tests {
     fn tells_what_the_particles_in_memory_tell() {
         for same in [false, true] {
             let p = snapshot(|i| if same && i >= 70_000 { 2.0 } else { 1.0 + i as f32 });
-            let mut source = LayeredParticles::of(&p);
+            let mut source = LayeredParticles::from_particles(&p);
             let mut scan = SnapshotScan::new(&source, "here", true, &Silent).unwrap();
             assert_eq!(scan.hash(source.origin), p.source_hash());
             scan.settle(&mut source);
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn invalid_values_are_named() {
         let p = snapshot(|i| if i == 140_000 { -1.0 } else { 1.0 + i as f32 });
-        let error = SnapshotScan::new(&LayeredParticles::of(&p), "here", false, &Silent).err().unwrap();
+        let error = SnapshotScan::new(&LayeredParticles::from_particles(&p), "here", false, &Silent).err().unwrap();
         assert!(
             error
                 .to_string()

@@ -40,16 +40,16 @@ pub(crate) struct CodedBlock {
 
 impl BlockParticles {
     /// The layers of some particles. Weights are not kept by a law whose Gaussians have opacities.
-    pub fn of(particles: &Particles, law: LawKind) -> Self {
+    pub fn new(particles: &Particles, law: LawKind) -> Self {
         let bounds: Vec<Bounds> = particles.layers().iter().map(|l| particles.of_layer(l).bounds()).collect();
-        BlockParticles::of_bounds(particles, law, &bounds)
+        BlockParticles::with_bounds(particles, law, &bounds)
     }
 
-    /// [`BlockParticles::of`] where the bounds of the layers are known.
-    pub fn of_bounds(particles: &Particles, law: LawKind, bounds: &[Bounds]) -> Self {
+    /// [`BlockParticles::new`] where the bounds of the layers are known.
+    pub fn with_bounds(particles: &Particles, law: LawKind, bounds: &[Bounds]) -> Self {
         let kept = |mass: Mass| if law == LawKind::OpticalDepth { mass } else { mass.without_weights() };
         let layer = |(l, bounds): (&Layer<_>, &Bounds)| {
-            LayerParticles::of(particles, &Layer { mass: kept(l.mass), ..l.clone() }, *bounds)
+            LayerParticles::new(particles, &Layer { mass: kept(l.mass), ..l.clone() }, *bounds)
         };
         let mut layers: Vec<LayerParticles> = particles.layers().iter().zip(bounds).map(layer).collect();
         layers.sort_by(|a, b| (a.raw_bytes, &a.layer.name).cmp(&(b.raw_bytes, &b.layer.name)));

@@ -67,7 +67,7 @@ pub(crate) struct DecodedFile {
 
 impl DecodedFile {
     /// Decodes what `file` gives for a certificate, at first none; measures it, and puts it together again.
-    pub fn of(
+    pub fn new(
         file: impl Fn(Option<&Certificate>) -> Result<Vec<u8>>,
         measure: Option<CertificateInput<'_>>,
         progress: &dyn Progress,

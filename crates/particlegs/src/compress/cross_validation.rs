@@ -20,7 +20,7 @@ pub(super) fn held_out(
     progress: &dyn Progress,
 ) -> Result<Option<CrossValidation>> {
     let Some(effort) = model.metadata.recipe.fitted() else { return Ok(None) };
-    match ParticlesWithModel::of(model, particles, seed, SAMPLED_ABOVE, progress)? {
+    match ParticlesWithModel::new(model, particles, seed, SAMPLED_ABOVE, progress)? {
         Some(scope) if scope.particles.len() >= LEAST => of_scope(&scope, effort, seed, progress).map(Some),
         _ => Ok(None),
     }

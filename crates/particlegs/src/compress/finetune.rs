@@ -74,7 +74,7 @@ pub fn finetune(
     pieces: &mut dyn CheckpointStore,
     progress: &dyn Progress,
 ) -> Result<CompressedModel> {
-    let file = NewFile::of(model, model_bytes, options)?;
+    let file = NewFile::new(model, model_bytes, options)?;
     let count = particles.len() as u64;
     if count != model.metadata.count {
         let what = format!("the model was made from {} particles, the snapshot has {count}", model.metadata.count);
@@ -109,7 +109,7 @@ pub fn finetune(
         reached: None,
     });
     let assembled = |certificate: Option<&Certificate>| file.assemble(&coded, network.as_deref(), certificate);
-    let done = DecodedFile::of(assembled, measure, progress)?;
+    let done = DecodedFile::new(assembled, measure, progress)?;
     clock.append(done.clock);
     Ok(CompressedModel {
         bytes: done.bytes,
@@ -140,7 +140,7 @@ struct NewFile {
 }
 
 impl NewFile {
-    fn of(model: &Model, model_bytes: u64, options: &FineTuning) -> Result<Self> {
+    fn new(model: &Model, model_bytes: u64, options: &FineTuning) -> Result<Self> {
         let law = model.metadata.law;
         if law != LawKind::AlphaBlend {
             let what = format!("a model of the {} law cannot be fine-tuned: its blocks add up as they are", law.name());

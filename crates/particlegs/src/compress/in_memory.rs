@@ -27,10 +27,10 @@ impl InMemoryBlocks {
     ) -> Result<Self> {
         let law = options.law();
         let blocks: Vec<BlockParticles> = match tree.blocks() {
-            1 => vec![BlockParticles::of_bounds(particles, law, layer_bounds)],
+            1 => vec![BlockParticles::with_bounds(particles, law, layer_bounds)],
             _ => divide(particles, tree, &options.storage, progress)?
                 .iter()
-                .map(|p| BlockParticles::of(p, law))
+                .map(|p| BlockParticles::new(p, law))
                 .collect(),
         };
         let coded = blocks.iter().map(|_| None).collect();

@@ -27,7 +27,7 @@ pub(crate) struct LayerParticles {
 
 impl LayerParticles {
     /// A layer of some particles, and its bounds.
-    pub fn of(particles: &Particles, layer: &Layer<Range<usize>>, bounds: Bounds) -> Self {
+    pub fn new(particles: &Particles, layer: &Layer<Range<usize>>, bounds: Bounds) -> Self {
         let own = particles.of_layer(layer);
         LayerParticles { bounds, mass: own.total_mass(), raw_bytes: own.raw_bytes(), layer: layer.with(own) }
     }
@@ -220,7 +220,7 @@ impl LayerTask<'_> {
         mut gaussians: Mixture,
         code: impl Fn(&Encoder) -> Result<CodedGaussians>,
     ) -> Result<CodedGaussians> {
-        let thickness = Thickness::of(self.layer.particles(), &self.layer.bounds);
+        let thickness = Thickness::new(self.layer.particles(), &self.layer.bounds);
         let Some(thickness) = thickness.filter(|_| self.context.plan.training.is_none()) else {
             return code(&self.encoder(gaussians)?);
         };

@@ -87,7 +87,7 @@ impl<'a> Compression<'a> {
             output::check_space_in(folder, particles.raw_bytes())?;
         }
         let mut clock = Clock::default();
-        let source = LayeredParticles::of(particles);
+        let source = LayeredParticles::from_particles(particles);
         let scan = clock.time("read", || SnapshotScan::new(&source, &particles.meta.name, blocks != 1, progress))?;
         let plan = clock.time("divide", || CompressionPlan::new(options, &source, &scan, blocks, progress))?;
         let layer_bounds = scan.layer_bounds(&source);
@@ -143,12 +143,12 @@ impl<'a> Compression<'a> {
         let measured = level.measures() && !stopped;
         let measure =
             measured.then_some(CertificateInput { particles, seed: plan.recipe().seed, level, memory, reached });
-        let done = DecodedFile::of(|certificate| plan.file(&blocks, certificate), measure, progress)?;
+        let done = DecodedFile::new(|certificate| plan.file(&blocks, certificate), measure, progress)?;
         clock.append(done.clock);
         let step_factor = blocks.iter().map(|b| b.step_factor).sum::<f64>() / blocks.len().max(1) as f64;
         let (raw_bytes, seconds) = (plan.raw_bytes(), clock.seconds());
         let DecodedFile { bytes, model, .. } = done;
-        let thick = Thickness::of(particles, &plan.metadata.bounds).and_then(|t| t.note(&model));
+        let thick = Thickness::new(particles, &plan.metadata.bounds).and_then(|t| t.note(&model));
         let notes = plan.notes.iter().cloned().chain(met).chain(thick).collect();
         Ok(CompressedModel { bytes, model, raw_bytes, reached, step_factor, trained, stopped, notes, seconds })
     }

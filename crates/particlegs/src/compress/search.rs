@@ -35,7 +35,7 @@ struct SearchScale {
 }
 
 impl SearchScale {
-    fn of(kind: GoalKind, particles: u64) -> SearchScale {
+    fn new(kind: GoalKind, particles: u64) -> SearchScale {
         match kind {
             GoalKind::Psnr => {
                 SearchScale { a_doubling: 0.85, close: 0.05, steps: [0.0, 3.0], apart: 0.1, most: particles }
@@ -74,7 +74,7 @@ pub(super) fn reach(
     progress: &dyn Progress,
 ) -> Result<(Vec<CodedBlock>, GoalResult)> {
     let goal = gauge.goal;
-    let scale = SearchScale::of(goal.kind, plan.metadata.count);
+    let scale = SearchScale::new(goal.kind, plan.metadata.count);
     let start = plan.raw_bytes() as f64 / DEFAULT_RATIO / bytes_a_gaussian(plan.recipe().effort);
     // A fit may find room for fewer Gaussians than it is asked for.
     let (mut kept, mut made) = (None, Vec::new());
@@ -164,7 +164,7 @@ mod tests {
     /// Searches a figure that is a function of the number, from 1000 on; numbers tried, and those that met it.
     fn searched(goal: Goal, particles: u64, figure: impl Fn(f64) -> f64) -> (Vec<f64>, Vec<f64>, SearchTrial) {
         let (mut tried, mut met) = (Vec::new(), Vec::new());
-        let best = search(&goal, &SearchScale::of(goal.kind, particles), 1000.0, &mut |number| {
+        let best = search(&goal, &SearchScale::new(goal.kind, particles), 1000.0, &mut |number| {
             tried.push(number);
             let reached = GoalResult { goal, reached: figure(number) };
             if goal.is_met(reached.reached) {

@@ -15,7 +15,7 @@ impl Thickness {
     pub const TRIALS: usize = 5;
 
     /// Of particles in flat bounds.
-    pub fn of(particles: &Particles, bounds: &Bounds) -> Option<Thickness> {
+    pub fn new(particles: &Particles, bounds: &Bounds) -> Option<Thickness> {
         let axis = bounds.thin_axis()?;
         let pivot = bounds.center()[axis] - particles.origin[axis];
         let parts = particles.par_chunks(|_, chunk| {
@@ -73,7 +73,7 @@ mod tests {
         let particles = Particles::from_columns(x, y, z);
         let options = Options { certificate: CertificateLevel::None, ..Options::default() };
         let made = compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap();
-        let thickness = Thickness::of(&particles, &particles.bounds()).unwrap();
+        let thickness = Thickness::new(&particles, &particles.bounds()).unwrap();
         assert_eq!(thickness.axis, axis);
         let gaussians = made.model.layers[0].content.iter().map(|b| &b.gaussians).collect::<Vec<_>>();
         let ratio = (thickness.variances(&gaussians).iter().sum::<f64>() / thickness.variance).sqrt();

@@ -72,7 +72,8 @@ pub(crate) struct Regularisation {
 
 impl ParticleGroups {
     pub(crate) fn new(range: Vec<Range<usize>>, xyz: &[[f32; 3]]) -> Self {
-        let parts: Vec<Moments> = parallel::map_range(range.len(), |g| Moments::of(&xyz[range[g].clone()], None));
+        let parts: Vec<Moments> =
+            parallel::map_range(range.len(), |g| Moments::from_points(&xyz[range[g].clone()], None));
         let (mean, cov) = parts.into_iter().map(|m| (m.mean, m.cov)).unzip();
         ParticleGroups { range, mean, cov }
     }

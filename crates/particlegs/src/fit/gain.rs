@@ -52,7 +52,7 @@ pub(crate) fn picture_sigma(splat: f64, pixel: f64) -> f64 {
 
 impl Blur {
     /// Of a standard deviation.
-    pub fn of_sigma(sigma: f64) -> Blur {
+    pub fn from_sigma(sigma: f64) -> Blur {
         Blur { variance: sigma * sigma }
     }
 

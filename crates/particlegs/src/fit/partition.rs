@@ -78,11 +78,11 @@ pub(super) fn partition(
     }
     progress.check()?;
     let s = (picture_sigma(options.blur_radii * radius, options.pixel) * store.scale).clamp(1e-9, 1e9);
-    let grower = PartitionBuilder { blur: Blur::of_sigma(s), progress };
+    let grower = PartitionBuilder { blur: Blur::from_sigma(s), progress };
     let bounds = grower.grow(&mut store, gaussians)?;
     let cells: Vec<Range<usize>> = bounds.windows(2).map(|w| w[0]..w[1]).collect();
     let moments_of =
-        |c: &Range<usize>| Moments::of(&store.xyz[c.clone()], store.weight.as_ref().map(|w| &w[c.clone()]));
+        |c: &Range<usize>| Moments::from_points(&store.xyz[c.clone()], store.weight.as_ref().map(|w| &w[c.clone()]));
     let moments = parallel::map(&cells, moments_of);
     Ok(Partition { store, cells, moments })
 }

@@ -140,7 +140,7 @@ impl Refiner<'_> {
 
     fn shape(&self) -> Regularisation {
         let prior = Prior { thin: self.options.thin, ..Prior::REFINED };
-        let blur = Blur::of_sigma(picture_sigma(FOCUS_BLUR_RADII * self.radius, self.pixel));
+        let blur = Blur::from_sigma(picture_sigma(FOCUS_BLUR_RADII * self.radius, self.pixel));
         Regularisation { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur.variance, prior }
     }
 
@@ -201,7 +201,7 @@ impl Refiner<'_> {
     fn rounds(&self, cloud: GroupedParticles<'_>, gaussians: &mut RefinedGaussians) -> Result<Vec<Sym3>> {
         let options = self.options;
         let moves = |radii: f64| MoveOptions {
-            blur: Blur::of_sigma(picture_sigma(radii * self.radius, self.pixel)),
+            blur: Blur::from_sigma(picture_sigma(radii * self.radius, self.pixel)),
             shape: self.shape(),
             likelihood: LIKELIHOOD,
             ratio: 1.2,

@@ -58,13 +58,13 @@ pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, progress: &dyn Pro
         )));
     }
     require("simplifying", mixture.len() as u64 * BYTES_A_GAUSSIAN)?;
-    let frame = WorkUnits::of(mixture);
+    let frame = WorkUnits::from_mixture(mixture);
     let old = frame.items(mixture);
     if old.len() <= options.gaussians {
         return Ok(frame.mixture(&old, mixture.masses().is_some()));
     }
     let radius = options.radius / frame.unit;
-    let blur = Blur::of_sigma(picture_sigma(BLUR_RADII * radius, options.pixel / frame.unit));
+    let blur = Blur::from_sigma(picture_sigma(BLUR_RADII * radius, options.pixel / frame.unit));
     let measure = OverlapMeasure { blur, floor: (FLOOR_RADII * radius).powi(2) };
     let (mut new, mut homes) = merged(&old, options.gaussians, measure, progress)?;
     let neighbours = OverlapNeighbours::find(&new, measure, REACH, progress)?;
@@ -108,7 +108,7 @@ struct WorkUnits {
 }
 
 impl WorkUnits {
-    fn of(mixture: &Mixture) -> WorkUnits {
+    fn from_mixture(mixture: &Mixture) -> WorkUnits {
         let mut bounds = Bounds::empty();
         (0..mixture.len()).for_each(|i| bounds.include(mixture.mean_of(i)));
         let widest = bounds.extent().into_iter().fold(0.0, f64::max);
@@ -252,11 +252,11 @@ fn merged(
             searched = items.len();
             continue;
         }
-        let mut round = Round::of(items.len(), &merges, wanted);
+        let mut round = Round::new(items.len(), &merges, wanted);
         if round.is_poor(wanted) {
             // Where thousands overlap, a few heavy ones are the nearest of all and merge one at a time.
             let beside = OverlapNeighbours::beside(&items, measure);
-            round = Round::of(items.len(), &cheapest(&items, &beside, measure), wanted);
+            round = Round::new(items.len(), &cheapest(&items, &beside, measure), wanted);
         }
         progress.advance((items.len() - round.kept.len()) as u64);
         neighbours = neighbours.after(&round);
@@ -279,7 +279,7 @@ impl Round {
     }
 
     /// The cheapest disjoint pairs, until `wanted` are left or a round's share is used up.
-    fn of(count: usize, merges: &[MergeCandidate], wanted: usize) -> Round {
+    fn new(count: usize, merges: &[MergeCandidate], wanted: usize) -> Round {
         let most = (count - wanted).min((count as f64 * SHARE) as usize).max(1);
         let mut partner = vec![None; count];
         let mut into: Vec<Option<u32>> = vec![None; count];
@@ -343,7 +343,7 @@ fn regrouped(
     neighbours: &OverlapNeighbours,
     measure: OverlapMeasure,
 ) -> Vec<MergeGaussian> {
-    let fields = parallel::map(new, |item| MergeDensity::of(item, measure));
+    let fields = parallel::map(new, |item| MergeDensity::new(item, measure));
     parallel::for_each(homes.iter_mut().zip(old), |(home, item)| {
         let cov = item.blob.cov.add(&Sym3::scaled_identity(measure.floor));
         let cost = |n: u32| fields[n as usize].as_ref().map_or(f64::INFINITY, |f| f.cost(item.blob.mean, &cov));
@@ -368,7 +368,7 @@ struct MergeDensity {
 }
 
 impl MergeDensity {
-    fn of(item: &MergeGaussian, measure: OverlapMeasure) -> Option<MergeDensity> {
+    fn new(item: &MergeGaussian, measure: OverlapMeasure) -> Option<MergeDensity> {
         let cov = item.blob.cov.add(&Sym3::scaled_identity(measure.floor));
         let inverse = cov.inverse().filter(|_| item.blob.count > 0.0)?;
         Some(MergeDensity { mean: item.blob.mean, inverse, constant: cov.det().ln() - 2.0 * item.blob.count.ln() })

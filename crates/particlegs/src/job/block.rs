@@ -126,7 +126,7 @@ impl<F: FnOnce() -> Result<LayeredParticles>> BlockStore for JobFolder<'_, F> {
         if particles.is_empty() {
             return Err(Error::input(&self.job.folder, format!("block {block} holds no particles")));
         }
-        let own = BlockParticles::of(&particles, self.job.manifest.plan.metadata.law);
+        let own = BlockParticles::new(&particles, self.job.manifest.plan.metadata.law);
         // Columns are shared, not copied.
         self.particles = Some(particles);
         Ok(own)

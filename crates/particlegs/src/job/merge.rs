@@ -53,7 +53,7 @@ impl Job {
                 let particles = particles.ok_or_else(needed)?;
                 let measure =
                     CertificateInput { particles, seed: plan.recipe().seed, level, memory: None, reached: None };
-                return Ok(DecodedFile::of(file, Some(measure), progress)?.bytes);
+                return Ok(DecodedFile::new(file, Some(measure), progress)?.bytes);
             }
         };
         // Looked at block by block, in less memory than the whole model takes.

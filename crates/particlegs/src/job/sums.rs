@@ -42,7 +42,7 @@ impl Job {
         let mut model = codec::decode_with(file, "the block just coded", progress)?;
         // Drawn as a part of the whole.
         model.metadata.bounds = plan.metadata.bounds;
-        let frame = MeasurementFrame::of(&plan.metadata, plan.recipe().seed);
+        let frame = MeasurementFrame::new(&plan.metadata, plan.recipe().seed);
         let mut failed = None;
         progress.begin("measuring the block", 0);
         let fill = |to: &mut dyn Write| {
@@ -82,7 +82,7 @@ impl Job {
         if self.certificate() != CertificateLevel::Blocks {
             return Err(Error::argument("the plan does not measure its blocks: plan with --certificate blocks"));
         }
-        let frame = MeasurementFrame::of(&plan.metadata, plan.recipe().seed);
+        let frame = MeasurementFrame::new(&plan.metadata, plan.recipe().seed);
         let read = |block, section| BlockSums::open(self, block)?.read(section);
         PartSums { frame: &frame, seed: plan.recipe().seed, parts: plan.recipe().blocks, read: &read }
             .certificate(progress)

@@ -58,7 +58,7 @@ mod tests {
         progress: &dyn Progress,
     ) -> Result<u64> {
         let kept = SelectedParticles::new(p, tiling, selection, progress)?;
-        kept.write_raw(out, RawForm::of_name(out), progress).map(|_| kept.total())
+        kept.write_raw(out, RawForm::from_name(out), progress).map(|_| kept.total())
     }
 
     fn ramp() -> Particles {

@@ -158,12 +158,12 @@ impl Domain {
     }
 
     /// Of a snapshot.
-    pub fn of_particles(particles: &Particles) -> Self {
+    pub fn from_particles(particles: &Particles) -> Self {
         Self::new(&particles.bounds(), particles.meta.cell.as_ref())
     }
 
     /// Of a model's snapshot.
-    pub fn of_model(model: &Model) -> Self {
+    pub fn from_model(model: &Model) -> Self {
         Self::new(&model.metadata.bounds, model.metadata.cell.as_ref())
     }
 

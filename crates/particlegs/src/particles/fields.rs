@@ -99,8 +99,8 @@ impl LayerFields {
         readers: Vec<Arc<dyn SnapshotReader>>,
         positions: Option<Arc<dyn SnapshotReader>>,
     ) -> Result<Self> {
-        let columns = readers.into_iter().map(Triple::of).collect::<Result<_>>()?;
-        Ok(LayerFields { fields, columns, positions: positions.map(Triple::of).transpose()? })
+        let columns = readers.into_iter().map(Triple::from_reader).collect::<Result<_>>()?;
+        Ok(LayerFields { fields, columns, positions: positions.map(Triple::from_reader).transpose()? })
     }
 
     pub(super) fn has_positions(&self) -> bool {
@@ -125,7 +125,7 @@ impl LayerFields {
 }
 
 impl Triple {
-    fn of(reader: Arc<dyn SnapshotReader>) -> Result<Triple> {
+    fn from_reader(reader: Arc<dyn SnapshotReader>) -> Result<Triple> {
         if reader.random_access() {
             return Ok(Triple::Reader(reader));
         }

@@ -51,7 +51,7 @@ impl LayeredParticles {
     }
 
     /// Particles in memory or mapped.
-    pub fn of(particles: &Particles) -> Self {
+    pub fn from_particles(particles: &Particles) -> Self {
         let layer = |l: &Layer<Range<usize>>| ReadLayer {
             layer: l.with(l.content.len() as u64),
             reader: Arc::new(particles.of_layer(l)),

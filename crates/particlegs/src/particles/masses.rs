@@ -1,6 +1,5 @@
 //! Masses of layers: one for all where all are the same, classes where they are few.
 
-use super::scratch::ColumnBuffer;
 use super::{Particles, Positions, Storage};
 use crate::model::Layer;
 use crate::{Error, Remedy, Result};
@@ -67,8 +66,7 @@ impl Particles {
                 layers.push(Layer { name, mass: layer.mass.all_of_weight(*class), content });
             }
         }
-        let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
-        Ok(Particles::of_columns(columns, self.origin, self.meta.clone(), layers))
+        Particles::from_buffers(columns, self.origin, self.meta.clone(), layers)
     }
 }
 

@@ -556,7 +556,7 @@ mod tests {
         for mut cell in tilted_cells() {
             cell.origin = [-3.0, 1.0, 0.5];
             let mut p = gas(900, &cell, 5);
-            let domain = Domain::of_particles(&p);
+            let domain = Domain::from_particles(&p);
             assert!(domain.tilt.is_some());
             let x: Vec<[f64; 3]> = (0..900).map(|i| p.position(i)).collect();
             let moved =
@@ -581,7 +581,7 @@ mod tests {
     #[test]
     fn particles_at_one_place_are_neighbours() {
         let p = Particles::from_columns(vec![0.0, 0.0, 0.0, 3.0], vec![0.0; 4], vec![0.0; 4]);
-        let domain = Domain::of_particles(&p);
+        let domain = Domain::from_particles(&p);
         assert_eq!(distances_to(2, &p, &domain, &Silent).unwrap(), [0.0, 0.0, 0.0, 3.0]);
         assert_eq!(distances_to(3, &p, &domain, &Silent).unwrap(), [3.0, 3.0, 3.0, 3.0]);
         assert!(distances_to(4, &p, &domain, &Silent).is_err());

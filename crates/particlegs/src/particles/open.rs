@@ -1,8 +1,7 @@
 //! Opens raw float32: a folder, or three or four files; checks the values of any snapshot.
 
-use super::scratch::ColumnBuffer;
 use super::storage::CHUNK;
-use super::{ChunkBuffer, Column, Particles, Positions, Storage, sidecar, sidecar::Sidecar};
+use super::{ChunkBuffer, Column, Particles, Storage, sidecar, sidecar::Sidecar};
 use crate::{Error, Remedy, Result};
 use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
@@ -63,25 +62,15 @@ fn open_columns(paths: &[PathBuf]) -> Result<Particles> {
             ));
         }
     }
-    let columns_len = columns[0].len();
-    let mut columns = columns.into_iter();
-    let mut next = || columns.next().expect("three columns at least");
-    let positions = Positions::Columns([next(), next(), next()]);
-    let weights = columns.next();
     let folder = paths[0].parent().unwrap_or(Path::new("."));
     let sidecar = folder.join("meta.json");
     let Sidecar { mut meta, origin, layers } = sidecar::read(folder, &sidecar)?;
     meta.name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    if layers.last().is_some_and(|l| l.content.end != columns_len) {
-        let what = format!("its `layers` do not hold the {columns_len} particles beside it");
+    if layers.last().is_some_and(|l| l.content.end != columns[0].len()) {
+        let what = format!("its `layers` do not hold the {} particles beside it", columns[0].len());
         return Err(Error::input(&sidecar, what));
     }
-    let particles = Particles::new(positions, origin, meta);
-    Ok(match weights {
-        Some(weights) => particles.with_weights(weights),
-        None => particles,
-    }
-    .with_layers(layers))
+    Ok(Particles::from_column_list(columns, origin, meta, layers))
 }
 
 /// Maps a raw little-endian float32 file.
@@ -189,6 +178,5 @@ fn keep_valid(particles: &Particles, count: usize, storage: &Storage) -> Result<
         }
         layers.push(layer.with(first..end));
     }
-    let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
-    Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), layers))
+    Particles::from_buffers(columns, particles.origin, particles.meta.clone(), layers)
 }

@@ -1,12 +1,13 @@
 //! Where large columns are put: memory, or files of a scratch folder that vanish by themselves.
 
-use super::Column;
+use super::{Column, Particles, SnapshotMeta};
+use crate::model::Layer;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use memmap2::MmapMut;
 use particlegs_files::memory::require;
 use particlegs_files::output;
-use std::ops::{Deref, DerefMut};
+use std::ops::{Deref, DerefMut, Range};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -73,6 +74,19 @@ impl ColumnBuffer {
                 Column::Mapped { map: Arc::new(map), offset: 0, len }
             }
         })
+    }
+}
+
+impl Particles {
+    /// Particles of filled columns x, y, z and perhaps weights.
+    pub(crate) fn from_buffers(
+        columns: Vec<ColumnBuffer>,
+        origin: [f64; 3],
+        meta: SnapshotMeta,
+        layers: Vec<Layer<Range<usize>>>,
+    ) -> Result<Self> {
+        let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
+        Ok(Particles::from_column_list(columns, origin, meta, layers))
     }
 }
 

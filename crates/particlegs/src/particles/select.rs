@@ -6,7 +6,6 @@
 
 use super::fields::{LayerFields, SourceField};
 use super::images::NearestImages;
-use super::scratch::ColumnBuffer;
 use super::storage::CHUNK;
 use super::{ChunkBuffer, Particles, SnapshotMeta, Storage, Tiling};
 use crate::math::{Purpose, Random};
@@ -336,8 +335,7 @@ impl<'a> SelectedParticles<'a> {
             Ok(())
         })?;
         let layers = self.layers().into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect();
-        let columns = values.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
-        Ok(Particles::of_columns(columns, self.origin, self.meta.clone(), layers))
+        Particles::from_buffers(values, self.origin, self.meta.clone(), layers)
     }
 
     /// Calls `each` with the number of every run and what it keeps, in parallel.

@@ -153,7 +153,7 @@ impl Particles {
     }
 
     /// Particles of columns x, y, z and perhaps weights.
-    pub(crate) fn of_columns(
+    pub(crate) fn from_column_list(
         columns: Vec<Column>,
         origin: [f64; 3],
         meta: SnapshotMeta,

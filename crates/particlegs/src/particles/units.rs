@@ -39,7 +39,8 @@ impl Particles {
         let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
         let origin = self.origin.map(|v| v * by.length);
         let weights = self.weights().cloned();
-        let moved = Particles::of_columns(columns.into_iter().chain(weights).collect(), origin, self.meta, self.layers);
+        let moved =
+            Particles::from_column_list(columns.into_iter().chain(weights).collect(), origin, self.meta, self.layers);
         let bounds = moved.bounds();
         if bounds.min.iter().chain(&bounds.max).any(|v| !v.is_finite()) {
             return Err(Error::input(&moved.meta.name, "float32 does not hold its positions in that unit of length"));

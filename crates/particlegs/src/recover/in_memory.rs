@@ -4,7 +4,7 @@ use super::draw::{DrawRules, DrawScratch};
 use super::options::{Method, Options};
 use super::plan::{RecoveryPlan, meta_of, moved, origin_of};
 use crate::model::{Mass, Model};
-use crate::particles::{Column, Particles, Positions, Run, SnapshotMeta};
+use crate::particles::{Column, Particles, Run, SnapshotMeta};
 use crate::progress::Progress;
 use crate::{Result, parallel};
 use particlegs_files::memory::require;
@@ -27,12 +27,11 @@ impl Options {
         let plan = RecoveryPlan::new(model, self.particles, self.method)?;
         require("drawn particles", plan.total.saturating_mul(16))?;
         let rules = DrawRules::new(self.method, self.scale, self.seed, &local, &plan, progress.simd());
-        let [x, y, z, w] = columns(&plan, &rules, plan.weighted(), &|_| 1.0, progress)?;
+        let columns = columns(&plan, &rules, plan.weighted(), &|_| 1.0, progress)?;
         let layers = plan.described();
         let meta = meta_of(&metadata, &layers);
-        let drawn = Particles::new(Positions::Columns([x, y, z].map(Column::owned)), origin, meta);
-        let drawn = if plan.weighted() { drawn.with_weights(Column::owned(w)) } else { drawn };
-        Ok(drawn.with_layers(layers.into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect()))
+        let layers = layers.into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect();
+        Ok(Particles::from_column_list(columns, origin, meta, layers))
     }
 }
 
@@ -51,10 +50,9 @@ pub(crate) fn draw(
     let (metadata, plan) = (moved.metadata.clone(), RecoveryPlan::new(moved, None, Method::Count)?);
     let mut rules = DrawRules::new(Method::Count, 1.0, seed, &metadata, &plan, progress.simd());
     rules.weighted = weighted;
-    let [x, y, z, w] = columns(&plan, &rules, weighted, &|mass| mass.unit_or_one(), progress)?;
+    let columns = columns(&plan, &rules, weighted, &|mass| mass.unit_or_one(), progress)?;
     let meta = SnapshotMeta { cell: model.metadata.cell, ..SnapshotMeta::default() };
-    let drawn = Particles::new(Positions::Columns([x, y, z].map(Column::owned)), origin, meta);
-    Ok(if weighted { drawn.with_weights(Column::owned(w)) } else { drawn })
+    Ok(Particles::from_column_list(columns, origin, meta, Vec::new()))
 }
 
 /// Columns x, y, z and perhaps weights, each times what its layer's masses give.
@@ -64,8 +62,9 @@ fn columns(
     weighted: bool,
     unit: &(dyn Fn(Mass) -> f64 + Sync),
     progress: &dyn Progress,
-) -> Result<[Vec<f32>; 4]> {
-    let mut columns = [0, 1, 2, 3].map(|k| Vec::with_capacity(if k < 3 || weighted { plan.total as usize } else { 0 }));
+) -> Result<Vec<Column>> {
+    let width = if weighted { 4 } else { 3 };
+    let mut columns: Vec<_> = (0..width).map(|_| Vec::with_capacity(plan.total as usize)).collect();
     progress.begin("drawing particles", plan.total);
     let spaces = parallel::Scratch::<DrawScratch>::default();
     for first in (0..plan.runs()).step_by(BATCH as usize) {
@@ -84,7 +83,7 @@ fn columns(
         }
     }
     progress.end();
-    Ok(columns)
+    Ok(columns.into_iter().map(Column::owned).collect())
 }
 
 #[cfg(test)]

@@ -67,7 +67,7 @@ impl RecoveryPlan {
         if shared {
             whole_counts(&mut counts, total);
         }
-        let mut layers: Vec<LayerPlan> = model.layers.into_iter().map(LayerPlan::of).collect();
+        let mut layers: Vec<LayerPlan> = model.layers.into_iter().map(LayerPlan::new).collect();
         let (mut rest, mut first) = (&counts[..], 0);
         for layer in &mut layers {
             let (mine, others) = rest.split_at(layer.layer.content.len());
@@ -107,7 +107,7 @@ impl RecoveryPlan {
 }
 
 impl LayerPlan {
-    fn of(layer: Layer<Vec<Block>>) -> LayerPlan {
+    fn new(layer: Layer<Vec<Block>>) -> LayerPlan {
         let layer = layer.map(|blocks| {
             let mut blocks = blocks.into_iter().map(|b| b.gaussians);
             let mut gaussians = blocks.next().unwrap_or_default();

@@ -34,7 +34,7 @@ pub(super) fn cell_densities(
 /// Of the fields on the grid of the smallest cells, the particles' and the model's; `particles` in all.
 pub(super) fn agreements(pair: [Field; 2], particles: usize) -> Option<[CellDensity; CELL_SIZES]> {
     let grid = pair[0].grid;
-    let mut pair = pair.map(Masses::of);
+    let mut pair = pair.map(Masses::from_field);
     let mut found = Vec::with_capacity(CELL_SIZES);
     for size in 0..CELL_SIZES {
         if size > 0 {
@@ -67,7 +67,7 @@ pub(super) struct Cells {
 
 impl Cells {
     /// Fills the fewest equal cells that are no longer than `edge`: 50 along a box of 50 for an edge of 1, 63 for 0.8.
-    pub fn of_edge(edge: f64, particles: &Particles, domain: &Domain, progress: &dyn Progress) -> Result<Self> {
+    pub fn new(edge: f64, particles: &Particles, domain: &Domain, progress: &dyn Progress) -> Result<Self> {
         let grid = grid_of_edge(edge, domain)?;
         // Both densities, and the sums while one is filled.
         let bytes = 8 * grid.len() as u64 + deposit_bytes(&grid, particles.len() as u64);
@@ -128,7 +128,7 @@ pub(super) struct Masses {
 }
 
 impl Masses {
-    pub fn of(field: Field) -> Masses {
+    pub fn from_field(field: Field) -> Masses {
         Masses { cells: field.grid.cells, mass: field.mass.into_iter().map(f64::from).collect() }
     }
 

@@ -54,10 +54,10 @@ impl CertificateInput<'_> {
             return Ok(Certificate { goal: self.reached, ..certificate });
         }
         check_box(&particles.bounds(), particles.meta.cell.as_ref(), &particles.meta.name)?;
-        let domain = Domain::of_particles(particles);
+        let domain = Domain::from_particles(particles);
         let (views, subset, pictures) = self.pictures_of(model, bytes, &domain, progress)?;
         let [density, uniform] = density_of(model, particles, &m.bounds, GRID, progress)?;
-        let scope = ParticlesWithModel::of(model, particles, seed, SAMPLED_ABOVE, progress)?;
+        let scope = ParticlesWithModel::new(model, particles, seed, SAMPLED_ABOVE, progress)?;
         let first = scope.as_ref().map(|s| s.draw(seed, progress)).transpose()?.flatten();
         let scope = scope.as_ref().zip(first.as_ref());
         let whole = scope.and_then(|(s, first)| s.sample.is_none().then_some(first));
@@ -125,7 +125,7 @@ impl CertificateInput<'_> {
 
 /// What tasks measure of their blocks, of all as one.
 fn as_one_block(model: &Model, particles: &Particles, seed: u64, progress: &dyn Progress) -> Result<Certificate> {
-    let frame = MeasurementFrame::of(&model.metadata, seed);
+    let frame = MeasurementFrame::new(&model.metadata, seed);
     let read = |_: u32, section| frame.measure(section, model, particles, progress);
     PartSums { frame: &frame, seed, parts: 1, read: &read }.certificate(progress)
 }

@@ -124,7 +124,7 @@ impl<'a> ModelComparison<'a> {
             scored.push(self.scores(view, &drawn));
             progress.end();
         }
-        Ok(Evaluation::of(scored))
+        Ok(Evaluation::from_views(scored))
     }
 
     /// Draws a view of all that is compared.

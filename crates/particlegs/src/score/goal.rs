@@ -51,7 +51,7 @@ impl<'a> GoalMetric<'a> {
         seed: u64,
         progress: &dyn Progress,
     ) -> Result<Self> {
-        let domain = Domain::of_particles(particles);
+        let domain = Domain::from_particles(particles);
         let truth = match goal.kind {
             GoalKind::Psnr => {
                 let views = held_out_views(metadata, SIZE, seed, FRAMES);
@@ -61,7 +61,7 @@ impl<'a> GoalMetric<'a> {
                 let options = spectrum_to(goal.at, &domain, particles.len())?;
                 GoalTruth::Spectrum(Box::new(power_of(particles, &domain, &options, progress)?))
             }
-            GoalKind::Correlation => GoalTruth::Cells(Box::new(Cells::of_edge(goal.at, particles, &domain, progress)?)),
+            GoalKind::Correlation => GoalTruth::Cells(Box::new(Cells::new(goal.at, particles, &domain, progress)?)),
             GoalKind::Groups => GoalTruth::Groups(sizes_of(goal.at, particles, &domain, progress)?),
         };
         Ok(GoalMetric { goal, particles, domain, seed, truth })
@@ -83,7 +83,7 @@ impl<'a> GoalMetric<'a> {
         if self.particles.len() as u64 > MOST_DRAWN {
             return Ok(None);
         }
-        let scope = ParticlesWithModel::of(model, self.particles, self.seed, MOST_DRAWN, progress)?;
+        let scope = ParticlesWithModel::new(model, self.particles, self.seed, MOST_DRAWN, progress)?;
         scope.map_or(Ok(None), |scope| scope.draw(self.seed.wrapping_add(draw), progress))
     }
 

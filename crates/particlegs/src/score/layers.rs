@@ -34,9 +34,9 @@ pub(super) fn layer_ratios(
         return Ok(Some(ratios));
     }
     let grid = Grid::stretched(domain, each_axis(|k| (domain.length[k] / edge).round().max(1.0) as usize));
-    let Some(first) = LayerNumbers::of(model, 0, particles, &grid, progress)? else { return Ok(Some(ratios)) };
+    let Some(first) = LayerNumbers::new(model, 0, particles, &grid, progress)? else { return Ok(Some(ratios)) };
     for (ratio, place) in ratios.to_first.iter_mut().flatten().zip(1..) {
-        if let Some(other) = LayerNumbers::of(model, place, particles, &grid, progress)? {
+        if let Some(other) = LayerNumbers::new(model, place, particles, &grid, progress)? {
             *ratio = largest([&first, &other], grid.side.into_iter().fold(0.0, f64::max));
         }
     }
@@ -51,7 +51,7 @@ struct LayerNumbers {
 
 impl LayerNumbers {
     /// `None` where the particles have no such layer.
-    fn of(
+    fn new(
         model: &Model,
         place: usize,
         particles: &Particles,
@@ -69,7 +69,7 @@ impl LayerNumbers {
             weights.iter().map(|w| f64::from(*w)).fold((0.0, 0.0), |(sum, squares), w| (sum + w, squares + w * w))
         });
         let of = |subject| -> Result<Masses> {
-            let mut masses = Masses::of(deposit(subject, grid, Assignment::Ngp, 0.0, progress)?);
+            let mut masses = Masses::from_field(deposit(subject, grid, Assignment::Ngp, 0.0, progress)?);
             masses.mass.iter_mut().for_each(|m| *m *= sum / (squares * unit));
             Ok(masses)
         };
@@ -162,7 +162,7 @@ mod tests {
     }
 
     fn measured(model: &Model, particles: &Particles) -> LayerRatio {
-        let domain = Domain::of_particles(particles);
+        let domain = Domain::from_particles(particles);
         layer_ratios(model, particles, &domain, &Silent).unwrap().unwrap().to_first[0].unwrap()
     }
 
@@ -196,7 +196,7 @@ mod tests {
     #[test]
     fn what_cannot_be_compared_is_said_so() {
         let particles = particles();
-        let domain = Domain::of_particles(&particles);
+        let domain = Domain::from_particles(&particles);
         let one = Model { layers: model(0.0).layers[..1].to_vec(), ..model(0.0) };
         assert!(layer_ratios(&one, &particles, &domain, &Silent).unwrap().is_none());
         let few = particles

@@ -47,7 +47,7 @@ impl GroupFinder<'_> {
         positions: &[[f64; 3]],
         progress: &dyn Progress,
     ) -> Result<(Groups, Option<f64>)> {
-        let linked = LinkedParticles::of(particles, positions, self.domain);
+        let linked = LinkedParticles::new(particles, positions, self.domain);
         let finest = linked.is_part().then_some(linked.spacing);
         let length = finest.map_or(self.length, |spacing| self.length / self.spacing * spacing);
         let found = linked.groups(positions, self.domain, length, GROUP_CLASSES[0] as usize, progress)?;

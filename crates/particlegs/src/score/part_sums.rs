@@ -1,7 +1,7 @@
 //! A certificate of sums over parts: what was never in one process.
 
 use super::density::{DensityAgreement, density_agreement, density_metrics};
-use super::science::told;
+use super::science::science_metrics;
 use super::sums::{MeasurementFrame, SumsSection, add_rows};
 use super::views::{SIZE, view_metrics};
 use crate::model::{
@@ -119,6 +119,6 @@ impl PartSums<'_> {
         let noise = domain.volume() * squares / (mass * mass);
         let field = |side, moved| self.field(SumsSection::Spectrum(side, moved), &grid, progress);
         let spectra = spectra_of(&field, noise, domain, o, progress)?;
-        Ok(Some(told(ScienceSubject::Mixture, o, &spectra)))
+        Ok(Some(science_metrics(ScienceSubject::Mixture, o, &spectra)))
     }
 }

@@ -34,14 +34,14 @@ pub(crate) struct ParticlesWithModel<'a> {
 
 impl<'a> ParticlesWithModel<'a> {
     /// The whole of at most `most` particles, else a region that `seed` chooses; `None` where that holds next to nothing.
-    pub fn of(
+    pub fn new(
         model: &'a Model,
         particles: &'a Particles,
         seed: u64,
         most: u64,
         progress: &dyn Progress,
     ) -> Result<Option<Self>> {
-        let domain = Domain::of_particles(particles);
+        let domain = Domain::from_particles(particles);
         let (count, spacing) = (particles.len() as u64, domain.spacing(particles.len()));
         if count <= most {
             let (model, particles) = (Cow::Borrowed(model), Cow::Borrowed(particles));
@@ -71,7 +71,7 @@ impl<'a> ParticlesWithModel<'a> {
             drawn => drawn?,
         };
         let Some(sample) = self.sample else { return Ok(Some(drawn)) };
-        let whole = Domain::of_model(&self.model);
+        let whole = Domain::from_model(&self.model);
         match drawn.select(cropped(&whole, sample.bounds), &Storage::Memory, progress) {
             Err(Error::Argument { .. } | Error::Input { .. }) => Ok(None),
             drawn => drawn.map(Some),

@@ -149,11 +149,11 @@ fn measure(
     o: &SpectrumOptions,
     progress: &dyn Progress,
 ) -> Result<ScienceMetrics> {
-    Ok(told(of, o, &power_spectra(pair, domain, o, progress)?))
+    Ok(science_metrics(of, o, &power_spectra(pair, domain, o, progress)?))
 }
 
 /// What spectra say, groups apart.
-pub(super) fn told(of: ScienceSubject, o: &SpectrumOptions, spectra: &Spectra) -> ScienceMetrics {
+pub(super) fn science_metrics(of: ScienceSubject, o: &SpectrumOptions, spectra: &Spectra) -> ScienceMetrics {
     let limit =
         |place: Option<f64>| if spectra.shells.is_empty() { Limit::NotMeasured } else { Limit::measured(place) };
     ScienceMetrics {

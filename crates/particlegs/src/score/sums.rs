@@ -71,7 +71,7 @@ pub(crate) struct MeasurementFrame {
 
 impl MeasurementFrame {
     /// The frame of a snapshot of this metadata, in views that `seed` turns.
-    pub fn of(metadata: &Metadata, seed: u64) -> MeasurementFrame {
+    pub fn new(metadata: &Metadata, seed: u64) -> MeasurementFrame {
         let domain = Domain::new(&metadata.bounds, metadata.cell.as_ref());
         let views = certificate_views(metadata, SIZE, seed);
         let count = metadata.count as usize;

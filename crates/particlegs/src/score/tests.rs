@@ -188,7 +188,7 @@ fn stops_and_refusals() {
 fn power_of_mass_is_told_by_layer() {
     let particles = sample();
     let (n, half) = (particles.len(), particles.len() / 2);
-    let domain = crate::stats::Domain::of_particles(&particles);
+    let domain = crate::stats::Domain::from_particles(&particles);
     assert!(mass_power(&tiny(&particles, 8), &particles, &domain, &Silent).unwrap().is_none());
     // In the snapshot's order, which is not the file's.
     let layer = |name: &str, content, each| Layer { name: name.into(), mass: Mass::Each(each), content };
@@ -224,7 +224,7 @@ fn large_snapshots_are_measured_in_a_region() {
     let model = tiny(&particles, 24);
     let mut corners = Vec::new();
     for seed in [0, 5] {
-        let scope = ParticlesWithModel::of(&model, &particles, seed, 20_000, &Silent).unwrap().unwrap();
+        let scope = ParticlesWithModel::new(&model, &particles, seed, 20_000, &Silent).unwrap().unwrap();
         let (sample, n) = (scope.sample.unwrap(), scope.particles.len());
         assert!((8_000..=20_500).contains(&n) && sample.particles == n as u64, "{n}");
         let inside = |p: [f64; 3]| (0..3).all(|k| p[k] >= sample.bounds.min[k] && p[k] < sample.bounds.max[k]);
@@ -236,5 +236,5 @@ fn large_snapshots_are_measured_in_a_region() {
         corners.push(sample.bounds.min);
     }
     assert!(corners[0] != corners[1]);
-    assert!(ParticlesWithModel::of(&model, &particles, 0, 1 << 20, &Silent).unwrap().unwrap().sample.is_none());
+    assert!(ParticlesWithModel::new(&model, &particles, 0, 1 << 20, &Silent).unwrap().unwrap().sample.is_none());
 }

@@ -140,12 +140,12 @@ impl Assessment {
 /// The smallest gain of the `expected` look, whose score has no sampling noise in it.
 fn pictures(c: &Certificate) -> Assessment {
     let finding = |word, why| Assessment { of: UseCase::Pictures, word, why };
-    let gains: Vec<PictureGain> = c.views.orbits.iter().filter_map(|o| PictureGain::of(&o.expected)).collect();
+    let gains: Vec<PictureGain> = c.views.orbits.iter().filter_map(|o| PictureGain::new(&o.expected)).collect();
     let beaten = gains.iter().any(|g| g.subset_is_better);
     let Some(worst) = gains.into_iter().min_by(|a, b| a.decibels.total_cmp(&b.decibels)) else {
         return finding(Grade::NotMeasured, "nothing is lit at the default radius and opacity".into());
     };
-    finding(worst.word(beaten, [PICTURES_HOLD, PICTURES_ROUGHLY]), worst.in_words("worst orbit"))
+    finding(worst.word(beaten, [PICTURES_HOLD, PICTURES_ROUGHLY]), worst.describe("worst orbit"))
 }
 
 /// At the largest radius and the default opacity.
@@ -177,10 +177,10 @@ fn at_setting(
     let Some(at) = c.pictures.as_ref().and_then(|p| p.settings.iter().find(|s| kind(s))) else {
         return finding(Grade::NotMeasured, NEEDS_FULL.into());
     };
-    let Some(gain) = PictureGain::of(&at.expected.worst) else {
+    let Some(gain) = PictureGain::new(&at.expected.worst) else {
         return finding(Grade::NotMeasured, "nothing is lit, or all is white".into());
     };
-    finding(gain.word(gain.subset_is_better, limits), gain.in_words(&format!("worst view, {}", name(at))))
+    finding(gain.word(gain.subset_is_better, limits), gain.describe(&format!("worst view, {}", name(at))))
 }
 
 /// How far a picture is above the better of the trivial ones.
@@ -198,7 +198,7 @@ struct PictureGain {
 
 impl PictureGain {
     /// `None` where a trivial picture is identical, nothing is lit, or nothing was drawn.
-    fn of(scores: &PictureScores) -> Option<PictureGain> {
+    fn new(scores: &PictureScores) -> Option<PictureGain> {
         let PictureScore { masked_psnr: model, ssim } = scores.model?;
         let (black, even) = (scores.all_black?, scores.uniform_box?);
         let more_similar = ssim > black.ssim.max(even.ssim) || model.is_none();
@@ -217,7 +217,7 @@ impl PictureGain {
         graded(self.more_similar && holds, self.more_similar && self.decibels >= roughly)
     }
 
-    fn in_words(&self, of: &str) -> String {
+    fn describe(&self, of: &str) -> String {
         let Some(model) = self.model else { return "identical to the noise-free picture".into() };
         let less = if self.more_similar { "" } else { ", with no better SSIM" };
         let subset = match self.subset {

@@ -369,7 +369,7 @@ impl ComparisonJob<'_> {
         notes: &mut Vec<String>,
     ) -> Result<Option<LinkedGroups>> {
         let Some(particles) = self.pair[side].particles() else { return Ok(None) };
-        let linked = LinkedParticles::of(particles, positions, &self.domain);
+        let linked = LinkedParticles::new(particles, positions, &self.domain);
         let length = match &self.o.linking_length {
             Some(text) => length_in(text, &self.pair[0].unit_system())?,
             None => self.o.linking * linked.spacing,
@@ -439,7 +439,7 @@ impl ComparisonJob<'_> {
         let apertures = self.apertures(positions, &truth.groups, notes)?;
         let sizes = pair.map(|f| f.groups.sizes());
         let smallest = self.o.smallest_group as u64;
-        let class = |from: u64, to: Option<u64>| SizeClass::of(sizes.each_ref().map(|s| &s[..]), from, to);
+        let class = |from: u64, to: Option<u64>| SizeClass::new(sizes.each_ref().map(|s| &s[..]), from, to);
         let classes = [(20, Some(49)), (50, Some(99)), (100, None)]
             .into_iter()
             .filter(|(_, to)| to.is_none_or(|t| t >= smallest))

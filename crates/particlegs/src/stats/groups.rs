@@ -427,7 +427,7 @@ mod tests {
     fn groups_in_tilted_boxes_are_those_of_all_pairs() {
         for cell in tilted_cells() {
             let p = gas(400, &cell, 6);
-            let domain = Domain::of_particles(&p);
+            let domain = Domain::from_particles(&p);
             let x = local_positions(&p, &domain);
             for share in [0.1, 0.3, 1.0] {
                 let link = share * longest_link(&domain);

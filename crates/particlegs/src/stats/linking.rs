@@ -55,7 +55,7 @@ impl ParticleKind {
 struct AxisSpread([[[f64; 2]; PARTS]; 3]);
 
 impl AxisSpread {
-    fn of(places: impl Iterator<Item = [f64; 3]>, domain: &Domain) -> Self {
+    fn new(places: impl Iterator<Item = [f64; 3]>, domain: &Domain) -> Self {
         let mut spread = [[[f64::INFINITY, f64::NEG_INFINITY]; PARTS]; 3];
         for x in places {
             for k in 0..3 {
@@ -97,7 +97,7 @@ fn finest(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Option<Link
         let unit = layer.mass.unit().or(own.map(|_| 1.0))?;
         for weight in classes {
             let mass = unit * weight.map_or(1.0, f64::from);
-            let spread = AxisSpread::of(std::iter::empty(), domain);
+            let spread = AxisSpread::new(std::iter::empty(), domain);
             kinds.push(ParticleKind { range: layer.content.clone(), weight, mass, count: 0, spread });
         }
     }
@@ -106,7 +106,7 @@ fn finest(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Option<Link
     }
     let mut kinds = parallel::map(kinds, |kind| {
         let count = kind.indices(weights).count();
-        let spread = AxisSpread::of(kind.indices(weights).map(|i| positions[i]), domain);
+        let spread = AxisSpread::new(kind.indices(weights).map(|i| positions[i]), domain);
         ParticleKind { count, spread, ..kind }
     });
     kinds.retain(|k| k.count > 0);
@@ -134,7 +134,7 @@ fn finest(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Option<Link
 
 impl LinkedParticles {
     /// The finest particles of a zoom in a box that repeats, else all.
-    pub fn of(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Self {
+    pub fn new(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Self {
         finest(p, positions, domain)
             .unwrap_or_else(|| LinkedParticles { index: None, spacing: domain.spacing(p.len()) })
     }
@@ -257,7 +257,7 @@ mod tests {
 
     fn found(p: &Particles, share: f64) -> LinkedGroups {
         let x = local_positions(p, &BOX);
-        let linked = LinkedParticles::of(p, &x, &BOX);
+        let linked = LinkedParticles::new(p, &x, &BOX);
         linked.groups(&x, &BOX, share * linked.spacing, 20, &Silent).unwrap().unwrap()
     }
 

@@ -188,7 +188,7 @@ impl DistanceBins {
 
     /// 1 + the bin that holds the square of a distance below the last edge; 0 below the first.
     #[inline]
-    fn of(&self, square: f64) -> usize {
+    fn bin(&self, square: f64) -> usize {
         // Squares of the tiniest distances have parts without end.
         let part = ((square * self.parts_per) as usize).min(PARTS);
         let mut bin = if self.parts_per.is_finite() { self.below[part] as usize } else { 0 };
@@ -215,13 +215,13 @@ fn count_band(points: &PointGrid, primaries: &[u32], edges: &[f64], progress: &d
                     let d = [o[0] - origin[0], o[1] - origin[1], o[2] - origin[2]];
                     let r = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
                     if r < bins.end {
-                        counts[bins.of(r)] += 1;
+                        counts[bins.bin(r)] += 1;
                     }
                 }
             });
             // The primary itself, unless its square of a distance was no less than the last edge's, 0.
             if bins.end > 0.0 {
-                counts[bins.of(0.0)] -= 1;
+                counts[bins.bin(0.0)] -= 1;
             }
         }
         progress.advance(run.len() as u64);
@@ -286,7 +286,7 @@ mod tests {
     fn counts_in_tilted_boxes_are_those_of_all_pairs_and_a_gas_has_no_correlation() {
         for cell in tilted_cells() {
             let p = gas(500, &cell, 2);
-            let domain = Domain::of_particles(&p);
+            let domain = Domain::from_particles(&p);
             let x = local_positions(&p, &domain);
             let longest = longest_separation(&domain);
             let edges: Vec<f64> = (0..=6).map(|i| longest * f64::from(i) / 6.0).collect();

@@ -112,7 +112,7 @@ fn one_gaussian_from_the_mixture_itself() {
 fn tilted_boxes_have_their_own_modes() {
     for cell in &tilted_cells()[..3] {
         let particles = gas(20_000, cell, 4);
-        let domain = Domain::of_particles(&particles);
+        let domain = Domain::from_particles(&particles);
         let k_max = 0.9 * PI * 24.0 / domain.longest();
         let o = SpectrumOptions { shot_noise_subtracted: false, ..options(24, k_max) };
         let s = power_spectra([Subject::Particles(&particles); 2], &domain, &o, &Silent).unwrap();

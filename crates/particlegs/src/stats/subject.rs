@@ -49,8 +49,8 @@ impl<'a> Subject<'a> {
     /// Its box.
     pub fn domain(&self) -> Domain {
         match self {
-            Subject::Particles(p) => Domain::of_particles(p),
-            Subject::Model(m) => Domain::of_model(m),
+            Subject::Particles(p) => Domain::from_particles(p),
+            Subject::Model(m) => Domain::from_model(m),
         }
     }
 
