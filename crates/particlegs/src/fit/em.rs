@@ -55,6 +55,20 @@ pub(crate) struct GroupedParticles<'a> {
     pub(crate) groups: &'a ParticleGroups,
 }
 
+/// Particles in the order of their groups, on their own.
+pub(crate) struct GroupStore {
+    pub(crate) xyz: Vec<[f32; 3]>,
+    /// One a particle, where they have weights.
+    pub(crate) weight: Option<Vec<f32>>,
+    pub(crate) groups: ParticleGroups,
+}
+
+impl GroupStore {
+    pub(crate) fn view(&self) -> GroupedParticles<'_> {
+        GroupedParticles { xyz: &self.xyz, weight: self.weight.as_deref(), groups: &self.groups }
+    }
+}
+
 /// What the E and the M step regularise by; lengths are store units, squared.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Regularisation {
@@ -407,13 +421,9 @@ fn nonnegative(mut cov: Sym3) -> Sym3 {
     cov
 }
 
-/// Reorders particles so that each Gaussian's own lie together: group j is Gaussian j's. Returns the
-/// new order's positions and weights.
-pub(crate) fn regroup(
-    cloud: GroupedParticles<'_>,
-    owner: &[u32],
-    gaussians: usize,
-) -> (Vec<[f32; 3]>, Option<Vec<f32>>, ParticleGroups) {
+/// Reorders particles so that each Gaussian's own lie together: group j is Gaussian j's.
+pub(crate) fn regroup(cloud: GroupedParticles<'_>, owner: &[u32], gaussians: usize) -> GroupStore {
+    // A counting sort: particles of one Gaussian keep their order, so that sums over them do.
     let mut start = vec![0usize; gaussians + 1];
     for &o in owner {
         start[o as usize + 1] += 1;
@@ -433,7 +443,7 @@ pub(crate) fn regroup(
         }
     }
     let groups = ParticleGroups::new((0..gaussians).map(|j| start[j]..start[j + 1]).collect(), &xyz);
-    (xyz, weight, groups)
+    GroupStore { xyz, weight, groups }
 }
 
 #[cfg(test)]
@@ -447,7 +457,7 @@ mod tests {
     const PLAIN: Regularisation = Regularisation { floor: 1e-4, focus: 0.0, blur: 0.0, prior: Prior::NONE };
 
     /// Four clumps cut into eight cells along x.
-    fn problem(seed: u64) -> (Vec<[f32; 3]>, ParticleGroups, RefinedGaussians) {
+    fn problem(seed: u64) -> (GroupStore, RefinedGaussians) {
         let mut random = Random::new(seed, 5, 0);
         let mut xyz: Vec<[f32; 3]> =
             (0..400).map(|i| each_axis(|k| ((i % 4 * (k + 1)) as f64 * 0.2 + 0.1 * random.normal()) as f32)).collect();
@@ -457,25 +467,25 @@ mod tests {
         for g in 0..8 {
             gaussians.push(groups.mean[g], groups.cov[g], 50.0, 0.0);
         }
-        (xyz, groups, gaussians)
+        (GroupStore { xyz, weight: None, groups }, gaussians)
     }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
         #[test]
         fn an_iteration_never_lowers_the_likelihood(seed in 0u64..1000) {
-            let (xyz, groups, mut gaussians) = problem(seed);
-            let cloud = GroupedParticles { xyz: &xyz, weight: None, groups: &groups };
+            let (store, mut gaussians) = problem(seed);
+            let (cloud, groups) = (store.view(), &store.groups);
             let wanted = ExpectationOptions { likelihood: true, ..ExpectationOptions::default() };
             let reach = SearchReach { most: 8, beyond: 1e9 };
-            let candidates = Candidates::find(&groups, &gaussians, reach, PLAIN.floor, &Silent).unwrap();
+            let candidates = Candidates::find(groups, &gaussians, reach, PLAIN.floor, &Silent).unwrap();
             let mut last = f64::NEG_INFINITY;
             for _ in 0..12 {
                 let e = expect(cloud, &candidates, &gaussians, PLAIN, wanted, &Silent).unwrap();
                 // The floor is added, not fitted: it may cost a little.
-                prop_assert!(e.likelihood >= last - 0.02 * xyz.len() as f64 * PLAIN.floor / 0.01, "{} {last}", e.likelihood);
+                prop_assert!(e.likelihood >= last - 0.02 * cloud.xyz.len() as f64 * PLAIN.floor / 0.01, "{} {last}", e.likelihood);
                 last = e.likelihood;
-                maximise(&e, &groups, &candidates, &mut gaussians, PLAIN, &[SPHERE; 8]);
+                maximise(&e, groups, &candidates, &mut gaussians, PLAIN, &[SPHERE; 8]);
                 prop_assert!((gaussians.count.iter().sum::<f64>() - 400.0).abs() < 1e-3);
             }
         }

@@ -7,8 +7,8 @@
 //! every particle.
 
 use super::em::{
-    Candidates, ExpectationOptions, GroupedParticles, ParticleGroups, RefinedGaussians, Regularisation, expect,
-    maximise, regroup,
+    Candidates, ExpectationOptions, GroupStore, GroupedParticles, ParticleGroups, RefinedGaussians, Regularisation,
+    expect, maximise, regroup,
 };
 use super::gain::{Blur, picture_sigma};
 use super::overlap_tree::SearchReach;
@@ -157,10 +157,9 @@ impl Refiner<'_> {
         let whole = GroupedParticles { xyz: &store.xyz[span], weight, groups: &groups };
         let rate = self.rate();
         if rate < 1.0 {
-            let (xyz, weight, sampled) = sample(whole, rate, self.options.seed);
-            let cloud = GroupedParticles { xyz: &xyz, weight: weight.as_deref(), groups: &sampled };
+            let sampled = sample(whole, rate, self.options.seed);
             scale_counts(&mut gaussians, rate);
-            let expected = self.rounds(cloud, &mut gaussians)?;
+            let expected = self.rounds(sampled.view(), &mut gaussians)?;
             scale_counts(&mut gaussians, 1.0 / rate);
             if self.options.last_iterations > 0 {
                 let candidates = self.candidates(&groups, &gaussians)?;
@@ -211,18 +210,18 @@ impl Refiner<'_> {
         let mut expected = beside(gaussians);
         let mut owner = self.iterate(cloud, &candidates, gaussians, &expected, options.first_iterations.max(1))?;
         self.progress.advance(1);
-        let (mut xyz, mut weight, mut groups);
+        let mut own: GroupStore;
         let mut cloud = cloud;
         let Some(shade) = self.shade else { return Ok(expected) };
         for round in 1..=options.rounds {
             let last = round == options.rounds;
             self.progress.check()?;
-            (xyz, weight, groups) = regroup(cloud, &owner, gaussians.len());
-            cloud = GroupedParticles { xyz: &xyz, weight: weight.as_deref(), groups: &groups };
-            let candidates = self.candidates(&groups, gaussians)?;
+            own = regroup(cloud, &owner, gaussians.len());
+            cloud = own.view();
+            let candidates = self.candidates(cloud.groups, gaussians)?;
             expected = candidates.mean_shapes(gaussians);
             let moves = moves(if last { LAST_MOVE_BLUR_RADII } else { MOVE_BLUR_RADII });
-            let made = exchange(gaussians, (&groups, cloud.xyz), &candidates, shade, moves, self.progress)?;
+            let made = exchange(gaussians, cloud, &candidates, shade, moves, self.progress)?;
             let candidates = candidates.after(&made, gaussians.len());
             made.iter().for_each(|m| expected[m.freed as usize] = expected[m.split as usize]);
             let iterations = if last { options.settling } else { options.iterations };
@@ -257,7 +256,7 @@ fn start(moments: &[Moments]) -> RefinedGaussians {
 
 /// Every 1/rate-th particle of the store's order, in which neighbours stand together: each cell
 /// keeps its share. The seed shifts which.
-fn sample(cloud: GroupedParticles<'_>, rate: f64, seed: u64) -> (Vec<[f32; 3]>, Option<Vec<f32>>, ParticleGroups) {
+fn sample(cloud: GroupedParticles<'_>, rate: f64, seed: u64) -> GroupStore {
     let shift = Random::of(Purpose::RefinementSample, seed, 0).uniform();
     let keep = |i: usize| ((i + 1) as f64 * rate + shift).floor() > (i as f64 * rate + shift).floor();
     let mut xyz = Vec::with_capacity((cloud.xyz.len() as f64 * rate) as usize + 1);
@@ -276,7 +275,7 @@ fn sample(cloud: GroupedParticles<'_>, rate: f64, seed: u64) -> (Vec<[f32; 3]>, 
         ranges.push(from..xyz.len());
     }
     let groups = ParticleGroups::new(ranges, &xyz);
-    (xyz, weight, groups)
+    GroupStore { xyz, weight, groups }
 }
 
 fn scale_counts(gaussians: &mut RefinedGaussians, by: f64) {
