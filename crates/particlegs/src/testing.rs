@@ -1,9 +1,12 @@
-//! What the tests of this module share.
+//! What the tests of this crate share.
 
 use crate::math::{Random, Sym3};
 use crate::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
 use crate::particles::Particles;
+use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
+use particlegs_core::math::each_axis;
+use std::path::Path;
 
 /// A model of given Gaussians (mean, covariance, count) in a periodic box.
 pub fn model_of(gaussians: &[([f64; 3], Sym3, f64)], length: [f64; 3]) -> Model {
@@ -36,18 +39,46 @@ pub(crate) fn tilted_cells() -> [Cell; 4] {
 
 /// An ideal gas in a cell.
 pub(crate) fn gas(n: usize, cell: &Cell, seed: u64) -> Particles {
-    let mut columns = [vec![], vec![], vec![]];
     // What does not repeat stands upright on the others.
     let vectors = cell.reduced().vectors;
-    for i in 0..n as u64 {
+    let place = |i| {
         let mut r = Random::new(seed, 0, i);
         let f = [0; 3].map(|_| r.uniform());
-        (0..3).for_each(|k| {
-            columns[k].push((cell.origin[k] + (0..3).map(|a| f[a] * vectors[a][k]).sum::<f64>()) as f32);
-        });
-    }
-    let [x, y, z] = columns;
-    let mut p = Particles::from_columns(x, y, z);
+        each_axis(|k| cell.origin[k] + (0..3).map(|a| f[a] * vectors[a][k]).sum::<f64>())
+    };
+    let mut p = from_points((0..n as u64).map(place));
     p.meta.cell = Some(*cell);
     p
+}
+
+/// Even particles at random in a box from 0.
+pub(crate) fn poisson(n: usize, length: [f64; 3], seed: u64) -> Particles {
+    let place = |i| each_axis(|k| Random::new(seed, k as u32, i).uniform() * length[k]);
+    from_points((0..n as u64).map(place))
+}
+
+/// Particles at these places, rounded to f32, about the origin 0.
+pub(crate) fn from_points(places: impl IntoIterator<Item = [f64; 3]>) -> Particles {
+    let places: Vec<[f64; 3]> = places.into_iter().collect();
+    let [x, y, z] = [0, 1, 2].map(|k| places.iter().map(|p| p[k] as f32).collect());
+    Particles::from_columns(x, y, z)
+}
+
+/// The sample of 64³ particles.
+pub(crate) fn sample() -> Particles {
+    Particles::open_raw(&[Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64")]).unwrap()
+}
+
+/// What `work` gives with so many threads.
+pub(crate) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
+}
+
+/// Work that is stopped at its first look.
+pub(crate) struct CancelledWork;
+
+impl Progress for CancelledWork {
+    fn cancelled(&self) -> bool {
+        true
+    }
 }

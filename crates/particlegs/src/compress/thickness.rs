@@ -61,16 +61,14 @@ mod tests {
     use crate::model::CertificateLevel;
     use crate::pieces::NoCheckpoints;
     use crate::progress::Silent;
+    use crate::testing::from_points;
 
     /// Uniform in a box, and the model's deviation along `axis` over theirs; a note says where they differ.
     fn thickness(edges: [f64; 3], axis: usize) -> f64 {
-        let point = |i| {
+        let particles = from_points((0..20_000).map(|i| {
             let mut r = Random::new(21, 0, i);
-            edges.map(|e| (e * r.uniform()) as f32)
-        };
-        let points: Vec<[f32; 3]> = (0..20_000).map(point).collect();
-        let [x, y, z] = [0, 1, 2].map(|k| points.iter().map(|p| p[k]).collect::<Vec<_>>());
-        let particles = Particles::from_columns(x, y, z);
+            edges.map(|e| e * r.uniform())
+        }));
         let options = Options { certificate: CertificateLevel::None, ..Options::default() };
         let made = compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap();
         let thickness = Thickness::new(&particles, &particles.bounds()).unwrap();

@@ -6,9 +6,9 @@ use crate::math::Random;
 use crate::model::{Columns, Law, MASS, Mixture};
 use crate::particles::{Column, Particles};
 use crate::progress::{Progress, Scalar, Silent};
+use crate::testing::{on_threads, sample};
 use particlegs_core::math::each_axis;
 use proptest::prelude::*;
-use std::path::Path;
 
 impl Partition {
     /// The cells as Gaussians, world units.
@@ -134,13 +134,8 @@ fn far_from_the_origin() {
 
 #[test]
 fn threads_do_not_matter() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-    let p = Particles::open_raw(&[folder]).unwrap();
-    let with = |threads: usize| {
-        let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| cut(&p, 2000))
-    };
-    let (one, three) = (with(1), with(3));
+    let p = sample();
+    let (one, three) = (on_threads(1, || cut(&p, 2000)), on_threads(3, || cut(&p, 2000)));
     check(&p, &one);
     assert_eq!(one.cells.len(), 2000);
     assert!(one.store == three.store && one.cells == three.cells && one.moments == three.moments);

@@ -8,12 +8,7 @@ use crate::model::Mixture;
 use crate::particles::{Column, Particles};
 use crate::pieces::NoCheckpoints;
 use crate::progress::{Progress, Scalar, Silent};
-use std::path::Path;
-
-fn sample() -> Particles {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-    Particles::open_raw(&[folder]).unwrap()
-}
+use crate::testing::{from_points, on_threads, sample};
 
 fn radius(p: &Particles) -> f64 {
     p.bounds().default_radius(p.len() as u64)
@@ -104,10 +99,7 @@ fn counts_and_masses_are_conserved() {
 #[test]
 fn threads_and_simd_do_not_change_a_bit() {
     let p = sample();
-    let run = |threads| {
-        let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| refined(&p, 900, 2, 200.0))
-    };
+    let run = |threads| on_threads(threads, || refined(&p, 900, 2, 200.0));
     let one = run(1);
     assert_eq!(one, run(3));
     assert_eq!(one, refined_with(&p, 900, 2, 200.0, &Scalar));
@@ -173,14 +165,8 @@ fn height(m: &Mixture) -> f64 {
 /// particles and a bilayer, each 100 particles a Gaussian, keep their scale heights.
 #[test]
 fn discs_and_layers_stay_thin() {
-    let cloud = |point: &dyn Fn(&mut Random) -> [f64; 3]| {
-        let points: Vec<[f32; 3]> = (0..60_000).map(|i| point(&mut Random::new(11, 0, i)).map(|v| v as f32)).collect();
-        Particles::from_columns(
-            points.iter().map(|p| p[0]).collect::<Vec<_>>(),
-            points.iter().map(|p| p[1]).collect::<Vec<_>>(),
-            points.iter().map(|p| p[2]).collect::<Vec<_>>(),
-        )
-    };
+    let cloud =
+        |point: &dyn Fn(&mut Random) -> [f64; 3]| from_points((0..60_000).map(|i| point(&mut Random::new(11, 0, i))));
     let disc = |r: &mut Random| {
         let radius = -3.0 * ((1.0 - r.uniform()) * (1.0 - r.uniform())).ln();
         let (sin, cos) = (std::f64::consts::TAU * r.uniform()).sin_cos();

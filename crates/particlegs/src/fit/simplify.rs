@@ -391,6 +391,7 @@ mod tests {
     use super::*;
     use crate::math::Random;
     use crate::progress::Silent;
+    use crate::testing::CancelledWork;
 
     fn mixture(n: u64, unit: f64) -> Mixture {
         let mut m = Mixture::new(true);
@@ -477,14 +478,8 @@ mod tests {
 
     #[test]
     fn a_stop_is_heard_in_the_first_search() {
-        struct CancelledSimplification;
-        impl Progress for CancelledSimplification {
-            fn cancelled(&self) -> bool {
-                true
-            }
-        }
         let options = SimplifyOptions { gaussians: 3, radius: 0.01, pixel: 0.0 };
-        assert!(matches!(simplify(&mixture(200, 1.0), &options, &CancelledSimplification), Err(Error::Cancelled)));
+        assert!(matches!(simplify(&mixture(200, 1.0), &options, &CancelledWork), Err(Error::Cancelled)));
     }
 
     #[test]

@@ -552,17 +552,15 @@ mod tests {
     /// The same in tilted boxes, particles of other images among them.
     #[test]
     fn distances_in_tilted_boxes_are_those_of_all_pairs() {
-        use crate::testing::{gas, tilted_cells};
+        use crate::testing::{from_points, gas, tilted_cells};
         for mut cell in tilted_cells() {
             cell.origin = [-3.0, 1.0, 0.5];
             let mut p = gas(900, &cell, 5);
             let domain = Domain::from_particles(&p);
             assert!(domain.tilt.is_some());
             let x: Vec<[f64; 3]> = (0..900).map(|i| p.position(i)).collect();
-            let moved =
-                |i: usize, k: usize| (x[i][k] + if i.is_multiple_of(7) { cell.vectors[1][k] } else { 0.0 }) as f32;
-            let column = |k: usize| (0..900).map(|i| moved(i, k)).collect();
-            p = Particles::from_columns(column(0), column(1), column(2));
+            let moved = |i: usize| each_axis(|k| x[i][k] + if i.is_multiple_of(7) { cell.vectors[1][k] } else { 0.0 });
+            p = from_points((0..900).map(moved));
             for rank in [1, 16] {
                 let found = distances_to(rank, &p, &domain, &Silent).unwrap();
                 for i in 0..40 {

@@ -148,16 +148,16 @@ impl PointProjector {
 mod tests {
     use super::*;
     use crate::camera::Window;
-    use crate::math::Random;
+
     use crate::progress::Silent;
     use crate::reference::Reference;
     use crate::space::Cell;
+    use crate::testing::poisson;
 
     /// A window of one box holds all mass, wherever its centre is; half of a box's depth half.
     #[test]
     fn mass_is_conserved_in_a_periodic_window() {
-        let draw = |k: u32| (0..5000).map(|i| Random::new(3, k, i).uniform() as f32 * 2.0).collect::<Vec<f32>>();
-        let particles = Particles::from_columns(draw(0), draw(1), draw(2));
+        let particles = poisson(5000, [2.0; 3], 3);
         let bounds = Bounds { min: [0.0; 3], max: [2.0; 3] };
         let size = Size { width: 64, height: 64 };
         for center in [[1.0, 1.0, 1.0], [0.2, 1.9, -3.7]] {

@@ -153,9 +153,10 @@ mod tests {
     use crate::math::Random;
     use crate::particles::Particles;
     use crate::picture::{Plane, Size};
-    use crate::progress::{Progress, Silent};
+    use crate::progress::Silent;
     use crate::reference::Reference;
     use crate::space::{Bounds, Cell};
+    use crate::testing::{CancelledWork, on_threads};
     use crate::{Error, Result};
 
     const BOX: Bounds = Bounds { min: [0.0; 3], max: [2.0; 3] };
@@ -281,8 +282,8 @@ mod tests {
         let particles = cloud(200_000, 50_000);
         let view = window([0.1, 0.3, 1.0], 1.3, Some(1.1), particles.meta.cell);
         let bits = || smoothed(&particles, 20, &view).data.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-        let many = rayon_core::ThreadPoolBuilder::new().num_threads(5).build().unwrap().install(bits);
-        let one = rayon_core::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(bits);
+        let many = on_threads(5, bits);
+        let one = on_threads(1, bits);
         assert!(many == one);
     }
 
@@ -300,14 +301,6 @@ mod tests {
         }
     }
 
-    struct CancelledSmoothing;
-
-    impl Progress for CancelledSmoothing {
-        fn cancelled(&self) -> bool {
-            true
-        }
-    }
-
     #[test]
     fn what_cannot_be_done_is_an_error() {
         let particles = cloud(100, 0);
@@ -316,9 +309,9 @@ mod tests {
             let line = refused(Reference::new(&particles).smoothed(neighbours, &Silent));
             assert!(line.contains("there are 100") && !line.contains('\n'), "{line}");
         }
-        assert!(matches!(Reference::new(&particles).smoothed(9, &CancelledSmoothing), Err(Error::Cancelled)));
+        assert!(matches!(Reference::new(&particles).smoothed(9, &CancelledWork), Err(Error::Cancelled)));
         let smoothed = Reference::new(&particles).smoothed(9, &Silent).unwrap();
         let view = window([1.0; 3], 2.0, None, None);
-        assert!(matches!(smoothed.surface_density(&view, SIZE, &CancelledSmoothing), Err(Error::Cancelled)));
+        assert!(matches!(smoothed.surface_density(&view, SIZE, &CancelledWork), Err(Error::Cancelled)));
     }
 }

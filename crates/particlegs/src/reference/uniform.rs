@@ -65,19 +65,16 @@ fn depth_inside(domain: &Domain, start: [f64; 3], direction: [f64; 3], range: [f
 mod tests {
     use super::*;
     use crate::camera::{base_distance, spherical_camera};
-    use crate::math::Random;
-    use crate::particles::Particles;
+
     use crate::progress::Silent;
     use crate::reference::Reference;
     use crate::space::Bounds;
+    use crate::testing::{gas, poisson, tilted_cells};
 
     /// Particles drawn evenly have this depth on average, in perspective and in parallel projection.
     #[test]
     fn is_the_mean_of_particles_drawn_evenly() {
-        let draw = |k: u32, edge: f64| -> Vec<f32> {
-            (0..200_000).map(|i| (edge * Random::new(5, k, i).uniform()) as f32).collect()
-        };
-        let particles = Particles::from_columns(draw(0, 4.0), draw(1, 2.0), draw(2, 3.0));
+        let particles = poisson(200_000, [4.0, 2.0, 3.0], 5);
         let bounds = Bounds { min: [0.0; 3], max: [4.0, 2.0, 3.0] };
         let size = Size { width: 96, height: 64 };
         let distance = 0.6 * base_distance(&bounds, size);
@@ -113,7 +110,6 @@ mod tests {
     /// Of a tilted cell every line of sight has the depth that its own even particles have.
     #[test]
     fn a_tilted_box_has_its_own_picture() {
-        use crate::testing::{gas, tilted_cells};
         let cell = tilted_cells()[0];
         let particles = gas(100_000, &cell, 3);
         let domain = Domain::drawn(&particles.bounds(), Some(&cell));

@@ -128,21 +128,19 @@ fn compared([a, b]: [&LayerNumbers; 2], edge: f64) -> LayerRatio {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{Random, Sym3};
+    use crate::math::Sym3;
     use crate::model::{Layer, Mass};
     use crate::particles::Column;
     use crate::progress::Silent;
     use crate::space::Cell;
-    use crate::testing::model_of;
+    use crate::testing::{model_of, poisson};
 
     const LENGTH: f64 = 8.0;
     const EACH: usize = 60_000;
 
     /// Two species spread evenly at random, the second five times as heavy.
     fn particles() -> Particles {
-        let column = |axis: u32| (0..2 * EACH).map(move |i| (LENGTH * Random::new(7, axis, i as u64).uniform()) as f32);
-        let [x, y, z] = each_axis(|k| column(k as u32).collect::<Vec<f32>>());
-        let mut particles = Particles::from_columns(x, y, z);
+        let mut particles = poisson(2 * EACH, [LENGTH; 3], 7);
         particles.meta.cell = Some(Cell::orthogonal([LENGTH; 3]));
         let layer = |name: &str, content, mass| Layer { name: name.into(), mass: Mass::Each(mass), content };
         particles.with_layers(vec![layer("PartType0", 0..EACH, 1.0), layer("PartType1", EACH..2 * EACH, 5.0)])

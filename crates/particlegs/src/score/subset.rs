@@ -88,11 +88,7 @@ fn as_particles(coded: &CodedPoints, of: &Particles) -> Particles {
 mod tests {
     use super::*;
     use crate::progress::Silent;
-
-    fn sample() -> Particles {
-        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-        Particles::open_raw(&[folder]).unwrap()
-    }
+    use crate::testing::sample;
 
     #[test]
     fn as_many_are_kept_as_fit() {

@@ -7,13 +7,9 @@ use crate::particles::Particles;
 use crate::picture::Size;
 use crate::progress::{Progress, Silent};
 use crate::render::Scene;
+use crate::testing::{CancelledWork, sample};
 
 const SIZE: Size = Size { width: 160, height: 90 };
-
-fn sample() -> Particles {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-    Particles::open_raw(&[folder]).unwrap()
-}
 
 /// The moments of the particles in each of `n` x `n` x `n` cells.
 fn tiny(particles: &Particles, n: usize) -> Model {
@@ -35,16 +31,9 @@ fn tiny(particles: &Particles, n: usize) -> Model {
     }
     let count = particles.len() as u64;
     let block = Block { bounds, count, mass: count as f64, gaussians };
-    Model {
-        metadata: metadata(particles),
-        layers: vec![Layer { name: "all".into(), mass: Mass::Unknown, content: vec![block] }],
-        certificate: None,
-    }
-}
-
-fn metadata(particles: &Particles) -> Metadata {
-    let (bounds, count) = (particles.bounds(), particles.len() as u64);
-    Metadata { cell: particles.meta.cell, ..Metadata::new(LawKind::OpticalDepth, count, bounds) }
+    let metadata = Metadata { cell: particles.meta.cell, ..Metadata::new(LawKind::OpticalDepth, count, bounds) };
+    let layers = vec![Layer { name: "all".into(), mass: Mass::Unknown, content: vec![block] }];
+    Model { metadata, layers, certificate: None }
 }
 
 #[test]
@@ -165,19 +154,11 @@ impl PhaseRecorder {
 
 #[test]
 fn stops_and_refusals() {
-    struct CancelledEvaluation;
-    impl Progress for CancelledEvaluation {
-        fn cancelled(&self) -> bool {
-            true
-        }
-    }
     let particles = sample();
     let model = tiny(&particles, 4);
     let mut views = evaluation_views(&model.metadata, SIZE, 42, 1);
-    assert!(matches!(
-        evaluate(&model, &particles, &views, SIZE, None, &CancelledEvaluation),
-        Err(crate::Error::Cancelled)
-    ));
+    let stopped = evaluate(&model, &particles, &views, SIZE, None, &CancelledWork);
+    assert!(matches!(stopped, Err(crate::Error::Cancelled)));
     assert!(evaluate(&model, &particles, &[], SIZE, None, &Silent).is_err());
     views[1].opacity = 2.0;
     assert!(evaluate(&model, &particles, &views, SIZE, None, &Silent).is_err());

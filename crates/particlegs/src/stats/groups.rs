@@ -379,7 +379,7 @@ mod tests {
     use crate::math::Random;
     use crate::progress::Silent;
     use crate::stats::local_positions;
-    use crate::testing::{gas, tilted_cells};
+    use crate::testing::{gas, on_threads, tilted_cells};
 
     /// The plain twin: every pair.
     fn plain(x: &[[f64; 3]], domain: &Domain, length: f64, smallest: usize) -> Vec<Vec<u32>> {
@@ -441,10 +441,7 @@ mod tests {
     fn a_chain_across_the_seam_is_one_group_and_threads_do_not_matter() {
         let domain = Domain::upright([0.0; 3], [10.0, 1.0, 1.0], [true; 3]);
         let x: Vec<[f64; 3]> = (0..20).map(|i| [(9.0 + 0.1 * i as f64) % 10.0, 0.0, 0.999]).collect();
-        let run = |threads| {
-            let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| find_groups(&x, &domain, 0.11, 2, &Silent).unwrap())
-        };
+        let run = |threads| on_threads(threads, || find_groups(&x, &domain, 0.11, 2, &Silent).unwrap());
         assert_eq!(run(1).members, vec![(0..20).collect::<Vec<u32>>()]);
         assert_eq!(run(1), run(4));
         assert!(find_groups(&x, &domain, 0.09, 2, &Silent).unwrap().members.is_empty());

@@ -271,7 +271,7 @@ mod tests {
     use crate::math::{Random, Sym3};
     use crate::progress::Silent;
     use crate::stats::local_positions;
-    use crate::testing::model_of;
+    use crate::testing::{from_points, model_of, on_threads};
 
     const BOX: Domain = Domain::upright([5.0; 3], [10.0; 3], [true; 3]);
 
@@ -287,15 +287,11 @@ mod tests {
         let turned = [[0.6, 0.8, 0.0], [-0.48, 0.36, 0.8], [0.64, -0.48, 0.6]];
         let cov = (0..3).fold(Sym3::default(), |s, k| s.add(&Sym3::outer(turned[k]).scale(deviations[k].powi(2))));
         let mut r = Random::new(3, 0, 0);
-        let mut columns = [vec![], vec![], vec![]];
-        for _ in 0..n {
+        let particles = from_points((0..n).map(|_| {
             let z = [r.normal(), r.normal(), r.normal()];
-            let x: [f64; 3] = each_axis(|k| core[k] + (0..3).map(|j| z[j] * deviations[j] * turned[j][k]).sum::<f64>());
-            let x = BOX.local(x);
-            (0..3).for_each(|k| columns[k].push((x[k] + 5.0) as f32));
-        }
-        let [x, y, z] = columns;
-        let particles = Particles::from_columns(x, y, z);
+            let x = each_axis(|k| core[k] + (0..3).map(|j| z[j] * deviations[j] * turned[j][k]).sum::<f64>());
+            BOX.local(x).map(|v| v + 5.0)
+        }));
         let mut model = model_of(&[(core, cov, n as f64)], [10.0; 3]);
         model.metadata.bounds = crate::space::Bounds { min: [5.0; 3], max: [15.0; 3] };
         let positions = local_positions(&particles, &BOX);
@@ -329,15 +325,12 @@ mod tests {
             }
             low * scale
         };
-        let mut columns = [vec![], vec![], vec![]];
-        for i in 0..n {
+        let p = from_points((0..n).map(|i| {
             let mut r = Random::new(3, 0, i);
             let z = [r.normal(), r.normal(), r.normal()];
             let per = radius(r.uniform()) / z.iter().map(|v| v * v).sum::<f64>().sqrt();
-            (0..3).for_each(|k| columns[k].push((10.0 + per * z[k]) as f32));
-        }
-        let [x, y, z] = columns;
-        let p = Particles::from_columns(x, y, z);
+            z.map(|z| 10.0 + per * z)
+        }));
         let positions = local_positions(&p, &BOX);
         let places = HaloPlaces { centers: &[[5.0; 3]], radii: &[1.0], bins: 12 };
         let h = halo_profiles([side(Subject::Particles(&p), &positions); 2], &BOX, &places, &Silent).unwrap();
@@ -370,10 +363,7 @@ mod tests {
         let pair = [side(Subject::Model(&model), &[]); 2];
         for periodic in [true, false] {
             let domain = Domain { periodic: [periodic; 3], ..BOX };
-            let run = |threads| {
-                let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                pool.install(|| halo_profiles(pair, &domain, &places, &Silent).unwrap())
-            };
+            let run = |threads| on_threads(threads, || halo_profiles(pair, &domain, &places, &Silent).unwrap());
             let h = run(1);
             assert!(h == run(4) && h.enclosed[0].iter().all(|m| m.is_finite() && *m >= 0.0));
         }

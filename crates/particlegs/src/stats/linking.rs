@@ -229,30 +229,25 @@ mod tests {
     use crate::particles::Column;
     use crate::progress::Silent;
     use crate::stats::local_positions;
+    use crate::testing::from_points;
 
     const BOX: Domain = Domain::upright([0.0; 3], [100.0; 3], [true; 3]);
 
     /// Heavy particles in a box; a region of 10 about `corner` of light ones, with two clumps of 300 and 150, the second
     /// with `intruders` heavy ones inside.
     fn zoom(corner: f64, intruders: usize) -> Particles {
-        let mut columns = [vec![], vec![], vec![]];
-        let mut weights = vec![];
         let mut r = Random::new(2, 0, 0);
-        let mut put = |x: [f64; 3], w: f32| {
-            (0..3).for_each(|k| columns[k].push(x[k].rem_euclid(100.0) as f32));
-            weights.push(w);
-        };
-        for (n, at, size, weight) in [
+        let clumps = [
             (8000, corner, 10.0, 1.0),
             (300, corner + 2.0, 0.15, 1.0),
             (150, corner + 6.0, 0.15, 1.0),
             (intruders, corner + 6.0, 0.1, 8000.0),
             (7000, 0.0, 100.0, 8000.0),
-        ] {
-            (0..n).for_each(|_| put([0; 3].map(|_| at + size * r.uniform()), weight));
-        }
-        let [x, y, z] = columns;
-        Particles::from_columns(x, y, z).with_weights(Column::owned(weights))
+        ];
+        let weights = clumps.iter().flat_map(|(n, _, _, weight)| vec![*weight; *n]).collect();
+        let places = clumps.iter().flat_map(|&(n, at, size, _)| (0..n).map(move |_| (at, size)));
+        from_points(places.map(|(at, size)| [0; 3].map(|_| (at + size * r.uniform()).rem_euclid(100.0))))
+            .with_weights(Column::owned(weights))
     }
 
     fn found(p: &Particles, share: f64) -> LinkedGroups {
@@ -279,19 +274,12 @@ mod tests {
     /// Gas and dark matter of the region are linked, and a level between them and the box is not.
     #[test]
     fn species_of_one_region_are_linked_together() {
-        let mut columns = [vec![], vec![], vec![]];
-        let mut weights = vec![];
         let mut r = Random::new(4, 0, 0);
-        for (n, size, weight) in
-            [(3000, 10.0, 1.0), (3000, 10.0, 5.4), (300, 4.0, 0.5), (2500, 30.0, 43.0), (4000, 100.0, 344.0)]
-        {
-            for _ in 0..n {
-                (0..3).for_each(|k| columns[k].push((50.0 + size * (r.uniform() - 0.5)) as f32));
-                weights.push(weight);
-            }
-        }
-        let [x, y, z] = columns;
-        let f = found(&Particles::from_columns(x, y, z).with_weights(Column::owned(weights)), 0.2);
+        let levels = [(3000, 10.0, 1.0), (3000, 10.0, 5.4), (300, 4.0, 0.5), (2500, 30.0, 43.0), (4000, 100.0, 344.0)];
+        let weights = levels.iter().flat_map(|(n, _, weight)| vec![*weight; *n]).collect();
+        let sizes = levels.iter().flat_map(|(n, size, _)| vec![*size; *n]);
+        let particles = from_points(sizes.map(|size| [0; 3].map(|_| 50.0 + size * (r.uniform() - 0.5))));
+        let f = found(&particles.with_weights(Column::owned(weights)), 0.2);
         assert_eq!(f.linked, 6300);
     }
 
@@ -299,11 +287,7 @@ mod tests {
     #[test]
     fn boxes_that_are_no_zooms_link_all() {
         let p = zoom(45.0, 0);
-        let same = Particles::from_columns(
-            p.columns(0..p.len())[0].clone(),
-            p.columns(0..p.len())[1].clone(),
-            p.columns(0..p.len())[2].clone(),
-        );
+        let same = p.clone().without_weights();
         assert_eq!(found(&same, 0.02).linked, 15_450);
         let weights = p.weights().unwrap().iter().map(|w| 8000.0 / w).collect();
         assert_eq!(found(&same.clone().with_weights(Column::owned(weights)), 0.02).linked, 15_450);

@@ -238,7 +238,7 @@ mod tests {
     use super::*;
     use crate::progress::Silent;
     use crate::stats::local_positions;
-    use crate::testing::{gas, tilted_cells};
+    use crate::testing::{gas, on_threads, tilted_cells};
 
     fn random(n: usize, length: [f64; 3], seed: u64) -> Vec<[f64; 3]> {
         (0..n)
@@ -305,10 +305,7 @@ mod tests {
         let domain = Domain::upright([0.0; 3], [4.0; 3], [true; 3]);
         let x = random(20_000, [4.0; 3], 5);
         let o = PairOptions { edges: logarithmic_edges(0.05, 1.0, 8), band: 3.0, budget: 2_000_000, seed: 1 };
-        let run = |threads| {
-            let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| count_pairs(&x, &domain, &o, &Silent).unwrap())
-        };
+        let run = |threads| on_threads(threads, || count_pairs(&x, &domain, &o, &Silent).unwrap());
         let (one, many) = (run(1), run(6));
         assert_eq!(one, many);
         assert!(one.primaries[0] > one.primaries[one.primaries.len() - 1], "{:?}", one.primaries);

@@ -179,7 +179,7 @@ mod tests {
     use crate::particles::SnapshotMeta;
     use crate::progress::Silent;
     use crate::splat::erf;
-    use crate::testing::model_of;
+    use crate::testing::{model_of, on_threads};
 
     fn domain(periodic: bool) -> Domain {
         Domain::upright([0.0; 3], [2.0, 3.0, 10.0], [periodic; 3])
@@ -244,11 +244,8 @@ mod tests {
         let mut column = || (0..200_000).map(|_| (2.0 * r.uniform()) as f32).collect::<Vec<f32>>();
         let p = Particles::from_columns(column(), column(), column());
         let model = model_of(&[([1.0; 3], Sym3::scaled_identity(0.3), 9.0); 500], [2.0, 3.0, 10.0]);
-        let run = |threads| {
-            let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let pair = [Subject::Particles(&p), Subject::Model(&model)];
-            pool.install(|| axis_profiles(pair, &domain(false), 30, &Silent).unwrap())
-        };
+        let pair = [Subject::Particles(&p), Subject::Model(&model)];
+        let run = |threads| on_threads(threads, || axis_profiles(pair, &domain(false), 30, &Silent).unwrap());
         assert_eq!(run(1), run(5));
     }
 }
