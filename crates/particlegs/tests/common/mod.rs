@@ -1,10 +1,13 @@
 //! Models to write, and files to damage. Not every test file needs all of it.
 #![allow(dead_code)]
 
+use particlegs::Error;
+use particlegs::codec::{self, Encoder, Precision};
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{
-    Block, CellDensity, Certificate, Cosmology, DensityMetrics, Epoch, LawKind, Limit, Metadata, Mixture, OrbitMetrics,
-    PictureScore, PictureScores, Recipe, ScienceMetrics, ScienceSubject, Spacing, Subset, Units, ViewMetrics,
+    Block, CellDensity, Certificate, Cosmology, DensityMetrics, Epoch, LawKind, Limit, Metadata, Mixture, Model,
+    OrbitMetrics, PictureScore, PictureScores, Recipe, ScienceMetrics, ScienceSubject, Spacing, Subset, Units,
+    ViewMetrics,
 };
 use particlegs::space::{Bounds, Cell};
 
@@ -92,6 +95,64 @@ pub fn science() -> ScienceMetrics {
 pub fn partner(m: &Mixture, mean: [f64; 3]) -> usize {
     let distance = |i: usize| (0..3).map(|k| (m.mean[k][i] - mean[k]).powi(2)).sum::<f64>();
     (0..m.len()).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap()
+}
+
+/// The bytes of a model file.
+pub fn encoded(m: &Model) -> Vec<u8> {
+    codec::encode(m, &Precision::BALANCED).unwrap()
+}
+
+/// The bytes of a block on its own.
+pub fn coded(b: &Block) -> Vec<u8> {
+    Encoder::new(b).unwrap().encode(&Precision::BALANCED)
+}
+
+/// Bit-exact: shortest decimals that come back.
+pub fn table(columns: &[&Vec<f64>]) -> String {
+    serde_json::to_string(columns).unwrap().replace("],", "],\n")
+}
+
+/// Every cut of a file is refused as corrupt.
+pub fn check_cuts(bytes: &[u8]) {
+    for n in 0..bytes.len() {
+        assert!(matches!(codec::decode(&bytes[..n], "m"), Err(Error::Corrupt { .. })), "at {n}");
+    }
+}
+
+/// Each byte changed to each of what `changes` makes of it is refused by the decoder and by the reader of heads.
+pub fn check_bytes<const N: usize>(bytes: &[u8], changes: impl Fn(u8) -> [u8; N]) {
+    for i in 0..bytes.len() {
+        for v in changes(bytes[i]).into_iter().chain([0, 255]).filter(|&v| v != bytes[i]) {
+            let mut bad = bytes.to_vec();
+            bad[i] = v;
+            assert!(codec::decode(&bad, "m").is_err() && codec::read_info(&bad, "m").is_err(), "byte {i} as {v}");
+        }
+    }
+}
+
+/// Files with one bit of `bits` changed, then `random` files with one to six bytes at random; their checksums are right.
+pub fn damaged(bytes: &[u8], seed: u64, bits: impl Iterator<Item = usize>, random: u64, mut check: impl FnMut(&[u8])) {
+    let mut damage = |change: &dyn Fn(&mut [u8])| {
+        let mut bad = bytes.to_vec();
+        change(&mut bad);
+        reseal(&mut bad);
+        check(&bad);
+    };
+    bits.for_each(|bit| damage(&|bad| bad[bit / 8] ^= 1 << (bit % 8)));
+    for i in 0..random {
+        damage(&|bad| {
+            let mut r = Random::new(seed, 4, i);
+            for _ in 0..1 + r.bits() % 6 {
+                let at = (r.bits() % bad.len() as u64) as usize;
+                bad[at] = r.bits() as u8;
+            }
+        });
+    }
+}
+
+/// What `work` gives with so many threads.
+pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
 }
 
 /// The checksums of a file made right again, so that what is behind them meets the damage.
