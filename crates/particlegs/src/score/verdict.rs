@@ -11,7 +11,7 @@ use serde::Serialize;
 /// better trivial picture, dB: half of its error, three quarters of its variance. The random subset of the same bytes
 /// must score less: else the particles themselves show as much.
 pub const PICTURES_HOLD: f64 = 6.0;
-/// And roughly from here on: seven tenths of its error.
+/// Pictures hold roughly from here on: seven tenths of its error.
 pub const PICTURES_ROUGHLY: f64 = 3.0;
 /// Pictures at a large radius hold here: a quarter of the error. Theirs are mostly bright, where trivial pictures err by
 /// a third of white: with half of that the filaments are wrong to the eye.
@@ -131,56 +131,50 @@ impl Assessment {
         let unit = metadata.units.length_text();
         let density = c.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
         let groups = c.groups.as_ref().map_or_else(|| groups(c), matched_groups);
-        let seen = [pictures(c), at_large_radius(c), close_up(c)];
-        let rest = [density, spectrum(c, metadata), groups, spacing(c, unit)];
-        seen.into_iter().chain(rest).collect()
+        let findings =
+            [pictures(c), at_large_radius(c), close_up(c), density, spectrum(c, metadata), groups, spacing(c, unit)];
+        UseCase::ALL.into_iter().zip(findings).map(|(of, (word, why))| Assessment { of, word, why }).collect()
     }
 }
 
+/// How far a use goes, and why.
+type Finding = (Grade, String);
+
 /// The smallest gain of the `expected` look, whose score has no sampling noise in it.
-fn pictures(c: &Certificate) -> Assessment {
-    let finding = |word, why| Assessment { of: UseCase::Pictures, word, why };
+fn pictures(c: &Certificate) -> Finding {
     let gains: Vec<PictureGain> = c.views.orbits.iter().filter_map(|o| PictureGain::new(&o.expected)).collect();
     let beaten = gains.iter().any(|g| g.subset_is_better);
     let Some(worst) = gains.into_iter().min_by(|a, b| a.decibels.total_cmp(&b.decibels)) else {
-        return finding(Grade::NotMeasured, "nothing is lit at the default radius and opacity".into());
+        return (Grade::NotMeasured, "nothing is lit at the default radius and opacity".into());
     };
-    finding(worst.word(beaten, [PICTURES_HOLD, PICTURES_ROUGHLY]), worst.describe("worst orbit"))
+    (worst.word(beaten, [PICTURES_HOLD, PICTURES_ROUGHLY]), worst.describe("worst orbit"))
 }
 
 /// At the largest radius and the default opacity.
-fn at_large_radius(c: &Certificate) -> Assessment {
+fn at_large_radius(c: &Certificate) -> Finding {
     let limits = [LARGE_HOLDS, LARGE_ROUGHLY];
-    at_setting(
-        c,
-        UseCase::LargeRadius,
-        |s| !s.close && s.radius > 1.0,
-        limits,
-        |s| format!("{} default radii", s.radius),
-    )
+    at_setting(c, |s| !s.close && s.radius > 1.0, limits, |s| format!("{} default radii", s.radius))
 }
 
 /// From within, at the default radius and opacity.
-fn close_up(c: &Certificate) -> Assessment {
-    at_setting(c, UseCase::CloseUp, |s| s.close, [PICTURES_HOLD, PICTURES_ROUGHLY], |_| "from within".into())
+fn close_up(c: &Certificate) -> Finding {
+    at_setting(c, |s| s.close, [PICTURES_HOLD, PICTURES_ROUGHLY], |_| "from within".into())
 }
 
 /// The worst view of the first setting of a kind, which is at the default opacity.
 fn at_setting(
     c: &Certificate,
-    of: UseCase,
     kind: impl Fn(&PictureSetting) -> bool,
     limits: [f64; 2],
     name: impl Fn(&PictureSetting) -> String,
-) -> Assessment {
-    let finding = |word, why| Assessment { of, word, why };
+) -> Finding {
     let Some(at) = c.pictures.as_ref().and_then(|p| p.settings.iter().find(|s| kind(s))) else {
-        return finding(Grade::NotMeasured, NEEDS_FULL.into());
+        return (Grade::NotMeasured, NEEDS_FULL.into());
     };
     let Some(gain) = PictureGain::new(&at.expected.worst) else {
-        return finding(Grade::NotMeasured, "nothing is lit, or all is white".into());
+        return (Grade::NotMeasured, "nothing is lit, or all is white".into());
     };
-    finding(gain.word(gain.subset_is_better, limits), gain.describe(&format!("worst view, {}", name(at))))
+    (gain.word(gain.subset_is_better, limits), gain.describe(&format!("worst view, {}", name(at))))
 }
 
 /// How far a picture is above the better of the trivial ones.
@@ -229,7 +223,7 @@ impl PictureGain {
     }
 }
 
-fn density(c: &Certificate) -> Assessment {
+fn density(c: &Certificate) -> Finding {
     // An empty density has an error of 1.
     let d = &c.density;
     let trivial = d.uniform_mean_absolute_error.min(1.0);
@@ -241,11 +235,11 @@ fn density(c: &Certificate) -> Assessment {
         "correlation {:.4} on {} cells along the longest edge; mean error {:.2} where a trivial density has {trivial:.2}",
         d.correlation, d.cells, d.mean_absolute_error
     );
-    Assessment { of: UseCase::Density, word, why }
+    (word, why)
 }
 
 /// Of cells of three sizes, from which on the density holds.
-fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Assessment {
+fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
     let trivial = |d: &CellDensity| d.uniform_mean_absolute_error.min(1.0);
     let holds =
         |d: &CellDensity| d.correlation >= DENSITY_HOLDS && d.mean_absolute_error <= DENSITY_ERROR_HOLDS * trivial(d);
@@ -260,21 +254,20 @@ fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Assessment
              error {mean_absolute_error:.2} where a trivial density has {trivial:.2}",
             decimals(edge)
         );
-        Assessment { of: UseCase::Density, word, why }
+        (word, why)
     };
     match (from(&holds), from(&roughly), densities.last()) {
         (Some(d), ..) => told(d, Grade::Holds),
         (None, Some(d), _) => told(d, Grade::Roughly),
         (None, None, Some(d)) => told(d, Grade::DoesNot),
-        _ => Assessment { of: UseCase::Density, word: Grade::NotMeasured, why: "too few particles".into() },
+        _ => (Grade::NotMeasured, "too few particles".into()),
     }
 }
 
 /// Of halves of the particles where they were fitted, else of the particles that the file was fitted to.
-fn spectrum(c: &Certificate, metadata: &Metadata) -> Assessment {
-    let finding = |word, why| Assessment { of: UseCase::PowerSpectrum, word, why };
+fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
     if !metadata.cell.as_ref().is_some_and(|cell| cell.periodic.contains(&true)) {
-        return finding(Grade::NotApplicable, "the particles have no periodic box".into());
+        return (Grade::NotApplicable, "the particles have no periodic box".into());
     }
     let (k_max, one, five, of) = match (&c.held_out, &c.science) {
         (Some(h), _) => {
@@ -283,7 +276,7 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Assessment {
         (None, Some(s)) if s.power_within_5_percent_to != Limit::NotMeasured => {
             (s.k_max, s.power_within_1_percent_to, s.power_within_5_percent_to, "")
         }
-        _ => return finding(Grade::NotMeasured, "too few particles".into()),
+        _ => return (Grade::NotMeasured, "too few particles".into()),
     };
     let unit = metadata.units.length_text().map_or_else(|| "1/length".into(), per_length);
     let reaches = |limit: Limit| limit.place().is_some_and(|k| k >= SPECTRUM_SHARE * k_max);
@@ -297,7 +290,7 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Assessment {
         Grade::Holds => within(1, one),
         _ => format!("{}, {}", within(5, five), within(1, one)),
     };
-    finding(word, format!("{why}; measured to {}{of}", wavenumber(k_max)))
+    (word, format!("{why}; measured to {}{of}", wavenumber(k_max)))
 }
 
 /// In three digits that are not zeros, whatever the unit.
@@ -306,40 +299,35 @@ fn wavenumber(k: f64) -> String {
 }
 
 /// By counterparts and numbers, whichever is worse.
-fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Assessment {
-    let finding = |word, why| Assessment { of: UseCase::Groups, word, why };
+fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
     let good = |c: &GroupClass, share: f64, number: f64| {
         let matched = |v: Option<f64>| v.is_none_or(|v| v >= share);
         matched(c.completeness) && matched(c.purity) && c.number.is_none_or(|n| (n - 1.0).abs() <= number)
     };
     let largest = &classes[GROUP_CLASSES.len() - 1];
+    let size = GROUP_CLASSES[GROUP_CLASSES.len() - 1];
     let (Some(completeness), Some(number)) = (largest.completeness, largest.number) else {
-        return finding(
-            Grade::NotMeasured,
-            format!("no groups of {} particles", GROUP_CLASSES[GROUP_CLASSES.len() - 1]),
-        );
+        return (Grade::NotMeasured, format!("no groups of {size} particles"));
     };
     let hold = classes.iter().rev().take_while(|c| good(c, MATCHED_HOLD, NUMBERS_HOLD)).count();
     if hold > 0 {
         let from = GROUP_CLASSES[GROUP_CLASSES.len() - hold];
-        return finding(Grade::Holds, format!("matched by position, and in number, from {from} particles a group on"));
+        return (Grade::Holds, format!("matched by position, and in number, from {from} particles a group on"));
     }
     let why = format!(
-        "{:.0} % of groups of {} and more particles have a counterpart; {:.0} % of those drawn are one, their number is {:+.0} %",
+        "{:.0} % of groups of {size} and more particles have a counterpart; {:.0} % of those drawn are one, their number is {:+.0} %",
         100.0 * completeness,
-        GROUP_CLASSES[GROUP_CLASSES.len() - 1],
         100.0 * largest.purity.unwrap_or(0.0),
         100.0 * (number - 1.0)
     );
-    finding(graded(false, good(largest, MATCHED_ROUGHLY, NUMBERS_ROUGHLY)), why)
+    (graded(false, good(largest, MATCHED_ROUGHLY, NUMBERS_ROUGHLY)), why)
 }
 
 /// A smooth model knows how dense it is at a place, and not how its particles keep apart.
-fn spacing(c: &Certificate, unit: Option<&str>) -> Assessment {
-    let finding = |word, why| Assessment { of: UseCase::Spacing, word, why };
+fn spacing(c: &Certificate, unit: Option<&str>) -> Finding {
     let Some(s) = &c.spacing else {
         let why = if c.blocks.is_some() { ADDED_UP } else { "too few particles" };
-        return finding(Grade::NotMeasured, why.into());
+        return (Grade::NotMeasured, why.into());
     };
     let within = |share: f64| {
         (s.drawn_median / s.median - 1.0).abs() <= share && (s.drawn_regularity - s.regularity).abs() <= share
@@ -353,11 +341,10 @@ fn spacing(c: &Certificate, unit: Option<&str>) -> Assessment {
         s.drawn_regularity,
         s.regularity
     );
-    finding(graded(within(SPACING_HOLDS), within(SPACING_ROUGHLY)), why)
+    (graded(within(SPACING_HOLDS), within(SPACING_ROUGHLY)), why)
 }
 
-fn groups(c: &Certificate) -> Assessment {
-    let finding = |word, why| Assessment { of: UseCase::Groups, word, why };
+fn groups(c: &Certificate) -> Finding {
     match c.science.map_or(Limit::NotMeasured, |s| s.groups_within_10_percent_from) {
         Limit::NotMeasured => {
             let why = match (c.blocks, c.pictures) {
@@ -365,12 +352,12 @@ fn groups(c: &Certificate) -> Assessment {
                 (None, None) => NEEDS_FULL,
                 (None, Some(_)) => "too few groups",
             };
-            finding(Grade::NotMeasured, why.into())
+            (Grade::NotMeasured, why.into())
         }
-        Limit::Never => finding(Grade::DoesNot, "numbers are within 10 % at no size".into()),
+        Limit::Never => (Grade::DoesNot, "numbers are within 10 % at no size".into()),
         Limit::At(n) => {
             let why = format!("numbers within 10 % from {n} particles a group on");
-            finding(graded(n <= GROUPS_HOLD, n <= GROUPS_ROUGHLY), why)
+            (graded(n <= GROUPS_HOLD, n <= GROUPS_ROUGHLY), why)
         }
     }
 }
