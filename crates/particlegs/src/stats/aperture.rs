@@ -91,21 +91,23 @@ pub fn aperture_mass(
         .collect();
     let mut ratios: Vec<f64> = chosen.iter().map(|g| per * other[*g] as f64 / truth[*g] as f64).collect();
     ratios.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        let x = share * (ratios.len() - 1) as f64;
-        let (i, f) = (x.floor() as usize, x.fract());
-        ratios[i] + f * (ratios[(i + 1).min(ratios.len() - 1)] - ratios[i])
-    };
-    let some = !ratios.is_empty();
+    let at = |share| quantile(&ratios, share);
     let sum = |v: &[u64]| chosen.iter().map(|g| v[*g]).sum::<u64>() as f64;
     ApertureMass {
         radius,
         sizes,
         groups: chosen.len() as u64,
-        median: some.then(|| at(0.5)),
-        quartiles: some.then(|| [at(0.25), at(0.75)]),
-        total: some.then(|| per * sum(other) / sum(truth)),
+        median: at(0.5),
+        quartiles: at(0.25).zip(at(0.75)).map(<[f64; 2]>::from),
+        total: (!chosen.is_empty()).then(|| per * sum(other) / sum(truth)),
     }
+}
+
+/// The value that this share of rising values lies below, straight between two of them; `None` of no values.
+pub(super) fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
+    let x = share * sorted.len().checked_sub(1)? as f64;
+    let (i, f) = (x.floor() as usize, x.fract());
+    Some(sorted[i] + f * (sorted[(i + 1).min(sorted.len() - 1)] - sorted[i]))
 }
 
 #[cfg(test)]

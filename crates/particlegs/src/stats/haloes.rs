@@ -1,6 +1,8 @@
 //! Density and enclosed mass about given centres: of particles by counting, of a mixture from its Gaussians.
 
+use super::aperture::quantile;
 use super::points::PointGrid;
+use super::subject::mixtures;
 use super::{Domain, Subject};
 use crate::model::Model;
 use crate::particles::Particles;
@@ -142,16 +144,12 @@ impl MassComparison {
         let chosen: Vec<usize> = (0..truth.len()).filter(here).collect();
         let mut ratios: Vec<f64> = chosen.iter().map(|i| other[*i] * shares[1] / (truth[*i] * shares[0])).collect();
         ratios.sort_by(f64::total_cmp);
-        let at = |share: f64| {
-            let x = share * ratios.len().checked_sub(1)? as f64;
-            let (i, f) = (x.floor() as usize, x.fract());
-            Some(ratios[i] + f * (ratios[(i + 1).min(ratios.len() - 1)] - ratios[i]))
-        };
+        let at = |share| quantile(&ratios, share);
         let sum = |v: &[f64]| chosen.iter().map(|i| v[*i]).sum::<f64>();
         MassComparison {
             number: chosen.len() as u64,
             median: at(0.5),
-            quartiles: at(0.25).zip(at(0.75)).map(|(low, high)| [low, high]),
+            quartiles: at(0.25).zip(at(0.75)).map(<[f64; 2]>::from),
             total: (!chosen.is_empty()).then(|| sum(other) * shares[1] / (sum(truth) * shares[0])),
         }
     }
@@ -166,8 +164,7 @@ fn all_mass(subject: Subject<'_>) -> f64 {
 
 /// Every Gaussian of a model: the mass of weight 1, its mixture and its number there.
 fn gaussians(m: &Model) -> impl Iterator<Item = (f64, &crate::model::Mixture, usize)> {
-    let blocks = m.layers.iter().flat_map(|l| l.content.iter().map(|b| (l.mass.unit_or_one(), &b.gaussians)));
-    blocks.flat_map(|(unit, g)| (0..g.len()).map(move |i| (unit, g, i)))
+    mixtures(m).flat_map(|(unit, g)| (0..g.len()).map(move |i| (unit, g, i)))
 }
 
 /// The masses inside `edges` about every centre, as `of` one adds them.

@@ -4,6 +4,7 @@
 use super::Domain;
 use super::neighbours::sample;
 use super::points::PointGrid;
+use super::subject::mixtures;
 use crate::math::{Purpose, Sym3};
 use crate::model::{Mixture, Model};
 use crate::particles::{Neighbours, Particles, places_of};
@@ -127,11 +128,8 @@ impl Domain {
             return Err(Error::argument(format!("point {i} is not finite")));
         }
         let mut bells = Vec::with_capacity(model.gaussians());
-        for layer in &model.layers {
-            for m in layer.content.iter().map(|b| &b.gaussians) {
-                let mass = |i| layer.mass.unit_or_one() * m.mass_of(i);
-                bells.extend((0..m.len()).map(|i| GaussianDensity::new(m, i, mass(i), self)));
-            }
+        for (unit, m) in mixtures(model) {
+            bells.extend((0..m.len()).map(|i| GaussianDensity::new(m, i, unit * m.mass_of(i), self)));
         }
         progress.begin("density", (places.len().div_ceil(AT_ONCE) * RUNS) as u64);
         let mut all = vec![0.0; places.len()];

@@ -1,6 +1,7 @@
 //! Moments of positions along each axis, by mass.
 
 use super::Subject;
+use super::subject::mixtures;
 use crate::particles::Particles;
 
 /// Moments of one axis, world units.
@@ -29,17 +30,15 @@ pub fn axis_moments(subject: Subject<'_>) -> [AxisMoments; 3] {
         Subject::Particles(p) => of_particles(p, pivot),
         Subject::Model(m) => {
             let mut sums = [PowerSums::default(); 3];
-            for layer in &m.layers {
-                for g in layer.content.iter().map(|b| &b.gaussians) {
-                    for i in 0..g.len() {
-                        let (mass, cov) = (layer.mass.unit_or_one() * g.mass_of(i), g.cov_of(i).0);
-                        for k in 0..3 {
-                            // Raw moments of a Gaussian of mean d and variance v.
-                            let (d, v) = (g.mean[k][i] - pivot[k], cov[[0, 3, 5][k]]);
-                            let terms =
-                                [1.0, d, d * d + v, d * (d * d + 3.0 * v), d.powi(4) + 6.0 * d * d * v + 3.0 * v * v];
-                            (0..5).for_each(|t| sums[k][t] += mass * terms[t]);
-                        }
+            for (unit, g) in mixtures(m) {
+                for i in 0..g.len() {
+                    let (mass, cov) = (unit * g.mass_of(i), g.cov_of(i).0);
+                    for k in 0..3 {
+                        // Raw moments of a Gaussian of mean d and variance v.
+                        let (d, v) = (g.mean[k][i] - pivot[k], cov[[0, 3, 5][k]]);
+                        let terms =
+                            [1.0, d, d * d + v, d * (d * d + 3.0 * v), d.powi(4) + 6.0 * d * d * v + 3.0 * v * v];
+                        (0..5).for_each(|t| sums[k][t] += mass * terms[t]);
                     }
                 }
             }

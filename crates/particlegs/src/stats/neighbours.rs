@@ -1,6 +1,7 @@
 //! Distances to the nearest neighbour, of all particles or of a sample of them.
 
 use super::Domain;
+use super::aperture::quantile;
 use crate::math::{Purpose, Random};
 use crate::particles::{Neighbours, Particles, places_of};
 use crate::progress::Progress;
@@ -94,11 +95,7 @@ pub fn nearest_distances(
 
 fn summary(sorted: &[f64], mean: f64, among: usize) -> NearestDistances {
     let n = sorted.len();
-    let at = |share: f64| {
-        let x = share * (n - 1) as f64;
-        let (i, f) = (x.floor() as usize, x.fract());
-        sorted[i] + f * (sorted[(i + 1).min(n - 1)] - sorted[i])
-    };
+    let at = |share| quantile(sorted, share).expect("at least one distance");
     let zero = sorted.iter().take_while(|d| **d == 0.0).count();
     let bin = |d: f64| (d.log10() * PER_DECADE).floor() as i64;
     let (mut edges, mut counts) = (Vec::new(), Vec::new());

@@ -1,8 +1,9 @@
 //! Density along an axis: mass per volume in slabs, of particles by counting, of a mixture by error functions.
 
 use super::gaussian::shares;
+use super::subject::mixtures;
 use super::{Domain, Grid, Subject};
-use crate::model::{Layer, Mixture, Model};
+use crate::model::{Mixture, Model};
 use crate::particles::{ChunkBuffer, Particles, RUN};
 use crate::progress::Progress;
 use crate::{Result, parallel};
@@ -149,7 +150,7 @@ fn of_particles(p: &Particles, grid: &Grid, progress: &dyn Progress) -> Result<A
 }
 
 fn of_model(m: &Model, grid: &Grid, progress: &dyn Progress) -> Result<AxisSlabs> {
-    let parts: Vec<(f64, &Mixture)> = m.layers.iter().flat_map(mixtures).collect();
+    let parts: Vec<(f64, &Mixture)> = mixtures(m).collect();
     let mut first = vec![0];
     parts.iter().for_each(|(_, g)| first.push(first[first.len() - 1] + g.len()));
     summed(first[parts.len()], grid, progress, |range, slabs| {
@@ -165,11 +166,6 @@ fn of_model(m: &Model, grid: &Grid, progress: &dyn Progress) -> Result<AxisSlabs
             }
         }
     })
-}
-
-/// Mixtures of a layer and the mass that a weight of 1 stands for.
-fn mixtures(layer: &Layer<Vec<crate::model::Block>>) -> impl Iterator<Item = (f64, &Mixture)> {
-    layer.content.iter().map(|b| (layer.mass.unit_or_one(), &b.gaussians))
 }
 
 #[cfg(test)]

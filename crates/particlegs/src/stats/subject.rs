@@ -2,7 +2,7 @@
 
 use super::Domain;
 use crate::Result;
-use crate::model::{Model, UnitSystem};
+use crate::model::{Mixture, Model, UnitSystem};
 use crate::particles::{Particles, Storage};
 use crate::progress::Silent;
 use crate::space::Bounds;
@@ -90,4 +90,9 @@ impl<'a> Subject<'a> {
         };
         domain.volume() * squares / p.total_mass().powi(2)
     }
+}
+
+/// The mixtures of a model, and the mass that a weight of 1 stands for in each.
+pub(super) fn mixtures(model: &Model) -> impl Iterator<Item = (f64, &Mixture)> {
+    model.layers.iter().flat_map(|l| l.content.iter().map(|b| (l.mass.unit_or_one(), &b.gaussians)))
 }
