@@ -33,7 +33,7 @@ pub(crate) struct CodedBlock {
     pub step_factor: f64,
     pub size_met: SizeOutcome,
     pub trained: Vec<TrainedRun>,
-    /// Was the last of them stopped, and the best so far taken?
+    /// The last training run was stopped, and its best state so far is coded.
     pub stopped: bool,
     pub clock: Clock,
 }

@@ -73,7 +73,7 @@ impl Checkpoint {
         }
     }
 
-    /// Of new work: what is there is not looked at.
+    /// A checkpoint of new work: what is in the file is not looked at.
     pub fn fresh(path: PathBuf, whose: &[u8; 32]) -> Checkpoint {
         let head = [&MAGIC[..], whose].concat();
         Checkpoint {
@@ -96,7 +96,7 @@ impl Checkpoint {
         self.pieces.len()
     }
 
-    /// Are there none?
+    /// No parts?
     pub fn is_empty(&self) -> bool {
         self.pieces.is_empty()
     }

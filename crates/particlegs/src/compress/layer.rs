@@ -55,7 +55,7 @@ pub(super) struct LayerResult {
     pub coded: CodedGaussians,
     pub vizmapper: Option<VizMapper>,
     pub trained: Option<TrainedRun>,
-    /// Was training stopped, and the best so far taken?
+    /// Training was stopped, and its best state so far is coded.
     pub stopped: bool,
     pub clock: Clock,
 }

@@ -28,7 +28,7 @@ pub(crate) struct MemoryLoad {
     /// Copies of a block's particles in memory: the fit's, and another where the block was read into
     /// memory.
     pub copies: u64,
-    /// Is a block measured by its own task?
+    /// A block is measured by its own task.
     pub measuring: bool,
 }
 

@@ -48,7 +48,7 @@ impl SearchScale {
     }
 }
 
-/// See [`SearchScale`].
+/// How high `value` is: decibels, or how often the error is halved (see [`SearchScale`]).
 fn height(goal: &Goal, value: f64) -> f64 {
     let halvings = |error: f64| -error.max(1e-12).log2();
     match goal.kind {

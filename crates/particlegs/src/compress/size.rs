@@ -25,7 +25,7 @@ pub fn bytes_a_gaussian(effort: Effort) -> f64 {
 /// Particles for each Gaussian of a file of a given size, at least: on a half of nbody64, 25, 20, 15, 12 and 10 give
 /// 4.650, 4.640, 4.632, 4.585 and 4.520 bits a held-out particle, and pictures gain nothing either.
 const PARTICLES_A_GAUSSIAN: u64 = 16;
-/// So many Gaussians, some 10 kB, are always made where there are particles: pictures of few are better for it.
+/// At least this many Gaussians, some 10 kB, are always made where there are particles: pictures of few are better for it.
 const ALWAYS: u64 = 2500;
 
 /// The most Gaussians that `particles` support: more would fit the noise of their sample.

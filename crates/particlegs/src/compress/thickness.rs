@@ -14,7 +14,7 @@ impl Thickness {
     /// Codings at most until the Gaussians have it.
     pub const TRIALS: usize = 5;
 
-    /// Of particles in flat bounds.
+    /// `None` where the bounds are not flat.
     pub fn new(particles: &Particles, bounds: &Bounds) -> Option<Thickness> {
         let axis = bounds.thin_axis()?;
         let pivot = bounds.center()[axis] - particles.origin[axis];

@@ -156,6 +156,7 @@ impl Candidates {
             group.resize(index.len(), g as u32);
             start.push(index.len());
         }
+        // The same lists by Gaussian: the M step gathers in the order of the groups, whatever the threads.
         let mut entry_start = vec![0usize; gaussians + 1];
         for &j in &index {
             entry_start[j as usize + 1] += 1;
@@ -240,6 +241,7 @@ pub(crate) fn expect(
     progress: &dyn Progress,
 ) -> Result<Expectation> {
     let groups = cloud.groups;
+    // Each Gaussian is whitened once, in f64; groups only move it to their centre, where f32 has digits left.
     let whitened: Vec<_> = parallel::map_range(gaussians.len(), |j| Whitening::new(gaussians, j, shape));
     let mut sums = vec![[0f32; SUMS]; candidates.index.len()];
     let mut owner = vec![0u32; if wanted.owner { cloud.xyz.len() } else { 0 }];
@@ -360,6 +362,7 @@ pub(crate) fn maximise(
         let d: [f64; 3] = each_axis(|k| total[3 + k] / focused);
         let cov = Sym3(std::array::from_fn(|k| total[6 + k] / focused)).add(&Sym3::outer(d).scale(-1.0));
         let mean = each_axis(|k| gaussians.mean[j][k] + d[k]);
+        // What the focus took off is put back before the prior, which is of whole Gaussians.
         let own = nonnegative(unfocus(cov, &gaussians.cov[j], shape));
         (mean, shape.prior.most_probable(&own, count, &expected[j]), count, total[1])
     });

@@ -51,7 +51,7 @@ pub(crate) fn picture_sigma(splat: f64, pixel: f64) -> f64 {
 }
 
 impl Blur {
-    /// Of a standard deviation.
+    /// A blur of standard deviation `sigma`.
     pub fn from_sigma(sigma: f64) -> Blur {
         Blur { variance: sigma * sigma }
     }

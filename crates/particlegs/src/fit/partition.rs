@@ -158,6 +158,7 @@ impl PartitionBuilder<'_> {
 
     /// Cuts the pending cells down to `threshold`, in the order of the store.
     fn round(&self, store: &mut ParticleStore, mut go: Vec<PendingCell>, threshold: f64) -> Vec<Result<Branch>> {
+        // In the store's order: each cell's slices are split off what is left of the store.
         go.sort_unstable_by_key(|p| p.start);
         let mut cells = Vec::with_capacity(go.len());
         let (mut xyz, mut weight) = (&mut store.xyz[..], store.weight.as_deref_mut());
@@ -194,8 +195,10 @@ impl PartitionBuilder<'_> {
         let a = Moments::quick(simd, &cell.xyz[..len]);
         let b = Moments::quick(simd, &cell.xyz[len..]);
         let [whole, first, second] = [&moments, &a, &b].map(PictureGaussian::from);
+        // Never 0: thresholds follow each other by their ratio.
         let gain = self.blur.difference(&whole, &first, &second).max(f64::MIN_POSITIVE);
         let (start, mid, end) = (cell.start, cell.start + len, cell.start + cell.xyz.len());
+        // The cell is cut in any case, which only reorders it; its halves wait until the threshold has come down.
         if gain < threshold {
             out.pending.push(PendingCell { start, mid, end, gain });
             return Ok(());

@@ -59,7 +59,7 @@ impl MeanShape {
     /// Particles of a sphere that is there from the beginning.
     const FIRST: f64 = 0.1;
 
-    /// Of no Gaussians: a sphere.
+    /// The mean of no Gaussians yet, which is taken as a sphere.
     pub(crate) fn new() -> Self {
         MeanShape { sum: SPHERE.scale(Self::FIRST), count: Self::FIRST }
     }

@@ -109,7 +109,7 @@ pub(crate) fn refine(
 }
 
 struct Refiner<'a> {
-    /// Where there are rounds.
+    /// `None` where the options ask for no rounds.
     shade: Option<&'a TransmittanceMaps>,
     partition: &'a Partition,
     /// Store units.
@@ -158,6 +158,7 @@ impl Refiner<'_> {
         let rate = self.rate();
         if rate < 1.0 {
             let sampled = sample(whole, rate, self.options.seed);
+            // Priors weigh by particles: the sample's Gaussians must have the sample's counts meanwhile.
             scale_counts(&mut gaussians, rate);
             let expected = self.rounds(sampled.view(), &mut gaussians)?;
             scale_counts(&mut gaussians, 1.0 / rate);
@@ -222,6 +223,7 @@ impl Refiner<'_> {
             expected = candidates.mean_shapes(gaussians);
             let moves = moves(if last { LAST_MOVE_BLUR_RADII } else { MOVE_BLUR_RADII });
             let made = exchange(gaussians, cloud, &candidates, shade, moves, self.progress)?;
+            // Searched once a round: an exchange moves few Gaussians, and their groups are known.
             let candidates = candidates.after(&made, gaussians.len());
             made.iter().for_each(|m| expected[m.freed as usize] = expected[m.split as usize]);
             let iterations = if last { options.settling } else { options.iterations };

@@ -189,7 +189,7 @@ fn discs_and_layers_stay_thin() {
     }
 }
 
-/// Of 16 particles a Gaussian in boxes of 1:10 000 and 1:100 000 a share of a rounder shape would be several times the
+/// With 16 particles a Gaussian in boxes of 1:10 000 and 1:100 000, a share of a rounder shape would be several times the
 /// thickness.
 #[test]
 fn flat_boxes_keep_their_thickness() {

@@ -95,7 +95,7 @@ impl MergeGaussian {
 
 #[derive(Clone, Copy)]
 struct OverlapMeasure {
-    /// Of the pictures.
+    /// The pictures' blur.
     blur: Blur,
     /// Least variance in the search for neighbours.
     floor: f64,
@@ -216,9 +216,9 @@ impl OverlapNeighbours {
 struct Round {
     /// With whom each was merged, at the one that stays.
     partner: Vec<Option<u32>>,
-    /// Those that stay.
+    /// Gaussians that are there after the round, by their old numbers.
     kept: Vec<u32>,
-    /// Where each is found after the round.
+    /// The new number of each old Gaussian, or of the one that it was merged into.
     place: Vec<u32>,
 }
 
@@ -247,6 +247,7 @@ fn merged(
             (reach, searched) = (f64::INFINITY, items.len());
             continue;
         }
+        // Lists that were only joined since the last search miss more and more of the nearest.
         if (items.len() as f64) < SEARCH_AGAIN * searched as f64 {
             neighbours = OverlapNeighbours::find(&items, measure, reach, progress)?;
             searched = items.len();
@@ -272,7 +273,7 @@ fn merged(
 }
 
 impl Round {
-    /// Did it merge far fewer than it might, to reach `wanted`?
+    /// It merges far fewer pairs than it might to reach `wanted`.
     fn is_poor(&self, wanted: usize) -> bool {
         let (before, after) = (self.partner.len(), self.kept.len());
         after > wanted && (before - after) * POOR < before

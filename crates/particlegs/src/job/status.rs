@@ -13,7 +13,7 @@ use serde::Serialize;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum State {
-    /// Its file is there.
+    /// The file of the task is there.
     Done,
     /// A checkpoint is there.
     Checkpointed,

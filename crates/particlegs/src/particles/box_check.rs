@@ -63,7 +63,7 @@ fn holds(cell: &Cell, bounds: &Bounds) -> bool {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct ParticlesOutsideBox {
     all: u64,
-    /// Those more than a box length outside.
+    /// Particles more than a box length outside.
     far: u64,
 }
 

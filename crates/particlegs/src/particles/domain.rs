@@ -157,12 +157,12 @@ impl Domain {
         domain.length.iter().all(|l| l.is_finite() && *l > 0.0).then_some(domain)
     }
 
-    /// Of a snapshot.
+    /// The box of a snapshot.
     pub fn from_particles(particles: &Particles) -> Self {
         Self::new(&particles.bounds(), particles.meta.cell.as_ref())
     }
 
-    /// Of a model's snapshot.
+    /// The box of the snapshot that a model was made of.
     pub fn from_model(model: &Model) -> Self {
         Self::new(&model.metadata.bounds, model.metadata.cell.as_ref())
     }

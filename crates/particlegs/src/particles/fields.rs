@@ -84,7 +84,7 @@ pub struct LayerFields {
 /// Three columns.
 enum Triple {
     Reader(Arc<dyn SnapshotReader>),
-    /// Of a stream, which cannot be read run by run.
+    /// Columns of a stream, which cannot be read run by run.
     Memory([Vec<f64>; 3]),
 }
 

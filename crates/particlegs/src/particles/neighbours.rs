@@ -297,6 +297,7 @@ impl Neighbours {
         let grid = CellGrid::new(p, domain);
         let next: Vec<AtomicU32> = (0..grid.cells.iter().product::<usize>()).map(|_| AtomicU32::new(0)).collect();
         let key = |x: &LocalPosition| grid.index(grid.cell(&grid.along(&x.map(f64::from))));
+        // A counting sort in two passes: how many a cell holds, then where each of them goes.
         visit_places(p, domain, |_, places| {
             places.iter().for_each(|x| {
                 next[key(x)].fetch_add(1, Relaxed);
@@ -415,6 +416,7 @@ impl Neighbours {
         let (left, right) = (run.start..middle, middle + 1..run.end);
         let (near, far) = if d < 0.0 { (left, right) } else { (right, left) };
         self.search(near, x, off, found);
+        // The far half begins at the median's plane: it is as far away as that along this axis.
         let mut beyond = off;
         beyond[axis] = d;
         if beyond[0] * beyond[0] + beyond[1] * beyond[1] + beyond[2] * beyond[2] < found.limit() {

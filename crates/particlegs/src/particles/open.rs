@@ -109,7 +109,7 @@ impl Particles {
 /// Invalid particles of a stretch, and the first of them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct InvalidParticles {
-    /// Those without a place.
+    /// Particles whose position is not finite.
     positions: u64,
     /// Others whose weight is no weight.
     weights: u64,

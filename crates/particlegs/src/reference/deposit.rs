@@ -153,6 +153,7 @@ impl Depositor {
         for splat in splats {
             let Some(window) = RowWindow::new(&splat, rows) else { continue };
             let [sx, sy] = splat.sigma();
+            // A splat along the axes is the product of two profiles; a turned one is not, and has its own rows.
             if splat.axes[1] == 0.0 && splat.axes[2] == 0.0 {
                 let area = rows.fine_area;
                 self.profile(splat.x, sx, window.columns, area, &mut profiles.x);
@@ -174,6 +175,7 @@ impl Depositor {
         let inverse = 1.0 / sigma;
         out.clear();
         if sigma < SMOOTH_SIGMA {
+            // One look into the table a pixel: the upper edge of one is the lower edge of the next.
             let mut below = self.integral((range[0] as f32 - center) * inverse);
             out.extend((range[0]..range[1]).map(|i| {
                 let above = self.integral(((i + 1) as f32 - center) * inverse);

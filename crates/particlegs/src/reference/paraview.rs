@@ -62,7 +62,7 @@ struct FragmentScratch {
     next: Vec<usize>,
     depth: Vec<f32>,
     alpha: Vec<f32>,
-    /// Of one splat in one row.
+    /// Alphas of one splat in one row.
     shapes: Vec<f32>,
 }
 
@@ -70,9 +70,9 @@ struct FragmentScratch {
 struct PictureBand<'a> {
     /// The splats of the band's group, by chunk of particles.
     chunks: &'a [BandedSplats<NdcSplat>],
-    /// Its number in the group.
+    /// The band's number in the group.
     number: usize,
-    /// Its lowest row.
+    /// The band's lowest row.
     first_row: usize,
 }
 
@@ -317,11 +317,11 @@ struct FragmentGather<'a> {
     shapes: &'a mut Vec<f32>,
 }
 
-/// Those of a row's pixels.
+/// The fragments of a row's pixels.
 struct Fragments<'a> {
     /// How many stand before each pixel.
     first: &'a [u64],
-    /// And before the first that is gathered.
+    /// How many stand before the first that is gathered.
     base: u64,
     depth: &'a [f32],
     alpha: &'a [f32],

@@ -28,7 +28,7 @@ pub(super) struct NdcSplat {
 }
 
 impl NdcSplat {
-    /// Is u along x and v along y?
+    /// The axis u is along x, and v along y.
     pub fn is_aligned(&self) -> bool {
         self.axes[1] == 0.0 && self.axes[2] == 0.0
     }

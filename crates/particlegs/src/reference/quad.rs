@@ -118,7 +118,7 @@ impl Quad {
         (columns[0] < columns[1] && rows[0] < rows[1]).then_some(Quad { corner, aligned: false, columns, rows, window })
     }
 
-    /// Does it cover one pixel alone, surely?
+    /// The splat surely covers one pixel alone.
     #[inline]
     pub fn is_one_pixel(&self) -> bool {
         self.aligned && self.columns[1] - self.columns[0] == 1 && self.rows[1] - self.rows[0] == 1

@@ -107,7 +107,7 @@ mod tests {
         }
     }
 
-    /// Of a tilted cell every line of sight has the depth that its own even particles have.
+    /// In a tilted cell every line of sight has the depth that its own even particles have.
     #[test]
     fn a_tilted_box_has_its_own_picture() {
         let cell = tilted_cells()[0];

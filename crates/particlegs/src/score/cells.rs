@@ -31,7 +31,7 @@ pub(super) fn cell_densities(
     Ok(agreements(pair, particles.len()))
 }
 
-/// Of the fields on the grid of the smallest cells, the particles' and the model's; `particles` in all.
+/// The agreement of the particles' field and the model's, both on the grid of the smallest cells; `particles` in all.
 pub(super) fn agreements(pair: [Field; 2], particles: usize) -> Option<[CellDensity; CELL_SIZES]> {
     let grid = pair[0].grid;
     let mut pair = pair.map(Masses::from_field);

@@ -145,7 +145,7 @@ pub fn density_agreement<T: Copy + Into<f64>>(truth: &[T], model: &[T]) -> Densi
     DensityAgreement { correlation, mean_absolute_error: if mt > 0.0 { error / (n * mt) } else { 0.0 } }
 }
 
-/// Of a model's density and a uniform one.
+/// What a certificate says of the densities of a model and of a uniform box.
 pub(super) fn density_metrics([model, uniform]: [DensityAgreement; 2]) -> DensityMetrics {
     DensityMetrics {
         cells: GRID,

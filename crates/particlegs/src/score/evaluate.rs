@@ -102,7 +102,7 @@ pub(super) struct ModelComparison<'a> {
 }
 
 impl<'a> ModelComparison<'a> {
-    /// Of a model and the snapshot that `truth` draws; with a subset of its particles where that is to be scored, in
+    /// A model beside the snapshot that `truth` draws; with a subset of its particles where that is to be scored, in
     /// all looks or in `expected` alone.
     pub fn new(model: &'a Model, truth: &'a Reference<'a>, subset: Option<(&'a RandomSubset, bool)>) -> Self {
         let even = Domain::drawn(truth.bounds(), truth.particles().meta.cell.as_ref());
@@ -129,6 +129,7 @@ impl<'a> ModelComparison<'a> {
 
     /// Draws a view of all that is compared.
     pub fn draw(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<ViewPictures> {
+        // One range for all that is drawn: the model's Gaussians reach beyond the particles that the range is of.
         let view = clipped(view, self.truth.bounds());
         let truth = ViewTruth::draw(self.truth, &view, size, self.drawer, progress)?;
         let subset = self.subset.map(|(s, whole)| s.draw(self.truth, &view, size, whole, progress)).transpose()?;

@@ -20,7 +20,7 @@ const LEAST_CELLS: u32 = 64;
 /// Cells that lack a layer altogether are off by a factor of ten.
 const MOST_ERROR: f64 = 1.0;
 
-/// Of each further layer against the first, in cells of the size at which the error is largest for the noise; `None` of
+/// The ratios of each further layer to the first, in cells of the size at which the error is largest for the noise; `None` of
 /// one layer.
 pub(super) fn layer_ratios(
     model: &Model,

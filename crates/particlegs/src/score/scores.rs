@@ -76,7 +76,7 @@ impl LookScores {
 pub struct ViewScores {
     /// The view's name.
     pub name: String,
-    /// Its orbit: `far`, `mid`, `near` or `other`.
+    /// The view's orbit: `far`, `mid`, `near` or `other`.
     pub orbit: &'static str,
     /// Particle radius, world units.
     pub radius: f64,

@@ -16,34 +16,34 @@ pub const PICTURES_ROUGHLY: f64 = 3.0;
 /// Pictures at a large radius hold here: a quarter of the error. Theirs are mostly bright, where trivial pictures err by
 /// a third of white: with half of that the filaments are wrong to the eye.
 pub const LARGE_HOLDS: f64 = 12.0;
-/// And roughly from here on.
+/// A large radius holds roughly from here on.
 pub const LARGE_ROUGHLY: f64 = 6.0;
 /// The density holds from this correlation on, with at most [`DENSITY_ERROR_HOLDS`] of the error of the
 /// better trivial density.
 pub const DENSITY_HOLDS: f64 = 0.99;
-/// And roughly from here on, with less error than the better trivial density.
+/// The density holds roughly from here on, with less error than the better trivial density.
 pub const DENSITY_ROUGHLY: f64 = 0.9;
-/// See [`DENSITY_HOLDS`].
+/// The share of the better trivial density's error that [`DENSITY_HOLDS`] allows.
 pub const DENSITY_ERROR_HOLDS: f64 = 0.5;
 /// The power spectrum holds where it is within 1 % up to this share of the wave numbers measured, and
 /// roughly where it is within 5 %.
 pub const SPECTRUM_SHARE: f64 = 0.25;
 /// Groups hold where their numbers are within 10 % from this size on, particles.
 pub const GROUPS_HOLD: f64 = 100.0;
-/// And roughly from this size on.
+/// Groups hold roughly from this size on.
 pub const GROUPS_ROUGHLY: f64 = 1000.0;
 /// Matched groups hold where this share of them, and of those drawn, has a counterpart.
 pub const MATCHED_HOLD: f64 = 0.9;
-/// And roughly where this share has.
+/// Matched groups hold roughly where this share has one.
 pub const MATCHED_ROUGHLY: f64 = 0.8;
 /// Numbers of matched groups hold within this share.
 pub const NUMBERS_HOLD: f64 = 0.1;
-/// And roughly within this one.
+/// Numbers of matched groups hold roughly within this share.
 pub const NUMBERS_ROUGHLY: f64 = 0.25;
 /// The spacing of drawn particles holds where the median distance to the nearest neighbour is within this share, and
 /// the 5th percentile over the median as near.
 pub const SPACING_HOLDS: f64 = 0.1;
-/// And roughly within this one.
+/// The spacing holds roughly within this share.
 pub const SPACING_ROUGHLY: f64 = 0.25;
 
 const NEEDS_FULL: &str = "it takes a full certificate";
@@ -114,7 +114,7 @@ impl Assessment {
         self.why.split("; ").next().unwrap_or_default()
     }
 
-    /// Of a file whose figures nobody has measured again.
+    /// The verdict on a file whose figures nobody has measured again.
     pub fn unverified() -> Vec<Assessment> {
         let why = "the snapshot is needed, to measure again what the file says";
         UseCase::ALL.map(|of| Assessment { of, word: Grade::NotVerified, why: why.into() }).into()
@@ -183,10 +183,10 @@ struct PictureGain {
     trivial: f64,
     name: &'static str,
     decibels: f64,
-    /// Is its SSIM above both?
+    /// The model's SSIM is above that of both trivial pictures.
     more_similar: bool,
     subset: Option<f64>,
-    /// Does the random subset of the same bytes score as much?
+    /// The random subset of the same bytes scores as much.
     subset_is_better: bool,
 }
 
@@ -238,7 +238,7 @@ fn density(c: &Certificate) -> Finding {
     (word, why)
 }
 
-/// Of cells of three sizes, from which on the density holds.
+/// The smallest of three sizes of cells from which on the density holds.
 fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
     let trivial = |d: &CellDensity| d.uniform_mean_absolute_error.min(1.0);
     let holds =
@@ -264,7 +264,8 @@ fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
     }
 }
 
-/// Of halves of the particles where they were fitted, else of the particles that the file was fitted to.
+/// Judged by models of halves of the particles where they were fitted, else by the particles that the file was
+/// fitted to.
 fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
     if !metadata.cell.as_ref().is_some_and(|cell| cell.periodic.contains(&true)) {
         return (Grade::NotApplicable, "the particles have no periodic box".into());

@@ -39,7 +39,7 @@ pub fn certificate_views(model: &Metadata, size: Size, seed: u64) -> Vec<View> {
 
 /// Pixels that a particle may cover in a certificate's picture, and all of them together whatever the number.
 const COVERED: f64 = 2e3;
-/// See [`COVERED`].
+/// The same for all particles together.
 const COVERED_BY_ALL: f64 = 3e8;
 
 /// Refuses to measure pictures of particles so large that each covers much of a picture: it would take hours.
@@ -81,7 +81,7 @@ pub fn orbit_of(view: &View) -> &'static str {
     ORBITS.iter().find(|o| o.name == prefix).map_or("other", |o| o.name)
 }
 
-/// Of pictures of a certificate's size.
+/// What a certificate says of the pictures that its scores are of.
 pub(super) fn view_metrics(seed: u64, orbits: [OrbitMetrics; 3]) -> ViewMetrics {
     ViewMetrics { width: SIZE.width as u16, height: SIZE.height as u16, seed, orbits }
 }

@@ -8,7 +8,7 @@ use particlegs_core::math::each_axis;
 
 /// A sphere shrinks by this share a step towards its densest part (Power et al. 2003).
 const SHRINK: f64 = 0.9;
-/// And no further than to this many particles.
+/// A sphere is shrunk no further than to this many particles.
 const LEAST: usize = 10;
 
 /// The centre of a group, relative to the domain's corner: the mean of its members, then of those

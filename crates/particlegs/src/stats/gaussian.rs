@@ -33,6 +33,7 @@ impl DepositScratch {
         }
         let eigen = cov.eigen();
         let deviation = eigen.values.map(|v| v.max(0.0).sqrt());
+        // What is thinner than the kernel is made as thick: the lattice of kernels must not be endless.
         let kernel = deviation[2].max(SMALLEST * cell).max(FLATTEST * deviation[0]);
         let thick = eigen.values.map(|v| v.max(kernel * kernel));
         let cov = if deviation[2] < kernel { &Sym3::from_eigen(&Eigen { values: thick, ..eigen }) } else { cov };

@@ -55,7 +55,7 @@ struct RowWalk<'a> {
     /// Square of the rows' distance.
     gap: f64,
     reach: NeighbourCells,
-    /// Do the rows not touch?
+    /// The rows do not touch.
     apart: bool,
     /// Set of each cell so far.
     roots: &'a [u32],
@@ -362,7 +362,7 @@ impl DisjointSets {
         i
     }
 
-    /// Of every member.
+    /// The root of every member.
     fn roots(&mut self) -> Vec<u32> {
         (0..self.0.len() as u32).map(|i| self.root(i)).collect()
     }

@@ -139,7 +139,7 @@ impl LinkedParticles {
             .unwrap_or_else(|| LinkedParticles { index: None, spacing: domain.spacing(p.len()) })
     }
 
-    /// Are those linked not all?
+    /// Some particles are left out of the links.
     pub fn is_part(&self) -> bool {
         self.index.is_some()
     }

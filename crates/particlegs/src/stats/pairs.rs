@@ -36,7 +36,7 @@ pub struct PairCounts {
 }
 
 impl PairCounts {
-    /// Are primaries a sample in some band?
+    /// Some band of separations counts the pairs of a sample only.
     pub(super) fn sampled(&self) -> bool {
         self.primaries.iter().any(|p| *p < self.particles)
     }

@@ -34,7 +34,7 @@ pub(super) struct ResolvedGaussian {
     inverse: Sym3,
     /// The exponent's least value along z, of x and y: xx, xy, yy.
     projected: [f64; 3],
-    /// And along y then, of x.
+    /// The exponent's least value along y and z, a form of x.
     line: f64,
     /// Half its extent along x.
     half: f64,

@@ -20,11 +20,11 @@ pub struct SpectrumOptions {
     pub cells: usize,
     /// Mass assignment of particles (a model's Gaussians are integrated over cells).
     pub assignment: Assignment,
-    /// Average with a grid moved by half a cell?
+    /// The spectra of a grid moved by half a cell are averaged in.
     pub interlaced: bool,
-    /// Divide the window out?
+    /// The assignment's window is divided out.
     pub deconvolved: bool,
-    /// Subtract the shot noise of particles?
+    /// The shot noise of particles is subtracted.
     pub shot_noise_subtracted: bool,
     /// Largest wave number; at most the grid's Nyquist frequency.
     pub k_max: f64,

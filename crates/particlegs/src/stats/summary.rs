@@ -11,7 +11,7 @@ pub const FEWEST_GROUPS: u64 = 100;
 const LEAST_XI: f64 = 0.1;
 
 impl Summary {
-    /// Of everything measured but itself.
+    /// The figures of `s`, whose own summary is not looked at.
     pub(super) fn new(s: &Statistics) -> Self {
         let (density, spectra, groups) = (s.density.as_ref(), s.spectra.as_ref(), s.groups.as_ref());
         let power_to = |limit: f64| spectra.and_then(|s| s.power_within(limit));
