@@ -163,7 +163,7 @@ fn end_of(is: impl Fn(f64) -> bool, low: f64, high: f64) -> f64 {
 }
 
 #[test]
-fn constants_of_a_splat() {
+fn constants_of_a_splat_are_those_of_the_page() {
     // Centres farther out than this are dropped, however large the splat.
     let half = 5.0 * (0.5 * FOV_DEG.to_radians()).tan();
     let margin = end_of(|m| drawn(FOV_DEG, m * half, &[5.0], 1.0, 0.5).data.iter().any(|v| *v > 0), 1.0, 2.0);
@@ -187,7 +187,7 @@ fn constants_of_a_splat() {
 }
 
 #[test]
-fn fragments_on_one_pixel() {
+fn fragments_on_one_pixel_have_the_levels_of_the_page() {
     for row in table(SPLAT, "## Examples") {
         let (count, rest) = row[0].split_once(" of opacity ").unwrap();
         let opacity = rest.split([' ', ':']).next().unwrap();
@@ -202,7 +202,7 @@ fn fragments_on_one_pixel() {
 // ---------------------------------------------------------------- depth.md
 
 #[test]
-fn constants_of_depth() {
+fn constants_of_depth_are_those_of_the_page() {
     let values = [
         ("PIXEL_VARIANCE", PIXEL_VARIANCE),
         ("LARGEST_MEAN_ALPHA", LARGEST_MEAN_ALPHA),
@@ -213,7 +213,7 @@ fn constants_of_depth() {
 
 /// The page's series; a splat of 20 pixels has its sum.
 #[test]
-fn depth_of_an_extended_splat() {
+fn an_extended_splat_has_the_depth_of_the_page() {
     for row in table(DEPTH, "A2 / A1, by how much") {
         let a = number(&row[0]);
         let term = |k: i32| a.powi(k) / f64::from(k * k) * erf(3.0 * (0.5 * f64::from(k)).sqrt()).powi(2);
@@ -225,7 +225,7 @@ fn depth_of_an_extended_splat() {
 }
 
 #[test]
-fn depth_of_one_splat() {
+fn one_splat_has_the_depth_of_the_page() {
     for row in table(DEPTH, "Sum over all pixels of `tau*`") {
         let (sigma, opacity) = row[0].split_once(" pixel").unwrap();
         let opacity = opacity.split(' ').next_back().unwrap();
@@ -235,7 +235,7 @@ fn depth_of_one_splat() {
 }
 
 #[test]
-fn depth_of_gaussians() {
+fn gaussians_have_the_depth_of_the_page() {
     let size = Size { width: 101, height: 101 };
     let parallel = |mixture: &Mixture, radius: f64| {
         let scene = Scene::of_mixture(mixture, cube());
@@ -284,7 +284,7 @@ fn depth_of_gaussians() {
 // ---------------------------------------------------------------- response.md
 
 #[test]
-fn the_level_curve() {
+fn the_level_curve_is_that_of_the_page() {
     let opacities = [0.0125, 0.03, 0.05, 0.0875, 0.2, 0.5];
     let head = opacities.map(|a| a.to_string()).join(" | ");
     assert!(RESPONSE.contains(&format!("| tau | 255 (1 - exp(-tau)) | {head} |")));
@@ -305,7 +305,7 @@ fn the_level_curve() {
 }
 
 #[test]
-fn levels_of_even_planes() {
+fn even_planes_have_the_levels_of_the_page() {
     for row in table(RESPONSE, "## Examples") {
         let plane = Plane { size: SMALL, data: vec![number(&row[0]) as f32; SMALL.pixels()] };
         for (text, look) in row[1..].iter().zip([ToneStyle::Expected, ToneStyle::ParaviewNoFxaa, ToneStyle::Paraview]) {
@@ -363,7 +363,7 @@ fn random_splats_have_the_mean_level_and_the_noise_told() {
 // ---------------------------------------------------------------- fxaa.md
 
 #[test]
-fn what_fxaa_does_to_single_pixels_and_edges() {
+fn fxaa_changes_pixels_and_edges_as_on_the_page() {
     let pixel = |level: u8, ground: u8| {
         let mut picture = Gray8 { size: SMALL, data: vec![ground; SMALL.pixels()] };
         picture.data[MIDDLE] = level;
@@ -387,7 +387,7 @@ fn what_fxaa_does_to_single_pixels_and_edges() {
 }
 
 #[test]
-fn fxaas_mean_at_the_nodes_of_its_table() {
+fn fxaas_mean_at_the_nodes_is_that_of_the_page() {
     let rows = table(FXAA, "### Ratio");
     assert_eq!(rows.len(), 28);
     for row in rows {
@@ -405,7 +405,7 @@ fn fxaas_mean_at_the_nodes_of_its_table() {
 }
 
 #[test]
-fn fxaas_blur() {
+fn fxaas_blur_is_that_of_the_page() {
     for row in table(FXAA, "### The blur") {
         let tap = fxaa_blur(number(&row[0]), number(&row[1]));
         assert!(agrees(&row[2], tap.into(), 1e-7), "{row:?}: {tap}");
@@ -442,7 +442,7 @@ fn random_splats_lose_what_is_told() {
 // ---------------------------------------------------------------- scores.md
 
 #[test]
-fn what_scores_are() {
+fn scores_are_those_of_the_page() {
     let even = |level: u8| Gray8 { size: SMALL, data: vec![level; SMALL.pixels()] };
     let row = |data: &[u8]| Gray8 { size: Size { width: data.len(), height: 1 }, data: data.to_vec() };
     let (a, b) = (row(&[0, 0, 3, 2]), row(&[255, 0, 0, 2]));
@@ -474,7 +474,7 @@ fn what_scores_are() {
 }
 
 #[test]
-fn shot_noise_floors() {
+fn shot_noise_floors_are_those_of_the_page() {
     let lit = Gray8 { size: SMALL, data: vec![100; SMALL.pixels()] };
     for row in table(SCORES, "Decibels of an even plane") {
         let plane = Plane { size: SMALL, data: vec![number(&row[0]) as f32; SMALL.pixels()] };
@@ -496,7 +496,7 @@ fn ends(draws: &[f64]) -> [f64; 2] {
 }
 
 #[test]
-fn constants_of_cameras() {
+fn constants_of_cameras_are_those_of_the_page() {
     let bounds = cube();
     let share = base_distance(&bounds, HD) * (0.5 * FOV_DEG.to_radians()).sin() / 3f64.sqrt();
     // A box of 8 with 8 particles has a spacing of 1.
@@ -532,7 +532,7 @@ fn constants_of_cameras() {
 }
 
 #[test]
-fn where_cameras_stand_and_what_they_clip() {
+fn cameras_stand_and_clip_as_on_the_page() {
     let hacc = Bounds { min: [0.0; 3], max: [64.0, 256.0, 256.0] };
     let base = base_distance(&hacc, HD);
     let radius = hacc.default_radius(280_953_867);
@@ -575,7 +575,7 @@ fn blended(network: Option<&VizMapper>, [radius, opacity]: [f64; 2], depth: f64)
 }
 
 #[test]
-fn one_gaussian_of_the_published_law() {
+fn one_gaussian_of_the_published_law_is_drawn_as_on_the_page() {
     let untrained = VizMapper::new(VizRanges::TRAINING, 1);
     assert!(PUBLISHED.contains(&format!("4-64-64-2, SiLU between, tanh at its end, {} p", untrained.parameters.len())));
     // A unit of the training frame.
@@ -615,7 +615,7 @@ fn said(value: &Value) -> String {
 }
 
 #[test]
-fn the_published_recipe() {
+fn the_published_recipe_is_that_of_the_page() {
     let own = ["optical_depth.", "evaluate_", "checkpoint_", "cache_"];
     let of = |config: Config| {
         let mut all = Vec::new();
@@ -637,7 +637,7 @@ fn the_published_recipe() {
 }
 
 #[test]
-fn methods_and_conventions() {
+fn methods_and_conventions_are_those_of_the_page() {
     let methods = [Method::Count, Method::Volume, Method::Ellipsoid, Method::Grid, Method::Stratified, Method::Spaced];
     let rows = table(PUBLISHED, "`recover --method`");
     assert_eq!(rows.iter().map(|r| r[0].as_str()).collect::<Vec<_>>(), methods.map(Method::name));

@@ -245,7 +245,7 @@ fn a_sound_job_passes_every_step() {
 }
 
 #[test]
-fn altered_plans() {
+fn altered_plans_are_refused_or_do_no_harm() {
     let dir = tempfile::tempdir().unwrap();
     let original: Value =
         serde_json::from_slice(&std::fs::read(planned(dir.path()).folder.join("plan.json")).unwrap()).unwrap();
@@ -263,7 +263,7 @@ fn altered_plans() {
 }
 
 #[test]
-fn trees_that_are_none() {
+fn trees_whose_walks_never_end_are_refused() {
     // Every cut has one child twice: walks through it would never end.
     let nodes: Vec<Value> = (0..60)
         .map(|i| json!({ "cut": { "axis": 0, "at": 0.0, "below": i + 1, "above": i + 1 } }))
@@ -282,7 +282,7 @@ fn trees_that_are_none() {
 }
 
 #[test]
-fn altered_runs_buckets_reports_and_blocks() {
+fn altered_files_of_a_job_are_refused_or_do_no_harm() {
     let dir = tempfile::tempdir().unwrap();
     prepared(dir.path());
     let read = |name: &str| std::fs::read(dir.path().join(name)).unwrap();

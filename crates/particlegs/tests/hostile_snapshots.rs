@@ -85,7 +85,7 @@ fn odd_coordinates_become_models() {
 }
 
 #[test]
-fn outliers_and_boxes_about_the_data_do_too() {
+fn outliers_and_boxes_about_the_data_become_models() {
     let mut p = snapshot(400, [100.0; 3], 0.0);
     for length in [100.0, 150.0, 1e30] {
         p.meta.cell = Some(Cell::orthogonal([length; 3]));

@@ -227,7 +227,7 @@ fn certificates_add_up_over_blocks() {
 
 /// Sums that are missing are measured again, without another fit, and altered ones are named.
 #[test]
-fn sums_are_checked_and_measured_again() {
+fn broken_sums_are_found_and_measured_again() {
     let folder = tempfile::tempdir().unwrap();
     let job = measured(&folder.path().join("job"), [0, 1, 2]);
     job.verify(None, &Silent).unwrap();

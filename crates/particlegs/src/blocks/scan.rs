@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn tells_what_the_particles_in_memory_tell() {
+    fn a_scan_tells_what_the_particles_in_memory_tell() {
         for same in [false, true] {
             let p = snapshot(|i| if same && i >= 70_000 { 2.0 } else { 1.0 + i as f32 });
             let mut source = LayeredParticles::from_particles(&p);

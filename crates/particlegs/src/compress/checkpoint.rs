@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_found_is_told() {
+    fn a_checkpoint_says_what_it_found_in_its_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.checkpoint");
         let found = |whose: u8| Checkpoint::open(path.clone(), &[whose; 32]).unwrap().found;

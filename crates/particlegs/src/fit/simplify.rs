@@ -459,7 +459,7 @@ mod tests {
     /// Thousands at one place, equal or not, halve by a tenth a round as others do: rounds and
     /// searches are few.
     #[test]
-    fn thousands_at_one_place_are_no_matter() {
+    fn thousands_at_one_place_take_few_rounds() {
         struct RoundCounter(std::sync::atomic::AtomicUsize);
         impl Progress for RoundCounter {
             fn advance(&self, _: u64) {
@@ -484,7 +484,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_refused() {
+    fn no_gaussians_is_refused_as_a_target() {
         let options = SimplifyOptions { gaussians: 0, radius: 1.0, pixel: 0.0 };
         assert!(simplify(&mixture(3, 1.0), &options, &Silent).is_err());
     }

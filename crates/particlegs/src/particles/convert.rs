@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn crop_every_and_sample() {
+    fn crops_steps_and_samples_keep_what_was_asked_for() {
         let p = ramp();
         let crop = Bounds { min: [20.0, 0.0, 0.0], max: [60.0, 3.0, 100.0] };
         let cropped = run(&p, Tiling::single(), Selection { crop: Some(crop), ..Selection::all() }, "c").unwrap();

@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_are_of_layers() {
+    fn hashes_are_of_the_runs_of_each_layer() {
         let n = RUN + 10;
         let p = Particles::from_columns(vec![1.0; n], vec![2.0; n], vec![3.0; n]);
         let whole = p.source_hash();

@@ -95,7 +95,7 @@ mod tests {
     use crate::progress::Silent;
 
     #[test]
-    fn these_are_the_particles_that_are_written() {
+    fn drawn_particles_are_those_that_are_written() {
         let m = model(&[("dm", &[(100_000, None), (7, None)]), ("gas", &[(300, None)])]);
         let drawn = draw(&m, 5, [0.0; 3], false, &Silent).unwrap();
         let dir = tempfile::tempdir().unwrap();

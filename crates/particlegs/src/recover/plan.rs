@@ -302,7 +302,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn none_and_too_many_are_refused() {
+    fn no_particles_and_too_many_are_refused() {
         let m = model(&[("particles", &[(5, None)])]);
         assert!(RecoveryPlan::new(m.clone(), Some(0), Method::Count).is_err());
         assert!(RecoveryPlan::new(m, Some(u64::MAX), Method::Count).is_err());

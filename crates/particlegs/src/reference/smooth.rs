@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_done_is_an_error() {
+    fn too_many_neighbours_are_refused_and_stops_are_heard() {
         let particles = cloud(100, 0);
         let refused = |result: Result<Reference<'_>>| result.err().map(|e| e.to_string()).unwrap_or_default();
         for neighbours in [100, usize::MAX] {

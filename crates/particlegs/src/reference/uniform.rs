@@ -73,7 +73,7 @@ mod tests {
 
     /// Particles drawn evenly have this depth on average, in perspective and in parallel projection.
     #[test]
-    fn is_the_mean_of_particles_drawn_evenly() {
+    fn the_uniform_box_is_the_mean_of_particles_drawn_evenly() {
         let particles = poisson(200_000, [4.0, 2.0, 3.0], 5);
         let bounds = Bounds { min: [0.0; 3], max: [4.0, 2.0, 3.0] };
         let size = Size { width: 96, height: 64 };

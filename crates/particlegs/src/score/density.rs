@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn agreement_of_known_columns() {
+    fn known_densities_agree_as_they_should() {
         let a = density_agreement(&[1.0, 2.0, 3.0], &[2.0, 4.0, 6.0]);
         assert!((a.correlation - 1.0).abs() < 1e-15 && (a.mean_absolute_error - 1.0).abs() < 1e-15);
         assert_eq!(density_agreement(&[1.0, 1.0], &[1.0, 1.0]).correlation, 1.0);

@@ -91,7 +91,7 @@ mod tests {
     use crate::testing::sample;
 
     #[test]
-    fn as_many_are_kept_as_fit() {
+    fn as_many_particles_are_kept_as_fit_the_bytes() {
         let particles = sample();
         let truth = Reference::new(&particles);
         let of = |bytes, seed| RandomSubset::new(&truth, 0.78, bytes, seed, &Silent).unwrap();
@@ -114,7 +114,7 @@ mod tests {
 
     /// Every particle kept is one of the snapshot's, as close as was said.
     #[test]
-    fn those_kept_are_particles() {
+    fn kept_particles_are_particles_of_the_snapshot() {
         let particles = sample();
         let truth = Reference::new(&particles);
         let thin = RandomSubset::new(&truth, 0.78, 1_000, 5, &Silent).unwrap().unwrap();

@@ -153,7 +153,7 @@ impl PhaseRecorder {
 }
 
 #[test]
-fn stops_and_refusals() {
+fn evaluations_stop_and_refuse_odd_views() {
     let particles = sample();
     let model = tiny(&particles, 4);
     let mut views = evaluation_views(&model.metadata, SIZE, 42, 1);

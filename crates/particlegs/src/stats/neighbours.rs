@@ -188,7 +188,7 @@ mod tests {
 
     /// Cells lie in a row of many: shells about one are as long as the row, and no wider than it.
     #[test]
-    fn needles_take_no_longer() {
+    fn searches_in_a_needle_of_cells_end_soon() {
         let (n, step) = (60_000, 2.0f64.powi(100));
         for periodic in [[false; 3], [true, false, true]] {
             let x: Vec<[f64; 3]> = (0..n).map(|i| [i as f64 * step, (i % 2) as f64 * 1e-38, 0.0]).collect();

@@ -313,7 +313,7 @@ mod tests {
 
     /// Uniform points have no correlation, in an open slab neither: its edges are accounted for.
     #[test]
-    fn uniform_points_have_none() {
+    fn uniform_points_have_no_correlation() {
         for periodic in [[true; 3], [false; 3], [false, true, true]] {
             let domain = Domain::upright([0.0; 3], [1.0, 3.0, 2.0], periodic);
             let x = random(6000, domain.length, 9);

@@ -72,7 +72,7 @@ fn a_wave_has_its_power_and_its_place() {
 
 /// One Gaussian of deviation s in a box has P(k) = V exp(-k^2 s^2), and its xi follows.
 #[test]
-fn one_gaussian_from_the_mixture_itself() {
+fn one_gaussian_has_its_power_and_its_xi() {
     let (length, deviation) = ([4.0; 3], 0.25);
     let model = model_of(&[([1.3, 2.0, 3.9], Sym3::scaled_identity(deviation * deviation), 1000.0)], length);
     let o = options(64, 20.0);
