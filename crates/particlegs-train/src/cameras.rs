@@ -53,7 +53,7 @@ impl Views {
             let frames = (cameras.frames / orbits + u64::from(k < cameras.frames % orbits)) as usize;
             poses.extend(spiral(center, factor * base, frames, Some(of.seed ^ TURN ^ k)));
         }
-        let mut draw = Random::of(Purpose::TrainingShuffle, of.seed, 0);
+        let mut draw = Random::from_purpose(Purpose::TrainingShuffle, of.seed, 0);
         for i in (1..poses.len()).rev() {
             poses.swap(i, (draw.uniform() * (i + 1) as f64) as usize);
         }
@@ -80,7 +80,7 @@ impl Config {
 
 /// A camera inside the bounds that looks at their centre.
 fn inside(of: &Defaults, index: u64) -> Camera {
-    let mut draw = Random::of(Purpose::TrainingInside, of.seed, index);
+    let mut draw = Random::from_purpose(Purpose::TrainingInside, of.seed, index);
     let (center, extent) = (of.bounds.center(), of.bounds.extent());
     let position = each_axis(|k| center[k] + INSIDE * (draw.uniform() - 0.5) * extent[k]);
     Camera {
@@ -94,7 +94,7 @@ fn inside(of: &Defaults, index: u64) -> Camera {
 
 /// A view with radius and opacity drawn for it.
 fn sampled(cameras: &Cameras, of: &Defaults, index: u64, camera: Camera) -> View {
-    let mut draw = Random::of(Purpose::TrainingDraw, of.seed, index);
+    let mut draw = Random::from_purpose(Purpose::TrainingDraw, of.seed, index);
     let mut between = |[low, high]: [f64; 2]| low + (high - low) * draw.beta33();
     let (radius, opacity) = (between(cameras.radius), between(cameras.opacity));
     let radius = if draw.uniform() < cameras.wide {

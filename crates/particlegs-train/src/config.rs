@@ -87,25 +87,12 @@ pub struct Config {
     pub stages: Vec<Stage>,
     /// Particles that a random start draws, at most as many as the file has room for; `None` (0 in a file) =
     /// that many.
-    #[serde(with = "zero_is_none")]
+    #[serde(with = "crate::zero_is_none")]
     pub start_gaussians: Option<u64>,
     /// Of the optical-depth law.
     pub optical_depth: DepthConfig,
     /// Of the alpha-blend law.
     pub alpha_blend: AlphaConfig,
-}
-
-/// A number that may be missing, which files write as 0.
-pub(crate) mod zero_is_none {
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    pub fn serialize<S: Serializer>(number: &Option<u64>, to: S) -> Result<S::Ok, S::Error> {
-        number.unwrap_or(0).serialize(to)
-    }
-
-    pub fn deserialize<'a, D: Deserializer<'a>>(from: D) -> Result<Option<u64>, D::Error> {
-        Ok(Some(u64::deserialize(from)?).filter(|n| *n > 0))
-    }
 }
 
 particlegs_core::named_values! {

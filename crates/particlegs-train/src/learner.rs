@@ -86,9 +86,9 @@ pub struct NonFiniteGradient {
 
 /// The trainable Gaussians of one law.
 pub(crate) trait Learner {
-    /// Draws the shot, takes the loss, and moves all parameters a step down its gradient. Gaussians
+    /// Draws the sample, takes the loss, and moves all parameters a step down its gradient. Gaussians
     /// with gradients that are not finite stay as they are, and are named.
-    fn step(&mut self, shot: &TrainingSample<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport>;
+    fn step(&mut self, sample: &TrainingSample<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport>;
 
     /// Density control due after the step at `at`.
     fn control(&mut self, at: &StepInfo) -> Result<()>;

@@ -25,6 +25,7 @@ mod subject;
 mod targets;
 #[cfg(test)]
 mod targets_tests;
+mod zero_is_none;
 
 pub use adam::Averages;
 pub use alpha::AlphaConfig;

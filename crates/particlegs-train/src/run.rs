@@ -12,10 +12,10 @@ use super::state::TrainingState;
 use super::subject::TrainingSubject;
 use super::targets::Targets;
 use particlegs_core::camera::{Normalisation, View};
+use particlegs_core::checkpoint::CheckpointStore;
 use particlegs_core::math::{Purpose, Random};
 use particlegs_core::model::{Law, LawKind, Mixture, Model};
 use particlegs_core::picture::Size;
-use particlegs_core::pieces::CheckpointStore;
 use particlegs_core::progress::{Level, Progress};
 use particlegs_core::{Error, Remedy, Result};
 use std::path::PathBuf;
@@ -89,7 +89,7 @@ pub struct TrainedRun {
 
 impl TrainedRun {
     /// Of a run of that name under `config`.
-    pub fn of(run: String, config: &Config, trained: &TrainedMixture) -> Self {
+    pub fn new(run: String, config: &Config, trained: &TrainedMixture) -> Self {
         let TrainedMixture { iterations, scores, not_finite, .. } = *trained;
         TrainedRun { run, iterations, of: config.iterations(), scores, not_finite }
     }
@@ -209,7 +209,7 @@ impl<'a> Training<'a> {
             first: limits.began.elapsed().as_secs_f64(),
             best: BestState::default(),
         };
-        match pieces.get(KEY).and_then(|b| TrainingState::of_bytes(&b)) {
+        match pieces.get(KEY).and_then(|b| TrainingState::from_bytes(&b)) {
             Some(state) => run.restore(&state).map_err(|what| Error::argument(format!("the checkpoint: {what}")))?,
             None => run.evaluate()?,
         }
@@ -229,7 +229,7 @@ impl<'a> Training<'a> {
     fn learner(&self, initial: InitialGaussians<'_>) -> Result<Box<dyn Learner>> {
         let Training { subject, config, limits, defaults } = *self;
         let (bounds, particles) = (defaults.bounds, subject.len() as u64);
-        let ground = TrainingScale {
+        let scale = TrainingScale {
             frame: Normalisation::of(&bounds),
             radius: defaults.radius,
             opacity: defaults.opacity,
@@ -238,10 +238,10 @@ impl<'a> Training<'a> {
         };
         let most_gaussians = config.alpha_blend.most_gaussians.or(defaults.gaussians);
         let alpha = AlphaConfig { most_gaussians, ..config.alpha_blend };
-        let random = |n| AlphaLearner::from_particles(subject, n, ground, alpha);
-        let depth_ground = DepthContext { bounds, particles, look: config.target, bytes: defaults.bytes };
+        let random = |n| AlphaLearner::from_particles(subject, n, scale, alpha);
+        let depth_context = DepthContext { bounds, particles, look: config.target, bytes: defaults.bytes };
         let depth = |m: &Mixture| {
-            DepthLearner::new(m, depth_ground, config.optical_depth, |parameters| match &limits.device {
+            DepthLearner::new(m, depth_context, config.optical_depth, |parameters| match &limits.device {
                 Some(device) => device.depth_steps(parameters),
                 None => Ok(Box::new(DepthCpuSteps::default())),
             })
@@ -260,11 +260,11 @@ impl<'a> Training<'a> {
                 return Err(Error::Argument { what, remedy: Remedy::TrainFromSnapshot });
             }
             (LawKind::AlphaBlend, InitialGaussians::Fit(m)) => {
-                Box::new(blended(AlphaLearner::from_mixture(m, ground, alpha)?)?)
+                Box::new(blended(AlphaLearner::from_mixture(m, scale, alpha)?)?)
             }
             (LawKind::AlphaBlend, InitialGaussians::Particles(n)) => Box::new(blended(random(n)?)?),
             (LawKind::AlphaBlend, InitialGaussians::Model(m)) => {
-                Box::new(blended(AlphaLearner::from_model(m, ground, alpha)?)?)
+                Box::new(blended(AlphaLearner::from_model(m, scale, alpha)?)?)
             }
         })
     }
@@ -315,7 +315,7 @@ impl TrainingLoop<'_> {
             while self.iteration < end {
                 self.progress.check()?;
                 if self.is_late() {
-                    self.journal.late(&self.standing());
+                    self.journal.late(&self.status());
                     return self.evaluate();
                 }
                 self.step(stage, &mut targets)?;
@@ -345,7 +345,7 @@ impl TrainingLoop<'_> {
         self.limits.seconds.map_or(0.0, share)
     }
 
-    fn standing(&self) -> RunStatus {
+    fn status(&self) -> RunStatus {
         RunStatus {
             iteration: self.iteration,
             iterations: self.config.iterations(),
@@ -365,20 +365,20 @@ impl TrainingLoop<'_> {
             done: (self.iteration as f64 / total as f64).max(self.share_of_time()).min(1.0),
             densify: stage.densify,
         };
-        let shot =
+        let sample =
             TrainingSample { view: &view, target: &target, crop, progress: &UninterruptedProgress(self.progress) };
-        let stepped = self.learner.step(&shot, &self.config.loss, &at)?;
+        let stepped = self.learner.step(&sample, &self.config.loss, &at)?;
         self.learner.control(&at)?;
         self.iteration += 1;
         self.progress.advance(1);
-        let standing = self.standing();
-        self.journal.step(stepped.loss, stepped.not_finite, &standing);
+        let status = self.status();
+        self.journal.step(stepped.loss, stepped.not_finite, &status);
         Ok(())
     }
 
     /// The view of the next step, its number among the targets, and the part that is seen.
     fn choose(&self, stage: &Stage) -> (u64, View, Crop) {
-        let mut draw = Random::of(Purpose::TrainingStep, self.defaults.seed, self.iteration);
+        let mut draw = Random::from_purpose(Purpose::TrainingStep, self.defaults.seed, self.iteration);
         let mut below = |n: usize| ((draw.uniform() * n as f64) as usize).min(n.saturating_sub(1));
         let inside = (below(1 << 20) as f64) < stage.internal * f64::from(1 << 20) && !self.views.internal.is_empty();
         let views = if inside { &self.views.internal } else { &self.views.training };
@@ -418,7 +418,7 @@ impl TrainingLoop<'_> {
             self.best = BestState { first: self.best.first, score, state: self.learner.state() };
         }
         self.evaluated = Some(self.iteration);
-        self.journal.evaluation(score, &self.standing());
+        self.journal.evaluation(score, &self.status());
         Ok(())
     }
 

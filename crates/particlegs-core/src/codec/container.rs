@@ -18,6 +18,8 @@ pub const HEAD_BYTES: usize = 8 + 1 + 1 + 1 + 1 + 8 + 4;
 pub(crate) const SECTION_BYTES: usize = 4 + 8 + 4;
 /// The number of the block that a section belongs to.
 pub(crate) const OWNER_BYTES: usize = 4;
+/// What stands before a further stage of a block.
+pub(crate) const STAGE_BYTES: usize = SECTION_BYTES + OWNER_BYTES;
 /// An entry of the index: tag, block, place, length.
 pub(crate) const ENTRY_BYTES: usize = 4 + 4 + 8 + 8;
 /// Block of an entry that belongs to none.

@@ -1,18 +1,18 @@
 //! A block made ready once and coded at any precision.
 
 use super::OutOfRange;
-use super::file::STAGE_BYTES;
+use super::container::STAGE_BYTES;
 use super::fine::{FineWalk, Leaf};
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE, MOST_PARTICLES, cholesky};
 use super::levels::{LEVELS, LevelWalk, NodeHalves};
 use super::place::{PlacementTarget, quantise_places};
 use super::precision::Precision;
-use super::predict::{fit, low_bits};
+use super::predictor::{fit, low_bits};
 use super::rans::RansWriter;
 use super::shape::Logs;
 use super::source::{SegmentSource, SegmentTree};
 use super::splits::trunk;
-use super::streams;
+use super::streams::{self, STAGES};
 use super::tree::{Tree, pieces};
 use super::trellis::{TrellisSample, TrellisState, quantise};
 use crate::math::{Sym3, each_axis};
@@ -288,8 +288,6 @@ impl Encoder {
 
 /// Gaussians from which on a block's streams have stages.
 const STAGED: usize = 4096;
-/// Shares of what is coded level by level after which a stage ends.
-pub(super) const STAGES: [f64; 2] = [0.12, 0.45];
 
 /// Levels after which stages end, the same in all segments.
 fn cuts(segments: &[RansWriter]) -> Vec<u8> {

@@ -1,12 +1,12 @@
 //! Models as files: which sections, in which order.
 
 use super::container::{
-    self, BLOCK, CERTIFICATE, ENTRY_BYTES, HEAD_BYTES, LAYER, META, OWNER_BYTES, SECTION_BYTES, STAGE, Section, Tag,
+    self, BLOCK, CERTIFICATE, ENTRY_BYTES, HEAD_BYTES, LAYER, META, SECTION_BYTES, STAGE, STAGE_BYTES, Section, Tag,
     VIZMAPPER, belongs_to_block,
 };
-use super::encoder::STAGES;
 use super::header::BlockHeader;
 use super::metadata::MetadataFault;
+use super::streams::STAGES;
 use super::sums::compensated;
 use super::wire::WireReader;
 use super::{Encoder, Precision, certificate, metadata, streams, vizmapper};
@@ -15,7 +15,7 @@ use crate::model::{
     Sample, VizMapper,
 };
 use crate::space::Cell;
-use crate::{Error, Result, parallel};
+use crate::{Error, Result, hash};
 use std::borrow::Cow;
 use std::f64::consts::PI;
 
@@ -192,9 +192,6 @@ fn other_law(layer: &str, law: LawKind) -> String {
 /// What a network of the alpha-blend law adds to a file.
 pub const VIZMAPPER_SECTION_BYTES: usize = SECTION_BYTES + vizmapper::VIZMAPPER_BYTES;
 
-/// What stands before a further stage of a block.
-pub(super) const STAGE_BYTES: usize = SECTION_BYTES + OWNER_BYTES;
-
 /// Bytes that a coded block takes in a file: a section for each further stage, beside what [`size_without_blocks`]
 /// counts for it.
 pub fn stored_bytes(block: &[u8]) -> usize {
@@ -209,7 +206,7 @@ pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, l
     // P(k) by mass is there where masses may differ: of particles with weights, and of several layers.
     let mass_power = match layers {
         [one] if !one.mass.is_weighted() => None,
-        several => Some(MassPower::of_layers(several.len())),
+        several => Some(MassPower::new(several.len())),
     };
     let sample = (metadata.count > SAMPLED_ABOVE).then(Sample::default);
     let certificate = match certificate {
@@ -218,7 +215,7 @@ pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, l
             SECTION_BYTES + certificate::size(CertificateLevel::Blocks, &Certificate::default())
         }
         level => {
-            let layer_ratios = LayerRatios::of_layers(layers.len());
+            let layer_ratios = LayerRatios::new(layers.len());
             let like = Certificate { mass_power, sample, layer_ratios, ..Certificate::default() };
             SECTION_BYTES + certificate::size(level, &like)
         }
@@ -488,7 +485,7 @@ pub fn coded_layers(bytes: &[u8], place: &str) -> Result<Vec<CodedLayer>> {
 /// BLAKE3 of a model file's bytes: what is made from a model names it by this.
 pub fn file_hash(bytes: &[u8]) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
-    parallel::hash(&mut hasher, bytes);
+    hash::update(&mut hasher, bytes);
     *hasher.finalize().as_bytes()
 }
 

@@ -1,20 +1,12 @@
 //! A block's header: what its stream is decoded with (docs/format.md, section 4).
 
 use super::exact::{exp, exp_twice};
+use super::predictor::{Predictor, SIZE_SLOPES};
 use super::tree::TreeCell;
 use super::wire::WireReader;
 use crate::math::{Sym3, each_axis};
 use crate::space::Bounds;
 
-/// A linear prediction in whole numbers: constant + sum of slopes / 256 times features.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Predictor {
-    pub constant: i32,
-    pub slopes: [i16; SIZE_SLOPES],
-}
-
-/// Slopes of the size's predictor.
-pub(crate) const SIZE_SLOPES: usize = 3;
 /// Stages of a block's streams at most.
 pub(crate) const MOST_STAGES: usize = 8;
 
@@ -261,16 +253,6 @@ impl BlockHeader {
     #[inline(always)]
     pub(crate) fn predict_size(&self, level: i32, count: i32, above: i32) -> i32 {
         self.size.apply([level, count, above])
-    }
-}
-
-impl Predictor {
-    /// Sum of slope times feature, rounded.
-    #[inline(always)]
-    pub(crate) fn apply(&self, features: [i32; SIZE_SLOPES]) -> i32 {
-        let sum: i64 = self.slopes.iter().zip(features).map(|(&a, f)| i64::from(a) * i64::from(f)).sum();
-        let sum = (sum + 128) >> 8;
-        (sum + i64::from(self.constant)).clamp(-(1 << 21), 1 << 21) as i32
     }
 }
 

@@ -256,7 +256,7 @@ impl<'a> LevelWalk<'a> {
         c.part(StreamPart::Tree);
         let class = self.class(&node);
         let halves = self.models.halves[class].code(c, given.halves.symbol());
-        let halves = NodeHalves::of(halves, |upper| c.bits(1, u32::from(upper)) == 1, given.halves);
+        let halves = NodeHalves::from_symbol(halves, |upper| c.bits(1, u32::from(upper)) == 1, given.halves);
         let halves_of = |side: u64| axis.map_or(node.cell, |axis| node.cell.half(axis, side));
         if let NodeHalves::One(upper) = halves {
             if c.exhausted() {
@@ -412,7 +412,7 @@ impl NodeHalves {
     }
 
     /// From its symbol; `upper` codes which half, if it must be said.
-    fn of(symbol: usize, mut upper: impl FnMut(bool) -> bool, given: NodeHalves) -> NodeHalves {
+    fn from_symbol(symbol: usize, mut upper: impl FnMut(bool) -> bool, given: NodeHalves) -> NodeHalves {
         let mut side = || upper(matches!(given, NodeHalves::One(true) | NodeHalves::Single(true)));
         match symbol {
             0 => NodeHalves::One(side()),

@@ -52,7 +52,7 @@ pub(crate) fn quantise_places(count: usize, target: impl Fn(usize) -> PlacementT
             }
         }
         let best = (0..STATES).min_by(|&a, &b| ways[a].cost.total_cmp(&ways[b].cost)).unwrap_or(0);
-        state = TrellisState::of(best);
+        state = TrellisState::from_number(best);
         let mut s = best;
         for i in (start..end).rev() {
             let levels = out[i][0];

@@ -20,7 +20,7 @@ impl TrellisState {
         i32::from(self.0 & 1)
     }
 
-    pub(super) fn of(number: usize) -> TrellisState {
+    pub(super) fn from_number(number: usize) -> TrellisState {
         TrellisState(number as u8)
     }
 

@@ -44,7 +44,7 @@ pub struct AlphaConfig {
     pub reset_every: u64,
     /// Gaussians at most: beyond, only those with the largest gradients are added; `None` (0 in a file) = as
     /// many as [`crate::Defaults::gaussians`] says.
-    #[serde(with = "crate::config::zero_is_none")]
+    #[serde(with = "crate::zero_is_none")]
     pub most_gaussians: Option<u64>,
 }
 

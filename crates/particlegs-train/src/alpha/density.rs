@@ -62,10 +62,9 @@ impl AlphaLearner {
             } else {
                 keep[i] = false;
                 let draw = (iteration << 32) + PIECES * i as u64;
-                added.extend(
-                    (0..PIECES)
-                        .map(|k| piece(&one, Random::of(Purpose::AlphaSplit, self.gaussians.ground.seed, draw + k))),
-                );
+                added.extend((0..PIECES).map(|k| {
+                    piece(&one, Random::from_purpose(Purpose::AlphaSplit, self.gaussians.scale.seed, draw + k))
+                }));
             }
         }
         self.keep(&keep);

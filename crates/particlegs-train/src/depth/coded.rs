@@ -44,7 +44,7 @@ pub(super) struct DecodedGaussians {
 
 impl DecodedGaussians {
     /// Codes and decodes `gaussians` at `factor` times the nominal steps.
-    pub fn of(gaussians: Mixture, budget: &Budget, factor: f64) -> Result<DecodedGaussians> {
+    pub fn new(gaussians: Mixture, budget: &Budget, factor: f64) -> Result<DecodedGaussians> {
         let m = gaussians.len();
         let mass = gaussians.masses().map_or(budget.count as f64, |m| m.iter().sum());
         let encoder = Encoder::new(&Block { bounds: budget.bounds, count: budget.count, mass, gaussians })?;
@@ -54,7 +54,7 @@ impl DecodedGaussians {
         for (k, &i) in encoder.order().iter().enumerate() {
             place[i as usize] = k as u32;
         }
-        let exact = DepthGaussians::of(&decoded, |i| place[i] as usize);
+        let exact = DepthGaussians::from_mixture(&decoded, |i| place[i] as usize);
         Ok(DecodedGaussians { exact, factor, filled: bytes.len() as f64 / budget.bytes as f64 })
     }
 

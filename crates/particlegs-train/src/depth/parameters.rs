@@ -33,8 +33,8 @@ pub struct Parameters {
 
 impl Parameters {
     /// Those of a mixture of `particles`, whose counts are kept among so many neighbours (0 = all).
-    pub fn new(mixture: &Mixture, particles: u64, kept_among: u64, (bounds, look): (Bounds, ToneStyle)) -> Parameters {
-        let now = DepthGaussians::of(mixture, |i| i);
+    pub fn new(mixture: &Mixture, particles: u64, kept_among: u64, bounds: Bounds, look: ToneStyle) -> Parameters {
+        let now = DepthGaussians::from_mixture(mixture, |i| i);
         Parameters {
             bounds,
             look,

@@ -59,10 +59,10 @@ impl Thickness {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::checkpoint::NoCheckpoints;
     use crate::compress::{Options, compress};
     use crate::math::Random;
     use crate::model::CertificateLevel;
-    use crate::pieces::NoCheckpoints;
     use crate::progress::Silent;
 
     /// Uniform in a box, and the model's deviation along `axis` over theirs; a note says where they differ.

@@ -16,10 +16,10 @@ use super::prior::{MeanShape, Prior};
 use super::shade::TransmittanceMaps;
 use super::split_merge::{MoveOptions, exchange};
 use super::{Moments, ParticleStore, Partition, pieces as kept};
+use crate::checkpoint::CheckpointStore;
 use crate::math::{Purpose, Random, Sym3};
 use crate::model::Mixture;
 use crate::parallel;
-use crate::pieces::CheckpointStore;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::ops::Range;
@@ -262,7 +262,7 @@ fn start(moments: &[Moments]) -> RefinedGaussians {
 /// Every 1/rate-th particle of the store's order, in which neighbours stand together: each cell
 /// keeps its share. The seed shifts which.
 fn sample(cloud: GroupedParticles<'_>, rate: f64, seed: u64) -> (Vec<[f32; 3]>, Option<Vec<f32>>, ParticleGroups) {
-    let shift = Random::of(Purpose::RefinementSample, seed, 0).uniform();
+    let shift = Random::from_purpose(Purpose::RefinementSample, seed, 0).uniform();
     let keep = |i: usize| ((i + 1) as f64 * rate + shift).floor() > (i as f64 * rate + shift).floor();
     let mut xyz = Vec::with_capacity((cloud.xyz.len() as f64 * rate) as usize + 1);
     let mut weight = cloud.weight.map(|_| Vec::with_capacity(xyz.capacity()));

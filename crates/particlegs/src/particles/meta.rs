@@ -53,7 +53,7 @@ impl SnapshotMeta {
                 Error::argument(format!("box lengths {} must be positive", super::sidecar::listed(&lengths)))
             })?;
             if let Some(said) = self.cell.replace(cell).filter(|said| *said != cell) {
-                notes.push(format!("the box is taken as {}; the file says {}", cell.in_words(), said.in_words()));
+                notes.push(format!("the box is taken as {cell}; the file says {said}"));
             }
         }
         let mut state = |of: &str, stated: Option<&str>, said: &mut Option<Unit>, dimension| {

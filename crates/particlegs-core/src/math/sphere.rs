@@ -4,7 +4,7 @@
 //! the two other axes are integrated by Gauss and Legendre's rule where the sphere's surface cuts through. Angles
 //! stand for coordinates there, y = c + r sin(a), so that the chord has no root at the sphere's edge.
 
-use crate::math::{Sym3, each_axis, normal_share};
+use super::{Sym3, each_axis, normal_share};
 use std::f64::consts::{PI, TAU};
 
 /// Gaussians end here, in deviations along each principal axis: 1e-4 of the mass lies beyond.
@@ -203,8 +203,8 @@ mod tests {
     fn within(deviations: [f64; 3], offset: [f64; 3], r: f64) -> f64 {
         let [a, b, c] = deviations.map(|s| s * s);
         let mut to = [0.0];
-        let lump = GaussianInSphere::new([0.0; 3], &Sym3([a, 0.0, 0.0, b, 0.0, c]), 1.0, [1e-12, 1e12]);
-        lump.add_within(offset, &[r], &Rules::new(), &mut to);
+        let gaussian = GaussianInSphere::new([0.0; 3], &Sym3([a, 0.0, 0.0, b, 0.0, c]), 1.0, [1e-12, 1e12]);
+        gaussian.add_within(offset, &[r], &Rules::new(), &mut to);
         to[0]
     }
 
