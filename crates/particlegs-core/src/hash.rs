@@ -1,6 +1,5 @@
 //! BLAKE3: of bytes by all threads, and as text.
 
-/// Adds bytes to a hash.
 pub(crate) fn update(hasher: &mut blake3::Hasher, bytes: &[u8]) {
     #[cfg(feature = "threads")]
     hasher.update_rayon(bytes);

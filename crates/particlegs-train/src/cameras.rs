@@ -13,16 +13,12 @@ const TURN: u64 = 0x7472_6169_6e00;
 /// Internal cameras stand within this share of the bounds about their centre.
 const INSIDE: f64 = 0.98;
 
-/// What is drawn by default.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Defaults {
-    /// Bounds of the particles.
     pub bounds: Bounds,
     /// Radius, world units.
     pub radius: f64,
-    /// Opacity.
     pub opacity: f64,
-    /// Seed of the run.
     pub seed: u64,
     /// Bytes that the coded Gaussians are to have, where known.
     pub bytes: Option<u64>,
@@ -30,7 +26,6 @@ pub struct Defaults {
     pub gaussians: Option<u64>,
 }
 
-/// The views of a run.
 pub(crate) struct Views {
     /// On the orbits, for training.
     pub training: Vec<View>,

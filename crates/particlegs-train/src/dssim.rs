@@ -11,7 +11,6 @@ const C2: f32 = 9e-4;
 
 /// The loss of one picture.
 pub(crate) struct LossValue {
-    /// Its value.
     pub value: f64,
     /// Change with the brightness of each pixel.
     pub gradient: Plane,

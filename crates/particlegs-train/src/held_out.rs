@@ -10,7 +10,6 @@ use particlegs_core::picture::{Gray8, Size, masked_psnr};
 use particlegs_core::progress::Progress;
 use particlegs_core::render::{self, Scene};
 
-/// Views and their targets.
 pub(crate) struct HeldOutViews<'a> {
     config: &'a Config,
     defaults: &'a Defaults,

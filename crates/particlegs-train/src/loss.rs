@@ -16,13 +16,10 @@ const RUN: usize = 1 << 14;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Norm {
-    /// Absolute difference.
     L1,
-    /// Squared difference.
     L2,
 }
 
-/// A loss.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Loss {

@@ -55,14 +55,12 @@ impl Limits {
     }
 }
 
-/// A trained mixture.
 #[derive(Clone, Debug)]
 pub struct TrainedMixture {
     /// The best by held-out score.
     pub mixture: Mixture,
     /// The precision that the mixture is to be coded at, in nominal steps, where it matters.
     pub factor: Option<f64>,
-    /// Steps done.
     pub iterations: u64,
     /// Masked PSNR on held-out views before the first step and of the best, dB.
     pub scores: [Option<f64>; 2],
@@ -77,7 +75,6 @@ pub struct TrainedMixture {
 pub struct TrainedRun {
     /// Block and layer, where there are several; else empty.
     pub run: String,
-    /// Steps done.
     pub iterations: u64,
     /// Steps that the configuration wants.
     pub of: u64,
@@ -104,7 +101,6 @@ struct TrainingLoop<'a> {
     held_out: HeldOutViews<'a>,
     views: Views,
     journal: Journal<'a>,
-    /// Steps done.
     iteration: u64,
     /// The iteration after which the Gaussians were last scored.
     evaluated: Option<u64>,
@@ -119,23 +115,18 @@ struct TrainingLoop<'a> {
 struct BestState {
     first: Option<f64>,
     score: Option<f64>,
-    /// The learner's state then.
     state: TrainingState,
 }
 
 /// The Gaussians that a run starts from.
 #[derive(Clone, Copy, Debug)]
 pub enum InitialGaussians<'a> {
-    /// Those of a fit.
     Fit(&'a Mixture),
-    /// So many particles at random.
     Particles(usize),
-    /// A model of the alpha-blend law.
     Model(&'a Model),
 }
 
 impl InitialGaussians<'_> {
-    /// Their number.
     pub fn len(&self) -> usize {
         match self {
             InitialGaussians::Fit(m) => m.len(),
@@ -144,7 +135,6 @@ impl InitialGaussians<'_> {
         }
     }
 
-    /// None?
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -153,11 +143,8 @@ impl InitialGaussians<'_> {
 /// What is to be learnt, and how: Gaussians that draw the pictures of `subject`.
 #[derive(Clone, Copy)]
 pub struct Training<'a> {
-    /// The particles and their pictures.
     pub subject: &'a dyn TrainingSubject,
-    /// Hyper-parameters.
     pub config: &'a Config,
-    /// How far the run goes, and where it may write.
     pub limits: &'a Limits,
     /// Bounds, and the radius and opacity of the default picture.
     pub defaults: &'a Defaults,
@@ -225,7 +212,6 @@ impl<'a> Training<'a> {
         run.finish(stopped)
     }
 
-    /// The learner of the law, at its start.
     fn learner(&self, initial: InitialGaussians<'_>) -> Result<Box<dyn Learner>> {
         let Training { subject, config, limits, defaults } = *self;
         let (bounds, particles) = (defaults.bounds, subject.len() as u64);
@@ -354,7 +340,6 @@ impl TrainingLoop<'_> {
         }
     }
 
-    /// One step.
     fn step(&mut self, stage: &Stage, targets: &mut Targets<'_>) -> Result<()> {
         let (key, view, crop) = self.choose(stage);
         let target = targets.get(key, &view, &crop, self.progress)?;
@@ -422,7 +407,6 @@ impl TrainingLoop<'_> {
         Ok(())
     }
 
-    /// The best Gaussians.
     fn finish(mut self, stopped: bool) -> Result<TrainedMixture> {
         let fail = |what| Error::argument(format!("the best state: {what}"));
         self.learner.restore(&self.best.state).map_err(fail)?;

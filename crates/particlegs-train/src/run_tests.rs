@@ -34,7 +34,6 @@ fn fitted(particles: &Particles) -> Mixture {
     fit::fit(particles, &options, &Silent).unwrap()
 }
 
-/// Pieces in memory.
 #[derive(Default)]
 struct MemoryPieces(BTreeMap<String, Vec<u8>>);
 

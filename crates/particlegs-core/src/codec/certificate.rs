@@ -15,7 +15,6 @@ const NONE: f32 = -2.0;
 const NOT_MEASURED: f32 = -1.0;
 const NEVER: f32 = 0.0;
 
-/// The section's bytes.
 pub(super) fn write(c: &Certificate) -> Vec<u8> {
     encoded(c, &|_, there| there)
 }

@@ -162,7 +162,6 @@ impl PartialBlock {
         }
     }
 
-    /// The segments that are to be read.
     fn segments(&mut self) -> Vec<decoder::SegmentReader<'_>> {
         match &mut self.state {
             BlockState::Whole(decoder) => decoder.segments(&self.bytes),

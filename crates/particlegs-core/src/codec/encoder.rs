@@ -33,10 +33,8 @@ pub struct Encoder {
     bounds: Bounds,
     count: u64,
     mass: f64,
-    /// Of the alpha-blend law.
     shaded: bool,
     tree: Tree,
-    /// The tree of each segment.
     segments: Vec<SegmentTree>,
     logs: Logs,
     /// Place within the leaf's cell, in 0 to 1.
@@ -127,7 +125,6 @@ impl Encoder {
         ["tree", "size", count, mass, "shape", "place"].into_iter().zip(bits.map(|b| b / self.len() as f64)).collect()
     }
 
-    /// The trunk and the segments, recorded.
     fn record(
         &self,
         header: &BlockHeader,
@@ -159,7 +156,6 @@ impl Encoder {
         (above, parallel::map(self.tree.segments.iter().zip(&self.segments).zip(ranges(&self.tree)), segment))
     }
 
-    /// The header and the whole numbers.
     fn quantise(&self, precision: &Precision) -> (BlockHeader, Vec<Leaf>) {
         let mut header = BlockHeader {
             bounds: self.bounds,
@@ -200,7 +196,6 @@ impl Encoder {
         parallel::for_each(parts.into_iter().zip(ranges(&self.tree)), |(leaves, range)| work(range, leaves));
     }
 
-    /// Sizes, counts and masses.
     fn scalars(&self, header: &BlockHeader, range: Range<usize>, leaves: &mut [Leaf]) {
         let column = |values: &[f64], step: f32| {
             let values = &values[range.clone()];
@@ -299,7 +294,6 @@ fn cuts(segments: &[RansWriter]) -> Vec<u8> {
     cuts
 }
 
-/// The Gaussians of each segment.
 fn ranges(tree: &Tree) -> Vec<Range<usize>> {
     let mut end = 0;
     let range = |n: usize| {

@@ -82,7 +82,6 @@ pub fn assemble_with(
     file.write(certificate)
 }
 
-/// A file taken apart to be merged.
 pub(super) struct CodedFile {
     pub metadata: Metadata,
     /// The network's section.
@@ -93,7 +92,6 @@ pub(super) struct CodedFile {
 }
 
 impl CodedFile {
-    /// Takes a file apart.
     pub(super) fn read(bytes: &[u8], place: &str) -> Result<CodedFile> {
         let copy = |part: LayerPart<'_>| part.map(|blocks| blocks.into_iter().map(BlockPart::stored).collect());
         let parts = parts(bytes, place)?;
@@ -261,10 +259,8 @@ pub(super) struct FileParts<'a> {
     pub missing_particles: u64,
 }
 
-/// Coded blocks, and their headers.
 type LayerPart<'a> = Layer<Vec<BlockPart<'a>>>;
 
-/// A block as it lies in a file.
 pub(super) struct BlockPart<'a> {
     pub header: BlockHeader,
     /// Place of its first section.
@@ -278,7 +274,6 @@ pub(super) struct BlockPart<'a> {
 }
 
 impl BlockPart<'_> {
-    /// Are all its stages there?
     pub(super) fn is_whole(&self) -> bool {
         self.stages > self.header.cuts.len()
     }

@@ -10,7 +10,6 @@ use crate::space::Bounds;
 /// Stages of a block's streams at most.
 pub(crate) const MOST_STAGES: usize = 8;
 
-/// Everything before the stream.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct BlockHeader {
     pub bounds: Bounds,
@@ -53,7 +52,6 @@ const LARGEST_SHAPE: f64 = 32.0;
 const WIDEST: f64 = 8.0;
 
 impl BlockHeader {
-    /// The header's bytes.
     pub(crate) fn write(&self, out: &mut Vec<u8>) {
         for v in self.bounds.min.iter().chain(&self.bounds.max) {
             out.extend(v.to_le_bytes());
@@ -73,7 +71,6 @@ impl BlockHeader {
         out.extend(&self.cuts);
     }
 
-    /// Bytes of the header.
     pub(crate) fn bytes(&self) -> usize {
         LEAST_BYTES + self.cuts.len()
     }
@@ -158,13 +155,11 @@ impl BlockHeader {
         Ok(())
     }
 
-    /// ln of the geometric mean radius.
     #[inline]
     pub(crate) fn log_size(&self, t: i32) -> f64 {
         0.5 * f64::from(self.steps[1]) * f64::from(t)
     }
 
-    /// The geometric mean radius.
     #[inline]
     pub(crate) fn radius(&self, t: i32) -> f64 {
         exp(self.log_size(t))
@@ -196,7 +191,6 @@ impl BlockHeader {
         limited(self.size_power(t) * self.count_power(m))
     }
 
-    /// The size's share of the step factor.
     #[inline]
     pub(crate) fn size_power(&self, t: i32) -> f64 {
         let b = f64::from(self.importance);
@@ -209,7 +203,6 @@ impl BlockHeader {
         self.log_count(m) - if self.shaded { -size } else { size }
     }
 
-    /// The count's share of the step factor.
     #[inline]
     pub(crate) fn count_power(&self, m: i32) -> f64 {
         exp(f64::from(self.importance) * (f64::from(self.centre) - self.log_count(m)))
@@ -243,7 +236,6 @@ impl BlockHeader {
         each_axis(|k| ((cell[k] / (step * widths[k]) + 0.5) as u64).clamp(1, 1 << 40))
     }
 
-    /// The step of places of a Gaussian.
     #[inline(always)]
     pub(crate) fn place_step(&self, radius: f64, factor: f64) -> f64 {
         f64::from(self.steps[0]) * factor * radius

@@ -86,7 +86,6 @@ impl FileInfo {
         known.then(|| self.layers.iter().map(mass).sum())
     }
 
-    /// Of the parts of a file.
     pub(super) fn new(parts: FileParts<'_>, file: &[u8]) -> FileInfo {
         let block = |BlockPart { header: h, bytes, stages, .. }: &BlockPart<'_>| BlockInfo {
             bounds: h.bounds,

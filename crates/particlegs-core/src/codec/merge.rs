@@ -36,7 +36,6 @@ pub struct Merge {
 /// What decides which block is the first of a file: its layer's name, its bounds, its bytes.
 type FirstBlockKey = (String, [u64; 6], Vec<u8>);
 
-/// A layer of the merged file.
 struct MergedLayer {
     coded: CodedLayer,
     /// The first part that has it.

@@ -55,7 +55,6 @@ impl CodedPoints {
     }
 }
 
-/// Where points may come to lie.
 struct Lattice<'a> {
     bounds: &'a Bounds,
     extent: [f64; 3],
@@ -92,7 +91,6 @@ impl Lattice<'_> {
         Ok(())
     }
 
-    /// A point's place within its leaf.
     fn place(&self, c: &mut impl Coder, cell: &TreeCell, point: [f64; 3]) -> [f64; 3] {
         let widths = cell.widths(self.extent);
         each_axis(|k| {

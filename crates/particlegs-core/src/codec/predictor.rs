@@ -7,7 +7,6 @@ pub(crate) struct Predictor {
     pub slopes: [i16; SIZE_SLOPES],
 }
 
-/// Slopes of the size's predictor.
 pub(crate) const SIZE_SLOPES: usize = 3;
 impl Predictor {
     /// Sum of slope times feature, rounded.

@@ -98,7 +98,6 @@ impl RandomOrder {
         RandomOrder { random, taken: vec![0; n.div_ceil(64)], order: Vec::new(), n }
     }
 
-    /// The first `k`.
     fn first(&mut self, k: usize) -> &[usize] {
         while self.order.len() < k {
             let i = ((u128::from(self.random.bits()) * self.n as u128) >> 64) as usize;

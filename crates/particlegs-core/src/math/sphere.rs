@@ -9,7 +9,6 @@ use std::f64::consts::{PI, TAU};
 
 /// Gaussians end here, in deviations along each principal axis: 1e-4 of the mass lies beyond.
 const TAIL: f64 = 4.0;
-/// Nodes of the rules.
 const RULES: [usize; 3] = [8, 12, 20];
 /// Widest piece of a Gaussian for the first rule, in deviations of its shortest axis, and for the second, in its own.
 const WIDEST: [f64; 2] = [4.0, 7.0];
@@ -91,7 +90,6 @@ impl GaussianInSphere {
 
 /// Spheres in which a Gaussian is its density at their centre and the curvature there.
 struct LocalDensity {
-    /// The largest.
     radius: f64,
     density: f64,
     /// The Laplacian over the density.

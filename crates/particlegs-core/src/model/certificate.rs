@@ -124,7 +124,6 @@ impl Certificate {
     }
 }
 
-/// Lists all figures.
 #[derive(Default)]
 struct FigureList {
     groups: Vec<(MetricGroup, Option<Vec<MetricEntry>>)>,

@@ -129,7 +129,6 @@ impl Metric {
         Metric { name, coding, range: [0.0, f64::MAX], unit, tolerance }
     }
 
-    /// The same with another range.
     pub(crate) const fn range(self, least: f64, most: f64) -> Metric {
         Metric { range: [least, most], ..self }
     }
@@ -145,7 +144,6 @@ impl Metric {
         Metric { unit, tolerance, ..self }
     }
 
-    /// The same with another tolerance.
     pub(crate) const fn tolerance(self, tolerance: Tolerance) -> Metric {
         Metric { tolerance, ..self }
     }
@@ -256,12 +254,10 @@ pub struct MetricEntry {
 
 /// Passes over the figures of a certificate, group by group, in the order of their tags.
 pub(crate) trait MetricVisitor {
-    /// What may go wrong.
     type Error;
 
     /// A group begins, and is `there`; is it to be there, and visited?
     fn begin(&mut self, group: &MetricGroup, there: bool) -> Result<bool, Self::Error>;
-    /// It ends.
     fn end(&mut self, _: &MetricGroup) -> Result<(), Self::Error> {
         Ok(())
     }
@@ -277,7 +273,6 @@ pub(crate) trait MetricVisitor {
     }
     /// What follows, up to `leave`, is of one of several alike.
     fn enter(&mut self, _: &'static str) {}
-    /// See `enter`.
     fn leave(&mut self) {}
 }
 
@@ -314,7 +309,6 @@ impl<T: MetricField<&'static str> + Default + Copy> MetricField<&'static str> fo
 /// A group that a certificate may have, and the form of what is in it.
 pub(crate) struct OptionalGroup<F>(pub MetricGroup, pub F);
 
-/// A group that every certificate has.
 pub(crate) struct RequiredGroup<F>(pub OptionalGroup<F>);
 
 impl<T: MetricField<F> + Default + Copy, F> MetricField<OptionalGroup<F>> for Option<T> {

@@ -7,7 +7,6 @@ use crate::parallel;
 /// Levels above this (of 255) are lit; a pixel counts in the masked PSNR where either picture is.
 pub const MASK_LEVEL: f64 = 2.5;
 
-/// Pixels in one step of parallel work.
 const STEP: usize = 1 << 16;
 
 /// The scores of one picture against another.

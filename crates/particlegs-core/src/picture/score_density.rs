@@ -9,7 +9,6 @@ use crate::{Error, Result};
 /// Densities below this share of the truth's median count as that share.
 const FLOOR: f64 = 1e-3;
 
-/// Pixels in one step of parallel work.
 const STEP: usize = 1 << 16;
 
 /// The scores of a surface density against the truth's, over the pixels where the truth is above zero. Densities
@@ -65,7 +64,6 @@ fn median(values: &[f32], progress: &dyn Progress) -> Result<Option<f32>> {
     Ok((!above.is_empty()).then(|| *above.select_nth_unstable_by(middle, f32::total_cmp).1))
 }
 
-/// Densities pixel by pixel.
 struct DensityPairs<'a> {
     density: &'a [f32],
     truth: &'a [f32],

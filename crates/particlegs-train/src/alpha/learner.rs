@@ -13,7 +13,6 @@ use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::{AlphaBlend, Law, Mixture, VIZMAPPER_PARAMETERS};
 use std::sync::Arc;
 
-/// Gaussians of the alpha-blend law in training.
 pub(crate) struct AlphaLearner {
     pub(super) config: AlphaConfig,
     pub(super) gaussians: Gaussians,

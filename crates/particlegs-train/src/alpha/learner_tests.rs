@@ -105,7 +105,6 @@ fn train_with(
     sum / steps as f64
 }
 
-/// The learner's mixture in a model.
 fn model(learner: &AlphaLearner, bounds: Bounds) -> Model {
     let gaussians = learner.mixture();
     let n = learner.gaussians.scale.particles;

@@ -19,7 +19,6 @@ struct NetworkGradient {
     last_bias: [f32; 2],
 }
 
-/// Buffers of one thread.
 #[derive(Default)]
 struct NetworkScratch {
     hidden: HiddenActivations,

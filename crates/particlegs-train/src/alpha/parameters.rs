@@ -7,7 +7,6 @@ use particlegs_core::render::alpha::Gaussian;
 use particlegs_core::render::alpha::network::Adaptation;
 use particlegs_core::{Error, Result};
 
-/// A group of parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ParameterGroup {
     Position,
@@ -17,7 +16,6 @@ pub(super) enum ParameterGroup {
     Feature,
 }
 
-/// How many groups of parameters there are.
 pub const GROUPS: usize = 5;
 
 impl ParameterGroup {
@@ -54,7 +52,6 @@ pub(super) fn feature(grey: f64) -> f64 {
     (grey - 0.5) / SH0
 }
 
-/// One Gaussian's parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct GaussianParameters {
     /// Training frame.
@@ -102,7 +99,6 @@ fn quaternion(columns: [[f64; 3]; 3]) -> [f64; 4] {
 }
 
 impl GaussianParameters {
-    /// Of a Gaussian in world units.
     pub fn from_world(frame: &Normalisation, mean: [f64; 3], cov: &Sym3, opacity: f64, grey: f64) -> Self {
         let e = cov.scale(frame.scale * frame.scale).eigen();
         let mut axes = e.vectors;
@@ -131,14 +127,12 @@ impl GaussianParameters {
         each_axis(|i| each_axis(|k| r[i][k] * s[k]))
     }
 
-    /// Covariance, training frame.
     pub fn cov(&self) -> Sym3 {
         let m = self.root();
         let dot = |i: usize, j: usize| (0..3).map(|k| m[i][k] * m[j][k]).sum();
         Sym3([dot(0, 0), dot(0, 1), dot(0, 2), dot(1, 1), dot(1, 2), dot(2, 2)])
     }
 
-    /// Grey level.
     pub fn grey(&self) -> f64 {
         (0.5 + SH0 * self.feature).max(0.0)
     }
@@ -153,7 +147,6 @@ impl GaussianParameters {
         self.log_scale.iter().sum::<f64>() / 3.0
     }
 
-    /// As it is drawn.
     pub fn gaussian(&self, adapted: &Adaptation) -> Gaussian {
         Gaussian {
             mean: self.position,
@@ -181,12 +174,10 @@ impl GaussianParameters {
 pub struct AlphaParameters(pub [Vec<f32>; GROUPS]);
 
 impl AlphaParameters {
-    /// Number of Gaussians.
     pub fn len(&self) -> usize {
         self.0[ParameterGroup::Opacity as usize].len()
     }
 
-    /// Gaussian `i`.
     pub(super) fn get(&self, i: usize) -> GaussianParameters {
         let [position, scale, rotation, opacity, feature] = &self.0;
         GaussianParameters {
@@ -198,19 +189,16 @@ impl AlphaParameters {
         }
     }
 
-    /// None?
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Adds one.
     pub(super) fn push(&mut self, one: &GaussianParameters) {
         for (column, numbers) in self.0.iter_mut().zip(one.numbers()) {
             column.extend(numbers.iter().map(|v| *v as f32));
         }
     }
 
-    /// Adds the Gaussians of a mixture of this law.
     pub(super) fn push_mixture(&mut self, m: &Mixture, frame: &Normalisation) -> Result<()> {
         let own = m.law.alpha_blend().ok_or_else(|| Error::argument("the model is not of the alpha-blend law"))?;
         for i in 0..m.len() {
@@ -219,7 +207,6 @@ impl AlphaParameters {
         Ok(())
     }
 
-    /// All zero.
     pub fn zeros(n: usize) -> Self {
         AlphaParameters(ParameterGroup::ALL.map(|g| vec![0.0; n * g.width()]))
     }

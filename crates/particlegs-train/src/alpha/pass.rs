@@ -13,7 +13,6 @@ use particlegs_core::render::alpha::network::{Adaptation, Network, Setting, inpu
 use particlegs_core::render::alpha::raster::blend;
 use particlegs_core::render::alpha::{CutOffs, Eye, Plan};
 
-/// Gaussians in one step of parallel work.
 const RUN: usize = 2048;
 
 /// The network, laid out, and its ranges.
@@ -38,11 +37,8 @@ pub(super) struct ForwardPass<'a> {
     simd: Level,
 }
 
-/// Changes of the loss.
 pub(super) struct Gradient {
-    /// With the Gaussians' parameters.
     pub parameters: AlphaParameters,
-    /// With the network's.
     pub network: Option<Vec<f32>>,
     /// Gaussians that are seen, and the size of the change with their centres on the picture.
     pub screen: Vec<(u32, f32)>,

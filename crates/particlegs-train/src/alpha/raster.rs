@@ -14,13 +14,9 @@ use particlegs_core::render::alpha::{Plan, TILE};
 /// centre: sums of h, h dx, h dy, h dx^2, h dx dy, h dy^2; and the change with the grey level.
 pub(super) type PixelSums = [f32; 7];
 
-/// A tile of the picture as it was blended.
 struct BlendedTile<'a> {
-    /// The tile's number in the plan.
     number: usize,
-    /// Its pixels.
     lit: TilePixels,
-    /// Their brightness.
     total: &'a [f32; PIXELS],
     /// The loss's change with it.
     slope: &'a [f32; PIXELS],

@@ -12,7 +12,6 @@ use particlegs_core::render::alpha::network::Setting;
 /// What a learner must know of its snapshot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrainingScale {
-    /// The training frame.
     pub frame: Normalisation,
     /// Default radius, world units.
     pub radius: f64,
@@ -20,22 +19,17 @@ pub struct TrainingScale {
     pub opacity: f64,
     /// Particles that the Gaussians stand for.
     pub particles: u64,
-    /// Of all draws.
     pub seed: u64,
 }
 
 /// Gaussians in training with their network, and what Adam and density control remember of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gaussians {
-    /// Of the snapshot.
     pub scale: TrainingScale,
-    /// The Gaussians.
     pub parameters: AlphaParameters,
     /// Adam's, a group each.
     pub averages: [Averages; GROUPS],
-    /// The network, where there is one.
     pub mapper: Option<VizMapper>,
-    /// Adam's of the network.
     pub mapper_averages: Averages,
     /// Of each Gaussian since the last densification: sizes of the changes with its centre on the picture, and in how many
     /// pictures it was seen.

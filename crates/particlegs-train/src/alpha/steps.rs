@@ -22,7 +22,6 @@ const NETWORK_ADAM: Adam = Adam { beta1: 0.9, beta2: 0.999, epsilon: 1e-8 };
 pub struct StepSize {
     /// Adam's rates, a group each.
     pub rates: [f64; GROUPS],
-    /// Adam's rate of the network.
     pub network: f64,
     /// Largest norm of the network's gradient; 0 = any.
     pub clip: f64,
@@ -30,7 +29,6 @@ pub struct StepSize {
     pub identity: f64,
 }
 
-/// What takes steps.
 pub trait AlphaStepper {
     /// Draws the sample, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
     /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](AlphaStepper::fetch).
@@ -49,7 +47,6 @@ pub trait AlphaStepper {
     fn changed(&mut self);
 }
 
-/// Steps on the processor.
 #[derive(Default)]
 pub struct AlphaCpuSteps {
     /// A gradient to be spoilt in the next step: group, Gaussian, number.

@@ -7,7 +7,6 @@ use particlegs_core::render::alpha::network::{Setting, twin::plain as network};
 use particlegs_core::render::alpha::plain::blend;
 use particlegs_core::render::alpha::{CutOffs, Eye, Gaussian};
 
-/// All parameters, f64.
 #[derive(Clone)]
 pub(super) struct DoubleParameters {
     pub columns: [Vec<f64>; GROUPS],

@@ -20,21 +20,16 @@ use particlegs_core::space::Bounds;
 const FILLED: std::ops::RangeInclusive<f64> = 0.98..=1.0;
 const AIM: f64 = 0.999;
 
-/// What the file is to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Budget {
-    /// Bounds of the particles.
     pub bounds: Bounds,
-    /// Particles.
     pub count: u64,
-    /// Bytes.
     pub bytes: u64,
 }
 
 /// Decoded Gaussians and the precision that they were coded at.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct DecodedGaussians {
-    /// As decoded.
     pub exact: DepthGaussians,
     /// Multiple of the nominal steps.
     pub factor: f64,

@@ -4,7 +4,6 @@ use particlegs_core::math::Sym3;
 use particlegs_core::model::Mixture;
 use particlegs_core::parallel;
 
-/// Gaussians in one step of parallel work.
 const RUN: usize = 1024;
 
 /// Numbers of a Gaussian: mean (3), rows of the lower factor of its covariance (00, 10, 11, 20, 21,

@@ -24,9 +24,7 @@ use particlegs_core::splat::ToneStyle;
 pub(crate) struct DepthContext {
     /// Bounds of the particles, world units.
     pub bounds: Bounds,
-    /// Particles.
     pub particles: u64,
-    /// Look of the targets.
     pub look: ToneStyle,
     /// Bytes that the coded Gaussians are to have; `None` = not known: they are not coded on the way.
     pub bytes: Option<u64>,
@@ -38,7 +36,6 @@ pub(crate) struct DepthLearner {
     context: DepthContext,
     parameters: Parameters,
     steps: Box<dyn DepthStepper>,
-    /// How they are coded on the way.
     coded: Option<DecodedGaussians>,
     /// Does the precision stay as it is?
     settled: bool,

@@ -21,7 +21,6 @@ use particlegs_core::space::Bounds;
 /// Gaussians in one step of parallel work; fixed, so that sums do not depend on threads.
 const RUN: usize = 512;
 
-/// A footprint that was drawn.
 struct FootprintPiece {
     gaussian: u32,
     footprint: Footprint,
@@ -31,7 +30,6 @@ struct FootprintPiece {
 
 /// A picture's depth, and how it came to be.
 pub struct Tape {
-    /// Optical depth.
     pub tau: Plane,
     lens: Lens,
     levels: Vec<Level>,

@@ -13,7 +13,6 @@ use particlegs_core::parallel;
 use particlegs_core::picture::Plane;
 use particlegs_core::render::Scratch;
 
-/// Pixels in one step of parallel work.
 const PIXELS: usize = 1 << 14;
 /// What is added to the root in Adam's division at least.
 pub const LEAST_EPSILON: f64 = 1e-15;
@@ -35,7 +34,6 @@ pub struct StepSize {
     pub average: f64,
 }
 
-/// What takes steps.
 pub trait DepthStepper {
     /// Draws the sample, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
     /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](DepthStepper::fetch).
@@ -58,10 +56,8 @@ pub trait DepthStepper {
     fn replaced(&mut self, of: &Parameters, which: &[usize]) -> Result<()>;
 }
 
-/// Steps on the processor.
 #[derive(Default)]
 pub struct DepthCpuSteps {
-    /// Of its pictures.
     scratch: Scratch,
     /// A Gaussian whose gradient is to be spoilt.
     #[cfg(test)]

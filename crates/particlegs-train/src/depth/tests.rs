@@ -133,15 +133,12 @@ fn plain(m: &Mixture, view: &View) -> f64 {
 
 /// How gradients are compared with differences of the plain law.
 struct Trial {
-    /// The camera's.
     distance: f64,
-    /// The mixture's.
     seed: u64,
     /// Of the usual step of each number.
     share: f64,
     /// Gaussians left out, the worst ones.
     jumps: usize,
-    /// Largest difference.
     tolerance: f64,
 }
 

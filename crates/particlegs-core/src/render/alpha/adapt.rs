@@ -10,7 +10,6 @@ use crate::model::{LawKind, Mixture, Model, VizMapper};
 use crate::progress::{Level, Progress};
 use crate::{Error, Result, parallel};
 
-/// Gaussians in one step of parallel work.
 const RUN: usize = 4096;
 
 /// Opacities are kept this far from 0 and 1, where logits are infinite.
