@@ -7,7 +7,7 @@ use crate::work::WorkOptions;
 use particlegs::compress::{Options, Target, compress as run};
 use particlegs::model::{CertificateLevel, Goal, GoalKind, LawKind};
 use particlegs::particles::Storage;
-use particlegs::pieces::NoCheckpoints;
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::train::{Config, Preset};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;

@@ -66,7 +66,7 @@ impl ParticleInfo {
         Ok(SnapshotMeta {
             name: self.name,
             cell: self.cell.map(cell).transpose()?,
-            units: Units::of(self.length_unit.as_deref(), self.mass_unit.as_deref(), self.comoving),
+            units: Units::new(self.length_unit.as_deref(), self.mass_unit.as_deref(), self.comoving),
             particle_mass: self.particle_mass,
             weight_name: None,
             fields: Vec::new(),

@@ -142,7 +142,7 @@ fn differing(stored: &Certificate, measured: &Certificate) -> Vec<String> {
         for (place, entry) in stored.into_iter().flatten().enumerate().filter(|e| e.1.value != MetricValue::None) {
             let (metric, now) = (&entry.metric, measured.get(place).map_or(MetricValue::None, |e| e.value));
             if metric.tolerance.is_passed(entry.value, now) {
-                let [stored, now] = [entry.value, now].map(|value| metric.in_words(value, None));
+                let [stored, now] = [entry.value, now].map(|value| metric.describe(value, None));
                 lines.push(format!(
                     "{} {}: {} is stored as {stored}, measured {now}",
                     group.name, entry.row, metric.name

@@ -54,9 +54,9 @@ pub fn side_by_side(
                 if exact && metric.tolerance != Tolerance::Any { Tolerance::Same } else { metric.tolerance };
             all.push(CertificateFigure {
                 name: format!("{}{row}: {}", group.name, metric.name),
-                stored: metric.in_words(then, None),
-                measured: metric.in_words(now, None),
-                tolerance: tolerance.in_words(),
+                stored: metric.describe(then, None),
+                measured: metric.describe(now, None),
+                tolerance: tolerance.to_string(),
                 differs: there[0] != there[1] || tolerance.is_passed(then, now),
             });
         }

@@ -163,7 +163,7 @@ fn compare_pictures(name: &str, a: &Path, b: &Path) -> PictureComparison {
         )),
         Ok((a, b)) => PictureComparison {
             name: name.into(),
-            scores: Some(Scores::of(&a, &b)),
+            scores: Some(Scores::new(&a, &b)),
             largest_difference: largest_difference(&a, &b),
             error: None,
         },

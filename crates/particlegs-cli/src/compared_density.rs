@@ -47,6 +47,6 @@ fn compare(a: &Path, b: &Path, progress: &dyn Progress) -> Result<std::result::R
     let (said_b, truth) = density_file::read(b, progress)?;
     match said_a.differs(&said_b) {
         Some(why) => Ok(Err(why)),
-        None => DensityScores::of(&density, &truth, progress).map(Ok),
+        None => DensityScores::new(&density, &truth, progress).map(Ok),
     }
 }

@@ -242,7 +242,7 @@ fn quantity(q: &Quantity) -> String {
 }
 
 fn cell(m: &MetadataReport<'_>) -> String {
-    m.cell.as_ref().map_or_else(|| "none stated".into(), Cell::in_words)
+    m.cell.as_ref().map_or_else(|| "none stated".into(), Cell::to_string)
 }
 
 fn point(p: [f64; 3]) -> String {
@@ -260,7 +260,7 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     for (group, entries) in c.groups().into_iter().filter(|(group, _)| group.tag != MetricGroup::GOAL) {
         match entries {
             Some(entries) => {
-                line(&group.in_words(&entries, unit));
+                line(&group.describe(&entries, unit));
                 tables(&entries, unit).iter().for_each(|text| line(text));
             }
             None if group.levels == [CertificateLevel::Full] => {
@@ -275,7 +275,7 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
 
 /// What was asked for, and what the file has.
 pub fn goal_in_words(goal: &GoalResult, unit: Option<&str>) -> String {
-    format!("asked for: {}", goal.in_words(unit))
+    format!("asked for: {}", goal.describe(unit))
 }
 
 /// Rows of figures, a table for those that have the same ones; rows of one figure in one line.
@@ -292,7 +292,7 @@ fn tables(entries: &[MetricEntry], unit: Option<&str>) -> Vec<String> {
     let cell = |e: &MetricEntry| match e.value {
         MetricValue::None => "-".into(),
         MetricValue::Score(s) => format!("{} {:.4}", s.masked_psnr.map_or("-".into(), |v| format!("{v:.2}")), s.ssim),
-        value => e.metric.in_words(value, unit),
+        value => e.metric.describe(value, unit),
     };
     let mut lines = Vec::new();
     for rows in tables {

@@ -90,7 +90,7 @@ fn field(f: &SpeciesField) -> String {
 
 fn cell(c: &Cell, m: &SnapshotMeta) -> String {
     let unit = m.units.length_text().map_or(String::new(), |u| format!(" ({u})"));
-    format!("{}{unit}", c.in_words())
+    format!("{c}{unit}")
 }
 
 /// The unit of length in words.
@@ -100,7 +100,7 @@ pub fn length(units: &Units) -> String {
         Some(false) => ", physical",
         None => "",
     };
-    let size = units.length.as_ref().map_or_else(String::new, |u| u.size_in_words(Dimension::Length));
+    let size = units.length.as_ref().map_or_else(String::new, |u| u.describe_size(Dimension::Length));
     said(units.length_text()) + comoving + &size
 }
 
@@ -109,7 +109,7 @@ pub fn moment(units: &Units, cosmology: &Cosmology, epoch: &Epoch) -> Vec<(&'sta
     let c = cosmology;
     let factor = epoch.redshift().zip(epoch.scale_factor).map(|(z, a)| format!("{a} (z = {z:.4})"));
     let mut rows = vec![
-        ("unit of mass", said(units.mass.as_ref().map(|u| u.in_words(Dimension::Mass)))),
+        ("unit of mass", said(units.mass.as_ref().map(|u| u.describe(Dimension::Mass)))),
         ("scale factor", said(factor)),
     ];
     rows.push(("h", said(c.hubble)));

@@ -96,7 +96,7 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn 
         opacity: m.default_opacity,
     };
     let truth = Reference::with_bounds(particles, m.bounds).draw(&view, PANEL, ToneStyle::Paraview, progress)?;
-    let drawn = render::draw(&Scene::of(model), &view, PANEL, ToneStyle::Paraview, progress)?;
+    let drawn = render::draw(&Scene::new(model), &view, PANEL, ToneStyle::Paraview, progress)?;
     let score = masked_psnr(&truth, &drawn).map_or("identical".into(), |s| format!("masked PSNR {s:.1} dB"));
     let captions = [
         format!("{} particles, as ParaView draws them", grouped(m.count)),
@@ -166,7 +166,7 @@ fn density(path: &Path, model: &Model, progress: &dyn Progress) -> Result<()> {
     let width = subject.extent.width(&spherical_camera([0.0; 3], 0.0, 0.0, 1.0).frame()?, size);
     let window = Window { center: subject.extent.center, angles_deg: [0.0; 2], width, depth: None };
     let seen = DensityView::orthographic("density", &window, size, &m.bounds, m.cell)?;
-    let plane = render::surface_density(&Scene::of(model), &seen, size, progress)?;
+    let plane = render::surface_density(&Scene::new(model), &seen, size, progress)?;
     let view =
         View { name: "density".into(), camera: seen.camera, radius: m.default_radius, opacity: m.default_opacity };
     finish(model, &args, &quantities, &subject).write(path, ViewContent::Density(plane), &view, None, FileKind::Png)

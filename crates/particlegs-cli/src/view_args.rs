@@ -240,7 +240,7 @@ impl ViewSubject {
         let m = &model.metadata;
         let (bounds, cell) = (m.bounds, m.cell);
         let extent = match density {
-            true => render::extent(&Scene::of(model), cell.as_ref()),
+            true => render::extent(&Scene::new(model), cell.as_ref()),
             false => Extent::new(&bounds, cell.as_ref()),
         };
         ViewSubject { bounds, cell, extent, radius: m.default_radius, opacity: m.default_opacity, density }

@@ -8,12 +8,13 @@
 // clippy.toml: functions whose bits are the platform's. Tests compare with them.
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
+pub mod checkpoint;
 pub mod error;
+mod hash;
 pub mod math;
 pub mod memory;
 mod named;
 pub mod parallel;
-pub mod pieces;
 pub mod progress;
 mod remedy;
 pub mod space;

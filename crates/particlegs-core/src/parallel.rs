@@ -212,14 +212,6 @@ pub fn with_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) ->
     if threads == 1 { Ok(work()) } else { Err("built without threads".into()) }
 }
 
-/// Adds bytes to a hash.
-pub fn hash(hasher: &mut blake3::Hasher, bytes: &[u8]) {
-    #[cfg(feature = "threads")]
-    hasher.update_rayon(bytes);
-    #[cfg(not(feature = "threads"))]
-    hasher.update(bytes);
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -116,7 +116,7 @@ fn words(model: &Model, name: &str) -> Vec<String> {
         let what = m.weight_name().unwrap_or("masses");
         lines.push(format!("{what} in {}", m.units.mass_text().unwrap_or("a unit that is not stated")));
     }
-    lines.extend(m.cell.as_ref().map(|cell| format!("box {}", cell.in_words())));
+    lines.extend(m.cell.as_ref().map(|cell| format!("box {cell}")));
     lines
 }
 

@@ -222,11 +222,11 @@ mod tests {
     #[test]
     fn blended_splats_look_like_the_optical_depth() {
         use particlegs::camera::{View, base_distance, spherical_camera};
+        use particlegs::checkpoint::NoCheckpoints;
         use particlegs::compress::{Options, Target, compress};
         use particlegs::model::CertificateLevel;
         use particlegs::particles::Particles;
         use particlegs::picture::{Size, masked_psnr};
-        use particlegs::pieces::NoCheckpoints;
         use particlegs::progress::Silent;
         use particlegs::render::{Scene, draw};
         use particlegs::splat::ToneStyle;
@@ -240,9 +240,9 @@ mod tests {
         let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, size));
         for (opacity, least) in [(0.05, 30.0), (0.5, 26.5)] {
             let view = View { name: "view".into(), camera, radius: m.default_radius, opacity };
-            let wanted = draw(&Scene::of(&model), &view, size, ToneStyle::Expected, &Silent).unwrap();
+            let wanted = draw(&Scene::new(&model), &view, size, ToneStyle::Expected, &Silent).unwrap();
             let (splats, faint) = as_splats(model.clone(), m.default_radius, opacity, &Silent).unwrap();
-            let got = draw(&Scene::of(&splats), &view, size, ToneStyle::Expected, &Silent).unwrap();
+            let got = draw(&Scene::new(&splats), &view, size, ToneStyle::Expected, &Silent).unwrap();
             let score = masked_psnr(&wanted, &got).unwrap_or(f64::INFINITY);
             eprintln!("opacity {opacity}: {score:.2} dB, {faint:?}");
             assert!(score > least, "{opacity}: {score} dB");

@@ -97,7 +97,7 @@ impl Choice {
         let said = &particles.meta.units;
         let length = self.length_unit.as_deref().filter(|_| said.length.is_some());
         let mass = self.mass_unit.as_deref().filter(|_| said.mass.is_some());
-        let units = said.replaced(&Units::of(length, mass, said.comoving));
+        let units = said.replaced(&Units::new(length, mass, said.comoving));
         let to = UnitSystem { units: &units, ..particles.meta.unit_system() };
         // What was asked for need not be told.
         particles.clone().in_units(&to, storage, &Silent)

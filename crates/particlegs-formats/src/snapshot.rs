@@ -158,7 +158,7 @@ impl Species {
     fn weight_kind(&self, field: &SpeciesField) -> WeightKind {
         match &self.mass {
             SpeciesMass::Field(masses) if *masses == field.name => WeightKind::Mass,
-            _ => WeightKind::of(&field.name, field.unit.as_deref()),
+            _ => WeightKind::from_name(&field.name, field.unit.as_deref()),
         }
     }
 

@@ -317,7 +317,7 @@ fn made(counts: &[(&str, usize)]) -> Particles {
         .with_weights(Column::owned(weights))
         .with_layers(layers);
     particles.meta.cell = Some(Cell::orthogonal([64.0; 3]));
-    particles.meta.units = Units::of(Some("kpc/h"), Some("1e10 Msun/h"), Some(true));
+    particles.meta.units = Units::new(Some("kpc/h"), Some("1e10 Msun/h"), Some(true));
     particles.meta.epoch.scale_factor = Some(0.5);
     particles.meta.cosmology =
         Cosmology { hubble: Some(0.7), omega_matter: Some(0.3), omega_lambda: Some(0.7), omega_baryon: Some(0.05) };

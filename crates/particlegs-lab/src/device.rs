@@ -63,7 +63,7 @@ impl Device for Processor {
     }
 
     fn model<'a>(&self, of: &'a Model, progress: &'a dyn Progress) -> Result<Draw<'a>> {
-        let scene = Scene::of(of);
+        let scene = Scene::new(of);
         Ok(Box::new(move |view, size| draw(&scene, view, size, ToneStyle::Paraview, progress)))
     }
 }

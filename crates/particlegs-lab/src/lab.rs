@@ -9,12 +9,12 @@ use crate::store::ResultStore;
 #[cfg(doc)]
 use particlegs::Error;
 use particlegs::Result;
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::codec;
 use particlegs::compress::{CompressedModel, Options, Target, compress};
 use particlegs::fit::Effort;
 use particlegs::model::{CertificateLevel, Model};
 use particlegs::particles::{Particles, RawForm};
-use particlegs::pieces::NoCheckpoints;
 use particlegs::progress::Progress;
 use particlegs::recover;
 use particlegs::space::Bounds;

@@ -8,11 +8,11 @@ use crate::snapshot::{Snapshot, columns_of, particles_of};
 use crate::subset::subset;
 use crate::training::{self, TrainingTask, trained_on};
 use crate::views::{ReferenceViews, Score};
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::compress::{Target, compress};
 use particlegs::fit::Effort;
 use particlegs::model::Model;
 use particlegs::particles::Particles;
-use particlegs::pieces::NoCheckpoints;
 use particlegs::{Error, Result};
 use serde::{Deserialize, Serialize};
 

@@ -77,7 +77,7 @@ impl ReferenceViews {
     /// Scores of the pictures that `draw` gives for each view.
     pub fn score(&self, mut draw: impl FnMut(&View) -> Result<Gray8>) -> Result<Vec<Score>> {
         let of = |(view, truth): (&View, &Gray8)| {
-            let Scores { psnr, masked_psnr: masked, ssim } = Scores::of(&draw(view)?, truth);
+            let Scores { psnr, masked_psnr: masked, ssim } = Scores::new(&draw(view)?, truth);
             Ok(Score { view: view.name.clone(), psnr, masked, ssim })
         };
         self.views.iter().zip(&self.pictures).map(of).collect()

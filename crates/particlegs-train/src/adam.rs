@@ -2,7 +2,6 @@
 
 use particlegs_core::parallel;
 
-/// Parameters in one step of parallel work.
 const RUN: usize = 1 << 14;
 
 /// The decay of the averages, and what keeps the division finite.
@@ -19,11 +18,9 @@ pub(crate) struct Adam {
 /// Running averages of the gradients of a group.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Averages {
-    /// Of the gradient.
     pub first: Vec<f32>,
     /// Of its square.
     pub second: Vec<f32>,
-    /// Steps so far.
     pub steps: u64,
 }
 

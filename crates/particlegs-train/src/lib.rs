@@ -5,6 +5,9 @@
 //! stage by stage as a [`Config`] says, scores it on held-out views, and keeps its state (`state`) so
 //! that an interrupted run goes on to the same bits.
 
+// The command and the library say what users need to know; here a comment stands where a name does not say it.
+#![allow(missing_docs)]
+
 mod adam;
 pub mod alpha;
 mod cameras;
@@ -25,6 +28,7 @@ mod subject;
 mod targets;
 #[cfg(test)]
 mod targets_tests;
+mod zero_is_none;
 
 pub use adam::Averages;
 pub use alpha::AlphaConfig;

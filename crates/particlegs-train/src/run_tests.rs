@@ -9,8 +9,8 @@ use super::{Cameras, Config, InitialGaussians, Limits, Preset, Stage, TrainedMix
 use particlegs::fit::{self, Effort, FitOptions};
 use particlegs::particles::Particles;
 use particlegs::reference::Reference;
+use particlegs_core::checkpoint::{CheckpointStore, NoCheckpoints};
 use particlegs_core::model::{LawKind, Mixture};
-use particlegs_core::pieces::{CheckpointStore, NoCheckpoints};
 use particlegs_core::progress::{Progress, Silent};
 use particlegs_core::{Error, Result};
 use std::collections::BTreeMap;
@@ -34,7 +34,6 @@ fn fitted(particles: &Particles) -> Mixture {
     fit::fit(particles, &options, &Silent).unwrap()
 }
 
-/// Pieces in memory.
 #[derive(Default)]
 struct MemoryPieces(BTreeMap<String, Vec<u8>>);
 

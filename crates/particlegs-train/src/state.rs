@@ -61,7 +61,7 @@ impl TrainingState {
     }
 
     /// The state of bytes; `None` where they are none.
-    pub fn of_bytes(bytes: &[u8]) -> Option<TrainingState> {
+    pub fn from_bytes(bytes: &[u8]) -> Option<TrainingState> {
         let mut rest = bytes.strip_prefix(MAGIC)?;
         let columns = read_columns(&mut rest, f32::from_le_bytes)?;
         let numbers = read_columns(&mut rest, f64::from_le_bytes)?;
@@ -100,12 +100,12 @@ mod tests {
         state.columns.insert("empty".into(), vec![]);
         state.numbers.insert("b".into(), vec![1.0 / 3.0, f64::INFINITY]);
         let bytes = state.to_bytes();
-        assert_eq!(TrainingState::of_bytes(&bytes), Some(state));
+        assert_eq!(TrainingState::from_bytes(&bytes), Some(state));
         for cut in 0..bytes.len() {
-            assert_eq!(TrainingState::of_bytes(&bytes[..cut]), None, "{cut}");
+            assert_eq!(TrainingState::from_bytes(&bytes[..cut]), None, "{cut}");
         }
         let mut long = bytes.clone();
         long[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert_eq!(TrainingState::of_bytes(&long), None);
+        assert_eq!(TrainingState::from_bytes(&long), None);
     }
 }

@@ -11,15 +11,12 @@ use std::ops::Range;
 /// The particles of a run: their pictures to learn from and to be scored on, and where they lie.
 /// `particlegs::reference::Reference` is one.
 pub trait TrainingSubject: Sync {
-    /// Number of particles.
     fn len(&self) -> usize;
 
-    /// No particles?
     fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Position of particle `i`, world units.
     fn position(&self, i: usize) -> [f64; 3];
 
     /// What positions as they are stored are relative to, world units.

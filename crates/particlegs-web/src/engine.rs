@@ -32,7 +32,7 @@ impl SceneRequest {
     }
 
     fn scene<'a>(&self, model: &'a Model, shown: &dyn Fn(usize) -> bool) -> Scene<'a> {
-        Scene::of_layers(model, shown).repeated(self.shifts(model))
+        Scene::from_layers(model, shown).repeated(self.shifts(model))
     }
 
     /// Where the box and its images are.

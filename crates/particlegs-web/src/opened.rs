@@ -100,7 +100,7 @@ impl LoadedModel {
     /// What a view along parallel lines shows whole.
     pub(crate) fn extent(&mut self) -> Result<Extent> {
         let CompleteModel { full: ClippedModel { model, .. }, extent, .. } = self.whole()?;
-        let found = || render::extent(&Scene::of(model), model.metadata.cell.as_ref());
+        let found = || render::extent(&Scene::new(model), model.metadata.cell.as_ref());
         // A page draws no copies that nobody asked for: tails want room whatever the picture's shape.
         Ok(*extent.get_or_insert_with(|| Extent { periodic: [false; 3], ..found() }))
     }

@@ -48,7 +48,7 @@ fn its_picture_is_the_renderers() {
     for look in ToneStyle::ALL {
         let paint = json!({ "look": look, "white": false });
         let answer = ask(&mut engine, &json!({ "ask": "picture", "scene": scene, "paint": paint }));
-        let picture = draw(&Scene::of(&model), &view, SIZE, look, &Silent).unwrap();
+        let picture = draw(&Scene::new(&model), &view, SIZE, look, &Silent).unwrap();
         let greys: Vec<u8> = answer.numbers.chunks_exact(4).map(|p| p[0]).collect();
         assert!(greys == picture.data && greys.iter().any(|v| *v > 0), "{look:?}");
     }

@@ -101,7 +101,7 @@ fn a_picture_of_the_whole_box_is_there_before_the_last_step() {
     }
     // And in the end the same, to the last bit.
     let whole = codec::decode(&file, "the model").unwrap();
-    let expected = draw(&Scene::of(&whole), &view(false).0, SIZE, ToneStyle::Expected, &Silent).unwrap();
+    let expected = draw(&Scene::new(&whole), &view(false).0, SIZE, ToneStyle::Expected, &Silent).unwrap();
     assert!(full == expected.data);
 }
 

@@ -238,7 +238,7 @@ fn one_splat_has_the_depth_of_the_page() {
 fn gaussians_have_the_depth_of_the_page() {
     let size = Size { width: 101, height: 101 };
     let parallel = |mixture: &Mixture, radius: f64| {
-        let scene = Scene::of_mixture(mixture, cube());
+        let scene = Scene::from_mixture(mixture, cube());
         render::optical_depth(&scene, &view(orthographic(size), radius, 0.05), size, &Silent).unwrap()
     };
     let wide = parallel(&gaussian(500.0, Sym3::scaled_identity(100.0), 1000.0), 2.0);
@@ -247,7 +247,7 @@ fn gaussians_have_the_depth_of_the_page() {
         let cov = Sym3([1e-6, 0.0, 0.0, 1e-6, 0.0, (10.0 * share).powi(2)]);
         let mixture = gaussian(10.0, cov, 1000.0);
         let view = view(ahead(30.0, [0.5, 60.0]), 0.1, 0.05);
-        sum(&render::optical_depth(&Scene::of_mixture(&mixture, cube()), &view, size, &Silent).unwrap())
+        sum(&render::optical_depth(&Scene::from_mixture(&mixture, cube()), &view, size, &Silent).unwrap())
     };
     let wide_picture = Size { width: 161, height: 91 };
     let hacc = Bounds { min: [0.0; 3], max: [64.0, 256.0, 256.0] };
@@ -447,7 +447,7 @@ fn scores_are_those_of_the_page() {
     let row = |data: &[u8]| Gray8 { size: Size { width: data.len(), height: 1 }, data: data.to_vec() };
     let (a, b) = (row(&[0, 0, 3, 2]), row(&[255, 0, 0, 2]));
     let plane = |v: &[f32]| Plane { size: Size { width: v.len(), height: 1 }, data: v.to_vec() };
-    let densities = |a: &[f32], b: &[f32]| DensityScores::of(&plane(a), &plane(b), &Silent).unwrap();
+    let densities = |a: &[f32], b: &[f32]| DensityScores::new(&plane(a), &plane(b), &Silent).unwrap();
     let values = [
         ("PSNR of pictures one level apart everywhere", psnr(&even(7), &even(8)).unwrap()),
         ("PSNR of black and white", psnr(&even(0), &even(255)).unwrap()),
@@ -569,7 +569,7 @@ fn blended(network: Option<&VizMapper>, [radius, opacity]: [f64; 2], depth: f64)
     let mut mixture = gaussian(depth, Sym3::scaled_identity(4.0 * pixel * pixel), 1.0);
     let vizmapper = network.cloned().map(Arc::new);
     mixture.law = Law::AlphaBlend(AlphaBlend { opacity: vec![0.5], grey: vec![1.0], vizmapper });
-    let scene = Scene::of_law(&mixture, cube(), [1.0, 0.05]);
+    let scene = Scene::from_law(&mixture, cube(), 1.0, 0.05);
     let view = view(camera, radius, 0.05 * opacity);
     f64::from(render::draw(&scene, &view, SMALL, ToneStyle::Expected, &Silent).unwrap().data[MIDDLE])
 }

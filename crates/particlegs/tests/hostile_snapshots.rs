@@ -2,13 +2,13 @@
 //! refused in one line.
 
 use particlegs::camera::{View, base_distance, spherical_camera};
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::compress::{Options, Target, compress};
 use particlegs::fit::Effort;
 use particlegs::math::Random;
 use particlegs::model::{CertificateLevel, Layer, Mass, Model};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
-use particlegs::pieces::NoCheckpoints;
 use particlegs::progress::Silent;
 use particlegs::render::{Scene, draw};
 use particlegs::space::Cell;
@@ -52,7 +52,7 @@ fn used(p: &Particles, model: &Model) {
     let m = &model.metadata;
     let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, SIZE));
     let view = View { name: "v".into(), camera, radius: m.default_radius, opacity: 0.05 };
-    draw(&Scene::of(model), &view, SIZE, ToneStyle::Paraview, &Silent).unwrap();
+    draw(&Scene::new(model), &view, SIZE, ToneStyle::Paraview, &Silent).unwrap();
     let o = StatsOptions { cells: 8, spectrum_cells: 8, pair_budget: 100_000, ..StatsOptions::default() };
     for other in [Subject::Model(model), Subject::Particles(p)] {
         let s = compare(Subject::Particles(p), other, &o, &Silent).unwrap();
@@ -150,7 +150,7 @@ fn tiny_opacities_are_stored_and_drawn() {
         let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, SIZE));
         for radius in [1e-300, m.default_radius, 1e100] {
             let view = View { name: "v".into(), camera, radius, opacity };
-            let picture = draw(&Scene::of(&made.model), &view, SIZE, ToneStyle::ParaviewNoFxaa, &Silent).unwrap();
+            let picture = draw(&Scene::new(&made.model), &view, SIZE, ToneStyle::ParaviewNoFxaa, &Silent).unwrap();
             assert!(picture.data.iter().all(|v| *v == 0), "splats of opacity {opacity} change no 8-bit buffer");
         }
     }

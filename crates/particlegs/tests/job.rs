@@ -124,8 +124,8 @@ fn other_options_are_other_work() {
     let snapshots: [fn(&mut Particles); 7] = [
         |p| p.meta.cell = Some(Cell::orthogonal([200.0; 3])),
         |p| p.meta.cell = None,
-        |p| p.meta.units = Units::of(Some("kpc"), None, None),
-        |p| p.meta.units = Units::of(None, Some("Msun"), None),
+        |p| p.meta.units = Units::new(Some("kpc"), None, None),
+        |p| p.meta.units = Units::new(None, Some("Msun"), None),
         |p| p.meta.name = "another".into(),
         |p| p.origin = [1.0, 0.0, 0.0],
         |p| *p = cloud(1.5),
@@ -149,7 +149,7 @@ fn other_options_are_other_work() {
     // What was kept of one is not gone on from by another.
     let path = folder.path().join("m.checkpoint");
     let mut kept = Checkpoint::fresh(path.clone(), &ids[0]);
-    particlegs::pieces::CheckpointStore::keep_now(&mut kept, "train", vec![1]).unwrap();
+    particlegs::checkpoint::CheckpointStore::keep_now(&mut kept, "train", vec![1]).unwrap();
     assert_eq!(Checkpoint::open(path.clone(), &ids[0]).unwrap().len(), 1);
     for other in &ids[1..] {
         let opened = Checkpoint::open(path.clone(), other).unwrap();

@@ -1,11 +1,11 @@
 //! The first bytes of a block, drawn: about as good as a model that was simplified to as many bytes.
 
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::codec;
 use particlegs::compress::{Options, compress, simplify};
 use particlegs::model::{CertificateLevel, Layer, Model, Target};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
-use particlegs::pieces::NoCheckpoints;
 use particlegs::progress::Silent;
 use particlegs::score::{evaluate, evaluation_views};
 use std::path::Path;

@@ -105,7 +105,7 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let (views, size, views_from) = views(&a, &model, &context)?;
     let card =
-        a.device.open()?.map(|d| ModelAndParticles::new(&d, &Scene::of(&model), &particles, &context)).transpose()?;
+        a.device.open()?.map(|d| ModelAndParticles::new(&d, &Scene::new(&model), &particles, &context)).transpose()?;
     let drawer = card.as_ref().map(|c| c as &dyn Drawer);
     let evaluation = score::evaluate(&model, &particles, &views, size, drawer, &context)?;
     let report = report(evaluation, bytes.len() as u64, &model, &particles, size, views_from);

@@ -388,7 +388,7 @@ impl<'a> ModelDrawing<'a> {
             return Err(Error::Argument { what, remedy: hint.into() });
         }
         let layers = if asked.color_by_layer { layers::apart(&read.model)? } else { Vec::new() };
-        let scene = Scene::of(&read.model);
+        let scene = Scene::new(&read.model);
         if device.is_some() && (look.is_none() || !layers.is_empty()) {
             let what = "densities and coloured layers are drawn on the processor alone".into();
             return Err(Error::Argument { what, remedy: "leave --device away".into() });

@@ -52,7 +52,7 @@ impl device::Device for NamedDevice {
     }
 
     fn model<'a>(&self, of: &'a Model, _progress: &'a dyn Progress) -> Result<Draw<'a>> {
-        let pictures = Pictures::new(&self.device, &Scene::of(of))?;
+        let pictures = Pictures::new(&self.device, &Scene::new(of))?;
         Ok(Box::new(move |view: &View, size| pictures.draw(view, size, ToneStyle::Paraview)))
     }
 }

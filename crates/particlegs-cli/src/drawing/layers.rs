@@ -29,7 +29,7 @@ pub fn draw(
 ) -> Result<ViewContent> {
     progress.require_memory("a picture by layers", 4 * size.pixels() as u64 * (layers.len() as u64 + 2))?;
     let planes =
-        layers.iter().map(|l| optical_depth(&Scene::of(l), view, size, progress)).collect::<Result<Vec<Plane>>>()?;
+        layers.iter().map(|l| optical_depth(&Scene::new(l), view, size, progress)).collect::<Result<Vec<Plane>>>()?;
     let sums = parallel::map_range(size.pixels(), |i| planes.iter().map(|p| p.data[i]).sum::<f32>());
     let all = Plane { size, data: sums };
     let levels = Tones::new(view.opacity, view.radius_pixels(size)).of(&all, look);

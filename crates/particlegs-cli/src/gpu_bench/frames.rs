@@ -126,7 +126,7 @@ pub fn of_depth(
     context: &Context,
 ) -> Result<Vec<FrameRow>> {
     let renderer = Renderer::new(device)?;
-    let scene = Scene::of_mixture(&made.gaussians, made.bounds);
+    let scene = Scene::from_mixture(&made.gaussians, made.bounds);
     let there = Gaussians::upload(device, &scene)?;
     let mut rows = Vec::new();
     let canvas = renderer.canvas(&there, size)?;
@@ -162,7 +162,7 @@ pub fn of_alpha(
     context: &Context,
 ) -> Result<Vec<FrameRow>> {
     let renderer = alpha::Renderer::new(device)?;
-    let there = alpha::Gaussians::upload(device, &Scene::of_law(&made.gaussians, made.bounds, [made.radius, OPACITY]))?;
+    let there = alpha::Gaussians::upload(device, &Scene::from_law(&made.gaussians, made.bounds, made.radius, OPACITY))?;
     let mut rows = Vec::new();
     for changes in [CAMERA, SETTING] {
         let own = Measurement::new(device, made, size, changes, quick);

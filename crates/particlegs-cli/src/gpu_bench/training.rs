@@ -58,12 +58,12 @@ pub fn of_depth(
     quick: QuickRun,
     context: &Context,
 ) -> Result<TrainingRow> {
-    let lesson = TrainingPictures::new(device, made, &Scene::of_mixture(&made.gaussians, made.bounds), size)?;
+    let lesson = TrainingPictures::new(device, made, &Scene::from_mixture(&made.gaussians, made.bounds), size)?;
     let mut gaussians = made.gaussians.clone();
     gaussians.count.iter_mut().enumerate().for_each(|(i, n)| *n *= if i % 2 == 0 { 0.5 } else { 1.5 });
-    let mut of = Parameters::new(&gaussians, made.particles, 48, (made.bounds, ToneStyle::Expected));
+    let mut of = Parameters::new(&gaussians, made.particles, 48, made.bounds, ToneStyle::Expected);
     let mut steps = Trainer::new(device)?.depth_steps(&of)?;
-    let pace = StepSize { rates: [0.01; 3], beta1: 0.9, beta2: 0.999, calm: 0.5, pull: 0.0, average: 0.01 };
+    let pace = StepSize { rates: [0.01; 3], beta1: 0.9, beta2: 0.999, epsilon: 0.5, decay: 0.0, average: 0.01 };
     let taken = lesson.take(quick, context, |shot| steps.step(&mut of, shot, &Loss::PUBLISHED, &pace))?;
     let work = DepthWork::of(made, &lesson.views[0], size)?;
     let least = work.step(made.gaussians.len(), size);
@@ -79,7 +79,7 @@ pub fn of_alpha(
     quick: QuickRun,
     context: &Context,
 ) -> Result<TrainingRow> {
-    let scene = Scene::of_law(&made.gaussians, made.bounds, [made.radius, OPACITY]);
+    let scene = Scene::from_law(&made.gaussians, made.bounds, made.radius, OPACITY);
     let lesson = TrainingPictures::new(device, made, &scene, size)?;
     let mut gaussians = made.gaussians.clone();
     if let Some(law) = gaussians.law.alpha_blend_mut() {
@@ -87,8 +87,8 @@ pub fn of_alpha(
         law.opacity.iter_mut().enumerate().for_each(change);
     }
     let frame = Normalisation::of(&made.bounds);
-    let ground = TrainingScale { frame, radius: made.radius, opacity: OPACITY, particles: made.particles, seed: 1 };
-    let mut of = alpha::Gaussians::of_mixture(&gaussians, ground)?;
+    let scale = TrainingScale { frame, radius: made.radius, opacity: OPACITY, particles: made.particles, seed: 1 };
+    let mut of = alpha::Gaussians::from_mixture(&gaussians, scale)?;
     let mut steps = Trainer::new(device)?.alpha_steps(&of)?;
     let c = AlphaConfig::default();
     let pace = alpha::StepSize {

@@ -15,6 +15,7 @@ use particlegs::render::alpha::project::Splat;
 use particlegs::render::alpha::{CutOffs, Eye, Plan, TILE};
 use particlegs::render::bin::place;
 use particlegs::render::lens::Lens;
+use particlegs::render::project::CameraGaussian;
 use particlegs::render::project::slices::pieces;
 use particlegs::render::raster::pyramid::{PAD, levels};
 use particlegs_gpu::Rates;
@@ -61,7 +62,9 @@ impl DepthWork {
         let (lens, levels, m) = (Lens::optical(view, size, &made.bounds)?, levels(size), &made.gaussians);
         let runs = parallel::map((0..m.len()).step_by(RUN), |start| {
             let mut own = DepthWork { footprints: 0, additions: 0.0 };
-            for g in (start..m.len().min(start + RUN)).filter_map(|i| lens.see(m, i, m.count[i])) {
+            for g in
+                (start..m.len().min(start + RUN)).filter_map(|i| CameraGaussian::from_mixture(&lens, m, i, m.count[i]))
+            {
                 pieces(&lens, &g, |moments| {
                     let Some(placed) = place(&levels, &g.footprint(&lens, &moments)) else { return };
                     let s = placed.stroke;
@@ -119,7 +122,7 @@ impl BlendWork {
 
     /// Of a scene in a view.
     pub fn of(made: &TiledScene, view: &View, size: Size, progress: &dyn Progress) -> Result<BlendWork> {
-        let Some(blend) = Scene::of_law(&made.gaussians, made.bounds, [made.radius, OPACITY]).blend() else {
+        let Some(blend) = Scene::from_law(&made.gaussians, made.bounds, made.radius, OPACITY).blend() else {
             return Ok(BlendWork { footprints: 0, entries: 0, blends: 0 });
         };
         let eye = Eye::new(view, size, &blend.frame)?;

@@ -43,11 +43,11 @@ fn merging_is_exact_whatever_the_order() {
     let distance = base_distance(&m.bounds, size);
     let camera = spherical_camera(m.bounds.center(), 25.0, 15.0, distance);
     let view = View { name: "far".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
-    let together = optical_depth(&Scene::of(&all), &view, size, &Silent).unwrap();
+    let together = optical_depth(&Scene::new(&all), &view, size, &Silent).unwrap();
     let part = |path: &PathBuf| {
         let model = decode(path);
         // The same clipping range for all.
-        let scene = Scene::of_mixture(&model.layers[0].content[0].gaussians, m.bounds);
+        let scene = Scene::from_mixture(&model.layers[0].content[0].gaussians, m.bounds);
         optical_depth(&scene, &view, size, &Silent).unwrap()
     };
     let parts = [&a, &b, &c].map(part);

@@ -84,7 +84,7 @@ fn looking_at(focal_point: [f64; 3], position: [f64; 3]) -> Camera {
 
 /// A rotation drawn uniformly (a random unit quaternion).
 fn random_rotation(seed: u64) -> [[f64; 3]; 3] {
-    let mut random = Random::of(Purpose::OrbitTurn, seed, 0);
+    let mut random = Random::from_purpose(Purpose::OrbitTurn, seed, 0);
     let q: [f64; 4] = std::array::from_fn(|_| random.normal());
     let n = q.iter().map(|v| v * v).sum::<f64>().sqrt();
     let [w, x, y, z] = q.map(|v| v / n);

@@ -27,9 +27,7 @@ struct GaussianColumns<'a> {
     weight: &'a mut [f64],
 }
 
-/// Why a block cannot be decoded.
 pub(crate) enum BlockFault {
-    /// It contradicts the format.
     Corrupt(String),
     /// There is no memory for its Gaussians.
     Memory(Error),
@@ -91,7 +89,6 @@ const COLUMNS: &str = "decoding the model";
 pub(crate) struct BlockDecoder {
     header: BlockHeader,
     segments: Vec<CodedSegment>,
-    /// Bytes of the block.
     length: usize,
     /// Is every segment's stream as long as a table says?
     table: bool,
@@ -112,7 +109,6 @@ struct CodedSegment {
     streams: Vec<Range<usize>>,
 }
 
-/// A segment to be read.
 pub(crate) struct SegmentReader<'a> {
     header: &'a BlockHeader,
     nodes: &'a [SplitNode],
@@ -148,7 +144,6 @@ pub(crate) enum Ending {
     Anywhere,
 }
 
-/// What a part of a block says.
 pub(crate) fn part(bytes: &[u8], ending: Ending) -> Result<Block, BlockFault> {
     let header = BlockHeader::read(bytes)?;
     let streams = streams::read(&header, bytes)?;
@@ -179,7 +174,6 @@ pub(crate) fn part(bytes: &[u8], ending: Ending) -> Result<Block, BlockFault> {
     }
 }
 
-/// The nodes of each segment.
 fn segment_nodes(header: &BlockHeader, streams: &Streams, block: &[u8]) -> Result<Vec<Vec<SplitNode>>, String> {
     let Some(trunk_stream) = &streams.trunk else { return Ok(vec![vec![SplitNode::root(header.gaussians)]]) };
     let stream = block.get(trunk_stream.clone()).ok_or("a stream ends too soon")?;
@@ -371,12 +365,10 @@ impl BlockDecoder {
         })
     }
 
-    /// Number of segments.
     pub(crate) fn len(&self) -> usize {
         self.segments.len()
     }
 
-    /// Gaussians of a segment.
     pub(crate) fn gaussians(&self, segment: usize) -> usize {
         gaussians(&self.segments[segment].nodes)
     }

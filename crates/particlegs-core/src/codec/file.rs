@@ -1,12 +1,12 @@
 //! Models as files: which sections, in which order.
 
 use super::container::{
-    self, BLOCK, CERTIFICATE, ENTRY_BYTES, HEAD_BYTES, LAYER, META, OWNER_BYTES, SECTION_BYTES, STAGE, Section, Tag,
+    self, BLOCK, CERTIFICATE, ENTRY_BYTES, HEAD_BYTES, LAYER, META, SECTION_BYTES, STAGE, STAGE_BYTES, Section, Tag,
     VIZMAPPER, belongs_to_block,
 };
-use super::encoder::STAGES;
 use super::header::BlockHeader;
 use super::metadata::MetadataFault;
+use super::streams::STAGES;
 use super::sums::compensated;
 use super::wire::WireReader;
 use super::{Encoder, Precision, certificate, metadata, streams, vizmapper};
@@ -15,7 +15,7 @@ use crate::model::{
     Sample, VizMapper,
 };
 use crate::space::Cell;
-use crate::{Error, Result, parallel};
+use crate::{Error, Result, hash};
 use std::borrow::Cow;
 use std::f64::consts::PI;
 
@@ -82,7 +82,6 @@ pub fn assemble_with(
     file.write(certificate)
 }
 
-/// A file taken apart to be merged.
 pub(super) struct CodedFile {
     pub metadata: Metadata,
     /// The network's section.
@@ -93,7 +92,6 @@ pub(super) struct CodedFile {
 }
 
 impl CodedFile {
-    /// Takes a file apart.
     pub(super) fn read(bytes: &[u8], place: &str) -> Result<CodedFile> {
         let copy = |part: LayerPart<'_>| part.map(|blocks| blocks.into_iter().map(BlockPart::stored).collect());
         let parts = parts(bytes, place)?;
@@ -192,9 +190,6 @@ fn other_law(layer: &str, law: LawKind) -> String {
 /// What a network of the alpha-blend law adds to a file.
 pub const VIZMAPPER_SECTION_BYTES: usize = SECTION_BYTES + vizmapper::VIZMAPPER_BYTES;
 
-/// What stands before a further stage of a block.
-pub(super) const STAGE_BYTES: usize = SECTION_BYTES + OWNER_BYTES;
-
 /// Bytes that a coded block takes in a file: a section for each further stage, beside what [`size_without_blocks`]
 /// counts for it.
 pub fn stored_bytes(block: &[u8]) -> usize {
@@ -209,7 +204,7 @@ pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, l
     // P(k) by mass is there where masses may differ: of particles with weights, and of several layers.
     let mass_power = match layers {
         [one] if !one.mass.is_weighted() => None,
-        several => Some(MassPower::of_layers(several.len())),
+        several => Some(MassPower::new(several.len())),
     };
     let sample = (metadata.count > SAMPLED_ABOVE).then(Sample::default);
     let certificate = match certificate {
@@ -218,7 +213,7 @@ pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, l
             SECTION_BYTES + certificate::size(CertificateLevel::Blocks, &Certificate::default())
         }
         level => {
-            let layer_ratios = LayerRatios::of_layers(layers.len());
+            let layer_ratios = LayerRatios::new(layers.len());
             let like = Certificate { mass_power, sample, layer_ratios, ..Certificate::default() };
             SECTION_BYTES + certificate::size(level, &like)
         }
@@ -264,10 +259,8 @@ pub(super) struct FileParts<'a> {
     pub missing_particles: u64,
 }
 
-/// Coded blocks, and their headers.
 type LayerPart<'a> = Layer<Vec<BlockPart<'a>>>;
 
-/// A block as it lies in a file.
 pub(super) struct BlockPart<'a> {
     pub header: BlockHeader,
     /// Place of its first section.
@@ -281,7 +274,6 @@ pub(super) struct BlockPart<'a> {
 }
 
 impl BlockPart<'_> {
-    /// Are all its stages there?
     pub(super) fn is_whole(&self) -> bool {
         self.stages > self.header.cuts.len()
     }
@@ -488,7 +480,7 @@ pub fn coded_layers(bytes: &[u8], place: &str) -> Result<Vec<CodedLayer>> {
 /// BLAKE3 of a model file's bytes: what is made from a model names it by this.
 pub fn file_hash(bytes: &[u8]) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
-    parallel::hash(&mut hasher, bytes);
+    hash::update(&mut hasher, bytes);
     *hasher.finalize().as_bytes()
 }
 

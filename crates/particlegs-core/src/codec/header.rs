@@ -1,24 +1,15 @@
 //! A block's header: what its stream is decoded with (docs/format.md, section 4).
 
 use super::exact::{exp, exp_twice};
+use super::predictor::{Predictor, SIZE_SLOPES};
 use super::tree::TreeCell;
 use super::wire::WireReader;
 use crate::math::{Sym3, each_axis};
 use crate::space::Bounds;
 
-/// A linear prediction in whole numbers: constant + sum of slopes / 256 times features.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Predictor {
-    pub constant: i32,
-    pub slopes: [i16; SIZE_SLOPES],
-}
-
-/// Slopes of the size's predictor.
-pub(crate) const SIZE_SLOPES: usize = 3;
 /// Stages of a block's streams at most.
 pub(crate) const MOST_STAGES: usize = 8;
 
-/// Everything before the stream.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct BlockHeader {
     pub bounds: Bounds,
@@ -61,7 +52,6 @@ const LARGEST_SHAPE: f64 = 32.0;
 const WIDEST: f64 = 8.0;
 
 impl BlockHeader {
-    /// The header's bytes.
     pub(crate) fn write(&self, out: &mut Vec<u8>) {
         for v in self.bounds.min.iter().chain(&self.bounds.max) {
             out.extend(v.to_le_bytes());
@@ -81,7 +71,6 @@ impl BlockHeader {
         out.extend(&self.cuts);
     }
 
-    /// Bytes of the header.
     pub(crate) fn bytes(&self) -> usize {
         LEAST_BYTES + self.cuts.len()
     }
@@ -166,13 +155,11 @@ impl BlockHeader {
         Ok(())
     }
 
-    /// ln of the geometric mean radius.
     #[inline]
     pub(crate) fn log_size(&self, t: i32) -> f64 {
         0.5 * f64::from(self.steps[1]) * f64::from(t)
     }
 
-    /// The geometric mean radius.
     #[inline]
     pub(crate) fn radius(&self, t: i32) -> f64 {
         exp(self.log_size(t))
@@ -204,7 +191,6 @@ impl BlockHeader {
         limited(self.size_power(t) * self.count_power(m))
     }
 
-    /// The size's share of the step factor.
     #[inline]
     pub(crate) fn size_power(&self, t: i32) -> f64 {
         let b = f64::from(self.importance);
@@ -217,7 +203,6 @@ impl BlockHeader {
         self.log_count(m) - if self.shaded { -size } else { size }
     }
 
-    /// The count's share of the step factor.
     #[inline]
     pub(crate) fn count_power(&self, m: i32) -> f64 {
         exp(f64::from(self.importance) * (f64::from(self.centre) - self.log_count(m)))
@@ -251,7 +236,6 @@ impl BlockHeader {
         each_axis(|k| ((cell[k] / (step * widths[k]) + 0.5) as u64).clamp(1, 1 << 40))
     }
 
-    /// The step of places of a Gaussian.
     #[inline(always)]
     pub(crate) fn place_step(&self, radius: f64, factor: f64) -> f64 {
         f64::from(self.steps[0]) * factor * radius
@@ -261,16 +245,6 @@ impl BlockHeader {
     #[inline(always)]
     pub(crate) fn predict_size(&self, level: i32, count: i32, above: i32) -> i32 {
         self.size.apply([level, count, above])
-    }
-}
-
-impl Predictor {
-    /// Sum of slope times feature, rounded.
-    #[inline(always)]
-    pub(crate) fn apply(&self, features: [i32; SIZE_SLOPES]) -> i32 {
-        let sum: i64 = self.slopes.iter().zip(features).map(|(&a, f)| i64::from(a) * i64::from(f)).sum();
-        let sum = (sum + 128) >> 8;
-        (sum + i64::from(self.constant)).clamp(-(1 << 21), 1 << 21) as i32
     }
 }
 

@@ -81,18 +81,15 @@ pub(crate) trait NodeSource {
         Division { halves: NodeHalves::Singles, count: 0, mass: 0 }
     }
 
-    /// The Gaussian of a node of one.
     fn single(&mut self, _node: usize) -> LeafGaussian {
         LeafGaussian { size: 0, place: [0; 3], levels: [1; 3] }
     }
 }
 
-/// The decoder's source.
 pub(crate) struct NoSource;
 
 impl NodeSource for NoSource {}
 
-/// What is known below a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum NodeContent {
     /// It holds several Gaussians.
@@ -105,7 +102,6 @@ pub(crate) enum NodeContent {
     Gaussian { size: i32, bits: [u8; 3], place: [u8; 3] },
 }
 
-/// A node of the tree.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TreeNode {
     pub cell: TreeCell,
@@ -116,7 +112,6 @@ pub(crate) struct TreeNode {
     pub below: NodeContent,
     /// Log count of the node that it is a half of.
     parent: i32,
-    /// Root that it belongs to.
     root: u32,
     /// Does it hold all Gaussians of the cell that its own is a half of?
     whole: bool,
@@ -256,7 +251,7 @@ impl<'a> LevelWalk<'a> {
         c.part(StreamPart::Tree);
         let class = self.class(&node);
         let halves = self.models.halves[class].code(c, given.halves.symbol());
-        let halves = NodeHalves::of(halves, |upper| c.bits(1, u32::from(upper)) == 1, given.halves);
+        let halves = NodeHalves::from_symbol(halves, |upper| c.bits(1, u32::from(upper)) == 1, given.halves);
         let halves_of = |side: u64| axis.map_or(node.cell, |axis| node.cell.half(axis, side));
         if let NodeHalves::One(upper) = halves {
             if c.exhausted() {
@@ -401,7 +396,6 @@ impl LevelModels {
 }
 
 impl NodeHalves {
-    /// The symbol of its kind.
     fn symbol(self) -> usize {
         match self {
             NodeHalves::One(_) => 0,
@@ -412,7 +406,7 @@ impl NodeHalves {
     }
 
     /// From its symbol; `upper` codes which half, if it must be said.
-    fn of(symbol: usize, mut upper: impl FnMut(bool) -> bool, given: NodeHalves) -> NodeHalves {
+    fn from_symbol(symbol: usize, mut upper: impl FnMut(bool) -> bool, given: NodeHalves) -> NodeHalves {
         let mut side = || upper(matches!(given, NodeHalves::One(true) | NodeHalves::Single(true)));
         match symbol {
             0 => NodeHalves::One(side()),
@@ -446,7 +440,6 @@ pub(crate) struct CountSums {
 const TABLED: usize = 64;
 
 impl CountSums {
-    /// Log counts in steps of `step`.
     pub(crate) fn new(step: f64) -> Self {
         CountSums { step, excess: std::array::from_fn(|d| excess(step, d as u32)) }
     }

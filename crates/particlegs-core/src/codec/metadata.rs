@@ -5,11 +5,8 @@ use crate::math::each_axis;
 use crate::model::{Cosmology, Epoch, LawKind, Mass, Metadata, Quantity, QuantityKind, Recipe, Si, Unit, Units};
 use crate::space::{Bounds, Cell};
 
-/// Why metadata cannot be read.
 pub(crate) enum MetadataFault {
-    /// It contradicts the format.
     Corrupt(String),
-    /// It asks for something newer.
     Unknown(String),
 }
 
@@ -21,7 +18,6 @@ impl From<String> for MetadataFault {
 
 /// Longest text but the recipe.
 const TEXT: usize = 1024;
-/// Longest recipe.
 const RECIPE_TEXT: usize = 16_384;
 /// Longest name, and text of a unit, among what was kept.
 const SHORT: usize = 255;
@@ -173,7 +169,6 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), MetadataFault>
 
 /// The bits of a layer's flags: particles have weights of their own; the mass of weight 1 is known.
 const WEIGHTED: u8 = 1;
-/// See [`WEIGHTED`].
 const HAS_UNIT: u8 = 2;
 /// Means and shapes weigh particles by mass; without it every particle counts alike.
 const BY_MASS: u8 = 4;

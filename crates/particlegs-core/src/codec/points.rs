@@ -28,7 +28,7 @@ impl CodedPoints {
     /// Codes points (one at least) within `bounds` so that each comes back within half a `step` along every axis:
     /// the tree of boxes that a block's means are sorted into, with the same adaptive models, then the place in
     /// its leaf as one of as many levels as steps fit there. The streams are made, not estimated.
-    pub fn of(points: &[Vec<f64>; 3], bounds: &Bounds, step: f64) -> CodedPoints {
+    pub fn new(points: &[Vec<f64>; 3], bounds: &Bounds, step: f64) -> CodedPoints {
         let tree = Tree::build(points, bounds);
         let lattice = Lattice { bounds, extent: bounds.extent(), step };
         let mut above = RansWriter::default();
@@ -55,7 +55,6 @@ impl CodedPoints {
     }
 }
 
-/// Where points may come to lie.
 struct Lattice<'a> {
     bounds: &'a Bounds,
     extent: [f64; 3],
@@ -92,7 +91,6 @@ impl Lattice<'_> {
         Ok(())
     }
 
-    /// A point's place within its leaf.
     fn place(&self, c: &mut impl Coder, cell: &TreeCell, point: [f64; 3]) -> [f64; 3] {
         let widths = cell.widths(self.extent);
         each_axis(|k| {
@@ -131,7 +129,7 @@ mod tests {
             [(clumps(80_000), 0.04), (clumps(3000), 1e-3), ([vec![7.0; 9], vec![7.0; 9], vec![0.0; 9]], 0.1)]
         {
             let tree = Tree::build(&points, &bounds);
-            let coded = CodedPoints::of(&points, &bounds, step);
+            let coded = CodedPoints::new(&points, &bounds, step);
             assert_eq!(coded.position[2].len(), points[2].len());
             for (at, &i) in tree.order.iter().enumerate() {
                 for k in 0..3 {

@@ -1,25 +1,16 @@
 //! The entropy coder: rANS with 32-bit states, 16-bit words, 15-bit probabilities, two states in
 //! turn (docs/format.md, section 7).
 
-/// Bits of a probability.
 pub(crate) const PROBABILITY_BITS: u32 = 15;
-/// Lowest value of a state.
 const LOW: u32 = 1 << 16;
 
-/// What bits are spent on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum StreamPart {
-    /// Counts of the tree.
     Tree,
-    /// Sizes.
     Size,
-    /// Counts.
     Count,
-    /// Masses.
     Mass,
-    /// Shape numbers.
     Shape,
-    /// Places in the leaves' cells.
     Place,
 }
 
@@ -147,7 +138,6 @@ impl RansWriter {
         self.intervals.iter().map(bits).sum()
     }
 
-    /// Bits by part.
     pub(crate) fn bits_by_part(&self) -> [f64; 6] {
         let mut out = [0.0; 6];
         let parts = self.parts.as_deref().unwrap_or(&[]);
@@ -163,12 +153,10 @@ impl RansWriter {
         &self.levels
     }
 
-    /// How much was recorded.
     pub(crate) fn len(&self) -> usize {
         self.intervals.len()
     }
 
-    /// A stream of all.
     pub(crate) fn finish(&self) -> Vec<u8> {
         self.stream(0..self.len())
     }
@@ -196,7 +184,6 @@ impl RansWriter {
     }
 }
 
-/// The information of an interval.
 fn bits(interval: &(u16, u16)) -> f64 {
     f64::from(PROBABILITY_BITS) - libm::log2(f64::from(interval.1))
 }

@@ -4,14 +4,11 @@ use super::fine::Leaf;
 use super::levels::{CountSums, Division, LeafGaussian, NodeHalves, NodeSource};
 use super::tree::{SplitNode, TreeCell};
 
-/// What the tree is below a node.
 #[derive(Clone, Copy, Debug)]
 enum Fork {
-    /// A Gaussian, by its number in the segment.
     Leaf(u32),
     /// All in one half (the upper one?): the node that it is.
     One(bool, u32),
-    /// Two halves.
     Two([u32; 2]),
 }
 

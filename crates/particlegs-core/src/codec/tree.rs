@@ -16,7 +16,6 @@ pub(crate) struct TreeCell {
 }
 
 impl TreeCell {
-    /// Edge lengths.
     #[inline(always)]
     pub(crate) fn widths(&self, extent: [f64; 3]) -> [f64; 3] {
         each_axis(|k| extent[k] * power_of_half(self.depth[k]))
@@ -41,7 +40,6 @@ impl TreeCell {
         c
     }
 
-    /// Halvings in all.
     #[inline(always)]
     pub(crate) fn level(&self) -> i32 {
         self.depth.iter().map(|&d| i32::from(d)).sum()
@@ -70,7 +68,6 @@ pub(crate) struct SplitNode {
 }
 
 impl SplitNode {
-    /// All of a block's `count` Gaussians.
     pub(crate) fn root(count: u32) -> SplitNode {
         SplitNode { cell: TreeCell::default(), count, share: 0 }
     }
@@ -121,7 +118,6 @@ pub(crate) fn segments<E>(
     Ok(out)
 }
 
-/// Gaussians of a segment's nodes.
 pub(crate) fn gaussians(nodes: &[SplitNode]) -> usize {
     nodes.iter().map(|n| n.count as usize).sum()
 }
@@ -143,7 +139,6 @@ pub(crate) struct Tree {
     pub segments: Vec<Segment>,
 }
 
-/// A part of the tree that is coded on its own.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Segment {
     pub nodes: Vec<SplitNode>,
@@ -183,7 +178,6 @@ impl Tree {
         Tree { order, cells, trunk, segments }
     }
 
-    /// Gaussians of each segment.
     pub(crate) fn lengths(&self) -> Vec<usize> {
         self.segments.iter().map(|s| gaussians(&s.nodes)).collect()
     }

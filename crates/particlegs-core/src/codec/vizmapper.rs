@@ -5,7 +5,6 @@ use super::wire::WireReader;
 use crate::model::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 use crate::{Error, Result};
 
-/// Layers of the network.
 const LAYERS: usize = VIZMAPPER_SHAPE.len() - 1;
 /// Bytes of the section: shape, ranges; two steps a layer; weights of one byte, biases of two.
 pub const VIZMAPPER_BYTES: usize = 2 * VIZMAPPER_SHAPE.len() + 3 * 8 + 8 * LAYERS + WEIGHTS + 2 * BIASES;
@@ -19,7 +18,6 @@ const WIDEST_STEP: f32 = 1e6;
 
 /// Why a section cannot be read.
 pub enum VizMapperFault {
-    /// It contradicts the format.
     Corrupt(String),
     /// A network of another shape.
     Unknown(String),
@@ -31,7 +29,6 @@ impl From<String> for VizMapperFault {
     }
 }
 
-/// The section's bytes.
 pub fn write(network: &VizMapper) -> Result<Vec<u8>> {
     let p = &network.parameters;
     let most = WIDEST_STEP * MOST_WEIGHT;
@@ -58,7 +55,6 @@ pub fn write(network: &VizMapper) -> Result<Vec<u8>> {
     Ok(out)
 }
 
-/// Reads the section.
 pub fn read(bytes: &[u8]) -> std::result::Result<VizMapper, VizMapperFault> {
     let mut r = WireReader::new(bytes);
     let shape = [r.u16()?, r.u16()?, r.u16()?, r.u16()?];
@@ -112,7 +108,6 @@ fn step(values: &[f32], most: f32) -> f32 {
     values.iter().fold(0.0f32, |m, v| m.max(v.abs())) / most
 }
 
-/// A value in whole steps.
 fn in_steps(value: f32, step: f32, most: f32) -> f32 {
     if step > 0.0 { (value / step).round().clamp(-most, most) } else { 0.0 }
 }

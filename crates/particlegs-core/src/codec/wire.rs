@@ -1,6 +1,5 @@
 //! Reading little-endian fields from a slice that may end too soon.
 
-/// A place in a slice.
 pub(crate) struct WireReader<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -13,7 +12,6 @@ impl<'a> WireReader<'a> {
         WireReader { bytes, at: 0 }
     }
 
-    /// The next `n` bytes.
     pub(crate) fn take(&mut self, n: usize) -> WireResult<&'a [u8]> {
         let end = self.at.checked_add(n).filter(|&e| e <= self.bytes.len());
         let Some(end) = end else {

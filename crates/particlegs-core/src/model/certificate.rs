@@ -3,32 +3,12 @@
 use super::metric::{MetricField, MetricVisitor, OptionalGroup, RequiredGroup, record};
 use super::metrics::{CELL_NAMES, CLASS_NAMES};
 use super::{
-    CellDensity, CrossValidation, DensityMetrics, GoalResult, GroupClass, Layer, LayerRatio, LayerRatios, MassPower,
-    Metric, MetricEntry, MetricGroup, MetricValue, Pictures, Sample, ScienceMetrics, Spacing, Subset, ViewMetrics,
-    species_title,
+    CellDensity, CertificateLevel, CrossValidation, DensityMetrics, GoalResult, GroupClass, Layer, LayerRatio,
+    LayerRatios, MassPower, Metric, MetricEntry, MetricGroup, MetricValue, Pictures, Sample, ScienceMetrics, Spacing,
+    Subset, ViewMetrics, species_title,
 };
 use crate::model::{Coding::Whole, Tolerance};
 use std::convert::Infallible;
-
-crate::named_values! {
-    /// How much is measured of a decoded model.
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-    #[serde(rename_all = "snake_case")]
-    pub enum CertificateLevel {
-        None = "none": "Nothing: the file holds no scores",
-        #[default]
-        Quick = "quick": "Pictures, densities, power spectrum and distances",
-        Full = "full": "Also groups, matched in eight draws, and models of halves of the particles against the other halves",
-        Blocks = "blocks": "What blocks of a job measure each by itself, added up: no process needs all particles",
-    }
-}
-
-impl CertificateLevel {
-    /// Is anything measured?
-    pub fn measures(self) -> bool {
-        self != CertificateLevel::None
-    }
-}
 
 /// Levels that have a group.
 const ALL: &[CertificateLevel] = &[CertificateLevel::Quick, CertificateLevel::Full, CertificateLevel::Blocks];
@@ -144,7 +124,6 @@ impl Certificate {
     }
 }
 
-/// Lists all figures.
 #[derive(Default)]
 struct FigureList {
     groups: Vec<(MetricGroup, Option<Vec<MetricEntry>>)>,
@@ -188,7 +167,7 @@ mod tests {
             mass: Mass::Unknown,
             content: (),
         });
-        let mut ratios = LayerRatios::of_layers(3).unwrap();
+        let mut ratios = LayerRatios::new(3).unwrap();
         let ratio = |error| LayerRatio { edge: 0.39, cells: 100, noise: 0.024, error, ..LayerRatio::default() };
         (ratios.to_first[0], ratios.to_first[1]) = (Some(ratio(0.064)), Some(ratio(0.047)));
         let c = Certificate { layer_ratios: Some(ratios), ..Certificate::default() };
@@ -200,7 +179,7 @@ mod tests {
             ]
         );
         assert_eq!(Certificate::default().differing_layers(&layers, None), [""; 0]);
-        assert_eq!(LayerRatios::of_layers(1), None);
-        assert_eq!(LayerRatios::of_layers(12).unwrap().to_first.iter().flatten().count(), 7);
+        assert_eq!(LayerRatios::new(1), None);
+        assert_eq!(LayerRatios::new(12).unwrap().to_first.iter().flatten().count(), 7);
     }
 }

@@ -2,7 +2,7 @@
 //! [`Certificate`](super::Certificate).
 
 use super::metric::{MetricField, MetricVisitor, record};
-use super::{Limit, Metric, MetricUnit, MetricValue, Tolerance};
+use super::{Limit, Metric, MetricUnit, MetricValue, PictureScore, Tolerance};
 use crate::model::Coding::{F32, F64, Name, OptionalF32, Score, UpTo, Whole};
 use crate::space::Bounds;
 
@@ -51,15 +51,6 @@ const CORRELATION: Metric = Metric::new("correlation", F32).range(-1.0, 1.0);
 const ERROR: Metric = Metric::new("mean error", F32).range(0.0, 2.01);
 const UNIFORM_ERROR: Metric = Metric::new("error of a uniform one", F32).range(0.0, 2.01);
 const K_MAX: Metric = Metric::new("largest wave number", F64).unit(MetricUnit::WaveNumber);
-
-/// Scores of one picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct PictureScore {
-    /// Masked PSNR, dB. `None`: identical or nothing lit.
-    pub masked_psnr: Option<f64>,
-    /// SSIM.
-    pub ssim: f64,
-}
 
 record! {
     /// A model's picture and those that it is compared with (docs/law/scores.md); `None` for those that were not drawn.
@@ -181,7 +172,7 @@ record! {
 
 impl MassPower {
     /// Of so many layers; nothing is measured.
-    pub fn of_layers(layers: usize) -> MassPower {
+    pub fn new(layers: usize) -> MassPower {
         let own = if layers > 1 { layers.min(POWER_LAYERS) } else { 0 };
         let mut power = MassPower::default();
         power.layers[..own].fill(Some(PowerAgreement::default()));
@@ -211,7 +202,7 @@ record! {
 
 impl LayerRatios {
     /// Of so many layers, where there are several; nothing is measured.
-    pub fn of_layers(layers: usize) -> Option<LayerRatios> {
+    pub fn new(layers: usize) -> Option<LayerRatios> {
         let mut ratios = LayerRatios::default();
         let pairs = layers.checked_sub(1).filter(|n| *n > 0)?.min(ratios.to_first.len());
         ratios.to_first[..pairs].fill(Some(LayerRatio::default()));

@@ -3,7 +3,7 @@
 use super::alpha;
 use super::bin::{Binner, StrokeBins};
 use super::lens::Lens;
-use super::project::project;
+use super::project::{CameraGaussian, project};
 use super::raster::pyramid::Level;
 use super::raster::{RasterCanvas, clip};
 use super::scene::Scene;
@@ -197,7 +197,7 @@ fn project_run(
             footprints.clear();
             let block = start..range.end.min(start + BLOCK);
             let seen = block.map(|i| (i, weight(m, i))).filter(|(_, w)| *w > 0.0);
-            gaussians.extend(seen.filter_map(|(i, w)| lens.see(m, i, w)));
+            gaussians.extend(seen.filter_map(|(i, w)| CameraGaussian::from_mixture(lens, m, i, w)));
             project(lens, &gaussians, &mut footprints);
             binner.add(&footprints);
         }

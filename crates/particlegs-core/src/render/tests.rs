@@ -65,7 +65,7 @@ fn needles(seed: u64, n: u64) -> Mixture {
 
 /// The largest and the mean difference of 1 - exp(-tau) from the plain law.
 fn difference(m: &Mixture, view: &View) -> (f64, f64) {
-    let scene = Scene::of_mixture(m, bounds());
+    let scene = Scene::from_mixture(m, bounds());
     let fast = optical_depth(&scene, view, SIZE, &Silent).unwrap();
     let slow = plain::optical_depth(&scene, view, SIZE);
     let d = fast.data.iter().zip(&slow).map(|(f, s)| ((-s).exp() - (-f64::from(*f)).exp()).abs());
@@ -122,7 +122,7 @@ fn rounding_between_stages_does_not_show() {
     ];
     for (trial, (m, position, radius, opacity)) in trials.into_iter().enumerate() {
         let view = view(position, radius, opacity);
-        let scene = Scene::of_mixture(&m, bounds());
+        let scene = Scene::from_mixture(&m, bounds());
         let lens = lens::Lens::optical(&view, wide, &bounds()).unwrap();
         let levels = raster::pyramid::levels(wide);
         let mut binner = Binner::new(&levels, m.len());
@@ -163,7 +163,7 @@ fn what_stages_hand_over_is_plain() {
 #[test]
 fn threads_and_vectors_do_not_change_a_bit() {
     let m = random_mixture(7, 9000, 0.1);
-    let scene = Scene::of_mixture(&m, bounds());
+    let scene = Scene::from_mixture(&m, bounds());
     let v = view([0.1, 0.2, 2.0], 0.01, 0.1);
     let draw = |how: &dyn Progress| optical_depth(&scene, &v, SIZE, how).unwrap();
     let many = draw(&Silent);
@@ -182,7 +182,7 @@ fn depth_is_conserved() {
             let mut m = Mixture::default();
             let offset = 0.013 * k as f64;
             m.push([offset, 0.5 * offset, 0.0], Sym3::scaled_identity(sigma * sigma), 10.0, 10.0);
-            let scene = Scene::of_mixture(&m, bounds());
+            let scene = Scene::from_mixture(&m, bounds());
             let v = view([0.0, 0.0, 6.0], 0.002, 0.05);
             let sum: f64 = optical_depth(&scene, &v, SIZE, &Silent).unwrap().data.iter().map(|v| f64::from(*v)).sum();
             let r = v.radius_pixels(SIZE);
@@ -211,7 +211,7 @@ fn units_do_not_matter() {
         v.radius *= scale;
         v.camera.position = v.camera.position.map(|x| x * scale + shift);
         v.camera.focal_point = v.camera.focal_point.map(|x| x * scale + shift);
-        optical_depth(&Scene::of_mixture(&n, b), &v, SIZE, &Silent).unwrap().data
+        optical_depth(&Scene::from_mixture(&n, b), &v, SIZE, &Silent).unwrap().data
     };
     let base = draw(1.0, 0.0);
     for (scale, shift, limit) in [(1e-30, 0.0, 1e-5), (1e30, 0.0, 1e-5), (1.0, 1e6, 1e-5)] {
@@ -234,7 +234,7 @@ fn periodic_windows_wrap() {
         let cell = Some(Cell::orthogonal([2.0; 3]));
         let window = Window { center, angles_deg: [0.0; 2], width: 2.0, depth: None };
         let view = DensityView::orthographic("w", &window, size, &bounds(), cell).unwrap();
-        surface_density(&Scene::of_mixture(&m, bounds()), &view, size, &Silent).unwrap().data
+        surface_density(&Scene::from_mixture(&m, bounds()), &view, size, &Silent).unwrap().data
     };
     let here = window([0.0; 3]);
     let there = window([1.0, -0.5, 3.7]);
@@ -263,7 +263,7 @@ fn tails_that_leave_a_whole_box_come_in_on_the_other_side() {
         let size = Size { width, height: 80 };
         let window = Window { center: [0.3, 0.0, 0.0], angles_deg: [0.0; 2], width: width as f64 / 40.0, depth: None };
         let view = DensityView::orthographic("w", &window, size, &bounds(), Some(Cell::orthogonal([2.0; 3]))).unwrap();
-        surface_density(&Scene::of_mixture(&m, bounds()), &view, size, &Silent).unwrap().data
+        surface_density(&Scene::from_mixture(&m, bounds()), &view, size, &Silent).unwrap().data
     };
     let (repeated, whole) = (map(80), map(120));
     let highest = repeated.iter().fold(0.0f32, |a, b| a.max(*b));
@@ -283,7 +283,7 @@ fn a_wide_gaussian_keeps_its_mass_in_a_map_of_the_whole_box() {
     let size = Size { width: 1280, height: 720 };
     let window = Window { center: [0.0; 3], angles_deg: [0.0; 2], width: 2.0 * 16.0 / 9.0, depth: None };
     let view = DensityView::orthographic("w", &window, size, &bounds(), Some(Cell::orthogonal([2.0; 3]))).unwrap();
-    let plane = surface_density(&Scene::of_mixture(&m, bounds()), &view, size, &Silent).unwrap();
+    let plane = surface_density(&Scene::from_mixture(&m, bounds()), &view, size, &Silent).unwrap();
     let mass = plane.data.iter().map(|v| f64::from(*v)).sum::<f64>() / 360.0 / 360.0;
     assert!((mass / 1e4 - 1.0).abs() < 1e-5, "{}", mass / 1e4 - 1.0);
 }
@@ -303,7 +303,7 @@ fn maps_of_whole_boxes_have_their_mass() {
             (0..3).for_each(|k| m.mean[k][i] = 0.5 * sides[k] * (m.mean[k][i].clamp(-1.0, 1.0) + 1.0));
         }
         let bounds = Bounds { min: [0.0; 3], max: sides };
-        let (cell, scene) = (Cell::orthogonal(sides), Scene::of_mixture(&m, bounds));
+        let (cell, scene) = (Cell::orthogonal(sides), Scene::from_mixture(&m, bounds));
         let extent = super::extent(&scene, Some(&cell));
         for (angles_deg, side) in [
             ([0.0, 0.0], [160, 90]),

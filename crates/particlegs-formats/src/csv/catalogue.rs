@@ -93,7 +93,7 @@ impl Catalogue {
         }
         let places = places.or(program.map(|p| p.positions.into()));
         let radii = radii.or(program.map(|p| p.radii.into())).or(places.clone());
-        self.units = [places, radii].map(|unit| Units::of(unit.as_deref(), None, None));
+        self.units = [places, radii].map(|unit| Units::new(unit.as_deref(), None, None));
     }
 
     /// The centres in other units, those of a snapshot whose periodic box has these sides, and what a user should know.
@@ -116,7 +116,7 @@ impl Catalogue {
             ));
         }
         if let (Some((length, unit)), Some(sides)) = (&self.box_length, sides) {
-            let units = Units::of(Some(unit), None, None);
+            let units = Units::new(Some(unit), None, None);
             let stated = UnitSystem { units: &units, ..places }.conversion(to).map(|c| c.length * length);
             if stated.is_ok_and(|stated| sides.iter().any(|side| (side / stated - 1.0).abs() > SAME_BOX)) {
                 let own = to.units.length_text().map_or(String::new(), |text| format!(" {text}"));
@@ -283,7 +283,7 @@ mod tests {
     }
 
     fn converted(text: &str, unit: Option<&str>) -> Vec<Centre> {
-        let units = Units::of(unit, None, None);
+        let units = Units::new(unit, None, None);
         let to = UnitSystem { units: &units, scale_factor: None, hubble: None };
         Catalogue::parse(text.as_bytes()).unwrap().convert(&to, None).unwrap().0
     }
@@ -336,7 +336,7 @@ mod tests {
     #[test]
     fn another_box_than_that_of_the_snapshot_is_said() {
         let list = "# Box size: 20.0 Mpc/h\n# Positions in Mpc / h (comoving)\n# x y z\n1 2 3\n";
-        let units = Units::of(Some("kpc/h"), None, None);
+        let units = Units::new(Some("kpc/h"), None, None);
         let to = UnitSystem { units: &units, scale_factor: None, hubble: None };
         let notes = |sides| Catalogue::parse(list.as_bytes()).unwrap().convert(&to, Some(sides)).unwrap().1;
         assert_eq!(notes([20_000.0; 3]), [""; 0]);

@@ -96,7 +96,7 @@ fn meta(path: &std::path::Path, columns: &TableColumns) -> SnapshotMeta {
     let same = lengths.iter().all(|unit| *unit == lengths[0]);
     SnapshotMeta {
         name: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
-        units: Units::of(
+        units: Units::new(
             lengths[0].as_deref().filter(|_| same),
             columns.mass.as_deref().and_then(unit_of).as_deref(),
             None,

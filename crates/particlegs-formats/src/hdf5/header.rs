@@ -102,7 +102,7 @@ impl Hdf5Header {
             cell.periodic = std::array::from_fn(|k| cell.periodic[k] && stated[k]);
         }
         if lengths.contains(&0.0) {
-            notes.push(format!("BoxSize is 0 along an axis: {}", cell.in_words()));
+            notes.push(format!("BoxSize is 0 along an axis: {cell}"));
         }
         for (k, name) in ["LONG_X", "LONG_Y", "LONG_Z"].into_iter().enumerate() {
             if let Some(stretch) = self.groups.config.number(&[name]).filter(|&s| s != 1.0) {

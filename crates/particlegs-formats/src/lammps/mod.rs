@@ -79,7 +79,7 @@ fn meta(
     SnapshotMeta {
         name: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
         cell: found.head.cell.cell(),
-        units: Units { time: time.map(|text| Unit::parse(text, Dimension::Time)), ..Units::of(length, mass, None) },
+        units: Units { time: time.map(|text| Unit::parse(text, Dimension::Time)), ..Units::new(length, mass, None) },
         epoch: Epoch { time: found.head.time, ..found.frames.epoch() },
         ..SnapshotMeta::default()
     }

@@ -221,7 +221,7 @@ fn what_is_written_reads_back_with_equal_bits() {
     let p = particles();
     let weights = (0..p.len()).map(|i| 0.1 + i as f32).collect();
     let mut p = p.with_weights(Column::owned(weights));
-    p.meta.units = Units::of(Some("nm"), None, None);
+    p.meta.units = Units::new(Some("nm"), None, None);
     let cells = [
         Some(Cell::orthogonal([20.0, 30.0, 40.0])),
         Some(Cell {

@@ -210,7 +210,7 @@ fn the_bytes_written_are_those_that_vtk_reads() {
     let column = |k: f32| (0..6).map(|i| 1.0 / (i as f32 + k)).collect::<Vec<f32>>();
     let mut p = Particles::from_columns(column(0.5), column(1.5), column(2.5));
     p.meta.epoch.time = Some(0.125);
-    p.meta.units = Units::of(Some("kpc/h"), None, None);
+    p.meta.units = Units::new(Some("kpc/h"), None, None);
     let layer = |name: &str, content, mass| Layer { name: name.into(), mass, content };
     let p = p
         .with_weights(Column::owned(vec![0.5, 0.5, 3.0, 4.0, 5.0, 6.0]))

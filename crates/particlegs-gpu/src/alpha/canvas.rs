@@ -64,7 +64,7 @@ pub(super) struct AlphaTileLists {
 impl Canvas {
     /// For pictures of `size` of these Gaussians.
     pub(super) fn new(device: &Device, kernels: &AlphaKernels, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
-        let (tiles, pixels, n) = (Tiles::of(size), size.pixels() as u64, gaussians.len() as u64);
+        let (tiles, pixels, n) = (Tiles::new(size), size.pixels() as u64, gaussians.len() as u64);
         device.fits(size, 4 * pixels)?;
         device.fits(size, 8 * tiles.number() as u64)?;
         device.holds(&format!("{n} Gaussians"), SPLAT * n)?;

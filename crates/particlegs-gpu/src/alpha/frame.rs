@@ -75,7 +75,7 @@ impl AlphaFrameRecord {
             most_alpha: cut.most_alpha,
             least_transmittance: cut.least_transmittance,
             brightest: BRIGHTEST,
-            across: Tiles::of(eye.size).across as u32,
+            across: Tiles::new(eye.size).across as u32,
             size: [eye.size.width as u32, eye.size.height as u32],
             count,
             first,

@@ -5,10 +5,10 @@ use super::fixed;
 use crate::Device;
 use crate::render::factor;
 use particlegs_core::camera::View;
-use particlegs_core::model::vizmapper::{Setting, inputs};
 use particlegs_core::model::{Mixture, VizRanges};
 use particlegs_core::render::Scene;
 use particlegs_core::render::alpha::Blend;
+use particlegs_core::render::alpha::network::{Setting, inputs};
 use particlegs_core::{Error, Result};
 
 /// Words of a Gaussian, each a column: see project.wgsl.

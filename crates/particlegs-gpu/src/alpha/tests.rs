@@ -5,10 +5,10 @@ use super::*;
 use crate::tests::device;
 use particlegs_core::camera::{Camera, Projection};
 use particlegs_core::math::{Random, Sym3};
-use particlegs_core::model::vizmapper::twin::stirred;
 use particlegs_core::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
 use particlegs_core::picture::psnr;
 use particlegs_core::progress::Silent;
+use particlegs_core::render::alpha::network::twin::stirred;
 use particlegs_core::render::alpha::{BRIGHTEST, CutOffs, Plan};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
@@ -87,7 +87,7 @@ fn with_network(mut m: Mixture, ranges: VizRanges) -> Mixture {
 }
 
 fn scene(m: &Mixture) -> Scene<'_> {
-    Scene::of_law(m, BOUNDS, USUAL)
+    Scene::from_law(m, BOUNDS, USUAL[0], USUAL[1])
 }
 
 fn cases() -> Vec<AlphaRenderCase> {

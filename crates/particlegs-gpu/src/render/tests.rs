@@ -7,7 +7,7 @@ use particlegs_core::math::{Random, Sym3, each_axis};
 use particlegs_core::model::Mixture;
 use particlegs_core::picture::psnr;
 use particlegs_core::progress::Silent;
-use particlegs_core::render::project::slices::{ClipClass, fate};
+use particlegs_core::render::project::slices::{ClipClass, clip_class};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
 
@@ -84,7 +84,7 @@ fn cases() -> Vec<DepthRenderCase> {
 }
 
 fn scene(m: &Mixture) -> Scene<'_> {
-    Scene::of_mixture(m, Bounds { min: [-1.0; 3], max: [1.0; 3] })
+    Scene::from_mixture(m, Bounds { min: [-1.0; 3], max: [1.0; 3] })
 }
 
 /// Depth and pictures of all looks against core's.
@@ -148,7 +148,7 @@ fn what_is_cut_is_known_before() {
         let cut = (0..gaussians.len()).any(|i| {
             let away = each_axis(|k| gaussians.mean_of(i)[k] - lens.position[k]);
             let (forward, cov) = (lens.axes[2], gaussians.cov_of(i));
-            fate(&lens, dot(forward, away), dot(forward, cov.apply(forward))) == ClipClass::Cut
+            clip_class(&lens, dot(forward, away), dot(forward, cov.apply(forward))) == ClipClass::Cut
         });
         let may = Gaussians::upload(&device, &scene).unwrap().may_be_cut(&lens);
         println!("{name}: {cut}, {may}");

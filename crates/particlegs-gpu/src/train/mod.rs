@@ -137,7 +137,7 @@ impl StepRecord {
             unroot: [1.0; 4],
             calm: [0.0; 4],
             beta: [size.beta1 as f32, size.beta2 as f32],
-            pull: size.pull as f32,
+            pull: size.decay as f32,
             average: size.average as f32,
             count: of.len() as u32,
             groups: of.groups.counts.len() as u32,
@@ -150,7 +150,7 @@ impl StepRecord {
             let beta = record.beta.map(f64::from);
             record.rate[k] = (size.rates[k] / correct(beta[0], now)) as f32;
             record.unroot[k] = (1.0 / correct(beta[1], now)) as f32;
-            record.calm[k] = if before == 0 { 0.0 } else { (size.calm / correct(size.beta2, before).sqrt()) as f32 };
+            record.calm[k] = if before == 0 { 0.0 } else { (size.epsilon / correct(size.beta2, before).sqrt()) as f32 };
         }
         record
     }

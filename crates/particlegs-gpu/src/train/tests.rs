@@ -83,7 +83,7 @@ fn cases() -> Vec<DepthTrainingCase> {
 
 fn parameters(case: &DepthTrainingCase) -> Parameters {
     let particles = case.gaussians.count.iter().sum::<f64>().round() as u64;
-    Parameters::new(&case.gaussians, particles, 48, (bounds(), case.look))
+    Parameters::new(&case.gaussians, particles, 48, bounds(), case.look)
 }
 
 /// A picture of the same Gaussians in other places, with some noise.
@@ -98,7 +98,7 @@ fn target(size: Size) -> Plane {
 }
 
 fn size_of_step(rate: f64) -> StepSize {
-    StepSize { rates: [rate; 3], beta1: 0.9, beta2: 0.999, calm: 0.5, pull: 0.01, average: 0.2 }
+    StepSize { rates: [rate; 3], beta1: 0.9, beta2: 0.999, epsilon: 0.5, decay: 0.01, average: 0.2 }
 }
 
 fn steps(
@@ -307,9 +307,9 @@ fn more_gaussians_than_it_holds_are_refused() {
 /// A fit that is trained, on the processor and on the device: held-out views within 0.05 dB.
 #[test]
 fn a_short_run_reaches_the_processors_score() {
+    use particlegs::checkpoint::NoCheckpoints;
     use particlegs::compress::{Options, Target, compress};
     use particlegs::particles::Particles;
-    use particlegs::pieces::NoCheckpoints;
     use particlegs::train::{Config, Limits, Preset, Start};
     let Some(device) = device() else { return };
     let device: Arc<dyn particlegs_train::Device> = Arc::new(Trainer::new(&device).unwrap());

@@ -57,11 +57,11 @@ pub(super) fn in_range() -> Vec<ViewGroup> {
 /// `frames` views of each group about a snapshot, named after it (`orbit-0.7_00`). Same seed, same views.
 pub(super) fn views(groups: &[ViewGroup], of: &Metadata, seed: u64, frames: usize) -> Vec<View> {
     let base = base_distance(&of.bounds, Size { width: 16, height: 9 });
-    let turn = Random::of(Purpose::EvaluationTurn, seed, 0).bits();
+    let turn = Random::from_purpose(Purpose::EvaluationTurn, seed, 0).bits();
     let in_group = |group: &ViewGroup| {
         let cameras = spiral(of.bounds.center(), group.orbit * base, frames, Some(turn));
         let view = |(i, camera)| {
-            let mut draw = Random::of(Purpose::EvaluationLook, seed, i as u64);
+            let mut draw = Random::from_purpose(Purpose::EvaluationLook, seed, i as u64);
             let mut drawn = || RANGE[0] + (RANGE[1] - RANGE[0]) * draw.beta33();
             let [radius, opacity] = group.factors.unwrap_or_else(|| [drawn(), drawn()]);
             View {
@@ -119,10 +119,10 @@ pub(super) fn in_pixels(size: Size) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use particlegs::checkpoint::NoCheckpoints;
     use particlegs::compress::{Options, Target, compress};
     use particlegs::model::CertificateLevel;
     use particlegs::particles::Particles;
-    use particlegs::pieces::NoCheckpoints;
     use particlegs::progress::Silent;
 
     fn metadata() -> Metadata {

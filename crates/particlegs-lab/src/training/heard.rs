@@ -2,8 +2,8 @@
 
 use super::TrainingScore;
 use particlegs::Result;
+use particlegs::checkpoint::CheckpointStore;
 use particlegs::compress::Checkpoint;
-use particlegs::pieces::CheckpointStore;
 use particlegs::progress::{Level, Progress};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};

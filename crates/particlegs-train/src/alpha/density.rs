@@ -21,12 +21,10 @@ impl AlphaLearner {
         [densified, goes_on && reset > 0 && done % reset == 0]
     }
 
-    /// Is anything due after the step at `at`?
     pub(super) fn due(&self, at: &StepInfo) -> bool {
         self.dues(at).contains(&true)
     }
 
-    /// Does what is due after the step at `at`.
     pub(super) fn densify(&mut self, at: &StepInfo) {
         let (done, d, [densified, reset]) = (at.iteration + 1, at.densify, self.dues(at));
         if densified {
@@ -62,10 +60,9 @@ impl AlphaLearner {
             } else {
                 keep[i] = false;
                 let draw = (iteration << 32) + PIECES * i as u64;
-                added.extend(
-                    (0..PIECES)
-                        .map(|k| piece(&one, Random::of(Purpose::AlphaSplit, self.gaussians.ground.seed, draw + k))),
-                );
+                added.extend((0..PIECES).map(|k| {
+                    piece(&one, Random::from_purpose(Purpose::AlphaSplit, self.gaussians.scale.seed, draw + k))
+                }));
             }
         }
         self.keep(&keep);

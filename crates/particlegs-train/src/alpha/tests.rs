@@ -5,10 +5,10 @@ use super::pass::{ForwardPass, LoadedNetwork};
 use super::twin::{DoubleParameters, drawn};
 use particlegs_core::camera::{Camera, Normalisation, Projection, View};
 use particlegs_core::math::Random;
-use particlegs_core::model::vizmapper::{Network, Setting, twin::stirred};
 use particlegs_core::model::{VizMapper, VizRanges};
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::Silent;
+use particlegs_core::render::alpha::network::{Network, Setting, twin::stirred};
 use particlegs_core::render::alpha::{CutOffs, Eye};
 
 const SIZE: Size = Size { width: 37, height: 21 };
@@ -51,7 +51,7 @@ fn check(position: [f64; 3], of: Setting, mapper: Option<VizMapper>) {
     let pass = ForwardPass::new(&eye, &p, used.as_ref(), of, SMOOTH, &Silent).unwrap();
     let found = pass.back(&Plane { size: SIZE, data: want.clone() });
     let parameters = mapper.as_ref().map(|m| &m.parameters[..]);
-    let mut twin = DoubleParameters::of(&p, parameters, VizRanges::TRAINING, identity);
+    let mut twin = DoubleParameters::new(&p, parameters, VizRanges::TRAINING, identity);
     let want: Vec<f64> = want.into_iter().map(f64::from).collect();
     let h = 1e-5;
     let difference = |twin: &mut DoubleParameters, at: &dyn Fn(&mut DoubleParameters) -> &mut f64| {

@@ -13,7 +13,7 @@ use particlegs_core::render::Scratch;
 use particlegs_core::render::bin::{Binner, PlacedFootprint, StrokeBins, place};
 use particlegs_core::render::depth::{grow, paint};
 use particlegs_core::render::lens::Lens;
-use particlegs_core::render::project::slices::{ClipClass, cut_with_slopes, fate, whole};
+use particlegs_core::render::project::slices::{ClipClass, clip_class, cut_with_slopes, misses, whole};
 use particlegs_core::render::project::{CameraGaussian, DepthMoments, DepthSlopes, Footprint, inverse_slopes};
 use particlegs_core::render::raster::pyramid::{self, Level, PAD};
 use particlegs_core::space::Bounds;
@@ -21,7 +21,6 @@ use particlegs_core::space::Bounds;
 /// Gaussians in one step of parallel work; fixed, so that sums do not depend on threads.
 const RUN: usize = 512;
 
-/// A footprint that was drawn.
 struct FootprintPiece {
     gaussian: u32,
     footprint: Footprint,
@@ -31,7 +30,6 @@ struct FootprintPiece {
 
 /// A picture's depth, and how it came to be.
 pub struct Tape {
-    /// Optical depth.
     pub tau: Plane,
     lens: Lens,
     levels: Vec<Level>,
@@ -72,7 +70,7 @@ impl Tape {
         parallel::for_each(self.runs.iter().zip(out.chunks_mut(RUN)).enumerate(), |(run, (pieces, out))| {
             for group in pieces.chunk_by(|a, b| a.gaussian == b.gaussian) {
                 let i = group[0].gaussian as usize;
-                let g = self.lens.see(mixture, i, mixture.count[i]);
+                let g = CameraGaussian::from_mixture(&self.lens, mixture, i, mixture.count[i]);
                 out[i - run * RUN] = g.map_or_else(GaussianGradient::default, |g| self.of_pieces(&g, group, &planes));
             }
         });
@@ -119,7 +117,7 @@ fn project_run(
     let mut binner = Binner::new(levels, range.len() + range.len() / 4);
     let mut pieces = Vec::with_capacity(range.len());
     for i in range {
-        let Some(g) = lens.see(m, i, m.count[i]) else { continue };
+        let Some(g) = CameraGaussian::from_mixture(lens, m, i, m.count[i]) else { continue };
         let mut add = |moments: DepthMoments, slopes: DepthSlopes| {
             let footprint = g.footprint(lens, &moments);
             if let Some(placed) = place(levels, &footprint) {
@@ -129,9 +127,9 @@ fn project_run(
             }
         };
         let [depth, variance] = g.depths();
-        match fate(lens, depth, variance) {
+        match clip_class(lens, depth, variance) {
             ClipClass::Outside => {}
-            ClipClass::Cut if lens.misses(&g) => {}
+            ClipClass::Cut if misses(lens, &g) => {}
             ClipClass::Whole => {
                 add(whole(lens, depth, variance), inverse_slopes(depth, variance));
             }

@@ -8,10 +8,10 @@ use super::context::BlockContext;
 use super::layer::{LayerParticles, LayerResult, LayerTask, Share};
 use super::size::SizeOutcome;
 use crate::Result;
+use crate::checkpoint::CheckpointStore;
 use crate::codec::{self, CodedLayer};
 use crate::model::{LawKind, Layer, Mass, VizMapper};
 use crate::particles::Particles;
-use crate::pieces::CheckpointStore;
 use crate::space::Bounds;
 use crate::train::TrainedRun;
 

@@ -3,7 +3,7 @@
 //! Little-endian: magic, the 32 bytes that say whose it is; pieces (u32 length of the key, key, u64
 //! length, bytes); CRC-32 of all that.
 
-use crate::pieces::CheckpointStore;
+use crate::checkpoint::CheckpointStore;
 use crate::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_own};
 use particlegs_files::output;

@@ -2,9 +2,9 @@
 
 use super::{Options, Target, compress};
 use crate::Result;
+use crate::checkpoint::NoCheckpoints;
 use crate::model::{CertificateLevel, CrossValidation, Effort, Model, SAMPLED_ABOVE};
 use crate::particles::{Particles, Selection, Storage};
-use crate::pieces::NoCheckpoints;
 use crate::progress::Progress;
 use crate::score::{Halves, ParticlesWithModel, spectrum_options};
 

@@ -6,8 +6,8 @@ use super::block::{BlockParticles, CodedBlock};
 use super::clock::Clock;
 use super::context::{BlockContext, StopPolicy};
 use crate::Result;
+use crate::checkpoint::{CheckpointStore, PrefixedCheckpoints};
 use crate::model::Target;
-use crate::pieces::{CheckpointStore, PrefixedPieces};
 use crate::progress::Progress;
 
 /// Where the particles of a job's blocks wait, and its coded blocks are kept.
@@ -54,7 +54,7 @@ pub(crate) fn do_blocks(
             block,
             target,
             context,
-            &mut PrefixedPieces { pieces: &mut *pieces, prefix: block.to_string() },
+            &mut PrefixedCheckpoints { pieces: &mut *pieces, prefix: block.to_string() },
         )?;
     }
     Ok(())

@@ -4,12 +4,12 @@ use super::certify::DecodedFile;
 use super::clock::Clock;
 use super::run::CompressedModel;
 use super::size::{CodedGaussians, SizeOutcome};
+use crate::checkpoint::{CheckpointStore, PrefixedCheckpoints};
 use crate::codec::{self, Encoder};
 use crate::model::{
     Block, Certificate, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, RecipeStep, Target, VizMapper,
 };
 use crate::particles::Particles;
-use crate::pieces::{CheckpointStore, PrefixedPieces};
 use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::score::CertificateInput;
@@ -91,11 +91,11 @@ pub fn finetune(
         let training = Training { subject: &subject, config: &config, limits: &options.limits, defaults: &defaults };
         training.run(
             InitialGaussians::Model(model),
-            &mut PrefixedPieces { pieces, prefix: "finetune".into() },
+            &mut PrefixedCheckpoints { pieces, prefix: "finetune".into() },
             progress,
         )
     })?;
-    let run = TrainedRun::of(String::new(), &config, &trained);
+    let run = TrainedRun::new(String::new(), &config, &trained);
     let TrainedMixture { mixture, stopped, .. } = trained;
     let network = mixture.law.alpha_blend().and_then(|l| l.vizmapper.clone());
     // What was stopped is coded all the same.

@@ -4,11 +4,11 @@ use super::clock::Clock;
 use super::context::{BlockContext, StopPolicy};
 use super::size::{CodedGaussians, SizeTarget, bytes_a_gaussian, most_gaussians};
 use super::thickness::Thickness;
+use crate::checkpoint::{CheckpointStore, PrefixedCheckpoints};
 use crate::codec::{Encoder, decode_block};
 use crate::fit::{Effort, FitOptions, Fitter};
 use crate::model::{Block, LawKind, Layer, Mixture, VizMapper};
 use crate::particles::Particles;
-use crate::pieces::{CheckpointStore, PrefixedPieces};
 use crate::reference::Reference;
 use crate::space::Bounds;
 use crate::train::{Config, Defaults, InitialGaussians, Limits, Start, TrainedMixture, TrainedRun, Training};
@@ -161,7 +161,7 @@ impl LayerTask<'_> {
             seed: plan.recipe().seed,
             share: count as f64 / plan.particles().max(1) as f64,
         };
-        let mut pieces = PrefixedPieces { pieces, prefix: format!("{}/{gaussians}", self.layer.layer.name) };
+        let mut pieces = PrefixedCheckpoints { pieces, prefix: format!("{}/{gaussians}", self.layer.layer.name) };
         fitter.fit(&options, &mut pieces, self.context.progress)
     }
 
@@ -184,7 +184,7 @@ impl LayerTask<'_> {
         };
         let limits = self.limits();
         // A search for a quality trains more than one number.
-        let mut pieces = PrefixedPieces { pieces, prefix: format!("{}/trained/{}", layer.layer.name, from.len()) };
+        let mut pieces = PrefixedCheckpoints { pieces, prefix: format!("{}/trained/{}", layer.layer.name, from.len()) };
         let mut clock = Clock::default();
         let trained = clock.time("train", || {
             let subject = Reference::with_bounds(layer.particles(), layer.bounds);
@@ -194,7 +194,7 @@ impl LayerTask<'_> {
         if trained.stopped && (self.context.on_stop == StopPolicy::GiveUp || self.runs_left > 1) {
             return Err(Error::Cancelled);
         }
-        let run = TrainedRun::of(limits.run, config, &trained);
+        let run = TrainedRun::new(limits.run, config, &trained);
         let TrainedMixture { mixture, factor: step_factor, stopped, .. } = trained;
         Ok(LayerFit { mixture, step_factor, trained: Some(run), stopped, clock })
     }

@@ -75,7 +75,7 @@ impl CompressionPlan {
         if plan.certificate.measures() {
             check_radius(&plan.metadata, plan.recipe().seed)?;
         }
-        options.target.choice_in_words(plan.raw_bytes()).iter().for_each(|words| progress.message(words));
+        options.target.describe_choice(plan.raw_bytes()).iter().for_each(|words| progress.message(words));
         Ok(plan)
     }
 

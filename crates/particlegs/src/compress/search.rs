@@ -84,7 +84,7 @@ pub(super) fn reach(
         let reached = gauge.measure(&model, progress)?;
         made.push((number, model.gaussians()));
         let bytes: usize = blocks.iter().map(CodedBlock::size).sum();
-        let figure = goal.value_in_words(reached.reached);
+        let figure = goal.describe_value(reached.reached);
         progress.message(&format!("{} Gaussians, {bytes} bytes: {figure}", model.gaussians()));
         // Numbers that reach the goal only fall from one to the next.
         if goal.is_met(reached.reached) {
@@ -147,8 +147,8 @@ fn unreachable(scale: &SearchScale, best: GoalResult, gaussians: usize, plan: &C
     let goal = best.goal;
     let what = format!(
         "{} was asked for; at best {} was reached, with {gaussians} Gaussians",
-        goal.in_words(plan.metadata.units.length_text()),
-        goal.value_in_words(best.reached)
+        goal.describe(plan.metadata.units.length_text()),
+        goal.describe_value(best.reached)
     );
     let words = match goal.kind {
         GoalKind::Psnr => "ask for less, or for a size".to_string(),

@@ -56,10 +56,10 @@ impl Thickness {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::checkpoint::NoCheckpoints;
     use crate::compress::{Options, compress};
     use crate::math::Random;
     use crate::model::CertificateLevel;
-    use crate::pieces::NoCheckpoints;
     use crate::progress::Silent;
     use crate::testing::from_points;
 

@@ -3,9 +3,9 @@
 use super::partition::partition;
 use super::{ParticleStore, PartitionOptions, RefineOptions, refine};
 use crate::Result;
+use crate::checkpoint::{CheckpointStore, NoCheckpoints};
 use crate::model::{Effort, Mixture};
 use crate::particles::Particles;
-use crate::pieces::{CheckpointStore, NoCheckpoints};
 use crate::progress::Progress;
 
 /// What to fit.

@@ -16,9 +16,9 @@ use super::prior::{MeanShape, Prior};
 use super::split_merge::{MoveOptions, exchange};
 use super::transmittance::TransmittanceMaps;
 use super::{Moments, ParticleStore, Partition};
+use crate::checkpoint::CheckpointStore;
 use crate::math::{Purpose, Random, Sym3};
 use crate::model::Mixture;
-use crate::pieces::CheckpointStore;
 use crate::progress::Progress;
 use crate::{Error, Result, parallel};
 use std::ops::Range;
@@ -259,7 +259,7 @@ fn start(moments: &[Moments]) -> RefinedGaussians {
 /// Every 1/rate-th particle of the store's order, in which neighbours stand together: each cell
 /// keeps its share. The seed shifts which.
 fn sample(cloud: GroupedParticles<'_>, rate: f64, seed: u64) -> GroupStore {
-    let shift = Random::of(Purpose::RefinementSample, seed, 0).uniform();
+    let shift = Random::from_purpose(Purpose::RefinementSample, seed, 0).uniform();
     let keep = |i: usize| ((i + 1) as f64 * rate + shift).floor() > (i as f64 * rate + shift).floor();
     let mut xyz = Vec::with_capacity((cloud.xyz.len() as f64 * rate) as usize + 1);
     let mut weight = cloud.weight.map(|_| Vec::with_capacity(xyz.capacity()));

@@ -1,12 +1,12 @@
 //! Refinement on the sample and on degenerate input, through the public interface.
 
+use crate::checkpoint::NoCheckpoints;
 use crate::fit::effort::refinement;
 use crate::fit::partition::partition;
 use crate::fit::{Effort, FitOptions, ParticleStore, PartitionOptions, RefineOptions, fit, refine};
 use crate::math::{Random, Sym3};
 use crate::model::Mixture;
 use crate::particles::{Column, Particles};
-use crate::pieces::NoCheckpoints;
 use crate::progress::{Progress, Scalar, Silent};
 use crate::testing::{from_points, on_threads, sample};
 

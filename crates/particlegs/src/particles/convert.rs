@@ -66,7 +66,7 @@ mod tests {
         let x = (0..n).map(|i| i as f32 * 100.0 / n as f32).collect();
         let mut p = Particles::from_columns(x, vec![2.0; n], (0..n).map(|i| (i % 10) as f32).collect());
         p.meta.cell = Some(Cell::orthogonal([100.0, 10.0, 10.0]));
-        p.meta.units = Units::of(Some("Mpc/h"), None, Some(true));
+        p.meta.units = Units::new(Some("Mpc/h"), None, Some(true));
         p
     }
 

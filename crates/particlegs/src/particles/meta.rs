@@ -54,7 +54,7 @@ impl SnapshotMeta {
                 .filter(|_| sound)
                 .ok_or_else(|| Error::argument(format!("box lengths {} must be positive", listed(&lengths))))?;
             if let Some(said) = self.cell.replace(cell).filter(|said| *said != cell) {
-                notes.push(format!("the box is taken as {}; the file says {}", cell.in_words(), said.in_words()));
+                notes.push(format!("the box is taken as {cell}; the file says {said}"));
             }
         }
         let mut state = |of: &str, stated: Option<&str>, said: &mut Option<Unit>, dimension| {

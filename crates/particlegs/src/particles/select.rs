@@ -475,7 +475,7 @@ impl<'a> SelectedParticles<'a> {
     }
 
     fn keys(&self, id: u64) -> Vec<u64> {
-        let mut random = Random::of(Purpose::ParticleSample, self.selection.seed, id);
+        let mut random = Random::from_purpose(Purpose::ParticleSample, self.selection.seed, id);
         self.range(id).map(|_| random.bits()).collect()
     }
 

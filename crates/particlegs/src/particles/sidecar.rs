@@ -101,7 +101,7 @@ pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
     }
     meta.units = Units {
         time: form.time_unit.map(|text| Unit::parse(&text, Dimension::Time)),
-        ..Units::of(form.length_unit.as_deref(), form.mass_unit.as_deref(), form.comoving)
+        ..Units::new(form.length_unit.as_deref(), form.mass_unit.as_deref(), form.comoving)
     };
     meta.particle_mass = form.particle_mass.filter(positive);
     meta.cosmology = Cosmology {

@@ -64,17 +64,17 @@ mod tests {
         p.origin = [10.0, 0.0, 0.0];
         p.meta = SnapshotMeta {
             cell: Some(Cell::orthogonal([20.0; 3])),
-            units: Units::of(Some("Mpc"), Some("1e10 Msun"), Some(true)),
+            units: Units::new(Some("Mpc"), Some("1e10 Msun"), Some(true)),
             ..SnapshotMeta::default()
         };
-        let to = Units::of(Some("kpc"), Some("Msun"), None);
+        let to = Units::new(Some("kpc"), Some("Msun"), None);
         let to = UnitSystem { units: &to, scale_factor: None, hubble: None };
         let moved = p.clone().in_units(&to, &Storage::Memory, &Silent).unwrap();
         assert_eq!((moved.position(0), moved.position(1)), ([11e3, 500.0, 3e3], [12e3, 4e3, 8e3]));
         assert_eq!(moved.meta.cell, Some(Cell::orthogonal([20e3; 3])));
-        assert_eq!(moved.meta.units, Units::of(Some("kpc"), Some("Msun"), Some(true)));
+        assert_eq!(moved.meta.units, Units::new(Some("kpc"), Some("Msun"), Some(true)));
         assert_eq!((moved.layers()[0].mass, moved.meta.particle_mass), (Mass::Weights(Some(1e10)), Some(1e10)));
-        let tiny = Units::of(Some("1e-40 m"), None, None);
+        let tiny = Units::new(Some("1e-40 m"), None, None);
         let tiny = UnitSystem { units: &tiny, ..to };
         assert!(p.in_units(&tiny, &Storage::Memory, &Silent).is_err());
     }

@@ -93,7 +93,7 @@ impl DrawRules {
     ) -> Result<()> {
         let n = (range.end - range.start) as usize;
         let stretch = ParticleRun { layer, stream: self.stream(&layer.layer.name), first: range.start };
-        let mut random = Random::of(Purpose::Recovery, stretch.stream, number);
+        let mut random = Random::from_purpose(Purpose::Recovery, stretch.stream, number);
         scratch.position.iter_mut().for_each(|c| c.resize(n, 0.0));
         self.raw(n, &mut random, scratch);
         let mut gaussian = layer.ends.partition_point(|&end| end <= range.start);

@@ -106,7 +106,7 @@ impl<'a> ModelComparison<'a> {
     /// all looks or in `expected` alone.
     pub fn new(model: &'a Model, truth: &'a Reference<'a>, subset: Option<(&'a RandomSubset, bool)>) -> Self {
         let even = Domain::drawn(truth.bounds(), truth.particles().meta.cell.as_ref());
-        ModelComparison { scene: Scene::of(model), truth, even, subset, drawer: None }
+        ModelComparison { scene: Scene::new(model), truth, even, subset, drawer: None }
     }
 
     /// Scores of all looks in `views`.
@@ -177,7 +177,7 @@ pub(super) struct ViewPictures {
 impl ViewPictures {
     fn scores(&self, look: ToneStyle, model: &Gray8) -> LookScores {
         let target = self.truth.picture(look);
-        let of = |picture: &Gray8| Scores::of(picture, target);
+        let of = |picture: &Gray8| Scores::new(picture, target);
         let noise_free = match look {
             // The target itself.
             ToneStyle::Expected => Scores { psnr: None, masked_psnr: None, ssim: ssim(target, target) },

@@ -70,7 +70,9 @@ impl<'a> GoalMetric<'a> {
     /// What a model has.
     pub fn measure(&self, model: &Model, progress: &dyn Progress) -> Result<GoalResult> {
         let reached = match &self.truth {
-            GoalTruth::Pictures(views) => views.expected_masked_psnr(&Scene::of(model), progress)?.unwrap_or(IDENTICAL),
+            GoalTruth::Pictures(views) => {
+                views.expected_masked_psnr(&Scene::new(model), progress)?.unwrap_or(IDENTICAL)
+            }
             GoalTruth::Spectrum(truth) => self.deviation_of_power(truth, model, progress)?,
             GoalTruth::Cells(truth) => truth.correlation(Subject::Model(model), progress)?,
             GoalTruth::Groups(truth) => self.deviation_of_groups(truth, model, progress)?,

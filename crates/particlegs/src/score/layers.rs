@@ -28,7 +28,7 @@ pub(super) fn layer_ratios(
     domain: &Domain,
     progress: &dyn Progress,
 ) -> Result<Option<LayerRatios>> {
-    let Some(mut ratios) = LayerRatios::of_layers(model.layers.len()) else { return Ok(None) };
+    let Some(mut ratios) = LayerRatios::new(model.layers.len()) else { return Ok(None) };
     let edge = (SMALLEST * domain.spacing(particles.len())).max(domain.longest() / MOST_CELLS);
     if !edge.is_normal() {
         return Ok(Some(ratios));

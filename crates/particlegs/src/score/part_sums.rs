@@ -70,7 +70,7 @@ impl PartSums<'_> {
         let (truth, model) = (side(0)?, side(1)?);
         let even = picture(&uniform_box(&even, metadata.count as f64, view_of, size)?);
         let score = |p: &Gray8| {
-            let s = Scores::of(p, &truth);
+            let s = Scores::new(p, &truth);
             Some(PictureScore { masked_psnr: s.masked_psnr, ssim: s.ssim.unwrap_or(0.0) })
         };
         let expected = PictureScores {

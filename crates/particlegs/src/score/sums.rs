@@ -183,7 +183,7 @@ impl PartWithModel<'_> {
     fn optical_depth(&self, side: usize, view: &View) -> Result<Vec<f32>> {
         let size = SIZE;
         if side == 1 {
-            return Ok(render::optical_depth(&Scene::of(self.model), view, size, self.progress)?.data);
+            return Ok(render::optical_depth(&Scene::new(self.model), view, size, self.progress)?.data);
         }
         let mut sum = vec![0.0f32; size.pixels()];
         for p in &self.layers {

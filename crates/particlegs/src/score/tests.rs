@@ -62,7 +62,7 @@ fn held_out_views_rank_models() {
     let (coarse, fine) = (tiny(&particles, 6), tiny(&particles, 24));
     let views = held_out_views(&coarse.metadata, SIZE, 42, 1);
     let held_out = HeldOutPictures::draw(&particles, &views, SIZE, &Silent).unwrap();
-    let [a, b] = [&coarse, &fine].map(|m| held_out.expected_masked_psnr(&Scene::of(m), &Silent).unwrap().unwrap());
+    let [a, b] = [&coarse, &fine].map(|m| held_out.expected_masked_psnr(&Scene::new(m), &Silent).unwrap().unwrap());
     assert!(b > a + 1.0, "{a} {b}");
     let scored = evaluate(&fine, &particles, &views, SIZE, None, &Silent).unwrap();
     assert_eq!(scored.mean.expected.model.masked_psnr, Some(b));

@@ -34,7 +34,7 @@ pub fn held_out_views(model: &Metadata, size: Size, seed: u64, frames: usize) ->
 
 /// The certificate's: one an orbit, at the default radius and opacity.
 pub fn certificate_views(model: &Metadata, size: Size, seed: u64) -> Vec<View> {
-    orbits(model, size, 1, |orbit| Random::of(Purpose::CertificateTurn, seed, orbit), |_| default_look(model))
+    orbits(model, size, 1, |orbit| Random::from_purpose(Purpose::CertificateTurn, seed, orbit), |_| default_look(model))
 }
 
 /// Pixels that a particle may cover in a certificate's picture, and all of them together whatever the number.
@@ -60,7 +60,7 @@ pub(crate) fn check_radius(m: &Metadata, seed: u64) -> Result<()> {
 
 /// The certificate's from close up: three, as near as the reference pictures' `inside`.
 pub fn close_views(model: &Metadata, size: Size, seed: u64) -> Vec<View> {
-    let turn = Some(Random::of(Purpose::CertificateTurn, seed, ORBITS.len() as u64).bits());
+    let turn = Some(Random::from_purpose(Purpose::CertificateTurn, seed, ORBITS.len() as u64).bits());
     let distance = CLOSE * base_distance(&model.bounds, size);
     let cameras = spiral(model.bounds.center(), distance, ORBITS.len(), turn);
     let view = |(i, camera): (usize, Camera)| {
@@ -88,9 +88,9 @@ pub(super) fn view_metrics(seed: u64, orbits: [OrbitMetrics; 3]) -> ViewMetrics 
 
 fn sampled(model: &Metadata, size: Size, seed: u64, frames: usize, [turn, look]: [Purpose; 2]) -> Vec<View> {
     let within = |range: [f64; 2], share: f64| range[0] + (range[1] - range[0]) * share;
-    let turn = |orbit| Random::of(turn, seed, orbit);
+    let turn = |orbit| Random::from_purpose(turn, seed, orbit);
     orbits(model, size, frames, turn, |number| {
-        let mut random = Random::of(look, seed, number);
+        let mut random = Random::from_purpose(look, seed, number);
         let radius = model.default_radius * within(RADIUS_RANGE, random.beta33());
         (radius, within(OPACITY_RANGE, random.beta33()))
     })

@@ -70,7 +70,7 @@ fn same_box(truth: &Cell, other: &Cell, name: &str) -> Result<()> {
     if same {
         return Ok(());
     }
-    let what = format!("its box is {}, the truth's is {}: they cannot be compared", other.in_words(), truth.in_words());
+    let what = format!("its box is {other}, the truth's is {truth}: they cannot be compared");
     Err(Error::input_with(name, what, "compare snapshots of one box in one unit of length"))
 }
 
@@ -87,7 +87,7 @@ mod tests {
         p.meta = SnapshotMeta {
             name: "p".into(),
             cell,
-            units: Units::of(Some(unit), None, None),
+            units: Units::new(Some(unit), None, None),
             ..SnapshotMeta::default()
         };
         p

@@ -9,7 +9,7 @@ use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
-use particlegs_core::model::{GaussianInSphere, Rules};
+use particlegs_core::math::{GaussianInSphere, Rules};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 

@@ -216,7 +216,7 @@ pub(super) fn length_in(text: &str, system: &UnitSystem<'_>) -> Result<f64> {
     if system.units.length.is_none() {
         return Err(refused("the particles state no unit of length to convert it to".into()));
     }
-    let units = Units::of(Some(unit), None, None);
+    let units = Units::new(Some(unit), None, None);
     let own = UnitSystem { units: &units, ..*system };
     Ok(value * own.conversion(system).map_err(refused)?.length)
 }
@@ -301,7 +301,7 @@ mod tests {
     fn lengths_have_units() {
         let cosmology = Cosmology { hubble: Some(0.5), ..Cosmology::default() };
         let of = |text: &str, unit: Option<&str>| {
-            let units = Units::of(unit, None, None);
+            let units = Units::new(unit, None, None);
             length_in(text, &UnitSystem::new(&units, &Epoch::default(), &cosmology))
         };
         for (text, unit, expected) in [

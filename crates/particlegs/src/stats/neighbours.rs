@@ -46,7 +46,7 @@ pub(super) fn sample(n: usize, wanted: usize, purpose: Purpose, seed: u64) -> Ve
     if wanted >= n {
         return (0..n as u32).collect();
     }
-    let mut random = Random::of(purpose, seed, 0);
+    let mut random = Random::from_purpose(purpose, seed, 0);
     let (mut out, mut left) = (Vec::with_capacity(wanted), wanted);
     for i in 0..n {
         if random.uniform() * ((n - i) as f64) < left as f64 {

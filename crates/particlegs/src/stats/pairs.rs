@@ -154,7 +154,7 @@ fn choose(points: &PointGrid, reach: f64, o: &PairOptions, band: u64) -> Vec<u32
     }
     // Each particle on its own: by its index in the snapshot, so that the sample is of particles.
     let share = most / n as f64;
-    let seed = Random::of(Purpose::PairSample, o.seed, band).bits();
+    let seed = Random::from_purpose(Purpose::PairSample, o.seed, band).bits();
     (0..n as u32).filter(|i| uniform(seed, points.index[*i as usize]) < share).collect()
 }
 

@@ -44,7 +44,7 @@ pub fn metadata(blocks: &[Block]) -> Metadata {
         cell: Some(Cell::orthogonal([50.0; 3])),
         source: "nbody".into(),
         source_hash: [7; 32],
-        units: Units::of(Some("Mpc/h"), None, Some(true)),
+        units: Units::new(Some("Mpc/h"), None, Some(true)),
         cosmology: Cosmology { hubble: Some(0.68), ..Cosmology::default() },
         epoch: Epoch { scale_factor: Some(1.0), ..Epoch::default() },
         recipe: Recipe { seed: 42, ..Recipe::default() },

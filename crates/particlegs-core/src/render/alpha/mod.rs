@@ -11,6 +11,7 @@ mod adapt;
 mod bin;
 mod draw;
 mod eye;
+pub mod network;
 mod plan;
 pub mod project;
 pub mod raster;

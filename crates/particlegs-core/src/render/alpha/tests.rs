@@ -225,12 +225,12 @@ fn world_view(of: &Model) -> View {
 /// A model of a file, in world units, is what the law says of its Gaussians; every look is the same.
 #[test]
 fn models_are_drawn_by_their_law() {
-    use crate::model::vizmapper::twin::stirred;
+    use crate::render::alpha::network::twin::stirred;
     for vizmapper in [None, Some(VizMapper::new(VizRanges::TRAINING, 1)), Some(stirred(2))] {
         let m = model(200, vizmapper.clone());
         let v = world_view(&m);
-        let drawn = render::draw(&Scene::of(&m), &v, SIZE, ToneStyle::Paraview, &Silent).unwrap();
-        assert_eq!(drawn, render::draw(&Scene::of(&m), &v, SIZE, ToneStyle::Expected, &Silent).unwrap());
+        let drawn = render::draw(&Scene::new(&m), &v, SIZE, ToneStyle::Paraview, &Silent).unwrap();
+        assert_eq!(drawn, render::draw(&Scene::new(&m), &v, SIZE, ToneStyle::Expected, &Silent).unwrap());
         let (fr, fa) = (1.5, 0.8);
         let adapted: Vec<Gaussian> = gaussians(11, 200, 0.05)
             .into_iter()
@@ -240,7 +240,7 @@ fn models_are_drawn_by_their_law() {
                 let log_scale = g.cov.det().max(1e-72).ln() / 6.0;
                 let logit = (g.opacity / (1.0 - g.opacity)).ln();
                 let x = [fr - 1.0, fa - 1.0, (log_scale + 8.0) / 2.0, (logit + 3.0) / 4.0];
-                let out = crate::model::vizmapper::twin::plain(&parameters, x);
+                let out = crate::render::alpha::network::twin::plain(&parameters, x);
                 g.cov = g.cov.scale((fr * (1.0 + 0.1 * out[0])).powi(2));
                 g.opacity = 1.0 / (1.0 + (-logit - (fa * (1.0 + 0.3 * out[1])).max(0.4).ln()).exp());
                 g
@@ -255,13 +255,13 @@ fn models_are_drawn_by_their_law() {
 /// What the network makes of a model for a view, kept: drawn at any radius and opacity, it is that view.
 #[test]
 fn a_bent_model_needs_no_network() {
-    let m = model(200, Some(crate::model::vizmapper::twin::stirred(2)));
+    let m = model(200, Some(crate::render::alpha::network::twin::stirred(2)));
     let mut v = world_view(&m);
-    let wanted = render::draw(&Scene::of(&m), &v, SIZE, ToneStyle::Expected, &Silent).unwrap();
+    let wanted = render::draw(&Scene::new(&m), &v, SIZE, ToneStyle::Expected, &Silent).unwrap();
     let plain = m.clone().bent(v.radius, v.opacity, &Silent).unwrap();
     assert!(plain.vizmapper().is_none());
     v.radius = 0.5;
-    let got = render::draw(&Scene::of(&plain), &v, SIZE, ToneStyle::Expected, &Silent).unwrap();
+    let got = render::draw(&Scene::new(&plain), &v, SIZE, ToneStyle::Expected, &Silent).unwrap();
     let far = wanted.data.iter().zip(&got.data).filter(|(a, b)| a.abs_diff(**b) > 1);
     assert!(far.count() <= 2);
     assert_ne!(plain, model(200, None));
@@ -271,7 +271,7 @@ fn a_bent_model_needs_no_network() {
 #[test]
 fn faults_are_named() {
     let fault = |m: &Model, v: &View| {
-        render::draw(&Scene::of(m), v, SIZE, ToneStyle::Expected, &Silent).unwrap_err().to_string()
+        render::draw(&Scene::new(m), v, SIZE, ToneStyle::Expected, &Silent).unwrap_err().to_string()
     };
     let mut m = model(20, None);
     let mut v = world_view(&m);

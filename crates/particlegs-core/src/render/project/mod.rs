@@ -8,8 +8,10 @@
 
 pub mod slices;
 
+use self::slices::{ClipClass, clip_class};
 use super::lens::Lens;
 use crate::math::{Sym3, dot, each_axis};
+use crate::model::Mixture;
 use crate::splat::PIXEL_VARIANCE;
 
 /// A Gaussian in the camera's axes (right, down, forward), relative to the eye: what the projection reads, 40
@@ -161,6 +163,15 @@ impl CameraGaussian {
             across: (xx - lean * xy).max(0.0) as f32,
             weight: weight as f32,
         }
+    }
+
+    /// Gaussian `i` of a mixture, of `weight` particles or masses; `None` outside the clipping range.
+    #[inline(always)]
+    pub fn from_mixture(lens: &Lens, m: &Mixture, i: usize, weight: f64) -> Option<CameraGaussian> {
+        let (mean, cov, forward) = (m.mean_of(i), m.cov_of(i), lens.axes[2]);
+        let depth = dot(forward, each_axis(|k| mean[k] - lens.position[k]));
+        let inside = clip_class(lens, depth, dot(forward, cov.apply(forward))) != ClipClass::Outside;
+        inside.then(|| CameraGaussian::new(&lens.axes, lens.position, mean, &cov, lens.unit * weight))
     }
 
     /// Mean and variance of its depth.

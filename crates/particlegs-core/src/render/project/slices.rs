@@ -32,7 +32,7 @@ pub enum ClipClass {
 
 /// Decides for a mean depth and its variance.
 #[inline(always)]
-pub fn fate(lens: &Lens, depth: f64, variance: f64) -> ClipClass {
+pub fn clip_class(lens: &Lens, depth: f64, variance: f64) -> ClipClass {
     let reach = REACH * variance.max(0.0).sqrt();
     let [near, far] = lens.range;
     if depth + reach < near || depth - reach > far {
@@ -47,13 +47,32 @@ pub fn fate(lens: &Lens, depth: f64, variance: f64) -> ClipClass {
     }
 }
 
+/// Does a Gaussian lie outside the four side planes of what the picture sees? Spares the work of cutting those that the
+/// camera passes by.
+pub fn misses(lens: &Lens, g: &CameraGaussian) -> bool {
+    let ([x, y, depth], [xx, _, yy], zz) = (g.mean.map(f64::from), g.rest(), f64::from(g.depth));
+    let along = g.slope.map(f64::from);
+    let sides = [(x, xx, along[0], lens.center[0]), (y, yy, along[1], lens.center[1])];
+    sides.into_iter().any(|(at, rest, along, center)| {
+        // Half the picture and a margin for coarse planes, over the focal length.
+        let edge = (1.25 * center + 64.0) / lens.focal;
+        [edge, -edge].into_iter().any(|t| {
+            // The distance to the plane at = t depth (or at = t), beyond it positive.
+            let (beyond, lean, round) =
+                if lens.perspective { (at - t * depth, along - t, 1.0 + t * t) } else { (at - t, along, 1.0) };
+            let (beyond, spread) = (beyond * t.signum(), rest + lean * lean * zz);
+            beyond > 0.0 && beyond * beyond > 49.0 * (spread + lens.radius2 * round)
+        })
+    })
+}
+
 /// Calls `emit` with the moments of each piece that the picture may show.
 #[inline(always)]
 pub fn pieces(lens: &Lens, g: &CameraGaussian, mut emit: impl FnMut(DepthMoments)) {
     let [depth, variance] = g.depths();
-    match fate(lens, depth, variance) {
+    match clip_class(lens, depth, variance) {
         ClipClass::Outside => {}
-        ClipClass::Cut if lens.misses(g) => {}
+        ClipClass::Cut if misses(lens, g) => {}
         ClipClass::Whole => emit(whole(lens, depth, variance)),
         ClipClass::Cut => cut(lens, depth, variance, emit),
     }

@@ -3,16 +3,16 @@
 use super::*;
 use crate::tests::{device, view};
 use crate::train::Trainer;
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::compress::{Options, Target, compress};
 use particlegs::model::LawKind;
 use particlegs::particles::Particles;
-use particlegs::pieces::NoCheckpoints;
 use particlegs::train::{Config, Limits, Preset};
 use particlegs_core::camera::{Normalisation, View};
 use particlegs_core::math::Random;
-use particlegs_core::model::vizmapper::twin::stirred;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::Silent;
+use particlegs_core::render::alpha::network::twin::stirred;
 use particlegs_core::space::Bounds;
 use particlegs_train::alpha::{AlphaCpuSteps, AlphaParameters, TrainingScale};
 use particlegs_train::{Averages, Crop, Device as _, Norm};
@@ -48,7 +48,7 @@ fn gaussians(seed: u64, n: u64, size: f64, flatness: f64, with_network: bool) ->
     let mapper = with_network.then(|| stirred(3));
     let network = mapper.as_ref().map_or(0, |m| m.parameters.len());
     Gaussians {
-        ground: TrainingScale { frame, radius, opacity, particles: 1000, seed: 1 },
+        scale: TrainingScale { frame, radius, opacity, particles: 1000, seed: 1 },
         averages: parameters.0.each_ref().map(|column| Averages::zeros(column.len())),
         mapper,
         mapper_averages: Averages::zeros(network),

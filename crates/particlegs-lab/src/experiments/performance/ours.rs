@@ -6,11 +6,11 @@ use crate::experiments::rate_distortion::COMPARED;
 use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::snapshot::Snapshot;
 use particlegs::camera::View;
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::compress::compress;
 use particlegs::fit::Effort;
 use particlegs::particles::Storage;
 use particlegs::picture::{Gray8, Pixels, Size};
-use particlegs::pieces::NoCheckpoints;
 use particlegs::reference::Reference;
 use particlegs::render::{Scene, Scratch, draw_into};
 use particlegs::splat::ToneStyle;
@@ -104,7 +104,7 @@ pub(super) fn frames(
     machine: &Machine,
 ) -> Result<FrameTimings> {
     lab.store.result("timed-frames", &(&of.hash, what, shots.key(), recipe(lab, Effort::Default), machine), || {
-        let (scene, mut scratch) = (Scene::of(&made.model), Scratch::default());
+        let (scene, mut scratch) = (Scene::new(&made.model), Scratch::default());
         let reference = Reference::new(&of.particles);
         let (times, look) = match what {
             RenderSource::Model => (DRAWN, ToneStyle::Paraview),

@@ -6,11 +6,11 @@ use crate::experiments::rate_distortion::COMPARED;
 use crate::found::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::lab::{Lab, ModelSettings};
 use crate::snapshot::Snapshot;
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::compress::{Target, compress};
 use particlegs::fit::Effort;
 use particlegs::particles::{Selection, Storage};
 use particlegs::picture::{Size, masked_psnr};
-use particlegs::pieces::NoCheckpoints;
 use particlegs::reference::Reference;
 use particlegs::render::{Scene, draw};
 use particlegs::score::evaluation_views;
@@ -68,7 +68,7 @@ fn quality(lab: &Lab<'_>, of: &Snapshot) -> Result<f64> {
     let recipe = recipe(Target::Ratio(COMPARED), lab.settings.seed);
     let scored = lab.store.result("scale-quality", &(&of.hash, &recipe, SIZE, FRAMES), || {
         let model = lab.model(of, &recipe)?.model;
-        let (scene, truth) = (Scene::of(&model), Reference::new(&of.particles));
+        let (scene, truth) = (Scene::new(&model), Reference::new(&of.particles));
         let views = evaluation_views(&model.metadata, SIZE, recipe.seed, FRAMES);
         let of_view = |view| {
             let drawn = draw(&scene, view, SIZE, ToneStyle::Expected, lab.progress)?;

@@ -52,7 +52,7 @@ const INTENSIVE_UNITS: [(&str, &[&str]); 4] = [
 
 impl WeightKind {
     /// Of a field of this name, and of this unit where it states one.
-    pub fn of(name: &str, unit: Option<&str>) -> WeightKind {
+    pub fn from_name(name: &str, unit: Option<&str>) -> WeightKind {
         let plain: String = name.chars().filter(char::is_ascii_alphanumeric).map(|c| c.to_ascii_lowercase()).collect();
         let by_unit = INTENSIVE_UNITS.iter().find(|(_, units)| unit.is_some_and(|u| units.contains(&u.trim())));
         let is = |word: &str| word.strip_prefix('*').map_or(plain == word, |part| plain.contains(part));
@@ -71,7 +71,7 @@ impl Metadata {
     /// What weights are where they are not masses: the name of the field that they were read from.
     pub fn weight_name(&self) -> Option<&str> {
         let name = self.recipe.read.get("weights")?;
-        (name != "none" && WeightKind::of(name, None) == WeightKind::Additive).then_some(name)
+        (name != "none" && WeightKind::from_name(name, None) == WeightKind::Additive).then_some(name)
     }
 }
 
@@ -82,11 +82,11 @@ mod tests {
     #[test]
     fn fields_are_told_apart_by_name_and_unit() {
         for name in ["Masses", "mass", "ww", "Particle_Mass", "mvir", "M200c", "MassHII"] {
-            assert_eq!(WeightKind::of(name, None), WeightKind::Mass, "{name}");
+            assert_eq!(WeightKind::from_name(name, None), WeightKind::Mass, "{name}");
         }
         for name in ["Charge", "q", "StarFormationRate", "Luminosity", "XrayLuminosities", "PotentialEnergy", "Volume"]
         {
-            assert_eq!(WeightKind::of(name, None), WeightKind::Additive, "{name}");
+            assert_eq!(WeightKind::from_name(name, None), WeightKind::Additive, "{name}");
         }
         for (name, plural) in [
             ("Temperature", "temperatures"),
@@ -101,9 +101,9 @@ mod tests {
             ("ParticleIDs", "numbers of particles"),
             ("StellarFormationTime", "times"),
         ] {
-            assert_eq!(WeightKind::of(name, None), WeightKind::Intensive(plural), "{name}");
+            assert_eq!(WeightKind::from_name(name, None), WeightKind::Intensive(plural), "{name}");
         }
-        assert_eq!(WeightKind::of("c_1", Some("K")), WeightKind::Intensive("temperatures"));
-        assert_eq!(WeightKind::of("flux", Some("km/s")), WeightKind::Intensive("velocities"));
+        assert_eq!(WeightKind::from_name("c_1", Some("K")), WeightKind::Intensive("temperatures"));
+        assert_eq!(WeightKind::from_name("flux", Some("km/s")), WeightKind::Intensive("velocities"));
     }
 }

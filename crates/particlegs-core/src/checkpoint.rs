@@ -28,14 +28,14 @@ impl CheckpointStore for NoCheckpoints {
 }
 
 /// Pieces under a name of their own.
-pub struct PrefixedPieces<'a> {
+pub struct PrefixedCheckpoints<'a> {
     /// Where they are kept.
     pub pieces: &'a mut dyn CheckpointStore,
     /// What their keys begin with.
     pub prefix: String,
 }
 
-impl CheckpointStore for PrefixedPieces<'_> {
+impl CheckpointStore for PrefixedCheckpoints<'_> {
     fn get(&self, key: &str) -> Option<Vec<u8>> {
         self.pieces.get(&format!("{}/{key}", self.prefix))
     }

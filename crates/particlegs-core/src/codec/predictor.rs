@@ -1,6 +1,22 @@
-//! Least squares for the predictors, on the encoder's side.
+//! The linear prediction of sizes, and the least squares that find it on the encoder's side.
 
-use super::header::Predictor;
+/// A linear prediction in whole numbers: constant + sum of slopes / 256 times features.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Predictor {
+    pub constant: i32,
+    pub slopes: [i16; SIZE_SLOPES],
+}
+
+pub(crate) const SIZE_SLOPES: usize = 3;
+impl Predictor {
+    /// Sum of slope times feature, rounded.
+    #[inline(always)]
+    pub(crate) fn apply(&self, features: [i32; SIZE_SLOPES]) -> i32 {
+        let sum: i64 = self.slopes.iter().zip(features).map(|(&a, f)| i64::from(a) * i64::from(f)).sum();
+        let sum = (sum + 128) >> 8;
+        (sum + i64::from(self.constant)).clamp(-(1 << 21), 1 << 21) as i32
+    }
+}
 
 /// Slopes and constant that predict `target(i)` from `features(i)`, i in 0 .. n, rounded to what
 /// a block holds. Sums in order, so that the same mixture gives the same bytes.

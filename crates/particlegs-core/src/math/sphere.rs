@@ -4,12 +4,11 @@
 //! the two other axes are integrated by Gauss and Legendre's rule where the sphere's surface cuts through. Angles
 //! stand for coordinates there, y = c + r sin(a), so that the chord has no root at the sphere's edge.
 
-use crate::math::{Sym3, each_axis, normal_share};
+use super::{Sym3, each_axis, normal_share};
 use std::f64::consts::{PI, TAU};
 
 /// Gaussians end here, in deviations along each principal axis: 1e-4 of the mass lies beyond.
 const TAIL: f64 = 4.0;
-/// Nodes of the rules.
 const RULES: [usize; 3] = [8, 12, 20];
 /// Widest piece of a Gaussian for the first rule, in deviations of its shortest axis, and for the second, in its own.
 const WIDEST: [f64; 2] = [4.0, 7.0];
@@ -91,7 +90,6 @@ impl GaussianInSphere {
 
 /// Spheres in which a Gaussian is its density at their centre and the curvature there.
 struct LocalDensity {
-    /// The largest.
     radius: f64,
     density: f64,
     /// The Laplacian over the density.
@@ -203,8 +201,8 @@ mod tests {
     fn within(deviations: [f64; 3], offset: [f64; 3], r: f64) -> f64 {
         let [a, b, c] = deviations.map(|s| s * s);
         let mut to = [0.0];
-        let lump = GaussianInSphere::new([0.0; 3], &Sym3([a, 0.0, 0.0, b, 0.0, c]), 1.0, [1e-12, 1e12]);
-        lump.add_within(offset, &[r], &Rules::new(), &mut to);
+        let gaussian = GaussianInSphere::new([0.0; 3], &Sym3([a, 0.0, 0.0, b, 0.0, c]), 1.0, [1e-12, 1e12]);
+        gaussian.add_within(offset, &[r], &Rules::new(), &mut to);
         to[0]
     }
 
