@@ -8,8 +8,8 @@ use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
 use particlegs::picture::Size;
 use particlegs::progress::{Level, Progress};
+use particlegs::train::Accelerator;
 use particlegs::{Error, Result, parallel};
-use particlegs_lab::device::Device;
 use particlegs_lab::experiments::{self, EXPERIMENTS, Experiment};
 use particlegs_lab::lab::Lab;
 use particlegs_lab::report::{Provenance, Section};
@@ -91,7 +91,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         return gpu(a);
     }
     let chosen = experiments::named(&a.name, a.training)?;
-    let settings = a.settings(a.device.for_lab()?)?;
+    let settings = a.settings(a.device.open()?)?;
     let (Some(output), false) = (&a.output, a.snapshots.is_empty()) else {
         return Err(Error::argument("`bench` takes a snapshot and a folder for the results: SNAPSHOT -o DIR"));
     };
@@ -114,12 +114,12 @@ fn gpu(a: &Arguments) -> Result<()> {
     use crate::gpu_bench::{QuickRun, measure};
     a.refuse_for_gpu()?;
     let context = a.common.clone().start()?;
-    let (device, quick) = (a.device.open_card()?, QuickRun(a.quick));
+    let (device, quick) = (a.device.open_timed()?, QuickRun(a.quick));
     let Some(output) = &a.output else {
         let report = measure(&device, quick, None, &context)?;
         return context.finish(&report.text(), &report);
     };
-    let settings = a.settings(Arc::new(crate::device::NamedDevice::new(Arc::clone(&device))?))?;
+    let settings = a.settings(Some(Arc::new(particlegs_gpu::GpuAccelerator::new(Arc::clone(&device)))))?;
     let (kept, work) = (bench_files::folder(output, &context)?, BenchProgress(&context));
     context.finishes_its_steps();
     let report = measure(&device, quick, Some(&Lab::new(settings, &kept, &work)?), &context)?;
@@ -130,7 +130,7 @@ fn gpu(a: &Arguments) -> Result<()> {
 #[cfg(not(feature = "gpu"))]
 fn gpu(a: &Arguments) -> Result<()> {
     a.refuse_for_gpu()?;
-    match a.device.open_card()? {}
+    Err(crate::device::no_gpu_support())
 }
 
 /// The work of experiments as a user sees it: notes on single snapshots and models, hundreds of them, are not said.
@@ -237,7 +237,7 @@ impl Arguments {
         }
     }
 
-    fn settings(&self, device: Arc<dyn Device>) -> Result<Settings> {
+    fn settings(&self, device: Option<Arc<dyn Accelerator>>) -> Result<Settings> {
         let program = std::env::current_exe().map_err(|e| Error::io(Path::new("this program"), e))?;
         let mut s = Settings::new(self.quick, program);
         (s.training, s.seed, s.python) = (self.training, self.common.seed, self.python.clone());
@@ -285,7 +285,7 @@ impl Arguments {
         let quick = if s.quick { " --quick" } else { "" };
         let training = if s.training { " --training" } else { "" };
         let scale = s.scale.map_or(String::new(), |v| format!(" --scale {v}"));
-        let device = s.device.name().map_or("", |_| " --device DEVICE");
+        let device = s.device_name().map_or("", |_| " --device DEVICE");
         let python = if s.python.is_some() { " --python PYTHON" } else { "" };
         let ratios = s.ratios.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
         let read = self.snapshot.in_words().map_or(String::new(), |w| format!(" {w}"));
@@ -303,7 +303,7 @@ impl Arguments {
         let mut p = Provenance::new(command, parallel::threads());
         p.seeds = [s.seed, s.seeds as u64];
         p.others = lab.baselines.iter().map(|b| format!("{}: {}", b.name(), b.source())).collect();
-        p.others.extend(s.device.name().map(|name| format!("Device that drew and trained: {name}")));
+        p.others.extend(s.device_name().map(|name| format!("Device that drew and trained: {name}")));
         p.others.extend(lab.store.of_others());
         p.snapshots = snapshots.iter().map(|s| (s.name.clone(), s.particles.len() as u64, s.hash.clone())).collect();
         p

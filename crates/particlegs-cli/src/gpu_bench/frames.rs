@@ -5,7 +5,6 @@ use super::stages::KernelStages;
 use super::work::{BlendWork, DepthWork, WorkBound};
 use super::{LIMIT, QuickRun, in_megabytes};
 use crate::common::Context;
-use crate::device::Device;
 use particlegs::Result;
 use particlegs::camera::View;
 use particlegs::model::LawKind;
@@ -13,9 +12,11 @@ use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::render::Scene;
 use particlegs::splat::ToneStyle;
-use particlegs_gpu::render::{Canvas, Gaussians, Renderer, Tiles};
+use particlegs_gpu::Device;
+use particlegs_gpu::render::{DepthCanvas, DepthRenderer, DepthTiles, Gaussians};
 use particlegs_gpu::{Rates, alpha};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Frames of a measurement, and those that are read back.
@@ -74,12 +75,12 @@ trait DeviceScene {
 
 /// Of the optical-depth law.
 struct OpticalDepthScene<'a> {
-    renderer: &'a Renderer,
+    renderer: &'a DepthRenderer,
     there: &'a Gaussians,
-    canvas: &'a Canvas,
+    canvas: &'a DepthCanvas,
     look: ToneStyle,
     /// Where they sum, not atomic adds.
-    tiles: Option<Tiles<'a>>,
+    tiles: Option<DepthTiles<'a>>,
 }
 
 impl DeviceScene for OpticalDepthScene<'_> {
@@ -97,9 +98,9 @@ impl DeviceScene for OpticalDepthScene<'_> {
 
 /// Of the alpha-blend law.
 struct AlphaBlendScene<'a> {
-    renderer: &'a alpha::Renderer,
+    renderer: &'a alpha::AlphaRenderer,
     there: &'a alpha::Gaussians,
-    canvas: alpha::Canvas,
+    canvas: alpha::AlphaCanvas,
 }
 
 impl DeviceScene for AlphaBlendScene<'_> {
@@ -119,13 +120,13 @@ pub const OF_ALPHA: u64 = 2;
 
 /// All rows of a scene of the optical-depth law at a size.
 pub fn of_depth(
-    device: &Device,
+    device: &Arc<Device>,
     made: &TiledScene,
     size: Size,
     quick: QuickRun,
     context: &Context,
 ) -> Result<Vec<FrameRow>> {
-    let renderer = Renderer::new(device)?;
+    let renderer = DepthRenderer::new(device)?;
     let scene = Scene::of_mixture(&made.gaussians, made.bounds);
     let there = Gaussians::upload(device, &scene)?;
     let mut rows = Vec::new();
@@ -145,7 +146,7 @@ pub fn of_depth(
             footprints: work.footprints,
             least: work.frame(made.gaussians.len(), size),
         };
-        let tiles = by_tiles.then(|| Tiles::new(&renderer, &there, &canvas)).transpose()?;
+        let tiles = by_tiles.then(|| DepthTiles::new(&renderer, &there, &canvas)).transpose()?;
         let mut drawn = OpticalDepthScene { renderer: &renderer, there: &there, canvas: &canvas, look, tiles };
         rows.push(own.row(&mut drawn, kind, context)?);
         context.advance(1);
@@ -155,13 +156,13 @@ pub fn of_depth(
 
 /// All rows of a scene of the alpha-blend law, which has one look, at a size. The network runs where radius and opacity change.
 pub fn of_alpha(
-    device: &Device,
+    device: &Arc<Device>,
     made: &TiledScene,
     size: Size,
     quick: QuickRun,
     context: &Context,
 ) -> Result<Vec<FrameRow>> {
-    let renderer = alpha::Renderer::new(device)?;
+    let renderer = alpha::AlphaRenderer::new(device)?;
     let there = alpha::Gaussians::upload(device, &Scene::of_law(&made.gaussians, made.bounds, [made.radius, OPACITY]))?;
     let mut rows = Vec::new();
     for changes in [CAMERA, SETTING] {
@@ -183,7 +184,7 @@ pub fn of_alpha(
 
 /// Frames of a scene at a size.
 struct Measurement<'a> {
-    device: &'a Device,
+    device: &'a Arc<Device>,
     gaussians: usize,
     size: Size,
     changes: &'static str,
@@ -192,7 +193,7 @@ struct Measurement<'a> {
 }
 
 impl<'a> Measurement<'a> {
-    fn new(device: &'a Device, made: &TiledScene, size: Size, changes: &'static str, quick: QuickRun) -> Self {
+    fn new(device: &'a Arc<Device>, made: &TiledScene, size: Size, changes: &'static str, quick: QuickRun) -> Self {
         let (gaussians, views) = (made.gaussians.len(), views(made, size, changes == CAMERA));
         Measurement { device, gaussians, size, changes, views, quick }
     }

@@ -10,15 +10,16 @@ mod training;
 mod work;
 
 use crate::common::Context;
-use crate::device::Device;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
+use particlegs_gpu::Device;
 use particlegs_gpu::Rates;
 use particlegs_lab::PublishedRunStatus;
 use particlegs_lab::lab::Lab;
 use scenes::TiledScene;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 use std::time::Duration;
 
 const HD: Size = Size { width: 1920, height: 1080 };
@@ -68,7 +69,12 @@ struct DeviceMeasurements {
 const COMMIT: Option<&str> = option_env!("PARTICLEGS_COMMIT");
 
 /// Measures; where there is a `lab`, also the published recipe, for a piece. What was measured is kept there.
-pub fn measure(device: &Device, quick: QuickRun, lab: Option<&Lab<'_>>, context: &Context) -> Result<GpuBenchReport> {
+pub fn measure(
+    device: &Arc<Device>,
+    quick: QuickRun,
+    lab: Option<&Lab<'_>>,
+    context: &Context,
+) -> Result<GpuBenchReport> {
     let now = || DeviceMeasurements::of(device, quick, context);
     let [(sample, tiles), ..] = tilings(quick);
     Ok(GpuBenchReport {
@@ -104,7 +110,7 @@ fn tried<T>(made: &TiledScene, size: Size, row: Result<T>, failed: &mut Vec<Stri
 }
 
 impl DeviceMeasurements {
-    fn of(device: &Device, quick: QuickRun, context: &Context) -> Result<DeviceMeasurements> {
+    fn of(device: &Arc<Device>, quick: QuickRun, context: &Context) -> Result<DeviceMeasurements> {
         let rates = Rates::measure(device)?;
         let (sizes, hd) = if quick.0 { (&[SMALL][..], SMALL) } else { (&[HD, UHD][..], HD) };
         let [few, more, most] = tilings(quick).map(|(sample, tiles)| scenes::tiled(sample, tiles));

@@ -5,15 +5,18 @@ use super::stages::KernelStages;
 use super::work::WorkBound;
 use super::{LIMIT, QuickRun, in_megabytes};
 use crate::common::Context;
-use crate::device::Device;
 use particlegs::Result;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
+use particlegs::render::Renderer;
 use particlegs::splat::ToneStyle;
+use particlegs::train::ParticleInput;
+use particlegs_gpu::Device;
 use particlegs_gpu::Rates;
-use particlegs_gpu::reference::{MOST, Pictures};
+use particlegs_gpu::reference::{MOST, ParticlePictures};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Pictures of a measurement.
@@ -39,12 +42,19 @@ pub struct ParticleRow {
 }
 
 /// The noise-free picture of particles that are drawn of the scene, a piece again and again, each time moved.
-pub fn row(device: &Device, made: &TiledScene, size: Size, quick: QuickRun, context: &Context) -> Result<ParticleRow> {
+pub fn row(
+    device: &Arc<Device>,
+    made: &TiledScene,
+    size: Size,
+    quick: QuickRun,
+    context: &Context,
+) -> Result<ParticleRow> {
     let (pieces, each) = if quick.0 { (2, 100_000) } else { (PIECES, MOST) };
     let (count, columns) = (pieces * each, made.particles(each));
     let started = Instant::now();
     let moved = |range: Range<usize>| moved(&columns, made, range);
-    let mut there = Pictures::new(device, made.bounds.center(), made.bounds, count, Box::new(moved))?;
+    let (origin, bounds) = (made.bounds.center(), made.bounds);
+    let mut there = ParticlePictures::new(device, ParticleInput { origin, bounds, count, columns: Box::new(moved) })?;
     there.keep_all(&mut |_| context.check())?;
     let seconds_to_load = started.elapsed().as_secs_f64();
     let views = views(made, size, true);

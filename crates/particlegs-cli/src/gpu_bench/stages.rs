@@ -1,8 +1,9 @@
 //! Where the time of a frame, a step or a picture goes, kernel by kernel, on devices that show their clock.
 
-use crate::device::Device;
 use particlegs::Result;
+use particlegs_gpu::Device;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// A kernel's part.
 #[derive(Serialize, Deserialize)]
@@ -20,8 +21,8 @@ pub struct KernelStages(Option<Vec<KernelStage>>);
 
 impl KernelStages {
     /// Of `work`, which is so many frames, steps or pictures.
-    pub fn of(device: &Device, number: usize, work: impl FnOnce() -> Result<()>) -> Result<KernelStages> {
-        let one = |s: particlegs_gpu::Stage| KernelStage {
+    pub fn of(device: &Arc<Device>, number: usize, work: impl FnOnce() -> Result<()>) -> Result<KernelStages> {
+        let one = |s: particlegs_gpu::KernelTime| KernelStage {
             kernel: s.kernel.into(),
             runs: s.runs as f64 / number as f64,
             milliseconds: 1e3 * s.seconds / number as f64,

@@ -5,21 +5,22 @@ use super::stages::KernelStages;
 use super::work::{BlendWork, DepthWork, WorkBound};
 use super::{LIMIT, QuickRun, in_megabytes};
 use crate::common::Context;
-use crate::device::Device;
 use particlegs::Result;
 use particlegs::camera::{Normalisation, View};
 use particlegs::model::LawKind;
 use particlegs::picture::{Plane, Size};
-use particlegs::progress::Progress;
-use particlegs::render::Scene;
+use particlegs::progress::{Progress, Silent};
+use particlegs::render::{Renderer, Scene};
 use particlegs::splat::ToneStyle;
 use particlegs::train::alpha::{self, TrainingScale};
 use particlegs::train::depth::{Parameters, StepSize};
-use particlegs::train::{AlphaConfig, Crop, Device as _, Loss, StepReport, TrainingSample};
+use particlegs::train::{Accelerator, AlphaConfig, Crop, Loss, StepReport, TrainingSample};
+use particlegs_gpu::Device;
+use particlegs_gpu::GpuAccelerator;
 use particlegs_gpu::Rates;
-use particlegs_gpu::render::Pictures;
-use particlegs_gpu::train::Trainer;
+use particlegs_gpu::render::ScenePictures;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Steps of a measurement, behind two: so many that the last, as the first, is of the first picture.
@@ -52,7 +53,7 @@ pub struct TrainingRow {
 /// Steps of the optical-depth law from Gaussians that are half as many particles each too many or too few, by pictures
 /// of those as they were.
 pub fn of_depth(
-    device: &Device,
+    device: &Arc<Device>,
     made: &TiledScene,
     size: Size,
     quick: QuickRun,
@@ -62,7 +63,7 @@ pub fn of_depth(
     let mut gaussians = made.gaussians.clone();
     gaussians.count.iter_mut().enumerate().for_each(|(i, n)| *n *= if i % 2 == 0 { 0.5 } else { 1.5 });
     let mut of = Parameters::new(&gaussians, made.particles, 48, (made.bounds, ToneStyle::Expected));
-    let mut steps = Trainer::new(device)?.depth_steps(&of)?;
+    let mut steps = GpuAccelerator::new(device.clone()).depth_steps(&of)?;
     let pace = StepSize { rates: [0.01; 3], beta1: 0.9, beta2: 0.999, calm: 0.5, pull: 0.0, average: 0.01 };
     let taken = lesson.take(quick, context, |shot| steps.step(&mut of, shot, &Loss::PUBLISHED, &pace))?;
     let work = DepthWork::of(made, &lesson.views[0], size)?;
@@ -73,7 +74,7 @@ pub fn of_depth(
 /// Steps of the alpha-blend law, at the published rates, from Gaussians half as opaque, or half more, as those of the
 /// pictures.
 pub fn of_alpha(
-    device: &Device,
+    device: &Arc<Device>,
     made: &TiledScene,
     size: Size,
     quick: QuickRun,
@@ -89,7 +90,7 @@ pub fn of_alpha(
     let frame = Normalisation::of(&made.bounds);
     let ground = TrainingScale { frame, radius: made.radius, opacity: OPACITY, particles: made.particles, seed: 1 };
     let mut of = alpha::Gaussians::of_mixture(&gaussians, ground)?;
-    let mut steps = Trainer::new(device)?.alpha_steps(&of)?;
+    let mut steps = GpuAccelerator::new(device.clone()).alpha_steps(&of)?;
     let c = AlphaConfig::default();
     let pace = alpha::StepSize {
         rates: [c.position_rate * c.extent, c.scale_rate, c.rotation_rate, c.opacity_rate, c.feature_rate],
@@ -105,7 +106,7 @@ pub fn of_alpha(
 
 /// Pictures that are learnt from.
 struct TrainingPictures<'a> {
-    device: &'a Device,
+    device: &'a Arc<Device>,
     views: Vec<View>,
     /// Brightness in [0, 1].
     targets: Vec<Plane>,
@@ -122,11 +123,11 @@ struct TrainingSteps {
 
 impl<'a> TrainingPictures<'a> {
     /// Of the scene as it is.
-    fn new(device: &'a Device, made: &TiledScene, scene: &Scene, size: Size) -> Result<Self> {
+    fn new(device: &'a Arc<Device>, made: &TiledScene, scene: &Scene, size: Size) -> Result<Self> {
         let views: Vec<View> = views(made, size, true).into_iter().step_by(64 / TARGETS).collect();
-        let pictures = Pictures::new(device, scene)?;
+        let pictures = ScenePictures::new(device, scene)?;
         let one = |view| {
-            let levels = pictures.draw(view, size, ToneStyle::Expected)?;
+            let levels = pictures.draw(view, size, ToneStyle::Expected, &Silent)?;
             Ok(Plane { size, data: levels.data.iter().map(|&v| f32::from(v) / 255.0).collect() })
         };
         let targets = views.iter().map(one).collect::<Result<_>>()?;
