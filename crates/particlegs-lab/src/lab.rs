@@ -45,6 +45,9 @@ pub struct Lab<'a> {
     pub store: ResultStore,
     /// Those that the settings' device had a part in: pictures, their scores, trained models.
     pub on_device: ResultStore,
+    /// A GPU whose kernels can be timed, where one is to be measured.
+    #[cfg(feature = "gpu")]
+    pub gpu: Option<std::sync::Arc<particlegs_gpu::Device>>,
     /// Other compressors: those that need nothing else, and those of the settings' Python.
     pub baselines: Vec<Box<dyn Baseline>>,
     /// Whom to tell.
@@ -106,7 +109,15 @@ impl<'a> Lab<'a> {
         let baselines = crate::baselines(external.as_ref());
         let store = ResultStore::new(folder);
         let on_device = store.by(settings.device_name());
-        Ok(Lab { settings, store, on_device, baselines, progress })
+        Ok(Lab {
+            settings,
+            store,
+            on_device,
+            #[cfg(feature = "gpu")]
+            gpu: None,
+            baselines,
+            progress,
+        })
     }
 
     /// What is not measured for want of a Python; nothing where there is one.

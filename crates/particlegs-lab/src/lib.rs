@@ -32,8 +32,6 @@ pub mod subset;
 mod training;
 pub mod views;
 
-pub use training::{PublishedRunStatus, TrainingScore, published};
-
 use external::External;
 use particlegs::{Error, Result};
 

@@ -104,27 +104,31 @@ pub fn run(a: &Arguments) -> Result<()> {
     let sections = experiment_by_experiment(&chosen, &lab, &snapshots)?;
     let provenance = a.provenance(&lab, &snapshots);
     bench_files::write(output, &sections, &provenance)?;
-    report(&sections, output, &context)
+    summary(&sections, output, &context)
 }
 
-/// Measures a graphics card, which takes no snapshot: the first real one, or that of --device. With --training the
-/// published recipe as well, in pieces that a folder keeps.
+/// Measures a GPU, which takes no snapshot: the first real one, or that of --device. With --training the published
+/// recipe as well, in pieces that a folder keeps.
 #[cfg(feature = "gpu")]
 fn gpu(a: &Arguments) -> Result<()> {
-    use crate::gpu_bench::{QuickRun, measure};
     a.refuse_for_gpu()?;
     let context = a.common.clone().start()?;
-    let (device, quick) = (a.device.open_timed()?, QuickRun(a.quick));
-    let Some(output) = &a.output else {
-        let report = measure(&device, quick, None, &context)?;
-        return context.finish(&report.text(), &report);
-    };
+    let device = a.device.open_timed()?;
     let settings = a.settings(Some(Arc::new(particlegs_gpu::GpuAccelerator::new(Arc::clone(&device)))))?;
-    let (kept, work) = (bench_files::folder(output, &context)?, BenchProgress(&context));
-    context.finishes_its_steps();
-    let report = measure(&device, quick, Some(&Lab::new(settings, &kept, &work)?), &context)?;
-    bench_files::write_gpu(output, &report)?;
-    context.finish(&report.text(), &report)
+    let kept = a.output.as_deref().map(|folder| bench_files::folder(folder, &context)).transpose()?;
+    if kept.is_some() {
+        context.finishes_its_steps();
+    }
+    let work = BenchProgress(&context);
+    let mut lab = Lab::new(settings, &kept.unwrap_or_default(), &work)?;
+    lab.gpu = Some(device);
+    let experiment = experiments::named("gpu", a.training)?[0];
+    let found = (experiment.run)(&lab, &[])?;
+    let (text, value) = (particlegs_lab::report::text(&found), serde_json::to_value(&found).unwrap_or_default());
+    if let Some(output) = &a.output {
+        bench_files::write(output, &[Section { experiment, found: Ok(found) }], &a.provenance(&lab, &[]))?;
+    }
+    context.finish(&text, &value)
 }
 
 #[cfg(not(feature = "gpu"))]
@@ -172,13 +176,10 @@ fn list() -> String {
     let row = |e: &Experiment| {
         let paper = if e.paper.is_empty() { "not in the paper" } else { e.paper };
         let trains = if e.trains { "; trains models" } else { "" };
-        format!("{:<20} {}\n{:<20} ({paper}{trains})\n", e.name, e.title, "")
+        let takes = if e.weight == 0 { "; takes no snapshot" } else { "" };
+        format!("{:<20} {}\n{:<20} ({paper}{trains}{takes})\n", e.name, e.title, "")
     };
-    let gpu = format!(
-        "{:<20} {}\n{:<20} (not in the paper; takes no snapshot)\n",
-        "gpu", "Frames and steps of training a second of a graphics card", ""
-    );
-    EXPERIMENTS.iter().map(row).chain([gpu]).collect()
+    EXPERIMENTS.iter().map(row).collect()
 }
 
 /// Does them; one that fails is reported, and the others are done.
@@ -208,7 +209,7 @@ fn experiment_by_experiment(
 }
 
 impl Arguments {
-    /// Options that would do nothing where a card is measured.
+    /// Options that would do nothing where a GPU is measured.
     fn refuse_for_gpu(&self) -> Result<()> {
         let of_experiments = [
             (!self.snapshots.is_empty(), "SNAPSHOT"),
@@ -288,17 +289,16 @@ impl Arguments {
         let device = s.device_name().map_or("", |_| " --device DEVICE");
         let python = if s.python.is_some() { " --python PYTHON" } else { "" };
         let ratios = s.ratios.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+        let Size { width, height } = s.size;
+        let measured = match names.is_empty() {
+            true => String::new(),
+            false => format!(" --ratios {ratios} --size {width}x{height} --frames {} --seeds {}", s.frames, s.seeds),
+        };
+        let of: String = names.iter().map(|name| format!(" {name}")).collect();
         let read = self.snapshot.in_words().map_or(String::new(), |w| format!(" {w}"));
         let command = format!(
-            "particlegs bench {} {}{read}{quick}{training}{scale}{device}{python} --ratios {ratios} --size {}x{} --frames {} \
-             --seeds {} --seed {}",
-            self.name,
-            names.join(" "),
-            s.size.width,
-            s.size.height,
-            s.frames,
-            s.seeds,
-            s.seed
+            "particlegs bench {}{of}{read}{quick}{training}{scale}{device}{python}{measured} --seed {}",
+            self.name, s.seed
         );
         let mut p = Provenance::new(command, parallel::threads());
         p.seeds = [s.seed, s.seeds as u64];
@@ -311,7 +311,7 @@ impl Arguments {
 }
 
 /// What was found where; fails where every experiment failed.
-fn report(sections: &[Section], output: &Path, context: &Context) -> Result<()> {
+fn summary(sections: &[Section], output: &Path, context: &Context) -> Result<()> {
     let mut text = String::new();
     for s in sections {
         let words = match &s.found {

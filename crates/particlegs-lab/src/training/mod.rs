@@ -1,7 +1,6 @@
 //! Models that are trained: kept by what they were made from, and gone on with where a run was interrupted.
 
 mod heard;
-mod published;
 
 use crate::lab::{Lab, ModelBuild};
 use crate::snapshot::Snapshot;
@@ -14,7 +13,6 @@ use particlegs::pieces::CheckpointStore;
 use particlegs::progress::Progress;
 use particlegs::train::{Config, Densify, Limits, Preset, Stage};
 use particlegs::{Error, Result};
-pub use published::{PublishedRunStatus, published};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
