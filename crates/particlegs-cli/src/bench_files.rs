@@ -55,13 +55,6 @@ pub fn write(output: &Path, sections: &[Section], provenance: &Provenance) -> Re
     write_bytes(&output.join(RESULTS), results(sections, provenance).as_bytes())
 }
 
-/// Writes what is known of a graphics card so far.
-#[cfg(feature = "gpu")]
-pub fn write_gpu(output: &Path, report: &impl serde::Serialize) -> Result<()> {
-    let text = serde_json::to_string_pretty(report).unwrap_or_default() + "\n";
-    write_bytes(&output.join("gpu.json"), text.as_bytes())
-}
-
 fn results(sections: &[Section], provenance: &Provenance) -> String {
     let experiments: serde_json::Map<_, _> = sections
         .iter()

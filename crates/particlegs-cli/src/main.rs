@@ -21,8 +21,6 @@ mod drawn;
 mod emit;
 mod figure;
 mod fit_args;
-#[cfg(all(feature = "gpu", feature = "lab"))]
-mod gpu_bench;
 mod info_model;
 mod info_snapshot;
 mod inputs;

@@ -1,6 +1,6 @@
 //! An adapter that was opened.
 
-use crate::adapters::{Choice, chosen, memory_of};
+use crate::adapters::{AdapterChoice, chosen, memory_of};
 use crate::timer::{self, Timer};
 use particlegs_core::picture::Size;
 use particlegs_core::{Error, Result};
@@ -41,12 +41,12 @@ enum DeviceFault {
 
 impl Device {
     /// Opens an adapter with the limits that it has and without any feature.
-    pub fn open(choice: Choice, checks: Checks) -> Result<Device> {
+    pub fn open(choice: AdapterChoice, checks: Checks) -> Result<Device> {
         Device::open_with(chosen(choice)?, checks, wgpu::Features::empty())
     }
 
     /// [`Device::open`], to be [timed](Device::timed) where the adapter offers it.
-    pub fn open_timed(choice: Choice, checks: Checks) -> Result<Device> {
+    pub fn open_timed(choice: AdapterChoice, checks: Checks) -> Result<Device> {
         let adapter = chosen(choice)?;
         let offered = adapter.features().contains(timer::WANTED);
         let features = if offered { timer::WANTED } else { wgpu::Features::empty() };

@@ -1,12 +1,12 @@
 //! What tests of kernels share.
 
-use crate::{Checks, Choice, Device};
+use crate::{AdapterChoice, Checks, Device};
 use particlegs_core::camera::{Camera, Projection, View};
 use std::sync::Arc;
 
 /// The first adapter, with all checks on; says why where there is none.
 pub fn device() -> Option<Arc<Device>> {
-    match Device::open(Choice::Number(0), Checks::On) {
+    match Device::open(AdapterChoice::Number(0), Checks::On) {
         Ok(device) => Some(Arc::new(device)),
         Err(e) => {
             assert!(std::env::var_os("PARTICLEGS_GPU_TESTS").is_none(), "{e}");

@@ -1,7 +1,7 @@
 //! What an experiment found, as plain data: tables, plots, pictures, and what a reader must know.
 
 use particlegs::picture::{Colormap, Rgb8};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// What an experiment found.
 #[derive(Debug, Default, Serialize)]
@@ -17,7 +17,7 @@ pub struct ExperimentResults {
 }
 
 /// A table.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct ResultTable {
     /// File name without its ending.
     pub name: String,
@@ -45,24 +45,24 @@ impl ResultTable {
 }
 
 /// A cell of a table.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum TableCell {
     /// Words.
     Text(String),
-    /// A number with so many digits after the point.
-    Number {
-        /// The number.
-        value: f64,
-        /// Digits after the point.
-        digits: usize,
-    },
     /// The median of several, and the smallest and largest.
     Spread {
         /// Median.
         value: f64,
         /// Smallest and largest.
         range: [f64; 2],
+        /// Digits after the point.
+        digits: usize,
+    },
+    /// A number with so many digits after the point.
+    Number {
+        /// The number.
+        value: f64,
         /// Digits after the point.
         digits: usize,
     },

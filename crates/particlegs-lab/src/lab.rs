@@ -1,7 +1,6 @@
 //! What experiments share: kept results, other compressors, and models by how they are made.
 
 use crate::Baseline;
-use crate::device::{Draw, Style};
 use crate::external::External;
 use crate::settings::Settings;
 use crate::snapshot::Snapshot;
@@ -10,16 +9,33 @@ use crate::store::ResultStore;
 use particlegs::Error;
 use particlegs::Result;
 use particlegs::checkpoint::NoCheckpoints;
+use particlegs::camera::View;
 use particlegs::codec;
 use particlegs::compress::{CompressedModel, Options, Target, compress};
 use particlegs::fit::Effort;
 use particlegs::model::{CertificateLevel, Model};
 use particlegs::particles::{Particles, RawForm};
+use particlegs::picture::{Gray8, Size};
 use particlegs::progress::Progress;
 use particlegs::recover;
+use particlegs::reference::Reference;
+use particlegs::render::{Renderer, Scene};
 use particlegs::space::Bounds;
+use particlegs::splat::ToneStyle;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+
+/// Pictures of one thing as ParaView draws it, antialiased, by view and size.
+pub type Draw<'a> = Box<dyn Fn(&View, Size) -> Result<Gray8> + 'a>;
+
+/// What of all particles is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Style {
+    /// ParaView's own picture, shot noise and all.
+    Paraview,
+    /// Its mean without that noise.
+    NoiseFree,
+}
 
 /// Where experiments are done.
 pub struct Lab<'a> {
@@ -29,6 +45,9 @@ pub struct Lab<'a> {
     pub store: ResultStore,
     /// Those that the settings' device had a part in: pictures, their scores, trained models.
     pub on_device: ResultStore,
+    /// A GPU whose kernels can be timed, where one is to be measured.
+    #[cfg(feature = "gpu")]
+    pub gpu: Option<std::sync::Arc<particlegs_gpu::Device>>,
     /// Other compressors: those that need nothing else, and those of the settings' Python.
     pub baselines: Vec<Box<dyn Baseline>>,
     /// Whom to tell.
@@ -89,8 +108,16 @@ impl<'a> Lab<'a> {
         let external = settings.python.as_deref().map(External::start).transpose()?;
         let baselines = crate::baselines(external.as_ref());
         let store = ResultStore::new(folder);
-        let on_device = store.by(settings.device.name());
-        Ok(Lab { settings, store, on_device, baselines, progress })
+        let on_device = store.by(settings.device_name());
+        Ok(Lab {
+            settings,
+            store,
+            on_device,
+            #[cfg(feature = "gpu")]
+            gpu: None,
+            baselines,
+            progress,
+        })
     }
 
     /// What is not measured for want of a Python; nothing where there is one.
@@ -114,14 +141,27 @@ impl<'a> Lab<'a> {
         options.draw(model, self.progress)
     }
 
-    /// Pictures of particles with these bounds (world units) by the settings' device.
+    /// Draws particles with these bounds (world units) by the settings' device.
     pub fn draws_particles<'b>(&'b self, of: &'b Particles, bounds: Bounds, style: Style) -> Result<Draw<'b>> {
-        self.settings.device.particles(of, bounds, style, self.progress)
+        let reference = Reference::with_bounds(of, bounds);
+        let renderer: Box<dyn Renderer + 'b> = match &self.settings.device {
+            Some(device) => device.particles(reference.input(), self.progress)?,
+            None => Box::new(reference),
+        };
+        Ok(Box::new(move |view, size| match style {
+            Style::Paraview => renderer.draw(view, size, ToneStyle::Paraview, self.progress),
+            Style::NoiseFree => renderer.response(view, size, ToneStyle::Paraview, self.progress),
+        }))
     }
 
-    /// Pictures of a model by the settings' device.
+    /// Draws a model by the settings' device.
     pub fn draws_model<'b>(&'b self, of: &'b Model) -> Result<Draw<'b>> {
-        self.settings.device.model(of, self.progress)
+        let scene = Scene::new(of);
+        let renderer: Box<dyn Renderer + 'b> = match &self.settings.device {
+            Some(device) => device.scene(&scene)?,
+            None => Box::new(scene),
+        };
+        Ok(Box::new(move |view, size| renderer.draw(view, size, ToneStyle::Paraview, self.progress)))
     }
 
     /// Keeps a model that a recipe gave in `seconds`, unless there is one.

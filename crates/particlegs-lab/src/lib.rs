@@ -8,11 +8,10 @@
 //! [`experiments`] measure models beside them, each [`method`] by the pictures ([`views`]) and the [`density`] that it
 //! gives back: they find tables, plots and pictures as data ([`found`]), which [`report`] puts into files. A [`lab::Lab`]
 //! keeps results by the hash of what they were made from. Pictures are drawn, and steps taken, by a
-//! [`device::Device`].
+//! [`Accelerator`](particlegs::train::Accelerator), or the CPU where the settings name none.
 
 mod bins;
 pub mod density;
-pub mod device;
 pub mod experiments;
 pub mod external;
 pub mod found;
@@ -32,8 +31,6 @@ pub mod store;
 pub mod subset;
 mod training;
 pub mod views;
-
-pub use training::{PublishedRunStatus, TrainingScore, published};
 
 use external::External;
 use particlegs::{Error, Result};

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 const VERSION: u32 = 1;
 
 /// The commit of this program, where it was built in a repository.
-const COMMIT: Option<&str> = option_env!("PARTICLEGS_COMMIT");
+pub(crate) const COMMIT: Option<&str> = option_env!("PARTICLEGS_COMMIT");
 
 /// A folder of results.
 pub struct ResultStore {

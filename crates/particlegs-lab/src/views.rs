@@ -1,7 +1,6 @@
 //! The pictures that everything is scored by: all particles in the views of three orbits, drawn once and kept.
 
-use crate::device::Style;
-use crate::lab::{Lab, or_made};
+use crate::lab::{Lab, Style, or_made};
 use crate::snapshot::Snapshot;
 use particlegs::Result;
 use particlegs::camera::{View, clipping_range};

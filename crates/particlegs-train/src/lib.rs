@@ -8,12 +8,12 @@
 // The command and the library say what users need to know; here a comment stands where a name does not say it.
 #![allow(missing_docs)]
 
+mod accelerator;
 mod adam;
 pub mod alpha;
 mod cameras;
 mod config;
 pub mod depth;
-mod device;
 mod dssim;
 mod fine_tune;
 mod held_out;
@@ -30,12 +30,12 @@ mod targets;
 mod targets_tests;
 mod zero_is_none;
 
+pub use accelerator::{Accelerator, ColumnReader, ParticleInput};
 pub use adam::Averages;
 pub use alpha::AlphaConfig;
 pub use cameras::Defaults;
 pub use config::{Cameras, Config, Preset, Stage, Start};
 pub use depth::{DepthConfig, DepthRates};
-pub use device::Device;
 pub use learner::{Crop, Densify, NonFiniteGradient, StepReport, TrainingSample};
 pub use loss::{Loss, Norm};
 pub use run::{InitialGaussians, Limits, TrainedMixture, TrainedRun, Training};

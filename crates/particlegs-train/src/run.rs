@@ -1,10 +1,10 @@
 //! A training run: stages of steps, evaluation on held-out views, checkpoints, a log.
 
+use super::accelerator::Accelerator;
 use super::alpha::{AlphaConfig, AlphaLearner, TrainingScale};
 use super::cameras::{Defaults, Views};
 use super::config::{Config, Stage};
 use super::depth::{DepthContext, DepthCpuSteps, DepthLearner};
-use super::device::Device;
 use super::held_out::HeldOutViews;
 use super::journal::{Journal, RunStatus};
 use super::learner::{Crop, Learner, StepInfo, TrainingSample};
@@ -37,7 +37,7 @@ pub struct Limits {
     /// Name of the run in messages and log, where a command has several; else empty.
     pub run: String,
     /// What takes its steps; `None` = the processor.
-    pub device: Option<Arc<dyn Device>>,
+    pub device: Option<Arc<dyn Accelerator>>,
 }
 
 impl Default for Limits {

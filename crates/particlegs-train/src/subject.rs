@@ -1,16 +1,12 @@
 //! What a run learns from.
 
-use particlegs_core::Result;
-use particlegs_core::camera::View;
-use particlegs_core::picture::{Gray8, Plane, Size};
-use particlegs_core::progress::Progress;
+use particlegs_core::render::Renderer;
 use particlegs_core::space::Bounds;
-use particlegs_core::splat::ToneStyle;
 use std::ops::Range;
 
 /// The particles of a run: their pictures to learn from and to be scored on, and where they lie.
 /// `particlegs::reference::Reference` is one.
-pub trait TrainingSubject: Sync {
+pub trait TrainingSubject: Renderer {
     fn len(&self) -> usize;
 
     fn is_empty(&self) -> bool {
@@ -27,10 +23,4 @@ pub trait TrainingSubject: Sync {
 
     /// Bounds of the particles, world units: they say between which distances a view without any draws.
     fn bounds(&self) -> Bounds;
-
-    /// The picture of all particles in a look, shot noise and all.
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8>;
-
-    /// The noise-free optical depth a pixel.
-    fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane>;
 }

@@ -15,10 +15,20 @@ use particlegs_core::picture::Size;
 use particlegs_core::picture::{Gray8, Plane};
 use particlegs_core::progress::Progress;
 use particlegs_core::progress::Silent;
+use particlegs_core::render::Renderer;
 use particlegs_core::splat::ToneStyle;
 
 /// Particles as the renderer of references draws them.
 pub(super) struct ParticleSubject<'a>(pub Reference<'a>);
+
+impl Renderer for ParticleSubject<'_> {
+    fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
+        self.0.draw(view, size, look, progress)
+    }
+    fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
+        self.0.optical_depth(view, size, progress)
+    }
+}
 
 impl TrainingSubject for ParticleSubject<'_> {
     fn len(&self) -> usize {
@@ -35,12 +45,6 @@ impl TrainingSubject for ParticleSubject<'_> {
     }
     fn bounds(&self) -> particlegs_core::space::Bounds {
         *self.0.bounds()
-    }
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, progress: &dyn Progress) -> Result<Gray8> {
-        self.0.draw(view, size, look, progress)
-    }
-    fn optical_depth(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<Plane> {
-        self.0.optical_depth(view, size, progress)
     }
 }
 

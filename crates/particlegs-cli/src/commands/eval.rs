@@ -1,7 +1,7 @@
 //! `particlegs eval MODEL SNAPSHOT...`.
 
 use crate::common::{Common, Context};
-use crate::device::{DeviceArgs, ModelAndParticles};
+use crate::device::DeviceArgs;
 use crate::inputs;
 use crate::outputs::PNG;
 use crate::pictures;
@@ -13,7 +13,6 @@ use particlegs::model::Model;
 use particlegs::particles::{Particles, Storage};
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
-use particlegs::render::{Drawer, Scene};
 use particlegs::score::{Evaluation, LookScores, MeanViewScores};
 use particlegs::{Error, Result, codec, score};
 use particlegs_files::input::name_of;
@@ -104,10 +103,8 @@ pub fn run(a: Arguments) -> Result<()> {
         ));
     }
     let (views, size, views_from) = views(&a, &model, &context)?;
-    let card =
-        a.device.open()?.map(|d| ModelAndParticles::new(&d, &Scene::new(&model), &particles, &context)).transpose()?;
-    let drawer = card.as_ref().map(|c| c as &dyn Drawer);
-    let evaluation = score::evaluate(&model, &particles, &views, size, drawer, &context)?;
+    let device = a.device.open()?;
+    let evaluation = score::evaluate(&model, &particles, &views, size, device.as_deref(), &context)?;
     let report = report(evaluation, bytes.len() as u64, &model, &particles, size, views_from);
     context.finish(&table(&report), &report)?;
     if let Some(folder) = &a.pictures {

@@ -3,7 +3,7 @@
 use crate::annotate::text::number;
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
-use crate::device::{self, DeviceArgs, ParticlePictures};
+use crate::device::DeviceArgs;
 use crate::drawing::finish::Finisher;
 use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
 use crate::drawing::run::{self, DrawingJob, PictureTarget};
@@ -18,9 +18,9 @@ use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::camera::{Extent, View, ViewSet};
 use particlegs::model::hex;
-use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::reference::Reference;
+use particlegs::render::Renderer;
 use particlegs::splat::{DEFAULT_OPACITY, ToneStyle};
 use particlegs::{Error, Result};
 use serde::Serialize;
@@ -202,13 +202,13 @@ pub fn run(a: &Arguments) -> Result<()> {
     let (args, quantities) = (&a.figure, &quantities);
     let finish = Finisher { args, colormap, quantities, subject: &subject, legend: Vec::new(), about };
     let target = PictureTarget { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
-    let card = a.device.open()?;
-    if card.is_some() && density {
+    let device = a.device.open()?;
+    if device.is_some() && density {
         let what = "densities are drawn on the processor alone".into();
         return Err(Error::Argument { what, remedy: "leave --device away".into() });
     }
-    let on_card = card.map(|d| device::on_card(&d, &particles, bounds, &context)).transpose()?;
-    let painter = ParticleDrawing { reference, style: a.style, on_card, subject: &subject, context: &context };
+    let on_device = device.map(|d| d.particles(reference.input(), &context)).transpose()?;
+    let painter = renderer(&reference, on_device, a.style, &subject, &context);
     let job = DrawingJob { painter: &painter, finish: &finish, set: &set, range, hints: false, context: &context };
     let drawn = job.draw(&target)?;
     text += &if density || !drawn.lines.is_empty() { drawn.text() } else { rows(&set, &drawn.views, count) };
@@ -241,33 +241,26 @@ fn rows(set: &ViewSet, drawn: &[RenderedView], count: u64) -> String {
     text
 }
 
-/// A snapshot, ready to be drawn.
-struct ParticleDrawing<'a> {
-    reference: Reference<'a>,
+/// Draws a snapshot, where there is one on its device.
+fn renderer<'a>(
+    reference: &'a Reference<'a>,
+    on_device: Option<Box<dyn Renderer + 'a>>,
     style: ParticleStyle,
-    on_card: Option<ParticlePictures<'a>>,
     subject: &'a ViewSubject,
     context: &'a Context,
-}
-
-impl ViewRenderer for ParticleDrawing<'_> {
-    fn draw(&self, view: &View, size: Size) -> Result<ViewContent> {
-        let (all, context) = (&self.reference, self.context as &dyn Progress);
-        let levels = match (self.style.picture(), &self.on_card) {
-            (Some((look, true)), None) => all.draw(view, size, look, context),
-            (Some((look, true)), Some(card)) => card.draw(view, size, look, context),
-            (Some((look, false)), None) => all.response(view, size, look, context),
-            (Some((look, false)), Some(card)) => card.response(view, size, look, context),
-            (None, _) => {
-                let view = self.subject.density_view(view, size);
-                return Ok(ViewContent::Density(all.surface_density(&view, size, context)?));
+) -> ViewRenderer<'a> {
+    let draw = move |view: &View, size| {
+        let renderer = on_device.as_deref().unwrap_or(reference);
+        let levels = match style.picture() {
+            Some((look, true)) => renderer.draw(view, size, look, context),
+            Some((look, false)) => renderer.response(view, size, look, context),
+            None => {
+                let view = subject.density_view(view, size);
+                return Ok(ViewContent::Density(reference.surface_density(&view, size, context)?));
             }
         };
         levels.map(ViewContent::Levels)
-    }
-
-    /// Each picture takes all threads, and memory of the snapshot's order.
-    fn side_by_side(&self) -> bool {
-        false
-    }
+    };
+    // Each picture takes all threads, and memory of the snapshot's order.
+    ViewRenderer { draw: Box::new(draw), side_by_side: false }
 }

@@ -2,7 +2,7 @@
 
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
-use crate::device::{Device, DeviceArgs, Pictures};
+use crate::device::DeviceArgs;
 use crate::drawing::finish::Finisher;
 use crate::drawing::panels::Panels;
 use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
@@ -22,6 +22,7 @@ use particlegs::picture::{Colormap, Gray8, Pixels, Rgb8, Size};
 use particlegs::progress::Progress;
 use particlegs::render::{Scene, Scratch, draw_into, surface_density};
 use particlegs::splat::ToneStyle;
+use particlegs::train::Accelerator;
 use particlegs::{Error, Result, codec, parallel};
 use particlegs_files::input::name_of;
 use serde::Serialize;
@@ -252,7 +253,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let subject = ViewSubject::of_model(model, density);
     let quantities = Quantities::of_model(model);
     let device = a.device.open()?;
-    let draws = |r| ModelDrawing::new(r, &asked, &subject, device.as_ref(), &context);
+    let draws = |r| renderer(r, &asked, &subject, device.as_deref(), &context);
     let painters = read.iter().map(draws).collect::<Result<Vec<_>>>()?;
     let set = match asked.like.clone() {
         Some((mut set, _)) => {
@@ -264,7 +265,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         None => run::views(&a.view, &a.sequence, &subject, &context)?,
     };
     let panels = a.panels.then(|| Panels {
-        painters: read.iter().zip(&painters).map(|(r, p)| (stem(&r.source.name), p as &dyn ViewRenderer)).collect(),
+        painters: read.iter().zip(&painters).map(|(r, p)| (stem(&r.source.name), p)).collect(),
         captions: a.captions.clone(),
         columns: a.columns,
     });
@@ -360,65 +361,46 @@ fn about(asked: &RenderOptions, read: &[SourceModel], quantities: &Quantities) -
     }
 }
 
-/// A model, ready to be drawn.
-struct ModelDrawing<'a> {
-    scene: Scene<'a>,
-    /// Each layer alone, where colours tell them apart.
-    layers: Vec<Model>,
-    look: Option<ToneStyle>,
-    /// Drawn on a graphics card.
-    pictures: Option<Pictures>,
+/// Draws a model.
+fn renderer<'a>(
+    read: &'a SourceModel,
+    asked: &RenderOptions,
     subject: &'a ViewSubject,
-    scratch: parallel::Scratch<Scratch>,
+    device: Option<&dyn Accelerator>,
     context: &'a Context,
-}
-
-impl<'a> ModelDrawing<'a> {
-    fn new(
-        read: &'a SourceModel,
-        asked: &RenderOptions,
-        subject: &'a ViewSubject,
-        device: Option<&Device>,
-        context: &'a Context,
-    ) -> Result<Self> {
-        let look = asked.style.look();
-        if look.is_none() && read.model.metadata.law == LawKind::AlphaBlend {
-            let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
-            let hint = "draw particles with `recover`, then their density with `reference --style density`".to_string();
-            return Err(Error::Argument { what, remedy: hint.into() });
-        }
-        let layers = if asked.color_by_layer { layers::apart(&read.model)? } else { Vec::new() };
-        let scene = Scene::new(&read.model);
-        if device.is_some() && (look.is_none() || !layers.is_empty()) {
-            let what = "densities and coloured layers are drawn on the processor alone".into();
-            return Err(Error::Argument { what, remedy: "leave --device away".into() });
-        }
-        let pictures = device.map(|d| Pictures::new(d, &scene)).transpose()?;
-        Ok(ModelDrawing { scene, layers, look, pictures, subject, scratch: parallel::Scratch::default(), context })
+) -> Result<ViewRenderer<'a>> {
+    let look = asked.style.look();
+    if look.is_none() && read.model.metadata.law == LawKind::AlphaBlend {
+        let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
+        let hint = "draw particles with `recover`, then their density with `reference --style density`".to_string();
+        return Err(Error::Argument { what, remedy: hint.into() });
     }
-}
-
-impl ViewRenderer for ModelDrawing<'_> {
-    fn draw(&self, view: &View, size: Size) -> Result<ViewContent> {
-        let Some(look) = self.look else {
-            let view = self.subject.density_view(view, size);
-            return Ok(ViewContent::Density(surface_density(&self.scene, &view, size, self.context)?));
+    // Each layer alone, where colours tell them apart.
+    let layers = if asked.color_by_layer { layers::apart(&read.model)? } else { Vec::new() };
+    let scene = Scene::new(&read.model);
+    if device.is_some() && (look.is_none() || !layers.is_empty()) {
+        let what = "densities and coloured layers are drawn on the processor alone".into();
+        return Err(Error::Argument { what, remedy: "leave --device away".into() });
+    }
+    let on_device = device.map(|d| d.scene(&scene)).transpose()?;
+    let side_by_side = on_device.is_none();
+    let scratch = parallel::Scratch::<Scratch>::default();
+    let draw = move |view: &View, size: Size| {
+        let Some(look) = look else {
+            let view = subject.density_view(view, size);
+            return Ok(ViewContent::Density(surface_density(&scene, &view, size, context)?));
         };
-        if !self.layers.is_empty() {
-            return layers::draw(&self.layers, view, size, look, self.context);
+        if !layers.is_empty() {
+            return layers::draw(&layers, view, size, look, context);
         }
-        self.context.require_memory("a picture", size.pixels() as u64)?;
-        if let Some(pictures) = &self.pictures {
-            return Ok(ViewContent::Levels(pictures.draw(view, size, look)?));
+        context.require_memory("a picture", size.pixels() as u64)?;
+        if let Some(renderer) = &on_device {
+            return Ok(ViewContent::Levels(renderer.draw(view, size, look, context)?));
         }
         let mut picture = Gray8::black(size);
-        self.scratch.with(|scratch| {
-            draw_into(&self.scene, view, look, Pixels::new(size, &mut picture.data)?, scratch, self.context)
-        })?;
+        scratch
+            .with(|scratch| draw_into(&scene, view, look, Pixels::new(size, &mut picture.data)?, scratch, context))?;
         Ok(ViewContent::Levels(picture))
-    }
-
-    fn side_by_side(&self) -> bool {
-        self.pictures.is_none()
-    }
+    };
+    Ok(ViewRenderer { draw: Box::new(draw), side_by_side })
 }

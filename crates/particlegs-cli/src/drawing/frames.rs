@@ -37,10 +37,10 @@ pub struct FrameOutputs<'a> {
 }
 
 /// The range that all of these views have in common: each is drawn once for it.
-fn one_range(painter: &dyn ViewRenderer, finish: &Finisher<'_>, set: &ViewSet, context: &Context) -> Result<[f64; 2]> {
+fn one_range(painter: &ViewRenderer<'_>, finish: &Finisher<'_>, set: &ViewSet, context: &Context) -> Result<[f64; 2]> {
     context.begin("one range for all frames", set.views.len() as u64);
     let of = |view: &View| {
-        let range = finish.range_of(&painter.draw(view, set.size)?);
+        let range = finish.range_of(&(painter.draw)(view, set.size)?);
         context.advance(1);
         Ok(range)
     };
@@ -50,8 +50,8 @@ fn one_range(painter: &dyn ViewRenderer, finish: &Finisher<'_>, set: &ViewSet, c
 }
 
 /// Work on every view, side by side where the painter allows it.
-fn each<T: Send>(painter: &dyn ViewRenderer, views: &[View], of: impl Fn(&View) -> Result<T> + Sync) -> Result<Vec<T>> {
-    match painter.side_by_side() {
+fn each<T: Send>(painter: &ViewRenderer<'_>, views: &[View], of: impl Fn(&View) -> Result<T> + Sync) -> Result<Vec<T>> {
+    match painter.side_by_side {
         true => parallel::try_map_range(views.len(), |i| of(&views[i])),
         false => views.iter().map(of).collect(),
     }
@@ -72,7 +72,7 @@ pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries
     let frame = |view: &View| {
         context.check()?;
         let started = Instant::now();
-        let seen: ViewContent = painter.draw(view, set.size)?;
+        let seen: ViewContent = (painter.draw)(view, set.size)?;
         let (image, dpi) = finish.pixels(seen, view, shown)?;
         of_one_size(&size, &image)?;
         if let Some(out) = into.files {

@@ -55,7 +55,7 @@ pub fn views(args: &ViewArgs, of: &SequenceArgs, subject: &ViewSubject, context:
 /// What is drawn, and how.
 pub struct DrawingJob<'a> {
     /// What can be drawn.
-    pub painter: &'a dyn ViewRenderer,
+    pub painter: &'a ViewRenderer<'a>,
     /// How it is finished.
     pub finish: &'a Finisher<'a>,
     /// The views.
@@ -104,7 +104,7 @@ impl DrawingJob<'_> {
         for view in &set.views {
             let started = Instant::now();
             let mut seconds = 0.0;
-            let drawn = painter.draw(view, set.size).and_then(|seen| {
+            let drawn = (painter.draw)(view, set.size).and_then(|seen| {
                 seconds = started.elapsed().as_secs_f64();
                 seen.say_if_empty(view, context);
                 if let Some(grey) = seen.dark().filter(|_| self.hints && views.is_empty()) {

@@ -215,6 +215,23 @@ fn a_device_measures_what_the_processor_measures() {
     assert!(card.0.iter().zip(&processor.0).all(|(a, b)| (a - b).abs() < 0.02), "{card:?} {processor:?}");
 }
 
+/// Rows of a table that `bench gpu` found, by the heads of its columns.
+#[cfg(all(feature = "gpu", feature = "lab"))]
+fn rows(found: &serde_json::Value, name: &str) -> Vec<serde_json::Value> {
+    let table = found["tables"].as_array().unwrap().iter().find(|t| t["name"] == name);
+    let table = table.unwrap_or_else(|| panic!("{name}: {found}"));
+    let heads = table["columns"].as_array().unwrap();
+    let value = |cell: &serde_json::Value| if cell.is_object() { cell["value"].clone() } else { cell.clone() };
+    let row = |cells: &serde_json::Value| -> serde_json::Value {
+        let cells = heads.iter().zip(cells.as_array().unwrap());
+        cells
+            .map(|(head, cell)| (head.as_str().unwrap().to_string(), value(cell)))
+            .collect::<serde_json::Map<_, _>>()
+            .into()
+    };
+    table["rows"].as_array().unwrap().iter().map(row).collect()
+}
+
 /// `bench gpu`: every row with numbers that can be; the published recipe in pieces, and rows that are kept meanwhile.
 #[cfg(all(feature = "gpu", feature = "lab"))]
 #[test]
@@ -230,43 +247,52 @@ fn a_device_is_measured_and_trains_in_pieces() {
         serde_json::from_slice(&done.stdout).unwrap()
     };
     let first = piece("0.0005");
-    let rows = |of: &str| first[of].as_array().unwrap().clone();
     let positive = |row: &serde_json::Value, names: &[&str]| {
         names.iter().for_each(|name| assert!(row[*name].as_f64().unwrap() > 0.0, "{name}: {row}"));
     };
-    positive(&first, &["copied_bytes_per_second", "additions_per_second", "operations_per_second"]);
-    assert_eq!(rows("not_measured"), Vec::<serde_json::Value>::new());
+    positive(&rows(&first, "gpu-rates")[0], &["copies, GB/s", "G atomic adds/s", "G float32 operations/s"]);
+    assert!(!first["notes"].to_string().contains("Not measured"), "{first}");
     let of_law = |rows: &[serde_json::Value], law: &str| rows.iter().filter(|r| r["law"] == law).count();
-    let (frames, training) = (rows("frames"), rows("training"));
+    let (frames, training, particles) =
+        (rows(&first, "gpu-frames"), rows(&first, "gpu-steps"), rows(&first, "gpu-particles"));
     assert_eq!([of_law(&frames, "optical-depth"), of_law(&frames, "alpha-blend"), frames.len()], [8, 4, 12]);
     assert_eq!([of_law(&training, "optical-depth"), of_law(&training, "alpha-blend"), training.len()], [2, 1, 3]);
-    let timed = first["particles"]["stages"].is_array();
-    for row in frames.iter().chain(&training).chain([&first["particles"]]) {
-        positive(row, &["bytes", "operations", "width", "height"]);
+    assert_eq!(particles.len(), 1);
+    for row in frames.iter().chain(&training).chain(&particles) {
+        positive(row, &["GB", "G ops"]);
+        let pixels = row["pixels"].as_str().unwrap().split('x').map(|n| n.parse::<u64>().unwrap()).collect::<Vec<_>>();
+        assert!(pixels.len() == 2 && pixels.iter().all(|n| *n > 0), "{row}");
         // Nothing is added up by the other law.
-        assert_eq!(row["additions"].as_f64().unwrap() > 0.0, row["law"] != "alpha-blend", "{row}");
-        let kernels = row["stages"].as_array().map_or(0, Vec::len);
-        assert!(if timed { kernels > 2 } else { row["stages"].is_null() }, "{row}");
+        assert_eq!(row["G adds"].as_f64().unwrap() > 0.0, row["law"] != "alpha-blend", "{row}");
     }
+    let mut kernels = std::collections::BTreeMap::new();
+    for row in rows(&first, "gpu-kernels") {
+        *kernels.entry(row["of"].to_string()).or_insert(0) += 1;
+    }
+    // Those of every row, or of none.
+    assert!(kernels.is_empty() || kernels.len() == 12 + 3 + 1, "{kernels:?}");
+    assert!(kernels.values().all(|n| *n > 2), "{kernels:?}");
     for row in &frames {
-        positive(row, &["gaussians", "frames_per_second", "frames_per_second_read_back", "footprints", "radius_px"]);
+        positive(row, &["Gaussians", "frames/s", "frames/s, read back", "footprints", "radius, px"]);
     }
     for row in &training {
-        positive(row, &["gaussians", "steps_per_second", "footprints"]);
-        let loss = |k: usize| row["losses"][k].as_f64().unwrap();
-        assert!(loss(1) > 0.0 && loss(1) < loss(0), "{row}");
+        positive(row, &["Gaussians", "steps/s", "footprints"]);
+        let loss = |name: &str| row[name].as_f64().unwrap();
+        assert!(loss("last loss") > 0.0 && loss("last loss") < loss("first loss"), "{row}");
     }
-    positive(&first["particles"], &["particles", "seconds_a_picture"]);
+    positive(&particles[0], &["particles", "s a picture"]);
     // The recipe goes on where it was, on the same particles; the rows are those of the first time.
     let second = piece("5");
-    assert_eq!([&first["frames"], &first["training"]], [&second["frames"], &second["training"]]);
-    let number = |of: &serde_json::Value, name: &str| of["recipe"][name].as_f64().unwrap_or_else(|| panic!("{of}"));
-    let [before, after] = [&first, &second].map(|of| number(of, "iterations"));
+    assert_eq!((frames, training), (rows(&second, "gpu-frames"), rows(&second, "gpu-steps")));
+    let number =
+        |of: &serde_json::Value, name: &str| rows(of, "gpu-recipe")[0][name].as_f64().unwrap_or_else(|| panic!("{of}"));
+    let [before, after] = [&first, &second].map(|of| number(of, "steps"));
     assert!(before < after && after == number(&second, "of"), "{before} {after}");
-    assert!(number(&first, "seconds") > 0.0 && number(&second, "seconds") > number(&first, "seconds"));
-    let [before, after] = [&first, &second].map(|of| number(of, "held_out_masked_psnr"));
+    let [before, after] = [&first, &second].map(|of| number(of, "s of all pieces"));
+    assert!(before > 0.0 && after > before);
+    let [before, after] = [&first, &second].map(|of| number(of, "held out, masked PSNR, dB"));
     assert!(before > 5.0 && after >= before, "{before} {after}");
     let kept: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(folder.path().join("gpu.json")).unwrap()).unwrap();
-    assert_eq!(kept, second);
+        serde_json::from_slice(&std::fs::read(folder.path().join("results.json")).unwrap()).unwrap();
+    assert_eq!(kept["experiments"]["gpu"], second);
 }

@@ -10,7 +10,7 @@ use particlegs_core::picture::psnr;
 use particlegs_core::progress::Silent;
 use particlegs_core::render::alpha::network::twin::stirred;
 use particlegs_core::render::alpha::{BRIGHTEST, CutOffs, Plan};
-use particlegs_core::render::{self, Scene};
+use particlegs_core::render::{self, Renderer, Scene};
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
 
@@ -135,7 +135,7 @@ fn cases() -> Vec<AlphaRenderCase> {
 
 /// How far a picture is from core's: the largest difference in levels before rounding, pixels off by more than a
 /// hundredth of one, decibels, and the largest difference after rounding.
-fn apart(renderer: &Renderer, case: &AlphaRenderCase) -> (f64, usize, f64, u8) {
+fn apart(renderer: &AlphaRenderer, case: &AlphaRenderCase) -> (f64, usize, f64, u8) {
     let scene = scene(&case.gaussians);
     let there = Gaussians::upload(renderer.device(), &scene).unwrap();
     let mut canvas = renderer.canvas(&there, case.size).unwrap();
@@ -167,7 +167,7 @@ fn apart(renderer: &Renderer, case: &AlphaRenderCase) -> (f64, usize, f64, u8) {
 #[test]
 fn kernels_agree_with_their_twins() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = AlphaRenderer::new(&device).unwrap();
     for case in cases() {
         let (worst, off, decibels, rounded) = apart(&renderer, &case);
         assert!(worst < 1.3 && off <= 20 && rounded <= 2, "{}: largest {worst:.4} levels, {off} off", case.name);
@@ -180,7 +180,7 @@ fn kernels_agree_with_their_twins() {
 #[test]
 fn the_order_is_the_processors() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = AlphaRenderer::new(&device).unwrap();
     for case in cases() {
         let scene = scene(&case.gaussians);
         let there = Gaussians::upload(&device, &scene).unwrap();
@@ -212,7 +212,7 @@ fn words(bytes: &[u8]) -> Vec<u32> {
 #[test]
 fn the_network_runs_where_it_must() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = AlphaRenderer::new(&device).unwrap();
     let gaussians = with_network(usual(1, 800, 0.05), VizRanges::TRAINING);
     let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
     let mut canvas = renderer.canvas(&there, SIZE).unwrap();
@@ -238,8 +238,8 @@ fn the_network_runs_where_it_must() {
 #[test]
 fn nothing_depends_on_order_or_on_what_was_there() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
-    let in_slabs = Renderer { most: 700, ..Renderer::new(&device).unwrap() };
+    let renderer = AlphaRenderer::new(&device).unwrap();
+    let in_slabs = AlphaRenderer { most: 700, ..AlphaRenderer::new(&device).unwrap() };
     let gaussians = with_network(usual(3, 1500, 0.1), VizRanges::TRAINING);
     let mut turned = Mixture::default();
     let (from, mut law) = (gaussians.law.alpha_blend().unwrap(), AlphaBlend::default());
@@ -251,7 +251,7 @@ fn nothing_depends_on_order_or_on_what_was_there() {
     law.vizmapper = from.vizmapper.clone();
     turned.law = Law::AlphaBlend(law);
     let inside = View { radius: 0.03, ..view([0.1, 0.2, 0.5]) };
-    let drawn = |renderer: &Renderer, m: &Mixture, most: usize, poison: bool| {
+    let drawn = |renderer: &AlphaRenderer, m: &Mixture, most: usize, poison: bool| {
         let there = Gaussians::upload_in(&device, &scene(m), most).unwrap();
         let mut canvas = renderer.canvas(&there, Size { width: 160, height: 90 }).unwrap();
         if poison {
@@ -273,7 +273,7 @@ fn nothing_depends_on_order_or_on_what_was_there() {
 }
 
 /// All ones, which are not a number and out of every range, in whatever is written before it is read.
-fn poisoned(device: &Device, gaussians: &Gaussians, canvas: &Canvas) {
+fn poisoned(device: &Device, gaussians: &Gaussians, canvas: &AlphaCanvas) {
     let lists = canvas.lists.as_ref().unwrap();
     let sorts = [&canvas.order, &lists.sort].into_iter().flat_map(|s| s.scratch.iter().chain([&s.keys, &s.values]));
     let bent = gaussians.chunks.iter().map(|c| &c.bent);
@@ -292,11 +292,12 @@ fn pictures_are_by_the_scenes_law() {
     let mut depths = gaussians.clone();
     depths.law = Law::OpticalDepth;
     let scenes = [scene(&gaussians), scene(&depths)];
-    let pictures = scenes.each_ref().map(|s| crate::render::Pictures::new(&device, s).unwrap());
+    let pictures = scenes.each_ref().map(|s| crate::render::ScenePictures::new(&device, s).unwrap());
     for size in [Size { width: 33, height: 17 }, SIZE, Size { width: 64, height: 64 }] {
         for look in ToneStyle::ALL {
             for (own, scene) in pictures.iter().zip(&scenes) {
-                let (a, b) = (own.draw(&view, size, look).unwrap(), render::draw(scene, &view, size, look, &Silent));
+                let (a, b) =
+                    (own.draw(&view, size, look, &Silent).unwrap(), render::draw(scene, &view, size, look, &Silent));
                 let b = b.unwrap();
                 assert!(a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 2), "{}", look.name());
                 assert!(psnr(&a, &b).is_none_or(|db| db > 70.0), "{}", look.name());
@@ -304,15 +305,15 @@ fn pictures_are_by_the_scenes_law() {
         }
     }
     let none = Mixture { law: Law::AlphaBlend(AlphaBlend::default()), ..Mixture::default() };
-    let none = crate::render::Pictures::new(&device, &scene(&none)).unwrap();
-    assert!(none.draw(&view, SIZE, ToneStyle::Expected).unwrap().data.iter().all(|v| *v == 0));
+    let none = crate::render::ScenePictures::new(&device, &scene(&none)).unwrap();
+    assert!(none.draw(&view, SIZE, ToneStyle::Expected, &Silent).unwrap().data.iter().all(|v| *v == 0));
 }
 
 /// What float32 does not hold, or is behind, beside or before the range, is not drawn; nothing at all is black.
 #[test]
 fn what_is_not_seen_is_not_drawn() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = AlphaRenderer::new(&device).unwrap();
     let draw = |m: &Mixture| {
         let there = Gaussians::upload(&device, &scene(m)).unwrap();
         let mut canvas = renderer.canvas(&there, SIZE).unwrap();
@@ -338,7 +339,7 @@ fn what_is_not_seen_is_not_drawn() {
 #[test]
 fn limits_are_told() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = AlphaRenderer::new(&device).unwrap();
     let gaussians = usual(5, 80, 0.05);
     let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
     let told = |e: particlegs_core::Error| {
@@ -384,7 +385,7 @@ struct TileFootprint {
 }
 
 /// The footprints of the last picture, front to back.
-fn drawn(renderer: &Renderer, canvas: &Canvas) -> Vec<TileFootprint> {
+fn drawn(renderer: &AlphaRenderer, canvas: &AlphaCanvas) -> Vec<TileFootprint> {
     let read = |b: &wgpu::Buffer| words(&renderer.device().read(b, b.size()).unwrap());
     let (order, keys) = (read(&canvas.order.values), read(&canvas.order.keys));
     let (touched, splats) = (read(&canvas.touched), read(&canvas.splats));
@@ -450,7 +451,7 @@ fn wanted(drawn: &[TileFootprint], gaussians: usize, size: Size, by_pixel: &[f32
 #[test]
 fn footprints_are_wanted_as_pixels_want_them() {
     let Some(device) = device() else { return };
-    let mut renderer = Renderer::new(&device).unwrap();
+    let mut renderer = AlphaRenderer::new(&device).unwrap();
     let whole = renderer.most;
     for case in cases() {
         let there = Gaussians::upload(&device, &scene(&case.gaussians)).unwrap();

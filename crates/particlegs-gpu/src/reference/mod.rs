@@ -14,8 +14,8 @@ mod source;
 mod tests;
 mod view;
 
-pub use pictures::Pictures;
-pub use source::{Columns, ParticleSource, ParticleStream};
+pub use pictures::ParticlePictures;
+pub use source::{ParticleSource, ParticleStream};
 
 use crate::Device;
 use crate::groups;

@@ -91,7 +91,7 @@ fn scene(m: &Mixture) -> Scene<'_> {
 #[test]
 fn kernels_agree_with_their_twins() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = DepthRenderer::new(&device).unwrap();
     for DepthRenderCase { name, gaussians, view, size } in cases() {
         let scene = scene(&gaussians);
         let there = Gaussians::upload(&device, &scene).unwrap();
@@ -126,7 +126,7 @@ fn kernels_agree_with_their_twins() {
 #[test]
 fn a_picture_of_8k_is_drawn() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = DepthRenderer::new(&device).unwrap();
     let (gaussians, size) = (mixture(1, 500, 0.05), Size { width: 7680, height: 4320 });
     assert!(PlaneLayout::of(size).words().iter().all(|w| 4 * w <= 128 << 20));
     let (scene, view) = (scene(&gaussians), view([1.0, 2.0, 6.0], [0.002, 0.05]));
@@ -162,7 +162,7 @@ fn what_is_cut_is_known_before() {
 #[test]
 fn nothing_depends_on_order_or_on_what_was_there() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = DepthRenderer::new(&device).unwrap();
     let (gaussians, size) = (mixture(3, 1500, 0.1), Size { width: 160, height: 90 });
     let mut turned = Mixture::default();
     for i in (0..gaussians.len()).rev() {
@@ -200,12 +200,12 @@ fn nothing_depends_on_order_or_on_what_was_there() {
 #[test]
 fn tiles_have_the_bits_of_atomic_adds() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = DepthRenderer::new(&device).unwrap();
     for DepthRenderCase { name, gaussians, view, size } in cases() {
         for most in [1 << 20, 1700] {
             let there = Gaussians::upload_in(&device, &scene(&gaussians), most).unwrap();
             let canvas = renderer.canvas(&there, size).unwrap();
-            let mut tiles = Tiles::new(&renderer, &there, &canvas).unwrap();
+            let mut tiles = DepthTiles::new(&renderer, &there, &canvas).unwrap();
             for look in [ToneStyle::Expected, ToneStyle::Paraview] {
                 // In that look the plane holds depth.
                 let depth = || (look == ToneStyle::Expected).then(|| renderer.depth(&canvas).unwrap().data);
@@ -227,13 +227,13 @@ fn tiles_have_the_bits_of_atomic_adds() {
 #[test]
 fn lists_of_tiles_have_an_end() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = DepthRenderer::new(&device).unwrap();
     let (gaussians, size) = (mixture(5, 300, 0.05), Size { width: 160, height: 90 });
     let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
     let canvas = renderer.canvas(&there, size).unwrap();
     let own = view([1.0, 2.0, 6.0], [0.01, 0.05]);
     let by_adds = renderer.draw(&there, &canvas, &own, ToneStyle::Expected).unwrap();
-    let mut tiles = Tiles::new(&renderer, &there, &canvas).unwrap();
+    let mut tiles = DepthTiles::new(&renderer, &there, &canvas).unwrap();
     let most = std::mem::replace(&mut tiles.most, 100);
     let long = tiles.submit(&own, ToneStyle::Expected).unwrap_err().to_string();
     assert!(long.contains("160x90") && long.contains("the 100 that") && !long.contains('\n'), "{long}");
@@ -246,7 +246,7 @@ fn lists_of_tiles_have_an_end() {
 #[test]
 fn images_are_repeated() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = DepthRenderer::new(&device).unwrap();
     let (gaussians, size) = (mixture(5, 800, 0.05), Size { width: 160, height: 90 });
     let shifts = vec![[0.0; 3], [2.0, 0.0, 0.0], [0.0, -2.0, 0.0]];
     let scene = scene(&gaussians).repeated(shifts);
@@ -263,7 +263,7 @@ fn images_are_repeated() {
 #[test]
 fn limits_are_told() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = DepthRenderer::new(&device).unwrap();
     let gaussians = mixture(5, 80, 0.05);
     let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
     let huge = renderer.canvas(&there, Size { width: 100_000, height: 100_000 }).map(drop).unwrap_err().to_string();

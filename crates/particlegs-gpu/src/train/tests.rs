@@ -1,6 +1,7 @@
 //! Steps against their twins on the processor, on whatever adapter there is.
 
 use super::*;
+use crate::GpuAccelerator;
 use crate::tests::{device, view};
 use particlegs_core::camera::View;
 use particlegs_core::math::{Random, Sym3};
@@ -10,7 +11,7 @@ use particlegs_core::progress::Silent;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
 use particlegs_train::depth::{DepthCpuSteps, DepthGaussians};
-use particlegs_train::{Crop, Device as _, Norm};
+use particlegs_train::{Accelerator, Crop, Norm};
 
 const SIZE: Size = Size { width: 160, height: 90 };
 
@@ -207,7 +208,7 @@ fn the_same_steps_give_the_same_bits_whatever_was_there() {
     let case = cases().swap_remove(3);
     let run = |poisoned: bool| {
         let mut of = parameters(&case);
-        let mut own = trainer.of_depth(&of).unwrap();
+        let mut own = *trainer.depth_steps(&of).unwrap();
         own.picture = Some(own.picture_of(case.crop.size, case.loss.dssim > 0.0).unwrap());
         if poisoned {
             own.poison();
@@ -286,7 +287,7 @@ fn a_device_that_is_gone_is_an_error() {
     let trainer = Trainer::new(&device).unwrap();
     let case = cases().swap_remove(0);
     let mut of = parameters(&case);
-    let mut own = trainer.of_depth(&of).unwrap();
+    let mut own = *trainer.depth_steps(&of).unwrap();
     steps(&mut own, &mut of, &case, 2);
     let before = of.now.clone();
     device.device.destroy();
@@ -312,7 +313,7 @@ fn a_short_run_reaches_the_processors_score() {
     use particlegs::particles::Particles;
     use particlegs::train::{Config, Limits, Preset, Start};
     let Some(device) = device() else { return };
-    let device: Arc<dyn particlegs_train::Device> = Arc::new(Trainer::new(&device).unwrap());
+    let device: Arc<dyn Accelerator> = Arc::new(GpuAccelerator::new(device));
     let column = |k: u32| -> Vec<f32> {
         let at = |i: u64| {
             let (mut own, mut of_clump) = (Random::new(5, k, i), Random::new(6, k, i % 40));
@@ -328,7 +329,7 @@ fn a_short_run_reaches_the_processors_score() {
         start_gaussians: Some(300),
         ..fast.scaled(0.06).unwrap()
     };
-    let run = |device: Option<Arc<dyn particlegs_train::Device>>| {
+    let run = |device: Option<Arc<dyn Accelerator>>| {
         let limits = Limits { device, ..Limits::default() };
         let training = Some(config.clone());
         let options = Options { target: Target::Gaussians(300), training, limits, seed: 4, ..Options::default() };

@@ -4,8 +4,7 @@
 //! Every group has the same directions, and those that draw radius and opacity have the same draws: what differs from
 //! group to group is the distance or the factor alone.
 
-use crate::device::Style;
-use crate::lab::{Lab, ModelBuild};
+use crate::lab::{Lab, ModelBuild, Style};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score, mean_of_values, told};
 pub(super) use crate::views::{masked, psnr, ssim};

@@ -93,7 +93,7 @@ fn plot(curve: &[TrainingScore], levels: Vec<(String, f64)>, size: &str) -> Plot
     }
 }
 
-fn table(curve: &[TrainingScore]) -> ResultTable {
+pub(super) fn table(curve: &[TrainingScore]) -> ResultTable {
     let heads = ["step", "masked PSNR on held-out views, dB", "Gaussians", "time of training, s"];
     let mut table = ResultTable::new("published-run-curve", "The published recipe while it trains", &heads);
     for e in curve {

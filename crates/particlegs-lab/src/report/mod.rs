@@ -4,11 +4,13 @@ mod csv;
 mod html;
 mod markdown;
 mod provenance;
+mod text;
 
 pub use csv::csv;
 pub use html::html;
 pub use markdown::markdown;
 pub use provenance::Provenance;
+pub use text::text;
 
 use crate::experiments::Experiment;
 use crate::found::ExperimentResults;

@@ -1,7 +1,6 @@
 //! Models that are trained: kept by what they were made from, and gone on with where a run was interrupted.
 
 mod heard;
-mod published;
 
 use crate::lab::{Lab, ModelBuild};
 use crate::snapshot::Snapshot;
@@ -14,7 +13,6 @@ use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::train::{Config, Densify, Limits, Preset, Stage};
 use particlegs::{Error, Result};
-pub use published::{PublishedRunStatus, published};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -151,8 +149,8 @@ pub(crate) fn trained(lab: &Lab<'_>, snapshot: &Snapshot, task: &TrainingTask) -
 }
 
 /// Limits that say nothing but what takes the steps.
-fn limits(lab: &Lab<'_>) -> Result<Limits> {
-    Ok(Limits { device: lab.settings.device.trainer()?, ..Limits::default() })
+fn limits(lab: &Lab<'_>) -> Limits {
+    Limits { device: lab.settings.device.clone(), ..Limits::default() }
 }
 
 /// [`trained`] on particles with a name for them, in pieces where there is a `piece`: training ends after it, if it is not
@@ -168,7 +166,7 @@ pub(crate) fn trained_on(
         training: task.training.clone(),
         blocks: Some(task.blocks),
         seed: task.seed,
-        limits: limits(lab)?,
+        limits: limits(lab),
         certificate: CertificateLevel::None,
         ..Options::default()
     };
@@ -196,7 +194,7 @@ pub(crate) fn tuned(
     let options = FineTuning {
         target: Target::Gaussians(most),
         training: config.clone(),
-        limits: limits(lab)?,
+        limits: limits(lab),
         memory: None,
         seed,
         certificate: CertificateLevel::None,

@@ -10,26 +10,27 @@ use crate::particles::Particles;
 use crate::picture::{Gray8, Plane, Scores, Size, decibels, is_lit, ssim};
 use crate::progress::{Level, Progress};
 use crate::reference::{Reference, uniform_box};
-use crate::render::{self, Drawer, Scene};
+use crate::render::{Renderer, Scene};
 use crate::space::Bounds;
 use crate::splat::ToneStyle;
 use crate::stats::Domain;
+use crate::train::Accelerator;
 use crate::{Error, Result};
 
 /// Scores `model` against `particles` in `views`, drawn at `size`. Views without a clipping range
 /// get the particles' own, the same for the model and the truth. A view is of the orbit that its name begins
-/// with (`far_00`). What `drawer` draws, of the same model and particles, the processor does not.
+/// with (`far_00`). `device` draws model and particles; `None` = the CPU.
 ///
 /// # Errors
 /// [`Error::Input`] for particles that are not in the model's unit of length ([`Particles::in_units`]);
 /// [`Error::Argument`] where there is no view or one has a number outside its range;
-/// [`Error::Memory`], [`Error::Cancelled`]; those of the drawer.
+/// [`Error::Memory`], [`Error::Cancelled`]; those of the device.
 pub fn evaluate(
     model: &Model,
     particles: &Particles,
     views: &[View],
     size: Size,
-    drawer: Option<&dyn Drawer>,
+    device: Option<&dyn Accelerator>,
     progress: &dyn Progress,
 ) -> Result<Evaluation> {
     let (meta, to) = (&particles.meta, model.metadata.unit_system());
@@ -37,7 +38,12 @@ pub fn evaluate(
         return Err(Error::input(&meta.name, "its unit of length is not the model's: convert it first"));
     }
     let truth = Reference::new(particles);
-    ModelComparison { drawer, ..ModelComparison::new(model, &truth, None) }.evaluate(views, size, progress)
+    let mut comparison = ModelComparison::new(model, &truth, None);
+    if let Some(device) = device {
+        let scene = device.scene(&comparison.scene)?;
+        comparison.on_device = Some([device.particles(truth.input(), progress)?, scene]);
+    }
+    comparison.evaluate(views, size, progress)
 }
 
 /// Progress that says which view a phase belongs to.
@@ -97,8 +103,8 @@ pub(super) struct ModelComparison<'a> {
     even: Domain,
     /// The particles' own rival, and whether it is drawn in all looks.
     subset: Option<(&'a RandomSubset, bool)>,
-    /// What draws model and snapshot in place of the processor.
-    drawer: Option<&'a dyn Drawer>,
+    /// Snapshot and model on a device that draws them; `None` = the CPU does.
+    on_device: Option<[Box<dyn Renderer + 'a>; 2]>,
 }
 
 impl<'a> ModelComparison<'a> {
@@ -106,7 +112,7 @@ impl<'a> ModelComparison<'a> {
     /// all looks or in `expected` alone.
     pub fn new(model: &'a Model, truth: &'a Reference<'a>, subset: Option<(&'a RandomSubset, bool)>) -> Self {
         let even = Domain::drawn(truth.bounds(), truth.particles().meta.cell.as_ref());
-        ModelComparison { scene: Scene::new(model), truth, even, subset, drawer: None }
+        ModelComparison { scene: Scene::new(model), truth, even, subset, on_device: None }
     }
 
     /// Scores of all looks in `views`.
@@ -131,13 +137,14 @@ impl<'a> ModelComparison<'a> {
     pub fn draw(&self, view: &View, size: Size, progress: &dyn Progress) -> Result<ViewPictures> {
         // One range for all that is drawn: the model's Gaussians reach beyond the particles that the range is of.
         let view = clipped(view, self.truth.bounds());
-        let truth = ViewTruth::draw(self.truth, &view, size, self.drawer, progress)?;
+        let [truth, model]: [&dyn Renderer; 2] = match &self.on_device {
+            Some([truth, model]) => [&**truth, &**model],
+            None => [self.truth, &self.scene],
+        };
+        let truth = ViewTruth::draw(truth, &view, size, progress)?;
         let subset = self.subset.map(|(s, whole)| s.draw(self.truth, &view, size, whole, progress)).transpose()?;
         progress.begin("model", 0);
-        let tau = match self.drawer {
-            Some(drawer) => drawer.model_depth(&view, size)?,
-            None => render::optical_depth(&self.scene, &view, size, progress)?,
-        };
+        let tau = model.optical_depth(&view, size, progress)?;
         let even = uniform_box(&self.even, self.truth.particles().len() as f64, &view, size)?;
         progress.end();
         Ok(ViewPictures { truth, tau, even, subset })

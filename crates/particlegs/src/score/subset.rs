@@ -71,7 +71,7 @@ impl RandomSubset {
         let reference = Reference::with_bounds(&self.particles, *truth.bounds());
         let view = View { radius: view.radius * self.scale, ..view.clone() };
         Ok(match whole {
-            true => SubsetView::Whole(Box::new(ViewTruth::draw(&reference, &view, size, None, progress)?)),
+            true => SubsetView::Whole(Box::new(ViewTruth::draw(&reference, &view, size, progress)?)),
             false => SubsetView::Expected(reference.draw(&view, size, ToneStyle::Expected, progress)?),
         })
     }

@@ -4,8 +4,8 @@ use crate::Result;
 use crate::camera::View;
 use crate::picture::{Gray8, Plane, Size};
 use crate::progress::Progress;
-use crate::reference::{Reference, fxaa};
-use crate::render::{Drawer, Tones};
+use crate::reference::fxaa;
+use crate::render::{Renderer, Tones};
 use crate::splat::ToneStyle;
 
 /// One view of all particles: ParaView's pictures, and the noise-free optical depth.
@@ -19,21 +19,10 @@ pub(super) struct ViewTruth {
 }
 
 impl ViewTruth {
-    /// Draws all looks: ParaView's picture and the depth, by `drawer` where there is one.
-    pub fn draw(
-        particles: &Reference,
-        view: &View,
-        size: Size,
-        drawer: Option<&dyn Drawer>,
-        progress: &dyn Progress,
-    ) -> Result<Self> {
-        let (paraview_no_fxaa, tau) = match drawer {
-            Some(d) => (d.particles(view, size, progress)?, d.particles_depth(view, size, progress)?),
-            None => (
-                particles.draw(view, size, ToneStyle::ParaviewNoFxaa, progress)?,
-                particles.optical_depth(view, size, progress)?,
-            ),
-        };
+    /// Draws all looks: ParaView's picture and the depth.
+    pub fn draw(particles: &dyn Renderer, view: &View, size: Size, progress: &dyn Progress) -> Result<Self> {
+        let paraview_no_fxaa = particles.draw(view, size, ToneStyle::ParaviewNoFxaa, progress)?;
+        let tau = particles.optical_depth(view, size, progress)?;
         let tones = Tones::new(view.opacity, view.radius_pixels(size));
         Ok(ViewTruth {
             paraview: fxaa(&paraview_no_fxaa),

@@ -1,6 +1,7 @@
 //! Steps against their twins on the processor, on whatever adapter there is.
 
 use super::*;
+use crate::GpuAccelerator;
 use crate::tests::{device, view};
 use crate::train::Trainer;
 use particlegs::checkpoint::NoCheckpoints;
@@ -15,7 +16,7 @@ use particlegs_core::progress::Silent;
 use particlegs_core::render::alpha::network::twin::stirred;
 use particlegs_core::space::Bounds;
 use particlegs_train::alpha::{AlphaCpuSteps, AlphaParameters, TrainingScale};
-use particlegs_train::{Averages, Crop, Device as _, Norm};
+use particlegs_train::{Accelerator, Averages, Crop, Norm};
 
 const SIZE: Size = Size { width: 160, height: 90 };
 /// Default radius and opacity.
@@ -247,7 +248,7 @@ fn a_device_that_is_gone_is_an_error() {
 #[test]
 fn a_short_run_reaches_the_processors_score() {
     let Some(device) = device() else { return };
-    let device: Arc<dyn particlegs_train::Device> = Arc::new(Trainer::new(&device).unwrap());
+    let device: Arc<dyn Accelerator> = Arc::new(GpuAccelerator::new(device));
     // Whom density control chooses is decided by roundings: from there on two runs are as far apart as those of two seeds.
     let all = Config { evaluate_views: 4, ..Config::preset(Preset::Paper, LawKind::AlphaBlend).scaled(0.01).unwrap() };
     let mut still = Config { start_gaussians: Some(1000), ..all.clone() };
@@ -261,7 +262,7 @@ fn a_short_run_reaches_the_processors_score() {
 }
 
 /// What a run scores before and after.
-fn scores(config: &Config, seed: u64, device: Option<Arc<dyn particlegs_train::Device>>) -> [f64; 2] {
+fn scores(config: &Config, seed: u64, device: Option<Arc<dyn Accelerator>>) -> [f64; 2] {
     let column = |k: u32| -> Vec<f32> {
         let at = |i: u64| {
             let (mut own, mut of_clump) = (Random::new(5, k, i), Random::new(6, k, i % 40));

@@ -1,7 +1,6 @@
 //! What other ways make of the particles at a model's size.
 
-use crate::device::Style;
-use crate::lab::{Lab, or_made};
+use crate::lab::{Lab, Style, or_made};
 use crate::method::{BoundReport, CompressionMethod, FileContent, MethodOutput};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score, kept_picture, masked, mean, told};

@@ -2,9 +2,8 @@
 //! "Three-way comparison").
 
 use super::crops::{BRIGHTENED, close_up, whole};
-use crate::device::Style;
 use crate::found::{Pictures, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
-use crate::lab::{Lab, ModelBuild, or_made};
+use crate::lab::{Lab, ModelBuild, Style, or_made};
 use crate::snapshot::Snapshot;
 use crate::views::{self, ReferenceViews, Score, kept_picture, mean_of_values, orbit, told};
 use particlegs::Result;

@@ -11,7 +11,8 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// Models of the bundled sample, of 751 and of 668 Gaussians.
-const SAMPLES: [&[u8]; 2] = [include_bytes!("../../assets/gpu-751.pgs"), include_bytes!("../../assets/gpu-668.pgs")];
+const SAMPLES: [&[u8]; 2] =
+    [include_bytes!("../../../assets/gpu-751.pgs"), include_bytes!("../../../assets/gpu-668.pgs")];
 
 /// Default opacity.
 pub const OPACITY: f64 = 0.05;

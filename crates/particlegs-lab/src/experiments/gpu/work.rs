@@ -1,4 +1,4 @@
-//! What pictures and steps are made of, counted on the processor, and what that is at least on any card.
+//! What pictures and steps are made of, counted on the processor, and what that is at least on any GPU.
 //!
 //! Bytes are those that kernels read and write where nothing stays near the threads: columns of Gaussians (words of 4
 //! bytes), their footprints, lists, planes. Operations are those of float32 in the kernels' inner lines, counted in
@@ -18,12 +18,10 @@ use particlegs::render::lens::Lens;
 use particlegs::render::project::CameraGaussian;
 use particlegs::render::project::slices::pieces;
 use particlegs::render::raster::pyramid::{PAD, levels};
-use particlegs_gpu::Rates;
-use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
 /// What a picture or a step takes at least.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[derive(Clone, Copy)]
 pub struct WorkBound {
     pub bytes: f64,
     /// Atomic additions to words of a plane.
@@ -74,11 +72,8 @@ impl DepthWork {
             }
             own
         });
-        let sum = |a: DepthWork, b: DepthWork| DepthWork {
-            footprints: a.footprints + b.footprints,
-            additions: a.additions + b.additions,
-        };
-        Ok(runs.into_iter().fold(DepthWork { footprints: 0, additions: 0.0 }, sum))
+        let footprints = runs.iter().map(|run| run.footprints).sum();
+        Ok(DepthWork { footprints, additions: runs.iter().map(|run| run.additions).sum() })
     }
 
     /// A frame: columns (13 words) read, strokes (9 words) written and read, planes cleared, summed, read and made
@@ -213,18 +208,5 @@ impl WorkBound {
         let (n, pixels) = (count as f64, size.pixels() as f64);
         let additions = n * (6.0 * sigma + 1.0).powi(2);
         WorkBound { bytes: 24.0 * n + 25.0 * pixels, additions, operations: 2.0 * 60.0 * n + 40.0 * additions }
-    }
-
-    /// The shares of a card's rates that so many a second take, in percent, as columns.
-    pub fn shares(&self, per_second: f64, rates: &Rates) -> String {
-        let share = |of: f64, rate: f64| format!(" {:>5.1} %", 100.0 * per_second * of / rate);
-        share(self.bytes, rates.copied_bytes)
-            + &share(self.additions, rates.additions)
-            + &share(self.operations, rates.operations)
-    }
-
-    /// Their heads.
-    pub fn heads() -> String {
-        format!(" {:>7} {:>7} {:>7}", "bytes", "adds", "ops")
     }
 }
