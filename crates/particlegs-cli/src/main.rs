@@ -39,6 +39,7 @@ mod remedies;
 mod report;
 mod rows;
 mod run_args;
+mod sequence_args;
 mod snapshot_args;
 mod source;
 mod stats_plots;
@@ -48,7 +49,6 @@ mod train_args;
 mod train_log;
 mod view_args;
 mod viewed;
-mod views;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
 use std::ffi::OsString;
