@@ -1,7 +1,7 @@
 //! Surface density as numbers: NAME.f32, little-endian float32 by rows from the top, and NAME.json, which says
 //! what they are. Written by `--raw`, read by `compare`.
 
-use particlegs::camera::{DensityView, Projection};
+use particlegs::camera::{CameraRecord, DensityView, Projection};
 use particlegs::picture::{Plane, Size};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
@@ -31,18 +31,10 @@ pub struct DensityDescription {
     smooth: Option<usize>,
     projection: String,
     world_per_pixel: f64,
+    /// From where; `projection` and `world_per_pixel` say its window.
     #[serde(flatten)]
-    camera: Option<CameraKeys>,
+    camera: Option<CameraRecord>,
     name: String,
-}
-
-/// From where, by the keys of a views file.
-#[derive(Serialize, Deserialize)]
-struct CameraKeys {
-    position: [f64; 3],
-    focal_point: [f64; 3],
-    view_up: [f64; 3],
-    clipping_range: [f64; 2],
 }
 
 /// What of a plane's description the plane and its view do not say.
@@ -78,7 +70,7 @@ pub fn write(folder: &Path, view: &DensityView, plane: &Plane, means: Means) -> 
 
 fn described(view: &DensityView, size: Size, means: Means) -> DensityDescription {
     let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
-    let camera = &view.camera;
+    let record = CameraRecord::from(view.camera);
     DensityDescription {
         width: size.width,
         height: size.height,
@@ -89,12 +81,7 @@ fn described(view: &DensityView, size: Size, means: Means) -> DensityDescription
         smooth: means.smooth,
         projection: if perspective { "perspective" } else { "orthographic" }.into(),
         world_per_pixel: means.world_per_pixel,
-        camera: Some(CameraKeys {
-            position: camera.position,
-            focal_point: camera.focal_point,
-            view_up: camera.view_up,
-            clipping_range: view.range,
-        }),
+        camera: Some(CameraRecord { fov_deg: None, height_world: None, clipping_range: Some(view.range), ..record }),
         name: view.name.clone(),
     }
 }
@@ -158,7 +145,9 @@ impl DensityDescription {
     fn numbers(&self) -> Vec<f64> {
         let mut all = vec![self.world_per_pixel];
         if let Some(c) = &self.camera {
-            all.extend([c.position, c.focal_point, c.view_up].as_flattened().iter().chain(&c.clipping_range));
+            all.extend(
+                [c.position, c.focal_point, c.view_up].as_flattened().iter().chain(c.clipping_range.iter().flatten()),
+            );
         }
         all
     }

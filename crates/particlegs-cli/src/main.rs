@@ -37,6 +37,7 @@ mod remedies;
 mod report;
 mod rows;
 mod run_args;
+mod sequence_args;
 mod snapshot_args;
 mod source;
 mod stats_plots;
@@ -46,7 +47,6 @@ mod train_args;
 mod train_log;
 mod view_args;
 mod viewed;
-mod views;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
 use std::ffi::OsString;

@@ -1,7 +1,7 @@
 //! What tests of kernels share.
 
 use crate::{AdapterChoice, Checks, Device};
-use particlegs_core::camera::{Camera, Projection, View};
+use particlegs_core::camera::{Camera, View};
 use std::sync::Arc;
 
 /// The first adapter, with all checks on; says why where there is none.
@@ -18,16 +18,5 @@ pub fn device() -> Option<Arc<Device>> {
 
 /// A view of the origin from a place.
 pub fn view(position: [f64; 3], [radius, opacity]: [f64; 2]) -> View {
-    View {
-        name: "v".into(),
-        camera: Camera {
-            position,
-            focal_point: [0.0; 3],
-            view_up: [0.0, 1.0, 0.0],
-            projection: Projection::Perspective { fov_deg: 30.0 },
-            clipping_range: None,
-        },
-        radius,
-        opacity,
-    }
+    View { name: "v".into(), camera: Camera::looking_at([0.0; 3], position), radius, opacity }
 }

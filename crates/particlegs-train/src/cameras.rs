@@ -2,7 +2,7 @@
 //! radius and opacity drawn for each (docs/law/cameras.md).
 
 use super::config::{Cameras, Config};
-use particlegs_core::camera::{Camera, FOV_DEG, Projection, View, base_distance, spiral, view_up};
+use particlegs_core::camera::{Camera, View, base_distance, spiral};
 use particlegs_core::math::{Purpose, Random, each_axis};
 use particlegs_core::picture::Size;
 use particlegs_core::space::Bounds;
@@ -78,13 +78,7 @@ fn inside(of: &Defaults, index: u64) -> Camera {
     let mut draw = Random::from_purpose(Purpose::TrainingInside, of.seed, index);
     let (center, extent) = (of.bounds.center(), of.bounds.extent());
     let position = each_axis(|k| center[k] + INSIDE * (draw.uniform() - 0.5) * extent[k]);
-    Camera {
-        position,
-        focal_point: center,
-        view_up: view_up(position, center),
-        projection: Projection::Perspective { fov_deg: FOV_DEG },
-        clipping_range: None,
-    }
+    Camera::looking_at(center, position)
 }
 
 /// A view with radius and opacity drawn for it.

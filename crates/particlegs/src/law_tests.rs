@@ -97,13 +97,8 @@ const MIDDLE: usize = 40;
 
 /// A camera at the origin that looks along -z.
 fn ahead(fov_deg: f64, clipping_range: [f64; 2]) -> Camera {
-    Camera {
-        position: [0.0; 3],
-        focal_point: [0.0, 0.0, -1.0],
-        view_up: [0.0, 1.0, 0.0],
-        projection: Projection::Perspective { fov_deg },
-        clipping_range: Some(clipping_range),
-    }
+    let (projection, clipping_range) = (Projection::Perspective { fov_deg }, Some(clipping_range));
+    Camera { projection, clipping_range, ..Camera::looking_at([0.0, 0.0, -1.0], [0.0; 3]) }
 }
 
 /// One that sees a world unit a pixel, whatever the depth.

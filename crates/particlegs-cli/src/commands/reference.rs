@@ -11,9 +11,9 @@ use crate::drawing::{ViewContent, ViewRenderer};
 use crate::drawn::RenderedView;
 use crate::figure::args::FigureArgs;
 use crate::figure::output::FileKind;
+use crate::sequence_args::SequenceArgs;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
 use crate::view_args::{ViewArgs, ViewSubject};
-use crate::views::sequence_args::SequenceArgs;
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::camera::{Extent, View, ViewSet};
@@ -165,7 +165,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let extent = Extent::new(&bounds, cell.as_ref());
     let subject = ViewSubject { bounds, cell, extent, radius, opacity: DEFAULT_OPACITY, density };
     let quantities = Quantities::of_particles(&particles, a.smooth);
-    let set = run::views(&a.view, &a.sequence, &subject, &context)?;
+    let set = run::views(None, &a.view, &a.sequence, &subject, &context)?;
     let kind = a.out.as_deref().and_then(FileKind::of).unwrap_or(FileKind::Png);
     let resolved = a.figure.resolved(set.size, kind, 1).filter(|_| a.view.size.is_none());
     let set = ViewSet { size: resolved.unwrap_or(set.size), ..set };
@@ -213,8 +213,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let drawn = job.draw(&target)?;
     text += &if density || !drawn.lines.is_empty() { drawn.text() } else { rows(&set, &drawn.views, count) };
     let radii = set.views.iter().map(|v| (!density).then(|| v.radius_pixels(set.size)));
-    let rate = |d: &RenderedView| count as f64 / d.seconds().max(1e-9);
-    let fov_deg = drawn.views.iter().find_map(RenderedView::fov_deg);
+    let rate = |d: &RenderedView| count as f64 / d.seconds.max(1e-9);
     let of = |(drawn, radius_px)| ParticleView { particles_per_second: rate(&drawn), drawn, radius_px };
     let report = ReferenceReport {
         style,
@@ -223,7 +222,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         smooth_seconds,
         width: set.size.width,
         height: set.size.height,
-        fov_deg,
+        fov_deg: set.fov_deg(),
         range: drawn.range,
         views: drawn.views.into_iter().zip(radii).map(of).collect(),
     };
@@ -234,7 +233,7 @@ pub fn run(a: &Arguments) -> Result<()> {
 fn rows(set: &ViewSet, drawn: &[RenderedView], count: u64) -> String {
     let mut text = format!("{:<16} {:>8} {:>9} {:>14}", "view", "r px", "seconds", "particles/s");
     for (view, drawn) in set.views.iter().zip(drawn) {
-        let (radius_px, seconds) = (view.radius_pixels(set.size), drawn.seconds());
+        let (radius_px, seconds) = (view.radius_pixels(set.size), drawn.seconds);
         let rate = number(count as f64 / seconds.max(1e-9));
         text += &format!("\n{:<16} {radius_px:>8.3} {seconds:>9.3} {rate:>14}", view.name);
     }

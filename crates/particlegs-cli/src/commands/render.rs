@@ -13,8 +13,8 @@ use crate::figure::args::{Background, FigureArgs};
 use crate::figure::output::FileKind;
 use crate::inputs;
 use crate::picture_out::PictureOut;
+use crate::sequence_args::SequenceArgs;
 use crate::view_args::{ViewArgs, ViewSubject};
-use crate::views::sequence_args::SequenceArgs;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::camera::{View, ViewSet};
 use particlegs::model::{LawKind, Model, species_title};
@@ -255,15 +255,8 @@ pub fn run(a: &Arguments) -> Result<()> {
     let device = a.device.open()?;
     let draws = |r| renderer(r, &asked, &subject, device.as_deref(), &context);
     let painters = read.iter().map(draws).collect::<Result<Vec<_>>>()?;
-    let set = match asked.like.clone() {
-        Some((mut set, _)) => {
-            a.view.apply(&mut set)?;
-            let set = a.sequence.frames(set)?;
-            a.view.save(&set, &context)?;
-            set
-        }
-        None => run::views(&a.view, &a.sequence, &subject, &context)?,
-    };
+    let like = asked.like.as_ref().map(|(set, _)| set.clone());
+    let set = run::views(like, &a.view, &a.sequence, &subject, &context)?;
     let panels = a.panels.then(|| Panels {
         painters: read.iter().zip(&painters).map(|(r, p)| (stem(&r.source.name), p)).collect(),
         captions: a.captions.clone(),
@@ -313,7 +306,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         gaussians: read.iter().map(|r| r.model.gaussians()).sum(),
         width: set.size.width,
         height: set.size.height,
-        fov_deg: drawn.iter().find_map(RenderedView::fov_deg),
+        fov_deg: set.fov_deg(),
         range,
         views: drawn,
     };

@@ -10,9 +10,9 @@ use crate::density_args::DensityArgs;
 use crate::drawn::RenderedView;
 use crate::figure::output::FileKind;
 use crate::picture_out::PictureOut;
+use crate::sequence_args::SequenceArgs;
 use crate::view_args::{ViewArgs, ViewSubject};
-use crate::views::sequence_args::SequenceArgs;
-use particlegs::camera::ViewSet;
+use particlegs::camera::{ViewSet, ViewsFile};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::path::Path;
@@ -38,15 +38,20 @@ pub struct PictureTarget<'a> {
     pub sequence: &'a SequenceArgs,
 }
 
-/// The views that the options say, with key frames made a path.
-pub fn views(args: &ViewArgs, of: &SequenceArgs, subject: &ViewSubject, context: &Context) -> Result<ViewSet> {
-    let set = match of.key_frames(context)? {
-        Some(mut keys) => {
-            args.apply(&mut keys)?;
-            keys
-        }
-        None => args.resolve(subject, &of.turns(), context)?,
+/// The views that are given, or that the options say, with the options applied; key frames made a path.
+pub fn views(
+    given: Option<ViewSet>,
+    args: &ViewArgs,
+    of: &SequenceArgs,
+    subject: &ViewSubject,
+    context: &Context,
+) -> Result<ViewSet> {
+    let mut set = match (given, args.views.as_ref().or(of.path.as_ref())) {
+        (Some(set), _) => set,
+        (None, Some(path)) => ViewsFile::read(path, context)?.0,
+        (None, None) => args.one_view(subject, &of.turns())?,
     };
+    args.apply(&mut set)?;
     let set = of.frames(set)?;
     args.save(&set, context)?;
     Ok(set)
@@ -160,7 +165,7 @@ impl DrawingReport {
         }
         let mut text = format!("{:<16} {:>9}", "view", "seconds");
         for v in &self.views {
-            text += &format!("\n{:<16} {:>9.3}", v.name(), v.seconds());
+            text += &format!("\n{:<16} {:>9.3}", v.view.name, v.seconds);
         }
         text
     }

@@ -168,8 +168,7 @@ impl DensityView {
         let inverse = cell.inverse().ok_or_else(|| Error::argument("the periodic cell has no volume"))?;
         let frame = self.camera.frame()?;
         let window = window_corners(&frame, height_world, size, self.range);
-        let data: [[f64; 3]; 8] =
-            std::array::from_fn(|c| each_axis(|k| if c >> k & 1 == 0 { bounds.min[k] } else { bounds.max[k] }));
+        let data = bounds.corners();
         let mut ranges = [(0i64, 0i64); 3];
         let mut copies = 1.0;
         for axis in 0..3 {

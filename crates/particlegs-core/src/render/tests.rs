@@ -12,18 +12,7 @@ use crate::splat::ToneStyle;
 const SIZE: Size = Size { width: 96, height: 64 };
 
 fn view(position: [f64; 3], radius: f64, opacity: f64) -> View {
-    View {
-        name: "v".into(),
-        camera: Camera {
-            position,
-            focal_point: [0.0, 0.0, 0.0],
-            view_up: [0.0, 1.0, 0.0],
-            projection: Projection::Perspective { fov_deg: 30.0 },
-            clipping_range: None,
-        },
-        radius,
-        opacity,
-    }
+    View { name: "v".into(), camera: Camera::looking_at([0.0; 3], position), radius, opacity }
 }
 
 fn bounds() -> Bounds {

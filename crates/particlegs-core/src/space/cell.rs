@@ -32,6 +32,14 @@ impl Cell {
         Cell { origin: [0.0; 3], vectors, periodic: [true; 3] }
     }
 
+    /// Its corners; bit a of a corner's number says at which end of vector a it lies.
+    pub fn corners(&self) -> [[f64; 3]; 8] {
+        let bit = |c: usize, a: usize| (c >> a & 1) as f64;
+        std::array::from_fn(|c| {
+            each_axis(|k| self.origin[k] + (0..3).map(|a| bit(c, a) * self.vectors[a][k]).sum::<f64>())
+        })
+    }
+
     /// With lengths multiplied by `by`.
     pub fn scaled(&self, by: f64) -> Self {
         let scaled = |v: [f64; 3]| v.map(|v| v * by);

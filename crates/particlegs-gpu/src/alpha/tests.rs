@@ -28,18 +28,7 @@ struct AlphaRenderCase {
 }
 
 fn view(position: [f64; 3]) -> View {
-    View {
-        name: "v".into(),
-        camera: Camera {
-            position,
-            focal_point: [0.0; 3],
-            view_up: [0.0, 1.0, 0.0],
-            projection: Projection::Perspective { fov_deg: 30.0 },
-            clipping_range: None,
-        },
-        radius: USUAL[0],
-        opacity: USUAL[1],
-    }
+    View { name: "v".into(), camera: Camera::looking_at([0.0; 3], position), radius: USUAL[0], opacity: USUAL[1] }
 }
 
 /// A Gaussian about the middle of a cube of side 2: round, flat or long, every seventh without extent.

@@ -5,7 +5,7 @@ use crate::tests::device;
 use particlegs::particles::{Column, Particles, Positions};
 use particlegs::progress::Silent;
 use particlegs::reference;
-use particlegs_core::camera::{Camera, Projection, clipping_range};
+use particlegs_core::camera::{Camera, clipping_range};
 use particlegs_core::math::Random;
 
 /// Particles in a cube of side 2: half evenly spread, half in a clump.
@@ -28,14 +28,7 @@ fn particles(columns: &[Vec<f32>; 3]) -> Particles {
 }
 
 fn view(position: [f64; 3], radius: f64, opacity: f64) -> View {
-    let camera = Camera {
-        position,
-        focal_point: [0.0; 3],
-        view_up: [0.0, 1.0, 0.0],
-        projection: Projection::Perspective { fov_deg: 30.0 },
-        clipping_range: None,
-    };
-    View { name: "v".into(), camera, radius, opacity }
+    View { name: "v".into(), camera: Camera::looking_at([0.0; 3], position), radius, opacity }
 }
 
 /// Splats below a pixel, of some pixels, large and turned; faint and opaque; in one piece and in several.

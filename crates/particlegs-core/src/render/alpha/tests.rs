@@ -18,18 +18,7 @@ const SIZE: Size = Size { width: 83, height: 61 };
 const FRAME: Normalisation = Normalisation { center: [0.0; 3], scale: 1.0 };
 
 pub fn view(position: [f64; 3]) -> View {
-    View {
-        name: "v".into(),
-        camera: Camera {
-            position,
-            focal_point: [0.0, 0.0, 0.0],
-            view_up: [0.0, 1.0, 0.0],
-            projection: Projection::Perspective { fov_deg: 30.0 },
-            clipping_range: None,
-        },
-        radius: 0.01,
-        opacity: 0.05,
-    }
+    View { name: "v".into(), camera: Camera::looking_at([0.0; 3], position), radius: 0.01, opacity: 0.05 }
 }
 
 fn eye(position: [f64; 3]) -> Eye {

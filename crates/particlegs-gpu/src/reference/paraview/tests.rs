@@ -6,7 +6,7 @@ use crate::tests::device;
 use particlegs::particles::{Column, Particles, Positions};
 use particlegs::progress::Silent;
 use particlegs::reference;
-use particlegs_core::camera::{Camera, Projection};
+use particlegs_core::camera::Camera;
 use particlegs_core::math::Random;
 use particlegs_core::splat::ToneStyle;
 
@@ -30,13 +30,8 @@ fn columns(n: usize) -> [Vec<f32>; 3] {
 }
 
 fn view(position: [f64; 3], radius: f64, opacity: f64) -> View {
-    let camera = Camera {
-        position,
-        focal_point: [0.0; 3],
-        view_up: [0.0, 1.0, 0.0],
-        projection: Projection::Perspective { fov_deg: 30.0 },
-        clipping_range: Some(if position == FAR { [3.0, 9.0] } else { [0.01, 3.0] }),
-    };
+    let clipping_range = Some(if position == FAR { [3.0, 9.0] } else { [0.01, 3.0] });
+    let camera = Camera { clipping_range, ..Camera::looking_at([0.0; 3], position) };
     View { name: "v".into(), camera, radius, opacity }
 }
 

@@ -4,7 +4,7 @@ use super::clock::{FrameTimes, Machine, load};
 use super::command::{Cost, run};
 use super::ours;
 use super::raw::RawCopy;
-use super::views::{TimingViews, as_json};
+use super::views::TimingViews;
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
 use particlegs::picture::{Gray8, Size, masked_psnr, psnr};
@@ -109,9 +109,9 @@ fn child(
         "folder": raw.snapshot()?,
         "width": shots.size.width,
         "height": shots.size.height,
-        "first": as_json(&shots.first),
-        "cameras": shots.cameras.iter().map(as_json).collect::<Vec<_>>(),
-        "settings": shots.settings.iter().map(as_json).collect::<Vec<_>>(),
+        "first": shots.first,
+        "cameras": shots.cameras,
+        "settings": shots.settings,
         "pictures": compared.then_some(folder),
         "limit": limit,
     });

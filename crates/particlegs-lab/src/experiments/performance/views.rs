@@ -2,11 +2,10 @@
 
 use crate::lab::Lab;
 use crate::views::told;
-use particlegs::camera::{Projection, View};
+use particlegs::camera::View;
 use particlegs::model::Metadata;
 use particlegs::picture::Size;
 use particlegs::score::evaluation_views;
-use serde_json::{Value, json};
 
 /// Views of one size.
 pub(super) struct TimingViews {
@@ -37,24 +36,6 @@ impl TimingViews {
         let text: String = all.map(|v| told(v, self.size)).collect();
         blake3::hash(text.as_bytes()).to_hex()[..16].to_string()
     }
-}
-
-/// A view as lab/point_gaussian.py takes it.
-pub(super) fn as_json(v: &View) -> Value {
-    let fov_deg = match v.camera.projection {
-        Projection::Perspective { fov_deg } => fov_deg,
-        // No evaluation view is.
-        Projection::Orthographic { .. } => particlegs::camera::FOV_DEG,
-    };
-    json!({
-        "position": v.camera.position,
-        "focal_point": v.camera.focal_point,
-        "view_up": v.camera.view_up,
-        "clipping_range": v.camera.clipping_range,
-        "fov_deg": fov_deg,
-        "radius": v.radius,
-        "opacity": v.opacity,
-    })
 }
 
 /// Sizes of pictures that are timed: the settings' own, and twice that along both axes.

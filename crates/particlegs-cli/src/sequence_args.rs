@@ -1,10 +1,8 @@
 //! Frames of a film: a turn round the vertical axis, or a path through key frames.
 
-use super::path;
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueHint};
-use particlegs::camera::{ViewSet, ViewsFile};
-use particlegs::progress::Progress;
+use particlegs::camera::{ViewSet, path_through};
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
@@ -64,21 +62,15 @@ impl SequenceArgs {
 
     /// Degrees that the one view is turned by.
     pub fn turns(&self) -> Vec<f64> {
-        self.turntable.map(path::turns).unwrap_or_default()
-    }
-
-    /// The views of the path, in place of others.
-    pub fn key_frames(&self, progress: &dyn Progress) -> Result<Option<ViewSet>> {
-        let Some(file) = &self.path else { return Ok(None) };
-        let ViewsFile(set) = ViewsFile::read(file, progress)?;
-        Ok(Some(set))
+        let turns = |n| (0..n).map(|i| 360.0 * i as f64 / n as f64).collect();
+        self.turntable.map(turns).unwrap_or_default()
     }
 
     /// The frames of these views: all of them where no film is asked for.
     pub fn frames(&self, set: ViewSet) -> Result<ViewSet> {
         let views = match (self.turntable, &self.path) {
             (Some(frames), _) => match &set.views[..] {
-                [one] => path::turntable(one, frames),
+                [one] => one.turntable(frames),
                 many => {
                     let what = format!("--turntable turns one view, and there are {}", many.len());
                     return Err(Error::Argument { what, remedy: "name a views file with one view".into() });
@@ -89,7 +81,7 @@ impl SequenceArgs {
                 if frames as u64 > MOST {
                     return Err(Error::argument(format!("{frames} frames are too many: choose --frames up to {MOST}")));
                 }
-                path::through(&set.views, frames)?
+                path_through(&set.views, frames).map_err(|e| Error::argument(format!("--path: {e}")))?
             }
             (None, None) if self.video.is_some() => {
                 let what = "--video does nothing here: it belongs to --turntable and --path".to_string();
