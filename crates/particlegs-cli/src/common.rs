@@ -43,11 +43,34 @@ pub struct Common {
 
 /// One of several by its name, so that help and completion list them.
 pub fn named<T: NamedValue>() -> impl TypedValueParser<Value = T> {
-    let value = |(_, name, help): &(T, _, &'static str)| {
+    one_of(T::VALUES.iter().copied())
+}
+
+/// The value of an option that also takes `none`: not clap's `Option`, which stands for a missing option.
+pub type OrNone<T> = Option<T>;
+
+/// A value of `T`, or the value without one: its name and help.
+pub fn named_or<T: NamedValue>(name: &'static str, help: &'static str) -> impl TypedValueParser<Value = OrNone<T>> {
+    let some = T::VALUES.iter().map(|(value, name, help)| (Some(*value), *name, *help));
+    one_of(some.chain([(None, name, help)]))
+}
+
+/// A value of an option, its name and its help, which may be empty.
+pub type NamedChoice<T> = (T, &'static str, &'static str);
+
+/// One of these values by its name.
+pub fn one_of<T: Clone + Send + Sync + 'static>(
+    values: impl IntoIterator<Item = NamedChoice<T>>,
+) -> impl TypedValueParser<Value = T> {
+    let values: Vec<_> = values.into_iter().collect();
+    let possible = values.iter().map(|(_, name, help)| {
         let value = PossibleValue::new(*name);
         if help.is_empty() { value } else { value.help(*help) }
-    };
-    PossibleValuesParser::new(T::VALUES.iter().map(value)).try_map(|name| T::from_name(&name))
+    });
+    PossibleValuesParser::new(possible).try_map(move |name| {
+        let value = values.iter().find(|(_, of, _)| *of == name);
+        value.map(|(value, ..)| value.clone()).ok_or("no such value")
+    })
 }
 
 static STOP: AtomicBool = AtomicBool::new(false);

@@ -1,7 +1,7 @@
 //! How a fit is trained further: presets, a configuration file, limits. The same for `compress` and
 //! `plan`.
 
-use crate::common::named;
+use crate::common::{OrNone, named, named_or};
 use crate::inputs::WaitNotice;
 use crate::remedies;
 use clap::{Args, ValueEnum, ValueHint};
@@ -20,8 +20,8 @@ pub struct TrainArgs {
     /// Train on pictures of the particles.
     ///
     /// docs/guide/training.md describes presets, laws and hyper-parameters.
-    #[arg(long, value_enum, value_name = "PRESET", help_heading = None, hide_default_value = true, default_value_t = TrainArg::None)]
-    train: TrainArg,
+    #[arg(long, value_name = "PRESET", help_heading = None, hide_default_value = true, default_value = "none", value_parser = named_or::<Preset>("none", "No training; the default"))]
+    train: OrNone<Preset>,
     /// Image law to train for [default: optical-depth, or that of --config].
     #[arg(long, value_name = "LAW", hide_short_help = true, value_parser = named::<LawKind>())]
     law: Option<LawKind>,
@@ -54,19 +54,6 @@ pub struct TuneArgs {
 
 const FILE: Form = Form { title: "a configuration in TOML", begins: Begins::Text, most: 1 << 20, expansion: 32 };
 
-/// Presets on the command line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum TrainArg {
-    /// No training; the default.
-    None,
-    /// At most 5 minutes on two cores for a few million particles.
-    Fast,
-    /// At most 30 minutes on two cores.
-    Best,
-    /// The published recipe.
-    Paper,
-}
-
 /// What --print-config prints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum PrintConfigArg {
@@ -80,12 +67,8 @@ impl TrainArgs {
     /// What the hyper-parameters begin with; `None` = no training. A file of hyper-parameters without a
     /// preset changes `fast`.
     fn preset(&self) -> Option<Config> {
-        let preset = match self.train {
-            TrainArg::None if self.tune.config.is_none() && self.tune.print_config.is_none() => return None,
-            TrainArg::None | TrainArg::Fast => Preset::Fast,
-            TrainArg::Best => Preset::Best,
-            TrainArg::Paper => Preset::Paper,
-        };
+        let changed = self.tune.config.is_some() || self.tune.print_config.is_some();
+        let preset = self.train.or(changed.then_some(Preset::Fast))?;
         Some(Config::preset(preset, self.law.unwrap_or(LawKind::OpticalDepth)))
     }
 

@@ -1,9 +1,9 @@
 //! `particlegs recover M.pgs -o DIR`.
 
-use crate::common::{Common, named};
+use crate::common::{Common, named, one_of};
 use crate::inputs::{self, path_as_text};
 use crate::outputs::ForceArgs;
-use clap::{Args, ValueEnum, ValueHint};
+use clap::{Args, ValueHint};
 use particlegs::Result;
 use particlegs::codec;
 use particlegs::particles::RawForm;
@@ -44,22 +44,19 @@ pub struct Arguments {
     #[arg(long, alias = "layers", value_name = "NAME,...", value_delimiter = ',')]
     layer: Vec<String>,
     /// Form of the particles.
-    #[arg(long, value_enum, value_name = "FORM", default_value_t = RawFormArg::Raw)]
-    form: RawFormArg,
+    #[arg(long, value_name = "FORM", default_value = "raw", value_parser = one_of(FORMS))]
+    form: RawForm,
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
     common: Common,
 }
 
-/// Forms on the command line.
-#[derive(Clone, Copy, ValueEnum)]
-enum RawFormArg {
-    /// Float32 columns xx.f32, yy.f32, zz.f32 (and ww.f32 with weights).
-    Raw,
-    /// positions.npy, shape (N, 3), float32.
-    Npy,
-}
+/// Forms of a folder of particles.
+const FORMS: [(RawForm, &str, &str); 2] = [
+    (RawForm::Columns, "raw", "Float32 columns xx.f32, yy.f32, zz.f32 (and ww.f32 with weights)"),
+    (RawForm::NpyFolder, "npy", "positions.npy, shape (N, 3), float32"),
+];
 
 #[derive(Serialize)]
 struct RecoverReport {
@@ -94,10 +91,7 @@ pub fn run(a: Arguments) -> Result<()> {
         method: a.method,
         scale: a.scale,
         seed: a.common.seed,
-        form: match a.form {
-            RawFormArg::Raw => RawForm::Columns,
-            RawFormArg::Npy => RawForm::NpyFolder,
-        },
+        form: a.form,
         model_name: a.model.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
     };
     let hash = codec::file_hash(&bytes);

@@ -1,7 +1,7 @@
 //! `particlegs reference IN... --style S --out DIR`.
 
 use crate::annotate::text::number;
-use crate::common::{Common, Context};
+use crate::common::{Common, Context, NamedChoice, OrNone, one_of};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::device::{self, DeviceArgs, ParticlePictures};
 use crate::drawing::finish::Finisher;
@@ -59,7 +59,7 @@ pub struct Arguments {
     )]
     out: Option<PathBuf>,
     /// What to draw.
-    #[arg(long, value_enum, value_name = "STYLE", default_value_t = ParticleStyle::Paraview)]
+    #[arg(long, value_name = "STYLE", default_value = "paraview", value_parser = one_of(STYLES))]
     style: ParticleStyle,
     #[command(flatten)]
     device: DeviceArgs,
@@ -91,36 +91,22 @@ pub struct Arguments {
     common: Common,
 }
 
-/// The styles that all particles can be drawn in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum ParticleStyle {
-    /// As ParaView 6 draws by default, with shot noise: dual depth peeling, 8-bit blending, FXAA.
-    Paraview,
-    /// The same without antialiasing (FXAA).
-    ParaviewNoFxaa,
-    /// 255 (1 - exp(-tau)) for the optical depth tau: noise-free.
-    Expected,
-    /// Noise-free mean of paraview-no-fxaa.
-    Response,
-    /// Noise-free mean of paraview.
-    ResponseFxaa,
-    /// Surface density in logarithmic colours, with a colour bar and a scale bar.
-    Density,
-}
+/// How particles are drawn: as which tone style, and whether with its noise; `None` = surface density.
+type ParticleStyle = OrNone<(ToneStyle, bool)>;
 
-impl ParticleStyle {
-    /// Its look, and whether it is drawn as that look is, with its noise; none of a density.
-    fn picture(self) -> Option<(ToneStyle, bool)> {
-        match self {
-            ParticleStyle::Paraview => Some((ToneStyle::Paraview, true)),
-            ParticleStyle::ParaviewNoFxaa => Some((ToneStyle::ParaviewNoFxaa, true)),
-            ParticleStyle::Expected => Some((ToneStyle::Expected, true)),
-            ParticleStyle::Response => Some((ToneStyle::ParaviewNoFxaa, false)),
-            ParticleStyle::ResponseFxaa => Some((ToneStyle::Paraview, false)),
-            ParticleStyle::Density => None,
-        }
-    }
-}
+/// The styles that all particles can be drawn in.
+const STYLES: [NamedChoice<ParticleStyle>; 6] = [
+    (
+        Some((ToneStyle::Paraview, true)),
+        "paraview",
+        "As ParaView 6 draws by default, with shot noise: dual depth peeling, 8-bit blending, FXAA",
+    ),
+    (Some((ToneStyle::ParaviewNoFxaa, true)), "paraview-no-fxaa", "The same without antialiasing (FXAA)"),
+    (Some((ToneStyle::Expected, true)), "expected", "255 (1 - exp(-tau)) for the optical depth tau: noise-free"),
+    (Some((ToneStyle::ParaviewNoFxaa, false)), "response", "Noise-free mean of paraview-no-fxaa"),
+    (Some((ToneStyle::Paraview, false)), "response-fxaa", "Noise-free mean of paraview"),
+    (None, "density", "Surface density in logarithmic colours, with a colour bar and a scale bar"),
+];
 
 #[derive(Serialize)]
 struct ParticleView {
@@ -160,7 +146,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let mut reference = Reference::new(&particles);
     let bounds = *reference.bounds();
     let count = particles.len() as u64;
-    let (density, cell) = (a.style == ParticleStyle::Density, particles.meta.cell);
+    let (density, cell) = (a.style.is_none(), particles.meta.cell);
     let radius = bounds.default_radius(count);
     let extent = Extent::new(&bounds, cell.as_ref());
     let subject = ViewSubject { bounds, cell, extent, radius, opacity: DEFAULT_OPACITY, density };
@@ -174,7 +160,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         context.message(&note);
     }
     a.figure.note_missing(&[], &context);
-    let style = a.style.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default();
+    let style = STYLES.iter().find(|s| s.0 == a.style).map(|s| s.1.to_string()).unwrap_or_default();
     let (mut smooth_seconds, mut text) = (None, String::new());
     if let Some(neighbours) = a.smooth {
         let started = Instant::now();
@@ -253,7 +239,7 @@ struct ParticleDrawing<'a> {
 impl ViewRenderer for ParticleDrawing<'_> {
     fn draw(&self, view: &View, size: Size) -> Result<ViewContent> {
         let (all, context) = (&self.reference, self.context as &dyn Progress);
-        let levels = match (self.style.picture(), &self.on_card) {
+        let levels = match (self.style, &self.on_card) {
             (Some((look, true)), None) => all.draw(view, size, look, context),
             (Some((look, true)), Some(card)) => card.draw(view, size, look, context),
             (Some((look, false)), None) => all.response(view, size, look, context),
