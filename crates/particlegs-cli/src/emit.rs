@@ -51,7 +51,7 @@ pub fn quoted(engine: JobEngine, path: &Path) -> Result<String> {
         Some(text) if !text.contains(refused) => Ok(quote(text)),
         _ => Err(Error::Argument {
             what: format!("{}: this path cannot be written in the script of this engine", path.display()),
-            remedy: "use a path in UTF-8 without line breaks, braces, angle brackets and backslashes".into(),
+            hint: "use a path in UTF-8 without line breaks, braces, angle brackets and backslashes".into(),
         }),
     }
 }

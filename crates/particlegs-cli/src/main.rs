@@ -19,6 +19,7 @@ mod device;
 mod drawing;
 mod drawn;
 mod emit;
+mod error_text;
 mod figure;
 mod fit_args;
 #[cfg(all(feature = "gpu", feature = "lab"))]
@@ -35,7 +36,6 @@ mod pictures;
 mod plots;
 mod printable;
 mod progress;
-mod remedies;
 mod report;
 mod rows;
 mod run_args;

@@ -174,7 +174,7 @@ pub fn check(matches: &ArgMatches) -> Result<()> {
             && (rule.idle)(&given)
         {
             let what = format!("{} does nothing here: it belongs to {}", spelling(option), rule.belongs);
-            return Err(Error::Argument { what, remedy: rule.hint.into() });
+            return Err(Error::argument_with(what, rule.hint));
         }
     }
     Ok(())

@@ -23,7 +23,7 @@ impl PictureOut {
         let is_picture = FileKind::of(out).is_some() && !out.is_dir() || output::is_stream(out)?;
         if !is_picture && out.is_file() {
             let what = format!("{} is a file, and its name does not end in .png, .pdf or .svg", out.display());
-            return Err(Error::Argument { what, remedy: "name a folder, or a picture NAME.png".into() });
+            return Err(Error::argument_with(what, "name a folder, or a picture NAME.png"));
         }
         if !is_picture {
             context.makes_folder(out)?;
@@ -31,11 +31,11 @@ impl PictureOut {
         }
         if raw {
             let what = format!("{} names a picture, and --raw writes values", out.display());
-            return Err(Error::Argument { what, remedy: "name a folder: it gets NAME.f32 and NAME.json".into() });
+            return Err(Error::argument_with(what, "name a folder: it gets NAME.f32 and NAME.json"));
         }
         if views != 1 {
             let what = format!("{} names one picture, and there are {views} views", out.display());
-            return Err(Error::Argument { what, remedy: "name a folder: it gets a picture for each view".into() });
+            return Err(Error::argument_with(what, "name a folder: it gets a picture for each view"));
         }
         Ok(PictureOut::File(out.to_path_buf()))
     }

@@ -1,6 +1,6 @@
 //! How large a model is to be. Commands add what they mean where nothing is said.
 
-use crate::remedies::of_option;
+use crate::error_text::of_option;
 use clap::{Arg, Args};
 use particlegs::compress::Target;
 use particlegs::model::{Goal, GoalKind};

@@ -2,8 +2,8 @@
 //! `plan`.
 
 use crate::common::{OrNone, named, named_or};
+use crate::error_text;
 use crate::inputs::WaitNotice;
-use crate::remedies;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::model::LawKind;
 use particlegs::train::{Config, Preset};
@@ -136,10 +136,10 @@ impl TuneArgs {
             }
         }
         if let Some(scale) = self.scale {
-            config = config.scaled(scale).map_err(|e| remedies::of_option("--scale", e))?;
+            config = config.scaled(scale).map_err(|e| error_text::of_option("--scale", e))?;
         }
         if let Some(n) = self.iterations {
-            config = config.with_iterations(n).map_err(|e| remedies::of_option("--iterations", e))?;
+            config = config.with_iterations(n).map_err(|e| error_text::of_option("--iterations", e))?;
         }
         config.check()?;
         Ok(config)

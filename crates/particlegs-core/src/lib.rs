@@ -9,13 +9,13 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
 pub mod error;
+mod hint;
 pub mod math;
 pub mod memory;
 mod named;
 pub mod parallel;
 pub mod pieces;
 pub mod progress;
-mod remedy;
 pub mod space;
 
 pub mod camera;
@@ -28,5 +28,5 @@ pub mod codec;
 pub mod render;
 
 pub use error::{Error, Result};
+pub use hint::Hint;
 pub use named::NamedValue;
-pub use remedy::Remedy;

@@ -61,4 +61,4 @@ pub mod job;
 #[cfg(test)]
 mod law_tests;
 
-pub use particlegs_core::{Error, NamedValue, Remedy, Result, named_values};
+pub use particlegs_core::{Error, Hint, NamedValue, Result, named_values};

@@ -137,9 +137,9 @@ fn splats(a: &Arguments, model: &Path, bytes: &[u8], context: &Context) -> Resul
     let start = std::time::Instant::now();
     let is_ply = a.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"));
     if !is_ply || a.to.is_some() || a.tile.is_some() {
-        let what = "a model can only be converted to splats, by an output name that ends in .ply".to_string();
-        let hint = "draw particles with `recover`, then convert them".to_string();
-        return Err(Error::Argument { what, remedy: hint.into() });
+        let what = "a model can only be converted to splats, by an output name that ends in .ply";
+        let hint = "draw particles with `recover`, then convert them";
+        return Err(Error::argument_with(what, hint));
     }
     context.writes_new(&a.output, &PARTICLES)?;
     let decoded = codec::decode_with(bytes, &name_of(model), context)?;

@@ -248,9 +248,9 @@ impl Export<'_> {
     fn grid(&mut self, model: &Model, report: &mut ExportReport) -> Result<()> {
         let (a, context) = (self.a, self.context);
         if model.metadata.law == LawKind::AlphaBlend {
-            let what = "an alpha-blend model has no density: its splats hold opacities, not masses".to_string();
-            let hint = "draw particles with `recover`, or write its splats (.ply) or Gaussians (.npz)".to_string();
-            return Err(Error::Argument { what, remedy: hint.into() });
+            let what = "an alpha-blend model has no density: its splats hold opacities, not masses";
+            let hint = "draw particles with `recover`, or write its splats (.ply) or Gaussians (.npz)";
+            return Err(Error::argument_with(what, hint));
         }
         let beside = (self.kind == Kind::Npy && !is_stream(&a.output)?).then(|| a.output.with_extension("json"));
         let mut kept = self.kept;

@@ -107,9 +107,8 @@ pub fn run(a: Arguments) -> Result<()> {
             "{place}: a model of the {} law; only alpha-blend models can be fine-tuned",
             model.metadata.law.name()
         );
-        let remedy =
-            "optical-depth blocks need no fine-tuning after a merge; `compress --train` trains on the snapshot";
-        return Err(Error::Argument { what, remedy: remedy.into() });
+        let hint = "optical-depth blocks need no fine-tuning after a merge; `compress --train` trains on the snapshot";
+        return Err(Error::argument_with(what, hint));
     }
     let storage = if a.memory.is_some() { Storage::Disk(a.folder(out)) } else { Storage::Memory };
     let subset = SnapshotSubset { selection: &a.selection, window: &a.window, seed: a.common.seed };

@@ -190,8 +190,8 @@ pub fn run(a: &Arguments) -> Result<()> {
     let target = PictureTarget { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
     let card = a.device.open()?;
     if card.is_some() && density {
-        let what = "densities are drawn on the processor alone".into();
-        return Err(Error::Argument { what, remedy: "leave --device away".into() });
+        let what = "densities are drawn on the processor alone";
+        return Err(Error::argument_with(what, "leave --device away"));
     }
     let on_card = card.map(|d| device::on_card(&d, &particles, bounds, &context)).transpose()?;
     let painter = ParticleDrawing { reference, style: a.style, on_card, subject: &subject, context: &context };

@@ -219,7 +219,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let read = a.models.iter().map(|path| read(path, &asked, &context)).collect::<Result<Vec<_>>>()?;
     if read.len() > 1 && !a.panels {
         let what = format!("{} models are given, and one is drawn", read.len());
-        return Err(Error::Argument { what, remedy: "draw them into one figure with --panels".into() });
+        return Err(Error::argument_with(what, "draw them into one figure with --panels"));
     }
     let mut read = read.into_iter();
     let Some(first) = read.next() else { return Err(Error::argument("no model is given")) };
@@ -363,15 +363,15 @@ impl<'a> ModelDrawing<'a> {
     ) -> Result<Self> {
         let look = asked.style;
         if look.is_none() && read.model.metadata.law == LawKind::AlphaBlend {
-            let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
-            let hint = "draw particles with `recover`, then their density with `reference --style density`".to_string();
-            return Err(Error::Argument { what, remedy: hint.into() });
+            let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses";
+            let hint = "draw particles with `recover`, then their density with `reference --style density`";
+            return Err(Error::argument_with(what, hint));
         }
         let layers = if asked.color_by_layer { layers::apart(&read.model)? } else { Vec::new() };
         let scene = Scene::of(&read.model);
         if device.is_some() && (look.is_none() || !layers.is_empty()) {
-            let what = "densities and coloured layers are drawn on the processor alone".into();
-            return Err(Error::Argument { what, remedy: "leave --device away".into() });
+            let what = "densities and coloured layers are drawn on the processor alone";
+            return Err(Error::argument_with(what, "leave --device away"));
         }
         let pictures = device.map(|d| Pictures::new(d, &scene)).transpose()?;
         Ok(ModelDrawing { scene, layers, look, pictures, subject, scratch: parallel::Scratch::default(), context })

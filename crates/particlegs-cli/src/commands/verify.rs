@@ -157,7 +157,7 @@ impl VerifyReport {
     /// An error where what is stored is not what was measured, or cannot be at all.
     fn judge(&self, place: &str) -> Result<()> {
         let hint = "the certificate was altered, or another version of the program measured it: trust neither file nor scores before you know";
-        let differs = |what: String| Error::Differs { place: place.into(), what, remedy: hint.into() };
+        let differs = |what: String| Error::Differs { place: place.into(), what, hint: hint.into() };
         if !self.contradictions.is_empty() {
             return Err(differs(format!("its certificate contradicts itself: {}", self.contradictions.join("; "))));
         }
@@ -165,9 +165,8 @@ impl VerifyReport {
             return Err(Error::Differs {
                 place: place.into(),
                 what: format!("its {name} is {stored} in the file and {found} in the snapshot"),
-                remedy:
-                    "give the options by which the model was made (`info` shows them); else its metadata was altered"
-                        .into(),
+                hint: "give the options by which the model was made (`info` shows them); else its metadata was altered"
+                    .into(),
             });
         }
         let off: Vec<String> = self

@@ -1,10 +1,10 @@
 //! `particlegs view MODEL... [--snapshot SNAP]`.
 
 use crate::common::{Common, Context};
+use crate::error_text::of_option;
 use crate::page_args::{AppearanceArgs, PageArgs};
 use crate::printable::one_line;
 use crate::progress::to_stderr;
-use crate::remedies::of_option;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
 use crate::viewed::ModelFiles;
 use clap::{Args, ValueHint};

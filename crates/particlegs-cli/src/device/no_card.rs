@@ -56,9 +56,9 @@ impl<'a> ParticlePictures<'a> {
 
 /// Why there is none.
 pub fn open<T>(_: Option<usize>) -> Result<T> {
-    let what = "this program was built without GPU support".into();
-    let remedy = "build it with `cargo build --release -p particlegs-cli --features gpu`".into();
-    Err(Error::Argument { what, remedy })
+    let what = "this program was built without GPU support";
+    let hint = "build it with `cargo build --release -p particlegs-cli --features gpu`";
+    Err(Error::argument_with(what, hint))
 }
 
 #[cfg(feature = "lab")]

@@ -27,8 +27,8 @@ pub fn corners(fit: Fit, subject: &ViewSubject) -> Result<[[f64; 3]; 8]> {
             each_axis(|k| cell.origin[k] + (0..3).map(|a| bit(c, a) * cell.vectors[a][k]).sum::<f64>())
         })),
         (Fit::Box, None) => {
-            let what = "--fit box: no simulation box is known".to_string();
-            Err(Error::Argument { what, remedy: "fit the particles with --fit data".into() })
+            let what = "--fit box: no simulation box is known";
+            Err(Error::argument_with(what, "fit the particles with --fit data"))
         }
         (Fit::Data, _) => {
             let b = subject.bounds;

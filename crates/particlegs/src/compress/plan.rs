@@ -16,7 +16,7 @@ use crate::progress::Progress;
 use crate::score::check_radius;
 use crate::space::Bounds;
 use crate::train::Config;
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 use serde::{Deserialize, Serialize};
 
 /// What is asked for, and what is known of the whole.
@@ -54,11 +54,12 @@ impl CompressionPlan {
         }
         let alpha = options.law() == LawKind::AlphaBlend;
         if alpha && source.layers.len() > 1 {
-            let what = "the alpha-blend law has one layer, and the snapshot several".into();
-            return Err(Error::Argument { what, remedy: Remedy::ChooseSpecies });
+            let what = "the alpha-blend law has one layer, and the snapshot several";
+            return Err(Error::argument_with(what, Hint::choose_species()));
         }
         if alpha && options.certificate == CertificateLevel::Blocks {
-            let what = "models of the alpha-blend law do not add up: --certificate blocks is of the optical-depth law";
+            let what =
+                "models of the alpha-blend law do not add up: a certificate by blocks is of the optical-depth law";
             return Err(Error::argument(what));
         }
         check_box(&scan.bounds, cell, name)?;
@@ -102,7 +103,8 @@ impl CompressionPlan {
         let what = format!(
             "{bytes} bytes were asked for; of an alpha-blend model the head and the network alone take {beside}"
         );
-        Err(Error::Unreachable { what, remedy: Remedy::LargerFileOrNoNetwork })
+        let hint = Hint::from("ask for a larger file, or set `vizmapper = false` in [alpha_blend] of ");
+        Err(Error::unreachable(what, hint.option("config", "")))
     }
 
     /// The masses of a layer as the file has them: Gaussians of the alpha-blend law have no weights.
@@ -170,8 +172,8 @@ impl CompressionPlan {
                 format!("{target} bytes were asked for; the smallest file of this snapshot has {smallest} bytes");
             if self.recipe().target != Target::Default {
                 let ratio = self.raw_bytes() as f64 / smallest as f64;
-                let remedy = Remedy::LargerFile { bytes: smallest, ratio: Some(ratio) };
-                return Err(Error::Unreachable { what, remedy });
+                let hint = Hint::larger_file(smallest).words(", or for ").option("ratio", format!("{ratio:.4}"));
+                return Err(Error::unreachable(what, hint.words(" or less")));
             }
             return Ok(Some(what));
         }
