@@ -1,6 +1,6 @@
 //! The library's errors as exceptions, in its own words.
 
-use particlegs::{Error, NamedValue, Hint};
+use particlegs::{Error, Hint, NamedValue};
 use pyo3::exceptions::{
     PyFileExistsError, PyKeyboardInterrupt, PyMemoryError, PyOSError, PyRuntimeError, PyValueError,
 };

@@ -27,7 +27,7 @@ const OPENING: &[&str] = &[
     "format",
     "particle_type",
     "positions",
-    "weights",
+    "mass_field",
     "frame",
     "layers_by",
     "box_lengths",

@@ -25,9 +25,10 @@ pub struct SnapshotArgs {
     /// Field of the positions: one with three components, or three scalar fields x,y,z.
     #[arg(long, value_name = "FIELD", hide_short_help = true)]
     pub positions: Option<String>,
-    /// Field of the weights [default: the masses of a type whose masses differ, else none].
-    #[arg(long, value_name = "FIELD|none", hide_short_help = true)]
-    pub weights: Option<String>,
+    /// Field of the masses, or of what adds up as they do [default: the masses of a type whose masses differ, else none].
+    #[arg(long, alias = "weights", value_name = "FIELD|none", hide_short_help = true)]
+    #[serde(rename = "weights")]
+    pub mass_field: Option<String>,
     /// Frame of a trajectory, counted from 0 [default: the last].
     #[arg(long, value_name = "N", hide_short_help = true)]
     pub frame: Option<u64>,
@@ -207,7 +208,7 @@ impl SnapshotArgs {
             ("--format", self.format.clone()),
             ("--particle-type", types),
             ("--positions", self.positions.clone()),
-            ("--weights", self.weights.clone()),
+            ("--mass-field", self.mass_field.clone()),
             ("--frame", self.frame.map(|n| n.to_string())),
             ("--layers-by", by_mass),
             ("--box", self.box_lengths.as_ref().map(numbers)),
@@ -231,7 +232,7 @@ impl SnapshotArgs {
             Some([x, y, z]) => Some([*x, *y, *z]),
             Some(_) => return Err(Error::argument("--box takes one length or three lengths Lx,Ly,Lz")),
         };
-        let weights = match self.weights.as_deref() {
+        let weights = match self.mass_field.as_deref() {
             None => Weights::Auto,
             Some("none") => Weights::None,
             Some(field) => Weights::Field(field.into()),
@@ -289,7 +290,7 @@ mod tests {
     fn options_are_said_as_they_are_given() {
         let of = |words: &[&str]| TestCommandLine::parse_from(["x"].iter().chain(words)).snapshot.in_words();
         assert_eq!(of(&[]), None);
-        let rest = "--particle-type 1,dm --weights none --frame 3 --layers-by mass --box 2,2.5,3 --length-unit kpc \
+        let rest = "--particle-type 1,dm --mass-field none --frame 3 --layers-by mass --box 2,2.5,3 --length-unit kpc \
                     --unwrapped keep --gadget-blocks POS,ID --skip-invalid --strict";
         let all = format!("--format {} {rest}", names()[0]);
         assert_eq!(of(&all.split(' ').collect::<Vec<_>>()).as_deref(), Some(&all[..]));
