@@ -16,7 +16,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, OnceLock};
 use std::time::{Duration, Instant};
 
-/// Options of every command.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Common options")]
 pub struct Common {
@@ -58,7 +57,6 @@ pub fn named_or<T: NamedValue>(name: &'static str, help: &'static str) -> impl T
 /// A value of an option, its name and its help, which may be empty.
 pub type NamedChoice<T> = (T, &'static str, &'static str);
 
-/// One of these values by its name.
 pub fn one_of<T: Clone + Send + Sync + 'static>(
     values: impl IntoIterator<Item = NamedChoice<T>>,
 ) -> impl TypedValueParser<Value = T> {
@@ -81,11 +79,8 @@ const FOR_A_CHECKPOINT: Duration = Duration::from_secs(10);
 /// Set by SIGUSR1, which batch systems send a while before they end a task.
 static SOON: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
-/// What a command runs with.
 pub struct Context {
-    /// The options.
     pub common: Common,
-    /// The instruction set to work with.
     simd: Level,
     /// What is shown of the work; nothing under --quiet.
     meter: Option<Meter>,
@@ -167,7 +162,6 @@ impl Context {
         Context { meter: None, ..self }
     }
 
-    /// What the command reads and writes.
     pub fn outputs(&self) -> MutexGuard<'_, Outputs> {
         self.outputs.lock().unwrap_or_else(|e| e.into_inner())
     }
@@ -200,7 +194,6 @@ impl Context {
         self.line(&format!("{text}{}", self.names_files(text)))
     }
 
-    /// Files that the command writes.
     pub fn files(&self) -> MutexGuard<'_, Vec<PathBuf>> {
         self.files.lock().unwrap_or_else(|e| e.into_inner())
     }

@@ -6,7 +6,6 @@ use particlegs::camera::{DensityView, Projection, View};
 use serde::{Serialize, Serializer};
 use std::path::PathBuf;
 
-/// A picture that was drawn.
 #[derive(Serialize)]
 pub struct RenderedView {
     name: String,
@@ -58,12 +57,10 @@ impl RenderedView {
         self.fov_deg
     }
 
-    /// The view's name.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Time that it took.
     pub fn seconds(&self) -> f64 {
         self.seconds
     }

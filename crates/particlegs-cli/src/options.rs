@@ -16,13 +16,10 @@ struct OptionRule {
     options: &'static [&'static str],
     /// Do they mean nothing beside what else was given?
     idle: fn(&CommandMatches<'_>) -> bool,
-    /// What they belong to.
     belongs: &'static str,
-    /// What to do; may be empty.
     hint: &'static str,
 }
 
-/// How a snapshot is opened.
 const OPENING: &[&str] = &[
     "format",
     "particle_type",
@@ -38,7 +35,6 @@ const OPENING: &[&str] = &[
     "unwrapped",
     "gadget_blocks",
 ];
-/// What of it is kept.
 const SELECTION: &[&str] = &["region", "every", "sample", "center", "width"];
 
 /// What is about a picture, and its colours.
@@ -57,7 +53,6 @@ const FIGURE: &[&str] = &[
     "video",
 ];
 
-/// How a page opens.
 const PAGE: &[&str] = &[
     "style",
     "background",
@@ -180,7 +175,6 @@ pub fn check(matches: &ArgMatches) -> Result<()> {
     Ok(())
 }
 
-/// An option as it is typed.
 fn spelling(id: &str) -> String {
     match id {
         "box_lengths" => "--box".into(),
@@ -263,7 +257,6 @@ impl CommandMatches<'_> {
         matches!(&self.paths(id)[..], [one] if matches!(PathKind::of(one), PathKind::Model))
     }
 
-    /// Is the one part a folder?
     fn folder(&self, id: &str) -> bool {
         matches!(&self.paths(id)[..], [one] if one.is_dir())
     }

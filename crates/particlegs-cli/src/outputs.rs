@@ -31,7 +31,6 @@ pub struct ForceArgs {
 /// A model file: kept unless replacing is asked for.
 pub const MODEL: Kind = Kind { name: "a model file", kept: true, is: |_, head| codec::is_model(head) };
 
-/// A picture.
 pub const PNG: Kind = Kind { name: "a PNG", kept: false, is: |_, head| head.starts_with(b"\x89PNG\r\n\x1a\n") };
 
 /// Results as JSON. What describes a snapshot or a job is JSON too, and not replaced.
@@ -55,17 +54,14 @@ pub const LOG: Kind = Kind {
     },
 };
 
-/// A plot.
 pub const SVG: Kind = Kind {
     name: "an SVG",
     kept: false,
     is: |_, head| head.trim_ascii_start().starts_with(b"<svg") || head.windows(4).any(|w| w == b"<svg"),
 };
 
-/// A page.
 pub const PDF: Kind = Kind { name: "a PDF", kept: false, is: |_, head| head.starts_with(b"%PDF-") };
 
-/// Films.
 pub const GIF: Kind = Kind { name: "a GIF", kept: false, is: |_, head| head.starts_with(b"GIF8") };
 /// In the container of ISO 14496-12.
 pub const MP4: Kind =

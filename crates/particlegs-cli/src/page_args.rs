@@ -71,7 +71,6 @@ pub struct PageArgs {
     pub look_at: Option<Vec<f64>>,
 }
 
-/// What says where a camera is.
 const CAMERA: [&str; 5] = ["azimuth", "elevation", "distance", "projection", "look_at"];
 
 /// How particles and densities look, in pages and in splats.
@@ -92,7 +91,6 @@ pub struct AppearanceArgs {
 }
 
 impl PageArgs {
-    /// The files that are read.
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
         [&self.like, &self.views].into_iter().flatten()
     }
@@ -132,7 +130,6 @@ impl PageArgs {
         Ok(opening)
     }
 
-    /// What the options say themselves.
     fn own(&self, dials: &AppearanceArgs) -> Result<PageOpening> {
         let finite = |name: &str, value: Option<f64>| match value {
             Some(v) if !v.is_finite() => Err(Error::argument(format!("--{name} {v} is not a finite angle"))),

@@ -7,7 +7,6 @@ use particlegs::{Error, Result};
 use particlegs_files::output;
 use std::path::{Path, PathBuf};
 
-/// Where pictures go.
 #[derive(Clone, Debug)]
 pub enum PictureOut {
     /// NAME.png of each view.
@@ -52,7 +51,6 @@ impl PictureOut {
         Ok(paths)
     }
 
-    /// The file of a view's picture.
     pub fn picture(&self, view: &str) -> PathBuf {
         match self {
             PictureOut::Folder(folder) => folder.join(format!("{view}.png")),
@@ -60,7 +58,6 @@ impl PictureOut {
         }
     }
 
-    /// What its files are.
     pub fn kind(&self) -> FileKind {
         match self {
             PictureOut::Folder(_) => FileKind::Png,
@@ -68,7 +65,6 @@ impl PictureOut {
         }
     }
 
-    /// The folder that files go to.
     pub fn folder(&self) -> &Path {
         match self {
             PictureOut::Folder(folder) => folder,

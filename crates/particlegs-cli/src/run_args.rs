@@ -19,7 +19,6 @@ const SHARE_AFTER: f64 = 0.1;
 /// ... and seconds that it is at most.
 const MOST_AFTER: f64 = 60.0;
 
-/// A long run.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Training")]
 pub struct RunArgs {

@@ -13,7 +13,6 @@ use serde::Deserialize;
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
-/// Training.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Training")]
 pub struct TrainArgs {
@@ -29,7 +28,6 @@ pub struct TrainArgs {
     tune: TuneArgs,
 }
 
-/// What is changed of a preset.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Training")]
 pub struct TuneArgs {
@@ -54,7 +52,6 @@ pub struct TuneArgs {
 
 const FILE: Form = Form { title: "a configuration in TOML", begins: Begins::Text, most: 1 << 20, expansion: 32 };
 
-/// What --print-config prints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum PrintConfigArg {
     /// All hyper-parameters.
@@ -72,7 +69,6 @@ impl TrainArgs {
         Some(Config::preset(preset, self.law.unwrap_or(LawKind::OpticalDepth)))
     }
 
-    /// The file of hyper-parameters.
     pub fn config_file(&self) -> Option<&Path> {
         self.tune.config_file()
     }
@@ -95,7 +91,6 @@ impl TrainArgs {
 }
 
 impl TuneArgs {
-    /// The file of hyper-parameters.
     pub fn config_file(&self) -> Option<&Path> {
         self.config.as_deref()
     }
@@ -161,7 +156,6 @@ fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// `config` with some of its values changed.
 fn changed(config: &Config, changes: toml::Table) -> std::result::Result<Config, toml::de::Error> {
     let mut all = toml::Table::try_from(config).map_err(serde::de::Error::custom)?;
     overlay(&mut all, changes);

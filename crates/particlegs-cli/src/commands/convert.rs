@@ -3,7 +3,7 @@
 use crate::common::{Common, Context};
 use crate::inputs::{self, PathContent, path_as_text};
 use crate::outputs::{ForceArgs, PARTICLES};
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use crate::snapshot_args::ParticleArgs;
 use clap::{Args, ValueHint};
 use particlegs::particles::{RawForm, SelectedParticles, Storage, Tiling};
 use particlegs::progress::Progress;
@@ -12,7 +12,6 @@ use particlegs_files::input::name_of;
 use particlegs_formats::{Writer, write_splats};
 use std::path::{Path, PathBuf};
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
@@ -53,11 +52,7 @@ pub struct Arguments {
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
-    snapshot: SnapshotArgs,
-    #[command(flatten)]
-    selection: SelectionArgs,
-    #[command(flatten)]
-    window: WindowArgs,
+    particles: ParticleArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -80,16 +75,15 @@ fn writers() -> Vec<&'static str> {
     Writer::all().iter().map(|w| w.name).collect()
 }
 
-/// Converts.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads(a.input.iter().map(PathBuf::as_path), a.force.force)?;
     let mut choice = match &a.input[..] {
-        [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
+        [one] => match inputs::model_or_snapshot(one, &a.particles.opening, &context)? {
             PathContent::Model(bytes) => return splats(&a, one, &bytes, &context),
             PathContent::Snapshot(choice) => *choice,
         },
-        _ => a.snapshot.choice()?,
+        _ => a.particles.opening.choice()?,
     };
     let writer = match Writer::of(&a.output, a.to.as_deref()) {
         Ok(writer) => writer,
@@ -106,7 +100,7 @@ pub fn run(a: Arguments) -> Result<()> {
         Some(&[x, y, z]) => Tiling::new([x, y, z], &particles)?,
         Some(_) => return Err(Error::argument("--tile takes three numbers, such as 2,8,8")),
     };
-    let selection = a.selection.selection(&a.window, context.common.seed)?;
+    let selection = a.particles.selection.selection(&a.particles.window, context.common.seed)?;
     let start = std::time::Instant::now();
     let mut kept = SelectedParticles::new(&particles, tiling, selection, &context)?;
     if !fields.is_empty() {

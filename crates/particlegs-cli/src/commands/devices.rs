@@ -6,7 +6,6 @@ use clap::Args;
 use particlegs::Result;
 use serde::Serialize;
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -40,7 +39,6 @@ struct DeviceRow {
     features: Vec<&'static str>,
 }
 
-/// Lists them.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     let (all, advice) = device::list()?;

@@ -16,7 +16,6 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
 Coded blocks are copied, so nothing is lost, and the order of the parts does not matter. The default
@@ -59,7 +58,6 @@ struct MergeReport {
     seconds: f64,
 }
 
-/// Merges.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let start = Instant::now();
@@ -113,7 +111,6 @@ pub fn run(a: Arguments) -> Result<()> {
     context.finish(&text, &report)
 }
 
-/// The file of model files.
 fn of_files(parts: &[PathBuf], context: &Context) -> Result<Vec<u8>> {
     let mut merge = Merge::default();
     context.begin("merging", parts.len() as u64);
@@ -129,7 +126,7 @@ fn of_files(parts: &[PathBuf], context: &Context) -> Result<Vec<u8>> {
 /// The file of a job, the number of its blocks, and whether a model is there that is kept.
 fn of_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, usize, bool)> {
     let job = Job::open(folder)?;
-    let snapshot = JobSnapshot::of(&job)?;
+    let snapshot = JobSnapshot::from_job(&job)?;
     context.reads_job(folder, snapshot.paths(), a.force.force)?;
     let kept = context.writes(&a.output, &outputs::MODEL)?;
     // The same job gives the same bytes; another one's work is not begun.

@@ -14,7 +14,6 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
 The particles are SYNTHETIC: drawn from the model, not simulated. meta.json beside them says so, and
@@ -52,7 +51,6 @@ pub struct Arguments {
     common: Common,
 }
 
-/// Forms of a folder of particles.
 const FORMS: [(RawForm, &str, &str); 2] = [
     (RawForm::Columns, "raw", "Float32 columns xx.f32, yy.f32, zz.f32 (and ww.f32 with weights)"),
     (RawForm::NpyFolder, "npy", "positions.npy, shape (N, 3), float32"),
@@ -70,7 +68,6 @@ struct RecoverReport {
     particles_per_second: f64,
 }
 
-/// Draws.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads([a.model.as_path()], a.force.force)?;

@@ -11,13 +11,14 @@ use crate::drawing::{ViewContent, ViewRenderer};
 use crate::drawn::RenderedView;
 use crate::figure::args::FigureArgs;
 use crate::figure::output::FileKind;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
+use crate::snapshot_args::{ParticleArgs, SelectionArgs, SnapshotArgs};
 use crate::view_args::{ViewArgs, ViewSubject};
 use crate::views::sequence_args::SequenceArgs;
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::camera::{Extent, View, ViewSet};
 use particlegs::model::hex;
+use particlegs::particles::Storage;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::reference::Reference;
@@ -27,7 +28,6 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
@@ -135,14 +135,13 @@ struct ReferenceReport {
     views: Vec<ParticleView>,
 }
 
-/// Draws every view.
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let files = [&a.view.views, &a.sequence.path].into_iter().flatten();
     context.reads(a.input.iter().chain(files).map(PathBuf::as_path), false)?;
     let range = a.density.asked_range()?;
-    let subset = SnapshotSubset { selection: &a.selection, window: &WindowArgs::default(), seed: a.common.seed };
-    let particles = a.snapshot.open_selected(&a.input, subset, &context)?;
+    let particles = ParticleArgs::without_window(&a.snapshot, &a.selection);
+    let particles = particles.read(&a.input, a.common.seed, &Storage::Memory, &context)?;
     let mut reference = Reference::new(&particles);
     let bounds = *reference.bounds();
     let count = particles.len() as u64;
@@ -216,7 +215,6 @@ pub fn run(a: &Arguments) -> Result<()> {
     context.finish(&text, &report)
 }
 
-/// What is printed of pictures of particles.
 fn rows(set: &ViewSet, drawn: &[RenderedView], count: u64) -> String {
     let mut text = format!("{:<16} {:>8} {:>9} {:>14}", "view", "r px", "seconds", "particles/s");
     for (view, drawn) in set.views.iter().zip(drawn) {
@@ -227,7 +225,6 @@ fn rows(set: &ViewSet, drawn: &[RenderedView], count: u64) -> String {
     text
 }
 
-/// A snapshot, ready to be drawn.
 struct ParticleDrawing<'a> {
     reference: Reference<'a>,
     style: ParticleStyle,

@@ -27,7 +27,6 @@ use particlegs_files::input::name_of;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Arguments.
 #[derive(Args)]
 #[command(
     after_help = "\
@@ -138,7 +137,6 @@ struct SourceModel {
 }
 
 impl SourceModel {
-    /// Converts it to the units of another.
     fn convert(self, to: &Model, context: &Context) -> Result<SourceModel> {
         let model = self.model.in_units(&to.metadata.unit_system(), &self.source.name, context)?;
         Ok(SourceModel { model, ..self })
@@ -210,7 +208,6 @@ impl RenderOptions {
     }
 }
 
-/// Draws every view.
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let files = [&a.view.views, &a.sequence.path, &a.like].into_iter().flatten();
@@ -309,7 +306,6 @@ fn read(path: &Path, asked: &RenderOptions, context: &Context) -> Result<SourceM
     Ok(SourceModel { model, source: SourceFile { name: file, blake3: hash } })
 }
 
-/// A file's name without its ending.
 fn stem(name: &str) -> String {
     Path::new(name).file_stem().map_or(name.to_string(), |s| s.to_string_lossy().into_owned())
 }
@@ -340,13 +336,11 @@ fn about(asked: &RenderOptions, read: &[SourceModel], quantities: &Quantities) -
     }
 }
 
-/// A model, ready to be drawn.
 struct ModelDrawing<'a> {
     scene: Scene<'a>,
     /// Each layer alone, where colours tell them apart.
     layers: Vec<Model>,
     look: Option<ToneStyle>,
-    /// Drawn on a graphics card.
     pictures: Option<Pictures>,
     subject: &'a ViewSubject,
     scratch: parallel::Scratch<Scratch>,

@@ -16,7 +16,6 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_group("TargetArgs", |g| g.required(true)), after_help = "\
 Gaussians are merged in pairs, those first whose merging shows least; counts, mass and moments are
@@ -51,7 +50,6 @@ struct SimplifyReport {
     seconds: f64,
 }
 
-/// Simplifies.
 pub fn run(a: Arguments) -> Result<()> {
     let target = a.target.target()?;
     let context = a.common.start()?;
