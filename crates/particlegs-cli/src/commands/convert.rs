@@ -1,7 +1,7 @@
 //! `particlegs convert IN... -o OUT`.
 
 use crate::common::{Common, Context};
-use crate::inputs::{self, PathContent, path_as_text};
+use crate::inputs::{self, PathContent};
 use crate::outputs::{ForceArgs, PARTICLES};
 use crate::snapshot_args::ParticleArgs;
 use clap::{Args, ValueHint};
@@ -10,6 +10,7 @@ use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
 use particlegs_formats::{Writer, write_splats};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -60,16 +61,6 @@ pub struct Arguments {
 /// What `convert -h` shows of the options that other commands leave to `--help`.
 const SELECTION: [&str; 5] = ["region", "every", "sample", "center", "width"];
 
-#[derive(serde::Serialize)]
-struct ConvertReport {
-    #[serde(serialize_with = "path_as_text")]
-    output: PathBuf,
-    particles_in: u64,
-    particles: u64,
-    bytes: u64,
-    seconds: f64,
-}
-
 /// Names of the formats that can be written.
 fn writers() -> Vec<&'static str> {
     Writer::all().iter().map(|w| w.name).collect()
@@ -113,17 +104,11 @@ pub fn run(a: Arguments) -> Result<()> {
     let seconds = start.elapsed().as_secs_f64();
     let count = kept.total();
     let text = format!("{}: {count} particles, {:.1} MB, in {seconds:.1} s", a.output.display(), bytes as f64 / 1e6);
-    let particles_in = particles.len() as u64;
-    context.finish(&text, &ConvertReport { output: a.output.clone(), particles_in, particles: count, bytes, seconds })
-}
-
-#[derive(serde::Serialize)]
-struct SplatFileReport {
-    #[serde(serialize_with = "path_as_text")]
-    output: PathBuf,
-    gaussians: usize,
-    bytes: u64,
-    seconds: f64,
+    let report = json!({
+        "output": a.output.to_string_lossy(), "particles_in": particles.len(), "particles": count, "bytes": bytes,
+        "seconds": seconds,
+    });
+    context.finish(&text, &report)
 }
 
 /// A model's Gaussians as the PLY of splat viewers.
@@ -143,5 +128,8 @@ fn splats(a: &Arguments, model: &Path, bytes: &[u8], context: &Context) -> Resul
     }
     let (gaussians, seconds) = (decoded.gaussians(), start.elapsed().as_secs_f64());
     let text = format!("{}: {gaussians} splats, {:.1} MB, in {seconds:.1} s", a.output.display(), bytes as f64 / 1e6);
-    context.finish(&text, &SplatFileReport { output: a.output.clone(), gaussians, bytes, seconds })
+    let report = json!({
+        "output": a.output.to_string_lossy(), "gaussians": gaussians, "bytes": bytes, "seconds": seconds,
+    });
+    context.finish(&text, &report)
 }

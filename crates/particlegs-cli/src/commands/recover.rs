@@ -1,7 +1,7 @@
 //! `particlegs recover M.pgs -o DIR`.
 
 use crate::common::{Common, named, one_of};
-use crate::inputs::{self, path_as_text};
+use crate::inputs;
 use crate::outputs::ForceArgs;
 use clap::{Args, ValueHint};
 use particlegs::Result;
@@ -10,7 +10,7 @@ use particlegs::particles::RawForm;
 use particlegs::progress::Progress;
 use particlegs::recover::{Method, Options, recover};
 use particlegs_files::input::name_of;
-use serde::Serialize;
+use serde_json::json;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -56,18 +56,6 @@ const FORMS: [(RawForm, &str, &str); 2] = [
     (RawForm::NpyFolder, "npy", "positions.npy, shape (N, 3), float32"),
 ];
 
-#[derive(Serialize)]
-struct RecoverReport {
-    #[serde(serialize_with = "path_as_text")]
-    output: PathBuf,
-    synthetic: bool,
-    method: &'static str,
-    particles: u64,
-    bytes: u64,
-    seconds: f64,
-    particles_per_second: f64,
-}
-
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads([a.model.as_path()], a.force.force)?;
@@ -99,25 +87,19 @@ pub fn run(a: Arguments) -> Result<()> {
         }
         let text = format!("{}: is there already, drawn from this model by the same options", a.output.display());
         return context
-            .finish(&text, &serde_json::json!({ "output": a.output.to_string_lossy(), "there_already": true }));
+            .finish(&text, &json!({ "output": a.output.to_string_lossy(), "there_already": true }));
     }
     let particles = options.total(&model);
     let bytes = recover(model, hash, &options, &a.output, &context)?;
     let seconds = start.elapsed().as_secs_f64();
-    let report = RecoverReport {
-        synthetic: true,
-        method: options.method.name(),
-        particles,
-        bytes,
-        particles_per_second: particles as f64 / seconds,
-        seconds,
-        output: a.output,
-    };
     let text = format!(
-        "{}: {} synthetic particles, {:.1} MB, in {seconds:.2} s",
-        report.output.display(),
-        report.particles,
-        report.bytes as f64 / 1e6
+        "{}: {particles} synthetic particles, {:.1} MB, in {seconds:.2} s",
+        a.output.display(),
+        bytes as f64 / 1e6
     );
+    let report = json!({
+        "output": a.output.to_string_lossy(), "synthetic": true, "method": options.method.name(), "particles": particles,
+        "bytes": bytes, "seconds": seconds, "particles_per_second": particles as f64 / seconds,
+    });
     context.finish(&text, &report)
 }
