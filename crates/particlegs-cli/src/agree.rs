@@ -6,19 +6,13 @@ use serde::Serialize;
 /// One figure of a certificate, stored and measured.
 #[derive(Serialize)]
 pub struct CertificateFigure {
-    /// Which.
     pub name: String,
-    /// As the file says it.
     pub stored: String,
-    /// As it was measured now.
     pub measured: String,
-    /// How far apart they may be.
     pub tolerance: String,
-    /// Are they further apart?
     pub differs: bool,
 }
 
-/// How much was measured of a certificate.
 pub fn level_of(c: &Certificate) -> CertificateLevel {
     let full =
         |(group, entries): &(MetricGroup, Option<_>)| group.levels == [CertificateLevel::Full] && entries.is_some();

@@ -12,7 +12,6 @@ use particlegs_lab::plot;
 use particlegs_lab::report::{Provenance, Section, csv, html, markdown};
 use std::path::{Path, PathBuf};
 
-/// What says that a folder holds results.
 const RESULTS: &str = "results.json";
 
 /// The folder of kept results in a folder that is new, empty or of results.

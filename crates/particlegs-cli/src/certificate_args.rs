@@ -4,7 +4,6 @@ use crate::common::named;
 use clap::Args;
 use particlegs::model::CertificateLevel;
 
-/// The option.
 #[derive(Args, Clone, Copy, Debug)]
 pub(crate) struct CertificateArgs {
     /// How much of the decoded model is measured and stored in the file.
@@ -13,7 +12,6 @@ pub(crate) struct CertificateArgs {
 }
 
 impl CertificateArgs {
-    /// The level.
     pub fn level(&self) -> CertificateLevel {
         self.certificate
     }

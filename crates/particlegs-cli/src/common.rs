@@ -16,7 +16,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, OnceLock};
 use std::time::{Duration, Instant};
 
-/// Options of every command.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Common options")]
 pub struct Common {
@@ -43,11 +42,33 @@ pub struct Common {
 
 /// One of several by its name, so that help and completion list them.
 pub fn named<T: NamedValue>() -> impl TypedValueParser<Value = T> {
-    let value = |(_, name, help): &(T, _, &'static str)| {
+    one_of(T::VALUES.iter().copied())
+}
+
+/// The value of an option that also takes `none`: not clap's `Option`, which stands for a missing option.
+pub type OrNone<T> = Option<T>;
+
+/// A value of `T`, or the value without one: its name and help.
+pub fn named_or<T: NamedValue>(name: &'static str, help: &'static str) -> impl TypedValueParser<Value = OrNone<T>> {
+    let some = T::VALUES.iter().map(|(value, name, help)| (Some(*value), *name, *help));
+    one_of(some.chain([(None, name, help)]))
+}
+
+/// A value of an option, its name and its help, which may be empty.
+pub type NamedChoice<T> = (T, &'static str, &'static str);
+
+pub fn one_of<T: Clone + Send + Sync + 'static>(
+    values: impl IntoIterator<Item = NamedChoice<T>>,
+) -> impl TypedValueParser<Value = T> {
+    let values: Vec<_> = values.into_iter().collect();
+    let possible = values.iter().map(|(_, name, help)| {
         let value = PossibleValue::new(*name);
         if help.is_empty() { value } else { value.help(*help) }
-    };
-    PossibleValuesParser::new(T::VALUES.iter().map(value)).try_map(|name| T::from_name(&name))
+    });
+    PossibleValuesParser::new(possible).try_map(move |name| {
+        let value = values.iter().find(|(_, of, _)| *of == name);
+        value.map(|(value, ..)| value.clone()).ok_or("no such value")
+    })
 }
 
 static STOP: AtomicBool = AtomicBool::new(false);
@@ -58,11 +79,8 @@ const FOR_A_CHECKPOINT: Duration = Duration::from_secs(10);
 /// Set by SIGUSR1, which batch systems send a while before they end a task.
 static SOON: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
-/// What a command runs with.
 pub struct Context {
-    /// The options.
     pub common: Common,
-    /// The instruction set to work with.
     simd: Level,
     /// What is shown of the work; nothing under --quiet.
     meter: Option<Meter>,
@@ -144,7 +162,6 @@ impl Context {
         Context { meter: None, ..self }
     }
 
-    /// What the command reads and writes.
     pub fn outputs(&self) -> MutexGuard<'_, Outputs> {
         self.outputs.lock().unwrap_or_else(|e| e.into_inner())
     }
@@ -177,7 +194,6 @@ impl Context {
         self.line(&format!("{text}{}", self.names_files(text)))
     }
 
-    /// Files that the command writes.
     pub fn files(&self) -> MutexGuard<'_, Vec<PathBuf>> {
         self.files.lock().unwrap_or_else(|e| e.into_inner())
     }

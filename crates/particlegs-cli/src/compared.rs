@@ -12,19 +12,15 @@ use std::path::Path;
 /// Scores of the pictures that two folders share.
 #[derive(Serialize)]
 pub struct FolderComparison {
-    /// Shared names in order.
     pub views: Vec<PictureComparison>,
     /// Means over the views that have a value.
     pub mean: MeanScores,
-    /// Shared names of surface densities as numbers.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub densities: Vec<DensityFileComparison>,
     /// Means over these; `None` without any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_density: Option<MeanDensityScores>,
-    /// Names of the first folder without counterpart.
     pub only_in_a: Vec<String>,
-    /// Names of the second folder without counterpart.
     pub only_in_b: Vec<String>,
 }
 
@@ -41,7 +37,6 @@ impl FolderComparison {
     }
 }
 
-/// One shared picture.
 #[derive(Serialize)]
 pub struct PictureComparison {
     /// File name without `.png`.
@@ -51,7 +46,6 @@ pub struct PictureComparison {
     pub scores: Option<Scores>,
     /// Largest difference of a pixel, levels.
     pub largest_difference: u8,
-    /// Why there are no scores.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
 }
@@ -63,7 +57,6 @@ pub struct MeanScores {
     pub psnr: Option<f64>,
     /// dB over lit pixels.
     pub masked_psnr: Option<f64>,
-    /// Structural similarity.
     pub ssim: Option<f64>,
     /// Views without a masked PSNR.
     pub left_out: usize,
@@ -197,7 +190,6 @@ impl FolderNames {
         Ok(names)
     }
 
-    /// Those that others have no counterpart of.
     fn without(&self, others: &FolderNames) -> Vec<String> {
         let pictures = self.pictures.difference(&others.pictures).cloned();
         pictures.chain(self.densities.difference(&others.densities).map(|name| format!("{name}.f32"))).collect()

@@ -7,7 +7,6 @@ use particlegs::progress::Progress;
 use serde::Serialize;
 use std::path::Path;
 
-/// One shared view.
 #[derive(Serialize)]
 pub struct DensityFileComparison {
     /// File name without `.f32`.
@@ -15,7 +14,6 @@ pub struct DensityFileComparison {
     /// The scores, where both can be read and show the same.
     #[serde(flatten)]
     pub scores: Option<DensityScores>,
-    /// Why there are no scores.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
 }
@@ -27,7 +25,6 @@ pub struct MeanDensityScores {
     pub rms_dex: Option<f64>,
     /// Of the means of log10(A / B).
     pub mean_dex: Option<f64>,
-    /// Of the correlations.
     pub correlation: Option<f64>,
 }
 

@@ -13,7 +13,6 @@ use particlegs::picture::{Colormap, Plane};
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
-/// How surface density is drawn.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Options of --style density")]
 pub struct DensityArgs {
@@ -28,7 +27,6 @@ pub struct DensityArgs {
     pub raw: bool,
 }
 
-/// The colour maps by name.
 pub fn colormaps() -> impl TypedValueParser<Value = Colormap> {
     named()
 }
@@ -58,7 +56,6 @@ impl Quantities {
         }
     }
 
-    /// Of a model.
     pub fn of_model(model: &Model) -> Self {
         let (m, known) = (&model.metadata, model.has_masses());
         Quantities {
@@ -75,7 +72,6 @@ impl Quantities {
         self.length_unit.as_deref()
     }
 
-    /// Are lengths comoving?
     pub fn is_comoving(&self) -> bool {
         self.comoving
     }
@@ -106,7 +102,6 @@ pub fn range_of(asked: Option<&[f64]>) -> Result<Option<[f64; 2]>> {
 }
 
 impl DensityArgs {
-    /// The range that is asked for.
     pub fn asked_range(&self) -> Result<Option<[f64; 2]>> {
         range_of(self.range.as_deref())
     }

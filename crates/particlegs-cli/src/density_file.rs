@@ -17,7 +17,6 @@ const SAME: f64 = 1e-6;
 
 const JSON: Form = Form { title: "a description of values", begins: Begins::Object, most: 1 << 20, expansion: 16 };
 
-/// What a file of values holds.
 #[derive(Serialize, Deserialize)]
 pub struct DensityDescription {
     width: usize,
@@ -39,11 +38,8 @@ pub struct DensityDescription {
 
 /// What of a plane's description the plane and its view do not say.
 pub struct Means {
-    /// What they are.
     pub quantity: String,
-    /// Unit of the values.
     pub unit: String,
-    /// Are lengths comoving?
     pub comoving: bool,
     /// Neighbours that each particle is spread over.
     pub smooth: Option<usize>,

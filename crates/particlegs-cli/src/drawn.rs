@@ -5,7 +5,6 @@ use particlegs::camera::{DensityView, View};
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// A picture that was drawn.
 #[derive(Serialize)]
 pub struct RenderedView {
     /// Its view; a surface density does not depend on radius and opacity.

@@ -21,11 +21,8 @@ pub enum JobEngine {
 /// What a script must know of a job. Paths should be absolute: tasks run elsewhere.
 #[derive(Clone, Debug)]
 pub struct JobScript {
-    /// The program's own path.
     pub program: PathBuf,
-    /// The job folder.
     pub folder: PathBuf,
-    /// The file that the merge writes.
     pub model: PathBuf,
     /// Chunks of the input to scatter; 0 where blocks read the snapshot itself.
     pub chunks: u64,
@@ -51,12 +48,11 @@ pub fn quoted(engine: JobEngine, path: &Path) -> Result<String> {
         Some(text) if !text.contains(refused) => Ok(quote(text)),
         _ => Err(Error::Argument {
             what: format!("{}: this path cannot be written in the script of this engine", path.display()),
-            remedy: "use a path in UTF-8 without line breaks, braces, angle brackets and backslashes".into(),
+            hint: "use a path in UTF-8 without line breaks, braces, angle brackets and backslashes".into(),
         }),
     }
 }
 
-/// The engine's script for a job.
 pub fn script(engine: JobEngine, job: &JobScript) -> Result<String> {
     let template = match engine {
         JobEngine::Slurm => SLURM,
@@ -106,7 +102,6 @@ fn fill(template: &str, values: &[(&str, String)]) -> String {
     text + rest
 }
 
-/// One word for a POSIX shell.
 pub fn shell_word(text: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+:,@%=".contains(c);
     if !text.is_empty() && text.chars().all(plain) {

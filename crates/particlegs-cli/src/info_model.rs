@@ -21,12 +21,10 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::Path;
 
-/// The result.
 #[derive(Serialize)]
 struct ModelInfoReport<'a> {
     format_version: String,
     model_bytes: u64,
-    /// What the file lacks.
     missing: Option<String>,
     other_sections: &'a [(String, u64)],
     raw_bytes: u64,
@@ -49,7 +47,6 @@ struct LayerReport<'a> {
     blocks: &'a [BlockInfo],
 }
 
-/// The network of an alpha-blend model.
 #[derive(Serialize)]
 struct NetworkReport {
     shape: [usize; 4],
@@ -79,9 +76,7 @@ struct MetadataReport<'a> {
     #[serde(flatten)]
     epoch: &'a Epoch,
     redshift: Option<f64>,
-    /// How means and shapes weigh particles.
     weighting: &'static str,
-    /// What was kept of each particle.
     kept: Vec<Quantity>,
     command: String,
     tool_version: &'a str,
@@ -89,7 +84,6 @@ struct MetadataReport<'a> {
     effort: Option<&'static str>,
 }
 
-/// Prints what the file says.
 pub fn print(context: &Context, path: &Path, bytes: &[u8]) -> Result<()> {
     print_info(context, &codec::read_info(bytes, &name_of(path))?)
 }

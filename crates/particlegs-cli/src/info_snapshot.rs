@@ -93,7 +93,6 @@ fn cell(c: &Cell, m: &SnapshotMeta) -> String {
     format!("{c}{unit}")
 }
 
-/// The unit of length in words.
 pub fn length(units: &Units) -> String {
     let comoving = match units.comoving {
         Some(true) => ", comoving",

@@ -14,11 +14,9 @@ use std::path::Path;
 pub enum PathContent {
     /// A model file's bytes.
     Model(Vec<u8>),
-    /// A snapshot, and how it is read.
     Snapshot(Box<Choice>),
 }
 
-/// Bytes that tell a model file.
 const HEAD: usize = 8;
 
 /// A model file's bytes; `-` is standard input.

@@ -22,7 +22,6 @@ use particlegs::splat::ToneStyle;
 use particlegs_files::output::{FileSet, write_bytes};
 use std::path::{Path, PathBuf};
 
-/// One panel.
 const PANEL: Size = Size { width: 640, height: 640 };
 /// Pixels across the surface density, and at most down; the window is the bounds seen along z.
 const DENSITY_WIDTH: usize = 1200;
@@ -33,7 +32,6 @@ const DISTANCE: f64 = 0.85;
 /// Height of letters, for pictures that are shown at half their size.
 const LETTERS: f64 = 9.0;
 
-/// The pictures of a folder.
 pub fn paths(folder: &Path) -> [PathBuf; 2] {
     ["comparison.png", "density.png"].map(|name| folder.join(name))
 }
@@ -47,7 +45,6 @@ pub fn write(folder: &Path, model: &Model, particles: &Particles, progress: &dyn
     set.finish()
 }
 
-/// A figure is finished alike by all.
 fn finish<'a>(
     model: &Model,
     args: &'a FigureArgs,
@@ -119,7 +116,6 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn 
     write_bytes(path, &bytes(&figure, &args, FileKind::Png, &finish.about(&[view], PANEL, range)?)?)
 }
 
-/// A number with thin gaps between thousands.
 fn grouped(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::new();

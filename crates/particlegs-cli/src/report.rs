@@ -1,8 +1,8 @@
 //! What people and programs read: results on stdout, everything else on stderr.
 
+use crate::error_text;
 use crate::printable::{one_line, printable, printable_json};
 use crate::progress::to_stderr;
-use crate::remedies;
 use particlegs::Error;
 use serde::Serialize;
 use std::io::Write;
@@ -15,11 +15,11 @@ pub fn failure(error: &Error) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     to_stderr(&format!("error: {}", one_line(&error.to_string().replace('\n', " "))));
-    let remedy = error.remedy();
-    if !remedy.is_none() {
-        to_stderr(&format!("hint: {}", one_line(&remedies::in_words(&remedy))));
+    let hint = error.hint();
+    if !hint.is_empty() {
+        to_stderr(&format!("hint: {}", one_line(&error_text::hint_text(&hint))));
     }
-    ExitCode::from(remedies::exit_code(error))
+    ExitCode::from(error_text::exit_code(error))
 }
 
 /// A line of the result, on stdout.

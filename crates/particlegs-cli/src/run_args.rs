@@ -19,7 +19,6 @@ const SHARE_AFTER: f64 = 0.1;
 /// ... and seconds that it is at most.
 const MOST_AFTER: f64 = 60.0;
 
-/// A long run.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Training")]
 pub struct RunArgs {
@@ -82,14 +81,14 @@ impl RunArgs {
         if !self.resume {
             return Ok(Some(Checkpoint::fresh(path, whose)));
         }
-        let remedy = "with --force and without --resume the run starts from the beginning".into();
+        let hint = "with --force and without --resume the run starts from the beginning".into();
         if !path.exists() {
-            return Err(Error::Argument { what: format!("{place}: no checkpoint to continue from"), remedy });
+            return Err(Error::Argument { what: format!("{place}: no checkpoint to continue from"), hint });
         }
         let checkpoint = Checkpoint::open(path, whose)?;
         match checkpoint.fault() {
             None => Ok(Some(checkpoint)),
-            Some(fault) => Err(Error::input_with(&place, fault, remedy)),
+            Some(fault) => Err(Error::input_with(&place, fault, hint)),
         }
     }
 

@@ -73,7 +73,7 @@ impl SequenceArgs {
                 [one] => one.turntable(frames),
                 many => {
                     let what = format!("--turntable turns one view, and there are {}", many.len());
-                    return Err(Error::Argument { what, remedy: "name a views file with one view".into() });
+                    return Err(Error::argument_with(what, "name a views file with one view"));
                 }
             },
             (None, Some(_)) => {
@@ -84,8 +84,8 @@ impl SequenceArgs {
                 path_through(&set.views, frames).map_err(|e| Error::argument(format!("--path: {e}")))?
             }
             (None, None) if self.video.is_some() => {
-                let what = "--video does nothing here: it belongs to --turntable and --path".to_string();
-                return Err(Error::Argument { what, remedy: "say what moves: --turntable N or --path FILE".into() });
+                let what = "--video does nothing here: it belongs to --turntable and --path";
+                return Err(Error::argument_with(what, "say what moves: --turntable N or --path FILE"));
             }
             (None, None) => set.views,
         };

@@ -1,12 +1,11 @@
 //! How large a model is to be. Commands add what they mean where nothing is said.
 
-use crate::remedies::of_option;
+use crate::error_text::of_option;
 use clap::{Arg, Args};
 use particlegs::compress::Target;
 use particlegs::model::{Goal, GoalKind};
 use particlegs::{Error, Result};
 
-/// One target at most.
 #[derive(Args, Clone, Debug)]
 #[group(multiple = false)]
 pub struct TargetArgs {
@@ -33,7 +32,6 @@ pub fn with_default(ratio: Arg, default: &str) -> Arg {
 }
 
 impl TargetArgs {
-    /// The target.
     pub fn target(&self) -> Result<Target> {
         match (self.ratio, &self.size, self.gaussians) {
             (Some(r), ..) => Target::Ratio(r),

@@ -81,7 +81,6 @@ pub fn logged<T>(
     done
 }
 
-/// The curves of a log.
 const CURVES: [&str; 2] = ["loss", "psnr"];
 
 /// Where the curves of the log at `path` are drawn; nowhere where it is a stream.

@@ -11,14 +11,12 @@ use particlegs_view::page::PageOpening;
 use particlegs_view::poster;
 use std::path::{Path, PathBuf};
 
-/// Models to show.
 pub struct ModelFiles {
     files: Vec<PageModelFile>,
 }
 
 struct PageModelFile {
     name: String,
-    /// As given: errors name it.
     place: String,
     bytes: Vec<u8>,
     info: FileInfo,
@@ -72,12 +70,10 @@ impl ModelFiles {
         self.files.iter().map(|f| (&f.name[..], f.info.gaussians()))
     }
 
-    /// What their files say without their Gaussians.
     pub fn infos(&self) -> Vec<&FileInfo> {
         self.files.iter().map(|f| &f.info).collect()
     }
 
-    /// Their names and bytes, to be served.
     pub fn take_files(&mut self) -> Vec<(String, Vec<u8>)> {
         self.files.iter_mut().map(|f| (f.name.clone(), std::mem::take(&mut f.bytes))).collect()
     }

@@ -1,6 +1,6 @@
 //! One error type for the library: what went wrong, where, and what would help.
 
-use crate::Remedy;
+use crate::Hint;
 use std::path::Path;
 
 /// The library's result.
@@ -18,7 +18,7 @@ pub enum Error {
         /// The fault.
         what: String,
         /// What would help.
-        remedy: Remedy,
+        hint: Hint,
     },
     /// A model file whose bytes contradict docs/format.md.
     #[error("{place}: corrupt model file: {what}")]
@@ -42,7 +42,7 @@ pub enum Error {
         /// Which argument, its value and its range.
         what: String,
         /// What would help.
-        remedy: Remedy,
+        hint: Hint,
     },
     /// A size or quality that cannot be reached with this input.
     #[error("{what}")]
@@ -50,7 +50,7 @@ pub enum Error {
         /// What was asked for and what is possible.
         what: String,
         /// What would help.
-        remedy: Remedy,
+        hint: Hint,
     },
     /// More memory than the machine has.
     #[error("{what} needs about {need_bytes} bytes of memory, {have_bytes} are available")]
@@ -88,7 +88,7 @@ pub enum Error {
         /// Why it is not.
         what: String,
         /// What would help.
-        remedy: Remedy,
+        hint: Hint,
     },
     /// What was measured is not what a file says.
     #[error("{place}: {what}")]
@@ -98,7 +98,7 @@ pub enum Error {
         /// What is stored and what was measured.
         what: String,
         /// What would help.
-        remedy: Remedy,
+        hint: Hint,
     },
     /// The caller asked to stop.
     #[error("stopped")]
@@ -114,12 +114,12 @@ pub enum Error {
 impl Error {
     /// An unusable input without advice.
     pub fn input(place: impl AsPlace, what: impl Into<String>) -> Self {
-        Self::input_with(place, what, Remedy::None)
+        Self::input_with(place, what, Hint::default())
     }
 
     /// An unusable input and what would help.
-    pub fn input_with(place: impl AsPlace, what: impl Into<String>, remedy: impl Into<Remedy>) -> Self {
-        Error::Input { place: place.as_place(), what: what.into(), remedy: remedy.into() }
+    pub fn input_with(place: impl AsPlace, what: impl Into<String>, hint: impl Into<Hint>) -> Self {
+        Error::Input { place: place.as_place(), what: what.into(), hint: hint.into() }
     }
 
     /// A corrupt model file.
@@ -129,12 +129,22 @@ impl Error {
 
     /// An argument outside its range.
     pub fn argument(what: impl Into<String>) -> Self {
-        Error::Argument { what: what.into(), remedy: Remedy::None }
+        Self::argument_with(what, Hint::default())
+    }
+
+    /// An argument outside its range and what would help.
+    pub fn argument_with(what: impl Into<String>, hint: impl Into<Hint>) -> Self {
+        Error::Argument { what: what.into(), hint: hint.into() }
+    }
+
+    /// A size or quality that cannot be reached and what would help.
+    pub fn unreachable(what: impl Into<String>, hint: impl Into<Hint>) -> Self {
+        Error::Unreachable { what: what.into(), hint: hint.into() }
     }
 
     /// An output that is not written over what is there, and what to do about it.
-    pub fn output(place: impl AsPlace, what: impl Into<String>, remedy: impl Into<Remedy>) -> Self {
-        Error::Output { place: place.as_place(), what: what.into(), remedy: remedy.into() }
+    pub fn output(place: impl AsPlace, what: impl Into<String>, hint: impl Into<Hint>) -> Self {
+        Error::Output { place: place.as_place(), what: what.into(), hint: hint.into() }
     }
 
     /// A failed read or write.
@@ -143,19 +153,23 @@ impl Error {
     }
 
     /// What would help.
-    pub fn remedy(&self) -> Remedy {
+    pub fn hint(&self) -> Hint {
         match self {
-            Error::Input { remedy, .. }
-            | Error::Argument { remedy, .. }
-            | Error::Unreachable { remedy, .. }
-            | Error::Output { remedy, .. }
-            | Error::Differs { remedy, .. } => remedy.clone(),
-            Error::Corrupt { .. } => Remedy::CopyAgain,
-            Error::Compatibility { .. } => Remedy::UseNewer,
-            Error::Memory { .. } => Remedy::MoreMemory,
-            Error::Bound { .. } => Remedy::AllowMemory,
-            Error::Checkpointed { .. } => Remedy::GoOn,
-            Error::Io { .. } | Error::Cancelled => Remedy::None,
+            Error::Input { hint, .. }
+            | Error::Argument { hint, .. }
+            | Error::Unreachable { hint, .. }
+            | Error::Output { hint, .. }
+            | Error::Differs { hint, .. } => hint.clone(),
+            Error::Corrupt { .. } => {
+                Hint::from("copy the file again from its source; ").command("verify", "").words(" checks it")
+            }
+            Error::Compatibility { .. } => "use a newer particlegs".into(),
+            Error::Memory { .. } => "use a machine with more memory, or a smaller snapshot or picture".into(),
+            Error::Bound { .. } => {
+                Hint::from("allow that much with ").option("memory", "").words(", or ask for a smaller model")
+            }
+            Error::Checkpointed { .. } => "run the same command again to continue".into(),
+            Error::Io { .. } | Error::Cancelled => Hint::default(),
         }
     }
 }

@@ -11,12 +11,12 @@
 pub mod checkpoint;
 pub mod error;
 mod hash;
+mod hint;
 pub mod math;
 pub mod memory;
 mod named;
 pub mod parallel;
 pub mod progress;
-mod remedy;
 pub mod space;
 
 pub mod camera;
@@ -29,5 +29,5 @@ pub mod codec;
 pub mod render;
 
 pub use error::{Error, Result};
+pub use hint::Hint;
 pub use named::NamedValue;
-pub use remedy::Remedy;

@@ -38,7 +38,7 @@ impl Coloring {
         if let Some([low, high]) = range
             && !(low > 0.0 && high > low && high.is_finite())
         {
-            return Err(Error::argument("--range takes LO,HI with 0 < LO < HI"));
+            return Err(Error::argument("a range of densities is LO,HI with 0 < LO < HI"));
         }
         match by {
             ColorBy::Grey => Ok(Coloring { colors: None, range: None }),

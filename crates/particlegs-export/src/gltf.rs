@@ -58,7 +58,7 @@ pub fn write(
     }
     if form == GltfForm::Binary && bytes > u64::from(u32::MAX) - (1 << 20) {
         let what = format!("{} Gaussians are more than the 4 GiB of a GLB hold", model.gaussians());
-        return Err(Error::Argument { what, remedy: "write a PLY, or make the model smaller with `simplify`".into() });
+        return Err(Error::argument_with(what, "write a PLY, or make the model smaller with `simplify`"));
     }
     let text = if form == GltfForm::Text { bytes / 3 * 4 } else { 0 };
     progress.require_memory("a glTF", 2 * bytes + 2 * text)?;

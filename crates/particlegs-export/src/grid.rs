@@ -63,8 +63,8 @@ impl Density {
     pub fn of(model: &Model, cells: Cells, progress: &dyn Progress) -> Result<Density> {
         let known = model.layers.iter().filter(|l| l.mass != particlegs::model::Mass::Unknown).count();
         if known > 0 && known < model.layers.len() {
-            let what = "some layers have masses and others do not: their sum is no density".to_string();
-            return Err(Error::Argument { what, remedy: "choose layers that all have masses, or none".into() });
+            let what = "some layers have masses and others do not: their sum is no density";
+            return Err(Error::argument_with(what, "choose layers that all have masses, or none"));
         }
         // Grids of files are upright: a tilted box lies open in its bounds.
         let domain = Some(Domain::from_model(model)).filter(|d| !d.is_tilted());

@@ -1,7 +1,7 @@
 //! The formats that a model is exported in.
 
 use super::Notes;
-use particlegs::{Error, Result};
+use particlegs::{Error, Hint, Result};
 use particlegs_files::output;
 use std::path::Path;
 
@@ -69,30 +69,32 @@ impl Kind {
         let meant = Kind::ALL.into_iter().find(|k| Some(k.ending()) == ending);
         match (meant, asked) {
             (Some(meant), Some(asked)) if meant != asked => {
-                let what =
-                    format!("{}: its ending means {}, and --kind {}", out.display(), meant.ending(), asked.ending());
-                Err(Error::Argument { what, remedy: "leave --kind away, or name another file".into() })
+                let [meant, asked] = [meant, asked].map(Kind::ending);
+                let what = format!("{}: its ending means {meant}, and {asked} is asked for", out.display());
+                let hint = Hint::from("leave ").option("kind", "").words(" away, or name another file");
+                Err(Error::argument_with(what, hint))
             }
             (Some(kind), _) | (None, Some(kind)) => Ok(kind),
-            (None, None) => Err(Error::Argument {
-                what: format!("{}: its ending does not say what to write", out.display()),
-                remedy: Self::hint(ending.unwrap_or_default()).into(),
-            }),
+            (None, None) => Err(Error::argument_with(
+                format!("{}: its ending does not say what to write", out.display()),
+                Self::hint(ending.unwrap_or_default()),
+            )),
         }
     }
 
     /// What to do where an ending means none of these.
-    fn hint(ending: &str) -> String {
+    fn hint(ending: &str) -> Hint {
         let particles = ["hdf5", "h5", "vtp", "dump", "lammpstrj", "f32", "xyz", "vtu", "vtk"];
         let pictures = ["png", "pdf", "svg", "jpg", "webp"];
         if particles.contains(&ending) {
-            return "draw particles with `recover`, then write them with `convert`".into();
+            let hint = Hint::from("draw particles with ").command("recover", "").words(", then write them with ");
+            return hint.command("convert", "");
         }
         if pictures.contains(&ending) {
-            return "draw pictures with `render`".into();
+            return Hint::from("draw pictures with ").command("render", "");
         }
         let all: Vec<String> = Kind::ALL.iter().map(|k| format!(".{}", k.ending())).collect();
-        format!("use one of {}, or --kind", all.join(", "))
+        Hint::from(format!("use one of {}, or ", all.join(", "))).option("kind", "")
     }
 
     /// What may be in the place of such a file.
@@ -142,9 +144,9 @@ mod tests {
         }
         assert_eq!(of("x.fit", None).unwrap(), Kind::Fits);
         assert!(of("x.ply", Some(Kind::Csv)).is_err());
-        for (out, words) in [("x", ".npz"), ("-", "--kind"), ("x.hdf5", "`recover`"), ("x.png", "`render`")] {
+        for (out, words) in [("x", ".npz"), ("-", "`kind`"), ("x.hdf5", "`recover`"), ("x.png", "`render`")] {
             let error = of(out, None).unwrap_err();
-            assert!(error.remedy().to_string().contains(words), "{out}: {}", error.remedy());
+            assert!(error.hint().to_string().contains(words), "{out}: {}", error.hint());
         }
     }
 }

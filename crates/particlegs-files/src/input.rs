@@ -273,7 +273,7 @@ impl SpoolFile {
         let path = self.path().display().to_string();
         let name = |text: String| text.replace(&path, &self.place);
         match error {
-            Error::Input { place, what, remedy } => Error::Input { place: name(place), what: name(what), remedy },
+            Error::Input { place, what, hint } => Error::Input { place: name(place), what: name(what), hint },
             Error::Io { place, source } => Error::Io { place: name(place), source },
             other => other,
         }

@@ -62,7 +62,7 @@ mod tests {
         );
         let by = |name: &str| axes("f", &species, &Choice { positions: Some(name.into()), ..Choice::default() });
         assert_eq!(by("v").unwrap()[1], FieldComponent { field: "v".into(), component: 1 });
-        assert!(by("w").unwrap_err().remedy().to_string().contains("x, y, z, v"));
+        assert!(by("w").unwrap_err().hint().to_string().contains("x, y, z, v"));
         assert!(by("x,y").is_err());
         let part = |field: &str, component| FieldComponent { field: field.into(), component };
         assert_eq!(by("v[2],x,v[0]").unwrap(), [part("v", 2), part("x", 0), part("v", 0)]);

@@ -3,7 +3,7 @@
 use crate::registry::{self, FileHead};
 use crate::vtk_xml::lists;
 use crate::{Choice, Format, PathKind, csv, hdf5};
-use particlegs::{Error, Remedy, Result};
+use particlegs::{Error, Hint, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -31,14 +31,16 @@ pub fn resolved(paths: &[PathBuf], options: &Choice) -> Result<Vec<PathBuf>> {
             let names = several.iter().take(NAMED).map(SnapshotFileSet::name).collect::<Vec<_>>().join(", ");
             let more = if several.len() > NAMED { ", ..." } else { "" };
             let what = format!("a folder with several snapshots: {names}{more}");
-            Err(Error::input_with(folder, what, Remedy::NameFormatOfFolder))
+            let hint =
+                Hint::from("name one of them; ").option("format", "").words(" leaves files of other formats out");
+            Err(Error::input_with(folder, what, hint))
         }
     }
 }
 
 fn none_there(folder: &Path) -> Error {
     match PathKind::of(folder) {
-        PathKind::Job => Error::input_with(folder, "a job's folder, not a snapshot", Remedy::IsJob),
+        PathKind::Job => Error::input_with(folder, "a job's folder, not a snapshot", PathKind::Job.to_a_model()),
         _ => Error::input_with(
             folder,
             "a folder without xx.f32, yy.f32, zz.f32 and without a snapshot's file",

@@ -3,7 +3,7 @@
 use crate::registry::FileHead;
 use crate::text::lines::without_end;
 use crate::text::split::{Separator, number, tokens};
-use particlegs::Remedy;
+use particlegs::Hint;
 use std::path::Path;
 
 /// A format that is not read.
@@ -199,7 +199,7 @@ pub(crate) fn foreign_of(head: &FileHead) -> Option<&'static ForeignFormat> {
 
 impl ForeignFormat {
     /// The command that turns the file `path` into one that is read.
-    pub(crate) fn remedy(&self, path: &Path) -> Remedy {
+    pub(crate) fn hint(&self, path: &Path) -> Hint {
         let (input, output) = names(path);
         match self.converter {
             Ase(name) => converted(format!("ase convert -i {name} -o extxyz {input} {output}.extxyz"), "ase"),
@@ -216,14 +216,14 @@ impl ForeignFormat {
 }
 
 /// Lines of Python that convert the file `path`, `{in}` and `{out}` for the files, and the packages that they want.
-pub(crate) fn python(path: &Path, code: &str, packages: &str) -> Remedy {
+pub(crate) fn python(path: &Path, code: &str, packages: &str) -> Hint {
     let (input, output) = names(path);
     converted(format!("python3 -c \"{}\"", code.replace("{in}", &input).replace("{out}", &output)), packages)
 }
 
-fn converted(command: String, packages: &str) -> Remedy {
+fn converted(command: String, packages: &str) -> Hint {
     let packages = if packages.is_empty() { String::new() } else { format!(" (`pip install {packages}`)") };
-    Remedy::Words(format!("convert it: `{command}`{packages}"))
+    format!("convert it: `{command}`{packages}").into()
 }
 
 /// A file's name for a command, and one beside it without ending. What a shell would take apart is left to the user.

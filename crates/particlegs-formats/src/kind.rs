@@ -2,7 +2,7 @@
 
 use crate::Format;
 use crate::registry::{FileHead, format_of};
-use particlegs::Remedy;
+use particlegs::Hint;
 use particlegs::codec;
 use particlegs::job::Job;
 use particlegs_files::input::is_stream;
@@ -83,20 +83,28 @@ impl PathKind {
     }
 
     /// What to do with it where a model file is wanted.
-    pub fn to_a_model(self) -> Remedy {
+    pub fn to_a_model(self) -> Hint {
         match self {
-            PathKind::Snapshot(_) | PathKind::RawFolder => Remedy::IsSnapshot,
-            PathKind::Job => Remedy::IsJob,
-            PathKind::JobFile => Remedy::IsFileOfJob,
-            _ => Remedy::NameModel,
+            PathKind::Snapshot(_) | PathKind::RawFolder => {
+                Hint::default().command("compress", "").words(" makes a model of it")
+            }
+            PathKind::Job => {
+                let hint = Hint::default().command("merge", "").words(" makes the model of it; ");
+                hint.command("status", "").words(" tells how far it is")
+            }
+            PathKind::JobFile => Hint::default().command("merge", "").words(" makes a model of the job's folder"),
+            _ => Hint::from("name a model file, as ").command("compress", "").words(" writes it"),
         }
     }
 
     /// What to do with it where a snapshot is wanted.
-    pub fn to_a_snapshot(self) -> Remedy {
+    pub fn to_a_snapshot(self) -> Hint {
         match self {
-            PathKind::Model => Remedy::IsModel,
-            PathKind::Job => Remedy::IsJob,
+            PathKind::Model => {
+                let hint = Hint::default().command("recover", "").words(" draws particles from it; ");
+                hint.command("render", "").words(" draws pictures of it")
+            }
+            PathKind::Job => self.to_a_model(),
             PathKind::JobFile => "name the snapshot that the job was planned for".into(),
             _ => "name a snapshot; docs/guide/formats.md lists what is read".into(),
         }

@@ -9,7 +9,7 @@ use crate::streamed::{StreamColumn, StreamReader};
 use crate::strided::{NumberType, StridedColumn, StridedParticles};
 use crate::{Choice, Description, Snapshot, SpeciesField, SpeciesMass};
 use particlegs::particles::SnapshotReader;
-use particlegs::{Error, Remedy, Result};
+use particlegs::{Error, Hint, Result};
 
 /// Where a field lies.
 #[derive(Clone, Debug, PartialEq)]
@@ -111,8 +111,8 @@ impl Snapshot for ColumnarSnapshot {
         if species.positions.is_empty() && choice.positions.is_none() {
             let vectors = species.fields.iter().filter(|f| f.components == 3);
             let names: Vec<&str> = vectors.map(|f| &f.name[..]).collect();
-            let remedy = Remedy::ChoosePositions(names.iter().map(|n| n.to_string()).collect());
-            return Err(Error::input_with(&self.place, "it does not say which field holds positions", remedy));
+            let hint = Hint::from("choose with ").option("positions", "").words(format!(": {}", names.join(", ")));
+            return Err(Error::input_with(&self.place, "it does not say which field holds positions", hint));
         }
         let mut columns = Vec::new();
         for axis in axes(&self.place, species, choice)? {

@@ -3,7 +3,7 @@
 use crate::compressed::FileCompression;
 use crate::foreign::foreign_of;
 use crate::{Choice, PathKind, Snapshot};
-use particlegs::{Error, Remedy, Result};
+use particlegs::{Error, Hint, Result};
 use particlegs_files::input::{Source, SpoolFile, open_file};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -124,9 +124,12 @@ fn known(head: &FileHead) -> Result<&'static Format> {
         PathKind::Snapshot(format) => Ok(format),
         PathKind::Unknown => Err(match foreign_of(head) {
             Some(foreign) => {
-                Error::input_with(path, format!("{}, which is not read", foreign.title), foreign.remedy(path))
+                Error::input_with(path, format!("{}, which is not read", foreign.title), foreign.hint(path))
             }
-            None => Error::input_with(path, "not in a format that this program knows", Remedy::NameFormat(names())),
+            None => {
+                let hint = Hint::default().option("format", "").words(format!(" forces one of: {}", names()));
+                Error::input_with(path, "not in a format that this program knows", hint)
+            }
         }),
         other => {
             let what = format!("{}, not a snapshot", other.in_words().unwrap_or_default());

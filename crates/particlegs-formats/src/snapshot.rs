@@ -3,7 +3,7 @@
 use crate::Choice;
 use particlegs::model::{Epoch, WeightKind};
 use particlegs::particles::{Particles, SnapshotMeta, SnapshotReader};
-use particlegs::{Remedy, Result};
+use particlegs::{Hint, Result};
 use std::path::PathBuf;
 
 /// Files of one snapshot.
@@ -142,7 +142,10 @@ impl Species {
                 Some(field) => match self.weight_kind(field) {
                     WeightKind::Intensive(values) => {
                         let what = format!("`{name}` cannot be weights: a sum of {values} is no map");
-                        Err(particlegs::Error::input_with(place, what, Remedy::WeighByMass))
+                        let hint =
+                            Hint::from("leave ").option("mass-field", "").words(" out to weigh by masses, or give ");
+                        let hint = hint.option("mass-field", "none").words(" to count particles");
+                        Err(particlegs::Error::input_with(place, what, hint))
                     }
                     _ => Ok(Some(field.name.clone())),
                 },

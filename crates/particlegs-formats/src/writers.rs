@@ -112,7 +112,7 @@ impl Writer {
         let meant = WRITERS.iter().find(|w| w.endings.contains(&&ending[..]));
         let refused = |what: String| {
             let writers: Vec<String> = WRITERS.iter().map(Writer::in_words).collect();
-            Err(Error::Argument { what, remedy: format!("what can be written: {}", writers.join("; ")).into() })
+            Err(Error::argument_with(what, format!("what can be written: {}", writers.join("; "))))
         };
         if meant.is_none() && OTHER_ENDINGS.contains(&&ending[..]) && !out.is_dir() {
             return refused(format!("{}: .{ending} is not written", out.display()));
@@ -124,7 +124,7 @@ impl Writer {
         match meant {
             Some(meant) if meant.name != name => {
                 let (out, title) = (out.display(), meant.title);
-                refused(format!("{out}: its ending means {title}, and `--to {name}` another format"))
+                refused(format!("{out}: its ending means {title}, and {name} is asked for"))
             }
             _ => Ok(writer),
         }
@@ -202,9 +202,9 @@ mod tests {
         ] {
             let error = to(out, name).unwrap_err();
             assert!(
-                error.remedy().to_string().contains("raw (a folder); npy (.npy); hdf5 (.hdf5, .h5)"),
+                error.hint().to_string().contains("raw (a folder); npy (.npy); hdf5 (.hdf5, .h5)"),
                 "{out}: {}",
-                error.remedy()
+                error.hint()
             );
         }
     }

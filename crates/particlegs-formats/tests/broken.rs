@@ -28,8 +28,8 @@ fn check(path: &Path, refused: bool) -> Vec<String> {
         Ok(Err(e)) if !refused => wrong.push(format!("it is refused: {e}")),
         Ok(Err(e)) => {
             let text = e.to_string();
-            println!("{text} | {}", e.remedy());
-            if text.contains('\n') || e.remedy().to_string().contains('\n') {
+            println!("{text} | {}", e.hint());
+            if text.contains('\n') || e.hint().to_string().contains('\n') {
                 wrong.push(format!("more than a line: {text:?}"));
             }
             if !text.contains(&name) {

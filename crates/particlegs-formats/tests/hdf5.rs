@@ -236,7 +236,7 @@ fn chunks_wider_than_runs() {
     assert_eq!(all[170_001], [2.0; 3]);
     let missing = Choice { positions: Some("Velocities".into()), ..Choice::default() };
     let error = snapshot.reader(0, &missing).err().unwrap();
-    assert!(error.remedy().to_string().contains("Coordinates"), "{error} {}", error.remedy());
+    assert!(error.hint().to_string().contains("Coordinates"), "{error} {}", error.hint());
 }
 
 #[test]
@@ -265,7 +265,7 @@ fn what_is_not_read_is_named() {
     let why = |name: &str| {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hdf5").join(name);
         let error = read_whole(&[path]).unwrap_err();
-        format!("{error} ({})", error.remedy())
+        format!("{error} ({})", error.hint())
     };
     assert!(why("bad_external.hdf5").contains("elsewhere.hdf5"), "{}", why("bad_external.hdf5"));
     assert!(why("bad_hole.hdf5").contains("from 50 were never written"), "{}", why("bad_hole.hdf5"));
@@ -429,7 +429,7 @@ fn tables_at_the_top_or_in_groups_are_read() {
         ("frames.hdf5", "`coordinates` has the shape (2, 4, 3)", "['coordinates'][-1])"),
     ] {
         let error = opened(&[file(name)]).err().unwrap();
-        assert!(error.to_string().contains(what) && error.remedy().to_string().contains(command), "{error}");
+        assert!(error.to_string().contains(what) && error.hint().to_string().contains(command), "{error}");
     }
 }
 

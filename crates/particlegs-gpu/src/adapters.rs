@@ -1,6 +1,6 @@
 //! What there is to draw on.
 
-use particlegs_core::{Error, Remedy, Result};
+use particlegs_core::{Error, Hint, Result};
 
 /// A graphics card, or a program that stands in for one.
 #[derive(Clone, Debug)]
@@ -109,7 +109,7 @@ pub(crate) fn chosen(choice: AdapterChoice) -> Result<wgpu::Adapter> {
             AdapterChoice::Card => format!("there is no graphics card that can be used: {}", advice()),
             AdapterChoice::Number(n) => format!("there is no device {n}: `particlegs devices` lists {}", all.len()),
         };
-        return Err(Error::Argument { what, remedy: Remedy::None });
+        return Err(Error::argument_with(what, Hint::default()));
     };
     Ok(all.swap_remove(place))
 }

@@ -17,7 +17,7 @@ use particlegs_core::math::{Purpose, Random};
 use particlegs_core::model::{Law, LawKind, Mixture, Model};
 use particlegs_core::picture::Size;
 use particlegs_core::progress::{Level, Progress};
-use particlegs_core::{Error, Remedy, Result};
+use particlegs_core::{Error, Hint, Result};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -242,8 +242,8 @@ impl<'a> Training<'a> {
                 Box::new(depth(&Mixture { law: Law::OpticalDepth, ..random(n)?.mixture() })?)
             }
             (LawKind::OpticalDepth, InitialGaussians::Model(_)) => {
-                let what = "a model of the optical-depth law is not trained further".into();
-                return Err(Error::Argument { what, remedy: Remedy::TrainFromSnapshot });
+                let what = "a model of the optical-depth law is not trained further";
+                return Err(Error::argument_with(what, Hint::train_from_snapshot()));
             }
             (LawKind::AlphaBlend, InitialGaussians::Fit(m)) => {
                 Box::new(blended(AlphaLearner::from_mixture(m, scale, alpha)?)?)

@@ -44,16 +44,15 @@ pub struct Snapshot {
     pub particles: u64,
 }
 
-/// The style of a page's picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum PageStyle {
-    /// Surface density.
-    Density,
-    /// ParaView's picture without its shot noise.
-    Paraview,
-    /// What optical depth hides.
-    Expected,
+particlegs::named_values! {
+    /// The style of a page's picture.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum PageStyle {
+        Density = "density": "Surface density in logarithmic colours",
+        Paraview = "paraview": "As ParaView draws the particles, without their shot noise",
+        Expected = "expected": "255 (1 - exp(-tau)) for the optical depth tau",
+    }
 }
 
 /// How a page opens: each thing that is said replaces what is seen first otherwise, which is the surface density of

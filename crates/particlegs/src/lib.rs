@@ -63,4 +63,4 @@ mod law_tests;
 #[cfg(test)]
 mod testing;
 
-pub use particlegs_core::{Error, NamedValue, Remedy, Result, named_values};
+pub use particlegs_core::{Error, Hint, NamedValue, Result, named_values};

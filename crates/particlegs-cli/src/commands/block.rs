@@ -8,7 +8,6 @@ use particlegs::{Error, Result};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
 Fits one block and writes its model file; a block that is done is skipped. After SIGTERM, SIGUSR1 or
@@ -28,7 +27,6 @@ pub struct Arguments {
     common: Common,
 }
 
-/// Does one block.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let job = Job::open(&a.job)?;
@@ -36,7 +34,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let block = u32::try_from(number).map_err(|_| {
         Error::argument(format!("block {number} is outside the {} of this job, counted from 0", job.blocks()))
     })?;
-    let snapshot = JobSnapshot::of(&job)?;
+    let snapshot = JobSnapshot::from_job(&job)?;
     context.reads_job(&a.job, snapshot.paths(), false)?;
     context.finishes_its_steps();
     let report = job.block(block, || snapshot.layered(&context), &context);

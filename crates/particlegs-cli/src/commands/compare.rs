@@ -8,7 +8,6 @@ use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
 Pictures are scored by PSNR, masked PSNR and SSIM; surface densities that --raw wrote by log10(A / B) over the

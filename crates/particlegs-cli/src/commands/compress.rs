@@ -7,7 +7,7 @@ use crate::info_model;
 use crate::outputs;
 use crate::outputs::{ForceArgs, PNG};
 use crate::run_args::{self, RunArgs};
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
+use crate::snapshot_args::ParticleArgs;
 use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
 use particlegs::checkpoint::CheckpointStore;
@@ -21,7 +21,6 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
@@ -85,11 +84,7 @@ pub struct Arguments {
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
-    snapshot: SnapshotArgs,
-    #[command(flatten)]
-    selection: SelectionArgs,
-    #[command(flatten)]
-    window: WindowArgs,
+    particles: ParticleArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -99,11 +94,10 @@ const LATER: usize = 500;
 
 /// Compresses, writes the file and the pictures, reports.
 pub fn run(a: Arguments) -> Result<()> {
-    let subset = SnapshotSubset { selection: &a.selection, window: &a.window, seed: a.common.seed };
     if let Some(text) = a.fit.train.printed()? {
         return crate::report::line(text.trim_end());
     }
-    let mut options = a.fit.options(&a.snapshot, subset)?;
+    let mut options = a.fit.options(&a.particles, a.common.seed)?;
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = a.blocks;
     let context = a.common.clone().start()?;
@@ -114,7 +108,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if options.memory.is_some() {
         options.storage = Storage::Disk(a.scratch_folder());
     }
-    let particles = a.snapshot.open_selected_in(&options.storage, &a.input, subset, &context)?;
+    let particles = a.particles.read(&a.input, a.common.seed, &options.storage, &context)?;
     let blocks = options.blocks_of(&particles)?;
     if options.memory.is_some() && blocks > 1 {
         options.storage.announce(&format!("{blocks} blocks"), particles.raw_bytes(), &context);
@@ -153,7 +147,6 @@ impl Arguments {
         self.output.as_deref().unwrap_or(Path::new(""))
     }
 
-    /// Where scratch files go.
     fn scratch_folder(&self) -> PathBuf {
         self.scratch.clone().unwrap_or_else(|| output::scratch_folder(self.output()))
     }
@@ -188,7 +181,6 @@ impl Arguments {
         Ok(kept)
     }
 
-    /// Draws the pictures that are asked for.
     fn write_pictures(&self, model: &Model, particles: &Particles, context: &Context) -> Result<()> {
         let Some(folder) = &self.pictures else { return Ok(()) };
         let written = crate::pictures::write(folder, model, particles, context).inspect_err(|_| {

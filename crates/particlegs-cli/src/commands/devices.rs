@@ -4,7 +4,6 @@ use crate::common::Common;
 use clap::Args;
 use particlegs::Result;
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:

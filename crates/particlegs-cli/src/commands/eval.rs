@@ -5,7 +5,7 @@ use crate::device::DeviceArgs;
 use crate::inputs;
 use crate::outputs::PNG;
 use crate::pictures;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
+use crate::snapshot_args::ParticleArgs;
 use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
 use particlegs::camera::{View, ViewsFile};
@@ -18,7 +18,6 @@ use particlegs::{Error, Result, codec, score};
 use particlegs_files::input::name_of;
 use std::path::PathBuf;
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(after_help = "\
@@ -57,11 +56,7 @@ pub struct Arguments {
     #[command(flatten)]
     device: DeviceArgs,
     #[command(flatten)]
-    snapshot: SnapshotArgs,
-    #[command(flatten)]
-    selection: SelectionArgs,
-    #[command(flatten)]
-    window: WindowArgs,
+    particles: ParticleArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -81,7 +76,6 @@ struct EvalReport {
     views_from: String,
 }
 
-/// Scores.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let inputs = a.input.iter().map(PathBuf::as_path).chain([a.model.as_path()]).chain(a.views.as_deref());
@@ -91,9 +85,8 @@ pub fn run(a: Arguments) -> Result<()> {
         pictures::paths(folder).iter().try_for_each(|p| context.outputs().writes(p, &PNG, &context).map(drop))?;
     }
     let bytes = inputs::model(&a.model, &context)?;
-    let model = a.snapshot.layers_of(codec::decode_with(&bytes, &name_of(&a.model), &context)?)?;
-    let subset = SnapshotSubset { selection: &a.selection, window: &a.window, seed: context.common.seed };
-    let particles = a.snapshot.open_selected(&a.input, subset, &context)?;
+    let model = a.particles.opening.layers_of(codec::decode_with(&bytes, &name_of(&a.model), &context)?)?;
+    let particles = a.particles.read(&a.input, context.common.seed, &Storage::Memory, &context)?;
     let particles = particles.in_units(&model.metadata.unit_system(), &Storage::Memory, &context)?;
     if model.metadata.count != particles.len() as u64 {
         context.message(&format!(
@@ -177,7 +170,6 @@ fn table(r: &EvalReport) -> String {
     text + "\nMeans over views; noise-free, gap, shot noise, all black and uniform (box) are\nmasked PSNR in dB."
 }
 
-/// A look's scores in a mean.
 type ScoreSelector = fn(&MeanViewScores) -> &LookScores;
 
 const LOOKS: [(&str, ScoreSelector); 3] =

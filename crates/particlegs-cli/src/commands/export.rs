@@ -21,7 +21,6 @@ use serde_json::json;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Arguments.
 #[derive(Args)]
 #[command(
     after_help = "\
@@ -86,7 +85,6 @@ pub struct Arguments {
     common: Common,
 }
 
-/// How splats look.
 #[derive(Args)]
 #[command(next_help_heading = "Splats (.ply, .glb, .gltf)")]
 struct SplatArgs {
@@ -95,7 +93,6 @@ struct SplatArgs {
     color: ColorBy,
 }
 
-/// How fine a grid is.
 #[derive(Args)]
 #[command(next_help_heading = "Density on a grid (.npy, .vti, .fits)")]
 struct GridArgs {
@@ -107,7 +104,6 @@ struct GridArgs {
     cell: Option<f64>,
 }
 
-/// What was written.
 #[derive(Serialize)]
 struct ExportReport {
     #[serde(serialize_with = "path_as_text")]
@@ -120,7 +116,6 @@ struct ExportReport {
     splats: Option<SplatReport>,
     #[serde(skip_serializing_if = "Option::is_none")]
     grid: Option<GridReport>,
-    /// What the format does not keep.
     lost: Vec<String>,
 }
 
@@ -145,7 +140,6 @@ struct GridReport {
     outside: f64,
 }
 
-/// A model on its way out.
 struct Export<'a> {
     a: &'a Arguments,
     kind: Kind,
@@ -154,7 +148,6 @@ struct Export<'a> {
     context: &'a Context,
 }
 
-/// Exports.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads([&a.model].into_iter().chain(a.page.files()).map(PathBuf::as_path), a.force.force)?;
@@ -248,9 +241,9 @@ impl Export<'_> {
     fn grid(&mut self, model: &Model, report: &mut ExportReport) -> Result<()> {
         let (a, context) = (self.a, self.context);
         if model.metadata.law == LawKind::AlphaBlend {
-            let what = "an alpha-blend model has no density: its splats hold opacities, not masses".to_string();
-            let hint = "draw particles with `recover`, or write its splats (.ply) or Gaussians (.npz)".to_string();
-            return Err(Error::Argument { what, remedy: hint.into() });
+            let what = "an alpha-blend model has no density: its splats hold opacities, not masses";
+            let hint = "draw particles with `recover`, or write its splats (.ply) or Gaussians (.npz)";
+            return Err(Error::argument_with(what, hint));
         }
         let beside = (self.kind == Kind::Npy && !is_stream(&a.output)?).then(|| a.output.with_extension("json"));
         let mut kept = self.kept;
@@ -294,7 +287,6 @@ impl Export<'_> {
 }
 
 impl ExportReport {
-    /// A line of what there is.
     fn in_words(&self) -> String {
         let what = match (&self.grid, &self.splats) {
             (Some(g), _) => {

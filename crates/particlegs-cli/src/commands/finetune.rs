@@ -8,7 +8,7 @@ use crate::inputs;
 use crate::outputs;
 use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
+use crate::snapshot_args::ParticleArgs;
 use crate::source;
 use crate::target_args::parse_bytes;
 use crate::target_args::{TargetArgs, with_default};
@@ -27,7 +27,6 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
@@ -69,11 +68,7 @@ pub struct Arguments {
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
-    opening: SnapshotArgs,
-    #[command(flatten)]
-    selection: SelectionArgs,
-    #[command(flatten)]
-    window: WindowArgs,
+    particles: ParticleArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -81,7 +76,6 @@ pub struct Arguments {
 /// The law of the models that are fine-tuned.
 const LAW: Option<LawKind> = Some(LawKind::AlphaBlend);
 
-/// Fine-tunes, writes the file, reports.
 pub fn run(a: Arguments) -> Result<()> {
     if let Some(text) = a.tune.printed(Config::fine_tuning(), LAW)? {
         return crate::report::line(text.trim_end());
@@ -107,13 +101,11 @@ pub fn run(a: Arguments) -> Result<()> {
             "{place}: a model of the {} law; only alpha-blend models can be fine-tuned",
             model.metadata.law.name()
         );
-        let remedy =
-            "optical-depth blocks need no fine-tuning after a merge; `compress --train` trains on the snapshot";
-        return Err(Error::Argument { what, remedy: remedy.into() });
+        let hint = "optical-depth blocks need no fine-tuning after a merge; `compress --train` trains on the snapshot";
+        return Err(Error::argument_with(what, hint));
     }
     let storage = if a.memory.is_some() { Storage::Disk(a.folder(out)) } else { Storage::Memory };
-    let subset = SnapshotSubset { selection: &a.selection, window: &a.window, seed: a.common.seed };
-    let particles = a.opening.open_selected_in(&storage, &a.snapshot, subset, &context)?;
+    let particles = a.particles.read(&a.snapshot, a.common.seed, &storage, &context)?;
     let of_several = source::is_of_several(&bytes, &model, &place)?;
     source::check(&model, of_several, &particles, a.snapshot.first().map_or(none, |p| p), path)?;
     let mut checkpoint = a.run.checkpoint(out, &options.id(&bytes))?;
@@ -145,7 +137,6 @@ impl Arguments {
         })
     }
 
-    /// Where scratch files go.
     fn folder(&self, out: &Path) -> PathBuf {
         output::scratch_folder(out)
     }

@@ -7,7 +7,6 @@ use particlegs::{Error, Result};
 use particlegs_files::output::{self, Kind, Outputs};
 use std::path::{Path, PathBuf};
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
 Writes particlegs.1, and particlegs-COMMAND.1 for each command.
@@ -40,7 +39,6 @@ pub fn run(a: &Arguments) -> Result<()> {
     page(program, &path, &mut outputs)
 }
 
-/// One page, as troff.
 fn page(command: clap::Command, path: &Path, outputs: &mut Outputs) -> Result<()> {
     outputs.writes(path, &PAGE, &Silent)?;
     let mut page = Vec::new();

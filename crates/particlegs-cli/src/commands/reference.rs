@@ -1,7 +1,7 @@
 //! `particlegs reference IN... --style S --out DIR`.
 
 use crate::annotate::text::number;
-use crate::common::{Common, Context};
+use crate::common::{Common, Context, NamedChoice, OrNone, one_of};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::device::DeviceArgs;
 use crate::drawing::finish::Finisher;
@@ -12,12 +12,13 @@ use crate::drawn::RenderedView;
 use crate::figure::args::FigureArgs;
 use crate::figure::output::FileKind;
 use crate::sequence_args::SequenceArgs;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
+use crate::snapshot_args::{ParticleArgs, SelectionArgs, SnapshotArgs};
 use crate::view_args::{ViewArgs, ViewSubject};
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::camera::{Extent, View, ViewSet};
 use particlegs::model::hex;
+use particlegs::particles::Storage;
 use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs::render::Renderer;
@@ -27,7 +28,6 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
@@ -59,7 +59,7 @@ pub struct Arguments {
     )]
     out: Option<PathBuf>,
     /// What to draw.
-    #[arg(long, value_enum, value_name = "STYLE", default_value_t = ParticleStyle::Paraview)]
+    #[arg(long, value_name = "STYLE", default_value = "paraview", value_parser = one_of(STYLES))]
     style: ParticleStyle,
     #[command(flatten)]
     device: DeviceArgs,
@@ -91,36 +91,22 @@ pub struct Arguments {
     common: Common,
 }
 
-/// The styles that all particles can be drawn in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum ParticleStyle {
-    /// As ParaView 6 draws by default, with shot noise: dual depth peeling, 8-bit blending, FXAA.
-    Paraview,
-    /// The same without antialiasing (FXAA).
-    ParaviewNoFxaa,
-    /// 255 (1 - exp(-tau)) for the optical depth tau: noise-free.
-    Expected,
-    /// Noise-free mean of paraview-no-fxaa.
-    Response,
-    /// Noise-free mean of paraview.
-    ResponseFxaa,
-    /// Surface density in logarithmic colours, with a colour bar and a scale bar.
-    Density,
-}
+/// How particles are drawn: as which tone style, and whether with its noise; `None` = surface density.
+type ParticleStyle = OrNone<(ToneStyle, bool)>;
 
-impl ParticleStyle {
-    /// Its look, and whether it is drawn as that look is, with its noise; none of a density.
-    fn picture(self) -> Option<(ToneStyle, bool)> {
-        match self {
-            ParticleStyle::Paraview => Some((ToneStyle::Paraview, true)),
-            ParticleStyle::ParaviewNoFxaa => Some((ToneStyle::ParaviewNoFxaa, true)),
-            ParticleStyle::Expected => Some((ToneStyle::Expected, true)),
-            ParticleStyle::Response => Some((ToneStyle::ParaviewNoFxaa, false)),
-            ParticleStyle::ResponseFxaa => Some((ToneStyle::Paraview, false)),
-            ParticleStyle::Density => None,
-        }
-    }
-}
+/// The styles that all particles can be drawn in.
+const STYLES: [NamedChoice<ParticleStyle>; 6] = [
+    (
+        Some((ToneStyle::Paraview, true)),
+        "paraview",
+        "As ParaView 6 draws by default, with shot noise: dual depth peeling, 8-bit blending, FXAA",
+    ),
+    (Some((ToneStyle::ParaviewNoFxaa, true)), "paraview-no-fxaa", "The same without antialiasing (FXAA)"),
+    (Some((ToneStyle::Expected, true)), "expected", "255 (1 - exp(-tau)) for the optical depth tau: noise-free"),
+    (Some((ToneStyle::ParaviewNoFxaa, false)), "response", "Noise-free mean of paraview-no-fxaa"),
+    (Some((ToneStyle::Paraview, false)), "response-fxaa", "Noise-free mean of paraview"),
+    (None, "density", "Surface density in logarithmic colours, with a colour bar and a scale bar"),
+];
 
 #[derive(Serialize)]
 struct ParticleView {
@@ -149,18 +135,17 @@ struct ReferenceReport {
     views: Vec<ParticleView>,
 }
 
-/// Draws every view.
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let files = [&a.view.views, &a.sequence.path].into_iter().flatten();
     context.reads(a.input.iter().chain(files).map(PathBuf::as_path), false)?;
     let range = a.density.asked_range()?;
-    let subset = SnapshotSubset { selection: &a.selection, window: &WindowArgs::default(), seed: a.common.seed };
-    let particles = a.snapshot.open_selected(&a.input, subset, &context)?;
+    let particles = ParticleArgs::without_window(&a.snapshot, &a.selection);
+    let particles = particles.read(&a.input, a.common.seed, &Storage::Memory, &context)?;
     let mut reference = Reference::new(&particles);
     let bounds = *reference.bounds();
     let count = particles.len() as u64;
-    let (density, cell) = (a.style == ParticleStyle::Density, particles.meta.cell);
+    let (density, cell) = (a.style.is_none(), particles.meta.cell);
     let radius = bounds.default_radius(count);
     let extent = Extent::new(&bounds, cell.as_ref());
     let subject = ViewSubject { bounds, cell, extent, radius, opacity: DEFAULT_OPACITY, density };
@@ -174,7 +159,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         context.message(&note);
     }
     a.figure.note_missing(&[], &context);
-    let style = a.style.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default();
+    let style = STYLES.iter().find(|s| s.0 == a.style).map(|s| s.1.to_string()).unwrap_or_default();
     let (mut smooth_seconds, mut text) = (None, String::new());
     if let Some(neighbours) = a.smooth {
         let started = Instant::now();
@@ -229,7 +214,6 @@ pub fn run(a: &Arguments) -> Result<()> {
     context.finish(&text, &report)
 }
 
-/// What is printed of pictures of particles.
 fn rows(set: &ViewSet, drawn: &[RenderedView], count: u64) -> String {
     let mut text = format!("{:<16} {:>8} {:>9} {:>14}", "view", "r px", "seconds", "particles/s");
     for (view, drawn) in set.views.iter().zip(drawn) {

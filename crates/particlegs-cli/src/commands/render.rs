@@ -1,6 +1,6 @@
 //! `particlegs render MODEL... --style S -o OUT`.
 
-use crate::common::{Common, Context};
+use crate::common::{Common, Context, NamedChoice, OrNone, one_of};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::device::DeviceArgs;
 use crate::drawing::finish::Finisher;
@@ -28,7 +28,6 @@ use particlegs_files::input::name_of;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Arguments.
 #[derive(Args)]
 #[command(
     after_help = "\
@@ -69,8 +68,8 @@ pub struct Arguments {
     )]
     out: Option<PathBuf>,
     /// What to draw [default: paraview].
-    #[arg(long, value_enum, value_name = "STYLE")]
-    style: Option<ModelStyle>,
+    #[arg(long, value_name = "STYLE", value_parser = one_of(STYLES))]
+    style: Option<OrNone<ToneStyle>>,
     /// Layers to draw: species such as gas or dm, names that `info` lists, or `all`.
     #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',')]
     layers: Option<Vec<String>>,
@@ -111,19 +110,13 @@ pub struct Arguments {
     common: Common,
 }
 
-/// The styles that a model can be drawn in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-enum ModelStyle {
-    /// As ParaView draws the particles, without their shot noise.
-    #[default]
-    Paraview,
-    /// The same without antialiasing (FXAA).
-    ParaviewNoFxaa,
-    /// 255 (1 - exp(-tau)) for the optical depth tau.
-    Expected,
-    /// Surface density in logarithmic colours, with a colour bar and a scale bar.
-    Density,
-}
+/// The styles that a model can be drawn in; `None` = its surface density.
+const STYLES: [NamedChoice<OrNone<ToneStyle>>; 4] = [
+    (Some(ToneStyle::Paraview), "paraview", "As ParaView draws the particles, without their shot noise"),
+    (Some(ToneStyle::ParaviewNoFxaa), "paraview-no-fxaa", "The same without antialiasing (FXAA)"),
+    (Some(ToneStyle::Expected), "expected", "255 (1 - exp(-tau)) for the optical depth tau"),
+    (None, "density", "Surface density in logarithmic colours, with a colour bar and a scale bar"),
+];
 
 #[derive(Serialize)]
 struct RenderReport {
@@ -138,22 +131,6 @@ struct RenderReport {
     views: Vec<RenderedView>,
 }
 
-impl ModelStyle {
-    fn name(self) -> String {
-        self.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default()
-    }
-
-    /// The look of a picture; none of a density.
-    fn look(self) -> Option<ToneStyle> {
-        match self {
-            ModelStyle::Paraview => Some(ToneStyle::Paraview),
-            ModelStyle::ParaviewNoFxaa => Some(ToneStyle::ParaviewNoFxaa),
-            ModelStyle::Expected => Some(ToneStyle::Expected),
-            ModelStyle::Density => None,
-        }
-    }
-}
-
 /// A model that was read, and what names it.
 struct SourceModel {
     model: Model,
@@ -161,7 +138,6 @@ struct SourceModel {
 }
 
 impl SourceModel {
-    /// Converts it to the units of another.
     fn convert(self, to: &Model, context: &Context) -> Result<SourceModel> {
         let model = self.model.in_units(&to.metadata.unit_system(), &self.source.name, context)?;
         Ok(SourceModel { model, ..self })
@@ -170,7 +146,8 @@ impl SourceModel {
 
 /// What the options say, with what a picture says that is to be drawn alike.
 struct RenderOptions {
-    style: ModelStyle,
+    /// `None` = surface density.
+    style: OrNone<ToneStyle>,
     layers: Vec<String>,
     color_by_layer: bool,
     colormap: Colormap,
@@ -183,7 +160,7 @@ struct RenderOptions {
 impl RenderOptions {
     fn of(a: &Arguments, context: &Context) -> Result<RenderOptions> {
         let mut asked = RenderOptions {
-            style: a.style.unwrap_or_default(),
+            style: a.style.unwrap_or(Some(ToneStyle::Paraview)),
             layers: a.layers.clone().unwrap_or_else(|| vec!["all".into()]),
             color_by_layer: a.color_by_layer,
             colormap: a.density.colormap.unwrap_or_default(),
@@ -198,16 +175,17 @@ impl RenderOptions {
             let hint = "choose one with --style";
             let no_style =
                 || Error::input_with(path, format!("no model can be drawn in its style `{}`", told.style), hint);
-            asked.style = ModelStyle::from_str(&told.style, false).map_err(|_| no_style())?;
+            let style = STYLES.iter().find(|(_, name, _)| *name == told.style);
+            asked.style = style.ok_or_else(no_style)?.0;
         }
         if a.layers.is_none() && !told.layers.is_empty() {
             asked.layers = told.layers;
         }
-        asked.color_by_layer |= told.color_by_layer && asked.style != ModelStyle::Density;
+        asked.color_by_layer |= told.color_by_layer && asked.style.is_some();
         if let (None, Some(name)) = (a.density.colormap, &told.colormap) {
             asked.colormap = name.parse().map_err(|_| unknown("colour map", name))?;
         }
-        if asked.style == ModelStyle::Density {
+        if asked.style.is_none() {
             asked.range = asked.range.or(told.range.filter(|r| r[0] > 0.0 && r[1] > r[0]));
         }
         if let (None, Some(name)) = (asked.figure.background, &told.background) {
@@ -231,7 +209,6 @@ impl RenderOptions {
     }
 }
 
-/// Draws every view.
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let files = [&a.view.views, &a.sequence.path, &a.like].into_iter().flatten();
@@ -240,7 +217,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let read = a.models.iter().map(|path| read(path, &asked, &context)).collect::<Result<Vec<_>>>()?;
     if read.len() > 1 && !a.panels {
         let what = format!("{} models are given, and one is drawn", read.len());
-        return Err(Error::Argument { what, remedy: "draw them into one figure with --panels".into() });
+        return Err(Error::argument_with(what, "draw them into one figure with --panels"));
     }
     let mut read = read.into_iter();
     let Some(first) = read.next() else { return Err(Error::argument("no model is given")) };
@@ -249,7 +226,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let model = &read[0].model;
     asked.convert(a, model, &context)?;
     let m = &model.metadata;
-    let density = asked.style == ModelStyle::Density;
+    let density = asked.style.is_none();
     let subject = ViewSubject::of_model(model, density);
     let quantities = Quantities::of_model(model);
     let device = a.device.open()?;
@@ -302,7 +279,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         }
     };
     let report = RenderReport {
-        style: asked.style.name(),
+        style: asked.style.map_or("density", ToneStyle::name).into(),
         gaussians: read.iter().map(|r| r.model.gaussians()).sum(),
         width: set.size.width,
         height: set.size.height,
@@ -323,7 +300,6 @@ fn read(path: &Path, asked: &RenderOptions, context: &Context) -> Result<SourceM
     Ok(SourceModel { model, source: SourceFile { name: file, blake3: hash } })
 }
 
-/// A file's name without its ending.
 fn stem(name: &str) -> String {
     Path::new(name).file_stem().map_or(name.to_string(), |s| s.to_string_lossy().into_owned())
 }
@@ -337,12 +313,12 @@ fn legend(asked: &RenderOptions, model: &Model) -> Vec<(String, [u8; 3])> {
 
 /// What files say of themselves; views and range are each picture's.
 fn about(asked: &RenderOptions, read: &[SourceModel], quantities: &Quantities) -> PictureProvenance {
-    let density = asked.style == ModelStyle::Density;
+    let density = asked.style.is_none();
     let ground = asked.figure.background.and_then(|b| Some(b.to_possible_value()?.get_name().to_string()));
     PictureProvenance {
         particlegs: env!("CARGO_PKG_VERSION").into(),
         of: read.iter().map(|r| r.source.clone()).collect(),
-        style: asked.style.name(),
+        style: asked.style.map_or("density", ToneStyle::name).into(),
         layers: if asked.layers == ["all"] { Vec::new() } else { asked.layers.clone() },
         color_by_layer: asked.color_by_layer,
         colormap: density.then(|| asked.colormap.name().into()),

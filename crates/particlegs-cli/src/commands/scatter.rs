@@ -9,7 +9,6 @@ use particlegs::progress::Progress;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
 Copies the particles of the snapshot, chunk by chunk, into one bucket for each block. Chunks that are
@@ -25,7 +24,6 @@ pub struct Arguments {
     common: Common,
 }
 
-/// Buckets one chunk or all.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let job = Job::open(&a.job)?;
@@ -36,7 +34,7 @@ pub fn run(a: Arguments) -> Result<()> {
             number..number.saturating_add(1)
         }
     };
-    let snapshot = JobSnapshot::of(&job)?;
+    let snapshot = JobSnapshot::from_job(&job)?;
     context.reads_job(&a.job, snapshot.paths(), false)?;
     context.finishes_its_steps();
     let mut done = 0;

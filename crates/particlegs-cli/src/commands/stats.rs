@@ -16,7 +16,6 @@ use particlegs_files::input::name_of;
 use particlegs_files::output;
 use std::path::{Path, PathBuf};
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
@@ -175,7 +174,6 @@ impl StatsInput {
     }
 }
 
-/// What stats.json holds.
 #[derive(serde::Serialize)]
 struct StatsReport<'a> {
     truth: String,
@@ -186,7 +184,6 @@ struct StatsReport<'a> {
     statistics: &'a Statistics,
 }
 
-/// Measures and writes.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let mut options = options(&a)?;

@@ -5,12 +5,12 @@ use crate::common::{Common, Context};
 use crate::info_model;
 use crate::inputs;
 use crate::job_args::JobSnapshot;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
+use crate::snapshot_args::ParticleArgs;
 use crate::source;
 use clap::Args;
 use particlegs::job::{Job, State};
 use particlegs::model::{Certificate, CertificateLevel, Model};
-use particlegs::particles::Particles;
+use particlegs::particles::{Particles, Storage};
 use particlegs::progress::Progress;
 use particlegs::score::Assessment;
 use particlegs::{Error, Result, codec, compress};
@@ -19,7 +19,6 @@ use particlegs_files::output;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
@@ -39,16 +38,11 @@ pub struct Arguments {
     #[arg(long, requires = "snapshot")]
     store: bool,
     #[command(flatten)]
-    opening: SnapshotArgs,
-    #[command(flatten)]
-    selection: SelectionArgs,
-    #[command(flatten)]
-    window: WindowArgs,
+    particles: ParticleArgs,
     #[command(flatten)]
     common: Common,
 }
 
-/// The result.
 #[derive(Serialize)]
 struct VerifyReport {
     model_bytes: u64,
@@ -61,13 +55,10 @@ struct VerifyReport {
     certificate: &'static str,
     stored: Option<Certificate>,
     measured_again: Option<Certificate>,
-    /// Stored and measured side by side.
     figures: Vec<CertificateFigure>,
     /// What the file says of its source and the snapshot does not: name, stored, found.
     source_differences: Vec<[String; 3]>,
-    /// What no certificate can say.
     contradictions: Vec<String>,
-    /// What is hard to believe.
     doubts: Vec<String>,
     verdict: Vec<Assessment>,
 }
@@ -157,7 +148,7 @@ impl VerifyReport {
     /// An error where what is stored is not what was measured, or cannot be at all.
     fn judge(&self, place: &str) -> Result<()> {
         let hint = "the certificate was altered, or another version of the program measured it: trust neither file nor scores before you know";
-        let differs = |what: String| Error::Differs { place: place.into(), what, remedy: hint.into() };
+        let differs = |what: String| Error::Differs { place: place.into(), what, hint: hint.into() };
         if !self.contradictions.is_empty() {
             return Err(differs(format!("its certificate contradicts itself: {}", self.contradictions.join("; "))));
         }
@@ -165,9 +156,8 @@ impl VerifyReport {
             return Err(Error::Differs {
                 place: place.into(),
                 what: format!("its {name} is {stored} in the file and {found} in the snapshot"),
-                remedy:
-                    "give the options by which the model was made (`info` shows them); else its metadata was altered"
-                        .into(),
+                hint: "give the options by which the model was made (`info` shows them); else its metadata was altered"
+                    .into(),
             });
         }
         let off: Vec<String> = self
@@ -224,7 +214,6 @@ fn text(r: &VerifyReport, model: &Model, of_several: bool, place: &str) -> Strin
     }
 }
 
-/// Stored and measured, a line a figure.
 fn beside(figures: &[CertificateFigure]) -> String {
     let mut text = format!("  {:<48} {:>18} {:>18} {:>14}\n", "figure", "stored", "measured", "tolerance");
     for f in figures {
@@ -240,7 +229,7 @@ fn verify_job(a: &Arguments, context: &Context) -> Result<()> {
         return Err(Error::argument("a job names its snapshot itself: give the folder alone"));
     }
     let job = Job::open(&a.model)?;
-    let snapshot = JobSnapshot::of(&job)?;
+    let snapshot = JobSnapshot::from_job(&job)?;
     context.reads_job(&a.model, snapshot.paths(), false)?;
     job.verify(Some(snapshot.layered(context)?), context)?;
     let status = job.status()?;
@@ -281,8 +270,7 @@ fn measure(
 ) -> Result<(Option<Certificate>, Vec<[String; 3]>)> {
     let of_several = source::is_of_several(bytes, model, &name_of(&a.model))?;
     let without_certificate = with_certificate(&a.model, bytes, model, None)?.len() as u64;
-    let subset = SnapshotSubset { selection: &a.selection, window: &a.window, seed: a.common.seed };
-    let particles: Particles = a.opening.open_selected(&a.snapshot, subset, context)?;
+    let particles: Particles = a.particles.read(&a.snapshot, a.common.seed, &Storage::Memory, context)?;
     source::check(model, of_several, &particles, &a.snapshot[0], &a.model)?;
     let differences = particles.differences_from(model, of_several);
     if !differences.is_empty() {

@@ -1,15 +1,15 @@
 //! `particlegs view MODEL... [--snapshot SNAP]`.
 
 use crate::common::{Common, Context};
+use crate::error_text::of_option;
 use crate::page_args::{AppearanceArgs, PageArgs};
 use crate::printable::one_line;
 use crate::progress::to_stderr;
-use crate::remedies::of_option;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
+use crate::snapshot_args::{ParticleArgs, SelectionArgs, SnapshotArgs};
 use crate::viewed::ModelFiles;
 use clap::{Args, ValueHint};
 use particlegs::Result;
-use particlegs::particles::Particles;
+use particlegs::particles::{Particles, Storage};
 use particlegs::progress::Progress;
 use particlegs::reference::Reference;
 use particlegs_view::page::Snapshot;
@@ -19,7 +19,6 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Arguments.
 #[derive(Args)]
 #[command(
     after_help = "\
@@ -174,9 +173,8 @@ impl Arguments {
         if self.particles.is_empty() {
             return Ok(None);
         }
-        let subset =
-            SnapshotSubset { selection: &self.selection, window: &WindowArgs::default(), seed: self.common.seed };
-        self.snapshot.open_selected(&self.particles, subset, context).map(Some)
+        let particles = ParticleArgs::without_window(&self.snapshot, &self.selection);
+        particles.read(&self.particles, self.common.seed, &Storage::Memory, context).map(Some)
     }
 
     /// What the page calls the snapshot: the name of its first file or folder.
@@ -188,7 +186,6 @@ impl Arguments {
     }
 }
 
-/// Prints where the page is.
 fn announce(
     a: &Arguments,
     server: &Server,
@@ -240,7 +237,6 @@ fn open(server: &Server, context: &Context) -> Result<()> {
     Ok(())
 }
 
-/// What the terminal says of it.
 fn in_words(event: &Event) -> String {
     match event {
         Event::RefusedHost(name) => {
@@ -252,7 +248,6 @@ fn in_words(event: &Event) -> String {
     }
 }
 
-/// This machine's name.
 #[cfg(unix)]
 fn node() -> Option<String> {
     let name = rustix::system::uname().nodename().to_string_lossy().into_owned();

@@ -13,8 +13,8 @@ use particlegs::{Error, Result};
 /// A model's layers, each to be drawn alone.
 pub fn apart(model: &Model) -> Result<Vec<Model>> {
     if model.metadata.law == LawKind::AlphaBlend {
-        let what = "--color-by-layer: an alpha-blend model has no optical depth to mix colours by".to_string();
-        return Err(Error::Argument { what, remedy: "draw one layer with --layer NAME".into() });
+        let what = "--color-by-layer: an alpha-blend model has no optical depth to mix colours by";
+        return Err(Error::argument_with(what, "draw one layer with --layer NAME"));
     }
     model.layers.iter().map(|l| model.clone().only(std::slice::from_ref(&l.name))).collect()
 }

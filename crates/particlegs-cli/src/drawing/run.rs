@@ -83,8 +83,8 @@ impl DrawingJob<'_> {
         let raw = target.density.raw;
         let out = folder.map(|path| PictureOut::new(path, set.views.len(), raw, context)).transpose()?;
         if film.as_ref().is_some_and(|f| f.form != FilmFormat::Gif) && !matches!(out, Some(PictureOut::Folder(_))) {
-            let what = "--video joins the frames of a folder, and -o names a picture".to_string();
-            return Err(Error::Argument { what, remedy: "name a folder, or leave -o away".into() });
+            let what = "--video joins the frames of a folder, and -o names a picture";
+            return Err(Error::argument_with(what, "name a folder, or leave -o away"));
         }
         if let Some(out) = &out {
             match raw {

@@ -17,7 +17,7 @@ pub fn about(camera: &Camera, size: Size, unit: &str) -> Result<[EdgeAxis; 2]> {
     let Projection::Orthographic { height_world } = camera.projection else {
         let what = "--axes frame does nothing here: it belongs to --projection orthographic; in perspective a length \
                     changes with its depth";
-        return Err(Error::Argument { what: what.into(), remedy: "--axes cube draws the box with its axes".into() });
+        return Err(Error::Argument { what: what.into(), hint: "--axes cube draws the box with its axes".into() });
     };
     let frame = camera.frame()?;
     let half = [0.5 * height_world * size.width as f64 / size.height as f64, 0.5 * height_world];

@@ -54,7 +54,7 @@ pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
                 let what = format!("a figure {total:.0} points wide has no room for letters of {em} points");
                 return Err(Error::Argument {
                     what,
-                    remedy: "choose a larger --figure-width or a smaller --font-size".into(),
+                    hint: "choose a larger --figure-width or a smaller --font-size".into(),
                 });
             }
         }

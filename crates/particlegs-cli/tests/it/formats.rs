@@ -72,7 +72,7 @@ fn species_and_masses_become_layers() {
     assert_eq!(names, ["PartType1 m=1", "PartType1 m=2", "PartType1 m=3"]);
     assert!(layers.iter().all(|l| l["weighted"] == false && l["blocks"][0]["count"] == 10));
     assert_eq!(layers[2]["particle_mass"], 3.0);
-    let (_, layers, _) = compress(&["--weights", "none"]);
+    let (_, layers, _) = compress(&["--mass-field", "none"]);
     assert!(layers.iter().all(|l| l["weighted"] == false && l["particle_mass"].is_null()));
     // One layer alone is drawn, and a name that is none is told.
     compress(&[]);
@@ -146,7 +146,7 @@ fn what_cannot_be_read_is_told_in_one_line() {
     refused(&["info", &nothing], 3, "--format");
     refused(&["convert", &nothing, "-o", &out], 3, "not in a format");
     refused(&["convert", &fixture("species.hdf5"), "-o", &out, "--particle-type", "9", "-q"], 3, "PartType1 (1, dm");
-    refused(&["convert", &fixture("species.hdf5"), "-o", &out, "--weights", "Age", "-q"], 3, "Age");
+    refused(&["convert", &fixture("species.hdf5"), "-o", &out, "--mass-field", "Age", "-q"], 3, "Age");
     refused(&["convert", &fixture("two_frames.dump.gz"), "-o", &out, "--frame", "7", "-q"], 3, "frame");
     refused(&["convert", &fixture("species.hdf5"), "-o", &out, "--frame", "0", "-q"], 2, "no frames");
     refused(&["convert", &sample(), "-o", &out, "--positions", "Coordinates", "-q"], 2, "xx, yy and zz");

@@ -101,7 +101,7 @@ fn layers_weights_and_selections_go_through_a_job() {
         ("weights", &[][..]),
         ("masses", &["--layers", "mass"]),
         ("region", &["--region", "3,30,0,1,0,0.7", "--every", "2"]),
-        ("plain", &["--weights", "none"]),
+        ("plain", &["--mass-field", "none"]),
     ] {
         let options = [&common[..], more].concat();
         let direct = compressed(&at("snapshot"), &at("direct.pgs"), &options);

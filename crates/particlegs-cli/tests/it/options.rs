@@ -46,7 +46,7 @@ fn options_that_do_nothing_are_refused_by_name() {
         (on(&["info", "m.pgs"], &["--box", "8"]), "--box"),
         (on(&["info", "m.pgs"], &["--no-bounds"]), "--no-bounds"),
         (on(&["convert", "m.pgs", "-o", "m.ply"], &["--every", "2"]), "--every"),
-        (on(&["convert", "m.pgs", "-o", "m.ply"], &["--weights", "none"]), "--weights"),
+        (on(&["convert", "m.pgs", "-o", "m.ply"], &["--mass-field", "none"]), "--mass-field"),
         (on(&["verify", "m.pgs"], &["--sample", "9"]), "--sample"),
         (on(&["verify", "m.pgs"], &["--layers", "mass"]), "--layers"),
         (on(&["merge", "m.pgs", "-o", "x.pgs"], &["--certificate=none"]), "--certificate"),

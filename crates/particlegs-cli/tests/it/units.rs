@@ -142,7 +142,7 @@ fn weights_that_are_not_masses_have_their_own_name_and_unit() {
     for (field, plural) in [("Temperature", "temperatures"), ("GFM_Metallicity", "fractions"), ("c_7", "temperatures")]
     {
         let text = format!("`{field}` cannot be weights: a sum of {plural} is no map");
-        fails(&mut s.command(&["compress", "t.csv", "--weights", field, "-o", "no.pgs"]), 3, &text);
+        fails(&mut s.command(&["compress", "t.csv", "--mass-field", field, "-o", "no.pgs"]), 3, &text);
     }
     let weighted = ["t.csv", "--weights", "Charge"];
     let look = ["--style", "density", "--projection", "orthographic", "--size", "40x40", "--raw", "-o", "raw"];

@@ -58,10 +58,8 @@ fn describe(parts: &[GadgetFile], paths: &[PathBuf], species: Vec<Species>) -> D
         if first.big_endian { "big-endian" } else { "little-endian" }
     );
     let name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let mut notes = vec![
-        "the file has no units; Gadget's usual length is kpc/h: `--length-unit` and `--mass-unit` state them"
-            .to_string(),
-    ];
+    let mut notes =
+        vec!["the file has no units; Gadget's usual length is kpc/h: state the units of length and mass".to_string()];
     let h = &first.header;
     if h.is_cosmological() {
         notes.push(format!("redshift {}, Omega0 {}, OmegaLambda {}", h.redshift, h.omega0, h.omega_lambda));

@@ -4,7 +4,7 @@ use super::blocks::GadgetFile;
 use super::header::TYPES;
 use super::records::GadgetRecord;
 use crate::strided::NumberType;
-use particlegs::{Error, Remedy, Result};
+use particlegs::{Error, Hint, Result};
 
 /// Numbers of a block that are looked at.
 const LOOKED_AT: u64 = 4096;
@@ -110,7 +110,9 @@ impl BlockOrder<'_> {
         if mass.is_none() && needed && run > 1 {
             let at = self.records[start].offset;
             let what = format!("none of the {run} blocks from byte {at} on, one number a particle, holds masses");
-            return Err(Error::input_with(&self.part.path, what, Remedy::NameBlocks));
+            let hint = Hint::default().option("gadget-blocks", "POS,VEL,ID,-,MASS");
+            let hint = hint.words(" names the blocks after the header; - skips a block");
+            return Err(Error::input_with(&self.part.path, what, hint));
         }
         if needed {
             // Where its length is another, the fault is named when it is placed.

@@ -79,7 +79,7 @@ fn describe(path: &Path, files: &[GenericIoFile]) -> Result<Description> {
     };
     let positions = [axis(0), axis(1), axis(2)].join(",");
     let other: Vec<&str> = first.variables.iter().filter(|v| !has(v)).map(|v| &v.name[..]).collect();
-    let units = "the file has no units; HACC's usual length is Mpc/h: `--length-unit` states it";
+    let units = "the file has no units; HACC's usual length is Mpc/h: state the unit of length";
     let unread = (!other.is_empty()).then(|| format!("no numbers, not read: {}", other.join(", ")));
     let notes = std::iter::once(units.to_string()).chain(unread).collect();
     let species = Species { name: "particles".into(), aliases: vec![], count, mass, positions, fields };

@@ -79,8 +79,8 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         if let Some(tables) = tables::open(path, &first)? {
             return Ok(tables);
         }
-        if let Some((what, remedy)) = tables::foreign(path, &first) {
-            return Err(Error::input_with(path, format!("{what}, which is not read"), remedy));
+        if let Some((what, hint)) = tables::foreign(path, &first) {
+            return Err(Error::input_with(path, format!("{what}, which is not read"), hint));
         }
     }
     let (found, strict) = (Default::default(), options.strict);

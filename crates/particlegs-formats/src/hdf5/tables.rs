@@ -13,7 +13,7 @@ use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
 use particlegs::model::{Dimension, Units};
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::space::Cell;
-use particlegs::{Error, Remedy, Result};
+use particlegs::{Error, Hint, Result};
 use std::path::{Path, PathBuf};
 
 /// The group at the top.
@@ -137,7 +137,7 @@ fn cell_of(lengths: &[f64], place: &str) -> Result<Option<Cell>> {
 }
 
 /// What an HDF5 file without particles that are read is, where that is known, and what converts it.
-pub fn foreign(path: &Path, container: &Container) -> Option<(String, Remedy)> {
+pub fn foreign(path: &Path, container: &Container) -> Option<(String, Hint)> {
     let groups: Vec<String> = container.groups().ok()?.into_iter().map(|g| g.0).collect();
     let has = |name: &str| groups.iter().any(|g| g == name);
     let last = |set: &str| {

@@ -7,7 +7,7 @@ use particlegs::model::{Dimension, Layer, Mass, Unit};
 use particlegs::parallel;
 use particlegs::particles::{Number, Run, SelectedParticles, SnapshotMeta, SourceField};
 use particlegs::progress::Progress;
-use particlegs::{Error, Remedy, Result};
+use particlegs::{Error, Hint, Result};
 use particlegs_files::output::PlacedFile;
 use std::ops::Range;
 use std::path::Path;
@@ -136,7 +136,7 @@ fn types(layers: &[Layer<Range<u64>>], out: &Path) -> Result<Vec<usize>> {
     types.into_iter().collect::<Option<_>>().ok_or_else(|| {
         let what =
             format!("{} layers, and a Gadget snapshot has at most {} types of particles", layers.len(), ORDER.len());
-        Error::input_with(out, what, Remedy::ChooseSpecies)
+        Error::input_with(out, what, Hint::choose_species())
     })
 }
 

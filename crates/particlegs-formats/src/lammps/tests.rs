@@ -29,7 +29,7 @@ fn all(text: &str, choice: &Choice) -> particlegs::Result<Vec<SpeciesParticles>>
 fn message(text: &str) -> String {
     match all(text, &Choice::default()) {
         Ok(_) => panic!("it was read"),
-        Err(e) => format!("{e} ({})", e.remedy()),
+        Err(e) => format!("{e} ({})", e.hint()),
     }
 }
 

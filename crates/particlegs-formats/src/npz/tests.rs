@@ -79,7 +79,7 @@ fn a_choice_is_asked_for_where_names_do_not_decide() {
     let six = || floats("(2, 3)", false, (0..6).map(|v| v as f32));
     let snapshot = open_bytes("a.npz", &npz(&[("a.npy", six(), false), ("b.npy", six(), true)])).unwrap();
     let error = snapshot.reader(0, &Choice::default()).err().unwrap();
-    assert!(error.remedy().to_string().contains("a, b"), "{error}");
+    assert!(error.hint().to_string().contains("a, b"), "{error}");
     let chosen = Choice { positions: Some("b".into()), ..Choice::default() };
     assert!(is_counted(&read_all(&*snapshot, &chosen).unwrap().0));
 }

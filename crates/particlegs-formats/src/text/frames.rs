@@ -4,7 +4,7 @@ use super::content::TextContent;
 use super::lines::LineReader;
 use super::table::{TableBuilder, TextTable};
 use crate::TrajectoryFrames;
-use particlegs::{Error, Remedy, Result};
+use particlegs::{Error, Hint, Result};
 
 /// A frame that was found.
 pub struct TextFrame<'c, H> {
@@ -74,8 +74,9 @@ pub fn scan<'c, H>(
 /// The frame before a broken one can be read.
 fn with_last_frame(error: Error, whole: u64) -> Error {
     match error {
-        Error::Input { place, what, remedy } if whole > 0 => {
-            Error::Input { place, what, remedy: remedy.and(Remedy::ReadFrame(whole - 1)) }
+        Error::Input { place, what, hint } if whole > 0 => {
+            let last = Hint::default().option("frame", whole - 1).words(" reads the last whole frame");
+            Error::Input { place, what, hint: hint.and(last) }
         }
         other => other,
     }

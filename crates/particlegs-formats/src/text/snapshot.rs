@@ -10,7 +10,7 @@ use crate::fields::number_of;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
 use particlegs::particles::{Number, SnapshotReader};
 use particlegs::space::PeriodicCell;
-use particlegs::{Error, Remedy, Result};
+use particlegs::{Error, Hint, Result};
 use std::sync::Arc;
 
 /// A table of text and what is said about it.
@@ -148,12 +148,9 @@ impl TextSnapshot {
         if name.is_empty() {
             let scalars = species.fields.iter().filter(|f| f.components == 1 && f.kind != "text");
             let names: Vec<&str> = scalars.map(|f| &f.name[..]).collect();
-            let names = names.iter().map(|n| n.to_string()).collect();
-            return Err(Error::input_with(
-                self.place(),
-                "no columns have the names of positions",
-                Remedy::NamePositions(names),
-            ));
+            let hint = Hint::default().option("positions", "A,B,C");
+            let hint = hint.words(format!(" names them; there are: {}", names.join(", ")));
+            return Err(Error::input_with(self.place(), "no columns have the names of positions", hint));
         }
         let vector = species.fields.iter().any(|f| f.name == name && f.components == 3);
         if let Some(first) = column_of(&species.fields, name).filter(|_| vector) {

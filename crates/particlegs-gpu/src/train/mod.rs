@@ -30,7 +30,7 @@ use gaussians::DepthBuffers;
 use kernels::TrainingKernels;
 use particlegs_core::picture::Size;
 use particlegs_core::render::lens::Lens;
-use particlegs_core::{Error, Result};
+use particlegs_core::{Error, Hint, Result};
 use particlegs_train::depth::{DepthStepper, Parameters, StepSize, WIDTHS};
 use particlegs_train::{Loss, NonFiniteGradient, StepReport, TrainingSample};
 use picture::{CurveCache, TrainingPicture};
@@ -238,5 +238,6 @@ const NUMBERS: usize = WIDTHS[0] + WIDTHS[1] + WIDTHS[2];
 /// Why Gaussians are not held.
 fn too_many(device: &Device, count: usize, most: usize) -> Error {
     let name = device.name();
-    Error::argument(format!("{count} Gaussians: device {name} trains {most} at most: --device cpu, or more blocks"))
+    let hint = Hint::use_processor().and("or fit more blocks".into());
+    Error::argument_with(format!("{count} Gaussians: device {name} trains {most} at most"), hint)
 }

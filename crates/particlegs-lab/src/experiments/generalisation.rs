@@ -57,7 +57,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     match lab.settings.training {
         true => beside_published(lab, snapshot, &mut found)?,
         false => found.notes.push(
-            "The published law was not trained in this run: with `--training` its model stands beside ours of the same \
+            "The published law was not trained in this run: where training is asked for, its model stands beside ours of the same \
              bytes. Figures of the paper are in the columns beside."
                 .into(),
         ),

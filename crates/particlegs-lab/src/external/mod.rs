@@ -114,8 +114,8 @@ impl SharedChild {
     }
 
     fn not_started(&self, error: &std::io::Error) -> Error {
-        let remedy = "name a Python 3 that has the packages of lab/requirements.txt";
-        Error::input_with(&self.program, format!("cannot be started: {error}"), remedy)
+        let hint = "name a Python 3 that has the packages of lab/requirements.txt";
+        Error::input_with(&self.program, format!("cannot be started: {error}"), hint)
     }
 
     fn lacks(&self, packages: &str) -> Error {

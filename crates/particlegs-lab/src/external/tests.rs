@@ -66,13 +66,13 @@ fn requests_and_answers_pass_the_pipes_whole() {
 fn a_python_that_is_not_there_or_lacks_packages_is_told_in_one_line() {
     let error = External::start(Path::new("/nowhere/python")).err().unwrap();
     assert!(error.to_string().starts_with("/nowhere/python: cannot be started"), "{error}");
-    assert!(error.remedy().to_string().contains("requirements.txt"));
+    assert!(error.hint().to_string().contains("requirements.txt"));
     // No package is there without site-packages.
     let lacking = ["-I", "-S", "-u", "-c", SCRIPT].map(String::from).to_vec();
     let error = External::of_command(Path::new("python3"), lacking).err().unwrap();
     assert_eq!(error.to_string(), "python3: lacks numpy, pysz, zfpy");
-    let remedy = error.remedy().to_string();
-    assert!(remedy.starts_with("python3 -m pip install numpy==") && remedy.contains(" pysz=="), "{remedy}");
+    let hint = error.hint().to_string();
+    assert!(hint.starts_with("python3 -m pip install numpy==") && hint.contains(" pysz=="), "{hint}");
 }
 
 #[test]

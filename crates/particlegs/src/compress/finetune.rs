@@ -14,7 +14,7 @@ use crate::progress::Progress;
 use crate::reference::Reference;
 use crate::score::CertificateInput;
 use crate::train::{AlphaConfig, Config, Defaults, InitialGaussians, Limits, TrainedMixture, TrainedRun, Training};
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 
 /// What `finetune` is asked to do.
 #[derive(Clone, Debug)]
@@ -144,7 +144,7 @@ impl NewFile {
         let law = model.metadata.law;
         if law != LawKind::AlphaBlend {
             let what = format!("a model of the {} law cannot be fine-tuned: its blocks add up as they are", law.name());
-            return Err(Error::Argument { what, remedy: Remedy::TrainFromSnapshot });
+            return Err(Error::argument_with(what, Hint::train_from_snapshot()));
         }
         let [layer] = &model.layers[..] else {
             return Err(Error::argument("an alpha-blend model has one layer"));
@@ -167,7 +167,7 @@ impl NewFile {
         let block_bytes = size.map(|size| {
             size.checked_sub(beside).filter(|left| *left > 0).ok_or_else(|| {
                 let what = format!("{size} bytes were asked for; the head and the network alone take {beside}");
-                Error::Unreachable { what, remedy: "ask for a larger file".into() }
+                Error::unreachable(what, "ask for a larger file")
             })
         });
         Ok(NewFile { metadata, layer, beside, block_bytes: block_bytes.transpose()? })
@@ -180,7 +180,10 @@ impl NewFile {
         let most_gaussians = match (options.target, self.block_bytes) {
             (Target::Gaussians(k), _) if k < own => {
                 let what = format!("{k} Gaussians were asked for; the model has {own}");
-                return Err(Error::Unreachable { what, remedy: Remedy::MoreGaussians(own) });
+                return Err(Error::unreachable(
+                    what,
+                    Hint::from("ask for ").option("gaussians", own).words(" or more"),
+                ));
             }
             (Target::Gaussians(k), _) => Some(k),
             (_, Some(bytes)) => said.or_else(|| {
@@ -201,7 +204,7 @@ impl NewFile {
         if coded.size_met == SizeOutcome::TooLarge {
             let (asked, smallest) = (bytes + self.beside, codec::stored_bytes(&coded.bytes) as u64 + self.beside);
             let what = format!("{asked} bytes were asked for; the smallest file has {smallest} bytes");
-            return Err(Error::Unreachable { what, remedy: Remedy::LargerFile { bytes: smallest, ratio: None } });
+            return Err(Error::unreachable(what, Hint::larger_file(smallest)));
         }
         Ok(coded)
     }

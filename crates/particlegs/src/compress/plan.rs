@@ -12,7 +12,7 @@ use crate::progress::Progress;
 use crate::score::check_radius;
 use crate::space::Bounds;
 use crate::train::Config;
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 use serde::{Deserialize, Serialize};
 
 /// What is asked for, and what is known of the whole.
@@ -49,11 +49,12 @@ impl CompressionPlan {
         }
         let alpha = options.law() == LawKind::AlphaBlend;
         if alpha && source.layers.len() > 1 {
-            let what = "the alpha-blend law has one layer, and the snapshot several".into();
-            return Err(Error::Argument { what, remedy: Remedy::ChooseSpecies });
+            let what = "the alpha-blend law has one layer, and the snapshot several";
+            return Err(Error::argument_with(what, Hint::choose_species()));
         }
         if alpha && options.certificate == CertificateLevel::Blocks {
-            let what = "models of the alpha-blend law do not add up: --certificate blocks is of the optical-depth law";
+            let what =
+                "models of the alpha-blend law do not add up: a certificate by blocks is of the optical-depth law";
             return Err(Error::argument(what));
         }
         check_box(&scan.bounds, cell, name)?;
@@ -96,7 +97,8 @@ impl CompressionPlan {
         let what = format!(
             "{bytes} bytes were asked for; of an alpha-blend model the head and the network alone take {beside}"
         );
-        Err(Error::Unreachable { what, remedy: Remedy::LargerFileOrNoNetwork })
+        let hint = Hint::from("ask for a larger file, or set `vizmapper = false` in [alpha_blend] of ");
+        Err(Error::unreachable(what, hint.option("config", "")))
     }
 
     /// The masses of a layer as the file has them: Gaussians of the alpha-blend law have no weights.

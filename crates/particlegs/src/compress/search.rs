@@ -154,7 +154,7 @@ fn unreachable(scale: &SearchScale, best: GoalResult, gaussians: usize, plan: &C
         GoalKind::Psnr => "ask for less, or for a size".to_string(),
         _ => format!("ask for less, or for a number of Gaussians: up to {} are tried", scale.most),
     };
-    Error::Unreachable { what, remedy: words.into() }
+    Error::unreachable(what, words)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 //! where the layer has them, weights, as f32 columns. One block is read without the others.
 
 use super::manifest::Job;
-use crate::{Error, Remedy, Result};
+use crate::{Error, Result};
 use particlegs_files::input::open_file;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -148,8 +148,7 @@ impl<'a> Buckets<'a> {
         let path = job.chunk_path(chunk);
         let (mut file, length) = open_file(&path).map_err(|e| match e {
             Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
-                let remedy = Remedy::SortChunk { folder: job.folder.clone(), chunk, broken: false };
-                Error::input_with(&path, "this chunk has not been sorted yet", remedy)
+                Error::input_with(&path, "this chunk has not been sorted yet", job.run_again("scatter", chunk, false))
             }
             other => other,
         })?;
@@ -168,8 +167,7 @@ impl<'a> Buckets<'a> {
     }
 
     fn broken(&self, what: &str) -> Error {
-        let (folder, chunk) = (self.job.folder.clone(), self.chunk);
-        Error::input_with(&self.path, what, Remedy::SortChunk { folder, chunk, broken: true })
+        Error::input_with(&self.path, what, self.job.run_again("scatter", self.chunk, true))
     }
 
     pub(super) fn entry(&mut self, block: u32) -> Result<BucketEntry> {

@@ -6,7 +6,7 @@ use crate::codec::MOST_LAYERS;
 use crate::compress::CompressionPlan;
 use crate::model::{CertificateLevel, Metadata};
 use crate::particles::{LayeredParticles, RUN};
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 use particlegs_files::input::{Begins, Form, read_own};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
@@ -110,8 +110,13 @@ impl Job {
     /// for the plan of another version.
     pub fn open(folder: &Path) -> Result<Job> {
         let path = folder.join("plan.json");
-        let text = read_own(&path, FORM)?
-            .ok_or_else(|| Error::input_with(folder, "no plan.json: not a job's folder", Remedy::PlanJob))?;
+        let text = read_own(&path, FORM)?.ok_or_else(|| {
+            Error::input_with(
+                folder,
+                "no plan.json: not a job's folder",
+                Hint::default().command("plan", "").words(" makes one"),
+            )
+        })?;
         let no_plan = |e: serde_json::Error| Error::input(&path, format!("not a plan: {e}"));
         let version = serde_json::from_slice::<ManifestVersion>(&text).map_err(no_plan)?.particlegs_job;
         let what = match version.cmp(&u64::from(VERSION)) {

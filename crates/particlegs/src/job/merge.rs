@@ -7,6 +7,8 @@ use crate::particles::Particles;
 use crate::progress::{Progress, Silent};
 use crate::score::CertificateInput;
 use crate::{Error, Remedy, Result, codec};
+use crate::{Error, Hint, Result};
+use std::fmt::Display;
 
 impl Job {
     /// Puts the file together: the same bytes whatever ran where and in what order. The decoded model is measured on
@@ -71,17 +73,18 @@ impl Job {
         let Some(first) = missing.first() else { return Ok(()) };
         let blocks = self.manifest.plan.recipe().blocks;
         let what = format!("blocks not fitted yet: {} ({} of {blocks})", some(&missing), missing.len());
-        Err(Error::input_with(&self.folder, what, self.fit_again(*first, false)))
+        Err(Error::input_with(&self.folder, what, self.run_again("block", *first, false)))
     }
 
-    /// A block is to be fitted, again where what is there is broken.
-    pub(super) fn fit_again(&self, block: u32, broken: bool) -> Remedy {
-        Remedy::FitBlock { folder: self.folder.clone(), block, broken }
+    /// A command is to be run for a chunk or a block, again where what is there is broken.
+    pub(super) fn run_again(&self, command: &'static str, number: impl Display, broken: bool) -> Hint {
+        let hint = Hint::from(if broken { "delete it and run " } else { "run " });
+        hint.command(command, format!("{} {number}", self.folder.display()))
     }
 
     pub(super) fn done_block(&self, block: u32) -> Result<CodedBlock> {
         let path = self.block_path(block, "pgs");
-        let broken = |what: &str| Error::input_with(&path, what, self.fit_again(block, true));
+        let broken = |what: &str| Error::input_with(&path, what, self.run_again("block", block, true));
         let report = self.report(block)?.ok_or_else(|| broken("its report is missing"))?;
         let bytes = match codec::read_file(&path, &Silent) {
             Err(Error::Corrupt { what, .. } | Error::Compatibility { what, .. }) => return Err(broken(&what)),

@@ -8,7 +8,7 @@ use crate::blocks::{KdTree, SnapshotScan};
 use crate::compress::{CompressionPlan, Options};
 use crate::particles::{LayeredParticles, RUN};
 use crate::progress::Progress;
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 use particlegs_files::input::read_own;
 use particlegs_files::output;
 use std::io::ErrorKind;
@@ -47,10 +47,9 @@ impl Job {
     /// invalid values; [`Error::Bound`] where a task cannot be small enough; those of reading and writing.
     pub fn plan(mut source: LayeredParticles, task: &Task<'_>, folder: &Path, progress: &dyn Progress) -> Result<Job> {
         if task.options.target.goal().is_some() {
-            return Err(Error::Argument {
-                what: "a quality is met by all blocks together, which a job cannot do".into(),
-                remedy: Remedy::NoQuality,
-            });
+            let hint = Hint::from("ask for a size, a ratio or a number of Gaussians; ").command("compress", "");
+            let what = "a quality is met by all blocks together, which a job cannot do";
+            return Err(Error::argument_with(what, hint.words(" takes a PSNR target")));
         }
         check_folder(folder)?;
         let blocks = task.options.tasks_of(&task.options.load(source.count(), source.raw_bytes(), COPIES), MEMORY)?;

@@ -120,7 +120,7 @@ impl Job {
             let reached = self.manifest.plan.tree.blocks_in(corner(decoded.bounds.min), corner(decoded.bounds.max));
             if !reached.contains(&block) {
                 let what = format!("its particles are not those of block {block}");
-                return Err(Error::input_with(&path, what, self.fit_again(block, true)));
+                return Err(Error::input_with(&path, what, self.run_again("block", block, true)));
             }
             particles = particles.saturating_add(decoded.count);
         }

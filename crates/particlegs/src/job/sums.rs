@@ -8,7 +8,7 @@ use crate::model::{Certificate, CertificateLevel};
 use crate::particles::Particles;
 use crate::progress::Progress;
 use crate::score::{MeasurementFrame, PartSums, SumsSection};
-use crate::{Error, Result, codec};
+use crate::{Error, Hint, Result, codec};
 use particlegs_files::input::open_file;
 use particlegs_files::output;
 use std::fs::File;
@@ -80,7 +80,8 @@ impl Job {
     pub(super) fn added_up(&self, progress: &dyn Progress) -> Result<Certificate> {
         let plan = &self.manifest.plan;
         if self.certificate() != CertificateLevel::Blocks {
-            return Err(Error::argument("the plan does not measure its blocks: plan with --certificate blocks"));
+            let hint = Hint::from("plan it with ").option("certificate", "blocks");
+            return Err(Error::argument_with("the plan does not measure its blocks", hint));
         }
         let frame = MeasurementFrame::new(&plan.metadata, plan.recipe().seed);
         let read = |block, section| BlockSums::open(self, block)?.read(section);
@@ -112,7 +113,7 @@ impl<'a> BlockSums<'a> {
         let path = job.block_path(block, "sums");
         let (file, length) = open_file(&path).map_err(|e| match e {
             Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
-                Error::input_with(&path, "this block has not been measured yet", job.fit_again(block, false))
+                Error::input_with(&path, "this block has not been measured yet", job.run_again("block", block, false))
             }
             other => other,
         })?;
@@ -155,6 +156,6 @@ impl<'a> BlockSums<'a> {
     }
 
     fn broken(&self, what: &str) -> Error {
-        Error::input_with(&self.path, what, self.job.fit_again(self.block, true))
+        Error::input_with(&self.path, what, self.job.run_again("block", self.block, true))
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{Particles, Positions, Storage};
 use crate::model::Layer;
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 
 /// Classes of mass at most; more are no classes.
 const MOST_CLASSES: usize = 64;
@@ -58,7 +58,7 @@ impl Particles {
             let classes = mass_classes(&weights[layer.content.clone()]).ok_or_else(|| {
                 let what =
                     format!("`{}` has more than {MOST_CLASSES} different masses: too many for layers", layer.name);
-                Error::input_with(&self.meta.name, what, Remedy::LayersBySpecies)
+                Error::input_with(&self.meta.name, what, Hint::from("use ").option("layers-by", "species"))
             })?;
             for class in &classes {
                 let name = if classes.len() == 1 { layer.name.clone() } else { format!("{} m={class}", layer.name) };

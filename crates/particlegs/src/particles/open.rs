@@ -2,7 +2,7 @@
 
 use super::storage::CHUNK;
 use super::{ChunkBuffer, Column, Particles, Storage, sidecar, sidecar::Sidecar};
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
 
@@ -135,7 +135,8 @@ impl InvalidParticles {
         let faults = faults.into_iter().filter(|(count, _)| *count > 0);
         let said: Vec<String> = faults.map(|(count, what)| format!("{count} with {what}")).collect();
         let what = format!("invalid particles: {}; the first has index {}", said.join(", "), self.first);
-        Error::input_with(place, what, Remedy::LeaveOutInvalid)
+        let hint = Hint::default().option("skip-invalid", "").words(" leaves them out; ");
+        Error::input_with(place, what, hint.option("mass-field", "none").words(" counts all particles alike"))
     }
 }
 

@@ -13,7 +13,7 @@ use crate::stats::{
     CachedTransform, Domain, FEWEST_GROUPS, Spectra, SpectrumOptions, Subject, largest_deviation_of_numbers,
     size_histogram,
 };
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 use std::f64::consts::PI;
 
 /// Pictures that PSNR is measured on.
@@ -123,8 +123,8 @@ impl<'a> GoalMetric<'a> {
 /// How spectra up to `k_max` are taken: as the certificate's.
 fn spectrum_to(k_max: f64, domain: &Domain, particles: usize) -> Result<SpectrumOptions> {
     if domain.periodic != [true; 3] {
-        let what = "a power spectrum needs a periodic box that the particles fill, and there is none".into();
-        return Err(Error::Argument { what, remedy: Remedy::StateBox });
+        let what = "a power spectrum needs a periodic box that the particles fill, and there is none";
+        return Err(Error::argument_with(what, Hint::state_box()));
     }
     let options = spectrum_options(domain, particles);
     let (longest, most) = (2.0 * PI / domain.longest(), options.k_max);
@@ -172,8 +172,8 @@ fn sizes_of(from: f64, particles: &Particles, domain: &Domain, progress: &dyn Pr
     };
     let groups = linking.groups(particles, progress)?;
     if groups.finest.is_some() {
-        let what = "numbers of groups are no goal for a zoom, whose masses the model may mix".into();
-        return Err(Error::Argument { what, remedy: "choose its finest particles alone".into() });
+        let what = "numbers of groups are no goal for a zoom, whose masses the model may mix";
+        return Err(Error::argument_with(what, "choose its finest particles alone"));
     }
     let sizes = groups.sizes;
     let found = sizes.iter().take_while(|s| **s as f64 >= from).count() as u64;
@@ -181,11 +181,11 @@ fn sizes_of(from: f64, particles: &Particles, domain: &Domain, progress: &dyn Pr
         let what = format!(
             "the particles have {found} groups of {from} particles and more; their number is compared where there are {FEWEST_GROUPS}"
         );
-        let remedy = match sizes.get(FEWEST_GROUPS as usize - 1) {
+        let hint = match sizes.get(FEWEST_GROUPS as usize - 1) {
             Some(size) => format!("count them from {size} on").into(),
-            None => Remedy::None,
+            None => Hint::default(),
         };
-        return Err(Error::Argument { what, remedy });
+        return Err(Error::argument_with(what, hint));
     }
     Ok(sizes)
 }

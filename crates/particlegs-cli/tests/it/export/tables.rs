@@ -47,7 +47,12 @@ fn tables_hold_the_gaussians_to_the_last_digit() {
     for (file, more) in [(&table, &[][..]), (&archive, &["--positions", "mean"])] {
         let points = dir.path().join("points");
         let mut convert = particlegs();
-        convert.arg("convert").arg(file).arg("-o").arg(&points).args(more).args(["-q", "--force", "--weights", "none"]);
+        convert.arg("convert").arg(file).arg("-o").arg(&points).args(more).args([
+            "-q",
+            "--force",
+            "--mass-field",
+            "none",
+        ]);
         convert.assert().success();
         let points = Particles::open_raw(&[points]).unwrap();
         assert_eq!(points.len(), all.len());

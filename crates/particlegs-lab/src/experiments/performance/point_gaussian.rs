@@ -85,7 +85,7 @@ pub(super) fn measure(
     machine: &Machine,
 ) -> Result<std::result::Result<PointGaussian, String>> {
     let Some(python) = &lab.settings.python else {
-        return Ok(Err("it takes a Python with the packages of lab/requirements.txt (`--python`)".into()));
+        return Ok(Err("it takes a Python with the packages of lab/requirements.txt".into()));
     };
     let limit = if lab.settings.quick { LIMIT_QUICK } else { LIMIT };
     let script = blake3::hash(SCRIPT.as_bytes()).to_hex()[..16].to_string();
@@ -183,7 +183,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_measured_says_why() {
-        assert!(measured(None).unwrap_err().contains("--python"));
+        assert!(measured(None).unwrap_err().contains("a Python"));
         if Path::new("/bin/false").exists() {
             assert!(measured(Some("/bin/false".into())).unwrap_err().contains("exit status: 1"));
         }
