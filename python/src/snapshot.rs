@@ -273,7 +273,7 @@ impl Snapshot {
         let particles = &self.particles;
         WorkOptions { threads, progress }.run(py, |progress| {
             let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), progress)?;
-            Writer::of(&path, None)?.write(&kept, &path, progress)
+            Writer::for_output(&path, None)?.write(&kept, &path, progress)
         })
     }
 

@@ -25,15 +25,15 @@ pub fn model(path: &Path, progress: &dyn Progress) -> Result<Vec<u8>> {
         return Err(no_model(path));
     }
     let mut source = Source::open(path, progress)?;
-    if !codec::is_model(source.peek(HEAD)?) && PathKind::of(path).in_words().is_some() {
+    if !codec::is_model(source.peek(HEAD)?) && PathKind::from_path(path).describe().is_some() {
         return Err(no_model(path));
     }
     codec::read_source(source, &name_of(path))
 }
 
 fn no_model(path: &Path) -> Error {
-    let kind = PathKind::of(path);
-    let what = format!("{}, not a model file", kind.in_words().unwrap_or_default());
+    let kind = PathKind::from_path(path);
+    let what = format!("{}, not a model file", kind.describe().unwrap_or_default());
     Error::input_with(path, what, kind.to_a_model())
 }
 

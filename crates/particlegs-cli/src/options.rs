@@ -217,7 +217,7 @@ impl CommandMatches<'_> {
     /// Is the one file of a positional argument a model? Files that cannot be
     /// read are told of later, and what can be read once only is left alone.
     fn model(&self, id: &str) -> bool {
-        matches!(&self.paths(id)[..], [one] if matches!(PathKind::of(one), PathKind::Model))
+        matches!(&self.paths(id)[..], [one] if matches!(PathKind::from_path(one), PathKind::Model))
     }
 
     fn folder(&self, id: &str) -> bool {

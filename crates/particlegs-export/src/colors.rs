@@ -9,12 +9,10 @@ use particlegs::{Error, Result};
 use serde_json::{Map, json};
 
 particlegs::named_values! {
-    /// What colours say.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum ColorBy {
         /// Grey levels, as in pictures: white, or those that an alpha-blend model was trained to.
         Grey = "grey",
-        /// A colour for each layer.
         Layer = "layer",
         /// Each Gaussian's own density at its centre, in logarithmic colours.
         Density = "density",
@@ -62,7 +60,6 @@ impl Coloring {
         }
     }
 
-    /// Says what they mean.
     pub fn describe(&self, model: &Model, by: ColorBy, map: Colormap, notes: &mut Notes) {
         if by == ColorBy::Layer {
             let code = |i: usize| Rgb8::layer_color(i).iter().fold(String::from("#"), |s, v| s + &format!("{v:02x}"));
@@ -100,7 +97,6 @@ fn densities(layer: &Layer<Vec<particlegs::model::Block>>) -> Vec<f64> {
         .collect()
 }
 
-/// A Gaussian's value at its centre.
 fn peak(cov: &Sym3) -> f64 {
     let root = (2.0 * std::f64::consts::PI).sqrt();
     cov.deviations_and_turn().0.iter().fold(1.0, |p, d| p / (root * d))

@@ -49,7 +49,7 @@ struct UnitScale {
 
 impl UnitScale {
     /// As the notes state units; all numbers as they are where one of the units has no size.
-    fn of(notes: &Notes) -> UnitScale {
+    fn from_notes(notes: &Notes) -> UnitScale {
         let hubble = notes.number("hubble");
         let unit = |key: &str, dimension: Dimension| {
             let (number, name, size, _, power) = Unit::parts(notes.text(key)?, dimension)?;
@@ -70,9 +70,8 @@ impl UnitScale {
     }
 }
 
-/// Writes it.
 pub fn write(density: &Density, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
-    let scale = UnitScale::of(notes);
+    let scale = UnitScale::from_notes(notes);
     let head = head(density, notes, &scale);
     let by = scale.mass / scale.length.powi(3);
     let bytes = 4 * density.values.len() as u64;
@@ -165,7 +164,6 @@ impl FitsHeader {
         self.push(&format!("{name:<8}= {value:<20}{comment}"));
     }
 
-    /// A comment, broken between words.
     fn comment(&mut self, text: &str) {
         let mut line = String::new();
         for word in text.split(' ') {

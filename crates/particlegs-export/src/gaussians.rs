@@ -4,11 +4,8 @@ use particlegs::model::{LawKind, Mixture, Model};
 
 /// A Gaussian of a layer.
 pub struct LayerGaussian<'a> {
-    /// Its mixture.
     pub of: &'a Mixture,
-    /// Its number there.
     pub i: usize,
-    /// The number of its layer.
     pub layer: usize,
     /// The mass of weight 1 in its layer, 1 where none is known.
     pub unit: f64,

@@ -93,7 +93,7 @@ fn scene(
         if count == 0 {
             continue;
         }
-        let columns = LayerArrays::of(layer, own.map(|o| o.0), &frame, progress)?;
+        let columns = LayerArrays::new(layer, own.map(|o| o.0), &frame, progress)?;
         let first = accessors.len();
         let mut attributes = serde_json::Map::new();
         for (k, (name, shape, bytes)) in ATTRIBUTES.iter().enumerate() {
@@ -144,7 +144,7 @@ struct LayerArrays {
 }
 
 impl LayerArrays {
-    fn of(
+    fn new(
         layer: &Layer<Vec<Block>>,
         colors: Option<&[[f32; 3]]>,
         frame: &Normalisation,
@@ -174,7 +174,6 @@ impl LayerArrays {
         Ok(columns)
     }
 
-    /// The least and the largest coordinates.
     fn extent(&self) -> [[f32; 3]; 2] {
         let start = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
         self.floats[0]

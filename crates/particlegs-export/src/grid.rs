@@ -44,13 +44,10 @@ impl Cells {
     }
 }
 
-/// Density in cells.
 pub struct Density {
-    /// The grid.
     pub grid: Grid,
     /// Mass, or number, per volume in each cell; x slowest.
     pub values: Vec<f32>,
-    /// Its unit.
     pub unit: String,
     /// Mass, or number, in all cells.
     pub total: f64,
@@ -60,7 +57,7 @@ pub struct Density {
 
 impl Density {
     /// Of all layers of a model, over its periodic box, or its bounds where it has none or a tilted one.
-    pub fn of(model: &Model, cells: Cells, progress: &dyn Progress) -> Result<Density> {
+    pub fn new(model: &Model, cells: Cells, progress: &dyn Progress) -> Result<Density> {
         let known = model.layers.iter().filter(|l| l.mass != particlegs::model::Mass::Unknown).count();
         if known > 0 && known < model.layers.len() {
             let what = "some layers have masses and others do not: their sum is no density";

@@ -6,7 +6,6 @@ use particlegs_files::output;
 use std::path::Path;
 
 particlegs::named_values! {
-    /// A format.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Kind {
         /// A page that shows the model in any browser, offline: one file.
@@ -23,7 +22,6 @@ particlegs::named_values! {
         Vti = "vti",
         /// Density on a grid: FITS cube.
         Fits = "fits",
-        /// The Gaussians themselves: NumPy archive.
         Npz = "npz",
         /// The Gaussians themselves: a table of text.
         Csv = "csv",
@@ -35,7 +33,6 @@ particlegs::named_values! {
 pub enum Group {
     /// Splats that are sorted and blended.
     Splats,
-    /// Density in cells.
     Grid,
     /// Means, covariances, counts.
     Gaussians,
@@ -49,7 +46,6 @@ impl Kind {
         self.name()
     }
 
-    /// What it holds.
     pub fn group(self) -> Group {
         match self {
             Kind::Ply | Kind::Glb | Kind::Gltf => Group::Splats,
@@ -60,7 +56,7 @@ impl Kind {
     }
 
     /// The format that an output's ending means, or the one that is asked for.
-    pub fn of(out: &Path, asked: Option<Kind>) -> Result<Kind> {
+    pub fn for_output(out: &Path, asked: Option<Kind>) -> Result<Kind> {
         let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase());
         let ending = match ending.as_deref() {
             Some("fit") => Some("fits"),
@@ -136,7 +132,7 @@ mod tests {
 
     #[test]
     fn the_ending_says_what_is_written() {
-        let of = |out: &str, asked: Option<Kind>| Kind::of(Path::new(out), asked);
+        let of = |out: &str, asked: Option<Kind>| Kind::for_output(Path::new(out), asked);
         for kind in &Kind::ALL {
             assert_eq!(of(&format!("a.b/x.{}", kind.ending().to_uppercase()), None).unwrap(), *kind);
             assert_eq!(of(&format!("x.{}", kind.ending()), Some(*kind)).unwrap(), *kind);

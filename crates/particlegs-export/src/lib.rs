@@ -2,6 +2,8 @@
 //! `notes`, and what the formats of one group share is in `splats` and `colors`, `grid`, `gaussians`.
 //! docs/guide/export.md says what a user finds in them.
 
+#![allow(missing_docs)]
+
 mod colors;
 mod csv;
 mod fits;
@@ -39,7 +41,6 @@ struct CountingWriter<'a> {
 }
 
 impl CountingWriter<'_> {
-    /// Adds bytes.
     fn put(&mut self, bytes: &[u8]) -> std::io::Result<()> {
         self.bytes += bytes.len() as u64;
         self.to.write_all(bytes)
@@ -113,7 +114,6 @@ pub fn write_density(kind: Kind, density: &Density, notes: &Notes, out: &Path, p
     }
 }
 
-/// A model's Gaussians as a table.
 pub fn write_gaussians(kind: Kind, model: &Model, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
     match kind {
         Kind::Csv => csv::write(model, notes, out, progress),

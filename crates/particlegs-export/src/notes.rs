@@ -37,27 +37,22 @@ impl Notes {
         notes
     }
 
-    /// Adds a fact for programs.
     pub fn set(&mut self, key: &str, value: impl Into<Value>) {
         self.facts.insert(key.into(), value.into());
     }
 
-    /// Adds a line for people.
     pub fn say(&mut self, line: String) {
         self.words.push(line);
     }
 
-    /// A text among the facts.
     pub fn text(&self, key: &str) -> Option<&str> {
         self.facts.get(key).and_then(Value::as_str)
     }
 
-    /// A number among the facts.
     pub fn number(&self, key: &str) -> Option<f64> {
         self.facts.get(key).and_then(Value::as_f64)
     }
 
-    /// All of it as JSON.
     pub fn json(&self) -> Value {
         let mut all = self.facts.clone();
         all.insert("lost".into(), self.lost.clone().into());
@@ -98,7 +93,6 @@ fn facts(model: &Model, name: &str) -> Map<String, Value> {
     all.into_iter().filter(|(_, value)| !value.is_null()).collect()
 }
 
-/// The same in words.
 fn words(model: &Model, name: &str) -> Vec<String> {
     let m = &model.metadata;
     let version = env!("CARGO_PKG_VERSION");

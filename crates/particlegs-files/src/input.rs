@@ -21,7 +21,6 @@ pub(crate) const STANDARD_INPUT: &str = "-";
 pub struct Form {
     /// In words, with its article: `a views file`.
     pub title: &'static str,
-    /// How it begins.
     pub begins: Begins,
     /// Bytes that it has at most.
     pub most: u64,
@@ -32,7 +31,6 @@ pub struct Form {
 /// How a file begins.
 #[derive(Clone, Copy, Debug)]
 pub enum Begins {
-    /// With these bytes.
     With(&'static [u8]),
     /// With a JSON object, after white space.
     Object,
@@ -91,7 +89,6 @@ impl<'a> Source<'a> {
         Ok(Source { file, place, head: Vec::new(), ended: false, length, progress, said: false })
     }
 
-    /// How messages name it.
     pub fn place(&self) -> &str {
         &self.place
     }
@@ -230,7 +227,7 @@ pub struct SpoolFile {
 
 impl SpoolFile {
     /// Keeps what `source` still has to give, in the system's folder for temporary files.
-    pub fn of(mut source: Source<'_>) -> Result<Self> {
+    pub fn new(mut source: Source<'_>) -> Result<Self> {
         let place = source.place.clone();
         if !cfg!(target_os = "linux") {
             return Err(Error::input_with(place, "a pipe or device", "write the data to a file first"));
@@ -263,7 +260,6 @@ impl SpoolFile {
         PathBuf::new()
     }
 
-    /// How messages name it.
     pub fn place(&self) -> &str {
         &self.place
     }
@@ -287,7 +283,7 @@ pub fn open_file(path: &Path) -> Result<(File, u64)> {
     if metadata.is_file() {
         return Ok((file, metadata.len()));
     }
-    let what = format!("{}, where a regular file is expected", kind_in_words(&metadata));
+    let what = format!("{}, where a regular file is expected", describe(&metadata));
     Err(Error::input_with(path, what, if metadata.is_dir() { "" } else { "write the data to a file first" }))
 }
 
@@ -301,13 +297,12 @@ pub fn is_stream(path: &Path) -> bool {
     is_standard(path) || std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
 
-/// How messages name a path.
 pub fn name_of(path: &Path) -> String {
     if is_standard(path) { "standard input".into() } else { path.display().to_string() }
 }
 
 #[cfg(unix)]
-fn kind_in_words(metadata: &Metadata) -> &'static str {
+fn describe(metadata: &Metadata) -> &'static str {
     use std::os::unix::fs::FileTypeExt;
     let kind = metadata.file_type();
     match () {
@@ -319,7 +314,7 @@ fn kind_in_words(metadata: &Metadata) -> &'static str {
 }
 
 #[cfg(not(unix))]
-fn kind_in_words(metadata: &Metadata) -> &'static str {
+fn describe(metadata: &Metadata) -> &'static str {
     if metadata.is_dir() { "a folder" } else { "no regular file" }
 }
 

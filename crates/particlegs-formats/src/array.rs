@@ -1,8 +1,8 @@
 //! Arrays in memory, read as files are.
 
 use crate::npy::header::scalar;
+use crate::numbers::{Bytes, StridedColumn, StridedParticles};
 use crate::pieces::PieceReader;
-use crate::strided::{Bytes, StridedColumn, StridedParticles};
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 //! Numbers as text between blanks, read from any place: where every so many-th begins is kept.
 
-use crate::strided::NumberType;
+use crate::numbers::NumberType;
 use std::ops::Range;
 
 /// Numbers from one kept place to the next.
@@ -12,7 +12,6 @@ const MOST_DIGITS: usize = 400;
 pub struct Ascii {
     /// First byte of every [`STEP`]-th number.
     starts: Vec<u64>,
-    /// Numbers.
     count: u64,
     /// Byte behind the last.
     end: u64,

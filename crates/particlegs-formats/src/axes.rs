@@ -6,16 +6,12 @@ use particlegs::Result;
 /// A component of a field.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FieldComponent {
-    /// The field's name.
     pub field: String,
     /// Which of its numbers, from 0.
     pub component: u32,
 }
 
 /// Where x, y and z of a species are found: the fields chosen, else its own.
-///
-/// # Errors
-/// [`particlegs::Error::Input`] naming the fields there are, where a chosen one is missing.
 pub fn axes(place: &str, species: &Species, choice: &Choice) -> Result<[FieldComponent; 3]> {
     let chosen = choice.positions.as_deref().unwrap_or(&species.positions);
     if species.fields.iter().any(|f| f.name == chosen && f.components == 3) {
@@ -49,8 +45,7 @@ mod tests {
 
     #[test]
     fn vectors_and_three_scalars_are_found_and_others_named() {
-        let field =
-            |name: &str, components| SpeciesField { name: name.into(), kind: "f32".into(), components, unit: None };
+        let field = |name: &str, components| SpeciesField::new(name, "f32", components);
         let species = Species {
             positions: "x,y,z".into(),
             fields: vec![field("x", 1), field("y", 1), field("z", 1), field("v", 3)],

@@ -102,6 +102,7 @@ pub fn crc64(bytes: &[u8]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::hex;
 
     const TEXT: &[u8] = b"particles particles particles";
     /// `python3 -c "import lzma; ..."`: xz with the presets 0 (CRC-64) and 9 (CRC-32).
@@ -109,10 +110,6 @@ mod tests {
         "fd377a585a000004e6d6b446020021010c0000008f98419ce0001c00115d0038184aac21286e1d98edf9a483545000000000000039319963e6035ffd00012d1d1d83aa631fb6f37d010000000004595a",
         "fd377a585a0000016922de36020021011c00000010cf58cce0001c00115d0038184aac21286e1d98edf9a4835450000000000000098f7c4d0001291d1946c6079042990d010000000001595a",
     ];
-
-    fn hex(text: &str) -> Vec<u8> {
-        (0..text.len() / 2).map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).unwrap()).collect()
-    }
 
     #[test]
     fn wrong_lengths_and_broken_bytes_are_refused() {

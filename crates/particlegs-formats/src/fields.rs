@@ -87,7 +87,6 @@ pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) 
     LayerFields::new(fields, readers, wide.then(positions).transpose()?.map(Arc::from))
 }
 
-/// Readers of three components each.
 fn readers(
     snapshot: &dyn Snapshot,
     index: usize,
@@ -118,9 +117,7 @@ fn readers(
 /// A field of a file that is written.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct OutField {
-    /// Its name there.
     pub name: String,
-    /// Type of its numbers.
     pub number: Number,
     /// Which of a run's columns are its components.
     pub columns: Vec<usize>,
@@ -128,7 +125,6 @@ pub(crate) struct OutField {
     pub unit: Option<String>,
     /// Numbers that the source says about it.
     pub attributes: Vec<(String, f64)>,
-    /// Its names in the source.
     pub sources: Vec<String>,
 }
 

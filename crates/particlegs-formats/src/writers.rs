@@ -107,11 +107,11 @@ impl Writer {
     /// # Errors
     /// [`Error::Argument`] for an unknown name, an ending that means another format than the one that is
     /// named, and one that means a format that is not written.
-    pub fn of(out: &Path, name: Option<&str>) -> Result<&'static Writer> {
+    pub fn for_output(out: &Path, name: Option<&str>) -> Result<&'static Writer> {
         let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         let meant = WRITERS.iter().find(|w| w.endings.contains(&&ending[..]));
         let refused = |what: String| {
-            let writers: Vec<String> = WRITERS.iter().map(Writer::in_words).collect();
+            let writers: Vec<String> = WRITERS.iter().map(Writer::describe).collect();
             Err(Error::argument_with(what, format!("what can be written: {}", writers.join("; "))))
         };
         if meant.is_none() && OTHER_ENDINGS.contains(&&ending[..]) && !out.is_dir() {
@@ -159,7 +159,7 @@ impl Writer {
     }
 
     /// For lists: `hdf5 (.hdf5, .h5)`.
-    fn in_words(&self) -> String {
+    fn describe(&self) -> String {
         let endings: Vec<String> = self.endings.iter().map(|e| format!(".{e}")).collect();
         let endings = if endings.is_empty() { "a folder".into() } else { endings.join(", ") };
         format!("{} ({endings})", self.name)
@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn a_name_means_what_it_says_or_is_refused() {
-        let to = |out: &str, name: Option<&str>| Writer::of(Path::new(out), name).map(|w| w.name);
+        let to = |out: &str, name: Option<&str>| Writer::for_output(Path::new(out), name).map(|w| w.name);
         let chosen = [
             ("x", None, "raw"),
             ("run.1", None, "raw"),

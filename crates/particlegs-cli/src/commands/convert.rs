@@ -76,7 +76,7 @@ pub fn run(a: Arguments) -> Result<()> {
         },
         _ => a.particles.opening.choice()?,
     };
-    let writer = match Writer::of(&a.output, a.to.as_deref()) {
+    let writer = match Writer::for_output(&a.output, a.to.as_deref()) {
         Ok(writer) => writer,
         // That it is an input or another output matters more.
         Err(error) => return context.writes(&a.output, &PARTICLES).and(Err(error)),

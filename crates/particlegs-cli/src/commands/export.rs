@@ -151,7 +151,7 @@ struct Export<'a> {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads([&a.model].into_iter().chain(a.page.files()).map(PathBuf::as_path), a.force.force)?;
-    let kind = match Kind::of(&a.output, a.kind) {
+    let kind = match Kind::for_output(&a.output, a.kind) {
         Ok(kind) => kind,
         // That it is an input or another output matters more.
         Err(error) => return context.writes(&a.output, &crate::outputs::PARTICLES).and(Err(error)),
@@ -255,7 +255,7 @@ impl Export<'_> {
             (Some(n), None) => Cells::Along(n),
             (None, None) => Cells::default(),
         };
-        let density = Density::of(model, cells, context)?;
+        let density = Density::new(model, cells, context)?;
         let grid = &density.grid;
         let said = GridReport {
             cells: grid.cells,

@@ -22,11 +22,11 @@ const SECOND: Version =
 /// Bytes left under the tightest limit; `None` without one.
 pub(super) fn bytes_left(root: &Path) -> Option<u64> {
     let groups = std::fs::read_to_string(root.join("proc/self/cgroup")).ok()?;
-    groups.lines().filter_map(|line| of_line(root, line)).min()
+    groups.lines().filter_map(|line| left_by_line(root, line)).min()
 }
 
 /// Of one line `NUMBER:CONTROLLERS:/PATH`; version 2 names no controllers.
-fn of_line(root: &Path, line: &str) -> Option<u64> {
+fn left_by_line(root: &Path, line: &str) -> Option<u64> {
     let mut fields = line.splitn(3, ':').skip(1);
     let (controllers, path) = (fields.next()?, fields.next()?);
     let mounts = root.join("sys/fs/cgroup");

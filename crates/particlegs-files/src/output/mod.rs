@@ -44,7 +44,7 @@ const BUFFER: usize = 1 << 20;
 /// pipe is written through.
 pub fn write_atomic(path: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     let fail = |e| Error::io(path, e);
-    match OutputTarget::of(path)? {
+    match OutputTarget::new(path)? {
         OutputTarget::File(target) => {
             let mut temporary = TemporaryFile::beside(&target).map_err(fail)?;
             filled(temporary.file(), fill).map_err(fail)?;
@@ -55,7 +55,6 @@ pub fn write_atomic(path: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::R
     }
 }
 
-/// Fills `to` through a buffer.
 fn filled(to: &mut dyn Write, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> std::io::Result<()> {
     let mut writer = BufWriter::with_capacity(BUFFER, to);
     fill(&mut writer)?;
@@ -69,7 +68,7 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
 
 /// Says early, before long work, whether `path` can be created in its folder.
 pub fn check_writable(path: &Path) -> Result<()> {
-    match OutputTarget::of(path)? {
+    match OutputTarget::new(path)? {
         OutputTarget::File(target) if target.is_dir() => {
             Err(Error::io(path, std::io::Error::new(std::io::ErrorKind::IsADirectory, "is a folder")))
         }
@@ -80,13 +79,13 @@ pub fn check_writable(path: &Path) -> Result<()> {
 
 /// Is `path` a device, a pipe or standard output, which nothing can lie beside?
 pub fn is_stream(path: &Path) -> Result<bool> {
-    Ok(!matches!(OutputTarget::of(path)?, OutputTarget::File(_)))
+    Ok(!matches!(OutputTarget::new(path)?, OutputTarget::File(_)))
 }
 
 /// The folder for files that an output needs on the way: its own, or the system's for temporary files
 /// where the output is a stream.
 pub fn scratch_folder(path: &Path) -> PathBuf {
-    match OutputTarget::of(path) {
+    match OutputTarget::new(path) {
         Ok(OutputTarget::File(target)) => place::folder_of(&target).to_path_buf(),
         _ => std::env::temp_dir(),
     }
@@ -95,11 +94,11 @@ pub fn scratch_folder(path: &Path) -> PathBuf {
 /// Opens a file that grows line by line, at its end or anew; a device or a pipe is written through.
 pub fn open_log(path: &Path, append: bool) -> Result<Box<dyn Write + Send>> {
     let fail = |e| Error::io(path, e);
-    match OutputTarget::of(path)? {
+    match OutputTarget::new(path)? {
         OutputTarget::File(target) => {
             let file = std::fs::File::options().append(true).create(true).open(&target).map_err(fail)?;
             if !append {
-                if let Some(planned) = state::PlannedOutput::of(path)
+                if let Some(planned) = state::PlannedOutput::find(path)
                     && planned.replaceable(&target).map_err(fail)?.is_none()
                 {
                     return Err(Error::output(path, state::CHANGED, "name another file"));

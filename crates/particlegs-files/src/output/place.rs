@@ -23,8 +23,7 @@ pub(super) enum OutputTarget {
 }
 
 impl OutputTarget {
-    /// Follows `path`.
-    pub fn of(path: &Path) -> Result<OutputTarget> {
+    pub fn new(path: &Path) -> Result<OutputTarget> {
         if path == Path::new(STANDARD_OUTPUT) {
             return Ok(OutputTarget::StandardOutput);
         }

@@ -25,7 +25,7 @@ impl PlacedFile {
     /// A file of `length` bytes for `out`.
     pub fn create(out: &Path, length: u64) -> Result<PlacedFile> {
         let fail = |e| Error::io(out, e);
-        let target = match OutputTarget::of(out)? {
+        let target = match OutputTarget::new(out)? {
             OutputTarget::File(path) => {
                 check_space(folder_of(&path), length).map_err(fail)?;
                 FileDestination::File(TemporaryFile::beside(&path).map_err(fail)?, path)
@@ -47,7 +47,6 @@ impl PlacedFile {
         }
     }
 
-    /// Writes `bytes` from byte `offset` on.
     pub fn write_at(&self, bytes: &[u8], offset: u64) -> Result<()> {
         write_at(self.file(), bytes, offset).map_err(|e| Error::io(&self.out, e))
     }

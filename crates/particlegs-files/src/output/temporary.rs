@@ -47,7 +47,6 @@ impl TemporaryFile {
         Ok(TemporaryFile { file, name: Some(path) })
     }
 
-    /// The file.
     pub fn file(&mut self) -> &mut File {
         &mut self.file
     }
@@ -58,7 +57,7 @@ impl TemporaryFile {
     }
 
     /// A file that has been written under a name.
-    pub fn of(name: PathBuf) -> std::io::Result<TemporaryFile> {
+    pub fn open(name: PathBuf) -> std::io::Result<TemporaryFile> {
         Ok(TemporaryFile { file: File::open(&name)?, name: Some(name) })
     }
 
@@ -66,7 +65,7 @@ impl TemporaryFile {
     /// was there then: else the file goes beside it.
     pub fn place(mut self, out: &Path, target: &Path) -> Result<()> {
         let fail = |e| Error::io(out, e);
-        let Some(planned) = PlannedOutput::of(out) else { return self.replace(target).map_err(fail) };
+        let Some(planned) = PlannedOutput::find(out) else { return self.replace(target).map_err(fail) };
         let placed = match planned.replaceable(target).map_err(fail)? {
             Some(PathState::Missing) => self.place_new(target),
             Some(before) => self.exchange(target, &before),
@@ -111,7 +110,7 @@ impl TemporaryFile {
     /// Takes the place of what is at `target`, if that is in this state.
     fn exchange(&mut self, target: &Path, before: &PathState) -> std::io::Result<bool> {
         let name = self.named_beside(target)?;
-        let is_it = |path: &Path| PathState::of(path).is_ok_and(|now| now == *before);
+        let is_it = |path: &Path| PathState::at(path).is_ok_and(|now| now == *before);
         match swap(&name, target) {
             // The old file goes with the name that it has now.
             Ok(()) if is_it(&name) => Ok(true),
@@ -214,7 +213,6 @@ pub(super) struct TemporaryFolder {
 }
 
 impl TemporaryFolder {
-    /// A new folder within `folder`.
     pub fn within(folder: &Path) -> std::io::Result<TemporaryFolder> {
         sweep(folder);
         let path = new_name(folder);
@@ -222,17 +220,14 @@ impl TemporaryFolder {
         Ok(TemporaryFolder { path: Some(path) })
     }
 
-    /// One that is there.
-    pub fn of(path: PathBuf) -> TemporaryFolder {
+    pub fn from_path(path: PathBuf) -> TemporaryFolder {
         TemporaryFolder { path: Some(path) }
     }
 
-    /// Where it is.
     pub fn path(&self) -> &Path {
         self.path.as_deref().unwrap_or(Path::new(""))
     }
 
-    /// It has been moved away.
     pub fn moved(&mut self) {
         self.path = None;
     }
@@ -285,7 +280,6 @@ fn descriptor(file: &File) -> PathBuf {
     PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()))
 }
 
-/// A free name in `folder`.
 fn new_name(folder: &Path) -> PathBuf {
     static NUMBER: AtomicU64 = AtomicU64::new(0);
     let (machine, process) = (MACHINE.as_deref().unwrap_or("unknown"), std::process::id());

@@ -57,7 +57,7 @@ impl Catalogue {
     /// What is wrong, with the line where that is one; the columns, where they do not tell which are meant.
     pub fn parse(bytes: &[u8]) -> Result<Catalogue, String> {
         let nothing = |what: String| if what == "there are no rows in it" { "no centres in it".into() } else { what };
-        let guess = Guess::of(bytes, true).map_err(nothing)?;
+        let guess = Guess::new(bytes, true).map_err(nothing)?;
         let lines = || bytes.split(|&b| b == b'\n').enumerate().skip(guess.rows_after as usize);
         let rows = || lines().filter(|(_, line)| guess.layout.is_row(line));
         let first = rows().next().ok_or("no centres in it")?.1;
@@ -67,7 +67,7 @@ impl Catalogue {
             centre(&values, &chosen, guess.layout.comma).map_err(|what| format!("line {}: {what}", i + 1))
         };
         let centres = rows().map(read).collect::<Result<Vec<Centre>, String>>()?;
-        let header = CatalogueHeader::of(&guess.remarks);
+        let header = CatalogueHeader::new(&guess.remarks);
         let mut catalogue = Catalogue {
             centres,
             units: [Units::default(), Units::default()],
@@ -84,7 +84,7 @@ impl Catalogue {
     /// writes such columns.
     fn state_units(&mut self, guess: &Guess, chosen: &CentreColumns, header: CatalogueHeader) {
         let named = |column: Option<usize>| column.and_then(|c| guess.names[c].unit.clone());
-        let program = Program::of(&guess.names);
+        let program = Program::from_names(&guess.names);
         let places = named(Some(chosen.position[0])).or(header.positions).or(header.all.clone());
         let radii = named(chosen.radius).or(header.radii).or(header.all);
         if let Some(program) = program.filter(|_| places.is_none() || chosen.radius.is_some() && radii.is_none()) {
@@ -142,7 +142,7 @@ struct Program {
 }
 
 impl Program {
-    fn of(names: &[ColumnName]) -> Option<Program> {
+    fn from_names(names: &[ColumnName]) -> Option<Program> {
         let has = |stem: &str| names.iter().any(|name| name.stem == stem);
         let rockstar = has("descid") || has("numchildparticles") || has("mboundvir");
         if rockstar || has("descscale") {
@@ -154,7 +154,6 @@ impl Program {
     }
 }
 
-/// The columns of positions and radii.
 fn chosen(guess: &Guess, first: &[&[u8]]) -> Result<CentreColumns, String> {
     let names = &guess.names;
     let listed = || guess.layout.columns.join(", ");
@@ -215,7 +214,7 @@ struct CatalogueHeader {
 }
 
 impl CatalogueHeader {
-    fn of(remarks: &[String]) -> CatalogueHeader {
+    fn new(remarks: &[String]) -> CatalogueHeader {
         let mut header = CatalogueHeader::default();
         for line in remarks {
             let lower = line.to_lowercase();

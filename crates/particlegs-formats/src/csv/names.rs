@@ -7,7 +7,6 @@ pub struct ColumnName {
     pub text: String,
     /// Lower case, letters and digits alone, without the unit.
     pub stem: String,
-    /// A unit in brackets behind it.
     pub unit: Option<String>,
 }
 
@@ -31,7 +30,7 @@ const BEHIND: [&str; 9] = ["pos", "position", "coord", "coordinate", "center", "
 
 impl ColumnName {
     /// Takes `name` apart.
-    pub fn of(name: &str) -> ColumnName {
+    pub fn parse(name: &str) -> ColumnName {
         let open = name.find(['[', '(']);
         let (stem, rest) = open.map_or((name, ""), |at| name.split_at(at));
         let inner = match rest.as_bytes() {
@@ -78,7 +77,7 @@ mod tests {
     #[test]
     fn names_are_taken_apart() {
         let apart = |name| {
-            let ColumnName { text, stem, unit } = ColumnName::of(name);
+            let ColumnName { text, stem, unit } = ColumnName::parse(name);
             (text, stem, unit.unwrap_or_default())
         };
         assert_eq!(apart("Mass [Msun/h]"), ("Mass".into(), "mass".into(), "Msun/h".into()));
@@ -91,7 +90,7 @@ mod tests {
     #[test]
     fn positions_are_found_by_their_names() {
         let find = |names: &[&str]| {
-            let names: Vec<ColumnName> = names.iter().map(|n| ColumnName::of(n)).collect();
+            let names: Vec<ColumnName> = names.iter().map(|n| ColumnName::parse(n)).collect();
             positions(&names)
         };
         assert_eq!(find(&["id", "z", "Y", "x"]), Some([3, 2, 1]));

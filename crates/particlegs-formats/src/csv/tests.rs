@@ -1,6 +1,6 @@
 use super::FORMAT;
-use crate::registry::FileHead;
-use crate::text::testing::{SpeciesParticles, read, scratch};
+use crate::format::FileHead;
+use crate::testing::{SpeciesParticles, read, scratch};
 use crate::{Choice, Description, SpeciesMass};
 
 fn open(text: &[u8]) -> particlegs::Result<(Description, SpeciesParticles)> {

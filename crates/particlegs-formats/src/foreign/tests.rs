@@ -2,15 +2,15 @@ use super::*;
 use std::path::PathBuf;
 
 fn head(name: &str, bytes: &[u8]) -> FileHead {
-    FileHead::of(&PathBuf::from(name), bytes.len() as u64, bytes.to_vec()).unwrap()
+    FileHead::from_bytes(&PathBuf::from(name), bytes.len() as u64, bytes.to_vec()).unwrap()
 }
 
 /// What a file is said to be, and the command that converts it.
-fn told(name: &str, bytes: &[u8]) -> (String, String) {
+fn describe(name: &str, bytes: &[u8]) -> (String, String) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     std::fs::write(&path, bytes).unwrap();
-    let error = crate::registry::detect(&path).err().expect("a format that is not read");
+    let error = crate::open::detect(&path).err().expect("a format that is not read");
     let at = folder.path().display().to_string();
     (error.to_string().replace(&at, ""), error.hint().to_string().replace(&at, ""))
 }
@@ -31,7 +31,7 @@ fn files_of_molecular_dynamics_are_named_with_their_converter() {
         ("a.cif", "data_x\n_cell_length_a 3\n_cell_length_b 3\n", "a CIF file", "-i cif"),
         ("b.cif", "data_x\nloop_\n_atom_site.Cartn_x\n1 2 3\n", "an mmCIF file", "ovito"),
     ] {
-        let (what, hint) = told(name, text.as_bytes());
+        let (what, hint) = describe(name, text.as_bytes());
         assert!(what.contains(title) && what.contains("which is not read"), "{name}: {what}");
         assert!(hint.contains(command) && hint.contains("pip install"), "{name}: {hint}");
     }
@@ -56,7 +56,7 @@ fn binary_files_are_named_with_their_converter() {
         ("a.tipsy", &tipsy, "a Tipsy snapshot", "s = pynbody.load('/a.tipsy'); numpy.savez('a.npz'"),
         ("a.fits", b"SIMPLE  =                    T", "a FITS file", "astropy"),
     ] {
-        let (what, hint) = told(name, bytes);
+        let (what, hint) = describe(name, bytes);
         assert!(what.contains(title), "{name}: {what}");
         assert!(hint.contains(tool), "{name}: {hint}");
     }

@@ -3,40 +3,28 @@
 use super::header::{GadgetHeader, HEADER, TYPES};
 use super::order;
 use super::records::{GadgetRecord, Records};
-use crate::strided::{Bytes, NumberType, StridedColumn};
+use crate::numbers::{Bytes, NumberType, StridedColumn};
 use particlegs::{Error, Result};
-use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Numbers of some types of particles, one type after the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GadgetBlock {
     /// Name, without trailing blanks.
     pub name: String,
-    /// First byte.
     pub offset: u64,
-    /// Type of the numbers.
     pub kind: NumberType,
-    /// Numbers a particle.
     pub components: u32,
-    /// Which types have it.
     pub types: [bool; TYPES],
 }
 
-/// A file, mapped.
 pub struct GadgetFile {
-    /// Its path.
     pub path: PathBuf,
-    /// Its bytes.
     pub bytes: Bytes,
-    /// Byte order.
     pub big_endian: bool,
     /// Do blocks have names (format 2)?
     pub named: bool,
-    /// What it says.
     pub header: GadgetHeader,
-    /// Its blocks.
     pub blocks: Vec<GadgetBlock>,
     /// Blocks whose length tells no layout, by name.
     pub unknown: Vec<String>,
@@ -66,12 +54,8 @@ pub fn signature(bytes: &[u8]) -> Option<(bool, bool)> {
 
 impl GadgetFile {
     /// Maps a file and finds its blocks; those of format 1 are called as `stated`, where anything is.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] where header and records contradict each other.
     pub fn open(path: &Path, stated: &[String]) -> Result<GadgetFile> {
-        let (map, _) = map_file(path)?;
-        let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);
+        let bytes = Bytes::from_file(path)?;
         let (big_endian, named) = signature(&bytes).ok_or_else(|| {
             let hint = "a Gadget file begins with the record length 256 (format 1) or 8 (format 2)";
             Error::input_with(path, "not a Gadget binary snapshot", hint)
@@ -96,7 +80,6 @@ impl GadgetFile {
         Ok(part)
     }
 
-    /// The block of a name.
     pub fn block(&self, name: &str) -> Option<&GadgetBlock> {
         self.blocks.iter().find(|b| b.name == name)
     }
@@ -131,7 +114,12 @@ impl GadgetFile {
             return Err(Error::input(&self.path, what));
         }
         if stated.is_empty() {
-            self.order = order::names(self, records)?;
+            self.order = order::names(
+                &self.path,
+                &self.header,
+                Records { bytes: &self.bytes, big_endian: self.big_endian },
+                records,
+            )?;
         }
         let names = if stated.is_empty() { self.order.clone() } else { stated.to_vec() };
         let passed_over = std::iter::repeat_n(order::NONE.to_string(), records.len() - names.len());

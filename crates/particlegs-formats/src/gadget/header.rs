@@ -40,9 +40,6 @@ pub struct GadgetHeader {
 
 impl GadgetHeader {
     /// Reads it from [`HEADER`] bytes.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for values that no run has.
     pub fn parse(path: &Path, bytes: &[u8], big_endian: bool) -> Result<GadgetHeader> {
         let int = |at: usize| {
             let four: [u8; 4] = bytes[at..at + 4].try_into().expect("four bytes");
@@ -100,11 +97,9 @@ impl GadgetHeader {
             && (self.redshift - expected).abs() <= 1e-5 * (1.0 + expected.abs())
     }
 
-    /// Cell and cosmology.
-    pub fn meta(&self, name: String) -> SnapshotMeta {
+    pub fn meta(&self, named: SnapshotMeta) -> SnapshotMeta {
         let cosmological = self.is_cosmological();
         SnapshotMeta {
-            name,
             cell: (self.box_size > 0.0).then(|| Cell::orthogonal([self.box_size; 3])),
             units: Units { comoving: cosmological.then_some(true), ..Units::default() },
             cosmology: Cosmology {
@@ -118,11 +113,10 @@ impl GadgetHeader {
                 time: (!cosmological).then_some(self.time),
                 ..Epoch::default()
             },
-            ..SnapshotMeta::default()
+            ..named
         }
     }
 
-    /// Particles of this file.
     pub fn particles(&self) -> u64 {
         self.count.iter().map(|&n| u64::from(n)).sum()
     }
@@ -151,10 +145,10 @@ mod tests {
     fn time_is_the_scale_factor_where_redshift_agrees() {
         let mut bytes = sample([0, 2, 0, 0, 0, 0], [0.0; 6], 1, [0, 2, 0, 0, 0, 0]);
         let parse = |bytes: &[u8]| GadgetHeader::parse(Path::new("f"), bytes, false);
-        let meta = parse(&bytes).unwrap().meta("f".into());
+        let meta = parse(&bytes).unwrap().meta(SnapshotMeta::default());
         assert_eq!((meta.epoch.scale_factor, meta.epoch.time, meta.units.comoving), (Some(0.5), None, Some(true)));
         bytes[80..88].copy_from_slice(&0.0f64.to_le_bytes());
-        let meta = parse(&bytes).unwrap().meta("f".into());
+        let meta = parse(&bytes).unwrap().meta(SnapshotMeta::default());
         assert_eq!((meta.epoch.scale_factor, meta.epoch.time, meta.units.comoving), (None, Some(0.5), None));
         bytes[128..136].copy_from_slice(&f64::NAN.to_le_bytes());
         assert!(parse(&bytes).unwrap_err().to_string().contains("BoxSize"));

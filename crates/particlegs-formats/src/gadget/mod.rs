@@ -10,8 +10,9 @@ mod parts;
 mod records;
 
 use crate::axes::{FieldComponent, axes};
+use crate::numbers::{StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, PieceReader};
-use crate::strided::{StridedColumn, StridedParticles};
+use crate::snapshot::named;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass};
 use blocks::GadgetFile;
 use header::TYPES;
@@ -20,7 +21,6 @@ use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
-/// Gadget binary.
 pub const FORMAT: Format = Format {
     name: "gadget",
     title: "Gadget binary",
@@ -31,7 +31,6 @@ pub const FORMAT: Format = Format {
 struct Gadget {
     parts: Vec<GadgetFile>,
     description: Description,
-    /// Type of each species.
     types: Vec<usize>,
 }
 
@@ -57,7 +56,6 @@ fn describe(parts: &[GadgetFile], paths: &[PathBuf], species: Vec<Species>) -> D
         if first.named { 2 } else { 1 },
         if first.big_endian { "big-endian" } else { "little-endian" }
     );
-    let name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let mut notes =
         vec!["the file has no units; Gadget's usual length is kpc/h: state the units of length and mass".to_string()];
     let h = &first.header;
@@ -73,7 +71,7 @@ fn describe(parts: &[GadgetFile], paths: &[PathBuf], species: Vec<Species>) -> D
         notes.push(format!("blocks of unknown layout, not read: {}", first.unknown.join(", ")));
     }
     let files = parts.iter().map(|p| p.path.clone()).collect();
-    Description { format, files, meta: h.meta(name), species, frames: None, notes }
+    Description { format, files, meta: h.meta(named(&paths[0])), species, frames: None, notes }
 }
 
 fn species(parts: &[GadgetFile], t: usize) -> Result<Species> {
@@ -91,12 +89,7 @@ fn species(parts: &[GadgetFile], t: usize) -> Result<Species> {
         SpeciesMass::Unknown
     };
     let fields = first.blocks.iter().filter(|b| b.types[t] && with().all(|p| holds(p, &b.name)));
-    let field = |b: &blocks::GadgetBlock| SpeciesField {
-        name: b.name.clone(),
-        kind: b.kind.name().into(),
-        components: b.components,
-        unit: None,
-    };
+    let field = |b: &blocks::GadgetBlock| SpeciesField::new(&b.name, b.kind.name(), b.components);
     Ok(Species {
         name: format!("PartType{t}"),
         aliases: species_aliases(t),
@@ -133,11 +126,7 @@ impl Snapshot for Gadget {
             let place = part.path.display().to_string();
             pieces.push(Box::new(StridedParticles::new(&place, part.bytes.clone(), rows, lanes, weight)?));
         }
-        let mut meta = self.description.meta.clone();
-        if let SpeciesMass::Each(mass) = species.mass {
-            meta.particle_mass = Some(mass);
-        }
-        Ok(Box::new(PieceReader::new(meta, pieces, weight.is_some())?))
+        Ok(Box::new(PieceReader::new(self.description.meta_of(species), pieces, weight.is_some())?))
     }
 }
 

@@ -10,17 +10,14 @@ const MOST_SPLITS: usize = 16;
 /// Shortest stream that a block is split into.
 const LEAST_STREAM: usize = 128;
 
-/// A chunk's header.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BloscHeader {
     flags: u8,
-    /// Bytes of a number.
     type_size: usize,
     /// Bytes decompressed.
     pub length: usize,
     /// Bytes of a block, decompressed.
     pub block: usize,
-    /// Bytes of the chunk.
     size: usize,
 }
 
@@ -50,7 +47,6 @@ impl BloscHeader {
         Ok(chunk)
     }
 
-    /// Number of blocks.
     pub fn blocks(&self) -> usize {
         if self.length == 0 { 0 } else { self.length.div_ceil(self.block) }
     }
@@ -152,8 +148,7 @@ mod tests {
     #[test]
     fn every_codec_and_shuffle_is_read() {
         for (name, n, text) in CHUNKS {
-            let bytes: Vec<u8> =
-                (0..text.len() / 2).map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).unwrap()).collect();
+            let bytes = crate::testing::hex(text);
             let chunk = BloscHeader::parse(&bytes).unwrap();
             let expected: Vec<u8> = (0..*n).flat_map(|i| (i / 7 + i * i % 13).to_le_bytes()).collect();
             let got: Vec<u8> = (0..chunk.blocks()).flat_map(|b| chunk.decode(&bytes, b).expect(name)).collect();

@@ -14,6 +14,7 @@ mod split;
 use crate::axes::axes;
 use crate::cache::DEFAULT_BYTES;
 use crate::pieces::{ParticlePiece, PieceReader};
+use crate::snapshot::named;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass};
 use header::GenericIoFile;
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
@@ -23,7 +24,6 @@ use ranks::Ranks;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// GenericIO.
 pub const FORMAT: Format = Format {
     name: "genericio",
     title: "GenericIO (HACC)",
@@ -63,12 +63,7 @@ fn describe(path: &Path, files: &[GenericIoFile]) -> Result<Description> {
         .variables
         .iter()
         .filter(|v| has(v))
-        .map(|v| SpeciesField {
-            name: v.name.clone(),
-            kind: v.kind.map_or("", |k| k.name()).into(),
-            components: 1,
-            unit: None,
-        })
+        .map(|v| SpeciesField::new(&v.name, v.kind.map_or("", |k| k.name()), 1))
         .collect();
     let known = |name: &str| fields.iter().any(|f| f.name == name);
     let mass = if known("mass") { SpeciesMass::Field("mass".into()) } else { SpeciesMass::Unknown };
@@ -88,10 +83,9 @@ fn describe(path: &Path, files: &[GenericIoFile]) -> Result<Description> {
 }
 
 fn meta(path: &Path, file: &GenericIoFile) -> SnapshotMeta {
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let cell =
         file.scale.iter().all(|&s| s > 0.0).then(|| Cell { origin: file.origin, ..Cell::orthogonal(file.scale) });
-    SnapshotMeta { name, cell, ..SnapshotMeta::default() }
+    SnapshotMeta { cell, ..named(path) }
 }
 
 impl Snapshot for GenericIo {

@@ -1,7 +1,7 @@
 //! Snapshots in several files: `name` maps ranks to partitions, `name#0`, `name#7`, ... hold them.
 
 use super::header::GenericIoFile;
-use crate::strided::NumberType;
+use crate::numbers::NumberType;
 use particlegs::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -10,9 +10,6 @@ use std::path::{Path, PathBuf};
 const PARTITION: &str = "$partition";
 
 /// Opens the file or files of the snapshot that `paths` belong to.
-///
-/// # Errors
-/// [`Error::Input`] where a file is missing or not one of them; [`Error::Io`].
 pub fn open(paths: &[PathBuf]) -> Result<Vec<GenericIoFile>> {
     let whole = whole_of(&paths[0]);
     let first = GenericIoFile::open(&whole)?;

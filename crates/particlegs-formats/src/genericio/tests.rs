@@ -3,8 +3,6 @@
 use super::*;
 use crate::codecs::crc64;
 use crate::{Choice, Weights};
-use particlegs::progress::Silent;
-use std::sync::Mutex;
 
 struct FileBuilder {
     big_endian: bool,
@@ -62,16 +60,8 @@ fn ranks() -> Vec<Vec<Vec<f32>>> {
 
 const NAMES: [&str; 4] = ["x", "y", "z", "mass"];
 
-fn rows(paths: &[PathBuf], choice: &Choice) -> Result<Vec<[f32; 4]>> {
-    let reader = Choice::default().open(paths)?.reader(0, choice)?;
-    let out = Mutex::new(Vec::new());
-    let take = |_: u64, c: particlegs::particles::Chunk<'_>| {
-        let w = |i: usize| c.weight.map_or(0.0, |w| w[i]);
-        out.lock().unwrap().extend((0..c.len()).map(|i| [c.position[0][i], c.position[1][i], c.position[2][i], w(i)]));
-        Ok(())
-    };
-    reader.read(0..1, &Silent, &take)?;
-    Ok(out.into_inner().unwrap())
+fn rows(paths: &[PathBuf], choice: &Choice) -> Result<Vec<[f64; 4]>> {
+    crate::testing::rows(&*Choice::default().open(paths)?, 0, choice)
 }
 
 #[test]
@@ -95,7 +85,7 @@ fn both_byte_orders_and_several_ranks() {
 /// One rank of unsigned integers, each column a chunk that blosc wrote (`chunks.rs`).
 fn compressed(name: &str) -> Vec<u8> {
     let (_, n, hex) = super::chunks::CHUNKS.iter().find(|c| c.0 == name && c.1 == 256).unwrap();
-    let chunk: Vec<u8> = (0..hex.len() / 2).map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).unwrap()).collect();
+    let chunk = crate::testing::hex(hex);
     let mut m = FileBuilder { big_endian: false, bytes: b"HACC01L\0".to_vec() };
     let n = u64::from(*n);
     let blocks = 168 + 272 * 3 + 48;
@@ -135,7 +125,7 @@ fn blosc_columns_are_read_and_what_is_broken_named() {
         let good = compressed(name);
         std::fs::write(&path, &good).unwrap();
         let got = rows(std::slice::from_ref(&path), &Choice::default()).unwrap();
-        assert!(got.iter().zip(0u32..).all(|(row, i)| row[..3] == [(i / 7 + i * i % 13) as f32; 3]), "{name}");
+        assert!(got.iter().zip(0u32..).all(|(row, i)| row[..3] == [f64::from(i / 7 + i * i % 13); 3]), "{name}");
         // Data that were damaged before their checksum was made.
         let header = 168 + 272 * 3 + 48 + 48 * 3 + 8;
         let length = (good.len() - header) / 3;

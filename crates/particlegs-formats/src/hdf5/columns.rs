@@ -2,8 +2,8 @@
 
 use super::storage::{Chunks, DataSetStorage, NumberTable};
 use crate::cache::ChunkCache;
+use crate::numbers::{Bytes, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, RowBuffer};
-use crate::strided::{Bytes, StridedColumn, StridedParticles};
 use memmap2::Mmap;
 use particlegs::particles::InPlace;
 use particlegs::{Error, Result};
@@ -13,7 +13,6 @@ use std::sync::Arc;
 /// A column of a table and where it goes.
 #[derive(Clone, Copy)]
 pub struct ColumnTarget {
-    /// Which number of a row.
     pub component: u64,
     /// 0, 1, 2 for x, y, z; 3 for weights.
     pub target: usize,
@@ -22,22 +21,16 @@ pub struct ColumnTarget {
 /// Columns of rows of one data set.
 #[derive(Clone)]
 pub struct DataSetPart {
-    /// The file's bytes.
     pub map: Arc<Mmap>,
-    /// Which rows of the table.
     pub rows: Range<u64>,
-    /// The data set.
     pub table: Arc<NumberTable>,
-    /// Which columns.
     pub wants: Vec<ColumnTarget>,
-    /// Its place, for errors.
     pub place: String,
     /// Its number, different from those of others that share the cache.
     pub key: u64,
 }
 
 impl DataSetPart {
-    /// Rows.
     pub fn count(&self) -> u64 {
         self.rows.end - self.rows.start
     }
@@ -124,13 +117,6 @@ fn append(
     }
 }
 
-fn column(out: &mut RowBuffer, target: usize) -> &mut Vec<f64> {
-    match target {
-        0..3 => &mut out.position[target],
-        _ => &mut out.weight,
-    }
-}
-
 impl ParticlePiece for DataSetColumns {
     fn rows(&self) -> u64 {
         self.rows
@@ -160,7 +146,7 @@ impl ParticlePiece for DataSetColumns {
             };
             for want in &part.wants {
                 let at = [offset, part.table.components, want.component];
-                append(&part.table, bytes, at, rows.clone(), column(out, want.target));
+                append(&part.table, bytes, at, rows.clone(), out.column(want.target));
             }
         }
         Ok(())
@@ -197,7 +183,7 @@ impl DataSetColumns {
                     };
                     for want in part.wants.iter().filter(here) {
                         let at = [offset, chunks.columns, want.component % chunks.columns];
-                        append(&part.table, bytes, at, rows.clone(), column(out, want.target));
+                        append(&part.table, bytes, at, rows.clone(), out.column(want.target));
                     }
                 })?;
             }

@@ -20,36 +20,25 @@ const ALIGN: u64 = 4096;
 /// Children of a node of a chunk tree: twice the K that is assumed where the superblock names none.
 const CHILDREN: u64 = 64;
 
-/// An attribute's value.
 pub enum OutValue {
-    /// One number.
     Number(f64),
-    /// Several.
     Numbers(Vec<f64>),
-    /// One whole number.
     Integer(i32),
-    /// Counts.
     Counts(Vec<u64>),
-    /// 32-bit words.
     Words(Vec<u32>),
-    /// Text.
     Text(String),
 }
 
-/// An attribute.
 pub type Attribute = (&'static str, OutValue);
 
 /// A data set, or one without numbers.
 pub struct OutDataSet {
-    /// Name.
     pub name: String,
-    /// Type of its numbers.
     pub number: Number,
     /// Rows, at least one.
     pub rows: u64,
     /// Numbers a row; one makes it one-dimensional.
     pub columns: u64,
-    /// Attributes.
     pub attributes: Vec<Attribute>,
     /// Attributes of the source's that are one number.
     pub source: Vec<(String, f64)>,
@@ -78,25 +67,19 @@ impl OutDataSet {
 
 /// A group at the top.
 pub struct OutGroup {
-    /// Name.
     pub name: String,
-    /// Attributes.
     pub attributes: Vec<Attribute>,
-    /// Data sets.
     pub sets: Vec<OutDataSet>,
 }
 
 /// A file before its data.
 pub struct EncodedHeader {
-    /// Its beginning: all but the data.
     pub metadata: Vec<u8>,
     /// First byte of each data set, group by group.
     pub data: Vec<Vec<u64>>,
-    /// Bytes in all.
     pub length: u64,
 }
 
-/// Lays out a file of `groups`.
 pub fn plan(groups: &[OutGroup]) -> EncodedHeader {
     let mut next = SUPERBLOCK;
     let mut take = |bytes: u64| {

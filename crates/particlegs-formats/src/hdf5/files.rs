@@ -23,9 +23,6 @@ pub fn stands_alone(path: &Path, count: u64) -> bool {
 }
 
 /// All `count` files of the snapshot that `given` are of, in order.
-///
-/// # Errors
-/// [`Error::Input`] naming what is missing or too many.
 pub fn all(given: &[PathBuf], count: u64) -> Result<Vec<PathBuf>> {
     let first = &given[0];
     if count == 1 {

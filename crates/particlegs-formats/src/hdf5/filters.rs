@@ -46,9 +46,6 @@ const UNREAD: [(u16, &str); 10] = [
 
 impl Pipeline {
     /// The filters of a data set `place` of numbers of `element` bytes.
-    ///
-    /// # Errors
-    /// [`Error::Input`] naming a filter that is not read.
     pub fn new(filters: &[FilterDescription], element: usize, place: &str) -> Result<Self> {
         let stage = |f: &FilterDescription| match f.id {
             FILTER_DEFLATE => Ok(FilterStage::Deflate),
@@ -75,9 +72,6 @@ impl Pipeline {
 
     /// Undoes it but for a shuffle that was the first step: `stored` must become `length` bytes.
     /// [`Pipeline::numbers`] puts shuffled numbers together where they are used, by few, in the processor's cache.
-    ///
-    /// # Errors
-    /// What contradicts that, in words.
     pub fn undo<'a>(&self, stored: &'a [u8], mask: u32, length: usize) -> std::result::Result<Cow<'a, [u8]>, String> {
         // What a compressor may have added to `length` bytes before another came.
         let limit = length + length / 64 + 1024;

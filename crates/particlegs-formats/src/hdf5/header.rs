@@ -24,25 +24,19 @@ pub struct HeaderGroups {
     pub cosmology: Attributes,
 }
 
-/// A file's header.
 #[derive(Clone)]
 pub struct Hdf5Header {
-    /// All attributes.
     pub groups: HeaderGroups,
     /// Particles of each type in this file, where it says.
     pub here: Option<Vec<u64>>,
     /// Particles of each type in all files, where it says.
     pub total: Option<Vec<u64>>,
-    /// Files of the snapshot.
     pub files: u64,
     place: String,
 }
 
 impl Hdf5Header {
     /// Reads it.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where the bytes are broken or counts are no counts.
     pub fn read(container: &Container) -> Result<Self> {
         let groups = HeaderGroups {
             header: container.attributes("Header")?,
@@ -69,9 +63,6 @@ impl Hdf5Header {
     }
 
     /// The simulation box. `None` for an isolated run (BoxSize 0, or none).
-    ///
-    /// # Errors
-    /// [`Error::Input`] for a negative box, or one that is not finite.
     pub fn cell(&self, notes: &mut Vec<String>) -> Result<Option<Cell>> {
         let Some(size) = self.groups.header.numbers("BoxSize") else { return Ok(None) };
         let lengths: [f64; 3] = match *size {
@@ -121,12 +112,10 @@ impl Hdf5Header {
         (mass.is_finite() && mass > 0.0).then_some(mass)
     }
 
-    /// Time as the file has it.
     pub fn time(&self) -> Option<f64> {
         self.groups.header.number(&["Time"]).filter(|t| t.is_finite())
     }
 
-    /// h.
     pub fn hubble(&self) -> Option<f64> {
         let g = &self.groups;
         let named = |a: &Attributes| a.number(&["HubbleParam", "Hubble_parameter", "h"]);
@@ -136,7 +125,6 @@ impl Hdf5Header {
             .filter(|h| h.is_finite() && *h > 0.0)
     }
 
-    /// The cosmology of an expanding space.
     pub fn cosmology(&self) -> Cosmology {
         let g = &self.groups;
         let number = |names: &[&str]| {
@@ -220,8 +208,8 @@ mod tests {
 
     fn header(header: &[(&str, f64)], parameters: &[(&str, f64)]) -> Hdf5Header {
         let groups = HeaderGroups {
-            header: Attributes::of_numbers(header),
-            parameters: Attributes::of_numbers(parameters),
+            header: Attributes::from_numbers(header),
+            parameters: Attributes::from_numbers(parameters),
             ..HeaderGroups::default()
         };
         Hdf5Header { groups, here: None, total: None, files: 1, place: "a".into() }

@@ -2,13 +2,14 @@
 
 use super::columns::{ColumnTarget, DataSetColumns, DataSetPart, chunk_bytes};
 use super::container::Container;
-use super::snapshot;
+use super::header::TYPES;
 use super::storage::table;
 use super::virtual_sets;
 use crate::axes::axis;
 use crate::cache::ChunkCache;
 use crate::pieces::{ParticlePiece, PieceReader};
-use crate::{Choice, Species, SpeciesField, SpeciesMass};
+use crate::{Choice, Description, Species, SpeciesField};
+use memmap2::Mmap;
 use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
@@ -16,21 +17,23 @@ use particlegs_files::memory;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What is read.
 pub struct GroupSource<'a> {
-    /// The snapshot's files.
-    pub parts: &'a [snapshot::FilePart],
-    /// Number of the type.
+    pub parts: &'a [FilePart],
     pub kind: usize,
-    /// Its group.
     pub group: &'a str,
-    /// Its description.
     pub species: &'a Species,
-    /// The snapshot's.
-    pub meta: &'a SnapshotMeta,
+    pub description: &'a Description,
+}
+
+/// A file of the snapshot.
+pub struct FilePart {
+    pub path: PathBuf,
+    pub map: Arc<Mmap>,
+    /// Rows of each type's positions.
+    pub rows: [u64; TYPES],
 }
 
 /// Files in which f64 positions are looked at to find where they lie.
@@ -42,33 +45,25 @@ const BUDGET: u64 = 96 << 20;
 /// Data sets to read, each with its columns.
 type DataSetTargets = Vec<(String, Vec<ColumnTarget>)>;
 
-/// Opens it.
-///
-/// # Errors
-/// [`Error::Input`] for fields that are missing or have the wrong shape, and for broken files.
 pub fn reader(source: &GroupSource<'_>, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
     let species = source.species;
-    let place = &source.meta.name;
+    let place = &source.description.meta.name;
     let mut wanted = positions(species, place, choice.positions.as_deref().unwrap_or(&species.positions))?;
     let weight = species.weight_field(place, &choice.weights)?;
     if let Some(name) = &weight {
         wanted.push((name.clone(), vec![ColumnTarget { component: 0, target: 3 }]));
     }
     let group = source.group;
-    let used: Vec<&snapshot::FilePart> = source.parts.iter().filter(|p| p.rows[source.kind] > 0).collect();
+    let used: Vec<&FilePart> = source.parts.iter().filter(|p| p.rows[source.kind] > 0).collect();
     let mut tables = Vec::with_capacity(used.len());
     let mut sets = DataSetSequence { choice, count: 0 };
     for file in used {
-        let container = Container::of(&file.path, file.map.clone())?;
+        let container = Container::from_map(&file.path, file.map.clone())?;
         let mut sources = BTreeMap::new();
         let columns = wanted.iter().map(|(name, wants)| sets.parts(&container, &mut sources, [group, name], wants));
         tables.extend(side_by_side(columns.collect::<Result<_>>()?)?);
     }
-    let mut meta = source.meta.clone();
-    if let SpeciesMass::Each(mass) = species.mass {
-        meta.particle_mass = Some(mass);
-    }
-    assemble(meta, tables, weight.is_some())
+    assemble(source.description.meta_of(species), tables, weight.is_some())
 }
 
 /// Data sets that are read, one after the other.

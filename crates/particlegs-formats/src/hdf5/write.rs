@@ -16,9 +16,6 @@ use std::path::Path;
 const ORDER: [usize; 6] = [1, 2, 3, 4, 5, 0];
 
 /// Writes what is kept as a snapshot; tells its bytes. The file appears whole or not at all.
-///
-/// # Errors
-/// [`Error::Input`] for more layers or another cell than the layout has; [`Error::Io`]; those of reading.
 pub fn write(kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
     let layers = kept.layers();
     let types = types(&layers, out)?;
@@ -272,7 +269,6 @@ fn parameters(meta: &SnapshotMeta, fields: &[Vec<OutField>]) -> Vec<Attribute> {
     parameters
 }
 
-/// A unit in centimetres or grams.
 fn cgs(unit: &Option<Unit>, dimension: Dimension) -> Option<f64> {
     Some(unit.as_ref()?.si?.factor * units::per_si(dimension))
 }

@@ -16,10 +16,6 @@ const BATCH: usize = 8;
 /// Writes `kept` as one frame; bytes written. Numbers are the shortest text that gives the same bits
 /// when it is read again. A particle's type is its layer's number, from 1; its mass stands in a
 /// column `mass` where all masses are known.
-///
-/// # Errors
-/// [`Error::Io`] where the place cannot be written; nothing is left then; [`Error::Input`] for
-/// positions that do not fit into float32; [`Error::Cancelled`].
 pub fn write(kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
     let frame = FrameOut::new(kept, progress)?;
     progress.begin("writing", kept.total());
@@ -211,7 +207,6 @@ fn names(field: &OutField) -> Vec<String> {
     }
 }
 
-/// Appends the numbers of particle `i`.
 fn push_field(field: &OutField, run: &Run, i: usize, text: &mut Vec<u8>) {
     for (k, &column) in field.columns.iter().enumerate() {
         if k > 0 {
@@ -277,7 +272,7 @@ fn style_of(kept: &SelectedParticles<'_>) -> Option<&'static str> {
     }
     let styles = ["metal", "si", "cgs", "electron", "micro", "nano", "lj"];
     styles.into_iter().find(|style| {
-        let [length, mass, _] = super::units_of(style);
+        let [length, mass, _] = super::frame::units_of(style);
         length == meta.units.length_text() && (meta.units.mass.is_none() || meta.units.mass_text() == mass)
     })
 }

@@ -2,7 +2,7 @@
 
 use super::header::{NpyElement, NpyHeader, NpyScalar};
 use crate::SpeciesField;
-use crate::laned::ColumnarField;
+use crate::columns::ColumnarField;
 use particlegs::{Error, Result};
 
 /// Columns that are listed one by one, where an array has more than three.
@@ -34,10 +34,6 @@ pub fn mass_named(fields: &[SpeciesField]) -> Option<String> {
     MASSES.iter().find_map(find).map(|f| f.name.clone())
 }
 
-/// Refuses numbers that are no positions.
-///
-/// # Errors
-/// [`Error::Input`] naming the type.
 pub fn check_numbers(place: &str, header: &NpyHeader) -> Result<()> {
     match &header.element {
         NpyElement::Plain(scalar) if scalar.kind.is_none() => {
@@ -118,19 +114,9 @@ pub fn table(stored: usize, header: &NpyHeader, rows: u64) -> Vec<ColumnarField>
 }
 
 fn field(stored: usize, base: u64, scalar: &NpyScalar, components: u64, stride: u64) -> ColumnarField {
-    ColumnarField {
-        name: String::new(),
-        kind_name: scalar.name.clone(),
-        kind: scalar.kind,
-        big_endian: scalar.big_endian,
-        components: components as u32,
-        stored,
-        base,
-        base_step: 0,
-        stride,
-        offset: 0,
-        offset_step: 0,
-    }
+    let (kind_name, kind, big_endian) = (scalar.name.clone(), scalar.kind, scalar.big_endian);
+    let components = components as u32;
+    ColumnarField { kind_name, kind, big_endian, components, stored, base, stride, ..ColumnarField::default() }
 }
 
 fn plain(name: &str, stored: usize, header: &NpyHeader, scalar: &NpyScalar, rows: u64) -> Option<ColumnarField> {

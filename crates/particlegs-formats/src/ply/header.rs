@@ -1,6 +1,6 @@
 //! What a PLY header says: elements, their properties, the encoding.
 
-use crate::strided::NumberType;
+use crate::numbers::NumberType;
 
 /// Longest header: real ones have some kilobytes; comments may be long.
 const LONGEST: usize = 1 << 20;
@@ -8,20 +8,15 @@ const LONGEST: usize = 1 << 20;
 /// How values are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
-    /// As text, one instance a line.
     Ascii,
-    /// Binary, little-endian.
     Little,
-    /// Binary, big-endian.
     Big,
 }
 
 /// A property of an element.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Property {
-    /// Its name.
     pub name: String,
-    /// Type of its values.
     pub kind: NumberType,
     /// Type of its length, where it is a list.
     pub list: Option<NumberType>,
@@ -30,20 +25,14 @@ pub struct Property {
 /// A kind of things in the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlyElement {
-    /// Its name.
     pub name: String,
-    /// How many there are.
     pub count: u64,
-    /// What each has, in order.
     pub properties: Vec<Property>,
 }
 
-/// A header.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlyHeader {
-    /// How values are written.
     pub encoding: Encoding,
-    /// What the file holds, in order.
     pub elements: Vec<PlyElement>,
     /// Byte behind the header.
     pub data: u64,
@@ -62,9 +51,6 @@ pub fn is_ply(head: &[u8]) -> bool {
 }
 
 /// Reads the header at the beginning of `bytes`.
-///
-/// # Errors
-/// In words, with the line.
 pub fn parse(bytes: &[u8]) -> Result<PlyHeader, String> {
     if !is_ply(bytes) {
         return Err("not a PLY file".into());

@@ -1,14 +1,13 @@
 //! Binary glTF: primitives of points, and of `KHR_gaussian_splatting`, in their places of the scene.
 
-use super::NOTE;
 use super::gltf::{Accessor, GltfDocument, Primitive};
 use crate::TextResult;
-use crate::affine::{Affine, AffinePiece};
+use crate::affine::Affine;
 use crate::axes::axes;
-use crate::npy::{mapped, named, only};
+use crate::format::FileHead;
+use crate::numbers::{Bytes, NumberType, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, PieceReader};
-use crate::registry::FileHead;
-use crate::strided::{Bytes, NumberType, StridedColumn, StridedParticles};
+use crate::snapshot::{named, only};
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
 use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Result};
@@ -21,7 +20,6 @@ const LONGEST: u64 = 1 << 20;
 /// Mode of points.
 const POINTS: u32 = 0;
 
-/// By the signature.
 pub fn detect(head: &FileHead) -> bool {
     head.bytes.starts_with(MAGIC)
 }
@@ -42,11 +40,10 @@ struct Glb {
     parts: Vec<PrimitivePositions>,
 }
 
-/// Opens it.
 pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let refuse = |what: String| Error::input_with(path, what, "the file is damaged, or holds no points");
-    let bytes = mapped(path)?;
+    let bytes = Bytes::from_filled_file(path)?;
     let (json, binary) = chunks(&bytes).map_err(refuse)?;
     let json = &bytes[json.start as usize..json.end as usize];
     let document: GltfDocument =
@@ -57,14 +54,13 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     if count == 0 {
         return Err(refuse("it holds no points: no primitive of mode POINTS with positions".into()));
     }
-    let kind = parts[0].kind.name().to_string();
     let species = Species {
         name: "particles".into(),
         aliases: vec!["0".into()],
         count,
         mass: SpeciesMass::Unknown,
         positions: "POSITION".into(),
-        fields: vec![SpeciesField { name: "POSITION".into(), kind, components: 3, unit: None }],
+        fields: vec![SpeciesField::new("POSITION", parts[0].kind.name(), 3)],
     };
     let title = if splats { "glTF 2.0 (binary) with KHR_gaussian_splatting" } else { "glTF 2.0 (binary), points" };
     let description = Description {
@@ -72,7 +68,7 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         files: vec![path.clone()],
         meta: named(path),
         species: vec![species],
-        notes: if splats { vec![NOTE.into()] } else { Vec::new() },
+        notes: if splats { vec![Description::SPLATS.into()] } else { Vec::new() },
         ..Description::default()
     };
     Ok(Box::new(Glb { description, place: path.display().to_string(), bytes, parts }))
@@ -192,10 +188,7 @@ impl Snapshot for Glb {
         let mut pieces: Vec<Box<dyn ParticlePiece>> = Vec::new();
         for part in &self.parts {
             let inner = StridedParticles::new(&self.place, self.bytes.clone(), part.rows, part.axes, None)?;
-            pieces.push(match part.world == Affine::IDENTITY {
-                true => Box::new(inner),
-                false => Box::new(AffinePiece { inner: Box::new(inner), by: part.world, wide: true }),
-            });
+            pieces.push(part.world.moved(true, Box::new(inner)));
         }
         Ok(Box::new(PieceReader::new(self.description.meta.clone(), pieces, false)?))
     }

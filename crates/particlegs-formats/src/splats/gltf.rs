@@ -5,7 +5,6 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::collections::BTreeMap;
 
-/// A document.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 #[derive(Default)]
@@ -19,7 +18,6 @@ pub struct GltfDocument {
     pub buffers: Vec<Buffer>,
 }
 
-/// Nodes shown together.
 #[derive(Deserialize)]
 pub struct GltfScene {
     #[serde(default)]
@@ -40,7 +38,6 @@ pub struct GltfNode {
     scale: Option<[f64; 3]>,
 }
 
-/// Primitives.
 #[derive(Deserialize)]
 pub struct Mesh {
     #[serde(default)]
@@ -108,7 +105,6 @@ pub struct Buffer {
 }
 
 impl GltfNode {
-    /// To its parent.
     fn local(&self) -> Affine {
         if let Some(m) = self.matrix {
             let matrix = [0, 1, 2].map(|i| [m[i], m[4 + i], m[8 + i]]);

@@ -1,5 +1,5 @@
 use crate::Choice;
-use crate::npy::tests::{open_bytes, read_all};
+use crate::testing::open_bytes;
 use std::io::Write;
 
 /// A binary glTF file of a document and data.
@@ -18,7 +18,7 @@ fn glb(json: &str, data: &[u8]) -> Vec<u8> {
 
 fn rows(name: &str, bytes: &[u8]) -> particlegs::Result<Vec<[f64; 4]>> {
     let snapshot = open_bytes(name, bytes)?;
-    Ok(read_all(&*snapshot, &Choice::default())?.0)
+    crate::testing::rows(&*snapshot, 0, &Choice::default())
 }
 
 const ARRAYS: &str = r#""accessors":[{"bufferView":0,"componentType":5126,"count":2,"type":"VEC3","max":[9,9,9]}],

@@ -8,9 +8,7 @@ use particlegs::{Error, Hint, Result};
 
 /// A frame that was found.
 pub struct TextFrame<'c, H> {
-    /// What its header says.
     pub head: H,
-    /// Its rows, where they were wanted.
     pub rows: Option<TableBuilder<'c>>,
     /// Its step, as the file numbers it.
     pub step: Option<i64>,
@@ -18,28 +16,22 @@ pub struct TextFrame<'c, H> {
 
 /// The frames of a file.
 pub struct FrameScan<H> {
-    /// The header of the one chosen.
     pub head: H,
-    /// Its rows.
     pub table: TextTable,
     /// How many there are, and which is chosen.
     pub frames: TrajectoryFrames,
-    /// What a user should know.
     pub notes: Vec<String>,
 }
 
 /// Finds all frames of `content` and keeps frame `chosen`, or the last. `next` reads the frame that
 /// begins at the next line (`None` at the end), and its rows where its last argument says so. The
 /// second one is the frame's number.
-///
-/// # Errors
-/// Those of `next` up to the chosen frame; [`Error::Input`] where there is no such frame.
 pub fn scan<'c, H>(
     content: &'c TextContent,
     chosen: Option<u64>,
     mut next: impl FnMut(&mut LineReader<'c>, u64, bool) -> Result<Option<TextFrame<'c, H>>>,
 ) -> Result<FrameScan<H>> {
-    let mut lines = content.lines(super::content::TextPosition::START, None)?;
+    let mut lines = LineReader::open(content, super::content::TextPosition::START, None)?;
     let mut kept = None;
     let mut notes = Vec::new();
     let mut count = 0;

@@ -8,9 +8,7 @@ use particlegs::space::PeriodicCell;
 /// How the lines of a table are taken apart.
 #[derive(Clone, Debug)]
 pub struct TableLayout {
-    /// What stands between columns.
     pub separator: Separator,
-    /// Names of the columns.
     pub columns: Vec<String>,
     /// Where set: lines that begin so, and empty ones, are no rows.
     pub comment: Option<u8>,
@@ -78,7 +76,6 @@ fn line_length(text: &[u8]) -> usize {
 pub struct Scaling {
     /// Its lowest corner.
     pub origin: [f64; 3],
-    /// Its vectors.
     pub vectors: [[f64; 3]; 3],
 }
 
@@ -144,14 +141,13 @@ impl RowPlan {
         self
     }
 
-    /// The same about `origin`.
     pub fn about(mut self, origin: [f64; 3]) -> Self {
         self.origin = origin;
         self
     }
 
     /// The same of rows whose value in a column is this one, or of all.
-    pub fn of(mut self, key: Option<(usize, Vec<u8>)>) -> Self {
+    pub fn with_key(mut self, key: Option<(usize, Vec<u8>)>) -> Self {
         self.key = key;
         self
     }
@@ -161,13 +157,11 @@ impl RowPlan {
         self.origin
     }
 
-    /// Are there weights?
     pub fn has_weights(&self) -> bool {
         self.weighted
     }
 }
 
-/// A whole number of 64 bits.
 fn whole(token: &[u8]) -> Option<i64> {
     let text = std::str::from_utf8(token).ok()?;
     text.parse().ok().or_else(|| text.parse().ok().map(|v: u64| v as i64))
@@ -203,9 +197,7 @@ impl TableNumber for f64 {
 /// A line that cannot be read.
 #[derive(Debug)]
 pub struct LineError {
-    /// Its number.
     pub line: u64,
-    /// What is wrong.
     pub what: String,
 }
 
@@ -213,7 +205,6 @@ pub struct LineError {
 pub struct RowParser<'a> {
     /// How lines are taken apart.
     pub layout: &'a TableLayout,
-    /// What is read.
     pub plan: &'a RowPlan,
     /// Rows to pass over.
     pub skip: u64,
@@ -224,9 +215,6 @@ pub struct RowParser<'a> {
 impl RowParser<'_> {
     /// Appends the rows of `block`, whose first line has number `line`, to `out`; bytes and lines
     /// that were used up.
-    ///
-    /// # Errors
-    /// The first line that is no row of this table.
     pub fn block<T: TableNumber>(
         &mut self,
         block: &[u8],

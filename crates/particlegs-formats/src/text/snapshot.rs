@@ -32,7 +32,6 @@ pub struct TableColumns {
     pub fields: Vec<SpeciesField>,
     /// The field or fields that hold positions; empty where none is known to.
     pub positions: String,
-    /// Field of masses.
     pub mass: Option<String>,
 }
 
@@ -73,9 +72,6 @@ impl TextSnapshot {
 
     /// Wraps positions into the periodic cell where their names, or the first rows, tell that they are `unwrapped`; with
     /// [`Choice::keep_unwrapped`] drops the cell.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where positions are to be kept and no cell is periodic.
     pub fn with_unwrapped(mut self, unwrapped: bool, choice: &Choice) -> Result<Self> {
         let periods = self.description.meta.cell.and_then(PeriodicCell::new);
         match periods {
@@ -177,7 +173,6 @@ impl TextSnapshot {
     }
 }
 
-/// The first column of a field.
 fn column_of(fields: &[SpeciesField], name: &str) -> Option<usize> {
     let index = fields.iter().position(|f| f.name == name)?;
     Some(fields[..index].iter().map(|f| f.components as usize).sum())
@@ -194,7 +189,7 @@ impl Snapshot for TextSnapshot {
         let kinds = self.table.kinds.iter().enumerate().filter(|(_, kind)| kind.count > 0);
         let (kind, which) = kinds.clone().nth(species).ok_or_else(no_species)?;
         let key = self.table.key.zip(which.key.clone());
-        let plan = self.plan(one, choice)?.wrapped(self.periods(choice)?).of(key);
+        let plan = self.plan(one, choice)?.wrapped(self.periods(choice)?).with_key(key);
         Ok(Box::new(RowReader::new(self.table.clone(), kind, plan, self.description.meta.clone())?))
     }
 }

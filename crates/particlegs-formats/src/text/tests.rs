@@ -1,8 +1,8 @@
 //! The ways that all formats of text share: windows, runs, compression, faults, any bytes.
 
 use super::lines::LINE_LIMIT;
-use super::testing::{SpeciesParticles, read, scratch};
 use crate::Choice;
+use crate::testing::{SpeciesParticles, read, scratch};
 use flate2::{Compression, write::GzEncoder};
 use std::io::Write;
 

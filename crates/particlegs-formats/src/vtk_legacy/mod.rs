@@ -3,21 +3,20 @@
 mod scan;
 
 use crate::axes::{FieldComponent, axes};
+use crate::numbers::Bytes;
 use crate::pieces::PieceReader;
-use crate::strided::Bytes;
+use crate::snapshot::named;
 use crate::vtk_xml::mass_of;
 use crate::vtk_xml::points::PiecePoints;
-use crate::vtk_xml::source::{ArraySource, Stream, VtkArray};
+use crate::vtk_xml::source::{ArraySource, VtkArray};
+use crate::vtk_xml::stream::Stream;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField};
 use particlegs::model::Epoch;
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
-use particlegs_files::input::map_file;
 use scan::{ArrayData, LegacyArray, LegacyContents};
 use std::path::PathBuf;
-use std::sync::Arc;
 
-/// Legacy VTK.
 pub const FORMAT: Format = Format {
     name: "vtk-legacy",
     title: "legacy VTK",
@@ -38,20 +37,14 @@ impl LegacySnapshot {
         if let Some(second) = paths.get(1) {
             return Err(Error::input_with(second, "a second VTK file", "one at a time"));
         }
-        let (map, _) = map_file(path)?;
-        let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);
+        let bytes = Bytes::from_file(path)?;
         let scanned = scan::scan(path, &bytes)?;
         if scanned.points == 0 {
             return Err(Error::input(path, "no points"));
         }
         let coding = if scanned.ascii { "text" } else { "binary" };
-        let fields = scanned.arrays.iter().map(|a| SpeciesField {
-            name: a.name.clone(),
-            kind: a.kind.name().into(),
-            components: a.components,
-            unit: None,
-        });
-        let fields: Vec<SpeciesField> = fields.collect();
+        let field = |a: &LegacyArray| SpeciesField::new(&a.name, a.kind.name(), a.components);
+        let fields: Vec<SpeciesField> = scanned.arrays.iter().map(field).collect();
         let species = Species {
             name: "points".into(),
             aliases: vec![],
@@ -60,15 +53,10 @@ impl LegacySnapshot {
             positions: "POINTS".into(),
             fields,
         };
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let description = Description {
             format: format!("legacy VTK {}, {}, {coding}", scanned.version, scanned.dataset),
             files: vec![path.clone()],
-            meta: SnapshotMeta {
-                name,
-                epoch: Epoch { time: scanned.time, ..Epoch::default() },
-                ..SnapshotMeta::default()
-            },
+            meta: SnapshotMeta { epoch: Epoch { time: scanned.time, ..Epoch::default() }, ..named(path) },
             species: vec![species],
             frames: None,
             notes: scanned.note.iter().cloned().collect(),

@@ -1,7 +1,7 @@
 //! The sections of a legacy VTK file, one after the other: where points and their data lie.
 
 use crate::ascii::{Ascii, shown};
-use crate::strided::NumberType;
+use crate::numbers::NumberType;
 use particlegs::{Error, Result};
 use std::path::Path;
 use std::sync::Arc;
@@ -11,33 +11,25 @@ use std::sync::Arc;
 pub enum ArrayData {
     /// Big-endian, from this byte on.
     Binary(u64),
-    /// As text.
     Text(Arc<Ascii>),
 }
 
-/// An array.
 #[derive(Clone)]
 pub struct LegacyArray {
-    /// Its name.
     pub name: String,
-    /// Type of its numbers.
     pub kind: NumberType,
-    /// Numbers a row.
     pub components: u32,
-    /// Where they are.
     pub data: ArrayData,
 }
 
 /// What a file holds.
 #[derive(Default)]
 pub struct LegacyContents {
-    /// Kind of data, e.g. `POLYDATA`.
     pub dataset: String,
     /// Are numbers text?
     pub ascii: bool,
     /// Version of the format, as written.
     pub version: String,
-    /// Number of points.
     pub points: u64,
     /// Positions, then the points' arrays.
     pub arrays: Vec<LegacyArray>,
@@ -77,9 +69,6 @@ struct LegacyScan<'a> {
 }
 
 /// Reads headers, skipping numbers.
-///
-/// # Errors
-/// [`Error::Input`] where it is no such file, or its numbers end beyond the file.
 pub fn scan(path: &Path, bytes: &[u8]) -> Result<LegacyContents> {
     let mut scan = LegacyScan {
         path,

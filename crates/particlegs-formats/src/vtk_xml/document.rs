@@ -2,7 +2,7 @@
 
 use super::blocks::Compressor;
 use crate::ascii::shown;
-use crate::strided::NumberType;
+use crate::numbers::NumberType;
 use particlegs::{Error, Result};
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
@@ -30,24 +30,17 @@ pub enum ArrayLocation {
 /// An array as the XML describes it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ArrayDeclaration {
-    /// Its name.
     pub name: String,
     /// Type of its numbers; `None` for what are no numbers.
     pub kind: Option<NumberType>,
-    /// Numbers a row.
     pub components: u32,
-    /// Where they are.
     pub place: ArrayLocation,
 }
 
-/// A piece.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct VtkPiece {
-    /// Points.
     pub points: u64,
-    /// Their positions.
     pub positions: Option<ArrayDeclaration>,
-    /// Arrays of numbers of the points.
     pub arrays: Vec<ArrayDeclaration>,
     /// The file that holds it, in files that only list pieces.
     pub source: Option<String>,
@@ -65,17 +58,12 @@ pub struct CollectionEntry {
 /// What the XML says.
 #[derive(Clone, Debug, Default)]
 pub struct VtkDocument {
-    /// Kind of data, e.g. `PolyData`.
     pub kind: String,
-    /// Byte order of binary data.
     pub big_endian: bool,
     /// Bytes of the integers before binary data.
     pub header: u64,
-    /// How binary data are compressed.
     pub compressor: Option<Compressor>,
-    /// Its pieces.
     pub pieces: Vec<VtkPiece>,
-    /// Files, in lists of whole files.
     pub listed: Vec<CollectionEntry>,
     /// Arrays of no piece, e.g. the time.
     pub fields: Vec<ArrayDeclaration>,
@@ -106,9 +94,6 @@ enum XmlElement {
 }
 
 /// Reads the XML of `bytes`, up to the appended data.
-///
-/// # Errors
-/// [`Error::Input`] for what is no XML of VTK, with the byte.
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<VtkDocument> {
     let mut reader = Reader::from_reader(bytes);
     let mut document = VtkDocument { header: 4, ..VtkDocument::default() };
@@ -176,7 +161,6 @@ fn attribute(tag: &BytesStart<'_>, name: &str) -> std::result::Result<Option<Str
     Ok(Some(text.into_owned()))
 }
 
-/// A number in an attribute.
 fn number(tag: &BytesStart<'_>, name: &str) -> std::result::Result<Option<u64>, String> {
     let Some(text) = attribute(tag, name)? else { return Ok(None) };
     text.trim().parse().map(Some).map_err(|_| format!("{name} is `{}`: no count", shown(&text)))
@@ -240,7 +224,7 @@ impl XmlState {
         };
         if let Some(name) = attribute(tag, "compressor")?.filter(|n| !n.is_empty()) {
             let unknown = || format!("compressor {} is not known", shown(&name));
-            document.compressor = Some(Compressor::of(&name).ok_or_else(unknown)?);
+            document.compressor = Some(Compressor::from_name(&name).ok_or_else(unknown)?);
         }
         Ok(())
     }

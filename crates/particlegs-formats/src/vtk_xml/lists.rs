@@ -14,21 +14,14 @@ const MOST_DEPTH: usize = 4;
 /// The files that hold the points of one moment.
 #[derive(Default)]
 pub struct CollectionParts {
-    /// Files of points.
     pub files: Vec<VtkXmlFile>,
-    /// The moments that there are.
     pub frames: Option<TrajectoryFrames>,
     /// The moment, as a list has it.
     pub time: Option<f64>,
-    /// What a user should know.
     pub notes: Vec<String>,
 }
 
 /// Opens `path` and what it lists, of moment `frame` or the last.
-///
-/// # Errors
-/// [`Error::Input`] for what has no points of its own, files that are missing or lie elsewhere, and a moment that there
-/// is not; [`Error::Io`].
 pub fn open(path: &Path, frame: Option<u64>) -> Result<CollectionParts> {
     let mut parts = CollectionParts::default();
     parts.add(path, frame, 0)?;

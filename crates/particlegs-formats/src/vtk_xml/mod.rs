@@ -1,18 +1,19 @@
 //! VTK's XML files of points: VTP and VTU, and the files that list them: pieces, blocks, moments.
 
-pub(crate) mod base64;
-pub(crate) mod blocks;
+mod blocks;
 mod document;
 mod file;
 pub(crate) mod lists;
 pub(crate) mod points;
 pub(crate) mod source;
+pub(crate) mod stream;
 mod write;
 
 use crate::axes::{FieldComponent, axes};
 use crate::cache::{ChunkCache, DEFAULT_BYTES};
+use crate::format::FileHead;
 use crate::pieces::{ParticlePiece, PieceReader};
-use crate::registry::FileHead;
+use crate::snapshot::named;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass};
 use document::ArrayDeclaration;
 use file::VtkXmlFile;
@@ -26,7 +27,6 @@ use std::sync::Arc;
 
 pub use write::{common, write};
 
-/// VTK XML.
 pub const FORMAT: Format = Format {
     name: "vtk-xml",
     title: "VTK XML (VTP, VTU, lists of them)",
@@ -91,8 +91,7 @@ fn describe(path: &Path, parts: &lists::CollectionParts) -> Result<Description> 
             continue;
         }
         if let Some(kind) = declared.kind {
-            let (kind, components) = (kind.name().to_string(), declared.components);
-            fields.push(SpeciesField { name: name.into(), kind, components, unit: None });
+            fields.push(SpeciesField::new(name, kind.name(), declared.components));
         }
     }
     let positions = first.positions.as_ref().map_or("Points", |p| field_name(p, first)).to_string();
@@ -101,9 +100,8 @@ fn describe(path: &Path, parts: &lists::CollectionParts) -> Result<Description> 
     let order = if d.big_endian { "big-endian" } else { "little-endian" };
     let packed = d.compressor.map_or(String::new(), |c| format!(", {c:?}").to_lowercase());
     let format = format!("VTK XML, {}, {order}{packed}", d.kind);
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let epoch = Epoch { time: parts.time.or(file.time()), ..parts.frames.map_or_else(Epoch::default, |f| f.epoch()) };
-    let meta = SnapshotMeta { name, epoch, ..SnapshotMeta::default() };
+    let meta = SnapshotMeta { epoch, ..named(path) };
     let species = Species { name: "points".into(), aliases: vec![], count, mass, positions, fields };
     let files = files.iter().map(|f| f.path.clone()).collect();
     let (frames, notes) = (parts.frames, parts.notes.clone());

@@ -1,8 +1,8 @@
 //! Points of a piece of VTK, in either of its formats.
 
 use super::source::VtkArray;
+use crate::numbers::{Bytes, StridedParticles};
 use crate::pieces::{ParticlePiece, RowBuffer};
-use crate::strided::{Bytes, StridedParticles};
 use particlegs::particles::InPlace;
 use particlegs::{Error, Result};
 use std::ops::Range;
@@ -21,9 +21,6 @@ pub struct PiecePoints {
 
 impl PiecePoints {
     /// `rows` points of the file `place`, whose columns are components of `arrays`.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where numbers end beyond the file.
     pub fn new(
         place: &str,
         bytes: Bytes,
@@ -64,8 +61,7 @@ impl ParticlePiece for PiecePoints {
                 array.append(&self.bytes, rows.clone(), &mut numbers).map_err(fault)?;
                 held = Some(index);
             }
-            let column = if k < 3 { &mut out.position[k] } else { &mut out.weight };
-            column.extend(numbers.iter().skip(component as usize).step_by(array.components as usize));
+            out.column(k).extend(numbers.iter().skip(component as usize).step_by(array.components as usize));
         }
         Ok(())
     }

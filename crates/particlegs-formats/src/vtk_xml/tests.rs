@@ -5,22 +5,10 @@ use crate::{Choice, Weights};
 use particlegs::model::{Layer, Mass as LayerMass, Units};
 use particlegs::particles::{Column, Particles, SelectedParticles, Selection, Storage, Tiling};
 use particlegs::progress::Silent;
-use std::sync::Mutex;
 
-fn rows(path: &Path, choice: &Choice) -> Result<(Description, Vec<[f32; 4]>)> {
+fn rows(path: &Path, choice: &Choice) -> Result<(Description, Vec<[f64; 4]>)> {
     let snapshot = choice.open(&[path.to_path_buf()])?;
-    let reader = snapshot.reader(0, choice)?;
-    let out = Mutex::new(Vec::new());
-    let take = |run: u64, c: particlegs::particles::Chunk<'_>| {
-        let w = |i: usize| c.weight.map_or(0.0, |w| w[i]);
-        let rows = (0..c.len()).map(|i| [c.position[0][i], c.position[1][i], c.position[2][i], w(i)]);
-        out.lock().unwrap().push((run, rows.collect::<Vec<_>>()));
-        Ok(())
-    };
-    reader.read(0..reader.count().div_ceil(1 << 16), &Silent, &take)?;
-    let mut out = out.into_inner().unwrap();
-    out.sort_by_key(|r| r.0);
-    Ok((snapshot.description().clone(), out.into_iter().flat_map(|r| r.1).collect()))
+    Ok((snapshot.description().clone(), crate::testing::rows(&*snapshot, 0, choice)?))
 }
 
 fn xml(pieces: &str) -> String {
@@ -174,10 +162,10 @@ fn out_and_in_gives_equal_bits() {
     assert!(bytes < n as u64 * 16 + 2000);
     let (d, got) = rows(&path, &Choice::default()).unwrap();
     assert_eq!((d.meta.epoch.time, &d.species[0].mass), (Some(0.125), &SpeciesMass::Unknown));
-    let same = |got: &[[f32; 4]], weight: &dyn Fn(usize) -> f32| {
+    let same = |got: &[[f64; 4]], weight: &dyn Fn(usize) -> f32| {
         (0..n as usize).all(|i| {
-            let [x, y, z] = p.position(i).map(|v| v as f32);
-            got[i].map(f32::to_bits) == [x, y, z, weight(i)].map(f32::to_bits)
+            let [x, y, z] = p.position(i);
+            got[i].map(f64::to_bits) == [x, y, z, weight(i).into()].map(f64::to_bits)
         })
     };
     assert!(same(&got, &|_| 0.0));

@@ -62,10 +62,6 @@ impl ArrayOffsets {
 }
 
 /// Writes `kept` as VTP and tells how many bytes that are. Nothing is left where it fails.
-///
-/// # Errors
-/// [`Error::Input`] where positions overflow float32; [`Error::Argument`] for more than 256 layers;
-/// [`Error::Io`]; [`Error::Cancelled`].
 pub fn write(kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) -> Result<u64> {
     let layers = kept.layers();
     if layers.len() > 256 {

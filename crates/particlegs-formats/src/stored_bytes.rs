@@ -1,20 +1,19 @@
 //! Stretches of a mapped file that hold something as it is, or compressed, and are read in order.
 
-use crate::strided::Bytes;
+use crate::TextResult;
+use crate::numbers::Bytes;
 use flate2::Crc;
 use std::io::{Error, ErrorKind, Read, Result};
 
 /// How a stretch is compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StreamCoding {
-    /// Not at all.
     Plain,
     /// A bare deflate stream whose content has this CRC-32.
     Deflate {
         /// Of the content.
         crc: u32,
     },
-    /// gzip members.
     Gzip,
     /// One Zstandard frame.
     Zstd,
@@ -45,18 +44,15 @@ pub struct StoredBytes {
 }
 
 impl StoredBytes {
+    /// All of a file as it is.
+    pub fn plain_file(bytes: Bytes) -> StoredBytes {
+        let packed = bytes.len();
+        StoredBytes { bytes, start: 0, packed, size: packed as u64, coding: StreamCoding::Plain }
+    }
+
     /// `packed` bytes from byte `start` of `bytes`, which stand for `size`. Gzip's content may be
     /// longer than `size`.
-    ///
-    /// # Errors
-    /// In words, where they lie beyond the end or cannot stand for so many.
-    pub fn new(
-        bytes: Bytes,
-        start: u64,
-        packed: u64,
-        size: u64,
-        coding: StreamCoding,
-    ) -> std::result::Result<StoredBytes, String> {
+    pub fn new(bytes: Bytes, start: u64, packed: u64, size: u64, coding: StreamCoding) -> TextResult<StoredBytes> {
         let end = start.checked_add(packed).filter(|&end| end <= bytes.len() as u64);
         if end.is_none() {
             return Err(format!("{packed} bytes at byte {start} end beyond the file's {} bytes", bytes.len()));
@@ -68,7 +64,6 @@ impl StoredBytes {
         Ok(StoredBytes { bytes, start: start as usize, packed: packed as usize, size, coding })
     }
 
-    /// Bytes of content.
     pub fn size(&self) -> u64 {
         self.size
     }

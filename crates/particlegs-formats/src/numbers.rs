@@ -1,21 +1,36 @@
-//! Numbers that lie at equal distances in a file: most binary formats.
+//! Numbers in bytes: their types, and columns of them at equal distances, as most binary formats have them.
 
 use crate::pieces::{ParticlePiece, RowBuffer};
 use memmap2::Mmap;
 use particlegs::particles::{Column, InPlace, Positions};
 use particlegs::{Error, Result};
+use particlegs_files::input::map_file;
 use std::ops::{Deref, Range};
+use std::path::Path;
 use std::sync::Arc;
 
 /// A file's bytes, mapped, or decoded bytes in memory.
 #[derive(Clone)]
 pub enum Bytes {
-    /// A mapped file.
     Mapped(Arc<Mmap>),
-    /// In memory.
     Owned(Arc<Vec<u8>>),
     /// In memory, of another owner.
     Lent(Arc<dyn AsRef<[u8]> + Send + Sync>),
+}
+
+impl Bytes {
+    /// A file's bytes, mapped; none of an empty one.
+    pub fn from_file(path: &Path) -> Result<Bytes> {
+        Ok(map_file(path)?.0.map_or_else(|| Bytes::Owned(Arc::default()), Bytes::Mapped))
+    }
+
+    /// The same of a file that must not be empty.
+    pub fn from_filled_file(path: &Path) -> Result<Bytes> {
+        match Bytes::from_file(path)? {
+            bytes if bytes.is_empty() => Err(Error::input(path, "the file is empty")),
+            bytes => Ok(bytes),
+        }
+    }
 }
 
 impl Deref for Bytes {
@@ -30,39 +45,52 @@ impl Deref for Bytes {
     }
 }
 
-/// Types of numbers in files.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NumberType {
-    /// IEEE 754, 2 bytes.
-    F16,
-    /// IEEE 754, 4 bytes.
-    F32,
-    /// IEEE 754, 8 bytes.
-    F64,
-    /// Signed integers of 1, 2, 4, 8 bytes.
-    I8,
-    /// 2 bytes.
-    I16,
-    /// 3 bytes.
-    I24,
-    /// 4 bytes.
-    I32,
-    /// 8 bytes.
-    I64,
-    /// Unsigned integers of 1, 2, 4, 8 bytes.
-    U8,
-    /// 2 bytes.
-    U16,
-    /// 4 bytes.
-    U32,
-    /// 8 bytes.
-    U64,
-    /// The bits of whole numbers of 8 bytes.
-    B64,
+particlegs::named_values! {
+    /// Types of numbers in files, by their names in [`crate::SpeciesField::kind`].
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum NumberType {
+        F16 = "f16",
+        F32 = "f32",
+        F64 = "f64",
+        I8 = "i8",
+        I16 = "i16",
+        I24 = "i24",
+        I32 = "i32",
+        I64 = "i64",
+        U8 = "u8",
+        U16 = "u16",
+        U32 = "u32",
+        U64 = "u64",
+        /// The bits of whole numbers of 8 bytes.
+        B64 = "bits",
+    }
 }
 
 impl NumberType {
-    /// Bytes of a number.
+    /// IEEE 754's numbers of so many bytes, half floats left out.
+    pub fn float(bytes: u64) -> Option<NumberType> {
+        match bytes {
+            4 => Some(NumberType::F32),
+            8 => Some(NumberType::F64),
+            _ => None,
+        }
+    }
+
+    /// Whole numbers of so many bytes.
+    pub fn integer(bytes: u64, signed: bool) -> Option<NumberType> {
+        match (bytes, signed) {
+            (1, true) => Some(NumberType::I8),
+            (2, true) => Some(NumberType::I16),
+            (4, true) => Some(NumberType::I32),
+            (8, true) => Some(NumberType::I64),
+            (1, false) => Some(NumberType::U8),
+            (2, false) => Some(NumberType::U16),
+            (4, false) => Some(NumberType::U32),
+            (8, false) => Some(NumberType::U64),
+            _ => None,
+        }
+    }
+
     pub fn bytes(self) -> u64 {
         match self {
             NumberType::I8 | NumberType::U8 => 1,
@@ -70,25 +98,6 @@ impl NumberType {
             NumberType::I24 => 3,
             NumberType::F32 | NumberType::I32 | NumberType::U32 => 4,
             NumberType::F64 | NumberType::I64 | NumberType::U64 | NumberType::B64 => 8,
-        }
-    }
-
-    /// Name as [`crate::SpeciesField::kind`] has it.
-    pub fn name(self) -> &'static str {
-        match self {
-            NumberType::F16 => "f16",
-            NumberType::F32 => "f32",
-            NumberType::F64 => "f64",
-            NumberType::I8 => "i8",
-            NumberType::I16 => "i16",
-            NumberType::I24 => "i24",
-            NumberType::I32 => "i32",
-            NumberType::I64 => "i64",
-            NumberType::U8 => "u8",
-            NumberType::U16 => "u16",
-            NumberType::U32 => "u32",
-            NumberType::U64 => "u64",
-            NumberType::B64 => "bits",
         }
     }
 
@@ -147,13 +156,9 @@ fn half(bits: u16) -> f64 {
 /// Where a column's numbers lie: the i-th at byte `offset + i * stride`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StridedColumn {
-    /// Byte of the first.
     pub offset: u64,
-    /// Bytes from one to the next.
     pub stride: u64,
-    /// Their type.
     pub kind: NumberType,
-    /// Their byte order.
     pub big_endian: bool,
 }
 
@@ -190,9 +195,6 @@ pub struct StridedParticles {
 
 impl StridedParticles {
     /// `rows` particles in `bytes`. `place` names the file in errors.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where a lane ends beyond the bytes.
     pub fn new(
         place: &str,
         bytes: Bytes,

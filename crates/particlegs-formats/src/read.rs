@@ -2,8 +2,9 @@
 
 use crate::fields;
 use crate::folder::resolved;
-use crate::registry::{FORMATS, spool};
-use crate::{Description, Snapshot, Species, SpeciesField, Weights, raw};
+use crate::open::spool;
+use crate::snapshot::named;
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, raw};
 use particlegs::model::{Dimension, Unit, UnitSystem, Units, WeightKind, is_species};
 use particlegs::particles::{
     LayerFields, LayeredParticles, Particles, Selection, SnapshotMeta, SnapshotReader, Storage,
@@ -12,78 +13,10 @@ use particlegs::progress::{Progress, Silent};
 use particlegs::space::Bounds;
 use particlegs::{Error, Result};
 use particlegs_files::input::{Source, SpoolFile, is_stream};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What to read of a snapshot.
-#[derive(Clone, Debug, Default)]
-pub struct Choice {
-    /// Name of the format ([`Format::name`](crate::Format::name)) instead of what the content says.
-    pub format: Option<String>,
-    /// Frame of a file that holds several, from 0; the last by default.
-    pub frame: Option<u64>,
-    /// Names, numbers or aliases of species; all by default. Each becomes a layer.
-    pub species: Vec<String>,
-    /// Field of positions with three components, or three scalar fields `x,y,z`; the species'
-    /// own by default.
-    pub positions: Option<String>,
-    /// Weights.
-    pub weights: Weights,
-    /// Layers by mass within a species instead of one a species.
-    pub by_mass: bool,
-    /// Drop particles with invalid values instead of refusing them.
-    pub skip_invalid: bool,
-    /// Refuse files whose headers count other particles than there are, instead of saying so.
-    pub strict: bool,
-    /// Leave unwrapped positions of a trajectory as they are, without a periodic box, instead of wrapping them.
-    pub keep_unwrapped: bool,
-    /// Names of the blocks of a Gadget file of format 1, in order, behind its header; found by what they hold by default.
-    pub blocks: Vec<String>,
-    /// Periodic box lengths that the user states, over what the files say.
-    pub box_lengths: Option<[f64; 3]>,
-    /// Unit of length that the user states.
-    pub length_unit: Option<String>,
-    /// Unit of mass that the user states.
-    pub mass_unit: Option<String>,
-    /// Convert numbers to those units where the files state others, instead of taking the files to be wrong.
-    pub convert_units: bool,
-    /// What is kept of all that; all by default.
-    pub selection: Option<Selection>,
-    /// Fields as they are stored: in no cell, not moved, whole numbers of 64 bits as the bits of f64.
-    pub as_stored: bool,
-    /// What the stream that is named has given already ([`Choice::spool`]).
-    pub spooled: Option<Arc<SpoolFile>>,
-}
-
 impl Choice {
-    /// Names of all formats ([`Choice::format`]), in the order in which a file's content is asked for them.
-    pub fn formats() -> impl Iterator<Item = &'static str> {
-        FORMATS.iter().map(|f| f.name)
-    }
-
-    /// As a model's recipe says it: which particles are read, and as what, by options of the command. Box, units and
-    /// particles that are left out stand in its metadata.
-    pub fn options(&self) -> BTreeMap<String, String> {
-        let weights = match &self.weights {
-            Weights::Auto => None,
-            Weights::None => Some("none".to_string()),
-            Weights::Field(name) => Some(name.clone()),
-        };
-        let own = [
-            ("format", self.format.clone()),
-            ("particle-type", (!self.species.is_empty()).then(|| self.species.join(","))),
-            ("positions", self.positions.clone()),
-            ("weights", weights),
-            ("frame", self.frame.map(|f| f.to_string())),
-            ("layers-by", self.by_mass.then(|| "mass".into())),
-            ("unwrapped", self.keep_unwrapped.then(|| "keep".into())),
-            ("gadget-blocks", (!self.blocks.is_empty()).then(|| self.blocks.join(","))),
-        ];
-        let own = own.into_iter().filter_map(|(name, value)| Some((name.to_string(), value?)));
-        own.chain(self.selection.iter().flat_map(Selection::options)).collect()
-    }
-
     /// What the user states, over what the files say; gives notes for the user.
     fn state(&self, meta: &mut SnapshotMeta) -> Result<Vec<String>> {
         meta.state(self.box_lengths, [self.length_unit.as_deref(), self.mass_unit.as_deref()])
@@ -112,7 +45,7 @@ impl Choice {
     ///
     /// # Errors
     /// [`Error::Input`] where its first bytes are not those of a snapshot, unless a format is named;
-    /// those of [`SpoolFile::of`].
+    /// those of [`SpoolFile::new`].
     pub fn spool(&mut self, source: Source<'_>) -> Result<()> {
         self.spooled = Some(Arc::new(spool(source, self)?));
         Ok(())
@@ -124,7 +57,7 @@ impl Choice {
     /// # Errors
     /// Those of opening, reading and [`Particles::select`]; [`Error::Input`] for a species that there is not.
     pub fn read(&self, paths: &[PathBuf], storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
-        let at_hand = InputFiles::of(paths, self, progress)?;
+        let at_hand = InputFiles::new(paths, self, progress)?;
         Ok(self.read_at_hand(&at_hand, storage, progress, false)?.0)
     }
 
@@ -139,7 +72,7 @@ impl Choice {
         storage: &Storage,
         progress: &dyn Progress,
     ) -> Result<(Particles, Vec<LayerFields>)> {
-        let at_hand = InputFiles::of(paths, self, progress)?;
+        let at_hand = InputFiles::new(paths, self, progress)?;
         // What a stream has given must be there as long as its fields are.
         self.spooled.clone_from(&at_hand.spooled);
         self.read_at_hand(&at_hand, storage, progress, true)
@@ -173,7 +106,7 @@ impl Choice {
         if selected || paths.iter().any(|p| is_stream(p)) {
             return Ok(None);
         }
-        let mut source = match SpeciesData::of(paths, self, progress, false)? {
+        let mut source = match SpeciesData::open(paths, self, progress, false)? {
             SpeciesData::InPlace(particles) => LayeredParticles::from_particles(&particles),
             SpeciesData::Readers(layers, _) => layers,
         };
@@ -191,7 +124,7 @@ impl Choice {
         bounds: bool,
         progress: &dyn Progress,
     ) -> Result<(Description, Vec<Bounds>)> {
-        let at_hand = InputFiles::of(paths, self, progress)?;
+        let at_hand = InputFiles::new(paths, self, progress)?;
         let (mut description, bounds) = at_hand.named(describe_at_hand(&at_hand.paths, self, bounds, progress))?;
         at_hand.name(&mut description.meta);
         if at_hand.spooled.is_some() {
@@ -208,7 +141,7 @@ struct InputFiles {
 }
 
 impl InputFiles {
-    fn of(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress) -> Result<InputFiles> {
+    fn new(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress) -> Result<InputFiles> {
         let spooled = match (paths, &choice.spooled) {
             ([one], None) if is_stream(one) => Some(Arc::new(spool(Source::open(one, progress)?, choice)?)),
             (_, spooled) => spooled.clone(),
@@ -227,8 +160,7 @@ impl InputFiles {
 
     fn name(&self, meta: &mut SnapshotMeta) {
         if let Some(spooled) = &self.spooled {
-            let place = Path::new(spooled.place());
-            meta.name = place.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+            meta.name = named(Path::new(spooled.place())).name;
         }
     }
 }
@@ -240,7 +172,7 @@ fn read_at_hand(
     progress: &dyn Progress,
     with_fields: bool,
 ) -> Result<(Particles, Vec<LayerFields>)> {
-    let (particles, mut fields) = match SpeciesData::of(paths, choice, progress, with_fields)? {
+    let (particles, mut fields) = match SpeciesData::open(paths, choice, progress, with_fields)? {
         SpeciesData::InPlace(particles) => (particles, Vec::new()),
         SpeciesData::Readers(layers, fields) => (layers.load(storage, progress)?, fields),
     };
@@ -265,7 +197,7 @@ enum SpeciesData {
 }
 
 impl SpeciesData {
-    fn of(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress, with_fields: bool) -> Result<SpeciesData> {
+    fn open(paths: &[PathBuf], choice: &Choice, progress: &dyn Progress, with_fields: bool) -> Result<SpeciesData> {
         let snapshot = opened(paths, choice)?;
         let description = snapshot.description();
         let chosen = chosen(&description.species, &choice.species, &description.meta.name)?;

@@ -13,7 +13,6 @@ particlegs::named_values! {
     pub enum FileCompression {
         /// RFC 1952, members one after the other.
         Gzip = "gzip",
-        /// bzip2, streams one after the other.
         Bzip2 = "bzip2",
         /// Zstandard frames.
         Zstd = "zstd",
@@ -21,8 +20,7 @@ particlegs::named_values! {
 }
 
 impl FileCompression {
-    /// By a file's first bytes.
-    pub fn of(head: &[u8]) -> Option<Self> {
+    pub fn from_magic(head: &[u8]) -> Option<Self> {
         match head {
             [0x1f, 0x8b, 8, ..] => Some(FileCompression::Gzip),
             [b'B', b'Z', b'h', b'1'..=b'9', 0x31, 0x41, 0x59, ..] => Some(FileCompression::Bzip2),
@@ -51,9 +49,6 @@ impl FileCompression {
 }
 
 /// A file's content as a stream, decompressed where it is compressed.
-///
-/// # Errors
-/// [`Error::Io`] where it cannot be read.
 pub fn open_stream(path: &Path, compression: Option<FileCompression>) -> Result<Box<dyn Read + Send>> {
     let (file, _) = open_file(path)?;
     match compression {

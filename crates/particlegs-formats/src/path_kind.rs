@@ -1,8 +1,8 @@
 //! What a path names, in words, so that the wrong kind of input can name the right command.
 
-use crate::Format;
-use crate::registry::{FileHead, format_of};
 use particlegs::Hint;
+use crate::format::{FileHead, Format};
+use crate::registry::format_of;
 use particlegs::codec;
 use particlegs::job::Job;
 use particlegs_files::input::is_stream;
@@ -43,18 +43,18 @@ const MAGICS: [(&[u8], PathKind); 4] = [
 
 impl PathKind {
     /// Looks at a folder's names or a file's first bytes; what cannot be read is of no known kind.
-    pub fn of(path: &Path) -> PathKind {
+    pub fn from_path(path: &Path) -> PathKind {
         match () {
             _ if is_stream(path) => PathKind::Stream,
             _ if path.is_dir() && Job::is_job(path) => PathKind::Job,
             _ if path.join("xx.f32").exists() => PathKind::RawFolder,
             _ if path.is_dir() => PathKind::Folder,
-            _ => FileHead::read(path).map_or(PathKind::Unknown, |head| PathKind::of_head(&head)),
+            _ => FileHead::read(path).map_or(PathKind::Unknown, |head| PathKind::from_head(&head)),
         }
     }
 
     /// By a file's beginning.
-    pub(crate) fn of_head(head: &FileHead) -> PathKind {
+    pub(crate) fn from_head(head: &FileHead) -> PathKind {
         if codec::is_model(&head.bytes) {
             return PathKind::Model;
         }
@@ -68,7 +68,7 @@ impl PathKind {
     }
 
     /// What it is, with its article; `None` where that is not known.
-    pub fn in_words(self) -> Option<String> {
+    pub fn describe(self) -> Option<String> {
         Some(match self {
             PathKind::Model => "a model file".into(),
             PathKind::Job => "a job's folder".into(),

@@ -1,8 +1,9 @@
-//! Base64 in a file, decoded from any place.
+//! Bytes in a file, as they are or as base64, from any place.
 
 use base64::Engine;
 use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// Characters from one kept place to the next, where the text is broken into lines.
@@ -45,7 +46,7 @@ impl Base64Text {
     }
 
     /// Up to `n` characters from the `from`-th on, blanks left out.
-    fn characters<'a>(&self, bytes: &'a [u8], from: u64, n: usize) -> std::borrow::Cow<'a, [u8]> {
+    fn characters<'a>(&self, bytes: &'a [u8], from: u64, n: usize) -> Cow<'a, [u8]> {
         let text = |start: u64| &bytes[start.min(self.range.end) as usize..self.range.end as usize];
         if self.starts.is_empty() {
             let text = text(self.range.start.saturating_add(from));
@@ -75,6 +76,57 @@ impl Base64Text {
         }
         out.truncate(length);
         Ok(out)
+    }
+}
+
+/// Bytes in a file: as they are, or as base64.
+#[derive(Clone, Debug)]
+pub enum Stream {
+    /// From this byte on.
+    Raw(u64),
+    /// From a byte of what a text decodes to.
+    Base64 {
+        text: Base64Text,
+        /// Its character that the stream begins with.
+        base: u64,
+        /// Decoded bytes before the first.
+        skip: u64,
+    },
+}
+
+impl Stream {
+    pub fn get<'a>(&self, bytes: &'a [u8], range: Range<u64>) -> Result<Cow<'a, [u8]>, String> {
+        match self {
+            Stream::Raw(start) => {
+                let at = |n: u64| start.checked_add(n).and_then(|n| usize::try_from(n).ok());
+                let found = at(range.start).zip(at(range.end)).and_then(|(a, b)| bytes.get(a..b));
+                found.map(Cow::Borrowed).ok_or_else(|| format!("it ends beyond the file's {} bytes", bytes.len()))
+            }
+            Stream::Base64 { text, base, skip } => {
+                let shifted = range.start.checked_add(*skip).zip(range.end.checked_add(*skip));
+                let (start, end) = shifted.ok_or("it ends beyond the file")?;
+                // No more is decoded than the file can hold.
+                if end - start > bytes.len() as u64 {
+                    return Err(format!("it ends beyond the file's {} bytes", bytes.len()));
+                }
+                text.decode(bytes, *base, start..end).map(Cow::Owned)
+            }
+        }
+    }
+
+    /// The stream behind its first `n` bytes, which may have been encoded on their own.
+    pub fn after(self, bytes: &[u8], n: u64) -> Stream {
+        match self {
+            Stream::Raw(start) => Stream::Raw(start.saturating_add(n)),
+            Stream::Base64 { text, base, skip } => {
+                let characters = 4 * n.div_ceil(3);
+                if n.is_multiple_of(3) || text.pads(bytes, base + characters - 1) {
+                    Stream::Base64 { base: base + characters, skip, text }
+                } else {
+                    Stream::Base64 { text, base, skip: skip + n }
+                }
+            }
+        }
     }
 }
 

@@ -1,9 +1,9 @@
 //! Particles in compressed data, which can only be read in order.
 
 use crate::affine::Affine;
+use crate::numbers::StridedColumn;
 use crate::pieces::{RowBuffer, origin_of};
-use crate::stored::StoredBytes;
-use crate::strided::StridedColumn;
+use crate::stored_bytes::StoredBytes;
 use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
@@ -14,11 +14,9 @@ use std::ops::Range;
 /// content, and hold the number at byte `lane.offset`.
 #[derive(Clone)]
 pub struct StreamColumn {
-    /// Index among the stretches.
     pub stored: usize,
     /// Byte of the first record.
     pub base: u64,
-    /// Where in the record.
     pub lane: StridedColumn,
 }
 
@@ -48,9 +46,6 @@ const BLOCK: usize = 1 << 18;
 
 impl StreamReader {
     /// `count` particles: x, y, z and perhaps weights.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where a column does not fit its stretch, or the data are broken.
     pub fn new(
         meta: SnapshotMeta,
         place: &str,
@@ -65,7 +60,7 @@ impl StreamReader {
             let absolute = StridedColumn { offset: lane.offset.saturating_add(column.base), ..lane };
             let inside = lane.offset.checked_add(lane.kind.bytes()).is_some_and(|end| end <= lane.stride);
             if !inside || lane.stride > BLOCK as u64 || !absolute.fits(count, stored[column.stored].size() as usize) {
-                return Err(Error::input(place, format!("it is said to hold {count} particles, and is too short")));
+                return Err(Error::input(place, format!("the header says {count} particles, but the data end early")));
             }
             let same = |g: &&mut RecordGroup| (g.stored, g.base, g.stride) == (column.stored, column.base, lane.stride);
             match groups.iter_mut().find(same) {
@@ -120,7 +115,6 @@ struct Cursor<'a> {
 }
 
 impl Cursor<'_> {
-    /// Appends the next `rows` rows.
     fn fill(&mut self, mut rows: u64, out: &mut RowBuffer) -> std::io::Result<()> {
         let stride = self.group.stride.max(1);
         while rows > 0 {
@@ -128,8 +122,7 @@ impl Cursor<'_> {
             self.block.resize((n * stride) as usize, 0);
             self.stream.read_exact(&mut self.block)?;
             for (which, lane) in &self.group.lanes {
-                let column = if *which < 3 { &mut out.position[*which] } else { &mut out.weight };
-                lane.append(&self.block, 0..n, column);
+                lane.append(&self.block, 0..n, out.column(*which));
             }
             rows -= n;
         }
@@ -172,15 +165,8 @@ impl SnapshotReader for StreamReader {
         let mut columns = <[Vec<f32>; 4]>::default();
         self.rows(runs, &mut |run, rows| {
             progress.check()?;
-            for k in 0..3 {
-                columns[k].clear();
-                columns[k].extend(rows.position[k].iter().map(|&v| (v - self.origin[k]) as f32));
-            }
-            columns[3].clear();
-            columns[3].extend(rows.weight.iter().map(|&v| v as f32));
-            let [x, y, z, w] = &columns;
-            sink(run, Chunk { position: [x, y, z], weight: self.weighted.then_some(w) })?;
-            progress.advance(x.len() as u64);
+            sink(run, rows.chunk(self.origin, self.weighted, &mut columns))?;
+            progress.advance(rows.position[0].len() as u64);
             Ok(())
         })
     }

@@ -1,4 +1,4 @@
-//! What the tests of text formats share.
+//! What the tests of formats share.
 
 use crate::{Choice, Snapshot};
 use particlegs::Result;
@@ -9,7 +9,6 @@ use std::sync::Mutex;
 
 /// What was read of a species.
 pub struct SpeciesParticles {
-    /// Its name.
     pub name: String,
     /// World positions.
     pub positions: Vec<[f64; 3]>,
@@ -17,7 +16,6 @@ pub struct SpeciesParticles {
     pub weights: Vec<f32>,
 }
 
-/// A file with this content.
 pub fn scratch(content: &[u8]) -> tempfile::NamedTempFile {
     let mut file = tempfile::NamedTempFile::new().unwrap();
     file.write_all(content).unwrap();
@@ -49,4 +47,24 @@ pub fn read(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> Result<
     let name = snapshot.description().species[species].name.clone();
     let (positions, weights) = all.into_iter().unzip();
     Ok(SpeciesParticles { name, positions, weights: if reader.has_weights() { weights } else { Vec::new() } })
+}
+
+/// Position and weight of each particle of a species; 0 without weights.
+pub fn rows(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> Result<Vec<[f64; 4]>> {
+    let got = read(snapshot, species, choice)?;
+    let weight = |i: usize| got.weights.get(i).map_or(0.0, |w| f64::from(*w));
+    Ok(got.positions.iter().enumerate().map(|(i, &[x, y, z])| [x, y, z, weight(i)]).collect())
+}
+
+/// Opens bytes as a file of this name.
+pub fn open_bytes(name: &str, bytes: &[u8]) -> Result<Box<dyn Snapshot>> {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join(name);
+    std::fs::write(&path, bytes).unwrap();
+    Choice::default().open(&[path])
+}
+
+/// Bytes from hexadecimal digits.
+pub fn hex(text: &str) -> Vec<u8> {
+    (0..text.len() / 2).map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).unwrap()).collect()
 }

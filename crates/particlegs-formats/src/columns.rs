@@ -1,28 +1,25 @@
 //! One kind of particles whose fields lie at equal distances in stretches of a file: NumPy's
 //! arrays and archives, records of splats.
 
-use crate::affine::{Affine, AffinePiece};
+use crate::affine::Affine;
 use crate::axes::axes;
+use crate::numbers::{NumberType, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, PieceReader};
-use crate::stored::StoredBytes;
-use crate::streamed::{StreamColumn, StreamReader};
-use crate::strided::{NumberType, StridedColumn, StridedParticles};
-use crate::{Choice, Description, Snapshot, SpeciesField, SpeciesMass};
+use crate::stored_bytes::StoredBytes;
+use crate::stream_reader::{StreamColumn, StreamReader};
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
 use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Hint, Result};
 
 /// Where a field lies.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ColumnarField {
-    /// Its name.
     pub name: String,
     /// Type as text.
     pub kind_name: String,
     /// Type where it can be read as numbers.
     pub kind: Option<NumberType>,
-    /// Byte order.
     pub big_endian: bool,
-    /// Numbers a particle.
     pub components: u32,
     /// Which stretch holds it.
     pub stored: usize,
@@ -39,9 +36,20 @@ pub struct ColumnarField {
 }
 
 impl ColumnarField {
-    /// As a description has it.
+    /// Interleaved little-endian numbers in records of `stride` bytes from byte `base` on.
+    pub fn in_records(
+        name: &str,
+        kind: NumberType,
+        components: u32,
+        [base, stride, offset]: [u64; 3],
+    ) -> ColumnarField {
+        let (name, kind_name, offset_step) = (name.into(), kind.name().into(), kind.bytes());
+        let own = ColumnarField { name, kind_name, kind: Some(kind), components, ..ColumnarField::default() };
+        ColumnarField { base, stride, offset, offset_step, ..own }
+    }
+
     pub fn described(&self) -> SpeciesField {
-        SpeciesField { name: self.name.clone(), kind: self.kind_name.clone(), components: self.components, unit: None }
+        SpeciesField::new(&self.name, &self.kind_name, self.components)
     }
 
     /// A component as a column; `None` where it is not a number or would lie beyond any file.
@@ -59,11 +67,21 @@ impl ColumnarField {
     }
 }
 
+/// The one species of a file that has no others.
+pub fn one_species(
+    count: u64,
+    fields: &[ColumnarField],
+    positions: String,
+    mass: impl Fn(&[SpeciesField]) -> Option<String>,
+) -> Species {
+    let fields: Vec<_> = fields.iter().map(ColumnarField::described).collect();
+    let mass = mass(&fields).map_or(SpeciesMass::Unknown, SpeciesMass::Field);
+    Species { name: "particles".into(), aliases: vec!["0".into()], count, mass, positions, fields }
+}
+
 /// Files of one species with such fields.
 pub struct ColumnarSnapshot {
-    /// One species.
     pub description: Description,
-    /// The file, for errors.
     pub place: String,
     /// What the fields lie in.
     pub stored: Vec<StoredBytes>,
@@ -91,7 +109,7 @@ impl ColumnarSnapshot {
             let (_, start) = stored.plain()?;
             let within = StridedColumn { offset: column.base + column.lane.offset, ..column.lane };
             if !within.fits(rows, stored.size() as usize) {
-                let what = format!("it is said to hold {rows} particles, and its data are too short");
+                let what = format!("the header says {rows} particles, but the data end early");
                 return Some(Err(Error::input(&self.place, what)));
             }
             lanes.push(StridedColumn { offset: within.offset + start, ..within });
@@ -124,19 +142,12 @@ impl Snapshot for ColumnarSnapshot {
         if let Some(name) = &weight {
             columns.push(self.column(name, 0)?);
         }
-        let mut meta = self.description.meta.clone();
-        if let SpeciesMass::Each(mass) = species.mass {
-            meta.particle_mass = Some(mass);
-        }
+        let meta = self.description.meta_of(species);
         let world = if choice.as_stored { Affine::IDENTITY } else { self.world };
         match self.mapped(&columns, species.count) {
             Some(strided) => {
                 let inner = strided?;
-                let moved = world != Affine::IDENTITY;
-                let piece: Box<dyn ParticlePiece> = match moved {
-                    false => Box::new(inner),
-                    true => Box::new(AffinePiece { wide: inner.is_wide(), inner: Box::new(inner), by: world }),
-                };
+                let piece = world.moved(inner.is_wide(), Box::new(inner));
                 Ok(Box::new(PieceReader::new(meta, vec![piece], weight.is_some())?))
             }
             None => {
