@@ -37,7 +37,7 @@ pub fn published(lab: &Lab<'_>, snapshot: &Snapshot, scale: f64, piece: Duration
     let config = scaled(Config::preset(Preset::Paper, LawKind::AlphaBlend), scale)?;
     let of = config.iterations();
     let task = TrainingTask::published(config, 1, lab.settings.seed);
-    let run = trained_on(lab, (&snapshot.particles, &snapshot.hash), &task, Some(piece))?;
+    let run = trained_on(lab, &snapshot.particles, &snapshot.hash, &task, Some(piece))?;
     Ok(PublishedRunStatus {
         scale,
         particles: snapshot.particles.len() as u64,
