@@ -7,9 +7,9 @@ use crate::figure::{self, BarPlacement, ColourBar, Figure, FigureImage, FigureSp
 use particlegs::picture::{Gray8, Rgb8, Size, write_png};
 use particlegs::{Error, Result};
 use particlegs_files::output::write_bytes;
-use particlegs_lab::found::{Colours, Pictures, Plot};
 use particlegs_lab::plot;
 use particlegs_lab::report::{Provenance, Section, csv, html, markdown};
+use particlegs_lab::results::{Colours, Pictures, Plot};
 use std::path::{Path, PathBuf};
 
 const RESULTS: &str = "results.json";

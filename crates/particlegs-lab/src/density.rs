@@ -33,8 +33,7 @@ pub struct DensityMeasures {
 const A_CELL: f64 = 16.0;
 
 impl DensityMeasures {
-    /// Of one way at one size.
-    pub fn of(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes: u64) -> Result<DensityMeasures> {
+    pub fn new(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes: u64) -> Result<DensityMeasures> {
         let seed = lab.settings.seed;
         let inputs = (method.source(lab), &snapshot.hash, bytes, seed, lab.settings.quick);
         match lab.store.result("density", &inputs, || measured(lab, snapshot, method, bytes)) {

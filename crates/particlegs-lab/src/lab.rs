@@ -228,9 +228,7 @@ mod tests {
     /// What is asked for as a ratio is there for who asks for its bytes.
     #[test]
     fn a_ratio_and_its_size_are_one_model() {
-        let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
-        let particles = Particles::from_columns(column(1), column(2), column(3));
-        let (of, folder) = (Snapshot::new("s".into(), "s".into(), particles, None), tempfile::tempdir().unwrap());
+        let (of, folder) = (crate::testing::snapshot(), tempfile::tempdir().unwrap());
         let lab = Lab::new(Settings::new(true, "".into()), folder.path(), &particlegs::progress::Silent).unwrap();
         let asked = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().bytes;
         let files = || std::fs::read_dir(folder.path()).unwrap().count();

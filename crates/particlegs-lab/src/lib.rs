@@ -6,15 +6,16 @@
 //! [`subset`] is what needs no bound, a random subset drawn larger.
 //!
 //! [`experiments`] measure models beside them, each [`method`] by the pictures ([`views`]) and the [`density`] that it
-//! gives back: they find tables, plots and pictures as data ([`found`]), which [`report`] puts into files. A [`lab::Lab`]
+//! gives back: they find tables, plots and pictures as data ([`results`]), which [`report`] puts into files. A [`lab::Lab`]
 //! keeps results by the hash of what they were made from. Pictures are drawn, and steps taken, by a
 //! [`Accelerator`](particlegs::train::Accelerator), or the CPU where the settings name none.
+
+#![allow(missing_docs)]
 
 mod bins;
 pub mod density;
 pub mod experiments;
 pub mod external;
-pub mod found;
 pub mod jitter;
 pub mod lab;
 pub mod lcp;
@@ -25,6 +26,7 @@ pub mod plot;
 pub mod quantised;
 pub mod rate;
 pub mod report;
+pub mod results;
 pub mod settings;
 pub mod snapshot;
 pub mod store;
@@ -54,7 +56,6 @@ pub trait Baseline: Sync {
     fn source(&self) -> String;
     /// Compresses particles so that no decoded coordinate is off by more than `bound`.
     fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles>;
-    /// The particles.
     fn decompress(&self, bytes: &[u8]) -> Result<PositionColumns>;
 }
 

@@ -12,7 +12,7 @@ pub struct Bits([u32; 3]);
 
 impl Bits {
     /// As many as the largest numbers take; `None` where a code would have more than 64.
-    pub fn of(last: [u32; 3]) -> Option<Bits> {
+    pub fn new(last: [u32; 3]) -> Option<Bits> {
         let bits = last.map(|q| 32 - q.leading_zeros());
         (bits.iter().sum::<u32>() <= 64).then_some(Bits(bits))
     }
@@ -74,13 +74,13 @@ mod tests {
     #[test]
     fn codes_are_their_numbers() {
         for last in [[0, 0, 0], [7, 7, 7], [0, 5, 1 << 20], [u32::MAX, u32::MAX, 0], [1, 0, 0]] {
-            let bits = Bits::of(last).unwrap();
+            let bits = Bits::new(last).unwrap();
             for q in [[0; 3], last, last.map(|v| v / 3)] {
                 assert_eq!(bits.numbers(bits.code(q)), Some(q));
             }
         }
-        assert!(Bits::of([u32::MAX, u32::MAX, 1]).is_none());
-        let bits = Bits::of([3, 3, 3]).unwrap();
+        assert!(Bits::new([u32::MAX, u32::MAX, 1]).is_none());
+        let bits = Bits::new([3, 3, 3]).unwrap();
         assert!(bits.numbers(64).is_none() && bits.numbers(63) == Some([3, 3, 3]));
         // Eight cubes of an edge of two are filled before the next.
         assert!(bits.code([1, 1, 1]) < bits.code([2, 0, 0]) && bits.code([1, 1, 1]) == 7);

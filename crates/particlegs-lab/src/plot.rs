@@ -1,6 +1,6 @@
 //! Plots on any backend of plotters: curves with bars, logarithmic axes, named levels, a legend beside the axes.
 
-use crate::found::{Plot, PlotAxis, Series, grouped};
+use crate::results::{Plot, PlotAxis, Series, grouped};
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, ValueFormatter};
 use plotters::prelude::*;
@@ -345,7 +345,7 @@ fn names<B: DrawingBackend>(area: &PlotArea<B>, plot: &Plot, x: AxisScale, y: Ax
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::found::Point;
+    use crate::results::Point;
 
     fn plot(points: Vec<Point>) -> Plot {
         Plot {

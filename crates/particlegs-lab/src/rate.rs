@@ -24,7 +24,6 @@ pub struct SizeBound {
     pub bytes: u64,
     /// How far they are from those asked for, as a share of them: above 0 is more.
     pub off: f64,
-    /// Bounds tried.
     pub trials: u64,
 }
 
@@ -142,19 +141,13 @@ impl Search {
 
 /// One run of a baseline: what it took, and what came back.
 pub struct BaselineRun {
-    /// The bound asked for.
     pub bound: f64,
-    /// Bytes compressed.
     pub bytes: u64,
-    /// Seconds of compression.
     pub compress_seconds: f64,
-    /// Seconds of decompression.
     pub decompress_seconds: f64,
-    /// The largest error of any coordinate.
     pub largest_error: f64,
     /// By how much the worst coordinate passes the bound and half a float32 ulp of its own; 0 where none does.
     pub excess: f64,
-    /// The particles as decoded.
     pub decoded: PositionColumns,
     /// Which particle comes where in them; `None` = in their own order.
     pub order: Option<Vec<u32>>,

@@ -18,7 +18,6 @@ pub struct Settings {
     pub frames: usize,
     /// Raw bytes over bytes of a file, rising.
     pub ratios: Vec<f64>,
-    /// The first seed.
     pub seed: u64,
     /// Seeds, where a draw or a start is random.
     pub seeds: usize,
@@ -56,7 +55,6 @@ impl Settings {
         self.device.as_ref().map(|d| d.name())
     }
 
-    /// The seeds.
     pub fn seeds(&self) -> impl Iterator<Item = u64> {
         let first = self.seed;
         (0..self.seeds as u64).map(move |i| first + i)

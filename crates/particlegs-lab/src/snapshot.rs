@@ -12,9 +12,7 @@ use std::path::PathBuf;
 pub struct Snapshot {
     /// Its name in tables.
     pub name: String,
-    /// Where it lies.
     pub path: PathBuf,
-    /// Its particles.
     pub particles: Particles,
     /// The beginning of the hash that models of it carry, in hexadecimal digits, and of one of what that does not know:
     /// box, units and cosmology, and options of the command that it was read by.

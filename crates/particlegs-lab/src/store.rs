@@ -85,7 +85,7 @@ impl ResultStore {
         lasts: impl Fn(&T) -> bool,
     ) -> Result<T> {
         let path = self.path(kind, inputs, "json");
-        if let Some(kept) = std::fs::read(&path).ok().and_then(|text| StoredRecord::of(&text)) {
+        if let Some(kept) = std::fs::read(&path).ok().and_then(|text| StoredRecord::from_text(&text)) {
             self.kept_of.lock().unwrap_or_else(PoisonError::into_inner).insert(kept.commit);
             return Ok(kept.result);
         }
@@ -149,7 +149,7 @@ struct StoredRecord<T> {
 
 impl<T: DeserializeOwned> StoredRecord<T> {
     /// `None` of what is cut short or was altered: it is made again.
-    fn of(text: &[u8]) -> Option<Self> {
+    fn from_text(text: &[u8]) -> Option<Self> {
         let all: serde_json::Value = serde_json::from_slice(text).ok()?;
         let sound = all["hash"] == hash_of(&all);
         sound.then(|| serde_json::from_value(all).ok()).flatten()

@@ -2,8 +2,8 @@
 
 use super::backward::BackwardBuffers;
 use super::*;
-use crate::tests::device;
-use particlegs_core::camera::{Camera, Projection};
+use crate::tests::{self, device, gaussian};
+use particlegs_core::camera::Projection;
 use particlegs_core::math::{Random, Sym3};
 use particlegs_core::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
 use particlegs_core::picture::psnr;
@@ -28,19 +28,7 @@ struct AlphaRenderCase {
 }
 
 fn view(position: [f64; 3]) -> View {
-    View { name: "v".into(), camera: Camera::looking_at([0.0; 3], position), radius: USUAL[0], opacity: USUAL[1] }
-}
-
-/// A Gaussian about the middle of a cube of side 2: round, flat or long, every seventh without extent.
-fn gaussian(r: &mut Random, i: u64, spread: f64) -> ([f64; 3], Sym3) {
-    let mean = [0; 3].map(|_| 2.0 * r.uniform() - 1.0);
-    let base = spread * (0.1 + r.uniform());
-    let mut cov = Sym3::default();
-    for s in [base, base * r.uniform(), base * r.uniform() * r.uniform()] {
-        let v = [0; 3].map(|_| r.normal());
-        cov = cov.add(&Sym3::outer(v.map(|x| x * s / 1.7)));
-    }
-    (mean, if i.is_multiple_of(7) { Sym3::default() } else { cov })
+    tests::view(position, USUAL)
 }
 
 /// Those of `shape`, with opacities up to `most` and grey levels.

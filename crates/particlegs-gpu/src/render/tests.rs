@@ -1,7 +1,7 @@
 //! Kernels against their twins in core, on whatever adapter there is.
 
 use super::*;
-use crate::tests::{device, view};
+use crate::tests::{device, gaussian, view};
 use particlegs_core::camera::Projection;
 use particlegs_core::math::{Random, Sym3, each_axis};
 use particlegs_core::model::Mixture;
@@ -24,16 +24,7 @@ fn mixture(seed: u64, n: u64, spread: f64) -> Mixture {
     let mut m = Mixture::default();
     for i in 0..n {
         let mut r = Random::new(seed, 1, i);
-        let mean = [0; 3].map(|_| 2.0 * r.uniform() - 1.0);
-        let base = spread * (0.1 + r.uniform());
-        let mut cov = Sym3::default();
-        for s in [base, base * r.uniform(), base * r.uniform() * r.uniform()] {
-            let v = [0; 3].map(|_| r.normal());
-            cov = cov.add(&Sym3::outer(v.map(|x| x * s / 1.7)));
-        }
-        if i % 7 == 0 {
-            cov = Sym3::default();
-        }
+        let (mean, cov) = gaussian(&mut r, i, spread);
         m.push(mean, cov, (1.0 + 40.0 * r.uniform()).floor(), 0.0);
     }
     m

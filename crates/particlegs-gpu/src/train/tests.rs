@@ -2,11 +2,10 @@
 
 use super::*;
 use crate::GpuAccelerator;
-use crate::tests::{device, view};
+use crate::tests::{clumps, device, target, view};
 use particlegs_core::camera::View;
 use particlegs_core::math::{Random, Sym3};
 use particlegs_core::model::Mixture;
-use particlegs_core::picture::Plane;
 use particlegs_core::progress::Silent;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
@@ -85,17 +84,6 @@ fn cases() -> Vec<DepthTrainingCase> {
 fn parameters(case: &DepthTrainingCase) -> Parameters {
     let particles = case.gaussians.count.iter().sum::<f64>().round() as u64;
     Parameters::new(&case.gaussians, particles, 48, bounds(), case.look)
-}
-
-/// A picture of the same Gaussians in other places, with some noise.
-fn target(size: Size) -> Plane {
-    let mut r = Random::new(77, 1, 0);
-    let data = (0..size.pixels()).map(|p| {
-        let (x, y) = (p % size.width, p / size.width);
-        let smooth = 0.3 + 0.2 * (x as f64 / 11.0).sin() * (y as f64 / 7.0).cos();
-        (smooth + 0.05 * r.normal()).clamp(0.0, 1.0) as f32
-    });
-    Plane { size, data: data.collect() }
 }
 
 fn size_of_step(rate: f64) -> StepSize {
@@ -310,18 +298,9 @@ fn more_gaussians_than_it_holds_are_refused() {
 fn a_short_run_reaches_the_processors_score() {
     use particlegs::checkpoint::NoCheckpoints;
     use particlegs::compress::{Options, Target, compress};
-    use particlegs::particles::Particles;
     use particlegs::train::{Config, Limits, Preset, Start};
     let Some(device) = device() else { return };
     let device: Arc<dyn Accelerator> = Arc::new(GpuAccelerator::new(device));
-    let column = |k: u32| -> Vec<f32> {
-        let at = |i: u64| {
-            let (mut own, mut of_clump) = (Random::new(5, k, i), Random::new(6, k, i % 40));
-            (of_clump.uniform() + 0.03 * own.normal()).clamp(0.0, 1.0) as f32
-        };
-        (0..20_000).map(at).collect()
-    };
-    let particles = Particles::from_columns(column(1), column(2), column(3));
     let fast = Config::preset(Preset::Fast, particlegs::model::LawKind::OpticalDepth);
     let config = Config {
         start: Start::Random,
@@ -333,7 +312,7 @@ fn a_short_run_reaches_the_processors_score() {
         let limits = Limits { device, ..Limits::default() };
         let training = Some(config.clone());
         let options = Options { target: Target::Gaussians(300), training, limits, seed: 4, ..Options::default() };
-        let done = compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap();
+        let done = compress(&clumps(), &options, &mut NoCheckpoints, &Silent).unwrap();
         done.trained[0].clone()
     };
     let (here, there) = (run(None), run(Some(device)));

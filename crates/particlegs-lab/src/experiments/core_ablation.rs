@@ -7,8 +7,9 @@ use super::core_more::choices;
 use super::groups::{self, ViewGroup, masked, mean_over};
 use super::published as paper;
 use super::seeds::each_seed;
-use crate::found::{ExperimentResults, ResultTable, TableCell};
+use super::shared::published_models::whole;
 use crate::lab::Lab;
+use crate::results::{ExperimentResults, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
 use crate::training::{TrainingResult, TrainingTask, ours_at, recipe, scale, scaled, single_resolution, trained};
 use particlegs::Result;
@@ -22,11 +23,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     weight: 900,
     run,
 };
-
-/// The published recipe of this experiment.
-pub(super) fn whole(lab: &Lab<'_>) -> Result<Config> {
-    scaled(recipe(), scale(lab))
-}
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let (snapshot, config) = (&snapshots[0], whole(lab)?);

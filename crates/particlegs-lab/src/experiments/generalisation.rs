@@ -3,13 +3,13 @@
 use super::Experiment;
 use super::ablation::frames as trained_frames;
 use super::blocks::RATIO;
-use super::core_ablation;
-use super::groups::{self, ViewGroup, in_pixels, masked, means_over, psnr, ssim};
+use super::groups::{self, ViewGroup, in_pixels};
 use super::published as paper;
 use super::seeds::{each_seed, told};
+use super::shared::published_models::whole;
 use super::sweep::{Sweep, SweepModel, SweepStep};
-use crate::found::{ExperimentResults, Spread, TableCell};
 use crate::lab::{Lab, ModelBuild, ModelSettings};
+use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
 use crate::training::{self, TrainingResult, TrainingTask};
 use crate::views::{ReferenceViews, Score};
@@ -115,7 +115,6 @@ fn model<'m>(
     Ok(SweepModel { label: label.into(), style, scores })
 }
 
-/// Tables and plots of all sweeps.
 fn add(found: &mut ExperimentResults, stem: &str, models: &[SweepModel], noise_free: &[Score], of: &str) {
     for sweep in sweeps() {
         found.tables.push(sweep.table(stem, models, noise_free, of));
@@ -146,7 +145,7 @@ fn falls(models: &[SweepModel], noise_free: &[Score]) -> Vec<String> {
 
 /// The published law, trained, and ours at the same bytes, where the pictures are those of its training.
 fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, found: &mut ExperimentResults) -> Result<()> {
-    let config = core_ablation::whole(lab)?;
+    let config = whole(lab)?;
     let each = |task: &dyn Fn(u64) -> TrainingTask| -> Result<Vec<TrainingResult>> {
         each_seed(lab, |t: &TrainingResult| &t.made.model, |seed| training::trained(lab, snapshot, &task(seed)))
     };
@@ -189,16 +188,4 @@ fn edge(models: &[SweepModel]) -> Option<String> {
          {:+.2} dB are the law's.",
         theirs - ours
     ))
-}
-
-/// The cells of a model at a step.
-pub(super) fn cells(scores: &[Vec<Score>], group: &ViewGroup) -> [TableCell; 3] {
-    let own = std::slice::from_ref(group);
-    let of = |pick| means_over(scores, own, pick);
-    [TableCell::decibels(&of(masked)), TableCell::decibels(&of(psnr)), TableCell::spread(&of(ssim), 4)]
-}
-
-/// The median over models of masked PSNR at a step.
-pub(super) fn median(scores: &[Vec<Score>], group: &ViewGroup) -> Option<f64> {
-    Some(Spread::of(&means_over(scores, std::slice::from_ref(group), masked))?.median)
 }

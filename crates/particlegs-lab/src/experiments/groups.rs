@@ -20,7 +20,6 @@ pub(super) const RANGE: [f64; 2] = [0.25, 1.75];
 /// The trained orbits, far to near.
 pub(super) const TRAINED: [f64; 3] = [1.0, 0.7, 0.5];
 
-/// A group of views.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ViewGroup {
     /// What its views' names begin with.
@@ -83,7 +82,7 @@ pub(super) fn scores(
     made: &ModelBuild,
 ) -> Result<Vec<Score>> {
     let model = blake3::hash(&made.bytes).to_hex().to_string();
-    lab.on_device.result("scores", &(&snapshot.hash, model, all_told(truth)), || truth.of_model(lab, &made.model))
+    lab.on_device.result("scores", &(&snapshot.hash, model, all_told(truth)), || truth.score_model(lab, &made.model))
 }
 
 /// Scores of the noise-free picture of all particles, which no model can be expected to pass: kept, or measured now.

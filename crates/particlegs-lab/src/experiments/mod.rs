@@ -20,10 +20,11 @@ mod rate_density;
 mod rate_distortion;
 mod recovery;
 mod seeds;
+mod shared;
 mod sweep;
 
-use crate::found::ExperimentResults;
 use crate::lab::Lab;
+use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
 use particlegs::{Error, Result};
 

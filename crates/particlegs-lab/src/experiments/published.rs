@@ -37,7 +37,6 @@ pub(super) const DSSIM_BLEND: PublishedRow = PublishedRow { psnr: 28.26, change:
 /// A row of the block sweep (`Blk...`).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PublishedBlocks {
-    /// Number of blocks.
     pub blocks: u32,
     /// PSNR after the merge, dB.
     pub merged: Option<f64>,
@@ -58,7 +57,6 @@ pub(super) const BLOCKS: [PublishedBlocks; 5] = [
     PublishedBlocks { blocks: 16, merged: Some(26.80), tuned: 30.08, ssim: 0.8271, thousands: 1037.0 },
 ];
 
-/// The row of a number of blocks.
 pub(super) fn blocks(k: u32) -> Option<PublishedBlocks> {
     BLOCKS.into_iter().find(|b| b.blocks == k)
 }
@@ -75,7 +73,6 @@ pub(super) struct OrbitRow {
     pub kind: &'static str,
     /// Masked PSNR, dB.
     pub masked: f64,
-    /// SSIM.
     pub ssim: f64,
 }
 

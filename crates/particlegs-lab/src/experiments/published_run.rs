@@ -4,8 +4,8 @@ use super::Experiment;
 use super::ablation::{self, AblationRow, StageEvaluator};
 use super::groups::{self, in_pixels};
 use super::published as paper;
-use crate::found::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::lab::Lab;
+use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::snapshot::Snapshot;
 use crate::training::{self, TrainingResult, TrainingScore, TrainingTask, trained_on};
 use crate::views::{ReferenceViews, mean};
@@ -38,7 +38,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let config = training::scaled(Config::preset(Preset::Paper, LawKind::AlphaBlend), scale(lab))?;
     let task = TrainingTask::published(config.clone(), 1, lab.settings.seed);
     let piece = Duration::from_secs_f64(60.0 * minutes(lab));
-    let run = trained_on(lab, (&snapshot.particles, &snapshot.hash), &task, Some(piece))?;
+    let run = trained_on(lab, &snapshot.particles, &snapshot.hash, &task, Some(piece))?;
     let ours =
         training::trained(lab, snapshot, &TrainingTask::ours(run.made.bytes.len() as u64, None, lab.settings.seed))?;
     let levels = levels(lab, snapshot, &config, &ours)?;
@@ -168,7 +168,6 @@ fn differences(lab: &Lab<'_>, config: &Config, snapshot: &Snapshot) -> Vec<Strin
     ]
 }
 
-/// The run beside our fit.
 fn beside(rows: &[AblationRow; 3], sizes: &[String; 2]) -> Option<String> {
     let of = |row: usize, measure| rows[row].measured(measure).first().copied();
     let (small, large) = (of(1, 1)? - of(0, 1)?, of(1, 2)? - of(0, 2)?);

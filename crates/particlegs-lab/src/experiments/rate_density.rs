@@ -1,10 +1,10 @@
 //! The density's own measures by size of file: what pictures hide.
 
-use super::rate_distortion::{BY_SIZE, COMPARED, RatePoint, series};
+use super::shared::rates::{BY_SIZE, COMPARED, RatePoint, series};
 use crate::density::DensityMeasures;
-use crate::found::{Plot, PlotAxis, Point, ResultTable, TableCell};
 use crate::lab::Lab;
 use crate::method::CompressionMethod;
+use crate::results::{Plot, PlotAxis, Point, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
 use particlegs::Result;
 
@@ -26,7 +26,7 @@ pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint]) -> Res
             let row = rows.iter().find(|r| r.method == method && r.ratio == ratio);
             let met = row.filter(|r| r.met(raw)).and_then(RatePoint::bytes);
             if let Some(reached) = met.map(|bytes| raw / bytes) {
-                all.push((method, reached, DensityMeasures::of(lab, of, method, (raw / ratio) as u64)?));
+                all.push((method, reached, DensityMeasures::new(lab, of, method, (raw / ratio) as u64)?));
             }
             lab.progress.advance(1);
         }
@@ -35,7 +35,6 @@ pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint]) -> Res
     Ok(all)
 }
 
-/// The measures as a table.
 pub(super) fn density_table(lab: &Lab<'_>, all: &[MethodDensity]) -> ResultTable {
     let mut table = ResultTable::new(
         "rate-distortion-density",

@@ -22,7 +22,6 @@ const FEW_BINS: f64 = 16.0;
 const MOST_BLOCKS: f64 = 200_000.0;
 const LARGEST_EDGE: u32 = 16;
 
-/// The coder.
 pub struct Lcp;
 
 impl Baseline for Lcp {
@@ -37,7 +36,7 @@ impl Baseline for Lcp {
     fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles> {
         check_bound(bound)?;
         let small = |b: &ParticleBins| b.count.iter().all(|c| c * bound <= LARGEST_RANGE);
-        let Some(bins) = ParticleBins::of(particles, bound).filter(small) else { return Ok(raw(particles)) };
+        let Some(bins) = ParticleBins::new(particles, bound).filter(small) else { return Ok(raw(particles)) };
         let coded = parallel::map(edges(&bins), |edge| of_edge(&bins, edge));
         let best = coded.into_iter().min_by_key(|c| c.bytes.len()).expect("one edge at least");
         Ok(best)
@@ -70,7 +69,7 @@ fn edges(bins: &ParticleBins) -> Vec<u32> {
 }
 
 fn of_edge(bins: &ParticleBins, edge: u32) -> CompressedParticles {
-    let (blocks, order) = LcpStreams::of(bins, edge);
+    let (blocks, order) = LcpStreams::new(bins, edge);
     let mut plain = vec![BINNED];
     bins.write(&mut plain);
     plain.extend(edge.to_le_bytes());

@@ -1,8 +1,8 @@
 //! The whole report as one page: text, tables, figures and pictures in it, nothing fetched.
 
 use super::{Provenance, Section};
-use crate::found::{ExperimentResults, Pictures, ResultTable, TableCell};
 use crate::plot;
+use crate::results::{ExperimentResults, Pictures, ResultTable, TableCell};
 use base64::Engine;
 
 const STYLE: &str = include_str!("style.css");

@@ -1,8 +1,8 @@
 //! An experiment as a page of Markdown, beside the files of its figures.
 
 use super::{Provenance, Section};
-use crate::found::{ExperimentResults, ResultTable};
 use crate::plot;
+use crate::results::{ExperimentResults, ResultTable};
 
 /// The page; figures are looked for in the folder `figures`, relative to it.
 pub fn markdown(section: &Section, provenance: &Provenance, figures: &str) -> String {
@@ -61,7 +61,7 @@ fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::found::TableCell;
+    use crate::results::TableCell;
 
     #[test]
     fn names_are_text() {

@@ -11,13 +11,13 @@ pub use html::html;
 pub use markdown::markdown;
 pub use provenance::Provenance;
 pub use text::text;
+pub(crate) use provenance::line_of;
 
 use crate::experiments::Experiment;
-use crate::found::ExperimentResults;
+use crate::results::ExperimentResults;
 
 /// An experiment that was done.
 pub struct Section {
-    /// Which.
     pub experiment: &'static Experiment,
     /// What it found, or why it did not.
     pub found: Result<ExperimentResults, String>,

@@ -1,10 +1,9 @@
 //! Models that are trained: kept by what they were made from, and gone on with where a run was interrupted.
 
-mod heard;
+mod recording;
 
 use crate::lab::{Lab, ModelBuild};
 use crate::snapshot::Snapshot;
-use heard::{CurveCheckpoint, CurveRecorder, curve_of, seconds_of};
 use particlegs::checkpoint::CheckpointStore;
 use particlegs::compress::{Checkpoint, CompressedModel, FineTuning, Options, Target, compress, finetune};
 use particlegs::model::{CertificateLevel, LawKind};
@@ -13,6 +12,7 @@ use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::train::{Config, Densify, Limits, Preset, Stage};
 use particlegs::{Error, Result};
+use recording::{CurveCheckpoint, CurveRecorder, curve_of, seconds_of};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -121,11 +121,9 @@ pub struct TrainingScore {
     pub seconds: f64,
     /// Masked PSNR on held-out views, dB.
     pub held_out_masked_psnr: Option<f64>,
-    /// Gaussians.
     pub gaussians: u64,
 }
 
-/// A trained model.
 pub(crate) struct TrainingResult {
     /// The file and what it decodes to.
     pub made: ModelBuild,
@@ -145,7 +143,7 @@ impl TrainingResult {
 
 /// The model of a task: kept, or trained now.
 pub(crate) fn trained(lab: &Lab<'_>, snapshot: &Snapshot, task: &TrainingTask) -> Result<TrainingResult> {
-    trained_on(lab, (&snapshot.particles, &snapshot.hash), task, None)
+    trained_on(lab, &snapshot.particles, &snapshot.hash, task, None)
 }
 
 /// Limits that say nothing but what takes the steps.
@@ -157,7 +155,8 @@ fn limits(lab: &Lab<'_>) -> Limits {
 /// done, and the next call goes on from there.
 pub(crate) fn trained_on(
     lab: &Lab<'_>,
-    (particles, hash): (&Particles, &str),
+    particles: &Particles,
+    hash: &str,
     task: &TrainingTask,
     piece: Option<Duration>,
 ) -> Result<TrainingResult> {
@@ -219,22 +218,22 @@ fn kept(
     let mut best = None;
     let made = lab.made_on_device(inputs, || {
         let checkpoint = Checkpoint::open(path.clone(), blake3::hash(&whose).as_bytes())?;
-        let heard = CurveRecorder::new(lab.progress, curve_of(&checkpoint), piece);
+        let recorder = CurveRecorder::new(lab.progress, curve_of(&checkpoint), piece);
         let before = seconds_of(&checkpoint);
-        let mut pieces = CurveCheckpoint { checkpoint, heard: &heard, before, start: Instant::now() };
-        let done = work(&mut pieces, &heard);
+        let mut pieces = CurveCheckpoint { checkpoint, recorder: &recorder, before, start: Instant::now() };
+        let done = work(&mut pieces, &recorder);
         if done.as_ref().map_or_else(|e| matches!(e, Error::Cancelled), |d| d.stopped) {
             pieces.keep_seconds()?;
         }
         pieces.checkpoint.save()?;
         let (done, seconds) = (done?, pieces.seconds());
-        let curve = heard.curve().clone();
+        let curve = recorder.curve().clone();
         if !done.stopped {
             lab.on_device.result("curve", inputs, || Ok(curve))?;
             return Ok((done, seconds));
         }
         // What the user stops is to stop; what ran out of time gives its best so far.
-        if heard.late() && !lab.progress.cancelled() {
+        if recorder.late() && !lab.progress.cancelled() {
             let made = ModelBuild { bytes: done.bytes, model: done.model, seconds };
             let steps = done.trained.iter().map(|run| run.iterations).sum();
             best = Some(TrainingResult { made, curve, unfinished: Some(steps), held: false });
@@ -258,11 +257,6 @@ mod tests {
     use crate::settings::Settings;
     use particlegs::progress::Silent;
 
-    fn snapshot() -> Snapshot {
-        let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
-        Snapshot::new("some".into(), "some".into(), Particles::from_columns(column(1), column(2), column(3)), None)
-    }
-
     fn small() -> Config {
         Config { evaluate_every: 20, ..scaled(recipe(), 0.004).unwrap() }
     }
@@ -270,7 +264,7 @@ mod tests {
     /// A run in short pieces ends with the bytes and the curve of one that was never broken.
     #[test]
     fn pieces_end_with_the_same_bytes_and_the_same_curve() {
-        let (snapshot, folders) = (snapshot(), [0, 1].map(|_| tempfile::tempdir().unwrap()));
+        let (snapshot, folders) = (crate::testing::snapshot(), [0, 1].map(|_| tempfile::tempdir().unwrap()));
         let [whole, parts] =
             folders.each_ref().map(|f| Lab::new(Settings::new(true, "".into()), f.path(), &Silent).unwrap());
         let task = TrainingTask::published(small(), 1, 42);
@@ -279,7 +273,7 @@ mod tests {
         let (mut pieces, mut seconds) = (0, 0.0);
         let last = loop {
             let piece = Some(Duration::from_millis(if pieces == 0 { 0 } else { 30 + 60 * pieces }));
-            let made = trained_on(&parts, (&snapshot.particles, &snapshot.hash), &task, piece).unwrap();
+            let made = trained_on(&parts, &snapshot.particles, &snapshot.hash, &task, piece).unwrap();
             // Those of all pieces, each more than the one before.
             assert!(made.made.seconds > seconds, "{} {seconds}", made.made.seconds);
             seconds = made.made.seconds;

@@ -2,16 +2,15 @@
 
 use super::*;
 use crate::GpuAccelerator;
-use crate::tests::{device, view};
+use crate::tests::{clumps, device, target, view};
 use crate::train::Trainer;
 use particlegs::checkpoint::NoCheckpoints;
 use particlegs::compress::{Options, Target, compress};
 use particlegs::model::LawKind;
-use particlegs::particles::Particles;
 use particlegs::train::{Config, Limits, Preset};
 use particlegs_core::camera::{Normalisation, View};
 use particlegs_core::math::Random;
-use particlegs_core::picture::{Plane, Size};
+use particlegs_core::picture::Size;
 use particlegs_core::progress::Silent;
 use particlegs_core::render::alpha::network::twin::stirred;
 use particlegs_core::space::Bounds;
@@ -82,17 +81,6 @@ fn cases() -> Vec<AlphaTrainingCase> {
             ..case("SSIM alone, logarithm", usual(), view(near, USUAL))
         },
     ]
-}
-
-/// A picture of something else, with some noise.
-fn target(size: Size) -> Plane {
-    let mut r = Random::new(77, 1, 0);
-    let data = (0..size.pixels()).map(|p| {
-        let (x, y) = (p % size.width, p / size.width);
-        let smooth = 0.3 + 0.2 * (x as f64 / 11.0).sin() * (y as f64 / 7.0).cos();
-        (smooth + 0.05 * r.normal()).clamp(0.0, 1.0) as f32
-    });
-    Plane { size, data: data.collect() }
 }
 
 /// Rates that move Gaussians by about as much as published ones do in a hundred steps.
@@ -263,16 +251,8 @@ fn a_short_run_reaches_the_processors_score() {
 
 /// What a run scores before and after.
 fn scores(config: &Config, seed: u64, device: Option<Arc<dyn Accelerator>>) -> [f64; 2] {
-    let column = |k: u32| -> Vec<f32> {
-        let at = |i: u64| {
-            let (mut own, mut of_clump) = (Random::new(5, k, i), Random::new(6, k, i % 40));
-            (of_clump.uniform() + 0.03 * own.normal()).clamp(0.0, 1.0) as f32
-        };
-        (0..20_000).map(at).collect()
-    };
-    let particles = Particles::from_columns(column(1), column(2), column(3));
     let limits = Limits { device, ..Limits::default() };
     let training = Some(config.clone());
     let options = Options { target: Target::Gaussians(6000), training, limits, seed, ..Options::default() };
-    compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap().trained[0].scores.map(Option::unwrap)
+    compress(&clumps(), &options, &mut NoCheckpoints, &Silent).unwrap().trained[0].scores.map(Option::unwrap)
 }

@@ -10,15 +10,12 @@ use particlegs::{Error, Result};
 
 /// A way at a size, with its pictures of some views.
 pub(super) struct MethodPictures {
-    /// As tables call it.
     pub name: String,
-    /// Bytes of its file.
     pub bytes: u64,
     /// How its bound held, where it has one.
     pub bound: Option<BoundReport>,
     /// Pictures of what came back, a view of the truth each.
     pub pictures: Vec<Gray8>,
-    /// Their scores.
     pub scores: Vec<Score>,
 }
 

@@ -2,8 +2,8 @@
 //! "Three-way comparison").
 
 use super::crops::{BRIGHTENED, close_up, whole};
-use crate::found::{Pictures, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
 use crate::lab::{Lab, ModelBuild, Style, or_made};
+use crate::results::{Pictures, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::views::{self, ReferenceViews, Score, kept_picture, mean_of_values, orbit, told};
 use particlegs::Result;
@@ -24,24 +24,23 @@ struct RendererScores {
     pictures: Vec<Gray8>,
 }
 
-/// Everything of the three-way comparison.
 pub(super) struct ThreeWayComparison {
     pub tables: Vec<ResultTable>,
     pub plots: Vec<Plot>,
     pub pictures: Vec<Pictures>,
-    /// In a sentence.
     pub note: String,
 }
 
-/// Of a model of `snapshot`, in the views of `truth`; `model` are its pictures there, with their scores.
+/// Of a model of `snapshot` in the views of `truth`: `pictures` are its own there, with their `scores`.
 pub(super) fn three_way(
     lab: &Lab<'_>,
     snapshot: &Snapshot,
     made: &ModelBuild,
     truth: &ReferenceViews,
-    model: (Vec<Gray8>, Vec<Score>),
+    pictures: Vec<Gray8>,
+    scores: Vec<Score>,
 ) -> Result<ThreeWayComparison> {
-    let mut ways = vec![RendererScores { name: "model".into(), pictures: model.0, scores: model.1 }];
+    let mut ways = vec![RendererScores { name: "model".into(), pictures, scores }];
     for method in METHODS {
         ways.push(drawn(lab, snapshot, made, truth, method)?);
     }
@@ -109,7 +108,7 @@ fn plot(ways: &[RendererScores]) -> Plot {
     });
     let levels = ways.iter().take(2).filter_map(|way| {
         let name = if way.name == "model" { "model, median" } else { "count, median" };
-        Some((name.to_string(), Spread::of(&masked(&way.scores, None))?.median))
+        Some((name.to_string(), Spread::new(&masked(&way.scores, None))?.median))
     });
     let frames = ways.first().map_or(0, |w| masked(&w.scores, Some("far")).len());
     Plot {
@@ -153,7 +152,7 @@ fn shown(truth: &ReferenceViews, ways: &[RendererScores]) -> Pictures {
 fn note(ways: &[RendererScores], truth: &ReferenceViews) -> String {
     let same = views::identical_note(ways.iter().map(|w| (w.name.clone(), &w.scores[..])));
     let same = same.map_or(String::new(), |words| format!(" {words}"));
-    let median = |way: &RendererScores| Spread::of(&masked(&way.scores, None)).map(|s| s.median);
+    let median = |way: &RendererScores| Spread::new(&masked(&way.scores, None)).map(|s| s.median);
     let gap = ways.first().and_then(median).zip(ways.get(1).and_then(median)).map(|(a, b)| a - b);
     let gap = gap.map_or("not measured".into(), |g| format!("{g:.1} dB"));
     format!(

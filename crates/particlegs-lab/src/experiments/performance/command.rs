@@ -1,7 +1,7 @@
 //! Whole commands as children: seconds, processor time, and the most memory that they take.
 
 use super::clock::{digits, load};
-use crate::found::TableCell;
+use crate::results::TableCell;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use serde::{Deserialize, Serialize};

@@ -2,7 +2,7 @@
 
 use super::clock::{FrameTimes, Machine, Times, load};
 use super::views::TimingViews;
-use crate::experiments::rate_distortion::COMPARED;
+use crate::experiments::shared::rates::COMPARED;
 use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::snapshot::Snapshot;
 use particlegs::camera::View;
@@ -30,9 +30,7 @@ pub(super) struct Phases {
     pub phases: Vec<(String, f64)>,
     /// Seconds of all.
     pub seconds: f64,
-    /// Bytes of the file.
     pub bytes: u64,
-    /// Its Gaussians.
     pub gaussians: u64,
     /// Load of the machine at the end.
     pub load: Option<f64>,
@@ -50,7 +48,7 @@ pub(super) fn opening(lab: &Lab<'_>, of: &Snapshot, machine: &Machine) -> Result
         let choice = Choice::default();
         let read = || choice.read(std::slice::from_ref(&of.path), &Storage::Memory, lab.progress);
         let same = read().ok().is_some_and(|p| p.source_hash() == of.particles.source_hash());
-        if same { Times::of(TIMES, read).map(Some) } else { Ok(None) }
+        if same { Times::new(TIMES, read).map(Some) } else { Ok(None) }
     })
 }
 
@@ -68,15 +66,13 @@ pub(super) fn compression(lab: &Lab<'_>, of: &Snapshot, effort: Effort, machine:
     })
 }
 
-/// Decoding of a model's file.
 pub(super) fn decoding(lab: &Lab<'_>, of: &Snapshot, made: &ModelBuild, machine: &Machine) -> Result<Times> {
     let key = (&of.hash, recipe(lab, Effort::Default), machine);
     lab.store.result("timed-decoding", &key, || {
-        Times::of(TIMES, || codec::decode_with(&made.bytes, "the model", lab.progress))
+        Times::new(TIMES, || codec::decode_with(&made.bytes, "the model", lab.progress))
     })
 }
 
-/// What is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) enum RenderSource {
     /// The model, as ParaView draws particles.
@@ -99,7 +95,8 @@ pub(super) struct FrameTimings {
 pub(super) fn frames(
     lab: &Lab<'_>,
     of: &Snapshot,
-    (what, made): (RenderSource, &ModelBuild),
+    what: RenderSource,
+    made: &ModelBuild,
     shots: &TimingViews,
     machine: &Machine,
 ) -> Result<FrameTimings> {
@@ -129,7 +126,7 @@ pub(super) fn frames(
 }
 
 fn each(views: &[View], times: usize, draw: &mut dyn FnMut(&View) -> Result<()>) -> Result<FrameTimes> {
-    let views = views.iter().map(|v| Ok(Times::of(times, || draw(v))?.seconds)).collect::<Result<_>>()?;
+    let views = views.iter().map(|v| Ok(Times::new(times, || draw(v))?.seconds)).collect::<Result<_>>()?;
     Ok(FrameTimes { views, load: load() })
 }
 

@@ -5,7 +5,7 @@ use super::growth::not;
 use super::ours::{FrameTimings, Phases};
 use super::paper;
 use super::point_gaussian::PointGaussian;
-use crate::found::{ResultTable, TableCell};
+use crate::results::{ResultTable, TableCell};
 use particlegs::picture::Size;
 
 /// All that was timed at one size of pictures.
@@ -20,7 +20,6 @@ pub(super) struct SizeTimings {
 /// A picture of which kind.
 type FrameSelector = fn(&FrameTimings) -> &FrameTimes;
 
-/// Frames by renderer.
 pub(super) fn frames(all: &[SizeTimings]) -> ResultTable {
     let mut table = ResultTable::new(
         "performance-frames",
@@ -126,7 +125,6 @@ pub(super) fn steps(steps: &StartupTimes<'_>, all: &[SizeTimings]) -> ResultTabl
     table
 }
 
-/// Compressions by phase.
 pub(super) fn phases(compressions: &[(&'static str, Phases)]) -> ResultTable {
     let mut table = ResultTable::new(
         "performance-phases",

@@ -7,7 +7,6 @@ use particlegs::model::Metadata;
 use particlegs::picture::Size;
 use particlegs::score::evaluation_views;
 
-/// Views of one size.
 pub(super) struct TimingViews {
     pub size: Size,
     /// Before all others, at the default radius and opacity.
@@ -20,7 +19,7 @@ pub(super) struct TimingViews {
 
 impl TimingViews {
     /// Of a model: one camera an orbit (far, mid, near), and as many radii and opacities.
-    pub fn of(lab: &Lab<'_>, m: &Metadata, size: Size) -> TimingViews {
+    pub fn new(lab: &Lab<'_>, m: &Metadata, size: Size) -> TimingViews {
         let views = evaluation_views(m, size, lab.settings.seed, 1);
         let plain = |v: &View| View { radius: m.default_radius, opacity: m.default_opacity, ..v.clone() };
         // The camera of the middle orbit, from another seed: no frame that is timed repeats it.

@@ -11,8 +11,8 @@ mod slices;
 mod tables;
 
 use super::Experiment;
-use crate::found::ExperimentResults;
 use crate::lab::{Lab, ModelSettings};
+use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
 use facts::Facts;
 use measure::{METHODS, MeasurementScope, RecoverySource};
@@ -43,7 +43,6 @@ struct MethodRecovery {
 
 /// A model of some ratio and effort, measured with the first seed.
 struct SizeRecovery {
-    /// As tables call it.
     name: String,
     /// Gaussians, bytes, ratio reached.
     size: (u64, u64, f64),
@@ -51,7 +50,6 @@ struct SizeRecovery {
     count: Facts,
     stratified: Facts,
     spaced: Facts,
-    /// The model itself.
     model: Facts,
 }
 
@@ -70,7 +68,6 @@ struct RecoveryMeasurements {
     blocks: Vec<BlocksRecovery>,
     /// Mean spacing of the particles, world units.
     spacing: f64,
-    /// The unit of length.
     unit: String,
 }
 

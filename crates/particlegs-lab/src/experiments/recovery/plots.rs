@@ -2,7 +2,7 @@
 
 use super::facts::{Facts, Power, Xi};
 use super::{MethodRecovery, RATIO, RecoveryMeasurements, tables};
-use crate::found::{Plot, PlotAxis, Point, Series};
+use crate::results::{Plot, PlotAxis, Point, Series};
 
 /// How far the ratios of the paper's figure go from 1, and a little further.
 const RATIOS: [f64; 2] = [0.6, 1.4];
@@ -71,7 +71,6 @@ fn xi_points(facts: &[Facts], of: fn(&Xi) -> Option<f64>) -> Vec<Point> {
     points(&facts.iter().map(|f| f.xi.clone()).collect::<Vec<_>>(), Xi::middle, of)
 }
 
-/// A curve a method.
 fn of_methods(m: &RecoveryMeasurements, of: impl Fn(&MethodRecovery) -> Vec<Point>) -> Vec<Series> {
     let one = |(style, o): (usize, &MethodRecovery)| Series {
         name: tables::name(o.method),

@@ -2,7 +2,7 @@
 
 use super::RATIO;
 use super::measure::RecoverySource;
-use crate::found::{Colours, Pictures};
+use crate::results::{Colours, Pictures};
 use particlegs::Result;
 use particlegs::picture::{Colormap, Rgb8, Size};
 use particlegs::recover::Method;

@@ -2,7 +2,7 @@
 
 use super::facts::Facts;
 use super::{RATIO, RecoveryMeasurements, SizeRecovery, paper};
-use crate::found::{ResultTable, TableCell};
+use crate::results::{ResultTable, TableCell};
 use particlegs::recover::Method;
 
 /// All tables, in the order of reading.

@@ -1,4 +1,4 @@
-//! What is heard of a run that trains, and kept beside its state: its curve, its seconds.
+//! The curve and the seconds of a run that trains, kept beside its state.
 
 use super::TrainingScore;
 use particlegs::Result;
@@ -27,13 +27,10 @@ pub(super) fn seconds_of(checkpoint: &Checkpoint) -> f64 {
 
 /// A checkpoint that has the curve, and the seconds, as they were when the state of the training was kept.
 pub(super) struct CurveCheckpoint<'a> {
-    /// The state.
     pub checkpoint: Checkpoint,
-    /// The curve.
-    pub heard: &'a CurveRecorder<'a>,
+    pub recorder: &'a CurveRecorder<'a>,
     /// Seconds of earlier pieces.
     pub before: f64,
-    /// When this one began.
     pub start: Instant,
 }
 
@@ -60,14 +57,14 @@ impl CheckpointStore for CurveCheckpoint<'_> {
     }
 
     fn keep_now(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
-        let curve = serde_json::to_vec(&*self.heard.curve()).unwrap_or_default();
+        let curve = serde_json::to_vec(&*self.recorder.curve()).unwrap_or_default();
         self.checkpoint.keep(CURVE, curve)?;
         self.keep_seconds()?;
         self.checkpoint.keep_now(key, bytes)
     }
 }
 
-/// Hears the scores of a run, and ends its training, and nothing but that, when its time is over.
+/// Records the scores of a run, and ends its training, and nothing but that, when its time is over.
 pub(super) struct CurveRecorder<'a> {
     inner: &'a dyn Progress,
     curve: Mutex<Vec<TrainingScore>>,
@@ -87,7 +84,6 @@ impl<'a> CurveRecorder<'a> {
         CurveRecorder { inner, curve: Mutex::new(curve), piece, phases: Mutex::default(), began: Mutex::default() }
     }
 
-    /// The scores so far.
     pub fn curve(&self) -> MutexGuard<'_, Vec<TrainingScore>> {
         locked(&self.curve)
     }

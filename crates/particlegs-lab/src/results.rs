@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 pub struct ExperimentResults {
     /// Tables, in the order of reading.
     pub tables: Vec<ResultTable>,
-    /// Plots.
     pub plots: Vec<Plot>,
     /// Pictures side by side.
     pub pictures: Vec<Pictures>,
@@ -16,7 +15,6 @@ pub struct ExperimentResults {
     pub notes: Vec<String>,
 }
 
-/// A table.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct ResultTable {
     /// File name without its ending.
@@ -30,13 +28,11 @@ pub struct ResultTable {
 }
 
 impl ResultTable {
-    /// Without rows.
     pub fn new(name: &str, title: impl Into<String>, columns: &[&str]) -> Self {
         let columns = columns.iter().map(|c| (*c).to_string()).collect();
         ResultTable { name: name.into(), title: title.into(), columns, rows: Vec::new() }
     }
 
-    /// Adds a row.
     pub fn row(&mut self, cells: impl IntoIterator<Item = TableCell>) {
         let row: Vec<TableCell> = cells.into_iter().collect();
         debug_assert_eq!(row.len(), self.columns.len(), "{}", self.name);
@@ -44,15 +40,12 @@ impl ResultTable {
     }
 }
 
-/// A cell of a table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum TableCell {
-    /// Words.
     Text(String),
     /// The median of several, and the smallest and largest.
     Spread {
-        /// Median.
         value: f64,
         /// Smallest and largest.
         range: [f64; 2],
@@ -71,7 +64,6 @@ pub enum TableCell {
 }
 
 impl TableCell {
-    /// Words.
     pub fn text(words: impl Into<String>) -> TableCell {
         TableCell::Text(words.into())
     }
@@ -81,7 +73,6 @@ impl TableCell {
         value.into().filter(|v| v.is_finite()).map_or(TableCell::Empty, |value| TableCell::Number { value, digits })
     }
 
-    /// A whole number.
     pub fn count(value: u64) -> TableCell {
         TableCell::number(value as f64, 0)
     }
@@ -89,7 +80,7 @@ impl TableCell {
     /// The median of values of several seeds with their range; one value alone is a number. Those that are not finite
     /// are left out.
     pub fn spread(values: &[f64], digits: usize) -> TableCell {
-        match Spread::of(values) {
+        match Spread::new(values) {
             None => TableCell::Empty,
             Some(s) if values.len() == 1 => TableCell::number(s.median, digits),
             Some(s) => TableCell::Spread { value: s.median, range: [s.low, s.high], digits },
@@ -127,7 +118,6 @@ impl TableCell {
         }
     }
 
-    /// Is it a number?
     pub fn is_number(&self) -> bool {
         matches!(self, TableCell::Number { .. } | TableCell::Spread { .. })
     }
@@ -158,15 +148,13 @@ fn is_identical(values: &[f64]) -> bool {
 pub struct Spread {
     /// Median; of an even number the mean of the two in the middle.
     pub median: f64,
-    /// Smallest.
     pub low: f64,
-    /// Largest.
     pub high: f64,
 }
 
 impl Spread {
     /// Of values; `None` where there is none that is finite.
-    pub fn of(values: &[f64]) -> Option<Spread> {
+    pub fn new(values: &[f64]) -> Option<Spread> {
         let mut v: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
         v.sort_by(f64::total_cmp);
         let (first, last) = (*v.first()?, *v.last()?);
@@ -259,7 +247,7 @@ impl Point {
 
     /// Of values of several seeds; `None` without one.
     pub fn spread(x: f64, values: &[f64]) -> Option<Point> {
-        let s = Spread::of(values)?;
+        let s = Spread::new(values)?;
         Some(Point { x, y: s.median, range: (values.len() > 1).then_some([s.low, s.high]) })
     }
 
@@ -314,7 +302,7 @@ mod tests {
         assert_eq!(TableCell::spread(&[4.0], 1), TableCell::number(4.0, 1));
         assert_eq!(TableCell::number(f64::NAN, 1), TableCell::Empty);
         assert_eq!(TableCell::number(None, 1).plain(), "");
-        assert_eq!(Spread::of(&[1.0, 2.0, f64::INFINITY, 4.0, 8.0]).unwrap().median, 3.0);
+        assert_eq!(Spread::new(&[1.0, 2.0, f64::INFINITY, 4.0, 8.0]).unwrap().median, 3.0);
     }
 
     #[test]
