@@ -2,7 +2,7 @@
 
 use crate::math::{Random, Sym3};
 use crate::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
-use crate::particles::Particles;
+use crate::particles::{Domain, Particles};
 use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
 use particlegs_core::math::each_axis;
@@ -41,14 +41,22 @@ pub(crate) fn tilted_cells() -> [Cell; 4] {
 pub(crate) fn gas(n: usize, cell: &Cell, seed: u64) -> Particles {
     // What does not repeat stands upright on the others.
     let vectors = cell.reduced().vectors;
-    let place = |i| {
-        let mut r = Random::new(seed, 0, i);
+    let mut p = from_points(random_points(n, seed, |_, r| {
         let f = [0; 3].map(|_| r.uniform());
         each_axis(|k| cell.origin[k] + (0..3).map(|a| f[a] * vectors[a][k]).sum::<f64>())
-    };
-    let mut p = from_points((0..n as u64).map(place));
+    }));
     p.meta.cell = Some(*cell);
     p
+}
+
+/// `n` points, each of its own number and its own random numbers.
+pub(crate) fn random_points(n: usize, seed: u64, place: impl Fn(u64, &mut Random) -> [f64; 3]) -> Vec<[f64; 3]> {
+    (0..n as u64).map(|i| place(i, &mut Random::new(seed, 0, i))).collect()
+}
+
+/// The square of the distance by the shortest way.
+pub(crate) fn square_between(domain: &Domain, a: [f64; 3], b: [f64; 3]) -> f64 {
+    domain.shortest_way(each_axis(|k| b[k] - a[k])).iter().map(|v| v * v).sum()
 }
 
 /// Even particles at random in a box from 0.

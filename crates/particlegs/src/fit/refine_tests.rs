@@ -8,7 +8,7 @@ use crate::model::Mixture;
 use crate::particles::{Column, Particles};
 use crate::pieces::NoCheckpoints;
 use crate::progress::{Progress, Scalar, Silent};
-use crate::testing::{from_points, on_threads, sample};
+use crate::testing::{from_points, on_threads, random_points, sample};
 
 fn radius(p: &Particles) -> f64 {
     p.bounds().default_radius(p.len() as u64)
@@ -165,8 +165,7 @@ fn height(m: &Mixture) -> f64 {
 /// particles and a bilayer, each 100 particles a Gaussian, keep their scale heights.
 #[test]
 fn discs_and_layers_stay_thin() {
-    let cloud =
-        |point: &dyn Fn(&mut Random) -> [f64; 3]| from_points((0..60_000).map(|i| point(&mut Random::new(11, 0, i))));
+    let cloud = |point: &dyn Fn(&mut Random) -> [f64; 3]| from_points(random_points(60_000, 11, |_, r| point(r)));
     let disc = |r: &mut Random| {
         let radius = -3.0 * ((1.0 - r.uniform()) * (1.0 - r.uniform())).ln();
         let (sin, cos) = (std::f64::consts::TAU * r.uniform()).sin_cos();
