@@ -19,7 +19,14 @@ fn refined(p: &Particles, gaussians: usize, rounds: usize, sample: f64) -> Mixtu
 }
 
 fn refined_with(p: &Particles, gaussians: usize, rounds: usize, sample: f64, progress: &dyn Progress) -> Mixture {
-    let cells = partition(ParticleStore::new(p), gaussians, radius(p), PartitionOptions::default(), progress).unwrap();
+    let cells = partition(
+        ParticleStore::new(p, &p.local_bounds()),
+        gaussians,
+        radius(p),
+        PartitionOptions::default(),
+        progress,
+    )
+    .unwrap();
     let options = RefineOptions {
         cells_a_group: 1,
         first_iterations: 3,
@@ -69,7 +76,9 @@ fn projected_error(m: &Mixture, p: &Particles, blur: f64) -> f64 {
 #[test]
 fn refinement_beats_the_partition_in_projection() {
     let p = sample();
-    let cells = partition(ParticleStore::new(&p), 150, radius(&p), PartitionOptions::default(), &Silent).unwrap();
+    let cells =
+        partition(ParticleStore::new(&p, &p.local_bounds()), 150, radius(&p), PartitionOptions::default(), &Silent)
+            .unwrap();
     let blur = 6.0 * radius(&p);
     let before = projected_error(&cells.mixture(), &p, blur);
     let after = projected_error(&refined(&p, 150, 4, 1e9), &p, blur);

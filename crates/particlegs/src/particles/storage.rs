@@ -235,13 +235,22 @@ impl Particles {
 
     /// Bounds of the particles, world units.
     pub fn bounds(&self) -> Bounds {
+        self.in_world(self.local_bounds())
+    }
+
+    /// Bounds about the origin.
+    pub(crate) fn local_bounds(&self) -> Bounds {
         let parts = self.par_chunks(|_, chunk| {
             let ends = chunk
                 .position
                 .map(|c| c.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), &v| (lo.min(v), hi.max(v))));
             Bounds { min: ends.map(|e| f64::from(e.0)), max: ends.map(|e| f64::from(e.1)) }
         });
-        let local = parts.iter().fold(Bounds::empty(), |a, b| a.union(b));
+        parts.iter().fold(Bounds::empty(), |a, b| a.union(b))
+    }
+
+    /// Bounds about the origin as bounds of the world.
+    pub(crate) fn in_world(&self, local: Bounds) -> Bounds {
         Bounds { min: each_axis(|k| self.origin[k] + local.min[k]), max: each_axis(|k| self.origin[k] + local.max[k]) }
     }
 
