@@ -73,7 +73,7 @@ pub fn recover(
     let plan = RecoveryPlan::new(model, options.particles, options.method)?;
     let weighted = plan.weighted();
     let rules = DrawRules::new(options.method, options.scale, options.seed, &local, &plan, progress.simd());
-    let writer = SnapshotWriter::create(out, options.form, plan.total, weighted, origin)?;
+    let writer = SnapshotWriter::create(out, options.form, plan.total, weighted, origin, origin != [0.0; 3])?;
     let bytes = writer.particle_bytes(weighted) * plan.total;
     progress.begin("drawing particles", plan.total);
     let spaces = parallel::Scratch::<(DrawScratch, Run, Vec<_>)>::default();
