@@ -145,6 +145,12 @@ pub fn density_agreement<T: Copy + Into<f64>>(truth: &[T], model: &[T]) -> Densi
     DensityAgreement { correlation, mean_absolute_error: if mt > 0.0 { error / (n * mt) } else { 0.0 } }
 }
 
+/// Agreement with the truth of a model, and of a uniform density of the same mass.
+pub(super) fn model_and_uniform(truth: &[f64], model: &[f64]) -> [DensityAgreement; 2] {
+    let uniform = vec![truth.iter().sum::<f64>() / truth.len().max(1) as f64; truth.len()];
+    [model, &uniform].map(|other| density_agreement(truth, other))
+}
+
 /// What a certificate says of the densities of a model and of a uniform box.
 pub(super) fn density_metrics([model, uniform]: [DensityAgreement; 2]) -> DensityMetrics {
     DensityMetrics {
@@ -167,10 +173,9 @@ pub fn density_of(
     let grid = DensityGrid::new(bounds, particles.meta.cell.as_ref(), longest);
     progress.begin("density", (particles.len() + model.gaussians()) as u64);
     let truth = grid.of_particles(particles, progress)?;
-    let uniform = vec![truth.iter().sum::<f64>() / truth.len().max(1) as f64; truth.len()];
     let model = grid.of_model(model, progress)?;
     progress.end();
-    Ok([&model, &uniform].map(|other| density_agreement(&truth, other)))
+    Ok(model_and_uniform(&truth, &model))
 }
 
 #[cfg(test)]
