@@ -12,7 +12,7 @@ use crate::space::Bounds;
 /// What to fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitOptions {
-    /// Gaussians, at most.
+    /// Number of Gaussians, at most.
     pub gaussians: usize,
     /// Time against quality.
     pub effort: Effort,

@@ -77,7 +77,7 @@ pub enum Positions {
 /// A snapshot: positions `origin + local`, columns, layers, metadata.
 #[derive(Clone)]
 pub struct Particles {
-    /// Local positions.
+    /// Positions relative to the origin, float32.
     pub positions: Positions,
     /// Columns of one value a particle; [`MASS`] are weights, > 0.
     columns: Columns<Column>,

@@ -66,7 +66,7 @@ pub struct ApertureMass {
     pub radius: f64,
     /// Smallest and largest size of the groups, particles.
     pub sizes: [u64; 2],
-    /// Groups.
+    /// Number of groups of those sizes.
     pub groups: u64,
     /// Median of other / truth.
     pub median: Option<f64>,

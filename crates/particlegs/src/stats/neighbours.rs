@@ -19,7 +19,7 @@ pub struct NearestDistances {
     pub among: u64,
     /// Mean distance, world units.
     pub mean: f64,
-    /// Median.
+    /// Median distance, world units.
     pub median: f64,
     /// 1, 5, 25, 75, 95 and 99 % of the distances are below these.
     pub percentiles: [f64; 6],

@@ -31,7 +31,7 @@ pub struct PairCounts {
     pub expected: Vec<f64>,
     /// pairs / expected - 1.
     pub xi: Vec<f64>,
-    /// Particles.
+    /// Number of particles.
     pub particles: u64,
 }
 
