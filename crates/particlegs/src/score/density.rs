@@ -71,7 +71,7 @@ impl DensityGrid {
     /// Mass in each cell of a model's Gaussians; what lies outside a grid that does not repeat is
     /// in no cell.
     pub fn of_model(&self, model: &Model, progress: &dyn Progress) -> Result<Vec<f64>> {
-        let mut sum = vec![0.0; self.0.cells.iter().product()];
+        let mut sum = vec![0.0; self.0.len()];
         for layer in &model.layers {
             for block in &layer.content {
                 let part = self.of_mixture(&block.gaussians, progress)?;
@@ -102,7 +102,7 @@ impl DensityGrid {
         n: usize,
         fill: impl Fn(&mut [f64], std::ops::Range<usize>) -> Result<()> + Sync,
     ) -> Result<Vec<f64>> {
-        let cells = self.0.cells.iter().product();
+        let cells = self.0.len();
         let parts = PARTS.min(n.max(1));
         let grids = parallel::try_map_range(parts, |p| {
             let mut grid = vec![0.0; cells];
@@ -121,8 +121,7 @@ impl DensityGrid {
     /// The same beyond the grid: repeated, or the nearest at the edge (the bounds' own end).
     #[cold]
     fn cell_beyond(&self, axis: usize, u: f64) -> usize {
-        let (i, n) = (u.floor() as i64, self.0.cells[axis] as i64);
-        (if self.0.periodic[axis] { i.rem_euclid(n) } else { i.clamp(0, n - 1) }) as usize
+        self.0.wrap(axis, u.floor() as i64)
     }
 }
 
