@@ -239,8 +239,7 @@ impl ParticlePiece for StridedParticles {
             return None;
         }
         let rows = usize::try_from(self.rows).ok()?;
-        let column =
-            |l: &StridedColumn, len: usize| Column::Mapped { map: map.clone(), offset: l.offset as usize, len };
+        let column = |l: &StridedColumn, len: usize| Column::mapped(map.clone(), l.offset as usize, len);
         let [x, y, z] = &self.axes;
         let positions = if self.axes.iter().all(|l| l.stride == 4) {
             Positions::Columns([column(x, rows), column(y, rows), column(z, rows)])

@@ -19,7 +19,7 @@ use crate::splat::{
     MEAN_COVERED_ALPHA, PEELS, PIXEL_VARIANCE, Response, ToneStyle, erf, fxaa_blur, opacity_integral,
 };
 use crate::stats::StatsOptions;
-use crate::testing::model_of;
+use crate::testing::{from_points, model_of};
 use crate::train::{Config, Preset};
 use serde_json::Value;
 use std::f64::consts::PI;
@@ -110,10 +110,6 @@ fn view(camera: Camera, radius: f64, opacity: f64) -> View {
     View { name: "law".into(), camera, radius, opacity }
 }
 
-fn column(values: impl Iterator<Item = f64>) -> Vec<f32> {
-    values.map(|v| v as f32).collect()
-}
-
 /// Sum over all pixels.
 fn sum(plane: &Plane) -> f64 {
     plane.data.iter().map(|v| f64::from(*v)).sum()
@@ -143,9 +139,7 @@ fn cube() -> Bounds {
 
 /// ParaView's picture, without FXAA, of particles at (x, 0, -depth).
 fn drawn(fov_deg: f64, x: f64, depths: &[f64], radius: f64, opacity: f64) -> Gray8 {
-    let n = depths.len();
-    let z = column(depths.iter().map(|d| -d));
-    let particles = Particles::from_columns(vec![x as f32; n], vec![0.0; n], z);
+    let particles = from_points(depths.iter().map(|d| [x, 0.0, -d]));
     let view = view(ahead(fov_deg, [0.5, 20.0]), radius, opacity);
     Reference::new(&particles).draw(&view, SMALL, ToneStyle::ParaviewNoFxaa, &Silent).unwrap()
 }
@@ -318,15 +312,11 @@ fn sheet(opacity: f64, radius_px: f64, tau: f64) -> Gray8 {
     let reach = 0.5 * size.width as f64 + 4.0 * radius_px + 2.0;
     let n = tau * (2.0 * reach).powi(2) / (opacity_integral(opacity) * radius_px * radius_px);
     let mut random = Random::new(7, 1, 0);
-    let places: Vec<[f64; 3]> = (0..n.round() as usize)
-        .map(|_| {
-            let depth = 1.0 + 0.02 * (random.uniform() - 0.5);
-            let mut aside = || (2.0 * random.uniform() - 1.0) * reach * pixel * depth;
-            [aside(), aside(), -distance * depth]
-        })
-        .collect();
-    let [x, y, z] = [0, 1, 2].map(|k| column(places.iter().map(|p| p[k])));
-    let particles = Particles::from_columns(x, y, z);
+    let particles = from_points((0..n.round() as usize).map(|_| {
+        let depth = 1.0 + 0.02 * (random.uniform() - 0.5);
+        let mut aside = || (2.0 * random.uniform() - 1.0) * reach * pixel * depth;
+        [aside(), aside(), -distance * depth]
+    }));
     let view = view(camera, radius_px * pixel, opacity);
     Reference::new(&particles).draw(&view, size, ToneStyle::ParaviewNoFxaa, &Silent).unwrap()
 }

@@ -2,7 +2,7 @@
 
 use crate::math::{Random, Sym3};
 use crate::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
-use crate::particles::Particles;
+use crate::particles::{Column, Domain, Particles};
 use crate::progress::Progress;
 use crate::space::{Bounds, Cell};
 use particlegs_core::math::each_axis;
@@ -41,14 +41,31 @@ pub(crate) fn tilted_cells() -> [Cell; 4] {
 pub(crate) fn gas(n: usize, cell: &Cell, seed: u64) -> Particles {
     // What does not repeat stands upright on the others.
     let vectors = cell.reduced().vectors;
-    let place = |i| {
-        let mut r = Random::new(seed, 0, i);
+    let mut p = from_points(random_points(n, seed, |_, r| {
         let f = [0; 3].map(|_| r.uniform());
         each_axis(|k| cell.origin[k] + (0..3).map(|a| f[a] * vectors[a][k]).sum::<f64>())
-    };
-    let mut p = from_points((0..n as u64).map(place));
+    }));
     p.meta.cell = Some(*cell);
     p
+}
+
+/// `n` points, each of its own number and its own random numbers.
+pub(crate) fn random_points(n: usize, seed: u64, place: impl Fn(u64, &mut Random) -> [f64; 3]) -> Vec<[f64; 3]> {
+    (0..n as u64).map(|i| place(i, &mut Random::new(seed, 0, i))).collect()
+}
+
+/// The square of the distance by the shortest way.
+pub(crate) fn square_between(domain: &Domain, a: [f64; 3], b: [f64; 3]) -> f64 {
+    domain.shortest_way(each_axis(|k| b[k] - a[k])).iter().map(|v| v * v).sum()
+}
+
+/// Particles all over a box of a million, the first 70 000 in layer `a` and the others in `b`, each with a weight.
+pub(crate) fn two_layers(n: usize, weight: impl Fn(usize) -> f32) -> Particles {
+    let column = |k: usize| (0..n).map(|i| ((i * (7 + k) * 2_654_435_761) % 1_000_003) as f32).collect::<Vec<f32>>();
+    let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Weights(None), content };
+    Particles::from_columns(column(0), column(1), column(2))
+        .with_weights(Column::owned((0..n).map(weight).collect()))
+        .with_layers(vec![layer("a", 0..70_000), layer("b", 70_000..n)])
 }
 
 /// Even particles at random in a box from 0.

@@ -2,13 +2,16 @@
 //! result or an error, without a panic, in bounded time and memory.
 #![allow(missing_docs)]
 
+mod common;
+
+use common::{Deadline, layer};
 use particlegs::compress::{Options, Target};
 use particlegs::fit::Effort;
-use particlegs::job::{Job, Task};
+use particlegs::job::Job;
 use particlegs::math::Random;
-use particlegs::model::{CertificateLevel, Layer, Mass};
+use particlegs::model::CertificateLevel;
 use particlegs::particles::{LayeredParticles, Particles};
-use particlegs::progress::{Progress, Silent};
+use particlegs::progress::Silent;
 use serde_json::{Value, json};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
@@ -53,23 +56,17 @@ const LONGEST: Duration = Duration::from_secs(60);
 fn particles() -> Particles {
     let mut random = Random::new(5, 1, 0);
     let mut column = || (0..900).map(|_| (100.0 * random.uniform()) as f32).collect::<Vec<f32>>();
-    let mut particles = Particles::from_columns(column(), column(), column());
-    let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Unknown, content };
-    particles = particles.with_layers(vec![layer("gas", 0..500), layer("stars", 500..900)]);
-    particles
+    let particles = Particles::from_columns(column(), column(), column());
+    particles.with_layers(vec![layer("gas", 0..500), layer("stars", 500..900)])
 }
 
 fn planned(folder: &Path) -> Job {
-    let options = Options {
-        target: Target::Gaussians(8),
-        effort: Effort::Fast,
-        seed: 3,
-        certificate: CertificateLevel::None,
-        blocks: Some(2),
-        ..Options::default()
-    };
-    let task = Task { options: &options, snapshot: "a cloud".into(), place: "here", replace: false, reopened: false };
-    Job::plan(LayeredParticles::from_particles(&particles()), &task, folder, &Silent).unwrap()
+    let (target, effort, certificate) = (Target::Gaussians(8), Effort::Fast, CertificateLevel::None);
+    common::planned(
+        &particles(),
+        folder,
+        Options { target, effort, certificate, blocks: Some(2), ..Options::default() },
+    )
 }
 
 /// A whole job to be altered: planned, one of two blocks done.
@@ -89,19 +86,11 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Ends work that goes on beyond its time, so that a fault is told instead of a hung suite.
-struct Watchdog(Instant);
-
-impl Progress for Watchdog {
-    fn cancelled(&self) -> bool {
-        self.0.elapsed() > LONGEST
-    }
-}
-
 /// Every step on a folder; the errors in words.
 fn steps(folder: &Path, what: &str) -> Vec<String> {
     let began = Instant::now();
-    let until = Watchdog(began);
+    // Ends work that goes on beyond its time, so that a fault is told instead of a hung suite.
+    let until = Deadline { start: began, patience: LONGEST };
     LARGEST.store(0, Relaxed);
     let source = || Ok(LayeredParticles::from_particles(&particles()));
     let run = || -> Vec<String> {
@@ -214,11 +203,11 @@ fn altered(original: &Value, count: u64, seed: u64) -> Vec<(Value, String)> {
 }
 
 /// Alters copies of a prepared job by `alter`, and runs every step on each.
-fn each(cases: impl IntoIterator<Item = (String, Box<dyn Fn(&Path)>)>) -> Vec<Vec<String>> {
+fn each(cases: impl IntoIterator<Item = HostileCase>) -> Vec<Vec<String>> {
     let dir = tempfile::tempdir().unwrap();
     let (whole, broken) = (dir.path().join("whole"), dir.path().join("broken"));
     prepared(&whole);
-    let run = |(what, alter): (String, Box<dyn Fn(&Path)>)| {
+    let run = |(what, alter): HostileCase| {
         copy(&whole, &broken);
         alter(&broken);
         let errors = steps(&broken, &what);
@@ -311,16 +300,14 @@ fn altered_files_of_a_job_are_refused_or_do_no_harm() {
         let counts = [8, 16].map(|i| u64::from_le_bytes(buckets[entry + i..][..8].try_into().unwrap()) as usize);
         let crc = crc32fast::hash(&buckets[at..at + 12 * (counts[0] + counts[1])]).to_le_bytes();
         buckets[entry + 24..entry + 28].copy_from_slice(&crc);
-        let own = crc32fast::hash(&buckets[entry..entry + 28]).to_le_bytes();
-        buckets[entry + 28..entry + 32].copy_from_slice(&own);
+        seal(&mut buckets[entry..], 28);
         cases.push((format!("a bucket's coordinate: {number:?}"), write("scatter/00000.bin", buckets)));
     }
     for (field, value) in [0, 8, 16].into_iter().flat_map(|f| [0, 1, 1 << 20, 1 << 40, u64::MAX].map(|v| (f, v))) {
         let mut buckets = read("scatter/00000.bin");
         let entry = HEAD + ENTRY;
         buckets[entry + field..entry + field + 8].copy_from_slice(&u64::to_le_bytes(value));
-        let own = crc32fast::hash(&buckets[entry..entry + 28]).to_le_bytes();
-        buckets[entry + 28..entry + 32].copy_from_slice(&own);
+        seal(&mut buckets[entry..], 28);
         cases.push((format!("a bucket's entry at {field}: {value}"), write("scatter/00000.bin", buckets)));
     }
     let report: Value = serde_json::from_slice(&read("blocks/00000.json")).unwrap();

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::reseal;
+use common::{Deadline, reseal};
 use particlegs::camera::{View, base_distance, spherical_camera};
 use particlegs::codec::{self, Merge};
 use particlegs::compress::{Target, simplify};
@@ -11,7 +11,7 @@ use particlegs::math::Random;
 use particlegs::model::Model;
 use particlegs::particles::RawForm;
 use particlegs::picture::Size;
-use particlegs::progress::{Progress, Silent};
+use particlegs::progress::Silent;
 use particlegs::recover::{Method, Options, recover};
 use particlegs::render::{Scene, draw, surface_density};
 use particlegs::splat::ToneStyle;
@@ -25,19 +25,10 @@ const PATIENCE: Duration = Duration::from_millis(100);
 /// ... and has then stopped within this, on a machine that does much else.
 const HEARD: Duration = Duration::from_secs(20);
 
-/// Tells a step to stop when it has gone on for [`PATIENCE`].
-struct Deadline(Instant);
-
-impl Progress for Deadline {
-    fn cancelled(&self) -> bool {
-        self.0.elapsed() > PATIENCE
-    }
-}
-
 /// Runs a step; a stop that was asked for is a result like any other.
 fn step<T>(name: &str, work: impl FnOnce(&Deadline) -> Result<T, Error>) -> Option<T> {
     let start = Instant::now();
-    let outcome = work(&Deadline(start));
+    let outcome = work(&Deadline { start, patience: PATIENCE });
     assert!(start.elapsed() < PATIENCE + HEARD, "{name} took {:?}", start.elapsed());
     match outcome {
         Ok(value) => Some(value),

@@ -1,10 +1,13 @@
 //! A block that is stopped anywhere goes on to the same bytes; what was kept of other work is not gone on
 //! from.
 
+mod common;
+
+use common::layer;
 use particlegs::compress::{Checkpoint, Compression, FineTuning, Options, Target, certify};
 use particlegs::fit::Effort;
-use particlegs::job::{Job, Task};
-use particlegs::model::{CertificateLevel, LawKind, Layer, Limit, Mass, Units};
+use particlegs::job::Job;
+use particlegs::model::{CertificateLevel, LawKind, Limit, Units};
 use particlegs::particles::{LayeredParticles, Particles, Storage};
 use particlegs::progress::{Progress, Silent};
 use particlegs::space::Cell;
@@ -24,24 +27,16 @@ impl Progress for CancelAtQuestion {
 
 /// The sample as two layers: a fit each, so that one may be finished while the other is not.
 fn sample() -> Particles {
-    let mut particles =
-        Particles::open_raw(&[Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64")]).unwrap();
-    let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Unknown, content };
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
+    let particles = Particles::open_raw(&[folder]).unwrap();
     let n = particles.len();
-    particles = particles.with_layers(vec![layer("first", 0..130_000), layer("second", 130_000..n)]);
-    particles
+    particles.with_layers(vec![layer("first", 0..130_000), layer("second", 130_000..n)])
 }
 
+/// A job in two blocks.
 fn planned(folder: &Path) -> Job {
-    let options = Options {
-        target: Target::Ratio(200.0),
-        seed: 3,
-        certificate: CertificateLevel::None,
-        blocks: Some(2),
-        ..Options::default()
-    };
-    let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
-    Job::plan(LayeredParticles::from_particles(&sample()), &task, folder, &Silent).unwrap()
+    let (target, certificate) = (Target::Ratio(200.0), CertificateLevel::None);
+    common::planned(&sample(), folder, Options { target, certificate, blocks: Some(2), ..Options::default() })
 }
 
 /// A sound block with a right report is refused where it is another block's.
@@ -176,16 +171,9 @@ fn other_fine_tuning_is_other_work() {
 
 /// A job in three blocks, each measured by its own task, done in this order.
 fn measured(folder: &Path, order: [u32; 3]) -> Job {
-    let options = Options {
-        target: Target::Ratio(200.0),
-        effort: Effort::Fast,
-        seed: 3,
-        certificate: CertificateLevel::Blocks,
-        blocks: Some(3),
-        ..Options::default()
-    };
-    let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
-    let job = Job::plan(LayeredParticles::from_particles(&sample()), &task, folder, &Silent).unwrap();
+    let (target, effort, certificate) = (Target::Ratio(200.0), Effort::Fast, CertificateLevel::Blocks);
+    let options = Options { target, effort, certificate, blocks: Some(3), ..Options::default() };
+    let job = common::planned(&sample(), folder, options);
     for block in order {
         job.block(block, || panic!("buckets are enough"), &Silent).unwrap();
     }

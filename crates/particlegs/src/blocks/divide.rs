@@ -97,18 +97,13 @@ pub(super) fn kinds(
 mod tests {
     use super::super::SnapshotScan;
     use super::*;
-    use crate::model::Mass;
-    use crate::particles::{Column, LayeredParticles};
+    use crate::particles::LayeredParticles;
     use crate::progress::Silent;
+    use crate::testing::two_layers;
 
     #[test]
     fn every_particle_is_in_one_block() {
-        let n = 150_000;
-        let column = |k: u64| (0..n).map(|i| ((i * (7 + k) * 2_654_435_761) % 1_000_003) as f32).collect::<Vec<f32>>();
-        let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Weights(None), content };
-        let p = Particles::from_columns(column(0), column(1), column(2))
-            .with_weights(Column::owned((0..n).map(|i| i as f32 + 1.0).collect()))
-            .with_layers(vec![layer("a", 0..70_000), layer("b", 70_000..n as usize)]);
+        let p = two_layers(150_000, |i| i as f32 + 1.0);
         let folder = tempfile::tempdir().unwrap();
         for storage in [Storage::Memory, Storage::Disk(folder.path().into())] {
             let scan = SnapshotScan::new(&LayeredParticles::from_particles(&p), "here", true, &Silent).unwrap();

@@ -149,19 +149,14 @@ impl RunContent {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{Layer, Mass};
-    use crate::particles::{Column, Particles};
+    use crate::model::Layer;
+    use crate::particles::Particles;
     use crate::progress::Silent;
+    use crate::testing::two_layers;
     use std::ops::Range;
 
     fn snapshot(weights: impl Fn(usize) -> f32) -> Particles {
-        let n = 3 * RUN;
-        let column =
-            |k: usize| (0..n).map(|i| ((i * (7 + k) * 2_654_435_761) % 1_000_003) as f32).collect::<Vec<f32>>();
-        let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Weights(None), content };
-        let mut p = Particles::from_columns(column(0), column(1), column(2))
-            .with_weights(Column::owned((0..n).map(weights).collect()))
-            .with_layers(vec![layer("a", 0..70_000), layer("b", 70_000..n)]);
+        let mut p = two_layers(3 * RUN, weights);
         p.origin = [1e6, 0.0, -3.5];
         p
     }

@@ -220,8 +220,9 @@ impl LayerTask<'_> {
         mut gaussians: Mixture,
         code: impl Fn(&Encoder) -> Result<CodedGaussians>,
     ) -> Result<CodedGaussians> {
-        let thickness = Thickness::new(self.layer.particles(), &self.layer.bounds);
-        let Some(thickness) = thickness.filter(|_| self.context.plan.training.is_none()) else {
+        let thickness = || Thickness::new(self.layer.particles(), &self.layer.bounds);
+        let untrained = self.context.plan.training.is_none();
+        let Some(thickness) = untrained.then(thickness).flatten() else {
             return code(&self.encoder(gaussians)?);
         };
         for _ in 1..Thickness::TRIALS {

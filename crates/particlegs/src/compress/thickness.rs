@@ -58,17 +58,14 @@ mod tests {
     use super::*;
     use crate::checkpoint::NoCheckpoints;
     use crate::compress::{Options, compress};
-    use crate::math::Random;
+
     use crate::model::CertificateLevel;
     use crate::progress::Silent;
-    use crate::testing::from_points;
+    use crate::testing::{from_points, random_points};
 
     /// Uniform in a box, and the model's deviation along `axis` over theirs; a note says where they differ.
     fn thickness(edges: [f64; 3], axis: usize) -> f64 {
-        let particles = from_points((0..20_000).map(|i| {
-            let mut r = Random::new(21, 0, i);
-            edges.map(|e| e * r.uniform())
-        }));
+        let particles = from_points(random_points(20_000, 21, |_, r| edges.map(|e| e * r.uniform())));
         let options = Options { certificate: CertificateLevel::None, ..Options::default() };
         let made = compress(&particles, &options, &mut NoCheckpoints, &Silent).unwrap();
         let thickness = Thickness::new(&particles, &particles.bounds()).unwrap();

@@ -7,11 +7,12 @@ use crate::checkpoint::{CheckpointStore, NoCheckpoints};
 use crate::model::{Effort, Mixture};
 use crate::particles::Particles;
 use crate::progress::Progress;
+use crate::space::Bounds;
 
 /// What to fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitOptions {
-    /// Gaussians, at most.
+    /// Number of Gaussians, at most.
     pub gaussians: usize,
     /// Time against quality.
     pub effort: Effort,
@@ -52,12 +53,14 @@ pub(crate) fn memory_needed(particles: &Particles) -> u64 {
 /// them that a refined fit reorders is made in the same memory each time.
 pub(crate) struct Fitter<'a> {
     particles: &'a Particles,
+    /// Bounds about the particles' origin.
+    local: Bounds,
     store: Option<ParticleStore>,
 }
 
 impl<'a> Fitter<'a> {
     pub fn new(particles: &'a Particles) -> Self {
-        Fitter { particles, store: None }
+        Fitter { particles, local: particles.local_bounds(), store: None }
     }
 
     /// [`fit`] that keeps its pieces, and takes those that are there.
@@ -73,12 +76,12 @@ impl<'a> Fitter<'a> {
                 store.copy_again(self.particles);
                 store
             }
-            None => ParticleStore::new(self.particles),
+            None => ParticleStore::new(self.particles, &self.local),
         };
         let how = PartitionOptions { pixel: options.pixel, ..PartitionOptions::default() };
         let cells = partition(store, options.gaussians, options.radius, how, progress)?;
         let (particles, gaussians) = (cells.store.len(), cells.cells.len());
-        let thin = self.particles.bounds().thin_axis();
+        let thin = self.particles.in_world(self.local).thin_axis();
         let how = RefineOptions { thin, ..refinement(particles, gaussians, options) };
         let mixture = refine(&cells, options.radius, &how, pieces, progress)?;
         // What comes after takes less memory than refinement, but not always less than a partition.

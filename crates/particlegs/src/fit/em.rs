@@ -157,19 +157,7 @@ impl Candidates {
             start.push(index.len());
         }
         // The same lists by Gaussian: the M step gathers in the order of the groups, whatever the threads.
-        let mut entry_start = vec![0usize; gaussians + 1];
-        for &j in &index {
-            entry_start[j as usize + 1] += 1;
-        }
-        for j in 0..gaussians {
-            entry_start[j + 1] += entry_start[j];
-        }
-        let mut next = entry_start.clone();
-        let mut entry = vec![0u32; index.len()];
-        for (e, &j) in index.iter().enumerate() {
-            entry[next[j as usize]] = e as u32;
-            next[j as usize] += 1;
-        }
+        let CountingSort { start: entry_start, order: entry } = CountingSort::new(&index, gaussians);
         Candidates { start, index, entry_start, entry, group }
     }
 
@@ -424,27 +412,32 @@ fn nonnegative(mut cov: Sym3) -> Sym3 {
     cov
 }
 
+/// Places sorted by a key below a number; those of one key keep their order, so that sums over them do.
+struct CountingSort {
+    /// Where each key's places begin; one more at the end.
+    start: Vec<usize>,
+    order: Vec<u32>,
+}
+
+impl CountingSort {
+    fn new(keys: &[u32], below: usize) -> Self {
+        let mut start = vec![0usize; below + 1];
+        keys.iter().for_each(|&key| start[key as usize + 1] += 1);
+        (0..below).for_each(|key| start[key + 1] += start[key]);
+        let (mut next, mut order) = (start.clone(), vec![0u32; keys.len()]);
+        for (place, &key) in keys.iter().enumerate() {
+            order[next[key as usize]] = place as u32;
+            next[key as usize] += 1;
+        }
+        CountingSort { start, order }
+    }
+}
+
 /// Reorders particles so that each Gaussian's own lie together: group j is Gaussian j's.
 pub(crate) fn regroup(cloud: GroupedParticles<'_>, owner: &[u32], gaussians: usize) -> GroupStore {
-    // A counting sort: particles of one Gaussian keep their order, so that sums over them do.
-    let mut start = vec![0usize; gaussians + 1];
-    for &o in owner {
-        start[o as usize + 1] += 1;
-    }
-    for j in 0..gaussians {
-        start[j + 1] += start[j];
-    }
-    let mut next = start.clone();
-    let mut xyz = vec![[0f32; 3]; cloud.xyz.len()];
-    let mut weight = cloud.weight.map(|w| vec![0f32; w.len()]);
-    for (i, &o) in owner.iter().enumerate() {
-        let at = next[o as usize];
-        next[o as usize] += 1;
-        xyz[at] = cloud.xyz[i];
-        if let (Some(new), Some(old)) = (&mut weight, cloud.weight) {
-            new[at] = old[i];
-        }
-    }
+    let CountingSort { start, order } = CountingSort::new(owner, gaussians);
+    let xyz: Vec<[f32; 3]> = order.iter().map(|&i| cloud.xyz[i as usize]).collect();
+    let weight = cloud.weight.map(|w| order.iter().map(|&i| w[i as usize]).collect());
     let groups = ParticleGroups::new((0..gaussians).map(|j| start[j]..start[j + 1]).collect(), &xyz);
     GroupStore { xyz, weight, groups }
 }

@@ -35,7 +35,8 @@ fn cut(p: &Particles, gaussians: usize) -> Partition {
 
 fn cut_with(p: &Particles, gaussians: usize, progress: &dyn Progress) -> Partition {
     let radius = p.bounds().default_radius(p.len() as u64);
-    partition(ParticleStore::new(p), gaussians, radius, PartitionOptions::default(), progress).unwrap()
+    partition(ParticleStore::new(p, &p.local_bounds()), gaussians, radius, PartitionOptions::default(), progress)
+        .unwrap()
 }
 
 /// Cells tile the store, the store is a permutation of the particles, sums are kept.
@@ -147,9 +148,14 @@ fn threads_change_no_cell() {
 fn radii_that_are_not_positive_and_no_gaussians_are_refused() {
     let p = cloud(5, 10, 1.0, [false; 3]);
     for radius in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(partition(ParticleStore::new(&p), 3, radius, PartitionOptions::default(), &Silent).is_err());
+        assert!(
+            partition(ParticleStore::new(&p, &p.local_bounds()), 3, radius, PartitionOptions::default(), &Silent)
+                .is_err()
+        );
     }
-    assert!(partition(ParticleStore::new(&p), 0, 1.0, PartitionOptions::default(), &Silent).is_err());
+    assert!(
+        partition(ParticleStore::new(&p, &p.local_bounds()), 0, 1.0, PartitionOptions::default(), &Silent).is_err()
+    );
 }
 
 proptest! {

@@ -151,7 +151,7 @@ impl Refiner<'_> {
         let groups = self.partition.cells[cells.clone()].chunks(self.options.cells_a_group.max(1));
         let ranges = groups.map(|c| c[0].start - first..c[c.len() - 1].end - first).collect();
         let moments = &self.partition.moments[cells];
-        let mut gaussians = start(moments);
+        let mut gaussians = gaussians_of(moments);
         let groups = ParticleGroups::new(ranges, &store.xyz[span.clone()]);
         let weight = store.weight.as_ref().map(|w| &w[span.clone()]);
         let whole = GroupedParticles { xyz: &store.xyz[span], weight, groups: &groups };
@@ -208,7 +208,7 @@ impl Refiner<'_> {
             share: 0.2,
         };
         let candidates = self.candidates(cloud.groups, gaussians)?;
-        let mut expected = beside(gaussians);
+        let mut expected = shapes_beside(gaussians);
         let mut owner = self.iterate(cloud, &candidates, gaussians, &expected, options.first_iterations.max(1))?;
         self.progress.advance(1);
         let mut own: GroupStore;
@@ -235,7 +235,7 @@ impl Refiner<'_> {
 }
 
 /// The mean shape of each cell's neighbours in the order of the cuts.
-fn beside(cells: &RefinedGaussians) -> Vec<Sym3> {
+fn shapes_beside(cells: &RefinedGaussians) -> Vec<Sym3> {
     /// On either side.
     const CELLS: usize = 4;
     parallel::map_range(cells.len(), |i| {
@@ -248,7 +248,7 @@ fn beside(cells: &RefinedGaussians) -> Vec<Sym3> {
 }
 
 /// The cells as Gaussians.
-fn start(moments: &[Moments]) -> RefinedGaussians {
+fn gaussians_of(moments: &[Moments]) -> RefinedGaussians {
     let mut gaussians = RefinedGaussians::default();
     for m in moments {
         gaussians.push(m.mean, m.cov, m.count as f64, m.mass);
@@ -312,7 +312,7 @@ fn to_sum(values: &mut [f64], sum: f64) {
 }
 
 /// A covariance without the negative variances that sums of f32 leave where a few particles lie in a line or a plane.
-fn sound(cov: &Sym3) -> Sym3 {
+fn without_negative_variances(cov: &Sym3) -> Sym3 {
     let mut e = cov.eigen();
     if e.values[2] >= 0.0 {
         return *cov;
@@ -326,7 +326,7 @@ fn append(mixture: &mut Mixture, gaussians: &RefinedGaussians, store: &ParticleS
     let unit = 1.0 / store.scale;
     for j in 0..gaussians.len() {
         if gaussians.count[j] > 0.0 {
-            let cov = sound(&gaussians.cov[j]).scale(unit).scale(unit);
+            let cov = without_negative_variances(&gaussians.cov[j]).scale(unit).scale(unit);
             mixture.push(store.to_world(gaussians.mean[j]), cov, gaussians.count[j], gaussians.mass[j]);
         }
     }

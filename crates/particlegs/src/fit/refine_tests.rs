@@ -8,7 +8,7 @@ use crate::math::{Random, Sym3};
 use crate::model::Mixture;
 use crate::particles::{Column, Particles};
 use crate::progress::{Progress, Scalar, Silent};
-use crate::testing::{from_points, on_threads, sample};
+use crate::testing::{from_points, on_threads, random_points, sample};
 
 fn radius(p: &Particles) -> f64 {
     p.bounds().default_radius(p.len() as u64)
@@ -19,7 +19,14 @@ fn refined(p: &Particles, gaussians: usize, rounds: usize, sample: f64) -> Mixtu
 }
 
 fn refined_with(p: &Particles, gaussians: usize, rounds: usize, sample: f64, progress: &dyn Progress) -> Mixture {
-    let cells = partition(ParticleStore::new(p), gaussians, radius(p), PartitionOptions::default(), progress).unwrap();
+    let cells = partition(
+        ParticleStore::new(p, &p.local_bounds()),
+        gaussians,
+        radius(p),
+        PartitionOptions::default(),
+        progress,
+    )
+    .unwrap();
     let options = RefineOptions {
         cells_a_group: 1,
         first_iterations: 3,
@@ -69,7 +76,9 @@ fn projected_error(m: &Mixture, p: &Particles, blur: f64) -> f64 {
 #[test]
 fn refinement_beats_the_partition_in_projection() {
     let p = sample();
-    let cells = partition(ParticleStore::new(&p), 150, radius(&p), PartitionOptions::default(), &Silent).unwrap();
+    let cells =
+        partition(ParticleStore::new(&p, &p.local_bounds()), 150, radius(&p), PartitionOptions::default(), &Silent)
+            .unwrap();
     let blur = 6.0 * radius(&p);
     let before = projected_error(&cells.mixture(), &p, blur);
     let after = projected_error(&refined(&p, 150, 4, 1e9), &p, blur);
@@ -165,8 +174,7 @@ fn height(m: &Mixture) -> f64 {
 /// particles and a bilayer, each 100 particles a Gaussian, keep their scale heights.
 #[test]
 fn discs_and_layers_stay_thin() {
-    let cloud =
-        |point: &dyn Fn(&mut Random) -> [f64; 3]| from_points((0..60_000).map(|i| point(&mut Random::new(11, 0, i))));
+    let cloud = |point: &dyn Fn(&mut Random) -> [f64; 3]| from_points(random_points(60_000, 11, |_, r| point(r)));
     let disc = |r: &mut Random| {
         let radius = -3.0 * ((1.0 - r.uniform()) * (1.0 - r.uniform())).ln();
         let (sin, cos) = (std::f64::consts::TAU * r.uniform()).sin_cos();

@@ -72,24 +72,24 @@ pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, progress: &dyn Pro
         progress.check()?;
         new = regrouped(&old, &new, &mut homes, &neighbours, measure);
     }
-    new.retain(|item| item.blob.count > 0.0);
+    new.retain(|item| item.gaussian.count > 0.0);
     Ok(frame.mixture(&new, mixture.masses().is_some()))
 }
 
 #[derive(Clone, Copy)]
 struct MergeGaussian {
-    blob: PictureGaussian,
+    gaussian: PictureGaussian,
     mass: f64,
 }
 
 impl MergeGaussian {
     fn joined(&self, other: &MergeGaussian) -> MergeGaussian {
-        MergeGaussian { blob: self.blob.union(&other.blob), mass: self.mass + other.mass }
+        MergeGaussian { gaussian: self.gaussian.union(&other.gaussian), mass: self.mass + other.mass }
     }
 
     /// The same place without particles.
     fn emptied(&self) -> MergeGaussian {
-        MergeGaussian { blob: PictureGaussian { count: 0.0, ..self.blob }, mass: 0.0 }
+        MergeGaussian { gaussian: PictureGaussian { count: 0.0, ..self.gaussian }, mass: 0.0 }
     }
 }
 
@@ -124,16 +124,16 @@ impl WorkUnits {
             let mean = mixture.mean_of(i);
             let mean = each_axis(|k| (mean[k] - self.origin[k]) * per);
             let cov = mixture.cov_of(i).scale(per).scale(per);
-            MergeGaussian { blob: PictureGaussian { count: mixture.count[i], mean, cov }, mass: mixture.mass_of(i) }
+            MergeGaussian { gaussian: PictureGaussian { count: mixture.count[i], mean, cov }, mass: mixture.mass_of(i) }
         };
         (0..mixture.len()).filter(|&i| mixture.count[i] > 0.0).map(item).collect()
     }
 
     fn mixture(&self, items: &[MergeGaussian], masses: bool) -> Mixture {
         let mut out = Mixture::new(masses);
-        for MergeGaussian { blob, mass } in items {
-            let mean = each_axis(|k| self.origin[k] + blob.mean[k] * self.unit);
-            out.push(mean, blob.cov.scale(self.unit).scale(self.unit), blob.count, *mass);
+        for MergeGaussian { gaussian, mass } in items {
+            let mean = each_axis(|k| self.origin[k] + gaussian.mean[k] * self.unit);
+            out.push(mean, gaussian.cov.scale(self.unit).scale(self.unit), gaussian.count, *mass);
         }
         out
     }
@@ -148,7 +148,8 @@ struct OverlapNeighbours(Vec<Vec<u32>>);
 
 impl OverlapNeighbours {
     fn find(items: &[MergeGaussian], measure: OverlapMeasure, reach: f64, progress: &dyn Progress) -> Result<Self> {
-        let ellipsoids: Vec<Ellipsoid> = parallel::map_range(items.len(), |i| ellipsoid(&items[i].blob, measure.floor));
+        let ellipsoids: Vec<Ellipsoid> =
+            parallel::map_range(items.len(), |i| ellipsoid(&items[i].gaussian, measure.floor));
         let tree = OverlapTree::new(&ellipsoids);
         let reach = SearchReach { most: NEIGHBOURS, beyond: reach };
         let mut place = vec![0u32; items.len()];
@@ -160,7 +161,7 @@ impl OverlapNeighbours {
             }
             scratch.with(|found| {
                 // Those without particles are in no tree: they have no place to search from.
-                match items[j].blob.count > 0.0 {
+                match items[j].gaussian.count > 0.0 {
                     true => tree.nearest_to(place[j] as usize, reach, found),
                     false => tree.nearest(&ellipsoids[j], reach, found),
                 }
@@ -172,7 +173,8 @@ impl OverlapNeighbours {
 
     /// Each with those before and after it in the order of a tree over places.
     fn beside(items: &[MergeGaussian], measure: OverlapMeasure) -> Self {
-        let ellipsoids: Vec<Ellipsoid> = parallel::map_range(items.len(), |i| ellipsoid(&items[i].blob, measure.floor));
+        let ellipsoids: Vec<Ellipsoid> =
+            parallel::map_range(items.len(), |i| ellipsoid(&items[i].gaussian, measure.floor));
         let tree = OverlapTree::new(&ellipsoids);
         let mut lists = vec![Vec::new(); items.len()];
         for pair in tree.order().windows(2) {
@@ -318,9 +320,9 @@ struct MergeCandidate {
 /// Each Gaussian's cheapest merge among its neighbours, the cheapest of all first.
 fn cheapest(items: &[MergeGaussian], neighbours: &OverlapNeighbours, measure: OverlapMeasure) -> Vec<MergeCandidate> {
     let own = |j: usize| {
-        let me = &items[j].blob;
+        let me = &items[j].gaussian;
         let merge = |&n: &u32| {
-            let other = &items[n as usize].blob;
+            let other = &items[n as usize].gaussian;
             let cost = measure.blur.difference(&me.union(other), me, other);
             MergeCandidate { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
         };
@@ -346,8 +348,8 @@ fn regrouped(
 ) -> Vec<MergeGaussian> {
     let fields = parallel::map(new, |item| MergeDensity::new(item, measure));
     parallel::for_each(homes.iter_mut().zip(old), |(home, item)| {
-        let cov = item.blob.cov.add(&Sym3::scaled_identity(measure.floor));
-        let cost = |n: u32| fields[n as usize].as_ref().map_or(f64::INFINITY, |f| f.cost(item.blob.mean, &cov));
+        let cov = item.gaussian.cov.add(&Sym3::scaled_identity(measure.floor));
+        let cost = |n: u32| fields[n as usize].as_ref().map_or(f64::INFINITY, |f| f.cost(item.gaussian.mean, &cov));
         let others = neighbours.0[*home as usize].iter().map(|&n| (cost(n), n));
         let best = others.fold((cost(*home), *home), |best, next| if next.0 < best.0 { next } else { best });
         *home = best.1;
@@ -370,9 +372,13 @@ struct MergeDensity {
 
 impl MergeDensity {
     fn new(item: &MergeGaussian, measure: OverlapMeasure) -> Option<MergeDensity> {
-        let cov = item.blob.cov.add(&Sym3::scaled_identity(measure.floor));
-        let inverse = cov.inverse().filter(|_| item.blob.count > 0.0)?;
-        Some(MergeDensity { mean: item.blob.mean, inverse, constant: cov.det().ln() - 2.0 * item.blob.count.ln() })
+        let cov = item.gaussian.cov.add(&Sym3::scaled_identity(measure.floor));
+        let inverse = cov.inverse().filter(|_| item.gaussian.count > 0.0)?;
+        Some(MergeDensity {
+            mean: item.gaussian.mean,
+            inverse,
+            constant: cov.det().ln() - 2.0 * item.gaussian.count.ln(),
+        })
     }
 
     /// Minus twice the mean log-likelihood of a Gaussian's particles, but for a constant.

@@ -156,11 +156,11 @@ pub(crate) fn exchange(
     Ok(made)
 }
 
-fn blob(g: &RefinedGaussians, j: usize) -> PictureGaussian {
+fn picture_gaussian(g: &RefinedGaussians, j: usize) -> PictureGaussian {
     PictureGaussian { count: g.count[j], mean: g.mean[j], cov: g.cov[j] }
 }
 
-fn place(g: &mut RefinedGaussians, j: usize, b: &PictureGaussian, mass: f64) {
+fn replace(g: &mut RefinedGaussians, j: usize, b: &PictureGaussian, mass: f64) {
     g.mean[j] = b.mean;
     g.cov[j] = b.cov;
     g.count[j] = b.count;
@@ -170,14 +170,14 @@ fn place(g: &mut RefinedGaussians, j: usize, b: &PictureGaussian, mass: f64) {
 /// `a` becomes the union of a and b, `at` the split's first part and `b` its second.
 fn apply(g: &mut RefinedGaussians, at: usize, [first, second]: &[PictureGaussian; 2], a: usize, b: usize) {
     if a != b {
-        let whole = blob(g, a).union(&blob(g, b));
-        place(g, a, &whole, g.mass[a] + g.mass[b]);
+        let whole = picture_gaussian(g, a).union(&picture_gaussian(g, b));
+        replace(g, a, &whole, g.mass[a] + g.mass[b]);
     }
     let share = first.count / (first.count + second.count);
     let (mass, count) = (g.mass[at], g.count[at]);
     let part = |p: &PictureGaussian, s: f64| PictureGaussian { count: count * s, ..*p };
-    place(g, at, &part(first, share), mass * share);
-    place(g, b, &part(second, 1.0 - share), mass * (1.0 - share));
+    replace(g, at, &part(first, share), mass * share);
+    replace(g, b, &part(second, 1.0 - share), mass * (1.0 - share));
 }
 
 fn best_splits(
@@ -219,12 +219,12 @@ fn cheapest_merges(
     progress: &dyn Progress,
 ) -> Result<Vec<MergeProposal>> {
     let cheapest = |j: usize| {
-        let me = blob(g, j);
+        let me = picture_gaussian(g, j);
         if me.count == 0.0 {
             return Some(MergeProposal { cost: 0.0, a: j as u32, b: j as u32 });
         }
         let merge = |n: u32| {
-            let other = blob(g, n as usize);
+            let other = picture_gaussian(g, n as usize);
             let whole = me.union(&other);
             let picture = cost.blur.difference(&whole, &me, &other) * cost.shade.at(whole.mean);
             let likelihood = likelihood_gain(&whole, &me, &other, cost.floor);

@@ -18,15 +18,15 @@ use serde::{Deserialize, Serialize};
 pub struct BlockReport {
     /// The plan that it belongs to, BLAKE3 of plan.json.
     pub plan: String,
-    /// Its number.
+    /// The block's number, counted from 0.
     pub block: u32,
     /// BLAKE3 of its model file.
     pub model: String,
     /// Bytes of its model file.
     pub bytes: u64,
-    /// Particles.
+    /// Number of particles.
     pub particles: u64,
-    /// Gaussians.
+    /// Number of Gaussians.
     pub gaussians: u64,
     /// Multiple of the nominal steps, of the largest layer.
     pub step_factor: f64,

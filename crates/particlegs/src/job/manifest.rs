@@ -91,7 +91,7 @@ impl Manifest {
 
 /// A job's folder, opened.
 pub struct Job {
-    /// Where it lies.
+    /// Path of the folder.
     pub folder: PathBuf,
     pub(super) manifest: Manifest,
     /// BLAKE3 of the manifest, by which every file names its plan.

@@ -26,7 +26,7 @@ pub enum State {
 pub struct JobStatus {
     /// Chunks of the snapshot, bucketed or missing.
     pub chunks: Vec<State>,
-    /// Blocks.
+    /// How far each block is.
     pub blocks: Vec<State>,
     /// Bytes of the model files of blocks that are done.
     pub model_bytes: u64,

@@ -17,7 +17,7 @@ impl SelectedParticles<'_> {
     /// [`crate::Error::Cancelled`].
     pub fn write_raw(&self, out: &Path, form: RawForm, progress: &dyn Progress) -> Result<u64> {
         let weighted = self.weighted();
-        let writer = SnapshotWriter::create_as(out, form, self.total(), weighted, (self.origin(), self.is_wide()))?;
+        let writer = SnapshotWriter::create(out, form, self.total(), weighted, self.origin(), self.is_wide())?;
         progress.begin("writing", self.total());
         let triples = parallel::Scratch::default();
         self.for_each_run(progress, &|id, run| {

@@ -11,7 +11,7 @@ const DRAWN_WITHIN: f64 = 0.05;
 /// A box, world units, and the edges along which it repeats.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Domain {
-    /// Lowest corner.
+    /// Lowest corner, world units.
     pub min: [f64; 3],
     /// Edge lengths, above zero.
     pub length: [f64; 3],
@@ -172,7 +172,7 @@ impl Domain {
         self.tilt.is_some()
     }
 
-    /// Volume.
+    /// Volume, world units cubed.
     pub fn volume(&self) -> f64 {
         self.length[0] * self.length[1] * self.length[2] * self.tilt.map_or(1.0, |t| t.volume())
     }
@@ -183,12 +183,12 @@ impl Domain {
         self.length.map(f64::cbrt).iter().product::<f64>() * tilt / (n.max(1) as f64).cbrt()
     }
 
-    /// The longest edge.
+    /// Length of the longest edge, world units.
     pub fn longest(&self) -> f64 {
         self.length.iter().copied().fold(0.0, f64::max)
     }
 
-    /// The shortest edge.
+    /// Length of the shortest edge, world units.
     pub fn shortest(&self) -> f64 {
         self.length.iter().copied().fold(f64::INFINITY, f64::min)
     }

@@ -12,21 +12,21 @@ pub enum Number {
     F32,
     /// IEEE 754, 8 bytes.
     F64,
-    /// Signed integers of 1, 2, 4, 8 bytes.
+    /// Signed, 1 byte.
     I8,
-    /// 2 bytes.
+    /// Signed, 2 bytes.
     I16,
-    /// 4 bytes.
+    /// Signed, 4 bytes.
     I32,
-    /// 8 bytes.
+    /// Signed, 8 bytes.
     I64,
-    /// Unsigned integers of 1, 2, 4, 8 bytes.
+    /// Unsigned, 1 byte.
     U8,
-    /// 2 bytes.
+    /// Unsigned, 2 bytes.
     U16,
-    /// 4 bytes.
+    /// Unsigned, 4 bytes.
     U32,
-    /// 8 bytes.
+    /// Unsigned, 8 bytes.
     U64,
 }
 
@@ -74,7 +74,7 @@ pub struct SourceField {
 
 /// The fields of a layer.
 pub struct LayerFields {
-    /// What they are.
+    /// Name, type and unit of each.
     pub fields: Vec<SourceField>,
     /// Three components each, in the order of the fields'.
     columns: Vec<Triple>,

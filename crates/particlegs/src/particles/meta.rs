@@ -11,7 +11,7 @@ use std::path::Path;
 pub struct SnapshotMeta {
     /// Name shown to people: the file's or folder's.
     pub name: String,
-    /// Simulation cell.
+    /// Simulation cell, in the unit of length.
     pub cell: Option<Cell>,
     /// What numbers are in.
     #[serde(flatten)]
@@ -21,10 +21,10 @@ pub struct SnapshotMeta {
     /// What weights are where they are not masses, such as `Charge`: the unit of mass is that of them then.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub weight_name: Option<String>,
-    /// Cosmology.
+    /// Hubble and density parameters.
     #[serde(flatten)]
     pub cosmology: Cosmology,
-    /// The moment.
+    /// Scale factor, time and step.
     #[serde(flatten)]
     pub epoch: Epoch,
     /// Names of the fields that the source has beside positions and weights.

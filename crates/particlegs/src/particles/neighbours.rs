@@ -554,7 +554,7 @@ mod tests {
     /// The same in tilted boxes, particles of other images among them.
     #[test]
     fn distances_in_tilted_boxes_are_those_of_all_pairs() {
-        use crate::testing::{from_points, gas, tilted_cells};
+        use crate::testing::{from_points, gas, square_between, tilted_cells};
         for mut cell in tilted_cells() {
             cell.origin = [-3.0, 1.0, 0.5];
             let mut p = gas(900, &cell, 5);
@@ -566,11 +566,7 @@ mod tests {
             for rank in [1, 16] {
                 let found = distances_to(rank, &p, &domain, &Silent).unwrap();
                 for i in 0..40 {
-                    let square = |j: usize| {
-                        let d = domain.shortest_way(each_axis(|k| x[j][k] - x[i][k]));
-                        d.iter().map(|v| v * v).sum::<f64>()
-                    };
-                    let mut squares: Vec<f64> = (0..900).map(square).collect();
+                    let mut squares: Vec<f64> = (0..900).map(|j| square_between(&domain, x[i], x[j])).collect();
                     squares.sort_unstable_by(f64::total_cmp);
                     assert!((f64::from(found[i]) - squares[rank].sqrt()).abs() < 1e-5, "{cell:?} {rank} {i}");
                 }

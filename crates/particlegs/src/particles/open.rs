@@ -81,7 +81,7 @@ fn map_raw(path: &Path) -> Result<Column> {
     }
     Ok(match map {
         None => Column::owned(Vec::new()),
-        Some(map) => Column::Mapped { map, offset: 0, len: length / 4 },
+        Some(map) => Column::mapped(map, 0, length / 4),
     })
 }
 

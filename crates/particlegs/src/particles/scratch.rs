@@ -71,7 +71,7 @@ impl ColumnBuffer {
             ColumnBuffer::Disk(map) => {
                 let len = map.len() / 4;
                 let map = map.make_read_only().map_err(|e| Error::io("scratch file", e))?;
-                Column::Mapped { map: Arc::new(map), offset: 0, len }
+                Column::mapped(Arc::new(map), 0, len)
             }
         })
     }

@@ -70,20 +70,9 @@ enum WriteTarget {
 }
 
 impl SnapshotWriter {
-    /// Opens files for `count` particles, whose runs are relative to `origin`: columns stay so, triples are float64
-    /// about 0 where it is not 0. A folder that is there is replaced by the new one as a whole.
-    pub fn create(out: &Path, form: RawForm, count: u64, weighted: bool, origin: [f64; 3]) -> Result<Self> {
-        Self::create_as(out, form, count, weighted, (origin, origin != [0.0; 3]))
-    }
-
-    /// The same, with triples in float64 where that is asked for.
-    pub(crate) fn create_as(
-        out: &Path,
-        form: RawForm,
-        count: u64,
-        weighted: bool,
-        (origin, wide): ([f64; 3], bool),
-    ) -> Result<Self> {
+    /// Opens files for `count` particles, whose runs are relative to `origin`: columns stay so, triples are about 0,
+    /// and float64 where they are to be `wide`. A folder that is there is replaced by the new one as a whole.
+    pub fn create(out: &Path, form: RawForm, count: u64, weighted: bool, origin: [f64; 3], wide: bool) -> Result<Self> {
         let wide = wide && form != RawForm::Columns;
         if form != RawForm::Columns && weighted {
             return Err(Error::input_with(

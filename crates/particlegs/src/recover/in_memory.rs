@@ -88,10 +88,9 @@ fn columns(
 
 #[cfg(test)]
 mod tests {
-    use super::super::plan::tests::model;
+    use super::super::plan::tests::{model, options};
     use super::super::recover;
     use super::*;
-    use crate::particles::RawForm;
     use crate::progress::Silent;
 
     #[test]
@@ -100,14 +99,7 @@ mod tests {
         let drawn = draw(&m, 5, [0.0; 3], false, &Silent).unwrap();
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out");
-        let options = Options {
-            particles: None,
-            method: Method::Count,
-            scale: 1.0,
-            seed: 5,
-            form: RawForm::Columns,
-            model_name: "m.pgs".into(),
-        };
+        let options = options(Method::Count);
         recover(m.clone(), [0; 32], &options, &out, &Silent).unwrap();
         let written = Particles::open_raw(&["xx.f32", "yy.f32", "zz.f32"].map(|n| out.join(n))).unwrap();
         assert_eq!(drawn.len(), 100_307);

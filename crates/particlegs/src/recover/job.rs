@@ -73,7 +73,7 @@ pub fn recover(
     let plan = RecoveryPlan::new(model, options.particles, options.method)?;
     let weighted = plan.weighted();
     let rules = DrawRules::new(options.method, options.scale, options.seed, &local, &plan, progress.simd());
-    let writer = SnapshotWriter::create(out, options.form, plan.total, weighted, origin)?;
+    let writer = SnapshotWriter::create(out, options.form, plan.total, weighted, origin, origin != [0.0; 3])?;
     let bytes = writer.particle_bytes(weighted) * plan.total;
     progress.begin("drawing particles", plan.total);
     let spaces = parallel::Scratch::<(DrawScratch, Run, Vec<_>)>::default();
@@ -114,16 +114,12 @@ const BYTES_A_DRAW: usize = 8 * 7 + 4 * 7;
 #[cfg(test)]
 mod tests {
     use super::super::options::Method;
-    use super::super::plan::tests::model;
+    use super::super::plan::tests::{model, options};
     use super::*;
     use crate::model::Mass;
     use crate::particles::Particles;
     use crate::progress::Silent;
     use particlegs_core::math::each_axis;
-
-    fn options(method: Method) -> Options {
-        Options { particles: None, method, scale: 1.0, seed: 5, form: RawForm::Columns, model_name: "m.pgs".into() }
-    }
 
     fn drawn(model: Model, options: &Options) -> Result<Particles> {
         let dir = tempfile::tempdir().unwrap();
@@ -132,15 +128,11 @@ mod tests {
         let made = recover(model, [0; 32], options, &out, &Silent);
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), usize::from(made.is_ok()));
         let bytes = made?;
-        let p = Particles::open_raw(
-            &["xx.f32", "yy.f32", "zz.f32", "ww.f32"]
-                .map(|n| out.join(n))
-                .into_iter()
-                .filter(|p| p.exists())
-                .collect::<Vec<_>>(),
-        )?;
-        let columns = ["xx.f32", "yy.f32", "zz.f32", "ww.f32"].map(|n| out.join(n).metadata().map_or(0, |m| m.len()));
-        assert_eq!((p.len() as u64, columns.iter().sum::<u64>()), (number, bytes));
+        let files = ["xx.f32", "yy.f32", "zz.f32", "ww.f32"].map(|n| out.join(n)).into_iter().filter(|p| p.exists());
+        let files: Vec<_> = files.collect();
+        let p = Particles::open_raw(&files)?;
+        let written: u64 = files.iter().map(|f| f.metadata().unwrap().len()).sum();
+        assert_eq!((p.len() as u64, written), (number, bytes));
         Ok(p)
     }
 

@@ -198,10 +198,17 @@ pub(super) fn meta_of(metadata: &Metadata, layers: &[Layer<Range<u64>>]) -> Snap
 
 #[cfg(test)]
 pub(super) mod tests {
+    use super::super::options::Options;
     use super::*;
     use crate::model::{AlphaBlend, Law, LawKind, Metadata};
+    use crate::particles::RawForm;
     use crate::space::Bounds;
     use proptest::prelude::*;
+
+    /// Options of raw columns, seed 5.
+    pub fn options(method: Method) -> Options {
+        Options { particles: None, method, scale: 1.0, seed: 5, form: RawForm::Columns, model_name: "m.pgs".into() }
+    }
 
     /// A model of one layer a slice of (count, mass); each Gaussian at its number along x.
     pub fn model(layers: &[(&str, &[(u64, Option<f64>)])]) -> Model {

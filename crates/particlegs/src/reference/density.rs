@@ -152,7 +152,7 @@ mod tests {
     use crate::progress::Silent;
     use crate::reference::Reference;
     use crate::space::Cell;
-    use crate::testing::poisson;
+    use crate::testing::{from_points, poisson};
 
     /// A window of one box holds all mass, wherever its centre is; half of a box's depth half.
     #[test]
@@ -187,12 +187,10 @@ mod tests {
         let slab = Cell { periodic: [true, true, false], ..upright[1] };
         for cell in upright.into_iter().chain([tilted, slab]) {
             // A lattice that has particles on the lower faces, and in the middle.
-            let at = |i: usize, k: usize| {
-                let f = [i % 10, i / 10 % 10, i / 100].map(|n| n as f64 / 10.0);
-                (0..3).map(|a| f[a] * cell.vectors[a][k]).sum::<f64>() as f32
-            };
-            let column = |k: usize| (0..1000).map(|i| at(i, k)).collect::<Vec<f32>>();
-            let particles = Particles::from_columns(column(0), column(1), column(2));
+            let particles = from_points((0..1000).map(|i| {
+                let f = [i % 10, i / 10 % 10, i / 100].map(|n| f64::from(n) / 10.0);
+                each_axis(|k| (0..3).map(|a| f[a] * cell.vectors[a][k]).sum::<f64>())
+            }));
             let reference = Reference::new(&particles);
             let (bounds, extent) = (*reference.bounds(), Extent::new(reference.bounds(), Some(&cell)));
             for angles_deg in

@@ -1,7 +1,7 @@
 //! ParaView's picture before FXAA, exactly: project, sort into bands of rows, gather every pixel's
 //! fragments in particle order, blend (docs/law/splat.md).
 
-use super::bands::{BandSorter, BandedSplats};
+use super::bands::{BandSorter, BandedSplats, visit_sample};
 use super::blend::blend;
 use super::project::{BLOCK, DIAGONAL_LIMIT, NdcSplat, ProjectedBlock, Projector};
 use super::quad::{Quad, first_pixel, snap};
@@ -124,21 +124,15 @@ impl ParaviewScene<'_> {
         if n * 2 <= budget && self.projector.radius_pixels_at_most(self.size) < BAND_ROWS as f32 / 6.0 {
             return std::iter::once(0..bands).collect();
         }
-        const RUN: usize = 1024;
-        let stride = (n / (RUN * 256)).max(1) * RUN;
-        let mut buffer = Default::default();
         let mut count = vec![0u64; bands];
-        let mut sampled = 0;
-        for start in (0..n).step_by(stride) {
-            let chunk = self.particles.chunk(start..n.min(start + RUN), &mut buffer);
-            sampled += chunk.len();
+        let sampled = visit_sample(self.particles, |chunk| {
             let mut sorter = BandSorter::default();
             self.cull(chunk, 0..bands, &mut sorter);
             let sorted = sorter.sort(bands);
             for (band, total) in count.iter_mut().enumerate() {
                 *total += sorted.band(band).len() as u64;
             }
-        }
+        });
         let scale = n as f64 / sampled.max(1) as f64;
         let (mut groups, mut start, mut held) = (Vec::new(), 0, 0.0);
         for (band, &c) in count.iter().enumerate() {

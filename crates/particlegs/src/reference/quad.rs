@@ -139,8 +139,7 @@ impl Quad {
     /// Is a pixel centre inside a rotated quad? Left and bottom edges are in.
     fn covers(&self, column: i32, row: i32) -> bool {
         let mut p = [self.corner[0], self.corner[1], self.corner[3], self.corner[2]];
-        let turn = |a: [i32; 2], b: [i32; 2], c: [i32; 2]| cross(a, b, c);
-        if turn(p[0], p[1], p[2]) < 0 {
+        if cross(p[0], p[1], p[2]) < 0 {
             p.swap(1, 3);
         }
         let at = [column << 8, row << 8];

@@ -33,15 +33,23 @@ pub(super) fn smoothed(
     size: Size,
     progress: &dyn Progress,
 ) -> Result<Plane> {
-    let largest = f64::from(radii.iter().copied().fold(0.0, f32::max));
+    let radii = SupportRadii { radii, largest: f64::from(radii.iter().copied().fold(0.0, f32::max)) };
+    let largest = radii.largest;
     let tails = |cell: &Cell| cell.vectors.map(|v| 2.0 * largest / v.iter().map(|x| x * x).sum::<f64>().sqrt());
-    view.wrapped(size, tails, |view, size| drawn(particles, bounds, (radii, largest), view, size, progress))
+    view.wrapped(size, tails, |view, size| drawn(particles, bounds, radii, view, size, progress))
+}
+
+/// The support radius of each particle's kernel, world units.
+#[derive(Clone, Copy)]
+struct SupportRadii<'a> {
+    radii: &'a [f32],
+    largest: f64,
 }
 
 fn drawn(
     particles: &Particles,
     bounds: &Bounds,
-    (radii, largest): (&[f32], f64),
+    SupportRadii { radii, largest }: SupportRadii<'_>,
     view: &DensityView,
     size: Size,
     progress: &dyn Progress,

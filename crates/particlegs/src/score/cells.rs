@@ -3,7 +3,7 @@
 use crate::model::{CELL_SIZES, CellDensity, Model};
 use crate::particles::Particles;
 use crate::progress::Progress;
-use crate::score::density::density_agreement;
+use crate::score::density::{density_agreement, model_and_uniform};
 use crate::stats::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
@@ -110,14 +110,13 @@ fn grid_of_edge(edge: f64, domain: &Domain) -> Result<Grid> {
 }
 
 fn compared([truth, model]: &[Masses; 2], edge: f64, particles: usize) -> CellDensity {
-    let uniform = vec![truth.mass.iter().sum::<f64>() / truth.mass.len() as f64; truth.mass.len()];
-    let agreement = density_agreement(&truth.mass, &model.mass);
+    let [agreement, uniform] = model_and_uniform(&truth.mass, &model.mass);
     CellDensity {
         edge,
         particles: particles as f64 / truth.mass.len() as f64,
         correlation: agreement.correlation,
         mean_absolute_error: agreement.mean_absolute_error,
-        uniform_mean_absolute_error: density_agreement(&truth.mass, &uniform).mean_absolute_error,
+        uniform_mean_absolute_error: uniform.mean_absolute_error,
     }
 }
 

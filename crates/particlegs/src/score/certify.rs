@@ -39,6 +39,13 @@ pub(crate) struct CertificateInput<'a> {
     pub reached: Option<GoalResult>,
 }
 
+/// What the pictures of a certificate say.
+struct PictureMetrics {
+    views: ViewMetrics,
+    subset: Option<Subset>,
+    pictures: Option<Pictures>,
+}
+
 impl CertificateInput<'_> {
     /// Measures `model`, best the decoded one, whose file has `bytes` without a certificate: pictures (`pictures_of`), and the
     /// density on a grid of 50 cells along the longest extent, over the periodic box where there is one; what an empty
@@ -55,7 +62,7 @@ impl CertificateInput<'_> {
         }
         check_box(&particles.bounds(), particles.meta.cell.as_ref(), &particles.meta.name)?;
         let domain = Domain::from_particles(particles);
-        let (views, subset, pictures) = self.pictures_of(model, bytes, &domain, progress)?;
+        let PictureMetrics { views, subset, pictures } = self.pictures_of(model, bytes, &domain, progress)?;
         let [density, uniform] = density_of(model, particles, &m.bounds, GRID, progress)?;
         let scope = ParticlesWithModel::new(model, particles, seed, SAMPLED_ABOVE, progress)?;
         let first = scope.as_ref().map(|s| s.draw(seed, progress)).transpose()?.flatten();
@@ -99,7 +106,7 @@ impl CertificateInput<'_> {
         bytes: u64,
         domain: &Domain,
         progress: &dyn Progress,
-    ) -> Result<(ViewMetrics, Option<Subset>, Option<Pictures>)> {
+    ) -> Result<PictureMetrics> {
         let m = &model.metadata;
         let truth = Reference::new(self.particles).within(self.memory.unwrap_or(u64::MAX));
         let spacing = domain.spacing(self.particles.len());
@@ -119,7 +126,7 @@ impl CertificateInput<'_> {
             CertificateLevel::Full => Some(pictures(&comparison, m, self.seed, progress)?),
             _ => None,
         };
-        Ok((views, subset, pictures))
+        Ok(PictureMetrics { views, subset, pictures })
     }
 }
 

@@ -71,7 +71,7 @@ impl DensityGrid {
     /// Mass in each cell of a model's Gaussians; what lies outside a grid that does not repeat is
     /// in no cell.
     pub fn of_model(&self, model: &Model, progress: &dyn Progress) -> Result<Vec<f64>> {
-        let mut sum = vec![0.0; self.0.cells.iter().product()];
+        let mut sum = vec![0.0; self.0.len()];
         for layer in &model.layers {
             for block in &layer.content {
                 let part = self.of_mixture(&block.gaussians, progress)?;
@@ -102,7 +102,7 @@ impl DensityGrid {
         n: usize,
         fill: impl Fn(&mut [f64], std::ops::Range<usize>) -> Result<()> + Sync,
     ) -> Result<Vec<f64>> {
-        let cells = self.0.cells.iter().product();
+        let cells = self.0.len();
         let parts = PARTS.min(n.max(1));
         let grids = parallel::try_map_range(parts, |p| {
             let mut grid = vec![0.0; cells];
@@ -121,8 +121,7 @@ impl DensityGrid {
     /// The same beyond the grid: repeated, or the nearest at the edge (the bounds' own end).
     #[cold]
     fn cell_beyond(&self, axis: usize, u: f64) -> usize {
-        let (i, n) = (u.floor() as i64, self.0.cells[axis] as i64);
-        (if self.0.periodic[axis] { i.rem_euclid(n) } else { i.clamp(0, n - 1) }) as usize
+        self.0.wrap(axis, u.floor() as i64)
     }
 }
 
@@ -143,6 +142,12 @@ pub fn density_agreement<T: Copy + Into<f64>>(truth: &[T], model: &[T]) -> Densi
     let correlation =
         if tt > 0.0 && mm2 > 0.0 { tm / (tt.sqrt() * mm2.sqrt()) } else { f64::from(u8::from(tt == mm2)) };
     DensityAgreement { correlation, mean_absolute_error: if mt > 0.0 { error / (n * mt) } else { 0.0 } }
+}
+
+/// Agreement with the truth of a model, and of a uniform density of the same mass.
+pub(super) fn model_and_uniform(truth: &[f64], model: &[f64]) -> [DensityAgreement; 2] {
+    let uniform = vec![truth.iter().sum::<f64>() / truth.len().max(1) as f64; truth.len()];
+    [model, &uniform].map(|other| density_agreement(truth, other))
 }
 
 /// What a certificate says of the densities of a model and of a uniform box.
@@ -167,10 +172,9 @@ pub fn density_of(
     let grid = DensityGrid::new(bounds, particles.meta.cell.as_ref(), longest);
     progress.begin("density", (particles.len() + model.gaussians()) as u64);
     let truth = grid.of_particles(particles, progress)?;
-    let uniform = vec![truth.iter().sum::<f64>() / truth.len().max(1) as f64; truth.len()];
     let model = grid.of_model(model, progress)?;
     progress.end();
-    Ok([&model, &uniform].map(|other| density_agreement(&truth, other)))
+    Ok(model_and_uniform(&truth, &model))
 }
 
 #[cfg(test)]

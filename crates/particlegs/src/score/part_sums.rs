@@ -1,7 +1,7 @@
 //! A certificate of sums over parts: what was never in one process.
 
-use super::density::{DensityAgreement, density_agreement, density_metrics};
-use super::science::science_metrics;
+use super::density::{DensityAgreement, density_metrics, model_and_uniform};
+use super::science::{file_holds, science_metrics};
 use super::sums::{MeasurementFrame, SumsSection, add_rows};
 use super::views::{SIZE, view_metrics};
 use crate::model::{
@@ -88,9 +88,7 @@ impl PartSums<'_> {
             let sum = self.sum(SumsSection::Density(side), progress)?;
             Ok::<_, Error>(sum.into_iter().map(f64::from).collect::<Vec<f64>>())
         };
-        let (truth, model) = (side(0)?, side(1)?);
-        let uniform = vec![truth.iter().sum::<f64>() / truth.len().max(1) as f64; truth.len()];
-        Ok([&model, &uniform].map(|other| density_agreement(&truth, other)))
+        Ok(model_and_uniform(&side(0)?, &side(1)?))
     }
 
     fn field(&self, section: SumsSection, grid: &Grid, progress: &dyn Progress) -> Result<Field> {
@@ -105,8 +103,7 @@ impl PartSums<'_> {
 
     fn science(&self, progress: &dyn Progress) -> Result<Option<ScienceMetrics>> {
         let (o, domain, grid) = (&self.frame.spectrum, &self.frame.domain, self.frame.spectrum_grid());
-        let held = |k: f64| (k as f32).is_normal();
-        if !held(2.0 * std::f64::consts::PI / domain.longest()) || !held(o.k_max) {
+        if !file_holds(domain, o) {
             return Ok(None);
         }
         let (mut mass, mut squares) = (0.0, 0.0);

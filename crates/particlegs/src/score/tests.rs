@@ -181,7 +181,7 @@ fn power_of_mass_is_told_by_layer() {
         let own = |k: usize| {
             let alone = particles.of_layer(&particles.layers()[k]);
             let content = tiny(&alone, cells[k]).layers.remove(0).content;
-            Layer { content, ..layer_head(&particles.layers()[k]) }
+            particles.layers()[k].with(content)
         };
         Model { layers: vec![own(1), own(0)], ..tiny(&particles, 1) }
     };
@@ -192,10 +192,6 @@ fn power_of_mass_is_told_by_layer() {
     });
     assert!(good[1].is_some() && good[1] == bad[1], "{good:?} {bad:?}");
     assert!(good[2] > bad[2] && good[0] > bad[0], "{good:?} {bad:?}");
-}
-
-fn layer_head(l: &Layer<std::ops::Range<usize>>) -> Layer<Vec<Block>> {
-    Layer { name: l.name.clone(), mass: l.mass, content: Vec::new() }
 }
 
 /// A region of a snapshot that is taken for too large has the particles that were asked for, and as many are drawn.

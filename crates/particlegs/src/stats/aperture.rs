@@ -66,7 +66,7 @@ pub struct ApertureMass {
     pub radius: f64,
     /// Smallest and largest size of the groups, particles.
     pub sizes: [u64; 2],
-    /// Groups.
+    /// Number of groups of those sizes.
     pub groups: u64,
     /// Median of other / truth.
     pub median: Option<f64>,
@@ -113,20 +113,17 @@ pub(super) fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::Random;
     use crate::progress::Silent;
+    use crate::testing::random_points;
 
     #[test]
     fn a_lopsided_group_across_the_seam_is_centred_on_its_core() {
         let domain = Domain::upright([5.0; 3], [10.0; 3], [true; 3]);
         let core = [9.95, 0.02, 5.0];
-        let mut x = Vec::new();
-        for i in 0..300 {
-            let mut r = Random::new(1, 0, i);
-            let wide = if i % 3 == 0 { [0.5, 0.0, 0.3] } else { [0.0; 3] };
-            let s = if i % 3 == 0 { 0.2 } else { 0.01 };
-            x.push(domain.local(each_axis(|k| domain.min[k] + core[k] + wide[k] + s * r.normal())));
-        }
+        let x = random_points(300, 1, |i, r| {
+            let (wide, s) = if i % 3 == 0 { ([0.5, 0.0, 0.3], 0.2) } else { ([0.0; 3], 0.01) };
+            domain.local(each_axis(|k| domain.min[k] + core[k] + wide[k] + s * r.normal()))
+        });
         let members: Vec<u32> = (0..300).collect();
         let c = group_center(&x, &members, &domain);
         let d = domain.shortest_way(each_axis(|k| c[k] - core[k]));

@@ -25,7 +25,7 @@ const SLABS: usize = 128;
 /// Mass in each cell of a grid, as f32 (the grid is the largest thing that statistics hold).
 #[derive(Clone, Debug)]
 pub struct Field {
-    /// The grid.
+    /// The grid whose cells hold the mass.
     pub grid: Grid,
     /// Mass in each cell, x slowest.
     pub mass: Vec<f32>,

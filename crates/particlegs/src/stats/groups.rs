@@ -379,15 +379,14 @@ mod tests {
     use crate::math::Random;
     use crate::progress::Silent;
     use crate::stats::local_positions;
-    use crate::testing::{gas, on_threads, tilted_cells};
+    use crate::testing::{gas, on_threads, square_between, tilted_cells};
 
     /// The plain twin: every pair.
     fn plain(x: &[[f64; 3]], domain: &Domain, length: f64, smallest: usize) -> Vec<Vec<u32>> {
         let mut sets = DisjointSets::new(x.len());
         for i in 0..x.len() {
             for j in 0..i {
-                let d = domain.shortest_way(each_axis(|k| x[i][k] - x[j][k]));
-                if d.iter().map(|v| v * v).sum::<f64>() <= length * length {
+                if square_between(domain, x[j], x[i]) <= length * length {
                     sets.join(i as u32, j as u32);
                 }
             }

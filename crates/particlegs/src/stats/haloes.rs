@@ -268,7 +268,7 @@ mod tests {
     use crate::math::{Random, Sym3};
     use crate::progress::Silent;
     use crate::stats::local_positions;
-    use crate::testing::{from_points, model_of, on_threads};
+    use crate::testing::{from_points, model_of, on_threads, random_points};
 
     const BOX: Domain = Domain::upright([5.0; 3], [10.0; 3], [true; 3]);
 
@@ -322,8 +322,7 @@ mod tests {
             }
             low * scale
         };
-        let p = from_points((0..n).map(|i| {
-            let mut r = Random::new(3, 0, i);
+        let p = from_points(random_points(n, 3, |_, r| {
             let z = [r.normal(), r.normal(), r.normal()];
             let per = radius(r.uniform()) / z.iter().map(|v| v * v).sum::<f64>().sqrt();
             z.map(|z| 10.0 + per * z)

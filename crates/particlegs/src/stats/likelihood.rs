@@ -36,7 +36,7 @@ pub struct Likelihood {
     pub bits: f64,
     /// Its standard error, of the sample alone.
     pub error: f64,
-    /// Particles scored.
+    /// Number of particles that were scored.
     pub sampled: u64,
     /// Share of them to which the model gives a density below a thousandth of the uniform one.
     pub missed: f64,

@@ -7,7 +7,7 @@ use crate::particles::Particles;
 /// Moments of one axis, world units.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct AxisMoments {
-    /// Mean.
+    /// Mean position.
     pub mean: f64,
     /// Standard deviation.
     pub deviation: f64,

@@ -31,7 +31,7 @@ pub struct PairCounts {
     pub expected: Vec<f64>,
     /// pairs / expected - 1.
     pub xi: Vec<f64>,
-    /// Particles.
+    /// Number of particles.
     pub particles: u64,
 }
 
@@ -238,23 +238,17 @@ mod tests {
     use super::*;
     use crate::progress::Silent;
     use crate::stats::local_positions;
-    use crate::testing::{gas, on_threads, tilted_cells};
+    use crate::testing::{gas, on_threads, random_points, square_between, tilted_cells};
 
     fn random(n: usize, length: [f64; 3], seed: u64) -> Vec<[f64; 3]> {
-        (0..n)
-            .map(|i| {
-                let mut r = Random::new(seed, 0, i as u64);
-                length.map(|l| f64::from((r.uniform() * l) as f32))
-            })
-            .collect()
+        random_points(n, seed, |_, r| length.map(|l| f64::from((r.uniform() * l) as f32)))
     }
 
     fn plain(x: &[[f64; 3]], domain: &Domain, edges: &[f64]) -> Vec<u64> {
         let mut out = vec![0; edges.len() - 1];
         for i in 0..x.len() {
             for j in (0..x.len()).filter(|j| *j != i) {
-                let d = domain.shortest_way(each_axis(|k| x[j][k] - x[i][k]));
-                let r = d.iter().map(|v| v * v).sum::<f64>();
+                let r = square_between(domain, x[i], x[j]);
                 (0..out.len())
                     .filter(|b| r >= edges[*b].powi(2) && r < edges[*b + 1].powi(2))
                     .for_each(|b| out[b] += 1);

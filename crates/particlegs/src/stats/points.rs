@@ -128,17 +128,12 @@ impl PointGrid {
         for (x, tx) in self.beside(0, i, reach) {
             for (y, ty) in self.beside(1, j, reach) {
                 // Neighbours along z lie together, up to the seam.
-                let mut from = 0;
-                while from < z.len() {
-                    let mut to = from + 1;
-                    while to < z.len() && z[to].1 == z[from].1 {
-                        to += 1;
-                    }
-                    let run = self.row(x, y, z[from].0..z[to - 1].0 + 1);
+                for together in z.chunk_by(|a, b| a.1 == b.1) {
+                    let (first, tz) = together[0];
+                    let run = self.row(x, y, first..first + together.len());
                     if !run.is_empty() {
-                        visit(run, self.domain.turned([tx, ty, z[from].1]));
+                        visit(run, self.domain.turned([tx, ty, tz]));
                     }
-                    from = to;
                 }
             }
         }

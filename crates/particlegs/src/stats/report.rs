@@ -9,7 +9,7 @@ use serde::{Serialize, Serializer};
 /// Everything measured; `None` = not asked for, or not to be had of a model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Statistics {
-    /// How.
+    /// The options that it was measured with.
     pub options: StatsOptions,
     /// The truth's box, which the other is put into.
     pub domain: Domain,
@@ -21,16 +21,16 @@ pub struct Statistics {
     pub spacing: f64,
     /// Densities on a grid.
     pub density: Option<DensityReport>,
-    /// Power spectra.
+    /// Power spectra in shells of wave number.
     pub spectra: Option<Spectra>,
     /// xi(r) from the spectra.
     pub xi_by_transform: Option<XiByTransform>,
     /// xi(r) by pair counts, in bins that both share.
     #[serde(serialize_with = "with_xi_ratio")]
     pub xi_by_pairs: Option<[PairCounts; 2]>,
-    /// Groups.
+    /// Friends-of-friends groups, and the mass in their cores.
     pub groups: Option<GroupReport>,
-    /// Nearest neighbours.
+    /// Distances to the nearest neighbour.
     #[serde(serialize_with = "with_distance_ratios")]
     pub neighbours: Option<[NearestDistances; 2]>,
     /// Moments along x, y and z.
@@ -84,7 +84,7 @@ pub struct Summary {
     pub nearest_median: Option<f64>,
     /// Distances of the first peak of g(r), truth and other.
     pub rdf_peak_at: [Option<f64>; 2],
-    /// Its heights.
+    /// Heights of that peak, truth and other.
     pub rdf_peak_height: [Option<f64>; 2],
     /// Largest difference of g(r), other - truth, among bins of 100 pairs and more in an ideal gas.
     pub rdf_largest_difference: Option<f64>,
@@ -103,13 +103,13 @@ pub struct DensityReport {
     pub cells: [usize; 3],
     /// Edges of a cell, world units.
     pub side: [f64; 3],
-    /// Agreement.
+    /// Agreement of the two densities, cell by cell.
     pub agreement: DensityComparison,
     /// Mass of other / truth.
     pub mass_ratio: f64,
     /// Share of the mass beyond open edges.
     pub outside: [f64; 2],
-    /// Distribution.
+    /// Distribution of 1 + delta over the cells.
     pub pdf: DensityPdf,
     /// 1 + delta of both in the central planes of cells across x, y and z, the first of the two other axes slowest.
     #[serde(skip)]
@@ -121,7 +121,7 @@ pub struct DensityReport {
 pub struct XiByTransform {
     /// Edges of the bins, world units: one more than bins.
     pub edges: Vec<f64>,
-    /// xi of each.
+    /// xi in each bin, truth and other.
     pub xi: [Vec<f64>; 2],
 }
 
@@ -138,7 +138,7 @@ pub struct GroupReport {
     pub classes: Vec<SizeClass>,
     /// Sizes by a factor of the square root of 2.
     pub histogram: Vec<SizeClass>,
-    /// Largest group.
+    /// Particles of the largest group, truth and other.
     pub largest: [u64; 2],
     /// Share of those particles in groups.
     pub grouped: [f64; 2],

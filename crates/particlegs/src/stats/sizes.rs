@@ -7,9 +7,9 @@ pub struct SizeClass {
     pub from: u64,
     /// Largest size; `None` = no end.
     pub to: Option<u64>,
-    /// Groups.
+    /// Number of groups of those sizes, truth and other.
     pub groups: [u64; 2],
-    /// other / truth.
+    /// Groups of the other over those of the truth.
     pub ratio: Option<f64>,
 }
 

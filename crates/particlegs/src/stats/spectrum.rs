@@ -33,7 +33,7 @@ pub struct SpectrumOptions {
 /// One shell of wave numbers.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Shell {
-    /// Its edges.
+    /// Lowest and highest wave number.
     pub edges: [f64; 2],
     /// Mean wave number of its modes.
     pub k: f64,
@@ -41,7 +41,7 @@ pub struct Shell {
     pub modes: u64,
     /// Power of each field, volume units, shot noise subtracted where the options say so.
     pub power: [f64; 2],
-    /// Cross power.
+    /// Cross power, volume units.
     pub cross: f64,
     /// Power of the second over the first.
     pub ratio: Option<f64>,

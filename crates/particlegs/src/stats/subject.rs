@@ -46,7 +46,7 @@ impl<'a> Subject<'a> {
         Ok((converted, words))
     }
 
-    /// Its box.
+    /// The box that it lies in.
     pub fn domain(&self) -> Domain {
         match self {
             Subject::Particles(p) => Domain::from_particles(p),

@@ -3,13 +3,20 @@
 
 use particlegs::Error;
 use particlegs::codec::{self, Encoder, Precision};
+use particlegs::compress::Options;
+use particlegs::job::{Job, Task};
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{
-    Block, CellDensity, Certificate, Cosmology, DensityMetrics, Epoch, LawKind, Limit, Metadata, Mixture, Model,
-    OrbitMetrics, PictureScore, PictureScores, Recipe, ScienceMetrics, ScienceSubject, Spacing, Subset, Units,
+    Block, CellDensity, Certificate, Cosmology, DensityMetrics, Epoch, LawKind, Layer, Limit, Mass, Metadata, Mixture,
+    Model, OrbitMetrics, PictureScore, PictureScores, Recipe, ScienceMetrics, ScienceSubject, Spacing, Subset, Units,
     ViewMetrics,
 };
+use particlegs::particles::{LayeredParticles, Particles};
+use particlegs::progress::{Progress, Silent};
 use particlegs::space::{Bounds, Cell};
+use std::ops::Range;
+use std::path::Path;
+use std::time::{Duration, Instant};
 
 /// A mixture of `n` Gaussians in a box of `scale` at `origin`.
 pub fn mixture(n: usize, seed: u64, origin: f64, scale: f64, weighted: bool) -> Mixture {
@@ -147,6 +154,30 @@ pub fn damaged(bytes: &[u8], seed: u64, bits: impl Iterator<Item = usize>, rando
                 bad[at] = r.bits() as u8;
             }
         });
+    }
+}
+
+/// A job that is planned in `folder`, and whose blocks cannot open the snapshot again; the seed is 3.
+pub fn planned(particles: &Particles, folder: &Path, options: Options) -> Job {
+    let options = Options { seed: 3, ..options };
+    let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
+    Job::plan(LayeredParticles::from_particles(particles), &task, folder, &Silent).unwrap()
+}
+
+/// A layer of some particles whose masses are not known.
+pub fn layer(name: &str, particles: Range<usize>) -> Layer<Range<usize>> {
+    Layer { name: name.into(), mass: Mass::Unknown, content: particles }
+}
+
+/// Tells work to stop when it has gone on for this long.
+pub struct Deadline {
+    pub start: Instant,
+    pub patience: Duration,
+}
+
+impl Progress for Deadline {
+    fn cancelled(&self) -> bool {
+        self.start.elapsed() > self.patience
     }
 }
 
