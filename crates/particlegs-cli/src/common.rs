@@ -1,6 +1,6 @@
 //! Options that every command has, and what they set up.
 
-use crate::allotted;
+use crate::cpu_count;
 use crate::printable::one_line;
 use crate::progress::Meter;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -95,7 +95,7 @@ pub struct Context {
 impl Common {
     /// Sets the threads and the stop signal up.
     pub fn start(self) -> Result<Context> {
-        let threads = self.threads.unwrap_or_else(allotted::threads);
+        let threads = self.threads.unwrap_or_else(cpu_count::threads);
         if threads == 0 || threads > 4096 {
             return Err(Error::argument(format!("--threads {threads} is outside 1 to 4096")));
         }

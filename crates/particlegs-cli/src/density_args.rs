@@ -44,7 +44,7 @@ pub struct Quantities {
 
 impl Quantities {
     /// Of a snapshot, each of whose particles may be spread over some neighbours.
-    pub fn of_particles(p: &Particles, smooth: Option<usize>) -> Self {
+    pub fn from_particles(p: &Particles, smooth: Option<usize>) -> Self {
         let m = &p.meta;
         let known = p.weights().is_some() || m.particle_mass.is_some();
         Quantities {
@@ -56,7 +56,7 @@ impl Quantities {
         }
     }
 
-    pub fn of_model(model: &Model) -> Self {
+    pub fn from_model(model: &Model) -> Self {
         let (m, known) = (&model.metadata, model.has_masses());
         Quantities {
             length_unit: m.units.length_text().map(str::to_string),

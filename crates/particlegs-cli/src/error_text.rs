@@ -20,7 +20,7 @@ pub fn exit_code(error: &Error) -> u8 {
 }
 
 /// An argument that an option gave, with the option's name.
-pub fn of_option(option: &str, error: Error) -> Error {
+pub fn option_error(option: &str, error: Error) -> Error {
     match error {
         Error::Argument { what, hint } => Error::Argument { what: format!("{option}: {what}"), hint },
         other => other,

@@ -2,7 +2,7 @@
 
 use crate::common::Context;
 use crate::printable::one_line;
-use crate::rows::wrapped;
+use crate::text_wrap::wrapped;
 use particlegs::Result;
 use particlegs::model::{Cosmology, Dimension, Epoch, Units};
 use particlegs::particles::SnapshotMeta;
@@ -121,7 +121,7 @@ pub fn moment(units: &Units, cosmology: &Cosmology, epoch: &Epoch) -> Vec<(&'sta
     rows
 }
 
-fn point(p: [f64; 3]) -> String {
+pub fn point(p: [f64; 3]) -> String {
     format!("({}, {}, {})", p[0], p[1], p[2])
 }
 

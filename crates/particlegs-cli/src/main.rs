@@ -1,23 +1,20 @@
 //! The `particlegs` command: parses, calls the library, reports. No numerics here.
 
-mod agree;
-mod allotted;
 mod annotate;
 #[cfg(feature = "lab")]
 mod bench_files;
 mod canvas;
 mod centres;
 mod certificate_args;
+mod certificate_check;
 mod commands;
 mod common;
-mod compared;
-mod compared_density;
-mod cut_short;
+mod comparison;
+mod cpu_count;
 mod density_args;
 mod density_file;
 mod device;
 mod drawing;
-mod drawn;
 mod emit;
 mod error_text;
 mod figure;
@@ -31,23 +28,25 @@ mod job_args;
 mod options;
 mod outputs;
 mod page_args;
+mod page_models;
 mod picture_out;
 mod pictures;
 mod plots;
 mod printable;
 mod progress;
+mod rendered_view;
 mod report;
-mod rows;
 mod run_args;
+mod sigbus;
 mod snapshot_args;
-mod source;
+mod source_check;
 mod stats_plots;
 mod stats_tables;
 mod target_args;
+mod text_wrap;
 mod train_args;
 mod train_log;
 mod view_args;
-mod viewed;
 mod views;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
@@ -95,7 +94,7 @@ fn run() -> particlegs::Result<()> {
 }
 
 fn main() -> ExitCode {
-    cut_short::say_so();
+    sigbus::end_with_message();
     common::meet_file_size_limits();
     end_on_panic();
     match run() {

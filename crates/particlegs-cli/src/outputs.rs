@@ -1,7 +1,7 @@
 //! What a command reads and writes, said before its work: the one place that decides what is replaced.
 
 use crate::common::Context;
-use crate::rows::wrapped;
+use crate::text_wrap::wrapped;
 use clap::Args;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
@@ -37,9 +37,8 @@ const fn replaced(name: &'static str, is: fn(&Path, &[u8]) -> bool) -> Kind {
 pub const MODEL: Kind = Kind { name: "a model file", kept: true, is: |_, head| codec::is_model(head) };
 
 pub const PNG: Kind = replaced("a PNG", |_, head| head.starts_with(b"\x89PNG\r\n\x1a\n"));
-pub const SVG: Kind = replaced("an SVG", |_, head| {
-    head.trim_ascii_start().starts_with(b"<svg") || head.windows(4).any(|w| w == b"<svg")
-});
+pub const SVG: Kind =
+    replaced("an SVG", |_, head| head.trim_ascii_start().starts_with(b"<svg") || head.windows(4).any(|w| w == b"<svg"));
 pub const PDF: Kind = replaced("a PDF", |_, head| head.starts_with(b"%PDF-"));
 pub const GIF: Kind = replaced("a GIF", |_, head| head.starts_with(b"GIF8"));
 /// In the container of ISO 14496-12.
@@ -180,7 +179,7 @@ impl Context {
     }
 
     /// Says how many of a command's pictures there are, where it ends before the last.
-    pub fn says_what_is_there<T>(&self, folder: &Path, done: usize, all: usize, outcome: Result<T>) -> Result<T> {
+    pub fn count_pictures<T>(&self, folder: &Path, done: usize, all: usize, outcome: Result<T>) -> Result<T> {
         if outcome.is_err() && done > 0 {
             self.message(&format!("{done} of {all} pictures are in {}, each whole", folder.display()));
         }

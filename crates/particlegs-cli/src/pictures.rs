@@ -101,7 +101,8 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn 
         "error: model − truth".to_string(),
     ];
     let (error, bar) = error(&truth, &drawn);
-    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), ViewSubject::of_model(model, false));
+    let (args, quantities, subject) =
+        (figure_args(), Quantities::from_model(model), ViewSubject::of_model(model, false));
     let finish = finish(model, &args, &quantities, &subject);
     let range = [1.0, 10.0];
     let mut panels = [truth, drawn]
@@ -154,7 +155,8 @@ fn reach(differences: &[i32]) -> f32 {
 
 fn density(path: &Path, model: &Model, progress: &dyn Progress) -> Result<()> {
     let m = &model.metadata;
-    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), ViewSubject::of_model(model, true));
+    let (args, quantities, subject) =
+        (figure_args(), Quantities::from_model(model), ViewSubject::of_model(model, true));
     let extent = m.bounds.extent_nonzero();
     let height = DENSITY_WIDTH as f64 * (extent[1] / extent[0]);
     let height = height.clamp(DENSITY_HEIGHTS[0], DENSITY_HEIGHTS[1]).round();

@@ -1,6 +1,6 @@
 //! How large a model is to be. Commands add what they mean where nothing is said.
 
-use crate::error_text::of_option;
+use crate::error_text::option_error;
 use clap::{Arg, Args};
 use particlegs::compress::Target;
 use particlegs::model::{Goal, GoalKind};
@@ -117,7 +117,7 @@ impl GoalArgs {
         ];
         let given = |(kind, name, asked, at)| {
             let (asked, at) = (Option::<f64>::zip(asked, at))?;
-            Some(Target::Goal(Goal { kind, asked, at }).check().map_err(|e| of_option(name, e)))
+            Some(Target::Goal(Goal { kind, asked, at }).check().map_err(|e| option_error(name, e)))
         };
         goals.into_iter().find_map(given).transpose()
     }

@@ -131,10 +131,10 @@ impl TuneArgs {
             }
         }
         if let Some(scale) = self.scale {
-            config = config.scaled(scale).map_err(|e| error_text::of_option("--scale", e))?;
+            config = config.scaled(scale).map_err(|e| error_text::option_error("--scale", e))?;
         }
         if let Some(n) = self.iterations {
-            config = config.with_iterations(n).map_err(|e| error_text::of_option("--iterations", e))?;
+            config = config.with_iterations(n).map_err(|e| error_text::option_error("--iterations", e))?;
         }
         config.check()?;
         Ok(config)

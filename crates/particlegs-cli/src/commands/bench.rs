@@ -221,7 +221,7 @@ impl Arguments {
         if let Some((_, name)) = of_experiments.iter().find(|(given, _)| *given) {
             return Err(Error::argument(format!("`bench gpu` makes its own scenes and has no use for {name}")));
         }
-        if let Some(words) = self.snapshot.in_words() {
+        if let Some(words) = self.snapshot.describe() {
             return Err(Error::argument(format!("`bench gpu` makes its own scenes and has no use for {words}")));
         }
         let of_training =
@@ -274,7 +274,7 @@ impl Arguments {
                 context,
             )?;
             let name = path.file_stem().map_or("snapshot".into(), |n| n.to_string_lossy().into_owned());
-            Ok(Snapshot::new(name, path.clone(), particles, self.snapshot.in_words().as_deref()))
+            Ok(Snapshot::new(name, path.clone(), particles, self.snapshot.describe().as_deref()))
         };
         self.snapshots.iter().map(open).collect()
     }
@@ -288,7 +288,7 @@ impl Arguments {
         let device = s.device.name().map_or("", |_| " --device DEVICE");
         let python = if s.python.is_some() { " --python PYTHON" } else { "" };
         let ratios = s.ratios.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
-        let read = self.snapshot.in_words().map_or(String::new(), |w| format!(" {w}"));
+        let read = self.snapshot.describe().map_or(String::new(), |w| format!(" {w}"));
         let command = format!(
             "particlegs bench {} {}{read}{quick}{training}{scale}{device}{python} --ratios {ratios} --size {}x{} --frames {} \
              --seeds {} --seed {}",

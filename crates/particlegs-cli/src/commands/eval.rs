@@ -10,7 +10,7 @@ use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
 use particlegs::camera::{View, ViewsFile};
 use particlegs::model::Model;
-use particlegs::particles::{Particles, Storage};
+use particlegs::particles::Storage;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::render::{Drawer, Scene};
@@ -100,8 +100,19 @@ pub fn run(a: Arguments) -> Result<()> {
     let card =
         a.device.open()?.map(|d| ModelAndParticles::new(&d, &Scene::of(&model), &particles, &context)).transpose()?;
     let drawer = card.as_ref().map(|c| c as &dyn Drawer);
-    let evaluation = score::evaluate(&model, &particles, &views, size, drawer, &context)?;
-    let report = report(evaluation, bytes.len() as u64, &model, &particles, size, views_from);
+    let (model_bytes, raw_bytes, gaussians) = (bytes.len() as u64, particles.raw_bytes(), model.gaussians());
+    let report = EvalReport {
+        evaluation: score::evaluate(&model, &particles, &views, size, drawer, &context)?,
+        model_bytes,
+        raw_bytes,
+        compression_ratio: raw_bytes as f64 / model_bytes as f64,
+        gaussians,
+        bytes_per_gaussian: model_bytes as f64 / gaussians.max(1) as f64,
+        particles: particles.len() as u64,
+        width: size.width,
+        height: size.height,
+        views_from,
+    };
     context.finish(&table(&report), &report)?;
     if let Some(folder) = &a.pictures {
         for path in pictures::write(folder, &model, &particles, &context)? {
@@ -123,30 +134,6 @@ fn views(a: &Arguments, model: &Model, context: &Context) -> Result<(Vec<View>, 
     let seed = context.common.seed;
     let words = format!("{} views per orbit, seed {seed}", a.frames);
     Ok((score::evaluation_views(&model.metadata, a.size, seed, a.frames), a.size, words))
-}
-
-fn report(
-    evaluation: Evaluation,
-    model_bytes: u64,
-    model: &Model,
-    particles: &Particles,
-    size: Size,
-    views_from: String,
-) -> EvalReport {
-    let raw_bytes = particles.raw_bytes();
-    let gaussians = model.gaussians();
-    EvalReport {
-        evaluation,
-        model_bytes,
-        raw_bytes,
-        compression_ratio: raw_bytes as f64 / model_bytes as f64,
-        gaussians,
-        bytes_per_gaussian: model_bytes as f64 / gaussians.max(1) as f64,
-        particles: particles.len() as u64,
-        width: size.width,
-        height: size.height,
-        views_from,
-    }
 }
 
 fn table(r: &EvalReport) -> String {

@@ -9,12 +9,12 @@ use crate::outputs;
 use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::ParticleArgs;
-use crate::source;
+use crate::source_check;
 use crate::target_args::parse_bytes;
 use crate::target_args::{TargetArgs, with_default};
 use crate::train_args::TuneArgs;
 use clap::{Args, ValueHint};
-use particlegs::compress::{Checkpoint, CompressedModel, FineTuning, finetune};
+use particlegs::compress::{CompressedModel, FineTuning, finetune};
 use particlegs::model::LawKind;
 use particlegs::particles::Storage;
 use particlegs::pieces::CheckpointStore;
@@ -23,7 +23,6 @@ use particlegs::train::Config;
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
 use particlegs_files::output;
-use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -106,22 +105,14 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let storage = if a.memory.is_some() { Storage::Disk(a.folder(out)) } else { Storage::Memory };
     let particles = a.particles.read(&a.snapshot, a.common.seed, &storage, &context)?;
-    let of_several = source::is_of_several(&bytes, &model, &place)?;
-    source::check(&model, of_several, &particles, a.snapshot.first().map_or(none, |p| p), path)?;
-    let mut checkpoint = a.run.checkpoint(out, &options.id(&bytes))?;
+    let of_several = source_check::is_of_several(&bytes, &model, &place)?;
+    source_check::check(&model, of_several, &particles, a.snapshot.first().map_or(none, |p| p), path)?;
+    let checkpoint = a.run.checkpoint(out, &options.id(&bytes))?;
     let size = bytes.len() as u64;
     let work = |pieces: &mut dyn CheckpointStore, progress: &dyn Progress| {
         finetune(&model, size, &particles, &options, pieces, progress)
     };
-    let done = a.run.run(&context, checkpoint.as_mut(), work)?;
-    if !done.stopped {
-        context.check()?;
-    }
-    output::write_bytes(out, &done.bytes)?;
-    if done.stopped {
-        return Err(run_args::stopped(out, &context));
-    }
-    checkpoint.map_or(Ok(()), Checkpoint::remove)?;
+    let done = a.run.run(out, &context, checkpoint, work)?;
     report(out, &context, model.gaussians(), size, &done, start.elapsed().as_secs_f64())
 }
 
@@ -158,14 +149,11 @@ fn report(
     );
     text += &run_args::trained(done);
     let certificate = done.model.certificate.as_ref();
-    let (told, verdict) = info_model::told(certificate, &done.model.metadata, &done.model.layers, out, context);
+    let (told, verdict) =
+        info_model::describe_new_model(certificate, &done.model.metadata, &done.model.layers, out, context);
     text += &told;
-    let value = json!({
-        "output": out.to_string_lossy(), "gaussians_in": gaussians_in, "gaussians": gaussians, "model_bytes_in": bytes_in,
-        "model_bytes": bytes, "raw_bytes": done.raw_bytes, "compression_ratio": ratio,
-        "step_factor": done.step_factor, "trained": done.trained, "seconds": seconds,
-        "seconds_by_phase": done.seconds.iter().copied().collect::<std::collections::BTreeMap<_, _>>(),
-        "certificate": certificate, "verdict": verdict,
-    });
-    context.finish(&text, &value)
+    let mut report = run_args::report(out, done, &verdict, seconds);
+    report["gaussians_in"] = gaussians_in.into();
+    report["model_bytes_in"] = bytes_in.into();
+    context.finish(&text, &report)
 }

@@ -8,11 +8,11 @@ use crate::drawing::panels::Panels;
 use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
 use crate::drawing::run::{self, DrawingJob, PictureTarget};
 use crate::drawing::{ViewContent, ViewRenderer, layers};
-use crate::drawn::RenderedView;
 use crate::figure::args::{Background, FigureArgs};
 use crate::figure::output::FileKind;
 use crate::inputs;
 use crate::picture_out::PictureOut;
+use crate::rendered_view::RenderedView;
 use crate::view_args::{ViewArgs, ViewSubject};
 use crate::views::sequence_args::SequenceArgs;
 use clap::{Args, ValueEnum, ValueHint};
@@ -157,7 +157,7 @@ struct RenderOptions {
 }
 
 impl RenderOptions {
-    fn of(a: &Arguments, context: &Context) -> Result<RenderOptions> {
+    fn new(a: &Arguments, context: &Context) -> Result<RenderOptions> {
         let mut asked = RenderOptions {
             style: a.style.unwrap_or(Some(ToneStyle::Paraview)),
             layers: a.layers.clone().unwrap_or_else(|| vec!["all".into()]),
@@ -212,7 +212,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let files = [&a.view.views, &a.sequence.path, &a.like].into_iter().flatten();
     context.reads(a.models.iter().chain(files).map(PathBuf::as_path), false)?;
-    let mut asked = RenderOptions::of(a, &context)?;
+    let mut asked = RenderOptions::new(a, &context)?;
     let read = a.models.iter().map(|path| read(path, &asked, &context)).collect::<Result<Vec<_>>>()?;
     if read.len() > 1 && !a.panels {
         let what = format!("{} models are given, and one is drawn", read.len());
@@ -227,7 +227,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let m = &model.metadata;
     let density = asked.style.is_none();
     let subject = ViewSubject::of_model(model, density);
-    let quantities = Quantities::of_model(model);
+    let quantities = Quantities::from_model(model);
     let device = a.device.open()?;
     let draws = |r| ModelDrawing::new(r, &asked, &subject, device.as_ref(), &context);
     let painters = read.iter().map(draws).collect::<Result<Vec<_>>>()?;
@@ -270,7 +270,7 @@ pub fn run(a: &Arguments) -> Result<()> {
             out.pictures(["panels"].into_iter(), &context)?;
             let (path, range) = panels.draw(&finish, &set, asked.range, &out, &context)?;
             let seconds = started.elapsed().as_secs_f64() / set.views.len() as f64;
-            let of = |v: &View| RenderedView::of_view(v, &subject, seconds, Some(path.clone()));
+            let of = |v: &View| RenderedView::new(v, &subject, seconds, Some(path.clone()));
             let text = format!("{}: {} panels", path.display(), panels.painters.len() * set.views.len());
             (set.views.iter().map(of).collect(), text, range)
         }

@@ -1,12 +1,12 @@
 //! `particlegs view MODEL... [--snapshot SNAP]`.
 
 use crate::common::{Common, Context};
-use crate::error_text::of_option;
+use crate::error_text::option_error;
 use crate::page_args::{AppearanceArgs, PageArgs};
+use crate::page_models::ModelFiles;
 use crate::printable::one_line;
 use crate::progress::to_stderr;
 use crate::snapshot_args::{ParticleArgs, SelectionArgs, SnapshotArgs};
-use crate::viewed::ModelFiles;
 use clap::{Args, ValueHint};
 use particlegs::Result;
 use particlegs::particles::{Particles, Storage};
@@ -134,7 +134,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let poster = |bytes: &[u8]| viewed.poster(bytes, &context, &tell);
     let poster: Option<&(dyn Fn(&[u8]) -> Option<Vec<u8>> + Sync)> =
         if viewed.has_poster(&opening) { Some(&poster) } else { None };
-    server.serve(ViewerContent { models, truth, opening, poster }, &context, &|event| tell(&in_words(&event)))
+    server.serve(ViewerContent { models, truth, opening, poster }, &context, &|event| tell(&describe(&event)))
 }
 
 fn listen(a: &Arguments, context: &Context) -> Result<Server> {
@@ -163,7 +163,7 @@ fn token() -> Result<Token> {
     const VARIABLE: &str = "PARTICLEGS_TOKEN";
     match std::env::var_os(VARIABLE) {
         None => Token::random(),
-        Some(chosen) => Token::chosen(chosen.to_string_lossy().into_owned()).map_err(|e| of_option(VARIABLE, e)),
+        Some(chosen) => Token::chosen(chosen.to_string_lossy().into_owned()).map_err(|e| option_error(VARIABLE, e)),
     }
 }
 
@@ -237,7 +237,7 @@ fn open(server: &Server, context: &Context) -> Result<()> {
     Ok(())
 }
 
-fn in_words(event: &Event) -> String {
+fn describe(event: &Event) -> String {
     match event {
         Event::RefusedHost(name) => {
             format!("refused: a request for host {name}; if a proxy of yours sent it, add `--allow-host {name}`")

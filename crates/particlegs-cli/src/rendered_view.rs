@@ -30,7 +30,7 @@ pub struct RenderedView {
 
 impl RenderedView {
     /// The picture of a view; no path where it is a frame that went into a film.
-    pub fn of_view(view: &View, subject: &ViewSubject, seconds: f64, path: Option<PathBuf>) -> Self {
+    pub fn new(view: &View, subject: &ViewSubject, seconds: f64, path: Option<PathBuf>) -> Self {
         let camera = &view.camera;
         let (fov_deg, height_world) = match camera.projection {
             Projection::Perspective { fov_deg } => (Some(fov_deg), None),
