@@ -29,7 +29,6 @@ pub fn folder(output: &Path, context: &Context) -> Result<PathBuf> {
     Ok(kept)
 }
 
-/// Writes report.html, results.json, a page an experiment, and its tables and figures.
 pub fn write(output: &Path, sections: &[Section], provenance: &Provenance) -> Result<()> {
     let figures = output.join("figures");
     std::fs::create_dir_all(&figures).map_err(|e| Error::io(&figures, e))?;
@@ -54,7 +53,6 @@ pub fn write(output: &Path, sections: &[Section], provenance: &Provenance) -> Re
     write_bytes(&output.join(RESULTS), results(sections, provenance).as_bytes())
 }
 
-/// Writes what is known of a graphics card so far.
 #[cfg(feature = "gpu")]
 pub fn write_gpu(output: &Path, report: &impl serde::Serialize) -> Result<()> {
     let text = serde_json::to_string_pretty(report).unwrap_or_default() + "\n";

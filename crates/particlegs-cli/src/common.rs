@@ -93,7 +93,6 @@ pub struct Context {
 }
 
 impl Common {
-    /// Sets the threads and the stop signal up.
     pub fn start(self) -> Result<Context> {
         let threads = self.threads.unwrap_or_else(cpu_count::threads);
         if threads == 0 || threads > 4096 {
@@ -174,7 +173,6 @@ impl Context {
         done
     }
 
-    /// Tells what a user should know, a line each.
     pub fn notes(&self, notes: &[String]) {
         notes.iter().for_each(|note| self.message(&format!("note: {note}")));
     }

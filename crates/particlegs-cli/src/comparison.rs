@@ -9,7 +9,6 @@ use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Scores of the pictures that two folders share.
 #[derive(Serialize)]
 pub struct FolderComparison {
     pub views: Vec<PictureComparison>,
@@ -30,7 +29,6 @@ impl FolderComparison {
         FolderComparison { views, mean, densities, mean_density, only_in_a: Vec::new(), only_in_b: Vec::new() }
     }
 
-    /// What could not be scored, a line each.
     pub fn failures(&self) -> impl Iterator<Item = &str> {
         let pictures = self.views.iter().filter_map(|v| v.error.as_deref());
         pictures.chain(self.densities.iter().filter_map(|v| v.error.as_deref()))
@@ -41,7 +39,6 @@ impl FolderComparison {
 pub struct PictureComparison {
     /// File name without `.png`.
     pub name: String,
-    /// The scores, where both can be read and have one size.
     #[serde(flatten)]
     pub scores: Option<Scores>,
     /// Largest difference of a pixel, levels.
@@ -142,25 +139,15 @@ fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
 
 fn compare_pictures(name: &str, a: &Path, b: &Path) -> PictureComparison {
     let pair = read_png(a).and_then(|a| Ok((a, read_png(b)?)));
-    let failed = |error: String| PictureComparison {
-        name: name.into(),
-        scores: None,
-        largest_difference: 0,
-        error: Some(error),
+    let (scores, largest_difference, error) = match pair {
+        Err(e) => (None, 0, Some(e.to_string())),
+        Ok((a, b)) if a.size != b.size => {
+            let [a, b] = [a.size, b.size].map(|s| format!("{}x{}", s.width, s.height));
+            (None, 0, Some(format!("{name}: {a} pixels against {b}")))
+        }
+        Ok((a, b)) => (Some(Scores::of(&a, &b)), largest_difference(&a, &b), None),
     };
-    match pair {
-        Err(e) => failed(e.to_string()),
-        Ok((a, b)) if a.size != b.size => failed(format!(
-            "{name}: {}x{} pixels against {}x{}",
-            a.size.width, a.size.height, b.size.width, b.size.height
-        )),
-        Ok((a, b)) => PictureComparison {
-            name: name.into(),
-            scores: Some(Scores::of(&a, &b)),
-            largest_difference: largest_difference(&a, &b),
-            error: None,
-        },
-    }
+    PictureComparison { name: name.into(), scores, largest_difference, error }
 }
 
 fn largest_difference(a: &Gray8, b: &Gray8) -> u8 {
@@ -171,7 +158,6 @@ fn largest_difference(a: &Gray8, b: &Gray8) -> u8 {
 pub struct DensityFileComparison {
     /// File name without `.f32`.
     pub name: String,
-    /// The scores, where both can be read and show the same.
     #[serde(flatten)]
     pub scores: Option<DensityScores>,
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -189,7 +189,6 @@ fn quantity(q: &Quantity) -> String {
     format!("{} ({}{unit}, {} bytes a particle)", q.name, q.kind.name(), q.bytes)
 }
 
-/// Every figure of a certificate. `unit` is the unit of length.
 pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     let Some(c) = c else { return "certificate        none\n".into() };
     let mut out = "certificate        measured at encoding (-: not measured, or none)\n".to_string();
@@ -213,7 +212,6 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     out
 }
 
-/// What was asked for, and what the file has.
 pub fn describe_goal(goal: &GoalResult, unit: Option<&str>) -> String {
     format!("asked for: {}", goal.in_words(unit))
 }
@@ -254,7 +252,6 @@ fn tables(entries: &[MetricEntry], unit: Option<&str>) -> Vec<String> {
     lines
 }
 
-/// What the model is good for, a line a use.
 pub fn verdict(findings: &[Assessment]) -> String {
     let mut out = "verdict            what the model is good for (docs/guide/certificate.md)\n".to_string();
     for f in findings {

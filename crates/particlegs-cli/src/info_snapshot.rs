@@ -22,7 +22,6 @@ struct SnapshotInfoReport<'a> {
     bounds: &'a [Bounds],
 }
 
-/// Describes the snapshot in words or as JSON.
 pub fn print(context: &Context, paths: &[PathBuf], choice: &Choice, bounds: bool) -> Result<()> {
     let (description, bounds) = choice.describe(paths, bounds, context)?;
     let report = SnapshotInfoReport {
@@ -73,7 +72,6 @@ fn text(r: &SnapshotInfoReport<'_>) -> String {
     out.trim_end().to_string()
 }
 
-/// The first files, and how many there are.
 fn files(files: &[PathBuf]) -> String {
     match files {
         [one] => one.display().to_string(),

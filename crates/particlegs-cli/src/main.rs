@@ -5,7 +5,6 @@ mod annotate;
 mod bench_files;
 mod canvas;
 mod centres;
-mod certificate_args;
 mod certificate_check;
 mod commands;
 mod common;
@@ -76,7 +75,6 @@ fn subcommand(command: clap::Command) -> clap::Command {
     if names && !number { command.mut_arg("gadget_blocks", |a| a.visible_alias("blocks")) } else { command }
 }
 
-/// Parses, refuses options that would do nothing, and runs.
 fn run() -> particlegs::Result<()> {
     // `help -h` is `help`.
     let mut arguments: Vec<OsString> = std::env::args_os().collect();

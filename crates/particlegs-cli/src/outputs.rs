@@ -20,7 +20,6 @@ const ADVICE: &str = "name another output, or replace it with --force";
 /// Files of a folder that are named one by one.
 const MOST_NAMED: usize = 12;
 
-/// Of commands that write models, particles or jobs.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct ForceArgs {
     /// Replace the output where there is one. Inputs and files of other kinds are never replaced.
@@ -64,7 +63,6 @@ pub const VALUES: Kind = replaced("raw values of a surface density", |path, _| {
     beginning(&path.with_extension("json")).is_some_and(|text| text.contains("\"surface density\""))
 });
 
-/// A snapshot in one file, in whatever format.
 pub const PARTICLES: Kind = Kind { name: "a snapshot", kept: true, is: |_, _| true };
 
 /// A file that nothing but an empty one may be in the place of.
@@ -168,7 +166,6 @@ impl Context {
         if self.writes(path, kind)? { Err(self.refused(path)) } else { Ok(()) }
     }
 
-    /// The error for what is there and kept.
     pub fn refused(&self, path: &Path) -> Error {
         self.outputs().refused(path)
     }

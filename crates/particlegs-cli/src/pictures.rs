@@ -57,30 +57,16 @@ fn finish<'a>(
         particlegs: env!("CARGO_PKG_VERSION").into(),
         of: vec![SourceFile { name: m.source.clone(), blake3: hex(&m.source_hash) }],
         style: style.into(),
-        layers: Vec::new(),
-        color_by_layer: false,
         colormap: subject.density.then(|| Colormap::default().name().into()),
-        range: None,
         unit: subject.density.then(|| quantities.unit()),
         units: Some(PictureUnits::of(m.unit_system())),
-        background: None,
-        views: serde_json::Value::Null,
+        ..PictureProvenance::default()
     };
     Finisher { args, colormap: Colormap::default(), quantities, subject, legend: Vec::new(), about }
 }
 
 fn figure_args() -> FigureArgs {
-    FigureArgs {
-        colorbar: None,
-        background: None,
-        axes: None,
-        scale_bar: true,
-        title: None,
-        figure_width: None,
-        font_size: Some(LETTERS),
-        dpi: Some(200.0),
-        no_annotations: false,
-    }
+    FigureArgs { scale_bar: true, font_size: Some(LETTERS), dpi: Some(200.0), ..FigureArgs::default() }
 }
 
 fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn Progress) -> Result<()> {

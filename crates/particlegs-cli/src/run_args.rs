@@ -162,7 +162,6 @@ fn checkpoint_path(output: &Path) -> Result<Option<PathBuf>> {
     Ok(Some(PathBuf::from(path)))
 }
 
-/// How the training runs went, a line each.
 pub fn trained(done: &CompressedModel) -> String {
     let mut text = String::new();
     for t in &done.trained {
@@ -182,7 +181,6 @@ pub fn trained(done: &CompressedModel) -> String {
     text
 }
 
-/// What reports say of every run.
 pub fn report(output: &Path, done: &CompressedModel, verdict: &[Assessment], seconds: f64) -> serde_json::Value {
     let bytes = done.bytes.len();
     json!({

@@ -79,7 +79,6 @@ pub enum LayersBy {
     Mass,
 }
 
-/// Names of the formats, for the help and its completion.
 fn names() -> Vec<&'static str> {
     Choice::formats().collect()
 }
@@ -112,7 +111,6 @@ pub struct SelectionArgs {
     pub left_out: bool,
 }
 
-/// A window to keep, instead of a region.
 #[derive(Args, Clone, Debug, Default, Serialize, Deserialize)]
 #[command(next_help_heading = "Selection options (applied in the order region, every, sample)")]
 pub struct WindowArgs {

@@ -61,7 +61,6 @@ pub fn parse_bytes(text: &str) -> Result<u64> {
     Ok((number * unit).floor() as u64)
 }
 
-/// A quality to reach: a target that `compress` alone searches for.
 #[derive(Args, Clone, Debug)]
 pub struct GoalArgs {
     /// Masked PSNR to reach, in dB; --help has targets of P(k), density and groups.

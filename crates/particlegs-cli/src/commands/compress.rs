@@ -92,7 +92,6 @@ pub struct Arguments {
 /// Place in the help of options that come after those of the fit.
 const LATER: usize = 500;
 
-/// Compresses, writes the file and the pictures, reports.
 pub fn run(a: Arguments) -> Result<()> {
     if let Some(text) = a.fit.train.printed()? {
         return crate::report::line(text.trim_end());
@@ -142,7 +141,7 @@ impl Arguments {
     /// Says what is read and written. Tells whether a model is there that is kept: one that this command
     /// can have made.
     fn plan(&self, options: &Options, context: &Context) -> Result<bool> {
-        let inputs = self.input.iter().map(PathBuf::as_path).chain(self.fit.train.config_file());
+        let inputs = self.input.iter().map(PathBuf::as_path).chain(self.fit.train.tune.config_file());
         context.reads(inputs, self.force.force)?;
         if let Some(folder) = &self.pictures {
             // The model may go there as well.

@@ -103,7 +103,7 @@ struct GridArgs {
 }
 
 /// What was written: its bytes, what it is in words, and what the report says beside it.
-type Written = (u64, String, Value);
+type ExportSummary = (u64, String, Value);
 
 struct Export<'a> {
     a: &'a Arguments,
@@ -166,7 +166,7 @@ impl Export<'_> {
         })
     }
 
-    fn splats(&mut self, model: Model) -> Result<Written> {
+    fn splats(&mut self, model: Model) -> Result<ExportSummary> {
         let (a, color, context, m) = (&self.a.dials, self.a.splats.color, self.context, &model.metadata);
         if m.law == LawKind::AlphaBlend
             && model.vizmapper().is_none()
@@ -203,7 +203,7 @@ impl Export<'_> {
         Ok((bytes, format!("{} splats", splats.gaussians()), json!({ "splats": report })))
     }
 
-    fn grid(&mut self, model: &Model) -> Result<Written> {
+    fn grid(&mut self, model: &Model) -> Result<ExportSummary> {
         let (a, context) = (self.a, self.context);
         if model.metadata.law == LawKind::AlphaBlend {
             let what = "an alpha-blend model has no density: its splats hold opacities, not masses";

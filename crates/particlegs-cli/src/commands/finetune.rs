@@ -1,6 +1,6 @@
 //! `particlegs finetune M.pgs SNAPSHOT... -o M2.pgs`.
 
-use crate::certificate_args::CertificateArgs;
+use crate::common::named;
 use crate::common::{Common, Context};
 use crate::device::DeviceArgs;
 use crate::info_model;
@@ -15,7 +15,7 @@ use crate::target_args::{TargetArgs, with_default};
 use crate::train_args::TuneArgs;
 use clap::{Args, ValueHint};
 use particlegs::compress::{CompressedModel, FineTuning, finetune};
-use particlegs::model::LawKind;
+use particlegs::model::{CertificateLevel, LawKind};
 use particlegs::particles::Storage;
 use particlegs::pieces::CheckpointStore;
 use particlegs::progress::Progress;
@@ -53,8 +53,9 @@ pub struct Arguments {
     output: Option<PathBuf>,
     #[command(flatten)]
     target: TargetArgs,
-    #[command(flatten)]
-    certificate: CertificateArgs,
+    /// How much of the decoded model is measured and stored in the file.
+    #[arg(long, value_name = "LEVEL", default_value = "quick", value_parser = named::<CertificateLevel>())]
+    certificate: CertificateLevel,
     /// Memory limit, such as 1GiB: the particles are kept on disk.
     #[arg(long, value_name = "SIZE")]
     memory: Option<String>,
@@ -72,7 +73,6 @@ pub struct Arguments {
     common: Common,
 }
 
-/// The law of the models that are fine-tuned.
 const LAW: Option<LawKind> = Some(LawKind::AlphaBlend);
 
 pub fn run(a: Arguments) -> Result<()> {
@@ -124,7 +124,7 @@ impl Arguments {
             limits: self.run.limits(start, self.folder(out))?,
             memory: self.memory.as_deref().map(parse_bytes).transpose()?,
             seed: self.common.seed,
-            certificate: self.certificate.level(),
+            certificate: self.certificate,
         })
     }
 

@@ -94,7 +94,6 @@ pub struct Arguments {
 /// How particles are drawn: as which tone style, and whether with its noise; `None` = surface density.
 type ParticleStyle = OrNone<(ToneStyle, bool)>;
 
-/// The styles that all particles can be drawn in.
 const STYLES: [NamedChoice<ParticleStyle>; 6] = [
     (
         Some((ToneStyle::Paraview, true)),
@@ -175,14 +174,11 @@ pub fn run(a: &Arguments) -> Result<()> {
         particlegs: env!("CARGO_PKG_VERSION").into(),
         of: vec![SourceFile { name: name.unwrap_or_default(), blake3: hex(&particles.source_hash()) }],
         style: style.clone(),
-        layers: Vec::new(),
-        color_by_layer: false,
         colormap: density.then(|| colormap.name().into()),
-        range: None,
         unit: density.then(|| quantities.unit()),
         units: Some(PictureUnits::of(particles.meta.unit_system())),
         background: ground,
-        views: serde_json::Value::Null,
+        ..PictureProvenance::default()
     };
     let (args, quantities) = (&a.figure, &quantities);
     let finish = Finisher { args, colormap, quantities, subject: &subject, legend: Vec::new(), about };

@@ -130,7 +130,6 @@ struct RenderReport {
     views: Vec<RenderedView>,
 }
 
-/// A model that was read, and what names it.
 struct SourceModel {
     model: Model,
     source: SourceFile,
@@ -328,11 +327,10 @@ fn about(asked: &RenderOptions, read: &[SourceModel], quantities: &Quantities) -
         layers: if asked.layers == ["all"] { Vec::new() } else { asked.layers.clone() },
         color_by_layer: asked.color_by_layer,
         colormap: density.then(|| asked.colormap.name().into()),
-        range: None,
         unit: density.then(|| quantities.unit()),
         units: read.first().map(|r| PictureUnits::of(r.model.metadata.unit_system())),
         background: ground,
-        views: serde_json::Value::Null,
+        ..PictureProvenance::default()
     }
 }
 

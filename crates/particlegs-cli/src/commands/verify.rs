@@ -134,7 +134,6 @@ pub fn run(a: Arguments) -> Result<()> {
     sound
 }
 
-/// Writes the model's file anew, the same blocks with another certificate.
 fn store(path: &Path, bytes: &[u8], model: &Model, certificate: Option<&Certificate>) -> Result<()> {
     output::write_bytes(path, &with_certificate(path, bytes, model, certificate)?)
 }
@@ -179,7 +178,6 @@ impl VerifyReport {
     }
 }
 
-/// What is sound, what is stored, and what was measured.
 fn text(r: &VerifyReport, model: &Model, of_several: bool, place: &str) -> String {
     let mut text = format!(
         "{place}: sound: {} bytes, law {}, {} Gaussians whose counts sum to {} particles, mass within {:.1e}\n",
@@ -225,7 +223,6 @@ fn beside(figures: &[CertificateFigure]) -> String {
     text
 }
 
-/// Reads every file of a job, and its snapshot, through.
 fn verify_job(a: &Arguments, context: &Context) -> Result<()> {
     if !a.snapshot.is_empty() {
         return Err(Error::argument("a job names its snapshot itself: give the folder alone"));
