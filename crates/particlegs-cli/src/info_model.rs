@@ -33,19 +33,11 @@ struct ModelInfoReport<'a> {
     gaussians: u64,
     bytes_per_gaussian: f64,
     metadata: Value,
-    layers: Vec<LayerReport<'a>>,
+    layers: Vec<Value>,
     vizmapper: Option<Value>,
     published_bytes: u64,
     certificate: Option<&'a Certificate>,
     verdict: Vec<Assessment>,
-}
-
-#[derive(Serialize)]
-struct LayerReport<'a> {
-    name: &'a str,
-    particle_mass: Option<f64>,
-    weighted: bool,
-    blocks: &'a [BlockInfo],
 }
 
 pub fn print(context: &Context, path: &Path, bytes: &[u8]) -> Result<()> {
@@ -57,9 +49,9 @@ pub fn is_of_recipe(path: &Path, recipe: &Recipe, progress: &dyn Progress) -> Re
     Ok(codec::read_metadata(&inputs::model(path, progress)?, &name_of(path))?.recipe == *recipe)
 }
 
-fn layer_report(layer: &Layer<Vec<BlockInfo>>) -> LayerReport<'_> {
+fn layer_report(layer: &Layer<Vec<BlockInfo>>) -> Value {
     let Layer { name, mass, content } = layer;
-    LayerReport { name, particle_mass: mass.unit(), weighted: mass.is_weighted(), blocks: content }
+    json!({ "name": name, "particle_mass": mass.unit(), "weighted": mass.is_weighted(), "blocks": content })
 }
 
 fn print_info(context: &Context, info: &FileInfo) -> Result<()> {
@@ -151,16 +143,16 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     row("made by", format!("particlegs {}", m.tool_version));
     m.recipe.fitted().iter().for_each(|effort| row("fitted with", format!("effort {}", effort.name())));
     let weight = m.weight_name().map_or_else(|| "mass".to_string(), |name| format!("`{name}`"));
-    for layer in &r.layers {
-        let count: u64 = layer.blocks.iter().map(|b| b.count).sum();
-        let mass = match (layer.weighted, layer.particle_mass) {
+    for layer in &info.layers {
+        let count: u64 = layer.content.iter().map(|b| b.count).sum();
+        let mass = match (layer.mass.is_weighted(), layer.mass.unit()) {
             (true, _) => format!("each with a {weight} of its own"),
             (false, Some(m)) => format!("of {weight} {m} each"),
             (false, None) => "mass not stated".to_string(),
         };
-        let blocks = layer.blocks.len();
+        let blocks = layer.content.len();
         row("layer", format!("`{}`: {count} particles, {mass}, {blocks} block(s)", layer.name));
-        for b in layer.blocks {
+        for b in &layer.content {
             let BlockInfo { count, gaussians, bytes, .. } = b;
             let each = b.bytes as f64 / f64::from(b.gaussians);
             let place = format!("{} to {}", point(b.bounds.min), point(b.bounds.max));
