@@ -51,7 +51,7 @@ pub type OrNone<T> = Option<T>;
 /// A value of `T`, or the value without one: its name and help.
 pub fn named_or<T: NamedValue>(name: &'static str, help: &'static str) -> impl TypedValueParser<Value = OrNone<T>> {
     let some = T::VALUES.iter().map(|(value, name, help)| (Some(*value), *name, *help));
-    one_of(some.chain([(None, name, help)]))
+    one_of([(None, name, help)].into_iter().chain(some))
 }
 
 /// A value of an option, its name and its help, which may be empty.
