@@ -29,7 +29,6 @@ pub fn folder(output: &Path, context: &Context) -> Result<PathBuf> {
     Ok(kept)
 }
 
-/// Writes report.html, results.json, a page an experiment, and its tables and figures.
 pub fn write(output: &Path, sections: &[Section], provenance: &Provenance) -> Result<()> {
     let figures = output.join("figures");
     std::fs::create_dir_all(&figures).map_err(|e| Error::io(&figures, e))?;

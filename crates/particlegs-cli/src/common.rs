@@ -1,6 +1,6 @@
 //! Options that every command has, and what they set up.
 
-use crate::allotted;
+use crate::cpu_count;
 use crate::printable::one_line;
 use crate::progress::Meter;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -51,7 +51,7 @@ pub type OrNone<T> = Option<T>;
 /// A value of `T`, or the value without one: its name and help.
 pub fn named_or<T: NamedValue>(name: &'static str, help: &'static str) -> impl TypedValueParser<Value = OrNone<T>> {
     let some = T::VALUES.iter().map(|(value, name, help)| (Some(*value), *name, *help));
-    one_of(some.chain([(None, name, help)]))
+    one_of([(None, name, help)].into_iter().chain(some))
 }
 
 /// A value of an option, its name and its help, which may be empty.
@@ -93,9 +93,8 @@ pub struct Context {
 }
 
 impl Common {
-    /// Sets the threads and the stop signal up.
     pub fn start(self) -> Result<Context> {
-        let threads = self.threads.unwrap_or_else(allotted::threads);
+        let threads = self.threads.unwrap_or_else(cpu_count::threads);
         if threads == 0 || threads > 4096 {
             return Err(Error::argument(format!("--threads {threads} is outside 1 to 4096")));
         }
@@ -174,7 +173,6 @@ impl Context {
         done
     }
 
-    /// Tells what a user should know, a line each.
     pub fn notes(&self, notes: &[String]) {
         notes.iter().for_each(|note| self.message(&format!("note: {note}")));
     }

@@ -7,7 +7,7 @@ use crate::picture_out::PictureOut;
 use clap::Args;
 use clap::builder::TypedValueParser;
 use particlegs::camera::{DensityView, Projection, View};
-use particlegs::model::Model;
+use particlegs::model::{Model, Units};
 use particlegs::particles::Particles;
 use particlegs::picture::{Colormap, Plane};
 use particlegs::{Error, Result};
@@ -44,25 +44,22 @@ pub struct Quantities {
 
 impl Quantities {
     /// Of a snapshot, each of whose particles may be spread over some neighbours.
-    pub fn of_particles(p: &Particles, smooth: Option<usize>) -> Self {
-        let m = &p.meta;
-        let known = p.weights().is_some() || m.particle_mass.is_some();
-        Quantities {
-            length_unit: m.units.length_text().map(str::to_string),
-            mass_unit: known.then(|| m.units.mass_text().unwrap_or("mass").to_string()),
-            weight_name: m.weight_name.clone(),
-            comoving: m.units.comoving == Some(true),
-            smooth,
-        }
+    pub fn from_particles(p: &Particles, smooth: Option<usize>) -> Self {
+        let (m, known) = (&p.meta, p.weights().is_some() || p.meta.particle_mass.is_some());
+        Quantities { smooth, ..Quantities::new(&m.units, known, m.weight_name.as_deref()) }
     }
 
-    pub fn of_model(model: &Model) -> Self {
-        let (m, known) = (&model.metadata, model.has_masses());
+    pub fn from_model(model: &Model) -> Self {
+        let m = &model.metadata;
+        Quantities::new(&m.units, model.has_masses(), m.weight_name())
+    }
+
+    fn new(units: &Units, has_masses: bool, weight_name: Option<&str>) -> Self {
         Quantities {
-            length_unit: m.units.length_text().map(str::to_string),
-            mass_unit: known.then(|| m.units.mass_text().unwrap_or("mass").to_string()),
-            weight_name: m.weight_name().map(str::to_string),
-            comoving: m.units.comoving == Some(true),
+            length_unit: units.length_text().map(str::to_string),
+            mass_unit: has_masses.then(|| units.mass_text().unwrap_or("mass").to_string()),
+            weight_name: weight_name.map(str::to_string),
+            comoving: units.comoving == Some(true),
             smooth: None,
         }
     }
@@ -92,7 +89,6 @@ impl Quantities {
     }
 }
 
-/// The range of colours that is asked for by `--range`.
 pub fn range_of(asked: Option<&[f64]>) -> Result<Option<[f64; 2]>> {
     match asked {
         None => Ok(None),
@@ -115,7 +111,6 @@ impl DensityArgs {
         })
     }
 
-    /// Writes a plane as raw values; the path written.
     pub fn write_raw(&self, out: &PictureOut, view: &DensityView, plane: &Plane, q: &Quantities) -> Result<PathBuf> {
         let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
         let focal = view.camera.focal_pixels(plane.size);

@@ -22,12 +22,8 @@ pub struct DensityDescription {
     width: usize,
     height: usize,
     values: String,
-    quantity: String,
-    unit: String,
-    comoving: bool,
-    /// Neighbours that each particle is spread over; of pictures of particles, smoothed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    smooth: Option<usize>,
+    #[serde(flatten)]
+    means: Means,
     projection: String,
     world_per_pixel: f64,
     /// From where; `projection` and `world_per_pixel` say its window.
@@ -37,11 +33,15 @@ pub struct DensityDescription {
 }
 
 /// What of a plane's description the plane and its view do not say.
+#[derive(Serialize, Deserialize)]
 pub struct Means {
     pub quantity: String,
+    /// Unit of the values.
     pub unit: String,
+    /// Are lengths comoving?
     pub comoving: bool,
-    /// Neighbours that each particle is spread over.
+    /// Neighbours that each particle is spread over; of pictures of particles, smoothed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub smooth: Option<usize>,
     /// World units a pixel; at the focal point in perspective.
     pub world_per_pixel: f64,
@@ -71,10 +71,7 @@ fn described(view: &DensityView, size: Size, means: Means) -> DensityDescription
         width: size.width,
         height: size.height,
         values: "float32, little-endian, rows from the top".into(),
-        quantity: means.quantity,
-        unit: means.unit,
-        comoving: means.comoving,
-        smooth: means.smooth,
+        means,
         projection: if perspective { "perspective" } else { "orthographic" }.into(),
         world_per_pixel: means.world_per_pixel,
         camera: Some(CameraRecord { fov_deg: None, height_world: None, clipping_range: Some(view.range), ..record }),
@@ -118,12 +115,13 @@ impl DensityDescription {
             let [a, b] = [self, other].map(|d| format!("{}x{}", d.width, d.height));
             return pair("pixels: ", &a, &b);
         }
-        if (&self.quantity, &self.unit) != (&other.quantity, &other.unit) {
-            let [a, b] = [self, other].map(|d| format!("{} in {}", d.quantity, d.unit));
+        let [a, b] = [&self.means, &other.means];
+        if (&a.quantity, &a.unit) != (&b.quantity, &b.unit) {
+            let [a, b] = [a, b].map(|m| format!("{} in {}", m.quantity, m.unit));
             return pair("", &a, &b);
         }
-        if self.comoving != other.comoving {
-            let [a, b] = [self, other].map(|d| if d.comoving { "comoving" } else { "not comoving" });
+        if a.comoving != b.comoving {
+            let [a, b] = [a, b].map(|m| if m.comoving { "comoving" } else { "not comoving" });
             return pair("lengths: ", &a, &b);
         }
         if self.projection != other.projection {
@@ -139,7 +137,7 @@ impl DensityDescription {
 
     /// Size of a pixel, and the camera where it is known.
     fn numbers(&self) -> Vec<f64> {
-        let mut all = vec![self.world_per_pixel];
+        let mut all = vec![self.means.world_per_pixel];
         if let Some(c) = &self.camera {
             all.extend(
                 [c.position, c.focal_point, c.view_up].as_flattened().iter().chain(c.clipping_range.iter().flatten()),

@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 const SLURM: &str = include_str!("emit/slurm.sh");
 const SNAKEMAKE: &str = include_str!("emit/Snakefile");
 
-/// An engine that can drive a job folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum JobEngine {
     /// A bash script for a login node: three dependent submissions.
@@ -26,13 +25,9 @@ pub struct JobScript {
     pub model: PathBuf,
     /// Chunks of the input to scatter; 0 where blocks read the snapshot itself.
     pub chunks: u64,
-    /// Blocks, at least 1.
     pub blocks: u64,
-    /// Memory of a chunk or a block, bytes.
     pub task_bytes: u64,
-    /// Memory of the merge, bytes.
     pub merge_bytes: u64,
-    /// Threads of one task, at least 1.
     pub threads: usize,
 }
 
@@ -54,16 +49,12 @@ pub fn quoted(engine: JobEngine, path: &Path) -> Result<String> {
 }
 
 pub fn script(engine: JobEngine, job: &JobScript) -> Result<String> {
-    let template = match engine {
-        JobEngine::Slurm => SLURM,
-        JobEngine::Snakemake => SNAKEMAKE,
+    // Slurm's M is a MiB, Snakemake's mem_mb counts 10^6; a tenth more, as engines end what goes beyond.
+    let (template, unit) = match engine {
+        JobEngine::Slurm => (SLURM, 1 << 20),
+        JobEngine::Snakemake => (SNAKEMAKE, 1_000_000),
     };
     let path = |p: &Path| quoted(engine, p);
-    // Slurm's M is a MiB, Snakemake's mem_mb counts 10^6; a tenth more, as engines end what goes beyond.
-    let unit = match engine {
-        JobEngine::Slurm => 1 << 20,
-        JobEngine::Snakemake => 1_000_000,
-    };
     let memory = |bytes: u64| (bytes.div_ceil(unit) * 11).div_ceil(10).to_string();
     Ok(fill(
         template,

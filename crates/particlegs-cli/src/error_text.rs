@@ -19,15 +19,13 @@ pub fn exit_code(error: &Error) -> u8 {
     }
 }
 
-/// An argument that an option gave, with the option's name.
-pub fn of_option(option: &str, error: Error) -> Error {
+pub fn option_error(option: &str, error: Error) -> Error {
     match error {
         Error::Argument { what, hint } => Error::Argument { what: format!("{option}: {what}"), hint },
         other => other,
     }
 }
 
-/// A hint, with options and commands as they are typed.
 pub fn hint_text(hint: &Hint) -> String {
     let typed = |name: String, more: &str| format!("`{}`", [&name, more].join(" ").trim_end());
     hint.spell(|name, value| typed(format!("--{name}"), value), |name, more| typed(format!("particlegs {name}"), more))

@@ -1,6 +1,5 @@
 //! What a model is to be: target, effort, what it stores. The same for `compress` and `plan`.
 
-use crate::certificate_args::CertificateArgs;
 use crate::common::named;
 use crate::snapshot_args::ParticleArgs;
 use crate::target_args::{GoalArgs, TargetArgs, with_default};
@@ -8,6 +7,7 @@ use crate::train_args::TrainArgs;
 use clap::Args;
 use particlegs::compress::Options;
 use particlegs::fit::Effort;
+use particlegs::model::CertificateLevel;
 use particlegs::{Error, Result};
 
 pub fn number_of_blocks(text: &str) -> std::result::Result<u32, String> {
@@ -32,8 +32,9 @@ pub struct FitArgs {
     /// Particle opacity to store as the default, in (0, 1] [default: 0.05].
     #[arg(long, value_name = "A", hide_short_help = true)]
     opacity: Option<f64>,
-    #[command(flatten)]
-    certificate: CertificateArgs,
+    /// How much of the decoded model is measured and stored in the file.
+    #[arg(long, value_name = "LEVEL", default_value = "quick", value_parser = named::<CertificateLevel>())]
+    certificate: CertificateLevel,
     #[command(flatten)]
     pub train: TrainArgs,
 }
@@ -64,7 +65,7 @@ impl FitArgs {
             opacity: self.opacity,
             training: self.train.config()?,
             seed,
-            certificate: self.certificate.level(),
+            certificate: self.certificate,
             read: particles.choice(seed)?.options(),
             ..Options::default()
         })

@@ -2,7 +2,7 @@
 
 use crate::common::Context;
 use crate::printable::one_line;
-use crate::rows::wrapped;
+use crate::text_wrap::wrapped;
 use particlegs::Result;
 use particlegs::model::{Cosmology, Dimension, Epoch, Units};
 use particlegs::particles::SnapshotMeta;
@@ -22,7 +22,6 @@ struct SnapshotInfoReport<'a> {
     bounds: &'a [Bounds],
 }
 
-/// Describes the snapshot in words or as JSON.
 pub fn print(context: &Context, paths: &[PathBuf], choice: &Choice, bounds: bool) -> Result<()> {
     let (description, bounds) = choice.describe(paths, bounds, context)?;
     let report = SnapshotInfoReport {
@@ -73,7 +72,6 @@ fn text(r: &SnapshotInfoReport<'_>) -> String {
     out.trim_end().to_string()
 }
 
-/// The first files, and how many there are.
 fn files(files: &[PathBuf]) -> String {
     match files {
         [one] => one.display().to_string(),
@@ -121,7 +119,7 @@ pub fn moment(units: &Units, cosmology: &Cosmology, epoch: &Epoch) -> Vec<(&'sta
     rows
 }
 
-fn point(p: [f64; 3]) -> String {
+pub fn point(p: [f64; 3]) -> String {
     format!("({}, {}, {})", p[0], p[1], p[2])
 }
 

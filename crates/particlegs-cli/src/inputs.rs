@@ -10,9 +10,7 @@ use particlegs_formats::{Choice, PathKind};
 use serde::Serializer;
 use std::path::Path;
 
-/// What a path holds that may be either.
 pub enum PathContent {
-    /// A model file's bytes.
     Model(Vec<u8>),
     Snapshot(Box<Choice>),
 }

@@ -87,7 +87,7 @@ pub fn task_number(text: &str) -> Result<u64> {
 }
 
 /// Errors of a task that an engine runs again: a stop is no failure.
-pub fn of_task(error: Error, job: &Path, task: &str) -> Error {
+pub fn task_error(error: Error, job: &Path, task: &str) -> Error {
     match error {
         Error::Cancelled => Error::Checkpointed { what: format!("{}: {task}", job.display()) },
         other => other,

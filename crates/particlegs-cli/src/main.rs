@@ -1,23 +1,19 @@
 //! The `particlegs` command: parses, calls the library, reports. No numerics here.
 
-mod agree;
-mod allotted;
 mod annotate;
 #[cfg(feature = "lab")]
 mod bench_files;
 mod canvas;
 mod centres;
-mod certificate_args;
+mod certificate_check;
 mod commands;
 mod common;
-mod compared;
-mod compared_density;
-mod cut_short;
+mod comparison;
+mod cpu_count;
 mod density_args;
 mod density_file;
 mod device;
 mod drawing;
-mod drawn;
 mod emit;
 mod error_text;
 mod figure;
@@ -29,24 +25,26 @@ mod job_args;
 mod options;
 mod outputs;
 mod page_args;
+mod page_models;
 mod picture_out;
 mod pictures;
 mod plots;
 mod printable;
 mod progress;
+mod rendered_view;
 mod report;
-mod rows;
 mod run_args;
 mod sequence_args;
+mod sigbus;
 mod snapshot_args;
-mod source;
+mod source_check;
 mod stats_plots;
 mod stats_tables;
 mod target_args;
+mod text_wrap;
 mod train_args;
 mod train_log;
 mod view_args;
-mod viewed;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
 use std::ffi::OsString;
@@ -75,7 +73,6 @@ fn subcommand(command: clap::Command) -> clap::Command {
     if names && !number { command.mut_arg("gadget_blocks", |a| a.visible_alias("blocks")) } else { command }
 }
 
-/// Parses, refuses options that would do nothing, and runs.
 fn run() -> particlegs::Result<()> {
     // `help -h` is `help`.
     let mut arguments: Vec<OsString> = std::env::args_os().collect();
@@ -93,7 +90,7 @@ fn run() -> particlegs::Result<()> {
 }
 
 fn main() -> ExitCode {
-    cut_short::say_so();
+    sigbus::end_with_message();
     common::meet_file_size_limits();
     end_on_panic();
     match run() {

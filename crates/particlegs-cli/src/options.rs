@@ -9,7 +9,6 @@ use particlegs_export::{Group, Kind as Exported};
 use particlegs_formats::PathKind;
 use std::path::Path;
 
-/// Options of some commands that mean nothing beside some others.
 struct OptionRule {
     /// Separated by blanks, as the options are.
     commands: &'static str,
@@ -110,7 +109,6 @@ const RULES: &[OptionRule] = rules! {
         "density on a grid: it needs an output that ends in .npy, .vti or .fits";
 };
 
-/// Refuses the first option on the command line that would do nothing.
 pub fn check(matches: &ArgMatches) -> Result<()> {
     let Some((command, matches)) = matches.subcommand() else { return Ok(()) };
     let given = CommandMatches(matches);
@@ -136,7 +134,6 @@ fn is_group(option: &str) -> bool {
     option.starts_with(char::is_uppercase)
 }
 
-/// What stands on the command line of one command.
 struct CommandMatches<'a>(&'a ArgMatches);
 
 impl CommandMatches<'_> {
@@ -169,7 +166,6 @@ impl CommandMatches<'_> {
         self.is("style", "density") || self.has("like") && !self.has("style")
     }
 
-    /// Are there bars in the picture, or beside it?
     fn has_bars(&self) -> bool {
         let beside = ["panels", "color_by_layer", "scale_bar", "figure_width"].iter().any(|id| self.has(id));
         self.density() || self.draws_page() || beside
@@ -197,7 +193,6 @@ impl CommandMatches<'_> {
         Exported::of(&out, asked).ok().map(Exported::group)
     }
 
-    /// Is a page or a file of splats written?
     fn exports_picture(&self) -> bool {
         matches!(self.exports(), Some(Group::Page | Group::Splats))
     }

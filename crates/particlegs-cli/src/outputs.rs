@@ -1,7 +1,7 @@
 //! What a command reads and writes, said before its work: the one place that decides what is replaced.
 
 use crate::common::Context;
-use crate::rows::wrapped;
+use crate::text_wrap::wrapped;
 use clap::Args;
 use particlegs::progress::Progress;
 use particlegs::{Error, Result, codec};
@@ -20,7 +20,6 @@ const ADVICE: &str = "name another output, or replace it with --force";
 /// Files of a folder that are named one by one.
 const MOST_NAMED: usize = 12;
 
-/// Of commands that write models, particles or jobs.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct ForceArgs {
     /// Replace the output where there is one. Inputs and files of other kinds are never replaced.
@@ -37,9 +36,8 @@ const fn replaced(name: &'static str, is: fn(&Path, &[u8]) -> bool) -> Kind {
 pub const MODEL: Kind = Kind { name: "a model file", kept: true, is: |_, head| codec::is_model(head) };
 
 pub const PNG: Kind = replaced("a PNG", |_, head| head.starts_with(b"\x89PNG\r\n\x1a\n"));
-pub const SVG: Kind = replaced("an SVG", |_, head| {
-    head.trim_ascii_start().starts_with(b"<svg") || head.windows(4).any(|w| w == b"<svg")
-});
+pub const SVG: Kind =
+    replaced("an SVG", |_, head| head.trim_ascii_start().starts_with(b"<svg") || head.windows(4).any(|w| w == b"<svg"));
 pub const PDF: Kind = replaced("a PDF", |_, head| head.starts_with(b"%PDF-"));
 pub const GIF: Kind = replaced("a GIF", |_, head| head.starts_with(b"GIF8"));
 /// In the container of ISO 14496-12.
@@ -65,7 +63,6 @@ pub const VALUES: Kind = replaced("raw values of a surface density", |path, _| {
     beginning(&path.with_extension("json")).is_some_and(|text| text.contains("\"surface density\""))
 });
 
-/// A snapshot in one file, in whatever format.
 pub const PARTICLES: Kind = Kind { name: "a snapshot", kept: true, is: |_, _| true };
 
 /// A file that nothing but an empty one may be in the place of.
@@ -169,7 +166,6 @@ impl Context {
         if self.writes(path, kind)? { Err(self.refused(path)) } else { Ok(()) }
     }
 
-    /// The error for what is there and kept.
     pub fn refused(&self, path: &Path) -> Error {
         self.outputs().refused(path)
     }
@@ -180,7 +176,7 @@ impl Context {
     }
 
     /// Says how many of a command's pictures there are, where it ends before the last.
-    pub fn says_what_is_there<T>(&self, folder: &Path, done: usize, all: usize, outcome: Result<T>) -> Result<T> {
+    pub fn count_pictures<T>(&self, folder: &Path, done: usize, all: usize, outcome: Result<T>) -> Result<T> {
         if outcome.is_err() && done > 0 {
             self.message(&format!("{done} of {all} pictures are in {}, each whole", folder.display()));
         }

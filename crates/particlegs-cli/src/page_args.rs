@@ -14,7 +14,6 @@ use particlegs::{Error, NamedValue, Result};
 use particlegs_view::page::{PageOpening, PageStyle};
 use std::path::PathBuf;
 
-/// What a page draws first, and from where.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "How the page opens")]
 pub struct PageArgs {
@@ -73,7 +72,6 @@ pub struct PageArgs {
 
 const CAMERA: [&str; 5] = ["azimuth", "elevation", "distance", "projection", "look_at"];
 
-/// How particles and densities look, in pages and in splats.
 #[derive(Args, Clone, Debug)]
 pub struct AppearanceArgs {
     /// Particle radius in world units [default: the model's].

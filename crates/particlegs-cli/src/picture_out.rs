@@ -11,7 +11,6 @@ use std::path::{Path, PathBuf};
 pub enum PictureOut {
     /// NAME.png of each view.
     Folder(PathBuf),
-    /// The picture of the only view.
     File(PathBuf),
 }
 

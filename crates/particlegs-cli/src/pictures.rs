@@ -57,30 +57,16 @@ fn finish<'a>(
         particlegs: env!("CARGO_PKG_VERSION").into(),
         of: vec![SourceFile { name: m.source.clone(), blake3: hex(&m.source_hash) }],
         style: style.into(),
-        layers: Vec::new(),
-        color_by_layer: false,
         colormap: subject.density.then(|| Colormap::default().name().into()),
-        range: None,
         unit: subject.density.then(|| quantities.unit()),
         units: Some(PictureUnits::of(m.unit_system())),
-        background: None,
-        views: serde_json::Value::Null,
+        ..PictureProvenance::default()
     };
     Finisher { args, colormap: Colormap::default(), quantities, subject, legend: Vec::new(), about }
 }
 
 fn figure_args() -> FigureArgs {
-    FigureArgs {
-        colorbar: None,
-        background: None,
-        axes: None,
-        scale_bar: true,
-        title: None,
-        figure_width: None,
-        font_size: Some(LETTERS),
-        dpi: Some(200.0),
-        no_annotations: false,
-    }
+    FigureArgs { scale_bar: true, font_size: Some(LETTERS), dpi: Some(200.0), ..FigureArgs::default() }
 }
 
 fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn Progress) -> Result<()> {
@@ -101,7 +87,8 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, progress: &dyn 
         "error: model − truth".to_string(),
     ];
     let (error, bar) = error(&truth, &drawn);
-    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), ViewSubject::of_model(model, false));
+    let (args, quantities, subject) =
+        (figure_args(), Quantities::from_model(model), ViewSubject::of_model(model, false));
     let finish = finish(model, &args, &quantities, &subject);
     let range = [1.0, 10.0];
     let mut panels = [truth, drawn]
@@ -154,7 +141,8 @@ fn reach(differences: &[i32]) -> f32 {
 
 fn density(path: &Path, model: &Model, progress: &dyn Progress) -> Result<()> {
     let m = &model.metadata;
-    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), ViewSubject::of_model(model, true));
+    let (args, quantities, subject) =
+        (figure_args(), Quantities::from_model(model), ViewSubject::of_model(model, true));
     let extent = m.bounds.extent_nonzero();
     let height = DENSITY_WIDTH as f64 * (extent[1] / extent[0]);
     let height = height.clamp(DENSITY_HEIGHTS[0], DENSITY_HEIGHTS[1]).round();

@@ -9,7 +9,6 @@ use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// One line and a hint on stderr; the exit code of docs/guide/exit-codes.md.
 pub fn failure(error: &Error) -> ExitCode {
     if matches!(error, Error::Io { source, .. } if source.kind() == std::io::ErrorKind::BrokenPipe) {
         return ExitCode::SUCCESS;
@@ -32,12 +31,10 @@ pub fn verbatim(line: &str) -> particlegs::Result<()> {
     whole(|| writeln!(std::io::stdout(), "{line}"))
 }
 
-/// Text as it is, on stdout.
 pub fn text(bytes: &[u8]) -> particlegs::Result<()> {
     whole(|| std::io::stdout().write_all(bytes))
 }
 
-/// The help or the version that was asked for, on stdout.
 pub fn help(asked: &clap::Error) -> particlegs::Result<()> {
     whole(|| asked.print())
 }

@@ -8,9 +8,12 @@ use clap::{Args, ValueHint};
 use particlegs::checkpoint::{CheckpointStore, NoCheckpoints};
 use particlegs::compress::{Checkpoint, CompressedModel};
 use particlegs::progress::Progress;
+use particlegs::score::Assessment;
 use particlegs::train::Limits;
 use particlegs::{Error, Result};
 use particlegs_files::output;
+use serde_json::json;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -92,8 +95,32 @@ impl RunArgs {
         }
     }
 
-    /// Does the work, with its log and its checkpoint. The checkpoint stays where the work ends early.
+    /// Does the work, with its log and its checkpoint, and writes the model to `output`. Where the work ends early the
+    /// checkpoint stays, and the error is that it was stopped.
     pub fn run(
+        &self,
+        output: &Path,
+        context: &Context,
+        mut checkpoint: Option<Checkpoint>,
+        work: impl FnOnce(&mut dyn CheckpointStore, &dyn Progress) -> Result<CompressedModel>,
+    ) -> Result<CompressedModel> {
+        let done = self.work(context, checkpoint.as_mut(), work)?;
+        context.notes(&done.notes);
+        if !done.stopped {
+            context.check()?;
+        }
+        output::write_bytes(output, &done.bytes)?;
+        if done.stopped {
+            let output = output.display();
+            let what = format!("{output} holds the best model so far; the same command with --resume continues");
+            context.message(&format!("stopped: {what}"));
+            return Err(Error::Cancelled);
+        }
+        checkpoint.map_or(Ok(()), Checkpoint::remove)?;
+        Ok(done)
+    }
+
+    fn work(
         &self,
         context: &Context,
         mut checkpoint: Option<&mut Checkpoint>,
@@ -135,15 +162,6 @@ fn checkpoint_path(output: &Path) -> Result<Option<PathBuf>> {
     Ok(Some(PathBuf::from(path)))
 }
 
-/// Says of a run that was stopped what there is.
-pub fn stopped(output: &Path, context: &Context) -> Error {
-    let output = output.display();
-    context
-        .message(&format!("stopped: {output} holds the best model so far; the same command with --resume continues"));
-    Error::Cancelled
-}
-
-/// How the training runs went, a line each.
 pub fn trained(done: &CompressedModel) -> String {
     let mut text = String::new();
     for t in &done.trained {
@@ -161,4 +179,15 @@ pub fn trained(done: &CompressedModel) -> String {
         }
     }
     text
+}
+
+pub fn report(output: &Path, done: &CompressedModel, verdict: &[Assessment], seconds: f64) -> serde_json::Value {
+    let bytes = done.bytes.len();
+    json!({
+        "output": output.to_string_lossy(), "gaussians": done.model.gaussians(), "model_bytes": bytes,
+        "raw_bytes": done.raw_bytes, "compression_ratio": done.raw_bytes as f64 / bytes as f64,
+        "step_factor": done.step_factor, "trained": done.trained, "seconds": seconds,
+        "seconds_by_phase": done.seconds.iter().copied().collect::<BTreeMap<_, _>>(),
+        "certificate": done.model.certificate, "verdict": verdict,
+    })
 }

@@ -79,7 +79,6 @@ pub enum LayersBy {
     Mass,
 }
 
-/// Names of the formats, for the help and its completion.
 fn names() -> Vec<&'static str> {
     Choice::formats().collect()
 }
@@ -112,7 +111,6 @@ pub struct SelectionArgs {
     pub left_out: bool,
 }
 
-/// A window to keep, instead of a region.
 #[derive(Args, Clone, Debug, Default, Serialize, Deserialize)]
 #[command(next_help_heading = "Selection options (applied in the order region, every, sample)")]
 pub struct WindowArgs {
@@ -176,7 +174,7 @@ impl SnapshotArgs {
 
     /// The options that were given, as they would be given again; `None` without any.
     #[cfg(feature = "lab")]
-    pub fn in_words(&self) -> Option<String> {
+    pub fn describe(&self) -> Option<String> {
         let numbers = |list: &Vec<f64>| list.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
         let types = (!self.particle_type.is_empty()).then(|| self.particle_type.join(","));
         let by_mass = (self.layers_by == LayersBy::Mass).then(|| "mass".to_string());
@@ -262,7 +260,7 @@ mod tests {
     /// What is said of the options gives them again.
     #[test]
     fn options_are_said_as_they_are_given() {
-        let of = |words: &[&str]| TestCommandLine::parse_from(["x"].iter().chain(words)).snapshot.in_words();
+        let of = |words: &[&str]| TestCommandLine::parse_from(["x"].iter().chain(words)).snapshot.describe();
         assert_eq!(of(&[]), None);
         let rest = "--particle-type 1,dm --mass-field none --frame 3 --layers-by mass --box 2,2.5,3 --length-unit kpc \
                     --unwrapped keep --gadget-blocks POS,ID --skip-invalid --strict";

@@ -25,7 +25,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "LAW", hide_short_help = true, value_parser = named::<LawKind>())]
     law: Option<LawKind>,
     #[command(flatten)]
-    tune: TuneArgs,
+    pub tune: TuneArgs,
 }
 
 #[derive(Args, Clone, Debug)]
@@ -69,16 +69,11 @@ impl TrainArgs {
         Some(Config::preset(preset, self.law.unwrap_or(LawKind::OpticalDepth)))
     }
 
-    pub fn config_file(&self) -> Option<&Path> {
-        self.tune.config_file()
-    }
-
-    /// The hyper-parameters; `None` = no training.
     pub fn config(&self) -> Result<Option<Config>> {
         if let Some(preset) = self.preset() {
             return self.tune.config(preset, self.law).map(Some);
         }
-        if self.tune.is_given() || self.law.is_some() {
+        if self.tune.scale.is_some() || self.tune.iterations.is_some() || self.law.is_some() {
             return Err(Error::argument("--law, --scale and --iterations need --train fast|best|paper, or --config"));
         }
         Ok(None)
@@ -95,11 +90,6 @@ impl TuneArgs {
         self.config.as_deref()
     }
 
-    fn is_given(&self) -> bool {
-        self.config.is_some() || self.scale.is_some() || self.iterations.is_some()
-    }
-
-    /// The file's text: read once, as a pipe gives it once.
     fn text_of(&self, path: &Path) -> Result<&str> {
         if let Some(text) = self.file.get() {
             return Ok(text);
@@ -131,10 +121,10 @@ impl TuneArgs {
             }
         }
         if let Some(scale) = self.scale {
-            config = config.scaled(scale).map_err(|e| error_text::of_option("--scale", e))?;
+            config = config.scaled(scale).map_err(|e| error_text::option_error("--scale", e))?;
         }
         if let Some(n) = self.iterations {
-            config = config.with_iterations(n).map_err(|e| error_text::of_option("--iterations", e))?;
+            config = config.with_iterations(n).map_err(|e| error_text::option_error("--iterations", e))?;
         }
         config.check()?;
         Ok(config)
@@ -166,7 +156,6 @@ fn table(config: &Config) -> Result<toml::Table> {
     toml::Table::try_from(config).map_err(|e| Error::argument(e.to_string()))
 }
 
-/// Puts the values of `changes` over those of `all`, table by table.
 fn overlay(all: &mut toml::Table, changes: toml::Table) {
     for (key, value) in changes {
         match (all.get_mut(&key), value) {

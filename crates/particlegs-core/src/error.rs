@@ -180,32 +180,21 @@ pub trait AsPlace {
     fn as_place(&self) -> String;
 }
 
-impl AsPlace for &str {
-    fn as_place(&self) -> String {
-        (*self).to_string()
-    }
+macro_rules! places {
+    ($($of:ty: |$place:ident| $text:expr;)+) => {
+        $(impl AsPlace for $of {
+            fn as_place(&self) -> String {
+                let $place = self;
+                $text
+            }
+        })+
+    };
 }
 
-impl AsPlace for String {
-    fn as_place(&self) -> String {
-        self.clone()
-    }
-}
-
-impl AsPlace for &String {
-    fn as_place(&self) -> String {
-        (*self).clone()
-    }
-}
-
-impl AsPlace for &Path {
-    fn as_place(&self) -> String {
-        self.display().to_string()
-    }
-}
-
-impl AsPlace for &std::path::PathBuf {
-    fn as_place(&self) -> String {
-        self.display().to_string()
-    }
+places! {
+    &str: |place| (*place).to_string();
+    String: |place| place.clone();
+    &String: |place| (*place).clone();
+    &Path: |place| place.display().to_string();
+    &std::path::PathBuf: |place| place.display().to_string();
 }

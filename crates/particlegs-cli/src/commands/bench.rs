@@ -222,7 +222,7 @@ impl Arguments {
         if let Some((_, name)) = of_experiments.iter().find(|(given, _)| *given) {
             return Err(Error::argument(format!("`bench gpu` makes its own scenes and has no use for {name}")));
         }
-        if let Some(words) = self.snapshot.in_words() {
+        if let Some(words) = self.snapshot.describe() {
             return Err(Error::argument(format!("`bench gpu` makes its own scenes and has no use for {words}")));
         }
         let of_training =
@@ -275,7 +275,7 @@ impl Arguments {
                 context,
             )?;
             let name = path.file_stem().map_or("snapshot".into(), |n| n.to_string_lossy().into_owned());
-            Ok(Snapshot::new(name, path.clone(), particles, self.snapshot.in_words().as_deref()))
+            Ok(Snapshot::new(name, path.clone(), particles, self.snapshot.describe().as_deref()))
         };
         self.snapshots.iter().map(open).collect()
     }
@@ -295,7 +295,7 @@ impl Arguments {
             false => format!(" --ratios {ratios} --size {width}x{height} --frames {} --seeds {}", s.frames, s.seeds),
         };
         let of: String = names.iter().map(|name| format!(" {name}")).collect();
-        let read = self.snapshot.in_words().map_or(String::new(), |w| format!(" {w}"));
+        let read = self.snapshot.describe().map_or(String::new(), |w| format!(" {w}"));
         let command = format!(
             "particlegs bench {}{of}{read}{quick}{training}{scale}{device}{python}{measured} --seed {}",
             self.name, s.seed

@@ -1,7 +1,7 @@
 //! `particlegs block JOB I`.
 
 use crate::common::Common;
-use crate::job_args::{JobSnapshot, of_task, task_number};
+use crate::job_args::{JobSnapshot, task_error, task_number};
 use clap::{Args, ValueHint};
 use particlegs::job::Job;
 use particlegs::{Error, Result};
@@ -38,7 +38,7 @@ pub fn run(a: Arguments) -> Result<()> {
     context.reads_job(&a.job, snapshot.paths(), false)?;
     context.finishes_its_steps();
     let report = job.block(block, || snapshot.layered(&context), &context);
-    let report = report.map_err(|e| of_task(e, &a.job, &format!("block {block}")))?;
+    let report = report.map_err(|e| task_error(e, &a.job, &format!("block {block}")))?;
     let how = match report.continued {
         None => "was already done".to_string(),
         Some(0) => "done".to_string(),

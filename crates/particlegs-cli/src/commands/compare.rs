@@ -1,7 +1,7 @@
 //! `particlegs compare A B`.
 
 use crate::common::Common;
-use crate::compared::{self, FolderComparison};
+use crate::comparison::{self, FolderComparison};
 use crate::printable::one_line;
 use clap::{Args, ValueHint};
 use particlegs::progress::Progress;
@@ -37,7 +37,7 @@ pub struct Arguments {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     context.reads([a.a.as_path(), &a.b], false)?;
-    let comparison = compared::compare(&a.a, &a.b, &context)?;
+    let comparison = comparison::compare(&a.a, &a.b, &context)?;
     for (names, folder) in [(&comparison.only_in_a, &a.b), (&comparison.only_in_b, &a.a)] {
         if !names.is_empty() {
             context.message(&format!("warning: not in {}: {}", folder.display(), names.join(", ")));

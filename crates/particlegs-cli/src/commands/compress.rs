@@ -92,7 +92,6 @@ pub struct Arguments {
 /// Place in the help of options that come after those of the fit.
 const LATER: usize = 500;
 
-/// Compresses, writes the file and the pictures, reports.
 pub fn run(a: Arguments) -> Result<()> {
     if let Some(text) = a.fit.train.printed()? {
         return crate::report::line(text.trim_end());
@@ -118,24 +117,12 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let planned = Compression::plan(&particles, &options, &context)?;
     context.notes(planned.notes());
-    let told = planned.notes().len();
-    let mut checkpoint = match options.training {
+    let checkpoint = match options.training {
         Some(_) => a.run.checkpoint(a.output(), &planned.id())?,
         None => None,
     };
     let work = |pieces: &mut dyn CheckpointStore, progress: &dyn Progress| planned.run(pieces, progress);
-    let done = a.run.run(&context, checkpoint.as_mut(), work)?;
-    context.notes(&done.notes[told..]);
-    if !done.stopped {
-        context.check()?;
-    }
-    output::write_bytes(a.output(), &done.bytes)?;
-    if done.stopped {
-        return Err(run_args::stopped(a.output(), &context));
-    }
-    if let Some(checkpoint) = checkpoint {
-        checkpoint.remove()?;
-    }
+    let done = a.run.run(a.output(), &context, checkpoint, work)?;
     let seconds = start.elapsed().as_secs_f64();
     report(&a, &context, &done, seconds)?;
     a.write_pictures(&done.model, &particles, &context)
@@ -154,7 +141,7 @@ impl Arguments {
     /// Says what is read and written. Tells whether a model is there that is kept: one that this command
     /// can have made.
     fn plan(&self, options: &Options, context: &Context) -> Result<bool> {
-        let inputs = self.input.iter().map(PathBuf::as_path).chain(self.fit.train.config_file());
+        let inputs = self.input.iter().map(PathBuf::as_path).chain(self.fit.train.tune.config_file());
         context.reads(inputs, self.force.force)?;
         if let Some(folder) = &self.pictures {
             // The model may go there as well.
@@ -203,7 +190,7 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
     }
     let (raw_bytes, gaussians) = (particles.raw_bytes(), model.gaussians());
     let ratio = raw_bytes as f64 / bytes.len() as f64;
-    let (told, _) = info_model::told(certificate, &model.metadata, &model.layers, a.output(), context);
+    let (told, _) = info_model::describe_new_model(certificate, &model.metadata, &model.layers, a.output(), context);
     let text = format!(
         "{place}: is there already, made of this snapshot by the same options: {} particles -> {gaussians} Gaussians, \
          {} bytes, ratio {ratio:.1}{told}",
@@ -228,20 +215,17 @@ fn report(a: &Arguments, context: &Context, done: &CompressedModel, seconds: f64
     );
     text += &run_args::trained(done);
     if let Some(goal) = &done.reached {
-        text += &format!("\n{}", info_model::goal_in_words(goal, done.model.metadata.units.length_text()));
+        text += &format!("\n{}", info_model::describe_goal(goal, done.model.metadata.units.length_text()));
     }
     if a.fit.is_fast() {
         text += "\n--effort fast: fewer small groups than default from ratio 300 on (docs/results/recovery.md)";
     }
     let Model { certificate, metadata, layers } = &done.model;
-    let (told, verdict) = info_model::told(certificate.as_ref(), metadata, layers, a.output(), context);
+    let (told, verdict) = info_model::describe_new_model(certificate.as_ref(), metadata, layers, a.output(), context);
     text += &told;
-    let value = json!({
-        "output": a.output().to_string_lossy(), "particles": done.model.metadata.count, "gaussians": gaussians,
-        "model_bytes": bytes, "raw_bytes": done.raw_bytes, "compression_ratio": ratio,
-        "bytes_per_gaussian": bytes as f64 / gaussians as f64, "step_factor": done.step_factor, "goal": done.reached, "trained": done.trained,
-        "seconds": seconds, "seconds_by_phase": done.seconds.iter().copied().collect::<std::collections::BTreeMap<_, _>>(),
-        "certificate": done.model.certificate, "verdict": verdict,
-    });
-    context.finish(&text, &value)
+    let mut report = run_args::report(a.output(), done, &verdict, seconds);
+    report["particles"] = metadata.count.into();
+    report["bytes_per_gaussian"] = (bytes as f64 / gaussians as f64).into();
+    report["goal"] = json!(done.reached);
+    context.finish(&text, &report)
 }

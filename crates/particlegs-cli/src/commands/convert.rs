@@ -61,7 +61,6 @@ pub struct Arguments {
 /// What `convert -h` shows of the options that other commands leave to `--help`.
 const SELECTION: [&str; 5] = ["region", "every", "sample", "center", "width"];
 
-/// Names of the formats that can be written.
 fn writers() -> Vec<&'static str> {
     Writer::all().iter().map(|w| w.name).collect()
 }
@@ -111,7 +110,6 @@ pub fn run(a: Arguments) -> Result<()> {
     context.finish(&text, &report)
 }
 
-/// A model's Gaussians as the PLY of splat viewers.
 fn splats(a: &Arguments, model: &Path, bytes: &[u8], context: &Context) -> Result<()> {
     let start = std::time::Instant::now();
     let is_ply = a.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"));

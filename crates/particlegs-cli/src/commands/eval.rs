@@ -10,7 +10,7 @@ use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
 use particlegs::camera::{View, ViewsFile};
 use particlegs::model::Model;
-use particlegs::particles::{Particles, Storage};
+use particlegs::particles::Storage;
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
 use particlegs::score::{Evaluation, LookScores, MeanViewScores};
@@ -97,8 +97,19 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let (views, size, views_from) = views(&a, &model, &context)?;
     let device = a.device.open()?;
-    let evaluation = score::evaluate(&model, &particles, &views, size, device.as_deref(), &context)?;
-    let report = report(evaluation, bytes.len() as u64, &model, &particles, size, views_from);
+    let (model_bytes, raw_bytes, gaussians) = (bytes.len() as u64, particles.raw_bytes(), model.gaussians());
+    let report = EvalReport {
+        evaluation: score::evaluate(&model, &particles, &views, size, device.as_deref(), &context)?,
+        model_bytes,
+        raw_bytes,
+        compression_ratio: raw_bytes as f64 / model_bytes as f64,
+        gaussians,
+        bytes_per_gaussian: model_bytes as f64 / gaussians.max(1) as f64,
+        particles: particles.len() as u64,
+        width: size.width,
+        height: size.height,
+        views_from,
+    };
     context.finish(&table(&report), &report)?;
     if let Some(folder) = &a.pictures {
         for path in pictures::write(folder, &model, &particles, &context)? {
@@ -120,30 +131,6 @@ fn views(a: &Arguments, model: &Model, context: &Context) -> Result<(Vec<View>, 
     let seed = context.common.seed;
     let words = format!("{} views per orbit, seed {seed}", a.frames);
     Ok((score::evaluation_views(&model.metadata, a.size, seed, a.frames), a.size, words))
-}
-
-fn report(
-    evaluation: Evaluation,
-    model_bytes: u64,
-    model: &Model,
-    particles: &Particles,
-    size: Size,
-    views_from: String,
-) -> EvalReport {
-    let raw_bytes = particles.raw_bytes();
-    let gaussians = model.gaussians();
-    EvalReport {
-        evaluation,
-        model_bytes,
-        raw_bytes,
-        compression_ratio: raw_bytes as f64 / model_bytes as f64,
-        gaussians,
-        bytes_per_gaussian: model_bytes as f64 / gaussians.max(1) as f64,
-        particles: particles.len() as u64,
-        width: size.width,
-        height: size.height,
-        views_from,
-    }
 }
 
 fn table(r: &EvalReport) -> String {

@@ -20,10 +20,8 @@ pub struct Arguments {
     folder: PathBuf,
 }
 
-/// A manual page as it is written here.
 const PAGE: Kind = Kind { name: "a manual page", kept: false, is: |_, head| head.windows(4).any(|w| w == b".TH ") };
 
-/// Writes every page, each whole or not at all.
 pub fn run(a: &Arguments) -> Result<()> {
     let mut outputs = Outputs::new(false, "");
     outputs.make_folder(&a.folder)?;

@@ -50,11 +50,11 @@ pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let start = Instant::now();
     let (bytes, parts, kept) = match &a.parts[..] {
-        [folder] if Job::is_job(folder) => of_job(&a, folder, &context)?,
+        [folder] if Job::is_job(folder) => merge_job(&a, folder, &context)?,
         parts => {
             context.reads(parts.iter().map(PathBuf::as_path), a.force.force)?;
             let kept = context.writes(&a.output, &outputs::MODEL)?;
-            (of_files(parts, &context)?, parts.len(), kept)
+            (merge_files(parts, &context)?, parts.len(), kept)
         }
     };
     context.check()?;
@@ -79,7 +79,14 @@ pub fn run(a: Arguments) -> Result<()> {
     );
     // A job's file is measured; one of files has no certificate, and nothing is said of it.
     if info.certificate.is_some() {
-        text += &info_model::told(info.certificate.as_ref(), &info.metadata, &info.layers, &a.output, &context).0;
+        text += &info_model::describe_new_model(
+            info.certificate.as_ref(),
+            &info.metadata,
+            &info.layers,
+            &a.output,
+            &context,
+        )
+        .0;
     }
     let report = json!({
         "output": a.output.to_string_lossy(), "parts": parts, "layers": layers, "blocks": blocks, "gaussians": gaussians,
@@ -88,7 +95,7 @@ pub fn run(a: Arguments) -> Result<()> {
     context.finish(&text, &report)
 }
 
-fn of_files(parts: &[PathBuf], context: &Context) -> Result<Vec<u8>> {
+fn merge_files(parts: &[PathBuf], context: &Context) -> Result<Vec<u8>> {
     let mut merge = Merge::default();
     context.begin("merging", parts.len() as u64);
     for part in parts {
@@ -101,7 +108,7 @@ fn of_files(parts: &[PathBuf], context: &Context) -> Result<Vec<u8>> {
 }
 
 /// The file of a job, the number of its blocks, and whether a model is there that is kept.
-fn of_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, usize, bool)> {
+fn merge_job(a: &Arguments, folder: &Path, context: &Context) -> Result<(Vec<u8>, usize, bool)> {
     let job = Job::open(folder)?;
     let snapshot = JobSnapshot::from_job(&job)?;
     context.reads_job(folder, snapshot.paths(), a.force.force)?;

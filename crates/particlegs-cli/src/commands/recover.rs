@@ -86,8 +86,7 @@ pub fn run(a: Arguments) -> Result<()> {
             return Err(context.refused(&a.output));
         }
         let text = format!("{}: is there already, drawn from this model by the same options", a.output.display());
-        return context
-            .finish(&text, &json!({ "output": a.output.to_string_lossy(), "there_already": true }));
+        return context.finish(&text, &json!({ "output": a.output.to_string_lossy(), "there_already": true }));
     }
     let particles = options.total(&model);
     let bytes = recover(model, hash, &options, &a.output, &context)?;

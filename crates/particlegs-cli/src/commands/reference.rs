@@ -8,10 +8,10 @@ use crate::drawing::finish::Finisher;
 use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
 use crate::drawing::run::{self, DrawingJob, PictureTarget};
 use crate::drawing::{ViewContent, ViewRenderer};
-use crate::drawn::RenderedView;
 use crate::figure::args::FigureArgs;
 use crate::figure::output::FileKind;
 use crate::sequence_args::SequenceArgs;
+use crate::rendered_view::RenderedView;
 use crate::snapshot_args::{ParticleArgs, SelectionArgs, SnapshotArgs};
 use crate::view_args::{ViewArgs, ViewSubject};
 use clap::builder::RangedU64ValueParser;
@@ -94,7 +94,6 @@ pub struct Arguments {
 /// How particles are drawn: as which tone style, and whether with its noise; `None` = surface density.
 type ParticleStyle = OrNone<(ToneStyle, bool)>;
 
-/// The styles that all particles can be drawn in.
 const STYLES: [NamedChoice<ParticleStyle>; 6] = [
     (
         Some((ToneStyle::Paraview, true)),
@@ -149,7 +148,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let radius = bounds.default_radius(count);
     let extent = Extent::new(&bounds, cell.as_ref());
     let subject = ViewSubject { bounds, cell, extent, radius, opacity: DEFAULT_OPACITY, density };
-    let quantities = Quantities::of_particles(&particles, a.smooth);
+    let quantities = Quantities::from_particles(&particles, a.smooth);
     let set = run::views(None, &a.view, &a.sequence, &subject, &context)?;
     let kind = a.out.as_deref().and_then(FileKind::of).unwrap_or(FileKind::Png);
     let resolved = a.figure.resolved(set.size, kind, 1).filter(|_| a.view.size.is_none());
@@ -175,14 +174,11 @@ pub fn run(a: &Arguments) -> Result<()> {
         particlegs: env!("CARGO_PKG_VERSION").into(),
         of: vec![SourceFile { name: name.unwrap_or_default(), blake3: hex(&particles.source_hash()) }],
         style: style.clone(),
-        layers: Vec::new(),
-        color_by_layer: false,
         colormap: density.then(|| colormap.name().into()),
-        range: None,
         unit: density.then(|| quantities.unit()),
         units: Some(PictureUnits::of(particles.meta.unit_system())),
         background: ground,
-        views: serde_json::Value::Null,
+        ..PictureProvenance::default()
     };
     let (args, quantities) = (&a.figure, &quantities);
     let finish = Finisher { args, colormap, quantities, subject: &subject, legend: Vec::new(), about };

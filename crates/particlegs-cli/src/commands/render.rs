@@ -8,12 +8,12 @@ use crate::drawing::panels::Panels;
 use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
 use crate::drawing::run::{self, DrawingJob, PictureTarget};
 use crate::drawing::{ViewContent, ViewRenderer, layers};
-use crate::drawn::RenderedView;
 use crate::figure::args::{Background, FigureArgs};
 use crate::figure::output::FileKind;
 use crate::inputs;
 use crate::picture_out::PictureOut;
 use crate::sequence_args::SequenceArgs;
+use crate::rendered_view::RenderedView;
 use crate::view_args::{ViewArgs, ViewSubject};
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::camera::{View, ViewSet};
@@ -131,7 +131,6 @@ struct RenderReport {
     views: Vec<RenderedView>,
 }
 
-/// A model that was read, and what names it.
 struct SourceModel {
     model: Model,
     source: SourceFile,
@@ -158,7 +157,7 @@ struct RenderOptions {
 }
 
 impl RenderOptions {
-    fn of(a: &Arguments, context: &Context) -> Result<RenderOptions> {
+    fn new(a: &Arguments, context: &Context) -> Result<RenderOptions> {
         let mut asked = RenderOptions {
             style: a.style.unwrap_or(Some(ToneStyle::Paraview)),
             layers: a.layers.clone().unwrap_or_else(|| vec!["all".into()]),
@@ -213,7 +212,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let files = [&a.view.views, &a.sequence.path, &a.like].into_iter().flatten();
     context.reads(a.models.iter().chain(files).map(PathBuf::as_path), false)?;
-    let mut asked = RenderOptions::of(a, &context)?;
+    let mut asked = RenderOptions::new(a, &context)?;
     let read = a.models.iter().map(|path| read(path, &asked, &context)).collect::<Result<Vec<_>>>()?;
     if read.len() > 1 && !a.panels {
         let what = format!("{} models are given, and one is drawn", read.len());
@@ -228,7 +227,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let m = &model.metadata;
     let density = asked.style.is_none();
     let subject = ViewSubject::of_model(model, density);
-    let quantities = Quantities::of_model(model);
+    let quantities = Quantities::from_model(model);
     let device = a.device.open()?;
     let draws = |r| renderer(r, &asked, &subject, device.as_deref(), &context);
     let painters = read.iter().map(draws).collect::<Result<Vec<_>>>()?;
@@ -264,7 +263,7 @@ pub fn run(a: &Arguments) -> Result<()> {
             out.pictures(["panels"].into_iter(), &context)?;
             let (path, range) = panels.draw(&finish, &set, asked.range, &out, &context)?;
             let seconds = started.elapsed().as_secs_f64() / set.views.len() as f64;
-            let of = |v: &View| RenderedView::of_view(v, &subject, seconds, Some(path.clone()));
+            let of = |v: &View| RenderedView::new(v, &subject, seconds, Some(path.clone()));
             let text = format!("{}: {} panels", path.display(), panels.painters.len() * set.views.len());
             (set.views.iter().map(of).collect(), text, range)
         }
@@ -322,11 +321,10 @@ fn about(asked: &RenderOptions, read: &[SourceModel], quantities: &Quantities) -
         layers: if asked.layers == ["all"] { Vec::new() } else { asked.layers.clone() },
         color_by_layer: asked.color_by_layer,
         colormap: density.then(|| asked.colormap.name().into()),
-        range: None,
         unit: density.then(|| quantities.unit()),
         units: read.first().map(|r| PictureUnits::of(r.model.metadata.unit_system())),
         background: ground,
-        views: serde_json::Value::Null,
+        ..PictureProvenance::default()
     }
 }
 

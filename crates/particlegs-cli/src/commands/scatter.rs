@@ -1,7 +1,7 @@
 //! `particlegs scatter JOB [I]`.
 
 use crate::common::Common;
-use crate::job_args::{JobSnapshot, of_task, task_number};
+use crate::job_args::{JobSnapshot, task_error, task_number};
 use clap::{Args, ValueHint};
 use particlegs::Result;
 use particlegs::job::Job;
@@ -40,7 +40,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let mut done = 0;
     for chunk in chunks.clone() {
         let scattered = context.check().and_then(|()| job.scatter(|| snapshot.layered(&context), chunk, &context));
-        done += u64::from(scattered.map_err(|e| of_task(e, &a.job, &format!("chunk {chunk}")))?);
+        done += u64::from(scattered.map_err(|e| task_error(e, &a.job, &format!("chunk {chunk}")))?);
     }
     let all = chunks.end - chunks.start;
     let text = format!("{}: {done} of {all} chunks sorted, {} were already done", a.job.display(), all - done);

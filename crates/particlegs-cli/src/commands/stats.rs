@@ -129,7 +129,6 @@ pub struct Arguments {
     common: Common,
 }
 
-/// Particles or a model, as they were read.
 enum StatsInput {
     Particles(Box<Particles>),
     Model(Box<Model>),
@@ -166,11 +165,7 @@ impl StatsInput {
 
     /// Unit of length and whether it is comoving.
     fn length_unit(&self) -> Option<String> {
-        let units = match self {
-            StatsInput::Particles(p) => &p.meta.units,
-            StatsInput::Model(m) => &m.metadata.units,
-        };
-        units.length_text().map(str::to_string)
+        self.place().0.units.length_text().map(str::to_string)
     }
 }
 

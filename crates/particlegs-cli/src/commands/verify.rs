@@ -1,12 +1,12 @@
 //! `particlegs verify M.pgs [SNAPSHOT...]`.
 
-use crate::agree::{self, CertificateFigure};
+use crate::certificate_check::{self, CertificateFigure};
 use crate::common::{Common, Context};
 use crate::info_model;
 use crate::inputs;
 use crate::job_args::JobSnapshot;
 use crate::snapshot_args::ParticleArgs;
-use crate::source;
+use crate::source_check;
 use clap::Args;
 use particlegs::job::{Job, State};
 use particlegs::model::{Certificate, CertificateLevel, Model};
@@ -84,7 +84,7 @@ pub fn run(a: Arguments) -> Result<()> {
             format!("its Gaussians hold {counts} particles, mass off by {mass_error:e}"),
         ));
     }
-    let of_several = source::is_of_several(&bytes, &model, &place)?;
+    let of_several = source_check::is_of_several(&bytes, &model, &place)?;
     let (measured_again, source_differences) = match a.snapshot.is_empty() {
         true => (None, Vec::new()),
         false => measure(&a, &model, &bytes, &context)?,
@@ -94,10 +94,10 @@ pub fn run(a: Arguments) -> Result<()> {
         (_, None) => (Assessment::unverified(), Vec::new()),
         (None, Some(measured)) => (Assessment::verdict(Some(measured), &model.metadata), Vec::new()),
         (Some(stored), Some(measured)) => {
-            let completes = agree::level_of(measured) != agree::level_of(stored);
+            let completes = certificate_check::level_of(measured) != certificate_check::level_of(stored);
             // Sums of blocks are rounded one by one.
             let exact = stored.blocks.is_none() && model.metadata.tool_version == env!("CARGO_PKG_VERSION");
-            let figures = agree::side_by_side(stored, measured, completes, exact);
+            let figures = certificate_check::side_by_side(stored, measured, completes, exact);
             (Assessment::verdict(Some(measured), &model.metadata), figures)
         }
     };
@@ -119,8 +119,10 @@ pub fn run(a: Arguments) -> Result<()> {
         measured_again,
         figures,
         source_differences,
-        contradictions: stored.as_ref().map_or_else(Vec::new, |c| agree::contradictions(c, &model.metadata)),
-        doubts: stored.as_ref().map_or_else(Vec::new, agree::doubts),
+        contradictions: stored
+            .as_ref()
+            .map_or_else(Vec::new, |c| certificate_check::contradictions(c, &model.metadata)),
+        doubts: stored.as_ref().map_or_else(Vec::new, certificate_check::doubts),
         verdict,
     };
     let sound = report.judge(&place);
@@ -132,7 +134,6 @@ pub fn run(a: Arguments) -> Result<()> {
     sound
 }
 
-/// Writes the model's file anew, the same blocks with another certificate.
 fn store(path: &Path, bytes: &[u8], model: &Model, certificate: Option<&Certificate>) -> Result<()> {
     output::write_bytes(path, &with_certificate(path, bytes, model, certificate)?)
 }
@@ -177,7 +178,6 @@ impl VerifyReport {
     }
 }
 
-/// What is sound, what is stored, and what was measured.
 fn text(r: &VerifyReport, model: &Model, of_several: bool, place: &str) -> String {
     let mut text = format!(
         "{place}: sound: {} bytes, law {}, {} Gaussians whose counts sum to {} particles, mass within {:.1e}\n",
@@ -223,7 +223,6 @@ fn beside(figures: &[CertificateFigure]) -> String {
     text
 }
 
-/// Reads every file of a job, and its snapshot, through.
 fn verify_job(a: &Arguments, context: &Context) -> Result<()> {
     if !a.snapshot.is_empty() {
         return Err(Error::argument("a job names its snapshot itself: give the folder alone"));
@@ -268,17 +267,17 @@ fn measure(
     bytes: &[u8],
     context: &Context,
 ) -> Result<(Option<Certificate>, Vec<[String; 3]>)> {
-    let of_several = source::is_of_several(bytes, model, &name_of(&a.model))?;
+    let of_several = source_check::is_of_several(bytes, model, &name_of(&a.model))?;
     let without_certificate = with_certificate(&a.model, bytes, model, None)?.len() as u64;
     let particles: Particles = a.particles.read(&a.snapshot, a.common.seed, &Storage::Memory, context)?;
-    source::check(model, of_several, &particles, &a.snapshot[0], &a.model)?;
+    source_check::check(model, of_several, &particles, &a.snapshot[0], &a.model)?;
     let differences = particles.differences_from(model, of_several);
     if !differences.is_empty() {
         return Ok((None, differences));
     }
     context.message("the snapshot is the one that the file was made of; measuring");
     let seed = model.certificate.map_or(a.common.seed, |c| c.views.seed);
-    let stored = model.certificate.as_ref().map_or(CertificateLevel::Quick, agree::level_of);
+    let stored = model.certificate.as_ref().map_or(CertificateLevel::Quick, certificate_check::level_of);
     let level = if a.full { CertificateLevel::Full } else { stored };
     let measured = compress::certify(model, without_certificate, &particles, seed, level, context)?;
     let file = with_certificate(&a.model, bytes, model, Some(&measured))?;

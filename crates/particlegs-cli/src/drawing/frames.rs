@@ -87,7 +87,7 @@ pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries
     let all = each(painter, &set.views, frame);
     context.end();
     let folder = into.files.map_or(PathBuf::new(), |out| out.folder().to_path_buf());
-    let all = context.says_what_is_there(&folder, written.into_inner(), count, all)?;
+    let all = context.count_pictures(&folder, written.into_inner(), count, all)?;
     let (seconds, gif): (Vec<f64>, Vec<Option<GifFrame>>) = all.into_iter().unzip();
     Ok(FrameSeries { seconds, gif: gif.into_iter().flatten().collect(), range })
 }

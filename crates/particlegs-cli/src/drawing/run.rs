@@ -7,10 +7,10 @@ use super::frames::{self, FrameOutputs};
 use super::{ViewContent, ViewRenderer};
 use crate::common::Context;
 use crate::density_args::DensityArgs;
-use crate::drawn::RenderedView;
 use crate::figure::output::FileKind;
 use crate::picture_out::PictureOut;
 use crate::sequence_args::SequenceArgs;
+use crate::rendered_view::RenderedView;
 use crate::view_args::{ViewArgs, ViewSubject};
 use particlegs::camera::{ViewSet, ViewsFile};
 use particlegs::progress::Progress;
@@ -129,8 +129,8 @@ impl DrawingJob<'_> {
                 PictureOut::File(file) => file,
                 PictureOut::Folder(folder) => folder,
             };
-            let path = context.says_what_is_there(folder, views.len(), set.views.len(), drawn)?;
-            views.push(RenderedView::of_view(view, finish.subject, seconds, Some(path)));
+            let path = context.count_pictures(folder, views.len(), set.views.len(), drawn)?;
+            views.push(RenderedView::new(view, finish.subject, seconds, Some(path)));
         }
         Ok(DrawingReport { views, range, lines: Vec::new() })
     }
@@ -152,7 +152,7 @@ impl DrawingJob<'_> {
         }
         let path = |name: &str| out.filter(|_| !passing).map(|o| o.picture(name));
         let with_seconds = set.views.iter().zip(&drawn.seconds);
-        let views = with_seconds.map(|(v, s)| RenderedView::of_view(v, finish.subject, *s, path(&v.name))).collect();
+        let views = with_seconds.map(|(v, s)| RenderedView::new(v, finish.subject, *s, path(&v.name))).collect();
         Ok(DrawingReport { views, range: drawn.range, lines })
     }
 }

@@ -11,7 +11,7 @@ const COLUMN: f64 = 84.0 * 72.0 / 25.4;
 const LETTERS: f64 = 8.0;
 
 /// How a figure looks.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Figures")]
 pub struct FigureArgs {
     /// Where the colour bar and the scale bar stand [default: outside].

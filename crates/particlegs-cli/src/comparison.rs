@@ -1,15 +1,14 @@
 //! Two PNGs or surface densities, or two folders of them with the same names, against each other.
 
-use crate::compared_density::{DensityFileComparison, MeanDensityScores, compare_density};
+use crate::density_file;
 use particlegs::parallel;
-use particlegs::picture::{Gray8, Scores, read_png};
+use particlegs::picture::{DensityScores, Gray8, Scores, read_png};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Scores of the pictures that two folders share.
 #[derive(Serialize)]
 pub struct FolderComparison {
     pub views: Vec<PictureComparison>,
@@ -25,12 +24,11 @@ pub struct FolderComparison {
 }
 
 impl FolderComparison {
-    fn of(views: Vec<PictureComparison>, densities: Vec<DensityFileComparison>) -> Self {
+    fn new(views: Vec<PictureComparison>, densities: Vec<DensityFileComparison>) -> Self {
         let (mean, mean_density) = (mean_scores(&views), mean_density(&densities));
         FolderComparison { views, mean, densities, mean_density, only_in_a: Vec::new(), only_in_b: Vec::new() }
     }
 
-    /// What could not be scored, a line each.
     pub fn failures(&self) -> impl Iterator<Item = &str> {
         let pictures = self.views.iter().filter_map(|v| v.error.as_deref());
         pictures.chain(self.densities.iter().filter_map(|v| v.error.as_deref()))
@@ -41,7 +39,6 @@ impl FolderComparison {
 pub struct PictureComparison {
     /// File name without `.png`.
     pub name: String,
-    /// The scores, where both can be read and have one size.
     #[serde(flatten)]
     pub scores: Option<Scores>,
     /// Largest difference of a pixel, levels.
@@ -83,12 +80,12 @@ pub fn compare(a: &Path, b: &Path, progress: &dyn Progress) -> Result<FolderComp
         (false, false) => views.push(compare_pictures(&name, &a, &b)),
         _ => return Err(Error::input(&a, format!("a picture and values cannot be compared with {}", b.display()))),
     }
-    Ok(FolderComparison::of(views, densities))
+    Ok(FolderComparison::new(views, densities))
 }
 
 /// Scores every PNG of folder `a` against the one of its name in `b`, and every surface density that `--raw` wrote.
 fn compare_folders(a: &Path, b: &Path, progress: &dyn Progress) -> Result<FolderComparison> {
-    let (in_a, in_b) = (FolderNames::of(a)?, FolderNames::of(b)?);
+    let (in_a, in_b) = (FolderNames::new(a)?, FolderNames::new(b)?);
     let shared: Vec<&String> = in_a.pictures.intersection(&in_b.pictures).collect();
     let shared_densities: Vec<&String> = in_a.densities.intersection(&in_b.densities).collect();
     if shared.is_empty() && shared_densities.is_empty() {
@@ -112,7 +109,7 @@ fn compare_folders(a: &Path, b: &Path, progress: &dyn Progress) -> Result<Folder
     })?;
     progress.end();
     let (only_in_a, only_in_b) = (in_a.without(&in_b), in_b.without(&in_a));
-    Ok(FolderComparison { only_in_a, only_in_b, ..FolderComparison::of(views, densities) })
+    Ok(FolderComparison { only_in_a, only_in_b, ..FolderComparison::new(views, densities) })
 }
 
 fn mean_scores(views: &[PictureComparison]) -> MeanScores {
@@ -142,29 +139,59 @@ fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
 
 fn compare_pictures(name: &str, a: &Path, b: &Path) -> PictureComparison {
     let pair = read_png(a).and_then(|a| Ok((a, read_png(b)?)));
-    let failed = |error: String| PictureComparison {
-        name: name.into(),
-        scores: None,
-        largest_difference: 0,
-        error: Some(error),
+    let (scores, largest_difference, error) = match pair {
+        Err(e) => (None, 0, Some(e.to_string())),
+        Ok((a, b)) if a.size != b.size => {
+            let [a, b] = [a.size, b.size].map(|s| format!("{}x{}", s.width, s.height));
+            (None, 0, Some(format!("{name}: {a} pixels against {b}")))
+        }
+        Ok((a, b)) => (Some(Scores::of(&a, &b)), largest_difference(&a, &b), None),
     };
-    match pair {
-        Err(e) => failed(e.to_string()),
-        Ok((a, b)) if a.size != b.size => failed(format!(
-            "{name}: {}x{} pixels against {}x{}",
-            a.size.width, a.size.height, b.size.width, b.size.height
-        )),
-        Ok((a, b)) => PictureComparison {
-            name: name.into(),
-            scores: Some(Scores::new(&a, &b)),
-            largest_difference: largest_difference(&a, &b),
-            error: None,
-        },
-    }
+    PictureComparison { name: name.into(), scores, largest_difference, error }
 }
 
 fn largest_difference(a: &Gray8, b: &Gray8) -> u8 {
     a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
+}
+
+#[derive(Serialize)]
+pub struct DensityFileComparison {
+    /// File name without `.f32`.
+    pub name: String,
+    #[serde(flatten)]
+    pub scores: Option<DensityScores>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+}
+
+/// Means of views' scores, over those that have a value.
+#[derive(Serialize)]
+pub struct MeanDensityScores {
+    /// Of the root mean squares of log10(A / B).
+    pub rms_dex: Option<f64>,
+    /// Of the means of log10(A / B).
+    pub mean_dex: Option<f64>,
+    pub correlation: Option<f64>,
+}
+
+/// Scores the values of one file against those of another. A pair that cannot be scored is told in its place.
+fn compare_density(name: &str, a: &Path, b: &Path, progress: &dyn Progress) -> DensityFileComparison {
+    let (scores, error) = match density_scores(a, b, progress) {
+        Ok(Ok(scores)) => (Some(scores), None),
+        Ok(Err(why)) => (None, Some(format!("{name}: {why}"))),
+        Err(e) => (None, Some(e.to_string())),
+    };
+    DensityFileComparison { name: name.into(), scores, error }
+}
+
+/// The scores, or why there are none.
+fn density_scores(a: &Path, b: &Path, progress: &dyn Progress) -> Result<std::result::Result<DensityScores, String>> {
+    let (said_a, density) = density_file::read(a, progress)?;
+    let (said_b, truth) = density_file::read(b, progress)?;
+    match said_a.differs(&said_b) {
+        Some(why) => Ok(Err(why)),
+        None => DensityScores::of(&density, &truth, progress).map(Ok),
+    }
 }
 
 /// Names without ending of what can be compared in a folder.
@@ -175,7 +202,7 @@ struct FolderNames {
 }
 
 impl FolderNames {
-    fn of(folder: &Path) -> Result<FolderNames> {
+    fn new(folder: &Path) -> Result<FolderNames> {
         let fail = |e| Error::io(folder, e);
         let mut names = FolderNames { pictures: BTreeSet::new(), densities: BTreeSet::new() };
         for entry in std::fs::read_dir(folder).map_err(fail)? {

@@ -3,7 +3,6 @@
 use particlegs::model::{Certificate, CertificateLevel, Metadata, MetricEntry, MetricGroup, MetricValue, Tolerance};
 use serde::Serialize;
 
-/// One figure of a certificate, stored and measured.
 #[derive(Serialize)]
 pub struct CertificateFigure {
     pub name: String,

@@ -57,7 +57,6 @@ impl ModelFiles {
         }
     }
 
-    /// Particles in the units of the first model.
     pub fn in_units(&self, particles: Particles, context: &Context) -> Result<Particles> {
         match self.files.first() {
             Some(first) => particles.in_units(&first.info.metadata.unit_system(), &Storage::Memory, context),

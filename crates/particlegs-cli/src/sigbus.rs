@@ -3,7 +3,7 @@
 /// Ends the process with one line and the exit code of a failed read, instead of a dump of its memory.
 /// Outputs have no names until they are whole, so nothing of them is left.
 #[cfg(unix)]
-pub fn say_so() {
+pub fn end_with_message() {
     use signal_hook::consts::SIGBUS;
     const LINE: &[u8] = b"error: a file ended while it was read: another program cut it short, or its disk failed\n";
     let end = || {
@@ -16,4 +16,4 @@ pub fn say_so() {
 
 /// Mapped files cannot be cut short here.
 #[cfg(not(unix))]
-pub fn say_so() {}
+pub fn end_with_message() {}

@@ -17,7 +17,7 @@ pub struct RenderedView {
 
 impl RenderedView {
     /// The picture of a view; no path where it is a frame that went into a film.
-    pub fn of_view(view: &View, subject: &ViewSubject, seconds: f64, path: Option<PathBuf>) -> Self {
+    pub fn new(view: &View, subject: &ViewSubject, seconds: f64, path: Option<PathBuf>) -> Self {
         let mut view = view.clone();
         if subject.density {
             view.camera.clipping_range = Some(DensityView::of_view(&view, &subject.bounds).range);
