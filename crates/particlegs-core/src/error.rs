@@ -1,7 +1,7 @@
 //! One error type for the library: what went wrong, where, and what would help.
 
 use crate::Remedy;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The library's result.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -166,32 +166,14 @@ pub trait AsPlace {
     fn as_place(&self) -> String;
 }
 
-impl AsPlace for &str {
-    fn as_place(&self) -> String {
-        (*self).to_string()
-    }
+macro_rules! places {
+    ($($place:ty: $text:ident;)*) => {
+        $(impl AsPlace for $place {
+            fn as_place(&self) -> String {
+                self.$text().to_string()
+            }
+        })*
+    };
 }
 
-impl AsPlace for String {
-    fn as_place(&self) -> String {
-        self.clone()
-    }
-}
-
-impl AsPlace for &String {
-    fn as_place(&self) -> String {
-        (*self).clone()
-    }
-}
-
-impl AsPlace for &Path {
-    fn as_place(&self) -> String {
-        self.display().to_string()
-    }
-}
-
-impl AsPlace for &std::path::PathBuf {
-    fn as_place(&self) -> String {
-        self.display().to_string()
-    }
-}
+places!(&str: to_owned; String: as_str; &String: as_str; &Path: display; &PathBuf: display;);

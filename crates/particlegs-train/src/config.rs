@@ -187,9 +187,7 @@ impl Config {
         self.cameras.frames = steps(self.cameras.frames).max(8);
         self.evaluate_every = steps(self.evaluate_every);
         self.start_gaussians = self.start_gaussians.map(steps);
-        let a = &mut self.alpha_blend;
-        (a.position_rate_steps, a.densify_from, a.reset_every) =
-            (steps(a.position_rate_steps), steps(a.densify_from), steps(a.reset_every));
+        self.alpha_blend.schedule(steps);
         Ok(self)
     }
 
@@ -212,9 +210,7 @@ impl Config {
             stage.densify.every = steps(stage.densify.every);
             done = end;
         }
-        let a = &mut self.alpha_blend;
-        (a.position_rate_steps, a.densify_from, a.reset_every) =
-            (steps(a.position_rate_steps), steps(a.densify_from), steps(a.reset_every));
+        self.alpha_blend.schedule(steps);
         Ok(self)
     }
 

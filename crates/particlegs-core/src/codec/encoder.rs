@@ -164,14 +164,9 @@ impl Encoder {
             gaussians: self.len() as u32,
             weighted: self.logs.weight.is_some() && !self.shaded,
             shaded: self.shaded,
-            low: [0; 4],
             steps: precision.steps(),
             importance: (precision.importance as f32).clamp(0.0, 4.0),
-            centre: 0.0,
-            size: Default::default(),
-            surplus: 0,
-            spreads: [0.0; 3],
-            cuts: Vec::new(),
+            ..BlockHeader::default()
         };
         let mut leaves: Vec<Leaf> = self.tree.cells.iter().map(|&cell| Leaf { cell, ..Leaf::default() }).collect();
         self.each(&mut leaves, |range, leaves| self.scalars(&header, range, leaves));
