@@ -39,11 +39,12 @@ const HALVES: [[u32; 4]; 9] = [
 const MOST_PLACE_BITS: u32 = 6;
 
 /// How the Gaussians of a node fall into its halves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum NodeHalves {
     /// All into one; is it the upper?
     One(bool),
     /// One Gaussian into each.
+    #[default]
     Singles,
     /// One Gaussian into one half and several into the other; are they in the upper?
     Single(bool),
@@ -53,7 +54,7 @@ pub(crate) enum NodeHalves {
 
 /// What the encoder says of a node; where two halves hold Gaussians, the lower one's log count and mean log mass minus
 /// the upper one's, whole steps.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Division {
     pub halves: NodeHalves,
     pub count: i32,
@@ -68,6 +69,11 @@ pub(crate) struct LeafGaussian {
     pub levels: [u64; 3],
 }
 
+impl LeafGaussian {
+    /// What the decoder has in its place.
+    pub const NONE: LeafGaussian = LeafGaussian { size: 0, place: [0; 3], levels: [1; 3] };
+}
+
 /// What the encoder knows of the nodes, numbered as the walk numbers them; the decoder knows nothing.
 pub(crate) trait NodeSource {
     /// Log count and mean log mass of a root, whole steps.
@@ -78,11 +84,11 @@ pub(crate) trait NodeSource {
     /// How a node of several Gaussians falls apart. Where both halves hold some, they are numbered next, the lower one
     /// first; a half that holds all keeps the node's number.
     fn division(&mut self, _node: usize) -> Division {
-        Division { halves: NodeHalves::Singles, count: 0, mass: 0 }
+        Division::default()
     }
 
     fn single(&mut self, _node: usize) -> LeafGaussian {
-        LeafGaussian { size: 0, place: [0; 3], levels: [1; 3] }
+        LeafGaussian::NONE
     }
 }
 

@@ -19,8 +19,6 @@ pub mod raster;
 #[cfg(any(test, feature = "twins"))]
 #[allow(clippy::disallowed_methods)]
 pub mod plain;
-#[cfg(any(test, feature = "twins"))]
-pub mod testing;
 #[cfg(test)]
 mod tests;
 
