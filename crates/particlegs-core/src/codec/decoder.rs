@@ -211,6 +211,7 @@ fn coarse(
         };
         if walk.is_none() {
             let mut begun = LevelWalk::new(&mut player, header, nodes, &mut NoSource).map_err(out_of_range)?;
+            // A few bytes may promise any number of Gaussians: no more are found than so many may stand for.
             begun.limit(bytes * GAUSSIANS_A_BYTE as usize + nodes.len());
             walk = Some(begun).filter(|_| !player.exhausted());
         }

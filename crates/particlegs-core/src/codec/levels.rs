@@ -271,6 +271,7 @@ impl<'a> LevelWalk<'a> {
             self.wait(number);
             return Ok(true);
         }
+        // One number for two counts: their sum is the node's, which is known.
         let [count_a, count_b] = {
             c.part(StreamPart::Count);
             let difference = self.count(c, halves, given.count);
@@ -279,11 +280,13 @@ impl<'a> LevelWalk<'a> {
         let [mass_a, mass_b] = if self.header.has_w() {
             c.part(StreamPart::Mass);
             let difference = self.models.mass.code(c, u32::from(self.header.low[2]), given.mass);
+            // The node's is the mean of the two, rounded down: what the halving loses the difference gives back.
             let mass = node.mass.saturating_sub(difference >> 1);
             [mass.saturating_add(difference), mass]
         } else {
             [0; 2]
         };
+        // What was read beyond the end is nobody's: the node stays whole.
         if c.exhausted() {
             return Ok(false);
         }
@@ -370,6 +373,7 @@ impl<'a> LevelWalk<'a> {
     fn class(&self, node: &TreeNode) -> usize {
         let (gaussians, count) = self.roots[node.root as usize];
         let share = exp(f64::from(self.header.steps[2]) * f64::from(node.count.saturating_sub(count)));
+        // The exponent of a float is its octave; no logarithm, whose bits would be the platform's.
         let octave = ((gaussians * share).to_bits() >> 52) as i32 - 1023;
         2 * (octave + 3).clamp(0, CLASSES as i32 - 1) as usize + usize::from(node.whole)
     }
@@ -383,6 +387,7 @@ impl<'a> LevelWalk<'a> {
     /// Puts a node off to its level, this one at the earliest.
     fn wait(&mut self, node: usize) {
         let behind = (self.top - self.log_weight(node)) * LEVELS_TO_E;
+        // A half may weigh more than what is being done now: it is not put back to a level that is over.
         let level = (behind as usize).clamp(self.level, LEVELS - 1);
         self.waiting[level].push(node as u32);
     }

@@ -128,6 +128,7 @@ pub(super) fn sum<'a>(
         .iter()
         .flat_map(|&(m, unit_mass)| (0..m.len()).step_by(RUN).map(move |start| GaussianRun { m, unit_mass, start }))
         .collect();
+    // Taken from the end as they are done: the rest need not move.
     runs.reverse();
     let mut group = MOST_RUNS;
     while !runs.is_empty() {

@@ -47,6 +47,7 @@ impl Tones {
             }
             ToneStyle::Paraview => {
                 let (response, mean) = (response(), FxaaMean::new(self.opacity, self.radius_px));
+                // Levels are blurred, not depths: FXAA works on the finished picture.
                 tau.each(|_, row| row.iter_mut().for_each(|t| *t = response.level(*t) * mean.ratio(*t)));
                 blurred(&tau, fxaa_blur(self.opacity, self.radius_px), out);
             }

@@ -64,6 +64,7 @@ impl Tape {
     pub fn gradient(&self, mixture: &Mixture, mut by_tau: Plane) -> Vec<GaussianGradient> {
         // The drawn depth is never negative; where the planes' sum was, nothing changes it.
         by_tau.data.iter_mut().zip(&self.tau.data).for_each(|(g, &t)| *g = if t > 0.0 { *g } else { 0.0 });
+        // The factors of `draw` are constant for a pixel: its gradient has the same.
         grow(&mut by_tau, &self.lens);
         let planes = self.planes(&by_tau);
         let mut out = vec![GaussianGradient::default(); mixture.len()];
