@@ -9,6 +9,7 @@ use super::streams::STAGES;
 use super::sums::compensated;
 use super::wire::{SectionFault, WireReader};
 use super::{Encoder, Precision, certificate, metadata, streams, vizmapper};
+use crate::math::{cross, dot};
 use crate::model::{
     Certificate, CertificateLevel, LawKind, Layer, LayerRatios, Mass, MassPower, Metadata, Model, SAMPLED_ABOVE,
     Sample, VizMapper,
@@ -453,8 +454,7 @@ fn agree_with(c: &Certificate, m: &Metadata, bytes: u64) -> std::result::Result<
     let extent = m.bounds.extent();
     let of_cell = |cell: Cell| {
         let [a, b, c] = cell.vectors;
-        let minor = |i: usize, j: usize| b[i] * c[j] - b[j] * c[i];
-        (a[0] * minor(1, 2) + a[1] * minor(2, 0) + a[2] * minor(0, 1)).abs()
+        dot(a, cross(b, c)).abs()
     };
     let volume = extent[0] * extent[1] * extent[2];
     let volume = m.cell.map(of_cell).filter(|v| *v > 0.0).map_or(volume, |v| v.min(volume));

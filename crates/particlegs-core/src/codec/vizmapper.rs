@@ -103,6 +103,7 @@ fn in_steps(value: f32, step: f32, most: f32) -> f32 {
 mod tests {
     use super::*;
     use crate::math::Random;
+    use crate::render::alpha::network::twin::plain;
 
     /// Weights as a network's before and after training: uniform within 1 / sqrt(inputs), the last
     /// layer's zero; then all moved, the first layer's most.
@@ -121,22 +122,9 @@ mod tests {
     }
 
     /// Outputs in -1 to 1, before the ranges (paper section III-B).
-    fn outputs(n: &VizMapper, input: [f64; 4]) -> Vec<f64> {
-        let mut values = input.to_vec();
-        let mut rest = &n.parameters[..];
-        for (layer, pair) in VIZMAPPER_SHAPE.windows(2).enumerate() {
-            let (weights, others) = rest.split_at(pair[0] * pair[1]);
-            let (biases, others) = others.split_at(pair[1]);
-            rest = others;
-            let unit = |j: usize| {
-                let row = &weights[j * pair[0]..(j + 1) * pair[0]];
-                let sum: f64 = row.iter().zip(&values).map(|(w, v)| f64::from(*w) * v).sum();
-                let a = sum + f64::from(biases[j]);
-                if layer == LAYERS - 1 { a.tanh() } else { a / (1.0 + (-a).exp()) }
-            };
-            values = (0..pair[1]).map(unit).collect();
-        }
-        values
+    fn outputs(n: &VizMapper, input: [f64; 4]) -> [f64; 2] {
+        let parameters: Vec<f64> = n.parameters.iter().map(|v| f64::from(*v)).collect();
+        plain(&parameters, input)
     }
 
     #[test]
