@@ -1,114 +1,53 @@
 //! One error type for the library: what went wrong, where, and what would help.
 
 use crate::Hint;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The library's result.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// What a caller can act on. Every variant's text is one line that names the place and the fault.
+/// What a caller can act on. Every variant's text is one line that names the place and the fault: `place` is a file, a
+/// folder or an argument, `what` what is wrong with it or which step it is, `remedy` what would help; memory is in bytes.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
 #[non_exhaustive]
 pub enum Error {
     /// A snapshot, views file or picture that cannot be used as it is.
     #[error("{place}: {what}")]
-    Input {
-        /// File, folder or argument.
-        place: String,
-        /// The fault.
-        what: String,
-        /// What would help.
-        hint: Hint,
-    },
+    Input { place: String, what: String, hint: Hint },
     /// A model file whose bytes contradict docs/format.md.
     #[error("{place}: corrupt model file: {what}")]
-    Corrupt {
-        /// File, with section and offset where known.
-        place: String,
-        /// The contradiction.
-        what: String,
-    },
+    Corrupt { place: String, what: String },
     /// A model file of a version or with a feature that this program does not know.
     #[error("{place}: {what}")]
-    Compatibility {
-        /// File.
-        place: String,
-        /// What is not known.
-        what: String,
-    },
+    Compatibility { place: String, what: String },
     /// An argument outside its range.
     #[error("{what}")]
-    Argument {
-        /// Which argument, its value and its range.
-        what: String,
-        /// What would help.
-        hint: Hint,
-    },
+    Argument { what: String, hint: Hint },
     /// A size or quality that cannot be reached with this input.
     #[error("{what}")]
-    Unreachable {
-        /// What was asked for and what is possible.
-        what: String,
-        /// What would help.
-        hint: Hint,
-    },
+    Unreachable { what: String, hint: Hint },
     /// More memory than the machine has.
     #[error("{what} needs about {need_bytes} bytes of memory, {have_bytes} are available")]
-    Memory {
-        /// The step that needs it.
-        what: String,
-        /// Bytes needed.
-        need_bytes: u64,
-        /// Bytes available.
-        have_bytes: u64,
-    },
+    Memory { what: String, need_bytes: u64, have_bytes: u64 },
     /// More memory than the caller allows.
     #[error("{what} needs about {need_bytes} bytes of memory, {bound_bytes} are allowed")]
-    Bound {
-        /// The step that needs it.
-        what: String,
-        /// Bytes needed.
-        need_bytes: u64,
-        /// Bytes allowed.
-        bound_bytes: u64,
-    },
+    Bound { what: String, need_bytes: u64, bound_bytes: u64 },
     /// Reading or writing failed.
     #[error("{place}: {source}")]
-    Io {
-        /// File or folder.
-        place: String,
-        /// The system's reason.
-        source: std::io::Error,
-    },
+    Io { place: String, source: std::io::Error },
     /// An output that is an input or another output, or that is there and may not be replaced.
     #[error("{place}: {what}")]
-    Output {
-        /// The file or folder that was to be written.
-        place: String,
-        /// Why it is not.
-        what: String,
-        /// What would help.
-        hint: Hint,
-    },
+    Output { place: String, what: String, hint: Hint },
     /// What was measured is not what a file says.
     #[error("{place}: {what}")]
-    Differs {
-        /// File.
-        place: String,
-        /// What is stored and what was measured.
-        what: String,
-        /// What would help.
-        hint: Hint,
-    },
+    Differs { place: String, what: String, hint: Hint },
     /// The caller asked to stop.
     #[error("stopped")]
     Cancelled,
     /// The caller asked to stop, and the same command goes on from there.
     #[error("{what}: stopped; what is finished is kept")]
-    Checkpointed {
-        /// The task.
-        what: String,
-    },
+    Checkpointed { what: String },
 }
 
 impl Error {
@@ -181,20 +120,13 @@ pub trait AsPlace {
 }
 
 macro_rules! places {
-    ($($of:ty: |$place:ident| $text:expr;)+) => {
-        $(impl AsPlace for $of {
+    ($($place:ty: $text:ident;)*) => {
+        $(impl AsPlace for $place {
             fn as_place(&self) -> String {
-                let $place = self;
-                $text
+                self.$text().to_string()
             }
-        })+
+        })*
     };
 }
 
-places! {
-    &str: |place| (*place).to_string();
-    String: |place| place.clone();
-    &String: |place| (*place).clone();
-    &Path: |place| place.display().to_string();
-    &std::path::PathBuf: |place| place.display().to_string();
-}
+places!(&str: to_owned; String: as_str; &String: as_str; &Path: display; &PathBuf: display;);

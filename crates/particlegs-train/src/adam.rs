@@ -50,6 +50,7 @@ impl Adam {
         let t = averages.steps.min(i32::MAX as u64) as i32;
         let correct1 = 1.0 - f64::from(self.beta1).powi(t);
         let correct2 = 1.0 - f64::from(self.beta2).powi(t);
+        // Both corrections are the step's alone: they leave the loop.
         let rate = (rate / correct1) as f32;
         let unroot = (1.0 / correct2) as f32;
         let (b1, b2, epsilon) = (self.beta1, self.beta2, self.epsilon);

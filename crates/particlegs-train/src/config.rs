@@ -141,8 +141,8 @@ impl Config {
             densify,
         };
         let (hd, three) = ([1920, 1080], [5760, 3240]);
+        let ours = Config::preset(Preset::Fast, law);
         Config {
-            law,
             target: ToneStyle::Paraview,
             start: Start::Random,
             evaluate_every: 1000,
@@ -150,23 +150,14 @@ impl Config {
             checkpoint_seconds: 120.0,
             cache_bytes: 32 << 30,
             loss: Loss::PUBLISHED,
-            cameras: Cameras {
-                orbits: vec![1.0, 0.7, 0.5],
-                frames: 400,
-                radius: [0.25, 1.75],
-                opacity: [0.25, 1.75],
-                wide: 0.0,
-                wide_radius: 1.75,
-                held_out: 0.2,
-            },
+            cameras: Cameras { frames: 400, wide: 0.0, wide_radius: 1.75, held_out: 0.2, ..ours.cameras },
             stages: vec![
                 stage(12_000, hd, 2, 0.0, Densify { every: 100, until: 12_000, threshold: 2e-4 }),
                 stage(15_000, three, 1, 0.0, Densify { every: 200, until: 24_000, threshold: 3e-4 }),
                 stage(12_000, three, 1, 0.2, Densify { every: 200, until: 36_000, threshold: 3e-4 }),
             ],
             start_gaussians: Some(200_000),
-            optical_depth: DepthConfig::default(),
-            alpha_blend: AlphaConfig::default(),
+            ..ours
         }
     }
 
@@ -187,9 +178,7 @@ impl Config {
         self.cameras.frames = steps(self.cameras.frames).max(8);
         self.evaluate_every = steps(self.evaluate_every);
         self.start_gaussians = self.start_gaussians.map(steps);
-        let a = &mut self.alpha_blend;
-        (a.position_rate_steps, a.densify_from, a.reset_every) =
-            (steps(a.position_rate_steps), steps(a.densify_from), steps(a.reset_every));
+        self.alpha_blend.schedule(steps);
         Ok(self)
     }
 
@@ -212,9 +201,7 @@ impl Config {
             stage.densify.every = steps(stage.densify.every);
             done = end;
         }
-        let a = &mut self.alpha_blend;
-        (a.position_rate_steps, a.densify_from, a.reset_every) =
-            (steps(a.position_rate_steps), steps(a.densify_from), steps(a.reset_every));
+        self.alpha_blend.schedule(steps);
         Ok(self)
     }
 

@@ -5,7 +5,7 @@
 //! stage by stage as a [`Config`] says, scores it on held-out views, and keeps its state (`state`) so
 //! that an interrupted run goes on to the same bits.
 
-// The command and the library say what users need to know; here a comment stands where a name does not say it.
+// A comment stands where a name does not say it.
 #![allow(missing_docs)]
 
 mod accelerator;

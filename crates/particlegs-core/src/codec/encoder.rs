@@ -164,17 +164,13 @@ impl Encoder {
             gaussians: self.len() as u32,
             weighted: self.logs.weight.is_some() && !self.shaded,
             shaded: self.shaded,
-            low: [0; 4],
             steps: precision.steps(),
             importance: (precision.importance as f32).clamp(0.0, 4.0),
-            centre: 0.0,
-            size: Default::default(),
-            surplus: 0,
-            spreads: [0.0; 3],
-            cuts: Vec::new(),
+            ..BlockHeader::default()
         };
         let mut leaves: Vec<Leaf> = self.tree.cells.iter().map(|&cell| Leaf { cell, ..Leaf::default() }).collect();
         self.each(&mut leaves, |range, leaves| self.scalars(&header, range, leaves));
+        // In order and not in parallel: the bytes hang on the last digit of this sum.
         let sum: f64 = leaves.iter().map(|l| header.log_importance(l.t, l.m)).sum();
         header.centre = (sum / leaves.len() as f64) as f32;
         self.each(&mut leaves, |range, leaves| {
@@ -185,6 +181,7 @@ impl Encoder {
         header.low[3] = low_bits(leaves.iter().flat_map(|l| l.shape).map(|h| h >> 1), 3);
         let shape = leaves.iter().map(|l| l.shape.iter().map(|s| f64::from(s.abs())).sum::<f64>() * l.factor);
         let shape = shape.sum::<f64>() / (5 * leaves.len()) as f64;
+        // Last: predictions are fitted to the whole numbers that the decoder will have.
         self.predictions(&mut header, &leaves);
         header.spreads[2] = shape as f32;
         (header, leaves)

@@ -5,11 +5,11 @@ use super::container::{
     VIZMAPPER, belongs_to_block,
 };
 use super::header::BlockHeader;
-use super::metadata::MetadataFault;
 use super::streams::STAGES;
 use super::sums::compensated;
-use super::wire::WireReader;
+use super::wire::{SectionFault, WireReader};
 use super::{Encoder, Precision, certificate, metadata, streams, vizmapper};
+use crate::math::{cross, dot};
 use crate::model::{
     Certificate, CertificateLevel, LawKind, Layer, LayerRatios, Mass, MassPower, Metadata, Model, SAMPLED_ABOVE,
     Sample, VizMapper,
@@ -294,16 +294,16 @@ impl From<&Section<'_>> for StoredSection {
 pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
     let file = container::read(bytes, place)?;
     let corrupt = |what: String| Error::corrupt(place, what);
-    let unknown = |what: String| Error::Compatibility { place: place.into(), what };
+    let fault = |fault: SectionFault| match fault {
+        SectionFault::Corrupt(what) => corrupt(what),
+        SectionFault::Unknown(what) => Error::Compatibility { place: place.into(), what },
+    };
     let known = |tag: Tag| matches!(tag, META | CERTIFICATE | VIZMAPPER | LAYER | BLOCK | STAGE);
     let (sections, others): (Vec<_>, Vec<_>) = file.sections.into_iter().partition(|s| known(s.tag));
     let (attached, others): (Vec<_>, Vec<_>) = others.into_iter().partition(|s| belongs_to_block(s.tag));
     let mut rest = sections.into_iter().peekable();
     let (mut metadata, masses) = match rest.next() {
-        Some(s) if s.tag == META => metadata::read(s.bytes).map_err(|fault| match fault {
-            MetadataFault::Corrupt(what) => corrupt(what),
-            MetadataFault::Unknown(what) => unknown(what),
-        })?,
+        Some(s) if s.tag == META => metadata::read(s.bytes).map_err(fault)?,
         _ => return Err(corrupt("it does not begin with metadata".into())),
     };
     let certificate = rest.next_if(|s| s.tag == CERTIFICATE).map(|s| certificate::read(s.bytes).map_err(corrupt));
@@ -311,8 +311,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
     let network = rest.next_if(|s| s.tag == VIZMAPPER).map(|s| match vizmapper::read(s.bytes) {
         Ok(_) if metadata.law != LawKind::AlphaBlend => Err(corrupt("a VizMapper in a file of another law".into())),
         Ok(network) => Ok((s.bytes, network)),
-        Err(vizmapper::VizMapperFault::Corrupt(what)) => Err(corrupt(what)),
-        Err(vizmapper::VizMapperFault::Unknown(what)) => Err(unknown(what)),
+        Err(what) => Err(fault(what)),
     });
     let network = network.transpose()?;
     let mut layers: Vec<(String, usize, Vec<BlockPart<'a>>)> = Vec::new();
@@ -455,8 +454,7 @@ fn agree_with(c: &Certificate, m: &Metadata, bytes: u64) -> std::result::Result<
     let extent = m.bounds.extent();
     let of_cell = |cell: Cell| {
         let [a, b, c] = cell.vectors;
-        let minor = |i: usize, j: usize| b[i] * c[j] - b[j] * c[i];
-        (a[0] * minor(1, 2) + a[1] * minor(2, 0) + a[2] * minor(0, 1)).abs()
+        dot(a, cross(b, c)).abs()
     };
     let volume = extent[0] * extent[1] * extent[2];
     let volume = m.cell.map(of_cell).filter(|v| *v > 0.0).map_or(volume, |v| v.min(volume));

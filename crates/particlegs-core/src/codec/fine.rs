@@ -77,6 +77,7 @@ impl<'a> FineWalk<'a> {
         leaf.t = self.trellis_t.half_steps(size);
         leaf.m = self.trellis_m.half_steps(node.count);
         leaf.w = if self.header.has_w() { self.trellis_w.half_steps(node.mass) } else { 0 };
+        // Steps of shape and place hang on size and count, which both sides know by now.
         self.powers.fill(self.header, leaf);
         self.shape(c, leaf)?;
         self.place(c, leaf, bits, place)

@@ -10,7 +10,7 @@ use crate::space::Bounds;
 /// Stages of a block's streams at most.
 pub(crate) const MOST_STAGES: usize = 8;
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct BlockHeader {
     pub bounds: Bounds,
     pub count: u64,
@@ -125,34 +125,24 @@ impl BlockHeader {
     fn check(&self) -> Result<(), String> {
         let b = &self.bounds;
         let ordered = (0..3).all(|k| b.min[k].is_finite() && b.max[k].is_finite() && b.min[k] <= b.max[k]);
-        if !ordered || !b.extent().iter().all(|e| e.is_finite()) {
-            return Err("block bounds are not ordered and finite".into());
-        }
-        if self.count == 0 || self.count > MOST_PARTICLES {
-            return Err(format!("a block of {} particles", self.count));
-        }
-        if !(self.mass > 0.0 && self.mass.is_finite()) {
-            return Err(format!("a block of mass {}", self.mass));
-        }
-        if self.gaussians == 0 {
-            return Err("a block without Gaussians".into());
-        }
-        if self.low.iter().any(|&l| l > 15) {
-            return Err("more than 15 plain low bits".into());
-        }
-        if !self.steps.iter().all(|&s| (1e-6..=16.0).contains(&s)) {
-            return Err(format!("quantisation steps {:?} outside 1e-6 to 16", self.steps));
-        }
-        if !((0.0..=4.0).contains(&self.importance) && self.centre.abs() <= 1e6) {
-            return Err("step factor out of range".into());
-        }
-        if !self.spreads.iter().all(|v| (0.0..=1e6).contains(v)) {
-            return Err("spreads out of range".into());
-        }
-        if self.cuts.len() >= MOST_STAGES || self.cuts.windows(2).any(|w| w[0] >= w[1]) {
-            return Err("stages out of order, or too many".into());
-        }
-        Ok(())
+        let faults = [
+            (!ordered || !b.extent().iter().all(|e| e.is_finite()), "block bounds are not ordered and finite".into()),
+            (self.count == 0 || self.count > MOST_PARTICLES, format!("a block of {} particles", self.count)),
+            (!(self.mass > 0.0 && self.mass.is_finite()), format!("a block of mass {}", self.mass)),
+            (self.gaussians == 0, "a block without Gaussians".into()),
+            (self.low.iter().any(|&l| l > 15), "more than 15 plain low bits".into()),
+            (
+                !self.steps.iter().all(|&s| (1e-6..=16.0).contains(&s)),
+                format!("quantisation steps {:?} outside 1e-6 to 16", self.steps),
+            ),
+            (!((0.0..=4.0).contains(&self.importance) && self.centre.abs() <= 1e6), "step factor out of range".into()),
+            (!self.spreads.iter().all(|v| (0.0..=1e6).contains(v)), "spreads out of range".into()),
+            (
+                self.cuts.len() >= MOST_STAGES || self.cuts.windows(2).any(|w| w[0] >= w[1]),
+                "stages out of order, or too many".into(),
+            ),
+        ];
+        faults.into_iter().find(|fault| fault.0).map_or(Ok(()), |fault| Err(fault.1))
     }
 
     #[inline]
@@ -277,22 +267,7 @@ mod tests {
     /// Shape numbers within their range, of Gaussians so far from round that rounding decides.
     #[test]
     fn variances_below_zero_are_refused() {
-        let header = BlockHeader {
-            bounds: Bounds { min: [0.0; 3], max: [1.0; 3] },
-            count: 1,
-            mass: 1.0,
-            gaussians: 1,
-            weighted: false,
-            shaded: false,
-            low: [0; 4],
-            steps: [0.5, 0.22, 0.22, 2.0, 0.22],
-            importance: 0.0,
-            centre: 0.0,
-            size: Default::default(),
-            surplus: 0,
-            spreads: [0.0; 3],
-            cuts: Vec::new(),
-        };
+        let header = BlockHeader { steps: [0.5, 0.22, 0.22, 2.0, 0.22], ..BlockHeader::default() };
         let mut negative = 0;
         for i in 0..2000 {
             let mut r = Random::new(1, 1, i);

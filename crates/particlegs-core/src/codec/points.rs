@@ -3,7 +3,7 @@
 use super::OutOfRange;
 use super::rans::{Coder, RansWriter};
 use super::splits::{Splits, long_uniform};
-use super::tree::{Segment, SplitNode, Tree, TreeCell, segments};
+use super::tree::{Segment, Tree, TreeCell, segments, walk};
 use crate::math::each_axis;
 use crate::parallel;
 use crate::space::Bounds;
@@ -72,23 +72,16 @@ impl Lattice<'_> {
         mut sink: impl FnMut([f64; 3]),
     ) -> Result<(), OutOfRange> {
         let (mut splits, mut lows, mut done) = (Splits::new(), segment.splits.iter(), 0);
-        let mut stack: Vec<SplitNode> = segment.nodes.iter().rev().copied().collect();
-        while let Some(node) = stack.pop() {
-            match node.cell.axis(self.extent).filter(|_| node.count > 1) {
-                None => {
-                    for _ in 0..node.count {
-                        sink(self.place(c, &node.cell, point(done)));
-                        done += 1;
-                    }
-                }
-                Some(axis) => {
-                    let low = splits.code(c, &node, lows.next().copied().unwrap_or(0))?;
-                    let [a, b] = node.halves(axis, low);
-                    stack.extend([b, a].into_iter().filter(|n| n.count > 0));
-                }
+        walk(&segment.nodes, self.extent, 1, |node, axis| {
+            if axis.is_some() {
+                return splits.code(c, node, lows.next().copied().unwrap_or(0));
             }
-        }
-        Ok(())
+            for _ in 0..node.count {
+                sink(self.place(c, &node.cell, point(done)));
+                done += 1;
+            }
+            Ok(0)
+        })
     }
 
     fn place(&self, c: &mut impl Coder, cell: &TreeCell, point: [f64; 3]) -> [f64; 3] {
@@ -107,6 +100,7 @@ impl Lattice<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::rans::RansReader;
+    use super::super::tree::SplitNode;
     use super::*;
     use crate::math::Random;
 

@@ -8,6 +8,7 @@ pub(crate) struct Predictor {
 }
 
 pub(crate) const SIZE_SLOPES: usize = 3;
+
 impl Predictor {
     /// Sum of slope times feature, rounded.
     #[inline(always)]

@@ -167,9 +167,11 @@ impl RansWriter {
         let intervals = &self.intervals[range];
         let mut words = Vec::with_capacity(intervals.len() / 2 + 4);
         let mut states = [LOW; 2];
+        // Last to first: the decoder undoes the encoder's last step first.
         for (i, &(start, frequency)) in intervals.iter().enumerate().rev() {
             let x = &mut states[i & 1];
             let f = u32::from(frequency);
+            // The step below would pass 2^32: a word goes out first.
             if u64::from(*x) >= u64::from(f) << (32 - PROBABILITY_BITS) {
                 words.push(*x as u16);
                 *x >>= 16;

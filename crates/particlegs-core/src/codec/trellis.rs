@@ -86,6 +86,7 @@ pub(crate) fn quantise(count: usize, sample: impl Fn(usize) -> TrellisSample) ->
         for i in start..end {
             back.push(advance(&mut cost, sample(i)));
         }
+        // A window's best end is final: what follows goes on from there.
         let mut s = (0..8).min_by(|&a, &b| cost[a].total_cmp(&cost[b])).unwrap_or(0);
         state = TrellisState(s as u8);
         out.resize(end, 0);

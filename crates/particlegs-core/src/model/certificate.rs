@@ -21,7 +21,8 @@ const SOME: &[CertificateLevel] = &[];
 const fn group<F>(
     tag: u8,
     levels: &'static [CertificateLevel],
-    [name, words]: [&'static str; 2],
+    name: &'static str,
+    words: &'static str,
     form: F,
 ) -> OptionalGroup<F> {
     OptionalGroup(MetricGroup { tag, levels, name, words }, form)
@@ -33,41 +34,38 @@ record! {
         /// Pictures at the default radius and opacity.
         #[serde(flatten)]
         views: ViewMetrics =
-            RequiredGroup(group(1, ALL, ["pictures", "pictures, one frame an orbit; masked PSNR in dB, SSIM"], ""));
-        /// The density on a grid.
-        density: DensityMetrics = RequiredGroup(group(MetricGroup::DENSITY, ALL, ["density", "density on a grid"], ""));
+            RequiredGroup(group(1, ALL, "pictures", "pictures, one frame an orbit; masked PSNR in dB, SSIM", ""));
+        density: DensityMetrics = RequiredGroup(group(MetricGroup::DENSITY, ALL, "density", "density on a grid", ""));
         /// Densities in cells of three sizes, the smallest first.
-        densities: Option<[CellDensity; 3]> = group(3, ALL, ["density", "density in cells"], CELL_NAMES);
-        /// P(k), r(k) and numbers of groups.
+        densities: Option<[CellDensity; 3]> = group(3, ALL, "density", "density in cells", CELL_NAMES);
         science: Option<ScienceMetrics> =
-            group(MetricGroup::SCIENCE, ALL, ["statistics", "statistics against the source"], "");
+            group(MetricGroup::SCIENCE, ALL, "statistics", "statistics against the source", "");
         /// P(k) of mass, where particles' masses are known and differ or there are several layers.
         mass_power: Option<MassPower> =
-            group(5, SOME, ["P(k) by mass", "power spectrum by mass, of the mixture itself"], "");
+            group(5, SOME, "P(k) by mass", "power spectrum by mass, of the mixture itself", "");
         /// What distances, groups and halves are of where the snapshot is too large for all.
-        sample: Option<Sample> = group(6, SOME, ["region", "distances, groups and halves are of a region"], "");
-        /// Distances to the nearest neighbour.
-        spacing: Option<Spacing> = group(7, WHOLE, ["nearest neighbour", "distance to the nearest neighbour"], "");
+        sample: Option<Sample> = group(6, SOME, "region", "distances, groups and halves are of a region", "");
+        spacing: Option<Spacing> = group(7, WHOLE, "nearest neighbour", "distance to the nearest neighbour", "");
         /// Groups matched by position, by class of size.
         groups: Option<[GroupClass; 3]> = group(8, FULL,
-            ["groups", "groups of particles drawn, over the source's, matched by position"], CLASS_NAMES);
+            "groups", "groups of particles drawn, over the source's, matched by position", CLASS_NAMES);
         /// Of particles that the fit has not seen.
-        held_out: Option<CrossValidation> = group(9, FULL, ["halves", "held-out particles, of models of halves"], "");
+        held_out: Option<CrossValidation> = group(9, FULL, "halves", "held-out particles, of models of halves", "");
         /// The particles' own best rival to the model.
         subset: Option<Subset> =
-            group(10, WHOLE, ["subset", "random subset of the same bytes, drawn with larger radii"], "");
+            group(10, WHOLE, "subset", "random subset of the same bytes, drawn with larger radii", "");
         /// Pictures at other radii and opacities, and from close up.
         pictures: Option<Pictures> = group(11, FULL,
-            ["settings", "pictures at other radii and opacities (r, a: the default ones) and from close up"], "");
+            "settings", "pictures at other radii and opacities (r, a: the default ones) and from close up", "");
         /// Parts that the certificate was added up of, where no process had all particles: ParaView's pictures are then
         /// not measured.
-        blocks: Option<u32> = group(12, BLOCKS, ["blocks", "added up of blocks, each measured by itself"],
+        blocks: Option<u32> = group(12, BLOCKS, "blocks", "added up of blocks, each measured by itself",
             Metric::new("blocks", Whole(4)).tolerance(Tolerance::Any));
         /// What was asked for, and what the file reached.
-        goal: Option<GoalResult> = group(MetricGroup::GOAL, SOME, ["goal", "asked for"], "");
+        goal: Option<GoalResult> = group(MetricGroup::GOAL, SOME, "goal", "asked for", "");
         /// How layers go together, where there are several.
         layer_ratios: Option<LayerRatios> = group(14, SOME,
-            ["layers", "ratio of masses to the first layer's from cell to cell, dex"], "");
+            "layers", "ratio of masses to the first layer's from cell to cell, dex", "");
     }
 }
 

@@ -32,7 +32,6 @@ record! {
     /// A figure, and what it is to be.
     #[derive(serde::Deserialize)]
     Goal {
-        /// Which figure.
         kind: GoalKind = Metric::new("figure", Name(GoalKind::NAMES));
         /// What it is to be: a share (0.01 = 1 %) for the power spectrum and groups.
         asked: f64 = Metric::new("asked for", F64);
@@ -44,7 +43,6 @@ record! {
 record! {
     /// A goal, and what the decoded file was measured to have.
     GoalResult {
-        /// What was asked for.
         #[serde(flatten)]
         goal: Goal = "";
         /// What was reached, as [`Goal::asked`].

@@ -395,7 +395,9 @@ macro_rules! record {
     ($(#[$meta:meta])* $name:ident $(agrees by $agree:path)? {
         $($(#[$field_meta:meta])* $field:ident: $type:ty = $form:expr;)*
     }) => {
+        // What a figure's own name says needs no other words.
         $(#[$meta])*
+        #[allow(missing_docs)]
         #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
         pub struct $name {
             $($(#[$field_meta])* pub $field: $type,)*

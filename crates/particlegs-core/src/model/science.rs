@@ -25,7 +25,6 @@ enum_values!(ScienceSubject);
 record! {
     /// Statistics against the snapshot (module `stats` of this library).
     ScienceMetrics agrees by Self::limits_are_measured {
-        /// What was compared with the snapshot.
         of: ScienceSubject = Metric::new("of", Name(ScienceSubject::NAMES));
         /// Cells of the spectrum's grid along the longest edge.
         spectrum_grid: u16 = Metric::new("cells", Whole(2));

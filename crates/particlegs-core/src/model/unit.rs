@@ -99,36 +99,28 @@ const TIMES: [(&str, f64); 13] = [
 ];
 
 impl Dimension {
-    fn names(self) -> &'static [(&'static str, f64)] {
+    fn table(self) -> (&'static str, &'static str, &'static [(&'static str, f64)]) {
         match self {
-            Dimension::Length => &LENGTHS,
-            Dimension::Mass => &MASSES,
-            Dimension::Time => &TIMES,
+            Dimension::Length => ("length", "m", &LENGTHS),
+            Dimension::Mass => ("mass", "kg", &MASSES),
+            Dimension::Time => ("time", "s", &TIMES),
         }
     }
 
     /// What it is called.
     pub fn name(self) -> &'static str {
-        match self {
-            Dimension::Length => "length",
-            Dimension::Mass => "mass",
-            Dimension::Time => "time",
-        }
+        self.table().0
     }
 
     /// The SI unit that factors are of.
     pub fn base(self) -> &'static str {
-        match self {
-            Dimension::Length => "m",
-            Dimension::Mass => "kg",
-            Dimension::Time => "s",
-        }
+        self.table().1
     }
 
     /// A unit by one of its names: as it is written, else whatever the case of its letters. Short names differ by
     /// case: mg and Mg. Its first name, and its factor.
     fn named(self, name: &str) -> Option<(&'static str, f64)> {
-        let names = || self.names().iter().flat_map(|unit| unit.0.split(' ').map(move |n| (n, unit)));
+        let names = || self.table().2.iter().flat_map(|unit| unit.0.split(' ').map(move |n| (n, unit)));
         let lower = name.to_lowercase();
         let any_case = || names().find(|n| name.len() > 2 && n.0.to_lowercase() == lower);
         let (names, factor) = names().find(|n| n.0 == name).or_else(any_case)?.1;

@@ -8,7 +8,7 @@ use super::raster::pyramid::Level;
 use super::raster::{RasterCanvas, clip};
 use super::scene::Scene;
 use super::scratch::Scratch;
-use super::tone::tone_rows;
+use super::tone::Tones;
 use crate::camera::{Projection, View};
 use crate::memory::filled;
 use crate::model::Mixture;
@@ -52,7 +52,7 @@ pub fn draw(scene: &Scene, view: &View, size: Size, look: ToneStyle, progress: &
     let mut scratch = Scratch::default();
     let tau = depth(scene, view, size, &mut scratch, progress)?;
     let mut out = Gray8 { size, data: filled("a picture", 0, size.pixels(), progress)? };
-    tone_rows(tau, scene.look(look), view.opacity, view.radius_pixels(size), &mut out.data);
+    Tones::new(view.opacity, view.radius_pixels(size)).rows(tau, scene.look(look), &mut out.data);
     Ok(out)
 }
 
@@ -68,7 +68,7 @@ pub fn draw_into(
 ) -> Result<()> {
     let size = out.size();
     let tau = depth(scene, view, size, scratch, progress)?;
-    tone_rows(tau, scene.look(look), view.opacity, view.radius_pixels(size), out.into_data());
+    Tones::new(view.opacity, view.radius_pixels(size)).rows(tau, scene.look(look), out.into_data());
     Ok(())
 }
 
@@ -128,6 +128,7 @@ pub(super) fn sum<'a>(
         .iter()
         .flat_map(|&(m, unit_mass)| (0..m.len()).step_by(RUN).map(move |start| GaussianRun { m, unit_mass, start }))
         .collect();
+    // Taken from the end as they are done: the rest need not move.
     runs.reverse();
     let mut group = MOST_RUNS;
     while !runs.is_empty() {

@@ -33,6 +33,8 @@ mod tone;
 #[cfg(any(test, feature = "twins"))]
 #[allow(clippy::disallowed_methods)]
 pub mod plain;
+#[cfg(any(test, feature = "twins"))]
+pub mod testing;
 #[cfg(test)]
 mod tests;
 

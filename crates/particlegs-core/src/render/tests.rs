@@ -1,19 +1,16 @@
 //! The renderer against the plain law, and what must not change it.
 
+use super::testing::view;
 use super::*;
-use crate::camera::{Camera, Projection, View};
+use crate::camera::{DensityView, Extent, Projection, View, Window, spherical_camera};
 use crate::math::{Random, Sym3};
 use crate::model::Mixture;
 use crate::picture::{Plane, Size};
 use crate::progress::{Progress, Scalar, Silent};
-use crate::space::Bounds;
+use crate::space::{Bounds, Cell};
 use crate::splat::ToneStyle;
 
 const SIZE: Size = Size { width: 96, height: 64 };
-
-fn view(position: [f64; 3], radius: f64, opacity: f64) -> View {
-    View { name: "v".into(), camera: Camera::looking_at([0.0; 3], position), radius, opacity }
-}
 
 fn bounds() -> Bounds {
     Bounds { min: [-1.0; 3], max: [1.0; 3] }
@@ -214,8 +211,6 @@ fn units_do_not_matter() {
 /// appear on both sides.
 #[test]
 fn periodic_windows_wrap() {
-    use crate::camera::{DensityView, Window};
-    use crate::space::Cell;
     let m = random_mixture(9, 50, 0.05);
     let total: f64 = m.count.iter().sum();
     let size = Size { width: 80, height: 80 };
@@ -245,8 +240,6 @@ fn periodic_windows_wrap() {
 /// A map that shows more than the box is that of the box, repeated, within it, and empty beyond.
 #[test]
 fn tails_that_leave_a_whole_box_come_in_on_the_other_side() {
-    use crate::camera::{DensityView, Window};
-    use crate::space::Cell;
     let m = random_mixture(9, 50, 0.1);
     let map = |width: usize| {
         let size = Size { width, height: 80 };
@@ -265,8 +258,6 @@ fn tails_that_leave_a_whole_box_come_in_on_the_other_side() {
 /// As few Gaussians make a model: what the interpolation leaves beyond the tails counts, too.
 #[test]
 fn a_wide_gaussian_keeps_its_mass_in_a_map_of_the_whole_box() {
-    use crate::camera::{DensityView, Window};
-    use crate::space::Cell;
     let mut m = Mixture::default();
     m.push([0.2, 0.3, -0.1], Sym3([0.25, 0.0, 0.0, 0.4, 0.0, 0.2]), 1e4, 1e4);
     let size = Size { width: 1280, height: 720 };
@@ -281,8 +272,6 @@ fn a_wide_gaussian_keeps_its_mass_in_a_map_of_the_whole_box() {
 /// has its mass, with what Gaussians leave beyond its faces; from the sides it has the window of its particles.
 #[test]
 fn maps_of_whole_boxes_have_their_mass() {
-    use crate::camera::{DensityView, Extent, Window, spherical_camera};
-    use crate::space::{Bounds, Cell};
     let m = random_mixture(9, 100, 0.08);
     let total: f64 = m.count.iter().sum();
     for sides in [[1.0, 1.0, 1.0], [2.0, 1.0, 0.5], [4.0, 2.0, 1.0]] {

@@ -122,6 +122,12 @@ impl AlphaConfig {
         self.extent * (from + (to - from) * t).exp()
     }
 
+    /// What counts steps, in the proportion of `steps`.
+    pub(crate) fn schedule(&mut self, steps: impl Fn(u64) -> u64) {
+        let counts = [&mut self.position_rate_steps, &mut self.densify_from, &mut self.reset_every];
+        counts.into_iter().for_each(|count| *count = steps(*count));
+    }
+
     /// What opacities are reset to, at most.
     pub(super) fn reset_opacity(&self) -> f64 {
         (1.33 * self.least_opacity).max(0.01)

@@ -67,12 +67,12 @@ impl Learner for AlphaLearner {
     }
 
     fn mixture(&self) -> Mixture {
-        let mut mixture = Mixture::default();
-        let mut law = AlphaBlend { vizmapper: self.gaussians.mapper.clone().map(Arc::new), ..AlphaBlend::default() };
-        let TrainingScale { frame, particles, .. } = self.gaussians.scale;
-        let sum: f64 = (0..self.len()).map(|i| self.gaussians.parameters.get(i).opacity()).sum();
+        let (mut mixture, of) = (Mixture::default(), &self.gaussians);
+        let mut law = AlphaBlend { vizmapper: of.mapper.clone().map(Arc::new), ..AlphaBlend::default() };
+        let TrainingScale { frame, particles, .. } = of.scale;
+        let sum: f64 = (0..self.len()).map(|i| of.parameters.get(i).opacity()).sum();
         for i in 0..self.len() {
-            let one = self.gaussians.parameters.get(i);
+            let one = of.parameters.get(i);
             let mean = each_axis(|k| frame.center[k] + one.position[k] / frame.scale);
             let cov = Sym3(one.cov().0.map(|v| v / (frame.scale * frame.scale)));
             let count = particles as f64 * one.opacity() / sum;
@@ -85,22 +85,21 @@ impl Learner for AlphaLearner {
     }
 
     fn state(&self) -> TrainingState {
-        let mut state = TrainingState::default();
+        let (mut state, of) = (TrainingState::default(), &self.gaussians);
         let mut column = |name: String, v: &[f32]| state.columns.insert(name, v.to_vec());
         for g in ParameterGroup::ALL {
-            let (name, averages) = (g.name(), &self.gaussians.averages[g as usize]);
-            column(name.to_string(), &self.gaussians.parameters.0[g as usize]);
+            let (name, averages) = (g.name(), &of.averages[g as usize]);
+            column(name.to_string(), &of.parameters.0[g as usize]);
             column(format!("{name}.first"), &averages.first);
             column(format!("{name}.second"), &averages.second);
         }
-        if let Some(m) = &self.gaussians.mapper {
+        if let Some(m) = &of.mapper {
             column("vizmapper".into(), &m.parameters);
-            column("vizmapper.first".into(), &self.gaussians.mapper_averages.first);
-            column("vizmapper.second".into(), &self.gaussians.mapper_averages.second);
+            column("vizmapper.first".into(), &of.mapper_averages.first);
+            column("vizmapper.second".into(), &of.mapper_averages.second);
         }
-        column("screen".into(), self.gaussians.screen.as_flattened());
-        let steps =
-            self.gaussians.averages.iter().chain([&self.gaussians.mapper_averages]).map(|a| a.steps as f64).collect();
+        column("screen".into(), of.screen.as_flattened());
+        let steps = of.averages.iter().chain([&of.mapper_averages]).map(|a| a.steps as f64).collect();
         state.numbers.insert("steps".into(), steps);
         state
     }

@@ -49,10 +49,7 @@ fn views(bounds: &Bounds, radius: f64, size: Size, frames: usize, seed: u64) -> 
 }
 
 fn lesson(size: Size, frames: usize) -> TrainingSet {
-    lesson_of(concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64"), size, frames)
-}
-
-fn lesson_of(folder: &str, size: Size, frames: usize) -> TrainingSet {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64");
     let particles = Particles::open_raw(&[folder.into()]).unwrap();
     let bounds = particles.bounds();
     let radius = bounds.default_radius(particles.len() as u64);
@@ -108,7 +105,7 @@ fn train_with(
 fn model(learner: &AlphaLearner, bounds: Bounds) -> Model {
     let gaussians = learner.mixture();
     let n = learner.gaussians.scale.particles;
-    let mut m = render::alpha::testing::empty_model(bounds, n);
+    let mut m = render::testing::empty_model(bounds, n);
     m.metadata.law = LawKind::AlphaBlend;
     m.metadata.default_radius = learner.gaussians.scale.radius;
     m.metadata.default_opacity = learner.gaussians.scale.opacity;

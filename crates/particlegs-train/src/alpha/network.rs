@@ -79,6 +79,7 @@ fn back<S: Simd>(
     out.resize(n, [0.0; 2]);
     network.run(simd.level(), inputs, hidden, out);
     last.clear();
+    // tanh' = 1 - tanh^2: the outputs are enough.
     last.extend(out.iter().zip(wanted).map(|(o, w)| [0, 1].map(|k| w[k] * (1.0 - o[k] * o[k]))));
     last.iter().for_each(|d| (0..2).for_each(|k| sums.last_bias[k] += d[k]));
     let last = last.as_flattened();

@@ -101,6 +101,7 @@ fn tile_sums<S: Simd>(simd: S, plan: &Plan, drawn: &BlendedTile<'_>, tile: &mut 
             sum.store_slice(&mut tile.sum[here.clone()]);
             live.select(next, zero).store_slice(&mut tile.left[here.clone()]);
             let want = f32x16::from_slice(simd, &slope[here.clone()]);
+            // Light from behind, as it arrives: dimmed by this alpha too, which the division below takes back.
             let behind = f32x16::from_slice(simd, &total[here]) - sum;
             // An alpha that was cut moves no more.
             let moving = raw.simd_le(plan.cut.most_alpha).select(alpha, zero);

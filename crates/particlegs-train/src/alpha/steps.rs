@@ -41,10 +41,12 @@ pub trait AlphaStepper {
     ) -> Result<StepReport>;
 
     /// Brings everything up to date with the steps taken.
-    fn fetch(&mut self, of: &mut Gaussians) -> Result<()>;
+    fn fetch(&mut self, _of: &mut Gaussians) -> Result<()> {
+        Ok(())
+    }
 
     /// Others than steps changed them, in number too.
-    fn changed(&mut self);
+    fn changed(&mut self) {}
 }
 
 #[derive(Default)]
@@ -136,10 +138,4 @@ impl AlphaStepper for AlphaCpuSteps {
         // The picture's loss alone: what holds the network to the identity is no measure of it.
         Ok(StepReport { loss: valued.value, not_finite })
     }
-
-    fn fetch(&mut self, _of: &mut Gaussians) -> Result<()> {
-        Ok(())
-    }
-
-    fn changed(&mut self) {}
 }

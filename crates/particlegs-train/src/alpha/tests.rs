@@ -4,12 +4,14 @@ use super::parameters::{AlphaParameters, GaussianParameters, ParameterGroup};
 use super::pass::{ForwardPass, LoadedNetwork};
 use super::twin::{DoubleParameters, drawn};
 use particlegs_core::camera::{Camera, Normalisation, View};
+use particlegs_core::camera::{Normalisation, View};
 use particlegs_core::math::Random;
 use particlegs_core::model::{VizMapper, VizRanges};
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::progress::Silent;
 use particlegs_core::render::alpha::network::{Network, Setting, twin::stirred};
 use particlegs_core::render::alpha::{CutOffs, Eye};
+use particlegs_core::render::testing;
 
 const SIZE: Size = Size { width: 37, height: 21 };
 const FRAME: Normalisation = Normalisation { center: [0.0; 3], scale: 1.0 };
@@ -18,7 +20,7 @@ const FRAME: Normalisation = Normalisation { center: [0.0; 3], scale: 1.0 };
 const SMOOTH: CutOffs = CutOffs { least_alpha: 1e-12, most_alpha: 0.99, least_transmittance: 0.0 };
 
 fn view(position: [f64; 3]) -> View {
-    View { name: "v".into(), camera: Camera::looking_at([0.0; 3], position), radius: 0.01, opacity: 0.05 }
+    testing::view(position, 0.01, 0.05)
 }
 
 /// Gaussians of all kinds: among them one without any width, one beyond the guard band that reaches

@@ -13,8 +13,8 @@ use particlegs_core::render::Scratch;
 use particlegs_core::render::bin::{Binner, PlacedFootprint, StrokeBins, place};
 use particlegs_core::render::depth::{grow, paint};
 use particlegs_core::render::lens::Lens;
-use particlegs_core::render::project::slices::{ClipClass, clip_class, cut_with_slopes, misses, whole};
-use particlegs_core::render::project::{CameraGaussian, DepthMoments, DepthSlopes, Footprint, inverse_slopes};
+use particlegs_core::render::project::slices::pieces_with_slopes;
+use particlegs_core::render::project::{CameraGaussian, Footprint};
 use particlegs_core::render::raster::pyramid::{self, Level, PAD};
 use particlegs_core::space::Bounds;
 
@@ -64,6 +64,7 @@ impl Tape {
     pub fn gradient(&self, mixture: &Mixture, mut by_tau: Plane) -> Vec<GaussianGradient> {
         // The drawn depth is never negative; where the planes' sum was, nothing changes it.
         by_tau.data.iter_mut().zip(&self.tau.data).for_each(|(g, &t)| *g = if t > 0.0 { *g } else { 0.0 });
+        // The factors of `draw` are constant for a pixel: its gradient has the same.
         grow(&mut by_tau, &self.lens);
         let planes = self.planes(&by_tau);
         let mut out = vec![GaussianGradient::default(); mixture.len()];
@@ -118,23 +119,14 @@ fn project_run(
     let mut pieces = Vec::with_capacity(range.len());
     for i in range {
         let Some(g) = CameraGaussian::from_mixture(lens, m, i, m.count[i]) else { continue };
-        let mut add = |moments: DepthMoments, slopes: DepthSlopes| {
+        pieces_with_slopes(lens, &g, |moments, slopes| {
             let footprint = g.footprint(lens, &moments);
             if let Some(placed) = place(levels, &footprint) {
                 binner.add_placed(&placed);
                 let depth = PieceDepth { moments, slopes };
                 pieces.push(FootprintPiece { gaussian: i as u32, footprint, placed, depth });
             }
-        };
-        let [depth, variance] = g.depths();
-        match clip_class(lens, depth, variance) {
-            ClipClass::Outside => {}
-            ClipClass::Cut if misses(lens, &g) => {}
-            ClipClass::Whole => {
-                add(whole(lens, depth, variance), inverse_slopes(depth, variance));
-            }
-            ClipClass::Cut => cut_with_slopes(lens, depth, variance, add),
-        }
+        });
     }
     (pieces, binner.finish())
 }

@@ -157,6 +157,7 @@ fn update(of: &mut Parameters, own: &OwnFrameGradient, size: &StepSize) {
     let (beta1, beta2) = (size.beta1 as f32, size.beta2 as f32);
     let mut by = WIDTHS.map(|k| vec![0.0f32; k * m]);
     for (k, rate) in size.rates.into_iter().enumerate() {
+        // In proportion to the group's own gradients, whose size hangs on the pictures and is not known before.
         let epsilon = (size.epsilon * of.averages[k].mean_size(size.beta2)).max(LEAST_EPSILON) as f32;
         Adam { beta1, beta2, epsilon }.step(&mut by[k], &own.groups[k], &mut of.averages[k], rate);
     }
@@ -168,6 +169,7 @@ fn update(of: &mut Parameters, own: &OwnFrameGradient, size: &StepSize) {
             [p[0], p[1], p[2], s[0], s[1], s[2], s[3], s[4], s[5], by[2][i] - decay * away]
         })
         .collect();
+    // After Adam, whose division does not keep the sums that the gradients keep.
     of.groups.keep(&of.now.0, &mut changes);
     of.now.change(&changes);
     if let Some(decoded) = &mut of.decoded {

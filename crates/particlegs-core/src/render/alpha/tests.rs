@@ -2,13 +2,13 @@
 
 use super::plain;
 use super::raster::blend;
-use super::testing::empty_model;
 use super::*;
-use crate::camera::{Camera, Normalisation, Projection, View};
+use crate::camera::{Normalisation, Projection, View};
 use crate::math::{Random, Sym3, each_axis};
 use crate::model::{AlphaBlend, Block, Law, Layer, Mass, Mixture, Model, VizMapper, VizRanges};
 use crate::picture::{Plane, Size};
 use crate::progress::{Progress, Scalar, Silent};
+use crate::render::testing::{self, empty_model};
 use crate::render::{self, Scene};
 use crate::space::Bounds;
 use crate::splat::ToneStyle;
@@ -17,8 +17,8 @@ use std::sync::Arc;
 const SIZE: Size = Size { width: 83, height: 61 };
 const FRAME: Normalisation = Normalisation { center: [0.0; 3], scale: 1.0 };
 
-pub fn view(position: [f64; 3]) -> View {
-    View { name: "v".into(), camera: Camera::looking_at([0.0; 3], position), radius: 0.01, opacity: 0.05 }
+fn view(position: [f64; 3]) -> View {
+    testing::view(position, 0.01, 0.05)
 }
 
 fn eye(position: [f64; 3]) -> Eye {

@@ -150,6 +150,7 @@ impl CameraGaussian {
         let [with_right, with_down, with_forward] = axes.map(|a| cov.apply(a));
         let (xx, xy, yy) = (dot(right, with_right), dot(right, with_down), dot(down, with_down));
         let (xz, yz, zz) = (dot(right, with_forward), dot(down, with_forward), dot(forward, with_forward));
+        // A variance that rounding alone made would send slopes to infinity.
         let inverse = |v: f64, others: f64| if v > 1e-14 * others { 1.0 / v } else { 0.0 };
         let slope = [xz, yz].map(|v| v * inverse(zz, xx + yy));
         let (xx, xy, yy) = ((xx - slope[0] * xz).max(0.0), xy - slope[0] * yz, (yy - slope[1] * yz).max(0.0));

@@ -5,7 +5,7 @@
 //! and are smooth, so that the pieces blend without seams. Each piece is the Gaussian times one
 //! spline, inside the clipping range; its moments are sums over a fine grid of depths.
 
-use super::{CameraGaussian, DepthMoments, DepthSlopes, inverse_moments};
+use super::{CameraGaussian, DepthMoments, DepthSlopes, inverse_moments, inverse_slopes};
 use crate::render::lens::Lens;
 
 /// A Gaussian whose depth spread is a larger share of its depth is cut.
@@ -78,6 +78,17 @@ pub fn pieces(lens: &Lens, g: &CameraGaussian, mut emit: impl FnMut(DepthMoments
     }
 }
 
+/// Calls `emit` with the moments of each piece that the picture may show, and their slopes, of a Gaussian in perspective.
+pub fn pieces_with_slopes(lens: &Lens, g: &CameraGaussian, mut emit: impl FnMut(DepthMoments, DepthSlopes)) {
+    let [depth, variance] = g.depths();
+    match clip_class(lens, depth, variance) {
+        ClipClass::Outside => {}
+        ClipClass::Cut if misses(lens, g) => {}
+        ClipClass::Whole => emit(whole(lens, depth, variance), inverse_slopes(depth, variance)),
+        ClipClass::Cut => cut_with_slopes(lens, depth, variance, emit),
+    }
+}
+
 /// The moments of a Gaussian in one piece.
 #[inline(always)]
 pub fn whole(lens: &Lens, depth: f64, variance: f64) -> DepthMoments {
@@ -94,7 +105,7 @@ pub fn cut(lens: &Lens, depth: f64, variance: f64, mut emit: impl FnMut(DepthMom
 }
 
 /// Calls `emit` with the moments of each piece and their slopes; the splines stay where they are.
-pub fn cut_with_slopes(lens: &Lens, depth: f64, variance: f64, mut emit: impl FnMut(DepthMoments, DepthSlopes)) {
+fn cut_with_slopes(lens: &Lens, depth: f64, variance: f64, mut emit: impl FnMut(DepthMoments, DepthSlopes)) {
     slice::<9>(lens, depth, variance, |sums| {
         let [weight, first, second] = [sums[0], sums[1], sums[2]];
         let m = moments(&[weight, first, second]);
