@@ -13,6 +13,7 @@ use particlegs::particles::{
 use particlegs::picture::Size;
 use particlegs::reference::Reference;
 use particlegs::space::{Bounds, Cell};
+use particlegs::splat::DEFAULT_OPACITY;
 use particlegs_formats::Writer;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -293,7 +294,7 @@ impl Snapshot {
         let particles = &*self.particles;
         let reference = WorkOptions::quietly(threads).run(py, |_| Ok(Reference::new(particles)))?;
         let bounds = *reference.bounds();
-        let usual = [bounds.default_radius(particles.len() as u64), 0.05];
+        let usual = [bounds.default_radius(particles.len() as u64), DEFAULT_OPACITY];
         let looking = ViewDefaults { bounds, cell: particles.meta.cell, usual };
         let view = looking.view(&camera, size, radius, opacity).or_raise()?;
         let how = WorkOptions::quietly(threads);

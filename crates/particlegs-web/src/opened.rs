@@ -15,6 +15,8 @@ const STEP: usize = 1 << 15;
 
 /// A model, as far as it was decoded.
 pub(crate) struct LoadedModel {
+    /// Of its particles.
+    pub bounds: Bounds,
     opening: Option<PartialModel>,
     /// Or the line that says why it will not be.
     whole: std::result::Result<CompleteModel, String>,
@@ -60,8 +62,9 @@ impl LoadedModel {
         let mut left: Vec<usize> = (0..decoder.pieces()).collect();
         left.sort_by_key(|piece| std::cmp::Reverse(piece.reverse_bits()));
         let sketch = ModelPreview::new(&decoder);
+        let bounds = decoder.info().metadata.bounds;
         let opening = Some(PartialModel { decoder, left, decoded: 0, sketch });
-        LoadedModel { opening, whole: Err("the model could not be decoded".into()) }
+        LoadedModel { bounds, opening, whole: Err("the model could not be decoded".into()) }
     }
 
     /// Decodes a step more; gives the share of the Gaussians that were decoded, 1 where the model is whole.

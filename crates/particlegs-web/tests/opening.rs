@@ -42,9 +42,7 @@ fn view(coarse: bool) -> (View, Value) {
     let view = View { name: "view".into(), camera, radius: 0.02, opacity: 0.05 };
     let scene = json!({
         "size": SIZE, "radius": view.radius, "opacity": view.opacity, "coarse": coarse,
-        "camera": {
-            "position": camera.position, "focal_point": camera.focal_point, "view_up": camera.view_up, "fov_deg": 30.0,
-        },
+        "camera": camera,
     });
     (view, scene)
 }

@@ -57,6 +57,8 @@ pub struct CameraRecord {
     pub clipping_range: Option<[f64; 2]>,
 }
 
+const NO_WINDOW: &str = "it has neither fov_deg (perspective) nor height_world (orthographic): its window is missing";
+
 impl From<Camera> for CameraRecord {
     fn from(camera: Camera) -> Self {
         let Camera { position, focal_point, view_up, projection, clipping_range } = camera;
@@ -77,11 +79,7 @@ impl TryFrom<CameraRecord> for Camera {
             (Some(fov_deg), None) => Projection::Perspective { fov_deg },
             (None, Some(height_world)) => Projection::Orthographic { height_world },
             (Some(_), Some(_)) => return Err("it has both fov_deg and height_world"),
-            (None, None) => {
-                return Err(
-                    "it has neither fov_deg (perspective) nor height_world (orthographic): its window is missing",
-                );
-            }
+            (None, None) => return Err(NO_WINDOW),
         };
         Ok(Camera { position, focal_point, view_up, projection, clipping_range })
     }
@@ -163,20 +161,13 @@ pub struct View {
 impl View {
     /// The view of a scene whose lengths are multiplied by `by`.
     pub fn scaled(&self, by: f64) -> View {
-        let scaled = |v: [f64; 3]| v.map(|v| v * by);
-        let camera = Camera {
-            position: scaled(self.camera.position),
-            focal_point: scaled(self.camera.focal_point),
-            projection: match self.camera.projection {
-                Projection::Orthographic { height_world } => {
-                    Projection::Orthographic { height_world: height_world * by }
-                }
-                perspective => perspective,
-            },
-            clipping_range: self.camera.clipping_range.map(|r| r.map(|v| v * by)),
-            ..self.camera
-        };
-        View { camera, radius: self.radius * by, ..self.clone() }
+        let mut view = View { radius: self.radius * by, ..self.clone() };
+        let Camera { position, focal_point, projection, clipping_range, .. } = &mut view.camera;
+        position.iter_mut().chain(focal_point).chain(clipping_range.iter_mut().flatten()).for_each(|v| *v *= by);
+        if let Projection::Orthographic { height_world } = projection {
+            *height_world *= by;
+        }
+        view
     }
 
     /// The splat radius in pixels at the focal point.

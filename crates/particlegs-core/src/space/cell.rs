@@ -40,6 +40,13 @@ impl Cell {
         })
     }
 
+    /// Sums of whole multiples of its vectors, from the first to the last of each.
+    pub fn shifts(&self, [i, j, k]: [[i64; 2]; 3]) -> Vec<[f64; 3]> {
+        let along = |[first, last]: [i64; 2]| (first..=last).map(|n| n as f64);
+        let all = along(i).flat_map(|i| along(j).flat_map(move |j| along(k).map(move |k| [i, j, k])));
+        all.map(|n| each_axis(|c| (0..3).map(|r| n[r] * self.vectors[r][c]).sum())).collect()
+    }
+
     /// With lengths multiplied by `by`.
     pub fn scaled(&self, by: f64) -> Self {
         let scaled = |v: [f64; 3]| v.map(|v| v * by);

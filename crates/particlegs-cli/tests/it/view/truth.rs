@@ -13,7 +13,7 @@ fn question(look: &str) -> Value {
     json!({
         "camera": {
             "position": [2.5, 1.25, 3.125], "focal_point": [0.1, 0.5, 0.0], "view_up": [0.0, 1.0, 0.0],
-            "fov_deg": 30.0, "height": null, "clipping_range": null
+            "fov_deg": 30.0, "height_world": null, "clipping_range": null
         },
         "radius": 0.012, "opacity": 0.3, "look": look, "width": 160, "height_pixels": 90
     })
@@ -28,9 +28,9 @@ fn pictures_of_all_particles_are_those_of_reference() {
         dir.runs(&format!("reference spiral --box 3 {words} --quiet"));
     };
     let q = question("paraview");
-    let views = json!({"width": 160, "height": 90, "fov_deg": 30.0, "views": [{
-        "name": "view", "position": q["camera"]["position"], "focal_point": q["camera"]["focal_point"],
-        "view_up": q["camera"]["view_up"], "radius": q["radius"], "opacity": q["opacity"]}]});
+    let mut view = q["camera"].clone();
+    (view["name"], view["radius"], view["opacity"]) = (json!("view"), q["radius"].clone(), q["opacity"].clone());
+    let views = json!({ "width": 160, "height": 90, "views": [view] });
     dir.write("views.json", views.to_string());
     for look in ["paraview", "paraview-no-fxaa", "expected"] {
         reference(&format!("--views views.json --style {look} -o {look}.png"));
@@ -46,12 +46,8 @@ fn pictures_of_all_particles_are_those_of_reference() {
     let window = "--projection orthographic --size 160x90 --azimuth 20 --width 7";
     reference(&format!("--style density --smooth 32 --raw {window} --json report.json -o slab"));
     let report = dir.json("report.json");
-    let camera = &report["views"][0];
     let mut q = question("density");
-    q["camera"] = json!({
-        "position": camera["position"], "focal_point": camera["focal_point"], "view_up": camera["view_up"],
-        "height": camera["height_world"], "clipping_range": camera["clipping_range"]
-    });
+    q["camera"] = report["views"][0].clone();
     let slab = dir.bytes("slab/view.f32");
     let answer = serving.truth(&q);
     assert_eq!(answer.status, 200, "{}", answer.text());
@@ -114,8 +110,8 @@ fn wrong_questions_are_told_in_a_line() {
         (set(&["camera", "position"], json!([0.1, 0.5, 0.0])), "stands at its focal point"),
         (set(&["camera", "view_up"], json!([0, 0, 0])), "view_up"),
         (set(&["camera", "fov_deg"], json!(180)), "field of view"),
-        (set(&["camera", "fov_deg"], json!(null)), "either fov_deg or height"),
-        (set(&["camera", "height"], json!(1)), "either fov_deg or height"),
+        (set(&["camera", "fov_deg"], json!(null)), "neither fov_deg (perspective) nor height_world"),
+        (set(&["camera", "height_world"], json!(1)), "both fov_deg and height_world"),
         (set(&["camera", "clipping_range"], json!([2, 1])), "clipping range"),
     ] {
         let answer = serving.truth(&wrong);
@@ -124,7 +120,7 @@ fn wrong_questions_are_told_in_a_line() {
     }
     let mut flat = question("expected");
     flat["camera"]["fov_deg"] = json!(null);
-    flat["camera"]["height"] = json!(1.0);
+    flat["camera"]["height_world"] = json!(1.0);
     assert!(serving.truth(&flat).text().contains("orthographic in the look density alone"));
     assert_eq!(serving.truth(&question("expected")).status, 200);
 }
