@@ -9,9 +9,9 @@ use std::sync::Arc;
 /// The option.
 #[derive(Args, Clone, Debug)]
 pub struct DeviceArgs {
-    /// What computes: `cpu`, `gpu`, `auto` (a graphics card where there is one), or a number that `devices` lists.
+    /// Device: `cpu`, `gpu`, `auto` (a GPU where there is one), or a number that `devices` lists.
     ///
-    /// Cards count in float32: levels may differ by one from the processor's, which are the same everywhere.
+    /// GPUs use float32: grey levels may differ by one from the CPU's, which are reproducible.
     #[arg(long, value_name = "DEVICE", default_value = "cpu", hide_short_help = true)]
     device: DeviceRequest,
 }

@@ -47,6 +47,7 @@ mod train_log;
 mod view_args;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
+use particlegs::{Error, Result};
 use std::ffi::OsString;
 use std::process::ExitCode;
 
@@ -73,11 +74,16 @@ fn subcommand(command: clap::Command) -> clap::Command {
     if names && !number { command.mut_arg("gadget_blocks", |a| a.visible_alias("blocks")) } else { command }
 }
 
-fn run() -> particlegs::Result<()> {
+fn run() -> Result<()> {
     // `help -h` is `help`.
     let mut arguments: Vec<OsString> = std::env::args_os().collect();
     if arguments.get(1).is_some_and(|command| command == "help") {
         arguments.retain(|a| a != "-h" && a != "--help");
+    }
+    if cfg!(not(feature = "lab")) && arguments.get(1).is_some_and(|command| command == "bench") {
+        let what = "this program was built without the laboratory".into();
+        let remedy = "build it with `cargo build --release -p particlegs-cli --features lab`".into();
+        return Err(Error::Argument { what, remedy });
     }
     let matches = match Cli::command().try_get_matches_from(arguments) {
         Ok(matches) => matches,

@@ -20,6 +20,14 @@ fn commands() -> Vec<String> {
     names.into_iter().filter(|n| n != "help").collect()
 }
 
+#[cfg(not(feature = "lab"))]
+#[test]
+fn a_program_without_the_laboratory_says_how_to_get_it() {
+    for arguments in [&["bench", "all", "samples/nbody64"][..], &["bench", "--help"], &["bench"]] {
+        crate::common::fails(particlegs().args(arguments), 2, "--features lab");
+    }
+}
+
 #[test]
 fn short_help_of_every_command_fits_a_screen() {
     let fits = |arguments: &[&str], lines: usize| {
