@@ -1,7 +1,7 @@
 //! What `info` prints about a model file, and its certificate as a table.
 
-use crate::annotate::text::number;
 use crate::common::Context;
+use crate::figure::number;
 use crate::info_snapshot;
 use crate::inputs;
 use crate::printable::one_line;

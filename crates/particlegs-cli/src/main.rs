@@ -2,10 +2,8 @@
 
 mod agree;
 mod allotted;
-mod annotate;
 #[cfg(feature = "lab")]
 mod bench_files;
-mod canvas;
 mod centres;
 mod certificate_args;
 mod commands;
@@ -32,7 +30,6 @@ mod outputs;
 mod page_args;
 mod picture_out;
 mod pictures;
-mod plots;
 mod printable;
 mod progress;
 mod remedies;

@@ -1,6 +1,5 @@
 //! `particlegs reference IN... --style S --out DIR`.
 
-use crate::annotate::text::number;
 use crate::common::{Common, Context};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::device::{self, DeviceArgs, ParticlePictures};
@@ -10,6 +9,7 @@ use crate::drawing::run::{self, DrawingJob, PictureTarget};
 use crate::drawing::{ViewContent, ViewRenderer};
 use crate::drawn::RenderedView;
 use crate::figure::args::FigureArgs;
+use crate::figure::number;
 use crate::figure::output::FileKind;
 use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
 use crate::view_args::{ViewArgs, ViewSubject};
