@@ -6,7 +6,6 @@ use std::sync::OnceLock;
 /// The bytes of the embedded font: a subset of DejaVu Sans, TrueType.
 pub const FONT: &[u8] = include_bytes!("../assets/DejaVuSans-subset.ttf");
 
-/// The embedded font.
 pub fn font() -> &'static FontRef<'static> {
     static PARSED: OnceLock<FontRef<'static>> = OnceLock::new();
     PARSED.get_or_init(|| FontRef::try_from_slice(FONT).expect("the embedded font is whole"))
@@ -15,7 +14,6 @@ pub fn font() -> &'static FontRef<'static> {
 /// Height of capital letters over an em.
 pub const CAPITALS: f64 = 0.729;
 
-/// Width of a text.
 pub fn width(text: &str, em: f64) -> f64 {
     placed(text, em).1
 }

@@ -52,10 +52,8 @@ pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
             scale = (total - margins.across(columns)) / (columns as f64 * w);
             if scale * w < 2.0 * em {
                 let what = format!("a figure {total:.0} points wide has no room for letters of {em} points");
-                return Err(Error::Argument {
-                    what,
-                    remedy: "choose a larger --figure-width or a smaller --font-size".into(),
-                });
+                let remedy = "choose a larger --figure-width or a smaller --font-size".into();
+                return Err(Error::Argument { what, remedy });
             }
         }
     }
@@ -90,13 +88,8 @@ pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
     }
     pen.legend(&legend_rows(&figure.legend, em, columns as f64 * w), whole.x, sheet.height - 0.5 * em);
     if let Some(title) = &figure.title {
-        pen.words_within(
-            title,
-            [whole.x + 0.5 * whole.w, 1.45 * em],
-            1.1 * em,
-            Anchor::Middle,
-            whole.w.max(sheet.width - em),
-        );
+        let at = [whole.x + 0.5 * whole.w, 1.45 * em];
+        pen.words_within(title, at, 1.1 * em, Anchor::Middle, whole.w.max(sheet.width - em));
     }
     grow(&mut sheet, em, room);
     Ok(sheet)
@@ -117,14 +110,11 @@ fn scales(figure: &Figure) -> Vec<usize> {
 
 impl Margins {
     fn of(figure: &Figure, em: f64, [w, h]: [f64; 2]) -> Margins {
-        let ticks: Vec<Option<[TickMarks; 2]>> = figure
-            .panels
-            .iter()
-            .map(|p| {
-                let [x, y] = p.axes.as_ref()?;
-                Some([ticks::even(x.low, x.high, w / (3.4 * em)), ticks::even(y.low, y.high, h / (2.2 * em))])
-            })
-            .collect();
+        let ticks_of = |p: &Panel| {
+            let [x, y] = p.axes.as_ref()?;
+            Some([ticks::even(x.low, x.high, w / (3.4 * em)), ticks::even(y.low, y.high, h / (2.2 * em))])
+        };
+        let ticks: Vec<Option<[TickMarks; 2]>> = figure.panels.iter().map(ticks_of).collect();
         let widest = |k: usize| ticks.iter().flatten().map(|t| t[k].widest(em)).fold(0.0, f64::max);
         let mut each = [0.0; 4];
         if figure.panels.iter().any(|p| p.axes.is_some()) {
@@ -144,8 +134,7 @@ impl Margins {
         if let Some(bar) = figure.bar.as_ref().filter(|_| outside) {
             all[2] += bar_width(bar, em);
         }
-        let under = outside && !scales(figure).is_empty();
-        if under {
+        if outside && !scales(figure).is_empty() {
             all[3] += 2.0 * em;
         }
         let columns = figure.columns.clamp(1, figure.panels.len()) as f64;
@@ -160,12 +149,8 @@ impl Margins {
     }
 
     fn rounded(self) -> Margins {
-        Margins {
-            each: self.each.map(f64::ceil),
-            all: self.all.map(f64::ceil),
-            gap: self.gap.ceil(),
-            ticks: self.ticks,
-        }
+        let gap = self.gap.ceil();
+        Margins { each: self.each.map(f64::ceil), all: self.all.map(f64::ceil), gap, ..self }
     }
 }
 

@@ -4,7 +4,6 @@ use super::FigureImage;
 use super::sheet::RgbColour;
 use super::ticks::{TickMarks, logarithmic};
 
-/// Paper and ink.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PaperColour {
     /// Dark on white.
@@ -33,9 +32,7 @@ impl PaperColour {
 /// Where bars stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BarPlacement {
-    /// Beside the pictures.
     Outside,
-    /// On the pictures.
     Inside,
 }
 
@@ -44,7 +41,6 @@ pub struct Figure {
     pub title: Option<String>,
     /// The pictures, row by row. All have one size.
     pub panels: Vec<Panel>,
-    /// Pictures in a row.
     pub columns: usize,
     pub bar: Option<ColourBar>,
     /// What colours stand for.
@@ -56,7 +52,6 @@ pub struct Figure {
     pub ground: PaperColour,
 }
 
-/// A picture of a figure.
 #[derive(Clone, Debug)]
 pub struct Panel {
     pub image: FigureImage,

@@ -21,7 +21,6 @@ pub struct PageFont {
 }
 
 impl PageFont {
-    /// Of these texts.
     pub fn of<'a>(texts: impl Iterator<Item = &'a str>) -> Self {
         let (mut renumbered, mut characters) = (GlyphRemapper::new(), BTreeMap::new());
         for c in texts.flat_map(str::chars) {
@@ -77,7 +76,6 @@ impl PageFont {
     }
 }
 
-/// A zlib stream.
 pub fn deflated(bytes: &[u8]) -> Vec<u8> {
     let mut coder = ZlibEncoder::new(Vec::new(), Compression::default());
     // Writing to memory cannot fail.
