@@ -1,13 +1,12 @@
 //! What experiments found, as files of a folder.
 
-use crate::canvas::PictureCanvas;
 use crate::common::Context;
 use crate::figure::png_file::{PngEffort, PngMetadata, coded};
-use crate::figure::{self, BarPlacement, ColourBar, Figure, FigureImage, FigureSpace, Panel, PaperColour};
-use particlegs::picture::{Gray8, Rgb8, Size, write_png};
+use crate::figure::{ColourBar, Figure, FigureImage, FigureSpace, FileKind, Panel, layout, raster, write_plots};
+use particlegs::picture::{Gray8, Rgb8};
 use particlegs::{Error, Result};
 use particlegs_files::output::write_bytes;
-use particlegs_lab::plot;
+use particlegs_lab::found::{Colours, Pictures};
 use particlegs_lab::report::{Provenance, Section, csv, html, markdown};
 use particlegs_lab::results::{Colours, Pictures, Plot};
 use std::path::{Path, PathBuf};
@@ -37,7 +36,9 @@ pub fn write(output: &Path, sections: &[Section], provenance: &Provenance) -> Re
         for table in &found.tables {
             write_bytes(&figures.join(format!("{}.csv", table.name)), csv(table).as_bytes())?;
         }
-        found.plots.iter().try_for_each(|p| write_plot(&figures, p))?;
+        for p in &found.plots {
+            write_plots(&figures, std::slice::from_ref(p), &[FileKind::Svg, FileKind::Png])?;
+        }
         for p in &found.pictures {
             let bytes = joined(p)?;
             write_bytes(&figures.join(format!("{}.png", p.name)), &bytes)?;
@@ -68,16 +69,6 @@ fn results(sections: &[Section], provenance: &Provenance) -> String {
     serde_json::to_string_pretty(&all).unwrap_or_default() + "\n"
 }
 
-fn write_plot(folder: &Path, p: &Plot) -> Result<()> {
-    let Some(mut svg) = plot::svg(p) else { return Ok(()) };
-    svg.retain(crate::figure::svg::is_of_xml);
-    write_bytes(&folder.join(format!("{}.svg", p.name)), svg.as_bytes())?;
-    let size = Size { width: plot::SIZE.0 as usize, height: plot::SIZE.1 as usize };
-    let mut png = Rgb8 { size, data: vec![[0; 3]; size.pixels()] };
-    plot::draw(PictureCanvas::new(&mut png), p);
-    write_png(&folder.join(format!("{}.png", p.name)), size, png.data.as_flattened())
-}
-
 /// Height of the letters above pictures, pixels: a row of three is shown on pages at two thirds of its size.
 const LETTERS: f64 = 20.0;
 
@@ -88,17 +79,9 @@ fn joined(p: &Pictures) -> Result<Vec<u8>> {
         ..Panel::plain(FigureImage::Color(picture.clone()))
     };
     let bar = |of: &Colours| ColourBar::logarithmic(of.title.clone(), of.range, |share| of.map.color(share));
-    let figure = Figure {
-        title: None,
-        panels: p.panels.iter().map(panel).collect(),
-        columns: p.columns,
-        bar: p.colours.as_ref().map(bar),
-        legend: Vec::new(),
-        place: BarPlacement::Outside,
-        page: PaperColour::White,
-        ground: PaperColour::Black,
-    };
-    let page = figure::raster(&figure::layout(&figure, LETTERS, FigureSpace::Pixels)?)?;
+    let panels = p.panels.iter().map(panel).collect();
+    let figure = Figure { bar: p.colours.as_ref().map(bar), ..Figure::plain(panels, p.columns) };
+    let page = raster(&layout(&figure, LETTERS, FigureSpace::Pixels)?)?;
     coded(&plainest(page), &PngMetadata::default(), PngEffort::Small)
 }
 

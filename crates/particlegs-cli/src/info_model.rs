@@ -1,8 +1,8 @@
 //! What `info` prints about a model file, and its certificate as a table.
 
-use crate::annotate::text::number;
 use crate::common::Context;
 use crate::info_snapshot::{self, point};
+use crate::figure::number;
 use crate::inputs;
 use crate::printable::one_line;
 use crate::text_wrap::wrapped;

@@ -1,9 +1,7 @@
 //! The `particlegs` command: parses, calls the library, reports. No numerics here.
 
-mod annotate;
 #[cfg(feature = "lab")]
 mod bench_files;
-mod canvas;
 mod centres;
 mod certificate_check;
 mod commands;
@@ -28,7 +26,6 @@ mod page_args;
 mod page_models;
 mod picture_out;
 mod pictures;
-mod plots;
 mod printable;
 mod progress;
 mod rendered_view;

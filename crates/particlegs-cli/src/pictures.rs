@@ -1,6 +1,5 @@
 //! What `compress --pictures` and `eval --pictures` write: truth beside model beside error, and the surface density.
 
-use crate::annotate::text::number;
 use crate::density_args::Quantities;
 use crate::drawing::ViewContent;
 use crate::drawing::finish::Finisher;
@@ -8,7 +7,7 @@ use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
 use crate::figure::args::FigureArgs;
 use crate::figure::output::{FileKind, bytes};
 use crate::figure::ticks::TickMarks;
-use crate::figure::{ColourBar, Figure, FigureImage, Panel};
+use crate::figure::{ColourBar, Figure, FigureImage, Panel, number};
 use crate::view_args::ViewSubject;
 use particlegs::Result;
 use particlegs::camera::{DensityView, View, Window, base_distance, spherical_camera};

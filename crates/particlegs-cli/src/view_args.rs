@@ -246,7 +246,7 @@ impl ViewArgs {
             return None;
         }
         let Projection::Orthographic { height_world } = set.views.first()?.camera.projection else { return None };
-        let width = crate::annotate::text::number(height_world * set.size.width as f64 / set.size.height as f64);
+        let width = crate::figure::number(height_world * set.size.width as f64 / set.size.height as f64);
         let width = format!("{width} {unit}");
         Some(format!("note: no --width given: the window spans the particles' bounds, {} across", width.trim()))
     }

@@ -22,7 +22,6 @@ pub mod lcp;
 pub mod method;
 mod morton;
 mod packed;
-pub mod plot;
 pub mod quantised;
 pub mod rate;
 pub mod report;

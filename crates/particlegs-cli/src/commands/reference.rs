@@ -1,6 +1,5 @@
 //! `particlegs reference IN... --style S --out DIR`.
 
-use crate::annotate::text::number;
 use crate::common::{Common, Context, NamedChoice, OrNone, one_of};
 use crate::density_args::{DensityArgs, Quantities};
 use crate::device::DeviceArgs;
@@ -9,6 +8,7 @@ use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
 use crate::drawing::run::{self, DrawingJob, PictureTarget};
 use crate::drawing::{ViewContent, ViewRenderer};
 use crate::figure::args::FigureArgs;
+use crate::figure::number;
 use crate::figure::output::FileKind;
 use crate::sequence_args::SequenceArgs;
 use crate::rendered_view::RenderedView;

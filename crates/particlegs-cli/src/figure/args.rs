@@ -1,7 +1,7 @@
 //! What stands about a picture, and how large it is printed. Shared by `render` and `reference`.
 
 use super::output::FileKind;
-use super::{BarPlacement, PaperColour, font};
+use super::{BarPlacement, PaperColour, missing};
 use clap::{Args, ValueEnum};
 use particlegs::picture::Size;
 use particlegs::progress::Progress;
@@ -137,7 +137,7 @@ impl FigureArgs {
     /// Says of characters that the letters lack.
     pub fn note_missing(&self, more: &[String], progress: &dyn Progress) {
         let texts = self.title.iter().chain(more);
-        let missing: String = texts.map(|t| font::missing(t)).collect();
+        let missing: String = texts.map(|t| missing(t)).collect();
         if !missing.is_empty() {
             progress.message(&format!("note: the font has no letters for `{missing}`: boxes stand for them"));
         }

@@ -19,8 +19,7 @@ fn plot(name: &str, title: String, x: PlotAxis, y: PlotAxis, series: Vec<Series>
 }
 
 fn ratio_axis(label: &str) -> PlotAxis {
-    let bands = vec![("within 10 %".into(), [0.9, 1.1]), ("within 5 %".into(), [0.95, 1.05])];
-    PlotAxis { range: Some(RATIOS), bands, ..PlotAxis::linear(label) }
+    PlotAxis::ratios(label, RATIOS)
 }
 
 fn wave_numbers(m: &RecoveryMeasurements) -> PlotAxis {

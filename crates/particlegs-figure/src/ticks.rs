@@ -1,6 +1,6 @@
 //! Where ticks stand and what they say: one number style for all axes and bars.
 
-use crate::annotate::text::number;
+use super::font;
 use particlegs::picture::superscript;
 
 /// Ticks of an axis.
@@ -10,6 +10,13 @@ pub struct TickMarks {
     pub major: Vec<(f64, String)>,
     /// Shares of the axis, without labels.
     pub minor: Vec<f64>,
+}
+
+impl TickMarks {
+    /// Width of the longest label.
+    pub fn widest(&self, em: f64) -> f64 {
+        self.major.iter().map(|(_, label)| font::width(label, em)).fold(0.0, f64::max)
+    }
 }
 
 /// The largest of 1, 2, 5 times a power of ten that is at most `value` (> 0).
@@ -64,7 +71,9 @@ pub fn even(low: f64, high: f64, most: f64) -> TickMarks {
         (0..count).map(move |i| (first + i as f64) * step).collect::<Vec<_>>()
     };
     let shown = all(step);
-    let label = |v: f64| number(if v.abs() < 1e-9 * length { 0.0 } else { v });
+    // As many digits as tell ticks apart.
+    let digits = (from.abs().max(to.abs()) / step).log10().ceil().clamp(2.0, 14.0) as i32 + 2;
+    let label = |v: f64| rounded(if v.abs() < 1e-9 * length { 0.0 } else { v }, digits);
     let mut minor = all(step / if (step / power - 2.0).abs() < 0.1 { 4.0 } else { 5.0 });
     minor.retain(|m| shown.iter().all(|v| (v - m).abs() > 0.01 * step));
     TickMarks {
@@ -73,9 +82,71 @@ pub fn even(low: f64, high: f64, most: f64) -> TickMarks {
     }
 }
 
+/// A number as people write it in pictures: `0.02`, `300`, `10⁻⁷`, `2×10⁹`.
+pub fn number(value: f64) -> String {
+    rounded(value, 4)
+}
+
+/// A number with so many digits, two fewer before a power.
+fn rounded(value: f64, digits: i32) -> String {
+    let size = value.abs();
+    if size == 0.0 {
+        return "0".into();
+    }
+    let mut exponent = size.log10().floor() as i32;
+    if (1e-2..1e5).contains(&size) {
+        let digits = (digits - 1 - exponent).clamp(0, digits + 1) as usize;
+        let text = format!("{value:.digits$}");
+        let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+        return text.replace('-', "\u{2212}");
+    }
+    let unit = 10f64.powi(digits - 2);
+    let mut front = (value / 10f64.powi(exponent) * unit).round() / unit;
+    if front.abs() >= 10.0 {
+        front /= 10.0;
+        exponent += 1;
+    }
+    let power = format!("10{}", superscript(exponent));
+    match front {
+        1.0 => power,
+        -1.0 => format!("\u{2212}{power}"),
+        _ => format!("{front}\u{d7}{power}").replace('-', "\u{2212}"),
+    }
+}
+
+/// A label with its unit in brackets, or alone.
+pub fn labelled(name: &str, unit: &str) -> String {
+    if unit.is_empty() { name.to_string() } else { format!("{name} ({unit})") }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_read_well() {
+        for (value, text) in [
+            (0.02, "0.02"),
+            (300.0, "300"),
+            (1e-7, "10⁻⁷"),
+            (2e9, "2×10⁹"),
+            (1.5, "1.5"),
+            (-3.0, "−3"),
+            (9.999e9, "10¹⁰"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        let shown = [0.05, 1.0, 20.0, 12345.0, 0.0, -2.5, 1e-5, 1e7].map(number);
+        assert_eq!(shown, ["0.05", "1", "20", "12345", "0", "−2.5", "10⁻⁵", "10⁷"]);
+        assert_eq!([32.0, 32.05, 32.1].map(number), ["32", "32.05", "32.1"]);
+        assert_eq!([1e5, 1.2e5].map(number), ["10⁵", "1.2×10⁵"]);
+        let far: Vec<_> = even(1e9, 1e9 + 10.0, 6.0).major.into_iter().map(|t| t.1).collect();
+        assert_eq!(far[..2], ["10⁹", "1.000000002×10⁹"]);
+    }
 
     #[test]
     fn there_are_always_ticks() {

@@ -5,9 +5,7 @@ use particlegs::picture::{Gray8, Rgb8, Size};
 /// A picture, top row first.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FigureImage {
-    /// Grey levels.
     Gray(Gray8),
-    /// Colours.
     Color(Rgb8),
 }
 
@@ -28,7 +26,6 @@ impl FigureImage {
         }
     }
 
-    /// Bytes a pixel.
     pub fn channels(&self) -> usize {
         match self {
             FigureImage::Gray(_) => 1,
@@ -36,7 +33,6 @@ impl FigureImage {
         }
     }
 
-    /// The colour of a pixel.
     pub fn pixel(&self, x: usize, y: usize) -> [u8; 3] {
         let at = y * self.size().width + x;
         match self {

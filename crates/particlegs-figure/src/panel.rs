@@ -4,7 +4,6 @@ use super::FigureImage;
 use super::sheet::RgbColour;
 use super::ticks::{TickMarks, logarithmic};
 
-/// Paper and ink.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PaperColour {
     /// Dark on white.
@@ -14,7 +13,6 @@ pub enum PaperColour {
 }
 
 impl PaperColour {
-    /// The colour of the page.
     pub fn paper(self) -> RgbColour {
         match self {
             PaperColour::White => [255; 3],
@@ -34,26 +32,19 @@ impl PaperColour {
 /// Where bars stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BarPlacement {
-    /// Beside the pictures.
     Outside,
-    /// On the pictures.
     Inside,
 }
 
-/// A figure.
 #[derive(Clone, Debug)]
 pub struct Figure {
-    /// Above everything.
     pub title: Option<String>,
     /// The pictures, row by row. All have one size.
     pub panels: Vec<Panel>,
-    /// Pictures in a row.
     pub columns: usize,
-    /// The colour bar of all.
     pub bar: Option<ColourBar>,
     /// What colours stand for.
     pub legend: Vec<(String, RgbColour)>,
-    /// Where bars stand.
     pub place: BarPlacement,
     /// The page about the pictures.
     pub page: PaperColour,
@@ -61,12 +52,9 @@ pub struct Figure {
     pub ground: PaperColour,
 }
 
-/// A picture of a figure.
 #[derive(Clone, Debug)]
 pub struct Panel {
-    /// The picture.
     pub image: FigureImage,
-    /// Above it.
     pub caption: Option<String>,
     /// What a length in it means.
     pub scale: Option<ScaleBar>,
@@ -78,6 +66,14 @@ pub struct Panel {
     pub names: Vec<([f64; 2], String)>,
 }
 
+impl Figure {
+    /// Pictures with dark grounds on a white page, and nothing about them.
+    pub fn plain(panels: Vec<Panel>, columns: usize) -> Figure {
+        let (place, page, ground) = (BarPlacement::Outside, PaperColour::White, PaperColour::Black);
+        Figure { title: None, panels, columns, bar: None, legend: Vec::new(), place, page, ground }
+    }
+}
+
 impl Panel {
     /// A picture with nothing about it.
     pub fn plain(image: FigureImage) -> Panel {
@@ -85,12 +81,10 @@ impl Panel {
     }
 }
 
-/// A scale bar.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScaleBar {
     /// Its length as a share of the picture's width.
     pub share: f64,
-    /// What it says.
     pub label: String,
 }
 
@@ -105,14 +99,12 @@ pub struct EdgeAxis {
     pub high: f64,
 }
 
-/// A colour bar.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColourBar {
     /// What it shows, with its unit.
     pub title: String,
     /// Colours from the lowest value to the highest.
     pub colours: Vec<RgbColour>,
-    /// Ticks.
     pub ticks: TickMarks,
 }
 

@@ -1,12 +1,19 @@
-//! Widths and outlines of text in the embedded font, by the em.
+//! The letters of figures, a subset of DejaVu Sans (licence beside it in assets/): widths and outlines, by the em.
 
-use crate::annotate::text::font;
-use ab_glyph::{Font, GlyphId, OutlinedGlyph, PxScale, point};
+use ab_glyph::{Font, FontRef, GlyphId, OutlinedGlyph, PxScale, point};
+use std::sync::OnceLock;
+
+/// The bytes of the embedded font: a subset of DejaVu Sans, TrueType.
+pub const FONT: &[u8] = include_bytes!("../assets/DejaVuSans-subset.ttf");
+
+pub fn font() -> &'static FontRef<'static> {
+    static PARSED: OnceLock<FontRef<'static>> = OnceLock::new();
+    PARSED.get_or_init(|| FontRef::try_from_slice(FONT).expect("the embedded font is whole"))
+}
 
 /// Height of capital letters over an em.
 pub const CAPITALS: f64 = 0.729;
 
-/// Width of a text.
 pub fn width(text: &str, em: f64) -> f64 {
     placed(text, em).1
 }
@@ -37,4 +44,16 @@ pub fn outline(id: GlyphId, em: f64, at: [f64; 2]) -> Option<OutlinedGlyph> {
 /// Characters of a text that the font has no glyph for.
 pub fn missing(text: &str) -> String {
     text.chars().filter(|c| font().glyph_id(*c).0 == 0).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_symbol_has_a_glyph() {
+        for c in "0123456789⁰¹²³⁴⁵⁶⁷⁸⁹⁻−×Σ☉⊙()/. abcXYZ|±".chars() {
+            assert_ne!(font().glyph_id(c).0, 0, "{c}");
+        }
+    }
 }

@@ -20,7 +20,6 @@ const MOST_TEXT: usize = 1 << 20;
 /// What is said of a picture inside its file.
 #[derive(Clone, Debug, Default)]
 pub struct PngMetadata {
-    /// Its title, where it has one.
     pub title: Option<String>,
     /// Program and version; nothing is said where it is empty.
     pub software: String,
@@ -30,12 +29,10 @@ pub struct PngMetadata {
     pub dpi: Option<f64>,
 }
 
-/// How hard to compress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PngEffort {
     /// Frames of a film.
     Quick,
-    /// Pictures.
     Small,
 }
 

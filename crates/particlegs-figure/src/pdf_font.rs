@@ -1,7 +1,6 @@
 //! The embedded font in a PDF: of its glyphs those that the page has, with what each is as text.
 
-use super::font;
-use crate::annotate::text::font;
+use super::font::{self, font};
 use ab_glyph::{Font, GlyphId};
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
@@ -22,7 +21,6 @@ pub struct PageFont {
 }
 
 impl PageFont {
-    /// Of these texts.
     pub fn of<'a>(texts: impl Iterator<Item = &'a str>) -> Self {
         let (mut renumbered, mut characters) = (GlyphRemapper::new(), BTreeMap::new());
         for c in texts.flat_map(str::chars) {
@@ -67,7 +65,7 @@ impl PageFont {
             .cap_height(1000.0 * font::CAPITALS as f32)
             .stem_v(80.0)
             .font_file2(file);
-        let cut = subsetter::subset(crate::annotate::text::FONT, 0, &self.renumbered)
+        let cut = subsetter::subset(font::FONT, 0, &self.renumbered)
             .map_err(|e| Error::argument(format!("the font cannot be cut for a PDF: {e}")))?;
         let length = cut.len() as i32;
         pdf.stream(file, &deflated(&cut)).filter(Filter::FlateDecode).pair(Name(b"Length1"), length);
@@ -78,7 +76,6 @@ impl PageFont {
     }
 }
 
-/// A zlib stream.
 pub fn deflated(bytes: &[u8]) -> Vec<u8> {
     let mut coder = ZlibEncoder::new(Vec::new(), Compression::default());
     // Writing to memory cannot fail.

@@ -2,11 +2,16 @@
 //! SVG and PDF; the origin is the upper left corner.
 
 use super::FigureImage;
+use super::pdf::pdf;
+use super::png_file::{PngEffort, PngMetadata, coded};
+use super::raster::raster;
+use super::svg::svg;
+use particlegs::{NamedValue, Result, named_values};
+use std::path::Path;
 
-/// A colour: red, green, blue.
+/// Red, green, blue.
 pub type RgbColour = [u8; 3];
 
-/// A rectangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PageRectangle {
     /// Left edge.
@@ -20,40 +25,49 @@ pub struct PageRectangle {
 }
 
 impl PageRectangle {
-    /// Right edge.
     pub fn right(&self) -> f64 {
         self.x + self.w
     }
 
-    /// Lower edge.
     pub fn bottom(&self) -> f64 {
         self.y + self.h
+    }
+
+    /// The corners, the first again at the end.
+    pub fn outline(&self) -> Vec<[f64; 2]> {
+        let (x, y, r, b) = (self.x, self.y, self.right(), self.bottom());
+        vec![[x, y], [r, y], [r, b], [x, b], [x, y]]
     }
 }
 
 /// Which point of a text its place is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
-    /// Where it begins.
     Start,
-    /// Its middle.
     Middle,
-    /// Where it ends.
     End,
+}
+
+impl Anchor {
+    /// How far before its place a text of this width begins.
+    pub fn before(self, width: f64) -> f64 {
+        match self {
+            Anchor::Start => 0.0,
+            Anchor::Middle => 0.5 * width,
+            Anchor::End => width,
+        }
+    }
 }
 
 /// A line of text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextLine {
-    /// What it says.
     pub text: String,
     /// Its place, on the baseline.
     pub at: [f64; 2],
     /// Height of an em.
     pub em: f64,
-    /// Colour.
     pub ink: RgbColour,
-    /// What its place is of.
     pub anchor: Anchor,
     /// Read from below to above.
     pub turned: bool,
@@ -68,18 +82,15 @@ pub enum Mark {
     Picture(PageRectangle, FigureImage),
     /// An area in one colour.
     Fill(PageRectangle, RgbColour),
-    /// A line through points, so wide, so opaque.
+    /// What lies between corners, in one colour.
+    Polygon(Vec<[f64; 2]>, RgbColour),
+    /// A line through points; `opacity` from 0, unseen, to 1.
     Line {
-        /// Points.
         points: Vec<[f64; 2]>,
-        /// Width.
         width: f64,
-        /// Colour.
         ink: RgbColour,
-        /// From 0, unseen, to 1.
         opacity: f64,
     },
-    /// Text.
     Words(TextLine),
 }
 
@@ -94,4 +105,32 @@ pub struct Sheet {
     pub ground: RgbColour,
     /// What is drawn, in order.
     pub marks: Vec<Mark>,
+}
+
+impl Sheet {
+    /// The bytes of the sheet's file.
+    pub fn bytes(&self, kind: FileKind, about: &PngMetadata) -> Result<Vec<u8>> {
+        match kind {
+            FileKind::Png => coded(&FigureImage::Color(raster(self)?), about, PngEffort::Small),
+            FileKind::Svg => Ok(svg(self, about)?.into_bytes()),
+            FileKind::Pdf => pdf(self, about),
+        }
+    }
+}
+
+named_values! {
+    /// What a file is, by the ending of its name.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum FileKind {
+        Png = "png": "pixels",
+        Pdf = "pdf": "a page",
+        Svg = "svg": "a drawing",
+    }
+}
+
+impl FileKind {
+    /// By the ending of a name.
+    pub fn of(path: &Path) -> Option<FileKind> {
+        FileKind::from_name(&path.extension()?.to_str()?.to_ascii_lowercase()).ok()
+    }
 }

@@ -1,7 +1,7 @@
 //! A sheet as SVG: pictures as embedded PNG, text as text. The unit is a point.
 
-use super::png_file::{self, PngMetadata};
-use super::sheet::{Anchor, Mark, RgbColour, Sheet, TextLine};
+use super::png_file::{PngEffort, PngMetadata, coded};
+use super::sheet::{Anchor, Mark, PageRectangle, RgbColour, Sheet, TextLine};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use particlegs::Result;
@@ -15,13 +15,16 @@ pub fn svg(sheet: &Sheet, about: &PngMetadata) -> Result<String> {
     let (w, h) = (short(sheet.width), short(sheet.height));
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" width=\"{w}pt\" \
-         height=\"{h}pt\" viewBox=\"0 0 {w} {h}\" font-family=\"{FONTS}\">\n"
+         height=\"{h}pt\" viewBox=\"0 0 {w} {h}\" font-family=\"{FONTS}\" \
+         stroke-linejoin=\"round\">\n"
     );
     if let Some(title) = &about.title {
         let _ = writeln!(out, "<title>{}</title>", escaped(title));
     }
-    let _ = writeln!(out, "<desc>{}</desc>", escaped(&about.software));
-    let _ = writeln!(out, "<metadata>{}</metadata>", escaped(&about.provenance));
+    if !about.software.is_empty() {
+        let _ = writeln!(out, "<desc>{}</desc>", escaped(&about.software));
+        let _ = writeln!(out, "<metadata>{}</metadata>", escaped(&about.provenance));
+    }
     let _ = writeln!(out, "<rect width=\"{w}\" height=\"{h}\" fill=\"{}\"/>", colour(sheet.ground));
     for mark in &sheet.marks {
         self::mark(&mut out, mark)?;
@@ -34,37 +37,23 @@ fn mark(out: &mut String, mark: &Mark) -> Result<()> {
     // Writing to a string cannot fail.
     let _ = match mark {
         Mark::Picture(area, image) => {
-            let coded =
-                BASE64_STANDARD.encode(png_file::coded(image, &PngMetadata::default(), png_file::PngEffort::Small)?);
-            writeln!(
-                out,
-                "<image x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" preserveAspectRatio=\"none\" \
-                 xlink:href=\"data:image/png;base64,{coded}\"/>",
-                short(area.x),
-                short(area.y),
-                short(area.w),
-                short(area.h)
-            )
+            let coded = BASE64_STANDARD.encode(coded(image, &PngMetadata::default(), PngEffort::Small)?);
+            let area = within(area);
+            writeln!(out, "<image {area} preserveAspectRatio=\"none\" xlink:href=\"data:image/png;base64,{coded}\"/>")
         }
-        Mark::Fill(area, ink) => writeln!(
-            out,
-            "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"{}\"/>",
-            short(area.x),
-            short(area.y),
-            short(area.w),
-            short(area.h),
-            colour(*ink)
-        ),
+        Mark::Fill(area, ink) => writeln!(out, "<rect {} fill=\"{}\"/>", within(area), colour(*ink)),
         Mark::Line { points, width, ink, opacity } => {
-            let points: Vec<String> = points.iter().map(|p| format!("{},{}", short(p[0]), short(p[1]))).collect();
             let seen = if *opacity < 1.0 { format!(" stroke-opacity=\"{}\"", short(*opacity)) } else { String::new() };
             writeln!(
                 out,
                 "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{}\"{seen}/>",
-                points.join(" "),
+                path(points),
                 colour(*ink),
                 short(*width)
             )
+        }
+        Mark::Polygon(corners, ink) => {
+            writeln!(out, "<polygon points=\"{}\" fill=\"{}\"/>", path(corners), colour(*ink))
         }
         Mark::Words(words) => text(out, words),
     };
@@ -92,6 +81,15 @@ fn text(out: &mut String, w: &TextLine) -> std::fmt::Result {
     )
 }
 
+fn within(area: &PageRectangle) -> String {
+    let [x, y, w, h] = [area.x, area.y, area.w, area.h].map(short);
+    format!("x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\"")
+}
+
+fn path(points: &[[f64; 2]]) -> String {
+    points.iter().map(|p| format!("{},{}", short(p[0]), short(p[1]))).collect::<Vec<_>>().join(" ")
+}
+
 fn colour([r, g, b]: RgbColour) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
@@ -104,7 +102,7 @@ fn short(v: f64) -> String {
 }
 
 /// Can XML hold it?
-pub fn is_of_xml(c: char) -> bool {
+fn is_of_xml(c: char) -> bool {
     !(c.is_control() && c != '\n' || matches!(c, '\u{fffe}' | '\u{ffff}'))
 }
 

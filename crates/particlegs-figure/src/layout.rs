@@ -1,7 +1,7 @@
 //! Where everything of a figure stands: pictures in rows, axes and captions about each, one colour bar beside all.
 
 use super::font;
-use super::layout_parts::{MarkWriter, UNDER, bar_width, drawn_axes};
+use super::layout_parts::{MarkWriter, UNDER, bar_width, legend_rows};
 use super::panel::{BarPlacement, Figure, Panel};
 use super::sheet::{Anchor, Mark, PageRectangle, Sheet};
 use super::ticks::{self, TickMarks};
@@ -52,10 +52,8 @@ pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
             scale = (total - margins.across(columns)) / (columns as f64 * w);
             if scale * w < 2.0 * em {
                 let what = format!("a figure {total:.0} points wide has no room for letters of {em} points");
-                return Err(Error::Argument {
-                    what,
-                    hint: "choose a larger --figure-width or a smaller --font-size".into(),
-                });
+                let hint = Hint::from("choose a larger ").option("figure-width", "").words(" or a smaller ");
+                return Err(Error::argument_with(what, hint.option("font-size", "")));
             }
         }
     }
@@ -77,23 +75,21 @@ pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
     };
     let whole =
         PageRectangle { x: places[0].x, y: places[0].y, w: inner[0] - left - right, h: inner[1] - above - below };
-    let mut pen = MarkWriter { figure, em, marks: &mut sheet.marks, fine: matches!(room, FigureSpace::Width(_)) };
+    let (page, ground, place, fine) = (figure.page, figure.ground, figure.place, matches!(room, FigureSpace::Width(_)));
+    let mut pen = MarkWriter { page, ground, place, em, marks: &mut sheet.marks, fine };
     for (i, (panel, at)) in figure.panels.iter().zip(&places).enumerate() {
         pen.panel(panel, *at, above, margins.ticks[i].as_ref());
     }
     for i in scales(figure) {
         pen.scale(&figure.panels[i], places[i]);
     }
-    pen.bar(whole, places[places.len() - 1], right);
-    pen.legend(whole, sheet.height - 0.5 * em);
+    if let Some(bar) = &figure.bar {
+        pen.bar(bar, whole, places[places.len() - 1], right);
+    }
+    pen.legend(&legend_rows(&figure.legend, em, columns as f64 * w), whole.x, sheet.height - 0.5 * em);
     if let Some(title) = &figure.title {
-        pen.words_within(
-            title,
-            [whole.x + 0.5 * whole.w, 1.45 * em],
-            1.1 * em,
-            Anchor::Middle,
-            whole.w.max(sheet.width - em),
-        );
+        let at = [whole.x + 0.5 * whole.w, 1.45 * em];
+        pen.words_within(title, at, 1.1 * em, Anchor::Middle, whole.w.max(sheet.width - em));
     }
     grow(&mut sheet, em, room);
     Ok(sheet)
@@ -114,20 +110,14 @@ fn scales(figure: &Figure) -> Vec<usize> {
 
 impl Margins {
     fn of(figure: &Figure, em: f64, [w, h]: [f64; 2]) -> Margins {
-        let ticks: Vec<Option<[TickMarks; 2]>> = figure
-            .panels
-            .iter()
-            .map(|p| {
-                let [x, y] = p.axes.as_ref()?;
-                Some([ticks::even(x.low, x.high, w / (3.4 * em)), ticks::even(y.low, y.high, h / (2.2 * em))])
-            })
-            .collect();
-        let widest = |k: usize| {
-            let labels = ticks.iter().flatten().flat_map(|t| t[k].major.iter());
-            labels.map(|(_, label)| font::width(label, em)).fold(0.0, f64::max)
+        let ticks_of = |p: &Panel| {
+            let [x, y] = p.axes.as_ref()?;
+            Some([ticks::even(x.low, x.high, w / (3.4 * em)), ticks::even(y.low, y.high, h / (2.2 * em))])
         };
+        let ticks: Vec<Option<[TickMarks; 2]>> = figure.panels.iter().map(ticks_of).collect();
+        let widest = |k: usize| ticks.iter().flatten().map(|t| t[k].widest(em)).fold(0.0, f64::max);
         let mut each = [0.0; 4];
-        if figure.panels.iter().any(drawn_axes) {
+        if figure.panels.iter().any(|p| p.axes.is_some()) {
             each = [widest(1) + 2.3 * em, 0.5 * em, 0.5 * widest(0), UNDER * em];
         }
         if figure.panels.iter().any(|p| p.caption.is_some()) {
@@ -144,11 +134,11 @@ impl Margins {
         if let Some(bar) = figure.bar.as_ref().filter(|_| outside) {
             all[2] += bar_width(bar, em);
         }
-        let under = outside && !scales(figure).is_empty();
-        if under {
+        if outside && !scales(figure).is_empty() {
             all[3] += 2.0 * em;
         }
-        all[3] += legend_rows(figure, em, w) as f64 * 1.5 * em;
+        let columns = figure.columns.clamp(1, figure.panels.len()) as f64;
+        all[3] += legend_rows(&figure.legend, em, columns * w).len() as f64 * 1.5 * em;
         Margins { each, all, gap: 0.7 * em, ticks }
     }
 
@@ -159,29 +149,9 @@ impl Margins {
     }
 
     fn rounded(self) -> Margins {
-        Margins {
-            each: self.each.map(f64::ceil),
-            all: self.all.map(f64::ceil),
-            gap: self.gap.ceil(),
-            ticks: self.ticks,
-        }
+        let gap = self.gap.ceil();
+        Margins { each: self.each.map(f64::ceil), all: self.all.map(f64::ceil), gap, ..self }
     }
-}
-
-/// Rows that the legend takes beneath pictures of this width.
-fn legend_rows(figure: &Figure, em: f64, width: f64) -> usize {
-    let columns = figure.columns.clamp(1, figure.panels.len()) as f64;
-    let mut rows = usize::from(!figure.legend.is_empty());
-    let mut used = 0.0;
-    for (name, _) in &figure.legend {
-        let own = font::width(name, em) + 2.4 * em;
-        if used > 0.0 && used + own > columns * width {
-            rows += 1;
-            used = 0.0;
-        }
-        used += own;
-    }
-    rows
 }
 
 /// A sheet is never smaller than what stands on it: labels of a small picture may be longer than it.
@@ -193,11 +163,7 @@ fn grow(sheet: &mut Sheet, em: f64, room: FigureSpace) {
     for mark in &sheet.marks {
         let Mark::Words(w) = mark else { continue };
         let long = font::width(&w.text, w.em);
-        let from = match w.anchor {
-            Anchor::Start => 0.0,
-            Anchor::Middle => -0.5 * long,
-            Anchor::End => -long,
-        };
+        let from = -w.anchor.before(long);
         let [x, y] = w.at;
         let area = match w.turned {
             false => [x + from, y - w.em, x + from + long, y + 0.3 * w.em],
@@ -216,7 +182,9 @@ fn grow(sheet: &mut Sheet, em: f64, room: FigureSpace) {
     for mark in &mut sheet.marks {
         match mark {
             Mark::Picture(a, _) | Mark::Fill(a, _) => (a.x, a.y) = (a.x + shift[0], a.y + shift[1]),
-            Mark::Line { points, .. } => points.iter_mut().for_each(|p| *p = [p[0] + shift[0], p[1] + shift[1]]),
+            Mark::Polygon(points, _) | Mark::Line { points, .. } => {
+                points.iter_mut().for_each(|p| *p = [p[0] + shift[0], p[1] + shift[1]])
+            }
             Mark::Words(w) => w.at = [w.at[0] + shift[0], w.at[1] + shift[1]],
         }
     }
@@ -225,7 +193,7 @@ fn grow(sheet: &mut Sheet, em: f64, room: FigureSpace) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::figure::{ColourBar, EdgeAxis, FigureImage, PaperColour, ScaleBar, raster};
+    use crate::{ColourBar, EdgeAxis, FigureImage, ScaleBar, raster};
     use particlegs::picture::{Gray8, Size};
 
     fn figure(size: Size, panels: usize, axes: bool) -> Figure {
@@ -238,17 +206,13 @@ mod tests {
         };
         Figure {
             title: Some("Σ of the bundled sample".into()),
-            panels: vec![panel; panels],
-            columns: 2,
             bar: Some(ColourBar {
                 title: "Σ (10¹⁰ M⊙ h Mpc⁻²)".into(),
                 colours: (0..=255).map(|v| [v; 3]).collect(),
                 ticks: ticks::logarithmic(1e6, 3e11),
             }),
             legend: vec![("dark matter".into(), [230, 159, 0]), ("gas".into(), [86, 180, 233])],
-            place: BarPlacement::Outside,
-            page: PaperColour::White,
-            ground: PaperColour::Black,
+            ..Figure::plain(vec![panel; panels], 2)
         }
     }
 

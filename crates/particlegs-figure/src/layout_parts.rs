@@ -2,7 +2,7 @@
 
 use super::FigureImage;
 use super::font::{self, CAPITALS};
-use super::panel::{BarPlacement, ColourBar, Figure, Panel};
+use super::panel::{BarPlacement, ColourBar, Panel, PaperColour};
 use super::sheet::{Anchor, Mark, PageRectangle, RgbColour, TextLine};
 use super::ticks::TickMarks;
 use particlegs::picture::{Rgb8, Size};
@@ -17,21 +17,17 @@ pub const UNDER: f64 = 3.1;
 /// How dark the edges of a box are on a picture.
 const EDGES: f64 = 0.6;
 
-/// Has a picture axes?
-pub fn drawn_axes(panel: &Panel) -> bool {
-    panel.axes.is_some()
-}
-
 /// Room that a colour bar takes beside the pictures.
 pub fn bar_width(bar: &ColourBar, em: f64) -> f64 {
-    let labels = bar.ticks.major.iter().map(|(_, l)| font::width(l, em)).fold(0.0, f64::max);
-    labels + (TO_BAR + BAR + TICK + 2.0 * SPACE + 1.1) * em
+    bar.ticks.widest(em) + (TO_BAR + BAR + TICK + 2.0 * SPACE + 1.1) * em
 }
 
 /// Adds marks for a figure.
 pub struct MarkWriter<'a> {
-    /// The figure.
-    pub figure: &'a Figure,
+    /// The page about the pictures, and their own ground.
+    pub page: PaperColour,
+    pub ground: PaperColour,
+    pub place: BarPlacement,
     /// Height of an em.
     pub em: f64,
     /// What is drawn so far.
@@ -45,29 +41,34 @@ impl MarkWriter<'_> {
         if self.fine { 0.06 * self.em } else { (self.em / 16.0).round().max(1.0) }
     }
 
-    fn line(&mut self, points: Vec<[f64; 2]>, ink: RgbColour) {
+    pub fn line(&mut self, points: Vec<[f64; 2]>, ink: RgbColour) {
         let width = self.thin();
         self.marks.push(Mark::Line { points, width, ink, opacity: 1.0 });
     }
 
+    fn text(&self, text: &str, at: [f64; 2], em: f64, anchor: Anchor) -> TextLine {
+        TextLine { text: text.into(), at, em, ink: self.page.ink(), anchor, turned: false, rim: None }
+    }
+
+    fn write(&mut self, words: TextLine) {
+        if !words.text.is_empty() {
+            self.marks.push(Mark::Words(words));
+        }
+    }
+
     fn words(&mut self, text: &str, at: [f64; 2], anchor: Anchor) {
-        let ink = self.figure.page.ink();
-        let words = TextLine { text: text.into(), at, em: self.em, ink, anchor, turned: false, rim: None };
-        self.marks.push(Mark::Words(words));
+        self.write(self.text(text, at, self.em, anchor));
     }
 
     /// Text that is set smaller where it is too long, down to a half.
     pub fn words_within(&mut self, text: &str, at: [f64; 2], em: f64, anchor: Anchor, room: f64) {
-        let em = em * (room / font::width(text, em).max(1e-9)).clamp(0.5, 1.0);
-        let ink = self.figure.page.ink();
-        self.marks.push(Mark::Words(TextLine { text: text.into(), at, em, ink, anchor, turned: false, rim: None }));
+        self.write(self.text(text, at, em * (room / font::width(text, em).max(1e-9)).clamp(0.5, 1.0), anchor));
     }
 
     /// Text on a picture.
     fn on_picture(&mut self, text: &str, at: [f64; 2], anchor: Anchor) {
-        let (ink, rim) = (self.figure.ground.ink(), Some(self.figure.ground.paper()));
-        let words = TextLine { text: text.into(), at, em: self.em, ink, anchor, turned: false, rim };
-        self.marks.push(Mark::Words(words));
+        let (ink, rim) = (self.ground.ink(), Some(self.ground.paper()));
+        self.write(TextLine { ink, rim, ..self.text(text, at, self.em, anchor) });
     }
 
     /// A picture, its caption, what is drawn on it and its axes.
@@ -76,7 +77,7 @@ impl MarkWriter<'_> {
         self.marks.push(Mark::Picture(at, panel.image.clone()));
         let place = |p: [f64; 2]| [at.x + p[0] * at.w, at.y + p[1] * at.h];
         for [from, to] in &panel.lines {
-            let (width, ink) = (self.thin(), self.figure.ground.ink());
+            let (width, ink) = (self.thin(), self.ground.ink());
             self.marks.push(Mark::Line { points: vec![place(*from), place(*to)], width, ink, opacity: EDGES });
         }
         for (p, name) in &panel.names {
@@ -85,10 +86,9 @@ impl MarkWriter<'_> {
             let x = x.clamp(at.x + half + 0.2 * em, (at.right() - half - 0.2 * em).max(at.x + half));
             self.on_picture(name, [x, (y + 0.3 * em).clamp(at.y + em, at.bottom() - 0.3 * em)], Anchor::Middle);
         }
-        if panel.axes.is_some() || self.figure.page == self.figure.ground {
-            let ink = if panel.axes.is_some() { self.figure.page.ink() } else { [128; 3] };
-            let (x, y, r, b) = (at.x, at.y, at.right(), at.bottom());
-            self.line(vec![[x, y], [r, y], [r, b], [x, b], [x, y]], ink);
+        if panel.axes.is_some() || self.page == self.ground {
+            let ink = if panel.axes.is_some() { self.page.ink() } else { [128; 3] };
+            self.line(at.outline(), ink);
         }
         if let Some(caption) = &panel.caption {
             let base = at.y - if above > 1.6 * em { above - 1.2 * em } else { 0.45 * em };
@@ -99,38 +99,33 @@ impl MarkWriter<'_> {
         }
     }
 
-    fn axes(&mut self, at: PageRectangle, labels: [&str; 2], ticks: &[TickMarks; 2]) {
-        let (em, ink) = (self.em, self.figure.page.ink());
+    /// Ticks, numbers and names under and beside an area.
+    pub fn axes(&mut self, at: PageRectangle, labels: [&str; 2], ticks: &[TickMarks; 2]) {
+        let (em, ink) = (self.em, self.page.ink());
         let tick = TICK * em;
-        for share in &ticks[0].minor {
-            let x = at.x + share * at.w;
-            self.line(vec![[x, at.bottom()], [x, at.bottom() + 0.5 * tick]], ink);
-        }
-        for (share, label) in &ticks[0].major {
-            let x = at.x + share * at.w;
-            self.line(vec![[x, at.bottom()], [x, at.bottom() + tick]], ink);
-            self.words(label, [x, at.bottom() + tick + 1.0 * em], Anchor::Middle);
-        }
-        let mut widest = 0.0f64;
-        for share in &ticks[1].minor {
-            let y = at.bottom() - share * at.h;
-            self.line(vec![[at.x, y], [at.x - 0.5 * tick, y]], ink);
-        }
-        for (share, label) in &ticks[1].major {
-            let y = at.bottom() - share * at.h;
-            self.line(vec![[at.x, y], [at.x - tick, y]], ink);
-            self.words(label, [at.x - tick - SPACE * em, y + 0.5 * CAPITALS * em], Anchor::End);
-            widest = widest.max(font::width(label, em));
+        for (k, ticks) in ticks.iter().enumerate() {
+            let place = |share: f64, out: f64| match k {
+                0 => [at.x + share * at.w, at.bottom() + out],
+                _ => [at.x - out, at.bottom() - share * at.h],
+            };
+            for share in &ticks.minor {
+                self.line(vec![place(*share, 0.0), place(*share, 0.5 * tick)], ink);
+            }
+            for (share, label) in &ticks.major {
+                self.line(vec![place(*share, 0.0), place(*share, tick)], ink);
+                match (k, place(*share, tick)) {
+                    (0, [x, y]) => self.words(label, [x, y + em], Anchor::Middle),
+                    (_, [x, y]) => self.words(label, [x - SPACE * em, y + 0.5 * CAPITALS * em], Anchor::End),
+                }
+            }
         }
         self.words(labels[0], [at.x + 0.5 * at.w, at.bottom() + tick + 2.3 * em], Anchor::Middle);
-        let x = at.x - tick - widest - (SPACE + 0.6) * em;
+        let x = at.x - tick - ticks[1].widest(em) - (SPACE + 0.6) * em;
         self.turned(labels[1], [x, at.y + 0.5 * at.h]);
     }
 
     fn turned(&mut self, text: &str, at: [f64; 2]) {
-        let (em, ink) = (self.em, self.figure.page.ink());
-        let words = TextLine { text: text.into(), at, em, ink, anchor: Anchor::Middle, turned: true, rim: None };
-        self.marks.push(Mark::Words(words));
+        self.write(TextLine { turned: true, ..self.text(text, at, self.em, Anchor::Middle) });
     }
 
     /// A scale bar under its picture, or on it.
@@ -138,26 +133,17 @@ impl MarkWriter<'_> {
         let Some(scale) = &panel.scale else { return };
         let (em, long) = (self.em, scale.share * at.w);
         let thick = if self.fine { 0.16 * em } else { (em / 6.0).round().max(2.0) };
-        match self.figure.place {
+        match self.place {
             BarPlacement::Outside => {
                 let y = at.bottom() + 1.3 * em + if panel.axes.is_some() { UNDER * em } else { 0.0 };
-                let ink = self.figure.page.ink();
+                let ink = self.page.ink();
                 self.length([at.x, y], long, thick, 0.0, ink);
                 let room = at.w - long - 0.6 * em;
                 let own = font::width(&scale.label, em);
                 // Beside its bar; where that is too narrow, as small as it need be.
                 let em = if self.fine { em * (room / own).clamp(0.6, 1.0) } else { em };
                 let place = [at.x + long + 0.6 * self.em, y + 0.5 * CAPITALS * em];
-                let words = TextLine {
-                    text: scale.label.clone(),
-                    at: place,
-                    em,
-                    ink,
-                    anchor: Anchor::Start,
-                    turned: false,
-                    rim: None,
-                };
-                self.marks.push(Mark::Words(words));
+                self.write(self.text(&scale.label, place, em, Anchor::Start));
             }
             BarPlacement::Inside => {
                 let label = font::width(&scale.label, em);
@@ -166,7 +152,7 @@ impl MarkWriter<'_> {
                 }
                 let (x, y) = (at.x + em, at.bottom() - em);
                 let rim = if self.fine { 0.1 * em } else { (0.1 * em).round().max(1.0) };
-                let (ink, paper) = (self.figure.ground.ink(), self.figure.ground.paper());
+                let (ink, paper) = (self.ground.ink(), self.ground.paper());
                 self.length([x, y], long, thick, rim, paper);
                 self.length([x, y], long, thick, 0.0, ink);
                 self.on_picture(&scale.label, [x, y - 0.7 * em], Anchor::Start);
@@ -187,10 +173,9 @@ impl MarkWriter<'_> {
     }
 
     /// The colour bar: beside all pictures, or on the last.
-    pub fn bar(&mut self, all: PageRectangle, last: PageRectangle, right: f64) {
-        let Some(bar) = &self.figure.bar else { return };
+    pub fn bar(&mut self, bar: &ColourBar, all: PageRectangle, last: PageRectangle, right: f64) {
         let em = self.em;
-        let outside = self.figure.place == BarPlacement::Outside;
+        let outside = self.place == BarPlacement::Outside;
         let strip = match outside {
             true => PageRectangle { x: all.right() + right + TO_BAR * em, y: all.y, w: BAR * em, h: all.h },
             false => {
@@ -203,9 +188,9 @@ impl MarkWriter<'_> {
         }
         let strip = if self.fine { strip } else { PageRectangle { x: strip.x.round(), y: strip.y.round(), ..strip } };
         self.marks.push(Mark::Picture(strip, column(&bar.colours)));
-        let ink = if outside { self.figure.page.ink() } else { self.figure.ground.ink() };
-        let (x, y, r, b) = (strip.x, strip.y, strip.right(), strip.bottom());
-        self.line(vec![[x, y], [r, y], [r, b], [x, b], [x, y]], ink);
+        let ink = if outside { self.page.ink() } else { self.ground.ink() };
+        self.line(strip.outline(), ink);
+        let (x, r, b) = (strip.x, strip.right(), strip.bottom());
         // Ticks point away from the pictures, or, on one, into it.
         let (edge, away) = if outside { (r, 1.0) } else { (x, -1.0) };
         for share in &bar.ticks.minor {
@@ -237,32 +222,35 @@ impl MarkWriter<'_> {
     }
 
     /// Squares of colour with what each stands for, in rows that end at `bottom`.
-    pub fn legend(&mut self, all: PageRectangle, bottom: f64) {
+    pub fn legend(&mut self, rows: &[Vec<LegendEntry<'_>>], left: f64, bottom: f64) {
         let em = self.em;
-        let mut rows: Vec<Vec<(f64, &str, RgbColour)>> = Vec::new();
-        let mut used = f64::INFINITY;
-        for (name, ink) in &self.figure.legend {
-            let own = font::width(name, em) + 2.4 * em;
-            if used + own > all.w && (used > 0.0 || rows.is_empty()) {
-                rows.push(Vec::new());
-                used = 0.0;
-            }
-            if let Some(row) = rows.last_mut() {
-                row.push((used, name, *ink));
-            }
-            used += own;
-        }
-        let count = rows.len();
-        for (i, row) in rows.into_iter().enumerate() {
-            let base = bottom - (count - 1 - i) as f64 * 1.5 * em - 0.2 * em;
+        for (i, row) in rows.iter().rev().enumerate() {
+            let base = bottom - i as f64 * 1.5 * em - 0.2 * em;
             for (x, name, ink) in row {
-                let square =
-                    PageRectangle { x: all.x + x, y: base - CAPITALS * em, w: CAPITALS * em, h: CAPITALS * em };
-                self.marks.push(Mark::Fill(square, ink));
-                self.words(name, [all.x + x + 1.1 * em, base], Anchor::Start);
+                let edge = CAPITALS * em;
+                self.marks.push(Mark::Fill(PageRectangle { x: left + x, y: base - edge, w: edge, h: edge }, *ink));
+                self.words(name, [left + x + 1.1 * em, base], Anchor::Start);
             }
         }
     }
+}
+
+/// Where a name begins in its row of the legend, and the colour that it is of.
+pub type LegendEntry<'a> = (f64, &'a str, RgbColour);
+
+/// The legend in rows no wider than this, where a name alone is not wider.
+pub fn legend_rows(legend: &[(String, RgbColour)], em: f64, width: f64) -> Vec<Vec<LegendEntry<'_>>> {
+    let (mut rows, mut used): (Vec<Vec<LegendEntry<'_>>>, f64) = (Vec::new(), 0.0);
+    for (name, ink) in legend {
+        let own = font::width(name, em) + 2.4 * em;
+        if rows.is_empty() || used > 0.0 && used + own > width {
+            rows.push(Vec::new());
+            used = 0.0;
+        }
+        rows.last_mut().into_iter().for_each(|row| row.push((used, name, *ink)));
+        used += own;
+    }
+    rows
 }
 
 /// Colours from below to above, as a picture one pixel wide.

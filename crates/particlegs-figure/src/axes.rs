@@ -1,7 +1,7 @@
 //! Coordinates along the edges of an orthographic picture.
 
 use super::panel::EdgeAxis;
-use crate::annotate::text::labelled;
+use super::ticks::labelled;
 use particlegs::camera::{Camera, Projection};
 use particlegs::picture::Size;
 use particlegs::{Error, Result};
@@ -92,7 +92,7 @@ mod tests {
             let [x, _] = about(&camera, size, "kpc").unwrap();
             assert_eq!(x.label, label);
             assert!((x.low - low).abs() < 1e-4, "{} for {low}", x.low);
-            let ticks = crate::figure::ticks::even(x.low, x.high, 6.0).major;
+            let ticks = crate::ticks::even(x.low, x.high, 6.0).major;
             assert!(ticks.len() > 1 && ticks.windows(2).all(|t| t[0].1 != t[1].1), "{ticks:?}");
         }
     }

@@ -3,7 +3,7 @@
 use super::FigureImage;
 use super::pdf_font::{PageFont, deflated};
 use super::png_file::{PngMetadata, compressed_rows};
-use super::sheet::{Anchor, Mark, PageRectangle, RgbColour, Sheet, TextLine};
+use super::sheet::{Mark, PageRectangle, RgbColour, Sheet, TextLine};
 use particlegs::Result;
 use pdf_writer::types::{LineCapStyle, LineJoinStyle, Predictor, TextRenderingMode};
 use pdf_writer::{Content, Filter, Finish, Name, Pdf, Rect, Ref, Str, TextStr};
@@ -58,7 +58,9 @@ pub fn pdf(sheet: &Sheet, about: &PngMetadata) -> Result<Vec<u8>> {
     if let Some(title) = &about.title {
         info.title(TextStr(title));
     }
-    info.creator(TextStr(&about.software)).producer(TextStr(&about.software)).subject(TextStr(&about.provenance));
+    if !about.software.is_empty() {
+        info.creator(TextStr(&about.software)).producer(TextStr(&about.software)).subject(TextStr(&about.provenance));
+    }
     info.finish();
     Ok(pdf.finish())
 }
@@ -95,6 +97,16 @@ fn content(sheet: &Sheet, font: &PageFont) -> pdf_writer::Buf {
         let [r, g, b] = unit(ink);
         to.set_fill_rgb(r, g, b).rect(a.x as f32, up(a.bottom()), a.w as f32, a.h as f32).fill_nonzero();
     };
+    let path = |to: &mut Content, points: &[[f64; 2]]| {
+        for (i, p) in points.iter().enumerate() {
+            let (x, y) = (p[0] as f32, up(p[1]));
+            if i == 0 {
+                to.move_to(x, y)
+            } else {
+                to.line_to(x, y)
+            };
+        }
+    };
     fill(&mut to, &PageRectangle { x: 0.0, y: 0.0, w: sheet.width, h: sheet.height }, sheet.ground);
     let mut pictures = 0;
     for mark in &sheet.marks {
@@ -105,6 +117,12 @@ fn content(sheet: &Sheet, font: &PageFont) -> pdf_writer::Buf {
                 pictures += 1;
             }
             Mark::Fill(area, ink) => fill(&mut to, area, *ink),
+            Mark::Polygon(corners, ink) => {
+                let [r, g, b] = unit(*ink);
+                to.set_fill_rgb(r, g, b);
+                path(&mut to, corners);
+                to.fill_even_odd();
+            }
             Mark::Line { points, width, ink, opacity } => {
                 let [r, g, b] = unit(*ink);
                 to.save_state().set_stroke_rgb(r, g, b).set_line_width(*width as f32);
@@ -112,14 +130,7 @@ fn content(sheet: &Sheet, font: &PageFont) -> pdf_writer::Buf {
                 if percent(*opacity) < 100 {
                     to.set_parameters(Name(format!("G{}", percent(*opacity)).as_bytes()));
                 }
-                for (i, p) in points.iter().enumerate() {
-                    let (x, y) = (p[0] as f32, up(p[1]));
-                    if i == 0 {
-                        to.move_to(x, y)
-                    } else {
-                        to.line_to(x, y)
-                    };
-                }
+                path(&mut to, points);
                 to.stroke().restore_state();
             }
             Mark::Words(words) => text(&mut to, words, font, sheet.height),
@@ -130,11 +141,7 @@ fn content(sheet: &Sheet, font: &PageFont) -> pdf_writer::Buf {
 
 fn text(to: &mut Content, w: &TextLine, font: &PageFont, height: f64) {
     let (glyphs, width) = font.coded(&w.text, w.em);
-    let back = match w.anchor {
-        Anchor::Start => 0.0,
-        Anchor::Middle => 0.5 * width,
-        Anchor::End => width,
-    };
+    let back = w.anchor.before(width);
     let (x, y) = (w.at[0], height - w.at[1]);
     let matrix = match w.turned {
         true => [0.0, 1.0, -1.0, 0.0, x as f32, (y - back) as f32],
