@@ -33,7 +33,7 @@ impl Array {
         let scalar = scalar(&dtype).map_err(|_| no_numbers())?;
         let (kind, big_endian) = (scalar.kind.ok_or_else(no_numbers)?, scalar.big_endian);
         let axes = first.map(|offset| StridedColumn { offset, stride, kind, big_endian });
-        let piece = StridedParticles::new(&meta.name, Bytes::Lent(bytes), rows, axes, None)?;
+        let piece = StridedParticles::new(&meta.name, Bytes::Lent(bytes), rows, &axes)?;
         Ok(Arc::new(PieceReader::new(meta, vec![Box::new(piece)], false)?))
     }
 }

@@ -36,7 +36,6 @@ const HEAD: usize = 1 << 16;
 pub(crate) const LOOKED_AT: usize = 2 << 20;
 
 impl FileHead {
-    /// Reads it.
     pub fn read(path: &Path) -> Result<FileHead> {
         let fail = |e| Error::io(path, e);
         let (mut file, length) = open_file(path)?;

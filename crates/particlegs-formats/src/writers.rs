@@ -33,11 +33,6 @@ struct WriterCapabilities {
     step: bool,
 }
 
-/// No fields.
-fn none(_: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
-    Vec::new()
-}
-
 /// The first is for names without a known ending.
 static WRITERS: &[Writer] = &[
     Writer {
@@ -45,7 +40,7 @@ static WRITERS: &[Writer] = &[
         title: "a folder with float32 columns and meta.json",
         endings: &[],
         holds: WriterCapabilities { cell: true, units: true, cosmology: true, time: true, step: true },
-        fields: none,
+        fields: |_| Vec::new(),
         folder: true,
         write: |kept, out, progress| kept.write_raw(out, RawForm::Columns, progress),
     },
@@ -54,7 +49,7 @@ static WRITERS: &[Writer] = &[
         title: "NumPy array of shape (N, 3)",
         endings: &["npy"],
         holds: WriterCapabilities { cell: false, units: false, cosmology: false, time: false, step: false },
-        fields: none,
+        fields: |_| Vec::new(),
         folder: false,
         write: |kept, out, progress| kept.write_raw(out, RawForm::Npy, progress),
     },
