@@ -22,8 +22,8 @@ pub struct Array {
 }
 
 impl Array {
-    /// A reader of it, which hands over the same values as that of a .npy with them. Values of more digits than f32
-    /// has are taken about an origin near the data where they lie far from 0.
+    /// A reader that gives the same values as a .npy file with these bytes. Values with more digits than f32 are taken
+    /// about an origin near the data where the data lie far from 0.
     ///
     /// # Errors
     /// [`Error::Input`] for a type that holds no numbers, and for rows beyond the bytes.

@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 pub struct Format {
     /// Name for `--format`.
     pub name: &'static str,
-    /// What it is called among people.
+    /// Its name for people.
     pub title: &'static str,
-    /// Does a file that begins so have it?
+    /// Whether a file that begins so has it.
     pub(crate) detect: fn(&FileHead) -> bool,
     /// Opens files, the first of which has it.
     pub(crate) open: fn(&[PathBuf], &Choice) -> Result<Box<dyn Snapshot>>,

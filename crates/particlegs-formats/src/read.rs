@@ -55,7 +55,7 @@ impl Choice {
     /// of [`Choice::formats`]. What does not lie in its file as it is used is put into `storage`.
     ///
     /// # Errors
-    /// Those of opening, reading and [`Particles::select`]; [`Error::Input`] for a species that there is not.
+    /// [`Error::Input`] for a species that is not there; errors of opening, reading and [`Particles::select`].
     pub fn read(&self, paths: &[PathBuf], storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
         let at_hand = InputFiles::new(paths, self, progress)?;
         Ok(self.read_at_hand(&at_hand, storage, progress, false)?.0)
@@ -122,7 +122,7 @@ impl Choice {
     /// Values are not checked.
     ///
     /// # Errors
-    /// Those of opening; [`Error::Input`] for a species that there is not.
+    /// [`Error::Input`] for a species that is not there; errors of opening.
     pub fn read_later(&self, paths: &[PathBuf], progress: &dyn Progress) -> Result<Option<LayeredParticles>> {
         let converted = self.convert_units && (self.length_unit.is_some() || self.mass_unit.is_some());
         let selected = self.skip_invalid || self.by_mass || converted || self.kept().is_some();
@@ -140,7 +140,7 @@ impl Choice {
     /// What the files say, with what a user states, and if wanted the bounds of each species.
     ///
     /// # Errors
-    /// Those of opening and, for the bounds, reading.
+    /// Errors of opening and, for the bounds, of reading.
     pub fn describe(
         &self,
         paths: &[PathBuf],

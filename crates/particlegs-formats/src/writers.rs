@@ -11,15 +11,15 @@ use std::path::Path;
 pub struct Writer {
     /// Name for `--to`.
     pub name: &'static str,
-    /// What it is called among people.
+    /// Its name for people.
     pub title: &'static str,
-    /// Endings of names that mean it.
+    /// File endings that choose it, without the dot.
     pub endings: &'static [&'static str],
     /// What it holds beside positions and masses.
     holds: WriterCapabilities,
     /// The fields that it holds of what is kept, of each layer or of all.
     fields: fn(&SelectedParticles<'_>) -> Vec<Vec<OutField>>,
-    /// Does it write a folder, not a file?
+    /// Whether it writes a folder instead of a file.
     pub folder: bool,
     pub(crate) write: fn(&SelectedParticles<'_>, &Path, &dyn Progress) -> Result<u64>,
 }

@@ -35,7 +35,7 @@ struct CentreColumns {
 }
 
 impl Catalogue {
-    /// Of a file's bytes.
+    /// Reads a list from a file's bytes.
     ///
     /// # Errors
     /// What is wrong, with the line where that is one; the columns, where they do not tell which are meant.
