@@ -190,7 +190,7 @@ impl CommandMatches<'_> {
     fn exports(&self) -> Option<Group> {
         let asked = self.words("kind").first().and_then(|name| Exported::from_name(name).ok());
         let out = self.paths("output").into_iter().next()?;
-        Exported::of(&out, asked).ok().map(Exported::group)
+        Exported::for_output(&out, asked).ok().map(Exported::group)
     }
 
     fn exports_picture(&self) -> bool {

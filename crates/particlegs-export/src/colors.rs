@@ -22,7 +22,6 @@ particlegs::named_values! {
 /// Shares of the Gaussians whose densities have the first and the last colour.
 const ENDS: [f64; 2] = [0.01, 0.99];
 
-/// Colours, and what they mean.
 pub struct Coloring {
     /// Red, green and blue in 0 to 1 of each Gaussian, in the model's order; `None` = grey levels.
     pub colors: Option<Vec<[f32; 3]>>,
@@ -31,7 +30,6 @@ pub struct Coloring {
 }
 
 impl Coloring {
-    /// Colours of a model's Gaussians; `range` = densities of the first and the last colour.
     pub fn new(model: &Model, by: ColorBy, map: Colormap, range: Option<[f64; 2]>) -> Result<Coloring> {
         if let Some([low, high]) = range
             && !(low > 0.0 && high > low && high.is_finite())

@@ -15,35 +15,18 @@ const BLOCK: u64 = 2880;
 const TEXT: usize = 67;
 /// Letters of a comment on a card.
 const COMMENT: usize = 72;
-/// Names of units as the standard and its readers have them; what has another name is written in SI.
-const NAMES: [(&str, &str); 17] = [
-    ("A", "Angstrom"),
-    ("nm", "nm"),
-    ("um", "um"),
-    ("mm", "mm"),
-    ("cm", "cm"),
-    ("m", "m"),
-    ("km", "km"),
-    ("AU", "AU"),
-    ("pc", "pc"),
-    ("kpc", "kpc"),
-    ("Mpc", "Mpc"),
-    ("Gpc", "Gpc"),
-    ("ly", "lyr"),
-    ("Rsun", "solRad"),
-    ("Msun", "solMass"),
-    ("g", "g"),
-    ("amu", "u"),
-];
+/// Units that the standard and its readers know by the same names; what has another name is written in SI, ...
+const SAME: &str = "nm um mm cm m km AU pc kpc Mpc Gpc g";
+/// ... but for these.
+const RENAMED: [(&str, &str); 5] =
+    [("A", "Angstrom"), ("ly", "lyr"), ("Rsun", "solRad"), ("Msun", "solMass"), ("amu", "u")];
 
 /// What numbers are multiplied by to be in units that the standard knows: it has no h (that is the hour there) and no
 /// factors.
 struct UnitScale {
     length: f64,
     mass: f64,
-    /// Unit of length, where it is known.
     length_unit: Option<&'static str>,
-    /// Unit of density, where it is known.
     density_unit: Option<String>,
 }
 
@@ -55,8 +38,9 @@ impl UnitScale {
             let (number, name, size, _, power) = Unit::parts(notes.text(key)?, dimension)?;
             let whole = power as i32;
             let h = if power == 0.0 { 1.0 } else { hubble.filter(|_| whole as f32 == power)?.powi(whole) };
-            let known = NAMES.iter().find(|n| n.0 == name);
-            Some(known.map_or((number * size * h, dimension.base()), |known| (number * h, known.1)))
+            let renamed = RENAMED.iter().find(|n| n.0 == name).map(|n| n.1);
+            let known = renamed.or_else(|| SAME.split(' ').find(|same| *same == name));
+            Some(known.map_or((number * size * h, dimension.base()), |known| (number * h, known)))
         };
         let counted = notes.facts.get("mass").is_none();
         let mass = if counted { Some((1.0, "")) } else { unit("mass_unit", Dimension::Mass) };
@@ -129,7 +113,6 @@ fn head(density: &Density, notes: &Notes, scale: &UnitScale) -> Vec<u8> {
     head.whole()
 }
 
-/// Cards, one after the other.
 struct FitsHeader(Vec<u8>);
 
 impl FitsHeader {

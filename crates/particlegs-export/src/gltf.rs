@@ -14,7 +14,6 @@ use particlegs::{Error, Result};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// How a document and its numbers lie.
 #[derive(Clone, Copy, PartialEq)]
 pub enum GltfForm {
     /// One after the other (.glb).
@@ -27,9 +26,7 @@ pub enum GltfForm {
 const HARMONIC: f32 = 0.282_094_8;
 const FLOAT: u32 = 5126;
 const BYTE: u32 = 5121;
-/// A buffer of vertex attributes.
 const ARRAY_BUFFER: u32 = 34962;
-/// Mode of points.
 const POINTS: u32 = 0;
 /// Attributes in the order of their arrays: name, shape, bytes of a Gaussian.
 const ATTRIBUTES: [(&str, &str, u64); 6] = [
@@ -40,7 +37,6 @@ const ATTRIBUTES: [(&str, &str, u64); 6] = [
     ("KHR_gaussian_splatting:SH_DEGREE_0_COEF_0", "VEC3", 12),
     ("COLOR_0", "VEC4", 4),
 ];
-/// Bytes of a Gaussian.
 const BYTES: u64 = 60;
 
 /// Writes the splats of an alpha-blend model in the frame of [`Normalisation`].
@@ -75,7 +71,6 @@ pub fn write(
     }
 }
 
-/// The document, and the numbers that it speaks of.
 fn scene(
     model: &Model,
     colors: Option<&[[f32; 3]]>,
@@ -135,7 +130,6 @@ fn scene(
     Ok((document, binary))
 }
 
-/// The arrays of a layer.
 struct LayerArrays {
     /// Places, turns, deviations, opacities, harmonics.
     floats: [Vec<f32>; 5],

@@ -10,7 +10,6 @@ const MOST: usize = 65_536;
 /// Cells along the longest edge where nobody says.
 const USUAL: usize = 128;
 
-/// How fine a grid is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cells {
     /// So many cells along the longest edge.

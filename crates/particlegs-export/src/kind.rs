@@ -1,6 +1,5 @@
 //! The formats that a model is exported in.
 
-use super::Notes;
 use particlegs::{Error, Hint, Result};
 use particlegs_files::output;
 use std::path::Path;
@@ -28,7 +27,6 @@ particlegs::named_values! {
     }
 }
 
-/// What a format holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
     /// Splats that are sorted and blended.
@@ -78,7 +76,6 @@ impl Kind {
         }
     }
 
-    /// What to do where an ending means none of these.
     fn hint(ending: &str) -> Hint {
         let particles = ["hdf5", "h5", "vtp", "dump", "lammpstrj", "f32", "xyz", "vtu", "vtk"];
         let pictures = ["png", "pdf", "svg", "jpg", "webp"];
@@ -107,7 +104,7 @@ impl Kind {
             Kind::Fits => kept("a FITS", |_, head| head.starts_with(b"SIMPLE  =")),
             Kind::Npz => kept("a NumPy archive", |_, head| head.starts_with(b"PK")),
             Kind::Html => kept("an HTML page", |_, head| head.starts_with(b"<!doctype html>")),
-            Kind::Csv => kept("a table of Gaussians", |_, head| head.starts_with(Notes::BEGIN.as_bytes())),
+            Kind::Csv => kept("a table of Gaussians", |_, head| head.starts_with(TABLE_BEGIN.as_bytes())),
         }
     }
 
@@ -121,7 +118,9 @@ impl Kind {
     }
 }
 
-/// Does a file's beginning hold these words?
+/// How a table of text begins.
+const TABLE_BEGIN: &str = "# written by particlegs ";
+
 fn holds(head: &[u8], words: &str) -> bool {
     String::from_utf8_lossy(head).contains(words)
 }

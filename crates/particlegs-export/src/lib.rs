@@ -82,7 +82,6 @@ fn written(
     done.map(|()| bytes)
 }
 
-/// The splats of a model that [`as_splats`] made, as PLY or glTF.
 pub fn write_as_splats(
     kind: Kind,
     model: &Model,
@@ -98,7 +97,6 @@ pub fn write_as_splats(
     }
 }
 
-/// A density in one of the formats of grids.
 pub fn write_density(kind: Kind, density: &Density, notes: &Notes, out: &Path, progress: &dyn Progress) -> Result<u64> {
     match kind {
         Kind::Vti => vti::write(density, notes, out, progress),

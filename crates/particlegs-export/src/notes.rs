@@ -5,7 +5,6 @@ use particlegs::camera::Normalisation;
 use particlegs::model::{LawKind, Model};
 use serde_json::{Map, Value, json};
 
-/// What a file says of itself.
 pub struct Notes {
     /// The model, its snapshot, its units, for programs.
     pub facts: Map<String, Value>,
@@ -16,10 +15,6 @@ pub struct Notes {
 }
 
 impl Notes {
-    /// How a table of text begins.
-    pub const BEGIN: &str = "# written by particlegs ";
-
-    /// Of a model of some name in a format.
     pub fn new(kind: Kind, model: &Model, name: &str) -> Notes {
         let m = &model.metadata;
         let lost = lost(kind, m.law).iter().map(|s| s.to_string()).collect();
@@ -129,7 +124,6 @@ fn escaped(text: &str, plain: impl Fn(char) -> bool) -> String {
     text.chars().map(|c| if plain(c) { c.to_string() } else { c.escape_default().to_string() }).collect()
 }
 
-/// What a format does not keep of a model.
 fn lost(kind: Kind, law: LawKind) -> &'static [&'static str] {
     match (kind.group(), law) {
         (Group::Splats, LawKind::OpticalDepth) => &[

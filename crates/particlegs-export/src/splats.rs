@@ -55,7 +55,6 @@ pub fn as_splats(mut model: Model, radius: f64, opacity: f64, progress: &dyn Pro
     Ok((model, faint))
 }
 
-/// Turns Gaussians of the optical-depth law into splats.
 fn blended(g: &mut Mixture, radius: f64, opacity: f64) -> Result<()> {
     let mut columns = AlphaBlend { grey: vec![1.0; g.len()], ..AlphaBlend::default() };
     columns.opacity.reserve_exact(g.len());

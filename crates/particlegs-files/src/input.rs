@@ -28,7 +28,6 @@ pub struct Form {
     pub expansion: u64,
 }
 
-/// How a file begins.
 #[derive(Clone, Copy, Debug)]
 pub enum Begins {
     With(&'static [u8]),
@@ -55,7 +54,6 @@ const HEAD: usize = 512;
 const SAY_AFTER: Duration = Duration::from_secs(1);
 /// ... and asks so often whether it is still wanted.
 const ASK_EVERY: Duration = Duration::from_millis(100);
-/// Bytes read at once.
 const PIECE: usize = 1 << 18;
 
 /// A file, pipe or device being read from its beginning on.
@@ -248,15 +246,10 @@ impl SpoolFile {
     }
 
     /// Where it can be opened, while this lives.
-    #[cfg(target_os = "linux")]
     pub fn path(&self) -> PathBuf {
-        use std::os::fd::AsRawFd;
-        PathBuf::from(format!("/proc/self/fd/{}", self.file.as_raw_fd()))
-    }
-
-    /// Where it can be opened, while this lives.
-    #[cfg(not(target_os = "linux"))]
-    pub fn path(&self) -> PathBuf {
+        #[cfg(target_os = "linux")]
+        return PathBuf::from(format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&self.file)));
+        #[cfg(not(target_os = "linux"))]
         PathBuf::new()
     }
 
@@ -287,7 +280,6 @@ pub fn open_file(path: &Path) -> Result<(File, u64)> {
     Err(Error::input_with(path, what, if metadata.is_dir() { "" } else { "write the data to a file first" }))
 }
 
-/// Is it the name of standard input?
 pub(crate) fn is_standard(path: &Path) -> bool {
     path.as_os_str() == STANDARD_INPUT
 }

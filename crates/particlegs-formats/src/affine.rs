@@ -9,7 +9,6 @@ use std::ops::Range;
 pub struct Affine {
     /// Row i gives component i.
     pub matrix: [[f64; 3]; 3],
-    /// Added afterwards.
     pub shift: [f64; 3],
 }
 
@@ -24,7 +23,6 @@ impl Affine {
         out
     }
 
-    /// Where it takes a point.
     pub fn apply(&self, p: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|i| {
             let row = self.matrix[i];
@@ -59,7 +57,6 @@ impl Affine {
     }
 }
 
-/// A piece whose positions are moved.
 struct AffinePiece {
     inner: Box<dyn ParticlePiece>,
     by: Affine,

@@ -3,7 +3,6 @@
 use crate::{Choice, Species, SpeciesField};
 use particlegs::Result;
 
-/// A component of a field.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FieldComponent {
     pub field: String,
@@ -26,6 +25,13 @@ pub fn axes(place: &str, species: &Species, choice: &Choice) -> Result<[FieldCom
             Err(species.missing(place, chosen, species.fields.iter().filter(fits).map(|f| &f.name[..])))
         }
     }
+}
+
+/// Where x, y, z and, where they are chosen, weights are found: three columns or four.
+pub fn columns(place: &str, species: &Species, choice: &Choice) -> Result<Vec<FieldComponent>> {
+    let axes = axes(place, species, choice)?;
+    let weight = species.weight_field(place, &choice.weights)?;
+    Ok(axes.into_iter().chain(weight.map(|field| FieldComponent { field, component: 0 })).collect())
 }
 
 /// A scalar field, or component k of the field `name` as `name[k]`.

@@ -17,7 +17,7 @@ pub struct Choice {
     /// Field of positions with three components, or three scalar fields `x,y,z`; the species'
     /// own by default.
     pub positions: Option<String>,
-    /// Weights.
+    /// Where weights are read from.
     pub weights: Weights,
     /// Layers by mass within a species instead of one a species.
     pub by_mass: bool,

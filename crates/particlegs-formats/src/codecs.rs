@@ -42,7 +42,6 @@ pub fn lz4(bytes: &[u8], length: usize) -> Result<Vec<u8>, String> {
     }
 }
 
-/// One Zstandard frame.
 pub fn zstd(bytes: &[u8], length: usize) -> Result<Vec<u8>, String> {
     let decoder = ruzstd::decoding::StreamingDecoder::new_with_max_window_size(bytes, MOST_BYTES as u64)
         .map_err(|e| format!("a block of Zstandard is broken: {e}"))?;
@@ -113,10 +112,7 @@ mod tests {
 
     #[test]
     fn wrong_lengths_and_broken_bytes_are_refused() {
-        use std::io::Write;
-        let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::default());
-        encoder.write_all(TEXT).unwrap();
-        let packed = encoder.finish().unwrap();
+        let packed = crate::testing::zlib(TEXT);
         assert_eq!(zlib(&packed, TEXT.len()).unwrap(), TEXT);
         for wrong in [0, TEXT.len() - 1, TEXT.len() + 1, MOST_BYTES + 1, usize::MAX] {
             assert!(zlib(&packed, wrong).is_err(), "{wrong}");

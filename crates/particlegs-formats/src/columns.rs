@@ -2,7 +2,7 @@
 //! arrays and archives, records of splats.
 
 use crate::affine::Affine;
-use crate::axes::axes;
+use crate::axes;
 use crate::numbers::{NumberType, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, PieceReader};
 use crate::stored_bytes::StoredBytes;
@@ -11,7 +11,6 @@ use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
 use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Hint, Result};
 
-/// Where a field lies.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ColumnarField {
     pub name: String,
@@ -114,7 +113,7 @@ impl ColumnarSnapshot {
             }
             lanes.push(StridedColumn { offset: within.offset + start, ..within });
         }
-        Some(StridedParticles::new(&self.place, bytes, rows, [lanes[0], lanes[1], lanes[2]], lanes.get(3).copied()))
+        Some(StridedParticles::new(&self.place, bytes, rows, &lanes))
     }
 }
 
@@ -133,14 +132,10 @@ impl Snapshot for ColumnarSnapshot {
             return Err(Error::input_with(&self.place, "it does not say which field holds positions", hint));
         }
         let mut columns = Vec::new();
-        for axis in axes(&self.place, species, choice)? {
-            let mut column = self.column(&axis.field, axis.component)?;
-            column.lane.kind = column.lane.kind.stored(choice.as_stored);
+        for (k, own) in axes::columns(&self.place, species, choice)?.iter().enumerate() {
+            let mut column = self.column(&own.field, own.component)?;
+            column.lane.kind = column.lane.kind.stored(choice.as_stored && k < 3);
             columns.push(column);
-        }
-        let weight = species.weight_field(&self.place, &choice.weights)?;
-        if let Some(name) = &weight {
-            columns.push(self.column(name, 0)?);
         }
         let meta = self.description.meta_of(species);
         let world = if choice.as_stored { Affine::IDENTITY } else { self.world };
@@ -148,7 +143,7 @@ impl Snapshot for ColumnarSnapshot {
             Some(strided) => {
                 let inner = strided?;
                 let piece = world.moved(inner.is_wide(), Box::new(inner));
-                Ok(Box::new(PieceReader::new(meta, vec![piece], weight.is_some())?))
+                Ok(Box::new(PieceReader::new(meta, vec![piece], columns.len() > 3)?))
             }
             None => {
                 let stored = self.stored.clone();

@@ -8,13 +8,11 @@ use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
 
 particlegs::named_values! {
-    /// How a file is compressed.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum FileCompression {
         /// RFC 1952, members one after the other.
         Gzip = "gzip",
         Bzip2 = "bzip2",
-        /// Zstandard frames.
         Zstd = "zstd",
     }
 }

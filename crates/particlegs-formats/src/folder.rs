@@ -75,7 +75,6 @@ fn name_key(path: &Path) -> (usize, std::ffi::OsString) {
     (name.len(), name.to_os_string())
 }
 
-/// Files that are one snapshot.
 struct SnapshotFileSet {
     first: PathBuf,
     files: BTreeSet<PathBuf>,

@@ -6,7 +6,6 @@ use crate::text::split::{Separator, number, tokens};
 use particlegs::Hint;
 use std::path::Path;
 
-/// A format that is not read.
 pub(crate) struct ForeignFormat {
     /// What a file of it is, with its article.
     pub title: &'static str,
@@ -15,7 +14,6 @@ pub(crate) struct ForeignFormat {
     converter: Converter,
 }
 
-/// What turns a file into one that is read.
 #[derive(Clone, Copy)]
 enum Converter {
     /// ASE's command, by the name that it has for the format: to extended XYZ.
@@ -191,7 +189,6 @@ fn names(path: &Path) -> (String, String) {
     (input.to_string(), output)
 }
 
-/// The beginning of a file.
 struct FileStart<'a> {
     bytes: &'a [u8],
     length: u64,

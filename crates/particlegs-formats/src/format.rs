@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 pub struct Format {
     /// Name for `--format`.
     pub name: &'static str,
-    /// What it is called among people.
+    /// Its name for people.
     pub title: &'static str,
-    /// Does a file that begins so have it?
+    /// Whether a file that begins so has it.
     pub(crate) detect: fn(&FileHead) -> bool,
     /// Opens files, the first of which has it.
     pub(crate) open: fn(&[PathBuf], &Choice) -> Result<Box<dyn Snapshot>>,
@@ -36,7 +36,6 @@ const HEAD: usize = 1 << 16;
 pub(crate) const LOOKED_AT: usize = 2 << 20;
 
 impl FileHead {
-    /// Reads it.
     pub fn read(path: &Path) -> Result<FileHead> {
         let fail = |e| Error::io(path, e);
         let (mut file, length) = open_file(path)?;

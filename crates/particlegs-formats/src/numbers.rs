@@ -194,20 +194,17 @@ pub struct StridedParticles {
 }
 
 impl StridedParticles {
-    /// `rows` particles in `bytes`. `place` names the file in errors.
-    pub fn new(
-        place: &str,
-        bytes: Bytes,
-        rows: u64,
-        axes: [StridedColumn; 3],
-        weight: Option<StridedColumn>,
-    ) -> Result<Self> {
-        if axes.iter().chain(&weight).all(|lane| lane.fits(rows, bytes.len())) {
-            Ok(StridedParticles { bytes, rows, axes, weight })
-        } else {
-            let what =
-                format!("it is said to hold {rows} particles, and ends at {} bytes before the last", bytes.len());
-            Err(Error::input_with(place, what, "the file is cut short, or its header is wrong: copy it again"))
+    /// `rows` particles in `bytes`, whose x, y, z and perhaps weights are `columns`. `place` names the file in errors.
+    pub fn new(place: &str, bytes: Bytes, rows: u64, columns: &[StridedColumn]) -> Result<Self> {
+        match columns.split_first_chunk() {
+            Some((&axes, weight)) if columns.iter().all(|column| column.fits(rows, bytes.len())) => {
+                Ok(StridedParticles { bytes, rows, axes, weight: weight.first().copied() })
+            }
+            _ => {
+                let end = bytes.len();
+                let what = format!("it is said to hold {rows} particles, and ends at {end} bytes before the last");
+                Err(Error::input_with(place, what, "the file is cut short, or its header is wrong: copy it again"))
+            }
         }
     }
 }
@@ -284,10 +281,10 @@ mod tests {
     fn what_does_not_fit_is_refused() {
         let bytes = Bytes::Owned(Arc::new(vec![0; 24]));
         let axes = triples(0, NumberType::F32, false);
-        assert!(StridedParticles::new("a", bytes.clone(), 2, axes, None).is_ok());
-        assert!(StridedParticles::new("a", bytes.clone(), 3, axes, None).is_err());
-        assert!(StridedParticles::new("a", bytes.clone(), u64::MAX, axes, None).is_err());
+        assert!(StridedParticles::new("a", bytes.clone(), 2, &axes).is_ok());
+        assert!(StridedParticles::new("a", bytes.clone(), 3, &axes).is_err());
+        assert!(StridedParticles::new("a", bytes.clone(), u64::MAX, &axes).is_err());
         let far = triples(u64::MAX - 8, NumberType::F32, false);
-        assert!(StridedParticles::new("a", bytes, 1, far, None).is_err());
+        assert!(StridedParticles::new("a", bytes, 1, &far).is_err());
     }
 }

@@ -59,6 +59,8 @@ pub struct PieceReader {
     starts: Vec<u64>,
     weighted: bool,
     origin: [f64; 3],
+    /// Runs that are read side by side at most.
+    stretch: u64,
 }
 
 impl PieceReader {
@@ -84,11 +86,17 @@ impl PieceReader {
             }
         }
         let origin = [0, 1, 2].map(|k| origin_of(&sample.position[k]));
-        Ok(PieceReader { meta, pieces, starts, weighted, origin })
+        Ok(PieceReader { meta, pieces, starts, weighted, origin, stretch: u64::MAX })
+    }
+
+    /// Reads stretches of so many runs one after the other, so that few large chunks are in use at a time.
+    pub fn by_stretches(self, stretch: u64) -> Self {
+        PieceReader { stretch, ..self }
     }
 
     /// Appends particles `rows` to `out`, whatever the pieces.
     fn gather(&self, rows: Range<u64>, out: &mut RowBuffer) -> Result<()> {
+        // A run may begin in one piece and end in another.
         let mut index = self.starts.partition_point(|&s| s <= rows.start).saturating_sub(1);
         while index < self.pieces.len() && self.starts[index] < rows.end {
             let (start, end) = (self.starts[index], self.starts[index + 1]);
@@ -138,7 +146,13 @@ impl SnapshotReader for PieceReader {
             progress.advance(end - start);
             Ok(())
         };
-        parallel::try_for_each(runs, |run| scratch.with(|space| read(run, space)))
+        let mut start = runs.start;
+        while start < runs.end {
+            let end = runs.end.min((start / self.stretch + 1) * self.stretch);
+            parallel::try_for_each(start..end, |run| scratch.with(|space| read(run, space)))?;
+            start = end;
+        }
+        Ok(())
     }
 
     fn read_wide(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, [&[f64]; 3]) -> Result<()>) -> Result<()> {

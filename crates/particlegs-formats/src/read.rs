@@ -55,7 +55,7 @@ impl Choice {
     /// of [`Choice::formats`]. What does not lie in its file as it is used is put into `storage`.
     ///
     /// # Errors
-    /// Those of opening, reading and [`Particles::select`]; [`Error::Input`] for a species that there is not.
+    /// [`Error::Input`] for a species that is not there; errors of opening, reading and [`Particles::select`].
     pub fn read(&self, paths: &[PathBuf], storage: &Storage, progress: &dyn Progress) -> Result<Particles> {
         let at_hand = InputFiles::new(paths, self, progress)?;
         Ok(self.read_at_hand(&at_hand, storage, progress, false)?.0)
@@ -85,7 +85,7 @@ impl Choice {
         progress: &dyn Progress,
         with_fields: bool,
     ) -> Result<(Particles, Vec<LayerFields>)> {
-        let read = read_at_hand(&at_hand.paths, self, storage, progress, with_fields);
+        let read = self.read_paths(&at_hand.paths, storage, progress, with_fields);
         let (mut particles, fields) = at_hand.named(read)?;
         at_hand.name(&mut particles.meta);
         match self.kept() {
@@ -94,12 +94,35 @@ impl Choice {
         }
     }
 
+    fn read_paths(
+        &self,
+        paths: &[PathBuf],
+        storage: &Storage,
+        progress: &dyn Progress,
+        with_fields: bool,
+    ) -> Result<(Particles, Vec<LayerFields>)> {
+        let (particles, mut fields) = match SpeciesData::open(paths, self, progress, with_fields)? {
+            SpeciesData::InPlace(particles) => (particles, Vec::new()),
+            SpeciesData::Readers(layers, fields) => (layers.load(storage, progress)?, fields),
+        };
+        let count = particles.len();
+        let mut particles = self.converted(particles, storage)?;
+        say(&self.state(&mut particles.meta)?, progress);
+        let drop = self.skip_invalid.then_some(storage);
+        let particles = particles.checked(&place(paths), drop)?.settle_masses();
+        // Fields are as they lie in the files: not where numbers are converted.
+        if self.by_mass || self.convert_units || particles.len() != count {
+            fields.clear();
+        }
+        Ok((if self.by_mass { particles.layers_by_mass(storage)? } else { particles }, fields))
+    }
+
     /// What was chosen, to be read where it lies, in parts and in any order; `None` where that cannot be:
     /// for streams, and where particles are dropped, selected, converted or sorted by mass ([`Choice::read`] does those).
     /// Values are not checked.
     ///
     /// # Errors
-    /// Those of opening; [`Error::Input`] for a species that there is not.
+    /// [`Error::Input`] for a species that is not there; errors of opening.
     pub fn read_later(&self, paths: &[PathBuf], progress: &dyn Progress) -> Result<Option<LayeredParticles>> {
         let converted = self.convert_units && (self.length_unit.is_some() || self.mass_unit.is_some());
         let selected = self.skip_invalid || self.by_mass || converted || self.kept().is_some();
@@ -117,7 +140,7 @@ impl Choice {
     /// What the files say, with what a user states, and if wanted the bounds of each species.
     ///
     /// # Errors
-    /// Those of opening and, for the bounds, reading.
+    /// Errors of opening and, for the bounds, of reading.
     pub fn describe(
         &self,
         paths: &[PathBuf],
@@ -125,11 +148,27 @@ impl Choice {
         progress: &dyn Progress,
     ) -> Result<(Description, Vec<Bounds>)> {
         let at_hand = InputFiles::new(paths, self, progress)?;
-        let (mut description, bounds) = at_hand.named(describe_at_hand(&at_hand.paths, self, bounds, progress))?;
+        let (mut description, bounds) = at_hand.named(self.describe_paths(&at_hand.paths, bounds, progress))?;
         at_hand.name(&mut description.meta);
         if at_hand.spooled.is_some() {
             description.files = paths.to_vec();
         }
+        Ok((description, bounds))
+    }
+
+    fn describe_paths(
+        &self,
+        paths: &[PathBuf],
+        bounds: bool,
+        progress: &dyn Progress,
+    ) -> Result<(Description, Vec<Bounds>)> {
+        let snapshot = opened(paths, self)?;
+        let mut description = snapshot.description().clone();
+        let wanted = if bounds { 0..description.species.len() } else { 0..0 };
+        let bounds =
+            wanted.map(|index| bounds_of(&*snapshot.reader(index, self)?, progress)).collect::<Result<Vec<_>>>()?;
+        let notes = self.state(&mut description.meta)?;
+        description.notes.extend(notes);
         Ok((description, bounds))
     }
 }
@@ -163,29 +202,6 @@ impl InputFiles {
             meta.name = named(Path::new(spooled.place())).name;
         }
     }
-}
-
-fn read_at_hand(
-    paths: &[PathBuf],
-    choice: &Choice,
-    storage: &Storage,
-    progress: &dyn Progress,
-    with_fields: bool,
-) -> Result<(Particles, Vec<LayerFields>)> {
-    let (particles, mut fields) = match SpeciesData::open(paths, choice, progress, with_fields)? {
-        SpeciesData::InPlace(particles) => (particles, Vec::new()),
-        SpeciesData::Readers(layers, fields) => (layers.load(storage, progress)?, fields),
-    };
-    let count = particles.len();
-    let mut particles = choice.converted(particles, storage)?;
-    say(&choice.state(&mut particles.meta)?, progress);
-    let drop = choice.skip_invalid.then_some(storage);
-    let particles = particles.checked(&place(paths), drop)?.settle_masses();
-    // Fields are as they lie in the files: not where numbers are converted.
-    if choice.by_mass || choice.convert_units || particles.len() != count {
-        fields.clear();
-    }
-    Ok((if choice.by_mass { particles.layers_by_mass(storage)? } else { particles }, fields))
 }
 
 /// The species chosen, before a particle is read.
@@ -239,22 +255,6 @@ fn say(notes: &[String], progress: &dyn Progress) {
 /// How errors name what was named.
 fn place(paths: &[PathBuf]) -> String {
     paths.first().map(|p| p.display().to_string()).unwrap_or_default()
-}
-
-fn describe_at_hand(
-    paths: &[PathBuf],
-    choice: &Choice,
-    bounds: bool,
-    progress: &dyn Progress,
-) -> Result<(Description, Vec<Bounds>)> {
-    let snapshot = opened(paths, choice)?;
-    let mut description = snapshot.description().clone();
-    let wanted = if bounds { 0..description.species.len() } else { 0..0 };
-    let bounds =
-        wanted.map(|index| bounds_of(&*snapshot.reader(index, choice)?, progress)).collect::<Result<Vec<_>>>()?;
-    let notes = choice.state(&mut description.meta)?;
-    description.notes.extend(notes);
-    Ok((description, bounds))
 }
 
 /// Opens raw columns or files of a format; a frame is asked for only where there are frames.

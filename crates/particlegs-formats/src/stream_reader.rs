@@ -45,7 +45,6 @@ pub struct StreamReader {
 const BLOCK: usize = 1 << 18;
 
 impl StreamReader {
-    /// `count` particles: x, y, z and perhaps weights.
     pub fn new(
         meta: SnapshotMeta,
         place: &str,
@@ -107,7 +106,6 @@ impl StreamReader {
     }
 }
 
-/// A group being read.
 struct Cursor<'a> {
     stream: Box<dyn Read + Send + 'a>,
     group: &'a RecordGroup,
@@ -118,6 +116,7 @@ impl Cursor<'_> {
     fn fill(&mut self, mut rows: u64, out: &mut RowBuffer) -> std::io::Result<()> {
         let stride = self.group.stride.max(1);
         while rows > 0 {
+            // Whole records, and few enough that many wide columns take no more memory than narrow ones.
             let n = rows.min((BLOCK as u64 / stride).max(1));
             self.block.resize((n * stride) as usize, 0);
             self.stream.read_exact(&mut self.block)?;

@@ -1,13 +1,13 @@
 //! What the tests of formats share.
 
-use crate::{Choice, Snapshot};
+use crate::{Choice, Snapshot, Writer};
 use particlegs::Result;
-use particlegs::particles::RUN;
+use particlegs::particles::{Particles, RUN, SelectedParticles, Selection, Tiling};
 use particlegs::progress::Silent;
 use std::io::Write;
+use std::path::Path;
 use std::sync::Mutex;
 
-/// What was read of a species.
 pub struct SpeciesParticles {
     pub name: String,
     /// World positions.
@@ -56,7 +56,6 @@ pub fn rows(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> Result<
     Ok(got.positions.iter().enumerate().map(|(i, &[x, y, z])| [x, y, z, weight(i)]).collect())
 }
 
-/// Opens bytes as a file of this name.
 pub fn open_bytes(name: &str, bytes: &[u8]) -> Result<Box<dyn Snapshot>> {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join(name);
@@ -64,7 +63,35 @@ pub fn open_bytes(name: &str, bytes: &[u8]) -> Result<Box<dyn Snapshot>> {
     Choice::default().open(&[path])
 }
 
-/// Bytes from hexadecimal digits.
 pub fn hex(text: &str) -> Vec<u8> {
     (0..text.len() / 2).map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).unwrap()).collect()
+}
+
+pub fn gzip(content: &[u8]) -> Vec<u8> {
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    encoder.write_all(content).unwrap();
+    encoder.finish().unwrap()
+}
+
+pub fn zlib(content: &[u8]) -> Vec<u8> {
+    let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::default());
+    encoder.write_all(content).unwrap();
+    encoder.finish().unwrap()
+}
+
+/// A deflate stream, and the CRC-32 of its content.
+pub fn deflate(content: &[u8]) -> (Vec<u8>, u32) {
+    let mut encoder = flate2::write::DeflateEncoder::new(Vec::new(), flate2::Compression::default());
+    encoder.write_all(content).unwrap();
+    let mut sum = flate2::Crc::new();
+    sum.update(content);
+    (encoder.finish().unwrap(), sum.sum())
+}
+
+/// Writes all particles to `path`, and checks the number of bytes that it gives.
+pub fn written(particles: &Particles, path: &Path, name: &str) -> u64 {
+    let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
+    let bytes = Writer::for_output(path, Some(name)).unwrap().write(&kept, path, &Silent).unwrap();
+    assert_eq!(bytes, std::fs::metadata(path).unwrap().len());
+    bytes
 }

@@ -11,15 +11,15 @@ use std::path::Path;
 pub struct Writer {
     /// Name for `--to`.
     pub name: &'static str,
-    /// What it is called among people.
+    /// Its name for people.
     pub title: &'static str,
-    /// Endings of names that mean it.
+    /// File endings that choose it, without the dot.
     pub endings: &'static [&'static str],
     /// What it holds beside positions and masses.
     holds: WriterCapabilities,
     /// The fields that it holds of what is kept, of each layer or of all.
     fields: fn(&SelectedParticles<'_>) -> Vec<Vec<OutField>>,
-    /// Does it write a folder, not a file?
+    /// Whether it writes a folder instead of a file.
     pub folder: bool,
     pub(crate) write: fn(&SelectedParticles<'_>, &Path, &dyn Progress) -> Result<u64>,
 }
@@ -33,11 +33,6 @@ struct WriterCapabilities {
     step: bool,
 }
 
-/// No fields.
-fn none(_: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
-    Vec::new()
-}
-
 /// The first is for names without a known ending.
 static WRITERS: &[Writer] = &[
     Writer {
@@ -45,7 +40,7 @@ static WRITERS: &[Writer] = &[
         title: "a folder with float32 columns and meta.json",
         endings: &[],
         holds: WriterCapabilities { cell: true, units: true, cosmology: true, time: true, step: true },
-        fields: none,
+        fields: |_| Vec::new(),
         folder: true,
         write: |kept, out, progress| kept.write_raw(out, RawForm::Columns, progress),
     },
@@ -54,7 +49,7 @@ static WRITERS: &[Writer] = &[
         title: "NumPy array of shape (N, 3)",
         endings: &["npy"],
         holds: WriterCapabilities { cell: false, units: false, cosmology: false, time: false, step: false },
-        fields: none,
+        fields: |_| Vec::new(),
         folder: false,
         write: |kept, out, progress| kept.write_raw(out, RawForm::Npy, progress),
     },

@@ -10,8 +10,8 @@ use particlegs::space::Cell;
 use particlegs_formats::{Choice, Snapshot, SpeciesMass, Weights, Writer};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::time::{Duration, Instant};
-use support::positions;
+use std::time::Duration;
+use support::{Measured, measured, positions};
 
 #[global_allocator]
 static COUNTING: support::CountingAllocator = support::CountingAllocator;
@@ -108,13 +108,10 @@ fn all_files_of_a_snapshot_may_be_named() {
 /// Reads broken bytes: an error or not, but soon, in little memory and without a panic.
 fn survives(bytes: &[u8], path: &Path, what: &dyn Fn() -> String) {
     std::fs::write(path, bytes).unwrap();
-    let before = support::start_counting();
-    let start = Instant::now();
-    let result = std::panic::catch_unwind(|| support::read_everything(path, Some("hdf5")).map_err(|e| e.to_string()));
-    let (peak, largest) = support::counted();
-    let peak = peak.saturating_sub(before);
+    let read = || support::read_everything(path, Some("hdf5")).map_err(|e| e.to_string());
+    let Measured { result, time, peak, largest } = measured(read);
     assert!(result.is_ok(), "panic: {}", what());
-    assert!(start.elapsed() < Duration::from_secs(1), "slow: {}", what());
+    assert!(time < Duration::from_secs(1), "slow: {}", what());
     assert!(largest < 64 << 20 && peak < 100 << 20, "{largest} bytes at once, {peak} in all: {}", what());
     if let Ok(Err(text)) = result {
         assert!(!text.contains('\n'), "{text}: {}", what());

@@ -3,7 +3,6 @@
 
 use std::path::{Path, PathBuf};
 
-/// The names of a version's files.
 struct Version {
     limit: &'static str,
     used: &'static str,
@@ -63,13 +62,8 @@ impl Version {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::write;
     use super::*;
-
-    fn write(root: &Path, name: &str, text: &str) {
-        let path = root.join(name);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, text).unwrap();
-    }
 
     #[test]
     fn the_tightest_group_above_decides() {

@@ -1,9 +1,11 @@
 //! A folder of files that belong together: whole or not at all.
 
 use super::identity::Identity;
+use super::names::is_temporary;
 use super::place::{OutputTarget, folder_of};
 use super::state::{CHANGED, PathState, PlannedOutput, changed, free_name};
-use super::temporary::{TemporaryFolder, is_temporary, is_unsupported, rename_new, swap};
+use super::temporary::{TemporaryFolder, is_unsupported, rename_new, swap};
+use super::write::check_folder;
 use crate::{Error, Result};
 use std::io::ErrorKind::{AlreadyExists, DirectoryNotEmpty, NotADirectory};
 use std::path::{Path, PathBuf};
@@ -18,7 +20,6 @@ pub struct WholeFolder {
     before: PathState,
 }
 
-/// How a folder comes to its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum MoveMethod {
     /// By its name, where nothing but an empty folder is.
@@ -37,7 +38,7 @@ impl WholeFolder {
             return Err(no_folder(out));
         }
         if !target.is_dir() {
-            return super::check_folder(folder_of(&target)).map(|()| false).map_err(|e| Error::io(out, e));
+            return check_folder(folder_of(&target)).map(|()| false).map_err(|e| Error::io(out, e));
         }
         let mut filled = false;
         for entry in std::fs::read_dir(&target).map_err(|e| Error::io(out, e))? {

@@ -25,19 +25,13 @@ impl Identity {
 
     /// Of a path; links are followed.
     pub fn from_path(path: &Path) -> Identity {
-        there(path).unwrap_or_else(|| Identity::Free(spelled_out(path)))
+        #[cfg(unix)]
+        if let Ok(there) = std::fs::metadata(path) {
+            use std::os::unix::fs::MetadataExt;
+            return Identity::There(there.dev(), there.ino());
+        }
+        Identity::Free(spelled_out(path))
     }
-}
-
-#[cfg(unix)]
-fn there(path: &Path) -> Option<Identity> {
-    use std::os::unix::fs::MetadataExt;
-    std::fs::metadata(path).ok().map(|m| Identity::There(m.dev(), m.ino()))
-}
-
-#[cfg(not(unix))]
-fn there(_: &Path) -> Option<Identity> {
-    None
 }
 
 /// Is this a named pipe, or the name of an open one?

@@ -1,7 +1,7 @@
 //! A file whose length is known, written in parts.
 
-use super::check_space;
 use super::place::{OutputTarget, folder_of};
+use super::space::check_space;
 use super::temporary::TemporaryFile;
 use crate::{Error, Result};
 use std::fs::File;
@@ -22,7 +22,6 @@ enum FileDestination {
 }
 
 impl PlacedFile {
-    /// A file of `length` bytes for `out`.
     pub fn create(out: &Path, length: u64) -> Result<PlacedFile> {
         let fail = |e| Error::io(out, e);
         let target = match OutputTarget::new(out)? {
@@ -42,7 +41,7 @@ impl PlacedFile {
 
     fn file(&self) -> &File {
         match &self.target {
-            FileDestination::File(temporary, _) => temporary.shared(),
+            FileDestination::File(temporary, _) => temporary.file(),
             FileDestination::Stream(file, _) => file,
         }
     }
@@ -51,12 +50,11 @@ impl PlacedFile {
         write_at(self.file(), bytes, offset).map_err(|e| Error::io(&self.out, e))
     }
 
-    /// Syncs the file and moves it to its place.
     pub fn finish(self) -> Result<()> {
         let fail = |e| Error::io(&self.out, e);
         match self.target {
             FileDestination::File(temporary, path) => {
-                temporary.shared().sync_all().map_err(fail)?;
+                temporary.file().sync_all().map_err(fail)?;
                 temporary.place(&self.out, &path)
             }
             FileDestination::Stream(file, stream) => copy(file, &stream).map_err(fail),
@@ -64,7 +62,6 @@ impl PlacedFile {
     }
 }
 
-/// All of a file into a stream.
 fn copy(mut file: File, stream: &OutputTarget) -> std::io::Result<()> {
     file.rewind()?;
     let mut to = stream.open()?;
@@ -72,13 +69,11 @@ fn copy(mut file: File, stream: &OutputTarget) -> std::io::Result<()> {
     to.flush()
 }
 
-/// Writes all of `bytes` from byte `offset` of `file` on.
 #[cfg(unix)]
 pub fn write_at(file: &File, bytes: &[u8], offset: u64) -> std::io::Result<()> {
     std::os::unix::fs::FileExt::write_all_at(file, bytes, offset)
 }
 
-/// Writes all of `bytes` from byte `offset` of `file` on.
 #[cfg(windows)]
 pub fn write_at(file: &File, mut bytes: &[u8], mut offset: u64) -> std::io::Result<()> {
     while !bytes.is_empty() {

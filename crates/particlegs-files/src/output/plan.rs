@@ -1,11 +1,12 @@
 //! What a command reads and writes, known before the work: no output is an input, none is another's
 //! place, and what is there is replaced only where that was meant.
 
+use super::folder::WholeFolder;
 use super::identity::{Identity, is_pipe, spelled_out};
 use super::kind::Kind;
 use super::place::{OutputTarget, open_stream};
 use super::state::PlannedOutput;
-use super::{WholeFolder, check_writable};
+use super::write::check_writable;
 use crate::progress::Progress;
 use crate::{Error, Result};
 use std::fs::File;
@@ -15,7 +16,6 @@ use std::time::Duration;
 /// Between two looks for a pipe's reader.
 const PATIENCE: Duration = Duration::from_millis(20);
 
-/// Something that a command reads.
 #[derive(Clone, Debug)]
 pub enum Input {
     /// A file with those that belong to it, or a folder of them.
@@ -52,7 +52,6 @@ impl Outputs {
         self.taken.is_empty()
     }
 
-    /// Is standard output one of the outputs?
     pub fn on_standard_output(&self) -> bool {
         self.taken.contains(&Identity::StandardOutput)
     }
@@ -197,7 +196,6 @@ fn is_input(path: &Path) -> Error {
 }
 
 impl Input {
-    /// Is a file one of this input's?
     fn holds(&self, file: &Identity) -> bool {
         let Identity::There(..) = file else { return false };
         let (path, whole) = match self {

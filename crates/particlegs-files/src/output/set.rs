@@ -3,6 +3,7 @@
 use super::place::OutputTarget;
 use super::state::{CHANGED, PlannedOutput};
 use super::temporary::{TemporaryFile, TemporaryFolder, is_same};
+use super::write::write_bytes;
 use crate::{Error, Result};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -59,7 +60,7 @@ impl FileSet {
 
 fn moved(from: PathBuf, to: &Path) -> Result<()> {
     let fail = |e| Error::io(to, e);
-    let written = || super::write_bytes(to, &std::fs::read(&from).map_err(fail)?);
+    let written = || write_bytes(to, &std::fs::read(&from).map_err(fail)?);
     match OutputTarget::new(to)? {
         OutputTarget::File(target) => match TemporaryFile::open(from.clone()).map_err(fail)?.place(to, &target) {
             // Behind a link to another disk.

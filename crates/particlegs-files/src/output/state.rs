@@ -1,6 +1,6 @@
 //! What lies at an output's place when its command begins: that alone may be replaced when it ends.
 
-use super::temporary::is_temporary;
+use super::names::is_temporary;
 use crate::{Error, Result};
 use std::collections::{BTreeMap, HashMap};
 use std::ffi::OsString;

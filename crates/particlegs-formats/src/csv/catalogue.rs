@@ -9,23 +9,8 @@ use particlegs::model::{Dimension, Unit, UnitSystem, Units};
 type Centre = ([f64; 3], Option<f64>);
 
 /// What radii are called, the most welcome first.
-const RADII: [&str; 15] = [
-    "radius",
-    "r",
-    "rvir",
-    "rhalo",
-    "r200",
-    "r200c",
-    "r200m",
-    "r200b",
-    "r200crit",
-    "r200mean",
-    "rcrit200",
-    "rmean200",
-    "rtophat200",
-    "r500c",
-    "r500",
-];
+const RADII: &str =
+    "radius r rvir rhalo r200 r200c r200m r200b r200crit r200mean rcrit200 rmean200 rtophat200 r500c r500";
 
 /// Boxes whose sides differ by no more than this share are the same.
 const SAME_BOX: f64 = 1e-3;
@@ -44,14 +29,13 @@ pub struct Catalogue {
     notes: Vec<String>,
 }
 
-/// Which columns are meant.
 struct CentreColumns {
     position: [usize; 3],
     radius: Option<usize>,
 }
 
 impl Catalogue {
-    /// Of a file's bytes.
+    /// Reads a list from a file's bytes.
     ///
     /// # Errors
     /// What is wrong, with the line where that is one; the columns, where they do not tell which are meant.
@@ -68,14 +52,9 @@ impl Catalogue {
         };
         let centres = rows().map(read).collect::<Result<Vec<Centre>, String>>()?;
         let header = CatalogueHeader::new(&guess.remarks);
-        let mut catalogue = Catalogue {
-            centres,
-            units: [Units::default(), Units::default()],
-            scale_factor: header.scale_factor,
-            hubble: header.hubble,
-            box_length: header.box_length.clone(),
-            notes: Vec::new(),
-        };
+        let CatalogueHeader { scale_factor, hubble, .. } = header;
+        let (units, box_length, notes) = (Default::default(), header.box_length.clone(), Vec::new());
+        let mut catalogue = Catalogue { centres, units, scale_factor, hubble, box_length, notes };
         catalogue.state_units(&guess, &chosen, header);
         Ok(catalogue)
     }
@@ -160,7 +139,7 @@ fn chosen(guess: &Guess, first: &[&[u8]]) -> Result<CentreColumns, String> {
     if guess.named
         && let Some(position) = positions(names)
     {
-        let radius = RADII.iter().find_map(|radius| names.iter().position(|name| name.stem == *radius));
+        let radius = RADII.split(' ').find_map(|radius| names.iter().position(|name| name.stem == radius));
         return Ok(CentreColumns { position, radius });
     }
     let columns = names.len() - guess.first_column;

@@ -7,12 +7,9 @@ use crate::text::split::{Separator, first_byte, is_blank, kind_of, number, numbe
 
 /// Lines of data that are looked at.
 const LOOK: usize = 64;
-/// Columns that a table may have.
 const MOST_COLUMNS: usize = 1 << 12;
 
-/// The layout of a table.
 pub struct Guess {
-    /// How its lines are taken apart.
     pub layout: TableLayout,
     pub names: Vec<ColumnName>,
     pub rows_after: u64,

@@ -57,9 +57,8 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         format: content.title(FORMAT.title),
         files: paths.to_vec(),
         meta,
-        species: Vec::new(),
-        frames: None,
         notes,
+        ..Description::default()
     };
     Ok(Box::new(TextSnapshot::new(description, table, columns, "particles", "")))
 }

@@ -10,26 +10,12 @@ pub struct ColumnName {
     pub unit: Option<String>,
 }
 
-/// What positions are called, before their axis.
-const POSITIONS: [&str; 12] = [
-    "",
-    "p",
-    "pos",
-    "position",
-    "positions",
-    "point",
-    "points",
-    "coord",
-    "coords",
-    "coordinate",
-    "coordinates",
-    "center",
-];
+/// What positions are called, before their axis, where they are called anything.
+const POSITIONS: &str = "p pos position positions point points coord coords coordinate coordinates center";
 /// The same behind the axis, as in `x_pos`.
 const BEHIND: [&str; 9] = ["pos", "position", "coord", "coordinate", "center", "centre", "com", "cm", "c"];
 
 impl ColumnName {
-    /// Takes `name` apart.
     pub fn parse(name: &str) -> ColumnName {
         let open = name.find(['[', '(']);
         let (stem, rest) = open.map_or((name, ""), |at| name.split_at(at));
@@ -45,7 +31,6 @@ impl ColumnName {
         ColumnName { text, stem, unit }
     }
 
-    /// A mass or weight of each particle?
     pub fn is_mass(&self) -> bool {
         ["mass", "masses", "particlemass", "weight", "weights"].contains(&&self.stem[..])
     }
@@ -59,7 +44,7 @@ pub fn positions(names: &[ColumnName]) -> Option<[usize; 3]> {
         Some([x?, y?, z?])
     };
     const LETTERS: [&str; 3] = ["x", "y", "z"];
-    for word in POSITIONS {
+    for word in std::iter::once("").chain(POSITIONS.split(' ')) {
         let digits = (!word.is_empty()).then_some(["0", "1", "2"]);
         for axes in [Some(LETTERS), digits].into_iter().flatten() {
             if let Some(found) = triple(axes, &|axis| format!("{word}{axis}")) {

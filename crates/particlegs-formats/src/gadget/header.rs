@@ -1,17 +1,15 @@
 //! The 256 bytes that every Gadget file begins with.
 
+use crate::numbers::NumberType;
 use particlegs::model::{Cosmology, Epoch, Units};
 use particlegs::particles::SnapshotMeta;
 use particlegs::space::Cell;
 use particlegs::{Error, Result};
 use std::path::Path;
 
-/// Bytes of the header.
 pub const HEADER: usize = 256;
-/// Kinds of particles.
 pub const TYPES: usize = 6;
 
-/// What the header says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GadgetHeader {
     /// Particles in this file, by type.
@@ -39,16 +37,9 @@ pub struct GadgetHeader {
 }
 
 impl GadgetHeader {
-    /// Reads it from [`HEADER`] bytes.
     pub fn parse(path: &Path, bytes: &[u8], big_endian: bool) -> Result<GadgetHeader> {
-        let int = |at: usize| {
-            let four: [u8; 4] = bytes[at..at + 4].try_into().expect("four bytes");
-            if big_endian { u32::from_be_bytes(four) } else { u32::from_le_bytes(four) }
-        };
-        let real = |at: usize| {
-            let eight: [u8; 8] = bytes[at..at + 8].try_into().expect("eight bytes");
-            if big_endian { f64::from_be_bytes(eight) } else { f64::from_le_bytes(eight) }
-        };
+        let int = |at: usize| NumberType::U32.get(&bytes[at..], big_endian) as u32;
+        let real = |at: usize| NumberType::F64.get(&bytes[at..], big_endian);
         let header = GadgetHeader {
             count: std::array::from_fn(|t| int(4 * t)),
             mass: std::array::from_fn(|t| real(24 + 8 * t)),

@@ -9,7 +9,7 @@ mod order;
 mod parts;
 mod records;
 
-use crate::axes::{FieldComponent, axes};
+use crate::axes::{self, FieldComponent};
 use crate::numbers::{StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, PieceReader};
 use crate::snapshot::named;
@@ -108,25 +108,20 @@ impl Snapshot for Gadget {
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let (t, species) = (self.types[species], &self.description.species[species]);
         let place = self.parts[0].path.display().to_string();
-        let axes = axes(&place, species, choice)?;
-        let weight = species.weight_field(&place, &choice.weights)?;
+        let columns = axes::columns(&place, species, choice)?;
         let mut pieces: Vec<Box<dyn ParticlePiece>> = Vec::new();
         for part in self.parts.iter().filter(|p| p.header.count[t] > 0) {
-            let lane = |field: &str, component: u32| {
-                let block = part.block(field).filter(|b| b.types[t] && component < b.components);
+            let lane = |FieldComponent { field, component }: &FieldComponent| {
+                let block = part.block(field).filter(|b| b.types[t] && *component < b.components);
                 let block = block.ok_or_else(|| Error::input(&part.path, format!("it has no block {field}")))?;
-                let lane = part.lane(block, t, component);
+                let lane = part.lane(block, t, *component);
                 Ok(StridedColumn { kind: lane.kind.stored(choice.as_stored), ..lane })
             };
-            let [x, y, z] = &axes;
-            let axis = |a: &FieldComponent| lane(&a.field, a.component);
-            let weight = weight.as_ref().map(|w| lane(w, 0)).transpose()?;
-            let lanes = [axis(x)?, axis(y)?, axis(z)?];
-            let rows = u64::from(part.header.count[t]);
-            let place = part.path.display().to_string();
-            pieces.push(Box::new(StridedParticles::new(&place, part.bytes.clone(), rows, lanes, weight)?));
+            let lanes: Vec<StridedColumn> = columns.iter().map(lane).collect::<Result<_>>()?;
+            let (place, rows) = (part.path.display().to_string(), part.header.count[t].into());
+            pieces.push(Box::new(StridedParticles::new(&place, part.bytes.clone(), rows, &lanes)?));
         }
-        Ok(Box::new(PieceReader::new(self.description.meta_of(species), pieces, weight.is_some())?))
+        Ok(Box::new(PieceReader::new(self.description.meta_of(species), pieces, columns.len() > 3)?))
     }
 }
 

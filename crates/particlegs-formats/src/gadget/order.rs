@@ -12,7 +12,6 @@ const LOOKED_AT: u64 = 4096;
 /// The name of a block that is passed over.
 pub const NONE: &str = "-";
 
-/// What the numbers of a block are, by a look at some of them.
 #[derive(Clone, Copy, PartialEq)]
 enum Values {
     Zero,
@@ -23,7 +22,6 @@ enum Values {
     Real,
 }
 
-/// Blocks of a file, told one after the other.
 struct BlockOrder<'a> {
     path: &'a Path,
     file: Records<'a>,

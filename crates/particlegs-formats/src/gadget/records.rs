@@ -1,6 +1,5 @@
 //! Records between two equal marks, as Fortran writes them.
 
-/// The numbers of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GadgetRecord {
     pub offset: u64,

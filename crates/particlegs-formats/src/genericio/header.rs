@@ -26,7 +26,6 @@ pub struct Rank {
     pub start: u64,
 }
 
-/// Where a rank's column lies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RankColumn {
     pub start: u64,
@@ -68,7 +67,6 @@ const MOST_RANKS: u64 = 1 << 21;
 const HINT: &str = "the file is cut short or damaged: copy it again from its source";
 
 impl GenericIoFile {
-    /// Maps a file and reads its header.
     pub fn open(path: &Path) -> Result<GenericIoFile> {
         let bytes = Bytes::from_file(path)?;
         let big_endian = signature(&bytes).ok_or_else(|| {
@@ -106,7 +104,6 @@ impl GenericIoFile {
         Ok(GenericIoFile { path: path.into(), bytes, big_endian, variables, ranks, origin, scale, blocks, before })
     }
 
-    /// Index of the variable of a name.
     pub fn variable(&self, name: &str) -> Option<usize> {
         self.variables.iter().position(|v| v.name == name)
     }

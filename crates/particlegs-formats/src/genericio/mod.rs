@@ -11,7 +11,7 @@ mod header;
 mod ranks;
 mod split;
 
-use crate::axes::axes;
+use crate::axes::{self, FieldComponent};
 use crate::cache::DEFAULT_BYTES;
 use crate::pieces::{ParticlePiece, PieceReader};
 use crate::snapshot::named;
@@ -96,22 +96,16 @@ impl Snapshot for GenericIo {
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let species = &self.description.species[species];
         let place = self.files[0].path.display().to_string();
-        let axes = axes(&place, species, choice)?;
-        let weight = species.weight_field(&place, &choice.weights)?;
-        let names: Vec<&str> = axes.iter().map(|a| &a.field[..]).chain(weight.as_deref()).collect();
+        let columns = axes::columns(&place, species, choice)?;
         let mut pieces: Vec<Box<dyn ParticlePiece>> = Vec::new();
         for file in &self.files {
-            let variable = |name: &&str| {
-                let missing = || Error::input(&file.path, format!("it has no variable {name}"));
-                file.variable(name).ok_or_else(missing)
+            let variable = |column: &FieldComponent| {
+                let missing = || Error::input(&file.path, format!("it has no variable {}", column.field));
+                file.variable(&column.field).ok_or_else(missing)
             };
-            let variables: Vec<usize> = names.iter().map(variable).collect::<Result<_>>()?;
-            pieces.push(Box::new(Ranks::new(
-                file.clone(),
-                &variables,
-                DEFAULT_BYTES / self.files.len(),
-                choice.as_stored,
-            )?));
+            let variables: Vec<usize> = columns.iter().map(variable).collect::<Result<_>>()?;
+            let cache = DEFAULT_BYTES / self.files.len();
+            pieces.push(Box::new(Ranks::new(file.clone(), &variables, cache, choice.as_stored)?));
         }
         if let ([one], [file]) = (&pieces[..], &self.files[..])
             && file.ranks.iter().filter(|r| r.count > 0).count() == 1
@@ -119,7 +113,7 @@ impl Snapshot for GenericIo {
             // One rank can be used where it lies, past `read`: what is wrong must be said here.
             one.read(0..1, &mut crate::pieces::RowBuffer::default())?;
         }
-        Ok(Box::new(PieceReader::new(self.description.meta.clone(), pieces, weight.is_some())?))
+        Ok(Box::new(PieceReader::new(self.description.meta.clone(), pieces, columns.len() > 3)?))
     }
 }
 

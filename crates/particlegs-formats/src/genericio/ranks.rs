@@ -168,9 +168,7 @@ impl ParticlePiece for Ranks {
             Some(self.lane(&column, kind))
         };
         let lanes: Vec<StridedColumn> = self.columns.iter().map(lane).collect::<Option<_>>()?;
-        let axes = [lanes[0], lanes[1], lanes[2]];
-        let plain =
-            StridedParticles::new(&self.place, self.file.bytes.clone(), self.rows(), axes, lanes.get(3).copied());
+        let plain = StridedParticles::new(&self.place, self.file.bytes.clone(), self.rows(), &lanes);
         plain.ok()?.in_place()
     }
 }

@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 /// The column of a map.
 const PARTITION: &str = "$partition";
 
-/// Opens the file or files of the snapshot that `paths` belong to.
 pub fn open(paths: &[PathBuf]) -> Result<Vec<GenericIoFile>> {
     let whole = whole_of(&paths[0]);
     let first = GenericIoFile::open(&whole)?;
@@ -58,7 +57,6 @@ fn whole_of(path: &Path) -> PathBuf {
     }
 }
 
-/// The partitions that a map names, in order.
 fn partitions(map: &GenericIoFile, variable: usize) -> Result<BTreeSet<i64>> {
     let mut out = BTreeSet::new();
     for (r, rank) in map.ranks.iter().enumerate() {

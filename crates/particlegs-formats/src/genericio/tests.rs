@@ -14,6 +14,12 @@ impl FileBuilder {
         self.bytes.extend(if self.big_endian { v.to_be_bytes() } else { v.to_le_bytes() });
     }
 
+    fn variable(&mut self, name: &str, flags: u64) {
+        self.bytes.extend(name.as_bytes());
+        self.bytes.resize(self.bytes.len() + 256 - name.len(), 0);
+        [flags, 4].iter().for_each(|&v| self.int(v));
+    }
+
     fn sum(&mut self, from: usize) {
         let sum = !crc64(&self.bytes[from..]);
         self.bytes.extend(sum.to_le_bytes());
@@ -30,11 +36,7 @@ fn file(big_endian: bool, names: &[&str], ranks: &[Vec<Vec<f32>>]) -> Vec<u8> {
     [1.0f64, 2.0, 3.0, 10.0, 20.0, 30.0].iter().for_each(|v| m.int(v.to_bits()));
     [0, 0].iter().for_each(|&v| m.int(v));
     for name in names {
-        let mut text = name.as_bytes().to_vec();
-        text.resize(256, 0);
-        m.bytes.extend(text);
-        m.int(if name.starts_with('$') { 2 } else { 3 });
-        m.int(4);
+        m.variable(name, if name.starts_with('$') { 2 } else { 3 });
     }
     let mut start = size + 8;
     for (r, n) in counts.iter().enumerate() {
@@ -84,20 +86,16 @@ fn both_byte_orders_and_several_ranks() {
 
 /// One rank of unsigned integers, each column a chunk that blosc wrote (`chunks.rs`).
 fn compressed(name: &str) -> Vec<u8> {
-    let (_, n, hex) = super::chunks::CHUNKS.iter().find(|c| c.0 == name && c.1 == 256).unwrap();
-    let chunk = crate::testing::hex(hex);
+    let (_, n, chunk) = super::chunks::chunks().find(|c| c.0 == name && c.1 == 256).unwrap();
     let mut m = FileBuilder { big_endian: false, bytes: b"HACC01L\0".to_vec() };
-    let n = u64::from(*n);
+    let n = u64::from(n);
     let blocks = 168 + 272 * 3 + 48;
     let size = blocks + 48 * 3;
     [size, n, 1, 1, 1, 3, 272, 168, 1, 48, 168 + 272 * 3, 168].iter().for_each(|&v| m.int(v));
     (0..6).for_each(|_| m.int(0));
     [48, blocks].iter().for_each(|&v| m.int(v));
     for name in ["x", "y", "z"] {
-        let mut text = name.as_bytes().to_vec();
-        text.resize(256, 0);
-        m.bytes.extend(text);
-        [0, 4].iter().for_each(|&v| m.int(v));
+        m.variable(name, 0);
     }
     let start = size + 8;
     let stored = chunk.len() as u64 + 8;

@@ -6,7 +6,6 @@ use hdf5_reader::{Attribute, ByteOrder, Datatype};
 /// Numbers of an attribute that are looked at; real ones have at most some dozens.
 const MAX_NUMBERS: usize = 1 << 12;
 
-/// What an attribute holds.
 #[derive(Clone, Debug, PartialEq)]
 enum AttributeValue {
     Numbers(Vec<f64>),
@@ -26,7 +25,6 @@ impl Attributes {
         self.0.iter().find(|a| a.0 == name).map(|a| &a.1)
     }
 
-    /// Is there an attribute of this name?
     pub fn has(&self, name: &str) -> bool {
         self.get(name).is_some()
     }

@@ -39,7 +39,6 @@ impl DataSetPart {
 /// Chunks of a part that a key holds.
 const KEY_BITS: u32 = 40;
 
-/// Particles of one species that lie in one data set a column.
 pub struct DataSetColumns {
     rows: u64,
     parts: Vec<DataSetPart>,
@@ -85,7 +84,8 @@ fn strided(parts: &[DataSetPart], rows: u64) -> Option<StridedParticles> {
         }
     }
     let [Some(x), Some(y), Some(z), weight] = lanes else { return None };
-    StridedParticles::new("", Bytes::Mapped(map.clone()), rows, [x, y, z], weight).ok()
+    let lanes: Vec<StridedColumn> = [x, y, z].into_iter().chain(weight).collect();
+    StridedParticles::new("", Bytes::Mapped(map.clone()), rows, &lanes).ok()
 }
 
 /// Column `component` of rows of `components` numbers from byte `offset`.
@@ -159,6 +159,7 @@ impl ParticlePiece for DataSetColumns {
 
 impl DataSetColumns {
     fn read_chunks(&self, part: &DataSetPart, chunks: &Chunks, rows: Range<u64>, out: &mut RowBuffer) -> Result<()> {
+        // Chunks are a grid over the table: `down` counts along its rows, `side` along the numbers of a row.
         let mut scratch = Vec::new();
         for down in rows.start / chunks.rows..rows.end.div_ceil(chunks.rows) {
             let begin = down * chunks.rows;
@@ -213,6 +214,7 @@ impl DataSetColumns {
             Error::input_with(place, format!("it cannot be decoded: {why}"), "the file is damaged: copy it again")
         };
         let decode = || chunks.pipeline.undo(stored, at.mask, chunks.bytes).map_err(broken);
+        // A chunk that is wanted whole is not wanted again; others are shared with neighbouring runs.
         if whole {
             look(&decode()?, 0);
         } else {

@@ -32,7 +32,6 @@ pub struct Container {
     elsewhere: Arc<ExternalLinks>,
 }
 
-/// What is known of a data set without its data.
 #[derive(Clone, Debug)]
 pub struct DataSet {
     /// Name in its group.
@@ -81,7 +80,6 @@ impl ExternalLinkResolver for ExternalLinks {
 }
 
 impl Container {
-    /// Maps a file and reads its superblock.
     pub fn open(path: &Path) -> Result<Self> {
         match particlegs_files::input::map_file(path)? {
             (Some(map), _) => Self::from_map(path, map),
@@ -89,7 +87,6 @@ impl Container {
         }
     }
 
-    /// Opens a file that is mapped already.
     pub fn from_map(path: &Path, map: Arc<Mmap>) -> Result<Self> {
         let place = path.display().to_string();
         let elsewhere = Arc::new(ExternalLinks::default());
@@ -147,7 +144,6 @@ impl Container {
         }
     }
 
-    /// The data sets of a group at the top.
     pub fn members(&self, group: &str) -> Result<Members> {
         let place = format!("{}: {group}", self.place);
         let group = self.group(group)?;
@@ -165,7 +161,6 @@ impl Container {
         Ok(members)
     }
 
-    /// A data set of a group at the top.
     pub fn data_set(&self, group: &str, name: &str) -> Result<DataSet> {
         Ok(self.set(group, name)?.0)
     }

@@ -9,7 +9,6 @@ use particlegs::{Error, Result};
 /// Types of particles that are looked for; SWIFT has 7, other codes 6.
 pub const TYPES: usize = 16;
 
-/// The attributes of the groups that describe a snapshot.
 #[derive(Clone, Default)]
 pub struct HeaderGroups {
     /// `Header`.
@@ -36,7 +35,6 @@ pub struct Hdf5Header {
 }
 
 impl Hdf5Header {
-    /// Reads it.
     pub fn read(container: &Container) -> Result<Self> {
         let groups = HeaderGroups {
             header: container.attributes("Header")?,
@@ -163,7 +161,6 @@ impl Hdf5Header {
         self.time().filter(|_| !is_factor)
     }
 
-    /// The scale factor of a cosmological run.
     pub fn scale_factor(&self) -> Option<f64> {
         let h = &self.groups.header;
         let redshift = h.number(&["Redshift"]).filter(|&z| z > -1.0).map(|z| 1.0 / (1.0 + z));
@@ -171,7 +168,6 @@ impl Hdf5Header {
         a.filter(|a| a.is_finite() && *a > 0.0)
     }
 
-    /// The code that wrote the file, where it can be told.
     pub fn code(&self) -> Option<String> {
         let g = &self.groups;
         match g.header.text(&["Code"]) {

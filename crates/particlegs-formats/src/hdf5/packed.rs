@@ -13,7 +13,6 @@ enum BitLayout {
     Float { sign: u32, exponent: BitField, mantissa: BitField, bias: i32 },
 }
 
-/// Some bits of a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct BitField {
     start: u32,

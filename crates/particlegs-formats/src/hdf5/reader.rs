@@ -10,13 +10,11 @@ use crate::cache::ChunkCache;
 use crate::pieces::{ParticlePiece, PieceReader};
 use crate::{Choice, Description, Species, SpeciesField};
 use memmap2::Mmap;
-use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
-use particlegs::progress::Progress;
+use particlegs::particles::{RUN, SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
 use particlegs_files::memory;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -28,7 +26,6 @@ pub struct GroupSource<'a> {
     pub description: &'a Description,
 }
 
-/// A file of the snapshot.
 pub struct FilePart {
     pub path: PathBuf,
     pub map: Arc<Mmap>,
@@ -176,11 +173,7 @@ fn assemble(meta: SnapshotMeta, tables: Vec<Vec<DataSetPart>>, weighted: bool) -
     // Chunks that only few runs wide are shared by neighbours on one thread; those that are wider must
     // not be decoded again for every run.
     let wide = rows > 2 * RUN as u64;
-    Ok(if wide {
-        Box::new(StretchReader { inner, runs: (together * rows).div_ceil(RUN as u64) })
-    } else {
-        Box::new(inner)
-    })
+    Ok(Box::new(if wide { inner.by_stretches((together * rows).div_ceil(RUN as u64)) } else { inner }))
 }
 
 /// Where positions are: a data set of three numbers a row, or three data sets `x,y,z`.
@@ -205,52 +198,5 @@ fn positions(species: &Species, place: &str, name: &str) -> Result<DataSetTarget
             names.iter().enumerate().map(one).collect()
         }
         _ => Err(Error::argument(format!("positions `{name}` are neither one field nor three"))),
-    }
-}
-
-/// Reads stretches of so many runs one after the other, so that few wide chunks are in use at a time.
-struct StretchReader {
-    inner: PieceReader,
-    runs: u64,
-}
-
-impl SnapshotReader for StretchReader {
-    fn meta(&self) -> &SnapshotMeta {
-        self.inner.meta()
-    }
-
-    fn count(&self) -> u64 {
-        self.inner.count()
-    }
-
-    fn has_weights(&self) -> bool {
-        self.inner.has_weights()
-    }
-
-    fn origin(&self) -> [f64; 3] {
-        self.inner.origin()
-    }
-
-    fn read(
-        &self,
-        runs: Range<u64>,
-        progress: &dyn Progress,
-        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
-    ) -> Result<()> {
-        let mut start = runs.start;
-        while start < runs.end {
-            let end = runs.end.min((start / self.runs + 1) * self.runs);
-            self.inner.read(start..end, progress, sink)?;
-            start = end;
-        }
-        Ok(())
-    }
-
-    fn read_wide(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, [&[f64]; 3]) -> Result<()>) -> Result<()> {
-        self.inner.read_wide(runs, sink)
-    }
-
-    fn in_place(&self) -> Option<InPlace> {
-        self.inner.in_place()
     }
 }

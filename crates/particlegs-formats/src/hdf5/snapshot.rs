@@ -94,7 +94,6 @@ struct TypeGroup {
 }
 
 impl TypeGroup {
-    /// The name of the data set of masses.
     fn masses(&self) -> Option<&'static str> {
         MASSES.into_iter().find(|n| self.sets.iter().any(|s| s.name == *n && s.components() == 1))
     }
@@ -105,7 +104,6 @@ impl TypeGroup {
     }
 }
 
-/// Rows of a type's positions in a file.
 fn rows_of(positions: &DataSet, place: &str) -> Result<u64> {
     match positions.shape[..] {
         [rows, 3] => Ok(rows),
@@ -132,7 +130,6 @@ pub fn group_name(kind: usize) -> String {
     format!("PartType{kind}")
 }
 
-/// The number of a type, by the name of its group.
 pub fn kind_of(group: &str) -> Option<usize> {
     let digits = group.strip_prefix("PartType")?;
     digits.parse::<usize>().ok().filter(|&k| k < TYPES && digits.len() == k.to_string().len())

@@ -39,7 +39,6 @@ pub enum DataSetStorage {
     Chunked(Chunks),
 }
 
-/// Chunks of a table.
 pub struct Chunks {
     /// Rows of a chunk; the last one's may lie beyond the table's end.
     pub rows: u64,
@@ -206,7 +205,6 @@ impl Finder<'_> {
         Ok(Chunks { places: self.sorted(entries, &chunks, count)?, ..chunks })
     }
 
-    /// The index of chunks, whatever its kind.
     fn entries(
         &self,
         address: u64,

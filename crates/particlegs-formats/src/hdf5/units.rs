@@ -13,7 +13,6 @@ const TOLERANCE: f64 = 1e-3;
 /// What a file says of the simulation as a whole.
 pub struct Simulation<'a> {
     pub groups: &'a HeaderGroups,
-    /// Does its space expand?
     pub cosmological: Option<bool>,
     pub hubble: Option<f64>,
 }

@@ -23,7 +23,6 @@ pub struct VirtualExtent {
     pub there: Option<[Range<u64>; 2]>,
 }
 
-/// A data set of another file.
 #[derive(Clone)]
 pub struct VirtualSource {
     pub file: Arc<Path>,
@@ -94,7 +93,6 @@ struct Entries<'a> {
     lengths: u8,
 }
 
-/// Elements that are selected.
 enum ElementSelection {
     None,
     All,

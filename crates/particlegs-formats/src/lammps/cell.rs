@@ -6,7 +6,6 @@ use particlegs::space::Cell;
 
 #[derive(Clone, Debug, Default)]
 pub struct LammpsBox {
-    /// Lowest corner.
     pub origin: [f64; 3],
     pub vectors: [[f64; 3]; 3],
     /// Which of them repeat.
@@ -14,7 +13,6 @@ pub struct LammpsBox {
     pub notes: Vec<String>,
 }
 
-/// What stands behind `BOX BOUNDS`.
 #[derive(Clone, Copy)]
 pub enum BoxShape {
     /// lo and hi.
@@ -94,7 +92,6 @@ impl LammpsBox {
         Ok(LammpsBox { origin: low, vectors, ..LammpsBox::default() })
     }
 
-    /// The cell, where it has a volume.
     pub fn cell(&self) -> Option<Cell> {
         Cell::stated(self.origin, self.vectors, self.periodic)
     }

@@ -30,7 +30,6 @@ const POSITIONS: [[&str; 3]; 4] = [["x", "y", "z"], ["xs", "ys", "zs"], ["xu", "
 const SCALED: [&[&str]; 3] = [&["xs", "xsu"], &["ys", "ysu"], &["zs", "zsu"]];
 /// Columns of positions that leave the cell as atoms do.
 const UNWRAPPED: [&str; 6] = ["xu", "yu", "zu", "xsu", "ysu", "zsu"];
-/// Columns of whole numbers.
 const WHOLE: [&str; 8] = ["id", "mol", "type", "proc", "procp1", "ix", "iy", "iz"];
 
 fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
@@ -54,9 +53,9 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         format: content.title(FORMAT.title),
         files: paths.to_vec(),
         meta,
-        species: Vec::new(),
         frames: Some(found.frames),
         notes,
+        ..Description::default()
     };
     let scaling = Scaling { origin: found.head.cell.origin, vectors: found.head.cell.vectors };
     let noun = found.head.noun();

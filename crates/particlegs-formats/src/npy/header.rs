@@ -4,7 +4,6 @@ use super::literal::{Literal, parse};
 use crate::numbers::NumberType;
 use std::io::Read;
 
-/// How every .npy begins.
 pub const MAGIC: &[u8; 6] = b"\x93NUMPY";
 /// Longest header that is read; records of a thousand fields have some ten thousand bytes.
 const LONGEST: u32 = 1 << 20;
@@ -17,11 +16,9 @@ pub struct NpyHeader {
     /// First index fastest?
     pub fortran: bool,
     pub shape: Vec<u64>,
-    /// Byte where the elements begin.
     pub data: u64,
 }
 
-/// What an element is.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NpyElement {
     /// One number, or something else of known size.
@@ -33,7 +30,6 @@ pub enum NpyElement {
     },
 }
 
-/// A field of a record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordField {
     pub name: String,
@@ -64,7 +60,6 @@ impl NpyElement {
 }
 
 impl NpyHeader {
-    /// Reads the header at the beginning of `stream`.
     pub fn read(mut stream: impl Read) -> Result<NpyHeader, String> {
         let broken = || "a broken NumPy header".to_string();
         let mut bytes = |n: u32| {
@@ -102,7 +97,6 @@ impl NpyHeader {
         Ok(header)
     }
 
-    /// Byte where the elements end.
     pub fn end(&self) -> Option<u64> {
         let elements = self.shape.iter().try_fold(1u64, |n, &side| n.checked_mul(side));
         elements?.checked_mul(self.element.bytes())?.checked_add(self.data).filter(|&end| end < 1 << 60)

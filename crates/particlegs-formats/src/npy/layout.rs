@@ -7,7 +7,6 @@ use particlegs::{Error, Result};
 
 /// Columns that are listed one by one, where an array has more than three.
 const MOST_COLUMNS: u64 = 64;
-/// Components that a field may have.
 const MOST_COMPONENTS: u64 = 1 << 16;
 
 /// Names of positions, most usual first.
@@ -16,7 +15,6 @@ const POSITIONS: [&str; 9] =
 /// Names of their components.
 const AXES: [[&str; 3]; 4] =
     [["x", "y", "z"], ["xx", "yy", "zz"], ["pos_x", "pos_y", "pos_z"], ["posx", "posy", "posz"]];
-/// Names of masses.
 const MASSES: [&str; 4] = ["mass", "masses", "weight", "weights"];
 
 /// The field or three fields whose names say that they hold positions.

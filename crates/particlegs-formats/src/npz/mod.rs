@@ -25,10 +25,8 @@ pub const FORMAT: Format = Format {
     open,
 };
 
-/// Names of members that hold the cell.
 const CELLS: [&str; 6] = ["box", "boxsize", "box_size", "lattice", "cell", "boxlength"];
 
-/// An array of the archive.
 struct ArchiveArray {
     name: String,
     stored: usize,

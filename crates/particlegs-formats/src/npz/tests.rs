@@ -1,20 +1,16 @@
 use super::*;
 use crate::npy::tests::npy;
-use crate::testing::{open_bytes, rows as read_rows};
+use crate::testing::{deflate, open_bytes, rows as read_rows};
 use crate::{Choice, Weights};
-use std::io::Write;
 
 /// An archive of members, compressed where it is said.
 fn npz(members: &[(&str, Vec<u8>, bool)]) -> Vec<u8> {
     let (mut out, mut table) = (Vec::new(), Vec::new());
     for (name, content, compress) in members {
-        let mut sum = flate2::Crc::new();
-        sum.update(content);
-        let mut encoder = flate2::write::DeflateEncoder::new(Vec::new(), flate2::Compression::default());
-        encoder.write_all(content).unwrap();
-        let data = if *compress { encoder.finish().unwrap() } else { content.clone() };
+        let (packed, sum) = deflate(content);
+        let data = if *compress { packed } else { content.clone() };
         let mut common = vec![20, 0, 0, 0, if *compress { 8 } else { 0 }, 0, 0, 0, 0, 0];
-        common.extend(sum.sum().to_le_bytes());
+        common.extend(sum.to_le_bytes());
         common.extend((data.len() as u32).to_le_bytes());
         common.extend((content.len() as u32).to_le_bytes());
         common.extend((name.len() as u16).to_le_bytes());

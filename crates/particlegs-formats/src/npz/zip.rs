@@ -9,10 +9,8 @@ use rawzip::{CompressionMethod, ZipArchive, ZipFileHeaderRecord, ZipSliceArchive
 pub const MAGIC: &[u8; 4] = b"PK\x03\x04";
 /// How an empty one begins.
 pub const MAGIC_EMPTY: &[u8; 4] = b"PK\x05\x06";
-/// Members that are looked at.
 const MOST_MEMBERS: u64 = 1 << 14;
 
-/// A member: its name and what it holds.
 pub struct ZipMember {
     pub name: String,
     /// What it holds; `Err` says why it cannot be read.

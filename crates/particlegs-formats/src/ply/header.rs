@@ -5,7 +5,6 @@ use crate::numbers::NumberType;
 /// Longest header: real ones have some kilobytes; comments may be long.
 const LONGEST: usize = 1 << 20;
 
-/// How values are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
     Ascii,
@@ -13,7 +12,6 @@ pub enum Encoding {
     Big,
 }
 
-/// A property of an element.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Property {
     pub name: String,
@@ -34,7 +32,6 @@ pub struct PlyElement {
 pub struct PlyHeader {
     pub encoding: Encoding,
     pub elements: Vec<PlyElement>,
-    /// Byte behind the header.
     pub data: u64,
 }
 
@@ -50,7 +47,6 @@ pub fn is_ply(head: &[u8]) -> bool {
     head.starts_with(b"ply\n") || head.starts_with(b"ply\r\n")
 }
 
-/// Reads the header at the beginning of `bytes`.
 pub fn parse(bytes: &[u8]) -> Result<PlyHeader, String> {
     if !is_ply(bytes) {
         return Err("not a PLY file".into());
@@ -81,16 +77,12 @@ pub fn parse(bytes: &[u8]) -> Result<PlyHeader, String> {
                 let count = count.parse().map_err(|_| bad("the number of elements is none"))?;
                 elements.push(PlyElement { name: name.into(), count, properties: Vec::new() });
             }
-            ["property", "list", length, kind, name] => {
-                let list = Some(kind_named(length).ok_or_else(|| bad("the type is not known"))?);
-                let kind = kind_named(kind).ok_or_else(|| bad("the type is not known"))?;
+            ["property", "list", _, kind, name] | ["property", kind, name] => {
+                let named = |kind| kind_named(kind).ok_or_else(|| bad("the type is not known"));
+                let list = if words[1] == "list" && words.len() == 5 { Some(named(words[2])?) } else { None };
+                let kind = named(kind)?;
                 let element = elements.last_mut().ok_or_else(|| bad("it belongs to no element"))?;
                 element.properties.push(Property { name: name.into(), kind, list });
-            }
-            ["property", kind, name] => {
-                let kind = kind_named(kind).ok_or_else(|| bad("the type is not known"))?;
-                let element = elements.last_mut().ok_or_else(|| bad("it belongs to no element"))?;
-                element.properties.push(Property { name: name.into(), kind, list: None });
             }
             ["end_header"] => {
                 let encoding = encoding.ok_or("its header does not say the format")?;

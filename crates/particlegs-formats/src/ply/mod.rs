@@ -6,7 +6,7 @@ mod header;
 mod rows;
 
 use crate::affine::Affine;
-use crate::axes::axes;
+use crate::axes;
 use crate::columns::{ColumnarField, ColumnarSnapshot, one_species};
 use crate::npy::layout;
 use crate::numbers::Bytes;
@@ -57,14 +57,8 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         _ => {
             let lists = element.properties.iter().filter(|p| p.list.is_some());
             description.notes.extend(lists.map(|p| format!("list `{}` is not read", p.name.escape_debug())));
-            Ok(Box::new(VariableLengthPly {
-                description,
-                place,
-                bytes,
-                element: element.clone(),
-                encoding: header.encoding,
-                start,
-            }))
+            let (element, encoding) = (element.clone(), header.encoding);
+            Ok(Box::new(VariableLengthPly { description, place, bytes, element, encoding, start }))
         }
     }
 }
@@ -174,18 +168,13 @@ impl Snapshot for VariableLengthPly {
             let found = self.element.properties.iter().position(|p| p.list.is_none() && p.name == name);
             found.ok_or_else(|| species.missing(&self.place, name, [].into_iter()))
         };
-        let mut columns = Vec::new();
-        for axis in axes(&self.place, species, choice)? {
-            columns.push(number(&axis.field)?);
-        }
-        let weight = species.weight_field(&self.place, &choice.weights)?;
-        if let Some(name) = &weight {
-            columns.push(number(name)?);
-        }
+        let columns = axes::columns(&self.place, species, choice)?;
+        let columns: Vec<usize> = columns.iter().map(|c| number(&c.field)).collect::<Result<_>>()?;
+        let weighted = columns.len() > 3;
         let format = RowFormat::new(self.encoding, &self.element);
         let rows = VariableLengthRows::new(self.bytes.clone(), &self.place, format, self.start, species.count, columns);
         let meta = self.description.meta.clone();
-        Ok(Box::new(PieceReader::new(meta, vec![Box::new(rows)], weight.is_some())?))
+        Ok(Box::new(PieceReader::new(meta, vec![Box::new(rows)], weighted)?))
     }
 }
 

@@ -28,7 +28,6 @@ pub struct VariableLengthRows {
     index: OnceLock<TextResult<Vec<u64>>>,
 }
 
-/// Where the vertices begin.
 #[derive(Clone, Copy)]
 pub struct VertexStart {
     /// The byte behind the header, or of the first vertex in a binary file.
@@ -37,7 +36,6 @@ pub struct VertexStart {
     pub lines: u64,
 }
 
-/// How a vertex is written.
 pub struct RowFormat {
     encoding: Encoding,
     properties: Vec<Property>,
@@ -140,7 +138,6 @@ fn word<'a>(line: &'a [u8], at: &mut usize) -> Option<&'a [u8]> {
     (*at > start).then(|| &line[start..*at])
 }
 
-/// The next word of a line as a number.
 fn value(line: &[u8], at: &mut usize) -> TextResult<f64> {
     pass_blanks(line, at);
     let start = *at;
@@ -165,7 +162,6 @@ fn line(bytes: &[u8], mut at: u64) -> TextResult<Range<u64>> {
 }
 
 impl VariableLengthRows {
-    /// `count` vertices from `start` on.
     pub fn new(
         bytes: Bytes,
         place: &str,

@@ -5,9 +5,8 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::collections::BTreeMap;
 
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
 #[serde(rename_all = "camelCase", default)]
-#[derive(Default)]
 pub struct GltfDocument {
     pub scene: Option<usize>,
     pub scenes: Vec<GltfScene>,
@@ -18,17 +17,16 @@ pub struct GltfDocument {
     pub buffers: Vec<Buffer>,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
+#[serde(default)]
 pub struct GltfScene {
-    #[serde(default)]
     pub nodes: Vec<usize>,
 }
 
-/// A mesh placed in its parent.
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
+#[serde(default)]
 pub struct GltfNode {
     mesh: Option<usize>,
-    #[serde(default)]
     children: Vec<usize>,
     /// Columns first.
     matrix: Option<[f64; 16]>,
@@ -38,23 +36,21 @@ pub struct GltfNode {
     scale: Option<[f64; 3]>,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
+#[serde(default)]
 pub struct Mesh {
-    #[serde(default)]
     pub primitives: Vec<Primitive>,
 }
 
 /// Points, lines or triangles.
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
+#[serde(default)]
 pub struct Primitive {
-    #[serde(default)]
     pub attributes: BTreeMap<String, usize>,
     pub mode: Option<u32>,
-    #[serde(default)]
     pub extensions: Extensions,
 }
 
-/// Extensions of a primitive.
 #[derive(Deserialize, Default)]
 pub struct Extensions {
     #[serde(rename = "KHR_gaussian_splatting")]
@@ -64,13 +60,12 @@ pub struct Extensions {
 }
 
 /// That of splats, which may itself be extended, e.g. by a compression.
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
+#[serde(default)]
 pub struct Splats {
-    #[serde(default)]
     pub extensions: BTreeMap<String, IgnoredAny>,
 }
 
-/// Numbers in a view.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Accessor {
@@ -86,7 +81,6 @@ pub struct Accessor {
     pub sparse: Option<IgnoredAny>,
 }
 
-/// A stretch of a buffer.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct BufferView {

@@ -10,7 +10,6 @@ use crate::{Choice, Description, Snapshot};
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
-/// Bytes of a record.
 const RECORD: usize = 32;
 
 /// There is no signature: the name must say it, and the first records must look like splats.

@@ -25,7 +25,6 @@ pub fn detect(head: &FileHead) -> bool {
     head.content.starts_with(MAGIC)
 }
 
-/// What a header says.
 struct SpzHeader {
     version: u32,
     count: u64,
@@ -44,15 +43,9 @@ impl SpzHeader {
         if b[..4] != MAGIC[..] {
             return Err("not an SPZ file".into());
         }
-        let header = SpzHeader {
-            version: word(4),
-            count: word(8).into(),
-            degree: b[12],
-            fraction: b[13],
-            flags: b[14],
-            streams: b[15],
-            table,
-        };
+        let (version, count, [degree, fraction, flags, streams]) =
+            (word(4), word(8).into(), [b[12], b[13], b[14], b[15]]);
+        let header = SpzHeader { version, count, degree, fraction, flags, streams, table };
         match header.version {
             1..=4 => {}
             version => return Err(format!("SPZ version {version} is not known (1 to 4 are)")),

@@ -1,6 +1,5 @@
 use crate::Choice;
-use crate::testing::open_bytes;
-use std::io::Write;
+use crate::testing::{gzip, open_bytes};
 
 /// A binary glTF file of a document and data.
 fn glb(json: &str, data: &[u8]) -> Vec<u8> {
@@ -74,9 +73,7 @@ fn spz_in_gzip_and_plain() {
     let wanted = [[1.0, -0.5, 0.0, 0.0], [0.00390625, 0.0078125, 1000.0, 0.0]];
     for bytes in [spz(1, &half, 20), spz(2, &fixed, 20), spz(3, &fixed, 22)] {
         assert_eq!(rows("a", &bytes).unwrap(), wanted);
-        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
-        encoder.write_all(&bytes).unwrap();
-        let packed = encoder.finish().unwrap();
+        let packed = gzip(&bytes);
         assert_eq!(rows("a", &packed).unwrap(), wanted);
         for cut in 0..packed.len() {
             assert!(rows("a", &packed[..cut]).is_err(), "cut at {cut}");

@@ -21,7 +21,6 @@ impl TextPosition {
     pub const START: TextPosition = TextPosition { offset: 0, line: 1 };
 }
 
-/// A file of text.
 #[derive(Clone, Debug)]
 pub struct TextContent {
     path: PathBuf,

@@ -5,8 +5,8 @@ use super::lines::LineReader;
 use super::table::{TableBuilder, TextTable};
 use crate::TrajectoryFrames;
 use particlegs::{Error, Hint, Result};
+use crate::snapshot::no_frame;
 
-/// A frame that was found.
 pub struct TextFrame<'c, H> {
     pub head: H,
     pub rows: Option<TableBuilder<'c>>,
@@ -14,7 +14,6 @@ pub struct TextFrame<'c, H> {
     pub step: Option<i64>,
 }
 
-/// The frames of a file.
 pub struct FrameScan<H> {
     pub head: H,
     pub table: TextTable,
@@ -55,7 +54,12 @@ pub fn scan<'c, H>(
     if lines.ends_open() {
         notes.push("the last line has no end: the file may have been cut off there".into());
     }
-    let Some((head, rows, frames)) = kept else { return Err(no_frame(content, chosen, count)) };
+    let Some((head, rows, frames)) = kept else {
+        return Err(match count {
+            0 => Error::input(content.path(), "there are no frames in it"),
+            count => no_frame(content.path(), chosen.unwrap_or(0), count),
+        });
+    };
     let table = rows.finish()?;
     if chosen.is_none() && count > 1 {
         notes.push(format!("frame {} is taken, the last of {count} (0 to {})", frames.chosen, count - 1));
@@ -71,15 +75,5 @@ fn with_last_frame(error: Error, whole: u64) -> Error {
             Error::Input { place, what, hint: hint.and(last) }
         }
         other => other,
-    }
-}
-
-fn no_frame(content: &TextContent, chosen: Option<u64>, count: u64) -> Error {
-    match (chosen, count) {
-        (_, 0) => Error::input(content.path(), "there are no frames in it"),
-        (chosen, 1) => Error::input(content.path(), format!("has no frame {}: its only one is 0", chosen.unwrap_or(0))),
-        (chosen, _) => {
-            Error::input(content.path(), format!("has no frame {}: they are 0 to {}", chosen.unwrap_or(0), count - 1))
-        }
     }
 }

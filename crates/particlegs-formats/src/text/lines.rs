@@ -6,12 +6,10 @@ use std::io::Read;
 
 /// Longest line accepted, in bytes: what is longer is no table of particles.
 pub const LINE_LIMIT: usize = 1 << 20;
-/// Bytes read at once.
 const WINDOW: usize = 1 << 18;
 /// Bytes in which newlines are counted before one of them is looked for.
 const STRIDE: usize = 1 << 14;
 
-/// Lines of a stream.
 pub struct LineReader<'a> {
     content: &'a TextContent,
     source: Box<dyn Read>,
@@ -47,6 +45,7 @@ impl<'a> LineReader<'a> {
         if self.start < self.whole {
             return Ok(true);
         }
+        // The beginning of a line moves to the front; only a line that fills all of it makes the buffer grow.
         self.buffer.copy_within(self.start..self.filled, 0);
         self.filled -= self.start;
         (self.start, self.whole) = (0, 0);

@@ -80,6 +80,15 @@ impl RowReader {
         if self.table.key.is_none() && self.table.layout.comment.is_none() {
             lines.pass(std::mem::take(&mut parser.skip), |_, _| Ok(()))?;
         }
+        self.parse(&mut lines, parser, columns)
+    }
+
+    fn parse<T: TableNumber>(
+        &self,
+        lines: &mut LineReader<'_>,
+        mut parser: RowParser<'_>,
+        columns: &mut ParticleColumns<T>,
+    ) -> Result<()> {
         columns.iter_mut().for_each(Vec::clear);
         while parser.room > 0 {
             let line = lines.place().line;
@@ -138,6 +147,7 @@ impl RowReader {
         while blocks.len() < size {
             let line = lines.place().line;
             let Some(block) = lines.block()? else { break };
+            // Copied out of the window, so that blocks are parsed side by side while the stream is decoded further.
             let block = block.to_vec();
             let count = memchr::memchr_iter(b'\n', &block).count() as u64;
             lines.consume(block.len(), count);
@@ -187,14 +197,7 @@ impl SnapshotReader for RowReader {
         }
         let mut lines = LineReader::open(&self.table.content, self.table.start, Some(self.table.end.offset))?;
         for run in 0..runs.end {
-            let mut parser = self.parser(&self.plan, 0, self.length(run));
-            columns.iter_mut().for_each(Vec::clear);
-            while parser.room > 0 {
-                let line = lines.place().line;
-                let Some(block) = lines.block()? else { return Err(self.changed()) };
-                let (bytes, count) = parser.block(block, line, &mut columns).map_err(|f| self.fault(f))?;
-                lines.consume(bytes, count);
-            }
+            self.parse(&mut lines, self.parser(&self.plan, 0, self.length(run)), &mut columns)?;
             let [x, y, z, _] = &columns;
             if runs.contains(&run) {
                 sink(run, [x, y, z])?;

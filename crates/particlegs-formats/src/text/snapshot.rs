@@ -7,28 +7,24 @@ use super::split::{kind_of, shown, tokens};
 use super::table::{MOST_SPECIES, TextTable};
 use crate::axes::axis;
 use crate::fields::number_of;
-use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TextResult};
 use particlegs::particles::{Number, SnapshotReader};
 use particlegs::space::PeriodicCell;
 use particlegs::{Error, Hint, Result};
 use std::sync::Arc;
 
-/// A table of text and what is said about it.
 pub struct TextSnapshot {
     description: Description,
     table: Arc<TextTable>,
     /// The columns that hold positions in units of a cell, and the cell.
     scaled: Option<([&'static [&'static str]; 3], Scaling)>,
-    /// Are positions wrapped into the periodic cell?
     wraps: bool,
 }
 
 /// First rows that are looked at for positions outside the cell.
 const LOOKED_AT: usize = 1024;
 
-/// What the columns of a table are.
 pub struct TableColumns {
-    /// Choice in the order of the columns.
     pub fields: Vec<SpeciesField>,
     /// The field or fields that hold positions; empty where none is known to.
     pub positions: String,
@@ -111,7 +107,6 @@ impl TextSnapshot {
         far > 0 && 10 * outside >= x.len()
     }
 
-    /// What is read of the rows of all species.
     fn plan(&self, species: &Species, choice: &Choice) -> Result<RowPlan> {
         let (positions, scaling) = self.positions(species, choice.positions.as_ref().unwrap_or(&species.positions))?;
         let weight = species.weight_field(&self.place(), &choice.weights)?;
@@ -129,7 +124,6 @@ impl TextSnapshot {
         Ok(meta.cell.filter(|_| self.wraps && !choice.as_stored).and_then(PeriodicCell::new))
     }
 
-    /// The columns of whole numbers of 64 bits.
     fn whole(&self, species: &Species) -> Vec<usize> {
         let columns = species.fields.iter().flat_map(|f| std::iter::repeat_n(f, f.components as usize)).enumerate();
         columns.filter(|(_, f)| number_of(f) == Some(Number::I64)).map(|(c, _)| c).collect()
@@ -204,7 +198,7 @@ pub fn kinds(table: &TextTable) -> Vec<&'static str> {
 }
 
 /// A number in a header, or what is wrong with it.
-pub fn header_number(token: &[u8]) -> std::result::Result<f64, String> {
+pub fn header_number(token: &[u8]) -> TextResult<f64> {
     match super::split::number(token) {
         Some(value) if value.is_finite() => Ok(value),
         Some(_) => Err(format!("{} is not finite", shown(token))),

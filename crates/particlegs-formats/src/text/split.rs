@@ -2,7 +2,6 @@
 
 use std::borrow::Cow;
 
-/// What stands between the columns of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Separator {
     Blanks,

@@ -15,7 +15,6 @@ const STRETCHES: u64 = 1 << 16;
 /// First bytes of the rows that are kept for a look at them.
 const HEAD: usize = 1 << 16;
 
-/// Rows of one species.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpeciesRows {
     /// The value of the table's key column, where rows are told apart by one.
@@ -23,10 +22,8 @@ pub struct SpeciesRows {
     pub count: u64,
 }
 
-/// The rows of a table in a file.
 pub struct TextTable {
     pub content: TextContent,
-    /// How its lines are taken apart.
     pub layout: TableLayout,
     /// Column by which rows are told apart, where there are at least two species.
     pub key: Option<usize>,
@@ -43,7 +40,6 @@ pub struct TextTable {
     pub keys: Vec<Vec<u8>>,
 }
 
-/// Takes in the rows of a table, block by block.
 pub struct TableBuilder<'a> {
     content: &'a TextContent,
     layout: TableLayout,

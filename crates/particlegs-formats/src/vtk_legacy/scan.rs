@@ -6,7 +6,6 @@ use particlegs::{Error, Result};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Where an array's numbers are.
 #[derive(Clone)]
 pub enum ArrayData {
     /// Big-endian, from this byte on.
@@ -22,13 +21,10 @@ pub struct LegacyArray {
     pub data: ArrayData,
 }
 
-/// What a file holds.
 #[derive(Default)]
 pub struct LegacyContents {
     pub dataset: String,
-    /// Are numbers text?
     pub ascii: bool,
-    /// Version of the format, as written.
     pub version: String,
     pub points: u64,
     /// Positions, then the points' arrays.
@@ -48,7 +44,6 @@ const TABLE: &[u8] = b"LOOKUP_TABLE";
 
 const HINT: &str = "the file is cut short or damaged: copy it again from its source";
 
-/// What an attribute section belongs to.
 #[derive(Clone, Copy, PartialEq)]
 enum AttributeOwner {
     Dataset,
@@ -70,15 +65,8 @@ struct LegacyScan<'a> {
 
 /// Reads headers, skipping numbers.
 pub fn scan(path: &Path, bytes: &[u8]) -> Result<LegacyContents> {
-    let mut scan = LegacyScan {
-        path,
-        bytes,
-        at: 0,
-        out: LegacyContents::default(),
-        of: AttributeOwner::Dataset,
-        rows: 0,
-        modern: false,
-    };
+    let (out, of) = (LegacyContents::default(), AttributeOwner::Dataset);
+    let mut scan = LegacyScan { path, bytes, at: 0, out, of, rows: 0, modern: false };
     scan.head()?;
     while let Some(line) = scan.line()? {
         if !scan.section(&line)? {
@@ -114,7 +102,6 @@ impl LegacyScan<'_> {
         Ok(Some(line))
     }
 
-    /// The next line that is not blank.
     fn line(&mut self) -> Result<Option<String>> {
         let mut line = self.raw_line()?;
         while line.as_deref() == Some("") {

@@ -10,7 +10,6 @@ use std::sync::Arc;
 /// More blocks than an array has: 32 KiB each, that is 128 GiB.
 const MOST_BLOCKS: u64 = 4 << 20;
 
-/// How blocks are compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compressor {
     Zlib,

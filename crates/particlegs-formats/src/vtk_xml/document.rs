@@ -1,6 +1,7 @@
 //! The XML of a VTK file: pieces and where their arrays are said to be.
 
 use super::blocks::Compressor;
+use crate::TextResult;
 use crate::ascii::shown;
 use crate::numbers::NumberType;
 use particlegs::{Error, Result};
@@ -16,7 +17,6 @@ const MOST_ARRAYS_OF_PIECE: usize = 1024;
 const MOST_DEPTH: usize = 32;
 const MOST_NAME: usize = 1024;
 
-/// How an array is written.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ArrayLocation {
     /// As text in these bytes.
@@ -27,7 +27,6 @@ pub enum ArrayLocation {
     Appended(u64),
 }
 
-/// An array as the XML describes it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ArrayDeclaration {
     pub name: String,
@@ -55,7 +54,6 @@ pub struct CollectionEntry {
     pub time: Option<f64>,
 }
 
-/// What the XML says.
 #[derive(Clone, Debug, Default)]
 pub struct VtkDocument {
     pub kind: String,
@@ -71,7 +69,6 @@ pub struct VtkDocument {
     pub appended: Option<(u64, bool)>,
 }
 
-/// Where in the file the parser is.
 #[derive(Default)]
 struct XmlState {
     /// Elements that are open, by their first letters' meaning.
@@ -150,7 +147,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<VtkDocument> {
 
 const HINT: &str = "the file is cut short or damaged: copy it again from its source";
 
-fn attribute(tag: &BytesStart<'_>, name: &str) -> std::result::Result<Option<String>, String> {
+fn attribute(tag: &BytesStart<'_>, name: &str) -> TextResult<Option<String>> {
     let found = tag.try_get_attribute(name).map_err(|e| format!("broken XML: {}", shown(&e.to_string())))?;
     let Some(found) = found else { return Ok(None) };
     let text =
@@ -161,19 +158,14 @@ fn attribute(tag: &BytesStart<'_>, name: &str) -> std::result::Result<Option<Str
     Ok(Some(text.into_owned()))
 }
 
-fn number(tag: &BytesStart<'_>, name: &str) -> std::result::Result<Option<u64>, String> {
+fn number(tag: &BytesStart<'_>, name: &str) -> TextResult<Option<u64>> {
     let Some(text) = attribute(tag, name)? else { return Ok(None) };
     text.trim().parse().map(Some).map_err(|_| format!("{name} is `{}`: no count", shown(&text)))
 }
 
 impl XmlState {
     /// An element begins: what it is, and what it says.
-    fn enter(
-        &mut self,
-        document: &mut VtkDocument,
-        tag: &BytesStart<'_>,
-        empty: bool,
-    ) -> std::result::Result<XmlElement, String> {
+    fn enter(&mut self, document: &mut VtkDocument, tag: &BytesStart<'_>, empty: bool) -> TextResult<XmlElement> {
         let inside = self.open.last().copied();
         let name = tag.name();
         Ok(match (name.as_ref(), inside) {
@@ -214,7 +206,7 @@ impl XmlState {
         })
     }
 
-    fn file(&mut self, document: &mut VtkDocument, tag: &BytesStart<'_>) -> std::result::Result<(), String> {
+    fn file(&mut self, document: &mut VtkDocument, tag: &BytesStart<'_>) -> TextResult<()> {
         document.kind = attribute(tag, "type")?.unwrap_or_default();
         document.big_endian = attribute(tag, "byte_order")?.as_deref() == Some("BigEndian");
         document.header = match attribute(tag, "header_type")?.as_deref() {
@@ -243,8 +235,7 @@ impl XmlState {
         *awaited = false;
     }
 
-    /// The array that was open is complete.
-    fn leave(&mut self, document: &mut VtkDocument) -> std::result::Result<(), String> {
+    fn leave(&mut self, document: &mut VtkDocument) -> TextResult<()> {
         let Some((array, _)) = self.array.take() else { return Ok(()) };
         // Of an empty element, nothing was opened: the last open one holds it.
         match self.open.last() {
@@ -265,7 +256,7 @@ impl XmlState {
     }
 }
 
-fn declared(tag: &BytesStart<'_>) -> std::result::Result<(ArrayDeclaration, bool), String> {
+fn declared(tag: &BytesStart<'_>) -> TextResult<(ArrayDeclaration, bool)> {
     let kind = attribute(tag, "type")?.and_then(|t| kind_of(&t));
     let name = attribute(tag, "Name")?.unwrap_or_default().replace(char::is_control, "?");
     let components = number(tag, "NumberOfComponents")?.unwrap_or(1).max(1);

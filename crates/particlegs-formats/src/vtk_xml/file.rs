@@ -4,6 +4,7 @@ use super::blocks::{CompressedBlocks, Compressor, Integers};
 use super::document::{self, ArrayDeclaration, ArrayLocation, VtkDocument};
 use super::source::{ArraySource, VtkArray};
 use super::stream::{Base64Text, Stream};
+use crate::TextResult;
 use crate::ascii::Ascii;
 use crate::cache::ChunkCache;
 use crate::numbers::Bytes;
@@ -21,7 +22,6 @@ pub struct VtkXmlFile {
 const FIELD_TEXT: u64 = 4096;
 
 impl VtkXmlFile {
-    /// Maps a file and reads its XML.
     pub fn open(path: &Path) -> Result<VtkXmlFile> {
         let bytes = Bytes::from_file(path)?;
         let document = document::parse(path, &bytes)?;
@@ -87,7 +87,7 @@ impl VtkXmlFile {
         self.source(stream, self.document.compressor, length, cache).map(Some).map_err(fault)
     }
 
-    fn appended(&self, offset: u64) -> std::result::Result<Stream, String> {
+    fn appended(&self, offset: u64) -> TextResult<Stream> {
         let (start, base64) = self.document.appended.ok_or("the file has no appended data")?;
         let end = self.bytes.len() as u64;
         let at = start.checked_add(offset).filter(|&at| at < end);
@@ -101,7 +101,7 @@ impl VtkXmlFile {
         compressor: Option<Compressor>,
         length: u64,
         cache: &Arc<ChunkCache>,
-    ) -> std::result::Result<ArraySource, String> {
+    ) -> TextResult<ArraySource> {
         let size = self.document.header;
         let integers = Integers { size, big_endian: self.document.big_endian };
         if let Some(compressor) = compressor {

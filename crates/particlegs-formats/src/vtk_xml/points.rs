@@ -1,6 +1,6 @@
 //! Points of a piece of VTK, in either of its formats.
 
-use super::source::VtkArray;
+use super::source::{ArrayColumns, VtkArray};
 use crate::numbers::{Bytes, StridedParticles};
 use crate::pieces::{ParticlePiece, RowBuffer};
 use particlegs::particles::InPlace;
@@ -20,20 +20,10 @@ pub struct PiecePoints {
 }
 
 impl PiecePoints {
-    /// `rows` points of the file `place`, whose columns are components of `arrays`.
-    pub fn new(
-        place: &str,
-        bytes: Bytes,
-        rows: u64,
-        arrays: Vec<VtkArray>,
-        columns: Vec<(usize, u32)>,
-    ) -> Result<PiecePoints> {
+    /// `rows` points of the file `place`, whose columns are components of arrays.
+    pub fn new(place: &str, bytes: Bytes, rows: u64, (arrays, columns): ArrayColumns) -> Result<PiecePoints> {
         let lanes: Option<Vec<_>> = columns.iter().map(|&(a, c)| arrays[a].lane(c)).collect();
-        let plain = match lanes.as_deref() {
-            Some(&[x, y, z]) => Some(StridedParticles::new(place, bytes.clone(), rows, [x, y, z], None)?),
-            Some(&[x, y, z, w]) => Some(StridedParticles::new(place, bytes.clone(), rows, [x, y, z], Some(w))?),
-            _ => None,
-        };
+        let plain = lanes.map(|lanes| StridedParticles::new(place, bytes.clone(), rows, &lanes)).transpose()?;
         Ok(PiecePoints { place: place.into(), bytes, rows, arrays, columns, plain })
     }
 }

@@ -3,18 +3,17 @@
 use super::blocks::CompressedBlocks;
 use super::stream::Stream;
 use crate::ascii::Ascii;
+use crate::axes::FieldComponent;
 use crate::numbers::{Bytes, NumberType, StridedColumn};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// How an array is stored.
 pub enum ArraySource {
     Plain(Stream),
     Blocks(CompressedBlocks),
     Ascii(Arc<Ascii>),
 }
 
-/// An array of a piece.
 pub struct VtkArray {
     pub name: String,
     pub kind: NumberType,
@@ -54,4 +53,27 @@ impl VtkArray {
         }
         Ok(())
     }
+}
+
+/// Arrays, and which of them and which of its components each column is: x, y, z and perhaps the weight.
+pub type ArrayColumns = (Vec<VtkArray>, Vec<(usize, u32)>);
+
+/// The arrays that hold `columns`, each opened once.
+pub fn open_columns(
+    columns: &[FieldComponent],
+    mut open: impl FnMut(&str) -> particlegs::Result<VtkArray>,
+) -> particlegs::Result<ArrayColumns> {
+    let (mut arrays, mut names, mut places) = (Vec::new(), Vec::<&str>::new(), Vec::new());
+    for FieldComponent { field, component } in columns {
+        let index = match names.iter().position(|n| n == field) {
+            Some(index) => index,
+            None => {
+                arrays.push(open(field)?);
+                names.push(field);
+                arrays.len() - 1
+            }
+        };
+        places.push((index, *component));
+    }
+    Ok((arrays, places))
 }

@@ -1,9 +1,10 @@
 //! Small files made here: encodings, several pieces, lists of files, what is refused, out and in.
 
 use super::*;
+use crate::testing::written;
 use crate::{Choice, Weights};
 use particlegs::model::{Layer, Mass as LayerMass, Units};
-use particlegs::particles::{Column, Particles, SelectedParticles, Selection, Storage, Tiling};
+use particlegs::particles::{Column, Particles, Storage};
 use particlegs::progress::Silent;
 
 fn rows(path: &Path, choice: &Choice) -> Result<(Description, Vec<[f64; 4]>)> {
@@ -81,13 +82,6 @@ fn broken_files_are_refused() {
     }
 }
 
-fn written(particles: &Particles, path: &Path) -> u64 {
-    let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Silent).unwrap();
-    let bytes = write(&kept, path, &Silent).unwrap();
-    assert_eq!(std::fs::metadata(path).unwrap().len(), bytes);
-    bytes
-}
-
 /// A VTP of one point, and lists of such files.
 fn lists(folder: &Path) {
     let put = |name: &str, text: String| std::fs::write(folder.join(name), text).unwrap();
@@ -158,7 +152,7 @@ fn out_and_in_gives_equal_bits() {
     let column = |k: u32| (0..n).map(|i| (i as f32 * 0.7 + k as f32).sin() * 1e3).collect::<Vec<f32>>();
     let mut p = Particles::from_columns(column(0), column(1), column(2));
     p.meta.epoch.time = Some(0.125);
-    let bytes = written(&p, &path);
+    let bytes = written(&p, &path, "vtp");
     assert!(bytes < n as u64 * 16 + 2000);
     let (d, got) = rows(&path, &Choice::default()).unwrap();
     assert_eq!((d.meta.epoch.time, &d.species[0].mass), (Some(0.125), &SpeciesMass::Unknown));
@@ -179,7 +173,7 @@ fn out_and_in_gives_equal_bits() {
         .clone()
         .with_weights(Column::owned(weights))
         .with_layers(vec![layer("dm--x", 0..66_000, dm), layer("gas", 66_000..n as usize, gas)]);
-    written(&q, &path);
+    written(&q, &path, "vtp");
     let (d, got) = rows(&path, &Choice::default()).unwrap();
     assert_eq!(d.species[0].mass, SpeciesMass::Field("mass".into()));
     assert!(same(&got, &|i| if i < 66_000 { 0.5 } else { i as f32 }));
@@ -203,7 +197,7 @@ fn the_bytes_written_are_those_that_vtk_reads() {
     let p = p
         .with_weights(Column::owned(vec![0.5, 0.5, 3.0, 4.0, 5.0, 6.0]))
         .with_layers(vec![layer("dm", 0..2, LayerMass::Each(0.5)), layer("gas", 2..6, LayerMass::Weights(None))]);
-    written(&p, &path);
+    written(&p, &path, "vtp");
     if std::env::var_os("WRITE_FIXTURES").is_some() {
         std::fs::copy(&path, &kept).unwrap();
     }

@@ -112,7 +112,6 @@ pub fn write(kept: &SelectedParticles<'_>, out: &Path, progress: &dyn Progress) 
     Ok(length)
 }
 
-/// The arrays of a file.
 struct Arrays<'a> {
     file: &'a PlacedFile,
     /// The byte that their layout counts from.
@@ -179,7 +178,6 @@ fn is_mass(name: &str) -> bool {
     matches!(&name.to_lowercase()[..], "mass" | "masses")
 }
 
-/// The fields that all layers have alike, each of every layer.
 pub fn common(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
     crate::fields::common(kept, &[], &["Points", "species", "connectivity", "offsets"])
 }

@@ -68,9 +68,9 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         format: content.title(title),
         files: paths.to_vec(),
         meta,
-        species: Vec::new(),
         frames: Some(found.frames),
         notes,
+        ..Description::default()
     };
     let made = TextSnapshot::new(description, found.table, columns, "atoms", "");
     Ok(Box::new(made.with_unwrapped(false, options)?))

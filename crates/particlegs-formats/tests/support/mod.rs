@@ -6,9 +6,11 @@ use particlegs::particles::{RUN, SnapshotReader};
 use particlegs::progress::Silent;
 use particlegs_formats::{Choice, PathKind, Snapshot};
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::time::{Duration, Instant};
 
 /// The files of this crate that hold the sample's first fifty particles.
 pub fn fixtures() -> PathBuf {
@@ -81,7 +83,7 @@ unsafe impl GlobalAlloc for CountingAllocator {
 }
 
 /// Memory in use now; peaks are counted from here on.
-pub fn start_counting() -> usize {
+fn start_counting() -> usize {
     let live = LIVE.load(Relaxed);
     PEAK.store(live, Relaxed);
     LARGEST.store(0, Relaxed);
@@ -89,8 +91,27 @@ pub fn start_counting() -> usize {
 }
 
 /// The largest sum of memory in use, and the largest single allocation, since the last start.
-pub fn counted() -> (usize, usize) {
+fn counted() -> (usize, usize) {
     (PEAK.load(Relaxed), LARGEST.load(Relaxed))
+}
+
+/// What a piece of work gave, or that it panicked, and what it took.
+pub struct Measured<T> {
+    pub result: std::thread::Result<T>,
+    pub time: Duration,
+    /// Bytes that were taken beside those before.
+    pub peak: usize,
+    /// Bytes of the largest allocation.
+    pub largest: usize,
+}
+
+/// Does some work, and counts.
+pub fn measured<T>(work: impl FnOnce() -> T) -> Measured<T> {
+    let before = start_counting();
+    let start = Instant::now();
+    let result = catch_unwind(AssertUnwindSafe(work));
+    let (peak, largest) = counted();
+    Measured { result, time: start.elapsed(), peak: peak.saturating_sub(before), largest }
 }
 
 /// The name of the format that a file's content has.
