@@ -22,7 +22,6 @@ pub struct ReferenceViews {
     pub pictures: Vec<Gray8>,
 }
 
-/// The scores of one picture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
     pub view: String,
@@ -119,7 +118,6 @@ pub fn masked(s: &Score) -> Option<f64> {
     Some(s.masked.unwrap_or(IDENTICAL))
 }
 
-/// PSNR over all pixels, dB.
 pub fn psnr(s: &Score) -> Option<f64> {
     Some(s.psnr.unwrap_or(IDENTICAL))
 }

@@ -16,7 +16,6 @@ use std::time::Duration;
 pub struct PublishedRunStatus {
     /// Share of its pixels, steps and Gaussians.
     pub scale: f64,
-    /// Particles that it is trained on.
     pub particles: u64,
     /// Steps done.
     pub iterations: u64,
@@ -28,7 +27,6 @@ pub struct PublishedRunStatus {
     pub gaussians: u64,
     /// Its masked PSNR on held-out views, dB; none where nothing is lit there.
     pub held_out_masked_psnr: Option<f64>,
-    /// Every score so far.
     pub curve: Vec<TrainingScore>,
 }
 
