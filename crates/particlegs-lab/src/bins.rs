@@ -22,11 +22,8 @@ pub struct BinGrid {
     pub high: [f32; 3],
 }
 
-/// Particles in bins.
 pub struct ParticleBins {
     pub grid: BinGrid,
-    /// Range over bound, along each axis.
-    pub count: [f64; 3],
     /// The bin of each particle.
     pub of: Vec<[u32; 3]>,
     /// Particles along each axis that rounding puts beyond the bound, and whether they lie above the centre.
@@ -113,7 +110,7 @@ impl ParticleBins {
                 }
             }
         }
-        Some(ParticleBins { grid, count, of, exceptions })
+        Some(ParticleBins { grid, of, exceptions })
     }
 
     /// Particles along an axis that rounding puts beyond the bound: twice their place in `order` (`None` = their own),

@@ -39,7 +39,6 @@ use particlegs::{Error, Result};
 /// Positions in columns x, y and z.
 pub type PositionColumns = [Vec<f32>; 3];
 
-/// What a compressor made of particles.
 pub struct CompressedParticles {
     /// All that a decoder needs.
     pub bytes: Vec<u8>,
@@ -88,6 +87,12 @@ fn errors<'a>(
         })
     };
     (0..3).flat_map(of)
+}
+
+/// The smallest and the largest finite number of a column.
+fn finite_ends(column: &[f32]) -> [f64; 2] {
+    let finite = column.iter().map(|v| f64::from(*v)).filter(|v| v.is_finite());
+    finite.fold([f64::INFINITY, f64::NEG_INFINITY], |e, v| [e[0].min(v), e[1].max(v)])
 }
 
 /// Refuses a bound that is none.

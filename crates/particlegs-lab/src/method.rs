@@ -32,7 +32,6 @@ pub enum CompressionMethod {
     Subset,
 }
 
-/// What a way gives back.
 pub struct MethodOutput {
     pub bytes: u64,
     pub content: FileContent,

@@ -1,6 +1,6 @@
 //! Bits of three numbers in turn: neighbours in space come near each other in the order of these codes.
 
-use crate::PositionColumns;
+use crate::{PositionColumns, finite_ends};
 use particlegs::parallel;
 
 /// Bits an axis of an order of particles: three fill a code.
@@ -52,11 +52,7 @@ pub fn order_of(codes: &[u64]) -> Vec<u32> {
 
 /// Codes of cubes, 2^21 along the longest edge of the box around all particles.
 pub fn codes_of_places(particles: &PositionColumns) -> Vec<u64> {
-    let finite = |c: &Vec<f32>| {
-        let all = c.iter().map(|v| f64::from(*v)).filter(|v| v.is_finite());
-        all.fold([f64::INFINITY, f64::NEG_INFINITY], |e, v| [e[0].min(v), e[1].max(v)])
-    };
-    let ends = particles.each_ref().map(finite);
+    let ends = particles.each_ref().map(|c| finite_ends(c));
     let longest = ends.iter().map(|e| e[1] - e[0]).fold(0.0, f64::max);
     let cubes = f64::from(1 << ORDER_BITS);
     let scale = if longest > 0.0 { cubes / longest } else { 0.0 };

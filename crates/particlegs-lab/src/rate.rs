@@ -1,7 +1,7 @@
 //! Baselines at a size, and with their bounds verified.
 
 use crate::subset::mean_spacing;
-use crate::{Baseline, PositionColumns, errors};
+use crate::{Baseline, PositionColumns, errors, finite_ends};
 use particlegs::progress::Progress;
 use particlegs::{Error, Result};
 use std::time::Instant;
@@ -88,12 +88,8 @@ struct Search {
 impl Search {
     /// From the bound at which evenly spread particles take the bytes, coded as a set.
     fn new(particles: &PositionColumns, bytes: u64) -> Search {
-        let extent = particles.iter().map(|c| {
-            let finite = c.iter().map(|v| f64::from(*v)).filter(|v| v.is_finite());
-            let ends = finite.fold([f64::INFINITY, f64::NEG_INFINITY], |e, v| [e[0].min(v), e[1].max(v)]);
-            ends[1] - ends[0]
-        });
-        let longest = extent.fold(0.0, f64::max);
+        let ends = particles.iter().map(|c| finite_ends(c));
+        let longest = ends.map(|e| e[1] - e[0]).fold(0.0, f64::max);
         let longest = if longest > 0.0 { longest } else { 1.0 };
         // From float32's own precision to far more than one bin: ZFP's sizes fall until then.
         let ends = [longest * 2f64.powi(-30), longest * 1024.0].map(f64::ln);

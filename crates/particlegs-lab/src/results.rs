@@ -5,13 +5,11 @@ use serde::{Deserialize, Serialize};
 use particlegs_figure::is_identical;
 pub use particlegs_figure::{Plot, PlotAxis, Point, Series, Spread};
 
-/// What an experiment found.
 #[derive(Debug, Default, Serialize)]
 pub struct ExperimentResults {
     /// Tables, in the order of reading.
     pub tables: Vec<ResultTable>,
     pub plots: Vec<Plot>,
-    /// Pictures side by side.
     pub pictures: Vec<Pictures>,
     /// What a reader must know: how it was measured, what was left out and why.
     pub notes: Vec<String>,
@@ -21,7 +19,6 @@ pub struct ExperimentResults {
 pub struct ResultTable {
     /// File name without its ending.
     pub name: String,
-    /// What stands above it.
     pub title: String,
     /// Heads of the columns, with units.
     pub columns: Vec<String>,
@@ -33,6 +30,12 @@ impl ResultTable {
     pub fn new(name: &str, title: impl Into<String>, columns: &[&str]) -> Self {
         let columns = columns.iter().map(|c| (*c).to_string()).collect();
         ResultTable { name: name.into(), title: title.into(), columns, rows: Vec::new() }
+    }
+
+    /// The same with further rows.
+    pub fn with<R: IntoIterator<Item = TableCell>>(mut self, rows: impl IntoIterator<Item = R>) -> Self {
+        rows.into_iter().for_each(|cells| self.row(cells));
+        self
     }
 
     pub fn row(&mut self, cells: impl IntoIterator<Item = TableCell>) {

@@ -8,7 +8,6 @@ use particlegs::particles::{Column, Particles, Positions, Selection, SnapshotMet
 use particlegs::progress::Progress;
 use std::path::PathBuf;
 
-/// A snapshot that is measured.
 pub struct Snapshot {
     /// Its name in tables.
     pub name: String,

@@ -93,9 +93,7 @@ impl ResultStore {
         if !lasts(&result) {
             return Ok(result);
         }
-        let text = ResultRecord { inputs, commit: COMMIT, result: &result }
-            .text()
-            .map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
+        let text = record(inputs, &result).map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
         write_bytes(&path, &text)?;
         Ok(result)
     }
@@ -116,23 +114,14 @@ impl ResultStore {
     }
 }
 
-/// The form of a file: what the result was made from stands beside it.
-#[derive(Serialize)]
-struct ResultRecord<'a, K, T> {
-    inputs: &'a K,
-    commit: Option<&'static str>,
-    result: &'a T,
-}
-
-impl<K: Serialize, T: Serialize> ResultRecord<'_, K, T> {
-    /// With a hash of the result, as a reader finds it.
-    fn text(&self) -> serde_json::Result<Vec<u8>> {
-        let mut all = serde_json::to_value(self)?;
-        // Numbers as they are read again, to the last bit.
-        let read: serde_json::Value = serde_json::from_slice(&serde_json::to_vec(&all)?)?;
-        all["hash"] = hash_of(&read).into();
-        serde_json::to_vec_pretty(&all)
-    }
+/// The text of a result's file: what it was made from stands beside it, with a hash of the result as a reader finds it.
+fn record(inputs: &impl Serialize, result: &impl Serialize) -> serde_json::Result<Vec<u8>> {
+    let (inputs, result) = (serde_json::to_value(inputs)?, serde_json::to_value(result)?);
+    let mut all = serde_json::json!({ "inputs": inputs, "commit": COMMIT, "result": result });
+    // Numbers as they are read again, to the last bit.
+    let read: serde_json::Value = serde_json::from_slice(&serde_json::to_vec(&all)?)?;
+    all["hash"] = hash_of(&read).into();
+    serde_json::to_vec_pretty(&all)
 }
 
 /// BLAKE3 of a kept result's text.

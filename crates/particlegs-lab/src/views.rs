@@ -21,7 +21,6 @@ pub struct ReferenceViews {
     pub pictures: Vec<Gray8>,
 }
 
-/// The scores of one picture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
     pub view: String,
@@ -118,7 +117,6 @@ pub fn masked(s: &Score) -> Option<f64> {
     Some(s.masked.unwrap_or(IDENTICAL))
 }
 
-/// PSNR over all pixels, dB.
 pub fn psnr(s: &Score) -> Option<f64> {
     Some(s.psnr.unwrap_or(IDENTICAL))
 }

@@ -1,28 +1,17 @@
 //! Models of the alpha-blend law in every command that reads a model: a tiny one of the sample,
 //! untrained.
 
-use crate::common::{TestFolder, listing, sample};
+use crate::common::{TestFolder, listing};
 use crate::models::tiny;
-use particlegs::codec::{self, Precision};
-use particlegs::model::{LawKind, Model};
+use particlegs::model::LawKind;
 use particlegs::particles::Particles;
 use serde_json::Value;
-
-/// Writes the model of some runs.
-fn write(dir: &TestFolder, name: &str, runs: std::ops::Range<usize>, law: LawKind) {
-    let particles = Particles::open_raw(&[sample()]).unwrap();
-    dir.write(name, codec::encode(&tiny(&particles, runs, law), &Precision::BALANCED).unwrap());
-}
 
 /// A folder with the model `m.pgs` of 64 runs.
 fn folder() -> TestFolder {
     let dir = TestFolder::new();
-    write(&dir, "m.pgs", 0..64, LawKind::AlphaBlend);
+    dir.write("m.pgs", tiny(0..64, LawKind::AlphaBlend));
     dir
-}
-
-fn decode(dir: &TestFolder, name: &str) -> Model {
-    codec::decode(&dir.bytes(name), "file").unwrap()
 }
 
 #[test]
@@ -71,7 +60,7 @@ fn it_is_drawn_and_scored() {
 fn merging_takes_the_network_of_the_first_block() {
     let dir = TestFolder::new();
     for (name, runs) in [("a.pgs", 0..30), ("b.pgs", 30..64)] {
-        write(&dir, name, runs, LawKind::AlphaBlend);
+        dir.write(name, tiny(runs, LawKind::AlphaBlend));
     }
     let merged = |parts: &str, name: &str| {
         let [_, said] = dir.runs(&format!("merge {parts} -o {name}"));
@@ -79,10 +68,10 @@ fn merging_takes_the_network_of_the_first_block() {
         dir.bytes(name)
     };
     assert_eq!(merged("a.pgs b.pgs", "ab.pgs"), merged("b.pgs a.pgs", "ba.pgs"));
-    let whole = decode(&dir, "ab.pgs");
+    let whole = dir.model("ab.pgs");
     assert_eq!((whole.gaussians(), whole.metadata.count, whole.vizmapper().is_some()), (64, 262_144, true));
     dir.runs("verify ab.pgs");
-    write(&dir, "c.pgs", 30..64, LawKind::OpticalDepth);
+    dir.write("c.pgs", tiny(30..64, LawKind::OpticalDepth));
     dir.fails("merge a.pgs c.pgs -o no.pgs", 3, "its image law is optical-depth");
     assert!(!dir.at("no.pgs").exists());
 }
@@ -126,7 +115,7 @@ fn splats_are_written_as_published() {
     assert_eq!(bytes.len() - end, 64 * 68);
     // A snapshot of 64 points to the other commands, which take an alpha-blend model's frame.
     dir.runs("convert m.ply -o points --quiet");
-    let (model, points) = (decode(&dir, "m.pgs"), Particles::open_raw(&[dir.at("points")]).unwrap());
+    let (model, points) = (dir.model("m.pgs"), Particles::open_raw(&[dir.at("points")]).unwrap());
     let frame = particlegs::camera::Normalisation::of(&model.metadata.bounds);
     let g = &model.layers[0].content[0].gaussians;
     for i in 0..64 {
@@ -136,7 +125,7 @@ fn splats_are_written_as_published() {
     }
     dir.fails("convert m.pgs -o no", 2, "ends in .ply");
     dir.fails("convert m.pgs -o no.ply --tile 2,1,1", 2, "converted to splats");
-    write(&dir, "depth.pgs", 0..64, LawKind::OpticalDepth);
+    dir.write("depth.pgs", tiny(0..64, LawKind::OpticalDepth));
     dir.fails("convert depth.pgs -o no.ply", 2, "has no opacities");
     assert!(!dir.at("no.ply").exists());
 }

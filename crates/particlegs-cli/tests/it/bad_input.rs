@@ -1,6 +1,6 @@
 //! Bad input: one clear line, a non-zero exit, no output file left.
 
-use crate::common::{TestFolder, Words, fails, snapshot};
+use crate::common::{TestFolder, fails, snapshot, words};
 
 /// Runs `compress` on a folder of columns; demands the failure and that nothing was written.
 fn refused(columns: &[Vec<f32>], code: i32, text: &str) {
@@ -74,7 +74,7 @@ fn a_full_disk_leaves_nothing() {
     let mut c = assert_cmd::Command::new("sh");
     // Blocks of 512 bytes; the signal is ignored, so that the write itself fails.
     c.args(["-c", "trap '' XFSZ; ulimit -f 32; exec \"$@\"", "sh"]).arg(assert_cmd::cargo::cargo_bin("particlegs"));
-    c.args("compress SAMPLE --effort fast --ratio 60 --certificate=none -o".words());
+    c.args(words("compress SAMPLE --effort fast --ratio 60 --certificate=none -o"));
     fails(c.arg(dir.at("m.pgs")), 6, "m.pgs");
     assert_eq!(dir.listing(), [""; 0]);
 }

@@ -1,9 +1,11 @@
 //! What the end-to-end tests share.
 
 use assert_cmd::Command;
+use particlegs::codec;
+use particlegs::model::{Certificate, Model};
 use serde_json::Value;
 use std::collections::HashMap;
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::{Arc, Mutex, OnceLock};
@@ -30,46 +32,16 @@ pub fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs-formats/tests/fixtures").join(name)
 }
 
-/// Words of a command line: a text, in which SAMPLE, FIXTURES and GOLDEN (VTK's pictures of the sample and their
-/// views) stand for those folders, or a list as it is.
-pub trait Words {
-    fn words(&self) -> Vec<OsString>;
-}
-
-impl Words for str {
-    fn words(&self) -> Vec<OsString> {
-        let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs/tests/golden/nbody64");
-        let places = [("SAMPLE", sample()), ("FIXTURES", fixture("")), ("GOLDEN", golden)];
-        let word = |w: &str| {
-            let place = places.iter().find_map(|(name, place)| Some((place, w.strip_prefix(name)?)));
-            place.map_or(w.into(), |(place, rest)| place.join(rest.trim_start_matches('/')).into_os_string())
-        };
-        self.split_whitespace().map(word).collect()
-    }
-}
-
-impl Words for String {
-    fn words(&self) -> Vec<OsString> {
-        self.as_str().words()
-    }
-}
-
-impl<T: AsRef<OsStr>> Words for [T] {
-    fn words(&self) -> Vec<OsString> {
-        self.iter().map(|w| w.as_ref().into()).collect()
-    }
-}
-
-impl<T: AsRef<OsStr>, const N: usize> Words for [T; N] {
-    fn words(&self) -> Vec<OsString> {
-        self.as_slice().words()
-    }
-}
-
-impl<T: AsRef<OsStr>> Words for Vec<T> {
-    fn words(&self) -> Vec<OsString> {
-        self.as_slice().words()
-    }
+/// Words of a command line, in which SAMPLE, FIXTURES and GOLDEN (VTK's pictures of the sample and their views) stand
+/// for those folders.
+pub fn words(text: &str) -> Vec<OsString> {
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs/tests/golden/nbody64");
+    let places = [("SAMPLE", sample()), ("FIXTURES", fixture("")), ("GOLDEN", golden)];
+    let word = |w: &str| {
+        let place = places.iter().find_map(|(name, place)| Some((place, w.strip_prefix(name)?)));
+        place.map_or(w.into(), |(place, rest)| place.join(rest.trim_start_matches('/')).into_os_string())
+    };
+    text.split_whitespace().map(word).collect()
 }
 
 /// A new folder, which goes with the test, and commands that run in it.
@@ -105,53 +77,57 @@ impl TestFolder {
         serde_json::from_slice(&self.bytes(name)).unwrap()
     }
 
+    pub fn model(&self, name: &str) -> Model {
+        codec::decode(&self.bytes(name), name).unwrap()
+    }
+
     /// What lies in it, sorted.
     pub fn listing(&self) -> Vec<String> {
         listing(self.path())
     }
 
-    pub fn command(&self, words: &(impl Words + ?Sized)) -> Command {
+    pub fn command(&self, text: &str) -> Command {
         let mut c = particlegs();
-        c.current_dir(self.path()).args(words.words());
+        c.current_dir(self.path()).args(words(text));
         c
     }
 
     /// Runs a command that succeeds: what it prints, and what it says on standard error.
-    pub fn runs(&self, words: &(impl Words + ?Sized)) -> [String; 2] {
-        success(&mut self.command(words))
+    pub fn runs(&self, text: &str) -> [String; 2] {
+        success(&mut self.command(text))
     }
 
     /// Runs a command that succeeds and gives what it says as JSON.
-    pub fn says(&self, words: &(impl Words + ?Sized)) -> Value {
-        json(&mut self.command(words))
+    pub fn says(&self, text: &str) -> Value {
+        json(&mut self.command(text))
     }
 
     /// Runs a command that succeeds: the bytes of the file that `-o` names.
-    pub fn makes(&self, words: &(impl Words + ?Sized)) -> Vec<u8> {
-        self.runs(words);
-        std::fs::read(self.at(&output(&words.words()))).unwrap()
+    pub fn makes(&self, text: &str) -> Vec<u8> {
+        self.runs(text);
+        self.bytes(output(text))
     }
 
     /// The file that a command makes, which ran once for all tests that name it so.
-    pub fn once(&self, words: &str) -> Vec<u8> {
+    pub fn once(&self, text: &str) -> Vec<u8> {
         type Made = Mutex<HashMap<String, Arc<OnceLock<Vec<u8>>>>>;
         static MADE: OnceLock<Made> = OnceLock::new();
-        let cell = Arc::clone(MADE.get_or_init(Mutex::default).lock().unwrap().entry(words.into()).or_default());
-        let bytes = cell.get_or_init(|| self.makes(words));
-        self.write(&output(&words.words()), bytes);
+        let cell = Arc::clone(MADE.get_or_init(Mutex::default).lock().unwrap().entry(text.into()).or_default());
+        let bytes = cell.get_or_init(|| self.makes(text));
+        self.write(output(text), bytes);
         bytes.clone()
     }
 
     /// As [`fails`].
-    pub fn fails(&self, words: &(impl Words + ?Sized), code: i32, text: &str) {
-        fails(&mut self.command(words), code, text);
+    pub fn fails(&self, text: &str, code: i32, error: &str) {
+        fails(&mut self.command(text), code, error);
     }
 }
 
 /// The word behind `-o`.
-fn output(words: &[OsString]) -> String {
-    let place = words.iter().position(|w| w == "-o").expect("an output");
-    words[place + 1].to_str().unwrap().into()
+fn output(text: &str) -> &str {
+    let behind = text.split_once("-o ").expect("an output").1;
+    behind.split(' ').next().unwrap()
 }
 
 /// Runs a command that succeeds: what it prints, and what it says on standard error.
@@ -174,6 +150,14 @@ pub fn said(out: &Output) -> String {
 /// Lines of an error.
 pub fn errors(text: &str) -> usize {
     text.lines().filter(|l| l.starts_with("error:")).count()
+}
+
+/// A model's file with another certificate.
+pub fn recertified(file: &[u8], change: impl FnOnce(&mut Certificate)) -> particlegs::Result<Vec<u8>> {
+    let model = codec::decode(file, "m").unwrap();
+    let mut certificate = model.certificate.unwrap();
+    change(&mut certificate);
+    codec::assemble(&model.metadata, Some(&certificate), codec::coded_layers(file, "m").unwrap())
 }
 
 /// Writes raw columns into a new folder.
@@ -257,4 +241,18 @@ pub fn listing(folder: &Path) -> Vec<String> {
         std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     names
+}
+
+/// All files under a folder.
+#[cfg(target_os = "linux")]
+pub fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
+    entries.flat_map(|p| if p.is_dir() { files(&p) } else { vec![p] }).collect()
+}
+
+/// The bytes of every regular file under a folder.
+#[cfg(target_os = "linux")]
+pub fn contents(folder: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
+    let is_file = |p: &PathBuf| std::fs::symlink_metadata(p).is_ok_and(|m| m.is_file());
+    files(folder).into_iter().filter(is_file).map(|p| (p.clone(), std::fs::read(&p).unwrap())).collect()
 }

@@ -2,7 +2,7 @@
 
 use crate::common::{TestFolder, snapshot};
 #[cfg(target_os = "linux")]
-use crate::common::{Words, process, signal, wait_for_bytes, wait_for_handler};
+use crate::common::{process, signal, wait_for_bytes, wait_for_handler, words};
 
 fn compress(dir: &TestFolder, name: &str, options: &str) -> Vec<u8> {
     dir.makes(&format!("compress SAMPLE -o {name} {options} --certificate=none --quiet --force"))
@@ -87,8 +87,8 @@ fn odd_snapshots_work() {
 
 /// The binary as a child that can be signalled.
 #[cfg(target_os = "linux")]
-fn spawned(dir: &TestFolder, words: &str) -> std::process::Child {
-    process(dir.path()).args(format!("{words} --quiet SAMPLE").words()).spawn().unwrap()
+fn spawned(dir: &TestFolder, text: &str) -> std::process::Child {
+    process(dir.path()).args(words(&format!("{text} --quiet SAMPLE"))).spawn().unwrap()
 }
 
 /// Killed at any moment, nothing half-written appears under the output's name.

@@ -1,16 +1,13 @@
 //! `eval` as a user runs it: a tiny model of the sample.
 
-use crate::common::{TestFolder, sample};
+use crate::common::TestFolder;
 use crate::models::tiny;
-use particlegs::codec::{self, Precision};
 use particlegs::model::LawKind;
-use particlegs::particles::Particles;
 
 #[test]
 fn scores_by_orbit_in_text_and_json() {
     let dir = TestFolder::new();
-    let particles = Particles::open_raw(&[sample()]).unwrap();
-    let bytes = codec::encode(&tiny(&particles, 0..64, LawKind::OpticalDepth), &Precision::BALANCED).unwrap();
+    let bytes = tiny(0..64, LawKind::OpticalDepth);
     dir.write("m.pgs", &bytes);
     let run = |more: &str| {
         let [text, _] = dir.runs(&format!("eval m.pgs SAMPLE --json e.json {more}"));

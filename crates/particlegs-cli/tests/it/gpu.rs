@@ -2,15 +2,11 @@
 
 use crate::common::{TestFolder, said};
 #[cfg(feature = "gpu")]
-use crate::common::{json, particlegs, sample};
+use crate::common::{json, particlegs};
 #[cfg(feature = "gpu")]
 use crate::models::tiny;
 #[cfg(feature = "gpu")]
-use particlegs::{
-    codec::{self, Precision},
-    model::LawKind,
-    particles::Particles,
-};
+use particlegs::{codec, model::LawKind};
 #[cfg(feature = "gpu")]
 use serde_json::Value;
 
@@ -50,27 +46,24 @@ fn a_program_without_cards_says_how_to_get_them() {
     }
 }
 
-/// Is there an adapter? Whatever it is, it is number 0.
+/// A folder where there is an adapter. Whatever it is, it is number 0.
 #[cfg(feature = "gpu")]
-fn adapter() -> bool {
+fn with_adapter(folder: fn() -> TestFolder) -> Option<TestFolder> {
     let listed = json(particlegs().arg("devices"));
-    if listed["devices"].as_array().unwrap().is_empty() {
+    let Some(first) = listed["devices"].as_array().unwrap().first() else {
         assert!(std::env::var_os("PARTICLEGS_GPU_TESTS").is_none());
         eprintln!("skipped: {}", listed["advice"]);
-        return false;
-    }
-    assert!(listed["devices"][0]["largest_binding_bytes"].as_u64().unwrap() >= 1 << 27);
-    true
+        return None;
+    };
+    assert!(first["largest_binding_bytes"].as_u64().unwrap() >= 1 << 27);
+    Some(folder())
 }
 
 /// ParaView's pictures of all particles, and scores against them.
 #[cfg(feature = "gpu")]
 #[test]
 fn a_device_draws_and_scores_all_particles() {
-    if !adapter() {
-        return;
-    }
-    let dir = folder();
+    let Some(dir) = with_adapter(folder) else { return };
     for style in ["paraview", "paraview-no-fxaa"] {
         let draw = |device: &str| {
             let out = format!("{style}-{device}.png");
@@ -95,13 +88,8 @@ fn a_device_draws_and_scores_all_particles() {
 #[cfg(feature = "gpu")]
 #[test]
 fn a_device_draws_what_the_processor_draws() {
-    if !adapter() {
-        return;
-    }
-    let dir = folder();
-    let particles = Particles::open_raw(&[sample()]).unwrap();
-    let bytes = codec::encode(&tiny(&particles, 0..64, LawKind::AlphaBlend), &Precision::BALANCED).unwrap();
-    dir.write("published.pgs", bytes);
+    let Some(dir) = with_adapter(folder) else { return };
+    dir.write("published.pgs", tiny(0..64, LawKind::AlphaBlend));
     for (model, most) in [("model", 1), ("published", 2)] {
         for device in ["0", "cpu"] {
             dir.runs(&format!("render {model}.pgs --size 160x90 -q --device {device} -o {model}.{device}"));
@@ -119,10 +107,7 @@ fn a_device_draws_what_the_processor_draws() {
 #[cfg(feature = "gpu")]
 #[test]
 fn a_device_trains_as_the_processor_does() {
-    if !adapter() {
-        return;
-    }
-    let dir = TestFolder::new();
+    let Some(dir) = with_adapter(TestFolder::new) else { return };
     let start = "compress SAMPLE --gaussians 400 --effort fast --certificate none --train fast --scale 0.05";
     let train = |device: &str| {
         let told = dir.says(&format!("{start} --device {device} -o {device}.pgs"));
@@ -139,10 +124,7 @@ fn a_device_trains_as_the_processor_does() {
 #[cfg(feature = "gpu")]
 #[test]
 fn a_device_trains_and_tunes_the_published_law() {
-    if !adapter() {
-        return;
-    }
-    let dir = TestFolder::new();
+    let Some(dir) = with_adapter(TestFolder::new) else { return };
     let score = |words: &str| {
         let told = dir.says(&format!("{words} --certificate none --device 0 --scale 0.004"));
         [0, 1].map(|k| told["trained"][0]["scores"][k].as_f64().unwrap_or_else(|| panic!("{told}")))
@@ -159,10 +141,7 @@ fn a_device_trains_and_tunes_the_published_law() {
 #[cfg(all(feature = "gpu", feature = "lab"))]
 #[test]
 fn a_device_measures_what_the_processor_measures() {
-    if !adapter() {
-        return;
-    }
-    let dir = TestFolder::new();
+    let Some(dir) = with_adapter(TestFolder::new) else { return };
     let measure = |device: &str| {
         let how = format!("--quick --size 160x90 -q --device {device} -o .");
         dir.runs(&format!("bench generalisation SAMPLE {how}"));
@@ -196,10 +175,7 @@ fn rows(found: &serde_json::Value, name: &str) -> Vec<serde_json::Value> {
 #[cfg(all(feature = "gpu", feature = "lab"))]
 #[test]
 fn a_device_is_measured_and_trains_in_pieces() {
-    if !adapter() {
-        return;
-    }
-    let dir = TestFolder::new();
+    let Some(dir) = with_adapter(TestFolder::new) else { return };
     let piece =
         |minutes: &str| dir.says(&format!("bench gpu --quick -q --device 0 --training --minutes {minutes} -o ."));
     let first = piece("0.0005");

@@ -2,7 +2,7 @@
 //! harm: one clear line each, and nothing that hangs or takes memory.
 #![cfg(unix)]
 
-use crate::common::{TestFolder, errors, fixture, pipe, process, said, snapshot, success};
+use crate::common::{TestFolder, errors, fails, fixture, pipe, process, said, snapshot, success, words};
 use serde_json::Value;
 use std::ffi::OsStr;
 use std::io::Write;
@@ -12,9 +12,9 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 /// The binary, for what is started and left running.
-fn started(folder: &Path, arguments: &[&str]) -> Command {
+fn started(folder: &Path, text: &str) -> Command {
     let mut command = process(folder);
-    command.args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command.args(words(text)).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
 
@@ -28,32 +28,28 @@ fn small() -> TestFolder {
 }
 
 /// The commands that read a model, a views file, a configuration or a snapshot at `NAME`.
-const READERS: [&[&str]; 10] = [
-    &["info", "NAME"],
-    &["render", "NAME", "--out", "pictures"],
-    &["simplify", "NAME", "-o", "s.pgs", "--gaussians", "2"],
-    &["verify", "NAME"],
-    &["recover", "NAME", "-o", "drawn"],
-    &["convert", "NAME", "-o", "copy"],
-    &["merge", "NAME", "m.pgs", "-o", "both.pgs"],
-    &["eval", "NAME", "in"],
-    &["render", "m.pgs", "--views", "NAME", "--out", "pictures"],
-    &["compress", "in", "-o", "n.pgs", "--train", "fast", "--config", "NAME"],
+const READERS: [&str; 10] = [
+    "info NAME",
+    "render NAME --out pictures",
+    "simplify NAME -o s.pgs --gaussians 2",
+    "verify NAME",
+    "recover NAME -o drawn",
+    "convert NAME -o copy",
+    "merge NAME m.pgs -o both.pgs",
+    "eval NAME in",
+    "render m.pgs --views NAME --out pictures",
+    "compress in -o n.pgs --train fast --config NAME",
 ];
-
-fn naming(arguments: &[&str], name: &str) -> Vec<String> {
-    arguments.iter().map(|a| a.replace("NAME", name)).collect()
-}
 
 #[test]
 fn endless_devices_are_left_after_their_first_bytes() {
     let dir = small();
     for reader in READERS {
-        let arguments = naming(reader, "/dev/zero");
+        let arguments = reader.replace("NAME", "/dev/zero");
         // A few gigabytes of address space: what is read without a bound ends by a signal.
         let mut c = Command::new("timeout");
         c.current_dir(dir.path()).args(["20", "bash", "-c", "ulimit -v 4000000; exec \"$0\" \"$@\""]);
-        let out = c.arg(env!("CARGO_BIN_EXE_particlegs")).args(&arguments).output().unwrap();
+        let out = c.arg(env!("CARGO_BIN_EXE_particlegs")).args(arguments.split(' ')).output().unwrap();
         let text = said(&out);
         assert!(matches!(out.status.code(), Some(3 | 4)), "{arguments:?}: {:?} {text}", out.status);
         assert_eq!(errors(&text), 1, "{arguments:?}: {text}");
@@ -68,11 +64,10 @@ fn a_pipe_without_a_writer_is_waited_for_audibly_and_given_up() {
     let dir = small();
     pipe(&dir.at("pipe"));
     let logs = tempfile::tempdir().unwrap();
-    let start = |(i, reader): (usize, &&[&str])| {
-        let arguments = naming(reader, "pipe");
-        let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let start = |(i, reader): (usize, &&str)| {
+        let arguments = reader.replace("NAME", "pipe");
         let log = logs.path().join(i.to_string());
-        let child = started(dir.path(), &words).stderr(std::fs::File::create(&log).unwrap()).spawn().unwrap();
+        let child = started(dir.path(), &arguments).stderr(std::fs::File::create(&log).unwrap()).spawn().unwrap();
         (arguments, log, child)
     };
     // All wait beside each other; each says so before it is told to stop.
@@ -97,7 +92,7 @@ fn a_pipe_without_a_writer_is_waited_for_audibly_and_given_up() {
 #[test]
 fn what_a_pipe_or_standard_input_gives_is_read() {
     let dir = small();
-    let fed = |arguments: &[&str], file: &Path| {
+    let fed = |arguments: &str, file: &Path| {
         let bytes = std::fs::read(file).unwrap();
         let mut child = started(dir.path(), arguments).stdin(Stdio::piped()).spawn().unwrap();
         let mut to = child.stdin.take().unwrap();
@@ -109,19 +104,19 @@ fn what_a_pipe_or_standard_input_gives_is_read() {
     };
     let model = dir.at("m.pgs");
     for name in ["-", "/dev/stdin"] {
-        assert_eq!(fed(&["verify", name], &model).matches("64 particles").count(), 1);
-        assert!(fed(&["info", name], &model).contains("image law optical-depth"));
+        assert_eq!(fed(&format!("verify {name}"), &model).matches("64 particles").count(), 1);
+        assert!(fed(&format!("info {name}"), &model).contains("image law optical-depth"));
     }
     for name in ["species.hdf5", "header.csv.gz", "plain.xyz", "two_frames.dump.gz"] {
-        let text = fed(&["info", "-"], &fixture(name));
+        let text = fed("info -", &fixture(name));
         let [told, _] = dir.runs(&format!("info FIXTURES/{name}"));
         let rest = |t: &str| t.lines().filter(|l| !l.starts_with("files")).collect::<Vec<_>>().join("\n");
         assert_eq!(rest(&text), rest(&told), "{name}");
         assert!(text.contains("files              -"), "{text}");
-        fed(&["compress", "-", "-o", "piped.pgs", "--gaussians", "2", "--certificate=none", "--force"], &fixture(name));
+        fed("compress - -o piped.pgs --gaussians 2 --certificate=none --force", &fixture(name));
     }
     // Broken data are told under the name that people know.
-    let mut child = started(dir.path(), &["compress", "-", "-o", "x.pgs"]).stdin(Stdio::piped()).spawn().unwrap();
+    let mut child = started(dir.path(), "compress - -o x.pgs").stdin(Stdio::piped()).spawn().unwrap();
     child.stdin.take().unwrap().write_all(b"\x01\x02\x03").unwrap();
     let text = String::from_utf8(child.wait_with_output().unwrap().stderr).unwrap();
     assert!(text.starts_with("error: standard input: not in a format"), "{text}");
@@ -191,7 +186,7 @@ fn foreign_text_does_not_reach_the_terminal_raw() {
         (&["info", "in", "--json", "-"], false),
         (&["render", "e.pgs", "--views", "views.json", "--out", "x"], false),
     ] {
-        let out = dir.command(arguments).output().unwrap();
+        let out = dir.command("").args(arguments).output().unwrap();
         let text = String::from_utf8([out.stdout, out.stderr].concat()).unwrap();
         assert!(!text.contains(|c: char| c != '\n' && (c.is_control() || c == '\u{202e}')), "{arguments:?}: {text:?}");
         assert!(!shown || text.contains(escaped), "{arguments:?}: {text}");
@@ -207,8 +202,8 @@ fn paths_need_not_be_utf8() {
     let (snapshot, model, folder) = (odd(b"in\xff"), odd(b"m\xfe.pgs"), odd(b"out\xfd"));
     std::fs::rename(dir.at("in"), &snapshot).unwrap();
     let run = |arguments: &[&dyn AsRef<OsStr>]| -> Value {
-        let words: Vec<_> = arguments.iter().map(|a| a.as_ref()).collect();
-        let [out, text] = success(dir.command(&words).args(["--json", "-"]));
+        let mut c = dir.command("");
+        let [out, text] = success(c.args(arguments.iter().map(|a| a.as_ref())).args(["--json", "-"]));
         assert!(!text.contains("panicked"), "{text}");
         serde_json::from_str(&out).unwrap()
     };
@@ -225,7 +220,7 @@ fn paths_need_not_be_utf8() {
     run(&[&"convert", &snapshot, &"-o", &odd(b"copy\xff.hdf5")]);
     run(&[&"merge", &model, &"-o", &odd(b"merged\xff.pgs")]);
     // A job's manifest is JSON: such a path is refused before anything is made.
-    dir.fails(&[OsStr::new("plan"), snapshot.as_os_str(), OsStr::new("-o"), OsStr::new("job")], 2, "UTF-8");
+    fails(dir.command("plan -o job").arg(&snapshot), 2, "UTF-8");
     assert!(!dir.at("job").exists());
 }
 
@@ -255,8 +250,8 @@ fn a_file_that_is_cut_short_while_it_is_read_ends_with_one_line() {
     snapshot(&dir.at("in"), &[column(0), column(3), column(5)]);
     let files = ["xx.f32", "yy.f32", "zz.f32"].map(|f| dir.at("in").join(f));
     let before = dir.listing();
-    let arguments = ["compress", "in", "-o", "m.pgs", "--ratio", "50", "--certificate=none", "--threads", "1"];
-    let mut child = started(dir.path(), &arguments).spawn().unwrap();
+    let compress = "compress in -o m.pgs --ratio 50 --certificate=none --threads 1";
+    let mut child = started(dir.path(), compress).spawn().unwrap();
     // Whether it is already read or not: as soon as it maps the columns.
     let maps = format!("/proc/{}/maps", child.id());
     let mapped = (0..2000).any(|_| {

@@ -1,7 +1,6 @@
 //! `render`, `reference`, `info` and `verify` as a user runs them.
 
-use crate::common::{TestFolder, snapshot};
-use particlegs::codec;
+use crate::common::{TestFolder, recertified, snapshot};
 use serde_json::Value;
 
 /// A folder with a model `m.pgs` of the sample.
@@ -218,12 +217,10 @@ fn certificates_are_completed() {
     assert!(settings[4]["expected"]["worst"]["subset"]["masked_psnr"].is_number(), "{full}");
     // Measured again, whole, it agrees; a baseline that was altered does not.
     dir.runs(&format!("verify m.pgs SAMPLE {some}"));
-    let bytes = dir.bytes("m.pgs");
-    let model = codec::decode(&bytes, "m").unwrap();
-    let mut forged = model.certificate.unwrap();
-    forged.pictures.as_mut().unwrap().settings[4].paraview.worst.uniform_box.as_mut().unwrap().ssim -= 0.1;
-    let layers = codec::coded_layers(&bytes, "m").unwrap();
-    dir.write("forged.pgs", codec::assemble(&model.metadata, Some(&forged), layers).unwrap());
+    let forged = recertified(&dir.bytes("m.pgs"), |c| {
+        c.pictures.as_mut().unwrap().settings[4].paraview.worst.uniform_box.as_mut().unwrap().ssim -= 0.1;
+    });
+    dir.write("forged.pgs", forged.unwrap());
     let stored = "settings 6r a paraview worst: uniform box is stored as";
     dir.fails(&format!("verify forged.pgs SAMPLE {some}"), 9, stored);
     let place = |k: u32| (0..4096u32).map(|i| ((i >> (4 * k)) % 16) as f32 + 0.5).collect();

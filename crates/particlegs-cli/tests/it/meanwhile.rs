@@ -1,7 +1,7 @@
 //! Outputs that change while a command runs: nothing that has come or changed there is lost, nor what was made.
 #![cfg(target_os = "linux")]
 
-use crate::common::{TestFolder, listing, pipe, process, said, snapshot, waited};
+use crate::common::{TestFolder, contents, listing, pipe, process, said, snapshot, waited};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io::Write;
@@ -80,10 +80,6 @@ impl PipeFiles {
         PipeFiles(dir)
     }
 
-    fn at(&self, name: &str) -> PathBuf {
-        self.0.at(name)
-    }
-
     fn command(&self, folder: &Path) -> Command {
         let mut c = process(folder);
         c.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
@@ -93,7 +89,7 @@ impl PipeFiles {
     /// Copies `from > to` into a folder, over what is there.
     fn put(&self, change: &str, folder: &Path) {
         if let Some((from, to)) = change.split_once(" > ") {
-            let done = Command::new("cp").arg("-r").arg(self.at(from)).arg(folder.join(to)).status();
+            let done = Command::new("cp").arg("-r").arg(self.0.at(from)).arg(folder.join(to)).status();
             assert!(done.unwrap().success(), "{change}");
         }
     }
@@ -106,11 +102,11 @@ impl PipeFiles {
         let words = case.words.split(' ').map(|w| match w {
             "PIPE" => "pipe".into(),
             "OUT" => out.into(),
-            "SNAP" => self.at("snap").into_os_string(),
+            "SNAP" => self.0.at("snap").into_os_string(),
             other => OsString::from(other),
         });
         let mut child = self.command(folder).args(words).spawn().unwrap();
-        let bytes = std::fs::read(self.at(input)).unwrap();
+        let bytes = self.0.bytes(input);
         // Not for ever: a command that has failed reads nothing.
         let open = || std::fs::File::options().write(true).custom_flags(O_NONBLOCK).open(&fifo);
         let mut to = open();
@@ -141,18 +137,6 @@ fn write(mut to: &std::fs::File, mut bytes: &[u8]) {
             bytes.is_empty()
         }
     });
-}
-
-/// The bytes of every file under a folder.
-fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
-    entries
-        .filter(|p| !p.ends_with("pipe"))
-        .flat_map(|p| match p.is_dir() {
-            true => contents(&p),
-            false => [(p.clone(), std::fs::read(&p).unwrap())].into(),
-        })
-        .collect()
 }
 
 #[test]
@@ -190,14 +174,11 @@ fn of_two_compressions_to_one_name_one_fails_unless_they_are_the_same() {
         let folder = tempfile::tempdir().unwrap();
         let case = case(COMPRESS, ["m.pgs", "a.npy"], [""; 3]);
         let out = w.run(&case, folder.path(), || {
-            let mut c = w.command(folder.path());
-            let words = COMPRESS.replace("PIPE", "").replace("OUT", "m.pgs");
             // The source's name is in the file.
-            std::fs::copy(w.at(other), folder.path().join("in.npy")).unwrap();
             std::fs::create_dir(folder.path().join("in")).unwrap();
-            std::fs::rename(folder.path().join("in.npy"), folder.path().join("in/pipe")).unwrap();
-            let words = words.split_whitespace().map(|word| if word == "compress" { "compress in/pipe" } else { word });
-            assert!(c.args(words.flat_map(|w| w.split(' '))).status().unwrap().success());
+            std::fs::copy(w.0.at(other), folder.path().join("in/pipe")).unwrap();
+            let words = COMPRESS.replace("PIPE", "in/pipe").replace("OUT", "m.pgs");
+            assert!(w.command(folder.path()).args(words.split(' ')).status().unwrap().success());
         });
         assert_eq!(out.status.code(), Some(code), "{other}: {}", said(&out));
         assert_eq!(folder.path().join("m-1.pgs").exists(), code == 8);
@@ -216,9 +197,9 @@ fn a_folder_is_not_replaced_with_what_has_come_into_it() {
         std::fs::create_dir(folder.path().join("here")).unwrap();
         let (here, out) = (folder.path().join("here"), folder.path().join("here/out"));
         w.put("other > out", &here);
-        let words = words.replace("SNAP", w.at("snap").to_str().unwrap());
-        let words = words.replace("MODEL", w.at("m.pgs").to_str().unwrap());
-        std::fs::write(w.at("snap/meta.json"), "{\"box\": [17, 17, 17]}").unwrap();
+        let words = words.replace("SNAP", w.0.at("snap").to_str().unwrap());
+        let words = words.replace("MODEL", w.0.at("m.pgs").to_str().unwrap());
+        w.0.write("snap/meta.json", "{\"box\": [17, 17, 17]}");
         let child = w.command(&here).args(words.split(' ')).spawn().unwrap();
         waited("files beside the folder", || listing(&here).len() == 2);
         w.put(change, &here);

@@ -3,13 +3,12 @@
 
 use crate::common::{TestFolder, errors, particlegs, said};
 use crate::models::equal_gaussians;
-use particlegs::codec::{self, Precision};
 use std::process::{Command, Output};
 
 /// A folder with a file of so many equal Gaussians.
 fn folder(n: usize) -> TestFolder {
     let dir = TestFolder::new();
-    dir.write("m.pgs", codec::encode(&equal_gaussians(n), &Precision::BALANCED).unwrap());
+    dir.write("m.pgs", equal_gaussians(n));
     dir
 }
 

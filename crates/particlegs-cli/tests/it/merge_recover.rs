@@ -1,11 +1,6 @@
 //! `merge` and `recover` as a user runs them.
 
-use crate::common::{TestFolder, Words, listing};
-use particlegs::model::Model;
-
-fn decode(dir: &TestFolder, name: &str) -> Model {
-    particlegs::codec::decode(&dir.bytes(name), "file").unwrap()
-}
+use crate::common::{TestFolder, listing, words};
 
 #[test]
 fn merging_is_exact_whatever_the_order() {
@@ -26,14 +21,14 @@ fn merging_is_exact_whatever_the_order() {
     use particlegs::progress::Silent;
     use particlegs::render::{Scene, optical_depth};
     let size = Size { width: 320, height: 240 };
-    let all = decode(&dir, "whole.pgs");
+    let all = dir.model("whole.pgs");
     let m = &all.metadata;
     let distance = base_distance(&m.bounds, size);
     let camera = spherical_camera(m.bounds.center(), 25.0, 15.0, distance);
     let view = View { name: "far".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
     let together = optical_depth(&Scene::new(&all), &view, size, &Silent).unwrap();
     let parts = ["a.pgs", "b.pgs", "c.pgs"].map(|name| {
-        let model = decode(&dir, name);
+        let model = dir.model(name);
         // The same clipping range for all.
         let scene = Scene::from_mixture(&model.layers[0].content[0].gaussians, m.bounds);
         optical_depth(&scene, &view, size, &Silent).unwrap()
@@ -126,7 +121,7 @@ fn what_newer_programs_add_survives_merging_and_is_named_where_it_is_left_out() 
     assert!(text.contains("left out: `fiLD` (18 bytes), `paRT` (13 bytes), `nOTe` (17 bytes)"), "{text}");
     assert!(!dir.runs("info small.pgs")[0].contains("`fiLD`"));
     // Cut within its only block, it is refused.
-    let bytes = std::fs::read(&room.words()[0]).unwrap();
+    let bytes = std::fs::read(&words(room)[0]).unwrap();
     dir.write("cut.pgs", &bytes[..bytes.len() / 2]);
     dir.fails("info cut.pgs", 4, "it ends before its first block");
 }

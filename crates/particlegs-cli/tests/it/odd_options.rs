@@ -13,31 +13,17 @@ const HEARD: Duration = Duration::from_secs(30);
 const VALUES: [&str; 9] =
     ["0", "-1", "5e-324", "1e-300", "1e300", "nan", "inf", "18446744073709551615", "1e-9,1e300,1"];
 
-/// A command with what it cannot do without, and what keeps it small.
-struct MinimalCommand {
-    command: &'static str,
-    inputs: &'static [&'static str],
-    small: &'static [(&'static str, &'static str)],
-}
-
-const COMMANDS: [MinimalCommand; 9] = [
-    MinimalCommand {
-        command: "compress",
-        inputs: &["snap", "--certificate=none"],
-        small: &[("-o", "@.pgs"), ("--effort", "fast"), ("--ratio", "10")],
-    },
-    MinimalCommand { command: "render", inputs: &["m.pgs"], small: &[("--out", "@"), ("--size", "32x24")] },
-    MinimalCommand { command: "reference", inputs: &["snap"], small: &[("--out", "@"), ("--size", "32x24")] },
-    MinimalCommand { command: "eval", inputs: &["m.pgs", "snap"], small: &[("--frames", "1"), ("--size", "32x24")] },
-    MinimalCommand {
-        command: "stats",
-        inputs: &["snap", "snap", "--no-plots"],
-        small: &[("-o", "@"), ("--grid", "8"), ("--spectrum-grid", "8"), ("--pairs", "10000")],
-    },
-    MinimalCommand { command: "simplify", inputs: &["m.pgs"], small: &[("-o", "@.pgs"), ("--gaussians", "5")] },
-    MinimalCommand { command: "recover", inputs: &["m.pgs"], small: &[("-o", "@"), ("--particles", "50")] },
-    MinimalCommand { command: "convert", inputs: &["snap"], small: &[("-o", "@")] },
-    MinimalCommand { command: "plan", inputs: &["snap"], small: &[("-o", "@"), ("--blocks", "2")] },
+/// Commands with what they cannot do without, and what keeps them small.
+const COMMANDS: [[&str; 2]; 9] = [
+    ["compress snap --certificate=none", "-o=@.pgs --effort=fast --ratio=10"],
+    ["render m.pgs", "--out=@ --size=32x24"],
+    ["reference snap", "--out=@ --size=32x24"],
+    ["eval m.pgs snap", "--frames=1 --size=32x24"],
+    ["stats snap snap --no-plots", "-o=@ --grid=8 --spectrum-grid=8 --pairs=10000"],
+    ["simplify m.pgs", "-o=@.pgs --gaussians=5"],
+    ["recover m.pgs", "-o=@ --particles=50"],
+    ["convert snap", "-o=@"],
+    ["plan snap", "-o=@ --blocks=2"],
 ];
 
 /// A folder with a snapshot and a model of it.
@@ -63,10 +49,11 @@ fn options(command: &str) -> Vec<String> {
     found
 }
 
-fn arguments(base: &MinimalCommand, option: &str, value: &str, number: usize) -> Vec<String> {
-    let mut all: Vec<String> = [base.command].iter().chain(base.inputs).map(|s| s.to_string()).collect();
-    for (name, small) in base.small {
-        if *name != option && !(*name == "-o" && option == "--out") {
+fn arguments([base, small]: [&str; 2], option: &str, value: &str, number: usize) -> Vec<String> {
+    let mut all: Vec<String> = base.split(' ').map(String::from).collect();
+    for word in small.split(' ') {
+        let (name, small) = word.split_once('=').unwrap();
+        if name != option && !(name == "-o" && option == "--out") {
             all.extend([name.to_string(), small.replace('@', &format!("out{number}"))]);
         }
     }
@@ -112,8 +99,8 @@ fn run(dir: &TestFolder, arguments: &[String]) {
 fn sweep(first: usize) {
     let dir = inputs();
     let mut number = 0;
-    for base in &COMMANDS {
-        for (i, option) in options(base.command).iter().enumerate() {
+    for base in COMMANDS {
+        for (i, option) in options(base[0].split(' ').next().unwrap()).iter().enumerate() {
             let value = VALUES[(first + i) % VALUES.len()];
             run(&dir, &arguments(base, option, value, number));
             number += 1;

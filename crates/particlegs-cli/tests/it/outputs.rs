@@ -2,7 +2,7 @@
 //! nothing of the user's is changed.
 #![cfg(target_os = "linux")]
 
-use crate::common::{errors, fails, listing, particlegs, pipe, process, said, snapshot};
+use crate::common::{contents, errors, fails, files, listing, particlegs, pipe, process, said, snapshot};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::os::unix::fs::{FileTypeExt, symlink};
@@ -182,17 +182,6 @@ impl OutputFiles {
         self.unchanged(&what);
         out
     }
-}
-
-fn files(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
-    entries.flat_map(|p| if p.is_dir() { files(&p) } else { vec![p] }).collect()
-}
-
-/// The bytes of every regular file under a folder.
-fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let is_file = |p: &PathBuf| std::fs::symlink_metadata(p).is_ok_and(|m| m.is_file());
-    files(folder).into_iter().filter(is_file).map(|p| (p.clone(), std::fs::read(&p).unwrap())).collect()
 }
 
 /// A null device that may be lost, unlike the machine's own; where only root can make one, nobody else can

@@ -1,6 +1,6 @@
 //! `compress` and a job are planned alike: the same snapshot gives the same exit code, notes and bytes.
 
-use crate::common::{TestFolder, Words, fixture, particlegs, said};
+use crate::common::{TestFolder, fixture, particlegs, said, words};
 use std::ffi::OsString;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ impl Outcome {
 
     fn of_compress(input: &Path, folder: &Path) -> Self {
         let (mut outcome, model) = (Outcome::default(), folder.join("compressed.pgs"));
-        if outcome.run(&[words("compress", input), words("-o", &model), PLAN.words()].concat()) {
+        if outcome.run(&[with("compress", input), with("-o", &model), words(PLAN)].concat()) {
             outcome.bytes = Some(std::fs::read(&model).unwrap());
         }
         outcome
@@ -41,11 +41,11 @@ impl Outcome {
 
     fn of_job(input: &Path, folder: &Path) -> Self {
         let (mut outcome, job, model) = (Outcome::default(), folder.join("job"), folder.join("merged.pgs"));
-        let block = |number: &str| [words("block", &job), number.words()].concat();
-        if outcome.run(&[words("plan", input), words("-o", &job), PLAN.words()].concat())
+        let block = |number: &str| [with("block", &job), words(number)].concat();
+        if outcome.run(&[with("plan", input), with("-o", &job), words(PLAN)].concat())
             && outcome.run(&block("0"))
             && outcome.run(&block("1"))
-            && outcome.run(&[words("merge", &job), words("-o", &model), "--force".words()].concat())
+            && outcome.run(&[with("merge", &job), with("-o", &model), words("--force")].concat())
         {
             outcome.bytes = Some(std::fs::read(&model).unwrap());
         }
@@ -56,7 +56,7 @@ impl Outcome {
 const PLAN: &str = "--blocks 2 --gaussians 20 --certificate none --force";
 
 /// A word and a path.
-fn words(word: &str, path: &Path) -> Vec<OsString> {
+fn with(word: &str, path: &Path) -> Vec<OsString> {
     vec![word.into(), path.into()]
 }
 /// A LAMMPS dump of 300 particles in a box of 10, tilted by `tilt`, of which the first `out` lie `by` further along x.

@@ -1,11 +1,6 @@
 //! `simplify` as a user runs it.
 
 use crate::common::TestFolder;
-use particlegs::model::Model;
-
-fn decode(dir: &TestFolder, name: &str) -> Model {
-    particlegs::codec::decode(&dir.bytes(name), "file").unwrap()
-}
 
 #[test]
 fn a_smaller_model_stands_for_the_same_particles() {
@@ -17,7 +12,7 @@ fn a_smaller_model_stands_for_the_same_particles() {
     assert!(bytes.len() <= target && bytes.len() >= target * 97 / 100, "{}", bytes.len());
     assert_eq!(bytes, run("again.pgs", "--ratio 400 --threads 3"));
     run("few.pgs", "--gaussians 77");
-    let [whole, small, few] = ["m.pgs", "small.pgs", "few.pgs"].map(|name| decode(&dir, name));
+    let [whole, small, few] = ["m.pgs", "small.pgs", "few.pgs"].map(|name| dir.model(name));
     assert_eq!(few.gaussians(), 77);
     for m in [&small, &few] {
         assert_eq!((m.metadata.count, m.metadata.mass), (whole.metadata.count, whole.metadata.mass));

@@ -1,6 +1,6 @@
 //! Targets in the terms of the data: reached and recorded, out of reach, or refused for what they are.
 
-use crate::common::{TestFolder, snapshot};
+use crate::common::{TestFolder, recertified, snapshot};
 use particlegs::codec;
 use serde_json::Value;
 
@@ -35,12 +35,8 @@ fn a_correlation_is_reached_recorded_and_verified() {
     let [verified, _] = dir.runs("verify m.pgs SAMPLE");
     assert!(verified.contains("goal: reached") && !verified.contains("differs"), "{verified}");
 
-    let bytes = dir.bytes("m.pgs");
-    let model = codec::decode(&bytes, "m").unwrap();
-    let mut certificate = model.certificate.unwrap();
-    certificate.goal.as_mut().unwrap().reached = 0.9999;
-    let layers = codec::coded_layers(&bytes, "m").unwrap();
-    dir.write("f.pgs", codec::assemble(&model.metadata, Some(&certificate), layers).unwrap());
+    let forged = recertified(&dir.bytes("m.pgs"), |c| c.goal.as_mut().unwrap().reached = 0.9999);
+    dir.write("f.pgs", forged.unwrap());
     dir.fails("verify f.pgs SAMPLE", 9, "goal: reached is stored as 0.9999");
 }
 

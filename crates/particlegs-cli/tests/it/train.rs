@@ -2,7 +2,7 @@
 //! stops, limits, blocks, fine-tuning, and what is refused.
 #![cfg(unix)]
 
-use crate::common::{TestFolder, Words, process, signal, snapshot};
+use crate::common::{TestFolder, process, signal, snapshot, words};
 use std::path::Path;
 use std::process::{Child, Stdio};
 use std::sync::OnceLock;
@@ -46,8 +46,8 @@ fn unbroken(dir: &TestFolder, words: &str) -> Vec<u8> {
     bytes
 }
 
-fn spawn(dir: &TestFolder, words: &str) -> Child {
-    process(dir.path()).args(words.words()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+fn spawn(dir: &TestFolder, text: &str) -> Child {
+    process(dir.path()).args(words(text)).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
 }
 
 /// Waits until a file is there, or the process has ended.
@@ -176,7 +176,7 @@ fn blocks_and_fine_tuning() {
     signal(&child, "-USR1");
     assert_eq!(child.wait().unwrap().code(), Some(75));
     assert!(direct == merged(&dir));
-    let network = |name: &str| particlegs::codec::decode(&dir.bytes(name), name).unwrap().vizmapper().unwrap().clone();
+    let network = |name: &str| dir.model(name).vizmapper().unwrap().clone();
     assert_eq!(network("m.pgs"), network("job/blocks/00000.pgs"));
     assert_ne!(network("m.pgs"), network("job/blocks/00001.pgs"));
 

@@ -1,8 +1,7 @@
 //! A model that shows nothing is said to, and a forged certificate is refused.
 
-use crate::common::{TestFolder, snapshot};
-use particlegs::codec;
-use particlegs::model::PictureScore;
+use crate::common::{TestFolder, recertified, snapshot};
+use particlegs::model::{Certificate, PictureScore};
 
 /// A cubic crystal of 16^3 atoms: what no mixture of fewer Gaussians shows.
 #[test]
@@ -36,15 +35,9 @@ fn a_crystal_is_warned_of_and_forged_scores_are_refused() {
     let [verified, _] = dir.runs("verify m.pgs in");
     assert!(verified.contains("stored") && verified.contains("tolerance"), "{verified}");
     assert!(!verified.contains("differs"), "{verified}");
-    let assembled = |change: &dyn Fn(&mut particlegs::model::Certificate)| {
-        let bytes = dir.bytes("m.pgs");
-        let model = codec::decode(&bytes, "m").unwrap();
-        let mut certificate = model.certificate.unwrap();
-        change(&mut certificate);
-        codec::assemble(&model.metadata, Some(&certificate), codec::coded_layers(&bytes, "m").unwrap())
-    };
-    let forged = |change: &dyn Fn(&mut particlegs::model::Certificate), text: &str| {
-        dir.write("f.pgs", assembled(change).unwrap());
+    let file = dir.bytes("m.pgs");
+    let forged = |change: &dyn Fn(&mut Certificate), text: &str| {
+        dir.write("f.pgs", recertified(&file, change).unwrap());
         dir.fails("verify f.pgs in", 9, text);
     };
     fn score(s: &mut Option<PictureScore>) -> &mut PictureScore {
@@ -60,8 +53,8 @@ fn a_crystal_is_warned_of_and_forged_scores_are_refused() {
     );
     forged(&|c| c.subset.as_mut().unwrap().kept -= 1, "subset: particles is stored as");
     // What no certificate can say no file can hold, whatever wrote it.
-    let impossible = assembled(&|c| score(&mut c.views.orbits[1].expected.noise_free).masked_psnr = Some(40.0));
-    let refused = impossible.unwrap_err();
+    let impossible = |c: &mut Certificate| score(&mut c.views.orbits[1].expected.noise_free).masked_psnr = Some(40.0);
+    let refused = recertified(&file, impossible).unwrap_err();
     assert!(refused.to_string().contains("a noise-free picture that is not itself"), "{refused}");
     crystal("other", 0.25);
     dir.fails("verify m.pgs other", 3, "it is not the snapshot");

@@ -1,6 +1,6 @@
 //! Cameras go out and come back: `--save-views`, and the JSON report, draw the same pictures again.
 
-use crate::common::{TestFolder, spiral};
+use crate::common::{TestFolder, said, spiral};
 
 #[test]
 fn saved_views_and_reports_draw_the_same_pictures() {
@@ -62,7 +62,8 @@ fn saved_windows_draw_the_same_pictures() {
 #[test]
 fn a_window_that_was_not_stated_is_told_and_no_box_denied() {
     let dir = TestFolder::new();
-    let [_, said] = dir.runs("reference SAMPLE --projection orthographic --size 40x40 -o a.png");
+    let out = dir.command("reference SAMPLE --projection orthographic --size 40x40 -o a.png").output().unwrap();
+    let said = said(&out);
     assert!(
         said.contains("no --width given: the window spans the particles' bounds") && !said.contains("box"),
         "{said}"

@@ -167,7 +167,9 @@ fn the_order_is_the_processors() {
         let eye = Eye::new(&case.view, case.size, &blend.frame).unwrap();
         let own = blend.gaussians(&[(&case.gaussians, 1.0)], &case.view, &eye, &Silent).unwrap();
         let plan = Plan::new(&eye, own.len(), |i| Some(own[i]), CutOffs::PUBLISHED, &Silent).unwrap();
-        let read = |b: &wgpu::Buffer| words(&device.read(b, 4 * own.len() as u64).unwrap());
+        let read = |b: &wgpu::Buffer| -> Vec<u32> {
+            bytemuck::pod_collect_to_vec(&device.read(b, 4 * own.len() as u64).unwrap())
+        };
         let (keys, order) = (read(&canvas.order.keys), read(&canvas.order.values));
         let seen = keys.iter().filter(|k| **k != u32::MAX).count();
         // Rounding may decide that the faintest is seen by one alone.
@@ -179,10 +181,6 @@ fn the_order_is_the_processors() {
         assert!(a == b, "{}: out of order", case.name);
         assert!(seen.max(plan.indices.len()) - a.len() <= 2, "{}: {} of {seen} seen", case.name, a.len());
     }
-}
-
-fn words(bytes: &[u8]) -> Vec<u32> {
-    bytes.chunks_exact(4).map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect()
 }
 
 /// Where radius and opacity are as they were, the network does not run again; where one changed, it does.
@@ -363,7 +361,8 @@ struct TileFootprint {
 
 /// The footprints of the last picture, front to back.
 fn drawn(renderer: &AlphaRenderer, canvas: &AlphaCanvas) -> Vec<TileFootprint> {
-    let read = |b: &wgpu::Buffer| words(&renderer.device().read(b, b.size()).unwrap());
+    let read =
+        |b: &wgpu::Buffer| -> Vec<u32> { bytemuck::pod_collect_to_vec(&renderer.device().read(b, b.size()).unwrap()) };
     let (order, keys) = (read(&canvas.order.values), read(&canvas.order.keys));
     let (touched, splats) = (read(&canvas.touched), read(&canvas.splats));
     let seen = order.iter().zip(&keys).filter(|(_, key)| **key != u32::MAX);
@@ -447,7 +446,7 @@ fn footprints_are_wanted_as_pixels_want_them() {
             renderer.backward(&canvas, &mut back).unwrap();
             back.poison(&device);
             renderer.backward(&canvas, &mut back).unwrap();
-            sums.push(words(&device.read(&back.sums, 28 * n as u64).unwrap()));
+            sums.push(bytemuck::pod_collect_to_vec::<u8, u32>(&device.read(&back.sums, 28 * n as u64).unwrap()));
             if most == whole {
                 let own = wanted(&drawn(&renderer, &canvas), n, case.size, &by_pixel);
                 let off: [f64; 7] = std::array::from_fn(|k| {

@@ -142,9 +142,8 @@ pub(super) fn table(name: &str, title: &str, rows: &[AblationRow], sizes: &[Stri
         format!("same sign, PSNR at {small}"),
         format!("same sign, masked at {large}"),
     ];
-    let mut table = ResultTable::new(name, title, &heads.each_ref().map(String::as_str));
-    rows.iter().for_each(|row| table.row(cells(row, &rows[0])));
-    table
+    let heads = heads.each_ref().map(String::as_str);
+    ResultTable::new(name, title, &heads).with(rows.iter().map(|row| cells(row, &rows[0])))
 }
 
 fn cells(row: &AblationRow, first: &AblationRow) -> Vec<TableCell> {

@@ -5,6 +5,7 @@ use super::distances::{self, DISTANCES, ScoreCurve, at_distances};
 use super::groups::{self, ViewGroup, in_pixels, masked, means_over, psnr, ssim};
 use super::published as paper;
 use super::seeds::{each_seed, told};
+use super::shared::rates::COMPARED as RATIO;
 use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
 use crate::snapshot::Snapshot;
@@ -20,9 +21,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// Raw bytes over bytes of every file.
-pub(super) const RATIO: f64 = 263.0;
-/// Numbers of blocks, as in the paper.
 const BLOCKS: [u32; 5] = [1, 2, 4, 8, 16];
 
 /// Models of one number of blocks, one a seed.

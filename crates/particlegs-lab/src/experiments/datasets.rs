@@ -91,7 +91,7 @@ impl DatasetComparison<'_> {
 }
 
 fn ours(sets: &[DatasetComparison<'_>]) -> ResultTable {
-    let mut table = ResultTable::new(
+    ResultTable::new(
         "datasets",
         format!("Our models at ratio {COMPARED}"),
         &[
@@ -106,10 +106,10 @@ fn ours(sets: &[DatasetComparison<'_>]) -> ResultTable {
             "uniform box, dB",
             "all black, dB",
         ],
-    );
-    for (i, s) in sets.iter().enumerate() {
+    )
+    .with(sets.iter().enumerate().map(|(i, s)| {
         let row = s.ours();
-        table.row([
+        [
             TableCell::text(format!("{} {}", i + 1, s.snapshot.name)),
             TableCell::count(s.snapshot.particles.len() as u64),
             TableCell::count(s.gaussians as u64),
@@ -120,17 +120,15 @@ fn ours(sets: &[DatasetComparison<'_>]) -> ResultTable {
             TableCell::number(s.beside.noise_free, 2),
             TableCell::number(s.beside.uniform_box, 2),
             TableCell::number(s.beside.all_black, 2),
-        ]);
-    }
-    table
+        ]
+    }))
 }
 
 /// How far ours is above each other way, a column a data set.
 fn margins(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> ResultTable {
     let heads: Vec<&str> = ["method"].into_iter().chain(sets.iter().map(|s| s.snapshot.name.as_str())).collect();
     let title = format!("Our models above other ways, masked PSNR, dB, at ratio {COMPARED}");
-    let mut table = ResultTable::new("datasets-margins", title, &heads);
-    for method in CompressionMethod::all(lab).into_iter().skip(1) {
+    let row = |method: CompressionMethod| {
         let above = |s: &DatasetComparison<'_>| {
             if s.missed(method) {
                 return TableCell::text(NOT_OF_THIS_SIZE);
@@ -138,9 +136,10 @@ fn margins(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> ResultTable {
             let ours = Spread::new(&s.ours().masked()).map_or(f64::NAN, |s| s.median);
             TableCell::spread(&s.masked(method).iter().map(|v| ours - v).collect::<Vec<_>>(), 2)
         };
-        table.row([TableCell::text(method.name(lab))].into_iter().chain(sets.iter().map(above)));
-    }
-    table
+        let above: Vec<TableCell> = sets.iter().map(above).collect();
+        [vec![TableCell::text(method.name(lab))], above].concat()
+    };
+    ResultTable::new("datasets-margins", title, &heads).with(CompressionMethod::all(lab).into_iter().skip(1).map(row))
 }
 
 fn plot(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> Plot {

@@ -38,12 +38,10 @@ pub(super) fn plot(name: &str, title: &str, curves: &[ScoreCurve<'_>]) -> Plot {
 pub(super) fn table(name: &str, title: &str, curves: &[ScoreCurve<'_>]) -> ResultTable {
     let heads: Vec<String> =
         std::iter::once("masked PSNR, dB, at distance".into()).chain(DISTANCES.iter().map(f64::to_string)).collect();
-    let mut table = ResultTable::new(name, title, &heads.iter().map(String::as_str).collect::<Vec<_>>());
-    for c in curves {
-        let at = |d: &f64| TableCell::decibels(&means_over(c.scores, &[ViewGroup::orbit(*d)], masked));
-        table.row(std::iter::once(TableCell::text(&c.label)).chain(DISTANCES.iter().map(at)));
-    }
-    table
+    let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
+    let at = |c: &ScoreCurve<'_>, d: f64| TableCell::decibels(&means_over(c.scores, &[ViewGroup::orbit(d)], masked));
+    let row = |c: &ScoreCurve<'_>| [vec![TableCell::text(&c.label)], DISTANCES.map(|d| at(c, d)).to_vec()].concat();
+    ResultTable::new(name, title, &heads).with(curves.iter().map(row))
 }
 
 /// How much more models gain over others near (0.5) than far (1.0), median against median: gains far and near, dB.

@@ -2,11 +2,11 @@
 
 use super::Experiment;
 use super::ablation::frames as trained_frames;
-use super::blocks::RATIO;
 use super::groups::{self, ViewGroup, in_pixels};
 use super::published as paper;
 use super::seeds::{each_seed, told};
-use super::shared::published_models::whole;
+use super::shared::published_models::{of_seeds, whole};
+use super::shared::rates::COMPARED as RATIO;
 use super::sweep::{Sweep, SweepModel, SweepStep};
 use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::results::ExperimentResults;
@@ -146,16 +146,13 @@ fn falls(models: &[SweepModel], noise_free: &[Score]) -> Vec<String> {
 /// The published law, trained, and ours at the same bytes, where the pictures are those of its training.
 fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, found: &mut ExperimentResults) -> Result<()> {
     let config = whole(lab)?;
-    let each = |task: &dyn Fn(u64) -> TrainingTask| -> Result<Vec<TrainingResult>> {
-        each_seed(lab, |t: &TrainingResult| &t.made.model, |seed| training::trained(lab, snapshot, &task(seed)))
-    };
-    let published = each(&|seed| TrainingTask::published(config.clone(), 1, seed))?;
+    let published = of_seeds(lab, snapshot, |seed| TrainingTask::published(config.clone(), 1, seed))?;
     let mut plain = training::recipe();
     plain.alpha_blend.vizmapper = false;
     let plain = training::scaled(plain, training::scale(lab))?;
-    let plain = each(&|seed| TrainingTask::published(plain.clone(), 1, seed))?;
+    let plain = of_seeds(lab, snapshot, |seed| TrainingTask::published(plain.clone(), 1, seed))?;
     let bytes = published[0].made.bytes.len() as u64;
-    let ours = each(&|seed| TrainingTask::ours(bytes, None, seed))?;
+    let ours = of_seeds(lab, snapshot, |seed| TrainingTask::ours(bytes, None, seed))?;
     let [_, size] = training::sizes(&config);
     let truth = truth(lab, snapshot, &published[0].made.model.metadata, trained_frames(lab), size)?;
     let of = |label: &str, style, all: &[TrainingResult]| {

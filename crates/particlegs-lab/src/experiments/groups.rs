@@ -47,7 +47,6 @@ impl ViewGroup {
     }
 }
 
-/// The trained orbits.
 pub(super) fn in_range() -> Vec<ViewGroup> {
     TRAINED.map(ViewGroup::orbit).to_vec()
 }

@@ -3,7 +3,6 @@
 mod ablation;
 mod blocks;
 mod core_ablation;
-mod core_more;
 mod datasets;
 mod distances;
 mod figures;

@@ -48,7 +48,6 @@ pub(super) struct PublishedBlocks {
     pub thousands: f64,
 }
 
-/// The block sweep.
 pub(super) const BLOCKS: [PublishedBlocks; 5] = [
     PublishedBlocks { blocks: 1, merged: None, tuned: 28.80, ssim: 0.7723, thousands: 171.0 },
     PublishedBlocks { blocks: 2, merged: Some(28.99), tuned: 29.72, ssim: 0.8076, thousands: 543.0 },

@@ -95,9 +95,8 @@ fn table(all: &[BlockTuningRow], one: &AblationRow, sizes: &[String; 2]) -> Resu
         "same sign of the change".into(),
     ];
     let title = "Blocks trained by the published recipe, merged and fine-tuned";
-    let mut table = ResultTable::new("published-blocks", title, &heads.each_ref().map(String::as_str));
-    all.iter().for_each(|m| table.row(cells(m, one)));
-    table
+    let heads = heads.each_ref().map(String::as_str);
+    ResultTable::new("published-blocks", title, &heads).with(all.iter().map(|m| cells(m, one)))
 }
 
 fn cells(m: &BlockTuningRow, one: &AblationRow) -> Vec<TableCell> {

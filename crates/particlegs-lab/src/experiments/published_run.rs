@@ -28,7 +28,6 @@ fn scale(lab: &Lab<'_>) -> f64 {
     lab.settings.scale.unwrap_or(if lab.settings.quick { 0.05 } else { 0.4 })
 }
 
-/// Minutes of a piece.
 fn minutes(lab: &Lab<'_>) -> f64 {
     lab.settings.minutes.unwrap_or(if lab.settings.quick { 2.0 } else { 120.0 })
 }
@@ -95,17 +94,12 @@ fn plot(curve: &[TrainingScore], levels: Vec<(String, f64)>, size: &str) -> Plot
 
 pub(super) fn table(curve: &[TrainingScore]) -> ResultTable {
     let heads = ["step", "masked PSNR on held-out views, dB", "Gaussians", "time of training, s"];
-    let mut table = ResultTable::new("published-run-curve", "The published recipe while it trains", &heads);
-    for e in curve {
-        let score = TableCell::number(e.held_out_masked_psnr, 3);
-        table.row([
-            TableCell::count(e.iteration),
-            score,
-            TableCell::count(e.gaussians),
-            TableCell::number(e.seconds, 0),
-        ]);
-    }
-    table
+    let row = |e: &TrainingScore| {
+        let (score, seconds) = (TableCell::number(e.held_out_masked_psnr, 3), TableCell::number(e.seconds, 0));
+        [TableCell::count(e.iteration), score, TableCell::count(e.gaussians), seconds]
+    };
+    let title = "The published recipe while it trains";
+    ResultTable::new("published-run-curve", title, &heads).with(curve.iter().map(row))
 }
 
 /// How far the run is, and what about it is not as published.
@@ -135,7 +129,6 @@ fn notes(lab: &Lab<'_>, run: &TrainingResult, config: &Config, snapshot: &Snapsh
     [standing, dips, size].into_iter().chain(differences(lab, config, snapshot)).collect()
 }
 
-/// What is not as in the paper.
 fn differences(lab: &Lab<'_>, config: &Config, snapshot: &Snapshot) -> Vec<String> {
     let [small, large] = training::sizes(config).map(in_pixels);
     let published = Config::preset(Preset::Paper, LawKind::AlphaBlend);

@@ -8,7 +8,6 @@ use crate::results::{Plot, PlotAxis, Point, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
 use particlegs::Result;
 
-/// The density's measures of a way at the ratio that its file has.
 pub(super) type MethodDensity = (CompressionMethod, f64, DensityMeasures);
 
 /// At every ratio where they are few, else at every second: statistics of particles take their time. What does not come
@@ -36,7 +35,7 @@ pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint]) -> Res
 }
 
 pub(super) fn density_table(lab: &Lab<'_>, all: &[MethodDensity]) -> ResultTable {
-    let mut table = ResultTable::new(
+    ResultTable::new(
         "rate-distortion-density",
         "Density by size of file",
         &[
@@ -50,9 +49,9 @@ pub(super) fn density_table(lab: &Lab<'_>, all: &[MethodDensity]) -> ResultTable
             "groups of 100 and more, found / truth",
             "mass in cores, found / truth",
         ],
-    );
-    for (method, ratio, d) in all {
-        table.row([
+    )
+    .with(all.iter().map(|(method, ratio, d)| {
+        [
             TableCell::text(method.name(lab)),
             TableCell::number(*ratio, 1),
             TableCell::number(d.held_out_bits, 2),
@@ -62,9 +61,8 @@ pub(super) fn density_table(lab: &Lab<'_>, all: &[MethodDensity]) -> ResultTable
             TableCell::number(d.correlated_to, 2),
             TableCell::number(d.groups, 2),
             TableCell::number(d.cores, 2),
-        ]);
-    }
-    table
+        ]
+    }))
 }
 
 /// The measures by ratio; `bits` are those of all particles.

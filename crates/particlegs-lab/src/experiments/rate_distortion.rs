@@ -160,7 +160,7 @@ fn margins(lab: &Lab<'_>, rows: [&[RatePoint]; 2], raw: f64, beside: [ReferenceS
 }
 
 fn pictures(lab: &Lab<'_>, rows: &[RatePoint], raw: f64) -> ResultTable {
-    let mut table = ResultTable::new(
+    ResultTable::new(
         "rate-distortion-pictures",
         "Pictures by size of file",
         &[
@@ -175,10 +175,10 @@ fn pictures(lab: &Lab<'_>, rows: &[RatePoint], raw: f64) -> ResultTable {
             "PSNR, dB",
             "SSIM",
         ],
-    );
-    for r in rows {
+    )
+    .with(rows.iter().map(|r| {
         let orbit = |o: &'static str| TableCell::decibels(&r.values(&move |s| mean_of(s, o, masked)));
-        table.row([
+        [
             TableCell::text(r.method.name(lab)),
             TableCell::number(r.ratio, usize::from(r.ratio < 10.0)),
             TableCell::number(r.bytes().map(|b| raw / b), 1),
@@ -189,9 +189,8 @@ fn pictures(lab: &Lab<'_>, rows: &[RatePoint], raw: f64) -> ResultTable {
             orbit("near"),
             TableCell::decibels(&r.values(&|s| mean(s, psnr))),
             TableCell::spread(&r.values(&|s| mean(s, ssim)), 4),
-        ]);
-    }
-    table
+        ]
+    }))
 }
 
 /// The bounds of compressors that have one, once a size.

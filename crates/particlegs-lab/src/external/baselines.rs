@@ -33,7 +33,6 @@ impl CompressionLibrary {
     }
 }
 
-/// A compressor of a Python.
 pub struct LibraryBaseline {
     pub external: External,
     pub library: CompressionLibrary,

@@ -30,7 +30,6 @@ struct SharedChild {
     sources: Vec<(String, String)>,
 }
 
-/// What is asked of a compressor.
 struct Request<'a> {
     what: u8,
     name: &'a str,

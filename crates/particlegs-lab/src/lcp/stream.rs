@@ -3,7 +3,6 @@
 use super::bits::{BitReader, BitWriter};
 use super::{huffman, zstd};
 
-/// Kinds of coding.
 const ONE_VALUE: u8 = 0;
 const FIXED: u8 = 1;
 const HUFFMAN: u8 = 2;

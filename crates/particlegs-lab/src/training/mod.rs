@@ -33,7 +33,6 @@ const WIDTHS: [f64; 2] = [1440.0, 5760.0];
 /// What is trained on all particles.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct TrainingTask {
-    /// What the file is to meet.
     pub target: Target,
     /// How it is trained; `None` = not.
     pub training: Option<Config>,
@@ -109,7 +108,6 @@ pub(crate) fn sizes(config: &Config) -> [Size; 2] {
     [of(config.stages.first()), of(config.stages.last())].map(|[width, height]| Size { width, height })
 }
 
-/// A score of a run while it trains.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainingScore {
     /// Block, where there are several; else empty.
@@ -127,7 +125,6 @@ pub struct TrainingScore {
 pub(crate) struct TrainingResult {
     /// The file and what it decodes to.
     pub made: ModelBuild,
-    /// Its scores while it was trained.
     pub curve: Vec<TrainingScore>,
     /// Steps done of a run that goes on, of which this is the best so far.
     pub unfinished: Option<u64>,

@@ -8,7 +8,6 @@ use particlegs::progress::{Level, Progress};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The key of the curve among the pieces.
 const CURVE: &str = "curve";
 
 /// The curve that a checkpoint has; empty where it has none.

@@ -5,11 +5,9 @@ mod grids;
 mod splats;
 mod tables;
 
-use crate::common::{TestFolder, sample};
+use crate::common::TestFolder;
 use crate::models::tiny;
-use particlegs::codec::{self, Precision};
-use particlegs::model::{LawKind, Model};
-use particlegs::particles::Particles;
+use particlegs::model::LawKind;
 use serde_json::Value;
 
 const KINDS: [&str; 8] = ["ply", "glb", "gltf", "npy", "vti", "fits", "npz", "csv"];
@@ -17,8 +15,7 @@ const KINDS: [&str; 8] = ["ply", "glb", "gltf", "npy", "vti", "fits", "npz", "cs
 /// A folder with a model `m.pgs` of 64 Gaussians of the sample.
 fn folder(law: LawKind) -> TestFolder {
     let dir = TestFolder::new();
-    let particles = Particles::open_raw(&[sample()]).unwrap();
-    dir.write("m.pgs", codec::encode(&tiny(&particles, 0..64, law), &Precision::BALANCED).unwrap());
+    dir.write("m.pgs", tiny(0..64, law));
     dir
 }
 
@@ -27,10 +24,6 @@ fn layers() -> TestFolder {
     let dir = TestFolder::new();
     dir.once("compress FIXTURES/species.hdf5 -o layers.pgs --gaussians 20 --certificate none -q");
     dir
-}
-
-fn decode(dir: &TestFolder, name: &str) -> Model {
-    codec::decode(&dir.bytes(name), "file").unwrap()
 }
 
 /// The result as JSON.

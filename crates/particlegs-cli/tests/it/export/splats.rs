@@ -1,6 +1,6 @@
 //! Splats: PLY and glTF.
 
-use super::{decode, exported, folder, layers};
+use super::{exported, folder, layers};
 use particlegs::camera::Normalisation;
 use particlegs::codec::{self, Precision};
 use particlegs::math::Sym3;
@@ -32,7 +32,7 @@ fn covariance(s: &[f32], q: &[f32]) -> Sym3 {
 fn splats_come_back_where_they_were() {
     for law in [LawKind::OpticalDepth, LawKind::AlphaBlend] {
         let dir = folder(law);
-        let model = decode(&dir, "m.pgs");
+        let model = dir.model("m.pgs");
         let (g, frame) = (&model.layers[0].content[0].gaussians, Normalisation::of(&model.metadata.bounds));
         // A PLY has y down, as published ones have.
         for (kind, signs) in [("ply", [-1.0, -1.0, 1.0]), ("glb", [1.0; 3])] {
@@ -64,7 +64,7 @@ fn an_alpha_blend_model_is_written_as_published() {
     assert_ne!(body(&a), body(&bent));
     dir.fails("export m.pgs -o bent.npz --radius 0.05", 2, "--radius does nothing here");
     std::fs::remove_file(dir.at("bent.ply")).unwrap();
-    let mut model = decode(&dir, "m.pgs");
+    let mut model = dir.model("m.pgs");
     model.layers[0].content[0].gaussians.law.alpha_blend_mut().unwrap().vizmapper = None;
     dir.write("fixed.pgs", codec::encode(&model, &Precision::BALANCED).unwrap());
     for option in ["--radius", "--opacity"] {
@@ -76,7 +76,7 @@ fn an_alpha_blend_model_is_written_as_published() {
     assert_eq!(dir.listing(), ["a.ply", "b.ply", "m.pgs"]);
     // Opacities and grey levels are columns.
     let text = String::from_utf8(dir.makes("export m.pgs -o t.csv -q")).unwrap();
-    let own = &decode(&dir, "m.pgs").layers[0].content[0].gaussians.law;
+    let own = &dir.model("m.pgs").layers[0].content[0].gaussians.law;
     let rows: Vec<&str> = text.lines().skip_while(|l| l.starts_with('#')).collect();
     assert!(rows[0].ends_with("count,opacity,grey,layer"), "{}", rows[0]);
     for (row, opacity) in rows[1..].iter().zip(&own.alpha_blend().unwrap().opacity) {
@@ -91,7 +91,7 @@ fn gltf_has_the_attributes_of_the_extension() {
     let [glb, text] =
         ["m.glb", "m.gltf"].map(|out| dir.makes(&format!("export m.pgs -o {out} -q --radius 0.1 --opacity 0.2")));
     let (document, data) = gltf(&glb);
-    let model = decode(&dir, "m.pgs");
+    let model = dir.model("m.pgs");
     let (g, frame) = (&model.layers[0].content[0].gaussians, Normalisation::of(&model.metadata.bounds));
     let primitive = &document["meshes"][0]["primitives"][0];
     assert_eq!(document["extensionsUsed"], serde_json::json!(["KHR_gaussian_splatting"]));
@@ -140,7 +140,7 @@ fn gltf_has_the_attributes_of_the_extension() {
 #[test]
 fn layers_are_chosen_and_coloured() {
     let dir = layers();
-    let model = decode(&dir, "layers.pgs");
+    let model = dir.model("layers.pgs");
     let names: Vec<&str> = model.layers.iter().map(|l| &l.name[..]).collect();
     assert_eq!(names.len(), 2);
     let (document, _) = gltf(&dir.makes("export layers.pgs -o m.glb -q --color layer"));

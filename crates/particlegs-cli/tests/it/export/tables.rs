@@ -1,13 +1,13 @@
 //! Tables of Gaussians: NPZ and CSV.
 
-use super::{decode, layers};
+use super::layers;
 use particlegs::model::Mixture;
 use particlegs::particles::Particles;
 
 #[test]
 fn tables_hold_the_gaussians_to_the_last_digit() {
     let dir = layers();
-    let model = decode(&dir, "layers.pgs");
+    let model = dir.model("layers.pgs");
     let text = String::from_utf8(dir.makes("export layers.pgs -o t.csv -q")).unwrap();
     let rows: Vec<Vec<&str>> = text.lines().filter(|l| !l.starts_with('#')).map(|l| l.split(',').collect()).collect();
     assert_eq!(rows[0][..3], ["x", "y", "z"]);

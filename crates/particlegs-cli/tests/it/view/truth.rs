@@ -1,7 +1,7 @@
 //! Pictures of all particles: the ones that `reference` draws, and given up when nobody waits for them.
 
 use super::serving::{HttpAnswer, TestServer};
-use crate::common::{TestFolder, Words, spiral, waited};
+use crate::common::{TestFolder, spiral, waited, words};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::net::TcpStream;
@@ -23,7 +23,7 @@ fn question(look: &str) -> Value {
 fn pictures_of_all_particles_are_those_of_reference() {
     let dir = spiral();
     // In a box that repeats, for orthographic windows.
-    let serving = TestServer::new(&dir, |c| c.args("spiral.pgs --snapshot spiral --box 3".words()));
+    let serving = TestServer::new(&dir, |c| c.args(words("spiral.pgs --snapshot spiral --box 3")));
     let reference = |words: &str| {
         dir.runs(&format!("reference spiral --box 3 {words} --quiet"));
     };
@@ -136,7 +136,7 @@ fn long() -> Value {
 
 /// The bundled sample, drawn as itself and by a model of another.
 fn of_the_sample(dir: &TestFolder) -> TestServer {
-    TestServer::new(dir, |c| c.args("spiral.pgs --snapshot SAMPLE".words()))
+    TestServer::new(dir, |c| c.args(words("spiral.pgs --snapshot SAMPLE")))
 }
 
 #[test]

@@ -6,7 +6,7 @@ mod others;
 mod three_way;
 
 use super::Experiment;
-use super::recovery::RATIO;
+use super::shared::rates::COMPARED as RATIO;
 use crate::lab::{Lab, ModelBuild, ModelSettings, or_made};
 use crate::method::BoundReport;
 use crate::results::{ExperimentResults, Pictures, ResultTable, TableCell};
@@ -113,29 +113,27 @@ fn best<'a>(others: &'a [MethodPictures], begins: &str) -> Option<&'a MethodPict
 
 fn artefact(shown: &FigureViews, others: &[MethodPictures]) -> Option<Pictures> {
     let other = best(others, STREAKS)?;
-    Some(Pictures {
-        name: "artefact".into(),
-        title: format!("Close up: all particles, the model and {} at one size", other.name),
-        caption: format!(
-            "The centre 30 % of the first far and the first near view, as ParaView draws all particles. {}",
-            sizes(other)
-        ),
-        columns: 3,
-        colours: None,
-        panels: shown.panels(other, close_up),
-    })
+    let title = format!("Close up: all particles, the model and {} at one size", other.name);
+    let what = "The centre 30 % of the first far and the first near view, as ParaView draws all particles.";
+    Some(beside(shown, other, "artefact", title, what, close_up))
 }
 
 fn qualitative(shown: &FigureViews, others: &[MethodPictures]) -> Option<Pictures> {
     let other = best(others, "")?;
-    Some(Pictures {
-        name: "qualitative".into(),
-        title: format!("Far and near: all particles, the model and the best other compressor, {}", other.name),
-        caption: format!("The whole of the first far and the first near view. {}", sizes(other)),
-        columns: 3,
-        colours: None,
-        panels: shown.panels(other, whole),
-    })
+    let title = format!("Far and near: all particles, the model and the best other compressor, {}", other.name);
+    Some(beside(shown, other, "qualitative", title, "The whole of the first far and the first near view.", whole))
+}
+
+fn beside(
+    shown: &FigureViews,
+    other: &MethodPictures,
+    name: &str,
+    title: String,
+    what: &str,
+    cut: fn(&Gray8) -> Rgb8,
+) -> Pictures {
+    let (caption, panels) = (format!("{what} {}", sizes(other)), shown.panels(other, cut));
+    Pictures { name: name.into(), title, caption, columns: 3, colours: None, panels }
 }
 
 fn sizes(other: &MethodPictures) -> String {

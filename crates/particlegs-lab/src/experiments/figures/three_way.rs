@@ -24,6 +24,12 @@ struct RendererScores {
     pictures: Vec<Gray8>,
 }
 
+impl RendererScores {
+    fn label(&self) -> String {
+        if self.name == "model" { "the model".into() } else { format!("particles by {}", self.name) }
+    }
+}
+
 pub(super) struct ThreeWayComparison {
     pub tables: Vec<ResultTable>,
     pub plots: Vec<Plot>,
@@ -85,13 +91,12 @@ fn table(ways: &[RendererScores]) -> ResultTable {
     let columns = ["picture of", "far", "mid", "near", "all views", "mean of all views", "paper: mean"];
     let mut t = ResultTable::new("three-way", title, &columns);
     for way in ways {
-        let name = if way.name == "model" { "the model".into() } else { format!("particles by {}", way.name) };
         let orbits = ORBITS.iter().map(|o| TableCell::decibels(&masked(&way.scores, Some(o))));
         let all = masked(&way.scores, None);
         let mean = TableCell::decibels(mean_of_values(&all).as_slice());
         let paper = PAPER.iter().find(|p| p.0 == way.name).map(|p| p.1);
         let rest = [TableCell::decibels(&all), mean, TableCell::number(paper, 2)];
-        t.row([TableCell::text(name)].into_iter().chain(orbits).chain(rest));
+        t.row([TableCell::text(way.label())].into_iter().chain(orbits).chain(rest));
     }
     t
 }
@@ -129,7 +134,7 @@ fn shown(truth: &ReferenceViews, ways: &[RendererScores]) -> Pictures {
         let cut = |p: &Gray8| if of == "far" { whole(p) } else { close_up(p) };
         panels.push((format!("{of}: all particles"), cut(&truth.pictures[i])));
         for way in ways.iter().take(2) {
-            let name = if way.name == "model" { "the model".into() } else { format!("particles by {}", way.name) };
+            let name = way.label();
             let score = way.scores[i].masked.map_or("identical".into(), |v| format!("{v:.2} dB"));
             panels.push((format!("{of}: {name}, {score}"), cut(&way.pictures[i])));
         }

@@ -17,7 +17,6 @@ const TICKS: f64 = 100.0;
 /// Characters of what a child that failed said.
 const MOST_WORDS: usize = 300;
 
-/// What a command took.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Cost {
     /// Wall-clock seconds.

@@ -12,7 +12,6 @@ use particlegs::picture::Size;
 use particlegs::{Error, Result};
 use std::process::Command;
 
-/// How often each is run.
 const TIMES: usize = 3;
 
 pub(super) struct CommandTiming {

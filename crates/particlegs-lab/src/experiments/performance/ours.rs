@@ -23,7 +23,6 @@ const TIMES: usize = 5;
 /// How often each picture of a model is drawn.
 const DRAWN: usize = 3;
 
-/// A compression by phases.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Phases {
     /// Phase and its seconds, in order.
@@ -36,7 +35,6 @@ pub(super) struct Phases {
     pub load: Option<f64>,
 }
 
-/// The recipe that is timed.
 pub(super) fn recipe(lab: &Lab<'_>, effort: Effort) -> ModelSettings {
     ModelSettings { effort, ..ModelSettings::ratio(COMPARED, lab.settings.seed) }
 }

@@ -73,7 +73,6 @@ pub(super) struct StartupTimes<'a> {
     pub compressions: &'a [(&'static str, Phases)],
 }
 
-/// Steps of the way, in seconds.
 pub(super) fn steps(steps: &StartupTimes<'_>, all: &[SizeTimings]) -> ResultTable {
     let mut table = ResultTable::new(
         "performance-steps",
@@ -149,7 +148,6 @@ pub(super) fn phases(compressions: &[(&'static str, Phases)]) -> ResultTable {
     table
 }
 
-/// How VTK's picture agrees with ours.
 pub(super) fn agreement(all: &[SizeTimings]) -> Option<ResultTable> {
     let mut table = ResultTable::new(
         "performance-agreement",

@@ -11,6 +11,7 @@ mod slices;
 mod tables;
 
 use super::Experiment;
+use super::shared::rates::COMPARED as RATIO;
 use crate::lab::{Lab, ModelSettings};
 use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
@@ -28,9 +29,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     weight: 120,
     run,
 };
-
-/// The ratio of the methods' and the blocks' tables.
-pub(super) const RATIO: f64 = 263.0;
 
 /// A way to draw, measured once a seed.
 struct MethodRecovery {
@@ -61,7 +59,6 @@ struct BlocksRecovery {
     paper: Vec<Facts>,
 }
 
-/// All that was measured.
 struct RecoveryMeasurements {
     methods: Vec<MethodRecovery>,
     sizes: Vec<SizeRecovery>,

@@ -9,7 +9,6 @@ const RATIOS: [f64; 2] = [0.6, 1.4];
 /// Shells of P(k) shown a decade, at most: the median of those that fall together.
 const SHELLS_A_DECADE: f64 = 16.0;
 
-/// All plots, in the order of reading.
 pub(super) fn all(m: &RecoveryMeasurements) -> Vec<Plot> {
     vec![power_of_methods(m), r_of_methods(m), power_of_sizes(m), xi(m), xi_ratio(m), xi_ratio_of_blocks(m), groups(m)]
 }

@@ -1,5 +1,6 @@
 //! Models by the published recipe at the laboratory's scale: whole, in blocks, and fine-tuned.
 
+use crate::experiments::seeds::each_seed;
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
 use crate::training::{TrainingResult, TrainingTask, recipe, scale, scaled, trained};
@@ -19,4 +20,13 @@ pub(crate) fn fine_tuning(lab: &Lab<'_>) -> Result<Config> {
 /// The model of `blocks` blocks, each trained in its own frame by the whole recipe, merged with the first one's network.
 pub(crate) fn merged(lab: &Lab<'_>, snapshot: &Snapshot, blocks: u32, seed: u64) -> Result<TrainingResult> {
     trained(lab, snapshot, &TrainingTask::published(whole(lab)?, blocks, seed))
+}
+
+/// The task's model for every seed.
+pub(crate) fn of_seeds(
+    lab: &Lab<'_>,
+    snapshot: &Snapshot,
+    task: impl Fn(u64) -> TrainingTask,
+) -> Result<Vec<TrainingResult>> {
+    each_seed(lab, |t: &TrainingResult| &t.made.model, |seed| trained(lab, snapshot, &task(seed)))
 }
