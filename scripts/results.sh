@@ -2,7 +2,7 @@
 # Every page of docs/results that `bench` writes, measured anew or gone on with:
 #   scripts/results.sh WORK PYTHON SNAPSHOT [SNAPSHOT ...] [-- OPTIONS]
 # SNAPSHOT: nbody128 first, then those of lab/datasets/make.sh; PYTHON has crates/particlegs-lab/lab/requirements.txt;
-# OPTIONS are bench's (--training). Keep the machine quiet: seconds are measured too.
+# OPTIONS are bench's (--training). The program has the feature `lab`. Keep the machine quiet: seconds are measured too.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 work=$1 python=$2

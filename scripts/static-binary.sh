@@ -24,7 +24,8 @@ if [ "$architecture" != "$machine" ]; then build=zigbuild; fi
 # Random numbers by the system call: a static glibc does not find its function by name, a static musl has lost it where
 # only the standard library's weak wish for it is left after all units became one, and there may be no /dev.
 compile_with -C target-feature=+crt-static --cfg 'getrandom_backend="linux_raw"'
-cargo "$build" --profile dist --locked --target "$target" --package particlegs-cli --bin particlegs
+# Not with `gpu`: a static program cannot load the driver of a GPU.
+cargo "$build" --profile dist --locked --target "$target" --package particlegs-cli --bin particlegs --features lab
 
 binary=$built/$target/dist/particlegs
 if readelf --wide --program-headers --dynamic "$binary" | grep -E 'INTERP|NEEDED'; then

@@ -16,7 +16,7 @@ import sys
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 SOURCES = ("crates/*/src", "python/src")
 PARTICIPLES_MOST = 0
-SHARED_MOST = 20
+SHARED_MOST = 11
 # One in every command: what stands on its command line.
 CONVENTIONS = {"Arguments"}
 # Participles that do not end in -ed.

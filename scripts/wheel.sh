@@ -29,9 +29,8 @@ PATH=$tools/bin:$PATH
 
 # shellcheck disable=SC2119
 compile_with
-# Without the laboratory (`bench`), which few need and the size of a wheel has no room for.
 cargo zigbuild --profile dist --locked --target "$target.2.17" --package particlegs-cli --bin particlegs \
-    --no-default-features
+    --features lab,gpu
 
 # The command lies where maturin looks for what a wheel has beside its package, for as long as that takes.
 beside=python/particlegs._particlegs.data

@@ -34,7 +34,7 @@ if [ "$out" = "$assets" ]; then
     wc -c "$assets"/*
     exit
 fi
-for name in viewer.js worker.js viewer.css; do
+for name in viewer.js{,.sha256} worker.js viewer.css{,.sha256}; do
     cmp "$out/$name" "$assets/$name" || { echo "$assets/$name is not what web/build.sh makes: run it and commit" >&2; exit 1; }
 done
 if [ "$compiler" = "$(cat "$assets/engine.txt")" ]; then

@@ -22,9 +22,6 @@ if TYPE_CHECKING:
 # The paper's picture: radius of a particle in mean spacings, and its opacity.
 RADIUS_IN_SPACINGS = 0.0406
 OPACITY = 0.05
-# `particlegs render` stands at this share of the distance that Reset Camera chooses.
-SHARE_OF_RESET = 0.65
-FIELD_OF_VIEW = 30.0
 # While the view is turned a picture may take so long, seconds; else it is drawn coarser.
 TURNING = 0.1
 
@@ -245,19 +242,15 @@ def place_camera(view: Any, bounds: np.ndarray, azimuth: float, elevation: float
     azimuth, elevation : float
         Degrees.
     distance : float
-        In base distances: 1 is 0.65 of what Reset Camera chooses.
+        In base distances (docs/guide/pictures.md).
     """
-    centre = np.mean(bounds, axis=0)
-    a, e = np.radians(azimuth), np.radians(elevation)
-    direction = np.array([np.sin(a) * np.cos(e), np.sin(e), np.cos(a) * np.cos(e)])
-    half = np.linalg.norm(np.subtract(bounds[1], bounds[0])) / 2.0 or 1.0
-    away = distance * SHARE_OF_RESET * half / np.sin(np.radians(FIELD_OF_VIEW / 2.0))
+    camera = package().Camera.around(bounds, azimuth, elevation, distance)
     keep_camera()
-    view.CameraViewAngle = FIELD_OF_VIEW
-    view.CameraFocalPoint = list(centre)
-    view.CameraPosition = list(centre + away * direction)
-    view.CameraViewUp = [0.0, 0.0, 1.0] if abs(direction[1]) > 0.95 else [0.0, 1.0, 0.0]
-    view.CenterOfRotation = list(centre)
+    view.CameraViewAngle = camera.fov_deg
+    view.CameraFocalPoint = list(camera.focal_point)
+    view.CameraPosition = list(camera.position)
+    view.CameraViewUp = list(camera.view_up)
+    view.CenterOfRotation = list(camera.focal_point)
 
 
 # Pictures by the views that they are in: ParaView's proxies do not keep Python objects.

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
-from typing import Any, Optional
+from typing import Any, Optional, Union
 
 import numpy as np
 
-from . import _coerce, _units
+from . import _coerce, _particlegs, _units
 from ._particlegs import InputError
 from ._types import Three
 
@@ -60,15 +61,28 @@ class Camera:
                 raise InputError("clipping_range takes the nearest and the farthest distance")
             object.__setattr__(self, "clipping_range", (float(range_[0]), float(range_[1])))
 
-    def _native(self) -> dict[str, Any]:
-        return {
-            "position": self.position,
-            "focal_point": self.focal_point,
-            "view_up": self.view_up,
-            "fov_deg": self.fov_deg,
-            "height": self.height,
-            "clipping_range": self.clipping_range,
-        }
+    @classmethod
+    def around(cls, bounds: Any, azimuth: float = 0.0, elevation: float = 0.0, distance: float = 1.0) -> Camera:
+        """The perspective camera of these angles about bounds.
+
+        Parameters
+        ----------
+        bounds : array_like, shape (2, 3)
+            Lowest and highest corner, world units.
+        azimuth, elevation : float
+            Degrees, as in `Model.render`.
+        distance : float
+            In base distances of pictures that are no taller than wide.
+        """
+        low, high = (point(corner, "bounds") for corner in bounds)
+        around = _particlegs.camera_around((low, high), float(azimuth), float(elevation), float(distance))
+        return cls(**json.loads(around))
+
+    def _record(self) -> dict[str, Any]:
+        """By the keys of views files."""
+        at = {"position": self.position, "focal_point": self.focal_point, "view_up": self.view_up}
+        lens = {"fov_deg": self.fov_deg, "height_world": self.height, "clipping_range": self.clipping_range}
+        return {**at, **{name: value for name, value in lens.items() if value is not None}}
 
 
 def native(
@@ -78,8 +92,8 @@ def native(
     width: Any,
     depth: Any,
     unit: Optional[str],
-) -> dict[str, Any]:
-    """A camera, or azimuth, elevation and distance, and the window in a unit of length, that stand for one."""
+) -> Union[str, dict[str, Any]]:
+    """A camera as JSON, or azimuth, elevation and distance, and the window in a unit of length, that stand for one."""
     azimuth, elevation, distance = (float(v) for v in angles)
     if camera is not None:
         idle = [n for n, v in (("center", center), ("width", width), ("depth", depth)) if v is not None]
@@ -89,7 +103,7 @@ def native(
             raise InputError(f"{idle[0]} does nothing beside camera, which says where the picture is taken from")
         if not isinstance(camera, Camera):
             raise TypeError("camera must be a particlegs.Camera")
-        return camera._native()
+        return json.dumps(camera._record())
     if width is None and depth is not None:
         raise InputError("depth does nothing in perspective: give width as well, for an orthographic picture")
     if width is not None and distance != 1.0:

@@ -20,7 +20,7 @@ def open(  # noqa: A001
     species: Union[str, int, Sequence[Union[str, int]], None] = None,
     format: Optional[str] = None,  # noqa: A002
     positions: Optional[str] = None,
-    weights: Optional[str] = "auto",
+    mass_field: Optional[str] = "auto",
     frame: Optional[int] = None,
     layers_by: Literal["species", "mass"] = "species",
     box: Any = None,
@@ -40,6 +40,7 @@ def open(  # noqa: A001
     scratch: Optional[Path] = None,
     threads: Optional[int] = None,
     progress: Progress = None,
+    weights: Optional[str] = "auto",
 ) -> Snapshot:
     """Opens a snapshot of any format that the command reads.
 
@@ -51,9 +52,9 @@ def open(  # noqa: A001
         Particle types by name, number or alias (``"dm"``, ``1``); all by default, each a layer.
     format : str, optional
         Name of the format where the content does not tell; `formats` lists them.
-    positions, weights : str, optional
-        Fields of positions and weights; ``weights=None`` counts particles alike, ``"auto"`` takes the masses of a
-        species whose masses differ.
+    positions, mass_field : str, optional
+        Fields of positions and of masses, or of what adds up as they do; ``mass_field=None`` counts particles alike,
+        ``"auto"`` takes the masses of a species whose masses differ. ``weights`` is its earlier name.
     frame : int, optional
         Frame of a trajectory, from 0; the last by default.
     layers_by : {"species", "mass"}
@@ -95,6 +96,10 @@ def open(  # noqa: A001
         raise InputError("a window takes center and width")
     if region is not None and center is not None:
         raise InputError("give a region, or a window about a centre, not both")
+    if weights != "auto":
+        if mass_field != "auto":
+            raise InputError("weights= is the earlier name of mass_field=: give one of them")
+        mass_field = weights
     if layers_by not in ("species", "mass"):
         raise InputError(f'layers_by="{layers_by}": there are species and mass')
     if unwrapped not in ("wrap", "keep"):
@@ -103,7 +108,7 @@ def open(  # noqa: A001
         "format": format,
         "species": _coerce.texts(species),
         "positions": positions,
-        "weights": "none" if weights is None else str(weights),
+        "mass_field": "none" if mass_field is None else str(mass_field),
         "frame": frame,
         "by_mass": layers_by == "mass",
         "box_lengths": None if box is None else _coerce.lengths(box, units, "the box"),

@@ -13,7 +13,7 @@ __version__: str
 
 _Path: TypeAlias = Union[str, PathLike[str]]
 _Progress: TypeAlias = Optional[Callable[[str, int, int], object]]
-_Camera: TypeAlias = Mapping[str, Any]
+_Camera: TypeAlias = Union[str, Mapping[str, Any]]
 _Asked: TypeAlias = Mapping[str, Any]
 
 class InputError(ValueError):
@@ -151,6 +151,9 @@ def open(
 ) -> Snapshot: ...
 def unit_parts(text: str, dimension: str) -> Optional[tuple[float, str, float, float, float]]: ...
 def formats() -> list[str]: ...
+def camera_around(
+    bounds: tuple[Sequence[float], Sequence[float]], azimuth: float, elevation: float, distance: float
+) -> str: ...
 def density_range(values: NDArray[np.float64]) -> tuple[Optional[list[float]], float]: ...
 def compress(
     snapshot: Snapshot,

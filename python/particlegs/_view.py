@@ -57,10 +57,7 @@ def opening_of(options: Mapping[str, Any]) -> str:
         said["white"] = background == "white"
     camera = said.pop("camera", None)
     if camera is not None:
-        view = {"position": camera.position, "focal_point": camera.focal_point, "view_up": camera.view_up}
-        lens = {"fov_deg": camera.fov_deg, "height_world": camera.height, "clipping_range": camera.clipping_range}
-        view.update((name, value) for name, value in lens.items() if value is not None)
-        said["views"] = {"views": [view]}
+        said["views"] = {"views": [camera._record()]}
     return json.dumps(said, default=list)
 
 

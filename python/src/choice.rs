@@ -18,7 +18,7 @@ pub struct ReadOptions {
     species: Vec<String>,
     positions: Option<String>,
     /// `auto`, `none` or a field.
-    weights: String,
+    mass_field: String,
     frame: Option<u64>,
     by_mass: bool,
     box_lengths: Option<[f64; 3]>,
@@ -52,7 +52,7 @@ impl ReadOptions {
             frame: self.frame,
             species: self.species,
             positions: self.positions,
-            weights: match &self.weights[..] {
+            weights: match &self.mass_field[..] {
                 "auto" => Weights::Auto,
                 "none" => Weights::None,
                 field => Weights::Field(field.into()),

@@ -7,7 +7,7 @@ use crate::work::WorkOptions;
 use particlegs::compress::{Options, Target, compress as run};
 use particlegs::model::{CertificateLevel, Goal, GoalKind, LawKind};
 use particlegs::particles::Storage;
-use particlegs::pieces::NoCheckpoints;
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::train::{Config, Preset};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
@@ -75,11 +75,11 @@ impl CompressOptions {
             seed: self.seed,
             blocks: self.blocks,
             memory: self.memory,
-            certificate: match &self.certificate[..] {
-                "none" => CertificateLevel::None,
-                "quick" => CertificateLevel::Quick,
-                "full" => CertificateLevel::Full,
-                other => return Err(one_of("certificate", other, &["none", "quick", "full"])),
+            certificate: match named("certificate", &self.certificate)? {
+                CertificateLevel::Blocks => {
+                    return Err(InputError::new_err("certificate=\"blocks\": there are none, quick, full"));
+                }
+                level => level,
             },
             read: read.clone(),
             ..Options::default()
@@ -96,7 +96,7 @@ fn goal(kind: &str, asked: f64, at: f64) -> PyResult<Target> {
         "max_pk_error" => GoalKind::PowerSpectrum,
         "min_correlation" => GoalKind::Correlation,
         "groups_within" => GoalKind::Groups,
-        other => return Err(one_of("goal", other, &["max_pk_error", "min_correlation", "groups_within"])),
+        other => return Err(InputError::new_err(format!("there is no goal \"{other}\""))),
     };
     Ok(Target::Goal(Goal { kind, asked, at }))
 }
@@ -106,11 +106,6 @@ fn positive(name: &str, value: Option<f64>) -> PyResult<Option<f64>> {
         Some(v) if !(v > 0.0 && v.is_finite()) => Err(InputError::new_err(format!("{name} must be positive"))),
         value => Ok(value),
     }
-}
-
-/// The exception for a name that there is not.
-fn one_of(name: &str, given: &str, there: &[&str]) -> PyErr {
-    InputError::new_err(format!("{name}=\"{given}\": there are {}", there.join(", ")))
 }
 
 /// Compresses a snapshot.

@@ -35,7 +35,7 @@ pub fn grid<'py>(
 ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, [f64; 3], [f64; 3], f64)> {
     refuse_without_masses(model, &vec![true; model.layers.len()])?;
     let how = WorkOptions::quietly(threads);
-    let density = how.run(py, |progress| Density::of(model, Cells::Along(cells), progress))?;
+    let density = how.run(py, |progress| Density::new(model, Cells::Along(cells), progress))?;
     let values: Vec<f64> = density.values.iter().map(|v| f64::from(*v)).collect();
     let array = ArrayD::from_shape_vec(IxDyn(&density.grid.cells), values);
     let array = array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py);
@@ -52,7 +52,7 @@ pub fn at<'py>(
     refuse_without_masses(model, &vec![true; model.layers.len()])?;
     let points = arrays::points(points)?;
     let values = WorkOptions::quietly(threads)
-        .run(py, |progress| Domain::of_model(model).density_at(model, &points, progress))?;
+        .run(py, |progress| Domain::from_model(model).density_at(model, &points, progress))?;
     let array = ArrayD::from_shape_vec(IxDyn(&[values.len()]), values);
     Ok(array.map_err(|e| InputError::new_err(e.to_string()))?.into_pyarray(py))
 }

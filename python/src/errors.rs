@@ -1,6 +1,6 @@
 //! The library's errors as exceptions, in its own words.
 
-use particlegs::{Error, NamedValue, Remedy};
+use particlegs::{Error, Hint, NamedValue};
 use pyo3::exceptions::{
     PyFileExistsError, PyKeyboardInterrupt, PyMemoryError, PyOSError, PyRuntimeError, PyValueError,
 };
@@ -33,43 +33,34 @@ pub fn named<T: NamedValue>(argument: &str, name: &str) -> PyResult<T> {
     T::from_name(name).map_err(|there| InputError::new_err(format!("{argument}=\"{name}\": {there}")))
 }
 
-/// A remedy in Python's words: arguments, not options of the command.
-fn in_words(remedy: &Remedy) -> String {
-    match remedy {
-        Remedy::Both(both) => format!("{}; {}", in_words(&both.0), in_words(&both.1)),
-        Remedy::StateBox | Remedy::StateBoxOrRegion => "state it by box=".into(),
-        Remedy::LeaveOutInvalid => "skip_invalid=True leaves them out; weights=None counts all particles alike".into(),
-        Remedy::LayersBySpecies => "use layers_by=\"species\"".into(),
-        Remedy::ChooseSpecies => "choose fewer with species=".into(),
-        Remedy::NameFormat(formats) => format!("format= forces one of: {formats}"),
-        Remedy::NameFormatOfFolder => "name one of them; format= leaves files of other formats out".into(),
-        Remedy::NameBlocks => {
-            "blocks=[\"POS\", \"VEL\", \"ID\", \"-\", \"MASS\"] names the blocks behind the header".into()
-        }
-        Remedy::NamePositions(there) => format!("positions=\"A,B,C\" names them; there are: {}", there.join(", ")),
-        Remedy::ChoosePositions(there) => format!("choose with positions=: {}", there.join(", ")),
-        Remedy::ReadFrame(frame) => format!("frame={frame} reads the last whole frame"),
-        Remedy::AllowMemory => "allow that much with memory=, or ask for a smaller model".into(),
-        Remedy::LargerFile { bytes, ratio: None } => format!("ask for size={bytes} or more"),
-        Remedy::LargerFile { bytes, ratio: Some(ratio) } => {
-            format!("ask for size={bytes} or more, or for ratio={ratio:.4} or less")
-        }
-        Remedy::MoreGaussians(number) => format!("ask for gaussians={number} or more"),
-        Remedy::TrainFromSnapshot => "compress(..., train=...) trains such a model from its snapshot".into(),
-        Remedy::DrawParticles => "draw particles from it with Model.recover".into(),
-        Remedy::IsSnapshot => "compress() makes a model of it".into(),
-        Remedy::IsModel => "read() opens it".into(),
-        Remedy::NameModel => "name a model file, as Model.save writes it".into(),
-        other => other.to_string(),
-    }
+/// A hint in Python's words: arguments and methods instead of options and commands.
+fn hint_text(hint: &Hint) -> String {
+    let argument = |name: &str, value: &str| match (name, value) {
+        ("skip-invalid", _) => "skip_invalid=True".into(),
+        ("mass-field", "none") => "mass_field=None".into(),
+        ("layers-by", _) => format!("layers_by=\"{value}\""),
+        ("particle-type", _) => "species=".into(),
+        ("gadget-blocks", _) => format!("blocks=\"{value}\".split(\",\")"),
+        ("positions", "A,B,C") => "positions=\"A,B,C\"".into(),
+        ("box", _) => "box=".into(),
+        ("size", _) => format!("size={}", value.trim_end_matches('B')),
+        _ => format!("{}={value}", name.replace('-', "_")),
+    };
+    let method = |name: &str, arguments: &str| match name {
+        "compress" => "compress()".into(),
+        "recover" => "Model.recover()".into(),
+        "render" => "Model.render()".into(),
+        _ => format!("`{}`", ["particlegs", name, arguments].join(" ").trim_end()),
+    };
+    hint.spell(argument, method)
 }
 
 /// The exception that an error is.
 pub fn exception(error: &Error) -> PyErr {
-    let remedy = error.remedy();
-    let said = match remedy.is_none() {
+    let hint = error.hint();
+    let said = match hint.is_empty() {
         true => error.to_string(),
-        false => format!("{error}; {}", in_words(&remedy)),
+        false => format!("{error}; {}", hint_text(&hint)),
     };
     match error {
         Error::Input { .. } | Error::Argument { .. } => InputError::new_err(said),

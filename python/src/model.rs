@@ -90,7 +90,7 @@ impl Model {
     ) -> PyResult<Plane> {
         density::refuse_without_masses(&self.model, shown)?;
         let view = self.looking().density_view(view, size);
-        let scene = Scene::of_layers(&self.model, |l| shown[l]);
+        let scene = Scene::from_layers(&self.model, |l| shown[l]);
         WorkOptions::quietly(threads).run(py, |progress| surface_density(&scene, &view, size, progress))
     }
 }
@@ -175,7 +175,7 @@ impl Model {
         let projection = Projection::Orthographic { height_world: 1.0 };
         let camera = Camera { position: toward, focal_point: [0.0; 3], view_up: up, projection, clipping_range: None };
         let frame = camera.frame().or_raise()?;
-        let whole = extent(&Scene::of(&self.model), self.model.metadata.cell.as_ref());
+        let whole = extent(&Scene::new(&self.model), self.model.metadata.cell.as_ref());
         Ok((whole.center, whole.width(&frame, size)))
     }
 
@@ -205,7 +205,7 @@ impl Model {
         let (look, size) = (pictures::look(style)?, Size { width: size.0, height: size.1 });
         let view = self.looking().view(&camera, size, radius, opacity).or_raise()?;
         let shown = self.shown(layers.as_deref())?;
-        let scene = Scene::of_layers(&self.model, |l| shown[l]);
+        let scene = Scene::from_layers(&self.model, |l| shown[l]);
         let how = WorkOptions::quietly(threads);
         match look {
             Some(look) => {

@@ -1,34 +1,22 @@
 //! Where a picture is looked at from, and pictures as arrays.
 
-use crate::errors::{InputError, named};
+use crate::errors::{InputError, IntoPyResult, named};
 use numpy::ndarray::Array2;
 use numpy::{PyArray2, PyReadonlyArrayDyn, ToPyArray};
-use particlegs::camera::{Camera, DensityView, Projection, View, Window, base_distance, spherical_camera};
+use particlegs::camera::{Camera, DensityView, View, Window, base_distance, spherical_camera};
 use particlegs::picture::{DensityColors, Gray8, Plane, Size};
 use particlegs::space::{Bounds, Cell};
 use particlegs::splat::ToneStyle;
 use particlegs::{Error, Result};
 use pyo3::prelude::*;
 
-/// A camera, as Python gives it: by angles, or whole.
+/// A camera, as Python gives it: by angles, or whole in JSON by the keys of views files.
 #[derive(FromPyObject)]
 pub enum CameraArgs {
     #[pyo3(transparent)]
-    Whole(FullCamera),
+    Whole(String),
     #[pyo3(transparent)]
     Angles(Angles),
-}
-
-/// Position, focal point, view up, and one of field of view (degrees) and height (world units).
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub struct FullCamera {
-    position: [f64; 3],
-    focal_point: [f64; 3],
-    view_up: [f64; 3],
-    fov_deg: Option<f64>,
-    height: Option<f64>,
-    clipping_range: Option<[f64; 2]>,
 }
 
 /// As the command has it: angles in degrees, a distance in multiples of that from which all is seen, or a window.
@@ -57,7 +45,9 @@ impl ViewDefaults {
     pub fn view(&self, args: &CameraArgs, size: Size, radius: Option<f64>, opacity: Option<f64>) -> Result<View> {
         check(size)?;
         let camera = match args {
-            CameraArgs::Whole(w) => w.camera()?,
+            CameraArgs::Whole(json) => {
+                serde_json::from_str(json).map_err(|e| Error::argument(format!("the camera: {e}")))?
+            }
             CameraArgs::Angles(a) => self.turned(a, size)?,
         };
         let [usual_radius, usual_opacity] = self.usual;
@@ -93,21 +83,14 @@ impl ViewDefaults {
     }
 }
 
-impl FullCamera {
-    fn camera(&self) -> Result<Camera> {
-        let projection = match (self.fov_deg, self.height) {
-            (Some(fov_deg), None) => Projection::Perspective { fov_deg },
-            (None, Some(height_world)) => Projection::Orthographic { height_world },
-            _ => return Err(Error::argument("a camera has either a field of view or a height")),
-        };
-        Ok(Camera {
-            position: self.position,
-            focal_point: self.focal_point,
-            view_up: self.view_up,
-            projection,
-            clipping_range: self.clipping_range,
-        })
-    }
+/// The camera of these angles about bounds, in JSON; its distance is in base distances of a wide picture.
+#[pyfunction]
+pub fn camera_around(bounds: [[f64; 3]; 2], azimuth: f64, elevation: f64, distance: f64) -> PyResult<String> {
+    let [min, max] = bounds;
+    let subject = ViewDefaults { bounds: Bounds { min, max }, cell: None, usual: [1.0; 2] };
+    let angles = Angles { azimuth, elevation, distance, center: None, width: None, depth: None };
+    let camera = subject.turned(&angles, Size { width: 16, height: 9 }).or_raise()?;
+    serde_json::to_string(&camera).map_err(|e| InputError::new_err(e.to_string()))
 }
 
 /// Refuses pictures that nobody can mean.

@@ -13,6 +13,7 @@ use particlegs::particles::{
 use particlegs::picture::Size;
 use particlegs::reference::Reference;
 use particlegs::space::{Bounds, Cell};
+use particlegs::splat::DEFAULT_OPACITY;
 use particlegs_formats::Writer;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -66,7 +67,7 @@ impl ParticleInfo {
         Ok(SnapshotMeta {
             name: self.name,
             cell: self.cell.map(cell).transpose()?,
-            units: Units::of(self.length_unit.as_deref(), self.mass_unit.as_deref(), self.comoving),
+            units: Units::new(self.length_unit.as_deref(), self.mass_unit.as_deref(), self.comoving),
             particle_mass: self.particle_mass,
             weight_name: None,
             fields: Vec::new(),
@@ -273,7 +274,7 @@ impl Snapshot {
         let particles = &self.particles;
         WorkOptions { threads, progress }.run(py, |progress| {
             let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), progress)?;
-            Writer::of(&path, None)?.write(&kept, &path, progress)
+            Writer::for_output(&path, None)?.write(&kept, &path, progress)
         })
     }
 
@@ -293,7 +294,7 @@ impl Snapshot {
         let particles = &*self.particles;
         let reference = WorkOptions::quietly(threads).run(py, |_| Ok(Reference::new(particles)))?;
         let bounds = *reference.bounds();
-        let usual = [bounds.default_radius(particles.len() as u64), 0.05];
+        let usual = [bounds.default_radius(particles.len() as u64), DEFAULT_OPACITY];
         let looking = ViewDefaults { bounds, cell: particles.meta.cell, usual };
         let view = looking.view(&camera, size, radius, opacity).or_raise()?;
         let how = WorkOptions::quietly(threads);

@@ -142,7 +142,7 @@ fn differing(stored: &Certificate, measured: &Certificate) -> Vec<String> {
         for (place, entry) in stored.into_iter().flatten().enumerate().filter(|e| e.1.value != MetricValue::None) {
             let (metric, now) = (&entry.metric, measured.get(place).map_or(MetricValue::None, |e| e.value));
             if metric.tolerance.is_passed(entry.value, now) {
-                let [stored, now] = [entry.value, now].map(|value| metric.in_words(value, None));
+                let [stored, now] = [entry.value, now].map(|value| metric.describe(value, None));
                 lines.push(format!(
                     "{} {}: {} is stored as {stored}, measured {now}",
                     group.name, entry.row, metric.name
@@ -178,7 +178,7 @@ pub fn export(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<u64> {
     let kind = asked.kind.as_deref().map(|name| named("kind", name)).transpose()?;
-    let kind = Kind::of(&path, kind).or_raise()?;
+    let kind = Kind::for_output(&path, kind).or_raise()?;
     let color: ColorBy = named("color", &asked.color)?;
     refuse(&path, asked.overwrite)?;
     let shown = match &asked.layers {
@@ -209,7 +209,7 @@ pub fn export(
             write_as_splats(kind, &splats, coloring.colors.as_deref(), &notes, &path, progress)
         }
         Group::Grid => {
-            let density = Density::of(&shown, asked.cells.map_or_else(Cells::default, Cells::Along), progress)?;
+            let density = Density::new(&shown, asked.cells.map_or_else(Cells::default, Cells::Along), progress)?;
             notes.set("density", json!({ "unit": density.unit, "total": density.total, "outside": density.outside }));
             write_density(kind, &density, &notes, &path, progress)
         }

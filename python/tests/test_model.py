@@ -37,6 +37,7 @@ def test_pictures(model):
     assert more.mean() > bright.mean()
     camera = pg.Camera((12.5, 12.5, 80), (12.5, 12.5, 12.5), fov_deg=30)
     assert model.render(camera=camera, **shape).shape == (90, 160)
+    assert np.array_equal(model.render(camera=pg.Camera.around(model.bounds, 20, 10), **shape), picture)
     assert model.render(width=10, depth=5, **shape).sum() < model.render(width=10, **shape).sum()
 
 

@@ -16,5 +16,5 @@ if [ ${#missing[@]} != 0 ]; then
 fi
 
 web/build.sh --check
-cargo build --quiet --locked -p particlegs-cli
+cargo build --quiet --locked -p particlegs-cli --features lab
 node --test --test-concurrency=1 tests/browser/*.test.mjs

@@ -13,4 +13,4 @@ export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-$(mktemp -d)}
 # Without an adapter tests fail instead of being skipped.
 export PARTICLEGS_GPU_TESTS=1
 cargo test --locked -p particlegs-gpu
-cargo test --locked -p particlegs-cli --features gpu --test it gpu
+cargo test --locked -p particlegs-cli --features gpu,lab --test it gpu

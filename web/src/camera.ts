@@ -1,6 +1,6 @@
 // The camera: a place on a sphere about the point that is looked at. Angles in degrees, lengths in world units.
 
-import type { Bounds, CameraOf, Size, Vec3 } from "./protocol";
+import type { Bounds, Camera, Size, Vec3 } from "./protocol";
 
 export const FOV = 30;
 const RADIANS = Math.PI / 180;
@@ -25,15 +25,6 @@ export const length = (a: Vec3): number => Math.hypot(...a);
 
 export const center = (b: Bounds): Vec3 => scaled(add(b.min, b.max), 0.5);
 
-/** 0.65 of the distance of ParaView's Reset Camera (docs/law/cameras.md). */
-export function baseDistance(b: Bounds, size: Size): number {
-  const half = 0.5 * length(add(b.max, b.min, -1)) || 0.5;
-  const aspect = size.width / size.height;
-  let angle = 0.5 * FOV * RADIANS;
-  if (aspect < 1) angle = Math.atan(Math.tan(angle) * aspect);
-  return (0.65 * half) / Math.sin(angle);
-}
-
 /** Right, up and back (towards the eye) in the world. */
 export function axes(o: Orbit): { right: Vec3; up: Vec3; back: Vec3 } {
   const [a, e, r] = [o.azimuth * RADIANS, o.elevation * RADIANS, o.roll * RADIANS];
@@ -54,10 +45,10 @@ export const distanceOf = (height: number): number => height / (2 * Math.tan(0.5
  * The camera; `slab` is a thickness about the point looked at, along the line of sight. An orthographic eye stands
  * `reach` away, outside whatever there is: its distance is not what sets the scale.
  */
-export function cameraOf(o: Orbit, slab: number | null, reach: number): CameraOf {
+export function cameraOf(o: Orbit, slab: number | null, reach: number): Camera {
   const { up, back } = axes(o);
   const distance = o.orthographic ? reach : o.distance;
-  const camera: CameraOf = { position: add(o.focal, back, distance), focal_point: o.focal, view_up: up };
+  const camera: Camera = { position: add(o.focal, back, distance), focal_point: o.focal, view_up: up };
   if (o.orthographic) camera.height_world = heightAt(o);
   else camera.fov_deg = FOV;
   if (slab !== null) {
@@ -68,7 +59,7 @@ export function cameraOf(o: Orbit, slab: number | null, reach: number): CameraOf
 }
 
 /** The orbit of a camera of a views file. */
-export function orbitOf(c: CameraOf): Orbit {
+export function orbitOf(c: Camera): Orbit {
   const from = add(c.position, c.focal_point, -1);
   const distance = length(from) || 1;
   const back = scaled(from, 1 / distance);

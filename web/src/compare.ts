@@ -4,7 +4,7 @@ import { h } from "./dom";
 import type { Page } from "./main";
 import type { Setup } from "./protocol";
 import { paintOf, sceneOf } from "./state";
-import { dex, difference, greys, maskedPsnr, painted, Split, Truth, type Shown, type TruthPicture } from "./truth";
+import { dex, difference, greys, painted, Split, Truth, type Shown, type TruthPicture } from "./truth";
 import { whole } from "./units";
 
 /** Milliseconds without a move after which the server is asked. */
@@ -94,8 +94,10 @@ export class Compare {
       this.split?.put(painted(picture, state, colors, range), false);
     }
     if (!last) return;
-    this.score.textContent = density ? this.densityScore(model as Float32Array, picture.densities!, range[0])
-      : `masked PSNR ${maskedPsnr(model as Uint8Array, picture.levels!).toFixed(2)} dB`;
+    const score = density ? this.densityScore(model as Float32Array, picture.densities!, range[0])
+      : `masked PSNR ${(await pane.maskedPsnr(model as Uint8Array, picture.levels!, picture.size)).toFixed(2)} dB`;
+    if (own !== this.turn) return;
+    this.score.textContent = score;
     document.documentElement.dataset.compared = this.score.textContent;
   }
 

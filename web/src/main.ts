@@ -12,7 +12,7 @@ import { panel, preset, target, type Action, type Desk } from "./panel";
 import type { Seen, Setup, Vec3 } from "./protocol";
 import { Remote } from "./remote";
 import { Compare } from "./compare";
-import { cameraFor, fromLink, home, initial, opened, paintOf, sceneOf, toLink, type State } from "./state";
+import { cameraFor, fromLink, initial, opened, paintOf, sceneOf, toLink, type State } from "./state";
 import { giveCommand, giveLink, giveNpy, givePng, giveTurn, giveViews, takeViews } from "./give";
 import { lengthUnit, number, whole } from "./units";
 
@@ -79,8 +79,9 @@ async function start(): Promise<void> {
   const about = panes[0].about;
   subtitle.textContent = panes.map((p, i) => line(p.about, setup.models[i].bytes)).join(" | ");
   const named = panes.flatMap((p) => p.about.layers).filter((l, i, all) => all.findIndex((o) => o.name === l.name) === i);
-  const first = () => opened(setup.opening, initial(about, panes[0].size), about);
-  const page: Page = { setup, remote, panes, layers: named.length, state: first(), change, say };
+  const first = (home: Orbit) => opened(setup.opening, initial(about, home), about);
+  const home = await panes[0].home();
+  const page: Page = { setup, remote, panes, layers: named.length, state: first(home), change, say };
   page.state = fromLink(location.hash.slice(1), page.state);
   const compare = setup.truth ? new Compare(page, setup.truth) : null;
   const desk: Desk = {
@@ -118,7 +119,7 @@ async function start(): Promise<void> {
   }
 
   /** Where a camera stands that nobody moved, and the view that it was found for. */
-  let usual: Pick<Orbit, "focal" | "distance"> = home(about, panes[0].size);
+  let usual: Pick<Orbit, "focal" | "distance"> = home;
   const seenBy = ({ azimuth, elevation, roll, orthographic }: Orbit) =>
     JSON.stringify([azimuth, elevation, roll, orthographic, panes[0].size]);
   // The camera of a link was chosen.
@@ -132,7 +133,7 @@ async function start(): Promise<void> {
     try {
       while (fitted !== seenBy(page.state.orbit)) {
         fitted = seenBy(page.state.orbit);
-        const first = home(about, panes[0].size);
+        const first = await panes[0].home();
         const free = (k: "focal" | "distance", o: Orbit) => [usual, first].some((own) => String(own[k]) === String(o[k]));
         if (!free("focal", page.state.orbit) && !free("distance", page.state.orbit)) continue;
         const to = page.state.orbit.orthographic ? await panes[0].window(page.state) : first;
@@ -150,9 +151,10 @@ async function start(): Promise<void> {
 
   function act(name: Action): void {
     const acts: Record<Action, () => void | Promise<void>> = {
-      reset: () => {
+      reset: async () => {
+        const orbit = await panes[0].home();
         fitted = "";
-        change({ orbit: { ...home(about, panes[0].size), orthographic: page.state.orbit.orthographic } });
+        change({ orbit: { ...orbit, orthographic: page.state.orbit.orthographic } });
       },
       png: () => givePng(page), npy: () => giveNpy(page), views: () => giveViews(page), load: () => takeViews(page),
       link: () => giveLink(page), command: () => giveCommand(page), turn: () => giveTurn(page),
@@ -248,9 +250,11 @@ async function start(): Promise<void> {
   addEventListener("hashchange", () => {
     const text = location.hash.slice(1);
     if (text === toLink(page.state)) return;
-    const linked = fromLink(text, first());
-    fitted = seenBy(linked.orbit);
-    change(linked);
+    void panes[0].home().then((home) => {
+      const linked = fromLink(text, first(home));
+      fitted = seenBy(linked.orbit);
+      change(linked);
+    }, failed);
   });
   // For scripts: the page, and the CPU's picture of a state.
   const pixels = async (state: State) =>

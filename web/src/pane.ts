@@ -1,10 +1,10 @@
 // One model's picture: asks the engine, draws by the faster of the graphics card and the CPU, coarser in motion.
 
-import { distanceOf, type Orbit } from "./camera";
+import { center, distanceOf, type Orbit } from "./camera";
 import { h } from "./dom";
 import { GlRenderer } from "./gl";
 import { drawOverlay, type Marked } from "./overlay";
-import type { About, OpenedModel, Paint, SceneOf, Size, Strokes, Tone, Vec3 } from "./protocol";
+import type { About, OpenedModel, Paint, Scene, Size, Strokes, Tone, Vec3 } from "./protocol";
 import type { Remote } from "./remote";
 import { paintOf, sceneOf, type State } from "./state";
 
@@ -176,7 +176,7 @@ export class Pane {
     }
   }
 
-  private async byCpu(scene: SceneOf, paint: Paint): Promise<[number, number] | null> {
+  private async byCpu(scene: Scene, paint: Paint): Promise<[number, number] | null> {
     const { json, numbers } = await this.picture(scene, paint);
     const { width, height } = scene.size;
     this.cpu.width = width;
@@ -186,13 +186,30 @@ export class Pane {
   }
 
   /** Pixels of a picture by the CPU. */
-  picture(scene: SceneOf, paint: Paint) {
+  picture(scene: Scene, paint: Paint) {
     return this.remote.ask<{ range: [number, number] | null }>({ ask: "picture", model: this.model, scene, paint });
   }
 
   /** Is all of the model decoded? */
   get whole(): boolean {
     return this.decoded === 1;
+  }
+
+  /** Where a camera stands that nobody moved. */
+  async home(): Promise<Orbit> {
+    const { json } = await this.remote.ask<{ distance: number }>({ ask: "base-distance", model: this.model, size: this.size });
+    const focal = center(this.about.metadata.bounds);
+    return { focal, azimuth: 0, elevation: 0, roll: 0, distance: json.distance, orthographic: false };
+  }
+
+  /** Masked PSNR in dB of two grey pictures; infinite where they agree. */
+  async maskedPsnr(a: Uint8Array, b: Uint8Array, size: Size): Promise<number> {
+    const both = new Uint8Array(a.length + b.length);
+    both.set(a);
+    both.set(b, a.length);
+    type Score = { masked_psnr: number | null };
+    const { json } = await this.remote.ask<Score>({ ask: "score", model: this.model, size }, both.buffer);
+    return json.masked_psnr ?? Infinity;
   }
 
   /** Where a view along parallel lines shows the whole box. */
@@ -204,11 +221,11 @@ export class Pane {
   }
 
   /** The plane behind a picture. */
-  values(scene: SceneOf, style: "depth" | "density") {
+  values(scene: Scene, style: "depth" | "density") {
     return this.remote.ask<{ range: [number, number] }>({ ask: "values", model: this.model, scene, style });
   }
 
-  private async byCard(gl: GlRenderer, scene: SceneOf, paint: Paint): Promise<[number, number] | null> {
+  private async byCard(gl: GlRenderer, scene: Scene, paint: Paint): Promise<[number, number] | null> {
     const style = paint.look === null ? "density" : "depth";
     const { json, numbers } = await this.remote.ask<Strokes>({ ask: "strokes", model: this.model, scene, style });
     const own = paint.range ? paint : { ...paint, range: paint.look === null ? await this.rangeOf(scene) : null };
@@ -219,12 +236,12 @@ export class Pane {
   }
 
   /** The range of colours that nearly all of a picture needs, from one of a quarter of its size. */
-  private async rangeOf(scene: SceneOf): Promise<[number, number]> {
+  private async rangeOf(scene: Scene): Promise<[number, number]> {
     const size = { width: Math.ceil(scene.size.width / 4), height: Math.ceil(scene.size.height / 4) };
     return (await this.values({ ...scene, size }, "density")).json.range;
   }
 
-  private async curve(scene: SceneOf): Promise<{ curve: Tone; levels: Float32Array }> {
+  private async curve(scene: Scene): Promise<{ curve: Tone; levels: Float32Array }> {
     const c = scene.camera;
     const far = Math.hypot(...c.position.map((v, k) => v - c.focal_point[k]));
     const per = c.height_world !== undefined

@@ -54,13 +54,13 @@ export interface About {
 export interface Size { width: number; height: number }
 
 /** A camera as views files have it. */
-export interface CameraOf {
+export interface Camera {
   position: Vec3; focal_point: Vec3; view_up: Vec3;
   fov_deg?: number; height_world?: number; clipping_range?: [number, number];
 }
 
-export interface SceneOf {
-  size: Size; camera: CameraOf; radius: number; opacity: number;
+export interface Scene {
+  size: Size; camera: Camera; radius: number; opacity: number;
   layers?: boolean[]; clip?: Bounds; images?: boolean; coarse?: boolean;
 }
 
@@ -88,21 +88,23 @@ export interface OpenedModel { about: About; decoded: number }
 
 export type Question =
   | { ask: "decode"; model: number }
-  | { ask: "picture"; model: number; scene: SceneOf; paint: Paint }
-  | { ask: "values"; model: number; scene: SceneOf; style: "depth" | "density" }
-  | { ask: "strokes"; model: number; scene: SceneOf; style: "depth" | "density" }
+  | { ask: "picture"; model: number; scene: Scene; paint: Paint }
+  | { ask: "values"; model: number; scene: Scene; style: "depth" | "density" }
+  | { ask: "strokes"; model: number; scene: Scene; style: "depth" | "density" }
   | { ask: "tone"; model: number; opacity: number; radius_pixels: number }
   | { ask: "colors"; model: number; name: string; white: boolean }
-  | { ask: "window"; model: number; scene: SceneOf }
-  | { ask: "probe"; model: number; scene: SceneOf; pixel: [number, number] }
+  | { ask: "window"; model: number; scene: Scene }
+  | { ask: "probe"; model: number; scene: Scene; pixel: [number, number] }
   | { ask: "sphere"; model: number; center: Vec3; radius: number; layers?: boolean[]; clip?: Bounds }
-  | { ask: "gaussian"; model: number; index: number };
+  | { ask: "gaussian"; model: number; index: number }
+  | { ask: "base-distance"; model: number; size: Size }
+  | { ask: "score"; model: number; size: Size };
 
 /** To the worker, with a number that its reply repeats. */
 export type ToWorker = { id: number } & (
   | { do: "start"; engine: ArrayBuffer; gzip: boolean }
   | { do: "open"; bytes: ArrayBuffer }
-  | { do: "ask"; question: Question }
+  | { do: "ask"; question: Question; numbers?: ArrayBuffer }
 );
 
 export type FromWorker = { id: number; error?: string; json?: unknown; numbers?: ArrayBuffer; milliseconds: number };

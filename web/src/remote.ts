@@ -37,8 +37,9 @@ export class Remote {
     return replied(await this.send({ do: "open", bytes }, [bytes]));
   }
 
-  async ask<T>(question: Question): Promise<Reply<T>> {
-    return replied(await this.send({ do: "ask", question }, []));
+  /** Asks; `numbers`, which are handed over, go with the question. */
+  async ask<T>(question: Question, numbers?: ArrayBuffer): Promise<Reply<T>> {
+    return replied(await this.send({ do: "ask", question, numbers }, numbers ? [numbers] : []));
   }
 
   private send(message: Message, transfer: Transferable[]): Promise<FromWorker> {

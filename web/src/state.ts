@@ -1,7 +1,7 @@
 // What is on the screen, as data: everything that a link restores.
 
-import { FOV, add, axes, baseDistance, cameraOf, center, dot, length, orbitOf, scaled, type Orbit } from "./camera";
-import type { About, Bounds, CameraOf, Look, Paint, SceneOf, Size, Vec3 } from "./protocol";
+import { FOV, add, axes, cameraOf, center, dot, length, orbitOf, scaled, type Orbit } from "./camera";
+import type { About, Bounds, Camera, Look, Paint, Scene, Size, Vec3 } from "./protocol";
 
 export const LOOKS = ["density", "paraview", "expected"] as const;
 export interface Slab { axis: "x" | "y" | "z" | "view"; middle: number; thickness: number }
@@ -27,20 +27,14 @@ export interface State {
 }
 
 /** How a model is first seen: its surface density, where it has one. */
-export function initial(about: About, size: Size): State {
+export function initial(about: About, orbit: Orbit): State {
   const m = about.metadata;
   return {
-    orbit: home(about, size), radius: m.default_radius, opacity: m.default_opacity,
+    orbit, radius: m.default_radius, opacity: m.default_opacity,
     look: about.adds_up ? "density" : "paraview", exposure: 0,
     colormap: "inferno", range: null, white: false, hidden: [], byLayer: false, slab: null,
     clip: null, images: false, box: false, axes: true, scale: true,
   };
-}
-
-export function home(about: About, size: Size): Orbit {
-  const bounds = about.metadata.bounds;
-  const distance = baseDistance(bounds, size);
-  return { focal: center(bounds), azimuth: 0, elevation: 0, roll: 0, distance, orthographic: false };
 }
 
 /** How the page opens where the command was told: each replaces what is otherwise seen first. */
@@ -97,7 +91,7 @@ export function idle(control: Control, s: State, about: About, layers: number): 
 export const diagonal = (b: Bounds): number => length(add(b.max, b.min, -1)) || 1;
 
 /** The camera of a state. */
-export function cameraFor(s: State, about: About): CameraOf {
+export function cameraFor(s: State, about: About): Camera {
   const bounds = about.metadata.bounds;
   const away = length(add(s.orbit.focal, center(bounds), -1));
   const reach = away + (s.images ? 4 : 1.5) * diagonal(bounds);
@@ -105,8 +99,8 @@ export function cameraFor(s: State, about: About): CameraOf {
 }
 
 /** The scene that the engine draws. */
-export function sceneOf(s: State, about: About, size: Size): SceneOf {
-  const scene: SceneOf = { size, camera: cameraFor(s, about), radius: s.radius, opacity: s.opacity, images: s.images };
+export function sceneOf(s: State, about: About, size: Size): Scene {
+  const scene: Scene = { size, camera: cameraFor(s, about), radius: s.radius, opacity: s.opacity, images: s.images };
   if (s.hidden.length > 0) scene.layers = about.layers.map((l) => !s.hidden.includes(l.name));
   const clip = clipOf(s, about);
   if (clip) scene.clip = clip;
@@ -224,7 +218,7 @@ export function viewsFile(s: State, about: About, size: Size): string {
 
 /** The first view of a views file; throws where it is none. */
 export function fromViewsFile(text: string, s: State, about: About): State {
-  type OneView = CameraOf & { radius?: number; opacity?: number };
+  type OneView = Camera & { radius?: number; opacity?: number };
   const file = JSON.parse(text) as { fov_deg?: number; views?: OneView[] };
   const view = file.views?.[0];
   const places = [view?.position, view?.focal_point, view?.view_up];
@@ -250,7 +244,7 @@ export function fromViewsFile(text: string, s: State, about: About): State {
 }
 
 /** Does a clipping range hold all of a box that lies before the eye? */
-function holds([near, far]: [number, number], c: CameraOf, b: Bounds): boolean {
+function holds([near, far]: [number, number], c: Camera, b: Bounds): boolean {
   const sight = add(c.focal_point, c.position, -1);
   const ahead = scaled(sight, 1 / length(sight));
   const depths = Array.from({ length: 8 }, (_, i) =>

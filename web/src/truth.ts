@@ -1,11 +1,8 @@
 // All particles beside the model: asked of the server, coarse to fine, and told when nobody waits any more.
 
 import { h } from "./dom";
-import { LOWEST, type SceneOf, type Size } from "./protocol";
+import { LOWEST, type Scene, type Size } from "./protocol";
 import type { State } from "./state";
-
-/** Levels (of 255) above which a pixel counts as lit, in either picture (docs/law/scores.md). */
-const LIT = 2.5;
 
 /** Particles of the first, coarse picture. */
 const MOST_AT_FIRST = 2e6;
@@ -27,16 +24,15 @@ export class Truth {
   }
 
   /** Draws a scene coarse to fine; `each` gets every picture that was not overtaken. */
-  async draw(scene: SceneOf, state: State, each: (picture: TruthPicture, last: boolean) => void): Promise<void> {
+  async draw(scene: Scene, state: State, each: (picture: TruthPicture, last: boolean) => void): Promise<void> {
     this.stop();
     const own = (this.running = new AbortController());
     for (const coarse of [4, 1]) {
       const size = { width: Math.ceil(scene.size.width / coarse), height: Math.ceil(scene.size.height / coarse) };
       // A small picture needs no more particles than it has room for.
       const share = coarse > 1 ? Math.min(1, MOST_AT_FIRST / this.particles) : 1;
-      const camera = { fov_deg: null, height: scene.camera.height_world ?? null, clipping_range: null, ...scene.camera };
       const body = JSON.stringify({
-        camera, radius: scene.radius, opacity: scene.opacity, look: state.look, width: size.width, height_pixels: size.height,
+        camera: scene.camera, radius: scene.radius, opacity: scene.opacity, look: state.look, width: size.width, height_pixels: size.height,
         share, periodic: false,
       });
       let answer: Response;
@@ -56,17 +52,6 @@ export class Truth {
       }, coarse === 1);
     }
   }
-}
-
-/** Masked PSNR in dB of two grey pictures (docs/law/scores.md); infinite where they agree. */
-export function maskedPsnr(a: Uint8Array, b: Uint8Array): number {
-  let [sum, lit] = [0, 0];
-  for (let i = 0; i < a.length; i++) {
-    if (a[i] <= LIT && b[i] <= LIT) continue;
-    sum += (a[i] - b[i]) ** 2;
-    lit++;
-  }
-  return lit === 0 ? Infinity : 10 * Math.log10(255 ** 2 / (sum / lit));
 }
 
 /** Root mean square of the difference of logarithms, in dex, where both are above the range's floor. */

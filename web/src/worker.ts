@@ -30,6 +30,16 @@ function call(entry: "open" | "ask", bytes: Uint8Array): { json: unknown; number
   return { json, numbers };
 }
 
+/** A question, and the numbers behind it. */
+function asked(question: string, numbers?: ArrayBuffer): Uint8Array {
+  const json = new TextEncoder().encode(question);
+  if (!numbers) return json;
+  const bytes = new Uint8Array(json.length + numbers.byteLength);
+  bytes.set(json);
+  bytes.set(new Uint8Array(numbers), json.length);
+  return bytes;
+}
+
 async function start(bytes: ArrayBuffer, gzip: boolean): Promise<void> {
   const stream = new Blob([bytes]).stream();
   const module = gzip ? await new Response(stream.pipeThrough(new DecompressionStream("gzip"))).arrayBuffer() : bytes;
@@ -44,9 +54,7 @@ self.onmessage = async ({ data }: MessageEvent<ToWorker>) => {
     if (data.do === "start") {
       await start(data.engine, data.gzip);
     } else {
-      const bytes = data.do === "open"
-        ? new Uint8Array(data.bytes)
-        : new TextEncoder().encode(JSON.stringify(data.question));
+      const bytes = data.do === "open" ? new Uint8Array(data.bytes) : asked(JSON.stringify(data.question), data.numbers);
       Object.assign(reply, call(data.do, bytes));
     }
   } catch (error) {

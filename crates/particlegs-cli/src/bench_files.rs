@@ -1,18 +1,15 @@
 //! What experiments found, as files of a folder.
 
-use crate::canvas::PictureCanvas;
 use crate::common::CommandContext;
 use crate::figure::png_file::{PngEffort, PngMetadata, coded};
-use crate::figure::{self, BarPlacement, ColourBar, Figure, FigureImage, FigureSpace, Panel, PaperColour};
-use particlegs::picture::{Gray8, Rgb8, Size, write_png};
+use crate::figure::{ColourBar, Figure, FigureImage, FigureSpace, FileKind, Panel, layout, raster, write_plots};
+use particlegs::picture::{Gray8, Rgb8};
 use particlegs::{Error, Result};
 use particlegs_files::output::write_bytes;
-use particlegs_lab::found::{Colours, Pictures, Plot};
-use particlegs_lab::plot;
 use particlegs_lab::report::{Provenance, Section, csv, html, markdown};
+use particlegs_lab::results::{Colours, Pictures};
 use std::path::{Path, PathBuf};
 
-/// What says that a folder holds results.
 const RESULTS: &str = "results.json";
 
 /// The folder of kept results in a folder that is new, empty or of results.
@@ -30,7 +27,6 @@ pub fn folder(output: &Path, context: &CommandContext) -> Result<PathBuf> {
     Ok(kept)
 }
 
-/// Writes report.html, results.json, a page an experiment, and its tables and figures.
 pub fn write(output: &Path, sections: &[Section], provenance: &Provenance) -> Result<()> {
     let figures = output.join("figures");
     std::fs::create_dir_all(&figures).map_err(|e| Error::io(&figures, e))?;
@@ -39,7 +35,9 @@ pub fn write(output: &Path, sections: &[Section], provenance: &Provenance) -> Re
         for table in &found.tables {
             write_bytes(&figures.join(format!("{}.csv", table.name)), csv(table).as_bytes())?;
         }
-        found.plots.iter().try_for_each(|p| write_plot(&figures, p))?;
+        for p in &found.plots {
+            write_plots(&figures, std::slice::from_ref(p), &[FileKind::Svg, FileKind::Png])?;
+        }
         for p in &found.pictures {
             let bytes = joined(p)?;
             write_bytes(&figures.join(format!("{}.png", p.name)), &bytes)?;
@@ -53,13 +51,6 @@ pub fn write(output: &Path, sections: &[Section], provenance: &Provenance) -> Re
     let page = html(sections, provenance, &|p| drawn.get(&p.name).cloned().unwrap_or_default());
     write_bytes(&output.join("report.html"), page.as_bytes())?;
     write_bytes(&output.join(RESULTS), results(sections, provenance).as_bytes())
-}
-
-/// Writes what is known of a graphics card so far.
-#[cfg(feature = "gpu")]
-pub fn write_gpu(output: &Path, report: &impl serde::Serialize) -> Result<()> {
-    let text = serde_json::to_string_pretty(report).unwrap_or_default() + "\n";
-    write_bytes(&output.join("gpu.json"), text.as_bytes())
 }
 
 fn results(sections: &[Section], provenance: &Provenance) -> String {
@@ -77,16 +68,6 @@ fn results(sections: &[Section], provenance: &Provenance) -> String {
     serde_json::to_string_pretty(&all).unwrap_or_default() + "\n"
 }
 
-fn write_plot(folder: &Path, p: &Plot) -> Result<()> {
-    let Some(mut svg) = plot::svg(p) else { return Ok(()) };
-    svg.retain(crate::figure::svg::is_of_xml);
-    write_bytes(&folder.join(format!("{}.svg", p.name)), svg.as_bytes())?;
-    let size = Size { width: plot::SIZE.0 as usize, height: plot::SIZE.1 as usize };
-    let mut png = Rgb8 { size, data: vec![[0; 3]; size.pixels()] };
-    plot::draw(PictureCanvas::new(&mut png), p);
-    write_png(&folder.join(format!("{}.png", p.name)), size, png.data.as_flattened())
-}
-
 /// Height of the letters above pictures, pixels: a row of three is shown on pages at two thirds of its size.
 const LETTERS: f64 = 20.0;
 
@@ -97,17 +78,9 @@ fn joined(p: &Pictures) -> Result<Vec<u8>> {
         ..Panel::plain(FigureImage::Color(picture.clone()))
     };
     let bar = |of: &Colours| ColourBar::logarithmic(of.title.clone(), of.range, |share| of.map.color(share));
-    let figure = Figure {
-        title: None,
-        panels: p.panels.iter().map(panel).collect(),
-        columns: p.columns,
-        bar: p.colours.as_ref().map(bar),
-        legend: Vec::new(),
-        place: BarPlacement::Outside,
-        page: PaperColour::White,
-        ground: PaperColour::Black,
-    };
-    let page = figure::raster(&figure::layout(&figure, LETTERS, FigureSpace::Pixels)?)?;
+    let panels = p.panels.iter().map(panel).collect();
+    let figure = Figure { bar: p.colours.as_ref().map(bar), ..Figure::plain(panels, p.columns) };
+    let page = raster(&layout(&figure, LETTERS, FigureSpace::Pixels)?)?;
     coded(&plainest(page), &PngMetadata::default(), PngEffort::Small)
 }
 

@@ -11,7 +11,6 @@ use std::path::Path;
 /// A million centres.
 const FORM: Form = Form { title: "a list of centres", begins: Begins::Text, most: 64 << 20, expansion: 16 };
 
-/// Reads a list of centres; `-` is standard input.
 pub fn read(path: &Path, context: &Context<'_>) -> Result<Catalogue> {
     let bytes = read_whole(path, FORM, context)?;
     let hint = "put names above the columns, such as `# id x y z radius`";

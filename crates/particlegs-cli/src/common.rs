@@ -1,6 +1,6 @@
 //! Options that every command has, and what they set up.
 
-use crate::allotted;
+use crate::cpu_count;
 use crate::printable::one_line;
 use crate::progress::Meter;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -17,7 +17,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Options of every command.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Common options")]
 pub struct Common {
@@ -44,11 +43,33 @@ pub struct Common {
 
 /// One of several by its name, so that help and completion list them.
 pub fn named<T: NamedValue>() -> impl TypedValueParser<Value = T> {
-    let value = |(_, name, help): &(T, _, &'static str)| {
+    one_of(T::VALUES.iter().copied())
+}
+
+/// The value of an option that also takes `none`: not clap's `Option`, which stands for a missing option.
+pub type OrNone<T> = Option<T>;
+
+/// A value of `T`, or the value without one: its name and help.
+pub fn named_or<T: NamedValue>(name: &'static str, help: &'static str) -> impl TypedValueParser<Value = OrNone<T>> {
+    let some = T::VALUES.iter().map(|(value, name, help)| (Some(*value), *name, *help));
+    one_of([(None, name, help)].into_iter().chain(some))
+}
+
+/// A value of an option, its name and its help, which may be empty.
+pub type NamedChoice<T> = (T, &'static str, &'static str);
+
+pub fn one_of<T: Clone + Send + Sync + 'static>(
+    values: impl IntoIterator<Item = NamedChoice<T>>,
+) -> impl TypedValueParser<Value = T> {
+    let values: Vec<_> = values.into_iter().collect();
+    let possible = values.iter().map(|(_, name, help)| {
         let value = PossibleValue::new(*name);
         if help.is_empty() { value } else { value.help(*help) }
-    };
-    PossibleValuesParser::new(T::VALUES.iter().map(value)).try_map(|name| T::from_name(&name))
+    });
+    PossibleValuesParser::new(possible).try_map(move |name| {
+        let value = values.iter().find(|(_, of, _)| *of == name);
+        value.map(|(value, ..)| value.clone()).ok_or("no such value")
+    })
 }
 
 static STOP: AtomicBool = AtomicBool::new(false);
@@ -59,9 +80,7 @@ const FOR_A_CHECKPOINT: Duration = Duration::from_secs(10);
 /// Set by SIGUSR1, which batch systems send a while before they end a task.
 static SOON: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
-/// What a command runs with.
 pub struct CommandContext {
-    /// The options.
     pub common: Common,
     /// What the library is given.
     context: Context<'static>,
@@ -81,9 +100,8 @@ struct CommandDisplay {
 }
 
 impl Common {
-    /// Sets the threads and the stop signal up.
     pub fn start(self) -> Result<CommandContext> {
-        let threads = self.threads.unwrap_or_else(allotted::threads);
+        let threads = self.threads.unwrap_or_else(cpu_count::threads);
         if threads == 0 || threads > 4096 {
             return Err(Error::argument(format!("--threads {threads} is outside 1 to 4096")));
         }
@@ -151,7 +169,6 @@ impl CommandContext {
         self
     }
 
-    /// What the command reads and writes.
     pub fn outputs(&self) -> MutexGuard<'_, Outputs> {
         lock(&self.outputs)
     }
@@ -164,7 +181,6 @@ impl CommandContext {
         done
     }
 
-    /// Tells what a user should know, a line each.
     pub fn notes(&self, notes: &[String]) {
         notes.iter().for_each(|note| self.message(&format!("note: {note}")));
     }
@@ -184,7 +200,6 @@ impl CommandContext {
         self.line(&format!("{text}{}", self.names_files(text)))
     }
 
-    /// Files that the command writes.
     pub fn files(&self) -> MutexGuard<'_, Vec<PathBuf>> {
         lock(&self.files)
     }

@@ -7,13 +7,12 @@ use crate::picture_out::PictureOut;
 use clap::Args;
 use clap::builder::TypedValueParser;
 use particlegs::camera::{DensityView, Projection, View};
-use particlegs::model::Model;
+use particlegs::model::{Model, Units};
 use particlegs::particles::Particles;
 use particlegs::picture::{Colormap, Plane};
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
-/// How surface density is drawn.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Options of --style density")]
 pub struct DensityArgs {
@@ -28,7 +27,6 @@ pub struct DensityArgs {
     pub raw: bool,
 }
 
-/// The colour maps by name.
 pub fn colormaps() -> impl TypedValueParser<Value = Colormap> {
     named()
 }
@@ -46,26 +44,22 @@ pub struct Quantities {
 
 impl Quantities {
     /// Of a snapshot, each of whose particles may be spread over some neighbours.
-    pub fn of_particles(p: &Particles, smooth: Option<usize>) -> Self {
-        let m = &p.meta;
-        let known = p.weights().is_some() || m.particle_mass.is_some();
-        Quantities {
-            length_unit: m.units.length_text().map(str::to_string),
-            mass_unit: known.then(|| m.units.mass_text().unwrap_or("mass").to_string()),
-            weight_name: m.weight_name.clone(),
-            comoving: m.units.comoving == Some(true),
-            smooth,
-        }
+    pub fn from_particles(p: &Particles, smooth: Option<usize>) -> Self {
+        let (m, known) = (&p.meta, p.weights().is_some() || p.meta.particle_mass.is_some());
+        Quantities { smooth, ..Quantities::new(&m.units, known, m.weight_name.as_deref()) }
     }
 
-    /// Of a model.
-    pub fn of_model(model: &Model) -> Self {
-        let (m, known) = (&model.metadata, model.has_masses());
+    pub fn from_model(model: &Model) -> Self {
+        let m = &model.metadata;
+        Quantities::new(&m.units, model.has_masses(), m.weight_name())
+    }
+
+    fn new(units: &Units, has_masses: bool, weight_name: Option<&str>) -> Self {
         Quantities {
-            length_unit: m.units.length_text().map(str::to_string),
-            mass_unit: known.then(|| m.units.mass_text().unwrap_or("mass").to_string()),
-            weight_name: m.weight_name().map(str::to_string),
-            comoving: m.units.comoving == Some(true),
+            length_unit: units.length_text().map(str::to_string),
+            mass_unit: has_masses.then(|| units.mass_text().unwrap_or("mass").to_string()),
+            weight_name: weight_name.map(str::to_string),
+            comoving: units.comoving == Some(true),
             smooth: None,
         }
     }
@@ -75,7 +69,6 @@ impl Quantities {
         self.length_unit.as_deref()
     }
 
-    /// Are lengths comoving?
     pub fn is_comoving(&self) -> bool {
         self.comoving
     }
@@ -96,7 +89,6 @@ impl Quantities {
     }
 }
 
-/// The range of colours that is asked for by `--range`.
 pub fn range_of(asked: Option<&[f64]>) -> Result<Option<[f64; 2]>> {
     match asked {
         None => Ok(None),
@@ -106,7 +98,6 @@ pub fn range_of(asked: Option<&[f64]>) -> Result<Option<[f64; 2]>> {
 }
 
 impl DensityArgs {
-    /// The range that is asked for.
     pub fn asked_range(&self) -> Result<Option<[f64; 2]>> {
         range_of(self.range.as_deref())
     }
@@ -120,7 +111,6 @@ impl DensityArgs {
         })
     }
 
-    /// Writes a plane as raw values; the path written.
     pub fn write_raw(&self, out: &PictureOut, view: &DensityView, plane: &Plane, q: &Quantities) -> Result<PathBuf> {
         let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
         let focal = view.camera.focal_pixels(plane.size);

@@ -1,7 +1,7 @@
 //! Surface density as numbers: NAME.f32, little-endian float32 by rows from the top, and NAME.json, which says
 //! what they are. Written by `--raw`, read by `compare`.
 
-use particlegs::camera::{DensityView, Projection};
+use particlegs::camera::{CameraRecord, DensityView, Projection};
 use particlegs::context::Context;
 use particlegs::picture::{Plane, Size};
 use particlegs::{Error, Result};
@@ -17,43 +17,30 @@ const SAME: f64 = 1e-6;
 
 const JSON: Form = Form { title: "a description of values", begins: Begins::Object, most: 1 << 20, expansion: 16 };
 
-/// What a file of values holds.
 #[derive(Serialize, Deserialize)]
 pub struct DensityDescription {
     width: usize,
     height: usize,
     values: String,
-    quantity: String,
-    unit: String,
-    comoving: bool,
-    /// Neighbours that each particle is spread over; of pictures of particles, smoothed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    smooth: Option<usize>,
-    projection: String,
-    world_per_pixel: f64,
     #[serde(flatten)]
-    camera: Option<CameraKeys>,
+    means: Means,
+    projection: String,
+    /// From where; `projection` and `world_per_pixel` say its window.
+    #[serde(flatten)]
+    camera: Option<CameraRecord>,
     name: String,
 }
 
-/// From where, by the keys of a views file.
-#[derive(Serialize, Deserialize)]
-struct CameraKeys {
-    position: [f64; 3],
-    focal_point: [f64; 3],
-    view_up: [f64; 3],
-    clipping_range: [f64; 2],
-}
-
 /// What of a plane's description the plane and its view do not say.
+#[derive(Serialize, Deserialize)]
 pub struct Means {
-    /// What they are.
     pub quantity: String,
     /// Unit of the values.
     pub unit: String,
     /// Are lengths comoving?
     pub comoving: bool,
-    /// Neighbours that each particle is spread over.
+    /// Neighbours that each particle is spread over; of pictures of particles, smoothed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub smooth: Option<usize>,
     /// World units a pixel; at the focal point in perspective.
     pub world_per_pixel: f64,
@@ -78,23 +65,14 @@ pub fn write(folder: &Path, view: &DensityView, plane: &Plane, means: Means) -> 
 
 fn described(view: &DensityView, size: Size, means: Means) -> DensityDescription {
     let perspective = matches!(view.camera.projection, Projection::Perspective { .. });
-    let camera = &view.camera;
+    let record = CameraRecord::from(view.camera);
     DensityDescription {
         width: size.width,
         height: size.height,
         values: "float32, little-endian, rows from the top".into(),
-        quantity: means.quantity,
-        unit: means.unit,
-        comoving: means.comoving,
-        smooth: means.smooth,
+        means,
         projection: if perspective { "perspective" } else { "orthographic" }.into(),
-        world_per_pixel: means.world_per_pixel,
-        camera: Some(CameraKeys {
-            position: camera.position,
-            focal_point: camera.focal_point,
-            view_up: camera.view_up,
-            clipping_range: view.range,
-        }),
+        camera: Some(CameraRecord { fov_deg: None, height_world: None, clipping_range: Some(view.range), ..record }),
         name: view.name.clone(),
     }
 }
@@ -135,12 +113,13 @@ impl DensityDescription {
             let [a, b] = [self, other].map(|d| format!("{}x{}", d.width, d.height));
             return pair("pixels: ", &a, &b);
         }
-        if (&self.quantity, &self.unit) != (&other.quantity, &other.unit) {
-            let [a, b] = [self, other].map(|d| format!("{} in {}", d.quantity, d.unit));
+        let [a, b] = [&self.means, &other.means];
+        if (&a.quantity, &a.unit) != (&b.quantity, &b.unit) {
+            let [a, b] = [a, b].map(|m| format!("{} in {}", m.quantity, m.unit));
             return pair("", &a, &b);
         }
-        if self.comoving != other.comoving {
-            let [a, b] = [self, other].map(|d| if d.comoving { "comoving" } else { "not comoving" });
+        if a.comoving != b.comoving {
+            let [a, b] = [a, b].map(|m| if m.comoving { "comoving" } else { "not comoving" });
             return pair("lengths: ", &a, &b);
         }
         if self.projection != other.projection {
@@ -156,9 +135,11 @@ impl DensityDescription {
 
     /// Size of a pixel, and the camera where it is known.
     fn numbers(&self) -> Vec<f64> {
-        let mut all = vec![self.world_per_pixel];
+        let mut all = vec![self.means.world_per_pixel];
         if let Some(c) = &self.camera {
-            all.extend([c.position, c.focal_point, c.view_up].as_flattened().iter().chain(&c.clipping_range));
+            all.extend(
+                [c.position, c.focal_point, c.view_up].as_flattened().iter().chain(c.clipping_range.iter().flatten()),
+            );
         }
         all
     }

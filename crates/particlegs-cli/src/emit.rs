@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 const SLURM: &str = include_str!("emit/slurm.sh");
 const SNAKEMAKE: &str = include_str!("emit/Snakefile");
 
-/// An engine that can drive a job folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum JobEngine {
     /// A bash script for a login node: three dependent submissions.
@@ -21,21 +20,14 @@ pub enum JobEngine {
 /// What a script must know of a job. Paths should be absolute: tasks run elsewhere.
 #[derive(Clone, Debug)]
 pub struct JobScript {
-    /// The program's own path.
     pub program: PathBuf,
-    /// The job folder.
     pub folder: PathBuf,
-    /// The file that the merge writes.
     pub model: PathBuf,
     /// Chunks of the input to scatter; 0 where blocks read the snapshot itself.
     pub chunks: u64,
-    /// Blocks, at least 1.
     pub blocks: u64,
-    /// Memory of a chunk or a block, bytes.
     pub task_bytes: u64,
-    /// Memory of the merge, bytes.
     pub merge_bytes: u64,
-    /// Threads of one task, at least 1.
     pub threads: usize,
 }
 
@@ -51,23 +43,18 @@ pub fn quoted(engine: JobEngine, path: &Path) -> Result<String> {
         Some(text) if !text.contains(refused) => Ok(quote(text)),
         _ => Err(Error::Argument {
             what: format!("{}: this path cannot be written in the script of this engine", path.display()),
-            remedy: "use a path in UTF-8 without line breaks, braces, angle brackets and backslashes".into(),
+            hint: "use a path in UTF-8 without line breaks, braces, angle brackets and backslashes".into(),
         }),
     }
 }
 
-/// The engine's script for a job.
 pub fn script(engine: JobEngine, job: &JobScript) -> Result<String> {
-    let template = match engine {
-        JobEngine::Slurm => SLURM,
-        JobEngine::Snakemake => SNAKEMAKE,
+    // Slurm's M is a MiB, Snakemake's mem_mb counts 10^6; a tenth more, as engines end what goes beyond.
+    let (template, unit) = match engine {
+        JobEngine::Slurm => (SLURM, 1 << 20),
+        JobEngine::Snakemake => (SNAKEMAKE, 1_000_000),
     };
     let path = |p: &Path| quoted(engine, p);
-    // Slurm's M is a MiB, Snakemake's mem_mb counts 10^6; a tenth more, as engines end what goes beyond.
-    let unit = match engine {
-        JobEngine::Slurm => 1 << 20,
-        JobEngine::Snakemake => 1_000_000,
-    };
     let memory = |bytes: u64| (bytes.div_ceil(unit) * 11).div_ceil(10).to_string();
     Ok(fill(
         template,
@@ -106,7 +93,6 @@ fn fill(template: &str, values: &[(&str, String)]) -> String {
     text + rest
 }
 
-/// One word for a POSIX shell.
 pub fn shell_word(text: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+:,@%=".contains(c);
     if !text.is_empty() && text.chars().all(plain) {

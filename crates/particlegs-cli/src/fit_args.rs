@@ -1,21 +1,19 @@
 //! What a model is to be: target, effort, what it stores. The same for `compress` and `plan`.
 
-use crate::certificate_args::CertificateArgs;
 use crate::common::named;
-use crate::snapshot_args::{SnapshotArgs, SnapshotSubset};
+use crate::snapshot_args::ParticleArgs;
 use crate::target_args::{GoalArgs, TargetArgs, with_default};
 use crate::train_args::TrainArgs;
 use clap::Args;
 use particlegs::compress::Options;
 use particlegs::fit::Effort;
+use particlegs::model::CertificateLevel;
 use particlegs::{Error, Result};
 
-/// A number of blocks.
 pub fn number_of_blocks(text: &str) -> std::result::Result<u32, String> {
     text.parse().map_err(|_| "not a number (--gadget-blocks names the blocks of a Gadget file)".to_string())
 }
 
-/// What a model is to be.
 #[derive(Args, Clone, Debug)]
 #[command(mut_arg("ratio", |a| with_default(a, "300, less for small snapshots")))]
 pub struct FitArgs {
@@ -34,20 +32,20 @@ pub struct FitArgs {
     /// Particle opacity to store as the default, in (0, 1] [default: 0.05].
     #[arg(long, value_name = "A", hide_short_help = true)]
     opacity: Option<f64>,
-    #[command(flatten)]
-    certificate: CertificateArgs,
+    /// How much of the decoded model is measured and stored in the file.
+    #[arg(long, value_name = "LEVEL", default_value = "quick", value_parser = named::<CertificateLevel>())]
+    certificate: CertificateLevel,
     #[command(flatten)]
     pub train: TrainArgs,
 }
 
 impl FitArgs {
-    /// For pictures alone?
     pub fn is_fast(&self) -> bool {
         self.effort == Effort::Fast
     }
 
-    /// The options of a job in one block, in memory. The subset's seed is theirs, too.
-    pub fn options(&self, snapshot: &SnapshotArgs, subset: SnapshotSubset<'_>) -> Result<Options> {
+    /// The options of a job in one block, in memory. The selection's seed is theirs, too.
+    pub fn options(&self, particles: &ParticleArgs, seed: u64) -> Result<Options> {
         for (name, value) in [("--radius", self.radius), ("--opacity", self.opacity)] {
             if value.is_some_and(|v| !(v > 0.0 && v.is_finite())) {
                 return Err(Error::argument(format!("{name} must be positive")));
@@ -66,9 +64,9 @@ impl FitArgs {
             radius: self.radius,
             opacity: self.opacity,
             training: self.train.config()?,
-            seed: subset.seed,
-            certificate: self.certificate.level(),
-            read: snapshot.choice_of(subset)?.options(),
+            seed,
+            certificate: self.certificate,
+            read: particles.choice(seed)?.options(),
             ..Options::default()
         })
     }

@@ -1,95 +1,45 @@
 //! What `info` prints about a model file, and its certificate as a table.
 
-use crate::annotate::text::number;
 use crate::common::CommandContext;
-use crate::info_snapshot;
+use crate::figure::number;
+use crate::info_snapshot::{self, point};
 use crate::inputs;
 use crate::printable::one_line;
-use crate::rows::wrapped;
+use crate::text_wrap::wrapped;
 use particlegs::Result;
 use particlegs::codec::{self, BlockInfo, FileInfo};
 use particlegs::context::Context;
 use particlegs::model::{
-    AlphaBlend, Certificate, CertificateLevel, Cosmology, Effort, Epoch, GoalResult, LawKind, Layer, Metadata,
-    MetricEntry, MetricGroup, MetricValue, Quantity, Recipe, Units, VIZMAPPER_SHAPE, VizMapper, VizRanges,
+    AlphaBlend, Certificate, CertificateLevel, Effort, GoalResult, LawKind, Layer, Metadata, MetricEntry, MetricGroup,
+    MetricValue, Quantity, Recipe, VIZMAPPER_SHAPE, VizMapper, VizRanges, hex,
 };
 use particlegs::score::{Assessment, Grade, UseCase};
 use particlegs::space::Cell;
 use particlegs_files::input::name_of;
 use serde::Serialize;
+use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::Path;
 
-/// The result.
 #[derive(Serialize)]
 struct ModelInfoReport<'a> {
     format_version: String,
     model_bytes: u64,
-    /// What the file lacks.
     missing: Option<String>,
     other_sections: &'a [(String, u64)],
     raw_bytes: u64,
     compression_ratio: f64,
     gaussians: u64,
     bytes_per_gaussian: f64,
-    metadata: MetadataReport<'a>,
-    layers: Vec<LayerReport<'a>>,
-    vizmapper: Option<NetworkReport>,
+    metadata: Value,
+    layers: Vec<Value>,
+    vizmapper: Option<Value>,
     published_bytes: u64,
     certificate: Option<&'a Certificate>,
     verdict: Vec<Assessment>,
 }
 
-#[derive(Serialize)]
-struct LayerReport<'a> {
-    name: &'a str,
-    particle_mass: Option<f64>,
-    weighted: bool,
-    blocks: &'a [BlockInfo],
-}
-
-/// The network of an alpha-blend model.
-#[derive(Serialize)]
-struct NetworkReport {
-    shape: [usize; 4],
-    parameters: usize,
-    ranges: VizRanges,
-    bytes: usize,
-}
-
-#[derive(Serialize)]
-struct MetadataReport<'a> {
-    law: &'static str,
-    particles: u64,
-    mass: f64,
-    /// What weights are that are not masses.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    weight_name: Option<&'a str>,
-    bounds: particlegs::space::Bounds,
-    cell: Option<particlegs::space::Cell>,
-    default_radius: f64,
-    default_opacity: f64,
-    source: &'a str,
-    source_blake3: String,
-    #[serde(flatten)]
-    units: &'a Units,
-    #[serde(flatten)]
-    cosmology: &'a Cosmology,
-    #[serde(flatten)]
-    epoch: &'a Epoch,
-    redshift: Option<f64>,
-    /// How means and shapes weigh particles.
-    weighting: &'static str,
-    /// What was kept of each particle.
-    kept: Vec<Quantity>,
-    command: String,
-    tool_version: &'a str,
-    /// Of the fit, where the Gaussians are what it gave.
-    effort: Option<&'static str>,
-}
-
-/// Prints what the file says.
 pub fn print(context: &CommandContext, path: &Path, bytes: &[u8]) -> Result<()> {
     print_info(context, &codec::read_info(bytes, &name_of(path))?)
 }
@@ -99,9 +49,9 @@ pub fn is_of_recipe(path: &Path, recipe: &Recipe, context: &Context<'_>) -> Resu
     Ok(codec::read_metadata(&inputs::model(path, context)?, &name_of(path))?.recipe == *recipe)
 }
 
-fn layer_report(layer: &Layer<Vec<BlockInfo>>) -> LayerReport<'_> {
+fn layer_report(layer: &Layer<Vec<BlockInfo>>) -> Value {
     let Layer { name, mass, content } = layer;
-    LayerReport { name, particle_mass: mass.unit(), weighted: mass.is_weighted(), blocks: content }
+    json!({ "name": name, "particle_mass": mass.unit(), "weighted": mass.is_weighted(), "blocks": content })
 }
 
 fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
@@ -111,6 +61,7 @@ fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
         count.saturating_mul(l.mass.particle_bytes())
     };
     let raw_bytes = info.layers.iter().map(layer_bytes).fold(0, u64::saturating_add);
+    let kept = info.metadata.quantities(info.layers.iter().any(|l| l.mass.is_weighted()));
     let report = ModelInfoReport {
         format_version: format!("{}.{}", info.version[0], info.version[1]),
         model_bytes: info.bytes,
@@ -120,99 +71,88 @@ fn print_info(context: &CommandContext, info: &FileInfo) -> Result<()> {
         compression_ratio: raw_bytes as f64 / info.bytes as f64,
         gaussians,
         bytes_per_gaussian: info.bytes as f64 / gaussians as f64,
-        metadata: metadata(&info.metadata, info.layers.iter().any(|l| l.mass.is_weighted())),
+        metadata: metadata(&info.metadata, &kept),
         layers: info.layers.iter().map(layer_report).collect(),
         vizmapper: info.vizmapper.as_ref().map(network),
         published_bytes: gaussians * AlphaBlend::PLY_BYTES,
         certificate: info.certificate.as_ref(),
         verdict: Assessment::verdict(info.certificate.as_ref(), &info.metadata),
     };
-    context.finish(&text(&report), &report)
+    context.finish(&text(info, &report, &kept), &report)
 }
 
-fn network(n: &VizMapper) -> NetworkReport {
-    NetworkReport {
-        shape: VIZMAPPER_SHAPE,
-        parameters: n.parameters.len(),
-        ranges: n.ranges,
-        bytes: codec::VIZMAPPER_SECTION_BYTES,
+fn network(n: &VizMapper) -> Value {
+    json!({
+        "shape": VIZMAPPER_SHAPE, "parameters": n.parameters.len(), "ranges": n.ranges,
+        "bytes": codec::VIZMAPPER_SECTION_BYTES,
+    })
+}
+
+fn metadata(m: &Metadata, kept: &[Quantity]) -> Value {
+    let mut report = json!({
+        "law": m.law.name(), "particles": m.count, "mass": m.mass, "bounds": m.bounds, "cell": m.cell,
+        "default_radius": m.default_radius, "default_opacity": m.default_opacity, "source": m.source,
+        "source_blake3": hex(&m.source_hash), "redshift": m.epoch.redshift(), "weighting": Metadata::WEIGHTING,
+        "kept": kept, "command": m.recipe.to_string(), "tool_version": m.tool_version,
+        "effort": m.recipe.fitted().map(Effort::name),
+    });
+    m.weight_name().iter().for_each(|name| report["weight_name"] = (*name).into());
+    for more in [json!(m.units), json!(m.cosmology), json!(m.epoch)] {
+        report.as_object_mut().into_iter().for_each(|r| r.extend(more.as_object().cloned().unwrap_or_default()));
     }
+    report
 }
 
-fn metadata(m: &Metadata, weighted: bool) -> MetadataReport<'_> {
-    MetadataReport {
-        law: m.law.name(),
-        particles: m.count,
-        mass: m.mass,
-        weight_name: m.weight_name(),
-        bounds: m.bounds,
-        cell: m.cell,
-        default_radius: m.default_radius,
-        default_opacity: m.default_opacity,
-        source: &m.source,
-        source_blake3: particlegs::model::hex(&m.source_hash),
-        units: &m.units,
-        cosmology: &m.cosmology,
-        epoch: &m.epoch,
-        redshift: m.epoch.redshift(),
-        weighting: Metadata::WEIGHTING,
-        kept: m.quantities(weighted),
-        command: m.recipe.to_string(),
-        tool_version: &m.tool_version,
-        effort: m.recipe.fitted().map(Effort::name),
-    }
-}
-
-fn text(r: &ModelInfoReport<'_>) -> String {
-    let m = &r.metadata;
+fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
+    let m = &info.metadata;
     let mut out = String::new();
     let mut row = |name: &str, value: String| {
         let _ = writeln!(out, "{}", wrapped(&format!("{name:<18} "), &one_line(&value), 19));
     };
-    row("format", format!("{}, image law {}", r.format_version, m.law));
+    row("format", format!("{}, image law {}", r.format_version, m.law.name()));
     row("size", format!("{} bytes, ratio {:.1} to {} raw bytes", r.model_bytes, r.compression_ratio, r.raw_bytes));
     r.missing.iter().for_each(|what| row("incomplete", what.clone()));
     row("Gaussians", format!("{}, {:.3} bytes each", r.gaussians, r.bytes_per_gaussian));
     let (bytes, each, ratio) =
         (r.published_bytes, AlphaBlend::PLY_BYTES, r.raw_bytes as f64 / r.published_bytes as f64);
     row("as published", format!("{bytes} bytes as PLY, {each} a Gaussian, ratio {ratio:.1}"));
-    match &r.vizmapper {
-        Some(NetworkReport { shape, parameters, ranges: VizRanges { scale, opacity, floor }, bytes }) => {
-            let shape = shape.map(|n| n.to_string()).join(", ");
-            let network = format!("layers of {shape} values, {parameters} parameters in {bytes} bytes");
+    match &info.vizmapper {
+        Some(VizMapper { parameters, ranges: VizRanges { scale, opacity, floor }, .. }) => {
+            let (shape, bytes) = (VIZMAPPER_SHAPE.map(|n| n.to_string()).join(", "), codec::VIZMAPPER_SECTION_BYTES);
+            let network = format!("layers of {shape} values, {} parameters in {bytes} bytes", parameters.len());
             let ranges = format!("scale within {scale}, opacity within {opacity}, its factor at least {floor}");
             row("VizMapper", format!("{network}; {ranges}"));
         }
-        None if m.law == LawKind::AlphaBlend.name() => row("VizMapper", "none: trained without".into()),
+        None if m.law == LawKind::AlphaBlend => row("VizMapper", "none: trained without".into()),
         None => {}
     }
-    row("particles", m.particles.to_string());
-    let of = m.weight_name.map_or_else(String::new, |name| format!(" of `{name}`"));
+    row("particles", m.count.to_string());
+    let of = m.weight_name().map_or_else(String::new, |name| format!(" of `{name}`"));
     row("weights", format!("{}{of} in all (1 a particle where a layer has none)", m.mass));
     row("bounds", format!("{} to {}", point(m.bounds.min), point(m.bounds.max)));
-    row("cell", cell(m));
+    row("cell", m.cell.as_ref().map_or_else(|| "none stated".into(), Cell::to_string));
     row("default radius", number(m.default_radius));
     row("default opacity", format!("{}", m.default_opacity));
     row("source", m.source.to_string());
-    row("source BLAKE3", m.source_blake3.clone());
-    row("unit of length", info_snapshot::length(m.units));
-    info_snapshot::moment(m.units, m.cosmology, m.epoch).into_iter().for_each(|(name, value)| row(name, value));
-    row("kept", m.kept.iter().map(quantity).collect::<Vec<_>>().join("; "));
-    row("weighting", format!("by {}: means and shapes of Gaussians weigh all particles alike", m.weighting));
-    row("command", m.command.clone());
+    row("source BLAKE3", hex(&m.source_hash));
+    row("unit of length", info_snapshot::length(&m.units));
+    info_snapshot::moment(&m.units, &m.cosmology, &m.epoch).into_iter().for_each(|(name, value)| row(name, value));
+    row("kept", kept.iter().map(quantity).collect::<Vec<_>>().join("; "));
+    row("weighting", format!("by {}: means and shapes of Gaussians weigh all particles alike", Metadata::WEIGHTING));
+    row("command", m.recipe.to_string());
     row("made by", format!("particlegs {}", m.tool_version));
-    m.effort.iter().for_each(|effort| row("fitted with", format!("effort {effort}")));
-    let weight = m.weight_name.map_or_else(|| "mass".to_string(), |name| format!("`{name}`"));
-    for layer in &r.layers {
-        let count: u64 = layer.blocks.iter().map(|b| b.count).sum();
-        let mass = match (layer.weighted, layer.particle_mass) {
+    m.recipe.fitted().iter().for_each(|effort| row("fitted with", format!("effort {}", effort.name())));
+    let weight = m.weight_name().map_or_else(|| "mass".to_string(), |name| format!("`{name}`"));
+    for layer in &info.layers {
+        let count: u64 = layer.content.iter().map(|b| b.count).sum();
+        let mass = match (layer.mass.is_weighted(), layer.mass.unit()) {
             (true, _) => format!("each with a {weight} of its own"),
             (false, Some(m)) => format!("of {weight} {m} each"),
             (false, None) => "mass not stated".to_string(),
         };
-        let blocks = layer.blocks.len();
+        let blocks = layer.content.len();
         row("layer", format!("`{}`: {count} particles, {mass}, {blocks} block(s)", layer.name));
-        for b in layer.blocks {
+        for b in &layer.content {
             let BlockInfo { count, gaussians, bytes, .. } = b;
             let each = b.bytes as f64 / f64::from(b.gaussians);
             let place = format!("{} to {}", point(b.bounds.min), point(b.bounds.max));
@@ -241,26 +181,17 @@ fn quantity(q: &Quantity) -> String {
     format!("{} ({}{unit}, {} bytes a particle)", q.name, q.kind.name(), q.bytes)
 }
 
-fn cell(m: &MetadataReport<'_>) -> String {
-    m.cell.as_ref().map_or_else(|| "none stated".into(), Cell::in_words)
-}
-
-fn point(p: [f64; 3]) -> String {
-    format!("({}, {}, {})", p[0], p[1], p[2])
-}
-
-/// Every figure of a certificate. `unit` is the unit of length.
 pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     let Some(c) = c else { return "certificate        none\n".into() };
     let mut out = "certificate        measured at encoding (-: not measured, or none)\n".to_string();
     let mut line = |text: &str| out += &(wrapped("  ", text, 6) + "\n");
     if let Some(goal) = &c.goal {
-        line(&goal_in_words(goal, unit));
+        line(&describe_goal(goal, unit));
     }
     for (group, entries) in c.groups().into_iter().filter(|(group, _)| group.tag != MetricGroup::GOAL) {
         match entries {
             Some(entries) => {
-                line(&group.in_words(&entries, unit));
+                line(&group.describe(&entries, unit));
                 tables(&entries, unit).iter().for_each(|text| line(text));
             }
             None if group.levels == [CertificateLevel::Full] => {
@@ -273,9 +204,8 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     out
 }
 
-/// What was asked for, and what the file has.
-pub fn goal_in_words(goal: &GoalResult, unit: Option<&str>) -> String {
-    format!("asked for: {}", goal.in_words(unit))
+pub fn describe_goal(goal: &GoalResult, unit: Option<&str>) -> String {
+    format!("asked for: {}", goal.describe(unit))
 }
 
 /// Rows of figures, a table for those that have the same ones; rows of one figure in one line.
@@ -292,7 +222,7 @@ fn tables(entries: &[MetricEntry], unit: Option<&str>) -> Vec<String> {
     let cell = |e: &MetricEntry| match e.value {
         MetricValue::None => "-".into(),
         MetricValue::Score(s) => format!("{} {:.4}", s.masked_psnr.map_or("-".into(), |v| format!("{v:.2}")), s.ssim),
-        value => e.metric.in_words(value, unit),
+        value => e.metric.describe(value, unit),
     };
     let mut lines = Vec::new();
     for rows in tables {
@@ -314,7 +244,6 @@ fn tables(entries: &[MetricEntry], unit: Option<&str>) -> Vec<String> {
     lines
 }
 
-/// What the model is good for, a line a use.
 pub fn verdict(findings: &[Assessment]) -> String {
     let mut out = "verdict            what the model is good for (docs/guide/certificate.md)\n".to_string();
     for f in findings {
@@ -325,7 +254,7 @@ pub fn verdict(findings: &[Assessment]) -> String {
 
 /// The verdict on a model that was just written to `place`, in at most nine lines, and as data; tells unasked what a user
 /// must know of a poor model, whose pictures or density do not clearly beat trivial ones, and what helps.
-pub fn told<T>(
+pub fn describe_new_model<T>(
     c: Option<&Certificate>,
     metadata: &Metadata,
     layers: &[Layer<T>],
@@ -344,12 +273,12 @@ pub fn told<T>(
     }
     let differing = c.map_or_else(Vec::new, |c| c.differing_layers(layers, metadata.units.length_text()));
     differing.iter().for_each(|what| context.message(&format!("warning: {what}")));
-    let short = if c.is_some() { in_short(&v) } else { String::new() };
+    let short = if c.is_some() { brief(&v) } else { String::new() };
     (format!("{short}\nparticlegs info {} shows the rest", place.display()), v)
 }
 
 /// A line a use; uses that were not measured for one reason share a line.
-fn in_short(findings: &[Assessment]) -> String {
+fn brief(findings: &[Assessment]) -> String {
     let (missing, judged): (Vec<_>, Vec<_>) = findings.iter().partition(|f| f.word == Grade::NotMeasured);
     let mut lines: Vec<[String; 3]> =
         judged.iter().map(|f| [f.of.name(), f.word.name(), f.figure()].map(String::from)).collect();

@@ -2,7 +2,7 @@
 
 use crate::common::CommandContext;
 use crate::printable::one_line;
-use crate::rows::wrapped;
+use crate::text_wrap::wrapped;
 use particlegs::Result;
 use particlegs::model::{Cosmology, Dimension, Epoch, Units};
 use particlegs::particles::SnapshotMeta;
@@ -22,7 +22,6 @@ struct SnapshotInfoReport<'a> {
     bounds: &'a [Bounds],
 }
 
-/// Describes the snapshot in words or as JSON.
 pub fn print(context: &CommandContext, paths: &[PathBuf], choice: &Choice, bounds: bool) -> Result<()> {
     let (description, bounds) = choice.describe(paths, bounds, context)?;
     let report = SnapshotInfoReport {
@@ -73,7 +72,6 @@ fn text(r: &SnapshotInfoReport<'_>) -> String {
     out.trim_end().to_string()
 }
 
-/// The first files, and how many there are.
 fn files(files: &[PathBuf]) -> String {
     match files {
         [one] => one.display().to_string(),
@@ -90,17 +88,16 @@ fn field(f: &SpeciesField) -> String {
 
 fn cell(c: &Cell, m: &SnapshotMeta) -> String {
     let unit = m.units.length_text().map_or(String::new(), |u| format!(" ({u})"));
-    format!("{}{unit}", c.in_words())
+    format!("{c}{unit}")
 }
 
-/// The unit of length in words.
 pub fn length(units: &Units) -> String {
     let comoving = match units.comoving {
         Some(true) => ", comoving",
         Some(false) => ", physical",
         None => "",
     };
-    let size = units.length.as_ref().map_or_else(String::new, |u| u.size_in_words(Dimension::Length));
+    let size = units.length.as_ref().map_or_else(String::new, |u| u.describe_size(Dimension::Length));
     said(units.length_text()) + comoving + &size
 }
 
@@ -109,7 +106,7 @@ pub fn moment(units: &Units, cosmology: &Cosmology, epoch: &Epoch) -> Vec<(&'sta
     let c = cosmology;
     let factor = epoch.redshift().zip(epoch.scale_factor).map(|(z, a)| format!("{a} (z = {z:.4})"));
     let mut rows = vec![
-        ("unit of mass", said(units.mass.as_ref().map(|u| u.in_words(Dimension::Mass)))),
+        ("unit of mass", said(units.mass.as_ref().map(|u| u.describe(Dimension::Mass)))),
         ("scale factor", said(factor)),
     ];
     rows.push(("h", said(c.hubble)));
@@ -122,7 +119,7 @@ pub fn moment(units: &Units, cosmology: &Cosmology, epoch: &Epoch) -> Vec<(&'sta
     rows
 }
 
-fn point(p: [f64; 3]) -> String {
+pub fn point(p: [f64; 3]) -> String {
     format!("({}, {}, {})", p[0], p[1], p[2])
 }
 

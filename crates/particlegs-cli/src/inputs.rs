@@ -7,18 +7,13 @@ use particlegs::context::{Context, ProgressSink};
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::{Source, is_stream, name_of};
 use particlegs_formats::{Choice, PathKind};
-use serde::Serializer;
 use std::path::Path;
 
-/// What a path holds that may be either.
 pub enum PathContent {
-    /// A model file's bytes.
     Model(Vec<u8>),
-    /// A snapshot, and how it is read.
     Snapshot(Box<Choice>),
 }
 
-/// Bytes that tell a model file.
 const HEAD: usize = 8;
 
 /// A model file's bytes; `-` is standard input.
@@ -27,15 +22,15 @@ pub fn model(path: &Path, context: &Context<'_>) -> Result<Vec<u8>> {
         return Err(no_model(path));
     }
     let mut source = Source::open(path, context)?;
-    if !codec::is_model(source.peek(HEAD)?) && PathKind::of(path).in_words().is_some() {
+    if !codec::is_model(source.peek(HEAD)?) && PathKind::from_path(path).describe().is_some() {
         return Err(no_model(path));
     }
     codec::read_source(source, &name_of(path))
 }
 
 fn no_model(path: &Path) -> Error {
-    let kind = PathKind::of(path);
-    let what = format!("{}, not a model file", kind.in_words().unwrap_or_default());
+    let kind = PathKind::from_path(path);
+    let what = format!("{}, not a model file", kind.describe().unwrap_or_default());
     Error::input_with(path, what, kind.to_a_model())
 }
 
@@ -62,9 +57,4 @@ impl ProgressSink for WaitNotice {
     fn message(&self, text: &str) {
         to_stderr(&one_line(text));
     }
-}
-
-/// A path in a report: what is no UTF-8 in it is replaced.
-pub fn path_as_text<S: Serializer>(path: &Path, to: S) -> std::result::Result<S::Ok, S::Error> {
-    to.serialize_str(&path.to_string_lossy())
 }

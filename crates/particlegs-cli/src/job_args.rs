@@ -1,7 +1,7 @@
 //! How a job's snapshot is named in its manifest, and opened again.
 
 use crate::common::CommandContext;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
+use crate::snapshot_args::ParticleArgs;
 use particlegs::job::Job;
 use particlegs::particles::{LayeredParticles, Particles, Storage};
 use particlegs::{Error, Result};
@@ -9,63 +9,44 @@ use particlegs_files::input::{is_stream, name_of};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// A snapshot as a job names it.
+/// A snapshot as a job's manifest has it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct JobSnapshot {
     paths: Vec<PathBuf>,
-    opening: SnapshotArgs,
-    selection: SelectionArgs,
-    window: WindowArgs,
+    #[serde(flatten)]
+    particles: ParticleArgs,
     seed: u64,
 }
 
 impl JobSnapshot {
     /// As named on the command line; tasks may run in other folders.
-    pub fn new(paths: &[PathBuf], opening: &SnapshotArgs, subset: SnapshotSubset<'_>) -> Result<Self> {
+    pub fn new(paths: &[PathBuf], particles: &ParticleArgs, seed: u64) -> Result<Self> {
         let absolute = |p: &PathBuf| {
             if is_stream(p) {
-                let hint = "write the data to a file first";
-                return Err(Error::input_with(
-                    name_of(p),
-                    "a pipe or device: every task of a job reads it again",
-                    hint,
-                ));
+                let what = "a pipe or device: every task of a job reads it again";
+                return Err(Error::input_with(name_of(p), what, "write the data to a file first"));
             }
             let path = std::fs::canonicalize(p).map_err(|e| Error::io(p, e))?;
-            match path.to_str() {
-                Some(_) => Ok(path),
-                None => {
-                    Err(Error::argument(format!("{}: a job wants a path in UTF-8, as plan.json keeps it", p.display())))
-                }
+            if path.to_str().is_none() {
+                let what = format!("{}: a job wants a path in UTF-8, as plan.json keeps it", p.display());
+                return Err(Error::argument(what));
             }
+            Ok(path)
         };
         let paths = paths.iter().map(absolute).collect::<Result<_>>()?;
-        Ok(JobSnapshot {
-            paths,
-            opening: opening.clone(),
-            selection: subset.selection.clone(),
-            window: subset.window.clone(),
-            seed: subset.seed,
-        })
+        Ok(JobSnapshot { paths, particles: particles.clone(), seed })
     }
 
-    fn subset(&self) -> SnapshotSubset<'_> {
-        SnapshotSubset { selection: &self.selection, window: &self.window, seed: self.seed }
-    }
-
-    /// As a job's manifest names it.
-    pub fn of(job: &Job) -> Result<Self> {
+    pub fn from_job(job: &Job) -> Result<Self> {
         let place = job.folder.join("plan.json");
         let value = job.snapshot().clone();
         serde_json::from_value(value).map_err(|e| Error::input(&place, format!("names no snapshot: {e}")))
     }
 
-    /// Its files.
     pub fn paths(&self) -> &[PathBuf] {
         &self.paths
     }
 
-    /// How errors name it.
     pub fn place(&self) -> String {
         self.paths.first().map_or_else(String::new, |p| p.display().to_string())
     }
@@ -73,9 +54,9 @@ impl JobSnapshot {
     /// The snapshot, and whether tasks can open it again and read any part of it; what cannot be read where it
     /// lies is put into `storage`.
     pub fn source(&self, storage: &Storage, context: &CommandContext) -> Result<(LayeredParticles, bool)> {
-        match self.opening.open_later(&self.paths, self.subset(), context)? {
+        match self.particles.choice(self.seed)?.read_later(&self.paths, context)? {
             Some(layered) => Ok((layered, true)),
-            None => Ok((LayeredParticles::of(&self.selected(storage, context)?), false)),
+            None => Ok((LayeredParticles::from_particles(&self.selected(storage, context)?), false)),
         }
     }
 
@@ -90,7 +71,7 @@ impl JobSnapshot {
     }
 
     fn selected(&self, storage: &Storage, context: &CommandContext) -> Result<Particles> {
-        self.opening.open_selected_in(storage, &self.paths, self.subset(), context)
+        self.particles.read(&self.paths, self.seed, storage, context)
     }
 }
 
@@ -106,7 +87,7 @@ pub fn task_number(text: &str) -> Result<u64> {
 }
 
 /// Errors of a task that an engine runs again: a stop is no failure.
-pub fn of_task(error: Error, job: &Path, task: &str) -> Error {
+pub fn task_error(error: Error, job: &Path, task: &str) -> Error {
     match error {
         Error::Cancelled => Error::Checkpointed { what: format!("{}: {task}", job.display()) },
         other => other,

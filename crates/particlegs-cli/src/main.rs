@@ -1,28 +1,21 @@
 //! The `particlegs` command: parses, calls the library, reports. No numerics here.
 
-mod agree;
-mod allotted;
-mod annotate;
 #[cfg(feature = "lab")]
 mod bench_files;
-mod canvas;
 mod centres;
-mod certificate_args;
+mod certificate_check;
 mod commands;
 mod common;
-mod compared;
-mod compared_density;
-mod cut_short;
+mod comparison;
+mod cpu_count;
 mod density_args;
 mod density_file;
 mod device;
 mod drawing;
-mod drawn;
 mod emit;
+mod error_text;
 mod figure;
 mod fit_args;
-#[cfg(all(feature = "gpu", feature = "lab"))]
-mod gpu_bench;
 mod info_model;
 mod info_snapshot;
 mod inputs;
@@ -30,27 +23,28 @@ mod job_args;
 mod options;
 mod outputs;
 mod page_args;
+mod page_models;
 mod picture_out;
 mod pictures;
-mod plots;
 mod printable;
 mod progress;
-mod remedies;
+mod rendered_view;
 mod report;
-mod rows;
 mod run_args;
+mod sequence_args;
+mod sigbus;
 mod snapshot_args;
-mod source;
+mod source_check;
 mod stats_plots;
 mod stats_tables;
 mod target_args;
+mod text_wrap;
 mod train_args;
 mod train_log;
 mod view_args;
-mod viewed;
-mod views;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
+use particlegs::{Error, Result};
 use std::ffi::OsString;
 use std::process::ExitCode;
 
@@ -77,12 +71,18 @@ fn subcommand(command: clap::Command) -> clap::Command {
     if names && !number { command.mut_arg("gadget_blocks", |a| a.visible_alias("blocks")) } else { command }
 }
 
-/// Parses, refuses options that would do nothing, and runs.
-fn run() -> particlegs::Result<()> {
+fn run() -> Result<()> {
     // `help -h` is `help`.
     let mut arguments: Vec<OsString> = std::env::args_os().collect();
     if arguments.get(1).is_some_and(|command| command == "help") {
         arguments.retain(|a| a != "-h" && a != "--help");
+    }
+    if cfg!(not(feature = "lab")) && arguments.get(1).is_some_and(|command| command == "bench") {
+        let what = "this program was built without the laboratory";
+        return Err(Error::argument_with(
+            what,
+            "build it with `cargo build --release -p particlegs-cli --features lab`",
+        ));
     }
     let matches = match Cli::command().try_get_matches_from(arguments) {
         Ok(matches) => matches,
@@ -95,7 +95,7 @@ fn run() -> particlegs::Result<()> {
 }
 
 fn main() -> ExitCode {
-    cut_short::say_so();
+    sigbus::end_with_message();
     common::meet_file_size_limits();
     end_on_panic();
     match run() {

@@ -2,185 +2,127 @@
 //! that is given and means nothing is refused by name, for a result without it would mislead.
 
 use crate::figure::output::FileKind;
-use clap::ArgMatches;
 use clap::parser::ValueSource;
+use clap::{ArgMatches, Id};
 use particlegs::{Error, NamedValue, Result};
 use particlegs_export::{Group, Kind as Exported};
 use particlegs_formats::PathKind;
 use std::path::Path;
 
-/// Options of some commands that mean nothing beside some others.
 struct OptionRule {
-    commands: &'static [&'static str],
-    /// As clap knows them.
-    options: &'static [&'static str],
+    /// Separated by blanks, as the options are.
+    commands: &'static str,
+    /// As clap knows them; a group of options by the name of its struct.
+    options: &'static str,
     /// Do they mean nothing beside what else was given?
     idle: fn(&CommandMatches<'_>) -> bool,
-    /// What they belong to.
     belongs: &'static str,
-    /// What to do; may be empty.
     hint: &'static str,
 }
 
-/// How a snapshot is opened.
-const OPENING: &[&str] = &[
-    "format",
-    "particle_type",
-    "positions",
-    "weights",
-    "frame",
-    "layers_by",
-    "box_lengths",
-    "length_unit",
-    "mass_unit",
-    "skip_invalid",
-    "strict",
-    "unwrapped",
-    "gadget_blocks",
-];
-/// What of it is kept.
-const SELECTION: &[&str] = &["region", "every", "sample", "center", "width"];
-
-/// What is about a picture, and its colours.
-const FIGURE: &[&str] = &[
-    "colormap",
-    "range",
-    "no_annotations",
-    "colorbar",
-    "background",
-    "axes",
-    "scale_bar",
-    "title",
-    "figure_width",
-    "font_size",
-    "dpi",
-    "video",
-];
-
-/// How a page opens.
-const PAGE: &[&str] = &[
-    "style",
-    "background",
-    "color_by_layer",
-    "like",
-    "views",
-    "azimuth",
-    "elevation",
-    "distance",
-    "projection",
-    "look_at",
-];
-
-/// Rules, each as commands, options, when these mean nothing, and what they belong to, with what to do.
+/// Rules, each as commands, options, when these mean nothing, what they belong to, and what to do where that helps.
 macro_rules! rules {
-    ($([$($command:literal),*], $options:expr, $idle:expr => $belongs:expr, $hint:expr;)*) => {
+    ($($commands:literal: $options:expr, $idle:expr => $belongs:expr $(, $hint:expr)?;)*) => {
         &[$(OptionRule {
-            commands: &[$($command),*],
+            commands: $commands,
             options: $options,
             idle: $idle,
             belongs: $belongs,
-            hint: $hint,
+            hint: [$($hint,)? ""][0],
         }),*]
     };
 }
 
 const DENSITY: [&str; 2] = ["--style density", "add --style density, or leave it away"];
 const MODEL: &str = "snapshots, and the file is a model";
-const RECOVER: &str = "draw particles with `recover`, then convert those";
-const BEHIND: [&str; 2] = ["the snapshot, and none is given", "name it behind the model"];
-const SNAPSHOT: [&str; 2] = [BEHIND[0], "name it by --snapshot"];
+const NO_SNAPSHOT: &str = "the snapshot, and none is given";
 
 const RULES: &[OptionRule] = rules! {
-    ["render", "reference"], &["colormap", "range", "raw"], |g| !g.density() => DENSITY[0], DENSITY[1];
-    ["reference"], &["smooth"], |g| !g.density() => DENSITY[0], DENSITY[1];
-    ["render", "reference"], &["no_annotations", "colorbar"], |g| !g.has_bars() =>
-        "--style density, PDF and SVG, and --scale-bar: nothing else has bars", "";
-    ["render", "reference"], &["radius", "opacity"], |g| g.is("style", "density") =>
-        "the other styles: a surface density has no particle radius or opacity", "";
-    ["render"], &["color_by_layer"], |g| g.is("style", "density") =>
+    "render reference": "colormap range raw", |g| !g.density() => DENSITY[0], DENSITY[1];
+    "reference": "smooth", |g| !g.density() => DENSITY[0], DENSITY[1];
+    "render reference": "no_annotations colorbar", |g| !g.has_bars() =>
+        "--style density, PDF and SVG, and --scale-bar: nothing else has bars";
+    "render reference": "radius opacity", |g| g.is("style", "density") =>
+        "the other styles: a surface density has no particle radius or opacity";
+    "render": "color_by_layer", |g| g.is("style", "density") =>
         "the other styles: a density has colours of its own", "draw one layer with --layer NAME";
-    ["render", "reference"], &["distance"], |g| g.is("projection", "orthographic") =>
+    "render reference": "distance", |g| g.is("projection", "orthographic") =>
         "perspective pictures", "choose the window with --azimuth, --elevation, --center, --width and --depth";
-    ["render", "reference"], &["distance"], |g| g.has("width") =>
-        "pictures without --width, which says how near the camera is", "";
-    ["render", "reference"], &["azimuth", "elevation", "distance", "projection", "center", "width", "depth", "fit"],
-        |g| g.has("path") => "pictures without --path, whose key frames are cameras", "";
-    ["render", "reference"], &["font_size"], |g| !g.has_letters() => "figures with letters: a colour bar, a scale bar, axes or a title", "";
-    ["render", "reference"], &["figure_width", "font_size"], |g| g.has("no_annotations") && !g.draws_page() =>
+    "render reference": "distance", |g| g.has("width") =>
+        "pictures without --width, which says how near the camera is";
+    "render reference": "azimuth elevation distance projection center width depth fit",
+        |g| g.has("path") => "pictures without --path, whose key frames are cameras";
+    "render reference": "font_size", |g| !g.has_letters() => "figures with letters: a colour bar, a scale bar, axes or a title";
+    "render reference": "figure_width font_size", |g| g.has("no_annotations") && !g.draws_page() =>
         "figures: with --no-annotations a PNG is the picture alone", "--size says how many pixels it has";
-    ["render", "reference"], FIGURE, |g| g.has("raw") => "pictures: --raw writes values", "";
-    ["compress"], &["resume", "minutes", "log"], |g| !g.trains() => "training: it needs --train fast|best|paper", "";
-    ["compress", "plan"], &["law", "scale", "iterations"], |g| !g.trains() =>
-        "training: it needs --train fast|best|paper, or --config", "";
-    ["compress", "plan"], &["effort"], |g| g.is("train", "paper") =>
+    "render reference": "FigureArgs colormap range video", |g| g.has("raw") => "pictures: --raw writes values";
+    "compress": "resume minutes log", |g| !g.trains() => "training: it needs --train fast|best|paper";
+    "compress plan": "law scale iterations", |g| !g.trains() =>
+        "training: it needs --train fast|best|paper, or --config";
+    "compress plan": "effort", |g| g.is("train", "paper") =>
         "a fit: the published recipe starts from particles drawn at random",
         "leave --effort away; --scale and --iterations shorten training";
-    ["info"], OPENING, |g| g.model("input") => MODEL, "";
-    ["info"], &["no_bounds"], |g| g.model("input") => MODEL, "";
-    ["convert"], OPENING, |g| g.model("input") => MODEL, RECOVER;
-    ["convert"], SELECTION, |g| g.model("input") => MODEL, RECOVER;
-    ["verify"], OPENING, |g| !g.has("snapshot") => BEHIND[0], BEHIND[1];
-    ["view"], OPENING, |g| !g.has("particles") => SNAPSHOT[0], SNAPSHOT[1];
-    ["view"], &["region", "every", "sample", "left_out"], |g| !g.has("particles") => SNAPSHOT[0], SNAPSHOT[1];
-    ["verify"], SELECTION, |g| !g.has("snapshot") => BEHIND[0], BEHIND[1];
-    ["merge"], &["certificate"], |g| !g.folder("parts") =>
-        "a job's folder: a merge of files has no certificate", "";
-    ["recover"], &["scale"], |g| g.is("method", "grid") =>
-        "the methods that draw from Gaussians: `grid` fills cells", "";
-    ["stats"], &["grid", "assignment"], |g| g.without(&["density"]) =>
-        "the measure `density`, which --only leaves out", "";
-    ["stats"], &["spectrum_grid", "spectrum_assignment", "no_interlacing", "k_max"], |g| g.without(&["spectrum"]) =>
-        "the measure `spectrum`, which --only leaves out", "";
-    ["stats"], &["separations"], |g| g.without(&["pairs", "spectrum"]) =>
-        "the measures `pairs` and `spectrum`, which --only leaves out", "";
-    ["stats"], &["pairs"], |g| g.without(&["pairs", "rdf"]) =>
-        "the measures `pairs` and `rdf`, which --only leaves out", "";
-    ["stats"], &["aperture"], |g| g.without(&["groups"]) => "the measure `groups`, which --only leaves out", "";
-    ["stats"], &["linking", "linking_length"], |g| g.without(&["groups", "haloes"]) =>
-        "the measures `groups` and `haloes`, which --only leaves out", "";
-    ["stats"], &["rdf_max"], |g| g.without(&["rdf"]) => "the measure `rdf`, which --only leaves out", "";
-    ["stats"], &["profile_axis", "profile_bins"], |g| g.without(&["profile"]) =>
-        "the measure `profile`, which --only leaves out", "";
-    ["stats"], &["centres", "halo_radius", "halo_bins"], |g| g.without(&["haloes"]) =>
-        "the measure `haloes`, which --only leaves out", "";
-    ["stats"], &["neighbours"], |g| g.without(&["neighbours"]) =>
-        "the measure `neighbours`, which --only leaves out", "";
-    ["stats"], &["spectrum_assignment", "no_interlacing"], |g| g.is("convention", "paper") =>
-        "--convention correct: the published table has its own", "";
-    ["export"], &["color"], |g| g.exports() != Some(Group::Splats) =>
-        "splats: it needs an output that ends in .ply, .glb or .gltf", "";
-    ["export"], &["radius", "opacity", "colormap", "range"], |g| !g.exports_picture() =>
-        "pages and splats: it needs an output that ends in .html, .ply, .glb or .gltf", "";
-    ["export"], PAGE, |g| g.exports() != Some(Group::Page) =>
-        "pages: it needs an output that ends in .html", "";
-    ["export"], &["colormap", "range"], |g| g.exports() == Some(Group::Splats) && !g.is("color", "density") =>
+    "info": "SnapshotArgs no_bounds", |g| g.model("input") => MODEL;
+    "convert": "SnapshotArgs SelectionArgs WindowArgs", |g| g.model("input") => MODEL,
+        "draw particles with `recover`, then convert those";
+    "verify": "SnapshotArgs SelectionArgs WindowArgs", |g| !g.has("snapshot") => NO_SNAPSHOT, "name it behind the model";
+    "view": "SnapshotArgs SelectionArgs", |g| !g.has("particles") => NO_SNAPSHOT, "name it by --snapshot";
+    "merge": "certificate", |g| !g.folder("parts") =>
+        "a job's folder: a merge of files has no certificate";
+    "recover": "scale", |g| g.is("method", "grid") =>
+        "the methods that draw from Gaussians: `grid` fills cells";
+    "stats": "grid assignment", |g| g.without(&["density"]) =>
+        "the measure `density`, which --only leaves out";
+    "stats": "spectrum_grid spectrum_assignment no_interlacing k_max", |g| g.without(&["spectrum"]) =>
+        "the measure `spectrum`, which --only leaves out";
+    "stats": "separations", |g| g.without(&["pairs", "spectrum"]) =>
+        "the measures `pairs` and `spectrum`, which --only leaves out";
+    "stats": "pairs", |g| g.without(&["pairs", "rdf"]) =>
+        "the measures `pairs` and `rdf`, which --only leaves out";
+    "stats": "aperture", |g| g.without(&["groups"]) => "the measure `groups`, which --only leaves out";
+    "stats": "linking linking_length", |g| g.without(&["groups", "haloes"]) =>
+        "the measures `groups` and `haloes`, which --only leaves out";
+    "stats": "rdf_max", |g| g.without(&["rdf"]) => "the measure `rdf`, which --only leaves out";
+    "stats": "profile_axis profile_bins", |g| g.without(&["profile"]) =>
+        "the measure `profile`, which --only leaves out";
+    "stats": "centres halo_radius halo_bins", |g| g.without(&["haloes"]) =>
+        "the measure `haloes`, which --only leaves out";
+    "stats": "neighbours", |g| g.without(&["neighbours"]) =>
+        "the measure `neighbours`, which --only leaves out";
+    "stats": "spectrum_assignment no_interlacing", |g| g.is("convention", "paper") =>
+        "--convention correct: the published table has its own";
+    "export": "color", |g| g.exports() != Some(Group::Splats) =>
+        "splats: it needs an output that ends in .ply, .glb or .gltf";
+    "export": "radius opacity colormap range", |g| !g.exports_picture() =>
+        "pages and splats: it needs an output that ends in .html, .ply, .glb or .gltf";
+    "export": "PageArgs", |g| g.exports() != Some(Group::Page) =>
+        "pages: it needs an output that ends in .html";
+    "export": "colormap range", |g| g.exports() == Some(Group::Splats) && !g.is("color", "density") =>
         "--color density", "add --color density, or leave it away";
-    ["view", "export"], &["radius", "opacity"], |g| g.page_of_density() =>
+    "view export": "radius opacity", |g| g.page_of_density() =>
         "the other styles: a surface density has no particle radius or opacity", "add --style paraview";
-    ["view", "export"], &["color_by_layer"], |g| g.page_of_density() =>
+    "view export": "color_by_layer", |g| g.page_of_density() =>
         "the other styles: a density has colours of its own", "add --style paraview";
-    ["view", "export"], &["colormap", "range"], |g| g.exports() != Some(Group::Splats) && g.has("style") && !g.density() =>
+    "view export": "colormap range", |g| g.exports() != Some(Group::Splats) && g.has("style") && !g.density() =>
         DENSITY[0], DENSITY[1];
-    ["export"], &["grid", "cell"], |g| g.exports().is_some_and(|e| e != Group::Grid) =>
-        "density on a grid: it needs an output that ends in .npy, .vti or .fits", "";
+    "export": "grid cell", |g| g.exports().is_some_and(|e| e != Group::Grid) =>
+        "density on a grid: it needs an output that ends in .npy, .vti or .fits";
 };
 
-/// Refuses the first option on the command line that would do nothing.
 pub fn check(matches: &ArgMatches) -> Result<()> {
     let Some((command, matches)) = matches.subcommand() else { return Ok(()) };
     let given = CommandMatches(matches);
-    for rule in RULES.iter().filter(|r| r.commands.contains(&command)) {
-        if let Some(option) = rule.options.iter().find(|o| given.has(o))
+    for rule in RULES.iter().filter(|r| r.commands.split(' ').any(|c| c == command)) {
+        if let Some(option) = rule.options.split(' ').find_map(|o| given.first_of(o))
             && (rule.idle)(&given)
         {
-            let what = format!("{} does nothing here: it belongs to {}", spelling(option), rule.belongs);
-            return Err(Error::Argument { what, remedy: rule.hint.into() });
+            let what = format!("{} does nothing here: it belongs to {}", spelling(&option), rule.belongs);
+            return Err(Error::argument_with(what, rule.hint));
         }
     }
     Ok(())
 }
 
-/// An option as it is typed.
 fn spelling(id: &str) -> String {
     match id {
         "box_lengths" => "--box".into(),
@@ -188,13 +130,25 @@ fn spelling(id: &str) -> String {
     }
 }
 
-/// What stands on the command line of one command.
+fn is_group(option: &str) -> bool {
+    option.starts_with(char::is_uppercase)
+}
+
 struct CommandMatches<'a>(&'a ArgMatches);
 
 impl CommandMatches<'_> {
     /// Is the argument there, and not as a default?
     fn has(&self, id: &str) -> bool {
         self.0.try_contains_id(id).unwrap_or(false) && self.0.value_source(id) == Some(ValueSource::CommandLine)
+    }
+
+    /// The option, or of a group the first that is there.
+    fn first_of(&self, option: &str) -> Option<String> {
+        if is_group(option) {
+            let given = self.0.try_get_many::<Id>(option).ok().flatten();
+            return given.into_iter().flatten().find(|id| self.has(id.as_str())).map(Id::to_string);
+        }
+        self.has(option).then(|| option.to_string())
     }
 
     /// The words of an argument as typed, or its default.
@@ -212,7 +166,6 @@ impl CommandMatches<'_> {
         self.is("style", "density") || self.has("like") && !self.has("style")
     }
 
-    /// Are there bars in the picture, or beside it?
     fn has_bars(&self) -> bool {
         let beside = ["panels", "color_by_layer", "scale_bar", "figure_width"].iter().any(|id| self.has(id));
         self.density() || self.draws_page() || beside
@@ -237,10 +190,9 @@ impl CommandMatches<'_> {
     fn exports(&self) -> Option<Group> {
         let asked = self.words("kind").first().and_then(|name| Exported::from_name(name).ok());
         let out = self.paths("output").into_iter().next()?;
-        Exported::of(&out, asked).ok().map(Exported::group)
+        Exported::for_output(&out, asked).ok().map(Exported::group)
     }
 
-    /// Is a page or a file of splats written?
     fn exports_picture(&self) -> bool {
         matches!(self.exports(), Some(Group::Page | Group::Splats))
     }
@@ -260,10 +212,9 @@ impl CommandMatches<'_> {
     /// Is the one file of a positional argument a model? Files that cannot be
     /// read are told of later, and what can be read once only is left alone.
     fn model(&self, id: &str) -> bool {
-        matches!(&self.paths(id)[..], [one] if matches!(PathKind::of(one), PathKind::Model))
+        matches!(&self.paths(id)[..], [one] if matches!(PathKind::from_path(one), PathKind::Model))
     }
 
-    /// Is the one part a folder?
     fn folder(&self, id: &str) -> bool {
         matches!(&self.paths(id)[..], [one] if one.is_dir())
     }
@@ -284,9 +235,14 @@ mod tests {
     fn the_table_names_what_there_is() {
         let cli = crate::Cli::command();
         for rule in RULES {
-            for name in rule.commands {
+            for name in rule.commands.split(' ') {
                 let command = cli.find_subcommand(name).unwrap_or_else(|| panic!("no command {name}"));
-                for option in rule.options {
+                let (groups, options): (Vec<_>, Vec<_>) = rule.options.split(' ').partition(|o| is_group(o));
+                for group in groups {
+                    let group = command.get_groups().find(|g| g.get_id() == group);
+                    assert!(group.is_some_and(|g| g.get_args().next().is_some()), "{name} has no {group:?}");
+                }
+                for option in options {
                     let arg = command.get_arguments().find(|a| a.get_id() == option);
                     let arg = arg.unwrap_or_else(|| panic!("{name} has no {option}"));
                     assert_eq!(arg.get_long().map(|l| format!("--{l}")), Some(spelling(option)), "{name}");

@@ -1,7 +1,7 @@
 //! What a command reads and writes, said before its work: the one place that decides what is replaced.
 
 use crate::common::CommandContext;
-use crate::rows::wrapped;
+use crate::text_wrap::wrapped;
 use clap::Args;
 use particlegs::{Error, Result, codec};
 use particlegs_files::output;
@@ -19,7 +19,6 @@ const ADVICE: &str = "name another output, or replace it with --force";
 /// Files of a folder that are named one by one.
 const MOST_NAMED: usize = 12;
 
-/// Of commands that write models, particles or jobs.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct ForceArgs {
     /// Replace the output where there is one. Inputs and files of other kinds are never replaced.
@@ -27,64 +26,46 @@ pub struct ForceArgs {
     pub force: bool,
 }
 
+/// A file that is replaced where there is one of its kind.
+const fn replaced(name: &'static str, is: fn(&Path, &[u8]) -> bool) -> Kind {
+    Kind { name, kept: false, is }
+}
+
 /// A model file: kept unless replacing is asked for.
 pub const MODEL: Kind = Kind { name: "a model file", kept: true, is: |_, head| codec::is_model(head) };
 
-/// A picture.
-pub const PNG: Kind = Kind { name: "a PNG", kept: false, is: |_, head| head.starts_with(b"\x89PNG\r\n\x1a\n") };
+pub const PNG: Kind = replaced("a PNG", |_, head| head.starts_with(b"\x89PNG\r\n\x1a\n"));
+pub const SVG: Kind =
+    replaced("an SVG", |_, head| head.trim_ascii_start().starts_with(b"<svg") || head.windows(4).any(|w| w == b"<svg"));
+pub const PDF: Kind = replaced("a PDF", |_, head| head.starts_with(b"%PDF-"));
+pub const GIF: Kind = replaced("a GIF", |_, head| head.starts_with(b"GIF8"));
+/// In the container of ISO 14496-12.
+pub const MP4: Kind = replaced("an MP4 film", |_, head| head.get(4..8).is_some_and(|b| b == b"ftyp"));
+/// In the container of Matroska.
+pub const WEBM: Kind = replaced("a WebM film", |_, head| head.starts_with(&[0x1a, 0x45, 0xdf, 0xa3]));
 
 /// Results as JSON. What describes a snapshot or a job is JSON too, and not replaced.
-pub const JSON: Kind = Kind {
-    name: "a result as JSON",
-    kept: false,
-    is: |path, head| {
-        let first = head.iter().find(|b| !b.is_ascii_whitespace());
-        let describes = path.file_name().is_some_and(|n| n == "meta.json" || n == "plan.json");
-        matches!(first, Some(b'{' | b'[')) && is_text(head) && !describes
-    },
-};
+pub const JSON: Kind = replaced("a result as JSON", |path, head| {
+    let first = head.iter().find(|b| !b.is_ascii_whitespace());
+    let describes = path.file_name().is_some_and(|n| n == "meta.json" || n == "plan.json");
+    matches!(first, Some(b'{' | b'[')) && is_text(head) && !describes
+});
 
 /// The log of a training run, a JSON object a line.
-pub const LOG: Kind = Kind {
-    name: "a log of JSON lines",
-    kept: false,
-    is: |_, head| {
-        let line = head.split(|b| *b == b'\n').next().unwrap_or_default();
-        serde_json::from_slice::<Value>(line).is_ok_and(|v| v.is_object())
-    },
-};
-
-/// A plot.
-pub const SVG: Kind = Kind {
-    name: "an SVG",
-    kept: false,
-    is: |_, head| head.trim_ascii_start().starts_with(b"<svg") || head.windows(4).any(|w| w == b"<svg"),
-};
-
-/// A page.
-pub const PDF: Kind = Kind { name: "a PDF", kept: false, is: |_, head| head.starts_with(b"%PDF-") };
-
-/// Films.
-pub const GIF: Kind = Kind { name: "a GIF", kept: false, is: |_, head| head.starts_with(b"GIF8") };
-/// In the container of ISO 14496-12.
-pub const MP4: Kind =
-    Kind { name: "an MP4 film", kept: false, is: |_, head| head.get(4..8).is_some_and(|b| b == b"ftyp") };
-/// In the container of Matroska.
-pub const WEBM: Kind =
-    Kind { name: "a WebM film", kept: false, is: |_, head| head.starts_with(&[0x1a, 0x45, 0xdf, 0xa3]) };
+pub const LOG: Kind = replaced("a log of JSON lines", |_, head| {
+    let line = head.split(|b| *b == b'\n').next().unwrap_or_default();
+    serde_json::from_slice::<Value>(line).is_ok_and(|v| v.is_object())
+});
 
 /// Surface density as raw values: what describes them lies beside them.
-pub const VALUES: Kind = Kind {
-    name: "raw values of a surface density",
-    kept: false,
-    is: |path, _| beginning(&path.with_extension("json")).is_some_and(|text| text.contains("\"surface density\"")),
-};
+pub const VALUES: Kind = replaced("raw values of a surface density", |path, _| {
+    beginning(&path.with_extension("json")).is_some_and(|text| text.contains("\"surface density\""))
+});
 
-/// A snapshot in one file, in whatever format.
 pub const PARTICLES: Kind = Kind { name: "a snapshot", kept: true, is: |_, _| true };
 
 /// A file that nothing but an empty one may be in the place of.
-const UNKNOWN: Kind = Kind { name: "made by this command", kept: false, is: |_, _| false };
+const UNKNOWN: Kind = replaced("made by this command", |_, _| false);
 
 /// Do two files, or all files of two folders, hold the same?
 fn same_files(a: &Path, b: &Path) -> Result<bool> {
@@ -96,13 +77,8 @@ fn same_files(a: &Path, b: &Path) -> Result<bool> {
             return same_bytes(a, b);
         }
         let of_a = names(a)?;
-        Ok(of_a == names(b)?
-            && of_a
-                .iter()
-                .map(|n| same_bytes(&a.join(n), &b.join(n)))
-                .collect::<std::io::Result<Vec<_>>>()?
-                .iter()
-                .all(|s| *s))
+        let same = of_a.iter().map(|n| same_bytes(&a.join(n), &b.join(n))).collect::<std::io::Result<Vec<_>>>()?;
+        Ok(of_a == names(b)? && same.iter().all(|s| *s))
     };
     read().map_err(|e| Error::io(b, e))
 }
@@ -124,10 +100,7 @@ fn same_bytes(a: &Path, b: &Path) -> std::io::Result<bool> {
 
 /// Is a file's beginning text? It may end within a letter.
 fn is_text(head: &[u8]) -> bool {
-    match std::str::from_utf8(head) {
-        Ok(_) => true,
-        Err(e) => e.error_len().is_none(),
-    }
+    std::str::from_utf8(head).map_or_else(|e| e.error_len().is_none(), |_| true)
 }
 
 /// The first few thousand bytes of a file, as text.
@@ -192,7 +165,6 @@ impl CommandContext {
         if self.writes(path, kind)? { Err(self.refused(path)) } else { Ok(()) }
     }
 
-    /// The error for what is there and kept.
     pub fn refused(&self, path: &Path) -> Error {
         self.outputs().refused(path)
     }
@@ -203,11 +175,19 @@ impl CommandContext {
     }
 
     /// Says how many of a command's pictures there are, where it ends before the last.
-    pub fn says_what_is_there<T>(&self, folder: &Path, done: usize, all: usize, outcome: Result<T>) -> Result<T> {
+    pub fn count_pictures<T>(&self, folder: &Path, done: usize, all: usize, outcome: Result<T>) -> Result<T> {
         if outcome.is_err() && done > 0 {
             self.message(&format!("{done} of {all} pictures are in {}, each whole", folder.display()));
         }
         outcome
+    }
+
+    fn same_or_refused(&self, path: &Path, same: bool) -> Result<()> {
+        if !same {
+            return Err(self.refused(path));
+        }
+        self.message(&format!("{}: is there already, and the same", path.display()));
+        Ok(())
     }
 
     /// Writes a model file. Where one is `kept` it is only looked whether it is the same.
@@ -216,11 +196,7 @@ impl CommandContext {
             return output::write_bytes(path, bytes);
         }
         let there = crate::inputs::model(path, self)?;
-        if there != bytes {
-            return Err(self.refused(path));
-        }
-        self.message(&format!("{}: is there already, and the same", path.display()));
-        Ok(())
+        self.same_or_refused(path, there == bytes)
     }
 
     /// Writes a snapshot. Where one is `kept` it is written beside it, and only looked whether it is the same.
@@ -233,11 +209,7 @@ impl CommandContext {
         let set = FileSet::in_folder(folder)?;
         let again = set.path().join(path.file_name().unwrap_or("snapshot".as_ref()));
         let bytes = write(&again)?;
-        if !same_files(&again, path)? {
-            return Err(self.refused(path));
-        }
-        self.message(&format!("{}: is there already, and the same", path.display()));
-        Ok(bytes)
+        self.same_or_refused(path, same_files(&again, path)?).map(|()| bytes)
     }
 
     /// Writes a file and what describes it beside it, both or neither. Where one is `kept` they are only looked
@@ -257,13 +229,10 @@ impl CommandContext {
         if !kept {
             return set.finish().map(|_| bytes);
         }
-        for place in [path, beside] {
-            if !(place.exists() && same_files(&staged(place), place)?) {
-                return Err(self.refused(place));
-            }
+        if !(beside.exists() && same_files(&staged(beside), beside)?) {
+            return Err(self.refused(beside));
         }
-        self.message(&format!("{}: is there already, and the same", path.display()));
-        Ok(bytes)
+        self.same_or_refused(path, path.exists() && same_files(&staged(path), path)?).map(|()| bytes)
     }
 
     /// Writes several files into `folder`, all of them or none; gives their paths.

@@ -1,26 +1,25 @@
 //! How a page opens. Shared by `view` and `export`.
 
-use crate::common::CommandContext;
+use crate::common::{CommandContext, named};
 use crate::density_args::{colormaps, range_of};
 use crate::drawing::provenance::PictureProvenance;
 use crate::figure::args::Background;
 use crate::view_args::ProjectionArg;
-use clap::{Args, ValueEnum, ValueHint};
+use clap::{Args, ValueHint};
 use particlegs::camera::{ViewSet, ViewsFile};
 use particlegs::codec::FileInfo;
 use particlegs::model::{LawKind, is_species};
 use particlegs::picture::Colormap;
-use particlegs::{Error, Result};
+use particlegs::{Error, NamedValue, Result};
 use particlegs_view::page::{PageOpening, PageStyle};
 use std::path::PathBuf;
 
-/// What a page draws first, and from where.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "How the page opens")]
 pub struct PageArgs {
     /// Style that the page opens with [default: density; of an alpha-blend model paraview].
-    #[arg(long, value_enum, value_name = "STYLE")]
-    pub style: Option<PageStyleArg>,
+    #[arg(long, value_name = "STYLE", value_parser = named::<PageStyle>())]
+    pub style: Option<PageStyle>,
     /// Background of the picture [default: black].
     #[arg(long, value_enum, value_name = "COLOR", hide_short_help = true)]
     pub background: Option<Background>,
@@ -71,10 +70,8 @@ pub struct PageArgs {
     pub look_at: Option<Vec<f64>>,
 }
 
-/// What says where a camera is.
 const CAMERA: [&str; 5] = ["azimuth", "elevation", "distance", "projection", "look_at"];
 
-/// How particles and densities look, in pages and in splats.
 #[derive(Args, Clone, Debug)]
 pub struct AppearanceArgs {
     /// Particle radius in world units [default: the model's].
@@ -91,29 +88,7 @@ pub struct AppearanceArgs {
     pub range: Option<Vec<f64>>,
 }
 
-/// The styles of a page.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum PageStyleArg {
-    /// Surface density in logarithmic colours.
-    Density,
-    /// As ParaView draws the particles, without their shot noise.
-    Paraview,
-    /// 255 (1 - exp(-tau)) for the optical depth tau.
-    Expected,
-}
-
-impl PageStyleArg {
-    fn of_page(self) -> PageStyle {
-        match self {
-            PageStyleArg::Density => PageStyle::Density,
-            PageStyleArg::Paraview => PageStyle::Paraview,
-            PageStyleArg::Expected => PageStyle::Expected,
-        }
-    }
-}
-
 impl PageArgs {
-    /// The files that are read.
     pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
         [&self.like, &self.views].into_iter().flatten()
     }
@@ -132,7 +107,7 @@ impl PageArgs {
         }
         if let Some(path) = &self.like {
             let (told, set) = PictureProvenance::read(path, context)?;
-            let style = || PageStyleArg::from_str(&told.style, false).ok().map(PageStyleArg::of_page);
+            let style = || PageStyle::from_name(&told.style).ok();
             opening.style = opening.style.or_else(style);
             opening.range = opening.range.or(told.range.filter(|_| opening.style == Some(PageStyle::Density)));
             opening.colormap = opening.colormap.or_else(|| told.colormap.and_then(|name| name.parse().ok()));
@@ -153,7 +128,6 @@ impl PageArgs {
         Ok(opening)
     }
 
-    /// What the options say themselves.
     fn own(&self, dials: &AppearanceArgs) -> Result<PageOpening> {
         let finite = |name: &str, value: Option<f64>| match value {
             Some(v) if !v.is_finite() => Err(Error::argument(format!("--{name} {v} is not a finite angle"))),
@@ -172,7 +146,7 @@ impl PageArgs {
             Some(_) => return Err(Error::argument("--look-at takes X,Y,Z, each a finite number")),
         };
         Ok(PageOpening {
-            style: self.style.map(PageStyleArg::of_page),
+            style: self.style,
             colormap: dials.colormap,
             range: range_of(dials.range.as_deref())?,
             white: self.background.map(|b| b == Background::White),

@@ -7,12 +7,10 @@ use particlegs::{Error, Result};
 use particlegs_files::output;
 use std::path::{Path, PathBuf};
 
-/// Where pictures go.
 #[derive(Clone, Debug)]
 pub enum PictureOut {
     /// NAME.png of each view.
     Folder(PathBuf),
-    /// The picture of the only view.
     File(PathBuf),
 }
 
@@ -23,7 +21,7 @@ impl PictureOut {
         let is_picture = FileKind::of(out).is_some() && !out.is_dir() || output::is_stream(out)?;
         if !is_picture && out.is_file() {
             let what = format!("{} is a file, and its name does not end in .png, .pdf or .svg", out.display());
-            return Err(Error::Argument { what, remedy: "name a folder, or a picture NAME.png".into() });
+            return Err(Error::argument_with(what, "name a folder, or a picture NAME.png"));
         }
         if !is_picture {
             context.makes_folder(out)?;
@@ -31,11 +29,11 @@ impl PictureOut {
         }
         if raw {
             let what = format!("{} names a picture, and --raw writes values", out.display());
-            return Err(Error::Argument { what, remedy: "name a folder: it gets NAME.f32 and NAME.json".into() });
+            return Err(Error::argument_with(what, "name a folder: it gets NAME.f32 and NAME.json"));
         }
         if views != 1 {
             let what = format!("{} names one picture, and there are {views} views", out.display());
-            return Err(Error::Argument { what, remedy: "name a folder: it gets a picture for each view".into() });
+            return Err(Error::argument_with(what, "name a folder: it gets a picture for each view"));
         }
         Ok(PictureOut::File(out.to_path_buf()))
     }
@@ -52,7 +50,6 @@ impl PictureOut {
         Ok(paths)
     }
 
-    /// The file of a view's picture.
     pub fn picture(&self, view: &str) -> PathBuf {
         match self {
             PictureOut::Folder(folder) => folder.join(format!("{view}.png")),
@@ -60,7 +57,6 @@ impl PictureOut {
         }
     }
 
-    /// What its files are.
     pub fn kind(&self) -> FileKind {
         match self {
             PictureOut::Folder(_) => FileKind::Png,
@@ -68,7 +64,6 @@ impl PictureOut {
         }
     }
 
-    /// The folder that files go to.
     pub fn folder(&self) -> &Path {
         match self {
             PictureOut::Folder(folder) => folder,

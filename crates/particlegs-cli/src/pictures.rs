@@ -1,6 +1,5 @@
 //! What `compress --pictures` and `eval --pictures` write: truth beside model beside error, and the surface density.
 
-use crate::annotate::text::number;
 use crate::density_args::Quantities;
 use crate::drawing::ViewContent;
 use crate::drawing::finish::Finisher;
@@ -8,7 +7,7 @@ use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
 use crate::figure::args::FigureArgs;
 use crate::figure::output::{FileKind, bytes};
 use crate::figure::ticks::TickMarks;
-use crate::figure::{ColourBar, Figure, FigureImage, Panel};
+use crate::figure::{ColourBar, Figure, FigureImage, Panel, number};
 use crate::view_args::ViewSubject;
 use particlegs::Result;
 use particlegs::camera::{DensityView, View, Window, base_distance, spherical_camera};
@@ -22,7 +21,6 @@ use particlegs::splat::ToneStyle;
 use particlegs_files::output::{FileSet, write_bytes};
 use std::path::{Path, PathBuf};
 
-/// One panel.
 const PANEL: Size = Size { width: 640, height: 640 };
 /// Pixels across the surface density, and at most down; the window is the bounds seen along z.
 const DENSITY_WIDTH: usize = 1200;
@@ -33,7 +31,6 @@ const DISTANCE: f64 = 0.85;
 /// Height of letters, for pictures that are shown at half their size.
 const LETTERS: f64 = 9.0;
 
-/// The pictures of a folder.
 pub fn paths(folder: &Path) -> [PathBuf; 2] {
     ["comparison.png", "density.png"].map(|name| folder.join(name))
 }
@@ -47,7 +44,6 @@ pub fn write(folder: &Path, model: &Model, particles: &Particles, context: &Cont
     set.finish()
 }
 
-/// A figure is finished alike by all.
 fn finish<'a>(
     model: &Model,
     args: &'a FigureArgs,
@@ -60,30 +56,16 @@ fn finish<'a>(
         particlegs: env!("CARGO_PKG_VERSION").into(),
         of: vec![SourceFile { name: m.source.clone(), blake3: hex(&m.source_hash) }],
         style: style.into(),
-        layers: Vec::new(),
-        color_by_layer: false,
         colormap: subject.density.then(|| Colormap::default().name().into()),
-        range: None,
         unit: subject.density.then(|| quantities.unit()),
         units: Some(PictureUnits::of(m.unit_system())),
-        background: None,
-        views: serde_json::Value::Null,
+        ..PictureProvenance::default()
     };
     Finisher { args, colormap: Colormap::default(), quantities, subject, legend: Vec::new(), about }
 }
 
 fn figure_args() -> FigureArgs {
-    FigureArgs {
-        colorbar: None,
-        background: None,
-        axes: None,
-        scale_bar: true,
-        title: None,
-        figure_width: None,
-        font_size: Some(LETTERS),
-        dpi: Some(200.0),
-        no_annotations: false,
-    }
+    FigureArgs { scale_bar: true, font_size: Some(LETTERS), dpi: Some(200.0), ..FigureArgs::default() }
 }
 
 fn comparison(path: &Path, model: &Model, particles: &Particles, context: &Context<'_>) -> Result<()> {
@@ -96,7 +78,7 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, context: &Conte
         opacity: m.default_opacity,
     };
     let truth = Reference::with_bounds(particles, m.bounds).draw(&view, PANEL, ToneStyle::Paraview, context)?;
-    let drawn = render::draw(&Scene::of(model), &view, PANEL, ToneStyle::Paraview, context)?;
+    let drawn = render::draw(&Scene::new(model), &view, PANEL, ToneStyle::Paraview, context)?;
     let score = masked_psnr(&truth, &drawn).map_or("identical".into(), |s| format!("masked PSNR {s:.1} dB"));
     let captions = [
         format!("{} particles, as ParaView draws them", grouped(m.count)),
@@ -104,7 +86,8 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, context: &Conte
         "error: model − truth".to_string(),
     ];
     let (error, bar) = error(&truth, &drawn);
-    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), ViewSubject::of_model(model, false));
+    let (args, quantities, subject) =
+        (figure_args(), Quantities::from_model(model), ViewSubject::of_model(model, false));
     let finish = finish(model, &args, &quantities, &subject);
     let range = [1.0, 10.0];
     let mut panels = [truth, drawn]
@@ -119,7 +102,6 @@ fn comparison(path: &Path, model: &Model, particles: &Particles, context: &Conte
     write_bytes(path, &bytes(&figure, &args, FileKind::Png, &finish.about(&[view], PANEL, range)?)?)
 }
 
-/// A number with thin gaps between thousands.
 fn grouped(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::new();
@@ -158,7 +140,8 @@ fn reach(differences: &[i32]) -> f32 {
 
 fn density(path: &Path, model: &Model, context: &Context<'_>) -> Result<()> {
     let m = &model.metadata;
-    let (args, quantities, subject) = (figure_args(), Quantities::of_model(model), ViewSubject::of_model(model, true));
+    let (args, quantities, subject) =
+        (figure_args(), Quantities::from_model(model), ViewSubject::of_model(model, true));
     let extent = m.bounds.extent_nonzero();
     let height = DENSITY_WIDTH as f64 * (extent[1] / extent[0]);
     let height = height.clamp(DENSITY_HEIGHTS[0], DENSITY_HEIGHTS[1]).round();
@@ -166,7 +149,7 @@ fn density(path: &Path, model: &Model, context: &Context<'_>) -> Result<()> {
     let width = subject.extent.width(&spherical_camera([0.0; 3], 0.0, 0.0, 1.0).frame()?, size);
     let window = Window { center: subject.extent.center, angles_deg: [0.0; 2], width, depth: None };
     let seen = DensityView::orthographic("density", &window, size, &m.bounds, m.cell)?;
-    let plane = render::surface_density(&Scene::of(model), &seen, size, context)?;
+    let plane = render::surface_density(&Scene::new(model), &seen, size, context)?;
     let view =
         View { name: "density".into(), camera: seen.camera, radius: m.default_radius, opacity: m.default_opacity };
     finish(model, &args, &quantities, &subject).write(path, ViewContent::Density(plane), &view, None, FileKind::Png)

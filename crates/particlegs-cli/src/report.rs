@@ -1,25 +1,24 @@
 //! What people and programs read: results on stdout, everything else on stderr.
 
+use crate::error_text;
 use crate::printable::{one_line, printable, printable_json};
 use crate::progress::to_stderr;
-use crate::remedies;
 use particlegs::Error;
 use serde::Serialize;
 use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// One line and a hint on stderr; the exit code of docs/guide/exit-codes.md.
 pub fn failure(error: &Error) -> ExitCode {
     if matches!(error, Error::Io { source, .. } if source.kind() == std::io::ErrorKind::BrokenPipe) {
         return ExitCode::SUCCESS;
     }
     to_stderr(&format!("error: {}", one_line(&error.to_string().replace('\n', " "))));
-    let remedy = error.remedy();
-    if !remedy.is_none() {
-        to_stderr(&format!("hint: {}", one_line(&remedies::in_words(&remedy))));
+    let hint = error.hint();
+    if !hint.is_empty() {
+        to_stderr(&format!("hint: {}", one_line(&error_text::hint_text(&hint))));
     }
-    ExitCode::from(remedies::exit_code(error))
+    ExitCode::from(error_text::exit_code(error))
 }
 
 /// A line of the result, on stdout.
@@ -32,12 +31,10 @@ pub fn verbatim(line: &str) -> particlegs::Result<()> {
     whole(|| writeln!(std::io::stdout(), "{line}"))
 }
 
-/// Text as it is, on stdout.
 pub fn text(bytes: &[u8]) -> particlegs::Result<()> {
     whole(|| std::io::stdout().write_all(bytes))
 }
 
-/// The help or the version that was asked for, on stdout.
 pub fn help(asked: &clap::Error) -> particlegs::Result<()> {
     whole(|| asked.print())
 }

@@ -5,12 +5,15 @@ use crate::common::CommandContext;
 use crate::outputs::{LOG, PNG, SVG};
 use crate::train_log::{curves, logged};
 use clap::{Args, ValueHint};
+use particlegs::checkpoint::{CheckpointStore, NoCheckpoints};
 use particlegs::compress::{Checkpoint, CompressedModel};
 use particlegs::context::Context;
-use particlegs::pieces::{CheckpointStore, NoCheckpoints};
+use particlegs::score::Assessment;
 use particlegs::train::Limits;
 use particlegs::{Error, Result};
 use particlegs_files::output;
+use serde_json::json;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -19,7 +22,6 @@ const SHARE_AFTER: f64 = 0.1;
 /// ... and seconds that it is at most.
 const MOST_AFTER: f64 = 60.0;
 
-/// A long run.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Training")]
 pub struct RunArgs {
@@ -82,19 +84,43 @@ impl RunArgs {
         if !self.resume {
             return Ok(Some(Checkpoint::fresh(path, whose)));
         }
-        let remedy = "with --force and without --resume the run starts from the beginning".into();
+        let hint = "with --force and without --resume the run starts from the beginning".into();
         if !path.exists() {
-            return Err(Error::Argument { what: format!("{place}: no checkpoint to continue from"), remedy });
+            return Err(Error::Argument { what: format!("{place}: no checkpoint to continue from"), hint });
         }
         let checkpoint = Checkpoint::open(path, whose)?;
         match checkpoint.fault() {
             None => Ok(Some(checkpoint)),
-            Some(fault) => Err(Error::input_with(&place, fault, remedy)),
+            Some(fault) => Err(Error::input_with(&place, fault, hint)),
         }
     }
 
-    /// Does the work, with its log and its checkpoint. The checkpoint stays where the work ends early.
+    /// Does the work, with its log and its checkpoint, and writes the model to `output`. Where the work ends early the
+    /// checkpoint stays, and the error is that it was stopped.
     pub fn run(
+        &self,
+        output: &Path,
+        context: &CommandContext,
+        mut checkpoint: Option<Checkpoint>,
+        work: impl FnOnce(&mut dyn CheckpointStore, &Context<'_>) -> Result<CompressedModel>,
+    ) -> Result<CompressedModel> {
+        let done = self.work(context, checkpoint.as_mut(), work)?;
+        context.notes(&done.notes);
+        if !done.stopped {
+            context.check()?;
+        }
+        output::write_bytes(output, &done.bytes)?;
+        if done.stopped {
+            let output = output.display();
+            let what = format!("{output} holds the best model so far; the same command with --resume continues");
+            context.message(&format!("stopped: {what}"));
+            return Err(Error::Cancelled);
+        }
+        checkpoint.map_or(Ok(()), Checkpoint::remove)?;
+        Ok(done)
+    }
+
+    fn work(
         &self,
         context: &CommandContext,
         mut checkpoint: Option<&mut Checkpoint>,
@@ -136,15 +162,6 @@ fn checkpoint_path(output: &Path) -> Result<Option<PathBuf>> {
     Ok(Some(PathBuf::from(path)))
 }
 
-/// Says of a run that was stopped what there is.
-pub fn stopped(output: &Path, context: &CommandContext) -> Error {
-    let output = output.display();
-    context
-        .message(&format!("stopped: {output} holds the best model so far; the same command with --resume continues"));
-    Error::Cancelled
-}
-
-/// How the training runs went, a line each.
 pub fn trained(done: &CompressedModel) -> String {
     let mut text = String::new();
     for t in &done.trained {
@@ -162,4 +179,15 @@ pub fn trained(done: &CompressedModel) -> String {
         }
     }
     text
+}
+
+pub fn report(output: &Path, done: &CompressedModel, verdict: &[Assessment], seconds: f64) -> serde_json::Value {
+    let bytes = done.bytes.len();
+    json!({
+        "output": output.to_string_lossy(), "gaussians": done.model.gaussians(), "model_bytes": bytes,
+        "raw_bytes": done.raw_bytes, "compression_ratio": done.raw_bytes as f64 / bytes as f64,
+        "step_factor": done.step_factor, "trained": done.trained, "seconds": seconds,
+        "seconds_by_phase": done.seconds.iter().copied().collect::<BTreeMap<_, _>>(),
+        "certificate": done.model.certificate, "verdict": verdict,
+    })
 }

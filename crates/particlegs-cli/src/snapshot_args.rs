@@ -3,14 +3,13 @@
 use clap::{Args, ValueEnum};
 use particlegs::context::Context;
 use particlegs::model::Model;
-use particlegs::particles::{LayeredParticles, Particles, Selection, Storage};
+use particlegs::particles::{Particles, Selection, Storage};
 use particlegs::space::Bounds;
 use particlegs::{Error, Result};
 use particlegs_formats::{Choice, Weights};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// What a user says of the files.
 #[derive(Args, Clone, Debug, Serialize, Deserialize)]
 #[command(next_help_heading = "Snapshot options")]
 pub struct SnapshotArgs {
@@ -25,9 +24,10 @@ pub struct SnapshotArgs {
     /// Field of the positions: one with three components, or three scalar fields x,y,z.
     #[arg(long, value_name = "FIELD", hide_short_help = true)]
     pub positions: Option<String>,
-    /// Field of the weights [default: the masses of a type whose masses differ, else none].
-    #[arg(long, value_name = "FIELD|none", hide_short_help = true)]
-    pub weights: Option<String>,
+    /// Field of the masses, or of what adds up as they do [default: the masses of a type whose masses differ, else none].
+    #[arg(long, alias = "weights", value_name = "FIELD|none", hide_short_help = true)]
+    #[serde(rename = "weights")]
+    pub mass_field: Option<String>,
     /// Frame of a trajectory, counted from 0 [default: the last].
     #[arg(long, value_name = "N", hide_short_help = true)]
     pub frame: Option<u64>,
@@ -62,7 +62,6 @@ pub struct SnapshotArgs {
     pub gadget_blocks: Vec<String>,
 }
 
-/// What becomes of unwrapped positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub enum UnwrappedPositions {
     /// They are wrapped into the periodic box.
@@ -72,7 +71,6 @@ pub enum UnwrappedPositions {
     Keep,
 }
 
-/// What becomes a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub enum LayersBy {
     /// Each particle type.
@@ -81,12 +79,10 @@ pub enum LayersBy {
     Mass,
 }
 
-/// Names of the formats, for the help and its completion.
 fn names() -> Vec<&'static str> {
     Choice::formats().collect()
 }
 
-/// Which particles to keep.
 #[derive(Args, Clone, Debug, Serialize, Deserialize)]
 #[command(next_help_heading = "Selection options (applied in the order region, every, sample)")]
 pub struct SelectionArgs {
@@ -115,7 +111,6 @@ pub struct SelectionArgs {
     pub left_out: bool,
 }
 
-/// A window to keep, instead of a region.
 #[derive(Args, Clone, Debug, Default, Serialize, Deserialize)]
 #[command(next_help_heading = "Selection options (applied in the order region, every, sample)")]
 pub struct WindowArgs {
@@ -143,15 +138,32 @@ pub struct WindowArgs {
     pub width: Option<Vec<f64>>,
 }
 
-/// The particles of a snapshot that a command works on.
-#[derive(Clone, Copy)]
-pub struct SnapshotSubset<'a> {
-    /// Which of them to keep.
-    pub selection: &'a SelectionArgs,
-    /// A window to keep instead of the selection's region.
-    pub window: &'a WindowArgs,
-    /// Seed of the selection's sample.
-    pub seed: u64,
+/// Which particles a command works on: how a snapshot is read, and what of it is kept.
+#[derive(Args, Clone, Debug, Serialize, Deserialize)]
+pub struct ParticleArgs {
+    #[command(flatten)]
+    pub opening: SnapshotArgs,
+    #[command(flatten)]
+    pub selection: SelectionArgs,
+    #[command(flatten)]
+    pub window: WindowArgs,
+}
+
+impl ParticleArgs {
+    pub fn without_window(opening: &SnapshotArgs, selection: &SelectionArgs) -> Self {
+        ParticleArgs { opening: opening.clone(), selection: selection.clone(), window: WindowArgs::default() }
+    }
+
+    /// What to read; `seed` draws the sample.
+    pub fn choice(&self, seed: u64) -> Result<Choice> {
+        let selection = self.selection.selection(&self.window, seed)?;
+        Ok(Choice { selection: Some(selection), ..self.opening.choice()? })
+    }
+
+    /// Reads the particles; what is not used as it lies is put into `storage`.
+    pub fn read(&self, paths: &[PathBuf], seed: u64, storage: &Storage, context: &Context<'_>) -> Result<Particles> {
+        self.choice(seed)?.read(paths, storage, context)
+    }
 }
 
 impl SnapshotArgs {
@@ -160,46 +172,9 @@ impl SnapshotArgs {
         if self.particle_type.is_empty() { Ok(model) } else { model.only(&self.particle_type) }
     }
 
-    /// Opens a subset of it.
-    pub fn open_selected(
-        &self,
-        paths: &[PathBuf],
-        subset: SnapshotSubset<'_>,
-        context: &Context<'_>,
-    ) -> Result<Particles> {
-        self.open_selected_in(&Storage::Memory, paths, subset, context)
-    }
-
-    /// Opens a subset of it; what is not used as it lies is put into `storage`.
-    pub fn open_selected_in(
-        &self,
-        storage: &Storage,
-        paths: &[PathBuf],
-        subset: SnapshotSubset<'_>,
-        context: &Context<'_>,
-    ) -> Result<Particles> {
-        self.choice_of(subset)?.read(paths, storage, context)
-    }
-
-    /// A subset of it, to be read in parts where it lies, if that can be.
-    pub fn open_later(
-        &self,
-        paths: &[PathBuf],
-        subset: SnapshotSubset<'_>,
-        context: &Context<'_>,
-    ) -> Result<Option<LayeredParticles>> {
-        self.choice_of(subset)?.read_later(paths, context)
-    }
-
-    /// What is read of it.
-    pub fn choice_of(&self, subset: SnapshotSubset<'_>) -> Result<Choice> {
-        let selection = subset.selection.selection(subset.window, subset.seed)?;
-        Ok(Choice { selection: Some(selection), ..self.choice()? })
-    }
-
     /// The options that were given, as they would be given again; `None` without any.
     #[cfg(feature = "lab")]
-    pub fn in_words(&self) -> Option<String> {
+    pub fn describe(&self) -> Option<String> {
         let numbers = |list: &Vec<f64>| list.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
         let types = (!self.particle_type.is_empty()).then(|| self.particle_type.join(","));
         let by_mass = (self.layers_by == LayersBy::Mass).then(|| "mass".to_string());
@@ -207,7 +182,7 @@ impl SnapshotArgs {
             ("--format", self.format.clone()),
             ("--particle-type", types),
             ("--positions", self.positions.clone()),
-            ("--weights", self.weights.clone()),
+            ("--mass-field", self.mass_field.clone()),
             ("--frame", self.frame.map(|n| n.to_string())),
             ("--layers-by", by_mass),
             ("--box", self.box_lengths.as_ref().map(numbers)),
@@ -223,7 +198,6 @@ impl SnapshotArgs {
         (!words.is_empty()).then(|| words.join(" "))
     }
 
-    /// What to read.
     pub fn choice(&self) -> Result<Choice> {
         let box_lengths = match self.box_lengths.as_deref() {
             None => None,
@@ -231,7 +205,7 @@ impl SnapshotArgs {
             Some([x, y, z]) => Some([*x, *y, *z]),
             Some(_) => return Err(Error::argument("--box takes one length or three lengths Lx,Ly,Lz")),
         };
-        let weights = match self.weights.as_deref() {
+        let weights = match self.mass_field.as_deref() {
             None => Weights::Auto,
             Some("none") => Weights::None,
             Some(field) => Weights::Field(field.into()),
@@ -256,7 +230,6 @@ impl SnapshotArgs {
 }
 
 impl SelectionArgs {
-    /// What to keep.
     pub fn selection(&self, window: &WindowArgs, seed: u64) -> Result<Selection> {
         let kept = match (self.region.as_deref(), window.center.as_deref(), window.width.as_deref()) {
             (None, None, _) => Selection::all(),
@@ -287,9 +260,9 @@ mod tests {
     /// What is said of the options gives them again.
     #[test]
     fn options_are_said_as_they_are_given() {
-        let of = |words: &[&str]| TestCommandLine::parse_from(["x"].iter().chain(words)).snapshot.in_words();
+        let of = |words: &[&str]| TestCommandLine::parse_from(["x"].iter().chain(words)).snapshot.describe();
         assert_eq!(of(&[]), None);
-        let rest = "--particle-type 1,dm --weights none --frame 3 --layers-by mass --box 2,2.5,3 --length-unit kpc \
+        let rest = "--particle-type 1,dm --mass-field none --frame 3 --layers-by mass --box 2,2.5,3 --length-unit kpc \
                     --unwrapped keep --gadget-blocks POS,ID --skip-invalid --strict";
         let all = format!("--format {} {rest}", names()[0]);
         assert_eq!(of(&all.split(' ').collect::<Vec<_>>()).as_deref(), Some(&all[..]));

@@ -1,11 +1,14 @@
 //! Statistics as pictures: one figure each, and the central slices.
 
-use crate::figure::{self, BarPlacement, ColourBar, FigureImage, FigureSpace, Panel, PaperColour};
-use crate::plots::{Chart, ChartCurve, write};
+use crate::figure::{
+    self, ColourBar, Figure, FigureImage, FigureSpace, FileKind, Panel, Plot, PlotAxis, Point, Series, write_plots,
+};
 use particlegs::Result;
 use particlegs::model::per_length;
 use particlegs::picture::{Colormap, Rgb8, Size, write_png};
-use particlegs::stats::{AxisProfile, Convention, DensityReport, NearestDistances, PairCounts, Shell, Statistics};
+use particlegs::stats::{
+    AxisProfile, Convention, DensityReport, NearestDistances, PairCounts, Shell, SizeClass, Statistics,
+};
 use std::path::Path;
 
 /// Axis labels in the unit of length, where it is known.
@@ -17,27 +20,22 @@ struct AxisUnits {
 
 impl AxisUnits {
     fn new(unit: Option<&str>) -> Self {
-        match unit {
-            None => AxisUnits { length: String::new(), wave: String::new(), volume: String::new() },
-            Some(u) => AxisUnits {
-                length: format!(" [{u}]"),
-                wave: format!(" [{}]", per_length(u)),
-                volume: if u.contains(['/', ' ']) { format!(" [({u})³]") } else { format!(" [{u}³]") },
-            },
-        }
+        let brackets = |of: fn(&str) -> String| unit.map_or(String::new(), |u| format!(" [{}]", of(u)));
+        let cubed = |u: &str| if u.contains(['/', ' ']) { format!("({u})³") } else { format!("{u}³") };
+        AxisUnits { length: brackets(str::to_string), wave: brackets(per_length), volume: brackets(cubed) }
     }
 }
 
-/// Writes every figure that the statistics have.
-pub fn write_all(folder: &Path, s: &Statistics, unit: Option<&str>) -> Result<()> {
+/// Writes every figure that the statistics have, as files of these kinds.
+pub fn write_all(folder: &Path, s: &Statistics, unit: Option<&str>, kinds: &[FileKind]) -> Result<()> {
     let units = AxisUnits::new(unit);
     let of_particles = groups(s).into_iter().chain(neighbours(s, &units)).chain(rdf(s, &units));
     let figures = spectra(s, &units).into_iter().chain(xi(s, &units)).chain(of_particles);
     for figure in figures.chain(profiles(s, &units)).chain(halo_profile(s, &units)) {
-        write(folder, &figure)?;
+        write_plots(folder, &figure, kinds)?;
     }
     if let Some(d) = &s.density {
-        write(folder, &pdf(d))?;
+        write_plots(folder, &pdf(d), kinds)?;
         for axis in 0..3 {
             let picture = slices(d, axis)?;
             let path = folder.join(format!("slice_{}.png", ["x", "y", "z"][axis]));
@@ -47,110 +45,116 @@ pub fn write_all(folder: &Path, s: &Statistics, unit: Option<&str>) -> Result<()
     Ok(())
 }
 
-fn pair(points: [Vec<(f64, f64)>; 2]) -> Vec<ChartCurve> {
-    let [a, b] = points;
-    vec![
-        ChartCurve { name: "truth", side: 0, dots: false, points: a },
-        ChartCurve { name: "other", side: 1, dots: false, points: b },
-    ]
+/// Styles of the curves of both sides, and of a third.
+const TRUTH: usize = 8;
+const OTHER: usize = 1;
+const THIRD: usize = 0;
+
+/// A plot, and below it, where there is one, the ratio of its curves.
+type ChartParts = Vec<Plot>;
+type Points = Vec<(f64, f64)>;
+
+fn curve(name: &str, style: usize, dashed: bool, points: Points) -> Series {
+    let points = points.into_iter().filter(|p| p.1.is_finite()).map(|(x, y)| Point::new(x, y)).collect();
+    Series { name: name.into(), style, dashed, points }
 }
 
-fn spectra(s: &Statistics, u: &AxisUnits) -> Vec<Chart<'static>> {
+fn log(label: impl Into<String>) -> PlotAxis {
+    PlotAxis::logarithmic(label)
+}
+
+fn even(label: impl Into<String>) -> PlotAxis {
+    PlotAxis::linear(label)
+}
+
+fn pair([a, b]: [Points; 2]) -> Vec<Series> {
+    vec![curve("truth", TRUTH, false, a), curve("other", OTHER, false, b)]
+}
+
+fn chart(name: &str, title: &str, axes: [PlotAxis; 2], mut series: Vec<Series>, ratio: Points) -> ChartParts {
+    let [x, y] = axes;
+    // Lines go on over what a logarithmic axis cannot show.
+    series.iter_mut().for_each(|s| s.points.retain(|p| !y.log || p.y > 0.0));
+    let below = (!ratio.is_empty()).then(|| ratio_plot(&x, ratio));
+    let plot = Plot { name: name.into(), title: title.into(), x, y, series, levels: Vec::new() };
+    [plot].into_iter().chain(below).collect()
+}
+
+/// Values of both sides at the same places, and their ratio where the truth's is above `least`.
+fn compared(name: &str, title: &str, axes: [PlotAxis; 2], rows: &[(f64, [f64; 2])], least: f64) -> ChartParts {
+    let side = |k: usize| rows.iter().map(|(at, values)| (*at, values[k])).collect();
+    let known = rows.iter().filter(|(_, [truth, _])| *truth > least);
+    chart(name, title, axes, pair([side(0), side(1)]), known.map(|(at, [truth, other])| (*at, other / truth)).collect())
+}
+
+/// other / truth, from 0.85 to 1.15 or as far as it goes within 0 to 2, in bands of 5 % and 10 %.
+fn ratio_plot(x: &PlotAxis, mut ratio: Points) -> Plot {
+    ratio.retain(|p| p.1.is_finite());
+    let reach = (1.15 * ratio.iter().map(|p| (p.1 - 1.0).abs()).fold(0.0, f64::max)).clamp(0.15, 1.0);
+    ratio.iter_mut().for_each(|p| p.1 = p.1.clamp(1.0 - reach, 1.0 + reach));
+    Plot {
+        name: String::new(),
+        title: String::new(),
+        x: x.clone(),
+        y: PlotAxis::ratios("other / truth", [1.0 - reach, 1.0 + reach]),
+        series: vec![curve("", OTHER, false, ratio)],
+        levels: vec![(String::new(), 1.0)],
+    }
+}
+
+fn spectra(s: &Statistics, u: &AxisUnits) -> Vec<ChartParts> {
     let Some(p) = &s.spectra else { return Vec::new() };
     let of = |side: usize| p.shells.iter().map(|h| (h.k, h.power[side])).collect::<Vec<_>>();
     let corrected = match s.options.convention {
         Convention::Correct => "shot noise subtracted",
         Convention::Paper => "shot noise included",
     };
-    let r = |name, side, pick: fn(&Shell) -> Option<f64>| ChartCurve {
-        name,
-        side,
-        dots: false,
-        points: p.shells.iter().filter_map(|h| Some((h.k, pick(h)?))).collect(),
-    };
-    vec![
-        Chart {
-            name: "power",
-            title: format!("Power spectrum ({corrected})"),
-            x: format!("k{}", u.wave),
-            y: format!("P(k){}", u.volume),
-            log_x: true,
-            log_y: true,
-            curves: pair([of(0), of(1)]),
-            ratio: p.shells.iter().filter_map(|h| Some((h.k, h.ratio?))).collect(),
-            levels: vec![],
-        },
-        Chart {
-            name: "coherence",
-            title: "Cross-correlation coefficient".into(),
-            x: format!("k{}", u.wave),
-            y: "r(k)".into(),
-            log_x: true,
-            log_y: false,
-            curves: vec![
-                r("with shot noise", 1, |h| h.r),
-                r("without shot noise", 2, |h| h.r_without_noise.filter(|r| *r < 1.5)),
-            ],
-            ratio: vec![],
-            levels: vec![1.0, 0.99, 0.9],
-        },
-    ]
+    let picked = |pick: fn(&Shell) -> Option<f64>| p.shells.iter().filter_map(|h| Some((h.k, pick(h)?))).collect();
+    let k = log(format!("k{}", u.wave));
+    let power = [k.clone(), log(format!("P(k){}", u.volume))];
+    let title = format!("Power spectrum ({corrected})");
+    let curves = vec![
+        curve("with shot noise", OTHER, false, picked(|h| h.r)),
+        curve("without shot noise", THIRD, false, picked(|h| h.r_without_noise.filter(|r| *r < 1.5))),
+    ];
+    let mut coherence = chart("coherence", "Cross-correlation coefficient", [k, even("r(k)")], curves, Vec::new());
+    coherence[0].levels = [1.0, 0.99, 0.9].map(|level| (String::new(), level)).into();
+    vec![chart("power", &title, power, pair([of(0), of(1)]), picked(|h| h.ratio)), coherence]
 }
 
-fn xi(s: &Statistics, u: &AxisUnits) -> Option<Chart<'static>> {
+fn xi(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
     let middle = |e: &[f64], i: usize| (e[i] * e[i + 1]).sqrt();
-    let mut curves = Vec::new();
-    let mut ratio = Vec::new();
-    if let Some([a, b]) = &s.xi_by_pairs {
-        let of = |c: &PairCounts| (0..c.xi.len()).map(|i| (middle(&c.edges, i), c.xi[i])).collect::<Vec<_>>();
-        curves.extend(pair([of(a), of(b)]));
-        let above = |i: &usize| a.xi[*i] > 0.0;
-        ratio = (0..a.xi.len()).filter(above).map(|i| (middle(&a.edges, i), b.xi[i] / a.xi[i])).collect();
-    }
-    if let Some(x) = &s.xi_by_transform {
-        for (side, name) in [(0, "truth, by transform"), (1, "other, by transform")] {
-            let points = (0..x.xi[side].len()).map(|i| (middle(&x.edges, i), x.xi[side][i])).collect();
-            curves.push(ChartCurve { name, side, dots: true, points });
-        }
-        if ratio.is_empty() {
-            let of = |i: usize| (middle(&x.edges, i), x.xi[1][i] / x.xi[0][i]);
-            ratio = (0..x.xi[0].len()).filter(|i| x.xi[0][*i] > 0.0).map(of).collect();
-        }
-    }
-    (!curves.is_empty()).then(|| Chart {
-        name: "xi",
-        title: "Two-point correlation".into(),
-        x: format!("r{}", u.length),
-        y: "xi(r)".into(),
-        log_x: true,
-        log_y: true,
-        curves,
-        ratio,
-        levels: vec![],
-    })
-}
-
-fn groups(s: &Statistics) -> Option<Chart<'static>> {
-    let g = s.groups.as_ref()?;
-    let middle = |i: usize| {
-        let c = &g.histogram[i];
-        (c.from as f64 * c.to.map_or(c.from as f64 * std::f64::consts::SQRT_2, |t| (t + 1) as f64)).sqrt()
+    let axes = [log(format!("r{}", u.length)), log("xi(r)")];
+    let of = |edges: &[f64], xi: [&[f64]; 2]| {
+        let rows: Vec<_> = (0..xi[0].len()).map(|i| (middle(edges, i), [xi[0][i], xi[1][i]])).collect();
+        compared("xi", "Two-point correlation", axes.clone(), &rows, 0.0)
     };
-    let of = |side: usize| (0..g.histogram.len()).map(|i| (middle(i), g.histogram[i].groups[side] as f64)).collect();
-    Some(Chart {
-        name: "groups",
-        title: "Friends-of-friends groups by size".into(),
-        x: "particles in a group".into(),
-        y: "groups per bin".into(),
-        log_x: true,
-        log_y: true,
-        curves: pair([of(0), of(1)]),
-        ratio: (0..g.histogram.len()).filter_map(|i| Some((middle(i), g.histogram[i].ratio?))).collect(),
-        levels: vec![],
-    })
+    let by_pairs = s.xi_by_pairs.as_ref().map(|[a, b]| of(&a.edges, [&a.xi, &b.xi]));
+    let mut by_transform = s.xi_by_transform.as_ref().map(|x| of(&x.edges, x.xi.each_ref().map(|v| &v[..])));
+    for curve in by_transform.iter_mut().flat_map(|parts| &mut parts[0].series) {
+        (curve.name, curve.dashed) = (format!("{}, by transform", curve.name), true);
+    }
+    let mut all = by_pairs.into_iter().chain(by_transform);
+    let mut whole = all.next()?;
+    let mut more = all.flatten();
+    whole[0].series.extend(more.next().into_iter().flat_map(|plot| plot.series));
+    if whole.len() == 1 {
+        whole.extend(more);
+    }
+    Some(whole)
 }
 
-fn neighbours(s: &Statistics, u: &AxisUnits) -> Option<Chart<'static>> {
+fn groups(s: &Statistics) -> Option<ChartParts> {
+    let of = |c: &SizeClass| {
+        let to = c.to.map_or(c.from as f64 * std::f64::consts::SQRT_2, |t| (t + 1) as f64);
+        ((c.from as f64 * to).sqrt(), c.groups.map(|n| n as f64))
+    };
+    let rows: Vec<_> = s.groups.as_ref()?.histogram.iter().map(of).collect();
+    let axes = [log("particles in a group"), log("groups per bin")];
+    Some(compared("groups", "Friends-of-friends groups by size", axes, &rows, 0.0))
+}
+
+fn neighbours(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
     let of = |d: &NearestDistances| {
         (0..d.counts.len())
             .map(|i| ((d.edges[i] * d.edges[i + 1]).sqrt(), d.counts[i] as f64 / d.sampled as f64))
@@ -163,39 +167,17 @@ fn neighbours(s: &Statistics, u: &AxisUnits) -> Option<Chart<'static>> {
         .filter(|p| p.1 > 1e-4)
         .filter_map(|p| Some((p.0, b.iter().find(|q| (q.0 / p.0 - 1.0).abs() < 1e-6)?.1 / p.1)))
         .collect();
-    Some(Chart {
-        name: "neighbours",
-        title: "Distance to the nearest neighbour".into(),
-        x: format!("distance{}", u.length),
-        y: "share per bin (20 per decade)".into(),
-        log_x: true,
-        log_y: false,
-        curves: pair([a, b]),
-        ratio,
-        levels: vec![],
-    })
+    let axes = [log(format!("distance{}", u.length)), even("share per bin (20 per decade)")];
+    Some(chart("neighbours", "Distance to the nearest neighbour", axes, pair([a, b]), ratio))
 }
 
-fn pdf(d: &DensityReport) -> Chart<'static> {
-    let middle = |i: usize| 10f64.powf(0.5 * (d.pdf.edges[i] + d.pdf.edges[i + 1]));
+fn pdf(d: &DensityReport) -> ChartParts {
     let all: f64 = d.cells.iter().map(|n| *n as f64).product();
-    let of =
-        |side: usize| (0..d.pdf.cells[side].len()).map(|i| (middle(i), d.pdf.cells[side][i] as f64 / all)).collect();
-    let ratio = |i: usize| {
-        let [a, b] = [0, 1].map(|side| d.pdf.cells[side][i] as f64);
-        (a > 0.0).then(|| (middle(i), b / a))
-    };
-    Chart {
-        name: "density_pdf",
-        title: "Distribution of density".into(),
-        x: "density / mean".into(),
-        y: "share of cells per bin (10 per decade)".into(),
-        log_x: true,
-        log_y: true,
-        curves: pair([of(0), of(1)]),
-        ratio: (0..d.pdf.cells[0].len()).filter_map(ratio).collect(),
-        levels: vec![],
-    }
+    let [truth, other] = &d.pdf.cells;
+    let rows = d.pdf.edges.windows(2).zip(truth.iter().zip(other));
+    let of = |(e, (a, b)): (&[f64], (&u64, &u64))| (10f64.powf(0.5 * (e[0] + e[1])), [*a, *b].map(|n| n as f64 / all));
+    let axes = [log("density / mean"), log("share of cells per bin (10 per decade)")];
+    compared("density_pdf", "Distribution of density", axes, &rows.map(of).collect::<Vec<_>>(), 0.0)
 }
 
 /// g(r) above which an axis that is not logarithmic shows nothing but its peak.
@@ -203,50 +185,32 @@ const TALL: f64 = 30.0;
 /// g(r) of the truth below which a ratio says nothing.
 const LEAST_G: f64 = 0.2;
 
-fn rdf(s: &Statistics, u: &AxisUnits) -> Option<Chart<'static>> {
+fn rdf(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
     let counts = s.rdf.as_ref()?;
-    let middle = |i: usize| 0.5 * (counts[0].edges[i] + counts[0].edges[i + 1]);
     let [a, b] = counts.each_ref().map(PairCounts::g);
-    let of = |g: &[f64]| g.iter().enumerate().map(|(i, g)| (middle(i), *g)).collect::<Vec<_>>();
-    Some(Chart {
-        name: "rdf",
-        title: "Radial distribution function".into(),
-        x: format!("r{}", u.length),
-        y: "g(r)".into(),
-        log_x: false,
-        log_y: a.iter().chain(&b).any(|g| *g > TALL),
-        curves: pair([of(&a), of(&b)]),
-        ratio: (0..a.len()).filter(|i| a[*i] > LEAST_G).map(|i| (middle(i), b[i] / a[i])).collect(),
-        levels: vec![1.0],
-    })
+    let middles = counts[0].edges.windows(2).map(|e| 0.5 * (e[0] + e[1]));
+    let rows: Vec<_> = middles.zip(a.iter().zip(&b)).map(|(r, (a, b))| (r, [*a, *b])).collect();
+    let g = PlotAxis { log: a.iter().chain(&b).any(|g| *g > TALL), ..even("g(r)") };
+    let axes = [even(format!("r{}", u.length)), g];
+    let mut plots = compared("rdf", "Radial distribution function", axes, &rows, LEAST_G);
+    plots[0].levels = vec![(String::new(), 1.0)];
+    Some(plots)
 }
 
-fn profiles(s: &Statistics, u: &AxisUnits) -> Vec<Chart<'static>> {
-    let names = [("profile_x", "x"), ("profile_y", "y"), ("profile_z", "z")];
-    let profiles = s.profiles.iter().flatten();
-    profiles.zip(names).map(|(p, (file, axis))| profile(p, file, axis, u)).collect()
+fn profiles(s: &Statistics, u: &AxisUnits) -> Vec<ChartParts> {
+    s.profiles.iter().flatten().zip(["x", "y", "z"]).map(|(p, axis)| profile(p, axis, u)).collect()
 }
 
-fn profile(p: &AxisProfile, file: &'static str, axis: &str, u: &AxisUnits) -> Chart<'static> {
+fn profile(p: &AxisProfile, axis: &str, u: &AxisUnits) -> ChartParts {
     let share = |side: usize, i: usize| if p.mean[side] > 0.0 { p.density[side][i] / p.mean[side] } else { 0.0 };
-    let at = |i: usize| 0.5 * (p.edges[i] + p.edges[i + 1]);
-    let bins = p.edges.len() - 1;
-    let of = |side: usize| (0..bins).map(|i| (at(i), share(side, i))).collect();
-    Chart {
-        name: file,
-        title: format!("Density along {axis}"),
-        x: format!("{axis}{}", u.length),
-        y: "density / mean".into(),
-        log_x: false,
-        log_y: false,
-        curves: pair([of(0), of(1)]),
-        ratio: (0..bins).filter(|i| share(0, *i) > 0.0).map(|i| (at(i), share(1, i) / share(0, i))).collect(),
-        levels: vec![],
-    }
+    let middles = p.edges.windows(2).map(|e| 0.5 * (e[0] + e[1]));
+    let rows: Vec<_> = middles.enumerate().map(|(i, at)| (at, [share(0, i), share(1, i)])).collect();
+    let axes = [even(format!("{axis}{}", u.length)), even("density / mean")];
+    compared(&format!("profile_{axis}"), &format!("Density along {axis}"), axes, &rows, 0.0)
 }
 
 /// The mean density of shells about all centres, and the median of enclosed masses.
-fn halo_profile(s: &Statistics, u: &AxisUnits) -> Option<Chart<'static>> {
+fn halo_profile(s: &Statistics, u: &AxisUnits) -> Option<ChartParts> {
     let h = s.haloes.as_ref()?;
     let scale = h.radius.unwrap_or(1.0);
     let of = |side: usize| {
@@ -256,17 +220,10 @@ fn halo_profile(s: &Statistics, u: &AxisUnits) -> Option<Chart<'static>> {
         (0..h.edges.len() - 1).map(|shell| (middle(shell), density(shell) / per)).collect()
     };
     let ratio = h.edges.iter().zip(&h.median).filter_map(|(edge, median)| Some((scale * edge, (*median)?)));
-    Some(Chart {
-        name: "halo_profile",
-        title: format!("Density about {} centres; below, mass within r (median)", h.count),
-        x: if h.radius.is_some() { format!("r{}", u.length) } else { "r / largest radius".into() },
-        y: "density / mean of the box".into(),
-        log_x: true,
-        log_y: true,
-        curves: pair([of(0), of(1)]),
-        ratio: ratio.collect(),
-        levels: vec![],
-    })
+    let r = h.radius.map_or("r / largest radius".into(), |_| format!("r{}", u.length));
+    let title = format!("Density about {} centres; below, mass within r (median)", h.count);
+    let axes = [log(r), log("density / mean of the box")];
+    Some(chart("halo_profile", &title, axes, pair([of(0), of(1)]), ratio.collect()))
 }
 
 /// Height of letters about slices, pixels.
@@ -290,16 +247,8 @@ fn slices(d: &DensityReport, axis: usize) -> Result<Rgb8> {
         ..Panel::plain(FigureImage::Color(picture(values)))
     };
     let bar = ColourBar::logarithmic("density / mean".into(), [0.1, 1000.0], |share| Colormap::Inferno.color(share));
-    let whole = figure::Figure {
-        title: None,
-        panels: d.slices[axis].iter().zip(["truth", "other"]).map(panel).collect(),
-        columns: 2,
-        bar: Some(bar),
-        legend: Vec::new(),
-        place: BarPlacement::Outside,
-        page: PaperColour::White,
-        ground: PaperColour::Black,
-    };
+    let panels = d.slices[axis].iter().zip(["truth", "other"]).map(panel).collect();
+    let whole = Figure { bar: Some(bar), ..Figure::plain(panels, 2) };
     figure::raster(&figure::layout(&whole, SLICE_LETTERS, FigureSpace::Pixels)?)
 }
 

@@ -18,7 +18,6 @@ impl Csv {
     }
 }
 
-/// Adds a row.
 macro_rules! row {
     ($csv:ident: $($value:expr),*) => {
         $csv.0 += &([$($value.to_string()),*].join(",") + "\n")
@@ -144,7 +143,6 @@ fn size(c: &SizeClass) -> String {
     c.to.map_or(format!("{} and more", c.from), |t| format!("{} to {t}", c.from))
 }
 
-/// The table on the terminal.
 pub fn summary(s: &Statistics, unit: Option<&str>) -> String {
     let length = unit.map_or(String::new(), |u| format!(" {u}"));
     let wave = unit.map_or(String::new(), |u| format!(" {}", per_length(u)));

@@ -1,12 +1,11 @@
 //! How large a model is to be. Commands add what they mean where nothing is said.
 
-use crate::remedies::of_option;
+use crate::error_text::option_error;
 use clap::{Arg, Args};
 use particlegs::compress::Target;
 use particlegs::model::{Goal, GoalKind};
 use particlegs::{Error, Result};
 
-/// One target at most.
 #[derive(Args, Clone, Debug)]
 #[group(multiple = false)]
 pub struct TargetArgs {
@@ -33,7 +32,6 @@ pub fn with_default(ratio: Arg, default: &str) -> Arg {
 }
 
 impl TargetArgs {
-    /// The target.
     pub fn target(&self) -> Result<Target> {
         match (self.ratio, &self.size, self.gaussians) {
             (Some(r), ..) => Target::Ratio(r),
@@ -63,7 +61,6 @@ pub fn parse_bytes(text: &str) -> Result<u64> {
     Ok((number * unit).floor() as u64)
 }
 
-/// A quality to reach: a target that `compress` alone searches for.
 #[derive(Args, Clone, Debug)]
 pub struct GoalArgs {
     /// Masked PSNR to reach, in dB; --help has targets of P(k), density and groups.
@@ -119,7 +116,7 @@ impl GoalArgs {
         ];
         let given = |(kind, name, asked, at)| {
             let (asked, at) = (Option::<f64>::zip(asked, at))?;
-            Some(Target::Goal(Goal { kind, asked, at }).check().map_err(|e| of_option(name, e)))
+            Some(Target::Goal(Goal { kind, asked, at }).check().map_err(|e| option_error(name, e)))
         };
         goals.into_iter().find_map(given).transpose()
     }

@@ -1,9 +1,9 @@
 //! How a fit is trained further: presets, a configuration file, limits. The same for `compress` and
 //! `plan`.
 
-use crate::common::named;
+use crate::common::{OrNone, named, named_or};
+use crate::error_text;
 use crate::inputs::WaitNotice;
-use crate::remedies;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::context::Context;
 use particlegs::model::LawKind;
@@ -14,23 +14,21 @@ use serde::Deserialize;
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
-/// Training.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Training")]
 pub struct TrainArgs {
     /// Train on pictures of the particles.
     ///
     /// docs/guide/training.md describes presets, laws and hyper-parameters.
-    #[arg(long, value_enum, value_name = "PRESET", help_heading = None, hide_default_value = true, default_value_t = TrainArg::None)]
-    train: TrainArg,
+    #[arg(long, value_name = "PRESET", help_heading = None, hide_default_value = true, default_value = "none", value_parser = named_or::<Preset>("none", "No training; the default"))]
+    train: OrNone<Preset>,
     /// Image law to train for [default: optical-depth, or that of --config].
     #[arg(long, value_name = "LAW", hide_short_help = true, value_parser = named::<LawKind>())]
     law: Option<LawKind>,
     #[command(flatten)]
-    tune: TuneArgs,
+    pub tune: TuneArgs,
 }
 
-/// What is changed of a preset.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Training")]
 pub struct TuneArgs {
@@ -55,20 +53,6 @@ pub struct TuneArgs {
 
 const FILE: Form = Form { title: "a configuration in TOML", begins: Begins::Text, most: 1 << 20, expansion: 32 };
 
-/// Presets on the command line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum TrainArg {
-    /// No training; the default.
-    None,
-    /// At most 5 minutes on two cores for a few million particles.
-    Fast,
-    /// At most 30 minutes on two cores.
-    Best,
-    /// The published recipe.
-    Paper,
-}
-
-/// What --print-config prints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum PrintConfigArg {
     /// All hyper-parameters.
@@ -81,26 +65,16 @@ impl TrainArgs {
     /// What the hyper-parameters begin with; `None` = no training. A file of hyper-parameters without a
     /// preset changes `fast`.
     fn preset(&self) -> Option<Config> {
-        let preset = match self.train {
-            TrainArg::None if self.tune.config.is_none() && self.tune.print_config.is_none() => return None,
-            TrainArg::None | TrainArg::Fast => Preset::Fast,
-            TrainArg::Best => Preset::Best,
-            TrainArg::Paper => Preset::Paper,
-        };
+        let changed = self.tune.config.is_some() || self.tune.print_config.is_some();
+        let preset = self.train.or(changed.then_some(Preset::Fast))?;
         Some(Config::preset(preset, self.law.unwrap_or(LawKind::OpticalDepth)))
     }
 
-    /// The file of hyper-parameters.
-    pub fn config_file(&self) -> Option<&Path> {
-        self.tune.config_file()
-    }
-
-    /// The hyper-parameters; `None` = no training.
     pub fn config(&self) -> Result<Option<Config>> {
         if let Some(preset) = self.preset() {
             return self.tune.config(preset, self.law).map(Some);
         }
-        if self.tune.is_given() || self.law.is_some() {
+        if self.tune.scale.is_some() || self.tune.iterations.is_some() || self.law.is_some() {
             return Err(Error::argument("--law, --scale and --iterations need --train fast|best|paper, or --config"));
         }
         Ok(None)
@@ -113,16 +87,10 @@ impl TrainArgs {
 }
 
 impl TuneArgs {
-    /// The file of hyper-parameters.
     pub fn config_file(&self) -> Option<&Path> {
         self.config.as_deref()
     }
 
-    fn is_given(&self) -> bool {
-        self.config.is_some() || self.scale.is_some() || self.iterations.is_some()
-    }
-
-    /// The file's text: read once, as a pipe gives it once.
     fn text_of(&self, path: &Path) -> Result<&str> {
         if let Some(text) = self.file.get() {
             return Ok(text);
@@ -154,10 +122,10 @@ impl TuneArgs {
             }
         }
         if let Some(scale) = self.scale {
-            config = config.scaled(scale).map_err(|e| remedies::of_option("--scale", e))?;
+            config = config.scaled(scale).map_err(|e| error_text::option_error("--scale", e))?;
         }
         if let Some(n) = self.iterations {
-            config = config.with_iterations(n).map_err(|e| remedies::of_option("--iterations", e))?;
+            config = config.with_iterations(n).map_err(|e| error_text::option_error("--iterations", e))?;
         }
         config.check()?;
         Ok(config)
@@ -179,7 +147,6 @@ fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// `config` with some of its values changed.
 fn changed(config: &Config, changes: toml::Table) -> std::result::Result<Config, toml::de::Error> {
     let mut all = toml::Table::try_from(config).map_err(serde::de::Error::custom)?;
     overlay(&mut all, changes);
@@ -190,7 +157,6 @@ fn table(config: &Config) -> Result<toml::Table> {
     toml::Table::try_from(config).map_err(|e| Error::argument(e.to_string()))
 }
 
-/// Puts the values of `changes` over those of `all`, table by table.
 fn overlay(all: &mut toml::Table, changes: toml::Table) {
     for (key, value) in changes {
         match (all.get_mut(&key), value) {

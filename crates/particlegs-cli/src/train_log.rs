@@ -1,7 +1,7 @@
 //! The log of a training run, line by line, and its curves.
 
 use crate::common::CommandContext;
-use crate::plots::{self, Chart, ChartCurve};
+use crate::figure::{FileKind, Plot, PlotAxis, Point, Series, write_plots};
 use particlegs::Result;
 use particlegs::context::{Context, ProgressEvent, ProgressSink};
 use particlegs_files::input::{Begins, Form, read_own};
@@ -58,16 +58,16 @@ pub fn logged<T>(
     done
 }
 
-/// The curves of a log.
 const CURVES: [&str; 2] = ["loss", "psnr"];
+const KINDS: [FileKind; 2] = [FileKind::Svg, FileKind::Png];
 
 /// Where the curves of the log at `path` are drawn; nowhere where it is a stream.
 pub fn curves(path: &Path) -> Result<Vec<PathBuf>> {
     if output::is_stream(path)? {
         return Ok(Vec::new());
     }
-    let place = |name, ending| folder_of(path).join(format!("{}-{name}.{ending}", stem(path)));
-    Ok(CURVES.iter().flat_map(|name| ["svg", "png"].map(|ending| place(name, ending))).collect())
+    let place = |name, kind: FileKind| folder_of(path).join(format!("{}-{name}.{}", stem(path), kind.name()));
+    Ok(CURVES.iter().flat_map(|name| KINDS.map(|kind| place(name, kind))).collect())
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -84,25 +84,16 @@ fn draw(path: &Path) -> Result<()> {
     let text = String::from_utf8_lossy(&text);
     let runs = by_run(&text);
     let (set, stem) = (FileSet::in_folder(folder_of(path))?, stem(path));
-    let curve = |key: &str, name: &'static str, lines: &[Value]| {
-        let point = |l: &Value| Some((l["iteration"].as_f64()?, l[key].as_f64()?));
-        let points: Vec<(f64, f64)> = lines.iter().filter_map(point).collect();
-        ChartCurve { name, side: 1, dots: points.len() == 1, points }
-    };
-    let figure = |key: &str, name: &str, title: &str, y: &str, curve_name: &'static str| {
-        let name = format!("{stem}-{name}");
-        let figure = Chart {
-            name: &name,
-            title: title.into(),
-            x: "step".into(),
-            y: y.into(),
-            log_x: false,
-            log_y: false,
-            curves: runs.iter().map(|lines| curve(key, curve_name, lines)).collect(),
-            ratio: Vec::new(),
-            levels: Vec::new(),
-        };
-        plots::write(set.path(), &figure)
+    let figure = |key: &str, name: &str, title: &str, y: &str, curve: &str| {
+        let point = |l: &Value| Some(Point::new(l["iteration"].as_f64()?, l[key].as_f64()?));
+        let points = |lines: &Vec<Value>| lines.iter().filter_map(point).collect();
+        // Of runs that are drawn alike the first is named.
+        let name_of = |run: usize| if run == 0 { curve.into() } else { String::new() };
+        let line = |(run, lines)| Series { name: name_of(run), style: 1, dashed: false, points: points(lines) };
+        let (x, y, series) =
+            (PlotAxis::linear("step"), PlotAxis::linear(y), runs.iter().enumerate().map(line).collect());
+        let plot = Plot { name: format!("{stem}-{name}"), title: title.into(), x, y, series, levels: Vec::new() };
+        write_plots(set.path(), &[plot], &KINDS)
     };
     figure("loss", CURVES[0], "Training loss", "loss (mean of 50 steps)", "training")?;
     figure("held_out_masked_psnr", CURVES[1], "Held-out views", "masked PSNR [dB]", "held out")?;

@@ -3,10 +3,10 @@
 
 use crate::common::CommandContext;
 use crate::outputs::JSON;
-use crate::views::window::{self, Fit};
 use clap::{Args, ValueEnum, ValueHint};
-use particlegs::camera::{Camera, DensityView, Extent, Projection, View, ViewSet, ViewsFile, Window};
-use particlegs::camera::{FOV_DEG, base_distance, spherical_camera};
+use particlegs::camera::{Camera, DensityView, Extent, Frame, Projection, View, ViewSet, ViewsFile, Window};
+use particlegs::camera::{FOV_DEG, WindowContent, base_distance, spherical_camera};
+use particlegs::math::each_axis;
 use particlegs::model::Model;
 use particlegs::picture::Size;
 use particlegs::render::{self, Scene};
@@ -100,6 +100,38 @@ pub enum ProjectionArg {
     Orthographic,
 }
 
+/// What has to be in a picture whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Fit {
+    /// The simulation box.
+    Box,
+    /// The bounds of the particles.
+    Data,
+}
+
+impl Fit {
+    fn corners(self, subject: &ViewSubject) -> Result<[[f64; 3]; 8]> {
+        match (self, subject.cell) {
+            (Fit::Box, Some(cell)) => Ok(cell.corners()),
+            (Fit::Box, None) => {
+                let what = "--fit box: no simulation box is known".to_string();
+                Err(Error::argument_with(what, "fit the particles with --fit data"))
+            }
+            (Fit::Data, _) => Ok(subject.bounds.corners()),
+        }
+    }
+}
+
+/// The middle of corners.
+fn center(corners: &[[f64; 3]; 8]) -> [f64; 3] {
+    each_axis(|k| corners.iter().map(|c| c[k]).sum::<f64>() / 8.0)
+}
+
+fn fitted(length: f64) -> Result<f64> {
+    let fault = || Error::argument("--fit: what has to fit has no extent; choose --width or --distance");
+    if length > 0.0 && length.is_finite() { Ok(length) } else { Err(fault()) }
+}
+
 /// What a snapshot or a model says about how to look at it.
 #[derive(Clone, Copy, Debug)]
 pub struct ViewSubject {
@@ -118,17 +150,7 @@ pub struct ViewSubject {
 }
 
 impl ViewArgs {
-    /// The views, every one checked. `turned` = azimuths that a view is turned by, all of which have to fit.
-    pub fn resolve(&self, subject: &ViewSubject, turned: &[f64], context: &CommandContext) -> Result<ViewSet> {
-        let ViewsFile(mut set) = match &self.views {
-            Some(path) => ViewsFile::read(path, context)?,
-            None => ViewsFile(self.one_view(subject, turned)?),
-        };
-        self.apply(&mut set)?;
-        Ok(set)
-    }
-
-    /// What is said of size, radius and opacity, in place of what views say.
+    /// What is said of size, radius and opacity, in place of what views say; checks every view.
     pub fn apply(&self, set: &mut ViewSet) -> Result<()> {
         if let Some(size) = self.size {
             set.size = size;
@@ -150,7 +172,8 @@ impl ViewArgs {
         Ok(())
     }
 
-    fn one_view(&self, subject: &ViewSubject, turned: &[f64]) -> Result<ViewSet> {
+    /// One view. `turned` = azimuths that it is turned by, all of which have to fit.
+    pub fn one_view(&self, subject: &ViewSubject, turned: &[f64]) -> Result<ViewSet> {
         if !(self.distance > 0.0 && self.distance.is_finite()) {
             return Err(Error::argument(format!("--distance {} must be positive", self.distance)));
         }
@@ -168,7 +191,7 @@ impl ViewArgs {
         let center = match self.center.as_deref() {
             Some([x, y, z]) if [x, y, z].iter().all(|v| v.is_finite()) => [*x, *y, *z],
             Some(_) => return Err(Error::argument("--center takes X,Y,Z, each a finite number")),
-            None if self.fit == Some(Fit::Box) => window::center(&window::corners(Fit::Box, subject)?),
+            None if self.fit == Some(Fit::Box) => center(&Fit::Box.corners(subject)?),
             None if self.projection == ProjectionArg::Orthographic => subject.extent.center,
             None => subject.bounds.center(),
         };
@@ -186,8 +209,8 @@ impl ViewArgs {
         let distance = match (self.width, self.fit) {
             (Some(width), _) => 0.5 * width / (slope * aspect),
             (None, Some(fit)) => {
-                let corners = window::corners(fit, subject)?;
-                self.distance * window::distance(&corners, center, self.directions(turned), [slope * aspect, slope])?
+                let content = WindowContent { points: &fit.corners(subject)?, center, frames: &self.frames(turned)? };
+                self.distance * fitted(content.distance([slope * aspect, slope]))?
             }
             (None, None) => self.distance * base_distance(&subject.bounds, size),
         };
@@ -200,25 +223,20 @@ impl ViewArgs {
     }
 
     fn orthographic(&self, subject: &ViewSubject, center: [f64; 3], size: Size, turned: &[f64]) -> Result<Camera> {
-        let angles = [self.azimuth, self.elevation];
+        let frames = &self.frames(turned)?;
         let width = match (self.width, self.fit) {
             (Some(width), _) => width,
-            (None, Some(fit)) => window::width(&window::corners(fit, subject)?, center, self.directions(turned), size)?,
-            (None, None) => {
-                let width =
-                    |[a, e]: [f64; 2]| Ok(subject.extent.width(&spherical_camera([0.0; 3], a, e, 1.0).frame()?, size));
-                let widths = self.directions(turned).map(width).collect::<Result<Vec<f64>>>()?;
-                widths.into_iter().fold(0.0, f64::max)
-            }
+            (None, Some(fit)) => fitted(WindowContent { points: &fit.corners(subject)?, center, frames }.width(size))?,
+            (None, None) => frames.iter().map(|frame| subject.extent.width(frame, size)).fold(0.0, f64::max),
         };
-        let window = Window { center, angles_deg: angles, width, depth: self.depth };
+        let window = Window { center, angles_deg: [self.azimuth, self.elevation], width, depth: self.depth };
         Ok(DensityView::orthographic("view", &window, size, &subject.bounds, subject.cell)?.camera)
     }
 
-    /// Azimuth and elevation of every direction that is looked along.
-    fn directions(&self, turned: &[f64]) -> impl Iterator<Item = [f64; 2]> {
+    /// Frames of every direction that is looked along.
+    fn frames(&self, turned: &[f64]) -> Result<Vec<Frame>> {
         let more = if turned.is_empty() { &[0.0][..] } else { turned };
-        more.iter().map(|by| [self.azimuth + by, self.elevation])
+        more.iter().map(|by| spherical_camera([0.0; 3], self.azimuth + by, self.elevation, 1.0).frame()).collect()
     }
 
     /// What a user should know of the window: that no width was given and what was taken for it.
@@ -228,7 +246,7 @@ impl ViewArgs {
             return None;
         }
         let Projection::Orthographic { height_world } = set.views.first()?.camera.projection else { return None };
-        let width = crate::annotate::text::number(height_world * set.size.width as f64 / set.size.height as f64);
+        let width = crate::figure::number(height_world * set.size.width as f64 / set.size.height as f64);
         let width = format!("{width} {unit}");
         Some(format!("note: no --width given: the window spans the particles' bounds, {} across", width.trim()))
     }
@@ -240,7 +258,7 @@ impl ViewSubject {
         let m = &model.metadata;
         let (bounds, cell) = (m.bounds, m.cell);
         let extent = match density {
-            true => render::extent(&Scene::of(model), cell.as_ref()),
+            true => render::extent(&Scene::new(model), cell.as_ref()),
             false => Extent::new(&bounds, cell.as_ref()),
         };
         ViewSubject { bounds, cell, extent, radius: m.default_radius, opacity: m.default_opacity, density }
@@ -278,5 +296,17 @@ mod tests {
         for bad in ["", "640", "0x5", "-1x5", "5x99999", "axb"] {
             assert!(parse_size(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn a_box_that_is_not_known_is_refused() {
+        let subject = |cell: Option<Cell>| {
+            let bounds = Bounds { min: [1.0, 2.0, 3.0], max: [5.0, 4.0, 9.0] };
+            let extent = Extent::new(&bounds, cell.as_ref());
+            ViewSubject { bounds, cell, extent, radius: 0.1, opacity: 0.05, density: false }
+        };
+        assert!(Fit::Box.corners(&subject(None)).is_err());
+        let of_box = Fit::Box.corners(&subject(Some(Cell::orthogonal([10.0; 3])))).unwrap();
+        assert_eq!(center(&of_box), [5.0; 3]);
     }
 }

@@ -1,125 +1,64 @@
 //! One error type for the library: what went wrong, where, and what would help.
 
-use crate::Remedy;
-use std::path::Path;
+use crate::Hint;
+use std::path::{Path, PathBuf};
 
 /// The library's result.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// What a caller can act on. Every variant's text is one line that names the place and the fault.
+/// What a caller can act on. Every variant's text is one line that names the place and the fault: `place` is a file, a
+/// folder or an argument, `what` what is wrong with it or which step it is, `remedy` what would help; memory is in bytes.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
 #[non_exhaustive]
 pub enum Error {
     /// A snapshot, views file or picture that cannot be used as it is.
     #[error("{place}: {what}")]
-    Input {
-        /// File, folder or argument.
-        place: String,
-        /// The fault.
-        what: String,
-        /// What would help.
-        remedy: Remedy,
-    },
+    Input { place: String, what: String, hint: Hint },
     /// A model file whose bytes contradict docs/format.md.
     #[error("{place}: corrupt model file: {what}")]
-    Corrupt {
-        /// File, with section and offset where known.
-        place: String,
-        /// The contradiction.
-        what: String,
-    },
+    Corrupt { place: String, what: String },
     /// A model file of a version or with a feature that this program does not know.
     #[error("{place}: {what}")]
-    Compatibility {
-        /// File.
-        place: String,
-        /// What is not known.
-        what: String,
-    },
+    Compatibility { place: String, what: String },
     /// An argument outside its range.
     #[error("{what}")]
-    Argument {
-        /// Which argument, its value and its range.
-        what: String,
-        /// What would help.
-        remedy: Remedy,
-    },
+    Argument { what: String, hint: Hint },
     /// A size or quality that cannot be reached with this input.
     #[error("{what}")]
-    Unreachable {
-        /// What was asked for and what is possible.
-        what: String,
-        /// What would help.
-        remedy: Remedy,
-    },
+    Unreachable { what: String, hint: Hint },
     /// More memory than the machine has.
     #[error("{what} needs about {need_bytes} bytes of memory, {have_bytes} are available")]
-    Memory {
-        /// The step that needs it.
-        what: String,
-        /// Bytes needed.
-        need_bytes: u64,
-        /// Bytes available.
-        have_bytes: u64,
-    },
+    Memory { what: String, need_bytes: u64, have_bytes: u64 },
     /// More memory than the caller allows.
     #[error("{what} needs about {need_bytes} bytes of memory, {bound_bytes} are allowed")]
-    Bound {
-        /// The step that needs it.
-        what: String,
-        /// Bytes needed.
-        need_bytes: u64,
-        /// Bytes allowed.
-        bound_bytes: u64,
-    },
+    Bound { what: String, need_bytes: u64, bound_bytes: u64 },
     /// Reading or writing failed.
     #[error("{place}: {source}")]
-    Io {
-        /// File or folder.
-        place: String,
-        /// The system's reason.
-        source: std::io::Error,
-    },
+    Io { place: String, source: std::io::Error },
     /// An output that is an input or another output, or that is there and may not be replaced.
     #[error("{place}: {what}")]
-    Output {
-        /// The file or folder that was to be written.
-        place: String,
-        /// Why it is not.
-        what: String,
-        /// What would help.
-        remedy: Remedy,
-    },
+    Output { place: String, what: String, hint: Hint },
     /// What was measured is not what a file says.
     #[error("{place}: {what}")]
-    Differs {
-        /// File.
-        place: String,
-        /// What is stored and what was measured.
-        what: String,
-        /// What would help.
-        remedy: Remedy,
-    },
+    Differs { place: String, what: String, hint: Hint },
     /// The caller asked to stop.
     #[error("stopped")]
     Cancelled,
     /// The caller asked to stop, and the same command goes on from there.
     #[error("{what}: stopped; what is finished is kept")]
-    Checkpointed {
-        /// The task.
-        what: String,
-    },
+    Checkpointed { what: String },
 }
 
 impl Error {
     /// An unusable input without advice.
     pub fn input(place: impl AsPlace, what: impl Into<String>) -> Self {
-        Self::input_with(place, what, Remedy::None)
+        Self::input_with(place, what, Hint::default())
     }
 
     /// An unusable input and what would help.
-    pub fn input_with(place: impl AsPlace, what: impl Into<String>, remedy: impl Into<Remedy>) -> Self {
-        Error::Input { place: place.as_place(), what: what.into(), remedy: remedy.into() }
+    pub fn input_with(place: impl AsPlace, what: impl Into<String>, hint: impl Into<Hint>) -> Self {
+        Error::Input { place: place.as_place(), what: what.into(), hint: hint.into() }
     }
 
     /// A corrupt model file.
@@ -129,12 +68,22 @@ impl Error {
 
     /// An argument outside its range.
     pub fn argument(what: impl Into<String>) -> Self {
-        Error::Argument { what: what.into(), remedy: Remedy::None }
+        Self::argument_with(what, Hint::default())
+    }
+
+    /// An argument outside its range and what would help.
+    pub fn argument_with(what: impl Into<String>, hint: impl Into<Hint>) -> Self {
+        Error::Argument { what: what.into(), hint: hint.into() }
+    }
+
+    /// A size or quality that cannot be reached and what would help.
+    pub fn unreachable(what: impl Into<String>, hint: impl Into<Hint>) -> Self {
+        Error::Unreachable { what: what.into(), hint: hint.into() }
     }
 
     /// An output that is not written over what is there, and what to do about it.
-    pub fn output(place: impl AsPlace, what: impl Into<String>, remedy: impl Into<Remedy>) -> Self {
-        Error::Output { place: place.as_place(), what: what.into(), remedy: remedy.into() }
+    pub fn output(place: impl AsPlace, what: impl Into<String>, hint: impl Into<Hint>) -> Self {
+        Error::Output { place: place.as_place(), what: what.into(), hint: hint.into() }
     }
 
     /// A failed read or write.
@@ -143,19 +92,23 @@ impl Error {
     }
 
     /// What would help.
-    pub fn remedy(&self) -> Remedy {
+    pub fn hint(&self) -> Hint {
         match self {
-            Error::Input { remedy, .. }
-            | Error::Argument { remedy, .. }
-            | Error::Unreachable { remedy, .. }
-            | Error::Output { remedy, .. }
-            | Error::Differs { remedy, .. } => remedy.clone(),
-            Error::Corrupt { .. } => Remedy::CopyAgain,
-            Error::Compatibility { .. } => Remedy::UseNewer,
-            Error::Memory { .. } => Remedy::MoreMemory,
-            Error::Bound { .. } => Remedy::AllowMemory,
-            Error::Checkpointed { .. } => Remedy::GoOn,
-            Error::Io { .. } | Error::Cancelled => Remedy::None,
+            Error::Input { hint, .. }
+            | Error::Argument { hint, .. }
+            | Error::Unreachable { hint, .. }
+            | Error::Output { hint, .. }
+            | Error::Differs { hint, .. } => hint.clone(),
+            Error::Corrupt { .. } => {
+                Hint::from("copy the file again from its source; ").command("verify", "").words(" checks it")
+            }
+            Error::Compatibility { .. } => "use a newer particlegs".into(),
+            Error::Memory { .. } => "use a machine with more memory, or a smaller snapshot or picture".into(),
+            Error::Bound { .. } => {
+                Hint::from("allow that much with ").option("memory", "").words(", or ask for a smaller model")
+            }
+            Error::Checkpointed { .. } => "run the same command again to continue".into(),
+            Error::Io { .. } | Error::Cancelled => Hint::default(),
         }
     }
 }
@@ -166,32 +119,14 @@ pub trait AsPlace {
     fn as_place(&self) -> String;
 }
 
-impl AsPlace for &str {
-    fn as_place(&self) -> String {
-        (*self).to_string()
-    }
+macro_rules! places {
+    ($($place:ty: $text:ident;)*) => {
+        $(impl AsPlace for $place {
+            fn as_place(&self) -> String {
+                self.$text().to_string()
+            }
+        })*
+    };
 }
 
-impl AsPlace for String {
-    fn as_place(&self) -> String {
-        self.clone()
-    }
-}
-
-impl AsPlace for &String {
-    fn as_place(&self) -> String {
-        (*self).clone()
-    }
-}
-
-impl AsPlace for &Path {
-    fn as_place(&self) -> String {
-        self.display().to_string()
-    }
-}
-
-impl AsPlace for &std::path::PathBuf {
-    fn as_place(&self) -> String {
-        self.display().to_string()
-    }
-}
+places!(&str: to_owned; String: as_str; &String: as_str; &Path: display; &PathBuf: display;);

@@ -8,14 +8,15 @@
 // clippy.toml: functions whose bits are the platform's. Tests compare with them.
 #![cfg_attr(test, allow(clippy::disallowed_methods))]
 
+pub mod checkpoint;
 pub mod context;
 pub mod error;
+mod hash;
+mod hint;
 pub mod math;
 pub mod memory;
 mod named;
 pub mod parallel;
-pub mod pieces;
-mod remedy;
 pub mod space;
 
 pub mod camera;
@@ -28,5 +29,5 @@ pub mod codec;
 pub mod render;
 
 pub use error::{Error, Result};
+pub use hint::Hint;
 pub use named::NamedValue;
-pub use remedy::Remedy;

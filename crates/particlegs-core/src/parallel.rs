@@ -1,6 +1,9 @@
 //! Work over several threads: the few forms that the library needs. Without the feature `threads` the same work is
 //! done in order, to the same bits.
 //!
+//! Of what may fail the first error in the order of the items is given, whatever the threads, and nothing that follows it is
+//! begun.
+//!
 //! All of them are thin covers of `each`, which is compiled once: what is generic down to the threads would be
 //! compiled again for every use.
 
@@ -62,10 +65,7 @@ pub fn map_range<R: Send>(n: usize, of: impl Fn(usize) -> R + Sync) -> Vec<R> {
     all
 }
 
-/// [`map_range`] of what may fail: after an error nothing that follows it is begun.
-///
-/// # Errors
-/// The first of those of `of`, whatever the threads.
+/// [`map_range`] of what may fail.
 pub fn try_map_range<R: Send, E: Send>(n: usize, of: impl Fn(usize) -> Result<R, E> + Sync) -> Result<Vec<R>, E> {
     let failed = AtomicUsize::new(n);
     let one = |i: usize| {
@@ -88,10 +88,7 @@ pub fn map<T: Send, R: Send>(items: impl IntoIterator<Item = T>, of: impl Fn(T) 
     map_range(items.len(), |i| of(taken(&items[i])))
 }
 
-/// [`map`] of what may fail: after an error nothing that follows it is begun.
-///
-/// # Errors
-/// The first of those of `of`, whatever the threads.
+/// [`map`] of what may fail.
 pub fn try_map<T: Send, R: Send, E: Send>(
     items: impl IntoIterator<Item = T>,
     of: impl Fn(T) -> Result<R, E> + Sync,
@@ -115,10 +112,7 @@ pub fn for_each<T: Send>(items: impl IntoIterator<Item = T>, of: impl Fn(T) + Sy
     each(items.len(), &|i| of(taken(&items[i])));
 }
 
-/// [`for_each`] of what may fail: after an error nothing that follows it is begun.
-///
-/// # Errors
-/// The first of those of `each`, whatever the threads.
+/// [`for_each`] of what may fail.
 pub fn try_for_each<T: Send, E: Send>(
     items: impl IntoIterator<Item = T>,
     each: impl Fn(T) -> Result<(), E> + Sync,
@@ -210,14 +204,6 @@ pub fn with_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) ->
     }
     #[cfg(not(feature = "threads"))]
     if threads == 1 { Ok(work()) } else { Err("built without threads".into()) }
-}
-
-/// Adds bytes to a hash.
-pub fn hash(hasher: &mut blake3::Hasher, bytes: &[u8]) {
-    #[cfg(feature = "threads")]
-    hasher.update_rayon(bytes);
-    #[cfg(not(feature = "threads"))]
-    hasher.update(bytes);
 }
 
 #[cfg(test)]

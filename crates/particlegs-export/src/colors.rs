@@ -9,12 +9,10 @@ use particlegs::{Error, Result};
 use serde_json::{Map, json};
 
 particlegs::named_values! {
-    /// What colours say.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum ColorBy {
         /// Grey levels, as in pictures: white, or those that an alpha-blend model was trained to.
         Grey = "grey",
-        /// A colour for each layer.
         Layer = "layer",
         /// Each Gaussian's own density at its centre, in logarithmic colours.
         Density = "density",
@@ -24,7 +22,6 @@ particlegs::named_values! {
 /// Shares of the Gaussians whose densities have the first and the last colour.
 const ENDS: [f64; 2] = [0.01, 0.99];
 
-/// Colours, and what they mean.
 pub struct Coloring {
     /// Red, green and blue in 0 to 1 of each Gaussian, in the model's order; `None` = grey levels.
     pub colors: Option<Vec<[f32; 3]>>,
@@ -33,12 +30,11 @@ pub struct Coloring {
 }
 
 impl Coloring {
-    /// Colours of a model's Gaussians; `range` = densities of the first and the last colour.
     pub fn new(model: &Model, by: ColorBy, map: Colormap, range: Option<[f64; 2]>) -> Result<Coloring> {
         if let Some([low, high]) = range
             && !(low > 0.0 && high > low && high.is_finite())
         {
-            return Err(Error::argument("--range takes LO,HI with 0 < LO < HI"));
+            return Err(Error::argument("a range of densities is LO,HI with 0 < LO < HI"));
         }
         match by {
             ColorBy::Grey => Ok(Coloring { colors: None, range: None }),
@@ -62,7 +58,6 @@ impl Coloring {
         }
     }
 
-    /// Says what they mean.
     pub fn describe(&self, model: &Model, by: ColorBy, map: Colormap, notes: &mut Notes) {
         if by == ColorBy::Layer {
             let code = |i: usize| Rgb8::layer_color(i).iter().fold(String::from("#"), |s, v| s + &format!("{v:02x}"));
@@ -100,7 +95,6 @@ fn densities(layer: &Layer<Vec<particlegs::model::Block>>) -> Vec<f64> {
         .collect()
 }
 
-/// A Gaussian's value at its centre.
 fn peak(cov: &Sym3) -> f64 {
     let root = (2.0 * std::f64::consts::PI).sqrt();
     cov.deviations_and_turn().0.iter().fold(1.0, |p, d| p / (root * d))

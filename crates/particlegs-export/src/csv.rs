@@ -10,7 +10,6 @@ use std::path::Path;
 
 const COVARIANCES: [&str; 6] = ["xx", "xy", "xz", "yy", "yz", "zz"];
 
-/// Writes them.
 pub fn write(model: &Model, notes: &Notes, out: &Path, context: &Context<'_>) -> Result<u64> {
     let names: Vec<String> = model.layers.iter().map(|l| quoted(&l.name)).collect();
     let [masses, opacities] = [model.has_masses(), has_opacities(model)];
@@ -36,7 +35,6 @@ pub fn write(model: &Model, notes: &Notes, out: &Path, context: &Context<'_>) ->
     })
 }
 
-/// The names of the columns.
 fn head(model: &Model) -> String {
     let m = &model.metadata;
     let unit = |unit: Option<&str>, power: &str| match unit.map(one_line) {

@@ -15,48 +15,32 @@ const BLOCK: u64 = 2880;
 const TEXT: usize = 67;
 /// Letters of a comment on a card.
 const COMMENT: usize = 72;
-/// Names of units as the standard and its readers have them; what has another name is written in SI.
-const NAMES: [(&str, &str); 17] = [
-    ("A", "Angstrom"),
-    ("nm", "nm"),
-    ("um", "um"),
-    ("mm", "mm"),
-    ("cm", "cm"),
-    ("m", "m"),
-    ("km", "km"),
-    ("AU", "AU"),
-    ("pc", "pc"),
-    ("kpc", "kpc"),
-    ("Mpc", "Mpc"),
-    ("Gpc", "Gpc"),
-    ("ly", "lyr"),
-    ("Rsun", "solRad"),
-    ("Msun", "solMass"),
-    ("g", "g"),
-    ("amu", "u"),
-];
+/// Units that the standard and its readers know by the same names; what has another name is written in SI, ...
+const SAME: &str = "nm um mm cm m km AU pc kpc Mpc Gpc g";
+/// ... but for these.
+const RENAMED: [(&str, &str); 5] =
+    [("A", "Angstrom"), ("ly", "lyr"), ("Rsun", "solRad"), ("Msun", "solMass"), ("amu", "u")];
 
 /// What numbers are multiplied by to be in units that the standard knows: it has no h (that is the hour there) and no
 /// factors.
 struct UnitScale {
     length: f64,
     mass: f64,
-    /// Unit of length, where it is known.
     length_unit: Option<&'static str>,
-    /// Unit of density, where it is known.
     density_unit: Option<String>,
 }
 
 impl UnitScale {
     /// As the notes state units; all numbers as they are where one of the units has no size.
-    fn of(notes: &Notes) -> UnitScale {
+    fn from_notes(notes: &Notes) -> UnitScale {
         let hubble = notes.number("hubble");
         let unit = |key: &str, dimension: Dimension| {
             let (number, name, size, _, power) = Unit::parts(notes.text(key)?, dimension)?;
             let whole = power as i32;
             let h = if power == 0.0 { 1.0 } else { hubble.filter(|_| whole as f32 == power)?.powi(whole) };
-            let known = NAMES.iter().find(|n| n.0 == name);
-            Some(known.map_or((number * size * h, dimension.base()), |known| (number * h, known.1)))
+            let renamed = RENAMED.iter().find(|n| n.0 == name).map(|n| n.1);
+            let known = renamed.or_else(|| SAME.split(' ').find(|same| *same == name));
+            Some(known.map_or((number * size * h, dimension.base()), |known| (number * h, known)))
         };
         let counted = notes.facts.get("mass").is_none();
         let mass = if counted { Some((1.0, "")) } else { unit("mass_unit", Dimension::Mass) };
@@ -70,9 +54,8 @@ impl UnitScale {
     }
 }
 
-/// Writes it.
 pub fn write(density: &Density, notes: &Notes, out: &Path, context: &Context<'_>) -> Result<u64> {
-    let scale = UnitScale::of(notes);
+    let scale = UnitScale::from_notes(notes);
     let head = head(density, notes, &scale);
     let by = scale.mass / scale.length.powi(3);
     let bytes = 4 * density.values.len() as u64;
@@ -130,7 +113,6 @@ fn head(density: &Density, notes: &Notes, scale: &UnitScale) -> Vec<u8> {
     head.whole()
 }
 
-/// Cards, one after the other.
 struct FitsHeader(Vec<u8>);
 
 impl FitsHeader {
@@ -165,7 +147,6 @@ impl FitsHeader {
         self.push(&format!("{name:<8}= {value:<20}{comment}"));
     }
 
-    /// A comment, broken between words.
     fn comment(&mut self, text: &str) {
         let mut line = String::new();
         for word in text.split(' ') {

@@ -2,25 +2,19 @@
 
 use particlegs::model::{LawKind, Mixture, Model};
 
-/// A Gaussian of a layer.
 pub struct LayerGaussian<'a> {
-    /// Its mixture.
     pub of: &'a Mixture,
-    /// Its number there.
     pub i: usize,
-    /// The number of its layer.
     pub layer: usize,
     /// The mass of weight 1 in its layer, 1 where none is known.
     pub unit: f64,
 }
 
 impl LayerGaussian<'_> {
-    /// Its mass in the unit of mass.
     pub fn mass(&self) -> f64 {
         self.unit * self.of.mass_of(self.i)
     }
 
-    /// Its opacity and its grey level, of the alpha-blend law.
     pub fn splat(&self) -> [f64; 2] {
         self.of.law.alpha_blend().map_or([0.0; 2], |own| [own.opacity[self.i], own.grey[self.i]])
     }
@@ -35,7 +29,6 @@ pub fn all(model: &Model) -> impl Iterator<Item = LayerGaussian<'_>> {
     })
 }
 
-/// Is it a model whose Gaussians have opacities and grey levels?
 pub fn has_opacities(model: &Model) -> bool {
     model.metadata.law == LawKind::AlphaBlend
 }

@@ -14,7 +14,6 @@ use particlegs::{Error, Result};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// How a document and its numbers lie.
 #[derive(Clone, Copy, PartialEq)]
 pub enum GltfForm {
     /// One after the other (.glb).
@@ -27,9 +26,7 @@ pub enum GltfForm {
 const HARMONIC: f32 = 0.282_094_8;
 const FLOAT: u32 = 5126;
 const BYTE: u32 = 5121;
-/// A buffer of vertex attributes.
 const ARRAY_BUFFER: u32 = 34962;
-/// Mode of points.
 const POINTS: u32 = 0;
 /// Attributes in the order of their arrays: name, shape, bytes of a Gaussian.
 const ATTRIBUTES: [(&str, &str, u64); 6] = [
@@ -40,7 +37,6 @@ const ATTRIBUTES: [(&str, &str, u64); 6] = [
     ("KHR_gaussian_splatting:SH_DEGREE_0_COEF_0", "VEC3", 12),
     ("COLOR_0", "VEC4", 4),
 ];
-/// Bytes of a Gaussian.
 const BYTES: u64 = 60;
 
 /// Writes the splats of an alpha-blend model in the frame of [`Normalisation`].
@@ -58,7 +54,7 @@ pub fn write(
     }
     if form == GltfForm::Binary && bytes > u64::from(u32::MAX) - (1 << 20) {
         let what = format!("{} Gaussians are more than the 4 GiB of a GLB hold", model.gaussians());
-        return Err(Error::Argument { what, remedy: "write a PLY, or make the model smaller with `simplify`".into() });
+        return Err(Error::argument_with(what, "write a PLY, or make the model smaller with `simplify`"));
     }
     let text = if form == GltfForm::Text { bytes / 3 * 4 } else { 0 };
     context.require_memory("a glTF", 2 * bytes + 2 * text)?;
@@ -75,7 +71,6 @@ pub fn write(
     }
 }
 
-/// The document, and the numbers that it speaks of.
 fn scene(model: &Model, colors: Option<&[[f32; 3]]>, notes: &Notes, context: &Context<'_>) -> Result<(Value, Vec<u8>)> {
     let frame = Normalisation::of(&model.metadata.bounds);
     let mut binary = Vec::new();
@@ -88,7 +83,7 @@ fn scene(model: &Model, colors: Option<&[[f32; 3]]>, notes: &Notes, context: &Co
         if count == 0 {
             continue;
         }
-        let columns = LayerArrays::of(layer, own.map(|o| o.0), &frame, context)?;
+        let columns = LayerArrays::new(layer, own.map(|o| o.0), &frame, context)?;
         let first = accessors.len();
         let mut attributes = serde_json::Map::new();
         for (k, (name, shape, bytes)) in ATTRIBUTES.iter().enumerate() {
@@ -130,7 +125,6 @@ fn scene(model: &Model, colors: Option<&[[f32; 3]]>, notes: &Notes, context: &Co
     Ok((document, binary))
 }
 
-/// The arrays of a layer.
 struct LayerArrays {
     /// Places, turns, deviations, opacities, harmonics.
     floats: [Vec<f32>; 5],
@@ -139,7 +133,7 @@ struct LayerArrays {
 }
 
 impl LayerArrays {
-    fn of(
+    fn new(
         layer: &Layer<Vec<Block>>,
         colors: Option<&[[f32; 3]]>,
         frame: &Normalisation,
@@ -169,7 +163,6 @@ impl LayerArrays {
         Ok(columns)
     }
 
-    /// The least and the largest coordinates.
     fn extent(&self) -> [[f32; 3]; 2] {
         let start = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
         self.floats[0]

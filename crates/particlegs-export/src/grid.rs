@@ -10,7 +10,6 @@ const MOST: usize = 65_536;
 /// Cells along the longest edge where nobody says.
 const USUAL: usize = 128;
 
-/// How fine a grid is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cells {
     /// So many cells along the longest edge.
@@ -44,13 +43,10 @@ impl Cells {
     }
 }
 
-/// Density in cells.
 pub struct Density {
-    /// The grid.
     pub grid: Grid,
     /// Mass, or number, per volume in each cell; x slowest.
     pub values: Vec<f32>,
-    /// Its unit.
     pub unit: String,
     /// Mass, or number, in all cells.
     pub total: f64,
@@ -60,14 +56,14 @@ pub struct Density {
 
 impl Density {
     /// Of all layers of a model, over its periodic box, or its bounds where it has none or a tilted one.
-    pub fn of(model: &Model, cells: Cells, context: &Context<'_>) -> Result<Density> {
+    pub fn new(model: &Model, cells: Cells, context: &Context<'_>) -> Result<Density> {
         let known = model.layers.iter().filter(|l| l.mass != particlegs::model::Mass::Unknown).count();
         if known > 0 && known < model.layers.len() {
-            let what = "some layers have masses and others do not: their sum is no density".to_string();
-            return Err(Error::Argument { what, remedy: "choose layers that all have masses, or none".into() });
+            let what = "some layers have masses and others do not: their sum is no density";
+            return Err(Error::argument_with(what, "choose layers that all have masses, or none"));
         }
         // Grids of files are upright: a tilted box lies open in its bounds.
-        let domain = Some(Domain::of_model(model)).filter(|d| !d.is_tilted());
+        let domain = Some(Domain::from_model(model)).filter(|d| !d.is_tilted());
         let domain = domain.unwrap_or_else(|| Domain::new(&model.metadata.bounds, None));
         let grid = cells.over(&domain)?;
         let subject = Subject::Model(model);

@@ -1,12 +1,10 @@
 //! The formats that a model is exported in.
 
-use super::Notes;
-use particlegs::{Error, Result};
+use particlegs::{Error, Hint, Result};
 use particlegs_files::output;
 use std::path::Path;
 
 particlegs::named_values! {
-    /// A format.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum Kind {
         /// A page that shows the model in any browser, offline: one file.
@@ -23,19 +21,16 @@ particlegs::named_values! {
         Vti = "vti",
         /// Density on a grid: FITS cube.
         Fits = "fits",
-        /// The Gaussians themselves: NumPy archive.
         Npz = "npz",
         /// The Gaussians themselves: a table of text.
         Csv = "csv",
     }
 }
 
-/// What a format holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
     /// Splats that are sorted and blended.
     Splats,
-    /// Density in cells.
     Grid,
     /// Means, covariances, counts.
     Gaussians,
@@ -49,7 +44,6 @@ impl Kind {
         self.name()
     }
 
-    /// What it holds.
     pub fn group(self) -> Group {
         match self {
             Kind::Ply | Kind::Glb | Kind::Gltf => Group::Splats,
@@ -60,7 +54,7 @@ impl Kind {
     }
 
     /// The format that an output's ending means, or the one that is asked for.
-    pub fn of(out: &Path, asked: Option<Kind>) -> Result<Kind> {
+    pub fn for_output(out: &Path, asked: Option<Kind>) -> Result<Kind> {
         let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase());
         let ending = match ending.as_deref() {
             Some("fit") => Some("fits"),
@@ -69,30 +63,31 @@ impl Kind {
         let meant = Kind::ALL.into_iter().find(|k| Some(k.ending()) == ending);
         match (meant, asked) {
             (Some(meant), Some(asked)) if meant != asked => {
-                let what =
-                    format!("{}: its ending means {}, and --kind {}", out.display(), meant.ending(), asked.ending());
-                Err(Error::Argument { what, remedy: "leave --kind away, or name another file".into() })
+                let [meant, asked] = [meant, asked].map(Kind::ending);
+                let what = format!("{}: its ending means {meant}, and {asked} is asked for", out.display());
+                let hint = Hint::from("leave ").option("kind", "").words(" away, or name another file");
+                Err(Error::argument_with(what, hint))
             }
             (Some(kind), _) | (None, Some(kind)) => Ok(kind),
-            (None, None) => Err(Error::Argument {
-                what: format!("{}: its ending does not say what to write", out.display()),
-                remedy: Self::hint(ending.unwrap_or_default()).into(),
-            }),
+            (None, None) => Err(Error::argument_with(
+                format!("{}: its ending does not say what to write", out.display()),
+                Self::hint(ending.unwrap_or_default()),
+            )),
         }
     }
 
-    /// What to do where an ending means none of these.
-    fn hint(ending: &str) -> String {
+    fn hint(ending: &str) -> Hint {
         let particles = ["hdf5", "h5", "vtp", "dump", "lammpstrj", "f32", "xyz", "vtu", "vtk"];
         let pictures = ["png", "pdf", "svg", "jpg", "webp"];
         if particles.contains(&ending) {
-            return "draw particles with `recover`, then write them with `convert`".into();
+            let hint = Hint::from("draw particles with ").command("recover", "").words(", then write them with ");
+            return hint.command("convert", "");
         }
         if pictures.contains(&ending) {
-            return "draw pictures with `render`".into();
+            return Hint::from("draw pictures with ").command("render", "");
         }
         let all: Vec<String> = Kind::ALL.iter().map(|k| format!(".{}", k.ending())).collect();
-        format!("use one of {}, or --kind", all.join(", "))
+        Hint::from(format!("use one of {}, or ", all.join(", "))).option("kind", "")
     }
 
     /// What may be in the place of such a file.
@@ -109,7 +104,7 @@ impl Kind {
             Kind::Fits => kept("a FITS", |_, head| head.starts_with(b"SIMPLE  =")),
             Kind::Npz => kept("a NumPy archive", |_, head| head.starts_with(b"PK")),
             Kind::Html => kept("an HTML page", |_, head| head.starts_with(b"<!doctype html>")),
-            Kind::Csv => kept("a table of Gaussians", |_, head| head.starts_with(Notes::BEGIN.as_bytes())),
+            Kind::Csv => kept("a table of Gaussians", |_, head| head.starts_with(TABLE_BEGIN.as_bytes())),
         }
     }
 
@@ -123,7 +118,9 @@ impl Kind {
     }
 }
 
-/// Does a file's beginning hold these words?
+/// How a table of text begins.
+const TABLE_BEGIN: &str = "# written by particlegs ";
+
 fn holds(head: &[u8], words: &str) -> bool {
     String::from_utf8_lossy(head).contains(words)
 }
@@ -134,7 +131,7 @@ mod tests {
 
     #[test]
     fn the_ending_says_what_is_written() {
-        let of = |out: &str, asked: Option<Kind>| Kind::of(Path::new(out), asked);
+        let of = |out: &str, asked: Option<Kind>| Kind::for_output(Path::new(out), asked);
         for kind in &Kind::ALL {
             assert_eq!(of(&format!("a.b/x.{}", kind.ending().to_uppercase()), None).unwrap(), *kind);
             assert_eq!(of(&format!("x.{}", kind.ending()), Some(*kind)).unwrap(), *kind);
@@ -142,9 +139,9 @@ mod tests {
         }
         assert_eq!(of("x.fit", None).unwrap(), Kind::Fits);
         assert!(of("x.ply", Some(Kind::Csv)).is_err());
-        for (out, words) in [("x", ".npz"), ("-", "--kind"), ("x.hdf5", "`recover`"), ("x.png", "`render`")] {
+        for (out, words) in [("x", ".npz"), ("-", "`kind`"), ("x.hdf5", "`recover`"), ("x.png", "`render`")] {
             let error = of(out, None).unwrap_err();
-            assert!(error.remedy().to_string().contains(words), "{out}: {}", error.remedy());
+            assert!(error.hint().to_string().contains(words), "{out}: {}", error.hint());
         }
     }
 }

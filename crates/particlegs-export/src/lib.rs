@@ -2,6 +2,8 @@
 //! `notes`, and what the formats of one group share is in `splats` and `colors`, `grid`, `gaussians`.
 //! docs/guide/export.md says what a user finds in them.
 
+#![allow(missing_docs)]
+
 mod colors;
 mod csv;
 mod fits;
@@ -39,7 +41,6 @@ struct CountingWriter<'a> {
 }
 
 impl CountingWriter<'_> {
-    /// Adds bytes.
     fn put(&mut self, bytes: &[u8]) -> std::io::Result<()> {
         self.bytes += bytes.len() as u64;
         self.to.write_all(bytes)
@@ -81,7 +82,6 @@ fn written(
     done.map(|()| bytes)
 }
 
-/// The splats of a model that [`as_splats`] made, as PLY or glTF.
 pub fn write_as_splats(
     kind: Kind,
     model: &Model,
@@ -97,7 +97,6 @@ pub fn write_as_splats(
     }
 }
 
-/// A density in one of the formats of grids.
 pub fn write_density(kind: Kind, density: &Density, notes: &Notes, out: &Path, context: &Context<'_>) -> Result<u64> {
     match kind {
         Kind::Vti => vti::write(density, notes, out, context),
@@ -113,7 +112,6 @@ pub fn write_density(kind: Kind, density: &Density, notes: &Notes, out: &Path, c
     }
 }
 
-/// A model's Gaussians as a table.
 pub fn write_gaussians(kind: Kind, model: &Model, notes: &Notes, out: &Path, context: &Context<'_>) -> Result<u64> {
     match kind {
         Kind::Csv => csv::write(model, notes, out, context),

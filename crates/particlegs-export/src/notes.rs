@@ -5,7 +5,6 @@ use particlegs::camera::Normalisation;
 use particlegs::model::{LawKind, Model};
 use serde_json::{Map, Value, json};
 
-/// What a file says of itself.
 pub struct Notes {
     /// The model, its snapshot, its units, for programs.
     pub facts: Map<String, Value>,
@@ -16,10 +15,6 @@ pub struct Notes {
 }
 
 impl Notes {
-    /// How a table of text begins.
-    pub const BEGIN: &str = "# written by particlegs ";
-
-    /// Of a model of some name in a format.
     pub fn new(kind: Kind, model: &Model, name: &str) -> Notes {
         let m = &model.metadata;
         let lost = lost(kind, m.law).iter().map(|s| s.to_string()).collect();
@@ -37,27 +32,22 @@ impl Notes {
         notes
     }
 
-    /// Adds a fact for programs.
     pub fn set(&mut self, key: &str, value: impl Into<Value>) {
         self.facts.insert(key.into(), value.into());
     }
 
-    /// Adds a line for people.
     pub fn say(&mut self, line: String) {
         self.words.push(line);
     }
 
-    /// A text among the facts.
     pub fn text(&self, key: &str) -> Option<&str> {
         self.facts.get(key).and_then(Value::as_str)
     }
 
-    /// A number among the facts.
     pub fn number(&self, key: &str) -> Option<f64> {
         self.facts.get(key).and_then(Value::as_f64)
     }
 
-    /// All of it as JSON.
     pub fn json(&self) -> Value {
         let mut all = self.facts.clone();
         all.insert("lost".into(), self.lost.clone().into());
@@ -98,7 +88,6 @@ fn facts(model: &Model, name: &str) -> Map<String, Value> {
     all.into_iter().filter(|(_, value)| !value.is_null()).collect()
 }
 
-/// The same in words.
 fn words(model: &Model, name: &str) -> Vec<String> {
     let m = &model.metadata;
     let version = env!("CARGO_PKG_VERSION");
@@ -116,7 +105,7 @@ fn words(model: &Model, name: &str) -> Vec<String> {
         let what = m.weight_name().unwrap_or("masses");
         lines.push(format!("{what} in {}", m.units.mass_text().unwrap_or("a unit that is not stated")));
     }
-    lines.extend(m.cell.as_ref().map(|cell| format!("box {}", cell.in_words())));
+    lines.extend(m.cell.as_ref().map(|cell| format!("box {cell}")));
     lines
 }
 
@@ -135,7 +124,6 @@ fn escaped(text: &str, plain: impl Fn(char) -> bool) -> String {
     text.chars().map(|c| if plain(c) { c.to_string() } else { c.escape_default().to_string() }).collect()
 }
 
-/// What a format does not keep of a model.
 fn lost(kind: Kind, law: LawKind) -> &'static [&'static str] {
     match (kind.group(), law) {
         (Group::Splats, LawKind::OpticalDepth) => &[

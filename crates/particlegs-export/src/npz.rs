@@ -39,7 +39,6 @@ const OPACITIES: [NpzColumn; 2] = [
     NpzColumn { name: "grey", element: "<f8", sides: &[], put: |g, out| reals(out, &g.splat()[1..]) },
 ];
 
-/// Writes them.
 pub fn write(model: &Model, notes: &Notes, out: &Path, context: &Context<'_>) -> Result<u64> {
     let masses = model.has_masses().then_some(MASS);
     let opacities = has_opacities(model).then_some(OPACITIES);
@@ -58,7 +57,6 @@ pub fn write(model: &Model, notes: &Notes, out: &Path, context: &Context<'_>) ->
     })
 }
 
-/// A member of the archive, NAME.npy.
 fn member(
     archive: &mut ZipArchiveWriter<&mut CountingWriter<'_>>,
     name: &str,

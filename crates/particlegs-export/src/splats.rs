@@ -37,10 +37,10 @@ pub struct Faint {
 /// network for others.
 pub fn as_splats(mut model: Model, radius: f64, opacity: f64, context: &Context<'_>) -> Result<(Model, Faint)> {
     if !(radius.is_finite() && radius > 0.0) {
-        return Err(Error::argument(format!("--radius {radius} is not a length above 0")));
+        return Err(Error::argument(format!("radius {radius} is not a length above 0")));
     }
     if !(opacity > 0.0 && opacity <= 1.0) {
-        return Err(Error::argument(format!("--opacity {opacity} is outside 0 to 1 (0 is excluded)")));
+        return Err(Error::argument(format!("opacity {opacity} is outside 0 to 1 (0 is excluded)")));
     }
     if model.metadata.law == LawKind::OpticalDepth {
         for block in model.layers.iter_mut().flat_map(|l| &mut l.content) {
@@ -55,7 +55,6 @@ pub fn as_splats(mut model: Model, radius: f64, opacity: f64, context: &Context<
     Ok((model, faint))
 }
 
-/// Turns Gaussians of the optical-depth law into splats.
 fn blended(g: &mut Mixture, radius: f64, opacity: f64) -> Result<()> {
     let mut columns = AlphaBlend { grey: vec![1.0; g.len()], ..AlphaBlend::default() };
     columns.opacity.reserve_exact(g.len());
@@ -222,12 +221,12 @@ mod tests {
     #[test]
     fn blended_splats_look_like_the_optical_depth() {
         use particlegs::camera::{View, base_distance, spherical_camera};
+        use particlegs::checkpoint::NoCheckpoints;
         use particlegs::compress::{Options, Target, compress};
         use particlegs::context::Context;
         use particlegs::model::CertificateLevel;
         use particlegs::particles::Particles;
         use particlegs::picture::{Size, masked_psnr};
-        use particlegs::pieces::NoCheckpoints;
         use particlegs::render::{Scene, draw};
         use particlegs::splat::ToneStyle;
 
@@ -240,9 +239,9 @@ mod tests {
         let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, size));
         for (opacity, least) in [(0.05, 30.0), (0.5, 26.5)] {
             let view = View { name: "view".into(), camera, radius: m.default_radius, opacity };
-            let wanted = draw(&Scene::of(&model), &view, size, ToneStyle::Expected, &Context::SILENT).unwrap();
+            let wanted = draw(&Scene::new(&model), &view, size, ToneStyle::Expected, &Context::SILENT).unwrap();
             let (splats, faint) = as_splats(model.clone(), m.default_radius, opacity, &Context::SILENT).unwrap();
-            let got = draw(&Scene::of(&splats), &view, size, ToneStyle::Expected, &Context::SILENT).unwrap();
+            let got = draw(&Scene::new(&splats), &view, size, ToneStyle::Expected, &Context::SILENT).unwrap();
             let score = masked_psnr(&wanted, &got).unwrap_or(f64::INFINITY);
             eprintln!("opacity {opacity}: {score:.2} dB, {faint:?}");
             assert!(score > least, "{opacity}: {score} dB");

@@ -7,7 +7,6 @@ use particlegs::context::Context;
 use std::fmt::Write;
 use std::path::Path;
 
-/// Writes it.
 pub fn write(density: &Density, notes: &Notes, out: &Path, context: &Context<'_>) -> Result<u64> {
     let bytes = 4 * density.values.len() as u64;
     let mut head = String::new();
@@ -24,7 +23,6 @@ pub fn write(density: &Density, notes: &Notes, out: &Path, context: &Context<'_>
     })
 }
 
-/// The XML before the numbers.
 fn text(density: &Density, notes: &Notes, xml: &mut String) -> std::fmt::Result {
     let ([nx, ny, nz], [x, y, z], [dx, dy, dz]) = (density.grid.cells, density.grid.min, density.grid.side);
     writeln!(xml, "<?xml version=\"1.0\"?>")?;

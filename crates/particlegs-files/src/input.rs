@@ -21,7 +21,6 @@ pub(crate) const STANDARD_INPUT: &str = "-";
 pub struct Form {
     /// In words, with its article: `a views file`.
     pub title: &'static str,
-    /// How it begins.
     pub begins: Begins,
     /// Bytes that it has at most.
     pub most: u64,
@@ -29,10 +28,8 @@ pub struct Form {
     pub expansion: u64,
 }
 
-/// How a file begins.
 #[derive(Clone, Copy, Debug)]
 pub enum Begins {
-    /// With these bytes.
     With(&'static [u8]),
     /// With a JSON object, after white space.
     Object,
@@ -57,7 +54,6 @@ const HEAD: usize = 512;
 const SAY_AFTER: Duration = Duration::from_secs(1);
 /// ... and asks so often whether it is still wanted.
 const ASK_EVERY: Duration = Duration::from_millis(100);
-/// Bytes read at once.
 const PIECE: usize = 1 << 18;
 
 /// A file, pipe or device being read from its beginning on.
@@ -91,7 +87,6 @@ impl<'a> Source<'a> {
         Ok(Source { file, place, head: Vec::new(), ended: false, length, context, said: false })
     }
 
-    /// How messages name it.
     pub fn place(&self) -> &str {
         &self.place
     }
@@ -230,7 +225,7 @@ pub struct SpoolFile {
 
 impl SpoolFile {
     /// Keeps what `source` still has to give, in the system's folder for temporary files.
-    pub fn of(mut source: Source<'_>) -> Result<Self> {
+    pub fn new(mut source: Source<'_>) -> Result<Self> {
         let place = source.place.clone();
         if !cfg!(target_os = "linux") {
             return Err(Error::input_with(place, "a pipe or device", "write the data to a file first"));
@@ -251,19 +246,13 @@ impl SpoolFile {
     }
 
     /// Where it can be opened, while this lives.
-    #[cfg(target_os = "linux")]
     pub fn path(&self) -> PathBuf {
-        use std::os::fd::AsRawFd;
-        PathBuf::from(format!("/proc/self/fd/{}", self.file.as_raw_fd()))
-    }
-
-    /// Where it can be opened, while this lives.
-    #[cfg(not(target_os = "linux"))]
-    pub fn path(&self) -> PathBuf {
+        #[cfg(target_os = "linux")]
+        return PathBuf::from(format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&self.file)));
+        #[cfg(not(target_os = "linux"))]
         PathBuf::new()
     }
 
-    /// How messages name it.
     pub fn place(&self) -> &str {
         &self.place
     }
@@ -273,7 +262,7 @@ impl SpoolFile {
         let path = self.path().display().to_string();
         let name = |text: String| text.replace(&path, &self.place);
         match error {
-            Error::Input { place, what, remedy } => Error::Input { place: name(place), what: name(what), remedy },
+            Error::Input { place, what, hint } => Error::Input { place: name(place), what: name(what), hint },
             Error::Io { place, source } => Error::Io { place: name(place), source },
             other => other,
         }
@@ -287,11 +276,10 @@ pub fn open_file(path: &Path) -> Result<(File, u64)> {
     if metadata.is_file() {
         return Ok((file, metadata.len()));
     }
-    let what = format!("{}, where a regular file is expected", kind_in_words(&metadata));
+    let what = format!("{}, where a regular file is expected", describe(&metadata));
     Err(Error::input_with(path, what, if metadata.is_dir() { "" } else { "write the data to a file first" }))
 }
 
-/// Is it the name of standard input?
 pub(crate) fn is_standard(path: &Path) -> bool {
     path.as_os_str() == STANDARD_INPUT
 }
@@ -301,13 +289,12 @@ pub fn is_stream(path: &Path) -> bool {
     is_standard(path) || std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
 
-/// How messages name a path.
 pub fn name_of(path: &Path) -> String {
     if is_standard(path) { "standard input".into() } else { path.display().to_string() }
 }
 
 #[cfg(unix)]
-fn kind_in_words(metadata: &Metadata) -> &'static str {
+fn describe(metadata: &Metadata) -> &'static str {
     use std::os::unix::fs::FileTypeExt;
     let kind = metadata.file_type();
     match () {
@@ -319,7 +306,7 @@ fn kind_in_words(metadata: &Metadata) -> &'static str {
 }
 
 #[cfg(not(unix))]
-fn kind_in_words(metadata: &Metadata) -> &'static str {
+fn describe(metadata: &Metadata) -> &'static str {
     if metadata.is_dir() { "a folder" } else { "no regular file" }
 }
 

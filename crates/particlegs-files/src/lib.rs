@@ -2,6 +2,8 @@
 //! files are made by [`output`], whole or not at all, and never over an input; [`memory`] says how much
 //! of it there is.
 
+#![allow(missing_docs)]
+
 pub mod input;
 pub mod memory;
 pub mod output;

@@ -9,7 +9,6 @@ use std::ops::Range;
 pub struct Affine {
     /// Row i gives component i.
     pub matrix: [[f64; 3]; 3],
-    /// Added afterwards.
     pub shift: [f64; 3],
 }
 
@@ -18,19 +17,25 @@ impl Affine {
     pub const IDENTITY: Affine =
         Affine { matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], shift: [0.0; 3] };
 
-    /// The same scale along each axis.
     pub fn scale(by: f64) -> Affine {
         let mut out = Affine::IDENTITY;
         (0..3).for_each(|k| out.matrix[k][k] = by);
         out
     }
 
-    /// Where it takes a point.
     pub fn apply(&self, p: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|i| {
             let row = self.matrix[i];
             row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + self.shift[i]
         })
+    }
+
+    /// A piece moved by it; `wide`: have moved positions more digits than f32?
+    pub fn moved(self, wide: bool, inner: Box<dyn ParticlePiece>) -> Box<dyn ParticlePiece> {
+        match self == Affine::IDENTITY {
+            true => inner,
+            false => Box::new(AffinePiece { inner, by: self, wide }),
+        }
     }
 
     /// First `inner`, then this.
@@ -41,7 +46,6 @@ impl Affine {
         Affine { matrix: [0, 1, 2].map(|i| [0, 1, 2].map(|j| columns[j][i])), shift: self.apply(inner.shift) }
     }
 
-    /// Moves positions from row `start` on.
     pub fn apply_rows(&self, rows: &mut RowBuffer, start: usize) {
         if *self == Affine::IDENTITY {
             return;
@@ -53,14 +57,10 @@ impl Affine {
     }
 }
 
-/// A piece whose positions are moved.
-pub struct AffinePiece {
-    /// As the file has them.
-    pub inner: Box<dyn ParticlePiece>,
-    /// To world units.
-    pub by: Affine,
-    /// Do moved positions have more digits than f32?
-    pub wide: bool,
+struct AffinePiece {
+    inner: Box<dyn ParticlePiece>,
+    by: Affine,
+    wide: bool,
 }
 
 impl ParticlePiece for AffinePiece {

@@ -1,8 +1,8 @@
 //! Arrays in memory, read as files are.
 
 use crate::npy::header::scalar;
+use crate::numbers::{Bytes, StridedColumn, StridedParticles};
 use crate::pieces::PieceReader;
-use crate::strided::{Bytes, StridedColumn, StridedParticles};
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
 use std::sync::Arc;
@@ -22,8 +22,8 @@ pub struct Array {
 }
 
 impl Array {
-    /// A reader of it, which hands over the same values as that of a .npy with them. Values of more digits than f32
-    /// has are taken about an origin near the data where they lie far from 0.
+    /// A reader that gives the same values as a .npy file with these bytes. Values with more digits than f32 are taken
+    /// about an origin near the data where the data lie far from 0.
     ///
     /// # Errors
     /// [`Error::Input`] for a type that holds no numbers, and for rows beyond the bytes.
@@ -33,7 +33,7 @@ impl Array {
         let scalar = scalar(&dtype).map_err(|_| no_numbers())?;
         let (kind, big_endian) = (scalar.kind.ok_or_else(no_numbers)?, scalar.big_endian);
         let axes = first.map(|offset| StridedColumn { offset, stride, kind, big_endian });
-        let piece = StridedParticles::new(&meta.name, Bytes::Lent(bytes), rows, axes, None)?;
+        let piece = StridedParticles::new(&meta.name, Bytes::Lent(bytes), rows, &axes)?;
         Ok(Arc::new(PieceReader::new(meta, vec![Box::new(piece)], false)?))
     }
 }

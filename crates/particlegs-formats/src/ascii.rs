@@ -1,18 +1,15 @@
 //! Numbers as text between blanks, read from any place: where every so many-th begins is kept.
 
-use crate::strided::NumberType;
+use crate::numbers::NumberType;
 use std::ops::Range;
 
 /// Numbers from one kept place to the next.
 const STEP: u64 = 16_384;
-/// Longest number that is read.
 const MOST_DIGITS: usize = 400;
 
-/// Numbers in a stretch of text.
 pub struct Ascii {
     /// First byte of every [`STEP`]-th number.
     starts: Vec<u64>,
-    /// Numbers.
     count: u64,
     /// Byte behind the last.
     end: u64,
@@ -54,7 +51,6 @@ impl Ascii {
         Ok(Ascii { starts, count, end: start + at as u64 })
     }
 
-    /// Byte behind the last number.
     pub fn end(&self) -> u64 {
         self.end
     }
@@ -68,6 +64,7 @@ impl Ascii {
             return Ok(());
         }
         let bytes = &bytes[..self.end as usize];
+        // From the kept place before, over the numbers between.
         let mut at = self.starts[(range.start / STEP) as usize] as usize;
         for i in range.start - range.start % STEP..range.end {
             let word = word(bytes, at).ok_or("fewer numbers than there were")?;

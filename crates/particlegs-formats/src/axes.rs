@@ -3,19 +3,14 @@
 use crate::{Choice, Species, SpeciesField};
 use particlegs::Result;
 
-/// A component of a field.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FieldComponent {
-    /// The field's name.
     pub field: String,
     /// Which of its numbers, from 0.
     pub component: u32,
 }
 
 /// Where x, y and z of a species are found: the fields chosen, else its own.
-///
-/// # Errors
-/// [`particlegs::Error::Input`] naming the fields there are, where a chosen one is missing.
 pub fn axes(place: &str, species: &Species, choice: &Choice) -> Result<[FieldComponent; 3]> {
     let chosen = choice.positions.as_deref().unwrap_or(&species.positions);
     if species.fields.iter().any(|f| f.name == chosen && f.components == 3) {
@@ -30,6 +25,13 @@ pub fn axes(place: &str, species: &Species, choice: &Choice) -> Result<[FieldCom
             Err(species.missing(place, chosen, species.fields.iter().filter(fits).map(|f| &f.name[..])))
         }
     }
+}
+
+/// Where x, y, z and, where they are chosen, weights are found: three columns or four.
+pub fn columns(place: &str, species: &Species, choice: &Choice) -> Result<Vec<FieldComponent>> {
+    let axes = axes(place, species, choice)?;
+    let weight = species.weight_field(place, &choice.weights)?;
+    Ok(axes.into_iter().chain(weight.map(|field| FieldComponent { field, component: 0 })).collect())
 }
 
 /// A scalar field, or component k of the field `name` as `name[k]`.
@@ -49,8 +51,7 @@ mod tests {
 
     #[test]
     fn vectors_and_three_scalars_are_found_and_others_named() {
-        let field =
-            |name: &str, components| SpeciesField { name: name.into(), kind: "f32".into(), components, unit: None };
+        let field = |name: &str, components| SpeciesField::new(name, "f32", components);
         let species = Species {
             positions: "x,y,z".into(),
             fields: vec![field("x", 1), field("y", 1), field("z", 1), field("v", 3)],
@@ -62,7 +63,7 @@ mod tests {
         );
         let by = |name: &str| axes("f", &species, &Choice { positions: Some(name.into()), ..Choice::default() });
         assert_eq!(by("v").unwrap()[1], FieldComponent { field: "v".into(), component: 1 });
-        assert!(by("w").unwrap_err().remedy().to_string().contains("x, y, z, v"));
+        assert!(by("w").unwrap_err().hint().to_string().contains("x, y, z, v"));
         assert!(by("x,y").is_err());
         let part = |field: &str, component| FieldComponent { field: field.into(), component };
         assert_eq!(by("v[2],x,v[0]").unwrap(), [part("v", 2), part("x", 0), part("v", 0)]);

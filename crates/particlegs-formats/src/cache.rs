@@ -25,9 +25,6 @@ impl ChunkCache {
     /// Chunk `key`, decoded by `decode` where it is not at hand. Two threads that want the same
     /// chunk decode it once; `decode` itself must do no parallel work, which would run other work on a
     /// thread that others wait for.
-    ///
-    /// # Errors
-    /// Those of `decode`; the chunk is tried again next time.
     pub fn get(&self, key: u64, decode: impl FnOnce() -> Result<Vec<u8>>) -> Result<Arc<Vec<u8>>> {
         let slot = self.slot(key);
         let mut held = slot.lock().unwrap_or_else(|e| e.into_inner());

@@ -42,7 +42,6 @@ pub fn lz4(bytes: &[u8], length: usize) -> Result<Vec<u8>, String> {
     }
 }
 
-/// One Zstandard frame.
 pub fn zstd(bytes: &[u8], length: usize) -> Result<Vec<u8>, String> {
     let decoder = ruzstd::decoding::StreamingDecoder::new_with_max_window_size(bytes, MOST_BYTES as u64)
         .map_err(|e| format!("a block of Zstandard is broken: {e}"))?;
@@ -102,6 +101,7 @@ pub fn crc64(bytes: &[u8]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::hex;
 
     const TEXT: &[u8] = b"particles particles particles";
     /// `python3 -c "import lzma; ..."`: xz with the presets 0 (CRC-64) and 9 (CRC-32).
@@ -110,16 +110,9 @@ mod tests {
         "fd377a585a0000016922de36020021011c00000010cf58cce0001c00115d0038184aac21286e1d98edf9a4835450000000000000098f7c4d0001291d1946c6079042990d010000000001595a",
     ];
 
-    fn hex(text: &str) -> Vec<u8> {
-        (0..text.len() / 2).map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).unwrap()).collect()
-    }
-
     #[test]
     fn wrong_lengths_and_broken_bytes_are_refused() {
-        use std::io::Write;
-        let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::default());
-        encoder.write_all(TEXT).unwrap();
-        let packed = encoder.finish().unwrap();
+        let packed = crate::testing::zlib(TEXT);
         assert_eq!(zlib(&packed, TEXT.len()).unwrap(), TEXT);
         for wrong in [0, TEXT.len() - 1, TEXT.len() + 1, MOST_BYTES + 1, usize::MAX] {
             assert!(zlib(&packed, wrong).is_err(), "{wrong}");

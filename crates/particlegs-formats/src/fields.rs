@@ -87,7 +87,6 @@ pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) 
     LayerFields::new(fields, readers, wide.then(positions).transpose()?.map(Arc::from))
 }
 
-/// Readers of three components each.
 fn readers(
     snapshot: &dyn Snapshot,
     index: usize,
@@ -115,12 +114,9 @@ fn readers(
         .collect()
 }
 
-/// A field of a file that is written.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct OutField {
-    /// Its name there.
     pub name: String,
-    /// Type of its numbers.
     pub number: Number,
     /// Which of a run's columns are its components.
     pub columns: Vec<usize>,
@@ -128,7 +124,6 @@ pub(crate) struct OutField {
     pub unit: Option<String>,
     /// Numbers that the source says about it.
     pub attributes: Vec<(String, f64)>,
-    /// Its names in the source.
     pub sources: Vec<String>,
 }
 
@@ -144,7 +139,6 @@ impl OutField {
 /// What a format calls fields that all snapshots have: its name, numbers a particle, and those of others.
 pub(crate) type StandardField = (&'static str, usize, &'static [&'static str]);
 
-/// Names of velocities' components.
 const VELOCITIES: [[&str; 3]; 2] = [["vx", "vy", "vz"], ["vel_x", "vel_y", "vel_z"]];
 
 /// A layer's fields in a file: by the standard's names, else their own; those whose names are taken are left out.
@@ -155,14 +149,8 @@ pub(crate) fn outputs(fields: &[SourceField], standard: &[StandardField], reserv
         let count = field.components as usize;
         let columns: Vec<usize> = (first..first + count).collect();
         first += count;
-        all.push(OutField {
-            name: field.name.clone(),
-            number: field.number,
-            columns,
-            unit: field.unit.clone(),
-            attributes: field.attributes.clone(),
-            sources: vec![field.name.clone()],
-        });
+        let SourceField { name, number, unit, attributes, .. } = field.clone();
+        all.push(OutField { sources: vec![name.clone()], name, number, columns, unit, attributes });
     }
     for &(name, count, names) in standard {
         if all.iter().any(|f| f.name == name) {
@@ -202,7 +190,6 @@ fn join(all: &mut Vec<OutField>, name: &str) {
     }
 }
 
-/// The fields that all layers have alike, each of every layer.
 pub(crate) fn common(
     kept: &SelectedParticles<'_>,
     standard: &[StandardField],

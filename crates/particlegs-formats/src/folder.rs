@@ -1,9 +1,10 @@
 //! The snapshot that a folder holds.
 
-use crate::registry::{self, FileHead};
+use crate::format::{FileHead, Format};
+use crate::registry;
 use crate::vtk_xml::lists;
-use crate::{Choice, Format, PathKind, csv, hdf5};
-use particlegs::{Error, Remedy, Result};
+use crate::{Choice, PathKind, csv, hdf5};
+use particlegs::{Error, Hint, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -15,9 +16,6 @@ const IN_PARTS: [&str; 4] = ["hdf5", "gadget", "genericio", "vtk-xml"];
 const LOOKED_AT: usize = 64;
 
 /// The file of a snapshot that may be named by its folder: one of them, the formats find the rest.
-///
-/// # Errors
-/// [`Error::Input`] where the folder holds no snapshot, or several; [`Error::Io`].
 pub fn resolved(paths: &[PathBuf], options: &Choice) -> Result<Vec<PathBuf>> {
     let [folder] = paths else { return Ok(paths.to_vec()) };
     if !folder.is_dir() {
@@ -31,14 +29,16 @@ pub fn resolved(paths: &[PathBuf], options: &Choice) -> Result<Vec<PathBuf>> {
             let names = several.iter().take(NAMED).map(SnapshotFileSet::name).collect::<Vec<_>>().join(", ");
             let more = if several.len() > NAMED { ", ..." } else { "" };
             let what = format!("a folder with several snapshots: {names}{more}");
-            Err(Error::input_with(folder, what, Remedy::NameFormatOfFolder))
+            let hint =
+                Hint::from("name one of them; ").option("format", "").words(" leaves files of other formats out");
+            Err(Error::input_with(folder, what, hint))
         }
     }
 }
 
 fn none_there(folder: &Path) -> Error {
-    match PathKind::of(folder) {
-        PathKind::Job => Error::input_with(folder, "a job's folder, not a snapshot", Remedy::IsJob),
+    match PathKind::from_path(folder) {
+        PathKind::Job => Error::input_with(folder, "a job's folder, not a snapshot", PathKind::Job.to_a_model()),
         _ => Error::input_with(
             folder,
             "a folder without xx.f32, yy.f32, zz.f32 and without a snapshot's file",
@@ -55,7 +55,7 @@ fn candidates(folder: &Path, options: &Choice) -> Result<Vec<(PathBuf, &'static 
         .collect();
     files.sort_by_cached_key(|p| name_key(p));
     let format = |path: PathBuf| {
-        let found = match PathKind::of_head(&FileHead::read(&path).ok()?) {
+        let found = match PathKind::from_head(&FileHead::read(&path).ok()?) {
             PathKind::Snapshot(format) => format,
             _ => return None,
         };
@@ -75,7 +75,6 @@ fn name_key(path: &Path) -> (usize, std::ffi::OsString) {
     (name.len(), name.to_os_string())
 }
 
-/// Files that are one snapshot.
 struct SnapshotFileSet {
     first: PathBuf,
     files: BTreeSet<PathBuf>,

@@ -1,12 +1,11 @@
 //! Formats that are known and not read: what they are, and what turns them into one that is read.
 
-use crate::registry::FileHead;
+use crate::format::FileHead;
 use crate::text::lines::without_end;
 use crate::text::split::{Separator, number, tokens};
-use particlegs::Remedy;
+use particlegs::Hint;
 use std::path::Path;
 
-/// A format that is not read.
 pub(crate) struct ForeignFormat {
     /// What a file of it is, with its article.
     pub title: &'static str,
@@ -15,180 +14,122 @@ pub(crate) struct ForeignFormat {
     converter: Converter,
 }
 
-/// What turns a file into one that is read.
 #[derive(Clone, Copy)]
 enum Converter {
     /// ASE's command, by the name that it has for the format: to extended XYZ.
     Ase(&'static str),
-    /// OVITO's module: to a LAMMPS dump.
     Ovito,
     /// Lines of Python, `{in}` and `{out}` for the files, and the packages that they want.
     Python(&'static str, &'static str),
+    /// What pandas reads, to a table of text.
+    Pandas(&'static str),
+    /// What MDAnalysis reads, by its names for the format and for its topology.
+    MdAnalysis(&'static str, &'static str),
     /// A command, `{in}` and `{out}` for the files.
     Command(&'static str),
 }
 
-use Converter::{Ase, Command, Ovito, Python};
+use Converter::{Ase, Command, MdAnalysis, Ovito, Pandas, Python};
+
+/// Particles of what yt reads.
+pub(crate) const YT: &str = "import yt, numpy; a = yt.load('{in}').all_data(); numpy.savez('{out}.npz', \
+    pos=a['all', 'particle_position'], mass=a['all', 'particle_mass'])";
+
+const fn foreign(title: &'static str, is: fn(&FileStart<'_>) -> bool, converter: Converter) -> ForeignFormat {
+    ForeignFormat { title, is, converter }
+}
 
 /// All of them; the surest signatures first.
 static FOREIGN: &[ForeignFormat] = &[
-    ForeignFormat {
-        title: "a GROMACS trajectory (XTC)",
-        is: |s| s.begins(&[&[0, 0, 7, 0xcb], &[0, 0, 7, 0xe7]]),
-        converter: Ovito,
-    },
-    ForeignFormat { title: "a GROMACS trajectory (TRR)", is: |s| s.begins(&[&[0, 0, 7, 0xc9]]), converter: Ovito },
-    ForeignFormat {
-        title: "a GROMACS trajectory (TNG)",
-        is: |s| s.names(b"GENERAL INFO", 256),
-        converter: Command("gmx trjconv -f {in} -o {out}.xtc"),
-    },
-    ForeignFormat { title: "a CHARMM or NAMD trajectory (DCD)", is: is_dcd, converter: Ovito },
-    ForeignFormat {
-        title: "an AMBER trajectory (NetCDF)",
-        is: |s| is_netcdf(s) && s.names(b"AMBER", 1 << 16),
-        converter: Ovito,
-    },
-    ForeignFormat {
-        title: "a NetCDF file",
-        is: is_netcdf,
-        converter: Python(
-            "import xarray, numpy; d = xarray.open_dataset('{in}'); numpy.savez('{out}.npz', **{k: d[k].values for k in d.variables})",
+    foreign("a GROMACS trajectory (XTC)", |s| s.begins(&[&[0, 0, 7, 0xcb], &[0, 0, 7, 0xe7]]), Ovito),
+    foreign("a GROMACS trajectory (TRR)", |s| s.begins(&[&[0, 0, 7, 0xc9]]), Ovito),
+    foreign(
+        "a GROMACS trajectory (TNG)",
+        |s| s.names(b"GENERAL INFO", 256),
+        Command("gmx trjconv -f {in} -o {out}.xtc"),
+    ),
+    foreign("a CHARMM or NAMD trajectory (DCD)", is_dcd, Ovito),
+    foreign("an AMBER trajectory (NetCDF)", |s| is_netcdf(s) && s.names(b"AMBER", 1 << 16), Ovito),
+    foreign(
+        "a NetCDF file",
+        is_netcdf,
+        Python(
+            "import xarray, numpy; d = xarray.open_dataset('{in}'); \
+             numpy.savez('{out}.npz', **{k: d[k].values for k in d.variables})",
             "xarray scipy",
         ),
-    },
-    ForeignFormat {
-        title: "an AMBER trajectory (BINPOS)",
-        is: |s| s.begins(&[b"fxyz"]),
-        converter: Command("mdconvert {in} -o {out}.dcd"),
-    },
-    ForeignFormat {
-        title: "a HOOMD-blue trajectory (GSD)",
-        is: |s| s.begins(&[&[0xdf, 0x65, 0xdf, 0x65, 0xdf, 0x65, 0xdf, 0x65]]),
-        converter: Ovito,
-    },
-    ForeignFormat {
-        title: "a LAMMPS restart file",
-        is: |s| s.begins(&[b"LammpS RestartT"]),
-        converter: Command("lmp -restart2dump {in} all atom {out}.dump"),
-    },
-    ForeignFormat {
-        title: "a Tipsy snapshot",
-        is: is_tipsy,
-        converter: Python(
+    ),
+    foreign("an AMBER trajectory (BINPOS)", |s| s.begins(&[b"fxyz"]), Command("mdconvert {in} -o {out}.dcd")),
+    foreign("a HOOMD-blue trajectory (GSD)", |s| s.begins(&[&[0xdf, 0x65, 0xdf, 0x65, 0xdf, 0x65, 0xdf, 0x65]]), Ovito),
+    foreign(
+        "a LAMMPS restart file",
+        |s| s.begins(&[b"LammpS RestartT"]),
+        Command("lmp -restart2dump {in} all atom {out}.dump"),
+    ),
+    foreign(
+        "a Tipsy snapshot",
+        is_tipsy,
+        Python(
             "import pynbody, numpy; s = pynbody.load('{in}'); numpy.savez('{out}.npz', pos=s['pos'], mass=s['mass'])",
             "pynbody",
         ),
-    },
-    ForeignFormat {
-        title: "a FITS file",
-        is: |s| s.begins(&[b"SIMPLE  ="]),
-        converter: Python("from astropy.table import Table; Table.read('{in}').write('{out}.csv')", "astropy"),
-    },
-    ForeignFormat {
-        title: "a Parquet table",
-        is: |s| s.begins(&[b"PAR1"]),
-        converter: Python(
-            "import pandas; pandas.read_parquet('{in}').to_csv('{out}.csv', index=False)",
-            "pandas pyarrow",
-        ),
-    },
-    ForeignFormat {
-        title: "a Feather table",
-        is: |s| s.begins(&[b"ARROW1", b"FEA1"]),
-        converter: Python(
-            "import pandas; pandas.read_feather('{in}').to_csv('{out}.csv', index=False)",
-            "pandas pyarrow",
-        ),
-    },
-    ForeignFormat {
-        title: "a MATLAB file",
-        is: |s| s.begins(&[b"MATLAB 5.0 MAT-file"]),
-        converter: Python(
-            "import scipy.io, numpy; m = scipy.io.loadmat('{in}'); numpy.savez('{out}.npz', **{k: m[k] for k in m if k[0] != '_'})",
+    ),
+    foreign(
+        "a FITS file",
+        |s| s.begins(&[b"SIMPLE  ="]),
+        Python("from astropy.table import Table; Table.read('{in}').write('{out}.csv')", "astropy"),
+    ),
+    foreign("a Parquet table", |s| s.begins(&[b"PAR1"]), Pandas("parquet")),
+    foreign("a Feather table", |s| s.begins(&[b"ARROW1", b"FEA1"]), Pandas("feather")),
+    foreign(
+        "a MATLAB file",
+        |s| s.begins(&[b"MATLAB 5.0 MAT-file"]),
+        Python(
+            "import scipy.io, numpy; m = scipy.io.loadmat('{in}'); \
+             numpy.savez('{out}.npz', **{k: m[k] for k in m if k[0] != '_'})",
             "scipy",
         ),
-    },
-    ForeignFormat {
-        title: "a laser scan (LAS, LAZ or E57)",
-        is: |s| s.begins(&[b"LASF", b"ASTM-E57"]),
-        converter: Command("pdal translate {in} {out}.ply"),
-    },
-    ForeignFormat {
-        title: "a point cloud of PCL (PCD)",
-        is: |s| s.begins(&[b"# .PCD", b"VERSION ."]),
-        converter: Command("pdal translate {in} {out}.ply"),
-    },
-    ForeignFormat {
-        title: "a RAMSES output",
-        is: |s| s.begins(&[b"ncpu        ="]),
-        converter: Python(
-            "import yt, numpy; a = yt.load('{in}').all_data(); numpy.savez('{out}.npz', pos=a['all', 'particle_position'], mass=a['all', 'particle_mass'])",
-            "yt",
-        ),
-    },
-    ForeignFormat { title: "a PDB file", is: |s| s.lines().any(is_atom_of_pdb), converter: Ase("proteindatabank") },
-    ForeignFormat { title: "an mmCIF file", is: |s| s.names(b"_atom_site.Cartn_x", 1 << 16), converter: Ovito },
-    ForeignFormat {
-        title: "a CIF file",
-        is: |s| s.lines().any(|l| l.starts_with(b"_cell_length_a")),
-        converter: Ase("cif"),
-    },
-    ForeignFormat { title: "a LAMMPS data file", is: is_lammps_data, converter: Ase("lammps-data") },
-    ForeignFormat {
-        title: "a VASP trajectory (XDATCAR)",
-        is: |s| is_poscar(s) && s.lines().any(|l| l.starts_with(b"Direct configuration=")),
-        converter: Ase("vasp-xdatcar"),
-    },
-    ForeignFormat { title: "a VASP structure (POSCAR, CONTCAR)", is: is_poscar, converter: Ase("vasp") },
-    ForeignFormat { title: "a GROMACS structure (GRO)", is: is_gro, converter: Ase("gromacs") },
-    ForeignFormat {
-        title: "a GROMOS structure (G96)",
-        is: |s| s.begins(&[b"TITLE"]) && s.lines().any(|l| l.starts_with(b"POSITION")),
-        converter: Ase("gromos"),
-    },
-    ForeignFormat { title: "an XCrySDen structure (XSF)", is: is_xsf, converter: Ase("xsf") },
-    ForeignFormat {
-        title: "an AtomEye configuration (CFG)",
-        is: |s| s.begins(&[b"Number of particles"]),
-        converter: Ase("cfg"),
-    },
-    ForeignFormat {
-        title: "an MDL molecule (MOL, SDF)",
-        is: |s| s.lines().nth(3).is_some_and(|l| l.trim_ascii_end().ends_with(b"V2000")),
-        converter: Ase("sdf"),
-    },
-    ForeignFormat {
-        title: "a Tripos molecule (MOL2)",
-        is: |s| s.lines().any(|l| l.starts_with(b"@<TRIPOS>")),
-        converter: Python(
-            "import MDAnalysis; MDAnalysis.Universe('{in}', format='MOL2', topology_format='MOL2').atoms.write('{out}.xyz')",
-            "MDAnalysis",
-        ),
-    },
-    ForeignFormat {
-        title: "a TINKER file",
-        is: is_tinker,
-        converter: Python(
-            "import MDAnalysis; MDAnalysis.Universe('{in}', format='TXYZ', topology_format='TXYZ').atoms.write('{out}.xyz')",
-            "MDAnalysis",
-        ),
-    },
-    ForeignFormat {
-        title: "an AMBER restart file",
-        is: is_amber_restart,
-        converter: Python(
-            "import MDAnalysis; MDAnalysis.Universe('{in}', format='INPCRD', topology_format='MINIMAL').atoms.write('{out}.xyz')",
-            "MDAnalysis",
-        ),
-    },
-    ForeignFormat { title: "a DL_POLY configuration", is: is_dl_poly, converter: Ase("dlp4") },
-    ForeignFormat {
-        title: "an FHI-aims structure",
-        is: |s| s.lines().any(|l| is_row(l, b"lattice_vector", 3)),
-        converter: Ase("aims"),
-    },
-    ForeignFormat { title: "a Gaussian cube file", is: is_cube, converter: Ase("cube") },
+    ),
+    foreign(
+        "a laser scan (LAS, LAZ or E57)",
+        |s| s.begins(&[b"LASF", b"ASTM-E57"]),
+        Command("pdal translate {in} {out}.ply"),
+    ),
+    foreign(
+        "a point cloud of PCL (PCD)",
+        |s| s.begins(&[b"# .PCD", b"VERSION ."]),
+        Command("pdal translate {in} {out}.ply"),
+    ),
+    foreign("a RAMSES output", |s| s.begins(&[b"ncpu        ="]), Python(YT, "yt")),
+    foreign("a PDB file", |s| s.lines().any(is_atom_of_pdb), Ase("proteindatabank")),
+    foreign("an mmCIF file", |s| s.names(b"_atom_site.Cartn_x", 1 << 16), Ovito),
+    foreign("a CIF file", |s| s.lines().any(|l| l.starts_with(b"_cell_length_a")), Ase("cif")),
+    foreign("a LAMMPS data file", is_lammps_data, Ase("lammps-data")),
+    foreign(
+        "a VASP trajectory (XDATCAR)",
+        |s| is_poscar(s) && s.lines().any(|l| l.starts_with(b"Direct configuration=")),
+        Ase("vasp-xdatcar"),
+    ),
+    foreign("a VASP structure (POSCAR, CONTCAR)", is_poscar, Ase("vasp")),
+    foreign("a GROMACS structure (GRO)", is_gro, Ase("gromacs")),
+    foreign(
+        "a GROMOS structure (G96)",
+        |s| s.begins(&[b"TITLE"]) && s.lines().any(|l| l.starts_with(b"POSITION")),
+        Ase("gromos"),
+    ),
+    foreign("an XCrySDen structure (XSF)", is_xsf, Ase("xsf")),
+    foreign("an AtomEye configuration (CFG)", |s| s.begins(&[b"Number of particles"]), Ase("cfg")),
+    foreign(
+        "an MDL molecule (MOL, SDF)",
+        |s| s.lines().nth(3).is_some_and(|l| l.trim_ascii_end().ends_with(b"V2000")),
+        Ase("sdf"),
+    ),
+    foreign("a Tripos molecule (MOL2)", |s| s.lines().any(|l| l.starts_with(b"@<TRIPOS>")), MdAnalysis("MOL2", "MOL2")),
+    foreign("a TINKER file", is_tinker, MdAnalysis("TXYZ", "TXYZ")),
+    foreign("an AMBER restart file", is_amber_restart, MdAnalysis("INPCRD", "MINIMAL")),
+    foreign("a DL_POLY configuration", is_dl_poly, Ase("dlp4")),
+    foreign("an FHI-aims structure", |s| s.lines().any(|l| is_row(l, b"lattice_vector", 3)), Ase("aims")),
+    foreign("a Gaussian cube file", is_cube, Ase("cube")),
 ];
 
 /// The first format that takes a file to be its own.
@@ -199,7 +140,7 @@ pub(crate) fn foreign_of(head: &FileHead) -> Option<&'static ForeignFormat> {
 
 impl ForeignFormat {
     /// The command that turns the file `path` into one that is read.
-    pub(crate) fn remedy(&self, path: &Path) -> Remedy {
+    pub(crate) fn hint(&self, path: &Path) -> Hint {
         let (input, output) = names(path);
         match self.converter {
             Ase(name) => converted(format!("ase convert -i {name} -o extxyz {input} {output}.extxyz"), "ase"),
@@ -210,20 +151,28 @@ impl ForeignFormat {
                 "ovito",
             ),
             Python(code, packages) => python(path, code, packages),
+            Pandas(kind) => {
+                let code = format!("import pandas; pandas.read_{kind}('{{in}}').to_csv('{{out}}.csv', index=False)");
+                python(path, &code, "pandas pyarrow")
+            }
+            MdAnalysis(format, topology) => {
+                let read = format!("MDAnalysis.Universe('{{in}}', format='{format}', topology_format='{topology}')");
+                python(path, &format!("import MDAnalysis; {read}.atoms.write('{{out}}.xyz')"), "MDAnalysis")
+            }
             Command(text) => converted(text.replace("{in}", &input).replace("{out}", &output), ""),
         }
     }
 }
 
 /// Lines of Python that convert the file `path`, `{in}` and `{out}` for the files, and the packages that they want.
-pub(crate) fn python(path: &Path, code: &str, packages: &str) -> Remedy {
+pub(crate) fn python(path: &Path, code: &str, packages: &str) -> Hint {
     let (input, output) = names(path);
     converted(format!("python3 -c \"{}\"", code.replace("{in}", &input).replace("{out}", &output)), packages)
 }
 
-fn converted(command: String, packages: &str) -> Remedy {
+fn converted(command: String, packages: &str) -> Hint {
     let packages = if packages.is_empty() { String::new() } else { format!(" (`pip install {packages}`)") };
-    Remedy::Words(format!("convert it: `{command}`{packages}"))
+    format!("convert it: `{command}`{packages}").into()
 }
 
 /// A file's name for a command, and one beside it without ending. What a shell would take apart is left to the user.
@@ -240,10 +189,8 @@ fn names(path: &Path) -> (String, String) {
     (input.to_string(), output)
 }
 
-/// The beginning of a file.
 struct FileStart<'a> {
     bytes: &'a [u8],
-    /// Bytes of the file.
     length: u64,
 }
 
@@ -264,7 +211,6 @@ impl<'a> FileStart<'a> {
         bytes.split(|&b| b == b'\n').map(without_end)
     }
 
-    /// The words of line `index`.
     fn words(&self, index: usize) -> Vec<&'a [u8]> {
         self.lines().nth(index).map_or(Vec::new(), |l| tokens(l, Separator::Blanks))
     }

@@ -6,7 +6,7 @@
 //! [`particlegs::particles::SnapshotReader`] for the species and fields that were chosen. One file a
 //! format; [`Choice::formats`] lists them. A [`Writer`] writes particles in one of [`Writer::all`].
 //!
-//! Binary formats say where numbers lie (`strided`) or how a stretch of rows is decoded (`pieces`);
+//! Binary formats say where numbers lie (`numbers`) or how a stretch of rows is decoded (`pieces`);
 //! one reader serves them all. Text formats bring their own reader. Limits are checked before memory is
 //! taken; nothing here panics on any input.
 
@@ -16,20 +16,23 @@ mod ascii;
 mod axes;
 mod cache;
 mod codecs;
-mod compressed;
-mod laned;
+mod columns;
+mod compression;
+mod numbers;
 mod pieces;
-mod stored;
-mod streamed;
-mod strided;
+mod stored_bytes;
+mod stream_reader;
 mod text;
 
-mod choose;
+mod choice;
 mod fields;
 mod folder;
 mod foreign;
-mod kind;
+mod format;
+mod open;
+mod path_kind;
 mod raw;
+mod read;
 mod registry;
 mod snapshot;
 mod writers;
@@ -47,12 +50,15 @@ mod vtk_legacy;
 mod vtk_xml;
 mod xyz;
 
+#[cfg(test)]
+mod testing;
+
 pub use array::Array;
-pub use choose::Choice;
+pub use choice::{Choice, Weights};
 pub use csv::Catalogue;
-pub use kind::PathKind;
-pub use registry::Format;
-pub use snapshot::{Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames, Weights};
+pub use format::Format;
+pub use path_kind::PathKind;
+pub use snapshot::{Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames};
 pub use splats::write_splats;
 pub use writers::Writer;
 

@@ -20,18 +20,30 @@ impl RowBuffer {
         self.position.iter_mut().for_each(Vec::clear);
         self.weight.clear();
     }
+
+    /// x, y, z for 0, 1, 2; weights for 3.
+    pub(crate) fn column(&mut self, which: usize) -> &mut Vec<f64> {
+        self.position.get_mut(which).unwrap_or(&mut self.weight)
+    }
+
+    /// The rows as f32 about `origin`, in `columns`.
+    pub(crate) fn chunk<'c>(&self, origin: [f64; 3], weighted: bool, columns: &'c mut [Vec<f32>; 4]) -> Chunk<'c> {
+        columns.iter_mut().for_each(Vec::clear);
+        for k in 0..3 {
+            columns[k].extend(self.position[k].iter().map(|&v| (v - origin[k]) as f32));
+        }
+        columns[3].extend(self.weight.iter().map(|&v| v as f32));
+        let [x, y, z, w] = &*columns;
+        Chunk { position: [x, y, z], weight: weighted.then_some(w) }
+    }
 }
 
 /// A stretch of particles in a file: one file of several, one rank, one array.
 pub trait ParticlePiece: Send + Sync {
-    /// Particles.
     fn rows(&self) -> u64;
     /// Are positions stored with more digits than f32 has?
     fn is_wide(&self) -> bool;
     /// Appends particles `rows` (within the piece's own) to every column of `out`.
-    ///
-    /// # Errors
-    /// Where the bytes cannot be decoded.
     fn read(&self, rows: Range<u64>, out: &mut RowBuffer) -> Result<()>;
     /// The particles where they lie as f32 columns or triples in a mapped file.
     fn in_place(&self) -> Option<InPlace> {
@@ -47,14 +59,13 @@ pub struct PieceReader {
     starts: Vec<u64>,
     weighted: bool,
     origin: [f64; 3],
+    /// Runs that are read side by side at most.
+    stretch: u64,
 }
 
 impl PieceReader {
     /// A snapshot of `pieces`, all with weights or none (`weighted`). Positions of more digits
     /// than f32 has are taken about an origin near the data where they lie far from 0.
-    ///
-    /// # Errors
-    /// Those of reading a sample of each piece; [`Error::Input`] where the rows overflow.
     pub fn new(meta: SnapshotMeta, pieces: Vec<Box<dyn ParticlePiece>>, weighted: bool) -> Result<Self> {
         let mut starts = vec![0u64];
         for piece in &pieces {
@@ -75,11 +86,17 @@ impl PieceReader {
             }
         }
         let origin = [0, 1, 2].map(|k| origin_of(&sample.position[k]));
-        Ok(PieceReader { meta, pieces, starts, weighted, origin })
+        Ok(PieceReader { meta, pieces, starts, weighted, origin, stretch: u64::MAX })
+    }
+
+    /// Reads stretches of so many runs one after the other, so that few large chunks are in use at a time.
+    pub fn by_stretches(self, stretch: u64) -> Self {
+        PieceReader { stretch, ..self }
     }
 
     /// Appends particles `rows` to `out`, whatever the pieces.
     fn gather(&self, rows: Range<u64>, out: &mut RowBuffer) -> Result<()> {
+        // A run may begin in one piece and end in another.
         let mut index = self.starts.partition_point(|&s| s <= rows.start).saturating_sub(1);
         while index < self.pieces.len() && self.starts[index] < rows.end {
             let (start, end) = (self.starts[index], self.starts[index + 1]);
@@ -125,18 +142,17 @@ impl SnapshotReader for PieceReader {
             let end = self.count().min(start + RUN as u64);
             rows.clear();
             self.gather(start..end, rows)?;
-            for k in 0..3 {
-                columns[k].clear();
-                columns[k].extend(rows.position[k].iter().map(|&v| (v - self.origin[k]) as f32));
-            }
-            columns[3].clear();
-            columns[3].extend(rows.weight.iter().map(|&v| v as f32));
-            let [x, y, z, w] = &*columns;
-            sink(run, Chunk { position: [x, y, z], weight: self.weighted.then_some(w) })?;
+            sink(run, rows.chunk(self.origin, self.weighted, columns))?;
             context.advance(end - start);
             Ok(())
         };
-        parallel::try_for_each(runs, |run| scratch.with(|space| read(run, space)))
+        let mut start = runs.start;
+        while start < runs.end {
+            let end = runs.end.min((start / self.stretch + 1) * self.stretch);
+            parallel::try_for_each(start..end, |run| scratch.with(|space| read(run, space)))?;
+            start = end;
+        }
+        Ok(())
     }
 
     fn read_wide(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, [&[f64]; 3]) -> Result<()>) -> Result<()> {

@@ -10,7 +10,6 @@ use std::path::PathBuf;
 const POSITIONS: &str = "xx,yy,zz";
 const WEIGHTS: &str = "ww";
 
-/// Mapped columns.
 struct RawSnapshot {
     description: Description,
     particles: Particles,
@@ -20,15 +19,11 @@ struct RawSnapshot {
 pub fn is_raw(paths: &[PathBuf]) -> bool {
     match paths {
         [folder] => folder.join("xx.f32").exists(),
-        [x, ..] => (3..=4).contains(&paths.len()) && crate::registry::detect(x).is_err(),
+        [x, ..] => (3..=4).contains(&paths.len()) && crate::open::detect(x).is_err(),
         [] => false,
     }
 }
 
-/// Opens them.
-///
-/// # Errors
-/// Those of [`open_raw`].
 pub fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
     let particles = Particles::open_raw(paths)?;
     let description = Description {
@@ -42,7 +37,7 @@ pub fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
 }
 
 fn species(layer: &Layer<Range<usize>>, weights: bool) -> Species {
-    let scalar = |name: &str| SpeciesField { name: name.into(), kind: "f32".into(), components: 1, unit: None };
+    let scalar = |name: &str| SpeciesField::new(name, "f32", 1);
     Species {
         name: layer.name.clone(),
         aliases: Vec::new(),

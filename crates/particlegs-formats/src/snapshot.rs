@@ -1,10 +1,10 @@
 //! A snapshot's files, opened: what they say before any particle is read.
 
-use crate::Choice;
+use crate::choice::{Choice, Weights};
 use particlegs::model::{Epoch, WeightKind};
 use particlegs::particles::{Particles, SnapshotMeta, SnapshotReader};
-use particlegs::{Remedy, Result};
-use std::path::PathBuf;
+use particlegs::{Error, Hint, Result};
+use std::path::{Path, PathBuf};
 
 /// Files of one snapshot.
 pub trait Snapshot: Send + Sync {
@@ -49,6 +49,44 @@ pub struct Description {
     pub frames: Option<TrajectoryFrames>,
     /// What a user should know: features not read, values that contradict each other.
     pub notes: Vec<String>,
+}
+
+impl Description {
+    /// What is said of splats.
+    pub(crate) const SPLATS: &str = "Gaussian splats: their centres are read as points, nothing else of them";
+
+    /// Of a reader of a species.
+    pub(crate) fn meta_of(&self, species: &Species) -> SnapshotMeta {
+        let mut meta = self.meta.clone();
+        if let SpeciesMass::Each(mass) = species.mass {
+            meta.particle_mass = Some(mass);
+        }
+        meta
+    }
+}
+
+/// Metadata of a file that says nothing but its name.
+pub(crate) fn named(path: &Path) -> SnapshotMeta {
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    SnapshotMeta { name, ..SnapshotMeta::default() }
+}
+
+/// The error for a frame that is not among the `count` that there are, one at least.
+pub(crate) fn no_frame(path: &Path, frame: u64, count: u64) -> Error {
+    let there = if count == 1 { "its only one is 0".into() } else { format!("they are 0 to {}", count - 1) };
+    Error::input(path, format!("has no frame {frame}: {there}"))
+}
+
+/// The one file of a format in single files.
+pub(crate) fn only(paths: &[PathBuf]) -> Result<&PathBuf> {
+    match paths {
+        [one] => Ok(one),
+        [] => Err(Error::argument("no file was named")),
+        [first, ..] => {
+            let what = format!("{} files were named, and this format has one a snapshot", paths.len());
+            Err(Error::input(first, what))
+        }
+    }
 }
 
 /// What is no UTF-8 in a path is replaced.
@@ -117,16 +155,11 @@ pub struct SpeciesField {
     pub unit: Option<String>,
 }
 
-/// Where weights come from.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub enum Weights {
-    /// The species' field of masses, where it has one.
-    #[default]
-    Auto,
-    /// None: every particle counts alike.
-    None,
-    /// This scalar field.
-    Field(String),
+impl SpeciesField {
+    /// One whose unit the file does not say.
+    pub(crate) fn new(name: impl Into<String>, kind: impl Into<String>, components: u32) -> SpeciesField {
+        SpeciesField { name: name.into(), kind: kind.into(), components, unit: None }
+    }
 }
 
 impl Species {
@@ -142,7 +175,10 @@ impl Species {
                 Some(field) => match self.weight_kind(field) {
                     WeightKind::Intensive(values) => {
                         let what = format!("`{name}` cannot be weights: a sum of {values} is no map");
-                        Err(particlegs::Error::input_with(place, what, Remedy::WeighByMass))
+                        let hint =
+                            Hint::from("leave ").option("mass-field", "").words(" out to weigh by masses, or give ");
+                        let hint = hint.option("mass-field", "none").words(" to count particles");
+                        Err(Error::input_with(place, what, hint))
                     }
                     _ => Ok(Some(field.name.clone())),
                 },
@@ -158,7 +194,7 @@ impl Species {
     fn weight_kind(&self, field: &SpeciesField) -> WeightKind {
         match &self.mass {
             SpeciesMass::Field(masses) if *masses == field.name => WeightKind::Mass,
-            _ => WeightKind::of(&field.name, field.unit.as_deref()),
+            _ => WeightKind::from_name(&field.name, field.unit.as_deref()),
         }
     }
 
@@ -170,14 +206,9 @@ impl Species {
     }
 
     /// The error for a field that `name` asks for and the species has not.
-    pub(crate) fn missing<'a>(
-        &self,
-        place: &str,
-        name: &str,
-        there: impl Iterator<Item = &'a str>,
-    ) -> particlegs::Error {
+    pub(crate) fn missing<'a>(&self, place: &str, name: &str, there: impl Iterator<Item = &'a str>) -> Error {
         let there: Vec<&str> = there.collect();
         let hint = if there.is_empty() { "there are none".into() } else { format!("there are: {}", there.join(", ")) };
-        particlegs::Error::input_with(place, format!("{} has no such field `{name}`", self.name), hint)
+        Error::input_with(place, format!("{} has no such field `{name}`", self.name), hint)
     }
 }

@@ -11,15 +11,15 @@ use std::path::Path;
 pub struct Writer {
     /// Name for `--to`.
     pub name: &'static str,
-    /// What it is called among people.
+    /// Its name for people.
     pub title: &'static str,
-    /// Endings of names that mean it.
+    /// File endings that choose it, without the dot.
     pub endings: &'static [&'static str],
     /// What it holds beside positions and masses.
     holds: WriterCapabilities,
     /// The fields that it holds of what is kept, of each layer or of all.
     fields: fn(&SelectedParticles<'_>) -> Vec<Vec<OutField>>,
-    /// Does it write a folder, not a file?
+    /// Whether it writes a folder instead of a file.
     pub folder: bool,
     pub(crate) write: fn(&SelectedParticles<'_>, &Path, &Context<'_>) -> Result<u64>,
 }
@@ -33,11 +33,6 @@ struct WriterCapabilities {
     step: bool,
 }
 
-/// No fields.
-fn none(_: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
-    Vec::new()
-}
-
 /// The first is for names without a known ending.
 static WRITERS: &[Writer] = &[
     Writer {
@@ -45,7 +40,7 @@ static WRITERS: &[Writer] = &[
         title: "a folder with float32 columns and meta.json",
         endings: &[],
         holds: WriterCapabilities { cell: true, units: true, cosmology: true, time: true, step: true },
-        fields: none,
+        fields: |_| Vec::new(),
         folder: true,
         write: |kept, out, context| kept.write_raw(out, RawForm::Columns, context),
     },
@@ -54,7 +49,7 @@ static WRITERS: &[Writer] = &[
         title: "NumPy array of shape (N, 3)",
         endings: &["npy"],
         holds: WriterCapabilities { cell: false, units: false, cosmology: false, time: false, step: false },
-        fields: none,
+        fields: |_| Vec::new(),
         folder: false,
         write: |kept, out, context| kept.write_raw(out, RawForm::Npy, context),
     },
@@ -107,12 +102,12 @@ impl Writer {
     /// # Errors
     /// [`Error::Argument`] for an unknown name, an ending that means another format than the one that is
     /// named, and one that means a format that is not written.
-    pub fn of(out: &Path, name: Option<&str>) -> Result<&'static Writer> {
+    pub fn for_output(out: &Path, name: Option<&str>) -> Result<&'static Writer> {
         let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         let meant = WRITERS.iter().find(|w| w.endings.contains(&&ending[..]));
         let refused = |what: String| {
-            let writers: Vec<String> = WRITERS.iter().map(Writer::in_words).collect();
-            Err(Error::Argument { what, remedy: format!("what can be written: {}", writers.join("; ")).into() })
+            let writers: Vec<String> = WRITERS.iter().map(Writer::describe).collect();
+            Err(Error::argument_with(what, format!("what can be written: {}", writers.join("; "))))
         };
         if meant.is_none() && OTHER_ENDINGS.contains(&&ending[..]) && !out.is_dir() {
             return refused(format!("{}: .{ending} is not written", out.display()));
@@ -124,7 +119,7 @@ impl Writer {
         match meant {
             Some(meant) if meant.name != name => {
                 let (out, title) = (out.display(), meant.title);
-                refused(format!("{out}: its ending means {title}, and `--to {name}` another format"))
+                refused(format!("{out}: its ending means {title}, and {name} is asked for"))
             }
             _ => Ok(writer),
         }
@@ -159,7 +154,7 @@ impl Writer {
     }
 
     /// For lists: `hdf5 (.hdf5, .h5)`.
-    fn in_words(&self) -> String {
+    fn describe(&self) -> String {
         let endings: Vec<String> = self.endings.iter().map(|e| format!(".{e}")).collect();
         let endings = if endings.is_empty() { "a folder".into() } else { endings.join(", ") };
         format!("{} ({endings})", self.name)
@@ -172,7 +167,7 @@ mod tests {
 
     #[test]
     fn a_name_means_what_it_says_or_is_refused() {
-        let to = |out: &str, name: Option<&str>| Writer::of(Path::new(out), name).map(|w| w.name);
+        let to = |out: &str, name: Option<&str>| Writer::for_output(Path::new(out), name).map(|w| w.name);
         let chosen = [
             ("x", None, "raw"),
             ("run.1", None, "raw"),
@@ -202,9 +197,9 @@ mod tests {
         ] {
             let error = to(out, name).unwrap_err();
             assert!(
-                error.remedy().to_string().contains("raw (a folder); npy (.npy); hdf5 (.hdf5, .h5)"),
+                error.hint().to_string().contains("raw (a folder); npy (.npy); hdf5 (.hdf5, .h5)"),
                 "{out}: {}",
-                error.remedy()
+                error.hint()
             );
         }
     }

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 fn said(e: particlegs::Error) -> String {
-    format!("{e} ({})", e.remedy())
+    format!("{e} ({})", e.hint())
 }
 
 /// A file, at its first frame where it has frames.

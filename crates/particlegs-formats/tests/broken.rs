@@ -2,9 +2,9 @@
 
 mod support;
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+use support::{Measured, measured};
 
 #[global_allocator]
 static COUNTING: support::CountingAllocator = support::CountingAllocator;
@@ -17,10 +17,7 @@ const LONGEST: Duration = Duration::from_secs(1);
 fn check(path: &Path, refused: bool) -> Vec<String> {
     let mut wrong = Vec::new();
     let name = path.file_name().expect("a file").to_string_lossy().into_owned();
-    let before = support::start_counting();
-    let start = Instant::now();
-    let result = catch_unwind(AssertUnwindSafe(|| support::read_everything(path, None)));
-    let (time, (peak, largest)) = (start.elapsed(), support::counted());
+    let Measured { result, time, peak, largest } = measured(|| support::read_everything(path, None));
     match result {
         Err(_) => wrong.push("it panics".into()),
         Ok(Ok(n)) if refused => wrong.push(format!("it is read: {n} particles")),
@@ -28,8 +25,8 @@ fn check(path: &Path, refused: bool) -> Vec<String> {
         Ok(Err(e)) if !refused => wrong.push(format!("it is refused: {e}")),
         Ok(Err(e)) => {
             let text = e.to_string();
-            println!("{text} | {}", e.remedy());
-            if text.contains('\n') || e.remedy().to_string().contains('\n') {
+            println!("{text} | {}", e.hint());
+            if text.contains('\n') || e.hint().to_string().contains('\n') {
                 wrong.push(format!("more than a line: {text:?}"));
             }
             if !text.contains(&name) {
@@ -40,8 +37,8 @@ fn check(path: &Path, refused: bool) -> Vec<String> {
     if time > LONGEST {
         wrong.push(format!("it takes {time:?}"));
     }
-    if peak - before > MOST_BYTES {
-        wrong.push(format!("it takes {} MiB, {} MiB at once", (peak - before) >> 20, largest >> 20));
+    if peak > MOST_BYTES {
+        wrong.push(format!("it takes {} MiB, {} MiB at once", peak >> 20, largest >> 20));
     }
     wrong.into_iter().map(|what| format!("{name}: {what}")).collect()
 }

@@ -5,12 +5,13 @@ mod support;
 use particlegs::Result;
 use particlegs::context::Context;
 use particlegs::model::{Cosmology, Layer, Mass as LayerMass, Units};
-use particlegs::particles::{Column, Particles, RUN, SelectedParticles, Selection, SnapshotReader, Tiling};
+use particlegs::particles::{Column, Particles, SelectedParticles, Selection, Tiling};
 use particlegs::space::Cell;
 use particlegs_formats::{Choice, Snapshot, SpeciesMass, Weights, Writer};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+use support::{Measured, measured, positions};
 
 #[global_allocator]
 static COUNTING: support::CountingAllocator = support::CountingAllocator;
@@ -20,51 +21,16 @@ static TURN: Mutex<()> = Mutex::new(());
 
 /// Snapshots as simulation codes lay them out, fifty particles of the bundled sample each.
 fn snapshots() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/snapshots")
+    support::data("snapshots")
 }
 
 fn opened(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
     Choice { format: Some("hdf5".into()), ..Choice::default() }.open(paths)
 }
 
-fn write(kept: &SelectedParticles<'_>, path: &Path, context: &Context<'_>) -> Result<u64> {
-    Writer::of(path, Some("hdf5"))?.write(kept, path, context)
-}
-
-/// All positions of a reader, and its weights, in order.
-fn positions(reader: &dyn SnapshotReader) -> Result<(Vec<[f64; 3]>, Vec<f32>)> {
-    let origin = reader.origin();
-    let count = reader.count() as usize;
-    let weights = if reader.has_weights() { count } else { 0 };
-    let all = Mutex::new((vec![[0.0; 3]; count], vec![0.0; weights]));
-    reader.read(0..count.div_ceil(RUN) as u64, &Context::SILENT, &|run, chunk| {
-        let mut all = all.lock().unwrap();
-        let start = run as usize * RUN;
-        for i in 0..chunk.len() {
-            all.0[start + i] = std::array::from_fn(|k| origin[k] + f64::from(chunk.position[k][i]));
-        }
-        if let Some(w) = chunk.weight {
-            all.1[start..start + w.len()].copy_from_slice(w);
-        }
-        Ok(())
-    })?;
-    Ok(all.into_inner().unwrap())
-}
-
-/// Opens and reads all that can be chosen; what the caller checks is left to it.
-fn read_whole(paths: &[PathBuf]) -> Result<u64> {
-    let snapshot = opened(paths)?;
-    let mut count = 0;
-    for species in 0..snapshot.description().species.len() {
-        let reader = snapshot.reader(species, &Choice::default())?;
-        let runs = reader.count().div_ceil(RUN as u64);
-        reader.read(0..runs, &Context::SILENT, &|_, chunk| {
-            let finite = chunk.position.iter().all(|c| c.iter().all(|v| v.is_finite()));
-            if finite { Ok(()) } else { Err(particlegs::Error::input("positions", "not finite")) }
-        })?;
-        count += reader.count();
-    }
-    Ok(count)
+fn write(particles: &Particles, path: &Path) -> Result<u64> {
+    let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
+    Writer::for_output(path, Some("hdf5"))?.write(&kept, path, &Context::SILENT)
 }
 
 #[test]
@@ -142,13 +108,10 @@ fn all_files_of_a_snapshot_may_be_named() {
 /// Reads broken bytes: an error or not, but soon, in little memory and without a panic.
 fn survives(bytes: &[u8], path: &Path, what: &dyn Fn() -> String) {
     std::fs::write(path, bytes).unwrap();
-    let before = support::start_counting();
-    let start = Instant::now();
-    let result = std::panic::catch_unwind(|| read_whole(&[path.to_path_buf()]).map_err(|e| e.to_string()));
-    let (peak, largest) = support::counted();
-    let peak = peak.saturating_sub(before);
+    let read = || support::read_everything(path, Some("hdf5")).map_err(|e| e.to_string());
+    let Measured { result, time, peak, largest } = measured(read);
     assert!(result.is_ok(), "panic: {}", what());
-    assert!(start.elapsed() < Duration::from_secs(1), "slow: {}", what());
+    assert!(time < Duration::from_secs(1), "slow: {}", what());
     assert!(largest < 64 << 20 && peak < 100 << 20, "{largest} bytes at once, {peak} in all: {}", what());
     if let Ok(Err(text)) = result {
         assert!(!text.contains('\n'), "{text}: {}", what());
@@ -174,11 +137,7 @@ fn broken(file: &Path, step: usize, flipped: usize) {
 
 /// Files of this crate's own, of every layout.
 fn fixtures() -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hdf5");
-    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
-    let mut paths: Vec<PathBuf> = entries.filter(|p| p.extension().is_some_and(|e| e == "hdf5")).collect();
-    paths.sort();
-    paths
+    support::files(&support::data("hdf5"))
 }
 
 #[test]
@@ -221,7 +180,7 @@ fn every_layout_gives_the_same_numbers() {
 
 #[test]
 fn chunks_wider_than_runs() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hdf5/large/wide_chunks.hdf5");
+    let path = support::data("hdf5/large/wide_chunks.hdf5");
     let snapshot = opened(&[path]).unwrap();
     let reader = snapshot.reader(0, &Choice::default()).unwrap();
     let (all, masses) = positions(&*reader).unwrap();
@@ -236,7 +195,7 @@ fn chunks_wider_than_runs() {
     assert_eq!(all[170_001], [2.0; 3]);
     let missing = Choice { positions: Some("Velocities".into()), ..Choice::default() };
     let error = snapshot.reader(0, &missing).err().unwrap();
-    assert!(error.remedy().to_string().contains("Coordinates"), "{error} {}", error.remedy());
+    assert!(error.hint().to_string().contains("Coordinates"), "{error} {}", error.hint());
 }
 
 #[test]
@@ -263,9 +222,9 @@ fn a_type_may_be_missing_in_the_first_file() {
 #[test]
 fn what_is_not_read_is_named() {
     let why = |name: &str| {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hdf5").join(name);
-        let error = read_whole(&[path]).unwrap_err();
-        format!("{error} ({})", error.remedy())
+        let path = support::data("hdf5").join(name);
+        let error = support::read_everything(&path, Some("hdf5")).unwrap_err();
+        format!("{error} ({})", error.hint())
     };
     assert!(why("bad_external.hdf5").contains("elsewhere.hdf5"), "{}", why("bad_external.hdf5"));
     assert!(why("bad_hole.hdf5").contains("from 50 were never written"), "{}", why("bad_hole.hdf5"));
@@ -317,7 +276,7 @@ fn made(counts: &[(&str, usize)]) -> Particles {
         .with_weights(Column::owned(weights))
         .with_layers(layers);
     particles.meta.cell = Some(Cell::orthogonal([64.0; 3]));
-    particles.meta.units = Units::of(Some("kpc/h"), Some("1e10 Msun/h"), Some(true));
+    particles.meta.units = Units::new(Some("kpc/h"), Some("1e10 Msun/h"), Some(true));
     particles.meta.epoch.scale_factor = Some(0.5);
     particles.meta.cosmology =
         Cosmology { hubble: Some(0.7), omega_matter: Some(0.3), omega_lambda: Some(0.7), omega_baryon: Some(0.05) };
@@ -329,8 +288,7 @@ fn what_is_written_is_read_back_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.hdf5");
     let particles = made(&[("PartType4", 200_000), ("dm", 10), ("PartType0", 70_001)]);
-    let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
-    let bytes = write(&kept, &path, &Context::SILENT).unwrap();
+    let bytes = write(&particles, &path).unwrap();
     assert_eq!(bytes, std::fs::metadata(&path).unwrap().len());
     let snapshot = opened(&[path]).unwrap();
     let d = snapshot.description();
@@ -359,10 +317,9 @@ fn the_bytes_written_are_those_that_others_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.hdf5");
     let particles = made(&[("PartType4", 50), ("dm", 10), ("PartType0", 100)]);
-    let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
-    write(&kept, &path, &Context::SILENT).unwrap();
+    write(&particles, &path).unwrap();
     let bytes = std::fs::read(&path).unwrap();
-    let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hdf5/large/written.hdf5");
+    let fixture = support::data("hdf5/large/written.hdf5");
     if std::env::var_os("PARTICLEGS_KEEP").is_some() {
         std::fs::write(&fixture, &bytes).unwrap();
     }
@@ -376,8 +333,7 @@ fn slabs_go_out_and_come_back() {
     let path = folder.path().join("out.hdf5");
     let mut particles = made(&[("dm", 10)]);
     particles.meta.cell = Cell::stated([0.0; 3], [[0.0, 32.0, 0.0], [-64.0, 0.0, 0.0], [0.0; 3]], [true; 3]);
-    let kept = SelectedParticles::new(&particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
-    write(&kept, &path, &Context::SILENT).unwrap();
+    write(&particles, &path).unwrap();
     let snapshot = opened(&[path]).unwrap();
     let d = snapshot.description();
     let cell = d.meta.cell.unwrap();
@@ -391,10 +347,7 @@ fn what_the_layout_does_not_hold_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.hdf5");
     let mut particles = made(&[("a", 1), ("b", 1), ("c", 1), ("d", 1), ("e", 1), ("f", 1), ("g", 1)]);
-    let refused = |particles: &Particles| {
-        let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
-        write(&kept, &path, &Context::SILENT).unwrap_err().to_string()
-    };
+    let refused = |particles: &Particles| write(particles, &path).unwrap_err().to_string();
     assert!(refused(&particles).contains("7 layers"));
     particles = particles.with_layers(Vec::new());
     particles.meta.cell.as_mut().unwrap().vectors[1][0] = 3.0;
@@ -404,7 +357,7 @@ fn what_the_layout_does_not_hold_is_refused() {
 
 #[test]
 fn tables_at_the_top_or_in_groups_are_read() {
-    let file = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/tables").join(name);
+    let file = |name: &str| support::data("tables").join(name);
     let want: Vec<[f64; 3]> = (0..5).map(|i| [0, 1, 2].map(|k| f64::from(3 * i + k) / 4.0)).collect();
     let read = |name: &str| {
         let snapshot = opened(&[file(name)]).unwrap();
@@ -429,7 +382,7 @@ fn tables_at_the_top_or_in_groups_are_read() {
         ("frames.hdf5", "`coordinates` has the shape (2, 4, 3)", "['coordinates'][-1])"),
     ] {
         let error = opened(&[file(name)]).err().unwrap();
-        assert!(error.to_string().contains(what) && error.remedy().to_string().contains(command), "{error}");
+        assert!(error.to_string().contains(what) && error.hint().to_string().contains(command), "{error}");
     }
 }
 
@@ -472,7 +425,8 @@ fn virtual_data_sets_that_are_not_read_say_why() {
         ("unlimited", "it grows with its sources"),
         ("pattern", "its files are named by a pattern"),
     ] {
-        let error = read_whole(&[virtual_set(&format!("{name}.hdf5"))]).unwrap_err().to_string();
+        let error =
+            support::read_everything(&virtual_set(&format!("{name}.hdf5")), Some("hdf5")).unwrap_err().to_string();
         assert!(error.contains(reason) && !error.contains('\n'), "{name}: {error}");
     }
 }

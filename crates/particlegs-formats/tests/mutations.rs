@@ -6,11 +6,11 @@ mod support;
 use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::FileExt;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, Once};
 use std::time::{Duration, Instant};
+use support::{Measured, measured};
 
 #[global_allocator]
 static COUNTING: support::CountingAllocator = support::CountingAllocator;
@@ -86,12 +86,9 @@ impl MutationRun {
                 file.write_all_at(&[self.bytes[at as usize] ^ 1 << bit], at).expect("a file that can be written")
             }
         }
-        support::start_counting();
-        let start = Instant::now();
         let watch = CaseWatchdog::start(format!("{} {damage:?}", self.name));
-        let result = catch_unwind(AssertUnwindSafe(|| read(path, self.format)));
+        let Measured { result, time, largest, .. } = measured(|| read(path, self.format));
         drop(watch);
-        let (time, (_, largest)) = (start.elapsed(), support::counted());
         match result {
             Ok(refused) => drop(self.refused.fetch_add(refused.min(1), Relaxed)),
             Err(_) => {
@@ -113,9 +110,7 @@ impl MutationRun {
     }
 
     fn is_slow(&self, path: &Path) -> bool {
-        let start = Instant::now();
-        let _ = catch_unwind(AssertUnwindSafe(|| read(path, self.format)));
-        start.elapsed() > LONGEST
+        measured(|| read(path, self.format)).time > LONGEST
     }
 
     /// All damages, in a copy of the same name; of its bits every `step`-th.

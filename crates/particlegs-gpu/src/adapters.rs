@@ -1,6 +1,6 @@
 //! What there is to draw on.
 
-use particlegs_core::{Error, Remedy, Result};
+use particlegs_core::{Error, Hint, Result};
 
 /// A graphics card, or a program that stands in for one.
 #[derive(Clone, Debug)]
@@ -25,7 +25,7 @@ pub struct Adapter {
 
 /// Which adapter to open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Choice {
+pub enum AdapterChoice {
     /// The first real card.
     Card,
     /// By its place in [`adapters`], from 0: software too.
@@ -98,18 +98,18 @@ pub(crate) fn memory_of(_adapter: &wgpu::Adapter) -> Option<u64> {
 }
 
 /// The adapter of a choice.
-pub(crate) fn chosen(choice: Choice) -> Result<wgpu::Adapter> {
+pub(crate) fn chosen(choice: AdapterChoice) -> Result<wgpu::Adapter> {
     let mut all = found();
     let place = match choice {
-        Choice::Card => all.iter().position(|a| !is_software(&a.get_info())),
-        Choice::Number(n) => (n < all.len()).then_some(n),
+        AdapterChoice::Card => all.iter().position(|a| !is_software(&a.get_info())),
+        AdapterChoice::Number(n) => (n < all.len()).then_some(n),
     };
     let Some(place) = place else {
         let what = match choice {
-            Choice::Card => format!("there is no graphics card that can be used: {}", advice()),
-            Choice::Number(n) => format!("there is no device {n}: `particlegs devices` lists {}", all.len()),
+            AdapterChoice::Card => format!("there is no graphics card that can be used: {}", advice()),
+            AdapterChoice::Number(n) => format!("there is no device {n}: `particlegs devices` lists {}", all.len()),
         };
-        return Err(Error::Argument { what, remedy: Remedy::None });
+        return Err(Error::argument_with(what, Hint::default()));
     };
     Ok(all.swap_remove(place))
 }

@@ -1,9 +1,9 @@
 //! An adapter that was opened.
 
-use crate::adapters::{Choice, chosen, memory_of};
+use crate::adapters::{AdapterChoice, chosen, memory_of};
 use crate::timer::{self, Timer};
 use particlegs_core::picture::Size;
-use particlegs_core::{Error, Result};
+use particlegs_core::{Error, Hint, Result};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Does the program check every index and every loop of its kernels while they run?
@@ -41,12 +41,12 @@ enum DeviceFault {
 
 impl Device {
     /// Opens an adapter with the limits that it has and without any feature.
-    pub fn open(choice: Choice, checks: Checks) -> Result<Device> {
+    pub fn open(choice: AdapterChoice, checks: Checks) -> Result<Device> {
         Device::open_with(chosen(choice)?, checks, wgpu::Features::empty())
     }
 
     /// [`Device::open`], to be [timed](Device::timed) where the adapter offers it.
-    pub fn open_timed(choice: Choice, checks: Checks) -> Result<Device> {
+    pub fn open_timed(choice: AdapterChoice, checks: Checks) -> Result<Device> {
         let adapter = chosen(choice)?;
         let offered = adapter.features().contains(timer::WANTED);
         let features = if offered { timer::WANTED } else { wgpu::Features::empty() };
@@ -107,16 +107,18 @@ impl Device {
     pub fn check(&self) -> Result<()> {
         let fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner).take();
         let line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
-        let what = match fault {
+        let (what, hint) = match fault {
             None => return Ok(()),
-            Some(DeviceFault::Memory) => "its memory does not hold this: use a smaller picture, or --device cpu".into(),
-            Some(DeviceFault::Lost(text)) => format!(
-                "it was lost, by a reset or its driver ({}): run again; training goes on from its checkpoint (--resume)",
-                line(&text)
+            Some(DeviceFault::Memory) => {
+                ("its memory does not hold this".into(), Hint::from("use a smaller picture").and(Hint::use_processor()))
+            }
+            Some(DeviceFault::Lost(text)) => (
+                format!("it was lost, by a reset or its driver ({})", line(&text)),
+                Hint::from("run again; training goes on from its checkpoint by ").option("resume", ""),
             ),
-            Some(DeviceFault::Other(text)) => line(&text),
+            Some(DeviceFault::Other(text)) => (line(&text), Hint::default()),
         };
-        Err(Error::input(format!("device {}", self.name), what))
+        Err(Error::input_with(format!("device {}", self.name), what, hint))
     }
 
     /// Waits until all that was given to it is done.
@@ -138,7 +140,7 @@ impl Device {
             return Ok(());
         }
         let what = format!("{what}: device {} sees {most} bytes at once", self.name);
-        Err(Error::argument(format!("{what}, fewer than they take, {bytes}: --device cpu")))
+        Err(Error::argument_with(format!("{what}, fewer than they take, {bytes}"), Hint::use_processor()))
     }
 
     /// May a picture that takes so many bytes in a buffer be drawn?
@@ -148,7 +150,7 @@ impl Device {
             return Ok(());
         }
         let what = format!("{}x{}: device {} sees {most} bytes at once", size.width, size.height, self.name);
-        Err(Error::argument(format!("{what}, fewer than such a picture takes: --device cpu")))
+        Err(Error::argument_with(format!("{what}, fewer than such a picture takes"), Hint::use_processor()))
     }
 
     /// A buffer of zeros.

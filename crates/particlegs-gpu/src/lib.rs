@@ -1,12 +1,12 @@
 //! Pictures on a graphics card: the stages of `particlegs_core::render` as kernels in WGSL, which any vendor's card runs.
 //!
-//! A [`Device`] is an adapter that was opened; [`adapters`] lists what there is. A [`render::Renderer`] draws scenes of the
-//! optical-depth law, an [`alpha::Renderer`] those of the alpha-blend law; [`render::Pictures`] are of a scene of either. A
-//! [`reference::ReferenceRenderer`] draws all particles without noise, a [`reference::paraview::Paraview`] as ParaView does; a
-//! [`train::Trainer`] takes the steps of training. Files in WGSL are called as the stages that they are twins of, and say
-//! where they differ: cards count in f32. What several threads add to are whole numbers, and what is sorted stays in its
-//! order among equals, so that a picture has the same bits whatever the order of threads.
+//! A [`Device`] is an adapter that was opened; [`adapters`] lists what there is. A [`GpuAccelerator`] draws and trains on one:
+//! scenes by [`render::DepthRenderer`] or [`alpha::AlphaRenderer`], all particles by [`reference::ReferenceRenderer`] without
+//! noise and by [`reference::paraview::Paraview`] as ParaView does. Files in WGSL are called as the stages that they are twins
+//! of, and say where they differ: GPUs compute in f32. What several threads add to are whole numbers, and what is sorted stays
+//! in its order among equals, so that a picture has the same bits whatever the order of threads.
 
+mod accelerator;
 mod adapters;
 pub mod alpha;
 mod device;
@@ -18,12 +18,13 @@ mod sort;
 #[cfg(test)]
 mod tests;
 mod timer;
-pub mod train;
+mod train;
 
-pub use adapters::{Adapter, Choice, adapters, advice};
+pub use accelerator::GpuAccelerator;
+pub use adapters::{Adapter, AdapterChoice, adapters, advice};
 pub use device::{Checks, Device};
 pub use rates::Rates;
-pub use timer::Stage;
+pub use timer::KernelTime;
 
 /// Threads of a group in kernels of one dimension.
 const THREADS: u64 = 64;

@@ -20,7 +20,7 @@ pub(crate) struct Timer {
 
 /// A kernel in what was timed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stage {
+pub struct KernelTime {
     /// Its name.
     pub kernel: &'static str,
     /// How often it ran.
@@ -62,7 +62,7 @@ impl Timer {
 impl Device {
     /// The kernels that `work` runs, in the order of their first runs, and how long each takes. `None` where the device
     /// has no clock that it shows, was not opened for it, or more was run than it times together.
-    pub fn timed(&self, work: impl FnOnce() -> Result<()>) -> Result<Option<Vec<Stage>>> {
+    pub fn timed(&self, work: impl FnOnce() -> Result<()>) -> Result<Option<Vec<KernelTime>>> {
         let Some(timer) = &self.timer else { return work().map(|()| None) };
         self.wait()?;
         *timer.asked() = Some(Vec::new());
@@ -80,12 +80,12 @@ impl Device {
         let bytes = self.read(&times, bytes)?;
         let ticks = |b: &[u8]| u64::from_le_bytes(std::array::from_fn(|k| b[k]));
         let second = 1e-9 * f64::from(self.queue.get_timestamp_period());
-        let mut stages: Vec<Stage> = Vec::new();
+        let mut stages: Vec<KernelTime> = Vec::new();
         for (kernel, both) in runs.into_iter().zip(bytes.chunks_exact(16)) {
             let seconds = ticks(&both[8..]).saturating_sub(ticks(&both[..8])) as f64 * second;
             match stages.iter_mut().find(|s| s.kernel == kernel) {
                 Some(s) => (s.runs, s.seconds) = (s.runs + 1, s.seconds + seconds),
-                None => stages.push(Stage { kernel, runs: 1, seconds }),
+                None => stages.push(KernelTime { kernel, runs: 1, seconds }),
             }
         }
         Ok(Some(stages))
@@ -95,14 +95,14 @@ impl Device {
 #[cfg(test)]
 mod tests {
     use crate::kernel::{BufferUse, Kernel};
-    use crate::{Checks, Choice, Device, groups};
+    use crate::{AdapterChoice, Checks, Device, groups};
 
     #[test]
     fn kernels_are_timed_while_somebody_asks() {
         if crate::tests::device().is_none() {
             return;
         }
-        let device = Device::open_timed(Choice::Number(0), Checks::On).unwrap();
+        let device = Device::open_timed(AdapterChoice::Number(0), Checks::On).unwrap();
         let words = device.buffer("words", 1 << 20, wgpu::BufferUsages::STORAGE);
         let kernel = Kernel::new(&device, "additions", &[include_str!("additions_main.wgsl")], &[BufferUse::Write]);
         let bound = kernel.bind(&device, &[&words]);

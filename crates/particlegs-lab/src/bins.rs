@@ -14,22 +14,16 @@ fn bin(bounds: f64) -> u32 {
 /// What a decoder knows of the bins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BinGrid {
-    /// Particles.
     pub particles: usize,
     /// Half a bin.
     pub bound: f64,
     /// The lowest coordinate along each axis.
     pub low: [f32; 3],
-    /// The highest.
     pub high: [f32; 3],
 }
 
-/// Particles in bins.
 pub struct ParticleBins {
-    /// What they are bins of.
     pub grid: BinGrid,
-    /// Range over bound, along each axis.
-    pub count: [f64; 3],
     /// The bin of each particle.
     pub of: Vec<[u32; 3]>,
     /// Particles along each axis that rounding puts beyond the bound, and whether they lie above the centre.
@@ -37,7 +31,6 @@ pub struct ParticleBins {
 }
 
 impl BinGrid {
-    /// The centre of a bin.
     fn centre(&self, axis: usize, bin: u32) -> f64 {
         f64::from(self.low[axis]) + (2.0 * f64::from(bin) + 1.0) * self.bound
     }
@@ -92,7 +85,7 @@ impl BinGrid {
 impl ParticleBins {
     /// Particles in bins of twice the bound; `None` where there would be too many bins, coordinates that are not finite,
     /// no particles, or more of them than an order can name.
-    pub fn of(particles: &PositionColumns, bound: f64) -> Option<ParticleBins> {
+    pub fn new(particles: &PositionColumns, bound: f64) -> Option<ParticleBins> {
         let n = particles[0].len();
         let ends =
             |c: &Vec<f32>| c.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |e, v| [e[0].min(*v), e[1].max(*v)]);
@@ -117,7 +110,7 @@ impl ParticleBins {
                 }
             }
         }
-        Some(ParticleBins { grid, count, of, exceptions })
+        Some(ParticleBins { grid, of, exceptions })
     }
 
     /// Particles along an axis that rounding puts beyond the bound: twice their place in `order` (`None` = their own),

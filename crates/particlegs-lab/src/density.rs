@@ -33,8 +33,7 @@ pub struct DensityMeasures {
 const A_CELL: f64 = 16.0;
 
 impl DensityMeasures {
-    /// Of one way at one size.
-    pub fn of(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes: u64) -> Result<DensityMeasures> {
+    pub fn new(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes: u64) -> Result<DensityMeasures> {
         let seed = lab.settings.seed;
         let inputs = (method.source(lab), &snapshot.hash, bytes, seed, lab.settings.quick);
         match lab.store.result("density", &inputs, || measured(lab, snapshot, method, bytes)) {
@@ -102,7 +101,7 @@ fn held_out(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes
     let seed = lab.settings.seed;
     let [fitted, left_out] = snapshot.halves(seed, lab.context)?;
     let hash = format!("{} half {seed}", snapshot.hash);
-    let domain = Domain::of_particles(&snapshot.particles);
+    let domain = Domain::from_particles(&snapshot.particles);
     match method.keep(lab, &fitted, &hash, bytes, seed)?.content {
         FileContent::Particles(p, _) => Likelihood::kernel_bits(&p, &left_out, &domain, seed, lab.context).map(Some),
         FileContent::Model(model) => {
@@ -118,6 +117,6 @@ pub fn all_particles_bits(lab: &Lab<'_>, snapshot: &Snapshot) -> Result<f64> {
     let seed = lab.settings.seed;
     lab.store.result("kernel-bits", &(&snapshot.hash, seed), || {
         let [fitted, left_out] = snapshot.halves(seed, lab.context)?;
-        Likelihood::kernel_bits(&fitted, &left_out, &Domain::of_particles(&snapshot.particles), seed, lab.context)
+        Likelihood::kernel_bits(&fitted, &left_out, &Domain::from_particles(&snapshot.particles), seed, lab.context)
     })
 }

@@ -8,7 +8,7 @@ use particlegs::parallel;
 /// decoded within a bound of the truth is then within twice the bound of it.
 pub fn jittered(decoded: &PositionColumns, bound: f64, seed: u64) -> PositionColumns {
     let columns = parallel::map(0..3, |k| {
-        let mut random = Random::of(Purpose::Jitter, seed, k as u64);
+        let mut random = Random::from_purpose(Purpose::Jitter, seed, k as u64);
         decoded[k].iter().map(|v| moved(*v, (2.0 * random.uniform() - 1.0) * bound, bound)).collect()
     });
     columns.try_into().expect("three axes")

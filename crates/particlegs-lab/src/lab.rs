@@ -1,7 +1,6 @@
 //! What experiments share: kept results, other compressors, and models by how they are made.
 
 use crate::Baseline;
-use crate::device::{Draw, Style};
 use crate::external::External;
 use crate::settings::Settings;
 use crate::snapshot::Snapshot;
@@ -9,17 +8,34 @@ use crate::store::ResultStore;
 #[cfg(doc)]
 use particlegs::Error;
 use particlegs::Result;
+use particlegs::camera::View;
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::codec;
 use particlegs::compress::{CompressedModel, Options, Target, compress};
 use particlegs::context::Context;
 use particlegs::fit::Effort;
 use particlegs::model::{CertificateLevel, Model};
 use particlegs::particles::{Particles, RawForm};
-use particlegs::pieces::NoCheckpoints;
+use particlegs::picture::{Gray8, Size};
 use particlegs::recover;
+use particlegs::reference::Reference;
+use particlegs::render::{Renderer, Scene};
 use particlegs::space::Bounds;
+use particlegs::splat::ToneStyle;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+
+/// Pictures of one thing as ParaView draws it, antialiased, by view and size.
+pub type Draw<'a> = Box<dyn Fn(&View, Size) -> Result<Gray8> + 'a>;
+
+/// What of all particles is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Style {
+    /// ParaView's own picture, shot noise and all.
+    Paraview,
+    /// Its mean without that noise.
+    NoiseFree,
+}
 
 /// Where experiments are done.
 pub struct Lab<'a> {
@@ -29,6 +45,9 @@ pub struct Lab<'a> {
     pub store: ResultStore,
     /// Those that the settings' device had a part in: pictures, their scores, trained models.
     pub on_device: ResultStore,
+    /// A GPU whose kernels can be timed, where one is to be measured.
+    #[cfg(feature = "gpu")]
+    pub gpu: Option<std::sync::Arc<particlegs_gpu::Device>>,
     /// Other compressors: those that need nothing else, and those of the settings' Python.
     pub baselines: Vec<Box<dyn Baseline>>,
     /// Whom to tell.
@@ -89,13 +108,21 @@ impl<'a> Lab<'a> {
         let external = settings.python.as_deref().map(External::start).transpose()?;
         let baselines = crate::baselines(external.as_ref());
         let store = ResultStore::new(folder);
-        let on_device = store.by(settings.device.name());
-        Ok(Lab { settings, store, on_device, baselines, context })
+        let on_device = store.by(settings.device_name());
+        Ok(Lab {
+            settings,
+            store,
+            on_device,
+            #[cfg(feature = "gpu")]
+            gpu: None,
+            baselines,
+            context,
+        })
     }
 
     /// What is not measured for want of a Python; nothing where there is one.
     pub fn left_out(&self) -> Option<String> {
-        let words = "SZ3 and ZFP were not measured: they take a Python with their libraries (`--python`).";
+        let words = "SZ3 and ZFP were not measured: they take a Python with their libraries.";
         self.settings.python.is_none().then(|| words.into())
     }
 
@@ -114,14 +141,27 @@ impl<'a> Lab<'a> {
         options.draw(model, self.context)
     }
 
-    /// Pictures of particles with these bounds (world units) by the settings' device.
+    /// Draws particles with these bounds (world units) by the settings' device.
     pub fn draws_particles<'b>(&'b self, of: &'b Particles, bounds: Bounds, style: Style) -> Result<Draw<'b>> {
-        self.settings.device.particles(of, bounds, style, self.context)
+        let reference = Reference::with_bounds(of, bounds);
+        let renderer: Box<dyn Renderer + 'b> = match &self.settings.device {
+            Some(device) => device.particles(reference.input(), self.context)?,
+            None => Box::new(reference),
+        };
+        Ok(Box::new(move |view, size| match style {
+            Style::Paraview => renderer.draw(view, size, ToneStyle::Paraview, self.context),
+            Style::NoiseFree => renderer.response(view, size, ToneStyle::Paraview, self.context),
+        }))
     }
 
-    /// Pictures of a model by the settings' device.
+    /// Draws a model by the settings' device.
     pub fn draws_model<'b>(&'b self, of: &'b Model) -> Result<Draw<'b>> {
-        self.settings.device.model(of, self.context)
+        let scene = Scene::new(of);
+        let renderer: Box<dyn Renderer + 'b> = match &self.settings.device {
+            Some(device) => device.scene(&scene)?,
+            None => Box::new(scene),
+        };
+        Ok(Box::new(move |view, size| renderer.draw(view, size, ToneStyle::Paraview, self.context)))
     }
 
     /// Keeps a model that a recipe gave in `seconds`, unless there is one.
@@ -188,9 +228,7 @@ mod tests {
     /// What is asked for as a ratio is there for who asks for its bytes.
     #[test]
     fn a_ratio_and_its_size_are_one_model() {
-        let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
-        let particles = Particles::from_columns(column(1), column(2), column(3));
-        let (of, folder) = (Snapshot::new("s".into(), "s".into(), particles, None), tempfile::tempdir().unwrap());
+        let (of, folder) = (crate::testing::snapshot(), tempfile::tempdir().unwrap());
         let lab =
             Lab::new(Settings::new(true, "".into()), folder.path(), &particlegs::context::Context::SILENT).unwrap();
         let asked = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().bytes;

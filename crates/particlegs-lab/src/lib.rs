@@ -6,26 +6,26 @@
 //! [`subset`] is what needs no bound, a random subset drawn larger.
 //!
 //! [`experiments`] measure models beside them, each [`method`] by the pictures ([`views`]) and the [`density`] that it
-//! gives back: they find tables, plots and pictures as data ([`found`]), which [`report`] puts into files. A [`lab::Lab`]
+//! gives back: they find tables, plots and pictures as data ([`results`]), which [`report`] puts into files. A [`lab::Lab`]
 //! keeps results by the hash of what they were made from. Pictures are drawn, and steps taken, by a
-//! [`device::Device`].
+//! [`Accelerator`](particlegs::train::Accelerator), or the CPU where the settings name none.
+
+#![allow(missing_docs)]
 
 mod bins;
 pub mod density;
-pub mod device;
 pub mod experiments;
 pub mod external;
-pub mod found;
 pub mod jitter;
 pub mod lab;
 pub mod lcp;
 pub mod method;
 mod morton;
 mod packed;
-pub mod plot;
 pub mod quantised;
 pub mod rate;
 pub mod report;
+pub mod results;
 pub mod settings;
 pub mod snapshot;
 pub mod store;
@@ -33,15 +33,12 @@ pub mod subset;
 mod training;
 pub mod views;
 
-pub use training::{PublishedRunStatus, TrainingScore, published};
-
 use external::External;
 use particlegs::{Error, Result};
 
 /// Positions in columns x, y and z.
 pub type PositionColumns = [Vec<f32>; 3];
 
-/// What a compressor made of particles.
 pub struct CompressedParticles {
     /// All that a decoder needs.
     pub bytes: Vec<u8>,
@@ -57,7 +54,6 @@ pub trait Baseline: Sync {
     fn source(&self) -> String;
     /// Compresses particles so that no decoded coordinate is off by more than `bound`.
     fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles>;
-    /// The particles.
     fn decompress(&self, bytes: &[u8]) -> Result<PositionColumns>;
 }
 
@@ -91,6 +87,12 @@ fn errors<'a>(
         })
     };
     (0..3).flat_map(of)
+}
+
+/// The smallest and the largest finite number of a column.
+fn finite_ends(column: &[f32]) -> [f64; 2] {
+    let finite = column.iter().map(|v| f64::from(*v)).filter(|v| v.is_finite());
+    finite.fold([f64::INFINITY, f64::NEG_INFINITY], |e, v| [e[0].min(v), e[1].max(v)])
 }
 
 /// Refuses a bound that is none.

@@ -2,21 +2,20 @@
 //! that are drawn and measured like the snapshot's own.
 
 use crate::jitter::jittered;
-use crate::lab::{Lab, ModelSettings};
+use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::rate::{BoundCheck, SizeBound, at_size, verified};
 use crate::snapshot::{Snapshot, columns_of, particles_of};
 use crate::subset::subset;
 use crate::training::{self, TrainingTask, trained_on};
 use crate::views::{ReferenceViews, Score};
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::compress::{Target, compress};
 use particlegs::fit::Effort;
 use particlegs::model::Model;
 use particlegs::particles::Particles;
-use particlegs::pieces::NoCheckpoints;
 use particlegs::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// A way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CompressionMethod {
     /// Our models: Gaussians whose optical depths add up.
@@ -27,26 +26,27 @@ pub enum CompressionMethod {
     Baseline {
         /// Place in [`Lab::baselines`].
         at: usize,
-        /// Moved?
         jitter: bool,
     },
     /// A random subset, drawn larger.
     Subset,
 }
 
-/// What a way gives back.
 pub struct MethodOutput {
-    /// Bytes of the file.
     pub bytes: u64,
-    /// What is in it.
     pub content: FileContent,
     /// Of a compressor with a bound: how it held.
     pub bound: Option<BoundReport>,
 }
 
-/// What is in a file.
+impl MethodOutput {
+    fn new(made: ModelBuild) -> MethodOutput {
+        let bytes = made.bytes.len() as u64;
+        MethodOutput { bytes, content: FileContent::Model(Box::new(made.model)), bound: None }
+    }
+}
+
 pub enum FileContent {
-    /// A model.
     Model(Box<Model>),
     /// Particles, drawn with this multiple of the radius.
     Particles(Box<Particles>, f64),
@@ -72,7 +72,6 @@ pub struct MethodMeasurement {
     pub bound: Option<BoundReport>,
     /// Scores of its pictures; empty where it failed.
     pub scores: Vec<Score>,
-    /// Why it failed.
     pub failure: Option<String>,
 }
 
@@ -137,20 +136,11 @@ impl CompressionMethod {
                 let made = lab.made(&(hash, &recipe), || {
                     compress(particles, &recipe.options(), &mut NoCheckpoints, lab.context)
                 })?;
-                Ok(MethodOutput {
-                    bytes: made.bytes.len() as u64,
-                    content: FileContent::Model(Box::new(made.model)),
-                    bound: None,
-                })
+                Ok(MethodOutput::new(made))
             }
             CompressionMethod::AlphaBlend => {
                 let task = TrainingTask::published_in(bytes, training::scale(lab), seed)?;
-                let made = trained_on(lab, (particles, hash), &task, None)?.made;
-                Ok(MethodOutput {
-                    bytes: made.bytes.len() as u64,
-                    content: FileContent::Model(Box::new(made.model)),
-                    bound: None,
-                })
+                Ok(MethodOutput::new(trained_on(lab, particles, hash, &task, None)?.made))
             }
             CompressionMethod::Subset => {
                 let thin = subset(&columns_of(particles), bytes, seed, lab.context)?;
@@ -167,15 +157,11 @@ impl CompressionMethod {
                     Ok((bound, bytes))
                 })?;
                 let checked = verified(baseline, &columns, found.0);
-                if let BoundCheck::Failed(Error::Cancelled) = &checked {
-                    return Err(Error::Cancelled);
-                }
-                if let Some(why) = checked.failure() {
-                    return Err(Error::input(baseline.name(), why));
-                }
+                let why = checked.failure().unwrap_or_default();
                 let run = match checked {
-                    BoundCheck::Held(run) | BoundCheck::Exceeded(run) => run,
-                    BoundCheck::Failed(error) => return Err(error),
+                    BoundCheck::Held(run) => run,
+                    BoundCheck::Failed(Error::Cancelled) => return Err(Error::Cancelled),
+                    BoundCheck::Exceeded(_) | BoundCheck::Failed(_) => return Err(Error::input(baseline.name(), why)),
                 };
                 let seconds = [run.compress_seconds, run.decompress_seconds];
                 let bound = BoundReport { asked: run.bound, largest_error: run.largest_error, seconds };
@@ -203,8 +189,8 @@ impl CompressionMethod {
         let measured = lab.on_device.result("pictures", &inputs, || {
             let kept = self.keep(lab, &of.particles, &of.hash, bytes, seed)?;
             let scores = match &kept.content {
-                FileContent::Model(model) => truth.of_model(lab, model)?,
-                FileContent::Particles(particles, factor) => truth.of_particles(lab, particles, *factor)?,
+                FileContent::Model(model) => truth.score_model(lab, model)?,
+                FileContent::Particles(particles, factor) => truth.score_particles(lab, particles, *factor)?,
             };
             Ok(MethodMeasurement { bytes: kept.bytes, bound: kept.bound, scores, failure: None })
         });
@@ -258,9 +244,7 @@ mod tests {
     #[test]
     fn failures_are_told_and_not_kept() {
         static FAILS: AtomicBool = AtomicBool::new(false);
-        let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
-        let particles = Particles::from_columns(column(1), column(2), column(3));
-        let (of, folder) = (Snapshot::new("s".into(), "s".into(), particles, None), tempfile::tempdir().unwrap());
+        let (of, folder) = (crate::testing::snapshot(), tempfile::tempdir().unwrap());
         let stopped = AtomicBool::new(false);
         let cancel = || stopped.load(Ordering::Relaxed);
         let context = Context::SILENT.with_cancel(&cancel);
@@ -269,7 +253,7 @@ mod tests {
         let mut lab = Lab::new(settings, folder.path(), &context).unwrap();
         lab.baselines = vec![Box::new(FlakyBaseline(&FAILS))];
         let model = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().model;
-        let truth = ReferenceViews::of(&lab, &of, &model.metadata).unwrap();
+        let truth = ReferenceViews::new(&lab, &of, &model.metadata).unwrap();
         let method = CompressionMethod::Baseline { at: 0, jitter: false };
         let measure = || method.measure(&lab, &of, &truth, 3600, 1);
         FAILS.store(true, Ordering::Relaxed);
@@ -285,8 +269,7 @@ mod tests {
     /// The published law stands beside ours where models may be trained, and keeps to the size that it is given.
     #[test]
     fn the_published_law_meets_a_size() {
-        let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
-        let particles = Particles::from_columns(column(1), column(2), column(3));
+        let particles = crate::testing::snapshot().particles;
         let folder = tempfile::tempdir().unwrap();
         let settings = Settings { training: true, scale: Some(0.004), ..Settings::new(true, "".into()) };
         let mut lab = Lab::new(settings, folder.path(), &particlegs::context::Context::SILENT).unwrap();

@@ -1,6 +1,6 @@
 //! Bits of three numbers in turn: neighbours in space come near each other in the order of these codes.
 
-use crate::PositionColumns;
+use crate::{PositionColumns, finite_ends};
 use particlegs::parallel;
 
 /// Bits an axis of an order of particles: three fill a code.
@@ -12,7 +12,7 @@ pub struct Bits([u32; 3]);
 
 impl Bits {
     /// As many as the largest numbers take; `None` where a code would have more than 64.
-    pub fn of(last: [u32; 3]) -> Option<Bits> {
+    pub fn new(last: [u32; 3]) -> Option<Bits> {
         let bits = last.map(|q| 32 - q.leading_zeros());
         (bits.iter().sum::<u32>() <= 64).then_some(Bits(bits))
     }
@@ -52,11 +52,7 @@ pub fn order_of(codes: &[u64]) -> Vec<u32> {
 
 /// Codes of cubes, 2^21 along the longest edge of the box around all particles.
 pub fn codes_of_places(particles: &PositionColumns) -> Vec<u64> {
-    let finite = |c: &Vec<f32>| {
-        let all = c.iter().map(|v| f64::from(*v)).filter(|v| v.is_finite());
-        all.fold([f64::INFINITY, f64::NEG_INFINITY], |e, v| [e[0].min(v), e[1].max(v)])
-    };
-    let ends = particles.each_ref().map(finite);
+    let ends = particles.each_ref().map(|c| finite_ends(c));
     let longest = ends.iter().map(|e| e[1] - e[0]).fold(0.0, f64::max);
     let cubes = f64::from(1 << ORDER_BITS);
     let scale = if longest > 0.0 { cubes / longest } else { 0.0 };
@@ -74,13 +70,13 @@ mod tests {
     #[test]
     fn codes_are_their_numbers() {
         for last in [[0, 0, 0], [7, 7, 7], [0, 5, 1 << 20], [u32::MAX, u32::MAX, 0], [1, 0, 0]] {
-            let bits = Bits::of(last).unwrap();
+            let bits = Bits::new(last).unwrap();
             for q in [[0; 3], last, last.map(|v| v / 3)] {
                 assert_eq!(bits.numbers(bits.code(q)), Some(q));
             }
         }
-        assert!(Bits::of([u32::MAX, u32::MAX, 1]).is_none());
-        let bits = Bits::of([3, 3, 3]).unwrap();
+        assert!(Bits::new([u32::MAX, u32::MAX, 1]).is_none());
+        let bits = Bits::new([3, 3, 3]).unwrap();
         assert!(bits.numbers(64).is_none() && bits.numbers(63) == Some([3, 3, 3]));
         // Eight cubes of an edge of two are filled before the next.
         assert!(bits.code([1, 1, 1]) < bits.code([2, 0, 0]) && bits.code([1, 1, 1]) == 7);

@@ -38,7 +38,7 @@ impl Baseline for QuantisedCoder {
 
     fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles> {
         check_bound(bound)?;
-        let Some(bins) = ParticleBins::of(particles, bound) else { return Ok(exact(particles)) };
+        let Some(bins) = ParticleBins::new(particles, bound) else { return Ok(exact(particles)) };
         let sorted = SortedParticles::new(bins);
         let coded = parallel::map(BINNED, |layout| sorted.coded(layout));
         let (layout, bytes) =
@@ -60,12 +60,10 @@ impl Baseline for QuantisedCoder {
     }
 }
 
-/// Particles in bins, and their order.
 struct SortedParticles {
     bins: ParticleBins,
     /// Bits of an exact code; `None` where bins are too many for one.
     bits: Option<Bits>,
-    /// Codes in their order.
     codes: Vec<u64>,
     order: Vec<u32>,
 }
@@ -73,10 +71,10 @@ struct SortedParticles {
 impl SortedParticles {
     fn new(bins: ParticleBins) -> Self {
         let last = bins.grid.last();
-        let bits = Bits::of(last);
+        let bits = Bits::new(last);
         // Of bins too many for a code, the highest bits give an order that is nearly as good.
         let coarse = if bits.is_some() { 0 } else { 11 };
-        let of = Bits::of(last.map(|q| q >> coarse)).expect("three of 21 bits");
+        let of = Bits::new(last.map(|q| q >> coarse)).expect("three of 21 bits");
         let own = parallel::map_range(bins.of.len(), |i| of.code(bins.of[i].map(|q| q >> coarse)));
         let order = morton::order_of(&own);
         let codes = order.iter().map(|i| own[*i as usize]).collect();
@@ -153,7 +151,7 @@ fn binned(layout: CodingLayout, bytes: &[u8], most: usize) -> Option<PositionCol
 
 /// Bins of codes by their differences.
 fn of_codes(grid: &BinGrid, steps: &[u64]) -> Option<Vec<[u32; 3]>> {
-    let bits = Bits::of(grid.last())?;
+    let bits = Bits::new(grid.last())?;
     let mut code = 0u64;
     let next = |step: &u64| {
         code = code.checked_add(*step)?;

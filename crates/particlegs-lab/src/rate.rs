@@ -1,7 +1,7 @@
 //! Baselines at a size, and with their bounds verified.
 
 use crate::subset::mean_spacing;
-use crate::{Baseline, PositionColumns, errors};
+use crate::{Baseline, PositionColumns, errors, finite_ends};
 use particlegs::context::Context;
 use particlegs::{Error, Result};
 use std::time::Instant;
@@ -24,7 +24,6 @@ pub struct SizeBound {
     pub bytes: u64,
     /// How far they are from those asked for, as a share of them: above 0 is more.
     pub off: f64,
-    /// Bounds tried.
     pub trials: u64,
 }
 
@@ -89,12 +88,8 @@ struct Search {
 impl Search {
     /// From the bound at which evenly spread particles take the bytes, coded as a set.
     fn new(particles: &PositionColumns, bytes: u64) -> Search {
-        let extent = particles.iter().map(|c| {
-            let finite = c.iter().map(|v| f64::from(*v)).filter(|v| v.is_finite());
-            let ends = finite.fold([f64::INFINITY, f64::NEG_INFINITY], |e, v| [e[0].min(v), e[1].max(v)]);
-            ends[1] - ends[0]
-        });
-        let longest = extent.fold(0.0, f64::max);
+        let ends = particles.iter().map(|c| finite_ends(c));
+        let longest = ends.map(|e| e[1] - e[0]).fold(0.0, f64::max);
         let longest = if longest > 0.0 { longest } else { 1.0 };
         // From float32's own precision to far more than one bin: ZFP's sizes fall until then.
         let ends = [longest * 2f64.powi(-30), longest * 1024.0].map(f64::ln);
@@ -142,19 +137,13 @@ impl Search {
 
 /// One run of a baseline: what it took, and what came back.
 pub struct BaselineRun {
-    /// The bound asked for.
     pub bound: f64,
-    /// Bytes compressed.
     pub bytes: u64,
-    /// Seconds of compression.
     pub compress_seconds: f64,
-    /// Seconds of decompression.
     pub decompress_seconds: f64,
-    /// The largest error of any coordinate.
     pub largest_error: f64,
     /// By how much the worst coordinate passes the bound and half a float32 ulp of its own; 0 where none does.
     pub excess: f64,
-    /// The particles as decoded.
     pub decoded: PositionColumns,
     /// Which particle comes where in them; `None` = in their own order.
     pub order: Option<Vec<u32>>,

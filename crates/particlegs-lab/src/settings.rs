@@ -1,7 +1,7 @@
 //! How finely experiments measure.
 
-use crate::device::{Device, Processor};
 use particlegs::picture::Size;
+use particlegs::train::Accelerator;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -18,7 +18,6 @@ pub struct Settings {
     pub frames: usize,
     /// Raw bytes over bytes of a file, rising.
     pub ratios: Vec<f64>,
-    /// The first seed.
     pub seed: u64,
     /// Seeds, where a draw or a start is random.
     pub seeds: usize,
@@ -30,8 +29,8 @@ pub struct Settings {
     pub minutes: Option<f64>,
     /// A Python that has the packages of other compressors and renderers.
     pub python: Option<PathBuf>,
-    /// What draws the pictures that are scored, and trains.
-    pub device: Arc<dyn Device>,
+    /// What draws the pictures that are scored, and trains; `None` = the CPU, whose results are the same everywhere.
+    pub device: Option<Arc<dyn Accelerator>>,
     /// This program, where whole commands are measured.
     pub program: PathBuf,
 }
@@ -47,11 +46,15 @@ impl Settings {
             true => vec![50.0, 263.0, 1000.0],
             false => vec![20.0, 50.0, 100.0, 263.0, 500.0, 1000.0, 2000.0, 5000.0],
         };
-        let (training, scale, minutes, python, device) = (false, None, None, None, Arc::new(Processor));
+        let (training, scale, minutes, python, device) = (false, None, None, None, None);
         Settings { quick, training, size, frames, ratios, seed: 42, seeds, scale, minutes, python, device, program }
     }
 
-    /// The seeds.
+    /// The device's name, where there is one.
+    pub fn device_name(&self) -> Option<&str> {
+        self.device.as_ref().map(|d| d.name())
+    }
+
     pub fn seeds(&self) -> impl Iterator<Item = u64> {
         let first = self.seed;
         (0..self.seeds as u64).map(move |i| first + i)

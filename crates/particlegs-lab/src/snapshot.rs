@@ -8,13 +8,10 @@ use particlegs::context::Context;
 use particlegs::particles::{Column, Particles, Positions, Selection, SnapshotMeta, Storage};
 use std::path::PathBuf;
 
-/// A snapshot that is measured.
 pub struct Snapshot {
     /// Its name in tables.
     pub name: String,
-    /// Where it lies.
     pub path: PathBuf,
-    /// Its particles.
     pub particles: Particles,
     /// The beginning of the hash that models of it carry, in hexadecimal digits, and of one of what that does not know:
     /// box, units and cosmology, and options of the command that it was read by.
@@ -61,7 +58,7 @@ impl Snapshot {
 
     /// Mean spacing of the particles in their box, world units.
     pub fn spacing(&self) -> f64 {
-        particlegs::stats::Domain::of_particles(&self.particles).spacing(self.particles.len())
+        particlegs::stats::Domain::from_particles(&self.particles).spacing(self.particles.len())
     }
 }
 

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 const VERSION: u32 = 1;
 
 /// The commit of this program, where it was built in a repository.
-const COMMIT: Option<&str> = option_env!("PARTICLEGS_COMMIT");
+pub(crate) const COMMIT: Option<&str> = option_env!("PARTICLEGS_COMMIT");
 
 /// A folder of results.
 pub struct ResultStore {
@@ -85,7 +85,7 @@ impl ResultStore {
         lasts: impl Fn(&T) -> bool,
     ) -> Result<T> {
         let path = self.path(kind, inputs, "json");
-        if let Some(kept) = std::fs::read(&path).ok().and_then(|text| StoredRecord::of(&text)) {
+        if let Some(kept) = std::fs::read(&path).ok().and_then(|text| StoredRecord::from_text(&text)) {
             self.kept_of.lock().unwrap_or_else(PoisonError::into_inner).insert(kept.commit);
             return Ok(kept.result);
         }
@@ -93,9 +93,7 @@ impl ResultStore {
         if !lasts(&result) {
             return Ok(result);
         }
-        let text = ResultRecord { inputs, commit: COMMIT, result: &result }
-            .text()
-            .map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
+        let text = record(inputs, &result).map_err(|e| Error::input(path.display().to_string(), e.to_string()))?;
         write_bytes(&path, &text)?;
         Ok(result)
     }
@@ -116,23 +114,14 @@ impl ResultStore {
     }
 }
 
-/// The form of a file: what the result was made from stands beside it.
-#[derive(Serialize)]
-struct ResultRecord<'a, K, T> {
-    inputs: &'a K,
-    commit: Option<&'static str>,
-    result: &'a T,
-}
-
-impl<K: Serialize, T: Serialize> ResultRecord<'_, K, T> {
-    /// With a hash of the result, as a reader finds it.
-    fn text(&self) -> serde_json::Result<Vec<u8>> {
-        let mut all = serde_json::to_value(self)?;
-        // Numbers as they are read again, to the last bit.
-        let read: serde_json::Value = serde_json::from_slice(&serde_json::to_vec(&all)?)?;
-        all["hash"] = hash_of(&read).into();
-        serde_json::to_vec_pretty(&all)
-    }
+/// The text of a result's file: what it was made from stands beside it, with a hash of the result as a reader finds it.
+fn record(inputs: &impl Serialize, result: &impl Serialize) -> serde_json::Result<Vec<u8>> {
+    let (inputs, result) = (serde_json::to_value(inputs)?, serde_json::to_value(result)?);
+    let mut all = serde_json::json!({ "inputs": inputs, "commit": COMMIT, "result": result });
+    // Numbers as they are read again, to the last bit.
+    let read: serde_json::Value = serde_json::from_slice(&serde_json::to_vec(&all)?)?;
+    all["hash"] = hash_of(&read).into();
+    serde_json::to_vec_pretty(&all)
 }
 
 /// BLAKE3 of a kept result's text.
@@ -149,7 +138,7 @@ struct StoredRecord<T> {
 
 impl<T: DeserializeOwned> StoredRecord<T> {
     /// `None` of what is cut short or was altered: it is made again.
-    fn of(text: &[u8]) -> Option<Self> {
+    fn from_text(text: &[u8]) -> Option<Self> {
         let all: serde_json::Value = serde_json::from_slice(text).ok()?;
         let sound = all["hash"] == hash_of(&all);
         sound.then(|| serde_json::from_value(all).ok()).flatten()

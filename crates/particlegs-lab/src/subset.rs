@@ -9,9 +9,7 @@ use particlegs::{Error, Result};
 
 /// A random subset as its coded bytes have it.
 pub struct CodedSubset {
-    /// The particles kept.
     pub particles: PositionColumns,
-    /// Bytes that they take.
     pub bytes: u64,
     /// What the radius is multiplied by, sqrt(N / kept), so that as much light is covered.
     pub radius_factor: f64,

@@ -1,7 +1,20 @@
 //! Particles and checks that the tests of all baselines share.
 
+use crate::snapshot::Snapshot;
 use crate::{Baseline, PositionColumns, largest_error};
 use particlegs::math::Random;
+use particlegs::particles::Particles;
+
+/// `n` particles on a lattice that repeats itself, their numbers changed by `f`.
+pub fn lattice(n: u32, f: fn(f32) -> f32) -> Particles {
+    let column = |k: u32| (0..n).map(|i| f((i * (k + 7) % 997) as f32)).collect::<Vec<f32>>();
+    Particles::from_columns(column(1), column(2), column(3))
+}
+
+/// 3000 of them as a snapshot.
+pub fn snapshot() -> Snapshot {
+    Snapshot::new("s".into(), "s".into(), lattice(3000, |v| v), None)
+}
 
 /// Twenty clumps of radius 1 in a box of edge 50.
 pub fn clustered(n: usize) -> PositionColumns {

@@ -1,7 +1,6 @@
 //! The pictures that everything is scored by: all particles in the views of three orbits, drawn once and kept.
 
-use crate::device::Style;
-use crate::lab::{Lab, or_made};
+use crate::lab::{Lab, Style, or_made};
 use crate::snapshot::Snapshot;
 use particlegs::Result;
 use particlegs::camera::{View, clipping_range};
@@ -16,36 +15,30 @@ use serde::{Deserialize, Serialize};
 pub struct ReferenceViews {
     /// The views, each with a clipping range: the particles' own, for every picture of the view.
     pub views: Vec<View>,
-    /// Pixels.
     pub size: Size,
-    /// Bounds of the particles.
     pub bounds: Bounds,
     /// Pictures, one a view.
     pub pictures: Vec<Gray8>,
 }
 
-/// The scores of one picture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
-    /// The view.
     pub view: String,
     /// dB over all pixels; `None` where none differs.
     pub psnr: Option<f64>,
     /// dB over lit pixels; `None` where none differs.
     pub masked: Option<f64>,
-    /// Structural similarity.
     pub ssim: Option<f64>,
 }
 
 impl ReferenceViews {
     /// In the views that models are scored on: `frames` an orbit, radius and opacity drawn from the published ranges
     /// (paper, section 5.1).
-    pub fn of(lab: &Lab<'_>, snapshot: &Snapshot, metadata: &Metadata) -> Result<ReferenceViews> {
+    pub fn new(lab: &Lab<'_>, snapshot: &Snapshot, metadata: &Metadata) -> Result<ReferenceViews> {
         let s = &lab.settings;
         ReferenceViews::in_views(lab, snapshot, evaluation_views(metadata, s.size, s.seed, s.frames))
     }
 
-    /// In given views.
     pub fn in_views(lab: &Lab<'_>, snapshot: &Snapshot, views: Vec<View>) -> Result<ReferenceViews> {
         ReferenceViews::at_size(lab, snapshot, views, lab.settings.size)
     }
@@ -77,20 +70,19 @@ impl ReferenceViews {
     /// Scores of the pictures that `draw` gives for each view.
     pub fn score(&self, mut draw: impl FnMut(&View) -> Result<Gray8>) -> Result<Vec<Score>> {
         let of = |(view, truth): (&View, &Gray8)| {
-            let Scores { psnr, masked_psnr: masked, ssim } = Scores::of(&draw(view)?, truth);
+            let Scores { psnr, masked_psnr: masked, ssim } = Scores::new(&draw(view)?, truth);
             Ok(Score { view: view.name.clone(), psnr, masked, ssim })
         };
         self.views.iter().zip(&self.pictures).map(of).collect()
     }
 
     /// Scores of other particles, drawn with a multiple of the radius.
-    pub fn of_particles(&self, lab: &Lab<'_>, particles: &Particles, radius_factor: f64) -> Result<Vec<Score>> {
+    pub fn score_particles(&self, lab: &Lab<'_>, particles: &Particles, radius_factor: f64) -> Result<Vec<Score>> {
         let draw = lab.draws_particles(particles, self.bounds, Style::Paraview)?;
         self.score(|view| draw(&View { radius: view.radius * radius_factor, ..view.clone() }, self.size))
     }
 
-    /// Scores of a model.
-    pub fn of_model(&self, lab: &Lab<'_>, model: &Model) -> Result<Vec<Score>> {
+    pub fn score_model(&self, lab: &Lab<'_>, model: &Model) -> Result<Vec<Score>> {
         let draw = lab.draws_model(model)?;
         self.score(|view| draw(view, self.size))
     }
@@ -125,12 +117,10 @@ pub fn masked(s: &Score) -> Option<f64> {
     Some(s.masked.unwrap_or(IDENTICAL))
 }
 
-/// PSNR over all pixels, dB.
 pub fn psnr(s: &Score) -> Option<f64> {
     Some(s.psnr.unwrap_or(IDENTICAL))
 }
 
-/// Structural similarity.
 pub fn ssim(s: &Score) -> Option<f64> {
     s.ssim
 }

@@ -2,7 +2,6 @@
 
 use particlegs_core::parallel;
 
-/// Parameters in one step of parallel work.
 const RUN: usize = 1 << 14;
 
 /// The decay of the averages, and what keeps the division finite.
@@ -19,11 +18,9 @@ pub(crate) struct Adam {
 /// Running averages of the gradients of a group.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Averages {
-    /// Of the gradient.
     pub first: Vec<f32>,
     /// Of its square.
     pub second: Vec<f32>,
-    /// Steps so far.
     pub steps: u64,
 }
 
@@ -53,6 +50,7 @@ impl Adam {
         let t = averages.steps.min(i32::MAX as u64) as i32;
         let correct1 = 1.0 - f64::from(self.beta1).powi(t);
         let correct2 = 1.0 - f64::from(self.beta2).powi(t);
+        // Both corrections are the step's alone: they leave the loop.
         let rate = (rate / correct1) as f32;
         let unroot = (1.0 / correct2) as f32;
         let (b1, b2, epsilon) = (self.beta1, self.beta2, self.epsilon);

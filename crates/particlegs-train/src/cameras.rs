@@ -2,7 +2,7 @@
 //! radius and opacity drawn for each (docs/law/cameras.md).
 
 use super::config::{Cameras, Config};
-use particlegs_core::camera::{Camera, FOV_DEG, Projection, View, base_distance, spiral, view_up};
+use particlegs_core::camera::{Camera, View, base_distance, spiral};
 use particlegs_core::math::{Purpose, Random, each_axis};
 use particlegs_core::picture::Size;
 use particlegs_core::space::Bounds;
@@ -13,16 +13,12 @@ const TURN: u64 = 0x7472_6169_6e00;
 /// Internal cameras stand within this share of the bounds about their centre.
 const INSIDE: f64 = 0.98;
 
-/// What is drawn by default.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Defaults {
-    /// Bounds of the particles.
     pub bounds: Bounds,
     /// Radius, world units.
     pub radius: f64,
-    /// Opacity.
     pub opacity: f64,
-    /// Seed of the run.
     pub seed: u64,
     /// Bytes that the coded Gaussians are to have, where known.
     pub bytes: Option<u64>,
@@ -30,7 +26,6 @@ pub struct Defaults {
     pub gaussians: Option<u64>,
 }
 
-/// The views of a run.
 pub(crate) struct Views {
     /// On the orbits, for training.
     pub training: Vec<View>,
@@ -53,7 +48,7 @@ impl Views {
             let frames = (cameras.frames / orbits + u64::from(k < cameras.frames % orbits)) as usize;
             poses.extend(spiral(center, factor * base, frames, Some(of.seed ^ TURN ^ k)));
         }
-        let mut draw = Random::of(Purpose::TrainingShuffle, of.seed, 0);
+        let mut draw = Random::from_purpose(Purpose::TrainingShuffle, of.seed, 0);
         for i in (1..poses.len()).rev() {
             poses.swap(i, (draw.uniform() * (i + 1) as f64) as usize);
         }
@@ -80,21 +75,15 @@ impl Config {
 
 /// A camera inside the bounds that looks at their centre.
 fn inside(of: &Defaults, index: u64) -> Camera {
-    let mut draw = Random::of(Purpose::TrainingInside, of.seed, index);
+    let mut draw = Random::from_purpose(Purpose::TrainingInside, of.seed, index);
     let (center, extent) = (of.bounds.center(), of.bounds.extent());
     let position = each_axis(|k| center[k] + INSIDE * (draw.uniform() - 0.5) * extent[k]);
-    Camera {
-        position,
-        focal_point: center,
-        view_up: view_up(position, center),
-        projection: Projection::Perspective { fov_deg: FOV_DEG },
-        clipping_range: None,
-    }
+    Camera::looking_at(center, position)
 }
 
 /// A view with radius and opacity drawn for it.
 fn sampled(cameras: &Cameras, of: &Defaults, index: u64, camera: Camera) -> View {
-    let mut draw = Random::of(Purpose::TrainingDraw, of.seed, index);
+    let mut draw = Random::from_purpose(Purpose::TrainingDraw, of.seed, index);
     let mut between = |[low, high]: [f64; 2]| low + (high - low) * draw.beta33();
     let (radius, opacity) = (between(cameras.radius), between(cameras.opacity));
     let radius = if draw.uniform() < cameras.wide {

@@ -16,13 +16,11 @@ use serde::{Deserialize, Serialize};
 pub enum Start {
     /// What the effort's fit gives: the partition, refined by EM with split and merge.
     Fit,
-    /// The partition alone.
     Partition,
     /// Particles drawn at random, round, as wide as their nearest neighbours are far (as published).
     Random,
 }
 
-/// Cameras, radii and opacities of the pictures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cameras {
@@ -39,15 +37,12 @@ pub struct Cameras {
     pub wide: f64,
     /// Largest radius of those, in default radii.
     pub wide_radius: f64,
-    /// Share of the pictures that are held out.
     pub held_out: f64,
 }
 
-/// A stretch of steps at one resolution.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stage {
-    /// Steps.
     pub iterations: u64,
     /// Pixels across and down.
     pub size: [usize; 2],
@@ -57,19 +52,15 @@ pub struct Stage {
     pub crop: [usize; 2],
     /// Share of the steps whose camera stands inside the bounds.
     pub internal: f64,
-    /// Density control.
     pub densify: Densify,
 }
 
-/// A training run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
-    /// How Gaussians become a picture.
     pub law: LawKind,
     /// Look of the targets: `paraview`, `paraview-no-fxaa` or `expected`.
     pub target: ToneStyle,
-    /// What the run starts from.
     pub start: Start,
     /// Steps from one evaluation on held-out pictures to the next.
     pub evaluate_every: u64,
@@ -79,33 +70,15 @@ pub struct Config {
     pub checkpoint_seconds: f64,
     /// Bytes of targets kept on disk.
     pub cache_bytes: u64,
-    /// The loss.
     pub loss: Loss,
-    /// Pictures.
     pub cameras: Cameras,
-    /// Stages, one after the other.
     pub stages: Vec<Stage>,
     /// Particles that a random start draws, at most as many as the file has room for; `None` (0 in a file) =
     /// that many.
-    #[serde(with = "zero_is_none")]
+    #[serde(with = "crate::zero_is_none")]
     pub start_gaussians: Option<u64>,
-    /// Of the optical-depth law.
     pub optical_depth: DepthConfig,
-    /// Of the alpha-blend law.
     pub alpha_blend: AlphaConfig,
-}
-
-/// A number that may be missing, which files write as 0.
-pub(crate) mod zero_is_none {
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    pub fn serialize<S: Serializer>(number: &Option<u64>, to: S) -> Result<S::Ok, S::Error> {
-        number.unwrap_or(0).serialize(to)
-    }
-
-    pub fn deserialize<'a, D: Deserializer<'a>>(from: D) -> Result<Option<u64>, D::Error> {
-        Ok(Some(u64::deserialize(from)?).filter(|n| *n > 0))
-    }
 }
 
 particlegs_core::named_values! {
@@ -122,7 +95,6 @@ particlegs_core::named_values! {
 const NEVER: Densify = Densify { every: 0, until: 0, threshold: 0.0 };
 
 impl Config {
-    /// The hyper-parameters of a preset.
     pub fn preset(preset: Preset, law: LawKind) -> Config {
         let stage =
             |iterations, size| Stage { iterations, size, oversample: 1, crop: [0, 0], internal: 0.05, densify: NEVER };
@@ -169,8 +141,8 @@ impl Config {
             densify,
         };
         let (hd, three) = ([1920, 1080], [5760, 3240]);
+        let ours = Config::preset(Preset::Fast, law);
         Config {
-            law,
             target: ToneStyle::Paraview,
             start: Start::Random,
             evaluate_every: 1000,
@@ -178,23 +150,14 @@ impl Config {
             checkpoint_seconds: 120.0,
             cache_bytes: 32 << 30,
             loss: Loss::PUBLISHED,
-            cameras: Cameras {
-                orbits: vec![1.0, 0.7, 0.5],
-                frames: 400,
-                radius: [0.25, 1.75],
-                opacity: [0.25, 1.75],
-                wide: 0.0,
-                wide_radius: 1.75,
-                held_out: 0.2,
-            },
+            cameras: Cameras { frames: 400, wide: 0.0, wide_radius: 1.75, held_out: 0.2, ..ours.cameras },
             stages: vec![
                 stage(12_000, hd, 2, 0.0, Densify { every: 100, until: 12_000, threshold: 2e-4 }),
                 stage(15_000, three, 1, 0.0, Densify { every: 200, until: 24_000, threshold: 3e-4 }),
                 stage(12_000, three, 1, 0.2, Densify { every: 200, until: 36_000, threshold: 3e-4 }),
             ],
             start_gaussians: Some(200_000),
-            optical_depth: DepthConfig::default(),
-            alpha_blend: AlphaConfig::default(),
+            ..ours
         }
     }
 
@@ -215,9 +178,7 @@ impl Config {
         self.cameras.frames = steps(self.cameras.frames).max(8);
         self.evaluate_every = steps(self.evaluate_every);
         self.start_gaussians = self.start_gaussians.map(steps);
-        let a = &mut self.alpha_blend;
-        (a.position_rate_steps, a.densify_from, a.reset_every) =
-            (steps(a.position_rate_steps), steps(a.densify_from), steps(a.reset_every));
+        self.alpha_blend.schedule(steps);
         Ok(self)
     }
 
@@ -240,13 +201,10 @@ impl Config {
             stage.densify.every = steps(stage.densify.every);
             done = end;
         }
-        let a = &mut self.alpha_blend;
-        (a.position_rate_steps, a.densify_from, a.reset_every) =
-            (steps(a.position_rate_steps), steps(a.densify_from), steps(a.reset_every));
+        self.alpha_blend.schedule(steps);
         Ok(self)
     }
 
-    /// Checks every number.
     pub fn check(&self) -> Result<()> {
         let fail = |what: &str| Err(Error::argument(format!("training: {what}")));
         let c = &self.cameras;
@@ -311,7 +269,6 @@ impl Config {
         TrainingRecipe { config: Some(hex(&hash)[..16].into()), ..TrainingRecipe::default() }
     }
 
-    /// Steps of all stages.
     pub fn iterations(&self) -> u64 {
         self.stages.iter().map(|s| s.iterations).sum()
     }

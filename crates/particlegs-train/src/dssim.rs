@@ -1,7 +1,6 @@
 //! 1 - SSIM as 3-D Gaussian splatting takes it (Kerbl et al. 2023): a Gaussian window of 11 pixels,
 //! sigma 1.5, pictures continued with zeros, K1 0.01, K2 0.03, data range 1; and its gradient.
 
-use super::loss::LossValue;
 use particlegs_core::parallel;
 use particlegs_core::picture::{Plane, Size};
 
@@ -9,6 +8,13 @@ const HALF: usize = 5;
 const SIGMA: f64 = 1.5;
 const C1: f32 = 1e-4;
 const C2: f32 = 9e-4;
+
+/// The loss of one picture.
+pub(crate) struct LossValue {
+    pub value: f64,
+    /// Change with the brightness of each pixel.
+    pub gradient: Plane,
+}
 
 /// The mean over all pixels of 1 - SSIM, and its change with each pixel of `a`.
 pub(super) fn dssim(a: &Plane, b: &Plane) -> LossValue {

@@ -10,7 +10,6 @@ use particlegs_core::model::Mixture;
 use particlegs_core::picture::{Gray8, Size, masked_psnr};
 use particlegs_core::render::{self, Scene};
 
-/// Views and their targets.
 pub(crate) struct HeldOutViews<'a> {
     config: &'a Config,
     defaults: &'a Defaults,
@@ -39,7 +38,7 @@ impl<'a> HeldOutViews<'a> {
     /// Mean masked PSNR of Gaussians, dB; `None` where no view has one.
     pub fn masked_psnr(&self, mixture: &Mixture) -> Result<Option<f64>> {
         let Defaults { bounds, radius, opacity, .. } = *self.defaults;
-        let scene = Scene::of_law(mixture, bounds, [radius, opacity]);
+        let scene = Scene::from_law(mixture, bounds, radius, opacity);
         let mut scores = Vec::new();
         for (view, truth) in self.views.iter().zip(&self.truth) {
             let drawn = render::draw(&scene, view, self.size, self.config.target, self.context)?;

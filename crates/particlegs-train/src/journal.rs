@@ -9,7 +9,6 @@ const LOG_STEPS: u64 = 50;
 /// Steps with gradients that are not finite of which each is named; then every tenth, hundredth, ...
 const NAMED: u64 = 3;
 
-/// A line of the log.
 #[derive(Clone, Debug, Default, Serialize)]
 struct LogLine<'a> {
     #[serde(skip_serializing_if = "str::is_empty")]
@@ -25,20 +24,15 @@ struct LogLine<'a> {
     not_finite_steps: Option<u64>,
 }
 
-/// Where a run stands when it says something.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RunStatus {
-    /// Steps done.
     pub iteration: u64,
-    /// Steps of the whole run.
     pub iterations: u64,
     /// Seconds of the command so far.
     pub seconds: f64,
-    /// Gaussians.
     pub gaussians: usize,
 }
 
-/// A run's messages and log.
 pub(crate) struct Journal<'a> {
     context: &'a Context<'a>,
     /// Which of several runs of a command this is; empty = the only one.
@@ -54,7 +48,6 @@ impl<'a> Journal<'a> {
         Journal { context, run, loss_sum: 0.0, faulty: 0 }
     }
 
-    /// After a step.
     pub fn step(&mut self, loss: f64, not_finite: Option<NonFiniteGradient>, at: &RunStatus) {
         self.loss_sum += loss;
         if let Some(n) = not_finite {
@@ -66,7 +59,6 @@ impl<'a> Journal<'a> {
         }
     }
 
-    /// After an evaluation.
     pub fn evaluation(&self, score: Option<f64>, at: &RunStatus) {
         self.log(LogLine { held_out_masked_psnr: score, ..LogLine::default() }, at);
         if let Some(s) = score {
@@ -82,7 +74,6 @@ impl<'a> Journal<'a> {
         self.say(&format!("note: training ended by the time limit after {} of {} steps", at.iteration, at.iterations));
     }
 
-    /// At the end.
     pub fn end(&self) {
         if self.faulty > NAMED {
             self.say(&format!("warning: gradients were not finite in {} steps and were left out there", self.faulty));

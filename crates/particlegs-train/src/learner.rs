@@ -8,9 +8,7 @@ use particlegs_core::context::Context;
 use particlegs_core::model::Mixture;
 use particlegs_core::picture::{Plane, Size};
 
-/// A picture to learn from.
 pub struct TrainingSample<'a> {
-    /// Camera, radius and opacity.
     pub view: &'a View,
     /// Brightness wanted, in [0, 1]; its size is the crop's.
     pub target: &'a Plane,
@@ -20,19 +18,15 @@ pub struct TrainingSample<'a> {
     pub context: &'a Context<'a>,
 }
 
-/// A part of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crop {
-    /// The whole picture.
     pub full: Size,
     /// Left column and top row of the part.
     pub corner: [usize; 2],
-    /// The part.
     pub size: Size,
 }
 
 impl Crop {
-    /// All of it.
     pub fn whole(full: Size) -> Self {
         Crop { full, corner: [0, 0], size: full }
     }
@@ -43,7 +37,6 @@ impl Crop {
 pub(crate) struct StepInfo {
     /// Steps done before this one, over all stages.
     pub iteration: u64,
-    /// Steps of the whole run.
     pub iterations: u64,
     /// Share of the run that is done, by steps or by time, whichever is more.
     pub done: f64,
@@ -67,28 +60,24 @@ pub struct Densify {
 /// What a step tells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepReport {
-    /// Loss before the step.
     pub loss: f64,
     /// The first parameter whose gradient was not finite, if any: the Gaussian was left as it was.
     pub not_finite: Option<NonFiniteGradient>,
 }
 
-/// A gradient that was not a number, and whose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NonFiniteGradient {
     /// Group of parameters, e.g. `position`.
     pub group: &'static str,
-    /// The first Gaussian.
     pub gaussian: usize,
-    /// How many.
     pub count: usize,
 }
 
 /// The trainable Gaussians of one law.
 pub(crate) trait Learner {
-    /// Draws the shot, takes the loss, and moves all parameters a step down its gradient. Gaussians
+    /// Draws the sample, takes the loss, and moves all parameters a step down its gradient. Gaussians
     /// with gradients that are not finite stay as they are, and are named.
-    fn step(&mut self, shot: &TrainingSample<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport>;
+    fn step(&mut self, sample: &TrainingSample<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport>;
 
     /// Density control due after the step at `at`.
     fn control(&mut self, at: &StepInfo) -> Result<()>;
@@ -98,7 +87,6 @@ pub(crate) trait Learner {
         Ok(())
     }
 
-    /// Number of Gaussians.
     fn len(&self) -> usize;
 
     /// The Gaussians in world units.

@@ -5,12 +5,15 @@
 //! stage by stage as a [`Config`] says, scores it on held-out views, and keeps its state (`state`) so
 //! that an interrupted run goes on to the same bits.
 
+// A comment stands where a name does not say it.
+#![allow(missing_docs)]
+
+mod accelerator;
 mod adam;
 pub mod alpha;
 mod cameras;
 mod config;
 pub mod depth;
-mod device;
 mod dssim;
 mod fine_tune;
 mod held_out;
@@ -25,13 +28,14 @@ mod subject;
 mod targets;
 #[cfg(test)]
 mod targets_tests;
+mod zero_is_none;
 
+pub use accelerator::{Accelerator, ColumnReader, ParticleInput};
 pub use adam::Averages;
 pub use alpha::AlphaConfig;
 pub use cameras::Defaults;
 pub use config::{Cameras, Config, Preset, Stage, Start};
 pub use depth::{DepthConfig, DepthRates};
-pub use device::Device;
 pub use learner::{Crop, Densify, NonFiniteGradient, StepReport, TrainingSample};
 pub use loss::{Loss, Norm};
 pub use run::{InitialGaussians, Limits, TrainedMixture, TrainedRun, Training};

@@ -4,7 +4,7 @@
 //! pixels that are lit in either picture. To it, L2 and the mixture with DSSIM of 3-D Gaussian
 //! splatting (Kerbl et al. 2023, equation 7) are the ablations.
 
-use super::dssim::dssim;
+use super::dssim::{LossValue, dssim};
 use fearless_simd::{Level, dispatch};
 use particlegs_core::parallel;
 use particlegs_core::picture::{MASK_LEVEL, Plane};
@@ -16,13 +16,10 @@ const RUN: usize = 1 << 14;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Norm {
-    /// Absolute difference.
     L1,
-    /// Squared difference.
     L2,
 }
 
-/// A loss.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Loss {
@@ -36,20 +33,12 @@ pub struct Loss {
     pub logarithm: bool,
 }
 
-/// The loss of one picture.
-pub(crate) struct LossValue {
-    /// Its value.
-    pub value: f64,
-    /// Change with the brightness of each pixel.
-    pub gradient: Plane,
-}
-
 impl Loss {
     /// The published loss.
     pub const PUBLISHED: Loss = Loss { norm: Norm::L1, smooth: 0.0, dssim: 0.0, logarithm: false };
 
     /// Compares brightnesses in [0, 1] of two pictures of one size. No lit pixel: the loss is 0.
-    pub(crate) fn of(&self, drawn: &Plane, target: &Plane, simd: Level) -> LossValue {
+    pub(crate) fn evaluate(&self, drawn: &Plane, target: &Plane, simd: Level) -> LossValue {
         assert_eq!(drawn.size, target.size, "pictures of one size");
         let mut gradient = Plane::zeros(drawn.size);
         let runs = gradient.data.chunks_mut(RUN).zip(drawn.data.chunks(RUN).zip(target.data.chunks(RUN)));
@@ -137,13 +126,13 @@ mod tests {
     /// The gradient along random directions against differences of the value.
     fn check(loss: Loss) {
         let (a, b) = planes(3);
-        let found = loss.of(&a, &b, Level::new());
+        let found = loss.evaluate(&a, &b, Level::new());
         for k in 0..4 {
             let mut draw = Random::new(9, 0, k);
             let along: Vec<f32> = a.data.iter().map(|_| draw.normal() as f32).collect();
             let at = |step: f32| {
                 let data = a.data.iter().zip(&along).map(|(v, d)| v + step * d).collect();
-                loss.of(&Plane { size: a.size, data }, &b, Level::new()).value
+                loss.evaluate(&Plane { size: a.size, data }, &b, Level::new()).value
             };
             let h = 2e-4;
             let numeric = (at(h) - at(-h)) / f64::from(2.0 * h);
@@ -163,13 +152,13 @@ mod tests {
     #[test]
     fn darkness_does_not_count() {
         let (mut a, mut b) = planes(4);
-        let half = Loss::PUBLISHED.of(&a, &b, Level::new()).value;
+        let half = Loss::PUBLISHED.evaluate(&a, &b, Level::new()).value;
         let size = Size { width: a.size.width, height: 2 * a.size.height };
         a.size = size;
         b.size = size;
         a.data.resize(size.pixels(), 0.009);
         b.data.resize(size.pixels(), 0.001);
-        assert!((Loss::PUBLISHED.of(&a, &b, Level::new()).value - half).abs() < 1e-9);
-        assert_eq!(Loss::PUBLISHED.of(&Plane::zeros(size), &Plane::zeros(size), Level::new()).value, 0.0);
+        assert!((Loss::PUBLISHED.evaluate(&a, &b, Level::new()).value - half).abs() < 1e-9);
+        assert_eq!(Loss::PUBLISHED.evaluate(&Plane::zeros(size), &Plane::zeros(size), Level::new()).value, 0.0);
     }
 }

@@ -1,10 +1,10 @@
 //! A training run: stages of steps, evaluation on held-out views, checkpoints, a log.
 
+use super::accelerator::Accelerator;
 use super::alpha::{AlphaConfig, AlphaLearner, TrainingScale};
 use super::cameras::{Defaults, Views};
 use super::config::{Config, Stage};
 use super::depth::{DepthContext, DepthCpuSteps, DepthLearner};
-use super::device::Device;
 use super::held_out::HeldOutViews;
 use super::journal::{Journal, RunStatus};
 use super::learner::{Crop, Learner, StepInfo, TrainingSample};
@@ -12,12 +12,12 @@ use super::state::TrainingState;
 use super::subject::TrainingSubject;
 use super::targets::Targets;
 use particlegs_core::camera::{Normalisation, View};
+use particlegs_core::checkpoint::CheckpointStore;
 use particlegs_core::context::Context;
 use particlegs_core::math::{Purpose, Random};
 use particlegs_core::model::{Law, LawKind, Mixture, Model};
 use particlegs_core::picture::Size;
-use particlegs_core::pieces::CheckpointStore;
-use particlegs_core::{Error, Remedy, Result};
+use particlegs_core::{Error, Hint, Result};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -37,7 +37,7 @@ pub struct Limits {
     /// Name of the run in messages and log, where a command has several; else empty.
     pub run: String,
     /// What takes its steps; `None` = the processor.
-    pub device: Option<Arc<dyn Device>>,
+    pub device: Option<Arc<dyn Accelerator>>,
 }
 
 impl Default for Limits {
@@ -55,14 +55,12 @@ impl Limits {
     }
 }
 
-/// A trained mixture.
 #[derive(Clone, Debug)]
 pub struct TrainedMixture {
     /// The best by held-out score.
     pub mixture: Mixture,
     /// The precision that the mixture is to be coded at, in nominal steps, where it matters.
     pub factor: Option<f64>,
-    /// Steps done.
     pub iterations: u64,
     /// Masked PSNR on held-out views before the first step and of the best, dB.
     pub scores: [Option<f64>; 2],
@@ -77,7 +75,6 @@ pub struct TrainedMixture {
 pub struct TrainedRun {
     /// Block and layer, where there are several; else empty.
     pub run: String,
-    /// Steps done.
     pub iterations: u64,
     /// Steps that the configuration wants.
     pub of: u64,
@@ -89,7 +86,7 @@ pub struct TrainedRun {
 
 impl TrainedRun {
     /// Of a run of that name under `config`.
-    pub fn of(run: String, config: &Config, trained: &TrainedMixture) -> Self {
+    pub fn new(run: String, config: &Config, trained: &TrainedMixture) -> Self {
         let TrainedMixture { iterations, scores, not_finite, .. } = *trained;
         TrainedRun { run, iterations, of: config.iterations(), scores, not_finite }
     }
@@ -104,7 +101,6 @@ struct TrainingLoop<'a> {
     held_out: HeldOutViews<'a>,
     views: Views,
     journal: Journal<'a>,
-    /// Steps done.
     iteration: u64,
     /// The iteration after which the Gaussians were last scored.
     evaluated: Option<u64>,
@@ -119,23 +115,18 @@ struct TrainingLoop<'a> {
 struct BestState {
     first: Option<f64>,
     score: Option<f64>,
-    /// The learner's state then.
     state: TrainingState,
 }
 
 /// The Gaussians that a run starts from.
 #[derive(Clone, Copy, Debug)]
 pub enum InitialGaussians<'a> {
-    /// Those of a fit.
     Fit(&'a Mixture),
-    /// So many particles at random.
     Particles(usize),
-    /// A model of the alpha-blend law.
     Model(&'a Model),
 }
 
 impl InitialGaussians<'_> {
-    /// Their number.
     pub fn len(&self) -> usize {
         match self {
             InitialGaussians::Fit(m) => m.len(),
@@ -144,7 +135,6 @@ impl InitialGaussians<'_> {
         }
     }
 
-    /// None?
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -153,11 +143,8 @@ impl InitialGaussians<'_> {
 /// What is to be learnt, and how: Gaussians that draw the pictures of `subject`.
 #[derive(Clone, Copy)]
 pub struct Training<'a> {
-    /// The particles and their pictures.
     pub subject: &'a dyn TrainingSubject,
-    /// Hyper-parameters.
     pub config: &'a Config,
-    /// How far the run goes, and where it may write.
     pub limits: &'a Limits,
     /// Bounds, and the radius and opacity of the default picture.
     pub defaults: &'a Defaults,
@@ -209,7 +196,7 @@ impl<'a> Training<'a> {
             first: limits.began.elapsed().as_secs_f64(),
             best: BestState::default(),
         };
-        match pieces.get(KEY).and_then(|b| TrainingState::of_bytes(&b)) {
+        match pieces.get(KEY).and_then(|b| TrainingState::from_bytes(&b)) {
             Some(state) => run.restore(&state).map_err(|what| Error::argument(format!("the checkpoint: {what}")))?,
             None => run.evaluate()?,
         }
@@ -225,11 +212,10 @@ impl<'a> Training<'a> {
         run.finish(stopped)
     }
 
-    /// The learner of the law, at its start.
     fn learner(&self, initial: InitialGaussians<'_>) -> Result<Box<dyn Learner>> {
         let Training { subject, config, limits, defaults } = *self;
         let (bounds, particles) = (defaults.bounds, subject.len() as u64);
-        let ground = TrainingScale {
+        let scale = TrainingScale {
             frame: Normalisation::of(&bounds),
             radius: defaults.radius,
             opacity: defaults.opacity,
@@ -238,10 +224,10 @@ impl<'a> Training<'a> {
         };
         let most_gaussians = config.alpha_blend.most_gaussians.or(defaults.gaussians);
         let alpha = AlphaConfig { most_gaussians, ..config.alpha_blend };
-        let random = |n| AlphaLearner::from_particles(subject, n, ground, alpha);
-        let depth_ground = DepthContext { bounds, particles, look: config.target, bytes: defaults.bytes };
+        let random = |n| AlphaLearner::from_particles(subject, n, scale, alpha);
+        let depth_context = DepthContext { bounds, particles, look: config.target, bytes: defaults.bytes };
         let depth = |m: &Mixture| {
-            DepthLearner::new(m, depth_ground, config.optical_depth, |parameters| match &limits.device {
+            DepthLearner::new(m, depth_context, config.optical_depth, |parameters| match &limits.device {
                 Some(device) => device.depth_steps(parameters),
                 None => Ok(Box::new(DepthCpuSteps::default())),
             })
@@ -256,15 +242,15 @@ impl<'a> Training<'a> {
                 Box::new(depth(&Mixture { law: Law::OpticalDepth, ..random(n)?.mixture() })?)
             }
             (LawKind::OpticalDepth, InitialGaussians::Model(_)) => {
-                let what = "a model of the optical-depth law is not trained further".into();
-                return Err(Error::Argument { what, remedy: Remedy::TrainFromSnapshot });
+                let what = "a model of the optical-depth law is not trained further";
+                return Err(Error::argument_with(what, Hint::train_from_snapshot()));
             }
             (LawKind::AlphaBlend, InitialGaussians::Fit(m)) => {
-                Box::new(blended(AlphaLearner::from_mixture(m, ground, alpha)?)?)
+                Box::new(blended(AlphaLearner::from_mixture(m, scale, alpha)?)?)
             }
             (LawKind::AlphaBlend, InitialGaussians::Particles(n)) => Box::new(blended(random(n)?)?),
             (LawKind::AlphaBlend, InitialGaussians::Model(m)) => {
-                Box::new(blended(AlphaLearner::from_model(m, ground, alpha)?)?)
+                Box::new(blended(AlphaLearner::from_model(m, scale, alpha)?)?)
             }
         })
     }
@@ -302,7 +288,7 @@ impl TrainingLoop<'_> {
             while self.iteration < end {
                 self.context.check()?;
                 if self.is_late() {
-                    self.journal.late(&self.standing());
+                    self.journal.late(&self.status());
                     return self.evaluate();
                 }
                 self.step(stage, &mut targets)?;
@@ -332,7 +318,7 @@ impl TrainingLoop<'_> {
         self.limits.seconds.map_or(0.0, share)
     }
 
-    fn standing(&self) -> RunStatus {
+    fn status(&self) -> RunStatus {
         RunStatus {
             iteration: self.iteration,
             iterations: self.config.iterations(),
@@ -341,7 +327,6 @@ impl TrainingLoop<'_> {
         }
     }
 
-    /// One step.
     fn step(&mut self, stage: &Stage, targets: &mut Targets<'_>) -> Result<()> {
         let (key, view, crop) = self.choose(stage);
         let target = targets.get(key, &view, &crop, self.context)?;
@@ -352,19 +337,19 @@ impl TrainingLoop<'_> {
             done: (self.iteration as f64 / total as f64).max(self.share_of_time()).min(1.0),
             densify: stage.densify,
         };
-        let shot = TrainingSample { view: &view, target: &target, crop, context: &self.context.silent() };
-        let stepped = self.learner.step(&shot, &self.config.loss, &at)?;
+        let sample = TrainingSample { view: &view, target: &target, crop, context: &self.context.silent() };
+        let stepped = self.learner.step(&sample, &self.config.loss, &at)?;
         self.learner.control(&at)?;
         self.iteration += 1;
         self.context.advance(1);
-        let standing = self.standing();
-        self.journal.step(stepped.loss, stepped.not_finite, &standing);
+        let status = self.status();
+        self.journal.step(stepped.loss, stepped.not_finite, &status);
         Ok(())
     }
 
     /// The view of the next step, its number among the targets, and the part that is seen.
     fn choose(&self, stage: &Stage) -> (u64, View, Crop) {
-        let mut draw = Random::of(Purpose::TrainingStep, self.defaults.seed, self.iteration);
+        let mut draw = Random::from_purpose(Purpose::TrainingStep, self.defaults.seed, self.iteration);
         let mut below = |n: usize| ((draw.uniform() * n as f64) as usize).min(n.saturating_sub(1));
         let inside = (below(1 << 20) as f64) < stage.internal * f64::from(1 << 20) && !self.views.internal.is_empty();
         let views = if inside { &self.views.internal } else { &self.views.training };
@@ -404,11 +389,10 @@ impl TrainingLoop<'_> {
             self.best = BestState { first: self.best.first, score, state: self.learner.state() };
         }
         self.evaluated = Some(self.iteration);
-        self.journal.evaluation(score, &self.standing());
+        self.journal.evaluation(score, &self.status());
         Ok(())
     }
 
-    /// The best Gaussians.
     fn finish(mut self, stopped: bool) -> Result<TrainedMixture> {
         let fail = |what| Error::argument(format!("the best state: {what}"));
         self.learner.restore(&self.best.state).map_err(fail)?;

@@ -9,9 +9,9 @@ use super::{Cameras, Config, InitialGaussians, Limits, Preset, Stage, TrainedMix
 use particlegs::fit::{self, Effort, FitOptions};
 use particlegs::particles::Particles;
 use particlegs::reference::Reference;
+use particlegs_core::checkpoint::{CheckpointStore, NoCheckpoints};
 use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, Mixture};
-use particlegs_core::pieces::{CheckpointStore, NoCheckpoints};
 use particlegs_core::{Error, Result};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -34,7 +34,6 @@ fn fitted(particles: &Particles) -> Mixture {
     fit::fit(particles, &options, &Context::SILENT).unwrap()
 }
 
-/// Pieces in memory.
 #[derive(Default)]
 struct MemoryPieces(BTreeMap<String, Vec<u8>>);
 

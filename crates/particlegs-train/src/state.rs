@@ -17,21 +17,18 @@ impl TrainingState {
     /// # Errors
     /// A text, where it is missing or of another length.
     pub fn column(&self, name: &str, len: usize) -> Result<&[f32], String> {
-        self.columns
-            .get(name)
-            .filter(|c| c.len() == len)
-            .map(|c| &c[..])
-            .ok_or_else(|| format!("no column `{name}` of {len} numbers"))
+        column(&self.columns, name, len)
     }
 
-    /// A column of `len` numbers of double precision.
+    /// [`TrainingState::column`] of double precision.
     pub fn doubles(&self, name: &str, len: usize) -> Result<&[f64], String> {
-        self.numbers
-            .get(name)
-            .filter(|c| c.len() == len)
-            .map(|c| &c[..])
-            .ok_or_else(|| format!("no column `{name}` of {len} numbers"))
+        column(&self.numbers, name, len)
     }
+}
+
+fn column<'a, T>(all: &'a BTreeMap<String, Vec<T>>, name: &str, len: usize) -> Result<&'a [T], String> {
+    let found = all.get(name).filter(|c| c.len() == len);
+    found.map(|c| &c[..]).ok_or_else(|| format!("no column `{name}` of {len} numbers"))
 }
 
 /// What a file of a state begins with.
@@ -42,30 +39,31 @@ impl TrainingState {
     /// columns, and of each u32 length of its name, name, u64 numbers, numbers.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut out = MAGIC.to_vec();
-        let head = |out: &mut Vec<u8>, name: &str, len: usize| {
-            out.extend((name.len() as u32).to_le_bytes());
-            out.extend(name.as_bytes());
-            out.extend((len as u64).to_le_bytes());
-        };
-        out.extend((self.columns.len() as u32).to_le_bytes());
-        for (name, c) in &self.columns {
-            head(&mut out, name, c.len());
-            c.iter().for_each(|v| out.extend(v.to_le_bytes()));
-        }
-        out.extend((self.numbers.len() as u32).to_le_bytes());
-        for (name, c) in &self.numbers {
-            head(&mut out, name, c.len());
-            c.iter().for_each(|v| out.extend(v.to_le_bytes()));
-        }
+        write_columns(&self.columns, f32::to_le_bytes, &mut out);
+        write_columns(&self.numbers, f64::to_le_bytes, &mut out);
         out
     }
 
     /// The state of bytes; `None` where they are none.
-    pub fn of_bytes(bytes: &[u8]) -> Option<TrainingState> {
+    pub fn from_bytes(bytes: &[u8]) -> Option<TrainingState> {
         let mut rest = bytes.strip_prefix(MAGIC)?;
         let columns = read_columns(&mut rest, f32::from_le_bytes)?;
         let numbers = read_columns(&mut rest, f64::from_le_bytes)?;
         rest.is_empty().then_some(TrainingState { columns, numbers })
+    }
+}
+
+fn write_columns<T: Copy, const N: usize>(
+    columns: &BTreeMap<String, Vec<T>>,
+    bytes: impl Fn(T) -> [u8; N],
+    out: &mut Vec<u8>,
+) {
+    out.extend((columns.len() as u32).to_le_bytes());
+    for (name, column) in columns {
+        out.extend((name.len() as u32).to_le_bytes());
+        out.extend(name.as_bytes());
+        out.extend((column.len() as u64).to_le_bytes());
+        column.iter().for_each(|v| out.extend(bytes(*v)));
     }
 }
 
@@ -100,12 +98,12 @@ mod tests {
         state.columns.insert("empty".into(), vec![]);
         state.numbers.insert("b".into(), vec![1.0 / 3.0, f64::INFINITY]);
         let bytes = state.to_bytes();
-        assert_eq!(TrainingState::of_bytes(&bytes), Some(state));
+        assert_eq!(TrainingState::from_bytes(&bytes), Some(state));
         for cut in 0..bytes.len() {
-            assert_eq!(TrainingState::of_bytes(&bytes[..cut]), None, "{cut}");
+            assert_eq!(TrainingState::from_bytes(&bytes[..cut]), None, "{cut}");
         }
         let mut long = bytes.clone();
         long[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert_eq!(TrainingState::of_bytes(&long), None);
+        assert_eq!(TrainingState::from_bytes(&long), None);
     }
 }

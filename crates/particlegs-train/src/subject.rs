@@ -1,25 +1,18 @@
 //! What a run learns from.
 
-use particlegs_core::Result;
-use particlegs_core::camera::View;
-use particlegs_core::context::Context;
-use particlegs_core::picture::{Gray8, Plane, Size};
+use particlegs_core::render::Renderer;
 use particlegs_core::space::Bounds;
-use particlegs_core::splat::ToneStyle;
 use std::ops::Range;
 
 /// The particles of a run: their pictures to learn from and to be scored on, and where they lie.
 /// `particlegs::reference::Reference` is one.
-pub trait TrainingSubject: Sync {
-    /// Number of particles.
+pub trait TrainingSubject: Renderer {
     fn len(&self) -> usize;
 
-    /// No particles?
     fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Position of particle `i`, world units.
     fn position(&self, i: usize) -> [f64; 3];
 
     /// What positions as they are stored are relative to, world units.
@@ -30,10 +23,4 @@ pub trait TrainingSubject: Sync {
 
     /// Bounds of the particles, world units: they say between which distances a view without any draws.
     fn bounds(&self) -> Bounds;
-
-    /// The picture of all particles in a look, shot noise and all.
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8>;
-
-    /// The noise-free optical depth a pixel.
-    fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane>;
 }

@@ -15,12 +15,9 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-/// Pixels in one step of parallel work.
 const RUN: usize = 1 << 14;
-/// Levels of a kept pixel.
 const LEVELS: f32 = 65_535.0;
 
-/// Targets of one stage.
 pub(crate) struct Targets<'a> {
     subject: &'a dyn TrainingSubject,
     look: ToneStyle,

@@ -14,10 +14,20 @@ use particlegs_core::context::Context;
 use particlegs_core::model::LawKind;
 use particlegs_core::picture::Size;
 use particlegs_core::picture::{Gray8, Plane};
+use particlegs_core::render::Renderer;
 use particlegs_core::splat::ToneStyle;
 
 /// Particles as the renderer of references draws them.
 pub(super) struct ParticleSubject<'a>(pub Reference<'a>);
+
+impl Renderer for ParticleSubject<'_> {
+    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        self.0.draw(view, size, look, context)
+    }
+    fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
+        self.0.optical_depth(view, size, context)
+    }
+}
 
 impl TrainingSubject for ParticleSubject<'_> {
     fn len(&self) -> usize {
@@ -34,12 +44,6 @@ impl TrainingSubject for ParticleSubject<'_> {
     }
     fn bounds(&self) -> particlegs_core::space::Bounds {
         *self.0.bounds()
-    }
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
-        self.0.draw(view, size, look, context)
-    }
-    fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
-        self.0.optical_depth(view, size, context)
     }
 }
 

@@ -4,6 +4,9 @@
 pub const STYLE: &str = include_str!("../assets/viewer.css");
 /// Its program: one classic script.
 pub const SCRIPT: &str = include_str!("../assets/viewer.js");
+/// SHA-256 of style sheet and program, base64, as browsers check them.
+pub const STYLE_HASH: &str = include_str!("../assets/viewer.css.sha256");
+pub const SCRIPT_HASH: &str = include_str!("../assets/viewer.js.sha256");
 /// The source of the worker that decodes and draws: a page from disk can start one from a Blob alone.
 pub const WORKER: &str = include_str!("../assets/worker.js");
 /// The engine, compiled to WebAssembly, by gzip.

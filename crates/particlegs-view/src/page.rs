@@ -15,7 +15,6 @@ use particlegs::score::Assessment;
 use particlegs::{Result, codec};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
-use sha2::{Digest, Sha256};
 
 /// A model file to show.
 #[derive(Clone, Copy, Debug)]
@@ -44,16 +43,15 @@ pub struct Snapshot {
     pub particles: u64,
 }
 
-/// The style of a page's picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum PageStyle {
-    /// Surface density.
-    Density,
-    /// ParaView's picture without its shot noise.
-    Paraview,
-    /// What optical depth hides.
-    Expected,
+particlegs::named_values! {
+    /// The style of a page's picture.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum PageStyle {
+        Density = "density": "Surface density in logarithmic colours",
+        Paraview = "paraview": "As ParaView draws the particles, without their shot noise",
+        Expected = "expected": "255 (1 - exp(-tau)) for the optical depth tau",
+    }
 }
 
 /// How a page opens: each thing that is said replaces what is seen first otherwise, which is the surface density of
@@ -282,11 +280,10 @@ impl PageBuilder {
 
 /// What a browser may do: run this one script, WebAssembly and workers made of a Blob, and ask this server alone.
 fn policy(served: bool) -> String {
-    let hash = |text: &str| format!("'sha256-{}'", BASE64_STANDARD.encode(Sha256::digest(text.as_bytes())));
-    let (script, style) = (hash(assets::SCRIPT), hash(assets::STYLE));
+    let (script, style) = (assets::SCRIPT_HASH, assets::STYLE_HASH);
     let (images, connect) = if served { (" 'self'", " connect-src 'self';") } else { ("", "") };
     format!(
-        "default-src 'none'; script-src {script} 'wasm-unsafe-eval'; style-src {style}; worker-src blob:; \
+        "default-src 'none'; script-src 'sha256-{script}' 'wasm-unsafe-eval'; style-src 'sha256-{style}'; worker-src blob:; \
          img-src data: blob:{images};{connect} base-uri 'none'; form-action 'none'"
     )
 }

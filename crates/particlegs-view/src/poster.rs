@@ -38,7 +38,7 @@ pub fn draw(model: &Model, size: Size, context: &Context<'_>) -> Result<Poster> 
     let m = &model.metadata;
     let camera = spherical_camera(m.bounds.center(), 0.0, 0.0, base_distance(&m.bounds, size));
     let view = View { name: "poster".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
-    let scene = Scene::of(model);
+    let scene = Scene::new(model);
     if m.law == LawKind::AlphaBlend {
         let picture = draw_scene(&scene, &view, size, ToneStyle::Paraview, context)?;
         return Ok(Poster { png: png(png::ColorType::Grayscale, size, &picture.data)?, range: None });

@@ -15,14 +15,18 @@ fn limits() -> Limits {
     Limits { head: SHORT, body: SHORT, ..Limits::default() }
 }
 
+fn server(limits: Limits) -> Server {
+    let (host, token) = ("127.0.0.1".into(), Token::random().unwrap());
+    Server::bind(Options { host, port: Some(0), proxies: vec![], node: None, token, limits }).unwrap()
+}
+
 /// A server of one model, `model`, while `client` talks to it; and what it told.
 fn while_serving(
     limits: Limits,
     poster: Option<&(dyn Fn(&[u8]) -> Option<Vec<u8>> + Sync)>,
     client: impl FnOnce(&Client) + Send,
 ) -> Vec<Event> {
-    let (host, token) = ("127.0.0.1".into(), Token::random().unwrap());
-    let server = Server::bind(Options { host, port: Some(0), proxies: vec![], node: None, token, limits }).unwrap();
+    let server = server(limits);
     let urls = [server.url(), server.url_for_once().unwrap()];
     let address = format!("127.0.0.1:{}", server.port());
     let path = |url: &str| url.strip_prefix(&format!("http://{address}")).unwrap().to_string();
@@ -180,10 +184,7 @@ fn a_connection_may_ask_again_and_again_for_its_time() {
 
 #[test]
 fn left_alone_it_ends() {
-    let idle = Limits { idle: Some(SHORT), ..limits() };
-    let (host, token) = ("127.0.0.1".into(), Token::random().unwrap());
-    let server =
-        Server::bind(Options { host, port: Some(0), proxies: vec![], node: None, token, limits: idle }).unwrap();
+    let server = server(Limits { idle: Some(SHORT), ..limits() });
     let start = Instant::now();
     let shown = ViewerContent { models: vec![], truth: None, opening: PageOpening::default(), poster: None };
     server.serve(shown, &Context::SILENT, &|_| {}).unwrap();

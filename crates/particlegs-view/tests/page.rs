@@ -198,7 +198,7 @@ fn the_poster_is_the_default_view() {
     };
     for file in [MODEL, OTHER] {
         let model = codec::decode(file, "model").unwrap();
-        let (m, scene) = (&model.metadata, Scene::of(&model));
+        let (m, scene) = (&model.metadata, Scene::new(&model));
         let camera = spherical_camera(m.bounds.center(), 0.0, 0.0, base_distance(&m.bounds, size));
         let view = View { name: "view".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
         let poster = poster::draw(&model, size, &Context::SILENT).unwrap();

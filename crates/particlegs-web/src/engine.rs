@@ -7,11 +7,11 @@ use crate::picture::{PlaneRenderer, UNLIT, bytes, check};
 use crate::probe;
 use crate::question::{EngineQuery, PlaneColours, PlaneStyle, QueryKind, SceneRequest};
 use crate::strokes::strokes;
+use particlegs_core::camera::base_distance;
 use particlegs_core::codec::Decoder;
 use particlegs_core::context::Context;
-use particlegs_core::math::each_axis;
 use particlegs_core::model::Model;
-use particlegs_core::picture::{Colormap, DensityColors, Size};
+use particlegs_core::picture::{Colormap, DensityColors, Gray8, Size, masked_psnr};
 use particlegs_core::render::Scene;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::splat::Response;
@@ -32,20 +32,16 @@ impl SceneRequest {
     }
 
     fn scene<'a>(&self, model: &'a Model, shown: &dyn Fn(usize) -> bool) -> Scene<'a> {
-        Scene::of_layers(model, shown).repeated(self.shifts(model))
+        Scene::from_layers(model, shown).repeated(self.shifts(model))
     }
 
     /// Where the box and its images are.
     fn shifts(&self, model: &Model) -> Vec<[f64; 3]> {
         let Some(cell) = model.metadata.cell.filter(|_| self.images) else { return vec![[0.0; 3]] };
-        let steps = |axis: usize| if cell.periodic[axis] { -1..=1 } else { 0..=0 };
-        let mut shifts = vec![[0.0; 3]];
-        for (i, j, k) in steps(0).flat_map(|i| steps(1).flat_map(move |j| steps(2).map(move |k| (i, j, k)))) {
-            if (i, j, k) != (0, 0, 0) {
-                let n = [f64::from(i), f64::from(j), f64::from(k)];
-                shifts.push(each_axis(|c| (0..3).map(|r| n[r] * cell.vectors[r][c]).sum()));
-            }
-        }
+        let mut shifts = cell.shifts(cell.periodic.map(|repeats| if repeats { [-1, 1] } else { [0, 0] }));
+        let own = shifts.iter().position(|shift| *shift == [0.0; 3]).unwrap_or_default();
+        // The box itself first.
+        shifts[..=own].rotate_right(1);
         shifts
     }
 
@@ -74,13 +70,16 @@ impl Engine {
         EngineResponse::or_error(opened)
     }
 
-    /// Answers a question in JSON.
+    /// Answers a question in JSON, with what it is about as numbers behind it.
     pub fn ask(&mut self, question: &[u8]) -> EngineResponse {
-        let question = serde_json::from_slice(question).map_err(|e| Error::argument(format!("a question: {e}")));
-        EngineResponse::or_error(question.and_then(|q: EngineQuery| self.answer(q)))
+        let mut json = serde_json::Deserializer::from_slice(question).into_iter();
+        let asked = json.next().unwrap_or_else(|| serde_json::from_slice(b""));
+        let asked = asked.map_err(|e| Error::argument(format!("a question: {e}")));
+        let numbers = &question[json.byte_offset()..];
+        EngineResponse::or_error(asked.and_then(|q: EngineQuery| self.answer(q, numbers)))
     }
 
-    fn answer(&mut self, EngineQuery { model, what }: EngineQuery) -> Result<EngineResponse> {
+    fn answer(&mut self, EngineQuery { model, what }: EngineQuery, numbers: &[u8]) -> Result<EngineResponse> {
         let Engine { models, painter } = self;
         let number = models.len();
         let none = || Error::argument(format!("there is no model {model}: {number} are open"));
@@ -134,6 +133,18 @@ impl Engine {
                 let missing = || format!("there is no Gaussian {index}: the model has {}", model.gaussians());
                 let (position, extent) = found.ok_or_else(|| Error::argument(missing()))?;
                 EngineResponse::of(&json!({ "position": position, "extent": extent }))
+            }
+            QueryKind::BaseDistance { size } => {
+                EngineResponse::of(&json!({ "distance": base_distance(&opened.bounds, size) }))
+            }
+            QueryKind::Score { size } => {
+                check(size)?;
+                if numbers.len() != 2 * size.pixels() {
+                    return Err(Error::argument("a score is of two pictures of one size"));
+                }
+                let (a, b) = numbers.split_at(size.pixels());
+                let [a, b] = [a, b].map(|levels| Gray8 { size, data: levels.to_vec() });
+                EngineResponse::of(&json!({ "masked_psnr": masked_psnr(&a, &b) }))
             }
         }
     }

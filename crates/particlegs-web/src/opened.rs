@@ -15,6 +15,8 @@ const STEP: usize = 1 << 15;
 
 /// A model, as far as it was decoded.
 pub(crate) struct LoadedModel {
+    /// Of its particles.
+    pub bounds: Bounds,
     opening: Option<PartialModel>,
     /// Or the line that says why it will not be.
     whole: std::result::Result<CompleteModel, String>,
@@ -60,8 +62,9 @@ impl LoadedModel {
         let mut left: Vec<usize> = (0..decoder.pieces()).collect();
         left.sort_by_key(|piece| std::cmp::Reverse(piece.reverse_bits()));
         let sketch = ModelPreview::new(&decoder);
+        let bounds = decoder.info().metadata.bounds;
         let opening = Some(PartialModel { decoder, left, decoded: 0, sketch });
-        LoadedModel { opening, whole: Err("the model could not be decoded".into()) }
+        LoadedModel { bounds, opening, whole: Err("the model could not be decoded".into()) }
     }
 
     /// Decodes a step more; gives the share of the Gaussians that were decoded, 1 where the model is whole.
@@ -100,7 +103,7 @@ impl LoadedModel {
     /// What a view along parallel lines shows whole.
     pub(crate) fn extent(&mut self) -> Result<Extent> {
         let CompleteModel { full: ClippedModel { model, .. }, extent, .. } = self.whole()?;
-        let found = || render::extent(&Scene::of(model), model.metadata.cell.as_ref());
+        let found = || render::extent(&Scene::new(model), model.metadata.cell.as_ref());
         // A page draws no copies that nobody asked for: tails want room whatever the picture's shape.
         Ok(*extent.get_or_insert_with(|| Extent { periodic: [false; 3], ..found() }))
     }

@@ -1,11 +1,11 @@
 //! What is under the pointer, and how much is in a sphere.
 
 use particlegs_core::camera::Camera;
-use particlegs_core::math::{Sym3, each_axis};
-use particlegs_core::model::{GaussianInSphere, Mixture, Model, Rules};
+use particlegs_core::math::{GaussianInSphere, Rules, Sym3, each_axis};
+use particlegs_core::model::{Mixture, Model};
 use particlegs_core::picture::Size;
 use particlegs_core::render::lens::Lens;
-use particlegs_core::render::project::project;
+use particlegs_core::render::project::{CameraGaussian, project};
 use serde::Serialize;
 
 /// What is seen at a pixel: the Gaussian that adds most to it, and the point of the line of sight where that Gaussian
@@ -91,7 +91,7 @@ pub(crate) fn seen(
     let mut footprints = Vec::new();
     for (number, p) in places(model, shown) {
         for (lens, shift) in images {
-            let Some(g) = lens.see(p.m, p.i, p.m.count[p.i]) else { continue };
+            let Some(g) = CameraGaussian::from_mixture(lens, p.m, p.i, p.m.count[p.i]) else { continue };
             footprints.clear();
             project(lens, &[g], &mut footprints);
             let adds: f64 = footprints.iter().map(|f| f.at(pixel)).sum();

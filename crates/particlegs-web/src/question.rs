@@ -1,7 +1,7 @@
 //! What a page asks.
 
 use particlegs_core::Result;
-use particlegs_core::camera::{Camera, DensityView, Projection, View};
+use particlegs_core::camera::{Camera, DensityView, View};
 use particlegs_core::picture::Size;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
@@ -39,16 +39,13 @@ pub(crate) enum QueryKind {
     /// What is seen at a pixel.
     Probe { scene: SceneRequest, pixel: [f64; 2] },
     /// Mass in a sphere.
-    Sphere {
-        center: [f64; 3],
-        radius: f64,
-        #[serde(default)]
-        layers: Option<Vec<bool>>,
-        #[serde(default)]
-        clip: Option<Bounds>,
-    },
+    Sphere { center: [f64; 3], radius: f64, layers: Option<Vec<bool>>, clip: Option<Bounds> },
     /// Where Gaussian `index` is.
     Gaussian { index: usize },
+    /// The base distance of cameras, for a picture of this size.
+    BaseDistance { size: Size },
+    /// The masked PSNR of two pictures of this size, whose levels stand behind the question.
+    Score { size: Size },
 }
 
 /// What is drawn, and from where.
@@ -57,16 +54,14 @@ pub(crate) struct SceneRequest {
     /// Picture size, pixels.
     pub size: Size,
     /// The camera.
-    pub camera: SceneCamera,
+    pub camera: Camera,
     /// Particle radius, world units.
     pub radius: f64,
     /// Opacity.
     pub opacity: f64,
     /// Which layers are drawn; all where it is left out.
-    #[serde(default)]
     pub layers: Option<Vec<bool>>,
     /// Particles outside are left out, world units.
-    #[serde(default)]
     pub clip: Option<Bounds>,
     /// Is it drawn in fewer Gaussians, for motion, or of what is decoded by now? Whatever else is asked of a model
     /// decodes all of it.
@@ -75,22 +70,6 @@ pub(crate) struct SceneRequest {
     /// Is the periodic box repeated about itself?
     #[serde(default)]
     pub images: bool,
-}
-
-/// A camera, as views files have it.
-#[derive(Clone, Deserialize)]
-pub(crate) struct SceneCamera {
-    position: [f64; 3],
-    focal_point: [f64; 3],
-    view_up: [f64; 3],
-    /// Vertical field of view, degrees ...
-    #[serde(default)]
-    fov_deg: Option<f64>,
-    /// ... or the picture's height, world units.
-    #[serde(default)]
-    height_world: Option<f64>,
-    #[serde(default)]
-    clipping_range: Option<[f64; 2]>,
 }
 
 /// What a plane holds.
@@ -104,43 +83,27 @@ pub(crate) enum PlaneStyle {
 }
 
 /// How a plane is coloured.
-#[derive(Clone, Deserialize)]
+#[derive(Clone, Default, Deserialize)]
+#[serde(default)]
 pub(crate) struct PlaneColours {
     /// A look; `None` = surface density.
     pub look: Option<ToneStyle>,
     /// Dark on white?
-    #[serde(default)]
     pub white: bool,
     /// The colour map of density.
-    #[serde(default)]
     pub colormap: String,
     /// Densities of the first and the last colour; found where it is left out.
-    #[serde(default)]
     pub range: Option<[f64; 2]>,
     /// Stops by which grey levels are brightened.
-    #[serde(default)]
     pub exposure: f32,
     /// Are layers told apart by colour?
-    #[serde(default)]
     pub by_layer: bool,
 }
 
 impl SceneRequest {
     /// The view, checked.
     pub(crate) fn view(&self) -> Result<View> {
-        let c = &self.camera;
-        let projection = match (c.height_world, c.fov_deg) {
-            (Some(height_world), _) => Projection::Orthographic { height_world },
-            (None, fov) => Projection::Perspective { fov_deg: fov.unwrap_or(particlegs_core::camera::FOV_DEG) },
-        };
-        let camera = Camera {
-            position: c.position,
-            focal_point: c.focal_point,
-            view_up: c.view_up,
-            projection,
-            clipping_range: c.clipping_range,
-        };
-        let view = View { name: "view".into(), camera, radius: self.radius, opacity: self.opacity };
+        let view = View { name: "view".into(), camera: self.camera, radius: self.radius, opacity: self.opacity };
         view.check(self.size)?;
         Ok(view)
     }

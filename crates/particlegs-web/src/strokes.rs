@@ -7,7 +7,7 @@ use particlegs_core::model::{Mixture, Model};
 use particlegs_core::picture::Size;
 use particlegs_core::render::bin::{RasterSplat, place};
 use particlegs_core::render::lens::Lens;
-use particlegs_core::render::project::project;
+use particlegs_core::render::project::{CameraGaussian, project};
 use particlegs_core::render::raster::pyramid::{Level, PAD, levels};
 use serde::Serialize;
 
@@ -87,7 +87,7 @@ fn add(
         footprints.clear();
         let block = start..m.len().min(start + BLOCK);
         let seen = block.map(|i| (i, weight(m, i))).filter(|(_, w)| *w > 0.0);
-        gaussians.extend(seen.filter_map(|(i, w)| lens.see(m, i, w)));
+        gaussians.extend(seen.filter_map(|(i, w)| CameraGaussian::from_mixture(lens, m, i, w)));
         project(lens, &gaussians, &mut footprints);
         for placed in footprints.iter().filter_map(|f| place(levels, f)) {
             by_level[placed.level].push(placed.stroke);

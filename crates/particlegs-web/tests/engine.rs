@@ -1,11 +1,11 @@
 //! The engine's answers, held to the library that it stands on; and what it says to questions that make no sense.
 
-use particlegs_core::camera::{View, base_distance, spherical_camera};
+use particlegs_core::camera::{Camera, Projection, View, base_distance, spherical_camera};
 use particlegs_core::codec::{self, Precision};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::{Block, Layer, Model};
-use particlegs_core::picture::Size;
+use particlegs_core::picture::{Gray8, Size, masked_psnr};
 use particlegs_core::render::{Scene, draw};
 use particlegs_core::space::{Bounds, Cell};
 use particlegs_core::splat::ToneStyle;
@@ -32,9 +32,7 @@ fn opened() -> (Engine, View, Value) {
     let view = View { name: "view".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
     let scene = json!({
         "size": SIZE, "radius": view.radius, "opacity": view.opacity,
-        "camera": {
-            "position": camera.position, "focal_point": camera.focal_point, "view_up": camera.view_up, "fov_deg": 30.0,
-        },
+        "camera": camera,
     });
     let mut engine = Engine::default();
     assert_eq!(error(&engine.open(MODEL.to_vec())), "");
@@ -48,10 +46,32 @@ fn its_picture_is_the_renderers() {
     for look in ToneStyle::ALL {
         let paint = json!({ "look": look, "white": false });
         let answer = ask(&mut engine, &json!({ "ask": "picture", "scene": scene, "paint": paint }));
-        let picture = draw(&Scene::of(&model), &view, SIZE, look, &Context::SILENT).unwrap();
+        let picture = draw(&Scene::new(&model), &view, SIZE, look, &Context::SILENT).unwrap();
         let greys: Vec<u8> = answer.numbers.chunks_exact(4).map(|p| p[0]).collect();
         assert!(greys == picture.data && greys.iter().any(|v| *v > 0), "{look:?}");
     }
+}
+
+/// Both from the library: what the page shows is the same number.
+#[test]
+fn its_base_distance_and_scores_are_the_librarys() {
+    let (mut engine, _, _) = opened();
+    let bounds = codec::decode(MODEL, "the model").unwrap().metadata.bounds;
+    let mut number = |question: Value, numbers: &[u8], key: &str| {
+        let answer = engine.ask(&[question.to_string().as_bytes(), numbers].concat());
+        assert_eq!(error(&answer), "");
+        serde_json::from_str::<Value>(&answer.json).unwrap()[key].as_f64()
+    };
+    for size in [SIZE, Size { width: 9, height: 16 }] {
+        let asked = json!({ "ask": "base-distance", "size": size });
+        assert_eq!(number(asked, &[], "distance"), Some(base_distance(&bounds, size)));
+    }
+    let size = Size { width: 4, height: 1 };
+    let [a, b] = [[0, 0, 3, 2], [255, 0, 0, 2]].map(|levels| Gray8 { size, data: levels.to_vec() });
+    let score = |b: &Gray8| json!({ "ask": "score", "size": b.size });
+    assert_eq!(number(score(&b), &[&a.data[..], &b.data].concat(), "masked_psnr"), masked_psnr(&a, &b));
+    assert_eq!(number(score(&a), &[&a.data[..], &a.data].concat(), "masked_psnr"), None);
+    assert_ne!(error(&ask(&mut engine, &score(&a))), "");
 }
 
 #[test]
@@ -112,14 +132,10 @@ fn its_windows_hold_the_mass_of_boxes_of_any_shape() {
         for (azimuth, elevation) in sights.map(Into::into) {
             for size in [[96, 54], [64, 64], [40, 90]] {
                 let view = |center: [f64; 3], height: f64| {
-                    let camera = spherical_camera(center, azimuth, elevation, 20.0);
-                    json!({
-                        "size": { "width": size[0], "height": size[1] }, "radius": 0.01, "opacity": 0.05,
-                        "camera": {
-                            "position": camera.position, "focal_point": center, "view_up": camera.view_up,
-                            "height_world": height,
-                        },
-                    })
+                    let projection = Projection::Orthographic { height_world: height };
+                    let camera = Camera { projection, ..spherical_camera(center, azimuth, elevation, 20.0) };
+                    let size = json!({ "width": size[0], "height": size[1] });
+                    json!({ "size": size, "radius": 0.01, "opacity": 0.05, "camera": camera })
                 };
                 let asked = json!({ "ask": "window", "model": number, "scene": view([0.0; 3], 1.0) });
                 let window: Value = serde_json::from_str(&ask(&mut engine, &asked).json).unwrap();

@@ -42,9 +42,7 @@ fn view(coarse: bool) -> (View, Value) {
     let view = View { name: "view".into(), camera, radius: 0.02, opacity: 0.05 };
     let scene = json!({
         "size": SIZE, "radius": view.radius, "opacity": view.opacity, "coarse": coarse,
-        "camera": {
-            "position": camera.position, "focal_point": camera.focal_point, "view_up": camera.view_up, "fov_deg": 30.0,
-        },
+        "camera": camera,
     });
     (view, scene)
 }
@@ -101,7 +99,7 @@ fn a_picture_of_the_whole_box_is_there_before_the_last_step() {
     }
     // And in the end the same, to the last bit.
     let whole = codec::decode(&file, "the model").unwrap();
-    let expected = draw(&Scene::of(&whole), &view(false).0, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap();
+    let expected = draw(&Scene::new(&whole), &view(false).0, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap();
     assert!(full == expected.data);
 }
 

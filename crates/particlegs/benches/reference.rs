@@ -20,17 +20,11 @@ fn tiled() -> Particles {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
     let sample = Particles::open_raw(&[folder]).expect("the bundled sample");
     let side = 25.0f32;
-    let mut columns = [vec![], vec![], vec![]];
-    for tile in 0..32 {
-        let shift = [tile / 16, tile / 4 % 4, tile % 4].map(|k| k as f32 * side);
-        for i in 0..sample.len() {
-            let p = sample.position(i);
-            for k in 0..3 {
-                columns[k].push(p[k] as f32 + shift[k]);
-            }
-        }
-    }
-    let [x, y, z] = columns;
+    let own = sample.columns(0..sample.len());
+    let [x, y, z] = [0, 1, 2].map(|k| {
+        let shifts = (0..32).map(|tile| [tile / 16, tile / 4 % 4, tile % 4][k] as f32 * side);
+        shifts.flat_map(|shift| own[k].iter().map(move |v| v + shift)).collect()
+    });
     Particles::from_columns(x, y, z)
 }
 

@@ -17,7 +17,7 @@ fn main() {
 #[divan::bench(args = [2_000, 20_000, 171_000], sample_count = 10)]
 fn far_1080p(bencher: divan::Bencher, gaussians: usize) {
     let (mixture, bounds, size, view) = far(gaussians);
-    let scene = Scene::of_mixture(&mixture, bounds);
+    let scene = Scene::from_mixture(&mixture, bounds);
     bencher.bench(|| optical_depth(&scene, &view, size, &Context::SILENT).expect("a picture"));
 }
 
@@ -29,7 +29,7 @@ fn alpha_blend_far_1080p(bencher: divan::Bencher, gaussians: usize) {
     let network = VizMapper::new(VizRanges::TRAINING, 1);
     let vizmapper = Some(std::sync::Arc::new(network));
     mixture.law = Law::AlphaBlend(AlphaBlend { opacity: vec![0.3; n], grey: vec![1.0; n], vizmapper });
-    let scene = Scene::of_law(&mixture, bounds, [view.radius, view.opacity]);
+    let scene = Scene::from_law(&mixture, bounds, view.radius, view.opacity);
     bencher.bench(|| optical_depth(&scene, &view, size, &Context::SILENT).expect("a picture"));
 }
 

@@ -1,12 +1,12 @@
 //! From positions in memory to a model file: `cargo run --release --example compress`.
 
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::codec;
 use particlegs::compress::{Options, Target, compress};
 use particlegs::context::Context;
 use particlegs::math::Random;
 use particlegs::model::CertificateLevel;
 use particlegs::particles::Particles;
-use particlegs::pieces::NoCheckpoints;
 use particlegs_files::output::write_bytes;
 use std::path::Path;
 

@@ -23,6 +23,6 @@ fn main() -> particlegs::Result<()> {
         radius: 2.0 * m.default_radius,
         opacity: m.default_opacity,
     };
-    let picture = draw(&Scene::of(&model), &view, size, ToneStyle::Paraview, &Context::SILENT)?;
+    let picture = draw(&Scene::new(&model), &view, size, ToneStyle::Paraview, &Context::SILENT)?;
     write_png(Path::new("view.png"), size, &picture.data)
 }

@@ -1,8 +1,9 @@
 //! docs/law says what the program does: every table there that is announced as "(checked)" is computed
 //! again.
 
-use crate::camera::{Camera, FOV_DEG, ORBITS, Projection, View};
-use crate::camera::{base_distance, clipping_range, spherical_camera, spiral};
+use crate::camera::{
+    Camera, FOV_DEG, ORBITS, Projection, View, base_distance, clipping_range, spherical_camera, spiral,
+};
 use crate::context::Context;
 use crate::math::{Random, Sym3};
 use crate::model::{AlphaBlend, Law, LawKind, Metadata, Mixture, VizMapper, VizRanges};
@@ -18,7 +19,7 @@ use crate::splat::{
     MEAN_COVERED_ALPHA, PEELS, PIXEL_VARIANCE, Response, ToneStyle, erf, fxaa_blur, opacity_integral,
 };
 use crate::stats::StatsOptions;
-use crate::stats::testing::model_of;
+use crate::testing::{from_points, model_of};
 use crate::train::{Config, Preset};
 use serde_json::Value;
 use std::f64::consts::PI;
@@ -67,7 +68,6 @@ fn agrees(text: &str, value: f64, slack: f64) -> bool {
     (number(text) - value).abs() <= last + slack + 1e-12 * value.abs()
 }
 
-/// Compares a table of names and values.
 fn compare(page: &str, announced: &str, slack: f64, values: &[(&str, f64)]) {
     let rows = table(page, announced);
     for row in &rows {
@@ -97,13 +97,8 @@ const MIDDLE: usize = 40;
 
 /// A camera at the origin that looks along -z.
 fn ahead(fov_deg: f64, clipping_range: [f64; 2]) -> Camera {
-    Camera {
-        position: [0.0; 3],
-        focal_point: [0.0, 0.0, -1.0],
-        view_up: [0.0, 1.0, 0.0],
-        projection: Projection::Perspective { fov_deg },
-        clipping_range: Some(clipping_range),
-    }
+    let (projection, clipping_range) = (Projection::Perspective { fov_deg }, Some(clipping_range));
+    Camera { projection, clipping_range, ..Camera::looking_at([0.0, 0.0, -1.0], [0.0; 3]) }
 }
 
 /// One that sees a world unit a pixel, whatever the depth.
@@ -113,10 +108,6 @@ fn orthographic(size: Size) -> Camera {
 
 fn view(camera: Camera, radius: f64, opacity: f64) -> View {
     View { name: "law".into(), camera, radius, opacity }
-}
-
-fn column(values: impl Iterator<Item = f64>) -> Vec<f32> {
-    values.map(|v| v as f32).collect()
 }
 
 /// Sum over all pixels.
@@ -148,9 +139,7 @@ fn cube() -> Bounds {
 
 /// ParaView's picture, without FXAA, of particles at (x, 0, -depth).
 fn drawn(fov_deg: f64, x: f64, depths: &[f64], radius: f64, opacity: f64) -> Gray8 {
-    let n = depths.len();
-    let z = column(depths.iter().map(|d| -d));
-    let particles = Particles::from_columns(vec![x as f32; n], vec![0.0; n], z);
+    let particles = from_points(depths.iter().map(|d| [x, 0.0, -d]));
     let view = view(ahead(fov_deg, [0.5, 20.0]), radius, opacity);
     Reference::new(&particles).draw(&view, SMALL, ToneStyle::ParaviewNoFxaa, &Context::SILENT).unwrap()
 }
@@ -163,7 +152,7 @@ fn end_of(is: impl Fn(f64) -> bool, low: f64, high: f64) -> f64 {
 }
 
 #[test]
-fn constants_of_a_splat() {
+fn constants_of_a_splat_are_those_of_the_page() {
     // Centres farther out than this are dropped, however large the splat.
     let half = 5.0 * (0.5 * FOV_DEG.to_radians()).tan();
     let margin = end_of(|m| drawn(FOV_DEG, m * half, &[5.0], 1.0, 0.5).data.iter().any(|v| *v > 0), 1.0, 2.0);
@@ -187,7 +176,7 @@ fn constants_of_a_splat() {
 }
 
 #[test]
-fn fragments_on_one_pixel() {
+fn fragments_on_one_pixel_have_the_levels_of_the_page() {
     for row in table(SPLAT, "## Examples") {
         let (count, rest) = row[0].split_once(" of opacity ").unwrap();
         let opacity = rest.split([' ', ':']).next().unwrap();
@@ -202,7 +191,7 @@ fn fragments_on_one_pixel() {
 // ---------------------------------------------------------------- depth.md
 
 #[test]
-fn constants_of_depth() {
+fn constants_of_depth_are_those_of_the_page() {
     let values = [
         ("PIXEL_VARIANCE", PIXEL_VARIANCE),
         ("LARGEST_MEAN_ALPHA", LARGEST_MEAN_ALPHA),
@@ -213,7 +202,7 @@ fn constants_of_depth() {
 
 /// The page's series; a splat of 20 pixels has its sum.
 #[test]
-fn depth_of_an_extended_splat() {
+fn an_extended_splat_has_the_depth_of_the_page() {
     for row in table(DEPTH, "A2 / A1, by how much") {
         let a = number(&row[0]);
         let term = |k: i32| a.powi(k) / f64::from(k * k) * erf(3.0 * (0.5 * f64::from(k)).sqrt()).powi(2);
@@ -225,7 +214,7 @@ fn depth_of_an_extended_splat() {
 }
 
 #[test]
-fn depth_of_one_splat() {
+fn one_splat_has_the_depth_of_the_page() {
     for row in table(DEPTH, "Sum over all pixels of `tau*`") {
         let (sigma, opacity) = row[0].split_once(" pixel").unwrap();
         let opacity = opacity.split(' ').next_back().unwrap();
@@ -235,10 +224,10 @@ fn depth_of_one_splat() {
 }
 
 #[test]
-fn depth_of_gaussians() {
+fn gaussians_have_the_depth_of_the_page() {
     let size = Size { width: 101, height: 101 };
     let parallel = |mixture: &Mixture, radius: f64| {
-        let scene = Scene::of_mixture(mixture, cube());
+        let scene = Scene::from_mixture(mixture, cube());
         render::optical_depth(&scene, &view(orthographic(size), radius, 0.05), size, &Context::SILENT).unwrap()
     };
     let wide = parallel(&gaussian(500.0, Sym3::scaled_identity(100.0), 1000.0), 2.0);
@@ -247,7 +236,7 @@ fn depth_of_gaussians() {
         let cov = Sym3([1e-6, 0.0, 0.0, 1e-6, 0.0, (10.0 * share).powi(2)]);
         let mixture = gaussian(10.0, cov, 1000.0);
         let view = view(ahead(30.0, [0.5, 60.0]), 0.1, 0.05);
-        sum(&render::optical_depth(&Scene::of_mixture(&mixture, cube()), &view, size, &Context::SILENT).unwrap())
+        sum(&render::optical_depth(&Scene::from_mixture(&mixture, cube()), &view, size, &Context::SILENT).unwrap())
     };
     let wide_picture = Size { width: 161, height: 91 };
     let hacc = Bounds { min: [0.0; 3], max: [64.0, 256.0, 256.0] };
@@ -284,7 +273,7 @@ fn depth_of_gaussians() {
 // ---------------------------------------------------------------- response.md
 
 #[test]
-fn the_level_curve() {
+fn the_level_curve_is_that_of_the_page() {
     let opacities = [0.0125, 0.03, 0.05, 0.0875, 0.2, 0.5];
     let head = opacities.map(|a| a.to_string()).join(" | ");
     assert!(RESPONSE.contains(&format!("| tau | 255 (1 - exp(-tau)) | {head} |")));
@@ -305,7 +294,7 @@ fn the_level_curve() {
 }
 
 #[test]
-fn levels_of_even_planes() {
+fn even_planes_have_the_levels_of_the_page() {
     for row in table(RESPONSE, "## Examples") {
         let plane = Plane { size: SMALL, data: vec![number(&row[0]) as f32; SMALL.pixels()] };
         for (text, look) in row[1..].iter().zip([ToneStyle::Expected, ToneStyle::ParaviewNoFxaa, ToneStyle::Paraview]) {
@@ -323,15 +312,11 @@ fn sheet(opacity: f64, radius_px: f64, tau: f64) -> Gray8 {
     let reach = 0.5 * size.width as f64 + 4.0 * radius_px + 2.0;
     let n = tau * (2.0 * reach).powi(2) / (opacity_integral(opacity) * radius_px * radius_px);
     let mut random = Random::new(7, 1, 0);
-    let places: Vec<[f64; 3]> = (0..n.round() as usize)
-        .map(|_| {
-            let depth = 1.0 + 0.02 * (random.uniform() - 0.5);
-            let mut aside = || (2.0 * random.uniform() - 1.0) * reach * pixel * depth;
-            [aside(), aside(), -distance * depth]
-        })
-        .collect();
-    let [x, y, z] = [0, 1, 2].map(|k| column(places.iter().map(|p| p[k])));
-    let particles = Particles::from_columns(x, y, z);
+    let particles = from_points((0..n.round() as usize).map(|_| {
+        let depth = 1.0 + 0.02 * (random.uniform() - 0.5);
+        let mut aside = || (2.0 * random.uniform() - 1.0) * reach * pixel * depth;
+        [aside(), aside(), -distance * depth]
+    }));
     let view = view(camera, radius_px * pixel, opacity);
     Reference::new(&particles).draw(&view, size, ToneStyle::ParaviewNoFxaa, &Context::SILENT).unwrap()
 }
@@ -363,7 +348,7 @@ fn random_splats_have_the_mean_level_and_the_noise_told() {
 // ---------------------------------------------------------------- fxaa.md
 
 #[test]
-fn what_fxaa_does_to_single_pixels_and_edges() {
+fn fxaa_changes_pixels_and_edges_as_on_the_page() {
     let pixel = |level: u8, ground: u8| {
         let mut picture = Gray8 { size: SMALL, data: vec![ground; SMALL.pixels()] };
         picture.data[MIDDLE] = level;
@@ -387,7 +372,7 @@ fn what_fxaa_does_to_single_pixels_and_edges() {
 }
 
 #[test]
-fn fxaas_mean_at_the_nodes_of_its_table() {
+fn fxaas_mean_at_the_nodes_is_that_of_the_page() {
     let rows = table(FXAA, "### Ratio");
     assert_eq!(rows.len(), 28);
     for row in rows {
@@ -405,7 +390,7 @@ fn fxaas_mean_at_the_nodes_of_its_table() {
 }
 
 #[test]
-fn fxaas_blur() {
+fn fxaas_blur_is_that_of_the_page() {
     for row in table(FXAA, "### The blur") {
         let tap = fxaa_blur(number(&row[0]), number(&row[1]));
         assert!(agrees(&row[2], tap.into(), 1e-7), "{row:?}: {tap}");
@@ -442,12 +427,12 @@ fn random_splats_lose_what_is_told() {
 // ---------------------------------------------------------------- scores.md
 
 #[test]
-fn what_scores_are() {
+fn scores_are_those_of_the_page() {
     let even = |level: u8| Gray8 { size: SMALL, data: vec![level; SMALL.pixels()] };
     let row = |data: &[u8]| Gray8 { size: Size { width: data.len(), height: 1 }, data: data.to_vec() };
     let (a, b) = (row(&[0, 0, 3, 2]), row(&[255, 0, 0, 2]));
     let plane = |v: &[f32]| Plane { size: Size { width: v.len(), height: 1 }, data: v.to_vec() };
-    let densities = |a: &[f32], b: &[f32]| DensityScores::of(&plane(a), &plane(b), &Context::SILENT).unwrap();
+    let densities = |a: &[f32], b: &[f32]| DensityScores::new(&plane(a), &plane(b), &Context::SILENT).unwrap();
     let values = [
         ("PSNR of pictures one level apart everywhere", psnr(&even(7), &even(8)).unwrap()),
         ("PSNR of black and white", psnr(&even(0), &even(255)).unwrap()),
@@ -474,7 +459,7 @@ fn what_scores_are() {
 }
 
 #[test]
-fn shot_noise_floors() {
+fn shot_noise_floors_are_those_of_the_page() {
     let lit = Gray8 { size: SMALL, data: vec![100; SMALL.pixels()] };
     for row in table(SCORES, "Decibels of an even plane") {
         let plane = Plane { size: SMALL, data: vec![number(&row[0]) as f32; SMALL.pixels()] };
@@ -496,7 +481,7 @@ fn ends(draws: &[f64]) -> [f64; 2] {
 }
 
 #[test]
-fn constants_of_cameras() {
+fn constants_of_cameras_are_those_of_the_page() {
     let bounds = cube();
     let share = base_distance(&bounds, HD) * (0.5 * FOV_DEG.to_radians()).sin() / 3f64.sqrt();
     // A box of 8 with 8 particles has a spacing of 1.
@@ -532,7 +517,7 @@ fn constants_of_cameras() {
 }
 
 #[test]
-fn where_cameras_stand_and_what_they_clip() {
+fn cameras_stand_and_clip_as_on_the_page() {
     let hacc = Bounds { min: [0.0; 3], max: [64.0, 256.0, 256.0] };
     let base = base_distance(&hacc, HD);
     let radius = hacc.default_radius(280_953_867);
@@ -569,13 +554,13 @@ fn blended(network: Option<&VizMapper>, [radius, opacity]: [f64; 2], depth: f64)
     let mut mixture = gaussian(depth, Sym3::scaled_identity(4.0 * pixel * pixel), 1.0);
     let vizmapper = network.cloned().map(Arc::new);
     mixture.law = Law::AlphaBlend(AlphaBlend { opacity: vec![0.5], grey: vec![1.0], vizmapper });
-    let scene = Scene::of_law(&mixture, cube(), [1.0, 0.05]);
+    let scene = Scene::from_law(&mixture, cube(), 1.0, 0.05);
     let view = view(camera, radius, 0.05 * opacity);
     f64::from(render::draw(&scene, &view, SMALL, ToneStyle::Expected, &Context::SILENT).unwrap().data[MIDDLE])
 }
 
 #[test]
-fn one_gaussian_of_the_published_law() {
+fn one_gaussian_of_the_published_law_is_drawn_as_on_the_page() {
     let untrained = VizMapper::new(VizRanges::TRAINING, 1);
     assert!(PUBLISHED.contains(&format!("4-64-64-2, SiLU between, tanh at its end, {} p", untrained.parameters.len())));
     // A unit of the training frame.
@@ -615,7 +600,7 @@ fn said(value: &Value) -> String {
 }
 
 #[test]
-fn the_published_recipe() {
+fn the_published_recipe_is_that_of_the_page() {
     let own = ["optical_depth.", "evaluate_", "checkpoint_", "cache_"];
     let of = |config: Config| {
         let mut all = Vec::new();
@@ -637,7 +622,7 @@ fn the_published_recipe() {
 }
 
 #[test]
-fn methods_and_conventions() {
+fn methods_and_conventions_are_those_of_the_page() {
     let methods = [Method::Count, Method::Volume, Method::Ellipsoid, Method::Grid, Method::Stratified, Method::Spaced];
     let rows = table(PUBLISHED, "`recover --method`");
     assert_eq!(rows.iter().map(|r| r[0].as_str()).collect::<Vec<_>>(), methods.map(Method::name));

@@ -11,7 +11,7 @@
 //! ```
 //! use particlegs::camera::{View, base_distance, spherical_camera};
 //! use particlegs::compress::{Options, Target, compress};
-//! use particlegs::pieces::NoCheckpoints;
+//! use particlegs::checkpoint::NoCheckpoints;
 //! use particlegs::model::CertificateLevel;
 //! use particlegs::particles::Particles;
 //! use particlegs::picture::Size;
@@ -32,12 +32,12 @@
 //! let (m, size) = (&made.model.metadata, Size { width: 64, height: 36 });
 //! let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, size));
 //! let view = View { name: "view".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
-//! let picture = draw(&Scene::of(&made.model), &view, size, ToneStyle::Expected, &Context::SILENT)?;
+//! let picture = draw(&Scene::new(&made.model), &view, size, ToneStyle::Expected, &Context::SILENT)?;
 //! assert_eq!(picture.data.len(), 64 * 36);
 //! # Ok::<(), particlegs::Error>(())
 //! ```
 
-pub use particlegs_core::{context, error, math, model, parallel, pieces, render, space, splat};
+pub use particlegs_core::{checkpoint, context, error, math, model, parallel, render, space, splat};
 
 pub mod camera;
 pub mod particles;
@@ -60,5 +60,7 @@ pub mod job;
 
 #[cfg(test)]
 mod law_tests;
+#[cfg(test)]
+mod testing;
 
-pub use particlegs_core::{Error, NamedValue, Remedy, Result, named_values};
+pub use particlegs_core::{Error, Hint, NamedValue, Result, named_values};

@@ -3,11 +3,14 @@
 
 mod common;
 
-use common::{block, certificate, metadata, mixture, partner, reseal};
+use common::{
+    block, certificate, check_bytes, check_cuts, coded, damaged, encoded, metadata, mixture, on_threads, partner,
+    reseal,
+};
 use particlegs::Error;
 use particlegs::codec::{self, Encoder, Precision};
 use particlegs::context::Context;
-use particlegs::math::{Random, Sym3};
+use particlegs::math::Sym3;
 use particlegs::model::{Block, CertificateLevel, Layer, Mass, Mixture, Model};
 use particlegs::space::Cell;
 use proptest::prelude::*;
@@ -32,7 +35,7 @@ fn a_file_comes_back() {
     for weighted in [false, true] {
         let blocks = [1, 2].map(|s| block(mixture(400, s, 10.0 * s as f64, 5.0, weighted)));
         let m = model(blocks.to_vec(), true);
-        let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
+        let bytes = encoded(&m);
         let back = codec::decode(&bytes, "m.pgs").unwrap();
         assert_eq!(back.metadata, m.metadata);
         assert_eq!(back.gaussians(), 800);
@@ -77,7 +80,7 @@ fn layers_that_differ_come_back() {
     let mut m = model(layers.iter().flat_map(|l| l.content.clone()).collect(), false);
     m.layers = layers;
     m.metadata.cell = Some(Cell { origin: [-1.0, 2.0, 0.5], ..Cell::orthogonal([50.0; 3]) });
-    let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
+    let bytes = encoded(&m);
     assert_eq!(bytes[8..12], [1, 0, 1, 0]);
     let back = codec::decode(&bytes, "m.pgs").unwrap();
     assert_eq!(back.metadata, m.metadata);
@@ -97,23 +100,21 @@ fn layers_that_differ_come_back() {
 #[test]
 fn the_order_of_merging_does_not_show() {
     let m = model([1, 2, 3].map(|s| block(mixture(50, s, s as f64, 1.0, false))).to_vec(), false);
-    let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
-    let coded = codec::coded_layers(&bytes, "m.pgs").unwrap();
-    let mut blocks = coded[0].content.clone();
+    let bytes = encoded(&m);
+    let layers = codec::coded_layers(&bytes, "m.pgs").unwrap();
+    let mut blocks = layers[0].content.clone();
     blocks.rotate_left(1);
     let again = Layer { name: "dm".into(), mass: Mass::Each(5.1e9), content: blocks };
     assert_eq!(codec::assemble(&m.metadata, None, vec![again]).unwrap(), bytes);
     // A block's bytes are its own: alone it codes to the same.
-    let alone = Encoder::new(&m.layers[0].content[1]).unwrap().encode(&Precision::BALANCED);
-    assert!(coded[0].content.contains(&alone.into()));
+    let alone = coded(&m.layers[0].content[1]);
+    assert!(layers[0].content.contains(&alone.into()));
 }
 
 #[test]
 fn every_truncation_is_refused() {
-    let bytes = codec::encode(&small(), &Precision::BALANCED).unwrap();
-    for n in 0..bytes.len() {
-        assert!(matches!(codec::decode(&bytes[..n], "m"), Err(Error::Corrupt { .. })), "at {n}");
-    }
+    let bytes = encoded(&small());
+    check_cuts(&bytes);
     let mut long = bytes;
     long.push(0);
     assert!(matches!(codec::decode(&long, "m"), Err(Error::Corrupt { .. })));
@@ -121,42 +122,16 @@ fn every_truncation_is_refused() {
 
 #[test]
 fn every_flipped_bit_and_saturated_byte_is_refused() {
-    let bytes = codec::encode(&small(), &Precision::BALANCED).unwrap();
-    for i in 0..bytes.len() {
-        let values = (0..8).map(|b| bytes[i] ^ 1 << b).chain([0, 255]).filter(|&v| v != bytes[i]);
-        for v in values {
-            let mut bad = bytes.clone();
-            bad[i] = v;
-            assert!(codec::decode(&bad, "m").is_err(), "byte {i} as {v}");
-            assert!(codec::read_info(&bad, "m").is_err());
-        }
-    }
+    check_bytes(&encoded(&small()), |byte| std::array::from_fn::<_, 8, _>(|b| byte ^ 1 << b));
 }
 
 #[test]
 fn damage_behind_the_checksums_does_not_panic() {
     let seeds = [small(), model(vec![block(mixture(40, 9, 1e8, 1e-3, true))], false)];
     for (s, m) in seeds.iter().enumerate() {
-        let bytes = codec::encode(m, &Precision::BALANCED).unwrap();
+        let bytes = encoded(m);
         let mut decoded = 0;
-        // Every bit once.
-        for bit in 0..bytes.len() * 8 {
-            let mut bad = bytes.clone();
-            bad[bit / 8] ^= 1 << (bit % 8);
-            reseal(&mut bad);
-            decoded += u32::from(sound(&bad));
-        }
-        // And several bytes at random, some cut short.
-        for i in 0..4000 {
-            let mut r = Random::new(s as u64, 4, i);
-            let mut bad = bytes.clone();
-            for _ in 0..1 + r.bits() % 6 {
-                let at = (r.bits() % bad.len() as u64) as usize;
-                bad[at] = r.bits() as u8;
-            }
-            reseal(&mut bad);
-            decoded += u32::from(sound(&bad));
-        }
+        damaged(&bytes, s as u64, 0..bytes.len() * 8, 4000, |bad| decoded += u32::from(sound(bad)));
         // Damaged places and colours of the stream may still be Gaussians.
         assert!(decoded > 0);
     }
@@ -174,7 +149,7 @@ fn sound(file: &[u8]) -> bool {
 
 #[test]
 fn newer_files_are_told_apart() {
-    let bytes = codec::encode(&small(), &Precision::BALANCED).unwrap();
+    let bytes = encoded(&small());
     let changed = |at: usize, value: u8| {
         let mut b = bytes.clone();
         b[at] = value;
@@ -206,7 +181,7 @@ fn with_section(file: &[u8], tag: &[u8; 4], content: &[u8]) -> Vec<u8> {
 
 #[test]
 fn a_huge_claim_is_refused_before_it_is_believed() {
-    let bytes = codec::encode(&small(), &Precision::BALANCED).unwrap();
+    let bytes = encoded(&small());
     let block = bytes.windows(4).position(|w| w == b"BLOK").unwrap() + 16;
     let mut b = bytes;
     b[block + 64..block + 68].copy_from_slice(&u32::MAX.to_le_bytes());
@@ -226,7 +201,7 @@ fn number(bytes: &[u8], at: usize) -> u32 {
 #[test]
 fn large_blocks_come_in_segments() {
     let b = block(mixture(70_000, 8, 0.0, 50.0, true));
-    let bytes = Encoder::new(&b).unwrap().encode(&Precision::BALANCED);
+    let bytes = coded(&b);
     let segments = number(&bytes, TABLE) as usize;
     assert!((2..=3).contains(&segments), "{segments}");
     let lengths: u32 = (0..=STAGES * segments).map(|i| number(&bytes, TABLE + 4 + 4 * i)).sum();
@@ -240,9 +215,8 @@ fn large_blocks_come_in_segments() {
         assert!((mean(&back.gaussians) - mean(&b.gaussians)).abs() < 1e-3);
     }
     for threads in [1, 3] {
-        let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        assert_eq!(pool.install(|| Encoder::new(&b).unwrap().encode(&Precision::BALANCED)), bytes);
-        assert_eq!(pool.install(|| codec::decode_block(&bytes, "b").unwrap()), back);
+        assert_eq!(on_threads(threads, || coded(&b)), bytes);
+        assert_eq!(on_threads(threads, || codec::decode_block(&bytes, "b").unwrap()), back);
     }
 }
 
@@ -251,7 +225,7 @@ fn large_blocks_come_in_segments() {
 fn pieces_of_a_model_are_read_on_their_own() {
     let alone = |seed, x| block(mixture(500, seed, x, 5.0, true));
     let m = model(vec![alone(1, 0.0), block(mixture(70_000, 8, 20.0, 50.0, true)), alone(2, 90.0)], true);
-    let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
+    let bytes = encoded(&m);
     let whole = codec::decode(&bytes, "m").unwrap();
     let new = || codec::Decoder::new(&bytes[..], "m", &Context::SILENT).unwrap();
     let pieces = new().pieces();
@@ -292,7 +266,7 @@ fn pieces_of_a_model_are_read_on_their_own() {
 #[test]
 fn a_table_of_streams_that_lies_is_refused() {
     let b = block(mixture(70_000, 8, 0.0, 50.0, false));
-    let bytes = Encoder::new(&b).unwrap().encode(&Precision::BALANCED);
+    let bytes = coded(&b);
     let refused = |changes: &[(usize, u32)], what: &str| {
         let mut bad = bytes.clone();
         for &(field, value) in changes {
@@ -327,7 +301,7 @@ fn a_pile_that_cannot_be_taken_apart_is_one_segment() {
     let mut g = Mixture::default();
     (0..66_000).for_each(|_| g.push([3.0; 3], Sym3::scaled_identity(1.0), 2.0, 2.0));
     let b = block(g);
-    let bytes = Encoder::new(&b).unwrap().encode(&Precision::BALANCED);
+    let bytes = coded(&b);
     assert_eq!(number(&bytes, TABLE), 1);
     assert_eq!(codec::decode_block(&bytes, "b").unwrap().gaussians.mean, b.gaussians.mean);
 }
@@ -353,7 +327,7 @@ fn degenerate_gaussians_are_coded() {
         let mut g = Mixture::default();
         means.iter().for_each(|&m| g.push(m, cov, 1.0, 1.0));
         let m = model(vec![block(g)], false);
-        let back = codec::decode(&codec::encode(&m, &Precision::BALANCED).unwrap(), name).unwrap();
+        let back = codec::decode(&encoded(&m), name).unwrap();
         let g = &back.layers[0].content[0].gaussians;
         assert_eq!(g.count, vec![1.0; means.len()], "{name}");
         let extent = m.layers[0].content[0].bounds.extent();
@@ -376,7 +350,7 @@ fn a_small_feature_in_a_large_box_stands_still() {
         g.push([x; 3], Sym3::scaled_identity(size), 100.0, 100.0);
     }
     let m = model(vec![block(g)], false);
-    let back = codec::decode(&codec::encode(&m, &Precision::BALANCED).unwrap(), "m").unwrap();
+    let back = codec::decode(&encoded(&m), "m").unwrap();
     let means = &back.layers[0].content[0].gaussians.mean[0];
     for x in [0.0, 123_456_789.0, 123_456_793.0, 1e9] {
         let error = means.iter().map(|v| (v - x).abs()).fold(f64::INFINITY, f64::min);
@@ -433,12 +407,12 @@ proptest! {
 #[test]
 fn threads_and_simd_give_the_same_bytes() {
     let m = model(vec![block(mixture(3000, 5, 0.0, 1.0, true))], false);
-    let code = || codec::encode(&m, &Precision::BALANCED).unwrap();
+    let code = || encoded(&m);
     let bytes = code();
     for threads in [1, 2, 5] {
-        let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        assert_eq!(pool.install(code), bytes);
-        assert_eq!(pool.install(|| codec::decode(&bytes, "m")).unwrap(), codec::decode(&bytes, "m").unwrap());
+        assert_eq!(on_threads(threads, code), bytes);
+        let back = on_threads(threads, || codec::decode(&bytes, "m"));
+        assert_eq!(back.unwrap(), codec::decode(&bytes, "m").unwrap());
     }
 }
 
@@ -450,7 +424,7 @@ fn files_of_version_1_0_stay_readable() {
     let path = |name: &str| folder.join(name);
     if std::env::var_os("PARTICLEGS_WRITE_FIXTURES").is_some() {
         let m = model(vec![block(mixture(30, 11, 4.0, 6.0, true))], true);
-        let bytes = codec::encode(&m, &Precision::BALANCED).unwrap();
+        let bytes = encoded(&m);
         let mut room = with_section(&bytes, b"fiLD", b"\0\0\0\0a field of block 0");
         room = with_section(&room, b"paRT", b"\0\0\0\0its particles");
         room = with_section(&room, b"nOTe", b"of the whole file");
@@ -489,9 +463,8 @@ fn index(file: &[u8]) -> Vec<u8> {
     out
 }
 
-/// Bit-exact: shortest decimals that come back.
+/// The numbers of the first block.
 fn table(m: &Model) -> String {
     let g = &m.layers[0].content[0].gaussians;
-    let columns: Vec<&Vec<f64>> = g.mean.iter().chain(&g.cov).chain([&g.count]).chain(g.masses()).collect();
-    serde_json::to_string(&columns).unwrap().replace("],", "],\n")
+    common::table(&g.mean.iter().chain(&g.cov).chain([&g.count]).chain(g.masses()).collect::<Vec<_>>())
 }

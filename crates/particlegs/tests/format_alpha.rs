@@ -3,7 +3,10 @@
 
 mod common;
 
-use common::{block, certificate, metadata, mixture, partner, reseal};
+use common::{
+    block, certificate, check_bytes, check_cuts, coded, damaged, encoded, metadata, mixture, on_threads, partner,
+    reseal,
+};
 use particlegs::Error;
 use particlegs::codec::{self, CodedLayer, Encoder, Merge, Precision, VIZMAPPER_SECTION_BYTES};
 use particlegs::context::Context;
@@ -61,10 +64,6 @@ fn small() -> Model {
     model(vec![block(shaded(12, 3, 0.0, 50.0))], Some(network(1)), true)
 }
 
-fn encoded(m: &Model) -> Vec<u8> {
-    codec::encode(m, &Precision::BALANCED).unwrap()
-}
-
 /// Keeps the promises of an alpha-blend model.
 fn check_sums(m: &Model) {
     assert_eq!(m.metadata.law, LawKind::AlphaBlend);
@@ -116,10 +115,7 @@ fn a_file_comes_back() {
 fn opacities_do_not_depend_on_the_number_of_particles() {
     let many = block(shaded(300, 4, 0.0, 5.0));
     let few = Block { count: 2, mass: 2.0, ..many.clone() };
-    let decoded = |b: &Block| {
-        let bytes = Encoder::new(b).unwrap().encode(&Precision::BALANCED);
-        codec::decode_block(&bytes, "b").unwrap().gaussians
-    };
+    let decoded = |b: &Block| codec::decode_block(&coded(b), "b").unwrap().gaussians;
     let (a, b) = (decoded(&many), decoded(&few));
     assert_eq!(a.law, b.law);
     assert_eq!((a.mean, a.cov), (b.mean, b.cov));
@@ -178,7 +174,7 @@ fn splats_outside_the_bounds_stay_there() {
     for (i, mean) in far.iter().enumerate() {
         (0..3).for_each(|k| b.gaussians.mean[k][i] = mean[k]);
     }
-    let bytes = Encoder::new(&b).unwrap().encode(&Precision::BALANCED);
+    let bytes = coded(&b);
     let back = codec::decode_block(&bytes, "b").unwrap();
     for mean in far {
         let nearest = |k: usize, i: usize| (back.gaussians.mean[k][i] - mean[k]).abs() < 0.1;
@@ -201,16 +197,15 @@ fn steps_scale_the_size() {
     assert_eq!([parts[2].0, parts[3].0], ["opacity", "grey"]);
     println!("{} Gaussians: {:.2} bytes each, bits {parts:.1?}", b.gaussians.len(), sizes[2] as f64 / 3000.0);
     for threads in [1, 3] {
-        let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let code = || encoder.encode(&Precision::BALANCED);
-        assert_eq!(pool.install(code), code());
+        assert_eq!(on_threads(threads, code), code());
     }
 }
 
 #[test]
 fn large_blocks_come_in_segments() {
     let b = block(shaded(70_000, 8, 0.0, 50.0));
-    let bytes = Encoder::new(&b).unwrap().encode(&Precision::BALANCED);
+    let bytes = coded(&b);
     let back = codec::decode_block(&bytes, "b").unwrap();
     check_sums(&model(vec![back.clone()], None, false));
     let mean = |g: &Mixture| columns(g).opacity.iter().sum::<f64>() / 70_000.0;
@@ -252,17 +247,8 @@ fn what_cannot_be_coded_is_refused() {
 #[test]
 fn truncations_and_flipped_bits_are_refused() {
     let bytes = encoded(&small());
-    for n in 0..bytes.len() {
-        assert!(matches!(codec::decode(&bytes[..n], "m"), Err(Error::Corrupt { .. })), "at {n}");
-    }
-    for i in 0..bytes.len() {
-        let values = [1, 16, 128].map(|b| bytes[i] ^ b).into_iter().chain([0, 255]).filter(|&v| v != bytes[i]);
-        for v in values {
-            let mut bad = bytes.clone();
-            bad[i] = v;
-            assert!(codec::decode(&bad, "m").is_err() && codec::read_info(&bad, "m").is_err(), "byte {i} as {v}");
-        }
-    }
+    check_cuts(&bytes);
+    check_bytes(&bytes, |byte| [1, 16, 128].map(|b| byte ^ b));
 }
 
 #[test]
@@ -271,31 +257,16 @@ fn damage_behind_the_checksums_does_not_panic() {
     for (s, m) in seeds.iter().enumerate() {
         let bytes = encoded(m);
         let mut decoded = 0;
-        let mut count = |bad: &mut [u8]| {
-            reseal(bad);
-            if let Ok(m) = codec::decode(bad, "m") {
-                check_sums(&m);
-                assert!(m.blocks().flat_map(|b| b.gaussians.cov.iter().flatten()).all(|v| v.is_finite()));
-                assert!(m.vizmapper().iter().flat_map(|n| &n.parameters).all(|p| p.is_finite()));
-                decoded += 1;
-            }
-        };
         // Every bit once; of the network's weights, which are alike, some.
         let network = bytes.windows(4).position(|w| w == b"VIZM").map_or(0..0, |at| at + 100..at + 4700);
-        for bit in (0..bytes.len() * 8).filter(|b| !network.contains(&(b / 8)) || b % 101 == 0) {
-            let mut bad = bytes.clone();
-            bad[bit / 8] ^= 1 << (bit % 8);
-            count(&mut bad);
-        }
-        for i in 0..3000 {
-            let mut r = Random::new(s as u64, 4, i);
-            let mut bad = bytes.clone();
-            for _ in 0..1 + r.bits() % 6 {
-                let at = (r.bits() % bad.len() as u64) as usize;
-                bad[at] = r.bits() as u8;
-            }
-            count(&mut bad);
-        }
+        let bits = (0..bytes.len() * 8).filter(|b| !network.contains(&(b / 8)) || b % 101 == 0);
+        damaged(&bytes, s as u64, bits, 3000, |bad| {
+            let Ok(m) = codec::decode(bad, "m") else { return };
+            check_sums(&m);
+            assert!(m.blocks().flat_map(|b| b.gaussians.cov.iter().flatten()).all(|v| v.is_finite()));
+            assert!(m.vizmapper().iter().flat_map(|n| &n.parameters).all(|p| p.is_finite()));
+            decoded += 1;
+        });
         assert!(decoded > 0);
     }
 }
@@ -417,12 +388,10 @@ fn files_of_version_1_0_stay_readable() {
     assert_eq!(model.certificate, Some(certificate()));
 }
 
-/// Bit-exact: shortest decimals that come back.
+/// The numbers of the first block, and of the network.
 fn table(m: &Model) -> String {
     let g = &m.layers[0].content[0].gaussians;
     let own = columns(g);
     let columns: Vec<&Vec<f64>> = g.mean.iter().chain(&g.cov).chain([&g.count, &own.opacity, &own.grey]).collect();
-    let network = &m.vizmapper().unwrap().parameters;
-    let (columns, network) = (serde_json::to_string(&columns).unwrap(), serde_json::to_string(network).unwrap());
-    columns.replace("],", "],\n") + "\n" + &network
+    common::table(&columns) + "\n" + &serde_json::to_string(&m.vizmapper().unwrap().parameters).unwrap()
 }

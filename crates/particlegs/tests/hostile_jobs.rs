@@ -2,12 +2,15 @@
 //! result or an error, without a panic, in bounded time and memory.
 #![allow(missing_docs)]
 
+mod common;
+
+use common::layer;
 use particlegs::compress::{Options, Target};
 use particlegs::context::Context;
 use particlegs::fit::Effort;
-use particlegs::job::{Job, Task};
+use particlegs::job::Job;
 use particlegs::math::Random;
-use particlegs::model::{CertificateLevel, Layer, Mass};
+use particlegs::model::CertificateLevel;
 use particlegs::particles::{LayeredParticles, Particles};
 use serde_json::{Value, json};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -53,29 +56,23 @@ const LONGEST: Duration = Duration::from_secs(60);
 fn particles() -> Particles {
     let mut random = Random::new(5, 1, 0);
     let mut column = || (0..900).map(|_| (100.0 * random.uniform()) as f32).collect::<Vec<f32>>();
-    let mut particles = Particles::from_columns(column(), column(), column());
-    let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Unknown, content };
-    particles = particles.with_layers(vec![layer("gas", 0..500), layer("stars", 500..900)]);
-    particles
+    let particles = Particles::from_columns(column(), column(), column());
+    particles.with_layers(vec![layer("gas", 0..500), layer("stars", 500..900)])
 }
 
 fn planned(folder: &Path) -> Job {
-    let options = Options {
-        target: Target::Gaussians(8),
-        effort: Effort::Fast,
-        seed: 3,
-        certificate: CertificateLevel::None,
-        blocks: Some(2),
-        ..Options::default()
-    };
-    let task = Task { options: &options, snapshot: "a cloud".into(), place: "here", replace: false, reopened: false };
-    Job::plan(LayeredParticles::of(&particles()), &task, folder, &Context::SILENT).unwrap()
+    let (target, effort, certificate) = (Target::Gaussians(8), Effort::Fast, CertificateLevel::None);
+    common::planned(
+        &particles(),
+        folder,
+        Options { target, effort, certificate, blocks: Some(2), ..Options::default() },
+    )
 }
 
 /// A whole job to be altered: planned, one of two blocks done.
 fn prepared(folder: &Path) {
     let job = planned(folder);
-    job.block(0, || Ok(LayeredParticles::of(&particles())), &Context::SILENT).unwrap();
+    job.block(0, || Ok(LayeredParticles::from_particles(&particles())), &Context::SILENT).unwrap();
 }
 
 fn copy(from: &Path, to: &Path) {
@@ -93,7 +90,7 @@ fn copy(from: &Path, to: &Path) {
 fn steps(folder: &Path, what: &str) -> Vec<String> {
     let began = Instant::now();
     LARGEST.store(0, Relaxed);
-    let source = || Ok(LayeredParticles::of(&particles()));
+    let source = || Ok(LayeredParticles::from_particles(&particles()));
     let run = || -> Vec<String> {
         // Ends work that goes on beyond its time, so that a fault is told instead of a hung suite.
         let late = || began.elapsed() > LONGEST;
@@ -207,11 +204,11 @@ fn altered(original: &Value, count: u64, seed: u64) -> Vec<(Value, String)> {
 }
 
 /// Alters copies of a prepared job by `alter`, and runs every step on each.
-fn each(cases: impl IntoIterator<Item = (String, Box<dyn Fn(&Path)>)>) -> Vec<Vec<String>> {
+fn each(cases: impl IntoIterator<Item = HostileCase>) -> Vec<Vec<String>> {
     let dir = tempfile::tempdir().unwrap();
     let (whole, broken) = (dir.path().join("whole"), dir.path().join("broken"));
     prepared(&whole);
-    let run = |(what, alter): (String, Box<dyn Fn(&Path)>)| {
+    let run = |(what, alter): HostileCase| {
         copy(&whole, &broken);
         alter(&broken);
         let errors = steps(&broken, &what);
@@ -238,7 +235,7 @@ fn a_sound_job_passes_every_step() {
 }
 
 #[test]
-fn altered_plans() {
+fn altered_plans_are_refused_or_do_no_harm() {
     let dir = tempfile::tempdir().unwrap();
     let original: Value =
         serde_json::from_slice(&std::fs::read(planned(dir.path()).folder.join("plan.json")).unwrap()).unwrap();
@@ -256,7 +253,7 @@ fn altered_plans() {
 }
 
 #[test]
-fn trees_that_are_none() {
+fn trees_whose_walks_never_end_are_refused() {
     // Every cut has one child twice: walks through it would never end.
     let nodes: Vec<Value> = (0..60)
         .map(|i| json!({ "cut": { "axis": 0, "at": 0.0, "below": i + 1, "above": i + 1 } }))
@@ -275,7 +272,7 @@ fn trees_that_are_none() {
 }
 
 #[test]
-fn altered_runs_buckets_reports_and_blocks() {
+fn altered_files_of_a_job_are_refused_or_do_no_harm() {
     let dir = tempfile::tempdir().unwrap();
     prepared(dir.path());
     let read = |name: &str| std::fs::read(dir.path().join(name)).unwrap();
@@ -304,16 +301,14 @@ fn altered_runs_buckets_reports_and_blocks() {
         let counts = [8, 16].map(|i| u64::from_le_bytes(buckets[entry + i..][..8].try_into().unwrap()) as usize);
         let crc = crc32fast::hash(&buckets[at..at + 12 * (counts[0] + counts[1])]).to_le_bytes();
         buckets[entry + 24..entry + 28].copy_from_slice(&crc);
-        let own = crc32fast::hash(&buckets[entry..entry + 28]).to_le_bytes();
-        buckets[entry + 28..entry + 32].copy_from_slice(&own);
+        seal(&mut buckets[entry..], 28);
         cases.push((format!("a bucket's coordinate: {number:?}"), write("scatter/00000.bin", buckets)));
     }
     for (field, value) in [0, 8, 16].into_iter().flat_map(|f| [0, 1, 1 << 20, 1 << 40, u64::MAX].map(|v| (f, v))) {
         let mut buckets = read("scatter/00000.bin");
         let entry = HEAD + ENTRY;
         buckets[entry + field..entry + field + 8].copy_from_slice(&u64::to_le_bytes(value));
-        let own = crc32fast::hash(&buckets[entry..entry + 28]).to_le_bytes();
-        buckets[entry + 28..entry + 32].copy_from_slice(&own);
+        seal(&mut buckets[entry..], 28);
         cases.push((format!("a bucket's entry at {field}: {value}"), write("scatter/00000.bin", buckets)));
     }
     let report: Value = serde_json::from_slice(&read("blocks/00000.json")).unwrap();

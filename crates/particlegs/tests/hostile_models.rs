@@ -119,7 +119,7 @@ fn use_all(bytes: &[u8], good: &[u8]) {
 
 fn pictures(model: &Model) {
     let m = &model.metadata;
-    let scene = Scene::of(model);
+    let scene = Scene::new(model);
     let distance = base_distance(&m.bounds, SIZE);
     for (factor, opacity) in [(1.0, m.default_opacity), (0.2, 1e-12)] {
         let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, factor * distance);

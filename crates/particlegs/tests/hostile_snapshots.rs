@@ -2,21 +2,19 @@
 //! refused in one line.
 
 use particlegs::camera::{View, base_distance, spherical_camera};
-use particlegs::codec;
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::compress::{Options, Target, compress};
 use particlegs::context::Context;
 use particlegs::fit::Effort;
 use particlegs::math::Random;
-use particlegs::model::Model;
-use particlegs::model::{CertificateLevel, Layer, Mass};
+use particlegs::model::{CertificateLevel, Layer, Mass, Model};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
-use particlegs::pieces::NoCheckpoints;
 use particlegs::render::{Scene, draw};
 use particlegs::space::Cell;
 use particlegs::splat::ToneStyle;
 use particlegs::stats::{StatsOptions, Subject, compare};
-use particlegs::{Error, Result};
+use particlegs::{Error, Result, codec};
 
 const SIZE: Size = Size { width: 40, height: 24 };
 
@@ -54,7 +52,7 @@ fn used(p: &Particles, model: &Model) {
     let m = &model.metadata;
     let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, SIZE));
     let view = View { name: "v".into(), camera, radius: m.default_radius, opacity: 0.05 };
-    draw(&Scene::of(model), &view, SIZE, ToneStyle::Paraview, &Context::SILENT).unwrap();
+    draw(&Scene::new(model), &view, SIZE, ToneStyle::Paraview, &Context::SILENT).unwrap();
     let o = StatsOptions { cells: 8, spectrum_cells: 8, pair_budget: 100_000, ..StatsOptions::default() };
     for other in [Subject::Model(model), Subject::Particles(p)] {
         let s = compare(Subject::Particles(p), other, &o, &Context::SILENT).unwrap();
@@ -87,7 +85,7 @@ fn odd_coordinates_become_models() {
 }
 
 #[test]
-fn outliers_and_boxes_about_the_data_do_too() {
+fn outliers_and_boxes_about_the_data_become_models() {
     let mut p = snapshot(400, [100.0; 3], 0.0);
     for length in [100.0, 150.0, 1e30] {
         p.meta.cell = Some(Cell::orthogonal([length; 3]));
@@ -154,7 +152,7 @@ fn tiny_opacities_are_stored_and_drawn() {
         for radius in [1e-300, m.default_radius, 1e100] {
             let view = View { name: "v".into(), camera, radius, opacity };
             let picture =
-                draw(&Scene::of(&made.model), &view, SIZE, ToneStyle::ParaviewNoFxaa, &Context::SILENT).unwrap();
+                draw(&Scene::new(&made.model), &view, SIZE, ToneStyle::ParaviewNoFxaa, &Context::SILENT).unwrap();
             assert!(picture.data.iter().all(|v| *v == 0), "splats of opacity {opacity} change no 8-bit buffer");
         }
     }

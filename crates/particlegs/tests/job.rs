@@ -1,11 +1,14 @@
 //! A block that is stopped anywhere goes on to the same bytes; what was kept of other work is not gone on
 //! from.
 
+mod common;
+
+use common::layer;
 use particlegs::compress::{Checkpoint, Compression, FineTuning, Options, Target, certify};
 use particlegs::context::Context;
 use particlegs::fit::Effort;
-use particlegs::job::{Job, Task};
-use particlegs::model::{CertificateLevel, LawKind, Layer, Limit, Mass, Units};
+use particlegs::job::Job;
+use particlegs::model::{CertificateLevel, LawKind, Limit, Units};
 use particlegs::particles::{LayeredParticles, Particles, Storage};
 use particlegs::space::Cell;
 use particlegs::train::{Config, Limits, Preset};
@@ -21,24 +24,16 @@ fn cancel_at_question(n: u64) -> impl Fn() -> bool + Sync {
 
 /// The sample as two layers: a fit each, so that one may be finished while the other is not.
 fn sample() -> Particles {
-    let mut particles =
-        Particles::open_raw(&[Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64")]).unwrap();
-    let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Unknown, content };
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
+    let particles = Particles::open_raw(&[folder]).unwrap();
     let n = particles.len();
-    particles = particles.with_layers(vec![layer("first", 0..130_000), layer("second", 130_000..n)]);
-    particles
+    particles.with_layers(vec![layer("first", 0..130_000), layer("second", 130_000..n)])
 }
 
+/// A job in two blocks.
 fn planned(folder: &Path) -> Job {
-    let options = Options {
-        target: Target::Ratio(200.0),
-        seed: 3,
-        certificate: CertificateLevel::None,
-        blocks: Some(2),
-        ..Options::default()
-    };
-    let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
-    Job::plan(LayeredParticles::of(&sample()), &task, folder, &Context::SILENT).unwrap()
+    let (target, certificate) = (Target::Ratio(200.0), CertificateLevel::None);
+    common::planned(&sample(), folder, Options { target, certificate, blocks: Some(2), ..Options::default() })
 }
 
 /// A sound block with a right report is refused where it is another block's.
@@ -121,8 +116,8 @@ fn other_options_are_other_work() {
     let snapshots: [fn(&mut Particles); 7] = [
         |p| p.meta.cell = Some(Cell::orthogonal([200.0; 3])),
         |p| p.meta.cell = None,
-        |p| p.meta.units = Units::of(Some("kpc"), None, None),
-        |p| p.meta.units = Units::of(None, Some("Msun"), None),
+        |p| p.meta.units = Units::new(Some("kpc"), None, None),
+        |p| p.meta.units = Units::new(None, Some("Msun"), None),
         |p| p.meta.name = "another".into(),
         |p| p.origin = [1.0, 0.0, 0.0],
         |p| *p = cloud(1.5),
@@ -146,7 +141,7 @@ fn other_options_are_other_work() {
     // What was kept of one is not gone on from by another.
     let path = folder.path().join("m.checkpoint");
     let mut kept = Checkpoint::fresh(path.clone(), &ids[0]);
-    particlegs::pieces::CheckpointStore::keep_now(&mut kept, "train", vec![1]).unwrap();
+    particlegs::checkpoint::CheckpointStore::keep_now(&mut kept, "train", vec![1]).unwrap();
     assert_eq!(Checkpoint::open(path.clone(), &ids[0]).unwrap().len(), 1);
     for other in &ids[1..] {
         let opened = Checkpoint::open(path.clone(), other).unwrap();
@@ -173,16 +168,9 @@ fn other_fine_tuning_is_other_work() {
 
 /// A job in three blocks, each measured by its own task, done in this order.
 fn measured(folder: &Path, order: [u32; 3]) -> Job {
-    let options = Options {
-        target: Target::Ratio(200.0),
-        effort: Effort::Fast,
-        seed: 3,
-        certificate: CertificateLevel::Blocks,
-        blocks: Some(3),
-        ..Options::default()
-    };
-    let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
-    let job = Job::plan(LayeredParticles::of(&sample()), &task, folder, &Context::SILENT).unwrap();
+    let (target, effort, certificate) = (Target::Ratio(200.0), Effort::Fast, CertificateLevel::Blocks);
+    let options = Options { target, effort, certificate, blocks: Some(3), ..Options::default() };
+    let job = common::planned(&sample(), folder, options);
     for block in order {
         job.block(block, || panic!("buckets are enough"), &Context::SILENT).unwrap();
     }
@@ -224,7 +212,7 @@ fn certificates_add_up_over_blocks() {
 
 /// Sums that are missing are measured again, without another fit, and altered ones are named.
 #[test]
-fn sums_are_checked_and_measured_again() {
+fn broken_sums_are_found_and_measured_again() {
     let folder = tempfile::tempdir().unwrap();
     let job = measured(&folder.path().join("job"), [0, 1, 2]);
     job.verify(None, &Context::SILENT).unwrap();

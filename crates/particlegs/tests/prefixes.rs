@@ -1,12 +1,12 @@
 //! The first bytes of a block, drawn: about as good as a model that was simplified to as many bytes.
 
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::codec;
 use particlegs::compress::{Options, compress, simplify};
 use particlegs::context::Context;
 use particlegs::model::{CertificateLevel, Layer, Model, Target};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
-use particlegs::pieces::NoCheckpoints;
 use particlegs::score::{evaluate, evaluation_views};
 use std::path::Path;
 

@@ -17,7 +17,7 @@ const SIZE: Size = Size { width: 320, height: 180 };
 /// [`Error::Corrupt`] and others for a file that is no model.
 pub fn pictures(model: &[u8], context: &Context<'_>) -> Result<Vec<u8>> {
     let model = codec::decode_with(model, "the model", context)?;
-    let scene = Scene::of(&model);
+    let scene = Scene::new(&model);
     let m = &model.metadata;
     let mut scratch = Scratch::default();
     let mut out = Vec::new();

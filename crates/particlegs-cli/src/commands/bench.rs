@@ -8,8 +8,8 @@ use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
 use particlegs::context::{ProgressEvent, ProgressSink};
 use particlegs::picture::Size;
+use particlegs::train::Accelerator;
 use particlegs::{Error, Result, parallel};
-use particlegs_lab::device::Device;
 use particlegs_lab::experiments::{self, EXPERIMENTS, Experiment};
 use particlegs_lab::lab::Lab;
 use particlegs_lab::report::{Provenance, Section};
@@ -91,7 +91,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         return gpu(a);
     }
     let chosen = experiments::named(&a.name, a.training)?;
-    let settings = a.settings(a.device.for_lab()?)?;
+    let settings = a.settings(a.device.open()?)?;
     let (Some(output), false) = (&a.output, a.snapshots.is_empty()) else {
         return Err(Error::argument("`bench` takes a snapshot and a folder for the results: SNAPSHOT -o DIR"));
     };
@@ -105,33 +105,38 @@ pub fn run(a: &Arguments) -> Result<()> {
     let sections = experiment_by_experiment(&chosen, &lab, &snapshots)?;
     let provenance = a.provenance(&lab, &snapshots);
     bench_files::write(output, &sections, &provenance)?;
-    report(&sections, output, &context)
+    summary(&sections, output, &context)
 }
 
-/// Measures a graphics card, which takes no snapshot: the first real one, or that of --device. With --training the
-/// published recipe as well, in pieces that a folder keeps.
+/// Measures a GPU, which takes no snapshot: the first real one, or that of --device. With --training the published
+/// recipe as well, in pieces that a folder keeps.
 #[cfg(feature = "gpu")]
 fn gpu(a: &Arguments) -> Result<()> {
-    use crate::gpu_bench::{QuickRun, measure};
     a.refuse_for_gpu()?;
     let context = a.common.clone().start()?;
-    let (device, quick) = (a.device.open_card()?, QuickRun(a.quick));
-    let Some(output) = &a.output else {
-        let report = measure(&device, quick, None, &context)?;
-        return context.finish(&report.text(), &report);
-    };
-    let settings = a.settings(Arc::new(crate::device::NamedDevice::new(Arc::clone(&device))?))?;
-    let (kept, work) = (bench_files::folder(output, &context)?, BenchProgress(&context));
-    context.finishes_its_steps();
-    let report = measure(&device, quick, Some(&Lab::new(settings, &kept, &work)?), &context)?;
-    bench_files::write_gpu(output, &report)?;
-    context.finish(&report.text(), &report)
+    let device = a.device.open_timed()?;
+    let settings = a.settings(Some(Arc::new(particlegs_gpu::GpuAccelerator::new(Arc::clone(&device)))))?;
+    let kept = a.output.as_deref().map(|folder| bench_files::folder(folder, &context)).transpose()?;
+    if kept.is_some() {
+        context.finishes_its_steps();
+    }
+    let work = BenchProgress(&context);
+    let work = context.with_sink(&work);
+    let mut lab = Lab::new(settings, &kept.unwrap_or_default(), &work)?;
+    lab.gpu = Some(device);
+    let experiment = experiments::named("gpu", a.training)?[0];
+    let found = (experiment.run)(&lab, &[])?;
+    let (text, value) = (particlegs_lab::report::text(&found), serde_json::to_value(&found).unwrap_or_default());
+    if let Some(output) = &a.output {
+        bench_files::write(output, &[Section { experiment, found: Ok(found) }], &a.provenance(&lab, &[]))?;
+    }
+    context.finish(&text, &value)
 }
 
 #[cfg(not(feature = "gpu"))]
 fn gpu(a: &Arguments) -> Result<()> {
     a.refuse_for_gpu()?;
-    match a.device.open_card()? {}
+    Err(crate::device::no_gpu_support())
 }
 
 /// The work of experiments as a user sees it: notes on single snapshots and models, hundreds of them, are not said.
@@ -153,13 +158,10 @@ fn list() -> String {
     let row = |e: &Experiment| {
         let paper = if e.paper.is_empty() { "not in the paper" } else { e.paper };
         let trains = if e.trains { "; trains models" } else { "" };
-        format!("{:<20} {}\n{:<20} ({paper}{trains})\n", e.name, e.title, "")
+        let takes = if e.weight == 0 { "; takes no snapshot" } else { "" };
+        format!("{:<20} {}\n{:<20} ({paper}{trains}{takes})\n", e.name, e.title, "")
     };
-    let gpu = format!(
-        "{:<20} {}\n{:<20} (not in the paper; takes no snapshot)\n",
-        "gpu", "Frames and steps of training a second of a graphics card", ""
-    );
-    EXPERIMENTS.iter().map(row).chain([gpu]).collect()
+    EXPERIMENTS.iter().map(row).collect()
 }
 
 /// Does them; one that fails is reported, and the others are done.
@@ -189,7 +191,7 @@ fn experiment_by_experiment(
 }
 
 impl Arguments {
-    /// Options that would do nothing where a card is measured.
+    /// Options that would do nothing where a GPU is measured.
     fn refuse_for_gpu(&self) -> Result<()> {
         let of_experiments = [
             (!self.snapshots.is_empty(), "SNAPSHOT"),
@@ -202,7 +204,7 @@ impl Arguments {
         if let Some((_, name)) = of_experiments.iter().find(|(given, _)| *given) {
             return Err(Error::argument(format!("`bench gpu` makes its own scenes and has no use for {name}")));
         }
-        if let Some(words) = self.snapshot.in_words() {
+        if let Some(words) = self.snapshot.describe() {
             return Err(Error::argument(format!("`bench gpu` makes its own scenes and has no use for {words}")));
         }
         let of_training =
@@ -218,7 +220,7 @@ impl Arguments {
         }
     }
 
-    fn settings(&self, device: Arc<dyn Device>) -> Result<Settings> {
+    fn settings(&self, device: Option<Arc<dyn Accelerator>>) -> Result<Settings> {
         let program = std::env::current_exe().map_err(|e| Error::io(Path::new("this program"), e))?;
         let mut s = Settings::new(self.quick, program);
         (s.training, s.seed, s.python) = (self.training, self.common.seed, self.python.clone());
@@ -255,7 +257,7 @@ impl Arguments {
                 context,
             )?;
             let name = path.file_stem().map_or("snapshot".into(), |n| n.to_string_lossy().into_owned());
-            Ok(Snapshot::new(name, path.clone(), particles, self.snapshot.in_words().as_deref()))
+            Ok(Snapshot::new(name, path.clone(), particles, self.snapshot.describe().as_deref()))
         };
         self.snapshots.iter().map(open).collect()
     }
@@ -266,25 +268,24 @@ impl Arguments {
         let quick = if s.quick { " --quick" } else { "" };
         let training = if s.training { " --training" } else { "" };
         let scale = s.scale.map_or(String::new(), |v| format!(" --scale {v}"));
-        let device = s.device.name().map_or("", |_| " --device DEVICE");
+        let device = s.device_name().map_or("", |_| " --device DEVICE");
         let python = if s.python.is_some() { " --python PYTHON" } else { "" };
         let ratios = s.ratios.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
-        let read = self.snapshot.in_words().map_or(String::new(), |w| format!(" {w}"));
+        let Size { width, height } = s.size;
+        let measured = match names.is_empty() {
+            true => String::new(),
+            false => format!(" --ratios {ratios} --size {width}x{height} --frames {} --seeds {}", s.frames, s.seeds),
+        };
+        let of: String = names.iter().map(|name| format!(" {name}")).collect();
+        let read = self.snapshot.describe().map_or(String::new(), |w| format!(" {w}"));
         let command = format!(
-            "particlegs bench {} {}{read}{quick}{training}{scale}{device}{python} --ratios {ratios} --size {}x{} --frames {} \
-             --seeds {} --seed {}",
-            self.name,
-            names.join(" "),
-            s.size.width,
-            s.size.height,
-            s.frames,
-            s.seeds,
-            s.seed
+            "particlegs bench {}{of}{read}{quick}{training}{scale}{device}{python}{measured} --seed {}",
+            self.name, s.seed
         );
         let mut p = Provenance::new(command, parallel::threads());
         p.seeds = [s.seed, s.seeds as u64];
         p.others = lab.baselines.iter().map(|b| format!("{}: {}", b.name(), b.source())).collect();
-        p.others.extend(s.device.name().map(|name| format!("Device that drew and trained: {name}")));
+        p.others.extend(s.device_name().map(|name| format!("Device that drew and trained: {name}")));
         p.others.extend(lab.store.of_others());
         p.snapshots = snapshots.iter().map(|s| (s.name.clone(), s.particles.len() as u64, s.hash.clone())).collect();
         p
@@ -292,7 +293,7 @@ impl Arguments {
 }
 
 /// What was found where; fails where every experiment failed.
-fn report(sections: &[Section], output: &Path, context: &CommandContext) -> Result<()> {
+fn summary(sections: &[Section], output: &Path, context: &CommandContext) -> Result<()> {
     let mut text = String::new();
     for s in sections {
         let words = match &s.found {

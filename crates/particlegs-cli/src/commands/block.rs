@@ -1,14 +1,13 @@
 //! `particlegs block JOB I`.
 
 use crate::common::Common;
-use crate::job_args::{JobSnapshot, of_task, task_number};
+use crate::job_args::{JobSnapshot, task_error, task_number};
 use clap::{Args, ValueHint};
 use particlegs::job::Job;
 use particlegs::{Error, Result};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
 Fits one block and writes its model file; a block that is done is skipped. After SIGTERM, SIGUSR1 or
@@ -28,7 +27,6 @@ pub struct Arguments {
     common: Common,
 }
 
-/// Does one block.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let job = Job::open(&a.job)?;
@@ -36,11 +34,11 @@ pub fn run(a: Arguments) -> Result<()> {
     let block = u32::try_from(number).map_err(|_| {
         Error::argument(format!("block {number} is outside the {} of this job, counted from 0", job.blocks()))
     })?;
-    let snapshot = JobSnapshot::of(&job)?;
+    let snapshot = JobSnapshot::from_job(&job)?;
     context.reads_job(&a.job, snapshot.paths(), false)?;
     context.finishes_its_steps();
     let report = job.block(block, || snapshot.layered(&context), &context);
-    let report = report.map_err(|e| of_task(e, &a.job, &format!("block {block}")))?;
+    let report = report.map_err(|e| task_error(e, &a.job, &format!("block {block}")))?;
     let how = match report.continued {
         None => "was already done".to_string(),
         Some(0) => "done".to_string(),

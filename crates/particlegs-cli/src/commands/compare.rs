@@ -1,13 +1,12 @@
 //! `particlegs compare A B`.
 
 use crate::common::Common;
-use crate::compared::{self, FolderComparison};
+use crate::comparison::{self, FolderComparison};
 use crate::printable::one_line;
 use clap::{Args, ValueHint};
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
 Pictures are scored by PSNR, masked PSNR and SSIM; surface densities that --raw wrote by log10(A / B) over the
@@ -37,7 +36,7 @@ pub struct Arguments {
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
     context.reads([a.a.as_path(), &a.b], false)?;
-    let comparison = compared::compare(&a.a, &a.b, &context)?;
+    let comparison = comparison::compare(&a.a, &a.b, &context)?;
     for (names, folder) in [(&comparison.only_in_a, &a.b), (&comparison.only_in_b, &a.a)] {
         if !names.is_empty() {
             context.message(&format!("warning: not in {}: {}", folder.display(), names.join(", ")));

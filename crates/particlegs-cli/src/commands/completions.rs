@@ -3,7 +3,6 @@
 use clap::{Args, CommandFactory};
 use particlegs::Result;
 
-/// Arguments.
 #[derive(Args)]
 #[command(
     after_help = "Example:\n  particlegs completions bash > ~/.local/share/bash-completion/completions/particlegs"
@@ -13,7 +12,6 @@ pub struct Arguments {
     shell: clap_complete::Shell,
 }
 
-/// Prints the script on stdout.
 pub fn run(a: &Arguments) -> Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(a.shell, &mut crate::Cli::command(), "particlegs", &mut script);

@@ -7,21 +7,20 @@ use crate::info_model;
 use crate::outputs;
 use crate::outputs::{ForceArgs, PNG};
 use crate::run_args::{self, RunArgs};
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
+use crate::snapshot_args::ParticleArgs;
 use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
+use particlegs::checkpoint::CheckpointStore;
 use particlegs::compress::{CompressedModel, Compression, Options};
 use particlegs::context::Context;
 use particlegs::model::Model;
 use particlegs::particles::{Particles, Storage};
-use particlegs::pieces::CheckpointStore;
 use particlegs::{Result, codec};
 use particlegs_files::output;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
@@ -85,11 +84,7 @@ pub struct Arguments {
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
-    snapshot: SnapshotArgs,
-    #[command(flatten)]
-    selection: SelectionArgs,
-    #[command(flatten)]
-    window: WindowArgs,
+    particles: ParticleArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -97,13 +92,11 @@ pub struct Arguments {
 /// Place in the help of options that come after those of the fit.
 const LATER: usize = 500;
 
-/// Compresses, writes the file and the pictures, reports.
 pub fn run(a: Arguments) -> Result<()> {
-    let subset = SnapshotSubset { selection: &a.selection, window: &a.window, seed: a.common.seed };
     if let Some(text) = a.fit.train.printed()? {
         return crate::report::line(text.trim_end());
     }
-    let mut options = a.fit.options(&a.snapshot, subset)?;
+    let mut options = a.fit.options(&a.particles, a.common.seed)?;
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = a.blocks;
     let context = a.common.clone().start()?;
@@ -114,7 +107,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if options.memory.is_some() {
         options.storage = Storage::Disk(a.scratch_folder());
     }
-    let particles = a.snapshot.open_selected_in(&options.storage, &a.input, subset, &context)?;
+    let particles = a.particles.read(&a.input, a.common.seed, &options.storage, &context)?;
     let blocks = options.blocks_of(&particles)?;
     if options.memory.is_some() && blocks > 1 {
         options.storage.announce(&format!("{blocks} blocks"), particles.raw_bytes(), &context);
@@ -124,24 +117,12 @@ pub fn run(a: Arguments) -> Result<()> {
     }
     let planned = Compression::plan(&particles, &options, &context)?;
     context.notes(planned.notes());
-    let told = planned.notes().len();
-    let mut checkpoint = match options.training {
+    let checkpoint = match options.training {
         Some(_) => a.run.checkpoint(a.output(), &planned.id())?,
         None => None,
     };
     let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| planned.run(pieces, context);
-    let done = a.run.run(&context, checkpoint.as_mut(), work)?;
-    context.notes(&done.notes[told..]);
-    if !done.stopped {
-        context.check()?;
-    }
-    output::write_bytes(a.output(), &done.bytes)?;
-    if done.stopped {
-        return Err(run_args::stopped(a.output(), &context));
-    }
-    if let Some(checkpoint) = checkpoint {
-        checkpoint.remove()?;
-    }
+    let done = a.run.run(a.output(), &context, checkpoint, work)?;
     let seconds = start.elapsed().as_secs_f64();
     report(&a, &context, &done, seconds)?;
     a.write_pictures(&done.model, &particles, &context)
@@ -153,7 +134,6 @@ impl Arguments {
         self.output.as_deref().unwrap_or(Path::new(""))
     }
 
-    /// Where scratch files go.
     fn scratch_folder(&self) -> PathBuf {
         self.scratch.clone().unwrap_or_else(|| output::scratch_folder(self.output()))
     }
@@ -161,7 +141,7 @@ impl Arguments {
     /// Says what is read and written. Tells whether a model is there that is kept: one that this command
     /// can have made.
     fn plan(&self, options: &Options, context: &CommandContext) -> Result<bool> {
-        let inputs = self.input.iter().map(PathBuf::as_path).chain(self.fit.train.config_file());
+        let inputs = self.input.iter().map(PathBuf::as_path).chain(self.fit.train.tune.config_file());
         context.reads(inputs, self.force.force)?;
         if let Some(folder) = &self.pictures {
             // The model may go there as well.
@@ -188,7 +168,6 @@ impl Arguments {
         Ok(kept)
     }
 
-    /// Draws the pictures that are asked for.
     fn write_pictures(&self, model: &Model, particles: &Particles, context: &CommandContext) -> Result<()> {
         let Some(folder) = &self.pictures else { return Ok(()) };
         let written = crate::pictures::write(folder, model, particles, context).inspect_err(|_| {
@@ -211,7 +190,7 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
     }
     let (raw_bytes, gaussians) = (particles.raw_bytes(), model.gaussians());
     let ratio = raw_bytes as f64 / bytes.len() as f64;
-    let (told, _) = info_model::told(certificate, &model.metadata, &model.layers, a.output(), context);
+    let (told, _) = info_model::describe_new_model(certificate, &model.metadata, &model.layers, a.output(), context);
     let text = format!(
         "{place}: is there already, made of this snapshot by the same options: {} particles -> {gaussians} Gaussians, \
          {} bytes, ratio {ratio:.1}{told}",
@@ -236,20 +215,17 @@ fn report(a: &Arguments, context: &CommandContext, done: &CompressedModel, secon
     );
     text += &run_args::trained(done);
     if let Some(goal) = &done.reached {
-        text += &format!("\n{}", info_model::goal_in_words(goal, done.model.metadata.units.length_text()));
+        text += &format!("\n{}", info_model::describe_goal(goal, done.model.metadata.units.length_text()));
     }
     if a.fit.is_fast() {
         text += "\n--effort fast: fewer small groups than default from ratio 300 on (docs/results/recovery.md)";
     }
     let Model { certificate, metadata, layers } = &done.model;
-    let (told, verdict) = info_model::told(certificate.as_ref(), metadata, layers, a.output(), context);
+    let (told, verdict) = info_model::describe_new_model(certificate.as_ref(), metadata, layers, a.output(), context);
     text += &told;
-    let value = json!({
-        "output": a.output().to_string_lossy(), "particles": done.model.metadata.count, "gaussians": gaussians,
-        "model_bytes": bytes, "raw_bytes": done.raw_bytes, "compression_ratio": ratio,
-        "bytes_per_gaussian": bytes as f64 / gaussians as f64, "step_factor": done.step_factor, "goal": done.reached, "trained": done.trained,
-        "seconds": seconds, "seconds_by_phase": done.seconds.iter().copied().collect::<std::collections::BTreeMap<_, _>>(),
-        "certificate": done.model.certificate, "verdict": verdict,
-    });
-    context.finish(&text, &value)
+    let mut report = run_args::report(a.output(), done, &verdict, seconds);
+    report["particles"] = metadata.count.into();
+    report["bytes_per_gaussian"] = (bytes as f64 / gaussians as f64).into();
+    report["goal"] = json!(done.reached);
+    context.finish(&text, &report)
 }

@@ -1,17 +1,17 @@
 //! `particlegs convert IN... -o OUT`.
 
 use crate::common::{CommandContext, Common};
-use crate::inputs::{self, PathContent, path_as_text};
+use crate::inputs::{self, PathContent};
 use crate::outputs::{ForceArgs, PARTICLES};
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, WindowArgs};
+use crate::snapshot_args::ParticleArgs;
 use clap::{Args, ValueHint};
 use particlegs::particles::{RawForm, SelectedParticles, Storage, Tiling};
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
 use particlegs_formats::{Writer, write_splats};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
@@ -52,11 +52,7 @@ pub struct Arguments {
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
-    snapshot: SnapshotArgs,
-    #[command(flatten)]
-    selection: SelectionArgs,
-    #[command(flatten)]
-    window: WindowArgs,
+    particles: ParticleArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -64,33 +60,21 @@ pub struct Arguments {
 /// What `convert -h` shows of the options that other commands leave to `--help`.
 const SELECTION: [&str; 5] = ["region", "every", "sample", "center", "width"];
 
-#[derive(serde::Serialize)]
-struct ConvertReport {
-    #[serde(serialize_with = "path_as_text")]
-    output: PathBuf,
-    particles_in: u64,
-    particles: u64,
-    bytes: u64,
-    seconds: f64,
-}
-
-/// Names of the formats that can be written.
 fn writers() -> Vec<&'static str> {
     Writer::all().iter().map(|w| w.name).collect()
 }
 
-/// Converts.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads(a.input.iter().map(PathBuf::as_path), a.force.force)?;
     let mut choice = match &a.input[..] {
-        [one] => match inputs::model_or_snapshot(one, &a.snapshot, &context)? {
+        [one] => match inputs::model_or_snapshot(one, &a.particles.opening, &context)? {
             PathContent::Model(bytes) => return splats(&a, one, &bytes, &context),
             PathContent::Snapshot(choice) => *choice,
         },
-        _ => a.snapshot.choice()?,
+        _ => a.particles.opening.choice()?,
     };
-    let writer = match Writer::of(&a.output, a.to.as_deref()) {
+    let writer = match Writer::for_output(&a.output, a.to.as_deref()) {
         Ok(writer) => writer,
         // That it is an input or another output matters more.
         Err(error) => return context.writes(&a.output, &PARTICLES).and(Err(error)),
@@ -105,7 +89,7 @@ pub fn run(a: Arguments) -> Result<()> {
         Some(&[x, y, z]) => Tiling::new([x, y, z], &particles)?,
         Some(_) => return Err(Error::argument("--tile takes three numbers, such as 2,8,8")),
     };
-    let selection = a.selection.selection(&a.window, context.common.seed)?;
+    let selection = a.particles.selection.selection(&a.particles.window, context.common.seed)?;
     let start = std::time::Instant::now();
     let mut kept = SelectedParticles::new(&particles, tiling, selection, &context)?;
     if !fields.is_empty() {
@@ -118,27 +102,20 @@ pub fn run(a: Arguments) -> Result<()> {
     let seconds = start.elapsed().as_secs_f64();
     let count = kept.total();
     let text = format!("{}: {count} particles, {:.1} MB, in {seconds:.1} s", a.output.display(), bytes as f64 / 1e6);
-    let particles_in = particles.len() as u64;
-    context.finish(&text, &ConvertReport { output: a.output.clone(), particles_in, particles: count, bytes, seconds })
+    let report = json!({
+        "output": a.output.to_string_lossy(), "particles_in": particles.len(), "particles": count, "bytes": bytes,
+        "seconds": seconds,
+    });
+    context.finish(&text, &report)
 }
 
-#[derive(serde::Serialize)]
-struct SplatFileReport {
-    #[serde(serialize_with = "path_as_text")]
-    output: PathBuf,
-    gaussians: usize,
-    bytes: u64,
-    seconds: f64,
-}
-
-/// A model's Gaussians as the PLY of splat viewers.
 fn splats(a: &Arguments, model: &Path, bytes: &[u8], context: &CommandContext) -> Result<()> {
     let start = std::time::Instant::now();
     let is_ply = a.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"));
     if !is_ply || a.to.is_some() || a.tile.is_some() {
-        let what = "a model can only be converted to splats, by an output name that ends in .ply".to_string();
-        let hint = "draw particles with `recover`, then convert them".to_string();
-        return Err(Error::Argument { what, remedy: hint.into() });
+        let what = "a model can only be converted to splats, by an output name that ends in .ply";
+        let hint = "draw particles with `recover`, then convert them";
+        return Err(Error::argument_with(what, hint));
     }
     context.writes_new(&a.output, &PARTICLES)?;
     let decoded = codec::decode_with(bytes, &name_of(model), context)?;
@@ -148,5 +125,8 @@ fn splats(a: &Arguments, model: &Path, bytes: &[u8], context: &CommandContext) -
     }
     let (gaussians, seconds) = (decoded.gaussians(), start.elapsed().as_secs_f64());
     let text = format!("{}: {gaussians} splats, {:.1} MB, in {seconds:.1} s", a.output.display(), bytes as f64 / 1e6);
-    context.finish(&text, &SplatFileReport { output: a.output.clone(), gaussians, bytes, seconds })
+    let report = json!({
+        "output": a.output.to_string_lossy(), "gaussians": gaussians, "bytes": bytes, "seconds": seconds,
+    });
+    context.finish(&text, &report)
 }

@@ -1,12 +1,9 @@
 //! `particlegs devices`.
 
 use crate::common::Common;
-use crate::device;
 use clap::Args;
 use particlegs::Result;
-use serde::Serialize;
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -19,54 +16,46 @@ pub struct Arguments {
     common: Common,
 }
 
-#[derive(Serialize)]
-struct DevicesReport {
-    devices: Vec<DeviceRow>,
-    /// What would help where there is no card.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    advice: Option<String>,
-}
-
-#[derive(Serialize)]
-struct DeviceRow {
-    number: usize,
-    name: String,
-    kind: &'static str,
-    interface: String,
-    driver: String,
-    memory_bytes: Option<u64>,
-    largest_buffer_bytes: u64,
-    largest_binding_bytes: u64,
-    features: Vec<&'static str>,
-}
-
-/// Lists them.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.start()?;
-    let (all, advice) = device::list()?;
-    let row = |(number, a): (usize, _)| {
-        let device::Adapter { name, interface, driver, kind, memory, largest, features, .. } = a;
-        let [largest_buffer_bytes, largest_binding_bytes] = largest;
-        DeviceRow {
-            number,
-            name,
-            kind,
-            interface,
-            driver,
-            memory_bytes: memory,
-            largest_buffer_bytes,
-            largest_binding_bytes,
-            features,
-        }
-    };
-    let devices: Vec<DeviceRow> = all.into_iter().enumerate().map(row).collect();
-    let mut text: Vec<String> = devices.iter().map(line).collect();
-    text.extend(advice.iter().map(|advice| format!("no graphics card: {advice}")));
-    context.finish(&text.join("\n"), &DevicesReport { devices, advice })
+    #[cfg(feature = "gpu")]
+    return adapter_list::list(&context);
+    #[cfg(not(feature = "gpu"))]
+    {
+        drop(context);
+        Err(crate::device::no_gpu_support())
+    }
 }
 
-fn line(r: &DeviceRow) -> String {
-    let memory = r.memory_bytes.map_or(String::new(), |b| format!(", {:.1} GiB", b as f64 / f64::from(1 << 30)));
-    let features = if r.features.is_empty() { "none".into() } else { r.features.join(", ") };
-    format!("{}: {} ({}{memory}; {}, {}; features: {features})", r.number, r.name, r.kind, r.interface, r.driver)
+#[cfg(feature = "gpu")]
+mod adapter_list {
+    use crate::common::CommandContext;
+    use particlegs::Result;
+    use particlegs_gpu::{Adapter, adapters, advice};
+    use serde_json::json;
+
+    /// Lists them.
+    pub fn list(context: &CommandContext) -> Result<()> {
+        let all = adapters();
+        let advice = all.iter().all(|a| a.software).then(advice);
+        let mut text: Vec<String> = all.iter().enumerate().map(line).collect();
+        text.extend(advice.iter().map(|advice| format!("no GPU: {advice}")));
+        let row = |(number, a): (usize, &Adapter)| {
+            json!({
+                "number": number, "name": a.name, "kind": a.kind, "interface": a.interface, "driver": a.driver,
+                "memory_bytes": a.memory, "largest_buffer_bytes": a.largest[0], "largest_binding_bytes": a.largest[1],
+                "features": a.features,
+            })
+        };
+        let mut report = json!({ "devices": all.iter().enumerate().map(row).collect::<Vec<_>>() });
+        // What would help where there is no GPU.
+        advice.iter().for_each(|advice| report["advice"] = advice.as_str().into());
+        context.finish(&text.join("\n"), &report)
+    }
+
+    fn line((number, a): (usize, &Adapter)) -> String {
+        let memory = a.memory.map_or(String::new(), |b| format!(", {:.1} GiB", b as f64 / f64::from(1 << 30)));
+        let features = if a.features.is_empty() { "none".into() } else { a.features.join(", ") };
+        format!("{number}: {} ({}{memory}; {}, {}; features: {features})", a.name, a.kind, a.interface, a.driver)
+    }
 }

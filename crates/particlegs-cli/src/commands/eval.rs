@@ -1,24 +1,22 @@
 //! `particlegs eval MODEL SNAPSHOT...`.
 
 use crate::common::{CommandContext, Common};
-use crate::device::{DeviceArgs, ModelAndParticles};
+use crate::device::DeviceArgs;
 use crate::inputs;
 use crate::outputs::PNG;
 use crate::pictures;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
+use crate::snapshot_args::ParticleArgs;
 use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
 use particlegs::camera::{View, ViewsFile};
 use particlegs::model::Model;
-use particlegs::particles::{Particles, Storage};
+use particlegs::particles::Storage;
 use particlegs::picture::Size;
-use particlegs::render::{Drawer, Scene};
 use particlegs::score::{Evaluation, LookScores, MeanViewScores};
 use particlegs::{Error, Result, codec, score};
 use particlegs_files::input::name_of;
 use std::path::PathBuf;
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(after_help = "\
@@ -57,11 +55,7 @@ pub struct Arguments {
     #[command(flatten)]
     device: DeviceArgs,
     #[command(flatten)]
-    snapshot: SnapshotArgs,
-    #[command(flatten)]
-    selection: SelectionArgs,
-    #[command(flatten)]
-    window: WindowArgs,
+    particles: ParticleArgs,
     #[command(flatten)]
     common: Common,
 }
@@ -81,7 +75,6 @@ struct EvalReport {
     views_from: String,
 }
 
-/// Scores.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let inputs = a.input.iter().map(PathBuf::as_path).chain([a.model.as_path()]).chain(a.views.as_deref());
@@ -91,9 +84,8 @@ pub fn run(a: Arguments) -> Result<()> {
         pictures::paths(folder).iter().try_for_each(|p| context.outputs().writes(p, &PNG, &context).map(drop))?;
     }
     let bytes = inputs::model(&a.model, &context)?;
-    let model = a.snapshot.layers_of(codec::decode_with(&bytes, &name_of(&a.model), &context)?)?;
-    let subset = SnapshotSubset { selection: &a.selection, window: &a.window, seed: context.common.seed };
-    let particles = a.snapshot.open_selected(&a.input, subset, &context)?;
+    let model = a.particles.opening.layers_of(codec::decode_with(&bytes, &name_of(&a.model), &context)?)?;
+    let particles = a.particles.read(&a.input, context.common.seed, &Storage::Memory, &context)?;
     let particles = particles.in_units(&model.metadata.unit_system(), &Storage::Memory, &context)?;
     if model.metadata.count != particles.len() as u64 {
         context.message(&format!(
@@ -103,11 +95,20 @@ pub fn run(a: Arguments) -> Result<()> {
         ));
     }
     let (views, size, views_from) = views(&a, &model, &context)?;
-    let card =
-        a.device.open()?.map(|d| ModelAndParticles::new(&d, &Scene::of(&model), &particles, &context)).transpose()?;
-    let drawer = card.as_ref().map(|c| c as &dyn Drawer);
-    let evaluation = score::evaluate(&model, &particles, &views, size, drawer, &context)?;
-    let report = report(evaluation, bytes.len() as u64, &model, &particles, size, views_from);
+    let device = a.device.open()?;
+    let (model_bytes, raw_bytes, gaussians) = (bytes.len() as u64, particles.raw_bytes(), model.gaussians());
+    let report = EvalReport {
+        evaluation: score::evaluate(&model, &particles, &views, size, device.as_deref(), &context)?,
+        model_bytes,
+        raw_bytes,
+        compression_ratio: raw_bytes as f64 / model_bytes as f64,
+        gaussians,
+        bytes_per_gaussian: model_bytes as f64 / gaussians.max(1) as f64,
+        particles: particles.len() as u64,
+        width: size.width,
+        height: size.height,
+        views_from,
+    };
     context.finish(&table(&report), &report)?;
     if let Some(folder) = &a.pictures {
         for path in pictures::write(folder, &model, &particles, &context)? {
@@ -129,30 +130,6 @@ fn views(a: &Arguments, model: &Model, context: &CommandContext) -> Result<(Vec<
     let seed = context.common.seed;
     let words = format!("{} views per orbit, seed {seed}", a.frames);
     Ok((score::evaluation_views(&model.metadata, a.size, seed, a.frames), a.size, words))
-}
-
-fn report(
-    evaluation: Evaluation,
-    model_bytes: u64,
-    model: &Model,
-    particles: &Particles,
-    size: Size,
-    views_from: String,
-) -> EvalReport {
-    let raw_bytes = particles.raw_bytes();
-    let gaussians = model.gaussians();
-    EvalReport {
-        evaluation,
-        model_bytes,
-        raw_bytes,
-        compression_ratio: raw_bytes as f64 / model_bytes as f64,
-        gaussians,
-        bytes_per_gaussian: model_bytes as f64 / gaussians.max(1) as f64,
-        particles: particles.len() as u64,
-        width: size.width,
-        height: size.height,
-        views_from,
-    }
 }
 
 fn table(r: &EvalReport) -> String {
@@ -179,7 +156,6 @@ fn table(r: &EvalReport) -> String {
     text + "\nMeans over views; noise-free, gap, shot noise, all black and uniform (box) are\nmasked PSNR in dB."
 }
 
-/// A look's scores in a mean.
 type ScoreSelector = fn(&MeanViewScores) -> &LookScores;
 
 const LOOKS: [(&str, ScoreSelector); 3] =

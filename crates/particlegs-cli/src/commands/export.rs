@@ -2,25 +2,22 @@
 
 use crate::common::{CommandContext, Common, named};
 use crate::density_args::range_of;
-use crate::inputs::{self, path_as_text};
+use crate::inputs;
 use crate::outputs::ForceArgs;
 use crate::page_args::{AppearanceArgs, PageArgs};
 use clap::{Args, ValueHint};
 use particlegs::model::{LawKind, Model};
 use particlegs::{Error, Result, codec};
 use particlegs_export::{
-    Cells, ColorBy, Coloring, Density, Faint, Group, Kind, Notes, as_splats, write_as_splats, write_density,
-    write_gaussians,
+    Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats, write_as_splats, write_density, write_gaussians,
 };
 use particlegs_files::input::name_of;
 use particlegs_files::output::{is_stream, write_bytes};
 use particlegs_view::page::{ModelFile, offline};
-use serde::Serialize;
-use serde_json::json;
-use std::path::PathBuf;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Arguments.
 #[derive(Args)]
 #[command(
     after_help = "\
@@ -85,7 +82,6 @@ pub struct Arguments {
     common: Common,
 }
 
-/// How splats look.
 #[derive(Args)]
 #[command(next_help_heading = "Splats (.ply, .glb, .gltf)")]
 struct SplatArgs {
@@ -94,7 +90,6 @@ struct SplatArgs {
     color: ColorBy,
 }
 
-/// How fine a grid is.
 #[derive(Args)]
 #[command(next_help_heading = "Density on a grid (.npy, .vti, .fits)")]
 struct GridArgs {
@@ -106,45 +101,9 @@ struct GridArgs {
     cell: Option<f64>,
 }
 
-/// What was written.
-#[derive(Serialize)]
-struct ExportReport {
-    #[serde(serialize_with = "path_as_text")]
-    output: PathBuf,
-    kind: &'static str,
-    gaussians: usize,
-    bytes: u64,
-    seconds: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    splats: Option<SplatReport>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    grid: Option<GridReport>,
-    /// What the format does not keep.
-    lost: Vec<String>,
-}
+/// What was written: its bytes, what it is in words, and what the report says beside it.
+type ExportSummary = (u64, String, Value);
 
-#[derive(Serialize)]
-struct SplatReport {
-    radius: f64,
-    opacity: f64,
-    /// Shares that 8-bit viewers leave out.
-    fainter_than_viewers_draw: Faint,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    color_range: Option<[f64; 2]>,
-}
-
-#[derive(Serialize)]
-struct GridReport {
-    cells: [usize; 3],
-    origin: [f64; 3],
-    cell: [f64; 3],
-    periodic: [bool; 3],
-    unit: String,
-    total: f64,
-    outside: f64,
-}
-
-/// A model on its way out.
 struct Export<'a> {
     a: &'a Arguments,
     kind: Kind,
@@ -153,11 +112,10 @@ struct Export<'a> {
     context: &'a CommandContext,
 }
 
-/// Exports.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads([&a.model].into_iter().chain(a.page.files()).map(PathBuf::as_path), a.force.force)?;
-    let kind = match Kind::of(&a.output, a.kind) {
+    let kind = match Kind::for_output(&a.output, a.kind) {
         Ok(kind) => kind,
         // That it is an input or another output matters more.
         Err(error) => return context.writes(&a.output, &crate::outputs::PARTICLES).and(Err(error)),
@@ -170,28 +128,28 @@ pub fn run(a: Arguments) -> Result<()> {
     let whole = a.layers == ["all"] || kind.group() == Group::Page;
     let model = if whole { model } else { model.only(&a.layers)? };
     let notes = Notes::new(kind, &model, &name);
-    let mut report = ExportReport {
-        output: a.output.clone(),
-        kind: kind.ending(),
-        gaussians: model.gaussians(),
-        bytes: 0,
-        seconds: 0.0,
-        splats: None,
-        grid: None,
-        lost: notes.lost.clone(),
-    };
+    let (gaussians, lost) = (model.gaussians(), notes.lost.clone());
     let mut export = Export { a: &a, kind, kept, notes, context: &context };
-    match kind.group() {
-        Group::Splats => export.splats(model, &mut report)?,
-        Group::Grid => export.grid(&model, &mut report)?,
-        Group::Page => report.bytes = export.page(ModelFile { name: &name, bytes: &bytes }, &model)?,
-        Group::Gaussians => {
-            report.bytes = context
-                .write_snapshot(&a.output, kept, |out| write_gaussians(kind, &model, &export.notes, out, &context))?;
+    let (bytes, what, more) = match kind.group() {
+        Group::Splats => export.splats(model)?,
+        Group::Grid => export.grid(&model)?,
+        Group::Page => {
+            let bytes = export.page(ModelFile { name: &name, bytes: &bytes }, &model)?;
+            (bytes, format!("a page of {gaussians} Gaussians"), json!({}))
         }
-    }
-    report.seconds = start.elapsed().as_secs_f64();
-    context.finish(&report.in_words(), &report)
+        Group::Gaussians => {
+            let write = |out: &Path| write_gaussians(kind, &model, &export.notes, out, &context);
+            (context.write_snapshot(&a.output, kept, write)?, format!("{gaussians} Gaussians"), json!({}))
+        }
+    };
+    let (out, megabytes, seconds) = (a.output.display(), bytes as f64 / 1e6, start.elapsed().as_secs_f64());
+    let text = format!("{out}: {what}, {megabytes:.1} MB, in {seconds:.2} s");
+    let mut report = json!({
+        "output": a.output.to_string_lossy(), "kind": kind.ending(), "gaussians": gaussians, "bytes": bytes,
+        "seconds": seconds, "lost": lost,
+    });
+    report.as_object_mut().into_iter().for_each(|r| r.extend(more.as_object().cloned().unwrap_or_default()));
+    context.finish(&text, &report)
 }
 
 impl Export<'_> {
@@ -207,7 +165,7 @@ impl Export<'_> {
         })
     }
 
-    fn splats(&mut self, model: Model, report: &mut ExportReport) -> Result<()> {
+    fn splats(&mut self, model: Model) -> Result<ExportSummary> {
         let (a, color, context, m) = (&self.a.dials, self.a.splats.color, self.context, &model.metadata);
         if m.law == LawKind::AlphaBlend
             && model.vizmapper().is_none()
@@ -228,7 +186,7 @@ impl Export<'_> {
         coloring.describe(&model, color, colormap, notes);
         let (splats, faint) = as_splats(model, radius, opacity, context)?;
         notes.set("fainter_than_viewers_draw", json!(faint));
-        report.bytes = context.write_snapshot(&self.a.output, self.kept, |out| {
+        let bytes = context.write_snapshot(&self.a.output, self.kept, |out| {
             write_as_splats(self.kind, &splats, coloring.colors.as_deref(), &self.notes, out, context)
         })?;
         if faint.particles > 0.01 {
@@ -239,17 +197,17 @@ impl Export<'_> {
                 100.0 * faint.particles
             ));
         }
-        report.splats =
-            Some(SplatReport { radius, opacity, fainter_than_viewers_draw: faint, color_range: coloring.range });
-        Ok(())
+        let mut report = json!({ "radius": radius, "opacity": opacity, "fainter_than_viewers_draw": faint });
+        coloring.range.iter().for_each(|range| report["color_range"] = json!(range));
+        Ok((bytes, format!("{} splats", splats.gaussians()), json!({ "splats": report })))
     }
 
-    fn grid(&mut self, model: &Model, report: &mut ExportReport) -> Result<()> {
+    fn grid(&mut self, model: &Model) -> Result<ExportSummary> {
         let (a, context) = (self.a, self.context);
         if model.metadata.law == LawKind::AlphaBlend {
-            let what = "an alpha-blend model has no density: its splats hold opacities, not masses".to_string();
-            let hint = "draw particles with `recover`, or write its splats (.ply) or Gaussians (.npz)".to_string();
-            return Err(Error::Argument { what, remedy: hint.into() });
+            let what = "an alpha-blend model has no density: its splats hold opacities, not masses";
+            let hint = "draw particles with `recover`, or write its splats (.ply) or Gaussians (.npz)";
+            return Err(Error::argument_with(what, hint));
         }
         let beside = (self.kind == Kind::Npy && !is_stream(&a.output)?).then(|| a.output.with_extension("json"));
         let mut kept = self.kept;
@@ -261,22 +219,16 @@ impl Export<'_> {
             (Some(n), None) => Cells::Along(n),
             (None, None) => Cells::default(),
         };
-        let density = Density::of(model, cells, context)?;
-        let grid = &density.grid;
-        let said = GridReport {
-            cells: grid.cells,
-            origin: grid.min,
-            cell: grid.side,
-            periodic: grid.periodic,
-            unit: density.unit.clone(),
-            total: density.total,
-            outside: density.outside,
-        };
-        self.notes.set("density", json!(said));
-        self.notes
-            .say(format!("{} in all cells, {} beyond them; unit of density: {}", said.total, said.outside, said.unit));
-        let write = |out: &std::path::Path| write_density(self.kind, &density, &self.notes, out, context);
-        report.bytes = match beside {
+        let density = Density::new(model, cells, context)?;
+        let (grid, unit, total, outside) = (&density.grid, &density.unit, density.total, density.outside);
+        let report = json!({
+            "cells": grid.cells, "origin": grid.min, "cell": grid.side, "periodic": grid.periodic, "unit": unit,
+            "total": total, "outside": outside,
+        });
+        self.notes.set("density", report.clone());
+        self.notes.say(format!("{total} in all cells, {outside} beyond them; unit of density: {unit}"));
+        let write = |out: &Path| write_density(self.kind, &density, &self.notes, out, context);
+        let bytes = match beside {
             None => context.write_snapshot(&a.output, kept, write)?,
             Some(beside) => {
                 let mut all = self.notes.json();
@@ -287,24 +239,8 @@ impl Export<'_> {
                 context.write_described(&a.output, (&beside, &text), kept, write)?
             }
         };
-        report.grid = Some(said);
-        Ok(())
-    }
-}
-
-impl ExportReport {
-    /// A line of what there is.
-    fn in_words(&self) -> String {
-        let what = match (&self.grid, &self.splats) {
-            (Some(g), _) => {
-                let [x, y, z] = g.cells;
-                format!("{x} x {y} x {z} cells, {} in all, in {}", g.total as f32, g.unit)
-            }
-            (None, Some(_)) => format!("{} splats", self.gaussians),
-            (None, None) if self.kind == Kind::Html.ending() => format!("a page of {} Gaussians", self.gaussians),
-            (None, None) => format!("{} Gaussians", self.gaussians),
-        };
-        let (out, megabytes) = (self.output.display(), self.bytes as f64 / 1e6);
-        format!("{out}: {what}, {megabytes:.1} MB, in {:.2} s", self.seconds)
+        let [x, y, z] = grid.cells;
+        let what = format!("{x} x {y} x {z} cells, {} in all, in {unit}", total as f32);
+        Ok((bytes, what, json!({ "grid": report })))
     }
 }

@@ -1,6 +1,6 @@
 //! `particlegs finetune M.pgs SNAPSHOT... -o M2.pgs`.
 
-use crate::certificate_args::CertificateArgs;
+use crate::common::named;
 use crate::common::{CommandContext, Common};
 use crate::device::DeviceArgs;
 use crate::info_model;
@@ -8,26 +8,24 @@ use crate::inputs;
 use crate::outputs;
 use crate::outputs::ForceArgs;
 use crate::run_args::{self, RunArgs};
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
-use crate::source;
+use crate::snapshot_args::ParticleArgs;
+use crate::source_check;
 use crate::target_args::parse_bytes;
 use crate::target_args::{TargetArgs, with_default};
 use crate::train_args::TuneArgs;
 use clap::{Args, ValueHint};
-use particlegs::compress::{Checkpoint, CompressedModel, FineTuning, finetune};
+use particlegs::checkpoint::CheckpointStore;
+use particlegs::compress::{CompressedModel, FineTuning, finetune};
 use particlegs::context::Context;
-use particlegs::model::LawKind;
+use particlegs::model::{CertificateLevel, LawKind};
 use particlegs::particles::Storage;
-use particlegs::pieces::CheckpointStore;
 use particlegs::train::Config;
 use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
 use particlegs_files::output;
-use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
@@ -55,8 +53,9 @@ pub struct Arguments {
     output: Option<PathBuf>,
     #[command(flatten)]
     target: TargetArgs,
-    #[command(flatten)]
-    certificate: CertificateArgs,
+    /// How much of the decoded model is measured and stored in the file.
+    #[arg(long, value_name = "LEVEL", default_value = "quick", value_parser = named::<CertificateLevel>())]
+    certificate: CertificateLevel,
     /// Memory limit, such as 1GiB: the particles are kept on disk.
     #[arg(long, value_name = "SIZE")]
     memory: Option<String>,
@@ -69,19 +68,13 @@ pub struct Arguments {
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
-    opening: SnapshotArgs,
-    #[command(flatten)]
-    selection: SelectionArgs,
-    #[command(flatten)]
-    window: WindowArgs,
+    particles: ParticleArgs,
     #[command(flatten)]
     common: Common,
 }
 
-/// The law of the models that are fine-tuned.
 const LAW: Option<LawKind> = Some(LawKind::AlphaBlend);
 
-/// Fine-tunes, writes the file, reports.
 pub fn run(a: Arguments) -> Result<()> {
     if let Some(text) = a.tune.printed(Config::fine_tuning(), LAW)? {
         return crate::report::line(text.trim_end());
@@ -107,29 +100,19 @@ pub fn run(a: Arguments) -> Result<()> {
             "{place}: a model of the {} law; only alpha-blend models can be fine-tuned",
             model.metadata.law.name()
         );
-        let remedy =
-            "optical-depth blocks need no fine-tuning after a merge; `compress --train` trains on the snapshot";
-        return Err(Error::Argument { what, remedy: remedy.into() });
+        let hint = "optical-depth blocks need no fine-tuning after a merge; `compress --train` trains on the snapshot";
+        return Err(Error::argument_with(what, hint));
     }
     let storage = if a.memory.is_some() { Storage::Disk(a.folder(out)) } else { Storage::Memory };
-    let subset = SnapshotSubset { selection: &a.selection, window: &a.window, seed: a.common.seed };
-    let particles = a.opening.open_selected_in(&storage, &a.snapshot, subset, &context)?;
-    let of_several = source::is_of_several(&bytes, &model, &place)?;
-    source::check(&model, of_several, &particles, a.snapshot.first().map_or(none, |p| p), path)?;
-    let mut checkpoint = a.run.checkpoint(out, &options.id(&bytes))?;
+    let particles = a.particles.read(&a.snapshot, a.common.seed, &storage, &context)?;
+    let of_several = source_check::is_of_several(&bytes, &model, &place)?;
+    source_check::check(&model, of_several, &particles, a.snapshot.first().map_or(none, |p| p), path)?;
+    let checkpoint = a.run.checkpoint(out, &options.id(&bytes))?;
     let size = bytes.len() as u64;
     let work = |pieces: &mut dyn CheckpointStore, context: &Context<'_>| {
         finetune(&model, size, &particles, &options, pieces, context)
     };
-    let done = a.run.run(&context, checkpoint.as_mut(), work)?;
-    if !done.stopped {
-        context.check()?;
-    }
-    output::write_bytes(out, &done.bytes)?;
-    if done.stopped {
-        return Err(run_args::stopped(out, &context));
-    }
-    checkpoint.map_or(Ok(()), Checkpoint::remove)?;
+    let done = a.run.run(out, &context, checkpoint, work)?;
     report(out, &context, model.gaussians(), size, &done, start.elapsed().as_secs_f64())
 }
 
@@ -141,11 +124,10 @@ impl Arguments {
             limits: self.run.limits(start, self.folder(out))?,
             memory: self.memory.as_deref().map(parse_bytes).transpose()?,
             seed: self.common.seed,
-            certificate: self.certificate.level(),
+            certificate: self.certificate,
         })
     }
 
-    /// Where scratch files go.
     fn folder(&self, out: &Path) -> PathBuf {
         output::scratch_folder(out)
     }
@@ -167,14 +149,11 @@ fn report(
     );
     text += &run_args::trained(done);
     let certificate = done.model.certificate.as_ref();
-    let (told, verdict) = info_model::told(certificate, &done.model.metadata, &done.model.layers, out, context);
+    let (told, verdict) =
+        info_model::describe_new_model(certificate, &done.model.metadata, &done.model.layers, out, context);
     text += &told;
-    let value = json!({
-        "output": out.to_string_lossy(), "gaussians_in": gaussians_in, "gaussians": gaussians, "model_bytes_in": bytes_in,
-        "model_bytes": bytes, "raw_bytes": done.raw_bytes, "compression_ratio": ratio,
-        "step_factor": done.step_factor, "trained": done.trained, "seconds": seconds,
-        "seconds_by_phase": done.seconds.iter().copied().collect::<std::collections::BTreeMap<_, _>>(),
-        "certificate": certificate, "verdict": verdict,
-    });
-    context.finish(&text, &value)
+    let mut report = run_args::report(out, done, &verdict, seconds);
+    report["gaussians_in"] = gaussians_in.into();
+    report["model_bytes_in"] = bytes_in.into();
+    context.finish(&text, &report)
 }

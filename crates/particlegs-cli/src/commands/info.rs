@@ -8,7 +8,6 @@ use clap::Args;
 use particlegs::Result;
 use std::path::PathBuf;
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(after_help = "Examples:
@@ -29,7 +28,6 @@ pub struct Arguments {
     common: Common,
 }
 
-/// Prints what the file says.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads(a.input.iter().map(PathBuf::as_path), false)?;

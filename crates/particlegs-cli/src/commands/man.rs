@@ -7,7 +7,6 @@ use particlegs::{Error, Result};
 use particlegs_files::output::{self, Kind, Outputs};
 use std::path::{Path, PathBuf};
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
 Writes particlegs.1, and particlegs-COMMAND.1 for each command.
@@ -21,10 +20,8 @@ pub struct Arguments {
     folder: PathBuf,
 }
 
-/// A manual page as it is written here.
 const PAGE: Kind = Kind { name: "a manual page", kept: false, is: |_, head| head.windows(4).any(|w| w == b".TH ") };
 
-/// Writes every page, each whole or not at all.
 pub fn run(a: &Arguments) -> Result<()> {
     let mut outputs = Outputs::new(false, "");
     outputs.make_folder(&a.folder)?;
@@ -40,7 +37,6 @@ pub fn run(a: &Arguments) -> Result<()> {
     page(program, &path, &mut outputs)
 }
 
-/// One page, as troff.
 fn page(command: clap::Command, path: &Path, outputs: &mut Outputs) -> Result<()> {
     outputs.writes(path, &PAGE, &Context::SILENT)?;
     let mut page = Vec::new();

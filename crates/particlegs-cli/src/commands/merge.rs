@@ -1,7 +1,8 @@
 //! `particlegs merge A.pgs B.pgs ... -o M.pgs`, `particlegs merge JOB -o M.pgs`.
 
 use crate::common::{CommandContext, Common, named};
-use crate::inputs::{self, path_as_text};
+use crate::info_model;
+use crate::inputs;
 use crate::job_args::JobSnapshot;
 use crate::outputs;
 use crate::outputs::ForceArgs;
@@ -11,11 +12,10 @@ use particlegs::codec::{self, Merge};
 use particlegs::job::Job;
 use particlegs::model::{CertificateLevel, LawKind};
 use particlegs_files::input::name_of;
-use serde::Serialize;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
 Coded blocks are copied, so nothing is lost, and the order of the parts does not matter. The default
@@ -45,29 +45,15 @@ pub struct Arguments {
     common: Common,
 }
 
-#[derive(Serialize)]
-struct MergeReport {
-    #[serde(serialize_with = "path_as_text")]
-    output: PathBuf,
-    parts: usize,
-    layers: usize,
-    blocks: usize,
-    gaussians: u64,
-    particles: u64,
-    model_bytes: usize,
-    seconds: f64,
-}
-
-/// Merges.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let start = Instant::now();
     let (bytes, parts, kept) = match &a.parts[..] {
-        [folder] if Job::is_job(folder) => of_job(&a, folder, &context)?,
+        [folder] if Job::is_job(folder) => merge_job(&a, folder, &context)?,
         parts => {
             context.reads(parts.iter().map(PathBuf::as_path), a.force.force)?;
             let kept = context.writes(&a.output, &outputs::MODEL)?;
-            (of_files(parts, &context)?, parts.len(), kept)
+            (merge_files(parts, &context)?, parts.len(), kept)
         }
     };
     context.check()?;
@@ -81,39 +67,34 @@ pub fn run(a: Arguments) -> Result<()> {
         };
         context.message(&format!("note: {network}, as published; it was trained on that part alone"));
     }
-    let blocks = || info.layers.iter().flat_map(|l| &l.content);
-    let report = MergeReport {
-        parts,
-        layers: info.layers.len(),
-        blocks: blocks().count(),
-        gaussians: blocks().map(|b| u64::from(b.gaussians)).sum(),
-        particles: info.metadata.count,
-        model_bytes: bytes.len(),
-        output: a.output,
-        seconds,
-    };
+    let blocks: Vec<_> = info.layers.iter().flat_map(|l| &l.content).collect();
+    let gaussians: u64 = blocks.iter().map(|b| u64::from(b.gaussians)).sum();
+    let (layers, blocks, particles) = (info.layers.len(), blocks.len(), info.metadata.count);
     let mut text = format!(
-        "{}: {} parts, {} blocks in {} layers, {} Gaussians for {} particles, {} bytes, in {:.2} s",
-        report.output.display(),
-        report.parts,
-        report.blocks,
-        report.layers,
-        report.gaussians,
-        report.particles,
-        report.model_bytes,
-        report.seconds
+        "{}: {parts} parts, {blocks} blocks in {layers} layers, {gaussians} Gaussians for {particles} particles, {} bytes, \
+         in {seconds:.2} s",
+        a.output.display(),
+        bytes.len()
     );
     // A job's file is measured; one of files has no certificate, and nothing is said of it.
     if info.certificate.is_some() {
-        text +=
-            &crate::info_model::told(info.certificate.as_ref(), &info.metadata, &info.layers, &report.output, &context)
-                .0;
+        text += &info_model::describe_new_model(
+            info.certificate.as_ref(),
+            &info.metadata,
+            &info.layers,
+            &a.output,
+            &context,
+        )
+        .0;
     }
+    let report = json!({
+        "output": a.output.to_string_lossy(), "parts": parts, "layers": layers, "blocks": blocks, "gaussians": gaussians,
+        "particles": particles, "model_bytes": bytes.len(), "seconds": seconds,
+    });
     context.finish(&text, &report)
 }
 
-/// The file of model files.
-fn of_files(parts: &[PathBuf], context: &CommandContext) -> Result<Vec<u8>> {
+fn merge_files(parts: &[PathBuf], context: &CommandContext) -> Result<Vec<u8>> {
     let mut merge = Merge::default();
     context.begin("merging", parts.len() as u64);
     for part in parts {
@@ -126,13 +107,13 @@ fn of_files(parts: &[PathBuf], context: &CommandContext) -> Result<Vec<u8>> {
 }
 
 /// The file of a job, the number of its blocks, and whether a model is there that is kept.
-fn of_job(a: &Arguments, folder: &Path, context: &CommandContext) -> Result<(Vec<u8>, usize, bool)> {
+fn merge_job(a: &Arguments, folder: &Path, context: &CommandContext) -> Result<(Vec<u8>, usize, bool)> {
     let job = Job::open(folder)?;
-    let snapshot = JobSnapshot::of(&job)?;
+    let snapshot = JobSnapshot::from_job(&job)?;
     context.reads_job(folder, snapshot.paths(), a.force.force)?;
     let kept = context.writes(&a.output, &outputs::MODEL)?;
     // The same job gives the same bytes; another one's work is not begun.
-    if kept && !crate::info_model::is_of_recipe(&a.output, &job.metadata().recipe, context)? {
+    if kept && !info_model::is_of_recipe(&a.output, &job.metadata().recipe, context)? {
         return Err(context.refused(&a.output));
     }
     let level = a.certificate.unwrap_or(job.certificate());

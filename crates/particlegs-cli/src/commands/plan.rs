@@ -5,7 +5,7 @@ use crate::emit::{self, JobEngine};
 use crate::fit_args::{FitArgs, number_of_blocks};
 use crate::job_args::JobSnapshot;
 use crate::outputs::ForceArgs;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
+use crate::snapshot_args::ParticleArgs;
 use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
 use particlegs::job::{Job, Task};
@@ -14,7 +14,6 @@ use particlegs::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
@@ -58,22 +57,16 @@ pub struct Arguments {
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
-    snapshot: SnapshotArgs,
-    #[command(flatten)]
-    selection: SelectionArgs,
-    #[command(flatten)]
-    window: WindowArgs,
+    particles: ParticleArgs,
     #[command(flatten)]
     common: Common,
 }
 
-/// Plans.
 pub fn run(a: Arguments) -> Result<()> {
     if let Some(text) = a.fit.train.printed()? {
         return crate::report::line(text.trim_end());
     }
-    let subset = SnapshotSubset { selection: &a.selection, window: &a.window, seed: a.common.seed };
-    let mut options = a.fit.options(&a.snapshot, subset)?;
+    let mut options = a.fit.options(&a.particles, a.common.seed)?;
     options.memory = a.memory.as_deref().map(parse_bytes).transpose()?;
     options.blocks = match a.blocks.as_str() {
         "auto" => None,
@@ -89,9 +82,9 @@ pub fn run(a: Arguments) -> Result<()> {
         emit::quoted(engine, &folder)?;
     }
     let context = a.common.clone().start()?;
-    let snapshot = JobSnapshot::new(&a.input, &a.snapshot, subset)?;
+    let snapshot = JobSnapshot::new(&a.input, &a.particles, a.common.seed)?;
     let named = serde_json::to_value(&snapshot).map_err(|e| Error::argument(format!("the snapshot's name: {e}")))?;
-    context.reads(a.input.iter().map(PathBuf::as_path).chain(a.fit.train.config_file()), a.force.force)?;
+    context.reads(a.input.iter().map(PathBuf::as_path).chain(a.fit.train.tune.config_file()), a.force.force)?;
     if a.emit.is_some() && context.outputs().on_standard_output() {
         return Err(Error::argument("--emit prints its script on standard output: name a file for --json"));
     }

@@ -1,19 +1,18 @@
 //! `particlegs recover M.pgs -o DIR`.
 
-use crate::common::{Common, named};
-use crate::inputs::{self, path_as_text};
+use crate::common::{Common, named, one_of};
+use crate::inputs;
 use crate::outputs::ForceArgs;
-use clap::{Args, ValueEnum, ValueHint};
+use clap::{Args, ValueHint};
 use particlegs::Result;
 use particlegs::codec;
 use particlegs::particles::RawForm;
 use particlegs::recover::{Method, Options, recover};
 use particlegs_files::input::name_of;
-use serde::Serialize;
+use serde_json::json;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
 The particles are SYNTHETIC: drawn from the model, not simulated. meta.json beside them says so, and
@@ -43,36 +42,19 @@ pub struct Arguments {
     #[arg(long, alias = "layers", value_name = "NAME,...", value_delimiter = ',')]
     layer: Vec<String>,
     /// Form of the particles.
-    #[arg(long, value_enum, value_name = "FORM", default_value_t = RawFormArg::Raw)]
-    form: RawFormArg,
+    #[arg(long, value_name = "FORM", default_value = "raw", value_parser = one_of(FORMS))]
+    form: RawForm,
     #[command(flatten)]
     force: ForceArgs,
     #[command(flatten)]
     common: Common,
 }
 
-/// Forms on the command line.
-#[derive(Clone, Copy, ValueEnum)]
-enum RawFormArg {
-    /// Float32 columns xx.f32, yy.f32, zz.f32 (and ww.f32 with weights).
-    Raw,
-    /// positions.npy, shape (N, 3), float32.
-    Npy,
-}
+const FORMS: [(RawForm, &str, &str); 2] = [
+    (RawForm::Columns, "raw", "Float32 columns xx.f32, yy.f32, zz.f32 (and ww.f32 with weights)"),
+    (RawForm::NpyFolder, "npy", "positions.npy, shape (N, 3), float32"),
+];
 
-#[derive(Serialize)]
-struct RecoverReport {
-    #[serde(serialize_with = "path_as_text")]
-    output: PathBuf,
-    synthetic: bool,
-    method: &'static str,
-    particles: u64,
-    bytes: u64,
-    seconds: f64,
-    particles_per_second: f64,
-}
-
-/// Draws.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads([a.model.as_path()], a.force.force)?;
@@ -93,10 +75,7 @@ pub fn run(a: Arguments) -> Result<()> {
         method: a.method,
         scale: a.scale,
         seed: a.common.seed,
-        form: match a.form {
-            RawFormArg::Raw => RawForm::Columns,
-            RawFormArg::Npy => RawForm::NpyFolder,
-        },
+        form: a.form,
         model_name: a.model.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
     };
     let hash = codec::file_hash(&bytes);
@@ -106,26 +85,19 @@ pub fn run(a: Arguments) -> Result<()> {
             return Err(context.refused(&a.output));
         }
         let text = format!("{}: is there already, drawn from this model by the same options", a.output.display());
-        return context
-            .finish(&text, &serde_json::json!({ "output": a.output.to_string_lossy(), "there_already": true }));
+        return context.finish(&text, &json!({ "output": a.output.to_string_lossy(), "there_already": true }));
     }
     let particles = options.total(&model);
     let bytes = recover(model, hash, &options, &a.output, &context)?;
     let seconds = start.elapsed().as_secs_f64();
-    let report = RecoverReport {
-        synthetic: true,
-        method: options.method.name(),
-        particles,
-        bytes,
-        particles_per_second: particles as f64 / seconds,
-        seconds,
-        output: a.output,
-    };
     let text = format!(
-        "{}: {} synthetic particles, {:.1} MB, in {seconds:.2} s",
-        report.output.display(),
-        report.particles,
-        report.bytes as f64 / 1e6
+        "{}: {particles} synthetic particles, {:.1} MB, in {seconds:.2} s",
+        a.output.display(),
+        bytes as f64 / 1e6
     );
+    let report = json!({
+        "output": a.output.to_string_lossy(), "synthetic": true, "method": options.method.name(), "particles": particles,
+        "bytes": bytes, "seconds": seconds, "particles_per_second": particles as f64 / seconds,
+    });
     context.finish(&text, &report)
 }

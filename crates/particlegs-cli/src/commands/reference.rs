@@ -1,33 +1,32 @@
 //! `particlegs reference IN... --style S --out DIR`.
 
-use crate::annotate::text::number;
-use crate::common::{CommandContext, Common};
+use crate::common::{CommandContext, Common, NamedChoice, OrNone, one_of};
 use crate::density_args::{DensityArgs, Quantities};
-use crate::device::{self, DeviceArgs, ParticlePictures};
+use crate::device::DeviceArgs;
 use crate::drawing::finish::Finisher;
 use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
 use crate::drawing::run::{self, DrawingJob, PictureTarget};
 use crate::drawing::{ViewContent, ViewRenderer};
-use crate::drawn::RenderedView;
 use crate::figure::args::FigureArgs;
+use crate::figure::number;
 use crate::figure::output::FileKind;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
+use crate::rendered_view::RenderedView;
+use crate::sequence_args::SequenceArgs;
+use crate::snapshot_args::{ParticleArgs, SelectionArgs, SnapshotArgs};
 use crate::view_args::{ViewArgs, ViewSubject};
-use crate::views::sequence_args::SequenceArgs;
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::camera::{Extent, View, ViewSet};
-use particlegs::context::Context;
 use particlegs::model::hex;
-use particlegs::picture::Size;
+use particlegs::particles::Storage;
 use particlegs::reference::Reference;
+use particlegs::render::Renderer;
 use particlegs::splat::{DEFAULT_OPACITY, ToneStyle};
 use particlegs::{Error, Result};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
@@ -59,7 +58,7 @@ pub struct Arguments {
     )]
     out: Option<PathBuf>,
     /// What to draw.
-    #[arg(long, value_enum, value_name = "STYLE", default_value_t = ParticleStyle::Paraview)]
+    #[arg(long, value_name = "STYLE", default_value = "paraview", value_parser = one_of(STYLES))]
     style: ParticleStyle,
     #[command(flatten)]
     device: DeviceArgs,
@@ -91,36 +90,21 @@ pub struct Arguments {
     common: Common,
 }
 
-/// The styles that all particles can be drawn in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum ParticleStyle {
-    /// As ParaView 6 draws by default, with shot noise: dual depth peeling, 8-bit blending, FXAA.
-    Paraview,
-    /// The same without antialiasing (FXAA).
-    ParaviewNoFxaa,
-    /// 255 (1 - exp(-tau)) for the optical depth tau: noise-free.
-    Expected,
-    /// Noise-free mean of paraview-no-fxaa.
-    Response,
-    /// Noise-free mean of paraview.
-    ResponseFxaa,
-    /// Surface density in logarithmic colours, with a colour bar and a scale bar.
-    Density,
-}
+/// How particles are drawn: as which tone style, and whether with its noise; `None` = surface density.
+type ParticleStyle = OrNone<(ToneStyle, bool)>;
 
-impl ParticleStyle {
-    /// Its look, and whether it is drawn as that look is, with its noise; none of a density.
-    fn picture(self) -> Option<(ToneStyle, bool)> {
-        match self {
-            ParticleStyle::Paraview => Some((ToneStyle::Paraview, true)),
-            ParticleStyle::ParaviewNoFxaa => Some((ToneStyle::ParaviewNoFxaa, true)),
-            ParticleStyle::Expected => Some((ToneStyle::Expected, true)),
-            ParticleStyle::Response => Some((ToneStyle::ParaviewNoFxaa, false)),
-            ParticleStyle::ResponseFxaa => Some((ToneStyle::Paraview, false)),
-            ParticleStyle::Density => None,
-        }
-    }
-}
+const STYLES: [NamedChoice<ParticleStyle>; 6] = [
+    (
+        Some((ToneStyle::Paraview, true)),
+        "paraview",
+        "As ParaView 6 draws by default, with shot noise: dual depth peeling, 8-bit blending, FXAA",
+    ),
+    (Some((ToneStyle::ParaviewNoFxaa, true)), "paraview-no-fxaa", "The same without antialiasing (FXAA)"),
+    (Some((ToneStyle::Expected, true)), "expected", "255 (1 - exp(-tau)) for the optical depth tau: noise-free"),
+    (Some((ToneStyle::ParaviewNoFxaa, false)), "response", "Noise-free mean of paraview-no-fxaa"),
+    (Some((ToneStyle::Paraview, false)), "response-fxaa", "Noise-free mean of paraview"),
+    (None, "density", "Surface density in logarithmic colours, with a colour bar and a scale bar"),
+];
 
 #[derive(Serialize)]
 struct ParticleView {
@@ -149,23 +133,22 @@ struct ReferenceReport {
     views: Vec<ParticleView>,
 }
 
-/// Draws every view.
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let files = [&a.view.views, &a.sequence.path].into_iter().flatten();
     context.reads(a.input.iter().chain(files).map(PathBuf::as_path), false)?;
     let range = a.density.asked_range()?;
-    let subset = SnapshotSubset { selection: &a.selection, window: &WindowArgs::default(), seed: a.common.seed };
-    let particles = a.snapshot.open_selected(&a.input, subset, &context)?;
+    let particles = ParticleArgs::without_window(&a.snapshot, &a.selection);
+    let particles = particles.read(&a.input, a.common.seed, &Storage::Memory, &context)?;
     let mut reference = Reference::new(&particles);
     let bounds = *reference.bounds();
     let count = particles.len() as u64;
-    let (density, cell) = (a.style == ParticleStyle::Density, particles.meta.cell);
+    let (density, cell) = (a.style.is_none(), particles.meta.cell);
     let radius = bounds.default_radius(count);
     let extent = Extent::new(&bounds, cell.as_ref());
     let subject = ViewSubject { bounds, cell, extent, radius, opacity: DEFAULT_OPACITY, density };
-    let quantities = Quantities::of_particles(&particles, a.smooth);
-    let set = run::views(&a.view, &a.sequence, &subject, &context)?;
+    let quantities = Quantities::from_particles(&particles, a.smooth);
+    let set = run::views(None, &a.view, &a.sequence, &subject, &context)?;
     let kind = a.out.as_deref().and_then(FileKind::of).unwrap_or(FileKind::Png);
     let resolved = a.figure.resolved(set.size, kind, 1).filter(|_| a.view.size.is_none());
     let set = ViewSet { size: resolved.unwrap_or(set.size), ..set };
@@ -174,7 +157,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         context.message(&note);
     }
     a.figure.note_missing(&[], &context);
-    let style = a.style.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default();
+    let style = STYLES.iter().find(|s| s.0 == a.style).map(|s| s.1.to_string()).unwrap_or_default();
     let (mut smooth_seconds, mut text) = (None, String::new());
     if let Some(neighbours) = a.smooth {
         let started = Instant::now();
@@ -190,31 +173,27 @@ pub fn run(a: &Arguments) -> Result<()> {
         particlegs: env!("CARGO_PKG_VERSION").into(),
         of: vec![SourceFile { name: name.unwrap_or_default(), blake3: hex(&particles.source_hash()) }],
         style: style.clone(),
-        layers: Vec::new(),
-        color_by_layer: false,
         colormap: density.then(|| colormap.name().into()),
-        range: None,
         unit: density.then(|| quantities.unit()),
         units: Some(PictureUnits::of(particles.meta.unit_system())),
         background: ground,
-        views: serde_json::Value::Null,
+        ..PictureProvenance::default()
     };
     let (args, quantities) = (&a.figure, &quantities);
     let finish = Finisher { args, colormap, quantities, subject: &subject, legend: Vec::new(), about };
     let target = PictureTarget { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
-    let card = a.device.open()?;
-    if card.is_some() && density {
-        let what = "densities are drawn on the processor alone".into();
-        return Err(Error::Argument { what, remedy: "leave --device away".into() });
+    let device = a.device.open()?;
+    if device.is_some() && density {
+        let what = "densities are drawn on the processor alone";
+        return Err(Error::argument_with(what, "leave --device away"));
     }
-    let on_card = card.map(|d| device::on_card(&d, &particles, bounds, &context)).transpose()?;
-    let painter = ParticleDrawing { reference, style: a.style, on_card, subject: &subject, context: &context };
+    let on_device = device.map(|d| d.particles(reference.input(), &context)).transpose()?;
+    let painter = renderer(&reference, on_device, a.style, &subject, &context);
     let job = DrawingJob { painter: &painter, finish: &finish, set: &set, range, hints: false, context: &context };
     let drawn = job.draw(&target)?;
     text += &if density || !drawn.lines.is_empty() { drawn.text() } else { rows(&set, &drawn.views, count) };
     let radii = set.views.iter().map(|v| (!density).then(|| v.radius_pixels(set.size)));
-    let rate = |d: &RenderedView| count as f64 / d.seconds().max(1e-9);
-    let fov_deg = drawn.views.iter().find_map(RenderedView::fov_deg);
+    let rate = |d: &RenderedView| count as f64 / d.seconds.max(1e-9);
     let of = |(drawn, radius_px)| ParticleView { particles_per_second: rate(&drawn), drawn, radius_px };
     let report = ReferenceReport {
         style,
@@ -223,51 +202,43 @@ pub fn run(a: &Arguments) -> Result<()> {
         smooth_seconds,
         width: set.size.width,
         height: set.size.height,
-        fov_deg,
+        fov_deg: set.fov_deg(),
         range: drawn.range,
         views: drawn.views.into_iter().zip(radii).map(of).collect(),
     };
     context.finish(&text, &report)
 }
 
-/// What is printed of pictures of particles.
 fn rows(set: &ViewSet, drawn: &[RenderedView], count: u64) -> String {
     let mut text = format!("{:<16} {:>8} {:>9} {:>14}", "view", "r px", "seconds", "particles/s");
     for (view, drawn) in set.views.iter().zip(drawn) {
-        let (radius_px, seconds) = (view.radius_pixels(set.size), drawn.seconds());
+        let (radius_px, seconds) = (view.radius_pixels(set.size), drawn.seconds);
         let rate = number(count as f64 / seconds.max(1e-9));
         text += &format!("\n{:<16} {radius_px:>8.3} {seconds:>9.3} {rate:>14}", view.name);
     }
     text
 }
 
-/// A snapshot, ready to be drawn.
-struct ParticleDrawing<'a> {
-    reference: Reference<'a>,
+/// Draws a snapshot, where there is one on its device.
+fn renderer<'a>(
+    reference: &'a Reference<'a>,
+    on_device: Option<Box<dyn Renderer + 'a>>,
     style: ParticleStyle,
-    on_card: Option<ParticlePictures<'a>>,
     subject: &'a ViewSubject,
     context: &'a CommandContext,
-}
-
-impl ViewRenderer for ParticleDrawing<'_> {
-    fn draw(&self, view: &View, size: Size) -> Result<ViewContent> {
-        let (all, context) = (&self.reference, self.context as &Context<'_>);
-        let levels = match (self.style.picture(), &self.on_card) {
-            (Some((look, true)), None) => all.draw(view, size, look, context),
-            (Some((look, true)), Some(card)) => card.draw(view, size, look, context),
-            (Some((look, false)), None) => all.response(view, size, look, context),
-            (Some((look, false)), Some(card)) => card.response(view, size, look, context),
-            (None, _) => {
-                let view = self.subject.density_view(view, size);
-                return Ok(ViewContent::Density(all.surface_density(&view, size, context)?));
+) -> ViewRenderer<'a> {
+    let draw = move |view: &View, size| {
+        let renderer = on_device.as_deref().unwrap_or(reference);
+        let levels = match style {
+            Some((look, true)) => renderer.draw(view, size, look, context),
+            Some((look, false)) => renderer.response(view, size, look, context),
+            None => {
+                let view = subject.density_view(view, size);
+                return Ok(ViewContent::Density(reference.surface_density(&view, size, context)?));
             }
         };
         levels.map(ViewContent::Levels)
-    }
-
-    /// Each picture takes all threads, and memory of the snapshot's order.
-    fn side_by_side(&self) -> bool {
-        false
-    }
+    };
+    // Each picture takes all threads, and memory of the snapshot's order.
+    ViewRenderer { draw: Box::new(draw), side_by_side: false }
 }

@@ -1,32 +1,32 @@
 //! `particlegs render MODEL... --style S -o OUT`.
 
-use crate::common::{CommandContext, Common};
+use crate::common::{CommandContext, Common, NamedChoice, OrNone, one_of};
 use crate::density_args::{DensityArgs, Quantities};
-use crate::device::{Device, DeviceArgs, Pictures};
+use crate::device::DeviceArgs;
 use crate::drawing::finish::Finisher;
 use crate::drawing::panels::Panels;
 use crate::drawing::provenance::{PictureProvenance, PictureUnits, SourceFile};
 use crate::drawing::run::{self, DrawingJob, PictureTarget};
 use crate::drawing::{ViewContent, ViewRenderer, layers};
-use crate::drawn::RenderedView;
 use crate::figure::args::{Background, FigureArgs};
 use crate::figure::output::FileKind;
 use crate::inputs;
 use crate::picture_out::PictureOut;
+use crate::rendered_view::RenderedView;
+use crate::sequence_args::SequenceArgs;
 use crate::view_args::{ViewArgs, ViewSubject};
-use crate::views::sequence_args::SequenceArgs;
 use clap::{Args, ValueEnum, ValueHint};
 use particlegs::camera::{View, ViewSet};
 use particlegs::model::{LawKind, Model, species_title};
 use particlegs::picture::{Colormap, Gray8, Pixels, Rgb8, Size};
 use particlegs::render::{Scene, Scratch, draw_into, surface_density};
 use particlegs::splat::ToneStyle;
+use particlegs::train::Accelerator;
 use particlegs::{Error, Result, codec, parallel};
 use particlegs_files::input::name_of;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Arguments.
 #[derive(Args)]
 #[command(
     after_help = "\
@@ -67,8 +67,8 @@ pub struct Arguments {
     )]
     out: Option<PathBuf>,
     /// What to draw [default: paraview].
-    #[arg(long, value_enum, value_name = "STYLE")]
-    style: Option<ModelStyle>,
+    #[arg(long, value_name = "STYLE", value_parser = one_of(STYLES))]
+    style: Option<OrNone<ToneStyle>>,
     /// Layers to draw: species such as gas or dm, names that `info` lists, or `all`.
     #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',')]
     layers: Option<Vec<String>>,
@@ -109,19 +109,13 @@ pub struct Arguments {
     common: Common,
 }
 
-/// The styles that a model can be drawn in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-enum ModelStyle {
-    /// As ParaView draws the particles, without their shot noise.
-    #[default]
-    Paraview,
-    /// The same without antialiasing (FXAA).
-    ParaviewNoFxaa,
-    /// 255 (1 - exp(-tau)) for the optical depth tau.
-    Expected,
-    /// Surface density in logarithmic colours, with a colour bar and a scale bar.
-    Density,
-}
+/// The styles that a model can be drawn in; `None` = its surface density.
+const STYLES: [NamedChoice<OrNone<ToneStyle>>; 4] = [
+    (Some(ToneStyle::Paraview), "paraview", "As ParaView draws the particles, without their shot noise"),
+    (Some(ToneStyle::ParaviewNoFxaa), "paraview-no-fxaa", "The same without antialiasing (FXAA)"),
+    (Some(ToneStyle::Expected), "expected", "255 (1 - exp(-tau)) for the optical depth tau"),
+    (None, "density", "Surface density in logarithmic colours, with a colour bar and a scale bar"),
+];
 
 #[derive(Serialize)]
 struct RenderReport {
@@ -136,30 +130,12 @@ struct RenderReport {
     views: Vec<RenderedView>,
 }
 
-impl ModelStyle {
-    fn name(self) -> String {
-        self.to_possible_value().map(|v| v.get_name().to_string()).unwrap_or_default()
-    }
-
-    /// The look of a picture; none of a density.
-    fn look(self) -> Option<ToneStyle> {
-        match self {
-            ModelStyle::Paraview => Some(ToneStyle::Paraview),
-            ModelStyle::ParaviewNoFxaa => Some(ToneStyle::ParaviewNoFxaa),
-            ModelStyle::Expected => Some(ToneStyle::Expected),
-            ModelStyle::Density => None,
-        }
-    }
-}
-
-/// A model that was read, and what names it.
 struct SourceModel {
     model: Model,
     source: SourceFile,
 }
 
 impl SourceModel {
-    /// Converts it to the units of another.
     fn convert(self, to: &Model, context: &CommandContext) -> Result<SourceModel> {
         let model = self.model.in_units(&to.metadata.unit_system(), &self.source.name, context)?;
         Ok(SourceModel { model, ..self })
@@ -168,7 +144,8 @@ impl SourceModel {
 
 /// What the options say, with what a picture says that is to be drawn alike.
 struct RenderOptions {
-    style: ModelStyle,
+    /// `None` = surface density.
+    style: OrNone<ToneStyle>,
     layers: Vec<String>,
     color_by_layer: bool,
     colormap: Colormap,
@@ -179,9 +156,9 @@ struct RenderOptions {
 }
 
 impl RenderOptions {
-    fn of(a: &Arguments, context: &CommandContext) -> Result<RenderOptions> {
+    fn new(a: &Arguments, context: &CommandContext) -> Result<RenderOptions> {
         let mut asked = RenderOptions {
-            style: a.style.unwrap_or_default(),
+            style: a.style.unwrap_or(Some(ToneStyle::Paraview)),
             layers: a.layers.clone().unwrap_or_else(|| vec!["all".into()]),
             color_by_layer: a.color_by_layer,
             colormap: a.density.colormap.unwrap_or_default(),
@@ -196,16 +173,17 @@ impl RenderOptions {
             let hint = "choose one with --style";
             let no_style =
                 || Error::input_with(path, format!("no model can be drawn in its style `{}`", told.style), hint);
-            asked.style = ModelStyle::from_str(&told.style, false).map_err(|_| no_style())?;
+            let style = STYLES.iter().find(|(_, name, _)| *name == told.style);
+            asked.style = style.ok_or_else(no_style)?.0;
         }
         if a.layers.is_none() && !told.layers.is_empty() {
             asked.layers = told.layers;
         }
-        asked.color_by_layer |= told.color_by_layer && asked.style != ModelStyle::Density;
+        asked.color_by_layer |= told.color_by_layer && asked.style.is_some();
         if let (None, Some(name)) = (a.density.colormap, &told.colormap) {
             asked.colormap = name.parse().map_err(|_| unknown("colour map", name))?;
         }
-        if asked.style == ModelStyle::Density {
+        if asked.style.is_none() {
             asked.range = asked.range.or(told.range.filter(|r| r[0] > 0.0 && r[1] > r[0]));
         }
         if let (None, Some(name)) = (asked.figure.background, &told.background) {
@@ -229,16 +207,15 @@ impl RenderOptions {
     }
 }
 
-/// Draws every view.
 pub fn run(a: &Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let files = [&a.view.views, &a.sequence.path, &a.like].into_iter().flatten();
     context.reads(a.models.iter().chain(files).map(PathBuf::as_path), false)?;
-    let mut asked = RenderOptions::of(a, &context)?;
+    let mut asked = RenderOptions::new(a, &context)?;
     let read = a.models.iter().map(|path| read(path, &asked, &context)).collect::<Result<Vec<_>>>()?;
     if read.len() > 1 && !a.panels {
         let what = format!("{} models are given, and one is drawn", read.len());
-        return Err(Error::Argument { what, remedy: "draw them into one figure with --panels".into() });
+        return Err(Error::argument_with(what, "draw them into one figure with --panels"));
     }
     let mut read = read.into_iter();
     let Some(first) = read.next() else { return Err(Error::argument("no model is given")) };
@@ -247,23 +224,16 @@ pub fn run(a: &Arguments) -> Result<()> {
     let model = &read[0].model;
     asked.convert(a, model, &context)?;
     let m = &model.metadata;
-    let density = asked.style == ModelStyle::Density;
+    let density = asked.style.is_none();
     let subject = ViewSubject::of_model(model, density);
-    let quantities = Quantities::of_model(model);
+    let quantities = Quantities::from_model(model);
     let device = a.device.open()?;
-    let draws = |r| ModelDrawing::new(r, &asked, &subject, device.as_ref(), &context);
+    let draws = |r| renderer(r, &asked, &subject, device.as_deref(), &context);
     let painters = read.iter().map(draws).collect::<Result<Vec<_>>>()?;
-    let set = match asked.like.clone() {
-        Some((mut set, _)) => {
-            a.view.apply(&mut set)?;
-            let set = a.sequence.frames(set)?;
-            a.view.save(&set, &context)?;
-            set
-        }
-        None => run::views(&a.view, &a.sequence, &subject, &context)?,
-    };
+    let like = asked.like.as_ref().map(|(set, _)| set.clone());
+    let set = run::views(like, &a.view, &a.sequence, &subject, &context)?;
     let panels = a.panels.then(|| Panels {
-        painters: read.iter().zip(&painters).map(|(r, p)| (stem(&r.source.name), p as &dyn ViewRenderer)).collect(),
+        painters: read.iter().zip(&painters).map(|(r, p)| (stem(&r.source.name), p)).collect(),
         captions: a.captions.clone(),
         columns: a.columns,
     });
@@ -292,7 +262,7 @@ pub fn run(a: &Arguments) -> Result<()> {
             out.pictures(["panels"].into_iter(), &context)?;
             let (path, range) = panels.draw(&finish, &set, asked.range, &out, &context)?;
             let seconds = started.elapsed().as_secs_f64() / set.views.len() as f64;
-            let of = |v: &View| RenderedView::of_view(v, &subject, seconds, Some(path.clone()));
+            let of = |v: &View| RenderedView::new(v, &subject, seconds, Some(path.clone()));
             let text = format!("{}: {} panels", path.display(), panels.painters.len() * set.views.len());
             (set.views.iter().map(of).collect(), text, range)
         }
@@ -307,11 +277,11 @@ pub fn run(a: &Arguments) -> Result<()> {
         }
     };
     let report = RenderReport {
-        style: asked.style.name(),
+        style: asked.style.map_or("density", ToneStyle::name).into(),
         gaussians: read.iter().map(|r| r.model.gaussians()).sum(),
         width: set.size.width,
         height: set.size.height,
-        fov_deg: drawn.iter().find_map(RenderedView::fov_deg),
+        fov_deg: set.fov_deg(),
         range,
         views: drawn,
     };
@@ -328,7 +298,6 @@ fn read(path: &Path, asked: &RenderOptions, context: &CommandContext) -> Result<
     Ok(SourceModel { model, source: SourceFile { name: file, blake3: hash } })
 }
 
-/// A file's name without its ending.
 fn stem(name: &str) -> String {
     Path::new(name).file_stem().map_or(name.to_string(), |s| s.to_string_lossy().into_owned())
 }
@@ -342,82 +311,62 @@ fn legend(asked: &RenderOptions, model: &Model) -> Vec<(String, [u8; 3])> {
 
 /// What files say of themselves; views and range are each picture's.
 fn about(asked: &RenderOptions, read: &[SourceModel], quantities: &Quantities) -> PictureProvenance {
-    let density = asked.style == ModelStyle::Density;
+    let density = asked.style.is_none();
     let ground = asked.figure.background.and_then(|b| Some(b.to_possible_value()?.get_name().to_string()));
     PictureProvenance {
         particlegs: env!("CARGO_PKG_VERSION").into(),
         of: read.iter().map(|r| r.source.clone()).collect(),
-        style: asked.style.name(),
+        style: asked.style.map_or("density", ToneStyle::name).into(),
         layers: if asked.layers == ["all"] { Vec::new() } else { asked.layers.clone() },
         color_by_layer: asked.color_by_layer,
         colormap: density.then(|| asked.colormap.name().into()),
-        range: None,
         unit: density.then(|| quantities.unit()),
         units: read.first().map(|r| PictureUnits::of(r.model.metadata.unit_system())),
         background: ground,
-        views: serde_json::Value::Null,
+        ..PictureProvenance::default()
     }
 }
 
-/// A model, ready to be drawn.
-struct ModelDrawing<'a> {
-    scene: Scene<'a>,
-    /// Each layer alone, where colours tell them apart.
-    layers: Vec<Model>,
-    look: Option<ToneStyle>,
-    /// Drawn on a graphics card.
-    pictures: Option<Pictures>,
+/// Draws a model.
+fn renderer<'a>(
+    read: &'a SourceModel,
+    asked: &RenderOptions,
     subject: &'a ViewSubject,
-    scratch: parallel::Scratch<Scratch>,
+    device: Option<&dyn Accelerator>,
     context: &'a CommandContext,
-}
-
-impl<'a> ModelDrawing<'a> {
-    fn new(
-        read: &'a SourceModel,
-        asked: &RenderOptions,
-        subject: &'a ViewSubject,
-        device: Option<&Device>,
-        context: &'a CommandContext,
-    ) -> Result<Self> {
-        let look = asked.style.look();
-        if look.is_none() && read.model.metadata.law == LawKind::AlphaBlend {
-            let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
-            let hint = "draw particles with `recover`, then their density with `reference --style density`".to_string();
-            return Err(Error::Argument { what, remedy: hint.into() });
-        }
-        let layers = if asked.color_by_layer { layers::apart(&read.model)? } else { Vec::new() };
-        let scene = Scene::of(&read.model);
-        if device.is_some() && (look.is_none() || !layers.is_empty()) {
-            let what = "densities and coloured layers are drawn on the processor alone".into();
-            return Err(Error::Argument { what, remedy: "leave --device away".into() });
-        }
-        let pictures = device.map(|d| Pictures::new(d, &scene)).transpose()?;
-        Ok(ModelDrawing { scene, layers, look, pictures, subject, scratch: parallel::Scratch::default(), context })
+) -> Result<ViewRenderer<'a>> {
+    let look = asked.style;
+    if look.is_none() && read.model.metadata.law == LawKind::AlphaBlend {
+        let what = "an alpha-blend model has no surface density: its splats hold opacities, not masses".to_string();
+        let hint = "draw particles with `recover`, then their density with `reference --style density`".to_string();
+        return Err(Error::argument_with(what, hint));
     }
-}
-
-impl ViewRenderer for ModelDrawing<'_> {
-    fn draw(&self, view: &View, size: Size) -> Result<ViewContent> {
-        let Some(look) = self.look else {
-            let view = self.subject.density_view(view, size);
-            return Ok(ViewContent::Density(surface_density(&self.scene, &view, size, self.context)?));
+    // Each layer alone, where colours tell them apart.
+    let layers = if asked.color_by_layer { layers::apart(&read.model)? } else { Vec::new() };
+    let scene = Scene::new(&read.model);
+    if device.is_some() && (look.is_none() || !layers.is_empty()) {
+        let what = "densities and coloured layers are drawn on the processor alone";
+        return Err(Error::argument_with(what, "leave --device away"));
+    }
+    let on_device = device.map(|d| d.scene(&scene)).transpose()?;
+    let side_by_side = on_device.is_none();
+    let scratch = parallel::Scratch::<Scratch>::default();
+    let draw = move |view: &View, size: Size| {
+        let Some(look) = look else {
+            let view = subject.density_view(view, size);
+            return Ok(ViewContent::Density(surface_density(&scene, &view, size, context)?));
         };
-        if !self.layers.is_empty() {
-            return layers::draw(&self.layers, view, size, look, self.context);
+        if !layers.is_empty() {
+            return layers::draw(&layers, view, size, look, context);
         }
-        self.context.require_memory("a picture", size.pixels() as u64)?;
-        if let Some(pictures) = &self.pictures {
-            return Ok(ViewContent::Levels(pictures.draw(view, size, look)?));
+        context.require_memory("a picture", size.pixels() as u64)?;
+        if let Some(renderer) = &on_device {
+            return Ok(ViewContent::Levels(renderer.draw(view, size, look, context)?));
         }
         let mut picture = Gray8::black(size);
-        self.scratch.with(|scratch| {
-            draw_into(&self.scene, view, look, Pixels::new(size, &mut picture.data)?, scratch, self.context)
-        })?;
+        scratch
+            .with(|scratch| draw_into(&scene, view, look, Pixels::new(size, &mut picture.data)?, scratch, context))?;
         Ok(ViewContent::Levels(picture))
-    }
-
-    fn side_by_side(&self) -> bool {
-        self.pictures.is_none()
-    }
+    };
+    Ok(ViewRenderer { draw: Box::new(draw), side_by_side })
 }

@@ -1,14 +1,13 @@
 //! `particlegs scatter JOB [I]`.
 
 use crate::common::Common;
-use crate::job_args::{JobSnapshot, of_task, task_number};
+use crate::job_args::{JobSnapshot, task_error, task_number};
 use clap::{Args, ValueHint};
 use particlegs::Result;
 use particlegs::job::Job;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
 Copies the particles of the snapshot, chunk by chunk, into one bucket for each block. Chunks that are
@@ -24,7 +23,6 @@ pub struct Arguments {
     common: Common,
 }
 
-/// Buckets one chunk or all.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let job = Job::open(&a.job)?;
@@ -35,13 +33,13 @@ pub fn run(a: Arguments) -> Result<()> {
             number..number.saturating_add(1)
         }
     };
-    let snapshot = JobSnapshot::of(&job)?;
+    let snapshot = JobSnapshot::from_job(&job)?;
     context.reads_job(&a.job, snapshot.paths(), false)?;
     context.finishes_its_steps();
     let mut done = 0;
     for chunk in chunks.clone() {
         let scattered = context.check().and_then(|()| job.scatter(|| snapshot.layered(&context), chunk, &context));
-        done += u64::from(scattered.map_err(|e| of_task(e, &a.job, &format!("chunk {chunk}")))?);
+        done += u64::from(scattered.map_err(|e| task_error(e, &a.job, &format!("chunk {chunk}")))?);
     }
     let all = chunks.end - chunks.start;
     let text = format!("{}: {done} of {all} chunks sorted, {} were already done", a.job.display(), all - done);

@@ -2,7 +2,7 @@
 
 use crate::common::Common;
 use crate::info_model;
-use crate::inputs::{self, path_as_text};
+use crate::inputs;
 use crate::outputs;
 use crate::outputs::ForceArgs;
 use crate::target_args::TargetArgs;
@@ -11,11 +11,10 @@ use particlegs::compress::simplify;
 use particlegs::model::RecipeStep;
 use particlegs::{Result, codec};
 use particlegs_files::input::name_of;
-use serde::Serialize;
+use serde_json::json;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_group("TargetArgs", |g| g.required(true)), after_help = "\
 Gaussians are merged in pairs, those first whose merging shows least; counts, mass and moments are
@@ -39,18 +38,6 @@ pub struct Arguments {
     common: Common,
 }
 
-#[derive(Serialize)]
-struct SimplifyReport {
-    #[serde(serialize_with = "path_as_text")]
-    output: PathBuf,
-    gaussians_in: usize,
-    gaussians: usize,
-    model_bytes: usize,
-    compression_ratio: f64,
-    seconds: f64,
-}
-
-/// Simplifies.
 pub fn run(a: Arguments) -> Result<()> {
     let target = a.target.target()?;
     let context = a.common.start()?;
@@ -71,21 +58,16 @@ pub fn run(a: Arguments) -> Result<()> {
     context.check()?;
     let info = codec::read_info(&bytes, &name_of(&a.output))?;
     context.write_model(&a.output, &bytes, kept)?;
-    let report = SimplifyReport {
-        gaussians_in,
-        gaussians: info.layers.iter().flat_map(|l| &l.content).map(|b| b.gaussians as usize).sum(),
-        model_bytes: bytes.len(),
-        compression_ratio: raw_bytes as f64 / bytes.len() as f64,
-        seconds: start.elapsed().as_secs_f64(),
-        output: a.output,
-    };
+    let gaussians: u64 = info.layers.iter().flat_map(|l| &l.content).map(|b| u64::from(b.gaussians)).sum();
+    let (ratio, seconds) = (raw_bytes as f64 / bytes.len() as f64, start.elapsed().as_secs_f64());
     let text = format!(
-        "{}: {gaussians_in} -> {} Gaussians, {} bytes, ratio {:.1}, in {:.2} s",
-        report.output.display(),
-        report.gaussians,
-        report.model_bytes,
-        report.compression_ratio,
-        report.seconds
+        "{}: {gaussians_in} -> {gaussians} Gaussians, {} bytes, ratio {ratio:.1}, in {seconds:.2} s",
+        a.output.display(),
+        bytes.len()
     );
+    let report = json!({
+        "output": a.output.to_string_lossy(), "gaussians_in": gaussians_in, "gaussians": gaussians,
+        "model_bytes": bytes.len(), "compression_ratio": ratio, "seconds": seconds,
+    });
     context.finish(&text, &report)
 }

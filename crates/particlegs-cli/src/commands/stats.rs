@@ -2,6 +2,7 @@
 
 use crate::centres;
 use crate::common::{Common, named};
+use crate::figure::FileKind;
 use crate::inputs::{self, PathContent};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{stats_plots, stats_tables};
@@ -16,7 +17,6 @@ use particlegs_files::input::name_of;
 use particlegs_files::output;
 use std::path::{Path, PathBuf};
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
@@ -26,9 +26,9 @@ Examples:
   particlegs stats snapshot model.pgs -o stats --only density,spectrum
   particlegs stats model.pgs held-out -o stats --only likelihood",
     after_long_help = "\
-Writes stats.json, tables as CSV and plots as SVG and PNG. A model is measured from its Gaussians:
-density, profiles, P(k), r(k), xi(r) by transform, moments and mass about centres; pairs, groups,
-neighbours and g(r) need particles.
+Writes stats.json, tables as CSV and plots as SVG and PNG, or as --plots says. A model is measured
+from its Gaussians: density, profiles, P(k), r(k), xi(r) by transform, moments and mass about
+centres; pairs, groups, neighbours and g(r) need particles.
 A model and particles, in either order, also give the likelihood of those under it.
 docs/guide/statistics.md defines every measure.
 
@@ -37,7 +37,8 @@ Examples:
   particlegs stats snapshot model.pgs -o stats --only density,spectrum
   particlegs stats snapshot recovered -o stats --grid 50 --spectrum-grid 512
   particlegs stats melt.dump recovered -o stats --only rdf,profile --profile-axis z
-  particlegs stats snapshot model.pgs -o stats --only haloes --centres catalogue.csv"
+  particlegs stats snapshot model.pgs -o stats --only haloes --centres catalogue.csv
+  particlegs stats snapshot model.pgs -o stats --only spectrum --plots pdf"
 )]
 pub struct Arguments {
     /// Truth: a snapshot's file or folder, or a model file.
@@ -124,13 +125,16 @@ pub struct Arguments {
     /// Write tables only, no plots.
     #[arg(long)]
     no_plots: bool,
+    /// Files of each plot.
+    #[arg(long, value_name = "KIND,...", default_value = "svg,png", hide_short_help = true)]
+    #[arg(value_parser = named::<FileKind>(), value_delimiter = ',', conflicts_with = "no_plots")]
+    plots: Vec<FileKind>,
     #[command(flatten)]
     snapshot: SnapshotArgs,
     #[command(flatten)]
     common: Common,
 }
 
-/// Particles or a model, as they were read.
 enum StatsInput {
     Particles(Box<Particles>),
     Model(Box<Model>),
@@ -167,15 +171,10 @@ impl StatsInput {
 
     /// Unit of length and whether it is comoving.
     fn length_unit(&self) -> Option<String> {
-        let units = match self {
-            StatsInput::Particles(p) => &p.meta.units,
-            StatsInput::Model(m) => &m.metadata.units,
-        };
-        units.length_text().map(str::to_string)
+        self.place().0.units.length_text().map(str::to_string)
     }
 }
 
-/// What stats.json holds.
 #[derive(serde::Serialize)]
 struct StatsReport<'a> {
     truth: String,
@@ -186,7 +185,6 @@ struct StatsReport<'a> {
     statistics: &'a Statistics,
 }
 
-/// Measures and writes.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let mut options = options(&a)?;
@@ -211,7 +209,7 @@ pub fn run(a: Arguments) -> Result<()> {
     context.write_set(&a.out, |folder| {
         stats_tables::write(folder, &statistics)?;
         if !a.no_plots {
-            stats_plots::write_all(folder, &statistics, unit.as_deref())?;
+            stats_plots::write_all(folder, &statistics, unit.as_deref(), &a.plots)?;
         }
         crate::report::json(&folder.join("stats.json"), &report)
     })?;

@@ -6,7 +6,6 @@ use particlegs::Result;
 use particlegs::job::{Job, State};
 use std::path::PathBuf;
 
-/// Arguments.
 #[derive(Args)]
 #[command(after_help = "Example:\n  particlegs status job --json -")]
 pub struct Arguments {
@@ -17,7 +16,6 @@ pub struct Arguments {
     common: Common,
 }
 
-/// Tells how far a job is.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     let job = Job::open(&a.job)?;

@@ -1,16 +1,16 @@
 //! `particlegs verify M.pgs [SNAPSHOT...]`.
 
-use crate::agree::{self, CertificateFigure};
+use crate::certificate_check::{self, CertificateFigure};
 use crate::common::{CommandContext, Common};
 use crate::info_model;
 use crate::inputs;
 use crate::job_args::JobSnapshot;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
-use crate::source;
+use crate::snapshot_args::ParticleArgs;
+use crate::source_check;
 use clap::Args;
 use particlegs::job::{Job, State};
 use particlegs::model::{Certificate, CertificateLevel, Model};
-use particlegs::particles::Particles;
+use particlegs::particles::{Particles, Storage};
 use particlegs::score::Assessment;
 use particlegs::{Error, Result, codec, compress};
 use particlegs_files::input::name_of;
@@ -18,7 +18,6 @@ use particlegs_files::output;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Arguments.
 #[derive(Args)]
 #[command(mut_arg("particle_type", |a| a.alias("layer")))]
 #[command(
@@ -38,16 +37,11 @@ pub struct Arguments {
     #[arg(long, requires = "snapshot")]
     store: bool,
     #[command(flatten)]
-    opening: SnapshotArgs,
-    #[command(flatten)]
-    selection: SelectionArgs,
-    #[command(flatten)]
-    window: WindowArgs,
+    particles: ParticleArgs,
     #[command(flatten)]
     common: Common,
 }
 
-/// The result.
 #[derive(Serialize)]
 struct VerifyReport {
     model_bytes: u64,
@@ -60,13 +54,10 @@ struct VerifyReport {
     certificate: &'static str,
     stored: Option<Certificate>,
     measured_again: Option<Certificate>,
-    /// Stored and measured side by side.
     figures: Vec<CertificateFigure>,
     /// What the file says of its source and the snapshot does not: name, stored, found.
     source_differences: Vec<[String; 3]>,
-    /// What no certificate can say.
     contradictions: Vec<String>,
-    /// What is hard to believe.
     doubts: Vec<String>,
     verdict: Vec<Assessment>,
 }
@@ -92,7 +83,7 @@ pub fn run(a: Arguments) -> Result<()> {
             format!("its Gaussians hold {counts} particles, mass off by {mass_error:e}"),
         ));
     }
-    let of_several = source::is_of_several(&bytes, &model, &place)?;
+    let of_several = source_check::is_of_several(&bytes, &model, &place)?;
     let (measured_again, source_differences) = match a.snapshot.is_empty() {
         true => (None, Vec::new()),
         false => measure(&a, &model, &bytes, &context)?,
@@ -102,10 +93,10 @@ pub fn run(a: Arguments) -> Result<()> {
         (_, None) => (Assessment::unverified(), Vec::new()),
         (None, Some(measured)) => (Assessment::verdict(Some(measured), &model.metadata), Vec::new()),
         (Some(stored), Some(measured)) => {
-            let completes = agree::level_of(measured) != agree::level_of(stored);
+            let completes = certificate_check::level_of(measured) != certificate_check::level_of(stored);
             // Sums of blocks are rounded one by one.
             let exact = stored.blocks.is_none() && model.metadata.tool_version == env!("CARGO_PKG_VERSION");
-            let figures = agree::side_by_side(stored, measured, completes, exact);
+            let figures = certificate_check::side_by_side(stored, measured, completes, exact);
             (Assessment::verdict(Some(measured), &model.metadata), figures)
         }
     };
@@ -127,8 +118,10 @@ pub fn run(a: Arguments) -> Result<()> {
         measured_again,
         figures,
         source_differences,
-        contradictions: stored.as_ref().map_or_else(Vec::new, |c| agree::contradictions(c, &model.metadata)),
-        doubts: stored.as_ref().map_or_else(Vec::new, agree::doubts),
+        contradictions: stored
+            .as_ref()
+            .map_or_else(Vec::new, |c| certificate_check::contradictions(c, &model.metadata)),
+        doubts: stored.as_ref().map_or_else(Vec::new, certificate_check::doubts),
         verdict,
     };
     let sound = report.judge(&place);
@@ -140,7 +133,6 @@ pub fn run(a: Arguments) -> Result<()> {
     sound
 }
 
-/// Writes the model's file anew, the same blocks with another certificate.
 fn store(path: &Path, bytes: &[u8], model: &Model, certificate: Option<&Certificate>) -> Result<()> {
     output::write_bytes(path, &with_certificate(path, bytes, model, certificate)?)
 }
@@ -156,7 +148,7 @@ impl VerifyReport {
     /// An error where what is stored is not what was measured, or cannot be at all.
     fn judge(&self, place: &str) -> Result<()> {
         let hint = "the certificate was altered, or another version of the program measured it: trust neither file nor scores before you know";
-        let differs = |what: String| Error::Differs { place: place.into(), what, remedy: hint.into() };
+        let differs = |what: String| Error::Differs { place: place.into(), what, hint: hint.into() };
         if !self.contradictions.is_empty() {
             return Err(differs(format!("its certificate contradicts itself: {}", self.contradictions.join("; "))));
         }
@@ -164,9 +156,8 @@ impl VerifyReport {
             return Err(Error::Differs {
                 place: place.into(),
                 what: format!("its {name} is {stored} in the file and {found} in the snapshot"),
-                remedy:
-                    "give the options by which the model was made (`info` shows them); else its metadata was altered"
-                        .into(),
+                hint: "give the options by which the model was made (`info` shows them); else its metadata was altered"
+                    .into(),
             });
         }
         let off: Vec<String> = self
@@ -186,7 +177,6 @@ impl VerifyReport {
     }
 }
 
-/// What is sound, what is stored, and what was measured.
 fn text(r: &VerifyReport, model: &Model, of_several: bool, place: &str) -> String {
     let mut text = format!(
         "{place}: sound: {} bytes, law {}, {} Gaussians whose counts sum to {} particles, mass within {:.1e}\n",
@@ -223,7 +213,6 @@ fn text(r: &VerifyReport, model: &Model, of_several: bool, place: &str) -> Strin
     }
 }
 
-/// Stored and measured, a line a figure.
 fn beside(figures: &[CertificateFigure]) -> String {
     let mut text = format!("  {:<48} {:>18} {:>18} {:>14}\n", "figure", "stored", "measured", "tolerance");
     for f in figures {
@@ -233,13 +222,12 @@ fn beside(figures: &[CertificateFigure]) -> String {
     text
 }
 
-/// Reads every file of a job, and its snapshot, through.
 fn verify_job(a: &Arguments, context: &CommandContext) -> Result<()> {
     if !a.snapshot.is_empty() {
         return Err(Error::argument("a job names its snapshot itself: give the folder alone"));
     }
     let job = Job::open(&a.model)?;
-    let snapshot = JobSnapshot::of(&job)?;
+    let snapshot = JobSnapshot::from_job(&job)?;
     context.reads_job(&a.model, snapshot.paths(), false)?;
     job.verify(Some(snapshot.layered(context)?), context)?;
     let status = job.status()?;
@@ -278,18 +266,17 @@ fn measure(
     bytes: &[u8],
     context: &CommandContext,
 ) -> Result<(Option<Certificate>, Vec<[String; 3]>)> {
-    let of_several = source::is_of_several(bytes, model, &name_of(&a.model))?;
+    let of_several = source_check::is_of_several(bytes, model, &name_of(&a.model))?;
     let without_certificate = with_certificate(&a.model, bytes, model, None)?.len() as u64;
-    let subset = SnapshotSubset { selection: &a.selection, window: &a.window, seed: a.common.seed };
-    let particles: Particles = a.opening.open_selected(&a.snapshot, subset, context)?;
-    source::check(model, of_several, &particles, &a.snapshot[0], &a.model)?;
+    let particles: Particles = a.particles.read(&a.snapshot, a.common.seed, &Storage::Memory, context)?;
+    source_check::check(model, of_several, &particles, &a.snapshot[0], &a.model)?;
     let differences = particles.differences_from(model, of_several);
     if !differences.is_empty() {
         return Ok((None, differences));
     }
     context.message("the snapshot is the one that the file was made of; measuring");
     let seed = model.certificate.map_or(a.common.seed, |c| c.views.seed);
-    let stored = model.certificate.as_ref().map_or(CertificateLevel::Quick, agree::level_of);
+    let stored = model.certificate.as_ref().map_or(CertificateLevel::Quick, certificate_check::level_of);
     let level = if a.full { CertificateLevel::Full } else { stored };
     let measured = compress::certify(model, without_certificate, &particles, seed, level, context)?;
     let file = with_certificate(&a.model, bytes, model, Some(&measured))?;

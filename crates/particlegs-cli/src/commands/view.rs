@@ -1,24 +1,23 @@
 //! `particlegs view MODEL... [--snapshot SNAP]`.
 
 use crate::common::{CommandContext, Common};
+use crate::error_text::option_error;
 use crate::page_args::{AppearanceArgs, PageArgs};
+use crate::page_models::ModelFiles;
 use crate::printable::one_line;
 use crate::progress::to_stderr;
-use crate::remedies::of_option;
-use crate::snapshot_args::{SelectionArgs, SnapshotArgs, SnapshotSubset, WindowArgs};
-use crate::viewed::ModelFiles;
+use crate::snapshot_args::{ParticleArgs, SelectionArgs, SnapshotArgs};
 use clap::{Args, ValueHint};
 use particlegs::Result;
-use particlegs::particles::Particles;
+use particlegs::particles::{Particles, Storage};
 use particlegs::reference::Reference;
 use particlegs_view::page::Snapshot;
 use particlegs_view::server::{Event, Limits, Options, Server, Token, ViewerContent};
 use particlegs_view::tunnel::{self, Session};
-use serde::Serialize;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Arguments.
 #[derive(Args)]
 #[command(
     after_help = "\
@@ -85,30 +84,6 @@ pub struct Arguments {
     common: Common,
 }
 
-#[derive(Serialize)]
-struct ViewReport<'a> {
-    url: &'a str,
-    /// The same from other machines.
-    url_elsewhere: Option<&'a str>,
-    host: &'a str,
-    port: u16,
-    token: &'a str,
-    /// What to run on the user's own machine, in an SSH session.
-    ssh: Option<&'a str>,
-    models: Vec<ModelListing<'a>>,
-    snapshot: Option<ModelListing<'a>>,
-}
-
-#[derive(Serialize)]
-struct ModelListing<'a> {
-    name: &'a str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    gaussians: Option<u64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    particles: Option<u64>,
-}
-
-/// Serves the page until it is told to end.
 pub fn run(a: Arguments) -> Result<()> {
     let context = a.common.clone().start()?;
     context.reads(a.models.iter().chain(&a.particles).chain(a.page.files()).map(PathBuf::as_path), false)?;
@@ -134,7 +109,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let poster = |bytes: &[u8]| viewed.poster(bytes, &context, &tell);
     let poster: Option<&(dyn Fn(&[u8]) -> Option<Vec<u8>> + Sync)> =
         if viewed.has_poster(&opening) { Some(&poster) } else { None };
-    server.serve(ViewerContent { models, truth, opening, poster }, &context, &|event| tell(&in_words(&event)))
+    server.serve(ViewerContent { models, truth, opening, poster }, &context, &|event| tell(&describe(&event)))
 }
 
 fn listen(a: &Arguments, context: &CommandContext) -> Result<Server> {
@@ -158,12 +133,11 @@ fn listen(a: &Arguments, context: &CommandContext) -> Result<Server> {
     Ok(server)
 }
 
-/// The secret that the user chose, else a random one.
 fn token() -> Result<Token> {
     const VARIABLE: &str = "PARTICLEGS_TOKEN";
     match std::env::var_os(VARIABLE) {
         None => Token::random(),
-        Some(chosen) => Token::chosen(chosen.to_string_lossy().into_owned()).map_err(|e| of_option(VARIABLE, e)),
+        Some(chosen) => Token::chosen(chosen.to_string_lossy().into_owned()).map_err(|e| option_error(VARIABLE, e)),
     }
 }
 
@@ -173,9 +147,8 @@ impl Arguments {
         if self.particles.is_empty() {
             return Ok(None);
         }
-        let subset =
-            SnapshotSubset { selection: &self.selection, window: &WindowArgs::default(), seed: self.common.seed };
-        self.snapshot.open_selected(&self.particles, subset, context).map(Some)
+        let particles = ParticleArgs::without_window(&self.snapshot, &self.selection);
+        particles.read(&self.particles, self.common.seed, &Storage::Memory, context).map(Some)
     }
 
     /// What the page calls the snapshot: the name of its first file or folder.
@@ -187,7 +160,6 @@ impl Arguments {
     }
 }
 
-/// Prints where the page is.
 fn announce(
     a: &Arguments,
     server: &Server,
@@ -209,19 +181,11 @@ fn announce(
         text += &format!("\nOn your own machine run this, then open the address there:\n{ssh}");
     }
     text += "\nCtrl-C ends it.";
-    let report = ViewReport {
-        url: &url,
-        url_elsewhere: elsewhere.as_deref(),
-        host: &a.host,
-        port: server.port(),
-        token: server.token(),
-        ssh: ssh.as_deref(),
-        models: viewed
-            .names()
-            .map(|(name, n)| ModelListing { name, gaussians: Some(n as u64), particles: None })
-            .collect(),
-        snapshot: snapshot.map(|s| ModelListing { name: &s.name, gaussians: None, particles: Some(s.particles) }),
-    };
+    let models: Vec<_> = viewed.names().map(|(name, n)| json!({ "name": name, "gaussians": n })).collect();
+    let report = json!({
+        "url": url, "url_elsewhere": elsewhere, "host": a.host, "port": server.port(), "token": server.token(), "ssh": ssh,
+        "models": models, "snapshot": snapshot.map(|s| json!({ "name": s.name, "particles": s.particles })),
+    });
     context.finish(&text, &report)
 }
 
@@ -239,8 +203,7 @@ fn open(server: &Server, context: &CommandContext) -> Result<()> {
     Ok(())
 }
 
-/// What the terminal says of it.
-fn in_words(event: &Event) -> String {
+fn describe(event: &Event) -> String {
     match event {
         Event::RefusedHost(name) => {
             format!("refused: a request for host {name}; if a proxy of yours sent it, add `--allow-host {name}`")
@@ -251,7 +214,6 @@ fn in_words(event: &Event) -> String {
     }
 }
 
-/// This machine's name.
 #[cfg(unix)]
 fn node() -> Option<String> {
     let name = rustix::system::uname().nodename().to_string_lossy().into_owned();

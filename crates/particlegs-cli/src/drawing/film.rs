@@ -4,7 +4,7 @@ use super::gif::{self, GifFrame};
 use crate::common::CommandContext;
 use crate::outputs::{GIF, MP4, WEBM};
 use crate::picture_out::PictureOut;
-use crate::views::path::digits;
+use particlegs::camera::frame_digits;
 use particlegs::{Error, Result};
 use particlegs_files::output::FileSet;
 use std::path::{Path, PathBuf};
@@ -111,7 +111,7 @@ impl Film {
     fn arguments(&self, folder: &Path, frames: usize, to: &Path) -> Vec<String> {
         let folder = folder.to_string_lossy().replace('%', "%%");
         // Named as files: ffmpeg would take a colon for the end of a protocol, and a dash for an option.
-        let pattern = format!("file:{folder}/frame_%0{}d.png", digits(frames));
+        let pattern = format!("file:{folder}/frame_%0{}d.png", frame_digits(frames));
         let fps = self.fps.to_string();
         // Sides of an even number of pixels, which the coders need.
         let even = "crop=trunc(iw/2)*2:trunc(ih/2)*2";

@@ -3,13 +3,12 @@
 use super::ViewContent;
 use super::colours::{self, common_range};
 use super::provenance::PictureProvenance;
-use crate::annotate::text::{labelled, number};
 use crate::density_args::Quantities;
 use crate::figure::args::{Axes, FigureArgs};
 use crate::figure::output::{self, FileKind};
 use crate::figure::png_file::{self, PngEffort, PngMetadata};
 use crate::figure::ticks::round_below;
-use crate::figure::{ColourBar, Figure, FigureImage, Panel, ScaleBar, cube};
+use crate::figure::{ColourBar, Figure, FigureImage, Panel, ScaleBar, cube, labelled, number};
 use crate::view_args::ViewSubject;
 use particlegs::Result;
 use particlegs::camera::{Projection, View};

@@ -37,14 +37,14 @@ pub struct FrameOutputs<'a> {
 
 /// The range that all of these views have in common: each is drawn once for it.
 fn one_range(
-    painter: &dyn ViewRenderer,
+    painter: &ViewRenderer<'_>,
     finish: &Finisher<'_>,
     set: &ViewSet,
     context: &CommandContext,
 ) -> Result<[f64; 2]> {
     context.begin("one range for all frames", set.views.len() as u64);
     let of = |view: &View| {
-        let range = finish.range_of(&painter.draw(view, set.size)?);
+        let range = finish.range_of(&(painter.draw)(view, set.size)?);
         context.advance(1);
         Ok(range)
     };
@@ -54,8 +54,8 @@ fn one_range(
 }
 
 /// Work on every view, side by side where the painter allows it.
-fn each<T: Send>(painter: &dyn ViewRenderer, views: &[View], of: impl Fn(&View) -> Result<T> + Sync) -> Result<Vec<T>> {
-    match painter.side_by_side() {
+fn each<T: Send>(painter: &ViewRenderer<'_>, views: &[View], of: impl Fn(&View) -> Result<T> + Sync) -> Result<Vec<T>> {
+    match painter.side_by_side {
         true => parallel::try_map_range(views.len(), |i| of(&views[i])),
         false => views.iter().map(of).collect(),
     }
@@ -76,7 +76,7 @@ pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries
     let frame = |view: &View| {
         context.check()?;
         let started = Instant::now();
-        let seen: ViewContent = painter.draw(view, set.size)?;
+        let seen: ViewContent = (painter.draw)(view, set.size)?;
         let (image, dpi) = finish.pixels(seen, view, shown)?;
         of_one_size(&size, &image)?;
         if let Some(out) = into.files {
@@ -91,7 +91,7 @@ pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries
     let all = each(painter, &set.views, frame);
     context.end();
     let folder = into.files.map_or(PathBuf::new(), |out| out.folder().to_path_buf());
-    let all = context.says_what_is_there(&folder, written.into_inner(), count, all)?;
+    let all = context.count_pictures(&folder, written.into_inner(), count, all)?;
     let (seconds, gif): (Vec<f64>, Vec<Option<GifFrame>>) = all.into_iter().unzip();
     Ok(FrameSeries { seconds, gif: gif.into_iter().flatten().collect(), range })
 }
@@ -103,8 +103,5 @@ fn of_one_size(first: &Mutex<Option<particlegs::picture::Size>>, image: &FigureI
         return Ok(());
     }
     let what = "the frames' labels have different widths, and the frames different sizes".to_string();
-    Err(Error::Argument {
-        what,
-        remedy: "leave labels away with --no-annotations, or put them --colorbar inside".into(),
-    })
+    Err(Error::Argument { what, hint: "leave labels away with --no-annotations, or put them --colorbar inside".into() })
 }

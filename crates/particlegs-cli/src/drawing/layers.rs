@@ -13,8 +13,8 @@ use particlegs::{Error, Result};
 /// A model's layers, each to be drawn alone.
 pub fn apart(model: &Model) -> Result<Vec<Model>> {
     if model.metadata.law == LawKind::AlphaBlend {
-        let what = "--color-by-layer: an alpha-blend model has no optical depth to mix colours by".to_string();
-        return Err(Error::Argument { what, remedy: "draw one layer with --layer NAME".into() });
+        let what = "--color-by-layer: an alpha-blend model has no optical depth to mix colours by";
+        return Err(Error::argument_with(what, "draw one layer with --layer NAME"));
     }
     model.layers.iter().map(|l| model.clone().only(std::slice::from_ref(&l.name))).collect()
 }
@@ -23,7 +23,7 @@ pub fn apart(model: &Model) -> Result<Vec<Model>> {
 pub fn draw(layers: &[Model], view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<ViewContent> {
     context.require_memory("a picture by layers", 4 * size.pixels() as u64 * (layers.len() as u64 + 2))?;
     let planes =
-        layers.iter().map(|l| optical_depth(&Scene::of(l), view, size, context)).collect::<Result<Vec<Plane>>>()?;
+        layers.iter().map(|l| optical_depth(&Scene::new(l), view, size, context)).collect::<Result<Vec<Plane>>>()?;
     let sums = parallel::map_range(size.pixels(), |i| planes.iter().map(|p| p.data[i]).sum::<f32>());
     let all = Plane { size, data: sums };
     let levels = Tones::new(view.opacity, view.radius_pixels(size)).of(&all, look);

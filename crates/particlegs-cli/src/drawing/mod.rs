@@ -46,10 +46,9 @@ impl ViewContent {
 }
 
 /// Something that can be drawn.
-pub trait ViewRenderer: Sync {
+pub struct ViewRenderer<'a> {
     /// Draws a view.
-    fn draw(&self, view: &View, size: Size) -> Result<ViewContent>;
-
+    pub draw: Box<dyn Fn(&View, Size) -> Result<ViewContent> + Sync + 'a>,
     /// May several views be drawn side by side?
-    fn side_by_side(&self) -> bool;
+    pub side_by_side: bool,
 }

@@ -17,7 +17,7 @@ const MOST: usize = 100;
 /// What is drawn beside one another, and how.
 pub struct Panels<'a> {
     /// What is drawn, each with its name.
-    pub painters: Vec<(String, &'a dyn ViewRenderer)>,
+    pub painters: Vec<(String, &'a ViewRenderer<'a>)>,
     /// What stands above the pictures, in place of names.
     pub captions: Vec<String>,
     /// Pictures in a row.
@@ -54,7 +54,7 @@ impl Panels<'_> {
         let mut seen = Vec::with_capacity(count);
         for view in &set.views {
             for (_, painter) in &self.painters {
-                let drawn = painter.draw(view, set.size)?;
+                let drawn = (painter.draw)(view, set.size)?;
                 drawn.say_if_empty(view, context);
                 seen.push(drawn);
             }

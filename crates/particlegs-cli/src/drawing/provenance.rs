@@ -11,7 +11,7 @@ use serde_json::Value;
 use std::path::Path;
 
 /// What a picture is of.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct PictureProvenance {
     /// The program's version.
     pub particlegs: String,

@@ -7,12 +7,12 @@ use super::frames::{self, FrameOutputs};
 use super::{ViewContent, ViewRenderer};
 use crate::common::CommandContext;
 use crate::density_args::DensityArgs;
-use crate::drawn::RenderedView;
 use crate::figure::output::FileKind;
 use crate::picture_out::PictureOut;
+use crate::rendered_view::RenderedView;
+use crate::sequence_args::SequenceArgs;
 use crate::view_args::{ViewArgs, ViewSubject};
-use crate::views::sequence_args::SequenceArgs;
-use particlegs::camera::ViewSet;
+use particlegs::camera::{ViewSet, ViewsFile};
 use particlegs::{Error, Result};
 use std::path::Path;
 use std::time::Instant;
@@ -37,15 +37,20 @@ pub struct PictureTarget<'a> {
     pub sequence: &'a SequenceArgs,
 }
 
-/// The views that the options say, with key frames made a path.
-pub fn views(args: &ViewArgs, of: &SequenceArgs, subject: &ViewSubject, context: &CommandContext) -> Result<ViewSet> {
-    let set = match of.key_frames(context)? {
-        Some(mut keys) => {
-            args.apply(&mut keys)?;
-            keys
-        }
-        None => args.resolve(subject, &of.turns(), context)?,
+/// The views that are given, or that the options say, with the options applied; key frames made a path.
+pub fn views(
+    given: Option<ViewSet>,
+    args: &ViewArgs,
+    of: &SequenceArgs,
+    subject: &ViewSubject,
+    context: &CommandContext,
+) -> Result<ViewSet> {
+    let mut set = match (given, args.views.as_ref().or(of.path.as_ref())) {
+        (Some(set), _) => set,
+        (None, Some(path)) => ViewsFile::read(path, context)?.0,
+        (None, None) => args.one_view(subject, &of.turns())?,
     };
+    args.apply(&mut set)?;
     let set = of.frames(set)?;
     args.save(&set, context)?;
     Ok(set)
@@ -54,7 +59,7 @@ pub fn views(args: &ViewArgs, of: &SequenceArgs, subject: &ViewSubject, context:
 /// What is drawn, and how.
 pub struct DrawingJob<'a> {
     /// What can be drawn.
-    pub painter: &'a dyn ViewRenderer,
+    pub painter: &'a ViewRenderer<'a>,
     /// How it is finished.
     pub finish: &'a Finisher<'a>,
     /// The views.
@@ -77,8 +82,8 @@ impl DrawingJob<'_> {
         let raw = target.density.raw;
         let out = folder.map(|path| PictureOut::new(path, set.views.len(), raw, context)).transpose()?;
         if film.as_ref().is_some_and(|f| f.form != FilmFormat::Gif) && !matches!(out, Some(PictureOut::Folder(_))) {
-            let what = "--video joins the frames of a folder, and -o names a picture".to_string();
-            return Err(Error::Argument { what, remedy: "name a folder, or leave -o away".into() });
+            let what = "--video joins the frames of a folder, and -o names a picture";
+            return Err(Error::argument_with(what, "name a folder, or leave -o away"));
         }
         if let Some(out) = &out {
             match raw {
@@ -103,7 +108,7 @@ impl DrawingJob<'_> {
         for view in &set.views {
             let started = Instant::now();
             let mut seconds = 0.0;
-            let drawn = painter.draw(view, set.size).and_then(|seen| {
+            let drawn = (painter.draw)(view, set.size).and_then(|seen| {
                 seconds = started.elapsed().as_secs_f64();
                 seen.say_if_empty(view, context);
                 if let Some(grey) = seen.dark().filter(|_| self.hints && views.is_empty()) {
@@ -123,8 +128,8 @@ impl DrawingJob<'_> {
                 PictureOut::File(file) => file,
                 PictureOut::Folder(folder) => folder,
             };
-            let path = context.says_what_is_there(folder, views.len(), set.views.len(), drawn)?;
-            views.push(RenderedView::of_view(view, finish.subject, seconds, Some(path)));
+            let path = context.count_pictures(folder, views.len(), set.views.len(), drawn)?;
+            views.push(RenderedView::new(view, finish.subject, seconds, Some(path)));
         }
         Ok(DrawingReport { views, range, lines: Vec::new() })
     }
@@ -146,7 +151,7 @@ impl DrawingJob<'_> {
         }
         let path = |name: &str| out.filter(|_| !passing).map(|o| o.picture(name));
         let with_seconds = set.views.iter().zip(&drawn.seconds);
-        let views = with_seconds.map(|(v, s)| RenderedView::of_view(v, finish.subject, *s, path(&v.name))).collect();
+        let views = with_seconds.map(|(v, s)| RenderedView::new(v, finish.subject, *s, path(&v.name))).collect();
         Ok(DrawingReport { views, range: drawn.range, lines })
     }
 }
@@ -159,7 +164,7 @@ impl DrawingReport {
         }
         let mut text = format!("{:<16} {:>9}", "view", "seconds");
         for v in &self.views {
-            text += &format!("\n{:<16} {:>9.3}", v.name(), v.seconds());
+            text += &format!("\n{:<16} {:>9.3}", v.view.name, v.seconds);
         }
         text
     }

@@ -1,7 +1,7 @@
 //! What stands about a picture, and how large it is printed. Shared by `render` and `reference`.
 
 use super::output::FileKind;
-use super::{BarPlacement, PaperColour, font};
+use super::{BarPlacement, PaperColour, missing};
 use clap::{Args, ValueEnum};
 use particlegs::context::Context;
 use particlegs::picture::Size;
@@ -11,7 +11,7 @@ const COLUMN: f64 = 84.0 * 72.0 / 25.4;
 const LETTERS: f64 = 8.0;
 
 /// How a figure looks.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Figures")]
 pub struct FigureArgs {
     /// Where the colour bar and the scale bar stand [default: outside].
@@ -137,7 +137,7 @@ impl FigureArgs {
     /// Says of characters that the letters lack.
     pub fn note_missing(&self, more: &[String], context: &Context<'_>) {
         let texts = self.title.iter().chain(more);
-        let missing: String = texts.map(|t| font::missing(t)).collect();
+        let missing: String = texts.map(|t| missing(t)).collect();
         if !missing.is_empty() {
             context.message(&format!("note: the font has no letters for `{missing}`: boxes stand for them"));
         }

@@ -1,36 +1,10 @@
-//! A figure as the bytes of a file.
+//! A figure as the bytes of a file, as the command line asks for it.
 
 use super::args::FigureArgs;
-use super::pdf::pdf;
 use super::png_file::{PngEffort, PngMetadata, coded};
-use super::svg::svg;
 use super::{Figure, FigureImage, FigureSpace, layout, raster};
 use particlegs::Result;
-use std::path::Path;
-
-/// What a file is, by its name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FileKind {
-    /// Pixels.
-    Png,
-    /// A page.
-    Pdf,
-    /// A drawing.
-    Svg,
-}
-
-impl FileKind {
-    /// By the ending of a name.
-    pub fn of(path: &Path) -> Option<FileKind> {
-        let ending = path.extension()?.to_str()?.to_ascii_lowercase();
-        match &ending[..] {
-            "png" => Some(FileKind::Png),
-            "pdf" => Some(FileKind::Pdf),
-            "svg" => Some(FileKind::Svg),
-            _ => None,
-        }
-    }
-}
+pub use particlegs_figure::FileKind;
 
 /// A figure as pixels, and their number an inch where its width on paper is chosen.
 pub fn pixels(figure: &Figure, args: &FigureArgs) -> Result<(FigureImage, Option<f64>)> {
@@ -60,9 +34,5 @@ pub fn bytes(figure: &Figure, args: &FigureArgs, kind: FileKind, about: &PngMeta
         return coded(&image, &PngMetadata { dpi, ..about.clone() }, PngEffort::Small);
     }
     let points = args.points(kind).unwrap_or(72.0);
-    let sheet = layout(figure, args.letters(), FigureSpace::Width(points))?;
-    match kind {
-        FileKind::Svg => Ok(svg(&sheet, about)?.into_bytes()),
-        _ => pdf(&sheet, about),
-    }
+    layout(figure, args.letters(), FigureSpace::Width(points))?.bytes(kind, about)
 }

@@ -1,37 +1,32 @@
 //! `bench` as a user runs it, on few particles: what it writes, that it goes on, and what it refuses.
 
-use crate::common::{fails, listing, particlegs, run, snapshot};
-use std::path::Path;
+use crate::common::{TestFolder, fails, listing, particlegs, snapshot, success};
 
-/// A few clumps.
-fn clumps(folder: &Path) {
+/// A folder with a few `clumps`.
+fn folder() -> TestFolder {
+    let dir = TestFolder::new();
     let place = |i: u64, k: u64| {
         let clump = i % 7;
         let near = (i * (97 + 31 * k) % 1009) as f32 / 1009.0;
         (clump * (k + 2) % 5) as f32 * 4.0 + near * near
     };
     let columns: Vec<Vec<f32>> = (0..3).map(|k| (0..4000).map(|i| place(i, k)).collect()).collect();
-    snapshot(folder, &columns);
+    snapshot(&dir.at("clumps"), &columns);
+    dir
 }
 
-fn bench(input: &Path, output: &Path, more: &[&str]) -> assert_cmd::Command {
-    let mut command = particlegs();
-    command.args(["bench", "rate-distortion"]).arg(input).arg("-o").arg(output);
-    command.args(["--quick", "--quiet", "--size", "160x90", "--seeds", "1"]).args(more);
-    command
-}
+const BENCH: &str = "bench rate-distortion clumps --quick --quiet --size 160x90 --seeds 1 -o";
 
 #[test]
 fn results_are_written_and_gone_on_with() {
-    let dir = tempfile::tempdir().unwrap();
-    let (input, output) = (dir.path().join("clumps"), dir.path().join("out"));
-    clumps(&input);
-    bench(&input, &output, &["--ratios", "20,50"]).assert().success();
+    let dir = folder();
+    let words = format!("{BENCH} out --ratios 20,50");
+    dir.runs(&words);
+    let read = |name: &str| dir.text(&format!("out/{name}"));
     for name in ["report.html", "results.json", "rate-distortion.md", "figures/rate-distortion-masked.svg"] {
-        assert!(output.join(name).metadata().unwrap().len() > 500, "{name}");
+        assert!(read(name).len() > 500, "{name}");
     }
-    let read = |name: &str| std::fs::read_to_string(output.join(name)).unwrap();
-    let results: serde_json::Value = serde_json::from_str(&read("results.json")).unwrap();
+    let results = dir.json("out/results.json");
     assert_eq!(results["made_by"]["snapshots"][0][1], 4000);
     let tables = results["experiments"]["rate-distortion"]["tables"].as_array().unwrap();
     let named = |name: &str| tables.iter().find(|t| t["name"] == name).unwrap()["rows"].as_array().unwrap();
@@ -51,57 +46,37 @@ fn results_are_written_and_gone_on_with() {
     assert_eq!(csv.lines().count(), 13, "{csv}");
 
     // Kept results are used again: the same pages, and nothing new is kept.
-    let kept = listing(&output.join("kept"));
-    bench(&input, &output, &["--ratios", "20,50"]).assert().success();
-    assert_eq!((page, kept), (read("report.html"), listing(&output.join("kept"))));
+    let kept = listing(&dir.at("out/kept"));
+    dir.runs(&words);
+    assert_eq!((page, kept), (read("report.html"), listing(&dir.at("out/kept"))));
 }
 
 #[test]
 fn what_is_there_is_listed() {
-    let text = String::from_utf8(run(&["bench", "list"]).success().get_output().stdout.clone()).unwrap();
-    for label in [
-        "tab:ablation_core",
-        "tab:ablation_ft",
-        "tab:block,",
-        "tab:generalization",
-        "tab:gen_view",
-        "tab:rd",
-        "tab:perf",
-        "tab:recovery_methods",
-        "tab:recovery_blocks",
-        "fig:artifact",
-        "fig:block_distance",
-        "fig:scale",
-        "fig:rd",
-        "fig:qualitative",
-        "fig:recovery:slices",
-        "fig:recovery:stats",
-        "fig:three_way",
-    ] {
+    let [text, _] = success(particlegs().args(["bench", "list"]));
+    let labels = "tab:ablation_core tab:ablation_ft tab:block, tab:generalization tab:gen_view tab:rd tab:perf \
+                  tab:recovery_methods tab:recovery_blocks fig:artifact fig:block_distance fig:scale fig:rd \
+                  fig:qualitative fig:recovery:slices fig:recovery:stats fig:three_way";
+    for label in labels.split(' ') {
         assert!(text.contains(label), "{label} is made by no experiment:\n{text}");
     }
 }
 
 #[test]
 fn what_cannot_be_measured_is_refused() {
-    let dir = tempfile::tempdir().unwrap();
-    let (input, other) = (dir.path().join("clumps"), dir.path().join("other"));
-    clumps(&input);
-    fails(
-        particlegs().args(["bench", "nothing", "x", "-o", "y"]),
-        2,
-        "no experiment \"nothing\": all, rate-distortion",
-    );
-    fails(particlegs().args(["bench", "all"]), 2, "`bench` takes a snapshot and a folder for the results");
-    fails(&mut bench(&input, &dir.path().join("a"), &["--ratios", "0.5"]), 2, "--ratios: 0.5 is not above 1");
+    let dir = folder();
+    let unknown = "no experiment \"nothing\": all, rate-distortion";
+    dir.fails("bench nothing x -o y", 2, unknown);
+    dir.fails("bench all", 2, "`bench` takes a snapshot and a folder for the results");
+    dir.fails(&format!("{BENCH} a --ratios 0.5"), 2, "--ratios: 0.5 is not above 1");
     // A folder of something else is left alone, and so is the snapshot's own.
-    std::fs::create_dir(&other).unwrap();
-    std::fs::write(other.join("mine.txt"), "mine").unwrap();
-    fails(&mut bench(&input, &other, &[]), 8, "holds other files and no results of `bench`");
-    fails(&mut bench(&input, &input, &[]), 8, "holds other files and no results of `bench`");
-    assert_eq!(listing(&other), ["mine.txt"]);
-    let python = dir.path().join("python");
-    fails(&mut bench(&input, &dir.path().join("b"), &["--python", python.to_str().unwrap()]), 3, "python");
+    std::fs::create_dir(dir.at("other")).unwrap();
+    dir.write("other/mine.txt", "mine");
+    for place in ["other", "clumps"] {
+        dir.fails(&format!("{BENCH} {place}"), 8, "holds other files and no results of `bench`");
+    }
+    assert_eq!(listing(&dir.at("other")), ["mine.txt"]);
+    dir.fails(&format!("{BENCH} b --python {}", dir.at("python").display()), 3, "python");
 }
 
 /// Whether or not there is a card.
@@ -117,9 +92,8 @@ fn what_does_nothing_for_a_card_is_refused() {
 
 #[test]
 fn experiments_are_listed_as_data() {
-    let dir = tempfile::tempdir().unwrap();
-    let list = dir.path().join("list.json");
-    particlegs().args(["bench", "list", "--json"]).arg(&list).assert().success();
-    let told: serde_json::Value = serde_json::from_slice(&std::fs::read(&list).unwrap()).unwrap();
+    let dir = TestFolder::new();
+    dir.runs("bench list --json list.json");
+    let told = dir.json("list.json");
     assert!(told.as_array().is_some_and(|all| all.len() > 5 && all[0]["name"].is_string()), "{told}");
 }

@@ -1,21 +1,163 @@
 //! What the end-to-end tests share.
 
 use assert_cmd::Command;
+use particlegs::codec;
+use particlegs::model::{Certificate, Model};
+use serde_json::Value;
+use std::collections::HashMap;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use std::process::Output;
+use std::sync::{Arc, Mutex, OnceLock};
 
 /// The binary under test.
 pub fn particlegs() -> Command {
     Command::cargo_bin("particlegs").expect("the binary is built")
 }
 
-/// Runs it with arguments.
-pub fn run(arguments: &[&str]) -> assert_cmd::assert::Assert {
-    particlegs().args(arguments).assert()
+/// The binary as a process that is started and left running.
+pub fn process(folder: &Path) -> std::process::Command {
+    let mut c = std::process::Command::new(assert_cmd::cargo::cargo_bin("particlegs"));
+    c.current_dir(folder);
+    c
 }
 
 /// The bundled snapshot.
 pub fn sample() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64")
+}
+
+/// A file of `particlegs-formats/tests`, by default of its `fixtures`.
+pub fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs-formats/tests/fixtures").join(name)
+}
+
+/// Words of a command line, in which SAMPLE, FIXTURES and GOLDEN (VTK's pictures of the sample and their views) stand
+/// for those folders.
+pub fn words(text: &str) -> Vec<OsString> {
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs/tests/golden/nbody64");
+    let places = [("SAMPLE", sample()), ("FIXTURES", fixture("")), ("GOLDEN", golden)];
+    let word = |w: &str| {
+        let place = places.iter().find_map(|(name, place)| Some((place, w.strip_prefix(name)?)));
+        place.map_or(w.into(), |(place, rest)| place.join(rest.trim_start_matches('/')).into_os_string())
+    };
+    text.split_whitespace().map(word).collect()
+}
+
+/// A new folder, which goes with the test, and commands that run in it.
+pub struct TestFolder(tempfile::TempDir);
+
+impl TestFolder {
+    pub fn new() -> Self {
+        TestFolder(tempfile::tempdir().unwrap())
+    }
+
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    pub fn at(&self, name: &str) -> PathBuf {
+        self.path().join(name)
+    }
+
+    pub fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+        std::fs::write(self.at(name), content).unwrap();
+    }
+
+    pub fn bytes(&self, name: &str) -> Vec<u8> {
+        let path = self.at(name);
+        std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+    }
+
+    pub fn text(&self, name: &str) -> String {
+        String::from_utf8(self.bytes(name)).unwrap()
+    }
+
+    pub fn json(&self, name: &str) -> Value {
+        serde_json::from_slice(&self.bytes(name)).unwrap()
+    }
+
+    pub fn model(&self, name: &str) -> Model {
+        codec::decode(&self.bytes(name), name).unwrap()
+    }
+
+    /// What lies in it, sorted.
+    pub fn listing(&self) -> Vec<String> {
+        listing(self.path())
+    }
+
+    pub fn command(&self, text: &str) -> Command {
+        let mut c = particlegs();
+        c.current_dir(self.path()).args(words(text));
+        c
+    }
+
+    /// Runs a command that succeeds: what it prints, and what it says on standard error.
+    pub fn runs(&self, text: &str) -> [String; 2] {
+        success(&mut self.command(text))
+    }
+
+    /// Runs a command that succeeds and gives what it says as JSON.
+    pub fn says(&self, text: &str) -> Value {
+        json(&mut self.command(text))
+    }
+
+    /// Runs a command that succeeds: the bytes of the file that `-o` names.
+    pub fn makes(&self, text: &str) -> Vec<u8> {
+        self.runs(text);
+        self.bytes(output(text))
+    }
+
+    /// The file that a command makes, which ran once for all tests that name it so.
+    pub fn once(&self, text: &str) -> Vec<u8> {
+        type Made = Mutex<HashMap<String, Arc<OnceLock<Vec<u8>>>>>;
+        static MADE: OnceLock<Made> = OnceLock::new();
+        let cell = Arc::clone(MADE.get_or_init(Mutex::default).lock().unwrap().entry(text.into()).or_default());
+        let bytes = cell.get_or_init(|| self.makes(text));
+        self.write(output(text), bytes);
+        bytes.clone()
+    }
+
+    /// As [`fails`].
+    pub fn fails(&self, text: &str, code: i32, error: &str) {
+        fails(&mut self.command(text), code, error);
+    }
+}
+
+/// The word behind `-o`.
+fn output(text: &str) -> &str {
+    let behind = text.split_once("-o ").expect("an output").1;
+    behind.split(' ').next().unwrap()
+}
+
+/// Runs a command that succeeds: what it prints, and what it says on standard error.
+pub fn success(command: &mut Command) -> [String; 2] {
+    let out = command.output().unwrap();
+    assert!(out.status.success(), "{command:?}: {}", said(&out));
+    [out.stdout, out.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// Runs a command that succeeds and gives what it says as JSON.
+pub fn json(command: &mut Command) -> Value {
+    serde_json::from_str(&success(command.args(["--json", "-"]))[0]).unwrap()
+}
+
+/// What a command said on standard error.
+pub fn said(out: &Output) -> String {
+    String::from_utf8_lossy(&out.stderr).into_owned()
+}
+
+/// Lines of an error.
+pub fn errors(text: &str) -> usize {
+    text.lines().filter(|l| l.starts_with("error:")).count()
+}
+
+/// A model's file with another certificate.
+pub fn recertified(file: &[u8], change: impl FnOnce(&mut Certificate)) -> particlegs::Result<Vec<u8>> {
+    let model = codec::decode(file, "m").unwrap();
+    let mut certificate = model.certificate.unwrap();
+    change(&mut certificate);
+    codec::assemble(&model.metadata, Some(&certificate), codec::coded_layers(file, "m").unwrap())
 }
 
 /// Writes raw columns into a new folder.
@@ -27,14 +169,23 @@ pub fn snapshot(folder: &Path, columns: &[Vec<f32>]) {
     }
 }
 
+/// A few particles on a spiral, and a model of them, in a folder.
+pub fn spiral() -> TestFolder {
+    let dir = TestFolder::new();
+    let along = |f: fn(f32) -> f32| (0..3000).map(|i| f(i as f32 / 3000.0)).collect::<Vec<f32>>();
+    let columns = [along(|t| (19.0 * t).cos() * t), along(|t| t), along(|t| (19.0 * t).sin() * t)];
+    snapshot(&dir.at("spiral"), &columns);
+    dir.once("compress spiral -o spiral.pgs --gaussians 40 --effort fast --certificate=none --quiet");
+    dir
+}
+
 /// Runs and demands failure with `code`, one `error:` line that holds `text`, and nothing on stdout.
 pub fn fails(command: &mut Command, code: i32, text: &str) {
     let out = command.output().unwrap();
-    let err = String::from_utf8_lossy(&out.stderr);
+    let err = said(&out);
     assert_eq!(out.status.code(), Some(code), "{err}");
-    let lines: Vec<&str> = err.lines().filter(|l| l.starts_with("error:")).collect();
-    assert_eq!(lines.len(), 1, "{err}");
-    assert!(lines[0].contains(text), "{err}");
+    assert_eq!(errors(&err), 1, "{err}");
+    assert!(err.lines().any(|l| l.starts_with("error:") && l.contains(text)), "{err}");
     assert!(!err.contains("panicked"), "{err}");
 }
 
@@ -72,6 +223,12 @@ pub fn waited(what: &str, mut ready: impl FnMut() -> bool) {
     }
 }
 
+/// Makes a named pipe.
+#[cfg(unix)]
+pub fn pipe(path: &Path) {
+    assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success());
+}
+
 /// Sends a signal by name, as `-INT`.
 pub fn signal(child: &std::process::Child, name: &str) {
     let sent = std::process::Command::new("kill").args([name, &child.id().to_string()]).status();
@@ -84,4 +241,18 @@ pub fn listing(folder: &Path) -> Vec<String> {
         std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     names
+}
+
+/// All files under a folder.
+#[cfg(target_os = "linux")]
+pub fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
+    entries.flat_map(|p| if p.is_dir() { files(&p) } else { vec![p] }).collect()
+}
+
+/// The bytes of every regular file under a folder.
+#[cfg(target_os = "linux")]
+pub fn contents(folder: &Path) -> std::collections::BTreeMap<PathBuf, Vec<u8>> {
+    let is_file = |p: &PathBuf| std::fs::symlink_metadata(p).is_ok_and(|m| m.is_file());
+    files(folder).into_iter().filter(is_file).map(|p| (p.clone(), std::fs::read(&p).unwrap())).collect()
 }

@@ -1,26 +1,19 @@
 //! `eval` as a user runs it: a tiny model of the sample.
 
-use crate::common::{particlegs, sample};
+use crate::common::TestFolder;
 use crate::models::tiny;
-use particlegs::codec::{self, Precision};
 use particlegs::model::LawKind;
-use particlegs::particles::Particles;
 
 #[test]
 fn scores_by_orbit_in_text_and_json() {
-    let dir = tempfile::tempdir().unwrap();
-    let particles = Particles::open_raw(&[sample()]).unwrap();
-    let bytes = codec::encode(&tiny(&particles, 0..64, LawKind::OpticalDepth), &Precision::BALANCED).unwrap();
-    let (model, json) = (dir.path().join("m.pgs"), dir.path().join("e.json"));
-    std::fs::write(&model, &bytes).unwrap();
-    let run = |more: &[&str]| {
-        let mut command = particlegs();
-        command.arg("eval").arg(&model).arg(sample()).arg("--json").arg(&json).args(more);
-        let done = command.assert().success();
-        let text = String::from_utf8_lossy(&done.get_output().stdout).into_owned();
-        (text, serde_json::from_slice::<serde_json::Value>(&std::fs::read(&json).unwrap()).unwrap())
+    let dir = TestFolder::new();
+    let bytes = tiny(0..64, LawKind::OpticalDepth);
+    dir.write("m.pgs", &bytes);
+    let run = |more: &str| {
+        let [text, _] = dir.runs(&format!("eval m.pgs SAMPLE --json e.json {more}"));
+        (text, dir.json("e.json"))
     };
-    let (text, e) = run(&["--frames", "1", "--size", "160x90"]);
+    let (text, e) = run("--frames 1 --size 160x90");
     assert!(text.contains("paraview-no-fxaa") && text.contains("seed 42") && text.contains("160x90"));
     assert_eq!((e["model_bytes"].as_u64(), e["raw_bytes"].as_u64()), (Some(bytes.len() as u64), Some(12 * 262_144)));
     assert_eq!(e["gaussians"], 64);
@@ -35,14 +28,13 @@ fn scores_by_orbit_in_text_and_json() {
         }
         assert!(place["paraview_no_fxaa"]["shot_noise"].is_number());
     }
-    let (_, again) = run(&["--frames", "1", "--size", "160x90", "--threads", "1"]);
+    let (_, again) = run("--frames 1 --size 160x90 --threads 1");
     assert_eq!(e, again);
 
-    let views = dir.path().join("v.json");
     let view = r#"{"name": "near_7", "position": [80, 12, 12], "focal_point": [12, 12, 12], "view_up": [0, 1, 0],
         "radius": 0.02, "opacity": 0.05}"#;
-    std::fs::write(&views, format!(r#"{{"width": 96, "height": 54, "fov_deg": 30, "views": [{view}]}}"#)).unwrap();
-    let (_, e) = run(&["--views", views.to_str().unwrap()]);
+    dir.write("v.json", format!(r#"{{"width": 96, "height": 54, "fov_deg": 30, "views": [{view}]}}"#));
+    let (_, e) = run("--views v.json");
     assert_eq!((e["views"][0]["orbit"].as_str(), e["width"].as_u64()), (Some("near"), Some(96)));
     assert!(e["by_orbit"].get("far").is_none());
 }

@@ -1,11 +1,10 @@
 //! Figures, films and panels, and what a picture says of itself.
 
-use crate::common::{fails, listing, particlegs, snapshot};
+use crate::common::{TestFolder, listing, said, snapshot};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
 
-/// A model of particles on a spiral, with units, a box and two layers where `species` says so.
-fn model(dir: &Path, name: &str, turns: f32, gaussians: &str) -> PathBuf {
+/// A model of particles on a spiral, with units, a box and two layers.
+fn model(dir: &TestFolder, name: &str, turns: f32, gaussians: u32) {
     let along = |f: &dyn Fn(f32) -> f32| (0..3000).map(|i| f(i as f32 / 3000.0)).collect::<Vec<f32>>();
     let columns = [
         along(&|t| 5.0 + 4.0 * (turns * t).cos() * t),
@@ -13,54 +12,34 @@ fn model(dir: &Path, name: &str, turns: f32, gaussians: &str) -> PathBuf {
         along(&|t| 5.0 + 4.0 * (turns * t).sin() * t),
         along(&|t| if t < 0.5 { 1.0 } else { 3.0 }),
     ];
-    let (particles, model) = (dir.join(format!("{name}-in")), dir.join(format!("{name}.pgs")));
-    snapshot(&particles, &columns);
-    std::fs::write(particles.join("meta.json"), r#"{"box": 10, "length_unit": "Mpc/h"}"#).unwrap();
-    let mut c = particlegs();
-    c.arg("compress").arg(&particles).arg("-o").arg(&model).args(["--gaussians", gaussians, "--layers-by", "mass"]);
-    c.args(["--effort", "fast", "--certificate=none", "--quiet"]).assert().success();
-    model
+    snapshot(&dir.at(&format!("{name}-in")), &columns);
+    dir.write(&format!("{name}-in/meta.json"), r#"{"box": 10, "length_unit": "Mpc/h"}"#);
+    let fit = format!("--gaussians {gaussians} --layers-by mass --effort fast --certificate=none --quiet");
+    dir.once(&format!("compress {name}-in -o {name}.pgs {fit}"));
 }
 
-struct FigureFolder {
-    dir: tempfile::TempDir,
+fn folder() -> TestFolder {
+    let dir = TestFolder::new();
+    model(&dir, "a", 19.0, 40);
+    dir
 }
 
-impl FigureFolder {
-    fn new() -> FigureFolder {
-        let dir = tempfile::tempdir().unwrap();
-        model(dir.path(), "a", 19.0, "40");
-        FigureFolder { dir }
-    }
-
-    fn at(&self, name: &str) -> PathBuf {
-        self.dir.path().join(name)
-    }
-
-    fn bytes(&self, name: &str) -> Vec<u8> {
-        std::fs::read(self.at(name)).unwrap()
-    }
-
-    fn render(&self, more: &[&str]) -> assert_cmd::Command {
-        let mut c = particlegs();
-        c.current_dir(self.dir.path()).arg("render").args(more).arg("--quiet");
-        c
-    }
-
-    fn draws(&self, more: &[&str]) -> Value {
-        let out = self.render(more).args(["--json", "-"]).output().unwrap();
-        assert!(out.status.success(), "{more:?}: {}", String::from_utf8_lossy(&out.stderr));
-        serde_json::from_slice(&out.stdout).unwrap()
-    }
+fn render(s: &TestFolder, words: &str) -> Value {
+    s.says(&format!("render {words} --quiet"))
 }
 
-const DENSITY: [&str; 8] = ["a.pgs", "--style", "density", "--projection", "orthographic", "--size", "60x60", "-o"];
+fn refused(s: &TestFolder, words: &str, code: i32, text: &str) {
+    s.fails(&format!("render {words} --quiet"), code, text);
+}
+
+const DENSITY: &str = "a.pgs --style density --projection orthographic --size 60x60 -o";
 
 #[test]
 fn a_figure_has_its_labels_as_text_and_its_picture_as_it_is() {
-    let s = FigureFolder::new();
-    s.draws(&[&DENSITY[..], &["f.svg", "--axes", "frame", "--title", "A < B"]].concat());
-    let svg = String::from_utf8(s.bytes("f.svg")).unwrap();
+    let s = folder();
+    let framed = format!("render {DENSITY} f.svg --axes frame");
+    s.command(&framed).args(["--title", "A < B"]).assert().success();
+    let svg = s.text("f.svg");
     assert!(svg.starts_with("<svg ") && svg.trim_end().ends_with("</svg>"));
     assert!(svg.contains("width=\"238.11pt\""), "84 mm");
     for text in [">x (Mpc h⁻¹)<", ">y (Mpc h⁻¹)<", ">A &lt; B<", "font-size=\"8\"", ">4<", ">6<"] {
@@ -70,106 +49,103 @@ fn a_figure_has_its_labels_as_text_and_its_picture_as_it_is() {
     assert_eq!(svg.matches(">Σ (").count(), 1);
     assert_eq!(svg.matches("data:image/png;base64,").count(), 2);
     assert!(svg.contains("<metadata>{&quot;particlegs&quot;"));
-    s.draws(&[&DENSITY[..], &["f.pdf", "--figure-width", "50mm", "--font-size", "6"]].concat());
+    render(&s, &format!("{DENSITY} f.pdf --figure-width 50mm --font-size 6"));
     let pdf = String::from_utf8_lossy(&s.bytes("f.pdf")).into_owned();
     assert!(pdf.starts_with("%PDF-") && pdf.contains("/FontFile2") && pdf.contains("/ToUnicode"));
     assert!(pdf.contains("/MediaBox [0 0 141.73"), "50 mm");
     // The same figure has the same bytes.
-    s.draws(&[&DENSITY[..], &["g.pdf", "--figure-width", "50mm", "--font-size", "6", "--threads", "1"]].concat());
+    render(&s, &format!("{DENSITY} g.pdf --figure-width 50mm --font-size 6 --threads 1"));
     assert!(s.bytes("f.pdf") == s.bytes("g.pdf"));
 }
 
 #[test]
 fn a_picture_is_drawn_alike_from_what_it_says() {
-    let s = FigureFolder::new();
-    let views: [&[&str]; 4] = [
-        &["--azimuth", "33.3", "--elevation", "-12", "--radius", "0.03", "--opacity", "0.3", "--size", "80x50"],
-        &["--style", "density", "--colormap", "viridis", "--size", "80x50", "--background", "white"],
-        &["--style", "density", "--projection", "orthographic", "--depth", "2", "--size", "50x50"],
-        &["--style", "expected", "--color-by-layer", "--distance", "0.6", "--size", "80x50"],
-    ];
-    for view in views {
-        s.draws(&[&["a.pgs", "-o", "a.png"], view].concat());
-        s.draws(&["a.pgs", "-o", "b.png", "--like", "a.png"]);
+    let s = folder();
+    for view in [
+        "--azimuth 33.3 --elevation -12 --radius 0.03 --opacity 0.3 --size 80x50",
+        "--style density --colormap viridis --size 80x50 --background white",
+        "--style density --projection orthographic --depth 2 --size 50x50",
+        "--style expected --color-by-layer --distance 0.6 --size 80x50",
+    ] {
+        render(&s, &format!("a.pgs -o a.png {view}"));
+        render(&s, "a.pgs -o b.png --like a.png");
         assert!(s.bytes("a.png") == s.bytes("b.png"), "{view:?}");
     }
     // Of another model it is the same view.
-    model(s.dir.path(), "b", 7.0, "60");
-    let first = s.draws(&["a.pgs", "-o", "a.png", "--azimuth", "33", "--width", "4", "--size", "80x50"]);
-    let other = s.draws(&["b.pgs", "-o", "b.png", "--like", "a.png"]);
+    model(&s, "b", 7.0, 60);
+    let first = render(&s, "a.pgs -o a.png --azimuth 33 --width 4 --size 80x50");
+    let other = render(&s, "b.pgs -o b.png --like a.png");
     for key in ["position", "focal_point", "view_up", "fov_deg", "radius", "opacity"] {
         assert_eq!(first["views"][0][key], other["views"][0][key], "{key}");
     }
     assert!(s.bytes("a.png") != s.bytes("b.png"));
     // Pictures without that text, and what is no picture, are refused.
-    std::fs::write(s.at("no.png"), [&s.bytes("a.png")[..40], b"more"].concat()).unwrap();
-    fails(&mut s.render(&["a.pgs", "-o", "c.png", "--like", "no.png"]), 3, "does not say what it is a picture of");
-    fails(&mut s.render(&["a.pgs", "-o", "c.png", "--like", "a.pgs"]), 3, "a.pgs");
-    fails(&mut s.render(&["a.pgs", "-o", "a.png", "--like", "a.png"]), 8, "is an input");
+    s.write("no.png", [&s.bytes("a.png")[..40], b"more"].concat());
+    refused(&s, "a.pgs -o c.png --like no.png", 3, "does not say what it is a picture of");
+    refused(&s, "a.pgs -o c.png --like a.pgs", 3, "a.pgs");
+    refused(&s, "a.pgs -o a.png --like a.png", 8, "is an input");
     assert!(!s.at("c.png").exists());
 }
 
 #[test]
 fn panels_have_one_range_and_one_bar() {
-    let s = FigureFolder::new();
-    model(s.dir.path(), "b", 7.0, "60");
-    let look = ["--style", "density", "--size", "60x40"];
-    let range = |names: &[&str], out: &str, more: &[&str]| {
-        let report = s.draws(&[names, &look[..], &["-o", out], more].concat());
+    let s = folder();
+    model(&s, "b", 7.0, 60);
+    let range = |words: &str| {
+        let report = render(&s, &format!("{words} --style density --size 60x40 --panels"));
         [0, 1].map(|k| report["range"][k].as_f64().unwrap())
     };
-    let alone = ["a.pgs", "b.pgs"].map(|m| range(&[m], "one.svg", &["--panels"]));
-    let both = range(&["a.pgs", "b.pgs"], "two.svg", &["--panels"]);
+    let alone = ["a.pgs", "b.pgs"].map(|m| range(&format!("{m} -o one.svg")));
+    let both = range("a.pgs b.pgs -o two.svg");
     assert_eq!(both[1], alone[0][1].max(alone[1][1]));
     assert!(both[0] <= alone[0][0].max(alone[1][0]) && alone[0] != alone[1]);
-    let svg = String::from_utf8(s.bytes("two.svg")).unwrap();
+    let svg = s.text("two.svg");
     assert_eq!((svg.matches(">Σ (").count(), svg.matches("data:image/png").count()), (1, 3));
     assert!(svg.contains(">a</text>") && svg.contains(">b</text>"));
-    range(&["a.pgs", "b.pgs"], "two.pdf", &["--panels", "--captions", "before,after", "--columns", "1"]);
-    fails(&mut s.render(&["a.pgs", "b.pgs", "-o", "x.png"]), 2, "2 models are given");
-    fails(&mut s.render(&["a.pgs", "b.pgs", "-o", "x.png", "--panels", "--captions", "one"]), 2, "2 panels");
-    let one = s.draws(&["a.pgs", "--style", "density", "--size", "60x40", "-o", "x", "--panels"]);
+    range("a.pgs b.pgs -o two.pdf --captions before,after --columns 1");
+    refused(&s, "a.pgs b.pgs -o x.png", 2, "2 models are given");
+    refused(&s, "a.pgs b.pgs -o x.png --panels --captions one", 2, "2 panels");
+    let one = render(&s, "a.pgs --style density --size 60x40 -o x --panels");
     assert!(one["views"].as_array().unwrap().len() == 1 && s.at("x/panels.png").exists());
 }
 
 #[test]
 fn a_turn_begins_with_its_view_and_has_one_range() {
-    let s = FigureFolder::new();
-    let turn = ["--turntable", "5", "--size", "48x30", "--elevation", "15"];
-    let report = s.draws(&[&["a.pgs", "-o", "frames", "--save-views", "keys.json"], &turn[..]].concat());
+    let s = folder();
+    let turn = "--turntable 5 --size 48x30 --elevation 15";
+    let report = render(&s, &format!("a.pgs -o frames --save-views keys.json {turn}"));
     let names: Vec<String> = (0..5).map(|i| format!("frame_000{i}.png")).collect();
     assert_eq!(listing(&s.at("frames")), names);
     assert_eq!(report["views"].as_array().unwrap().len(), 5);
-    s.draws(&["a.pgs", "-o", "first.png", "--size", "48x30", "--elevation", "15"]);
+    render(&s, "a.pgs -o first.png --size 48x30 --elevation 15");
     let pixels = |name: &str| particlegs::picture::read_png(&s.at(name)).unwrap();
     assert_eq!(pixels("frames/frame_0000.png"), pixels("first.png"));
     assert!(pixels("frames/frame_0001.png") != pixels("first.png"));
     // The frames are those of the views that are saved, and the same with other threads.
-    s.draws(&["a.pgs", "-o", "again", "--views", "keys.json"]);
-    s.draws(&[&["a.pgs", "-o", "alone", "--threads", "1"], &turn[..]].concat());
+    render(&s, "a.pgs -o again --views keys.json");
+    render(&s, &format!("a.pgs -o alone --threads 1 {turn}"));
     for name in &names {
         assert_eq!(pixels(&format!("again/{name}")), pixels(&format!("frames/{name}")));
         assert!(s.bytes(&format!("alone/{name}")) == s.bytes(&format!("frames/{name}")));
     }
-    let density = s.draws(&["a.pgs", "-o", "sigma", "--style", "density", "--turntable", "3", "--size", "48x30"]);
+    let density = render(&s, "a.pgs -o sigma --style density --turntable 3 --size 48x30");
     assert!(density["range"][1].as_f64() > density["range"][0].as_f64());
     // A path through the turn's views passes through them.
-    s.draws(&["a.pgs", "-o", "path", "--path", "keys.json", "--frames", "9"]);
+    render(&s, "a.pgs -o path --path keys.json --frames 9");
     assert_eq!(listing(&s.at("path")).len(), 9);
     assert_eq!(pixels("path/frame_0004.png"), pixels("frames/frame_0002.png"));
-    fails(&mut s.render(&["a.pgs", "-o", "x", "--views", "keys.json", "--turntable", "3"]), 2, "turns one view");
-    fails(&mut s.render(&["a.pgs", "-o", "x.png", "--turntable", "3"]), 2, "names one picture");
-    fails(&mut s.render(&["a.pgs", "-o", "x", "--turntable", "3", "--video", "x.avi"]), 2, ".mp4, .webm or .gif");
+    refused(&s, "a.pgs -o x --views keys.json --turntable 3", 2, "turns one view");
+    refused(&s, "a.pgs -o x.png --turntable 3", 2, "names one picture");
+    refused(&s, "a.pgs -o x --turntable 3 --video x.avi", 2, ".mp4, .webm or .gif");
 }
 
 /// Where ffmpeg is not to be found the frames are kept, and the error says the line that joins them.
 #[test]
 fn without_ffmpeg_frames_are_kept() {
-    let s = FigureFolder::new();
-    let film = ["a.pgs", "--turntable", "2", "--size", "32x20", "--video", "turn.mp4"];
-    let mut c = particlegs();
-    let out = c.current_dir(&s.dir).arg("render").args(film).env("PATH", s.dir.path()).output().unwrap();
-    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    let s = folder();
+    let film = "render a.pgs --turntable 2 --size 32x20 --video turn.mp4";
+    let out = s.command(film).env("PATH", s.path()).output().unwrap();
+    let said = said(&out);
     assert!(out.status.code() == Some(6) && said.contains("ffmpeg -v error"), "{said}");
     assert!(said.contains("turn-frames/frame_%04d.png") && said.lines().any(|l| l.ends_with("turn.mp4")), "{said}");
     assert_eq!(listing(&s.at("turn-frames")), ["frame_0000.png", "frame_0001.png"]);
@@ -182,17 +158,17 @@ fn without_ffmpeg_frames_are_kept() {
 #[test]
 fn films_with_colons_in_their_names_are_files() {
     use std::os::unix::fs::PermissionsExt;
-    let s = FigureFolder::new();
+    let s = folder();
     let stand_in = |does: &str| {
         let script = format!("#!/bin/sh\nfor last; do :; done\n{does}\n");
-        std::fs::write(s.at("ffmpeg"), script).unwrap();
+        s.write("ffmpeg", script);
         std::fs::set_permissions(s.at("ffmpeg"), std::fs::Permissions::from_mode(0o755)).unwrap();
     };
     let film = |name: &str, code: i32| {
-        let arguments = ["a.pgs", "--turntable", "2", "--size", "32x20", &format!("--video={name}")];
-        let out =
-            s.render(&arguments).env("PATH", format!("{}:/usr/bin:/bin", s.dir.path().display())).output().unwrap();
-        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        let film = format!("render a.pgs --turntable 2 --size 32x20 --video={name} --quiet");
+        let path = format!("{}:/usr/bin:/bin", s.path().display());
+        let out = s.command(&film).env("PATH", path).output().unwrap();
+        let said = said(&out);
         assert_eq!(out.status.code(), Some(code), "{said}");
         said
     };
@@ -209,25 +185,24 @@ fn films_with_colons_in_their_names_are_files() {
 
 #[test]
 fn figures_that_cannot_be_are_refused() {
-    let s = FigureFolder::new();
-    fails(&mut s.render(&["a.pgs", "-o", "x.pdf", "--axes", "frame"]), 2, "--projection orthographic");
-    let narrow = ["x.pdf", "--figure-width", "10mm", "--font-size", "20"];
-    fails(&mut s.render(&[&DENSITY[..], &narrow].concat()), 2, "no room");
-    fails(&mut s.render(&["a.pgs", "-o", "x.png", "--depth=-1"]), 2, "--depth -1");
-    fails(&mut s.render(&["a.pgs", "-o", "x.png", "--center", "1,2"]), 2, "--center takes");
-    s.render(&["a.pgs", "-o", "x.png", "--figure-width", "84"]).assert().failure().code(2);
-    s.render(&["a.pgs"]).assert().failure().code(2);
+    let s = folder();
+    refused(&s, "a.pgs -o x.pdf --axes frame", 2, "--projection orthographic");
+    refused(&s, &format!("{DENSITY} x.pdf --figure-width 10mm --font-size 20"), 2, "no room");
+    refused(&s, "a.pgs -o x.png --depth=-1", 2, "--depth -1");
+    refused(&s, "a.pgs -o x.png --center 1,2", 2, "--center takes");
+    for words in ["render a.pgs -o x.png --figure-width 84 --quiet", "render a.pgs --quiet"] {
+        s.command(words).assert().failure().code(2);
+    }
     assert!(!s.at("x.png").exists() && !s.at("x.pdf").exists());
     // Bars on the picture leave it the size that was asked for.
-    s.draws(&[&DENSITY[..], &["z.png", "--colorbar", "inside"]].concat());
+    render(&s, &format!("{DENSITY} z.png --colorbar inside"));
     let size = particlegs::picture::read_png(&s.at("z.png")).unwrap().size;
     assert_eq!([size.width, size.height], [60, 60]);
     // A view whose focal point is beside the particles has no length to tell.
-    s.draws(&["a.pgs", "-o", "x.svg", "--center", "90,0,0", "--distance", "5", "--size", "40x30"]);
-    let svg = String::from_utf8(s.bytes("x.svg")).unwrap();
-    assert!(!svg.split("</metadata>").nth(1).unwrap().contains("Mpc"));
-    s.draws(&["a.pgs", "-o", "y.svg", "--size", "40x30"]);
-    assert!(String::from_utf8(s.bytes("y.svg")).unwrap().contains(" Mpc h⁻¹ (at the centre)</text>"));
+    render(&s, "a.pgs -o x.svg --center 90,0,0 --distance 5 --size 40x30");
+    assert!(!s.text("x.svg").split("</metadata>").nth(1).unwrap().contains("Mpc"));
+    render(&s, "a.pgs -o y.svg --size 40x30");
+    assert!(s.text("y.svg").contains(" Mpc h⁻¹ (at the centre)</text>"));
 }
 
 /// Of a GIF by the words of its specification (version 89a): size, and the colours of every frame's pixels.
@@ -302,8 +277,8 @@ fn unpacked(data: &[u8], least: u32) -> Vec<u8> {
 
 #[test]
 fn a_gif_has_the_frames_pixels() {
-    let s = FigureFolder::new();
-    s.draws(&["a.pgs", "--turntable", "4", "--size", "64x40", "--video", "turn.gif", "-o", "frames"]);
+    let s = folder();
+    render(&s, "a.pgs --turntable 4 --size 64x40 --video turn.gif -o frames");
     let (size, frames) = decoded(&s.bytes("turn.gif"));
     assert_eq!((size, frames.len()), ([64, 40], 4));
     for (i, frame) in frames.iter().enumerate() {
@@ -311,19 +286,7 @@ fn a_gif_has_the_frames_pixels() {
         assert!(png.data.iter().zip(frame).all(|(level, p)| *p == [*level; 3]), "{i}");
     }
     // Alone, a GIF leaves no frames behind.
-    s.draws(&[
-        "a.pgs",
-        "--turntable",
-        "2",
-        "--size",
-        "64x40",
-        "--style",
-        "density",
-        "--video",
-        "sigma.gif",
-        "--fps",
-        "10",
-    ]);
+    render(&s, "a.pgs --turntable 2 --size 64x40 --style density --video sigma.gif --fps 10");
     assert_eq!(decoded(&s.bytes("sigma.gif")).1.len(), 2);
     assert!(!s.at("sigma-frames").exists());
 }

@@ -1,9 +1,8 @@
 //! Certificates and metadata that were altered: every figure, every field, up, down, to nothing and beyond.
 
-use crate::common::{particlegs, snapshot};
+use crate::common::{TestFolder, snapshot};
 use particlegs::codec;
 use particlegs::model::Coding;
-use std::path::Path;
 
 /// Sections of a model file: its head, and tag and content of each (docs/format.md, section 1).
 fn sections(file: &[u8]) -> Vec<([u8; 4], Vec<u8>)> {
@@ -148,8 +147,8 @@ fn forgeries(file: &[u8]) -> Vec<(String, Vec<u8>)> {
 }
 
 /// The words of a verdict by use, best first.
-fn words(json: &Path) -> Vec<usize> {
-    let value: serde_json::Value = serde_json::from_slice(&std::fs::read(json).unwrap()).unwrap();
+fn grades(dir: &TestFolder, json: &str) -> Vec<usize> {
+    let value = dir.json(json);
     let ranks = ["holds", "roughly"];
     let rank = |f: &serde_json::Value| ranks.iter().position(|r| f["word"] == *r).unwrap_or(ranks.len());
     value["verdict"].as_array().unwrap().iter().map(rank).collect()
@@ -158,36 +157,32 @@ fn words(json: &Path) -> Vec<usize> {
 /// Of all forgeries, those that `each` picks are verified against the snapshot: none is told with a better word than the
 /// true file, and next to none passes.
 fn verified(certificate: &str, each: usize) {
-    let dir = tempfile::tempdir().unwrap();
-    let at = |name: &str| dir.path().join(name);
+    let dir = TestFolder::new();
     let place = |i: u32, k: u32| {
         let v = i.wrapping_mul(2_654_435_761).rotate_left(11 * k) >> 8;
         (v as f32 / 16_777_216.0).powi(2) * 20.0
     };
-    snapshot(&at("in"), &[0, 1, 2].map(|k| (0..600).map(|i| place(i, k)).collect()));
+    snapshot(&dir.at("in"), &[0, 1, 2].map(|k| (0..600).map(|i| place(i, k)).collect()));
     let told = r#"{"box": [20, 20, 20], "length_unit": "Mpc/h", "mass_unit": "Msun/h", "particle_mass": 7.5, "h": 0.7,
         "scale_factor": 0.5, "comoving": true, "omega_matter": 0.3}"#;
-    std::fs::write(at("in/meta.json"), told).unwrap();
-    let run = |words: &[&str]| particlegs().current_dir(&dir).args(words).output().unwrap();
-    let made = run(&["compress", "in", "-o", "m.pgs", "--gaussians", "20", "-q", "--certificate", certificate]);
-    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
-    assert!(run(&["verify", "m.pgs", "in", "-q", "--json", "true.json"]).status.success());
-    let (file, best) = (std::fs::read(at("m.pgs")).unwrap(), words(&at("true.json")));
+    dir.write("in/meta.json", told);
+    let file = dir.makes(&format!("compress in -o m.pgs --gaussians 20 -q --certificate {certificate}"));
+    dir.runs("verify m.pgs in -q --json true.json");
+    let best = grades(&dir, "true.json");
     let all = forgeries(&file);
     assert!(all.len() > 600, "{}", all.len());
     let (mut passed, mut better) = (Vec::new(), Vec::new());
     for (name, bytes) in all.iter().step_by(each) {
-        std::fs::write(at("f.pgs"), bytes).unwrap();
-        let said = run(&["verify", "f.pgs", "in", "-q", "--json", "f.json"]);
-        if said.status.success() {
+        dir.write("f.pgs", bytes);
+        if dir.command("verify f.pgs in -q --json f.json").output().unwrap().status.success() {
             passed.push(name);
         }
-        if at("f.json").exists() {
-            let now = words(&at("f.json"));
+        if dir.at("f.json").exists() {
+            let now = grades(&dir, "f.json");
             if now.iter().zip(&best).any(|(n, b)| n < b) {
                 better.push(format!("{name}: {now:?}, and {best:?}"));
             }
-            std::fs::remove_file(at("f.json")).unwrap();
+            std::fs::remove_file(dir.at("f.json")).unwrap();
         }
     }
     println!("{} of {} pass, {} with a better word: {passed:?}", passed.len(), all.len() / each, better.len());

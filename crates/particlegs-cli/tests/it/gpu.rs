@@ -1,101 +1,82 @@
 //! `devices` and `--device`.
 
-use crate::common::{particlegs, sample};
+use crate::common::{TestFolder, said};
+#[cfg(feature = "gpu")]
+use crate::common::{json, particlegs};
 #[cfg(feature = "gpu")]
 use crate::models::tiny;
 #[cfg(feature = "gpu")]
-use particlegs::{
-    codec::{self, Precision},
-    model::LawKind,
-    particles::Particles,
-};
-use std::path::{Path, PathBuf};
+use particlegs::{codec, model::LawKind};
+#[cfg(feature = "gpu")]
 
-/// A small model of the sample.
-fn model(folder: &Path) -> PathBuf {
-    let out = folder.join("model.pgs");
-    let mut command = particlegs();
-    command.arg("compress").arg(sample()).args(["--gaussians", "500", "--effort", "fast", "--certificate", "none"]);
-    command.args(["-q", "-o"]).arg(&out).assert().success();
-    out
+/// A folder with a small model of the sample.
+fn folder() -> TestFolder {
+    let dir = TestFolder::new();
+    dir.once("compress SAMPLE -o model.pgs --gaussians 500 --effort fast --certificate none -q");
+    dir
 }
 
 #[test]
 fn the_processor_draws_unless_a_card_is_asked_for() {
-    let folder = tempfile::tempdir().unwrap();
-    let model = model(folder.path());
-    let render = |device: &[&str], out: &str| {
-        let out = folder.path().join(out);
-        let mut command = particlegs();
-        command.arg("render").arg(&model).args(["--azimuth", "30", "--size", "96x54", "-q"]);
-        let done = command.arg("-o").arg(&out).args(device).output().unwrap();
-        (done.status.code(), String::from_utf8(done.stderr).unwrap(), std::fs::read(out).ok())
+    let dir = folder();
+    let render = |device: &str, out: &str| {
+        let words = format!("render model.pgs --azimuth 30 --size 96x54 -q -o {out} {device}");
+        let done = dir.command(&words).output().unwrap();
+        (done.status.code(), said(&done), std::fs::read(dir.at(out)).ok())
     };
-    let (code, _, plain) = render(&[], "plain.png");
+    let (code, _, plain) = render("", "plain.png");
     assert_eq!(code, Some(0));
-    assert_eq!(render(&["--device", "cpu"], "cpu.png").2, plain);
-    let (code, error, none) = render(&["--device", "999"], "no.png");
+    assert_eq!(render("--device cpu", "cpu.png").2, plain);
+    let (code, error, none) = render("--device 999", "no.png");
     assert!(code == Some(2) && none.is_none(), "{error}");
-    let (code, error, none) = render(&["--device", "fastest"], "no.png");
+    let (code, error, none) = render("--device fastest", "no.png");
     assert!(code == Some(2) && none.is_none() && error.contains("cpu, gpu, auto or a number"), "{error}");
 }
 
 #[cfg(not(feature = "gpu"))]
 #[test]
 fn a_program_without_cards_says_how_to_get_them() {
-    let folder = tempfile::tempdir().unwrap();
-    let model = model(folder.path());
-    let mut render = particlegs();
-    render.arg("render").arg(&model).args(["--device", "gpu", "-o", "no.png"]);
-    let mut devices = particlegs();
-    for command in [devices.arg("devices"), &mut render] {
-        let out = command.output().unwrap();
-        let error = String::from_utf8(out.stderr).unwrap();
+    let dir = folder();
+    for words in ["devices", "render model.pgs --device gpu -o no.png"] {
+        let out = dir.command(words).output().unwrap();
+        let error = said(&out);
         assert!(error.contains("without GPU support") && error.contains("--features gpu"), "{error}");
         assert_eq!(out.status.code(), Some(2));
     }
 }
 
-/// Is there an adapter? Whatever it is, it is number 0.
+/// A folder where there is an adapter. Whatever it is, it is number 0.
 #[cfg(feature = "gpu")]
-fn adapter() -> bool {
-    let listed = particlegs().args(["devices", "--json", "-"]).output().unwrap();
-    let listed: serde_json::Value = serde_json::from_slice(&listed.stdout).unwrap();
-    if listed["devices"].as_array().unwrap().is_empty() {
+fn with_adapter(folder: fn() -> TestFolder) -> Option<TestFolder> {
+    let listed = json(particlegs().arg("devices"));
+    let Some(first) = listed["devices"].as_array().unwrap().first() else {
         assert!(std::env::var_os("PARTICLEGS_GPU_TESTS").is_none());
         eprintln!("skipped: {}", listed["advice"]);
-        return false;
-    }
-    assert!(listed["devices"][0]["largest_binding_bytes"].as_u64().unwrap() >= 1 << 27);
-    true
+        return None;
+    };
+    assert!(first["largest_binding_bytes"].as_u64().unwrap() >= 1 << 27);
+    Some(folder())
 }
 
 /// ParaView's pictures of all particles, and scores against them.
 #[cfg(feature = "gpu")]
 #[test]
 fn a_device_draws_and_scores_all_particles() {
-    if !adapter() {
-        return;
-    }
-    let folder = tempfile::tempdir().unwrap();
+    let Some(dir) = with_adapter(folder) else { return };
     for style in ["paraview", "paraview-no-fxaa"] {
         let draw = |device: &str| {
-            let out = folder.path().join(format!("{style}-{device}.png"));
-            let view = ["--azimuth", "30", "--size", "160x90", "-q", "--style", style, "--device", device, "-o"];
-            particlegs().arg("reference").arg(sample()).args(view).arg(&out).assert().success();
-            particlegs::picture::read_png(&out).unwrap()
+            let out = format!("{style}-{device}.png");
+            let view = format!("--azimuth 30 --size 160x90 -q --style {style} --device {device}");
+            dir.runs(&format!("reference SAMPLE {view} -o {out}"));
+            particlegs::picture::read_png(&dir.at(&out)).unwrap()
         };
         let (card, processor) = (draw("0"), draw("cpu"));
         let differ = card.data.iter().zip(&processor.data).filter(|(a, b)| a != b).count();
         assert!(processor.data.iter().filter(|v| **v > 0).count() > 2000, "{style}: hardly a picture");
         assert!(differ <= 3, "{style}: {differ} pixels differ");
     }
-    let model = model(folder.path());
     let score = |device: &str| {
-        let json = folder.path().join(format!("{device}.json"));
-        let how = ["--frames", "1", "--size", "160x90", "-q", "--device", device, "--json"];
-        particlegs().arg("eval").arg(&model).arg(sample()).args(how).arg(&json).assert().success();
-        let scores: serde_json::Value = serde_json::from_slice(&std::fs::read(json).unwrap()).unwrap();
+        let scores = dir.says(&format!("eval model.pgs SAMPLE --frames 1 --size 160x90 -q --device {device}"));
         ["paraview", "paraview_no_fxaa", "expected"].map(|look| scores["mean"][look]["psnr"].as_f64().unwrap())
     };
     let (card, processor) = (score("0"), score("cpu"));
@@ -106,61 +87,35 @@ fn a_device_draws_and_scores_all_particles() {
 #[cfg(feature = "gpu")]
 #[test]
 fn a_device_draws_what_the_processor_draws() {
-    if !adapter() {
-        return;
-    }
-    let folder = tempfile::tempdir().unwrap();
-    let model = model(folder.path());
-    let published = folder.path().join("published.pgs");
-    let particles = Particles::open_raw(&[sample()]).unwrap();
-    let bytes = codec::encode(&tiny(&particles, 0..64, LawKind::AlphaBlend), &Precision::BALANCED).unwrap();
-    std::fs::write(&published, bytes).unwrap();
-    for (model, most) in [(&model, 1), (&published, 2)] {
-        let draw = |device: &str| {
-            let out = model.with_extension(device);
-            let mut command = particlegs();
-            command.arg("render").arg(model).args(["--size", "160x90", "-q", "--device", device, "-o"]).arg(&out);
-            let done = command.output().unwrap();
-            assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-            out
-        };
-        let (card, processor) = (draw("0"), draw("cpu"));
-        let compared = particlegs().arg("compare").args([&card, &processor]).args(["--json", "-"]).output().unwrap();
-        let compared: serde_json::Value = serde_json::from_slice(&compared.stdout).unwrap();
+    let Some(dir) = with_adapter(folder) else { return };
+    dir.write("published.pgs", tiny(0..64, LawKind::AlphaBlend));
+    for (model, most) in [("model", 1), ("published", 2)] {
+        for device in ["0", "cpu"] {
+            dir.runs(&format!("render {model}.pgs --size 160x90 -q --device {device} -o {model}.{device}"));
+        }
+        let compared = dir.says(&format!("compare {model}.0 {model}.cpu"));
         let views = compared["views"].as_array().unwrap();
         assert!(!views.is_empty());
         assert!(views.iter().all(|v| v["largest_difference"].as_u64().unwrap() <= most), "{compared}");
     }
-    let out = folder.path().join("d.png");
-    let density = ["--style", "density", "--device", "0", "-q", "-o"];
-    let refused = particlegs().arg("render").arg(&model).args(density).arg(&out).output().unwrap();
-    assert!(refused.status.code() == Some(2) && !out.exists());
+    let refused = dir.command("render model.pgs --style density --device 0 -q -o d.png").output().unwrap();
+    assert!(refused.status.code() == Some(2) && !dir.at("d.png").exists());
 }
 
 /// A run on the device and one on the processor: the same held-out score but for 0.05 dB.
 #[cfg(feature = "gpu")]
 #[test]
 fn a_device_trains_as_the_processor_does() {
-    if !adapter() {
-        return;
-    }
-    let folder = tempfile::tempdir().unwrap();
+    let Some(dir) = with_adapter(TestFolder::new) else { return };
+    let start = "compress SAMPLE --gaussians 400 --effort fast --certificate none --train fast --scale 0.05";
     let train = |device: &str| {
-        let out = folder.path().join(format!("{device}.pgs"));
-        let mut command = particlegs();
-        command.arg("compress").arg(sample()).args(["--gaussians", "400", "--effort", "fast", "--certificate", "none"]);
-        command.args(["--train", "fast", "--scale", "0.05", "--device", device, "--json", "-", "-o"]).arg(&out);
-        let done = command.output().unwrap();
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        let told: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+        let told = dir.says(&format!("{start} --device {device} -o {device}.pgs"));
         told["trained"][0]["scores"][1].as_f64().unwrap_or_else(|| panic!("{told}"))
     };
     let (card, processor) = (train("0"), train("cpu"));
     assert!((card - processor).abs() < 0.05, "{card} {processor}");
-    let mut without = particlegs();
-    without.arg("compress").arg(sample()).args(["--device", "0", "-q", "-o"]).arg(folder.path().join("no.pgs"));
-    let refused = without.output().unwrap();
-    let error = String::from_utf8(refused.stderr).unwrap();
+    let refused = dir.command("compress SAMPLE --device 0 -q -o no.pgs").output().unwrap();
+    let error = said(&refused);
     assert!(refused.status.code() == Some(2) && error.contains("--train"), "{error}");
 }
 
@@ -168,26 +123,16 @@ fn a_device_trains_as_the_processor_does() {
 #[cfg(feature = "gpu")]
 #[test]
 fn a_device_trains_and_tunes_the_published_law() {
-    if !adapter() {
-        return;
-    }
-    let folder = tempfile::tempdir().unwrap();
-    let path = |name: &str| folder.path().join(name);
-    let score = |command: &mut assert_cmd::Command| {
-        let done = command.args(["--device", "0", "--scale", "0.004", "--json", "-"]).output().unwrap();
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        let told: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+    let Some(dir) = with_adapter(TestFolder::new) else { return };
+    let score = |words: &str| {
+        let told = dir.says(&format!("{words} --certificate none --device 0 --scale 0.004"));
         [0, 1].map(|k| told["trained"][0]["scores"][k].as_f64().unwrap_or_else(|| panic!("{told}")))
     };
-    let mut compress = particlegs();
-    compress.arg("compress").arg(sample()).args(["--train", "paper", "--law", "alpha-blend", "--certificate", "none"]);
-    let [before, trained] = score(compress.args(["--gaussians", "1000", "-o"]).arg(path("model.pgs")));
+    let [before, trained] = score("compress SAMPLE --train paper --law alpha-blend --gaussians 1000 -o model.pgs");
     assert!(trained > before + 1.0, "{before} {trained}");
-    let mut tune = particlegs();
-    tune.arg("finetune").arg(path("model.pgs")).arg(sample()).args(["--certificate", "none"]);
-    let [before, tuned] = score(tune.arg("-o").arg(path("tuned.pgs")));
+    let [before, tuned] = score("finetune model.pgs SAMPLE -o tuned.pgs");
     assert!(before.is_finite() && tuned.is_finite());
-    let model = codec::decode(&std::fs::read(path("tuned.pgs")).unwrap(), "tuned").unwrap();
+    let model = codec::decode(&dir.bytes("tuned.pgs"), "tuned").unwrap();
     assert_eq!(model.metadata.law, LawKind::AlphaBlend);
 }
 
@@ -195,78 +140,88 @@ fn a_device_trains_and_tunes_the_published_law() {
 #[cfg(all(feature = "gpu", feature = "lab"))]
 #[test]
 fn a_device_measures_what_the_processor_measures() {
-    if !adapter() {
-        return;
-    }
-    let folder = tempfile::tempdir().unwrap();
+    let Some(dir) = with_adapter(TestFolder::new) else { return };
     let measure = |device: &str| {
-        let how = ["--quick", "--size", "160x90", "-q", "--device", device, "-o"];
-        let bench =
-            || particlegs().args(["bench", "generalisation"]).arg(sample()).args(how).arg(folder.path()).output();
-        let done = bench().unwrap();
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+        let how = format!("--quick --size 160x90 -q --device {device} -o .");
+        dir.runs(&format!("bench generalisation SAMPLE {how}"));
         let masked = |line: &str| line.split(',').nth(2).unwrap().parse::<f64>().unwrap();
-        let scores: Vec<f64> = read("figures/generalisation-radius.csv").lines().skip(1).map(masked).collect();
-        (scores, read("results.json").contains("Device that drew and trained"))
+        let scores: Vec<f64> = dir.text("figures/generalisation-radius.csv").lines().skip(1).map(masked).collect();
+        (scores, dir.text("results.json").contains("Device that drew and trained"))
     };
     let (processor, card) = (measure("cpu"), measure("0"));
     assert!(!processor.1 && card.1 && processor.0.len() >= 4 && processor.0 != card.0);
     assert!(card.0.iter().zip(&processor.0).all(|(a, b)| (a - b).abs() < 0.02), "{card:?} {processor:?}");
 }
 
+/// Rows of a table that `bench gpu` found, by the heads of its columns.
+#[cfg(all(feature = "gpu", feature = "lab"))]
+fn rows(found: &serde_json::Value, name: &str) -> Vec<serde_json::Value> {
+    let table = found["tables"].as_array().unwrap().iter().find(|t| t["name"] == name);
+    let table = table.unwrap_or_else(|| panic!("{name}: {found}"));
+    let heads = table["columns"].as_array().unwrap();
+    let value = |cell: &serde_json::Value| if cell.is_object() { cell["value"].clone() } else { cell.clone() };
+    let row = |cells: &serde_json::Value| -> serde_json::Value {
+        let cells = heads.iter().zip(cells.as_array().unwrap());
+        cells
+            .map(|(head, cell)| (head.as_str().unwrap().to_string(), value(cell)))
+            .collect::<serde_json::Map<_, _>>()
+            .into()
+    };
+    table["rows"].as_array().unwrap().iter().map(row).collect()
+}
+
 /// `bench gpu`: every row with numbers that can be; the published recipe in pieces, and rows that are kept meanwhile.
 #[cfg(all(feature = "gpu", feature = "lab"))]
 #[test]
 fn a_device_is_measured_and_trains_in_pieces() {
-    if !adapter() {
-        return;
-    }
-    let folder = tempfile::tempdir().unwrap();
-    let piece = |minutes: &str| -> serde_json::Value {
-        let how = ["--quick", "-q", "--device", "0", "--training", "--minutes", minutes, "--json", "-", "-o"];
-        let done = particlegs().args(["bench", "gpu"]).args(how).arg(folder.path()).output().unwrap();
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        serde_json::from_slice(&done.stdout).unwrap()
-    };
+    let Some(dir) = with_adapter(TestFolder::new) else { return };
+    let piece =
+        |minutes: &str| dir.says(&format!("bench gpu --quick -q --device 0 --training --minutes {minutes} -o ."));
     let first = piece("0.0005");
-    let rows = |of: &str| first[of].as_array().unwrap().clone();
     let positive = |row: &serde_json::Value, names: &[&str]| {
         names.iter().for_each(|name| assert!(row[*name].as_f64().unwrap() > 0.0, "{name}: {row}"));
     };
-    positive(&first, &["copied_bytes_per_second", "additions_per_second", "operations_per_second"]);
-    assert_eq!(rows("not_measured"), Vec::<serde_json::Value>::new());
+    positive(&rows(&first, "gpu-rates")[0], &["copies, GB/s", "G atomic adds/s", "G float32 operations/s"]);
+    assert!(!first["notes"].to_string().contains("Not measured"), "{first}");
     let of_law = |rows: &[serde_json::Value], law: &str| rows.iter().filter(|r| r["law"] == law).count();
-    let (frames, training) = (rows("frames"), rows("training"));
+    let (frames, training, particles) =
+        (rows(&first, "gpu-frames"), rows(&first, "gpu-steps"), rows(&first, "gpu-particles"));
     assert_eq!([of_law(&frames, "optical-depth"), of_law(&frames, "alpha-blend"), frames.len()], [8, 4, 12]);
     assert_eq!([of_law(&training, "optical-depth"), of_law(&training, "alpha-blend"), training.len()], [2, 1, 3]);
-    let timed = first["particles"]["stages"].is_array();
-    for row in frames.iter().chain(&training).chain([&first["particles"]]) {
-        positive(row, &["bytes", "operations", "width", "height"]);
+    assert_eq!(particles.len(), 1);
+    for row in frames.iter().chain(&training).chain(&particles) {
+        positive(row, &["GB", "G ops"]);
+        let pixels = row["pixels"].as_str().unwrap().split('x').map(|n| n.parse::<u64>().unwrap()).collect::<Vec<_>>();
+        assert!(pixels.len() == 2 && pixels.iter().all(|n| *n > 0), "{row}");
         // Nothing is added up by the other law.
-        assert_eq!(row["additions"].as_f64().unwrap() > 0.0, row["law"] != "alpha-blend", "{row}");
-        let kernels = row["stages"].as_array().map_or(0, Vec::len);
-        assert!(if timed { kernels > 2 } else { row["stages"].is_null() }, "{row}");
+        assert_eq!(row["G adds"].as_f64().unwrap() > 0.0, row["law"] != "alpha-blend", "{row}");
     }
+    let mut kernels = std::collections::BTreeMap::new();
+    for row in rows(&first, "gpu-kernels") {
+        *kernels.entry(row["of"].to_string()).or_insert(0) += 1;
+    }
+    // Those of every row, or of none.
+    assert!(kernels.is_empty() || kernels.len() == 12 + 3 + 1, "{kernels:?}");
+    assert!(kernels.values().all(|n| *n > 2), "{kernels:?}");
     for row in &frames {
-        positive(row, &["gaussians", "frames_per_second", "frames_per_second_read_back", "footprints", "radius_px"]);
+        positive(row, &["Gaussians", "frames/s", "frames/s, read back", "footprints", "radius, px"]);
     }
     for row in &training {
-        positive(row, &["gaussians", "steps_per_second", "footprints"]);
-        let loss = |k: usize| row["losses"][k].as_f64().unwrap();
-        assert!(loss(1) > 0.0 && loss(1) < loss(0), "{row}");
+        positive(row, &["Gaussians", "steps/s", "footprints"]);
+        let loss = |name: &str| row[name].as_f64().unwrap();
+        assert!(loss("last loss") > 0.0 && loss("last loss") < loss("first loss"), "{row}");
     }
-    positive(&first["particles"], &["particles", "seconds_a_picture"]);
+    positive(&particles[0], &["particles", "s a picture"]);
     // The recipe goes on where it was, on the same particles; the rows are those of the first time.
     let second = piece("5");
-    assert_eq!([&first["frames"], &first["training"]], [&second["frames"], &second["training"]]);
-    let number = |of: &serde_json::Value, name: &str| of["recipe"][name].as_f64().unwrap_or_else(|| panic!("{of}"));
-    let [before, after] = [&first, &second].map(|of| number(of, "iterations"));
+    assert_eq!((frames, training), (rows(&second, "gpu-frames"), rows(&second, "gpu-steps")));
+    let number =
+        |of: &serde_json::Value, name: &str| rows(of, "gpu-recipe")[0][name].as_f64().unwrap_or_else(|| panic!("{of}"));
+    let [before, after] = [&first, &second].map(|of| number(of, "steps"));
     assert!(before < after && after == number(&second, "of"), "{before} {after}");
-    assert!(number(&first, "seconds") > 0.0 && number(&second, "seconds") > number(&first, "seconds"));
-    let [before, after] = [&first, &second].map(|of| number(of, "held_out_masked_psnr"));
+    let [before, after] = [&first, &second].map(|of| number(of, "s of all pieces"));
+    assert!(before > 0.0 && after > before);
+    let [before, after] = [&first, &second].map(|of| number(of, "held out, masked PSNR, dB"));
     assert!(before > 5.0 && after >= before, "{before} {after}");
-    let kept: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(folder.path().join("gpu.json")).unwrap()).unwrap();
-    assert_eq!(kept, second);
+    assert_eq!(dir.json("results.json")["experiments"]["gpu"], second);
 }

@@ -1,15 +1,14 @@
 //! What a user reads before anything runs: help that fits a screen, options of one spelling, versions,
 //! completions and manual pages.
 
-use crate::common::{listing, particlegs};
+use crate::common::{TestFolder, listing, particlegs, success};
 
 /// Lines and columns of a terminal that `-h` of every command fits on.
 const SCREEN: [usize; 2] = [40, 100];
 
 fn printed(arguments: &[&str]) -> String {
-    let out = particlegs().env("COLUMNS", SCREEN[1].to_string()).args(arguments).output().unwrap();
-    assert!(out.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&out.stderr));
-    String::from_utf8(out.stdout).unwrap()
+    let [text, _] = success(particlegs().env("COLUMNS", SCREEN[1].to_string()).args(arguments));
+    text
 }
 
 /// The commands that `particlegs -h` lists.
@@ -19,6 +18,14 @@ fn commands() -> Vec<String> {
     let names: Vec<String> = list.map(|l| l.split_whitespace().next().unwrap().to_string()).collect();
     assert!(names.len() >= 20 && names.iter().any(|n| n == "compress"), "{names:?}");
     names.into_iter().filter(|n| n != "help").collect()
+}
+
+#[cfg(not(feature = "lab"))]
+#[test]
+fn a_program_without_the_laboratory_says_how_to_get_it() {
+    for arguments in [&["bench", "all", "samples/nbody64"][..], &["bench", "--help"], &["bench"]] {
+        crate::common::fails(particlegs().args(arguments), 2, "--features lab");
+    }
 }
 
 #[test]
@@ -68,20 +75,8 @@ fn the_version_is_the_programs() {
 /// Every command that writes takes `-o`, `--output` and `--out`.
 #[test]
 fn outputs_have_one_spelling() {
-    let writers = [
-        "compress",
-        "plan",
-        "merge",
-        "finetune",
-        "simplify",
-        "recover",
-        "convert",
-        "export",
-        "reference",
-        "render",
-        "stats",
-    ];
-    for name in writers {
+    let writers = "compress plan merge finetune simplify recover convert export reference render stats";
+    for name in writers.split(' ') {
         assert!(printed(&[name, "-h"]).contains("-o, --output"), "{name}");
         for option in ["-o", "--output", "--out"] {
             let out = particlegs().args([name, option]).output().unwrap();
@@ -142,28 +137,27 @@ fn completions_offer_the_values() {
 
 #[test]
 fn a_manual_page_for_every_command() {
-    let dir = tempfile::tempdir().unwrap();
-    let folder = dir.path().join("man1");
-    particlegs().arg("man").arg(&folder).assert().success();
+    let dir = TestFolder::new();
+    dir.runs("man man1");
     let names = commands();
-    let pages = listing(&folder);
+    let pages = listing(&dir.at("man1"));
     assert_eq!(pages.len(), names.len() + 1, "{pages:?}");
     for name in names {
-        let page = std::fs::read_to_string(folder.join(format!("particlegs-{name}.1"))).unwrap();
+        let page = dir.text(&format!("man1/particlegs-{name}.1"));
         assert!(page.contains(&format!(".TH particlegs-{name} 1")) && page.contains(".SH SYNOPSIS"), "{name}");
     }
-    let page = std::fs::read_to_string(folder.join("particlegs-compress.1")).unwrap();
+    let page = dir.text("man1/particlegs-compress.1");
     assert!(page.contains("\\-\\-psnr") && page.contains("\\-\\-scratch") && page.contains("particlegs compress"));
     for described in ["Number of blocks", "Folder for the scratch files", "Leave out particles", ".SH NOTES\nExamples:"]
     {
         assert!(page.contains(described), "{described}");
     }
     // Written again over its own kind, and over nothing else.
-    particlegs().arg("man").arg(&folder).assert().success();
-    std::fs::write(folder.join("particlegs-block.1"), "my notes").unwrap();
-    particlegs().arg("man").arg(&folder).assert().code(8);
-    assert_eq!(std::fs::read_to_string(folder.join("particlegs-block.1")).unwrap(), "my notes");
-    let whole = std::fs::read_to_string(folder.join("particlegs.1")).unwrap();
+    dir.runs("man man1");
+    dir.write("man1/particlegs-block.1", "my notes");
+    dir.command("man man1").assert().code(8);
+    assert_eq!(dir.text("man1/particlegs-block.1"), "my notes");
+    let whole = dir.text("man1/particlegs.1");
     assert!(whole.contains("particlegs\\-compress(1)"), "{whole}");
 }
 
@@ -211,23 +205,11 @@ fn the_guide_of_statistics_names_every_column() {
 #[test]
 fn the_glossary_has_the_programs_words() {
     let page = page("glossary.md");
-    let words = [
-        "certificate",
-        "verdict",
-        "look, style",
-        "law",
-        "noise-free",
-        "base distance",
-        "masked PSNR",
-        "gap",
-        "shot noise",
-        "layer",
-        "block",
-        "effort",
-        "step factor",
-        "settled",
-    ];
-    words.iter().for_each(|word| assert!(page.contains(&format!("| **{word}** |")), "{word}"));
+    let words = "certificate, verdict, law, noise-free, base distance, masked PSNR, gap, shot noise, layer, block, \
+                 effort, step factor, settled";
+    for word in words.split(", ").chain(["look, style"]) {
+        assert!(page.contains(&format!("| **{word}** |")), "{word}");
+    }
     let entries: Vec<String> = page.lines().filter_map(|l| Some(l.strip_prefix("| **")?.to_lowercase())).collect();
     assert!(entries.is_sorted(), "in the order of the alphabet: {entries:?}");
 }

@@ -2,85 +2,72 @@
 //! harm: one clear line each, and nothing that hangs or takes memory.
 #![cfg(unix)]
 
-use crate::common::{fails, listing, particlegs, snapshot};
+use crate::common::{TestFolder, errors, fails, fixture, pipe, process, said, snapshot, success, words};
+use serde_json::Value;
+use std::ffi::OsStr;
 use std::io::Write;
 use std::os::unix::ffi::OsStrExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
 /// The binary, for what is started and left running.
-fn started(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_particlegs"));
-    command.current_dir(folder).args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped());
+fn started(folder: &Path, text: &str) -> Command {
+    let mut command = process(folder);
+    command.args(words(text)).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
 
-fn fixture(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs-formats/tests/fixtures").join(name)
-}
-
 /// A few particles and a model of them, in a new folder.
-fn small() -> tempfile::TempDir {
-    let dir = tempfile::tempdir().unwrap();
+fn small() -> TestFolder {
+    let dir = TestFolder::new();
     let column = |k: u32| (0..64u32).map(|i| (i * (k + 7) % 61) as f32).collect::<Vec<f32>>();
-    snapshot(&dir.path().join("in"), &[column(0), column(3), column(5)]);
-    let mut c = particlegs();
-    c.current_dir(&dir).args(["compress", "in", "-o", "m.pgs", "--gaussians", "4", "--certificate=none", "-q"]);
-    c.assert().success();
+    snapshot(&dir.at("in"), &[column(0), column(3), column(5)]);
+    dir.runs("compress in -o m.pgs --gaussians 4 --certificate=none -q");
     dir
 }
 
-fn pipe(path: &Path) {
-    assert!(Command::new("mkfifo").arg(path).status().unwrap().success());
-}
-
 /// The commands that read a model, a views file, a configuration or a snapshot at `NAME`.
-const READERS: [&[&str]; 10] = [
-    &["info", "NAME"],
-    &["render", "NAME", "--out", "pictures"],
-    &["simplify", "NAME", "-o", "s.pgs", "--gaussians", "2"],
-    &["verify", "NAME"],
-    &["recover", "NAME", "-o", "drawn"],
-    &["convert", "NAME", "-o", "copy"],
-    &["merge", "NAME", "m.pgs", "-o", "both.pgs"],
-    &["eval", "NAME", "in"],
-    &["render", "m.pgs", "--views", "NAME", "--out", "pictures"],
-    &["compress", "in", "-o", "n.pgs", "--train", "fast", "--config", "NAME"],
+const READERS: [&str; 10] = [
+    "info NAME",
+    "render NAME --out pictures",
+    "simplify NAME -o s.pgs --gaussians 2",
+    "verify NAME",
+    "recover NAME -o drawn",
+    "convert NAME -o copy",
+    "merge NAME m.pgs -o both.pgs",
+    "eval NAME in",
+    "render m.pgs --views NAME --out pictures",
+    "compress in -o n.pgs --train fast --config NAME",
 ];
-
-fn naming(arguments: &[&str], name: &str) -> Vec<String> {
-    arguments.iter().map(|a| a.replace("NAME", name)).collect()
-}
 
 #[test]
 fn endless_devices_are_left_after_their_first_bytes() {
     let dir = small();
     for reader in READERS {
-        let arguments = naming(reader, "/dev/zero");
+        let arguments = reader.replace("NAME", "/dev/zero");
         // A few gigabytes of address space: what is read without a bound ends by a signal.
         let mut c = Command::new("timeout");
-        c.current_dir(&dir).args(["20", "bash", "-c", "ulimit -v 4000000; exec \"$0\" \"$@\""]);
-        let out = c.arg(env!("CARGO_BIN_EXE_particlegs")).args(&arguments).output().unwrap();
-        let text = String::from_utf8_lossy(&out.stderr).into_owned();
+        c.current_dir(dir.path()).args(["20", "bash", "-c", "ulimit -v 4000000; exec \"$0\" \"$@\""]);
+        let out = c.arg(env!("CARGO_BIN_EXE_particlegs")).args(arguments.split(' ')).output().unwrap();
+        let text = said(&out);
         assert!(matches!(out.status.code(), Some(3 | 4)), "{arguments:?}: {:?} {text}", out.status);
-        assert_eq!(text.lines().filter(|l| l.starts_with("error: ")).count(), 1, "{arguments:?}: {text}");
+        assert_eq!(errors(&text), 1, "{arguments:?}: {text}");
     }
     for name in ["n.pgs", "s.pgs", "both.pgs", "drawn", "copy"] {
-        assert!(!dir.path().join(name).exists(), "{name}");
+        assert!(!dir.at(name).exists(), "{name}");
     }
 }
 
 #[test]
 fn a_pipe_without_a_writer_is_waited_for_audibly_and_given_up() {
     let dir = small();
-    pipe(&dir.path().join("pipe"));
+    pipe(&dir.at("pipe"));
     let logs = tempfile::tempdir().unwrap();
-    let start = |(i, reader): (usize, &&[&str])| {
-        let arguments = naming(reader, "pipe");
-        let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let start = |(i, reader): (usize, &&str)| {
+        let arguments = reader.replace("NAME", "pipe");
         let log = logs.path().join(i.to_string());
-        let child = started(dir.path(), &words).stderr(std::fs::File::create(&log).unwrap()).spawn().unwrap();
+        let child = started(dir.path(), &arguments).stderr(std::fs::File::create(&log).unwrap()).spawn().unwrap();
         (arguments, log, child)
     };
     // All wait beside each other; each says so before it is told to stop.
@@ -105,32 +92,31 @@ fn a_pipe_without_a_writer_is_waited_for_audibly_and_given_up() {
 #[test]
 fn what_a_pipe_or_standard_input_gives_is_read() {
     let dir = small();
-    let fed = |arguments: &[&str], file: &Path| {
+    let fed = |arguments: &str, file: &Path| {
         let bytes = std::fs::read(file).unwrap();
         let mut child = started(dir.path(), arguments).stdin(Stdio::piped()).spawn().unwrap();
         let mut to = child.stdin.take().unwrap();
         let writer = std::thread::spawn(move || to.write_all(&bytes));
         let out = child.wait_with_output().unwrap();
         writer.join().unwrap().unwrap();
-        let text = String::from_utf8_lossy(&out.stderr).into_owned();
-        assert!(out.status.success(), "{arguments:?}: {text}");
+        assert!(out.status.success(), "{arguments:?}: {}", said(&out));
         String::from_utf8(out.stdout).unwrap()
     };
-    let model = dir.path().join("m.pgs");
+    let model = dir.at("m.pgs");
     for name in ["-", "/dev/stdin"] {
-        assert_eq!(fed(&["verify", name], &model).matches("64 particles").count(), 1);
-        assert!(fed(&["info", name], &model).contains("image law optical-depth"));
+        assert_eq!(fed(&format!("verify {name}"), &model).matches("64 particles").count(), 1);
+        assert!(fed(&format!("info {name}"), &model).contains("image law optical-depth"));
     }
     for name in ["species.hdf5", "header.csv.gz", "plain.xyz", "two_frames.dump.gz"] {
-        let text = fed(&["info", "-"], &fixture(name));
-        let told = String::from_utf8(particlegs().arg("info").arg(fixture(name)).output().unwrap().stdout).unwrap();
+        let text = fed("info -", &fixture(name));
+        let [told, _] = dir.runs(&format!("info FIXTURES/{name}"));
         let rest = |t: &str| t.lines().filter(|l| !l.starts_with("files")).collect::<Vec<_>>().join("\n");
         assert_eq!(rest(&text), rest(&told), "{name}");
         assert!(text.contains("files              -"), "{text}");
-        fed(&["compress", "-", "-o", "piped.pgs", "--gaussians", "2", "--certificate=none", "--force"], &fixture(name));
+        fed("compress - -o piped.pgs --gaussians 2 --certificate=none --force", &fixture(name));
     }
     // Broken data are told under the name that people know.
-    let mut child = started(dir.path(), &["compress", "-", "-o", "x.pgs"]).stdin(Stdio::piped()).spawn().unwrap();
+    let mut child = started(dir.path(), "compress - -o x.pgs").stdin(Stdio::piped()).spawn().unwrap();
     child.stdin.take().unwrap().write_all(b"\x01\x02\x03").unwrap();
     let text = String::from_utf8(child.wait_with_output().unwrap().stderr).unwrap();
     assert!(text.starts_with("error: standard input: not in a format"), "{text}");
@@ -139,19 +125,14 @@ fn what_a_pipe_or_standard_input_gives_is_read() {
 #[test]
 fn the_wrong_kind_of_input_names_the_right_command() {
     let dir = small();
-    let at = |name: &str| dir.path().join(name);
-    std::fs::copy(fixture("species.hdf5"), at("snap.hdf5")).unwrap();
-    std::fs::write(at("picture.png"), b"\x89PNG\r\n\x1a\n").unwrap();
-    std::fs::create_dir(at("empty")).unwrap();
-    let mut plan = particlegs();
-    plan.current_dir(&dir).args(["plan", "in", "-o", "job", "--blocks", "2", "--gaussians", "4", "-q"]);
-    plan.assert().success();
-    let said = |arguments: &[&str]| {
-        let mut c = particlegs();
-        let out = c.current_dir(&dir).args(arguments).output().unwrap();
-        let text = String::from_utf8(out.stderr).unwrap();
-        assert_eq!(out.status.code(), Some(3), "{arguments:?}: {text}");
-        text
+    std::fs::copy(fixture("species.hdf5"), dir.at("snap.hdf5")).unwrap();
+    dir.write("picture.png", b"\x89PNG\r\n\x1a\n");
+    std::fs::create_dir(dir.at("empty")).unwrap();
+    dir.runs("plan in -o job --blocks 2 --gaussians 4 -q");
+    let refused = |words: &str| {
+        let out = dir.command(words).output().unwrap();
+        assert_eq!(out.status.code(), Some(3), "{words}: {}", said(&out));
+        said(&out)
     };
     for (name, what, command) in [
         ("snap.hdf5", "a snapshot (HDF5", "`particlegs compress`"),
@@ -161,7 +142,7 @@ fn the_wrong_kind_of_input_names_the_right_command() {
         ("picture.png", "a picture (PNG)", "name a model file"),
         ("empty", "a folder", "name a model file"),
     ] {
-        let text = said(&["render", name, "--out", "pictures"]);
+        let text = refused(&format!("render {name} --out pictures"));
         assert!(text.contains(&format!("{name}: {what}")) && text.contains("not a model file"), "{text}");
         assert!(text.contains(command), "{text}");
     }
@@ -170,19 +151,17 @@ fn the_wrong_kind_of_input_names_the_right_command() {
         ("job", "a job's folder, not a snapshot", "`particlegs merge`"),
         ("picture.png", "a picture (PNG), not a snapshot", "name a snapshot"),
     ] {
-        let text = said(&["compress", name, "-o", "n.pgs"]);
+        let text = refused(&format!("compress {name} -o n.pgs"));
         assert!(text.contains(&format!("{name}: {what}")) && text.contains(command), "{text}");
     }
-    assert!(!at("n.pgs").exists() && !at("pictures").exists());
+    assert!(!dir.at("n.pgs").exists() && !dir.at("pictures").exists());
 }
 
 #[test]
 fn a_bound_on_memory_is_not_the_machine() {
     let dir = small();
-    let mut c = particlegs();
-    c.current_dir(&dir).args(["compress", "in", "-o", "n.pgs", "--memory", "100MiB"]);
-    let out = c.output().unwrap();
-    let text = String::from_utf8(out.stderr).unwrap();
+    let out = dir.command("compress in -o n.pgs --memory 100MiB").output().unwrap();
+    let text = said(&out);
     assert_eq!(out.status.code(), Some(7), "{text}");
     assert!(text.contains("are allowed") && text.contains("`--memory`") && !text.contains("machine"), "{text}");
 }
@@ -192,12 +171,9 @@ fn foreign_text_does_not_reach_the_terminal_raw() {
     let dir = small();
     let name = "Evil\u{1b}]0;title\u{7}\u{9b}2J\u{202e}\nrow";
     let meta = serde_json::json!({ "length_unit": name, "layers": [{ "name": name, "particles": 64 }] });
-    std::fs::write(dir.path().join("in/meta.json"), meta.to_string()).unwrap();
-    std::fs::write(
-        dir.path().join("views.json"),
-        serde_json::json!({ "width": 8, "height": 8, "fov_deg": 30.0, "views": [{ "name": name }] }).to_string(),
-    )
-    .unwrap();
+    dir.write("in/meta.json", meta.to_string());
+    let views = serde_json::json!({ "width": 8, "height": 8, "fov_deg": 30.0, "views": [{ "name": name }] });
+    dir.write("views.json", views.to_string());
     let escaped = "Evil\\u{1b}]0;title\\u{7}\\u{9b}2J\\u{202e}";
     for (arguments, shown) in [
         (&["info", "in"][..], true),
@@ -210,8 +186,7 @@ fn foreign_text_does_not_reach_the_terminal_raw() {
         (&["info", "in", "--json", "-"], false),
         (&["render", "e.pgs", "--views", "views.json", "--out", "x"], false),
     ] {
-        let mut c = particlegs();
-        let out = c.current_dir(&dir).args(arguments).output().unwrap();
+        let out = dir.command("").args(arguments).output().unwrap();
         let text = String::from_utf8([out.stdout, out.stderr].concat()).unwrap();
         assert!(!text.contains(|c: char| c != '\n' && (c.is_control() || c == '\u{202e}')), "{arguments:?}: {text:?}");
         assert!(!shown || text.contains(escaped), "{arguments:?}: {text}");
@@ -223,18 +198,14 @@ fn foreign_text_does_not_reach_the_terminal_raw() {
 #[test]
 fn paths_need_not_be_utf8() {
     let dir = small();
-    let odd = |name: &[u8]| dir.path().join(std::ffi::OsStr::from_bytes(name));
+    let odd = |name: &[u8]| dir.path().join(OsStr::from_bytes(name));
     let (snapshot, model, folder) = (odd(b"in\xff"), odd(b"m\xfe.pgs"), odd(b"out\xfd"));
-    std::fs::rename(dir.path().join("in"), &snapshot).unwrap();
-    let run = |arguments: &[&dyn AsRef<std::ffi::OsStr>]| {
-        let mut c = particlegs();
-        arguments.iter().for_each(|a| {
-            c.arg(a);
-        });
-        let out = c.args(["--json", "-"]).output().unwrap();
-        let text = String::from_utf8(out.stderr).unwrap();
-        assert!(out.status.success() && !text.contains("panicked"), "{text}");
-        serde_json::from_slice::<serde_json::Value>(&out.stdout).unwrap()
+    std::fs::rename(dir.at("in"), &snapshot).unwrap();
+    let run = |arguments: &[&dyn AsRef<OsStr>]| -> Value {
+        let mut c = dir.command("");
+        let [out, text] = success(c.args(arguments.iter().map(|a| a.as_ref())).args(["--json", "-"]));
+        assert!(!text.contains("panicked"), "{text}");
+        serde_json::from_str(&out).unwrap()
     };
     let made = run(&[&"compress", &snapshot, &"-o", &model, &"--gaussians", &"4", &"--certificate=none"]);
     assert!(made["output"].as_str().unwrap().contains('\u{fffd}'));
@@ -249,46 +220,38 @@ fn paths_need_not_be_utf8() {
     run(&[&"convert", &snapshot, &"-o", &odd(b"copy\xff.hdf5")]);
     run(&[&"merge", &model, &"-o", &odd(b"merged\xff.pgs")]);
     // A job's manifest is JSON: such a path is refused before anything is made.
-    let mut c = particlegs();
-    fails(c.arg("plan").arg(&snapshot).arg("-o").arg(dir.path().join("job")), 2, "UTF-8");
-    assert!(!dir.path().join("job").exists());
+    fails(dir.command("plan -o job").arg(&snapshot), 2, "UTF-8");
+    assert!(!dir.at("job").exists());
 }
 
 #[test]
 fn stated_units_are_compared_with_what_files_say() {
     let dir = small();
-    std::fs::write(dir.path().join("in/meta.json"), r#"{"length_unit": "Angstrom", "box": 70}"#).unwrap();
-    let said = |arguments: &[&str]| {
-        let mut c = particlegs();
-        let out = c.current_dir(&dir).args(arguments).output().unwrap();
-        assert!(out.status.success());
-        String::from_utf8([out.stdout, out.stderr].concat()).unwrap()
-    };
-    let compress = ["compress", "in", "-o", "u.pgs", "--gaussians", "2", "--certificate=none"];
-    let told = |more: &[&str]| {
+    dir.write("in/meta.json", r#"{"length_unit": "Angstrom", "box": 70}"#);
+    let told = |more: &str| {
         // Each run is another model: what is there is not in the way.
-        let _ = std::fs::remove_file(dir.path().join("u.pgs"));
-        [said(&[&["info", "in"], more].concat()), said(&[&compress[..], more].concat())]
+        let _ = std::fs::remove_file(dir.at("u.pgs"));
+        ["info in", "compress in -o u.pgs --gaussians 2 --certificate=none"]
+            .map(|words| dir.runs(&format!("{words} {more}")).concat())
     };
     let nm = "the unit of length is taken as nm; the file says Angstrom";
-    assert!(told(&["--length-unit", "nm"]).iter().all(|t| t.contains(nm)));
-    assert!(told(&["--length-unit", "Angstrom"]).iter().all(|t| !t.contains("is taken as")));
-    assert!(told(&["--length-unit", "parsecs-ish"]).iter().all(|t| t.contains("no unit of length that is known")));
-    assert!(told(&["--mass-unit", "Msun/h"]).iter().all(|t| !t.contains("known")));
-    assert!(told(&["--box", "80"]).iter().all(|t| t.contains("the box is taken as 80 x 80 x 80")));
+    assert!(told("--length-unit nm").iter().all(|t| t.contains(nm)));
+    assert!(told("--length-unit Angstrom").iter().all(|t| !t.contains("is taken as")));
+    assert!(told("--length-unit parsecs-ish").iter().all(|t| t.contains("no unit of length that is known")));
+    assert!(told("--mass-unit Msun/h").iter().all(|t| !t.contains("known")));
+    assert!(told("--box 80").iter().all(|t| t.contains("the box is taken as 80 x 80 x 80")));
 }
 
 #[test]
 fn a_file_that_is_cut_short_while_it_is_read_ends_with_one_line() {
-    let dir = tempfile::tempdir().unwrap();
+    let dir = TestFolder::new();
     let n = 3_000_000;
     let column = |k: u64| (0..n).map(|i| (i * (7 + k) % 99_991) as f32).collect::<Vec<f32>>();
-    let input = dir.path().join("in");
-    snapshot(&input, &[column(0), column(3), column(5)]);
-    let files = ["xx.f32", "yy.f32", "zz.f32"].map(|f| input.join(f));
-    let before = listing(dir.path());
-    let arguments = ["compress", "in", "-o", "m.pgs", "--ratio", "50", "--certificate=none", "--threads", "1"];
-    let mut child = started(dir.path(), &arguments).spawn().unwrap();
+    snapshot(&dir.at("in"), &[column(0), column(3), column(5)]);
+    let files = ["xx.f32", "yy.f32", "zz.f32"].map(|f| dir.at("in").join(f));
+    let before = dir.listing();
+    let compress = "compress in -o m.pgs --ratio 50 --certificate=none --threads 1";
+    let mut child = started(dir.path(), compress).spawn().unwrap();
     // Whether it is already read or not: as soon as it maps the columns.
     let maps = format!("/proc/{}/maps", child.id());
     let mapped = (0..2000).any(|_| {
@@ -301,9 +264,9 @@ fn a_file_that_is_cut_short_while_it_is_read_ends_with_one_line() {
         child.kill().unwrap();
     }
     let out = child.wait_with_output().unwrap();
-    let text = String::from_utf8_lossy(&out.stderr).into_owned();
+    let text = said(&out);
     assert!(mapped, "the columns were not mapped: {text}");
     assert_eq!(out.status.code(), Some(6), "{:?}: {text}", out.status);
     assert_eq!(text.lines().filter(|l| l.starts_with("error: a file ended while it was read")).count(), 1, "{text}");
-    assert_eq!(listing(dir.path()), before);
+    assert_eq!(dir.listing(), before);
 }

@@ -1,63 +1,37 @@
 //! `render`, `reference`, `info` and `verify` as a user runs them.
 
-use crate::common::{fails, listing, particlegs, sample};
-use particlegs::codec;
+use crate::common::{TestFolder, recertified, snapshot};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
 
-/// VTK's pictures of the bundled sample and their views.
-fn golden() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs/tests/golden/nbody64")
-}
-
-fn model(folder: &Path, args: &[&str]) -> PathBuf {
-    let path = folder.join("m.pgs");
-    let mut c = particlegs();
-    c.arg("compress").arg(sample()).arg("-o").arg(&path).args(["--effort", "fast", "--quiet"]).args(args);
-    c.assert().success();
-    path
-}
-
-fn json(c: &mut assert_cmd::Command) -> Value {
-    let out = c.args(["--json", "-"]).output().unwrap();
-    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-    serde_json::from_slice(&out.stdout).unwrap()
+/// A folder with a model `m.pgs` of the sample.
+fn folder(options: &str) -> TestFolder {
+    let dir = TestFolder::new();
+    dir.once(&format!("compress SAMPLE -o m.pgs --effort fast --quiet {options}"));
+    dir
 }
 
 /// What a model at the default effort reaches, with 0.3 dB to spare, and a hundredth of the density's error.
 struct QualityFloor {
-    ratio: &'static str,
+    ratio: u32,
     /// Masked PSNR by view against VTK's own pictures of all particles, style `paraview`.
-    decibels: [(&'static str, f64); 6],
+    decibels: [f64; 6],
     /// Density in 64^3 cells: correlation, and mean absolute error of the contrast.
     correlation: f64,
     error: f64,
 }
 
+const VIEWS: [&str; 6] = ["far_00", "inside", "large_radius", "mid_00", "near_00", "near_01"];
+
 const FLOORS: [QualityFloor; 2] = [
     QualityFloor {
-        ratio: "100",
-        decibels: [
-            ("far_00", 32.56),
-            ("inside", 29.04),
-            ("large_radius", 25.12),
-            ("mid_00", 33.03),
-            ("near_00", 32.68),
-            ("near_01", 30.86),
-        ],
+        ratio: 100,
+        decibels: [32.56, 29.04, 25.12, 33.03, 32.68, 30.86],
         correlation: 0.9976,
         error: 0.434,
     },
     QualityFloor {
-        ratio: "300",
-        decibels: [
-            ("far_00", 32.36),
-            ("inside", 28.44),
-            ("large_radius", 22.42),
-            ("mid_00", 32.64),
-            ("near_00", 32.05),
-            ("near_01", 30.39),
-        ],
+        ratio: 300,
+        decibels: [32.36, 28.44, 22.42, 32.64, 32.05, 30.39],
         correlation: 0.9964,
         error: 0.539,
     },
@@ -67,47 +41,42 @@ const FLOORS: [QualityFloor; 2] = [
 /// them, and holds their density.
 #[test]
 fn models_look_like_the_snapshot() {
-    let dir = tempfile::tempdir().unwrap();
+    let dir = TestFolder::new();
     let mut below = Vec::new();
     for floor in &FLOORS {
-        let path = dir.path().join(format!("{}.pgs", floor.ratio));
-        let mut c = particlegs();
-        c.arg("compress").arg(sample()).arg("-o").arg(&path);
-        c.args(["--ratio", floor.ratio, "--certificate=none", "--quiet"]).assert().success();
-        let scores = against_vtk(&path, &dir.path().join(format!("pictures-{}", floor.ratio)));
+        let ratio = floor.ratio;
+        dir.runs(&format!("compress SAMPLE -o {ratio}.pgs --ratio {ratio} --certificate=none --quiet"));
+        let scores = against_vtk(&dir, &ratio.to_string());
         assert_eq!(scores.len(), floor.decibels.len());
-        for ((name, seen), (view, least)) in scores.iter().zip(floor.decibels) {
+        for (((name, seen), view), least) in scores.iter().zip(VIEWS).zip(floor.decibels) {
             assert_eq!(name, view);
-            println!("ratio {}, {name}: {seen:.3} dB, floor {least}", floor.ratio);
+            println!("ratio {ratio}, {name}: {seen:.3} dB, floor {least}");
             if *seen < least {
-                below.push(format!("ratio {}, {name}: {seen:.3} dB below {least}", floor.ratio));
+                below.push(format!("ratio {ratio}, {name}: {seen:.3} dB below {least}"));
             }
         }
-        let (correlation, error) = density(&path, &dir.path().join(format!("stats-{}", floor.ratio)));
-        println!("ratio {}: correlation {correlation:.5}, error {error:.5}", floor.ratio);
+        let (correlation, error) = density(&dir, ratio);
+        let seen = format!("ratio {ratio}: correlation {correlation:.5}, error {error:.5}");
+        println!("{seen}");
         if correlation < floor.correlation || error > floor.error {
-            below.push(format!("ratio {}: correlation {correlation:.5}, error {error:.5}", floor.ratio));
+            below.push(seen);
         }
     }
     assert!(below.is_empty(), "{below:#?}");
 }
 
 /// Masked PSNR of a model's pictures against VTK's, by view, in the order of the names.
-fn against_vtk(model: &Path, pictures: &Path) -> Vec<(String, f64)> {
-    let mut c = particlegs();
-    c.arg("render").arg(model).arg("--views").arg(golden().join("views.json"));
-    c.args(["--style", "paraview", "--quiet", "--out"]).arg(pictures).assert().success();
-    let scores = json(particlegs().arg("compare").arg(pictures).arg(golden().join("paraview")));
+fn against_vtk(dir: &TestFolder, name: &str) -> Vec<(String, f64)> {
+    dir.runs(&format!("render {name}.pgs --views GOLDEN/views.json --style paraview --quiet --out pictures-{name}"));
+    let scores = dir.says(&format!("compare pictures-{name} GOLDEN/paraview"));
     let of = |v: &Value| (v["name"].as_str().unwrap().to_string(), v["masked_psnr"].as_f64().unwrap());
     scores["views"].as_array().unwrap().iter().map(of).collect()
 }
 
 /// Correlation with the snapshot's density in 64^3 cells, and the mean absolute error of the contrast.
-fn density(model: &Path, out: &Path) -> (f64, f64) {
-    let mut c = particlegs();
-    c.arg("stats").arg(sample()).arg(model).arg("-o").arg(out).args(["--only", "density", "--grid", "64"]);
-    c.args(["--no-plots", "--quiet"]).assert().success();
-    let stats: Value = serde_json::from_slice(&std::fs::read(out.join("stats.json")).unwrap()).unwrap();
+fn density(dir: &TestFolder, ratio: u32) -> (f64, f64) {
+    dir.runs(&format!("stats SAMPLE {ratio}.pgs -o stats-{ratio} --only density --grid 64 --no-plots --quiet"));
+    let stats = dir.json(&format!("stats-{ratio}/stats.json"));
     let of = |name: &str| stats["summary"][name].as_f64().unwrap();
     (of("density_correlation"), of("density_mean_absolute_error"))
 }
@@ -121,18 +90,15 @@ const TRAINING: &str = "evaluate_every = 100\nevaluate_views = 2\ncameras.frames
 /// hundred steps. (At ratio 300 the fit leaves so short a run nothing: -0.05 to 0.1 dB, by seed.)
 #[test]
 fn training_improves_the_pictures() {
-    let dir = tempfile::tempdir().unwrap();
-    let config = dir.path().join("training.toml");
-    std::fs::write(&config, TRAINING).unwrap();
-    let scores = |name: &str, more: &[&str]| {
-        let path = dir.path().join(name);
-        let mut c = particlegs();
-        c.arg("compress").arg(sample()).arg("-o").arg(&path).args(["--effort", "fast", "--gaussians", "871"]);
-        c.args(["--certificate=none", "--quiet"]).args(more).assert().success();
-        against_vtk(&path, &dir.path().join(format!("{name}-pictures")))
+    let dir = TestFolder::new();
+    dir.write("training.toml", TRAINING);
+    let scores = |name: &str, more: &str| {
+        let fit = "--effort fast --gaussians 871 --certificate=none --quiet";
+        dir.runs(&format!("compress SAMPLE -o {name}.pgs {fit} {more}"));
+        against_vtk(&dir, name)
     };
-    let before = scores("start.pgs", &[]);
-    let after = scores("trained.pgs", &["--train", "fast", "--config", config.to_str().unwrap()]);
+    let before = scores("start", "");
+    let after = scores("trained", "--train fast --config training.toml");
     let gains: Vec<f64> = before.iter().zip(&after).map(|(a, b)| b.1 - a.1).collect();
     println!("{gains:.3?}");
     // Seen: from 0.32 to 0.55.
@@ -142,39 +108,35 @@ fn training_improves_the_pictures() {
 
 #[test]
 fn every_style_and_projection_draws() {
-    let dir = tempfile::tempdir().unwrap();
-    let model = model(dir.path(), &["--ratio", "300", "--certificate=none"]);
-    let out = dir.path().join("out");
-    let small = ["--size", "160x120", "--quiet", "--out"];
+    let dir = folder("--ratio 300 --certificate=none");
+    let draw = |words: &str| {
+        dir.runs(&format!("{words} --size 160x120 --quiet --out out"));
+    };
     for style in ["expected", "paraview", "paraview-no-fxaa", "density"] {
-        particlegs().arg("render").arg(&model).args(["--style", style]).args(small).arg(&out).assert().success();
-        assert!(out.join("view.png").exists());
-        std::fs::remove_dir_all(&out).unwrap();
+        draw(&format!("render m.pgs --style {style}"));
+        assert!(dir.at("out/view.png").exists());
+        std::fs::remove_dir_all(dir.at("out")).unwrap();
     }
     for style in ["expected", "paraview", "paraview-no-fxaa", "response", "response-fxaa", "density"] {
-        particlegs().arg("reference").arg(sample()).args(["--style", style]).args(small).arg(&out).assert().success();
-        assert!(out.join("view.png").exists());
+        draw(&format!("reference SAMPLE --style {style}"));
+        assert!(dir.at("out/view.png").exists());
     }
-    let mut c = particlegs();
-    c.arg("render").arg(&model).args(["--style", "density", "--projection", "orthographic", "--raw"]);
-    c.args(["--center", "0,0,0", "--width", "25", "--depth", "5"]).args(small).arg(&out).assert().success();
-    assert_eq!(std::fs::metadata(out.join("view.f32")).unwrap().len(), 160 * 120 * 4);
+    let window = "--projection orthographic --raw --center 0,0,0 --width 25 --depth 5";
+    draw(&format!("render m.pgs --style density {window}"));
+    assert_eq!(dir.bytes("out/view.f32").len(), 160 * 120 * 4);
 }
 
 #[test]
 fn views_that_cannot_be_drawn() {
-    let dir = tempfile::tempdir().unwrap();
-    let model = model(dir.path(), &["--ratio", "300", "--certificate=none"]);
-    let good: Value = serde_json::from_slice(&std::fs::read(golden().join("views.json")).unwrap()).unwrap();
+    let dir = folder("--ratio 300 --certificate=none");
+    let golden = concat!(env!("CARGO_MANIFEST_DIR"), "/../particlegs/tests/golden/nbody64/views.json");
+    let good: Value = serde_json::from_slice(&std::fs::read(golden).unwrap()).unwrap();
     let bad = |change: &dyn Fn(&mut Value), text: &str| {
         let mut views = good.clone();
         change(&mut views);
-        let file = dir.path().join("views.json");
-        std::fs::write(&file, serde_json::to_vec(&views).unwrap()).unwrap();
-        for (verb, subject) in [("render", &model), ("reference", &sample())] {
-            let mut c = particlegs();
-            c.arg(verb).arg(subject).arg("--views").arg(&file).args(["--style", "expected", "--out"]);
-            fails(c.arg(dir.path().join("out")), 3, text);
+        dir.write("views.json", views.to_string());
+        for subject in ["render m.pgs", "reference SAMPLE"] {
+            dir.fails(&format!("{subject} --views views.json --style expected --out out"), 3, text);
         }
     };
     bad(&|v| v["width"] = 0.into(), "size");
@@ -185,20 +147,17 @@ fn views_that_cannot_be_drawn() {
     bad(&|v| v["views"][0]["name"] = "../escape".into(), "name");
     bad(&|v| v["views"] = Value::Array(vec![]), "without views");
     bad(&|v| v["views"] = 3.into(), "views file");
-    assert!(!dir.path().join("out").exists());
-    let mut c = particlegs();
-    c.arg("render").arg(&model).args(["--style", "expected", "--out"]).arg(model.join("below-a-file"));
-    fails(&mut c, 6, "below-a-file");
+    assert!(!dir.at("out").exists());
+    dir.fails("render m.pgs --style expected --out m.pgs/below-a-file", 6, "below-a-file");
 }
 
 #[test]
 fn verify_finds_damage_and_measures_again() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = model(dir.path(), &["--ratio", "600"]);
-    let seen = json(particlegs().arg("verify").arg(&path));
+    let dir = folder("--ratio 600");
+    let seen = dir.says("verify m.pgs");
     assert_eq!(seen["certificate"], "not measured again");
-    let again = json(particlegs().arg("verify").arg(&path).arg(sample()));
-    let stored = json(particlegs().arg("info").arg(&path));
+    let again = dir.says("verify m.pgs SAMPLE");
+    let stored = dir.says("info m.pgs");
     let now = again["measured_again"]["orbits"][0]["expected"]["masked_psnr"].as_f64().unwrap();
     let then = stored["certificate"]["orbits"][0]["expected"]["masked_psnr"].as_f64().unwrap();
     assert!((now - then).abs() < 0.011, "{now} {then}");
@@ -217,23 +176,18 @@ fn verify_finds_damage_and_measures_again() {
     assert!(now["k_max"].as_f64().unwrap() > 7.9);
 
     // Sound in itself, but of other particles.
-    let other = dir.path().join("other");
-    particlegs().arg("convert").arg(sample()).arg("-o").arg(&other).args(["--every", "64", "-q"]).assert().success();
-    fails(particlegs().arg("verify").arg(&path).arg(&other), 3, "not the snapshot");
-    std::fs::remove_dir_all(&other).unwrap();
+    dir.runs("convert SAMPLE -o other --every 64 -q");
+    dir.fails("verify m.pgs other", 3, "not the snapshot");
+    std::fs::remove_dir_all(dir.at("other")).unwrap();
 
-    let bytes = std::fs::read(&path).unwrap();
-    let broken = dir.path().join("broken.pgs");
+    let bytes = dir.bytes("m.pgs");
     for damaged in [bytes[..bytes.len() / 2].to_vec(), [&bytes[..], b"more"].concat(), flipped(&bytes, 700)] {
-        std::fs::write(&broken, damaged).unwrap();
-        for verb in ["verify", "info"] {
-            fails(particlegs().arg(verb).arg(&broken), 4, "broken.pgs");
+        dir.write("broken.pgs", damaged);
+        for words in ["verify broken.pgs", "info broken.pgs", "render broken.pgs --style expected --out out"] {
+            dir.fails(words, 4, "broken.pgs");
         }
-        let mut c = particlegs();
-        c.arg("render").arg(&broken).args(["--style", "expected", "--out"]).arg(dir.path().join("out"));
-        fails(&mut c, 4, "broken.pgs");
     }
-    assert_eq!(listing(dir.path()), ["broken.pgs", "m.pgs"]);
+    assert_eq!(dir.listing(), ["broken.pgs", "m.pgs"]);
 }
 
 fn flipped(bytes: &[u8], at: usize) -> Vec<u8> {
@@ -246,20 +200,13 @@ fn flipped(bytes: &[u8], at: usize) -> Vec<u8> {
 /// nothing holds.
 #[test]
 fn certificates_are_completed() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("m.pgs");
-    let some = ["--sample", "20000", "--quiet"];
-    let mut c = particlegs();
-    c.arg("compress").arg(sample()).arg("-o").arg(&path).args(["--effort", "fast", "--gaussians", "400"]).args(some);
-    c.assert().success();
-    let stored = || json(particlegs().arg("info").arg(&path))["certificate"].clone();
+    let dir = TestFolder::new();
+    let some = "--sample 20000 --quiet";
+    dir.runs(&format!("compress SAMPLE -o m.pgs --effort fast --gaussians 400 {some}"));
+    let stored = || dir.says("info m.pgs")["certificate"].clone();
     let quick = stored();
     assert!(quick["held_out"].is_null() && quick["groups"].is_null() && quick["densities"].is_array(), "{quick}");
-    let verify = |more: &[&str]| {
-        let mut c = particlegs();
-        c.arg("verify").arg(&path).arg(sample()).args(some).args(more).assert().success();
-    };
-    verify(&["--full", "--store"]);
+    dir.runs(&format!("verify m.pgs SAMPLE {some} --full --store"));
     let full = stored();
     assert_eq!(full["densities"], quick["densities"]);
     let bits = full["held_out"]["bits"].as_f64().unwrap();
@@ -269,31 +216,17 @@ fn certificates_are_completed() {
     assert!(settings.len() == 7 && settings[6]["close"] == true && quick["pictures"].is_null(), "{full}");
     assert!(settings[4]["expected"]["worst"]["subset"]["masked_psnr"].is_number(), "{full}");
     // Measured again, whole, it agrees; a baseline that was altered does not.
-    verify(&[]);
-    let bytes = std::fs::read(&path).unwrap();
-    let model = codec::decode(&bytes, "m").unwrap();
-    let mut forged = model.certificate.unwrap();
-    forged.pictures.as_mut().unwrap().settings[4].paraview.worst.uniform_box.as_mut().unwrap().ssim -= 0.1;
-    let layers = codec::coded_layers(&bytes, "m").unwrap();
-    let other = dir.path().join("forged.pgs");
-    std::fs::write(&other, codec::assemble(&model.metadata, Some(&forged), layers).unwrap()).unwrap();
-    let mut c = particlegs();
-    fails(
-        c.arg("verify").arg(&other).arg(sample()).args(some),
-        9,
-        "settings 6r a paraview worst: uniform box is stored as",
-    );
-    let lattice = dir.path().join("lattice");
-    std::fs::create_dir(&lattice).unwrap();
-    for (k, axis) in ["xx", "yy", "zz"].iter().enumerate() {
-        let place = |i: u32| ((i >> (4 * k)) % 16) as f32 + 0.5;
-        let column: Vec<u8> = (0..4096).flat_map(|i| place(i).to_le_bytes()).collect();
-        std::fs::write(lattice.join(format!("{axis}.f32")), column).unwrap();
-    }
-    std::fs::write(lattice.join("meta.json"), r#"{"box": 16}"#).unwrap();
-    let mut c = particlegs();
-    let out = dir.path().join("lattice.pgs");
-    let made = json(c.arg("compress").arg(&lattice).arg("-o").arg(&out).args(["--certificate", "full", "-q"]));
+    dir.runs(&format!("verify m.pgs SAMPLE {some}"));
+    let forged = recertified(&dir.bytes("m.pgs"), |c| {
+        c.pictures.as_mut().unwrap().settings[4].paraview.worst.uniform_box.as_mut().unwrap().ssim -= 0.1;
+    });
+    dir.write("forged.pgs", forged.unwrap());
+    let stored = "settings 6r a paraview worst: uniform box is stored as";
+    dir.fails(&format!("verify forged.pgs SAMPLE {some}"), 9, stored);
+    let place = |k: u32| (0..4096u32).map(|i| ((i >> (4 * k)) % 16) as f32 + 0.5).collect();
+    snapshot(&dir.at("lattice"), &[place(0), place(1), place(2)]);
+    dir.write("lattice/meta.json", r#"{"box": 16}"#);
+    let made = dir.says("compress lattice -o lattice.pgs --certificate full -q");
     for finding in made["verdict"].as_array().unwrap() {
         let word = finding["word"].as_str().unwrap();
         assert!(["does not", "not measured"].contains(&word), "{finding}");

@@ -1,7 +1,7 @@
 //! Outputs that change while a command runs: nothing that has come or changed there is lost, nor what was made.
 #![cfg(target_os = "linux")]
 
-use crate::common::{listing, snapshot, waited};
+use crate::common::{TestFolder, contents, listing, pipe, process, said, snapshot, waited};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io::Write;
@@ -57,43 +57,39 @@ const CASES: &[ReadCase] = &[
 ];
 
 /// Files that commands read, and the binary.
-struct PipeFiles(tempfile::TempDir);
+struct PipeFiles(TestFolder);
 
 impl PipeFiles {
     fn new() -> PipeFiles {
-        let w = PipeFiles(tempfile::tempdir().unwrap());
+        let dir = TestFolder::new();
         let columns = |seed: u32| -> Vec<Vec<f32>> {
             let number = |i: u32, k: u32| (i * (37 + 14 * k) + seed) % 16_001;
             (0..3).map(|k| (0..16_000).map(|i| number(i, k) as f32 * 0.001).collect()).collect()
         };
-        snapshot(&w.at("snap"), &columns(1));
-        snapshot(&w.at("other"), &columns(5));
-        std::fs::write(w.at("notes"), "my notes").unwrap();
+        snapshot(&dir.at("snap"), &columns(1));
+        snapshot(&dir.at("other"), &columns(5));
+        dir.write("notes", "my notes");
         for words in [
             "convert snap -o a.npy -q",
             "convert other -o b.npy -q",
             "compress a.npy -o m.pgs --certificate none --effort fast --gaussians 8 -q",
             "compress b.npy -o n.pgs --certificate none --effort fast --gaussians 5 -q",
         ] {
-            assert!(w.command(w.0.path()).args(words.split(' ')).status().unwrap().success(), "{words}");
+            dir.once(words);
         }
-        w
-    }
-
-    fn at(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
+        PipeFiles(dir)
     }
 
     fn command(&self, folder: &Path) -> Command {
-        let mut c = Command::new(assert_cmd::cargo::cargo_bin("particlegs"));
-        c.current_dir(folder).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut c = process(folder);
+        c.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
         c
     }
 
     /// Copies `from > to` into a folder, over what is there.
     fn put(&self, change: &str, folder: &Path) {
         if let Some((from, to)) = change.split_once(" > ") {
-            let done = Command::new("cp").arg("-r").arg(self.at(from)).arg(folder.join(to)).status();
+            let done = Command::new("cp").arg("-r").arg(self.0.at(from)).arg(folder.join(to)).status();
             assert!(done.unwrap().success(), "{change}");
         }
     }
@@ -101,18 +97,18 @@ impl PipeFiles {
     /// Runs the case's command, and has the change happen when it reads.
     fn run(&self, case: &ReadCase, folder: &Path, change: impl FnOnce()) -> Output {
         let [out, input] = case.files;
-        let pipe = folder.join("pipe");
-        assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let fifo = folder.join("pipe");
+        pipe(&fifo);
         let words = case.words.split(' ').map(|w| match w {
             "PIPE" => "pipe".into(),
             "OUT" => out.into(),
-            "SNAP" => self.at("snap").into_os_string(),
+            "SNAP" => self.0.at("snap").into_os_string(),
             other => OsString::from(other),
         });
         let mut child = self.command(folder).args(words).spawn().unwrap();
-        let bytes = std::fs::read(self.at(input)).unwrap();
+        let bytes = self.0.bytes(input);
         // Not for ever: a command that has failed reads nothing.
-        let open = || std::fs::File::options().write(true).custom_flags(O_NONBLOCK).open(&pipe);
+        let open = || std::fs::File::options().write(true).custom_flags(O_NONBLOCK).open(&fifo);
         let mut to = open();
         waited("a reader of the pipe", || {
             to = open();
@@ -126,9 +122,9 @@ impl PipeFiles {
         change();
         write(&to, last);
         drop(to);
-        let said = child.wait_with_output().unwrap();
-        std::fs::remove_file(&pipe).unwrap();
-        said
+        let out = child.wait_with_output().unwrap();
+        std::fs::remove_file(&fifo).unwrap();
+        out
     }
 }
 
@@ -143,18 +139,6 @@ fn write(mut to: &std::fs::File, mut bytes: &[u8]) {
     });
 }
 
-/// The bytes of every file under a folder.
-fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
-    entries
-        .filter(|p| !p.ends_with("pipe"))
-        .flat_map(|p| match p.is_dir() {
-            true => contents(&p),
-            false => [(p.clone(), std::fs::read(&p).unwrap())].into(),
-        })
-        .collect()
-}
-
 #[test]
 fn nothing_is_lost_that_comes_or_changes_while_a_command_runs() {
     let w = PipeFiles::new();
@@ -163,12 +147,12 @@ fn nothing_is_lost_that_comes_or_changes_while_a_command_runs() {
         let what = format!("{} ({})", case.words, case.meanwhile);
         w.put(case.before, folder.path());
         let mut there = BTreeMap::new();
-        let said = w.run(case, folder.path(), || {
+        let out = w.run(case, folder.path(), || {
             w.put(case.meanwhile, folder.path());
             there = contents(folder.path());
         });
-        let err = String::from_utf8_lossy(&said.stderr);
-        assert_eq!(said.status.code(), Some(8), "{what}: {err}");
+        let err = said(&out);
+        assert_eq!(out.status.code(), Some(8), "{what}: {err}");
         let now = contents(folder.path());
         there.iter().for_each(|(path, bytes)| assert!(now.get(path) == Some(bytes), "{what}: {}", path.display()));
         let made: Vec<&PathBuf> = now.keys().filter(|path| !there.contains_key(*path)).collect();
@@ -189,18 +173,14 @@ fn of_two_compressions_to_one_name_one_fails_unless_they_are_the_same() {
     for (other, code) in [("b.npy", 8), ("a.npy", 0)] {
         let folder = tempfile::tempdir().unwrap();
         let case = case(COMPRESS, ["m.pgs", "a.npy"], [""; 3]);
-        let said = w.run(&case, folder.path(), || {
-            let mut c = w.command(folder.path());
-            let words = COMPRESS.replace("PIPE", "").replace("OUT", "m.pgs");
+        let out = w.run(&case, folder.path(), || {
             // The source's name is in the file.
-            std::fs::copy(w.at(other), folder.path().join("in.npy")).unwrap();
             std::fs::create_dir(folder.path().join("in")).unwrap();
-            std::fs::rename(folder.path().join("in.npy"), folder.path().join("in/pipe")).unwrap();
-            let words = words.split_whitespace().map(|word| if word == "compress" { "compress in/pipe" } else { word });
-            assert!(c.args(words.flat_map(|w| w.split(' '))).status().unwrap().success());
+            std::fs::copy(w.0.at(other), folder.path().join("in/pipe")).unwrap();
+            let words = COMPRESS.replace("PIPE", "in/pipe").replace("OUT", "m.pgs");
+            assert!(w.command(folder.path()).args(words.split(' ')).status().unwrap().success());
         });
-        let err = String::from_utf8_lossy(&said.stderr);
-        assert_eq!(said.status.code(), Some(code), "{other}: {err}");
+        assert_eq!(out.status.code(), Some(code), "{other}: {}", said(&out));
         assert_eq!(folder.path().join("m-1.pgs").exists(), code == 8);
     }
 }
@@ -217,16 +197,16 @@ fn a_folder_is_not_replaced_with_what_has_come_into_it() {
         std::fs::create_dir(folder.path().join("here")).unwrap();
         let (here, out) = (folder.path().join("here"), folder.path().join("here/out"));
         w.put("other > out", &here);
-        let words = words.replace("SNAP", w.at("snap").to_str().unwrap());
-        let words = words.replace("MODEL", w.at("m.pgs").to_str().unwrap());
-        std::fs::write(w.at("snap/meta.json"), "{\"box\": [17, 17, 17]}").unwrap();
+        let words = words.replace("SNAP", w.0.at("snap").to_str().unwrap());
+        let words = words.replace("MODEL", w.0.at("m.pgs").to_str().unwrap());
+        w.0.write("snap/meta.json", "{\"box\": [17, 17, 17]}");
         let child = w.command(&here).args(words.split(' ')).spawn().unwrap();
         waited("files beside the folder", || listing(&here).len() == 2);
         w.put(change, &here);
         let there = contents(&out);
-        let said = child.wait_with_output().unwrap();
-        let err = String::from_utf8_lossy(&said.stderr);
-        assert_eq!(said.status.code(), Some(8), "{words}: {err}");
+        let done = child.wait_with_output().unwrap();
+        let err = said(&done);
+        assert_eq!(done.status.code(), Some(8), "{words}: {err}");
         assert!(err.contains("while this command ran") && err.contains("out-1"), "{words}: {err}");
         assert_eq!(contents(&out), there, "{words}");
         assert_eq!(listing(&here), ["out", "out-1"]);

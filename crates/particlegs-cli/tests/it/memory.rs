@@ -1,36 +1,32 @@
 //! What needs much memory, under a shell's limit: an error that says so, never an abort.
 #![cfg(target_os = "linux")]
 
-use crate::common::particlegs;
+use crate::common::{TestFolder, errors, particlegs, said};
 use crate::models::equal_gaussians;
-use particlegs::codec::{self, Precision};
-use std::path::Path;
 use std::process::{Command, Output};
 
-/// A file of so many equal Gaussians.
-fn write(n: usize, path: &Path) {
-    std::fs::write(path, codec::encode(&equal_gaussians(n), &Precision::BALANCED).unwrap()).unwrap();
+/// A folder with a file of so many equal Gaussians.
+fn folder(n: usize) -> TestFolder {
+    let dir = TestFolder::new();
+    dir.write("m.pgs", equal_gaussians(n));
+    dir
 }
 
 /// Runs the command with so much address space.
-fn limited(folder: &Path, mebibytes: u64, arguments: &str) -> Output {
+fn limited(dir: &TestFolder, mebibytes: u64, arguments: &str) -> Output {
     let binary = particlegs().get_program().to_owned();
     let script = format!("ulimit -v {}; exec \"$0\" {arguments} --threads 1 -q", mebibytes * 1024);
-    Command::new("sh").current_dir(folder).args(["-c", &script]).arg(binary).output().unwrap()
+    Command::new("sh").current_dir(dir.path()).args(["-c", &script]).arg(binary).output().unwrap()
 }
 
 #[test]
 fn pictures_that_do_not_fit_say_so() {
-    let dir = tempfile::tempdir().unwrap();
-    write(3, &dir.path().join("m.pgs"));
+    let dir = folder(3);
     for style in ["paraview", "density"] {
-        let out = limited(dir.path(), 1024, &format!("render m.pgs --out p --size 32768x32768 --style {style}"));
-        let text = String::from_utf8_lossy(&out.stderr);
+        let out = limited(&dir, 1024, &format!("render m.pgs --out p --size 32768x32768 --style {style}"));
+        let text = said(&out);
         assert_eq!(out.status.code(), Some(7), "{style}: {text}");
-        assert!(
-            text.contains("needs about") && text.lines().filter(|l| l.starts_with("error:")).count() == 1,
-            "{text}"
-        );
+        assert!(text.contains("needs about") && errors(&text) == 1, "{text}");
     }
 }
 
@@ -38,9 +34,8 @@ fn pictures_that_do_not_fit_say_so() {
 #[test]
 #[ignore = "slow"]
 fn models_that_do_not_fit_say_so() {
-    let dir = tempfile::tempdir().unwrap();
-    write(1_000_000, &dir.path().join("m.pgs"));
-    let bytes = std::fs::metadata(dir.path().join("m.pgs")).unwrap().len();
+    let dir = folder(1_000_000);
+    let bytes = dir.bytes("m.pgs").len();
     assert!(bytes < 1_000_000, "{bytes} bytes");
     for arguments in [
         "verify m.pgs",
@@ -48,10 +43,10 @@ fn models_that_do_not_fit_say_so() {
         "simplify m.pgs -o s.pgs --gaussians 9",
         "merge m.pgs -o n.pgs",
     ] {
-        let out = limited(dir.path(), 128, arguments);
-        let text = String::from_utf8_lossy(&out.stderr);
+        let out = limited(&dir, 128, arguments);
+        let text = said(&out);
         assert_eq!(out.status.code(), Some(7), "{arguments}: {text}");
         assert!(text.contains("bytes of memory"), "{arguments}: {text}");
     }
-    assert_eq!(limited(dir.path(), 2048, "verify m.pgs").status.code(), Some(0));
+    assert_eq!(limited(&dir, 2048, "verify m.pgs").status.code(), Some(0));
 }

@@ -1,5 +1,7 @@
 //! Models that no fit makes: small ones of the sample, and many equal Gaussians.
 
+use crate::common::sample;
+use particlegs::codec::{self, Precision};
 use particlegs::math::Sym3;
 use particlegs::model::{
     AlphaBlend, Block, Law, LawKind, Layer, Mass, Metadata, Mixture, Model, VIZMAPPER_PARAMETERS, VizMapper, VizRanges,
@@ -15,18 +17,24 @@ fn model(metadata: Metadata, gaussians: Mixture) -> Model {
     Model { metadata, layers, certificate: None }
 }
 
-/// A model of `n` equal Gaussians.
-pub fn equal_gaussians(n: usize) -> Model {
+fn encoded(model: &Model) -> Vec<u8> {
+    codec::encode(model, &Precision::BALANCED).unwrap()
+}
+
+/// The file of a model of `n` equal Gaussians.
+pub fn equal_gaussians(n: usize) -> Vec<u8> {
     let mut gaussians = Mixture::default();
     (0..n).for_each(|_| gaussians.push([1.0; 3], Sym3::scaled_identity(0.01), 1.0, 1.0));
-    model(Metadata::new(LawKind::OpticalDepth, n as u64, Bounds { min: [0.0; 3], max: [2.0; 3] }), gaussians)
+    let bounds = Bounds { min: [0.0; 3], max: [2.0; 3] };
+    encoded(&model(Metadata::new(LawKind::OpticalDepth, n as u64, bounds), gaussians))
 }
 
 /// Runs of the sample's particles, which are compact.
 const RUN: usize = 4096;
 
-/// Moments of some of the sample's runs, with opacities that rise from one to the next where the law has any.
-pub fn tiny(particles: &Particles, runs: std::ops::Range<usize>, law: LawKind) -> Model {
+/// The file of a model: moments of some of the sample's runs, with opacities that rise from one to the next where the law has any.
+pub fn tiny(runs: std::ops::Range<usize>, law: LawKind) -> Vec<u8> {
+    let particles = Particles::open_raw(&[sample()]).unwrap();
     let mut gaussians = Mixture::default();
     let network = VizMapper {
         parameters: (0..VIZMAPPER_PARAMETERS).map(|i| 0.01 * (i % 13) as f32).collect(),
@@ -57,5 +65,5 @@ pub fn tiny(particles: &Particles, runs: std::ops::Range<usize>, law: LawKind) -
         source_hash: particles.source_hash(),
         ..Metadata::new(law, count, bounds)
     };
-    model(metadata, gaussians)
+    encoded(&model(metadata, gaussians))
 }

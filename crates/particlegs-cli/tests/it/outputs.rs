@@ -2,7 +2,7 @@
 //! nothing of the user's is changed.
 #![cfg(target_os = "linux")]
 
-use crate::common::{listing, snapshot};
+use crate::common::{contents, errors, fails, files, listing, particlegs, pipe, process, said, snapshot};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::os::unix::fs::{FileTypeExt, symlink};
@@ -88,10 +88,11 @@ impl OutputCase {
     }
 
     fn has_force(&self) -> bool {
-        matches!(
-            self.writes,
-            OutputKind::Model | OutputKind::Particles | OutputKind::Export | OutputKind::Columns | OutputKind::Job
-        )
+        !matches!(self.writes, OutputKind::Json | OutputKind::Within(_))
+    }
+
+    fn force(&self) -> &'static [&'static str] {
+        if self.has_force() { &["--force"] } else { &[] }
     }
 
     fn out(&self, folder: &Path) -> PathBuf {
@@ -131,8 +132,7 @@ impl OutputFiles {
             "block job 1",
             "render m.pgs --out pictures --size 64x48",
         ] {
-            let out = w.run(&mut w.command(words, Path::new("")));
-            assert!(out.status.success(), "{words}: {}", String::from_utf8_lossy(&out.stderr));
+            w.ends(&mut w.command(words, Path::new("")), 0);
         }
         w.before = contents(w.dir.path());
         w
@@ -144,14 +144,17 @@ impl OutputFiles {
 
     /// A command of those words, with OUT for the output.
     fn command(&self, words: &str, out: &Path) -> Command {
-        let mut c = Command::new(assert_cmd::cargo::cargo_bin("particlegs"));
+        let mut c = process(self.dir.path());
         let word = |w: &str| if w == "OUT" { out.as_os_str().to_os_string() } else { OsString::from(w) };
-        c.current_dir(self.dir.path()).args(words.split(' ').map(word)).stdin(Stdio::null());
+        c.args(words.split(' ').map(word)).stdin(Stdio::null());
         c
     }
 
-    fn run(&self, command: &mut Command) -> Output {
-        command.output().unwrap()
+    /// Runs a command and demands an exit code.
+    fn ends(&self, command: &mut Command, code: i32) -> Output {
+        let out = command.output().unwrap();
+        assert_eq!(out.status.code(), Some(code), "{command:?}: {}", said(&out));
+        out
     }
 
     /// Nothing that was there before has changed.
@@ -170,26 +173,15 @@ impl OutputFiles {
     /// Runs a case and demands an exit code; the inputs stay as they are.
     fn demand(&self, case: &OutputCase, what: &str, out: &Path, more: &[&str], code: i32) -> Output {
         let mut c = self.command(case.words, out);
-        let said = self.run(c.args(more));
-        let err = String::from_utf8_lossy(&said.stderr);
         let what = format!("{} ({}): {what}", case.words, case.ending);
-        assert_eq!(said.status.code(), Some(code), "{what}: {err}");
+        let out = c.args(more).output().unwrap();
+        let err = said(&out);
+        assert_eq!(out.status.code(), Some(code), "{what}: {err}");
         assert!(!err.contains("panicked"), "{what}: {err}");
-        assert_eq!(err.lines().filter(|l| l.starts_with("error:")).count(), usize::from(code != 0), "{what}: {err}");
+        assert_eq!(errors(&err), usize::from(code != 0), "{what}: {err}");
         self.unchanged(&what);
-        said
+        out
     }
-}
-
-fn files(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
-    entries.flat_map(|p| if p.is_dir() { files(&p) } else { vec![p] }).collect()
-}
-
-/// The bytes of every regular file under a folder.
-fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let is_file = |p: &PathBuf| std::fs::symlink_metadata(p).is_ok_and(|m| m.is_file());
-    files(folder).into_iter().filter(is_file).map(|p| (p.clone(), std::fs::read(&p).unwrap())).collect()
 }
 
 /// A null device that may be lost, unlike the machine's own; where only root can make one, nobody else can
@@ -205,7 +197,7 @@ fn an_input_is_never_an_output() {
     let w = OutputFiles::new();
     for case in CASES.iter().filter(|c| c.is_file()) {
         let folder = w.folder();
-        let force: &[&str] = if case.has_force() { &["--force"] } else { &[] };
+        let force = case.force();
         for (i, input) in case.inputs(&w).iter().enumerate() {
             w.demand(case, "an input", input, force, 8);
             let spelled = w.at("snap/..").join(input.strip_prefix(w.dir.path()).unwrap());
@@ -245,30 +237,19 @@ fn what_is_there_is_replaced_by_its_own_kind_and_models_particles_and_jobs_by_fo
         let clean = || listing(folder.path()).iter().all(|n| !n.starts_with(".particlegs"));
         assert!(clean(), "{}", case.words);
         // The same again: done, or replaced where it is not kept.
-        let again = w.run(&mut w.command(case.words, &out));
-        match (case.writes, again.status.code()) {
-            (OutputKind::Json | OutputKind::Within(_), Some(0)) => {}
-            (
-                OutputKind::Model | OutputKind::Particles | OutputKind::Export | OutputKind::Columns | OutputKind::Job,
-                Some(0),
-            ) => {
-                assert_eq!(contents(folder.path()), first);
-            }
-            (_, code) => panic!("{}: {code:?} {}", case.words, String::from_utf8_lossy(&again.stderr)),
-        }
+        w.ends(&mut w.command(case.words, &out), 0);
         if !case.has_force() {
             continue;
         }
+        assert_eq!(contents(folder.path()), first);
         // Something else of the same kind.
         let other = match case.writes {
-            OutputKind::Model => Some("simplify n.pgs -o OUT --gaussians 2 --force"),
-            OutputKind::Particles => Some("convert other -o OUT --force"),
-            OutputKind::Columns => Some("convert other -o OUT --force"),
-            OutputKind::Export => Some("export n.pgs -o OUT --force"),
-            _ => Some("plan other -o OUT --blocks 3 --certificate none --force"),
+            OutputKind::Model => "simplify n.pgs -o OUT --gaussians 2 --force",
+            OutputKind::Particles | OutputKind::Columns => "convert other -o OUT --force",
+            OutputKind::Export => "export n.pgs -o OUT --force",
+            _ => "plan other -o OUT --blocks 3 --certificate none --force",
         };
-        let replaced = w.run(&mut w.command(other.unwrap(), &out));
-        assert!(replaced.status.success(), "{}: {}", case.words, String::from_utf8_lossy(&replaced.stderr));
+        w.ends(&mut w.command(other, &out), 0);
         let there = contents(folder.path());
         assert_ne!(there, first);
         w.demand(case, "another one is there", &out, &[], 8);
@@ -290,8 +271,7 @@ fn files_of_other_kinds_stay() {
             place = out.join(if let OutputKind::Within(name) = case.writes { name } else { "notes.txt" });
         }
         std::fs::write(&place, "my notes").unwrap();
-        let force: &[&str] = if case.has_force() { &["--force"] } else { &[] };
-        for more in [&[][..], force] {
+        for more in [&[][..], case.force()] {
             w.demand(case, "notes are there", &out, more, 8);
             assert_eq!(contents(folder.path()), [(place.clone(), b"my notes".to_vec())].into());
         }
@@ -304,7 +284,6 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
     for case in CASES {
         let folder = w.folder();
         let at = |name: &str| folder.path().join(name);
-        let force: &[&str] = if case.has_force() { &["--force"] } else { &[] };
         std::fs::create_dir(at("far")).unwrap();
         let plain = case.out(&at("far"));
         let link = case.out(folder.path());
@@ -313,16 +292,16 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
             std::fs::create_dir(&plain).unwrap();
         }
         w.demand(case, "a link", &link, &[], 0);
-        w.demand(case, "a link to one that is there", &link, force, 0);
+        w.demand(case, "a link to one that is there", &link, case.force(), 0);
         assert!(link.is_symlink() && plain.exists(), "{}", case.words);
         let null = null_device(folder.path());
         if !case.is_file() {
             let (what, code) = match case.writes {
-                OutputKind::Job => ("a device is no folder", 8),
                 // A picture is written through, like any file.
                 OutputKind::Within("view.png") => ("a device takes one picture", 0),
                 OutputKind::Within("view.f32") => ("a device takes no values beside their description", 2),
-                _ => ("a device is no folder", refusal(case)),
+                OutputKind::Within(_) => ("a device is no folder", 6),
+                _ => ("a device is no folder", 8),
             };
             w.demand(case, what, &null, &[], code);
             continue;
@@ -337,15 +316,15 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
         };
         w.demand(case, "a device", &null, to, 0);
         assert!(std::fs::metadata(&null).unwrap().file_type().is_char_device(), "{}", case.words);
-        let pipe = at("pipe");
-        assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let fifo = at("pipe");
+        pipe(&fifo);
         let reader = std::thread::spawn({
-            let pipe = pipe.clone();
-            move || std::fs::read(pipe).unwrap()
+            let fifo = fifo.clone();
+            move || std::fs::read(fifo).unwrap()
         });
-        w.demand(case, "a pipe", &pipe, to, 0);
+        w.demand(case, "a pipe", &fifo, to, 0);
         let read = reader.join().unwrap();
-        assert!(std::fs::metadata(&pipe).unwrap().file_type().is_fifo());
+        assert!(std::fs::metadata(&fifo).unwrap().file_type().is_fifo());
         let printed = w.demand(case, "standard output", Path::new("-"), to, 0).stdout;
         if case.writes == OutputKind::Json {
             assert!([read, printed].iter().all(|text| serde_json::from_slice::<serde_json::Value>(text).is_ok()));
@@ -356,20 +335,14 @@ fn links_are_followed_and_devices_and_pipes_written_through() {
     }
 }
 
-/// What a command that writes into a folder says of a device in its place.
-fn refusal(case: &OutputCase) -> i32 {
-    if matches!(case.writes, OutputKind::Within(_)) { 6 } else { 8 }
-}
-
 #[test]
 fn full_disks_and_places_that_cannot_be_written_leave_nothing() {
     let w = OutputFiles::new();
     for case in CASES {
         let folder = w.folder();
         let out = case.out(folder.path());
-        let said = limited(&w, &w.command(case.words, &out), 0);
-        let err = String::from_utf8_lossy(&said.stderr);
-        assert_eq!(said.status.code(), Some(6), "{}: {err}", case.words);
+        let out = limited(&w, &w.command(case.words, &out), 0);
+        assert_eq!(out.status.code(), Some(6), "{}: {}", case.words, said(&out));
         assert!(listing(folder.path()).is_empty(), "{}: {:?}", case.words, listing(folder.path()));
         // Not even root can make files there.
         w.demand(case, "a place that cannot be written", &case.out(Path::new("/proc")), &[], 6);
@@ -392,28 +365,28 @@ fn files_that_belong_together_appear_together() {
     for blocks in [1, 4, 16, 40, 80, 1000] {
         let folder = w.folder();
         let words = "stats snap m.pgs -o OUT --only density,moments --grid 8";
-        let said = limited(&w, &w.command(words, folder.path()), blocks);
+        let out = limited(&w, &w.command(words, folder.path()), blocks);
         let there = listing(folder.path()).len();
-        match said.status.code() {
+        match out.status.code() {
             Some(0) => assert!(there > 5),
             code => assert_eq!((code, there), (Some(6), 0), "{blocks}: {:?}", listing(folder.path())),
         }
-        failed[0] += usize::from(!said.status.success());
+        failed[0] += usize::from(!out.status.success());
     }
     for blocks in [4, 60, 120, 240, 10_000] {
         let folder = w.folder();
-        let mut c =
-            w.command("compress snap -o OUT --certificate none --effort fast --pictures", &folder.path().join("m.pgs"));
-        let said = limited(&w, c.arg(folder.path()), blocks);
+        let words = "compress snap -o OUT --certificate none --effort fast --pictures";
+        let mut c = w.command(words, &folder.path().join("m.pgs"));
+        let out = limited(&w, c.arg(folder.path()), blocks);
         let there = listing(folder.path());
-        match said.status.code() {
+        match out.status.code() {
             Some(0) => assert_eq!(there, ["comparison.png", "density.png", "m.pgs"]),
             code => {
                 assert_eq!((code, &there[..]), (Some(6), &["m.pgs".to_string()][..]), "{blocks}");
-                assert!(String::from_utf8_lossy(&said.stderr).contains("the model was written"), "{blocks}");
+                assert!(said(&out).contains("the model was written"), "{blocks}");
             }
         }
-        failed[1] += usize::from(!said.status.success());
+        failed[1] += usize::from(!out.status.success());
     }
     assert!((2..6).contains(&failed[0]) && (2..5).contains(&failed[1]), "{failed:?}");
 }
@@ -427,20 +400,16 @@ fn a_failure_leaves_the_old_columns_whole() {
     {
         let folder = w.folder();
         let out = folder.path().join("out");
-        let first = w.run(&mut w.command("convert snap -o OUT", &out));
-        assert!(first.status.success());
+        w.ends(&mut w.command("convert snap -o OUT", &out), 0);
         let before = contents(folder.path());
-        let said = limited(&w, &w.command(words, &out), 0);
-        assert_eq!(said.status.code(), Some(6), "{words}: {}", String::from_utf8_lossy(&said.stderr));
+        let full = limited(&w, &w.command(words, &out), 0);
+        assert_eq!(full.status.code(), Some(6), "{words}: {}", said(&full));
         assert_eq!(contents(folder.path()), before, "{words}");
         assert_eq!(listing(folder.path()), ["out"]);
-        assert!(w.run(&mut w.command(words, &out)).status.success());
+        w.ends(&mut w.command(words, &out), 0);
         assert_eq!(listing(folder.path()), ["out"]);
-        let form: &[&str] = if words.contains("npy") {
-            &["meta.json", "positions.npy"]
-        } else {
-            &["meta.json", "xx.f32", "yy.f32", "zz.f32"]
-        };
+        let columns = ["meta.json", "xx.f32", "yy.f32", "zz.f32"];
+        let form: &[&str] = if words.contains("npy") { &["meta.json", "positions.npy"] } else { &columns };
         assert_eq!(listing(&out), form);
     }
 }
@@ -457,11 +426,8 @@ fn two_outputs_are_never_one() {
         "simplify m.pgs -o OUT --gaussians 3 --json OUT",
         "convert snap -o OUT --to npy --json OUT",
     ] {
-        let said = w.run(&mut w.command(words, &out));
-        assert_eq!(said.status.code(), Some(8), "{words}: {}", String::from_utf8_lossy(&said.stderr));
-        let both = w.run(&mut w.command(words, Path::new("-")));
-        assert_eq!(both.status.code(), Some(8), "{words}: {}", String::from_utf8_lossy(&both.stderr));
-        assert!(both.stdout.is_empty());
+        w.ends(&mut w.command(words, &out), 8);
+        assert!(w.ends(&mut w.command(words, Path::new("-")), 8).stdout.is_empty());
     }
     // What a run writes beside its model is looked at before the work as well.
     let (log, here, settings) = (folder.path().join("log.jsonl"), folder.path(), w.folder());
@@ -475,15 +441,13 @@ fn two_outputs_are_never_one() {
     ] {
         std::fs::write(folder.path().join(name), "my notes").unwrap();
         let mut c = w.command("compress snap -o OUT --effort fast --train fast", &out);
-        let said = w.run(c.arg(option).arg(path));
-        assert_eq!(said.status.code(), Some(8), "{name}: {}", String::from_utf8_lossy(&said.stderr));
+        w.ends(c.arg(option).arg(path), 8);
         std::fs::remove_file(folder.path().join(name)).unwrap();
     }
     let within = folder.path().join("comparison.png");
     let mut c = w.command("compress snap -o OUT --certificate none --effort fast --pictures", &within);
-    assert_eq!(w.run(c.arg(folder.path())).status.code(), Some(8));
-    let log = w.command("compress snap -o OUT --train fast --log snap/xx.f32", &out);
-    assert_eq!(w.run(&mut { log }).status.code(), Some(8));
+    w.ends(c.arg(folder.path()), 8);
+    w.ends(&mut w.command("compress snap -o OUT --train fast --log snap/xx.f32", &out), 8);
     assert!(listing(folder.path()).is_empty(), "{:?}", listing(folder.path()));
     w.unchanged("two outputs");
 }
@@ -500,13 +464,11 @@ fn folders_that_nothing_comes_into_go_again() {
         "recover snap/xx.f32 -o OUT",
         "reference nowhere --out OUT",
     ] {
-        let said = w.run(&mut w.command(words, &folder.path().join("made/new")));
-        assert_ne!(said.status.code(), Some(0), "{words}");
+        let out = w.command(words, &folder.path().join("made/new")).output().unwrap();
+        assert_ne!(out.status.code(), Some(0), "{words}");
         assert!(listing(folder.path()).is_empty(), "{words}: {:?}", listing(folder.path()));
     }
-    let mut c = w.command("compress snap -o OUT --memory 1GiB --scratch nowhere", &folder.path().join("m.pgs"));
-    let said = w.run(&mut c);
-    assert_eq!(said.status.code(), Some(6), "{}", String::from_utf8_lossy(&said.stderr));
+    w.ends(&mut w.command("compress snap -o OUT --memory 1GiB --scratch nowhere", &folder.path().join("m.pgs")), 6);
 }
 
 /// What the README shows first, twice: it is done, and the pictures are drawn again.
@@ -516,22 +478,22 @@ fn the_same_again_says_that_it_is_done() {
     let folder = w.folder();
     let out = folder.path().join("m.pgs");
     let words = "compress snap -o OUT --certificate none --effort fast";
-    let run = |more: &[&str]| w.run(w.command(words, &out).args(more));
-    assert!(run(&[]).status.success());
-    let made = std::fs::metadata(&out).unwrap().modified().unwrap();
-    let again = run(&["--pictures", folder.path().to_str().unwrap()]);
+    let run = |more: &[&str], code| w.ends(w.command(words, &out).args(more), code);
+    let modified = || std::fs::metadata(&out).unwrap().modified().unwrap();
+    run(&[], 0);
+    let made = modified();
+    let again = run(&["--pictures", folder.path().to_str().unwrap()], 0);
     let text = String::from_utf8_lossy(&again.stdout).into_owned();
-    assert!(again.status.success() && text.contains("is there already"), "{text}");
+    assert!(text.contains("is there already"), "{text}");
     assert_eq!(listing(folder.path()), ["comparison.png", "density.png", "m.pgs"]);
-    assert_eq!(std::fs::metadata(&out).unwrap().modified().unwrap(), made);
+    assert_eq!(modified(), made);
     for other in
         [&["--seed", "7"][..], &["--box", "20"], &["--length-unit", "Mpc"], &["--blocks", "2"], &["--ratio", "50"]]
     {
-        assert_eq!(run(other).status.code(), Some(8), "{other:?}");
+        run(other, 8);
     }
-    let elsewhere = w.run(&mut w.command("compress other -o OUT --certificate none --effort fast", &out));
-    assert_eq!(elsewhere.status.code(), Some(8), "another snapshot");
-    assert_eq!(std::fs::metadata(&out).unwrap().modified().unwrap(), made);
+    w.ends(&mut w.command("compress other -o OUT --certificate none --effort fast", &out), 8);
+    assert_eq!(modified(), made);
 }
 
 /// A conversion leaves no note of its options: what it would write is compared.
@@ -541,14 +503,14 @@ fn the_same_conversion_again_says_that_it_is_done() {
     let folder = w.folder();
     for name in ["columns", "a.npy", "a.hdf5", "a.vtp"] {
         let out = folder.path().join(name);
-        let run = |more: &[&str]| w.run(w.command("convert snap -o OUT", &out).args(more));
-        assert!(run(&[]).status.success(), "{name}");
-        let made = std::fs::metadata(&out).unwrap().modified().unwrap();
-        let again = run(&[]);
-        let text = String::from_utf8_lossy(&again.stderr).into_owned();
-        assert!(again.status.success() && text.contains("is there already, and the same"), "{name}: {text}");
-        assert_eq!(run(&["--every", "2"]).status.code(), Some(8), "{name}");
-        assert_eq!(std::fs::metadata(&out).unwrap().modified().unwrap(), made, "{name}");
+        let run = |more: &[&str], code| w.ends(w.command("convert snap -o OUT", &out).args(more), code);
+        let modified = || std::fs::metadata(&out).unwrap().modified().unwrap();
+        run(&[], 0);
+        let made = modified();
+        let text = said(&run(&[], 0));
+        assert!(text.contains("is there already, and the same"), "{name}: {text}");
+        run(&["--every", "2"], 8);
+        assert_eq!(modified(), made, "{name}");
     }
     assert_eq!(listing(folder.path()), ["a.hdf5", "a.npy", "a.vtp", "columns"]);
 }
@@ -559,12 +521,10 @@ fn standard_output_that_is_full_or_closed() {
     let w = OutputFiles::new();
     for words in ["--help", "--version", "completions bash", "info m.pgs", "info m.pgs --json -", "compress --help"] {
         let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
-        let said = w.command(words, Path::new("")).stdout(full).output().unwrap();
-        assert_eq!(said.status.code(), Some(6), "{words}");
+        w.ends(w.command(words, Path::new("")).stdout(full), 6);
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);
-        let said = w.command(words, Path::new("")).stdout(writer).output().unwrap();
-        assert_eq!(said.status.code(), Some(0), "{words}: {}", String::from_utf8_lossy(&said.stderr));
+        w.ends(w.command(words, Path::new("")).stdout(writer), 0);
     }
 }
 
@@ -574,15 +534,10 @@ fn standard_error_that_is_full() {
     let w = OutputFiles::new();
     for (words, code) in [("info m.pgs", 0), ("info nowhere", 6), ("convert snap", 2)] {
         let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
-        let said = w.command(words, Path::new("")).stderr(full).output().unwrap();
-        assert_eq!(said.status.code(), Some(code), "{words}");
+        w.ends(w.command(words, Path::new("")).stderr(full), code);
     }
     // An endless device is not copied for a format that it is not in.
-    crate::common::fails(
-        crate::common::particlegs().args(["info", "--format", "npy", "/dev/zero"]),
-        3,
-        "does not begin",
-    );
+    fails(particlegs().args(["info", "--format", "npy", "/dev/zero"]), 3, "does not begin");
 }
 
 /// Killed in the middle, a conversion leaves the old columns; what it has left beside them goes with the
@@ -592,7 +547,7 @@ fn a_killed_conversion_leaves_the_old_columns() {
     let w = OutputFiles::new();
     let folder = w.folder();
     let out = folder.path().join("out");
-    assert!(w.run(&mut w.command("convert snap -o OUT", &out)).status.success());
+    w.ends(&mut w.command("convert snap -o OUT", &out), 0);
     let before = contents(&out);
     std::fs::write(w.at("snap/meta.json"), "{\"name\": \"snap\", \"box\": [11, 11, 11]}").unwrap();
     let mut child = w.command("convert snap -o OUT --force --quiet --tile 16,32,32", &out).spawn().unwrap();
@@ -604,7 +559,7 @@ fn a_killed_conversion_leaves_the_old_columns() {
     assert!(!child.wait().unwrap().success(), "it was still writing 8 million particles");
     assert_eq!(contents(&out), before);
     assert!(begun(), "a folder has a name even before it is whole");
-    assert!(w.run(&mut w.command("convert snap -o OUT --force", &out)).status.success());
+    w.ends(&mut w.command("convert snap -o OUT --force", &out), 0);
     assert_eq!(listing(folder.path()), ["out"]);
 }
 
@@ -613,9 +568,9 @@ fn a_killed_conversion_leaves_the_old_columns() {
 fn a_pipe_without_a_reader_is_said_and_can_be_left() {
     let w = OutputFiles::new();
     let folder = w.folder();
-    let pipe = folder.path().join("pipe");
-    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    let mut child = w.command("info m.pgs --json OUT", &pipe).stderr(Stdio::piped()).spawn().unwrap();
+    let fifo = folder.path().join("pipe");
+    pipe(&fifo);
+    let mut child = w.command("info m.pgs --json OUT", &fifo).stderr(Stdio::piped()).spawn().unwrap();
     let mut said = String::new();
     let mut lines = std::io::BufReader::new(child.stderr.take().unwrap());
     std::io::BufRead::read_line(&mut lines, &mut said).unwrap();
@@ -630,9 +585,8 @@ fn a_second_signal_leaves_a_checkpoint_all_the_same() {
     let w = OutputFiles::new();
     let long: Vec<f32> = (0..240_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 12) as f32).collect();
     snapshot(&w.at("long"), &[long.clone(), long.iter().rev().copied().collect(), long]);
-    let made = w.run(&mut w.command("plan long -o OUT --blocks 1 --gaussians 40000 --certificate none", &w.at("task")));
-    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
-    assert!(w.run(&mut w.command("scatter task -q", Path::new(""))).status.success());
+    w.ends(&mut w.command("plan long -o OUT --blocks 1 --gaussians 40000 --certificate none", &w.at("task")), 0);
+    w.ends(&mut w.command("scatter task -q", Path::new("")), 0);
     let mut child = w.command("block task 0 -q", Path::new("")).spawn().unwrap();
     std::thread::sleep(std::time::Duration::from_millis(1500));
     for _ in 0..3 {

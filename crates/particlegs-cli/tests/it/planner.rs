@@ -1,6 +1,7 @@
 //! `compress` and a job are planned alike: the same snapshot gives the same exit code, notes and bytes.
 
-use crate::common::particlegs;
+use crate::common::{TestFolder, fixture, particlegs, said, words};
+use std::ffi::OsString;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -16,9 +17,9 @@ struct Outcome {
 
 impl Outcome {
     /// Runs a command; gives whether it succeeded.
-    fn run(&mut self, arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> bool {
-        let out = particlegs().args(arguments.iter().map(|a| a.as_ref())).output().unwrap();
-        let text = String::from_utf8_lossy(&out.stderr).into_owned();
+    fn run(&mut self, words: &[OsString]) -> bool {
+        let out = particlegs().args(words).output().unwrap();
+        let text = said(&out);
         assert!(!text.contains("panicked"), "{text}");
         let told = |line: &&str| ["note:", "warning:", "error:"].iter().any(|word| line.starts_with(word));
         for line in text.lines().filter(told) {
@@ -32,11 +33,7 @@ impl Outcome {
 
     fn of_compress(input: &Path, folder: &Path) -> Self {
         let (mut outcome, model) = (Outcome::default(), folder.join("compressed.pgs"));
-        let options = "--blocks 2 --gaussians 20 --certificate none --force".split(' ');
-        let options: Vec<&str> = options.collect();
-        let mut arguments: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"compress", &input, &"-o", &model];
-        arguments.extend(options.iter().map(|o| o as &dyn AsRef<std::ffi::OsStr>));
-        if outcome.run(&arguments) {
+        if outcome.run(&[with("compress", input), with("-o", &model), words(PLAN)].concat()) {
             outcome.bytes = Some(std::fs::read(&model).unwrap());
         }
         outcome
@@ -44,23 +41,11 @@ impl Outcome {
 
     fn of_job(input: &Path, folder: &Path) -> Self {
         let (mut outcome, job, model) = (Outcome::default(), folder.join("job"), folder.join("merged.pgs"));
-        let planned = outcome.run(&[
-            &"plan",
-            &input,
-            &"-o",
-            &job,
-            &"--blocks",
-            &"2",
-            &"--gaussians",
-            &"20",
-            &"--certificate",
-            &"none",
-            &"--force",
-        ]);
-        if planned
-            && outcome.run(&[&"block", &job, &"0"])
-            && outcome.run(&[&"block", &job, &"1"])
-            && outcome.run(&[&"merge", &job, &"-o", &model, &"--force"])
+        let block = |number: &str| [with("block", &job), words(number)].concat();
+        if outcome.run(&[with("plan", input), with("-o", &job), words(PLAN)].concat())
+            && outcome.run(&block("0"))
+            && outcome.run(&block("1"))
+            && outcome.run(&[with("merge", &job), with("-o", &model), words("--force")].concat())
         {
             outcome.bytes = Some(std::fs::read(&model).unwrap());
         }
@@ -68,6 +53,12 @@ impl Outcome {
     }
 }
 
+const PLAN: &str = "--blocks 2 --gaussians 20 --certificate none --force";
+
+/// A word and a path.
+fn with(word: &str, path: &Path) -> Vec<OsString> {
+    vec![word.into(), path.into()]
+}
 /// A LAMMPS dump of 300 particles in a box of 10, tilted by `tilt`, of which the first `out` lie `by` further along x.
 fn dump(path: &Path, tilt: f64, out: usize, by: f64) {
     let mut text = format!(
@@ -86,11 +77,10 @@ fn dump(path: &Path, tilt: f64, out: usize, by: f64) {
 
 #[test]
 fn compress_and_a_job_agree_on_every_fixture() {
-    let dir = tempfile::tempdir().unwrap();
+    let dir = TestFolder::new();
     // Errors of a job name files by their real paths.
     let at = |name: &str| dir.path().canonicalize().unwrap().join(name);
-    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../particlegs-formats/tests/fixtures");
-    let entries = std::fs::read_dir(fixtures.canonicalize().unwrap()).unwrap();
+    let entries = std::fs::read_dir(fixture("").canonicalize().unwrap()).unwrap();
     let mut inputs: Vec<PathBuf> = entries.map(|e| e.unwrap().path()).collect();
     inputs.sort();
     let good = inputs.len();

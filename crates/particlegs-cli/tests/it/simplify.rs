@@ -1,30 +1,18 @@
 //! `simplify` as a user runs it.
 
-use crate::common::{fails, particlegs, sample};
-use particlegs::model::Model;
-use std::path::Path;
-
-fn decode(path: &Path) -> Model {
-    particlegs::codec::decode(&std::fs::read(path).unwrap(), "file").unwrap()
-}
+use crate::common::TestFolder;
 
 #[test]
 fn a_smaller_model_stands_for_the_same_particles() {
-    let dir = tempfile::tempdir().unwrap();
-    let [model, small, few, again] = ["m.pgs", "small.pgs", "few.pgs", "again.pgs"].map(|n| dir.path().join(n));
-    let mut c = particlegs();
-    c.args(["compress", "--effort", "fast", "--ratio", "100", "--quiet"]).arg(sample()).arg("-o").arg(&model);
-    c.assert().success();
-    let run = |out: &Path, more: &[&str]| {
-        particlegs().arg("simplify").arg(&model).arg("-o").arg(out).arg("--quiet").args(more).assert().success();
-        std::fs::read(out).unwrap()
-    };
-    let bytes = run(&small, &["--ratio", "400", "--threads", "1"]);
+    let dir = TestFolder::new();
+    dir.runs("compress SAMPLE -o m.pgs --effort fast --ratio 100 --quiet");
+    let run = |out: &str, more: &str| dir.makes(&format!("simplify m.pgs -o {out} --quiet {more}"));
+    let bytes = run("small.pgs", "--ratio 400 --threads 1");
     let target = 262_144 * 12 / 400;
     assert!(bytes.len() <= target && bytes.len() >= target * 97 / 100, "{}", bytes.len());
-    assert_eq!(bytes, run(&again, &["--ratio", "400", "--threads", "3"]));
-    run(&few, &["--gaussians", "77"]);
-    let (whole, small, few) = (decode(&model), decode(&small), decode(&few));
+    assert_eq!(bytes, run("again.pgs", "--ratio 400 --threads 3"));
+    run("few.pgs", "--gaussians 77");
+    let [whole, small, few] = ["m.pgs", "small.pgs", "few.pgs"].map(|name| dir.model(name));
     assert_eq!(few.gaussians(), 77);
     for m in [&small, &few] {
         assert_eq!((m.metadata.count, m.metadata.mass), (whole.metadata.count, whole.metadata.mass));
@@ -34,16 +22,15 @@ fn a_smaller_model_stands_for_the_same_particles() {
         assert_eq!(counts, 262_144.0);
     }
 
-    let out = dir.path().join("no.pgs");
-    let fail = |code: i32, text: &str, more: &[&str]| {
-        fails(particlegs().arg("simplify").arg(&model).arg("-o").arg(&out).args(more), code, text);
-        assert!(!out.exists());
-    };
-    fail(2, "were asked for: the model has", &["--gaussians", "1000000"]);
-    fail(2, "positive", &["--gaussians", "0"]);
-    fail(2, "positive", &["--ratio", "0"]);
-    fail(5, "has", &["--ratio", "50"]);
-    fail(5, "smallest", &["--ratio", "100000"]);
-    let deep = dir.path().join("missing/m.pgs");
-    fails(particlegs().arg("simplify").arg(&model).arg("-o").arg(&deep).args(["--gaussians", "5"]), 6, "missing");
+    for (code, text, more) in [
+        (2, "were asked for: the model has", "--gaussians 1000000"),
+        (2, "positive", "--gaussians 0"),
+        (2, "positive", "--ratio 0"),
+        (5, "has", "--ratio 50"),
+        (5, "smallest", "--ratio 100000"),
+    ] {
+        dir.fails(&format!("simplify m.pgs -o no.pgs {more}"), code, text);
+        assert!(!dir.at("no.pgs").exists());
+    }
+    dir.fails("simplify m.pgs -o missing/m.pgs --gaussians 5", 6, "missing");
 }

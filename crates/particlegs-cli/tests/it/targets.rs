@@ -1,126 +1,101 @@
 //! Targets in the terms of the data: reached and recorded, out of reach, or refused for what they are.
 
-use crate::common::{fails, particlegs, sample, snapshot};
+use crate::common::{TestFolder, recertified, snapshot};
 use particlegs::codec;
 use serde_json::Value;
-use std::path::Path;
 
-fn compress(dir: &Path, arguments: &[&str]) -> assert_cmd::Command {
-    let mut c = particlegs();
-    c.current_dir(dir).arg("compress").arg(sample()).args(["-o", "m.pgs", "--effort", "fast"]).args(arguments);
-    c
-}
+const COMPRESS: &str = "compress SAMPLE -o m.pgs --effort fast";
 
 /// The text on standard output and the JSON of a compression that succeeds.
-fn reached(dir: &Path, arguments: &[&str]) -> (String, Value) {
-    let out = compress(dir, arguments).args(["--json", "c.json", "--force"]).output().unwrap();
-    let said = String::from_utf8_lossy(&out.stdout).into_owned();
-    assert!(out.status.success(), "{arguments:?}: {said}{}", String::from_utf8_lossy(&out.stderr));
-    (said, json(&dir.join("c.json")))
-}
-
-fn json(path: &Path) -> Value {
-    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
+fn reached(dir: &TestFolder, options: &str) -> (String, Value) {
+    let [said, _] = dir.runs(&format!("{COMPRESS} --json c.json --force {options}"));
+    (said, dir.json("c.json"))
 }
 
 /// A target is met in the file that was written, the certificate says so, `verify` finds it again, and nobody forges it.
 #[test]
 fn a_correlation_is_reached_recorded_and_verified() {
-    let dir = tempfile::tempdir().unwrap();
-    let target = ["--min-correlation", "0.995", "--cell", "1"];
-    let (said, made) = reached(dir.path(), &target);
+    let dir = TestFolder::new();
+    let target = "--min-correlation 0.995 --cell 1";
+    let (said, made) = reached(&dir, target);
     let goal = &made["goal"];
     assert_eq!((&goal["kind"], &goal["asked"], &goal["at"]), (&"correlation".into(), &0.995.into(), &1.0.into()));
     let value = goal["reached"].as_f64().unwrap();
     assert!((0.995..0.997).contains(&value), "close above what was asked for: {value}");
     assert_eq!(&made["certificate"]["goal"], goal);
-    assert!(
-        said.contains("asked for: a correlation of 0.995 of densities in cells of 1 Mpc/h: reached 0.99"),
-        "{said}"
-    );
-    let run = |arguments: &[&str]| {
-        let out = particlegs().current_dir(&dir).args(arguments).output().unwrap();
-        assert!(out.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&out.stderr));
-        String::from_utf8(out.stdout).unwrap()
-    };
-    assert!(run(&["info", "m.pgs", "--json", "i.json"]).contains("asked for: a correlation of 0.995"));
-    let info = json(&dir.path().join("i.json"));
+    let asked = "asked for: a correlation of 0.995";
+    assert!(said.contains(&format!("{asked} of densities in cells of 1 Mpc/h: reached 0.99")), "{said}");
+    assert!(dir.runs("info m.pgs --json i.json")[0].contains(asked));
+    let info = dir.json("i.json");
     assert_eq!(&info["certificate"]["goal"], goal);
-    assert!(
-        info["metadata"]["command"].as_str().unwrap().contains("compress --min-correlation 0.995 --cell 1 --effort")
-    );
+    let command = info["metadata"]["command"].as_str().unwrap();
+    assert!(command.contains("compress --min-correlation 0.995 --cell 1 --effort"));
     // The same command again finds its file.
-    let out = compress(dir.path(), &target).output().unwrap();
-    assert!(out.status.success() && String::from_utf8_lossy(&out.stdout).contains("is there already"));
-    let snapshot = sample();
-    let verified = run(&["verify", "m.pgs", snapshot.to_str().unwrap()]);
+    assert!(dir.runs(&format!("{COMPRESS} {target}"))[0].contains("is there already"));
+    let [verified, _] = dir.runs("verify m.pgs SAMPLE");
     assert!(verified.contains("goal: reached") && !verified.contains("differs"), "{verified}");
 
-    let bytes = std::fs::read(dir.path().join("m.pgs")).unwrap();
-    let model = codec::decode(&bytes, "m").unwrap();
-    let mut certificate = model.certificate.unwrap();
-    certificate.goal.as_mut().unwrap().reached = 0.9999;
-    let layers = codec::coded_layers(&bytes, "m").unwrap();
-    let forged = codec::assemble(&model.metadata, Some(&certificate), layers).unwrap();
-    std::fs::write(dir.path().join("f.pgs"), forged).unwrap();
-    let mut c = particlegs();
-    fails(c.current_dir(&dir).arg("verify").arg("f.pgs").arg(&snapshot), 9, "goal: reached is stored as 0.9999");
+    let forged = recertified(&dir.bytes("m.pgs"), |c| c.goal.as_mut().unwrap().reached = 0.9999);
+    dir.write("f.pgs", forged.unwrap());
+    dir.fails("verify f.pgs SAMPLE", 9, "goal: reached is stored as 0.9999");
 }
 
 /// A share may be written both ways; without a certificate the goal is reached all the same, and said.
 #[test]
 fn power_groups_and_pictures_are_reached_without_a_certificate() {
-    let dir = tempfile::tempdir().unwrap();
-    let none = |target: &[&str]| reached(dir.path(), &[target, &["--certificate=none"]].concat());
-    let (said, made) = none(&["--max-pk-error", "4%", "--k-max", "2"]);
+    let dir = TestFolder::new();
+    let none = |target: &str| reached(&dir, &format!("{target} --certificate=none"));
+    let (said, made) = none("--max-pk-error 4% --k-max 2");
     assert!(made["certificate"].is_null() && made["goal"]["kind"] == "power_spectrum", "{made}");
     assert!(made["goal"]["asked"] == 0.04 && made["goal"]["reached"].as_f64().unwrap() <= 0.04, "{made}");
     assert!(said.contains("asked for: P(k) within 4 % up to k = 2 h/Mpc: reached "), "{said}");
-    let bytes = std::fs::read(dir.path().join("m.pgs")).unwrap();
+    let bytes = dir.bytes("m.pgs");
     assert_eq!(codec::decode(&bytes, "m").unwrap().certificate, None);
-    none(&["--max-pk-error", "0.04", "--k-max", "2"]);
-    assert!(std::fs::read(dir.path().join("m.pgs")).unwrap() == bytes, "4% and 0.04 are one target");
+    none("--max-pk-error 0.04 --k-max 2");
+    assert!(dir.bytes("m.pgs") == bytes, "4% and 0.04 are one target");
 
-    let (said, made) = none(&["--groups-within", "20%", "--from", "100"]);
+    let (said, made) = none("--groups-within 20% --from 100");
     assert!(made["goal"]["kind"] == "groups" && made["goal"]["reached"].as_f64().unwrap() <= 0.2, "{made}");
     assert!(said.contains("asked for: numbers of groups within 20 % from 100 particles on: reached "), "{said}");
 
-    let (said, made) = none(&["--psnr", "24"]);
+    let (said, made) = none("--psnr 24");
     assert!(made["goal"]["kind"] == "psnr" && made["goal"]["reached"].as_f64().unwrap() >= 24.0, "{made}");
     assert!(said.contains("asked for: a masked PSNR of 24 dB: reached 24."), "{said}");
 }
 
 #[test]
 fn what_is_out_of_reach_is_said_with_the_best() {
-    let dir = tempfile::tempdir().unwrap();
-    let mut c = compress(dir.path(), &["--max-pk-error", "0.001%", "--k-max", "4", "-q"]);
-    fails(&mut c, 5, "P(k) within 0.001 % up to k = 4 h/Mpc was asked for; at best ");
-    assert!(!dir.path().join("m.pgs").exists());
+    let dir = TestFolder::new();
+    let best = "P(k) within 0.001 % up to k = 4 h/Mpc was asked for; at best ";
+    dir.fails(&format!("{COMPRESS} --max-pk-error 0.001% --k-max 4 -q"), 5, best);
+    assert!(!dir.at("m.pgs").exists());
 }
 
 #[test]
 fn what_cannot_be_measured_is_refused_before_the_fit() {
-    let dir = tempfile::tempdir().unwrap();
-    let refused = |arguments: &[&str], why: &str| fails(&mut compress(dir.path(), arguments), 2, why);
-    refused(&["--max-pk-error", "1%", "--k-max", "30"], "have a largest wave number of 8.0425");
-    refused(&["--max-pk-error", "1%", "--k-max", "0.1"], "the longest wave of the box has k = 0.2513");
-    refused(&["--max-pk-error", "1%", "--k-max=-1"], "--max-pk-error: no wave number: -1");
-    refused(&["--max-pk-error", "150%", "--k-max", "2"], "1.5 is not a share between 0 and 1");
-    refused(&["--max-pk-error", "lots", "--k-max", "2"], "not a share, such as 1% or 0.01");
-    refused(&["--max-pk-error", "1%"], "required arguments were not provided");
-    refused(&["--k-max", "2"], "required arguments were not provided");
-    refused(&["--min-correlation", "1", "--cell", "1"], "a correlation of 1 is not between 0 and 1");
-    refused(&["--min-correlation", "0.9", "--cell", "26"], "cells of 26 are too large");
-    refused(&["--min-correlation", "0.9", "--cell", "1e-4"], "cells of 0.0001 are too small");
-    refused(&["--groups-within", "10%", "--from", "19"], "20 or more: not from 19");
-    refused(&["--groups-within", "10%", "--from", "5000"], "groups of 5000 particles and more");
-    refused(&["--groups-within", "10%", "--from", "100", "--ratio", "100"], "cannot be used with");
-    refused(&["--groups-within", "10%", "--from", "100", "--psnr", "30"], "cannot be used with");
+    let dir = TestFolder::new();
+    for (options, why) in [
+        ("--max-pk-error 1% --k-max 30", "have a largest wave number of 8.0425"),
+        ("--max-pk-error 1% --k-max 0.1", "the longest wave of the box has k = 0.2513"),
+        ("--max-pk-error 1% --k-max=-1", "--max-pk-error: no wave number: -1"),
+        ("--max-pk-error 150% --k-max 2", "1.5 is not a share between 0 and 1"),
+        ("--max-pk-error lots --k-max 2", "not a share, such as 1% or 0.01"),
+        ("--max-pk-error 1%", "required arguments were not provided"),
+        ("--k-max 2", "required arguments were not provided"),
+        ("--min-correlation 1 --cell 1", "a correlation of 1 is not between 0 and 1"),
+        ("--min-correlation 0.9 --cell 26", "cells of 26 are too large"),
+        ("--min-correlation 0.9 --cell 1e-4", "cells of 0.0001 are too small"),
+        ("--groups-within 10% --from 19", "20 or more: not from 19"),
+        ("--groups-within 10% --from 5000", "groups of 5000 particles and more"),
+        ("--groups-within 10% --from 100 --ratio 100", "cannot be used with"),
+        ("--groups-within 10% --from 100 --psnr 30", "cannot be used with"),
+    ] {
+        dir.fails(&format!("{COMPRESS} {options}"), 2, why);
+    }
     // No periodic box.
     let line: Vec<f32> = (0..1000).map(|i| (i % 97) as f32).collect();
-    snapshot(&dir.path().join("open"), &[line.clone(), line.iter().map(|v| v * v % 89.0).collect(), line]);
-    let mut c = particlegs();
-    c.current_dir(&dir).args(["compress", "open", "-o", "m.pgs", "--max-pk-error", "1%", "--k-max", "0.1"]);
-    fails(&mut c, 2, "a power spectrum needs a periodic box");
-    assert!(!dir.path().join("m.pgs").exists());
+    snapshot(&dir.at("open"), &[line.clone(), line.iter().map(|v| v * v % 89.0).collect(), line]);
+    let words = "compress open -o m.pgs --max-pk-error 1% --k-max 0.1";
+    dir.fails(words, 2, "a power spectrum needs a periodic box");
+    assert!(!dir.at("m.pgs").exists());
 }

@@ -3,7 +3,7 @@
 use super::extent::{CenteredCell, Extent, ROOM, across, across_and_up};
 use super::view::{Camera, Frame, Projection, View};
 use super::{clipping_range, spherical_camera};
-use crate::math::{each_axis, norm};
+use crate::math::{dot, each_axis, norm};
 use crate::picture::{Plane, Size};
 use crate::space::{Bounds, Cell};
 use crate::{Error, Result};
@@ -168,9 +168,8 @@ impl DensityView {
         let inverse = cell.inverse().ok_or_else(|| Error::argument("the periodic cell has no volume"))?;
         let frame = self.camera.frame()?;
         let window = window_corners(&frame, height_world, size, self.range);
-        let data: [[f64; 3]; 8] =
-            std::array::from_fn(|c| each_axis(|k| if c >> k & 1 == 0 { bounds.min[k] } else { bounds.max[k] }));
-        let mut ranges = [(0i64, 0i64); 3];
+        let data = bounds.corners();
+        let mut ranges = [[0i64; 2]; 3];
         let mut copies = 1.0;
         for axis in 0..3 {
             if !cell.periodic[axis] {
@@ -179,31 +178,19 @@ impl DensityView {
             // Cells along this axis: a point's coordinate is p . row.
             let row: [f64; 3] = each_axis(|k| inverse[k][axis]);
             let ends = |points: &[[f64; 3]; 8]| {
-                let along = points.map(|p| p[0] * row[0] + p[1] * row[1] + p[2] * row[2]);
-                (
-                    along.iter().fold(f64::INFINITY, |a, &b| a.min(b)),
-                    along.iter().fold(f64::NEG_INFINITY, |a, &b| a.max(b)),
-                )
+                let along = points.map(|p| dot(p, row));
+                [along.into_iter().fold(f64::INFINITY, f64::min), along.into_iter().fold(f64::NEG_INFINITY, f64::max)]
             };
             let (window, data) = (ends(&window), ends(&data));
             let reach = margin * norm(row);
-            let (first, last) = ((window.0 - data.1 - reach).ceil(), (window.1 - data.0 + reach).floor());
+            let (first, last) = ((window[0] - data[1] - reach).ceil(), (window[1] - data[0] + reach).floor());
             copies *= (last - first + 1.0).max(0.0);
             if copies.is_nan() || copies > MOST_COPIES {
                 return Err(Error::argument(format!("the window holds more than {MOST_COPIES} copies of the box")));
             }
-            ranges[axis] = (first as i64, last as i64);
+            ranges[axis] = [first as i64, last as i64];
         }
-        let mut shifts = Vec::new();
-        for i in ranges[0].0..=ranges[0].1 {
-            for j in ranges[1].0..=ranges[1].1 {
-                for k in ranges[2].0..=ranges[2].1 {
-                    let n = [i as f64, j as f64, k as f64];
-                    shifts.push(each_axis(|c| (0..3).map(|r| n[r] * cell.vectors[r][c]).sum()));
-                }
-            }
-        }
-        Ok(shifts)
+        Ok(cell.shifts(ranges))
     }
 }
 
@@ -231,13 +218,8 @@ fn everything(bounds: &Bounds, from: [f64; 3]) -> f64 {
 }
 
 fn window_corners(frame: &Frame, height: f64, size: Size, range: [f64; 2]) -> [[f64; 3]; 8] {
-    let half = [0.5 * height * size.width as f64 / size.height as f64, 0.5 * height];
-    std::array::from_fn(|c| {
-        let sign = |bit: usize| if c >> bit & 1 == 0 { -1.0 } else { 1.0 };
-        let depth = if c >> 2 & 1 == 0 { range[0] } else { range[1] };
-        each_axis(|k| {
-            frame.position[k] + sign(0) * half[0] * frame.axes[0][k] + sign(1) * half[1] * frame.axes[1][k]
-                - depth * frame.axes[2][k]
-        })
-    })
+    let [x, y] = [0.5 * height * size.width as f64 / size.height as f64, 0.5 * height];
+    let window = Bounds { min: [-x, -y, -range[1]], max: [x, y, -range[0]] };
+    let [right, up, back] = frame.axes;
+    window.corners().map(|[x, y, z]| each_axis(|k| frame.position[k] + x * right[k] + y * up[k] + z * back[k]))
 }

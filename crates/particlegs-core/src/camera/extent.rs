@@ -1,4 +1,5 @@
-//! What an orthographic map shows whole: the periodic cell, or the bounds of what does not repeat.
+//! What an orthographic map shows whole: the periodic cell, or the bounds of what does not repeat; and windows that hold
+//! points.
 
 use super::view::Frame;
 use crate::math::{dot, each_axis, norm};
@@ -49,10 +50,7 @@ impl Extent {
         } else if let Some(cell) = cell {
             // Of a tilted cell that is open somewhere: the box about all of it.
             let mut all = *bounds;
-            let bit = |c: usize, a: usize| (c >> a & 1) as f64;
-            (0..8).for_each(|c| {
-                all.include(each_axis(|k| cell.origin[k] + (0..3).map(|a| bit(c, a) * cell.vectors[a][k]).sum::<f64>()))
-            });
+            cell.corners().into_iter().for_each(|corner| all.include(corner));
             (extent.center, extent.edges) = (all.center(), each_axis(|k| k).map(|k| along(k, all.extent()[k])));
         }
         extent
@@ -78,6 +76,39 @@ impl Extent {
         let [x, y] = [0, 1].map(|d| self.halves(frame.axes[d])[usize::from(edges[d].is_none())]);
         let half = x.max(y * aspect) * (1.0 + ROOM);
         if half > 0.0 && half.is_finite() { 2.0 * half } else { 1.0 }
+    }
+}
+
+/// Share of a picture in perspective that points take at most.
+const FILLED: f64 = 0.96;
+
+/// Points that a picture shows whole along every direction.
+#[derive(Clone, Copy, Debug)]
+pub struct WindowContent<'a> {
+    /// The points, such as the corners of a box, world units.
+    pub points: &'a [[f64; 3]],
+    /// The picture's middle, world units.
+    pub center: [f64; 3],
+    /// The directions, as frames anywhere.
+    pub frames: &'a [Frame],
+}
+
+impl WindowContent<'_> {
+    /// The distance from which a picture of these slopes of its edges shows them; not above 0 where they have no extent.
+    pub fn distance(&self, slopes: [f64; 2]) -> f64 {
+        self.most(|[x, y, z]| z + (x.abs() / slopes[0]).max(y.abs() / slopes[1]) / FILLED)
+    }
+
+    /// The width of an orthographic picture that holds them; 0 where they have no extent.
+    pub fn width(&self, size: Size) -> f64 {
+        let aspect = size.width as f64 / size.height as f64;
+        2.0 * self.most(|[x, y, _]| x.abs().max(y.abs() * aspect)) * (1.0 + ROOM)
+    }
+
+    /// The most that `of` makes of a point right, up and towards the eye from the centre, or 0.
+    fn most(&self, of: impl Fn([f64; 3]) -> f64) -> f64 {
+        let frames = self.frames.iter().map(|frame| Frame { position: self.center, ..*frame });
+        frames.flat_map(|frame| self.points.iter().map(move |p| frame.to_camera(*p))).map(of).fold(0.0, f64::max)
     }
 }
 
@@ -124,6 +155,29 @@ impl CenteredCell {
         match cells == [0.0; 3] {
             true => [0.0; 3],
             false => self.cell.vector(cells).map(|v| -v),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{FOV_DEG, spherical_camera};
+
+    #[test]
+    fn what_is_fitted_is_inside_and_touches_an_edge() {
+        let bounds = Bounds { min: [1.0, 2.0, 3.0], max: [5.0, 4.0, 9.0] };
+        let (corners, center) = (bounds.corners(), bounds.center());
+        assert_eq!(center, [3.0, 3.0, 6.0]);
+        let slope = libm::tan(0.5 * FOV_DEG.to_radians());
+        for [azimuth, elevation] in [[0.0, 0.0], [30.0, 20.0], [200.0, -70.0]] {
+            let frames = [spherical_camera([0.0; 3], azimuth, elevation, 1.0).frame().unwrap()];
+            let content = WindowContent { points: &corners, center, frames: &frames };
+            let d = content.distance([2.0 * slope, slope]);
+            let most = content.most(|[x, y, z]| (x.abs() / (d - z) / (2.0 * slope)).max(y.abs() / (d - z) / slope));
+            assert!((0.9..=FILLED + 1e-9).contains(&most), "{most}");
+            let seen_from_front = content.width(Size { width: 100, height: 100 });
+            assert!(azimuth != 0.0 || (seen_from_front - 4.0).abs() < 1e-8);
         }
     }
 }

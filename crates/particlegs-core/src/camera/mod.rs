@@ -4,10 +4,13 @@ mod density_view;
 mod extent;
 mod normalisation;
 mod orbit;
+mod path;
+mod rotation;
 mod view;
 
 pub use density_view::{DensityView, Images, Window};
-pub use extent::{CenteredCell, Extent};
+pub use extent::{CenteredCell, Extent, WindowContent};
 pub use normalisation::Normalisation;
-pub use orbit::{FOV_DEG, ORBITS, Orbit, base_distance, clipping_range, spherical_camera, spiral, view_up};
-pub use view::{Camera, Frame, Projection, View, ViewSet};
+pub use orbit::{FOV_DEG, ORBITS, Orbit, base_distance, clipping_range, spherical_camera, spiral};
+pub use path::{frame_digits, path_through};
+pub use view::{Camera, CameraRecord, Frame, Projection, View, ViewSet};

@@ -1,7 +1,8 @@
 //! The published cameras: a spiral on spheres about the centre of the bounds (docs/law/cameras.md).
 
-use super::view::{Camera, Projection};
-use crate::math::{Purpose, Random, each_axis, norm};
+use super::rotation::Rotation;
+use super::view::{Camera, CameraRecord, Projection};
+use crate::math::{each_axis, norm};
 use crate::picture::Size;
 use crate::space::Bounds;
 
@@ -40,7 +41,7 @@ pub fn base_distance(bounds: &Bounds, size: Size) -> f64 {
 }
 
 /// Up is +y, or +z where the view direction is within 18 degrees of the y axis.
-pub fn view_up(position: [f64; 3], focal_point: [f64; 3]) -> [f64; 3] {
+fn view_up(position: [f64; 3], focal_point: [f64; 3]) -> [f64; 3] {
     let d: [f64; 3] = each_axis(|k| focal_point[k] - position[k]);
     if (d[1] / norm(d)).abs() > 0.95 { [0.0, 0.0, 1.0] } else { [0.0, 1.0, 0.0] }
 }
@@ -50,7 +51,7 @@ pub fn view_up(position: [f64; 3], focal_point: [f64; 3]) -> [f64; 3] {
 /// the published, unturned one), so that training, held-out and evaluation views share no pose.
 pub fn spiral(center: [f64; 3], distance: f64, frames: usize, turn: Option<u64>) -> Vec<Camera> {
     let loops = ((frames as f64).sqrt().floor()).max(1.0);
-    let rotation = turn.map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], random_rotation);
+    let [a, b, c] = turn.map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], |s| Rotation::random(s).axes());
     (0..frames)
         .map(|i| {
             let t = i as f64 / (frames.max(2) - 1) as f64;
@@ -58,8 +59,7 @@ pub fn spiral(center: [f64; 3], distance: f64, frames: usize, turn: Option<u64>)
             let s = (1.0 - y * y).max(0.0).sqrt();
             let angle = 2.0 * std::f64::consts::PI * loops * t;
             let d = [libm::cos(angle) * s, y, libm::sin(angle) * s];
-            let d = rotation.map(|r| r[0] * d[0] + r[1] * d[1] + r[2] * d[2]);
-            looking_at(center, each_axis(|k| center[k] + distance * d[k]))
+            Camera::looking_at(center, each_axis(|k| center[k] + distance * (a[k] * d[0] + b[k] * d[1] + c[k] * d[2])))
         })
         .collect()
 }
@@ -69,46 +69,26 @@ pub fn spiral(center: [f64; 3], distance: f64, frames: usize, turn: Option<u64>)
 pub fn spherical_camera(center: [f64; 3], azimuth_deg: f64, elevation_deg: f64, distance: f64) -> Camera {
     let [(sin_a, cos_a), (sin_e, cos_e)] = [azimuth_deg, elevation_deg].map(|d| libm::sincos(d.to_radians()));
     let d = [sin_a * cos_e, sin_e, cos_a * cos_e];
-    looking_at(center, each_axis(|k| center[k] + distance * d[k]))
+    Camera::looking_at(center, each_axis(|k| center[k] + distance * d[k]))
 }
 
-fn looking_at(focal_point: [f64; 3], position: [f64; 3]) -> Camera {
-    Camera {
-        position,
-        focal_point,
-        view_up: view_up(position, focal_point),
-        projection: Projection::Perspective { fov_deg: FOV_DEG },
-        clipping_range: None,
+impl Camera {
+    /// A camera of the published field of view; up is +y, or +z where it looks within 18 degrees of the y axis.
+    pub fn looking_at(focal_point: [f64; 3], position: [f64; 3]) -> Camera {
+        let (view_up, projection) = (view_up(position, focal_point), Projection::Perspective { fov_deg: FOV_DEG });
+        Camera { position, focal_point, view_up, projection, clipping_range: None }
     }
-}
-
-/// A rotation drawn uniformly (a random unit quaternion).
-fn random_rotation(seed: u64) -> [[f64; 3]; 3] {
-    let mut random = Random::of(Purpose::OrbitTurn, seed, 0);
-    let q: [f64; 4] = std::array::from_fn(|_| random.normal());
-    let n = q.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let [w, x, y, z] = q.map(|v| v / n);
-    [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-    ]
 }
 
 /// VTK's ResetCameraClippingRange of `bounds` (docs/law/cameras.md, "Clipping range").
 pub fn clipping_range(bounds: &Bounds, camera: &Camera) -> [f64; 2] {
-    let fov = match camera.projection {
-        Projection::Perspective { fov_deg } => fov_deg,
-        Projection::Orthographic { .. } => FOV_DEG,
-    };
-    let n = norm(each_axis(|k| camera.focal_point[k] - camera.position[k]));
-    let depth = |corner: [f64; 3]| -> f64 {
-        (0..3).map(|k| (corner[k] - camera.position[k]) * (camera.focal_point[k] - camera.position[k]) / n).sum()
-    };
+    let fov = CameraRecord::from(*camera).fov_deg.unwrap_or(FOV_DEG);
+    let ahead = each_axis(|k| camera.focal_point[k] - camera.position[k]);
+    let n = norm(ahead);
+    let depth = |corner: [f64; 3]| -> f64 { (0..3).map(|k| (corner[k] - camera.position[k]) * ahead[k] / n).sum() };
     // VTK starts from 1e-18, which would clip a box of 1e-30 away.
     let (mut lo, mut hi) = (f64::INFINITY, f64::MIN_POSITIVE);
-    for c in 0..8 {
-        let d = depth(each_axis(|k| if c >> k & 1 == 0 { bounds.min[k] } else { bounds.max[k] }));
+    for d in bounds.corners().map(depth) {
         lo = lo.min(d);
         hi = hi.max(d);
     }

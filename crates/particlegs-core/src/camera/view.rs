@@ -3,6 +3,7 @@
 use crate::math::{cross, each_axis, norm};
 use crate::picture::Size;
 use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
 
 /// Perspective with a vertical angle, or orthographic with a world height.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,7 +21,8 @@ pub enum Projection {
 }
 
 /// Where the camera stands and looks. World units.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(into = "CameraRecord", try_from = "CameraRecord")]
 pub struct Camera {
     /// Eye.
     pub position: [f64; 3],
@@ -33,6 +35,54 @@ pub struct Camera {
     /// Near and far distance: particles whose centre is outside are dropped whole.
     /// `None` = VTK's own, from the bounds ([`super::clipping_range`]).
     pub clipping_range: Option<[f64; 2]>,
+}
+
+/// A [`Camera`] in JSON, by the keys of views files (docs/guide/pictures.md); it has one of `fov_deg` and `height_world`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CameraRecord {
+    /// Eye.
+    pub position: [f64; 3],
+    /// Point looked at.
+    pub focal_point: [f64; 3],
+    /// Up.
+    pub view_up: [f64; 3],
+    /// Vertical field of view of a perspective camera, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fov_deg: Option<f64>,
+    /// Height of an orthographic camera's picture, world units.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height_world: Option<f64>,
+    /// Near and far distance.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clipping_range: Option<[f64; 2]>,
+}
+
+const NO_WINDOW: &str = "it has neither fov_deg (perspective) nor height_world (orthographic): its window is missing";
+
+impl From<Camera> for CameraRecord {
+    fn from(camera: Camera) -> Self {
+        let Camera { position, focal_point, view_up, projection, clipping_range } = camera;
+        let (fov_deg, height_world) = match projection {
+            Projection::Perspective { fov_deg } => (Some(fov_deg), None),
+            Projection::Orthographic { height_world } => (None, Some(height_world)),
+        };
+        CameraRecord { position, focal_point, view_up, fov_deg, height_world, clipping_range }
+    }
+}
+
+impl TryFrom<CameraRecord> for Camera {
+    type Error = &'static str;
+
+    fn try_from(record: CameraRecord) -> std::result::Result<Self, &'static str> {
+        let CameraRecord { position, focal_point, view_up, fov_deg, height_world, clipping_range } = record;
+        let projection = match (fov_deg, height_world) {
+            (Some(fov_deg), None) => Projection::Perspective { fov_deg },
+            (None, Some(height_world)) => Projection::Orthographic { height_world },
+            (Some(_), Some(_)) => return Err("it has both fov_deg and height_world"),
+            (None, None) => return Err(NO_WINDOW),
+        };
+        Ok(Camera { position, focal_point, view_up, projection, clipping_range })
+    }
 }
 
 /// An orthonormal camera frame: rows right, up, backwards (the camera looks along -z).
@@ -95,11 +145,12 @@ impl Frame {
 }
 
 /// A named picture to draw: camera, particle radius (world units) and opacity.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct View {
     /// File name without ending.
     pub name: String,
     /// Camera.
+    #[serde(flatten)]
     pub camera: Camera,
     /// Particle radius (standard deviation of the splat), world units, > 0.
     pub radius: f64,
@@ -110,20 +161,13 @@ pub struct View {
 impl View {
     /// The view of a scene whose lengths are multiplied by `by`.
     pub fn scaled(&self, by: f64) -> View {
-        let scaled = |v: [f64; 3]| v.map(|v| v * by);
-        let camera = Camera {
-            position: scaled(self.camera.position),
-            focal_point: scaled(self.camera.focal_point),
-            projection: match self.camera.projection {
-                Projection::Orthographic { height_world } => {
-                    Projection::Orthographic { height_world: height_world * by }
-                }
-                perspective => perspective,
-            },
-            clipping_range: self.camera.clipping_range.map(|r| r.map(|v| v * by)),
-            ..self.camera
-        };
-        View { camera, radius: self.radius * by, ..self.clone() }
+        let mut view = View { radius: self.radius * by, ..self.clone() };
+        let Camera { position, focal_point, projection, clipping_range, .. } = &mut view.camera;
+        position.iter_mut().chain(focal_point).chain(clipping_range.iter_mut().flatten()).for_each(|v| *v *= by);
+        if let Projection::Orthographic { height_world } = projection {
+            *height_world *= by;
+        }
+        view
     }
 
     /// The splat radius in pixels at the focal point.
@@ -182,6 +226,13 @@ pub struct ViewSet {
     pub size: Size,
     /// The views.
     pub views: Vec<View>,
+}
+
+impl ViewSet {
+    /// The field of view of the first perspective view, degrees.
+    pub fn fov_deg(&self) -> Option<f64> {
+        self.views.iter().find_map(|v| CameraRecord::from(v.camera).fov_deg)
+    }
 }
 
 fn normalised(a: [f64; 3]) -> Option<[f64; 3]> {

@@ -15,7 +15,6 @@ const NONE: f32 = -2.0;
 const NOT_MEASURED: f32 = -1.0;
 const NEVER: f32 = 0.0;
 
-/// The section's bytes.
 pub(super) fn write(c: &Certificate) -> Vec<u8> {
     encoded(c, &|_, there| there)
 }
@@ -316,12 +315,8 @@ mod tests {
         // They are a part of small files.
         assert!(size(CertificateLevel::Quick) <= 400 && size(CertificateLevel::Full) <= 1200);
         let sample = Some(Sample::default());
-        let large = Certificate {
-            sample,
-            mass_power: Some(MassPower::of_layers(2)),
-            layer_ratios: LayerRatios::of_layers(2),
-            ..none
-        };
+        let large =
+            Certificate { sample, mass_power: Some(MassPower::new(2)), layer_ratios: LayerRatios::new(2), ..none };
         let beside = 3 + 56 + 3 + 3 * 8 + 3 + 28;
         assert_eq!(super::size(CertificateLevel::Full, &large), size(CertificateLevel::Full) + beside);
     }

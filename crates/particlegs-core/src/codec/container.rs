@@ -7,7 +7,6 @@ use crate::{Error, Result};
 pub(crate) const MAGIC: [u8; 8] = *b"\x89PGS\r\n\x1a\n";
 /// Version that is written. A reader takes any minor version of its major one.
 pub(crate) const MAJOR: u8 = 1;
-/// See [`MAJOR`].
 pub(crate) const MINOR: u8 = 0;
 /// What a file is: one model, or a series of them. Files of before the first release say 0.
 const MODEL: u8 = 1;
@@ -18,6 +17,8 @@ pub const HEAD_BYTES: usize = 8 + 1 + 1 + 1 + 1 + 8 + 4;
 pub(crate) const SECTION_BYTES: usize = 4 + 8 + 4;
 /// The number of the block that a section belongs to.
 pub(crate) const OWNER_BYTES: usize = 4;
+/// What stands before a further stage of a block.
+pub(crate) const STAGE_BYTES: usize = SECTION_BYTES + OWNER_BYTES;
 /// An entry of the index: tag, block, place, length.
 pub(crate) const ENTRY_BYTES: usize = 4 + 4 + 8 + 8;
 /// Block of an entry that belongs to none.
@@ -28,9 +29,7 @@ const NO_BLOCK: u32 = u32::MAX;
 /// belongs to no block.
 pub(crate) type Tag = [u8; 4];
 
-/// Metadata.
 pub(crate) const META: Tag = *b"META";
-/// Certificate.
 pub(crate) const CERTIFICATE: Tag = *b"CERT";
 /// The network of the alpha-blend law.
 pub(crate) const VIZMAPPER: Tag = *b"VIZM";
@@ -58,7 +57,6 @@ pub(crate) fn survives_merging(tag: Tag) -> bool {
     tag[3].is_ascii_lowercase()
 }
 
-/// A section, in a file or to be written.
 #[derive(Clone, Copy)]
 pub(crate) struct Section<'a> {
     pub tag: Tag,
@@ -71,12 +69,10 @@ pub(crate) struct Section<'a> {
 }
 
 impl<'a> Section<'a> {
-    /// To be written.
     pub(crate) fn new(tag: Tag, block: Option<u32>, bytes: &'a [u8]) -> Self {
         Section { tag, offset: 0, block, bytes }
     }
 
-    /// Length of its content.
     fn content(&self) -> usize {
         self.bytes.len() + if self.block.is_some() { OWNER_BYTES } else { 0 }
     }
@@ -145,7 +141,6 @@ pub fn promised_length(head: &[u8], place: &str) -> Result<Option<u64>> {
     promise(head, place).map(|length| Some(length).filter(|length| *length > 0))
 }
 
-/// The sections of a file.
 pub(crate) struct FileSections<'a> {
     /// In their order; those of unknown tags that may be skipped are among them, the index is not.
     pub sections: Vec<Section<'a>>,

@@ -74,7 +74,7 @@ impl<'a> Decoder<'a> {
                 blocks.push(PartialBlock { layer, offset: block.offset, bytes: block.bytes.to_vec(), state });
             }
         }
-        let info = FileInfo::of(parts, &file);
+        let info = FileInfo::new(parts, &file);
         info.missing().iter().for_each(|what| context.message(&format!("note: {place}: {what}")));
         Ok(Decoder { place: place.into(), info, blocks, pieces, file })
     }
@@ -162,7 +162,6 @@ impl PartialBlock {
         }
     }
 
-    /// The segments that are to be read.
     fn segments(&mut self) -> Vec<decoder::SegmentReader<'_>> {
         match &mut self.state {
             BlockState::Whole(decoder) => decoder.segments(&self.bytes),

@@ -27,9 +27,7 @@ struct GaussianColumns<'a> {
     weight: &'a mut [f64],
 }
 
-/// Why a block cannot be decoded.
 pub(crate) enum BlockFault {
-    /// It contradicts the format.
     Corrupt(String),
     /// There is no memory for its Gaussians.
     Memory(Error),
@@ -91,7 +89,6 @@ const COLUMNS: &str = "decoding the model";
 pub(crate) struct BlockDecoder {
     header: BlockHeader,
     segments: Vec<CodedSegment>,
-    /// Bytes of the block.
     length: usize,
     /// Is every segment's stream as long as a table says?
     table: bool,
@@ -99,6 +96,7 @@ pub(crate) struct BlockDecoder {
 }
 
 /// The Gaussians of a block, as coded.
+#[derive(Default)]
 struct BlockColumns {
     mean: [Vec<f64>; 3],
     count: Vec<f64>,
@@ -112,7 +110,6 @@ struct CodedSegment {
     streams: Vec<Range<usize>>,
 }
 
-/// A segment to be read.
 pub(crate) struct SegmentReader<'a> {
     header: &'a BlockHeader,
     nodes: &'a [SplitNode],
@@ -148,24 +145,17 @@ pub(crate) enum Ending {
     Anywhere,
 }
 
-/// What a part of a block says.
 pub(crate) fn part(bytes: &[u8], ending: Ending) -> Result<Block, BlockFault> {
     let header = BlockHeader::read(bytes)?;
     let streams = streams::read(&header, bytes)?;
     let nodes = segment_nodes(&header, &streams, bytes)?;
-    let coded = nodes.into_iter().enumerate().map(|(segment, nodes)| CodedSegment {
-        nodes,
-        streams: streams
-            .stages
-            .iter()
-            .map(|s| s[segment].start.min(bytes.len())..s[segment].end.min(bytes.len()))
-            .collect(),
+    // Ranges go as far as the table says, the bytes perhaps not.
+    let there = |range: &Range<usize>| &bytes[range.start.min(bytes.len())..range.end.min(bytes.len())];
+    let parts = parallel::map(nodes.iter().enumerate(), |(segment, nodes)| {
+        let streams: Vec<&[u8]> = streams.stages.iter().map(|s| there(&s[segment])).collect();
+        coarse(&header, nodes, &streams, ending)
     });
-    let parts = parallel::map(coded.collect::<Vec<_>>(), |coded| {
-        let streams: Vec<&[u8]> = coded.streams.iter().map(|s| &bytes[s.clone()]).collect();
-        coarse(&header, &coded.nodes, &streams, ending)
-    });
-    let mut all = BlockColumns { mean: Default::default(), count: vec![], cov: Default::default(), weight: vec![] };
+    let mut all = BlockColumns::default();
     for part in parts {
         let mut part = part?;
         all.mean.iter_mut().zip(&mut part.mean).for_each(|(all, part)| all.append(part));
@@ -179,7 +169,6 @@ pub(crate) fn part(bytes: &[u8], ending: Ending) -> Result<Block, BlockFault> {
     }
 }
 
-/// The nodes of each segment.
 fn segment_nodes(header: &BlockHeader, streams: &Streams, block: &[u8]) -> Result<Vec<Vec<SplitNode>>, String> {
     let Some(trunk_stream) = &streams.trunk else { return Ok(vec![vec![SplitNode::root(header.gaussians)]]) };
     let stream = block.get(trunk_stream.clone()).ok_or("a stream ends too soon")?;
@@ -207,7 +196,7 @@ fn coarse(
     streams: &[&[u8]],
     ending: Ending,
 ) -> Result<BlockColumns, String> {
-    let mut out = BlockColumns { mean: Default::default(), count: vec![], cov: Default::default(), weight: vec![] };
+    let mut out = BlockColumns::default();
     let extent = header.bounds.extent();
     let bytes: usize = streams.iter().map(|s| s.len()).sum();
     let mut walk: Option<LevelWalk<'_>> = None;
@@ -222,6 +211,7 @@ fn coarse(
         };
         if walk.is_none() {
             let mut begun = LevelWalk::new(&mut player, header, nodes, &mut NoSource).map_err(out_of_range)?;
+            // A few bytes may promise any number of Gaussians: no more are found than so many may stand for.
             begun.limit(bytes * GAUSSIANS_A_BYTE as usize + nodes.len());
             walk = Some(begun).filter(|_| !player.exhausted());
         }
@@ -249,7 +239,8 @@ fn coarse(
             let coded = known.code(player, node, &mut leaf);
             if !player.exhausted() {
                 coded.map_err(out_of_range)?;
-                out.push_leaf(header, extent, &leaf);
+                let whole = WholeGaussian::new(header, extent, &leaf);
+                out.push(whole.mean, whole.cov, leaf.count, whole.weight);
                 continue;
             }
             // What was read beyond the end is nobody's.
@@ -260,23 +251,34 @@ fn coarse(
     Ok(out)
 }
 
+/// A Gaussian of which all is read, but its count.
+struct WholeGaussian {
+    mean: [f64; 3],
+    cov: [f64; 6],
+    weight: Option<f64>,
+}
+
+impl WholeGaussian {
+    #[inline(always)]
+    fn new(header: &BlockHeader, extent: [f64; 3], leaf: &Leaf) -> Self {
+        let size = leaf.radius * leaf.radius;
+        WholeGaussian {
+            mean: each_axis(|k| {
+                let f = leaf.place[k] as f64 * 0.25 / leaf.levels[k] as f64;
+                leaf.cell.point(&header.bounds, extent, k, f)
+            }),
+            cov: leaf.unit.0.map(|v| v * size),
+            weight: header.has_w().then(|| exp(header.log_weight(leaf.w))),
+        }
+    }
+}
+
 impl BlockColumns {
     fn push(&mut self, mean: [f64; 3], cov: [f64; 6], count: f64, weight: Option<f64>) {
         (0..3).for_each(|k| self.mean[k].push(mean[k]));
         (0..6).for_each(|k| self.cov[k].push(cov[k]));
         self.count.push(count);
         self.weight.extend(weight);
-    }
-
-    /// A Gaussian that is known whole.
-    fn push_leaf(&mut self, header: &BlockHeader, extent: [f64; 3], leaf: &Leaf) {
-        let mean = each_axis(|k| {
-            let f = leaf.place[k] as f64 * 0.25 / leaf.levels[k] as f64;
-            leaf.cell.point(&header.bounds, extent, k, f)
-        });
-        let size = leaf.radius * leaf.radius;
-        let weight = header.has_w().then(|| exp(header.log_weight(leaf.w)));
-        self.push(mean, leaf.unit.0.map(|v| v * size), leaf.count, weight);
     }
 
     /// A node of which no more is known than its cell, or its Gaussian's size and about where it lies.
@@ -371,12 +373,10 @@ impl BlockDecoder {
         })
     }
 
-    /// Number of segments.
     pub(crate) fn len(&self) -> usize {
         self.segments.len()
     }
 
-    /// Gaussians of a segment.
     pub(crate) fn gaussians(&self, segment: usize) -> usize {
         gaussians(&self.segments[segment].nodes)
     }
@@ -494,24 +494,19 @@ impl SegmentReader<'_> {
         let mut player = start(last)?;
         let walk = advance(&mut walk, &mut player, header, nodes, LEVELS - 1)?;
         let extent = header.bounds.extent();
-        let GaussianColumns { mut mean, count, cov, weight } = out;
+        let GaussianColumns { mean, count, cov, weight } = out;
         let mut fine = FineWalk::new(header);
         let mut finite = true;
         for (i, node) in walk.leaves().map_err(out_of_range)?.into_iter().enumerate() {
             let mut leaf = Leaf::default();
             fine.code(&mut player, &walk.nodes[node as usize], &mut leaf).map_err(out_of_range)?;
             count[i] = leaf.count;
-            for (k, mean) in mean.iter_mut().enumerate() {
-                let f = leaf.place[k] as f64 * 0.25 / leaf.levels[k] as f64;
-                mean[i] = leaf.cell.point(&header.bounds, extent, k, f);
-            }
-            if header.has_w() {
-                weight[i] = exp(header.log_weight(leaf.w));
-            }
-            let size = leaf.radius * leaf.radius;
+            let whole = WholeGaussian::new(header, extent, &leaf);
+            (0..3).for_each(|k| mean[k][i] = whole.mean[k]);
+            whole.weight.iter().for_each(|w| weight[i] = *w);
             for k in 0..6 {
-                cov[k][i] = leaf.unit.0[k] * size;
-                finite &= cov[k][i].is_finite();
+                cov[k][i] = whole.cov[k];
+                finite &= whole.cov[k].is_finite();
             }
         }
         end(&player, padded.is_none())?;

@@ -1,18 +1,18 @@
 //! A block made ready once and coded at any precision.
 
 use super::OutOfRange;
-use super::file::STAGE_BYTES;
+use super::container::STAGE_BYTES;
 use super::fine::{FineWalk, Leaf};
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE, MOST_PARTICLES, cholesky};
 use super::levels::{LEVELS, LevelWalk, NodeHalves};
 use super::place::{PlacementTarget, quantise_places};
 use super::precision::Precision;
-use super::predict::{fit, low_bits};
+use super::predictor::{fit, low_bits};
 use super::rans::RansWriter;
 use super::shape::Logs;
 use super::source::{SegmentSource, SegmentTree};
 use super::splits::trunk;
-use super::streams;
+use super::streams::{self, STAGES};
 use super::tree::{Tree, pieces};
 use super::trellis::{TrellisSample, TrellisState, quantise};
 use crate::math::{Sym3, each_axis};
@@ -33,10 +33,8 @@ pub struct Encoder {
     bounds: Bounds,
     count: u64,
     mass: f64,
-    /// Of the alpha-blend law.
     shaded: bool,
     tree: Tree,
-    /// The tree of each segment.
     segments: Vec<SegmentTree>,
     logs: Logs,
     /// Place within the leaf's cell, in 0 to 1.
@@ -127,7 +125,6 @@ impl Encoder {
         ["tree", "size", count, mass, "shape", "place"].into_iter().zip(bits.map(|b| b / self.len() as f64)).collect()
     }
 
-    /// The trunk and the segments, recorded.
     fn record(
         &self,
         header: &BlockHeader,
@@ -159,7 +156,6 @@ impl Encoder {
         (above, parallel::map(self.tree.segments.iter().zip(&self.segments).zip(ranges(&self.tree)), segment))
     }
 
-    /// The header and the whole numbers.
     fn quantise(&self, precision: &Precision) -> (BlockHeader, Vec<Leaf>) {
         let mut header = BlockHeader {
             bounds: self.bounds,
@@ -168,17 +164,13 @@ impl Encoder {
             gaussians: self.len() as u32,
             weighted: self.logs.weight.is_some() && !self.shaded,
             shaded: self.shaded,
-            low: [0; 4],
             steps: precision.steps(),
             importance: (precision.importance as f32).clamp(0.0, 4.0),
-            centre: 0.0,
-            size: Default::default(),
-            surplus: 0,
-            spreads: [0.0; 3],
-            cuts: Vec::new(),
+            ..BlockHeader::default()
         };
         let mut leaves: Vec<Leaf> = self.tree.cells.iter().map(|&cell| Leaf { cell, ..Leaf::default() }).collect();
         self.each(&mut leaves, |range, leaves| self.scalars(&header, range, leaves));
+        // In order and not in parallel: the bytes hang on the last digit of this sum.
         let sum: f64 = leaves.iter().map(|l| header.log_importance(l.t, l.m)).sum();
         header.centre = (sum / leaves.len() as f64) as f32;
         self.each(&mut leaves, |range, leaves| {
@@ -189,6 +181,7 @@ impl Encoder {
         header.low[3] = low_bits(leaves.iter().flat_map(|l| l.shape).map(|h| h >> 1), 3);
         let shape = leaves.iter().map(|l| l.shape.iter().map(|s| f64::from(s.abs())).sum::<f64>() * l.factor);
         let shape = shape.sum::<f64>() / (5 * leaves.len()) as f64;
+        // Last: predictions are fitted to the whole numbers that the decoder will have.
         self.predictions(&mut header, &leaves);
         header.spreads[2] = shape as f32;
         (header, leaves)
@@ -200,7 +193,6 @@ impl Encoder {
         parallel::for_each(parts.into_iter().zip(ranges(&self.tree)), |(leaves, range)| work(range, leaves));
     }
 
-    /// Sizes, counts and masses.
     fn scalars(&self, header: &BlockHeader, range: Range<usize>, leaves: &mut [Leaf]) {
         let column = |values: &[f64], step: f32| {
             let values = &values[range.clone()];
@@ -288,8 +280,6 @@ impl Encoder {
 
 /// Gaussians from which on a block's streams have stages.
 const STAGED: usize = 4096;
-/// Shares of what is coded level by level after which a stage ends.
-pub(super) const STAGES: [f64; 2] = [0.12, 0.45];
 
 /// Levels after which stages end, the same in all segments.
 fn cuts(segments: &[RansWriter]) -> Vec<u8> {
@@ -301,7 +291,6 @@ fn cuts(segments: &[RansWriter]) -> Vec<u8> {
     cuts
 }
 
-/// The Gaussians of each segment.
 fn ranges(tree: &Tree) -> Vec<Range<usize>> {
     let mut end = 0;
     let range = |n: usize| {

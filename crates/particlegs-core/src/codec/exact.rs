@@ -40,7 +40,6 @@ pub(crate) fn to_five(m: &Sym3) -> [f64; 5] {
     [(xx - yy) * h, (xx + yy - 2.0 * zz) * SQRT_SIXTH, xy * s, xz * s, yz * s]
 }
 
-/// sqrt(1/6).
 const SQRT_SIXTH: f64 = 0.408_248_290_463_863;
 
 /// exp(2 S) for the trace-free S of five coordinates, each at most 32 in magnitude.

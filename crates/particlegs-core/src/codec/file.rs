@@ -1,21 +1,21 @@
 //! Models as files: which sections, in which order.
 
 use super::container::{
-    self, BLOCK, CERTIFICATE, ENTRY_BYTES, HEAD_BYTES, LAYER, META, OWNER_BYTES, SECTION_BYTES, STAGE, Section, Tag,
+    self, BLOCK, CERTIFICATE, ENTRY_BYTES, HEAD_BYTES, LAYER, META, SECTION_BYTES, STAGE, STAGE_BYTES, Section, Tag,
     VIZMAPPER, belongs_to_block,
 };
-use super::encoder::STAGES;
 use super::header::BlockHeader;
-use super::metadata::MetadataFault;
+use super::streams::STAGES;
 use super::sums::compensated;
-use super::wire::WireReader;
+use super::wire::{SectionFault, WireReader};
 use super::{Encoder, Precision, certificate, metadata, streams, vizmapper};
+use crate::math::{cross, dot};
 use crate::model::{
     Certificate, CertificateLevel, LawKind, Layer, LayerRatios, Mass, MassPower, Metadata, Model, SAMPLED_ABOVE,
     Sample, VizMapper,
 };
 use crate::space::Cell;
-use crate::{Error, Result, parallel};
+use crate::{Error, Result, hash};
 use std::borrow::Cow;
 use std::f64::consts::PI;
 
@@ -82,7 +82,6 @@ pub fn assemble_with(
     file.write(certificate)
 }
 
-/// A file taken apart to be merged.
 pub(super) struct CodedFile {
     pub metadata: Metadata,
     /// The network's section.
@@ -93,7 +92,6 @@ pub(super) struct CodedFile {
 }
 
 impl CodedFile {
-    /// Takes a file apart.
     pub(super) fn read(bytes: &[u8], place: &str) -> Result<CodedFile> {
         let copy = |part: LayerPart<'_>| part.map(|blocks| blocks.into_iter().map(BlockPart::stored).collect());
         let parts = parts(bytes, place)?;
@@ -192,9 +190,6 @@ fn other_law(layer: &str, law: LawKind) -> String {
 /// What a network of the alpha-blend law adds to a file.
 pub const VIZMAPPER_SECTION_BYTES: usize = SECTION_BYTES + vizmapper::VIZMAPPER_BYTES;
 
-/// What stands before a further stage of a block.
-pub(super) const STAGE_BYTES: usize = SECTION_BYTES + OWNER_BYTES;
-
 /// Bytes that a coded block takes in a file: a section for each further stage, beside what [`size_without_blocks`]
 /// counts for it.
 pub fn stored_bytes(block: &[u8]) -> usize {
@@ -209,7 +204,7 @@ pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, l
     // P(k) by mass is there where masses may differ: of particles with weights, and of several layers.
     let mass_power = match layers {
         [one] if !one.mass.is_weighted() => None,
-        several => Some(MassPower::of_layers(several.len())),
+        several => Some(MassPower::new(several.len())),
     };
     let sample = (metadata.count > SAMPLED_ABOVE).then(Sample::default);
     let certificate = match certificate {
@@ -218,7 +213,7 @@ pub fn size_without_blocks(metadata: &Metadata, certificate: CertificateLevel, l
             SECTION_BYTES + certificate::size(CertificateLevel::Blocks, &Certificate::default())
         }
         level => {
-            let layer_ratios = LayerRatios::of_layers(layers.len());
+            let layer_ratios = LayerRatios::new(layers.len());
             let like = Certificate { mass_power, sample, layer_ratios, ..Certificate::default() };
             SECTION_BYTES + certificate::size(level, &like)
         }
@@ -264,10 +259,8 @@ pub(super) struct FileParts<'a> {
     pub missing_particles: u64,
 }
 
-/// Coded blocks, and their headers.
 type LayerPart<'a> = Layer<Vec<BlockPart<'a>>>;
 
-/// A block as it lies in a file.
 pub(super) struct BlockPart<'a> {
     pub header: BlockHeader,
     /// Place of its first section.
@@ -281,7 +274,6 @@ pub(super) struct BlockPart<'a> {
 }
 
 impl BlockPart<'_> {
-    /// Are all its stages there?
     pub(super) fn is_whole(&self) -> bool {
         self.stages > self.header.cuts.len()
     }
@@ -302,16 +294,16 @@ impl From<&Section<'_>> for StoredSection {
 pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
     let file = container::read(bytes, place)?;
     let corrupt = |what: String| Error::corrupt(place, what);
-    let unknown = |what: String| Error::Compatibility { place: place.into(), what };
+    let fault = |fault: SectionFault| match fault {
+        SectionFault::Corrupt(what) => corrupt(what),
+        SectionFault::Unknown(what) => Error::Compatibility { place: place.into(), what },
+    };
     let known = |tag: Tag| matches!(tag, META | CERTIFICATE | VIZMAPPER | LAYER | BLOCK | STAGE);
     let (sections, others): (Vec<_>, Vec<_>) = file.sections.into_iter().partition(|s| known(s.tag));
     let (attached, others): (Vec<_>, Vec<_>) = others.into_iter().partition(|s| belongs_to_block(s.tag));
     let mut rest = sections.into_iter().peekable();
     let (mut metadata, masses) = match rest.next() {
-        Some(s) if s.tag == META => metadata::read(s.bytes).map_err(|fault| match fault {
-            MetadataFault::Corrupt(what) => corrupt(what),
-            MetadataFault::Unknown(what) => unknown(what),
-        })?,
+        Some(s) if s.tag == META => metadata::read(s.bytes).map_err(fault)?,
         _ => return Err(corrupt("it does not begin with metadata".into())),
     };
     let certificate = rest.next_if(|s| s.tag == CERTIFICATE).map(|s| certificate::read(s.bytes).map_err(corrupt));
@@ -319,8 +311,7 @@ pub(super) fn parts<'a>(bytes: &'a [u8], place: &str) -> Result<FileParts<'a>> {
     let network = rest.next_if(|s| s.tag == VIZMAPPER).map(|s| match vizmapper::read(s.bytes) {
         Ok(_) if metadata.law != LawKind::AlphaBlend => Err(corrupt("a VizMapper in a file of another law".into())),
         Ok(network) => Ok((s.bytes, network)),
-        Err(vizmapper::VizMapperFault::Corrupt(what)) => Err(corrupt(what)),
-        Err(vizmapper::VizMapperFault::Unknown(what)) => Err(unknown(what)),
+        Err(what) => Err(fault(what)),
     });
     let network = network.transpose()?;
     let mut layers: Vec<(String, usize, Vec<BlockPart<'a>>)> = Vec::new();
@@ -463,8 +454,7 @@ fn agree_with(c: &Certificate, m: &Metadata, bytes: u64) -> std::result::Result<
     let extent = m.bounds.extent();
     let of_cell = |cell: Cell| {
         let [a, b, c] = cell.vectors;
-        let minor = |i: usize, j: usize| b[i] * c[j] - b[j] * c[i];
-        (a[0] * minor(1, 2) + a[1] * minor(2, 0) + a[2] * minor(0, 1)).abs()
+        dot(a, cross(b, c)).abs()
     };
     let volume = extent[0] * extent[1] * extent[2];
     let volume = m.cell.map(of_cell).filter(|v| *v > 0.0).map_or(volume, |v| v.min(volume));
@@ -488,7 +478,7 @@ pub fn coded_layers(bytes: &[u8], place: &str) -> Result<Vec<CodedLayer>> {
 /// BLAKE3 of a model file's bytes: what is made from a model names it by this.
 pub fn file_hash(bytes: &[u8]) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
-    parallel::hash(&mut hasher, bytes);
+    hash::update(&mut hasher, bytes);
     *hasher.finalize().as_bytes()
 }
 

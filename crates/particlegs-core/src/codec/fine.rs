@@ -16,7 +16,6 @@ use crate::math::Sym3;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Leaf {
     pub cell: TreeCell,
-    /// Log size.
     pub t: i32,
     /// Log count; in shaded blocks log depth.
     pub m: i32,
@@ -42,7 +41,6 @@ const SPREADS: [f64; 12] = [0.1875, 0.25, 0.375, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 
 /// Shape numbers that the block's mean spread counts as, beside those of the Gaussian itself.
 const MEAN_WEIGHT: f64 = 5.0;
 
-/// What is remembered from Gaussian to Gaussian.
 pub(crate) struct FineWalk<'a> {
     header: &'a BlockHeader,
     extent: [f64; 3],
@@ -79,6 +77,7 @@ impl<'a> FineWalk<'a> {
         leaf.t = self.trellis_t.half_steps(size);
         leaf.m = self.trellis_m.half_steps(node.count);
         leaf.w = if self.header.has_w() { self.trellis_w.half_steps(node.mass) } else { 0 };
+        // Steps of shape and place hang on size and count, which both sides know by now.
         self.powers.fill(self.header, leaf);
         self.shape(c, leaf)?;
         self.place(c, leaf, bits, place)
@@ -150,7 +149,6 @@ struct PowerCache {
     counts: [(i32, f64, f64); POWERS],
 }
 
-/// Powers that are remembered.
 const POWERS: usize = 128;
 
 impl PowerCache {

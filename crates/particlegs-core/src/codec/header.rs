@@ -1,25 +1,16 @@
 //! A block's header: what its stream is decoded with (docs/format.md, section 4).
 
 use super::exact::{exp, exp_twice};
+use super::predictor::{Predictor, SIZE_SLOPES};
 use super::tree::TreeCell;
 use super::wire::WireReader;
 use crate::math::{Sym3, each_axis};
 use crate::space::Bounds;
 
-/// A linear prediction in whole numbers: constant + sum of slopes / 256 times features.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Predictor {
-    pub constant: i32,
-    pub slopes: [i16; SIZE_SLOPES],
-}
-
-/// Slopes of the size's predictor.
-pub(crate) const SIZE_SLOPES: usize = 3;
 /// Stages of a block's streams at most.
 pub(crate) const MOST_STAGES: usize = 8;
 
-/// Everything before the stream.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct BlockHeader {
     pub bounds: Bounds,
     pub count: u64,
@@ -61,7 +52,6 @@ const LARGEST_SHAPE: f64 = 32.0;
 const WIDEST: f64 = 8.0;
 
 impl BlockHeader {
-    /// The header's bytes.
     pub(crate) fn write(&self, out: &mut Vec<u8>) {
         for v in self.bounds.min.iter().chain(&self.bounds.max) {
             out.extend(v.to_le_bytes());
@@ -81,7 +71,6 @@ impl BlockHeader {
         out.extend(&self.cuts);
     }
 
-    /// Bytes of the header.
     pub(crate) fn bytes(&self) -> usize {
         LEAST_BYTES + self.cuts.len()
     }
@@ -136,43 +125,31 @@ impl BlockHeader {
     fn check(&self) -> Result<(), String> {
         let b = &self.bounds;
         let ordered = (0..3).all(|k| b.min[k].is_finite() && b.max[k].is_finite() && b.min[k] <= b.max[k]);
-        if !ordered || !b.extent().iter().all(|e| e.is_finite()) {
-            return Err("block bounds are not ordered and finite".into());
-        }
-        if self.count == 0 || self.count > MOST_PARTICLES {
-            return Err(format!("a block of {} particles", self.count));
-        }
-        if !(self.mass > 0.0 && self.mass.is_finite()) {
-            return Err(format!("a block of mass {}", self.mass));
-        }
-        if self.gaussians == 0 {
-            return Err("a block without Gaussians".into());
-        }
-        if self.low.iter().any(|&l| l > 15) {
-            return Err("more than 15 plain low bits".into());
-        }
-        if !self.steps.iter().all(|&s| (1e-6..=16.0).contains(&s)) {
-            return Err(format!("quantisation steps {:?} outside 1e-6 to 16", self.steps));
-        }
-        if !((0.0..=4.0).contains(&self.importance) && self.centre.abs() <= 1e6) {
-            return Err("step factor out of range".into());
-        }
-        if !self.spreads.iter().all(|v| (0.0..=1e6).contains(v)) {
-            return Err("spreads out of range".into());
-        }
-        if self.cuts.len() >= MOST_STAGES || self.cuts.windows(2).any(|w| w[0] >= w[1]) {
-            return Err("stages out of order, or too many".into());
-        }
-        Ok(())
+        let faults = [
+            (!ordered || !b.extent().iter().all(|e| e.is_finite()), "block bounds are not ordered and finite".into()),
+            (self.count == 0 || self.count > MOST_PARTICLES, format!("a block of {} particles", self.count)),
+            (!(self.mass > 0.0 && self.mass.is_finite()), format!("a block of mass {}", self.mass)),
+            (self.gaussians == 0, "a block without Gaussians".into()),
+            (self.low.iter().any(|&l| l > 15), "more than 15 plain low bits".into()),
+            (
+                !self.steps.iter().all(|&s| (1e-6..=16.0).contains(&s)),
+                format!("quantisation steps {:?} outside 1e-6 to 16", self.steps),
+            ),
+            (!((0.0..=4.0).contains(&self.importance) && self.centre.abs() <= 1e6), "step factor out of range".into()),
+            (!self.spreads.iter().all(|v| (0.0..=1e6).contains(v)), "spreads out of range".into()),
+            (
+                self.cuts.len() >= MOST_STAGES || self.cuts.windows(2).any(|w| w[0] >= w[1]),
+                "stages out of order, or too many".into(),
+            ),
+        ];
+        faults.into_iter().find(|fault| fault.0).map_or(Ok(()), |fault| Err(fault.1))
     }
 
-    /// ln of the geometric mean radius.
     #[inline]
     pub(crate) fn log_size(&self, t: i32) -> f64 {
         0.5 * f64::from(self.steps[1]) * f64::from(t)
     }
 
-    /// The geometric mean radius.
     #[inline]
     pub(crate) fn radius(&self, t: i32) -> f64 {
         exp(self.log_size(t))
@@ -204,7 +181,6 @@ impl BlockHeader {
         limited(self.size_power(t) * self.count_power(m))
     }
 
-    /// The size's share of the step factor.
     #[inline]
     pub(crate) fn size_power(&self, t: i32) -> f64 {
         let b = f64::from(self.importance);
@@ -217,7 +193,6 @@ impl BlockHeader {
         self.log_count(m) - if self.shaded { -size } else { size }
     }
 
-    /// The count's share of the step factor.
     #[inline]
     pub(crate) fn count_power(&self, m: i32) -> f64 {
         exp(f64::from(self.importance) * (f64::from(self.centre) - self.log_count(m)))
@@ -251,7 +226,6 @@ impl BlockHeader {
         each_axis(|k| ((cell[k] / (step * widths[k]) + 0.5) as u64).clamp(1, 1 << 40))
     }
 
-    /// The step of places of a Gaussian.
     #[inline(always)]
     pub(crate) fn place_step(&self, radius: f64, factor: f64) -> f64 {
         f64::from(self.steps[0]) * factor * radius
@@ -261,16 +235,6 @@ impl BlockHeader {
     #[inline(always)]
     pub(crate) fn predict_size(&self, level: i32, count: i32, above: i32) -> i32 {
         self.size.apply([level, count, above])
-    }
-}
-
-impl Predictor {
-    /// Sum of slope times feature, rounded.
-    #[inline(always)]
-    pub(crate) fn apply(&self, features: [i32; SIZE_SLOPES]) -> i32 {
-        let sum: i64 = self.slopes.iter().zip(features).map(|(&a, f)| i64::from(a) * i64::from(f)).sum();
-        let sum = (sum + 128) >> 8;
-        (sum + i64::from(self.constant)).clamp(-(1 << 21), 1 << 21) as i32
     }
 }
 
@@ -303,22 +267,7 @@ mod tests {
     /// Shape numbers within their range, of Gaussians so far from round that rounding decides.
     #[test]
     fn variances_below_zero_are_refused() {
-        let header = BlockHeader {
-            bounds: Bounds { min: [0.0; 3], max: [1.0; 3] },
-            count: 1,
-            mass: 1.0,
-            gaussians: 1,
-            weighted: false,
-            shaded: false,
-            low: [0; 4],
-            steps: [0.5, 0.22, 0.22, 2.0, 0.22],
-            importance: 0.0,
-            centre: 0.0,
-            size: Default::default(),
-            surplus: 0,
-            spreads: [0.0; 3],
-            cuts: Vec::new(),
-        };
+        let header = BlockHeader { steps: [0.5, 0.22, 0.22, 2.0, 0.22], ..BlockHeader::default() };
         let mut negative = 0;
         for i in 0..2000 {
             let mut r = Random::new(1, 1, i);

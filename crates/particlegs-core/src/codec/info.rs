@@ -48,7 +48,7 @@ pub struct BlockInfo {
 
 /// Reads everything but the Gaussians; every checksum is checked.
 pub fn read_info(bytes: &[u8], place: &str) -> Result<FileInfo> {
-    Ok(FileInfo::of(parts(bytes, place)?, bytes))
+    Ok(FileInfo::new(parts(bytes, place)?, bytes))
 }
 
 impl FileInfo {
@@ -86,8 +86,7 @@ impl FileInfo {
         known.then(|| self.layers.iter().map(mass).sum())
     }
 
-    /// Of the parts of a file.
-    pub(super) fn of(parts: FileParts<'_>, file: &[u8]) -> FileInfo {
+    pub(super) fn new(parts: FileParts<'_>, file: &[u8]) -> FileInfo {
         let block = |BlockPart { header: h, bytes, stages, .. }: &BlockPart<'_>| BlockInfo {
             bounds: h.bounds,
             count: h.count,
@@ -95,7 +94,7 @@ impl FileInfo {
             gaussians: h.gaussians,
             bytes: bytes.len() as u64,
             stages: [*stages, h.cuts.len() + 1],
-            precision: Precision::of_header(h.steps, h.importance),
+            precision: Precision::from_header(h.steps, h.importance),
         };
         let attached = parts.layers.iter().flat_map(|l| l.content.iter().flat_map(|b| &b.sections));
         let other = attached.chain(&parts.sections).map(|s| (s.tag.escape_ascii().to_string(), s.bytes.len() as u64));

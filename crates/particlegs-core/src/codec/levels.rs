@@ -39,11 +39,12 @@ const HALVES: [[u32; 4]; 9] = [
 const MOST_PLACE_BITS: u32 = 6;
 
 /// How the Gaussians of a node fall into its halves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum NodeHalves {
     /// All into one; is it the upper?
     One(bool),
     /// One Gaussian into each.
+    #[default]
     Singles,
     /// One Gaussian into one half and several into the other; are they in the upper?
     Single(bool),
@@ -53,7 +54,7 @@ pub(crate) enum NodeHalves {
 
 /// What the encoder says of a node; where two halves hold Gaussians, the lower one's log count and mean log mass minus
 /// the upper one's, whole steps.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Division {
     pub halves: NodeHalves,
     pub count: i32,
@@ -68,6 +69,11 @@ pub(crate) struct LeafGaussian {
     pub levels: [u64; 3],
 }
 
+impl LeafGaussian {
+    /// What the decoder has in its place.
+    pub const NONE: LeafGaussian = LeafGaussian { size: 0, place: [0; 3], levels: [1; 3] };
+}
+
 /// What the encoder knows of the nodes, numbered as the walk numbers them; the decoder knows nothing.
 pub(crate) trait NodeSource {
     /// Log count and mean log mass of a root, whole steps.
@@ -78,21 +84,18 @@ pub(crate) trait NodeSource {
     /// How a node of several Gaussians falls apart. Where both halves hold some, they are numbered next, the lower one
     /// first; a half that holds all keeps the node's number.
     fn division(&mut self, _node: usize) -> Division {
-        Division { halves: NodeHalves::Singles, count: 0, mass: 0 }
+        Division::default()
     }
 
-    /// The Gaussian of a node of one.
     fn single(&mut self, _node: usize) -> LeafGaussian {
-        LeafGaussian { size: 0, place: [0; 3], levels: [1; 3] }
+        LeafGaussian::NONE
     }
 }
 
-/// The decoder's source.
 pub(crate) struct NoSource;
 
 impl NodeSource for NoSource {}
 
-/// What is known below a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum NodeContent {
     /// It holds several Gaussians.
@@ -105,7 +108,6 @@ pub(crate) enum NodeContent {
     Gaussian { size: i32, bits: [u8; 3], place: [u8; 3] },
 }
 
-/// A node of the tree.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TreeNode {
     pub cell: TreeCell,
@@ -116,7 +118,6 @@ pub(crate) struct TreeNode {
     pub below: NodeContent,
     /// Log count of the node that it is a half of.
     parent: i32,
-    /// Root that it belongs to.
     root: u32,
     /// Does it hold all Gaussians of the cell that its own is a half of?
     whole: bool,
@@ -256,7 +257,7 @@ impl<'a> LevelWalk<'a> {
         c.part(StreamPart::Tree);
         let class = self.class(&node);
         let halves = self.models.halves[class].code(c, given.halves.symbol());
-        let halves = NodeHalves::of(halves, |upper| c.bits(1, u32::from(upper)) == 1, given.halves);
+        let halves = NodeHalves::from_symbol(halves, |upper| c.bits(1, u32::from(upper)) == 1, given.halves);
         let halves_of = |side: u64| axis.map_or(node.cell, |axis| node.cell.half(axis, side));
         if let NodeHalves::One(upper) = halves {
             if c.exhausted() {
@@ -270,6 +271,7 @@ impl<'a> LevelWalk<'a> {
             self.wait(number);
             return Ok(true);
         }
+        // One number for two counts: their sum is the node's, which is known.
         let [count_a, count_b] = {
             c.part(StreamPart::Count);
             let difference = self.count(c, halves, given.count);
@@ -278,11 +280,13 @@ impl<'a> LevelWalk<'a> {
         let [mass_a, mass_b] = if self.header.has_w() {
             c.part(StreamPart::Mass);
             let difference = self.models.mass.code(c, u32::from(self.header.low[2]), given.mass);
+            // The node's is the mean of the two, rounded down: what the halving loses the difference gives back.
             let mass = node.mass.saturating_sub(difference >> 1);
             [mass.saturating_add(difference), mass]
         } else {
             [0; 2]
         };
+        // What was read beyond the end is nobody's: the node stays whole.
         if c.exhausted() {
             return Ok(false);
         }
@@ -369,6 +373,7 @@ impl<'a> LevelWalk<'a> {
     fn class(&self, node: &TreeNode) -> usize {
         let (gaussians, count) = self.roots[node.root as usize];
         let share = exp(f64::from(self.header.steps[2]) * f64::from(node.count.saturating_sub(count)));
+        // The exponent of a float is its octave; no logarithm, whose bits would be the platform's.
         let octave = ((gaussians * share).to_bits() >> 52) as i32 - 1023;
         2 * (octave + 3).clamp(0, CLASSES as i32 - 1) as usize + usize::from(node.whole)
     }
@@ -382,6 +387,7 @@ impl<'a> LevelWalk<'a> {
     /// Puts a node off to its level, this one at the earliest.
     fn wait(&mut self, node: usize) {
         let behind = (self.top - self.log_weight(node)) * LEVELS_TO_E;
+        // A half may weigh more than what is being done now: it is not put back to a level that is over.
         let level = (behind as usize).clamp(self.level, LEVELS - 1);
         self.waiting[level].push(node as u32);
     }
@@ -401,7 +407,6 @@ impl LevelModels {
 }
 
 impl NodeHalves {
-    /// The symbol of its kind.
     fn symbol(self) -> usize {
         match self {
             NodeHalves::One(_) => 0,
@@ -412,7 +417,7 @@ impl NodeHalves {
     }
 
     /// From its symbol; `upper` codes which half, if it must be said.
-    fn of(symbol: usize, mut upper: impl FnMut(bool) -> bool, given: NodeHalves) -> NodeHalves {
+    fn from_symbol(symbol: usize, mut upper: impl FnMut(bool) -> bool, given: NodeHalves) -> NodeHalves {
         let mut side = || upper(matches!(given, NodeHalves::One(true) | NodeHalves::Single(true)));
         match symbol {
             0 => NodeHalves::One(side()),
@@ -446,7 +451,6 @@ pub(crate) struct CountSums {
 const TABLED: usize = 64;
 
 impl CountSums {
-    /// Log counts in steps of `step`.
     pub(crate) fn new(step: f64) -> Self {
         CountSums { step, excess: std::array::from_fn(|d| excess(step, d as u32)) }
     }

@@ -11,9 +11,8 @@ use super::file::{CodedFile, CodedLayer, StoredSection, order_key};
 use super::header::BlockHeader;
 use super::sums::compensated;
 use crate::context::Context;
+use crate::hash;
 use crate::model::{Dimension, Metadata, Unit, Units};
-use crate::parallel;
-use crate::space::Cell;
 use crate::splat::DEFAULT_OPACITY;
 use crate::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
@@ -37,7 +36,6 @@ pub struct Merge {
 /// What decides which block is the first of a file: its layer's name, its bounds, its bytes.
 type FirstBlockKey = (String, [u64; 6], Vec<u8>);
 
-/// A layer of the merged file.
 struct MergedLayer {
     coded: CodedLayer,
     /// The first part that has it.
@@ -102,7 +100,7 @@ impl Merge {
         let digests = digests(&layers);
         if digests.windows(2).any(|w| w[0] == w[1]) {
             let hint = "name each model file once".to_string();
-            return Err(Error::Argument { what: "the parts hold the same block twice".into(), remedy: hint.into() });
+            return Err(Error::Argument { what: "the parts hold the same block twice".into(), hint: hint.into() });
         }
         (metadata.count, metadata.mass) = sums(&layers)?;
         metadata.default_radius = metadata.bounds.default_radius(metadata.count);
@@ -134,7 +132,7 @@ fn digests(layers: &[CodedLayer]) -> Vec<[u8; 32]> {
     let digest = |name: &str, block: &[u8]| {
         let mut hasher = blake3::Hasher::new();
         hasher.update(&[name.len() as u8]).update(name.as_bytes());
-        parallel::hash(&mut hasher, block);
+        hash::update(&mut hasher, block);
         *hasher.finalize().as_bytes()
     };
     let mut all: Vec<_> = layers.iter().flat_map(|l| l.content.iter().map(|b| digest(&l.name, &b.bytes))).collect();
@@ -208,7 +206,7 @@ pub fn source_statements(m: &Metadata) -> Vec<(&'static str, [String; 2])> {
     }
     let unit = |u: &Option<Unit>, dimension| {
         let size = u.as_ref().and_then(|u| u.si).map(|si| format!("{si:?}"));
-        let words = u.as_ref().map(|u| format!("`{}`", u.in_words(dimension)));
+        let words = u.as_ref().map(|u| format!("`{}`", u.describe(dimension)));
         [size.unwrap_or_else(|| said(words.as_ref())), said(words)]
     };
     let same = |text: String| [text.clone(), text];
@@ -219,7 +217,7 @@ pub fn source_statements(m: &Metadata) -> Vec<(&'static str, [String; 2])> {
         ("unit of length", unit(&u.length, Dimension::Length)),
         ("unit of mass", unit(&u.mass, Dimension::Mass)),
         ("unit of time", unit(&u.time, Dimension::Time)),
-        ("cell", same(said(m.cell.as_ref().map(Cell::in_words)))),
+        ("cell", same(said(m.cell))),
         ("scale factor", same(said(e.scale_factor))),
         ("h", same(said(c.hubble))),
         ("Omega_m", same(said(c.omega_matter))),
@@ -251,7 +249,7 @@ mod tests {
     use crate::codec::{Precision, decode, encode};
     use crate::math::Sym3;
     use crate::model::{Block, Effort, Epoch, LawKind, Layer, Mass, Mixture, Model, Recipe, RecipeStep, Target};
-    use crate::space::Bounds;
+    use crate::space::{Bounds, Cell};
     use proptest::prelude::*;
 
     /// A model of one Gaussian at `x`, of `count` particles.
@@ -269,7 +267,7 @@ mod tests {
                 default_radius: 0.1,
                 source: format!("snap.{}.hdf5", x as u8),
                 source_hash,
-                units: Units::of(Some("Mpc/h"), None, Some(true)),
+                units: Units::new(Some("Mpc/h"), None, Some(true)),
                 epoch: Epoch { scale_factor: Some(1.0), ..Epoch::default() },
                 recipe: Recipe {
                     target: Target::Ratio(count as f64),
@@ -315,7 +313,7 @@ mod tests {
             let files: Vec<Vec<u8>> = parts.iter().zip(opacities.into_iter().zip(units)).map(|((&x, &(n, mass, heavy)), (opacity, unit))| {
                 let mut m = model(if heavy { "gas" } else { "dm" }, f64::from(x), n, heavy.then_some(mass));
                 m.metadata.default_opacity = opacity;
-                m.metadata.units = Units::of(Some(unit), None, Some(true));
+                m.metadata.units = Units::new(Some(unit), None, Some(true));
                 coded(&m)
             }).collect();
             let all: Vec<&[u8]> = files.iter().map(|f| &f[..]).collect();
@@ -388,9 +386,9 @@ mod tests {
             assert!(matches!(error, Error::Input { .. }), "{error}");
             assert!(error.to_string().contains(text) && error.to_string().starts_with("part 1: "), "{error}");
         };
-        says(|m| m.metadata.units = Units::of(Some("kpc"), None, Some(true)), "unit of length is `kpc (3.08");
-        says(|m| m.metadata.units = Units::of(Some("Mpc/h"), Some("Msun"), Some(true)), "unit of mass");
-        says(|m| m.metadata.units = Units::of(Some("Mpc/h"), None, None), "`comoving` is not stated");
+        says(|m| m.metadata.units = Units::new(Some("kpc"), None, Some(true)), "unit of length is `kpc (3.08");
+        says(|m| m.metadata.units = Units::new(Some("Mpc/h"), Some("Msun"), Some(true)), "unit of mass");
+        says(|m| m.metadata.units = Units::new(Some("Mpc/h"), None, None), "`comoving` is not stated");
         says(|m| m.metadata.cosmology.omega_matter = Some(0.3), "Omega_m is 0.3");
         says(|m| m.metadata.epoch.step = Some(-3), "time step is -3");
         says(|m| m.metadata.cell = None, "cell is not stated");

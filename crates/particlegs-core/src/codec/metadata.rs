@@ -1,27 +1,12 @@
 //! The metadata section: tag, length, value (docs/format.md, section 2).
 
-use super::wire::WireReader;
+use super::wire::{SectionFault, WireReader};
 use crate::math::each_axis;
 use crate::model::{Cosmology, Epoch, LawKind, Mass, Metadata, Quantity, QuantityKind, Recipe, Si, Unit, Units};
 use crate::space::{Bounds, Cell};
 
-/// Why metadata cannot be read.
-pub(crate) enum MetadataFault {
-    /// It contradicts the format.
-    Corrupt(String),
-    /// It asks for something newer.
-    Unknown(String),
-}
-
-impl From<String> for MetadataFault {
-    fn from(what: String) -> Self {
-        MetadataFault::Corrupt(what)
-    }
-}
-
 /// Longest text but the recipe.
 const TEXT: usize = 1024;
-/// Longest recipe.
 const RECIPE_TEXT: usize = 16_384;
 /// Longest name, and text of a unit, among what was kept.
 const SHORT: usize = 255;
@@ -116,7 +101,7 @@ pub(crate) fn write(m: &Metadata, layers: &[Mass]) -> Vec<u8> {
 }
 
 /// Reads the section, with the masses that [`of_layers`] takes.
-pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), MetadataFault> {
+pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), SectionFault> {
     let fields = fields(bytes)?;
     let get = |tag: u8| fields.iter().find(|f| f.0 == tag).map(|f| f.1);
     let need = |tag: u8| get(tag).ok_or_else(|| format!("metadata field {tag} is missing"));
@@ -125,8 +110,8 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), MetadataFault>
     let law = match need(LAW)? {
         [1] => LawKind::OpticalDepth,
         [2] => LawKind::AlphaBlend,
-        [law] => return Err(MetadataFault::Unknown(format!("image law {law} is not known"))),
-        v => return Err(MetadataFault::Corrupt(format!("an image law of {} bytes", v.len()))),
+        [law] => return Err(SectionFault::Unknown(format!("image law {law} is not known"))),
+        v => return Err(SectionFault::Corrupt(format!("an image law of {} bytes", v.len()))),
     };
     let masses = masses(need(MASSES)?)?;
     let mut m = Metadata {
@@ -159,11 +144,11 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), MetadataFault>
     };
     if m.count == 0 || !(m.mass > 0.0 && m.default_radius > 0.0 && m.default_opacity > 0.0 && m.default_opacity <= 1.0)
     {
-        return Err(MetadataFault::Corrupt("count, mass, radius or opacity out of range".into()));
+        return Err(SectionFault::Corrupt("count, mass, radius or opacity out of range".into()));
     }
     let (all, own) = (quantities(need(QUANTITIES)?, &m.units)?, m.quantities(masses.iter().any(|m| m.is_weighted())));
     if !all.starts_with(&own) {
-        return Err(MetadataFault::Corrupt(
+        return Err(SectionFault::Corrupt(
             "what was kept does not begin with positions, and masses where there are any".into(),
         ));
     }
@@ -173,7 +158,6 @@ pub(crate) fn read(bytes: &[u8]) -> Result<(Metadata, Vec<Mass>), MetadataFault>
 
 /// The bits of a layer's flags: particles have weights of their own; the mass of weight 1 is known.
 const WEIGHTED: u8 = 1;
-/// See [`WEIGHTED`].
 const HAS_UNIT: u8 = 2;
 /// Means and shapes weigh particles by mass; without it every particle counts alike.
 const BY_MASS: u8 = 4;
@@ -184,26 +168,26 @@ fn mass_bytes(m: &Mass) -> Vec<u8> {
 }
 
 /// Flags a layer and, where they say so, a mass.
-fn masses(v: &[u8]) -> Result<Vec<Mass>, MetadataFault> {
+fn masses(v: &[u8]) -> Result<Vec<Mass>, SectionFault> {
     let mut r = WireReader::new(v);
     let mut out = Vec::new();
     while !r.is_done() {
         let flags = r.u8()?;
         if flags & BY_MASS != 0 {
-            return Err(MetadataFault::Unknown(
+            return Err(SectionFault::Unknown(
                 "Gaussians whose means and shapes weigh particles by mass are not known".into(),
             ));
         }
         if flags >= BY_MASS {
-            return Err(MetadataFault::Corrupt(format!("a layer's mass with flags {flags:#04x}")));
+            return Err(SectionFault::Corrupt(format!("a layer's mass with flags {flags:#04x}")));
         }
         let unit = if flags & HAS_UNIT != 0 { Some(float(MASSES, r.take(8)?)?) } else { None };
         if unit.is_some_and(|u| u <= 0.0) {
-            return Err(MetadataFault::Corrupt("a layer's mass that is not positive".into()));
+            return Err(SectionFault::Corrupt("a layer's mass that is not positive".into()));
         }
         out.push(Mass::new(flags & WEIGHTED != 0, unit));
     }
-    if out.is_empty() { Err(MetadataFault::Corrupt("no layer's mass".into())) } else { Ok(out) }
+    if out.is_empty() { Err(SectionFault::Corrupt("no layer's mass".into())) } else { Ok(out) }
 }
 
 /// The factor (0 where it is not known), the exponents of a and h, and the text.
@@ -297,17 +281,17 @@ fn cosmology(v: &[u8]) -> Result<Cosmology, String> {
 }
 
 /// Splits the section; tags rise.
-fn fields(bytes: &[u8]) -> Result<Vec<(u8, &[u8])>, MetadataFault> {
+fn fields(bytes: &[u8]) -> Result<Vec<(u8, &[u8])>, SectionFault> {
     let mut r = WireReader::new(bytes);
     let mut out: Vec<(u8, &[u8])> = Vec::with_capacity(32);
     while !r.is_done() {
         let (tag, length) = (r.u8()?, r.u16()?);
         let value = r.take(usize::from(length))?;
         if out.last().is_some_and(|f| f.0 >= tag) {
-            return Err(MetadataFault::Corrupt(format!("metadata field {tag} is out of order")));
+            return Err(SectionFault::Corrupt(format!("metadata field {tag} is out of order")));
         }
         if tag >= REQUIRED && tag != MASSES {
-            return Err(MetadataFault::Unknown(format!("metadata field {tag} is not known and may not be skipped")));
+            return Err(SectionFault::Unknown(format!("metadata field {tag} is not known and may not be skipped")));
         }
         out.push((tag, value));
     }
@@ -328,22 +312,22 @@ fn cell_bytes(c: &Cell) -> Vec<u8> {
     out
 }
 
-fn cell(v: &[u8], corner: Option<&[u8]>) -> Result<Cell, MetadataFault> {
+fn cell(v: &[u8], corner: Option<&[u8]>) -> Result<Cell, SectionFault> {
     let origin = match corner.map(|v| reals(CORNER, v)).transpose()?.as_deref() {
         None => [0.0; 3],
         Some(&[x, y, z]) => [x, y, z],
-        Some(_) => return Err(MetadataFault::Corrupt("the cell's corner is not three numbers".into())),
+        Some(_) => return Err(SectionFault::Corrupt("the cell's corner is not three numbers".into())),
     };
     let (head, rest) = v.split_first().ok_or_else(|| "an empty cell".to_string())?;
     if *head > 7 {
-        return Err(MetadataFault::Corrupt(format!("cell periodicity {head:#04x} is reserved")));
+        return Err(SectionFault::Corrupt(format!("cell periodicity {head:#04x} is reserved")));
     }
     let periodic = each_axis(|k| head >> k & 1 == 1);
     let values = reals(CELL, rest)?;
     let vectors = match values[..] {
         [x, y, z] => [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]],
         [a, b, c, d, e, f, g, h, i] => [[a, b, c], [d, e, f], [g, h, i]],
-        _ => return Err(MetadataFault::Corrupt(format!("a cell of {} bytes", v.len()))),
+        _ => return Err(SectionFault::Corrupt(format!("a cell of {} bytes", v.len()))),
     };
     Ok(Cell { origin, vectors, periodic })
 }
@@ -485,8 +469,8 @@ mod tests {
         let section = write(&m, &[Mass::Unknown]);
         let fault = |bytes: &[u8]| match read(bytes) {
             Ok(_) => "none",
-            Err(MetadataFault::Corrupt(_)) => "corrupt",
-            Err(MetadataFault::Unknown(_)) => "unknown",
+            Err(SectionFault::Corrupt(_)) => "corrupt",
+            Err(SectionFault::Unknown(_)) => "unknown",
         };
         let with = |tail: &[u8]| [&section[..], tail].concat();
         assert_eq!(fault(&with(&[129, 0, 0])), "unknown");

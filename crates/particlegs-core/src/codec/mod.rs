@@ -24,7 +24,7 @@ mod metadata;
 mod place;
 mod points;
 mod precision;
-mod predict;
+mod predictor;
 mod rans;
 #[cfg(test)]
 mod sections_tests;

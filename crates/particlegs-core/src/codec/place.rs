@@ -6,7 +6,6 @@ use super::trellis::{NEXT, STATES, TrellisState, nearest};
 /// Gaussians that are decided together; bounds the memory of the search.
 const WINDOW: usize = 1 << 12;
 
-/// Where a Gaussian is to be placed in its cell.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PlacementTarget {
     /// Levels of each axis.
@@ -19,7 +18,6 @@ pub(crate) struct PlacementTarget {
     pub moves: [f64; 3],
 }
 
-/// The best way into one state of the trellis.
 #[derive(Clone, Copy)]
 struct TrellisPath {
     cost: f64,
@@ -52,7 +50,7 @@ pub(crate) fn quantise_places(count: usize, target: impl Fn(usize) -> PlacementT
             }
         }
         let best = (0..STATES).min_by(|&a, &b| ways[a].cost.total_cmp(&ways[b].cost)).unwrap_or(0);
-        state = TrellisState::of(best);
+        state = TrellisState::from_number(best);
         let mut s = best;
         for i in (start..end).rev() {
             let levels = out[i][0];
@@ -106,7 +104,6 @@ impl TrellisPath {
         target.place[axis] + moved
     }
 
-    /// Takes a place.
     fn add(&mut self, axis: usize, target: &PlacementTarget, place: f64) {
         let error = (place - self.wanted(axis, target)) * target.coarse[axis];
         self.error[axis] = error;

@@ -3,7 +3,7 @@
 use super::OutOfRange;
 use super::rans::{Coder, RansWriter};
 use super::splits::{Splits, long_uniform};
-use super::tree::{Segment, SplitNode, Tree, TreeCell, segments};
+use super::tree::{Segment, Tree, TreeCell, segments, walk};
 use crate::math::each_axis;
 use crate::parallel;
 use crate::space::Bounds;
@@ -28,7 +28,7 @@ impl CodedPoints {
     /// Codes points (one at least) within `bounds` so that each comes back within half a `step` along every axis:
     /// the tree of boxes that a block's means are sorted into, with the same adaptive models, then the place in
     /// its leaf as one of as many levels as steps fit there. The streams are made, not estimated.
-    pub fn of(points: &[Vec<f64>; 3], bounds: &Bounds, step: f64) -> CodedPoints {
+    pub fn new(points: &[Vec<f64>; 3], bounds: &Bounds, step: f64) -> CodedPoints {
         let tree = Tree::build(points, bounds);
         let lattice = Lattice { bounds, extent: bounds.extent(), step };
         let mut above = RansWriter::default();
@@ -55,7 +55,6 @@ impl CodedPoints {
     }
 }
 
-/// Where points may come to lie.
 struct Lattice<'a> {
     bounds: &'a Bounds,
     extent: [f64; 3],
@@ -73,26 +72,18 @@ impl Lattice<'_> {
         mut sink: impl FnMut([f64; 3]),
     ) -> Result<(), OutOfRange> {
         let (mut splits, mut lows, mut done) = (Splits::new(), segment.splits.iter(), 0);
-        let mut stack: Vec<SplitNode> = segment.nodes.iter().rev().copied().collect();
-        while let Some(node) = stack.pop() {
-            match node.cell.axis(self.extent).filter(|_| node.count > 1) {
-                None => {
-                    for _ in 0..node.count {
-                        sink(self.place(c, &node.cell, point(done)));
-                        done += 1;
-                    }
-                }
-                Some(axis) => {
-                    let low = splits.code(c, &node, lows.next().copied().unwrap_or(0))?;
-                    let [a, b] = node.halves(axis, low);
-                    stack.extend([b, a].into_iter().filter(|n| n.count > 0));
-                }
+        walk(&segment.nodes, self.extent, 1, |node, axis| {
+            if axis.is_some() {
+                return splits.code(c, node, lows.next().copied().unwrap_or(0));
             }
-        }
-        Ok(())
+            for _ in 0..node.count {
+                sink(self.place(c, &node.cell, point(done)));
+                done += 1;
+            }
+            Ok(0)
+        })
     }
 
-    /// A point's place within its leaf.
     fn place(&self, c: &mut impl Coder, cell: &TreeCell, point: [f64; 3]) -> [f64; 3] {
         let widths = cell.widths(self.extent);
         each_axis(|k| {
@@ -109,6 +100,7 @@ impl Lattice<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::rans::RansReader;
+    use super::super::tree::SplitNode;
     use super::*;
     use crate::math::Random;
 
@@ -131,7 +123,7 @@ mod tests {
             [(clumps(80_000), 0.04), (clumps(3000), 1e-3), ([vec![7.0; 9], vec![7.0; 9], vec![0.0; 9]], 0.1)]
         {
             let tree = Tree::build(&points, &bounds);
-            let coded = CodedPoints::of(&points, &bounds, step);
+            let coded = CodedPoints::new(&points, &bounds, step);
             assert_eq!(coded.position[2].len(), points[2].len());
             for (at, &i) in tree.order.iter().enumerate() {
                 for k in 0..3 {

@@ -54,7 +54,7 @@ impl Precision {
 
 impl Precision {
     /// From a block's steps (position, size, count, shape, mass).
-    pub(crate) fn of_header(s: [f32; 5], importance: f32) -> Precision {
+    pub(crate) fn from_header(s: [f32; 5], importance: f32) -> Precision {
         let [position, size, count, shape, mass] = s.map(f64::from);
         Precision { position, size, shape, count, mass, importance: f64::from(importance) }
     }

@@ -1,25 +1,16 @@
 //! The entropy coder: rANS with 32-bit states, 16-bit words, 15-bit probabilities, two states in
 //! turn (docs/format.md, section 7).
 
-/// Bits of a probability.
 pub(crate) const PROBABILITY_BITS: u32 = 15;
-/// Lowest value of a state.
 const LOW: u32 = 1 << 16;
 
-/// What bits are spent on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum StreamPart {
-    /// Counts of the tree.
     Tree,
-    /// Sizes.
     Size,
-    /// Counts.
     Count,
-    /// Masses.
     Mass,
-    /// Shape numbers.
     Shape,
-    /// Places in the leaves' cells.
     Place,
 }
 
@@ -147,7 +138,6 @@ impl RansWriter {
         self.intervals.iter().map(bits).sum()
     }
 
-    /// Bits by part.
     pub(crate) fn bits_by_part(&self) -> [f64; 6] {
         let mut out = [0.0; 6];
         let parts = self.parts.as_deref().unwrap_or(&[]);
@@ -163,12 +153,10 @@ impl RansWriter {
         &self.levels
     }
 
-    /// How much was recorded.
     pub(crate) fn len(&self) -> usize {
         self.intervals.len()
     }
 
-    /// A stream of all.
     pub(crate) fn finish(&self) -> Vec<u8> {
         self.stream(0..self.len())
     }
@@ -179,9 +167,11 @@ impl RansWriter {
         let intervals = &self.intervals[range];
         let mut words = Vec::with_capacity(intervals.len() / 2 + 4);
         let mut states = [LOW; 2];
+        // Last to first: the decoder undoes the encoder's last step first.
         for (i, &(start, frequency)) in intervals.iter().enumerate().rev() {
             let x = &mut states[i & 1];
             let f = u32::from(frequency);
+            // The step below would pass 2^32: a word goes out first.
             if u64::from(*x) >= u64::from(f) << (32 - PROBABILITY_BITS) {
                 words.push(*x as u16);
                 *x >>= 16;
@@ -196,7 +186,6 @@ impl RansWriter {
     }
 }
 
-/// The information of an interval.
 fn bits(interval: &(u16, u16)) -> f64 {
     f64::from(PROBABILITY_BITS) - libm::log2(f64::from(interval.1))
 }

@@ -61,7 +61,6 @@ fn with<'a>(file: &'a [u8], change: impl FnOnce(&mut Vec<Section<'a>>)) -> Vec<u
     container::write(&all, false)
 }
 
-/// The same bytes as an open file.
 fn open(file: &[u8]) -> Vec<u8> {
     let mut open = file.to_vec();
     open[12..20].fill(0);

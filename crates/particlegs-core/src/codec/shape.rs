@@ -37,7 +37,7 @@ pub(crate) struct Logs {
 impl Logs {
     pub(crate) fn new(block: &Block, order: &[u32]) -> Logs {
         let g = &block.gaussians;
-        let (floors, flat) = (Floors::of(block), FlatPairs::of(block));
+        let (floors, flat) = (Floors::new(block), FlatPairs::new(block));
         let shapes: Vec<(f64, [f64; 5])> =
             parallel::map_range(order.len(), |at| logarithm(&flat.level(g.cov_of(order[at] as usize)), &floors));
         let size = shapes.iter().map(|s| s.0).collect();
@@ -61,7 +61,7 @@ impl Logs {
 pub(crate) struct FlatPairs([bool; 3]);
 
 impl FlatPairs {
-    fn of(block: &Block) -> FlatPairs {
+    fn new(block: &Block) -> FlatPairs {
         let [x, y, z] = block.bounds.extent();
         FlatPairs([[x, y], [x, z], [y, z]].map(|[a, b]| a.max(b) > FLAT * a.min(b)))
     }
@@ -101,7 +101,7 @@ struct Floors {
 }
 
 impl Floors {
-    fn of(block: &Block) -> Floors {
+    fn new(block: &Block) -> Floors {
         let g = &block.gaussians;
         let variance = (0..g.len()).map(|i| g.cov[0][i] + g.cov[3][i] + g.cov[5][i]).fold(0.0, f64::max);
         let longest = block.bounds.extent().into_iter().fold(variance.sqrt(), f64::max);

@@ -4,14 +4,11 @@ use super::fine::Leaf;
 use super::levels::{CountSums, Division, LeafGaussian, NodeHalves, NodeSource};
 use super::tree::{SplitNode, TreeCell};
 
-/// What the tree is below a node.
 #[derive(Clone, Copy, Debug)]
 enum Fork {
-    /// A Gaussian, by its number in the segment.
     Leaf(u32),
     /// All in one half (the upper one?): the node that it is.
     One(bool, u32),
-    /// Two halves.
     Two([u32; 2]),
 }
 
@@ -135,19 +132,19 @@ impl NodeSource for SegmentSource<'_> {
         match self.tree.forks[self.numbers[node] as usize] {
             Fork::One(upper, below) => {
                 self.numbers[node] = below;
-                Division { halves: NodeHalves::One(upper), count: 0, mass: 0 }
+                Division { halves: NodeHalves::One(upper), ..Division::default() }
             }
             Fork::Two(halves) => {
                 self.numbers.extend(halves);
                 self.division_of(halves)
             }
-            Fork::Leaf(_) => Division { halves: NodeHalves::Singles, count: 0, mass: 0 },
+            Fork::Leaf(_) => Division::default(),
         }
     }
 
     fn single(&mut self, node: usize) -> LeafGaussian {
         let Fork::Leaf(leaf) = self.tree.forks[self.numbers[node] as usize] else {
-            return LeafGaussian { size: 0, place: [0; 3], levels: [1; 3] };
+            return LeafGaussian::NONE;
         };
         let leaf = &self.leaves[leaf as usize];
         LeafGaussian { size: leaf.t >> 1, place: leaf.place, levels: leaf.levels }

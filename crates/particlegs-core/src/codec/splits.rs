@@ -28,7 +28,6 @@ impl Splits {
         Splits((2..16).chain([16, 32, 64, 128, 256]).map(split).collect())
     }
 
-    /// The number of the lower half's Gaussians.
     #[inline(always)]
     pub(super) fn code(&mut self, c: &mut impl Coder, node: &SplitNode, low: u32) -> Result<u32, OutOfRange> {
         let n = node.count;

@@ -6,6 +6,9 @@ use super::tree::SEGMENT;
 use super::wire::WireReader;
 use std::ops::Range;
 
+/// Shares of what is coded level by level after which a stage ends.
+pub(super) const STAGES: [f64; 2] = [0.12, 0.45];
+
 /// Where the streams of a block lie in its bytes, whether these go that far or not.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Streams {

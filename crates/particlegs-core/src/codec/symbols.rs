@@ -68,7 +68,6 @@ impl<const N: usize> SymbolModel<N> {
         }
     }
 
-    /// Codes a symbol and learns it.
     #[inline(always)]
     pub(crate) fn code(&mut self, c: &mut impl Coder, value: usize) -> usize {
         let s = match c.slot() {

@@ -76,7 +76,7 @@ impl Thinning<'_> {
             let p = place(i);
             (0..3).for_each(|k| points[k].push(p[k]));
         }
-        CodedPoints::of(&points, self.bounds, 2.0 * CLOSENESS * self.spacing)
+        CodedPoints::new(&points, self.bounds, 2.0 * CLOSENESS * self.spacing)
     }
 }
 
@@ -94,11 +94,10 @@ struct RandomOrder {
 
 impl RandomOrder {
     fn new(n: usize, seed: u64) -> Self {
-        let random = Random::of(Purpose::CertificateSubset, seed, 0);
+        let random = Random::from_purpose(Purpose::CertificateSubset, seed, 0);
         RandomOrder { random, taken: vec![0; n.div_ceil(64)], order: Vec::new(), n }
     }
 
-    /// The first `k`.
     fn first(&mut self, k: usize) -> &[usize] {
         while self.order.len() < k {
             let i = ((u128::from(self.random.bits()) * self.n as u128) >> 64) as usize;

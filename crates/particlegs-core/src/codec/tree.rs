@@ -4,6 +4,7 @@
 use crate::math::each_axis;
 use crate::parallel;
 use crate::space::Bounds;
+use std::convert::Infallible;
 
 /// Halvings of an axis at most.
 pub(crate) const DEEPEST: u8 = 40;
@@ -16,7 +17,6 @@ pub(crate) struct TreeCell {
 }
 
 impl TreeCell {
-    /// Edge lengths.
     #[inline(always)]
     pub(crate) fn widths(&self, extent: [f64; 3]) -> [f64; 3] {
         each_axis(|k| extent[k] * power_of_half(self.depth[k]))
@@ -41,7 +41,6 @@ impl TreeCell {
         c
     }
 
-    /// Halvings in all.
     #[inline(always)]
     pub(crate) fn level(&self) -> i32 {
         self.depth.iter().map(|&d| i32::from(d)).sum()
@@ -70,7 +69,6 @@ pub(crate) struct SplitNode {
 }
 
 impl SplitNode {
-    /// All of a block's `count` Gaussians.
     pub(crate) fn root(count: u32) -> SplitNode {
         SplitNode { cell: TreeCell::default(), count, share: 0 }
     }
@@ -101,27 +99,42 @@ pub(crate) fn segments<E>(
 ) -> Result<Vec<Vec<SplitNode>>, E> {
     let mut out: Vec<Vec<SplitNode>> = Vec::new();
     let (mut start, mut filled) = (0, 0u64);
-    let mut stack = vec![SplitNode::root(count)];
-    while let Some(node) = stack.pop() {
-        if let Some(axis) = node.cell.axis(extent).filter(|_| node.count > SEGMENT) {
-            let [a, b] = node.halves(axis, split(&node, axis, start)?);
-            stack.extend([b, a].into_iter().filter(|n| n.count > 0));
-            continue;
+    walk(&[SplitNode::root(count)], extent, SEGMENT, |node, axis| {
+        if let Some(axis) = axis {
+            return split(node, axis, start);
         }
         start += node.count as usize;
         filled += u64::from(node.count);
         match out.last_mut().filter(|_| filled <= u64::from(SEGMENT)) {
-            Some(last) => last.push(node),
+            Some(last) => last.push(*node),
             None => {
-                out.push(vec![node]);
+                out.push(vec![*node]);
                 filled = u64::from(node.count);
             }
         }
-    }
+        Ok(0)
+    })?;
     Ok(out)
 }
 
-/// Gaussians of a segment's nodes.
+/// Goes from nodes down to those of at most `most` Gaussians, or that cannot be halved, the lower half first. `visit` gets a
+/// node and the axis along which it falls apart, and says how many then fall into the lower half.
+pub(super) fn walk<E>(
+    nodes: &[SplitNode],
+    extent: [f64; 3],
+    most: u32,
+    mut visit: impl FnMut(&SplitNode, Option<usize>) -> Result<u32, E>,
+) -> Result<(), E> {
+    let mut stack: Vec<SplitNode> = nodes.iter().rev().copied().collect();
+    while let Some(node) = stack.pop() {
+        let axis = node.cell.axis(extent).filter(|_| node.count > most);
+        let low = visit(&node, axis)?;
+        let halves = axis.map(|axis| node.halves(axis, low));
+        stack.extend(halves.into_iter().flatten().rev().filter(|n| n.count > 0));
+    }
+    Ok(())
+}
+
 pub(crate) fn gaussians(nodes: &[SplitNode]) -> usize {
     nodes.iter().map(|n| n.count as usize).sum()
 }
@@ -143,7 +156,6 @@ pub(crate) struct Tree {
     pub segments: Vec<Segment>,
 }
 
-/// A part of the tree that is coded on its own.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Segment {
     pub nodes: Vec<SplitNode>,
@@ -168,12 +180,9 @@ impl Tree {
         let nodes = segments(n as u32, extent, |node, axis, start| {
             let low = part(&mut order[start..start + node.count as usize], node, axis);
             trunk.push(low);
-            Ok::<u32, std::convert::Infallible>(low)
+            Ok::<u32, Infallible>(low)
         });
-        let nodes = match nodes {
-            Ok(nodes) => nodes,
-            Err(never) => match never {},
-        };
+        let Ok(nodes) = nodes;
         let lengths = || nodes.iter().map(|n| gaussians(n));
         let work = nodes.iter().zip(pieces(&mut order, lengths())).zip(pieces(&mut cells, lengths()));
         let segments = parallel::map(work, |((nodes, order), cells)| Segment {
@@ -183,7 +192,6 @@ impl Tree {
         Tree { order, cells, trunk, segments }
     }
 
-    /// Gaussians of each segment.
     pub(crate) fn lengths(&self) -> Vec<usize> {
         self.segments.iter().map(|s| gaussians(&s.nodes)).collect()
     }
@@ -197,24 +205,17 @@ fn sort(
     extent: [f64; 3],
     part: impl Fn(&mut [u32], &SplitNode, usize) -> u32,
 ) -> Vec<u32> {
-    let mut splits = Vec::new();
-    let mut start = 0;
-    let mut stack: Vec<SplitNode> = nodes.iter().rev().copied().collect();
-    while let Some(node) = stack.pop() {
+    let (mut splits, mut start) = (Vec::new(), 0);
+    let Ok(()) = walk(nodes, extent, 1, |node, axis| {
         let end = start + node.count as usize;
-        match node.cell.axis(extent).filter(|_| node.count > 1) {
-            None => {
-                cells[start..end].fill(node.cell);
-                start = end;
-            }
-            Some(axis) => {
-                let low = part(&mut order[start..end], &node, axis);
-                splits.push(low);
-                let [a, b] = node.halves(axis, low);
-                stack.extend([b, a].into_iter().filter(|n| n.count > 0));
-            }
-        }
-    }
+        let Some(axis) = axis else {
+            cells[start..end].fill(node.cell);
+            start = end;
+            return Ok::<u32, Infallible>(0);
+        };
+        splits.push(part(&mut order[start..end], node, axis));
+        Ok(splits[splits.len() - 1])
+    });
     splits
 }
 

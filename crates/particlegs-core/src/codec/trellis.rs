@@ -2,7 +2,6 @@
 //! next number lies on (docs/format.md, section 6). At the same rate the mean squared error is 1.06 dB
 //! below that of rounding.
 
-/// States of the trellis.
 pub(super) const STATES: usize = 8;
 /// Next state by (state, parity of the index): Ungerboeck's 8-state code, h0 = 13, h1 = 04 (octal).
 pub(super) const NEXT: [[u8; 2]; STATES] = [[0, 2], [5, 7], [1, 3], [4, 6], [2, 0], [7, 5], [3, 1], [6, 4]];
@@ -20,7 +19,7 @@ impl TrellisState {
         i32::from(self.0 & 1)
     }
 
-    pub(super) fn of(number: usize) -> TrellisState {
+    pub(super) fn from_number(number: usize) -> TrellisState {
         TrellisState(number as u8)
     }
 
@@ -36,7 +35,6 @@ impl TrellisState {
         half
     }
 
-    /// After index `k`.
     #[inline(always)]
     pub(crate) fn step(&mut self, k: i64) {
         self.0 = NEXT[self.0 as usize % 8][(k & 1) as usize];
@@ -46,7 +44,6 @@ impl TrellisState {
 /// A number to quantise: `value` in steps; allowed indices. A squared error of one step costs 1.
 #[derive(Clone, Copy)]
 pub(crate) struct TrellisSample {
-    /// In steps.
     pub value: f64,
     /// Lowest and highest index.
     pub range: [i64; 2],
@@ -57,7 +54,6 @@ pub(crate) struct TrellisSample {
 }
 
 impl TrellisSample {
-    /// A number on the whole lattice.
     pub(crate) fn free(value: f64) -> Self {
         TrellisSample { value, range: [-(1 << 20), 1 << 20], pull: 0.0, weight: 1.0 }
     }
@@ -90,6 +86,7 @@ pub(crate) fn quantise(count: usize, sample: impl Fn(usize) -> TrellisSample) ->
         for i in start..end {
             back.push(advance(&mut cost, sample(i)));
         }
+        // A window's best end is final: what follows goes on from there.
         let mut s = (0..8).min_by(|&a, &b| cost[a].total_cmp(&cost[b])).unwrap_or(0);
         state = TrellisState(s as u8);
         out.resize(end, 0);

@@ -1,11 +1,10 @@
 //! The section `VIZM`: the network of the alpha-blend law in 8 bits a weight (docs/format.md,
 //! section 13).
 
-use super::wire::WireReader;
+use super::wire::{SectionFault, WireReader};
 use crate::model::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 use crate::{Error, Result};
 
-/// Layers of the network.
 const LAYERS: usize = VIZMAPPER_SHAPE.len() - 1;
 /// Bytes of the section: shape, ranges; two steps a layer; weights of one byte, biases of two.
 pub const VIZMAPPER_BYTES: usize = 2 * VIZMAPPER_SHAPE.len() + 3 * 8 + 8 * LAYERS + WEIGHTS + 2 * BIASES;
@@ -17,21 +16,6 @@ const MOST_BIAS: f32 = 32_767.0;
 /// Steps beyond this are no network's.
 const WIDEST_STEP: f32 = 1e6;
 
-/// Why a section cannot be read.
-pub enum VizMapperFault {
-    /// It contradicts the format.
-    Corrupt(String),
-    /// A network of another shape.
-    Unknown(String),
-}
-
-impl From<String> for VizMapperFault {
-    fn from(what: String) -> Self {
-        VizMapperFault::Corrupt(what)
-    }
-}
-
-/// The section's bytes.
 pub fn write(network: &VizMapper) -> Result<Vec<u8>> {
     let p = &network.parameters;
     let most = WIDEST_STEP * MOST_WEIGHT;
@@ -58,12 +42,11 @@ pub fn write(network: &VizMapper) -> Result<Vec<u8>> {
     Ok(out)
 }
 
-/// Reads the section.
-pub fn read(bytes: &[u8]) -> std::result::Result<VizMapper, VizMapperFault> {
+pub fn read(bytes: &[u8]) -> std::result::Result<VizMapper, SectionFault> {
     let mut r = WireReader::new(bytes);
     let shape = [r.u16()?, r.u16()?, r.u16()?, r.u16()?];
     if shape.map(usize::from) != VIZMAPPER_SHAPE {
-        return Err(VizMapperFault::Unknown(format!("a VizMapper of the shape {shape:?} is not known")));
+        return Err(SectionFault::Unknown(format!("a VizMapper of the shape {shape:?} is not known")));
     }
     let ranges = VizRanges { scale: r.f64()?, opacity: r.f64()?, floor: r.f64()? };
     check_ranges(&ranges)?;
@@ -71,25 +54,25 @@ pub fn read(bytes: &[u8]) -> std::result::Result<VizMapper, VizMapperFault> {
     for pair in VIZMAPPER_SHAPE.windows(2) {
         let (step, bias_step) = (r.f32()?, r.f32()?);
         if ![step, bias_step].iter().all(|s| (0.0..=WIDEST_STEP).contains(s)) {
-            return Err(VizMapperFault::Corrupt(format!("steps {step} and {bias_step} of a VizMapper")));
+            return Err(SectionFault::Corrupt(format!("steps {step} and {bias_step} of a VizMapper")));
         }
         for _ in 0..pair[0] * pair[1] {
             let w = r.u8()? as i8;
             if w == i8::MIN {
-                return Err(VizMapperFault::Corrupt("a weight of a VizMapper is out of range".into()));
+                return Err(SectionFault::Corrupt("a weight of a VizMapper is out of range".into()));
             }
             parameters.push(f32::from(w) * step);
         }
         for _ in 0..pair[1] {
             let b = r.u16()? as i16;
             if b == i16::MIN {
-                return Err(VizMapperFault::Corrupt("a bias of a VizMapper is out of range".into()));
+                return Err(SectionFault::Corrupt("a bias of a VizMapper is out of range".into()));
             }
             parameters.push(f32::from(b) * bias_step);
         }
     }
     if !r.is_done() {
-        return Err(VizMapperFault::Corrupt(format!("a VizMapper of {} bytes", bytes.len())));
+        return Err(SectionFault::Corrupt(format!("a VizMapper of {} bytes", bytes.len())));
     }
     Ok(VizMapper { parameters, ranges })
 }
@@ -112,7 +95,6 @@ fn step(values: &[f32], most: f32) -> f32 {
     values.iter().fold(0.0f32, |m, v| m.max(v.abs())) / most
 }
 
-/// A value in whole steps.
 fn in_steps(value: f32, step: f32, most: f32) -> f32 {
     if step > 0.0 { (value / step).round().clamp(-most, most) } else { 0.0 }
 }
@@ -121,6 +103,7 @@ fn in_steps(value: f32, step: f32, most: f32) -> f32 {
 mod tests {
     use super::*;
     use crate::math::Random;
+    use crate::render::alpha::network::twin::plain;
 
     /// Weights as a network's before and after training: uniform within 1 / sqrt(inputs), the last
     /// layer's zero; then all moved, the first layer's most.
@@ -139,22 +122,9 @@ mod tests {
     }
 
     /// Outputs in -1 to 1, before the ranges (paper section III-B).
-    fn outputs(n: &VizMapper, input: [f64; 4]) -> Vec<f64> {
-        let mut values = input.to_vec();
-        let mut rest = &n.parameters[..];
-        for (layer, pair) in VIZMAPPER_SHAPE.windows(2).enumerate() {
-            let (weights, others) = rest.split_at(pair[0] * pair[1]);
-            let (biases, others) = others.split_at(pair[1]);
-            rest = others;
-            let unit = |j: usize| {
-                let row = &weights[j * pair[0]..(j + 1) * pair[0]];
-                let sum: f64 = row.iter().zip(&values).map(|(w, v)| f64::from(*w) * v).sum();
-                let a = sum + f64::from(biases[j]);
-                if layer == LAYERS - 1 { a.tanh() } else { a / (1.0 + (-a).exp()) }
-            };
-            values = (0..pair[1]).map(unit).collect();
-        }
-        values
+    fn outputs(n: &VizMapper, input: [f64; 4]) -> [f64; 2] {
+        let parameters: Vec<f64> = n.parameters.iter().map(|v| f64::from(*v)).collect();
+        plain(&parameters, input)
     }
 
     #[test]
@@ -193,10 +163,10 @@ mod tests {
             b[at..at + value.len()].copy_from_slice(value);
             read(&b)
         };
-        assert!(matches!(with(0, &[5]), Err(VizMapperFault::Unknown(_))));
+        assert!(matches!(with(0, &[5]), Err(SectionFault::Unknown(_))));
         for range in [f64::NAN, -0.1, 17.0, f64::INFINITY] {
             for k in 0..3 {
-                assert!(matches!(with(8 + 8 * k, &range.to_le_bytes()), Err(VizMapperFault::Corrupt(_))), "{range}");
+                assert!(matches!(with(8 + 8 * k, &range.to_le_bytes()), Err(SectionFault::Corrupt(_))), "{range}");
             }
         }
         for step in [f32::NAN, -1.0, f32::INFINITY, 2e6] {

@@ -1,6 +1,5 @@
 //! Reading little-endian fields from a slice that may end too soon.
 
-/// A place in a slice.
 pub(crate) struct WireReader<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -8,12 +7,40 @@ pub(crate) struct WireReader<'a> {
 
 type WireResult<T> = Result<T, String>;
 
+/// Why a section cannot be read.
+pub(crate) enum SectionFault {
+    /// It contradicts the format.
+    Corrupt(String),
+    /// It asks for something newer.
+    Unknown(String),
+}
+
+impl From<String> for SectionFault {
+    fn from(what: String) -> Self {
+        SectionFault::Corrupt(what)
+    }
+}
+
+/// Numbers by the names of their types.
+macro_rules! numbers {
+    ($($number:ident)*) => {
+        impl WireReader<'_> {
+            $(pub(crate) fn $number(&mut self) -> WireResult<$number> {
+                let mut bytes = [0; size_of::<$number>()];
+                bytes.copy_from_slice(self.take(size_of::<$number>())?);
+                Ok($number::from_le_bytes(bytes))
+            })*
+        }
+    };
+}
+
+numbers!(u8 u16 u32 u64 f32 f64);
+
 impl<'a> WireReader<'a> {
     pub(crate) fn new(bytes: &'a [u8]) -> Self {
         WireReader { bytes, at: 0 }
     }
 
-    /// The next `n` bytes.
     pub(crate) fn take(&mut self, n: usize) -> WireResult<&'a [u8]> {
         let end = self.at.checked_add(n).filter(|&e| e <= self.bytes.len());
         let Some(end) = end else {
@@ -22,36 +49,6 @@ impl<'a> WireReader<'a> {
         let part = &self.bytes[self.at..end];
         self.at = end;
         Ok(part)
-    }
-
-    fn array<const N: usize>(&mut self) -> WireResult<[u8; N]> {
-        let mut a = [0; N];
-        a.copy_from_slice(self.take(N)?);
-        Ok(a)
-    }
-
-    pub(crate) fn u8(&mut self) -> WireResult<u8> {
-        Ok(self.take(1)?[0])
-    }
-
-    pub(crate) fn u16(&mut self) -> WireResult<u16> {
-        Ok(u16::from_le_bytes(self.array()?))
-    }
-
-    pub(crate) fn u32(&mut self) -> WireResult<u32> {
-        Ok(u32::from_le_bytes(self.array()?))
-    }
-
-    pub(crate) fn u64(&mut self) -> WireResult<u64> {
-        Ok(u64::from_le_bytes(self.array()?))
-    }
-
-    pub(crate) fn f32(&mut self) -> WireResult<f32> {
-        Ok(f32::from_le_bytes(self.array()?))
-    }
-
-    pub(crate) fn f64(&mut self) -> WireResult<f64> {
-        Ok(f64::from_le_bytes(self.array()?))
     }
 
     pub(crate) fn is_done(&self) -> bool {

@@ -2,21 +2,23 @@
 //! on order, and functions of whole vectors.
 
 mod random;
+mod sphere;
 mod symmetric;
 mod vector;
 mod vector3;
 
 pub use random::{Purpose, Random};
+pub use sphere::{GaussianInSphere, Rules};
 pub use symmetric::{Eigen, Sym3};
+pub use vector::{Matrix, across, add_product, exp2};
+pub(crate) use vector3::{cross, dot, norm};
+
 /// What `of` makes of each axis: x, y and z are 0, 1 and 2. A plain array: `std::array::from_fn` takes the compiler
 /// six functions for every closure, and vectors of three are made in hundreds of places.
 #[inline(always)]
 pub fn each_axis<T>(mut of: impl FnMut(usize) -> T) -> [T; 3] {
     [of(0), of(1), of(2)]
 }
-
-pub use vector::{Matrix, across, add_product, exp2};
-pub(crate) use vector3::{cross, dot, norm};
 
 /// The share of a Gaussian of deviation `s` below `x`, to 1e-7 (Abramowitz and Stegun 7.1.26):
 /// a grid's cell needs no more, and it is called a hundred times a Gaussian.

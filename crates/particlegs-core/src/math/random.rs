@@ -57,7 +57,7 @@ pub struct Random(ChaCha8Rng);
 
 impl Random {
     /// The stream of draw `index` of a purpose under `seed`.
-    pub fn of(purpose: Purpose, seed: u64, index: u64) -> Self {
+    pub fn from_purpose(purpose: Purpose, seed: u64, index: u64) -> Self {
         Random::new(seed, purpose as u32, index)
     }
 
@@ -123,7 +123,7 @@ mod tests {
     #[test]
     fn purposes_are_their_letters() {
         for (purpose, number) in [(Purpose::OrbitTurn, 0x7475_726e), (Purpose::TrainingStep, 0x7472_7374)] {
-            assert_eq!(Random::of(purpose, 5, 7).bits(), Random::new(5, number, 7).bits());
+            assert_eq!(Random::from_purpose(purpose, 5, 7).bits(), Random::new(5, number, 7).bits());
         }
     }
 

@@ -1,6 +1,6 @@
 //! Symmetric 3x3 matrices in f64.
 
-use crate::math::each_axis;
+use super::{cross, dot, each_axis};
 
 /// Variances below this share of a matrix's trace are taken as that where their roots or logarithms are wanted.
 const FLATTEST: f64 = 1e-12;
@@ -129,9 +129,8 @@ impl Sym3 {
         let least = e.values[0].max(f64::MIN_POSITIVE) * FLATTEST;
         let deviations = e.values.map(|v| v.max(least).sqrt() * size.sqrt());
         let [a, b, mut c] = e.vectors;
-        let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
         // Axes have no sign: a turn has to be right-handed.
-        if (0..3).map(|k| cross[k] * c[k]).sum::<f64>() < 0.0 {
+        if dot(cross(a, b), c) < 0.0 {
             c = c.map(|v| -v);
         }
         (deviations, quaternion([a, b, c]))

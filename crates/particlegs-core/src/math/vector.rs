@@ -31,7 +31,6 @@ pub struct Matrix<'a> {
 }
 
 impl Matrix<'_> {
-    /// The rows from `row` on.
     #[inline(always)]
     fn rows_from(self, row: usize) -> Self {
         Matrix { data: &self.data[row * self.step[0]..], ..self }

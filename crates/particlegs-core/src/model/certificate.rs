@@ -3,32 +3,12 @@
 use super::metric::{MetricField, MetricVisitor, OptionalGroup, RequiredGroup, record};
 use super::metrics::{CELL_NAMES, CLASS_NAMES};
 use super::{
-    CellDensity, CrossValidation, DensityMetrics, GoalResult, GroupClass, Layer, LayerRatio, LayerRatios, MassPower,
-    Metric, MetricEntry, MetricGroup, MetricValue, Pictures, Sample, ScienceMetrics, Spacing, Subset, ViewMetrics,
-    species_title,
+    CellDensity, CertificateLevel, CrossValidation, DensityMetrics, GoalResult, GroupClass, Layer, LayerRatio,
+    LayerRatios, MassPower, Metric, MetricEntry, MetricGroup, MetricValue, Pictures, Sample, ScienceMetrics, Spacing,
+    Subset, ViewMetrics, species_title,
 };
 use crate::model::{Coding::Whole, Tolerance};
 use std::convert::Infallible;
-
-crate::named_values! {
-    /// How much is measured of a decoded model.
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-    #[serde(rename_all = "snake_case")]
-    pub enum CertificateLevel {
-        None = "none": "Nothing: the file holds no scores",
-        #[default]
-        Quick = "quick": "Pictures, densities, power spectrum and distances",
-        Full = "full": "Also groups, matched in eight draws, and models of halves of the particles against the other halves",
-        Blocks = "blocks": "What blocks of a job measure each by itself, added up: no process needs all particles",
-    }
-}
-
-impl CertificateLevel {
-    /// Is anything measured?
-    pub fn measures(self) -> bool {
-        self != CertificateLevel::None
-    }
-}
 
 /// Levels that have a group.
 const ALL: &[CertificateLevel] = &[CertificateLevel::Quick, CertificateLevel::Full, CertificateLevel::Blocks];
@@ -41,7 +21,8 @@ const SOME: &[CertificateLevel] = &[];
 const fn group<F>(
     tag: u8,
     levels: &'static [CertificateLevel],
-    [name, words]: [&'static str; 2],
+    name: &'static str,
+    words: &'static str,
     form: F,
 ) -> OptionalGroup<F> {
     OptionalGroup(MetricGroup { tag, levels, name, words }, form)
@@ -53,41 +34,38 @@ record! {
         /// Pictures at the default radius and opacity.
         #[serde(flatten)]
         views: ViewMetrics =
-            RequiredGroup(group(1, ALL, ["pictures", "pictures, one frame an orbit; masked PSNR in dB, SSIM"], ""));
-        /// The density on a grid.
-        density: DensityMetrics = RequiredGroup(group(MetricGroup::DENSITY, ALL, ["density", "density on a grid"], ""));
+            RequiredGroup(group(1, ALL, "pictures", "pictures, one frame an orbit; masked PSNR in dB, SSIM", ""));
+        density: DensityMetrics = RequiredGroup(group(MetricGroup::DENSITY, ALL, "density", "density on a grid", ""));
         /// Densities in cells of three sizes, the smallest first.
-        densities: Option<[CellDensity; 3]> = group(3, ALL, ["density", "density in cells"], CELL_NAMES);
-        /// P(k), r(k) and numbers of groups.
+        densities: Option<[CellDensity; 3]> = group(3, ALL, "density", "density in cells", CELL_NAMES);
         science: Option<ScienceMetrics> =
-            group(MetricGroup::SCIENCE, ALL, ["statistics", "statistics against the source"], "");
+            group(MetricGroup::SCIENCE, ALL, "statistics", "statistics against the source", "");
         /// P(k) of mass, where particles' masses are known and differ or there are several layers.
         mass_power: Option<MassPower> =
-            group(5, SOME, ["P(k) by mass", "power spectrum by mass, of the mixture itself"], "");
+            group(5, SOME, "P(k) by mass", "power spectrum by mass, of the mixture itself", "");
         /// What distances, groups and halves are of where the snapshot is too large for all.
-        sample: Option<Sample> = group(6, SOME, ["region", "distances, groups and halves are of a region"], "");
-        /// Distances to the nearest neighbour.
-        spacing: Option<Spacing> = group(7, WHOLE, ["nearest neighbour", "distance to the nearest neighbour"], "");
+        sample: Option<Sample> = group(6, SOME, "region", "distances, groups and halves are of a region", "");
+        spacing: Option<Spacing> = group(7, WHOLE, "nearest neighbour", "distance to the nearest neighbour", "");
         /// Groups matched by position, by class of size.
         groups: Option<[GroupClass; 3]> = group(8, FULL,
-            ["groups", "groups of particles drawn, over the source's, matched by position"], CLASS_NAMES);
+            "groups", "groups of particles drawn, over the source's, matched by position", CLASS_NAMES);
         /// Of particles that the fit has not seen.
-        held_out: Option<CrossValidation> = group(9, FULL, ["halves", "held-out particles, of models of halves"], "");
+        held_out: Option<CrossValidation> = group(9, FULL, "halves", "held-out particles, of models of halves", "");
         /// The particles' own best rival to the model.
         subset: Option<Subset> =
-            group(10, WHOLE, ["subset", "random subset of the same bytes, drawn with larger radii"], "");
+            group(10, WHOLE, "subset", "random subset of the same bytes, drawn with larger radii", "");
         /// Pictures at other radii and opacities, and from close up.
         pictures: Option<Pictures> = group(11, FULL,
-            ["settings", "pictures at other radii and opacities (r, a: the default ones) and from close up"], "");
+            "settings", "pictures at other radii and opacities (r, a: the default ones) and from close up", "");
         /// Parts that the certificate was added up of, where no process had all particles: ParaView's pictures are then
         /// not measured.
-        blocks: Option<u32> = group(12, BLOCKS, ["blocks", "added up of blocks, each measured by itself"],
+        blocks: Option<u32> = group(12, BLOCKS, "blocks", "added up of blocks, each measured by itself",
             Metric::new("blocks", Whole(4)).tolerance(Tolerance::Any));
         /// What was asked for, and what the file reached.
-        goal: Option<GoalResult> = group(MetricGroup::GOAL, SOME, ["goal", "asked for"], "");
+        goal: Option<GoalResult> = group(MetricGroup::GOAL, SOME, "goal", "asked for", "");
         /// How layers go together, where there are several.
         layer_ratios: Option<LayerRatios> = group(14, SOME,
-            ["layers", "ratio of masses to the first layer's from cell to cell, dex"], "");
+            "layers", "ratio of masses to the first layer's from cell to cell, dex", "");
     }
 }
 
@@ -144,7 +122,6 @@ impl Certificate {
     }
 }
 
-/// Lists all figures.
 #[derive(Default)]
 struct FigureList {
     groups: Vec<(MetricGroup, Option<Vec<MetricEntry>>)>,
@@ -188,7 +165,7 @@ mod tests {
             mass: Mass::Unknown,
             content: (),
         });
-        let mut ratios = LayerRatios::of_layers(3).unwrap();
+        let mut ratios = LayerRatios::new(3).unwrap();
         let ratio = |error| LayerRatio { edge: 0.39, cells: 100, noise: 0.024, error, ..LayerRatio::default() };
         (ratios.to_first[0], ratios.to_first[1]) = (Some(ratio(0.064)), Some(ratio(0.047)));
         let c = Certificate { layer_ratios: Some(ratios), ..Certificate::default() };
@@ -200,7 +177,7 @@ mod tests {
             ]
         );
         assert_eq!(Certificate::default().differing_layers(&layers, None), [""; 0]);
-        assert_eq!(LayerRatios::of_layers(1), None);
-        assert_eq!(LayerRatios::of_layers(12).unwrap().to_first.iter().flatten().count(), 7);
+        assert_eq!(LayerRatios::new(1), None);
+        assert_eq!(LayerRatios::new(12).unwrap().to_first.iter().flatten().count(), 7);
     }
 }

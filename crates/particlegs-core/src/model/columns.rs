@@ -7,6 +7,7 @@ pub struct Columns<T>(Vec<(String, T)>);
 
 /// Weights of particles, masses of Gaussians.
 pub const MASS: &str = "mass";
+
 impl<T> Default for Columns<T> {
     fn default() -> Self {
         Columns(Vec::new())

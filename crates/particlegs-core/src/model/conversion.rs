@@ -198,7 +198,7 @@ mod tests {
     }
 
     fn converted(from: (&str, Option<bool>), to: (&str, Option<bool>)) -> std::result::Result<Conversion, String> {
-        let of = |(text, comoving)| Units::of(Some(text), None, comoving);
+        let of = |(text, comoving)| Units::new(Some(text), None, comoving);
         let (from, to) = (of(from), of(to));
         system(&from, Some(0.5), Some(0.7)).conversion(&system(&to, None, None))
     }
@@ -222,7 +222,7 @@ mod tests {
             let found = converted(from, to).unwrap().length;
             assert!((found / factor - 1.0).abs() < 1e-13, "{from:?} to {to:?}: {found}");
         }
-        let (from, to) = (Units::of(None, Some("1e10 Msun/h"), None), Units::of(None, Some("g"), None));
+        let (from, to) = (Units::new(None, Some("1e10 Msun/h"), None), Units::new(None, Some("g"), None));
         let found = system(&from, None, Some(0.7)).conversion(&system(&to, None, None)).unwrap();
         assert!((found.mass / (1.988_41e43 / 0.7) - 1.0).abs() < 1e-12 && found.length == 1.0, "{found:?}");
     }
@@ -236,7 +236,7 @@ mod tests {
             let refused = converted(from, to).unwrap_err();
             assert!(refused.starts_with(says), "{refused}");
         }
-        let (by_h, without) = (Units::of(Some("kpc/h"), None, Some(true)), Units::of(Some("kpc"), None, Some(false)));
+        let (by_h, without) = (Units::new(Some("kpc/h"), None, Some(true)), Units::new(Some("kpc"), None, Some(false)));
         let says = |a: [Option<f64>; 2], h: [Option<f64>; 2], what: &str| {
             let refused = system(&by_h, a[0], h[0]).conversion(&system(&without, a[1], h[1])).unwrap_err();
             assert!(refused.contains(what) && refused.contains("comoving kpc/h"), "{refused}");
@@ -252,7 +252,7 @@ mod tests {
         assert!(converted(("kpc", None), ("Mpc", None)).unwrap().unstated.is_empty());
         let comoving = converted(("kpc", None), ("Mpc", Some(true))).unwrap();
         assert_eq!(comoving.unstated, ["it does not say whether lengths are comoving (taken as comoving)"]);
-        let (stated, silent) = (Units::of(Some("kpc"), Some("Msun"), Some(true)), Units::default());
+        let (stated, silent) = (Units::new(Some("kpc"), Some("Msun"), Some(true)), Units::default());
         let found = system(&silent, None, None).conversion(&system(&stated, Some(0.5), None)).unwrap();
         assert!(found.is_identity());
         let sun = Units {

@@ -1,7 +1,8 @@
 //! What a compression was asked to reach, in the terms of the data, and what its file reached.
 
+use super::Metric;
 use super::metric::{enum_values, record};
-use super::{Metric, per_length};
+use super::unit::per_length;
 use crate::model::Coding::{F64, Name};
 
 /// Which figure a goal is of.
@@ -31,7 +32,6 @@ record! {
     /// A figure, and what it is to be.
     #[derive(serde::Deserialize)]
     Goal {
-        /// Which figure.
         kind: GoalKind = Metric::new("figure", Name(GoalKind::NAMES));
         /// What it is to be: a share (0.01 = 1 %) for the power spectrum and groups.
         asked: f64 = Metric::new("asked for", F64);
@@ -43,7 +43,6 @@ record! {
 record! {
     /// A goal, and what the decoded file was measured to have.
     GoalResult {
-        /// What was asked for.
         #[serde(flatten)]
         goal: Goal = "";
         /// What was reached, as [`Goal::asked`].
@@ -61,8 +60,8 @@ impl Goal {
     }
 
     /// What is asked for, in words; `unit` is the unit of length.
-    pub fn in_words(&self, unit: Option<&str>) -> String {
-        let (value, at) = (self.value_in_words(self.asked), self.at);
+    pub fn describe(&self, unit: Option<&str>) -> String {
+        let (value, at) = (self.describe_value(self.asked), self.at);
         match self.kind {
             GoalKind::Psnr => format!("a masked PSNR of {value}"),
             GoalKind::PowerSpectrum => {
@@ -78,7 +77,7 @@ impl Goal {
     }
 
     /// A value of this figure in words: `31.92 dB`, `0.931 %`, `0.99931`.
-    pub fn value_in_words(&self, value: f64) -> String {
+    pub fn describe_value(&self, value: f64) -> String {
         // So many digits, and no zeros that say nothing.
         let digits = |v: f64, n: usize| {
             let text = format!("{v:.n$}");
@@ -95,9 +94,9 @@ impl Goal {
 
 impl GoalResult {
     /// Both in one line; `unit` is the unit of length.
-    pub fn in_words(&self, unit: Option<&str>) -> String {
+    pub fn describe(&self, unit: Option<&str>) -> String {
         let goal = &self.goal;
-        format!("{}: reached {}", goal.in_words(unit), goal.value_in_words(self.reached))
+        format!("{}: reached {}", goal.describe(unit), goal.describe_value(self.reached))
     }
 }
 
@@ -112,11 +111,11 @@ mod tests {
         assert!(power.is_met(0.01) && power.is_met(0.0) && !power.is_met(0.011) && !power.is_met(f64::NAN));
         let density = goal(GoalKind::Correlation, 0.999, 1.0);
         assert!(density.is_met(0.9991) && !density.is_met(0.998));
-        assert_eq!(power.in_words(Some("Mpc/h")), "P(k) within 1 % up to k = 2 h/Mpc");
-        assert_eq!(density.in_words(None), "a correlation of 0.999 of densities in cells of 1");
+        assert_eq!(power.describe(Some("Mpc/h")), "P(k) within 1 % up to k = 2 h/Mpc");
+        assert_eq!(density.describe(None), "a correlation of 0.999 of densities in cells of 1");
         let groups = GoalResult { goal: goal(GoalKind::Groups, 0.1, 50.0), reached: 0.0625 };
-        assert_eq!(groups.in_words(None), "numbers of groups within 10 % from 50 particles on: reached 6.25 %");
-        assert_eq!(goal(GoalKind::Psnr, 32.0, 0.0).in_words(None), "a masked PSNR of 32 dB");
-        assert_eq!(power.value_in_words(0.0), "0 %");
+        assert_eq!(groups.describe(None), "numbers of groups within 10 % from 50 particles on: reached 6.25 %");
+        assert_eq!(goal(GoalKind::Psnr, 32.0, 0.0).describe(None), "a masked PSNR of 32 dB");
+        assert_eq!(power.describe_value(0.0), "0 %");
     }
 }

@@ -25,7 +25,7 @@ pub struct Metadata {
     /// Source name, without its path.
     pub source: String,
     /// What binds it to its source: BLAKE3 of its runs (docs/format.md).
-    #[serde(with = "hexadecimal")]
+    #[serde(with = "crate::hash::hexadecimal")]
     pub source_hash: [u8; 32],
     /// What numbers are in.
     #[serde(flatten)]
@@ -146,25 +146,5 @@ impl Metadata {
         all.extend(weighted.then(|| quantity("masses", QuantityKind::Scalar, &self.units.mass, 4)));
         all.extend(self.fields.iter().cloned());
         all
-    }
-}
-
-/// A hash as text: 64 hexadecimal digits.
-pub fn hex(hash: &[u8; 32]) -> String {
-    blake3::Hash::from_bytes(*hash).to_hex().to_string()
-}
-
-/// [`hex`] in serde's terms.
-mod hexadecimal {
-    use serde::de::Error;
-    use serde::{Deserialize, Deserializer, Serializer};
-
-    pub fn serialize<S: Serializer>(hash: &[u8; 32], to: S) -> Result<S::Ok, S::Error> {
-        to.serialize_str(&super::hex(hash))
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<[u8; 32], D::Error> {
-        let hash = blake3::Hash::from_hex(String::deserialize(from)?).map_err(D::Error::custom)?;
-        Ok(*hash.as_bytes())
     }
 }

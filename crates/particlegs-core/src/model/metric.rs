@@ -1,7 +1,37 @@
 //! How the figures of a certificate are declared: each once, with its name, coding, range, unit and tolerance. What
 //! encodes, decodes, compares, prints and lists them passes over these declarations.
 
-use super::{CertificateLevel, PictureScore, per_length};
+use super::unit::per_length;
+use std::fmt;
+
+crate::named_values! {
+    /// How much is measured of a decoded model.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum CertificateLevel {
+        None = "none": "Nothing: the file holds no scores",
+        #[default]
+        Quick = "quick": "Pictures, densities, power spectrum and distances",
+        Full = "full": "Also groups, matched in eight draws, and models of halves of the particles against the other halves",
+        Blocks = "blocks": "What blocks of a job measure each by itself, added up: no process needs all particles",
+    }
+}
+
+impl CertificateLevel {
+    /// Is anything measured?
+    pub fn measures(self) -> bool {
+        self != CertificateLevel::None
+    }
+}
+
+/// Scores of one picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct PictureScore {
+    /// Masked PSNR, dB. `None`: identical or nothing lit.
+    pub masked_psnr: Option<f64>,
+    /// SSIM.
+    pub ssim: f64,
+}
 
 /// What a figure says.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,7 +129,6 @@ impl Metric {
         Metric { name, coding, range: [0.0, f64::MAX], unit, tolerance }
     }
 
-    /// The same with another range.
     pub(crate) const fn range(self, least: f64, most: f64) -> Metric {
         Metric { range: [least, most], ..self }
     }
@@ -115,13 +144,12 @@ impl Metric {
         Metric { unit, tolerance, ..self }
     }
 
-    /// The same with another tolerance.
     pub(crate) const fn tolerance(self, tolerance: Tolerance) -> Metric {
         Metric { tolerance, ..self }
     }
 
     /// A value in words; `unit` is the unit of length.
-    pub fn in_words(&self, value: MetricValue, unit: Option<&str>) -> String {
+    pub fn describe(&self, value: MetricValue, unit: Option<&str>) -> String {
         let per = || unit.map_or_else(|| "1/length".into(), per_length);
         match (value, self.coding) {
             (MetricValue::None, _) => "not measured".into(),
@@ -151,17 +179,6 @@ pub fn decimals(v: f64) -> String {
 }
 
 impl Tolerance {
-    /// In words.
-    pub fn in_words(self) -> String {
-        match self {
-            Tolerance::Same => "same".into(),
-            Tolerance::Within(by) => by.to_string(),
-            Tolerance::Relative(share) => format!("{} %", 100.0 * share),
-            Tolerance::Score => "0.05 dB, 0.002".into(),
-            Tolerance::Any => "any".into(),
-        }
-    }
-
     /// Is what was measured further from what is stored? Not a number is never near.
     pub fn is_passed(self, stored: MetricValue, measured: MetricValue) -> bool {
         let near = |a: f64, b: f64, by: f64| (a - b).abs() <= by;
@@ -179,6 +196,18 @@ impl Tolerance {
             (_, a, b) => a == b,
         };
         !within
+    }
+}
+
+impl fmt::Display for Tolerance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Tolerance::Same => f.write_str("same"),
+            Tolerance::Within(by) => write!(f, "{by}"),
+            Tolerance::Relative(share) => write!(f, "{} %", 100.0 * share),
+            Tolerance::Score => f.write_str("0.05 dB, 0.002"),
+            Tolerance::Any => f.write_str("any"),
+        }
     }
 }
 
@@ -204,10 +233,10 @@ impl MetricGroup {
     pub const GOAL: u8 = 13;
 
     /// The figures that are in no row, in one sentence; `unit` is the unit of length.
-    pub fn in_words(&self, entries: &[MetricEntry], unit: Option<&str>) -> String {
+    pub fn describe(&self, entries: &[MetricEntry], unit: Option<&str>) -> String {
         let alone = entries.iter().filter(|e| e.row.is_empty());
         let words: Vec<String> =
-            alone.map(|e| format!("{} {}", e.metric.name, e.metric.in_words(e.value, unit))).collect();
+            alone.map(|e| format!("{} {}", e.metric.name, e.metric.describe(e.value, unit))).collect();
         format!("{}: {}", self.words, words.join(", ")).trim_end().to_string()
     }
 }
@@ -225,12 +254,10 @@ pub struct MetricEntry {
 
 /// Passes over the figures of a certificate, group by group, in the order of their tags.
 pub(crate) trait MetricVisitor {
-    /// What may go wrong.
     type Error;
 
     /// A group begins, and is `there`; is it to be there, and visited?
     fn begin(&mut self, group: &MetricGroup, there: bool) -> Result<bool, Self::Error>;
-    /// It ends.
     fn end(&mut self, _: &MetricGroup) -> Result<(), Self::Error> {
         Ok(())
     }
@@ -246,7 +273,6 @@ pub(crate) trait MetricVisitor {
     }
     /// What follows, up to `leave`, is of one of several alike.
     fn enter(&mut self, _: &'static str) {}
-    /// See `enter`.
     fn leave(&mut self) {}
 }
 
@@ -283,7 +309,6 @@ impl<T: MetricField<&'static str> + Default + Copy> MetricField<&'static str> fo
 /// A group that a certificate may have, and the form of what is in it.
 pub(crate) struct OptionalGroup<F>(pub MetricGroup, pub F);
 
-/// A group that every certificate has.
 pub(crate) struct RequiredGroup<F>(pub OptionalGroup<F>);
 
 impl<T: MetricField<F> + Default + Copy, F> MetricField<OptionalGroup<F>> for Option<T> {
@@ -370,7 +395,9 @@ macro_rules! record {
     ($(#[$meta:meta])* $name:ident $(agrees by $agree:path)? {
         $($(#[$field_meta:meta])* $field:ident: $type:ty = $form:expr;)*
     }) => {
+        // What a figure's own name says needs no other words.
         $(#[$meta])*
+        #[allow(missing_docs)]
         #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
         pub struct $name {
             $($(#[$field_meta])* pub $field: $type,)*

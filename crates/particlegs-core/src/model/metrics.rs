@@ -2,7 +2,7 @@
 //! [`Certificate`](super::Certificate).
 
 use super::metric::{MetricField, MetricVisitor, record};
-use super::{Limit, Metric, MetricUnit, MetricValue, Tolerance};
+use super::{Limit, Metric, MetricUnit, MetricValue, PictureScore, Tolerance};
 use crate::model::Coding::{F32, F64, Name, OptionalF32, Score, UpTo, Whole};
 use crate::space::Bounds;
 
@@ -52,19 +52,9 @@ const ERROR: Metric = Metric::new("mean error", F32).range(0.0, 2.01);
 const UNIFORM_ERROR: Metric = Metric::new("error of a uniform one", F32).range(0.0, 2.01);
 const K_MAX: Metric = Metric::new("largest wave number", F64).unit(MetricUnit::WaveNumber);
 
-/// Scores of one picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct PictureScore {
-    /// Masked PSNR, dB. `None`: identical or nothing lit.
-    pub masked_psnr: Option<f64>,
-    /// SSIM.
-    pub ssim: f64,
-}
-
 record! {
     /// A model's picture and those that it is compared with (docs/law/scores.md); `None` for those that were not drawn.
     PictureScores {
-        /// The model's.
         #[serde(flatten)]
         model: Option<PictureScore> = Metric::new("model", Score);
         /// All particles', without sampling noise.
@@ -81,9 +71,7 @@ record! {
 record! {
     /// One frame of one orbit.
     OrbitMetrics {
-        /// Against `paraview`.
         paraview: PictureScores = "paraview";
-        /// Against `paraview-no-fxaa`.
         paraview_no_fxaa: PictureScores = "paraview-no-fxaa";
         /// Against `expected` (whose noise-free picture is itself).
         expected: PictureScores = "expected";
@@ -93,13 +81,9 @@ record! {
 record! {
     /// Pictures at the default radius and opacity.
     ViewMetrics agrees by Self::pictures_are_of_their_size {
-        /// Their size.
         width: u16 = WIDTH;
-        /// Their size.
         height: u16 = HEIGHT;
-        /// Seed of the views.
         seed: u64 = Metric::new("seed", Whole(8));
-        /// Far, mid, near.
         orbits: [OrbitMetrics; 3] = ["far", "mid", "near"];
     }
 }
@@ -143,7 +127,6 @@ record! {
     DensityMetrics {
         /// Cells along the longest extent.
         cells: u16 = Metric::new("cells", Whole(2)).range(1.0, f64::MAX);
-        /// Pearson's coefficient over the cells.
         correlation: f64 = CORRELATION;
         /// Mean absolute error of the density contrast delta = rho / mean - 1.
         mean_absolute_error: f64 = ERROR;
@@ -157,13 +140,9 @@ record! {
     CellDensity {
         /// Edge of a cell, world units (the longest of the three).
         edge: f64 = Metric::new("edge", F64).range(f64::MIN_POSITIVE, f64::MAX).unit(MetricUnit::Length);
-        /// Particles in a cell, on average.
         particles: f64 = Metric::new("particles", F32).range(f32::MIN_POSITIVE as f64, f64::MAX);
-        /// Pearson's coefficient over the cells.
         correlation: f64 = CORRELATION;
-        /// Mean absolute error of the density contrast.
         mean_absolute_error: f64 = ERROR;
-        /// That of a uniform density.
         uniform_mean_absolute_error: f64 = UNIFORM_ERROR;
     }
 }
@@ -172,7 +151,6 @@ record! {
     /// P(k) of mass: of the mixture itself against that of the particles, on the grid and up to the wave number of the
     /// certificate's other spectra.
     MassPower {
-        /// All layers together.
         whole: PowerAgreement = "all layers";
         /// Each layer on its own, in the file's order; none where there is but one.
         layers: [Option<PowerAgreement>; POWER_LAYERS] = LAYER_NAMES;
@@ -181,7 +159,7 @@ record! {
 
 impl MassPower {
     /// Of so many layers; nothing is measured.
-    pub fn of_layers(layers: usize) -> MassPower {
+    pub fn new(layers: usize) -> MassPower {
         let own = if layers > 1 { layers.min(POWER_LAYERS) } else { 0 };
         let mut power = MassPower::default();
         power.layers[..own].fill(Some(PowerAgreement::default()));
@@ -211,7 +189,7 @@ record! {
 
 impl LayerRatios {
     /// Of so many layers, where there are several; nothing is measured.
-    pub fn of_layers(layers: usize) -> Option<LayerRatios> {
+    pub fn new(layers: usize) -> Option<LayerRatios> {
         let mut ratios = LayerRatios::default();
         let pairs = layers.checked_sub(1).filter(|n| *n > 0)?.min(ratios.to_first.len());
         ratios.to_first[..pairs].fill(Some(LayerRatio::default()));
@@ -228,7 +206,6 @@ record! {
         cells: u32 = Metric::new("cells", Whole(4));
         /// Standard deviation over the cells, of the model.
         scatter: f64 = Metric::new("scatter", F32);
-        /// That of the particles.
         particles_scatter: f64 = Metric::new("the particles'", F32);
         /// Root mean square of the difference of the two.
         error: f64 = Metric::new("error", F32);
@@ -247,9 +224,7 @@ impl LayerRatio {
 record! {
     /// A region that holds all the particles it has: groups and distances are found in it as in the whole.
     Sample agrees by Self::corners_are_in_order {
-        /// Particles in it.
         particles: u64 = Metric::new("particles", Whole(8)).range(1.0, f64::MAX);
-        /// Where it lies, world units.
         bounds: Bounds = ["from x", "from y", "from z", "to x", "to y", "to z"];
     }
 }
@@ -287,7 +262,6 @@ record! {
     /// Friends-of-friends groups of one class of sizes: those of the particles against those of several draws from the
     /// model, matched by position. A share is `None` where there are no groups.
     GroupClass agrees by Self::shares_are_of_groups {
-        /// Groups of the particles.
         groups: u64 = Metric::new("groups", Whole(4));
         /// Their number among drawn particles over that, mean of the draws.
         number: Option<f64> = Metric::new("number", OptionalF32).unit(MetricUnit::Share);
@@ -374,9 +348,7 @@ record! {
     /// Particles chosen at random, coded to the bytes of the model's file and drawn larger: what the same bytes show
     /// without any model. Its scores stand beside the model's.
     Subset {
-        /// Particles kept.
         kept: u64 = Metric::new("particles", Whole(8)).range(1.0, f64::MAX);
-        /// Bytes that their places take.
         bytes: u64 = Metric::new("bytes", Whole(8));
     }
 }
@@ -384,9 +356,7 @@ record! {
 record! {
     /// Pictures at several radii and opacities.
     Pictures {
-        /// Their size.
         width: u16 = WIDTH;
-        /// Their size.
         height: u16 = HEIGHT;
         /// Radius by radius, opacity by opacity, from the three orbits; then from close up.
         settings: [PictureSetting; PICTURE_SETTINGS] = SETTING_NAMES;
@@ -398,13 +368,10 @@ record! {
     PictureSetting agrees by Self::expected_is_noise_free {
         /// Particle radius, in default radii.
         radius: f64 = Metric::new("radius", F32).range(f32::MIN_POSITIVE as f64, f64::MAX);
-        /// Opacity.
         opacity: f64 = Metric::new("opacity", F32).range(f32::MIN_POSITIVE as f64, 1.0);
         /// Are the views from within the particles, and not from the orbits?
         close: bool = Metric::new("views", Name(&["orbits", "close up"]));
-        /// Against `paraview`.
         paraview: LookSummary = "paraview";
-        /// Against `expected`.
         expected: LookSummary = "expected";
     }
 }
@@ -423,7 +390,6 @@ record! {
         worst_view: u8 = Metric::new("worst view", Name(&["1 (far)", "2 (mid)", "3 (near)"]));
         /// Means of the views' decibels and SSIM; views without a value are left out.
         mean: PictureScores = "mean";
-        /// The worst view's.
         worst: PictureScores = "worst";
     }
 }

@@ -23,7 +23,8 @@ pub struct Recipe {
     /// How the fit was trained further; `None` = not.
     #[serde(skip_serializing_if = "is_default")]
     pub training: Option<TrainingRecipe>,
-    /// What was read of the snapshot: the command's options by name, with their values (empty for a switch).
+    /// What was read of the snapshot: the command's options by name, with their values (empty for a switch). The field
+    /// of masses is `weights`.
     #[serde(skip_serializing_if = "is_default")]
     pub read: BTreeMap<String, String>,
     /// Default particle radius that was stated, world units.
@@ -184,7 +185,10 @@ impl fmt::Display for Recipe {
         }
         write!(f, "compress")?;
         let option = |name: &str, value: Option<String>| value.map_or(String::new(), |v| format!(" --{name} {v}"));
-        let read = self.read.iter().map(|(name, value)| format!(" --{name} {value}").trim_end().to_string());
+        let read = self.read.iter().map(|(name, value)| {
+            let name = if name == "weights" { "mass-field" } else { name };
+            format!(" --{name} {value}").trim_end().to_string()
+        });
         let fields = [
             ("target", self.target.to_string()),
             ("effort", option("effort", Some(self.effort.name().into()))),
@@ -225,11 +229,10 @@ mod tests {
     fn recipes_are_shown_as_the_command() {
         assert_eq!(asked(65.0).to_string(), "compress --ratio 65 --effort default --seed 42");
         let training = TrainingRecipe { preset: Some("best".into()), ..TrainingRecipe::default() };
-        let read = [("every".to_string(), "2".to_string()), ("left-out".into(), String::new())];
+        let read = [("every", "2"), ("left-out", ""), ("weights", "none")].map(|(n, v)| (n.into(), v.into()));
         let recipe =
             Recipe { read: read.into(), training: Some(training), blocks: 3, opacity: Some(0.1), ..asked(65.0) };
-        let all =
-            "compress --ratio 65 --effort default --seed 42 --train best --every 2 --left-out --opacity 0.1 --blocks 3";
+        let all = "compress --ratio 65 --effort default --seed 42 --train best --every 2 --left-out --mass-field none --opacity 0.1 --blocks 3";
         assert_eq!(recipe.to_string(), all);
         let small = recipe.merged().then(RecipeStep::Simplify(Target::Gaussians(20)));
         assert_eq!(small.to_string(), format!("simplify --gaussians 20 of: merge of: {all}"));

@@ -1,76 +1,8 @@
 //! What statistics of a decoded model said when its file was made.
 
 use super::metric::{enum_values, record};
-use super::{GROUP_CLASSES, Metric, MetricUnit, MetricValue};
+use super::{GROUP_CLASSES, Limit, Metric, MetricUnit};
 use crate::model::Coding::{F32, From as FromSize, Name, UpTo, Whole};
-
-/// A place up to which, or from which on, something holds.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Limit {
-    /// It was not measured, or there was too little to judge by.
-    #[default]
-    NotMeasured,
-    /// It was measured and holds nowhere.
-    Never,
-    /// It holds up to here (wave numbers), or from here on (sizes).
-    At(f64),
-}
-
-impl Limit {
-    /// The limit of something measured: `None` = nowhere.
-    pub fn measured(place: Option<f64>) -> Self {
-        place.map_or(Limit::Never, Limit::At)
-    }
-
-    /// Does it hold up to further than another, both of one measurement?
-    fn reaches_beyond(self, loose: Limit) -> bool {
-        match (self, loose) {
-            (Limit::At(a), Limit::At(b)) => a > b,
-            (Limit::At(_), _) => true,
-            (Limit::NotMeasured, other) | (other, Limit::NotMeasured) => other != Limit::NotMeasured,
-            (Limit::Never, _) => false,
-        }
-    }
-
-    /// The place, where there is one.
-    pub fn place(self) -> Option<f64> {
-        match self {
-            Limit::At(v) => Some(v),
-            Limit::NotMeasured | Limit::Never => None,
-        }
-    }
-}
-
-/// As a number, or as text that says which of the other two it is.
-impl serde::Serialize for Limit {
-    fn serialize<S: serde::Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
-        match self {
-            Limit::NotMeasured => s.serialize_str("not measured"),
-            Limit::Never => s.serialize_str("never"),
-            Limit::At(v) => s.serialize_f64(*v),
-        }
-    }
-}
-
-impl From<Limit> for MetricValue {
-    fn from(limit: Limit) -> Self {
-        match limit {
-            Limit::NotMeasured => MetricValue::None,
-            Limit::Never => MetricValue::Never,
-            Limit::At(v) => MetricValue::Real(v),
-        }
-    }
-}
-
-impl From<MetricValue> for Limit {
-    fn from(value: MetricValue) -> Self {
-        match value {
-            MetricValue::Real(v) => Limit::At(v),
-            MetricValue::Never => Limit::Never,
-            _ => Limit::NotMeasured,
-        }
-    }
-}
 
 /// What the statistics are of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -93,7 +25,6 @@ enum_values!(ScienceSubject);
 record! {
     /// Statistics against the snapshot (module `stats` of this library).
     ScienceMetrics agrees by Self::limits_are_measured {
-        /// What was compared with the snapshot.
         of: ScienceSubject = Metric::new("of", Name(ScienceSubject::NAMES));
         /// Cells of the spectrum's grid along the longest edge.
         spectrum_grid: u16 = Metric::new("cells", Whole(2));
@@ -132,24 +63,5 @@ impl ScienceMetrics {
             Limit::At(n) if n < GROUP_CLASSES[0] as f64 => Err(format!("numbers of groups from {n} particles on")),
             _ => Ok(()),
         }
-    }
-}
-
-/// The reciprocal of a unit of length: `h/Mpc` of `Mpc/h`.
-pub fn per_length(unit: &str) -> String {
-    match unit.split_once('/') {
-        Some((a, b)) if !b.contains('/') => format!("{b}/{a}"),
-        Some(_) => format!("1/({unit})"),
-        None => format!("1/{unit}"),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn units_are_turned_over() {
-        assert_eq!(["Mpc/h", "kpc", "a/b/c"].map(per_length), ["h/Mpc", "1/kpc", "1/(a/b/c)"]);
     }
 }

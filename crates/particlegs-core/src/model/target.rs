@@ -64,7 +64,7 @@ impl Target {
 
     /// What the default chose for particles of `raw_bytes`, and why, in one line; `None` for a target of
     /// the user's own.
-    pub fn choice_in_words(self, raw_bytes: u64) -> Option<String> {
+    pub fn describe_choice(self, raw_bytes: u64) -> Option<String> {
         let bytes = (self == Target::Default).then(|| self.bytes(raw_bytes))??;
         let ratio = raw_bytes as f64 / bytes.max(1) as f64;
         let of_ratio = |ratio| Target::Ratio(ratio).bytes(raw_bytes);
@@ -88,18 +88,18 @@ impl Target {
             Target::Size(v) | Target::Gaussians(v) => v > 0,
             Target::Goal(goal) => return check_goal(goal).map(Target::Goal),
         };
-        if fine { Ok(self) } else { Err(Error::argument(format!("{} is not positive and finite", self.in_words()))) }
+        if fine { Ok(self) } else { Err(Error::argument(format!("{} is not positive and finite", self.describe()))) }
     }
 
     /// What is asked for, as people say it.
-    fn in_words(self) -> String {
+    fn describe(self) -> String {
         match self {
             Target::Default => "the default size".into(),
             Target::Ratio(v) => format!("a ratio of {v}"),
             Target::Size(v) => format!("a size of {v} bytes"),
             Target::Gaussians(v) => format!("a number of {v} Gaussians"),
             Target::Psnr(v) => format!("a quality of {v} dB"),
-            Target::Goal(goal) => goal.in_words(None),
+            Target::Goal(goal) => goal.describe(None),
         }
     }
 }
@@ -161,13 +161,13 @@ mod tests {
 
     #[test]
     fn the_choice_is_said_with_its_reason() {
-        let words = |particles: u64| Target::Default.choice_in_words(12 * particles).unwrap();
+        let words = |particles: u64| Target::Default.describe_choice(12 * particles).unwrap();
         assert_eq!(words(1 << 24), "no target given: ratio 300.0, 671088 bytes");
         let choices =
             [(1 << 21, "ratio 100.7, 250000 bytes; ratio 300 is"), (1 << 18, "ratio 100.0, 31457 bytes; a larger")];
         for (particles, start) in choices.into_iter().chain([(5000, "ratio 8.3, 7200 bytes; ratio 100 has too few")]) {
             assert!(words(particles).starts_with(&format!("no target given: {start}")), "{}", words(particles));
         }
-        assert_eq!(Target::Ratio(300.0).choice_in_words(1000), None);
+        assert_eq!(Target::Ratio(300.0).describe_choice(1000), None);
     }
 }

@@ -99,36 +99,28 @@ const TIMES: [(&str, f64); 13] = [
 ];
 
 impl Dimension {
-    fn names(self) -> &'static [(&'static str, f64)] {
+    fn table(self) -> (&'static str, &'static str, &'static [(&'static str, f64)]) {
         match self {
-            Dimension::Length => &LENGTHS,
-            Dimension::Mass => &MASSES,
-            Dimension::Time => &TIMES,
+            Dimension::Length => ("length", "m", &LENGTHS),
+            Dimension::Mass => ("mass", "kg", &MASSES),
+            Dimension::Time => ("time", "s", &TIMES),
         }
     }
 
     /// What it is called.
     pub fn name(self) -> &'static str {
-        match self {
-            Dimension::Length => "length",
-            Dimension::Mass => "mass",
-            Dimension::Time => "time",
-        }
+        self.table().0
     }
 
     /// The SI unit that factors are of.
     pub fn base(self) -> &'static str {
-        match self {
-            Dimension::Length => "m",
-            Dimension::Mass => "kg",
-            Dimension::Time => "s",
-        }
+        self.table().1
     }
 
     /// A unit by one of its names: as it is written, else whatever the case of its letters. Short names differ by
     /// case: mg and Mg. Its first name, and its factor.
     fn named(self, name: &str) -> Option<(&'static str, f64)> {
-        let names = || self.names().iter().flat_map(|unit| unit.0.split(' ').map(move |n| (n, unit)));
+        let names = || self.table().2.iter().flat_map(|unit| unit.0.split(' ').map(move |n| (n, unit)));
         let lower = name.to_lowercase();
         let any_case = || names().find(|n| name.len() > 2 && n.0.to_lowercase() == lower);
         let (names, factor) = names().find(|n| n.0 == name).or_else(any_case)?.1;
@@ -170,7 +162,7 @@ impl Unit {
     }
 
     /// What it is in SI: ` (3.0856776e19 m a h^-1)`; nothing where that is not known.
-    pub fn size_in_words(&self, dimension: Dimension) -> String {
+    pub fn describe_size(&self, dimension: Dimension) -> String {
         let power = |name: &str, p: f32| match p {
             0.0 => String::new(),
             1.0 => format!(" {name}"),
@@ -184,8 +176,8 @@ impl Unit {
     }
 
     /// The text, and what it is in SI.
-    pub fn in_words(&self, dimension: Dimension) -> String {
-        self.text.clone() + &self.size_in_words(dimension)
+    pub fn describe(&self, dimension: Dimension) -> String {
+        self.text.clone() + &self.describe_size(dimension)
     }
 }
 
@@ -277,6 +269,15 @@ fn powered(word: &str) -> (&str, f32) {
     }
 }
 
+/// The reciprocal of a unit of length: `h/Mpc` of `Mpc/h`.
+pub fn per_length(unit: &str) -> String {
+    match unit.split_once('/') {
+        Some((a, b)) if !b.contains('/') => format!("{b}/{a}"),
+        Some(_) => format!("1/({unit})"),
+        None => format!("1/{unit}"),
+    }
+}
+
 /// What the numbers of a snapshot are in. `None` = the source does not say.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(from = "SerializedUnits", into = "SerializedUnits")]
@@ -293,7 +294,7 @@ pub struct Units {
 
 impl Units {
     /// Units of length and mass from their texts. What the text of the length says of comoving goes before `comoving`.
-    pub fn of(length: Option<&str>, mass: Option<&str>, comoving: Option<bool>) -> Self {
+    pub fn new(length: Option<&str>, mass: Option<&str>, comoving: Option<bool>) -> Self {
         let length = length.map(|text| Unit::parse(text, Dimension::Length));
         let mass = mass.map(|text| Unit::parse(text, Dimension::Mass));
         Units { length, mass, time: None, comoving }.settled()
@@ -444,6 +445,11 @@ mod tests {
     }
 
     #[test]
+    fn units_are_turned_over() {
+        assert_eq!(["Mpc/h", "kpc", "a/b/c"].map(per_length), ["h/Mpc", "1/kpc", "1/(a/b/c)"]);
+    }
+
+    #[test]
     fn other_words_are_labels() {
         for text in [
             "parsecs-ish",
@@ -478,7 +484,7 @@ mod tests {
     #[test]
     fn comoving_and_the_exponent_of_a_say_one_thing() {
         let of = |text, comoving| {
-            let units = Units::of(Some(text), None, comoving);
+            let units = Units::new(Some(text), None, comoving);
             (units.comoving, units.length.unwrap().si.unwrap().a)
         };
         assert_eq!(of("kpc/h", Some(true)), (Some(true), 1.0));
@@ -490,11 +496,11 @@ mod tests {
 
     #[test]
     fn units_come_back_from_json() {
-        let units = Units::of(Some("1e3 kpc/h"), Some("a label"), Some(true));
+        let units = Units::new(Some("1e3 kpc/h"), Some("a label"), Some(true));
         let json = serde_json::to_value(&units).unwrap();
         assert_eq!((&json["length_unit"], &json["mass_unit_si"]), (&"1e3 kpc/h".into(), &serde_json::Value::Null));
         assert_eq!(serde_json::from_value::<Units>(json).unwrap(), units);
-        let words = units.length.unwrap().in_words(Dimension::Length);
+        let words = units.length.unwrap().describe(Dimension::Length);
         assert!(words.starts_with("1e3 kpc/h (3.085677581") && words.ends_with("e22 m a h^-1)"), "{words}");
     }
 

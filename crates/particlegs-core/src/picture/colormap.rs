@@ -1,5 +1,6 @@
 //! Colour maps: 256 colours each.
 
+use crate::NamedValue;
 use std::str::FromStr;
 
 /// viridis, inferno and magma (CC0, Smith and van der Walt), cividis (Nuñez, Anderton and Renslow, CC0), ember and
@@ -98,9 +99,8 @@ impl FromStr for Colormap {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        Self::ALL.into_iter().find(|c| c.name() == name || (name == "gray" && *c == Colormap::Grey)).ok_or_else(|| {
-            format!("`{name}` is not a colour map; there are {}", Self::ALL.map(Colormap::name).join(", "))
-        })
+        let known = Self::from_name(if name == "gray" { "grey" } else { name });
+        known.map_err(|there| format!("`{name}` is not a colour map; {there}"))
     }
 }
 

@@ -141,7 +141,6 @@ impl PlaneRows<'_> {
         });
     }
 
-    /// A copy.
     pub(crate) fn to_plane(&self, context: &Context<'_>) -> Result<Plane> {
         let pixels = self.size.pixels();
         context.require_memory("a picture", 4 * pixels as u64)?;
@@ -150,19 +149,16 @@ impl PlaneRows<'_> {
         Ok(out)
     }
 
-    /// Copies all pixels.
     pub(crate) fn copy_to(&self, out: &mut [f32]) {
         parallel::for_each_chunk(out, self.size.width.max(1), |j, row| row.copy_from_slice(self.row(j)));
     }
 
-    /// Row `j`.
     pub(crate) fn row(&self, j: usize) -> &[f32] {
         &self.data[j * self.stride..][..self.size.width]
     }
 }
 
 impl Plane {
-    /// All rows.
     pub(crate) fn rows(&mut self) -> PlaneRows<'_> {
         PlaneRows { size: self.size, stride: self.size.width, data: &mut self.data }
     }

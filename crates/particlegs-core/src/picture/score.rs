@@ -7,7 +7,6 @@ use crate::parallel;
 /// Levels above this (of 255) are lit; a pixel counts in the masked PSNR where either picture is.
 pub const MASK_LEVEL: f64 = 2.5;
 
-/// Pixels in one step of parallel work.
 const STEP: usize = 1 << 16;
 
 /// The scores of one picture against another.
@@ -23,8 +22,8 @@ pub struct Scores {
 
 impl Scores {
     /// All three scores of two pictures of one size.
-    pub fn of(a: &Gray8, b: &Gray8) -> Self {
-        let sums = LevelSums::of(a, b);
+    pub fn new(a: &Gray8, b: &Gray8) -> Self {
+        let sums = LevelSums::new(a, b);
         Scores { psnr: sums.psnr(), masked_psnr: sums.masked_psnr(), ssim: ssim(a, b) }
     }
 }
@@ -32,13 +31,13 @@ impl Scores {
 /// -10 log10 of the mean squared difference of values in [0, 1], over all pixels of two pictures
 /// of one size. `None` where they are identical.
 pub fn psnr(a: &Gray8, b: &Gray8) -> Option<f64> {
-    LevelSums::of(a, b).psnr()
+    LevelSums::new(a, b).psnr()
 }
 
 /// [`psnr`] over the pixels where either picture is brighter than [`MASK_LEVEL`]. `None` where
 /// these are identical or there are none.
 pub fn masked_psnr(a: &Gray8, b: &Gray8) -> Option<f64> {
-    LevelSums::of(a, b).masked_psnr()
+    LevelSums::new(a, b).masked_psnr()
 }
 
 /// Is a pixel with these two levels counted in the masked PSNR?
@@ -61,14 +60,14 @@ struct LevelSums {
 }
 
 impl LevelSums {
-    fn of(a: &Gray8, b: &Gray8) -> LevelSums {
+    fn new(a: &Gray8, b: &Gray8) -> LevelSums {
         assert_eq!(a.size, b.size, "pictures of one size");
         let runs = a.data.chunks(STEP).zip(b.data.chunks(STEP));
-        parallel::map(runs, |(a, b)| Self::of_run(a, b)).into_iter().fold(LevelSums::default(), LevelSums::plus)
+        parallel::map(runs, |(a, b)| Self::from_run(a, b)).into_iter().fold(LevelSums::default(), LevelSums::plus)
     }
 
     /// 2^16 squares of at most 255^2 stay below 2^32.
-    fn of_run(a: &[u8], b: &[u8]) -> LevelSums {
+    fn from_run(a: &[u8], b: &[u8]) -> LevelSums {
         let (mut all, mut lit, mut lit_pixels) = (0u32, 0u32, 0u32);
         for (&a, &b) in a.iter().zip(b) {
             let d = u32::from(a.abs_diff(b));

@@ -9,7 +9,6 @@ use crate::{Error, Result};
 /// Densities below this share of the truth's median count as that share.
 const FLOOR: f64 = 1e-3;
 
-/// Pixels in one step of parallel work.
 const STEP: usize = 1 << 16;
 
 /// The scores of a surface density against the truth's, over the pixels where the truth is above zero. Densities
@@ -31,7 +30,7 @@ pub struct DensityScores {
 
 impl DensityScores {
     /// Of two planes of one size.
-    pub fn of(density: &Plane, truth: &Plane, context: &Context<'_>) -> Result<Self> {
+    pub fn new(density: &Plane, truth: &Plane, context: &Context<'_>) -> Result<Self> {
         if density.size != truth.size {
             return Err(Error::argument("surface densities of two sizes cannot be compared"));
         }
@@ -65,7 +64,6 @@ fn median(values: &[f32], context: &Context<'_>) -> Result<Option<f32>> {
     Ok((!above.is_empty()).then(|| *above.select_nth_unstable_by(middle, f32::total_cmp).1))
 }
 
-/// Densities pixel by pixel.
 struct DensityPairs<'a> {
     density: &'a [f32],
     truth: &'a [f32],
@@ -98,7 +96,7 @@ mod tests {
 
     fn scores(density: &[f32], truth: &[f32]) -> DensityScores {
         let plane = |v: &[f32]| Plane { size: Size { width: v.len(), height: 1 }, data: v.to_vec() };
-        DensityScores::of(&plane(density), &plane(truth), &Context::SILENT).unwrap()
+        DensityScores::new(&plane(density), &plane(truth), &Context::SILENT).unwrap()
     }
 
     #[test]
@@ -121,7 +119,7 @@ mod tests {
         assert_eq!(scores(&[1.0, 1.0, 0.0], &[1.0, 1.0, 1e-30]).rms_dex, Some(0.0));
         assert_eq!(scores(&[1.0], &[0.0]), DensityScores { rms_dex: None, ..scores(&[0.0], &[0.0]) });
         let plane = |width| Plane::zeros(Size { width, height: 1 });
-        assert!(DensityScores::of(&plane(1), &plane(2), &Context::SILENT).is_err());
+        assert!(DensityScores::new(&plane(1), &plane(2), &Context::SILENT).is_err());
     }
 
     /// Sums over many runs.

@@ -7,7 +7,6 @@ use super::Gray8;
 use crate::parallel;
 
 const WINDOW: usize = 7;
-/// Pixels of a window.
 const N: f64 = (WINDOW * WINDOW) as f64;
 /// (K1 x data range)^2 and (K2 x data range)^2.
 const C1: f64 = 0.01 * 0.01;
@@ -71,7 +70,6 @@ impl ColumnSums {
     }
 }
 
-/// One row of windows.
 struct WindowRow {
     /// Sums over each window, of what [`ColumnSums`] has.
     sums: [Vec<i32>; 4],
@@ -84,7 +82,6 @@ impl WindowRow {
     }
 }
 
-/// Sums over seven neighbours.
 fn window_sums(column: &[i32], out: &mut [i32]) {
     let n = out.len();
     let c: [&[i32]; WINDOW] = std::array::from_fn(|k| &column[k..k + n]);

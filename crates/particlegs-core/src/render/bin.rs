@@ -95,6 +95,7 @@ impl<'a> Binner<'a> {
         for b in 0..bands {
             starts[b + 1] += starts[b];
         }
+        // A counting sort: stable, so that sums are added in the order of the Gaussians whatever the threads.
         let mut next = starts.clone();
         let mut strokes = vec![RasterSplat::default(); self.found.len()];
         for (band, stroke) in self.found {
@@ -140,6 +141,7 @@ pub fn place(levels: &[Level], f: &Footprint) -> Option<PlacedFootprint> {
     }
     let peak = sum / (2.0 * std::f64::consts::PI * det.sqrt());
     let half_sum = 0.5 * (xx + yy);
+    // The smaller eigenvalue, as a quotient: half the sum less the root would cancel for needles.
     let smaller = det / (half_sum + (half_sum * half_sum - det).max(0.0).sqrt());
     let cut2 = cut(peak, smaller);
     let (reach_x, reach_y) = ((cut2 * xx).sqrt(), (cut2 * yy).sqrt());

@@ -3,12 +3,12 @@
 use super::alpha;
 use super::bin::{Binner, StrokeBins};
 use super::lens::Lens;
-use super::project::project;
+use super::project::{CameraGaussian, project};
 use super::raster::pyramid::Level;
 use super::raster::{RasterCanvas, clip};
 use super::scene::Scene;
 use super::scratch::Scratch;
-use super::tone::tone_rows;
+use super::tone::Tones;
 use crate::camera::{Projection, View};
 use crate::context::Context;
 use crate::memory::filled;
@@ -52,7 +52,7 @@ pub fn draw(scene: &Scene, view: &View, size: Size, look: ToneStyle, context: &C
     let mut scratch = Scratch::default();
     let tau = depth(scene, view, size, &mut scratch, context)?;
     let mut out = Gray8 { size, data: filled("a picture", 0, size.pixels(), context)? };
-    tone_rows(tau, scene.look(look), view.opacity, view.radius_pixels(size), &mut out.data);
+    Tones::new(view.opacity, view.radius_pixels(size)).rows(tau, scene.look(look), &mut out.data);
     Ok(out)
 }
 
@@ -68,7 +68,7 @@ pub fn draw_into(
 ) -> Result<()> {
     let size = out.size();
     let tau = depth(scene, view, size, scratch, context)?;
-    tone_rows(tau, scene.look(look), view.opacity, view.radius_pixels(size), out.into_data());
+    Tones::new(view.opacity, view.radius_pixels(size)).rows(tau, scene.look(look), out.into_data());
     Ok(())
 }
 
@@ -128,6 +128,7 @@ pub(super) fn sum<'a>(
         .iter()
         .flat_map(|&(m, unit_mass)| (0..m.len()).step_by(RUN).map(move |start| GaussianRun { m, unit_mass, start }))
         .collect();
+    // Taken from the end as they are done: the rest need not move.
     runs.reverse();
     let mut group = MOST_RUNS;
     while !runs.is_empty() {
@@ -197,7 +198,7 @@ fn project_run(
             footprints.clear();
             let block = start..range.end.min(start + BLOCK);
             let seen = block.map(|i| (i, weight(m, i))).filter(|(_, w)| *w > 0.0);
-            gaussians.extend(seen.filter_map(|(i, w)| lens.see(m, i, w)));
+            gaussians.extend(seen.filter_map(|(i, w)| CameraGaussian::from_mixture(lens, m, i, w)));
             project(lens, &gaussians, &mut footprints);
             binner.add(&footprints);
         }

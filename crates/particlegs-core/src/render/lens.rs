@@ -1,10 +1,7 @@
 //! A camera made ready to project: axes, focal length in pixels, depth range, weights.
 
-use super::project::CameraGaussian;
-use super::project::slices::{ClipClass, fate};
 use crate::camera::{Camera, DensityView, Projection, View, clipping_range};
-use crate::math::{dot, each_axis};
-use crate::model::Mixture;
+use crate::math::each_axis;
 use crate::picture::Size;
 use crate::space::Bounds;
 use crate::splat::opacity_integral;
@@ -82,34 +79,5 @@ impl Lens {
             unit: 0.0,
         };
         Ok((lens, length))
-    }
-
-    /// A mixture's Gaussian as the projection reads it; `None` outside the clipping range.
-    #[inline(always)]
-    pub fn see(&self, m: &Mixture, i: usize, weight: f64) -> Option<CameraGaussian> {
-        let (mean, cov, forward) = (m.mean_of(i), m.cov_of(i), self.axes[2]);
-        let depth = dot(forward, each_axis(|k| mean[k] - self.position[k]));
-        let inside = fate(self, depth, dot(forward, cov.apply(forward))) != ClipClass::Outside;
-        inside.then(|| CameraGaussian::new(&self.axes, self.position, mean, &cov, self.unit * weight))
-    }
-
-    /// Does a Gaussian lie outside the four side planes of what the picture sees? Spares the work of
-    /// cutting those that the camera passes by.
-    pub fn misses(&self, g: &CameraGaussian) -> bool {
-        let ([x, y, depth], [xx, _, yy], zz) = (g.mean.map(f64::from), g.rest(), f64::from(g.depth));
-        let along = g.slope.map(f64::from);
-        [(x, xx, along[0], self.center[0]), (y, yy, along[1], self.center[1])].into_iter().any(
-            |(at, rest, along, center)| {
-                // Half the picture and a margin for coarse planes, over the focal length.
-                let edge = (1.25 * center + 64.0) / self.focal;
-                [edge, -edge].into_iter().any(|t| {
-                    // The distance to the plane at = t depth (or at = t), beyond it positive.
-                    let (beyond, lean, round) =
-                        if self.perspective { (at - t * depth, along - t, 1.0 + t * t) } else { (at - t, along, 1.0) };
-                    let (beyond, spread) = (beyond * t.signum(), rest + lean * lean * zz);
-                    beyond > 0.0 && beyond * beyond > 49.0 * (spread + self.radius2 * round)
-                })
-            },
-        )
     }
 }

@@ -21,10 +21,10 @@
 pub mod alpha;
 pub mod bin;
 pub mod depth;
-mod drawer;
 pub mod lens;
 pub mod project;
 pub mod raster;
+mod renderer;
 mod scene;
 mod scratch;
 mod surface;
@@ -33,11 +33,13 @@ mod tone;
 #[cfg(any(test, feature = "twins"))]
 #[allow(clippy::disallowed_methods)]
 pub mod plain;
+#[cfg(any(test, feature = "twins"))]
+pub mod testing;
 #[cfg(test)]
 mod tests;
 
 pub use depth::{draw, draw_into, optical_depth, optical_depth_into};
-pub use drawer::Drawer;
+pub use renderer::Renderer;
 pub use scene::Scene;
 pub use scratch::Scratch;
 pub use surface::{extent, surface_density};

@@ -3,8 +3,8 @@
 
 use super::bin::{PlacedFootprint, RasterSplat, SMALL, cut as cut_of, lattice_sum, suited};
 use super::lens::Lens;
-use super::project::DepthMoments;
-use super::project::slices::{ClipClass, cut, fate, whole};
+use super::project::slices::{ClipClass, clip_class, cut, misses, whole};
+use super::project::{CameraGaussian, DepthMoments};
 use super::raster::pyramid::{Level, PAD};
 use super::scene::Scene;
 use crate::camera::{Projection, View};
@@ -125,7 +125,7 @@ pub struct PlainFootprint {
     pub sum: f64,
 }
 
-/// The footprints of a mixture's Gaussian: the twin of `Lens::see` and `project`.
+/// The footprints of a mixture's Gaussian: the twin of `CameraGaussian::from_mixture` and `project`.
 pub fn footprints(lens: &Lens, m: &Mixture, i: usize, weight: f64) -> Vec<PlainFootprint> {
     let a = lens.axes;
     let v: [f64; 3] = each_axis(|k| m.mean[k][i] - lens.position[k]);
@@ -135,9 +135,9 @@ pub fn footprints(lens: &Lens, m: &Mixture, i: usize, weight: f64) -> Vec<PlainF
     let (depth, variance) = (mean[2], cov[2][2]);
     let mut found = Vec::new();
     let mut add = |m: DepthMoments| found.push(footprint(lens, mean, &cov, lens.unit * weight, &m));
-    match fate(lens, depth, variance) {
+    match clip_class(lens, depth, variance) {
         ClipClass::Outside => {}
-        ClipClass::Cut if lens.see(m, i, weight).is_some_and(|g| lens.misses(&g)) => {}
+        ClipClass::Cut if CameraGaussian::from_mixture(lens, m, i, weight).is_some_and(|g| misses(lens, &g)) => {}
         ClipClass::Whole => add(whole(lens, depth, variance)),
         ClipClass::Cut => cut(lens, depth, variance, add),
     }

@@ -24,16 +24,15 @@ pub struct Scene<'a> {
 
 impl<'a> Scene<'a> {
     /// All blocks of all layers of a model, to be drawn by its law.
-    pub fn of(model: &'a Model) -> Self {
-        let parts = model.layers.iter().flat_map(|l| l.content.iter().map(|b| (&b.gaussians, l.mass.unit_or_one())));
-        Scene { parts: parts.collect(), bounds: model.metadata.bounds, blend: Blend::of(model), shifts: vec![[0.0; 3]] }
+    pub fn new(model: &'a Model) -> Self {
+        Scene::from_layers(model, |_| true)
     }
 
     /// The layers of a model that are `shown`, by their place; bounds stay those of the whole.
-    pub fn of_layers(model: &'a Model, shown: impl Fn(usize) -> bool) -> Self {
+    pub fn from_layers(model: &'a Model, shown: impl Fn(usize) -> bool) -> Self {
         let layers = model.layers.iter().enumerate().filter(|(place, _)| shown(*place)).map(|(_, layer)| layer);
-        let parts = layers.flat_map(|l| l.content.iter().map(|b| (&b.gaussians, l.mass.unit_or_one())));
-        Scene { parts: parts.collect(), ..Scene::of(model) }
+        let parts = layers.flat_map(|l| l.content.iter().map(|b| (&b.gaussians, l.mass.unit_or_one()))).collect();
+        Scene { parts, bounds: model.metadata.bounds, blend: Blend::from_model(model), shifts: vec![[0.0; 3]] }
     }
 
     /// The same, repeated at these `shifts` (world units) from where it is: a periodic box and its images. Bounds
@@ -63,25 +62,20 @@ impl<'a> Scene<'a> {
     }
 
     /// One mixture of the optical-depth law, fitted to particles with these bounds.
-    pub fn of_mixture(mixture: &'a Mixture, bounds: Bounds) -> Self {
+    pub fn from_mixture(mixture: &'a Mixture, bounds: Bounds) -> Self {
         Scene { parts: vec![(mixture, 1.0)], bounds, blend: None, shifts: vec![[0.0; 3]] }
     }
 
     /// One mixture, to be drawn by its law, fitted to particles with these bounds, with default `radius`
     /// and `opacity`.
-    pub fn of_law(mixture: &'a Mixture, bounds: Bounds, [radius, opacity]: [f64; 2]) -> Self {
+    pub fn from_law(mixture: &'a Mixture, bounds: Bounds, radius: f64, opacity: f64) -> Self {
         let blend = |own: &'a AlphaBlend| Blend {
             vizmapper: own.vizmapper.as_deref(),
             frame: Normalisation::of(&bounds),
             radius,
             opacity,
         };
-        Scene {
-            parts: vec![(mixture, 1.0)],
-            bounds,
-            blend: mixture.law.alpha_blend().map(blend),
-            shifts: vec![[0.0; 3]],
-        }
+        Scene { blend: mixture.law.alpha_blend().map(blend), ..Scene::from_mixture(mixture, bounds) }
     }
 
     /// How its Gaussians become a picture.

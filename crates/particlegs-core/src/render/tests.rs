@@ -1,30 +1,16 @@
 //! The renderer against the plain law, and what must not change it.
 
+use super::testing::view;
 use super::*;
-use crate::camera::{Camera, Projection, View};
+use crate::camera::{DensityView, Extent, Projection, View, Window, spherical_camera};
 use crate::context::Context;
 use crate::math::{Random, Sym3};
 use crate::model::Mixture;
 use crate::picture::{Plane, Size};
-use crate::space::Bounds;
+use crate::space::{Bounds, Cell};
 use crate::splat::ToneStyle;
 
 const SIZE: Size = Size { width: 96, height: 64 };
-
-fn view(position: [f64; 3], radius: f64, opacity: f64) -> View {
-    View {
-        name: "v".into(),
-        camera: Camera {
-            position,
-            focal_point: [0.0, 0.0, 0.0],
-            view_up: [0.0, 1.0, 0.0],
-            projection: Projection::Perspective { fov_deg: 30.0 },
-            clipping_range: None,
-        },
-        radius,
-        opacity,
-    }
-}
 
 fn bounds() -> Bounds {
     Bounds { min: [-1.0; 3], max: [1.0; 3] }
@@ -65,7 +51,7 @@ fn needles(seed: u64, n: u64) -> Mixture {
 
 /// The largest and the mean difference of 1 - exp(-tau) from the plain law.
 fn difference(m: &Mixture, view: &View) -> (f64, f64) {
-    let scene = Scene::of_mixture(m, bounds());
+    let scene = Scene::from_mixture(m, bounds());
     let fast = optical_depth(&scene, view, SIZE, &Context::SILENT).unwrap();
     let slow = plain::optical_depth(&scene, view, SIZE);
     let d = fast.data.iter().zip(&slow).map(|(f, s)| ((-s).exp() - (-f64::from(*f)).exp()).abs());
@@ -122,7 +108,7 @@ fn rounding_between_stages_does_not_show() {
     ];
     for (trial, (m, position, radius, opacity)) in trials.into_iter().enumerate() {
         let view = view(position, radius, opacity);
-        let scene = Scene::of_mixture(&m, bounds());
+        let scene = Scene::from_mixture(&m, bounds());
         let lens = lens::Lens::optical(&view, wide, &bounds()).unwrap();
         let levels = raster::pyramid::levels(wide);
         let mut binner = Binner::new(&levels, m.len());
@@ -163,7 +149,7 @@ fn what_stages_hand_over_is_plain() {
 #[test]
 fn threads_and_vectors_do_not_change_a_bit() {
     let m = random_mixture(7, 9000, 0.1);
-    let scene = Scene::of_mixture(&m, bounds());
+    let scene = Scene::from_mixture(&m, bounds());
     let v = view([0.1, 0.2, 2.0], 0.01, 0.1);
     let draw = |how: &Context<'_>| optical_depth(&scene, &v, SIZE, how).unwrap();
     let many = draw(&Context::SILENT);
@@ -182,7 +168,7 @@ fn depth_is_conserved() {
             let mut m = Mixture::default();
             let offset = 0.013 * k as f64;
             m.push([offset, 0.5 * offset, 0.0], Sym3::scaled_identity(sigma * sigma), 10.0, 10.0);
-            let scene = Scene::of_mixture(&m, bounds());
+            let scene = Scene::from_mixture(&m, bounds());
             let v = view([0.0, 0.0, 6.0], 0.002, 0.05);
             let sum: f64 =
                 optical_depth(&scene, &v, SIZE, &Context::SILENT).unwrap().data.iter().map(|v| f64::from(*v)).sum();
@@ -212,7 +198,7 @@ fn units_do_not_matter() {
         v.radius *= scale;
         v.camera.position = v.camera.position.map(|x| x * scale + shift);
         v.camera.focal_point = v.camera.focal_point.map(|x| x * scale + shift);
-        optical_depth(&Scene::of_mixture(&n, b), &v, SIZE, &Context::SILENT).unwrap().data
+        optical_depth(&Scene::from_mixture(&n, b), &v, SIZE, &Context::SILENT).unwrap().data
     };
     let base = draw(1.0, 0.0);
     for (scale, shift, limit) in [(1e-30, 0.0, 1e-5), (1e30, 0.0, 1e-5), (1.0, 1e6, 1e-5)] {
@@ -226,8 +212,6 @@ fn units_do_not_matter() {
 /// appear on both sides.
 #[test]
 fn periodic_windows_wrap() {
-    use crate::camera::{DensityView, Window};
-    use crate::space::Cell;
     let m = random_mixture(9, 50, 0.05);
     let total: f64 = m.count.iter().sum();
     let size = Size { width: 80, height: 80 };
@@ -235,7 +219,7 @@ fn periodic_windows_wrap() {
         let cell = Some(Cell::orthogonal([2.0; 3]));
         let window = Window { center, angles_deg: [0.0; 2], width: 2.0, depth: None };
         let view = DensityView::orthographic("w", &window, size, &bounds(), cell).unwrap();
-        surface_density(&Scene::of_mixture(&m, bounds()), &view, size, &Context::SILENT).unwrap().data
+        surface_density(&Scene::from_mixture(&m, bounds()), &view, size, &Context::SILENT).unwrap().data
     };
     let here = window([0.0; 3]);
     let there = window([1.0, -0.5, 3.7]);
@@ -257,14 +241,12 @@ fn periodic_windows_wrap() {
 /// A map that shows more than the box is that of the box, repeated, within it, and empty beyond.
 #[test]
 fn tails_that_leave_a_whole_box_come_in_on_the_other_side() {
-    use crate::camera::{DensityView, Window};
-    use crate::space::Cell;
     let m = random_mixture(9, 50, 0.1);
     let map = |width: usize| {
         let size = Size { width, height: 80 };
         let window = Window { center: [0.3, 0.0, 0.0], angles_deg: [0.0; 2], width: width as f64 / 40.0, depth: None };
         let view = DensityView::orthographic("w", &window, size, &bounds(), Some(Cell::orthogonal([2.0; 3]))).unwrap();
-        surface_density(&Scene::of_mixture(&m, bounds()), &view, size, &Context::SILENT).unwrap().data
+        surface_density(&Scene::from_mixture(&m, bounds()), &view, size, &Context::SILENT).unwrap().data
     };
     let (repeated, whole) = (map(80), map(120));
     let highest = repeated.iter().fold(0.0f32, |a, b| a.max(*b));
@@ -277,14 +259,12 @@ fn tails_that_leave_a_whole_box_come_in_on_the_other_side() {
 /// As few Gaussians make a model: what the interpolation leaves beyond the tails counts, too.
 #[test]
 fn a_wide_gaussian_keeps_its_mass_in_a_map_of_the_whole_box() {
-    use crate::camera::{DensityView, Window};
-    use crate::space::Cell;
     let mut m = Mixture::default();
     m.push([0.2, 0.3, -0.1], Sym3([0.25, 0.0, 0.0, 0.4, 0.0, 0.2]), 1e4, 1e4);
     let size = Size { width: 1280, height: 720 };
     let window = Window { center: [0.0; 3], angles_deg: [0.0; 2], width: 2.0 * 16.0 / 9.0, depth: None };
     let view = DensityView::orthographic("w", &window, size, &bounds(), Some(Cell::orthogonal([2.0; 3]))).unwrap();
-    let plane = surface_density(&Scene::of_mixture(&m, bounds()), &view, size, &Context::SILENT).unwrap();
+    let plane = surface_density(&Scene::from_mixture(&m, bounds()), &view, size, &Context::SILENT).unwrap();
     let mass = plane.data.iter().map(|v| f64::from(*v)).sum::<f64>() / 360.0 / 360.0;
     assert!((mass / 1e4 - 1.0).abs() < 1e-5, "{}", mass / 1e4 - 1.0);
 }
@@ -293,8 +273,6 @@ fn a_wide_gaussian_keeps_its_mass_in_a_map_of_the_whole_box() {
 /// has its mass, with what Gaussians leave beyond its faces; from the sides it has the window of its particles.
 #[test]
 fn maps_of_whole_boxes_have_their_mass() {
-    use crate::camera::{DensityView, Extent, Window, spherical_camera};
-    use crate::space::{Bounds, Cell};
     let m = random_mixture(9, 100, 0.08);
     let total: f64 = m.count.iter().sum();
     for sides in [[1.0, 1.0, 1.0], [2.0, 1.0, 0.5], [4.0, 2.0, 1.0]] {
@@ -304,7 +282,7 @@ fn maps_of_whole_boxes_have_their_mass() {
             (0..3).for_each(|k| m.mean[k][i] = 0.5 * sides[k] * (m.mean[k][i].clamp(-1.0, 1.0) + 1.0));
         }
         let bounds = Bounds { min: [0.0; 3], max: sides };
-        let (cell, scene) = (Cell::orthogonal(sides), Scene::of_mixture(&m, bounds));
+        let (cell, scene) = (Cell::orthogonal(sides), Scene::from_mixture(&m, bounds));
         let extent = super::extent(&scene, Some(&cell));
         for (angles_deg, side) in [
             ([0.0, 0.0], [160, 90]),

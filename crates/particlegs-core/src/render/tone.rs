@@ -15,11 +15,6 @@ pub fn tone(tau: &Plane, look: ToneStyle, opacity: f64, radius_px: f64) -> Gray8
     Tones::new(opacity, radius_px).of(tau, look)
 }
 
-/// [`tone`] of rows, which are overwritten, into `out`.
-pub(crate) fn tone_rows(tau: PlaneRows<'_>, look: ToneStyle, opacity: f64, radius_px: f64, out: &mut [u8]) {
-    Tones::new(opacity, radius_px).rows(tau, look, out);
-}
-
 /// The tone curves of one opacity and splat radius: the response takes milliseconds, and is made once, where a
 /// look first asks for it.
 pub struct Tones {
@@ -41,7 +36,8 @@ impl Tones {
         out
     }
 
-    fn rows(&self, mut tau: PlaneRows<'_>, look: ToneStyle, out: &mut [u8]) {
+    /// [`tone`] of rows, which are overwritten, into `out`.
+    pub(super) fn rows(&self, mut tau: PlaneRows<'_>, look: ToneStyle, out: &mut [u8]) {
         let response = || self.response.get_or_init(|| Response::new(self.opacity));
         match look {
             ToneStyle::Expected => per_pixel(&tau, out, |t| 255.0 * -libm::expm1f(-t)),
@@ -51,6 +47,7 @@ impl Tones {
             }
             ToneStyle::Paraview => {
                 let (response, mean) = (response(), FxaaMean::new(self.opacity, self.radius_px));
+                // Levels are blurred, not depths: FXAA works on the finished picture.
                 tau.each(|_, row| row.iter_mut().for_each(|t| *t = response.level(*t) * mean.ratio(*t)));
                 blurred(&tau, fxaa_blur(self.opacity, self.radius_px), out);
             }

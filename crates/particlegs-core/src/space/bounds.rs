@@ -40,6 +40,11 @@ impl Bounds {
         each_axis(|k| 0.5 * self.min[k] + 0.5 * self.max[k])
     }
 
+    /// Its corners; bit k of a corner's number says at which end of axis k it lies.
+    pub fn corners(&self) -> [[f64; 3]; 8] {
+        std::array::from_fn(|c| each_axis(|k| if c >> k & 1 == 0 { self.min[k] } else { self.max[k] }))
+    }
+
     /// Edge lengths.
     pub fn extent(&self) -> [f64; 3] {
         each_axis(|k| self.max[k] - self.min[k])

@@ -1,6 +1,7 @@
 //! A simulation cell.
 
 use crate::math::{cross, dot, each_axis, norm};
+use std::fmt;
 
 /// Directions that differ by no more than this share of a length are one: f32 tells no more apart.
 const ALONG: f64 = 1e-7;
@@ -29,6 +30,21 @@ impl Cell {
             vectors[k][k] = lengths[k];
         }
         Cell { origin: [0.0; 3], vectors, periodic: [true; 3] }
+    }
+
+    /// Its corners; bit a of a corner's number says at which end of vector a it lies.
+    pub fn corners(&self) -> [[f64; 3]; 8] {
+        let bit = |c: usize, a: usize| (c >> a & 1) as f64;
+        std::array::from_fn(|c| {
+            each_axis(|k| self.origin[k] + (0..3).map(|a| bit(c, a) * self.vectors[a][k]).sum::<f64>())
+        })
+    }
+
+    /// Sums of whole multiples of its vectors, from the first to the last of each.
+    pub fn shifts(&self, [i, j, k]: [[i64; 2]; 3]) -> Vec<[f64; 3]> {
+        let along = |[first, last]: [i64; 2]| (first..=last).map(|n| n as f64);
+        let all = along(i).flat_map(|i| along(j).flat_map(move |j| along(k).map(move |k| [i, j, k])));
+        all.map(|n| each_axis(|c| (0..3).map(|r| n[r] * self.vectors[r][c]).sum())).collect()
     }
 
     /// With lengths multiplied by `by`.
@@ -155,24 +171,27 @@ impl Cell {
         whole(&a, &b) && whole(&b, &a)
     }
 
-    /// For people: `25 x 25 x 25, periodic in xyz`, with the corner where it is not at 0.
-    pub fn in_words(&self) -> String {
-        let point = |p: [f64; 3]| format!("({}, {}, {})", p[0], p[1], p[2]);
-        let axes: String = ["x", "y", "z"].iter().zip(self.periodic).filter(|a| a.1).map(|a| *a.0).collect();
-        let periodic = if axes.is_empty() { "not periodic".into() } else { format!("periodic in {axes}") };
-        let shape = match self.lengths() {
-            Some([x, y, z]) => format!("{x} x {y} x {z}"),
-            None => format!("vectors {}", self.vectors.map(point).join(", ")),
-        };
-        let corner = if self.origin == [0.0; 3] { String::new() } else { format!(", corner {}", point(self.origin)) };
-        format!("{shape}{corner}, {periodic}")
-    }
-
     /// Edge lengths where the cell is orthogonal and axis-aligned.
     pub fn lengths(&self) -> Option<[f64; 3]> {
         let v = &self.vectors;
         let off = (0..3).any(|i| (0..3).any(|j| i != j && v[i][j] != 0.0));
         (!off).then(|| each_axis(|k| v[k][k]))
+    }
+}
+
+/// `25 x 25 x 25, periodic in xyz`, with the corner where it is not at 0.
+impl fmt::Display for Cell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let point = |p: [f64; 3]| format!("({}, {}, {})", p[0], p[1], p[2]);
+        match self.lengths() {
+            Some([x, y, z]) => write!(f, "{x} x {y} x {z}")?,
+            None => write!(f, "vectors {}", self.vectors.map(point).join(", "))?,
+        }
+        if self.origin != [0.0; 3] {
+            write!(f, ", corner {}", point(self.origin))?;
+        }
+        let axes: String = ["x", "y", "z"].iter().zip(self.periodic).filter(|a| a.1).map(|a| *a.0).collect();
+        if axes.is_empty() { write!(f, ", not periodic") } else { write!(f, ", periodic in {axes}") }
     }
 }
 

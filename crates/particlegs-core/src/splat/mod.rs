@@ -3,14 +3,13 @@
 
 mod constants;
 mod fxaa_mean;
-mod look;
 mod response;
+mod tone_style;
 
 pub use constants::{
     CUT_SHARE, CUT_SHARE_2D, CUT_SIGMA, DEFAULT_OPACITY, DEPTH_TOLERANCE, LARGEST_MEAN_ALPHA, MEAN_COVERED_ALPHA,
     PEELS, PIXEL_VARIANCE, erf, opacity_integral,
 };
 pub use fxaa_mean::{FxaaMean, fxaa_blur};
-pub use look::ToneStyle;
-pub use response::Response;
-pub use response::mul8;
+pub use response::{Response, mul8};
+pub use tone_style::ToneStyle;

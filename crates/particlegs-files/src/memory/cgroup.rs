@@ -3,7 +3,6 @@
 
 use std::path::{Path, PathBuf};
 
-/// The names of a version's files.
 struct Version {
     limit: &'static str,
     used: &'static str,
@@ -22,11 +21,11 @@ const SECOND: Version =
 /// Bytes left under the tightest limit; `None` without one.
 pub(super) fn bytes_left(root: &Path) -> Option<u64> {
     let groups = std::fs::read_to_string(root.join("proc/self/cgroup")).ok()?;
-    groups.lines().filter_map(|line| of_line(root, line)).min()
+    groups.lines().filter_map(|line| left_by_line(root, line)).min()
 }
 
 /// Of one line `NUMBER:CONTROLLERS:/PATH`; version 2 names no controllers.
-fn of_line(root: &Path, line: &str) -> Option<u64> {
+fn left_by_line(root: &Path, line: &str) -> Option<u64> {
     let mut fields = line.splitn(3, ':').skip(1);
     let (controllers, path) = (fields.next()?, fields.next()?);
     let mounts = root.join("sys/fs/cgroup");
@@ -63,13 +62,8 @@ impl Version {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::write;
     use super::*;
-
-    fn write(root: &Path, name: &str, text: &str) {
-        let path = root.join(name);
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(path, text).unwrap();
-    }
 
     #[test]
     fn the_tightest_group_above_decides() {

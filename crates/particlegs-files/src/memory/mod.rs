@@ -17,7 +17,6 @@ pub fn available_bytes() -> Option<u64> {
     bounds.into_iter().flatten().min()
 }
 
-/// What the machine can give without swapping.
 fn machine_bytes(root: &Path) -> Option<u64> {
     kib_of(&std::fs::read_to_string(root.join("proc/meminfo")).ok()?, "MemAvailable:")
 }
@@ -48,7 +47,7 @@ pub fn require(what: &str, need_bytes: u64) -> Result<()> {
 mod tests {
     use super::*;
 
-    fn write(root: &Path, name: &str, text: &str) {
+    pub fn write(root: &Path, name: &str, text: &str) {
         let path = root.join(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(path, text).unwrap();

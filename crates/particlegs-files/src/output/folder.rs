@@ -1,9 +1,11 @@
 //! A folder of files that belong together: whole or not at all.
 
 use super::identity::Identity;
+use super::names::is_temporary;
 use super::place::{OutputTarget, folder_of};
 use super::state::{CHANGED, PathState, PlannedOutput, changed, free_name};
-use super::temporary::{TemporaryFolder, is_temporary, is_unsupported, rename_new, swap};
+use super::temporary::{TemporaryFolder, is_unsupported, rename_new, swap};
+use super::write::check_folder;
 use crate::{Error, Result};
 use std::io::ErrorKind::{AlreadyExists, DirectoryNotEmpty, NotADirectory};
 use std::path::{Path, PathBuf};
@@ -18,7 +20,6 @@ pub struct WholeFolder {
     before: PathState,
 }
 
-/// How a folder comes to its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum MoveMethod {
     /// By its name, where nothing but an empty folder is.
@@ -32,12 +33,12 @@ enum MoveMethod {
 impl WholeFolder {
     /// Tells whether `out` is a folder that holds files with the names `own`.
     pub fn check(out: &Path, own: &[&str]) -> Result<bool> {
-        let OutputTarget::File(target) = OutputTarget::of(out)? else { return Err(no_folder(out)) };
+        let OutputTarget::File(target) = OutputTarget::new(out)? else { return Err(no_folder(out)) };
         if target.is_file() {
             return Err(no_folder(out));
         }
         if !target.is_dir() {
-            return super::check_folder(folder_of(&target)).map(|()| false).map_err(|e| Error::io(out, e));
+            return check_folder(folder_of(&target)).map(|()| false).map_err(|e| Error::io(out, e));
         }
         let mut filled = false;
         for entry in std::fs::read_dir(&target).map_err(|e| Error::io(out, e))? {
@@ -58,16 +59,16 @@ impl WholeFolder {
     /// Begins a folder for `out`, which may replace files with the names `own`.
     pub fn create(out: &Path, own: &[&str]) -> Result<WholeFolder> {
         let fail = |e| Error::io(out, e);
-        let OutputTarget::File(target) = OutputTarget::of(out)? else { return Err(no_folder(out)) };
-        let before = PathState::of(&target).map_err(fail)?;
+        let OutputTarget::File(target) = OutputTarget::new(out)? else { return Err(no_folder(out)) };
+        let before = PathState::at(&target).map_err(fail)?;
         let filled = WholeFolder::check(out, own)?;
-        if PlannedOutput::of(out).is_some_and(|p| filled && before != p.state || target != p.target) {
+        if PlannedOutput::find(out).is_some_and(|p| filled && before != p.state || target != p.target) {
             return Err(Error::output(out, CHANGED, "name another folder"));
         }
         // The name itself, also of `.` and `a/..`: what it lies in is where it is made.
         let target = std::fs::canonicalize(&target).unwrap_or(target);
         let is_there = target.is_dir();
-        let here = is_there && Identity::of(&target) == Identity::of(Path::new("."));
+        let here = is_there && Identity::from_path(&target) == Identity::from_path(Path::new("."));
         if here && filled {
             let what = "is the working folder, and would be replaced as a whole";
             return Err(Error::output(out, what, "run the command in another folder"));
@@ -84,12 +85,10 @@ impl WholeFolder {
         Ok(WholeFolder { out: out.to_path_buf(), target, staged, way, before })
     }
 
-    /// Where its files are written.
     pub fn path(&self) -> &Path {
         self.staged.path()
     }
 
-    /// Moves it to its place.
     pub fn finish(mut self) -> Result<()> {
         if let Ok(there) = self.target.metadata() {
             // Who may use the folder stays as it is; where that cannot be, it is as any new folder.
@@ -124,9 +123,9 @@ impl WholeFolder {
             Ok(()) => {
                 let old = self.staged.path().to_path_buf();
                 self.staged.moved();
-                if PathState::of(&old)? != self.before {
+                if PathState::at(&old)? != self.before {
                     swap(&old, &self.target)?;
-                    self.staged = TemporaryFolder::of(old);
+                    self.staged = TemporaryFolder::from_path(old);
                     return Ok(false);
                 }
                 self.remove(old)
@@ -142,7 +141,7 @@ impl WholeFolder {
         name.push(format!(".replaced-{}", std::process::id()));
         let old = PathBuf::from(name);
         rename_new(&self.target, &old)?;
-        if PathState::of(&old)? != self.before {
+        if PathState::at(&old)? != self.before {
             return rename_new(&old, &self.target).map(|()| false);
         }
         match rename_new(self.staged.path(), &self.target) {
@@ -187,7 +186,7 @@ fn no_folder(out: &Path) -> Error {
 
 /// Do two folders lie on one disk, so that one can be renamed to the other?
 fn same_disk(a: &Path, b: &Path) -> bool {
-    match (Identity::of(a), Identity::of(b)) {
+    match (Identity::from_path(a), Identity::from_path(b)) {
         (Identity::There(a, _), Identity::There(b, _)) => a == b,
         _ => true,
     }

@@ -10,36 +10,28 @@ pub(super) enum Identity {
     There(u64, u64),
     /// One that is not there: the whole path to it.
     Free(PathBuf),
-    /// Standard output.
     StandardOutput,
 }
 
 impl Identity {
     /// Of an output; none of a device, which several outputs may share.
-    pub fn of_place(place: &OutputTarget) -> Option<Identity> {
+    pub fn from_target(place: &OutputTarget) -> Option<Identity> {
         match place {
             OutputTarget::StandardOutput => Some(Identity::StandardOutput),
-            OutputTarget::File(path) => Some(Identity::of(path)),
-            OutputTarget::Stream(path) => is_pipe(path).then(|| Identity::of(path)),
+            OutputTarget::File(path) => Some(Identity::from_path(path)),
+            OutputTarget::Stream(path) => is_pipe(path).then(|| Identity::from_path(path)),
         }
     }
 
     /// Of a path; links are followed.
-    pub fn of(path: &Path) -> Identity {
-        there(path).unwrap_or_else(|| Identity::Free(spelled_out(path)))
+    pub fn from_path(path: &Path) -> Identity {
+        #[cfg(unix)]
+        if let Ok(there) = std::fs::metadata(path) {
+            use std::os::unix::fs::MetadataExt;
+            return Identity::There(there.dev(), there.ino());
+        }
+        Identity::Free(spelled_out(path))
     }
-}
-
-/// What is there, links followed.
-#[cfg(unix)]
-fn there(path: &Path) -> Option<Identity> {
-    use std::os::unix::fs::MetadataExt;
-    std::fs::metadata(path).ok().map(|m| Identity::There(m.dev(), m.ino()))
-}
-
-#[cfg(not(unix))]
-fn there(_: &Path) -> Option<Identity> {
-    None
 }
 
 /// Is this a named pipe, or the name of an open one?

@@ -26,7 +26,6 @@ impl Kind {
     }
 }
 
-/// The first bytes of a file.
 fn head(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut head = Vec::new();
     File::open(path)?.take(HEAD).read_to_end(&mut head)?;

@@ -5,13 +5,11 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// The path that is standard output.
 pub const STANDARD_OUTPUT: &str = "-";
 
 /// Links that are followed one after the other before they are taken for a ring.
 const MOST_LINKS: usize = 40;
 
-/// Where an output goes.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum OutputTarget {
     /// A regular file (or a folder), there or not, with every link followed.
@@ -23,8 +21,7 @@ pub(super) enum OutputTarget {
 }
 
 impl OutputTarget {
-    /// Follows `path`.
-    pub fn of(path: &Path) -> Result<OutputTarget> {
+    pub fn new(path: &Path) -> Result<OutputTarget> {
         if path == Path::new(STANDARD_OUTPUT) {
             return Ok(OutputTarget::StandardOutput);
         }
@@ -49,7 +46,6 @@ impl OutputTarget {
         Err(Error::io(path, std::io::Error::other("too many symbolic links one after the other")))
     }
 
-    /// The stream, open for writing. A named pipe wants its reader there.
     pub fn open(&self) -> std::io::Result<Box<dyn Write + Send>> {
         match self {
             OutputTarget::StandardOutput => Ok(Box::new(std::io::stdout())),
@@ -101,7 +97,6 @@ fn descriptor(path: &Path) -> Option<u32> {
     ours.iter().any(|o| folder == Path::new(o)).then_some(number)
 }
 
-/// The folder that a path lies in.
 pub(super) fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(p) if !p.as_os_str().is_empty() => p,

@@ -1,7 +1,7 @@
 //! A file whose length is known, written in parts.
 
-use super::check_space;
 use super::place::{OutputTarget, folder_of};
+use super::space::check_space;
 use super::temporary::TemporaryFile;
 use crate::{Error, Result};
 use std::fs::File;
@@ -22,10 +22,9 @@ enum FileDestination {
 }
 
 impl PlacedFile {
-    /// A file of `length` bytes for `out`.
     pub fn create(out: &Path, length: u64) -> Result<PlacedFile> {
         let fail = |e| Error::io(out, e);
-        let target = match OutputTarget::of(out)? {
+        let target = match OutputTarget::new(out)? {
             OutputTarget::File(path) => {
                 check_space(folder_of(&path), length).map_err(fail)?;
                 FileDestination::File(TemporaryFile::beside(&path).map_err(fail)?, path)
@@ -42,22 +41,20 @@ impl PlacedFile {
 
     fn file(&self) -> &File {
         match &self.target {
-            FileDestination::File(temporary, _) => temporary.shared(),
+            FileDestination::File(temporary, _) => temporary.file(),
             FileDestination::Stream(file, _) => file,
         }
     }
 
-    /// Writes `bytes` from byte `offset` on.
     pub fn write_at(&self, bytes: &[u8], offset: u64) -> Result<()> {
         write_at(self.file(), bytes, offset).map_err(|e| Error::io(&self.out, e))
     }
 
-    /// Syncs the file and moves it to its place.
     pub fn finish(self) -> Result<()> {
         let fail = |e| Error::io(&self.out, e);
         match self.target {
             FileDestination::File(temporary, path) => {
-                temporary.shared().sync_all().map_err(fail)?;
+                temporary.file().sync_all().map_err(fail)?;
                 temporary.place(&self.out, &path)
             }
             FileDestination::Stream(file, stream) => copy(file, &stream).map_err(fail),
@@ -65,7 +62,6 @@ impl PlacedFile {
     }
 }
 
-/// All of a file into a stream.
 fn copy(mut file: File, stream: &OutputTarget) -> std::io::Result<()> {
     file.rewind()?;
     let mut to = stream.open()?;
@@ -73,13 +69,11 @@ fn copy(mut file: File, stream: &OutputTarget) -> std::io::Result<()> {
     to.flush()
 }
 
-/// Writes all of `bytes` from byte `offset` of `file` on.
 #[cfg(unix)]
 pub fn write_at(file: &File, bytes: &[u8], offset: u64) -> std::io::Result<()> {
     std::os::unix::fs::FileExt::write_all_at(file, bytes, offset)
 }
 
-/// Writes all of `bytes` from byte `offset` of `file` on.
 #[cfg(windows)]
 pub fn write_at(file: &File, mut bytes: &[u8], mut offset: u64) -> std::io::Result<()> {
     while !bytes.is_empty() {

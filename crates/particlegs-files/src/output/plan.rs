@@ -1,11 +1,12 @@
 //! What a command reads and writes, known before the work: no output is an input, none is another's
 //! place, and what is there is replaced only where that was meant.
 
+use super::folder::WholeFolder;
 use super::identity::{Identity, is_pipe, spelled_out};
 use super::kind::Kind;
 use super::place::{OutputTarget, open_stream};
 use super::state::PlannedOutput;
-use super::{WholeFolder, check_writable};
+use super::write::check_writable;
 use crate::context::Context;
 use crate::{Error, Result};
 use std::fs::File;
@@ -15,7 +16,6 @@ use std::time::Duration;
 /// Between two looks for a pipe's reader.
 const PATIENCE: Duration = Duration::from_millis(20);
 
-/// Something that a command reads.
 #[derive(Clone, Debug)]
 pub enum Input {
     /// A file with those that belong to it, or a folder of them.
@@ -44,17 +44,14 @@ impl Outputs {
         Outputs { inputs, taken, replaces, advice, pipes, made, planned }
     }
 
-    /// Takes note of what is read.
     pub fn reads(&mut self, input: Input) {
         self.inputs.push(input);
     }
 
-    /// Is anything written?
     pub fn is_empty(&self) -> bool {
         self.taken.is_empty()
     }
 
-    /// Is standard output one of the outputs?
     pub fn on_standard_output(&self) -> bool {
         self.taken.contains(&Identity::StandardOutput)
     }
@@ -63,7 +60,7 @@ impl Outputs {
     /// the caller shows that it is what would be written, or refuses by [`Outputs::refused`]. Waits for the
     /// reader of a named pipe.
     pub fn writes(&mut self, path: &Path, kind: &Kind, context: &Context<'_>) -> Result<bool> {
-        let place = OutputTarget::of(path)?;
+        let place = OutputTarget::new(path)?;
         self.take(path, &place)?;
         match &place {
             OutputTarget::StandardOutput => Ok(false),
@@ -87,7 +84,7 @@ impl Outputs {
 
     /// Takes note of an input that is to be written anew, before it is read: of what has changed by then nothing is lost.
     pub fn rewrites(&mut self, path: &Path) -> Result<()> {
-        if let OutputTarget::File(target) = OutputTarget::of(path)? { self.note(path, &target) } else { Ok(()) }
+        if let OutputTarget::File(target) = OutputTarget::new(path)? { self.note(path, &target) } else { Ok(()) }
     }
 
     /// Nothing but what is there now is replaced.
@@ -99,7 +96,7 @@ impl Outputs {
     /// Takes note of a folder that is to be written whole, of files with the names `own`, and tells
     /// whether such files are there and kept, as [`Outputs::writes`] does.
     pub fn writes_folder(&mut self, path: &Path, own: &[&str]) -> Result<bool> {
-        let OutputTarget::File(target) = OutputTarget::of(path)? else {
+        let OutputTarget::File(target) = OutputTarget::new(path)? else {
             return Err(is_no_folder(path));
         };
         self.take(path, &OutputTarget::File(target.clone()))?;
@@ -114,7 +111,7 @@ impl Outputs {
 
     /// Takes note of a job's folder; what is in it is the job's to look at.
     pub fn writes_job(&mut self, path: &Path) -> Result<()> {
-        let OutputTarget::File(target) = OutputTarget::of(path)? else { return Err(is_no_folder(path)) };
+        let OutputTarget::File(target) = OutputTarget::new(path)? else { return Err(is_no_folder(path)) };
         if target.is_file() {
             return Err(is_no_folder(path));
         }
@@ -138,7 +135,7 @@ impl Outputs {
 
     /// Refuses a place that is read, or taken by another output.
     fn take(&mut self, path: &Path, place: &OutputTarget) -> Result<()> {
-        let Some(identity) = Identity::of_place(place) else { return Ok(()) };
+        let Some(identity) = Identity::from_target(place) else { return Ok(()) };
         if self.inputs.iter().any(|input| input.holds(&identity)) {
             return Err(is_input(path));
         }
@@ -199,14 +196,13 @@ fn is_input(path: &Path) -> Error {
 }
 
 impl Input {
-    /// Is a file one of this input's?
     fn holds(&self, file: &Identity) -> bool {
         let Identity::There(..) = file else { return false };
         let (path, whole) = match self {
             Input::Data(path) => (path, false),
             Input::Whole(path) => (path, true),
         };
-        if Identity::of(path) == *file {
+        if Identity::from_path(path) == *file {
             return true;
         }
         match path.is_dir() {
@@ -222,7 +218,7 @@ fn in_folder(folder: &Path, levels: u32, is_read: fn(&Path) -> bool, file: &Iden
     levels > 0
         && std::fs::read_dir(folder).into_iter().flatten().flatten().any(|entry| {
             let path = entry.path();
-            is_read(&path) && Identity::of(&path) == *file || in_folder(&path, levels - 1, is_read, file)
+            is_read(&path) && Identity::from_path(&path) == *file || in_folder(&path, levels - 1, is_read, file)
         })
 }
 
@@ -248,7 +244,8 @@ fn beside(path: &Path, file: &Identity) -> bool {
     let is_list = path.extension().is_some_and(|e| ["pvtp", "pvtu", "pvd", "vtm"].iter().any(|l| e == *l));
     let stem = path.file_stem().filter(|_| is_list).map(|s| path.with_file_name(s));
     let pieces = || stem.is_some_and(|s| s.is_dir() && in_folder(&s, 1, is_data, file));
-    entries.filter(|e| belongs(&e.file_name().to_string_lossy())).any(|e| Identity::of(&e.path()) == *file) || pieces()
+    entries.filter(|e| belongs(&e.file_name().to_string_lossy())).any(|e| Identity::from_path(&e.path()) == *file)
+        || pieces()
 }
 
 /// A name without the numbers that stand between its dots: `snap_010.3.hdf5` and `snap_010.7.hdf5` are

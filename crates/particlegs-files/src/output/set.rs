@@ -3,6 +3,7 @@
 use super::place::OutputTarget;
 use super::state::{CHANGED, PlannedOutput};
 use super::temporary::{TemporaryFile, TemporaryFolder, is_same};
+use super::write::write_bytes;
 use crate::{Error, Result};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -21,7 +22,6 @@ impl FileSet {
         Ok(FileSet { folder: folder.to_path_buf(), staged })
     }
 
-    /// Where they are written.
     pub fn path(&self) -> &Path {
         self.staged.path()
     }
@@ -40,7 +40,7 @@ impl FileSet {
     pub fn finish(self) -> Result<Vec<PathBuf>> {
         let places = self.places()?;
         for place in &places {
-            if let (Some(planned), OutputTarget::File(target)) = (PlannedOutput::of(place), OutputTarget::of(place)?)
+            if let (Some(planned), OutputTarget::File(target)) = (PlannedOutput::find(place), OutputTarget::new(place)?)
                 && planned.replaceable(&target).map_err(|e| Error::io(place, e))?.is_none()
                 && !File::open(self.staged_at(place)).is_ok_and(|mut file| is_same(&mut file, &target))
             {
@@ -60,9 +60,9 @@ impl FileSet {
 
 fn moved(from: PathBuf, to: &Path) -> Result<()> {
     let fail = |e| Error::io(to, e);
-    let written = || super::write_bytes(to, &std::fs::read(&from).map_err(fail)?);
-    match OutputTarget::of(to)? {
-        OutputTarget::File(target) => match TemporaryFile::of(from.clone()).map_err(fail)?.place(to, &target) {
+    let written = || write_bytes(to, &std::fs::read(&from).map_err(fail)?);
+    match OutputTarget::new(to)? {
+        OutputTarget::File(target) => match TemporaryFile::open(from.clone()).map_err(fail)?.place(to, &target) {
             // Behind a link to another disk.
             Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::CrossesDevices => written(),
             done => done,

@@ -1,6 +1,6 @@
 //! What lies at an output's place when its command begins: that alone may be replaced when it ends.
 
-use super::temporary::is_temporary;
+use super::names::is_temporary;
 use crate::{Error, Result};
 use std::collections::{BTreeMap, HashMap};
 use std::ffi::OsString;
@@ -21,19 +21,19 @@ pub(super) enum PathState {
 }
 
 impl PathState {
-    pub fn of(path: &Path) -> std::io::Result<PathState> {
+    pub fn at(path: &Path) -> std::io::Result<PathState> {
         let there = match std::fs::symlink_metadata(path) {
             Err(e) if e.kind() == NotFound => return Ok(PathState::Missing),
             there => there?,
         };
         if !there.is_dir() {
-            return Ok(PathState::of_file(&there));
+            return Ok(PathState::from_metadata(&there));
         }
-        let state = |e: std::fs::DirEntry| Ok((e.file_name(), PathState::of_file(&e.metadata()?)));
+        let state = |e: std::fs::DirEntry| Ok((e.file_name(), PathState::from_metadata(&e.metadata()?)));
         std::fs::read_dir(path)?.map(|e| e.and_then(state)).collect::<std::io::Result<_>>().map(PathState::Folder)
     }
 
-    fn of_file(there: &Metadata) -> PathState {
+    fn from_metadata(there: &Metadata) -> PathState {
         PathState::File(number(there), there.len(), there.modified().ok())
     }
 
@@ -84,14 +84,14 @@ fn whole(path: &Path) -> PathBuf {
 impl PlannedOutput {
     /// Takes note of what is at `target`, which `path` stands for; gives the name to forget it by.
     pub fn note(path: &Path, target: &Path) -> Result<PathBuf> {
-        let state = PathState::of(target).map_err(|e| Error::io(path, e))?;
+        let state = PathState::at(target).map_err(|e| Error::io(path, e))?;
         let name = whole(path);
         planned().insert(name.clone(), PlannedOutput { target: target.to_path_buf(), state });
         Ok(name)
     }
 
     /// What was noted of an output, where it was.
-    pub fn of(path: &Path) -> Option<PlannedOutput> {
+    pub fn find(path: &Path) -> Option<PlannedOutput> {
         planned().get(&whole(path)).cloned()
     }
 
@@ -101,7 +101,7 @@ impl PlannedOutput {
 
     /// What is at `target` now, if a file may take its place: what was there before, nothing, or an empty file.
     pub fn replaceable(&self, target: &Path) -> std::io::Result<Option<PathState>> {
-        let now = PathState::of(target)?;
+        let now = PathState::at(target)?;
         let empty =
             now == PathState::Missing || std::fs::symlink_metadata(target).is_ok_and(|m| m.is_file() && m.len() == 0);
         Ok((whole(&self.target) == whole(target) && (empty || now == self.state)).then_some(now))

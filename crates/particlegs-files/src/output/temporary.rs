@@ -1,28 +1,16 @@
-//! Files and folders on their way to their place.
-//!
-//! Where the system can, a file has no name until it is whole. Else its name is
-//! `.particlegs-MACHINE-PROCESS.NUMBER.tmp`, where MACHINE stands for this host, its boot and its process
-//! namespace: a later run there removes what a process that is gone has left, and nothing else.
+//! Files and folders on their way to their place. Where the system can, a file has no name until it is whole.
 
+use super::names::{new_name, sweep};
 use super::place::folder_of;
 use super::state::{PathState, PlannedOutput, changed, free_name};
 use crate::{Error, Result};
-use std::collections::HashSet;
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{LazyLock, Mutex};
 
-const PREFIX: &str = ".particlegs-";
-const SUFFIX: &str = ".tmp";
+/// Bytes that are gathered before they are written.
+pub(super) const BUFFER: usize = 1 << 20;
 
-/// Is this the name of something on its way to its place?
-pub fn is_temporary(name: &std::ffi::OsStr) -> bool {
-    name.to_str().is_some_and(|n| n.starts_with(PREFIX) && n.ends_with(SUFFIX))
-}
-
-/// A file that goes away unless it is moved to its place.
 pub(super) struct TemporaryFile {
     file: File,
     /// Where it is, if it has a name.
@@ -47,18 +35,11 @@ impl TemporaryFile {
         Ok(TemporaryFile { file, name: Some(path) })
     }
 
-    /// The file.
-    pub fn file(&mut self) -> &mut File {
-        &mut self.file
-    }
-
-    /// The file, to write at places of it.
-    pub fn shared(&self) -> &File {
+    pub fn file(&self) -> &File {
         &self.file
     }
 
-    /// A file that has been written under a name.
-    pub fn of(name: PathBuf) -> std::io::Result<TemporaryFile> {
+    pub fn open(name: PathBuf) -> std::io::Result<TemporaryFile> {
         Ok(TemporaryFile { file: File::open(&name)?, name: Some(name) })
     }
 
@@ -66,7 +47,7 @@ impl TemporaryFile {
     /// was there then: else the file goes beside it.
     pub fn place(mut self, out: &Path, target: &Path) -> Result<()> {
         let fail = |e| Error::io(out, e);
-        let Some(planned) = PlannedOutput::of(out) else { return self.replace(target).map_err(fail) };
+        let Some(planned) = PlannedOutput::find(out) else { return self.replace(target).map_err(fail) };
         let placed = match planned.replaceable(target).map_err(fail)? {
             Some(PathState::Missing) => self.place_new(target),
             Some(before) => self.exchange(target, &before),
@@ -111,7 +92,7 @@ impl TemporaryFile {
     /// Takes the place of what is at `target`, if that is in this state.
     fn exchange(&mut self, target: &Path, before: &PathState) -> std::io::Result<bool> {
         let name = self.named_beside(target)?;
-        let is_it = |path: &Path| PathState::of(path).is_ok_and(|now| now == *before);
+        let is_it = |path: &Path| PathState::at(path).is_ok_and(|now| now == *before);
         match swap(&name, target) {
             // The old file goes with the name that it has now.
             Ok(()) if is_it(&name) => Ok(true),
@@ -145,7 +126,6 @@ impl TemporaryFile {
     }
 }
 
-/// Does a regular file at `path` hold the same bytes?
 pub(super) fn is_same(file: &mut File, path: &Path) -> bool {
     let is_file = std::fs::symlink_metadata(path).is_ok_and(|m| m.is_file());
     is_file && File::open(path).and_then(|mut there| same_bytes(file, &mut there)).unwrap_or(false)
@@ -156,7 +136,7 @@ fn same_bytes(a: &mut File, b: &mut File) -> std::io::Result<bool> {
         return Ok(false);
     }
     a.rewind()?;
-    let (mut of_a, mut of_b) = (vec![0; super::BUFFER], vec![0; super::BUFFER]);
+    let (mut of_a, mut of_b) = (vec![0; BUFFER], vec![0; BUFFER]);
     loop {
         let n = a.read(&mut of_a)?;
         b.read_exact(&mut of_b[..n])?;
@@ -214,7 +194,6 @@ pub(super) struct TemporaryFolder {
 }
 
 impl TemporaryFolder {
-    /// A new folder within `folder`.
     pub fn within(folder: &Path) -> std::io::Result<TemporaryFolder> {
         sweep(folder);
         let path = new_name(folder);
@@ -222,17 +201,14 @@ impl TemporaryFolder {
         Ok(TemporaryFolder { path: Some(path) })
     }
 
-    /// One that is there.
-    pub fn of(path: PathBuf) -> TemporaryFolder {
+    pub fn from_path(path: PathBuf) -> TemporaryFolder {
         TemporaryFolder { path: Some(path) }
     }
 
-    /// Where it is.
     pub fn path(&self) -> &Path {
         self.path.as_deref().unwrap_or(Path::new(""))
     }
 
-    /// It has been moved away.
     pub fn moved(&mut self) {
         self.path = None;
     }
@@ -267,7 +243,6 @@ fn nameless(_: &Path) -> Option<File> {
     None
 }
 
-/// Gives a nameless file the name `path`, which must be free.
 #[cfg(target_os = "linux")]
 fn link(file: &File, path: &Path) -> std::io::Result<()> {
     use rustix::fs::{AtFlags, CWD, linkat};
@@ -285,113 +260,9 @@ fn descriptor(file: &File) -> PathBuf {
     PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()))
 }
 
-/// A free name in `folder`.
-fn new_name(folder: &Path) -> PathBuf {
-    static NUMBER: AtomicU64 = AtomicU64::new(0);
-    let (machine, process) = (MACHINE.as_deref().unwrap_or("unknown"), std::process::id());
-    loop {
-        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let path = folder.join(format!("{PREFIX}{machine}-{process}.{number}{SUFFIX}"));
-        if std::fs::symlink_metadata(&path).is_err() {
-            return path;
-        }
-    }
-}
-
-/// Digits that stand for this host, its boot and its process namespace; none where the system does not say.
-static MACHINE: LazyLock<Option<String>> = LazyLock::new(|| {
-    let host = std::fs::read("/proc/sys/kernel/hostname").ok()?;
-    let boot = std::fs::read("/proc/sys/kernel/random/boot_id").ok()?;
-    let namespace = std::fs::read_link("/proc/self/ns/pid").ok()?;
-    let mut hash = blake3::Hasher::new();
-    hash.update(&host).update(&boot).update(namespace.as_os_str().as_encoded_bytes());
-    Some(hash.finalize().to_hex()[..16].to_string())
-});
-
-/// Removes from `folder`, once a process, what processes of this machine and boot that are gone have left.
-fn sweep(folder: &Path) {
-    static SWEPT: LazyLock<Mutex<HashSet<PathBuf>>> = LazyLock::new(Mutex::default);
-    let Some(machine) = MACHINE.as_deref() else { return };
-    if !SWEPT.lock().unwrap_or_else(|e| e.into_inner()).insert(folder.to_path_buf()) {
-        return;
-    }
-    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        if is_of(&entry, user()) && entry.file_name().to_str().is_some_and(|name| is_left_over(name, machine)) {
-            let path = entry.path();
-            let is_folder = entry.file_type().is_ok_and(|t| t.is_dir());
-            // What cannot be removed does no harm.
-            let _ = if is_folder { std::fs::remove_dir_all(&path) } else { std::fs::remove_file(&path) };
-        }
-    }
-}
-
-/// Is this the name of something of this machine whose process is gone?
-fn is_left_over(name: &str, machine: &str) -> bool {
-    let inner = name.strip_prefix(PREFIX).and_then(|n| n.strip_suffix(SUFFIX));
-    let Some((of, rest)) = inner.and_then(|n| n.split_once('-')) else { return false };
-    let Some(process) = rest.split('.').next().and_then(|p| p.parse::<i32>().ok()) else { return false };
-    of == machine && is_gone(process)
-}
-
-/// The number of this user; 0 where the system has none.
-fn user() -> u32 {
-    #[cfg(unix)]
-    return rustix::process::geteuid().as_raw();
-    #[cfg(not(unix))]
-    0
-}
-
-/// Is it a user's? Processes of others may be hidden from this one.
-#[cfg_attr(not(unix), expect(unused_variables))]
-fn is_of(entry: &std::fs::DirEntry, user: u32) -> bool {
-    #[cfg(unix)]
-    return entry.metadata().is_ok_and(|m| std::os::unix::fs::MetadataExt::uid(&m) == user);
-    #[cfg(not(unix))]
-    true
-}
-
-/// Is there no process of this number? What another user's process answers is that it may not be signalled.
-#[cfg(unix)]
-fn is_gone(process: i32) -> bool {
-    use rustix::process::{Pid, test_kill_process};
-    Pid::from_raw(process).is_some_and(|pid| test_kill_process(pid) == Err(rustix::io::Errno::SRCH))
-}
-
-#[cfg(not(unix))]
-fn is_gone(_: i32) -> bool {
-    false
-}
-
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
-
-    /// A name that a process of this machine could have left, which is gone.
-    pub fn name_of_gone() -> Option<String> {
-        let gone = (2..4_194_304).rev().find(|p| !Path::new(&format!("/proc/{p}")).exists())?;
-        Some(format!("{PREFIX}{}-{gone}.0{SUFFIX}", MACHINE.as_deref()?))
-    }
-
-    #[test]
-    fn only_what_is_left_over_is_removed() {
-        let Some(gone) = name_of_gone() else { panic!("this system names its boot") };
-        let folder = tempfile::tempdir().unwrap();
-        let alive = format!("{PREFIX}{}-{}.99999{SUFFIX}", MACHINE.as_deref().unwrap(), std::process::id());
-        let elsewhere = format!("{PREFIX}0000000000000000-2.0{SUFFIX}");
-        let foreign = format!("{PREFIX}notes{SUFFIX}");
-        for name in [&gone, &alive, &elsewhere, &foreign] {
-            std::fs::write(folder.path().join(name), "x").unwrap();
-        }
-        drop(TemporaryFile::beside(&folder.path().join("a")).unwrap());
-        let there = |name: &String| folder.path().join(name).exists();
-        assert!(!there(&gone));
-        assert!([&alive, &elsewhere, &foreign].iter().all(|n| there(n)));
-        // Another user's stay, whose processes may be hidden.
-        let entry = std::fs::read_dir(folder.path()).unwrap().next().unwrap().unwrap();
-        assert!(is_of(&entry, user()) && (cfg!(not(unix)) || !is_of(&entry, user() + 1)));
-        // Everybody has it, whether it can be seen in /proc or not.
-        assert!(!is_gone(1));
-    }
 
     #[test]
     fn named_ones_go_away_and_take_their_place() {

@@ -1,6 +1,8 @@
 use super::*;
 use crate::context::Context;
+use crate::{Error, Result};
 use std::fs;
+use std::path::Path;
 
 const TEXT: Kind = Kind { name: "a text", kept: true, is: |_, head| head.starts_with(b"text") };
 const NOTE: Kind = Kind { name: "a note", kept: false, is: |_, head| head.starts_with(b"note") };
@@ -61,20 +63,8 @@ fn inputs_and_other_outputs_are_refused_and_so_is_another_kind() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name);
     ["data", "list"].iter().for_each(|folder| fs::create_dir(at(folder)).unwrap());
-    for name in [
-        "data/xx.f32",
-        "data/meta.json",
-        "snap.0.hdf5",
-        "snap.1.hdf5",
-        "list.pvtp",
-        "list/0.vtp",
-        "g",
-        "g#1",
-        "text",
-        "note",
-        "other",
-        "empty",
-    ] {
+    let files = "data/xx.f32 data/meta.json snap.0.hdf5 snap.1.hdf5 list.pvtp list/0.vtp g g#1 text note other empty";
+    for name in files.split(' ') {
         fs::write(at(name), if name == "empty" { "" } else { name }).unwrap();
     }
     fs::hard_link(at("data/xx.f32"), at("hard")).unwrap();

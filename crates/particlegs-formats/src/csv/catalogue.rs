@@ -9,23 +9,8 @@ use particlegs::model::{Dimension, Unit, UnitSystem, Units};
 type Centre = ([f64; 3], Option<f64>);
 
 /// What radii are called, the most welcome first.
-const RADII: [&str; 15] = [
-    "radius",
-    "r",
-    "rvir",
-    "rhalo",
-    "r200",
-    "r200c",
-    "r200m",
-    "r200b",
-    "r200crit",
-    "r200mean",
-    "rcrit200",
-    "rmean200",
-    "rtophat200",
-    "r500c",
-    "r500",
-];
+const RADII: &str =
+    "radius r rvir rhalo r200 r200c r200m r200b r200crit r200mean rcrit200 rmean200 rtophat200 r500c r500";
 
 /// Boxes whose sides differ by no more than this share are the same.
 const SAME_BOX: f64 = 1e-3;
@@ -44,20 +29,19 @@ pub struct Catalogue {
     notes: Vec<String>,
 }
 
-/// Which columns are meant.
 struct CentreColumns {
     position: [usize; 3],
     radius: Option<usize>,
 }
 
 impl Catalogue {
-    /// Of a file's bytes.
+    /// Reads a list from a file's bytes.
     ///
     /// # Errors
     /// What is wrong, with the line where that is one; the columns, where they do not tell which are meant.
     pub fn parse(bytes: &[u8]) -> Result<Catalogue, String> {
         let nothing = |what: String| if what == "there are no rows in it" { "no centres in it".into() } else { what };
-        let guess = Guess::of(bytes, true).map_err(nothing)?;
+        let guess = Guess::new(bytes, true).map_err(nothing)?;
         let lines = || bytes.split(|&b| b == b'\n').enumerate().skip(guess.rows_after as usize);
         let rows = || lines().filter(|(_, line)| guess.layout.is_row(line));
         let first = rows().next().ok_or("no centres in it")?.1;
@@ -67,15 +51,10 @@ impl Catalogue {
             centre(&values, &chosen, guess.layout.comma).map_err(|what| format!("line {}: {what}", i + 1))
         };
         let centres = rows().map(read).collect::<Result<Vec<Centre>, String>>()?;
-        let header = CatalogueHeader::of(&guess.remarks);
-        let mut catalogue = Catalogue {
-            centres,
-            units: [Units::default(), Units::default()],
-            scale_factor: header.scale_factor,
-            hubble: header.hubble,
-            box_length: header.box_length.clone(),
-            notes: Vec::new(),
-        };
+        let header = CatalogueHeader::new(&guess.remarks);
+        let CatalogueHeader { scale_factor, hubble, .. } = header;
+        let (units, box_length, notes) = (Default::default(), header.box_length.clone(), Vec::new());
+        let mut catalogue = Catalogue { centres, units, scale_factor, hubble, box_length, notes };
         catalogue.state_units(&guess, &chosen, header);
         Ok(catalogue)
     }
@@ -84,7 +63,7 @@ impl Catalogue {
     /// writes such columns.
     fn state_units(&mut self, guess: &Guess, chosen: &CentreColumns, header: CatalogueHeader) {
         let named = |column: Option<usize>| column.and_then(|c| guess.names[c].unit.clone());
-        let program = Program::of(&guess.names);
+        let program = Program::from_names(&guess.names);
         let places = named(Some(chosen.position[0])).or(header.positions).or(header.all.clone());
         let radii = named(chosen.radius).or(header.radii).or(header.all);
         if let Some(program) = program.filter(|_| places.is_none() || chosen.radius.is_some() && radii.is_none()) {
@@ -93,7 +72,7 @@ impl Catalogue {
         }
         let places = places.or(program.map(|p| p.positions.into()));
         let radii = radii.or(program.map(|p| p.radii.into())).or(places.clone());
-        self.units = [places, radii].map(|unit| Units::of(unit.as_deref(), None, None));
+        self.units = [places, radii].map(|unit| Units::new(unit.as_deref(), None, None));
     }
 
     /// The centres in other units, those of a snapshot whose periodic box has these sides, and what a user should know.
@@ -116,7 +95,7 @@ impl Catalogue {
             ));
         }
         if let (Some((length, unit)), Some(sides)) = (&self.box_length, sides) {
-            let units = Units::of(Some(unit), None, None);
+            let units = Units::new(Some(unit), None, None);
             let stated = UnitSystem { units: &units, ..places }.conversion(to).map(|c| c.length * length);
             if stated.is_ok_and(|stated| sides.iter().any(|side| (side / stated - 1.0).abs() > SAME_BOX)) {
                 let own = to.units.length_text().map_or(String::new(), |text| format!(" {text}"));
@@ -142,7 +121,7 @@ struct Program {
 }
 
 impl Program {
-    fn of(names: &[ColumnName]) -> Option<Program> {
+    fn from_names(names: &[ColumnName]) -> Option<Program> {
         let has = |stem: &str| names.iter().any(|name| name.stem == stem);
         let rockstar = has("descid") || has("numchildparticles") || has("mboundvir");
         if rockstar || has("descscale") {
@@ -154,14 +133,13 @@ impl Program {
     }
 }
 
-/// The columns of positions and radii.
 fn chosen(guess: &Guess, first: &[&[u8]]) -> Result<CentreColumns, String> {
     let names = &guess.names;
     let listed = || guess.layout.columns.join(", ");
     if guess.named
         && let Some(position) = positions(names)
     {
-        let radius = RADII.iter().find_map(|radius| names.iter().position(|name| name.stem == *radius));
+        let radius = RADII.split(' ').find_map(|radius| names.iter().position(|name| name.stem == radius));
         return Ok(CentreColumns { position, radius });
     }
     let columns = names.len() - guess.first_column;
@@ -215,7 +193,7 @@ struct CatalogueHeader {
 }
 
 impl CatalogueHeader {
-    fn of(remarks: &[String]) -> CatalogueHeader {
+    fn new(remarks: &[String]) -> CatalogueHeader {
         let mut header = CatalogueHeader::default();
         for line in remarks {
             let lower = line.to_lowercase();
@@ -283,7 +261,7 @@ mod tests {
     }
 
     fn converted(text: &str, unit: Option<&str>) -> Vec<Centre> {
-        let units = Units::of(unit, None, None);
+        let units = Units::new(unit, None, None);
         let to = UnitSystem { units: &units, scale_factor: None, hubble: None };
         Catalogue::parse(text.as_bytes()).unwrap().convert(&to, None).unwrap().0
     }
@@ -336,7 +314,7 @@ mod tests {
     #[test]
     fn another_box_than_that_of_the_snapshot_is_said() {
         let list = "# Box size: 20.0 Mpc/h\n# Positions in Mpc / h (comoving)\n# x y z\n1 2 3\n";
-        let units = Units::of(Some("kpc/h"), None, None);
+        let units = Units::new(Some("kpc/h"), None, None);
         let to = UnitSystem { units: &units, scale_factor: None, hubble: None };
         let notes = |sides| Catalogue::parse(list.as_bytes()).unwrap().convert(&to, Some(sides)).unwrap().1;
         assert_eq!(notes([20_000.0; 3]), [""; 0]);

@@ -7,16 +7,11 @@ use crate::text::split::{Separator, first_byte, is_blank, kind_of, number, numbe
 
 /// Lines of data that are looked at.
 const LOOK: usize = 64;
-/// Columns that a table may have.
 const MOST_COLUMNS: usize = 1 << 12;
 
-/// The layout of a table.
 pub struct Guess {
-    /// How its lines are taken apart.
     pub layout: TableLayout,
-    /// What the columns are called.
     pub names: Vec<ColumnName>,
-    /// Lines before the first row.
     pub rows_after: u64,
     /// Do the columns have names of their own?
     pub named: bool,
@@ -30,10 +25,7 @@ pub struct Guess {
 
 impl Guess {
     /// From the beginning of a file; `whole` where that is all of it.
-    ///
-    /// # Errors
-    /// What keeps it from being a table of text.
-    pub fn of(head: &[u8], whole: bool) -> Result<Guess, String> {
+    pub fn new(head: &[u8], whole: bool) -> Result<Guess, String> {
         // A last line that is cut off says nothing.
         let end = if whole { head.len() } else { memchr::memrchr(b'\n', head).map_or(0, |n| n + 1) };
         let head = &head[..end];
@@ -67,7 +59,7 @@ impl Guess {
         let words = (0..columns).filter(is_words).count();
         let named = names.is_some() && !numbered;
         let names = names.unwrap_or_else(|| (1..=columns).map(|c| format!("column{c}")).collect());
-        let mut names: Vec<ColumnName> = unnumbered(names).iter().map(|name| ColumnName::of(name)).collect();
+        let mut names: Vec<ColumnName> = unnumbered(names).iter().map(|name| ColumnName::parse(name)).collect();
         if above == 2 {
             units_below(&mut names, &split[1]);
         }
@@ -95,7 +87,6 @@ fn check_text(head: &[u8]) -> Result<(), String> {
     }
 }
 
-/// What comments begin with.
 fn comment_of(lines: &[&[u8]]) -> u8 {
     if lines.iter().find_map(|line| first_byte(line)) == Some(b'%') { b'%' } else { b'#' }
 }
@@ -209,7 +200,7 @@ fn commented_names(comments: &[&[u8]], comment: u8, separator: Separator, column
     let names = |line: &&[u8]| names_in_comment(line, comment, separator, columns);
     let all: Vec<Vec<String>> = comments.iter().rev().filter_map(names).collect();
     let places = |names: &Vec<String>| {
-        let names: Vec<ColumnName> = unnumbered(names.clone()).iter().map(|name| ColumnName::of(name)).collect();
+        let names: Vec<ColumnName> = unnumbered(names.clone()).iter().map(|name| ColumnName::parse(name)).collect();
         positions(&names).is_some()
     };
     let best = all.iter().position(places).unwrap_or(0);

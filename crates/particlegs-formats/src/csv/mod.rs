@@ -9,8 +9,10 @@ pub use catalogue::Catalogue;
 
 use crate::fields::is_id;
 use crate::foreign::foreign_of;
-use crate::registry::FileHead;
+use crate::format::FileHead;
+use crate::snapshot::named;
 use crate::text::content::{TextContent, TextPosition};
+use crate::text::lines::LineReader;
 use crate::text::snapshot::{TableColumns, TextSnapshot, kinds};
 use crate::text::table::TableBuilder;
 use crate::{Choice, Description, Format, Snapshot, SpeciesField};
@@ -21,11 +23,10 @@ use particlegs::particles::SnapshotMeta;
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
-/// Table of text.
 pub const FORMAT: Format = Format { name: "csv", title: "Table of text", detect, open };
 
 fn detect(head: &FileHead) -> bool {
-    Guess::of(&head.content, head.content.len() < 1 << 16).is_ok_and(|guess| guess.is_likely)
+    Guess::new(&head.content, head.content.len() < 1 << 16).is_ok_and(|guess| guess.is_likely)
         && foreign_of(head).is_none()
 }
 
@@ -37,10 +38,10 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         return Err(Error::input(path, "a table of text has one frame only"));
     }
     let content = TextContent::open(path)?;
-    let mut lines = content.lines(TextPosition::START, None)?;
+    let mut lines = LineReader::open(&content, TextPosition::START, None)?;
     let first = lines.block()?.unwrap_or(&[]);
     let whole = first.len() < 1 << 16;
-    let guess = Guess::of(&first[..first.len().min(1 << 16)], whole).map_err(|what| Error::input(path, what))?;
+    let guess = Guess::new(&first[..first.len().min(1 << 16)], whole).map_err(|what| Error::input(path, what))?;
     lines.pass(guess.rows_after, |_, _| Ok(()))?;
     let mut builder = TableBuilder::new(&content, guess.layout.clone(), None, lines.place());
     lines.pass(u64::MAX, |place, block| builder.add(place, block))?;
@@ -56,9 +57,8 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         format: content.title(FORMAT.title),
         files: paths.to_vec(),
         meta,
-        species: Vec::new(),
-        frames: None,
         notes,
+        ..Description::default()
     };
     Ok(Box::new(TextSnapshot::new(description, table, columns, "particles", "")))
 }
@@ -95,13 +95,12 @@ fn meta(path: &std::path::Path, columns: &TableColumns) -> SnapshotMeta {
     let lengths: Vec<Option<String>> = columns.positions.split(',').map(unit_of).collect();
     let same = lengths.iter().all(|unit| *unit == lengths[0]);
     SnapshotMeta {
-        name: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
-        units: Units::of(
+        units: Units::new(
             lengths[0].as_deref().filter(|_| same),
             columns.mass.as_deref().and_then(unit_of).as_deref(),
             None,
         ),
-        ..SnapshotMeta::default()
+        ..named(path)
     }
 }
 

@@ -7,31 +7,16 @@ pub struct ColumnName {
     pub text: String,
     /// Lower case, letters and digits alone, without the unit.
     pub stem: String,
-    /// A unit in brackets behind it.
     pub unit: Option<String>,
 }
 
-/// What positions are called, before their axis.
-const POSITIONS: [&str; 12] = [
-    "",
-    "p",
-    "pos",
-    "position",
-    "positions",
-    "point",
-    "points",
-    "coord",
-    "coords",
-    "coordinate",
-    "coordinates",
-    "center",
-];
+/// What positions are called, before their axis, where they are called anything.
+const POSITIONS: &str = "p pos position positions point points coord coords coordinate coordinates center";
 /// The same behind the axis, as in `x_pos`.
 const BEHIND: [&str; 9] = ["pos", "position", "coord", "coordinate", "center", "centre", "com", "cm", "c"];
 
 impl ColumnName {
-    /// Takes `name` apart.
-    pub fn of(name: &str) -> ColumnName {
+    pub fn parse(name: &str) -> ColumnName {
         let open = name.find(['[', '(']);
         let (stem, rest) = open.map_or((name, ""), |at| name.split_at(at));
         let inner = match rest.as_bytes() {
@@ -46,7 +31,6 @@ impl ColumnName {
         ColumnName { text, stem, unit }
     }
 
-    /// A mass or weight of each particle?
     pub fn is_mass(&self) -> bool {
         ["mass", "masses", "particlemass", "weight", "weights"].contains(&&self.stem[..])
     }
@@ -60,7 +44,7 @@ pub fn positions(names: &[ColumnName]) -> Option<[usize; 3]> {
         Some([x?, y?, z?])
     };
     const LETTERS: [&str; 3] = ["x", "y", "z"];
-    for word in POSITIONS {
+    for word in std::iter::once("").chain(POSITIONS.split(' ')) {
         let digits = (!word.is_empty()).then_some(["0", "1", "2"]);
         for axes in [Some(LETTERS), digits].into_iter().flatten() {
             if let Some(found) = triple(axes, &|axis| format!("{word}{axis}")) {
@@ -78,7 +62,7 @@ mod tests {
     #[test]
     fn names_are_taken_apart() {
         let apart = |name| {
-            let ColumnName { text, stem, unit } = ColumnName::of(name);
+            let ColumnName { text, stem, unit } = ColumnName::parse(name);
             (text, stem, unit.unwrap_or_default())
         };
         assert_eq!(apart("Mass [Msun/h]"), ("Mass".into(), "mass".into(), "Msun/h".into()));
@@ -91,7 +75,7 @@ mod tests {
     #[test]
     fn positions_are_found_by_their_names() {
         let find = |names: &[&str]| {
-            let names: Vec<ColumnName> = names.iter().map(|n| ColumnName::of(n)).collect();
+            let names: Vec<ColumnName> = names.iter().map(|n| ColumnName::parse(n)).collect();
             positions(&names)
         };
         assert_eq!(find(&["id", "z", "Y", "x"]), Some([3, 2, 1]));

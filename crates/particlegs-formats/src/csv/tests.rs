@@ -1,6 +1,6 @@
 use super::FORMAT;
-use crate::registry::FileHead;
-use crate::text::testing::{SpeciesParticles, read, scratch};
+use crate::format::FileHead;
+use crate::testing::{SpeciesParticles, read, scratch};
 use crate::{Choice, Description, SpeciesMass};
 
 fn open(text: &[u8]) -> particlegs::Result<(Description, SpeciesParticles)> {
@@ -46,7 +46,7 @@ fn separators_headers_and_comments() {
         "#id X Y Z\n#Mass in solar masses\n7 1 2 3\n8 4 5 -6.5\n",
     ];
     for text in texts {
-        let (_, got) = open(text.as_bytes()).unwrap_or_else(|e| panic!("{text:?}: {e} {}", e.remedy()));
+        let (_, got) = open(text.as_bytes()).unwrap_or_else(|e| panic!("{text:?}: {e} {}", e.hint()));
         assert_eq!(got.positions, TWO, "{text:?}");
         assert!(detects(text.as_bytes()), "{text:?}");
     }

@@ -2,17 +2,17 @@ use super::*;
 use std::path::PathBuf;
 
 fn head(name: &str, bytes: &[u8]) -> FileHead {
-    FileHead::of(&PathBuf::from(name), bytes.len() as u64, bytes.to_vec()).unwrap()
+    FileHead::from_bytes(&PathBuf::from(name), bytes.len() as u64, bytes.to_vec()).unwrap()
 }
 
 /// What a file is said to be, and the command that converts it.
-fn told(name: &str, bytes: &[u8]) -> (String, String) {
+fn describe(name: &str, bytes: &[u8]) -> (String, String) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     std::fs::write(&path, bytes).unwrap();
-    let error = crate::registry::detect(&path).err().expect("a format that is not read");
+    let error = crate::open::detect(&path).err().expect("a format that is not read");
     let at = folder.path().display().to_string();
-    (error.to_string().replace(&at, ""), error.remedy().to_string().replace(&at, ""))
+    (error.to_string().replace(&at, ""), error.hint().to_string().replace(&at, ""))
 }
 
 #[test]
@@ -31,9 +31,9 @@ fn files_of_molecular_dynamics_are_named_with_their_converter() {
         ("a.cif", "data_x\n_cell_length_a 3\n_cell_length_b 3\n", "a CIF file", "-i cif"),
         ("b.cif", "data_x\nloop_\n_atom_site.Cartn_x\n1 2 3\n", "an mmCIF file", "ovito"),
     ] {
-        let (what, remedy) = told(name, text.as_bytes());
+        let (what, hint) = describe(name, text.as_bytes());
         assert!(what.contains(title) && what.contains("which is not read"), "{name}: {what}");
-        assert!(remedy.contains(command) && remedy.contains("pip install"), "{name}: {remedy}");
+        assert!(hint.contains(command) && hint.contains("pip install"), "{name}: {hint}");
     }
 }
 
@@ -56,9 +56,9 @@ fn binary_files_are_named_with_their_converter() {
         ("a.tipsy", &tipsy, "a Tipsy snapshot", "s = pynbody.load('/a.tipsy'); numpy.savez('a.npz'"),
         ("a.fits", b"SIMPLE  =                    T", "a FITS file", "astropy"),
     ] {
-        let (what, remedy) = told(name, bytes);
+        let (what, hint) = describe(name, bytes);
         assert!(what.contains(title), "{name}: {what}");
-        assert!(remedy.contains(tool), "{name}: {remedy}");
+        assert!(hint.contains(tool), "{name}: {hint}");
     }
     tipsy.pop();
     assert!(foreign_of(&head("cut.tipsy", &tipsy)).is_none());
@@ -67,7 +67,7 @@ fn binary_files_are_named_with_their_converter() {
 #[test]
 fn names_that_a_shell_would_take_apart_are_left_to_the_user() {
     let foreign = foreign_of(&head("x", b"fxyz....")).unwrap();
-    let of = |name: &str| foreign.remedy(Path::new(name)).to_string();
+    let of = |name: &str| foreign.hint(Path::new(name)).to_string();
     assert!(of("a b;rm.binpos").contains("`mdconvert FILE -o file_converted.dcd`"), "{}", of("a b;rm.binpos"));
     assert!(of("run-1/a.binpos").contains("`mdconvert run-1/a.binpos -o a.dcd`"));
 }

@@ -3,40 +3,28 @@
 use super::header::{GadgetHeader, HEADER, TYPES};
 use super::order;
 use super::records::{GadgetRecord, Records};
-use crate::strided::{Bytes, NumberType, StridedColumn};
+use crate::numbers::{Bytes, NumberType, StridedColumn};
 use particlegs::{Error, Result};
-use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Numbers of some types of particles, one type after the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GadgetBlock {
     /// Name, without trailing blanks.
     pub name: String,
-    /// First byte.
     pub offset: u64,
-    /// Type of the numbers.
     pub kind: NumberType,
-    /// Numbers a particle.
     pub components: u32,
-    /// Which types have it.
     pub types: [bool; TYPES],
 }
 
-/// A file, mapped.
 pub struct GadgetFile {
-    /// Its path.
     pub path: PathBuf,
-    /// Its bytes.
     pub bytes: Bytes,
-    /// Byte order.
     pub big_endian: bool,
     /// Do blocks have names (format 2)?
     pub named: bool,
-    /// What it says.
     pub header: GadgetHeader,
-    /// Its blocks.
     pub blocks: Vec<GadgetBlock>,
     /// Blocks whose length tells no layout, by name.
     pub unknown: Vec<String>,
@@ -66,18 +54,14 @@ pub fn signature(bytes: &[u8]) -> Option<(bool, bool)> {
 
 impl GadgetFile {
     /// Maps a file and finds its blocks; those of format 1 are called as `stated`, where anything is.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] where header and records contradict each other.
     pub fn open(path: &Path, stated: &[String]) -> Result<GadgetFile> {
-        let (map, _) = map_file(path)?;
-        let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);
+        let bytes = Bytes::from_file(path)?;
         let (big_endian, named) = signature(&bytes).ok_or_else(|| {
             let hint = "a Gadget file begins with the record length 256 (format 1) or 8 (format 2)";
             Error::input_with(path, "not a Gadget binary snapshot", hint)
         })?;
         let records = Records { bytes: &bytes, big_endian };
-        let mut found = if named { named_records(path, &records)? } else { plain_records(path, &records)? }.into_iter();
+        let mut found = named_records(path, &records, named)?.into_iter();
         let head = found.next().filter(|(name, r)| name == "HEAD" && r.length == HEADER as u64);
         let (_, head) = head.ok_or_else(|| Error::input(path, "its first record is no Gadget header of 256 bytes"))?;
         let header = GadgetHeader::parse(path, &bytes[head.offset as usize..][..HEADER], big_endian)?;
@@ -96,7 +80,6 @@ impl GadgetFile {
         Ok(part)
     }
 
-    /// The block of a name.
     pub fn block(&self, name: &str) -> Option<&GadgetBlock> {
         self.blocks.iter().find(|b| b.name == name)
     }
@@ -131,7 +114,12 @@ impl GadgetFile {
             return Err(Error::input(&self.path, what));
         }
         if stated.is_empty() {
-            self.order = order::names(self, records)?;
+            self.order = order::names(
+                &self.path,
+                &self.header,
+                Records { bytes: &self.bytes, big_endian: self.big_endian },
+                records,
+            )?;
         }
         let names = if stated.is_empty() { self.order.clone() } else { stated.to_vec() };
         let passed_over = std::iter::repeat_n(order::NONE.to_string(), records.len() - names.len());
@@ -155,11 +143,7 @@ impl GadgetFile {
             (0..TYPES).filter(|&t| types[t]).map(|t| u64::from(self.header.count[t])).sum()
         };
         let real = self.block("POS").map_or(NumberType::F32, |b| b.kind);
-        let reals = if real == NumberType::F32 {
-            [NumberType::F32, NumberType::F64]
-        } else {
-            [NumberType::F64, NumberType::F32]
-        };
+        let reals = [real, if real == NumberType::F32 { NumberType::F64 } else { NumberType::F32 }];
         let (all, gas) = ([true; TYPES], [true, false, false, false, false, false]);
         let without_table = self.header.mass.map(|m| m == 0.0);
         let (stars, gas_stars) = ([false, false, false, false, true, false], [true, false, false, false, true, false]);
@@ -201,37 +185,29 @@ impl GadgetFile {
 
 const CUT: &str = "the file is cut short or damaged: copy it again from its source";
 
-/// Records of format 2: one of 8 bytes with the name before each.
-fn named_records(path: &Path, records: &Records<'_>) -> Result<Vec<(String, GadgetRecord)>> {
-    let mut out = Vec::new();
-    let mut at = 0;
+/// Records by name. Those of format 2 have one of 8 bytes with the name before each, those of format 1 none but the
+/// header's.
+fn named_records(path: &Path, records: &Records<'_>, named: bool) -> Result<Vec<(String, GadgetRecord)>> {
+    let fault = |e: String| Error::input_with(path, e, CUT);
+    let (mut out, mut at) = (Vec::new(), 0);
     while at < records.bytes.len() as u64 {
-        let fault = |e: String| Error::input_with(path, e, CUT);
-        let label = records.at(at).map_err(fault)?;
-        if label.length != 8 || out.len() == MOST_BLOCKS {
-            let what = format!("the record at byte {at} should hold a block's name, and has {} bytes", label.length);
-            return Err(fault(what));
-        }
-        let name = &records.bytes[label.offset as usize..][..4];
-        let name = String::from_utf8_lossy(name).trim_end_matches([' ', '\0']).to_string();
-        let data = records.at(label.end()).map_err(|e| fault(format!("block {name}: {e}")))?;
-        at = data.end();
-        out.push((name, data));
-    }
-    Ok(out)
-}
-
-/// Records of format 1, without names but the header's.
-fn plain_records(path: &Path, records: &Records<'_>) -> Result<Vec<(String, GadgetRecord)>> {
-    let mut out = Vec::new();
-    let mut at = 0;
-    while at < records.bytes.len() as u64 {
-        let record = records.at(at).map_err(|e| Error::input_with(path, e, CUT))?;
-        if out.len() == MOST_BLOCKS {
+        let mut record = records.at(at).map_err(fault)?;
+        let mut name = if out.is_empty() { "HEAD".to_string() } else { String::new() };
+        if named {
+            if record.length != 8 || out.len() == MOST_BLOCKS {
+                let length = record.length;
+                return Err(fault(format!(
+                    "the record at byte {at} should hold a block's name, and has {length} bytes"
+                )));
+            }
+            let label = &records.bytes[record.offset as usize..][..4];
+            name = String::from_utf8_lossy(label).trim_end_matches([' ', '\0']).to_string();
+            record = records.at(record.end()).map_err(|e| fault(format!("block {name}: {e}")))?;
+        } else if out.len() == MOST_BLOCKS {
             return Err(Error::input(path, format!("more than {MOST_BLOCKS} blocks")));
         }
-        out.push((if out.is_empty() { "HEAD".into() } else { String::new() }, record));
         at = record.end();
+        out.push((name, record));
     }
     Ok(out)
 }

@@ -1,17 +1,15 @@
 //! The 256 bytes that every Gadget file begins with.
 
+use crate::numbers::NumberType;
 use particlegs::model::{Cosmology, Epoch, Units};
 use particlegs::particles::SnapshotMeta;
 use particlegs::space::Cell;
 use particlegs::{Error, Result};
 use std::path::Path;
 
-/// Bytes of the header.
 pub const HEADER: usize = 256;
-/// Kinds of particles.
 pub const TYPES: usize = 6;
 
-/// What the header says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GadgetHeader {
     /// Particles in this file, by type.
@@ -39,19 +37,9 @@ pub struct GadgetHeader {
 }
 
 impl GadgetHeader {
-    /// Reads it from [`HEADER`] bytes.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for values that no run has.
     pub fn parse(path: &Path, bytes: &[u8], big_endian: bool) -> Result<GadgetHeader> {
-        let int = |at: usize| {
-            let four: [u8; 4] = bytes[at..at + 4].try_into().expect("four bytes");
-            if big_endian { u32::from_be_bytes(four) } else { u32::from_le_bytes(four) }
-        };
-        let real = |at: usize| {
-            let eight: [u8; 8] = bytes[at..at + 8].try_into().expect("eight bytes");
-            if big_endian { f64::from_be_bytes(eight) } else { f64::from_le_bytes(eight) }
-        };
+        let int = |at: usize| NumberType::U32.get(&bytes[at..], big_endian) as u32;
+        let real = |at: usize| NumberType::F64.get(&bytes[at..], big_endian);
         let header = GadgetHeader {
             count: std::array::from_fn(|t| int(4 * t)),
             mass: std::array::from_fn(|t| real(24 + 8 * t)),
@@ -100,11 +88,9 @@ impl GadgetHeader {
             && (self.redshift - expected).abs() <= 1e-5 * (1.0 + expected.abs())
     }
 
-    /// Cell and cosmology.
-    pub fn meta(&self, name: String) -> SnapshotMeta {
+    pub fn meta(&self, named: SnapshotMeta) -> SnapshotMeta {
         let cosmological = self.is_cosmological();
         SnapshotMeta {
-            name,
             cell: (self.box_size > 0.0).then(|| Cell::orthogonal([self.box_size; 3])),
             units: Units { comoving: cosmological.then_some(true), ..Units::default() },
             cosmology: Cosmology {
@@ -118,11 +104,10 @@ impl GadgetHeader {
                 time: (!cosmological).then_some(self.time),
                 ..Epoch::default()
             },
-            ..SnapshotMeta::default()
+            ..named
         }
     }
 
-    /// Particles of this file.
     pub fn particles(&self) -> u64 {
         self.count.iter().map(|&n| u64::from(n)).sum()
     }
@@ -151,10 +136,10 @@ mod tests {
     fn time_is_the_scale_factor_where_redshift_agrees() {
         let mut bytes = sample([0, 2, 0, 0, 0, 0], [0.0; 6], 1, [0, 2, 0, 0, 0, 0]);
         let parse = |bytes: &[u8]| GadgetHeader::parse(Path::new("f"), bytes, false);
-        let meta = parse(&bytes).unwrap().meta("f".into());
+        let meta = parse(&bytes).unwrap().meta(SnapshotMeta::default());
         assert_eq!((meta.epoch.scale_factor, meta.epoch.time, meta.units.comoving), (Some(0.5), None, Some(true)));
         bytes[80..88].copy_from_slice(&0.0f64.to_le_bytes());
-        let meta = parse(&bytes).unwrap().meta("f".into());
+        let meta = parse(&bytes).unwrap().meta(SnapshotMeta::default());
         assert_eq!((meta.epoch.scale_factor, meta.epoch.time, meta.units.comoving), (None, Some(0.5), None));
         bytes[128..136].copy_from_slice(&f64::NAN.to_le_bytes());
         assert!(parse(&bytes).unwrap_err().to_string().contains("BoxSize"));

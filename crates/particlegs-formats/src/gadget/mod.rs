@@ -9,9 +9,10 @@ mod order;
 mod parts;
 mod records;
 
-use crate::axes::{FieldComponent, axes};
+use crate::axes::{self, FieldComponent};
+use crate::numbers::{StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, PieceReader};
-use crate::strided::{StridedColumn, StridedParticles};
+use crate::snapshot::named;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass};
 use blocks::GadgetFile;
 use header::TYPES;
@@ -20,7 +21,6 @@ use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
-/// Gadget binary.
 pub const FORMAT: Format = Format {
     name: "gadget",
     title: "Gadget binary",
@@ -31,7 +31,6 @@ pub const FORMAT: Format = Format {
 struct Gadget {
     parts: Vec<GadgetFile>,
     description: Description,
-    /// Type of each species.
     types: Vec<usize>,
 }
 
@@ -57,11 +56,8 @@ fn describe(parts: &[GadgetFile], paths: &[PathBuf], species: Vec<Species>) -> D
         if first.named { 2 } else { 1 },
         if first.big_endian { "big-endian" } else { "little-endian" }
     );
-    let name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let mut notes = vec![
-        "the file has no units; Gadget's usual length is kpc/h: `--length-unit` and `--mass-unit` state them"
-            .to_string(),
-    ];
+    let mut notes =
+        vec!["the file has no units; Gadget's usual length is kpc/h: state the units of length and mass".to_string()];
     let h = &first.header;
     if h.is_cosmological() {
         notes.push(format!("redshift {}, Omega0 {}, OmegaLambda {}", h.redshift, h.omega0, h.omega_lambda));
@@ -75,7 +71,7 @@ fn describe(parts: &[GadgetFile], paths: &[PathBuf], species: Vec<Species>) -> D
         notes.push(format!("blocks of unknown layout, not read: {}", first.unknown.join(", ")));
     }
     let files = parts.iter().map(|p| p.path.clone()).collect();
-    Description { format, files, meta: h.meta(name), species, frames: None, notes }
+    Description { format, files, meta: h.meta(named(&paths[0])), species, frames: None, notes }
 }
 
 fn species(parts: &[GadgetFile], t: usize) -> Result<Species> {
@@ -93,12 +89,7 @@ fn species(parts: &[GadgetFile], t: usize) -> Result<Species> {
         SpeciesMass::Unknown
     };
     let fields = first.blocks.iter().filter(|b| b.types[t] && with().all(|p| holds(p, &b.name)));
-    let field = |b: &blocks::GadgetBlock| SpeciesField {
-        name: b.name.clone(),
-        kind: b.kind.name().into(),
-        components: b.components,
-        unit: None,
-    };
+    let field = |b: &blocks::GadgetBlock| SpeciesField::new(&b.name, b.kind.name(), b.components);
     Ok(Species {
         name: format!("PartType{t}"),
         aliases: species_aliases(t),
@@ -117,29 +108,20 @@ impl Snapshot for Gadget {
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let (t, species) = (self.types[species], &self.description.species[species]);
         let place = self.parts[0].path.display().to_string();
-        let axes = axes(&place, species, choice)?;
-        let weight = species.weight_field(&place, &choice.weights)?;
+        let columns = axes::columns(&place, species, choice)?;
         let mut pieces: Vec<Box<dyn ParticlePiece>> = Vec::new();
         for part in self.parts.iter().filter(|p| p.header.count[t] > 0) {
-            let lane = |field: &str, component: u32| {
-                let block = part.block(field).filter(|b| b.types[t] && component < b.components);
+            let lane = |FieldComponent { field, component }: &FieldComponent| {
+                let block = part.block(field).filter(|b| b.types[t] && *component < b.components);
                 let block = block.ok_or_else(|| Error::input(&part.path, format!("it has no block {field}")))?;
-                let lane = part.lane(block, t, component);
+                let lane = part.lane(block, t, *component);
                 Ok(StridedColumn { kind: lane.kind.stored(choice.as_stored), ..lane })
             };
-            let [x, y, z] = &axes;
-            let axis = |a: &FieldComponent| lane(&a.field, a.component);
-            let weight = weight.as_ref().map(|w| lane(w, 0)).transpose()?;
-            let lanes = [axis(x)?, axis(y)?, axis(z)?];
-            let rows = u64::from(part.header.count[t]);
-            let place = part.path.display().to_string();
-            pieces.push(Box::new(StridedParticles::new(&place, part.bytes.clone(), rows, lanes, weight)?));
+            let lanes: Vec<StridedColumn> = columns.iter().map(lane).collect::<Result<_>>()?;
+            let (place, rows) = (part.path.display().to_string(), part.header.count[t].into());
+            pieces.push(Box::new(StridedParticles::new(&place, part.bytes.clone(), rows, &lanes)?));
         }
-        let mut meta = self.description.meta.clone();
-        if let SpeciesMass::Each(mass) = species.mass {
-            meta.particle_mass = Some(mass);
-        }
-        Ok(Box::new(PieceReader::new(meta, pieces, weight.is_some())?))
+        Ok(Box::new(PieceReader::new(self.description.meta_of(species), pieces, columns.len() > 3)?))
     }
 }
 

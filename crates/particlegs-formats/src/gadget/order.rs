@@ -1,10 +1,10 @@
 //! Which block of format 1 is which: they have no names, and codes write more of them than Gadget did.
 
-use super::blocks::GadgetFile;
-use super::header::TYPES;
-use super::records::GadgetRecord;
-use crate::strided::NumberType;
-use particlegs::{Error, Remedy, Result};
+use super::header::{GadgetHeader, TYPES};
+use super::records::{GadgetRecord, Records};
+use crate::numbers::NumberType;
+use particlegs::{Error, Hint, Result};
+use std::path::Path;
 
 /// Numbers of a block that are looked at.
 const LOOKED_AT: u64 = 4096;
@@ -12,7 +12,6 @@ const LOOKED_AT: u64 = 4096;
 /// The name of a block that is passed over.
 pub const NONE: &str = "-";
 
-/// What the numbers of a block are, by a look at some of them.
 #[derive(Clone, Copy, PartialEq)]
 enum Values {
     Zero,
@@ -23,29 +22,25 @@ enum Values {
     Real,
 }
 
-/// Blocks of a file, told one after the other.
 struct BlockOrder<'a> {
-    part: &'a GadgetFile,
+    path: &'a Path,
+    file: Records<'a>,
     records: &'a [GadgetRecord],
     all: u64,
     /// Particles of types whose mass is not in the header.
     massive: u64,
     gas: u64,
     names: Vec<String>,
-    /// The next block to tell.
     at: usize,
 }
 
-/// Names of `records`, those behind the header of `part`: POS, VEL, ID, whole numbers that some codes write behind ID,
+/// Names of `records`, those behind `header` in the file at `path`: POS, VEL, ID, whole numbers that some codes write behind ID,
 /// MASS where a type needs it, then blocks of gas. [`NONE`] for what cannot be told.
-///
-/// # Errors
-/// [`Error::Input`] where there should be masses, and no block there holds them.
-pub fn names(part: &GadgetFile, records: &[GadgetRecord]) -> Result<Vec<String>> {
-    let header = &part.header;
+pub fn names(path: &Path, header: &GadgetHeader, file: Records<'_>, records: &[GadgetRecord]) -> Result<Vec<String>> {
     let massive = (0..TYPES).filter(|&t| header.mass[t] == 0.0).map(|t| u64::from(header.count[t])).sum();
     let (all, gas) = (header.particles(), u64::from(header.count[0]));
-    let mut order = BlockOrder { part, records, all, massive, gas, names: vec![NONE.into(); records.len()], at: 0 };
+    let mut order =
+        BlockOrder { path, file, records, all, massive, gas, names: vec![NONE.into(); records.len()], at: 0 };
     if all > 0 {
         // What fits no positions is a second header; where nothing fits, the fault is that of the first block.
         order.at = records.iter().position(|r| fits(r, 3 * all)).unwrap_or(0);
@@ -110,7 +105,9 @@ impl BlockOrder<'_> {
         if mass.is_none() && needed && run > 1 {
             let at = self.records[start].offset;
             let what = format!("none of the {run} blocks from byte {at} on, one number a particle, holds masses");
-            return Err(Error::input_with(&self.part.path, what, Remedy::NameBlocks));
+            let hint = Hint::default().option("gadget-blocks", "POS,VEL,ID,-,MASS");
+            let hint = hint.words(" names the blocks after the header; - skips a block");
+            return Err(Error::input_with(self.path, what, hint));
         }
         if needed {
             // Where its length is another, the fault is named when it is placed.
@@ -130,8 +127,8 @@ impl BlockOrder<'_> {
         let step = count.div_ceil(LOOKED_AT).max(1);
         for i in (0..count).step_by(step as usize) {
             let from = (record.offset + i * real.bytes()) as usize;
-            let bytes = &self.part.bytes[from..from + real.bytes() as usize];
-            let [whole, real] = [whole, real].map(|kind| kind.get(bytes, self.part.big_endian));
+            let bytes = &self.file.bytes[from..from + real.bytes() as usize];
+            let [whole, real] = [whole, real].map(|kind| kind.get(bytes, self.file.big_endian));
             found = match found {
                 _ if whole == 0.0 => found,
                 _ if !(real == 0.0 || real.is_finite() && real.abs() >= least) => return Values::Whole,

@@ -11,10 +11,6 @@ const MOST_FILES: u32 = 65_536;
 
 /// Opens all files of the snapshot that `paths` belong to: one of them is enough; their blocks as
 /// [`GadgetFile::open`]. Also what a user should know.
-///
-/// # Errors
-/// [`Error::Input`] where one is missing or they contradict each other, where headers count other particles than there
-/// are and the choice is [`Choice::strict`]; [`Error::Io`].
 pub fn open(paths: &[PathBuf], options: &Choice) -> Result<(Vec<GadgetFile>, Vec<String>)> {
     let given = GadgetFile::open(&paths[0], &options.blocks)?;
     let files = given.header.files;

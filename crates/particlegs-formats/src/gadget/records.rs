@@ -1,11 +1,8 @@
 //! Records between two equal marks, as Fortran writes them.
 
-/// The numbers of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GadgetRecord {
-    /// Its first byte.
     pub offset: u64,
-    /// Its bytes.
     pub length: u64,
 }
 
@@ -16,17 +13,14 @@ impl GadgetRecord {
     }
 }
 
-/// A file's records.
 #[derive(Clone, Copy)]
 pub struct Records<'a> {
-    /// The file.
     pub bytes: &'a [u8],
     /// Of the marks.
     pub big_endian: bool,
 }
 
 impl Records<'_> {
-    /// The mark at byte `at`.
     pub fn mark(&self, at: u64) -> Option<u32> {
         let at = usize::try_from(at).ok()?;
         let four: [u8; 4] = self.bytes.get(at..at.checked_add(4)?)?.try_into().ok()?;

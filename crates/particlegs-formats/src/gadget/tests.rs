@@ -2,9 +2,7 @@
 
 use super::*;
 use crate::{Choice, Weights};
-use particlegs::context::Context;
 use std::path::Path;
-use std::sync::Mutex;
 
 fn record(out: &mut Vec<u8>, data: &[u8]) {
     let mark = (data.len() as u32).to_le_bytes();
@@ -44,16 +42,8 @@ fn open(paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
     Choice::default().open(paths)
 }
 
-fn rows(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> Vec<[f32; 4]> {
-    let reader = snapshot.reader(species, choice).unwrap();
-    let out = Mutex::new(Vec::new());
-    let take = |_: u64, c: particlegs::particles::Chunk<'_>| {
-        let w = |i: usize| c.weight.map_or(0.0, |w| w[i]);
-        out.lock().unwrap().extend((0..c.len()).map(|i| [c.position[0][i], c.position[1][i], c.position[2][i], w(i)]));
-        Ok(())
-    };
-    reader.read(0..reader.count().div_ceil(1 << 16), &Context::SILENT, &take).unwrap();
-    out.into_inner().unwrap()
+fn rows(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> Vec<[f64; 4]> {
+    crate::testing::rows(snapshot, species, choice).unwrap()
 }
 
 fn written(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
@@ -206,7 +196,7 @@ fn blocks_of_format_1_are_told_by_length_and_values() {
     let refused = plain(&[floats(0..15), floats(0..15), whole([1, 2, 3, 4, 5]), whole([9, 9, 9, 9, 9])]);
     let refused = open(&[written(folder.path(), "s", &refused)]).err().unwrap();
     assert!(refused.to_string().contains("none of the 2 blocks"), "{refused}");
-    assert_eq!(refused.remedy(), particlegs::Remedy::NameBlocks);
+    assert!(refused.hint().to_string().starts_with("`gadget-blocks POS,VEL,ID,-,MASS` names the blocks"));
     let named = written(folder.path(), "s", &file(true, 1, [2, 3, 0, 0, 0, 0]));
     assert!(Choice { blocks: vec!["POS".into()], ..Choice::default() }.open(&[named]).is_err());
 }

@@ -1,11 +1,9 @@
 //! The header of a GenericIO file: variables, ranks, and where each rank's columns lie.
 
 use crate::codecs::crc64;
-use crate::strided::{Bytes, NumberType};
+use crate::numbers::{Bytes, NumberType};
 use particlegs::{Error, Result};
-use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Bytes of a checksum behind the header and behind every column.
 pub const CRC: u64 = 8;
@@ -13,11 +11,9 @@ pub const CRC: u64 = 8;
 /// A column of every rank.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variable {
-    /// Its name.
     pub name: String,
     /// Type of its numbers; `None` for one that is not known.
     pub kind: Option<NumberType>,
-    /// Bytes a particle.
     pub size: u64,
     /// Is it this axis of the positions?
     pub axis: Option<usize>,
@@ -26,16 +22,12 @@ pub struct Variable {
 /// A rank: the particles of one process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rank {
-    /// Particles.
     pub count: u64,
-    /// Where its columns begin.
     pub start: u64,
 }
 
-/// Where a rank's column lies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RankColumn {
-    /// First byte.
     pub start: u64,
     /// Bytes, without the checksum.
     pub size: u64,
@@ -45,15 +37,10 @@ pub struct RankColumn {
 
 /// A file, mapped, its header checked.
 pub struct GenericIoFile {
-    /// Its path.
     pub path: PathBuf,
-    /// Its bytes.
     pub bytes: Bytes,
-    /// Byte order.
     pub big_endian: bool,
-    /// Its columns.
     pub variables: Vec<Variable>,
-    /// Its ranks.
     pub ranks: Vec<Rank>,
     /// Lowest corner of the box.
     pub origin: [f64; 3],
@@ -65,7 +52,6 @@ pub struct GenericIoFile {
     before: Vec<u64>,
 }
 
-/// Byte order by the first bytes.
 pub fn signature(bytes: &[u8]) -> Option<bool> {
     match bytes.get(..7)? {
         b"HACC01L" => Some(false),
@@ -81,13 +67,8 @@ const MOST_RANKS: u64 = 1 << 21;
 const HINT: &str = "the file is cut short or damaged: copy it again from its source";
 
 impl GenericIoFile {
-    /// Maps a file and reads its header.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] for a header whose checksum or content is wrong.
     pub fn open(path: &Path) -> Result<GenericIoFile> {
-        let (map, _) = map_file(path)?;
-        let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);
+        let bytes = Bytes::from_file(path)?;
         let big_endian = signature(&bytes).ok_or_else(|| {
             Error::input_with(path, "not a GenericIO file", "such files begin with HACC01L or HACC01B")
         })?;
@@ -123,15 +104,11 @@ impl GenericIoFile {
         Ok(GenericIoFile { path: path.into(), bytes, big_endian, variables, ranks, origin, scale, blocks, before })
     }
 
-    /// Index of the variable of a name.
     pub fn variable(&self, name: &str) -> Option<usize> {
         self.variables.iter().position(|v| v.name == name)
     }
 
     /// Where variable `variable` of rank `rank` lies: within the file, with its checksum behind it.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where it ends beyond the file, or is stored in a way that is not known.
     pub fn column(&self, rank: usize, variable: usize) -> Result<RankColumn> {
         let Rank { count, start } = self.ranks[rank];
         let length = count.checked_mul(self.variables[variable].size);
@@ -157,9 +134,6 @@ impl GenericIoFile {
     }
 
     /// Whether every column lies within the file.
-    ///
-    /// # Errors
-    /// [`Error::Input`] naming the first that does not.
     pub fn check(&self) -> Result<()> {
         for rank in 0..self.ranks.len() {
             // Without headers of blocks, columns follow each other: the last ends last.
@@ -186,7 +160,6 @@ impl GenericIoFile {
     }
 }
 
-/// The header's bytes.
 struct HeaderBytes<'a> {
     path: &'a Path,
     bytes: &'a [u8],
@@ -260,18 +233,9 @@ impl HeaderBytes<'_> {
         let variable = |i: u64| {
             let at = start + i * size;
             let (flags, bytes) = (self.int(at + 256)?, self.int(at + 264)?);
-            let kind = match (bytes, flags & 1 != 0, flags & 2 != 0) {
-                (4, true, _) => Some(NumberType::F32),
-                (8, true, _) => Some(NumberType::F64),
-                (1, false, true) => Some(NumberType::I8),
-                (2, false, true) => Some(NumberType::I16),
-                (4, false, true) => Some(NumberType::I32),
-                (8, false, true) => Some(NumberType::I64),
-                (1, false, false) => Some(NumberType::U8),
-                (2, false, false) => Some(NumberType::U16),
-                (4, false, false) => Some(NumberType::U32),
-                (8, false, false) => Some(NumberType::U64),
-                _ => None,
+            let kind = match flags & 1 {
+                1 => NumberType::float(bytes),
+                _ => NumberType::integer(bytes, flags & 2 != 0),
             };
             let axis = (0..3).find(|k| flags & (4 << k) != 0);
             Ok(Variable { name: self.name(at, 256)?, kind, size: bytes, axis })

@@ -11,9 +11,10 @@ mod header;
 mod ranks;
 mod split;
 
-use crate::axes::axes;
+use crate::axes::{self, FieldComponent};
 use crate::cache::DEFAULT_BYTES;
 use crate::pieces::{ParticlePiece, PieceReader};
+use crate::snapshot::named;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass};
 use header::GenericIoFile;
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
@@ -23,7 +24,6 @@ use ranks::Ranks;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// GenericIO.
 pub const FORMAT: Format = Format {
     name: "genericio",
     title: "GenericIO (HACC)",
@@ -63,12 +63,7 @@ fn describe(path: &Path, files: &[GenericIoFile]) -> Result<Description> {
         .variables
         .iter()
         .filter(|v| has(v))
-        .map(|v| SpeciesField {
-            name: v.name.clone(),
-            kind: v.kind.map_or("", |k| k.name()).into(),
-            components: 1,
-            unit: None,
-        })
+        .map(|v| SpeciesField::new(&v.name, v.kind.map_or("", |k| k.name()), 1))
         .collect();
     let known = |name: &str| fields.iter().any(|f| f.name == name);
     let mass = if known("mass") { SpeciesMass::Field("mass".into()) } else { SpeciesMass::Unknown };
@@ -79,7 +74,7 @@ fn describe(path: &Path, files: &[GenericIoFile]) -> Result<Description> {
     };
     let positions = [axis(0), axis(1), axis(2)].join(",");
     let other: Vec<&str> = first.variables.iter().filter(|v| !has(v)).map(|v| &v.name[..]).collect();
-    let units = "the file has no units; HACC's usual length is Mpc/h: `--length-unit` states it";
+    let units = "the file has no units; HACC's usual length is Mpc/h: state the unit of length";
     let unread = (!other.is_empty()).then(|| format!("no numbers, not read: {}", other.join(", ")));
     let notes = std::iter::once(units.to_string()).chain(unread).collect();
     let species = Species { name: "particles".into(), aliases: vec![], count, mass, positions, fields };
@@ -88,10 +83,9 @@ fn describe(path: &Path, files: &[GenericIoFile]) -> Result<Description> {
 }
 
 fn meta(path: &Path, file: &GenericIoFile) -> SnapshotMeta {
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let cell =
         file.scale.iter().all(|&s| s > 0.0).then(|| Cell { origin: file.origin, ..Cell::orthogonal(file.scale) });
-    SnapshotMeta { name, cell, ..SnapshotMeta::default() }
+    SnapshotMeta { cell, ..named(path) }
 }
 
 impl Snapshot for GenericIo {
@@ -102,22 +96,16 @@ impl Snapshot for GenericIo {
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let species = &self.description.species[species];
         let place = self.files[0].path.display().to_string();
-        let axes = axes(&place, species, choice)?;
-        let weight = species.weight_field(&place, &choice.weights)?;
-        let names: Vec<&str> = axes.iter().map(|a| &a.field[..]).chain(weight.as_deref()).collect();
+        let columns = axes::columns(&place, species, choice)?;
         let mut pieces: Vec<Box<dyn ParticlePiece>> = Vec::new();
         for file in &self.files {
-            let variable = |name: &&str| {
-                let missing = || Error::input(&file.path, format!("it has no variable {name}"));
-                file.variable(name).ok_or_else(missing)
+            let variable = |column: &FieldComponent| {
+                let missing = || Error::input(&file.path, format!("it has no variable {}", column.field));
+                file.variable(&column.field).ok_or_else(missing)
             };
-            let variables: Vec<usize> = names.iter().map(variable).collect::<Result<_>>()?;
-            pieces.push(Box::new(Ranks::new(
-                file.clone(),
-                &variables,
-                DEFAULT_BYTES / self.files.len(),
-                choice.as_stored,
-            )?));
+            let variables: Vec<usize> = columns.iter().map(variable).collect::<Result<_>>()?;
+            let cache = DEFAULT_BYTES / self.files.len();
+            pieces.push(Box::new(Ranks::new(file.clone(), &variables, cache, choice.as_stored)?));
         }
         if let ([one], [file]) = (&pieces[..], &self.files[..])
             && file.ranks.iter().filter(|r| r.count > 0).count() == 1
@@ -125,7 +113,7 @@ impl Snapshot for GenericIo {
             // One rank can be used where it lies, past `read`: what is wrong must be said here.
             one.read(0..1, &mut crate::pieces::RowBuffer::default())?;
         }
-        Ok(Box::new(PieceReader::new(self.description.meta.clone(), pieces, weight.is_some())?))
+        Ok(Box::new(PieceReader::new(self.description.meta.clone(), pieces, columns.len() > 3)?))
     }
 }
 

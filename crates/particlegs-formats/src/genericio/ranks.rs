@@ -7,8 +7,8 @@ use super::blosc::BloscHeader;
 use super::header::{CRC, GenericIoFile, RankColumn};
 use crate::cache::ChunkCache;
 use crate::codecs::crc64;
+use crate::numbers::{NumberType, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, RowBuffer};
-use crate::strided::{NumberType, StridedColumn, StridedParticles};
 use particlegs::particles::InPlace;
 use particlegs::{Error, Result};
 use std::ops::Range;
@@ -33,9 +33,6 @@ pub struct Ranks {
 impl Ranks {
     /// The variables `variables` (three or four indices) of `file`, decompressed blocks of about
     /// `cache` bytes kept, numbers as they are stored where `as_stored` is set.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where a variable holds no numbers.
     pub fn new(file: Arc<GenericIoFile>, variables: &[usize], cache: usize, as_stored: bool) -> Result<Ranks> {
         let place = file.path.display().to_string();
         let column = |&v: &usize| {
@@ -61,9 +58,6 @@ impl Ranks {
     }
 
     /// The checksums of a rank's columns, verified once.
-    ///
-    /// # Errors
-    /// [`Error::Input`] naming rank and variable of a wrong one.
     pub fn check(&self, rank: usize) -> Result<()> {
         if *self.checked[rank].get_or_init(|| self.verify(rank).is_ok()) { Ok(()) } else { self.verify(rank) }
     }
@@ -80,7 +74,6 @@ impl Ranks {
         Ok(())
     }
 
-    /// Appends rows of a rank's column.
     fn append(&self, rank: usize, index: usize, rows: Range<u64>, out: &mut Vec<f64>) -> Result<()> {
         let (variable, kind) = self.columns[index];
         let column = self.file.column(rank, variable)?;
@@ -157,9 +150,8 @@ impl ParticlePiece for Ranks {
             let part = rows.start.max(start) - start..rows.end.min(end).max(start) - start;
             if !part.is_empty() {
                 self.check(rank)?;
-                let columns = out.position.iter_mut().chain([&mut out.weight]);
-                for (index, column) in (0..self.columns.len()).zip(columns) {
-                    self.append(rank, index, part.clone(), column)?;
+                for index in 0..self.columns.len() {
+                    self.append(rank, index, part.clone(), out.column(index))?;
                 }
             }
             rank += 1;
@@ -176,9 +168,7 @@ impl ParticlePiece for Ranks {
             Some(self.lane(&column, kind))
         };
         let lanes: Vec<StridedColumn> = self.columns.iter().map(lane).collect::<Option<_>>()?;
-        let axes = [lanes[0], lanes[1], lanes[2]];
-        let plain =
-            StridedParticles::new(&self.place, self.file.bytes.clone(), self.rows(), axes, lanes.get(3).copied());
+        let plain = StridedParticles::new(&self.place, self.file.bytes.clone(), self.rows(), &lanes);
         plain.ok()?.in_place()
     }
 }

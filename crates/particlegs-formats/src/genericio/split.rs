@@ -1,7 +1,7 @@
 //! Snapshots in several files: `name` maps ranks to partitions, `name#0`, `name#7`, ... hold them.
 
 use super::header::GenericIoFile;
-use crate::strided::NumberType;
+use crate::numbers::NumberType;
 use particlegs::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -9,10 +9,6 @@ use std::path::{Path, PathBuf};
 /// The column of a map.
 const PARTITION: &str = "$partition";
 
-/// Opens the file or files of the snapshot that `paths` belong to.
-///
-/// # Errors
-/// [`Error::Input`] where a file is missing or not one of them; [`Error::Io`].
 pub fn open(paths: &[PathBuf]) -> Result<Vec<GenericIoFile>> {
     let whole = whole_of(&paths[0]);
     let first = GenericIoFile::open(&whole)?;
@@ -61,7 +57,6 @@ fn whole_of(path: &Path) -> PathBuf {
     }
 }
 
-/// The partitions that a map names, in order.
 fn partitions(map: &GenericIoFile, variable: usize) -> Result<BTreeSet<i64>> {
     let mut out = BTreeSet::new();
     for (r, rank) in map.ranks.iter().enumerate() {

@@ -3,8 +3,6 @@
 use super::*;
 use crate::codecs::crc64;
 use crate::{Choice, Weights};
-use particlegs::context::Context;
-use std::sync::Mutex;
 
 struct FileBuilder {
     big_endian: bool,
@@ -14,6 +12,12 @@ struct FileBuilder {
 impl FileBuilder {
     fn int(&mut self, v: u64) {
         self.bytes.extend(if self.big_endian { v.to_be_bytes() } else { v.to_le_bytes() });
+    }
+
+    fn variable(&mut self, name: &str, flags: u64) {
+        self.bytes.extend(name.as_bytes());
+        self.bytes.resize(self.bytes.len() + 256 - name.len(), 0);
+        [flags, 4].iter().for_each(|&v| self.int(v));
     }
 
     fn sum(&mut self, from: usize) {
@@ -32,11 +36,7 @@ fn file(big_endian: bool, names: &[&str], ranks: &[Vec<Vec<f32>>]) -> Vec<u8> {
     [1.0f64, 2.0, 3.0, 10.0, 20.0, 30.0].iter().for_each(|v| m.int(v.to_bits()));
     [0, 0].iter().for_each(|&v| m.int(v));
     for name in names {
-        let mut text = name.as_bytes().to_vec();
-        text.resize(256, 0);
-        m.bytes.extend(text);
-        m.int(if name.starts_with('$') { 2 } else { 3 });
-        m.int(4);
+        m.variable(name, if name.starts_with('$') { 2 } else { 3 });
     }
     let mut start = size + 8;
     for (r, n) in counts.iter().enumerate() {
@@ -62,16 +62,8 @@ fn ranks() -> Vec<Vec<Vec<f32>>> {
 
 const NAMES: [&str; 4] = ["x", "y", "z", "mass"];
 
-fn rows(paths: &[PathBuf], choice: &Choice) -> Result<Vec<[f32; 4]>> {
-    let reader = Choice::default().open(paths)?.reader(0, choice)?;
-    let out = Mutex::new(Vec::new());
-    let take = |_: u64, c: particlegs::particles::Chunk<'_>| {
-        let w = |i: usize| c.weight.map_or(0.0, |w| w[i]);
-        out.lock().unwrap().extend((0..c.len()).map(|i| [c.position[0][i], c.position[1][i], c.position[2][i], w(i)]));
-        Ok(())
-    };
-    reader.read(0..1, &Context::SILENT, &take)?;
-    Ok(out.into_inner().unwrap())
+fn rows(paths: &[PathBuf], choice: &Choice) -> Result<Vec<[f64; 4]>> {
+    crate::testing::rows(&*Choice::default().open(paths)?, 0, choice)
 }
 
 #[test]
@@ -94,20 +86,16 @@ fn both_byte_orders_and_several_ranks() {
 
 /// One rank of unsigned integers, each column a chunk that blosc wrote (`chunks.rs`).
 fn compressed(name: &str) -> Vec<u8> {
-    let (_, n, hex) = super::chunks::CHUNKS.iter().find(|c| c.0 == name && c.1 == 256).unwrap();
-    let chunk: Vec<u8> = (0..hex.len() / 2).map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).unwrap()).collect();
+    let (_, n, chunk) = super::chunks::chunks().find(|c| c.0 == name && c.1 == 256).unwrap();
     let mut m = FileBuilder { big_endian: false, bytes: b"HACC01L\0".to_vec() };
-    let n = u64::from(*n);
+    let n = u64::from(n);
     let blocks = 168 + 272 * 3 + 48;
     let size = blocks + 48 * 3;
     [size, n, 1, 1, 1, 3, 272, 168, 1, 48, 168 + 272 * 3, 168].iter().for_each(|&v| m.int(v));
     (0..6).for_each(|_| m.int(0));
     [48, blocks].iter().for_each(|&v| m.int(v));
     for name in ["x", "y", "z"] {
-        let mut text = name.as_bytes().to_vec();
-        text.resize(256, 0);
-        m.bytes.extend(text);
-        [0, 4].iter().for_each(|&v| m.int(v));
+        m.variable(name, 0);
     }
     let start = size + 8;
     let stored = chunk.len() as u64 + 8;
@@ -135,7 +123,7 @@ fn blosc_columns_are_read_and_what_is_broken_named() {
         let good = compressed(name);
         std::fs::write(&path, &good).unwrap();
         let got = rows(std::slice::from_ref(&path), &Choice::default()).unwrap();
-        assert!(got.iter().zip(0u32..).all(|(row, i)| row[..3] == [(i / 7 + i * i % 13) as f32; 3]), "{name}");
+        assert!(got.iter().zip(0u32..).all(|(row, i)| row[..3] == [f64::from(i / 7 + i * i % 13); 3]), "{name}");
         // Data that were damaged before their checksum was made.
         let header = 168 + 272 * 3 + 48 + 48 * 3 + 8;
         let length = (good.len() - header) / 3;

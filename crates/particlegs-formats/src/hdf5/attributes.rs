@@ -1,12 +1,11 @@
 //! Attributes as numbers or text.
 
-use crate::strided::NumberType;
+use crate::numbers::NumberType;
 use hdf5_reader::{Attribute, ByteOrder, Datatype};
 
 /// Numbers of an attribute that are looked at; real ones have at most some dozens.
 const MAX_NUMBERS: usize = 1 << 12;
 
-/// What an attribute holds.
 #[derive(Clone, Debug, PartialEq)]
 enum AttributeValue {
     Numbers(Vec<f64>),
@@ -18,8 +17,7 @@ enum AttributeValue {
 pub struct Attributes(Vec<(String, AttributeValue)>);
 
 impl Attributes {
-    /// From the library's.
-    pub(super) fn of(attributes: &[Attribute]) -> Self {
+    pub(super) fn new(attributes: &[Attribute]) -> Self {
         Attributes(attributes.iter().filter_map(|a| Some((a.name.clone(), value(a)?))).collect())
     }
 
@@ -27,12 +25,10 @@ impl Attributes {
         self.0.iter().find(|a| a.0 == name).map(|a| &a.1)
     }
 
-    /// Is there an attribute of this name?
     pub fn has(&self, name: &str) -> bool {
         self.get(name).is_some()
     }
 
-    /// The numbers of the attribute `name`.
     pub fn numbers(&self, name: &str) -> Option<&[f64]> {
         match self.get(name)? {
             AttributeValue::Numbers(numbers) => Some(numbers),
@@ -45,7 +41,6 @@ impl Attributes {
         names.iter().find_map(|n| self.numbers(n)?.first().copied())
     }
 
-    /// All that are one number.
     pub fn single(&self) -> Vec<(String, f64)> {
         let one = |(name, value): &(String, AttributeValue)| match value {
             AttributeValue::Numbers(numbers) if numbers.len() == 1 => Some((name.clone(), numbers[0])),
@@ -64,22 +59,12 @@ impl Attributes {
 }
 
 fn value(attribute: &Attribute) -> Option<AttributeValue> {
-    let (size, kind, order) = match &attribute.datatype {
-        Datatype::FloatingPoint { size: 4, byte_order } => (4, NumberType::F32, byte_order),
-        Datatype::FloatingPoint { size: 8, byte_order } => (8, NumberType::F64, byte_order),
+    let (kind, order) = match &attribute.datatype {
+        Datatype::FloatingPoint { size: size @ (4 | 8), byte_order } => {
+            (NumberType::float((*size).into())?, byte_order)
+        }
         Datatype::FixedPoint { size, signed, byte_order } => {
-            let kind = match (size, signed) {
-                (1, true) => NumberType::I8,
-                (2, true) => NumberType::I16,
-                (4, true) => NumberType::I32,
-                (8, true) => NumberType::I64,
-                (1, false) => NumberType::U8,
-                (2, false) => NumberType::U16,
-                (4, false) => NumberType::U32,
-                (8, false) => NumberType::U64,
-                _ => return None,
-            };
-            (usize::from(*size), kind, byte_order)
+            (NumberType::integer((*size).into(), *signed)?, byte_order)
         }
         _ => {
             let strings = attribute.read_strings().or_else(|_| attribute.read_string().map(|s| vec![s])).ok()?;
@@ -88,15 +73,14 @@ fn value(attribute: &Attribute) -> Option<AttributeValue> {
         }
     };
     let count = attribute.num_elements().ok()?;
-    let stored = attribute.raw_data.chunks_exact(size).take(MAX_NUMBERS);
+    let stored = attribute.raw_data.chunks_exact(kind.bytes() as usize).take(MAX_NUMBERS);
     let numbers: Vec<f64> = stored.map(|b| kind.get(b, *order == ByteOrder::BigEndian)).collect();
     (numbers.len() as u64 >= count.min(MAX_NUMBERS as u64)).then_some(AttributeValue::Numbers(numbers))
 }
 
 #[cfg(test)]
 impl Attributes {
-    /// Attributes of one number each.
-    pub fn of_numbers(numbers: &[(&str, f64)]) -> Self {
+    pub fn from_numbers(numbers: &[(&str, f64)]) -> Self {
         Attributes(numbers.iter().map(|&(n, v)| (n.to_string(), AttributeValue::Numbers(vec![v]))).collect())
     }
 }

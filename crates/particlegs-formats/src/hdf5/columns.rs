@@ -2,8 +2,8 @@
 
 use super::storage::{Chunks, DataSetStorage, NumberTable};
 use crate::cache::ChunkCache;
+use crate::numbers::{Bytes, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, RowBuffer};
-use crate::strided::{Bytes, StridedColumn, StridedParticles};
 use memmap2::Mmap;
 use particlegs::particles::InPlace;
 use particlegs::{Error, Result};
@@ -13,7 +13,6 @@ use std::sync::Arc;
 /// A column of a table and where it goes.
 #[derive(Clone, Copy)]
 pub struct ColumnTarget {
-    /// Which number of a row.
     pub component: u64,
     /// 0, 1, 2 for x, y, z; 3 for weights.
     pub target: usize,
@@ -22,22 +21,16 @@ pub struct ColumnTarget {
 /// Columns of rows of one data set.
 #[derive(Clone)]
 pub struct DataSetPart {
-    /// The file's bytes.
     pub map: Arc<Mmap>,
-    /// Which rows of the table.
     pub rows: Range<u64>,
-    /// The data set.
     pub table: Arc<NumberTable>,
-    /// Which columns.
     pub wants: Vec<ColumnTarget>,
-    /// Its place, for errors.
     pub place: String,
     /// Its number, different from those of others that share the cache.
     pub key: u64,
 }
 
 impl DataSetPart {
-    /// Rows.
     pub fn count(&self) -> u64 {
         self.rows.end - self.rows.start
     }
@@ -46,7 +39,6 @@ impl DataSetPart {
 /// Chunks of a part that a key holds.
 const KEY_BITS: u32 = 40;
 
-/// Particles of one species that lie in one data set a column.
 pub struct DataSetColumns {
     rows: u64,
     parts: Vec<DataSetPart>,
@@ -92,7 +84,8 @@ fn strided(parts: &[DataSetPart], rows: u64) -> Option<StridedParticles> {
         }
     }
     let [Some(x), Some(y), Some(z), weight] = lanes else { return None };
-    StridedParticles::new("", Bytes::Mapped(map.clone()), rows, [x, y, z], weight).ok()
+    let lanes: Vec<StridedColumn> = [x, y, z].into_iter().chain(weight).collect();
+    StridedParticles::new("", Bytes::Mapped(map.clone()), rows, &lanes).ok()
 }
 
 /// Column `component` of rows of `components` numbers from byte `offset`.
@@ -121,13 +114,6 @@ fn append(
             let size = table.kind.bytes() as usize;
             out.extend(rows.map(|i| packed.get(&bytes[(lane.offset + i * lane.stride) as usize..][..size])));
         }
-    }
-}
-
-fn column(out: &mut RowBuffer, target: usize) -> &mut Vec<f64> {
-    match target {
-        0..3 => &mut out.position[target],
-        _ => &mut out.weight,
     }
 }
 
@@ -160,7 +146,7 @@ impl ParticlePiece for DataSetColumns {
             };
             for want in &part.wants {
                 let at = [offset, part.table.components, want.component];
-                append(&part.table, bytes, at, rows.clone(), column(out, want.target));
+                append(&part.table, bytes, at, rows.clone(), out.column(want.target));
             }
         }
         Ok(())
@@ -173,6 +159,7 @@ impl ParticlePiece for DataSetColumns {
 
 impl DataSetColumns {
     fn read_chunks(&self, part: &DataSetPart, chunks: &Chunks, rows: Range<u64>, out: &mut RowBuffer) -> Result<()> {
+        // Chunks are a grid over the table: `down` counts along its rows, `side` along the numbers of a row.
         let mut scratch = Vec::new();
         for down in rows.start / chunks.rows..rows.end.div_ceil(chunks.rows) {
             let begin = down * chunks.rows;
@@ -197,7 +184,7 @@ impl DataSetColumns {
                     };
                     for want in part.wants.iter().filter(here) {
                         let at = [offset, chunks.columns, want.component % chunks.columns];
-                        append(&part.table, bytes, at, rows.clone(), column(out, want.target));
+                        append(&part.table, bytes, at, rows.clone(), out.column(want.target));
                     }
                 })?;
             }
@@ -227,6 +214,7 @@ impl DataSetColumns {
             Error::input_with(place, format!("it cannot be decoded: {why}"), "the file is damaged: copy it again")
         };
         let decode = || chunks.pipeline.undo(stored, at.mask, chunks.bytes).map_err(broken);
+        // A chunk that is wanted whole is not wanted again; others are shared with neighbouring runs.
         if whole {
             look(&decode()?, 0);
         } else {

@@ -5,9 +5,8 @@
 
 use super::attributes::Attributes;
 use super::packed::PackedNumber;
-use super::tables::TOP;
-use super::virtual_sets::VirtualLayouts;
-use crate::strided::NumberType;
+use super::virtual_layout::VirtualLayouts;
+use crate::numbers::NumberType;
 use hdf5_reader::error::Error as Hdf5Error;
 use hdf5_reader::group::Group;
 use hdf5_reader::{ByteOrder, Dataset, Datatype, ExternalLinkResolver, Hdf5File, OpenOptions, StringSize};
@@ -19,22 +18,20 @@ use std::sync::{Arc, Mutex};
 /// The largest object header that is read; real ones have a few KiB.
 const MAX_HEADER: usize = 8 << 20;
 
+/// The group at the top.
+pub const TOP: &str = "/";
+
 /// The first bytes of a superblock.
 pub const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 
-/// An open file.
 pub struct Container {
-    /// Its name, for errors.
     pub place: String,
-    /// Its path.
     pub path: PathBuf,
-    /// Its bytes.
     pub map: Arc<Mmap>,
     pub(super) file: Hdf5File,
     elsewhere: Arc<ExternalLinks>,
 }
 
-/// What is known of a data set without its data.
 #[derive(Clone, Debug)]
 pub struct DataSet {
     /// Name in its group.
@@ -45,19 +42,15 @@ pub struct DataSet {
     pub number: Option<(NumberType, bool)>,
     /// Where the numbers' bits lie, where they do not fill their bytes; the type above has as many bytes then.
     pub packed: Option<PackedNumber>,
-    /// Type, for people.
     pub kind: String,
-    /// Its attributes.
     pub attributes: Attributes,
 }
 
 impl DataSet {
-    /// Numbers a row.
     pub fn components(&self) -> u64 {
         self.shape.iter().skip(1).fold(1, |a, &b| a.saturating_mul(b))
     }
 
-    /// Its shape, for people.
     pub fn shape_text(&self) -> String {
         let axes: Vec<String> = self.shape.iter().map(u64::to_string).collect();
         format!("({})", axes.join(", "))
@@ -67,7 +60,6 @@ impl DataSet {
 /// A group's members: data sets, and names with reasons of those that cannot be read.
 #[derive(Default)]
 pub struct Members {
-    /// Readable ones.
     pub sets: Vec<DataSet>,
     /// The rest: name and error.
     pub unreadable: Vec<(String, Error)>,
@@ -88,22 +80,14 @@ impl ExternalLinkResolver for ExternalLinks {
 }
 
 impl Container {
-    /// Maps a file and reads its superblock.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for what is no HDF5 file or a part of one; [`Error::Io`].
     pub fn open(path: &Path) -> Result<Self> {
         match particlegs_files::input::map_file(path)? {
-            (Some(map), _) => Self::of(path, map),
+            (Some(map), _) => Self::from_map(path, map),
             (None, _) => Err(Error::input(path, "the file is empty")),
         }
     }
 
-    /// Opens a file that is mapped already.
-    ///
-    /// # Errors
-    /// As [`Container::open`].
-    pub fn of(path: &Path, map: Arc<Mmap>) -> Result<Self> {
+    pub fn from_map(path: &Path, map: Arc<Mmap>) -> Result<Self> {
         let place = path.display().to_string();
         let elsewhere = Arc::new(ExternalLinks::default());
         let options = OpenOptions::default()
@@ -121,9 +105,6 @@ impl Container {
     }
 
     /// Names of the groups at the top and where they lie: several names of one group are links.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where the bytes are broken.
     pub fn groups(&self) -> Result<Vec<(String, u64)>> {
         let root = self.file.root_group().map_err(|e| broken(&self.place, &e))?;
         let groups = root.groups().map_err(|e| broken(&self.place, &e))?;
@@ -150,26 +131,19 @@ impl Container {
     }
 
     /// Attributes of a group at the top; none where there is no such group.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where the bytes are broken.
     pub fn attributes(&self, group: &str) -> Result<Attributes> {
         let place = format!("{}: {group}", self.place);
         let root = self.file.root_group().map_err(|e| broken(&self.place, &e))?;
         if group == TOP {
-            return Ok(Attributes::of(&root.attributes().map_err(|e| broken(&place, &e))?));
+            return Ok(Attributes::new(&root.attributes().map_err(|e| broken(&place, &e))?));
         }
         match root.group(group) {
-            Ok(g) => Ok(Attributes::of(&g.attributes().map_err(|e| broken(&place, &e))?)),
+            Ok(g) => Ok(Attributes::new(&g.attributes().map_err(|e| broken(&place, &e))?)),
             Err(Hdf5Error::GroupNotFound(_)) => Ok(Attributes::default()),
             Err(e) => Err(broken(&place, &e)),
         }
     }
 
-    /// The data sets of a group at the top.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where the group is broken.
     pub fn members(&self, group: &str) -> Result<Members> {
         let place = format!("{}: {group}", self.place);
         let group = self.group(group)?;
@@ -187,10 +161,6 @@ impl Container {
         Ok(members)
     }
 
-    /// A data set of a group at the top.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where there is none, or it is broken.
     pub fn data_set(&self, group: &str, name: &str) -> Result<DataSet> {
         Ok(self.set(group, name)?.0)
     }
@@ -229,35 +199,29 @@ fn describe(name: &str, set: &Dataset) -> DataSet {
     let mut packed = None;
     if number.is_some() {
         // The library does not tell types of fewer bits from whole ones: the description itself does.
-        match PackedNumber::of(&set.raw_datatype().unwrap_or_default()) {
+        match PackedNumber::from_datatype(&set.raw_datatype().unwrap_or_default()) {
             Ok(None) => {}
             Ok(Some(bits)) => (packed, kind) = (Some(bits), bits.name()),
             Err(odd) => (number, kind) = (None, odd),
         }
     }
-    let attributes = Attributes::of(&set.attributes());
+    let attributes = Attributes::new(&set.attributes());
     DataSet { name: name.to_string(), shape: set.shape().to_vec(), number, packed, kind, attributes }
 }
 
 /// What numbers of a type are, and its name.
 fn number_of(datatype: &Datatype) -> (Option<(NumberType, bool)>, String) {
     let (kind, order) = match datatype {
-        Datatype::FloatingPoint { size: 4, byte_order } => (NumberType::F32, byte_order),
-        Datatype::FloatingPoint { size: 8, byte_order } => (NumberType::F64, byte_order),
-        // Always packed.
-        Datatype::FloatingPoint { size: 2, byte_order } => (NumberType::U16, byte_order),
-        Datatype::FixedPoint { size, signed, byte_order } => match (size, signed) {
-            (1, true) => (NumberType::I8, byte_order),
-            (2, true) => (NumberType::I16, byte_order),
-            (4, true) => (NumberType::I32, byte_order),
-            (8, true) => (NumberType::I64, byte_order),
-            (1, false) => (NumberType::U8, byte_order),
-            (2, false) => (NumberType::U16, byte_order),
-            (4, false) => (NumberType::U32, byte_order),
-            (8, false) => (NumberType::U64, byte_order),
-            (size, _) => return (None, format!("{}-byte integer", size)),
+        Datatype::FloatingPoint { size, byte_order } => match NumberType::float((*size).into()) {
+            Some(kind) => (kind, byte_order),
+            // Always packed.
+            None if *size == 2 => (NumberType::U16, byte_order),
+            None => return (None, format!("{size}-byte float")),
         },
-        Datatype::FloatingPoint { size, .. } => return (None, format!("{size}-byte float")),
+        Datatype::FixedPoint { size, signed, byte_order } => match NumberType::integer((*size).into(), *signed) {
+            Some(kind) => (kind, byte_order),
+            None => return (None, format!("{size}-byte integer")),
+        },
         Datatype::Enum { .. } => return (None, "enumeration".into()),
         Datatype::String { size: StringSize::Fixed(n), .. } => return (None, format!("text of {n}")),
         Datatype::String { .. } => return (None, "text".into()),

@@ -20,36 +20,25 @@ const ALIGN: u64 = 4096;
 /// Children of a node of a chunk tree: twice the K that is assumed where the superblock names none.
 const CHILDREN: u64 = 64;
 
-/// An attribute's value.
 pub enum OutValue {
-    /// One number.
     Number(f64),
-    /// Several.
     Numbers(Vec<f64>),
-    /// One whole number.
     Integer(i32),
-    /// Counts.
     Counts(Vec<u64>),
-    /// 32-bit words.
     Words(Vec<u32>),
-    /// Text.
     Text(String),
 }
 
-/// An attribute.
 pub type Attribute = (&'static str, OutValue);
 
 /// A data set, or one without numbers.
 pub struct OutDataSet {
-    /// Name.
     pub name: String,
-    /// Type of its numbers.
     pub number: Number,
     /// Rows, at least one.
     pub rows: u64,
     /// Numbers a row; one makes it one-dimensional.
     pub columns: u64,
-    /// Attributes.
     pub attributes: Vec<Attribute>,
     /// Attributes of the source's that are one number.
     pub source: Vec<(String, f64)>,
@@ -76,27 +65,19 @@ impl OutDataSet {
     }
 }
 
-/// A group at the top.
 pub struct OutGroup {
-    /// Name.
     pub name: String,
-    /// Attributes.
     pub attributes: Vec<Attribute>,
-    /// Data sets.
     pub sets: Vec<OutDataSet>,
 }
 
-/// A file before its data.
 pub struct EncodedHeader {
-    /// Its beginning: all but the data.
     pub metadata: Vec<u8>,
     /// First byte of each data set, group by group.
     pub data: Vec<Vec<u64>>,
-    /// Bytes in all.
     pub length: u64,
 }
 
-/// Lays out a file of `groups`.
 pub fn plan(groups: &[OutGroup]) -> EncodedHeader {
     let mut next = SUPERBLOCK;
     let mut take = |bytes: u64| {
@@ -228,7 +209,7 @@ fn set_header(set: &OutDataSet, tree: u64) -> Vec<u8> {
     if set.hollow {
         // Contiguous, not yet allocated.
         let layout = ByteWriter::default().raw(&[3, 1]).u64s(&[UNDEFINED, 8 * set.rows * set.columns]).0;
-        return table_header(set, &UNSIGNED64, 0x0a, layout);
+        return table_header(set, &datatype(Number::U64), 0x0a, layout);
     }
     let chunk = set.shape(set.chunk_rows());
     // Layout 3, chunked; the last dimension is the number's size.
@@ -269,19 +250,16 @@ fn dataspace(shape: &[u64]) -> Vec<u8> {
 // Little-endian IEEE 754: where sign, exponent and mantissa lie, and the bias of the exponent.
 const FLOAT32: [u8; 20] = [0x11, 0x20, 31, 0, 4, 0, 0, 0, 0, 0, 32, 0, 23, 8, 0, 23, 127, 0, 0, 0];
 const FLOAT64: [u8; 20] = [0x11, 0x20, 63, 0, 8, 0, 0, 0, 0, 0, 64, 0, 52, 11, 0, 52, 0xff, 3, 0, 0];
-const UNSIGNED64: [u8; 12] = [0x10, 0, 0, 0, 8, 0, 0, 0, 0, 0, 64, 0];
-const UNSIGNED32: [u8; 12] = [0x10, 0, 0, 0, 4, 0, 0, 0, 0, 0, 32, 0];
-const SIGNED32: [u8; 12] = [0x10, 8, 0, 0, 4, 0, 0, 0, 0, 0, 32, 0];
 
 fn attribute(name: &str, value: &OutValue) -> Vec<u8> {
     let floats = |v: &[f64]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
     let (kind, space, data) = match value {
         OutValue::Number(v) => (FLOAT64.to_vec(), dataspace(&[]), floats(&[*v])),
         OutValue::Numbers(v) => (FLOAT64.to_vec(), dataspace(&[v.len() as u64]), floats(v)),
-        OutValue::Integer(v) => (SIGNED32.to_vec(), dataspace(&[]), v.to_le_bytes().to_vec()),
-        OutValue::Counts(v) => (UNSIGNED64.to_vec(), dataspace(&[v.len() as u64]), ByteWriter::default().u64s(v).0),
+        OutValue::Integer(v) => (datatype(Number::I32), dataspace(&[]), v.to_le_bytes().to_vec()),
+        OutValue::Counts(v) => (datatype(Number::U64), dataspace(&[v.len() as u64]), ByteWriter::default().u64s(v).0),
         OutValue::Words(v) => {
-            (UNSIGNED32.to_vec(), dataspace(&[v.len() as u64]), v.iter().flat_map(|v| v.to_le_bytes()).collect())
+            (datatype(Number::U32), dataspace(&[v.len() as u64]), v.iter().flat_map(|v| v.to_le_bytes()).collect())
         }
         OutValue::Text(text) => {
             // UTF-8, ended by a zero.

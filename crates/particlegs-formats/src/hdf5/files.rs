@@ -23,24 +23,15 @@ pub fn stands_alone(path: &Path, count: u64) -> bool {
 }
 
 /// All `count` files of the snapshot that `given` are of, in order.
-///
-/// # Errors
-/// [`Error::Input`] naming what is missing or too many.
 pub fn all(given: &[PathBuf], count: u64) -> Result<Vec<PathBuf>> {
     let first = &given[0];
     if count == 1 {
-        return match given {
-            [_] => Ok(given.to_vec()),
-            [_, second, ..] => {
-                let what = "its header says that it is the whole snapshot, and more files are named";
-                Err(Error::input_with(
-                    first,
-                    what,
-                    format!("name one snapshot at a time, without {}", second.display()),
-                ))
-            }
-            [] => Ok(Vec::new()),
-        };
+        if let Some(second) = given.get(1) {
+            let what = "its header says that it is the whole snapshot, and more files are named";
+            let hint = format!("name one snapshot at a time, without {}", second.display());
+            return Err(Error::input_with(first, what, hint));
+        }
+        return Ok(given.to_vec());
     }
     if count > MAX_FILES {
         return Err(Error::input(first, format!("its header says that the snapshot has {count} files")));

@@ -1,7 +1,7 @@
 //! What was done to a chunk before it was written, undone: gzip, shuffle, fletcher32, LZF and LZ4 here,
 //! because they are the common ones and must be fast; szip, N-bit and scale-offset by the library.
 
-use crate::codecs;
+use crate::{TextResult, codecs};
 use flate2::{Decompress, FlushDecompress, Status};
 use hdf5_reader::checksum::fletcher32;
 use hdf5_reader::filters::{FILTER_DEFLATE, FILTER_FLETCHER32, FILTER_SHUFFLE, apply_pipeline_with_limit};
@@ -10,7 +10,6 @@ use particlegs::{Error, Result};
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// One step.
 enum FilterStage {
     Deflate,
     /// Bytes of equal place in all numbers lie together.
@@ -46,9 +45,6 @@ const UNREAD: [(u16, &str); 10] = [
 
 impl Pipeline {
     /// The filters of a data set `place` of numbers of `element` bytes.
-    ///
-    /// # Errors
-    /// [`Error::Input`] naming a filter that is not read.
     pub fn new(filters: &[FilterDescription], element: usize, place: &str) -> Result<Self> {
         let stage = |f: &FilterDescription| match f.id {
             FILTER_DEFLATE => Ok(FilterStage::Deflate),
@@ -75,10 +71,7 @@ impl Pipeline {
 
     /// Undoes it but for a shuffle that was the first step: `stored` must become `length` bytes.
     /// [`Pipeline::numbers`] puts shuffled numbers together where they are used, by few, in the processor's cache.
-    ///
-    /// # Errors
-    /// What contradicts that, in words.
-    pub fn undo<'a>(&self, stored: &'a [u8], mask: u32, length: usize) -> std::result::Result<Cow<'a, [u8]>, String> {
+    pub fn undo<'a>(&self, stored: &'a [u8], mask: u32, length: usize) -> TextResult<Cow<'a, [u8]>> {
         // What a compressor may have added to `length` bytes before another came.
         let limit = length + length / 64 + 1024;
         let mut bytes = Cow::Borrowed(stored);
@@ -124,7 +117,7 @@ fn skipped(mask: u32, stage: usize) -> bool {
 }
 
 /// A zlib stream of at most `limit` bytes, which must end and have the right checksum.
-fn inflate(stored: &[u8], limit: usize) -> std::result::Result<Vec<u8>, String> {
+fn inflate(stored: &[u8], limit: usize) -> TextResult<Vec<u8>> {
     // No stream expands more than 1032-fold: a chunk cannot ask for much more than the file has.
     let capacity = limit.min(stored.len().saturating_mul(1032).saturating_add(64));
     let mut out = Vec::new();
@@ -138,7 +131,7 @@ fn inflate(stored: &[u8], limit: usize) -> std::result::Result<Vec<u8>, String> 
 }
 
 /// Checks the sum at the end and takes it off.
-fn checked(mut bytes: Cow<'_, [u8]>) -> std::result::Result<Cow<'_, [u8]>, String> {
+fn checked(mut bytes: Cow<'_, [u8]>) -> TextResult<Cow<'_, [u8]>> {
     let Some(length) = bytes.len().checked_sub(4) else { return Err("too short for its checksum".into()) };
     let sum = u32::from_le_bytes([bytes[length], bytes[length + 1], bytes[length + 2], bytes[length + 3]]);
     // Big-endian machines once wrote the sum with each half's bytes swapped.
@@ -168,6 +161,7 @@ fn gather(shuffled: &[u8], size: usize, range: Range<usize>, out: &mut Vec<u8>) 
     let count = shuffled.len() / size;
     let plane = |k: usize| &shuffled[k * count..][range.clone()];
     out.resize(range.len() * size, 0);
+    // Sizes that are known when this is compiled make vector instructions of the loop.
     match size {
         4 => interleave::<4>(plane, out),
         8 => interleave::<8>(plane, out),
@@ -189,7 +183,7 @@ fn interleave<'a, const SIZE: usize>(plane: impl Fn(usize) -> &'a [u8], out: &mu
 }
 
 /// LZF, as h5py has it: literal runs and references to what was decoded before.
-fn unlzf(stored: &[u8], limit: usize) -> std::result::Result<Vec<u8>, String> {
+fn unlzf(stored: &[u8], limit: usize) -> TextResult<Vec<u8>> {
     let cut = || "its LZF stream is cut short".to_string();
     let mut out = Vec::with_capacity(limit.min(stored.len().saturating_mul(8)));
     let mut rest = stored;
@@ -220,7 +214,7 @@ fn unlzf(stored: &[u8], limit: usize) -> std::result::Result<Vec<u8>, String> {
 
 /// LZ4 as HDF5's filter has it, big-endian: the length of all (8 bytes) and of a block (4), then of each block
 /// its compressed length (4) and its bytes, which are as they were where that is the block's own.
-fn unlz4(stored: &[u8], limit: usize) -> std::result::Result<Vec<u8>, String> {
+fn unlz4(stored: &[u8], limit: usize) -> TextResult<Vec<u8>> {
     let cut = || "its LZ4 blocks are cut short".to_string();
     let take = |rest: &mut &[u8], n: usize| {
         let (first, left) = rest.split_at_checked(n).ok_or_else(cut)?;
@@ -252,7 +246,6 @@ fn unlz4(stored: &[u8], limit: usize) -> std::result::Result<Vec<u8>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::Write;
 
     fn shuffled(bytes: &[u8], size: usize) -> Vec<u8> {
         let count = bytes.len() / size;
@@ -299,9 +292,7 @@ mod tests {
     #[test]
     fn a_stream_must_end_and_be_of_the_right_length() {
         let bytes = vec![7u8; 1000];
-        let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::default());
-        encoder.write_all(&bytes).unwrap();
-        let stored = encoder.finish().unwrap();
+        let stored = crate::testing::zlib(&bytes);
         let filter = |id, client_data: Vec<u32>| FilterDescription { id, name: None, client_data };
         let pipeline = Pipeline::new(&[filter(1, vec![4])], 4, "a").unwrap();
         assert_eq!(pipeline.undo(&stored, 0, 1000).unwrap(), bytes);

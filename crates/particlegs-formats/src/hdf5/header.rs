@@ -9,7 +9,6 @@ use particlegs::{Error, Result};
 /// Types of particles that are looked for; SWIFT has 7, other codes 6.
 pub const TYPES: usize = 16;
 
-/// The attributes of the groups that describe a snapshot.
 #[derive(Clone, Default)]
 pub struct HeaderGroups {
     /// `Header`.
@@ -24,25 +23,18 @@ pub struct HeaderGroups {
     pub cosmology: Attributes,
 }
 
-/// A file's header.
 #[derive(Clone)]
 pub struct Hdf5Header {
-    /// All attributes.
     pub groups: HeaderGroups,
     /// Particles of each type in this file, where it says.
     pub here: Option<Vec<u64>>,
     /// Particles of each type in all files, where it says.
     pub total: Option<Vec<u64>>,
-    /// Files of the snapshot.
     pub files: u64,
     place: String,
 }
 
 impl Hdf5Header {
-    /// Reads it.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where the bytes are broken or counts are no counts.
     pub fn read(container: &Container) -> Result<Self> {
         let groups = HeaderGroups {
             header: container.attributes("Header")?,
@@ -69,9 +61,6 @@ impl Hdf5Header {
     }
 
     /// The simulation box. `None` for an isolated run (BoxSize 0, or none).
-    ///
-    /// # Errors
-    /// [`Error::Input`] for a negative box, or one that is not finite.
     pub fn cell(&self, notes: &mut Vec<String>) -> Result<Option<Cell>> {
         let Some(size) = self.groups.header.numbers("BoxSize") else { return Ok(None) };
         let lengths: [f64; 3] = match *size {
@@ -102,7 +91,7 @@ impl Hdf5Header {
             cell.periodic = std::array::from_fn(|k| cell.periodic[k] && stated[k]);
         }
         if lengths.contains(&0.0) {
-            notes.push(format!("BoxSize is 0 along an axis: {}", cell.in_words()));
+            notes.push(format!("BoxSize is 0 along an axis: {cell}"));
         }
         for (k, name) in ["LONG_X", "LONG_Y", "LONG_Z"].into_iter().enumerate() {
             if let Some(stretch) = self.groups.config.number(&[name]).filter(|&s| s != 1.0) {
@@ -121,12 +110,10 @@ impl Hdf5Header {
         (mass.is_finite() && mass > 0.0).then_some(mass)
     }
 
-    /// Time as the file has it.
     pub fn time(&self) -> Option<f64> {
         self.groups.header.number(&["Time"]).filter(|t| t.is_finite())
     }
 
-    /// h.
     pub fn hubble(&self) -> Option<f64> {
         let g = &self.groups;
         let named = |a: &Attributes| a.number(&["HubbleParam", "Hubble_parameter", "h"]);
@@ -136,7 +123,6 @@ impl Hdf5Header {
             .filter(|h| h.is_finite() && *h > 0.0)
     }
 
-    /// The cosmology of an expanding space.
     pub fn cosmology(&self) -> Cosmology {
         let g = &self.groups;
         let number = |names: &[&str]| {
@@ -175,7 +161,6 @@ impl Hdf5Header {
         self.time().filter(|_| !is_factor)
     }
 
-    /// The scale factor of a cosmological run.
     pub fn scale_factor(&self) -> Option<f64> {
         let h = &self.groups.header;
         let redshift = h.number(&["Redshift"]).filter(|&z| z > -1.0).map(|z| 1.0 / (1.0 + z));
@@ -183,7 +168,6 @@ impl Hdf5Header {
         a.filter(|a| a.is_finite() && *a > 0.0)
     }
 
-    /// The code that wrote the file, where it can be told.
     pub fn code(&self) -> Option<String> {
         let g = &self.groups;
         match g.header.text(&["Code"]) {
@@ -220,8 +204,8 @@ mod tests {
 
     fn header(header: &[(&str, f64)], parameters: &[(&str, f64)]) -> Hdf5Header {
         let groups = HeaderGroups {
-            header: Attributes::of_numbers(header),
-            parameters: Attributes::of_numbers(parameters),
+            header: Attributes::from_numbers(header),
+            parameters: Attributes::from_numbers(parameters),
             ..HeaderGroups::default()
         };
         Hdf5Header { groups, here: None, total: None, files: 1, place: "a".into() }

@@ -17,16 +17,16 @@ mod snapshot;
 mod storage;
 mod tables;
 mod units;
+mod virtual_layout;
 mod virtual_sets;
 mod write;
 
 pub use write::{fields, write};
 
 use crate::Format;
-use crate::registry::FileHead;
+use crate::format::FileHead;
 use std::path::Path;
 
-/// HDF5 snapshot.
 pub const FORMAT: Format =
     Format { name: "hdf5", title: "HDF5 snapshot (Gadget, AREPO, SWIFT, GIZMO)", detect, open: snapshot::open };
 

@@ -13,7 +13,6 @@ enum BitLayout {
     Float { sign: u32, exponent: BitField, mantissa: BitField, bias: i32 },
 }
 
-/// Some bits of a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct BitField {
     start: u32,
@@ -21,7 +20,7 @@ struct BitField {
 }
 
 impl BitField {
-    fn of(self, raw: u64) -> u64 {
+    fn get(self, raw: u64) -> u64 {
         raw >> self.start & ((1 << self.bits) - 1)
     }
 
@@ -33,7 +32,7 @@ impl BitField {
 impl PackedNumber {
     /// From the bytes of a type's description. `None` for the machine's own types; an error, in words, for what is
     /// no number that f64 can hold.
-    pub fn of(datatype: &[u8]) -> Result<Option<PackedNumber>, String> {
+    pub fn from_datatype(datatype: &[u8]) -> Result<Option<PackedNumber>, String> {
         let word = |at: usize| datatype.get(at..at + 2).map(|b| u32::from(u16::from_le_bytes([b[0], b[1]])));
         let byte = |at: usize| datatype.get(at).copied().map(u32::from);
         let read = || Some((byte(0)? & 15, byte(1)?, byte(2)?, word(4)?, word(8)?, word(10)?));
@@ -67,7 +66,6 @@ impl PackedNumber {
         Ok(Some(PackedNumber { big_endian, form: BitLayout::Float { sign, exponent, mantissa, bias: low as i32 } }))
     }
 
-    /// Its name.
     pub fn name(&self) -> String {
         match self.form {
             BitLayout::Integer { bits, signed, .. } => format!("{}{bits}", if signed { 'i' } else { 'u' }),
@@ -90,7 +88,7 @@ impl PackedNumber {
                 if signed { (top as i64 >> (64 - bits)) as f64 } else { (top >> (64 - bits)) as f64 }
             }
             BitLayout::Float { sign, exponent, mantissa, bias } => {
-                let (e, m) = (exponent.of(raw), mantissa.of(raw));
+                let (e, m) = (exponent.get(raw), mantissa.get(raw));
                 let fraction = m as f64 / (1u64 << mantissa.bits) as f64;
                 let size = if e == (1 << exponent.bits) - 1 {
                     if m == 0 { f64::INFINITY } else { f64::NAN }
@@ -113,7 +111,7 @@ mod tests {
         let [low, high] = bias.to_le_bytes();
         let [at, e] = exponent;
         let bytes = [0x11, 0x20, sign, 0, size, 0, 0, 0, 0, 0, bits, 0, at, e, 0, mantissa, low, high, 0, 0];
-        PackedNumber::of(&bytes).unwrap().unwrap()
+        PackedNumber::from_datatype(&bytes).unwrap().unwrap()
     }
 
     #[test]
@@ -127,24 +125,24 @@ mod tests {
         let cut = float(4, 18, 17, [9, 8], 9, 127);
         assert_eq!((cut.get(&(1.5f32.to_bits() >> 14).to_le_bytes()), cut.name()), (1.5, "f18".into()));
         let bytes = [0x10, 8, 0, 0, 4, 0, 0, 0, 3, 0, 20, 0];
-        let integer = PackedNumber::of(&bytes).unwrap().unwrap();
+        let integer = PackedNumber::from_datatype(&bytes).unwrap().unwrap();
         assert_eq!(integer.get(&((-5i32 as u32) << 3 & 0x7f_ffff).to_le_bytes()), -5.0);
     }
 
     #[test]
     fn own_types_are_not_packed_and_broken_ones_are_refused() {
         let f32 = [0x11, 0x20, 31, 0, 4, 0, 0, 0, 0, 0, 32, 0, 23, 8, 0, 23, 127, 0, 0, 0];
-        assert_eq!(PackedNumber::of(&f32), Ok(None));
-        assert_eq!(PackedNumber::of(&[0x10, 8, 0, 0, 8, 0, 0, 0, 0, 0, 64, 0]), Ok(None));
+        assert_eq!(PackedNumber::from_datatype(&f32), Ok(None));
+        assert_eq!(PackedNumber::from_datatype(&[0x10, 8, 0, 0, 8, 0, 0, 0, 0, 0, 64, 0]), Ok(None));
         for at in 0..20 {
             for bit in 0..8 {
                 let mut broken = f32;
                 broken[at] ^= 1 << bit;
-                if let Ok(Some(packed)) = PackedNumber::of(&broken) {
+                if let Ok(Some(packed)) = PackedNumber::from_datatype(&broken) {
                     packed.get(&[255; 4]);
                 }
             }
-            assert!(PackedNumber::of(&f32[..at]).is_err());
+            assert!(PackedNumber::from_datatype(&f32[..at]).is_err());
         }
     }
 }

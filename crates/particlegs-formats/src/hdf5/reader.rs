@@ -2,35 +2,35 @@
 
 use super::columns::{ColumnTarget, DataSetColumns, DataSetPart, chunk_bytes};
 use super::container::Container;
-use super::snapshot;
+use super::header::TYPES;
 use super::storage::table;
 use super::virtual_sets;
 use crate::axes::axis;
 use crate::cache::ChunkCache;
 use crate::pieces::{ParticlePiece, PieceReader};
-use crate::{Choice, Species, SpeciesField, SpeciesMass};
-use particlegs::context::Context;
-use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
+use crate::{Choice, Description, Species, SpeciesField};
+use memmap2::Mmap;
+use particlegs::particles::{RUN, SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
 use particlegs_files::memory;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
-use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What is read.
 pub struct GroupSource<'a> {
-    /// The snapshot's files.
-    pub parts: &'a [snapshot::FilePart],
-    /// Number of the type.
+    pub parts: &'a [FilePart],
     pub kind: usize,
-    /// Its group.
     pub group: &'a str,
-    /// Its description.
     pub species: &'a Species,
-    /// The snapshot's.
-    pub meta: &'a SnapshotMeta,
+    pub description: &'a Description,
+}
+
+pub struct FilePart {
+    pub path: PathBuf,
+    pub map: Arc<Mmap>,
+    /// Rows of each type's positions.
+    pub rows: [u64; TYPES],
 }
 
 /// Files in which f64 positions are looked at to find where they lie.
@@ -42,33 +42,25 @@ const BUDGET: u64 = 96 << 20;
 /// Data sets to read, each with its columns.
 type DataSetTargets = Vec<(String, Vec<ColumnTarget>)>;
 
-/// Opens it.
-///
-/// # Errors
-/// [`Error::Input`] for fields that are missing or have the wrong shape, and for broken files.
 pub fn reader(source: &GroupSource<'_>, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
     let species = source.species;
-    let place = &source.meta.name;
+    let place = &source.description.meta.name;
     let mut wanted = positions(species, place, choice.positions.as_deref().unwrap_or(&species.positions))?;
     let weight = species.weight_field(place, &choice.weights)?;
     if let Some(name) = &weight {
         wanted.push((name.clone(), vec![ColumnTarget { component: 0, target: 3 }]));
     }
     let group = source.group;
-    let used: Vec<&snapshot::FilePart> = source.parts.iter().filter(|p| p.rows[source.kind] > 0).collect();
+    let used: Vec<&FilePart> = source.parts.iter().filter(|p| p.rows[source.kind] > 0).collect();
     let mut tables = Vec::with_capacity(used.len());
     let mut sets = DataSetSequence { choice, count: 0 };
     for file in used {
-        let container = Container::of(&file.path, file.map.clone())?;
+        let container = Container::from_map(&file.path, file.map.clone())?;
         let mut sources = BTreeMap::new();
         let columns = wanted.iter().map(|(name, wants)| sets.parts(&container, &mut sources, [group, name], wants));
         tables.extend(side_by_side(columns.collect::<Result<_>>()?)?);
     }
-    let mut meta = source.meta.clone();
-    if let SpeciesMass::Each(mass) = species.mass {
-        meta.particle_mass = Some(mass);
-    }
-    assemble(meta, tables, weight.is_some())
+    assemble(source.description.meta_of(species), tables, weight.is_some())
 }
 
 /// Data sets that are read, one after the other.
@@ -181,11 +173,7 @@ fn assemble(meta: SnapshotMeta, tables: Vec<Vec<DataSetPart>>, weighted: bool) -
     // Chunks that only few runs wide are shared by neighbours on one thread; those that are wider must
     // not be decoded again for every run.
     let wide = rows > 2 * RUN as u64;
-    Ok(if wide {
-        Box::new(StretchReader { inner, runs: (together * rows).div_ceil(RUN as u64) })
-    } else {
-        Box::new(inner)
-    })
+    Ok(Box::new(if wide { inner.by_stretches((together * rows).div_ceil(RUN as u64)) } else { inner }))
 }
 
 /// Where positions are: a data set of three numbers a row, or three data sets `x,y,z`.
@@ -210,52 +198,5 @@ fn positions(species: &Species, place: &str, name: &str) -> Result<DataSetTarget
             names.iter().enumerate().map(one).collect()
         }
         _ => Err(Error::argument(format!("positions `{name}` are neither one field nor three"))),
-    }
-}
-
-/// Reads stretches of so many runs one after the other, so that few wide chunks are in use at a time.
-struct StretchReader {
-    inner: PieceReader,
-    runs: u64,
-}
-
-impl SnapshotReader for StretchReader {
-    fn meta(&self) -> &SnapshotMeta {
-        self.inner.meta()
-    }
-
-    fn count(&self) -> u64 {
-        self.inner.count()
-    }
-
-    fn has_weights(&self) -> bool {
-        self.inner.has_weights()
-    }
-
-    fn origin(&self) -> [f64; 3] {
-        self.inner.origin()
-    }
-
-    fn read(
-        &self,
-        runs: Range<u64>,
-        context: &Context<'_>,
-        sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
-    ) -> Result<()> {
-        let mut start = runs.start;
-        while start < runs.end {
-            let end = runs.end.min((start / self.runs + 1) * self.runs);
-            self.inner.read(start..end, context, sink)?;
-            start = end;
-        }
-        Ok(())
-    }
-
-    fn read_wide(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, [&[f64]; 3]) -> Result<()>) -> Result<()> {
-        self.inner.read_wide(runs, sink)
-    }
-
-    fn in_place(&self) -> Option<InPlace> {
-        self.inner.in_place()
     }
 }

@@ -3,18 +3,17 @@
 use super::container::{Container, DataSet};
 use super::files;
 use super::header::{Hdf5Header, TYPES};
-use super::reader::{self, GroupSource};
+use super::reader::{self, FilePart, GroupSource};
 use super::tables;
 use super::units::{self, Simulation};
 use super::virtual_sets;
+use crate::snapshot::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
-use memmap2::Mmap;
 use particlegs::model::{Cosmology, Dimension, Epoch, Unit, Units, species_aliases};
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Names of a data set of positions, the usual one first.
 const POSITIONS: [&str; 7] = ["Coordinates", "coordinates", "Positions", "Position", "positions", "POS", "pos"];
@@ -22,21 +21,9 @@ const POSITIONS: [&str; 7] = ["Coordinates", "coordinates", "Positions", "Positi
 /// Names of a data set of masses.
 const MASSES: [&str; 5] = ["Masses", "Mass", "masses", "MASS", "mass"];
 
-/// A file of the snapshot.
-pub struct FilePart {
-    /// Its path.
-    pub path: PathBuf,
-    /// Its bytes.
-    pub map: Arc<Mmap>,
-    /// Rows of each type's positions.
-    pub rows: [u64; TYPES],
-}
-
-/// An open snapshot.
 struct Hdf5Snapshot {
     description: Description,
     parts: Vec<FilePart>,
-    /// The type of each species.
     types: Vec<usize>,
 }
 
@@ -49,15 +36,15 @@ impl Snapshot for Hdf5Snapshot {
         let (Some(kind), Some(found)) = (self.types.get(species), self.description.species.get(species)) else {
             return Err(Error::argument(format!("there is no particle type {species}")));
         };
-        let (group, meta) = (&group_name(*kind)[..], &self.description.meta);
-        let source = GroupSource { parts: &self.parts, kind: *kind, group, species: found, meta };
+        let (group, description) = (&group_name(*kind)[..], &self.description);
+        let source = GroupSource { parts: &self.parts, kind: *kind, group, species: found, description };
         reader::reader(&source, choice)
     }
 
     fn attributes(&self, species: usize, field: &str) -> Vec<(String, f64)> {
         let Some(&kind) = self.types.get(species) else { return Vec::new() };
         let Some(part) = self.parts.iter().find(|p| p.rows[kind] > 0) else { return Vec::new() };
-        let Ok(container) = Container::of(&part.path, part.map.clone()) else { return Vec::new() };
+        let Ok(container) = Container::from_map(&part.path, part.map.clone()) else { return Vec::new() };
         let own = container.data_set(&group_name(kind), field).map(|s| s.attributes.single()).unwrap_or_default();
         let velocity = ["UnitVelocity_in_cm_per_s", "UnitVelocity_In_CGS"];
         let groups = ["Header", "Parameters"].into_iter().filter_map(|g| container.attributes(g).ok());
@@ -66,10 +53,6 @@ impl Snapshot for Hdf5Snapshot {
     }
 }
 
-/// Opens the files of one snapshot.
-///
-/// # Errors
-/// [`Error::Input`] for broken files, for what is no snapshot, and for files that contradict each other.
 pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let first = Container::open(&paths[0])?;
     let header = Hdf5Header::read(&first)?;
@@ -79,8 +62,8 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         if let Some(tables) = tables::open(path, &first)? {
             return Ok(tables);
         }
-        if let Some((what, remedy)) = tables::foreign(path, &first) {
-            return Err(Error::input_with(path, format!("{what}, which is not read"), remedy));
+        if let Some((what, hint)) = tables::foreign(path, &first) {
+            return Err(Error::input_with(path, format!("{what}, which is not read"), hint));
         }
     }
     let (found, strict) = (Default::default(), options.strict);
@@ -111,7 +94,6 @@ struct TypeGroup {
 }
 
 impl TypeGroup {
-    /// The name of the data set of masses.
     fn masses(&self) -> Option<&'static str> {
         MASSES.into_iter().find(|n| self.sets.iter().any(|s| s.name == *n && s.components() == 1))
     }
@@ -122,7 +104,6 @@ impl TypeGroup {
     }
 }
 
-/// Rows of a type's positions in a file.
 fn rows_of(positions: &DataSet, place: &str) -> Result<u64> {
     match positions.shape[..] {
         [rows, 3] => Ok(rows),
@@ -145,12 +126,10 @@ struct SnapshotBuilder {
     sources: BTreeSet<PathBuf>,
 }
 
-/// The name of a type's group.
 pub fn group_name(kind: usize) -> String {
     format!("PartType{kind}")
 }
 
-/// The number of a type, by the name of its group.
 pub fn kind_of(group: &str) -> Option<usize> {
     let digits = group.strip_prefix("PartType")?;
     digits.parse::<usize>().ok().filter(|&k| k < TYPES && digits.len() == k.to_string().len())
@@ -307,12 +286,11 @@ impl SnapshotBuilder {
         let expands = cosmological == Some(true);
         let time = self.header.time_apart(expands);
         let mut meta = SnapshotMeta {
-            name: paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
             cell,
             units: Units { time: units::time_unit(&self.header.groups).filter(|_| time.is_some()), ..Units::default() },
             cosmology: if expands { self.header.cosmology() } else { Cosmology { hubble, ..Cosmology::default() } },
             epoch: Epoch { scale_factor: self.header.scale_factor().filter(|_| expands), time, ..Epoch::default() },
-            ..SnapshotMeta::default()
+            ..named(&paths[0])
         };
         let simulation = Simulation { groups: &self.header.groups, cosmological, hubble };
         let (mut species, mut types) = (Vec::new(), Vec::new());

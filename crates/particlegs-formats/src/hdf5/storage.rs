@@ -3,8 +3,8 @@
 use super::container::{Container, broken};
 use super::filters::Pipeline;
 use super::packed::PackedNumber;
-use super::virtual_sets::is_virtual;
-use crate::strided::NumberType;
+use super::virtual_layout::is_virtual;
+use crate::numbers::NumberType;
 use hdf5_reader::Dataset;
 use hdf5_reader::btree_v1::{BTreeV1Key, collect_btree_v1_leaves_storage};
 use hdf5_reader::chunk_index::{
@@ -23,41 +23,30 @@ const MAX_CHUNK: u64 = 1 << 30;
 
 /// A data set of numbers in rows, and where they lie.
 pub struct NumberTable {
-    /// Type of its numbers.
     pub kind: NumberType,
-    /// Their byte order.
     pub big_endian: bool,
     /// Where their bits lie, where they do not fill their bytes.
     pub packed: Option<PackedNumber>,
-    /// Rows.
     pub rows: u64,
-    /// Numbers a row.
     pub components: u64,
-    /// Where they lie.
     pub storage: DataSetStorage,
 }
 
-/// Where numbers lie.
 pub enum DataSetStorage {
     /// From this byte of the file, row after row; checked to end within it.
     Flat(u64),
-    /// In the data set's description.
     Compact(Vec<u8>),
-    /// In chunks.
     Chunked(Chunks),
 }
 
-/// Chunks of a table.
 pub struct Chunks {
     /// Rows of a chunk; the last one's may lie beyond the table's end.
     pub rows: u64,
-    /// Numbers of a chunk's row.
     pub columns: u64,
     /// Chunks side by side.
     pub across: u64,
     /// Bytes of a chunk, decoded.
     pub bytes: usize,
-    /// How chunks are encoded.
     pub pipeline: Pipeline,
     /// Chunks, side by side first.
     pub places: Vec<ChunkLocation>,
@@ -79,19 +68,13 @@ impl Chunks {
 
 /// Where a chunk lies in the file; checked to end within it.
 pub struct ChunkLocation {
-    /// First byte.
     pub offset: u64,
-    /// Bytes.
     pub size: u64,
     /// Bits of filters that were not applied.
     pub mask: u32,
 }
 
 /// Finds the numbers of `name` in a group at the top.
-///
-/// # Errors
-/// [`Error::Input`] where it is missing, no table of numbers, never written, or encoded in a way
-/// that is not read.
 pub fn table(container: &Container, group: &str, name: &str) -> Result<NumberTable> {
     let place = format!("{}: {group}/{name}", container.place);
     let (set, data) = container.set(group, name)?;
@@ -222,7 +205,6 @@ impl Finder<'_> {
         Ok(Chunks { places: self.sorted(entries, &chunks, count)?, ..chunks })
     }
 
-    /// The index of chunks, whatever its kind.
     fn entries(
         &self,
         address: u64,

@@ -2,22 +2,19 @@
 //! group at the top, each of which is a species then.
 
 use super::attributes::Attributes;
-use super::container::{Container, DataSet};
+use super::container::{Container, DataSet, TOP};
 use super::header::{HeaderGroups, TYPES};
-use super::reader::{self, GroupSource};
-use super::snapshot::FilePart;
+use super::reader::{self, FilePart, GroupSource};
 use super::units::{self, Simulation};
-use crate::foreign::python;
+use crate::foreign::{YT, python};
 use crate::npy::layout::{mass_named, positions_named};
+use crate::snapshot::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
 use particlegs::model::{Dimension, Units};
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::space::Cell;
-use particlegs::{Error, Remedy, Result};
+use particlegs::{Error, Hint, Result};
 use std::path::{Path, PathBuf};
-
-/// The group at the top.
-pub const TOP: &str = "/";
 
 /// Names of attributes that hold the lengths of the box.
 const BOXES: [&str; 7] = ["BoxSize", "boxsize", "box_size", "Boxsize", "box", "Lbox", "boxlength"];
@@ -25,7 +22,6 @@ const BOXES: [&str; 7] = ["BoxSize", "boxsize", "box_size", "Boxsize", "box", "L
 struct TableSnapshot {
     description: Description,
     parts: [FilePart; 1],
-    /// The group of each species.
     groups: Vec<String>,
 }
 
@@ -38,8 +34,8 @@ impl Snapshot for TableSnapshot {
         let (Some(group), Some(found)) = (self.groups.get(species), self.description.species.get(species)) else {
             return Err(Error::argument(format!("there are no particles of species {species}")));
         };
-        let meta = &self.description.meta;
-        reader::reader(&GroupSource { parts: &self.parts, kind: species, group, species: found, meta }, choice)
+        let description = &self.description;
+        reader::reader(&GroupSource { parts: &self.parts, kind: species, group, species: found, description }, choice)
     }
 }
 
@@ -47,15 +43,11 @@ impl Snapshot for TableSnapshot {
 struct ParticleTable {
     group: String,
     species: Species,
-    /// The positions' own attributes.
     positions: Attributes,
     masses: Attributes,
 }
 
 /// Opens such a file; `None` where no group holds positions.
-///
-/// # Errors
-/// [`Error::Input`] for broken files, and for a box that is none.
 pub fn open(path: &Path, container: &Container) -> Result<Option<Box<dyn Snapshot>>> {
     let groups = std::iter::once(TOP.to_string()).chain(container.groups()?.into_iter().map(|g| g.0));
     let mut tables = Vec::new();
@@ -82,12 +74,7 @@ pub fn open(path: &Path, container: &Container) -> Result<Option<Box<dyn Snapsho
     let description = Description {
         format: "HDF5 tables".into(),
         files: vec![path.to_path_buf()],
-        meta: SnapshotMeta {
-            name: path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
-            cell,
-            units: units.settled(),
-            ..SnapshotMeta::default()
-        },
+        meta: SnapshotMeta { cell, units: units.settled(), ..named(path) },
         species: tables.iter().map(|t| t.species.clone()).collect(),
         notes,
         ..Description::default()
@@ -137,7 +124,7 @@ fn cell_of(lengths: &[f64], place: &str) -> Result<Option<Cell>> {
 }
 
 /// What an HDF5 file without particles that are read is, where that is known, and what converts it.
-pub fn foreign(path: &Path, container: &Container) -> Option<(String, Remedy)> {
+pub fn foreign(path: &Path, container: &Container) -> Option<(String, Hint)> {
     let groups: Vec<String> = container.groups().ok()?.into_iter().map(|g| g.0).collect();
     let has = |name: &str| groups.iter().any(|g| g == name);
     let last = |set: &str| {
@@ -153,13 +140,11 @@ pub fn foreign(path: &Path, container: &Container) -> Option<(String, Remedy)> {
         let name = container.names_in("particles").into_iter().next().unwrap_or_else(|| "all".into());
         return Some(("an H5MD trajectory".into(), last(&format!("particles/{name}/position/value"))));
     }
-    let yt = "import yt, numpy; a = yt.load('{in}').all_data(); numpy.savez('{out}.npz', \
-              pos=a['all', 'particle_position'], mass=a['all', 'particle_mass'])";
     if container.attributes(TOP).is_ok_and(|a| a.has("openPMD")) {
-        return Some(("an openPMD file".into(), python(path, yt, "yt")));
+        return Some(("an openPMD file".into(), python(path, YT, "yt")));
     }
     if groups.iter().any(|g| g.starts_with("Grid0000")) {
-        return Some(("an Enzo file".into(), python(path, yt, "yt")));
+        return Some(("an Enzo file".into(), python(path, YT, "yt")));
     }
     if let Some(frame) = groups.iter().find(|g| container.names_in(g).iter().any(|n| n == "block0_values")) {
         let code = format!("import pandas; pandas.read_hdf('{{in}}', '{frame}').to_csv('{{out}}.csv', index=False)");

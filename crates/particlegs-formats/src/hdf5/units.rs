@@ -12,11 +12,8 @@ const TOLERANCE: f64 = 1e-3;
 
 /// What a file says of the simulation as a whole.
 pub struct Simulation<'a> {
-    /// The attributes of its groups.
     pub groups: &'a HeaderGroups,
-    /// Does its space expand?
     pub cosmological: Option<bool>,
-    /// h.
     pub hubble: Option<f64>,
 }
 
@@ -157,9 +154,9 @@ mod tests {
         parameters: &[(&str, f64)],
         run: (Option<bool>, Option<f64>),
     ) -> (Option<Unit>, Option<bool>) {
-        let groups = HeaderGroups { parameters: Attributes::of_numbers(parameters), ..HeaderGroups::default() };
+        let groups = HeaderGroups { parameters: Attributes::from_numbers(parameters), ..HeaderGroups::default() };
         let simulation = Simulation { groups: &groups, cosmological: run.0, hubble: run.1 };
-        let own = Attributes::of_numbers(own);
+        let own = Attributes::from_numbers(own);
         unit(&own, &Attributes::default(), &simulation, Dimension::Length, &mut Vec::new())
     }
 

@@ -1,18 +1,12 @@
 //! Virtual data sets: their rows lie in data sets of other files.
-//!
-//! The library does not know their layout. What it reads has each such layout rewritten as one chunk without
-//! axes, which no other data set has; its address says where the list of sources lies.
 
-use super::container::{Container, DataSet, broken};
-use super::tables::TOP;
-use hdf5_reader::checksum::jenkins_lookup3;
+use super::container::{Container, DataSet, TOP, broken};
+use super::virtual_layout::is_virtual;
 use hdf5_reader::error::Result as Hdf5Result;
 use hdf5_reader::global_heap::GlobalHeapCollection;
 use hdf5_reader::io::Cursor;
 use hdf5_reader::messages::HdfMessage;
 use hdf5_reader::messages::layout::DataLayout;
-use hdf5_reader::{Storage, StorageBuffer};
-use memmap2::Mmap;
 use particlegs::{Error, Result};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -21,69 +15,16 @@ use std::sync::Arc;
 /// The largest list of sources that is read; thousands of files need less than 1 MiB.
 const MAX_LIST: u64 = 4 << 20;
 
-/// A mapped file, with layouts of virtual data sets as the library can read them.
-pub struct VirtualLayouts(pub Arc<Mmap>);
-
-impl Storage for VirtualLayouts {
-    fn len(&self) -> u64 {
-        self.0.len() as u64
-    }
-
-    fn read_range(&self, offset: u64, len: usize) -> Hdf5Result<StorageBuffer> {
-        let start = usize::try_from(offset).unwrap_or(usize::MAX);
-        let stored = StorageBuffer::from_shared_owner(self.0.clone(), start, len)?;
-        Ok(rewritten(&stored).map_or(stored, StorageBuffer::from_vec))
-    }
-}
-
-/// Part of an object's header with its layout rewritten; `None` where it has no layout of a virtual data set.
-fn rewritten(bytes: &[u8]) -> Option<Vec<u8>> {
-    let summed = bytes.starts_with(b"OHDR") || bytes.starts_with(b"OCHK");
-    let at = (8..bytes.len().saturating_sub(13)).find(|&at| {
-        let before = &bytes[at - 8..at];
-        let layout = if summed {
-            before[4..7] == [8, 14, 0] || before[2..5] == [8, 14, 0]
-        } else {
-            before[..4] == [8, 0, 16, 0] && before[5..] == [0; 3]
-        };
-        layout && matches!(bytes[at..at + 2], [4 | 5, 3])
-    })?;
-    let index = u32::from_le_bytes(bytes[at + 10..at + 14].try_into().ok()?);
-    let address = u64::from_le_bytes(bytes[at + 2..at + 10].try_into().ok()?);
-    let index = u16::try_from(index).ok().filter(|_| address < 1 << 48)?;
-    let mut out = bytes.to_vec();
-    out[at..at + 6].copy_from_slice(&[4, 2, 0, 0, 1, 1]);
-    out[at + 6..at + 14].copy_from_slice(&(address << 16 | u64::from(index)).to_le_bytes());
-    if summed {
-        let end = bytes.len() - 4;
-        if at + 14 > end || bytes[end..] != jenkins_lookup3(&bytes[..end]).to_le_bytes() {
-            return None;
-        }
-        let sum = jenkins_lookup3(&out[..end]).to_le_bytes();
-        out[end..].copy_from_slice(&sum);
-    }
-    Some(out)
-}
-
-/// Is it what a virtual data set's layout was rewritten as?
-pub fn is_virtual(layout: &DataLayout) -> bool {
-    matches!(layout, DataLayout::Chunked { dims, .. } if dims.is_empty())
-}
-
 /// Rows of a virtual data set that lie in one data set of another file.
 pub struct VirtualExtent {
-    /// Rows here.
     pub rows: Range<u64>,
-    /// Where they lie.
     pub source: VirtualSource,
     /// Rows and numbers of a row there; `None` for all.
     pub there: Option<[Range<u64>; 2]>,
 }
 
-/// A data set of another file.
 #[derive(Clone)]
 pub struct VirtualSource {
-    /// The file.
     pub file: Arc<Path>,
     set: Arc<str>,
 }
@@ -97,10 +38,6 @@ impl VirtualSource {
 }
 
 /// Where the rows of a virtual data set lie, in order and without gaps; `None` for one that is not virtual.
-///
-/// # Errors
-/// [`Error::Input`] for broken lists, for sources that are missing or not in the folder, and for rows that
-/// have no source or parts of several.
 pub fn extents(container: &Container, group: &str, set: &DataSet) -> Result<Option<Vec<VirtualExtent>>> {
     let place = format!("{}: {group}/{}", container.place, set.name);
     let file = &container.file;
@@ -156,13 +93,10 @@ struct Entries<'a> {
     lengths: u8,
 }
 
-/// Elements that are selected.
 enum ElementSelection {
     None,
     All,
-    /// Along each axis.
     Block(Vec<Range<u64>>),
-    /// What they are, for people.
     Other(&'static str),
 }
 

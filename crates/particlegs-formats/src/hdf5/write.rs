@@ -7,7 +7,7 @@ use particlegs::context::Context;
 use particlegs::model::{Dimension, Layer, Mass, Unit};
 use particlegs::parallel;
 use particlegs::particles::{Number, Run, SelectedParticles, SnapshotMeta, SourceField};
-use particlegs::{Error, Remedy, Result};
+use particlegs::{Error, Hint, Result};
 use particlegs_files::output::PlacedFile;
 use std::ops::Range;
 use std::path::Path;
@@ -16,9 +16,6 @@ use std::path::Path;
 const ORDER: [usize; 6] = [1, 2, 3, 4, 5, 0];
 
 /// Writes what is kept as a snapshot; tells its bytes. The file appears whole or not at all.
-///
-/// # Errors
-/// [`Error::Input`] for more layers or another cell than the layout has; [`Error::Io`]; those of reading.
 pub fn write(kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
     let layers = kept.layers();
     let types = types(&layers, out)?;
@@ -49,7 +46,6 @@ pub fn write(kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) ->
 /// Groups before the first layer's.
 const FIRST: usize = 2;
 
-/// The data sets of a layer.
 struct LayerDataSets<'a> {
     file: &'a PlacedFile,
     mass: Mass,
@@ -59,7 +55,6 @@ struct LayerDataSets<'a> {
 }
 
 impl LayerDataSets<'_> {
-    /// Writes a run's particles from row `row` on.
     fn write_run(&self, row: u64, (run, kept): (&Run, &SelectedParticles<'_>), bytes: &mut Vec<u8>) -> Result<()> {
         let [x, y, z, w] = &run.columns;
         bytes.clear();
@@ -109,7 +104,6 @@ const STANDARD: [StandardField; 9] = [
     ("TimeStep", 1, &["TSTP"]),
 ];
 
-/// The fields of each layer, as they are written.
 pub fn fields(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
     let named = |field: &OutField| {
         !field.name.is_empty() && field.name.len() <= 200 && !field.name.contains('/') && field.name != "."
@@ -136,7 +130,7 @@ fn types(layers: &[Layer<Range<u64>>], out: &Path) -> Result<Vec<usize>> {
     types.into_iter().collect::<Option<_>>().ok_or_else(|| {
         let what =
             format!("{} layers, and a Gadget snapshot has at most {} types of particles", layers.len(), ORDER.len());
-        Error::input_with(out, what, Remedy::ChooseSpecies)
+        Error::input_with(out, what, Hint::choose_species())
     })
 }
 
@@ -156,14 +150,9 @@ fn groups(
         let own = fields.get(index).map_or(&[][..], |f| f);
         let rows = layer.content.end - layer.content.start;
         let comoving = meta.units.comoving.map(|c| if c { 1.0 } else { 0.0 });
-        let set = |name: &str, number, columns, attributes| OutDataSet {
-            name: name.into(),
-            number,
-            rows,
-            columns,
-            attributes,
-            source: Vec::new(),
-            hollow: false,
+        let set = |name: &str, number, columns, attributes| {
+            let (name, source) = (name.into(), Vec::new());
+            OutDataSet { name, number, rows, columns, attributes, source, hollow: false }
         };
         let number = if kept.is_wide() { Number::F64 } else { Number::F32 };
         let mut sets = vec![set("Coordinates", number, 3, scaling(length, comoving, Dimension::Length))];
@@ -219,24 +208,18 @@ fn header(meta: &SnapshotMeta, layers: &[Layer<Range<u64>>], types: &[usize], ou
         })?,
     };
     header.push(box_size(lengths));
-    if let Some(cell) = cell.filter(|c| c.origin != [0.0; 3]) {
-        header.push(("BoxOrigin", OutValue::Numbers(cell.origin.to_vec())));
-    }
-    if let Some(cell) = cell.filter(|c| c.periodic != [true; 3]) {
-        header.push(("BoxPeriodic", OutValue::Words(cell.periodic.map(u32::from).to_vec())));
-    }
+    let moved = cell.filter(|c| c.origin != [0.0; 3]);
+    header.extend(moved.map(|c| ("BoxOrigin", OutValue::Numbers(c.origin.to_vec()))));
+    let open = cell.filter(|c| c.periodic != [true; 3]);
+    header.extend(open.map(|c| ("BoxPeriodic", OutValue::Words(c.periodic.map(u32::from).to_vec()))));
     let factor = meta.epoch.scale_factor.filter(|a| *a > 0.0);
-    if let Some(time) = meta.epoch.time.or(factor) {
-        header.push(("Time", OutValue::Number(time)));
-    }
+    header.extend(meta.epoch.time.or(factor).map(|time| ("Time", OutValue::Number(time))));
     if let Some(a) = factor {
         header.push(("Redshift", OutValue::Number(1.0 / a - 1.0)));
         // Without it Time is the scale factor.
         header.extend(meta.epoch.time.map(|_| ("Scale-factor", OutValue::Number(a))));
     }
-    if let Some(h) = meta.cosmology.hubble {
-        header.push(("HubbleParam", OutValue::Number(h)));
-    }
+    header.extend(meta.cosmology.hubble.map(|h| ("HubbleParam", OutValue::Number(h))));
     header.extend(omegas(meta));
     Ok(header)
 }
@@ -266,13 +249,11 @@ fn parameters(meta: &SnapshotMeta, fields: &[Vec<OutField>]) -> Vec<Attribute> {
     let mut parameters: Vec<Attribute> = named.filter_map(|(n, v)| Some((n, OutValue::Number(v?)))).collect();
     parameters.extend(omegas(meta));
     parameters.extend(meta.cell.and_then(|c| c.reduced().lengths()).map(box_size));
-    if let Some(comoving) = meta.units.comoving {
-        parameters.push(("ComovingIntegrationOn", OutValue::Integer(i32::from(comoving))));
-    }
+    let comoving = meta.units.comoving.map(i32::from);
+    parameters.extend(comoving.map(|on| ("ComovingIntegrationOn", OutValue::Integer(on))));
     parameters
 }
 
-/// A unit in centimetres or grams.
 fn cgs(unit: &Option<Unit>, dimension: Dimension) -> Option<f64> {
     Some(unit.as_ref()?.si?.factor * units::per_si(dimension))
 }

@@ -4,20 +4,15 @@ use crate::text::snapshot::header_number;
 use crate::text::split::{Separator, tokens};
 use particlegs::space::Cell;
 
-/// A dump's box.
 #[derive(Clone, Debug, Default)]
 pub struct LammpsBox {
-    /// Lowest corner.
     pub origin: [f64; 3],
-    /// Cell vectors.
     pub vectors: [[f64; 3]; 3],
     /// Which of them repeat.
     pub periodic: [bool; 3],
-    /// What a user should know.
     pub notes: Vec<String>,
 }
 
-/// What stands behind `BOX BOUNDS`.
 #[derive(Clone, Copy)]
 pub enum BoxShape {
     /// lo and hi.
@@ -41,9 +36,6 @@ pub fn shape(words: &[&str]) -> (BoxShape, [bool; 3], bool) {
 
 impl LammpsBox {
     /// From the words behind `BOX BOUNDS` and the three lines below.
-    ///
-    /// # Errors
-    /// What is wrong, in words: missing, infinite or NaN numbers, a box turned inside out.
     pub fn new(words: &[&str], lines: &[Vec<u8>; 3]) -> Result<Self, String> {
         let (shape, periodic, stated) = shape(words);
         let mut rows = [[0.0; 4]; 3];
@@ -100,7 +92,6 @@ impl LammpsBox {
         Ok(LammpsBox { origin: low, vectors, ..LammpsBox::default() })
     }
 
-    /// The cell, where it has a volume.
     pub fn cell(&self) -> Option<Cell> {
         Cell::stated(self.origin, self.vectors, self.periodic)
     }

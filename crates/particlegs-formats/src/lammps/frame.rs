@@ -16,10 +16,8 @@ const MOST_COLUMNS: usize = 1 << 10;
 #[derive(Default)]
 pub struct LammpsFrameHead {
     step: Option<i64>,
-    /// Simulation time.
     pub time: Option<f64>,
     count: Option<u64>,
-    /// The box.
     pub cell: LammpsBox,
     columns: Vec<String>,
 }
@@ -39,9 +37,6 @@ impl LammpsFrameHead {
 
 /// Reads the frame that begins at the next line. A style of units, which stands once a file, goes to
 /// `units`.
-///
-/// # Errors
-/// [`Error::Input`] for broken sections, and where there are fewer atoms than stated.
 pub fn next<'c>(
     content: &'c TextContent,
     lines: &mut LineReader<'c>,
@@ -84,15 +79,28 @@ pub fn next<'c>(
     Ok(Some(TextFrame { head, rows: wanted.then(|| builder.until(end)), step }))
 }
 
+/// Units of length, mass and time in a style of units: <https://docs.lammps.org/units.html>.
+pub fn units_of(style: &str) -> [Option<&'static str>; 3] {
+    match style {
+        "real" => [Some("Angstrom"), Some("g/mol"), Some("fs")],
+        "metal" => [Some("Angstrom"), Some("g/mol"), Some("ps")],
+        "si" => [Some("m"), Some("kg"), Some("s")],
+        "cgs" => [Some("cm"), Some("g"), Some("s")],
+        "electron" => [Some("Bohr"), Some("amu"), Some("fs")],
+        "micro" => [Some("um"), Some("pg"), Some("us")],
+        "nano" => [Some("nm"), Some("ag"), Some("ns")],
+        "lj" => [Some("sigma"), None, Some("tau")],
+        _ => [None; 3],
+    }
+}
+
 /// Edited dumps have comments, which LAMMPS itself does not write.
 const COMMENT: u8 = b'#';
 
-/// Is a line one?
 pub fn is_comment(line: &[u8]) -> bool {
     line.trim_ascii_start().first() == Some(&COMMENT)
 }
 
-/// Lines of comments in a block.
 fn comments_in(block: &[u8]) -> u64 {
     match memchr::memchr(COMMENT, block) {
         None => 0,

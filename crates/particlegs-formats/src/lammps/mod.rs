@@ -4,19 +4,19 @@ mod cell;
 mod frame;
 pub mod write;
 
-use crate::registry::FileHead;
+use crate::format::FileHead;
+use crate::snapshot::named;
 use crate::text::content::TextContent;
 use crate::text::frames::{FrameScan, scan};
 use crate::text::parse::Scaling;
 use crate::text::snapshot::{self, TextSnapshot, kinds};
 use crate::{Choice, Description, Format, Snapshot, SpeciesField};
-use frame::LammpsFrameHead;
+use frame::{LammpsFrameHead, units_of};
 use particlegs::model::{Dimension, Epoch, Unit, Units};
 use particlegs::particles::SnapshotMeta;
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
-/// LAMMPS text dump.
 pub const FORMAT: Format = Format { name: "lammps", title: "LAMMPS text dump", detect, open };
 
 fn detect(head: &FileHead) -> bool {
@@ -30,7 +30,6 @@ const POSITIONS: [[&str; 3]; 4] = [["x", "y", "z"], ["xs", "ys", "zs"], ["xu", "
 const SCALED: [&[&str]; 3] = [&["xs", "xsu"], &["ys", "ysu"], &["zs", "zsu"]];
 /// Columns of positions that leave the cell as atoms do.
 const UNWRAPPED: [&str; 6] = ["xu", "yu", "zu", "xsu", "ysu", "zsu"];
-/// Columns of whole numbers.
 const WHOLE: [&str; 8] = ["id", "mol", "type", "proc", "procp1", "ix", "iy", "iz"];
 
 fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
@@ -54,9 +53,9 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
         format: content.title(FORMAT.title),
         files: paths.to_vec(),
         meta,
-        species: Vec::new(),
         frames: Some(found.frames),
         notes,
+        ..Description::default()
     };
     let scaling = Scaling { origin: found.head.cell.origin, vectors: found.head.cell.vectors };
     let noun = found.head.noun();
@@ -77,26 +76,10 @@ fn meta(
         notes.push(format!("units `{style}` are not known"));
     }
     SnapshotMeta {
-        name: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
         cell: found.head.cell.cell(),
-        units: Units { time: time.map(|text| Unit::parse(text, Dimension::Time)), ..Units::of(length, mass, None) },
+        units: Units { time: time.map(|text| Unit::parse(text, Dimension::Time)), ..Units::new(length, mass, None) },
         epoch: Epoch { time: found.head.time, ..found.frames.epoch() },
-        ..SnapshotMeta::default()
-    }
-}
-
-/// Units of length, mass and time in a style of units: <https://docs.lammps.org/units.html>.
-fn units_of(style: &str) -> [Option<&'static str>; 3] {
-    match style {
-        "real" => [Some("Angstrom"), Some("g/mol"), Some("fs")],
-        "metal" => [Some("Angstrom"), Some("g/mol"), Some("ps")],
-        "si" => [Some("m"), Some("kg"), Some("s")],
-        "cgs" => [Some("cm"), Some("g"), Some("s")],
-        "electron" => [Some("Bohr"), Some("amu"), Some("fs")],
-        "micro" => [Some("um"), Some("pg"), Some("us")],
-        "nano" => [Some("nm"), Some("ag"), Some("ns")],
-        "lj" => [Some("sigma"), None, Some("tau")],
-        _ => [None; 3],
+        ..named(path)
     }
 }
 

@@ -1,12 +1,9 @@
-use super::{FORMAT, write};
+use super::FORMAT;
+use crate::testing::{SpeciesParticles, gzip, read, scratch, written};
 use crate::{Choice, Snapshot, SpeciesMass, Weights};
-use particlegs::context::Context;
 use particlegs::model::Units;
-use particlegs::particles::{Column, Particles, SelectedParticles, Selection, Tiling};
+use particlegs::particles::{Column, Particles};
 use particlegs::space::Cell;
-use std::path::PathBuf;
-
-use crate::text::testing::{SpeciesParticles, read, scratch};
 
 const HEAD: &str = "ITEM: TIMESTEP\n7\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp ff ps\n-1 9\n0 10\n0 10\n";
 
@@ -29,7 +26,7 @@ fn all(text: &str, choice: &Choice) -> particlegs::Result<Vec<SpeciesParticles>>
 fn message(text: &str) -> String {
     match all(text, &Choice::default()) {
         Ok(_) => panic!("it was read"),
-        Err(e) => format!("{e} ({})", e.remedy()),
+        Err(e) => format!("{e} ({})", e.hint()),
     }
 }
 
@@ -61,17 +58,16 @@ fn comments_among_sections_and_atoms_are_passed_over() {
     let commented = format!("# by hand\n{}{atoms}", HEAD.replace("ITEM: BOX", "# the box\nITEM: BOX"));
     let got = all(&commented, &Choice::default()).unwrap();
     assert_eq!(got.iter().map(|g| g.positions.clone()).collect::<Vec<_>>(), [[[1.0, 2.0, 3.0]], [[4.0, 5.0, 6.0]]]);
-    let of =
-        |path: &str, text: &str| crate::registry::FileHead::of(path.as_ref(), 9, text.as_bytes().to_vec()).unwrap();
+    let of = |path: &str, text: &str| {
+        crate::format::FileHead::from_bytes(path.as_ref(), 9, text.as_bytes().to_vec()).unwrap()
+    };
     assert!((FORMAT.detect)(&of("a.dump", &commented)) && !(FORMAT.detect)(&of("a.txt", "# 1\n1 2 3\n")));
     // Without types, in several frames, and in a compressed file.
     let plain = format!("{HEAD}ITEM: ATOMS x y z\n1 2 3\n# c\n4 5 6\n#\n");
     let two = format!("{plain}{}", plain.replace("4 5 6", "7 8 9"));
     assert_eq!(all(&two, &Choice::default()).unwrap()[0].positions, [[1.0, 2.0, 3.0], [7.0, 8.0, 9.0]]);
     assert_eq!(open_frame(&two, None).unwrap().description().frames.unwrap().count, 2);
-    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-    std::io::Write::write_all(&mut packed, two.as_bytes()).unwrap();
-    let file = scratch(&packed.finish().unwrap());
+    let file = scratch(&gzip(two.as_bytes()));
     let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &Choice::default()).unwrap();
     assert_eq!(read(&*snapshot, 0, &Choice::default()).unwrap().positions, [[1.0, 2.0, 3.0], [7.0, 8.0, 9.0]]);
     // What is missing is still told.
@@ -207,21 +203,12 @@ fn particles() -> Particles {
     Particles::from_columns(column(0), column(1), column(2))
 }
 
-fn written(particles: &Particles) -> (tempfile::TempDir, PathBuf) {
-    let dir = tempfile::tempdir().unwrap();
-    let out = dir.path().join("out.dump");
-    let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
-    let bytes = write::write(&kept, &out, &Context::SILENT).unwrap();
-    assert_eq!(bytes, std::fs::metadata(&out).unwrap().len());
-    (dir, out)
-}
-
 #[test]
 fn what_is_written_reads_back_with_equal_bits() {
     let p = particles();
     let weights = (0..p.len()).map(|i| 0.1 + i as f32).collect();
     let mut p = p.with_weights(Column::owned(weights));
-    p.meta.units = Units::of(Some("nm"), None, None);
+    p.meta.units = Units::new(Some("nm"), None, None);
     let cells = [
         Some(Cell::orthogonal([20.0, 30.0, 40.0])),
         Some(Cell {
@@ -238,7 +225,9 @@ fn what_is_written_reads_back_with_equal_bits() {
     ];
     for cell in cells {
         p.meta.cell = cell;
-        let (_dir, out) = written(&p);
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("out.dump");
+        written(&p, &out, "lammps");
         let snapshot = (FORMAT.open)(&[out], &Choice::default()).unwrap();
         let meta = &snapshot.description().meta;
         assert_eq!(meta.units.length_text(), Some("nm"));

@@ -16,42 +16,25 @@ const BATCH: usize = 8;
 /// Writes `kept` as one frame; bytes written. Numbers are the shortest text that gives the same bits
 /// when it is read again. A particle's type is its layer's number, from 1; its mass stands in a
 /// column `mass` where all masses are known.
-///
-/// # Errors
-/// [`Error::Io`] where the place cannot be written; nothing is left then; [`Error::Input`] for
-/// positions that do not fit into float32; [`Error::Cancelled`].
 pub fn write(kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
     let frame = FrameOut::new(kept, context)?;
     context.begin("writing", kept.total());
-    let mut bytes = 0;
-    let mut failed = None;
+    let (mut bytes, mut failed) = (0, None);
     let done = output::write_atomic(out, |to| {
-        let header = frame.header();
-        to.write_all(header.as_bytes())?;
-        bytes = header.len() as u64;
-        frame
-            .rows(context, &mut |text| {
-                to.write_all(text)?;
-                bytes += text.len() as u64;
-                Ok(())
-            })
-            .map_err(|e| match e {
-                WriteStop::Io(e) => e,
-                WriteStop::Other(e) => {
-                    failed = Some(e);
-                    std::io::Error::other("stopped")
-                }
-            })
+        let mut put = |text: &[u8]| {
+            bytes += text.len() as u64;
+            to.write_all(text).map_err(|e| Error::io(out, e))
+        };
+        let written = put(frame.header().as_bytes()).and_then(|()| frame.rows(context, &mut put));
+        // Why it was stopped says more than that it was.
+        written.map_err(|e| {
+            failed = Some(e);
+            std::io::Error::other("stopped")
+        })
     });
     done.map_err(|e| failed.unwrap_or(e))?;
     context.end();
     Ok(bytes)
-}
-
-/// Why writing ends early.
-enum WriteStop {
-    Io(std::io::Error),
-    Other(Error),
 }
 
 struct FrameOut<'a> {
@@ -59,7 +42,6 @@ struct FrameOut<'a> {
     cell: Cell,
     /// Mass of a particle of weight 1, by layer; none where masses are not known, or are a field.
     masses: Option<Vec<f64>>,
-    /// Fields that all layers have: of each layer.
     fields: Vec<Vec<OutField>>,
 }
 
@@ -94,7 +76,6 @@ impl<'a> FrameOut<'a> {
         text
     }
 
-    /// The field of that name, of a layer.
     fn field(&self, name: &str, layer: usize) -> Option<&OutField> {
         self.fields.iter().find(|f| f[0].name == name)?.get(layer)
     }
@@ -105,11 +86,7 @@ impl<'a> FrameOut<'a> {
     }
 
     /// Formats runs in parallel and gives their text in order.
-    fn rows(
-        &self,
-        context: &Context<'_>,
-        write: &mut dyn FnMut(&[u8]) -> std::io::Result<()>,
-    ) -> std::result::Result<(), WriteStop> {
+    fn rows(&self, context: &Context<'_>, write: &mut dyn FnMut(&[u8]) -> Result<()>) -> Result<()> {
         let batch = (2 * parallel::threads()).min(BATCH);
         let mut scratch: Vec<(Run, Vec<u8>)> = (0..batch).map(|_| Default::default()).collect();
         let mut next = 0;
@@ -123,16 +100,15 @@ impl<'a> FrameOut<'a> {
                 Ok(())
             };
             let work: Vec<_> = runs.clone().zip(&mut scratch).collect();
-            parallel::try_for_each(work, format).map_err(WriteStop::Other)?;
+            parallel::try_for_each(work, format)?;
             for (_, text) in &scratch[..(runs.end - runs.start) as usize] {
-                write(text).map_err(WriteStop::Io)?;
+                write(text)?;
             }
             next = runs.end;
         }
         Ok(())
     }
 
-    /// Appends the lines of run `id` to `text`.
     fn format(&self, id: u64, run: &mut Run, text: &mut Vec<u8>) -> Result<()> {
         self.kept.load(id, run)?;
         let layer = self.kept.layer_of(id);
@@ -177,17 +153,14 @@ impl<'a> FrameOut<'a> {
     }
 }
 
-/// Columns that each dump has.
 const OWN: [&str; 2] = ["id", "type"];
 /// What LAMMPS calls fields, and what others do.
 const STANDARD: [StandardField; 2] = [
     ("id", 1, &["ParticleIDs", "ID", "ids", "ParticleID", "particle_id", "pid"]),
     ("mass", 1, &["Masses", "MASS", "Mass", "masses"]),
 ];
-/// Columns that a dump may have.
 const MOST_COLUMNS: usize = 1000;
 
-/// The fields that all layers have alike, each of every layer.
 pub fn common(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
     let mut all = crate::fields::common(kept, &STANDARD, &["x", "y", "z"]);
     let is_whole = |f: &OutField| f.columns.len() == 1 && !matches!(f.number, Number::F32 | Number::F64);
@@ -211,7 +184,6 @@ fn names(field: &OutField) -> Vec<String> {
     }
 }
 
-/// Appends the numbers of particle `i`.
 fn push_field(field: &OutField, run: &Run, i: usize, text: &mut Vec<u8>) {
     for (k, &column) in field.columns.iter().enumerate() {
         if k > 0 {
@@ -277,7 +249,7 @@ fn style_of(kept: &SelectedParticles<'_>) -> Option<&'static str> {
     }
     let styles = ["metal", "si", "cgs", "electron", "micro", "nano", "lj"];
     styles.into_iter().find(|style| {
-        let [length, mass, _] = super::units_of(style);
+        let [length, mass, _] = super::frame::units_of(style);
         length == meta.units.length_text() && (meta.units.mass.is_none() || meta.units.mass_text() == mass)
     })
 }

@@ -1,51 +1,39 @@
 //! What an array's header says: types, order, shape, where the numbers begin.
 
 use super::literal::{Literal, parse};
-use crate::strided::NumberType;
+use crate::numbers::NumberType;
 use std::io::Read;
 
-/// How every .npy begins.
 pub const MAGIC: &[u8; 6] = b"\x93NUMPY";
 /// Longest header that is read; records of a thousand fields have some ten thousand bytes.
 const LONGEST: u32 = 1 << 20;
 /// Choice that a record may have.
 const MOST_FIELDS: usize = 4096;
 
-/// An array's header.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NpyHeader {
-    /// Its elements.
     pub element: NpyElement,
     /// First index fastest?
     pub fortran: bool,
-    /// Its sides.
     pub shape: Vec<u64>,
-    /// Byte where the elements begin.
     pub data: u64,
 }
 
-/// What an element is.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NpyElement {
     /// One number, or something else of known size.
     Plain(NpyScalar),
-    /// A record of named fields.
     Record {
         /// Its fields, padding left out.
         fields: Vec<RecordField>,
-        /// Its bytes.
         bytes: u64,
     },
 }
 
-/// A field of a record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordField {
-    /// Its name.
     pub name: String,
-    /// Each of its numbers.
     pub scalar: NpyScalar,
-    /// How many.
     pub count: u64,
     /// Byte of the record where they begin.
     pub offset: u64,
@@ -58,14 +46,11 @@ pub struct NpyScalar {
     pub kind: Option<NumberType>,
     /// Type as text.
     pub name: String,
-    /// Byte order.
     pub big_endian: bool,
-    /// Its bytes.
     pub bytes: u64,
 }
 
 impl NpyElement {
-    /// Bytes of one.
     pub fn bytes(&self) -> u64 {
         match self {
             NpyElement::Plain(scalar) => scalar.bytes,
@@ -75,10 +60,6 @@ impl NpyElement {
 }
 
 impl NpyHeader {
-    /// Reads the header at the beginning of `stream`.
-    ///
-    /// # Errors
-    /// In words, where it is no header, or of what cannot be read.
     pub fn read(mut stream: impl Read) -> Result<NpyHeader, String> {
         let broken = || "a broken NumPy header".to_string();
         let mut bytes = |n: u32| {
@@ -116,19 +97,16 @@ impl NpyHeader {
         Ok(header)
     }
 
-    /// Byte where the elements end.
     pub fn end(&self) -> Option<u64> {
         let elements = self.shape.iter().try_fold(1u64, |n, &side| n.checked_mul(side));
         elements?.checked_mul(self.element.bytes())?.checked_add(self.data).filter(|&end| end < 1 << 60)
     }
 
-    /// Its shape as Python writes it.
     pub fn shape_text(&self) -> String {
         let sides: Vec<String> = self.shape.iter().map(u64::to_string).collect();
         format!("({}{})", sides.join(", "), if sides.len() == 1 { "," } else { "" })
     }
 
-    /// Its type in words.
     pub fn kind_text(&self) -> &str {
         match &self.element {
             NpyElement::Plain(scalar) => &scalar.name,
@@ -208,16 +186,9 @@ pub fn scalar(text: &str) -> Result<NpyScalar, String> {
     let number: u64 = digits.parse().map_err(|_| unknown())?;
     let kind = match (letter, number) {
         ('f', 2) => Some(NumberType::F16),
-        ('f', 4) => Some(NumberType::F32),
-        ('f', 8) => Some(NumberType::F64),
-        ('i', 1) => Some(NumberType::I8),
-        ('i', 2) => Some(NumberType::I16),
-        ('i', 4) => Some(NumberType::I32),
-        ('i', 8) => Some(NumberType::I64),
-        ('u' | 'b', 1) => Some(NumberType::U8),
-        ('u', 2) => Some(NumberType::U16),
-        ('u', 4) => Some(NumberType::U32),
-        ('u', 8) => Some(NumberType::U64),
+        ('f', bytes) => NumberType::float(bytes),
+        ('i' | 'u', bytes) => NumberType::integer(bytes, letter == 'i'),
+        ('b', 1) => Some(NumberType::U8),
         _ => None,
     };
     let (name, bytes) = match letter {

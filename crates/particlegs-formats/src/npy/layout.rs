@@ -2,12 +2,11 @@
 
 use super::header::{NpyElement, NpyHeader, NpyScalar};
 use crate::SpeciesField;
-use crate::laned::ColumnarField;
+use crate::columns::ColumnarField;
 use particlegs::{Error, Result};
 
 /// Columns that are listed one by one, where an array has more than three.
 const MOST_COLUMNS: u64 = 64;
-/// Components that a field may have.
 const MOST_COMPONENTS: u64 = 1 << 16;
 
 /// Names of positions, most usual first.
@@ -16,7 +15,6 @@ const POSITIONS: [&str; 9] =
 /// Names of their components.
 const AXES: [[&str; 3]; 4] =
     [["x", "y", "z"], ["xx", "yy", "zz"], ["pos_x", "pos_y", "pos_z"], ["posx", "posy", "posz"]];
-/// Names of masses.
 const MASSES: [&str; 4] = ["mass", "masses", "weight", "weights"];
 
 /// The field or three fields whose names say that they hold positions.
@@ -34,10 +32,6 @@ pub fn mass_named(fields: &[SpeciesField]) -> Option<String> {
     MASSES.iter().find_map(find).map(|f| f.name.clone())
 }
 
-/// Refuses numbers that are no positions.
-///
-/// # Errors
-/// [`Error::Input`] naming the type.
 pub fn check_numbers(place: &str, header: &NpyHeader) -> Result<()> {
     match &header.element {
         NpyElement::Plain(scalar) if scalar.kind.is_none() => {
@@ -118,19 +112,9 @@ pub fn table(stored: usize, header: &NpyHeader, rows: u64) -> Vec<ColumnarField>
 }
 
 fn field(stored: usize, base: u64, scalar: &NpyScalar, components: u64, stride: u64) -> ColumnarField {
-    ColumnarField {
-        name: String::new(),
-        kind_name: scalar.name.clone(),
-        kind: scalar.kind,
-        big_endian: scalar.big_endian,
-        components: components as u32,
-        stored,
-        base,
-        base_step: 0,
-        stride,
-        offset: 0,
-        offset_step: 0,
-    }
+    let (kind_name, kind, big_endian) = (scalar.name.clone(), scalar.kind, scalar.big_endian);
+    let components = components as u32;
+    ColumnarField { kind_name, kind, big_endian, components, stored, base, stride, ..ColumnarField::default() }
 }
 
 fn plain(name: &str, stored: usize, header: &NpyHeader, scalar: &NpyScalar, rows: u64) -> Option<ColumnarField> {

@@ -1,11 +1,9 @@
 //! The Python literal in an array's header: strings, numbers, tuples, lists, one dictionary.
 
-/// A literal.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Literal {
     /// `'...'` or `"..."`.
     Text(String),
-    /// A whole number, not negative.
     Number(u64),
     /// `True` or `False`.
     Flag(bool),

@@ -1,10 +1,6 @@
-use super::*;
+use crate::testing::{open_bytes, rows};
 use crate::{Choice, Weights};
-use particlegs::context::Context;
-use particlegs::particles::RUN;
-use std::sync::Mutex;
 
-/// A .npy of version 1.
 pub(crate) fn npy(descr: &str, fortran: bool, shape: &str, data: &[u8]) -> Vec<u8> {
     let fortran = if fortran { "True" } else { "False" };
     let mut header = format!("{{'descr': {descr}, 'fortran_order': {fortran}, 'shape': {shape}, }}");
@@ -19,29 +15,6 @@ pub(crate) fn npy(descr: &str, fortran: bool, shape: &str, data: &[u8]) -> Vec<u
     out
 }
 
-/// Positions and weights of all particles, and whether they are used where they lie.
-pub(crate) fn read_all(snapshot: &dyn Snapshot, choice: &Choice) -> Result<(Vec<[f64; 4]>, bool)> {
-    let reader = snapshot.reader(0, choice)?;
-    let out = Mutex::new(vec![[f64::NAN; 4]; reader.count() as usize]);
-    reader.read(0..reader.count().div_ceil(RUN as u64), &Context::SILENT, &|run, chunk| {
-        for i in 0..chunk.len() {
-            let [x, y, z] = [0, 1, 2].map(|k| reader.origin()[k] + f64::from(chunk.position[k][i]));
-            let weight = chunk.weight.map_or(0.0, |w| f64::from(w[i]));
-            out.lock().unwrap()[run as usize * RUN + i] = [x, y, z, weight];
-        }
-        Ok(())
-    })?;
-    Ok((out.into_inner().unwrap(), reader.in_place().is_some()))
-}
-
-/// Opens bytes as a file of this name.
-pub(crate) fn open_bytes(name: &str, bytes: &[u8]) -> Result<Box<dyn Snapshot>> {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join(name);
-    std::fs::write(&path, bytes).unwrap();
-    Choice::default().open(&[path])
-}
-
 fn le<T: bytemuck::NoUninit>(values: &[T]) -> Vec<u8> {
     bytemuck::cast_slice(values).to_vec()
 }
@@ -50,22 +23,23 @@ const TWO: [[f64; 4]; 2] = [[1.0, 2.0, 3.0, 0.0], [4.0, 5.0, 6.0, 0.0]];
 
 #[test]
 fn every_layout() {
-    let rows = [1f32, 2., 3., 4., 5., 6.];
+    let one_each = [1f32, 2., 3., 4., 5., 6.];
     let columns = [1f32, 4., 2., 5., 3., 6.];
     let big: Vec<u8> = [1f64, 4., 2., 5., 3., 6.].iter().flat_map(|v| v.to_be_bytes()).collect();
     let cases = [
-        (npy("'<f4'", false, "(2, 3)", &le(&rows)), true),
+        (npy("'<f4'", false, "(2, 3)", &le(&one_each)), true),
         (npy("'<f4'", true, "(2, 3)", &le(&columns)), true),
         (npy("'<f4'", false, "(3, 2)", &le(&columns)), true),
-        (npy("'<f4'", true, "(3, 2)", &le(&rows)), true),
-        (npy("'<f4'", false, "(1, 2, 3)", &le(&rows)), true),
+        (npy("'<f4'", true, "(3, 2)", &le(&one_each)), true),
+        (npy("'<f4'", false, "(1, 2, 3)", &le(&one_each)), true),
         (npy("'>f8'", true, "(2, 3)", &big), false),
         (npy("'<i2'", false, "(2, 3)", &le(&[1i16, 2, 3, 4, 5, 6])), false),
         (npy("'<f2'", false, "(2, 3)", &le(&[0x3c00u16, 0x4000, 0x4200, 0x4400, 0x4500, 0x4600])), false),
     ];
     for (bytes, in_place) in cases {
         let snapshot = open_bytes("a.bin", &bytes).unwrap();
-        assert_eq!(read_all(&*snapshot, &Choice::default()).unwrap(), (TWO.to_vec(), in_place));
+        assert_eq!(rows(&*snapshot, 0, &Choice::default()).unwrap(), TWO);
+        assert_eq!(snapshot.reader(0, &Choice::default()).unwrap().in_place().is_some(), in_place);
     }
 }
 
@@ -77,15 +51,15 @@ fn records_and_tables() {
     let weighted = vec![[1.0, 2.0, 3.0, 0.5], [4.0, 5.0, 6.0, 0.25]];
     for bytes in [xyz, pos] {
         let snapshot = open_bytes("a.npy", &bytes).unwrap();
-        assert_eq!(read_all(&*snapshot, &Choice::default()).unwrap().0, weighted);
+        assert_eq!(rows(&*snapshot, 0, &Choice::default()).unwrap(), weighted);
         let none = Choice { weights: Weights::None, ..Choice::default() };
-        assert_eq!(read_all(&*snapshot, &none).unwrap().0, TWO);
+        assert_eq!(rows(&*snapshot, 0, &none).unwrap(), TWO);
     }
     let many: Vec<f32> = (0..70 * 4).map(|v| v as f32).collect();
     let snapshot = open_bytes("a.npy", &npy("'<f4'", false, "(70, 4)", &le(&many))).unwrap();
-    assert_eq!(read_all(&*snapshot, &Choice::default()).unwrap().0[1], [4.0, 5.0, 6.0, 0.0]);
+    assert_eq!(rows(&*snapshot, 0, &Choice::default()).unwrap()[1], [4.0, 5.0, 6.0, 0.0]);
     let chosen = Choice { positions: Some("1,2,3".into()), weights: Weights::Field("0".into()), ..Choice::default() };
-    assert_eq!(read_all(&*snapshot, &chosen).unwrap().0[1], [5.0, 6.0, 7.0, 4.0]);
+    assert_eq!(rows(&*snapshot, 0, &chosen).unwrap()[1], [5.0, 6.0, 7.0, 4.0]);
     assert!(snapshot.description().notes[0].contains("4 columns"));
 }
 
@@ -93,7 +67,7 @@ fn records_and_tables() {
 fn doubles_far_away_keep_their_precision() {
     let at = [1e12 + 0.25, 0.0, 0.0, 1e12 + 0.5, 1.0, 1.0];
     let snapshot = open_bytes("a.npy", &npy("'<f8'", false, "(2, 3)", &le(&at))).unwrap();
-    let (seen, _) = read_all(&*snapshot, &Choice::default()).unwrap();
+    let seen = rows(&*snapshot, 0, &Choice::default()).unwrap();
     assert_eq!(seen[1][0] - seen[0][0], 0.25);
 }
 

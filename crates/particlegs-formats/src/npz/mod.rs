@@ -6,17 +6,18 @@ mod zip;
 
 use crate::TextResult;
 use crate::affine::Affine;
-use crate::laned::{ColumnarField, ColumnarSnapshot};
+use crate::columns::{ColumnarField, ColumnarSnapshot, one_species};
 use crate::npy::header::{NpyElement, NpyHeader};
-use crate::npy::{layout, mapped, named, only, species};
-use crate::stored::StoredBytes;
+use crate::npy::layout;
+use crate::numbers::Bytes;
+use crate::snapshot::{named, only};
+use crate::stored_bytes::StoredBytes;
 use crate::{Choice, Description, Format, Snapshot, SpeciesField, SpeciesMass};
 use particlegs::space::Cell;
 use particlegs::{Error, Result};
 use std::io::Read;
 use std::path::PathBuf;
 
-/// NumPy archive.
 pub const FORMAT: Format = Format {
     name: "npz",
     title: "NumPy archive",
@@ -24,10 +25,8 @@ pub const FORMAT: Format = Format {
     open,
 };
 
-/// Names of members that hold the cell.
 const CELLS: [&str; 6] = ["box", "boxsize", "box_size", "lattice", "cell", "boxlength"];
 
-/// An array of the archive.
 struct ArchiveArray {
     name: String,
     stored: usize,
@@ -39,7 +38,7 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let place = path.display().to_string();
     let refuse = |what: String| Error::input(path, what);
     let mut notes = Vec::new();
-    let (stored, arrays) = arrays(&mapped(path)?, &mut notes).map_err(refuse)?;
+    let (stored, arrays) = arrays(&Bytes::from_filled_file(path)?, &mut notes).map_err(refuse)?;
     let rows = rows(&place, &arrays)?;
     if rows == 0 {
         return Err(refuse("it holds no particles".into()));
@@ -54,7 +53,7 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     }
     let positions = positions(&place, &fields)?;
     let mut meta = named(path);
-    let mut species = species(rows, &fields, positions, layout::mass_named);
+    let mut species = one_species(rows, &fields, positions, layout::mass_named);
     for array in &arrays {
         let name = array.name.to_ascii_lowercase();
         if CELLS.contains(&&name[..]) {
@@ -79,7 +78,7 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
 }
 
 /// The archive's arrays; members that cannot be read are named in `notes`.
-fn arrays(bytes: &crate::strided::Bytes, notes: &mut Vec<String>) -> TextResult<(Vec<StoredBytes>, Vec<ArchiveArray>)> {
+fn arrays(bytes: &Bytes, notes: &mut Vec<String>) -> TextResult<(Vec<StoredBytes>, Vec<ArchiveArray>)> {
     let (mut stored, mut arrays) = (Vec::new(), Vec::new());
     for member in zip::members(bytes)? {
         let name = member.name.strip_suffix(".npy").unwrap_or(&member.name).to_string();
@@ -118,7 +117,7 @@ fn rows(place: &str, arrays: &[ArchiveArray]) -> Result<u64> {
             _ if layout::rows_of_positions(&a.header).is_some() => 3,
             _ => return None,
         };
-        Some(SpeciesField { name: a.name.clone(), kind: String::new(), components, unit: None })
+        Some(SpeciesField::new(&a.name, "", components))
     };
     let fields: Vec<SpeciesField> = arrays.iter().filter_map(as_field).collect();
     let first = layout::positions_named(&fields);

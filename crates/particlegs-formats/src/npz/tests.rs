@@ -1,19 +1,16 @@
 use super::*;
-use crate::npy::tests::{npy, open_bytes, read_all};
+use crate::npy::tests::npy;
+use crate::testing::{deflate, open_bytes, rows as read_rows};
 use crate::{Choice, Weights};
-use std::io::Write;
 
 /// An archive of members, compressed where it is said.
 fn npz(members: &[(&str, Vec<u8>, bool)]) -> Vec<u8> {
     let (mut out, mut table) = (Vec::new(), Vec::new());
     for (name, content, compress) in members {
-        let mut sum = flate2::Crc::new();
-        sum.update(content);
-        let mut encoder = flate2::write::DeflateEncoder::new(Vec::new(), flate2::Compression::default());
-        encoder.write_all(content).unwrap();
-        let data = if *compress { encoder.finish().unwrap() } else { content.clone() };
+        let (packed, sum) = deflate(content);
+        let data = if *compress { packed } else { content.clone() };
         let mut common = vec![20, 0, 0, 0, if *compress { 8 } else { 0 }, 0, 0, 0, 0, 0];
-        common.extend(sum.sum().to_le_bytes());
+        common.extend(sum.to_le_bytes());
         common.extend((data.len() as u32).to_le_bytes());
         common.extend((content.len() as u32).to_le_bytes());
         common.extend((name.len() as u16).to_le_bytes());
@@ -65,10 +62,10 @@ fn stored_and_compressed_members_give_the_same() {
             members.push(("box.npy", npy("'<f8'", false, "()", &25f64.to_le_bytes()), true));
             members.push(("mass.npy", mass.clone(), true));
             let snapshot = open_bytes("a.npz", &npz(&members)).unwrap();
-            let (rows, _) = read_all(&*snapshot, &Choice::default()).unwrap();
+            let rows = read_rows(&*snapshot, 0, &Choice::default()).unwrap();
             assert!(is_counted(&rows) && rows[69_999][3] == 69_999.0);
             let none = Choice { weights: Weights::None, ..Choice::default() };
-            assert!(is_counted(&read_all(&*snapshot, &none).unwrap().0));
+            assert!(is_counted(&read_rows(&*snapshot, 0, &none).unwrap()));
             assert_eq!(snapshot.description().meta.cell, Some(Cell::orthogonal([25.0; 3])));
         }
     }
@@ -79,9 +76,9 @@ fn a_choice_is_asked_for_where_names_do_not_decide() {
     let six = || floats("(2, 3)", false, (0..6).map(|v| v as f32));
     let snapshot = open_bytes("a.npz", &npz(&[("a.npy", six(), false), ("b.npy", six(), true)])).unwrap();
     let error = snapshot.reader(0, &Choice::default()).err().unwrap();
-    assert!(error.remedy().to_string().contains("a, b"), "{error}");
+    assert!(error.hint().to_string().contains("a, b"), "{error}");
     let chosen = Choice { positions: Some("b".into()), ..Choice::default() };
-    assert!(is_counted(&read_all(&*snapshot, &chosen).unwrap().0));
+    assert!(is_counted(&read_rows(&*snapshot, 0, &chosen).unwrap()));
 }
 
 #[test]
@@ -104,7 +101,7 @@ fn broken_archives_are_refused() {
     let mut bytes = npz(&[("pos.npy", floats("(2000, 3)", false, (0..6000).map(|v| v as f32)), true)]);
     bytes[200] ^= 8;
     let snapshot = open_bytes("a.npz", &bytes);
-    assert!(snapshot.and_then(|s| read_all(&*s, &Choice::default())).is_err());
+    assert!(snapshot.and_then(|s| read_rows(&*s, 0, &Choice::default())).is_err());
 }
 
 #[test]
@@ -151,5 +148,5 @@ fn large_archives_are_read_by_their_large_fields() {
     bytes.extend([0xff; 8]);
     bytes.extend([0, 0]);
     let snapshot = open_bytes("a.npz", &bytes).unwrap();
-    assert!(is_counted(&read_all(&*snapshot, &Choice::default()).unwrap().0));
+    assert!(is_counted(&read_rows(&*snapshot, 0, &Choice::default()).unwrap()));
 }

@@ -1,27 +1,20 @@
 //! What a PLY header says: elements, their properties, the encoding.
 
-use crate::strided::NumberType;
+use crate::numbers::NumberType;
 
 /// Longest header: real ones have some kilobytes; comments may be long.
 const LONGEST: usize = 1 << 20;
 
-/// How values are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
-    /// As text, one instance a line.
     Ascii,
-    /// Binary, little-endian.
     Little,
-    /// Binary, big-endian.
     Big,
 }
 
-/// A property of an element.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Property {
-    /// Its name.
     pub name: String,
-    /// Type of its values.
     pub kind: NumberType,
     /// Type of its length, where it is a list.
     pub list: Option<NumberType>,
@@ -30,22 +23,15 @@ pub struct Property {
 /// A kind of things in the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlyElement {
-    /// Its name.
     pub name: String,
-    /// How many there are.
     pub count: u64,
-    /// What each has, in order.
     pub properties: Vec<Property>,
 }
 
-/// A header.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlyHeader {
-    /// How values are written.
     pub encoding: Encoding,
-    /// What the file holds, in order.
     pub elements: Vec<PlyElement>,
-    /// Byte behind the header.
     pub data: u64,
 }
 
@@ -61,10 +47,6 @@ pub fn is_ply(head: &[u8]) -> bool {
     head.starts_with(b"ply\n") || head.starts_with(b"ply\r\n")
 }
 
-/// Reads the header at the beginning of `bytes`.
-///
-/// # Errors
-/// In words, with the line.
 pub fn parse(bytes: &[u8]) -> Result<PlyHeader, String> {
     if !is_ply(bytes) {
         return Err("not a PLY file".into());
@@ -95,16 +77,12 @@ pub fn parse(bytes: &[u8]) -> Result<PlyHeader, String> {
                 let count = count.parse().map_err(|_| bad("the number of elements is none"))?;
                 elements.push(PlyElement { name: name.into(), count, properties: Vec::new() });
             }
-            ["property", "list", length, kind, name] => {
-                let list = Some(kind_named(length).ok_or_else(|| bad("the type is not known"))?);
-                let kind = kind_named(kind).ok_or_else(|| bad("the type is not known"))?;
+            ["property", "list", _, kind, name] | ["property", kind, name] => {
+                let named = |kind| kind_named(kind).ok_or_else(|| bad("the type is not known"));
+                let list = if words[1] == "list" && words.len() == 5 { Some(named(words[2])?) } else { None };
+                let kind = named(kind)?;
                 let element = elements.last_mut().ok_or_else(|| bad("it belongs to no element"))?;
                 element.properties.push(Property { name: name.into(), kind, list });
-            }
-            ["property", kind, name] => {
-                let kind = kind_named(kind).ok_or_else(|| bad("the type is not known"))?;
-                let element = elements.last_mut().ok_or_else(|| bad("it belongs to no element"))?;
-                element.properties.push(Property { name: name.into(), kind, list: None });
             }
             ["end_header"] => {
                 let encoding = encoding.ok_or("its header does not say the format")?;

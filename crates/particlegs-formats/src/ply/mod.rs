@@ -6,28 +6,28 @@ mod header;
 mod rows;
 
 use crate::affine::Affine;
-use crate::axes::axes;
-use crate::laned::{ColumnarField, ColumnarSnapshot};
-use crate::npy::{layout, mapped, named, only, species};
+use crate::axes;
+use crate::columns::{ColumnarField, ColumnarSnapshot, one_species};
+use crate::npy::layout;
+use crate::numbers::Bytes;
 use crate::pieces::PieceReader;
-use crate::stored::{StoredBytes, StreamCoding};
-use crate::strided::Bytes;
-use crate::{Choice, Description, Format, Snapshot};
+use crate::snapshot::{named, only};
+use crate::stored_bytes::StoredBytes;
+use crate::{Choice, Description, Format, Snapshot, TextResult};
 use header::{Encoding, PlyElement, PlyHeader};
 use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Result};
 use rows::{RowFormat, VariableLengthRows, VertexStart};
 use std::path::PathBuf;
 
-/// PLY points.
 pub const FORMAT: Format =
     Format { name: "ply", title: "PLY points", detect: |head| header::is_ply(&head.content), open };
 
 fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let place = path.display().to_string();
-    let bytes = mapped(path)?;
-    if let Some(compression) = crate::compressed::FileCompression::of(&bytes) {
+    let bytes = Bytes::from_filled_file(path)?;
+    if let Some(compression) = crate::compression::FileCompression::from_magic(&bytes) {
         let what = format!("a PLY file in {}, which is not read", compression.name());
         return Err(Error::input_with(path, what, "unpack it first"));
     }
@@ -48,8 +48,7 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     }
     match element.bytes() {
         Some(stride) if header.encoding != Encoding::Ascii => {
-            let length = bytes.len() as u64;
-            let stored = StoredBytes::new(bytes, 0, length, length, StreamCoding::Plain).map_err(broken)?;
+            let stored = StoredBytes::plain_file(bytes);
             let place_field =
                 |f| ColumnarField { base: start.byte, stride, big_endian: header.encoding == Encoding::Big, ..f };
             let fields = fields.into_iter().map(place_field).collect();
@@ -58,19 +57,12 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         _ => {
             let lists = element.properties.iter().filter(|p| p.list.is_some());
             description.notes.extend(lists.map(|p| format!("list `{}` is not read", p.name.escape_debug())));
-            Ok(Box::new(VariableLengthPly {
-                description,
-                place,
-                bytes,
-                element: element.clone(),
-                encoding: header.encoding,
-                start,
-            }))
+            let (element, encoding) = (element.clone(), header.encoding);
+            Ok(Box::new(VariableLengthPly { description, place, bytes, element, encoding, start }))
         }
     }
 }
 
-/// Which element holds the points.
 fn vertices(place: &str, header: &PlyHeader) -> Result<usize> {
     let number = header.elements.iter().position(|e| e.name == "vertex").ok_or_else(|| {
         let names: Vec<&str> = header.elements.iter().map(|e| &e.name[..]).take(20).collect();
@@ -88,19 +80,10 @@ fn fields(element: &PlyElement) -> Vec<ColumnarField> {
     let mut out = Vec::new();
     for property in &element.properties {
         if property.list.is_none() {
-            out.push(ColumnarField {
-                name: property.name.clone(),
-                kind_name: property.kind.name().into(),
-                kind: Some(property.kind),
-                big_endian: false,
-                components: 1,
-                stored: 0,
-                base: 0,
-                base_step: 0,
-                stride: 0,
-                offset,
-                offset_step: 0,
-            });
+            let (name, kind) = (property.name.clone(), property.kind);
+            let own =
+                ColumnarField { name, kind_name: kind.name().into(), kind: Some(kind), ..ColumnarField::default() };
+            out.push(ColumnarField { components: 1, offset, ..own });
         }
         offset += property.kind.bytes();
     }
@@ -126,20 +109,20 @@ fn describe(path: &PathBuf, header: &PlyHeader, element: &PlyElement, fields: &[
     };
     let mut notes = Vec::new();
     if ["f_dc_0", "opacity", "scale_0", "rot_0"].into_iter().all(has) {
-        notes.push(crate::splats::NOTE.to_string());
+        notes.push(Description::SPLATS.to_string());
     }
     Ok(Description {
         format: format!("PLY, {encoding}"),
         files: vec![path.clone()],
         meta: named(path),
-        species: vec![species(element.count, fields, positions, layout::mass_named)],
+        species: vec![one_species(element.count, fields, positions, layout::mass_named)],
         notes,
         ..Description::default()
     })
 }
 
 /// Where the vertices begin, the element of that number.
-fn start(bytes: &Bytes, header: &PlyHeader, vertices: usize) -> std::result::Result<VertexStart, String> {
+fn start(bytes: &Bytes, header: &PlyHeader, vertices: usize) -> TextResult<VertexStart> {
     let mut at = header.data;
     let mut lines = 0u64;
     for element in &header.elements[..vertices] {
@@ -185,18 +168,13 @@ impl Snapshot for VariableLengthPly {
             let found = self.element.properties.iter().position(|p| p.list.is_none() && p.name == name);
             found.ok_or_else(|| species.missing(&self.place, name, [].into_iter()))
         };
-        let mut columns = Vec::new();
-        for axis in axes(&self.place, species, choice)? {
-            columns.push(number(&axis.field)?);
-        }
-        let weight = species.weight_field(&self.place, &choice.weights)?;
-        if let Some(name) = &weight {
-            columns.push(number(name)?);
-        }
+        let columns = axes::columns(&self.place, species, choice)?;
+        let columns: Vec<usize> = columns.iter().map(|c| number(&c.field)).collect::<Result<_>>()?;
+        let weighted = columns.len() > 3;
         let format = RowFormat::new(self.encoding, &self.element);
         let rows = VariableLengthRows::new(self.bytes.clone(), &self.place, format, self.start, species.count, columns);
         let meta = self.description.meta.clone();
-        Ok(Box::new(PieceReader::new(meta, vec![Box::new(rows)], weight.is_some())?))
+        Ok(Box::new(PieceReader::new(meta, vec![Box::new(rows)], weighted)?))
     }
 }
 

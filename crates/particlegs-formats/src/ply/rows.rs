@@ -3,8 +3,8 @@
 
 use super::header::{Encoding, PlyElement, Property};
 use crate::TextResult;
+use crate::numbers::Bytes;
 use crate::pieces::{ParticlePiece, RowBuffer};
-use crate::strided::Bytes;
 use crate::text::number::number_at;
 use crate::text::split::shown;
 use particlegs::{Error, Result};
@@ -28,7 +28,6 @@ pub struct VariableLengthRows {
     index: OnceLock<TextResult<Vec<u64>>>,
 }
 
-/// Where the vertices begin.
 #[derive(Clone, Copy)]
 pub struct VertexStart {
     /// The byte behind the header, or of the first vertex in a binary file.
@@ -37,19 +36,16 @@ pub struct VertexStart {
     pub lines: u64,
 }
 
-/// How a vertex is written.
 pub struct RowFormat {
     encoding: Encoding,
     properties: Vec<Property>,
 }
 
 impl RowFormat {
-    /// Of an element.
     pub fn new(encoding: Encoding, element: &PlyElement) -> Self {
         RowFormat { encoding, properties: element.properties.clone() }
     }
 
-    /// Bytes that one has at least.
     pub fn least_bytes(&self) -> u64 {
         match self.encoding {
             // A digit and a blank or the line's end.
@@ -77,7 +73,7 @@ impl RowFormat {
     /// Walks a binary row; gives its end.
     fn binary(&self, bytes: &[u8], mut at: u64, wanted: &[u8], out: &mut [f64; 4]) -> TextResult<u64> {
         let big = self.encoding == Encoding::Big;
-        let number = |at: u64, kind: crate::strided::NumberType| {
+        let number = |at: u64, kind: crate::numbers::NumberType| {
             let slice = usize::try_from(at).ok().and_then(|at| bytes.get(at..));
             let slice = slice.filter(|s| s.len() as u64 >= kind.bytes()).ok_or("the file ends too early")?;
             Ok::<f64, String>(kind.get(slice, big))
@@ -133,7 +129,6 @@ fn pass_blanks(line: &[u8], at: &mut usize) {
     }
 }
 
-/// The next word of a line.
 fn word<'a>(line: &'a [u8], at: &mut usize) -> Option<&'a [u8]> {
     pass_blanks(line, at);
     let start = *at;
@@ -143,7 +138,6 @@ fn word<'a>(line: &'a [u8], at: &mut usize) -> Option<&'a [u8]> {
     (*at > start).then(|| &line[start..*at])
 }
 
-/// The next word of a line as a number.
 fn value(line: &[u8], at: &mut usize) -> TextResult<f64> {
     pass_blanks(line, at);
     let start = *at;
@@ -168,7 +162,6 @@ fn line(bytes: &[u8], mut at: u64) -> TextResult<Range<u64>> {
 }
 
 impl VariableLengthRows {
-    /// `count` vertices from `start` on.
     pub fn new(
         bytes: Bytes,
         place: &str,

@@ -1,5 +1,5 @@
 use super::*;
-use crate::npy::tests::{open_bytes, read_all};
+use crate::testing::open_bytes;
 
 fn header(format: &str, rest: &str) -> Vec<u8> {
     format!("ply\nformat {format} 1.0\ncomment by hand\n{rest}end_header\n").into_bytes()
@@ -9,7 +9,7 @@ const FACES: &str = "element face 2\nproperty list uchar int vertex_indices\npro
 
 fn rows(bytes: &[u8]) -> Result<Vec<[f64; 4]>> {
     let snapshot = open_bytes("a", bytes)?;
-    Ok(read_all(&*snapshot, &Choice::default())?.0)
+    crate::testing::rows(&*snapshot, 0, &Choice::default())
 }
 
 #[test]

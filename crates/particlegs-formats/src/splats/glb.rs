@@ -1,14 +1,13 @@
 //! Binary glTF: primitives of points, and of `KHR_gaussian_splatting`, in their places of the scene.
 
-use super::NOTE;
 use super::gltf::{Accessor, GltfDocument, Primitive};
 use crate::TextResult;
-use crate::affine::{Affine, AffinePiece};
-use crate::axes::axes;
-use crate::npy::{mapped, named, only};
+use crate::affine::Affine;
+use crate::axes;
+use crate::format::FileHead;
+use crate::numbers::{Bytes, NumberType, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, PieceReader};
-use crate::registry::FileHead;
-use crate::strided::{Bytes, NumberType, StridedColumn, StridedParticles};
+use crate::snapshot::{named, only};
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
 use particlegs::particles::SnapshotReader;
 use particlegs::{Error, Result};
@@ -18,15 +17,12 @@ use std::path::PathBuf;
 const MAGIC: &[u8; 4] = b"glTF";
 /// Longest document that is read: it lists arrays, and does not hold them.
 const LONGEST: u64 = 1 << 20;
-/// Mode of points.
 const POINTS: u32 = 0;
 
-/// By the signature.
 pub fn detect(head: &FileHead) -> bool {
     head.bytes.starts_with(MAGIC)
 }
 
-/// Positions of one primitive.
 #[derive(Clone)]
 struct PrimitivePositions {
     rows: u64,
@@ -42,11 +38,10 @@ struct Glb {
     parts: Vec<PrimitivePositions>,
 }
 
-/// Opens it.
 pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let refuse = |what: String| Error::input_with(path, what, "the file is damaged, or holds no points");
-    let bytes = mapped(path)?;
+    let bytes = Bytes::from_filled_file(path)?;
     let (json, binary) = chunks(&bytes).map_err(refuse)?;
     let json = &bytes[json.start as usize..json.end as usize];
     let document: GltfDocument =
@@ -57,28 +52,21 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     if count == 0 {
         return Err(refuse("it holds no points: no primitive of mode POINTS with positions".into()));
     }
-    let kind = parts[0].kind.name().to_string();
-    let species = Species {
-        name: "particles".into(),
-        aliases: vec!["0".into()],
-        count,
-        mass: SpeciesMass::Unknown,
-        positions: "POSITION".into(),
-        fields: vec![SpeciesField { name: "POSITION".into(), kind, components: 3, unit: None }],
-    };
+    let (name, aliases, positions) = ("particles".into(), vec!["0".into()], "POSITION".to_string());
+    let fields = vec![SpeciesField::new(&positions, parts[0].kind.name(), 3)];
+    let species = Species { name, aliases, count, mass: SpeciesMass::Unknown, positions, fields };
     let title = if splats { "glTF 2.0 (binary) with KHR_gaussian_splatting" } else { "glTF 2.0 (binary), points" };
     let description = Description {
         format: title.into(),
         files: vec![path.clone()],
         meta: named(path),
         species: vec![species],
-        notes: if splats { vec![NOTE.into()] } else { Vec::new() },
+        notes: if splats { vec![Description::SPLATS.into()] } else { Vec::new() },
         ..Description::default()
     };
     Ok(Box::new(Glb { description, place: path.display().to_string(), bytes, parts }))
 }
 
-/// Where the document and the binary data lie.
 fn chunks(bytes: &[u8]) -> TextResult<(Range<u64>, Range<u64>)> {
     let word = |at: u64| {
         let b = bytes.get(at as usize..at as usize + 4)?;
@@ -187,15 +175,11 @@ impl Snapshot for Glb {
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let species = self.description.species.get(species);
         let species = species.ok_or_else(|| Error::argument("there is one kind of particles"))?;
-        axes(&self.place, species, choice)?;
-        species.weight_field(&self.place, &choice.weights)?;
+        axes::columns(&self.place, species, choice)?;
         let mut pieces: Vec<Box<dyn ParticlePiece>> = Vec::new();
         for part in &self.parts {
-            let inner = StridedParticles::new(&self.place, self.bytes.clone(), part.rows, part.axes, None)?;
-            pieces.push(match part.world == Affine::IDENTITY {
-                true => Box::new(inner),
-                false => Box::new(AffinePiece { inner: Box::new(inner), by: part.world, wide: true }),
-            });
+            let inner = StridedParticles::new(&self.place, self.bytes.clone(), part.rows, &part.axes)?;
+            pieces.push(part.world.moved(true, Box::new(inner)));
         }
         Ok(Box::new(PieceReader::new(self.description.meta.clone(), pieces, false)?))
     }

@@ -5,10 +5,8 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use std::collections::BTreeMap;
 
-/// A document.
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
 #[serde(rename_all = "camelCase", default)]
-#[derive(Default)]
 pub struct GltfDocument {
     pub scene: Option<usize>,
     pub scenes: Vec<GltfScene>,
@@ -19,18 +17,16 @@ pub struct GltfDocument {
     pub buffers: Vec<Buffer>,
 }
 
-/// Nodes shown together.
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
+#[serde(default)]
 pub struct GltfScene {
-    #[serde(default)]
     pub nodes: Vec<usize>,
 }
 
-/// A mesh placed in its parent.
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
+#[serde(default)]
 pub struct GltfNode {
     mesh: Option<usize>,
-    #[serde(default)]
     children: Vec<usize>,
     /// Columns first.
     matrix: Option<[f64; 16]>,
@@ -40,24 +36,21 @@ pub struct GltfNode {
     scale: Option<[f64; 3]>,
 }
 
-/// Primitives.
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
+#[serde(default)]
 pub struct Mesh {
-    #[serde(default)]
     pub primitives: Vec<Primitive>,
 }
 
 /// Points, lines or triangles.
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
+#[serde(default)]
 pub struct Primitive {
-    #[serde(default)]
     pub attributes: BTreeMap<String, usize>,
     pub mode: Option<u32>,
-    #[serde(default)]
     pub extensions: Extensions,
 }
 
-/// Extensions of a primitive.
 #[derive(Deserialize, Default)]
 pub struct Extensions {
     #[serde(rename = "KHR_gaussian_splatting")]
@@ -67,13 +60,12 @@ pub struct Extensions {
 }
 
 /// That of splats, which may itself be extended, e.g. by a compression.
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
+#[serde(default)]
 pub struct Splats {
-    #[serde(default)]
     pub extensions: BTreeMap<String, IgnoredAny>,
 }
 
-/// Numbers in a view.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct Accessor {
@@ -89,7 +81,6 @@ pub struct Accessor {
     pub sparse: Option<IgnoredAny>,
 }
 
-/// A stretch of a buffer.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct BufferView {
@@ -108,7 +99,6 @@ pub struct Buffer {
 }
 
 impl GltfNode {
-    /// To its parent.
     fn local(&self) -> Affine {
         if let Some(m) = self.matrix {
             let matrix = [0, 1, 2].map(|i| [m[i], m[4 + i], m[8 + i]]);

@@ -5,7 +5,7 @@
 use particlegs::camera::Normalisation;
 use particlegs::context::Context;
 use particlegs::model::{AlphaBlend, LawKind, Mixture, Model};
-use particlegs::{Error, Remedy, Result};
+use particlegs::{Error, Hint, Result};
 use particlegs_files::output::{check_space_in, write_atomic};
 use std::io::Write;
 use std::path::Path;
@@ -43,7 +43,7 @@ pub fn write_splats(
 ) -> Result<u64> {
     if model.metadata.law != LawKind::AlphaBlend {
         let what = format!("a model of the {} law has no opacities to write as splats", model.metadata.law.name());
-        return Err(Error::Argument { what, remedy: Remedy::DrawParticles });
+        return Err(Error::argument_with(what, Hint::from("draw particles from it with ").command("recover", "")));
     }
     if colors.is_some_and(|c| c.len() != model.gaussians()) {
         return Err(Error::argument("there must be one colour for each Gaussian"));

@@ -1,17 +1,15 @@
 //! .splat: 32 bytes a splat - position and size as 3 f32 each, colour and rotation as 4 bytes each.
 
-use super::{NOTE, field};
 use crate::affine::Affine;
-use crate::laned::ColumnarSnapshot;
-use crate::npy::{mapped, named, only, species};
-use crate::registry::FileHead;
-use crate::stored::{StoredBytes, StreamCoding};
-use crate::strided::NumberType;
+use crate::columns::{ColumnarField, ColumnarSnapshot, one_species};
+use crate::format::FileHead;
+use crate::numbers::{Bytes, NumberType};
+use crate::snapshot::{named, only};
+use crate::stored_bytes::StoredBytes;
 use crate::{Choice, Description, Snapshot};
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
-/// Bytes of a record.
 const RECORD: usize = 32;
 
 /// There is no signature: the name must say it, and the first records must look like splats.
@@ -28,31 +26,29 @@ pub fn detect(head: &FileHead) -> bool {
         && head.bytes.chunks_exact(RECORD).all(plausible)
 }
 
-/// Opens it.
 pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
-    let bytes = mapped(path)?;
+    let bytes = Bytes::from_filled_file(path)?;
     let length = bytes.len() as u64;
     if !length.is_multiple_of(RECORD as u64) {
         let what = format!("{length} bytes are no whole number of records of {RECORD} bytes");
         return Err(Error::input_with(path, what, "the file is cut short, or no .splat file"));
     }
-    let stored =
-        StoredBytes::new(bytes, 0, length, length, StreamCoding::Plain).map_err(|what| Error::input(path, what))?;
+    let stored = StoredBytes::plain_file(bytes);
     let stride = RECORD as u64;
     let fields = vec![
-        field("position", NumberType::F32, 3, 0, stride, 0),
-        field("scale", NumberType::F32, 3, 0, stride, 12),
-        field("color", NumberType::U8, 4, 0, stride, 24),
-        field("rotation", NumberType::U8, 4, 0, stride, 28),
+        ColumnarField::in_records("position", NumberType::F32, 3, [0, stride, 0]),
+        ColumnarField::in_records("scale", NumberType::F32, 3, [0, stride, 12]),
+        ColumnarField::in_records("color", NumberType::U8, 4, [0, stride, 24]),
+        ColumnarField::in_records("rotation", NumberType::U8, 4, [0, stride, 28]),
     ];
     let count = length / stride;
     let description = Description {
         format: ".splat records".into(),
         files: vec![path.clone()],
         meta: named(path),
-        species: vec![species(count, &fields, "position".into(), |_| None)],
-        notes: vec![NOTE.into()],
+        species: vec![one_species(count, &fields, "position".into(), |_| None)],
+        notes: vec![Description::SPLATS.into()],
         ..Description::default()
     };
     let place = path.display().to_string();

@@ -2,14 +2,13 @@
 //! the other, then the other attributes. Versions 1 to 3 are one gzip stream; version 4 has a plain
 //! header and a Zstandard stream an attribute.
 
-use super::{NOTE, field};
 use crate::TextResult;
 use crate::affine::Affine;
-use crate::laned::ColumnarSnapshot;
-use crate::npy::{mapped, named, only, species};
-use crate::registry::FileHead;
-use crate::stored::{StoredBytes, StreamCoding};
-use crate::strided::{Bytes, NumberType};
+use crate::columns::{ColumnarField, ColumnarSnapshot, one_species};
+use crate::format::FileHead;
+use crate::numbers::{Bytes, NumberType};
+use crate::snapshot::{named, only};
+use crate::stored_bytes::{StoredBytes, StreamCoding};
 use crate::{Choice, Description, Snapshot};
 use particlegs::{Error, Result};
 use std::io::Read;
@@ -26,7 +25,6 @@ pub fn detect(head: &FileHead) -> bool {
     head.content.starts_with(MAGIC)
 }
 
-/// What a header says.
 struct SpzHeader {
     version: u32,
     count: u64,
@@ -45,15 +43,9 @@ impl SpzHeader {
         if b[..4] != MAGIC[..] {
             return Err("not an SPZ file".into());
         }
-        let header = SpzHeader {
-            version: word(4),
-            count: word(8).into(),
-            degree: b[12],
-            fraction: b[13],
-            flags: b[14],
-            streams: b[15],
-            table,
-        };
+        let (version, count, [degree, fraction, flags, streams]) =
+            (word(4), word(8).into(), [b[12], b[13], b[14], b[15]]);
+        let header = SpzHeader { version, count, degree, fraction, flags, streams, table };
         match header.version {
             1..=4 => {}
             version => return Err(format!("SPZ version {version} is not known (1 to 4 are)")),
@@ -67,7 +59,6 @@ impl SpzHeader {
         Ok(header)
     }
 
-    /// Bytes of a position.
     fn position(&self) -> u64 {
         if self.version == 1 { 6 } else { 9 }
     }
@@ -80,19 +71,18 @@ impl SpzHeader {
     }
 }
 
-/// Opens it.
 pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
     let path = only(paths)?;
     let hint = "the file is damaged or cut short: copy it again";
     let refuse = |what: String| Error::input_with(path, what, hint);
-    let (header, base, stored) = parts(mapped(path)?).map_err(refuse)?;
+    let (header, base, stored) = parts(Bytes::from_filled_file(path)?).map_err(refuse)?;
     let stride = header.position();
     let (kind, world) = match header.version {
         1 => (NumberType::F16, Affine::IDENTITY),
         _ => (NumberType::I24, Affine::scale(2f64.powi(-i32::from(header.fraction)))),
     };
-    let fields = vec![field("position", kind, 3, base, stride, 0)];
-    let mut notes = vec![NOTE.to_string()];
+    let fields = vec![ColumnarField::in_records("position", kind, 3, [base, stride, 0])];
+    let mut notes = vec![Description::SPLATS.to_string()];
     if header.flags & !1 != 0 {
         notes.push(format!("its flags {:#x} tell of extensions that are not read", header.flags));
     }
@@ -100,7 +90,7 @@ pub fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
         format: format!("SPZ version {}, spherical harmonics of degree {}", header.version, header.degree),
         files: vec![path.clone()],
         meta: named(path),
-        species: vec![species(header.count, &fields, "position".into(), |_| None)],
+        species: vec![one_species(header.count, &fields, "position".into(), |_| None)],
         notes,
         ..Description::default()
     };

@@ -1,6 +1,5 @@
 use crate::Choice;
-use crate::npy::tests::{open_bytes, read_all};
-use std::io::Write;
+use crate::testing::{gzip, open_bytes};
 
 /// A binary glTF file of a document and data.
 fn glb(json: &str, data: &[u8]) -> Vec<u8> {
@@ -18,7 +17,7 @@ fn glb(json: &str, data: &[u8]) -> Vec<u8> {
 
 fn rows(name: &str, bytes: &[u8]) -> particlegs::Result<Vec<[f64; 4]>> {
     let snapshot = open_bytes(name, bytes)?;
-    Ok(read_all(&*snapshot, &Choice::default())?.0)
+    crate::testing::rows(&*snapshot, 0, &Choice::default())
 }
 
 const ARRAYS: &str = r#""accessors":[{"bufferView":0,"componentType":5126,"count":2,"type":"VEC3","max":[9,9,9]}],
@@ -74,9 +73,7 @@ fn spz_in_gzip_and_plain() {
     let wanted = [[1.0, -0.5, 0.0, 0.0], [0.00390625, 0.0078125, 1000.0, 0.0]];
     for bytes in [spz(1, &half, 20), spz(2, &fixed, 20), spz(3, &fixed, 22)] {
         assert_eq!(rows("a", &bytes).unwrap(), wanted);
-        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
-        encoder.write_all(&bytes).unwrap();
-        let packed = encoder.finish().unwrap();
+        let packed = gzip(&bytes);
         assert_eq!(rows("a", &packed).unwrap(), wanted);
         for cut in 0..packed.len() {
             assert!(rows("a", &packed[..cut]).is_err(), "cut at {cut}");

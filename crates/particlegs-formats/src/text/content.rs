@@ -1,7 +1,6 @@
 //! The content of a file of text, decompressed where it is compressed.
 
-use super::lines::LineReader;
-use crate::compressed::{FileCompression, open_stream};
+use crate::compression::{FileCompression, open_stream};
 use particlegs::{Error, Result};
 use particlegs_files::input::open_file;
 use std::io::{Read, Seek, SeekFrom};
@@ -22,7 +21,6 @@ impl TextPosition {
     pub const START: TextPosition = TextPosition { offset: 0, line: 1 };
 }
 
-/// A file of text.
 #[derive(Clone, Debug)]
 pub struct TextContent {
     path: PathBuf,
@@ -30,10 +28,6 @@ pub struct TextContent {
 }
 
 impl TextContent {
-    /// Looks at the first bytes.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] for what is no file, and for an empty one.
     pub fn open(path: &Path) -> Result<Self> {
         let fail = |e| Error::io(path, e);
         let (file, _) = open_file(path)?;
@@ -42,10 +36,9 @@ impl TextContent {
         if head.is_empty() {
             return Err(Error::input(path, "the file is empty"));
         }
-        Ok(TextContent { path: path.to_path_buf(), compression: FileCompression::of(&head) })
+        Ok(TextContent { path: path.to_path_buf(), compression: FileCompression::from_magic(&head) })
     }
 
-    /// The file.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -63,27 +56,22 @@ impl TextContent {
         }
     }
 
-    /// Lines from `start` on, to `end` where it is given. Compressed content is decompressed by a
+    /// The content from `start` on, to `end` where it is given. Compressed content is decompressed by a
     /// thread of its own, from its beginning on.
-    ///
-    /// # Errors
-    /// [`Error::Io`] where the file cannot be read; [`Error::Input`] for a broken stream.
-    pub fn lines(&self, start: TextPosition, end: Option<u64>) -> Result<LineReader<'_>> {
+    pub fn stream(&self, start: u64, end: Option<u64>) -> Result<Box<dyn Read>> {
         let fail = |e| Error::io(&self.path, e);
-        let length = end.map_or(u64::MAX, |end| end.saturating_sub(start.offset));
-        let source: Box<dyn Read> = if self.is_seekable() {
+        let length = end.map_or(u64::MAX, |end| end.saturating_sub(start));
+        if self.is_seekable() {
             let (mut file, _) = open_file(&self.path)?;
-            file.seek(SeekFrom::Start(start.offset)).map_err(fail)?;
-            Box::new(file.take(length))
-        } else {
-            let mut source = ReadAheadStream::begin(open_stream(&self.path, self.compression)?);
-            let passed = std::io::copy(&mut (&mut source).take(start.offset), &mut std::io::sink());
-            if passed.map_err(|e| self.error(0, e))? < start.offset {
-                return Err(Error::input(&self.path, "the file became shorter while it was read"));
-            }
-            Box::new(source.take(length))
-        };
-        Ok(LineReader::new(self, source, start))
+            file.seek(SeekFrom::Start(start)).map_err(fail)?;
+            return Ok(Box::new(file.take(length)));
+        }
+        let mut source = ReadAheadStream::begin(open_stream(&self.path, self.compression)?);
+        let passed = std::io::copy(&mut (&mut source).take(start), &mut std::io::sink());
+        if passed.map_err(|e| self.error(0, e))? < start {
+            return Err(Error::input(&self.path, "the file became shorter while it was read"));
+        }
+        Ok(Box::new(source.take(length)))
     }
 
     /// The error for a read that failed after `bytes` of content.

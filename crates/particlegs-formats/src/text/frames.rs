@@ -4,42 +4,33 @@ use super::content::TextContent;
 use super::lines::LineReader;
 use super::table::{TableBuilder, TextTable};
 use crate::TrajectoryFrames;
-use particlegs::{Error, Remedy, Result};
+use crate::snapshot::no_frame;
+use particlegs::{Error, Hint, Result};
 
-/// A frame that was found.
 pub struct TextFrame<'c, H> {
-    /// What its header says.
     pub head: H,
-    /// Its rows, where they were wanted.
     pub rows: Option<TableBuilder<'c>>,
     /// Its step, as the file numbers it.
     pub step: Option<i64>,
 }
 
-/// The frames of a file.
 pub struct FrameScan<H> {
-    /// The header of the one chosen.
     pub head: H,
-    /// Its rows.
     pub table: TextTable,
     /// How many there are, and which is chosen.
     pub frames: TrajectoryFrames,
-    /// What a user should know.
     pub notes: Vec<String>,
 }
 
 /// Finds all frames of `content` and keeps frame `chosen`, or the last. `next` reads the frame that
 /// begins at the next line (`None` at the end), and its rows where its last argument says so. The
 /// second one is the frame's number.
-///
-/// # Errors
-/// Those of `next` up to the chosen frame; [`Error::Input`] where there is no such frame.
 pub fn scan<'c, H>(
     content: &'c TextContent,
     chosen: Option<u64>,
     mut next: impl FnMut(&mut LineReader<'c>, u64, bool) -> Result<Option<TextFrame<'c, H>>>,
 ) -> Result<FrameScan<H>> {
-    let mut lines = content.lines(super::content::TextPosition::START, None)?;
+    let mut lines = LineReader::open(content, super::content::TextPosition::START, None)?;
     let mut kept = None;
     let mut notes = Vec::new();
     let mut count = 0;
@@ -63,7 +54,12 @@ pub fn scan<'c, H>(
     if lines.ends_open() {
         notes.push("the last line has no end: the file may have been cut off there".into());
     }
-    let Some((head, rows, frames)) = kept else { return Err(no_frame(content, chosen, count)) };
+    let Some((head, rows, frames)) = kept else {
+        return Err(match count {
+            0 => Error::input(content.path(), "there are no frames in it"),
+            count => no_frame(content.path(), chosen.unwrap_or(0), count),
+        });
+    };
     let table = rows.finish()?;
     if chosen.is_none() && count > 1 {
         notes.push(format!("frame {} is taken, the last of {count} (0 to {})", frames.chosen, count - 1));
@@ -74,19 +70,10 @@ pub fn scan<'c, H>(
 /// The frame before a broken one can be read.
 fn with_last_frame(error: Error, whole: u64) -> Error {
     match error {
-        Error::Input { place, what, remedy } if whole > 0 => {
-            Error::Input { place, what, remedy: remedy.and(Remedy::ReadFrame(whole - 1)) }
+        Error::Input { place, what, hint } if whole > 0 => {
+            let last = Hint::default().option("frame", whole - 1).words(" reads the last whole frame");
+            Error::Input { place, what, hint: hint.and(last) }
         }
         other => other,
-    }
-}
-
-fn no_frame(content: &TextContent, chosen: Option<u64>, count: u64) -> Error {
-    match (chosen, count) {
-        (_, 0) => Error::input(content.path(), "there are no frames in it"),
-        (chosen, 1) => Error::input(content.path(), format!("has no frame {}: its only one is 0", chosen.unwrap_or(0))),
-        (chosen, _) => {
-            Error::input(content.path(), format!("has no frame {}: they are 0 to {}", chosen.unwrap_or(0), count - 1))
-        }
     }
 }

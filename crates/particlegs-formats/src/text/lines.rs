@@ -6,15 +6,13 @@ use std::io::Read;
 
 /// Longest line accepted, in bytes: what is longer is no table of particles.
 pub const LINE_LIMIT: usize = 1 << 20;
-/// Bytes read at once.
 const WINDOW: usize = 1 << 18;
 /// Bytes in which newlines are counted before one of them is looked for.
 const STRIDE: usize = 1 << 14;
 
-/// Lines of a stream.
 pub struct LineReader<'a> {
     content: &'a TextContent,
-    source: Box<dyn Read + 'a>,
+    source: Box<dyn Read>,
     buffer: Vec<u8>,
     /// Whole lines lie in `start..whole`, the beginning of the next one in `whole..filled`.
     start: usize,
@@ -27,13 +25,12 @@ pub struct LineReader<'a> {
 }
 
 impl<'a> LineReader<'a> {
-    /// Lines of `source`, which stands at `place` of `content`.
-    pub fn new(content: &'a TextContent, source: Box<dyn Read + 'a>, place: TextPosition) -> Self {
-        let buffer = vec![0; WINDOW];
-        LineReader { content, source, buffer, start: 0, whole: 0, filled: 0, ended: false, open: false, place }
+    /// Lines from `place` on, to byte `end` where it is given.
+    pub fn open(content: &'a TextContent, place: TextPosition, end: Option<u64>) -> Result<Self> {
+        let (source, buffer) = (content.stream(place.offset, end)?, vec![0; WINDOW]);
+        Ok(LineReader { content, source, buffer, start: 0, whole: 0, filled: 0, ended: false, open: false, place })
     }
 
-    /// The place of the next line.
     pub fn place(&self) -> TextPosition {
         self.place
     }
@@ -48,6 +45,7 @@ impl<'a> LineReader<'a> {
         if self.start < self.whole {
             return Ok(true);
         }
+        // The beginning of a line moves to the front; only a line that fills all of it makes the buffer grow.
         self.buffer.copy_within(self.start..self.filled, 0);
         self.filled -= self.start;
         (self.start, self.whole) = (0, 0);
@@ -108,10 +106,6 @@ impl<'a> LineReader<'a> {
         &self.buffer[from..from + bytes]
     }
 
-    /// The next line, without its end.
-    ///
-    /// # Errors
-    /// Those of reading; [`Error::Input`] for a line that is too long.
     pub fn line(&mut self) -> Result<Option<&[u8]>> {
         if !self.fill()? {
             return Ok(None);
@@ -122,9 +116,6 @@ impl<'a> LineReader<'a> {
     }
 
     /// The next line, without its end and without going past it.
-    ///
-    /// # Errors
-    /// Those of [`LineReader::line`].
     pub fn peek(&mut self) -> Result<Option<&[u8]>> {
         if !self.fill()? {
             return Ok(None);
@@ -135,9 +126,6 @@ impl<'a> LineReader<'a> {
     }
 
     /// Whole lines, as many as are at hand; nothing at the end.
-    ///
-    /// # Errors
-    /// Those of [`LineReader::line`].
     pub fn block(&mut self) -> Result<Option<&[u8]>> {
         Ok(if self.fill()? { Some(&self.buffer[self.start..self.whole]) } else { None })
     }
@@ -148,9 +136,6 @@ impl<'a> LineReader<'a> {
     }
 
     /// Goes past `count` lines, giving them to `each` in blocks, and says how many there were.
-    ///
-    /// # Errors
-    /// Those of [`LineReader::line`] and of `each`.
     pub fn pass(&mut self, count: u64, mut each: impl FnMut(TextPosition, &[u8]) -> Result<()>) -> Result<u64> {
         let mut left = count;
         while left > 0 && self.fill()? {
@@ -181,7 +166,6 @@ fn first_lines(block: &[u8], limit: u64) -> (usize, u64) {
     (block.len(), lines + u64::from(open))
 }
 
-/// A line without `\n` or `\r\n`.
 pub fn without_end(line: &[u8]) -> &[u8] {
     let line = line.strip_suffix(b"\n").unwrap_or(line);
     line.strip_suffix(b"\r").unwrap_or(line)

@@ -15,6 +15,4 @@ pub mod snapshot;
 pub mod split;
 pub mod table;
 #[cfg(test)]
-pub mod testing;
-#[cfg(test)]
 mod tests;

@@ -5,12 +5,9 @@ use super::number::number_at;
 use super::split::{Separator, first_byte, is_blank, number_with, shown, tokens};
 use particlegs::space::PeriodicCell;
 
-/// How the lines of a table are taken apart.
 #[derive(Clone, Debug)]
 pub struct TableLayout {
-    /// What stands between columns.
     pub separator: Separator,
-    /// Names of the columns.
     pub columns: Vec<String>,
     /// Where set: lines that begin so, and empty ones, are no rows.
     pub comment: Option<u8>,
@@ -76,9 +73,7 @@ fn line_length(text: &[u8]) -> usize {
 /// A cell about which positions are stated in units of its vectors.
 #[derive(Clone, Copy, Debug)]
 pub struct Scaling {
-    /// Its lowest corner.
     pub origin: [f64; 3],
-    /// Its vectors.
     pub vectors: [[f64; 3]; 3],
 }
 
@@ -89,7 +84,6 @@ impl Scaling {
     }
 }
 
-/// What is read of each row.
 #[derive(Clone, Debug)]
 pub struct RowPlan {
     /// The columns read, ascending, each once.
@@ -97,9 +91,7 @@ pub struct RowPlan {
     /// Which of them are x, y, z and the weight.
     slots: [usize; 4],
     weighted: bool,
-    /// Positions in units of a cell.
     scaling: Option<Scaling>,
-    /// Positions are wrapped into this.
     cell: Option<PeriodicCell>,
     /// Columns whose whole numbers are wanted as their bits.
     whole: Vec<usize>,
@@ -120,19 +112,10 @@ impl RowPlan {
         for (slot, column) in slots.iter_mut().zip(&all) {
             *slot = wanted.binary_search(column).unwrap_or(0);
         }
-        RowPlan {
-            wanted,
-            slots,
-            weighted: weight.is_some(),
-            scaling,
-            whole: Vec::new(),
-            cell: None,
-            key: None,
-            origin: [0.0; 3],
-        }
+        let (weighted, whole, origin) = (weight.is_some(), Vec::new(), [0.0; 3]);
+        RowPlan { wanted, slots, weighted, scaling, whole, cell: None, key: None, origin }
     }
 
-    /// The same wrapped into a periodic cell.
     pub fn wrapped(mut self, cell: Option<PeriodicCell>) -> Self {
         self.cell = cell;
         self
@@ -144,30 +127,26 @@ impl RowPlan {
         self
     }
 
-    /// The same about `origin`.
     pub fn about(mut self, origin: [f64; 3]) -> Self {
         self.origin = origin;
         self
     }
 
     /// The same of rows whose value in a column is this one, or of all.
-    pub fn of(mut self, key: Option<(usize, Vec<u8>)>) -> Self {
+    pub fn with_key(mut self, key: Option<(usize, Vec<u8>)>) -> Self {
         self.key = key;
         self
     }
 
-    /// The point that positions are taken about.
     pub fn origin(&self) -> [f64; 3] {
         self.origin
     }
 
-    /// Are there weights?
     pub fn has_weights(&self) -> bool {
         self.weighted
     }
 }
 
-/// A whole number of 64 bits.
 fn whole(token: &[u8]) -> Option<i64> {
     let text = std::str::from_utf8(token).ok()?;
     text.parse().ok().or_else(|| text.parse().ok().map(|v: u64| v as i64))
@@ -182,9 +161,7 @@ pub fn same(a: &[u8], b: &[u8]) -> bool {
 /// Columns of particles: x, y, z about an origin, weights.
 pub type ParticleColumns<T = f32> = [Vec<T>; 4];
 
-/// What columns are of.
 pub trait TableNumber: Copy + Send {
-    /// A value about an origin.
     fn about(value: f64, origin: f64) -> Self;
 }
 
@@ -200,20 +177,15 @@ impl TableNumber for f64 {
     }
 }
 
-/// A line that cannot be read.
 #[derive(Debug)]
 pub struct LineError {
-    /// Its number.
     pub line: u64,
-    /// What is wrong.
     pub what: String,
 }
 
 /// Parses rows, those before `skip` and beyond `room` left out.
 pub struct RowParser<'a> {
-    /// How lines are taken apart.
     pub layout: &'a TableLayout,
-    /// What is read.
     pub plan: &'a RowPlan,
     /// Rows to pass over.
     pub skip: u64,
@@ -224,9 +196,6 @@ pub struct RowParser<'a> {
 impl RowParser<'_> {
     /// Appends the rows of `block`, whose first line has number `line`, to `out`; bytes and lines
     /// that were used up.
-    ///
-    /// # Errors
-    /// The first line that is no row of this table.
     pub fn block<T: TableNumber>(
         &mut self,
         block: &[u8],
@@ -275,6 +244,7 @@ impl RowParser<'_> {
         if !self.plan.whole.is_empty() {
             self.bits(text, &mut values)?;
         }
+        // The masks show the compiler that no index is out of bounds.
         let slots = &self.plan.slots;
         let mut position = [values[slots[0] & 3], values[slots[1] & 3], values[slots[2] & 3]];
         if let Some(scaling) = &self.plan.scaling {
@@ -370,7 +340,6 @@ impl RowParser<'_> {
         Some(length)
     }
 
-    /// What is wrong with a line that could not be read.
     #[cold]
     fn fault(&self, line: &[u8], number_of_line: u64) -> LineError {
         let all = tokens(line, self.layout.separator);

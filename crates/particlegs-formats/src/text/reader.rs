@@ -27,9 +27,6 @@ const BATCH: usize = 16;
 
 impl RowReader {
     /// A reader of the species `kind`, positions about a point near those of all species.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
     pub fn new(table: Arc<TextTable>, kind: usize, plan: RowPlan, meta: SnapshotMeta) -> Result<Self> {
         let mut reader = RowReader { table, kind, plan, meta };
         let origin = reader.sample()?.map(|column| origin_of(&column));
@@ -41,7 +38,7 @@ impl RowReader {
     /// Broken lines are found when they are read.
     fn sample(&self) -> Result<[Vec<f64>; 3]> {
         let mut columns = <ParticleColumns>::default();
-        let plan = self.plan.clone().of(None);
+        let plan = self.plan.clone().with_key(None);
         let mut look = |block: &[u8]| {
             let mut parser = RowParser { layout: &self.table.layout, plan: &plan, skip: 0, room: SAMPLE };
             let _ = parser.block(block, 1, &mut columns);
@@ -49,7 +46,7 @@ impl RowReader {
         look(&self.table.head);
         let last = self.table.stretches.len().saturating_sub(1);
         for third in (1..=3).filter(|_| last > 0) {
-            let mut lines = self.table.content.lines(self.table.stretches[last * third / 3], None)?;
+            let mut lines = LineReader::open(&self.table.content, self.table.stretches[last * third / 3], None)?;
             look(lines.block()?.unwrap_or(&[]));
         }
         let [x, y, z, _] = columns;
@@ -68,7 +65,6 @@ impl RowReader {
         Error::input_with(self.table.content.path(), "the file changed while it was read", "read it again")
     }
 
-    /// Particles of a run.
     fn length(&self, run: u64) -> usize {
         (self.count() - run * RUN as u64).min(RUN as u64) as usize
     }
@@ -78,11 +74,21 @@ impl RowReader {
         let first = run * RUN as u64;
         let before = &self.table.before[self.kind];
         let stretch = before.partition_point(|&rows| rows <= first).saturating_sub(1);
-        let mut lines = self.table.content.lines(self.table.stretches[stretch], Some(self.table.end.offset))?;
+        let mut lines =
+            LineReader::open(&self.table.content, self.table.stretches[stretch], Some(self.table.end.offset))?;
         let mut parser = self.parser(&self.plan, first - before[stretch], self.length(run));
         if self.table.key.is_none() && self.table.layout.comment.is_none() {
             lines.pass(std::mem::take(&mut parser.skip), |_, _| Ok(()))?;
         }
+        self.parse(&mut lines, parser, columns)
+    }
+
+    fn parse<T: TableNumber>(
+        &self,
+        lines: &mut LineReader<'_>,
+        mut parser: RowParser<'_>,
+        columns: &mut ParticleColumns<T>,
+    ) -> Result<()> {
         columns.iter_mut().for_each(Vec::clear);
         while parser.room > 0 {
             let line = lines.place().line;
@@ -106,7 +112,7 @@ impl RowReader {
         context: &Context<'_>,
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()> {
-        let mut lines = self.table.content.lines(self.table.start, Some(self.table.end.offset))?;
+        let mut lines = LineReader::open(&self.table.content, self.table.start, Some(self.table.end.offset))?;
         let mut waiting = ParticleColumns::default();
         let mut next = 0;
         while next < runs.end {
@@ -141,6 +147,7 @@ impl RowReader {
         while blocks.len() < size {
             let line = lines.place().line;
             let Some(block) = lines.block()? else { break };
+            // Copied out of the window, so that blocks are parsed side by side while the stream is decoded further.
             let block = block.to_vec();
             let count = memchr::memchr_iter(b'\n', &block).count() as u64;
             lines.consume(block.len(), count);
@@ -188,16 +195,9 @@ impl SnapshotReader for RowReader {
             }
             return Ok(());
         }
-        let mut lines = self.table.content.lines(self.table.start, Some(self.table.end.offset))?;
+        let mut lines = LineReader::open(&self.table.content, self.table.start, Some(self.table.end.offset))?;
         for run in 0..runs.end {
-            let mut parser = self.parser(&self.plan, 0, self.length(run));
-            columns.iter_mut().for_each(Vec::clear);
-            while parser.room > 0 {
-                let line = lines.place().line;
-                let Some(block) = lines.block()? else { return Err(self.changed()) };
-                let (bytes, count) = parser.block(block, line, &mut columns).map_err(|f| self.fault(f))?;
-                lines.consume(bytes, count);
-            }
+            self.parse(&mut lines, self.parser(&self.plan, 0, self.length(run)), &mut columns)?;
             let [x, y, z, _] = &columns;
             if runs.contains(&run) {
                 sink(run, [x, y, z])?;

@@ -7,32 +7,27 @@ use super::split::{kind_of, shown, tokens};
 use super::table::{MOST_SPECIES, TextTable};
 use crate::axes::axis;
 use crate::fields::number_of;
-use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
+use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TextResult};
 use particlegs::particles::{Number, SnapshotReader};
 use particlegs::space::PeriodicCell;
-use particlegs::{Error, Remedy, Result};
+use particlegs::{Error, Hint, Result};
 use std::sync::Arc;
 
-/// A table of text and what is said about it.
 pub struct TextSnapshot {
     description: Description,
     table: Arc<TextTable>,
     /// The columns that hold positions in units of a cell, and the cell.
     scaled: Option<([&'static [&'static str]; 3], Scaling)>,
-    /// Are positions wrapped into the periodic cell?
     wraps: bool,
 }
 
 /// First rows that are looked at for positions outside the cell.
 const LOOKED_AT: usize = 1024;
 
-/// What the columns of a table are.
 pub struct TableColumns {
-    /// Choice in the order of the columns.
     pub fields: Vec<SpeciesField>,
     /// The field or fields that hold positions; empty where none is known to.
     pub positions: String,
-    /// Field of masses.
     pub mass: Option<String>,
 }
 
@@ -73,9 +68,6 @@ impl TextSnapshot {
 
     /// Wraps positions into the periodic cell where their names, or the first rows, tell that they are `unwrapped`; with
     /// [`Choice::keep_unwrapped`] drops the cell.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where positions are to be kept and no cell is periodic.
     pub fn with_unwrapped(mut self, unwrapped: bool, choice: &Choice) -> Result<Self> {
         let periods = self.description.meta.cell.and_then(PeriodicCell::new);
         match periods {
@@ -115,7 +107,6 @@ impl TextSnapshot {
         far > 0 && 10 * outside >= x.len()
     }
 
-    /// What is read of the rows of all species.
     fn plan(&self, species: &Species, choice: &Choice) -> Result<RowPlan> {
         let (positions, scaling) = self.positions(species, choice.positions.as_ref().unwrap_or(&species.positions))?;
         let weight = species.weight_field(&self.place(), &choice.weights)?;
@@ -133,7 +124,6 @@ impl TextSnapshot {
         Ok(meta.cell.filter(|_| self.wraps && !choice.as_stored).and_then(PeriodicCell::new))
     }
 
-    /// The columns of whole numbers of 64 bits.
     fn whole(&self, species: &Species) -> Vec<usize> {
         let columns = species.fields.iter().flat_map(|f| std::iter::repeat_n(f, f.components as usize)).enumerate();
         columns.filter(|(_, f)| number_of(f) == Some(Number::I64)).map(|(c, _)| c).collect()
@@ -148,12 +138,9 @@ impl TextSnapshot {
         if name.is_empty() {
             let scalars = species.fields.iter().filter(|f| f.components == 1 && f.kind != "text");
             let names: Vec<&str> = scalars.map(|f| &f.name[..]).collect();
-            let names = names.iter().map(|n| n.to_string()).collect();
-            return Err(Error::input_with(
-                self.place(),
-                "no columns have the names of positions",
-                Remedy::NamePositions(names),
-            ));
+            let hint = Hint::default().option("positions", "A,B,C");
+            let hint = hint.words(format!(" names them; there are: {}", names.join(", ")));
+            return Err(Error::input_with(self.place(), "no columns have the names of positions", hint));
         }
         let vector = species.fields.iter().any(|f| f.name == name && f.components == 3);
         if let Some(first) = column_of(&species.fields, name).filter(|_| vector) {
@@ -180,7 +167,6 @@ impl TextSnapshot {
     }
 }
 
-/// The first column of a field.
 fn column_of(fields: &[SpeciesField], name: &str) -> Option<usize> {
     let index = fields.iter().position(|f| f.name == name)?;
     Some(fields[..index].iter().map(|f| f.components as usize).sum())
@@ -197,7 +183,7 @@ impl Snapshot for TextSnapshot {
         let kinds = self.table.kinds.iter().enumerate().filter(|(_, kind)| kind.count > 0);
         let (kind, which) = kinds.clone().nth(species).ok_or_else(no_species)?;
         let key = self.table.key.zip(which.key.clone());
-        let plan = self.plan(one, choice)?.wrapped(self.periods(choice)?).of(key);
+        let plan = self.plan(one, choice)?.wrapped(self.periods(choice)?).with_key(key);
         Ok(Box::new(RowReader::new(self.table.clone(), kind, plan, self.description.meta.clone())?))
     }
 }
@@ -212,7 +198,7 @@ pub fn kinds(table: &TextTable) -> Vec<&'static str> {
 }
 
 /// A number in a header, or what is wrong with it.
-pub fn header_number(token: &[u8]) -> std::result::Result<f64, String> {
+pub fn header_number(token: &[u8]) -> TextResult<f64> {
     match super::split::number(token) {
         Some(value) if value.is_finite() => Ok(value),
         Some(_) => Err(format!("{} is not finite", shown(token))),

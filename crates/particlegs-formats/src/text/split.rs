@@ -2,16 +2,13 @@
 
 use std::borrow::Cow;
 
-/// What stands between the columns of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Separator {
-    /// Any number of blanks and tabs.
     Blanks,
     /// One such byte; blanks around a value do not count.
     Byte(u8),
 }
 
-/// A blank or a tab?
 pub fn is_blank(byte: u8) -> bool {
     byte == b' ' || byte == b'\t'
 }
@@ -57,7 +54,6 @@ fn byte_tokens(line: &[u8], separator: u8) -> Vec<&[u8]> {
     tokens
 }
 
-/// A token without its quotes.
 pub fn unquoted(token: &[u8]) -> &[u8] {
     match token {
         [b'"', inner @ .., b'"'] | [b'\'', inner @ .., b'\''] => inner.trim_ascii(),

@@ -1,7 +1,7 @@
 //! Where the rows of a table lie in a file, and how many of each species there are.
 
 use super::content::{TextContent, TextPosition};
-use super::lines::of_block;
+use super::lines::{LineReader, of_block};
 use super::parse::{TableLayout, same};
 use particlegs::parallel;
 use particlegs::{Error, Result};
@@ -15,30 +15,22 @@ const STRETCHES: u64 = 1 << 16;
 /// First bytes of the rows that are kept for a look at them.
 const HEAD: usize = 1 << 16;
 
-/// Rows of one species.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpeciesRows {
     /// The value of the table's key column, where rows are told apart by one.
     pub key: Option<Vec<u8>>,
-    /// How many.
     pub count: u64,
 }
 
-/// The rows of a table in a file.
 pub struct TextTable {
-    /// The file.
     pub content: TextContent,
-    /// How its lines are taken apart.
     pub layout: TableLayout,
     /// Column by which rows are told apart, where there are at least two species.
     pub key: Option<usize>,
-    /// Species.
     pub kinds: Vec<SpeciesRows>,
     /// The first rows, at least one.
     pub head: Vec<u8>,
-    /// Where they begin.
     pub start: TextPosition,
-    /// Where they end.
     pub end: TextPosition,
     /// Places on the way, the first at the start; none in compressed files.
     pub stretches: Vec<TextPosition>,
@@ -48,7 +40,6 @@ pub struct TextTable {
     pub keys: Vec<Vec<u8>>,
 }
 
-/// Takes in the rows of a table, block by block.
 pub struct TableBuilder<'a> {
     content: &'a TextContent,
     layout: TableLayout,
@@ -124,10 +115,6 @@ impl<'a> TableBuilder<'a> {
         self.layout.comment = Some(comment);
     }
 
-    /// Takes in lines at `place`.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where the key column is missing.
     pub fn add(&mut self, place: TextPosition, block: &[u8]) -> Result<()> {
         if self.head.len() < HEAD {
             let mut rows = of_block(block).map(|(_, length)| length);
@@ -150,16 +137,12 @@ impl<'a> TableBuilder<'a> {
         Ok(())
     }
 
-    /// The rows end at `end`.
     pub fn until(mut self, end: TextPosition) -> Self {
         self.end = end;
         self
     }
 
     /// The table, all rows taken in. Those of plain files are looked at only here.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where the key column is missing; [`Error::Io`].
     pub fn finish(mut self) -> Result<TextTable> {
         let counts_lines = self.key.is_none() && self.layout.comment.is_none();
         let tallies: Vec<RowTally> = if !self.content.is_seekable() {
@@ -182,7 +165,7 @@ impl<'a> TableBuilder<'a> {
 
     fn tally(&self, index: usize) -> Result<RowTally> {
         let mut tally = RowTally::default();
-        let mut lines = self.content.lines(self.stretches[index], Some(self.stretch_end(index).offset))?;
+        let mut lines = LineReader::open(self.content, self.stretches[index], Some(self.stretch_end(index).offset))?;
         lines.pass(u64::MAX, |place, block| tally.add(self.content, &self.layout, self.key, place.line, block))?;
         Ok(tally)
     }

@@ -1,9 +1,8 @@
 //! The ways that all formats of text share: windows, runs, compression, faults, any bytes.
 
 use super::lines::LINE_LIMIT;
-use super::testing::{SpeciesParticles, read, scratch};
 use crate::Choice;
-use flate2::{Compression, write::GzEncoder};
+use crate::testing::{SpeciesParticles, gzip, read, scratch};
 use std::io::Write;
 
 fn open(content: &[u8], format: &str) -> particlegs::Result<Vec<SpeciesParticles>> {
@@ -11,12 +10,6 @@ fn open(content: &[u8], format: &str) -> particlegs::Result<Vec<SpeciesParticles
     let options = Choice { format: Some(format.into()), frame: None, ..Choice::default() };
     let snapshot = options.open(&[file.path().to_path_buf()])?;
     (0..snapshot.description().species.len()).map(|s| read(&*snapshot, s, &Choice::default())).collect()
-}
-
-fn gzip(content: &[u8]) -> Vec<u8> {
-    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
-    encoder.write_all(content).unwrap();
-    encoder.finish().unwrap()
 }
 
 fn bzip2(content: &[u8]) -> Vec<u8> {

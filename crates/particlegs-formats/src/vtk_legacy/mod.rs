@@ -2,22 +2,21 @@
 
 mod scan;
 
-use crate::axes::{FieldComponent, axes};
+use crate::axes;
+use crate::numbers::Bytes;
 use crate::pieces::PieceReader;
-use crate::strided::Bytes;
+use crate::snapshot::named;
 use crate::vtk_xml::mass_of;
 use crate::vtk_xml::points::PiecePoints;
-use crate::vtk_xml::source::{ArraySource, Stream, VtkArray};
+use crate::vtk_xml::source::{ArraySource, VtkArray, open_columns};
+use crate::vtk_xml::stream::Stream;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField};
 use particlegs::model::Epoch;
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
-use particlegs_files::input::map_file;
 use scan::{ArrayData, LegacyArray, LegacyContents};
 use std::path::PathBuf;
-use std::sync::Arc;
 
-/// Legacy VTK.
 pub const FORMAT: Format = Format {
     name: "vtk-legacy",
     title: "legacy VTK",
@@ -38,37 +37,20 @@ impl LegacySnapshot {
         if let Some(second) = paths.get(1) {
             return Err(Error::input_with(second, "a second VTK file", "one at a time"));
         }
-        let (map, _) = map_file(path)?;
-        let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);
+        let bytes = Bytes::from_file(path)?;
         let scanned = scan::scan(path, &bytes)?;
         if scanned.points == 0 {
             return Err(Error::input(path, "no points"));
         }
         let coding = if scanned.ascii { "text" } else { "binary" };
-        let fields = scanned.arrays.iter().map(|a| SpeciesField {
-            name: a.name.clone(),
-            kind: a.kind.name().into(),
-            components: a.components,
-            unit: None,
-        });
-        let fields: Vec<SpeciesField> = fields.collect();
-        let species = Species {
-            name: "points".into(),
-            aliases: vec![],
-            count: scanned.points,
-            mass: mass_of(&fields),
-            positions: "POINTS".into(),
-            fields,
-        };
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let field = |a: &LegacyArray| SpeciesField::new(&a.name, a.kind.name(), a.components);
+        let fields: Vec<SpeciesField> = scanned.arrays.iter().map(field).collect();
+        let (name, count, mass) = ("points".into(), scanned.points, mass_of(&fields));
+        let species = Species { name, aliases: vec![], count, mass, positions: "POINTS".into(), fields };
         let description = Description {
             format: format!("legacy VTK {}, {}, {coding}", scanned.version, scanned.dataset),
             files: vec![path.clone()],
-            meta: SnapshotMeta {
-                name,
-                epoch: Epoch { time: scanned.time, ..Epoch::default() },
-                ..SnapshotMeta::default()
-            },
+            meta: SnapshotMeta { epoch: Epoch { time: scanned.time, ..Epoch::default() }, ..named(path) },
             species: vec![species],
             frames: None,
             notes: scanned.note.iter().cloned().collect(),
@@ -93,26 +75,16 @@ impl Snapshot for LegacySnapshot {
 
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let species = &self.description.species[species];
-        let weight = species.weight_field(&self.place, &choice.weights)?;
-        let mut columns = axes(&self.place, species, choice)?.to_vec();
-        columns.extend(weight.iter().map(|w| FieldComponent { field: w.clone(), component: 0 }));
-        let (mut arrays, mut places): (Vec<VtkArray>, Vec<(usize, u32)>) = (Vec::new(), Vec::new());
-        for axis in &columns {
-            let index = match arrays.iter().position(|a| a.name == axis.field) {
-                Some(index) => index,
-                None => {
-                    let found = self.scanned.arrays.iter().find(|a| a.name == axis.field);
-                    let missing = || Error::input(&self.place, format!("it has no array `{}`", axis.field));
-                    let own = array(found.ok_or_else(missing)?);
-                    arrays.push(VtkArray { kind: own.kind.stored(choice.as_stored), ..own });
-                    arrays.len() - 1
-                }
-            };
-            places.push((index, axis.component));
-        }
-        let points = PiecePoints::new(&self.place, self.bytes.clone(), self.scanned.points, arrays, places)?;
+        let columns = axes::columns(&self.place, species, choice)?;
+        let arrays = open_columns(&columns, |name| {
+            let found = self.scanned.arrays.iter().find(|a| a.name == name);
+            let missing = || Error::input(&self.place, format!("it has no array `{name}`"));
+            let own = array(found.ok_or_else(missing)?);
+            Ok(VtkArray { kind: own.kind.stored(choice.as_stored), ..own })
+        })?;
+        let points = PiecePoints::new(&self.place, self.bytes.clone(), self.scanned.points, arrays)?;
         let meta = self.description.meta.clone();
-        Ok(Box::new(PieceReader::new(meta, vec![Box::new(points)], weight.is_some())?))
+        Ok(Box::new(PieceReader::new(meta, vec![Box::new(points)], columns.len() > 3)?))
     }
 }
 

@@ -1,43 +1,31 @@
 //! The sections of a legacy VTK file, one after the other: where points and their data lie.
 
 use crate::ascii::{Ascii, shown};
-use crate::strided::NumberType;
+use crate::numbers::NumberType;
 use particlegs::{Error, Result};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Where an array's numbers are.
 #[derive(Clone)]
 pub enum ArrayData {
     /// Big-endian, from this byte on.
     Binary(u64),
-    /// As text.
     Text(Arc<Ascii>),
 }
 
-/// An array.
 #[derive(Clone)]
 pub struct LegacyArray {
-    /// Its name.
     pub name: String,
-    /// Type of its numbers.
     pub kind: NumberType,
-    /// Numbers a row.
     pub components: u32,
-    /// Where they are.
     pub data: ArrayData,
 }
 
-/// What a file holds.
 #[derive(Default)]
 pub struct LegacyContents {
-    /// Kind of data, e.g. `POLYDATA`.
     pub dataset: String,
-    /// Are numbers text?
     pub ascii: bool,
-    /// Version of the format, as written.
     pub version: String,
-    /// Number of points.
     pub points: u64,
     /// Positions, then the points' arrays.
     pub arrays: Vec<LegacyArray>,
@@ -56,7 +44,6 @@ const TABLE: &[u8] = b"LOOKUP_TABLE";
 
 const HINT: &str = "the file is cut short or damaged: copy it again from its source";
 
-/// What an attribute section belongs to.
 #[derive(Clone, Copy, PartialEq)]
 enum AttributeOwner {
     Dataset,
@@ -77,19 +64,9 @@ struct LegacyScan<'a> {
 }
 
 /// Reads headers, skipping numbers.
-///
-/// # Errors
-/// [`Error::Input`] where it is no such file, or its numbers end beyond the file.
 pub fn scan(path: &Path, bytes: &[u8]) -> Result<LegacyContents> {
-    let mut scan = LegacyScan {
-        path,
-        bytes,
-        at: 0,
-        out: LegacyContents::default(),
-        of: AttributeOwner::Dataset,
-        rows: 0,
-        modern: false,
-    };
+    let (out, of) = (LegacyContents::default(), AttributeOwner::Dataset);
+    let mut scan = LegacyScan { path, bytes, at: 0, out, of, rows: 0, modern: false };
     scan.head()?;
     while let Some(line) = scan.line()? {
         if !scan.section(&line)? {
@@ -125,7 +102,6 @@ impl LegacyScan<'_> {
         Ok(Some(line))
     }
 
-    /// The next line that is not blank.
     fn line(&mut self) -> Result<Option<String>> {
         let mut line = self.raw_line()?;
         while line.as_deref() == Some("") {

@@ -1,24 +1,12 @@
 //! Small files made here: text and binary, sections before and after the points.
 
 use super::*;
+use crate::testing::open_bytes;
 use crate::{Choice, SpeciesMass, Weights};
-use particlegs::context::Context;
-use std::sync::Mutex;
 
-fn rows(bytes: &[u8], choice: &Choice) -> Result<(Description, Vec<[f32; 4]>)> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("a.vtk");
-    std::fs::write(&path, bytes).unwrap();
-    let snapshot = Choice::default().open(&[path])?;
-    let reader = snapshot.reader(0, choice)?;
-    let out = Mutex::new(Vec::new());
-    let take = |_: u64, c: particlegs::particles::Chunk<'_>| {
-        let w = |i: usize| c.weight.map_or(0.0, |w| w[i]);
-        out.lock().unwrap().extend((0..c.len()).map(|i| [c.position[0][i], c.position[1][i], c.position[2][i], w(i)]));
-        Ok(())
-    };
-    reader.read(0..1, &Context::SILENT, &take)?;
-    Ok((snapshot.description().clone(), out.into_inner().unwrap()))
+fn rows(bytes: &[u8], choice: &Choice) -> Result<(Description, Vec<[f64; 4]>)> {
+    let snapshot = open_bytes("a.vtk", bytes)?;
+    Ok((snapshot.description().clone(), crate::testing::rows(&*snapshot, 0, choice)?))
 }
 
 const TEXT: &str = "# vtk DataFile Version 2.0\ntitle\nASCII\nDATASET POLYDATA\nFIELD FieldData 1\nTIME 1 1 double\n0.25\n\

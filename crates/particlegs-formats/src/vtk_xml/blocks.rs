@@ -1,6 +1,6 @@
 //! Arrays in compressed blocks.
 
-use super::source::Stream;
+use super::stream::Stream;
 use crate::cache::ChunkCache;
 use crate::codecs;
 use particlegs::Error;
@@ -10,20 +10,15 @@ use std::sync::Arc;
 /// More blocks than an array has: 32 KiB each, that is 128 GiB.
 const MOST_BLOCKS: u64 = 4 << 20;
 
-/// How blocks are compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compressor {
-    /// zlib streams.
     Zlib,
-    /// LZ4 blocks.
     Lz4,
-    /// .xz streams.
     Lzma,
 }
 
 impl Compressor {
-    /// By the name of VTK's class.
-    pub fn of(name: &str) -> Option<Self> {
+    pub fn from_name(name: &str) -> Option<Self> {
         match name {
             "vtkZLibDataCompressor" => Some(Compressor::Zlib),
             "vtkLZ4DataCompressor" => Some(Compressor::Lz4),
@@ -38,12 +33,10 @@ impl Compressor {
 pub struct Integers {
     /// Bytes of one, at most eight.
     pub size: u64,
-    /// Their byte order.
     pub big_endian: bool,
 }
 
 impl Integers {
-    /// The `index`-th of them.
     pub fn get(self, bytes: &[u8], index: usize) -> u64 {
         let size = self.size as usize;
         let mut raw = [0; 8];
@@ -55,7 +48,6 @@ impl Integers {
     }
 }
 
-/// An array's blocks.
 pub struct CompressedBlocks {
     compressor: Compressor,
     data: Stream,
@@ -109,7 +101,6 @@ impl CompressedBlocks {
         Ok(CompressedBlocks { compressor, data, block, last, starts, cache: cache.clone(), key: 0 })
     }
 
-    /// Number of blocks.
     pub fn count(&self) -> u64 {
         self.starts.len() as u64 - 1
     }
@@ -138,7 +129,6 @@ impl CompressedBlocks {
         })
     }
 
-    /// Bytes `range` of the array.
     pub fn get(&self, bytes: &[u8], range: Range<u64>) -> Result<Vec<u8>, String> {
         let mut out = Vec::with_capacity((range.end - range.start) as usize);
         let mut at = range.start;

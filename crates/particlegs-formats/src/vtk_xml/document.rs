@@ -1,8 +1,9 @@
 //! The XML of a VTK file: pieces and where their arrays are said to be.
 
 use super::blocks::Compressor;
+use crate::TextResult;
 use crate::ascii::shown;
-use crate::strided::NumberType;
+use crate::numbers::NumberType;
 use particlegs::{Error, Result};
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
@@ -16,7 +17,6 @@ const MOST_ARRAYS_OF_PIECE: usize = 1024;
 const MOST_DEPTH: usize = 32;
 const MOST_NAME: usize = 1024;
 
-/// How an array is written.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ArrayLocation {
     /// As text in these bytes.
@@ -27,27 +27,19 @@ pub enum ArrayLocation {
     Appended(u64),
 }
 
-/// An array as the XML describes it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ArrayDeclaration {
-    /// Its name.
     pub name: String,
     /// Type of its numbers; `None` for what are no numbers.
     pub kind: Option<NumberType>,
-    /// Numbers a row.
     pub components: u32,
-    /// Where they are.
     pub place: ArrayLocation,
 }
 
-/// A piece.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct VtkPiece {
-    /// Points.
     pub points: u64,
-    /// Their positions.
     pub positions: Option<ArrayDeclaration>,
-    /// Arrays of numbers of the points.
     pub arrays: Vec<ArrayDeclaration>,
     /// The file that holds it, in files that only list pieces.
     pub source: Option<String>,
@@ -62,20 +54,14 @@ pub struct CollectionEntry {
     pub time: Option<f64>,
 }
 
-/// What the XML says.
 #[derive(Clone, Debug, Default)]
 pub struct VtkDocument {
-    /// Kind of data, e.g. `PolyData`.
     pub kind: String,
-    /// Byte order of binary data.
     pub big_endian: bool,
     /// Bytes of the integers before binary data.
     pub header: u64,
-    /// How binary data are compressed.
     pub compressor: Option<Compressor>,
-    /// Its pieces.
     pub pieces: Vec<VtkPiece>,
-    /// Files, in lists of whole files.
     pub listed: Vec<CollectionEntry>,
     /// Arrays of no piece, e.g. the time.
     pub fields: Vec<ArrayDeclaration>,
@@ -83,7 +69,6 @@ pub struct VtkDocument {
     pub appended: Option<(u64, bool)>,
 }
 
-/// Where in the file the parser is.
 #[derive(Default)]
 struct XmlState {
     /// Elements that are open, by their first letters' meaning.
@@ -106,9 +91,6 @@ enum XmlElement {
 }
 
 /// Reads the XML of `bytes`, up to the appended data.
-///
-/// # Errors
-/// [`Error::Input`] for what is no XML of VTK, with the byte.
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<VtkDocument> {
     let mut reader = Reader::from_reader(bytes);
     let mut document = VtkDocument { header: 4, ..VtkDocument::default() };
@@ -165,7 +147,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<VtkDocument> {
 
 const HINT: &str = "the file is cut short or damaged: copy it again from its source";
 
-fn attribute(tag: &BytesStart<'_>, name: &str) -> std::result::Result<Option<String>, String> {
+fn attribute(tag: &BytesStart<'_>, name: &str) -> TextResult<Option<String>> {
     let found = tag.try_get_attribute(name).map_err(|e| format!("broken XML: {}", shown(&e.to_string())))?;
     let Some(found) = found else { return Ok(None) };
     let text =
@@ -176,20 +158,14 @@ fn attribute(tag: &BytesStart<'_>, name: &str) -> std::result::Result<Option<Str
     Ok(Some(text.into_owned()))
 }
 
-/// A number in an attribute.
-fn number(tag: &BytesStart<'_>, name: &str) -> std::result::Result<Option<u64>, String> {
+fn number(tag: &BytesStart<'_>, name: &str) -> TextResult<Option<u64>> {
     let Some(text) = attribute(tag, name)? else { return Ok(None) };
     text.trim().parse().map(Some).map_err(|_| format!("{name} is `{}`: no count", shown(&text)))
 }
 
 impl XmlState {
     /// An element begins: what it is, and what it says.
-    fn enter(
-        &mut self,
-        document: &mut VtkDocument,
-        tag: &BytesStart<'_>,
-        empty: bool,
-    ) -> std::result::Result<XmlElement, String> {
+    fn enter(&mut self, document: &mut VtkDocument, tag: &BytesStart<'_>, empty: bool) -> TextResult<XmlElement> {
         let inside = self.open.last().copied();
         let name = tag.name();
         Ok(match (name.as_ref(), inside) {
@@ -230,7 +206,7 @@ impl XmlState {
         })
     }
 
-    fn file(&mut self, document: &mut VtkDocument, tag: &BytesStart<'_>) -> std::result::Result<(), String> {
+    fn file(&mut self, document: &mut VtkDocument, tag: &BytesStart<'_>) -> TextResult<()> {
         document.kind = attribute(tag, "type")?.unwrap_or_default();
         document.big_endian = attribute(tag, "byte_order")?.as_deref() == Some("BigEndian");
         document.header = match attribute(tag, "header_type")?.as_deref() {
@@ -240,7 +216,7 @@ impl XmlState {
         };
         if let Some(name) = attribute(tag, "compressor")?.filter(|n| !n.is_empty()) {
             let unknown = || format!("compressor {} is not known", shown(&name));
-            document.compressor = Some(Compressor::of(&name).ok_or_else(unknown)?);
+            document.compressor = Some(Compressor::from_name(&name).ok_or_else(unknown)?);
         }
         Ok(())
     }
@@ -259,8 +235,7 @@ impl XmlState {
         *awaited = false;
     }
 
-    /// The array that was open is complete.
-    fn leave(&mut self, document: &mut VtkDocument) -> std::result::Result<(), String> {
+    fn leave(&mut self, document: &mut VtkDocument) -> TextResult<()> {
         let Some((array, _)) = self.array.take() else { return Ok(()) };
         // Of an empty element, nothing was opened: the last open one holds it.
         match self.open.last() {
@@ -281,7 +256,7 @@ impl XmlState {
     }
 }
 
-fn declared(tag: &BytesStart<'_>) -> std::result::Result<(ArrayDeclaration, bool), String> {
+fn declared(tag: &BytesStart<'_>) -> TextResult<(ArrayDeclaration, bool)> {
     let kind = attribute(tag, "type")?.and_then(|t| kind_of(&t));
     let name = attribute(tag, "Name")?.unwrap_or_default().replace(char::is_control, "?");
     let components = number(tag, "NumberOfComponents")?.unwrap_or(1).max(1);

@@ -1,24 +1,20 @@
 //! One file: its XML, and its arrays located and checked against the file's length.
 
-use super::base64::Base64Text;
 use super::blocks::{CompressedBlocks, Compressor, Integers};
 use super::document::{self, ArrayDeclaration, ArrayLocation, VtkDocument};
-use super::source::{ArraySource, Stream, VtkArray};
+use super::source::{ArraySource, VtkArray};
+use super::stream::{Base64Text, Stream};
+use crate::TextResult;
 use crate::ascii::Ascii;
 use crate::cache::ChunkCache;
-use crate::strided::Bytes;
+use crate::numbers::Bytes;
 use particlegs::{Error, Result};
-use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A file, mapped.
 pub struct VtkXmlFile {
-    /// Its path.
     pub path: PathBuf,
-    /// Its bytes.
     pub bytes: Bytes,
-    /// What its XML says.
     pub document: VtkDocument,
 }
 
@@ -26,13 +22,8 @@ pub struct VtkXmlFile {
 const FIELD_TEXT: u64 = 4096;
 
 impl VtkXmlFile {
-    /// Maps a file and reads its XML.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] for broken XML and arrays that do not lie in the file.
     pub fn open(path: &Path) -> Result<VtkXmlFile> {
-        let (map, _) = map_file(path)?;
-        let bytes = map.map_or_else(|| Bytes::Owned(Arc::new(Vec::new())), Bytes::Mapped);
+        let bytes = Bytes::from_file(path)?;
         let document = document::parse(path, &bytes)?;
         let file = VtkXmlFile { path: path.into(), bytes, document };
         file.check()?;
@@ -54,9 +45,6 @@ impl VtkXmlFile {
     }
 
     /// An array of `rows` rows, ready to be read; `None` for what are no numbers.
-    ///
-    /// # Errors
-    /// [`Error::Input`] naming the array that does not lie in the file or has another length.
     pub fn array(&self, declared: &ArrayDeclaration, rows: u64, cache: &Arc<ChunkCache>) -> Result<Option<VtkArray>> {
         let Some(kind) = declared.kind else { return Ok(None) };
         let source = match &declared.place {
@@ -99,7 +87,7 @@ impl VtkXmlFile {
         self.source(stream, self.document.compressor, length, cache).map(Some).map_err(fault)
     }
 
-    fn appended(&self, offset: u64) -> std::result::Result<Stream, String> {
+    fn appended(&self, offset: u64) -> TextResult<Stream> {
         let (start, base64) = self.document.appended.ok_or("the file has no appended data")?;
         let end = self.bytes.len() as u64;
         let at = start.checked_add(offset).filter(|&at| at < end);
@@ -113,7 +101,7 @@ impl VtkXmlFile {
         compressor: Option<Compressor>,
         length: u64,
         cache: &Arc<ChunkCache>,
-    ) -> std::result::Result<ArraySource, String> {
+    ) -> TextResult<ArraySource> {
         let size = self.document.header;
         let integers = Integers { size, big_endian: self.document.big_endian };
         if let Some(compressor) = compressor {

@@ -4,31 +4,24 @@ use super::document::CollectionEntry;
 use super::file::VtkXmlFile;
 use crate::TrajectoryFrames;
 use crate::ascii::shown;
+use crate::snapshot::no_frame;
 use particlegs::{Error, Result};
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
 
-/// Lists within lists.
 const MOST_DEPTH: usize = 4;
 
 /// The files that hold the points of one moment.
 #[derive(Default)]
 pub struct CollectionParts {
-    /// Files of points.
     pub files: Vec<VtkXmlFile>,
-    /// The moments that there are.
     pub frames: Option<TrajectoryFrames>,
     /// The moment, as a list has it.
     pub time: Option<f64>,
-    /// What a user should know.
     pub notes: Vec<String>,
 }
 
 /// Opens `path` and what it lists, of moment `frame` or the last.
-///
-/// # Errors
-/// [`Error::Input`] for what has no points of its own, files that are missing or lie elsewhere, and a moment that there
-/// is not; [`Error::Io`].
 pub fn open(path: &Path, frame: Option<u64>) -> Result<CollectionParts> {
     let mut parts = CollectionParts::default();
     parts.add(path, frame, 0)?;
@@ -111,8 +104,7 @@ fn moment(
     let chosen = frame.unwrap_or(count.saturating_sub(1));
     let missing = || match count {
         0 => Error::input(path, "it lists no files"),
-        1 => Error::input(path, format!("has no frame {chosen}: its only one is 0")),
-        _ => Error::input(path, format!("has no frame {chosen}: they are 0 to {}", count - 1)),
+        count => no_frame(path, chosen, count),
     };
     let files = usize::try_from(chosen).ok().and_then(|i| moments.get(i)).ok_or_else(missing)?;
     Ok((files.clone(), TrajectoryFrames { count, chosen, step: None }))

@@ -1,18 +1,19 @@
 //! VTK's XML files of points: VTP and VTU, and the files that list them: pieces, blocks, moments.
 
-pub(crate) mod base64;
-pub(crate) mod blocks;
+mod blocks;
 mod document;
 mod file;
 pub(crate) mod lists;
 pub(crate) mod points;
 pub(crate) mod source;
+pub(crate) mod stream;
 mod write;
 
-use crate::axes::{FieldComponent, axes};
+use crate::axes;
 use crate::cache::{ChunkCache, DEFAULT_BYTES};
+use crate::format::FileHead;
 use crate::pieces::{ParticlePiece, PieceReader};
-use crate::registry::FileHead;
+use crate::snapshot::named;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass};
 use document::ArrayDeclaration;
 use file::VtkXmlFile;
@@ -20,13 +21,12 @@ use particlegs::model::Epoch;
 use particlegs::particles::{SnapshotMeta, SnapshotReader};
 use particlegs::{Error, Result};
 use points::PiecePoints;
-use source::ArraySource;
+use source::{ArraySource, open_columns};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub use write::{common, write};
 
-/// VTK XML.
 pub const FORMAT: Format = Format {
     name: "vtk-xml",
     title: "VTK XML (VTP, VTU, lists of them)",
@@ -59,7 +59,6 @@ impl VtkXml {
     }
 }
 
-/// Every piece with points, of all files.
 fn pieces(files: &[VtkXmlFile]) -> impl Iterator<Item = (&VtkXmlFile, &document::VtkPiece)> {
     files.iter().flat_map(|f| f.document.pieces.iter().filter(|p| p.points > 0).map(move |p| (f, p)))
 }
@@ -91,8 +90,7 @@ fn describe(path: &Path, parts: &lists::CollectionParts) -> Result<Description> 
             continue;
         }
         if let Some(kind) = declared.kind {
-            let (kind, components) = (kind.name().to_string(), declared.components);
-            fields.push(SpeciesField { name: name.into(), kind, components, unit: None });
+            fields.push(SpeciesField::new(name, kind.name(), declared.components));
         }
     }
     let positions = first.positions.as_ref().map_or("Points", |p| field_name(p, first)).to_string();
@@ -101,16 +99,14 @@ fn describe(path: &Path, parts: &lists::CollectionParts) -> Result<Description> 
     let order = if d.big_endian { "big-endian" } else { "little-endian" };
     let packed = d.compressor.map_or(String::new(), |c| format!(", {c:?}").to_lowercase());
     let format = format!("VTK XML, {}, {order}{packed}", d.kind);
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let epoch = Epoch { time: parts.time.or(file.time()), ..parts.frames.map_or_else(Epoch::default, |f| f.epoch()) };
-    let meta = SnapshotMeta { name, epoch, ..SnapshotMeta::default() };
+    let meta = SnapshotMeta { epoch, ..named(path) };
     let species = Species { name: "points".into(), aliases: vec![], count, mass, positions, fields };
     let files = files.iter().map(|f| f.path.clone()).collect();
     let (frames, notes) = (parts.frames, parts.notes.clone());
     Ok(Description { format, files, meta, species: vec![species], frames, notes })
 }
 
-/// The field of masses, by its name.
 pub(crate) fn mass_of(fields: &[SpeciesField]) -> SpeciesMass {
     let named = |f: &&SpeciesField| f.components == 1 && matches!(&f.name.to_lowercase()[..], "mass" | "masses");
     fields.iter().find(named).map_or(SpeciesMass::Unknown, |f| SpeciesMass::Field(f.name.clone()))
@@ -124,52 +120,27 @@ impl Snapshot for VtkXml {
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let species = &self.description.species[species];
         let place = self.files[0].path.display().to_string();
-        let weight = species.weight_field(&place, &choice.weights)?;
-        let mut columns = axes(&place, species, choice)?.to_vec();
-        columns.extend(weight.iter().map(|w| FieldComponent { field: w.clone(), component: 0 }));
+        let columns = axes::columns(&place, species, choice)?;
         let cache = Arc::new(ChunkCache::new(DEFAULT_BYTES / 2));
         let mut key = 0;
         let mut out: Vec<Box<dyn ParticlePiece>> = Vec::new();
         for (file, piece) in pieces(&self.files) {
-            let mut arrays = open_piece(file, piece, &columns, &cache, &mut key)?;
-            arrays.0.iter_mut().for_each(|a| a.kind = a.kind.stored(choice.as_stored));
-            let place = file.path.display().to_string();
-            out.push(Box::new(PiecePoints::new(&place, file.bytes.clone(), piece.points, arrays.0, arrays.1)?));
-        }
-        Ok(Box::new(PieceReader::new(self.description.meta.clone(), out, weight.is_some())?))
-    }
-}
-
-/// The arrays that hold `columns`, and which component of which array each is.
-fn open_piece(
-    file: &VtkXmlFile,
-    piece: &document::VtkPiece,
-    columns: &[FieldComponent],
-    cache: &Arc<ChunkCache>,
-    key: &mut u64,
-) -> Result<(Vec<source::VtkArray>, Vec<(usize, u32)>)> {
-    let mut arrays: Vec<source::VtkArray> = Vec::new();
-    let mut names: Vec<&str> = Vec::new();
-    let mut places = Vec::new();
-    for axis in columns {
-        let index = match names.iter().position(|n| *n == axis.field) {
-            Some(index) => index,
-            None => {
-                let missing = || Error::input(&file.path, format!("it has no array `{}`", axis.field));
-                let declared = find(piece, &axis.field).ok_or_else(missing)?;
-                let mut array = file.array(declared, piece.points, cache)?.ok_or_else(missing)?;
+            let arrays = open_columns(&columns, |name| {
+                let missing = || Error::input(&file.path, format!("it has no array `{name}`"));
+                let declared = find(piece, name).ok_or_else(missing)?;
+                let mut array = file.array(declared, piece.points, &cache)?.ok_or_else(missing)?;
                 if let ArraySource::Blocks(blocks) = &mut array.source {
-                    blocks.key = *key;
-                    *key += blocks.count();
+                    blocks.key = key;
+                    key += blocks.count();
                 }
-                arrays.push(array);
-                names.push(&axis.field);
-                arrays.len() - 1
-            }
-        };
-        places.push((index, axis.component));
+                array.kind = array.kind.stored(choice.as_stored);
+                Ok(array)
+            })?;
+            let place = file.path.display().to_string();
+            out.push(Box::new(PiecePoints::new(&place, file.bytes.clone(), piece.points, arrays)?));
+        }
+        Ok(Box::new(PieceReader::new(self.description.meta.clone(), out, columns.len() > 3)?))
     }
-    Ok((arrays, places))
 }
 
 #[cfg(test)]

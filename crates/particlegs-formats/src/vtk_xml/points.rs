@@ -1,8 +1,8 @@
 //! Points of a piece of VTK, in either of its formats.
 
-use super::source::VtkArray;
+use super::source::{ArrayColumns, VtkArray};
+use crate::numbers::{Bytes, StridedParticles};
 use crate::pieces::{ParticlePiece, RowBuffer};
-use crate::strided::{Bytes, StridedParticles};
 use particlegs::particles::InPlace;
 use particlegs::{Error, Result};
 use std::ops::Range;
@@ -20,23 +20,10 @@ pub struct PiecePoints {
 }
 
 impl PiecePoints {
-    /// `rows` points of the file `place`, whose columns are components of `arrays`.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where numbers end beyond the file.
-    pub fn new(
-        place: &str,
-        bytes: Bytes,
-        rows: u64,
-        arrays: Vec<VtkArray>,
-        columns: Vec<(usize, u32)>,
-    ) -> Result<PiecePoints> {
+    /// `rows` points of the file `place`, whose columns are components of arrays.
+    pub fn new(place: &str, bytes: Bytes, rows: u64, (arrays, columns): ArrayColumns) -> Result<PiecePoints> {
         let lanes: Option<Vec<_>> = columns.iter().map(|&(a, c)| arrays[a].lane(c)).collect();
-        let plain = match lanes.as_deref() {
-            Some(&[x, y, z]) => Some(StridedParticles::new(place, bytes.clone(), rows, [x, y, z], None)?),
-            Some(&[x, y, z, w]) => Some(StridedParticles::new(place, bytes.clone(), rows, [x, y, z], Some(w))?),
-            _ => None,
-        };
+        let plain = lanes.map(|lanes| StridedParticles::new(place, bytes.clone(), rows, &lanes)).transpose()?;
         Ok(PiecePoints { place: place.into(), bytes, rows, arrays, columns, plain })
     }
 }
@@ -64,8 +51,7 @@ impl ParticlePiece for PiecePoints {
                 array.append(&self.bytes, rows.clone(), &mut numbers).map_err(fault)?;
                 held = Some(index);
             }
-            let column = if k < 3 { &mut out.position[k] } else { &mut out.weight };
-            column.extend(numbers.iter().skip(component as usize).step_by(array.components as usize));
+            out.column(k).extend(numbers.iter().skip(component as usize).step_by(array.components as usize));
         }
         Ok(())
     }

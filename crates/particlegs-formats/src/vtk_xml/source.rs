@@ -1,87 +1,24 @@
 //! Where an array's numbers are found, and how any rows of them are read.
 
-use super::base64::Base64Text;
 use super::blocks::CompressedBlocks;
+use super::stream::Stream;
 use crate::ascii::Ascii;
-use crate::strided::{Bytes, NumberType, StridedColumn};
-use std::borrow::Cow;
+use crate::axes::FieldComponent;
+use crate::numbers::{Bytes, NumberType, StridedColumn};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Bytes in a file: as they are, or as base64.
-#[derive(Clone, Debug)]
-pub enum Stream {
-    /// From this byte on.
-    Raw(u64),
-    /// From a byte of what a text decodes to.
-    Base64 {
-        /// The text.
-        text: Base64Text,
-        /// Its character that the stream begins with.
-        base: u64,
-        /// Decoded bytes before the first.
-        skip: u64,
-    },
-}
-
-impl Stream {
-    /// Bytes `range` of it.
-    pub fn get<'a>(&self, bytes: &'a [u8], range: Range<u64>) -> Result<Cow<'a, [u8]>, String> {
-        match self {
-            Stream::Raw(start) => {
-                let at = |n: u64| start.checked_add(n).and_then(|n| usize::try_from(n).ok());
-                let found = at(range.start).zip(at(range.end)).and_then(|(a, b)| bytes.get(a..b));
-                found.map(Cow::Borrowed).ok_or_else(|| format!("it ends beyond the file's {} bytes", bytes.len()))
-            }
-            Stream::Base64 { text, base, skip } => {
-                let shifted = range.start.checked_add(*skip).zip(range.end.checked_add(*skip));
-                let (start, end) = shifted.ok_or("it ends beyond the file")?;
-                // No more is decoded than the file can hold.
-                if end - start > bytes.len() as u64 {
-                    return Err(format!("it ends beyond the file's {} bytes", bytes.len()));
-                }
-                text.decode(bytes, *base, start..end).map(Cow::Owned)
-            }
-        }
-    }
-
-    /// The stream behind its first `n` bytes, which may have been encoded on their own.
-    pub fn after(self, bytes: &[u8], n: u64) -> Stream {
-        match self {
-            Stream::Raw(start) => Stream::Raw(start.saturating_add(n)),
-            Stream::Base64 { text, base, skip } => {
-                let characters = 4 * n.div_ceil(3);
-                if n.is_multiple_of(3) || text.pads(bytes, base + characters - 1) {
-                    Stream::Base64 { base: base + characters, skip, text }
-                } else {
-                    Stream::Base64 { text, base, skip: skip + n }
-                }
-            }
-        }
-    }
-}
-
-/// How an array is stored.
 pub enum ArraySource {
-    /// Number after number.
     Plain(Stream),
-    /// In compressed blocks.
     Blocks(CompressedBlocks),
-    /// As text.
     Ascii(Arc<Ascii>),
 }
 
-/// An array of a piece.
 pub struct VtkArray {
-    /// Its name.
     pub name: String,
-    /// Type of its numbers.
     pub kind: NumberType,
-    /// Numbers a row.
     pub components: u32,
-    /// Their byte order.
     pub big_endian: bool,
-    /// Where they are.
     pub source: ArraySource,
 }
 
@@ -116,4 +53,27 @@ impl VtkArray {
         }
         Ok(())
     }
+}
+
+/// Arrays, and which of them and which of its components each column is: x, y, z and perhaps the weight.
+pub type ArrayColumns = (Vec<VtkArray>, Vec<(usize, u32)>);
+
+/// The arrays that hold `columns`, each opened once.
+pub fn open_columns(
+    columns: &[FieldComponent],
+    mut open: impl FnMut(&str) -> particlegs::Result<VtkArray>,
+) -> particlegs::Result<ArrayColumns> {
+    let (mut arrays, mut names, mut places) = (Vec::new(), Vec::<&str>::new(), Vec::new());
+    for FieldComponent { field, component } in columns {
+        let index = match names.iter().position(|n| n == field) {
+            Some(index) => index,
+            None => {
+                arrays.push(open(field)?);
+                names.push(field);
+                arrays.len() - 1
+            }
+        };
+        places.push((index, *component));
+    }
+    Ok((arrays, places))
 }

@@ -1,26 +1,15 @@
 //! Small files made here: encodings, several pieces, lists of files, what is refused, out and in.
 
 use super::*;
+use crate::testing::written;
 use crate::{Choice, Weights};
 use particlegs::context::Context;
 use particlegs::model::{Layer, Mass as LayerMass, Units};
-use particlegs::particles::{Column, Particles, SelectedParticles, Selection, Storage, Tiling};
-use std::sync::Mutex;
+use particlegs::particles::{Column, Particles, Storage};
 
-fn rows(path: &Path, choice: &Choice) -> Result<(Description, Vec<[f32; 4]>)> {
+fn rows(path: &Path, choice: &Choice) -> Result<(Description, Vec<[f64; 4]>)> {
     let snapshot = choice.open(&[path.to_path_buf()])?;
-    let reader = snapshot.reader(0, choice)?;
-    let out = Mutex::new(Vec::new());
-    let take = |run: u64, c: particlegs::particles::Chunk<'_>| {
-        let w = |i: usize| c.weight.map_or(0.0, |w| w[i]);
-        let rows = (0..c.len()).map(|i| [c.position[0][i], c.position[1][i], c.position[2][i], w(i)]);
-        out.lock().unwrap().push((run, rows.collect::<Vec<_>>()));
-        Ok(())
-    };
-    reader.read(0..reader.count().div_ceil(1 << 16), &Context::SILENT, &take)?;
-    let mut out = out.into_inner().unwrap();
-    out.sort_by_key(|r| r.0);
-    Ok((snapshot.description().clone(), out.into_iter().flat_map(|r| r.1).collect()))
+    Ok((snapshot.description().clone(), crate::testing::rows(&*snapshot, 0, choice)?))
 }
 
 fn xml(pieces: &str) -> String {
@@ -91,13 +80,6 @@ fn broken_files_are_refused() {
     for cut in 0..good.len() {
         fault(&good[..cut]);
     }
-}
-
-fn written(particles: &Particles, path: &Path) -> u64 {
-    let kept = SelectedParticles::new(particles, Tiling::single(), Selection::all(), &Context::SILENT).unwrap();
-    let bytes = write(&kept, path, &Context::SILENT).unwrap();
-    assert_eq!(std::fs::metadata(path).unwrap().len(), bytes);
-    bytes
 }
 
 /// A VTP of one point, and lists of such files.
@@ -171,14 +153,14 @@ fn out_and_in_gives_equal_bits() {
     let column = |k: u32| (0..n).map(|i| (i as f32 * 0.7 + k as f32).sin() * 1e3).collect::<Vec<f32>>();
     let mut p = Particles::from_columns(column(0), column(1), column(2));
     p.meta.epoch.time = Some(0.125);
-    let bytes = written(&p, &path);
+    let bytes = written(&p, &path, "vtp");
     assert!(bytes < n as u64 * 16 + 2000);
     let (d, got) = rows(&path, &Choice::default()).unwrap();
     assert_eq!((d.meta.epoch.time, &d.species[0].mass), (Some(0.125), &SpeciesMass::Unknown));
-    let same = |got: &[[f32; 4]], weight: &dyn Fn(usize) -> f32| {
+    let same = |got: &[[f64; 4]], weight: &dyn Fn(usize) -> f32| {
         (0..n as usize).all(|i| {
-            let [x, y, z] = p.position(i).map(|v| v as f32);
-            got[i].map(f32::to_bits) == [x, y, z, weight(i)].map(f32::to_bits)
+            let [x, y, z] = p.position(i);
+            got[i].map(f64::to_bits) == [x, y, z, weight(i).into()].map(f64::to_bits)
         })
     };
     assert!(same(&got, &|_| 0.0));
@@ -192,7 +174,7 @@ fn out_and_in_gives_equal_bits() {
         .clone()
         .with_weights(Column::owned(weights))
         .with_layers(vec![layer("dm--x", 0..66_000, dm), layer("gas", 66_000..n as usize, gas)]);
-    written(&q, &path);
+    written(&q, &path, "vtp");
     let (d, got) = rows(&path, &Choice::default()).unwrap();
     assert_eq!(d.species[0].mass, SpeciesMass::Field("mass".into()));
     assert!(same(&got, &|i| if i < 66_000 { 0.5 } else { i as f32 }));
@@ -211,12 +193,12 @@ fn the_bytes_written_are_those_that_vtk_reads() {
     let column = |k: f32| (0..6).map(|i| 1.0 / (i as f32 + k)).collect::<Vec<f32>>();
     let mut p = Particles::from_columns(column(0.5), column(1.5), column(2.5));
     p.meta.epoch.time = Some(0.125);
-    p.meta.units = Units::of(Some("kpc/h"), None, None);
+    p.meta.units = Units::new(Some("kpc/h"), None, None);
     let layer = |name: &str, content, mass| Layer { name: name.into(), mass, content };
     let p = p
         .with_weights(Column::owned(vec![0.5, 0.5, 3.0, 4.0, 5.0, 6.0]))
         .with_layers(vec![layer("dm", 0..2, LayerMass::Each(0.5)), layer("gas", 2..6, LayerMass::Weights(None))]);
-    written(&p, &path);
+    written(&p, &path, "vtp");
     if std::env::var_os("WRITE_FIXTURES").is_some() {
         std::fs::copy(&path, &kept).unwrap();
     }

@@ -62,10 +62,6 @@ impl ArrayOffsets {
 }
 
 /// Writes `kept` as VTP and tells how many bytes that are. Nothing is left where it fails.
-///
-/// # Errors
-/// [`Error::Input`] where positions overflow float32; [`Error::Argument`] for more than 256 layers;
-/// [`Error::Io`]; [`Error::Cancelled`].
 pub fn write(kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
     let layers = kept.layers();
     if layers.len() > 256 {
@@ -116,7 +112,6 @@ pub fn write(kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) ->
     Ok(length)
 }
 
-/// The arrays of a file.
 struct Arrays<'a> {
     file: &'a PlacedFile,
     /// The byte that their layout counts from.
@@ -183,7 +178,6 @@ fn is_mass(name: &str) -> bool {
     matches!(&name.to_lowercase()[..], "mass" | "masses")
 }
 
-/// The fields that all layers have alike, each of every layer.
 pub fn common(kept: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
     crate::fields::common(kept, &[], &["Points", "species", "connectivity", "offsets"])
 }

@@ -1,10 +1,12 @@
 //! The comment of an extended XYZ frame: `key=value`, values quoted where they hold blanks.
 
-use super::MOST_COLUMNS;
 use crate::SpeciesField;
 use crate::text::snapshot::header_number;
 use crate::text::split::shown;
 use particlegs::space::Cell;
+
+/// Most columns that a line may have.
+pub const MOST_COLUMNS: usize = 1 << 10;
 
 /// What a comment says.
 #[derive(Debug, Default)]
@@ -17,13 +19,10 @@ pub struct Comment {
     pub step: Option<i64>,
     /// `Properties`.
     pub fields: Option<Vec<SpeciesField>>,
-    /// What a user should know.
     pub notes: Vec<String>,
 }
 
 impl Comment {
-    /// # Errors
-    /// What is wrong with a lattice or properties that are there.
     pub fn parse(line: &[u8]) -> Result<Comment, String> {
         let text = String::from_utf8_lossy(line);
         let mut comment = Comment::default();
@@ -55,7 +54,6 @@ impl Comment {
         Ok(comment)
     }
 
-    /// Does it hold more than words?
     pub fn is_extended(&self) -> bool {
         self.fields.is_some() || self.cell.is_some()
     }
@@ -151,7 +149,7 @@ fn fields(value: &str) -> Result<Vec<SpeciesField>, String> {
             return Err(format!("`Properties`: {} is not a number of columns", shown(part[2].as_bytes())));
         };
         all = all.saturating_add(components);
-        fields.push(SpeciesField { name: part[0].into(), kind: kind.into(), components, unit: None });
+        fields.push(SpeciesField::new(part[0], kind, components));
     }
     if all > MOST_COLUMNS as u32 {
         return Err(format!("`Properties` names {all} columns, more than {MOST_COLUMNS}"));

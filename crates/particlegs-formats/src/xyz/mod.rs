@@ -4,7 +4,8 @@
 
 mod comment;
 
-use crate::registry::FileHead;
+use crate::format::FileHead;
+use crate::snapshot::named;
 use crate::text::content::TextContent;
 use crate::text::frames::{TextFrame, scan};
 use crate::text::lines::{LineReader, without_end};
@@ -13,13 +14,12 @@ use crate::text::snapshot::{TableColumns, TextSnapshot, kinds};
 use crate::text::split::{Separator, number, shown, tokens};
 use crate::text::table::{TableBuilder, TextTable};
 use crate::{Choice, Description, Format, Snapshot, SpeciesField};
-use comment::Comment;
+use comment::{Comment, MOST_COLUMNS};
 use particlegs::model::Epoch;
 use particlegs::particles::SnapshotMeta;
 use particlegs::{Error, Result};
 use std::path::PathBuf;
 
-/// XYZ and extended XYZ.
 pub const FORMAT: Format = Format { name: "xyz", title: "XYZ", detect, open };
 
 /// A line with a number alone, a comment, and a line with three numbers, perhaps behind a symbol.
@@ -42,13 +42,9 @@ fn count_of(line: &[u8]) -> Option<u64> {
     std::str::from_utf8(line.trim_ascii()).ok()?.parse().ok()
 }
 
-/// Most columns that a line may have.
-const MOST_COLUMNS: usize = 1 << 10;
-
 /// What stands before a frame's atoms.
 struct XyzFrameHead {
     comment: Comment,
-    /// Choice of a line, in order.
     fields: Vec<SpeciesField>,
 }
 
@@ -63,19 +59,18 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     notes.push("the format states no unit of length (customary: Angstrom)".into());
     let title = if found.head.comment.is_extended() { "Extended XYZ" } else { FORMAT.title };
     let meta = SnapshotMeta {
-        name: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
         cell: found.head.comment.cell,
         epoch: Epoch { time: found.head.comment.time, ..found.frames.epoch() },
-        ..SnapshotMeta::default()
+        ..named(path)
     };
     let columns = columns(found.head.fields, &found.table);
     let description = Description {
         format: content.title(title),
         files: paths.to_vec(),
         meta,
-        species: Vec::new(),
         frames: Some(found.frames),
         notes,
+        ..Description::default()
     };
     let made = TextSnapshot::new(description, found.table, columns, "atoms", "");
     Ok(Box::new(made.with_unwrapped(false, options)?))
@@ -157,13 +152,12 @@ fn key_column(fields: &[SpeciesField]) -> Option<usize> {
 
 /// Choice of a plain file with so many columns: symbol, position, and what else there may be.
 fn plain_fields(columns: usize) -> Vec<SpeciesField> {
-    let field = |name: String, kind: &str, components| SpeciesField { name, kind: kind.into(), components, unit: None };
     let mut fields = Vec::new();
     if columns != 3 {
-        fields.push(field("species".into(), "text", 1));
+        fields.push(SpeciesField::new("species", "text", 1));
     }
-    fields.push(field("pos".into(), "f64", 3));
-    fields.extend((5..=columns).map(|c| field(format!("column{c}"), "", 1)));
+    fields.push(SpeciesField::new("pos", "f64", 3));
+    fields.extend((5..=columns).map(|c| SpeciesField::new(format!("column{c}"), "", 1)));
     fields
 }
 

@@ -1,5 +1,5 @@
 use super::FORMAT;
-use crate::text::testing::{SpeciesParticles, read, scratch};
+use crate::testing::{SpeciesParticles, read, scratch};
 use crate::{Choice, Description, SpeciesMass, Weights};
 
 fn open(text: &str, frame: Option<u64>, choice: &Choice) -> particlegs::Result<(Description, Vec<SpeciesParticles>)> {

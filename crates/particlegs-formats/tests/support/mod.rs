@@ -3,12 +3,14 @@
 #![allow(dead_code)]
 
 use particlegs::context::Context;
-use particlegs::particles::RUN;
+use particlegs::particles::{RUN, SnapshotReader};
 use particlegs_formats::{Choice, PathKind, Snapshot};
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::time::{Duration, Instant};
 
 /// The files of this crate that hold the sample's first fifty particles.
 pub fn fixtures() -> PathBuf {
@@ -81,7 +83,7 @@ unsafe impl GlobalAlloc for CountingAllocator {
 }
 
 /// Memory in use now; peaks are counted from here on.
-pub fn start_counting() -> usize {
+fn start_counting() -> usize {
     let live = LIVE.load(Relaxed);
     PEAK.store(live, Relaxed);
     LARGEST.store(0, Relaxed);
@@ -89,13 +91,32 @@ pub fn start_counting() -> usize {
 }
 
 /// The largest sum of memory in use, and the largest single allocation, since the last start.
-pub fn counted() -> (usize, usize) {
+fn counted() -> (usize, usize) {
     (PEAK.load(Relaxed), LARGEST.load(Relaxed))
+}
+
+/// What a piece of work gave, or that it panicked, and what it took.
+pub struct Measured<T> {
+    pub result: std::thread::Result<T>,
+    pub time: Duration,
+    /// Bytes that were taken beside those before.
+    pub peak: usize,
+    /// Bytes of the largest allocation.
+    pub largest: usize,
+}
+
+/// Does some work, and counts.
+pub fn measured<T>(work: impl FnOnce() -> T) -> Measured<T> {
+    let before = start_counting();
+    let start = Instant::now();
+    let result = catch_unwind(AssertUnwindSafe(work));
+    let (peak, largest) = counted();
+    Measured { result, time: start.elapsed(), peak: peak.saturating_sub(before), largest }
 }
 
 /// The name of the format that a file's content has.
 pub fn format_of(path: &Path) -> Option<&'static str> {
-    match PathKind::of(path) {
+    match PathKind::from_path(path) {
         PathKind::Snapshot(format) => Some(format.name),
         _ => None,
     }
@@ -122,27 +143,35 @@ pub fn read_everything(path: &Path, format: Option<&str>) -> particlegs::Result<
                 None => Ok(()),
             }
         })?;
-        if let Some(place) = reader.in_place() {
-            drop(place);
-        }
+        drop(reader.in_place());
         total += reader.count();
     }
     Ok(total)
 }
 
-/// The first particles of a species: position and weight, with `fields`.
-pub fn particles(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> particlegs::Result<Vec<[f64; 4]>> {
-    let reader = snapshot.reader(species, choice)?;
-    let out = Mutex::new(vec![[f64::NAN; 4]; reader.count() as usize]);
+/// All positions of a reader, and its weights, in order.
+pub fn positions(reader: &dyn SnapshotReader) -> particlegs::Result<(Vec<[f64; 3]>, Vec<f32>)> {
     let origin = reader.origin();
-    reader.read(0..reader.count().div_ceil(RUN as u64), &Context::SILENT, &|run, chunk| {
-        let mut out = out.lock().expect("no reader panics");
+    let count = reader.count() as usize;
+    let weights = if reader.has_weights() { count } else { 0 };
+    let all = Mutex::new((vec![[f64::NAN; 3]; count], vec![f32::NAN; weights]));
+    reader.read(0..count.div_ceil(RUN) as u64, &Context::SILENT, &|run, chunk| {
+        let mut all = all.lock().expect("no reader panics");
+        let start = run as usize * RUN;
         for i in 0..chunk.len() {
-            let at = |k: usize| origin[k] + f64::from(chunk.position[k][i]);
-            let weight = chunk.weight.map_or(0.0, |w| f64::from(w[i]));
-            out[run as usize * RUN + i] = [at(0), at(1), at(2), weight];
+            all.0[start + i] = std::array::from_fn(|k| origin[k] + f64::from(chunk.position[k][i]));
+        }
+        if let Some(w) = chunk.weight {
+            all.1[start..start + w.len()].copy_from_slice(w);
         }
         Ok(())
     })?;
-    Ok(out.into_inner().expect("no reader panics"))
+    Ok(all.into_inner().expect("no reader panics"))
+}
+
+/// The particles of a species: position and weight, 0 without weights.
+pub fn particles(snapshot: &dyn Snapshot, species: usize, choice: &Choice) -> particlegs::Result<Vec<[f64; 4]>> {
+    let (positions, weights) = positions(&*snapshot.reader(species, choice)?)?;
+    let weight = |i: usize| weights.get(i).map_or(0.0, |w| f64::from(*w));
+    Ok(positions.iter().enumerate().map(|(i, &[x, y, z])| [x, y, z, weight(i)]).collect())
 }

@@ -3,8 +3,8 @@
 use super::gaussians::{AlphaGaussianChunk, Gaussians};
 use crate::kernel::{BufferUse, Kernel};
 use crate::{Device, groups};
-use particlegs_core::model::vizmapper::Setting;
 use particlegs_core::model::{VizMapper, VizRanges};
+use particlegs_core::render::alpha::network::Setting;
 use std::sync::{Mutex, PoisonError};
 
 /// A scene's network on the device.

@@ -4,7 +4,7 @@
 use super::frame::SlabRecord;
 use super::kernels::AlphaKernels;
 use super::slabs::BLOCK;
-use super::{Canvas, STORAGE};
+use super::{AlphaCanvas, STORAGE};
 use crate::{Device, groups};
 use particlegs_core::Result;
 
@@ -28,7 +28,7 @@ pub(crate) struct BackwardBuffers {
 
 impl BackwardBuffers {
     /// For a canvas.
-    pub fn new(device: &Device, canvas: &Canvas) -> Result<BackwardBuffers> {
+    pub fn new(device: &Device, canvas: &AlphaCanvas) -> Result<BackwardBuffers> {
         let (pixels, n) = (canvas.size.pixels() as u64, u64::from(canvas.gaussians));
         device.fits(canvas.size, 8 * pixels)?;
         device.holds(&format!("{n} Gaussians"), 4 * SUMS * n)?;
@@ -66,9 +66,9 @@ impl BackwardBuffers {
     }
 }
 
-impl super::Renderer {
+impl super::AlphaRenderer {
     /// Sums what the pixels of the picture that was last submitted want of its footprints.
-    pub(crate) fn backward(&self, canvas: &Canvas, back: &mut BackwardBuffers) -> Result<()> {
+    pub(crate) fn backward(&self, canvas: &AlphaCanvas, back: &mut BackwardBuffers) -> Result<()> {
         back.room(&self.device, canvas.slabs.largest())?;
         for slab in &canvas.slabs.all {
             if canvas.slabs.all.len() > 1 {
@@ -80,7 +80,7 @@ impl super::Renderer {
     }
 
     /// Walks the lists of a slab, which are there.
-    fn back_through(&self, canvas: &Canvas, back: &BackwardBuffers, slab: &SlabRecord) {
+    fn back_through(&self, canvas: &AlphaCanvas, back: &BackwardBuffers, slab: &SlabRecord) {
         let (Some(lists), Some((_, slots))) = (&canvas.lists, &back.slots) else { return };
         let AlphaKernels { slots: place, backward, gather, .. } = &self.kernels;
         let (device, frame) = (&*self.device, &canvas.batches[0].frame);

@@ -16,7 +16,7 @@ use wgpu::BufferUsages as Use;
 const SPLAT: u64 = 32;
 
 /// The memory of pictures of one size of some Gaussians.
-pub struct Canvas {
+pub struct AlphaCanvas {
     pub(super) size: Size,
     pub(super) tiles: Tiles,
     pub(super) gaussians: u32,
@@ -61,10 +61,15 @@ pub(super) struct AlphaTileLists {
     pub raster: wgpu::BindGroup,
 }
 
-impl Canvas {
+impl AlphaCanvas {
     /// For pictures of `size` of these Gaussians.
-    pub(super) fn new(device: &Device, kernels: &AlphaKernels, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
-        let (tiles, pixels, n) = (Tiles::of(size), size.pixels() as u64, gaussians.len() as u64);
+    pub(super) fn new(
+        device: &Device,
+        kernels: &AlphaKernels,
+        gaussians: &Gaussians,
+        size: Size,
+    ) -> Result<AlphaCanvas> {
+        let (tiles, pixels, n) = (Tiles::new(size), size.pixels() as u64, gaussians.len() as u64);
         device.fits(size, 4 * pixels)?;
         device.fits(size, 8 * tiles.number() as u64)?;
         device.holds(&format!("{n} Gaussians"), SPLAT * n)?;
@@ -85,7 +90,7 @@ impl Canvas {
         let Some(AlphaBatch { frame, .. }) = batches.first() else {
             return Err(particlegs_core::Error::argument("no Gaussians to draw"));
         };
-        let canvas = Canvas {
+        let canvas = AlphaCanvas {
             size,
             tiles,
             gaussians: n as u32,

@@ -4,10 +4,10 @@ use super::fixed;
 use bytemuck::{Pod, Zeroable};
 use particlegs_core::render::alpha::project::{LEAST_RATIO, LOW_PASS};
 use particlegs_core::render::alpha::{BRIGHTEST, CutOffs, Eye, Tiles};
-use particlegs_core::{Error, Result};
+use particlegs_core::{Error, Hint, Result};
 
 /// What is said of a camera whose place fixed.wgsl does not hold.
-const TOO_FAR: &str = "the camera stands a million boxes away, farther than a card counts: --device cpu";
+const TOO_FAR: &str = "the camera stands a million boxes away, farther than a card counts";
 
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
@@ -53,7 +53,7 @@ impl AlphaFrameRecord {
         let [right, down, forward] = eye.axes.map(|a| four(a.map(|v| v as f32)));
         let mut to_middle = [[0; 4]; 3];
         for (words, v) in to_middle.iter_mut().zip(eye.position) {
-            let own = fixed::place(-v).ok_or_else(|| Error::argument(TOO_FAR))?;
+            let own = fixed::place(-v).ok_or_else(|| Error::argument_with(TOO_FAR, Hint::use_processor()))?;
             words[..2].copy_from_slice(&own);
         }
         let mut axes = [[0; 4]; 9];
@@ -75,7 +75,7 @@ impl AlphaFrameRecord {
             most_alpha: cut.most_alpha,
             least_transmittance: cut.least_transmittance,
             brightest: BRIGHTEST,
-            across: Tiles::of(eye.size).across as u32,
+            across: Tiles::new(eye.size).across as u32,
             size: [eye.size.width as u32, eye.size.height as u32],
             count,
             first,

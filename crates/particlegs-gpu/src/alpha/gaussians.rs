@@ -5,11 +5,11 @@ use super::fixed;
 use crate::Device;
 use crate::render::factor;
 use particlegs_core::camera::View;
-use particlegs_core::model::vizmapper::{Setting, inputs};
 use particlegs_core::model::{Mixture, VizRanges};
 use particlegs_core::render::Scene;
 use particlegs_core::render::alpha::Blend;
-use particlegs_core::{Error, Result};
+use particlegs_core::render::alpha::network::{Setting, inputs};
+use particlegs_core::{Error, Hint, Result};
 
 /// Words of a Gaussian, each a column: see project.wgsl.
 pub(crate) const COLUMNS: usize = 16;
@@ -52,7 +52,10 @@ impl Gaussians {
         };
         let all: usize = scene.parts().map(Mixture::len).sum();
         if u32::try_from(all).is_err() {
-            return Err(Error::argument(format!("{all} Gaussians are more than a card draws: --device cpu")));
+            return Err(Error::argument_with(
+                format!("{all} Gaussians are more than a card draws"),
+                Hint::use_processor(),
+            ));
         }
         let mut some = scene.parts().flat_map(|m| (0..m.len()).map(move |i| (m, i)));
         let mut chunks = Vec::new();
@@ -146,7 +149,8 @@ fn column(blend: &Blend, m: &Mixture, i: usize) -> std::result::Result<[u32; COL
     }
     let mut words = own.map(f32::to_bits);
     for (k, v) in g.mean.into_iter().enumerate() {
-        let own = fixed::place(v).ok_or("it lies a million boxes away, farther than a card counts: --device cpu")?;
+        let own = fixed::place(v)
+            .ok_or("it lies a million boxes away, farther than a card counts; the processor draws it")?;
         words[2 * k..2 * k + 2].copy_from_slice(&own);
     }
     Ok(words)

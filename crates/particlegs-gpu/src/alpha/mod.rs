@@ -25,7 +25,7 @@ mod slabs;
 #[cfg(test)]
 mod tests;
 
-pub use canvas::Canvas;
+pub use canvas::AlphaCanvas;
 pub use gaussians::Gaussians;
 
 pub(crate) use kernels::sources;
@@ -35,8 +35,8 @@ use frame::{AlphaFrameRecord, SlabRecord};
 use kernels::AlphaKernels;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
-use particlegs_core::model::vizmapper::Setting;
 use particlegs_core::picture::{Gray8, Plane, Size};
+use particlegs_core::render::alpha::network::Setting;
 use particlegs_core::render::alpha::{Eye, TILE};
 use slabs::{BLOCK, MOST_ENTRIES, Slabs};
 use std::sync::Arc;
@@ -48,27 +48,27 @@ const STORAGE: wgpu::BufferUsages =
 const _: () = assert!(TILE == 16);
 
 /// Draws on a device.
-pub struct Renderer {
+pub struct AlphaRenderer {
     device: Arc<Device>,
     kernels: AlphaKernels,
     /// Entries that are blended together.
     most: u32,
 }
 
-impl Renderer {
+impl AlphaRenderer {
     /// Its kernels.
     pub fn new(device: &Arc<Device>) -> Result<Self> {
         let kernels = AlphaKernels::new(device);
         device.check()?;
         let most = MOST_ENTRIES.min((device.largest_binding() / 4).min(u64::from(u32::MAX)) as u32);
-        Ok(Renderer { device: device.clone(), kernels, most })
+        Ok(AlphaRenderer { device: device.clone(), kernels, most })
     }
 
     /// Its kernels, for pictures whose way back is gone: that takes more memory an entry.
     pub(crate) fn for_training(device: &Arc<Device>) -> Result<Self> {
-        let own = Renderer::new(device)?;
+        let own = AlphaRenderer::new(device)?;
         let most = own.most.min((device.largest_binding() / (4 * backward::SUMS)).min(u64::from(u32::MAX)) as u32);
-        Ok(Renderer { most, ..own })
+        Ok(AlphaRenderer { most, ..own })
     }
 
     /// What it draws on.
@@ -77,20 +77,26 @@ impl Renderer {
     }
 
     /// Memory for pictures of `size` of these Gaussians.
-    pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
-        Canvas::new(&self.device, &self.kernels, gaussians, size)
+    pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<AlphaCanvas> {
+        AlphaCanvas::new(&self.device, &self.kernels, gaussians, size)
     }
 
     /// Gives the device a picture to draw, once it has said how long its lists are; the next one overwrites it.
-    pub fn submit(&self, gaussians: &Gaussians, canvas: &mut Canvas, view: &View) -> Result<()> {
+    pub fn submit(&self, gaussians: &Gaussians, canvas: &mut AlphaCanvas, view: &View) -> Result<()> {
         let eye = Eye::new(view, canvas.size, &gaussians.blend.frame)?;
         self.blend_all(gaussians, canvas, &eye, gaussians.setting(view))?;
         self.tone(canvas);
         self.device.check()
     }
 
-    /// [`Renderer::submit`] as far as brightness, of a camera in the training frame.
-    pub(crate) fn blend_all(&self, gaussians: &Gaussians, canvas: &mut Canvas, eye: &Eye, of: Setting) -> Result<()> {
+    /// [`AlphaRenderer::submit`] as far as brightness, of a camera in the training frame.
+    pub(crate) fn blend_all(
+        &self,
+        gaussians: &Gaussians,
+        canvas: &mut AlphaCanvas,
+        eye: &Eye,
+        of: Setting,
+    ) -> Result<()> {
         self.sort(gaussians, canvas, eye, of)?;
         let blocks = canvas.gaussians.div_ceil(BLOCK);
         let sums = self.device.read(&canvas.block_sums, 4 * u64::from(blocks))?;
@@ -107,7 +113,7 @@ impl Renderer {
     }
 
     /// Bends and projects Gaussians, sorts them by depth, and counts the entries of their blocks.
-    fn sort(&self, gaussians: &Gaussians, canvas: &Canvas, eye: &Eye, of: Setting) -> Result<()> {
+    fn sort(&self, gaussians: &Gaussians, canvas: &AlphaCanvas, eye: &Eye, of: Setting) -> Result<()> {
         let (queue, kernels, n) = (&self.device.queue, &self.kernels, canvas.gaussians);
         for batch in &canvas.batches {
             let record = AlphaFrameRecord::new(eye, batch.first, batch.count)?;
@@ -130,7 +136,7 @@ impl Renderer {
     }
 
     /// Lists the footprints of a slab.
-    fn list(&self, canvas: &Canvas, slab: SlabRecord) {
+    fn list(&self, canvas: &AlphaCanvas, slab: SlabRecord) {
         let Some(lists) = &canvas.lists else { return };
         let (queue, kernels) = (&self.device.queue, &self.kernels);
         queue.write_buffer(&canvas.slab, 0, bytemuck::bytes_of(&slab));
@@ -146,7 +152,7 @@ impl Renderer {
     }
 
     /// Blends the footprints that are listed onto what there is.
-    fn blend(&self, canvas: &Canvas) {
+    fn blend(&self, canvas: &AlphaCanvas) {
         let Some(lists) = &canvas.lists else { return };
         let mut encoder = self.device.device.create_command_encoder(&Default::default());
         let mut pass = encoder.begin_compute_pass(&Default::default());
@@ -156,7 +162,7 @@ impl Renderer {
     }
 
     /// From brightness to the picture.
-    fn tone(&self, canvas: &Canvas) {
+    fn tone(&self, canvas: &AlphaCanvas) {
         let mut encoder = self.device.device.create_command_encoder(&Default::default());
         let mut pass = encoder.begin_compute_pass(&Default::default());
         self.kernels.tone.run(&mut pass, &canvas.tone, groups((canvas.size.pixels() as u64).div_ceil(4)));
@@ -165,20 +171,20 @@ impl Renderer {
     }
 
     /// The last picture that was submitted, once it is drawn.
-    pub fn picture(&self, canvas: &Canvas) -> Result<Gray8> {
+    pub fn picture(&self, canvas: &AlphaCanvas) -> Result<Gray8> {
         let size = canvas.size;
         Ok(Gray8 { size, data: self.device.read(&canvas.picture, size.pixels() as u64)? })
     }
 
     /// The brightness that it was made of, 1 = white, not cut to [0, 1].
-    pub fn brightness(&self, canvas: &Canvas) -> Result<Plane> {
+    pub fn brightness(&self, canvas: &AlphaCanvas) -> Result<Plane> {
         let bytes = self.device.read(&canvas.sums, 4 * canvas.size.pixels() as u64)?;
         let data = bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
         Ok(Plane { size: canvas.size, data })
     }
 
     /// A picture.
-    pub fn draw(&self, gaussians: &Gaussians, canvas: &mut Canvas, view: &View) -> Result<Gray8> {
+    pub fn draw(&self, gaussians: &Gaussians, canvas: &mut AlphaCanvas, view: &View) -> Result<Gray8> {
         self.submit(gaussians, canvas, view)?;
         self.picture(canvas)
     }

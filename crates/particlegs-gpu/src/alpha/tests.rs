@@ -2,15 +2,15 @@
 
 use super::backward::BackwardBuffers;
 use super::*;
-use crate::tests::device;
-use particlegs_core::camera::{Camera, Projection};
+use crate::tests::{self, device, gaussian};
+use particlegs_core::camera::Projection;
 use particlegs_core::context::Context;
 use particlegs_core::math::{Random, Sym3};
-use particlegs_core::model::vizmapper::twin::stirred;
 use particlegs_core::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
 use particlegs_core::picture::psnr;
+use particlegs_core::render::alpha::network::twin::stirred;
 use particlegs_core::render::alpha::{BRIGHTEST, CutOffs, Plan};
-use particlegs_core::render::{self, Scene};
+use particlegs_core::render::{self, Renderer, Scene};
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
 
@@ -28,30 +28,7 @@ struct AlphaRenderCase {
 }
 
 fn view(position: [f64; 3]) -> View {
-    View {
-        name: "v".into(),
-        camera: Camera {
-            position,
-            focal_point: [0.0; 3],
-            view_up: [0.0, 1.0, 0.0],
-            projection: Projection::Perspective { fov_deg: 30.0 },
-            clipping_range: None,
-        },
-        radius: USUAL[0],
-        opacity: USUAL[1],
-    }
-}
-
-/// A Gaussian about the middle of a cube of side 2: round, flat or long, every seventh without extent.
-fn gaussian(r: &mut Random, i: u64, spread: f64) -> ([f64; 3], Sym3) {
-    let mean = [0; 3].map(|_| 2.0 * r.uniform() - 1.0);
-    let base = spread * (0.1 + r.uniform());
-    let mut cov = Sym3::default();
-    for s in [base, base * r.uniform(), base * r.uniform() * r.uniform()] {
-        let v = [0; 3].map(|_| r.normal());
-        cov = cov.add(&Sym3::outer(v.map(|x| x * s / 1.7)));
-    }
-    (mean, if i.is_multiple_of(7) { Sym3::default() } else { cov })
+    tests::view(position, USUAL)
 }
 
 /// Those of `shape`, with opacities up to `most` and grey levels.
@@ -87,7 +64,7 @@ fn with_network(mut m: Mixture, ranges: VizRanges) -> Mixture {
 }
 
 fn scene(m: &Mixture) -> Scene<'_> {
-    Scene::of_law(m, BOUNDS, USUAL)
+    Scene::from_law(m, BOUNDS, USUAL[0], USUAL[1])
 }
 
 fn cases() -> Vec<AlphaRenderCase> {
@@ -135,7 +112,7 @@ fn cases() -> Vec<AlphaRenderCase> {
 
 /// How far a picture is from core's: the largest difference in levels before rounding, pixels off by more than a
 /// hundredth of one, decibels, and the largest difference after rounding.
-fn apart(renderer: &Renderer, case: &AlphaRenderCase) -> (f64, usize, f64, u8) {
+fn apart(renderer: &AlphaRenderer, case: &AlphaRenderCase) -> (f64, usize, f64, u8) {
     let scene = scene(&case.gaussians);
     let there = Gaussians::upload(renderer.device(), &scene).unwrap();
     let mut canvas = renderer.canvas(&there, case.size).unwrap();
@@ -167,7 +144,7 @@ fn apart(renderer: &Renderer, case: &AlphaRenderCase) -> (f64, usize, f64, u8) {
 #[test]
 fn kernels_agree_with_their_twins() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = AlphaRenderer::new(&device).unwrap();
     for case in cases() {
         let (worst, off, decibels, rounded) = apart(&renderer, &case);
         assert!(worst < 1.3 && off <= 20 && rounded <= 2, "{}: largest {worst:.4} levels, {off} off", case.name);
@@ -180,7 +157,7 @@ fn kernels_agree_with_their_twins() {
 #[test]
 fn the_order_is_the_processors() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = AlphaRenderer::new(&device).unwrap();
     for case in cases() {
         let scene = scene(&case.gaussians);
         let there = Gaussians::upload(&device, &scene).unwrap();
@@ -190,7 +167,9 @@ fn the_order_is_the_processors() {
         let eye = Eye::new(&case.view, case.size, &blend.frame).unwrap();
         let own = blend.gaussians(&[(&case.gaussians, 1.0)], &case.view, &eye, &Context::SILENT).unwrap();
         let plan = Plan::new(&eye, own.len(), |i| Some(own[i]), CutOffs::PUBLISHED, &Context::SILENT).unwrap();
-        let read = |b: &wgpu::Buffer| words(&device.read(b, 4 * own.len() as u64).unwrap());
+        let read = |b: &wgpu::Buffer| -> Vec<u32> {
+            bytemuck::pod_collect_to_vec(&device.read(b, 4 * own.len() as u64).unwrap())
+        };
         let (keys, order) = (read(&canvas.order.keys), read(&canvas.order.values));
         let seen = keys.iter().filter(|k| **k != u32::MAX).count();
         // Rounding may decide that the faintest is seen by one alone.
@@ -204,15 +183,11 @@ fn the_order_is_the_processors() {
     }
 }
 
-fn words(bytes: &[u8]) -> Vec<u32> {
-    bytes.chunks_exact(4).map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect()
-}
-
 /// Where radius and opacity are as they were, the network does not run again; where one changed, it does.
 #[test]
 fn the_network_runs_where_it_must() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = AlphaRenderer::new(&device).unwrap();
     let gaussians = with_network(usual(1, 800, 0.05), VizRanges::TRAINING);
     let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
     let mut canvas = renderer.canvas(&there, SIZE).unwrap();
@@ -238,8 +213,8 @@ fn the_network_runs_where_it_must() {
 #[test]
 fn nothing_depends_on_order_or_on_what_was_there() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
-    let in_slabs = Renderer { most: 700, ..Renderer::new(&device).unwrap() };
+    let renderer = AlphaRenderer::new(&device).unwrap();
+    let in_slabs = AlphaRenderer { most: 700, ..AlphaRenderer::new(&device).unwrap() };
     let gaussians = with_network(usual(3, 1500, 0.1), VizRanges::TRAINING);
     let mut turned = Mixture::default();
     let (from, mut law) = (gaussians.law.alpha_blend().unwrap(), AlphaBlend::default());
@@ -251,7 +226,7 @@ fn nothing_depends_on_order_or_on_what_was_there() {
     law.vizmapper = from.vizmapper.clone();
     turned.law = Law::AlphaBlend(law);
     let inside = View { radius: 0.03, ..view([0.1, 0.2, 0.5]) };
-    let drawn = |renderer: &Renderer, m: &Mixture, most: usize, poison: bool| {
+    let drawn = |renderer: &AlphaRenderer, m: &Mixture, most: usize, poison: bool| {
         let there = Gaussians::upload_in(&device, &scene(m), most).unwrap();
         let mut canvas = renderer.canvas(&there, Size { width: 160, height: 90 }).unwrap();
         if poison {
@@ -273,7 +248,7 @@ fn nothing_depends_on_order_or_on_what_was_there() {
 }
 
 /// All ones, which are not a number and out of every range, in whatever is written before it is read.
-fn poisoned(device: &Device, gaussians: &Gaussians, canvas: &Canvas) {
+fn poisoned(device: &Device, gaussians: &Gaussians, canvas: &AlphaCanvas) {
     let lists = canvas.lists.as_ref().unwrap();
     let sorts = [&canvas.order, &lists.sort].into_iter().flat_map(|s| s.scratch.iter().chain([&s.keys, &s.values]));
     let bent = gaussians.chunks.iter().map(|c| &c.bent);
@@ -292,12 +267,14 @@ fn pictures_are_by_the_scenes_law() {
     let mut depths = gaussians.clone();
     depths.law = Law::OpticalDepth;
     let scenes = [scene(&gaussians), scene(&depths)];
-    let pictures = scenes.each_ref().map(|s| crate::render::Pictures::new(&device, s).unwrap());
+    let pictures = scenes.each_ref().map(|s| crate::render::ScenePictures::new(&device, s).unwrap());
     for size in [Size { width: 33, height: 17 }, SIZE, Size { width: 64, height: 64 }] {
         for look in ToneStyle::ALL {
             for (own, scene) in pictures.iter().zip(&scenes) {
-                let (a, b) =
-                    (own.draw(&view, size, look).unwrap(), render::draw(scene, &view, size, look, &Context::SILENT));
+                let (a, b) = (
+                    own.draw(&view, size, look, &Context::SILENT).unwrap(),
+                    render::draw(scene, &view, size, look, &Context::SILENT),
+                );
                 let b = b.unwrap();
                 assert!(a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 2), "{}", look.name());
                 assert!(psnr(&a, &b).is_none_or(|db| db > 70.0), "{}", look.name());
@@ -305,15 +282,15 @@ fn pictures_are_by_the_scenes_law() {
         }
     }
     let none = Mixture { law: Law::AlphaBlend(AlphaBlend::default()), ..Mixture::default() };
-    let none = crate::render::Pictures::new(&device, &scene(&none)).unwrap();
-    assert!(none.draw(&view, SIZE, ToneStyle::Expected).unwrap().data.iter().all(|v| *v == 0));
+    let none = crate::render::ScenePictures::new(&device, &scene(&none)).unwrap();
+    assert!(none.draw(&view, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap().data.iter().all(|v| *v == 0));
 }
 
 /// What float32 does not hold, or is behind, beside or before the range, is not drawn; nothing at all is black.
 #[test]
 fn what_is_not_seen_is_not_drawn() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = AlphaRenderer::new(&device).unwrap();
     let draw = |m: &Mixture| {
         let there = Gaussians::upload(&device, &scene(m)).unwrap();
         let mut canvas = renderer.canvas(&there, SIZE).unwrap();
@@ -339,21 +316,21 @@ fn what_is_not_seen_is_not_drawn() {
 #[test]
 fn limits_are_told() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = AlphaRenderer::new(&device).unwrap();
     let gaussians = usual(5, 80, 0.05);
     let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
     let told = |e: particlegs_core::Error| {
-        let text = e.to_string();
+        let text = if e.hint().is_empty() { e.to_string() } else { format!("{e}; {}", e.hint()) };
         assert!(!text.contains('\n'), "{text}");
         text
     };
     let huge = told(renderer.canvas(&there, Size { width: 100_000, height: 100_000 }).map(drop).unwrap_err());
-    assert!(huge.contains("100000x100000") && huge.contains("--device cpu"), "{huge}");
+    assert!(huge.contains("100000x100000") && huge.contains("`device cpu`"), "{huge}");
     let mut canvas = renderer.canvas(&there, SIZE).unwrap();
     let entries = (device.largest_binding() / 4 + 1).min(u64::from(u32::MAX)) as u32;
     if u64::from(entries) * 4 > device.largest_binding() {
         let long = told(canvas.lists(&device, &renderer.kernels, entries).map(drop).unwrap_err());
-        assert!(long.contains("entries") && long.contains("--device cpu"), "{long}");
+        assert!(long.contains("entries") && long.contains("`device cpu`"), "{long}");
     }
     let mut flat = view([0.0, 0.0, 6.0]);
     flat.camera.projection = Projection::Orthographic { height_world: 2.5 };
@@ -368,9 +345,9 @@ fn limits_are_told() {
     let mut beyond = gaussians.clone();
     beyond.mean[2][3] = 1e9;
     let beyond = told(Gaussians::upload(&device, &scene(&beyond)).map(drop).unwrap_err());
-    assert!(beyond.starts_with("Gaussian 3: ") && beyond.contains("--device cpu"), "{beyond}");
+    assert!(beyond.starts_with("Gaussian 3: ") && beyond.contains("the processor draws it"), "{beyond}");
     let away = told(renderer.submit(&there, &mut canvas, &view([0.0, 0.0, 1e9])).unwrap_err());
-    assert!(away.contains("--device cpu"), "{away}");
+    assert!(away.contains("`device cpu`"), "{away}");
     let mut depths = gaussians;
     depths.law = Law::OpticalDepth;
     told(Gaussians::upload(&device, &scene(&depths)).map(drop).unwrap_err());
@@ -385,8 +362,9 @@ struct TileFootprint {
 }
 
 /// The footprints of the last picture, front to back.
-fn drawn(renderer: &Renderer, canvas: &Canvas) -> Vec<TileFootprint> {
-    let read = |b: &wgpu::Buffer| words(&renderer.device().read(b, b.size()).unwrap());
+fn drawn(renderer: &AlphaRenderer, canvas: &AlphaCanvas) -> Vec<TileFootprint> {
+    let read =
+        |b: &wgpu::Buffer| -> Vec<u32> { bytemuck::pod_collect_to_vec(&renderer.device().read(b, b.size()).unwrap()) };
     let (order, keys) = (read(&canvas.order.values), read(&canvas.order.keys));
     let (touched, splats) = (read(&canvas.touched), read(&canvas.splats));
     let seen = order.iter().zip(&keys).filter(|(_, key)| **key != u32::MAX);
@@ -451,7 +429,7 @@ fn wanted(drawn: &[TileFootprint], gaussians: usize, size: Size, by_pixel: &[f32
 #[test]
 fn footprints_are_wanted_as_pixels_want_them() {
     let Some(device) = device() else { return };
-    let mut renderer = Renderer::new(&device).unwrap();
+    let mut renderer = AlphaRenderer::new(&device).unwrap();
     let whole = renderer.most;
     for case in cases() {
         let there = Gaussians::upload(&device, &scene(&case.gaussians)).unwrap();
@@ -470,7 +448,7 @@ fn footprints_are_wanted_as_pixels_want_them() {
             renderer.backward(&canvas, &mut back).unwrap();
             back.poison(&device);
             renderer.backward(&canvas, &mut back).unwrap();
-            sums.push(words(&device.read(&back.sums, 28 * n as u64).unwrap()));
+            sums.push(bytemuck::pod_collect_to_vec::<u8, u32>(&device.read(&back.sums, 28 * n as u64).unwrap()));
             if most == whole {
                 let own = wanted(&drawn(&renderer, &canvas), n, case.size, &by_pixel);
                 let off: [f64; 7] = std::array::from_fn(|k| {

@@ -14,8 +14,8 @@ mod source;
 mod tests;
 mod view;
 
-pub use pictures::Pictures;
-pub use source::{Columns, ParticleSource, ParticleStream};
+pub use pictures::ParticlePictures;
+pub use source::{ParticleSource, ParticleStream};
 
 use crate::Device;
 use crate::groups;
@@ -24,7 +24,7 @@ use crate::render::{FrameRecord, PlaneLayout, Tone, ToneMapper, TonePlane};
 use particlegs_core::camera::View;
 use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::splat::{CUT_SIGMA, ToneStyle, erf};
-use particlegs_core::{Error, Result};
+use particlegs_core::{Error, Hint, Result};
 use std::sync::Arc;
 use view::ViewRecord;
 
@@ -158,9 +158,8 @@ impl Sum<'_> {
         let work = self.work(points)?;
         if work > MOST_THOUSANDS {
             let (name, radius) = (&self.view.name, self.view.radius);
-            let what =
-                format!("view `{name}`: splats of radius {radius} reach too many pixels one by one: --device cpu");
-            return Err(Error::argument(what));
+            let what = format!("view `{name}`: splats of radius {radius} reach too many pixels one by one");
+            return Err(Error::argument_with(what, Hint::use_processor()));
         }
         let pieces = work.div_ceil(THOUSANDS).max(1) as u32;
         let each = points.count.div_ceil(pieces);

@@ -1,19 +1,21 @@
 //! Pictures of one snapshot.
 
 use super::paraview::{self, Paraview};
-use super::source::{CancellableSource, Columns, ParticleSource, ParticleStream};
+use super::source::{CancellableSource, ParticleSource, ParticleStream};
 use super::{ReferenceCanvas, ReferenceRenderer, Sum};
 use crate::Device;
 use particlegs_core::Result;
 use particlegs_core::camera::{View, clipping_range};
 use particlegs_core::context::Context;
 use particlegs_core::picture::{Gray8, Plane, Size};
+use particlegs_core::render::Renderer;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
+use particlegs_train::ParticleInput;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A snapshot drawn on a device at whatever size, one picture at a time.
-pub struct Pictures<'a> {
+pub struct ParticlePictures<'a> {
     reference: ReferenceRenderer,
     paraview: Paraview,
     origin: [f64; 3],
@@ -24,16 +26,11 @@ pub struct Pictures<'a> {
     layers: Mutex<Option<paraview::ParaviewCanvas>>,
 }
 
-impl<'a> Pictures<'a> {
-    /// Of `count` particles about `origin`, with these bounds (world units). None is on the device yet.
-    pub fn new(
-        device: &Arc<Device>,
-        origin: [f64; 3],
-        bounds: Bounds,
-        count: usize,
-        columns: Columns<'a>,
-    ) -> Result<Self> {
-        Ok(Pictures {
+impl<'a> ParticlePictures<'a> {
+    /// None of the particles is on the device yet.
+    pub fn new(device: &Arc<Device>, of: ParticleInput<'a>) -> Result<Self> {
+        let ParticleInput { origin, bounds, count, columns } = of;
+        Ok(ParticlePictures {
             reference: ReferenceRenderer::new(device)?,
             paraview: Paraview::new(device)?,
             origin,
@@ -52,37 +49,6 @@ impl<'a> Pictures<'a> {
     /// Keeps all of them on the device.
     pub fn keep_all(&mut self, sent: &mut dyn FnMut(u64) -> Result<()>) -> Result<()> {
         self.snapshot.keep(u64::MAX, sent)
-    }
-
-    /// A picture of all particles: of ParaView's looks its own, shot noise and all; [`ToneStyle::Expected`] is noise-free.
-    pub fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
-        let fxaa = match look {
-            ToneStyle::Expected => return self.response(view, size, look, context),
-            ToneStyle::ParaviewNoFxaa => false,
-            ToneStyle::Paraview => true,
-        };
-        let mut kept = lock(&self.layers);
-        let canvas = match kept.take() {
-            Some(canvas) if canvas.size() == size => canvas,
-            other => {
-                drop(other);
-                self.paraview.canvas(size)?
-            }
-        };
-        let shot = self.paraview.shot(&canvas, view, self.origin, self.range(view))?;
-        let drawn = shot.draw(&CancellableSource { source: &self.snapshot, context }, fxaa)?;
-        *kept = Some(canvas);
-        Ok(drawn)
-    }
-
-    /// The noise-free picture in a look.
-    pub fn response(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
-        self.summed(view, size, context, |sum| sum.finish(look))
-    }
-
-    /// The noise-free optical depth.
-    pub fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
-        self.summed(view, size, context, |sum| sum.depth())
     }
 
     fn summed<T>(
@@ -109,6 +75,36 @@ impl<'a> Pictures<'a> {
 
     fn range(&self, view: &View) -> [f64; 2] {
         view.camera.clipping_range.unwrap_or_else(|| clipping_range(&self.bounds, &view.camera))
+    }
+}
+
+impl Renderer for ParticlePictures<'_> {
+    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        let fxaa = match look {
+            ToneStyle::Expected => return self.response(view, size, look, context),
+            ToneStyle::ParaviewNoFxaa => false,
+            ToneStyle::Paraview => true,
+        };
+        let mut kept = lock(&self.layers);
+        let canvas = match kept.take() {
+            Some(canvas) if canvas.size() == size => canvas,
+            other => {
+                drop(other);
+                self.paraview.canvas(size)?
+            }
+        };
+        let shot = self.paraview.shot(&canvas, view, self.origin, self.range(view))?;
+        let drawn = shot.draw(&CancellableSource { source: &self.snapshot, context }, fxaa)?;
+        *kept = Some(canvas);
+        Ok(drawn)
+    }
+
+    fn response(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        self.summed(view, size, context, |sum| sum.finish(look))
+    }
+
+    fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
+        self.summed(view, size, context, |sum| sum.depth())
     }
 }
 

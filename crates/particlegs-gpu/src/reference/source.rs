@@ -4,7 +4,7 @@ use super::{DeviceParticles, MOST};
 use crate::Device;
 use particlegs_core::Result;
 use particlegs_core::context::Context;
-use std::ops::Range;
+use particlegs_train::ColumnReader;
 use std::sync::Arc;
 
 /// Particles, piece by piece in their order, as often as a picture asks for them.
@@ -20,14 +20,11 @@ impl ParticleSource for Vec<DeviceParticles> {
     }
 }
 
-/// Positions of a range of particles, in columns, relative to the snapshot's origin.
-pub type Columns<'a> = Box<dyn Fn(Range<usize>) -> [Vec<f32>; 3] + Send + Sync + 'a>;
-
 /// A snapshot's particles: the first pieces stay on the device, the others are sent whenever they are asked for.
 pub struct ParticleStream<'a> {
     device: Arc<Device>,
     count: usize,
-    columns: Columns<'a>,
+    columns: ColumnReader<'a>,
     /// Particles of a piece.
     each: usize,
     kept: Vec<DeviceParticles>,
@@ -35,7 +32,7 @@ pub struct ParticleStream<'a> {
 
 impl<'a> ParticleStream<'a> {
     /// Of `count` particles, none of which is on the device.
-    pub fn new(device: &Arc<Device>, count: usize, columns: Columns<'a>) -> Self {
+    pub fn new(device: &Arc<Device>, count: usize, columns: ColumnReader<'a>) -> Self {
         ParticleStream { device: device.clone(), count, columns, each: MOST, kept: Vec::new() }
     }
 

@@ -1,42 +1,10 @@
 //! Depth and pictures of all particles against particlegs' own.
 
 use super::*;
-use crate::tests::device;
+use crate::tests::{columns, device, particles, view};
 use particlegs::context::Context;
-use particlegs::particles::{Column, Particles, Positions};
 use particlegs::reference;
-use particlegs_core::camera::{Camera, Projection, clipping_range};
-use particlegs_core::math::Random;
-
-/// Particles in a cube of side 2: half evenly spread, half in a clump.
-fn columns(n: usize) -> [Vec<f32>; 3] {
-    let mut r = Random::new(5, 1, 0);
-    let mut all = [vec![], vec![], vec![]];
-    for i in 0..n {
-        for column in &mut all {
-            let v = if i % 2 == 0 { 2.0 * r.uniform() - 1.0 } else { 0.1 * r.normal() };
-            column.push(v as f32);
-        }
-    }
-    all
-}
-
-/// Those in columns, about the middle.
-fn particles(columns: &[Vec<f32>; 3]) -> Particles {
-    let meta = Particles::from_columns(vec![], vec![], vec![]).meta;
-    Particles::new(Positions::Columns(columns.clone().map(Column::owned)), [0.0; 3], meta)
-}
-
-fn view(position: [f64; 3], radius: f64, opacity: f64) -> View {
-    let camera = Camera {
-        position,
-        focal_point: [0.0; 3],
-        view_up: [0.0, 1.0, 0.0],
-        projection: Projection::Perspective { fov_deg: 30.0 },
-        clipping_range: None,
-    };
-    View { name: "v".into(), camera, radius, opacity }
-}
+use particlegs_core::camera::clipping_range;
 
 /// Splats below a pixel, of some pixels, large and turned; faint and opaque; in one piece and in several.
 #[test]
@@ -55,7 +23,7 @@ fn kernels_agree_with_their_twins() {
         ([0.3, 0.2, 0.9], 0.01, 0.05),
         ([0.3, 0.2, 0.9], 0.05, 0.2),
     ] {
-        let view = view(position, radius, opacity);
+        let view = view(position, [radius, opacity]);
         let range = clipping_range(own.bounds(), &view.camera);
         let tau = own.optical_depth(&view, size, &Context::SILENT).unwrap();
         let mut whole = None;
@@ -94,7 +62,7 @@ fn a_picture_of_8k_is_drawn() {
     let Some(device) = device() else { return };
     let there = ReferenceRenderer::new(&device).unwrap();
     let (columns, size) = (columns(1000), Size { width: 7680, height: 4320 });
-    let view = view([1.0, 2.0, 6.0], 0.002, 0.05);
+    let view = view([1.0, 2.0, 6.0], [0.002, 0.05]);
     let particles = particles(&columns);
     let own = reference::Reference::new(&particles);
     let canvas = there.canvas(size).unwrap();

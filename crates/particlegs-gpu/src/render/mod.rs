@@ -25,8 +25,8 @@ pub(crate) use frame::two_floats;
 pub use gaussians::Gaussians;
 pub(crate) use gaussians::MOST;
 pub(crate) use kernels::sources;
-pub use pictures::Pictures;
-pub use tiles::Tiles;
+pub use pictures::ScenePictures;
+pub use tiles::DepthTiles;
 pub(crate) use tone::{CURVE, LookRecord, Tone, ToneMapper, TonePlane, curve};
 
 use crate::{AT_ONCE, CUT_GROUPS, CUTS_AT_ONCE, Device, dispatches, groups};
@@ -46,14 +46,14 @@ use std::sync::Arc;
 const COARSEST: u32 = 8192;
 
 /// Draws on a device.
-pub struct Renderer {
+pub struct DepthRenderer {
     device: Arc<Device>,
     kernels: Kernels,
     tones: ToneMapper,
 }
 
 /// The memory of pictures of one size of some Gaussians, and what is bound to kernels.
-pub struct Canvas {
+pub struct DepthCanvas {
     planes: PlaneLayout,
     /// Of the finest plane, and of all others.
     sums: [wgpu::Buffer; 2],
@@ -81,7 +81,7 @@ pub(crate) struct CanvasBuffers<'a> {
     pub cut_count: &'a wgpu::Buffer,
 }
 
-impl Canvas {
+impl DepthCanvas {
     /// Its planes.
     pub(crate) fn planes(&self) -> &PlaneLayout {
         &self.planes
@@ -94,7 +94,7 @@ impl Canvas {
 
     /// Its buffers, of Gaussians that are in one buffer.
     pub(crate) fn buffers(&self) -> CanvasBuffers<'_> {
-        let Canvas { sums: [finest, _], scales: scale, cuts, cut_count, batches, .. } = self;
+        let DepthCanvas { sums: [finest, _], scales: scale, cuts, cut_count, batches, .. } = self;
         CanvasBuffers { frame: &batches[0].frame, finest, scale, cuts, cut_count }
     }
 }
@@ -125,12 +125,12 @@ struct LevelPass {
     bound: wgpu::BindGroup,
 }
 
-impl Renderer {
+impl DepthRenderer {
     /// Its kernels.
     pub fn new(device: &Arc<Device>) -> Result<Self> {
         let (kernels, tones) = (Kernels::new(device), ToneMapper::new(device));
         device.check()?;
-        Ok(Renderer { device: device.clone(), kernels, tones })
+        Ok(DepthRenderer { device: device.clone(), kernels, tones })
     }
 
     /// What it draws on.
@@ -139,7 +139,7 @@ impl Renderer {
     }
 
     /// Memory for pictures of `size` of these Gaussians.
-    pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<Canvas> {
+    pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<DepthCanvas> {
         let (device, kernels) = (&*self.device, &self.kernels);
         let planes = PlaneLayout::of(size);
         let words = planes.words();
@@ -196,7 +196,7 @@ impl Renderer {
         let tone = self.tones.bind(device, [frame, &scale, finest, &picture]);
         let bound = kernels.scale.bind(device, &[&tiles, &scale]);
         device.check()?;
-        Ok(Canvas {
+        Ok(DepthCanvas {
             planes,
             sums,
             tiles,
@@ -213,7 +213,7 @@ impl Renderer {
     }
 
     /// Gives the device a picture to draw; the next one overwrites it.
-    pub fn submit(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: ToneStyle) -> Result<()> {
+    pub fn submit(&self, gaussians: &Gaussians, canvas: &DepthCanvas, view: &View, look: ToneStyle) -> Result<()> {
         let lens = self.seen(gaussians, canvas, view, look)?;
         let mut encoder = self.device.device.create_command_encoder(&Default::default());
         self.sum(&mut encoder, gaussians, canvas, &lens);
@@ -225,7 +225,7 @@ impl Renderer {
     }
 
     /// The lens of a picture, once the device knows how it is to be toned.
-    fn seen(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: ToneStyle) -> Result<Lens> {
+    fn seen(&self, gaussians: &Gaussians, canvas: &DepthCanvas, view: &View, look: ToneStyle) -> Result<Lens> {
         let size = canvas.planes.size;
         let lens = Lens::optical(view, size, &gaussians.bounds)?;
         canvas.tone.set(&self.device.queue, view, look, TonePlane { size, is_sum: canvas.holds_sums() });
@@ -233,7 +233,13 @@ impl Renderer {
     }
 
     /// The passes that make the finest plane the depth of the Gaussians as a lens sees them.
-    pub(crate) fn sum(&self, encoder: &mut wgpu::CommandEncoder, gaussians: &Gaussians, canvas: &Canvas, lens: &Lens) {
+    pub(crate) fn sum(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        gaussians: &Gaussians,
+        canvas: &DepthCanvas,
+        lens: &Lens,
+    ) {
         self.begin(encoder, gaussians, canvas, lens);
         let (one, cuts) = (canvas.batches.len() == 1, gaussians.may_be_cut(lens));
         for batch in &canvas.batches {
@@ -266,7 +272,7 @@ impl Renderer {
     }
 
     /// The lens for all kernels, and sums of nothing.
-    fn begin(&self, encoder: &mut wgpu::CommandEncoder, gaussians: &Gaussians, canvas: &Canvas, lens: &Lens) {
+    fn begin(&self, encoder: &mut wgpu::CommandEncoder, gaussians: &Gaussians, canvas: &DepthCanvas, lens: &Lens) {
         for batch in &canvas.batches {
             let record = FrameRecord::new(&lens.shifted(batch.shift), gaussians.origin, &canvas.planes, batch.count);
             self.device.queue.write_buffer(&batch.frame, 0, bytemuck::bytes_of(&record));
@@ -301,7 +307,7 @@ impl Renderer {
     }
 
     /// From the planes of sums to the depth of the finest.
-    fn sum_planes(&self, pass: &mut wgpu::ComputePass<'_>, canvas: &Canvas) {
+    fn sum_planes(&self, pass: &mut wgpu::ComputePass<'_>, canvas: &DepthCanvas) {
         for step in &canvas.steps {
             let kernel = if step.coarsest { &self.kernels.pyramid_coarsest } else { &self.kernels.pyramid };
             kernel.run(pass, &step.bound, step.groups);
@@ -309,14 +315,14 @@ impl Renderer {
     }
 
     /// The last picture that was submitted, once it is drawn.
-    pub fn picture(&self, canvas: &Canvas) -> Result<Gray8> {
+    pub fn picture(&self, canvas: &DepthCanvas) -> Result<Gray8> {
         let size = canvas.planes.size;
         Ok(Gray8 { size, data: self.device.read(&canvas.picture, size.pixels() as u64)? })
     }
 
     /// The depth that the last picture was made of, before splats are widened towards the edges; not in
     /// [`ToneStyle::Paraview`], whose levels take its place.
-    pub fn depth(&self, canvas: &Canvas) -> Result<Plane> {
+    pub fn depth(&self, canvas: &DepthCanvas) -> Result<Plane> {
         let (size, level) = (canvas.planes.size, canvas.planes.levels[0]);
         let bytes = self.device.read(&canvas.sums[0], 4 * u64::from(level.width) * u64::from(level.rows))?;
         let words = bytes.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]);
@@ -333,7 +339,7 @@ impl Renderer {
     }
 
     /// A picture of a scene.
-    pub fn draw(&self, gaussians: &Gaussians, canvas: &Canvas, view: &View, look: ToneStyle) -> Result<Gray8> {
+    pub fn draw(&self, gaussians: &Gaussians, canvas: &DepthCanvas, view: &View, look: ToneStyle) -> Result<Gray8> {
         self.submit(gaussians, canvas, view, look)?;
         self.picture(canvas)
     }

@@ -1,23 +1,24 @@
 //! Pictures of one scene, by its law.
 
-use super::{Canvas, Gaussians, Renderer};
+use super::{DepthCanvas, DepthRenderer, Gaussians};
 use crate::{Device, alpha};
 use particlegs_core::Result;
 use particlegs_core::camera::View;
+use particlegs_core::context::Context;
 use particlegs_core::model::LawKind;
 use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::render::alpha::depth_as_bright;
 use particlegs_core::render::lens::Lens;
-use particlegs_core::render::{Scene, depth};
+use particlegs_core::render::{Renderer, Scene, depth};
 use particlegs_core::splat::ToneStyle;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A scene on a device, drawn at whatever size, one picture at a time.
-pub struct Pictures(LawRenderer);
+pub struct ScenePictures(LawRenderer);
 
 enum LawRenderer {
-    OpticalDepth(Box<DrawingState<Renderer, Gaussians, Canvas>>),
-    AlphaBlend(Box<DrawingState<alpha::Renderer, alpha::Gaussians, alpha::Canvas>>),
+    OpticalDepth(Box<DrawingState<DepthRenderer, Gaussians, DepthCanvas>>),
+    AlphaBlend(Box<DrawingState<alpha::AlphaRenderer, alpha::Gaussians, alpha::AlphaCanvas>>),
 }
 
 /// What draws, what is drawn, and the memory of the last picture.
@@ -30,23 +31,25 @@ struct DrawingState<R, G, C> {
 /// The memory of the last picture.
 struct CanvasCache<C>(Mutex<Option<(Size, C)>>);
 
-impl Pictures {
-    /// Of a scene of either law.
-    pub fn new(device: &Arc<Device>, scene: &Scene) -> Result<Pictures> {
-        Ok(Pictures(match scene.law() {
+impl ScenePictures {
+    /// Of a scene of either law. Alpha blending has one look, whichever is asked for.
+    pub fn new(device: &Arc<Device>, scene: &Scene) -> Result<ScenePictures> {
+        Ok(ScenePictures(match scene.law() {
             LawKind::OpticalDepth => {
-                let (renderer, gaussians) = (Renderer::new(device)?, Gaussians::upload(device, scene)?);
+                let (renderer, gaussians) = (DepthRenderer::new(device)?, Gaussians::upload(device, scene)?);
                 LawRenderer::OpticalDepth(Box::new(DrawingState { renderer, gaussians, kept: CanvasCache::new() }))
             }
             LawKind::AlphaBlend => {
-                let (renderer, gaussians) = (alpha::Renderer::new(device)?, alpha::Gaussians::upload(device, scene)?);
+                let (renderer, gaussians) =
+                    (alpha::AlphaRenderer::new(device)?, alpha::Gaussians::upload(device, scene)?);
                 LawRenderer::AlphaBlend(Box::new(DrawingState { renderer, gaussians, kept: CanvasCache::new() }))
             }
         }))
     }
+}
 
-    /// A picture; a scene of the alpha-blend law has one look, whichever is asked for.
-    pub fn draw(&self, view: &View, size: Size, look: ToneStyle) -> Result<Gray8> {
+impl Renderer for ScenePictures {
+    fn draw(&self, view: &View, size: Size, look: ToneStyle, _: &Context<'_>) -> Result<Gray8> {
         match &self.0 {
             LawRenderer::OpticalDepth(own) if own.gaussians.is_empty() => Ok(Gray8::black(size)),
             LawRenderer::AlphaBlend(own) if own.gaussians.is_empty() => Ok(Gray8::black(size)),
@@ -63,8 +66,7 @@ impl Pictures {
         }
     }
 
-    /// The optical depth; of a scene of the alpha-blend law the depth that would look as bright.
-    pub fn optical_depth(&self, view: &View, size: Size) -> Result<Plane> {
+    fn optical_depth(&self, view: &View, size: Size, _: &Context<'_>) -> Result<Plane> {
         match &self.0 {
             LawRenderer::OpticalDepth(own) if own.gaussians.is_empty() => Ok(Plane::zeros(size)),
             LawRenderer::AlphaBlend(own) if own.gaussians.is_empty() => Ok(Plane::zeros(size)),

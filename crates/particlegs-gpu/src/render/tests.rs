@@ -1,13 +1,13 @@
 //! Kernels against their twins in core, on whatever adapter there is.
 
 use super::*;
-use crate::tests::{device, view};
+use crate::tests::{device, gaussian, view};
 use particlegs_core::camera::Projection;
 use particlegs_core::context::Context;
 use particlegs_core::math::{Random, Sym3, each_axis};
 use particlegs_core::model::Mixture;
 use particlegs_core::picture::psnr;
-use particlegs_core::render::project::slices::{ClipClass, fate};
+use particlegs_core::render::project::slices::{ClipClass, clip_class};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
 
@@ -24,16 +24,7 @@ fn mixture(seed: u64, n: u64, spread: f64) -> Mixture {
     let mut m = Mixture::default();
     for i in 0..n {
         let mut r = Random::new(seed, 1, i);
-        let mean = [0; 3].map(|_| 2.0 * r.uniform() - 1.0);
-        let base = spread * (0.1 + r.uniform());
-        let mut cov = Sym3::default();
-        for s in [base, base * r.uniform(), base * r.uniform() * r.uniform()] {
-            let v = [0; 3].map(|_| r.normal());
-            cov = cov.add(&Sym3::outer(v.map(|x| x * s / 1.7)));
-        }
-        if i % 7 == 0 {
-            cov = Sym3::default();
-        }
+        let (mean, cov) = gaussian(&mut r, i, spread);
         m.push(mean, cov, (1.0 + 40.0 * r.uniform()).floor(), 0.0);
     }
     m
@@ -84,14 +75,14 @@ fn cases() -> Vec<DepthRenderCase> {
 }
 
 fn scene(m: &Mixture) -> Scene<'_> {
-    Scene::of_mixture(m, Bounds { min: [-1.0; 3], max: [1.0; 3] })
+    Scene::from_mixture(m, Bounds { min: [-1.0; 3], max: [1.0; 3] })
 }
 
 /// Depth and pictures of all looks against core's.
 #[test]
 fn kernels_agree_with_their_twins() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = DepthRenderer::new(&device).unwrap();
     for DepthRenderCase { name, gaussians, view, size } in cases() {
         let scene = scene(&gaussians);
         let there = Gaussians::upload(&device, &scene).unwrap();
@@ -126,7 +117,7 @@ fn kernels_agree_with_their_twins() {
 #[test]
 fn a_picture_of_8k_is_drawn() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = DepthRenderer::new(&device).unwrap();
     let (gaussians, size) = (mixture(1, 500, 0.05), Size { width: 7680, height: 4320 });
     assert!(PlaneLayout::of(size).words().iter().all(|w| 4 * w <= 128 << 20));
     let (scene, view) = (scene(&gaussians), view([1.0, 2.0, 6.0], [0.002, 0.05]));
@@ -148,7 +139,7 @@ fn what_is_cut_is_known_before() {
         let cut = (0..gaussians.len()).any(|i| {
             let away = each_axis(|k| gaussians.mean_of(i)[k] - lens.position[k]);
             let (forward, cov) = (lens.axes[2], gaussians.cov_of(i));
-            fate(&lens, dot(forward, away), dot(forward, cov.apply(forward))) == ClipClass::Cut
+            clip_class(&lens, dot(forward, away), dot(forward, cov.apply(forward))) == ClipClass::Cut
         });
         let may = Gaussians::upload(&device, &scene).unwrap().may_be_cut(&lens);
         println!("{name}: {cut}, {may}");
@@ -162,7 +153,7 @@ fn what_is_cut_is_known_before() {
 #[test]
 fn nothing_depends_on_order_or_on_what_was_there() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = DepthRenderer::new(&device).unwrap();
     let (gaussians, size) = (mixture(3, 1500, 0.1), Size { width: 160, height: 90 });
     let mut turned = Mixture::default();
     for i in (0..gaussians.len()).rev() {
@@ -200,12 +191,12 @@ fn nothing_depends_on_order_or_on_what_was_there() {
 #[test]
 fn tiles_have_the_bits_of_atomic_adds() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = DepthRenderer::new(&device).unwrap();
     for DepthRenderCase { name, gaussians, view, size } in cases() {
         for most in [1 << 20, 1700] {
             let there = Gaussians::upload_in(&device, &scene(&gaussians), most).unwrap();
             let canvas = renderer.canvas(&there, size).unwrap();
-            let mut tiles = Tiles::new(&renderer, &there, &canvas).unwrap();
+            let mut tiles = DepthTiles::new(&renderer, &there, &canvas).unwrap();
             for look in [ToneStyle::Expected, ToneStyle::Paraview] {
                 // In that look the plane holds depth.
                 let depth = || (look == ToneStyle::Expected).then(|| renderer.depth(&canvas).unwrap().data);
@@ -227,13 +218,13 @@ fn tiles_have_the_bits_of_atomic_adds() {
 #[test]
 fn lists_of_tiles_have_an_end() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = DepthRenderer::new(&device).unwrap();
     let (gaussians, size) = (mixture(5, 300, 0.05), Size { width: 160, height: 90 });
     let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
     let canvas = renderer.canvas(&there, size).unwrap();
     let own = view([1.0, 2.0, 6.0], [0.01, 0.05]);
     let by_adds = renderer.draw(&there, &canvas, &own, ToneStyle::Expected).unwrap();
-    let mut tiles = Tiles::new(&renderer, &there, &canvas).unwrap();
+    let mut tiles = DepthTiles::new(&renderer, &there, &canvas).unwrap();
     let most = std::mem::replace(&mut tiles.most, 100);
     let long = tiles.submit(&own, ToneStyle::Expected).unwrap_err().to_string();
     assert!(long.contains("160x90") && long.contains("the 100 that") && !long.contains('\n'), "{long}");
@@ -246,7 +237,7 @@ fn lists_of_tiles_have_an_end() {
 #[test]
 fn images_are_repeated() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = DepthRenderer::new(&device).unwrap();
     let (gaussians, size) = (mixture(5, 800, 0.05), Size { width: 160, height: 90 });
     let shifts = vec![[0.0; 3], [2.0, 0.0, 0.0], [0.0, -2.0, 0.0]];
     let scene = scene(&gaussians).repeated(shifts);
@@ -263,11 +254,12 @@ fn images_are_repeated() {
 #[test]
 fn limits_are_told() {
     let Some(device) = device() else { return };
-    let renderer = Renderer::new(&device).unwrap();
+    let renderer = DepthRenderer::new(&device).unwrap();
     let gaussians = mixture(5, 80, 0.05);
     let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
-    let huge = renderer.canvas(&there, Size { width: 100_000, height: 100_000 }).map(drop).unwrap_err().to_string();
-    assert!(huge.contains("100000x100000") && huge.contains("--device cpu"), "{huge}");
+    let huge = renderer.canvas(&there, Size { width: 100_000, height: 100_000 }).map(drop).unwrap_err();
+    let huge = format!("{huge}; {}", huge.hint());
+    assert!(huge.contains("100000x100000") && huge.contains("`device cpu`"), "{huge}");
     let none = Gaussians::upload(&device, &scene(&Mixture::default())).unwrap();
     assert!(none.is_empty() && renderer.canvas(&none, Size { width: 16, height: 9 }).is_err());
     let canvas = renderer.canvas(&there, Size { width: 16, height: 9 }).unwrap();

@@ -18,51 +18,43 @@ mod compared;
 mod gaussians;
 mod kernels;
 mod picture;
-mod subject;
+pub(crate) mod subject;
 #[cfg(test)]
 mod tests;
 
-use crate::render::Renderer;
+use crate::render::DepthRenderer;
 use crate::{CUT_GROUPS, Device, groups};
-use alpha::{AlphaSteps, Blender};
+pub(crate) use alpha::AlphaSteps;
+use alpha::Blender;
 use gaussians::DepthBuffers;
 use kernels::TrainingKernels;
-use particlegs_core::context::Context;
 use particlegs_core::picture::Size;
 use particlegs_core::render::lens::Lens;
-use particlegs_core::{Error, Result};
+use particlegs_core::{Error, Hint, Result};
 use particlegs_train::depth::{DepthStepper, Parameters, StepSize, WIDTHS};
-use particlegs_train::{Loss, NonFiniteGradient, StepReport, TrainingSample, TrainingSubject};
+use particlegs_train::{Loss, NonFiniteGradient, StepReport, TrainingSample};
 use picture::{CurveCache, TrainingPicture};
-use std::fmt;
 use std::sync::Arc;
-use subject::DeviceSubject;
 
-/// Trains on a device.
-pub struct Trainer {
+/// Kernels of training, and what is drawn by.
+pub(crate) struct Trainer {
     device: Arc<Device>,
-    renderer: Arc<Renderer>,
+    renderer: Arc<DepthRenderer>,
     kernels: Arc<TrainingKernels>,
     blender: Arc<Blender>,
 }
 
-impl fmt::Debug for Trainer {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Trainer on {}", self.device.name())
-    }
-}
-
 impl Trainer {
-    /// Its kernels.
+    /// Compiles them.
     pub fn new(device: &Arc<Device>) -> Result<Trainer> {
-        let (renderer, kernels) = (Arc::new(Renderer::new(device)?), Arc::new(TrainingKernels::new(device)));
+        let (renderer, kernels) = (Arc::new(DepthRenderer::new(device)?), Arc::new(TrainingKernels::new(device)));
         let blender = Arc::new(Blender::new(device)?);
         device.check()?;
         Ok(Trainer { device: device.clone(), renderer, kernels, blender })
     }
 
-    fn of_depth(&self, of: &Parameters) -> Result<DepthSteps> {
-        Ok(DepthSteps {
+    pub fn depth_steps(&self, of: &Parameters) -> Result<Box<DepthSteps>> {
+        Ok(Box::new(DepthSteps {
             device: self.device.clone(),
             renderer: self.renderer.clone(),
             kernels: self.kernels.clone(),
@@ -70,24 +62,11 @@ impl Trainer {
             newer: ParameterLocation::Here,
             picture: None,
             curves: CurveCache::default(),
-        })
-    }
-}
-
-impl particlegs_train::Device for Trainer {
-    fn depth_steps(&self, of: &Parameters) -> Result<Box<dyn DepthStepper>> {
-        Ok(Box::new(self.of_depth(of)?))
+        }))
     }
 
-    fn alpha_steps(
-        &self,
-        of: &particlegs_train::alpha::Gaussians,
-    ) -> Result<Box<dyn particlegs_train::alpha::AlphaStepper>> {
+    pub fn alpha_steps(&self, of: &particlegs_train::alpha::Gaussians) -> Result<Box<AlphaSteps>> {
         Ok(Box::new(AlphaSteps::new(&self.device, &self.kernels, &self.blender, of)?))
-    }
-
-    fn subject<'a>(&self, of: &'a dyn TrainingSubject, context: &Context<'_>) -> Result<Box<dyn TrainingSubject + 'a>> {
-        Ok(Box::new(DeviceSubject::new(&self.device, of, context)?))
     }
 }
 
@@ -100,9 +79,9 @@ enum ParameterLocation {
 }
 
 /// Gaussians of the optical-depth law on a device.
-struct DepthSteps {
+pub(crate) struct DepthSteps {
     device: Arc<Device>,
-    renderer: Arc<Renderer>,
+    renderer: Arc<DepthRenderer>,
     kernels: Arc<TrainingKernels>,
     held: DepthBuffers,
     newer: ParameterLocation,
@@ -133,7 +112,7 @@ impl StepRecord {
             unroot: [1.0; 4],
             calm: [0.0; 4],
             beta: [size.beta1 as f32, size.beta2 as f32],
-            pull: size.pull as f32,
+            pull: size.decay as f32,
             average: size.average as f32,
             count: of.len() as u32,
             groups: of.groups.counts.len() as u32,
@@ -146,7 +125,7 @@ impl StepRecord {
             let beta = record.beta.map(f64::from);
             record.rate[k] = (size.rates[k] / correct(beta[0], now)) as f32;
             record.unroot[k] = (1.0 / correct(beta[1], now)) as f32;
-            record.calm[k] = if before == 0 { 0.0 } else { (size.calm / correct(size.beta2, before).sqrt()) as f32 };
+            record.calm[k] = if before == 0 { 0.0 } else { (size.epsilon / correct(size.beta2, before).sqrt()) as f32 };
         }
         record
     }
@@ -259,5 +238,6 @@ const NUMBERS: usize = WIDTHS[0] + WIDTHS[1] + WIDTHS[2];
 /// Why Gaussians are not held.
 fn too_many(device: &Device, count: usize, most: usize) -> Error {
     let name = device.name();
-    Error::argument(format!("{count} Gaussians: device {name} trains {most} at most: --device cpu, or more blocks"))
+    let hint = Hint::use_processor().and("or fit more blocks".into());
+    Error::argument_with(format!("{count} Gaussians: device {name} trains {most} at most"), hint)
 }

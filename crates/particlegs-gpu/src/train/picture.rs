@@ -4,7 +4,7 @@ use super::compared::{LossBuffers, PARTS};
 use super::gaussians::DepthBuffers;
 use super::kernels::TrainingKernels;
 use super::stepped;
-use crate::render::{CURVE, Canvas, LookRecord, curve};
+use crate::render::{CURVE, DepthCanvas, LookRecord, curve};
 use crate::{AT_ONCE, CUTS_AT_ONCE, Device, dispatches};
 use particlegs_core::Result;
 use particlegs_core::picture::Size;
@@ -18,7 +18,7 @@ const MOST_CURVES: usize = 4096;
 
 /// The memory of one size of picture.
 pub(super) struct TrainingPicture {
-    pub canvas: Canvas,
+    pub canvas: DepthCanvas,
     pub compared: LossBuffers,
     look: wgpu::Buffer,
     curve: wgpu::Buffer,
@@ -43,7 +43,7 @@ impl TrainingPicture {
         device: &Device,
         kernels: &TrainingKernels,
         held: &DepthBuffers,
-        canvas: Canvas,
+        canvas: DepthCanvas,
         with_dssim: bool,
     ) -> Result<TrainingPicture> {
         let (size, planes) = (canvas.planes().size, canvas.planes().sums);

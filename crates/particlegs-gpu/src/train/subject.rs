@@ -1,14 +1,15 @@
 //! What a run learns from, drawn on the device.
 
 use crate::Device;
-use crate::reference::Pictures;
+use crate::reference::ParticlePictures;
+use particlegs_core::Result;
 use particlegs_core::camera::View;
 use particlegs_core::context::Context;
 use particlegs_core::picture::{Gray8, Plane, Size};
+use particlegs_core::render::Renderer;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
-use particlegs_core::{Error, Result};
-use particlegs_train::TrainingSubject;
+use particlegs_train::{ParticleInput, TrainingSubject};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -16,23 +17,47 @@ use std::sync::Arc;
 const A_PIXEL: u64 = 5;
 
 /// Particles whose pictures the device draws, where it holds them; larger ones are the processor's, which are the same.
-pub(super) struct DeviceSubject<'a> {
+pub(crate) struct DeviceSubject<'a> {
     of: &'a dyn TrainingSubject,
     device: Arc<Device>,
-    pictures: Pictures<'a>,
+    pictures: ParticlePictures<'a>,
 }
 
 impl<'a> DeviceSubject<'a> {
     /// Sends the particles, as many as there is room for.
     pub fn new(device: &Arc<Device>, of: &'a dyn TrainingSubject, context: &Context<'_>) -> Result<Self> {
-        let columns = Box::new(move |range: Range<usize>| of.columns(range));
-        let mut pictures = Pictures::new(device, of.origin(), of.bounds(), of.len(), columns)?;
-        pictures.keep(device, &mut |_| if context.cancelled() { Err(Error::Cancelled) } else { Ok(()) })?;
+        let columns = Box::new(move |range| of.columns(range));
+        let input = ParticleInput { origin: of.origin(), bounds: of.bounds(), count: of.len(), columns };
+        let mut pictures = ParticlePictures::new(device, input)?;
+        pictures.keep(device, &mut |_| context.check())?;
         Ok(DeviceSubject { of, device: device.clone(), pictures })
     }
 
     fn holds(&self, size: Size) -> bool {
         self.device.fits(size, A_PIXEL * size.pixels() as u64).is_ok()
+    }
+}
+
+impl Renderer for DeviceSubject<'_> {
+    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        if self.holds(size) {
+            return self.pictures.draw(view, size, look, context);
+        }
+        self.of.draw(view, size, look, context)
+    }
+
+    fn response(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        if self.holds(size) {
+            return self.pictures.response(view, size, look, context);
+        }
+        self.of.response(view, size, look, context)
+    }
+
+    fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
+        if self.holds(size) {
+            return self.pictures.optical_depth(view, size, context);
+        }
+        self.of.optical_depth(view, size, context)
     }
 }
 
@@ -55,19 +80,5 @@ impl TrainingSubject for DeviceSubject<'_> {
 
     fn bounds(&self) -> Bounds {
         self.of.bounds()
-    }
-
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
-        if self.holds(size) {
-            return self.pictures.draw(view, size, look, context);
-        }
-        self.of.draw(view, size, look, context)
-    }
-
-    fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
-        if self.holds(size) {
-            return self.pictures.optical_depth(view, size, context);
-        }
-        self.of.optical_depth(view, size, context)
     }
 }

@@ -1,16 +1,16 @@
 //! Steps against their twins on the processor, on whatever adapter there is.
 
 use super::*;
-use crate::tests::{device, view};
+use crate::GpuAccelerator;
+use crate::tests::{clumps, device, target, view};
 use particlegs_core::camera::View;
 use particlegs_core::context::Context;
 use particlegs_core::math::{Random, Sym3};
 use particlegs_core::model::Mixture;
-use particlegs_core::picture::Plane;
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
 use particlegs_train::depth::{DepthCpuSteps, DepthGaussians};
-use particlegs_train::{Crop, Device as _, Norm};
+use particlegs_train::{Accelerator, Crop, Norm};
 
 const SIZE: Size = Size { width: 160, height: 90 };
 
@@ -83,22 +83,11 @@ fn cases() -> Vec<DepthTrainingCase> {
 
 fn parameters(case: &DepthTrainingCase) -> Parameters {
     let particles = case.gaussians.count.iter().sum::<f64>().round() as u64;
-    Parameters::new(&case.gaussians, particles, 48, (bounds(), case.look))
-}
-
-/// A picture of the same Gaussians in other places, with some noise.
-fn target(size: Size) -> Plane {
-    let mut r = Random::new(77, 1, 0);
-    let data = (0..size.pixels()).map(|p| {
-        let (x, y) = (p % size.width, p / size.width);
-        let smooth = 0.3 + 0.2 * (x as f64 / 11.0).sin() * (y as f64 / 7.0).cos();
-        (smooth + 0.05 * r.normal()).clamp(0.0, 1.0) as f32
-    });
-    Plane { size, data: data.collect() }
+    Parameters::new(&case.gaussians, particles, 48, bounds(), case.look)
 }
 
 fn size_of_step(rate: f64) -> StepSize {
-    StepSize { rates: [rate; 3], beta1: 0.9, beta2: 0.999, calm: 0.5, pull: 0.01, average: 0.2 }
+    StepSize { rates: [rate; 3], beta1: 0.9, beta2: 0.999, epsilon: 0.5, decay: 0.01, average: 0.2 }
 }
 
 fn steps(
@@ -207,7 +196,7 @@ fn the_same_steps_give_the_same_bits_whatever_was_there() {
     let case = cases().swap_remove(3);
     let run = |poisoned: bool| {
         let mut of = parameters(&case);
-        let mut own = trainer.of_depth(&of).unwrap();
+        let mut own = *trainer.depth_steps(&of).unwrap();
         own.picture = Some(own.picture_of(case.crop.size, case.loss.dssim > 0.0).unwrap());
         if poisoned {
             own.poison();
@@ -286,7 +275,7 @@ fn a_device_that_is_gone_is_an_error() {
     let trainer = Trainer::new(&device).unwrap();
     let case = cases().swap_remove(0);
     let mut of = parameters(&case);
-    let mut own = trainer.of_depth(&of).unwrap();
+    let mut own = *trainer.depth_steps(&of).unwrap();
     steps(&mut own, &mut of, &case, 2);
     let before = of.now.clone();
     device.device.destroy();
@@ -307,20 +296,11 @@ fn more_gaussians_than_it_holds_are_refused() {
 /// A fit that is trained, on the processor and on the device: held-out views within 0.05 dB.
 #[test]
 fn a_short_run_reaches_the_processors_score() {
+    use particlegs::checkpoint::NoCheckpoints;
     use particlegs::compress::{Options, Target, compress};
-    use particlegs::particles::Particles;
-    use particlegs::pieces::NoCheckpoints;
     use particlegs::train::{Config, Limits, Preset, Start};
     let Some(device) = device() else { return };
-    let device: Arc<dyn particlegs_train::Device> = Arc::new(Trainer::new(&device).unwrap());
-    let column = |k: u32| -> Vec<f32> {
-        let at = |i: u64| {
-            let (mut own, mut of_clump) = (Random::new(5, k, i), Random::new(6, k, i % 40));
-            (of_clump.uniform() + 0.03 * own.normal()).clamp(0.0, 1.0) as f32
-        };
-        (0..20_000).map(at).collect()
-    };
-    let particles = Particles::from_columns(column(1), column(2), column(3));
+    let device: Arc<dyn Accelerator> = Arc::new(GpuAccelerator::new(device));
     let fast = Config::preset(Preset::Fast, particlegs::model::LawKind::OpticalDepth);
     let config = Config {
         start: Start::Random,
@@ -328,11 +308,11 @@ fn a_short_run_reaches_the_processors_score() {
         start_gaussians: Some(300),
         ..fast.scaled(0.06).unwrap()
     };
-    let run = |device: Option<Arc<dyn particlegs_train::Device>>| {
+    let run = |device: Option<Arc<dyn Accelerator>>| {
         let limits = Limits { device, ..Limits::default() };
         let training = Some(config.clone());
         let options = Options { target: Target::Gaussians(300), training, limits, seed: 4, ..Options::default() };
-        let done = compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT).unwrap();
+        let done = compress(&clumps(), &options, &mut NoCheckpoints, &Context::SILENT).unwrap();
         done.trained[0].clone()
     };
     let (here, there) = (run(None), run(Some(device)));

@@ -2,8 +2,8 @@
 
 use super::groups::{self, ViewGroup, in_pixels, masked, means_over, psnr, ssim};
 use super::published::{self, BYTES_A_GAUSSIAN, same_sign};
-use crate::found::{ResultTable, Spread, TableCell};
 use crate::lab::Lab;
+use crate::results::{ResultTable, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::training::{self, TrainingResult};
 use crate::views::{ReferenceViews, Score};
@@ -24,17 +24,13 @@ pub(super) struct StageEvaluator<'a> {
 
 /// Models of one recipe, one a seed, and what they score.
 pub(super) struct AblationRow {
-    /// What the table calls it.
     pub label: String,
     /// Scores at the two sizes, of each model.
     pub scores: [Vec<Vec<Score>>; 2],
-    /// Gaussians of each.
     pub gaussians: Vec<f64>,
-    /// Bytes of each file.
     pub bytes: Vec<f64>,
     /// Wall-clock seconds that each took.
     pub seconds: Vec<f64>,
-    /// The paper's.
     pub paper: Option<published::PublishedRow>,
     /// Was the number of Gaussians of one of them held by the most that there may be?
     pub held: bool,
@@ -114,13 +110,13 @@ impl AblationRow {
 
     /// Change of a measure from another row's median: of each model.
     pub fn changes(&self, from: &AblationRow, number: usize) -> Vec<f64> {
-        let median = Spread::of(&from.measured(number)).map(|s| s.median);
+        let median = Spread::new(&from.measured(number)).map(|s| s.median);
         self.measured(number).into_iter().filter_map(|v| Some(v - median?)).collect()
     }
 
     /// How far the models of a row lie apart in a measure: the noise of one run.
     pub fn noise(&self, number: usize) -> f64 {
-        Spread::of(&self.measured(number)).map_or(0.0, |s| s.high - s.low)
+        Spread::new(&self.measured(number)).map_or(0.0, |s| s.high - s.low)
     }
 }
 
@@ -146,9 +142,8 @@ pub(super) fn table(name: &str, title: &str, rows: &[AblationRow], sizes: &[Stri
         format!("same sign, PSNR at {small}"),
         format!("same sign, masked at {large}"),
     ];
-    let mut table = ResultTable::new(name, title, &heads.each_ref().map(String::as_str));
-    rows.iter().for_each(|row| table.row(cells(row, &rows[0])));
-    table
+    let heads = heads.each_ref().map(String::as_str);
+    ResultTable::new(name, title, &heads).with(rows.iter().map(|row| cells(row, &rows[0])))
 }
 
 fn cells(row: &AblationRow, first: &AblationRow) -> Vec<TableCell> {
@@ -181,7 +176,7 @@ fn cells(row: &AblationRow, first: &AblationRow) -> Vec<TableCell> {
 /// Has the median change of a measure the paper's sign? Nothing where the paper has no such row.
 pub(super) fn sign(row: &AblationRow, first: &AblationRow, number: usize) -> Option<&'static str> {
     let theirs = row.paper.filter(|p| p.change != 0.0)?.change;
-    let ours = Spread::of(&row.changes(first, number))?.median;
+    let ours = Spread::new(&row.changes(first, number))?.median;
     Some(same_sign(ours, theirs, first.noise(number)))
 }
 
@@ -230,7 +225,7 @@ pub(super) fn room_note(
     noise_free: &AblationRow,
     sizes: &[String; 2],
 ) -> Option<String> {
-    let median = |row: &AblationRow| Some(Spread::of(&row.measured(0))?.median);
+    let median = |row: &AblationRow| Some(Spread::new(&row.measured(0))?.median);
     let (from, to) = (median(first)?, median(noise_free)?);
     Some(format!(
         "What there is to gain: the noise-free picture of all particles, which no model is to pass, has {:.2} dB of PSNR \

@@ -5,8 +5,9 @@ use super::distances::{self, DISTANCES, ScoreCurve, at_distances};
 use super::groups::{self, ViewGroup, in_pixels, masked, means_over, psnr, ssim};
 use super::published as paper;
 use super::seeds::{each_seed, told};
-use crate::found::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
+use super::shared::rates::COMPARED as RATIO;
 use crate::lab::{Lab, ModelBuild, ModelSettings};
+use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score};
 use particlegs::Result;
@@ -20,9 +21,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// Raw bytes over bytes of every file.
-pub(super) const RATIO: f64 = 263.0;
-/// Numbers of blocks, as in the paper.
 const BLOCKS: [u32; 5] = [1, 2, 4, 8, 16];
 
 /// Models of one number of blocks, one a seed.
@@ -121,7 +119,7 @@ fn table(all: &[BlockCountScores], noise_free: &[Vec<Score>]) -> ResultTable {
 /// What each model's masked PSNR in some groups is more than the median of one block, dB.
 fn changes(m: &BlockCountScores, one: &BlockCountScores, groups: &[ViewGroup]) -> Vec<f64> {
     let of = |m: &BlockCountScores| means_over(&m.scores, groups, masked);
-    let median = Spread::of(&of(one)).map(|s| s.median);
+    let median = Spread::new(&of(one)).map(|s| s.median);
     of(m).into_iter().filter_map(|v| Some(v - median?)).collect()
 }
 
@@ -170,7 +168,7 @@ fn notes(lab: &Lab<'_>, truth: &ReferenceViews, frames: usize, all: &[BlockCount
             told(lab, &all.iter().map(|m| m.scores.len()).collect::<Vec<_>>())
         ),
     ];
-    let change = |m: &BlockCountScores| Some((m.blocks, Spread::of(&changes(m, &all[0], &groups::in_range()))?));
+    let change = |m: &BlockCountScores| Some((m.blocks, Spread::new(&changes(m, &all[0], &groups::in_range()))?));
     let said: Vec<String> =
         all[1..].iter().filter_map(change).map(|(k, s)| format!("{k} blocks {:+.2} dB", s.median)).collect();
     notes.push(format!("Change of masked PSNR from one block at the same bytes: {}.", said.join(", ")));

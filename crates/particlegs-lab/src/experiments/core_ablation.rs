@@ -3,16 +3,17 @@
 
 use super::Experiment;
 use super::ablation::{self, AblationRow, StageEvaluator};
-use super::core_more::choices;
 use super::groups::{self, ViewGroup, masked, mean_over};
 use super::published as paper;
-use super::seeds::each_seed;
-use crate::found::{ExperimentResults, ResultTable, TableCell};
+use super::shared::published_models::{of_seeds, whole};
 use crate::lab::Lab;
+use crate::results::{ExperimentResults, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
 use crate::training::{TrainingResult, TrainingTask, ours_at, recipe, scale, scaled, single_resolution, trained};
 use particlegs::Result;
-use particlegs::train::Config;
+use particlegs::model::LawKind;
+use particlegs::splat::ToneStyle;
+use particlegs::train::{Config, Norm, Start};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "core-ablation",
@@ -22,11 +23,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     weight: 900,
     run,
 };
-
-/// The published recipe of this experiment.
-pub(super) fn whole(lab: &Lab<'_>) -> Result<Config> {
-    scaled(recipe(), scale(lab))
-}
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let (snapshot, config) = (&snapshots[0], whole(lab)?);
@@ -78,9 +74,25 @@ fn more(
     Ok(rows)
 }
 
-/// The task's model for every seed.
-fn of_seeds(lab: &Lab<'_>, snapshot: &Snapshot, task: impl Fn(u64) -> TrainingTask) -> Result<Vec<TrainingResult>> {
-    each_seed(lab, |t: &TrainingResult| &t.made.model, |seed| trained(lab, snapshot, &task(seed)))
+/// What the paper does not compare: what is chosen otherwise, and what is trained then.
+fn choices(scale: f64, seed: u64) -> Result<Vec<(&'static str, TrainingTask)>> {
+    let with = |change: fn(&mut Config)| {
+        let mut config = recipe();
+        change(&mut config);
+        scaled(config, scale)
+    };
+    let published = |change| -> Result<TrainingTask> { Ok(TrainingTask::published(with(change)?, 1, seed)) };
+    let from = |change| -> Result<TrainingTask> { Ok(TrainingTask::published_from_fit(with(change)?, seed)) };
+    Ok(vec![
+        ("without density control", published(|c| c.stages.iter_mut().for_each(|s| s.densify.every = 0))?),
+        ("without opacity resets", published(|c| c.alpha_blend.reset_every = 0)?),
+        ("0.8 L1 + 0.2 DSSIM", published(|c| c.loss.dssim = 0.2)?),
+        ("L2", published(|c| c.loss.norm = Norm::L2)?),
+        ("targets free of noise (expected)", published(|c| c.target = ToneStyle::Expected)?),
+        ("started from our partition", from(|c| c.start = Start::Partition)?),
+        ("started from our fit", from(|c| c.start = Start::Fit)?),
+        ("law optical-depth, all else published", published(|c| c.law = LawKind::OpticalDepth)?),
+    ])
 }
 
 /// What is left out, the recipe without it, and what the paper found.

@@ -2,10 +2,10 @@
 //! simulation codes"): nothing is tuned to any of them.
 
 use super::Experiment;
-use super::rate_distortion::{COMPARED, NOT_OF_THIS_SIZE, RatePoint, ReferenceScores, beside, rows, series};
-use crate::found::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Spread, TableCell};
+use super::shared::rates::{COMPARED, NOT_OF_THIS_SIZE, RatePoint, ReferenceScores, beside, rows, series};
 use crate::lab::{Lab, ModelSettings};
 use crate::method::CompressionMethod;
+use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, identical_note, mean, psnr, ssim};
 use particlegs::{Error, Result};
@@ -69,7 +69,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
 
 fn measured<'a>(lab: &Lab<'_>, snapshot: &'a Snapshot) -> Result<DatasetComparison<'a>> {
     let first = lab.model(snapshot, &ModelSettings::ratio(COMPARED, lab.settings.seed))?;
-    let truth = ReferenceViews::of(lab, snapshot, &first.model.metadata)?;
+    let truth = ReferenceViews::new(lab, snapshot, &first.model.metadata)?;
     let (rows, beside) = (rows(lab, snapshot, &truth, &[COMPARED])?, beside(lab, snapshot, &truth, &first)?);
     Ok(DatasetComparison { snapshot, gaussians: first.model.gaussians(), rows, beside })
 }
@@ -91,7 +91,7 @@ impl DatasetComparison<'_> {
 }
 
 fn ours(sets: &[DatasetComparison<'_>]) -> ResultTable {
-    let mut table = ResultTable::new(
+    ResultTable::new(
         "datasets",
         format!("Our models at ratio {COMPARED}"),
         &[
@@ -106,10 +106,10 @@ fn ours(sets: &[DatasetComparison<'_>]) -> ResultTable {
             "uniform box, dB",
             "all black, dB",
         ],
-    );
-    for (i, s) in sets.iter().enumerate() {
+    )
+    .with(sets.iter().enumerate().map(|(i, s)| {
         let row = s.ours();
-        table.row([
+        [
             TableCell::text(format!("{} {}", i + 1, s.snapshot.name)),
             TableCell::count(s.snapshot.particles.len() as u64),
             TableCell::count(s.gaussians as u64),
@@ -120,27 +120,26 @@ fn ours(sets: &[DatasetComparison<'_>]) -> ResultTable {
             TableCell::number(s.beside.noise_free, 2),
             TableCell::number(s.beside.uniform_box, 2),
             TableCell::number(s.beside.all_black, 2),
-        ]);
-    }
-    table
+        ]
+    }))
 }
 
 /// How far ours is above each other way, a column a data set.
 fn margins(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> ResultTable {
     let heads: Vec<&str> = ["method"].into_iter().chain(sets.iter().map(|s| s.snapshot.name.as_str())).collect();
     let title = format!("Our models above other ways, masked PSNR, dB, at ratio {COMPARED}");
-    let mut table = ResultTable::new("datasets-margins", title, &heads);
-    for method in CompressionMethod::all(lab).into_iter().skip(1) {
+    let row = |method: CompressionMethod| {
         let above = |s: &DatasetComparison<'_>| {
             if s.missed(method) {
                 return TableCell::text(NOT_OF_THIS_SIZE);
             }
-            let ours = Spread::of(&s.ours().masked()).map_or(f64::NAN, |s| s.median);
+            let ours = Spread::new(&s.ours().masked()).map_or(f64::NAN, |s| s.median);
             TableCell::spread(&s.masked(method).iter().map(|v| ours - v).collect::<Vec<_>>(), 2)
         };
-        table.row([TableCell::text(method.name(lab))].into_iter().chain(sets.iter().map(above)));
-    }
-    table
+        let above: Vec<TableCell> = sets.iter().map(above).collect();
+        [vec![TableCell::text(method.name(lab))], above].concat()
+    };
+    ResultTable::new("datasets-margins", title, &heads).with(CompressionMethod::all(lab).into_iter().skip(1).map(row))
 }
 
 fn plot(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> Plot {
@@ -164,14 +163,12 @@ mod tests {
     use super::*;
     use crate::settings::Settings;
     use particlegs::context::Context;
-    use particlegs::particles::Particles;
     use particlegs::picture::Size;
 
     #[test]
     fn one_that_is_too_small_leaves_the_others() {
         let of = |name: &str, n: u32| {
-            let column = |k: u32| (0..n).map(|i| ((i * (k + 7) % 997) as f32 / 31.0).powi(2)).collect::<Vec<f32>>();
-            Snapshot::new(name.into(), name.into(), Particles::from_columns(column(1), column(2), column(3)), None)
+            Snapshot::new(name.into(), name.into(), crate::testing::lattice(n, |v| (v / 31.0).powi(2)), None)
         };
         let folder = tempfile::tempdir().unwrap();
         let settings = Settings { size: Size { width: 64, height: 36 }, ..Settings::new(true, "".into()) };

@@ -1,13 +1,12 @@
 //! Masked PSNR by distance of the camera for models of several numbers of blocks (paper, figure of block distances).
 
 use super::groups::{ViewGroup, masked, means_over};
-use crate::found::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
+use crate::results::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::views::Score;
 
 /// Distances of the figure, in base distances, far to near.
 pub(super) const DISTANCES: [f64; 5] = [1.3, 1.0, 0.7, 0.5, 0.35];
 
-/// The groups of views at those distances.
 pub(super) fn at_distances() -> Vec<ViewGroup> {
     DISTANCES.map(ViewGroup::orbit).to_vec()
 }
@@ -20,7 +19,6 @@ pub(super) struct ScoreCurve<'a> {
     pub dashed: bool,
 }
 
-/// The figure.
 pub(super) fn plot(name: &str, title: &str, curves: &[ScoreCurve<'_>]) -> Plot {
     let series = curves.iter().map(|c| {
         let point = |d: f64| Point::decibels(d, &means_over(c.scores, &[ViewGroup::orbit(d)], masked));
@@ -37,22 +35,19 @@ pub(super) fn plot(name: &str, title: &str, curves: &[ScoreCurve<'_>]) -> Plot {
     }
 }
 
-/// The same as a table.
 pub(super) fn table(name: &str, title: &str, curves: &[ScoreCurve<'_>]) -> ResultTable {
     let heads: Vec<String> =
         std::iter::once("masked PSNR, dB, at distance".into()).chain(DISTANCES.iter().map(f64::to_string)).collect();
-    let mut table = ResultTable::new(name, title, &heads.iter().map(String::as_str).collect::<Vec<_>>());
-    for c in curves {
-        let at = |d: &f64| TableCell::decibels(&means_over(c.scores, &[ViewGroup::orbit(*d)], masked));
-        table.row(std::iter::once(TableCell::text(&c.label)).chain(DISTANCES.iter().map(at)));
-    }
-    table
+    let heads: Vec<&str> = heads.iter().map(String::as_str).collect();
+    let at = |c: &ScoreCurve<'_>, d: f64| TableCell::decibels(&means_over(c.scores, &[ViewGroup::orbit(d)], masked));
+    let row = |c: &ScoreCurve<'_>| [vec![TableCell::text(&c.label)], DISTANCES.map(|d| at(c, d)).to_vec()].concat();
+    ResultTable::new(name, title, &heads).with(curves.iter().map(row))
 }
 
 /// How much more models gain over others near (0.5) than far (1.0), median against median: gains far and near, dB.
 pub(super) fn gains(over: &[Vec<Score>], of: &[Vec<Score>]) -> Option<[f64; 2]> {
     let median = |all: &[Vec<Score>], d| {
-        Some(crate::found::Spread::of(&means_over(all, &[ViewGroup::orbit(d)], masked))?.median)
+        Some(crate::results::Spread::new(&means_over(all, &[ViewGroup::orbit(d)], masked))?.median)
     };
     let gain = |d| Some(median(of, d)? - median(over, d)?);
     Some([gain(1.0)?, gain(0.5)?])

@@ -5,11 +5,11 @@ use super::Experiment;
 use super::ablation::{self, StageEvaluator};
 use super::groups;
 use super::published as paper;
-use super::published_blocks::merged;
-use crate::found::ExperimentResults;
+use super::shared::published_models::{fine_tuning, merged, whole};
 use crate::lab::Lab;
+use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
-use crate::training::{TrainingResult, recipe, scale, scaled, tuned};
+use crate::training::{TrainingResult, scale, tuned};
 use particlegs::Result;
 use particlegs::train::Config;
 
@@ -25,19 +25,14 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 /// Blocks that the model is merged of.
 const BLOCKS: u32 = 8;
 
-/// The published fine-tuning in its share.
-pub(super) fn production(scale: f64) -> Result<Config> {
-    scaled(Config { evaluate_views: 4, ..Config::fine_tuning() }, scale)
-}
-
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let (snapshot, seed) = (&snapshots[0], lab.settings.seed);
     let of_blocks = merged(lab, snapshot, BLOCKS, seed)?;
     let tune = |config: &Config, seed| tuned(lab, snapshot, &of_blocks.made, config, seed);
-    let config = production(scale(lab))?;
+    let config = fine_tuning(lab)?;
     let seeds: Result<Vec<TrainingResult>> = lab.settings.seeds().map(|seed| tune(&config, seed)).collect();
     // Sizes are those of the recipe that made the blocks: fine-tuning has the first alone.
-    let recipe = scaled(recipe(), scale(lab))?;
+    let recipe = whole(lab)?;
     let judge = StageEvaluator::new(lab, snapshot, &recipe, &of_blocks.made.model.metadata, &groups::in_range())?;
     let mut rows = vec![judge.row("published: L1, density control", &seeds?, Some(paper::EIGHT))?];
     for (label, config, theirs) in variants(&config) {

@@ -2,14 +2,14 @@
 
 use super::Experiment;
 use super::ablation::frames as trained_frames;
-use super::blocks::RATIO;
-use super::core_ablation;
-use super::groups::{self, ViewGroup, in_pixels, masked, means_over, psnr, ssim};
+use super::groups::{self, ViewGroup, in_pixels};
 use super::published as paper;
 use super::seeds::{each_seed, told};
+use super::shared::published_models::{of_seeds, whole};
+use super::shared::rates::COMPARED as RATIO;
 use super::sweep::{Sweep, SweepModel, SweepStep};
-use crate::found::{ExperimentResults, Spread, TableCell};
 use crate::lab::{Lab, ModelBuild, ModelSettings};
+use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
 use crate::training::{self, TrainingResult, TrainingTask};
 use crate::views::{ReferenceViews, Score};
@@ -57,7 +57,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     match lab.settings.training {
         true => beside_published(lab, snapshot, &mut found)?,
         false => found.notes.push(
-            "The published law was not trained in this run: with `--training` its model stands beside ours of the same \
+            "The published law was not trained in this run: where training is asked for, its model stands beside ours of the same \
              bytes. Figures of the paper are in the columns beside."
                 .into(),
         ),
@@ -115,7 +115,6 @@ fn model<'m>(
     Ok(SweepModel { label: label.into(), style, scores })
 }
 
-/// Tables and plots of all sweeps.
 fn add(found: &mut ExperimentResults, stem: &str, models: &[SweepModel], noise_free: &[Score], of: &str) {
     for sweep in sweeps() {
         found.tables.push(sweep.table(stem, models, noise_free, of));
@@ -146,17 +145,14 @@ fn falls(models: &[SweepModel], noise_free: &[Score]) -> Vec<String> {
 
 /// The published law, trained, and ours at the same bytes, where the pictures are those of its training.
 fn beside_published(lab: &Lab<'_>, snapshot: &Snapshot, found: &mut ExperimentResults) -> Result<()> {
-    let config = core_ablation::whole(lab)?;
-    let each = |task: &dyn Fn(u64) -> TrainingTask| -> Result<Vec<TrainingResult>> {
-        each_seed(lab, |t: &TrainingResult| &t.made.model, |seed| training::trained(lab, snapshot, &task(seed)))
-    };
-    let published = each(&|seed| TrainingTask::published(config.clone(), 1, seed))?;
+    let config = whole(lab)?;
+    let published = of_seeds(lab, snapshot, |seed| TrainingTask::published(config.clone(), 1, seed))?;
     let mut plain = training::recipe();
     plain.alpha_blend.vizmapper = false;
     let plain = training::scaled(plain, training::scale(lab))?;
-    let plain = each(&|seed| TrainingTask::published(plain.clone(), 1, seed))?;
+    let plain = of_seeds(lab, snapshot, |seed| TrainingTask::published(plain.clone(), 1, seed))?;
     let bytes = published[0].made.bytes.len() as u64;
-    let ours = each(&|seed| TrainingTask::ours(bytes, None, seed))?;
+    let ours = of_seeds(lab, snapshot, |seed| TrainingTask::ours(bytes, None, seed))?;
     let [_, size] = training::sizes(&config);
     let truth = truth(lab, snapshot, &published[0].made.model.metadata, trained_frames(lab), size)?;
     let of = |label: &str, style, all: &[TrainingResult]| {
@@ -189,16 +185,4 @@ fn edge(models: &[SweepModel]) -> Option<String> {
          {:+.2} dB are the law's.",
         theirs - ours
     ))
-}
-
-/// The cells of a model at a step.
-pub(super) fn cells(scores: &[Vec<Score>], group: &ViewGroup) -> [TableCell; 3] {
-    let own = std::slice::from_ref(group);
-    let of = |pick| means_over(scores, own, pick);
-    [TableCell::decibels(&of(masked)), TableCell::decibels(&of(psnr)), TableCell::spread(&of(ssim), 4)]
-}
-
-/// The median over models of masked PSNR at a step.
-pub(super) fn median(scores: &[Vec<Score>], group: &ViewGroup) -> Option<f64> {
-    Some(Spread::of(&means_over(scores, std::slice::from_ref(group), masked))?.median)
 }

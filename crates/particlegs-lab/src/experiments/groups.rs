@@ -4,8 +4,7 @@
 //! Every group has the same directions, and those that draw radius and opacity have the same draws: what differs from
 //! group to group is the distance or the factor alone.
 
-use crate::device::Style;
-use crate::lab::{Lab, ModelBuild};
+use crate::lab::{Lab, ModelBuild, Style};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score, mean_of_values, told};
 pub(super) use crate::views::{masked, psnr, ssim};
@@ -21,7 +20,6 @@ pub(super) const RANGE: [f64; 2] = [0.25, 1.75];
 /// The trained orbits, far to near.
 pub(super) const TRAINED: [f64; 3] = [1.0, 0.7, 0.5];
 
-/// A group of views.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ViewGroup {
     /// What its views' names begin with.
@@ -49,7 +47,6 @@ impl ViewGroup {
     }
 }
 
-/// The trained orbits.
 pub(super) fn in_range() -> Vec<ViewGroup> {
     TRAINED.map(ViewGroup::orbit).to_vec()
 }
@@ -57,11 +54,11 @@ pub(super) fn in_range() -> Vec<ViewGroup> {
 /// `frames` views of each group about a snapshot, named after it (`orbit-0.7_00`). Same seed, same views.
 pub(super) fn views(groups: &[ViewGroup], of: &Metadata, seed: u64, frames: usize) -> Vec<View> {
     let base = base_distance(&of.bounds, Size { width: 16, height: 9 });
-    let turn = Random::of(Purpose::EvaluationTurn, seed, 0).bits();
+    let turn = Random::from_purpose(Purpose::EvaluationTurn, seed, 0).bits();
     let in_group = |group: &ViewGroup| {
         let cameras = spiral(of.bounds.center(), group.orbit * base, frames, Some(turn));
         let view = |(i, camera)| {
-            let mut draw = Random::of(Purpose::EvaluationLook, seed, i as u64);
+            let mut draw = Random::from_purpose(Purpose::EvaluationLook, seed, i as u64);
             let mut drawn = || RANGE[0] + (RANGE[1] - RANGE[0]) * draw.beta33();
             let [radius, opacity] = group.factors.unwrap_or_else(|| [drawn(), drawn()]);
             View {
@@ -84,7 +81,7 @@ pub(super) fn scores(
     made: &ModelBuild,
 ) -> Result<Vec<Score>> {
     let model = blake3::hash(&made.bytes).to_hex().to_string();
-    lab.on_device.result("scores", &(&snapshot.hash, model, all_told(truth)), || truth.of_model(lab, &made.model))
+    lab.on_device.result("scores", &(&snapshot.hash, model, all_told(truth)), || truth.score_model(lab, &made.model))
 }
 
 /// Scores of the noise-free picture of all particles, which no model can be expected to pass: kept, or measured now.
@@ -119,11 +116,11 @@ pub(super) fn in_pixels(size: Size) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use particlegs::checkpoint::NoCheckpoints;
     use particlegs::compress::{Options, Target, compress};
     use particlegs::context::Context;
     use particlegs::model::CertificateLevel;
     use particlegs::particles::Particles;
-    use particlegs::pieces::NoCheckpoints;
 
     fn metadata() -> Metadata {
         let column = |k: u32| (0..500u32).map(|i| (i * (k + 7) % 97) as f32).collect::<Vec<f32>>();

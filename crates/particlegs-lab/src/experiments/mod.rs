@@ -3,12 +3,13 @@
 mod ablation;
 mod blocks;
 mod core_ablation;
-mod core_more;
 mod datasets;
 mod distances;
 mod figures;
 mod finetune_ablation;
 mod generalisation;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod groups;
 mod performance;
 mod published;
@@ -18,10 +19,11 @@ mod rate_density;
 mod rate_distortion;
 mod recovery;
 mod seeds;
+mod shared;
 mod sweep;
 
-use crate::found::ExperimentResults;
 use crate::lab::Lab;
+use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
 use particlegs::{Error, Result};
 
@@ -35,7 +37,8 @@ pub struct Experiment {
     pub paper: &'static str,
     /// Does it train models?
     pub trains: bool,
-    /// About how long it takes of all, in shares of the whole: for the time that is left.
+    /// About how long it takes of all, in shares of the whole: for the time that is left. 0 = it takes no snapshot, and
+    /// is none of `all`.
     pub weight: u64,
     /// Does it. The first snapshot is the one that is measured; those after it are what it is compared over.
     pub run: fn(&Lab<'_>, &[Snapshot]) -> Result<ExperimentResults>,
@@ -54,12 +57,14 @@ pub const EXPERIMENTS: &[Experiment] = &[
     finetune_ablation::EXPERIMENT,
     published_blocks::EXPERIMENT,
     published_run::EXPERIMENT,
+    #[cfg(feature = "gpu")]
+    gpu::EXPERIMENT,
 ];
 
 /// The experiments that a name stands for: one, or `all` that the settings allow.
 pub fn named(name: &str, training: bool) -> Result<Vec<&'static Experiment>> {
     if name == "all" {
-        return Ok(EXPERIMENTS.iter().filter(|e| training || !e.trains).collect());
+        return Ok(EXPERIMENTS.iter().filter(|e| e.weight > 0 && (training || !e.trains)).collect());
     }
     let found = EXPERIMENTS.iter().find(|e| e.name == name).map(|e| vec![e]);
     found.ok_or_else(|| {

@@ -37,7 +37,6 @@ pub(super) const DSSIM_BLEND: PublishedRow = PublishedRow { psnr: 28.26, change:
 /// A row of the block sweep (`Blk...`).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PublishedBlocks {
-    /// Number of blocks.
     pub blocks: u32,
     /// PSNR after the merge, dB.
     pub merged: Option<f64>,
@@ -49,7 +48,6 @@ pub(super) struct PublishedBlocks {
     pub thousands: f64,
 }
 
-/// The block sweep.
 pub(super) const BLOCKS: [PublishedBlocks; 5] = [
     PublishedBlocks { blocks: 1, merged: None, tuned: 28.80, ssim: 0.7723, thousands: 171.0 },
     PublishedBlocks { blocks: 2, merged: Some(28.99), tuned: 29.72, ssim: 0.8076, thousands: 543.0 },
@@ -58,7 +56,6 @@ pub(super) const BLOCKS: [PublishedBlocks; 5] = [
     PublishedBlocks { blocks: 16, merged: Some(26.80), tuned: 30.08, ssim: 0.8271, thousands: 1037.0 },
 ];
 
-/// The row of a number of blocks.
 pub(super) fn blocks(k: u32) -> Option<PublishedBlocks> {
     BLOCKS.into_iter().find(|b| b.blocks == k)
 }
@@ -75,7 +72,6 @@ pub(super) struct OrbitRow {
     pub kind: &'static str,
     /// Masked PSNR, dB.
     pub masked: f64,
-    /// SSIM.
     pub ssim: f64,
 }
 

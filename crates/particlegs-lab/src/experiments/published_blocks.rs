@@ -3,13 +3,13 @@
 use super::Experiment;
 use super::ablation::{self, AblationRow, StageEvaluator};
 use super::distances::{self, ScoreCurve, at_distances};
-use super::finetune_ablation::production;
 use super::groups::{ViewGroup, masked, means_over};
 use super::published::{self as paper, BYTES_A_GAUSSIAN, same_sign};
-use crate::found::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
+use super::shared::published_models::{fine_tuning, merged, whole};
 use crate::lab::Lab;
+use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
 use crate::snapshot::Snapshot;
-use crate::training::{TrainingResult, TrainingTask, recipe, scale, scaled, trained, tuned};
+use crate::training::{TrainingResult, scale, tuned};
 use particlegs::Result;
 use particlegs::train::Config;
 
@@ -22,15 +22,8 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// Numbers of blocks.
 fn numbers(lab: &Lab<'_>) -> &'static [u32] {
     if lab.settings.quick { &[1, 2, 8] } else { &[1, 2, 4, 8, 16] }
-}
-
-/// The model of `blocks` blocks, each trained in its own frame by the whole recipe, merged with the first one's network.
-pub(super) fn merged(lab: &Lab<'_>, snapshot: &Snapshot, blocks: u32, seed: u64) -> Result<TrainingResult> {
-    let config = scaled(recipe(), scale(lab))?;
-    trained(lab, snapshot, &TrainingTask::published(config, blocks, seed))
 }
 
 /// A number of blocks, merged and fine-tuned.
@@ -42,7 +35,7 @@ struct BlockTuningRow {
 
 fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let (snapshot, seed) = (&snapshots[0], lab.settings.seed);
-    let (recipe, tuning) = (scaled(recipe(), scale(lab))?, production(scale(lab))?);
+    let (recipe, tuning) = (whole(lab)?, fine_tuning(lab)?);
     let one: Vec<TrainingResult> =
         lab.settings.seeds().map(|seed| merged(lab, snapshot, 1, seed)).collect::<Result<_>>()?;
     let judge = StageEvaluator::new(lab, snapshot, &recipe, &one[0].made.model.metadata, &at_distances())?;
@@ -102,16 +95,15 @@ fn table(all: &[BlockTuningRow], one: &AblationRow, sizes: &[String; 2]) -> Resu
         "same sign of the change".into(),
     ];
     let title = "Blocks trained by the published recipe, merged and fine-tuned";
-    let mut table = ResultTable::new("published-blocks", title, &heads.each_ref().map(String::as_str));
-    all.iter().for_each(|m| table.row(cells(m, one)));
-    table
+    let heads = heads.each_ref().map(String::as_str);
+    ResultTable::new("published-blocks", title, &heads).with(all.iter().map(|m| cells(m, one)))
 }
 
 fn cells(m: &BlockTuningRow, one: &AblationRow) -> Vec<TableCell> {
     let changes = m.tuned.changes(one, 0);
     let p = paper::blocks(m.blocks);
     let theirs = p.map(|p| p.tuned - paper::SINGLE.psnr).filter(|c| *c != 0.0);
-    let sign = Spread::of(&changes).zip(theirs).map(|(s, t)| same_sign(s.median, t, one.noise(0)));
+    let sign = Spread::new(&changes).zip(theirs).map(|(s, t)| same_sign(s.median, t, one.noise(0)));
     let as_ply: Vec<f64> = m.tuned.gaussians.iter().map(|n| n * BYTES_A_GAUSSIAN as f64).collect();
     vec![
         TableCell::count(m.blocks.into()),
@@ -213,7 +205,7 @@ fn near_and_far(all: &[BlockTuningRow], one: &AblationRow) -> Option<String> {
     let alike = if (near > far) == (paper_near > paper_far) { "more near than far in both" } else { "not alike" };
     let tuned = all.iter().find(|m| m.blocks == 1).and_then(|m| {
         let at = |row: &AblationRow| {
-            Spread::of(&means_over(&row.scores[0], &[ViewGroup::orbit(0.5)], masked)).map(|s| s.median)
+            Spread::new(&means_over(&row.scores[0], &[ViewGroup::orbit(0.5)], masked)).map(|s| s.median)
         };
         Some(at(&m.tuned)? - at(one)?)
     });

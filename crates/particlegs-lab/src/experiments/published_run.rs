@@ -4,8 +4,8 @@ use super::Experiment;
 use super::ablation::{self, AblationRow, StageEvaluator};
 use super::groups::{self, in_pixels};
 use super::published as paper;
-use crate::found::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::lab::Lab;
+use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::snapshot::Snapshot;
 use crate::training::{self, TrainingResult, TrainingScore, TrainingTask, trained_on};
 use crate::views::{ReferenceViews, mean};
@@ -28,7 +28,6 @@ fn scale(lab: &Lab<'_>) -> f64 {
     lab.settings.scale.unwrap_or(if lab.settings.quick { 0.05 } else { 0.4 })
 }
 
-/// Minutes of a piece.
 fn minutes(lab: &Lab<'_>) -> f64 {
     lab.settings.minutes.unwrap_or(if lab.settings.quick { 2.0 } else { 120.0 })
 }
@@ -38,7 +37,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let config = training::scaled(Config::preset(Preset::Paper, LawKind::AlphaBlend), scale(lab))?;
     let task = TrainingTask::published(config.clone(), 1, lab.settings.seed);
     let piece = Duration::from_secs_f64(60.0 * minutes(lab));
-    let run = trained_on(lab, (&snapshot.particles, &snapshot.hash), &task, Some(piece))?;
+    let run = trained_on(lab, &snapshot.particles, &snapshot.hash, &task, Some(piece))?;
     let ours =
         training::trained(lab, snapshot, &TrainingTask::ours(run.made.bytes.len() as u64, None, lab.settings.seed))?;
     let levels = levels(lab, snapshot, &config, &ours)?;
@@ -93,19 +92,14 @@ fn plot(curve: &[TrainingScore], levels: Vec<(String, f64)>, size: &str) -> Plot
     }
 }
 
-fn table(curve: &[TrainingScore]) -> ResultTable {
+pub(super) fn table(curve: &[TrainingScore]) -> ResultTable {
     let heads = ["step", "masked PSNR on held-out views, dB", "Gaussians", "time of training, s"];
-    let mut table = ResultTable::new("published-run-curve", "The published recipe while it trains", &heads);
-    for e in curve {
-        let score = TableCell::number(e.held_out_masked_psnr, 3);
-        table.row([
-            TableCell::count(e.iteration),
-            score,
-            TableCell::count(e.gaussians),
-            TableCell::number(e.seconds, 0),
-        ]);
-    }
-    table
+    let row = |e: &TrainingScore| {
+        let (score, seconds) = (TableCell::number(e.held_out_masked_psnr, 3), TableCell::number(e.seconds, 0));
+        [TableCell::count(e.iteration), score, TableCell::count(e.gaussians), seconds]
+    };
+    let title = "The published recipe while it trains";
+    ResultTable::new("published-run-curve", title, &heads).with(curve.iter().map(row))
 }
 
 /// How far the run is, and what about it is not as published.
@@ -135,7 +129,6 @@ fn notes(lab: &Lab<'_>, run: &TrainingResult, config: &Config, snapshot: &Snapsh
     [standing, dips, size].into_iter().chain(differences(lab, config, snapshot)).collect()
 }
 
-/// What is not as in the paper.
 fn differences(lab: &Lab<'_>, config: &Config, snapshot: &Snapshot) -> Vec<String> {
     let [small, large] = training::sizes(config).map(in_pixels);
     let published = Config::preset(Preset::Paper, LawKind::AlphaBlend);
@@ -168,7 +161,6 @@ fn differences(lab: &Lab<'_>, config: &Config, snapshot: &Snapshot) -> Vec<Strin
     ]
 }
 
-/// The run beside our fit.
 fn beside(rows: &[AblationRow; 3], sizes: &[String; 2]) -> Option<String> {
     let of = |row: usize, measure| rows[row].measured(measure).first().copied();
     let (small, large) = (of(1, 1)? - of(0, 1)?, of(1, 2)? - of(0, 2)?);

@@ -1,14 +1,13 @@
 //! The density's own measures by size of file: what pictures hide.
 
-use super::rate_distortion::{BY_SIZE, COMPARED, RatePoint, series};
+use super::shared::rates::{BY_SIZE, COMPARED, RatePoint, series};
 use crate::density::DensityMeasures;
-use crate::found::{Plot, PlotAxis, Point, ResultTable, TableCell};
 use crate::lab::Lab;
 use crate::method::CompressionMethod;
+use crate::results::{Plot, PlotAxis, Point, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
 use particlegs::Result;
 
-/// The density's measures of a way at the ratio that its file has.
 pub(super) type MethodDensity = (CompressionMethod, f64, DensityMeasures);
 
 /// At every ratio where they are few, else at every second: statistics of particles take their time. What does not come
@@ -26,7 +25,7 @@ pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint]) -> Res
             let row = rows.iter().find(|r| r.method == method && r.ratio == ratio);
             let met = row.filter(|r| r.met(raw)).and_then(RatePoint::bytes);
             if let Some(reached) = met.map(|bytes| raw / bytes) {
-                all.push((method, reached, DensityMeasures::of(lab, of, method, (raw / ratio) as u64)?));
+                all.push((method, reached, DensityMeasures::new(lab, of, method, (raw / ratio) as u64)?));
             }
             lab.context.advance(1);
         }
@@ -35,9 +34,8 @@ pub(super) fn densities(lab: &Lab<'_>, of: &Snapshot, rows: &[RatePoint]) -> Res
     Ok(all)
 }
 
-/// The measures as a table.
 pub(super) fn density_table(lab: &Lab<'_>, all: &[MethodDensity]) -> ResultTable {
-    let mut table = ResultTable::new(
+    ResultTable::new(
         "rate-distortion-density",
         "Density by size of file",
         &[
@@ -51,9 +49,9 @@ pub(super) fn density_table(lab: &Lab<'_>, all: &[MethodDensity]) -> ResultTable
             "groups of 100 and more, found / truth",
             "mass in cores, found / truth",
         ],
-    );
-    for (method, ratio, d) in all {
-        table.row([
+    )
+    .with(all.iter().map(|(method, ratio, d)| {
+        [
             TableCell::text(method.name(lab)),
             TableCell::number(*ratio, 1),
             TableCell::number(d.held_out_bits, 2),
@@ -63,9 +61,8 @@ pub(super) fn density_table(lab: &Lab<'_>, all: &[MethodDensity]) -> ResultTable
             TableCell::number(d.correlated_to, 2),
             TableCell::number(d.groups, 2),
             TableCell::number(d.cores, 2),
-        ]);
-    }
-    table
+        ]
+    }))
 }
 
 /// The measures by ratio; `bits` are those of all particles.

@@ -40,15 +40,11 @@ mod tests {
     use super::*;
     use crate::lab::{ModelBuild, ModelSettings};
     use crate::settings::Settings;
-    use crate::snapshot::Snapshot;
     use particlegs::context::Context;
-    use particlegs::particles::Particles;
 
     #[test]
     fn seeds_that_change_nothing_count_once() {
-        let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
-        let particles = Particles::from_columns(column(1), column(2), column(3));
-        let (snapshot, folder) = (Snapshot::new("s".into(), "s".into(), particles, None), tempfile::tempdir().unwrap());
+        let (snapshot, folder) = (crate::testing::snapshot(), tempfile::tempdir().unwrap());
         let settings = Settings { seeds: 3, ..Settings::new(true, "".into()) };
         let lab = Lab::new(settings, folder.path(), &Context::SILENT).unwrap();
         let of = |ratio: fn(u64) -> f64| {

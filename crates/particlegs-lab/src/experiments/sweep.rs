@@ -1,16 +1,13 @@
 //! Scores of models while one thing about the views changes: the distance, the radius or the opacity.
 
-use super::generalisation::{cells, median};
-use super::groups::{ViewGroup, masked, means_over};
-use crate::found::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
+use super::groups::{ViewGroup, masked, means_over, psnr, ssim};
+use crate::results::{Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
 use crate::views::Score;
 
 /// A value of what changes.
 #[derive(Clone)]
 pub(super) struct SweepStep {
-    /// The value.
     pub at: f64,
-    /// Its views.
     pub group: ViewGroup,
     /// What it is to the published training: trained, between or beyond.
     pub kind: &'static str,
@@ -26,17 +23,14 @@ pub(super) struct Sweep {
     pub what: &'static str,
     /// The value that falls are told from, where they are.
     pub base: Option<f64>,
-    /// Values.
     pub steps: Vec<SweepStep>,
 }
 
 /// Models of one kind, and the scores of each.
 pub(super) struct SweepModel {
-    /// Its name.
     pub label: String,
     /// Colour and mark.
     pub style: usize,
-    /// Scores of each model.
     pub scores: Vec<Vec<Score>>,
 }
 
@@ -122,6 +116,17 @@ impl Sweep {
     fn step(&self, at: f64) -> Option<&SweepStep> {
         self.steps.iter().find(|s| s.at == at)
     }
+}
+
+fn cells(scores: &[Vec<Score>], group: &ViewGroup) -> [TableCell; 3] {
+    let own = std::slice::from_ref(group);
+    let of = |pick| means_over(scores, own, pick);
+    [TableCell::decibels(&of(masked)), TableCell::decibels(&of(psnr)), TableCell::spread(&of(ssim), 4)]
+}
+
+/// The median over models of masked PSNR at a step.
+fn median(scores: &[Vec<Score>], group: &ViewGroup) -> Option<f64> {
+    Some(Spread::new(&means_over(scores, std::slice::from_ref(group), masked))?.median)
 }
 
 #[cfg(test)]

@@ -14,62 +14,51 @@ pub enum ColumnOrder {
     Morton,
 }
 
-/// SZ3 (Liang et al., IEEE Trans. Big Data 2023) with an absolute bound, each axis by whichever of its two predictors
-/// for such columns takes fewer bytes: interpolation and Lorenzo, its default, or Lorenzo and regression.
-pub struct Sz3 {
-    /// Where its library is.
+/// A library of compressors.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CompressionLibrary {
+    /// SZ3 (Liang et al., IEEE Trans. Big Data 2023) with an absolute bound, each axis by whichever of its two predictors
+    /// for such columns takes fewer bytes: interpolation and Lorenzo, its default, or Lorenzo and regression.
+    Sz3,
+    /// ZFP (Lindstrom, IEEE TVCG 2014) of fixed accuracy, the tolerance being the bound.
+    Zfp,
+}
+
+impl CompressionLibrary {
+    fn name(self) -> &'static str {
+        match self {
+            CompressionLibrary::Sz3 => "SZ3",
+            CompressionLibrary::Zfp => "ZFP",
+        }
+    }
+}
+
+pub struct LibraryBaseline {
     pub external: External,
-    /// The columns' order.
+    pub library: CompressionLibrary,
     pub order: ColumnOrder,
 }
 
-/// ZFP (Lindstrom, IEEE TVCG 2014) of fixed accuracy, the tolerance being the bound.
-pub struct Zfp {
-    /// Where its library is.
-    pub external: External,
-    /// The columns' order.
-    pub order: ColumnOrder,
-}
-
-impl Baseline for Sz3 {
+impl Baseline for LibraryBaseline {
     fn name(&self) -> &'static str {
-        match self.order {
-            ColumnOrder::File => "SZ3, file order",
-            ColumnOrder::Morton => "SZ3, Morton order",
+        match (self.library, self.order) {
+            (CompressionLibrary::Sz3, ColumnOrder::File) => "SZ3, file order",
+            (CompressionLibrary::Sz3, ColumnOrder::Morton) => "SZ3, Morton order",
+            (CompressionLibrary::Zfp, ColumnOrder::File) => "ZFP, file order",
+            (CompressionLibrary::Zfp, ColumnOrder::Morton) => "ZFP, Morton order",
         }
     }
 
     fn source(&self) -> String {
-        self.external.source("SZ3")
+        self.external.source(self.library.name())
     }
 
     fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles> {
-        self.external.coded("SZ3", particles, bound, self.order)
+        self.external.coded(self.library.name(), particles, bound, self.order)
     }
 
     fn decompress(&self, bytes: &[u8]) -> Result<PositionColumns> {
-        self.external.columns("SZ3", bytes)
-    }
-}
-
-impl Baseline for Zfp {
-    fn name(&self) -> &'static str {
-        match self.order {
-            ColumnOrder::File => "ZFP, file order",
-            ColumnOrder::Morton => "ZFP, Morton order",
-        }
-    }
-
-    fn source(&self) -> String {
-        self.external.source("ZFP")
-    }
-
-    fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles> {
-        self.external.coded("ZFP", particles, bound, self.order)
-    }
-
-    fn decompress(&self, bytes: &[u8]) -> Result<PositionColumns> {
-        self.external.columns("ZFP", bytes)
+        self.external.columns(self.library.name(), bytes)
     }
 }
 

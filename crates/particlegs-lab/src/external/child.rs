@@ -32,7 +32,6 @@ pub struct Child {
 }
 
 impl Child {
-    /// Starts a program.
     pub fn start(program: &Path, arguments: &[String]) -> io::Result<Child> {
         let mut command = Command::new(program);
         command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());

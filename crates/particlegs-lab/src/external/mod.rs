@@ -4,7 +4,7 @@
 mod baselines;
 mod child;
 
-pub use baselines::{ColumnOrder, Sz3, Zfp};
+pub use baselines::{ColumnOrder, CompressionLibrary, LibraryBaseline};
 
 use crate::{Baseline, packed};
 use child::{Child, ChildReply};
@@ -23,7 +23,6 @@ pub struct External {
 }
 
 struct SharedChild {
-    /// The program and its arguments.
     program: PathBuf,
     arguments: Vec<String>,
     child: Mutex<Option<Child>>,
@@ -31,7 +30,6 @@ struct SharedChild {
     sources: Vec<(String, String)>,
 }
 
-/// What is asked of a compressor.
 struct Request<'a> {
     what: u8,
     name: &'a str,
@@ -43,10 +41,10 @@ struct Request<'a> {
 impl External {
     /// Starts a Python, by its path or by a name that is looked for where commands are.
     pub fn start(python: &Path) -> Result<External> {
-        External::of_command(python, ["-u", "-c", SCRIPT].map(String::from).to_vec())
+        External::from_command(python, ["-u", "-c", SCRIPT].map(String::from).to_vec())
     }
 
-    fn of_command(program: &Path, arguments: Vec<String>) -> Result<External> {
+    fn from_command(program: &Path, arguments: Vec<String>) -> Result<External> {
         let child = Mutex::new(None);
         let mut shared = SharedChild { program: program.into(), arguments, child, sources: Vec::new() };
         let answer = shared.ask(&Request { what: b'v', name: "", bound: 0.0, particles: 0, data: &[] })?;
@@ -58,10 +56,12 @@ impl External {
 
     /// Its baselines: SZ3 and ZFP, each in the particles' own order and in Morton order.
     pub fn baselines(&self) -> Vec<Box<dyn Baseline>> {
-        let orders = [ColumnOrder::File, ColumnOrder::Morton];
-        let sz3 = orders.map(|order| Box::new(Sz3 { external: self.clone(), order }) as Box<dyn Baseline>);
-        let zfp = orders.map(|order| Box::new(Zfp { external: self.clone(), order }) as Box<dyn Baseline>);
-        sz3.into_iter().chain(zfp).collect()
+        let of = |library| {
+            [ColumnOrder::File, ColumnOrder::Morton].map(|order| -> Box<dyn Baseline> {
+                Box::new(LibraryBaseline { external: self.clone(), library, order })
+            })
+        };
+        [CompressionLibrary::Sz3, CompressionLibrary::Zfp].into_iter().flat_map(of).collect()
     }
 
     /// Where a compressor is from.
@@ -84,7 +84,6 @@ impl External {
 }
 
 impl SharedChild {
-    /// One request's answer.
     fn ask(&self, request: &Request<'_>) -> Result<Vec<u8>> {
         let mut head = vec![request.what, request.name.len() as u8];
         head.extend(request.name.bytes());
@@ -114,8 +113,8 @@ impl SharedChild {
     }
 
     fn not_started(&self, error: &std::io::Error) -> Error {
-        let remedy = "name a Python 3 that has the packages of lab/requirements.txt";
-        Error::input_with(&self.program, format!("cannot be started: {error}"), remedy)
+        let hint = "name a Python 3 that has the packages of lab/requirements.txt";
+        Error::input_with(&self.program, format!("cannot be started: {error}"), hint)
     }
 
     fn lacks(&self, packages: &str) -> Error {

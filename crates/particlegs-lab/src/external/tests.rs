@@ -33,11 +33,11 @@ while True:
 ",
         statements.replace('\n', "\n        ")
     );
-    External::of_command(Path::new("python3"), ["-u", "-c", &program].map(String::from).to_vec())
+    External::from_command(Path::new("python3"), ["-u", "-c", &program].map(String::from).to_vec())
 }
 
-fn sz3(external: &External) -> Sz3 {
-    Sz3 { external: external.clone(), order: ColumnOrder::Morton }
+fn sz3(external: &External) -> LibraryBaseline {
+    LibraryBaseline { external: external.clone(), library: CompressionLibrary::Sz3, order: ColumnOrder::Morton }
 }
 
 #[test]
@@ -48,7 +48,7 @@ fn requests_and_answers_pass_the_pipes_whole() {
     // Far more than a pipe holds.
     let particles = clustered(300_000);
     for order in [ColumnOrder::File, ColumnOrder::Morton] {
-        let baseline = Sz3 { external: external.clone(), order };
+        let baseline = LibraryBaseline { order, ..sz3(&external) };
         let coded = baseline.compress(&particles, 0.25).unwrap();
         let (inner, _) = packed::opened(&coded.bytes).unwrap();
         assert_eq!(inner[..8], 0.25f64.to_le_bytes());
@@ -66,20 +66,20 @@ fn requests_and_answers_pass_the_pipes_whole() {
 fn a_python_that_is_not_there_or_lacks_packages_is_told_in_one_line() {
     let error = External::start(Path::new("/nowhere/python")).err().unwrap();
     assert!(error.to_string().starts_with("/nowhere/python: cannot be started"), "{error}");
-    assert!(error.remedy().to_string().contains("requirements.txt"));
+    assert!(error.hint().to_string().contains("requirements.txt"));
     // No package is there without site-packages.
     let lacking = ["-I", "-S", "-u", "-c", SCRIPT].map(String::from).to_vec();
-    let error = External::of_command(Path::new("python3"), lacking).err().unwrap();
+    let error = External::from_command(Path::new("python3"), lacking).err().unwrap();
     assert_eq!(error.to_string(), "python3: lacks numpy, pysz, zfpy");
-    let remedy = error.remedy().to_string();
-    assert!(remedy.starts_with("python3 -m pip install numpy==") && remedy.contains(" pysz=="), "{remedy}");
+    let hint = error.hint().to_string();
+    assert!(hint.starts_with("python3 -m pip install numpy==") && hint.contains(" pysz=="), "{hint}");
 }
 
 #[test]
 fn what_is_no_such_child_is_told() {
     let of = |program: &str, arguments: &[&str]| {
         let arguments = arguments.iter().map(|a| (*a).to_string()).collect();
-        External::of_command(Path::new(program), arguments).err().unwrap().to_string()
+        External::from_command(Path::new(program), arguments).err().unwrap().to_string()
     };
     assert_eq!(of("sh", &["-c", "echo no such option >&2; exit 3"]), "sh: ended before it answered: no such option");
     assert_eq!(of("sh", &["-c", "exit 3"]), "sh: ended before it answered: exit status: 3");
@@ -122,7 +122,7 @@ stdout.write(b'K' + struct.pack('<Q', 0)); stdout.flush()
 stdin.read(1000)
 sys.exit('enough')";
     let external =
-        External::of_command(Path::new("python3"), ["-u", "-c", program].map(String::from).to_vec()).unwrap();
+        External::from_command(Path::new("python3"), ["-u", "-c", program].map(String::from).to_vec()).unwrap();
     let error = sz3(&external).compress(&clustered(300_000), 1.0).err().unwrap();
     assert_eq!(error.to_string(), "python3: ended before it answered during SZ3: enough");
 }
@@ -167,7 +167,7 @@ fn the_libraries_meet_sizes_and_refuse_damage() {
     let particles = clustered(20_000);
     let found = rate::at_size(&sz3(&external), &particles, 12_000, &Context::SILENT).unwrap();
     assert!(found.met(), "{found:?}");
-    let other = Zfp { external: external.clone(), order: ColumnOrder::File };
+    let other = LibraryBaseline { library: CompressionLibrary::Zfp, order: ColumnOrder::File, ..sz3(&external) };
     let bytes = other.compress(&particles, 0.1).unwrap().bytes;
     // Another compressor's bytes, and damage under a checksum that fits.
     assert!(sz3(&external).decompress(&bytes).is_err());

@@ -1,6 +1,5 @@
 //! Bits, the lowest of each byte first.
 
-/// Bits being written.
 #[derive(Default)]
 pub struct BitWriter {
     bytes: Vec<u8>,
@@ -20,6 +19,13 @@ impl BitWriter {
         }
     }
 
+    /// Appends the lowest `bits` (64 at most) of a value.
+    pub fn put_long(&mut self, value: u64, bits: u32) {
+        let low = bits.min(32);
+        self.put(value & ((1 << low) - 1), low);
+        self.put(value >> low & ((1 << (bits - low)) - 1), bits - low);
+    }
+
     /// The bytes; the last is filled with zeros.
     pub fn finish(mut self) -> Vec<u8> {
         if self.bits > 0 {
@@ -29,14 +35,12 @@ impl BitWriter {
     }
 }
 
-/// Bits being read.
 pub struct BitReader<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
 impl<'a> BitReader<'a> {
-    /// From the first.
     pub fn new(bytes: &'a [u8]) -> Self {
         BitReader { bytes, at: 0 }
     }

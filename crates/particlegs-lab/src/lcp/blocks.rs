@@ -3,7 +3,6 @@
 use super::LARGEST_EDGE;
 use crate::bins::{BinGrid, ParticleBins};
 
-/// The four streams.
 #[derive(Debug, PartialEq)]
 pub struct LcpStreams {
     /// Numbers of the superblocks that hold particles: the first, then differences.
@@ -16,14 +15,13 @@ pub struct LcpStreams {
     pub places: Vec<i64>,
 }
 
-/// Superblocks along each axis.
 fn superblocks(grid: &BinGrid, edge: u32) -> [u64; 3] {
     grid.count().map(|c| ((c / (2.0 * f64::from(edge))).ceil() as u64 + 2) / 2)
 }
 
 impl LcpStreams {
     /// The streams of particles in blocks of `edge` bins, and which particle comes where.
-    pub fn of(bins: &ParticleBins, edge: u32) -> (LcpStreams, Vec<u32>) {
+    pub fn new(bins: &ParticleBins, edge: u32) -> (LcpStreams, Vec<u32>) {
         let m = superblocks(&bins.grid, edge);
         let b = u64::from(edge);
         let mut keys: Vec<(u64, u64, u32)> = (0u32..)

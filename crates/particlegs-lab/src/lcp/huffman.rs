@@ -32,7 +32,7 @@ pub fn write(values: &[u64], symbol_bits: u32) -> Option<Vec<u8>> {
         match nodes[node] {
             HuffmanNode::Leaf(symbol) => {
                 out.put(1, 1);
-                put(&mut out, symbol, symbol_bits);
+                out.put_long(symbol, symbol_bits);
                 codes.insert(symbol, (code, length));
             }
             HuffmanNode::Inner(first, second) => {
@@ -50,12 +50,6 @@ pub fn write(values: &[u64], symbol_bits: u32) -> Option<Vec<u8>> {
         out.put(code, length);
     }
     Some(out.finish())
-}
-
-fn put(out: &mut BitWriter, value: u64, bits: u32) {
-    let low = bits.min(32);
-    out.put(value & ((1 << low) - 1), low);
-    out.put(value >> low & ((1 << (bits - low)) - 1), bits - low);
 }
 
 /// `count` values again; `None` for bytes that [`write()`] did not make.

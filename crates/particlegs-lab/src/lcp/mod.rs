@@ -22,7 +22,6 @@ const FEW_BINS: f64 = 16.0;
 const MOST_BLOCKS: f64 = 200_000.0;
 const LARGEST_EDGE: u32 = 16;
 
-/// The coder.
 pub struct Lcp;
 
 impl Baseline for Lcp {
@@ -36,8 +35,8 @@ impl Baseline for Lcp {
 
     fn compress(&self, particles: &PositionColumns, bound: f64) -> Result<CompressedParticles> {
         check_bound(bound)?;
-        let small = |b: &ParticleBins| b.count.iter().all(|c| c * bound <= LARGEST_RANGE);
-        let Some(bins) = ParticleBins::of(particles, bound).filter(small) else { return Ok(raw(particles)) };
+        let small = |b: &ParticleBins| b.grid.count().iter().all(|c| c * bound <= LARGEST_RANGE);
+        let Some(bins) = ParticleBins::new(particles, bound).filter(small) else { return Ok(raw(particles)) };
         let coded = parallel::map(edges(&bins), |edge| of_edge(&bins, edge));
         let best = coded.into_iter().min_by_key(|c| c.bytes.len()).expect("one edge at least");
         Ok(best)
@@ -59,18 +58,19 @@ const BINNED: u8 = 1;
 
 /// Edges of blocks to try, in bins.
 fn edges(bins: &ParticleBins) -> Vec<u32> {
-    if bins.count.iter().all(|n| *n <= FEW_BINS) {
+    let count = bins.grid.count();
+    let (smallest, largest) =
+        (count.into_iter().fold(f64::INFINITY, f64::min).max(1.0), count.into_iter().fold(0.0, f64::max));
+    if largest <= FEW_BINS {
         return vec![1];
     }
-    let smallest = bins.count.iter().copied().fold(f64::INFINITY, f64::min).max(1.0);
-    let largest = bins.count.iter().copied().fold(0.0, f64::max);
     let top = (smallest.log2().ceil() as u32).min(LARGEST_EDGE);
     let low = (0..top).find(|i| largest / f64::from(1 << i) / 2.0 <= MOST_BLOCKS).unwrap_or(top);
     (low..=top).map(|i| 1 << i).collect()
 }
 
 fn of_edge(bins: &ParticleBins, edge: u32) -> CompressedParticles {
-    let (blocks, order) = LcpStreams::of(bins, edge);
+    let (blocks, order) = LcpStreams::new(bins, edge);
     let mut plain = vec![BINNED];
     bins.write(&mut plain);
     plain.extend(edge.to_le_bytes());

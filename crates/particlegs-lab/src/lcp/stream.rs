@@ -3,12 +3,10 @@
 use super::bits::{BitReader, BitWriter};
 use super::{huffman, zstd};
 
-/// Kinds of coding.
 const ONE_VALUE: u8 = 0;
 const FIXED: u8 = 1;
 const HUFFMAN: u8 = 2;
 
-/// Appends a stream.
 pub fn write(values: &[i64], out: &mut Vec<u8>) {
     let low = values.iter().copied().min().unwrap_or(0);
     let high = values.iter().copied().max().unwrap_or(0);
@@ -34,13 +32,7 @@ pub fn write(values: &[i64], out: &mut Vec<u8>) {
 
 fn fixed(values: &[u64], bits: u32) -> Vec<u8> {
     let mut out = BitWriter::default();
-    for v in values {
-        let low = bits.min(32);
-        out.put(v & ((1 << low) - 1), low);
-        if bits > low {
-            out.put(v >> low, bits - low);
-        }
-    }
+    values.iter().for_each(|v| out.put_long(*v, bits));
     out.finish()
 }
 

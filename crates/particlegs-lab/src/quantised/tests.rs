@@ -42,7 +42,7 @@ fn layouts_are_chosen_by_their_sizes() {
 #[test]
 fn every_layout_decodes_to_the_same_particles() {
     let particles = clustered(2000);
-    let sorted = SortedParticles::new(ParticleBins::of(&particles, 0.2).unwrap());
+    let sorted = SortedParticles::new(ParticleBins::new(&particles, 0.2).unwrap());
     for layout in BINNED {
         let bytes = packed::sealed(sorted.coded(layout).unwrap(), 2000);
         let decoded = QuantisedCoder.decompress(&bytes).unwrap();
@@ -55,7 +55,7 @@ fn every_layout_decodes_to_the_same_particles() {
 #[test]
 fn damaged_bytes_are_refused() {
     let particles = clustered(300);
-    let sorted = SortedParticles::new(ParticleBins::of(&particles, 0.3).unwrap());
+    let sorted = SortedParticles::new(ParticleBins::new(&particles, 0.3).unwrap());
     let exact = exact(&clustered(40)).bytes;
     let all = BINNED.map(|l| packed::sealed(sorted.coded(l).unwrap(), 300));
     for good in all.iter().chain([&exact]) {

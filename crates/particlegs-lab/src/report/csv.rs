@@ -1,6 +1,6 @@
 //! Tables as comma-separated values (RFC 4180).
 
-use crate::found::{ResultTable, TableCell};
+use crate::results::{ResultTable, TableCell};
 
 /// The table: a line of heads, then rows; a number of several seeds has its smallest and largest in columns of their
 /// own.

@@ -1,9 +1,9 @@
 //! The whole report as one page: text, tables, figures and pictures in it, nothing fetched.
 
 use super::{Provenance, Section};
-use crate::found::{ExperimentResults, Pictures, ResultTable, TableCell};
-use crate::plot;
+use crate::results::{ExperimentResults, Pictures, ResultTable, TableCell};
 use base64::Engine;
+use particlegs_figure::{FileKind, plot_bytes};
 
 const STYLE: &str = include_str!("style.css");
 
@@ -48,8 +48,8 @@ fn body(found: &ExperimentResults, png: &dyn Fn(&Pictures) -> Vec<u8>) -> String
         text += &format!("<p>{}</p>\n", code(note));
     }
     for p in &found.plots {
-        if let Some(svg) = plot::svg(p) {
-            text += &format!("<figure>{svg}</figure>\n");
+        if let Ok(Some(svg)) = plot_bytes(std::slice::from_ref(p), FileKind::Svg) {
+            text += &format!("<figure>{}</figure>\n", String::from_utf8_lossy(&svg));
         }
     }
     found.tables.iter().for_each(|t| text += &table(t));

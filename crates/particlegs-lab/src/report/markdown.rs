@@ -1,8 +1,8 @@
 //! An experiment as a page of Markdown, beside the files of its figures.
 
 use super::{Provenance, Section};
-use crate::found::{ExperimentResults, ResultTable};
-use crate::plot;
+use crate::results::{ExperimentResults, ResultTable};
+use particlegs_figure::shows;
 
 /// The page; figures are looked for in the folder `figures`, relative to it.
 pub fn markdown(section: &Section, provenance: &Provenance, figures: &str) -> String {
@@ -23,7 +23,7 @@ fn body(found: &ExperimentResults, figures: &str) -> String {
     for note in &found.notes {
         text += &format!("\n{}\n", escaped(note));
     }
-    for plot in found.plots.iter().filter(|p| plot::shows(p)) {
+    for plot in found.plots.iter().filter(|p| shows(p)) {
         text += &format!("\n![{}]({figures}/{}.svg)\n", escaped(&plot.title), plot.name);
     }
     for t in &found.tables {
@@ -61,7 +61,7 @@ fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::found::TableCell;
+    use crate::results::TableCell;
 
     #[test]
     fn names_are_text() {

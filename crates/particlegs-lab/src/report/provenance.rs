@@ -5,15 +5,12 @@ use serde::Serialize;
 /// The program, the machine and the command that made results.
 #[derive(Clone, Debug, Serialize)]
 pub struct Provenance {
-    /// Of the program.
     pub version: String,
     /// The commit that it was built from, where it was built in a repository.
     pub commit: Option<String>,
-    /// As it was given.
     pub command: String,
     /// Processor, as the system names it.
     pub processor: Option<String>,
-    /// Threads that are used.
     pub threads: usize,
     /// Memory of the machine, bytes.
     pub memory_bytes: Option<u64>,
@@ -45,7 +42,6 @@ impl Provenance {
         }
     }
 
-    /// As a reader is told.
     pub fn in_words(&self) -> Vec<String> {
         let commit = self.commit.as_ref().map_or(String::new(), |c| format!(", commit {c}"));
         let memory = self.memory_bytes.map_or(String::new(), |b| format!(", {:.0} GiB", b as f64 / 1073741824.0));
@@ -65,7 +61,7 @@ impl Provenance {
 }
 
 /// What a file of `name : value` lines says.
-fn line_of(path: &str, name: &str) -> Option<String> {
+pub(crate) fn line_of(path: &str, name: &str) -> Option<String> {
     let text = std::fs::read_to_string(path).ok()?;
     let line = text.lines().find(|l| l.starts_with(name))?;
     Some(line.split_once(':')?.1.trim().to_string())

@@ -1,20 +1,18 @@
 //! Models that are trained: kept by what they were made from, and gone on with where a run was interrupted.
 
-mod heard;
-mod published;
+mod recording;
 
 use crate::lab::{Lab, ModelBuild};
 use crate::snapshot::Snapshot;
-use heard::{CurveCheckpoint, CurveRecorder, curve_of, seconds_of};
+use particlegs::checkpoint::CheckpointStore;
 use particlegs::compress::{Checkpoint, CompressedModel, FineTuning, Options, Target, compress, finetune};
 use particlegs::context::Context;
 use particlegs::model::{CertificateLevel, LawKind};
 use particlegs::particles::Particles;
 use particlegs::picture::Size;
-use particlegs::pieces::CheckpointStore;
 use particlegs::train::{Config, Densify, Limits, Preset, Stage};
 use particlegs::{Error, Result};
-pub use published::{PublishedRunStatus, published};
+use recording::{CurveCheckpoint, CurveRecorder, curve_of, seconds_of};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -35,7 +33,6 @@ const WIDTHS: [f64; 2] = [1440.0, 5760.0];
 /// What is trained on all particles.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct TrainingTask {
-    /// What the file is to meet.
     pub target: Target,
     /// How it is trained; `None` = not.
     pub training: Option<Config>,
@@ -111,7 +108,6 @@ pub(crate) fn sizes(config: &Config) -> [Size; 2] {
     [of(config.stages.first()), of(config.stages.last())].map(|[width, height]| Size { width, height })
 }
 
-/// A score of a run while it trains.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainingScore {
     /// Block, where there are several; else empty.
@@ -123,15 +119,12 @@ pub struct TrainingScore {
     pub seconds: f64,
     /// Masked PSNR on held-out views, dB.
     pub held_out_masked_psnr: Option<f64>,
-    /// Gaussians.
     pub gaussians: u64,
 }
 
-/// A trained model.
 pub(crate) struct TrainingResult {
     /// The file and what it decodes to.
     pub made: ModelBuild,
-    /// Its scores while it was trained.
     pub curve: Vec<TrainingScore>,
     /// Steps done of a run that goes on, of which this is the best so far.
     pub unfinished: Option<u64>,
@@ -147,19 +140,20 @@ impl TrainingResult {
 
 /// The model of a task: kept, or trained now.
 pub(crate) fn trained(lab: &Lab<'_>, snapshot: &Snapshot, task: &TrainingTask) -> Result<TrainingResult> {
-    trained_on(lab, (&snapshot.particles, &snapshot.hash), task, None)
+    trained_on(lab, &snapshot.particles, &snapshot.hash, task, None)
 }
 
 /// Limits that say nothing but what takes the steps.
-fn limits(lab: &Lab<'_>) -> Result<Limits> {
-    Ok(Limits { device: lab.settings.device.trainer()?, ..Limits::default() })
+fn limits(lab: &Lab<'_>) -> Limits {
+    Limits { device: lab.settings.device.clone(), ..Limits::default() }
 }
 
 /// [`trained`] on particles with a name for them, in pieces where there is a `piece`: training ends after it, if it is not
 /// done, and the next call goes on from there.
 pub(crate) fn trained_on(
     lab: &Lab<'_>,
-    (particles, hash): (&Particles, &str),
+    particles: &Particles,
+    hash: &str,
     task: &TrainingTask,
     piece: Option<Duration>,
 ) -> Result<TrainingResult> {
@@ -168,7 +162,7 @@ pub(crate) fn trained_on(
         training: task.training.clone(),
         blocks: Some(task.blocks),
         seed: task.seed,
-        limits: limits(lab)?,
+        limits: limits(lab),
         certificate: CertificateLevel::None,
         ..Options::default()
     };
@@ -195,7 +189,7 @@ pub(crate) fn tuned(
     let options = FineTuning {
         target: Target::Gaussians(most),
         training: config.clone(),
-        limits: limits(lab)?,
+        limits: limits(lab),
         memory: None,
         seed,
         certificate: CertificateLevel::None,
@@ -220,23 +214,23 @@ fn kept(
     let mut best = None;
     let made = lab.made_on_device(inputs, || {
         let checkpoint = Checkpoint::open(path.clone(), blake3::hash(&whose).as_bytes())?;
-        let heard = CurveRecorder::new(lab.context.sink(), curve_of(&checkpoint), piece);
+        let recorder = CurveRecorder::new(lab.context.sink(), curve_of(&checkpoint), piece);
         let before = seconds_of(&checkpoint);
-        let mut pieces = CurveCheckpoint { checkpoint, heard: &heard, before, start: Instant::now() };
-        let cancel = || lab.context.cancelled() || heard.ends_training();
-        let done = work(&mut pieces, &lab.context.with_sink(&heard).with_cancel(&cancel));
+        let mut pieces = CurveCheckpoint { checkpoint, recorder: &recorder, before, start: Instant::now() };
+        let cancel = || lab.context.cancelled() || recorder.ends_training();
+        let done = work(&mut pieces, &lab.context.with_sink(&recorder).with_cancel(&cancel));
         if done.as_ref().map_or_else(|e| matches!(e, Error::Cancelled), |d| d.stopped) {
             pieces.keep_seconds()?;
         }
         pieces.checkpoint.save()?;
         let (done, seconds) = (done?, pieces.seconds());
-        let curve = heard.curve().clone();
+        let curve = recorder.curve().clone();
         if !done.stopped {
             lab.on_device.result("curve", inputs, || Ok(curve))?;
             return Ok((done, seconds));
         }
         // What the user stops is to stop; what ran out of time gives its best so far.
-        if heard.late() && !lab.context.cancelled() {
+        if recorder.late() && !lab.context.cancelled() {
             let made = ModelBuild { bytes: done.bytes, model: done.model, seconds };
             let steps = done.trained.iter().map(|run| run.iterations).sum();
             best = Some(TrainingResult { made, curve, unfinished: Some(steps), held: false });
@@ -260,11 +254,6 @@ mod tests {
     use crate::settings::Settings;
     use particlegs::context::Context;
 
-    fn snapshot() -> Snapshot {
-        let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
-        Snapshot::new("some".into(), "some".into(), Particles::from_columns(column(1), column(2), column(3)), None)
-    }
-
     fn small() -> Config {
         Config { evaluate_every: 20, ..scaled(recipe(), 0.004).unwrap() }
     }
@@ -272,7 +261,7 @@ mod tests {
     /// A run in short pieces ends with the bytes and the curve of one that was never broken.
     #[test]
     fn pieces_end_with_the_same_bytes_and_the_same_curve() {
-        let (snapshot, folders) = (snapshot(), [0, 1].map(|_| tempfile::tempdir().unwrap()));
+        let (snapshot, folders) = (crate::testing::snapshot(), [0, 1].map(|_| tempfile::tempdir().unwrap()));
         let [whole, parts] =
             folders.each_ref().map(|f| Lab::new(Settings::new(true, "".into()), f.path(), &Context::SILENT).unwrap());
         let task = TrainingTask::published(small(), 1, 42);
@@ -281,7 +270,7 @@ mod tests {
         let (mut pieces, mut seconds) = (0, 0.0);
         let last = loop {
             let piece = Some(Duration::from_millis(if pieces == 0 { 0 } else { 30 + 60 * pieces }));
-            let made = trained_on(&parts, (&snapshot.particles, &snapshot.hash), &task, piece).unwrap();
+            let made = trained_on(&parts, &snapshot.particles, &snapshot.hash, &task, piece).unwrap();
             // Those of all pieces, each more than the one before.
             assert!(made.made.seconds > seconds, "{} {seconds}", made.made.seconds);
             seconds = made.made.seconds;

@@ -3,8 +3,8 @@
 use super::parameters::{GaussianParameters, SH0};
 use super::raster::PixelSums;
 use particlegs_core::math::{Sym3, each_axis};
-use particlegs_core::model::vizmapper::Adaptation;
 use particlegs_core::render::alpha::Eye;
+use particlegs_core::render::alpha::network::Adaptation;
 use particlegs_core::render::alpha::project::{FootprintShape, LEAST_RATIO, shape};
 
 /// Changes of the loss with one Gaussian's parameters, and with how it was adapted.

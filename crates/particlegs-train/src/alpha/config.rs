@@ -10,9 +10,7 @@ use particlegs_core::{Error, Result};
 pub struct AlphaConfig {
     /// Train the network that follows radius and opacity? Without it Gaussians stay the same.
     pub vizmapper: bool,
-    /// How far the network may go.
     pub ranges: VizRanges,
-    /// Adam's rate for the network.
     pub vizmapper_rate: f64,
     /// Largest norm of the network's gradient; 0 = any.
     pub vizmapper_clip: f64,
@@ -26,7 +24,6 @@ pub struct AlphaConfig {
     pub position_rate_steps: u64,
     /// Adam's rate for log-scales.
     pub scale_rate: f64,
-    /// Adam's rate for rotations.
     pub rotation_rate: f64,
     /// Adam's rate for logits of opacity.
     pub opacity_rate: f64,
@@ -44,7 +41,7 @@ pub struct AlphaConfig {
     pub reset_every: u64,
     /// Gaussians at most: beyond, only those with the largest gradients are added; `None` (0 in a file) = as
     /// many as [`crate::Defaults::gaussians`] says.
-    #[serde(with = "crate::config::zero_is_none")]
+    #[serde(with = "crate::zero_is_none")]
     pub most_gaussians: Option<u64>,
 }
 
@@ -87,7 +84,6 @@ impl AlphaConfig {
         }
     }
 
-    /// Checks every number.
     pub fn check(&self) -> Result<()> {
         let fail = |what: &str| Err(Error::argument(format!("training: alpha_blend: {what}")));
         let rates = [
@@ -124,6 +120,12 @@ impl AlphaConfig {
         let t = (step as f64 / self.position_rate_steps.max(1) as f64).min(1.0);
         let [from, to] = [self.position_rate, self.position_rate_end].map(|r| r.max(f64::MIN_POSITIVE).ln());
         self.extent * (from + (to - from) * t).exp()
+    }
+
+    /// What counts steps, in the proportion of `steps`.
+    pub(crate) fn schedule(&mut self, steps: impl Fn(u64) -> u64) {
+        let counts = [&mut self.position_rate_steps, &mut self.densify_from, &mut self.reset_every];
+        counts.into_iter().for_each(|count| *count = steps(*count));
     }
 
     /// What opacities are reset to, at most.

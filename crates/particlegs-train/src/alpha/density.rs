@@ -3,6 +3,7 @@
 
 use super::learner::AlphaLearner;
 use super::parameters::{GaussianParameters, ParameterGroup, keep_rows, rotation_matrix};
+use crate::adam::Averages;
 use crate::learner::StepInfo;
 use particlegs_core::math::{Purpose, Random, each_axis};
 
@@ -21,12 +22,10 @@ impl AlphaLearner {
         [densified, goes_on && reset > 0 && done % reset == 0]
     }
 
-    /// Is anything due after the step at `at`?
     pub(super) fn due(&self, at: &StepInfo) -> bool {
         self.dues(at).contains(&true)
     }
 
-    /// Does what is due after the step at `at`.
     pub(super) fn densify(&mut self, at: &StepInfo) {
         let (done, d, [densified, reset]) = (at.iteration + 1, at.densify, self.dues(at));
         if densified {
@@ -39,16 +38,16 @@ impl AlphaLearner {
         }
     }
 
-    /// Clones small and splits large Gaussians that the pictures pull at.
+    /// Clones small and splits large Gaussians with a large gradient on the picture.
     fn grow(&mut self, threshold: f64, iteration: u64) {
         let n = self.gaussians.parameters.len();
-        let pull = |s: &[f32; 2]| if s[1] > 0.0 { f64::from(s[0] / s[1]) } else { 0.0 };
-        let mut chosen: Vec<usize> = (0..n).filter(|i| pull(&self.gaussians.screen[*i]) >= threshold).collect();
+        // Mean size of the gradient with the centre on the picture.
+        let mean = |s: &[f32; 2]| if s[1] > 0.0 { f64::from(s[0] / s[1]) } else { 0.0 };
+        let gradient: Vec<f64> = self.gaussians.screen.iter().map(mean).collect();
+        let mut chosen: Vec<usize> = (0..n).filter(|i| gradient[*i] >= threshold).collect();
         if let Some(most) = self.config.most_gaussians {
             // Each adds one.
-            chosen.sort_by(|a, b| {
-                pull(&self.gaussians.screen[*b]).total_cmp(&pull(&self.gaussians.screen[*a])).then(a.cmp(b))
-            });
+            chosen.sort_by(|a, b| gradient[*b].total_cmp(&gradient[*a]).then(a.cmp(b)));
             chosen.truncate(usize::try_from(most).unwrap_or(usize::MAX).saturating_sub(n));
             chosen.sort_unstable();
         }
@@ -61,20 +60,17 @@ impl AlphaLearner {
                 added.push(one);
             } else {
                 keep[i] = false;
-                let draw = (iteration << 32) + PIECES * i as u64;
-                added.extend(
-                    (0..PIECES)
-                        .map(|k| piece(&one, Random::of(Purpose::AlphaSplit, self.gaussians.ground.seed, draw + k))),
-                );
+                let first = (iteration << 32) + PIECES * i as u64;
+                let draw = |k| Random::from_purpose(Purpose::AlphaSplit, self.gaussians.scale.seed, first + k);
+                added.extend((0..PIECES).map(|k| piece(&one, draw(k))));
             }
         }
         self.keep(&keep);
         added.iter().for_each(|one| self.gaussians.parameters.push(one));
         let n = self.gaussians.parameters.len();
         for g in ParameterGroup::ALL {
-            let averages = &mut self.gaussians.averages[g as usize];
-            averages.first.resize(n * g.width(), 0.0);
-            averages.second.resize(n * g.width(), 0.0);
+            let Averages { first, second, .. } = &mut self.gaussians.averages[g as usize];
+            [first, second].into_iter().for_each(|column| column.resize(n * g.width(), 0.0));
         }
         self.gaussians.screen.resize(n, [0.0; 2]);
     }
@@ -83,8 +79,8 @@ impl AlphaLearner {
     fn prune(&mut self) {
         let least = self.config.least_opacity;
         // Not the negation: those that are not numbers go too.
-        let keep: Vec<bool> =
-            (0..self.gaussians.parameters.len()).map(|i| self.gaussians.parameters.get(i).opacity() >= least).collect();
+        let parameters = &self.gaussians.parameters;
+        let keep: Vec<bool> = (0..parameters.len()).map(|i| parameters.get(i).opacity() >= least).collect();
         if keep.contains(&true) {
             self.keep(&keep);
         }
@@ -95,9 +91,8 @@ impl AlphaLearner {
         let most = self.config.reset_opacity();
         let most = (most / (1.0 - most)).ln() as f32;
         self.gaussians.parameters.0[ParameterGroup::Opacity as usize].iter_mut().for_each(|v| *v = v.min(most));
-        let averages = &mut self.gaussians.averages[ParameterGroup::Opacity as usize];
-        averages.first.fill(0.0);
-        averages.second.fill(0.0);
+        let Averages { first, second, .. } = &mut self.gaussians.averages[ParameterGroup::Opacity as usize];
+        [first, second].into_iter().for_each(|column| column.fill(0.0));
     }
 
     fn keep(&mut self, keep: &[bool]) {

@@ -2,39 +2,24 @@
 
 use super::config::AlphaConfig;
 use super::parameters::{AlphaParameters, GROUPS, ParameterGroup};
-use super::start::TrainingScale;
-use super::steps::{AlphaCpuSteps, AlphaStepper, Gaussians, StepSize};
+use super::state::{Gaussians, TrainingScale};
+use super::steps::{AlphaStepper, StepSize};
 use crate::adam::Averages;
 use crate::learner::{Learner, StepInfo, StepReport, TrainingSample};
 use crate::loss::Loss;
 use crate::state::TrainingState;
 use particlegs_core::Result;
 use particlegs_core::math::{Sym3, each_axis};
-use particlegs_core::model::{AlphaBlend, Law, Mixture, VIZMAPPER_PARAMETERS, VizMapper};
+use particlegs_core::model::{AlphaBlend, Law, Mixture, VIZMAPPER_PARAMETERS};
 use std::sync::Arc;
 
-/// Gaussians of the alpha-blend law in training.
 pub(crate) struct AlphaLearner {
     pub(super) config: AlphaConfig,
     pub(super) gaussians: Gaussians,
-    steps: Box<dyn AlphaStepper>,
+    pub(super) steps: Box<dyn AlphaStepper>,
 }
 
 impl AlphaLearner {
-    /// Before the first step.
-    pub(super) fn of(
-        parameters: AlphaParameters,
-        mapper: Option<VizMapper>,
-        ground: TrainingScale,
-        config: AlphaConfig,
-    ) -> Self {
-        AlphaLearner {
-            config,
-            gaussians: Gaussians::new(parameters, mapper, ground),
-            steps: Box::new(AlphaCpuSteps::default()),
-        }
-    }
-
     /// Whose steps are those of `steps` for its Gaussians.
     pub fn by(self, steps: impl FnOnce(&Gaussians) -> Result<Box<dyn AlphaStepper>>) -> Result<Self> {
         Ok(AlphaLearner { steps: steps(&self.gaussians)?, ..self })
@@ -53,7 +38,7 @@ impl AlphaLearner {
 }
 
 impl Learner for AlphaLearner {
-    fn step(&mut self, shot: &TrainingSample<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport> {
+    fn step(&mut self, sample: &TrainingSample<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport> {
         let c = &self.config;
         let size = StepSize {
             rates: ParameterGroup::ALL.map(|g| self.rate(g, at.iteration + 1)),
@@ -61,7 +46,7 @@ impl Learner for AlphaLearner {
             clip: c.vizmapper_clip,
             identity: c.identity,
         };
-        self.steps.step(&mut self.gaussians, shot, loss, &size)
+        self.steps.step(&mut self.gaussians, sample, loss, &size)
     }
 
     fn control(&mut self, at: &StepInfo) -> Result<()> {
@@ -82,12 +67,12 @@ impl Learner for AlphaLearner {
     }
 
     fn mixture(&self) -> Mixture {
-        let mut mixture = Mixture::default();
-        let mut law = AlphaBlend { vizmapper: self.gaussians.mapper.clone().map(Arc::new), ..AlphaBlend::default() };
-        let TrainingScale { frame, particles, .. } = self.gaussians.ground;
-        let sum: f64 = (0..self.len()).map(|i| self.gaussians.parameters.get(i).opacity()).sum();
+        let (mut mixture, of) = (Mixture::default(), &self.gaussians);
+        let mut law = AlphaBlend { vizmapper: of.mapper.clone().map(Arc::new), ..AlphaBlend::default() };
+        let TrainingScale { frame, particles, .. } = of.scale;
+        let sum: f64 = (0..self.len()).map(|i| of.parameters.get(i).opacity()).sum();
         for i in 0..self.len() {
-            let one = self.gaussians.parameters.get(i);
+            let one = of.parameters.get(i);
             let mean = each_axis(|k| frame.center[k] + one.position[k] / frame.scale);
             let cov = Sym3(one.cov().0.map(|v| v / (frame.scale * frame.scale)));
             let count = particles as f64 * one.opacity() / sum;
@@ -100,22 +85,21 @@ impl Learner for AlphaLearner {
     }
 
     fn state(&self) -> TrainingState {
-        let mut state = TrainingState::default();
+        let (mut state, of) = (TrainingState::default(), &self.gaussians);
         let mut column = |name: String, v: &[f32]| state.columns.insert(name, v.to_vec());
         for g in ParameterGroup::ALL {
-            let (name, averages) = (g.name(), &self.gaussians.averages[g as usize]);
-            column(name.to_string(), &self.gaussians.parameters.0[g as usize]);
+            let (name, averages) = (g.name(), &of.averages[g as usize]);
+            column(name.to_string(), &of.parameters.0[g as usize]);
             column(format!("{name}.first"), &averages.first);
             column(format!("{name}.second"), &averages.second);
         }
-        if let Some(m) = &self.gaussians.mapper {
+        if let Some(m) = &of.mapper {
             column("vizmapper".into(), &m.parameters);
-            column("vizmapper.first".into(), &self.gaussians.mapper_averages.first);
-            column("vizmapper.second".into(), &self.gaussians.mapper_averages.second);
+            column("vizmapper.first".into(), &of.mapper_averages.first);
+            column("vizmapper.second".into(), &of.mapper_averages.second);
         }
-        column("screen".into(), self.gaussians.screen.as_flattened());
-        let steps =
-            self.gaussians.averages.iter().chain([&self.gaussians.mapper_averages]).map(|a| a.steps as f64).collect();
+        column("screen".into(), of.screen.as_flattened());
+        let steps = of.averages.iter().chain([&of.mapper_averages]).map(|a| a.steps as f64).collect();
         state.numbers.insert("steps".into(), steps);
         state
     }

@@ -17,7 +17,7 @@ use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
 
-fn ground(bounds: &Bounds, particles: u64) -> TrainingScale {
+fn scale(bounds: &Bounds, particles: u64) -> TrainingScale {
     TrainingScale {
         frame: Normalisation::of(bounds),
         radius: bounds.default_radius(particles),
@@ -31,7 +31,7 @@ fn ground(bounds: &Bounds, particles: u64) -> TrainingScale {
 struct TrainingSet {
     bounds: Bounds,
     particles: Particles,
-    shots: Vec<(View, Gray8, Plane)>,
+    samples: Vec<(View, Gray8, Plane)>,
 }
 
 /// `frames` views an orbit, radius and opacity as published.
@@ -49,15 +49,12 @@ fn views(bounds: &Bounds, radius: f64, size: Size, frames: usize, seed: u64) -> 
 }
 
 fn lesson(size: Size, frames: usize) -> TrainingSet {
-    lesson_of(concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64"), size, frames)
-}
-
-fn lesson_of(folder: &str, size: Size, frames: usize) -> TrainingSet {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../samples/nbody64");
     let particles = Particles::open_raw(&[folder.into()]).unwrap();
     let bounds = particles.bounds();
     let radius = bounds.default_radius(particles.len() as u64);
     let reference = Reference::new(&particles);
-    let shots = views(&bounds, radius, size, frames, 3)
+    let samples = views(&bounds, radius, size, frames, 3)
         .into_iter()
         .map(|view| {
             let truth = reference.draw(&view, size, ToneStyle::Expected, &Context::SILENT).unwrap();
@@ -65,10 +62,10 @@ fn lesson_of(folder: &str, size: Size, frames: usize) -> TrainingSet {
             (view, truth, target)
         })
         .collect();
-    TrainingSet { bounds, particles, shots }
+    TrainingSet { bounds, particles, samples }
 }
 
-fn shot<'a>(view: &'a View, target: &'a Plane) -> TrainingSample<'a> {
+fn sample<'a>(view: &'a View, target: &'a Plane) -> TrainingSample<'a> {
     shot_with(view, target, &Context::SILENT)
 }
 
@@ -95,7 +92,7 @@ fn train_with(
 ) -> f64 {
     let (mut sum, last, steps) = (0.0, iterations.end, iterations.end - iterations.start);
     for iteration in iterations {
-        let (view, _, target) = &lesson.shots[iteration as usize % lesson.shots.len()];
+        let (view, _, target) = &lesson.samples[iteration as usize % lesson.samples.len()];
         let at = moment(iteration, last, densify);
         let stepped = learner.step(&shot_with(view, target, context), &Loss::PUBLISHED, &at).unwrap();
         assert_eq!(stepped.not_finite, None);
@@ -105,14 +102,13 @@ fn train_with(
     sum / steps as f64
 }
 
-/// The learner's mixture in a model.
 fn model(learner: &AlphaLearner, bounds: Bounds) -> Model {
     let gaussians = learner.mixture();
-    let n = learner.gaussians.ground.particles;
-    let mut m = render::alpha::testing::empty_model(bounds, n);
+    let n = learner.gaussians.scale.particles;
+    let mut m = render::testing::empty_model(bounds, n);
     m.metadata.law = LawKind::AlphaBlend;
-    m.metadata.default_radius = learner.gaussians.ground.radius;
-    m.metadata.default_opacity = learner.gaussians.ground.opacity;
+    m.metadata.default_radius = learner.gaussians.scale.radius;
+    m.metadata.default_opacity = learner.gaussians.scale.opacity;
     let block = Block { bounds, count: n, mass: n as f64, gaussians };
     m.layers = vec![Layer { name: "dm".into(), mass: Mass::Unknown, content: vec![block] }];
     m
@@ -121,14 +117,14 @@ fn model(learner: &AlphaLearner, bounds: Bounds) -> Model {
 /// Mean masked PSNR over a lesson's views, drawn as models are.
 fn score(learner: &AlphaLearner, lesson: &TrainingSet) -> f64 {
     let m = model(learner, lesson.bounds);
-    let psnr = lesson.shots.iter().map(|(view, truth, _)| {
+    let psnr = lesson.samples.iter().map(|(view, truth, _)| {
         masked_psnr(
-            &render::draw(&Scene::of(&m), view, truth.size, ToneStyle::Paraview, &Context::SILENT).unwrap(),
+            &render::draw(&Scene::new(&m), view, truth.size, ToneStyle::Paraview, &Context::SILENT).unwrap(),
             truth,
         )
         .unwrap()
     });
-    psnr.sum::<f64>() / lesson.shots.len() as f64
+    psnr.sum::<f64>() / lesson.samples.len() as f64
 }
 
 const SMALL: Size = Size { width: 240, height: 135 };
@@ -139,7 +135,7 @@ fn training_on_the_sample_lowers_the_loss() {
     let n = lesson.particles.len() as u64;
     let subject = ParticleSubject(Reference::with_bounds(&lesson.particles, lesson.bounds));
     let mut learner =
-        AlphaLearner::from_particles(&subject, 2000, ground(&lesson.bounds, n), AlphaConfig::default()).unwrap();
+        AlphaLearner::from_particles(&subject, 2000, scale(&lesson.bounds, n), AlphaConfig::default()).unwrap();
     let before = score(&learner, &lesson);
     let first = train(&mut learner, &lesson, 0, 12, STILL);
     train(&mut learner, &lesson, 12, 180, STILL);
@@ -155,7 +151,7 @@ const BUSY: Densify = Densify { every: 4, until: 100, threshold: 1e-5 };
 fn small_learner(lesson: &TrainingSet, config: AlphaConfig) -> AlphaLearner {
     let n = lesson.particles.len() as u64;
     let subject = ParticleSubject(Reference::with_bounds(&lesson.particles, lesson.bounds));
-    AlphaLearner::from_particles(&subject, 600, ground(&lesson.bounds, n), config).unwrap()
+    AlphaLearner::from_particles(&subject, 600, scale(&lesson.bounds, n), config).unwrap()
 }
 
 const QUICK: Size = Size { width: 112, height: 63 };
@@ -213,9 +209,9 @@ fn gradients_that_are_not_numbers_are_survived() {
         train(&mut learner, &lesson, 0, 3, STILL);
         let before = learner.state();
         learner = learner.by(|_| Ok(Box::new(AlphaCpuSteps { spoil: Some((group, 17, value)) }))).unwrap();
-        let (view, _, target) = &lesson.shots[0];
+        let (view, _, target) = &lesson.samples[0];
         let at = moment(3, 9, STILL);
-        let stepped = learner.step(&shot(view, target), &Loss::PUBLISHED, &at).unwrap();
+        let stepped = learner.step(&sample(view, target), &Loss::PUBLISHED, &at).unwrap();
         assert_eq!(stepped.not_finite, Some(NonFiniteGradient { group: group.name(), gaussian: 17, count: 1 }));
         let after = learner.state();
         for g in ParameterGroup::ALL {
@@ -235,23 +231,23 @@ fn parameters_and_targets_that_are_not_numbers_are_named() {
     let lesson = lesson(QUICK, 1);
     let mut learner = small_learner(&lesson, AlphaConfig::default());
     learner.gaussians.parameters.0[ParameterGroup::Rotation as usize][4 * 33 + 1] = f32::NAN;
-    let (view, _, target) = &lesson.shots[0];
+    let (view, _, target) = &lesson.samples[0];
     let at = moment(0, 9, STILL);
-    let stepped = learner.step(&shot(view, target), &Loss::PUBLISHED, &at).unwrap();
+    let stepped = learner.step(&sample(view, target), &Loss::PUBLISHED, &at).unwrap();
     assert_eq!(stepped.not_finite, Some(NonFiniteGradient { group: "rotation", gaussian: 33, count: 1 }));
     assert!(learner.gaussians.mapper.as_ref().unwrap().parameters.iter().all(|v| v.is_finite()));
     let mut target = target.clone();
     target.data.fill(f32::NAN);
     let mut learner = small_learner(&lesson, AlphaConfig::default());
     let before = learner.gaussians.parameters.clone();
-    let stepped = learner.step(&shot(view, &target), &Loss::PUBLISHED, &at).unwrap();
+    let stepped = learner.step(&sample(view, &target), &Loss::PUBLISHED, &at).unwrap();
     assert!(stepped.not_finite.unwrap().count > 100);
     assert!(learner.gaussians.parameters.0.iter().flatten().all(|v| v.is_finite()));
     assert_eq!(learner.len(), before.len());
     let mut mixture = Mixture::default();
     mixture.push([0.0; 3], particlegs_core::math::Sym3::scaled_identity(1.0), 1.0, 1.0);
     mixture.push([0.0, f64::NAN, 0.0], particlegs_core::math::Sym3::scaled_identity(1.0), 1.0, 1.0);
-    let fault = AlphaLearner::from_mixture(&mixture, learner.gaussians.ground, learner.config).err().unwrap();
+    let fault = AlphaLearner::from_mixture(&mixture, learner.gaussians.scale, learner.config).err().unwrap();
     assert_eq!(fault.to_string(), "Gaussian 1: its position is not finite");
 }
 
@@ -321,15 +317,15 @@ fn models_hold_what_was_trained() {
     let m = model(&learner, lesson.bounds);
     let sum: f64 = m.layers[0].content[0].gaussians.count.iter().sum();
     assert!((sum / lesson.particles.len() as f64 - 1.0).abs() < 1e-12);
-    let mut again = AlphaLearner::from_model(&m, learner.gaussians.ground, learner.config).unwrap();
-    let (view, _, target) = &lesson.shots[1];
+    let mut again = AlphaLearner::from_model(&m, learner.gaussians.scale, learner.config).unwrap();
+    let (view, _, target) = &lesson.samples[1];
     let at = moment(30, 31, STILL);
-    let shot = shot(view, target);
-    let losses = [&mut learner, &mut again].map(|l| l.step(&shot, &Loss::PUBLISHED, &at).unwrap().loss);
+    let sample = sample(view, target);
+    let losses = [&mut learner, &mut again].map(|l| l.step(&sample, &Loss::PUBLISHED, &at).unwrap().loss);
     assert!((losses[0] - losses[1]).abs() < 1e-6, "{losses:?}");
-    let drawn = render::draw(&Scene::of(&m), view, QUICK, ToneStyle::Expected, &Context::SILENT).unwrap();
+    let drawn = render::draw(&Scene::new(&m), view, QUICK, ToneStyle::Expected, &Context::SILENT).unwrap();
     let levels = drawn.data.iter().map(|b| f32::from(*b) / 255.0).collect();
-    let loss = Loss::PUBLISHED.of(&Plane { size: QUICK, data: levels }, target, Level::new()).value;
+    let loss = Loss::PUBLISHED.evaluate(&Plane { size: QUICK, data: levels }, target, Level::new()).value;
     assert!((loss - losses[0]).abs() < 2e-3, "{loss} {losses:?}");
 }
 
@@ -338,10 +334,10 @@ fn models_hold_what_was_trained() {
 fn a_mixture_is_a_start() {
     use particlegs::fit::{Effort, FitOptions, fit};
     let lesson = lesson(QUICK, 2);
-    let ground = ground(&lesson.bounds, lesson.particles.len() as u64);
-    let options = FitOptions { effort: Effort::Fast, ..FitOptions::new(600, ground.radius) };
+    let scale = scale(&lesson.bounds, lesson.particles.len() as u64);
+    let options = FitOptions { effort: Effort::Fast, ..FitOptions::new(600, scale.radius) };
     let mixture = fit(&lesson.particles, &options, &Context::SILENT).unwrap();
-    let from = AlphaLearner::from_mixture(&mixture, ground, AlphaConfig::default()).unwrap();
+    let from = AlphaLearner::from_mixture(&mixture, scale, AlphaConfig::default()).unwrap();
     let (mixture, random) = (score(&from, &lesson), score(&small_learner(&lesson, AlphaConfig::default()), &lesson));
     println!("masked PSNR of the start: mixture {mixture:.2}, particles {random:.2} dB");
     assert!(mixture > random + 5.0, "{mixture} {random}");

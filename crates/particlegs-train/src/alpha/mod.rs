@@ -1,7 +1,7 @@
 //! Training of the alpha-blend law: 3-D Gaussian splatting as published, with the network that
 //! follows radius and opacity (paper section III).
 //!
-//! `learner` holds the [`Gaussians`] in the training frame (`parameters`, `start`). A step ([`AlphaStepper`]) is a `pass`:
+//! `learner` holds the [`Gaussians`] in the training frame (`state`, `parameters`, `start`). A step ([`AlphaStepper`]) is a `pass`:
 //! adapt, draw, then back again, tile by tile (`raster`), Gaussian by Gaussian (`chain`) and through the network
 //! (`network`); and Adam. `density` clones, splits and prunes as published. The rates and all else that can be chosen
 //! stand in [`AlphaConfig`].
@@ -16,6 +16,7 @@ mod parameters;
 mod pass;
 mod raster;
 mod start;
+mod state;
 mod steps;
 
 #[cfg(test)]
@@ -28,5 +29,5 @@ mod twin;
 pub use config::AlphaConfig;
 pub(crate) use learner::AlphaLearner;
 pub use parameters::{AlphaParameters, GROUPS, SH0};
-pub use start::TrainingScale;
-pub use steps::{AlphaCpuSteps, AlphaStepper, Gaussians, StepSize};
+pub use state::{Gaussians, TrainingScale};
+pub use steps::{AlphaCpuSteps, AlphaStepper, StepSize};

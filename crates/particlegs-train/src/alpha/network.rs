@@ -3,8 +3,8 @@
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use particlegs_core::math::{Matrix, add_product};
 use particlegs_core::model::VIZMAPPER_PARAMETERS;
-use particlegs_core::model::vizmapper::{HiddenActivations, Network, Places, RUN, dot};
 use particlegs_core::parallel;
+use particlegs_core::render::alpha::network::{HiddenActivations, Network, Places, RUN, dot};
 
 /// Gaussians in one step of parallel work; fixed, so that sums do not depend on threads.
 const STEP: usize = 16 * RUN;
@@ -19,7 +19,6 @@ struct NetworkGradient {
     last_bias: [f32; 2],
 }
 
-/// Buffers of one thread.
 #[derive(Default)]
 struct NetworkScratch {
     hidden: HiddenActivations,
@@ -80,6 +79,7 @@ fn back<S: Simd>(
     out.resize(n, [0.0; 2]);
     network.run(simd.level(), inputs, hidden, out);
     last.clear();
+    // tanh' = 1 - tanh^2: the outputs are enough.
     last.extend(out.iter().zip(wanted).map(|(o, w)| [0, 1].map(|k| w[k] * (1.0 - o[k] * o[k]))));
     last.iter().for_each(|d| (0..2).for_each(|k| sums.last_bias[k] += d[k]));
     let last = last.as_flattened();
@@ -138,7 +138,7 @@ fn total(steps: &[NetworkGradient]) -> Vec<f32> {
 mod tests {
     use super::*;
     use particlegs_core::math::Random;
-    use particlegs_core::model::vizmapper::twin::{plain, stirred};
+    use particlegs_core::render::alpha::network::twin::{plain, stirred};
 
     #[test]
     fn slopes_are_differences() {

@@ -1,10 +1,12 @@
 //! Gaussians as what is trained: f32 columns in the training frame.
 
+use particlegs_core::camera::Normalisation;
 use particlegs_core::math::{Sym3, each_axis};
-use particlegs_core::model::vizmapper::Adaptation;
+use particlegs_core::model::Mixture;
 use particlegs_core::render::alpha::Gaussian;
+use particlegs_core::render::alpha::network::Adaptation;
+use particlegs_core::{Error, Result};
 
-/// A group of parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ParameterGroup {
     Position,
@@ -14,7 +16,6 @@ pub(super) enum ParameterGroup {
     Feature,
 }
 
-/// How many groups of parameters there are.
 pub const GROUPS: usize = 5;
 
 impl ParameterGroup {
@@ -40,7 +41,17 @@ impl ParameterGroup {
 /// `1 / (2 sqrt pi)`: the spherical harmonic of degree 0 (3DGS, `SH2RGB`).
 pub const SH0: f64 = 0.282_094_791_773_878_14;
 
-/// One Gaussian's parameters.
+/// Squared distances are taken as no smaller (3DGS).
+pub(super) const LEAST_SQUARE: f64 = 1e-7;
+
+pub(super) fn logit(opacity: f64) -> f64 {
+    (opacity / (1.0 - opacity)).ln()
+}
+
+pub(super) fn feature(grey: f64) -> f64 {
+    (grey - 0.5) / SH0
+}
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct GaussianParameters {
     /// Training frame.
@@ -65,7 +76,7 @@ pub(super) fn rotation_matrix([w, x, y, z]: [f64; 4]) -> [[f64; 3]; 3] {
 }
 
 /// The quaternion of length 1 of a rotation with these columns.
-pub(super) fn quaternion(columns: [[f64; 3]; 3]) -> [f64; 4] {
+fn quaternion(columns: [[f64; 3]; 3]) -> [f64; 4] {
     let m = |r: usize, c: usize| columns[c][r];
     // The largest of the four squares is found first, so that nothing is divided by a small number.
     let squares = [
@@ -88,6 +99,26 @@ pub(super) fn quaternion(columns: [[f64; 3]; 3]) -> [f64; 4] {
 }
 
 impl GaussianParameters {
+    pub fn from_world(frame: &Normalisation, mean: [f64; 3], cov: &Sym3, opacity: f64, grey: f64) -> Self {
+        let e = cov.scale(frame.scale * frame.scale).eigen();
+        let mut axes = e.vectors;
+        let [a, b, c] = axes;
+        let triple = a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0]);
+        if triple < 0.0 {
+            axes[2] = c.map(|v| -v);
+        }
+        GaussianParameters {
+            position: each_axis(|k| (mean[k] - frame.center[k]) * frame.scale),
+            // Not the maximum of the two: a value that is not a number must be seen.
+            log_scale: e.values.map(|v| if v < LEAST_SQUARE { LEAST_SQUARE } else { v }.ln() * 0.5),
+            rotation: quaternion(axes),
+            logit: logit(opacity.clamp(1e-6, 1.0 - 1e-6)),
+            feature: feature(grey),
+        }
+    }
+
     /// Columns are the axes times their standard deviations: the covariance is M M^T.
     pub fn root(&self) -> [[f64; 3]; 3] {
         let norm = self.rotation.iter().map(|v| v * v).sum::<f64>().sqrt();
@@ -96,14 +127,12 @@ impl GaussianParameters {
         each_axis(|i| each_axis(|k| r[i][k] * s[k]))
     }
 
-    /// Covariance, training frame.
     pub fn cov(&self) -> Sym3 {
         let m = self.root();
         let dot = |i: usize, j: usize| (0..3).map(|k| m[i][k] * m[j][k]).sum();
         Sym3([dot(0, 0), dot(0, 1), dot(0, 2), dot(1, 1), dot(1, 2), dot(2, 2)])
     }
 
-    /// Grey level.
     pub fn grey(&self) -> f64 {
         (0.5 + SH0 * self.feature).max(0.0)
     }
@@ -118,7 +147,6 @@ impl GaussianParameters {
         self.log_scale.iter().sum::<f64>() / 3.0
     }
 
-    /// As it is drawn.
     pub fn gaussian(&self, adapted: &Adaptation) -> Gaussian {
         Gaussian {
             mean: self.position,
@@ -146,12 +174,10 @@ impl GaussianParameters {
 pub struct AlphaParameters(pub [Vec<f32>; GROUPS]);
 
 impl AlphaParameters {
-    /// Number of Gaussians.
     pub fn len(&self) -> usize {
         self.0[ParameterGroup::Opacity as usize].len()
     }
 
-    /// Gaussian `i`.
     pub(super) fn get(&self, i: usize) -> GaussianParameters {
         let [position, scale, rotation, opacity, feature] = &self.0;
         GaussianParameters {
@@ -163,19 +189,24 @@ impl AlphaParameters {
         }
     }
 
-    /// None?
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Adds one.
     pub(super) fn push(&mut self, one: &GaussianParameters) {
         for (column, numbers) in self.0.iter_mut().zip(one.numbers()) {
             column.extend(numbers.iter().map(|v| *v as f32));
         }
     }
 
-    /// All zero.
+    pub(super) fn push_mixture(&mut self, m: &Mixture, frame: &Normalisation) -> Result<()> {
+        let own = m.law.alpha_blend().ok_or_else(|| Error::argument("the model is not of the alpha-blend law"))?;
+        for i in 0..m.len() {
+            self.push(&GaussianParameters::from_world(frame, m.mean_of(i), &m.cov_of(i), own.opacity[i], own.grey[i]));
+        }
+        Ok(())
+    }
+
     pub fn zeros(n: usize) -> Self {
         AlphaParameters(ParameterGroup::ALL.map(|g| vec![0.0; n * g.width()]))
     }

@@ -7,13 +7,12 @@ use super::raster;
 use particlegs_core::Result;
 use particlegs_core::context::{Context, Level};
 use particlegs_core::model::VizRanges;
-use particlegs_core::model::vizmapper::{Adaptation, Network, Setting, inputs, outputs};
 use particlegs_core::parallel;
 use particlegs_core::picture::Plane;
+use particlegs_core::render::alpha::network::{Adaptation, Network, Setting, inputs, outputs};
 use particlegs_core::render::alpha::raster::blend;
 use particlegs_core::render::alpha::{CutOffs, Eye, Plan};
 
-/// Gaussians in one step of parallel work.
 const RUN: usize = 2048;
 
 /// The network, laid out, and its ranges.
@@ -38,11 +37,8 @@ pub(super) struct ForwardPass<'a> {
     simd: Level,
 }
 
-/// Changes of the loss.
 pub(super) struct Gradient {
-    /// With the Gaussians' parameters.
     pub parameters: AlphaParameters,
-    /// With the network's.
     pub network: Option<Vec<f32>>,
     /// Gaussians that are seen, and the size of the change with their centres on the picture.
     pub screen: Vec<(u32, f32)>,
@@ -133,7 +129,7 @@ impl<'a> ForwardPass<'a> {
             all[i as usize] = wanted(&self.adapted[i as usize], s.scale, s.odds);
         }
         let (with_network, with_inputs) = network::slopes(self.simd, &mapper.network, &self.inputs, &all);
-        let own = particlegs_core::model::vizmapper::OWN.map(|[_, half]| 1.0 / half as f32);
+        let own = particlegs_core::render::alpha::network::OWN.map(|[_, half]| 1.0 / half as f32);
         let [_, scale, _, logit, _] = &mut out.0;
         for (i, with) in with_inputs.iter().enumerate() {
             scale[3 * i..3 * i + 3].iter_mut().for_each(|s| *s += with[0] * own[0] / 3.0);

@@ -14,13 +14,9 @@ use particlegs_core::render::alpha::{Plan, TILE};
 /// centre: sums of h, h dx, h dy, h dx^2, h dx dy, h dy^2; and the change with the grey level.
 pub(super) type PixelSums = [f32; 7];
 
-/// A tile of the picture as it was blended.
 struct BlendedTile<'a> {
-    /// The tile's number in the plan.
     number: usize,
-    /// Its pixels.
     lit: TilePixels,
-    /// Their brightness.
     total: &'a [f32; PIXELS],
     /// The loss's change with it.
     slope: &'a [f32; PIXELS],
@@ -42,7 +38,7 @@ pub(super) fn sums(level: Level, plan: &Plan, drawn: &Plane, slope: &Plane) -> V
             // A pixel that wants nothing is done before it begins.
             tile.start(&lit, |i| slope[i] != 0.0);
             let start = out.len();
-            out.resize(start + plan.bins.iter().map(|b| b.of(number).len()).sum::<usize>(), PixelSums::default());
+            out.resize(start + plan.bins.iter().map(|b| b.in_tile(number).len()).sum::<usize>(), PixelSums::default());
             let out = &mut out[start..];
             if !tile.done() {
                 let drawn = BlendedTile { number, lit, total: &total, slope: &slope };
@@ -64,14 +60,14 @@ fn gather(plan: &Plan, bands: &[Vec<PixelSums>]) -> Vec<PixelSums> {
         for tile in row * across..(row + 1) * across {
             for (b, bin) in plan.bins.iter().enumerate() {
                 starts[tile * number + b] = at;
-                at += bin.of(tile).len() as u32;
+                at += bin.in_tile(tile).len() as u32;
             }
         }
     }
     let mut out = vec![PixelSums::default(); plan.splats.len()];
     parallel::for_each(out.chunks_mut(plan.run).zip(&plan.bins).enumerate(), |(b, (out, bin))| {
         for tile in 0..plan.tiles.number() {
-            let entries = bin.of(tile);
+            let entries = bin.in_tile(tile);
             let from = starts[tile * number + b] as usize;
             for (entry, add) in entries.iter().zip(&bands[tile / across][from..from + entries.len()]) {
                 let to = &mut out[*entry as usize - b * plan.run];
@@ -105,6 +101,7 @@ fn tile_sums<S: Simd>(simd: S, plan: &Plan, drawn: &BlendedTile<'_>, tile: &mut 
             sum.store_slice(&mut tile.sum[here.clone()]);
             live.select(next, zero).store_slice(&mut tile.left[here.clone()]);
             let want = f32x16::from_slice(simd, &slope[here.clone()]);
+            // Light from behind, as it arrives: dimmed by this alpha too, which the division below takes back.
             let behind = f32x16::from_slice(simd, &total[here]) - sum;
             // An alpha that was cut moves no more.
             let moving = raw.simd_le(plan.cut.most_alpha).select(alpha, zero);

@@ -2,15 +2,14 @@
 
 use super::parameters::{AlphaParameters, GROUPS, ParameterGroup};
 use super::pass::{ForwardPass, LoadedNetwork, faults};
-use super::start::TrainingScale;
-use crate::adam::{Adam, Averages};
+use super::state::Gaussians;
+use crate::adam::Adam;
 use crate::learner::{NonFiniteGradient, StepReport, TrainingSample};
 use crate::loss::Loss;
 use particlegs_core::Result;
-use particlegs_core::model::vizmapper::{Network, Setting};
-use particlegs_core::model::{VIZMAPPER_PARAMETERS, VizMapper};
 use particlegs_core::picture::Plane;
-use particlegs_core::render::alpha::{CutOffs, Eye};
+use particlegs_core::render::alpha::CutOffs;
+use particlegs_core::render::alpha::network::Network;
 
 /// 3DGS's Adam.
 const ADAM: Adam = Adam { beta1: 0.9, beta2: 0.999, epsilon: 1e-15 };
@@ -18,30 +17,11 @@ const ADAM: Adam = Adam { beta1: 0.9, beta2: 0.999, epsilon: 1e-15 };
 /// PyTorch's default, which the network has.
 const NETWORK_ADAM: Adam = Adam { beta1: 0.9, beta2: 0.999, epsilon: 1e-8 };
 
-/// Gaussians in training with their network, and what Adam and density control remember of them.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Gaussians {
-    /// Of the snapshot.
-    pub ground: TrainingScale,
-    /// The Gaussians.
-    pub parameters: AlphaParameters,
-    /// Adam's, a group each.
-    pub averages: [Averages; GROUPS],
-    /// The network, where there is one.
-    pub mapper: Option<VizMapper>,
-    /// Adam's of the network.
-    pub mapper_averages: Averages,
-    /// Of each Gaussian since the last densification: sizes of the changes with its centre on the picture, and in how many
-    /// pictures it was seen.
-    pub screen: Vec<[f32; 2]>,
-}
-
 /// How far a step goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepSize {
     /// Adam's rates, a group each.
     pub rates: [f64; GROUPS],
-    /// Adam's rate of the network.
     pub network: f64,
     /// Largest norm of the network's gradient; 0 = any.
     pub clip: f64,
@@ -49,26 +29,26 @@ pub struct StepSize {
     pub identity: f64,
 }
 
-/// What takes steps.
 pub trait AlphaStepper {
-    /// Draws the shot, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
+    /// Draws the sample, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
     /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](AlphaStepper::fetch).
     fn step(
         &mut self,
         of: &mut Gaussians,
-        shot: &TrainingSample<'_>,
+        sample: &TrainingSample<'_>,
         loss: &Loss,
         size: &StepSize,
     ) -> Result<StepReport>;
 
     /// Brings everything up to date with the steps taken.
-    fn fetch(&mut self, of: &mut Gaussians) -> Result<()>;
+    fn fetch(&mut self, _of: &mut Gaussians) -> Result<()> {
+        Ok(())
+    }
 
     /// Others than steps changed them, in number too.
-    fn changed(&mut self);
+    fn changed(&mut self) {}
 }
 
-/// Steps on the processor.
 #[derive(Default)]
 pub struct AlphaCpuSteps {
     /// A gradient to be spoilt in the next step: group, Gaussian, number.
@@ -77,30 +57,6 @@ pub struct AlphaCpuSteps {
 }
 
 impl Gaussians {
-    /// Before the first step.
-    pub(super) fn new(parameters: AlphaParameters, mapper: Option<VizMapper>, ground: TrainingScale) -> Self {
-        let n = parameters.len();
-        Gaussians {
-            ground,
-            averages: ParameterGroup::ALL.map(|g| Averages::zeros(n * g.width())),
-            mapper_averages: Averages::zeros(if mapper.is_some() { VIZMAPPER_PARAMETERS } else { 0 }),
-            screen: vec![[0.0; 2]; n],
-            parameters,
-            mapper,
-        }
-    }
-
-    /// What a picture asks of the network.
-    pub fn setting(&self, shot: &TrainingSample<'_>) -> Setting {
-        let TrainingScale { radius, opacity, .. } = self.ground;
-        Setting { radius: shot.view.radius / radius, opacity: shot.view.opacity / opacity }
-    }
-
-    /// The camera of a shot in the training frame.
-    pub fn eye(&self, shot: &TrainingSample<'_>) -> Result<Eye> {
-        Ok(Eye::new(shot.view, shot.crop.full, &self.ground.frame)?.part(shot.crop.corner, shot.crop.size))
-    }
-
     /// Moves all Gaussians but those of `still`.
     fn descend(&mut self, gradient: &AlphaParameters, still: &[(usize, ParameterGroup)], size: &StepSize) {
         for g in ParameterGroup::ALL {
@@ -142,18 +98,19 @@ impl AlphaStepper for AlphaCpuSteps {
     fn step(
         &mut self,
         of: &mut Gaussians,
-        shot: &TrainingSample<'_>,
+        sample: &TrainingSample<'_>,
         loss: &Loss,
         size: &StepSize,
     ) -> Result<StepReport> {
-        let (eye, setting) = (of.eye(shot)?, of.setting(shot));
+        let (eye, setting) = (of.eye(sample)?, of.setting(sample));
         let mapper = of.mapper.as_ref().map(|m| LoadedNetwork {
             network: Network::new(m),
             ranges: m.ranges,
             identity: size.identity,
         });
-        let pass = ForwardPass::new(&eye, &of.parameters, mapper.as_ref(), setting, CutOffs::PUBLISHED, shot.context)?;
-        let mut valued = loss.of(&shown(&pass.drawn), shot.target, shot.context.simd());
+        let pass =
+            ForwardPass::new(&eye, &of.parameters, mapper.as_ref(), setting, CutOffs::PUBLISHED, sample.context)?;
+        let mut valued = loss.evaluate(&shown(&pass.drawn), sample.target, sample.context.simd());
         // Brightness beyond white is cut: nothing there moves it.
         let beyond = valued.gradient.data.iter_mut().zip(&pass.drawn.data);
         beyond.filter(|(_, b)| **b > 1.0).for_each(|(g, _)| *g = 0.0);
@@ -181,10 +138,4 @@ impl AlphaStepper for AlphaCpuSteps {
         // The picture's loss alone: what holds the network to the identity is no measure of it.
         Ok(StepReport { loss: valued.value, not_finite })
     }
-
-    fn fetch(&mut self, _of: &mut Gaussians) -> Result<()> {
-        Ok(())
-    }
-
-    fn changed(&mut self) {}
 }

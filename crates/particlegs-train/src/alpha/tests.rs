@@ -3,13 +3,14 @@
 use super::parameters::{AlphaParameters, GaussianParameters, ParameterGroup};
 use super::pass::{ForwardPass, LoadedNetwork};
 use super::twin::{DoubleParameters, drawn};
-use particlegs_core::camera::{Camera, Normalisation, Projection, View};
+use particlegs_core::camera::{Normalisation, View};
 use particlegs_core::context::Context;
 use particlegs_core::math::Random;
-use particlegs_core::model::vizmapper::{Network, Setting, twin::stirred};
 use particlegs_core::model::{VizMapper, VizRanges};
 use particlegs_core::picture::{Plane, Size};
+use particlegs_core::render::alpha::network::{Network, Setting, twin::stirred};
 use particlegs_core::render::alpha::{CutOffs, Eye};
+use particlegs_core::render::testing;
 
 const SIZE: Size = Size { width: 37, height: 21 };
 const FRAME: Normalisation = Normalisation { center: [0.0; 3], scale: 1.0 };
@@ -18,9 +19,7 @@ const FRAME: Normalisation = Normalisation { center: [0.0; 3], scale: 1.0 };
 const SMOOTH: CutOffs = CutOffs { least_alpha: 1e-12, most_alpha: 0.99, least_transmittance: 0.0 };
 
 fn view(position: [f64; 3]) -> View {
-    let projection = Projection::Perspective { fov_deg: 30.0 };
-    let camera = Camera { position, focal_point: [0.0; 3], view_up: [0.0, 1.0, 0.0], projection, clipping_range: None };
-    View { name: "v".into(), camera, radius: 0.01, opacity: 0.05 }
+    testing::view(position, 0.01, 0.05)
 }
 
 /// Gaussians of all kinds: among them one without any width, one beyond the guard band that reaches
@@ -51,7 +50,7 @@ fn check(position: [f64; 3], of: Setting, mapper: Option<VizMapper>) {
     let pass = ForwardPass::new(&eye, &p, used.as_ref(), of, SMOOTH, &Context::SILENT).unwrap();
     let found = pass.back(&Plane { size: SIZE, data: want.clone() });
     let parameters = mapper.as_ref().map(|m| &m.parameters[..]);
-    let mut twin = DoubleParameters::of(&p, parameters, VizRanges::TRAINING, identity);
+    let mut twin = DoubleParameters::new(&p, parameters, VizRanges::TRAINING, identity);
     let want: Vec<f64> = want.into_iter().map(f64::from).collect();
     let h = 1e-5;
     let difference = |twin: &mut DoubleParameters, at: &dyn Fn(&mut DoubleParameters) -> &mut f64| {

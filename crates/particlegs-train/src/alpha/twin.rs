@@ -3,11 +3,10 @@
 use super::parameters::{AlphaParameters, GROUPS, GaussianParameters, ParameterGroup, SH0};
 use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::VizRanges;
-use particlegs_core::model::vizmapper::{Setting, twin::plain as network};
+use particlegs_core::render::alpha::network::{Setting, twin::plain as network};
 use particlegs_core::render::alpha::plain::blend;
 use particlegs_core::render::alpha::{CutOffs, Eye, Gaussian};
 
-/// All parameters, f64.
 #[derive(Clone)]
 pub(super) struct DoubleParameters {
     pub columns: [Vec<f64>; GROUPS],
@@ -17,7 +16,7 @@ pub(super) struct DoubleParameters {
 }
 
 impl DoubleParameters {
-    pub fn of(p: &AlphaParameters, network: Option<&[f32]>, ranges: VizRanges, identity: f64) -> Self {
+    pub fn new(p: &AlphaParameters, network: Option<&[f32]>, ranges: VizRanges, identity: f64) -> Self {
         let wide = |v: &[f32]| v.iter().map(|v| f64::from(*v)).collect::<Vec<f64>>();
         DoubleParameters { columns: p.0.each_ref().map(|c| wide(c)), network: network.map(wide), ranges, identity }
     }

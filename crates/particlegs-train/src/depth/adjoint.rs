@@ -30,7 +30,6 @@ pub struct PieceDepth {
 }
 
 impl GaussianGradient {
-    /// Is every number finite?
     pub fn is_finite(&self) -> bool {
         self.mean.iter().chain(&self.cov).all(|v| v.is_finite()) && self.count.is_finite()
     }

@@ -20,21 +20,16 @@ use particlegs_core::space::Bounds;
 const FILLED: std::ops::RangeInclusive<f64> = 0.98..=1.0;
 const AIM: f64 = 0.999;
 
-/// What the file is to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Budget {
-    /// Bounds of the particles.
     pub bounds: Bounds,
-    /// Particles.
     pub count: u64,
-    /// Bytes.
     pub bytes: u64,
 }
 
 /// Decoded Gaussians and the precision that they were coded at.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct DecodedGaussians {
-    /// As decoded.
     pub exact: DepthGaussians,
     /// Multiple of the nominal steps.
     pub factor: f64,
@@ -44,7 +39,7 @@ pub(super) struct DecodedGaussians {
 
 impl DecodedGaussians {
     /// Codes and decodes `gaussians` at `factor` times the nominal steps.
-    pub fn of(gaussians: Mixture, budget: &Budget, factor: f64) -> Result<DecodedGaussians> {
+    pub fn new(gaussians: Mixture, budget: &Budget, factor: f64) -> Result<DecodedGaussians> {
         let m = gaussians.len();
         let mass = gaussians.masses().map_or(budget.count as f64, |m| m.iter().sum());
         let encoder = Encoder::new(&Block { bounds: budget.bounds, count: budget.count, mass, gaussians })?;
@@ -54,7 +49,7 @@ impl DecodedGaussians {
         for (k, &i) in encoder.order().iter().enumerate() {
             place[i as usize] = k as u32;
         }
-        let exact = DepthGaussians::of(&decoded, |i| place[i] as usize);
+        let exact = DepthGaussians::from_mixture(&decoded, |i| place[i] as usize);
         Ok(DecodedGaussians { exact, factor, filled: bytes.len() as f64 / budget.bytes as f64 })
     }
 

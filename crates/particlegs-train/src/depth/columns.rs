@@ -4,7 +4,6 @@ use particlegs_core::math::Sym3;
 use particlegs_core::model::Mixture;
 use particlegs_core::parallel;
 
-/// Gaussians in one step of parallel work.
 const RUN: usize = 1024;
 
 /// Numbers of a Gaussian: mean (3), rows of the lower factor of its covariance (00, 10, 11, 20, 21,
@@ -20,7 +19,7 @@ pub struct DepthGaussians(pub Vec<Numbers>);
 
 impl DepthGaussians {
     /// Those of a mixture; Gaussian i is the mixture's `place(i)`.
-    pub fn of(m: &Mixture, place: impl Fn(usize) -> usize + Sync) -> Self {
+    pub fn from_mixture(m: &Mixture, place: impl Fn(usize) -> usize + Sync) -> Self {
         let one = |i: usize| {
             let i = place(i);
             let ([x, y, z], l) = (m.mean_of(i), lower(&m.cov_of(i)));
@@ -96,7 +95,7 @@ mod tests {
         let mut m = Mixture::default();
         m.push([1.0, -2.0, 3.0], Sym3([2.0, 0.3, -0.1, 1.0, 0.2, 0.5]), 7.0, 0.0);
         m.push([0.0; 3], Sym3([1e-6, 0.0, 0.0, 2.0, 0.0, 3.0]), 1.0, 0.0);
-        let mut columns = DepthGaussians::of(&m, |i| 1 - i);
+        let mut columns = DepthGaussians::from_mixture(&m, |i| 1 - i);
         columns.change(&[[0.0; 10]; 2]);
         let back = columns.mixture();
         for k in 0..6 {
@@ -109,7 +108,7 @@ mod tests {
     fn a_mean_moves_by_standard_deviations() {
         let mut m = Mixture::default();
         m.push([0.0; 3], Sym3([4.0, 0.0, 0.0, 9.0, 0.0, 16.0]), 1.0, 0.0);
-        let mut columns = DepthGaussians::of(&m, |i| i);
+        let mut columns = DepthGaussians::from_mixture(&m, |i| i);
         columns.change(&[[1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5]]);
         assert_eq!(columns.0[0][..3], [2.0, 3.0, 4.0]);
         assert!((columns.0[0][9] - 0.5).abs() < 1e-12);

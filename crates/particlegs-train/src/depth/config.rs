@@ -81,7 +81,6 @@ impl Default for DepthConfig {
 }
 
 impl DepthConfig {
-    /// Checks every number.
     pub fn check(&self) -> Result<()> {
         let r = &self.rates;
         let within = |v: f64, low: f64, high: f64| (low..=high).contains(&v);

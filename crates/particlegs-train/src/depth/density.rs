@@ -85,7 +85,7 @@ fn covariance(g: &Numbers) -> Sym3 {
 fn numbers(mean: [f64; 3], cov: &Sym3, count: f64) -> Numbers {
     let mut m = Mixture::default();
     m.push(mean, *cov, count, 0.0);
-    DepthGaussians::of(&m, |i| i).0[0]
+    DepthGaussians::from_mixture(&m, |i| i).0[0]
 }
 
 #[cfg(test)]
@@ -103,7 +103,7 @@ mod tests {
             }
             m.push(each_axis(|_| d.normal()), cov, 1.0 + 50.0 * d.uniform(), 0.0);
         }
-        DepthGaussians::of(&m, |i| i)
+        DepthGaussians::from_mixture(&m, |i| i)
     }
 
     /// Sums of counts, means and second moments.

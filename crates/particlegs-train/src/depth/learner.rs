@@ -24,9 +24,7 @@ use particlegs_core::splat::ToneStyle;
 pub(crate) struct DepthContext {
     /// Bounds of the particles, world units.
     pub bounds: Bounds,
-    /// Particles.
     pub particles: u64,
-    /// Look of the targets.
     pub look: ToneStyle,
     /// Bytes that the coded Gaussians are to have; `None` = not known: they are not coded on the way.
     pub bytes: Option<u64>,
@@ -35,10 +33,9 @@ pub(crate) struct DepthContext {
 /// Parameters, and what becomes of them beside the steps.
 pub(crate) struct DepthLearner {
     config: DepthConfig,
-    ground: DepthContext,
+    context: DepthContext,
     parameters: Parameters,
     steps: Box<dyn DepthStepper>,
-    /// How they are coded on the way.
     coded: Option<DecodedGaussians>,
     /// Does the precision stay as it is?
     settled: bool,
@@ -50,15 +47,14 @@ impl DepthLearner {
     /// From a mixture, with what `steps` gives for its parameters.
     pub fn new(
         mixture: &Mixture,
-        ground: DepthContext,
+        context: DepthContext,
         config: DepthConfig,
         steps: impl FnOnce(&Parameters) -> Result<Box<dyn DepthStepper>>,
     ) -> Result<Self> {
-        let of = (ground.bounds, ground.look);
-        let parameters = Parameters::new(mixture, ground.particles, config.kept_among, of);
+        let parameters = Parameters::new(mixture, context.particles, config.kept_among, context.bounds, context.look);
         Ok(DepthLearner {
             config,
-            ground,
+            context,
             steps: steps(&parameters)?,
             parameters,
             coded: None,
@@ -78,8 +74,8 @@ impl DepthLearner {
             rates: [c.rates.place, c.rates.shape, c.rates.count].map(|r| rate * r),
             beta1: c.beta1,
             beta2: c.beta2,
-            calm: c.calm,
-            pull: rate * c.count_pull,
+            epsilon: c.calm,
+            decay: rate * c.count_pull,
             average: 1.0 / over,
         }
     }
@@ -100,7 +96,7 @@ impl DepthLearner {
             Some(c) => c.better_factor(&budget),
             None => 1.0,
         };
-        let coded = DecodedGaussians::of(self.weighed(&self.parameters.now), &budget, factor)?;
+        let coded = DecodedGaussians::new(self.weighed(&self.parameters.now), &budget, factor)?;
         self.parameters.groups.aim(&coded.exact.0);
         self.parameters.decoded = Some(coded.exact.clone());
         self.coded = Some(coded);
@@ -110,7 +106,7 @@ impl DepthLearner {
 
     /// What the file is to be, where that is known.
     fn budget(&self) -> Option<Budget> {
-        let DepthContext { bounds, particles, bytes, .. } = self.ground;
+        let DepthContext { bounds, particles, bytes, .. } = self.context;
         bytes.map(|bytes| Budget { bounds, count: particles, bytes })
     }
 
@@ -118,7 +114,7 @@ impl DepthLearner {
     fn weighed(&self, columns: &DepthGaussians) -> Mixture {
         let mut mixture = columns.mixture();
         // A mean of logarithms is below that of the numbers.
-        let scale = self.ground.particles as f64 / mixture.count.iter().sum::<f64>();
+        let scale = self.context.particles as f64 / mixture.count.iter().sum::<f64>();
         mixture.count.iter_mut().for_each(|c| *c *= scale);
         let heavy = |w: &Vec<f64>| w.iter().zip(&mixture.count).map(|(w, c)| w * c).collect();
         if let Some(masses) = self.weight.as_ref().map(heavy) {
@@ -134,10 +130,10 @@ impl DepthLearner {
 }
 
 impl Learner for DepthLearner {
-    fn step(&mut self, shot: &TrainingSample<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport> {
+    fn step(&mut self, sample: &TrainingSample<'_>, loss: &Loss, at: &StepInfo) -> Result<StepReport> {
         self.code(at)?;
         let size = self.size(at);
-        self.steps.step(&mut self.parameters, shot, loss, &size)
+        self.steps.step(&mut self.parameters, sample, loss, &size)
     }
 
     fn fetch(&mut self) -> Result<()> {
@@ -178,7 +174,7 @@ impl Learner for DepthLearner {
             }
         }
         self.weight = mass.map(|m| m.iter().zip(&p.now.0).map(|(m, n)| m / n[9].exp()).collect());
-        p.groups.count(&p.now.0, self.ground.particles);
+        p.groups.count(&p.now.0, self.context.particles);
         // What was decoded and averaged is of other Gaussians now.
         (self.coded, p.decoded) = (None, None);
         p.averaged = p.now.clone();
@@ -200,8 +196,8 @@ impl Learner for DepthLearner {
         // Twice: the first says at which precision the bytes are met.
         let averaged = &self.parameters.averaged;
         let factor = self.coded.as_ref().map_or(1.0, |c| c.factor);
-        let factor = DecodedGaussians::of(self.weighed(averaged), &budget, factor)?.better_factor(&budget);
-        Ok(DecodedGaussians::of(self.weighed(averaged), &budget, factor)?.exact.mixture())
+        let factor = DecodedGaussians::new(self.weighed(averaged), &budget, factor)?.better_factor(&budget);
+        Ok(DecodedGaussians::new(self.weighed(averaged), &budget, factor)?.exact.mixture())
     }
 
     fn factor(&self) -> Option<f64> {

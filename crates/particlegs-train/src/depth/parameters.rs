@@ -10,14 +10,11 @@ use particlegs_core::splat::ToneStyle;
 /// Groups of numbers that have a rate each, and their numbers a Gaussian: place, shape, count.
 pub const WIDTHS: [usize; 3] = [3, 6, 1];
 
-/// Gaussians in training.
 #[derive(Clone, Debug)]
 pub struct Parameters {
     /// Bounds of the particles, world units.
     pub bounds: Bounds,
-    /// Look of the targets.
     pub look: ToneStyle,
-    /// The Gaussians.
     pub now: DepthGaussians,
     /// Their running average: what is scored and kept.
     pub averaged: DepthGaussians,
@@ -33,8 +30,8 @@ pub struct Parameters {
 
 impl Parameters {
     /// Those of a mixture of `particles`, whose counts are kept among so many neighbours (0 = all).
-    pub fn new(mixture: &Mixture, particles: u64, kept_among: u64, (bounds, look): (Bounds, ToneStyle)) -> Parameters {
-        let now = DepthGaussians::of(mixture, |i| i);
+    pub fn new(mixture: &Mixture, particles: u64, kept_among: u64, bounds: Bounds, look: ToneStyle) -> Parameters {
+        let now = DepthGaussians::from_mixture(mixture, |i| i);
         Parameters {
             bounds,
             look,
@@ -47,12 +44,10 @@ impl Parameters {
         }
     }
 
-    /// Their number.
     pub fn len(&self) -> usize {
         self.now.0.len()
     }
 
-    /// None?
     pub fn is_empty(&self) -> bool {
         self.now.0.is_empty()
     }

@@ -13,15 +13,14 @@ use particlegs_core::render::Scratch;
 use particlegs_core::render::bin::{Binner, PlacedFootprint, StrokeBins, place};
 use particlegs_core::render::depth::{grow, paint};
 use particlegs_core::render::lens::Lens;
-use particlegs_core::render::project::slices::{ClipClass, cut_with_slopes, fate, whole};
-use particlegs_core::render::project::{CameraGaussian, DepthMoments, DepthSlopes, Footprint, inverse_slopes};
+use particlegs_core::render::project::slices::pieces_with_slopes;
+use particlegs_core::render::project::{CameraGaussian, Footprint};
 use particlegs_core::render::raster::pyramid::{self, Level, PAD};
 use particlegs_core::space::Bounds;
 
 /// Gaussians in one step of parallel work; fixed, so that sums do not depend on threads.
 const RUN: usize = 512;
 
-/// A footprint that was drawn.
 struct FootprintPiece {
     gaussian: u32,
     footprint: Footprint,
@@ -31,7 +30,6 @@ struct FootprintPiece {
 
 /// A picture's depth, and how it came to be.
 pub struct Tape {
-    /// Optical depth.
     pub tau: Plane,
     lens: Lens,
     levels: Vec<Level>,
@@ -66,13 +64,14 @@ impl Tape {
     pub fn gradient(&self, mixture: &Mixture, mut by_tau: Plane) -> Vec<GaussianGradient> {
         // The drawn depth is never negative; where the planes' sum was, nothing changes it.
         by_tau.data.iter_mut().zip(&self.tau.data).for_each(|(g, &t)| *g = if t > 0.0 { *g } else { 0.0 });
+        // The factors of `draw` are constant for a pixel: its gradient has the same.
         grow(&mut by_tau, &self.lens);
         let planes = self.planes(&by_tau);
         let mut out = vec![GaussianGradient::default(); mixture.len()];
         parallel::for_each(self.runs.iter().zip(out.chunks_mut(RUN)).enumerate(), |(run, (pieces, out))| {
             for group in pieces.chunk_by(|a, b| a.gaussian == b.gaussian) {
                 let i = group[0].gaussian as usize;
-                let g = self.lens.see(mixture, i, mixture.count[i]);
+                let g = CameraGaussian::from_mixture(&self.lens, mixture, i, mixture.count[i]);
                 out[i - run * RUN] = g.map_or_else(GaussianGradient::default, |g| self.of_pieces(&g, group, &planes));
             }
         });
@@ -119,24 +118,15 @@ fn project_run(
     let mut binner = Binner::new(levels, range.len() + range.len() / 4);
     let mut pieces = Vec::with_capacity(range.len());
     for i in range {
-        let Some(g) = lens.see(m, i, m.count[i]) else { continue };
-        let mut add = |moments: DepthMoments, slopes: DepthSlopes| {
+        let Some(g) = CameraGaussian::from_mixture(lens, m, i, m.count[i]) else { continue };
+        pieces_with_slopes(lens, &g, |moments, slopes| {
             let footprint = g.footprint(lens, &moments);
             if let Some(placed) = place(levels, &footprint) {
                 binner.add_placed(&placed);
                 let depth = PieceDepth { moments, slopes };
                 pieces.push(FootprintPiece { gaussian: i as u32, footprint, placed, depth });
             }
-        };
-        let [depth, variance] = g.depths();
-        match fate(lens, depth, variance) {
-            ClipClass::Outside => {}
-            ClipClass::Cut if lens.misses(&g) => {}
-            ClipClass::Whole => {
-                add(whole(lens, depth, variance), inverse_slopes(depth, variance));
-            }
-            ClipClass::Cut => cut_with_slopes(lens, depth, variance, add),
-        }
+        });
     }
     (pieces, binner.finish())
 }

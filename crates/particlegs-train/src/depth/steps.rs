@@ -13,7 +13,6 @@ use particlegs_core::parallel;
 use particlegs_core::picture::Plane;
 use particlegs_core::render::Scratch;
 
-/// Pixels in one step of parallel work.
 const PIXELS: usize = 1 << 14;
 /// What is added to the root in Adam's division at least.
 pub const LEAST_EPSILON: f64 = 1e-15;
@@ -28,21 +27,20 @@ pub struct StepSize {
     /// Decay of Adam's mean squared gradient.
     pub beta2: f64,
     /// Share of a group's mean gradient that is added to each one's own in Adam's division.
-    pub calm: f64,
+    pub epsilon: f64,
     /// Share of ln(count / count at the start) that is taken back.
-    pub pull: f64,
+    pub decay: f64,
     /// Share that the average takes of the new Gaussians.
     pub average: f64,
 }
 
-/// What takes steps.
 pub trait DepthStepper {
-    /// Draws the shot, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
+    /// Draws the sample, takes the loss, and moves all parameters down its gradient. Gaussians with gradients that are not
     /// finite stay as they are, and are named. What is moved may lie elsewhere until it is [fetched](DepthStepper::fetch).
     fn step(
         &mut self,
         of: &mut Parameters,
-        shot: &TrainingSample<'_>,
+        sample: &TrainingSample<'_>,
         loss: &Loss,
         size: &StepSize,
     ) -> Result<StepReport>;
@@ -58,10 +56,8 @@ pub trait DepthStepper {
     fn replaced(&mut self, of: &Parameters, which: &[usize]) -> Result<()>;
 }
 
-/// Steps on the processor.
 #[derive(Default)]
 pub struct DepthCpuSteps {
-    /// Of its pictures.
     scratch: Scratch,
     /// A Gaussian whose gradient is to be spoilt.
     #[cfg(test)]
@@ -78,12 +74,12 @@ impl DepthStepper for DepthCpuSteps {
     fn step(
         &mut self,
         of: &mut Parameters,
-        shot: &TrainingSample<'_>,
+        sample: &TrainingSample<'_>,
         loss: &Loss,
         size: &StepSize,
     ) -> Result<StepReport> {
         #[allow(unused_mut)]
-        let (value, mut world) = self.backward(of, shot, loss)?;
+        let (value, mut world) = self.backward(of, sample, loss)?;
         #[cfg(test)]
         if let Some(g) = self.poison.and_then(|i| world.get_mut(i)) {
             g.cov[1] = f64::NAN;
@@ -106,23 +102,23 @@ impl DepthStepper for DepthCpuSteps {
 }
 
 impl DepthCpuSteps {
-    /// Loss of a shot, and its gradient with every Gaussian.
+    /// Loss of a sample, and its gradient with every Gaussian.
     fn backward(
         &mut self,
         of: &Parameters,
-        shot: &TrainingSample<'_>,
+        sample: &TrainingSample<'_>,
         loss: &Loss,
     ) -> Result<(f64, Vec<GaussianGradient>)> {
-        let (simd, mixture) = (shot.context.simd(), of.seen().mixture());
-        let tape = Tape::draw(&mixture, &of.bounds, shot.view, &shot.crop, &mut self.scratch, shot.context)?;
-        let curve = BrightnessCurve::new(of.look, shot.view.opacity, shot.view.radius_pixels(shot.crop.full));
+        let (simd, mixture) = (sample.context.simd(), of.seen().mixture());
+        let tape = Tape::draw(&mixture, &of.bounds, sample.view, &sample.crop, &mut self.scratch, sample.context)?;
+        let curve = BrightnessCurve::new(of.look, sample.view.opacity, sample.view.radius_pixels(sample.crop.full));
         let size = tape.tau.size;
         let (mut drawn, mut slope) = (Plane::zeros(size), Plane::zeros(size));
         let pixels = drawn.data.chunks_mut(PIXELS).zip(slope.data.chunks_mut(PIXELS));
         parallel::for_each(pixels.zip(tape.tau.data.chunks(PIXELS)), |((drawn, slope), tau)| {
             curve.apply(simd, tau, drawn, slope);
         });
-        let mut valued = loss.of(&drawn, shot.target, simd);
+        let mut valued = loss.evaluate(&drawn, sample.target, simd);
         valued.gradient.data.iter_mut().zip(&slope.data).for_each(|(g, s)| *g *= s);
         Ok((valued.value, tape.gradient(&mixture, valued.gradient)))
     }
@@ -161,17 +157,19 @@ fn update(of: &mut Parameters, own: &OwnFrameGradient, size: &StepSize) {
     let (beta1, beta2) = (size.beta1 as f32, size.beta2 as f32);
     let mut by = WIDTHS.map(|k| vec![0.0f32; k * m]);
     for (k, rate) in size.rates.into_iter().enumerate() {
-        let epsilon = (size.calm * of.averages[k].mean_size(size.beta2)).max(LEAST_EPSILON) as f32;
+        // In proportion to the group's own gradients, whose size hangs on the pictures and is not known before.
+        let epsilon = (size.epsilon * of.averages[k].mean_size(size.beta2)).max(LEAST_EPSILON) as f32;
         Adam { beta1, beta2, epsilon }.step(&mut by[k], &own.groups[k], &mut of.averages[k], rate);
     }
-    let pull = size.pull as f32;
+    let decay = size.decay as f32;
     let mut changes: Vec<FrameChange> = (0..m)
         .map(|i| {
             let [p, s] = [&by[0][3 * i..3 * i + 3], &by[1][6 * i..6 * i + 6]];
             let away = (of.now.0[i][9] - of.first_log_count[i]) as f32;
-            [p[0], p[1], p[2], s[0], s[1], s[2], s[3], s[4], s[5], by[2][i] - pull * away]
+            [p[0], p[1], p[2], s[0], s[1], s[2], s[3], s[4], s[5], by[2][i] - decay * away]
         })
         .collect();
+    // After Adam, whose division does not keep the sums that the gradients keep.
     of.groups.keep(&of.now.0, &mut changes);
     of.now.change(&changes);
     if let Some(decoded) = &mut of.decoded {

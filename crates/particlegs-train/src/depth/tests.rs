@@ -27,15 +27,15 @@ fn bounds() -> Bounds {
     Bounds { min: [-3.0; 3], max: [3.0; 3] }
 }
 
-fn learner(m: &Mixture, ground: DepthContext, config: DepthConfig) -> DepthLearner {
-    DepthLearner::new(m, ground, config, |_| Ok(Box::new(DepthCpuSteps::default()))).unwrap()
+fn learner(m: &Mixture, context: DepthContext, config: DepthConfig) -> DepthLearner {
+    DepthLearner::new(m, context, config, |_| Ok(Box::new(DepthCpuSteps::default()))).unwrap()
 }
 
 fn drawn(m: &Mixture, view: &View, crop: &Crop) -> Tape {
     Tape::draw(m, &bounds(), view, crop, &mut Scratch::default(), &Context::SILENT).unwrap()
 }
 
-fn ground(m: &Mixture, look: ToneStyle) -> DepthContext {
+fn context(m: &Mixture, look: ToneStyle) -> DepthContext {
     DepthContext { bounds: bounds(), particles: m.count.iter().sum::<f64>() as u64, look, bytes: None }
 }
 
@@ -133,15 +133,12 @@ fn plain(m: &Mixture, view: &View) -> f64 {
 
 /// How gradients are compared with differences of the plain law.
 struct Trial {
-    /// The camera's.
     distance: f64,
-    /// The mixture's.
     seed: u64,
     /// Of the usual step of each number.
     share: f64,
     /// Gaussians left out, the worst ones.
     jumps: usize,
-    /// Largest difference.
     tolerance: f64,
 }
 
@@ -194,7 +191,7 @@ fn gradients_among_the_gaussians() {
 #[test]
 fn neighbours_share_their_particles() {
     let m = mixture(8, 100);
-    let (now, particles) = (DepthGaussians::of(&m, |i| i), ground(&m, ToneStyle::Expected).particles);
+    let (now, particles) = (DepthGaussians::from_mixture(&m, |i| i), context(&m, ToneStyle::Expected).particles);
     let groups = GaussianGroups::new(&now.0, particles, 16);
     assert_eq!(groups.counts.len(), 8);
     let mut draw = Random::new(5, 0, 0);
@@ -225,17 +222,17 @@ fn neighbours_share_their_particles() {
 fn a_settled_run_is_what_is_coded() {
     let (m, view) = (mixture(8, 400), view(12.0));
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
-    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), context: &Context::SILENT };
-    let ground = DepthContext { bytes: Some(1800), ..ground(&m, ToneStyle::Expected) };
+    let sample = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), context: &Context::SILENT };
+    let context = DepthContext { bytes: Some(1800), ..context(&m, ToneStyle::Expected) };
     let config = DepthConfig { code_every: 2, ..DepthConfig::default() };
-    let mut learner = learner(&m, ground, config);
+    let mut learner = learner(&m, context, config);
     for i in 0..100 {
-        learner.step(&shot, &Loss { norm: Norm::L2, ..Loss::PUBLISHED }, &moment(i, 100)).unwrap();
+        learner.step(&sample, &Loss { norm: Norm::L2, ..Loss::PUBLISHED }, &moment(i, 100)).unwrap();
     }
     let factor = learner.factor().expect("settled");
     let gaussians = learner.mixture();
-    let (count, precision) = (ground.particles, Precision::BALANCED.scaled(factor));
-    let block = Block { bounds: ground.bounds, count, mass: count as f64, gaussians };
+    let (count, precision) = (context.particles, Precision::BALANCED.scaled(factor));
+    let block = Block { bounds: context.bounds, count, mass: count as f64, gaussians };
     let bytes = Encoder::new(&block).unwrap().encode(&precision);
     assert!((1760..=1800).contains(&bytes.len()), "{} bytes", bytes.len());
     assert!(Encoder::new(&decode_block(&bytes, "a test").unwrap()).unwrap().encode(&precision) == bytes);
@@ -248,14 +245,14 @@ fn steps_go_down_the_loss() {
     let (m, view) = (mixture(8, 30), view(12.0));
     let target = drawn(&mixture(9, 30), &view, &Crop::whole(SIZE)).tau;
     let target = Plane { size: SIZE, data: target.data.iter().map(|t| 1.0 - (-t).exp()).collect() };
-    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), context: &Context::SILENT };
+    let sample = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), context: &Context::SILENT };
     let loss = Loss { norm: Norm::L2, ..Loss::PUBLISHED };
-    let mut learner = learner(&m, ground(&m, ToneStyle::Expected), DepthConfig::default());
+    let mut learner = learner(&m, context(&m, ToneStyle::Expected), DepthConfig::default());
     let at = |iteration| moment(iteration, 150);
-    let losses: Vec<f64> = (0..150).map(|i| learner.step(&shot, &loss, &at(i)).unwrap().loss).collect();
+    let losses: Vec<f64> = (0..150).map(|i| learner.step(&sample, &loss, &at(i)).unwrap().loss).collect();
     assert!(losses[149] < 0.5 * losses[0], "{} to {}", losses[0], losses[149]);
     let sum: f64 = learner.mixture().count.iter().sum();
-    assert!((sum / ground(&m, ToneStyle::Expected).particles as f64 - 1.0).abs() < 1e-6, "particles are kept");
+    assert!((sum / context(&m, ToneStyle::Expected).particles as f64 - 1.0).abs() < 1e-6, "particles are kept");
 }
 
 #[test]
@@ -317,15 +314,15 @@ fn order_changes_next_to_nothing_and_none_is_black() {
 fn a_gradient_that_is_not_a_number_is_named_and_survived() {
     let (m, view) = (mixture(4, 8), view(14.0));
     let target = Plane::zeros(SIZE);
-    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), context: &Context::SILENT };
+    let sample = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), context: &Context::SILENT };
     let steps = |_: &Parameters| -> particlegs_core::Result<Box<dyn DepthStepper>> {
         let mut processor = DepthCpuSteps::default();
         processor.poison = Some(3);
         Ok(Box::new(processor))
     };
-    let mut learner = DepthLearner::new(&m, ground(&m, ToneStyle::Expected), DepthConfig::default(), steps).unwrap();
+    let mut learner = DepthLearner::new(&m, context(&m, ToneStyle::Expected), DepthConfig::default(), steps).unwrap();
     let at = moment(0, 10);
-    let told = learner.step(&shot, &Loss::PUBLISHED, &at).unwrap().not_finite.unwrap();
+    let told = learner.step(&sample, &Loss::PUBLISHED, &at).unwrap().not_finite.unwrap();
     assert_eq!((told.group, told.gaussian, told.count), ("covariance", 3, 1));
     let after = learner.mixture();
     assert!((0..3).all(|k| (after.mean_of(3)[k] - m.mean_of(3)[k]).abs() < 1e-12));
@@ -341,11 +338,11 @@ fn masses_are_kept_by_density_control_and_by_states() {
     m.columns.set(particlegs_core::model::MASS, masses);
     let mass = |l: &DepthLearner| l.mixture().masses().unwrap().iter().sum::<f64>();
     let config = DepthConfig { relocate: 0.25, ..DepthConfig::default() };
-    let new = || learner(&m, ground(&m, ToneStyle::Expected), config);
+    let new = || learner(&m, context(&m, ToneStyle::Expected), config);
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
-    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), context: &Context::SILENT };
+    let sample = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), context: &Context::SILENT };
     let mut learner = new();
-    learner.step(&shot, &Loss::PUBLISHED, &moment(0, 10)).unwrap();
+    learner.step(&sample, &Loss::PUBLISHED, &moment(0, 10)).unwrap();
     let at = StepInfo { densify: Densify { every: 1, until: 10, threshold: 0.0 }, ..moment(0, 10) };
     // What is scored is the average, which density control sets to the present.
     learner.control(&at).unwrap();
@@ -361,12 +358,12 @@ fn masses_are_kept_by_density_control_and_by_states() {
 fn a_state_goes_on_to_the_same_bits() {
     let (m, view) = (mixture(8, 30), view(12.0));
     let target = Plane { size: SIZE, data: vec![0.2; SIZE.pixels()] };
-    let shot = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), context: &Context::SILENT };
-    let new = || learner(&m, ground(&m, ToneStyle::Paraview), DepthConfig::default());
+    let sample = TrainingSample { view: &view, target: &target, crop: Crop::whole(SIZE), context: &Context::SILENT };
+    let new = || learner(&m, context(&m, ToneStyle::Paraview), DepthConfig::default());
     let at = |iteration| moment(iteration, 20);
     let run = |learner: &mut DepthLearner, range: std::ops::Range<u64>| {
         range.for_each(|i| {
-            learner.step(&shot, &Loss::PUBLISHED, &at(i)).unwrap();
+            learner.step(&sample, &Loss::PUBLISHED, &at(i)).unwrap();
         });
     };
     let mut whole = new();

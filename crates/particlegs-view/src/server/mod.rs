@@ -109,8 +109,8 @@ impl Server {
         let Options { host, port, proxies, node, token, limits } = options;
         if let Some(no_name) = proxies.iter().find(|name| !guard::is_name(name)) {
             let what = format!("`{no_name}` is not the name of a host");
-            let remedy = "give the name alone, such as hub.example.org".into();
-            return Err(Error::Argument { what, remedy });
+            let hint = "give the name alone, such as hub.example.org";
+            return Err(Error::argument_with(what, hint));
         }
         let listener = listen(&host, port)?;
         let address = listener.local_addr().map_err(|e| Error::io(&host, e))?;
@@ -192,7 +192,7 @@ fn listen(host: &str, port: Option<u16>) -> Result<TcpListener> {
     let at = |port: u16| {
         let refused = |e: std::io::Error| Error::Argument {
             what: format!("cannot listen at {host}, port {port}: {e}"),
-            remedy: "choose another port, or 0 for any that is free".into(),
+            hint: "choose another port, or 0 for any that is free".into(),
         };
         let addresses: Vec<SocketAddr> = (host, port).to_socket_addrs().map_err(refused)?.collect();
         TcpListener::bind(&addresses[..]).map_err(refused)

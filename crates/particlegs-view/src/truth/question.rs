@@ -15,7 +15,7 @@ const LARGEST_SIDE: usize = 4096;
 /// A picture of all particles that is wanted. Lengths are in world units.
 #[derive(Clone, Debug, Deserialize)]
 pub struct RenderRequest {
-    camera: RequestCamera,
+    camera: Camera,
     /// Radius and opacity of the particles; surface density has none.
     radius: Option<f64>,
     opacity: Option<f64>,
@@ -23,23 +23,9 @@ pub struct RenderRequest {
     width: usize,
     height_pixels: usize,
     /// Does an orthographic surface density repeat a periodic box? As `reference` does unless told not to.
-    #[serde(default = "yes")]
-    periodic: bool,
-    /// Share of the particles to draw, for a picture that is there sooner.
-    #[serde(default = "all")]
-    share: f64,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-struct RequestCamera {
-    position: [f64; 3],
-    focal_point: [f64; 3],
-    view_up: [f64; 3],
-    /// Of a perspective camera: the vertical field of view.
-    fov_deg: Option<f64>,
-    /// Of an orthographic camera: the height of the picture.
-    height: Option<f64>,
-    clipping_range: Option<[f64; 2]>,
+    periodic: Option<bool>,
+    /// Share of the particles to draw, for a picture that is there sooner; all where it is left out.
+    share: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
@@ -51,14 +37,6 @@ enum RequestLook {
     Density,
 }
 
-fn yes() -> bool {
-    true
-}
-
-fn all() -> f64 {
-    1.0
-}
-
 impl RenderRequest {
     /// Reads the JSON and checks every number.
     pub fn read(json: &[u8]) -> Result<Self> {
@@ -68,23 +46,11 @@ impl RenderRequest {
         if !((1..=LARGEST_SIDE).contains(&width) && (1..=LARGEST_SIDE).contains(&height)) {
             return Err(Error::argument(format!("a size of {width}x{height} is outside 1 to {LARGEST_SIDE} pixels")));
         }
-        if !(question.share > 0.0 && question.share <= 1.0) {
-            return Err(Error::argument(format!("a share of {} is outside (0, 1]", question.share)));
+        if let Some(share) = question.share.filter(|share| !(*share > 0.0 && *share <= 1.0)) {
+            return Err(Error::argument(format!("a share of {share} is outside (0, 1]")));
         }
-        question.check()?;
+        question.view()?.check(question.size())?;
         Ok(question)
-    }
-
-    /// As pictures are checked; but an orthographic window may begin at the eye.
-    fn check(&self) -> Result<()> {
-        let mut view = self.view()?;
-        if let (Some(_), Some([near, far])) = (self.camera.height, self.camera.clipping_range) {
-            if !(near >= 0.0 && near < far && far.is_finite()) {
-                return Err(Error::argument(format!("clipping range {near} to {far} is not 0 <= near < far")));
-            }
-            view.camera.clipping_range = None;
-        }
-        view.check(self.size())
     }
 
     /// Is it a surface density?
@@ -94,7 +60,7 @@ impl RenderRequest {
 
     /// How many of so many particles are to be drawn.
     pub(super) fn particles(&self, all: usize) -> usize {
-        ((self.share * all as f64).round() as usize).clamp(1, all.max(1))
+        ((self.share.unwrap_or(1.0) * all as f64).round() as usize).clamp(1, all.max(1))
     }
 
     fn size(&self) -> Size {
@@ -102,12 +68,6 @@ impl RenderRequest {
     }
 
     fn view(&self) -> Result<View> {
-        let c = &self.camera;
-        let projection = match (c.fov_deg, c.height) {
-            (Some(fov_deg), None) => Projection::Perspective { fov_deg },
-            (None, Some(height_world)) => Projection::Orthographic { height_world },
-            _ => return Err(Error::argument("a camera has either fov_deg or height")),
-        };
         let (radius, opacity) = match self.look {
             RequestLook::Density => (1.0, 1.0),
             _ => {
@@ -115,17 +75,10 @@ impl RenderRequest {
                 (self.radius.ok_or_else(|| missing("a radius"))?, self.opacity.ok_or_else(|| missing("an opacity"))?)
             }
         };
-        if self.look != RequestLook::Density && c.height.is_some() {
+        if !self.is_density() && matches!(self.camera.projection, Projection::Orthographic { .. }) {
             return Err(Error::argument("all particles are drawn orthographic in the look density alone"));
         }
-        let camera = Camera {
-            position: c.position,
-            focal_point: c.focal_point,
-            view_up: c.view_up,
-            projection,
-            clipping_range: c.clipping_range,
-        };
-        Ok(View { name: "view".into(), camera, radius, opacity })
+        Ok(View { name: "view".into(), camera: self.camera, radius, opacity })
     }
 
     /// Draws it: grey levels, one byte a pixel, or surface density, mass per area as little-endian float32; row by
@@ -153,7 +106,7 @@ impl RenderRequest {
     }
 
     fn density(&self, reference: &Reference<'_>, context: &Context<'_>) -> Result<Plane> {
-        let cell = reference.particles().meta.cell.filter(|_| self.periodic);
+        let cell = reference.particles().meta.cell.filter(|_| self.periodic != Some(false));
         let view = DensityView::of_cell(&self.view()?, self.size(), reference.bounds(), cell);
         reference.surface_density(&view, self.size(), context)
     }

@@ -1,18 +1,14 @@
 //! A snapshot in memory divided into its blocks.
 
 use super::KdTree;
-use crate::Result;
 use crate::context::Context;
 use crate::model::Layer;
-use crate::parallel;
 use crate::particles::{ChunkBuffer, ColumnBuffer, Particles, RUN, Storage};
+use crate::{Result, parallel};
 use std::ops::Range;
 
 /// The particles of each block, in their order, in columns of `storage`; layers stay layers. Blocks may
 /// lack a layer.
-///
-/// # Errors
-/// Those of [`Storage::columns`]; [`crate::Error::Cancelled`].
 pub fn divide(
     particles: &Particles,
     tree: &KdTree,
@@ -53,9 +49,8 @@ pub fn divide(
         Ok::<_, crate::Error>(())
     })?;
     let blocks = columns.into_iter().enumerate().map(|(b, columns)| {
-        let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
         let kinds = kinds(layers, runs.iter().map(|r| r.0).zip(counts.iter().map(|c| c[b] as usize)));
-        Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), kinds))
+        Particles::from_buffers(columns, particles.origin, particles.meta.clone(), kinds)
     });
     blocks.collect()
 }
@@ -103,20 +98,16 @@ mod tests {
     use super::super::SnapshotScan;
     use super::*;
     use crate::context::Context;
-    use crate::model::Mass;
-    use crate::particles::{Column, LayeredParticles};
+    use crate::particles::LayeredParticles;
+    use crate::testing::two_layers;
 
     #[test]
     fn every_particle_is_in_one_block() {
-        let n = 150_000;
-        let column = |k: u64| (0..n).map(|i| ((i * (7 + k) * 2_654_435_761) % 1_000_003) as f32).collect::<Vec<f32>>();
-        let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Weights(None), content };
-        let p = Particles::from_columns(column(0), column(1), column(2))
-            .with_weights(Column::owned((0..n).map(|i| i as f32 + 1.0).collect()))
-            .with_layers(vec![layer("a", 0..70_000), layer("b", 70_000..n as usize)]);
+        let p = two_layers(150_000, |i| i as f32 + 1.0);
         let folder = tempfile::tempdir().unwrap();
         for storage in [Storage::Memory, Storage::Disk(folder.path().into())] {
-            let scan = SnapshotScan::new(&LayeredParticles::of(&p), "here", true, &Context::SILENT).unwrap();
+            let scan =
+                SnapshotScan::new(&LayeredParticles::from_particles(&p), "here", true, &Context::SILENT).unwrap();
             let blocks = divide(&p, &KdTree::new(&scan.sample, 3).unwrap(), &storage, &Context::SILENT).unwrap();
             assert_eq!(blocks.iter().map(Particles::len).sum::<usize>(), p.len());
             let mut seen: Vec<f32> = blocks.iter().flat_map(|b| b.weights().cloned().unwrap().to_vec()).collect();

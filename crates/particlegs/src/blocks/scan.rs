@@ -31,7 +31,6 @@ pub struct RunScan {
     pub min: [f32; 3],
     /// Highest coordinates.
     pub max: [f32; 3],
-    /// Hash of its particles.
     pub hash: RunHash,
 }
 
@@ -49,10 +48,6 @@ struct RunContent {
 impl SnapshotScan {
     /// Reads all particles once: bounds, hash, validity, how many lie outside the box and, where it is `sampled`,
     /// positions to cut blocks by.
-    ///
-    /// # Errors
-    /// Those of the readers; [`crate::Error::Input`] at `place` for no particles and for invalid values;
-    /// [`crate::Error::Cancelled`].
     pub fn new(source: &LayeredParticles, place: &str, sampled: bool, context: &Context<'_>) -> Result<SnapshotScan> {
         let every = if sampled { PositionSample::every(source.count()) } else { 0 };
         context.begin("reading positions", source.count());
@@ -68,7 +63,7 @@ impl SnapshotScan {
             let runs: Vec<Mutex<RunContent>> = (0..layer.runs()).map(|_| Mutex::default()).collect();
             layer.read(source.origin, 0..layer.runs(), context, &|run, chunk| {
                 let first = start + run * RUN as u64;
-                let content = RunContent::of(&chunk, source, first, every);
+                let content = RunContent::new(&chunk, source, first, every);
                 *runs[run as usize].lock().unwrap_or_else(|e| e.into_inner()) = content;
                 Ok(())
             })?;
@@ -117,7 +112,6 @@ impl SnapshotScan {
         source.layers.iter().map(|l| l.runs()).map(of).collect()
     }
 
-    /// The snapshot's hash.
     pub fn hash(&self, origin: [f64; 3]) -> [u8; 32] {
         hash_of_runs(origin, self.runs.iter().map(|r| &r.hash))
     }
@@ -132,7 +126,7 @@ impl RunScan {
 }
 
 impl RunContent {
-    fn of(chunk: &Chunk<'_>, source: &LayeredParticles, first: u64, every: u64) -> Self {
+    fn new(chunk: &Chunk<'_>, source: &LayeredParticles, first: u64, every: u64) -> Self {
         let end = |f: fn(f32, f32) -> f32, from: f32| chunk.position.map(|c| c.iter().fold(from, |a, &v| f(a, v)));
         let (min, max) = (end(f32::min, f32::INFINITY), end(f32::max, f32::NEG_INFINITY));
         let one = chunk.weight.and_then(|w| w.first().copied().filter(|f| w.iter().all(|v| v == f)));
@@ -156,27 +150,22 @@ impl RunContent {
 mod tests {
     use super::*;
     use crate::context::Context;
-    use crate::model::{Layer, Mass};
-    use crate::particles::{Column, Particles};
+    use crate::model::Layer;
+    use crate::particles::Particles;
+    use crate::testing::two_layers;
     use std::ops::Range;
 
     fn snapshot(weights: impl Fn(usize) -> f32) -> Particles {
-        let n = 3 * RUN;
-        let column =
-            |k: usize| (0..n).map(|i| ((i * (7 + k) * 2_654_435_761) % 1_000_003) as f32).collect::<Vec<f32>>();
-        let layer = |name: &str, content| Layer { name: name.into(), mass: Mass::Weights(None), content };
-        let mut p = Particles::from_columns(column(0), column(1), column(2))
-            .with_weights(Column::owned((0..n).map(weights).collect()))
-            .with_layers(vec![layer("a", 0..70_000), layer("b", 70_000..n)]);
+        let mut p = two_layers(3 * RUN, weights);
         p.origin = [1e6, 0.0, -3.5];
         p
     }
 
     #[test]
-    fn tells_what_the_particles_in_memory_tell() {
+    fn a_scan_tells_what_the_particles_in_memory_tell() {
         for same in [false, true] {
             let p = snapshot(|i| if same && i >= 70_000 { 2.0 } else { 1.0 + i as f32 });
-            let mut source = LayeredParticles::of(&p);
+            let mut source = LayeredParticles::from_particles(&p);
             let mut scan = SnapshotScan::new(&source, "here", true, &Context::SILENT).unwrap();
             assert_eq!(scan.hash(source.origin), p.source_hash());
             scan.settle(&mut source);
@@ -196,7 +185,8 @@ mod tests {
     #[test]
     fn invalid_values_are_named() {
         let p = snapshot(|i| if i == 140_000 { -1.0 } else { 1.0 + i as f32 });
-        let error = SnapshotScan::new(&LayeredParticles::of(&p), "here", false, &Context::SILENT).err().unwrap();
+        let error =
+            SnapshotScan::new(&LayeredParticles::from_particles(&p), "here", false, &Context::SILENT).err().unwrap();
         assert!(
             error
                 .to_string()

@@ -18,17 +18,18 @@ pub struct KdTree {
 #[serde(rename_all = "snake_case")]
 enum CutNode {
     /// Positions below `at` on `axis` go to node `below`, the others to `above`.
-    Cut { axis: usize, at: f32, below: u32, above: u32 },
-    /// A block's number.
+    Cut {
+        axis: usize,
+        at: f32,
+        below: u32,
+        above: u32,
+    },
     Block(u32),
 }
 
 impl KdTree {
     /// Cuts a sample into `blocks` parts of balanced counts, each cut along the longest extent of
     /// what is cut. Particles at one coordinate stay together.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for no blocks, and where the particles stand at fewer places than blocks.
     pub fn new(sample: &PositionSample, blocks: u32) -> Result<Self> {
         let count = sample.position[0].len();
         if blocks == 0 || blocks as usize > count.max(1) {
@@ -70,7 +71,6 @@ impl KdTree {
         Ok(here)
     }
 
-    /// Number of blocks.
     pub fn blocks(&self) -> u32 {
         self.blocks
     }

@@ -1,6 +1,6 @@
 //! Views files: JSON with `width`, `height`, `fov_deg` and `views` (docs/guide/pictures.md).
 
-use super::{Camera, Projection, View, ViewSet};
+use super::{Camera, CameraRecord, View, ViewSet};
 use crate::context::Context;
 use crate::picture::Size;
 use crate::{Error, Result};
@@ -24,6 +24,7 @@ pub struct ViewsFile(
 struct FileForm {
     width: usize,
     height: usize,
+    /// Of the views that say no window.
     #[serde(skip_serializing_if = "Option::is_none")]
     fov_deg: Option<f64>,
     views: Vec<ViewForm>,
@@ -32,40 +33,10 @@ struct FileForm {
 #[derive(Serialize, Deserialize)]
 struct ViewForm {
     name: String,
-    position: [f64; 3],
-    focal_point: [f64; 3],
-    view_up: [f64; 3],
+    #[serde(flatten)]
+    camera: CameraRecord,
     radius: f64,
     opacity: f64,
-    /// Of a view in perspective that has not the file's.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    fov_deg: Option<f64>,
-    /// Of an orthographic view.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    height_world: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    clipping_range: Option<[f64; 2]>,
-}
-
-impl ViewForm {
-    /// A view of a file with this field of view.
-    fn new(v: &View, of_file: Option<f64>) -> Self {
-        let Camera { position, focal_point, view_up, clipping_range, projection } = v.camera;
-        let (name, radius, opacity) = (v.name.clone(), v.radius, v.opacity);
-        let (fov_deg, height_world) = match projection {
-            Projection::Perspective { fov_deg } => (Some(fov_deg).filter(|f| Some(*f) != of_file), None),
-            Projection::Orthographic { height_world } => (None, Some(height_world)),
-        };
-        ViewForm { name, position, focal_point, view_up, radius, opacity, fov_deg, height_world, clipping_range }
-    }
-}
-
-/// The field of view of the first perspective view, degrees.
-fn fov_deg(views: &[View]) -> Option<f64> {
-    views.iter().find_map(|v| match v.camera.projection {
-        Projection::Perspective { fov_deg } => Some(fov_deg),
-        Projection::Orthographic { .. } => None,
-    })
 }
 
 impl ViewsFile {
@@ -83,11 +54,16 @@ impl ViewsFile {
     /// # Errors
     /// As [`ViewsFile::read`].
     pub fn of_bytes(text: &[u8], path: &Path) -> Result<Self> {
-        let form: FileForm =
+        let FileForm { width, height, fov_deg, views } =
             serde_json::from_slice(text).map_err(|e| Error::input(path, format!("not a views file: {e}")))?;
-        let views = form.views.into_iter().map(|v| view(v, form.fov_deg).map_err(|what| Error::input(path, what)));
-        let set =
-            ViewSet { size: Size { width: form.width, height: form.height }, views: views.collect::<Result<_>>()? };
+        let view = |ViewForm { name, mut camera, radius, opacity }: ViewForm| {
+            camera.fov_deg = camera.fov_deg.or(fov_deg.filter(|_| camera.height_world.is_none()));
+            match Camera::try_from(camera) {
+                Ok(camera) => Ok(View { name, camera, radius, opacity }),
+                Err(what) => Err(Error::input(path, format!("view `{name}`: {what}"))),
+            }
+        };
+        let set = ViewSet { size: Size { width, height }, views: views.into_iter().map(view).collect::<Result<_>>()? };
         if set.views.is_empty() {
             return Err(Error::input(path, "a views file without views"));
         }
@@ -111,13 +87,13 @@ impl ViewsFile {
     /// [`Error::Argument`] for a number that JSON cannot hold.
     pub fn text(&self) -> Result<String> {
         let ViewsFile(set) = self;
-        let fov_deg = fov_deg(&set.views);
-        let form = FileForm {
-            width: set.size.width,
-            height: set.size.height,
-            fov_deg,
-            views: set.views.iter().map(|v| ViewForm::new(v, fov_deg)).collect(),
+        let (Size { width, height }, fov_deg) = (set.size, set.fov_deg());
+        let view = |v: &View| {
+            let mut camera = CameraRecord::from(v.camera);
+            camera.fov_deg = camera.fov_deg.filter(|own| Some(*own) != fov_deg);
+            ViewForm { name: v.name.clone(), camera, radius: v.radius, opacity: v.opacity }
         };
+        let form = FileForm { width, height, fov_deg, views: set.views.iter().map(view).collect() };
         serde_json::to_string_pretty(&form).map(|text| text + "\n").map_err(|e| Error::argument(e.to_string()))
     }
 }
@@ -134,27 +110,13 @@ fn fault_of_name(name: &str) -> Option<&'static str> {
     }
 }
 
-/// A view of a file with this field of view, or why it is none.
-fn view(v: ViewForm, of_file: Option<f64>) -> std::result::Result<View, String> {
-    let projection = match (v.height_world, v.fov_deg.or(of_file)) {
-        (Some(height_world), _) if v.fov_deg.is_none() => Projection::Orthographic { height_world },
-        (None, Some(fov_deg)) => Projection::Perspective { fov_deg },
-        (None, None) => {
-            let what = "it has neither fov_deg (perspective) nor height_world (orthographic): its window is missing";
-            return Err(format!("view `{}`: {what}", v.name));
-        }
-        (Some(_), _) => return Err(format!("view `{}`: it has both fov_deg and height_world", v.name)),
-    };
-    let (position, focal_point, view_up) = (v.position, v.focal_point, v.view_up);
-    let camera = Camera { position, focal_point, view_up, projection, clipping_range: v.clipping_range };
-    Ok(View { name: v.name, camera, radius: v.radius, opacity: v.opacity })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::Projection;
     use crate::context::Context;
     use proptest::prelude::*;
+    use serde_json::{Value, json};
 
     /// Numbers of every size, whose decimals do not end early.
     fn number() -> impl Strategy<Value = f64> {
@@ -197,34 +159,35 @@ mod tests {
         }
     }
 
+    fn read(text: &str) -> std::result::Result<ViewSet, String> {
+        ViewsFile::of_bytes(text.as_bytes(), Path::new("views.json")).map(|file| file.0).map_err(|e| e.to_string())
+    }
+
     #[test]
     fn a_view_without_a_window_says_so() {
-        let file = tempfile::NamedTempFile::new().unwrap();
-        let read = |of_file: serde_json::Value, more: serde_json::Value| {
-            let mut view = serde_json::json!({
+        let read = |of_file: Value, more: Value| {
+            let mut view = json!({
                 "name": "a", "position": [0, 0, 9], "focal_point": [0, 0, 0], "view_up": [0, 1, 0],
                 "radius": 0.1, "opacity": 0.5, "clipping_range": [0.0, 20.0],
             });
             view.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
-            let text = serde_json::json!({ "width": 8, "height": 8, "fov_deg": of_file, "views": [view] });
-            std::fs::write(file.path(), text.to_string()).unwrap();
-            ViewsFile::read(file.path(), &Context::SILENT).map_err(|e| e.to_string())
+            read(&json!({ "width": 8, "height": 8, "fov_deg": of_file, "views": [view] }).to_string())
         };
-        let none = serde_json::Value::Null;
-        let height = serde_json::json!({ "height_world": 5.0 });
+        let none = Value::Null;
+        let height = json!({ "height_world": 5.0 });
         for of_file in [none.clone(), 30.0.into()] {
             let set = read(of_file, height.clone()).unwrap();
-            assert_eq!(set.0.views[0].camera.projection, Projection::Orthographic { height_world: 5.0 });
+            assert_eq!(set.views[0].camera.projection, Projection::Orthographic { height_world: 5.0 });
         }
         let fails = |of_file, more, text: &str| {
             let said = read(of_file, more).unwrap_err();
             assert!(said.contains(text), "{said}");
         };
-        fails(none.clone(), serde_json::json!({}), "its window is missing");
-        fails(none.clone(), serde_json::json!({ "height_world": 5.0, "fov_deg": 30.0 }), "both");
-        fails(none.clone(), serde_json::json!({ "height_world": -5.0 }), "must be positive");
+        fails(none.clone(), json!({}), "its window is missing");
+        fails(none.clone(), json!({ "height_world": 5.0, "fov_deg": 30.0 }), "both");
+        fails(none.clone(), json!({ "height_world": -5.0 }), "must be positive");
         // A perspective view begins in front of the eye.
-        fails(none, serde_json::json!({ "fov_deg": 30.0 }), "clipping range");
+        fails(none, json!({ "fov_deg": 30.0 }), "clipping range");
     }
 
     /// The guide's example is a views file, and its table names every key of one.
@@ -232,10 +195,8 @@ mod tests {
     fn the_guide_describes_the_file() {
         let page = include_str!("../../../../docs/guide/pictures.md");
         let example = page.split("```json").nth(1).unwrap().split("```").next().unwrap();
-        let file = tempfile::NamedTempFile::new().unwrap();
-        std::fs::write(file.path(), example).unwrap();
-        let set = ViewsFile::read(file.path(), &Context::SILENT).unwrap();
-        let written: serde_json::Value = serde_json::from_str(&set.text().unwrap()).unwrap();
+        let set = ViewsFile(read(example).unwrap());
+        let written: Value = serde_json::from_str(&set.text().unwrap()).unwrap();
         let views = written["views"].as_array().unwrap().iter().flat_map(|v| v.as_object().unwrap().keys());
         let keys: std::collections::BTreeSet<&String> = written.as_object().unwrap().keys().chain(views).collect();
         assert_eq!(keys.len(), 12);
@@ -243,18 +204,14 @@ mod tests {
     }
 
     fn refusal(name: &str) -> Option<String> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("views.json");
         let view = |name: &str| {
-            serde_json::json!({
+            json!({
                 "name": name, "position": [0, 0, 9], "focal_point": [0, 0, 0], "view_up": [0, 1, 0],
                 "radius": 0.1, "opacity": 0.5,
             })
         };
         let views = [view("other"), view(name)];
-        let text = serde_json::json!({ "width": 8, "height": 8, "fov_deg": 30.0, "views": views });
-        std::fs::write(&path, text.to_string()).unwrap();
-        ViewsFile::read(&path, &Context::SILENT).err().map(|e| e.to_string())
+        read(&json!({ "width": 8, "height": 8, "fov_deg": 30.0, "views": views }).to_string()).err()
     }
 
     #[test]

@@ -5,82 +5,51 @@
 
 use super::clock::Clock;
 use super::layer::{LayerParticles, LayerResult, LayerTask, Share};
-use super::plan::CompressionPlan;
+use super::setup::BlockSetup;
 use super::size::SizeOutcome;
 use crate::Result;
+use crate::checkpoint::CheckpointStore;
 use crate::codec::{self, CodedLayer};
-use crate::context::Context;
 use crate::model::{LawKind, Layer, Mass, VizMapper};
 use crate::particles::Particles;
-use crate::pieces::CheckpointStore;
 use crate::space::Bounds;
-use crate::train::{Limits, TrainedRun};
-
-/// What the blocks of a job are made by.
-#[derive(Clone, Copy)]
-pub(crate) struct BlockSetup<'a> {
-    /// What is asked for, and what is known of the whole.
-    pub plan: &'a CompressionPlan,
-    /// How far training goes.
-    pub limits: &'a Limits,
-    /// What becomes of training that the caller stops.
-    pub on_stop: StopPolicy,
-    /// The caller.
-    pub context: &'a Context<'a>,
-}
-
-/// What becomes of a training run that the caller stops.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum StopPolicy {
-    /// The best so far is coded.
-    KeepBest,
-    /// The work is given up, to be taken up again from its pieces.
-    GiveUp,
-}
+use crate::train::TrainedRun;
 
 /// The particles of a block, in its layers.
 #[derive(Clone)]
 pub(crate) struct BlockParticles {
     /// Layers, the smallest first: what they leave of their share goes to the larger.
     pub layers: Vec<LayerParticles>,
-    /// Particles.
     pub count: u64,
-    /// Their bytes as float32.
     pub raw_bytes: u64,
 }
 
 /// A block's layers coded, one block of the file each, and how that went.
 pub(crate) struct CodedBlock {
-    /// Bounds of its particles.
     pub bounds: Bounds,
-    /// Its layers.
     pub layers: Vec<CodedLayer>,
-    /// The network of the alpha-blend law.
     pub vizmapper: Option<VizMapper>,
     /// Multiple of the nominal steps, of the largest layer.
     pub step_factor: f64,
-    /// How the largest layer meets its size.
     pub size_met: SizeOutcome,
-    /// Its training runs.
     pub trained: Vec<TrainedRun>,
-    /// Was the last of them stopped, and the best so far taken?
+    /// The last training run was stopped, and its best state so far is coded.
     pub stopped: bool,
-    /// Seconds by phase.
     pub clock: Clock,
 }
 
 impl BlockParticles {
     /// The layers of some particles. Weights are not kept by a law whose Gaussians have opacities.
-    pub fn of(particles: &Particles, law: LawKind) -> Self {
+    pub fn new(particles: &Particles, law: LawKind) -> Self {
         let bounds: Vec<Bounds> = particles.layers().iter().map(|l| particles.of_layer(l).bounds()).collect();
-        BlockParticles::of_bounds(particles, law, &bounds)
+        BlockParticles::with_bounds(particles, law, &bounds)
     }
 
-    /// [`BlockParticles::of`] where the bounds of the layers are known.
-    pub fn of_bounds(particles: &Particles, law: LawKind, bounds: &[Bounds]) -> Self {
+    /// [`BlockParticles::new`] where the bounds of the layers are known.
+    pub fn with_bounds(particles: &Particles, law: LawKind, bounds: &[Bounds]) -> Self {
         let kept = |mass: Mass| if law == LawKind::OpticalDepth { mass } else { mass.without_weights() };
         let layer = |(l, bounds): (&Layer<_>, &Bounds)| {
-            LayerParticles::of(particles, &Layer { mass: kept(l.mass), ..l.clone() }, *bounds)
+            LayerParticles::new(particles, &Layer { mass: kept(l.mass), ..l.clone() }, *bounds)
         };
         let mut layers: Vec<LayerParticles> = particles.layers().iter().zip(bounds).map(layer).collect();
         layers.sort_by(|a, b| (a.raw_bytes, &a.layer.name).cmp(&(b.raw_bytes, &b.layer.name)));
@@ -90,9 +59,6 @@ impl BlockParticles {
 
     /// Codes the block to its share of the job: of bytes, every layer at about the same ratio; of
     /// Gaussians, shared among the layers by their particles.
-    ///
-    /// # Errors
-    /// Those of the fit, of training and of the coder.
     pub fn code(&self, share: Share, setup: BlockSetup<'_>, pieces: &mut dyn CheckpointStore) -> Result<CodedBlock> {
         let mut coded = CodedBlock::empty(self.layers.iter().fold(Bounds::empty(), |all, l| all.union(&l.bounds)));
         let mut left = RemainingShare { share, count: self.count, raw_bytes: self.raw_bytes };

@@ -1,7 +1,7 @@
 //! A file decoded again, measured, and put together with what was found.
 
 use super::clock::Clock;
-use super::halves::held_out;
+use super::cross_validation::held_out;
 use crate::context::Context;
 use crate::model::{Certificate, CertificateLevel, Goal, GoalResult, Model};
 use crate::particles::Particles;
@@ -60,20 +60,14 @@ fn reached_again(
 
 /// A file and the model in it; where it is to be measured, with its certificate.
 pub(crate) struct DecodedFile {
-    /// The file, whole.
     pub bytes: Vec<u8>,
-    /// What it decodes to.
     pub model: Model,
-    /// Seconds by phase.
     pub clock: Clock,
 }
 
 impl DecodedFile {
     /// Decodes what `file` gives for a certificate, at first none; measures it, and puts it together again.
-    ///
-    /// # Errors
-    /// Those of `file`, [`codec::decode_with`] and those of [`certify`].
-    pub fn of(
+    pub fn new(
         file: impl Fn(Option<&Certificate>) -> Result<Vec<u8>>,
         measure: Option<CertificateInput<'_>>,
         context: &Context<'_>,

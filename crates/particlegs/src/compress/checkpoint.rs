@@ -3,7 +3,7 @@
 //! Little-endian: magic, the 32 bytes that say whose it is; pieces (u32 length of the key, key, u64
 //! length, bytes); CRC-32 of all that.
 
-use crate::pieces::CheckpointStore;
+use crate::checkpoint::CheckpointStore;
 use crate::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_own};
 use particlegs_files::output;
@@ -21,13 +21,10 @@ const INTERVAL: Duration = Duration::from_secs(60);
 /// What there was where a checkpoint is looked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum CheckpointState {
-    /// No file.
     Nothing,
     /// A file that is half-written, changed, or no checkpoint.
     Broken,
-    /// A checkpoint of other work.
     Other,
-    /// A checkpoint of this work.
     Ours,
 }
 
@@ -76,7 +73,7 @@ impl Checkpoint {
         }
     }
 
-    /// Of new work: what is there is not looked at.
+    /// A checkpoint of new work: what is in the file is not looked at.
     pub fn fresh(path: PathBuf, whose: &[u8; 32]) -> Checkpoint {
         let head = [&MAGIC[..], whose].concat();
         Checkpoint {
@@ -99,7 +96,7 @@ impl Checkpoint {
         self.pieces.len()
     }
 
-    /// Are there none?
+    /// No parts?
     pub fn is_empty(&self) -> bool {
         self.pieces.is_empty()
     }
@@ -155,7 +152,6 @@ impl CheckpointStore for Checkpoint {
     }
 }
 
-/// Is this a checkpoint, of whatever work?
 fn is_whole(bytes: &[u8]) -> bool {
     let body = bytes.split_at_checked(bytes.len().saturating_sub(4));
     body.is_some_and(|(body, crc)| body.starts_with(MAGIC) && crc32fast::hash(body).to_le_bytes() == crc)
@@ -212,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_found_is_told() {
+    fn a_checkpoint_says_what_it_found_in_its_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.checkpoint");
         let found = |whose: u8| Checkpoint::open(path.clone(), &[whose; 32]).unwrap().found;

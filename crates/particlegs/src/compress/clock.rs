@@ -9,7 +9,6 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
-    /// Does some work of a phase.
     pub fn time<T>(&mut self, phase: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let done = work();
@@ -17,7 +16,6 @@ impl Clock {
         done
     }
 
-    /// Adds the phases of work that had a clock of its own.
     pub fn append(&mut self, other: Clock) {
         other.seconds.into_iter().for_each(|(phase, seconds)| self.add(phase, seconds));
     }
@@ -29,7 +27,6 @@ impl Clock {
         }
     }
 
-    /// The phases.
     pub fn seconds(self) -> Vec<(&'static str, f64)> {
         self.seconds
     }

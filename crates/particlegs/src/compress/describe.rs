@@ -10,11 +10,9 @@ use crate::splat::DEFAULT_OPACITY;
 
 /// What a pass over a snapshot tells.
 pub(super) struct SourceFacts {
-    /// Particles.
     pub count: u64,
     /// Their bounds, world units.
     pub bounds: Bounds,
-    /// Their hash.
     pub source_hash: [u8; 32],
 }
 

@@ -1,20 +1,19 @@
 //! The one way in which blocks are done: read, fitted, coded, kept. Where their particles wait and where
-//! coded blocks are kept is a [`BlockStore`]'s: memory and scratch files ([`super::divided`]) or the folder of
+//! coded blocks are kept is a [`BlockStore`]'s: memory and scratch files ([`super::in_memory`]) or the folder of
 //! a job ([`crate::job`]).
 
-use super::block::{BlockParticles, BlockSetup, CodedBlock, StopPolicy};
+use super::block::{BlockParticles, CodedBlock};
 use super::clock::Clock;
+use super::setup::{BlockSetup, StopPolicy};
 use crate::Result;
+use crate::checkpoint::{CheckpointStore, PrefixedCheckpoints};
 use crate::context::Context;
 use crate::model::Target;
-use crate::pieces::{CheckpointStore, PrefixedPieces};
 
 /// Where the particles of a job's blocks wait, and its coded blocks are kept.
 pub(crate) trait BlockStore {
-    /// The particles of a block.
     fn particles(&mut self, block: u32, context: &Context<'_>) -> Result<BlockParticles>;
 
-    /// Keeps a coded block.
     fn keep(&mut self, block: u32, coded: CodedBlock, context: &Context<'_>) -> Result<()>;
 }
 
@@ -50,7 +49,13 @@ pub(crate) fn do_blocks(
         }
         let on_stop = if left > 1 { StopPolicy::GiveUp } else { setup.on_stop };
         let setup = BlockSetup { limits: &limits, on_stop, ..setup };
-        do_block(store, block, target, setup, &mut PrefixedPieces { pieces: &mut *pieces, prefix: block.to_string() })?;
+        do_block(
+            store,
+            block,
+            target,
+            setup,
+            &mut PrefixedCheckpoints { pieces: &mut *pieces, prefix: block.to_string() },
+        )?;
     }
     Ok(())
 }

@@ -4,18 +4,17 @@ use super::certify::DecodedFile;
 use super::clock::Clock;
 use super::run::CompressedModel;
 use super::size::{CodedGaussians, SizeOutcome};
+use crate::checkpoint::{CheckpointStore, PrefixedCheckpoints};
 use crate::codec::{self, Encoder};
 use crate::context::Context;
-use crate::model::Target;
 use crate::model::{
-    Block, Certificate, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, RecipeStep, VizMapper,
+    Block, Certificate, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, RecipeStep, Target, VizMapper,
 };
 use crate::particles::Particles;
-use crate::pieces::{CheckpointStore, PrefixedPieces};
 use crate::reference::Reference;
 use crate::score::CertificateInput;
 use crate::train::{AlphaConfig, Config, Defaults, InitialGaussians, Limits, TrainedMixture, TrainedRun, Training};
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 
 /// What `finetune` is asked to do.
 #[derive(Clone, Debug)]
@@ -75,7 +74,7 @@ pub fn finetune(
     pieces: &mut dyn CheckpointStore,
     context: &Context<'_>,
 ) -> Result<CompressedModel> {
-    let file = NewFile::of(model, model_bytes, options)?;
+    let file = NewFile::new(model, model_bytes, options)?;
     let count = particles.len() as u64;
     if count != model.metadata.count {
         let what = format!("the model was made from {} particles, the snapshot has {count}", model.metadata.count);
@@ -90,9 +89,13 @@ pub fn finetune(
         let defaults = Defaults { bounds: m.bounds, radius, opacity, seed, bytes: None, gaussians: None };
         let subject = Reference::with_bounds(particles, m.bounds);
         let training = Training { subject: &subject, config: &config, limits: &options.limits, defaults: &defaults };
-        training.run(InitialGaussians::Model(model), &mut PrefixedPieces { pieces, prefix: "finetune".into() }, context)
+        training.run(
+            InitialGaussians::Model(model),
+            &mut PrefixedCheckpoints { pieces, prefix: "finetune".into() },
+            context,
+        )
     })?;
-    let run = TrainedRun::of(String::new(), &config, &trained);
+    let run = TrainedRun::new(String::new(), &config, &trained);
     let TrainedMixture { mixture, stopped, .. } = trained;
     let network = mixture.law.alpha_blend().and_then(|l| l.vizmapper.clone());
     // What was stopped is coded all the same.
@@ -106,7 +109,7 @@ pub fn finetune(
         reached: None,
     });
     let assembled = |certificate: Option<&Certificate>| file.assemble(&coded, network.as_deref(), certificate);
-    let done = DecodedFile::of(assembled, measure, context)?;
+    let done = DecodedFile::new(assembled, measure, context)?;
     clock.append(done.clock);
     Ok(CompressedModel {
         bytes: done.bytes,
@@ -129,7 +132,6 @@ fn raw_bytes(model: &Model) -> u64 {
 /// The file that a model becomes.
 struct NewFile {
     metadata: Metadata,
-    /// Its one layer.
     layer: Layer<()>,
     /// Bytes beside its coded block.
     beside: u64,
@@ -138,11 +140,11 @@ struct NewFile {
 }
 
 impl NewFile {
-    fn of(model: &Model, model_bytes: u64, options: &FineTuning) -> Result<Self> {
+    fn new(model: &Model, model_bytes: u64, options: &FineTuning) -> Result<Self> {
         let law = model.metadata.law;
         if law != LawKind::AlphaBlend {
             let what = format!("a model of the {} law cannot be fine-tuned: its blocks add up as they are", law.name());
-            return Err(Error::Argument { what, remedy: Remedy::TrainFromSnapshot });
+            return Err(Error::argument_with(what, Hint::train_from_snapshot()));
         }
         let [layer] = &model.layers[..] else {
             return Err(Error::argument("an alpha-blend model has one layer"));
@@ -165,7 +167,7 @@ impl NewFile {
         let block_bytes = size.map(|size| {
             size.checked_sub(beside).filter(|left| *left > 0).ok_or_else(|| {
                 let what = format!("{size} bytes were asked for; the head and the network alone take {beside}");
-                Error::Unreachable { what, remedy: "ask for a larger file".into() }
+                Error::unreachable(what, "ask for a larger file")
             })
         });
         Ok(NewFile { metadata, layer, beside, block_bytes: block_bytes.transpose()? })
@@ -178,7 +180,10 @@ impl NewFile {
         let most_gaussians = match (options.target, self.block_bytes) {
             (Target::Gaussians(k), _) if k < own => {
                 let what = format!("{k} Gaussians were asked for; the model has {own}");
-                return Err(Error::Unreachable { what, remedy: Remedy::MoreGaussians(own) });
+                return Err(Error::unreachable(
+                    what,
+                    Hint::from("ask for ").option("gaussians", own).words(" or more"),
+                ));
             }
             (Target::Gaussians(k), _) => Some(k),
             (_, Some(bytes)) => said.or_else(|| {
@@ -191,7 +196,6 @@ impl NewFile {
         Ok(Config { alpha_blend, ..options.training.clone() })
     }
 
-    /// All Gaussians as one block.
     fn code(&self, gaussians: Mixture, check: impl FnMut() -> Result<()>) -> Result<CodedGaussians> {
         let (bounds, count) = (self.metadata.bounds, self.metadata.count);
         let encoder = Encoder::new(&Block { bounds, count, mass: count as f64, gaussians })?;
@@ -200,7 +204,7 @@ impl NewFile {
         if coded.size_met == SizeOutcome::TooLarge {
             let (asked, smallest) = (bytes + self.beside, codec::stored_bytes(&coded.bytes) as u64 + self.beside);
             let what = format!("{asked} bytes were asked for; the smallest file has {smallest} bytes");
-            return Err(Error::Unreachable { what, remedy: Remedy::LargerFile { bytes: smallest, ratio: None } });
+            return Err(Error::unreachable(what, Hint::larger_file(smallest)));
         }
         Ok(coded)
     }

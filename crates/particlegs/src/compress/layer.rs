@@ -1,14 +1,14 @@
 //! One layer of a block: fitted, trained where the job is to, and coded.
 
-use super::block::{BlockSetup, StopPolicy};
 use super::clock::Clock;
+use super::setup::{BlockSetup, StopPolicy};
 use super::size::{CodedGaussians, SizeTarget, bytes_a_gaussian, most_gaussians};
 use super::thickness::Thickness;
+use crate::checkpoint::{CheckpointStore, PrefixedCheckpoints};
 use crate::codec::{Encoder, decode_block};
 use crate::fit::{Effort, FitOptions, Fitter};
 use crate::model::{Block, LawKind, Layer, Mixture, VizMapper};
 use crate::particles::Particles;
-use crate::pieces::{CheckpointStore, PrefixedPieces};
 use crate::reference::Reference;
 use crate::space::Bounds;
 use crate::train::{Config, Defaults, InitialGaussians, Limits, Start, TrainedMixture, TrainedRun, Training};
@@ -18,29 +18,24 @@ use std::ops::Range;
 /// The particles of one layer of a block.
 #[derive(Clone)]
 pub(crate) struct LayerParticles {
-    /// Its particles.
     pub layer: Layer<Particles>,
-    /// Their bounds.
     pub bounds: Bounds,
     /// Sum of the weights, or the count.
     pub mass: f64,
-    /// Their bytes as float32.
     pub raw_bytes: u64,
 }
 
 impl LayerParticles {
     /// A layer of some particles, and its bounds.
-    pub fn of(particles: &Particles, layer: &Layer<Range<usize>>, bounds: Bounds) -> Self {
+    pub fn new(particles: &Particles, layer: &Layer<Range<usize>>, bounds: Bounds) -> Self {
         let own = particles.of_layer(layer);
         LayerParticles { bounds, mass: own.total_mass(), raw_bytes: own.raw_bytes(), layer: layer.with(own) }
     }
 
-    /// Its particles.
     pub fn particles(&self) -> &Particles {
         &self.layer.content
     }
 
-    /// Number of particles.
     pub fn count(&self) -> u64 {
         self.particles().len() as u64
     }
@@ -57,15 +52,11 @@ pub(crate) enum Share {
 
 /// A layer that is coded, and how that went.
 pub(super) struct LayerResult {
-    /// Its Gaussians.
     pub coded: CodedGaussians,
-    /// The network of the alpha-blend law.
     pub vizmapper: Option<VizMapper>,
-    /// Its training run.
     pub trained: Option<TrainedRun>,
-    /// Was training stopped, and the best so far taken?
+    /// Training was stopped, and its best state so far is coded.
     pub stopped: bool,
-    /// Seconds by phase.
     pub clock: Clock,
 }
 
@@ -89,11 +80,8 @@ struct GaussianGoal {
     bytes: Option<u64>,
 }
 
-/// A layer to be made.
 pub(super) struct LayerTask<'a> {
-    /// Its particles.
     pub layer: &'a LayerParticles,
-    /// What all blocks are made by.
     pub setup: BlockSetup<'a>,
     /// Training runs of the block from this layer's on.
     pub runs_left: usize,
@@ -101,9 +89,6 @@ pub(super) struct LayerTask<'a> {
 
 impl LayerTask<'_> {
     /// Makes it.
-    ///
-    /// # Errors
-    /// Those of the fit, of training and of the coder.
     pub fn make(&self, share: Share, pieces: &mut dyn CheckpointStore) -> Result<LayerResult> {
         match share {
             Share::Gaussians(gaussians) => {
@@ -176,11 +161,10 @@ impl LayerTask<'_> {
             seed: plan.recipe().seed,
             share: count as f64 / plan.particles().max(1) as f64,
         };
-        let mut pieces = PrefixedPieces { pieces, prefix: format!("{}/{gaussians}", self.layer.layer.name) };
+        let mut pieces = PrefixedCheckpoints { pieces, prefix: format!("{}/{gaussians}", self.layer.layer.name) };
         fitter.fit(&options, &mut pieces, self.setup.context)
     }
 
-    /// Trains Gaussians on pictures of the layer.
     fn train(
         &self,
         config: &Config,
@@ -200,7 +184,7 @@ impl LayerTask<'_> {
         };
         let limits = self.limits();
         // A search for a quality trains more than one number.
-        let mut pieces = PrefixedPieces { pieces, prefix: format!("{}/trained/{}", layer.layer.name, from.len()) };
+        let mut pieces = PrefixedCheckpoints { pieces, prefix: format!("{}/trained/{}", layer.layer.name, from.len()) };
         let mut clock = Clock::default();
         let trained = clock.time("train", || {
             let subject = Reference::with_bounds(layer.particles(), layer.bounds);
@@ -210,7 +194,7 @@ impl LayerTask<'_> {
         if trained.stopped && (self.setup.on_stop == StopPolicy::GiveUp || self.runs_left > 1) {
             return Err(Error::Cancelled);
         }
-        let run = TrainedRun::of(limits.run, config, &trained);
+        let run = TrainedRun::new(limits.run, config, &trained);
         let TrainedMixture { mixture, factor: step_factor, stopped, .. } = trained;
         Ok(LayerFit { mixture, step_factor, trained: Some(run), stopped, clock })
     }
@@ -225,7 +209,6 @@ impl LayerTask<'_> {
         limits
     }
 
-    /// Gaussians ready to be coded.
     fn encoder(&self, gaussians: Mixture) -> Result<Encoder> {
         let (bounds, mass) = (self.layer.bounds, self.layer.mass);
         Encoder::new(&Block { bounds, count: self.layer.count(), mass, gaussians })
@@ -237,8 +220,9 @@ impl LayerTask<'_> {
         mut gaussians: Mixture,
         code: impl Fn(&Encoder) -> Result<CodedGaussians>,
     ) -> Result<CodedGaussians> {
-        let thickness = Thickness::of(self.layer.particles(), &self.layer.bounds);
-        let Some(thickness) = thickness.filter(|_| self.setup.plan.training.is_none()) else {
+        let thickness = || Thickness::new(self.layer.particles(), &self.layer.bounds);
+        let untrained = self.setup.plan.training.is_none();
+        let Some(thickness) = untrained.then(thickness).flatten() else {
             return code(&self.encoder(gaussians)?);
         };
         for _ in 1..Thickness::TRIALS {
@@ -267,7 +251,6 @@ impl LayerTask<'_> {
     }
 }
 
-/// The network that a mixture is drawn with.
 fn network_of(gaussians: &Mixture) -> Option<VizMapper> {
     Some(VizMapper::clone(gaussians.law.alpha_blend()?.vizmapper.as_ref()?))
 }

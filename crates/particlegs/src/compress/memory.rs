@@ -21,35 +21,25 @@ const COPIED: u64 = 16;
 /// What decides the memory of a job.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MemoryLoad {
-    /// Particles.
     pub count: u64,
-    /// Their bytes as float32.
     pub raw_bytes: u64,
-    /// What is asked for.
     pub target: Target,
-    /// Time for quality.
     pub effort: Effort,
     /// Copies of a block's particles in memory: the fit's, and another where the block was read into
     /// memory.
     pub copies: u64,
-    /// Is a block measured by its own task?
+    /// A block is measured by its own task.
     pub measuring: bool,
 }
 
 impl MemoryLoad {
     /// The fewest blocks whose fits take at most `bound` bytes each.
-    ///
-    /// # Errors
-    /// [`Error::Bound`] where no number of blocks does.
     pub fn blocks_within(&self, bound: u64) -> Result<u32> {
         self.fewest(bound, |blocks| self.block_bytes(blocks))
     }
 
     /// The fewest blocks that take at most `bound` bytes each where every one has a process of its own:
     /// the whole model is then in none of them.
-    ///
-    /// # Errors
-    /// [`Error::Bound`] where no number of blocks does.
     pub fn tasks_within(&self, bound: u64) -> Result<u32> {
         self.fewest(bound, |blocks| self.task_bytes(blocks))
     }

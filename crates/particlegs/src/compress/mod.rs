@@ -5,26 +5,28 @@
 //! makes a file smaller without the particles, [`finetune()`] trains a merged file on the whole snapshot.
 
 mod block;
+mod budget;
 mod certify;
 mod checkpoint;
 mod clock;
+mod cross_validation;
 mod describe;
-mod divided;
 mod executor;
 mod finetune;
-mod halves;
+mod in_memory;
 mod layer;
 mod memory;
 mod options;
 mod plan;
 mod run;
 mod search;
+mod setup;
 mod simplify;
 mod size;
 mod thickness;
 
 pub use crate::model::Target;
-pub(crate) use block::{BlockParticles, BlockSetup, CodedBlock, StopPolicy};
+pub(crate) use block::{BlockParticles, CodedBlock};
 pub(crate) use certify::DecodedFile;
 pub use certify::certify;
 pub use checkpoint::Checkpoint;
@@ -34,5 +36,6 @@ pub(crate) use memory::MemoryLoad;
 pub use options::Options;
 pub(crate) use plan::CompressionPlan;
 pub use run::{CompressedModel, Compression, compress};
+pub(crate) use setup::{BlockSetup, StopPolicy};
 pub use simplify::simplify;
 pub(crate) use size::SizeOutcome;

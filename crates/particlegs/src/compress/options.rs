@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 /// What is asked for. The default is the default of the command: the default size, a refined fit, no training,
 /// measured.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Size, ratio, number or quality.
     pub target: Target,
@@ -35,25 +35,6 @@ pub struct Options {
     pub certificate: CertificateLevel,
     /// What is read of the snapshot, for the file's [`Recipe::read`].
     pub read: BTreeMap<String, String>,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Options {
-            target: Target::Default,
-            effort: Effort::Default,
-            radius: None,
-            opacity: None,
-            blocks: None,
-            memory: None,
-            storage: Storage::Memory,
-            training: None,
-            limits: Limits::default(),
-            seed: 0,
-            certificate: CertificateLevel::default(),
-            read: BTreeMap::new(),
-        }
-    }
 }
 
 impl Options {

@@ -1,22 +1,18 @@
 //! What every block must know of the whole: the same for all of a job, wherever blocks are done.
 
-use super::block::{BlockParticles, CodedBlock};
 use super::describe::{SourceFacts, describe};
-use super::layer::Share;
 use super::options::Options;
-use super::size::SizeOutcome;
 use crate::blocks::{KdTree, SnapshotScan};
 use crate::camera::{ORBITS, base_distance, spherical_camera};
-use crate::codec::{self, CodedLayer};
+use crate::codec;
 use crate::context::Context;
-use crate::model::Target;
-use crate::model::{Certificate, CertificateLevel, LawKind, Layer, Mass, Metadata, Recipe};
+use crate::model::{CertificateLevel, LawKind, Layer, Mass, Metadata, Recipe};
 use crate::particles::{LayeredParticles, check_box};
 use crate::picture::Size;
 use crate::score::check_radius;
 use crate::space::Bounds;
 use crate::train::Config;
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 use serde::{Deserialize, Serialize};
 
 /// What is asked for, and what is known of the whole.
@@ -25,7 +21,6 @@ pub struct CompressionPlan {
     /// How blocks are trained after the fit; `None` = not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<Config>,
-    /// How much of the decoded model is measured.
     pub certificate: CertificateLevel,
     /// Layers, and their numbers of particles.
     pub layers: Vec<Layer<u64>>,
@@ -54,11 +49,12 @@ impl CompressionPlan {
         }
         let alpha = options.law() == LawKind::AlphaBlend;
         if alpha && source.layers.len() > 1 {
-            let what = "the alpha-blend law has one layer, and the snapshot several".into();
-            return Err(Error::Argument { what, remedy: Remedy::ChooseSpecies });
+            let what = "the alpha-blend law has one layer, and the snapshot several";
+            return Err(Error::argument_with(what, Hint::choose_species()));
         }
         if alpha && options.certificate == CertificateLevel::Blocks {
-            let what = "models of the alpha-blend law do not add up: --certificate blocks is of the optical-depth law";
+            let what =
+                "models of the alpha-blend law do not add up: a certificate by blocks is of the optical-depth law";
             return Err(Error::argument(what));
         }
         check_box(&scan.bounds, cell, name)?;
@@ -80,11 +76,10 @@ impl CompressionPlan {
         if plan.certificate.measures() {
             check_radius(&plan.metadata, plan.recipe().seed)?;
         }
-        options.target.choice_in_words(plan.raw_bytes()).iter().for_each(|words| context.message(words));
+        options.target.describe_choice(plan.raw_bytes()).iter().for_each(|words| context.message(words));
         Ok(plan)
     }
 
-    /// What makes the model.
     pub fn recipe(&self) -> &Recipe {
         &self.metadata.recipe
     }
@@ -102,7 +97,8 @@ impl CompressionPlan {
         let what = format!(
             "{bytes} bytes were asked for; of an alpha-blend model the head and the network alone take {beside}"
         );
-        Err(Error::Unreachable { what, remedy: Remedy::LargerFileOrNoNetwork })
+        let hint = Hint::from("ask for a larger file, or set `vizmapper = false` in [alpha_blend] of ");
+        Err(Error::unreachable(what, hint.option("config", "")))
     }
 
     /// The masses of a layer as the file has them: Gaussians of the alpha-blend law have no weights.
@@ -143,68 +139,6 @@ impl CompressionPlan {
             _ => 0,
         };
         (codec::size_without_blocks(&self.metadata, self.certificate, &heads) + network) as u64
-    }
-
-    /// The share of a block of what `target` asks of the whole.
-    pub(super) fn share(&self, target: Target, block: &BlockParticles) -> Result<Share> {
-        match (target, target.bytes(self.raw_bytes())) {
-            (_, Some(bytes)) => {
-                let left = bytes.saturating_sub(self.overhead());
-                let share = block.raw_bytes as f64 / self.raw_bytes() as f64;
-                Ok(Share::Bytes((left as f64 * share) as u64))
-            }
-            (Target::Gaussians(number), _) => {
-                let share = block.count as f64 / self.metadata.count as f64;
-                Ok(Share::Gaussians(((number as f64 * share).round() as u64).max(1)))
-            }
-            _ => Err(Error::argument("a quality cannot be divided among blocks: ask for a size or a ratio")),
-        }
-    }
-
-    /// What a user should know of how all blocks together meet their target.
-    pub(crate) fn judge(&self, blocks: &[CodedBlock]) -> Result<Option<String>> {
-        let Some(target) = self.recipe().target.bytes(self.raw_bytes()) else { return Ok(None) };
-        let smallest = blocks.iter().map(|b| b.size() as u64).sum::<u64>() + self.overhead();
-        if blocks.iter().any(|b| b.size_met == SizeOutcome::TooLarge) {
-            let what =
-                format!("{target} bytes were asked for; the smallest file of this snapshot has {smallest} bytes");
-            if self.recipe().target != Target::Default {
-                let ratio = self.raw_bytes() as f64 / smallest as f64;
-                let remedy = Remedy::LargerFile { bytes: smallest, ratio: Some(ratio) };
-                return Err(Error::Unreachable { what, remedy });
-            }
-            return Ok(Some(what));
-        }
-        Ok(blocks.iter().all(|b| b.size_met == SizeOutcome::TooSmall).then(|| {
-            format!(
-                "the file has {smallest} bytes, less than the {target} asked for: more Gaussians would fit the \
-                 particles' noise (a number of Gaussians as the target sets it)"
-            )
-        }))
-    }
-
-    /// The file of all blocks, with the network of block 0 (paper section III-D).
-    pub(crate) fn file(&self, blocks: &[CodedBlock], certificate: Option<&Certificate>) -> Result<Vec<u8>> {
-        self.file_within(self.metadata.bounds, blocks, certificate)
-    }
-
-    /// The file of one block on its own: a model of its particles, drawn as the whole is.
-    pub(crate) fn block_file(&self, block: &CodedBlock) -> Result<Vec<u8>> {
-        self.file_within(block.bounds, std::slice::from_ref(block), None)
-    }
-
-    fn file_within(&self, bounds: Bounds, blocks: &[CodedBlock], certificate: Option<&Certificate>) -> Result<Vec<u8>> {
-        let mut layers: Vec<CodedLayer> = Vec::new();
-        for layer in blocks.iter().flat_map(|b| &b.layers) {
-            match layers.iter_mut().find(|l| l.name == layer.name) {
-                Some(l) => l.content.extend(layer.content.iter().cloned()),
-                None => layers.push(layer.clone()),
-            }
-        }
-        let (count, mass) = codec::sums(&layers)?;
-        let metadata = Metadata { count, mass, bounds, ..self.metadata.clone() };
-        let network = blocks.first().and_then(|b| b.vizmapper.as_ref());
-        codec::assemble_with(&metadata, network, certificate, layers)
     }
 }
 

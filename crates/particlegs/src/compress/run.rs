@@ -1,23 +1,24 @@
 //! From particles to a measured file, in one process.
 
-use super::block::{BlockSetup, CodedBlock, StopPolicy};
+use super::block::CodedBlock;
 use super::certify::DecodedFile;
 use super::clock::Clock;
-use super::divided::InMemoryBlocks;
 use super::executor::do_blocks;
+use super::in_memory::InMemoryBlocks;
 use super::options::Options;
 use super::plan::CompressionPlan;
 use super::search;
+use super::setup::{BlockSetup, StopPolicy};
 use super::thickness::Thickness;
 #[cfg(doc)]
 use crate::Error;
 use crate::Result;
 use crate::blocks::SnapshotScan;
+use crate::checkpoint::CheckpointStore;
 use crate::context::Context;
 use crate::fit::{self};
 use crate::model::{GoalResult, Model};
 use crate::particles::{LayeredParticles, Particles, Storage};
-use crate::pieces::CheckpointStore;
 use crate::score::{CertificateInput, GoalMetric};
 use crate::space::Bounds;
 use crate::train::TrainedRun;
@@ -70,7 +71,6 @@ pub struct Compression<'a> {
     particles: &'a Particles,
     options: &'a Options,
     plan: CompressionPlan,
-    /// Bounds of each layer.
     layer_bounds: Vec<Bounds>,
     clock: Clock,
 }
@@ -87,7 +87,7 @@ impl<'a> Compression<'a> {
             output::check_space_in(folder, particles.raw_bytes())?;
         }
         let mut clock = Clock::default();
-        let source = LayeredParticles::of(particles);
+        let source = LayeredParticles::from_particles(particles);
         let scan = clock.time("read", || SnapshotScan::new(&source, &particles.meta.name, blocks != 1, context))?;
         let plan = clock.time("divide", || CompressionPlan::new(options, &source, &scan, blocks, context))?;
         let layer_bounds = scan.layer_bounds(&source);
@@ -142,12 +142,12 @@ impl<'a> Compression<'a> {
         let measured = level.measures() && !stopped;
         let measure =
             measured.then_some(CertificateInput { particles, seed: plan.recipe().seed, level, memory, reached });
-        let done = DecodedFile::of(|certificate| plan.file(&blocks, certificate), measure, context)?;
+        let done = DecodedFile::new(|certificate| plan.file(&blocks, certificate), measure, context)?;
         clock.append(done.clock);
         let step_factor = blocks.iter().map(|b| b.step_factor).sum::<f64>() / blocks.len().max(1) as f64;
         let (raw_bytes, seconds) = (plan.raw_bytes(), clock.seconds());
         let DecodedFile { bytes, model, .. } = done;
-        let thick = Thickness::of(particles, &plan.metadata.bounds).and_then(|t| t.note(&model));
+        let thick = Thickness::new(particles, &plan.metadata.bounds).and_then(|t| t.note(&model));
         let notes = plan.notes.iter().cloned().chain(met).chain(thick).collect();
         Ok(CompressedModel { bytes, model, raw_bytes, reached, step_factor, trained, stopped, notes, seconds })
     }

@@ -4,11 +4,10 @@
 use super::block::CodedBlock;
 use super::plan::CompressionPlan;
 use super::size::{bytes_a_gaussian, most_gaussians};
-use crate::codec;
 use crate::context::Context;
 use crate::model::{DEFAULT_RATIO, Goal, GoalKind, GoalResult, Target};
 use crate::score::GoalMetric;
-use crate::{Error, Result};
+use crate::{Error, Result, codec};
 
 /// Fits tried at most.
 const FITS: usize = 8;
@@ -36,7 +35,7 @@ struct SearchScale {
 }
 
 impl SearchScale {
-    fn of(kind: GoalKind, particles: u64) -> SearchScale {
+    fn new(kind: GoalKind, particles: u64) -> SearchScale {
         match kind {
             GoalKind::Psnr => {
                 SearchScale { a_doubling: 0.85, close: 0.05, steps: [0.0, 3.0], apart: 0.1, most: particles }
@@ -49,7 +48,7 @@ impl SearchScale {
     }
 }
 
-/// See [`SearchScale`].
+/// How high `value` is: decibels, or how often the error is halved (see [`SearchScale`]).
 fn height(goal: &Goal, value: f64) -> f64 {
     let halvings = |error: f64| -error.max(1e-12).log2();
     match goal.kind {
@@ -59,7 +58,6 @@ fn height(goal: &Goal, value: f64) -> f64 {
     }
 }
 
-/// One fit of the search.
 #[derive(Clone, Copy)]
 struct SearchTrial {
     number: f64,
@@ -76,7 +74,7 @@ pub(super) fn reach(
     context: &Context<'_>,
 ) -> Result<(Vec<CodedBlock>, GoalResult)> {
     let goal = gauge.goal;
-    let scale = SearchScale::of(goal.kind, plan.metadata.count);
+    let scale = SearchScale::new(goal.kind, plan.metadata.count);
     let start = plan.raw_bytes() as f64 / DEFAULT_RATIO / bytes_a_gaussian(plan.recipe().effort);
     // A fit may find room for fewer Gaussians than it is asked for.
     let (mut kept, mut made) = (None, Vec::new());
@@ -86,7 +84,7 @@ pub(super) fn reach(
         let reached = gauge.measure(&model, context)?;
         made.push((number, model.gaussians()));
         let bytes: usize = blocks.iter().map(CodedBlock::size).sum();
-        let figure = goal.value_in_words(reached.reached);
+        let figure = goal.describe_value(reached.reached);
         context.message(&format!("{} Gaussians, {bytes} bytes: {figure}", model.gaussians()));
         // Numbers that reach the goal only fall from one to the next.
         if goal.is_met(reached.reached) {
@@ -145,19 +143,18 @@ fn next(above: Option<SearchTrial>, below: Option<SearchTrial>, wanted: f64, sca
     }
 }
 
-/// Why the goal is not reached, and what would help.
 fn unreachable(scale: &SearchScale, best: GoalResult, gaussians: usize, plan: &CompressionPlan) -> Error {
     let goal = best.goal;
     let what = format!(
         "{} was asked for; at best {} was reached, with {gaussians} Gaussians",
-        goal.in_words(plan.metadata.units.length_text()),
-        goal.value_in_words(best.reached)
+        goal.describe(plan.metadata.units.length_text()),
+        goal.describe_value(best.reached)
     );
     let words = match goal.kind {
         GoalKind::Psnr => "ask for less, or for a size".to_string(),
         _ => format!("ask for less, or for a number of Gaussians: up to {} are tried", scale.most),
     };
-    Error::Unreachable { what, remedy: words.into() }
+    Error::unreachable(what, words)
 }
 
 #[cfg(test)]
@@ -167,7 +164,7 @@ mod tests {
     /// Searches a figure that is a function of the number, from 1000 on; numbers tried, and those that met it.
     fn searched(goal: Goal, particles: u64, figure: impl Fn(f64) -> f64) -> (Vec<f64>, Vec<f64>, SearchTrial) {
         let (mut tried, mut met) = (Vec::new(), Vec::new());
-        let best = search(&goal, &SearchScale::of(goal.kind, particles), 1000.0, &mut |number| {
+        let best = search(&goal, &SearchScale::new(goal.kind, particles), 1000.0, &mut |number| {
             tried.push(number);
             let reached = GoalResult { goal, reached: figure(number) };
             if goal.is_met(reached.reached) {

@@ -5,8 +5,7 @@ use super::size::{CodedGaussians, SizeOutcome, SizeTarget, bytes_a_gaussian};
 use crate::codec::{self, Encoder};
 use crate::context::Context;
 use crate::fit::{self, Effort, SimplifyOptions};
-use crate::model::Target;
-use crate::model::{Block, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, RecipeStep};
+use crate::model::{Block, CertificateLevel, LawKind, Layer, Metadata, Mixture, Model, RecipeStep, Target};
 use crate::space::Bounds;
 use crate::{Error, Result};
 
@@ -22,7 +21,7 @@ pub fn simplify(model: Model, model_bytes: u64, target: Target, context: &Contex
     let Model { mut metadata, layers, .. } = model;
     if metadata.law != LawKind::OpticalDepth {
         let what = format!("a model of the {} law cannot be simplified: its splats do not add up", metadata.law.name());
-        return Err(Error::Argument { what, remedy: "train one with fewer Gaussians on the snapshot".into() });
+        return Err(Error::argument_with(what, "train one with fewer Gaussians on the snapshot"));
     }
     metadata.recipe.steps.push(RecipeStep::Simplify(target));
     metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
@@ -37,7 +36,7 @@ pub fn simplify(model: Model, model_bytes: u64, target: Target, context: &Contex
             let bytes = target.bytes(raw_bytes).unwrap_or(0);
             if bytes >= model_bytes {
                 let what = format!("{bytes} bytes were asked for; the model has {model_bytes} already");
-                return Err(Error::Unreachable { what, remedy: "ask for a larger ratio than the model's own".into() });
+                return Err(Error::unreachable(what, "ask for a larger ratio than the model's own"));
             }
             job.to_size(bytes, raw_bytes)?
         }
@@ -116,7 +115,7 @@ impl Reduction<'_> {
             let smallest = overhead + coded.iter().map(|c| codec::stored_bytes(&c.bytes) as u64).sum::<u64>();
             let what = format!("{target} bytes were asked for; the smallest file of this model has {smallest} bytes");
             let hint = format!("ask for a ratio of {:.4} or less", raw_bytes as f64 / smallest as f64);
-            return Err(Error::Unreachable { what, remedy: hint.into() });
+            return Err(Error::unreachable(what, hint));
         }
         Ok(coded)
     }

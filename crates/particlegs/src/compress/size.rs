@@ -25,7 +25,7 @@ pub fn bytes_a_gaussian(effort: Effort) -> f64 {
 /// Particles for each Gaussian of a file of a given size, at least: on a half of nbody64, 25, 20, 15, 12 and 10 give
 /// 4.650, 4.640, 4.632, 4.585 and 4.520 bits a held-out particle, and pictures gain nothing either.
 const PARTICLES_A_GAUSSIAN: u64 = 16;
-/// So many Gaussians, some 10 kB, are always made where there are particles: pictures of few are better for it.
+/// At least this many Gaussians, some 10 kB, are always made where there are particles: pictures of few are better for it.
 const ALWAYS: u64 = 2500;
 
 /// The most Gaussians that `particles` support: more would fit the noise of their sample.
@@ -46,18 +46,12 @@ pub enum SizeOutcome {
     TooSmall,
 }
 
-/// Gaussians coded.
 #[derive(Debug)]
 pub(super) struct CodedGaussians {
-    /// The block's bytes.
     pub bytes: Vec<u8>,
-    /// Gaussians.
     pub gaussians: u64,
-    /// Multiple of the nominal steps.
     pub step_factor: f64,
-    /// How they meet the size asked for.
     pub size_met: SizeOutcome,
-    /// Bytes at the nominal steps.
     pub nominal_bytes: u64,
 }
 
@@ -71,9 +65,6 @@ impl CodedGaussians {
 
     /// Gaussians at the finest steps at which they have at most `size` bytes. Where a step factor is
     /// `wanted` and close enough to the size, it is taken. `check` is asked before each encoding.
-    ///
-    /// # Errors
-    /// Those of `check`.
     pub fn to_size(
         encoder: &Encoder,
         size: u64,
@@ -91,7 +82,6 @@ impl CodedGaussians {
 /// A size to be met by a number of Gaussians that is to be found.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SizeTarget {
-    /// Bytes.
     pub bytes: u64,
     /// What a Gaussian may take, to begin with.
     pub bytes_a_gaussian: f64,
@@ -107,9 +97,6 @@ impl SizeTarget {
 
     /// A number of Gaussians whose steps are near nominal at this size, by trials: `fit` makes so many
     /// Gaussians, or fewer, and codes them to the size.
-    ///
-    /// # Errors
-    /// Those of `fit`.
     pub fn find<T>(&self, mut fit: impl FnMut(u64) -> Result<(CodedGaussians, T)>) -> Result<(CodedGaussians, T)> {
         let mut number = self.number(self.bytes_a_gaussian);
         let mut found = fit(number)?;
@@ -132,7 +119,6 @@ impl SizeTarget {
     }
 }
 
-/// Is a file of `bytes` close enough below `target`?
 fn close_enough(bytes: u64, target: u64) -> bool {
     bytes <= target && target - bytes <= BYTES_BELOW.max((target as f64 * SHARE_BELOW) as u64)
 }

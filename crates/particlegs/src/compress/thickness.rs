@@ -4,12 +4,9 @@ use crate::model::{Mixture, Model};
 use crate::particles::Particles;
 use crate::space::Bounds;
 
-/// The thickness of the particles of a flat box.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Thickness {
-    /// The thin axis.
     pub axis: usize,
-    /// The particles' variance along it.
     variance: f64,
 }
 
@@ -17,8 +14,8 @@ impl Thickness {
     /// Codings at most until the Gaussians have it.
     pub const TRIALS: usize = 5;
 
-    /// Of particles in flat bounds.
-    pub fn of(particles: &Particles, bounds: &Bounds) -> Option<Thickness> {
+    /// `None` where the bounds are not flat.
+    pub fn new(particles: &Particles, bounds: &Bounds) -> Option<Thickness> {
         let axis = bounds.thin_axis()?;
         let pivot = bounds.center()[axis] - particles.origin[axis];
         let parts = particles.par_chunks(|_, chunk| {
@@ -59,24 +56,19 @@ impl Thickness {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::checkpoint::NoCheckpoints;
     use crate::compress::{Options, compress};
+
     use crate::context::Context;
-    use crate::math::Random;
     use crate::model::CertificateLevel;
-    use crate::pieces::NoCheckpoints;
+    use crate::testing::{from_points, random_points};
 
     /// Uniform in a box, and the model's deviation along `axis` over theirs; a note says where they differ.
     fn thickness(edges: [f64; 3], axis: usize) -> f64 {
-        let point = |i| {
-            let mut r = Random::new(21, 0, i);
-            edges.map(|e| (e * r.uniform()) as f32)
-        };
-        let points: Vec<[f32; 3]> = (0..20_000).map(point).collect();
-        let [x, y, z] = [0, 1, 2].map(|k| points.iter().map(|p| p[k]).collect::<Vec<_>>());
-        let particles = Particles::from_columns(x, y, z);
+        let particles = from_points(random_points(20_000, 21, |_, r| edges.map(|e| e * r.uniform())));
         let options = Options { certificate: CertificateLevel::None, ..Options::default() };
         let made = compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT).unwrap();
-        let thickness = Thickness::of(&particles, &particles.bounds()).unwrap();
+        let thickness = Thickness::new(&particles, &particles.bounds()).unwrap();
         assert_eq!(thickness.axis, axis);
         let gaussians = made.model.layers[0].content.iter().map(|b| &b.gaussians).collect::<Vec<_>>();
         let ratio = (thickness.variances(&gaussians).iter().sum::<f64>() / thickness.variance).sqrt();

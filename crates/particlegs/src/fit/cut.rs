@@ -329,7 +329,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn exp_is_exp() {
+    fn exp_negative_agrees_with_the_library() {
         for i in 0..7000 {
             let x = f64::from(i) * 0.1;
             assert!((exp_negative(x) / (-x).exp() - 1.0).abs() < 1e-12, "{x}");
@@ -354,7 +354,7 @@ mod tests {
         let mut xyz: Vec<[f32; 3]> = (0..1000).map(|i| [i as f32 * 1e-3, (i % 10) as f32 * 1e-3, 0.0]).collect();
         xyz.extend((0..200).map(|i| [0.9 + i as f32 * 1e-5, 0.005, 0.0]));
         let blur = Blur { variance: 1e-4 };
-        let cut = Cut::best(Level::new(), &xyz, &Moments::of(&xyz, None), blur).unwrap();
+        let cut = Cut::best(Level::new(), &xyz, &Moments::from_points(&xyz, None), blur).unwrap();
         let first = cut.apply(Level::new(), &mut xyz, None);
         assert!(xyz[..first].iter().all(|p| p[0] < 0.9) && xyz[first..].iter().all(|p| p[0] > 0.7), "{first}");
     }

@@ -3,15 +3,16 @@
 use super::partition::partition;
 use super::{ParticleStore, PartitionOptions, RefineOptions, refine};
 use crate::Result;
+use crate::checkpoint::{CheckpointStore, NoCheckpoints};
 use crate::context::Context;
 use crate::model::{Effort, Mixture};
 use crate::particles::Particles;
-use crate::pieces::{CheckpointStore, NoCheckpoints};
+use crate::space::Bounds;
 
 /// What to fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitOptions {
-    /// Gaussians, at most.
+    /// Number of Gaussians, at most.
     pub gaussians: usize,
     /// Time against quality.
     pub effort: Effort,
@@ -42,23 +43,27 @@ pub fn fit(particles: &Particles, options: &FitOptions, context: &Context<'_>) -
     Fitter::new(particles).fit(options, &mut NoCheckpoints, context)
 }
 
+/// Bytes of memory that a fit takes beside the mapped file: the store that is reordered, and a
+/// margin for the Gaussians and their neighbourhoods.
+pub(crate) fn memory_needed(particles: &Particles) -> u64 {
+    particles.len() as u64 * if particles.weights().is_some() { 20 } else { 16 }
+}
+
 /// Fits the same particles again and again, for one number of Gaussians after the other: the copy of
 /// them that a refined fit reorders is made in the same memory each time.
 pub(crate) struct Fitter<'a> {
     particles: &'a Particles,
+    /// Bounds about the particles' origin.
+    local: Bounds,
     store: Option<ParticleStore>,
 }
 
 impl<'a> Fitter<'a> {
-    /// Of `particles`.
     pub fn new(particles: &'a Particles) -> Self {
-        Fitter { particles, store: None }
+        Fitter { particles, local: particles.local_bounds(), store: None }
     }
 
     /// [`fit`] that keeps its pieces, and takes those that are there.
-    ///
-    /// # Errors
-    /// As [`fit`], and those of [`CheckpointStore::keep`].
     pub fn fit(
         &mut self,
         options: &FitOptions,
@@ -71,12 +76,12 @@ impl<'a> Fitter<'a> {
                 store.copy_again(self.particles);
                 store
             }
-            None => ParticleStore::new(self.particles),
+            None => ParticleStore::new(self.particles, &self.local),
         };
         let how = PartitionOptions { pixel: options.pixel, ..PartitionOptions::default() };
         let cells = partition(store, options.gaussians, options.radius, how, context)?;
         let (particles, gaussians) = (cells.store.len(), cells.cells.len());
-        let thin = self.particles.bounds().thin_axis();
+        let thin = self.particles.in_world(self.local).thin_axis();
         let how = RefineOptions { thin, ..refinement(particles, gaussians, options) };
         let mixture = refine(&cells, options.radius, &how, pieces, context)?;
         // What comes after takes less memory than refinement, but not always less than a partition.

@@ -37,7 +37,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_eigenvalues() {
+    fn equal_eigenvalues_are_no_error() {
         assert_eq!(largest_eigenvalue(&Sym3::scaled_identity(3.0), 3.0), (3.0, 0.0));
     }
 }

@@ -4,13 +4,12 @@
 //! the groups that hold it as a candidate, always in the order of the groups.
 
 use super::Moments;
-use super::candidates::{Ellipsoid, OverlapTree, SearchReach};
 use super::em_kernel::{self, CandidateSums, KernelScratch, ParticleGroup, SUMS, WhitenedGaussian};
+use super::overlap_tree::{Ellipsoid, OverlapTree, SearchReach};
 use super::prior::{MeanShape, Prior};
 use crate::context::Context;
 use crate::math::Sym3;
-use crate::parallel;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use std::ops::Range;
 
@@ -56,6 +55,20 @@ pub(crate) struct GroupedParticles<'a> {
     pub(crate) groups: &'a ParticleGroups,
 }
 
+/// Particles in the order of their groups, on their own.
+pub(crate) struct GroupStore {
+    pub(crate) xyz: Vec<[f32; 3]>,
+    /// One a particle, where they have weights.
+    pub(crate) weight: Option<Vec<f32>>,
+    pub(crate) groups: ParticleGroups,
+}
+
+impl GroupStore {
+    pub(crate) fn view(&self) -> GroupedParticles<'_> {
+        GroupedParticles { xyz: &self.xyz, weight: self.weight.as_deref(), groups: &self.groups }
+    }
+}
+
 /// What the E and the M step regularise by; lengths are store units, squared.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Regularisation {
@@ -68,13 +81,13 @@ pub(crate) struct Regularisation {
     pub(crate) focus: f64,
     /// Variance below which details do not show: smaller Gaussians keep their plain moments.
     pub(crate) blur: f64,
-    /// What is expected of covariances.
     pub(crate) prior: Prior,
 }
 
 impl ParticleGroups {
     pub(crate) fn new(range: Vec<Range<usize>>, xyz: &[[f32; 3]]) -> Self {
-        let parts: Vec<Moments> = parallel::map_range(range.len(), |g| Moments::of(&xyz[range[g].clone()], None));
+        let parts: Vec<Moments> =
+            parallel::map_range(range.len(), |g| Moments::from_points(&xyz[range[g].clone()], None));
         let (mean, cov) = parts.into_iter().map(|m| (m.mean, m.cov)).unzip();
         ParticleGroups { range, mean, cov }
     }
@@ -88,7 +101,6 @@ pub(crate) struct Candidates {
     /// Gaussian j stands at the entries `entry[entry_start[j]..entry_start[j + 1]]`, ascending.
     entry_start: Vec<usize>,
     entry: Vec<u32>,
-    /// The group of each entry.
     group: Vec<u32>,
 }
 
@@ -144,19 +156,8 @@ impl Candidates {
             group.resize(index.len(), g as u32);
             start.push(index.len());
         }
-        let mut entry_start = vec![0usize; gaussians + 1];
-        for &j in &index {
-            entry_start[j as usize + 1] += 1;
-        }
-        for j in 0..gaussians {
-            entry_start[j + 1] += entry_start[j];
-        }
-        let mut next = entry_start.clone();
-        let mut entry = vec![0u32; index.len()];
-        for (e, &j) in index.iter().enumerate() {
-            entry[next[j as usize]] = e as u32;
-            next[j as usize] += 1;
-        }
+        // The same lists by Gaussian: the M step gathers in the order of the groups, whatever the threads.
+        let CountingSort { start: entry_start, order: entry } = CountingSort::new(&index, gaussians);
         Candidates { start, index, entry_start, entry, group }
     }
 
@@ -203,7 +204,6 @@ impl Candidates {
     }
 }
 
-/// What one E step found.
 pub(crate) struct Expectation {
     sums: Vec<CandidateSums>,
     /// The likeliest Gaussian of each particle, where asked for.
@@ -216,13 +216,10 @@ pub(crate) struct Expectation {
 /// What an E step is asked for besides the sums of the M step.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct ExpectationOptions {
-    /// [`Expectation::owner`].
     pub(crate) owner: bool,
-    /// [`Expectation::likelihood`].
     pub(crate) likelihood: bool,
 }
 
-/// One E step over all groups.
 pub(crate) fn expect(
     cloud: GroupedParticles<'_>,
     candidates: &Candidates,
@@ -232,6 +229,7 @@ pub(crate) fn expect(
     context: &Context<'_>,
 ) -> Result<Expectation> {
     let groups = cloud.groups;
+    // Each Gaussian is whitened once, in f64; groups only move it to their centre, where f32 has digits left.
     let whitened: Vec<_> = parallel::map_range(gaussians.len(), |j| Whitening::new(gaussians, j, shape));
     let mut sums = vec![[0f32; SUMS]; candidates.index.len()];
     let mut owner = vec![0u32; if wanted.owner { cloud.xyz.len() } else { 0 }];
@@ -352,6 +350,7 @@ pub(crate) fn maximise(
         let d: [f64; 3] = each_axis(|k| total[3 + k] / focused);
         let cov = Sym3(std::array::from_fn(|k| total[6 + k] / focused)).add(&Sym3::outer(d).scale(-1.0));
         let mean = each_axis(|k| gaussians.mean[j][k] + d[k]);
+        // What the focus took off is put back before the prior, which is of whole Gaussians.
         let own = nonnegative(unfocus(cov, &gaussians.cov[j], shape));
         (mean, shape.prior.most_probable(&own, count, &expected[j]), count, total[1])
     });
@@ -413,33 +412,34 @@ fn nonnegative(mut cov: Sym3) -> Sym3 {
     cov
 }
 
-/// Reorders particles so that each Gaussian's own lie together: group j is Gaussian j's. Returns the
-/// new order's positions and weights.
-pub(crate) fn regroup(
-    cloud: GroupedParticles<'_>,
-    owner: &[u32],
-    gaussians: usize,
-) -> (Vec<[f32; 3]>, Option<Vec<f32>>, ParticleGroups) {
-    let mut start = vec![0usize; gaussians + 1];
-    for &o in owner {
-        start[o as usize + 1] += 1;
-    }
-    for j in 0..gaussians {
-        start[j + 1] += start[j];
-    }
-    let mut next = start.clone();
-    let mut xyz = vec![[0f32; 3]; cloud.xyz.len()];
-    let mut weight = cloud.weight.map(|w| vec![0f32; w.len()]);
-    for (i, &o) in owner.iter().enumerate() {
-        let at = next[o as usize];
-        next[o as usize] += 1;
-        xyz[at] = cloud.xyz[i];
-        if let (Some(new), Some(old)) = (&mut weight, cloud.weight) {
-            new[at] = old[i];
+/// Places sorted by a key below a number; those of one key keep their order, so that sums over them do.
+struct CountingSort {
+    /// Where each key's places begin; one more at the end.
+    start: Vec<usize>,
+    order: Vec<u32>,
+}
+
+impl CountingSort {
+    fn new(keys: &[u32], below: usize) -> Self {
+        let mut start = vec![0usize; below + 1];
+        keys.iter().for_each(|&key| start[key as usize + 1] += 1);
+        (0..below).for_each(|key| start[key + 1] += start[key]);
+        let (mut next, mut order) = (start.clone(), vec![0u32; keys.len()]);
+        for (place, &key) in keys.iter().enumerate() {
+            order[next[key as usize]] = place as u32;
+            next[key as usize] += 1;
         }
+        CountingSort { start, order }
     }
+}
+
+/// Reorders particles so that each Gaussian's own lie together: group j is Gaussian j's.
+pub(crate) fn regroup(cloud: GroupedParticles<'_>, owner: &[u32], gaussians: usize) -> GroupStore {
+    let CountingSort { start, order } = CountingSort::new(owner, gaussians);
+    let xyz: Vec<[f32; 3]> = order.iter().map(|&i| cloud.xyz[i as usize]).collect();
+    let weight = cloud.weight.map(|w| order.iter().map(|&i| w[i as usize]).collect());
     let groups = ParticleGroups::new((0..gaussians).map(|j| start[j]..start[j + 1]).collect(), &xyz);
-    (xyz, weight, groups)
+    GroupStore { xyz, weight, groups }
 }
 
 #[cfg(test)]
@@ -453,7 +453,7 @@ mod tests {
     const PLAIN: Regularisation = Regularisation { floor: 1e-4, focus: 0.0, blur: 0.0, prior: Prior::NONE };
 
     /// Four clumps cut into eight cells along x.
-    fn problem(seed: u64) -> (Vec<[f32; 3]>, ParticleGroups, RefinedGaussians) {
+    fn problem(seed: u64) -> (GroupStore, RefinedGaussians) {
         let mut random = Random::new(seed, 5, 0);
         let mut xyz: Vec<[f32; 3]> =
             (0..400).map(|i| each_axis(|k| ((i % 4 * (k + 1)) as f64 * 0.2 + 0.1 * random.normal()) as f32)).collect();
@@ -463,25 +463,25 @@ mod tests {
         for g in 0..8 {
             gaussians.push(groups.mean[g], groups.cov[g], 50.0, 0.0);
         }
-        (xyz, groups, gaussians)
+        (GroupStore { xyz, weight: None, groups }, gaussians)
     }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
         #[test]
         fn an_iteration_never_lowers_the_likelihood(seed in 0u64..1000) {
-            let (xyz, groups, mut gaussians) = problem(seed);
-            let cloud = GroupedParticles { xyz: &xyz, weight: None, groups: &groups };
+            let (store, mut gaussians) = problem(seed);
+            let (cloud, groups) = (store.view(), &store.groups);
             let wanted = ExpectationOptions { likelihood: true, ..ExpectationOptions::default() };
             let reach = SearchReach { most: 8, beyond: 1e9 };
-            let candidates = Candidates::find(&groups, &gaussians, reach, PLAIN.floor, &Context::SILENT).unwrap();
+            let candidates = Candidates::find(groups, &gaussians, reach, PLAIN.floor, &Context::SILENT).unwrap();
             let mut last = f64::NEG_INFINITY;
             for _ in 0..12 {
                 let e = expect(cloud, &candidates, &gaussians, PLAIN, wanted, &Context::SILENT).unwrap();
                 // The floor is added, not fitted: it may cost a little.
-                prop_assert!(e.likelihood >= last - 0.02 * xyz.len() as f64 * PLAIN.floor / 0.01, "{} {last}", e.likelihood);
+                prop_assert!(e.likelihood >= last - 0.02 * cloud.xyz.len() as f64 * PLAIN.floor / 0.01, "{} {last}", e.likelihood);
                 last = e.likelihood;
-                maximise(&e, &groups, &candidates, &mut gaussians, PLAIN, &[SPHERE; 8]);
+                maximise(&e, groups, &candidates, &mut gaussians, PLAIN, &[SPHERE; 8]);
                 prop_assert!((gaussians.count.iter().sum::<f64>() - 400.0).abs() < 1e-3);
             }
         }

@@ -53,7 +53,6 @@ pub(crate) struct KernelScratch {
 
 /// Particles that lie together, and the Gaussians that they may belong to.
 pub(crate) struct ParticleGroup<'a> {
-    /// Where the particles are.
     pub(crate) points: &'a [[f32; 3]],
     /// One a particle, where they have weights.
     pub(crate) weight: Option<&'a [f32]>,

@@ -11,11 +11,8 @@ use std::f64::consts::TAU;
 /// A Gaussian as projections see it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PictureGaussian {
-    /// Particles.
     pub count: f64,
-    /// Mean.
     pub mean: [f64; 3],
-    /// Covariance.
     pub cov: Sym3,
 }
 
@@ -54,8 +51,8 @@ pub(crate) fn picture_sigma(splat: f64, pixel: f64) -> f64 {
 }
 
 impl Blur {
-    /// Of a standard deviation.
-    pub fn of_sigma(sigma: f64) -> Blur {
+    /// A blur of standard deviation `sigma`.
+    pub fn from_sigma(sigma: f64) -> Blur {
         Blur { variance: sigma * sigma }
     }
 

@@ -7,33 +7,31 @@
 //! needed to where they are; [`fit`] does both as an [`Effort`] allows. `simplify` makes a mixture
 //! smaller without the particles.
 
-mod candidates;
+mod best_cuts;
 mod cut;
 mod effort;
 mod eigen;
 mod em;
 mod em_kernel;
 mod gain;
-mod memory;
+mod gaussian_bytes;
 mod moments;
+mod overlap_tree;
 mod partition;
 #[cfg(test)]
 mod partition_tests;
-mod pieces;
 mod prior;
 mod refine;
 #[cfg(test)]
 mod refine_tests;
-mod select;
-mod shade;
 mod simplify;
 mod split_merge;
 mod store;
+mod transmittance;
 
 pub use crate::model::Effort;
-pub(crate) use effort::Fitter;
 pub use effort::{FitOptions, fit};
-pub(crate) use memory::memory_needed;
+pub(crate) use effort::{Fitter, memory_needed};
 pub(crate) use moments::Moments;
 use partition::{Partition, PartitionOptions};
 use refine::{RefineOptions, refine};

@@ -8,11 +8,9 @@ use particlegs_core::math::each_axis;
 /// Moments of a set of particles, store units. The geometry counts particles; mass is a sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments {
-    /// Particles.
     pub count: u64,
     /// Sum of their weights; the count where they have none.
     pub mass: f64,
-    /// Mean position.
     pub mean: [f64; 3],
     /// Covariance of the positions (divided by the count).
     pub cov: Sym3,
@@ -27,7 +25,7 @@ const STEP: usize = 1 << 18;
 
 impl Moments {
     /// Moments of `xyz` (and `weight`), summed in f64 about the first particle.
-    pub fn of(xyz: &[[f32; 3]], weight: Option<&[f32]>) -> Self {
+    pub fn from_points(xyz: &[[f32; 3]], weight: Option<&[f32]>) -> Self {
         let Some(first) = xyz.first() else { return Moments::default() };
         let reference = first.map(f64::from);
         let mut sums = [0f64; 9];
@@ -42,7 +40,7 @@ impl Moments {
         Moments::from_sums(xyz.len(), mass, reference, sums)
     }
 
-    /// The fast twin of [`Moments::of`], for choosing cuts: f32 differences from the first particle,
+    /// The fast twin of [`Moments::from_points`], for choosing cuts: f32 differences from the first particle,
     /// f32 sums over short blocks, f64 sums of those. Covariances to about 1e-6 of their trace.
     pub(super) fn quick(level: Level, xyz: &[[f32; 3]]) -> Self {
         let Some(&reference) = xyz.first() else { return Moments::default() };
@@ -137,7 +135,7 @@ mod tests {
                     [1e-2, 3e-3, 1e-4].map(|s| centre + s * r.normal() as f32)
                 })
                 .collect();
-            let (fast, plain) = (Moments::quick(Level::new(), &xyz), Moments::of(&xyz, None));
+            let (fast, plain) = (Moments::quick(Level::new(), &xyz), Moments::from_points(&xyz, None));
             for k in 0..3 {
                 assert!((fast.mean[k] - plain.mean[k]).abs() < 1e-6 * 1e-2);
             }

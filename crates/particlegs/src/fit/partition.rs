@@ -5,16 +5,14 @@
 //! threshold falls from round to round until there are somewhat more cells than wanted. Then the
 //! best cuts are chosen: one that is not chosen has only reordered its cell.
 
+use super::best_cuts::{CutRecord, best_cuts};
 use super::cut::Cut;
 use super::gain::{Blur, PictureGaussian, picture_sigma};
-use super::select::{CutRecord, best_cuts};
 use super::{Moments, ParticleStore};
 use crate::context::Context;
-use crate::parallel;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use std::ops::Range;
 
-/// How to cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PartitionOptions {
     /// Blur under which pictures are compared, in particle radii. Small values favour fine detail
@@ -80,11 +78,11 @@ pub(super) fn partition(
     }
     context.check()?;
     let s = (picture_sigma(options.blur_radii * radius, options.pixel) * store.scale).clamp(1e-9, 1e9);
-    let grower = PartitionBuilder { blur: Blur::of_sigma(s), context };
+    let grower = PartitionBuilder { blur: Blur::from_sigma(s), context };
     let bounds = grower.grow(&mut store, gaussians)?;
     let cells: Vec<Range<usize>> = bounds.windows(2).map(|w| w[0]..w[1]).collect();
     let moments_of =
-        |c: &Range<usize>| Moments::of(&store.xyz[c.clone()], store.weight.as_ref().map(|w| &w[c.clone()]));
+        |c: &Range<usize>| Moments::from_points(&store.xyz[c.clone()], store.weight.as_ref().map(|w| &w[c.clone()]));
     let moments = parallel::map(&cells, moments_of);
     Ok(Partition { store, cells, moments })
 }
@@ -108,7 +106,6 @@ impl Branch {
     }
 }
 
-/// A cell's particles.
 struct ParticleCell<'a> {
     start: usize,
     xyz: &'a mut [[f32; 3]],
@@ -161,6 +158,7 @@ impl PartitionBuilder<'_> {
 
     /// Cuts the pending cells down to `threshold`, in the order of the store.
     fn round(&self, store: &mut ParticleStore, mut go: Vec<PendingCell>, threshold: f64) -> Vec<Result<Branch>> {
+        // In the store's order: each cell's slices are split off what is left of the store.
         go.sort_unstable_by_key(|p| p.start);
         let mut cells = Vec::with_capacity(go.len());
         let (mut xyz, mut weight) = (&mut store.xyz[..], store.weight.as_deref_mut());
@@ -197,8 +195,10 @@ impl PartitionBuilder<'_> {
         let a = Moments::quick(simd, &cell.xyz[..len]);
         let b = Moments::quick(simd, &cell.xyz[len..]);
         let [whole, first, second] = [&moments, &a, &b].map(PictureGaussian::from);
+        // Never 0: thresholds follow each other by their ratio.
         let gain = self.blur.difference(&whole, &first, &second).max(f64::MIN_POSITIVE);
         let (start, mid, end) = (cell.start, cell.start + len, cell.start + cell.xyz.len());
+        // The cell is cut in any case, which only reorders it; its halves wait until the threshold has come down.
         if gain < threshold {
             out.pending.push(PendingCell { start, mid, end, gain });
             return Ok(());

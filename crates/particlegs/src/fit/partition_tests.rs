@@ -6,9 +6,9 @@ use crate::fit::{Moments, ParticleStore, Partition, PartitionOptions};
 use crate::math::Random;
 use crate::model::{Columns, Law, MASS, Mixture};
 use crate::particles::{Column, Particles};
+use crate::testing::{on_threads, sample};
 use particlegs_core::math::each_axis;
 use proptest::prelude::*;
-use std::path::Path;
 
 impl Partition {
     /// The cells as Gaussians, world units.
@@ -35,7 +35,8 @@ fn cut(p: &Particles, gaussians: usize) -> Partition {
 
 fn cut_with(p: &Particles, gaussians: usize, context: &Context<'_>) -> Partition {
     let radius = p.bounds().default_radius(p.len() as u64);
-    partition(ParticleStore::new(p), gaussians, radius, PartitionOptions::default(), context).unwrap()
+    partition(ParticleStore::new(p, &p.local_bounds()), gaussians, radius, PartitionOptions::default(), context)
+        .unwrap()
 }
 
 /// Cells tile the store, the store is a permutation of the particles, sums are kept.
@@ -80,7 +81,7 @@ fn cloud(seed: u64, n: u64, unit: f32, flat: [bool; 3]) -> Particles {
 }
 
 #[test]
-fn degenerate_input() {
+fn degenerate_clouds_give_as_many_cells_as_they_have_places() {
     for (p, most) in [
         (cloud(1, 1, 1.0, [false; 3]), 1),
         (cloud(1, 1, 0.0, [true; 3]), 1),
@@ -111,7 +112,7 @@ fn repeated_places_give_one_cell_each() {
 }
 
 #[test]
-fn weights_are_carried() {
+fn weights_are_carried_and_change_no_cut() {
     let mut p = cloud(3, 5000, 2.0, [false; 3]);
     p = p.with_weights(Column::owned((0..5000).map(|i| 0.5 + (i % 13) as f32).collect()));
     let part = cut(&p, 300);
@@ -121,7 +122,7 @@ fn weights_are_carried() {
 }
 
 #[test]
-fn far_from_the_origin() {
+fn the_origin_changes_no_cut() {
     let mut p = cloud(4, 3000, 1.0, [false; 3]);
     p.origin = [1e9, -1e9, 3.0];
     let part = cut(&p, 100);
@@ -133,14 +134,9 @@ fn far_from_the_origin() {
 }
 
 #[test]
-fn threads_do_not_matter() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-    let p = Particles::open_raw(&[folder]).unwrap();
-    let with = |threads: usize| {
-        let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| cut(&p, 2000))
-    };
-    let (one, three) = (with(1), with(3));
+fn threads_change_no_cell() {
+    let p = sample();
+    let (one, three) = (on_threads(1, || cut(&p, 2000)), on_threads(3, || cut(&p, 2000)));
     check(&p, &one);
     assert_eq!(one.cells.len(), 2000);
     assert!(one.store == three.store && one.cells == three.cells && one.moments == three.moments);
@@ -149,12 +145,24 @@ fn threads_do_not_matter() {
 }
 
 #[test]
-fn nonsense_is_refused() {
+fn radii_that_are_not_positive_and_no_gaussians_are_refused() {
     let p = cloud(5, 10, 1.0, [false; 3]);
     for radius in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(partition(ParticleStore::new(&p), 3, radius, PartitionOptions::default(), &Context::SILENT).is_err());
+        assert!(
+            partition(
+                ParticleStore::new(&p, &p.local_bounds()),
+                3,
+                radius,
+                PartitionOptions::default(),
+                &Context::SILENT
+            )
+            .is_err()
+        );
     }
-    assert!(partition(ParticleStore::new(&p), 0, 1.0, PartitionOptions::default(), &Context::SILENT).is_err());
+    assert!(
+        partition(ParticleStore::new(&p, &p.local_bounds()), 0, 1.0, PartitionOptions::default(), &Context::SILENT)
+            .is_err()
+    );
 }
 
 proptest! {

@@ -59,12 +59,11 @@ impl MeanShape {
     /// Particles of a sphere that is there from the beginning.
     const FIRST: f64 = 0.1;
 
-    /// Of no Gaussians: a sphere.
+    /// The mean of no Gaussians yet, which is taken as a sphere.
     pub(crate) fn new() -> Self {
         MeanShape { sum: SPHERE.scale(Self::FIRST), count: Self::FIRST }
     }
 
-    /// Adds a Gaussian of `count` particles.
     pub(crate) fn add(&mut self, cov: &Sym3, count: f64) {
         let size = cov.trace() / 3.0;
         if size > 0.0 && count > 0.0 {

@@ -6,25 +6,23 @@
 //! of each cell's particles where there are more than the Gaussians need; the last iterations see
 //! every particle.
 
-use super::candidates::SearchReach;
 use super::em::{
-    Candidates, ExpectationOptions, GroupedParticles, ParticleGroups, RefinedGaussians, Regularisation, expect,
-    maximise, regroup,
+    Candidates, ExpectationOptions, GroupStore, GroupedParticles, ParticleGroups, RefinedGaussians, Regularisation,
+    expect, maximise, regroup,
 };
 use super::gain::{Blur, picture_sigma};
+use super::overlap_tree::SearchReach;
 use super::prior::{MeanShape, Prior};
-use super::shade::TransmittanceMaps;
 use super::split_merge::{MoveOptions, exchange};
-use super::{Moments, ParticleStore, Partition, pieces as kept};
+use super::transmittance::TransmittanceMaps;
+use super::{Moments, ParticleStore, Partition};
+use crate::checkpoint::CheckpointStore;
 use crate::context::Context;
 use crate::math::{Purpose, Random, Sym3};
 use crate::model::Mixture;
-use crate::parallel;
-use crate::pieces::CheckpointStore;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use std::ops::Range;
 
-/// How long to refine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RefineOptions {
     /// Cells side by side whose particles look for their Gaussians together: 2 halve the search and lose nothing where
@@ -32,7 +30,6 @@ pub(crate) struct RefineOptions {
     pub cells_a_group: usize,
     /// EM iterations before the first round.
     pub first_iterations: usize,
-    /// Rounds of split and merge.
     pub rounds: usize,
     /// EM iterations after each round but the last.
     pub iterations: usize,
@@ -44,7 +41,6 @@ pub(crate) struct RefineOptions {
     pub sample: f64,
     /// A pixel of the nearest pictures that the model is made for, world units (0: finer than a radius).
     pub pixel: f64,
-    /// Seed of the sample.
     pub seed: u64,
     /// The axis across a flat box ([`Prior::thin`]).
     pub thin: Option<usize>,
@@ -98,11 +94,11 @@ pub(crate) fn refine(
     let mut mixture = Mixture::new(store.weight.is_some());
     for (i, block) in blocks.into_iter().enumerate() {
         let key = format!("refined {i}");
-        let gaussians = match pieces.get(&key).and_then(|bytes| kept::of_bytes(&bytes)) {
+        let gaussians = match pieces.get(&key).and_then(|bytes| RefinedGaussians::from_bytes(&bytes)) {
             Some(there) => there,
             None => {
                 let made = refiner.block(block)?;
-                pieces.keep(&key, kept::to_bytes(&made))?;
+                pieces.keep(&key, made.to_bytes())?;
                 made
             }
         };
@@ -113,7 +109,7 @@ pub(crate) fn refine(
 }
 
 struct Refiner<'a> {
-    /// Where there are rounds.
+    /// `None` where the options ask for no rounds.
     shade: Option<&'a TransmittanceMaps>,
     partition: &'a Partition,
     /// Store units.
@@ -144,7 +140,7 @@ impl Refiner<'_> {
 
     fn shape(&self) -> Regularisation {
         let prior = Prior { thin: self.options.thin, ..Prior::REFINED };
-        let blur = Blur::of_sigma(picture_sigma(FOCUS_BLUR_RADII * self.radius, self.pixel));
+        let blur = Blur::from_sigma(picture_sigma(FOCUS_BLUR_RADII * self.radius, self.pixel));
         Regularisation { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur.variance, prior }
     }
 
@@ -155,16 +151,16 @@ impl Refiner<'_> {
         let groups = self.partition.cells[cells.clone()].chunks(self.options.cells_a_group.max(1));
         let ranges = groups.map(|c| c[0].start - first..c[c.len() - 1].end - first).collect();
         let moments = &self.partition.moments[cells];
-        let mut gaussians = start(moments);
+        let mut gaussians = gaussians_of(moments);
         let groups = ParticleGroups::new(ranges, &store.xyz[span.clone()]);
         let weight = store.weight.as_ref().map(|w| &w[span.clone()]);
         let whole = GroupedParticles { xyz: &store.xyz[span], weight, groups: &groups };
         let rate = self.rate();
         if rate < 1.0 {
-            let (xyz, weight, sampled) = sample(whole, rate, self.options.seed);
-            let cloud = GroupedParticles { xyz: &xyz, weight: weight.as_deref(), groups: &sampled };
+            let sampled = sample(whole, rate, self.options.seed);
+            // Priors weigh by particles: the sample's Gaussians must have the sample's counts meanwhile.
             scale_counts(&mut gaussians, rate);
-            let expected = self.rounds(cloud, &mut gaussians)?;
+            let expected = self.rounds(sampled.view(), &mut gaussians)?;
             scale_counts(&mut gaussians, 1.0 / rate);
             if self.options.last_iterations > 0 {
                 let candidates = self.candidates(&groups, &gaussians)?;
@@ -205,28 +201,29 @@ impl Refiner<'_> {
     fn rounds(&self, cloud: GroupedParticles<'_>, gaussians: &mut RefinedGaussians) -> Result<Vec<Sym3>> {
         let options = self.options;
         let moves = |radii: f64| MoveOptions {
-            blur: Blur::of_sigma(picture_sigma(radii * self.radius, self.pixel)),
+            blur: Blur::from_sigma(picture_sigma(radii * self.radius, self.pixel)),
             shape: self.shape(),
             likelihood: LIKELIHOOD,
             ratio: 1.2,
             share: 0.2,
         };
         let candidates = self.candidates(cloud.groups, gaussians)?;
-        let mut expected = beside(gaussians);
+        let mut expected = shapes_beside(gaussians);
         let mut owner = self.iterate(cloud, &candidates, gaussians, &expected, options.first_iterations.max(1))?;
         self.context.advance(1);
-        let (mut xyz, mut weight, mut groups);
+        let mut own: GroupStore;
         let mut cloud = cloud;
         let Some(shade) = self.shade else { return Ok(expected) };
         for round in 1..=options.rounds {
             let last = round == options.rounds;
             self.context.check()?;
-            (xyz, weight, groups) = regroup(cloud, &owner, gaussians.len());
-            cloud = GroupedParticles { xyz: &xyz, weight: weight.as_deref(), groups: &groups };
-            let candidates = self.candidates(&groups, gaussians)?;
+            own = regroup(cloud, &owner, gaussians.len());
+            cloud = own.view();
+            let candidates = self.candidates(cloud.groups, gaussians)?;
             expected = candidates.mean_shapes(gaussians);
             let moves = moves(if last { LAST_MOVE_BLUR_RADII } else { MOVE_BLUR_RADII });
-            let made = exchange(gaussians, (&groups, cloud.xyz), &candidates, shade, moves, self.context)?;
+            let made = exchange(gaussians, cloud, &candidates, shade, moves, self.context)?;
+            // Searched once a round: an exchange moves few Gaussians, and their groups are known.
             let candidates = candidates.after(&made, gaussians.len());
             made.iter().for_each(|m| expected[m.freed as usize] = expected[m.split as usize]);
             let iterations = if last { options.settling } else { options.iterations };
@@ -238,7 +235,7 @@ impl Refiner<'_> {
 }
 
 /// The mean shape of each cell's neighbours in the order of the cuts.
-fn beside(cells: &RefinedGaussians) -> Vec<Sym3> {
+fn shapes_beside(cells: &RefinedGaussians) -> Vec<Sym3> {
     /// On either side.
     const CELLS: usize = 4;
     parallel::map_range(cells.len(), |i| {
@@ -251,7 +248,7 @@ fn beside(cells: &RefinedGaussians) -> Vec<Sym3> {
 }
 
 /// The cells as Gaussians.
-fn start(moments: &[Moments]) -> RefinedGaussians {
+fn gaussians_of(moments: &[Moments]) -> RefinedGaussians {
     let mut gaussians = RefinedGaussians::default();
     for m in moments {
         gaussians.push(m.mean, m.cov, m.count as f64, m.mass);
@@ -261,8 +258,8 @@ fn start(moments: &[Moments]) -> RefinedGaussians {
 
 /// Every 1/rate-th particle of the store's order, in which neighbours stand together: each cell
 /// keeps its share. The seed shifts which.
-fn sample(cloud: GroupedParticles<'_>, rate: f64, seed: u64) -> (Vec<[f32; 3]>, Option<Vec<f32>>, ParticleGroups) {
-    let shift = Random::of(Purpose::RefinementSample, seed, 0).uniform();
+fn sample(cloud: GroupedParticles<'_>, rate: f64, seed: u64) -> GroupStore {
+    let shift = Random::from_purpose(Purpose::RefinementSample, seed, 0).uniform();
     let keep = |i: usize| ((i + 1) as f64 * rate + shift).floor() > (i as f64 * rate + shift).floor();
     let mut xyz = Vec::with_capacity((cloud.xyz.len() as f64 * rate) as usize + 1);
     let mut weight = cloud.weight.map(|_| Vec::with_capacity(xyz.capacity()));
@@ -280,7 +277,7 @@ fn sample(cloud: GroupedParticles<'_>, rate: f64, seed: u64) -> (Vec<[f32; 3]>, 
         ranges.push(from..xyz.len());
     }
     let groups = ParticleGroups::new(ranges, &xyz);
-    (xyz, weight, groups)
+    GroupStore { xyz, weight, groups }
 }
 
 fn scale_counts(gaussians: &mut RefinedGaussians, by: f64) {
@@ -315,7 +312,7 @@ fn to_sum(values: &mut [f64], sum: f64) {
 }
 
 /// A covariance without the negative variances that sums of f32 leave where a few particles lie in a line or a plane.
-fn sound(cov: &Sym3) -> Sym3 {
+fn without_negative_variances(cov: &Sym3) -> Sym3 {
     let mut e = cov.eigen();
     if e.values[2] >= 0.0 {
         return *cov;
@@ -329,7 +326,7 @@ fn append(mixture: &mut Mixture, gaussians: &RefinedGaussians, store: &ParticleS
     let unit = 1.0 / store.scale;
     for j in 0..gaussians.len() {
         if gaussians.count[j] > 0.0 {
-            let cov = sound(&gaussians.cov[j]).scale(unit).scale(unit);
+            let cov = without_negative_variances(&gaussians.cov[j]).scale(unit).scale(unit);
             mixture.push(store.to_world(gaussians.mean[j]), cov, gaussians.count[j], gaussians.mass[j]);
         }
     }

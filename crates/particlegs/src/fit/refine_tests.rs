@@ -1,5 +1,6 @@
 //! Refinement on the sample and on degenerate input, through the public interface.
 
+use crate::checkpoint::NoCheckpoints;
 use crate::context::Context;
 use crate::fit::effort::refinement;
 use crate::fit::partition::partition;
@@ -7,13 +8,7 @@ use crate::fit::{Effort, FitOptions, ParticleStore, PartitionOptions, RefineOpti
 use crate::math::{Random, Sym3};
 use crate::model::Mixture;
 use crate::particles::{Column, Particles};
-use crate::pieces::NoCheckpoints;
-use std::path::Path;
-
-fn sample() -> Particles {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-    Particles::open_raw(&[folder]).unwrap()
-}
+use crate::testing::{from_points, on_threads, random_points, sample};
 
 fn radius(p: &Particles) -> f64 {
     p.bounds().default_radius(p.len() as u64)
@@ -24,7 +19,9 @@ fn refined(p: &Particles, gaussians: usize, rounds: usize, sample: f64) -> Mixtu
 }
 
 fn refined_with(p: &Particles, gaussians: usize, rounds: usize, sample: f64, context: &Context<'_>) -> Mixture {
-    let cells = partition(ParticleStore::new(p), gaussians, radius(p), PartitionOptions::default(), context).unwrap();
+    let cells =
+        partition(ParticleStore::new(p, &p.local_bounds()), gaussians, radius(p), PartitionOptions::default(), context)
+            .unwrap();
     let options = RefineOptions {
         cells_a_group: 1,
         first_iterations: 3,
@@ -74,8 +71,14 @@ fn projected_error(m: &Mixture, p: &Particles, blur: f64) -> f64 {
 #[test]
 fn refinement_beats_the_partition_in_projection() {
     let p = sample();
-    let cells =
-        partition(ParticleStore::new(&p), 150, radius(&p), PartitionOptions::default(), &Context::SILENT).unwrap();
+    let cells = partition(
+        ParticleStore::new(&p, &p.local_bounds()),
+        150,
+        radius(&p),
+        PartitionOptions::default(),
+        &Context::SILENT,
+    )
+    .unwrap();
     let blur = 6.0 * radius(&p);
     let before = projected_error(&cells.mixture(), &p, blur);
     let after = projected_error(&refined(&p, 150, 4, 1e9), &p, blur);
@@ -105,10 +108,7 @@ fn counts_and_masses_are_conserved() {
 #[test]
 fn threads_and_simd_do_not_change_a_bit() {
     let p = sample();
-    let run = |threads| {
-        let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| refined(&p, 900, 2, 200.0))
-    };
+    let run = |threads| on_threads(threads, || refined(&p, 900, 2, 200.0));
     let one = run(1);
     assert_eq!(one, run(3));
     assert_eq!(one, refined_with(&p, 900, 2, 200.0, &Context::scalar()));
@@ -174,14 +174,7 @@ fn height(m: &Mixture) -> f64 {
 /// particles and a bilayer, each 100 particles a Gaussian, keep their scale heights.
 #[test]
 fn discs_and_layers_stay_thin() {
-    let cloud = |point: &dyn Fn(&mut Random) -> [f64; 3]| {
-        let points: Vec<[f32; 3]> = (0..60_000).map(|i| point(&mut Random::new(11, 0, i)).map(|v| v as f32)).collect();
-        Particles::from_columns(
-            points.iter().map(|p| p[0]).collect::<Vec<_>>(),
-            points.iter().map(|p| p[1]).collect::<Vec<_>>(),
-            points.iter().map(|p| p[2]).collect::<Vec<_>>(),
-        )
-    };
+    let cloud = |point: &dyn Fn(&mut Random) -> [f64; 3]| from_points(random_points(60_000, 11, |_, r| point(r)));
     let disc = |r: &mut Random| {
         let radius = -3.0 * ((1.0 - r.uniform()) * (1.0 - r.uniform())).ln();
         let (sin, cos) = (std::f64::consts::TAU * r.uniform()).sin_cos();
@@ -204,7 +197,7 @@ fn discs_and_layers_stay_thin() {
     }
 }
 
-/// Of 16 particles a Gaussian in boxes of 1:10 000 and 1:100 000 a share of a rounder shape would be several times the
+/// With 16 particles a Gaussian in boxes of 1:10 000 and 1:100 000, a share of a rounder shape would be several times the
 /// thickness.
 #[test]
 fn flat_boxes_keep_their_thickness() {

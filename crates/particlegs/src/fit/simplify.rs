@@ -8,18 +8,16 @@
 //! explains it best (Goldberger and Roweis 2004), and the new ones get the moments of their own.
 //! Count, mass, mean and covariance of the whole are kept throughout.
 
-use super::candidates::{Ellipsoid, OverlapTree, SearchReach};
 use super::gain::{Blur, PictureGaussian, picture_sigma};
+use super::overlap_tree::{Ellipsoid, OverlapTree, SearchReach};
 use crate::context::Context;
 use crate::math::Sym3;
 use crate::model::Mixture;
-use crate::parallel;
 use crate::space::Bounds;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use particlegs_files::memory::require;
 
-/// What to make of a mixture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimplifyOptions {
     /// Gaussians, at most.
@@ -52,10 +50,6 @@ const BYTES_A_GAUSSIAN: u64 = 600;
 
 /// Merges Gaussians until at most `options.gaussians` are left. The same bits for any number of
 /// threads. Gaussians without particles are dropped.
-///
-/// # Errors
-/// [`Error::Argument`] for no Gaussians or a radius that is not positive; [`Error::Memory`];
-/// [`Error::Cancelled`].
 pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, context: &Context<'_>) -> Result<Mixture> {
     if options.gaussians == 0 || !(options.radius > 0.0 && options.radius.is_finite() && options.pixel >= 0.0) {
         return Err(Error::argument(format!(
@@ -64,13 +58,13 @@ pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, context: &Context<
         )));
     }
     require("simplifying", mixture.len() as u64 * BYTES_A_GAUSSIAN)?;
-    let frame = WorkUnits::of(mixture);
+    let frame = WorkUnits::from_mixture(mixture);
     let old = frame.items(mixture);
     if old.len() <= options.gaussians {
         return Ok(frame.mixture(&old, mixture.masses().is_some()));
     }
     let radius = options.radius / frame.unit;
-    let blur = Blur::of_sigma(picture_sigma(BLUR_RADII * radius, options.pixel / frame.unit));
+    let blur = Blur::from_sigma(picture_sigma(BLUR_RADII * radius, options.pixel / frame.unit));
     let measure = OverlapMeasure { blur, floor: (FLOOR_RADII * radius).powi(2) };
     let (mut new, mut homes) = merged(&old, options.gaussians, measure, context)?;
     let neighbours = OverlapNeighbours::find(&new, measure, REACH, context)?;
@@ -78,31 +72,30 @@ pub fn simplify(mixture: &Mixture, options: &SimplifyOptions, context: &Context<
         context.check()?;
         new = regrouped(&old, &new, &mut homes, &neighbours, measure);
     }
-    new.retain(|item| item.blob.count > 0.0);
+    new.retain(|item| item.gaussian.count > 0.0);
     Ok(frame.mixture(&new, mixture.masses().is_some()))
 }
 
-/// A Gaussian and its mass.
 #[derive(Clone, Copy)]
 struct MergeGaussian {
-    blob: PictureGaussian,
+    gaussian: PictureGaussian,
     mass: f64,
 }
 
 impl MergeGaussian {
     fn joined(&self, other: &MergeGaussian) -> MergeGaussian {
-        MergeGaussian { blob: self.blob.union(&other.blob), mass: self.mass + other.mass }
+        MergeGaussian { gaussian: self.gaussian.union(&other.gaussian), mass: self.mass + other.mass }
     }
 
     /// The same place without particles.
     fn emptied(&self) -> MergeGaussian {
-        MergeGaussian { blob: PictureGaussian { count: 0.0, ..self.blob }, mass: 0.0 }
+        MergeGaussian { gaussian: PictureGaussian { count: 0.0, ..self.gaussian }, mass: 0.0 }
     }
 }
 
 #[derive(Clone, Copy)]
 struct OverlapMeasure {
-    /// Of the pictures.
+    /// The pictures' blur.
     blur: Blur,
     /// Least variance in the search for neighbours.
     floor: f64,
@@ -115,7 +108,7 @@ struct WorkUnits {
 }
 
 impl WorkUnits {
-    fn of(mixture: &Mixture) -> WorkUnits {
+    fn from_mixture(mixture: &Mixture) -> WorkUnits {
         let mut bounds = Bounds::empty();
         (0..mixture.len()).for_each(|i| bounds.include(mixture.mean_of(i)));
         let widest = bounds.extent().into_iter().fold(0.0, f64::max);
@@ -131,16 +124,16 @@ impl WorkUnits {
             let mean = mixture.mean_of(i);
             let mean = each_axis(|k| (mean[k] - self.origin[k]) * per);
             let cov = mixture.cov_of(i).scale(per).scale(per);
-            MergeGaussian { blob: PictureGaussian { count: mixture.count[i], mean, cov }, mass: mixture.mass_of(i) }
+            MergeGaussian { gaussian: PictureGaussian { count: mixture.count[i], mean, cov }, mass: mixture.mass_of(i) }
         };
         (0..mixture.len()).filter(|&i| mixture.count[i] > 0.0).map(item).collect()
     }
 
     fn mixture(&self, items: &[MergeGaussian], masses: bool) -> Mixture {
         let mut out = Mixture::new(masses);
-        for MergeGaussian { blob, mass } in items {
-            let mean = each_axis(|k| self.origin[k] + blob.mean[k] * self.unit);
-            out.push(mean, blob.cov.scale(self.unit).scale(self.unit), blob.count, *mass);
+        for MergeGaussian { gaussian, mass } in items {
+            let mean = each_axis(|k| self.origin[k] + gaussian.mean[k] * self.unit);
+            out.push(mean, gaussian.cov.scale(self.unit).scale(self.unit), gaussian.count, *mass);
         }
         out
     }
@@ -155,7 +148,8 @@ struct OverlapNeighbours(Vec<Vec<u32>>);
 
 impl OverlapNeighbours {
     fn find(items: &[MergeGaussian], measure: OverlapMeasure, reach: f64, context: &Context<'_>) -> Result<Self> {
-        let ellipsoids: Vec<Ellipsoid> = parallel::map_range(items.len(), |i| ellipsoid(&items[i].blob, measure.floor));
+        let ellipsoids: Vec<Ellipsoid> =
+            parallel::map_range(items.len(), |i| ellipsoid(&items[i].gaussian, measure.floor));
         let tree = OverlapTree::new(&ellipsoids);
         let reach = SearchReach { most: NEIGHBOURS, beyond: reach };
         let mut place = vec![0u32; items.len()];
@@ -167,7 +161,7 @@ impl OverlapNeighbours {
             }
             scratch.with(|found| {
                 // Those without particles are in no tree: they have no place to search from.
-                match items[j].blob.count > 0.0 {
+                match items[j].gaussian.count > 0.0 {
                     true => tree.nearest_to(place[j] as usize, reach, found),
                     false => tree.nearest(&ellipsoids[j], reach, found),
                 }
@@ -179,7 +173,8 @@ impl OverlapNeighbours {
 
     /// Each with those before and after it in the order of a tree over places.
     fn beside(items: &[MergeGaussian], measure: OverlapMeasure) -> Self {
-        let ellipsoids: Vec<Ellipsoid> = parallel::map_range(items.len(), |i| ellipsoid(&items[i].blob, measure.floor));
+        let ellipsoids: Vec<Ellipsoid> =
+            parallel::map_range(items.len(), |i| ellipsoid(&items[i].gaussian, measure.floor));
         let tree = OverlapTree::new(&ellipsoids);
         let mut lists = vec![Vec::new(); items.len()];
         for pair in tree.order().windows(2) {
@@ -223,9 +218,9 @@ impl OverlapNeighbours {
 struct Round {
     /// With whom each was merged, at the one that stays.
     partner: Vec<Option<u32>>,
-    /// Those that stay.
+    /// Gaussians that are there after the round, by their old numbers.
     kept: Vec<u32>,
-    /// Where each is found after the round.
+    /// The new number of each old Gaussian, or of the one that it was merged into.
     place: Vec<u32>,
 }
 
@@ -254,16 +249,17 @@ fn merged(
             (reach, searched) = (f64::INFINITY, items.len());
             continue;
         }
+        // Lists that were only joined since the last search miss more and more of the nearest.
         if (items.len() as f64) < SEARCH_AGAIN * searched as f64 {
             neighbours = OverlapNeighbours::find(&items, measure, reach, context)?;
             searched = items.len();
             continue;
         }
-        let mut round = Round::of(items.len(), &merges, wanted);
+        let mut round = Round::new(items.len(), &merges, wanted);
         if round.is_poor(wanted) {
             // Where thousands overlap, a few heavy ones are the nearest of all and merge one at a time.
             let beside = OverlapNeighbours::beside(&items, measure);
-            round = Round::of(items.len(), &cheapest(&items, &beside, measure), wanted);
+            round = Round::new(items.len(), &cheapest(&items, &beside, measure), wanted);
         }
         context.advance((items.len() - round.kept.len()) as u64);
         neighbours = neighbours.after(&round);
@@ -279,14 +275,14 @@ fn merged(
 }
 
 impl Round {
-    /// Did it merge far fewer than it might, to reach `wanted`?
+    /// It merges far fewer pairs than it might to reach `wanted`.
     fn is_poor(&self, wanted: usize) -> bool {
         let (before, after) = (self.partner.len(), self.kept.len());
         after > wanted && (before - after) * POOR < before
     }
 
     /// The cheapest disjoint pairs, until `wanted` are left or a round's share is used up.
-    fn of(count: usize, merges: &[MergeCandidate], wanted: usize) -> Round {
+    fn new(count: usize, merges: &[MergeCandidate], wanted: usize) -> Round {
         let most = (count - wanted).min((count as f64 * SHARE) as usize).max(1);
         let mut partner = vec![None; count];
         let mut into: Vec<Option<u32>> = vec![None; count];
@@ -324,9 +320,9 @@ struct MergeCandidate {
 /// Each Gaussian's cheapest merge among its neighbours, the cheapest of all first.
 fn cheapest(items: &[MergeGaussian], neighbours: &OverlapNeighbours, measure: OverlapMeasure) -> Vec<MergeCandidate> {
     let own = |j: usize| {
-        let me = &items[j].blob;
+        let me = &items[j].gaussian;
         let merge = |&n: &u32| {
-            let other = &items[n as usize].blob;
+            let other = &items[n as usize].gaussian;
             let cost = measure.blur.difference(&me.union(other), me, other);
             MergeCandidate { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
         };
@@ -350,10 +346,10 @@ fn regrouped(
     neighbours: &OverlapNeighbours,
     measure: OverlapMeasure,
 ) -> Vec<MergeGaussian> {
-    let fields = parallel::map(new, |item| MergeDensity::of(item, measure));
+    let fields = parallel::map(new, |item| MergeDensity::new(item, measure));
     parallel::for_each(homes.iter_mut().zip(old), |(home, item)| {
-        let cov = item.blob.cov.add(&Sym3::scaled_identity(measure.floor));
-        let cost = |n: u32| fields[n as usize].as_ref().map_or(f64::INFINITY, |f| f.cost(item.blob.mean, &cov));
+        let cov = item.gaussian.cov.add(&Sym3::scaled_identity(measure.floor));
+        let cost = |n: u32| fields[n as usize].as_ref().map_or(f64::INFINITY, |f| f.cost(item.gaussian.mean, &cov));
         let others = neighbours.0[*home as usize].iter().map(|&n| (cost(n), n));
         let best = others.fold((cost(*home), *home), |best, next| if next.0 < best.0 { next } else { best });
         *home = best.1;
@@ -375,10 +371,14 @@ struct MergeDensity {
 }
 
 impl MergeDensity {
-    fn of(item: &MergeGaussian, measure: OverlapMeasure) -> Option<MergeDensity> {
-        let cov = item.blob.cov.add(&Sym3::scaled_identity(measure.floor));
-        let inverse = cov.inverse().filter(|_| item.blob.count > 0.0)?;
-        Some(MergeDensity { mean: item.blob.mean, inverse, constant: cov.det().ln() - 2.0 * item.blob.count.ln() })
+    fn new(item: &MergeGaussian, measure: OverlapMeasure) -> Option<MergeDensity> {
+        let cov = item.gaussian.cov.add(&Sym3::scaled_identity(measure.floor));
+        let inverse = cov.inverse().filter(|_| item.gaussian.count > 0.0)?;
+        Some(MergeDensity {
+            mean: item.gaussian.mean,
+            inverse,
+            constant: cov.det().ln() - 2.0 * item.gaussian.count.ln(),
+        })
     }
 
     /// Minus twice the mean log-likelihood of a Gaussian's particles, but for a constant.
@@ -399,6 +399,7 @@ mod tests {
     use crate::context::Context;
     use crate::context::{ProgressEvent, ProgressSink};
     use crate::math::Random;
+    use crate::testing::cancelled;
 
     fn mixture(n: u64, unit: f64) -> Mixture {
         let mut m = Mixture::new(true);
@@ -467,7 +468,7 @@ mod tests {
     /// Thousands at one place, equal or not, halve by a tenth a round as others do: rounds and
     /// searches are few.
     #[test]
-    fn thousands_at_one_place_are_no_matter() {
+    fn thousands_at_one_place_take_few_rounds() {
         struct RoundCounter(std::sync::atomic::AtomicUsize);
         impl ProgressSink for RoundCounter {
             fn event(&self, event: ProgressEvent<'_>) {
@@ -493,13 +494,12 @@ mod tests {
 
     #[test]
     fn a_stop_is_heard_in_the_first_search() {
-        let cancelled = Context::SILENT.with_cancel(&|| true);
         let options = SimplifyOptions { gaussians: 3, radius: 0.01, pixel: 0.0 };
-        assert!(matches!(simplify(&mixture(200, 1.0), &options, &cancelled), Err(Error::Cancelled)));
+        assert!(matches!(simplify(&mixture(200, 1.0), &options, &cancelled()), Err(Error::Cancelled)));
     }
 
     #[test]
-    fn nothing_is_refused() {
+    fn no_gaussians_is_refused_as_a_target() {
         let options = SimplifyOptions { gaussians: 0, radius: 1.0, pixel: 0.0 };
         assert!(simplify(&mixture(3, 1.0), &options, &Context::SILENT).is_err());
     }

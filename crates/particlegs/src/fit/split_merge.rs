@@ -3,14 +3,13 @@
 //! A split's gain and a merge's cost are the same measure: what pictures show ([`Blur::difference`]) and, with
 //! less weight, what particles tell of the density (log likelihood).
 
-use super::em::{Candidates, GaussianExchange, ParticleGroups, RefinedGaussians, Regularisation};
+use super::em::{Candidates, GaussianExchange, GroupedParticles, RefinedGaussians, Regularisation};
 use super::gain::{Blur, PictureGaussian};
 use super::prior::SPHERE;
-use super::shade::TransmittanceMaps;
-use crate::Result;
+use super::transmittance::TransmittanceMaps;
 use crate::context::Context;
 use crate::math::Sym3;
-use crate::parallel;
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 
 /// Bins of the cut along an axis.
@@ -18,7 +17,7 @@ const BINS: usize = 32;
 
 /// Cuts points along `axis` where the variance between the parts is largest (Otsu), and returns the
 /// moments of both parts; `None` where they cannot be cut.
-pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option<(PictureGaussian, PictureGaussian)> {
+pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option<[PictureGaussian; 2]> {
     let place = |p: &[f32; 3]| -> f64 { (0..3).map(|k| (f64::from(p[k]) - mean[k]) * axis[k]).sum() };
     let (lo, hi) = points.iter().map(place).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(t), h.max(t)));
     if hi.is_nan() || hi <= lo {
@@ -59,20 +58,17 @@ pub(crate) fn cut(points: &[[f32; 3]], mean: [f64; 3], axis: [f64; 3]) -> Option
             s[k] += products[k];
         }
     }
-    let [a, b] = sums.map(|s| {
+    Some(sums.map(|s| {
         let d: [f64; 3] = each_axis(|k| s[1 + k] / s[0]);
         let cov = Sym3(std::array::from_fn(|k| s[4 + k] / s[0])).add(&Sym3::outer(d).scale(-1.0));
         PictureGaussian { count: s[0], mean: each_axis(|k| mean[k] + d[k]), cov }
-    });
-    Some((a, b))
+    }))
 }
 
 /// How much a round may change.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MoveOptions {
-    /// Blur of the measure.
     pub(crate) blur: Blur,
-    /// How covariances are regularised.
     pub(crate) shape: Regularisation,
     /// Weight of a split's share of the log likelihood that all splits would gain, beside its share of what
     /// they would gain in pictures.
@@ -88,7 +84,6 @@ pub(crate) struct MoveOptions {
 struct SplitGain {
     /// In pictures, by what shows.
     picture: f64,
-    /// Log likelihood.
     likelihood: f64,
 }
 
@@ -109,7 +104,7 @@ fn likelihood_gain(whole: &PictureGaussian, a: &PictureGaussian, b: &PictureGaus
 struct SplitProposal {
     gain: SplitGain,
     at: u32,
-    parts: (PictureGaussian, PictureGaussian),
+    parts: [PictureGaussian; 2],
 }
 
 struct MergeProposal {
@@ -118,21 +113,23 @@ struct MergeProposal {
     b: u32,
 }
 
-/// Pairs the best splits with the cheapest merges, and makes them. `groups` are the Gaussians' own
-/// particles (group j is Gaussian j's), with their places, `candidates` whom each may merge with. A dead Gaussian is
-/// a merge that costs nothing.
+/// Pairs the best splits with the cheapest merges, and makes them. `cloud` holds the Gaussians' own
+/// particles (group j is Gaussian j's), `candidates` whom each may merge with. A dead Gaussian is a merge that costs
+/// nothing.
 pub(crate) fn exchange(
     gaussians: &mut RefinedGaussians,
-    groups: (&ParticleGroups, &[[f32; 3]]),
+    cloud: GroupedParticles<'_>,
     candidates: &Candidates,
     shade: &TransmittanceMaps,
     options: MoveOptions,
     context: &Context<'_>,
 ) -> Result<Vec<GaussianExchange>> {
-    let mut splits = best_splits(groups, shade, &options, context)?;
+    let mut splits = best_splits(cloud, shade, &options, context)?;
+    // All splits' likelihood together counts as this share of what they gain in pictures, whatever the data's units.
     let all = splits.iter().fold((0.0, 0.0), |s, x| (s.0 + x.gain.picture, s.1 + x.gain.likelihood));
     let per_nat = if all.1 > 0.0 { options.likelihood * all.0 / all.1 } else { 0.0 };
-    let mut merges = cheapest_merges(gaussians, candidates, (shade, per_nat), &options, context)?;
+    let cost = MergeCost { shade, per_nat, blur: options.blur, floor: options.shape.floor };
+    let mut merges = cheapest_merges(gaussians, candidates, &cost, context)?;
     splits.sort_unstable_by(|a, b| b.gain.weighted(per_nat).total_cmp(&a.gain.weighted(per_nat)).then(a.at.cmp(&b.at)));
     merges.sort_unstable_by(|p, q| p.cost.total_cmp(&q.cost).then((p.a, p.b).cmp(&(q.a, q.b))));
     let most = ((options.share * gaussians.len() as f64) as usize).max(1);
@@ -145,6 +142,7 @@ pub(crate) fn exchange(
             continue;
         }
         let free = |m: &MergeProposal| !used[m.a as usize] && !used[m.b as usize] && m.a != split.at && m.b != split.at;
+        // A merge of Gaussians that are used is never free again: both lists are passed over once.
         let Some(merge) = merges.find(free) else { break };
         if made.len() == most || split.gain.weighted(per_nat) <= options.ratio * merge.cost {
             break;
@@ -158,11 +156,11 @@ pub(crate) fn exchange(
     Ok(made)
 }
 
-fn blob(g: &RefinedGaussians, j: usize) -> PictureGaussian {
+fn picture_gaussian(g: &RefinedGaussians, j: usize) -> PictureGaussian {
     PictureGaussian { count: g.count[j], mean: g.mean[j], cov: g.cov[j] }
 }
 
-fn place(g: &mut RefinedGaussians, j: usize, b: &PictureGaussian, mass: f64) {
+fn replace(g: &mut RefinedGaussians, j: usize, b: &PictureGaussian, mass: f64) {
     g.mean[j] = b.mean;
     g.cov[j] = b.cov;
     g.count[j] = b.count;
@@ -170,57 +168,67 @@ fn place(g: &mut RefinedGaussians, j: usize, b: &PictureGaussian, mass: f64) {
 }
 
 /// `a` becomes the union of a and b, `at` the split's first part and `b` its second.
-fn apply(g: &mut RefinedGaussians, at: usize, parts: &(PictureGaussian, PictureGaussian), a: usize, b: usize) {
+fn apply(g: &mut RefinedGaussians, at: usize, [first, second]: &[PictureGaussian; 2], a: usize, b: usize) {
     if a != b {
-        let whole = blob(g, a).union(&blob(g, b));
-        place(g, a, &whole, g.mass[a] + g.mass[b]);
+        let whole = picture_gaussian(g, a).union(&picture_gaussian(g, b));
+        replace(g, a, &whole, g.mass[a] + g.mass[b]);
     }
-    let share = parts.0.count / (parts.0.count + parts.1.count);
+    let share = first.count / (first.count + second.count);
     let (mass, count) = (g.mass[at], g.count[at]);
     let part = |p: &PictureGaussian, s: f64| PictureGaussian { count: count * s, ..*p };
-    place(g, at, &part(&parts.0, share), mass * share);
-    place(g, b, &part(&parts.1, 1.0 - share), mass * (1.0 - share));
+    replace(g, at, &part(first, share), mass * share);
+    replace(g, b, &part(second, 1.0 - share), mass * (1.0 - share));
 }
 
 fn best_splits(
-    (groups, xyz): (&ParticleGroups, &[[f32; 3]]),
+    cloud: GroupedParticles<'_>,
     shade: &TransmittanceMaps,
     options: &MoveOptions,
     context: &Context<'_>,
 ) -> Result<Vec<SplitProposal>> {
     let Regularisation { prior, floor, .. } = options.shape;
     let fitted = |b: &PictureGaussian| PictureGaussian { cov: prior.most_probable(&b.cov, b.count, &SPHERE), ..*b };
+    let groups = cloud.groups;
     let split = |j: usize| {
-        let points = &xyz[groups.range[j].clone()];
+        let points = &cloud.xyz[groups.range[j].clone()];
         let whole = PictureGaussian { count: points.len() as f64, mean: groups.mean[j], cov: groups.cov[j] };
         let axis = whole.cov.eigen().vectors[0];
-        let (a, b) = cut(points, whole.mean, axis)?;
-        let picture = options.blur.difference(&whole, &a, &b) * shade.at(whole.mean);
-        let likelihood = likelihood_gain(&fitted(&whole), &fitted(&a), &fitted(&b), floor);
-        Some(SplitProposal { gain: SplitGain { picture, likelihood }, at: j as u32, parts: (a, b) })
+        let parts = cut(points, whole.mean, axis)?;
+        let [a, b] = &parts;
+        let picture = options.blur.difference(&whole, a, b) * shade.at(whole.mean);
+        let likelihood = likelihood_gain(&fitted(&whole), &fitted(a), &fitted(b), floor);
+        Some(SplitProposal { gain: SplitGain { picture, likelihood }, at: j as u32, parts })
     };
     let splits = parallel::try_map_range(groups.range.len(), |j| context.check().map(|()| split(j)))?;
     Ok(splits.into_iter().flatten().collect())
 }
 
+/// What a merge's cost is measured by: a split's gain, the other way round.
+struct MergeCost<'a> {
+    shade: &'a TransmittanceMaps,
+    /// What a nat of log likelihood is worth in pictures.
+    per_nat: f64,
+    blur: Blur,
+    floor: f64,
+}
+
 fn cheapest_merges(
     g: &RefinedGaussians,
     candidates: &Candidates,
-    (shade, per_nat): (&TransmittanceMaps, f64),
-    options: &MoveOptions,
+    cost: &MergeCost<'_>,
     context: &Context<'_>,
 ) -> Result<Vec<MergeProposal>> {
     let cheapest = |j: usize| {
-        let me = blob(g, j);
+        let me = picture_gaussian(g, j);
         if me.count == 0.0 {
             return Some(MergeProposal { cost: 0.0, a: j as u32, b: j as u32 });
         }
         let merge = |n: u32| {
-            let other = blob(g, n as usize);
+            let other = picture_gaussian(g, n as usize);
             let whole = me.union(&other);
-            let picture = options.blur.difference(&whole, &me, &other) * shade.at(whole.mean);
-            let likelihood = likelihood_gain(&whole, &me, &other, options.shape.floor);
-            let cost = SplitGain { picture, likelihood }.weighted(per_nat);
+            let picture = cost.blur.difference(&whole, &me, &other) * cost.shade.at(whole.mean);
+            let likelihood = likelihood_gain(&whole, &me, &other, cost.floor);
+            let cost = SplitGain { picture, likelihood }.weighted(cost.per_nat);
             MergeProposal { cost, a: (j as u32).min(n), b: (j as u32).max(n) }
         };
         let others = candidates.of(j).iter().filter(|&&n| n as usize != j);

@@ -2,6 +2,7 @@
 
 use crate::parallel;
 use crate::particles::{Chunk, ChunkBuffer, Particles};
+use crate::space::Bounds;
 use particlegs_core::math::each_axis;
 
 /// Particles in one parallel step of the copy.
@@ -24,9 +25,9 @@ pub struct ParticleStore {
 }
 
 impl ParticleStore {
-    /// Copies a snapshot: 12 bytes a particle (16 with weights).
-    pub fn new(particles: &Particles) -> Self {
-        let scale = power_of_two_scale(particles);
+    /// Copies a snapshot with bounds `local` about its origin: 12 bytes a particle (16 with weights).
+    pub fn new(particles: &Particles, local: &Bounds) -> Self {
+        let scale = power_of_two_scale(local);
         let weight = particles.weights().map(|w| vec![0.0; w.len()]);
         let mut store = ParticleStore { xyz: vec![[0.0; 3]; particles.len()], weight, origin: particles.origin, scale };
         store.copy_again(particles);
@@ -45,12 +46,10 @@ impl ParticleStore {
         }
     }
 
-    /// Number of particles.
     pub fn len(&self) -> usize {
         self.xyz.len()
     }
 
-    /// No particles?
     pub fn is_empty(&self) -> bool {
         self.xyz.is_empty()
     }
@@ -69,12 +68,9 @@ fn copy_scaled(chunk: Chunk<'_>, scale: f64, out: &mut [[f32; 3]]) {
 }
 
 /// The power of two that brings the largest |local coordinate| into [1/2, 1]; 1 where all are 0.
-fn power_of_two_scale(particles: &Particles) -> f64 {
-    let largest = particles
-        .par_chunks(|_, chunk| chunk.position.iter().flat_map(|c| c.iter()).fold(0f32, |m, v| m.max(v.abs())))
-        .into_iter()
-        .fold(0f32, f32::max);
-    if largest > 0.0 { (-f64::from(largest).log2().ceil()).exp2() } else { 1.0 }
+fn power_of_two_scale(local: &Bounds) -> f64 {
+    let largest = local.min.iter().map(|v| -v).chain(local.max).fold(0.0, f64::max);
+    if largest > 0.0 { (-largest.log2().ceil()).exp2() } else { 1.0 }
 }
 
 #[cfg(test)]
@@ -86,7 +82,7 @@ mod tests {
         for unit in [1e-30f32, 1.0, 3.7, 1e30, f32::from_bits(1), f32::MAX] {
             let x = vec![unit, unit * 0.5, -unit];
             let p = Particles::from_columns(x.clone(), vec![0.0; 3], vec![unit; 3]);
-            let s = ParticleStore::new(&p);
+            let s = ParticleStore::new(&p, &p.local_bounds());
             assert!(s.scale.log2().fract() == 0.0);
             for i in 0..3 {
                 assert_eq!(s.to_world(s.xyz[i].map(f64::from))[0], f64::from(x[i]));

@@ -18,19 +18,18 @@ use serde::{Deserialize, Serialize};
 pub struct BlockReport {
     /// The plan that it belongs to, BLAKE3 of plan.json.
     pub plan: String,
-    /// Its number.
+    /// The block's number, counted from 0.
     pub block: u32,
     /// BLAKE3 of its model file.
     pub model: String,
     /// Bytes of its model file.
     pub bytes: u64,
-    /// Particles.
+    /// Number of particles.
     pub particles: u64,
-    /// Gaussians.
+    /// Number of Gaussians.
     pub gaussians: u64,
     /// Multiple of the nominal steps, of the largest layer.
     pub step_factor: f64,
-    /// How the largest layer meets its size.
     pub(super) size_met: SizeOutcome,
     /// Wall-clock seconds by phase.
     pub seconds: Vec<(String, f64)>,
@@ -109,11 +108,9 @@ impl Job {
 /// The folder while a block is done.
 struct JobFolder<'a, F> {
     job: &'a Job,
-    /// Opens the snapshot.
     source: Option<F>,
     /// What is read of the block, to be measured on.
     particles: Option<Particles>,
-    /// What is said of the block that was kept.
     report: Option<BlockReport>,
 }
 
@@ -124,13 +121,12 @@ impl<F: FnOnce() -> Result<LayeredParticles>> BlockStore for JobFolder<'_, F> {
         if particles.is_empty() {
             return Err(Error::input(&self.job.folder, format!("block {block} holds no particles")));
         }
-        let own = BlockParticles::of(&particles, self.job.manifest.plan.metadata.law);
+        let own = BlockParticles::new(&particles, self.job.manifest.plan.metadata.law);
         // Columns are shared, not copied.
         self.particles = Some(particles);
         Ok(own)
     }
 
-    /// Writes the model file of the block, then its report.
     fn keep(&mut self, block: u32, coded: CodedBlock, context: &Context<'_>) -> Result<()> {
         let job = self.job;
         let bytes = job.manifest.plan.block_file(&coded)?;

@@ -6,7 +6,7 @@
 //! where the layer has them, weights, as f32 columns. One block is read without the others.
 
 use super::manifest::Job;
-use crate::{Error, Remedy, Result};
+use crate::{Error, Result};
 use particlegs_files::input::open_file;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -15,7 +15,6 @@ use std::path::PathBuf;
 const MAGIC: &[u8; 8] = b"PGSCHNK1";
 const HEAD: usize = 8 + 32 + 8 + 8 + 4;
 
-/// Bytes of an entry.
 fn entry_bytes(job: &Job) -> usize {
     8 + 8 * job.manifest.plan.layers.len() + 4 + 4
 }
@@ -29,7 +28,6 @@ fn particle_bytes(job: &Job, counts: &[u64]) -> Option<u64> {
 /// A run's particles sorted by block.
 #[derive(Default)]
 pub(super) struct SortedRun {
-    /// The layer.
     pub layer: usize,
     /// Blocks that have particles here, rising, and how many.
     pub blocks: Vec<(u32, u32)>,
@@ -71,7 +69,6 @@ pub(super) fn write(job: &Job, chunk: u64, runs: &[SortedRun], to: &mut dyn Writ
     Ok(())
 }
 
-/// A part of a run.
 struct RunPiece {
     run: usize,
     start: usize,
@@ -138,9 +135,7 @@ pub(super) struct Buckets<'a> {
     path: PathBuf,
 }
 
-/// What an entry says.
 pub(super) struct BucketEntry {
-    /// Particles, by layer.
     pub counts: Vec<u64>,
     offset: u64,
     bytes: u64,
@@ -153,8 +148,7 @@ impl<'a> Buckets<'a> {
         let path = job.chunk_path(chunk);
         let (mut file, length) = open_file(&path).map_err(|e| match e {
             Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
-                let remedy = Remedy::SortChunk { folder: job.folder.clone(), chunk, broken: false };
-                Error::input_with(&path, "this chunk has not been sorted yet", remedy)
+                Error::input_with(&path, "this chunk has not been sorted yet", job.run_again("scatter", chunk, false))
             }
             other => other,
         })?;
@@ -173,11 +167,9 @@ impl<'a> Buckets<'a> {
     }
 
     fn broken(&self, what: &str) -> Error {
-        let (folder, chunk) = (self.job.folder.clone(), self.chunk);
-        Error::input_with(&self.path, what, Remedy::SortChunk { folder, chunk, broken: true })
+        Error::input_with(&self.path, what, self.job.run_again("scatter", self.chunk, true))
     }
 
-    /// What there is of a block.
     pub(super) fn entry(&mut self, block: u32) -> Result<BucketEntry> {
         let mut bytes = vec![0; entry_bytes(self.job)];
         self.read_at((HEAD + block as usize * bytes.len()) as u64, &mut bytes)?;
@@ -215,7 +207,6 @@ impl<'a> Buckets<'a> {
         })
     }
 
-    /// Checks every block's bytes.
     pub(super) fn check(&mut self) -> Result<()> {
         (0..self.job.manifest.plan.recipe().blocks).try_for_each(|b| {
             let entry = self.entry(b)?;

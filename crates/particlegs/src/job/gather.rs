@@ -142,9 +142,8 @@ impl<'a> BlockGatherer<'a> {
     }
 
     fn finish(self) -> Result<Particles> {
-        let columns = self.columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
         let meta = SnapshotMeta { name: self.job.manifest.plan.metadata.source.clone(), ..SnapshotMeta::default() };
-        let particles = Particles::of_columns(columns, self.job.manifest.origin, meta, self.layers);
+        let particles = Particles::from_buffers(self.columns, self.job.manifest.origin, meta, self.layers)?;
         particles.checked(&self.job.folder.display().to_string(), None)
     }
 }

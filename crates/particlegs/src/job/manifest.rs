@@ -6,7 +6,7 @@ use crate::codec::MOST_LAYERS;
 use crate::compress::CompressionPlan;
 use crate::model::{CertificateLevel, Metadata};
 use crate::particles::{LayeredParticles, RUN};
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 use particlegs_files::input::{Begins, Form, read_own};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
@@ -19,7 +19,6 @@ pub(super) const VERSION: u32 = 3;
 /// Four million blocks; numbers of JSON take more memory than text.
 pub(super) const FORM: Form = Form { title: "a job's plan", begins: Begins::Object, most: 1 << 30, expansion: 24 };
 
-/// The version alone.
 #[derive(Deserialize)]
 struct ManifestVersion {
     particlegs_job: u64,
@@ -28,11 +27,9 @@ struct ManifestVersion {
 /// What a job's folder says of itself: `plan.json`. The same snapshot and options give the same text.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Manifest {
-    /// Version of the folder's layout.
     pub particlegs_job: u32,
     /// How the snapshot is opened: the caller's own.
     pub snapshot: serde_json::Value,
-    /// What every block must know of the whole.
     pub plan: CompressionPlan,
     /// What positions are relative to.
     pub origin: [f64; 3],
@@ -45,7 +42,6 @@ pub(super) struct Manifest {
 }
 
 impl Manifest {
-    /// Its text.
     pub(super) fn text(&self) -> String {
         serde_json::to_string_pretty(self).expect("plain data") + "\n"
     }
@@ -95,15 +91,13 @@ impl Manifest {
 
 /// A job's folder, opened.
 pub struct Job {
-    /// Where it lies.
+    /// Path of the folder.
     pub folder: PathBuf,
-    /// What it says.
     pub(super) manifest: Manifest,
     /// BLAKE3 of the manifest, by which every file names its plan.
     pub(super) id: [u8; 32],
     /// Runs before each layer, and in all.
     pub(super) starts: Vec<u64>,
-    /// The snapshot's runs.
     pub(super) runs: Vec<RunScan>,
     pub(super) before: bool,
 }
@@ -116,8 +110,13 @@ impl Job {
     /// for the plan of another version.
     pub fn open(folder: &Path) -> Result<Job> {
         let path = folder.join("plan.json");
-        let text = read_own(&path, FORM)?
-            .ok_or_else(|| Error::input_with(folder, "no plan.json: not a job's folder", Remedy::PlanJob))?;
+        let text = read_own(&path, FORM)?.ok_or_else(|| {
+            Error::input_with(
+                folder,
+                "no plan.json: not a job's folder",
+                Hint::default().command("plan", "").words(" makes one"),
+            )
+        })?;
         let no_plan = |e: serde_json::Error| Error::input(&path, format!("not a plan: {e}"));
         let version = serde_json::from_slice::<ManifestVersion>(&text).map_err(no_plan)?.particlegs_job;
         let what = match version.cmp(&u64::from(VERSION)) {
@@ -193,7 +192,6 @@ impl Job {
         self.manifest.memory
     }
 
-    /// A block's file with this ending.
     pub(super) fn block_path(&self, block: u32, ending: &str) -> PathBuf {
         self.folder.join(format!("blocks/{block:05}.{ending}"))
     }

@@ -1,13 +1,13 @@
 //! The job's file from its blocks' files.
 
 use super::manifest::Job;
-use crate::codec;
 use crate::compress::{CodedBlock, DecodedFile};
 use crate::context::Context;
 use crate::model::{Certificate, CertificateLevel};
 use crate::particles::Particles;
 use crate::score::CertificateInput;
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result, codec};
+use std::fmt::Display;
 
 impl Job {
     /// Puts the file together: the same bytes whatever ran where and in what order. The decoded model is measured on
@@ -54,7 +54,7 @@ impl Job {
                 let particles = particles.ok_or_else(needed)?;
                 let measure =
                     CertificateInput { particles, seed: plan.recipe().seed, level, memory: None, reached: None };
-                return Ok(DecodedFile::of(file, Some(measure), context)?.bytes);
+                return Ok(DecodedFile::new(file, Some(measure), context)?.bytes);
             }
         };
         // Looked at block by block, in less memory than the whole model takes.
@@ -72,18 +72,18 @@ impl Job {
         let Some(first) = missing.first() else { return Ok(()) };
         let blocks = self.manifest.plan.recipe().blocks;
         let what = format!("blocks not fitted yet: {} ({} of {blocks})", some(&missing), missing.len());
-        Err(Error::input_with(&self.folder, what, self.fit_again(*first, false)))
+        Err(Error::input_with(&self.folder, what, self.run_again("block", *first, false)))
     }
 
-    /// A block is to be fitted, again where what is there is broken.
-    pub(super) fn fit_again(&self, block: u32, broken: bool) -> Remedy {
-        Remedy::FitBlock { folder: self.folder.clone(), block, broken }
+    /// A command is to be run for a chunk or a block, again where what is there is broken.
+    pub(super) fn run_again(&self, command: &'static str, number: impl Display, broken: bool) -> Hint {
+        let hint = Hint::from(if broken { "delete it and run " } else { "run " });
+        hint.command(command, format!("{} {number}", self.folder.display()))
     }
 
-    /// A block that is done.
     pub(super) fn done_block(&self, block: u32) -> Result<CodedBlock> {
         let path = self.block_path(block, "pgs");
-        let broken = |what: &str| Error::input_with(&path, what, self.fit_again(block, true));
+        let broken = |what: &str| Error::input_with(&path, what, self.run_again("block", block, true));
         let report = self.report(block)?.ok_or_else(|| broken("its report is missing"))?;
         let bytes = match codec::read_file(&path, &Context::SILENT) {
             Err(Error::Corrupt { what, .. } | Error::Compatibility { what, .. }) => return Err(broken(&what)),
@@ -103,7 +103,6 @@ impl Job {
         })
     }
 
-    /// Blocks that are not done.
     pub(super) fn missing(&self) -> Result<Vec<u32>> {
         let mut missing = Vec::new();
         for block in 0..self.manifest.plan.recipe().blocks {

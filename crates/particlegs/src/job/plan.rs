@@ -2,13 +2,13 @@
 
 use super::bucket::Buckets;
 use super::manifest::{FORM, Job, Manifest, VERSION};
-use super::need::COPIES;
+use super::memory::{BUCKETED, COPIES};
 use super::runs;
 use crate::blocks::{KdTree, SnapshotScan};
 use crate::compress::{CompressionPlan, Options};
 use crate::context::Context;
 use crate::particles::{LayeredParticles, RUN};
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 use particlegs_files::input::read_own;
 use particlegs_files::output;
 use std::io::ErrorKind;
@@ -34,8 +34,6 @@ const MOST_RUNS: u64 = 512;
 const CHUNKS: u64 = 32;
 /// Memory of a task where none is given.
 const MEMORY: u64 = 4 << 30;
-/// Bytes of a particle in a chunk while it is bucketed: as read, sorted, and its order.
-pub(super) const BUCKETED: u64 = 40;
 /// Blocks read a snapshot where it lies if together they read it no more than this often.
 const READ_AGAIN: f64 = 2.0;
 
@@ -49,10 +47,9 @@ impl Job {
     /// invalid values; [`Error::Bound`] where a task cannot be small enough; those of reading and writing.
     pub fn plan(mut source: LayeredParticles, task: &Task<'_>, folder: &Path, context: &Context<'_>) -> Result<Job> {
         if task.options.target.goal().is_some() {
-            return Err(Error::Argument {
-                what: "a quality is met by all blocks together, which a job cannot do".into(),
-                remedy: Remedy::NoQuality,
-            });
+            let hint = Hint::from("ask for a size, a ratio or a number of Gaussians; ").command("compress", "");
+            let what = "a quality is met by all blocks together, which a job cannot do";
+            return Err(Error::argument_with(what, hint.words(" takes a PSNR target")));
         }
         check_folder(folder)?;
         let blocks = task.options.tasks_of(&task.options.load(source.count(), source.raw_bytes(), COPIES), MEMORY)?;
@@ -170,7 +167,6 @@ fn check_folder(folder: &Path) -> Result<()> {
     }
 }
 
-/// Makes a folder where it is not there.
 fn make_folder(folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))
 }

@@ -12,7 +12,6 @@ const MAGIC: &[u8; 8] = b"PGSRUNS1";
 /// Six coordinates, a flag, two hashes.
 const WIDTH: usize = 24 + 1 + 64;
 
-/// Writes the runs of plan `id`.
 pub(super) fn write(path: &Path, id: &[u8; 32], runs: &[RunScan]) -> Result<()> {
     let mut bytes = Vec::with_capacity(44 + WIDTH * runs.len());
     bytes.extend(MAGIC);

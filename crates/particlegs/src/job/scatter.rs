@@ -36,7 +36,6 @@ impl Job {
         Ok(true)
     }
 
-    /// Reads a chunk's runs and writes their buckets.
     pub(super) fn bucket(&self, source: &LayeredParticles, chunk: u64, context: &Context<'_>) -> Result<()> {
         let first = chunk * self.manifest.chunk_runs;
         let end = (first + self.manifest.chunk_runs).min(self.runs.len() as u64);
@@ -56,7 +55,7 @@ impl Job {
         output::write_atomic(&path, |to| bucket::write(self, chunk, &sorted, to))
     }
 
-    /// Is run `run` of a layer what it was when the job was planned?
+    /// Run `run` of a layer is what it was when the job was planned, else an error.
     pub(super) fn check_run(&self, layer: usize, run: u64, chunk: &Chunk<'_>) -> Result<()> {
         let planned: &RunScan = &self.runs[(self.starts[layer] + run) as usize];
         if hash_run(chunk) == planned.hash {

@@ -13,7 +13,7 @@ use serde::Serialize;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum State {
-    /// Its file is there.
+    /// The file of the task is there.
     Done,
     /// A checkpoint is there.
     Checkpointed,
@@ -26,7 +26,7 @@ pub enum State {
 pub struct JobStatus {
     /// Chunks of the snapshot, bucketed or missing.
     pub chunks: Vec<State>,
-    /// Blocks.
+    /// How far each block is.
     pub blocks: Vec<State>,
     /// Bytes of the model files of blocks that are done.
     pub model_bytes: u64,
@@ -120,7 +120,7 @@ impl Job {
             let reached = self.manifest.plan.tree.blocks_in(corner(decoded.bounds.min), corner(decoded.bounds.max));
             if !reached.contains(&block) {
                 let what = format!("its particles are not those of block {block}");
-                return Err(Error::input_with(&path, what, self.fit_again(block, true)));
+                return Err(Error::input_with(&path, what, self.run_again("block", block, true)));
             }
             particles = particles.saturating_add(decoded.count);
         }

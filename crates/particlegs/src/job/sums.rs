@@ -8,7 +8,7 @@ use crate::context::Context;
 use crate::model::{Certificate, CertificateLevel};
 use crate::particles::Particles;
 use crate::score::{MeasurementFrame, PartSums, SumsSection};
-use crate::{Error, Result, codec};
+use crate::{Error, Hint, Result, codec};
 use particlegs_files::input::open_file;
 use particlegs_files::output;
 use std::fs::File;
@@ -36,7 +36,7 @@ impl Job {
         let mut model = codec::decode_with(file, "the block just coded", context)?;
         // Drawn as a part of the whole.
         model.metadata.bounds = plan.metadata.bounds;
-        let frame = MeasurementFrame::of(&plan.metadata, plan.recipe().seed);
+        let frame = MeasurementFrame::new(&plan.metadata, plan.recipe().seed);
         let mut failed = None;
         context.begin("measuring the block", 0);
         let fill = |to: &mut dyn Write| {
@@ -74,9 +74,10 @@ impl Job {
     pub(super) fn added_up(&self, context: &Context<'_>) -> Result<Certificate> {
         let plan = &self.manifest.plan;
         if self.certificate() != CertificateLevel::Blocks {
-            return Err(Error::argument("the plan does not measure its blocks: plan with --certificate blocks"));
+            let hint = Hint::from("plan it with ").option("certificate", "blocks");
+            return Err(Error::argument_with("the plan does not measure its blocks", hint));
         }
-        let frame = MeasurementFrame::of(&plan.metadata, plan.recipe().seed);
+        let frame = MeasurementFrame::new(&plan.metadata, plan.recipe().seed);
         let read = |block, section| BlockSums::open(self, block)?.read(section);
         PartSums { frame: &frame, seed: plan.recipe().seed, parts: plan.recipe().blocks, read: &read }
             .certificate(context)
@@ -92,7 +93,6 @@ impl Job {
     }
 }
 
-/// A block's sums, opened.
 struct BlockSums<'a> {
     job: &'a Job,
     block: u32,
@@ -107,7 +107,7 @@ impl<'a> BlockSums<'a> {
         let path = job.block_path(block, "sums");
         let (file, length) = open_file(&path).map_err(|e| match e {
             Error::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
-                Error::input_with(&path, "this block has not been measured yet", job.fit_again(block, false))
+                Error::input_with(&path, "this block has not been measured yet", job.run_again("block", block, false))
             }
             other => other,
         })?;
@@ -150,6 +150,6 @@ impl<'a> BlockSums<'a> {
     }
 
     fn broken(&self, what: &str) -> Error {
-        Error::input_with(&self.path, what, self.job.fit_again(self.block, true))
+        Error::input_with(&self.path, what, self.job.run_again("block", self.block, true))
     }
 }

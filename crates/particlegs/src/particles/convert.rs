@@ -4,9 +4,8 @@
 
 use super::select::SelectedParticles;
 use super::write::{RawForm, SnapshotDescription, SnapshotWriter};
-use crate::Result;
 use crate::context::Context;
-use crate::parallel;
+use crate::{Result, parallel};
 use std::path::Path;
 
 impl SelectedParticles<'_> {
@@ -18,7 +17,7 @@ impl SelectedParticles<'_> {
     /// [`crate::Error::Cancelled`].
     pub fn write_raw(&self, out: &Path, form: RawForm, context: &Context<'_>) -> Result<u64> {
         let weighted = self.weighted();
-        let writer = SnapshotWriter::create_as(out, form, self.total(), weighted, (self.origin(), self.is_wide()))?;
+        let writer = SnapshotWriter::create(out, form, self.total(), weighted, self.origin(), self.is_wide())?;
         context.begin("writing", self.total());
         let triples = parallel::Scratch::default();
         self.for_each_run(context, &|id, run| {
@@ -46,8 +45,7 @@ mod tests {
     use crate::context::Context;
     use crate::context::{ProgressEvent, ProgressSink};
     use crate::model::Units;
-    use crate::particles::Column;
-    use crate::particles::{Particles, Selection, Tiling};
+    use crate::particles::{Column, Particles, Selection, Tiling};
     use crate::space::{Bounds, Cell};
     use particlegs_core::math::each_axis;
 
@@ -55,7 +53,7 @@ mod tests {
     /// Writes what a selection keeps; says how many particles that are.
     fn convert(p: &Particles, tiling: Tiling, selection: Selection, out: &Path, context: &Context<'_>) -> Result<u64> {
         let kept = SelectedParticles::new(p, tiling, selection, context)?;
-        kept.write_raw(out, RawForm::of_name(out), context).map(|_| kept.total())
+        kept.write_raw(out, RawForm::from_name(out), context).map(|_| kept.total())
     }
 
     fn ramp() -> Particles {
@@ -63,7 +61,7 @@ mod tests {
         let x = (0..n).map(|i| i as f32 * 100.0 / n as f32).collect();
         let mut p = Particles::from_columns(x, vec![2.0; n], (0..n).map(|i| (i % 10) as f32).collect());
         p.meta.cell = Some(Cell::orthogonal([100.0, 10.0, 10.0]));
-        p.meta.units = Units::of(Some("Mpc/h"), None, Some(true));
+        p.meta.units = Units::new(Some("Mpc/h"), None, Some(true));
         p
     }
 
@@ -130,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn crop_every_and_sample() {
+    fn crops_steps_and_samples_keep_what_was_asked_for() {
         let p = ramp();
         let crop = Bounds { min: [20.0, 0.0, 0.0], max: [60.0, 3.0, 100.0] };
         let cropped = run(&p, Tiling::single(), Selection { crop: Some(crop), ..Selection::all() }, "c").unwrap();

@@ -11,7 +11,7 @@ const DRAWN_WITHIN: f64 = 0.05;
 /// A box, world units, and the edges along which it repeats.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Domain {
-    /// Lowest corner.
+    /// Lowest corner, world units.
     pub min: [f64; 3],
     /// Edge lengths, above zero.
     pub length: [f64; 3],
@@ -157,13 +157,13 @@ impl Domain {
         domain.length.iter().all(|l| l.is_finite() && *l > 0.0).then_some(domain)
     }
 
-    /// Of a snapshot.
-    pub fn of_particles(particles: &Particles) -> Self {
+    /// The box of a snapshot.
+    pub fn from_particles(particles: &Particles) -> Self {
         Self::new(&particles.bounds(), particles.meta.cell.as_ref())
     }
 
-    /// Of a model's snapshot.
-    pub fn of_model(model: &Model) -> Self {
+    /// The box of the snapshot that a model was made of.
+    pub fn from_model(model: &Model) -> Self {
         Self::new(&model.metadata.bounds, model.metadata.cell.as_ref())
     }
 
@@ -172,7 +172,7 @@ impl Domain {
         self.tilt.is_some()
     }
 
-    /// Volume.
+    /// Volume, world units cubed.
     pub fn volume(&self) -> f64 {
         self.length[0] * self.length[1] * self.length[2] * self.tilt.map_or(1.0, |t| t.volume())
     }
@@ -183,12 +183,12 @@ impl Domain {
         self.length.map(f64::cbrt).iter().product::<f64>() * tilt / (n.max(1) as f64).cbrt()
     }
 
-    /// The longest edge.
+    /// Length of the longest edge, world units.
     pub fn longest(&self) -> f64 {
         self.length.iter().copied().fold(0.0, f64::max)
     }
 
-    /// The shortest edge.
+    /// Length of the shortest edge, world units.
     pub fn shortest(&self) -> f64 {
         self.length.iter().copied().fold(f64::INFINITY, f64::min)
     }

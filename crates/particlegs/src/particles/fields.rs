@@ -12,21 +12,21 @@ pub enum Number {
     F32,
     /// IEEE 754, 8 bytes.
     F64,
-    /// Signed integers of 1, 2, 4, 8 bytes.
+    /// Signed, 1 byte.
     I8,
-    /// 2 bytes.
+    /// Signed, 2 bytes.
     I16,
-    /// 4 bytes.
+    /// Signed, 4 bytes.
     I32,
-    /// 8 bytes.
+    /// Signed, 8 bytes.
     I64,
-    /// Unsigned integers of 1, 2, 4, 8 bytes.
+    /// Unsigned, 1 byte.
     U8,
-    /// 2 bytes.
+    /// Unsigned, 2 bytes.
     U16,
-    /// 4 bytes.
+    /// Unsigned, 4 bytes.
     U32,
-    /// 8 bytes.
+    /// Unsigned, 8 bytes.
     U64,
 }
 
@@ -74,7 +74,7 @@ pub struct SourceField {
 
 /// The fields of a layer.
 pub struct LayerFields {
-    /// What they are.
+    /// Name, type and unit of each.
     pub fields: Vec<SourceField>,
     /// Three components each, in the order of the fields'.
     columns: Vec<Triple>,
@@ -84,7 +84,7 @@ pub struct LayerFields {
 /// Three columns.
 enum Triple {
     Reader(Arc<dyn SnapshotReader>),
-    /// Of a stream, which cannot be read run by run.
+    /// Columns of a stream, which cannot be read run by run.
     Memory([Vec<f64>; 3]),
 }
 
@@ -99,11 +99,10 @@ impl LayerFields {
         readers: Vec<Arc<dyn SnapshotReader>>,
         positions: Option<Arc<dyn SnapshotReader>>,
     ) -> Result<Self> {
-        let columns = readers.into_iter().map(Triple::of).collect::<Result<_>>()?;
-        Ok(LayerFields { fields, columns, positions: positions.map(Triple::of).transpose()? })
+        let columns = readers.into_iter().map(Triple::from_reader).collect::<Result<_>>()?;
+        Ok(LayerFields { fields, columns, positions: positions.map(Triple::from_reader).transpose()? })
     }
 
-    /// Are there positions?
     pub(super) fn has_positions(&self) -> bool {
         self.positions.is_some()
     }
@@ -120,14 +119,13 @@ impl LayerFields {
         Ok(())
     }
 
-    /// Positions of run `run`.
     pub(super) fn read_positions(&self, run: u64, out: &mut [Vec<f64>; 3]) -> Result<()> {
         self.positions.as_ref().map_or(Ok(()), |p| p.read(run, out))
     }
 }
 
 impl Triple {
-    fn of(reader: Arc<dyn SnapshotReader>) -> Result<Triple> {
+    fn from_reader(reader: Arc<dyn SnapshotReader>) -> Result<Triple> {
         if reader.random_access() {
             return Ok(Triple::Reader(reader));
         }

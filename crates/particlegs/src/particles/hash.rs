@@ -6,13 +6,10 @@ use super::{Chunk, Particles};
 /// of its weights where there are any.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RunHash {
-    /// Of the positions.
     pub positions: [u8; 32],
-    /// Of the weights.
     pub weights: Option<[u8; 32]>,
 }
 
-/// The hash of a run.
 pub fn hash_run(chunk: &Chunk<'_>) -> RunHash {
     let mut hasher = blake3::Hasher::new();
     for axis in chunk.position {
@@ -70,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_are_of_layers() {
+    fn hashes_are_of_the_runs_of_each_layer() {
         let n = RUN + 10;
         let p = Particles::from_columns(vec![1.0; n], vec![2.0; n], vec![3.0; n]);
         let whole = p.source_hash();

@@ -2,7 +2,7 @@
 
 use super::Chunk;
 use crate::space::{Bounds, Cell};
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 use particlegs_core::math::each_axis;
 
 /// A share of the box by which rounding may make a region wider.
@@ -18,16 +18,10 @@ pub(super) struct NearestImages {
 
 impl NearestImages {
     /// Images about the middle of `crop`, which must not be wider than the cell where it repeats.
-    ///
-    /// # Errors
-    /// [`Error::Input`] without a cell that has a volume; [`Error::Argument`] for a wider crop.
     pub fn about(crop: &Bounds, cell: Option<&Cell>, name: &str) -> Result<Self> {
         let Some(cell) = cell else {
-            return Err(Error::input_with(
-                name,
-                "a region across the boundary needs a periodic box",
-                Remedy::StateBoxOrRegion,
-            ));
+            let hint = Hint::state_box().words(", or use ").option("region", "").words(", which does not wrap around");
+            return Err(Error::input_with(name, "a region across the boundary needs a periodic box", hint));
         };
         let cell = cell.reduced();
         let fractions = cell.inverse().ok_or_else(|| Error::input(name, "the periodic cell has no volume"))?;
@@ -53,7 +47,6 @@ impl NearestImages {
         }
     }
 
-    /// The image of a position.
     pub fn nearest_to(&self, p: [f64; 3]) -> [f64; 3] {
         let d: [f64; 3] = each_axis(|k| p[k] - self.centre[k]);
         let steps: [f64; 3] = each_axis(|a| {

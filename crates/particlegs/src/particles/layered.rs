@@ -19,7 +19,6 @@ pub struct LayeredParticles {
     pub(crate) layers: Vec<ReadLayer>,
 }
 
-/// A layer that is read run by run.
 pub(crate) struct ReadLayer {
     /// Name, masses, and number of particles.
     pub layer: Layer<u64>,
@@ -52,7 +51,7 @@ impl LayeredParticles {
     }
 
     /// Particles in memory or mapped.
-    pub fn of(particles: &Particles) -> Self {
+    pub fn from_particles(particles: &Particles) -> Self {
         let layer = |l: &Layer<Range<usize>>| ReadLayer {
             layer: l.with(l.content.len() as u64),
             reader: Arc::new(particles.of_layer(l)),
@@ -98,16 +97,12 @@ impl LayeredParticles {
 }
 
 impl ReadLayer {
-    /// Number of runs.
     pub fn runs(&self) -> u64 {
         self.layer.content.div_ceil(RUN as u64)
     }
 
     /// Hands over the runs of `runs` in any order, about `origin`, with weights where the layer has
     /// them.
-    ///
-    /// # Errors
-    /// Those of the reader; [`Error::Input`] where it gives other runs than it told; the sink's.
     pub fn read(
         &self,
         origin: [f64; 3],

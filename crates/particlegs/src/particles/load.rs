@@ -1,6 +1,5 @@
 //! A snapshot opened whole from readers: one a layer.
 
-use super::scratch::ColumnBuffer;
 use super::{InPlace, LayeredParticles, Particles, RUN, ReadLayer, Storage};
 use crate::context::Context;
 use crate::model::Layer;
@@ -36,8 +35,7 @@ impl LayeredParticles {
             fill(layer, parts, origin, context)?;
         }
         context.end();
-        let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
-        Ok(Particles::of_columns(columns, origin, meta, layers))
+        Particles::from_buffers(columns, origin, meta, layers)
     }
 }
 

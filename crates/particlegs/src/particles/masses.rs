@@ -1,9 +1,8 @@
 //! Masses of layers: one for all where all are the same, classes where they are few.
 
-use super::scratch::ColumnBuffer;
 use super::{Particles, Positions, Storage};
 use crate::model::Layer;
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 
 /// Classes of mass at most; more are no classes.
 const MOST_CLASSES: usize = 64;
@@ -59,7 +58,7 @@ impl Particles {
             let classes = mass_classes(&weights[layer.content.clone()]).ok_or_else(|| {
                 let what =
                     format!("`{}` has more than {MOST_CLASSES} different masses: too many for layers", layer.name);
-                Error::input_with(&self.meta.name, what, Remedy::LayersBySpecies)
+                Error::input_with(&self.meta.name, what, Hint::from("use ").option("layers-by", "species"))
             })?;
             for class in &classes {
                 let name = if classes.len() == 1 { layer.name.clone() } else { format!("{} m={class}", layer.name) };
@@ -67,8 +66,7 @@ impl Particles {
                 layers.push(Layer { name, mass: layer.mass.all_of_weight(*class), content });
             }
         }
-        let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
-        Ok(Particles::of_columns(columns, self.origin, self.meta.clone(), layers))
+        Particles::from_buffers(columns, self.origin, self.meta.clone(), layers)
     }
 }
 

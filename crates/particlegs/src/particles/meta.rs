@@ -3,6 +3,7 @@
 use crate::model::{Cosmology, Dimension, Epoch, Unit, UnitSystem, Units};
 use crate::space::Cell;
 use crate::{Error, Result};
+use std::path::Path;
 
 /// Metadata of a snapshot, read before any particle. `None` means that the source does not say;
 /// nothing is guessed.
@@ -10,7 +11,7 @@ use crate::{Error, Result};
 pub struct SnapshotMeta {
     /// Name shown to people: the file's or folder's.
     pub name: String,
-    /// Simulation cell.
+    /// Simulation cell, in the unit of length.
     pub cell: Option<Cell>,
     /// What numbers are in.
     #[serde(flatten)]
@@ -20,10 +21,10 @@ pub struct SnapshotMeta {
     /// What weights are where they are not masses, such as `Charge`: the unit of mass is that of them then.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub weight_name: Option<String>,
-    /// Cosmology.
+    /// Hubble and density parameters.
     #[serde(flatten)]
     pub cosmology: Cosmology,
-    /// The moment.
+    /// Scale factor, time and step.
     #[serde(flatten)]
     pub epoch: Epoch,
     /// Names of the fields that the source has beside positions and weights.
@@ -49,11 +50,11 @@ impl SnapshotMeta {
             let origin = self.cell.map_or([0.0; 3], |c| c.origin);
             let upright = Cell::orthogonal(lengths);
             let sound = lengths.iter().all(|l| *l >= 0.0 && l.is_finite());
-            let cell = Cell::stated(origin, upright.vectors, upright.periodic).filter(|_| sound).ok_or_else(|| {
-                Error::argument(format!("box lengths {} must be positive", super::sidecar::listed(&lengths)))
-            })?;
+            let cell = Cell::stated(origin, upright.vectors, upright.periodic)
+                .filter(|_| sound)
+                .ok_or_else(|| Error::argument(format!("box lengths {} must be positive", listed(&lengths))))?;
             if let Some(said) = self.cell.replace(cell).filter(|said| *said != cell) {
-                notes.push(format!("the box is taken as {}; the file says {}", cell.in_words(), said.in_words()));
+                notes.push(format!("the box is taken as {cell}; the file says {said}"));
             }
         }
         let mut state = |of: &str, stated: Option<&str>, said: &mut Option<Unit>, dimension| {
@@ -74,4 +75,15 @@ impl SnapshotMeta {
         self.units = std::mem::take(&mut self.units).settled();
         Ok(notes)
     }
+}
+
+/// Metadata of a file that says nothing but its name.
+pub(super) fn named(path: &Path) -> SnapshotMeta {
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned());
+    SnapshotMeta { name: name.unwrap_or_else(|| "snapshot".into()), ..SnapshotMeta::default() }
+}
+
+/// Numbers as people write them: `1, 2, 3`.
+pub(super) fn listed(numbers: &[f64]) -> String {
+    numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
 }

@@ -6,12 +6,13 @@
 //! precision; raw float32 files have the origin 0 and are never copied. [`SelectedParticles`] is what is
 //! left of a snapshot when it is tiled, cropped and thinned, to be written by any format.
 
+mod box_check;
+mod chunk;
 mod convert;
 pub(crate) mod domain;
 mod fields;
 mod hash;
 mod images;
-mod in_box;
 mod layer;
 mod layered;
 mod load;
@@ -28,12 +29,14 @@ mod tile;
 mod units;
 mod write;
 
+pub(crate) use box_check::{ParticlesOutsideBox, check_box, check_particles};
+pub(crate) use chunk::ChunkBuffer;
+pub use chunk::{Chunk, RUN};
 pub(crate) use domain::Domain;
 pub use fields::{LayerFields, Number, SourceField};
 pub(crate) use hash::RunHash;
 pub(crate) use hash::hash_of_runs;
 pub(crate) use hash::hash_run;
-pub(crate) use in_box::{ParticlesOutsideBox, check_box, check_particles};
 pub use layered::LayeredParticles;
 pub(crate) use layered::ReadLayer;
 pub(crate) use masses::mass_classes;
@@ -43,8 +46,7 @@ pub(crate) use open::{InvalidParticles, invalid};
 pub(crate) use scratch::ColumnBuffer;
 pub use scratch::Storage;
 pub use select::{Run, SelectedParticles, Selection};
-pub(crate) use source::ChunkBuffer;
-pub use source::{Chunk, InPlace, RUN, SnapshotReader};
+pub use source::{InPlace, SnapshotReader};
 pub(crate) use storage::CHUNK;
 pub use storage::{Column, Particles, Positions};
 pub use tile::Tiling;

@@ -7,8 +7,7 @@
 
 use super::{CHUNK, Chunk, ChunkBuffer, Domain, Particles};
 use crate::context::Context;
-use crate::parallel;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use particlegs_core::memory::filled;
 use std::collections::BinaryHeap;
@@ -30,7 +29,6 @@ const TREE_BYTES: u64 = 14;
 /// A position relative to the particles' origin, inside the domain along axes that repeat.
 pub(crate) type LocalPosition = [f32; 3];
 
-/// Where particles lie in a domain.
 struct PlaceFinder<'a> {
     domain: &'a Domain,
     /// Its lowest corner relative to the particles' origin.
@@ -136,7 +134,6 @@ trait NeighbourCollector {
     fn limit(&self) -> f64;
 }
 
-/// The nearest other point.
 struct NearestPoint {
     /// Points at the place itself.
     here: u32,
@@ -296,11 +293,11 @@ impl CellGrid {
 }
 
 impl Neighbours {
-    /// Sorts the particles.
     pub fn new(p: &Particles, domain: &Domain) -> Self {
         let grid = CellGrid::new(p, domain);
         let next: Vec<AtomicU32> = (0..grid.cells.iter().product::<usize>()).map(|_| AtomicU32::new(0)).collect();
         let key = |x: &LocalPosition| grid.index(grid.cell(&grid.along(&x.map(f64::from))));
+        // A counting sort in two passes: how many a cell holds, then where each of them goes.
         visit_places(p, domain, |_, places| {
             places.iter().for_each(|x| {
                 next[key(x)].fetch_add(1, Relaxed);
@@ -419,6 +416,7 @@ impl Neighbours {
         let (left, right) = (run.start..middle, middle + 1..run.end);
         let (near, far) = if d < 0.0 { (left, right) } else { (right, left) };
         self.search(near, x, off, found);
+        // The far half begins at the median's plane: it is as far away as that along this axis.
         let mut beyond = off;
         beyond[axis] = d;
         if beyond[0] * beyond[0] + beyond[1] * beyond[1] + beyond[2] * beyond[2] < found.limit() {
@@ -556,25 +554,19 @@ mod tests {
     /// The same in tilted boxes, particles of other images among them.
     #[test]
     fn distances_in_tilted_boxes_are_those_of_all_pairs() {
-        use crate::stats::testing::{gas, tilted_cells};
+        use crate::testing::{from_points, gas, square_between, tilted_cells};
         for mut cell in tilted_cells() {
             cell.origin = [-3.0, 1.0, 0.5];
             let mut p = gas(900, &cell, 5);
-            let domain = Domain::of_particles(&p);
+            let domain = Domain::from_particles(&p);
             assert!(domain.tilt.is_some());
             let x: Vec<[f64; 3]> = (0..900).map(|i| p.position(i)).collect();
-            let moved =
-                |i: usize, k: usize| (x[i][k] + if i.is_multiple_of(7) { cell.vectors[1][k] } else { 0.0 }) as f32;
-            let column = |k: usize| (0..900).map(|i| moved(i, k)).collect();
-            p = Particles::from_columns(column(0), column(1), column(2));
+            let moved = |i: usize| each_axis(|k| x[i][k] + if i.is_multiple_of(7) { cell.vectors[1][k] } else { 0.0 });
+            p = from_points((0..900).map(moved));
             for rank in [1, 16] {
                 let found = distances_to(rank, &p, &domain, &Context::SILENT).unwrap();
                 for i in 0..40 {
-                    let square = |j: usize| {
-                        let d = domain.shortest_way(each_axis(|k| x[j][k] - x[i][k]));
-                        d.iter().map(|v| v * v).sum::<f64>()
-                    };
-                    let mut squares: Vec<f64> = (0..900).map(square).collect();
+                    let mut squares: Vec<f64> = (0..900).map(|j| square_between(&domain, x[i], x[j])).collect();
                     squares.sort_unstable_by(f64::total_cmp);
                     assert!((f64::from(found[i]) - squares[rank].sqrt()).abs() < 1e-5, "{cell:?} {rank} {i}");
                 }
@@ -585,7 +577,7 @@ mod tests {
     #[test]
     fn particles_at_one_place_are_neighbours() {
         let p = Particles::from_columns(vec![0.0, 0.0, 0.0, 3.0], vec![0.0; 4], vec![0.0; 4]);
-        let domain = Domain::of_particles(&p);
+        let domain = Domain::from_particles(&p);
         assert_eq!(distances_to(2, &p, &domain, &Context::SILENT).unwrap(), [0.0, 0.0, 0.0, 3.0]);
         assert_eq!(distances_to(3, &p, &domain, &Context::SILENT).unwrap(), [3.0, 3.0, 3.0, 3.0]);
         assert!(distances_to(4, &p, &domain, &Context::SILENT).is_err());

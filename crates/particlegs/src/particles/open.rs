@@ -1,9 +1,8 @@
 //! Opens raw float32: a folder, or three or four files; checks the values of any snapshot.
 
-use super::scratch::ColumnBuffer;
 use super::storage::CHUNK;
-use super::{ChunkBuffer, Column, Particles, Positions, SnapshotMeta, Storage, sidecar, sidecar::Sidecar};
-use crate::{Error, Remedy, Result};
+use super::{ChunkBuffer, Column, Particles, Storage, sidecar, sidecar::Sidecar};
+use crate::{Error, Hint, Result};
 use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
 
@@ -63,25 +62,15 @@ fn open_columns(paths: &[PathBuf]) -> Result<Particles> {
             ));
         }
     }
-    let columns_len = columns[0].len();
-    let mut columns = columns.into_iter();
-    let mut next = || columns.next().expect("three columns at least");
-    let positions = Positions::Columns([next(), next(), next()]);
-    let weights = columns.next();
     let folder = paths[0].parent().unwrap_or(Path::new("."));
     let sidecar = folder.join("meta.json");
     let Sidecar { mut meta, origin, layers } = sidecar::read(folder, &sidecar)?;
     meta.name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    if layers.last().is_some_and(|l| l.content.end != columns_len) {
-        let what = format!("its `layers` do not hold the {columns_len} particles beside it");
+    if layers.last().is_some_and(|l| l.content.end != columns[0].len()) {
+        let what = format!("its `layers` do not hold the {} particles beside it", columns[0].len());
         return Err(Error::input(&sidecar, what));
     }
-    let particles = Particles::new(positions, origin, meta);
-    Ok(match weights {
-        Some(weights) => particles.with_weights(weights),
-        None => particles,
-    }
-    .with_layers(layers))
+    Ok(Particles::from_column_list(columns, origin, meta, layers))
 }
 
 /// Maps a raw little-endian float32 file.
@@ -92,7 +81,7 @@ fn map_raw(path: &Path) -> Result<Column> {
     }
     Ok(match map {
         None => Column::owned(Vec::new()),
-        Some(map) => Column::Mapped { map, offset: 0, len: length / 4 },
+        Some(map) => Column::mapped(map, 0, length / 4),
     })
 }
 
@@ -120,7 +109,7 @@ impl Particles {
 /// Invalid particles of a stretch, and the first of them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct InvalidParticles {
-    /// Those without a place.
+    /// Particles whose position is not finite.
     positions: u64,
     /// Others whose weight is no weight.
     weights: u64,
@@ -128,7 +117,6 @@ pub(crate) struct InvalidParticles {
 }
 
 impl InvalidParticles {
-    /// How many there are.
     pub(crate) fn count(self) -> u64 {
         self.positions + self.weights
     }
@@ -139,7 +127,6 @@ impl InvalidParticles {
         InvalidParticles { positions: self.positions + later.positions, weights: self.weights + later.weights, first }
     }
 
-    /// The error that refuses them.
     pub(crate) fn refusal(self, place: &str) -> Error {
         let faults = [
             (self.positions, "a position that is not finite"),
@@ -148,11 +135,11 @@ impl InvalidParticles {
         let faults = faults.into_iter().filter(|(count, _)| *count > 0);
         let said: Vec<String> = faults.map(|(count, what)| format!("{count} with {what}")).collect();
         let what = format!("invalid particles: {}; the first has index {}", said.join(", "), self.first);
-        Error::input_with(place, what, Remedy::LeaveOutInvalid)
+        let hint = Hint::default().option("skip-invalid", "").words(" leaves them out; ");
+        Error::input_with(place, what, hint.option("mass-field", "none").words(" counts all particles alike"))
     }
 }
 
-/// The invalid particles of a chunk.
 pub(crate) fn invalid(chunk: &super::Chunk<'_>) -> InvalidParticles {
     // NaN and infinity have the largest exponents; one maximum tells for the whole chunk whether a
     // closer look is needed.
@@ -192,12 +179,5 @@ fn keep_valid(particles: &Particles, count: usize, storage: &Storage) -> Result<
         }
         layers.push(layer.with(first..end));
     }
-    let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
-    Ok(Particles::of_columns(columns, particles.origin, particles.meta.clone(), layers))
-}
-
-/// Metadata of a file that says nothing but its name.
-pub(super) fn named(path: &Path) -> SnapshotMeta {
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned());
-    SnapshotMeta { name: name.unwrap_or_else(|| "snapshot".into()), ..SnapshotMeta::default() }
+    Particles::from_buffers(columns, particles.origin, particles.meta.clone(), layers)
 }

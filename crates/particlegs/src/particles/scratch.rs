@@ -1,12 +1,13 @@
 //! Where large columns are put: memory, or files of a scratch folder that vanish by themselves.
 
-use super::Column;
+use super::{Column, Particles, SnapshotMeta};
 use crate::context::Context;
+use crate::model::Layer;
 use crate::{Error, Result};
 use memmap2::MmapMut;
 use particlegs_files::memory::require;
 use particlegs_files::output;
-use std::ops::{Deref, DerefMut};
+use std::ops::{Deref, DerefMut, Range};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -23,9 +24,7 @@ pub enum Storage {
 
 /// A column that is being filled, zeros at first.
 pub(crate) enum ColumnBuffer {
-    /// In memory.
     Memory(Vec<f32>),
-    /// In a mapped file.
     Disk(MmapMut),
 }
 
@@ -66,18 +65,28 @@ fn map_scratch(folder: &Path, bytes: u64) -> std::io::Result<MmapMut> {
 
 impl ColumnBuffer {
     /// The column, filled.
-    ///
-    /// # Errors
-    /// [`Error::Io`] where the mapping cannot be made read-only.
     pub fn finish(self) -> Result<Column> {
         Ok(match self {
             ColumnBuffer::Memory(values) => Column::owned(values),
             ColumnBuffer::Disk(map) => {
                 let len = map.len() / 4;
                 let map = map.make_read_only().map_err(|e| Error::io("scratch file", e))?;
-                Column::Mapped { map: Arc::new(map), offset: 0, len }
+                Column::mapped(Arc::new(map), 0, len)
             }
         })
+    }
+}
+
+impl Particles {
+    /// Particles of filled columns x, y, z and perhaps weights.
+    pub(crate) fn from_buffers(
+        columns: Vec<ColumnBuffer>,
+        origin: [f64; 3],
+        meta: SnapshotMeta,
+        layers: Vec<Layer<Range<usize>>>,
+    ) -> Result<Self> {
+        let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
+        Ok(Particles::from_column_list(columns, origin, meta, layers))
     }
 }
 

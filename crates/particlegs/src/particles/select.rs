@@ -6,15 +6,13 @@
 
 use super::fields::{LayerFields, SourceField};
 use super::images::NearestImages;
-use super::scratch::ColumnBuffer;
 use super::storage::CHUNK;
 use super::{ChunkBuffer, Particles, SnapshotMeta, Storage, Tiling};
 use crate::context::Context;
 use crate::math::{Purpose, Random};
 use crate::model::Layer;
-use crate::parallel;
 use crate::space::Bounds;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -332,8 +330,7 @@ impl<'a> SelectedParticles<'a> {
             Ok(())
         })?;
         let layers = self.layers().into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect();
-        let columns = values.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
-        Ok(Particles::of_columns(columns, self.origin, self.meta.clone(), layers))
+        Particles::from_buffers(values, self.origin, self.meta.clone(), layers)
     }
 
     /// Calls `each` with the number of every run and what it keeps, in parallel.
@@ -406,7 +403,6 @@ impl<'a> SelectedParticles<'a> {
         (layer, own / chunks, (own % chunks) as usize)
     }
 
-    /// The particles of run `id`.
     fn range(&self, id: u64) -> Range<usize> {
         let (layer, _, chunk) = self.place(id);
         let start = layer.content.start + chunk * CHUNK;
@@ -473,9 +469,8 @@ impl<'a> SelectedParticles<'a> {
         Ok(())
     }
 
-    /// The random keys of run `id`'s particles.
     fn keys(&self, id: u64) -> Vec<u64> {
-        let mut random = Random::of(Purpose::ParticleSample, self.selection.seed, id);
+        let mut random = Random::from_purpose(Purpose::ParticleSample, self.selection.seed, id);
         self.range(id).map(|_| random.bits()).collect()
     }
 

@@ -1,6 +1,7 @@
 //! meta.json beside raw data: box, units, cosmology, layers.
 
-use super::{SnapshotMeta, open::named};
+use super::SnapshotMeta;
+use super::meta::{listed, named};
 use crate::model::{Cosmology, Dimension, Epoch, Layer, Mass, Unit, Units};
 use crate::space::Cell;
 use crate::{Error, Result};
@@ -74,9 +75,6 @@ pub struct Sidecar {
 }
 
 /// Reads `file` where it exists; the snapshot is named after `place`.
-///
-/// # Errors
-/// [`Error::Input`] where it is no JSON object or a known key holds an impossible value.
 pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
     let mut meta = named(&std::fs::canonicalize(place).unwrap_or_else(|_| place.to_path_buf()));
     let none = [0.0; 3];
@@ -103,7 +101,7 @@ pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
     }
     meta.units = Units {
         time: form.time_unit.map(|text| Unit::parse(&text, Dimension::Time)),
-        ..Units::of(form.length_unit.as_deref(), form.mass_unit.as_deref(), form.comoving)
+        ..Units::new(form.length_unit.as_deref(), form.mass_unit.as_deref(), form.comoving)
     };
     meta.particle_mass = form.particle_mass.filter(positive);
     meta.cosmology = Cosmology {
@@ -123,11 +121,6 @@ pub fn read(place: &Path, file: &Path) -> Result<Sidecar> {
         return Err(Error::input(file, "`origin` must be finite"));
     }
     Ok(Sidecar { meta, origin, layers: layers(form.layers.unwrap_or_default(), file)? })
-}
-
-/// Numbers as people write them: `1, 2, 3`.
-pub(super) fn listed(numbers: &[f64]) -> String {
-    numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
 }
 
 fn periodic(said: Option<PeriodicAxes>) -> [bool; 3] {

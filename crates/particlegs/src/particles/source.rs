@@ -1,42 +1,11 @@
 //! The reader trait: metadata first, then particles run by run.
 
+use super::chunk::{Chunk, ChunkBuffer, RUN};
 use super::{Column, Particles, Positions, SnapshotMeta};
-use crate::Result;
 use crate::context::Context;
-use crate::parallel;
+use crate::{Result, parallel};
 use std::ops::Range;
 use std::sync::Mutex;
-
-/// Columns that the caller owns and reuses.
-#[derive(Default, Debug)]
-pub(crate) struct ChunkBuffer {
-    /// x, y, z relative to the origin, same length each.
-    pub position: [Vec<f32>; 3],
-}
-
-/// A borrowed run of particles.
-#[derive(Clone, Copy, Debug)]
-pub struct Chunk<'a> {
-    /// x, y, z relative to the origin, same length each.
-    pub position: [&'a [f32]; 3],
-    /// Weights, same length, where the source has them.
-    pub weight: Option<&'a [f32]>,
-}
-
-impl Chunk<'_> {
-    /// Number of particles.
-    pub fn len(&self) -> usize {
-        self.position[0].len()
-    }
-
-    /// No particles?
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-}
-
-/// Particles that a reader hands over at once: a run. Fixed, so that nothing depends on threads.
-pub const RUN: usize = 1 << 16;
 
 /// Particles where they lie in a mapped file.
 pub struct InPlace {

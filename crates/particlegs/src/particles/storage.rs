@@ -1,6 +1,7 @@
 //! A snapshot opened whole: columns or triples, owned or mapped.
 
-use super::{Chunk, ChunkBuffer, SnapshotMeta};
+use super::SnapshotMeta;
+use super::chunk::{Chunk, ChunkBuffer, RUN};
 use crate::model::{Columns, Layer, MASS};
 use crate::parallel;
 use crate::space::Bounds;
@@ -10,60 +11,42 @@ use std::sync::Arc;
 
 /// A run of f32 that is owned, lies in a mapped file or is lent.
 #[derive(Clone)]
-pub enum Column {
-    /// `len` floats from `offset` of floats in memory.
-    Owned {
-        /// The floats.
-        values: Arc<Vec<f32>>,
-        /// First of them.
-        offset: usize,
-        /// Floats.
-        len: usize,
-    },
-    /// `len` floats from byte `offset` of a mapped little-endian file.
-    Mapped {
-        /// The mapping.
-        map: Arc<memmap2::Mmap>,
-        /// First byte, a multiple of 4.
-        offset: usize,
-        /// Floats.
-        len: usize,
-    },
-    /// `len` floats from `offset` of floats that another owner holds, such as an array of Python's.
-    Lent {
-        /// The owner.
-        owner: Arc<dyn AsRef<[f32]> + Send + Sync>,
-        /// First of them.
-        offset: usize,
-        /// Floats.
-        len: usize,
-    },
+pub struct Column {
+    floats: FloatStore,
+    /// Which of the floats.
+    range: Range<usize>,
+}
+
+/// Whose floats a column's are.
+#[derive(Clone)]
+enum FloatStore {
+    Owned(Arc<Vec<f32>>),
+    /// Little-endian, from this byte of a file on, a multiple of 4.
+    Mapped(Arc<memmap2::Mmap>, usize),
+    Lent(Arc<dyn AsRef<[f32]> + Send + Sync>),
 }
 
 impl Column {
     /// Owned values.
     pub fn owned(values: Vec<f32>) -> Self {
-        let len = values.len();
-        Column::Owned { values: Arc::new(values), offset: 0, len }
+        Column { range: 0..values.len(), floats: FloatStore::Owned(Arc::new(values)) }
     }
 
-    /// All values of another owner, where they lie.
+    /// All values of another owner, such as an array of Python's, where they lie.
     pub fn lent(owner: Arc<dyn AsRef<[f32]> + Send + Sync>) -> Self {
-        let len = (*owner).as_ref().len();
-        Column::Lent { owner, offset: 0, len }
+        Column { range: 0..(*owner).as_ref().len(), floats: FloatStore::Lent(owner) }
+    }
+
+    /// `len` floats from byte `offset`, a multiple of 4, of a mapped little-endian file.
+    pub fn mapped(map: Arc<memmap2::Mmap>, offset: usize, len: usize) -> Self {
+        Column { range: 0..len, floats: FloatStore::Mapped(map, offset) }
     }
 
     /// A part of it, which must lie inside; nothing is copied.
     pub fn slice(&self, range: Range<usize>) -> Self {
         assert!(range.start <= range.end && range.end <= self.len(), "a part of the column");
-        let mut part = self.clone();
-        match &mut part {
-            Column::Owned { offset, len, .. } | Column::Lent { offset, len, .. } => {
-                (*offset, *len) = (*offset + range.start, range.len());
-            }
-            Column::Mapped { offset, len, .. } => (*offset, *len) = (*offset + 4 * range.start, range.len()),
-        }
-        part
+        let start = self.range.start;
+        Column { range: start + range.start..start + range.end, floats: self.floats.clone() }
     }
 }
 
@@ -71,10 +54,13 @@ impl Deref for Column {
     type Target = [f32];
 
     fn deref(&self) -> &[f32] {
-        match self {
-            Column::Owned { values, offset, len } => &values[*offset..*offset + *len],
-            Column::Mapped { map, offset, len } => bytemuck::cast_slice(&map[*offset..*offset + 4 * *len]),
-            Column::Lent { owner, offset, len } => &(**owner).as_ref()[*offset..*offset + *len],
+        let range = self.range.clone();
+        match &self.floats {
+            FloatStore::Owned(values) => &values[range],
+            FloatStore::Mapped(map, offset) => {
+                bytemuck::cast_slice(&map[offset + 4 * range.start..offset + 4 * range.end])
+            }
+            FloatStore::Lent(owner) => &(**owner).as_ref()[range],
         }
     }
 }
@@ -91,7 +77,7 @@ pub enum Positions {
 /// A snapshot: positions `origin + local`, columns, layers, metadata.
 #[derive(Clone)]
 pub struct Particles {
-    /// Local positions.
+    /// Positions relative to the origin, float32.
     pub positions: Positions,
     /// Columns of one value a particle; [`MASS`] are weights, > 0.
     columns: Columns<Column>,
@@ -104,7 +90,7 @@ pub struct Particles {
 }
 
 /// Particles in one step of parallel work; fixed, so that sums do not depend on threads.
-pub(crate) const CHUNK: usize = super::RUN;
+pub(crate) const CHUNK: usize = RUN;
 
 impl Particles {
     /// Particles of one layer without weights.
@@ -152,7 +138,7 @@ impl Particles {
     }
 
     /// Particles of columns x, y, z and perhaps weights.
-    pub(crate) fn of_columns(
+    pub(crate) fn from_column_list(
         columns: Vec<Column>,
         origin: [f64; 3],
         meta: SnapshotMeta,
@@ -234,13 +220,22 @@ impl Particles {
 
     /// Bounds of the particles, world units.
     pub fn bounds(&self) -> Bounds {
+        self.in_world(self.local_bounds())
+    }
+
+    /// Bounds about the origin.
+    pub(crate) fn local_bounds(&self) -> Bounds {
         let parts = self.par_chunks(|_, chunk| {
             let ends = chunk
                 .position
                 .map(|c| c.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(lo, hi), &v| (lo.min(v), hi.max(v))));
             Bounds { min: ends.map(|e| f64::from(e.0)), max: ends.map(|e| f64::from(e.1)) }
         });
-        let local = parts.iter().fold(Bounds::empty(), |a, b| a.union(b));
+        parts.iter().fold(Bounds::empty(), |a, b| a.union(b))
+    }
+
+    /// Bounds about the origin as bounds of the world.
+    pub(crate) fn in_world(&self, local: Bounds) -> Bounds {
         Bounds { min: each_axis(|k| self.origin[k] + local.min[k]), max: each_axis(|k| self.origin[k] + local.max[k]) }
     }
 

@@ -2,7 +2,7 @@
 
 use super::Particles;
 use crate::space::Cell;
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 use particlegs_core::math::each_axis;
 
 /// How often the snapshot stands beside itself along each cell vector. Tiles are numbered with the
@@ -33,7 +33,7 @@ impl Tiling {
             .meta
             .cell
             .as_ref()
-            .ok_or_else(|| Error::input_with(name, "tiling needs a periodic box", Remedy::StateBox))?;
+            .ok_or_else(|| Error::input_with(name, "tiling needs a periodic box", Hint::state_box()))?;
         if let Some(k) = (0..3).find(|&k| repeats[k] > 1 && !cell.periodic[k]) {
             return Err(Error::input(name, format!("axis {k} is not periodic and cannot be repeated")));
         }

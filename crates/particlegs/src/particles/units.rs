@@ -4,8 +4,7 @@ use super::scratch::ColumnBuffer;
 use super::{CHUNK, Particles, Storage};
 use crate::context::Context;
 use crate::model::UnitSystem;
-use crate::parallel;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 
 impl Particles {
     /// The particles in the units of another system, in columns of `storage` where lengths are converted; what the two
@@ -40,7 +39,8 @@ impl Particles {
         let columns = columns.into_iter().map(ColumnBuffer::finish).collect::<Result<Vec<_>>>()?;
         let origin = self.origin.map(|v| v * by.length);
         let weights = self.weights().cloned();
-        let moved = Particles::of_columns(columns.into_iter().chain(weights).collect(), origin, self.meta, self.layers);
+        let moved =
+            Particles::from_column_list(columns.into_iter().chain(weights).collect(), origin, self.meta, self.layers);
         let bounds = moved.bounds();
         if bounds.min.iter().chain(&bounds.max).any(|v| !v.is_finite()) {
             return Err(Error::input(&moved.meta.name, "float32 does not hold its positions in that unit of length"));
@@ -64,17 +64,17 @@ mod tests {
         p.origin = [10.0, 0.0, 0.0];
         p.meta = SnapshotMeta {
             cell: Some(Cell::orthogonal([20.0; 3])),
-            units: Units::of(Some("Mpc"), Some("1e10 Msun"), Some(true)),
+            units: Units::new(Some("Mpc"), Some("1e10 Msun"), Some(true)),
             ..SnapshotMeta::default()
         };
-        let to = Units::of(Some("kpc"), Some("Msun"), None);
+        let to = Units::new(Some("kpc"), Some("Msun"), None);
         let to = UnitSystem { units: &to, scale_factor: None, hubble: None };
         let moved = p.clone().in_units(&to, &Storage::Memory, &Context::SILENT).unwrap();
         assert_eq!((moved.position(0), moved.position(1)), ([11e3, 500.0, 3e3], [12e3, 4e3, 8e3]));
         assert_eq!(moved.meta.cell, Some(Cell::orthogonal([20e3; 3])));
-        assert_eq!(moved.meta.units, Units::of(Some("kpc"), Some("Msun"), Some(true)));
+        assert_eq!(moved.meta.units, Units::new(Some("kpc"), Some("Msun"), Some(true)));
         assert_eq!((moved.layers()[0].mass, moved.meta.particle_mass), (Mass::Weights(Some(1e10)), Some(1e10)));
-        let tiny = Units::of(Some("1e-40 m"), None, None);
+        let tiny = Units::new(Some("1e-40 m"), None, None);
         let tiny = UnitSystem { units: &tiny, ..to };
         assert!(p.in_units(&tiny, &Storage::Memory, &Context::SILENT).is_err());
     }

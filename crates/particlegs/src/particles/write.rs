@@ -31,7 +31,7 @@ impl RawForm {
     pub const FOLDER_FILES: [&str; 6] = [COLUMNS[0], COLUMNS[1], COLUMNS[2], COLUMNS[3], TRIPLES, SIDECAR];
 
     /// What the name of an output means: a .npy, or a folder of columns.
-    pub fn of_name(out: &Path) -> Self {
+    pub fn from_name(out: &Path) -> Self {
         if out.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy")) { RawForm::Npy } else { RawForm::Columns }
     }
 }
@@ -42,7 +42,6 @@ pub(crate) struct SnapshotDescription<'a> {
     pub meta: &'a SnapshotMeta,
     /// What the columns are relative to.
     pub origin: [f64; 3],
-    /// Layers, one after the other.
     pub layers: Vec<Layer<Range<u64>>>,
     /// The particles' order, in words.
     pub order: &'static str,
@@ -64,33 +63,16 @@ pub struct SnapshotWriter {
     wide: bool,
 }
 
-/// What is written.
 enum WriteTarget {
-    /// One file.
     File(PlacedFile),
     /// A folder with these files: columns, or one of triples.
     Folder(WholeFolder, Vec<(&'static str, File)>),
 }
 
 impl SnapshotWriter {
-    /// Opens files for `count` particles, whose runs are relative to `origin`: columns stay so, triples are float64
-    /// about 0 where it is not 0. A folder that is there is replaced by the new one as a whole.
-    ///
-    /// # Errors
-    /// [`Error::Io`] where the place cannot be written or the disk has no room; [`Error::Input`]
-    /// where weights would be lost; [`Error::Output`] where the folder holds anything but particles.
-    pub fn create(out: &Path, form: RawForm, count: u64, weighted: bool, origin: [f64; 3]) -> Result<Self> {
-        Self::create_as(out, form, count, weighted, (origin, origin != [0.0; 3]))
-    }
-
-    /// The same, with triples in float64 where that is asked for.
-    pub(crate) fn create_as(
-        out: &Path,
-        form: RawForm,
-        count: u64,
-        weighted: bool,
-        (origin, wide): ([f64; 3], bool),
-    ) -> Result<Self> {
+    /// Opens files for `count` particles, whose runs are relative to `origin`: columns stay so, triples are about 0,
+    /// and float64 where they are to be `wide`. A folder that is there is replaced by the new one as a whole.
+    pub fn create(out: &Path, form: RawForm, count: u64, weighted: bool, origin: [f64; 3], wide: bool) -> Result<Self> {
         let wide = wide && form != RawForm::Columns;
         if form != RawForm::Columns && weighted {
             return Err(Error::input_with(
@@ -125,9 +107,6 @@ impl SnapshotWriter {
 
     /// Writes a run at particle `first`; runs may come in any order and from several threads.
     /// `triples` is scratch space.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
     pub fn write(&self, first: u64, run: &Run, triples: &mut Vec<u8>) -> Result<()> {
         triples.clear();
         if self.wide {
@@ -149,9 +128,6 @@ impl SnapshotWriter {
     }
 
     /// Syncs the files and moves them to their place; what is known goes beside them.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; what was there is untouched then.
     pub fn finish(self, described: &SnapshotDescription<'_>) -> Result<()> {
         let fail = |e| Error::io(&self.out, e);
         match self.target {

@@ -1,7 +1,7 @@
 //! A run of particles from its Gaussians.
 
-use super::Method;
 use super::normals::Draws;
+use super::options::Method;
 use super::plan::{LayerPlan, RecoveryPlan};
 use super::spaced::Cascade;
 use super::stratified::stratify;
@@ -32,11 +32,9 @@ pub(super) struct DrawRules {
     pub wrap: Option<PeriodicWrap>,
     /// Does the output have a column of weights?
     pub weighted: bool,
-    /// The instruction set to draw with.
     pub simd: Level,
 }
 
-/// Scratch space of a thread.
 #[derive(Default)]
 pub(super) struct DrawScratch {
     draws: Draws,
@@ -95,7 +93,7 @@ impl DrawRules {
     ) -> Result<()> {
         let n = (range.end - range.start) as usize;
         let stretch = ParticleRun { layer, stream: self.stream(&layer.layer.name), first: range.start };
-        let mut random = Random::of(Purpose::Recovery, stretch.stream, number);
+        let mut random = Random::from_purpose(Purpose::Recovery, stretch.stream, number);
         scratch.position.iter_mut().for_each(|c| c.resize(n, 0.0));
         self.raw(n, &mut random, scratch);
         let mut gaussian = layer.ends.partition_point(|&end| end <= range.start);

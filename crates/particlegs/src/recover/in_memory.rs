@@ -1,14 +1,12 @@
 //! Particles drawn into memory, to be measured.
 
 use super::draw::{DrawRules, DrawScratch};
-use super::job::{meta_of, origin_of};
-use super::plan::RecoveryPlan;
-use super::{Method, Options};
-use crate::Result;
+use super::options::{Method, Options};
+use super::plan::{RecoveryPlan, meta_of, moved, origin_of};
 use crate::context::Context;
 use crate::model::{Mass, Model};
-use crate::parallel;
-use crate::particles::{Column, Particles, Positions, Run, SnapshotMeta};
+use crate::particles::{Column, Particles, Run, SnapshotMeta};
+use crate::{Result, parallel};
 use particlegs_files::memory::require;
 
 /// Runs drawn at once: bounds what is held beside the particles.
@@ -29,12 +27,11 @@ impl Options {
         let plan = RecoveryPlan::new(model, self.particles, self.method)?;
         require("drawn particles", plan.total.saturating_mul(16))?;
         let rules = DrawRules::new(self.method, self.scale, self.seed, &local, &plan, context.simd());
-        let [x, y, z, w] = columns(&plan, &rules, plan.weighted(), &|_| 1.0, context)?;
+        let columns = columns(&plan, &rules, plan.weighted(), &|_| 1.0, context)?;
         let layers = plan.described();
         let meta = meta_of(&metadata, &layers);
-        let drawn = Particles::new(Positions::Columns([x, y, z].map(Column::owned)), origin, meta);
-        let drawn = if plan.weighted() { drawn.with_weights(Column::owned(w)) } else { drawn };
-        Ok(drawn.with_layers(layers.into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect()))
+        let layers = layers.into_iter().map(|l| l.map(|r| r.start as usize..r.end as usize)).collect();
+        Ok(Particles::from_column_list(columns, origin, meta, layers))
     }
 }
 
@@ -53,10 +50,9 @@ pub(crate) fn draw(
     let (metadata, plan) = (moved.metadata.clone(), RecoveryPlan::new(moved, None, Method::Count)?);
     let mut rules = DrawRules::new(Method::Count, 1.0, seed, &metadata, &plan, context.simd());
     rules.weighted = weighted;
-    let [x, y, z, w] = columns(&plan, &rules, weighted, &|mass| mass.unit_or_one(), context)?;
+    let columns = columns(&plan, &rules, weighted, &|mass| mass.unit_or_one(), context)?;
     let meta = SnapshotMeta { cell: model.metadata.cell, ..SnapshotMeta::default() };
-    let drawn = Particles::new(Positions::Columns([x, y, z].map(Column::owned)), origin, meta);
-    Ok(if weighted { drawn.with_weights(Column::owned(w)) } else { drawn })
+    Ok(Particles::from_column_list(columns, origin, meta, Vec::new()))
 }
 
 /// Columns x, y, z and perhaps weights, each times what its layer's masses give.
@@ -66,8 +62,9 @@ fn columns(
     weighted: bool,
     unit: &(dyn Fn(Mass) -> f64 + Sync),
     context: &Context<'_>,
-) -> Result<[Vec<f32>; 4]> {
-    let mut columns = [0, 1, 2, 3].map(|k| Vec::with_capacity(if k < 3 || weighted { plan.total as usize } else { 0 }));
+) -> Result<Vec<Column>> {
+    let width = if weighted { 4 } else { 3 };
+    let mut columns: Vec<_> = (0..width).map(|_| Vec::with_capacity(plan.total as usize)).collect();
     context.begin("drawing particles", plan.total);
     let spaces = parallel::Scratch::<DrawScratch>::default();
     for first in (0..plan.runs()).step_by(BATCH as usize) {
@@ -86,46 +83,23 @@ fn columns(
         }
     }
     context.end();
-    Ok(columns)
-}
-
-/// The model about another origin.
-pub(super) fn moved(mut moved: Model, origin: [f64; 3]) -> Model {
-    for k in 0..3 {
-        for block in moved.layers.iter_mut().flat_map(|l| &mut l.content) {
-            block.gaussians.mean[k].iter_mut().for_each(|x| *x -= origin[k]);
-        }
-        let m = &mut moved.metadata;
-        (m.bounds.min[k], m.bounds.max[k]) = (m.bounds.min[k] - origin[k], m.bounds.max[k] - origin[k]);
-        if let Some(cell) = &mut m.cell {
-            cell.origin[k] -= origin[k];
-        }
-    }
-    moved
+    Ok(columns.into_iter().map(Column::owned).collect())
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::plan::tests::model;
+    use super::super::plan::tests::{model, options};
     use super::super::recover;
     use super::*;
     use crate::context::Context;
-    use crate::particles::RawForm;
 
     #[test]
-    fn these_are_the_particles_that_are_written() {
+    fn drawn_particles_are_those_that_are_written() {
         let m = model(&[("dm", &[(100_000, None), (7, None)]), ("gas", &[(300, None)])]);
         let drawn = draw(&m, 5, [0.0; 3], false, &Context::SILENT).unwrap();
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("out");
-        let options = Options {
-            particles: None,
-            method: Method::Count,
-            scale: 1.0,
-            seed: 5,
-            form: RawForm::Columns,
-            model_name: "m.pgs".into(),
-        };
+        let options = options(Method::Count);
         recover(m.clone(), [0; 32], &options, &out, &Context::SILENT).unwrap();
         let written = Particles::open_raw(&["xx.f32", "yy.f32", "zz.f32"].map(|n| out.join(n))).unwrap();
         assert_eq!(drawn.len(), 100_307);

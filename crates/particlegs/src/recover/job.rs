@@ -1,51 +1,18 @@
 //! From a model to files of particles, run by run.
 
-use super::Method;
 use super::draw::{DrawRules, DrawScratch};
-use super::in_memory::moved;
 use super::notes::notes;
-use super::plan::RecoveryPlan;
+use super::options::Options;
+use super::plan::{RecoveryPlan, meta_of, moved, origin_of};
 use crate::context::Context;
-use crate::model::{Layer, Metadata, Model};
-use crate::parallel;
-use crate::particles::{Particles, RUN, RawForm, Run, SnapshotDescription, SnapshotMeta, SnapshotWriter};
-use crate::{Error, Result};
+use crate::model::Model;
+use crate::particles::{RUN, RawForm, Run, SnapshotDescription, SnapshotWriter};
+use crate::{Error, Result, parallel};
 use particlegs_files::input::{Begins, Form, read_own};
 use particlegs_files::memory::require;
-use std::ops::Range;
 use std::path::Path;
 
-/// How to draw.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Options {
-    /// Particles (`None`: as many as the model stands for).
-    pub particles: Option<u64>,
-    /// How they are placed.
-    pub method: Method,
-    /// Factor on the Gaussians' standard deviations (the published variants: 1.2 to 3).
-    pub scale: f64,
-    /// Seed of the draws.
-    pub seed: u64,
-    /// Columns, or triples.
-    pub form: RawForm,
-    /// The model file's name, for meta.json.
-    pub model_name: String,
-}
-
 impl Options {
-    /// Checks the numbers.
-    pub(super) fn check(&self) -> Result<()> {
-        if self.scale > 0.0 && self.scale.is_finite() {
-            return Ok(());
-        }
-        Err(Error::argument(format!("a scale of {} is not positive", self.scale)))
-    }
-
-    /// Number of particles that are drawn from `model`.
-    pub fn total(&self, model: &Model) -> u64 {
-        self.particles.unwrap_or_else(|| model.layers.iter().map(|l| l.count()).sum())
-    }
-
     /// What particles drawn from `model` by these options are: the keys that meta.json has beside box and units.
     pub fn notes(&self, model: &Model, model_hash: [u8; 32]) -> serde_json::Value {
         notes(&model.metadata, model.certificate.as_ref(), model_hash, self, self.total(model)).into()
@@ -106,7 +73,7 @@ pub fn recover(
     let plan = RecoveryPlan::new(model, options.particles, options.method)?;
     let weighted = plan.weighted();
     let rules = DrawRules::new(options.method, options.scale, options.seed, &local, &plan, context.simd());
-    let writer = SnapshotWriter::create(out, options.form, plan.total, weighted, origin)?;
+    let writer = SnapshotWriter::create(out, options.form, plan.total, weighted, origin, origin != [0.0; 3])?;
     let bytes = writer.particle_bytes(weighted) * plan.total;
     context.begin("drawing particles", plan.total);
     let spaces = parallel::Scratch::<(DrawScratch, Run, Vec<_>)>::default();
@@ -134,26 +101,6 @@ pub fn recover(
     Ok(bytes)
 }
 
-/// What the particles of a model are written about: 0 unless float32 would not hold their places there.
-pub(super) fn origin_of(metadata: &Metadata) -> [f64; 3] {
-    metadata.bounds.float32_origin(metadata.default_radius)
-}
-
-/// What is known about particles drawn from a model, in these layers.
-pub(super) fn meta_of(metadata: &Metadata, layers: &[Layer<Range<u64>>]) -> SnapshotMeta {
-    let one = layers.len() == 1 && layers[0].name == Particles::ONE_LAYER;
-    SnapshotMeta {
-        name: format!("{} (synthetic)", metadata.source),
-        cell: metadata.cell,
-        units: metadata.units.clone(),
-        particle_mass: layers[0].mass.unit().filter(|_| one),
-        weight_name: metadata.weight_name().map(str::to_string),
-        cosmology: metadata.cosmology,
-        epoch: metadata.epoch,
-        fields: Vec::new(),
-    }
-}
-
 /// Bytes before the triples of a positions.npy.
 const NPY_HEADER: u64 = 128;
 /// What lies beside recovered particles.
@@ -166,16 +113,13 @@ const BYTES_A_DRAW: usize = 8 * 7 + 4 * 7;
 
 #[cfg(test)]
 mod tests {
-    use super::super::plan::tests::model;
+    use super::super::options::Method;
+    use super::super::plan::tests::{model, options};
     use super::*;
     use crate::context::Context;
     use crate::model::Mass;
     use crate::particles::Particles;
     use particlegs_core::math::each_axis;
-
-    fn options(method: Method) -> Options {
-        Options { particles: None, method, scale: 1.0, seed: 5, form: RawForm::Columns, model_name: "m.pgs".into() }
-    }
 
     fn drawn(model: Model, options: &Options) -> Result<Particles> {
         let dir = tempfile::tempdir().unwrap();
@@ -184,15 +128,11 @@ mod tests {
         let made = recover(model, [0; 32], options, &out, &Context::SILENT);
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), usize::from(made.is_ok()));
         let bytes = made?;
-        let p = Particles::open_raw(
-            &["xx.f32", "yy.f32", "zz.f32", "ww.f32"]
-                .map(|n| out.join(n))
-                .into_iter()
-                .filter(|p| p.exists())
-                .collect::<Vec<_>>(),
-        )?;
-        let columns = ["xx.f32", "yy.f32", "zz.f32", "ww.f32"].map(|n| out.join(n).metadata().map_or(0, |m| m.len()));
-        assert_eq!((p.len() as u64, columns.iter().sum::<u64>()), (number, bytes));
+        let files = ["xx.f32", "yy.f32", "zz.f32", "ww.f32"].map(|n| out.join(n)).into_iter().filter(|p| p.exists());
+        let files: Vec<_> = files.collect();
+        let p = Particles::open_raw(&files)?;
+        let written: u64 = files.iter().map(|f| f.metadata().unwrap().len()).sum();
+        assert_eq!((p.len() as u64, written), (number, bytes));
         Ok(p)
     }
 

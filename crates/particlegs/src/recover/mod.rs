@@ -10,9 +10,9 @@
 mod draw;
 mod in_memory;
 mod job;
-mod method;
 mod normals;
 mod notes;
+mod options;
 mod plan;
 mod quantile;
 mod spaced;
@@ -20,5 +20,5 @@ mod stratified;
 mod wrap;
 
 pub(crate) use in_memory::draw;
-pub use job::{Options, recover};
-pub use method::Method;
+pub use job::recover;
+pub use options::{Method, Options};

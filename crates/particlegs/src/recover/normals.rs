@@ -6,7 +6,6 @@
 use crate::context::Level;
 use crate::math::Random;
 
-/// Draws with their scratch space.
 #[derive(Default)]
 pub(super) struct Draws {
     words: Vec<u32>,

@@ -1,8 +1,7 @@
 //! What meta.json says about recovered particles.
 
-use super::Options;
-use crate::model::hex;
-use crate::model::{Certificate, LawKind, Metadata, MetricGroup};
+use super::options::Options;
+use crate::model::{Certificate, LawKind, Metadata, MetricGroup, hex};
 use serde_json::{Map, Value, json};
 
 /// The first thing that a reader of meta.json should see.
@@ -66,9 +65,9 @@ fn supports(certificate: Option<&Certificate>, unit: Option<&str>, options: &Opt
         match (group.tag, entries) {
             (MetricGroup::DENSITY, Some(entries)) => all.push(format!(
                 "{} (the model's own, measured when it was made; a draw adds its shot noise)",
-                group.in_words(&entries, unit)
+                group.describe(&entries, unit)
             )),
-            (MetricGroup::SCIENCE, Some(entries)) => all.push(group.in_words(&entries, unit)),
+            (MetricGroup::SCIENCE, Some(entries)) => all.push(group.describe(&entries, unit)),
             (MetricGroup::SCIENCE, None) => all.push(
                 "P(k), r(k) and groups were not measured when the model was made: compare with the source \
                  (`particlegs stats`) before use"

@@ -1,10 +1,10 @@
 //! Which particles belong to which Gaussian.
 
-use super::Method;
+use super::options::Method;
 use crate::codec::whole_counts;
 use crate::math::Sym3;
-use crate::model::{Block, Layer, Mass, Mixture, Model};
-use crate::particles::RUN;
+use crate::model::{Block, Layer, Mass, Metadata, Mixture, Model};
+use crate::particles::{Particles, RUN, SnapshotMeta};
 use crate::{Error, Result};
 use std::ops::Range;
 
@@ -24,7 +24,6 @@ pub(super) struct LayerPlan {
 }
 
 impl LayerPlan {
-    /// Particles.
     pub fn count(&self) -> u64 {
         self.ends.last().copied().unwrap_or(0)
     }
@@ -37,7 +36,6 @@ impl LayerPlan {
 /// What is to be drawn.
 pub(super) struct RecoveryPlan {
     pub layers: Vec<LayerPlan>,
-    /// Particles.
     pub total: u64,
 }
 
@@ -46,9 +44,6 @@ impl RecoveryPlan {
     /// Where that is the model's own number, each gets its own count, but for methods that go by
     /// volume. Other numbers of an alpha-blend model are shared by the opacities themselves, which
     /// rounding to whole counts would lose where Gaussians are many and particles few.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for 0 particles, or more than 2^53.
     pub fn new(model: Model, wanted: Option<u64>, method: Method) -> Result<RecoveryPlan> {
         let own: u64 = model.layers.iter().map(|l: &Layer<Vec<Block>>| l.count()).sum();
         let total = wanted.unwrap_or(own);
@@ -72,7 +67,7 @@ impl RecoveryPlan {
         if shared {
             whole_counts(&mut counts, total);
         }
-        let mut layers: Vec<LayerPlan> = model.layers.into_iter().map(LayerPlan::of).collect();
+        let mut layers: Vec<LayerPlan> = model.layers.into_iter().map(LayerPlan::new).collect();
         let (mut rest, mut first) = (&counts[..], 0);
         for layer in &mut layers {
             let (mine, others) = rest.split_at(layer.layer.content.len());
@@ -94,7 +89,6 @@ impl RecoveryPlan {
         self.layers.iter().map(|l| l.layer.with(l.first..l.first + l.count())).collect()
     }
 
-    /// Number of runs.
     pub fn runs(&self) -> u64 {
         self.layers.iter().map(LayerPlan::runs).sum()
     }
@@ -113,7 +107,7 @@ impl RecoveryPlan {
 }
 
 impl LayerPlan {
-    fn of(layer: Layer<Vec<Block>>) -> LayerPlan {
+    fn new(layer: Layer<Vec<Block>>) -> LayerPlan {
         let layer = layer.map(|blocks| {
             let mut blocks = blocks.into_iter().map(|b| b.gaussians);
             let mut gaussians = blocks.next().unwrap_or_default();
@@ -167,12 +161,54 @@ fn volume(cov: &Sym3) -> f64 {
     cov.det().max(0.0).sqrt()
 }
 
+/// The model about another origin.
+pub(super) fn moved(mut moved: Model, origin: [f64; 3]) -> Model {
+    for k in 0..3 {
+        for block in moved.layers.iter_mut().flat_map(|l| &mut l.content) {
+            block.gaussians.mean[k].iter_mut().for_each(|x| *x -= origin[k]);
+        }
+        let m = &mut moved.metadata;
+        (m.bounds.min[k], m.bounds.max[k]) = (m.bounds.min[k] - origin[k], m.bounds.max[k] - origin[k]);
+        if let Some(cell) = &mut m.cell {
+            cell.origin[k] -= origin[k];
+        }
+    }
+    moved
+}
+
+/// What the particles of a model are written about: 0 unless float32 would not hold their places there.
+pub(super) fn origin_of(metadata: &Metadata) -> [f64; 3] {
+    metadata.bounds.float32_origin(metadata.default_radius)
+}
+
+/// What is known about particles drawn from a model, in these layers.
+pub(super) fn meta_of(metadata: &Metadata, layers: &[Layer<Range<u64>>]) -> SnapshotMeta {
+    let one = layers.len() == 1 && layers[0].name == Particles::ONE_LAYER;
+    SnapshotMeta {
+        name: format!("{} (synthetic)", metadata.source),
+        cell: metadata.cell,
+        units: metadata.units.clone(),
+        particle_mass: layers[0].mass.unit().filter(|_| one),
+        weight_name: metadata.weight_name().map(str::to_string),
+        cosmology: metadata.cosmology,
+        epoch: metadata.epoch,
+        fields: Vec::new(),
+    }
+}
+
 #[cfg(test)]
 pub(super) mod tests {
+    use super::super::options::Options;
     use super::*;
     use crate::model::{AlphaBlend, Law, LawKind, Metadata};
+    use crate::particles::RawForm;
     use crate::space::Bounds;
     use proptest::prelude::*;
+
+    /// Options of raw columns, seed 5.
+    pub fn options(method: Method) -> Options {
+        Options { particles: None, method, scale: 1.0, seed: 5, form: RawForm::Columns, model_name: "m.pgs".into() }
+    }
 
     /// A model of one layer a slice of (count, mass); each Gaussian at its number along x.
     pub fn model(layers: &[(&str, &[(u64, Option<f64>)])]) -> Model {
@@ -273,7 +309,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn none_and_too_many_are_refused() {
+    fn no_particles_and_too_many_are_refused() {
         let m = model(&[("particles", &[(5, None)])]);
         assert!(RecoveryPlan::new(m.clone(), Some(0), Method::Count).is_err());
         assert!(RecoveryPlan::new(m, Some(u64::MAX), Method::Count).is_err());

@@ -44,7 +44,7 @@ const CENTRE: [[f64; 8]; 2] = [
         5_226.495_278_852_854,
     ],
 ];
-/// The same, from 0.075 outwards.
+/// The numerator and denominator from 0.075 outwards.
 const TAIL: [[f64; 8]; 2] = [
     [
         1.423_437_110_749_683_5,

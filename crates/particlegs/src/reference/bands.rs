@@ -1,5 +1,7 @@
 //! Splats sorted into bands of rows, in particle order: each band is then one task's own.
 
+use crate::particles::{Chunk, ChunkBuffer, Particles};
+
 /// Splats of a run of particles by band: those of band b are `splats[start[b]..start[b + 1]]`.
 #[derive(Default)]
 pub(super) struct BandedSplats<T> {
@@ -27,7 +29,6 @@ impl<T> Default for BandSorter<T> {
 }
 
 impl<T: Copy + Default> BandSorter<T> {
-    /// With room for some splats.
     pub fn with_capacity(n: usize) -> Self {
         BandSorter { splats: Vec::with_capacity(n), reach: Vec::with_capacity(n) }
     }
@@ -65,4 +66,17 @@ impl<T: Copy + Default> BandSorter<T> {
         self.reach.clear();
         BandedSplats { splats, start }
     }
+}
+
+/// Visits runs of particles spread evenly over a snapshot, a quarter of a million or all; says how many they were.
+pub(super) fn visit_sample(particles: &Particles, mut visit: impl FnMut(Chunk<'_>)) -> usize {
+    const RUN: usize = 1024;
+    let n = particles.len();
+    let stride = (n / (RUN * 256)).max(1) * RUN;
+    let mut buffer = ChunkBuffer::default();
+    (0..n).step_by(stride).fold(0, |sampled, start| {
+        let chunk = particles.chunk(start..n.min(start + RUN), &mut buffer);
+        visit(chunk);
+        sampled + chunk.len()
+    })
 }

@@ -1,12 +1,11 @@
 //! Surface density of all particles: mass along the line of sight for an area.
 
-use crate::Result;
 use crate::camera::{CenteredCell, DensityView, Projection};
 use crate::context::Context;
-use crate::parallel;
 use crate::particles::{Chunk, ChunkBuffer, Particles};
 use crate::picture::{Plane, Size};
 use crate::space::Bounds;
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 use particlegs_core::memory::filled;
 use particlegs_files::memory::require;
@@ -36,7 +35,6 @@ pub(super) struct PointProjector {
     origin: [f64; 3],
 }
 
-/// Where a particle is seen.
 pub(super) struct ProjectedPoint {
     /// Pixels from the left and from the top.
     pub x: f64,
@@ -84,7 +82,6 @@ impl PointProjector {
         }
     }
 
-    /// The mass of a particle.
     #[inline(always)]
     pub fn mass(&self, chunk: &Chunk<'_>, i: usize) -> f64 {
         self.unit_mass * chunk.weight.map_or(1.0, |w| f64::from(w[i]))
@@ -151,16 +148,16 @@ impl PointProjector {
 mod tests {
     use super::*;
     use crate::camera::Window;
+
     use crate::context::Context;
-    use crate::math::Random;
     use crate::reference::Reference;
     use crate::space::Cell;
+    use crate::testing::{from_points, poisson};
 
     /// A window of one box holds all mass, wherever its centre is; half of a box's depth half.
     #[test]
     fn mass_is_conserved_in_a_periodic_window() {
-        let draw = |k: u32| (0..5000).map(|i| Random::new(3, k, i).uniform() as f32 * 2.0).collect::<Vec<f32>>();
-        let particles = Particles::from_columns(draw(0), draw(1), draw(2));
+        let particles = poisson(5000, [2.0; 3], 3);
         let bounds = Bounds { min: [0.0; 3], max: [2.0; 3] };
         let size = Size { width: 64, height: 64 };
         for center in [[1.0, 1.0, 1.0], [0.2, 1.9, -3.7]] {
@@ -190,12 +187,10 @@ mod tests {
         let slab = Cell { periodic: [true, true, false], ..upright[1] };
         for cell in upright.into_iter().chain([tilted, slab]) {
             // A lattice that has particles on the lower faces, and in the middle.
-            let at = |i: usize, k: usize| {
-                let f = [i % 10, i / 10 % 10, i / 100].map(|n| n as f64 / 10.0);
-                (0..3).map(|a| f[a] * cell.vectors[a][k]).sum::<f64>() as f32
-            };
-            let column = |k: usize| (0..1000).map(|i| at(i, k)).collect::<Vec<f32>>();
-            let particles = Particles::from_columns(column(0), column(1), column(2));
+            let particles = from_points((0..1000).map(|i| {
+                let f = [i % 10, i / 10 % 10, i / 100].map(|n| f64::from(n) / 10.0);
+                each_axis(|k| (0..3).map(|a| f[a] * cell.vectors[a][k]).sum::<f64>())
+            }));
             let reference = Reference::new(&particles);
             let (bounds, extent) = (*reference.bounds(), Extent::new(reference.bounds(), Some(&cell)));
             for angles_deg in

@@ -52,7 +52,6 @@ const CUT_LINES: i32 = 16;
 /// Intervals of the table of the Gaussian's integral from -3 to +3.
 const STEPS: usize = 4096;
 
-/// A run of rows of a plane.
 pub(super) struct RowRun<'a> {
     pub data: &'a mut [f32],
     pub width: usize,
@@ -62,7 +61,6 @@ pub(super) struct RowRun<'a> {
     pub fine_area: f32,
 }
 
-/// Adds splats of one opacity to planes.
 pub(super) struct Depositor {
     opacity: f32,
     integral: Vec<f32>,
@@ -155,6 +153,7 @@ impl Depositor {
         for splat in splats {
             let Some(window) = RowWindow::new(&splat, rows) else { continue };
             let [sx, sy] = splat.sigma();
+            // A splat along the axes is the product of two profiles; a turned one is not, and has its own rows.
             if splat.axes[1] == 0.0 && splat.axes[2] == 0.0 {
                 let area = rows.fine_area;
                 self.profile(splat.x, sx, window.columns, area, &mut profiles.x);
@@ -176,6 +175,7 @@ impl Depositor {
         let inverse = 1.0 / sigma;
         out.clear();
         if sigma < SMOOTH_SIGMA {
+            // One look into the table a pixel: the upper edge of one is the lower edge of the next.
             let mut below = self.integral((range[0] as f32 - center) * inverse);
             out.extend((range[0]..range[1]).map(|i| {
                 let above = self.integral(((i + 1) as f32 - center) * inverse);
@@ -389,7 +389,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn elementary_functions() {
+    fn elementary_functions_agree_with_the_library() {
         for k in 0..2000 {
             let q = k as f32 * 0.01;
             assert!((f64::from(gaussian(q)) / (-0.5 * f64::from(q)).exp() - 1.0).abs() < 1e-6, "{q}");

@@ -4,15 +4,14 @@
 //! depend on threads. Where many splats are large they go to coarser planes, which are then
 //! interpolated up and added: the cost stays O(particles + pixels x levels).
 
-use super::bands::{BandSorter, BandedSplats};
+use super::bands::{BandSorter, BandedSplats, visit_sample};
 use super::deposit::{Depositor, PixelSplat, Profiles, SMALL_SIGMA};
 use super::project::{BLOCK, DIAGONAL_LIMIT, ProjectedBlock, Projector};
 use super::pyramid::{Pyramid, PyramidLevel};
 use crate::context::Context;
-use crate::parallel;
 use crate::particles::{CHUNK, Chunk, Particles};
 use crate::picture::{Plane, Size};
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use fearless_simd::{Simd, dispatch};
 
 /// Chunks of particles whose splats are held at a time.
@@ -103,19 +102,14 @@ impl<'a> DepthJob<'a> {
 
     /// Pixels that the splats of each octave cover together, judged by a sample of the particles.
     fn cover_by_octave(&self) -> [f64; OCTAVES] {
-        const RUN: usize = 1024;
-        let n = self.particles.len();
-        let stride = (n / (RUN * 256)).max(1) * RUN;
-        let (mut cover, mut buffer, mut sampled) = ([0.0; OCTAVES], Default::default(), 0);
-        for start in (0..n).step_by(stride) {
-            let chunk = self.particles.chunk(start..n.min(start + RUN), &mut buffer);
-            sampled += chunk.len();
+        let mut cover = [0.0; OCTAVES];
+        let sampled = visit_sample(self.particles, |chunk| {
             self.for_splats(chunk, |splat, _| {
                 let [sx, sy] = splat.sigma();
                 cover[octave(sx.min(sy))] += (36.0 * f64::from(sx) * f64::from(sy)).min(self.size.pixels() as f64);
             });
-        }
-        cover.map(|c| c * n as f64 / sampled.max(1) as f64)
+        });
+        cover.map(|c| c * self.particles.len() as f64 / sampled.max(1) as f64)
     }
 
     /// The splats of some chunks by chunk and band, small ones apart.

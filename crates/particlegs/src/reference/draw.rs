@@ -8,9 +8,10 @@ use crate::camera::{DensityView, View, clipping_range};
 use crate::context::Context;
 use crate::particles::{Domain, Particles, distances_to};
 use crate::picture::{Gray8, Plane, Size};
-use crate::render::tone;
+use crate::render::{Renderer, tone};
 use crate::space::Bounds;
 use crate::splat::ToneStyle;
+use crate::train::{ParticleInput, TrainingSubject};
 use particlegs_files::memory::require;
 use std::ops::Range;
 
@@ -115,6 +116,13 @@ impl<'a> Reference<'a> {
         self.optical_depth_within(view, size, depth::direct_deposits(size, view.opacity), context)
     }
 
+    /// What an [`Accelerator`](crate::train::Accelerator) draws the same pictures of.
+    pub fn input(&self) -> ParticleInput<'a> {
+        let (particles, bounds) = (self.particles, self.bounds);
+        let columns = Box::new(move |range| particles.columns(range));
+        ParticleInput { origin: particles.origin, bounds, count: particles.len(), columns }
+    }
+
     /// With a limit of our own on direct deposits.
     pub(super) fn optical_depth_within(
         &self,
@@ -142,7 +150,21 @@ impl<'a> Reference<'a> {
     }
 }
 
-impl crate::train::TrainingSubject for Reference<'_> {
+impl Renderer for Reference<'_> {
+    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        Reference::draw(self, view, size, look, context)
+    }
+
+    fn response(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
+        Reference::response(self, view, size, look, context)
+    }
+
+    fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
+        Reference::optical_depth(self, view, size, context)
+    }
+}
+
+impl TrainingSubject for Reference<'_> {
     fn len(&self) -> usize {
         self.particles.len()
     }
@@ -161,13 +183,5 @@ impl crate::train::TrainingSubject for Reference<'_> {
 
     fn bounds(&self) -> Bounds {
         self.bounds
-    }
-
-    fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
-        Reference::draw(self, view, size, look, context)
-    }
-
-    fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
-        Reference::optical_depth(self, view, size, context)
     }
 }

@@ -25,7 +25,6 @@ impl Tables {
     }
 }
 
-/// The picture after FXAA.
 pub fn fxaa(picture: &Gray8) -> Gray8 {
     let tables = Tables::new();
     let image = FxaaImage { picture, tables: &tables };
@@ -178,7 +177,7 @@ mod tests {
     use std::path::Path;
 
     #[test]
-    fn vtks_pictures_become_vtks() {
+    fn fxaa_makes_vtks_pictures_of_vtks_without() {
         let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/nbody64");
         for name in ["far_00", "mid_00", "near_00", "near_01", "large_radius", "inside"] {
             let read = |style: &str| read_png(&golden.join(style).join(format!("{name}.png"))).unwrap();

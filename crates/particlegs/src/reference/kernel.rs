@@ -188,7 +188,7 @@ mod tests {
         }
     }
 
-    /// Of any size and at any place: the shares sum to 1, and their mean place is the disc's.
+    /// Whatever the disc's size and place, the shares sum to 1, and their mean place is the disc's.
     #[test]
     fn discs_keep_their_mass_and_place() {
         let kernel = KernelTable::new();

@@ -1,16 +1,15 @@
 //! ParaView's picture before FXAA, exactly: project, sort into bands of rows, gather every pixel's
 //! fragments in particle order, blend (docs/law/splat.md).
 
-use super::bands::{BandSorter, BandedSplats};
+use super::bands::{BandSorter, BandedSplats, visit_sample};
 use super::blend::blend;
 use super::project::{BLOCK, DIAGONAL_LIMIT, NdcSplat, ProjectedBlock, Projector};
 use super::quad::{Quad, first_pixel, snap};
 use crate::context::Context;
-use crate::parallel;
 use crate::particles::{CHUNK, Chunk, Particles};
 use crate::picture::{Gray8, Size};
 use crate::splat::{CUT_SIGMA, PEELS};
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use fearless_simd::{Simd, dispatch};
 use particlegs_core::memory::reserved;
 use particlegs_files::memory::require;
@@ -63,7 +62,7 @@ struct FragmentScratch {
     next: Vec<usize>,
     depth: Vec<f32>,
     alpha: Vec<f32>,
-    /// Of one splat in one row.
+    /// Alphas of one splat in one row.
     shapes: Vec<f32>,
 }
 
@@ -71,9 +70,9 @@ struct FragmentScratch {
 struct PictureBand<'a> {
     /// The splats of the band's group, by chunk of particles.
     chunks: &'a [BandedSplats<NdcSplat>],
-    /// Its number in the group.
+    /// The band's number in the group.
     number: usize,
-    /// Its lowest row.
+    /// The band's lowest row.
     first_row: usize,
 }
 
@@ -125,21 +124,15 @@ impl ParaviewScene<'_> {
         if n * 2 <= budget && self.projector.radius_pixels_at_most(self.size) < BAND_ROWS as f32 / 6.0 {
             return std::iter::once(0..bands).collect();
         }
-        const RUN: usize = 1024;
-        let stride = (n / (RUN * 256)).max(1) * RUN;
-        let mut buffer = Default::default();
         let mut count = vec![0u64; bands];
-        let mut sampled = 0;
-        for start in (0..n).step_by(stride) {
-            let chunk = self.particles.chunk(start..n.min(start + RUN), &mut buffer);
-            sampled += chunk.len();
+        let sampled = visit_sample(self.particles, |chunk| {
             let mut sorter = BandSorter::default();
             self.cull(chunk, 0..bands, &mut sorter);
             let sorted = sorter.sort(bands);
             for (band, total) in count.iter_mut().enumerate() {
                 *total += sorted.band(band).len() as u64;
             }
-        }
+        });
         let scale = n as f64 / sampled.max(1) as f64;
         let (mut groups, mut start, mut held) = (Vec::new(), 0, 0.0);
         for (band, &c) in count.iter().enumerate() {
@@ -318,11 +311,11 @@ struct FragmentGather<'a> {
     shapes: &'a mut Vec<f32>,
 }
 
-/// Those of a row's pixels.
+/// The fragments of a row's pixels.
 struct Fragments<'a> {
     /// How many stand before each pixel.
     first: &'a [u64],
-    /// And before the first that is gathered.
+    /// How many stand before the first that is gathered.
     base: u64,
     depth: &'a [f32],
     alpha: &'a [f32],

@@ -19,9 +19,7 @@ pub(super) const DIAGONAL_LIMIT: f32 = 1e-6;
 /// A splat in normalised device coordinates (x right, y up, the picture is [-1, 1]^2).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct NdcSplat {
-    /// Centre.
     pub x: f32,
-    /// Centre.
     pub y: f32,
     /// Window depth in [0, 1]; one for the whole splat.
     pub depth: f32,
@@ -30,7 +28,7 @@ pub(super) struct NdcSplat {
 }
 
 impl NdcSplat {
-    /// Is u along x and v along y?
+    /// The axis u is along x, and v along y.
     pub fn is_aligned(&self) -> bool {
         self.axes[1] == 0.0 && self.axes[2] == 0.0
     }
@@ -97,9 +95,6 @@ pub(super) struct Projector {
 
 impl Projector {
     /// For positions relative to `origin`: the camera is shifted in f64, the matrices rounded last.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a view that fails its check or is not a perspective one.
     pub fn new(view: &View, size: Size, origin: [f64; 3], clipping_range: [f64; 2]) -> Result<Self> {
         view.check(size)?;
         let Projection::Perspective { fov_deg } = view.camera.projection else {

@@ -31,7 +31,6 @@ impl PyramidLevel {
     }
 }
 
-/// The planes, finest first.
 pub(super) struct Pyramid {
     size: Size,
     levels: Vec<PyramidLevel>,
@@ -61,7 +60,6 @@ impl Pyramid {
         Pyramid { size, levels, data }
     }
 
-    /// Bands of all planes together.
     pub fn bands(&self) -> usize {
         self.levels.iter().map(PyramidLevel::bands).sum()
     }

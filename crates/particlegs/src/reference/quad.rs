@@ -118,7 +118,7 @@ impl Quad {
         (columns[0] < columns[1] && rows[0] < rows[1]).then_some(Quad { corner, aligned: false, columns, rows, window })
     }
 
-    /// Does it cover one pixel alone, surely?
+    /// The splat surely covers one pixel alone.
     #[inline]
     pub fn is_one_pixel(&self) -> bool {
         self.aligned && self.columns[1] - self.columns[0] == 1 && self.rows[1] - self.rows[0] == 1
@@ -139,8 +139,7 @@ impl Quad {
     /// Is a pixel centre inside a rotated quad? Left and bottom edges are in.
     fn covers(&self, column: i32, row: i32) -> bool {
         let mut p = [self.corner[0], self.corner[1], self.corner[3], self.corner[2]];
-        let turn = |a: [i32; 2], b: [i32; 2], c: [i32; 2]| cross(a, b, c);
-        if turn(p[0], p[1], p[2]) < 0 {
+        if cross(p[0], p[1], p[2]) < 0 {
             p.swap(1, 3);
         }
         let at = [column << 8, row << 8];

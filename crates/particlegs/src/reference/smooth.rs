@@ -9,11 +9,10 @@ use super::kernel::{Disc, KernelTable, LARGEST, RowSums};
 use super::pyramid::Pyramid;
 use crate::camera::DensityView;
 use crate::context::Context;
-use crate::parallel;
 use crate::particles::{CHUNK, Chunk, Particles};
 use crate::picture::{Plane, Size};
 use crate::space::{Bounds, Cell};
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_files::memory::require;
 use std::ops::Range;
 
@@ -34,15 +33,23 @@ pub(super) fn smoothed(
     size: Size,
     context: &Context<'_>,
 ) -> Result<Plane> {
-    let largest = f64::from(radii.iter().copied().fold(0.0, f32::max));
+    let radii = SupportRadii { radii, largest: f64::from(radii.iter().copied().fold(0.0, f32::max)) };
+    let largest = radii.largest;
     let tails = |cell: &Cell| cell.vectors.map(|v| 2.0 * largest / v.iter().map(|x| x * x).sum::<f64>().sqrt());
-    view.wrapped(size, tails, |view, size| drawn(particles, bounds, (radii, largest), view, size, context))
+    view.wrapped(size, tails, |view, size| drawn(particles, bounds, radii, view, size, context))
+}
+
+/// The support radius of each particle's kernel, world units.
+#[derive(Clone, Copy)]
+struct SupportRadii<'a> {
+    radii: &'a [f32],
+    largest: f64,
 }
 
 fn drawn(
     particles: &Particles,
     bounds: &Bounds,
-    (radii, largest): (&[f32], f64),
+    SupportRadii { radii, largest }: SupportRadii<'_>,
     view: &DensityView,
     size: Size,
     context: &Context<'_>,
@@ -93,7 +100,6 @@ fn add(
     })
 }
 
-/// Particles as discs.
 struct Discs<'a> {
     particles: &'a Particles,
     radii: &'a [f32],
@@ -158,6 +164,7 @@ mod tests {
     use crate::picture::{Plane, Size};
     use crate::reference::Reference;
     use crate::space::{Bounds, Cell};
+    use crate::testing::{cancelled, on_threads};
     use crate::{Error, Result};
 
     const BOX: Bounds = Bounds { min: [0.0; 3], max: [2.0; 3] };
@@ -284,8 +291,8 @@ mod tests {
         let particles = cloud(200_000, 50_000);
         let view = window([0.1, 0.3, 1.0], 1.3, Some(1.1), particles.meta.cell);
         let bits = || smoothed(&particles, 20, &view).data.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-        let many = rayon_core::ThreadPoolBuilder::new().num_threads(5).build().unwrap().install(bits);
-        let one = rayon_core::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(bits);
+        let many = on_threads(5, bits);
+        let one = on_threads(1, bits);
         assert!(many == one);
     }
 
@@ -304,16 +311,16 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_done_is_an_error() {
-        let (particles, cancelled) = (cloud(100, 0), Context::SILENT.with_cancel(&|| true));
+    fn too_many_neighbours_are_refused_and_stops_are_heard() {
+        let particles = cloud(100, 0);
         let refused = |result: Result<Reference<'_>>| result.err().map(|e| e.to_string()).unwrap_or_default();
         for neighbours in [100, usize::MAX] {
             let line = refused(Reference::new(&particles).smoothed(neighbours, &Context::SILENT));
             assert!(line.contains("there are 100") && !line.contains('\n'), "{line}");
         }
-        assert!(matches!(Reference::new(&particles).smoothed(9, &cancelled), Err(Error::Cancelled)));
+        assert!(matches!(Reference::new(&particles).smoothed(9, &cancelled()), Err(Error::Cancelled)));
         let smoothed = Reference::new(&particles).smoothed(9, &Context::SILENT).unwrap();
         let view = window([1.0; 3], 2.0, None, None);
-        assert!(matches!(smoothed.surface_density(&view, SIZE, &cancelled), Err(Error::Cancelled)));
+        assert!(matches!(smoothed.surface_density(&view, SIZE, &cancelled()), Err(Error::Cancelled)));
     }
 }

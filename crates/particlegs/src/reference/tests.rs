@@ -7,22 +7,16 @@ use crate::math::Random;
 use crate::particles::Particles;
 use crate::picture::{Plane, Size};
 use crate::splat::ToneStyle;
+use crate::testing::{from_points, on_threads};
 
 const SIZE: Size = Size { width: 240, height: 136 };
 
 /// Particles in a unit cube, half of them in a clump.
 fn cube(n: usize, seed: u64) -> Particles {
-    let mut columns = [vec![], vec![], vec![]];
-    for i in 0..n {
-        let mut random = Random::new(seed, 1, i as u64);
-        let clump = i % 2 == 0;
-        for c in &mut columns {
-            let v = if clump { 0.3 + 0.05 * random.normal() } else { random.uniform() };
-            c.push(v as f32);
-        }
-    }
-    let [x, y, z] = columns;
-    Particles::from_columns(x, y, z)
+    from_points((0..n as u64).map(|i| {
+        let mut random = Random::new(seed, 1, i);
+        [0; 3].map(|_| if i % 2 == 0 { 0.3 + 0.05 * random.normal() } else { random.uniform() })
+    }))
 }
 
 /// A view of the cube whose splats have `radius_px` at the centre.
@@ -104,8 +98,7 @@ fn threads_and_vectors_change_no_bit() {
             (tau.data.iter().map(|t| t.to_bits()).collect::<Vec<_>>(), exact)
         };
         let many = draw(&Context::SILENT);
-        let one =
-            rayon_core::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| draw(&Context::SILENT));
+        let one = on_threads(1, || draw(&Context::SILENT));
         assert!(many == one, "threads change the picture");
         let plain = draw(&Context::scalar());
         assert!(many == plain, "vector instructions change the picture");

@@ -1,11 +1,10 @@
 //! The picture of particles spread evenly over a box: what any model must beat.
 
-use crate::Result;
 use crate::camera::{Projection, View, clipping_range};
-use crate::parallel;
 use crate::particles::Domain;
 use crate::picture::{Plane, Size};
 use crate::splat::opacity_integral;
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 
 /// The noise-free optical depth of `count` particles spread evenly over a box, without fluctuations:
@@ -13,9 +12,6 @@ use particlegs_core::math::each_axis;
 /// which the pixel's ray is inside. Splats widen towards the corners as everywhere; in perspective a
 /// particle's size on the picture falls with depth as the pixel's cone grows, so no power of depth is
 /// left. Views without a clipping range get that of the bounds.
-///
-/// # Errors
-/// [`crate::Error::Argument`] for a view with a number outside its range.
 pub fn uniform_box(domain: &Domain, count: f64, view: &View, size: Size) -> Result<Plane> {
     view.check(size)?;
     let frame = view.camera.frame()?;
@@ -69,19 +65,16 @@ fn depth_inside(domain: &Domain, start: [f64; 3], direction: [f64; 3], range: [f
 mod tests {
     use super::*;
     use crate::camera::{base_distance, spherical_camera};
+
     use crate::context::Context;
-    use crate::math::Random;
-    use crate::particles::Particles;
     use crate::reference::Reference;
     use crate::space::Bounds;
+    use crate::testing::{gas, poisson, tilted_cells};
 
     /// Particles drawn evenly have this depth on average, in perspective and in parallel projection.
     #[test]
-    fn is_the_mean_of_particles_drawn_evenly() {
-        let draw = |k: u32, edge: f64| -> Vec<f32> {
-            (0..200_000).map(|i| (edge * Random::new(5, k, i).uniform()) as f32).collect()
-        };
-        let particles = Particles::from_columns(draw(0, 4.0), draw(1, 2.0), draw(2, 3.0));
+    fn the_uniform_box_is_the_mean_of_particles_drawn_evenly() {
+        let particles = poisson(200_000, [4.0, 2.0, 3.0], 5);
         let bounds = Bounds { min: [0.0; 3], max: [4.0, 2.0, 3.0] };
         let size = Size { width: 96, height: 64 };
         let distance = 0.6 * base_distance(&bounds, size);
@@ -114,10 +107,9 @@ mod tests {
         }
     }
 
-    /// Of a tilted cell every line of sight has the depth that its own even particles have.
+    /// In a tilted cell every line of sight has the depth that its own even particles have.
     #[test]
     fn a_tilted_box_has_its_own_picture() {
-        use crate::stats::testing::{gas, tilted_cells};
         let cell = tilted_cells()[0];
         let particles = gas(100_000, &cell, 3);
         let domain = Domain::drawn(&particles.bounds(), Some(&cell));

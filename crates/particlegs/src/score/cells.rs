@@ -3,7 +3,7 @@
 use crate::context::Context;
 use crate::model::{CELL_SIZES, CellDensity, Model};
 use crate::particles::Particles;
-use crate::score::density::density_agreement;
+use crate::score::density::{density_agreement, model_and_uniform};
 use crate::stats::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
 use crate::{Error, Result};
 use particlegs_core::math::each_axis;
@@ -31,10 +31,10 @@ pub(super) fn cell_densities(
     Ok(agreements(pair, particles.len()))
 }
 
-/// Of the fields on the grid of the smallest cells, the particles' and the model's; `particles` in all.
+/// The agreement of the particles' field and the model's, both on the grid of the smallest cells; `particles` in all.
 pub(super) fn agreements(pair: [Field; 2], particles: usize) -> Option<[CellDensity; CELL_SIZES]> {
     let grid = pair[0].grid;
-    let mut pair = pair.map(Masses::of);
+    let mut pair = pair.map(Masses::from_field);
     let mut found = Vec::with_capacity(CELL_SIZES);
     for size in 0..CELL_SIZES {
         if size > 0 {
@@ -67,11 +67,7 @@ pub(super) struct Cells {
 
 impl Cells {
     /// Fills the fewest equal cells that are no longer than `edge`: 50 along a box of 50 for an edge of 1, 63 for 0.8.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for so large an edge that hardly any cells are left, or so small a one that they are too many;
-    /// [`Error::Memory`], [`Error::Cancelled`].
-    pub fn of_edge(edge: f64, particles: &Particles, domain: &Domain, context: &Context<'_>) -> Result<Self> {
+    pub fn new(edge: f64, particles: &Particles, domain: &Domain, context: &Context<'_>) -> Result<Self> {
         let grid = grid_of_edge(edge, domain)?;
         // Both densities, and the sums while one is filled.
         let bytes = 8 * grid.len() as u64 + deposit_bytes(&grid, particles.len() as u64);
@@ -81,9 +77,6 @@ impl Cells {
     }
 
     /// Pearson's coefficient of the particles' density and another's.
-    ///
-    /// # Errors
-    /// [`Error::Memory`], [`Error::Cancelled`].
     pub fn correlation(&self, other: Subject<'_>, context: &Context<'_>) -> Result<f64> {
         Ok(density_agreement(&self.truth, &filled(other, &self.grid, context)?).correlation)
     }
@@ -117,14 +110,13 @@ fn grid_of_edge(edge: f64, domain: &Domain) -> Result<Grid> {
 }
 
 fn compared([truth, model]: &[Masses; 2], edge: f64, particles: usize) -> CellDensity {
-    let uniform = vec![truth.mass.iter().sum::<f64>() / truth.mass.len() as f64; truth.mass.len()];
-    let agreement = density_agreement(&truth.mass, &model.mass);
+    let [agreement, uniform] = model_and_uniform(&truth.mass, &model.mass);
     CellDensity {
         edge,
         particles: particles as f64 / truth.mass.len() as f64,
         correlation: agreement.correlation,
         mean_absolute_error: agreement.mean_absolute_error,
-        uniform_mean_absolute_error: density_agreement(&truth.mass, &uniform).mean_absolute_error,
+        uniform_mean_absolute_error: uniform.mean_absolute_error,
     }
 }
 
@@ -135,7 +127,7 @@ pub(super) struct Masses {
 }
 
 impl Masses {
-    pub fn of(field: Field) -> Masses {
+    pub fn from_field(field: Field) -> Masses {
         Masses { cells: field.grid.cells, mass: field.mass.into_iter().map(f64::from).collect() }
     }
 

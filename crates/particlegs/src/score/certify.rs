@@ -1,31 +1,27 @@
 //! The certificate: what a model's file says was measured after decoding it.
 
 use super::cells::cell_densities;
-use super::density::DensityAgreement;
+use super::density::{GRID, density_metrics};
 use super::evaluate::ModelComparison;
 use super::layers::layer_ratios;
-use super::matched::GroupTally;
+use super::match_groups::GroupTally;
 use super::pictures::{pictures, scores_of};
+use super::region::ParticlesWithModel;
 use super::science::{linking, mass_power, numbers_agree_from, science};
-use super::scope::ParticlesWithModel;
 use super::subset::RandomSubset;
+use super::views::{SIZE, view_metrics};
 use super::{MeasurementFrame, PartSums, certificate_views, check_radius, density_of};
 use crate::Result;
 use crate::context::Context;
 use crate::model::{
-    Certificate, CertificateLevel, DensityMetrics, GROUP_CLASSES, GoalResult, GroupClass, Limit, Model, OrbitMetrics,
-    Pictures, SAMPLED_ABOVE, ScienceMetrics, Spacing, Subset, ViewMetrics,
+    Certificate, CertificateLevel, GROUP_CLASSES, GoalResult, GroupClass, Limit, Model, OrbitMetrics, Pictures,
+    SAMPLED_ABOVE, ScienceMetrics, Spacing, Subset, ViewMetrics,
 };
 use crate::particles::{Particles, check_box};
-use crate::picture::Size;
 use crate::reference::Reference;
 use crate::stats::{Domain, NeighbourOptions, nearest_distances};
 use particlegs_core::math::each_axis;
 
-/// Picture size of certificates.
-pub(super) const SIZE: Size = Size { width: 1920, height: 1080 };
-/// Cells of the density grid along the longest extent.
-pub(super) const GRID: u16 = 50;
 /// Particles whose nearest neighbour is sought.
 const NEIGHBOURS: usize = 20_000;
 /// Draws that groups are matched in.
@@ -34,16 +30,20 @@ const DRAWS: u64 = 8;
 /// What a decoded model is measured on.
 #[derive(Clone, Copy)]
 pub(crate) struct CertificateInput<'a> {
-    /// The particles that it was made of.
     pub particles: &'a Particles,
-    /// Seed of the views.
     pub seed: u64,
-    /// How much is measured.
     pub level: CertificateLevel,
     /// What the pictures of all particles may take, bytes; what is measured does not depend on it.
     pub memory: Option<u64>,
     /// What was asked for, and what was measured of it on this model.
     pub reached: Option<GoalResult>,
+}
+
+/// What the pictures of a certificate say.
+struct PictureMetrics {
+    views: ViewMetrics,
+    subset: Option<Subset>,
+    pictures: Option<Pictures>,
 }
 
 impl CertificateInput<'_> {
@@ -52,10 +52,6 @@ impl CertificateInput<'_> {
     /// picture, a uniform box and a uniform density score there; then P(k), r(k) and groups (`science`), densities in cells and
     /// distances, and where all is asked for groups matched by position. The seed turns the views and draws the
     /// particles; measuring again with the certificate's own repeats it.
-    ///
-    /// # Errors
-    /// [`crate::Error::Input`] for a box that does not hold the particles; [`crate::Error::Memory`],
-    /// [`crate::Error::Cancelled`].
     pub fn certificate(&self, model: &Model, bytes: u64, context: &Context<'_>) -> Result<Certificate> {
         let &CertificateInput { particles, seed, level, .. } = self;
         let m = &model.metadata;
@@ -65,10 +61,10 @@ impl CertificateInput<'_> {
             return Ok(Certificate { goal: self.reached, ..certificate });
         }
         check_box(&particles.bounds(), particles.meta.cell.as_ref(), &particles.meta.name)?;
-        let domain = Domain::of_particles(particles);
-        let (views, subset, pictures) = self.pictures_of(model, bytes, &domain, context)?;
+        let domain = Domain::from_particles(particles);
+        let PictureMetrics { views, subset, pictures } = self.pictures_of(model, bytes, &domain, context)?;
         let [density, uniform] = density_of(model, particles, &m.bounds, GRID, context)?;
-        let scope = ParticlesWithModel::of(model, particles, seed, SAMPLED_ABOVE, context)?;
+        let scope = ParticlesWithModel::new(model, particles, seed, SAMPLED_ABOVE, context)?;
         let first = scope.as_ref().map(|s| s.draw(seed, context)).transpose()?.flatten();
         let scope = scope.as_ref().zip(first.as_ref());
         let whole = scope.and_then(|(s, first)| s.sample.is_none().then_some(first));
@@ -104,13 +100,7 @@ impl CertificateInput<'_> {
 
     /// One frame of each orbit at the model's default radius and opacity; the subset of the same bytes there; where all is asked
     /// for, other radii and opacities.
-    fn pictures_of(
-        &self,
-        model: &Model,
-        bytes: u64,
-        domain: &Domain,
-        context: &Context<'_>,
-    ) -> Result<(ViewMetrics, Option<Subset>, Option<Pictures>)> {
+    fn pictures_of(&self, model: &Model, bytes: u64, domain: &Domain, context: &Context<'_>) -> Result<PictureMetrics> {
         let m = &model.metadata;
         let truth = Reference::new(self.particles).within(self.memory.unwrap_or(u64::MAX));
         let spacing = domain.spacing(self.particles.len());
@@ -130,28 +120,13 @@ impl CertificateInput<'_> {
             CertificateLevel::Full => Some(pictures(&comparison, m, self.seed, context)?),
             _ => None,
         };
-        Ok((views, subset, pictures))
-    }
-}
-
-/// Of pictures of a certificate's size.
-pub(super) fn view_metrics(seed: u64, orbits: [OrbitMetrics; 3]) -> ViewMetrics {
-    ViewMetrics { width: SIZE.width as u16, height: SIZE.height as u16, seed, orbits }
-}
-
-/// Of a model's density and a uniform one.
-pub(super) fn density_metrics([model, uniform]: [DensityAgreement; 2]) -> DensityMetrics {
-    DensityMetrics {
-        cells: GRID,
-        correlation: model.correlation,
-        mean_absolute_error: model.mean_absolute_error,
-        uniform_mean_absolute_error: uniform.mean_absolute_error,
+        Ok(PictureMetrics { views, subset, pictures })
     }
 }
 
 /// What tasks measure of their blocks, of all as one.
 fn as_one_block(model: &Model, particles: &Particles, seed: u64, context: &Context<'_>) -> Result<Certificate> {
-    let frame = MeasurementFrame::of(&model.metadata, seed);
+    let frame = MeasurementFrame::new(&model.metadata, seed);
     let read = |_: u32, section| frame.measure(section, model, particles, context);
     PartSums { frame: &frame, seed, parts: 1, read: &read }.certificate(context)
 }

@@ -1,14 +1,15 @@
 //! Density on a grid: particles by nearest grid point, Gaussians integrated over the cells.
 
-use crate::Result;
 use crate::context::Context;
-use crate::model::{Mixture, Model};
-use crate::parallel;
+use crate::model::{DensityMetrics, Mixture, Model};
 use crate::particles::Particles;
 use crate::space::{Bounds, Cell};
 use crate::stats::{DepositScratch, Domain, Grid, Slab};
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 
+/// Cells of the density grid along the longest extent.
+pub(super) const GRID: u16 = 50;
 /// Parallel parts of a sum, fixed so that results do not depend on threads.
 const PARTS: usize = 32;
 
@@ -19,7 +20,6 @@ pub struct DensityGrid(Grid);
 /// How two densities on a grid agree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DensityAgreement {
-    /// Pearson correlation over the cells.
     pub correlation: f64,
     /// Mean absolute difference of the contrast rho / mean - 1, `mean` being the first's.
     pub mean_absolute_error: f64,
@@ -36,15 +36,11 @@ impl DensityGrid {
         DensityGrid(Grid { min, ..grid })
     }
 
-    /// Its cells.
     pub(super) fn grid(&self) -> &Grid {
         &self.0
     }
 
     /// Mass in each cell, x slowest: every particle in the cell that holds it.
-    ///
-    /// # Errors
-    /// [`crate::Error::Cancelled`].
     pub fn of_particles(&self, particles: &Particles, context: &Context<'_>) -> Result<Vec<f64>> {
         let unit_mass = particles.meta.particle_mass.unwrap_or(1.0);
         let scale = self.0.side.map(f64::recip);
@@ -74,11 +70,8 @@ impl DensityGrid {
 
     /// Mass in each cell of a model's Gaussians; what lies outside a grid that does not repeat is
     /// in no cell.
-    ///
-    /// # Errors
-    /// [`crate::Error::Cancelled`].
     pub fn of_model(&self, model: &Model, context: &Context<'_>) -> Result<Vec<f64>> {
-        let mut sum = vec![0.0; self.0.cells.iter().product()];
+        let mut sum = vec![0.0; self.0.len()];
         for layer in &model.layers {
             for block in &layer.content {
                 let part = self.of_mixture(&block.gaussians, context)?;
@@ -109,7 +102,7 @@ impl DensityGrid {
         n: usize,
         fill: impl Fn(&mut [f64], std::ops::Range<usize>) -> Result<()> + Sync,
     ) -> Result<Vec<f64>> {
-        let cells = self.0.cells.iter().product();
+        let cells = self.0.len();
         let parts = PARTS.min(n.max(1));
         let grids = parallel::try_map_range(parts, |p| {
             let mut grid = vec![0.0; cells];
@@ -128,8 +121,7 @@ impl DensityGrid {
     /// The same beyond the grid: repeated, or the nearest at the edge (the bounds' own end).
     #[cold]
     fn cell_beyond(&self, axis: usize, u: f64) -> usize {
-        let (i, n) = (u.floor() as i64, self.0.cells[axis] as i64);
-        (if self.0.periodic[axis] { i.rem_euclid(n) } else { i.clamp(0, n - 1) }) as usize
+        self.0.wrap(axis, u.floor() as i64)
     }
 }
 
@@ -152,11 +144,24 @@ pub fn density_agreement<T: Copy + Into<f64>>(truth: &[T], model: &[T]) -> Densi
     DensityAgreement { correlation, mean_absolute_error: if mt > 0.0 { error / (n * mt) } else { 0.0 } }
 }
 
+/// Agreement with the truth of a model, and of a uniform density of the same mass.
+pub(super) fn model_and_uniform(truth: &[f64], model: &[f64]) -> [DensityAgreement; 2] {
+    let uniform = vec![truth.iter().sum::<f64>() / truth.len().max(1) as f64; truth.len()];
+    [model, &uniform].map(|other| density_agreement(truth, other))
+}
+
+/// What a certificate says of the densities of a model and of a uniform box.
+pub(super) fn density_metrics([model, uniform]: [DensityAgreement; 2]) -> DensityMetrics {
+    DensityMetrics {
+        cells: GRID,
+        correlation: model.correlation,
+        mean_absolute_error: model.mean_absolute_error,
+        uniform_mean_absolute_error: uniform.mean_absolute_error,
+    }
+}
+
 /// The agreement of a model with its snapshot, and that of a uniform density, on a grid of `longest`
 /// cells along the longest extent, over the snapshot's periodic box where it has one.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`].
 pub fn density_of(
     model: &Model,
     particles: &Particles,
@@ -167,10 +172,9 @@ pub fn density_of(
     let grid = DensityGrid::new(bounds, particles.meta.cell.as_ref(), longest);
     context.begin("density", (particles.len() + model.gaussians()) as u64);
     let truth = grid.of_particles(particles, context)?;
-    let uniform = vec![truth.iter().sum::<f64>() / truth.len().max(1) as f64; truth.len()];
     let model = grid.of_model(model, context)?;
     context.end();
-    Ok([&model, &uniform].map(|other| density_agreement(&truth, other)))
+    Ok(model_and_uniform(&truth, &model))
 }
 
 #[cfg(test)]
@@ -197,8 +201,8 @@ mod tests {
     /// Cells of a tilted box hold alike what a gas has, and points as Gaussians are points.
     #[test]
     fn tilted_boxes_have_no_empty_corners() {
-        for cell in crate::stats::testing::tilted_cells() {
-            let p = crate::stats::testing::gas(40_000, &cell, 7);
+        for cell in crate::testing::tilted_cells() {
+            let p = crate::testing::gas(40_000, &cell, 7);
             let grid = DensityGrid::new(&p.bounds(), p.meta.cell.as_ref(), 6);
             let held = grid.of_particles(&p, &Context::SILENT).unwrap();
             let mean = 40_000.0 / held.len() as f64;
@@ -213,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn agreement_of_known_columns() {
+    fn known_densities_agree_as_they_should() {
         let a = density_agreement(&[1.0, 2.0, 3.0], &[2.0, 4.0, 6.0]);
         assert!((a.correlation - 1.0).abs() < 1e-15 && (a.mean_absolute_error - 1.0).abs() < 1e-15);
         assert_eq!(density_agreement(&[1.0, 1.0], &[1.0, 1.0]).correlation, 1.0);

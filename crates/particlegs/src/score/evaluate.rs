@@ -10,26 +10,27 @@ use crate::model::Model;
 use crate::particles::Particles;
 use crate::picture::{Gray8, Plane, Scores, Size, decibels, is_lit, ssim};
 use crate::reference::{Reference, uniform_box};
-use crate::render::{self, Drawer, Scene};
+use crate::render::{Renderer, Scene};
 use crate::space::Bounds;
 use crate::splat::ToneStyle;
 use crate::stats::Domain;
+use crate::train::Accelerator;
 use crate::{Error, Result};
 
 /// Scores `model` against `particles` in `views`, drawn at `size`. Views without a clipping range
 /// get the particles' own, the same for the model and the truth. A view is of the orbit that its name begins
-/// with (`far_00`). What `drawer` draws, of the same model and particles, the processor does not.
+/// with (`far_00`). `device` draws model and particles; `None` = the CPU.
 ///
 /// # Errors
 /// [`Error::Input`] for particles that are not in the model's unit of length ([`Particles::in_units`]);
 /// [`Error::Argument`] where there is no view or one has a number outside its range;
-/// [`Error::Memory`], [`Error::Cancelled`]; those of the drawer.
+/// [`Error::Memory`], [`Error::Cancelled`]; those of the device.
 pub fn evaluate(
     model: &Model,
     particles: &Particles,
     views: &[View],
     size: Size,
-    drawer: Option<&dyn Drawer>,
+    device: Option<&dyn Accelerator>,
     context: &Context<'_>,
 ) -> Result<Evaluation> {
     let (meta, to) = (&particles.meta, model.metadata.unit_system());
@@ -37,14 +38,17 @@ pub fn evaluate(
         return Err(Error::input(&meta.name, "its unit of length is not the model's: convert it first"));
     }
     let truth = Reference::new(particles);
-    ModelComparison { drawer, ..ModelComparison::new(model, &truth, None) }.evaluate(views, size, context)
+    let mut comparison = ModelComparison::new(model, &truth, None);
+    if let Some(device) = device {
+        let scene = device.scene(&comparison.scene)?;
+        comparison.on_device = Some([device.particles(truth.input(), context)?, scene]);
+    }
+    comparison.evaluate(views, size, context)
 }
 
 /// Says which view a phase belongs to.
 pub(super) struct ViewProgress<'a> {
-    /// Of the view.
     pub name: String,
-    /// Whom to tell.
     pub inner: &'a dyn ProgressSink,
 }
 
@@ -73,25 +77,23 @@ pub(super) fn clipped(view: &View, bounds: &Bounds) -> View {
 
 /// A model beside its snapshot.
 pub(super) struct ModelComparison<'a> {
-    /// The model, ready to be drawn.
     scene: Scene<'a>,
-    /// Draws the snapshot.
     truth: &'a Reference<'a>,
     /// The particles spread evenly over this are what the least of models draws: the periodic box where they fill it,
     /// else their bounds.
     even: Domain,
     /// The particles' own rival, and whether it is drawn in all looks.
     subset: Option<(&'a RandomSubset, bool)>,
-    /// What draws model and snapshot in place of the processor.
-    drawer: Option<&'a dyn Drawer>,
+    /// Snapshot and model on a device that draws them; `None` = the CPU does.
+    on_device: Option<[Box<dyn Renderer + 'a>; 2]>,
 }
 
 impl<'a> ModelComparison<'a> {
-    /// Of a model and the snapshot that `truth` draws; with a subset of its particles where that is to be scored, in
+    /// A model beside the snapshot that `truth` draws; with a subset of its particles where that is to be scored, in
     /// all looks or in `expected` alone.
     pub fn new(model: &'a Model, truth: &'a Reference<'a>, subset: Option<(&'a RandomSubset, bool)>) -> Self {
         let even = Domain::drawn(truth.bounds(), truth.particles().meta.cell.as_ref());
-        ModelComparison { scene: Scene::of(model), truth, even, subset, drawer: None }
+        ModelComparison { scene: Scene::new(model), truth, even, subset, on_device: None }
     }
 
     /// Scores of all looks in `views`.
@@ -110,25 +112,26 @@ impl<'a> ModelComparison<'a> {
             scored.push(self.scores(view, &drawn));
             context.end();
         }
-        Ok(Evaluation::of(scored))
+        Ok(Evaluation::from_views(scored))
     }
 
     /// Draws a view of all that is compared.
     pub fn draw(&self, view: &View, size: Size, context: &Context<'_>) -> Result<ViewPictures> {
+        // One range for all that is drawn: the model's Gaussians reach beyond the particles that the range is of.
         let view = clipped(view, self.truth.bounds());
-        let truth = ViewTruth::draw(self.truth, &view, size, self.drawer, context)?;
+        let [truth, model]: [&dyn Renderer; 2] = match &self.on_device {
+            Some([truth, model]) => [&**truth, &**model],
+            None => [self.truth, &self.scene],
+        };
+        let truth = ViewTruth::draw(truth, &view, size, context)?;
         let subset = self.subset.map(|(s, whole)| s.draw(self.truth, &view, size, whole, context)).transpose()?;
         context.begin("model", 0);
-        let tau = match self.drawer {
-            Some(drawer) => drawer.model_depth(&view, size)?,
-            None => render::optical_depth(&self.scene, &view, size, context)?,
-        };
+        let tau = model.optical_depth(&view, size, context)?;
         let even = uniform_box(&self.even, self.truth.particles().len() as f64, &view, size)?;
         context.end();
         Ok(ViewPictures { truth, tau, even, subset })
     }
 
-    /// The scores of one look.
     pub fn look(&self, drawn: &ViewPictures, look: ToneStyle) -> LookScores {
         drawn.scores(look, &self.scene.tone(&drawn.tau, look, &drawn.truth.tones))
     }
@@ -151,7 +154,6 @@ impl<'a> ModelComparison<'a> {
     }
 }
 
-/// One view of all that is compared.
 pub(super) struct ViewPictures {
     truth: ViewTruth,
     /// The model's.
@@ -164,7 +166,7 @@ pub(super) struct ViewPictures {
 impl ViewPictures {
     fn scores(&self, look: ToneStyle, model: &Gray8) -> LookScores {
         let target = self.truth.picture(look);
-        let of = |picture: &Gray8| Scores::of(picture, target);
+        let of = |picture: &Gray8| Scores::new(picture, target);
         let noise_free = match look {
             // The target itself.
             ToneStyle::Expected => Scores { psnr: None, masked_psnr: None, ssim: ssim(target, target) },

@@ -13,7 +13,7 @@ use crate::stats::{
     CachedTransform, Domain, FEWEST_GROUPS, Spectra, SpectrumOptions, Subject, largest_deviation_of_numbers,
     size_histogram,
 };
-use crate::{Error, Remedy, Result};
+use crate::{Error, Hint, Result};
 use std::f64::consts::PI;
 
 /// Pictures that PSNR is measured on.
@@ -25,9 +25,7 @@ const DRAWS: u64 = 4;
 /// What stands for the PSNR of pictures that are identical in every view, dB.
 const IDENTICAL: f64 = 1000.0;
 
-/// A goal, and the particles' side of it.
 pub(crate) struct GoalMetric<'a> {
-    /// What is asked for.
     pub goal: Goal,
     particles: &'a Particles,
     domain: Domain,
@@ -46,9 +44,6 @@ enum GoalTruth {
 
 impl<'a> GoalMetric<'a> {
     /// Measures the particles. `metadata` says how their pictures are drawn; `seed` is that of the certificate.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for what cannot be measured of these particles; [`Error::Memory`], [`Error::Cancelled`].
     pub fn new(
         goal: Goal,
         particles: &'a Particles,
@@ -56,7 +51,7 @@ impl<'a> GoalMetric<'a> {
         seed: u64,
         context: &Context<'_>,
     ) -> Result<Self> {
-        let domain = Domain::of_particles(particles);
+        let domain = Domain::from_particles(particles);
         let truth = match goal.kind {
             GoalKind::Psnr => {
                 let views = held_out_views(metadata, SIZE, seed, FRAMES);
@@ -66,19 +61,16 @@ impl<'a> GoalMetric<'a> {
                 let options = spectrum_to(goal.at, &domain, particles.len())?;
                 GoalTruth::Spectrum(Box::new(power_of(particles, &domain, &options, context)?))
             }
-            GoalKind::Correlation => GoalTruth::Cells(Box::new(Cells::of_edge(goal.at, particles, &domain, context)?)),
+            GoalKind::Correlation => GoalTruth::Cells(Box::new(Cells::new(goal.at, particles, &domain, context)?)),
             GoalKind::Groups => GoalTruth::Groups(sizes_of(goal.at, particles, &domain, context)?),
         };
         Ok(GoalMetric { goal, particles, domain, seed, truth })
     }
 
     /// What a model has.
-    ///
-    /// # Errors
-    /// [`Error::Memory`], [`Error::Cancelled`]; [`Error::Input`] for Gaussians that cannot be drawn from.
     pub fn measure(&self, model: &Model, context: &Context<'_>) -> Result<GoalResult> {
         let reached = match &self.truth {
-            GoalTruth::Pictures(views) => views.expected_masked_psnr(&Scene::of(model), context)?.unwrap_or(IDENTICAL),
+            GoalTruth::Pictures(views) => views.expected_masked_psnr(&Scene::new(model), context)?.unwrap_or(IDENTICAL),
             GoalTruth::Spectrum(truth) => self.deviation_of_power(truth, model, context)?,
             GoalTruth::Cells(truth) => truth.correlation(Subject::Model(model), context)?,
             GoalTruth::Groups(truth) => self.deviation_of_groups(truth, model, context)?,
@@ -91,7 +83,7 @@ impl<'a> GoalMetric<'a> {
         if self.particles.len() as u64 > MOST_DRAWN {
             return Ok(None);
         }
-        let scope = ParticlesWithModel::of(model, self.particles, self.seed, MOST_DRAWN, context)?;
+        let scope = ParticlesWithModel::new(model, self.particles, self.seed, MOST_DRAWN, context)?;
         scope.map_or(Ok(None), |scope| scope.draw(self.seed.wrapping_add(draw), context))
     }
 
@@ -129,8 +121,8 @@ impl<'a> GoalMetric<'a> {
 /// How spectra up to `k_max` are taken: as the certificate's.
 fn spectrum_to(k_max: f64, domain: &Domain, particles: usize) -> Result<SpectrumOptions> {
     if domain.periodic != [true; 3] {
-        let what = "a power spectrum needs a periodic box that the particles fill, and there is none".into();
-        return Err(Error::Argument { what, remedy: Remedy::StateBox });
+        let what = "a power spectrum needs a periodic box that the particles fill, and there is none";
+        return Err(Error::argument_with(what, Hint::state_box()));
     }
     let options = spectrum_options(domain, particles);
     let (longest, most) = (2.0 * PI / domain.longest(), options.k_max);
@@ -178,8 +170,8 @@ fn sizes_of(from: f64, particles: &Particles, domain: &Domain, context: &Context
     };
     let groups = linking.groups(particles, context)?;
     if groups.finest.is_some() {
-        let what = "numbers of groups are no goal for a zoom, whose masses the model may mix".into();
-        return Err(Error::Argument { what, remedy: "choose its finest particles alone".into() });
+        let what = "numbers of groups are no goal for a zoom, whose masses the model may mix";
+        return Err(Error::argument_with(what, "choose its finest particles alone"));
     }
     let sizes = groups.sizes;
     let found = sizes.iter().take_while(|s| **s as f64 >= from).count() as u64;
@@ -187,11 +179,11 @@ fn sizes_of(from: f64, particles: &Particles, domain: &Domain, context: &Context
         let what = format!(
             "the particles have {found} groups of {from} particles and more; their number is compared where there are {FEWEST_GROUPS}"
         );
-        let remedy = match sizes.get(FEWEST_GROUPS as usize - 1) {
+        let hint = match sizes.get(FEWEST_GROUPS as usize - 1) {
             Some(size) => format!("count them from {size} on").into(),
-            None => Remedy::None,
+            None => Hint::default(),
         };
-        return Err(Error::Argument { what, remedy });
+        return Err(Error::argument_with(what, hint));
     }
     Ok(sizes)
 }

@@ -1,7 +1,7 @@
 //! Held-out views with the truth at hand: how candidates are ranked while a model is made.
 
 use super::evaluate::clipped;
-use super::mean;
+use super::scores::mean;
 use crate::Result;
 use crate::camera::View;
 use crate::context::Context;
@@ -20,10 +20,6 @@ pub struct HeldOutPictures {
 
 impl HeldOutPictures {
     /// Draws the truth: one noise-free pass over the particles a view.
-    ///
-    /// # Errors
-    /// [`crate::Error::Argument`] for a view with a number outside its range;
-    /// [`crate::Error::Cancelled`].
     pub fn draw(particles: &Particles, views: &[View], size: Size, context: &Context<'_>) -> Result<Self> {
         let reference = Reference::new(particles);
         let views: Vec<View> = views.iter().map(|v| clipped(v, reference.bounds())).collect();
@@ -40,9 +36,6 @@ impl HeldOutPictures {
 
     /// Mean over the views of the masked PSNR of `scene` in `expected`, dB. `None` where no view
     /// has a value: nothing is lit, or all are identical.
-    ///
-    /// # Errors
-    /// [`crate::Error::Cancelled`].
     pub fn expected_masked_psnr(&self, scene: &Scene, context: &Context<'_>) -> Result<Option<f64>> {
         let scores = self
             .views

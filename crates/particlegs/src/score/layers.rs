@@ -20,7 +20,7 @@ const LEAST_CELLS: u32 = 64;
 /// Cells that lack a layer altogether are off by a factor of ten.
 const MOST_ERROR: f64 = 1.0;
 
-/// Of each further layer against the first, in cells of the size at which the error is largest for the noise; `None` of
+/// The ratios of each further layer to the first, in cells of the size at which the error is largest for the noise; `None` of
 /// one layer.
 pub(super) fn layer_ratios(
     model: &Model,
@@ -28,15 +28,15 @@ pub(super) fn layer_ratios(
     domain: &Domain,
     context: &Context<'_>,
 ) -> Result<Option<LayerRatios>> {
-    let Some(mut ratios) = LayerRatios::of_layers(model.layers.len()) else { return Ok(None) };
+    let Some(mut ratios) = LayerRatios::new(model.layers.len()) else { return Ok(None) };
     let edge = (SMALLEST * domain.spacing(particles.len())).max(domain.longest() / MOST_CELLS);
     if !edge.is_normal() {
         return Ok(Some(ratios));
     }
     let grid = Grid::stretched(domain, each_axis(|k| (domain.length[k] / edge).round().max(1.0) as usize));
-    let Some(first) = LayerNumbers::of(model, 0, particles, &grid, context)? else { return Ok(Some(ratios)) };
+    let Some(first) = LayerNumbers::new(model, 0, particles, &grid, context)? else { return Ok(Some(ratios)) };
     for (ratio, place) in ratios.to_first.iter_mut().flatten().zip(1..) {
-        if let Some(other) = LayerNumbers::of(model, place, particles, &grid, context)? {
+        if let Some(other) = LayerNumbers::new(model, place, particles, &grid, context)? {
             *ratio = largest([&first, &other], grid.side.into_iter().fold(0.0, f64::max));
         }
     }
@@ -51,7 +51,7 @@ struct LayerNumbers {
 
 impl LayerNumbers {
     /// `None` where the particles have no such layer.
-    fn of(
+    fn new(
         model: &Model,
         place: usize,
         particles: &Particles,
@@ -69,7 +69,7 @@ impl LayerNumbers {
             weights.iter().map(|w| f64::from(*w)).fold((0.0, 0.0), |(sum, squares), w| (sum + w, squares + w * w))
         });
         let of = |subject| -> Result<Masses> {
-            let mut masses = Masses::of(deposit(subject, grid, Assignment::Ngp, 0.0, context)?);
+            let mut masses = Masses::from_field(deposit(subject, grid, Assignment::Ngp, 0.0, context)?);
             masses.mass.iter_mut().for_each(|m| *m *= sum / (squares * unit));
             Ok(masses)
         };
@@ -129,20 +129,18 @@ fn compared([a, b]: [&LayerNumbers; 2], edge: f64) -> LayerRatio {
 mod tests {
     use super::*;
     use crate::context::Context;
-    use crate::math::{Random, Sym3};
+    use crate::math::Sym3;
     use crate::model::{Layer, Mass};
     use crate::particles::Column;
     use crate::space::Cell;
-    use crate::stats::testing::model_of;
+    use crate::testing::{model_of, poisson};
 
     const LENGTH: f64 = 8.0;
     const EACH: usize = 60_000;
 
     /// Two species spread evenly at random, the second five times as heavy.
     fn particles() -> Particles {
-        let column = |axis: u32| (0..2 * EACH).map(move |i| (LENGTH * Random::new(7, axis, i as u64).uniform()) as f32);
-        let [x, y, z] = each_axis(|k| column(k as u32).collect::<Vec<f32>>());
-        let mut particles = Particles::from_columns(x, y, z);
+        let mut particles = poisson(2 * EACH, [LENGTH; 3], 7);
         particles.meta.cell = Some(Cell::orthogonal([LENGTH; 3]));
         let layer = |name: &str, content, mass| Layer { name: name.into(), mass: Mass::Each(mass), content };
         particles.with_layers(vec![layer("PartType0", 0..EACH, 1.0), layer("PartType1", EACH..2 * EACH, 5.0)])
@@ -162,7 +160,7 @@ mod tests {
     }
 
     fn measured(model: &Model, particles: &Particles) -> LayerRatio {
-        let domain = Domain::of_particles(particles);
+        let domain = Domain::from_particles(particles);
         layer_ratios(model, particles, &domain, &Context::SILENT).unwrap().unwrap().to_first[0].unwrap()
     }
 
@@ -196,7 +194,7 @@ mod tests {
     #[test]
     fn what_cannot_be_compared_is_said_so() {
         let particles = particles();
-        let domain = Domain::of_particles(&particles);
+        let domain = Domain::from_particles(&particles);
         let one = Model { layers: model(0.0).layers[..1].to_vec(), ..model(0.0) };
         assert!(layer_ratios(&one, &particles, &domain, &Context::SILENT).unwrap().is_none());
         let few = particles

@@ -7,18 +7,17 @@
 
 mod cells;
 mod certify;
+mod cross_validation;
 mod density;
 mod evaluate;
 mod goal;
-mod halves;
 mod held_out;
-mod joined;
 mod layers;
-mod matched;
-mod mean;
+mod match_groups;
+mod part_sums;
 mod pictures;
+mod region;
 mod science;
-mod scope;
 mod scores;
 mod subset;
 mod sums;
@@ -26,28 +25,27 @@ mod sums;
 mod testing;
 #[cfg(test)]
 mod tests;
-mod truth;
 mod verdict;
+mod view_truth;
 mod views;
 
 pub(crate) use certify::CertificateInput;
+pub(crate) use cross_validation::Halves;
 use density::density_of;
 pub use evaluate::evaluate;
 #[cfg(test)]
 pub(crate) use evaluate::shot_noise;
 pub(crate) use goal::GoalMetric;
-pub(crate) use halves::Halves;
 pub(crate) use held_out::HeldOutPictures;
-pub(crate) use joined::PartSums;
-use mean::mean;
+pub(crate) use part_sums::PartSums;
+pub(crate) use region::ParticlesWithModel;
 #[cfg(test)]
 use science::mass_power;
 pub(crate) use science::spectrum_options;
-pub(crate) use scope::ParticlesWithModel;
 pub use scores::{Evaluation, LookScores, MeanViewScores, ViewScores};
 pub(crate) use sums::{MeasurementFrame, SumsSection};
-use truth::ViewTruth;
 pub use verdict::{Assessment, Grade, UseCase};
+use view_truth::ViewTruth;
 use views::certificate_views;
 pub(crate) use views::check_radius;
 pub use views::evaluation_views;

@@ -1,8 +1,9 @@
 //! Pictures at the radii and opacities that users take, and from close up, beside those that they are compared with.
 
+use super::LookScores;
 use super::evaluate::{ModelComparison, ViewProgress};
+use super::scores::mean;
 use super::views::{certificate_views, close_views};
-use super::{LookScores, mean};
 use crate::Result;
 use crate::camera::View;
 use crate::context::Context;

@@ -3,7 +3,7 @@
 //! What is measured follows from the number of particles and the level alone, so that the same input gives the
 //! same file on every machine, and takes less than 500 MB beside the snapshot.
 
-use super::matched::GroupFinder;
+use super::match_groups::GroupFinder;
 use crate::context::Context;
 use crate::model::{
     GROUP_CLASSES, Limit, MassPower, Model, POWER_LAYERS, PowerAgreement, SAMPLED_ABOVE, ScienceMetrics, ScienceSubject,
@@ -42,15 +42,20 @@ pub(super) fn science(
     context: &Context<'_>,
 ) -> Result<Option<ScienceMetrics>> {
     let options = options_for(domain, particles.len(), model);
-    let wave_numbers = [2.0 * PI / domain.longest(), options.k_max];
-    if !wave_numbers.iter().all(|k| (*k as f32).is_normal()) {
+    if !file_holds(domain, &options) {
         return Ok(None);
     }
     let (of, other) = match drawn {
         Some(drawn) => (ScienceSubject::DrawnParticles, Subject::Particles(drawn)),
         None => (ScienceSubject::Mixture, Subject::Model(model)),
     };
-    measure(of, [Subject::Particles(particles), other], domain, &options, context).map(Some)
+    let spectra = power_spectra([Subject::Particles(particles), other], domain, &options, context)?;
+    Ok(Some(science_metrics(of, &options, &spectra)))
+}
+
+/// Does float32, in which a file keeps wave numbers, hold these?
+pub(super) fn file_holds(domain: &Domain, o: &SpectrumOptions) -> bool {
+    [2.0 * PI / domain.longest(), o.k_max].iter().all(|k| (*k as f32).is_normal())
 }
 
 /// How groups are linked, `spacing` being the particles' mean one; `None` where the box is thinner than links allow.
@@ -92,11 +97,9 @@ pub(super) fn mass_power(
     let options = options_for(domain, particles.len(), model);
     let agreement = |p: &Particles, m: &Model| {
         let spectra = power_spectra([Subject::Particles(p), Subject::Model(m)], domain, &options, context)?;
-        let within =
-            if spectra.shells.is_empty() { Limit::NotMeasured } else { Limit::measured(spectra.power_within(0.01)) };
         Ok::<_, Error>(PowerAgreement {
             largest_deviation: spectra.largest_power_deviation(),
-            within_1_percent_to: within,
+            within_1_percent_to: limit(&spectra, spectra.power_within(0.01)),
         })
     };
     let mut found = MassPower { whole: agreement(particles, model)?, layers: [None; POWER_LAYERS] };
@@ -141,31 +144,23 @@ fn resolving(domain: &Domain, [particles, gaussians]: [usize; 2]) -> usize {
     from_above.or_else(|| (LEAST_CELLS..wanted).rev().filter(good).find(fits)).unwrap_or(LEAST_CELLS)
 }
 
-/// P(k) and r(k); groups are left out.
-fn measure(
-    of: ScienceSubject,
-    pair: [Subject<'_>; 2],
-    domain: &Domain,
-    o: &SpectrumOptions,
-    context: &Context<'_>,
-) -> Result<ScienceMetrics> {
-    Ok(told(of, o, &power_spectra(pair, domain, o, context)?))
-}
-
 /// What spectra say, groups apart.
-pub(super) fn told(of: ScienceSubject, o: &SpectrumOptions, spectra: &Spectra) -> ScienceMetrics {
-    let limit =
-        |place: Option<f64>| if spectra.shells.is_empty() { Limit::NotMeasured } else { Limit::measured(place) };
+pub(super) fn science_metrics(of: ScienceSubject, o: &SpectrumOptions, spectra: &Spectra) -> ScienceMetrics {
     ScienceMetrics {
         of,
         spectrum_grid: o.cells as u16,
         k_max: spectra.shells.last().map_or(0.0, |s| s.k),
-        power_within_1_percent_to: limit(spectra.power_within(0.01)),
-        power_within_5_percent_to: limit(spectra.power_within(0.05)),
-        r_above_0_99_to: limit(spectra.r_above(0.99)),
-        r_above_0_9_to: limit(spectra.r_above(0.9)),
+        power_within_1_percent_to: limit(spectra, spectra.power_within(0.01)),
+        power_within_5_percent_to: limit(spectra, spectra.power_within(0.05)),
+        r_above_0_99_to: limit(spectra, spectra.r_above(0.99)),
+        r_above_0_9_to: limit(spectra, spectra.r_above(0.9)),
         groups_within_10_percent_from: Limit::NotMeasured,
     }
+}
+
+/// How far `spectra` are good, where they have any shell.
+fn limit(spectra: &Spectra, place: Option<f64>) -> Limit {
+    if spectra.shells.is_empty() { Limit::NotMeasured } else { Limit::measured(place) }
 }
 
 /// From which size on numbers of groups agree; not measured where there are too few.

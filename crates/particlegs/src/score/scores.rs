@@ -1,6 +1,5 @@
 //! The numbers of an evaluation, in the form that `--json` writes.
 
-use super::mean;
 use crate::picture::Scores;
 use serde::{Serialize, Serializer};
 
@@ -42,6 +41,12 @@ fn decibels_alone<S: Serializer>(gap: &Scores, serializer: S) -> Result<S::Ok, S
     serializer.collect_map([("psnr", gap.psnr), ("masked_psnr", gap.masked_psnr)])
 }
 
+/// The mean of the values there are, in order; `None` where there is none.
+pub(super) fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
+    let (sum, count) = values.flatten().fold((0.0, 0u32), |(sum, count), v| (sum + v, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
 fn mean_scores(all: impl Iterator<Item = Scores> + Clone) -> Scores {
     Scores {
         psnr: mean(all.clone().map(|s| s.psnr)),
@@ -71,7 +76,7 @@ impl LookScores {
 pub struct ViewScores {
     /// The view's name.
     pub name: String,
-    /// Its orbit: `far`, `mid`, `near` or `other`.
+    /// The view's orbit: `far`, `mid`, `near` or `other`.
     pub orbit: &'static str,
     /// Particle radius, world units.
     pub radius: f64,
@@ -99,7 +104,7 @@ pub struct MeanViewScores {
 }
 
 impl MeanViewScores {
-    fn of<'a>(views: impl Iterator<Item = &'a ViewScores> + Clone) -> Self {
+    fn from_views<'a>(views: impl Iterator<Item = &'a ViewScores> + Clone) -> Self {
         MeanViewScores {
             views: views.clone().count(),
             paraview: LookScores::mean(views.clone().map(|v| &v.paraview)),
@@ -126,13 +131,13 @@ fn by_name<S: Serializer>(all: &[(&'static str, MeanViewScores)], serializer: S)
 }
 
 impl Evaluation {
-    pub(super) fn of(views: Vec<ViewScores>) -> Self {
+    pub(super) fn from_views(views: Vec<ViewScores>) -> Self {
         let of_orbit = |orbit| {
             let own = views.iter().filter(move |v| v.orbit == orbit);
-            own.clone().next().map(|_| (orbit, MeanViewScores::of(own)))
+            own.clone().next().map(|_| (orbit, MeanViewScores::from_views(own)))
         };
         let by_orbit = ["far", "mid", "near", "other"].into_iter().filter_map(of_orbit).collect();
-        let mean = MeanViewScores::of(views.iter());
+        let mean = MeanViewScores::from_views(views.iter());
         Evaluation { views, by_orbit, mean }
     }
 }
@@ -170,7 +175,7 @@ mod tests {
 
     #[test]
     fn means_are_of_decibels_and_count_what_they_leave_out() {
-        let e = Evaluation::of(vec![view("far", Some(30.0)), view("far", Some(32.0)), view("near", None)]);
+        let e = Evaluation::from_views(vec![view("far", Some(30.0)), view("far", Some(32.0)), view("near", None)]);
         let [(_, far), (_, near)] = e.by_orbit[..] else { panic!("{e:?}") };
         assert_eq!((far.paraview.model.masked_psnr, far.paraview.gap.masked_psnr), (Some(31.0), Some(9.0)));
         assert_eq!((far.paraview.shot_noise, far.paraview_no_fxaa.shot_noise), (None, Some(Some(30.0))));
@@ -185,7 +190,8 @@ mod tests {
 
     #[test]
     fn json_has_the_agreed_keys() {
-        let e = serde_json::to_value(Evaluation::of(vec![view("far", Some(30.0)), view("near", None)])).unwrap();
+        let e =
+            serde_json::to_value(Evaluation::from_views(vec![view("far", Some(30.0)), view("near", None)])).unwrap();
         for place in [&e["views"][0], &e["by_orbit"]["far"], &e["mean"]] {
             for style in ["paraview", "paraview_no_fxaa", "expected"] {
                 let s = &place[style];

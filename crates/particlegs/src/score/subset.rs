@@ -14,9 +14,7 @@ use particlegs_core::math::each_axis;
 /// A random subset as its coded bytes have it.
 pub struct RandomSubset {
     particles: Particles,
-    /// Particles kept.
     pub kept: u64,
-    /// Bytes that they take.
     pub bytes: u64,
     /// Their radius, in the particles' own: sqrt(N / kept), so that as much light is covered.
     scale: f64,
@@ -42,9 +40,6 @@ impl SubsetView {
 
 impl RandomSubset {
     /// The most particles whose places, coded, take at most `bytes` ([`Thinning::most`]). `None` where not one fits.
-    ///
-    /// # Errors
-    /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
     pub fn new(
         truth: &Reference<'_>,
         spacing: f64,
@@ -65,9 +60,6 @@ impl RandomSubset {
     }
 
     /// Draws it where `truth` is drawn, in all looks or in `expected` alone.
-    ///
-    /// # Errors
-    /// As [`ViewTruth::draw`].
     pub fn draw(
         &self,
         truth: &Reference<'_>,
@@ -79,7 +71,7 @@ impl RandomSubset {
         let reference = Reference::with_bounds(&self.particles, *truth.bounds());
         let view = View { radius: view.radius * self.scale, ..view.clone() };
         Ok(match whole {
-            true => SubsetView::Whole(Box::new(ViewTruth::draw(&reference, &view, size, None, context)?)),
+            true => SubsetView::Whole(Box::new(ViewTruth::draw(&reference, &view, size, context)?)),
             false => SubsetView::Expected(reference.draw(&view, size, ToneStyle::Expected, context)?),
         })
     }
@@ -96,14 +88,10 @@ fn as_particles(coded: &CodedPoints, of: &Particles) -> Particles {
 mod tests {
     use super::*;
     use crate::context::Context;
-
-    fn sample() -> Particles {
-        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-        Particles::open_raw(&[folder]).unwrap()
-    }
+    use crate::testing::sample;
 
     #[test]
-    fn as_many_are_kept_as_fit() {
+    fn as_many_particles_are_kept_as_fit_the_bytes() {
         let particles = sample();
         let truth = Reference::new(&particles);
         let of = |bytes, seed| RandomSubset::new(&truth, 0.78, bytes, seed, &Context::SILENT).unwrap();
@@ -126,7 +114,7 @@ mod tests {
 
     /// Every particle kept is one of the snapshot's, as close as was said.
     #[test]
-    fn those_kept_are_particles() {
+    fn kept_particles_are_particles_of_the_snapshot() {
         let particles = sample();
         let truth = Reference::new(&particles);
         let thin = RandomSubset::new(&truth, 0.78, 1_000, 5, &Context::SILENT).unwrap().unwrap();

@@ -5,10 +5,10 @@
 //! little-endian, of a fixed order and independent of threads; rows of zeros are left out.
 
 use super::cells::finest;
-use super::density::DensityGrid;
+use super::density::{DensityGrid, GRID};
 use super::evaluate::clipped;
 use super::science::spectrum_options;
-use super::{certificate_views, certify};
+use super::views::{SIZE, certificate_views};
 use crate::Result;
 use crate::camera::View;
 use crate::context::Context;
@@ -59,30 +59,26 @@ impl SumsSection {
 
 /// What all parts of a snapshot are measured by: it follows from what is known of the whole.
 pub(crate) struct MeasurementFrame {
-    /// Of the whole.
     pub metadata: Metadata,
-    /// The whole box.
     pub domain: Domain,
     /// The certificate's views, with the whole's clipping ranges.
     pub views: Vec<View>,
-    /// The coarse grid.
     pub density: DensityGrid,
     /// The smallest cells, where there are enough.
     pub cells: Option<Grid>,
-    /// The spectrum's grid.
     pub spectrum: SpectrumOptions,
 }
 
 impl MeasurementFrame {
     /// The frame of a snapshot of this metadata, in views that `seed` turns.
-    pub fn of(metadata: &Metadata, seed: u64) -> MeasurementFrame {
+    pub fn new(metadata: &Metadata, seed: u64) -> MeasurementFrame {
         let domain = Domain::new(&metadata.bounds, metadata.cell.as_ref());
-        let views = certificate_views(metadata, certify::SIZE, seed);
+        let views = certificate_views(metadata, SIZE, seed);
         let count = metadata.count as usize;
         MeasurementFrame {
             domain,
             views: views.iter().map(|v| clipped(v, &metadata.bounds)).collect(),
-            density: DensityGrid::new(&metadata.bounds, metadata.cell.as_ref(), certify::GRID),
+            density: DensityGrid::new(&metadata.bounds, metadata.cell.as_ref(), GRID),
             cells: finest(&domain, count),
             // Parts do not know how many Gaussians there are of all.
             spectrum: SpectrumOptions { assignment: Assignment::Cic, ..spectrum_options(&domain, count) },
@@ -90,7 +86,6 @@ impl MeasurementFrame {
         }
     }
 
-    /// The spectrum's grid.
     pub fn spectrum_grid(&self) -> Grid {
         Grid::new(&self.domain, self.spectrum.cells)
     }
@@ -103,14 +98,11 @@ impl MeasurementFrame {
             SumsSection::Density(_) => of(self.density.grid()),
             SumsSection::Cells(_) => self.cells.as_ref().map_or([0, 1], of),
             SumsSection::Spectrum(..) => of(&self.spectrum_grid()),
-            SumsSection::View(..) => [certify::SIZE.pixels(), certify::SIZE.width],
+            SumsSection::View(..) => [SIZE.pixels(), SIZE.width],
         }
     }
 
     /// One section of a part: `particles` and the `model` made of them.
-    ///
-    /// # Errors
-    /// [`crate::Error::Memory`], [`crate::Error::Cancelled`], [`crate::Error::Argument`].
     pub fn measure(
         &self,
         section: SumsSection,
@@ -140,7 +132,6 @@ fn layers_of(particles: &Particles) -> Vec<Particles> {
     particles.layers().iter().map(|l| particles.of_layer(l)).filter(|l| !l.is_empty()).collect()
 }
 
-/// A part of a snapshot, and the model made of it.
 struct PartWithModel<'a> {
     frame: &'a MeasurementFrame,
     layers: Vec<Particles>,
@@ -190,9 +181,9 @@ impl PartWithModel<'_> {
     }
 
     fn optical_depth(&self, side: usize, view: &View) -> Result<Vec<f32>> {
-        let size = certify::SIZE;
+        let size = SIZE;
         if side == 1 {
-            return Ok(render::optical_depth(&Scene::of(self.model), view, size, self.context)?.data);
+            return Ok(render::optical_depth(&Scene::new(self.model), view, size, self.context)?.data);
         }
         let mut sum = vec![0.0f32; size.pixels()];
         for p in &self.layers {

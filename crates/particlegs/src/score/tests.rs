@@ -7,13 +7,9 @@ use crate::model::{Block, CertificateLevel, LawKind, Layer, Mass, Metadata, Mixt
 use crate::particles::Particles;
 use crate::picture::Size;
 use crate::render::Scene;
+use crate::testing::{cancelled, sample};
 
 const SIZE: Size = Size { width: 160, height: 90 };
-
-fn sample() -> Particles {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64");
-    Particles::open_raw(&[folder]).unwrap()
-}
 
 /// The moments of the particles in each of `n` x `n` x `n` cells.
 fn tiny(particles: &Particles, n: usize) -> Model {
@@ -35,16 +31,9 @@ fn tiny(particles: &Particles, n: usize) -> Model {
     }
     let count = particles.len() as u64;
     let block = Block { bounds, count, mass: count as f64, gaussians };
-    Model {
-        metadata: metadata(particles),
-        layers: vec![Layer { name: "all".into(), mass: Mass::Unknown, content: vec![block] }],
-        certificate: None,
-    }
-}
-
-fn metadata(particles: &Particles) -> Metadata {
-    let (bounds, count) = (particles.bounds(), particles.len() as u64);
-    Metadata { cell: particles.meta.cell, ..Metadata::new(LawKind::OpticalDepth, count, bounds) }
+    let metadata = Metadata { cell: particles.meta.cell, ..Metadata::new(LawKind::OpticalDepth, count, bounds) };
+    let layers = vec![Layer { name: "all".into(), mass: Mass::Unknown, content: vec![block] }];
+    Model { metadata, layers, certificate: None }
 }
 
 #[test]
@@ -75,7 +64,7 @@ fn held_out_views_rank_models() {
     let views = held_out_views(&coarse.metadata, SIZE, 42, 1);
     let held_out = HeldOutPictures::draw(&particles, &views, SIZE, &Context::SILENT).unwrap();
     let [a, b] =
-        [&coarse, &fine].map(|m| held_out.expected_masked_psnr(&Scene::of(m), &Context::SILENT).unwrap().unwrap());
+        [&coarse, &fine].map(|m| held_out.expected_masked_psnr(&Scene::new(m), &Context::SILENT).unwrap().unwrap());
     assert!(b > a + 1.0, "{a} {b}");
     let scored = evaluate(&fine, &particles, &views, SIZE, None, &Context::SILENT).unwrap();
     assert_eq!(scored.mean.expected.model.masked_psnr, Some(b));
@@ -167,14 +156,12 @@ impl PhaseRecorder {
 }
 
 #[test]
-fn stops_and_refusals() {
+fn evaluations_stop_and_refuse_odd_views() {
     let particles = sample();
     let model = tiny(&particles, 4);
     let mut views = evaluation_views(&model.metadata, SIZE, 42, 1);
-    assert!(matches!(
-        evaluate(&model, &particles, &views, SIZE, None, &Context::SILENT.with_cancel(&|| true)),
-        Err(crate::Error::Cancelled)
-    ));
+    let stopped = evaluate(&model, &particles, &views, SIZE, None, &cancelled());
+    assert!(matches!(stopped, Err(crate::Error::Cancelled)));
     assert!(evaluate(&model, &particles, &[], SIZE, None, &Context::SILENT).is_err());
     views[1].opacity = 2.0;
     assert!(evaluate(&model, &particles, &views, SIZE, None, &Context::SILENT).is_err());
@@ -185,7 +172,7 @@ fn stops_and_refusals() {
 fn power_of_mass_is_told_by_layer() {
     let particles = sample();
     let (n, half) = (particles.len(), particles.len() / 2);
-    let domain = crate::stats::Domain::of_particles(&particles);
+    let domain = crate::stats::Domain::from_particles(&particles);
     assert!(mass_power(&tiny(&particles, 8), &particles, &domain, &Context::SILENT).unwrap().is_none());
     // In the snapshot's order, which is not the file's.
     let layer = |name: &str, content, each| Layer { name: name.into(), mass: Mass::Each(each), content };
@@ -197,7 +184,7 @@ fn power_of_mass_is_told_by_layer() {
         let own = |k: usize| {
             let alone = particles.of_layer(&particles.layers()[k]);
             let content = tiny(&alone, cells[k]).layers.remove(0).content;
-            Layer { content, ..layer_head(&particles.layers()[k]) }
+            particles.layers()[k].with(content)
         };
         Model { layers: vec![own(1), own(0)], ..tiny(&particles, 1) }
     };
@@ -210,10 +197,6 @@ fn power_of_mass_is_told_by_layer() {
     assert!(good[2] > bad[2] && good[0] > bad[0], "{good:?} {bad:?}");
 }
 
-fn layer_head(l: &Layer<std::ops::Range<usize>>) -> Layer<Vec<Block>> {
-    Layer { name: l.name.clone(), mass: l.mass, content: Vec::new() }
-}
-
 /// A region of a snapshot that is taken for too large has the particles that were asked for, and as many are drawn.
 #[test]
 fn large_snapshots_are_measured_in_a_region() {
@@ -221,7 +204,7 @@ fn large_snapshots_are_measured_in_a_region() {
     let model = tiny(&particles, 24);
     let mut corners = Vec::new();
     for seed in [0, 5] {
-        let scope = ParticlesWithModel::of(&model, &particles, seed, 20_000, &Context::SILENT).unwrap().unwrap();
+        let scope = ParticlesWithModel::new(&model, &particles, seed, 20_000, &Context::SILENT).unwrap().unwrap();
         let (sample, n) = (scope.sample.unwrap(), scope.particles.len());
         assert!((8_000..=20_500).contains(&n) && sample.particles == n as u64, "{n}");
         let inside = |p: [f64; 3]| (0..3).all(|k| p[k] >= sample.bounds.min[k] && p[k] < sample.bounds.max[k]);
@@ -234,6 +217,6 @@ fn large_snapshots_are_measured_in_a_region() {
     }
     assert!(corners[0] != corners[1]);
     assert!(
-        ParticlesWithModel::of(&model, &particles, 0, 1 << 20, &Context::SILENT).unwrap().unwrap().sample.is_none()
+        ParticlesWithModel::new(&model, &particles, 0, 1 << 20, &Context::SILENT).unwrap().unwrap().sample.is_none()
     );
 }

@@ -11,39 +11,39 @@ use serde::Serialize;
 /// better trivial picture, dB: half of its error, three quarters of its variance. The random subset of the same bytes
 /// must score less: else the particles themselves show as much.
 pub const PICTURES_HOLD: f64 = 6.0;
-/// And roughly from here on: seven tenths of its error.
+/// Pictures hold roughly from here on: seven tenths of its error.
 pub const PICTURES_ROUGHLY: f64 = 3.0;
 /// Pictures at a large radius hold here: a quarter of the error. Theirs are mostly bright, where trivial pictures err by
 /// a third of white: with half of that the filaments are wrong to the eye.
 pub const LARGE_HOLDS: f64 = 12.0;
-/// And roughly from here on.
+/// A large radius holds roughly from here on.
 pub const LARGE_ROUGHLY: f64 = 6.0;
 /// The density holds from this correlation on, with at most [`DENSITY_ERROR_HOLDS`] of the error of the
 /// better trivial density.
 pub const DENSITY_HOLDS: f64 = 0.99;
-/// And roughly from here on, with less error than the better trivial density.
+/// The density holds roughly from here on, with less error than the better trivial density.
 pub const DENSITY_ROUGHLY: f64 = 0.9;
-/// See [`DENSITY_HOLDS`].
+/// The share of the better trivial density's error that [`DENSITY_HOLDS`] allows.
 pub const DENSITY_ERROR_HOLDS: f64 = 0.5;
 /// The power spectrum holds where it is within 1 % up to this share of the wave numbers measured, and
 /// roughly where it is within 5 %.
 pub const SPECTRUM_SHARE: f64 = 0.25;
 /// Groups hold where their numbers are within 10 % from this size on, particles.
 pub const GROUPS_HOLD: f64 = 100.0;
-/// And roughly from this size on.
+/// Groups hold roughly from this size on.
 pub const GROUPS_ROUGHLY: f64 = 1000.0;
 /// Matched groups hold where this share of them, and of those drawn, has a counterpart.
 pub const MATCHED_HOLD: f64 = 0.9;
-/// And roughly where this share has.
+/// Matched groups hold roughly where this share has one.
 pub const MATCHED_ROUGHLY: f64 = 0.8;
 /// Numbers of matched groups hold within this share.
 pub const NUMBERS_HOLD: f64 = 0.1;
-/// And roughly within this one.
+/// Numbers of matched groups hold roughly within this share.
 pub const NUMBERS_ROUGHLY: f64 = 0.25;
 /// The spacing of drawn particles holds where the median distance to the nearest neighbour is within this share, and
 /// the 5th percentile over the median as near.
 pub const SPACING_HOLDS: f64 = 0.1;
-/// And roughly within this one.
+/// The spacing holds roughly within this share.
 pub const SPACING_ROUGHLY: f64 = 0.25;
 
 const NEEDS_FULL: &str = "it takes a full certificate";
@@ -114,7 +114,7 @@ impl Assessment {
         self.why.split("; ").next().unwrap_or_default()
     }
 
-    /// Of a file whose figures nobody has measured again.
+    /// The verdict on a file whose figures nobody has measured again.
     pub fn unverified() -> Vec<Assessment> {
         let why = "the snapshot is needed, to measure again what the file says";
         UseCase::ALL.map(|of| Assessment { of, word: Grade::NotVerified, why: why.into() }).into()
@@ -131,56 +131,50 @@ impl Assessment {
         let unit = metadata.units.length_text();
         let density = c.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
         let groups = c.groups.as_ref().map_or_else(|| groups(c), matched_groups);
-        let seen = [pictures(c), at_large_radius(c), close_up(c)];
-        let rest = [density, spectrum(c, metadata), groups, spacing(c, unit)];
-        seen.into_iter().chain(rest).collect()
+        let findings =
+            [pictures(c), at_large_radius(c), close_up(c), density, spectrum(c, metadata), groups, spacing(c, unit)];
+        UseCase::ALL.into_iter().zip(findings).map(|(of, (word, why))| Assessment { of, word, why }).collect()
     }
 }
 
+/// How far a use goes, and why.
+type Finding = (Grade, String);
+
 /// The smallest gain of the `expected` look, whose score has no sampling noise in it.
-fn pictures(c: &Certificate) -> Assessment {
-    let finding = |word, why| Assessment { of: UseCase::Pictures, word, why };
-    let gains: Vec<PictureGain> = c.views.orbits.iter().filter_map(|o| PictureGain::of(&o.expected)).collect();
+fn pictures(c: &Certificate) -> Finding {
+    let gains: Vec<PictureGain> = c.views.orbits.iter().filter_map(|o| PictureGain::new(&o.expected)).collect();
     let beaten = gains.iter().any(|g| g.subset_is_better);
     let Some(worst) = gains.into_iter().min_by(|a, b| a.decibels.total_cmp(&b.decibels)) else {
-        return finding(Grade::NotMeasured, "nothing is lit at the default radius and opacity".into());
+        return (Grade::NotMeasured, "nothing is lit at the default radius and opacity".into());
     };
-    finding(worst.word(beaten, [PICTURES_HOLD, PICTURES_ROUGHLY]), worst.in_words("worst orbit"))
+    (worst.word(beaten, [PICTURES_HOLD, PICTURES_ROUGHLY]), worst.describe("worst orbit"))
 }
 
 /// At the largest radius and the default opacity.
-fn at_large_radius(c: &Certificate) -> Assessment {
+fn at_large_radius(c: &Certificate) -> Finding {
     let limits = [LARGE_HOLDS, LARGE_ROUGHLY];
-    at_setting(
-        c,
-        UseCase::LargeRadius,
-        |s| !s.close && s.radius > 1.0,
-        limits,
-        |s| format!("{} default radii", s.radius),
-    )
+    at_setting(c, |s| !s.close && s.radius > 1.0, limits, |s| format!("{} default radii", s.radius))
 }
 
 /// From within, at the default radius and opacity.
-fn close_up(c: &Certificate) -> Assessment {
-    at_setting(c, UseCase::CloseUp, |s| s.close, [PICTURES_HOLD, PICTURES_ROUGHLY], |_| "from within".into())
+fn close_up(c: &Certificate) -> Finding {
+    at_setting(c, |s| s.close, [PICTURES_HOLD, PICTURES_ROUGHLY], |_| "from within".into())
 }
 
 /// The worst view of the first setting of a kind, which is at the default opacity.
 fn at_setting(
     c: &Certificate,
-    of: UseCase,
     kind: impl Fn(&PictureSetting) -> bool,
     limits: [f64; 2],
     name: impl Fn(&PictureSetting) -> String,
-) -> Assessment {
-    let finding = |word, why| Assessment { of, word, why };
+) -> Finding {
     let Some(at) = c.pictures.as_ref().and_then(|p| p.settings.iter().find(|s| kind(s))) else {
-        return finding(Grade::NotMeasured, NEEDS_FULL.into());
+        return (Grade::NotMeasured, NEEDS_FULL.into());
     };
-    let Some(gain) = PictureGain::of(&at.expected.worst) else {
-        return finding(Grade::NotMeasured, "nothing is lit, or all is white".into());
+    let Some(gain) = PictureGain::new(&at.expected.worst) else {
+        return (Grade::NotMeasured, "nothing is lit, or all is white".into());
     };
-    finding(gain.word(gain.subset_is_better, limits), gain.in_words(&format!("worst view, {}", name(at))))
+    (gain.word(gain.subset_is_better, limits), gain.describe(&format!("worst view, {}", name(at))))
 }
 
 /// How far a picture is above the better of the trivial ones.
@@ -189,16 +183,16 @@ struct PictureGain {
     trivial: f64,
     name: &'static str,
     decibels: f64,
-    /// Is its SSIM above both?
+    /// The model's SSIM is above that of both trivial pictures.
     more_similar: bool,
     subset: Option<f64>,
-    /// Does the random subset of the same bytes score as much?
+    /// The random subset of the same bytes scores as much.
     subset_is_better: bool,
 }
 
 impl PictureGain {
     /// `None` where a trivial picture is identical, nothing is lit, or nothing was drawn.
-    fn of(scores: &PictureScores) -> Option<PictureGain> {
+    fn new(scores: &PictureScores) -> Option<PictureGain> {
         let PictureScore { masked_psnr: model, ssim } = scores.model?;
         let (black, even) = (scores.all_black?, scores.uniform_box?);
         let more_similar = ssim > black.ssim.max(even.ssim) || model.is_none();
@@ -217,7 +211,7 @@ impl PictureGain {
         graded(self.more_similar && holds, self.more_similar && self.decibels >= roughly)
     }
 
-    fn in_words(&self, of: &str) -> String {
+    fn describe(&self, of: &str) -> String {
         let Some(model) = self.model else { return "identical to the noise-free picture".into() };
         let less = if self.more_similar { "" } else { ", with no better SSIM" };
         let subset = match self.subset {
@@ -229,7 +223,7 @@ impl PictureGain {
     }
 }
 
-fn density(c: &Certificate) -> Assessment {
+fn density(c: &Certificate) -> Finding {
     // An empty density has an error of 1.
     let d = &c.density;
     let trivial = d.uniform_mean_absolute_error.min(1.0);
@@ -241,11 +235,11 @@ fn density(c: &Certificate) -> Assessment {
         "correlation {:.4} on {} cells along the longest edge; mean error {:.2} where a trivial density has {trivial:.2}",
         d.correlation, d.cells, d.mean_absolute_error
     );
-    Assessment { of: UseCase::Density, word, why }
+    (word, why)
 }
 
-/// Of cells of three sizes, from which on the density holds.
-fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Assessment {
+/// The smallest of three sizes of cells from which on the density holds.
+fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
     let trivial = |d: &CellDensity| d.uniform_mean_absolute_error.min(1.0);
     let holds =
         |d: &CellDensity| d.correlation >= DENSITY_HOLDS && d.mean_absolute_error <= DENSITY_ERROR_HOLDS * trivial(d);
@@ -260,21 +254,21 @@ fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Assessment
              error {mean_absolute_error:.2} where a trivial density has {trivial:.2}",
             decimals(edge)
         );
-        Assessment { of: UseCase::Density, word, why }
+        (word, why)
     };
     match (from(&holds), from(&roughly), densities.last()) {
         (Some(d), ..) => told(d, Grade::Holds),
         (None, Some(d), _) => told(d, Grade::Roughly),
         (None, None, Some(d)) => told(d, Grade::DoesNot),
-        _ => Assessment { of: UseCase::Density, word: Grade::NotMeasured, why: "too few particles".into() },
+        _ => (Grade::NotMeasured, "too few particles".into()),
     }
 }
 
-/// Of halves of the particles where they were fitted, else of the particles that the file was fitted to.
-fn spectrum(c: &Certificate, metadata: &Metadata) -> Assessment {
-    let finding = |word, why| Assessment { of: UseCase::PowerSpectrum, word, why };
+/// Judged by models of halves of the particles where they were fitted, else by the particles that the file was
+/// fitted to.
+fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
     if !metadata.cell.as_ref().is_some_and(|cell| cell.periodic.contains(&true)) {
-        return finding(Grade::NotApplicable, "the particles have no periodic box".into());
+        return (Grade::NotApplicable, "the particles have no periodic box".into());
     }
     let (k_max, one, five, of) = match (&c.held_out, &c.science) {
         (Some(h), _) => {
@@ -283,7 +277,7 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Assessment {
         (None, Some(s)) if s.power_within_5_percent_to != Limit::NotMeasured => {
             (s.k_max, s.power_within_1_percent_to, s.power_within_5_percent_to, "")
         }
-        _ => return finding(Grade::NotMeasured, "too few particles".into()),
+        _ => return (Grade::NotMeasured, "too few particles".into()),
     };
     let unit = metadata.units.length_text().map_or_else(|| "1/length".into(), per_length);
     let reaches = |limit: Limit| limit.place().is_some_and(|k| k >= SPECTRUM_SHARE * k_max);
@@ -297,7 +291,7 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Assessment {
         Grade::Holds => within(1, one),
         _ => format!("{}, {}", within(5, five), within(1, one)),
     };
-    finding(word, format!("{why}; measured to {}{of}", wavenumber(k_max)))
+    (word, format!("{why}; measured to {}{of}", wavenumber(k_max)))
 }
 
 /// In three digits that are not zeros, whatever the unit.
@@ -306,40 +300,35 @@ fn wavenumber(k: f64) -> String {
 }
 
 /// By counterparts and numbers, whichever is worse.
-fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Assessment {
-    let finding = |word, why| Assessment { of: UseCase::Groups, word, why };
+fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
     let good = |c: &GroupClass, share: f64, number: f64| {
         let matched = |v: Option<f64>| v.is_none_or(|v| v >= share);
         matched(c.completeness) && matched(c.purity) && c.number.is_none_or(|n| (n - 1.0).abs() <= number)
     };
     let largest = &classes[GROUP_CLASSES.len() - 1];
+    let size = GROUP_CLASSES[GROUP_CLASSES.len() - 1];
     let (Some(completeness), Some(number)) = (largest.completeness, largest.number) else {
-        return finding(
-            Grade::NotMeasured,
-            format!("no groups of {} particles", GROUP_CLASSES[GROUP_CLASSES.len() - 1]),
-        );
+        return (Grade::NotMeasured, format!("no groups of {size} particles"));
     };
     let hold = classes.iter().rev().take_while(|c| good(c, MATCHED_HOLD, NUMBERS_HOLD)).count();
     if hold > 0 {
         let from = GROUP_CLASSES[GROUP_CLASSES.len() - hold];
-        return finding(Grade::Holds, format!("matched by position, and in number, from {from} particles a group on"));
+        return (Grade::Holds, format!("matched by position, and in number, from {from} particles a group on"));
     }
     let why = format!(
-        "{:.0} % of groups of {} and more particles have a counterpart; {:.0} % of those drawn are one, their number is {:+.0} %",
+        "{:.0} % of groups of {size} and more particles have a counterpart; {:.0} % of those drawn are one, their number is {:+.0} %",
         100.0 * completeness,
-        GROUP_CLASSES[GROUP_CLASSES.len() - 1],
         100.0 * largest.purity.unwrap_or(0.0),
         100.0 * (number - 1.0)
     );
-    finding(graded(false, good(largest, MATCHED_ROUGHLY, NUMBERS_ROUGHLY)), why)
+    (graded(false, good(largest, MATCHED_ROUGHLY, NUMBERS_ROUGHLY)), why)
 }
 
 /// A smooth model knows how dense it is at a place, and not how its particles keep apart.
-fn spacing(c: &Certificate, unit: Option<&str>) -> Assessment {
-    let finding = |word, why| Assessment { of: UseCase::Spacing, word, why };
+fn spacing(c: &Certificate, unit: Option<&str>) -> Finding {
     let Some(s) = &c.spacing else {
         let why = if c.blocks.is_some() { ADDED_UP } else { "too few particles" };
-        return finding(Grade::NotMeasured, why.into());
+        return (Grade::NotMeasured, why.into());
     };
     let within = |share: f64| {
         (s.drawn_median / s.median - 1.0).abs() <= share && (s.drawn_regularity - s.regularity).abs() <= share
@@ -353,11 +342,10 @@ fn spacing(c: &Certificate, unit: Option<&str>) -> Assessment {
         s.drawn_regularity,
         s.regularity
     );
-    finding(graded(within(SPACING_HOLDS), within(SPACING_ROUGHLY)), why)
+    (graded(within(SPACING_HOLDS), within(SPACING_ROUGHLY)), why)
 }
 
-fn groups(c: &Certificate) -> Assessment {
-    let finding = |word, why| Assessment { of: UseCase::Groups, word, why };
+fn groups(c: &Certificate) -> Finding {
     match c.science.map_or(Limit::NotMeasured, |s| s.groups_within_10_percent_from) {
         Limit::NotMeasured => {
             let why = match (c.blocks, c.pictures) {
@@ -365,12 +353,12 @@ fn groups(c: &Certificate) -> Assessment {
                 (None, None) => NEEDS_FULL,
                 (None, Some(_)) => "too few groups",
             };
-            finding(Grade::NotMeasured, why.into())
+            (Grade::NotMeasured, why.into())
         }
-        Limit::Never => finding(Grade::DoesNot, "numbers are within 10 % at no size".into()),
+        Limit::Never => (Grade::DoesNot, "numbers are within 10 % at no size".into()),
         Limit::At(n) => {
             let why = format!("numbers within 10 % from {n} particles a group on");
-            finding(graded(n <= GROUPS_HOLD, n <= GROUPS_ROUGHLY), why)
+            (graded(n <= GROUPS_HOLD, n <= GROUPS_ROUGHLY), why)
         }
     }
 }
@@ -388,7 +376,7 @@ mod tests {
     use super::super::testing::certificate;
     use super::*;
     use crate::model::{CrossValidation, DensityMetrics, LookSummary, Pictures, ScienceMetrics, Spacing, Transfer};
-    use crate::stats::testing::model_of;
+    use crate::testing::model_of;
 
     fn boxed() -> Metadata {
         model_of(&[], [50.0; 3]).metadata

@@ -3,11 +3,13 @@
 
 use crate::camera::{Camera, ORBITS, View, base_distance, clipping_range, spiral};
 use crate::math::{Purpose, Random};
-use crate::model::Metadata;
+use crate::model::{Metadata, OrbitMetrics, ViewMetrics};
 use crate::picture::Size;
 use crate::{Error, Result};
 use std::f64::consts::PI;
 
+/// Picture size of certificates.
+pub(super) const SIZE: Size = Size { width: 1920, height: 1080 };
 /// Radius and opacity of the published views, in default radii and as such: lowest and highest.
 const RADIUS_RANGE: [f64; 2] = [0.25, 1.75];
 const OPACITY_RANGE: [f64; 2] = [0.0125, 0.0875];
@@ -32,17 +34,17 @@ pub fn held_out_views(model: &Metadata, size: Size, seed: u64, frames: usize) ->
 
 /// The certificate's: one an orbit, at the default radius and opacity.
 pub fn certificate_views(model: &Metadata, size: Size, seed: u64) -> Vec<View> {
-    orbits(model, size, 1, |orbit| Random::of(Purpose::CertificateTurn, seed, orbit), |_| default_look(model))
+    orbits(model, size, 1, |orbit| Random::from_purpose(Purpose::CertificateTurn, seed, orbit), |_| default_look(model))
 }
 
 /// Pixels that a particle may cover in a certificate's picture, and all of them together whatever the number.
 const COVERED: f64 = 2e3;
-/// See [`COVERED`].
+/// The same for all particles together.
 const COVERED_BY_ALL: f64 = 3e8;
 
 /// Refuses to measure pictures of particles so large that each covers much of a picture: it would take hours.
 pub(crate) fn check_radius(m: &Metadata, seed: u64) -> Result<()> {
-    let size = super::certify::SIZE;
+    let size = SIZE;
     // A splat ends at three radii.
     let covered = |view: &View| (9.0 * PI * view.radius_pixels(size).powi(2)).min(size.pixels() as f64);
     let most = certificate_views(m, size, seed).iter().map(covered).fold(0.0, f64::max);
@@ -58,7 +60,7 @@ pub(crate) fn check_radius(m: &Metadata, seed: u64) -> Result<()> {
 
 /// The certificate's from close up: three, as near as the reference pictures' `inside`.
 pub fn close_views(model: &Metadata, size: Size, seed: u64) -> Vec<View> {
-    let turn = Some(Random::of(Purpose::CertificateTurn, seed, ORBITS.len() as u64).bits());
+    let turn = Some(Random::from_purpose(Purpose::CertificateTurn, seed, ORBITS.len() as u64).bits());
     let distance = CLOSE * base_distance(&model.bounds, size);
     let cameras = spiral(model.bounds.center(), distance, ORBITS.len(), turn);
     let view = |(i, camera): (usize, Camera)| {
@@ -79,11 +81,16 @@ pub fn orbit_of(view: &View) -> &'static str {
     ORBITS.iter().find(|o| o.name == prefix).map_or("other", |o| o.name)
 }
 
+/// What a certificate says of the pictures that its scores are of.
+pub(super) fn view_metrics(seed: u64, orbits: [OrbitMetrics; 3]) -> ViewMetrics {
+    ViewMetrics { width: SIZE.width as u16, height: SIZE.height as u16, seed, orbits }
+}
+
 fn sampled(model: &Metadata, size: Size, seed: u64, frames: usize, [turn, look]: [Purpose; 2]) -> Vec<View> {
     let within = |range: [f64; 2], share: f64| range[0] + (range[1] - range[0]) * share;
-    let turn = |orbit| Random::of(turn, seed, orbit);
+    let turn = |orbit| Random::from_purpose(turn, seed, orbit);
     orbits(model, size, frames, turn, |number| {
-        let mut random = Random::of(look, seed, number);
+        let mut random = Random::from_purpose(look, seed, number);
         let radius = model.default_radius * within(RADIUS_RANGE, random.beta33());
         (radius, within(OPACITY_RANGE, random.beta33()))
     })
@@ -113,9 +120,7 @@ fn orbits(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stats::testing::model_of;
-
-    const SIZE: Size = Size { width: 1920, height: 1080 };
+    use crate::testing::model_of;
 
     #[test]
     fn roles_share_no_pose_and_seeds_repeat() {

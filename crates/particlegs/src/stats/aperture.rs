@@ -2,14 +2,13 @@
 
 use super::points::PointGrid;
 use super::{Domain, Groups};
-use crate::Result;
 use crate::context::Context;
-use crate::parallel;
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 
 /// A sphere shrinks by this share a step towards its densest part (Power et al. 2003).
 const SHRINK: f64 = 0.9;
-/// And no further than to this many particles.
+/// A sphere is shrunk no further than to this many particles.
 const LEAST: usize = 10;
 
 /// The centre of a group, relative to the domain's corner: the mean of its members, then of those
@@ -37,9 +36,6 @@ pub fn group_center(positions: &[[f64; 3]], members: &[u32], domain: &Domain) ->
 }
 
 /// Particles within `radius` of each centre.
-///
-/// # Errors
-/// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
 pub fn counts_within(
     positions: &[[f64; 3]],
     domain: &Domain,
@@ -70,7 +66,7 @@ pub struct ApertureMass {
     pub radius: f64,
     /// Smallest and largest size of the groups, particles.
     pub sizes: [u64; 2],
-    /// Groups.
+    /// Number of groups of those sizes.
     pub groups: u64,
     /// Median of other / truth.
     pub median: Option<f64>,
@@ -95,40 +91,39 @@ pub fn aperture_mass(
         .collect();
     let mut ratios: Vec<f64> = chosen.iter().map(|g| per * other[*g] as f64 / truth[*g] as f64).collect();
     ratios.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        let x = share * (ratios.len() - 1) as f64;
-        let (i, f) = (x.floor() as usize, x.fract());
-        ratios[i] + f * (ratios[(i + 1).min(ratios.len() - 1)] - ratios[i])
-    };
-    let some = !ratios.is_empty();
+    let at = |share| quantile(&ratios, share);
     let sum = |v: &[u64]| chosen.iter().map(|g| v[*g]).sum::<u64>() as f64;
     ApertureMass {
         radius,
         sizes,
         groups: chosen.len() as u64,
-        median: some.then(|| at(0.5)),
-        quartiles: some.then(|| [at(0.25), at(0.75)]),
-        total: some.then(|| per * sum(other) / sum(truth)),
+        median: at(0.5),
+        quartiles: at(0.25).zip(at(0.75)).map(<[f64; 2]>::from),
+        total: (!chosen.is_empty()).then(|| per * sum(other) / sum(truth)),
     }
+}
+
+/// The value that this share of rising values lies below, straight between two of them; `None` of no values.
+pub(super) fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
+    let x = share * sorted.len().checked_sub(1)? as f64;
+    let (i, f) = (x.floor() as usize, x.fract());
+    Some(sorted[i] + f * (sorted[(i + 1).min(sorted.len() - 1)] - sorted[i]))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::context::Context;
-    use crate::math::Random;
+    use crate::testing::random_points;
 
     #[test]
     fn a_lopsided_group_across_the_seam_is_centred_on_its_core() {
         let domain = Domain::upright([5.0; 3], [10.0; 3], [true; 3]);
         let core = [9.95, 0.02, 5.0];
-        let mut x = Vec::new();
-        for i in 0..300 {
-            let mut r = Random::new(1, 0, i);
-            let wide = if i % 3 == 0 { [0.5, 0.0, 0.3] } else { [0.0; 3] };
-            let s = if i % 3 == 0 { 0.2 } else { 0.01 };
-            x.push(domain.local(each_axis(|k| domain.min[k] + core[k] + wide[k] + s * r.normal())));
-        }
+        let x = random_points(300, 1, |i, r| {
+            let (wide, s) = if i % 3 == 0 { ([0.5, 0.0, 0.3], 0.2) } else { ([0.0; 3], 0.01) };
+            domain.local(each_axis(|k| domain.min[k] + core[k] + wide[k] + s * r.normal()))
+        });
         let members: Vec<u32> = (0..300).collect();
         let c = group_center(&x, &members, &domain);
         let d = domain.shortest_way(each_axis(|k| c[k] - core[k]));

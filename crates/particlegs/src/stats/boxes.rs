@@ -13,13 +13,13 @@ const SAME: f64 = 1e-5;
 pub(super) fn check_boxes(pair: [Subject<'_>; 2]) -> Result<Vec<String>> {
     let mut notes = Vec::new();
     for subject in pair {
-        let at = BoxPlacement::of(subject);
+        let at = BoxPlacement::new(subject);
         match subject {
             Subject::Particles(p) => notes.extend(check_particles(p, &at.bounds)?),
             Subject::Model(_) => check_box(&at.bounds, at.cell, at.name)?,
         }
     }
-    let [truth, other] = pair.map(BoxPlacement::of);
+    let [truth, other] = pair.map(BoxPlacement::new);
     match (truth.repeating(), other.repeating()) {
         (Some(a), Some(b)) => same_box(&a, &b, other.name)?,
         (Some(_), None) => {
@@ -40,7 +40,7 @@ struct BoxPlacement<'a> {
 }
 
 impl<'a> BoxPlacement<'a> {
-    fn of(subject: Subject<'a>) -> Self {
+    fn new(subject: Subject<'a>) -> Self {
         match subject {
             Subject::Particles(p) => {
                 let m = &p.meta;
@@ -70,7 +70,7 @@ fn same_box(truth: &Cell, other: &Cell, name: &str) -> Result<()> {
     if same {
         return Ok(());
     }
-    let what = format!("its box is {}, the truth's is {}: they cannot be compared", other.in_words(), truth.in_words());
+    let what = format!("its box is {other}, the truth's is {truth}: they cannot be compared");
     Err(Error::input_with(name, what, "compare snapshots of one box in one unit of length"))
 }
 
@@ -87,7 +87,7 @@ mod tests {
         p.meta = SnapshotMeta {
             name: "p".into(),
             cell,
-            units: Units::of(Some(unit), None, None),
+            units: Units::new(Some(unit), None, None),
             ..SnapshotMeta::default()
         };
         p

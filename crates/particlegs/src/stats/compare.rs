@@ -23,9 +23,8 @@ use super::{
 };
 use crate::context::Context;
 use crate::model::LawKind;
-use crate::parallel;
 use crate::particles::Particles;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use std::f64::consts::PI;
 
 /// Sizes of groups whose cores are compared.
@@ -365,7 +364,7 @@ impl ComparisonJob<'_> {
         notes: &mut Vec<String>,
     ) -> Result<Option<LinkedGroups>> {
         let Some(particles) = self.pair[side].particles() else { return Ok(None) };
-        let linked = LinkedParticles::of(particles, positions, &self.domain);
+        let linked = LinkedParticles::new(particles, positions, &self.domain);
         let length = match &self.o.linking_length {
             Some(text) => length_in(text, &self.pair[0].unit_system())?,
             None => self.o.linking * linked.spacing,
@@ -435,7 +434,7 @@ impl ComparisonJob<'_> {
         let apertures = self.apertures(positions, &truth.groups, notes)?;
         let sizes = pair.map(|f| f.groups.sizes());
         let smallest = self.o.smallest_group as u64;
-        let class = |from: u64, to: Option<u64>| SizeClass::of(sizes.each_ref().map(|s| &s[..]), from, to);
+        let class = |from: u64, to: Option<u64>| SizeClass::new(sizes.each_ref().map(|s| &s[..]), from, to);
         let classes = [(20, Some(49)), (50, Some(99)), (100, None)]
             .into_iter()
             .filter(|(_, to)| to.is_none_or(|t| t >= smallest))

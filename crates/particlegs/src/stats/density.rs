@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn known_columns() {
+    fn known_fields_agree_as_they_should() {
         let c = compare_density(&field(vec![1.0, 2.0, 3.0]), &field(vec![2.0, 4.0, 6.0]));
         assert!((c.correlation - 1.0).abs() < 1e-12 && c.mean_absolute_error < 1e-12);
         assert!((c.correlation_of_logarithm.unwrap() - 1.0).abs() < 1e-12);

@@ -3,13 +3,13 @@
 //! Every task owns a run of planes and adds to them alone, in the order of the particles: no
 //! atomics, no copies of the grid, and the same bits whatever the threads.
 
-use super::gaussian::{DepositScratch, Slab};
+use super::gaussian::DepositScratch;
+use super::slab::Slab;
 use super::{Assignment, Grid, Subject};
-use crate::Result;
 use crate::context::Context;
 use crate::model::Mixture;
-use crate::parallel;
 use crate::particles::{ChunkBuffer, Particles, RUN};
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 use std::ops::Range;
 
@@ -19,13 +19,13 @@ const BATCH: usize = 32;
 /// has along the other axes, once for every slab that it reaches.
 const MODEL_SLABS: usize = 32;
 const MODEL_PLANES: usize = 8;
-/// And when particles are.
+/// The same for particles.
 const SLABS: usize = 128;
 
 /// Mass in each cell of a grid, as f32 (the grid is the largest thing that statistics hold).
 #[derive(Clone, Debug)]
 pub struct Field {
-    /// The grid.
+    /// The grid whose cells hold the mass.
     pub grid: Grid,
     /// Mass in each cell, x slowest.
     pub mass: Vec<f32>,
@@ -128,6 +128,7 @@ fn add_particles(
         let sort = |c| sort_by_plane(&grid, p, c * RUN..p.len().min((c + 1) * RUN), shift);
         let sorted: Vec<SortedChunk> = parallel::map(first..chunks.min(first + BATCH), sort);
         field.outside += sorted.iter().map(|s| s.outside).sum::<f64>();
+        // Each task owns a slab and adds the batch's particles in their order: threads change no bit.
         let add = |slab: usize, out: &mut [f64]| {
             let planes = slab * depth..slab * depth + out.len() / plane;
             sorted.iter().for_each(|s| add_to_planes(&grid, s, scheme, planes.clone(), out));

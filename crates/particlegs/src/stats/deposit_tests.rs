@@ -1,14 +1,10 @@
 use super::*;
 use crate::context::Context;
-use crate::math::{Random, Sym3};
+use crate::math::Sym3;
 use crate::particles::Column;
 use crate::stats::Domain;
+use crate::testing::{on_threads, poisson};
 use particlegs_core::math::each_axis;
-
-fn random(n: usize, length: [f64; 3]) -> Particles {
-    let column = |k: u32| (0..n).map(|i| (Random::new(1, k, i as u64).uniform() * length[k as usize]) as f32).collect();
-    Particles::from_columns(column(0), column(1), column(2))
-}
 
 fn domain(length: [f64; 3], periodic: bool) -> Domain {
     Domain::upright([0.0; 3], length, [periodic; 3])
@@ -36,7 +32,7 @@ fn plain(p: &Particles, grid: &Grid, scheme: Assignment, shift: f64) -> Vec<f64>
 #[test]
 fn every_scheme_agrees_with_its_plain_twin() {
     let length = [3.0, 10.0, 7.0];
-    let p = random(5000, length).with_weights(Column::owned((0..5000).map(|i| 0.5 + (i % 7) as f32).collect()));
+    let p = poisson(5000, length, 1).with_weights(Column::owned((0..5000).map(|i| 0.5 + (i % 7) as f32).collect()));
     for periodic in [true, false] {
         for longest in [1, 2, 5, 40] {
             let grid = Grid::new(&domain(length, periodic), longest);
@@ -62,11 +58,12 @@ fn every_scheme_agrees_with_its_plain_twin() {
 
 #[test]
 fn threads_change_no_bit() {
-    let p = random(300_000, [4.0, 4.0, 4.0]);
+    let p = poisson(300_000, [4.0, 4.0, 4.0], 1);
     let grid = Grid::new(&domain([4.0; 3], true), 24);
     let run = |threads| {
-        let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| deposit(Subject::Particles(&p), &grid, Assignment::Tsc, 0.5, &Context::SILENT).unwrap().mass)
+        on_threads(threads, || {
+            deposit(Subject::Particles(&p), &grid, Assignment::Tsc, 0.5, &Context::SILENT).unwrap().mass
+        })
     };
     assert_eq!(run(1), run(5));
 }
@@ -99,7 +96,7 @@ fn a_model_keeps_its_mass_and_its_place() {
 #[test]
 fn a_grid_beyond_memory_says_what_it_needs() {
     let grid = Grid::new(&domain([1.0; 3], true), 65_000);
-    let p = random(10, [1.0; 3]);
+    let p = poisson(10, [1.0; 3], 1);
     // Refused before anything is taken, where the system tells what it has.
     if particlegs_files::memory::available_bytes().is_some() {
         let error = deposit(Subject::Particles(&p), &grid, Assignment::Ngp, 0.0, &Context::SILENT).unwrap_err();

@@ -7,52 +7,16 @@
 
 use super::Grid;
 use super::resolved::ResolvedGaussian;
+use super::slab::{FLATTEST, SMALLEST, Slab};
 use crate::math::{Eigen, Sym3};
 use particlegs_core::math::{each_axis, normal_share};
 use std::ops::Range;
 
 /// Lattice step in deviations of the round kernel: aliases are below exp(-2 pi^2 / 1.5^2) = 2e-4.
 const STEP: f64 = 1.5;
-/// Kernels are never narrower than this share of a cell: what is smaller is a point to the grid.
-const SMALLEST: f64 = 0.1;
-/// Nor than this share of the largest deviation: a bound on the lattice, for flat Gaussians.
-const FLATTEST: f64 = 1.0 / 16.0;
 /// Gaussians end here, in deviations; the rest of their mass is in the last cell.
 const TAIL: f64 = 4.5;
 
-/// Some planes of a grid across x, and what their cells hold.
-pub(crate) struct Slab<'a> {
-    /// The whole grid.
-    pub(crate) grid: &'a Grid,
-    /// Which of its planes.
-    pub(crate) planes: Range<usize>,
-    /// The cells of those planes alone.
-    pub(crate) cells: &'a mut [f64],
-}
-
-impl<'a> Slab<'a> {
-    /// All planes of a grid.
-    pub(crate) fn whole(grid: &'a Grid, cells: &'a mut [f64]) -> Self {
-        Slab { grid, planes: 0..grid.cells[0], cells }
-    }
-
-    /// False where a Gaussian has nothing in the slab, by a generous bound.
-    pub(crate) fn may_hold(&self, mean: [f64; 3], cov: &Sym3) -> bool {
-        let (g, planes) = (self.grid, &self.planes);
-        // The lattice ends 3.5 deviations and a step from the mean along each principal axis, its
-        // kernel TAIL further; a kernel is at most the deviation along x or one of the two floors.
-        let kernel = cov.0[0].max(0.0).sqrt() + SMALLEST * g.side[0] + FLATTEST * cov.trace().max(0.0).sqrt();
-        let reach = (7.0 * cov.0[0].max(0.0).sqrt() + 7.5 * kernel) / g.side[0] + 1.0;
-        let (n, x) = (g.cells[0] as f64, (mean[0] - g.min[0]) / g.side[0]);
-        let (low, high) = (planes.start as f64 - reach, planes.end as f64 + reach);
-        if !g.periodic[0] {
-            return x >= low && x <= high;
-        }
-        high - low >= n || (x - low).rem_euclid(n) <= high - low
-    }
-}
-
-/// Scratch space to deposit one Gaussian.
 #[derive(Default)]
 pub(crate) struct DepositScratch {
     nodes: [Vec<(f64, f64)>; 3],
@@ -60,7 +24,6 @@ pub(crate) struct DepositScratch {
 }
 
 impl DepositScratch {
-    /// Adds what a Gaussian has in a slab.
     pub fn add(&mut self, slab: &mut Slab<'_>, mean: [f64; 3], cov: &Sym3, mass: f64) {
         let g = slab.grid;
         let cell = g.side[0].min(g.side[1]).min(g.side[2]);
@@ -70,6 +33,7 @@ impl DepositScratch {
         }
         let eigen = cov.eigen();
         let deviation = eigen.values.map(|v| v.max(0.0).sqrt());
+        // What is thinner than the kernel is made as thick: the lattice of kernels must not be endless.
         let kernel = deviation[2].max(SMALLEST * cell).max(FLATTEST * deviation[0]);
         let thick = eigen.values.map(|v| v.max(kernel * kernel));
         let cov = if deviation[2] < kernel { &Sym3::from_eigen(&Eigen { values: thick, ..eigen }) } else { cov };

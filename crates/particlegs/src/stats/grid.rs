@@ -121,7 +121,7 @@ impl Grid {
 
     /// A cell index along `axis` as it is stored: repeated, or the nearest at an open edge.
     #[inline]
-    pub(super) fn wrap(&self, axis: usize, i: i64) -> usize {
+    pub(crate) fn wrap(&self, axis: usize, i: i64) -> usize {
         let n = self.cells[axis] as i64;
         if (0..n).contains(&i) {
             return i as usize;

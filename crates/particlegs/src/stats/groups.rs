@@ -8,10 +8,9 @@
 use super::Domain;
 use super::points::gathered;
 use crate::context::Context;
-use crate::parallel;
 use crate::particles::RUN;
 use crate::space::Bounds;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 
 /// Groups of at least the smallest size asked for, the largest first.
@@ -56,7 +55,7 @@ struct RowWalk<'a> {
     /// Square of the rows' distance.
     gap: f64,
     reach: NeighbourCells,
-    /// Do the rows not touch?
+    /// The rows do not touch.
     apart: bool,
     /// Set of each cell so far.
     roots: &'a [u32],
@@ -85,10 +84,6 @@ pub fn longest_link(domain: &Domain) -> f64 {
 }
 
 /// Finds the groups of at least `smallest` particles.
-///
-/// # Errors
-/// [`Error::Argument`] for a linking length that is not above zero or above a third of an edge that
-/// repeats, or 4 294 967 295 particles and more; [`Error::Memory`]; [`Error::Cancelled`].
 pub fn find_groups(
     positions: &[[f64; 3]],
     domain: &Domain,
@@ -367,7 +362,7 @@ impl DisjointSets {
         i
     }
 
-    /// Of every member.
+    /// The root of every member.
     fn roots(&mut self) -> Vec<u32> {
         (0..self.0.len() as u32).map(|i| self.root(i)).collect()
     }
@@ -384,15 +379,14 @@ mod tests {
     use crate::context::Context;
     use crate::math::Random;
     use crate::stats::local_positions;
-    use crate::stats::testing::{gas, tilted_cells};
+    use crate::testing::{gas, on_threads, square_between, tilted_cells};
 
     /// The plain twin: every pair.
     fn plain(x: &[[f64; 3]], domain: &Domain, length: f64, smallest: usize) -> Vec<Vec<u32>> {
         let mut sets = DisjointSets::new(x.len());
         for i in 0..x.len() {
             for j in 0..i {
-                let d = domain.shortest_way(each_axis(|k| x[i][k] - x[j][k]));
-                if d.iter().map(|v| v * v).sum::<f64>() <= length * length {
+                if square_between(domain, x[j], x[i]) <= length * length {
                     sets.join(i as u32, j as u32);
                 }
             }
@@ -432,7 +426,7 @@ mod tests {
     fn groups_in_tilted_boxes_are_those_of_all_pairs() {
         for cell in tilted_cells() {
             let p = gas(400, &cell, 6);
-            let domain = Domain::of_particles(&p);
+            let domain = Domain::from_particles(&p);
             let x = local_positions(&p, &domain);
             for share in [0.1, 0.3, 1.0] {
                 let link = share * longest_link(&domain);
@@ -446,10 +440,7 @@ mod tests {
     fn a_chain_across_the_seam_is_one_group_and_threads_do_not_matter() {
         let domain = Domain::upright([0.0; 3], [10.0, 1.0, 1.0], [true; 3]);
         let x: Vec<[f64; 3]> = (0..20).map(|i| [(9.0 + 0.1 * i as f64) % 10.0, 0.0, 0.999]).collect();
-        let run = |threads| {
-            let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| find_groups(&x, &domain, 0.11, 2, &Context::SILENT).unwrap())
-        };
+        let run = |threads| on_threads(threads, || find_groups(&x, &domain, 0.11, 2, &Context::SILENT).unwrap());
         assert_eq!(run(1).members, vec![(0..20).collect::<Vec<u32>>()]);
         assert_eq!(run(1), run(4));
         assert!(find_groups(&x, &domain, 0.09, 2, &Context::SILENT).unwrap().members.is_empty());

@@ -1,14 +1,15 @@
 //! Density and enclosed mass about given centres: of particles by counting, of a mixture from its Gaussians.
 
+use super::aperture::quantile;
 use super::points::PointGrid;
+use super::subject::mixtures;
 use super::{Domain, Subject};
 use crate::context::Context;
 use crate::model::Model;
-use crate::parallel;
 use crate::particles::Particles;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
-use particlegs_core::model::{GaussianInSphere, Rules};
+use particlegs_core::math::{GaussianInSphere, Rules};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
@@ -54,11 +55,9 @@ pub struct HaloProfiles {
 
 /// About which places, relative to the domain's corner, and how far.
 pub struct HaloPlaces<'a> {
-    /// Centres.
     pub centers: &'a [[f64; 3]],
     /// Largest radius of each.
     pub radii: &'a [f64],
-    /// Shells.
     pub bins: usize,
 }
 
@@ -76,16 +75,11 @@ impl HaloPlaces<'_> {
 /// A side of the comparison.
 #[derive(Clone, Copy)]
 pub struct HaloSide<'a> {
-    /// What is measured.
     pub subject: Subject<'a>,
-    /// Its positions, of particles.
     pub positions: &'a [[f64; 3]],
 }
 
 /// Compares enclosed masses.
-///
-/// # Errors
-/// [`Error::Memory`], [`Error::Cancelled`].
 pub fn halo_profiles(
     pair: [HaloSide<'_>; 2],
     domain: &Domain,
@@ -150,16 +144,12 @@ impl MassComparison {
         let chosen: Vec<usize> = (0..truth.len()).filter(here).collect();
         let mut ratios: Vec<f64> = chosen.iter().map(|i| other[*i] * shares[1] / (truth[*i] * shares[0])).collect();
         ratios.sort_by(f64::total_cmp);
-        let at = |share: f64| {
-            let x = share * ratios.len().checked_sub(1)? as f64;
-            let (i, f) = (x.floor() as usize, x.fract());
-            Some(ratios[i] + f * (ratios[(i + 1).min(ratios.len() - 1)] - ratios[i]))
-        };
+        let at = |share| quantile(&ratios, share);
         let sum = |v: &[f64]| chosen.iter().map(|i| v[*i]).sum::<f64>();
         MassComparison {
             number: chosen.len() as u64,
             median: at(0.5),
-            quartiles: at(0.25).zip(at(0.75)).map(|(low, high)| [low, high]),
+            quartiles: at(0.25).zip(at(0.75)).map(<[f64; 2]>::from),
             total: (!chosen.is_empty()).then(|| sum(other) * shares[1] / (sum(truth) * shares[0])),
         }
     }
@@ -174,8 +164,7 @@ fn all_mass(subject: Subject<'_>) -> f64 {
 
 /// Every Gaussian of a model: the mass of weight 1, its mixture and its number there.
 fn gaussians(m: &Model) -> impl Iterator<Item = (f64, &crate::model::Mixture, usize)> {
-    let blocks = m.layers.iter().flat_map(|l| l.content.iter().map(|b| (l.mass.unit_or_one(), &b.gaussians)));
-    blocks.flat_map(|(unit, g)| (0..g.len()).map(move |i| (unit, g, i)))
+    mixtures(m).flat_map(|(unit, g)| (0..g.len()).map(move |i| (unit, g, i)))
 }
 
 /// The masses inside `edges` about every centre, as `of` one adds them.
@@ -279,7 +268,7 @@ mod tests {
     use crate::context::Context;
     use crate::math::{Random, Sym3};
     use crate::stats::local_positions;
-    use crate::stats::testing::model_of;
+    use crate::testing::{from_points, model_of, on_threads, random_points};
 
     const BOX: Domain = Domain::upright([5.0; 3], [10.0; 3], [true; 3]);
 
@@ -295,15 +284,11 @@ mod tests {
         let turned = [[0.6, 0.8, 0.0], [-0.48, 0.36, 0.8], [0.64, -0.48, 0.6]];
         let cov = (0..3).fold(Sym3::default(), |s, k| s.add(&Sym3::outer(turned[k]).scale(deviations[k].powi(2))));
         let mut r = Random::new(3, 0, 0);
-        let mut columns = [vec![], vec![], vec![]];
-        for _ in 0..n {
+        let particles = from_points((0..n).map(|_| {
             let z = [r.normal(), r.normal(), r.normal()];
-            let x: [f64; 3] = each_axis(|k| core[k] + (0..3).map(|j| z[j] * deviations[j] * turned[j][k]).sum::<f64>());
-            let x = BOX.local(x);
-            (0..3).for_each(|k| columns[k].push((x[k] + 5.0) as f32));
-        }
-        let [x, y, z] = columns;
-        let particles = Particles::from_columns(x, y, z);
+            let x = each_axis(|k| core[k] + (0..3).map(|j| z[j] * deviations[j] * turned[j][k]).sum::<f64>());
+            BOX.local(x).map(|v| v + 5.0)
+        }));
         let mut model = model_of(&[(core, cov, n as f64)], [10.0; 3]);
         model.metadata.bounds = crate::space::Bounds { min: [5.0; 3], max: [15.0; 3] };
         let positions = local_positions(&particles, &BOX);
@@ -337,15 +322,11 @@ mod tests {
             }
             low * scale
         };
-        let mut columns = [vec![], vec![], vec![]];
-        for i in 0..n {
-            let mut r = Random::new(3, 0, i);
+        let p = from_points(random_points(n, 3, |_, r| {
             let z = [r.normal(), r.normal(), r.normal()];
             let per = radius(r.uniform()) / z.iter().map(|v| v * v).sum::<f64>().sqrt();
-            (0..3).for_each(|k| columns[k].push((10.0 + per * z[k]) as f32));
-        }
-        let [x, y, z] = columns;
-        let p = Particles::from_columns(x, y, z);
+            z.map(|z| 10.0 + per * z)
+        }));
         let positions = local_positions(&p, &BOX);
         let places = HaloPlaces { centers: &[[5.0; 3]], radii: &[1.0], bins: 12 };
         let h = halo_profiles([side(Subject::Particles(&p), &positions); 2], &BOX, &places, &Context::SILENT).unwrap();
@@ -378,10 +359,8 @@ mod tests {
         let pair = [side(Subject::Model(&model), &[]); 2];
         for periodic in [true, false] {
             let domain = Domain { periodic: [periodic; 3], ..BOX };
-            let run = |threads| {
-                let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                pool.install(|| halo_profiles(pair, &domain, &places, &Context::SILENT).unwrap())
-            };
+            let run =
+                |threads| on_threads(threads, || halo_profiles(pair, &domain, &places, &Context::SILENT).unwrap());
             let h = run(1);
             assert!(h == run(4) && h.enclosed[0].iter().all(|m| m.is_finite() && *m >= 0.0));
         }

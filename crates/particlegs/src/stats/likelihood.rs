@@ -4,12 +4,12 @@
 use super::Domain;
 use super::neighbours::sample;
 use super::points::PointGrid;
+use super::subject::mixtures;
 use crate::context::Context;
 use crate::math::{Purpose, Sym3};
 use crate::model::{Mixture, Model};
-use crate::parallel;
 use crate::particles::{Neighbours, Particles, places_of};
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use std::f64::consts::TAU;
 
@@ -36,7 +36,7 @@ pub struct Likelihood {
     pub bits: f64,
     /// Its standard error, of the sample alone.
     pub error: f64,
-    /// Particles scored.
+    /// Number of particles that were scored.
     pub sampled: u64,
     /// Share of them to which the model gives a density below a thousandth of the uniform one.
     pub missed: f64,
@@ -50,9 +50,6 @@ pub struct Likelihood {
 
 /// Scores a random sample of `particles` under `model`, in `domain`. Masses are not looked at: p is the density of
 /// numbers.
-///
-/// # Errors
-/// [`Error::Input`] for a model without particles, [`Error::Memory`], [`Error::Cancelled`].
 pub fn likelihood(
     model: &Model,
     particles: &Particles,
@@ -131,11 +128,8 @@ impl Domain {
             return Err(Error::argument(format!("point {i} is not finite")));
         }
         let mut bells = Vec::with_capacity(model.gaussians());
-        for layer in &model.layers {
-            for m in layer.content.iter().map(|b| &b.gaussians) {
-                let mass = |i| layer.mass.unit_or_one() * m.mass_of(i);
-                bells.extend((0..m.len()).map(|i| GaussianDensity::new(m, i, mass(i), self)));
-            }
+        for (unit, m) in mixtures(model) {
+            bells.extend((0..m.len()).map(|i| GaussianDensity::new(m, i, unit * m.mass_of(i), self)));
         }
         context.begin("density", (places.len().div_ceil(AT_ONCE) * RUNS) as u64);
         let mut all = vec![0.0; places.len()];
@@ -210,7 +204,7 @@ mod tests {
     use super::*;
     use crate::context::Context;
     use crate::math::Random;
-    use crate::stats::testing::model_of;
+    use crate::testing::model_of;
 
     const BOX: Domain = Domain::upright([0.0; 3], [1.0; 3], [true; 3]);
 

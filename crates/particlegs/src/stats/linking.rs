@@ -4,9 +4,8 @@ use super::points::{PointGrid, gathered};
 use super::{Domain, Groups, find_groups, group_center, longest_link};
 use crate::context::Context;
 use crate::model::{Dimension, Unit, UnitSystem, Units};
-use crate::parallel;
 use crate::particles::{Particles, mass_classes};
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use std::ops::Range;
 
@@ -23,15 +22,12 @@ const FEW: usize = 10;
 
 /// Groups of one side.
 pub(crate) struct LinkedGroups {
-    /// The groups.
     pub groups: Groups,
-    /// Particles that were linked.
     pub linked: u64,
     /// Groups with heavier particles inside, where those were not linked.
     pub contaminated: Option<u64>,
 }
 
-/// Which particles are linked.
 pub(crate) struct LinkedParticles {
     /// Their indices; `None` = all.
     index: Option<Vec<u32>>,
@@ -59,7 +55,7 @@ impl ParticleKind {
 struct AxisSpread([[[f64; 2]; PARTS]; 3]);
 
 impl AxisSpread {
-    fn of(places: impl Iterator<Item = [f64; 3]>, domain: &Domain) -> Self {
+    fn new(places: impl Iterator<Item = [f64; 3]>, domain: &Domain) -> Self {
         let mut spread = [[[f64::INFINITY, f64::NEG_INFINITY]; PARTS]; 3];
         for x in places {
             for k in 0..3 {
@@ -101,7 +97,7 @@ fn finest(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Option<Link
         let unit = layer.mass.unit().or(own.map(|_| 1.0))?;
         for weight in classes {
             let mass = unit * weight.map_or(1.0, f64::from);
-            let spread = AxisSpread::of(std::iter::empty(), domain);
+            let spread = AxisSpread::new(std::iter::empty(), domain);
             kinds.push(ParticleKind { range: layer.content.clone(), weight, mass, count: 0, spread });
         }
     }
@@ -110,7 +106,7 @@ fn finest(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Option<Link
     }
     let mut kinds = parallel::map(kinds, |kind| {
         let count = kind.indices(weights).count();
-        let spread = AxisSpread::of(kind.indices(weights).map(|i| positions[i]), domain);
+        let spread = AxisSpread::new(kind.indices(weights).map(|i| positions[i]), domain);
         ParticleKind { count, spread, ..kind }
     });
     kinds.retain(|k| k.count > 0);
@@ -138,21 +134,18 @@ fn finest(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Option<Link
 
 impl LinkedParticles {
     /// The finest particles of a zoom in a box that repeats, else all.
-    pub fn of(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Self {
+    pub fn new(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Self {
         finest(p, positions, domain)
             .unwrap_or_else(|| LinkedParticles { index: None, spacing: domain.spacing(p.len()) })
     }
 
-    /// Are those linked not all?
+    /// Some particles are left out of the links.
     pub fn is_part(&self) -> bool {
         self.index.is_some()
     }
 
     /// The groups by links of a length, with members by their number among all particles; `None` where links are longer than
     /// the box allows.
-    ///
-    /// # Errors
-    /// As [`find_groups`].
     pub fn groups(
         &self,
         positions: &[[f64; 3]],
@@ -223,7 +216,7 @@ pub(super) fn length_in(text: &str, system: &UnitSystem<'_>) -> Result<f64> {
     if system.units.length.is_none() {
         return Err(refused("the particles state no unit of length to convert it to".into()));
     }
-    let units = Units::of(Some(unit), None, None);
+    let units = Units::new(Some(unit), None, None);
     let own = UnitSystem { units: &units, ..*system };
     Ok(value * own.conversion(system).map_err(refused)?.length)
 }
@@ -236,35 +229,30 @@ mod tests {
     use crate::model::{Cosmology, Epoch};
     use crate::particles::Column;
     use crate::stats::local_positions;
+    use crate::testing::from_points;
 
     const BOX: Domain = Domain::upright([0.0; 3], [100.0; 3], [true; 3]);
 
     /// Heavy particles in a box; a region of 10 about `corner` of light ones, with two clumps of 300 and 150, the second
     /// with `intruders` heavy ones inside.
     fn zoom(corner: f64, intruders: usize) -> Particles {
-        let mut columns = [vec![], vec![], vec![]];
-        let mut weights = vec![];
         let mut r = Random::new(2, 0, 0);
-        let mut put = |x: [f64; 3], w: f32| {
-            (0..3).for_each(|k| columns[k].push(x[k].rem_euclid(100.0) as f32));
-            weights.push(w);
-        };
-        for (n, at, size, weight) in [
+        let clumps = [
             (8000, corner, 10.0, 1.0),
             (300, corner + 2.0, 0.15, 1.0),
             (150, corner + 6.0, 0.15, 1.0),
             (intruders, corner + 6.0, 0.1, 8000.0),
             (7000, 0.0, 100.0, 8000.0),
-        ] {
-            (0..n).for_each(|_| put([0; 3].map(|_| at + size * r.uniform()), weight));
-        }
-        let [x, y, z] = columns;
-        Particles::from_columns(x, y, z).with_weights(Column::owned(weights))
+        ];
+        let weights = clumps.iter().flat_map(|(n, _, _, weight)| vec![*weight; *n]).collect();
+        let places = clumps.iter().flat_map(|&(n, at, size, _)| (0..n).map(move |_| (at, size)));
+        from_points(places.map(|(at, size)| [0; 3].map(|_| (at + size * r.uniform()).rem_euclid(100.0))))
+            .with_weights(Column::owned(weights))
     }
 
     fn found(p: &Particles, share: f64) -> LinkedGroups {
         let x = local_positions(p, &BOX);
-        let linked = LinkedParticles::of(p, &x, &BOX);
+        let linked = LinkedParticles::new(p, &x, &BOX);
         linked.groups(&x, &BOX, share * linked.spacing, 20, &Context::SILENT).unwrap().unwrap()
     }
 
@@ -286,19 +274,12 @@ mod tests {
     /// Gas and dark matter of the region are linked, and a level between them and the box is not.
     #[test]
     fn species_of_one_region_are_linked_together() {
-        let mut columns = [vec![], vec![], vec![]];
-        let mut weights = vec![];
         let mut r = Random::new(4, 0, 0);
-        for (n, size, weight) in
-            [(3000, 10.0, 1.0), (3000, 10.0, 5.4), (300, 4.0, 0.5), (2500, 30.0, 43.0), (4000, 100.0, 344.0)]
-        {
-            for _ in 0..n {
-                (0..3).for_each(|k| columns[k].push((50.0 + size * (r.uniform() - 0.5)) as f32));
-                weights.push(weight);
-            }
-        }
-        let [x, y, z] = columns;
-        let f = found(&Particles::from_columns(x, y, z).with_weights(Column::owned(weights)), 0.2);
+        let levels = [(3000, 10.0, 1.0), (3000, 10.0, 5.4), (300, 4.0, 0.5), (2500, 30.0, 43.0), (4000, 100.0, 344.0)];
+        let weights = levels.iter().flat_map(|(n, _, weight)| vec![*weight; *n]).collect();
+        let sizes = levels.iter().flat_map(|(n, size, _)| vec![*size; *n]);
+        let particles = from_points(sizes.map(|size| [0; 3].map(|_| 50.0 + size * (r.uniform() - 0.5))));
+        let f = found(&particles.with_weights(Column::owned(weights)), 0.2);
         assert_eq!(f.linked, 6300);
     }
 
@@ -306,11 +287,7 @@ mod tests {
     #[test]
     fn boxes_that_are_no_zooms_link_all() {
         let p = zoom(45.0, 0);
-        let same = Particles::from_columns(
-            p.columns(0..p.len())[0].clone(),
-            p.columns(0..p.len())[1].clone(),
-            p.columns(0..p.len())[2].clone(),
-        );
+        let same = p.clone().without_weights();
         assert_eq!(found(&same, 0.02).linked, 15_450);
         let weights = p.weights().unwrap().iter().map(|w| 8000.0 / w).collect();
         assert_eq!(found(&same.clone().with_weights(Column::owned(weights)), 0.02).linked, 15_450);
@@ -324,7 +301,7 @@ mod tests {
     fn lengths_have_units() {
         let cosmology = Cosmology { hubble: Some(0.5), ..Cosmology::default() };
         let of = |text: &str, unit: Option<&str>| {
-            let units = Units::of(unit, None, None);
+            let units = Units::new(unit, None, None);
             length_in(text, &UnitSystem::new(&units, &Epoch::default(), &cosmology))
         };
         for (text, unit, expected) in [

@@ -31,13 +31,12 @@ mod resolved;
 #[cfg(test)]
 mod scipy_tests;
 mod sizes;
+mod slab;
 mod spectrum;
 #[cfg(test)]
 mod spectrum_tests;
 mod subject;
 mod summary;
-#[cfg(test)]
-pub(crate) mod testing;
 mod transform;
 mod xi_transform;
 
@@ -49,7 +48,7 @@ pub use compare::compare;
 pub use density::{DensityComparison, DensityPdf};
 pub use deposit::{Field, deposit};
 pub(crate) use deposit::{deposit_bytes, deposit_steps};
-pub(crate) use gaussian::{DepositScratch, Slab};
+pub(crate) use gaussian::DepositScratch;
 pub use grid::{Assignment, Grid};
 pub(crate) use groups::{Groups, find_groups, longest_link};
 pub use haloes::HaloProfiles;
@@ -63,11 +62,11 @@ pub use options::{Convention, Measure, StatsOptions};
 pub use pairs::PairCounts;
 pub(crate) use points::{PointGrid, local_positions};
 pub use profile::AxisProfile;
-pub use report::{DensityReport, GroupReport, Statistics, XiByTransform};
+pub use report::{DensityReport, GroupReport, Statistics, Summary, XiByTransform};
 pub use sizes::SizeClass;
 pub(crate) use sizes::size_histogram;
+pub(crate) use slab::Slab;
 pub(crate) use spectrum::{CachedTransform, SpectrumOptions, power_spectra, spectra_of};
 pub use spectrum::{Shell, Spectra};
 pub use subject::Subject;
-pub use summary::Summary;
 pub(crate) use summary::{FEWEST_GROUPS, largest_deviation_of_numbers, sizes_within};

@@ -1,12 +1,13 @@
 //! Moments of positions along each axis, by mass.
 
 use super::Subject;
+use super::subject::mixtures;
 use crate::particles::Particles;
 
 /// Moments of one axis, world units.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct AxisMoments {
-    /// Mean.
+    /// Mean position.
     pub mean: f64,
     /// Standard deviation.
     pub deviation: f64,
@@ -29,17 +30,15 @@ pub fn axis_moments(subject: Subject<'_>) -> [AxisMoments; 3] {
         Subject::Particles(p) => of_particles(p, pivot),
         Subject::Model(m) => {
             let mut sums = [PowerSums::default(); 3];
-            for layer in &m.layers {
-                for g in layer.content.iter().map(|b| &b.gaussians) {
-                    for i in 0..g.len() {
-                        let (mass, cov) = (layer.mass.unit_or_one() * g.mass_of(i), g.cov_of(i).0);
-                        for k in 0..3 {
-                            // Raw moments of a Gaussian of mean d and variance v.
-                            let (d, v) = (g.mean[k][i] - pivot[k], cov[[0, 3, 5][k]]);
-                            let terms =
-                                [1.0, d, d * d + v, d * (d * d + 3.0 * v), d.powi(4) + 6.0 * d * d * v + 3.0 * v * v];
-                            (0..5).for_each(|t| sums[k][t] += mass * terms[t]);
-                        }
+            for (unit, g) in mixtures(m) {
+                for i in 0..g.len() {
+                    let (mass, cov) = (unit * g.mass_of(i), g.cov_of(i).0);
+                    for k in 0..3 {
+                        // Raw moments of a Gaussian of mean d and variance v.
+                        let (d, v) = (g.mean[k][i] - pivot[k], cov[[0, 3, 5][k]]);
+                        let terms =
+                            [1.0, d, d * d + v, d * (d * d + 3.0 * v), d.powi(4) + 6.0 * d * d * v + 3.0 * v * v];
+                        (0..5).for_each(|t| sums[k][t] += mass * terms[t]);
                     }
                 }
             }
@@ -99,7 +98,7 @@ mod tests {
         assert_eq!((y.mean, y.deviation, y.skewness), (5.0, 0.0, 0.0));
         assert!((z.kurtosis - 1.0).abs() < 1e-12);
         let model =
-            crate::stats::testing::model_of(&[([3.0, 4.0, 5.0], Sym3([4.0, 0.0, 0.0, 1.0, 0.0, 0.25]), 7.0)], [9.0; 3]);
+            crate::testing::model_of(&[([3.0, 4.0, 5.0], Sym3([4.0, 0.0, 0.0, 1.0, 0.0, 0.25]), 7.0)], [9.0; 3]);
         let [x, _, z] = axis_moments(Subject::Model(&model));
         assert!((x.mean - 3.0).abs() < 1e-12 && (x.deviation - 2.0).abs() < 1e-12);
         assert!(x.skewness.abs() < 1e-12 && (z.kurtosis - 3.0).abs() < 1e-9);

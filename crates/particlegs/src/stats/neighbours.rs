@@ -1,11 +1,11 @@
 //! Distances to the nearest neighbour, of all particles or of a sample of them.
 
 use super::Domain;
+use super::aperture::quantile;
 use crate::context::Context;
 use crate::math::{Purpose, Random};
-use crate::parallel;
 use crate::particles::{Neighbours, Particles, places_of};
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 
 /// Bins of the histogram, a decade.
 const PER_DECADE: f64 = 20.0;
@@ -19,7 +19,7 @@ pub struct NearestDistances {
     pub among: u64,
     /// Mean distance, world units.
     pub mean: f64,
-    /// Median.
+    /// Median distance, world units.
     pub median: f64,
     /// 1, 5, 25, 75, 95 and 99 % of the distances are below these.
     pub percentiles: [f64; 6],
@@ -32,14 +32,12 @@ pub struct NearestDistances {
     pub zero: u64,
 }
 
-/// Which neighbours.
 pub struct NeighbourOptions {
     /// Particles to look from, at most.
     pub sample: usize,
     /// Thin the particles to the sample first and look among it alone, as the published table does:
     /// its distances are those of the thinned set.
     pub among_sample: bool,
-    /// Seed of the sample.
     pub seed: u64,
 }
 
@@ -48,7 +46,7 @@ pub(super) fn sample(n: usize, wanted: usize, purpose: Purpose, seed: u64) -> Ve
     if wanted >= n {
         return (0..n as u32).collect();
     }
-    let mut random = Random::of(purpose, seed, 0);
+    let mut random = Random::from_purpose(purpose, seed, 0);
     let (mut out, mut left) = (Vec::with_capacity(wanted), wanted);
     for i in 0..n {
         if random.uniform() * ((n - i) as f64) < left as f64 {
@@ -60,10 +58,6 @@ pub(super) fn sample(n: usize, wanted: usize, purpose: Purpose, seed: u64) -> Ve
 }
 
 /// Distances to nearest neighbours.
-///
-/// # Errors
-/// [`Error::Argument`] for fewer than two particles or 4 294 967 295 and more, [`Error::Memory`],
-/// [`Error::Cancelled`].
 pub fn nearest_distances(
     particles: &Particles,
     domain: &Domain,
@@ -101,11 +95,7 @@ pub fn nearest_distances(
 
 fn summary(sorted: &[f64], mean: f64, among: usize) -> NearestDistances {
     let n = sorted.len();
-    let at = |share: f64| {
-        let x = share * (n - 1) as f64;
-        let (i, f) = (x.floor() as usize, x.fract());
-        sorted[i] + f * (sorted[(i + 1).min(n - 1)] - sorted[i])
-    };
+    let at = |share| quantile(sorted, share).expect("at least one distance");
     let zero = sorted.iter().take_while(|d| **d == 0.0).count();
     let bin = |d: f64| (d.log10() * PER_DECADE).floor() as i64;
     let (mut edges, mut counts) = (Vec::new(), Vec::new());
@@ -131,42 +121,31 @@ fn summary(sorted: &[f64], mean: f64, among: usize) -> NearestDistances {
 mod tests {
     use super::*;
     use crate::context::Context;
-    use particlegs_core::math::each_axis;
+    use crate::testing::{from_points, random_points, square_between};
 
-    fn particles(x: &[[f64; 3]]) -> Particles {
-        let column = |k: usize| x.iter().map(|x| x[k] as f32).collect();
-        Particles::from_columns(column(0), column(1), column(2))
-    }
-
-    fn random(n: usize, length: [f64; 3]) -> Vec<[f64; 3]> {
-        (0..n)
-            .map(|i| {
-                let mut r = Random::new(8, 0, i as u64);
-                let core = i % 2 == 0;
-                length.map(|l| f64::from((if core { l * 0.02 * r.uniform() } else { l * r.uniform() }) as f32))
-            })
-            .collect()
+    fn nearest(x: &[[f64; 3]], domain: &Domain, sample: usize, among_sample: bool) -> Result<NearestDistances> {
+        let options = NeighbourOptions { sample, among_sample, seed: 1 };
+        nearest_distances(&from_points(x.iter().copied()), domain, &options, &Context::SILENT)
     }
 
     #[test]
     fn distances_are_those_of_all_pairs() {
         for periodic in [[true; 3], [false; 3], [true, false, true]] {
             let domain = Domain::upright([0.0; 3], [1.0, 2.0, 3.0], periodic);
-            let mut x = random(900, domain.length);
+            let mut x = random_points(900, 8, |i, r| {
+                let share = if i % 2 == 0 { 0.02 } else { 1.0 };
+                domain.length.map(|l| f64::from((l * share * r.uniform()) as f32))
+            });
             // Some lie in another image of the box, and about another origin.
             (0..3).filter(|k| periodic[*k]).for_each(|k| x[7][k] += domain.length[k]);
-            let mut p = particles(&x);
+            let mut p = from_points(x.iter().copied());
             p.origin = [5.0, 0.0, -3.0];
             let moved = Domain { min: p.origin, ..domain };
             let all = places_of(&p, &moved, &(0..900).collect::<Vec<u32>>());
             let tree = Neighbours::new(&p, &moved);
             for i in 0..x.len() {
-                let plain = (0..x.len())
-                    .filter(|j| *j != i)
-                    .map(|j| domain.shortest_way(each_axis(|k| x[j][k] - x[i][k])))
-                    .map(|d| d.iter().map(|v| v * v).sum::<f64>())
-                    .fold(f64::INFINITY, f64::min)
-                    .sqrt();
+                let others = (0..x.len()).filter(|j| *j != i).map(|j| square_between(&domain, x[i], x[j]));
+                let plain = others.fold(f64::INFINITY, f64::min).sqrt();
                 assert!((tree.nearest(all[i]) - plain).abs() < 1e-6, "{i}");
             }
         }
@@ -176,35 +155,23 @@ mod tests {
     #[test]
     fn poisson_points_have_their_mean() {
         let domain = Domain::upright([0.0; 3], [2.0; 3], [true; 3]);
-        let x: Vec<[f64; 3]> = (0..30_000)
-            .map(|i| {
-                let mut r = Random::new(2, 0, i);
-                [0; 3].map(|_| 2.0 * r.uniform())
-            })
-            .collect();
-        let o = NeighbourOptions { sample: 20_000, among_sample: false, seed: 1 };
-        let d = nearest_distances(&particles(&x), &domain, &o, &Context::SILENT).unwrap();
+        let x = random_points(30_000, 2, |_, r| [0; 3].map(|_| 2.0 * r.uniform()));
+        let d = nearest(&x, &domain, 20_000, false).unwrap();
         assert!((d.mean / domain.spacing(30_000) / 0.55396 - 1.0).abs() < 0.01, "{d:?}");
         assert_eq!((d.sampled, d.among), (20_000, 30_000));
         assert_eq!(d.counts.iter().sum::<u64>() + d.zero, 20_000);
-        let thin = nearest_distances(
-            &particles(&x),
-            &domain,
-            &NeighbourOptions { among_sample: true, sample: 3750, ..o },
-            &Context::SILENT,
-        );
-        assert!((thin.unwrap().mean / d.mean - 2.0).abs() < 0.06);
+        let thin = nearest(&x, &domain, 3750, true).unwrap();
+        assert!((thin.mean / d.mean - 2.0).abs() < 0.06);
     }
 
     /// Cells lie in a row of many: shells about one are as long as the row, and no wider than it.
     #[test]
-    fn needles_take_no_longer() {
+    fn searches_in_a_needle_of_cells_end_soon() {
         let (n, step) = (60_000, 2.0f64.powi(100));
         for periodic in [[false; 3], [true, false, true]] {
             let x: Vec<[f64; 3]> = (0..n).map(|i| [i as f64 * step, (i % 2) as f64 * 1e-38, 0.0]).collect();
             let domain = Domain::upright([0.0; 3], [n as f64 * step, 1e-38, 1e-38], periodic);
-            let o = NeighbourOptions { sample: n, among_sample: false, seed: 1 };
-            let d = nearest_distances(&particles(&x), &domain, &o, &Context::SILENT).unwrap();
+            let d = nearest(&x, &domain, n, false).unwrap();
             if !periodic[0] {
                 assert_eq!(d.median, step);
             }
@@ -215,11 +182,10 @@ mod tests {
     fn a_lattice_has_one_distance_and_doubles_none() {
         let domain = Domain::upright([0.0; 3], [4.0; 3], [true; 3]);
         let mut x: Vec<[f64; 3]> = (0..64).map(|i| [i / 16, i / 4 % 4, i % 4].map(|v| v as f64)).collect();
-        let o = NeighbourOptions { sample: 1000, among_sample: false, seed: 1 };
-        let d = nearest_distances(&particles(&x), &domain, &o, &Context::SILENT).unwrap();
+        let d = nearest(&x, &domain, 1000, false).unwrap();
         assert_eq!((d.mean, d.median, d.zero), (1.0, 1.0, 0));
         x.push([1.0; 3]);
-        assert_eq!(nearest_distances(&particles(&x), &domain, &o, &Context::SILENT).unwrap().zero, 2);
-        assert!(nearest_distances(&particles(&x[..1]), &domain, &o, &Context::SILENT).is_err());
+        assert_eq!(nearest(&x, &domain, 1000, false).unwrap().zero, 2);
+        assert!(nearest(&x[..1], &domain, 1000, false).is_err());
     }
 }

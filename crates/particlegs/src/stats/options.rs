@@ -35,7 +35,7 @@ particlegs_core::named_values! {
 pub struct StatsOptions {
     /// What to measure.
     pub measures: Vec<Measure>,
-    /// Definitions.
+    /// Whose definitions.
     pub convention: Convention,
     /// Take no axis as periodic, whatever the truth says?
     pub open: bool,

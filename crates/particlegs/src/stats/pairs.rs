@@ -9,8 +9,7 @@ use super::Domain;
 use super::points::PointGrid;
 use crate::context::Context;
 use crate::math::{Purpose, Random};
-use crate::parallel;
-use crate::{Error, Result};
+use crate::{Error, Result, parallel};
 use particlegs_core::math::each_axis;
 use std::f64::consts::PI;
 
@@ -32,18 +31,17 @@ pub struct PairCounts {
     pub expected: Vec<f64>,
     /// pairs / expected - 1.
     pub xi: Vec<f64>,
-    /// Particles.
+    /// Number of particles.
     pub particles: u64,
 }
 
 impl PairCounts {
-    /// Are primaries a sample in some band?
+    /// Some band of separations counts the pairs of a sample only.
     pub(super) fn sampled(&self) -> bool {
         self.primaries.iter().any(|p| *p < self.particles)
     }
 }
 
-/// What to count.
 pub struct PairOptions {
     /// Edges of the bins, ascending.
     pub edges: Vec<f64>,
@@ -51,7 +49,6 @@ pub struct PairOptions {
     pub band: f64,
     /// Distances that may be taken, about; above it, primaries are a sample.
     pub budget: u64,
-    /// Seed of the sample.
     pub seed: u64,
 }
 
@@ -93,10 +90,6 @@ pub fn longest_separation(domain: &Domain) -> f64 {
 
 /// Counts pairs. Bins are worked in bands of at most a factor of `band` in separation, each with its own
 /// grid and, where it must be, its own sample of primaries.
-///
-/// # Errors
-/// [`Error::Argument`] for edges that are not ascending or too long for the box, for a
-/// model instead of particles and for weights; [`Error::Memory`]; [`Error::Cancelled`].
 pub fn count_pairs(
     positions: &[[f64; 3]],
     domain: &Domain,
@@ -161,7 +154,7 @@ fn choose(points: &PointGrid, reach: f64, o: &PairOptions, band: u64) -> Vec<u32
     }
     // Each particle on its own: by its index in the snapshot, so that the sample is of particles.
     let share = most / n as f64;
-    let seed = Random::of(Purpose::PairSample, o.seed, band).bits();
+    let seed = Random::from_purpose(Purpose::PairSample, o.seed, band).bits();
     (0..n as u32).filter(|i| uniform(seed, points.index[*i as usize]) < share).collect()
 }
 
@@ -195,7 +188,7 @@ impl DistanceBins {
 
     /// 1 + the bin that holds the square of a distance below the last edge; 0 below the first.
     #[inline]
-    fn of(&self, square: f64) -> usize {
+    fn bin(&self, square: f64) -> usize {
         // Squares of the tiniest distances have parts without end.
         let part = ((square * self.parts_per) as usize).min(PARTS);
         let mut bin = if self.parts_per.is_finite() { self.below[part] as usize } else { 0 };
@@ -222,13 +215,13 @@ fn count_band(points: &PointGrid, primaries: &[u32], edges: &[f64], context: &Co
                     let d = [o[0] - origin[0], o[1] - origin[1], o[2] - origin[2]];
                     let r = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
                     if r < bins.end {
-                        counts[bins.of(r)] += 1;
+                        counts[bins.bin(r)] += 1;
                     }
                 }
             });
             // The primary itself, unless its square of a distance was no less than the last edge's, 0.
             if bins.end > 0.0 {
-                counts[bins.of(0.0)] -= 1;
+                counts[bins.bin(0.0)] -= 1;
             }
         }
         context.advance(run.len() as u64);
@@ -245,23 +238,17 @@ mod tests {
     use super::*;
     use crate::context::Context;
     use crate::stats::local_positions;
-    use crate::stats::testing::{gas, tilted_cells};
+    use crate::testing::{gas, on_threads, random_points, square_between, tilted_cells};
 
     fn random(n: usize, length: [f64; 3], seed: u64) -> Vec<[f64; 3]> {
-        (0..n)
-            .map(|i| {
-                let mut r = Random::new(seed, 0, i as u64);
-                length.map(|l| f64::from((r.uniform() * l) as f32))
-            })
-            .collect()
+        random_points(n, seed, |_, r| length.map(|l| f64::from((r.uniform() * l) as f32)))
     }
 
     fn plain(x: &[[f64; 3]], domain: &Domain, edges: &[f64]) -> Vec<u64> {
         let mut out = vec![0; edges.len() - 1];
         for i in 0..x.len() {
             for j in (0..x.len()).filter(|j| *j != i) {
-                let d = domain.shortest_way(each_axis(|k| x[j][k] - x[i][k]));
-                let r = d.iter().map(|v| v * v).sum::<f64>();
+                let r = square_between(domain, x[i], x[j]);
                 (0..out.len())
                     .filter(|b| r >= edges[*b].powi(2) && r < edges[*b + 1].powi(2))
                     .for_each(|b| out[b] += 1);
@@ -293,7 +280,7 @@ mod tests {
     fn counts_in_tilted_boxes_are_those_of_all_pairs_and_a_gas_has_no_correlation() {
         for cell in tilted_cells() {
             let p = gas(500, &cell, 2);
-            let domain = Domain::of_particles(&p);
+            let domain = Domain::from_particles(&p);
             let x = local_positions(&p, &domain);
             let longest = longest_separation(&domain);
             let edges: Vec<f64> = (0..=6).map(|i| longest * f64::from(i) / 6.0).collect();
@@ -312,10 +299,7 @@ mod tests {
         let domain = Domain::upright([0.0; 3], [4.0; 3], [true; 3]);
         let x = random(20_000, [4.0; 3], 5);
         let o = PairOptions { edges: logarithmic_edges(0.05, 1.0, 8), band: 3.0, budget: 2_000_000, seed: 1 };
-        let run = |threads| {
-            let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| count_pairs(&x, &domain, &o, &Context::SILENT).unwrap())
-        };
+        let run = |threads| on_threads(threads, || count_pairs(&x, &domain, &o, &Context::SILENT).unwrap());
         let (one, many) = (run(1), run(6));
         assert_eq!(one, many);
         assert!(one.primaries[0] > one.primaries[one.primaries.len() - 1], "{:?}", one.primaries);
@@ -323,7 +307,7 @@ mod tests {
 
     /// Uniform points have no correlation, in an open slab neither: its edges are accounted for.
     #[test]
-    fn uniform_points_have_none() {
+    fn uniform_points_have_no_correlation() {
         for periodic in [[true; 3], [false; 3], [false, true, true]] {
             let domain = Domain::upright([0.0; 3], [1.0, 3.0, 2.0], periodic);
             let x = random(6000, domain.length, 9);

@@ -1,9 +1,8 @@
 //! Positions sorted into the cells of a grid, for whatever looks at neighbours.
 
 use super::Domain;
-use crate::Result;
-use crate::parallel;
 use crate::particles::{ChunkBuffer, Particles, RUN};
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 
 /// Positions relative to the domain's corner, in [0, length) along axes that repeat, in the order
@@ -30,7 +29,6 @@ pub(super) fn gathered(positions: &[[f64; 3]], index: &[u32]) -> Vec<[f64; 3]> {
 
 /// Points by cell.
 pub(crate) struct PointGrid {
-    /// The domain.
     pub domain: Domain,
     /// Cells along each axis.
     pub cells: [usize; 3],
@@ -56,9 +54,6 @@ pub(super) fn points_bytes(n: usize) -> u64 {
 
 impl PointGrid {
     /// Cells at least `side` long; longer where there would be more than four a point.
-    ///
-    /// # Errors
-    /// [`crate::Error::Argument`] above 4 294 967 295 particles, [`crate::Error::Memory`].
     pub fn new(positions: &[[f64; 3]], domain: &Domain, side: f64) -> Result<Self> {
         if positions.len() >= u32::MAX as usize {
             return Err(crate::Error::argument("neighbours of more than 4294967295 particles; take a sample"));
@@ -96,7 +91,6 @@ impl PointGrid {
         Ok(p)
     }
 
-    /// The cell of a position.
     pub fn cell_of(&self, x: [f64; 3]) -> [usize; 3] {
         let place = |k: usize| ((self.domain.along(&x, k) - self.low[k]) / self.side[k]).max(0.0) as usize;
         each_axis(|k| place(k).min(self.cells[k] - 1))
@@ -134,17 +128,12 @@ impl PointGrid {
         for (x, tx) in self.beside(0, i, reach) {
             for (y, ty) in self.beside(1, j, reach) {
                 // Neighbours along z lie together, up to the seam.
-                let mut from = 0;
-                while from < z.len() {
-                    let mut to = from + 1;
-                    while to < z.len() && z[to].1 == z[from].1 {
-                        to += 1;
-                    }
-                    let run = self.row(x, y, z[from].0..z[to - 1].0 + 1);
+                for together in z.chunk_by(|a, b| a.1 == b.1) {
+                    let (first, tz) = together[0];
+                    let run = self.row(x, y, first..first + together.len());
                     if !run.is_empty() {
-                        visit(run, self.domain.turned([tx, ty, z[from].1]));
+                        visit(run, self.domain.turned([tx, ty, tz]));
                     }
-                    from = to;
                 }
             }
         }

@@ -1,12 +1,12 @@
 //! Density along an axis: mass per volume in slabs, of particles by counting, of a mixture by error functions.
 
 use super::gaussian::shares;
+use super::subject::mixtures;
 use super::{Domain, Grid, Subject};
-use crate::Result;
 use crate::context::Context;
-use crate::model::{Layer, Mixture, Model};
-use crate::parallel;
+use crate::model::{Mixture, Model};
 use crate::particles::{ChunkBuffer, Particles, RUN};
+use crate::{Result, parallel};
 use particlegs_core::math::{Sym3, each_axis};
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -35,9 +35,6 @@ pub struct AxisProfile {
 type AxisSlabs = [Vec<f64>; 3];
 
 /// Profiles along x, y and z, or the edges of a tilted domain, in `bins` slabs of it; mass beyond open edges is in none.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`].
 pub fn axis_profiles(
     pair: [Subject<'_>; 2],
     domain: &Domain,
@@ -153,7 +150,7 @@ fn of_particles(p: &Particles, grid: &Grid, context: &Context<'_>) -> Result<Axi
 }
 
 fn of_model(m: &Model, grid: &Grid, context: &Context<'_>) -> Result<AxisSlabs> {
-    let parts: Vec<(f64, &Mixture)> = m.layers.iter().flat_map(mixtures).collect();
+    let parts: Vec<(f64, &Mixture)> = mixtures(m).collect();
     let mut first = vec![0];
     parts.iter().for_each(|(_, g)| first.push(first[first.len() - 1] + g.len()));
     summed(first[parts.len()], grid, context, |range, slabs| {
@@ -171,11 +168,6 @@ fn of_model(m: &Model, grid: &Grid, context: &Context<'_>) -> Result<AxisSlabs> 
     })
 }
 
-/// Mixtures of a layer and the mass that a weight of 1 stands for.
-fn mixtures(layer: &Layer<Vec<crate::model::Block>>) -> impl Iterator<Item = (f64, &Mixture)> {
-    layer.content.iter().map(|b| (layer.mass.unit_or_one(), &b.gaussians))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -183,7 +175,7 @@ mod tests {
     use crate::math::Random;
     use crate::particles::SnapshotMeta;
     use crate::splat::erf;
-    use crate::stats::testing::model_of;
+    use crate::testing::{model_of, on_threads};
 
     fn domain(periodic: bool) -> Domain {
         Domain::upright([0.0; 3], [2.0, 3.0, 10.0], [periodic; 3])
@@ -249,11 +241,8 @@ mod tests {
         let mut column = || (0..200_000).map(|_| (2.0 * r.uniform()) as f32).collect::<Vec<f32>>();
         let p = Particles::from_columns(column(), column(), column());
         let model = model_of(&[([1.0; 3], Sym3::scaled_identity(0.3), 9.0); 500], [2.0, 3.0, 10.0]);
-        let run = |threads| {
-            let pool = rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let pair = [Subject::Particles(&p), Subject::Model(&model)];
-            pool.install(|| axis_profiles(pair, &domain(false), 30, &Context::SILENT).unwrap())
-        };
+        let pair = [Subject::Particles(&p), Subject::Model(&model)];
+        let run = |threads| on_threads(threads, || axis_profiles(pair, &domain(false), 30, &Context::SILENT).unwrap());
         assert_eq!(run(1), run(5));
     }
 }

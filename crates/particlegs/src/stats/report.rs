@@ -9,7 +9,7 @@ use serde::{Serialize, Serializer};
 /// Everything measured; `None` = not asked for, or not to be had of a model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Statistics {
-    /// How.
+    /// The options that it was measured with.
     pub options: StatsOptions,
     /// The truth's box, which the other is put into.
     pub domain: Domain,
@@ -21,16 +21,16 @@ pub struct Statistics {
     pub spacing: f64,
     /// Densities on a grid.
     pub density: Option<DensityReport>,
-    /// Power spectra.
+    /// Power spectra in shells of wave number.
     pub spectra: Option<Spectra>,
     /// xi(r) from the spectra.
     pub xi_by_transform: Option<XiByTransform>,
     /// xi(r) by pair counts, in bins that both share.
     #[serde(serialize_with = "with_xi_ratio")]
     pub xi_by_pairs: Option<[PairCounts; 2]>,
-    /// Groups.
+    /// Friends-of-friends groups, and the mass in their cores.
     pub groups: Option<GroupReport>,
-    /// Nearest neighbours.
+    /// Distances to the nearest neighbour.
     #[serde(serialize_with = "with_distance_ratios")]
     pub neighbours: Option<[NearestDistances; 2]>,
     /// Moments along x, y and z.
@@ -45,9 +45,55 @@ pub struct Statistics {
     /// Density and enclosed mass about centres.
     pub haloes: Option<HaloProfiles>,
     /// The figures that a table shows.
-    pub summary: super::Summary,
+    pub summary: Summary,
     /// What a reader must know: choices made, things left out.
     pub notes: Vec<String>,
+}
+
+/// `None` = not measured; of a limit: `within` says what it means.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Summary {
+    /// Pearson correlation of densities.
+    pub density_correlation: Option<f64>,
+    /// Mean absolute error of delta.
+    pub density_mean_absolute_error: Option<f64>,
+    /// Largest |P_other / P_truth - 1| of any shell.
+    pub largest_power_deviation: Option<f64>,
+    /// P(k) is within 1 % up to here.
+    pub power_within_1_percent_to: Option<f64>,
+    /// P(k) is within 5 % up to here.
+    pub power_within_5_percent_to: Option<f64>,
+    /// P(k) is within 10 % up to here.
+    pub power_within_10_percent_to: Option<f64>,
+    /// r(k) is at least 0.99 up to here.
+    pub r_above_0_99_to: Option<f64>,
+    /// r(k) is at least 0.9 up to here.
+    pub r_above_0_9_to: Option<f64>,
+    /// r at the last shell.
+    pub r_at_k_max: Option<f64>,
+    /// xi(r) is within 10 % from here on, as far as the truth's is above 0.1: by pairs, and by transform
+    /// where pairs are of a sample.
+    pub xi_within_10_percent_from: Option<f64>,
+    /// Groups of this size and above have counts within 10 %, in classes joined to hold at least 100.
+    pub groups_within_10_percent_from: Option<u64>,
+    /// Median of other / truth within the aperture, groups of 100 to 299.
+    pub core_mass: Option<f64>,
+    /// Mean nearest distance, other / truth.
+    pub nearest_mean: Option<f64>,
+    /// Median nearest distance, other / truth.
+    pub nearest_median: Option<f64>,
+    /// Distances of the first peak of g(r), truth and other.
+    pub rdf_peak_at: [Option<f64>; 2],
+    /// Heights of that peak, truth and other.
+    pub rdf_peak_height: [Option<f64>; 2],
+    /// Largest difference of g(r), other - truth, among bins of 100 pairs and more in an ideal gas.
+    pub rdf_largest_difference: Option<f64>,
+    /// RMS difference of the densities along the chosen axis, in units of the mean.
+    pub profile_relative_difference: Option<f64>,
+    /// Half-mass heights along it, truth and other.
+    pub profile_half_mass_height: [Option<f64>; 2],
+    /// Median of enclosed mass, other / truth, within the largest radius about centres.
+    pub halo_mass: Option<f64>,
 }
 
 /// Densities on one grid.
@@ -57,13 +103,13 @@ pub struct DensityReport {
     pub cells: [usize; 3],
     /// Edges of a cell, world units.
     pub side: [f64; 3],
-    /// Agreement.
+    /// Agreement of the two densities, cell by cell.
     pub agreement: DensityComparison,
     /// Mass of other / truth.
     pub mass_ratio: f64,
     /// Share of the mass beyond open edges.
     pub outside: [f64; 2],
-    /// Distribution.
+    /// Distribution of 1 + delta over the cells.
     pub pdf: DensityPdf,
     /// 1 + delta of both in the central planes of cells across x, y and z, the first of the two other axes slowest.
     #[serde(skip)]
@@ -75,7 +121,7 @@ pub struct DensityReport {
 pub struct XiByTransform {
     /// Edges of the bins, world units: one more than bins.
     pub edges: Vec<f64>,
-    /// xi of each.
+    /// xi in each bin, truth and other.
     pub xi: [Vec<f64>; 2],
 }
 
@@ -92,7 +138,7 @@ pub struct GroupReport {
     pub classes: Vec<SizeClass>,
     /// Sizes by a factor of the square root of 2.
     pub histogram: Vec<SizeClass>,
-    /// Largest group.
+    /// Particles of the largest group, truth and other.
     pub largest: [u64; 2],
     /// Share of those particles in groups.
     pub grouped: [f64; 2],

@@ -6,7 +6,7 @@
 //! divided, and what the parts hold is added up.
 
 use super::Grid;
-use super::gaussian::Slab;
+use super::slab::Slab;
 use crate::math::Sym3;
 use particlegs_core::math::each_axis;
 use std::ops::Range;
@@ -34,7 +34,7 @@ pub(super) struct ResolvedGaussian {
     inverse: Sym3,
     /// The exponent's least value along z, of x and y: xx, xy, yy.
     projected: [f64; 3],
-    /// And along y then, of x.
+    /// The exponent's least value along y and z, a form of x.
     line: f64,
     /// Half its extent along x.
     half: f64,

@@ -7,15 +7,15 @@ pub struct SizeClass {
     pub from: u64,
     /// Largest size; `None` = no end.
     pub to: Option<u64>,
-    /// Groups.
+    /// Number of groups of those sizes, truth and other.
     pub groups: [u64; 2],
-    /// other / truth.
+    /// Groups of the other over those of the truth.
     pub ratio: Option<f64>,
 }
 
 impl SizeClass {
     /// Counts the groups of `from` to `to` particles. `sizes` are the truth's and the other's.
-    pub fn of(sizes: [&[u64]; 2], from: u64, to: Option<u64>) -> Self {
+    pub fn new(sizes: [&[u64]; 2], from: u64, to: Option<u64>) -> Self {
         let within = |n: &&u64| **n >= from && to.is_none_or(|t| **n <= t);
         let groups = sizes.map(|s| s.iter().filter(within).count() as u64);
         SizeClass { from, to, groups, ratio: (groups[0] > 0).then(|| groups[1] as f64 / groups[0] as f64) }
@@ -31,7 +31,7 @@ pub fn size_histogram(sizes: [&[u64]; 2], smallest: u64) -> Vec<SizeClass> {
         .take_while(|b| *b <= largest)
         .collect();
     bounds.dedup();
-    (0..bounds.len()).map(|i| SizeClass::of(sizes, bounds[i], bounds.get(i + 1).map(|b| b - 1))).collect()
+    (0..bounds.len()).map(|i| SizeClass::new(sizes, bounds[i], bounds.get(i + 1).map(|b| b - 1))).collect()
 }
 
 #[cfg(test)]

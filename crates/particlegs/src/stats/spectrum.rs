@@ -8,25 +8,23 @@
 use super::deposit::deposit_again;
 use super::transform::{Modes, transform, transform_bytes};
 use super::{Assignment, Domain, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
-use crate::Result;
 use crate::context::Context;
-use crate::parallel;
+use crate::{Result, parallel};
 use particlegs_core::math::each_axis;
 use realfft::num_complex::Complex64;
 use std::f64::consts::PI;
 
-/// How spectra are taken.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct SpectrumOptions {
     /// Cells along the longest edge.
     pub cells: usize,
     /// Mass assignment of particles (a model's Gaussians are integrated over cells).
     pub assignment: Assignment,
-    /// Average with a grid moved by half a cell?
+    /// The spectra of a grid moved by half a cell are averaged in.
     pub interlaced: bool,
-    /// Divide the window out?
+    /// The assignment's window is divided out.
     pub deconvolved: bool,
-    /// Subtract the shot noise of particles?
+    /// The shot noise of particles is subtracted.
     pub shot_noise_subtracted: bool,
     /// Largest wave number; at most the grid's Nyquist frequency.
     pub k_max: f64,
@@ -35,7 +33,7 @@ pub struct SpectrumOptions {
 /// One shell of wave numbers.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Shell {
-    /// Its edges.
+    /// Lowest and highest wave number.
     pub edges: [f64; 2],
     /// Mean wave number of its modes.
     pub k: f64,
@@ -43,7 +41,7 @@ pub struct Shell {
     pub modes: u64,
     /// Power of each field, volume units, shot noise subtracted where the options say so.
     pub power: [f64; 2],
-    /// Cross power.
+    /// Cross power, volume units.
     pub cross: f64,
     /// Power of the second over the first.
     pub ratio: Option<f64>,
@@ -163,7 +161,6 @@ pub(super) struct TransformPair {
     pub modes: [Modes; 2],
     /// Shot noise of each.
     pub shot_noise: [f64; 2],
-    /// The grid.
     pub grid: Grid,
 }
 
@@ -249,9 +246,6 @@ pub(super) fn spectra(
 }
 
 /// Spectra of two subjects over a domain. Axes that do not repeat are taken as if they did.
-///
-/// # Errors
-/// [`crate::Error::Memory`] where the grid does not fit, [`crate::Error::Cancelled`].
 pub fn power_spectra(
     subjects: [Subject<'_>; 2],
     domain: &Domain,
@@ -273,9 +267,6 @@ pub(crate) struct CachedTransform {
 
 impl CachedTransform {
     /// Transforms a subject over a domain.
-    ///
-    /// # Errors
-    /// As [`power_spectra`].
     pub fn new(subject: Subject<'_>, domain: &Domain, o: &SpectrumOptions, context: &Context<'_>) -> Result<Self> {
         let grid = Grid::new(domain, o.cells);
         let most = mode_limits(&grid, domain, o.k_max);
@@ -290,18 +281,12 @@ impl CachedTransform {
     }
 
     /// The spectra of this and another, taken in the same way.
-    ///
-    /// # Errors
-    /// As [`power_spectra`].
     pub fn against(&self, other: Subject<'_>, context: &Context<'_>) -> Result<Spectra> {
         let other = Self::new(other, &self.domain, &self.options, context)?;
         self.pair([other.modes, self.modes.clone()], other.shot_noise, context)
     }
 
     /// The spectra of this and itself.
-    ///
-    /// # Errors
-    /// [`crate::Error::Cancelled`].
     pub fn against_itself(&self, context: &Context<'_>) -> Result<Spectra> {
         self.pair([self.modes.clone(), self.modes.clone()], self.shot_noise, context)
     }

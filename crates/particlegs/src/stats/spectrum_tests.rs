@@ -1,12 +1,11 @@
 //! Spectra of what is known: noise, a wave, a Gaussian.
 
 use super::spectrum::{SpectrumOptions, power_spectra, spectra, transform_pair};
-use super::testing::{gas, model_of, tilted_cells};
 use super::xi_transform::xi_of_modes;
 use super::{Assignment, Domain, Grid, Subject};
 use crate::context::Context;
-use crate::math::{Random, Sym3};
-use crate::particles::Particles;
+use crate::math::Sym3;
+use crate::testing::{from_points, gas, model_of, poisson, tilted_cells};
 use std::f64::consts::PI;
 
 fn options(cells: usize, k_max: f64) -> SpectrumOptions {
@@ -22,12 +21,6 @@ fn options(cells: usize, k_max: f64) -> SpectrumOptions {
 
 fn domain(length: [f64; 3]) -> Domain {
     Domain::upright([0.0; 3], length, [true; 3])
-}
-
-fn poisson(n: usize, length: [f64; 3], seed: u64) -> Particles {
-    let column =
-        |k: u32| (0..n).map(|i| (Random::new(seed, k, i as u64).uniform() * length[k as usize]) as f32).collect();
-    Particles::from_columns(column(0), column(1), column(2))
 }
 
 /// Poisson points have the power V / N at every k, on a slab too; two sets do not correlate.
@@ -61,15 +54,11 @@ fn a_wave_has_its_power_and_its_place() {
     let (n, amplitude, m) = (32, 1e-3, 3.0);
     let length = [1.0, 1.0, 2.0];
     let wave = 2.0 * PI * m / length[2];
-    let mut columns: [Vec<f32>; 3] = Default::default();
-    for i in 0..n * n * n {
+    let p = from_points((0..n * n * n).map(|i| {
         let q = [i / (n * n), i / n % n, i % n].map(|v| (v as f64 + 0.5) / n as f64);
         let z = q[2] * length[2];
-        let x = [q[0], q[1], z + amplitude * (wave * z).sin()];
-        (0..3).for_each(|k| columns[k].push(x[k] as f32));
-    }
-    let [x, y, z] = columns;
-    let p = Particles::from_columns(x, y, z);
+        [q[0], q[1], z + amplitude * (wave * z).sin()]
+    }));
     let o = SpectrumOptions { shot_noise_subtracted: false, ..options(32, 0.9 * PI * 16.0) };
     let subject = Subject::Particles(&p);
     let s = power_spectra([subject, subject], &domain(length), &o, &Context::SILENT).unwrap();
@@ -84,7 +73,7 @@ fn a_wave_has_its_power_and_its_place() {
 
 /// One Gaussian of deviation s in a box has P(k) = V exp(-k^2 s^2), and its xi follows.
 #[test]
-fn one_gaussian_from_the_mixture_itself() {
+fn one_gaussian_has_its_power_and_its_xi() {
     let (length, deviation) = ([4.0; 3], 0.25);
     let model = model_of(&[([1.3, 2.0, 3.9], Sym3::scaled_identity(deviation * deviation), 1000.0)], length);
     let o = options(64, 20.0);
@@ -114,7 +103,7 @@ fn one_gaussian_from_the_mixture_itself() {
 fn tilted_boxes_have_their_own_modes() {
     for cell in &tilted_cells()[..3] {
         let particles = gas(20_000, cell, 4);
-        let domain = Domain::of_particles(&particles);
+        let domain = Domain::from_particles(&particles);
         let k_max = 0.9 * PI * 24.0 / domain.longest();
         let o = SpectrumOptions { shot_noise_subtracted: false, ..options(24, k_max) };
         let s = power_spectra([Subject::Particles(&particles); 2], &domain, &o, &Context::SILENT).unwrap();

@@ -3,7 +3,7 @@
 use super::Domain;
 use crate::Result;
 use crate::context::Context;
-use crate::model::{Model, UnitSystem};
+use crate::model::{Mixture, Model, UnitSystem};
 use crate::particles::{Particles, Storage};
 use crate::space::Bounds;
 
@@ -18,14 +18,11 @@ pub enum Subject<'a> {
 
 /// A subject in other units.
 pub(super) enum ConvertedSubject {
-    /// A snapshot.
     Particles(Box<Particles>),
-    /// A mixture.
     Model(Box<Model>),
 }
 
 impl<'a> Subject<'a> {
-    /// What its numbers are in.
     pub(super) fn unit_system(&self) -> UnitSystem<'a> {
         match self {
             Subject::Particles(p) => p.meta.unit_system(),
@@ -53,11 +50,11 @@ impl<'a> Subject<'a> {
         Ok((converted, words))
     }
 
-    /// Its box.
+    /// The box that it lies in.
     pub fn domain(&self) -> Domain {
         match self {
-            Subject::Particles(p) => Domain::of_particles(p),
-            Subject::Model(m) => Domain::of_model(m),
+            Subject::Particles(p) => Domain::from_particles(p),
+            Subject::Model(m) => Domain::from_model(m),
         }
     }
 
@@ -69,7 +66,6 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// Where its particles lie.
     pub(super) fn bounds(&self) -> Bounds {
         match self {
             Subject::Particles(p) => p.bounds(),
@@ -98,4 +94,9 @@ impl<'a> Subject<'a> {
         };
         domain.volume() * squares / p.total_mass().powi(2)
     }
+}
+
+/// The mixtures of a model, and the mass that a weight of 1 stands for in each.
+pub(super) fn mixtures(model: &Model) -> impl Iterator<Item = (f64, &Mixture)> {
+    model.layers.iter().flat_map(|l| l.content.iter().map(|b| (l.mass.unit_or_one(), &b.gaussians)))
 }

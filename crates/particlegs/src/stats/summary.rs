@@ -1,7 +1,7 @@
 //! The figures of a table: how far each statistic is to be trusted.
 
 use super::rdf::largest_difference;
-use super::report::{Statistics, XiByTransform, xi_ratio};
+use super::report::{Statistics, Summary, XiByTransform, xi_ratio};
 use super::{PairCounts, Shell, SizeClass, Spectra};
 
 /// Truth groups that sizes are joined to hold before their ratio says anything: the scatter of a
@@ -10,54 +10,8 @@ pub const FEWEST_GROUPS: u64 = 100;
 /// xi of the truth below which a ratio of xi says nothing.
 const LEAST_XI: f64 = 0.1;
 
-/// `None` = not measured; of a limit: `within` says what it means.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
-pub struct Summary {
-    /// Pearson correlation of densities.
-    pub density_correlation: Option<f64>,
-    /// Mean absolute error of delta.
-    pub density_mean_absolute_error: Option<f64>,
-    /// Largest |P_other / P_truth - 1| of any shell.
-    pub largest_power_deviation: Option<f64>,
-    /// P(k) is within 1 % up to here.
-    pub power_within_1_percent_to: Option<f64>,
-    /// P(k) is within 5 % up to here.
-    pub power_within_5_percent_to: Option<f64>,
-    /// P(k) is within 10 % up to here.
-    pub power_within_10_percent_to: Option<f64>,
-    /// r(k) is at least 0.99 up to here.
-    pub r_above_0_99_to: Option<f64>,
-    /// r(k) is at least 0.9 up to here.
-    pub r_above_0_9_to: Option<f64>,
-    /// r at the last shell.
-    pub r_at_k_max: Option<f64>,
-    /// xi(r) is within 10 % from here on, as far as the truth's is above 0.1: by pairs, and by transform
-    /// where pairs are of a sample.
-    pub xi_within_10_percent_from: Option<f64>,
-    /// Groups of this size and above have counts within 10 %, in classes joined to hold at least 100.
-    pub groups_within_10_percent_from: Option<u64>,
-    /// Median of other / truth within the aperture, groups of 100 to 299.
-    pub core_mass: Option<f64>,
-    /// Mean nearest distance, other / truth.
-    pub nearest_mean: Option<f64>,
-    /// Median nearest distance, other / truth.
-    pub nearest_median: Option<f64>,
-    /// Distances of the first peak of g(r), truth and other.
-    pub rdf_peak_at: [Option<f64>; 2],
-    /// Its heights.
-    pub rdf_peak_height: [Option<f64>; 2],
-    /// Largest difference of g(r), other - truth, among bins of 100 pairs and more in an ideal gas.
-    pub rdf_largest_difference: Option<f64>,
-    /// RMS difference of the densities along the chosen axis, in units of the mean.
-    pub profile_relative_difference: Option<f64>,
-    /// Half-mass heights along it, truth and other.
-    pub profile_half_mass_height: [Option<f64>; 2],
-    /// Median of enclosed mass, other / truth, within the largest radius about centres.
-    pub halo_mass: Option<f64>,
-}
-
 impl Summary {
-    /// Of everything measured but itself.
+    /// The figures of `s`, whose own summary is not looked at.
     pub(super) fn new(s: &Statistics) -> Self {
         let (density, spectra, groups) = (s.density.as_ref(), s.spectra.as_ref(), s.groups.as_ref());
         let power_to = |limit: f64| spectra.and_then(|s| s.power_within(limit));

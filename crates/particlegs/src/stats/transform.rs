@@ -6,9 +6,8 @@
 
 use super::Field;
 use super::density::mean_mass;
-use crate::Result;
 use crate::context::Context;
-use crate::parallel;
+use crate::{Result, parallel};
 use realfft::num_complex::Complex64;
 use realfft::{RealFftPlanner, RealToComplex};
 use rustfft::{Fft, FftPlanner};
@@ -52,9 +51,6 @@ fn place(m: i64, n: usize) -> usize {
 }
 
 /// The modes of a field's delta up to `most`, each at most half the cells of its axis.
-///
-/// # Errors
-/// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
 pub fn transform(field: &Field, most: [usize; 3], context: &Context<'_>) -> Result<Modes> {
     let n = field.grid.cells;
     assert!((0..3).all(|k| most[k] <= n[k] / 2), "modes that the grid has");

@@ -2,9 +2,8 @@
 
 use super::Domain;
 use super::spectrum::{SpectrumOptions, TransformPair, visit_plane};
-use crate::Result;
 use crate::context::Context;
-use crate::parallel;
+use crate::{Result, parallel};
 
 /// xi of both fields in bins of r, from |delta_k|^2 with the shot noise subtracted.
 ///

@@ -1,12 +1,21 @@
 //! Models to write, and files to damage. Not every test file needs all of it.
 #![allow(dead_code)]
 
+use particlegs::Error;
+use particlegs::codec::{self, Encoder, Precision};
+use particlegs::compress::Options;
+use particlegs::context::Context;
+use particlegs::job::{Job, Task};
 use particlegs::math::{Random, Sym3};
 use particlegs::model::{
-    Block, CellDensity, Certificate, Cosmology, DensityMetrics, Epoch, LawKind, Limit, Metadata, Mixture, OrbitMetrics,
-    PictureScore, PictureScores, Recipe, ScienceMetrics, ScienceSubject, Spacing, Subset, Units, ViewMetrics,
+    Block, CellDensity, Certificate, Cosmology, DensityMetrics, Epoch, LawKind, Layer, Limit, Mass, Metadata, Mixture,
+    Model, OrbitMetrics, PictureScore, PictureScores, Recipe, ScienceMetrics, ScienceSubject, Spacing, Subset, Units,
+    ViewMetrics,
 };
+use particlegs::particles::{LayeredParticles, Particles};
 use particlegs::space::{Bounds, Cell};
+use std::ops::Range;
+use std::path::Path;
 
 /// A mixture of `n` Gaussians in a box of `scale` at `origin`.
 pub fn mixture(n: usize, seed: u64, origin: f64, scale: f64, weighted: bool) -> Mixture {
@@ -41,7 +50,7 @@ pub fn metadata(blocks: &[Block]) -> Metadata {
         cell: Some(Cell::orthogonal([50.0; 3])),
         source: "nbody".into(),
         source_hash: [7; 32],
-        units: Units::of(Some("Mpc/h"), None, Some(true)),
+        units: Units::new(Some("Mpc/h"), None, Some(true)),
         cosmology: Cosmology { hubble: Some(0.68), ..Cosmology::default() },
         epoch: Epoch { scale_factor: Some(1.0), ..Epoch::default() },
         recipe: Recipe { seed: 42, ..Recipe::default() },
@@ -92,6 +101,76 @@ pub fn science() -> ScienceMetrics {
 pub fn partner(m: &Mixture, mean: [f64; 3]) -> usize {
     let distance = |i: usize| (0..3).map(|k| (m.mean[k][i] - mean[k]).powi(2)).sum::<f64>();
     (0..m.len()).min_by(|&a, &b| distance(a).total_cmp(&distance(b))).unwrap()
+}
+
+/// The bytes of a model file.
+pub fn encoded(m: &Model) -> Vec<u8> {
+    codec::encode(m, &Precision::BALANCED).unwrap()
+}
+
+/// The bytes of a block on its own.
+pub fn coded(b: &Block) -> Vec<u8> {
+    Encoder::new(b).unwrap().encode(&Precision::BALANCED)
+}
+
+/// Bit-exact: shortest decimals that come back.
+pub fn table(columns: &[&Vec<f64>]) -> String {
+    serde_json::to_string(columns).unwrap().replace("],", "],\n")
+}
+
+/// Every cut of a file is refused as corrupt.
+pub fn check_cuts(bytes: &[u8]) {
+    for n in 0..bytes.len() {
+        assert!(matches!(codec::decode(&bytes[..n], "m"), Err(Error::Corrupt { .. })), "at {n}");
+    }
+}
+
+/// Each byte changed to each of what `changes` makes of it is refused by the decoder and by the reader of heads.
+pub fn check_bytes<const N: usize>(bytes: &[u8], changes: impl Fn(u8) -> [u8; N]) {
+    for i in 0..bytes.len() {
+        for v in changes(bytes[i]).into_iter().chain([0, 255]).filter(|&v| v != bytes[i]) {
+            let mut bad = bytes.to_vec();
+            bad[i] = v;
+            assert!(codec::decode(&bad, "m").is_err() && codec::read_info(&bad, "m").is_err(), "byte {i} as {v}");
+        }
+    }
+}
+
+/// Files with one bit of `bits` changed, then `random` files with one to six bytes at random; their checksums are right.
+pub fn damaged(bytes: &[u8], seed: u64, bits: impl Iterator<Item = usize>, random: u64, mut check: impl FnMut(&[u8])) {
+    let mut damage = |change: &dyn Fn(&mut [u8])| {
+        let mut bad = bytes.to_vec();
+        change(&mut bad);
+        reseal(&mut bad);
+        check(&bad);
+    };
+    bits.for_each(|bit| damage(&|bad| bad[bit / 8] ^= 1 << (bit % 8)));
+    for i in 0..random {
+        damage(&|bad| {
+            let mut r = Random::new(seed, 4, i);
+            for _ in 0..1 + r.bits() % 6 {
+                let at = (r.bits() % bad.len() as u64) as usize;
+                bad[at] = r.bits() as u8;
+            }
+        });
+    }
+}
+
+/// A job that is planned in `folder`, and whose blocks cannot open the snapshot again; the seed is 3.
+pub fn planned(particles: &Particles, folder: &Path, options: Options) -> Job {
+    let options = Options { seed: 3, ..options };
+    let task = Task { options: &options, snapshot: "a sample".into(), place: "here", replace: false, reopened: false };
+    Job::plan(LayeredParticles::from_particles(particles), &task, folder, &Context::SILENT).unwrap()
+}
+
+/// A layer of some particles whose masses are not known.
+pub fn layer(name: &str, particles: Range<usize>) -> Layer<Range<usize>> {
+    Layer { name: name.into(), mass: Mass::Unknown, content: particles }
+}
+
+/// What `work` gives with so many threads.
+pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    rayon_core::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
 }
 
 /// The checksums of a file made right again, so that what is behind them meets the damage.

@@ -1,14 +1,12 @@
 //! Splats: PLY and glTF.
 
-use super::{bytes, decode, export, exported, layers, write};
-use crate::common::{fails, listing, particlegs};
+use super::{exported, folder, layers};
 use particlegs::camera::Normalisation;
 use particlegs::codec::{self, Precision};
 use particlegs::math::Sym3;
 use particlegs::model::LawKind;
 use particlegs::particles::Particles;
 use serde_json::Value;
-use std::path::Path;
 
 /// The document of a binary glTF, and its data.
 fn gltf(bytes: &[u8]) -> (Value, Vec<f32>) {
@@ -32,18 +30,15 @@ fn covariance(s: &[f32], q: &[f32]) -> Sym3 {
 /// Places come back through the readers of snapshots, in the frame that the file states.
 #[test]
 fn splats_come_back_where_they_were() {
-    let dir = tempfile::tempdir().unwrap();
     for law in [LawKind::OpticalDepth, LawKind::AlphaBlend] {
-        let path = write(dir.path(), law);
-        let model = decode(&path);
+        let dir = folder(law);
+        let model = dir.model("m.pgs");
         let (g, frame) = (&model.layers[0].content[0].gaussians, Normalisation::of(&model.metadata.bounds));
         // A PLY has y down, as published ones have.
         for (kind, signs) in [("ply", [-1.0, -1.0, 1.0]), ("glb", [1.0; 3])] {
-            let (out, points) = (dir.path().join(format!("m.{kind}")), dir.path().join("points"));
-            export(&path, &out, &["-q", "--force"]).assert().success();
-            let mut convert = particlegs();
-            convert.arg("convert").arg(&out).arg("-o").arg(&points).args(["-q", "--force"]).assert().success();
-            let points = Particles::open_raw(&[points]).unwrap();
+            dir.runs(&format!("export m.pgs -o m.{kind} -q --force"));
+            dir.runs(&format!("convert m.{kind} -o points -q --force"));
+            let points = Particles::open_raw(&[dir.at("points")]).unwrap();
             assert_eq!(points.len(), 64);
             for i in 0..64 {
                 let p = points.position(i);
@@ -59,36 +54,29 @@ fn splats_come_back_where_they_were() {
 /// The published numbers of an alpha-blend model, whichever command writes them.
 #[test]
 fn an_alpha_blend_model_is_written_as_published() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = write(dir.path(), LawKind::AlphaBlend);
-    let [a, b] = ["a.ply", "b.ply"].map(|n| dir.path().join(n));
-    export(&path, &a, &["-q"]).assert().success();
-    particlegs().arg("convert").arg(&path).arg("-o").arg(&b).arg("-q").assert().success();
-    let body = |path: &Path| bytes(path)[bytes(path).len() - 64 * 68..].to_vec();
-    assert_eq!(body(&a), body(&b));
-    assert!(String::from_utf8_lossy(&bytes(&a)).contains("comment lost: the VizMapper"));
+    let dir = folder(LawKind::AlphaBlend);
+    let body = |bytes: &[u8]| bytes[bytes.len() - 64 * 68..].to_vec();
+    let a = dir.makes("export m.pgs -o a.ply -q");
+    assert_eq!(body(&a), body(&dir.makes("convert m.pgs -o b.ply -q")));
+    assert!(String::from_utf8_lossy(&a).contains("comment lost: the VizMapper"));
     // At another radius and opacity: what the network makes of them.
-    let bent = dir.path().join("bent.npz");
-    let ply = dir.path().join("bent.ply");
-    export(&path, &ply, &["-q", "--radius", "0.05", "--opacity", "0.1"]).assert().success();
-    assert_ne!(body(&a), body(&ply));
-    fails(&mut export(&path, &bent, &["--radius", "0.05"]), 2, "--radius does nothing here");
-    std::fs::remove_file(&ply).unwrap();
-    let fixed = dir.path().join("fixed.pgs");
-    let mut model = decode(&path);
+    let bent = dir.makes("export m.pgs -o bent.ply -q --radius 0.05 --opacity 0.1");
+    assert_ne!(body(&a), body(&bent));
+    dir.fails("export m.pgs -o bent.npz --radius 0.05", 2, "--radius does nothing here");
+    std::fs::remove_file(dir.at("bent.ply")).unwrap();
+    let mut model = dir.model("m.pgs");
     model.layers[0].content[0].gaussians.law.alpha_blend_mut().unwrap().vizmapper = None;
-    std::fs::write(&fixed, codec::encode(&model, &Precision::BALANCED).unwrap()).unwrap();
+    dir.write("fixed.pgs", codec::encode(&model, &Precision::BALANCED).unwrap());
     for option in ["--radius", "--opacity"] {
-        fails(&mut export(&fixed, &ply, &[option, "0.5"]), 2, "has no VizMapper that follows it");
+        let words = format!("export fixed.pgs -o bent.ply {option} 0.5");
+        dir.fails(&words, 2, "has no VizMapper that follows it");
     }
-    std::fs::remove_file(&fixed).unwrap();
-    fails(&mut export(&path, &dir.path().join("c.vti"), &[]), 2, "an alpha-blend model has no density");
-    assert_eq!(listing(dir.path()), ["a.ply", "b.ply", "m.pgs"]);
+    std::fs::remove_file(dir.at("fixed.pgs")).unwrap();
+    dir.fails("export m.pgs -o c.vti", 2, "an alpha-blend model has no density");
+    assert_eq!(dir.listing(), ["a.ply", "b.ply", "m.pgs"]);
     // Opacities and grey levels are columns.
-    let table = dir.path().join("t.csv");
-    export(&path, &table, &["-q"]).assert().success();
-    let text = String::from_utf8(bytes(&table)).unwrap();
-    let own = &decode(&path).layers[0].content[0].gaussians.law;
+    let text = String::from_utf8(dir.makes("export m.pgs -o t.csv -q")).unwrap();
+    let own = &dir.model("m.pgs").layers[0].content[0].gaussians.law;
     let rows: Vec<&str> = text.lines().skip_while(|l| l.starts_with('#')).collect();
     assert!(rows[0].ends_with("count,opacity,grey,layer"), "{}", rows[0]);
     for (row, opacity) in rows[1..].iter().zip(&own.alpha_blend().unwrap().opacity) {
@@ -99,14 +87,11 @@ fn an_alpha_blend_model_is_written_as_published() {
 /// Attributes, in the units of the extension: deviations and opacities themselves.
 #[test]
 fn gltf_has_the_attributes_of_the_extension() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = write(dir.path(), LawKind::OpticalDepth);
-    let [glb, text] = ["m.glb", "m.gltf"].map(|n| dir.path().join(n));
-    for (out, more) in [(&glb, "0.2"), (&text, "0.2")] {
-        export(&path, out, &["-q", "--radius", "0.1", "--opacity", more]).assert().success();
-    }
-    let (document, data) = gltf(&bytes(&glb));
-    let model = decode(&path);
+    let dir = folder(LawKind::OpticalDepth);
+    let [glb, text] =
+        ["m.glb", "m.gltf"].map(|out| dir.makes(&format!("export m.pgs -o {out} -q --radius 0.1 --opacity 0.2")));
+    let (document, data) = gltf(&glb);
+    let model = dir.model("m.pgs");
     let (g, frame) = (&model.layers[0].content[0].gaussians, Normalisation::of(&model.metadata.bounds));
     let primitive = &document["meshes"][0]["primitives"][0];
     assert_eq!(document["extensionsUsed"], serde_json::json!(["KHR_gaussian_splatting"]));
@@ -144,7 +129,7 @@ fn gltf_has_the_attributes_of_the_extension() {
         assert!(tau > 0.999 * least && tau < 1.001 * most, "{tau}: {least} to {most}");
     }
     // As text, the same document and the same numbers.
-    let document_of_text: Value = serde_json::from_slice(&bytes(&text)).unwrap();
+    let document_of_text: Value = serde_json::from_slice(&text).unwrap();
     assert_eq!(document_of_text["accessors"], document["accessors"]);
     let uri = document_of_text["buffers"][0]["uri"].as_str().unwrap();
     let length = document["buffers"][0]["byteLength"].as_u64().unwrap();
@@ -154,33 +139,28 @@ fn gltf_has_the_attributes_of_the_extension() {
 
 #[test]
 fn layers_are_chosen_and_coloured() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = layers(dir.path());
-    let model = decode(&path);
+    let dir = layers();
+    let model = dir.model("layers.pgs");
     let names: Vec<&str> = model.layers.iter().map(|l| &l.name[..]).collect();
     assert_eq!(names.len(), 2);
-    let glb = dir.path().join("m.glb");
-    export(&path, &glb, &["-q", "--color", "layer"]).assert().success();
-    let (document, _) = gltf(&bytes(&glb));
+    let (document, _) = gltf(&dir.makes("export layers.pgs -o m.glb -q --color layer"));
     let meshes: Vec<&str> =
         document["meshes"].as_array().unwrap().iter().map(|m| m["name"].as_str().unwrap()).collect();
     assert_eq!(meshes, names);
     assert_eq!(document["asset"]["extras"]["colors"][names[0]], "#56b4e9");
     // Masses: gas and dark matter sum to the whole.
     let total = |layer: &str| {
-        let out = dir.path().join(format!("{layer}.fits"));
-        exported(&path, &out, &["--layer", layer, "--grid", "8"])["grid"]["total"].as_f64().unwrap()
+        let words = format!("layers.pgs -o {layer}.fits --layer {layer} --grid 8");
+        exported(&dir, &words)["grid"]["total"].as_f64().unwrap()
     };
     let (all, parts) = (total("all"), names.iter().map(|n| total(n)).sum::<f64>());
     assert!((all / model.mass().unwrap() - 1.0).abs() < 1e-5 && (all / parts - 1.0).abs() < 1e-5, "{all} {parts}");
     // Colours by density follow the range that is asked for.
-    let ply = dir.path().join("m.ply");
-    let report = exported(&path, &ply, &["--color", "density", "--range", "1e-3,10", "--colormap", "viridis"]);
+    let report = exported(&dir, "layers.pgs -o m.ply --color density --range 1e-3,10 --colormap viridis");
     assert_eq!(report["splats"]["color_range"], serde_json::json!([1e-3, 10.0]));
-    let head = String::from_utf8_lossy(&bytes(&ply)).into_owned();
+    let head = String::from_utf8_lossy(&dir.bytes("m.ply")).into_owned();
     assert!(head.contains("comment colours: viridis, logarithmic, from 0.001 to 10 mass / length^3"), "{head}");
-    let out = dir.path().join("no.ply");
-    fails(&mut export(&path, &out, &["--layer", "none"]), 2, "no layer `none`");
-    fails(&mut export(&path, &out, &["--color", "density", "--range", "10,1"]), 2, "--range takes LO,HI");
-    assert!(!out.exists());
+    dir.fails("export layers.pgs -o no.ply --layer none", 2, "no layer `none`");
+    dir.fails("export layers.pgs -o no.ply --color density --range 10,1", 2, "--range takes LO,HI");
+    assert!(!dir.at("no.ply").exists());
 }

@@ -1,34 +1,19 @@
 //! Tables of Gaussians: NPZ and CSV.
 
-use super::{bytes, decode, export, layers};
-use crate::common::particlegs;
+use super::layers;
 use particlegs::model::Mixture;
 use particlegs::particles::Particles;
 
 #[test]
 fn tables_hold_the_gaussians_to_the_last_digit() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = layers(dir.path());
-    let model = decode(&path);
-    let table = dir.path().join("t.csv");
-    export(&path, &table, &["-q"]).assert().success();
-    let text = String::from_utf8(bytes(&table)).unwrap();
+    let dir = layers();
+    let model = dir.model("layers.pgs");
+    let text = String::from_utf8(dir.makes("export layers.pgs -o t.csv -q")).unwrap();
     let rows: Vec<Vec<&str>> = text.lines().filter(|l| !l.starts_with('#')).map(|l| l.split(',').collect()).collect();
     assert_eq!(rows[0][..3], ["x", "y", "z"]);
-    assert_eq!(
-        rows[0][3..],
-        [
-            "covariance_xx",
-            "covariance_xy",
-            "covariance_xz",
-            "covariance_yy",
-            "covariance_yz",
-            "covariance_zz",
-            "count",
-            "mass",
-            "layer"
-        ]
-    );
+    let terms = ["xx", "xy", "xz", "yy", "yz", "zz"].map(|k| format!("covariance_{k}"));
+    assert_eq!(rows[0][3..9], terms);
+    assert_eq!(rows[0][9..], ["count", "mass", "layer"]);
     let all: Vec<(&str, &Mixture, usize, f64)> = model
         .layers
         .iter()
@@ -42,14 +27,10 @@ fn tables_hold_the_gaussians_to_the_last_digit() {
         assert_eq!((numbers, row[11]), (want, *layer));
     }
     // This program reads both tables as points.
-    let archive = dir.path().join("t.npz");
-    export(&path, &archive, &["-q"]).assert().success();
-    for (file, more) in [(&table, &[][..]), (&archive, &["--positions", "mean"])] {
-        let points = dir.path().join("points");
-        let mut convert = particlegs();
-        convert.arg("convert").arg(file).arg("-o").arg(&points).args(more).args(["-q", "--force", "--weights", "none"]);
-        convert.assert().success();
-        let points = Particles::open_raw(&[points]).unwrap();
+    dir.runs("export layers.pgs -o t.npz -q");
+    for file in ["t.csv", "t.npz --positions mean"] {
+        dir.runs(&format!("convert {file} -o points -q --force --mass-field none"));
+        let points = Particles::open_raw(&[dir.at("points")]).unwrap();
         assert_eq!(points.len(), all.len());
         for (i, (_, g, own, _)) in all.iter().enumerate() {
             assert!((0..3).all(|k| (points.position(i)[k] - g.mean[k][*own]).abs() < 1e-5));

@@ -4,18 +4,16 @@ mod refused;
 mod serving;
 mod truth;
 
-use crate::common::{fails, particlegs, sample, waited};
+use crate::common::{TestFolder, fails, spiral, waited};
 use particlegs::picture::{Plane, Size};
 use serde_json::{Value, json};
-use serving::{TestServer, subjects};
-use std::path::Path;
+use serving::TestServer;
 
 #[test]
 fn the_page_and_all_that_it_needs_are_served() {
-    let dir = tempfile::tempdir().unwrap();
-    let [model, particles] = subjects(dir.path());
-    let bytes = std::fs::read(&model).unwrap();
-    let serving = TestServer::new(|c| c.arg(&model).arg(&model).arg("--snapshot").arg(&particles));
+    let dir = spiral();
+    let bytes = dir.bytes("spiral.pgs");
+    let serving = TestServer::new(&dir, |c| c.args(["spiral.pgs", "spiral.pgs", "--snapshot", "spiral"]));
     let page = serving.get("");
     assert_eq!((page.status, page.header("content-type")), (200, Some("text/html; charset=utf-8")));
     let policy = page.header("content-security-policy").unwrap();
@@ -69,76 +67,65 @@ fn the_page_and_all_that_it_needs_are_served() {
 #[test]
 #[ignore = "slow"]
 fn a_large_model_has_a_poster() {
-    let dir = tempfile::tempdir().unwrap();
-    let (model, picture) = (dir.path().join("large.pgs"), dir.path().join("large.png"));
-    let made = ["--gaussians", "101000", "--effort", "fast", "--certificate=none", "--quiet"];
-    particlegs().arg("compress").arg(sample()).args(made).arg("-o").arg(&model).assert().success();
-    let drawn = |more: &[&str], out: &Path| {
-        let density = ["--style", "density", "--size", "1280x720", "--quiet"];
-        particlegs().arg("render").arg(&model).args(density).args(more).arg("-o").arg(out).assert().success();
+    let dir = TestFolder::new();
+    dir.runs("compress SAMPLE --gaussians 101000 --effort fast --certificate=none --quiet -o large.pgs");
+    let drawn = |more: &str| {
+        dir.runs(&format!("render large.pgs --style density --size 1280x720 --quiet {more}"));
     };
     // The page's first range, of the values.
-    drawn(&["--raw"], &dir.path().join("values"));
-    let values = std::fs::read(dir.path().join("values/view.f32")).unwrap();
+    drawn("--raw -o values");
+    let values = dir.bytes("values/view.f32");
     let values = values.chunks_exact(4).map(|v| f32::from_le_bytes(v.try_into().unwrap())).collect();
     let plane = Plane { size: Size { width: 1280, height: 720 }, data: values };
     let [low, high] = plane.first_range().unwrap();
-    drawn(&["--no-annotations", "--range", &format!("{low},{high}")], &picture);
-    let serving = TestServer::of(&model);
+    drawn(&format!("--no-annotations --range {low},{high} -o large.png"));
+    let serving = TestServer::new(&dir, |c| c.arg("large.pgs"));
     assert!(serving.get("").text().contains("<img id=\"poster\" alt=\"large.pgs\" src=\"poster\">"));
     let poster = serving.get("poster");
     assert_eq!((poster.status, poster.header("content-type")), (200, Some("image/png")));
-    let served = dir.path().join("served.png");
-    std::fs::write(&served, poster.body).unwrap();
-    let pixels = |path: &Path| particlegs::picture::read_png(path).unwrap();
-    assert!(pixels(&served) == pixels(&picture));
+    dir.write("served.png", poster.body);
+    let pixels = |name: &str| particlegs::picture::read_png(&dir.at(name)).unwrap();
+    assert!(pixels("served.png") == pixels("large.png"));
 }
 
 #[test]
 fn what_cannot_be_shown_is_said_before_anything_is_served() {
-    let dir = tempfile::tempdir().unwrap();
-    let [model, particles] = subjects(dir.path());
-    let view = || {
-        let mut c = particlegs();
-        c.args(["view", "--no-open", "--port", "0"]).env_remove("PARTICLEGS_TOKEN");
-        c
-    };
-    let mut bytes = std::fs::read(&model).unwrap();
+    let dir = spiral();
+    let mut bytes = dir.bytes("spiral.pgs");
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
-    let corrupt = dir.path().join("corrupt.pgs");
-    std::fs::write(&corrupt, &bytes).unwrap();
-    fails(view().arg(&model).arg(&corrupt), 4, "corrupt.pgs");
-    fails(view().arg(dir.path().join("missing.pgs")), 6, "missing.pgs");
-    fails(view().arg(&particles), 3, "not a model file");
-    fails(view().arg(&model).arg("--snapshot").arg(dir.path().join("nowhere")), 6, "nowhere");
-    fails(view().arg(&model).args(["--every", "2"]), 2, "--every does nothing here");
-    fails(view().arg(&model).env("PARTICLEGS_TOKEN", "secret"), 2, "PARTICLEGS_TOKEN: a token is 32 to 256 letters");
-    fails(view().arg(&model).args(["--allow-host", "https://hub.example.org"]), 2, "is not the name of a host");
-    fails(view().arg(&model).args(["--host", "192.0.2.1"]), 2, "cannot listen at 192.0.2.1");
+    dir.write("corrupt.pgs", &bytes);
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    let port = taken.local_addr().unwrap().port().to_string();
-    let mut c = particlegs();
-    fails(
-        c.args(["view", "--no-open", "--port", &port]).arg(&model),
-        2,
-        &format!("cannot listen at 127.0.0.1, port {port}"),
-    );
+    let port = taken.local_addr().unwrap().port();
+    let at = format!("cannot listen at 127.0.0.1, port {port}");
+    for (words, code, text) in [
+        ("spiral.pgs corrupt.pgs", 4, "corrupt.pgs"),
+        ("missing.pgs", 6, "missing.pgs"),
+        ("spiral", 3, "not a model file"),
+        ("spiral.pgs --snapshot nowhere", 6, "nowhere"),
+        ("spiral.pgs --every 2", 2, "--every does nothing here"),
+        ("spiral.pgs --allow-host https://hub.example.org", 2, "is not the name of a host"),
+        ("spiral.pgs --host 192.0.2.1", 2, "cannot listen at 192.0.2.1"),
+    ] {
+        let words = format!("view --no-open --port 0 {words}");
+        fails(dir.command(&words).env_remove("PARTICLEGS_TOKEN"), code, text);
+    }
+    let mut secret = dir.command("view --no-open --port 0 spiral.pgs");
+    fails(secret.env("PARTICLEGS_TOKEN", "secret"), 2, "PARTICLEGS_TOKEN: a token is 32 to 256 letters");
+    dir.fails(&format!("view --no-open --port {port} spiral.pgs"), 2, &at);
 }
 
 #[test]
 fn it_says_where_the_page_is() {
-    let dir = tempfile::tempdir().unwrap();
-    let [model, _] = subjects(dir.path());
+    let dir = spiral();
     let chosen = "0123456789abcdefABCDEF0123456789";
-    let report = dir.path().join("view.json");
-    let serving = TestServer::new(|c| {
-        c.arg(&model).arg("--json").arg(&report).env("PARTICLEGS_TOKEN", chosen).env("USER", "ada");
+    let serving = TestServer::new(&dir, |c| {
+        c.args(["spiral.pgs", "--json", "view.json"]).env("PARTICLEGS_TOKEN", chosen).env("USER", "ada");
         c.env("SSH_CONNECTION", "203.0.113.9 51022 127.0.0.1 22")
     });
     let port = serving.parts().0.rsplit(':').next().unwrap().to_string();
     assert_eq!(serving.url, format!("http://127.0.0.1:{port}/{chosen}/"));
-    let report: Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
+    let report = dir.json("view.json");
     let ssh = format!("ssh -L {port}:127.0.0.1:{port} ada@127.0.0.1");
     assert_eq!((&report["url"], &report["ssh"]), (&json!(serving.url), &json!(ssh)));
     assert_eq!((&report["token"], report["port"].to_string()), (&json!(chosen), port));
@@ -149,9 +136,9 @@ fn it_says_where_the_page_is() {
 
 #[test]
 fn other_machines_are_let_in_with_a_warning_and_proxies_by_name() {
-    let dir = tempfile::tempdir().unwrap();
-    let [model, _] = subjects(dir.path());
-    let serving = TestServer::new(|c| c.arg(&model).args(["--host", "0.0.0.0", "--allow-host", "hub.example.org"]));
+    let dir = spiral();
+    let serving =
+        TestServer::new(&dir, |c| c.args(["spiral.pgs", "--host", "0.0.0.0", "--allow-host", "hub.example.org"]));
     // The address to open is one of this machine.
     assert!(serving.url.starts_with("http://127.0.0.1:"), "{}", serving.url);
     for (host, origin, status) in [
@@ -174,14 +161,13 @@ fn other_machines_are_let_in_with_a_warning_and_proxies_by_name() {
 #[cfg(target_os = "linux")]
 fn a_browser_is_started_by_a_way_for_once() {
     use std::os::unix::fs::PermissionsExt;
-    let dir = tempfile::tempdir().unwrap();
-    let [model, _] = subjects(dir.path());
-    let (browser, opened) = (dir.path().join("xdg-open"), dir.path().join("opened"));
+    let dir = spiral();
+    let (browser, opened) = (dir.at("xdg-open"), dir.at("opened"));
     let script = format!("#!/bin/sh\nprintf %s \"$1\" > '{0}.part' && mv '{0}.part' '{0}'\n", opened.display());
     std::fs::write(&browser, script).unwrap();
     std::fs::set_permissions(&browser, std::fs::Permissions::from_mode(0o755)).unwrap();
     let path = format!("{}:{}", dir.path().display(), std::env::var("PATH").unwrap());
-    let serving = TestServer::new(|c| c.arg(&model).env("PATH", &path).env("DISPLAY", ":7"));
+    let serving = TestServer::new(&dir, |c| c.arg("spiral.pgs").env("PATH", &path).env("DISPLAY", ":7"));
     waited("the browser", || opened.exists());
     let once = std::fs::read_to_string(&opened).unwrap();
     let (host, token) = serving.parts();
@@ -196,8 +182,9 @@ fn a_browser_is_started_by_a_way_for_once() {
         [("SSH_CONNECTION", "203.0.113.9 1 127.0.0.1 22", "--quiet"), ("A", "b", "--no-open")]
     {
         std::fs::remove_file(&opened).unwrap_or_default();
-        let serving =
-            TestServer::new(|c| c.arg(&model).arg(argument).env(name, value).env("PATH", &path).env("DISPLAY", ":7"));
+        let serving = TestServer::new(&dir, |c| {
+            c.args(["spiral.pgs", argument]).env(name, value).env("PATH", &path).env("DISPLAY", ":7")
+        });
         assert_eq!(serving.get("").status, 200);
         assert_eq!(serving.end("-INT").0, Some(0));
         assert!(!opened.exists(), "{name}");

@@ -1,15 +1,15 @@
 //! Requests that get nothing: of other sites, of guessers, huge and broken ones; and names that would be markup.
 
-use super::serving::{HttpAnswer, TestServer, subjects};
+use super::serving::{HttpAnswer, TestServer};
+use crate::common::spiral;
 use serde_json::Value;
 use std::io::Write;
 use std::net::Shutdown;
 
 #[test]
 fn others_find_nothing() {
-    let dir = tempfile::tempdir().unwrap();
-    let [model, _] = subjects(dir.path());
-    let serving = TestServer::of(&model);
+    let dir = spiral();
+    let serving = TestServer::new(&dir, |c| c.arg("spiral.pgs"));
     let (host, token) = serving.parts();
     let to = |path: &str, head: &str| {
         serving.raw(format!("GET {path} HTTP/1.1\r\n{head}Connection: close\r\n\r\n").as_bytes())
@@ -17,34 +17,11 @@ fn others_find_nothing() {
     let own = format!("Host: {host}\r\n");
     let other = if token.ends_with("0/") { '1' } else { '0' };
     let wrong = format!("{}{other}/", &token[..token.len() - 2]);
-    let nowhere = [
-        "/",
-        "//",
-        "/favicon.ico",
-        "/robots.txt",
-        "/../",
-        "/..%2f",
-        "/%2e%2e/%2e%2e/etc/passwd",
-        &wrong,
-        &format!("{token}../"),
-        &format!("{token}%2e%2e/"),
-        &format!("{token}../../etc/passwd"),
-        &format!("{token}model/../../../etc/passwd"),
-        &format!("{token}model/..%2f..%2fetc%2fpasswd"),
-        &format!("{token}model/"),
-        &format!("{token}model/1"),
-        &format!("{token}model/00"),
-        &format!("{token}model/0/"),
-        &format!("{token}model/-1"),
-        &format!("{token}model/99999999999999999999999999"),
-        &format!("{token}model/0%00"),
-        &format!("{token}setup"),
-        &format!("{token}poster"),
-        &format!("{token}truth"),
-        &format!("{token}/"),
-        &format!("/{token}"),
-    ];
-    for path in nowhere {
+    let below = "../ %2e%2e/ ../../etc/passwd model/../../../etc/passwd model/..%2f..%2fetc%2fpasswd model/ model/1 \
+                 model/00 model/0/ model/-1 model/99999999999999999999999999 model/0%00 setup poster truth /";
+    let below = below.split(' ').map(|path| format!("{token}{path}"));
+    let beside = "/ // /favicon.ico /robots.txt /../ /..%2f /%2e%2e/%2e%2e/etc/passwd".split(' ').map(String::from);
+    for path in &below.chain(beside).chain([wrong, format!("/{token}")]).collect::<Vec<_>>() {
         let answer = to(path, &own);
         assert_eq!(answer.status, 404, "{path}: {}", answer.text());
         assert!(!answer.text().contains(&token[1..token.len() - 1]), "{path}");
@@ -80,9 +57,8 @@ fn others_find_nothing() {
 
 #[test]
 fn huge_and_broken_requests_are_refused() {
-    let dir = tempfile::tempdir().unwrap();
-    let [model, particles] = subjects(dir.path());
-    let serving = TestServer::new(|c| c.arg(&model).arg("--snapshot").arg(&particles));
+    let dir = spiral();
+    let serving = TestServer::new(&dir, |c| c.args(["spiral.pgs", "--snapshot", "spiral"]));
     let (host, token) = serving.parts();
     let long = "x".repeat(1 << 20);
     for head in [
@@ -104,11 +80,8 @@ fn huge_and_broken_requests_are_refused() {
     assert_eq!(HttpAnswer::read(stream).status, 413);
     // A body that breaks off.
     let mut stream = serving.connect();
-    stream
-        .write_all(
-            format!("POST {token}truth HTTP/1.1\r\nHost: {host}\r\n{json}Content-Length: 9\r\n\r\n{{").as_bytes(),
-        )
-        .unwrap();
+    let broken = format!("POST {token}truth HTTP/1.1\r\nHost: {host}\r\n{json}Content-Length: 9\r\n\r\n{{");
+    stream.write_all(broken.as_bytes()).unwrap();
     stream.shutdown(Shutdown::Write).unwrap();
     assert!([0, 400].contains(&HttpAnswer::read(stream).status));
     assert_eq!(serving.ask("POST", "truth", "Content-Type: text/plain\r\n", b"{}").status, 415);
@@ -119,12 +92,10 @@ fn huge_and_broken_requests_are_refused() {
 
 #[test]
 fn names_cannot_break_the_page() {
-    let dir = tempfile::tempdir().unwrap();
-    let [model, _] = subjects(dir.path());
+    let dir = spiral();
     let name = "<img src=x onerror=alert(1)> \"' & <!--<script> \u{202e}ü.pgs";
-    let hostile = dir.path().join(name);
-    std::fs::copy(model, &hostile).unwrap();
-    let serving = TestServer::of(&hostile);
+    std::fs::copy(dir.at("spiral.pgs"), dir.at(name)).unwrap();
+    let serving = TestServer::new(&dir, |c| c.arg(name));
     let page = serving.get("");
     let html = page.text();
     assert!(!html.contains("<img src=x") && !html.contains("<!--<script>"), "{html}");

@@ -1,24 +1,11 @@
 //! The command as it serves, and a client that sends what it likes.
 
-use crate::common::{particlegs, signal, snapshot};
+use crate::common::{TestFolder, process, signal};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
-use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-
-/// A few particles on a spiral, and a model of them.
-pub fn subjects(dir: &Path) -> [PathBuf; 2] {
-    let along = |f: fn(f32) -> f32| (0..3000).map(|i| f(i as f32 / 3000.0)).collect::<Vec<f32>>();
-    let columns = [along(|t| (19.0 * t).cos() * t), along(|t| t), along(|t| (19.0 * t).sin() * t)];
-    let (particles, model) = (dir.join("spiral"), dir.join("spiral.pgs"));
-    snapshot(&particles, &columns);
-    let mut c = particlegs();
-    c.arg("compress").arg(&particles).arg("-o").arg(&model);
-    c.args(["--gaussians", "40", "--effort", "fast", "--certificate=none", "--quiet"]).assert().success();
-    [model, particles]
-}
 
 /// The command, serving.
 pub struct TestServer {
@@ -29,8 +16,8 @@ pub struct TestServer {
 }
 
 impl TestServer {
-    pub fn new(prepare: impl FnOnce(&mut Command) -> &mut Command) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_particlegs"));
+    pub fn new(dir: &TestFolder, prepare: impl FnOnce(&mut Command) -> &mut Command) -> Self {
+        let mut command = process(dir.path());
         command.args(["view", "--port", "0"]);
         // Neither a screen to open a browser on, nor anything else of the session that the tests run in.
         for name in ["SSH_CONNECTION", "PARTICLEGS_TOKEN", "DISPLAY", "WAYLAND_DISPLAY", "WSL_DISTRO_NAME"] {
@@ -46,10 +33,6 @@ impl TestServer {
         rest.read_line(&mut url).unwrap();
         assert!(url.starts_with("http://"), "{url}");
         TestServer { child, url: url.trim().to_string(), rest }
-    }
-
-    pub fn of(model: &Path) -> Self {
-        Self::new(|c| c.arg(model))
     }
 
     /// `127.0.0.1:PORT`, and the path with the token.

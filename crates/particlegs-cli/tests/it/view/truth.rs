@@ -1,11 +1,10 @@
 //! Pictures of all particles: the ones that `reference` draws, and given up when nobody waits for them.
 
-use super::serving::{HttpAnswer, TestServer, subjects};
-use crate::common::{particlegs, sample, waited};
+use super::serving::{HttpAnswer, TestServer};
+use crate::common::{TestFolder, spiral, waited, words};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::net::TcpStream;
-use std::path::Path;
 use std::process::Child;
 use std::time::{Duration, Instant};
 
@@ -14,7 +13,7 @@ fn question(look: &str) -> Value {
     json!({
         "camera": {
             "position": [2.5, 1.25, 3.125], "focal_point": [0.1, 0.5, 0.0], "view_up": [0.0, 1.0, 0.0],
-            "fov_deg": 30.0, "height": null, "clipping_range": null
+            "fov_deg": 30.0, "height_world": null, "clipping_range": null
         },
         "radius": 0.012, "opacity": 0.3, "look": look, "width": 160, "height_pixels": 90
     })
@@ -22,67 +21,34 @@ fn question(look: &str) -> Value {
 
 #[test]
 fn pictures_of_all_particles_are_those_of_reference() {
-    let dir = tempfile::tempdir().unwrap();
-    let [model, particles] = subjects(dir.path());
+    let dir = spiral();
     // In a box that repeats, for orthographic windows.
-    let serving = TestServer::new(|c| c.arg(&model).arg("--snapshot").arg(&particles).args(["--box", "3"]));
-    let reference = |arguments: &[&str], out: &Path| {
-        let mut c = particlegs();
-        c.arg("reference")
-            .arg(&particles)
-            .args(["--box", "3"])
-            .args(arguments)
-            .arg("-o")
-            .arg(out)
-            .arg("--quiet")
-            .assert()
-            .success();
+    let serving = TestServer::new(&dir, |c| c.args(words("spiral.pgs --snapshot spiral --box 3")));
+    let reference = |words: &str| {
+        dir.runs(&format!("reference spiral --box 3 {words} --quiet"));
     };
     let q = question("paraview");
-    let views = json!({"width": 160, "height": 90, "fov_deg": 30.0, "views": [{
-        "name": "view", "position": q["camera"]["position"], "focal_point": q["camera"]["focal_point"],
-        "view_up": q["camera"]["view_up"], "radius": q["radius"], "opacity": q["opacity"]}]});
-    let file = dir.path().join("views.json");
-    std::fs::write(&file, views.to_string()).unwrap();
-    let file = file.to_str().unwrap();
+    let mut view = q["camera"].clone();
+    (view["name"], view["radius"], view["opacity"]) = (json!("view"), q["radius"].clone(), q["opacity"].clone());
+    let views = json!({ "width": 160, "height": 90, "views": [view] });
+    dir.write("views.json", views.to_string());
     for look in ["paraview", "paraview-no-fxaa", "expected"] {
-        let png = dir.path().join(format!("{look}.png"));
-        reference(&["--views", file, "--style", look], &png);
+        reference(&format!("--views views.json --style {look} -o {look}.png"));
         let answer = serving.truth(&question(look));
         assert_eq!(answer.status, 200, "{}", answer.text());
-        let truth = particlegs::picture::read_png(&png).unwrap().data;
+        let truth = particlegs::picture::read_png(&dir.at(&format!("{look}.png"))).unwrap().data;
         assert!(truth.iter().any(|&v| v > 20) && answer.body == truth, "{look}");
     }
-    let folder = dir.path().join("sigma");
-    reference(&["--views", file, "--style", "density", "--smooth", "32", "--raw"], &folder);
-    let sigma = std::fs::read(folder.join("view.f32")).unwrap();
+    reference("--views views.json --style density --smooth 32 --raw -o sigma");
+    let sigma = dir.bytes("sigma/view.f32");
     assert!(sigma.iter().any(|&b| b > 0) && serving.truth(&question("density")).body == sigma);
     // An orthographic window, by the camera that `reference` reports.
-    let (report, folder) = (dir.path().join("report.json"), dir.path().join("slab"));
-    let window = [
-        "--style",
-        "density",
-        "--smooth",
-        "32",
-        "--raw",
-        "--projection",
-        "orthographic",
-        "--size",
-        "160x90",
-        "--azimuth",
-        "20",
-        "--width",
-        "7",
-    ];
-    reference(&[&window[..], &["--json", report.to_str().unwrap()]].concat(), &folder);
-    let report: Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
-    let camera = &report["views"][0];
+    let window = "--projection orthographic --size 160x90 --azimuth 20 --width 7";
+    reference(&format!("--style density --smooth 32 --raw {window} --json report.json -o slab"));
+    let report = dir.json("report.json");
     let mut q = question("density");
-    q["camera"] = json!({
-        "position": camera["position"], "focal_point": camera["focal_point"], "view_up": camera["view_up"],
-        "height": camera["height_world"], "clipping_range": camera["clipping_range"]
-    });
-    let slab = std::fs::read(folder.join("view.f32")).unwrap();
+    q["camera"] = report["views"][0].clone();
+    let slab = dir.bytes("slab/view.f32");
     let answer = serving.truth(&q);
     assert_eq!(answer.status, 200, "{}", answer.text());
     assert!(slab.iter().any(|&b| b > 0) && answer.body == slab);
@@ -94,8 +60,8 @@ fn pictures_of_all_particles_are_those_of_reference() {
 /// A share of the particles stands for all of them.
 #[test]
 fn coarse_pictures_are_of_fewer_particles() {
-    let dir = tempfile::tempdir().unwrap();
-    let serving = of_the_sample(dir.path());
+    let dir = spiral();
+    let serving = of_the_sample(&dir);
     let draw = |look: &str, share: f64| {
         let mut q = long();
         (q["look"], q["share"], q["radius"]) = (json!(look), json!(share), json!(0.1));
@@ -121,9 +87,8 @@ fn coarse_pictures_are_of_fewer_particles() {
 
 #[test]
 fn wrong_questions_are_told_in_a_line() {
-    let dir = tempfile::tempdir().unwrap();
-    let [model, particles] = subjects(dir.path());
-    let serving = TestServer::new(|c| c.arg(&model).arg("--snapshot").arg(&particles));
+    let dir = spiral();
+    let serving = TestServer::new(&dir, |c| c.args(["spiral.pgs", "--snapshot", "spiral"]));
     let set = |place: &[&str], value: Value| {
         let mut q = question("paraview");
         let at = place.iter().fold(&mut q, |q, key| &mut q[*key]);
@@ -145,8 +110,8 @@ fn wrong_questions_are_told_in_a_line() {
         (set(&["camera", "position"], json!([0.1, 0.5, 0.0])), "stands at its focal point"),
         (set(&["camera", "view_up"], json!([0, 0, 0])), "view_up"),
         (set(&["camera", "fov_deg"], json!(180)), "field of view"),
-        (set(&["camera", "fov_deg"], json!(null)), "either fov_deg or height"),
-        (set(&["camera", "height"], json!(1)), "either fov_deg or height"),
+        (set(&["camera", "fov_deg"], json!(null)), "neither fov_deg (perspective) nor height_world"),
+        (set(&["camera", "height_world"], json!(1)), "both fov_deg and height_world"),
         (set(&["camera", "clipping_range"], json!([2, 1])), "clipping range"),
     ] {
         let answer = serving.truth(&wrong);
@@ -155,7 +120,7 @@ fn wrong_questions_are_told_in_a_line() {
     }
     let mut flat = question("expected");
     flat["camera"]["fov_deg"] = json!(null);
-    flat["camera"]["height"] = json!(1.0);
+    flat["camera"]["height_world"] = json!(1.0);
     assert!(serving.truth(&flat).text().contains("orthographic in the look density alone"));
     assert_eq!(serving.truth(&question("expected")).status, 200);
 }
@@ -170,15 +135,14 @@ fn long() -> Value {
 }
 
 /// The bundled sample, drawn as itself and by a model of another.
-fn of_the_sample(dir: &Path) -> TestServer {
-    let [model, _] = subjects(dir);
-    TestServer::new(|c| c.arg(&model).arg("--snapshot").arg(sample()))
+fn of_the_sample(dir: &TestFolder) -> TestServer {
+    TestServer::new(dir, |c| c.args(words("spiral.pgs --snapshot SAMPLE")))
 }
 
 #[test]
 fn a_newer_picture_gives_the_older_up() {
-    let dir = tempfile::tempdir().unwrap();
-    let serving = of_the_sample(dir.path());
+    let dir = spiral();
+    let serving = of_the_sample(&dir);
     let start = Instant::now();
     let older: Vec<TcpStream> = (0..3)
         .map(|_| {
@@ -210,8 +174,8 @@ fn ticks(child: &Child) -> u64 {
 #[test]
 #[cfg(target_os = "linux")]
 fn a_closed_connection_gives_its_picture_up() {
-    let dir = tempfile::tempdir().unwrap();
-    let serving = of_the_sample(dir.path());
+    let dir = spiral();
+    let serving = of_the_sample(&dir);
     let before = ticks(&serving.child);
     let mut stream = serving.connect();
     stream.write_all(&serving.question(&long())).unwrap();
@@ -231,8 +195,8 @@ fn a_closed_connection_gives_its_picture_up() {
 
 #[test]
 fn ctrl_c_ends_it_while_a_picture_is_drawn() {
-    let dir = tempfile::tempdir().unwrap();
-    let serving = of_the_sample(dir.path());
+    let dir = spiral();
+    let serving = of_the_sample(&dir);
     let mut stream = serving.connect();
     stream.write_all(&serving.question(&long())).unwrap();
     std::thread::sleep(Duration::from_millis(300));

@@ -2,15 +2,14 @@
 //! opacity.
 
 use super::eye::Eye;
+use super::network::{Adaptation, Network, Setting, inputs, outputs};
 use super::project::{Gaussian, GreyCameraGaussian};
 use crate::camera::{Normalisation, View};
 use crate::context::{Context, Level};
 use crate::math::{Sym3, each_axis};
-use crate::model::vizmapper::{Adaptation, Network, Setting, inputs, outputs};
 use crate::model::{LawKind, Mixture, Model, VizMapper};
 use crate::{Error, Result, parallel};
 
-/// Gaussians in one step of parallel work.
 const RUN: usize = 4096;
 
 /// Opacities are kept this far from 0 and 1, where logits are infinite.
@@ -46,7 +45,7 @@ pub struct UnadaptedGaussian {
 
 impl<'a> Blend<'a> {
     /// That of a model, where its law is this one.
-    pub fn of(model: &'a Model) -> Option<Self> {
+    pub fn from_model(model: &'a Model) -> Option<Self> {
         let m = &model.metadata;
         (m.law == LawKind::AlphaBlend).then(|| Blend {
             vizmapper: model.vizmapper().map(|v| &**v),

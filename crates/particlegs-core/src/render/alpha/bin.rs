@@ -26,7 +26,7 @@ pub struct TileRange {
 
 impl Tiles {
     /// Of a picture.
-    pub fn of(size: Size) -> Self {
+    pub fn new(size: Size) -> Self {
         Tiles { across: size.width.div_ceil(TILE), down: size.height.div_ceil(TILE) }
     }
 
@@ -94,7 +94,7 @@ impl Bin {
 
     /// Those that touch a tile, nearest first.
     #[inline]
-    pub fn of(&self, tile: usize) -> &[u32] {
+    pub fn in_tile(&self, tile: usize) -> &[u32] {
         &self.entries[self.starts[tile] as usize..self.starts[tile + 1] as usize]
     }
 }

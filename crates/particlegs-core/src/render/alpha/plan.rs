@@ -53,7 +53,7 @@ impl Plan {
         cut: CutOffs,
         context: &Context<'_>,
     ) -> Result<Plan> {
-        let tiles = Tiles::of(eye.size);
+        let tiles = Tiles::new(eye.size);
         let see = |i: usize| {
             let p = project(eye, &gaussian(i)?, cut.least_alpha.into())?;
             let touched = tiles.touched(eye.size, &p)?;
@@ -92,6 +92,6 @@ impl Plan {
 
     /// Numbers of footprints that touch a tile, nearest first.
     pub fn in_tile(&self, tile: usize) -> impl Iterator<Item = u32> + '_ {
-        self.bins.iter().flat_map(move |b| b.of(tile).iter().copied())
+        self.bins.iter().flat_map(move |b| b.in_tile(tile).iter().copied())
     }
 }

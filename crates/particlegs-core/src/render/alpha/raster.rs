@@ -167,6 +167,7 @@ fn blend_tile<S: Simd>(simd: S, plan: &Plan, number: usize, lit: &TilePixels, ti
             let (_, alpha) = alphas(simd, s, &at, lanes, &plan.cut);
             let left = f32x16::from_slice(simd, &tile.left[here.clone()]);
             let next = left * (-alpha + 1.0);
+            // As published: the footprint that would pass the limit is not drawn, and ends the pixel.
             let live = next.simd_ge(plan.cut.least_transmittance);
             let weight = live.select(left * alpha, zero);
             (f32x16::from_slice(simd, &tile.sum[here.clone()]) + weight * s.grey)

@@ -2,13 +2,13 @@
 
 use super::plain;
 use super::raster::blend;
-use super::testing::empty_model;
 use super::*;
-use crate::camera::{Camera, Normalisation, Projection, View};
+use crate::camera::{Normalisation, Projection, View};
 use crate::context::Context;
 use crate::math::{Random, Sym3, each_axis};
 use crate::model::{AlphaBlend, Block, Law, Layer, Mass, Mixture, Model, VizMapper, VizRanges};
 use crate::picture::{Plane, Size};
+use crate::render::testing::{self, empty_model};
 use crate::render::{self, Scene};
 use crate::space::Bounds;
 use crate::splat::ToneStyle;
@@ -17,19 +17,8 @@ use std::sync::Arc;
 const SIZE: Size = Size { width: 83, height: 61 };
 const FRAME: Normalisation = Normalisation { center: [0.0; 3], scale: 1.0 };
 
-pub fn view(position: [f64; 3]) -> View {
-    View {
-        name: "v".into(),
-        camera: Camera {
-            position,
-            focal_point: [0.0, 0.0, 0.0],
-            view_up: [0.0, 1.0, 0.0],
-            projection: Projection::Perspective { fov_deg: 30.0 },
-            clipping_range: None,
-        },
-        radius: 0.01,
-        opacity: 0.05,
-    }
+fn view(position: [f64; 3]) -> View {
+    testing::view(position, 0.01, 0.05)
 }
 
 fn eye(position: [f64; 3]) -> Eye {
@@ -225,12 +214,12 @@ fn world_view(of: &Model) -> View {
 /// A model of a file, in world units, is what the law says of its Gaussians; every look is the same.
 #[test]
 fn models_are_drawn_by_their_law() {
-    use crate::model::vizmapper::twin::stirred;
+    use crate::render::alpha::network::twin::stirred;
     for vizmapper in [None, Some(VizMapper::new(VizRanges::TRAINING, 1)), Some(stirred(2))] {
         let m = model(200, vizmapper.clone());
         let v = world_view(&m);
-        let drawn = render::draw(&Scene::of(&m), &v, SIZE, ToneStyle::Paraview, &Context::SILENT).unwrap();
-        assert_eq!(drawn, render::draw(&Scene::of(&m), &v, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap());
+        let drawn = render::draw(&Scene::new(&m), &v, SIZE, ToneStyle::Paraview, &Context::SILENT).unwrap();
+        assert_eq!(drawn, render::draw(&Scene::new(&m), &v, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap());
         let (fr, fa) = (1.5, 0.8);
         let adapted: Vec<Gaussian> = gaussians(11, 200, 0.05)
             .into_iter()
@@ -240,7 +229,7 @@ fn models_are_drawn_by_their_law() {
                 let log_scale = g.cov.det().max(1e-72).ln() / 6.0;
                 let logit = (g.opacity / (1.0 - g.opacity)).ln();
                 let x = [fr - 1.0, fa - 1.0, (log_scale + 8.0) / 2.0, (logit + 3.0) / 4.0];
-                let out = crate::model::vizmapper::twin::plain(&parameters, x);
+                let out = crate::render::alpha::network::twin::plain(&parameters, x);
                 g.cov = g.cov.scale((fr * (1.0 + 0.1 * out[0])).powi(2));
                 g.opacity = 1.0 / (1.0 + (-logit - (fa * (1.0 + 0.3 * out[1])).max(0.4).ln()).exp());
                 g
@@ -255,13 +244,13 @@ fn models_are_drawn_by_their_law() {
 /// What the network makes of a model for a view, kept: drawn at any radius and opacity, it is that view.
 #[test]
 fn a_bent_model_needs_no_network() {
-    let m = model(200, Some(crate::model::vizmapper::twin::stirred(2)));
+    let m = model(200, Some(crate::render::alpha::network::twin::stirred(2)));
     let mut v = world_view(&m);
-    let wanted = render::draw(&Scene::of(&m), &v, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap();
+    let wanted = render::draw(&Scene::new(&m), &v, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap();
     let plain = m.clone().bent(v.radius, v.opacity, &Context::SILENT).unwrap();
     assert!(plain.vizmapper().is_none());
     v.radius = 0.5;
-    let got = render::draw(&Scene::of(&plain), &v, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap();
+    let got = render::draw(&Scene::new(&plain), &v, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap();
     let far = wanted.data.iter().zip(&got.data).filter(|(a, b)| a.abs_diff(**b) > 1);
     assert!(far.count() <= 2);
     assert_ne!(plain, model(200, None));
@@ -271,7 +260,7 @@ fn a_bent_model_needs_no_network() {
 #[test]
 fn faults_are_named() {
     let fault = |m: &Model, v: &View| {
-        render::draw(&Scene::of(m), v, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap_err().to_string()
+        render::draw(&Scene::new(m), v, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap_err().to_string()
     };
     let mut m = model(20, None);
     let mut v = world_view(&m);

@@ -8,8 +8,10 @@
 
 pub mod slices;
 
+use self::slices::{ClipClass, clip_class};
 use super::lens::Lens;
 use crate::math::{Sym3, dot, each_axis};
+use crate::model::Mixture;
 use crate::splat::PIXEL_VARIANCE;
 
 /// A Gaussian in the camera's axes (right, down, forward), relative to the eye: what the projection reads, 40
@@ -148,6 +150,7 @@ impl CameraGaussian {
         let [with_right, with_down, with_forward] = axes.map(|a| cov.apply(a));
         let (xx, xy, yy) = (dot(right, with_right), dot(right, with_down), dot(down, with_down));
         let (xz, yz, zz) = (dot(right, with_forward), dot(down, with_forward), dot(forward, with_forward));
+        // A variance that rounding alone made would send slopes to infinity.
         let inverse = |v: f64, others: f64| if v > 1e-14 * others { 1.0 / v } else { 0.0 };
         let slope = [xz, yz].map(|v| v * inverse(zz, xx + yy));
         let (xx, xy, yy) = ((xx - slope[0] * xz).max(0.0), xy - slope[0] * yz, (yy - slope[1] * yz).max(0.0));
@@ -161,6 +164,15 @@ impl CameraGaussian {
             across: (xx - lean * xy).max(0.0) as f32,
             weight: weight as f32,
         }
+    }
+
+    /// Gaussian `i` of a mixture, of `weight` particles or masses; `None` outside the clipping range.
+    #[inline(always)]
+    pub fn from_mixture(lens: &Lens, m: &Mixture, i: usize, weight: f64) -> Option<CameraGaussian> {
+        let (mean, cov, forward) = (m.mean_of(i), m.cov_of(i), lens.axes[2]);
+        let depth = dot(forward, each_axis(|k| mean[k] - lens.position[k]));
+        let inside = clip_class(lens, depth, dot(forward, cov.apply(forward))) != ClipClass::Outside;
+        inside.then(|| CameraGaussian::new(&lens.axes, lens.position, mean, &cov, lens.unit * weight))
     }
 
     /// Mean and variance of its depth.

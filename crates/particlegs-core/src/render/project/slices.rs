@@ -5,7 +5,7 @@
 //! and are smooth, so that the pieces blend without seams. Each piece is the Gaussian times one
 //! spline, inside the clipping range; its moments are sums over a fine grid of depths.
 
-use super::{CameraGaussian, DepthMoments, DepthSlopes, inverse_moments};
+use super::{CameraGaussian, DepthMoments, DepthSlopes, inverse_moments, inverse_slopes};
 use crate::render::lens::Lens;
 
 /// A Gaussian whose depth spread is a larger share of its depth is cut.
@@ -32,7 +32,7 @@ pub enum ClipClass {
 
 /// Decides for a mean depth and its variance.
 #[inline(always)]
-pub fn fate(lens: &Lens, depth: f64, variance: f64) -> ClipClass {
+pub fn clip_class(lens: &Lens, depth: f64, variance: f64) -> ClipClass {
     let reach = REACH * variance.max(0.0).sqrt();
     let [near, far] = lens.range;
     if depth + reach < near || depth - reach > far {
@@ -47,15 +47,45 @@ pub fn fate(lens: &Lens, depth: f64, variance: f64) -> ClipClass {
     }
 }
 
+/// Does a Gaussian lie outside the four side planes of what the picture sees? Spares the work of cutting those that the
+/// camera passes by.
+pub fn misses(lens: &Lens, g: &CameraGaussian) -> bool {
+    let ([x, y, depth], [xx, _, yy], zz) = (g.mean.map(f64::from), g.rest(), f64::from(g.depth));
+    let along = g.slope.map(f64::from);
+    let sides = [(x, xx, along[0], lens.center[0]), (y, yy, along[1], lens.center[1])];
+    sides.into_iter().any(|(at, rest, along, center)| {
+        // Half the picture and a margin for coarse planes, over the focal length.
+        let edge = (1.25 * center + 64.0) / lens.focal;
+        [edge, -edge].into_iter().any(|t| {
+            // The distance to the plane at = t depth (or at = t), beyond it positive.
+            let (beyond, lean, round) =
+                if lens.perspective { (at - t * depth, along - t, 1.0 + t * t) } else { (at - t, along, 1.0) };
+            let (beyond, spread) = (beyond * t.signum(), rest + lean * lean * zz);
+            beyond > 0.0 && beyond * beyond > 49.0 * (spread + lens.radius2 * round)
+        })
+    })
+}
+
 /// Calls `emit` with the moments of each piece that the picture may show.
 #[inline(always)]
 pub fn pieces(lens: &Lens, g: &CameraGaussian, mut emit: impl FnMut(DepthMoments)) {
     let [depth, variance] = g.depths();
-    match fate(lens, depth, variance) {
+    match clip_class(lens, depth, variance) {
         ClipClass::Outside => {}
-        ClipClass::Cut if lens.misses(g) => {}
+        ClipClass::Cut if misses(lens, g) => {}
         ClipClass::Whole => emit(whole(lens, depth, variance)),
         ClipClass::Cut => cut(lens, depth, variance, emit),
+    }
+}
+
+/// Calls `emit` with the moments of each piece that the picture may show, and their slopes, of a Gaussian in perspective.
+pub fn pieces_with_slopes(lens: &Lens, g: &CameraGaussian, mut emit: impl FnMut(DepthMoments, DepthSlopes)) {
+    let [depth, variance] = g.depths();
+    match clip_class(lens, depth, variance) {
+        ClipClass::Outside => {}
+        ClipClass::Cut if misses(lens, g) => {}
+        ClipClass::Whole => emit(whole(lens, depth, variance), inverse_slopes(depth, variance)),
+        ClipClass::Cut => cut_with_slopes(lens, depth, variance, emit),
     }
 }
 
@@ -75,7 +105,7 @@ pub fn cut(lens: &Lens, depth: f64, variance: f64, mut emit: impl FnMut(DepthMom
 }
 
 /// Calls `emit` with the moments of each piece and their slopes; the splines stay where they are.
-pub fn cut_with_slopes(lens: &Lens, depth: f64, variance: f64, mut emit: impl FnMut(DepthMoments, DepthSlopes)) {
+fn cut_with_slopes(lens: &Lens, depth: f64, variance: f64, mut emit: impl FnMut(DepthMoments, DepthSlopes)) {
     slice::<9>(lens, depth, variance, |sums| {
         let [weight, first, second] = [sums[0], sums[1], sums[2]];
         let m = moments(&[weight, first, second]);

@@ -13,13 +13,11 @@ const CHECK: usize = 4096;
 
 /// Planes of a picture, finest first.
 pub(in crate::render) struct RasterCanvas<'a> {
-    /// Their shapes.
     pub levels: Vec<Level>,
     planes: &'a mut [Vec<f32>],
 }
 
 impl<'a> RasterCanvas<'a> {
-    /// Blank planes.
     pub fn new(size: Size, scratch: &'a mut Scratch, context: &Context<'_>) -> Result<Self> {
         let levels = pyramid::levels(size);
         let lengths = levels.iter().map(|l| l.stride * l.rows);

@@ -54,6 +54,7 @@ fn draw_all<S: Simd>(simd: S, band: &mut Band, strokes: &[RasterSplat]) {
             }
             let start = row * band.stride + from as usize;
             let count = (to - from) as usize + 1;
+            // Whole vectors: the pad takes what reaches beyond, and the end of the footprint makes it 0.
             let pixels = &mut band.data[start..start + count.next_multiple_of(8)];
             let mut dx = lanes + (from - center);
             for eight in pixels.chunks_exact_mut(8) {

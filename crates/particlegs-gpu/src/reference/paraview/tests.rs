@@ -2,47 +2,28 @@
 
 use super::*;
 use crate::reference::source::ParticleStream;
-use crate::tests::device;
+use crate::tests::{self, device, particles};
 use particlegs::context::Context;
-use particlegs::particles::{Column, Particles, Positions};
 use particlegs::reference;
-use particlegs_core::camera::{Camera, Projection};
-use particlegs_core::math::Random;
 use particlegs_core::splat::ToneStyle;
 
 const SIZE: Size = Size { width: 320, height: 180 };
 const FAR: [f64; 3] = [1.0, 2.0, 6.0];
 const NEAR: [f64; 3] = [0.3, 0.2, 0.9];
 
-/// Particles in a cube of side 2: half evenly spread, half in a clump; some in one place, and some nowhere.
+/// Those of the tests of depth, of which some are in one place, and some nowhere.
 fn columns(n: usize) -> [Vec<f32>; 3] {
-    let mut r = Random::new(5, 1, 0);
-    let mut all = [vec![], vec![], vec![]];
-    for i in 0..n {
-        for column in &mut all {
-            let v = if i % 2 == 0 { 2.0 * r.uniform() - 1.0 } else { 0.1 * r.normal() };
-            column.push(if i % 50 == 7 { 0.125 } else { v as f32 });
-        }
-    }
+    let mut all = tests::columns(n);
+    all.iter_mut().for_each(|column| column.iter_mut().skip(7).step_by(50).for_each(|v| *v = 0.125));
     all[1][n / 2] = f32::NAN;
     all[2][n / 3] = f32::INFINITY;
     all
 }
 
 fn view(position: [f64; 3], radius: f64, opacity: f64) -> View {
-    let camera = Camera {
-        position,
-        focal_point: [0.0; 3],
-        view_up: [0.0, 1.0, 0.0],
-        projection: Projection::Perspective { fov_deg: 30.0 },
-        clipping_range: Some(if position == FAR { [3.0, 9.0] } else { [0.01, 3.0] }),
-    };
-    View { name: "v".into(), camera, radius, opacity }
-}
-
-fn particles(columns: &[Vec<f32>; 3]) -> Particles {
-    let meta = Particles::from_columns(vec![], vec![], vec![]).meta;
-    Particles::new(Positions::Columns(columns.clone().map(Column::owned)), [0.0; 3], meta)
+    let mut view = tests::view(position, [radius, opacity]);
+    view.camera.clipping_range = Some(if position == FAR { [3.0, 9.0] } else { [0.01, 3.0] });
+    view
 }
 
 fn points(device: &Device, columns: &[Vec<f32>; 3], pieces: usize) -> Vec<DeviceParticles> {

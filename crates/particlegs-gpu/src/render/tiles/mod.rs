@@ -4,7 +4,7 @@
 //! into dispatches, however long lists are: slow cards may take one for hung.
 
 use super::kernels::sources::{FRAME, PLANES, ROWS, SCALE, SPAN, STROKE};
-use super::{Canvas, GaussianBatch, Gaussians, Renderer};
+use super::{DepthCanvas, DepthRenderer, GaussianBatch, Gaussians};
 use crate::kernel::{BufferUse, Kernel};
 use crate::{Device, groups};
 use particlegs_core::camera::View;
@@ -13,10 +13,10 @@ use particlegs_core::splat::ToneStyle;
 use particlegs_core::{Error, Result};
 
 /// Draws on a canvas by tiles.
-pub struct Tiles<'a> {
-    renderer: &'a Renderer,
+pub struct DepthTiles<'a> {
+    renderer: &'a DepthRenderer,
     gaussians: &'a Gaussians,
-    canvas: &'a Canvas,
+    canvas: &'a DepthCanvas,
     kernels: TileKernels,
     /// Of each tile: how many strokes touch it, then where its list begins, then where it ends.
     ends: wgpu::Buffer,
@@ -65,9 +65,9 @@ impl TileKernels {
     }
 }
 
-impl<'a> Tiles<'a> {
+impl<'a> DepthTiles<'a> {
     /// For pictures of these Gaussians on a canvas of theirs.
-    pub fn new(renderer: &'a Renderer, gaussians: &'a Gaussians, canvas: &'a Canvas) -> Result<Self> {
+    pub fn new(renderer: &'a DepthRenderer, gaussians: &'a Gaussians, canvas: &'a DepthCanvas) -> Result<Self> {
         use wgpu::BufferUsages as Usage;
         let (device, kernels) = (&*renderer.device, TileKernels::new(&renderer.device));
         let bytes = 16 * canvas.planes.tiles;
@@ -81,10 +81,10 @@ impl<'a> Tiles<'a> {
         // Those that 32 bits do not count are counted as the most that they hold.
         let most = (device.largest_binding() / 4).min(u64::from(u32::MAX - 1)) as u32;
         device.check()?;
-        Ok(Tiles { renderer, gaussians, canvas, kernels, ends, total, scan, counts, lists: None, most })
+        Ok(DepthTiles { renderer, gaussians, canvas, kernels, ends, total, scan, counts, lists: None, most })
     }
 
-    /// Gives the device a picture to draw, once it has said how long its lists are: [`Renderer::submit`]'s, to the last
+    /// Gives the device a picture to draw, once it has said how long its lists are: [`DepthRenderer::submit`]'s, to the last
     /// bit.
     ///
     /// # Errors

@@ -86,7 +86,7 @@ impl AlphaBuffers {
                 by_network,
             }
         });
-        let alpha::TrainingScale { frame, radius, opacity, .. } = of.ground;
+        let alpha::TrainingScale { frame, radius, opacity, .. } = of.scale;
         let blend = Blend { vizmapper: None, frame, radius, opacity };
         let drawn_by = network.as_ref().zip(of.mapper.as_ref()).map(|(n, m)| (n.weights.clone(), m.ranges));
         let seen = Gaussians::of_buffers(device, [columns.clone(), bent.clone()], count as u32, drawn_by, blend);

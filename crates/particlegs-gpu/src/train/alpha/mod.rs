@@ -21,7 +21,7 @@ mod tests;
 
 use super::ParameterLocation;
 use super::kernels::TrainingKernels;
-use crate::alpha::Renderer;
+use crate::alpha::AlphaRenderer;
 use crate::{Device, groups};
 use held::AlphaBuffers;
 use kernels::AlphaTrainingKernels;
@@ -37,20 +37,20 @@ const GROUPS: [&str; 5] = ["position", "scale", "rotation", "opacity", "feature"
 
 /// What draws and what takes steps by this law.
 pub(super) struct Blender {
-    renderer: Renderer,
+    renderer: AlphaRenderer,
     kernels: AlphaTrainingKernels,
 }
 
 impl Blender {
     /// Its kernels.
     pub fn new(device: &Arc<Device>) -> Result<Blender> {
-        let renderer = Renderer::for_training(device)?;
+        let renderer = AlphaRenderer::for_training(device)?;
         Ok(Blender { renderer, kernels: AlphaTrainingKernels::new(device) })
     }
 }
 
 /// Gaussians of the alpha-blend law on a device.
-pub(super) struct AlphaSteps {
+pub(crate) struct AlphaSteps {
     device: Arc<Device>,
     shared: Arc<TrainingKernels>,
     blender: Arc<Blender>,
@@ -63,7 +63,7 @@ pub(super) struct AlphaSteps {
 
 impl AlphaSteps {
     /// For these.
-    pub fn new(
+    pub(super) fn new(
         device: &Arc<Device>,
         shared: &Arc<TrainingKernels>,
         blender: &Arc<Blender>,

@@ -1,5 +1,5 @@
 // Where the network's numbers lie: of each layer the weights, a row an output, then the biases (core's
-// model::vizmapper::Places).
+// render::alpha::network::Places).
 
 const HIDDEN: u32 = 64u;
 const FIRST_BIAS: u32 = 256u;

@@ -3,7 +3,7 @@
 use super::held::AlphaBuffers;
 use super::{Blender, TrainingKernels};
 use crate::Device;
-use crate::alpha::Canvas;
+use crate::alpha::AlphaCanvas;
 use crate::alpha::backward::BackwardBuffers;
 use crate::render::{FrameRecord, PlaneLayout};
 use crate::train::compared::{LossBuffers, PARTS};
@@ -13,7 +13,7 @@ use wgpu::BufferUsages as Use;
 
 /// The memory of one size of picture of some Gaussians.
 pub(super) struct AlphaTrainingPicture {
-    pub canvas: Canvas,
+    pub canvas: AlphaCanvas,
     pub back: BackwardBuffers,
     pub compared: LossBuffers,
     pub chain: wgpu::BindGroup,

@@ -1,8 +1,8 @@
 //! Adam's numbers of a step, as step.wgsl has them.
 
 use particlegs_core::model::VizRanges;
-use particlegs_core::model::vizmapper::Setting;
 use particlegs_core::render::alpha::Eye;
+use particlegs_core::render::alpha::network::Setting;
 use particlegs_train::Averages;
 use particlegs_train::alpha::{Gaussians, StepSize};
 

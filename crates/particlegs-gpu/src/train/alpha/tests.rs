@@ -1,21 +1,21 @@
 //! Steps against their twins on the processor, on whatever adapter there is.
 
 use super::*;
-use crate::tests::{device, view};
+use crate::GpuAccelerator;
+use crate::tests::{clumps, device, target, view};
 use crate::train::Trainer;
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::compress::{Options, Target, compress};
 use particlegs::model::LawKind;
-use particlegs::particles::Particles;
-use particlegs::pieces::NoCheckpoints;
 use particlegs::train::{Config, Limits, Preset};
 use particlegs_core::camera::{Normalisation, View};
 use particlegs_core::context::Context;
 use particlegs_core::math::Random;
-use particlegs_core::model::vizmapper::twin::stirred;
-use particlegs_core::picture::{Plane, Size};
+use particlegs_core::picture::Size;
+use particlegs_core::render::alpha::network::twin::stirred;
 use particlegs_core::space::Bounds;
 use particlegs_train::alpha::{AlphaCpuSteps, AlphaParameters, TrainingScale};
-use particlegs_train::{Averages, Crop, Device as _, Norm};
+use particlegs_train::{Accelerator, Averages, Crop, Norm};
 
 const SIZE: Size = Size { width: 160, height: 90 };
 /// Default radius and opacity.
@@ -48,7 +48,7 @@ fn gaussians(seed: u64, n: u64, size: f64, flatness: f64, with_network: bool) ->
     let mapper = with_network.then(|| stirred(3));
     let network = mapper.as_ref().map_or(0, |m| m.parameters.len());
     Gaussians {
-        ground: TrainingScale { frame, radius, opacity, particles: 1000, seed: 1 },
+        scale: TrainingScale { frame, radius, opacity, particles: 1000, seed: 1 },
         averages: parameters.0.each_ref().map(|column| Averages::zeros(column.len())),
         mapper,
         mapper_averages: Averages::zeros(network),
@@ -81,17 +81,6 @@ fn cases() -> Vec<AlphaTrainingCase> {
             ..case("SSIM alone, logarithm", usual(), view(near, USUAL))
         },
     ]
-}
-
-/// A picture of something else, with some noise.
-fn target(size: Size) -> Plane {
-    let mut r = Random::new(77, 1, 0);
-    let data = (0..size.pixels()).map(|p| {
-        let (x, y) = (p % size.width, p / size.width);
-        let smooth = 0.3 + 0.2 * (x as f64 / 11.0).sin() * (y as f64 / 7.0).cos();
-        (smooth + 0.05 * r.normal()).clamp(0.0, 1.0) as f32
-    });
-    Plane { size, data: data.collect() }
 }
 
 /// Rates that move Gaussians by about as much as published ones do in a hundred steps.
@@ -247,7 +236,7 @@ fn a_device_that_is_gone_is_an_error() {
 #[test]
 fn a_short_run_reaches_the_processors_score() {
     let Some(device) = device() else { return };
-    let device: Arc<dyn particlegs_train::Device> = Arc::new(Trainer::new(&device).unwrap());
+    let device: Arc<dyn Accelerator> = Arc::new(GpuAccelerator::new(device));
     // Whom density control chooses is decided by roundings: from there on two runs are as far apart as those of two seeds.
     let all = Config { evaluate_views: 4, ..Config::preset(Preset::Paper, LawKind::AlphaBlend).scaled(0.01).unwrap() };
     let mut still = Config { start_gaussians: Some(1000), ..all.clone() };
@@ -261,17 +250,9 @@ fn a_short_run_reaches_the_processors_score() {
 }
 
 /// What a run scores before and after.
-fn scores(config: &Config, seed: u64, device: Option<Arc<dyn particlegs_train::Device>>) -> [f64; 2] {
-    let column = |k: u32| -> Vec<f32> {
-        let at = |i: u64| {
-            let (mut own, mut of_clump) = (Random::new(5, k, i), Random::new(6, k, i % 40));
-            (of_clump.uniform() + 0.03 * own.normal()).clamp(0.0, 1.0) as f32
-        };
-        (0..20_000).map(at).collect()
-    };
-    let particles = Particles::from_columns(column(1), column(2), column(3));
+fn scores(config: &Config, seed: u64, device: Option<Arc<dyn Accelerator>>) -> [f64; 2] {
     let limits = Limits { device, ..Limits::default() };
     let training = Some(config.clone());
     let options = Options { target: Target::Gaussians(6000), training, limits, seed, ..Options::default() };
-    compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT).unwrap().trained[0].scores.map(Option::unwrap)
+    compress(&clumps(), &options, &mut NoCheckpoints, &Context::SILENT).unwrap().trained[0].scores.map(Option::unwrap)
 }

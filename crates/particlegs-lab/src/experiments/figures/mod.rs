@@ -6,10 +6,10 @@ mod others;
 mod three_way;
 
 use super::Experiment;
-use super::recovery::RATIO;
-use crate::found::{ExperimentResults, Pictures, ResultTable, TableCell};
+use super::shared::rates::COMPARED as RATIO;
 use crate::lab::{Lab, ModelBuild, ModelSettings, or_made};
 use crate::method::BoundReport;
+use crate::results::{ExperimentResults, Pictures, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score, identical_note, kept_picture, masked, mean, mean_of, orbit, ssim, told};
 use crops::{BRIGHTENED, close_up, whole};
@@ -41,9 +41,9 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let truth = ReferenceViews::in_views(lab, snapshot, views)?;
     let pictures = of_model(lab, &made, &truth)?;
     let scores = others::scores(&truth, &pictures)?;
-    let shown = FigureViews::of(&truth, &pictures, &scores);
+    let shown = FigureViews::new(&truth, &pictures, &scores);
     let (others, failed) = others::at_size(lab, snapshot, made.bytes.len() as u64, &shown.truth)?;
-    let three = three_way::three_way(lab, snapshot, &made, &truth, (pictures, scores))?;
+    let three = three_way::three_way(lab, snapshot, &made, &truth, pictures, scores)?;
     let mut found = ExperimentResults { notes: notes(&made, snapshot, &others), ..ExperimentResults::default() };
     found.notes.push(three.note);
     let pictures = others.iter().map(|o| (o.name.clone(), &o.scores[..]));
@@ -77,7 +77,7 @@ struct FigureViews {
 }
 
 impl FigureViews {
-    fn of(truth: &ReferenceViews, pictures: &[Gray8], scores: &[Score]) -> FigureViews {
+    fn new(truth: &ReferenceViews, pictures: &[Gray8], scores: &[Score]) -> FigureViews {
         let first = |of: &str| truth.views.iter().position(|v| orbit(&v.name) == of);
         let chosen: Vec<usize> = [first("far"), first("near")].into_iter().flatten().collect();
         let of = |list: &[Gray8]| chosen.iter().map(|i| list[*i].clone()).collect::<Vec<_>>();
@@ -113,29 +113,27 @@ fn best<'a>(others: &'a [MethodPictures], begins: &str) -> Option<&'a MethodPict
 
 fn artefact(shown: &FigureViews, others: &[MethodPictures]) -> Option<Pictures> {
     let other = best(others, STREAKS)?;
-    Some(Pictures {
-        name: "artefact".into(),
-        title: format!("Close up: all particles, the model and {} at one size", other.name),
-        caption: format!(
-            "The centre 30 % of the first far and the first near view, as ParaView draws all particles. {}",
-            sizes(other)
-        ),
-        columns: 3,
-        colours: None,
-        panels: shown.panels(other, close_up),
-    })
+    let title = format!("Close up: all particles, the model and {} at one size", other.name);
+    let what = "The centre 30 % of the first far and the first near view, as ParaView draws all particles.";
+    Some(beside(shown, other, "artefact", title, what, close_up))
 }
 
 fn qualitative(shown: &FigureViews, others: &[MethodPictures]) -> Option<Pictures> {
     let other = best(others, "")?;
-    Some(Pictures {
-        name: "qualitative".into(),
-        title: format!("Far and near: all particles, the model and the best other compressor, {}", other.name),
-        caption: format!("The whole of the first far and the first near view. {}", sizes(other)),
-        columns: 3,
-        colours: None,
-        panels: shown.panels(other, whole),
-    })
+    let title = format!("Far and near: all particles, the model and the best other compressor, {}", other.name);
+    Some(beside(shown, other, "qualitative", title, "The whole of the first far and the first near view.", whole))
+}
+
+fn beside(
+    shown: &FigureViews,
+    other: &MethodPictures,
+    name: &str,
+    title: String,
+    what: &str,
+    cut: fn(&Gray8) -> Rgb8,
+) -> Pictures {
+    let (caption, panels) = (format!("{what} {}", sizes(other)), shown.panels(other, cut));
+    Pictures { name: name.into(), title, caption, columns: 3, colours: None, panels }
 }
 
 fn sizes(other: &MethodPictures) -> String {

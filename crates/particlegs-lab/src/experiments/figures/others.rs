@@ -1,7 +1,6 @@
 //! What other ways make of the particles at a model's size.
 
-use crate::device::Style;
-use crate::lab::{Lab, or_made};
+use crate::lab::{Lab, Style, or_made};
 use crate::method::{BoundReport, CompressionMethod, FileContent, MethodOutput};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score, kept_picture, masked, mean, told};
@@ -11,15 +10,12 @@ use particlegs::{Error, Result};
 
 /// A way at a size, with its pictures of some views.
 pub(super) struct MethodPictures {
-    /// As tables call it.
     pub name: String,
-    /// Bytes of its file.
     pub bytes: u64,
     /// How its bound held, where it has one.
     pub bound: Option<BoundReport>,
     /// Pictures of what came back, a view of the truth each.
     pub pictures: Vec<Gray8>,
-    /// Their scores.
     pub scores: Vec<Score>,
 }
 

@@ -2,9 +2,8 @@
 //! "Three-way comparison").
 
 use super::crops::{BRIGHTENED, close_up, whole};
-use crate::device::Style;
-use crate::found::{Pictures, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
-use crate::lab::{Lab, ModelBuild, or_made};
+use crate::lab::{Lab, ModelBuild, Style, or_made};
+use crate::results::{Pictures, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::views::{self, ReferenceViews, Score, kept_picture, mean_of_values, orbit, told};
 use particlegs::Result;
@@ -25,24 +24,29 @@ struct RendererScores {
     pictures: Vec<Gray8>,
 }
 
-/// Everything of the three-way comparison.
+impl RendererScores {
+    fn label(&self) -> String {
+        if self.name == "model" { "the model".into() } else { format!("particles by {}", self.name) }
+    }
+}
+
 pub(super) struct ThreeWayComparison {
     pub tables: Vec<ResultTable>,
     pub plots: Vec<Plot>,
     pub pictures: Vec<Pictures>,
-    /// In a sentence.
     pub note: String,
 }
 
-/// Of a model of `snapshot`, in the views of `truth`; `model` are its pictures there, with their scores.
+/// Of a model of `snapshot` in the views of `truth`: `pictures` are its own there, with their `scores`.
 pub(super) fn three_way(
     lab: &Lab<'_>,
     snapshot: &Snapshot,
     made: &ModelBuild,
     truth: &ReferenceViews,
-    model: (Vec<Gray8>, Vec<Score>),
+    pictures: Vec<Gray8>,
+    scores: Vec<Score>,
 ) -> Result<ThreeWayComparison> {
-    let mut ways = vec![RendererScores { name: "model".into(), pictures: model.0, scores: model.1 }];
+    let mut ways = vec![RendererScores { name: "model".into(), pictures, scores }];
     for method in METHODS {
         ways.push(drawn(lab, snapshot, made, truth, method)?);
     }
@@ -87,13 +91,12 @@ fn table(ways: &[RendererScores]) -> ResultTable {
     let columns = ["picture of", "far", "mid", "near", "all views", "mean of all views", "paper: mean"];
     let mut t = ResultTable::new("three-way", title, &columns);
     for way in ways {
-        let name = if way.name == "model" { "the model".into() } else { format!("particles by {}", way.name) };
         let orbits = ORBITS.iter().map(|o| TableCell::decibels(&masked(&way.scores, Some(o))));
         let all = masked(&way.scores, None);
         let mean = TableCell::decibels(mean_of_values(&all).as_slice());
         let paper = PAPER.iter().find(|p| p.0 == way.name).map(|p| p.1);
         let rest = [TableCell::decibels(&all), mean, TableCell::number(paper, 2)];
-        t.row([TableCell::text(name)].into_iter().chain(orbits).chain(rest));
+        t.row([TableCell::text(way.label())].into_iter().chain(orbits).chain(rest));
     }
     t
 }
@@ -110,7 +113,7 @@ fn plot(ways: &[RendererScores]) -> Plot {
     });
     let levels = ways.iter().take(2).filter_map(|way| {
         let name = if way.name == "model" { "model, median" } else { "count, median" };
-        Some((name.to_string(), Spread::of(&masked(&way.scores, None))?.median))
+        Some((name.to_string(), Spread::new(&masked(&way.scores, None))?.median))
     });
     let frames = ways.first().map_or(0, |w| masked(&w.scores, Some("far")).len());
     Plot {
@@ -131,7 +134,7 @@ fn shown(truth: &ReferenceViews, ways: &[RendererScores]) -> Pictures {
         let cut = |p: &Gray8| if of == "far" { whole(p) } else { close_up(p) };
         panels.push((format!("{of}: all particles"), cut(&truth.pictures[i])));
         for way in ways.iter().take(2) {
-            let name = if way.name == "model" { "the model".into() } else { format!("particles by {}", way.name) };
+            let name = way.label();
             let score = way.scores[i].masked.map_or("identical".into(), |v| format!("{v:.2} dB"));
             panels.push((format!("{of}: {name}, {score}"), cut(&way.pictures[i])));
         }
@@ -154,7 +157,7 @@ fn shown(truth: &ReferenceViews, ways: &[RendererScores]) -> Pictures {
 fn note(ways: &[RendererScores], truth: &ReferenceViews) -> String {
     let same = views::identical_note(ways.iter().map(|w| (w.name.clone(), &w.scores[..])));
     let same = same.map_or(String::new(), |words| format!(" {words}"));
-    let median = |way: &RendererScores| Spread::of(&masked(&way.scores, None)).map(|s| s.median);
+    let median = |way: &RendererScores| Spread::new(&masked(&way.scores, None)).map(|s| s.median);
     let gap = ways.first().and_then(median).zip(ways.get(1).and_then(median)).map(|(a, b)| a - b);
     let gap = gap.map_or("not measured".into(), |g| format!("{g:.1} dB"));
     format!(

@@ -1,6 +1,7 @@
 //! Wall-clock times: taken several times where they are short, told with the load of the machine.
 
-use crate::found::{Spread, TableCell};
+use crate::report::line_of;
+use crate::results::{Spread, TableCell};
 use particlegs::{Result, parallel};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -15,18 +16,14 @@ pub(super) struct Machine {
 }
 
 impl Machine {
-    /// This one.
     pub fn here() -> Machine {
-        let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-        let line = text.lines().find(|l| l.starts_with("model name"));
         Machine {
             commit: option_env!("PARTICLEGS_COMMIT"),
-            processor: line.and_then(|l| Some(l.split_once(':')?.1.trim().to_string())),
+            processor: line_of("/proc/cpuinfo", "model name"),
             threads: parallel::threads(),
         }
     }
 
-    /// As a reader is told.
     pub fn in_words(&self) -> String {
         format!("{} threads of {}", self.threads, self.processor.as_deref().unwrap_or("a processor that is not known"))
     }
@@ -48,7 +45,7 @@ pub(super) struct Times {
 
 impl Times {
     /// Of work done `times` times.
-    pub fn of<T>(times: usize, mut work: impl FnMut() -> Result<T>) -> Result<Times> {
+    pub fn new<T>(times: usize, mut work: impl FnMut() -> Result<T>) -> Result<Times> {
         let mut seconds = Vec::with_capacity(times);
         for _ in 0..times {
             let start = Instant::now();
@@ -78,12 +75,12 @@ impl FrameTimes {
     /// Median over all frames in milliseconds, with the range.
     pub fn cell(&self) -> TableCell {
         let all: Vec<f64> = self.views.iter().flatten().map(|s| 1000.0 * s).collect();
-        TableCell::spread(&all, digits(Spread::of(&all).map_or(0.0, |s| s.median)))
+        TableCell::spread(&all, digits(Spread::new(&all).map_or(0.0, |s| s.median)))
     }
 
     /// How many times faster these are than others: a number a view that both have.
     pub fn faster_than(&self, others: &FrameTimes) -> Vec<f64> {
-        let median = |v: &Vec<f64>| Some(Spread::of(v)?.median);
+        let median = |v: &Vec<f64>| Some(Spread::new(v)?.median);
         let of = |(own, other): (&Vec<f64>, &Vec<f64>)| Some(median(other)? / median(own)?);
         self.views.iter().zip(&others.views).filter_map(of).collect()
     }
@@ -91,7 +88,7 @@ impl FrameTimes {
 
 /// Seconds with three significant digits or so.
 pub(super) fn seconds(values: &[f64]) -> TableCell {
-    TableCell::spread(values, digits(Spread::of(values).map_or(0.0, |s| s.median)))
+    TableCell::spread(values, digits(Spread::new(values).map_or(0.0, |s| s.median)))
 }
 
 /// Digits after the point that leave about three significant ones.
@@ -106,7 +103,7 @@ mod tests {
     #[test]
     fn times_are_taken_so_often_and_compared_by_view() {
         let mut count = 0;
-        let times = Times::of(5, || {
+        let times = Times::new(5, || {
             count += 1;
             std::thread::sleep(std::time::Duration::from_millis(2));
             Ok(())

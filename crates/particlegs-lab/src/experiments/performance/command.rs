@@ -1,7 +1,7 @@
 //! Whole commands as children: seconds, processor time, and the most memory that they take.
 
 use super::clock::{digits, load};
-use crate::found::TableCell;
+use crate::results::TableCell;
 use particlegs::context::Context;
 use particlegs::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -17,7 +17,6 @@ const TICKS: f64 = 100.0;
 /// Characters of what a child that failed said.
 const MOST_WORDS: usize = 300;
 
-/// What a command took.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Cost {
     /// Wall-clock seconds.

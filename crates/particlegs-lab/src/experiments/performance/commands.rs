@@ -5,21 +5,17 @@ use super::command::{CommandRun, Cost, run};
 use super::growth::{GrowthPoint, not};
 use super::point_gaussian::PointGaussian;
 use super::raw::RawCopy;
-use crate::found::{ResultTable, Spread, TableCell};
 use crate::lab::{Lab, ModelBuild};
+use crate::results::{ResultTable, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use particlegs::picture::Size;
 use particlegs::{Error, Result};
 use std::process::Command;
 
-/// How often each is run.
 const TIMES: usize = 3;
 
-/// A command and its runs.
 pub(super) struct CommandTiming {
-    /// What it does.
     pub what: String,
-    /// Its runs.
     pub runs: Vec<CommandRun>,
 }
 
@@ -117,7 +113,7 @@ fn row(table: &mut ResultTable, what: &str, runs: &[CommandRun]) {
         _ => {
             let spread = |of: &dyn Fn(&Cost) -> Option<f64>, most: usize| {
                 let values: Vec<f64> = costs.iter().filter_map(|c| of(c)).collect();
-                match Spread::of(&values) {
+                match Spread::new(&values) {
                     Some(s) => TableCell::spread(&values, digits(s.median).min(most)),
                     None => TableCell::text("not measured: no /proc"),
                 }

@@ -3,9 +3,9 @@
 use super::clock::Machine;
 use super::command::{CommandRun, run};
 use super::raw::RawCopy;
-use crate::experiments::rate_distortion::COMPARED;
-use crate::found::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
+use crate::experiments::shared::rates::COMPARED;
 use crate::lab::Lab;
+use crate::results::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::snapshot::Snapshot;
 use particlegs::Result;
 use particlegs::particles::{Selection, Tiling};
@@ -15,13 +15,11 @@ use std::process::Command;
 /// One number of particles.
 #[derive(Serialize, Deserialize)]
 pub(super) struct GrowthPoint {
-    /// Particles.
     pub particles: u64,
     /// How they were made of the snapshot's.
     pub what: String,
     /// Bytes of the file; `None` where the command failed.
     pub bytes: Option<u64>,
-    /// The command.
     pub ran: CommandRun,
 }
 
@@ -35,12 +33,12 @@ pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot, raw: &RawCopy<'_>, machine: 
             let sample = (*part > 1).then_some(n);
             let selection = Selection { sample, seed: lab.settings.seed, ..Selection::all() };
             let what = if *part > 1 { format!("a random 1/{part}") } else { "all".into() };
-            all.push(one(lab, of, (what, n), machine, |name| raw.written(name, Tiling::single(), selection))?);
+            all.push(one(lab, of, what, n, machine, |name| raw.written(name, Tiling::single(), selection))?);
         }
     }
     if let (false, Ok(tiling)) = (lab.settings.quick, Tiling::new([2, 2, 1], &of.particles)) {
-        let what = ("2 x 2 x 1 copies of the box".to_string(), 4 * of.particles.len() as u64);
-        all.push(one(lab, of, what, machine, |name| raw.written(name, tiling, Selection::all()))?);
+        let (what, n) = ("2 x 2 x 1 copies of the box".to_string(), 4 * of.particles.len() as u64);
+        all.push(one(lab, of, what, n, machine, |name| raw.written(name, tiling, Selection::all()))?);
     }
     Ok(all)
 }
@@ -48,7 +46,8 @@ pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot, raw: &RawCopy<'_>, machine: 
 fn one(
     lab: &Lab<'_>,
     of: &Snapshot,
-    (what, particles): (String, u64),
+    what: String,
+    particles: u64,
     machine: &Machine,
     write: impl FnOnce(&str) -> Result<std::path::PathBuf>,
 ) -> Result<GrowthPoint> {
@@ -73,7 +72,6 @@ pub(super) fn compress(lab: &Lab<'_>, snapshot: &std::path::Path, out: &std::pat
     command
 }
 
-/// As a table.
 pub(super) fn table(all: &[GrowthPoint]) -> ResultTable {
     let mut table = ResultTable::new(
         "performance-growth",

@@ -15,10 +15,11 @@ mod tables;
 mod views;
 
 use super::Experiment;
-use crate::found::ExperimentResults;
 use crate::lab::{Lab, ModelBuild};
+use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
 use clock::Machine;
+use notes::PerformanceTimings;
 use ours::RenderSource;
 use particlegs::Result;
 use particlegs::fit::Effort;
@@ -50,11 +51,12 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let sizes = views::sizes(lab);
     let timed = commands::measure(lab, of, &made, &sizes, &raw, &machine)?;
     let grown = growth::measure(lab, of, &raw, &machine)?;
-    let all = frames(lab, of, &made, &sizes, (&raw, &machine))?;
+    let all = frames(lab, of, &made, &sizes, &raw, &machine)?;
     let scale = scale::measure(lab, of)?;
 
     let steps = StartupTimes { opening: &opening, decoding: &decoding, compressions: &compressions };
-    let notes = notes::notes(of, &steps, &all, (&grown, &timed, &scale), &machine);
+    let timings = PerformanceTimings { steps: &steps, frames: &all, grown: &grown, commands: &timed, scale: &scale };
+    let notes = notes::notes(of, &timings, &machine);
     let mut tables = vec![tables::frames(&all), tables::steps(&steps, &all), tables::phases(&compressions)];
     tables.extend(tables::agreement(&all));
     let vtk: Vec<_> = all.into_iter().map(|a| (a.size, a.vtk)).collect();
@@ -69,20 +71,21 @@ fn frames(
     of: &Snapshot,
     made: &ModelBuild,
     sizes: &[Size],
-    (raw, machine): (&RawCopy<'_>, &Machine),
+    raw: &RawCopy<'_>,
+    machine: &Machine,
 ) -> Result<Vec<SizeTimings>> {
     lab.context.begin("frames", 4 * sizes.len() as u64);
     let mut all = Vec::new();
     for size in sizes {
-        let shots = TimingViews::of(lab, &made.model.metadata, *size);
+        let shots = TimingViews::new(lab, &made.model.metadata, *size);
         let ours = |what: RenderSource| {
-            let frames = ours::frames(lab, of, (what, made), &shots, machine);
+            let frames = ours::frames(lab, of, what, made, &shots, machine);
             lab.context.advance(1);
             frames
         };
         let (model, paraview, expected) =
             (ours(RenderSource::Model)?, ours(RenderSource::Paraview)?, ours(RenderSource::Expected)?);
-        let vtk = point_gaussian::measure(lab, of, (&shots, all.is_empty()), raw, machine)?;
+        let vtk = point_gaussian::measure(lab, of, &shots, all.is_empty(), raw, machine)?;
         lab.context.advance(1);
         all.push(SizeTimings { size: *size, model, paraview, expected, vtk });
     }

@@ -7,19 +7,21 @@ use super::growth::GrowthPoint;
 use super::paper;
 use super::scale::{self, ScaleBlocks};
 use super::tables::{SizeTimings, StartupTimes};
-use crate::experiments::rate_distortion::COMPARED;
-use crate::found::Spread;
+use crate::experiments::shared::rates::COMPARED;
+use crate::results::Spread;
 use crate::snapshot::Snapshot;
 
-/// Notes of everything.
-pub(super) fn notes(
-    of: &Snapshot,
-    steps: &StartupTimes<'_>,
-    all: &[SizeTimings],
-    (grown, timed, scale): (&[GrowthPoint], &[CommandTiming], &ScaleBlocks),
-    machine: &Machine,
-) -> Vec<String> {
-    let gaussians = steps.compressions.last().map_or(0, |c| c.1.gaussians);
+/// All that notes are made of.
+pub(super) struct PerformanceTimings<'a> {
+    pub steps: &'a StartupTimes<'a>,
+    pub frames: &'a [SizeTimings],
+    pub grown: &'a [GrowthPoint],
+    pub commands: &'a [CommandTiming],
+    pub scale: &'a ScaleBlocks,
+}
+
+pub(super) fn notes(of: &Snapshot, all: &PerformanceTimings<'_>, machine: &Machine) -> Vec<String> {
+    let gaussians = all.steps.compressions.last().map_or(0, |c| c.1.gaussians);
     let mut notes = vec![
         format!(
             "Everything was timed on {}: {} particles, and a model of {gaussians} Gaussians at ratio {COMPARED}. Pictures \
@@ -45,16 +47,16 @@ pub(super) fn notes(
             paper::TRAINING_MEMORY,
         ),
     ];
-    notes.extend(vtk(all));
+    notes.extend(vtk(all.frames));
     notes.push(
         "Peak memory is what no file backs (RssAnon and RssShmem of /proc), looked at every millisecond: snapshots that are \
          mapped are not in it. Whole commands are given the positions as raw float32, with a certificate where they \
          compress."
             .into(),
     );
-    notes.extend(growth(grown));
-    notes.push(scaling(scale));
-    notes.push(loads(steps, all, grown, timed));
+    notes.extend(growth(all.grown));
+    notes.push(scaling(all.scale));
+    notes.push(loads(all));
     notes
 }
 
@@ -117,17 +119,17 @@ fn scaling(scale: &ScaleBlocks) -> String {
 }
 
 /// The loads under which all that was timed.
-fn loads(steps: &StartupTimes<'_>, all: &[SizeTimings], grown: &[GrowthPoint], timed: &[CommandTiming]) -> String {
-    let of_frames = all.iter().flat_map(|a| {
+fn loads(all: &PerformanceTimings<'_>) -> String {
+    let of_frames = all.frames.iter().flat_map(|a| {
         let ours = [&a.model, &a.paraview, &a.expected].map(|f| f.settings.load);
         ours.into_iter().chain([a.vtk.as_ref().ok().and_then(|v| v.settings.load)])
     });
-    let of_commands = timed.iter().flat_map(|t| &t.runs).chain(grown.iter().map(|g| &g.ran));
+    let of_commands = all.commands.iter().flat_map(|t| &t.runs).chain(all.grown.iter().map(|g| &g.ran));
     let mut loads: Vec<Option<f64>> = of_frames.chain(of_commands.map(|r| r.cost.as_ref()?.load)).collect();
-    loads.extend(steps.compressions.iter().map(|c| c.1.load));
-    loads.extend([steps.decoding.load, steps.opening.as_ref().and_then(|t| t.load)]);
+    loads.extend(all.steps.compressions.iter().map(|c| c.1.load));
+    loads.extend([all.steps.decoding.load, all.steps.opening.as_ref().and_then(|t| t.load)]);
     let loads: Vec<f64> = loads.into_iter().flatten().collect();
-    let told = Spread::of(&loads).map_or("is not told by this system".into(), |s| {
+    let told = Spread::new(&loads).map_or("is not told by this system".into(), |s| {
         format!("was {:.1} (from {:.1} to {:.1}) when they were taken", s.median, s.low, s.high)
     });
     format!(

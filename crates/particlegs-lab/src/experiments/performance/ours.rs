@@ -2,15 +2,15 @@
 
 use super::clock::{FrameTimes, Machine, Times, load};
 use super::views::TimingViews;
-use crate::experiments::rate_distortion::COMPARED;
+use crate::experiments::shared::rates::COMPARED;
 use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::snapshot::Snapshot;
 use particlegs::camera::View;
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::compress::compress;
 use particlegs::fit::Effort;
 use particlegs::particles::Storage;
 use particlegs::picture::{Gray8, Pixels, Size};
-use particlegs::pieces::NoCheckpoints;
 use particlegs::reference::Reference;
 use particlegs::render::{Scene, Scratch, draw_into};
 use particlegs::splat::ToneStyle;
@@ -23,22 +23,18 @@ const TIMES: usize = 5;
 /// How often each picture of a model is drawn.
 const DRAWN: usize = 3;
 
-/// A compression by phases.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Phases {
     /// Phase and its seconds, in order.
     pub phases: Vec<(String, f64)>,
     /// Seconds of all.
     pub seconds: f64,
-    /// Bytes of the file.
     pub bytes: u64,
-    /// Its Gaussians.
     pub gaussians: u64,
     /// Load of the machine at the end.
     pub load: Option<f64>,
 }
 
-/// The recipe that is timed.
 pub(super) fn recipe(lab: &Lab<'_>, effort: Effort) -> ModelSettings {
     ModelSettings { effort, ..ModelSettings::ratio(COMPARED, lab.settings.seed) }
 }
@@ -50,7 +46,7 @@ pub(super) fn opening(lab: &Lab<'_>, of: &Snapshot, machine: &Machine) -> Result
         let choice = Choice::default();
         let read = || choice.read(std::slice::from_ref(&of.path), &Storage::Memory, lab.context);
         let same = read().ok().is_some_and(|p| p.source_hash() == of.particles.source_hash());
-        if same { Times::of(TIMES, read).map(Some) } else { Ok(None) }
+        if same { Times::new(TIMES, read).map(Some) } else { Ok(None) }
     })
 }
 
@@ -68,15 +64,13 @@ pub(super) fn compression(lab: &Lab<'_>, of: &Snapshot, effort: Effort, machine:
     })
 }
 
-/// Decoding of a model's file.
 pub(super) fn decoding(lab: &Lab<'_>, of: &Snapshot, made: &ModelBuild, machine: &Machine) -> Result<Times> {
     let key = (&of.hash, recipe(lab, Effort::Default), machine);
     lab.store.result("timed-decoding", &key, || {
-        Times::of(TIMES, || codec::decode_with(&made.bytes, "the model", lab.context))
+        Times::new(TIMES, || codec::decode_with(&made.bytes, "the model", lab.context))
     })
 }
 
-/// What is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) enum RenderSource {
     /// The model, as ParaView draws particles.
@@ -99,12 +93,13 @@ pub(super) struct FrameTimings {
 pub(super) fn frames(
     lab: &Lab<'_>,
     of: &Snapshot,
-    (what, made): (RenderSource, &ModelBuild),
+    what: RenderSource,
+    made: &ModelBuild,
     shots: &TimingViews,
     machine: &Machine,
 ) -> Result<FrameTimings> {
     lab.store.result("timed-frames", &(&of.hash, what, shots.key(), recipe(lab, Effort::Default), machine), || {
-        let (scene, mut scratch) = (Scene::of(&made.model), Scratch::default());
+        let (scene, mut scratch) = (Scene::new(&made.model), Scratch::default());
         let reference = Reference::new(&of.particles);
         let (times, look) = match what {
             RenderSource::Model => (DRAWN, ToneStyle::Paraview),
@@ -129,7 +124,7 @@ pub(super) fn frames(
 }
 
 fn each(views: &[View], times: usize, draw: &mut dyn FnMut(&View) -> Result<()>) -> Result<FrameTimes> {
-    let views = views.iter().map(|v| Ok(Times::of(times, || draw(v))?.seconds)).collect::<Result<_>>()?;
+    let views = views.iter().map(|v| Ok(Times::new(times, || draw(v))?.seconds)).collect::<Result<_>>()?;
     Ok(FrameTimes { views, load: load() })
 }
 

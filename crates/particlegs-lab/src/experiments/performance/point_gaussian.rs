@@ -4,7 +4,7 @@ use super::clock::{FrameTimes, Machine, load};
 use super::command::{Cost, run};
 use super::ours;
 use super::raw::RawCopy;
-use super::views::{TimingViews, as_json};
+use super::views::TimingViews;
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
 use particlegs::picture::{Gray8, Size, masked_psnr, psnr};
@@ -17,8 +17,9 @@ use std::process::Command;
 
 const SCRIPT: &str = include_str!("../../../lab/point_gaussian.py");
 /// Seconds after which no further frame of a size is begun.
-const LIMIT: f64 = 100.0;
-const LIMIT_QUICK: f64 = 12.0;
+fn limit(lab: &Lab<'_>) -> f64 {
+    if lab.settings.quick { 12.0 } else { 100.0 }
+}
 
 /// What VTK took at one size of pictures.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -49,15 +50,13 @@ pub(super) struct Agreement {
 }
 
 impl Agreement {
-    /// Of two pictures of one size.
-    fn of(a: &Gray8, b: &Gray8) -> Agreement {
+    fn new(a: &Gray8, b: &Gray8) -> Agreement {
         let apart = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b));
         let differ = apart.clone().filter(|d| *d > 0).count() as f64 / a.data.len().max(1) as f64;
         Agreement { psnr: psnr(a, b), masked: masked_psnr(a, b), differ, largest: apart.max().unwrap_or(0) }
     }
 }
 
-/// What the script answers.
 #[derive(Deserialize)]
 struct ScriptOutput {
     version: String,
@@ -80,17 +79,17 @@ fn installed(python: &Path) -> Option<String> {
 pub(super) fn measure(
     lab: &Lab<'_>,
     of: &Snapshot,
-    (shots, compared): (&TimingViews, bool),
+    shots: &TimingViews,
+    compared: bool,
     raw: &RawCopy<'_>,
     machine: &Machine,
 ) -> Result<std::result::Result<PointGaussian, String>> {
     let Some(python) = &lab.settings.python else {
-        return Ok(Err("it takes a Python with the packages of lab/requirements.txt (`--python`)".into()));
+        return Ok(Err("it takes a Python with the packages of lab/requirements.txt".into()));
     };
-    let limit = if lab.settings.quick { LIMIT_QUICK } else { LIMIT };
     let script = blake3::hash(SCRIPT.as_bytes()).to_hex()[..16].to_string();
-    let key = (&of.hash, shots.key(), limit, compared, (script, installed(python)), machine);
-    let kept = lab.store.result("timed-vtk", &key, || child(lab, of, (shots, compared, limit), raw, python));
+    let key = (&of.hash, shots.key(), limit(lab), compared, (script, installed(python)), machine);
+    let kept = lab.store.result("timed-vtk", &key, || child(lab, of, shots, compared, raw, python));
     match kept {
         Err(Error::Input { what, .. }) => Ok(Err(what)),
         other => other.map(Ok),
@@ -100,7 +99,8 @@ pub(super) fn measure(
 fn child(
     lab: &Lab<'_>,
     of: &Snapshot,
-    (shots, compared, limit): (&TimingViews, bool, f64),
+    shots: &TimingViews,
+    compared: bool,
     raw: &RawCopy<'_>,
     python: &Path,
 ) -> Result<PointGaussian> {
@@ -109,11 +109,11 @@ fn child(
         "folder": raw.snapshot()?,
         "width": shots.size.width,
         "height": shots.size.height,
-        "first": as_json(&shots.first),
-        "cameras": shots.cameras.iter().map(as_json).collect::<Vec<_>>(),
-        "settings": shots.settings.iter().map(as_json).collect::<Vec<_>>(),
+        "first": shots.first,
+        "cameras": shots.cameras,
+        "settings": shots.settings,
         "pictures": compared.then_some(folder),
-        "limit": limit,
+        "limit": limit(lab),
     });
     let mut command = Command::new(python);
     let ran = run(command.args(["-u", "-c", SCRIPT]), &request.to_string(), folder, lab.context)?;
@@ -122,8 +122,8 @@ fn child(
         .map_err(|e| Error::input(python, format!("does not answer as lab/point_gaussian.py does: {e}")))?;
     let agrees = match compared {
         true => Some([
-            agreement(lab, of, shots, folder, ("plain.gray", ToneStyle::ParaviewNoFxaa))?,
-            agreement(lab, of, shots, folder, ("fxaa.gray", ToneStyle::Paraview))?,
+            agreement(lab, of, shots, folder, "plain.gray", ToneStyle::ParaviewNoFxaa)?,
+            agreement(lab, of, shots, folder, "fxaa.gray", ToneStyle::Paraview)?,
         ]),
         false => None,
     };
@@ -145,14 +145,15 @@ fn agreement(
     of: &Snapshot,
     shots: &TimingViews,
     folder: &Path,
-    (name, look): (&str, ToneStyle),
+    name: &str,
+    look: ToneStyle,
 ) -> Result<Agreement> {
     let (path, size): (_, Size) = (folder.join(name), shots.size);
     let data = std::fs::read(&path).map_err(|e| Error::io(&path, e))?;
     if data.len() != size.pixels() {
         return Err(Error::input(&path, format!("holds {} pixels, not {}", data.len(), size.pixels())));
     }
-    Ok(Agreement::of(&Gray8 { size, data }, &ours::picture(lab, of, &shots.first, size, look)?))
+    Ok(Agreement::new(&Gray8 { size, data }, &ours::picture(lab, of, &shots.first, size, look)?))
 }
 
 #[cfg(test)]
@@ -160,16 +161,15 @@ mod tests {
     use super::*;
     use crate::lab::ModelSettings;
     use crate::settings::Settings;
+    use crate::testing::lattice;
     use particlegs::context::Context;
-    use particlegs::particles::Particles;
     use std::path::PathBuf;
 
     const SIZE: Size = Size { width: 160, height: 90 };
 
     /// VTK of so many particles by a Python, in a folder of its own.
     fn measured(python: Option<PathBuf>) -> std::result::Result<PointGaussian, String> {
-        let column = |k: u32| (0..3000u32).map(|i| ((i * (k + 7) % 997) as f32 / 100.0).powi(2)).collect::<Vec<f32>>();
-        let of = Snapshot::new("s".into(), "s".into(), Particles::from_columns(column(1), column(2), column(3)), None);
+        let of = Snapshot::new("s".into(), "s".into(), lattice(3000, |v| (v / 100.0).powi(2)), None);
         let folder = tempfile::tempdir().unwrap();
         let lab = Lab::new(Settings { size: SIZE, ..Settings::new(true, "".into()) }, folder.path(), &Context::SILENT);
         let mut lab = lab.unwrap();
@@ -177,13 +177,13 @@ mod tests {
         let mut model = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().model;
         // Splats that are seen.
         model.metadata.default_radius *= 10.0;
-        let shots = TimingViews::of(&lab, &model.metadata, SIZE);
-        measure(&lab, &of, (&shots, true), &RawCopy::new(&lab, &of), &Machine::here()).unwrap()
+        let shots = TimingViews::new(&lab, &model.metadata, SIZE);
+        measure(&lab, &of, &shots, true, &RawCopy::new(&lab, &of), &Machine::here()).unwrap()
     }
 
     #[test]
     fn what_cannot_be_measured_says_why() {
-        assert!(measured(None).unwrap_err().contains("--python"));
+        assert!(measured(None).unwrap_err().contains("a Python"));
         if Path::new("/bin/false").exists() {
             assert!(measured(Some("/bin/false".into())).unwrap_err().contains("exit status: 1"));
         }
@@ -204,10 +204,10 @@ mod tests {
     fn pictures_agree_as_far_as_they_do() {
         let size = Size { width: 4, height: 2 };
         let (a, mut b) = (Gray8 { size, data: vec![100; 8] }, Gray8 { size, data: vec![100; 8] });
-        let same = Agreement::of(&a, &b);
+        let same = Agreement::new(&a, &b);
         assert!(same.psnr.is_none() && same.differ == 0.0 && same.largest == 0);
         (b.data[1], b.data[6]) = (101, 97);
-        let other = Agreement::of(&a, &b);
+        let other = Agreement::new(&a, &b);
         assert_eq!((other.differ, other.largest), (0.25, 3));
         // Mean square of 1 and 3 over 8 pixels.
         assert!((other.psnr.unwrap() - 10.0 * (255.0f64.powi(2) / 1.25).log10()).abs() < 1e-9);

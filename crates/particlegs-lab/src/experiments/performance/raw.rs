@@ -16,12 +16,10 @@ pub(super) struct RawCopy<'a> {
 }
 
 impl<'a> RawCopy<'a> {
-    /// Of a snapshot.
     pub fn new(lab: &'a Lab<'a>, of: &'a Snapshot) -> RawCopy<'a> {
         RawCopy { lab, of, set: OnceCell::new() }
     }
 
-    /// The folder.
     pub fn folder(&self) -> Result<&Path> {
         if self.set.get().is_none() {
             let _ = self.set.set(self.lab.store.scratch()?);
@@ -29,7 +27,6 @@ impl<'a> RawCopy<'a> {
         Ok(self.set.get().map_or(Path::new(""), FileSet::path))
     }
 
-    /// All particles.
     pub fn snapshot(&self) -> Result<PathBuf> {
         self.written("all", Tiling::single(), Selection::all())
     }

@@ -2,15 +2,15 @@
 
 use super::growth::proportional;
 use super::paper;
-use crate::experiments::rate_distortion::COMPARED;
-use crate::found::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
+use crate::experiments::shared::rates::COMPARED;
 use crate::lab::{Lab, ModelSettings};
+use crate::results::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::snapshot::Snapshot;
+use particlegs::checkpoint::NoCheckpoints;
 use particlegs::compress::{Target, compress};
 use particlegs::fit::Effort;
 use particlegs::particles::{Selection, Storage};
 use particlegs::picture::{Size, masked_psnr};
-use particlegs::pieces::NoCheckpoints;
 use particlegs::reference::Reference;
 use particlegs::render::{Scene, draw};
 use particlegs::score::evaluation_views;
@@ -27,14 +27,12 @@ const FRAMES: usize = 2;
 /// How far below that all are held to, dB: means over six views of one model differ by about as much.
 pub(super) const BELOW: f64 = 1.0;
 
-/// A block.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct ScaleBlock {
     /// Share of the box, as 1/2^halvings.
     pub halvings: u32,
     /// From the upper corner of the box instead of the lower.
     pub upper: bool,
-    /// Particles.
     pub particles: u64,
     /// Bytes and Gaussians of its model; or why there is none.
     pub model: std::result::Result<[u64; 2], String>,
@@ -51,12 +49,11 @@ pub(super) struct ScaleBlocks {
 /// three sizes.
 pub(super) fn measure(lab: &Lab<'_>, of: &Snapshot) -> Result<ScaleBlocks> {
     let quality = quality(lab, of)?;
-    let all = of.particles.bounds();
     let (least, corners): (u32, &[bool]) = if lab.settings.quick { (2, &[false]) } else { (4, &[false, true]) };
     let mut blocks = Vec::new();
     for halvings in HALVINGS.into_iter().filter(|h| *h <= least) {
         for upper in corners.iter().take(if halvings == 0 { 1 } else { 2 }) {
-            blocks.push(block(lab, of, (halvings, *upper, corner(&all, halvings, *upper)), quality)?);
+            blocks.push(block(lab, of, halvings, *upper, quality)?);
         }
     }
     blocks.sort_by_key(|b| b.particles);
@@ -68,7 +65,7 @@ fn quality(lab: &Lab<'_>, of: &Snapshot) -> Result<f64> {
     let recipe = recipe(Target::Ratio(COMPARED), lab.settings.seed);
     let scored = lab.store.result("scale-quality", &(&of.hash, &recipe, SIZE, FRAMES), || {
         let model = lab.model(of, &recipe)?.model;
-        let (scene, truth) = (Scene::of(&model), Reference::new(&of.particles));
+        let (scene, truth) = (Scene::new(&model), Reference::new(&of.particles));
         let views = evaluation_views(&model.metadata, SIZE, recipe.seed, FRAMES);
         let of_view = |view| {
             let drawn = draw(&scene, view, SIZE, ToneStyle::Expected, lab.context)?;
@@ -104,13 +101,9 @@ fn corner(all: &Bounds, halvings: u32, upper: bool) -> Bounds {
     b
 }
 
-fn block(
-    lab: &Lab<'_>,
-    of: &Snapshot,
-    (halvings, upper, region): (u32, bool, Bounds),
-    quality: f64,
-) -> Result<ScaleBlock> {
+fn block(lab: &Lab<'_>, of: &Snapshot, halvings: u32, upper: bool, quality: f64) -> Result<ScaleBlock> {
     let recipe = recipe(Target::Psnr(quality), lab.settings.seed);
+    let region = corner(&of.particles.bounds(), halvings, upper);
     let key = (&of.hash, halvings, format!("{region:?}"), &recipe);
     lab.store.result("scale-block", &key, || {
         let crop = (halvings > 0).then_some(region);
@@ -134,7 +127,6 @@ impl ScaleBlocks {
         Some([of(0)?, of(1)?])
     }
 
-    /// As a table.
     pub fn table(&self) -> ResultTable {
         let mut table = ResultTable::new(
             "performance-scale",
@@ -171,7 +163,6 @@ impl ScaleBlocks {
         table
     }
 
-    /// The figure.
     pub fn plot(&self) -> Plot {
         let point = |b: &ScaleBlock| Some(Point::new(b.particles as f64, b.model.as_ref().ok()?[0] as f64));
         let of = |name: &str, style, upper| {

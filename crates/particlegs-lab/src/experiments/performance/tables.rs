@@ -5,7 +5,7 @@ use super::growth::not;
 use super::ours::{FrameTimings, Phases};
 use super::paper;
 use super::point_gaussian::PointGaussian;
-use crate::found::{ResultTable, TableCell};
+use crate::results::{ResultTable, TableCell};
 use particlegs::picture::Size;
 
 /// All that was timed at one size of pictures.
@@ -20,7 +20,6 @@ pub(super) struct SizeTimings {
 /// A picture of which kind.
 type FrameSelector = fn(&FrameTimings) -> &FrameTimes;
 
-/// Frames by renderer.
 pub(super) fn frames(all: &[SizeTimings]) -> ResultTable {
     let mut table = ResultTable::new(
         "performance-frames",
@@ -74,7 +73,6 @@ pub(super) struct StartupTimes<'a> {
     pub compressions: &'a [(&'static str, Phases)],
 }
 
-/// Steps of the way, in seconds.
 pub(super) fn steps(steps: &StartupTimes<'_>, all: &[SizeTimings]) -> ResultTable {
     let mut table = ResultTable::new(
         "performance-steps",
@@ -126,7 +124,6 @@ pub(super) fn steps(steps: &StartupTimes<'_>, all: &[SizeTimings]) -> ResultTabl
     table
 }
 
-/// Compressions by phase.
 pub(super) fn phases(compressions: &[(&'static str, Phases)]) -> ResultTable {
     let mut table = ResultTable::new(
         "performance-phases",
@@ -151,7 +148,6 @@ pub(super) fn phases(compressions: &[(&'static str, Phases)]) -> ResultTable {
     table
 }
 
-/// How VTK's picture agrees with ours.
 pub(super) fn agreement(all: &[SizeTimings]) -> Option<ResultTable> {
     let mut table = ResultTable::new(
         "performance-agreement",

@@ -2,13 +2,11 @@
 
 use crate::lab::Lab;
 use crate::views::told;
-use particlegs::camera::{Projection, View};
+use particlegs::camera::View;
 use particlegs::model::Metadata;
 use particlegs::picture::Size;
 use particlegs::score::evaluation_views;
-use serde_json::{Value, json};
 
-/// Views of one size.
 pub(super) struct TimingViews {
     pub size: Size,
     /// Before all others, at the default radius and opacity.
@@ -21,7 +19,7 @@ pub(super) struct TimingViews {
 
 impl TimingViews {
     /// Of a model: one camera an orbit (far, mid, near), and as many radii and opacities.
-    pub fn of(lab: &Lab<'_>, m: &Metadata, size: Size) -> TimingViews {
+    pub fn new(lab: &Lab<'_>, m: &Metadata, size: Size) -> TimingViews {
         let views = evaluation_views(m, size, lab.settings.seed, 1);
         let plain = |v: &View| View { radius: m.default_radius, opacity: m.default_opacity, ..v.clone() };
         // The camera of the middle orbit, from another seed: no frame that is timed repeats it.
@@ -37,24 +35,6 @@ impl TimingViews {
         let text: String = all.map(|v| told(v, self.size)).collect();
         blake3::hash(text.as_bytes()).to_hex()[..16].to_string()
     }
-}
-
-/// A view as lab/point_gaussian.py takes it.
-pub(super) fn as_json(v: &View) -> Value {
-    let fov_deg = match v.camera.projection {
-        Projection::Perspective { fov_deg } => fov_deg,
-        // No evaluation view is.
-        Projection::Orthographic { .. } => particlegs::camera::FOV_DEG,
-    };
-    json!({
-        "position": v.camera.position,
-        "focal_point": v.camera.focal_point,
-        "view_up": v.camera.view_up,
-        "clipping_range": v.camera.clipping_range,
-        "fov_deg": fov_deg,
-        "radius": v.radius,
-        "opacity": v.opacity,
-    })
 }
 
 /// Sizes of pictures that are timed: the settings' own, and twice that along both axes.

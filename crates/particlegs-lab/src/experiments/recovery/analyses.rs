@@ -2,7 +2,7 @@
 
 use super::facts::Facts;
 use super::{RecoveryMeasurements, SizeRecovery};
-use crate::found::{ResultTable, TableCell};
+use crate::results::{ResultTable, TableCell};
 
 /// An analysis: what is judged, its limits for `yes` and `care`, and the figure that is held to them.
 struct Analysis {

@@ -10,7 +10,6 @@ pub(super) struct Facts {
     pub correlation: Option<f64>,
     /// Mean absolute error of delta.
     pub mae: Option<f64>,
-    /// Shells of the power spectra.
     pub shells: Vec<Power>,
     /// P(k) is within 1, 5 and 10 % up to these k; `None` = not even at the first.
     pub power_to: [Option<f64>; 3],
@@ -50,7 +49,6 @@ pub(super) struct Power {
 pub(super) struct Xi {
     /// Its edges, world units.
     pub edges: [f64; 2],
-    /// xi of both.
     pub xi: [f64; 2],
 }
 
@@ -73,12 +71,11 @@ pub(super) struct GroupCounts {
     pub from: u64,
     /// Largest; `None` = no end.
     pub to: Option<u64>,
-    /// Groups of both.
     pub number: [u64; 2],
 }
 
 impl GroupCounts {
-    fn of(class: &SizeClass) -> GroupCounts {
+    fn from_class(class: &SizeClass) -> GroupCounts {
         GroupCounts { from: class.from, to: class.to, number: class.groups }
     }
 
@@ -94,11 +91,10 @@ impl GroupCounts {
 }
 
 impl Facts {
-    /// Of a comparison.
-    pub fn of(s: &Statistics) -> Facts {
+    pub fn from_statistics(s: &Statistics) -> Facts {
         let y = &s.summary;
         let groups = |list: fn(&particlegs::stats::GroupReport) -> &Vec<SizeClass>| {
-            s.groups.iter().flat_map(|g| list(g).iter().map(GroupCounts::of)).collect()
+            s.groups.iter().flat_map(|g| list(g).iter().map(GroupCounts::from_class)).collect()
         };
         Facts {
             correlation: y.density_correlation,

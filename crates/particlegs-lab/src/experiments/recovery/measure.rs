@@ -70,11 +70,8 @@ pub(super) fn cells(particles: usize) -> usize {
 
 /// A model whose particles are measured.
 pub(super) struct RecoverySource<'a> {
-    /// The laboratory.
     pub lab: &'a Lab<'a>,
-    /// The truth.
     pub snapshot: &'a Snapshot,
-    /// The model.
     pub recipe: ModelSettings,
 }
 
@@ -87,7 +84,7 @@ impl RecoverySource<'_> {
         lab.store.result("recovered", &inputs, || {
             let drawn = self.particles(method, seed)?;
             let compared = compare(Subject::Particles(truth), Subject::Particles(&drawn), &options, lab.context)?;
-            Ok(Facts::of(&compared))
+            Ok(Facts::from_statistics(&compared))
         })
     }
 
@@ -106,7 +103,7 @@ impl RecoverySource<'_> {
         lab.store.result("of-model", &(&self.snapshot.hash, &self.recipe, &options), || {
             let model = self.model()?.0;
             let compared = compare(Subject::Particles(truth), Subject::Model(&model), &options, lab.context)?;
-            Ok(Facts::of(&compared))
+            Ok(Facts::from_statistics(&compared))
         })
     }
 

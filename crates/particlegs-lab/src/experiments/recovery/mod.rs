@@ -11,8 +11,9 @@ mod slices;
 mod tables;
 
 use super::Experiment;
-use crate::found::ExperimentResults;
+use super::shared::rates::COMPARED as RATIO;
 use crate::lab::{Lab, ModelSettings};
+use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
 use facts::Facts;
 use measure::{METHODS, MeasurementScope, RecoverySource};
@@ -29,9 +30,6 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// The ratio of the methods' and the blocks' tables.
-pub(super) const RATIO: f64 = 263.0;
-
 /// A way to draw, measured once a seed.
 struct MethodRecovery {
     method: Method,
@@ -43,7 +41,6 @@ struct MethodRecovery {
 
 /// A model of some ratio and effort, measured with the first seed.
 struct SizeRecovery {
-    /// As tables call it.
     name: String,
     /// Gaussians, bytes, ratio reached.
     size: (u64, u64, f64),
@@ -51,7 +48,6 @@ struct SizeRecovery {
     count: Facts,
     stratified: Facts,
     spaced: Facts,
-    /// The model itself.
     model: Facts,
 }
 
@@ -63,14 +59,12 @@ struct BlocksRecovery {
     paper: Vec<Facts>,
 }
 
-/// All that was measured.
 struct RecoveryMeasurements {
     methods: Vec<MethodRecovery>,
     sizes: Vec<SizeRecovery>,
     blocks: Vec<BlocksRecovery>,
     /// Mean spacing of the particles, world units.
     spacing: f64,
-    /// The unit of length.
     unit: String,
 }
 

@@ -69,7 +69,7 @@ pub(super) fn all(m: &RecoveryMeasurements, lab: &Lab<'_>, snapshot: &Snapshot) 
 fn found(m: &RecoveryMeasurements) -> String {
     let median = |method: Method, of: fn(&super::Facts) -> Option<f64>| {
         let facts = m.methods.iter().find(|o| o.method == method)?;
-        crate::found::Spread::of(&facts.all.iter().filter_map(of).collect::<Vec<_>>()).map(|s| s.median)
+        crate::results::Spread::new(&facts.all.iter().filter_map(of).collect::<Vec<_>>()).map(|s| s.median)
     };
     let said = |method, of, digits: usize| median(method, of).map_or("–".into(), |v| format!("{v:.digits$}"));
     let best = m.methods.iter().filter_map(|o| Some((o.method, median(o.method, |f| f.correlation)?)));

@@ -5,7 +5,6 @@ use particlegs::recover::Method;
 
 /// A row of a table of the paper.
 pub(super) struct PublishedRecovery {
-    /// Density correlation.
     pub correlation: f64,
     /// Mean absolute error of delta.
     pub mae: f64,

@@ -2,14 +2,13 @@
 
 use super::facts::{Facts, Power, Xi};
 use super::{MethodRecovery, RATIO, RecoveryMeasurements, tables};
-use crate::found::{Plot, PlotAxis, Point, Series};
+use crate::results::{Plot, PlotAxis, Point, Series};
 
 /// How far the ratios of the paper's figure go from 1, and a little further.
 const RATIOS: [f64; 2] = [0.6, 1.4];
 /// Shells of P(k) shown a decade, at most: the median of those that fall together.
 const SHELLS_A_DECADE: f64 = 16.0;
 
-/// All plots, in the order of reading.
 pub(super) fn all(m: &RecoveryMeasurements) -> Vec<Plot> {
     vec![power_of_methods(m), r_of_methods(m), power_of_sizes(m), xi(m), xi_ratio(m), xi_ratio_of_blocks(m), groups(m)]
 }
@@ -19,8 +18,7 @@ fn plot(name: &str, title: String, x: PlotAxis, y: PlotAxis, series: Vec<Series>
 }
 
 fn ratio_axis(label: &str) -> PlotAxis {
-    let bands = vec![("within 10 %".into(), [0.9, 1.1]), ("within 5 %".into(), [0.95, 1.05])];
-    PlotAxis { range: Some(RATIOS), bands, ..PlotAxis::linear(label) }
+    PlotAxis::ratios(label, RATIOS)
 }
 
 fn wave_numbers(m: &RecoveryMeasurements) -> PlotAxis {
@@ -71,7 +69,6 @@ fn xi_points(facts: &[Facts], of: fn(&Xi) -> Option<f64>) -> Vec<Point> {
     points(&facts.iter().map(|f| f.xi.clone()).collect::<Vec<_>>(), Xi::middle, of)
 }
 
-/// A curve a method.
 fn of_methods(m: &RecoveryMeasurements, of: impl Fn(&MethodRecovery) -> Vec<Point>) -> Vec<Series> {
     let one = |(style, o): (usize, &MethodRecovery)| Series {
         name: tables::name(o.method),

@@ -2,7 +2,7 @@
 
 use super::RATIO;
 use super::measure::RecoverySource;
-use crate::found::{Colours, Pictures};
+use crate::results::{Colours, Pictures};
 use particlegs::Result;
 use particlegs::picture::{Colormap, Rgb8, Size};
 use particlegs::recover::Method;
@@ -19,7 +19,7 @@ const WIDTH: usize = 480;
 /// log10 of density over its mean in the central slab across z.
 pub(super) fn pictures(drawn: &RecoverySource<'_>) -> Result<Pictures> {
     let (truth, seed) = (&drawn.snapshot.particles, drawn.lab.settings.seed);
-    let domain = Domain::of_particles(truth);
+    let domain = Domain::from_particles(truth);
     let grid = Grid::new(&domain, ((truth.len() as f64).cbrt().round() as usize).clamp(2 * PLANES, 512));
     let picture = |subject: Subject<'_>| {
         let field = deposit(subject, &grid, Assignment::Ngp, 0.0, drawn.lab.context)?;

@@ -1,11 +1,10 @@
 //! The tables.
 
 use super::facts::Facts;
-use super::{RATIO, RecoveryMeasurements, SizeRecovery, paper};
-use crate::found::{ResultTable, TableCell};
+use super::{BlocksRecovery, MethodRecovery, RATIO, RecoveryMeasurements, SizeRecovery, paper};
+use crate::results::{ResultTable, TableCell};
 use particlegs::recover::Method;
 
-/// All tables, in the order of reading.
 pub(super) fn all(m: &RecoveryMeasurements) -> Vec<ResultTable> {
     vec![of_methods_as_published(m), spectra_of_methods(m), groups_of_methods(m), of_blocks(m)]
         .into_iter()
@@ -40,16 +39,10 @@ fn up_to(facts: &[Facts], of: impl Fn(&Facts) -> Option<f64>) -> TableCell {
 
 const PAPER: [&str; 4] = ["paper: correlation", "paper: MAE", "paper: nearest mean / truth", "paper: xi off, %"];
 
-fn published(row: Option<paper::PublishedRecovery>) -> [TableCell; 4] {
-    match row {
-        Some(r) => [
-            TableCell::number(r.correlation, 3),
-            TableCell::number(r.mae, 3),
-            TableCell::number(r.nearest / paper::TRUTH_NEAREST, 2),
-            TableCell::number(r.xi, 1),
-        ],
-        None => std::array::from_fn(|_| TableCell::Empty),
-    }
+fn published(row: Option<paper::PublishedRecovery>) -> Vec<TableCell> {
+    let Some(r) = row else { return vec![TableCell::Empty; 4] };
+    let nearest = TableCell::number(r.nearest / paper::TRUTH_NEAREST, 2);
+    vec![TableCell::number(r.correlation, 3), TableCell::number(r.mae, 3), nearest, TableCell::number(r.xi, 1)]
 }
 
 /// Correlation, MAE, nearest neighbour and its ratio in the paper's convention, and xi's deviation over all bins and
@@ -79,29 +72,36 @@ fn published_heads(m: &RecoveryMeasurements, first: &[&str]) -> Vec<String> {
     first.iter().map(|s| (*s).to_string()).chain(own).chain(PAPER.map(String::from)).collect()
 }
 
-fn table(name: &str, title: String, columns: Vec<String>) -> ResultTable {
-    ResultTable { name: name.into(), title, columns, rows: Vec::new() }
+/// A table whose rows come in groups of cells.
+fn table<const N: usize>(
+    name: &str,
+    title: String,
+    columns: Vec<String>,
+    rows: impl Iterator<Item = [Vec<TableCell>; N]>,
+) -> ResultTable {
+    ResultTable { name: name.into(), title, columns, rows: rows.map(|groups| groups.concat()).collect() }
+}
+
+fn of_method(o: &MethodRecovery) -> Vec<TableCell> {
+    vec![TableCell::text(name(o.method))]
 }
 
 fn of_methods_as_published(m: &RecoveryMeasurements) -> ResultTable {
     let title = format!("Methods at ratio {RATIO:.0}, in the paper's convention and beside the paper's figures");
-    let mut t = table("recovery-methods-paper", title, published_heads(m, &["method"]));
-    for o in &m.methods {
-        let row = [TableCell::text(name(o.method))].into_iter().chain(as_published(m, &o.all, &o.paper));
-        t.row(row.chain(published(paper::method(o.method))));
-    }
-    t
+    let row =
+        |o: &MethodRecovery| [of_method(o), as_published(m, &o.all, &o.paper), published(paper::method(o.method))];
+    table("recovery-methods-paper", title, published_heads(m, &["method"]), m.methods.iter().map(row))
 }
 
 fn of_blocks(m: &RecoveryMeasurements) -> ResultTable {
     let title = format!("`count` by number of blocks at ratio {RATIO:.0}, in the paper's convention");
-    let mut t = table("recovery-blocks", title, published_heads(m, &["blocks", "Gaussians", "ratio"]));
-    for o in &m.blocks {
-        let first = [TableCell::count(o.blocks.into()), TableCell::count(o.size.0), TableCell::number(o.size.2, 0)];
-        let row = first.into_iter().chain(as_published(m, &o.all, &o.paper));
-        t.row(row.chain(published(paper::blocks(o.blocks))));
-    }
-    t
+    let row = |o: &BlocksRecovery| {
+        let (gaussians, _, ratio) = o.size;
+        let first = vec![TableCell::count(o.blocks.into()), TableCell::count(gaussians), TableCell::number(ratio, 0)];
+        [first, as_published(m, &o.all, &o.paper), published(paper::blocks(o.blocks))]
+    };
+    let heads = published_heads(m, &["blocks", "Gaussians", "ratio"]);
+    table("recovery-blocks", title, heads, m.blocks.iter().map(row))
 }
 
 /// Density, P(k), r(k).
@@ -144,29 +144,20 @@ fn spectrum(facts: &[Facts], xi: bool) -> Vec<TableCell> {
 
 fn spectra_of_methods(m: &RecoveryMeasurements) -> ResultTable {
     let title = format!("Methods at ratio {RATIO:.0}: density, P(k), r(k), xi(r), in the correct convention");
-    let mut t = table("recovery-methods", title, spectrum_heads(m, &["method"], true));
-    for o in &m.methods {
-        t.row([TableCell::text(name(o.method))].into_iter().chain(spectrum(&o.all, true)));
-    }
-    t
+    let rows = m.methods.iter().map(|o| [of_method(o), spectrum(&o.all, true)]);
+    table("recovery-methods", title, spectrum_heads(m, &["method"], true), rows)
 }
 
 fn spectra_of_sizes(m: &RecoveryMeasurements) -> ResultTable {
     let title = "`count` by ratio and effort: density, P(k), r(k), xi(r)".to_string();
-    let mut t = table("recovery-ratios", title, spectrum_heads(m, &["ratio", "Gaussians", "bytes"], true));
-    for o in &m.sizes {
-        t.row(of_size(o).into_iter().chain(spectrum(std::slice::from_ref(&o.count), true)));
-    }
-    t
+    let rows = m.sizes.iter().map(|o| [of_size(o), spectrum(std::slice::from_ref(&o.count), true)]);
+    table("recovery-ratios", title, spectrum_heads(m, &["ratio", "Gaussians", "bytes"], true), rows)
 }
 
 fn of_models(m: &RecoveryMeasurements) -> ResultTable {
     let title = "The models themselves, their mixtures integrated over the cells: no draw, no shot noise".to_string();
-    let mut t = table("recovery-models", title, spectrum_heads(m, &["ratio", "Gaussians", "bytes"], false));
-    for o in &m.sizes {
-        t.row(of_size(o).into_iter().chain(spectrum(std::slice::from_ref(&o.model), false)));
-    }
-    t
+    let rows = m.sizes.iter().map(|o| [of_size(o), spectrum(std::slice::from_ref(&o.model), false)]);
+    table("recovery-models", title, spectrum_heads(m, &["ratio", "Gaussians", "bytes"], false), rows)
 }
 
 fn of_size(o: &SizeRecovery) -> Vec<TableCell> {
@@ -202,33 +193,26 @@ fn groups(m: &RecoveryMeasurements, facts: &[Facts]) -> Vec<TableCell> {
 
 fn groups_of_methods(m: &RecoveryMeasurements) -> ResultTable {
     let title = format!("Methods at ratio {RATIO:.0}: groups, their cores, nearest neighbours");
-    let mut t = table("recovery-methods-groups", title, group_heads(m, &["method"]));
-    for o in &m.methods {
-        t.row([TableCell::text(name(o.method))].into_iter().chain(groups(m, &o.all)));
-    }
-    t
+    let rows = m.methods.iter().map(|o| [of_method(o), groups(m, &o.all)]);
+    table("recovery-methods-groups", title, group_heads(m, &["method"]), rows)
 }
 
 fn groups_of_sizes(m: &RecoveryMeasurements) -> ResultTable {
     let title = "`count` by ratio and effort: groups, their cores, nearest neighbours".to_string();
-    let mut t = table("recovery-ratios-groups", title, group_heads(m, &["ratio"]));
-    for o in &m.sizes {
-        t.row([TableCell::text(&o.name)].into_iter().chain(groups(m, std::slice::from_ref(&o.count))));
-    }
-    t
+    let rows = m.sizes.iter().map(|o| [vec![TableCell::text(&o.name)], groups(m, std::slice::from_ref(&o.count))]);
+    table("recovery-ratios-groups", title, group_heads(m, &["ratio"]), rows)
 }
 
 fn other_draws(m: &RecoveryMeasurements) -> ResultTable {
     let title = "Our three ways to draw, by ratio and effort".to_string();
-    let mut t = table("recovery-draws", title, group_heads(m, &["ratio", "method", "MAE of delta"]));
-    for o in &m.sizes {
+    let rows = m.sizes.iter().flat_map(|o| {
         let draws = [(Method::Count, &o.count), (Method::Stratified, &o.stratified), (Method::Spaced, &o.spaced)];
-        for (method, facts) in draws {
-            let first = [TableCell::text(&o.name), TableCell::text(method.name()), TableCell::number(facts.mae, 3)];
-            t.row(first.into_iter().chain(groups(m, std::slice::from_ref(facts))));
-        }
-    }
-    t
+        draws.map(|(method, facts)| {
+            let first = vec![TableCell::text(&o.name), TableCell::text(method.name()), TableCell::number(facts.mae, 3)];
+            [first, groups(m, std::slice::from_ref(facts))]
+        })
+    });
+    table("recovery-draws", title, group_heads(m, &["ratio", "method", "MAE of delta"]), rows)
 }
 
 #[cfg(test)]

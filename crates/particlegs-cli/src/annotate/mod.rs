@@ -1,3 +1,0 @@
-//! Text on pictures, and numbers as pictures have them.
-
-pub mod text;

@@ -1,0 +1,95 @@
+//! `--device`: what draws and trains.
+
+use clap::Args;
+use particlegs::train::Accelerator;
+use particlegs::{Error, Result};
+use std::str::FromStr;
+use std::sync::Arc;
+
+/// The option.
+#[derive(Args, Clone, Debug)]
+pub struct DeviceArgs {
+    /// Device: `cpu`, `gpu`, `auto` (a GPU where there is one), or a number that `devices` lists.
+    ///
+    /// GPUs use float32: grey levels may differ by one from the CPU's, which are reproducible.
+    #[arg(long, value_name = "DEVICE", default_value = "cpu", hide_short_help = true)]
+    device: DeviceRequest,
+}
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum DeviceRequest {
+    Cpu,
+    Auto,
+    Gpu,
+    Number(usize),
+}
+
+impl FromStr for DeviceRequest {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<DeviceRequest, String> {
+        match text {
+            "cpu" => Ok(DeviceRequest::Cpu),
+            "auto" => Ok(DeviceRequest::Auto),
+            "gpu" => Ok(DeviceRequest::Gpu),
+            number => number.parse().map(DeviceRequest::Number).map_err(|_| "it is cpu, gpu, auto or a number".into()),
+        }
+    }
+}
+
+impl DeviceArgs {
+    /// What draws and trains; `None` = the CPU.
+    pub fn open(&self) -> Result<Option<Arc<dyn Accelerator>>> {
+        match self.device {
+            DeviceRequest::Cpu => Ok(None),
+            DeviceRequest::Auto => Ok(accelerator(None).ok()),
+            DeviceRequest::Gpu => accelerator(None).map(Some),
+            DeviceRequest::Number(n) => accelerator(Some(n)).map(Some),
+        }
+    }
+
+    /// [`DeviceArgs::open`] where anything is trained; refused where nothing is and a GPU is asked for.
+    pub fn trainer(&self, trains: bool) -> Result<Option<Arc<dyn Accelerator>>> {
+        match self.device {
+            _ if trains => self.open(),
+            DeviceRequest::Cpu | DeviceRequest::Auto => Ok(None),
+            DeviceRequest::Gpu | DeviceRequest::Number(_) => {
+                Err(Error::argument("--device: nothing is trained here that a GPU could do: --train"))
+            }
+        }
+    }
+
+    /// The GPU that is asked for, the first real one where none is, with kernels that can be timed.
+    #[cfg(all(feature = "gpu", feature = "lab"))]
+    pub fn open_timed(&self) -> Result<Arc<particlegs_gpu::Device>> {
+        let number = if let DeviceRequest::Number(n) = self.device { Some(n) } else { None };
+        particlegs_gpu::Device::open_timed(choice(number), particlegs_gpu::Checks::Off).map(Arc::new)
+    }
+}
+
+/// The GPU of a number, or the first real one.
+#[cfg(feature = "gpu")]
+fn accelerator(number: Option<usize>) -> Result<Arc<dyn Accelerator>> {
+    let device = particlegs_gpu::Device::open(choice(number), particlegs_gpu::Checks::Off)?;
+    Ok(Arc::new(particlegs_gpu::GpuAccelerator::new(Arc::new(device))))
+}
+
+#[cfg(feature = "gpu")]
+fn choice(number: Option<usize>) -> particlegs_gpu::AdapterChoice {
+    number.map_or(particlegs_gpu::AdapterChoice::Card, particlegs_gpu::AdapterChoice::Number)
+}
+
+/// There is no GPU in this program.
+#[cfg(not(feature = "gpu"))]
+fn accelerator(_: Option<usize>) -> Result<Arc<dyn Accelerator>> {
+    Err(no_gpu_support())
+}
+
+/// Why a program that was built without GPU support does not do this.
+#[cfg(not(feature = "gpu"))]
+pub fn no_gpu_support() -> Error {
+    let what = "this program was built without GPU support".into();
+    let remedy = "build it with `cargo build --release -p particlegs-cli --features gpu`".into();
+    Error::Argument { what, remedy }
+}

@@ -1,0 +1,120 @@
+//! The models that a page shows: read and looked at before a browser opens.
+
+use crate::common::CommandContext;
+use crate::inputs;
+use particlegs::codec::FileInfo;
+use particlegs::model::Metadata;
+use particlegs::particles::{Particles, Storage};
+use particlegs::{Error, Result, codec};
+use particlegs_files::input::name_of;
+use particlegs_view::page::PageOpening;
+use particlegs_view::poster;
+use std::path::{Path, PathBuf};
+
+pub struct ModelFiles {
+    files: Vec<PageModelFile>,
+}
+
+struct PageModelFile {
+    name: String,
+    place: String,
+    bytes: Vec<u8>,
+    info: FileInfo,
+}
+
+impl ModelFiles {
+    /// Reads the files; none that is not whole is shown. Small ones are decoded. Of those that would keep the page
+    /// waiting the checksums are checked, which find whatever storage and networks do to a file.
+    pub fn read(paths: &[PathBuf], context: &CommandContext) -> Result<Self> {
+        let names = names(paths);
+        let mut files = Vec::with_capacity(paths.len());
+        for (path, name) in paths.iter().zip(names) {
+            let (bytes, place) = (inputs::model(path, context)?, name_of(path));
+            let info = codec::read_info(&bytes, &place)?;
+            if info.gaussians() <= poster::MORE_THAN {
+                codec::check(&bytes, &place, context)?;
+            }
+            files.push(PageModelFile { name, place, bytes, info });
+        }
+        let viewed = ModelFiles { files };
+        viewed.note_units(context);
+        Ok(viewed)
+    }
+
+    /// Says where models are in other units than the first: the page shows each in its own.
+    fn note_units(&self, context: &CommandContext) {
+        let Some((first, others)) = self.files.split_first() else { return };
+        let text = |m: &Metadata| m.units.length_text().unwrap_or("a unit that is not stated").to_string();
+        for PageModelFile { name, info, .. } in others {
+            let other = &info.metadata;
+            let by = other.unit_system().conversion(&first.info.metadata.unit_system());
+            if by.is_err() || by.is_ok_and(|by| by.length != 1.0) {
+                let (own, of) = (text(other), text(&first.info.metadata));
+                let words =
+                    format!("{name} is in {own} and {} in {of}: the page shows each in its own unit", first.name);
+                context.notes(&[words]);
+            }
+        }
+    }
+
+    pub fn in_units(&self, particles: Particles, context: &CommandContext) -> Result<Particles> {
+        match self.files.first() {
+            Some(first) => particles.in_units(&first.info.metadata.unit_system(), &Storage::Memory, context),
+            None => Ok(particles),
+        }
+    }
+
+    /// What the page calls each, and its number of Gaussians.
+    pub fn names(&self) -> impl Iterator<Item = (&str, usize)> {
+        self.files.iter().map(|f| (&f.name[..], f.info.gaussians()))
+    }
+
+    pub fn infos(&self) -> Vec<&FileInfo> {
+        self.files.iter().map(|f| &f.info).collect()
+    }
+
+    pub fn take_files(&mut self) -> Vec<(String, Vec<u8>)> {
+        self.files.iter_mut().map(|f| (f.name.clone(), std::mem::take(&mut f.bytes))).collect()
+    }
+
+    /// Is there a model that takes the page long enough for a poster? Of several none is the whole page.
+    pub fn has_poster(&self, opening: &PageOpening) -> bool {
+        matches!(&self.files[..], [only] if poster::wanted(only.info.gaussians(), opening)
+            && only.info.gaussians() <= poster::SERVED_UP_TO)
+    }
+
+    /// The poster of the only model, from its bytes. What fails is told, and the page goes without.
+    pub fn poster(&self, bytes: &[u8], context: &CommandContext, tell: &dyn Fn(&str)) -> Option<Vec<u8>> {
+        let place = self.files.first().map_or("", |f| &f.place);
+        let model = codec::decode_with(bytes, place, context);
+        match model.and_then(|model| poster::draw(&model, poster::LARGE, context)) {
+            Ok(poster) => Some(poster.png),
+            Err(Error::Cancelled) => None,
+            Err(other) => {
+                tell(&format!("warning: {other}"));
+                None
+            }
+        }
+    }
+}
+
+/// What the page calls the files: by their names, by their paths where two have one name.
+fn names(paths: &[PathBuf]) -> Vec<String> {
+    let name =
+        |path: &Path| path.file_name().filter(|_| path != Path::new("-")).map(|n| n.to_string_lossy().into_owned());
+    let short: Vec<String> = paths.iter().map(|p| name(p).unwrap_or_else(|| name_of(p))).collect();
+    let unique = |n: &String| short.iter().filter(|other| *other == n).count() == 1;
+    paths.iter().zip(&short).map(|(path, n)| if unique(n) { n.clone() } else { name_of(path) }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_tell_the_models_apart() {
+        let named = |paths: &[&str]| names(&paths.iter().map(PathBuf::from).collect::<Vec<_>>());
+        assert_eq!(named(&["runs/a.pgs", "b.pgs", "-"]), ["a.pgs", "b.pgs", "standard input"]);
+        assert_eq!(named(&["x/m.pgs", "y/m.pgs", "z.pgs"]), ["x/m.pgs", "y/m.pgs", "z.pgs"]);
+    }
+}

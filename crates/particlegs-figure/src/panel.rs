@@ -1,0 +1,117 @@
+//! What a figure shows, before it is placed.
+
+use super::FigureImage;
+use super::sheet::RgbColour;
+use super::ticks::{TickMarks, logarithmic};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PaperColour {
+    /// Dark on white.
+    White,
+    /// Light on black.
+    Black,
+}
+
+impl PaperColour {
+    pub fn paper(self) -> RgbColour {
+        match self {
+            PaperColour::White => [255; 3],
+            PaperColour::Black => [0; 3],
+        }
+    }
+
+    /// The colour of lines and letters on it.
+    pub fn ink(self) -> RgbColour {
+        match self {
+            PaperColour::White => [0; 3],
+            PaperColour::Black => [235; 3],
+        }
+    }
+}
+
+/// Where bars stand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BarPlacement {
+    Outside,
+    Inside,
+}
+
+#[derive(Clone, Debug)]
+pub struct Figure {
+    pub title: Option<String>,
+    /// The pictures, row by row. All have one size.
+    pub panels: Vec<Panel>,
+    pub columns: usize,
+    pub bar: Option<ColourBar>,
+    /// What colours stand for.
+    pub legend: Vec<(String, RgbColour)>,
+    pub place: BarPlacement,
+    /// The page about the pictures.
+    pub page: PaperColour,
+    /// The pictures' own ground, for what is drawn on them.
+    pub ground: PaperColour,
+}
+
+#[derive(Clone, Debug)]
+pub struct Panel {
+    pub image: FigureImage,
+    pub caption: Option<String>,
+    /// What a length in it means.
+    pub scale: Option<ScaleBar>,
+    /// Coordinates along its edges: across, and upwards.
+    pub axes: Option<[EdgeAxis; 2]>,
+    /// Lines on it in shares of its width and height: the edges of a box.
+    pub lines: Vec<[[f64; 2]; 2]>,
+    /// Names on it, in the same shares.
+    pub names: Vec<([f64; 2], String)>,
+}
+
+impl Figure {
+    /// Pictures with dark grounds on a white page, and nothing about them.
+    pub fn plain(panels: Vec<Panel>, columns: usize) -> Figure {
+        let (place, page, ground) = (BarPlacement::Outside, PaperColour::White, PaperColour::Black);
+        Figure { title: None, panels, columns, bar: None, legend: Vec::new(), place, page, ground }
+    }
+}
+
+impl Panel {
+    /// A picture with nothing about it.
+    pub fn plain(image: FigureImage) -> Panel {
+        Panel { image, caption: None, scale: None, axes: None, lines: Vec::new(), names: Vec::new() }
+    }
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScaleBar {
+    /// Its length as a share of the picture's width.
+    pub share: f64,
+    pub label: String,
+}
+
+/// Coordinates along an edge.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EdgeAxis {
+    /// Its name with its unit.
+    pub label: String,
+    /// From the left, or from below.
+    pub low: f64,
+    /// To the right, or above.
+    pub high: f64,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColourBar {
+    /// What it shows, with its unit.
+    pub title: String,
+    /// Colours from the lowest value to the highest.
+    pub colours: Vec<RgbColour>,
+    pub ticks: TickMarks,
+}
+
+impl ColourBar {
+    /// Of a range in equal steps of the logarithm, whose shares from 0 to 1 have these colours.
+    pub fn logarithmic(title: String, range: [f64; 2], colour: impl Fn(f32) -> RgbColour) -> ColourBar {
+        let colours = (0..=255).map(|i| colour(i as f32 / 255.0)).collect();
+        ColourBar { title, colours, ticks: logarithmic(range[0], range[1]) }
+    }
+}

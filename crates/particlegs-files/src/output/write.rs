@@ -1,0 +1,83 @@
+//! Single files, written whole or not at all.
+
+use super::place::{OutputTarget, folder_of};
+use super::state::{CHANGED, PlannedOutput};
+use super::temporary::{BUFFER, TemporaryFile};
+use crate::{Error, Result};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// Writes `path`: a regular file is written beside its place, synced, then moved there; a device or a
+/// pipe is written through.
+pub fn write_atomic(path: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
+    let fail = |e| Error::io(path, e);
+    match OutputTarget::new(path)? {
+        OutputTarget::File(target) => {
+            let temporary = TemporaryFile::beside(&target).map_err(fail)?;
+            filled(&mut temporary.file(), fill).map_err(fail)?;
+            temporary.file().sync_all().map_err(fail)?;
+            temporary.place(path, &target)
+        }
+        stream => filled(&mut *stream.open().map_err(fail)?, fill).map_err(fail),
+    }
+}
+
+fn filled(to: &mut dyn Write, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> std::io::Result<()> {
+    let mut writer = BufWriter::with_capacity(BUFFER, to);
+    fill(&mut writer)?;
+    writer.flush()
+}
+
+/// [`write_atomic`] of bytes at hand.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_atomic(path, |w| w.write_all(bytes))
+}
+
+/// Says early, before long work, whether `path` can be created in its folder.
+pub fn check_writable(path: &Path) -> Result<()> {
+    match OutputTarget::new(path)? {
+        OutputTarget::File(target) if target.is_dir() => {
+            Err(Error::io(path, std::io::Error::new(std::io::ErrorKind::IsADirectory, "is a folder")))
+        }
+        OutputTarget::File(target) => check_folder(folder_of(&target)).map_err(|e| Error::io(path, e)),
+        _ => Ok(()),
+    }
+}
+
+/// Is `path` a device, a pipe or standard output, which nothing can lie beside?
+pub fn is_stream(path: &Path) -> Result<bool> {
+    Ok(!matches!(OutputTarget::new(path)?, OutputTarget::File(_)))
+}
+
+/// The folder for files that an output needs on the way: its own, or the system's for temporary files
+/// where the output is a stream.
+pub fn scratch_folder(path: &Path) -> PathBuf {
+    match OutputTarget::new(path) {
+        Ok(OutputTarget::File(target)) => folder_of(&target).to_path_buf(),
+        _ => std::env::temp_dir(),
+    }
+}
+
+/// Opens a file that grows line by line, at its end or anew; a device or a pipe is written through.
+pub fn open_log(path: &Path, append: bool) -> Result<Box<dyn Write + Send>> {
+    let fail = |e| Error::io(path, e);
+    match OutputTarget::new(path)? {
+        OutputTarget::File(target) => {
+            let file = std::fs::File::options().append(true).create(true).open(&target).map_err(fail)?;
+            if !append {
+                if let Some(planned) = PlannedOutput::find(path)
+                    && planned.replaceable(&target).map_err(fail)?.is_none()
+                {
+                    return Err(Error::output(path, CHANGED, "name another file"));
+                }
+                file.set_len(0).map_err(fail)?;
+            }
+            Ok(Box::new(file))
+        }
+        stream => stream.open().map_err(fail),
+    }
+}
+
+pub(super) fn check_folder(folder: &Path) -> std::io::Result<()> {
+    tempfile::tempfile_in(folder).map(drop)
+}

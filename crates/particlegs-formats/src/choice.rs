@@ -1,0 +1,82 @@
+//! What a user chooses to read of a snapshot.
+
+use particlegs::particles::Selection;
+use particlegs_files::input::SpoolFile;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// What to read of a snapshot.
+#[derive(Clone, Debug, Default)]
+pub struct Choice {
+    /// Name of the format ([`Format::name`](crate::Format::name)) instead of what the content says.
+    pub format: Option<String>,
+    /// Frame of a file that holds several, from 0; the last by default.
+    pub frame: Option<u64>,
+    /// Names, numbers or aliases of species; all by default. Each becomes a layer.
+    pub species: Vec<String>,
+    /// Field of positions with three components, or three scalar fields `x,y,z`; the species'
+    /// own by default.
+    pub positions: Option<String>,
+    /// Where weights are read from.
+    pub weights: Weights,
+    /// Layers by mass within a species instead of one a species.
+    pub by_mass: bool,
+    /// Drop particles with invalid values instead of refusing them.
+    pub skip_invalid: bool,
+    /// Refuse files whose headers count other particles than there are, instead of saying so.
+    pub strict: bool,
+    /// Leave unwrapped positions of a trajectory as they are, without a periodic box, instead of wrapping them.
+    pub keep_unwrapped: bool,
+    /// Names of the blocks of a Gadget file of format 1, in order, behind its header; found by what they hold by default.
+    pub blocks: Vec<String>,
+    /// Periodic box lengths that the user states, over what the files say.
+    pub box_lengths: Option<[f64; 3]>,
+    /// Unit of length that the user states.
+    pub length_unit: Option<String>,
+    /// Unit of mass that the user states.
+    pub mass_unit: Option<String>,
+    /// Convert numbers to those units where the files state others, instead of taking the files to be wrong.
+    pub convert_units: bool,
+    /// What is kept of all that; all by default.
+    pub selection: Option<Selection>,
+    /// Fields as they are stored: in no cell, not moved, whole numbers of 64 bits as the bits of f64.
+    pub as_stored: bool,
+    /// What the stream that is named has given already ([`Choice::spool`]).
+    pub spooled: Option<Arc<SpoolFile>>,
+}
+
+/// Where weights come from.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Weights {
+    /// The species' field of masses, where it has one.
+    #[default]
+    Auto,
+    /// None: every particle counts alike.
+    None,
+    /// This scalar field.
+    Field(String),
+}
+
+impl Choice {
+    /// As a model's recipe says it: which particles are read, and as what, by options of the command. Box, units and
+    /// particles that are left out stand in its metadata.
+    pub fn options(&self) -> BTreeMap<String, String> {
+        let weights = match &self.weights {
+            Weights::Auto => None,
+            Weights::None => Some("none".to_string()),
+            Weights::Field(name) => Some(name.clone()),
+        };
+        let own = [
+            ("format", self.format.clone()),
+            ("particle-type", (!self.species.is_empty()).then(|| self.species.join(","))),
+            ("positions", self.positions.clone()),
+            ("weights", weights),
+            ("frame", self.frame.map(|f| f.to_string())),
+            ("layers-by", self.by_mass.then(|| "mass".into())),
+            ("unwrapped", self.keep_unwrapped.then(|| "keep".into())),
+            ("gadget-blocks", (!self.blocks.is_empty()).then(|| self.blocks.join(","))),
+        ];
+        let own = own.into_iter().filter_map(|(name, value)| Some((name.to_string(), value?)));
+        own.chain(self.selection.iter().flat_map(Selection::options)).collect()
+    }
+}

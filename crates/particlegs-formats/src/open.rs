@@ -1,0 +1,77 @@
+//! From a file's content to its format, and from there to an open snapshot.
+
+use crate::foreign::foreign_of;
+use crate::format::{FileHead, Format, LOOKED_AT};
+use crate::registry::{named, names};
+use crate::{Choice, PathKind, Snapshot};
+use particlegs::{Error, Hint, Result};
+use particlegs_files::input::{Source, SpoolFile};
+use std::path::{Path, PathBuf};
+
+/// Keeps what a pipe or device gives, once its first bytes are those of a snapshot.
+pub(crate) fn spool(mut source: Source<'_>, options: &Choice) -> Result<SpoolFile> {
+    let bytes = source.peek(LOOKED_AT)?.to_vec();
+    let head = FileHead::from_bytes(Path::new(source.place()), u64::MAX, bytes)?;
+    match &options.format {
+        None => known(&head).map(drop)?,
+        // Not all of an endless device for a format that it is not in; a table may begin with anything.
+        Some(name) if head.content.contains(&0) && !(named(name)?.detect)(&head) => {
+            return Err(Error::input(source.place(), format!("does not begin as a file of the format `{name}` does")));
+        }
+        Some(_) => {}
+    }
+    SpoolFile::new(source)
+}
+
+/// The format of a file, by its content.
+pub(crate) fn detect(path: &Path) -> Result<&'static Format> {
+    known(&FileHead::read(path)?)
+}
+
+fn known(head: &FileHead) -> Result<&'static Format> {
+    let path = &head.path;
+    match PathKind::from_head(head) {
+        PathKind::Snapshot(format) => Ok(format),
+        PathKind::Unknown => Err(match foreign_of(head) {
+            Some(foreign) => {
+                Error::input_with(path, format!("{}, which is not read", foreign.title), foreign.hint(path))
+            }
+            None => {
+                let hint = Hint::default().option("format", "").words(format!(" forces one of: {}", names()));
+                Error::input_with(path, "not in a format that this program knows", hint)
+            }
+        }),
+        other => {
+            let what = format!("{}, not a snapshot", other.describe().unwrap_or_default());
+            Err(Error::input_with(path, what, other.to_a_snapshot()))
+        }
+    }
+}
+
+impl Choice {
+    /// Opens the files of one snapshot. Formats in several files need the first alone and find the rest.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for an unknown or broken format; [`Error::Argument`] for an unknown name;
+    /// [`Error::Io`].
+    pub fn open(&self, paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
+        let first = paths.first().ok_or_else(|| Error::argument("no file was named"))?;
+        let format = match &self.format {
+            None => detect(first)?,
+            Some(name) => named(name)?,
+        };
+        self.fits(format.name, &first.display().to_string())?;
+        (format.open)(paths, self)
+    }
+
+    /// Refuses what is chosen and means nothing in a format.
+    pub(crate) fn fits(&self, format: &str, place: &str) -> Result<()> {
+        if !self.blocks.is_empty() && format != crate::gadget::FORMAT.name {
+            return Err(Error::input(place, "only Gadget files of format 1 have blocks to name"));
+        }
+        if self.keep_unwrapped && ![crate::lammps::FORMAT.name, crate::xyz::FORMAT.name].contains(&format) {
+            return Err(Error::input(place, "it is not a trajectory, so it has no unwrapped positions"));
+        }
+        Ok(())
+    }
+}

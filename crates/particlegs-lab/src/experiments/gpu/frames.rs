@@ -1,0 +1,150 @@
+//! Frames a second of models.
+
+use super::scenes::{OPACITY, TiledScene, views};
+use super::work::{BlendWork, DepthWork, WorkBound};
+use super::{GpuBench, GpuTables, LIMIT, pixels};
+use crate::results::TableCell;
+use particlegs::Result;
+use particlegs::camera::View;
+use particlegs::model::LawKind;
+use particlegs::picture::Size;
+use particlegs::render::Scene;
+use particlegs::splat::ToneStyle;
+use particlegs_gpu::alpha::{self, AlphaRenderer};
+use particlegs_gpu::render::{DepthRenderer, DepthTiles, Gaussians};
+use std::time::Instant;
+
+/// Frames of a measurement, and those that are read back.
+const FRAMES: [usize; 2] = [1000, 100];
+const QUICK_FRAMES: [usize; 2] = [4, 2];
+/// Frames that the device may be behind.
+const BEHIND: usize = 32;
+/// Frames whose kernels are timed.
+const TIMED: usize = 4;
+/// What changes from frame to frame.
+const CAMERA: &str = "camera";
+const SETTING: &str = "radius and opacity";
+/// The view whose work is counted.
+const COUNTED: usize = 16;
+
+/// Rows of a scene of the optical-depth law.
+pub(super) const OF_DEPTH: u64 = 4;
+/// Rows of one of the alpha-blend law.
+pub(super) const OF_ALPHA: u64 = 2;
+
+/// What is drawn, and by what.
+struct FrameKind {
+    law: LawKind,
+    look: ToneStyle,
+    changes: &'static str,
+    /// How pixels are summed.
+    way: &'static str,
+    /// Footprints of a frame.
+    footprints: u64,
+    /// What a frame takes at least, whichever way its pixels are summed.
+    least: WorkBound,
+}
+
+/// All rows of a scene of the optical-depth law at a size.
+pub(super) fn of_depth(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene, size: Size) -> Result<()> {
+    let renderer = DepthRenderer::new(bench.device)?;
+    let there = Gaussians::upload(bench.device, &Scene::from_mixture(&made.gaussians, made.bounds))?;
+    let canvas = renderer.canvas(&there, size)?;
+    for (changes, look, by_tiles) in [
+        (CAMERA, ToneStyle::Expected, false),
+        (CAMERA, ToneStyle::Expected, true),
+        (SETTING, ToneStyle::Expected, false),
+        (CAMERA, ToneStyle::Paraview, false),
+    ] {
+        let views = views(made, size, changes == CAMERA);
+        let work = DepthWork::of(made, &views[COUNTED], size)?;
+        let way = if by_tiles { "tiles of 8 x 8" } else { "atomic adds" };
+        let (law, least) = (LawKind::OpticalDepth, work.frame(made.gaussians.len(), size));
+        let kind = FrameKind { law, look, changes, way, footprints: work.footprints, least };
+        let mut tiles = by_tiles.then(|| DepthTiles::new(&renderer, &there, &canvas)).transpose()?;
+        bench.frames(tables, (made, size, &views), &kind, |view, read_back| {
+            match &mut tiles {
+                None => renderer.submit(&there, &canvas, view, look)?,
+                Some(tiles) => tiles.submit(view, look)?,
+            }
+            if read_back { renderer.picture(&canvas).map(drop) } else { Ok(()) }
+        })?;
+    }
+    Ok(())
+}
+
+/// All rows of a scene of the alpha-blend law, which has one look, at a size. The network runs where radius and opacity change.
+pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene, size: Size) -> Result<()> {
+    let renderer = AlphaRenderer::new(bench.device)?;
+    let scene = Scene::from_law(&made.gaussians, made.bounds, made.radius, OPACITY);
+    let there = alpha::Gaussians::upload(bench.device, &scene)?;
+    for changes in [CAMERA, SETTING] {
+        let views = views(made, size, changes == CAMERA);
+        let work = BlendWork::of(made, &views[COUNTED], size, bench.context)?;
+        let kind = FrameKind {
+            law: LawKind::AlphaBlend,
+            look: ToneStyle::Paraview,
+            changes,
+            way: "tiles of 16 x 16",
+            footprints: work.footprints,
+            least: work.frame(made.gaussians.len(), size, changes == SETTING),
+        };
+        let mut canvas = renderer.canvas(&there, size)?;
+        bench.frames(tables, (made, size, &views), &kind, |view, read_back| {
+            renderer.submit(&there, &mut canvas, view)?;
+            if read_back { renderer.picture(&canvas).map(drop) } else { Ok(()) }
+        })?;
+    }
+    Ok(())
+}
+
+impl GpuBench<'_> {
+    /// Measures frames that `draw` draws, and reads back where it is asked to.
+    fn frames(
+        self,
+        tables: &mut GpuTables,
+        (made, size, views): (&TiledScene, Size, &[View]),
+        kind: &FrameKind,
+        mut draw: impl FnMut(&View, bool) -> Result<()>,
+    ) -> Result<()> {
+        let [most, most_read] = if self.quick { QUICK_FRAMES } else { FRAMES };
+        let timed = self.either(1, TIMED);
+        // Everything is compiled and there.
+        self.per_second(views, self.either(1, 3), |view| draw(view, false))?;
+        let per_second = self.per_second(views, most, |view| draw(view, false))?;
+        let read_back = self.per_second(views, most_read, |view| draw(view, true))?;
+        let (law, look, gaussians) = (kind.law.name(), kind.look.name(), made.gaussians.len());
+        let of = format!("frame of {gaussians}, {}, {law}, {look}, {}, {}", pixels(size), kind.changes, kind.way);
+        tables.time_kernels(self, &of, timed, || self.per_second(views, timed, |view| draw(view, false)).map(drop))?;
+        let own = [
+            TableCell::count(gaussians as u64),
+            TableCell::text(pixels(size)),
+            TableCell::text(law),
+            TableCell::text(look),
+            TableCell::text(kind.changes),
+            TableCell::text(kind.way),
+            TableCell::number(views[COUNTED].radius_pixels(size), 2),
+            TableCell::count(kind.footprints),
+            TableCell::number(per_second, 1),
+            TableCell::number(read_back, 1),
+        ];
+        tables.frames.row(own.into_iter().chain(self.work(per_second, &kind.least)));
+        self.context.advance(1);
+        Ok(())
+    }
+
+    /// Draws frames until all are drawn or the time is over: how many a second of the clock, to the end of the last.
+    fn per_second(self, views: &[View], most: usize, mut draw: impl FnMut(&View) -> Result<()>) -> Result<f64> {
+        let (started, mut number) = (Instant::now(), 0);
+        while number < most && started.elapsed() < LIMIT {
+            self.context.check()?;
+            draw(&views[number % views.len()])?;
+            number += 1;
+            if number % BEHIND == 0 {
+                self.device.wait()?;
+            }
+        }
+        self.device.wait()?;
+        Ok(number as f64 / started.elapsed().as_secs_f64())
+    }
+}

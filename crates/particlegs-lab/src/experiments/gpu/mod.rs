@@ -1,0 +1,222 @@
+//! How fast a GPU draws and trains scenes that are made here, of nothing but this program.
+
+mod frames;
+mod particles;
+mod scenes;
+mod steps;
+mod work;
+
+use super::{Experiment, published_run};
+use crate::lab::Lab;
+use crate::results::{ExperimentResults, ResultTable, TableCell};
+use crate::snapshot::Snapshot;
+use crate::store::COMMIT;
+use crate::training::{TrainingTask, scaled, trained_on};
+use particlegs::context::Context;
+use particlegs::model::LawKind;
+use particlegs::particles::Particles;
+use particlegs::picture::Size;
+use particlegs::train::{Config, Preset};
+use particlegs::{Error, Result};
+use particlegs_gpu::{Device, Rates};
+use scenes::TiledScene;
+use std::sync::Arc;
+use std::time::Duration;
+use work::WorkBound;
+
+pub(super) const EXPERIMENT: Experiment = Experiment {
+    name: "gpu",
+    title: "Frames and steps of training a second of a GPU",
+    paper: "",
+    trains: false,
+    weight: 0,
+    run,
+};
+
+const HD: Size = Size { width: 1920, height: 1080 };
+const UHD: Size = Size { width: 3840, height: 2160 };
+const SMALL: Size = Size { width: 320, height: 180 };
+/// After this time a measurement ends, whatever it has.
+const LIMIT: Duration = Duration::from_secs(20);
+
+/// Of the published recipe, in full and quick: particles, share of the recipe, minutes of a piece.
+const PARTICLES: [usize; 2] = [1 << 21, 20_000];
+const SCALE: [f64; 2] = [1.0, 0.004];
+const MINUTES: [f64; 2] = [120.0, 2.0];
+
+/// Last columns of every table of measurements: what one frame, step or picture moves, adds and computes at least.
+const WORK: [&str; 7] = ["MB of GPU memory", "GB", "G adds", "G ops", "copies, %", "adds, %", "ops, %"];
+
+/// What is measured, and how finely.
+#[derive(Clone, Copy)]
+struct GpuBench<'a> {
+    device: &'a Arc<Device>,
+    rates: Rates,
+    quick: bool,
+    context: &'a Context<'a>,
+}
+
+struct GpuTables {
+    frames: ResultTable,
+    steps: ResultTable,
+    particles: ResultTable,
+    kernels: ResultTable,
+    /// What the device refused or failed at, and why.
+    failed: Vec<String>,
+}
+
+/// Tables are kept where the published recipe is trained too: its pieces do not measure again.
+fn run(lab: &Lab<'_>, _: &[Snapshot]) -> Result<ExperimentResults> {
+    let device = lab.gpu.as_ref().ok_or_else(|| Error::argument("no GPU is open to be measured"))?;
+    let quick = lab.settings.quick;
+    let now = || measure(device, quick, lab.context);
+    let (mut tables, notes) = match lab.settings.training {
+        true => lab.on_device.result("gpu", &(quick, COMMIT), now)?,
+        false => now()?,
+    };
+    if lab.settings.training {
+        let [(sample, tiles), ..] = tilings(quick);
+        tables.extend(recipe(lab, &scenes::tiled(sample, tiles)?)?);
+    }
+    Ok(ExperimentResults { tables, notes, ..ExperimentResults::default() })
+}
+
+/// The sample, and how often it lies along the axes: 171 000, 769 000 and 1.73 million Gaussians.
+fn tilings(quick: bool) -> [(usize, [usize; 3]); 3] {
+    match quick {
+        true => [(1, [1, 2, 2]), (0, [1, 2, 2]), (0, [1, 2, 4])],
+        false => [(1, [4, 8, 8]), (0, [4, 16, 16]), (0, [9, 16, 16])],
+    }
+}
+
+fn measure(device: &Arc<Device>, quick: bool, context: &Context<'_>) -> Result<(Vec<ResultTable>, Vec<String>)> {
+    let rates = Rates::measure(device)?;
+    let bench = GpuBench { device, rates, quick, context };
+    let (sizes, hd) = if quick { (&[SMALL][..], SMALL) } else { (&[HD, UHD][..], HD) };
+    let [few, more, most] = tilings(quick).map(|(sample, tiles)| scenes::tiled(sample, tiles));
+    let (few, more, most) = (few?, more?, most?);
+    context.begin("measuring", 2 * (frames::OF_DEPTH + frames::OF_ALPHA) * sizes.len() as u64 + 4);
+    let mut tables = GpuTables::new();
+    for made in [&few, &more] {
+        for &size in sizes {
+            tables.attempt(made, size, |tables| frames::of_depth(bench, tables, made, size))?;
+            tables.attempt(made, size, |tables| frames::of_alpha(bench, tables, &made.published(), size))?;
+        }
+    }
+    for made in [&few, &most] {
+        tables.attempt(made, hd, |tables| steps::of_depth(bench, tables, made, hd))?;
+        context.advance(1);
+    }
+    tables.attempt(&few, hd, |tables| steps::of_alpha(bench, tables, &few.published(), hd))?;
+    context.advance(1);
+    tables.attempt(&few, hd, |tables| particles::row(bench, tables, &few, hd))?;
+    context.end();
+    let columns = ["copies, GB/s", "G atomic adds/s", "G float32 operations/s"];
+    let mut own = ResultTable::new("gpu-rates", "What the GPU does at most", &columns);
+    own.row([rates.copied_bytes, rates.additions, rates.operations].map(|rate| TableCell::number(1e-9 * rate, 2)));
+    let mut notes = vec![format!(
+        "Measured on {}. Copies, adds, ops: the share of the GPU's rates that is taken by what a frame, a step or a picture \
+         moves, adds and computes at least; 100 % is as fast as it goes.",
+        device.name()
+    )];
+    if tables.kernels.rows.is_empty() {
+        notes.push("Kernels are not timed: the GPU shows no clock.".into());
+    }
+    notes.append(&mut tables.failed);
+    Ok((vec![own, tables.frames, tables.steps, tables.particles, tables.kernels], notes))
+}
+
+/// Trains by the published recipe for a piece, on particles that are drawn of a scene.
+fn recipe(lab: &Lab<'_>, made: &TiledScene) -> Result<[ResultTable; 2]> {
+    let (own, settings) = (usize::from(lab.settings.quick), &lab.settings);
+    let [x, y, z] = made.particles(PARTICLES[own]);
+    let snapshot = Snapshot::new("tiled".into(), "tiled".into(), Particles::from_columns(x, y, z), None);
+    let scale = settings.scale.unwrap_or(SCALE[own]);
+    let config = scaled(Config::preset(Preset::Paper, LawKind::AlphaBlend), scale)?;
+    let of = config.iterations();
+    let piece = Duration::from_secs_f64(60.0 * settings.minutes.unwrap_or(MINUTES[own]));
+    let task = TrainingTask::published(config, 1, settings.seed);
+    let run = trained_on(lab, &snapshot.particles, &snapshot.hash, &task, Some(piece))?;
+    let title = "The published recipe so far: the same command goes on until all steps are done";
+    let columns = ["share", "particles", "steps", "of", "s of all pieces", "Gaussians", "held out, masked PSNR, dB"];
+    let mut table = ResultTable::new("gpu-recipe", title, &columns);
+    table.row([
+        TableCell::number(scale, 3),
+        TableCell::count(snapshot.particles.len() as u64),
+        TableCell::count(run.unfinished.unwrap_or(of)),
+        TableCell::count(of),
+        TableCell::number(run.made.seconds, 0),
+        TableCell::count(run.made.model.gaussians() as u64),
+        TableCell::number(run.curve.iter().filter_map(|e| e.held_out_masked_psnr).reduce(f64::max), 2),
+    ]);
+    Ok([table, ResultTable { name: "gpu-recipe-curve".into(), ..published_run::table(&run.curve) }])
+}
+
+impl GpuTables {
+    fn new() -> GpuTables {
+        let table = |name, title, own: &[&str]| ResultTable::new(name, title, &[own, &WORK].concat());
+        let frames = ["Gaussians", "pixels", "law", "look", "changes", "summed by", "radius, px", "footprints"];
+        let frames = [&frames[..], &["frames/s", "frames/s, read back"]].concat();
+        let steps = ["Gaussians", "pixels", "law", "footprints", "steps", "steps/s", "first loss", "last loss"];
+        let particles = ["particles", "pixels", "look", "pictures", "s a picture", "s to load"];
+        GpuTables {
+            frames: table("gpu-frames", "Frames a second of models", &frames),
+            steps: table("gpu-steps", "Steps of training a second", &steps),
+            particles: table("gpu-particles", "Pictures of all particles", &particles),
+            kernels: ResultTable::new("gpu-kernels", "Time of kernels", &["of", "kernel", "runs", "ms"]),
+            failed: Vec::new(),
+        }
+    }
+
+    /// What a device refuses or fails at does not keep the rest from being measured.
+    fn attempt(&mut self, made: &TiledScene, size: Size, work: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
+        match work(self) {
+            Err(Error::Cancelled) => Err(Error::Cancelled),
+            Err(e) => {
+                self.failed.push(format!("Not measured: {} Gaussians, {}: {e}", made.gaussians.len(), pixels(size)));
+                Ok(())
+            }
+            Ok(()) => Ok(()),
+        }
+    }
+
+    /// Times the kernels of `work`, which is so many frames, steps or pictures, where the device shows its clock; the
+    /// longest first.
+    fn time_kernels(
+        &mut self,
+        bench: GpuBench<'_>,
+        of: &str,
+        number: usize,
+        work: impl FnOnce() -> Result<()>,
+    ) -> Result<()> {
+        let mut all = bench.device.timed(work)?.unwrap_or_default();
+        all.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
+        for k in all {
+            let (runs, ms) = (k.runs as f64 / number as f64, 1e3 * k.seconds / number as f64);
+            let cells = [TableCell::number(runs, 1), TableCell::number(ms, 3)];
+            self.kernels.row([TableCell::text(of), TableCell::text(k.kernel)].into_iter().chain(cells));
+        }
+        Ok(())
+    }
+}
+
+impl GpuBench<'_> {
+    /// Few with `--quick`, or as many as are measured.
+    fn either(&self, few: usize, many: usize) -> usize {
+        if self.quick { few } else { many }
+    }
+
+    /// The last columns of something that takes this work, so often a second.
+    fn work(&self, per_second: f64, least: &WorkBound) -> [TableCell; WORK.len()] {
+        let memory = self.device.allocated().map(|b| 1e-6 * b as f64);
+        let all = [least.bytes, least.additions, least.operations];
+        let rates = [self.rates.copied_bytes, self.rates.additions, self.rates.operations];
+        let share = |k: usize| TableCell::number(100.0 * per_second * all[k] / rates[k], 1);
+        let [bytes, additions, operations] = all.map(|v| TableCell::number(1e-9 * v, 3));
+        [TableCell::number(memory, 0), bytes, additions, operations, share(0), share(1), share(2)]
+    }
+}
+
+fn pixels(size: Size) -> String {
+    format!("{}x{}", size.width, size.height)
+}

@@ -1,0 +1,68 @@
+//! Pictures of all particles a second.
+
+use super::scenes::{TiledScene, views};
+use super::work::WorkBound;
+use super::{GpuBench, GpuTables, LIMIT, pixels};
+use crate::results::TableCell;
+use particlegs::Result;
+use particlegs::picture::Size;
+use particlegs::render::Renderer;
+use particlegs::splat::ToneStyle;
+use particlegs::train::ParticleInput;
+use particlegs_gpu::reference::{MOST, ParticlePictures};
+use std::ops::Range;
+use std::time::Instant;
+
+/// Pictures of a measurement.
+const PICTURES: usize = 20;
+/// Pieces of [`MOST`] particles: 268 million.
+const PIECES: usize = 24;
+const LOOK: ToneStyle = ToneStyle::Expected;
+
+/// The noise-free picture of particles that are drawn of the scene, a piece again and again, each time moved.
+pub(super) fn row(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene, size: Size) -> Result<()> {
+    let (pieces, each) = if bench.quick { (2, 100_000) } else { (PIECES, MOST) };
+    let (count, columns) = (pieces * each, made.particles(each));
+    let started = Instant::now();
+    let moved = Box::new(|range: Range<usize>| moved(&columns, made, range));
+    let input = ParticleInput { origin: made.bounds.center(), bounds: made.bounds, count, columns: moved };
+    let mut there = ParticlePictures::new(bench.device, input)?;
+    there.keep_all(&mut |_| bench.context.check())?;
+    let to_load = started.elapsed().as_secs_f64();
+    let views = views(made, size, true);
+    let draw = |k: usize| there.draw(&views[k], size, LOOK, bench.context).map(drop);
+    draw(0)?;
+    let (started, mut pictures) = (Instant::now(), 0);
+    while pictures < bench.either(1, PICTURES) && started.elapsed() < LIMIT {
+        pictures += 1;
+        draw(pictures)?;
+    }
+    let each = started.elapsed().as_secs_f64() / pictures as f64;
+    let of = format!("picture of {count} particles, {}, {}", pixels(size), LOOK.name());
+    tables.time_kernels(bench, &of, 1, || draw(0))?;
+    let own = [
+        TableCell::count(count as u64),
+        TableCell::text(pixels(size)),
+        TableCell::text(LOOK.name()),
+        TableCell::count(pictures as u64),
+        TableCell::number(each, 4),
+        TableCell::number(to_load, 1),
+    ];
+    let least = WorkBound::of_particles(count, views[0].radius_pixels(size), size);
+    tables.particles.row(own.into_iter().chain(bench.work(1.0 / each, &least)));
+    Ok(())
+}
+
+/// Particles of a range: the drawn ones again and again, each time moved around the box, so that they are as clumped as
+/// before, and elsewhere.
+fn moved(columns: &[Vec<f32>; 3], made: &TiledScene, range: Range<usize>) -> [Vec<f32>; 3] {
+    let (each, extent) = (columns[0].len(), made.bounds.extent().map(|e| e as f32));
+    [0, 1, 2].map(|k| {
+        let (column, half) = (&columns[k], 0.5 * extent[k]);
+        let at = |i: usize| {
+            let away = ((i / each) as f64 * [0.618, 0.755, 0.57][k]).fract() as f32;
+            (column[i % each] + half + away * extent[k]).rem_euclid(extent[k]) - half
+        };
+        range.clone().map(at).collect()
+    })
+}

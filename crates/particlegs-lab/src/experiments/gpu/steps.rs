@@ -1,0 +1,129 @@
+//! Steps of training a second.
+
+use super::scenes::{OPACITY, TiledScene, views};
+use super::work::{BlendWork, DepthWork, WorkBound};
+use super::{GpuBench, GpuTables, LIMIT, pixels};
+use crate::results::TableCell;
+use particlegs::Result;
+use particlegs::camera::{Normalisation, View};
+use particlegs::model::LawKind;
+use particlegs::picture::{Plane, Size};
+use particlegs::render::{Renderer, Scene};
+use particlegs::splat::ToneStyle;
+use particlegs::train::alpha::{self, TrainingScale};
+use particlegs::train::depth::{Parameters, StepSize};
+use particlegs::train::{Accelerator, AlphaConfig, Crop, Loss, StepReport, TrainingSample};
+use particlegs_gpu::GpuAccelerator;
+use particlegs_gpu::render::ScenePictures;
+use std::time::Instant;
+
+/// Steps of a measurement, behind two: so many that the last, as the first, is of the first picture.
+const STEPS: usize = 503;
+const QUICK_STEPS: usize = 7;
+/// Steps whose kernels are timed.
+const TIMED: usize = 4;
+/// Pictures that are learnt from in turn.
+const TARGETS: usize = 8;
+
+/// Steps of the optical-depth law from Gaussians that are half as many particles each too many or too few, by pictures
+/// of those as they were.
+pub(super) fn of_depth(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene, size: Size) -> Result<()> {
+    let lesson = TrainingPictures::new(bench, made, &Scene::from_mixture(&made.gaussians, made.bounds), size)?;
+    let mut gaussians = made.gaussians.clone();
+    gaussians.count.iter_mut().enumerate().for_each(|(i, n)| *n *= if i % 2 == 0 { 0.5 } else { 1.5 });
+    let mut of = Parameters::new(&gaussians, made.particles, 48, made.bounds, ToneStyle::Expected);
+    let mut steps = GpuAccelerator::new(bench.device.clone()).depth_steps(&of)?;
+    let pace = StepSize { rates: [0.01; 3], beta1: 0.9, beta2: 0.999, epsilon: 0.5, decay: 0.0, average: 0.01 };
+    let work = DepthWork::of(made, &lesson.views[0], size)?;
+    let work = (work.footprints, work.step(made.gaussians.len(), size));
+    lesson.take(bench, tables, work, |shot| steps.step(&mut of, shot, &Loss::PUBLISHED, &pace))
+}
+
+/// Steps of the alpha-blend law, at the published rates, from Gaussians half as opaque, or half more, as those of the
+/// pictures.
+pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, made: &TiledScene, size: Size) -> Result<()> {
+    let scene = Scene::from_law(&made.gaussians, made.bounds, made.radius, OPACITY);
+    let lesson = TrainingPictures::new(bench, made, &scene, size)?;
+    let mut gaussians = made.gaussians.clone();
+    if let Some(law) = gaussians.law.alpha_blend_mut() {
+        let change = |(i, o): (usize, &mut f64)| *o = (*o * if i % 2 == 0 { 0.5 } else { 1.5 }).min(0.95);
+        law.opacity.iter_mut().enumerate().for_each(change);
+    }
+    let frame = Normalisation::of(&made.bounds);
+    let ground = TrainingScale { frame, radius: made.radius, opacity: OPACITY, particles: made.particles, seed: 1 };
+    let mut of = alpha::Gaussians::from_mixture(&gaussians, ground)?;
+    let mut steps = GpuAccelerator::new(bench.device.clone()).alpha_steps(&of)?;
+    let c = AlphaConfig::default();
+    let pace = alpha::StepSize {
+        rates: [c.position_rate * c.extent, c.scale_rate, c.rotation_rate, c.opacity_rate, c.feature_rate],
+        network: c.vizmapper_rate,
+        clip: c.vizmapper_clip,
+        identity: c.identity,
+    };
+    let work = BlendWork::of(made, &lesson.views[0], size, bench.context)?;
+    let work = (work.footprints, work.step(made.gaussians.len(), size));
+    lesson.take(bench, tables, work, |shot| steps.step(&mut of, shot, &Loss::PUBLISHED, &pace))
+}
+
+/// Pictures that are learnt from.
+struct TrainingPictures<'a> {
+    law: LawKind,
+    made: &'a TiledScene,
+    size: Size,
+    views: Vec<View>,
+    /// Brightness in [0, 1].
+    targets: Vec<Plane>,
+}
+
+impl<'a> TrainingPictures<'a> {
+    /// Of the scene as it is.
+    fn new(bench: GpuBench<'_>, made: &'a TiledScene, scene: &Scene, size: Size) -> Result<Self> {
+        let views: Vec<View> = views(made, size, true).into_iter().step_by(64 / TARGETS).collect();
+        let pictures = ScenePictures::new(bench.device, scene)?;
+        let one = |view| {
+            let levels = pictures.draw(view, size, ToneStyle::Expected, bench.context)?;
+            Ok(Plane { size, data: levels.data.iter().map(|&v| f32::from(v) / 255.0).collect() })
+        };
+        let targets = views.iter().map(one).collect::<Result<_>>()?;
+        Ok(TrainingPictures { law: scene.law(), made, size, views, targets })
+    }
+
+    /// Takes steps until all are taken or the time is over, and adds their row.
+    fn take(
+        &self,
+        bench: GpuBench<'_>,
+        tables: &mut GpuTables,
+        (footprints, least): (u64, WorkBound),
+        mut step: impl FnMut(&TrainingSample<'_>) -> Result<StepReport>,
+    ) -> Result<()> {
+        let mut one = |k: usize| -> Result<f64> {
+            bench.context.check()?;
+            let (view, target) = (&self.views[k % TARGETS], &self.targets[k % TARGETS]);
+            Ok(step(&TrainingSample { view, target, crop: Crop::whole(self.size), context: bench.context })?.loss)
+        };
+        // Everything is compiled and there.
+        let mut losses = [one(0)?, one(1)?];
+        let (started, mut steps) = (Instant::now(), 0);
+        let (most, timed) = (bench.either(QUICK_STEPS, STEPS), bench.either(1, TIMED));
+        while steps < most && started.elapsed() < LIMIT {
+            losses[1] = one(2 + steps)?;
+            steps += 1;
+        }
+        let per_second = steps as f64 / started.elapsed().as_secs_f64();
+        let (law, gaussians) = (self.law.name(), self.made.gaussians.len());
+        let of = format!("step of {gaussians}, {}, {law}", pixels(self.size));
+        tables.time_kernels(bench, &of, timed, || (0..timed).try_for_each(|k| one(2 + steps + k).map(drop)))?;
+        let own = [
+            TableCell::count(gaussians as u64),
+            TableCell::text(pixels(self.size)),
+            TableCell::text(law),
+            TableCell::count(footprints),
+            TableCell::count(steps as u64),
+            TableCell::number(per_second, 1),
+            TableCell::number(losses[0], 5),
+            TableCell::number(losses[1], 5),
+        ];
+        tables.steps.row(own.into_iter().chain(bench.work(per_second, &least)));
+        Ok(())
+    }
+}

@@ -1,0 +1,212 @@
+//! What pictures and steps are made of, counted on the processor, and what that is at least on any GPU.
+//!
+//! Bytes are those that kernels read and write where nothing stays near the threads: columns of Gaussians (words of 4
+//! bytes), their footprints, lists, planes. Operations are those of float32 in the kernels' inner lines, counted in
+//! their sources, a power of two as one.
+
+use super::scenes::{OPACITY, TiledScene};
+use particlegs::Result;
+use particlegs::camera::View;
+use particlegs::context::Context;
+use particlegs::parallel;
+use particlegs::picture::Size;
+use particlegs::render::Scene;
+use particlegs::render::alpha::project::Splat;
+use particlegs::render::alpha::{CutOffs, Eye, Plan, TILE};
+use particlegs::render::bin::place;
+use particlegs::render::lens::Lens;
+use particlegs::render::project::CameraGaussian;
+use particlegs::render::project::slices::pieces;
+use particlegs::render::raster::pyramid::{PAD, levels};
+use std::f64::consts::PI;
+
+/// What a picture or a step takes at least.
+#[derive(Clone, Copy)]
+pub struct WorkBound {
+    pub bytes: f64,
+    /// Atomic additions to words of a plane.
+    pub additions: f64,
+    /// Operations of float32.
+    pub operations: f64,
+}
+
+/// What a picture of the optical-depth law is made of.
+pub struct DepthWork {
+    /// Footprints that touch it: Gaussians, or their pieces.
+    pub footprints: u64,
+    /// Pixels that they add to, on whatever plane.
+    pub additions: f64,
+}
+
+/// What a picture of the alpha-blend law is made of.
+pub struct BlendWork {
+    /// Footprints that touch it.
+    pub footprints: u64,
+    /// Entries of the lists of tiles.
+    pub entries: u64,
+    /// Pixels that footprints are blended onto, until each is done.
+    pub blends: u64,
+}
+
+/// Operations of a Gaussian's projection, and of the way back.
+const PROJECT: f64 = 300.0;
+/// Operations of Adam for a number.
+const ADAM: f64 = 15.0;
+
+impl DepthWork {
+    /// Of a scene in a view.
+    pub fn of(made: &TiledScene, view: &View, size: Size) -> Result<DepthWork> {
+        const RUN: usize = 4096;
+        let (lens, levels, m) = (Lens::optical(view, size, &made.bounds)?, levels(size), &made.gaussians);
+        let runs = parallel::map((0..m.len()).step_by(RUN), |start| {
+            let mut own = DepthWork { footprints: 0, additions: 0.0 };
+            for g in
+                (start..m.len().min(start + RUN)).filter_map(|i| CameraGaussian::from_mixture(&lens, m, i, m.count[i]))
+            {
+                pieces(&lens, &g, |moments| {
+                    let Some(placed) = place(&levels, &g.footprint(&lens, &moments)) else { return };
+                    let s = placed.stroke;
+                    own.footprints += 1;
+                    own.additions += PI * f64::from(-s.end) / (f64::from(s.along) * f64::from(s.down)).sqrt();
+                });
+            }
+            own
+        });
+        let footprints = runs.iter().map(|run| run.footprints).sum();
+        Ok(DepthWork { footprints, additions: runs.iter().map(|run| run.additions).sum() })
+    }
+
+    /// A frame: columns (13 words) read, strokes (9 words) written and read, planes cleared, summed, read and made
+    /// levels. An addition takes its power of two (8 operations).
+    pub fn frame(&self, gaussians: usize, size: Size) -> WorkBound {
+        let (n, footprints) = (gaussians as f64, self.footprints as f64);
+        WorkBound {
+            bytes: 52.0 * n + 72.0 * footprints + 16.0 * words_of_planes(size) + 5.0 * size.pixels() as f64,
+            additions: self.additions,
+            operations: PROJECT * n + 8.0 * self.additions,
+        }
+    }
+
+    /// A step: a frame without levels; the loss and its gradient (a pixel of depth, target and result each, 24 bytes);
+    /// that gradient on all planes; the columns once more and the gradient with them (10 numbers) written; Adam, which
+    /// reads that, its two means, and columns as they are, as they are drawn and in the mean (14 words each), and
+    /// writes all but the first. On the way back every pixel of a footprint takes 12 operations.
+    pub fn step(&self, gaussians: usize, size: Size) -> WorkBound {
+        let (n, pixels, frame) = (gaussians as f64, size.pixels() as f64, self.frame(gaussians, size));
+        let adam = 40.0 + 2.0 * 2.0 * 40.0 + 2.0 * 3.0 * 56.0;
+        WorkBound {
+            bytes: frame.bytes + (24.0 - 5.0) * pixels + 8.0 * words_of_planes(size) + (52.0 + 40.0 + adam) * n,
+            additions: frame.additions,
+            operations: frame.operations + 12.0 * self.additions + (PROJECT + 10.0 * ADAM) * n,
+        }
+    }
+}
+
+/// Words of the planes of a picture.
+fn words_of_planes(size: Size) -> f64 {
+    levels(size).iter().map(|l| (l.size.width + 2 * PAD) * l.rows).sum::<usize>() as f64
+}
+
+impl BlendWork {
+    /// Operations of a blend, on the way there and back: alpha by raster_main.wgsl, and what is wanted of it.
+    const BLEND: [f64; 2] = [16.0, 36.0];
+    /// Of the network for a Gaussian: three layers, a product and a sum a weight.
+    const NETWORK: f64 = 2.0 * (4 * 64 + 64 * 64 + 64 * 2) as f64;
+    /// Bytes of a key and its value through a pass of the sort: counted, read, written.
+    const SORTED: f64 = 20.0;
+
+    /// Of a scene in a view.
+    pub fn of(made: &TiledScene, view: &View, size: Size, context: &Context<'_>) -> Result<BlendWork> {
+        let Some(blend) = Scene::from_law(&made.gaussians, made.bounds, made.radius, OPACITY).blend() else {
+            return Ok(BlendWork { footprints: 0, entries: 0, blends: 0 });
+        };
+        let eye = Eye::new(view, size, &blend.frame)?;
+        let seen = blend.gaussians(&[(&made.gaussians, 1.0)], view, &eye, context)?;
+        let plan = Plan::new(&eye, seen.len(), |i| Some(seen[i]), CutOffs::PUBLISHED, context)?;
+        let tiles = parallel::map_range(plan.tiles.number(), |tile| in_tile(&plan, tile, size));
+        let [entries, blends] = [0, 1].map(|k| tiles.iter().map(|t| t[k]).sum());
+        Ok(BlendWork { footprints: plan.splats.len() as u64, entries, blends })
+    }
+
+    /// A frame. Of a Gaussian: columns (16 words) and what the network made of it read; tiles, depth and number
+    /// written, sorted by eight passes, and tiles and number read twice. A footprint (8 words) is written; an entry is
+    /// written, sorted by four bits of the tile's number a pass, looked at, and read with its footprint. A pixel's
+    /// brightness and transmittance are written, and levels made. Where the network runs, it reads and writes two
+    /// words.
+    pub fn frame(&self, gaussians: usize, size: Size, with_network: bool) -> WorkBound {
+        let (n, footprints, pixels) = (gaussians as f64, self.footprints as f64, size.pixels() as f64);
+        let tiles = size.width.div_ceil(TILE) * size.height.div_ceil(TILE);
+        let passes = 2.0 * f64::from((usize::BITS - (tiles - 1).leading_zeros()).div_ceil(8));
+        let an_entry = 8.0 + passes * Self::SORTED + 4.0 + 36.0;
+        let network = if with_network { 1.0 } else { 0.0 };
+        WorkBound {
+            bytes: (88.0 + 8.0 * Self::SORTED + 24.0 + 16.0 * network) * n
+                + 32.0 * footprints
+                + an_entry * self.entries as f64
+                + 13.0 * pixels,
+            additions: 0.0,
+            operations: (PROJECT + network * Self::NETWORK) * n + Self::BLEND[0] * self.blends as f64,
+        }
+    }
+
+    /// A step: a frame with its network and without levels. Of a Gaussian: its 12 numbers unfolded to columns; what is
+    /// wanted of its footprint (7 words) written and read; columns, numbers and tiles read, gradient and what the
+    /// network and density control want written; the network's share of four of its numbers; and Adam, which reads
+    /// gradient, numbers and two means, and writes all but the first. Entries are read with their footprints once more,
+    /// and what is wanted written and read. Of a pixel: the loss and its gradient (24 bytes), gradient and brightness
+    /// on the way back.
+    pub fn step(&self, gaussians: usize, size: Size) -> WorkBound {
+        let (n, pixels, frame) = (gaussians as f64, size.pixels() as f64, self.frame(gaussians, size, true));
+        let chain = 2.0 * 28.0 + 64.0 + 48.0 + 8.0 + 8.0 + 48.0 + 8.0 + 16.0;
+        let adam = 48.0 + 2.0 * 48.0 + 2.0 * 96.0;
+        WorkBound {
+            bytes: frame.bytes
+                + (112.0 + chain + 48.0 + adam) * n
+                + (36.0 + 56.0) * self.entries as f64
+                + (24.0 + 8.0 - 5.0) * pixels,
+            additions: 0.0,
+            operations: frame.operations
+                + (PROJECT + 3.0 * Self::NETWORK + 12.0 * ADAM) * n
+                + Self::BLEND[1] * self.blends as f64,
+        }
+    }
+}
+
+/// Entries of a tile's list, and pixels that they are blended onto until each is done.
+fn in_tile(plan: &Plan, tile: usize, size: Size) -> [u64; 2] {
+    let corner = [tile % plan.tiles.across * TILE, tile / plan.tiles.across * TILE];
+    let extent = [TILE.min(size.width - corner[0]), TILE.min(size.height - corner[1])];
+    let mut left = vec![1.0f32; extent[0] * extent[1]];
+    let [mut entries, mut blends] = [0, 0];
+    for number in plan.in_tile(tile) {
+        let s = &plan.splats[number as usize];
+        entries += 1;
+        for (p, left) in left.iter_mut().enumerate().filter(|(_, left)| **left > 0.0) {
+            let at = [corner[0] + p % extent[0], corner[1] + p / extent[0]];
+            let Some(alpha) = alpha(s, at.map(|v| v as f32)) else { continue };
+            let next = *left * (1.0 - alpha.min(plan.cut.most_alpha));
+            *left = if next < plan.cut.least_transmittance { 0.0 } else { next };
+            blends += 1;
+        }
+    }
+    [entries, blends]
+}
+
+/// A footprint's alpha at a pixel; none where it is too small to be drawn.
+fn alpha(s: &Splat, at: [f32; 2]) -> Option<f32> {
+    let dy = at[1] - s.y;
+    let d = at[0] - s.x - s.lean * dy;
+    let power = s.along * d * d + s.down * dy * dy;
+    (power >= s.end).then(|| s.peak * power.exp2())
+}
+
+impl WorkBound {
+    /// A noise-free picture of particles of so many pixels' deviation: places are read twice, once to count the work;
+    /// sums of 8 bytes a pixel are cleared, read, made depth and levels. The square of three deviations to either side
+    /// touches (6 sigma + 1)^2 pixels in the mean, and each takes two means of the splat over it (some 40 operations).
+    pub fn of_particles(count: usize, sigma: f64, size: Size) -> WorkBound {
+        let (n, pixels) = (count as f64, size.pixels() as f64);
+        let additions = n * (6.0 * sigma + 1.0).powi(2);
+        WorkBound { bytes: 24.0 * n + 25.0 * pixels, additions, operations: 2.0 * 60.0 * n + 40.0 * additions }
+    }
+}

@@ -1,0 +1,146 @@
+//! Ways to keep a snapshot at some sizes, and what stands beside them: the rows of several experiments.
+
+use crate::lab::{Lab, ModelBuild};
+use crate::method::{CompressionMethod, MethodMeasurement};
+use crate::results::{Point, Series, Spread};
+use crate::snapshot::Snapshot;
+use crate::views::{ReferenceViews, Score, masked, mean};
+use particlegs::Result;
+use particlegs::score;
+use serde::{Deserialize, Serialize};
+
+/// The ratio at which ways are compared, that of the published single-block model (paper, table "Rate-distortion").
+pub(crate) const COMPARED: f64 = 263.0;
+
+/// The axis of sizes: small files stand on its right.
+pub(crate) const BY_SIZE: &str = "ratio: bytes of positions / bytes of the file";
+/// What stands in place of a margin where there is no file of that size.
+pub(crate) const NOT_OF_THIS_SIZE: &str = "no file of this size";
+/// A file whose size is off by more than this factor is not one of the size asked for.
+const OFF: f64 = 1.1;
+
+/// A way at a ratio, once a seed.
+pub(crate) struct RatePoint {
+    pub method: CompressionMethod,
+    /// Asked for.
+    pub ratio: f64,
+    /// What was measured, a seed after the other.
+    pub runs: Vec<MethodMeasurement>,
+}
+
+impl RatePoint {
+    /// A figure of every seed's scores; a seed without one is left out.
+    pub fn values(&self, of: &dyn Fn(&[Score]) -> Option<f64>) -> Vec<f64> {
+        self.runs.iter().filter(|r| r.failure.is_none()).filter_map(|r| of(&r.scores)).collect()
+    }
+
+    /// The scores of every seed, with what they are of.
+    pub fn pictures<'a>(&'a self, lab: &Lab<'_>) -> impl Iterator<Item = (String, &'a [Score])> {
+        let name = format!("{} at ratio {}", self.method.name(lab), self.ratio);
+        self.runs.iter().map(move |run| (name.clone(), &run.scores[..]))
+    }
+
+    /// Masked PSNR, mean over the views.
+    pub fn masked(&self) -> Vec<f64> {
+        self.values(&|s| mean(s, masked))
+    }
+
+    /// Is the file within a tenth of the size that was asked for, of `raw` bytes? Where not, the way has no such size, and
+    /// what it scores is no comparison at it.
+    pub fn met(&self, raw: f64) -> bool {
+        self.bytes().is_some_and(|b| (1.0 / OFF..OFF).contains(&(b * self.ratio / raw)))
+    }
+
+    /// Bytes of the file: the median's where seeds differ.
+    pub fn bytes(&self) -> Option<f64> {
+        let all: Vec<f64> = self.runs.iter().filter(|r| r.failure.is_none()).map(|r| r.bytes as f64).collect();
+        Spread::new(&all).map(|s| s.median)
+    }
+}
+
+/// What stands beside every way: masked PSNR in dB, means over the same views.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+pub(crate) struct ReferenceScores {
+    /// The picture of all particles without the noise of single ones.
+    pub noise_free: Option<f64>,
+    /// As many particles spread evenly over the box.
+    pub uniform_box: Option<f64>,
+    /// An empty picture.
+    pub all_black: Option<f64>,
+}
+
+/// The floors, and the line that no model is expected to pass: found beside any model's scores.
+pub(crate) fn beside(
+    lab: &Lab<'_>,
+    of: &Snapshot,
+    truth: &ReferenceViews,
+    any: &ModelBuild,
+) -> Result<ReferenceScores> {
+    lab.store.result("beside", &(&of.hash, truth.key()), || {
+        let scored =
+            score::evaluate(&any.model, &of.particles, &truth.views, truth.size, None, lab.context)?.mean.paraview;
+        Ok(ReferenceScores {
+            noise_free: scored.noise_free.masked_psnr,
+            uniform_box: scored.uniform_box.masked_psnr,
+            all_black: scored.all_black.masked_psnr,
+        })
+    })
+}
+
+/// Every way at every ratio, at every seed where it has a draw in it: models, which hardly depend on theirs and take
+/// longest, at the ratio that is compared alone.
+pub(crate) fn rows(lab: &Lab<'_>, of: &Snapshot, truth: &ReferenceViews, ratios: &[f64]) -> Result<Vec<RatePoint>> {
+    let (raw, methods) = (of.position_bytes() as f64, CompressionMethod::all_and_trained(lab));
+    lab.context.begin("ways and sizes", (ratios.len() * methods.len()) as u64);
+    let mut rows = Vec::new();
+    for &ratio in ratios {
+        for &method in &methods {
+            let several = method.is_random() && (!method.is_model() || ratio == COMPARED);
+            let seeds: Vec<u64> = lab.settings.seeds().take(if several { usize::MAX } else { 1 }).collect();
+            let run = |seed| method.measure(lab, of, truth, (raw / ratio) as u64, seed);
+            rows.push(RatePoint { method, ratio, runs: seeds.into_iter().map(run).collect::<Result<_>>()? });
+            lab.context.advance(1);
+        }
+    }
+    lab.context.end();
+    // A method's ratios stand together.
+    rows.sort_by_key(|r: &RatePoint| methods.iter().position(|m| *m == r.method));
+    Ok(rows)
+}
+
+/// A curve a way: colours are the compressor's, broken lines its other order, its particles moved, or models of
+/// the published law.
+pub(crate) fn series(lab: &Lab<'_>, method: CompressionMethod, points: Vec<Point>) -> Series {
+    let (style, dashed) = match method {
+        CompressionMethod::OpticalDepth => (0, false),
+        CompressionMethod::AlphaBlend => (0, true),
+        CompressionMethod::Subset => (1, false),
+        CompressionMethod::Baseline { at, jitter } => {
+            let family = |name: &str| name.split([' ', ',']).next().unwrap_or_default().to_string();
+            let own = family(lab.baselines[at].name());
+            let mut families: Vec<String> = lab.baselines.iter().map(|b| family(b.name())).collect();
+            families.dedup();
+            let first = lab.baselines.iter().position(|b| family(b.name()) == own);
+            (2 + families.iter().position(|f| *f == own).unwrap_or(0), jitter || first != Some(at))
+        }
+    };
+    Series { name: method.name(lab), style, dashed, points }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_of_a_size_is_not_compared_at_it() {
+        let of = |bytes| MethodMeasurement { bytes, bound: None, scores: Vec::new(), failure: None };
+        let row = |bytes: &[u64]| RatePoint {
+            method: CompressionMethod::Subset,
+            ratio: 10.0,
+            runs: bytes.iter().map(|b| of(*b)).collect(),
+        };
+        // 10,000 raw bytes at ratio 10: 1000, give or take a tenth.
+        let met = [&[1000][..], &[911, 900, 915], &[1101], &[9000], &[]].map(|b| row(b).met(10_000.0));
+        assert_eq!(met, [true, true, false, false, false]);
+    }
+}

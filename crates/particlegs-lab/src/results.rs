@@ -1,0 +1,205 @@
+//! What an experiment found, as plain data: tables, plots, pictures, and what a reader must know.
+
+use particlegs::picture::{Colormap, Rgb8};
+use particlegs_figure::is_identical;
+pub use particlegs_figure::{Plot, PlotAxis, Point, Series, Spread};
+use serde::{Deserialize, Serialize};
+
+#[derive(Debug, Default, Serialize)]
+pub struct ExperimentResults {
+    /// Tables, in the order of reading.
+    pub tables: Vec<ResultTable>,
+    pub plots: Vec<Plot>,
+    pub pictures: Vec<Pictures>,
+    /// What a reader must know: how it was measured, what was left out and why.
+    pub notes: Vec<String>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+pub struct ResultTable {
+    /// File name without its ending.
+    pub name: String,
+    pub title: String,
+    /// Heads of the columns, with units.
+    pub columns: Vec<String>,
+    /// Rows, as long as `columns`.
+    pub rows: Vec<Vec<TableCell>>,
+}
+
+impl ResultTable {
+    pub fn new(name: &str, title: impl Into<String>, columns: &[&str]) -> Self {
+        let columns = columns.iter().map(|c| (*c).to_string()).collect();
+        ResultTable { name: name.into(), title: title.into(), columns, rows: Vec::new() }
+    }
+
+    /// The same with further rows.
+    pub fn with<R: IntoIterator<Item = TableCell>>(mut self, rows: impl IntoIterator<Item = R>) -> Self {
+        rows.into_iter().for_each(|cells| self.row(cells));
+        self
+    }
+
+    pub fn row(&mut self, cells: impl IntoIterator<Item = TableCell>) {
+        let row: Vec<TableCell> = cells.into_iter().collect();
+        debug_assert_eq!(row.len(), self.columns.len(), "{}", self.name);
+        self.rows.push(row);
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum TableCell {
+    Text(String),
+    /// The median of several, and the smallest and largest.
+    Spread {
+        value: f64,
+        /// Smallest and largest.
+        range: [f64; 2],
+        /// Digits after the point.
+        digits: usize,
+    },
+    /// A number with so many digits after the point.
+    Number {
+        /// The number.
+        value: f64,
+        /// Digits after the point.
+        digits: usize,
+    },
+    /// Nothing was measured.
+    Empty,
+}
+
+impl TableCell {
+    pub fn text(words: impl Into<String>) -> TableCell {
+        TableCell::Text(words.into())
+    }
+
+    /// A number; nothing where there is none.
+    pub fn number(value: impl Into<Option<f64>>, digits: usize) -> TableCell {
+        value.into().filter(|v| v.is_finite()).map_or(TableCell::Empty, |value| TableCell::Number { value, digits })
+    }
+
+    pub fn count(value: u64) -> TableCell {
+        TableCell::number(value as f64, 0)
+    }
+
+    /// The median of values of several seeds with their range; one value alone is a number. Those that are not finite
+    /// are left out.
+    pub fn spread(values: &[f64], digits: usize) -> TableCell {
+        match Spread::new(values) {
+            None => TableCell::Empty,
+            Some(s) if values.len() == 1 => TableCell::number(s.median, digits),
+            Some(s) => TableCell::Spread { value: s.median, range: [s.low, s.high], digits },
+        }
+    }
+
+    /// Decibels of several seeds; `identical` where no picture of any differs from the truth.
+    pub fn decibels(values: &[f64]) -> TableCell {
+        match is_identical(values) {
+            true => TableCell::text("identical"),
+            false => TableCell::spread(values, 2),
+        }
+    }
+
+    /// As it stands in a table of text.
+    pub fn in_words(&self) -> String {
+        match self {
+            TableCell::Text(words) => words.clone(),
+            TableCell::Number { value, digits } => grouped(*value, *digits),
+            TableCell::Spread { value, range: [low, high], digits } => {
+                let [value, low, high] = [value, low, high].map(|v| grouped(*v, *digits));
+                // Digits that are shown do not tell them apart.
+                if low == high { value } else { format!("{value} ({low} to {high})") }
+            }
+            TableCell::Empty => "–".into(),
+        }
+    }
+
+    /// As it stands in a file of values: every digit, nothing where nothing was measured.
+    pub fn plain(&self) -> String {
+        match self {
+            TableCell::Text(words) => words.clone(),
+            TableCell::Number { value, .. } | TableCell::Spread { value, .. } => value.to_string(),
+            TableCell::Empty => String::new(),
+        }
+    }
+
+    pub fn is_number(&self) -> bool {
+        matches!(self, TableCell::Number { .. } | TableCell::Spread { .. })
+    }
+}
+
+/// Whole numbers of five digits and more in groups of three.
+pub(crate) fn grouped(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    // What is rounded to nothing has no sign.
+    let text = if text.contains(|c: char| ('1'..='9').contains(&c)) { text } else { text.replace('-', "") };
+    let (whole, rest) = text.split_at(text.find('.').unwrap_or(text.len()));
+    let (sign, whole) = whole.strip_prefix('-').map_or(("", whole), |w| ("-", w));
+    if whole.len() < 5 {
+        return text;
+    }
+    let digits: Vec<&str> =
+        (0..whole.len()).rev().step_by(3).map(|end| &whole[(end + 1).saturating_sub(3)..=end]).collect();
+    format!("{sign}{}{rest}", digits.into_iter().rev().collect::<Vec<_>>().join(","))
+}
+
+/// Colours that stand for a quantity, in equal steps of its logarithm.
+#[derive(Clone, Debug)]
+pub struct Colours {
+    /// The quantity, with its unit.
+    pub title: String,
+    /// From the lowest to the highest.
+    pub map: Colormap,
+    /// The lowest value, and the highest.
+    pub range: [f64; 2],
+}
+
+/// Pictures of one size side by side.
+#[derive(Debug, Serialize)]
+pub struct Pictures {
+    /// File name without its ending.
+    pub name: String,
+    /// What stands above them.
+    pub title: String,
+    /// What they show, for a reader who has no other text.
+    pub caption: String,
+    /// How many stand beside each other.
+    pub columns: usize,
+    /// What their colours say, where they are not grey levels.
+    #[serde(skip)]
+    pub colours: Option<Colours>,
+    /// What stands under each, and the picture.
+    #[serde(skip)]
+    pub panels: Vec<(String, Rgb8)>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_grouped_and_spreads_told() {
+        let said = [0.0, 1234.0, 12345.0, -1_234_567.0].map(|v| TableCell::number(v, 0).in_words());
+        assert_eq!(said, ["0", "1234", "12,345", "-1,234,567"]);
+        assert_eq!(TableCell::number(12345.678, 2).in_words(), "12,345.68");
+        assert_eq!([-0.004, -0.006].map(|v| TableCell::number(v, 2).in_words()), ["0.00", "-0.01"]);
+        assert_eq!(TableCell::spread(&[3.0, 1.0, 2.0], 1).in_words(), "2.0 (1.0 to 3.0)");
+        assert_eq!(TableCell::spread(&[3.01, 3.0, 3.02], 1).in_words(), "3.0");
+        assert_eq!(TableCell::spread(&[4.0], 1), TableCell::number(4.0, 1));
+        assert_eq!(TableCell::number(f64::NAN, 1), TableCell::Empty);
+        assert_eq!(TableCell::number(None, 1).plain(), "");
+        assert_eq!(Spread::new(&[1.0, 2.0, f64::INFINITY, 4.0, 8.0]).unwrap().median, 3.0);
+    }
+
+    #[test]
+    fn identical_pictures_have_a_cell_and_a_point() {
+        let same = [f64::INFINITY; 2];
+        assert_eq!(
+            (TableCell::decibels(&same), TableCell::decibels(&[])),
+            (TableCell::text("identical"), TableCell::Empty)
+        );
+        assert_eq!(TableCell::decibels(&[30.0, f64::INFINITY]).in_words(), "30.00");
+        assert_eq!(Point::decibels(3.0, &same).map(|p| (p.x, p.y)), Some((3.0, f64::INFINITY)));
+        assert!(Point::decibels(3.0, &[]).is_none());
+    }
+}

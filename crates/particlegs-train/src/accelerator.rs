@@ -1,0 +1,47 @@
+//! A device that draws and trains in place of the CPU.
+
+use crate::alpha;
+use crate::depth::{DepthStepper, Parameters};
+use crate::subject::TrainingSubject;
+use particlegs_core::Result;
+use particlegs_core::context::Context;
+use particlegs_core::render::{Renderer, Scene};
+use particlegs_core::space::Bounds;
+use std::fmt::Debug;
+use std::ops::Range;
+
+/// Positions of a range of particles in columns, relative to the snapshot's origin.
+pub type ColumnReader<'a> = Box<dyn Fn(Range<usize>) -> [Vec<f32>; 3] + Send + Sync + 'a>;
+
+/// Particles as a device reads them.
+pub struct ParticleInput<'a> {
+    /// What positions are relative to, world units.
+    pub origin: [f64; 3],
+    /// World units; they clip where a view does not say.
+    pub bounds: Bounds,
+    /// Number of particles.
+    pub count: usize,
+    /// Reads positions.
+    pub columns: ColumnReader<'a>,
+}
+
+/// A device that draws and trains in place of the CPU: it opens [`Renderer`]s, and takes steps of training.
+pub trait Accelerator: Debug + Send + Sync {
+    /// Its name, which results that it had a part in depend on.
+    fn name(&self) -> &str;
+
+    /// Sends a scene to the device, which draws it.
+    fn scene(&self, of: &Scene<'_>) -> Result<Box<dyn Renderer>>;
+
+    /// Sends particles to the device, as many as it has room for; the others are sent again for every picture.
+    fn particles<'a>(&self, of: ParticleInput<'a>, context: &Context<'_>) -> Result<Box<dyn Renderer + 'a>>;
+
+    /// The same subject, whose pictures the device draws.
+    fn subject<'a>(&self, of: &'a dyn TrainingSubject, context: &Context<'_>) -> Result<Box<dyn TrainingSubject + 'a>>;
+
+    /// Takes steps of these Gaussians of the optical-depth law.
+    fn depth_steps(&self, of: &Parameters) -> Result<Box<dyn DepthStepper>>;
+
+    /// Takes steps of these Gaussians of the alpha-blend law.
+    fn alpha_steps(&self, of: &alpha::Gaussians) -> Result<Box<dyn alpha::AlphaStepper>>;
+}

@@ -1,0 +1,74 @@
+//! What a block may take of the whole, and what the blocks together became: their file, and whether it meets its target.
+
+use super::block::{BlockParticles, CodedBlock};
+use super::layer::Share;
+use super::plan::CompressionPlan;
+use super::size::SizeOutcome;
+use crate::codec::{self, CodedLayer};
+use crate::model::{Certificate, Metadata, Target};
+use crate::space::Bounds;
+use crate::{Error, Hint, Result};
+
+impl CompressionPlan {
+    /// The share of a block of what `target` asks of the whole.
+    pub(super) fn share(&self, target: Target, block: &BlockParticles) -> Result<Share> {
+        match (target, target.bytes(self.raw_bytes())) {
+            (_, Some(bytes)) => {
+                let left = bytes.saturating_sub(self.overhead());
+                let share = block.raw_bytes as f64 / self.raw_bytes() as f64;
+                Ok(Share::Bytes((left as f64 * share) as u64))
+            }
+            (Target::Gaussians(number), _) => {
+                let share = block.count as f64 / self.metadata.count as f64;
+                Ok(Share::Gaussians(((number as f64 * share).round() as u64).max(1)))
+            }
+            _ => Err(Error::argument("a quality cannot be divided among blocks: ask for a size or a ratio")),
+        }
+    }
+
+    /// What a user should know of how all blocks together meet their target.
+    pub(crate) fn judge(&self, blocks: &[CodedBlock]) -> Result<Option<String>> {
+        let Some(target) = self.recipe().target.bytes(self.raw_bytes()) else { return Ok(None) };
+        let smallest = blocks.iter().map(|b| b.size() as u64).sum::<u64>() + self.overhead();
+        if blocks.iter().any(|b| b.size_met == SizeOutcome::TooLarge) {
+            let what =
+                format!("{target} bytes were asked for; the smallest file of this snapshot has {smallest} bytes");
+            if self.recipe().target != Target::Default {
+                let ratio = self.raw_bytes() as f64 / smallest as f64;
+                let hint = Hint::larger_file(smallest).words(", or for ").option("ratio", format!("{ratio:.4}"));
+                return Err(Error::unreachable(what, hint.words(" or less")));
+            }
+            return Ok(Some(what));
+        }
+        Ok(blocks.iter().all(|b| b.size_met == SizeOutcome::TooSmall).then(|| {
+            format!(
+                "the file has {smallest} bytes, less than the {target} asked for: more Gaussians would fit the \
+                 particles' noise (a number of Gaussians as the target sets it)"
+            )
+        }))
+    }
+
+    /// The file of all blocks, with the network of block 0 (paper section III-D).
+    pub(crate) fn file(&self, blocks: &[CodedBlock], certificate: Option<&Certificate>) -> Result<Vec<u8>> {
+        self.file_within(self.metadata.bounds, blocks, certificate)
+    }
+
+    /// The file of one block on its own: a model of its particles, drawn as the whole is.
+    pub(crate) fn block_file(&self, block: &CodedBlock) -> Result<Vec<u8>> {
+        self.file_within(block.bounds, std::slice::from_ref(block), None)
+    }
+
+    fn file_within(&self, bounds: Bounds, blocks: &[CodedBlock], certificate: Option<&Certificate>) -> Result<Vec<u8>> {
+        let mut layers: Vec<CodedLayer> = Vec::new();
+        for layer in blocks.iter().flat_map(|b| &b.layers) {
+            match layers.iter_mut().find(|l| l.name == layer.name) {
+                Some(l) => l.content.extend(layer.content.iter().cloned()),
+                None => layers.push(layer.clone()),
+            }
+        }
+        let (count, mass) = codec::sums(&layers)?;
+        let metadata = Metadata { count, mass, bounds, ..self.metadata.clone() };
+        let network = blocks.first().and_then(|b| b.vizmapper.as_ref());
+        codec::assemble_with(&metadata, network, certificate, layers)
+    }
+}
