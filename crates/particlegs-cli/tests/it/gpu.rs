@@ -7,7 +7,6 @@ use crate::common::{json, particlegs};
 use crate::models::tiny;
 #[cfg(feature = "gpu")]
 use particlegs::{codec, model::LawKind};
-#[cfg(feature = "gpu")]
 
 /// A folder with a small model of the sample.
 fn folder() -> TestFolder {
