@@ -1,7 +1,7 @@
 //! What the targets of the particle formats share.
 
-use particlegs::particles::RUN;
-use particlegs::context::Context;
+use particlegs_pipeline::particles::RUN;
+use particlegs_pipeline::context::Context;
 use particlegs_formats::Choice;
 use std::path::PathBuf;
 use std::sync::OnceLock;

@@ -2,7 +2,7 @@
 
 use crate::errors::InputError;
 use numpy::{PyArrayDescrMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
-use particlegs::particles::Column;
+use particlegs_pipeline::particles::Column;
 use particlegs_formats::Array;
 use pyo3::prelude::*;
 use std::sync::Arc;

@@ -1,8 +1,8 @@
 //! `--device`: what draws and trains.
 
 use clap::Args;
-use particlegs::train::Accelerator;
-use particlegs::{Error, Result};
+use particlegs_pipeline::train::Accelerator;
+use particlegs_pipeline::{Error, Result};
 use std::str::FromStr;
 use std::sync::Arc;
 
@@ -89,7 +89,6 @@ fn accelerator(_: Option<usize>) -> Result<Arc<dyn Accelerator>> {
 /// Why a program that was built without GPU support does not do this.
 #[cfg(not(feature = "gpu"))]
 pub fn no_gpu_support() -> Error {
-    let what = "this program was built without GPU support".into();
-    let remedy = "build it with `cargo build --release -p particlegs-cli --features gpu`".into();
-    Error::Argument { what, remedy }
+    let what = "this program was built without GPU support";
+    Error::argument_with(what, "build it with `cargo build --release -p particlegs-cli --features gpu`")
 }

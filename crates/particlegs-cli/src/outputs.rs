@@ -3,9 +3,9 @@
 use crate::common::CommandContext;
 use crate::text_wrap::wrapped;
 use clap::Args;
-use particlegs::{Error, Result, codec};
 use particlegs_files::output;
 use particlegs_files::output::{FileSet, Input, Kind, Outputs};
+use particlegs_pipeline::{Error, Result, codec};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;

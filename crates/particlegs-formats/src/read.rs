@@ -5,14 +5,14 @@ use crate::folder::resolved;
 use crate::open::spool;
 use crate::snapshot::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, raw};
-use particlegs::context::Context;
-use particlegs::model::{Dimension, Unit, UnitSystem, Units, WeightKind, is_species};
-use particlegs::particles::{
+use particlegs_files::input::{Source, SpoolFile, is_stream};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::{Dimension, Unit, UnitSystem, Units, WeightKind, is_species};
+use particlegs_pipeline::particles::{
     LayerFields, LayeredParticles, Particles, Selection, SnapshotMeta, SnapshotReader, Storage,
 };
-use particlegs::space::Bounds;
-use particlegs::{Error, Result};
-use particlegs_files::input::{Source, SpoolFile, is_stream};
+use particlegs_pipeline::space::Bounds;
+use particlegs_pipeline::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -275,7 +275,7 @@ fn opened(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
 fn bounds_of(reader: &dyn SnapshotReader, context: &Context<'_>) -> Result<Bounds> {
     let all = std::sync::Mutex::new(Bounds::empty());
     let origin = reader.origin();
-    let runs = reader.count().div_ceil(particlegs::particles::RUN as u64);
+    let runs = reader.count().div_ceil(particlegs_pipeline::particles::RUN as u64);
     reader.read(0..runs, context, &|_, chunk| {
         let ends = chunk.position.map(|c| {
             let finite = c.iter().filter(|v| v.is_finite());

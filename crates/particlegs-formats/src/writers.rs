@@ -1,10 +1,10 @@
 //! The formats that snapshots are written in.
 
 use crate::fields::OutField;
-use particlegs::context::Context;
-use particlegs::model::Cosmology;
-use particlegs::particles::{RawForm, SelectedParticles};
-use particlegs::{Error, Result};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::Cosmology;
+use particlegs_pipeline::particles::{RawForm, SelectedParticles};
+use particlegs_pipeline::{Error, Result};
 use std::path::Path;
 
 /// A format that is written.

@@ -26,7 +26,7 @@ mod verify;
 mod view;
 
 use clap::Subcommand;
-use particlegs::Result;
+use particlegs_pipeline::Result;
 
 /// The verbs.
 // Parsed once: its size costs nothing.

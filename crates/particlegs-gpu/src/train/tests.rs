@@ -296,12 +296,12 @@ fn more_gaussians_than_it_holds_are_refused() {
 /// A fit that is trained, on the processor and on the device: held-out views within 0.05 dB.
 #[test]
 fn a_short_run_reaches_the_processors_score() {
-    use particlegs::checkpoint::NoCheckpoints;
-    use particlegs::compress::{Options, Target, compress};
-    use particlegs::train::{Config, Limits, Preset, Start};
+    use particlegs_pipeline::checkpoint::NoCheckpoints;
+    use particlegs_pipeline::compress::{Options, Target, compress};
+    use particlegs_pipeline::train::{Config, Limits, Preset, Start};
     let Some(device) = device() else { return };
     let device: Arc<dyn Accelerator> = Arc::new(GpuAccelerator::new(device));
-    let fast = Config::preset(Preset::Fast, particlegs::model::LawKind::OpticalDepth);
+    let fast = Config::preset(Preset::Fast, particlegs_pipeline::model::LawKind::OpticalDepth);
     let config = Config {
         start: Start::Random,
         target: ToneStyle::Expected,

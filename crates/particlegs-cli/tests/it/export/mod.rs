@@ -7,7 +7,7 @@ mod tables;
 
 use crate::common::TestFolder;
 use crate::models::tiny;
-use particlegs::model::LawKind;
+use particlegs_pipeline::model::LawKind;
 use serde_json::Value;
 
 const KINDS: [&str; 8] = ["ply", "glb", "gltf", "npy", "vti", "fits", "npz", "csv"];

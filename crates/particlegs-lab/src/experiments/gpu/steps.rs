@@ -4,17 +4,17 @@ use super::scenes::{OPACITY, TiledScene, views};
 use super::work::{BlendWork, DepthWork, WorkBound};
 use super::{GpuBench, GpuTables, LIMIT, pixels};
 use crate::results::TableCell;
-use particlegs::Result;
-use particlegs::camera::{Normalisation, View};
-use particlegs::model::LawKind;
-use particlegs::picture::{Plane, Size};
-use particlegs::render::{Renderer, Scene};
-use particlegs::splat::ToneStyle;
-use particlegs::train::alpha::{self, TrainingScale};
-use particlegs::train::depth::{Parameters, StepSize};
-use particlegs::train::{Accelerator, AlphaConfig, Crop, Loss, StepReport, TrainingSample};
 use particlegs_gpu::GpuAccelerator;
 use particlegs_gpu::render::ScenePictures;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::camera::{Normalisation, View};
+use particlegs_pipeline::model::LawKind;
+use particlegs_pipeline::picture::{Plane, Size};
+use particlegs_pipeline::render::{Renderer, Scene};
+use particlegs_pipeline::splat::ToneStyle;
+use particlegs_pipeline::train::alpha::{self, TrainingScale};
+use particlegs_pipeline::train::depth::{Parameters, StepSize};
+use particlegs_pipeline::train::{Accelerator, AlphaConfig, Crop, Loss, StepReport, TrainingSample};
 use std::time::Instant;
 
 /// Steps of a measurement, behind two: so many that the last, as the first, is of the first picture.

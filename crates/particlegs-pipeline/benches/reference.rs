@@ -1,12 +1,12 @@
 //! Speed of pictures of all particles: `cargo bench --bench reference`.
 
 use divan::{Bencher, counter::ItemsCount};
-use particlegs::camera::{View, base_distance, spherical_camera};
-use particlegs::context::Context;
-use particlegs::particles::Particles;
-use particlegs::picture::Size;
-use particlegs::reference::Reference;
-use particlegs::splat::ToneStyle;
+use particlegs_pipeline::camera::{View, base_distance, spherical_camera};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::reference::Reference;
+use particlegs_pipeline::splat::ToneStyle;
 use std::path::Path;
 
 const SIZE: Size = Size { width: 1920, height: 1080 };

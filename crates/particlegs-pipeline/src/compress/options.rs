@@ -38,6 +38,16 @@ pub struct Options {
 }
 
 impl Options {
+    /// A file so many times smaller than the positions in float32.
+    pub fn ratio(ratio: f64) -> Self {
+        Options { target: Target::Ratio(ratio), ..Options::default() }
+    }
+
+    /// So many Gaussians.
+    pub fn gaussians(number: u64) -> Self {
+        Options { target: Target::Gaussians(number), ..Options::default() }
+    }
+
     /// How Gaussians become pictures.
     pub fn law(&self) -> LawKind {
         self.training.as_ref().map_or(LawKind::OpticalDepth, |t| t.law)

@@ -4,19 +4,19 @@
 mod common;
 
 use common::reseal;
-use particlegs::camera::{View, base_distance, spherical_camera};
-use particlegs::codec::{self, Merge};
-use particlegs::compress::{Target, simplify};
-use particlegs::context::Context;
-use particlegs::math::Random;
-use particlegs::model::Model;
-use particlegs::particles::RawForm;
-use particlegs::picture::Size;
-use particlegs::recover::{Method, Options, recover};
-use particlegs::render::{Scene, draw, surface_density};
-use particlegs::splat::ToneStyle;
-use particlegs::stats::{StatsOptions, Subject, compare};
-use particlegs::{Error, camera};
+use particlegs_pipeline::camera::{View, base_distance, spherical_camera};
+use particlegs_pipeline::codec::{self, Merge};
+use particlegs_pipeline::compress::{Target, simplify};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::math::Random;
+use particlegs_pipeline::model::Model;
+use particlegs_pipeline::particles::RawForm;
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::recover::{Method, Options, recover};
+use particlegs_pipeline::render::{Scene, draw, surface_density};
+use particlegs_pipeline::splat::ToneStyle;
+use particlegs_pipeline::stats::{StatsOptions, Subject, compare};
+use particlegs_pipeline::{Error, camera};
 use std::time::{Duration, Instant};
 
 const SIZE: Size = Size { width: 40, height: 24 };

@@ -5,13 +5,13 @@
 mod common;
 
 use common::layer;
-use particlegs::compress::{Options, Target};
-use particlegs::context::Context;
-use particlegs::fit::Effort;
-use particlegs::job::Job;
-use particlegs::math::Random;
-use particlegs::model::CertificateLevel;
-use particlegs::particles::{LayeredParticles, Particles};
+use particlegs_pipeline::compress::{Options, Target};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::fit::Effort;
+use particlegs_pipeline::job::Job;
+use particlegs_pipeline::math::Random;
+use particlegs_pipeline::model::CertificateLevel;
+use particlegs_pipeline::particles::{LayeredParticles, Particles};
 use serde_json::{Value, json};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
@@ -96,7 +96,7 @@ fn steps(folder: &Path, what: &str) -> Vec<String> {
         let late = || began.elapsed() > LONGEST;
         let until = Context::SILENT.with_cancel(&late);
         let mut errors = Vec::new();
-        let mut note = |result: particlegs::Result<()>| errors.extend(result.err().map(|e| e.to_string()));
+        let mut note = |result: particlegs_pipeline::Result<()>| errors.extend(result.err().map(|e| e.to_string()));
         let job = match Job::open(folder) {
             Ok(job) => job,
             Err(e) => return vec![e.to_string()],

@@ -7,11 +7,11 @@ use common::{
     block, certificate, check_bytes, check_cuts, coded, damaged, encoded, metadata, mixture, on_threads, partner,
     reseal,
 };
-use particlegs::Error;
-use particlegs::codec::{self, CodedLayer, Encoder, Merge, Precision, VIZMAPPER_SECTION_BYTES};
-use particlegs::context::Context;
-use particlegs::math::Random;
-use particlegs::model::{
+use particlegs_pipeline::Error;
+use particlegs_pipeline::codec::{self, CodedLayer, Encoder, Merge, Precision, VIZMAPPER_SECTION_BYTES};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::math::Random;
+use particlegs_pipeline::model::{
     AlphaBlend, Block, CertificateLevel, Law, LawKind, Layer, MASS, Mass, Metadata, Mixture, Model,
     VIZMAPPER_PARAMETERS, VizMapper, VizRanges,
 };

@@ -1,19 +1,19 @@
 //! Models to write, and files to damage. Not every test file needs all of it.
 #![allow(dead_code)]
 
-use particlegs::Error;
-use particlegs::codec::{self, Encoder, Precision};
-use particlegs::compress::Options;
-use particlegs::context::Context;
-use particlegs::job::{Job, Task};
-use particlegs::math::{Random, Sym3};
-use particlegs::model::{
+use particlegs_pipeline::Error;
+use particlegs_pipeline::codec::{self, Encoder, Precision};
+use particlegs_pipeline::compress::Options;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::job::{Job, Task};
+use particlegs_pipeline::math::{Random, Sym3};
+use particlegs_pipeline::model::{
     Block, CellDensity, Certificate, Cosmology, DensityMetrics, Epoch, LawKind, Layer, Limit, Mass, Metadata, Mixture,
     Model, OrbitMetrics, PictureScore, PictureScores, Recipe, ScienceMetrics, ScienceSubject, Spacing, Subset, Units,
     ViewMetrics,
 };
-use particlegs::particles::{LayeredParticles, Particles};
-use particlegs::space::{Bounds, Cell};
+use particlegs_pipeline::particles::{LayeredParticles, Particles};
+use particlegs_pipeline::space::{Bounds, Cell};
 use std::ops::Range;
 use std::path::Path;
 

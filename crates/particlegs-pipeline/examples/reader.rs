@@ -1,8 +1,8 @@
 //! A reader of one's own: particles that come from anywhere, run by run, in bounded memory:
 //! `cargo run --release --example reader`.
 
-use particlegs::context::Context;
-use particlegs::particles::{Chunk, LayeredParticles, RUN, SnapshotMeta, SnapshotReader, Storage};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::particles::{Chunk, LayeredParticles, RUN, SnapshotMeta, SnapshotReader, Storage};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -33,8 +33,8 @@ impl SnapshotReader for Spiral {
         &self,
         runs: Range<u64>,
         context: &Context<'_>,
-        sink: &(dyn Fn(u64, Chunk<'_>) -> particlegs::Result<()> + Sync),
-    ) -> particlegs::Result<()> {
+        sink: &(dyn Fn(u64, Chunk<'_>) -> particlegs_pipeline::Result<()> + Sync),
+    ) -> particlegs_pipeline::Result<()> {
         for run in runs {
             context.check()?;
             let own = run * RUN as u64..self.count.min((run + 1) * RUN as u64);
@@ -47,7 +47,7 @@ impl SnapshotReader for Spiral {
     }
 }
 
-fn main() -> particlegs::Result<()> {
+fn main() -> particlegs_pipeline::Result<()> {
     let meta = SnapshotMeta { name: "spiral".into(), ..SnapshotMeta::default() };
     let reader = Arc::new(Spiral { meta, count: 200_000 });
     let source = LayeredParticles::new(vec![("gas".into(), reader)])?;

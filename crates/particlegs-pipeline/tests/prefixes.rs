@@ -1,13 +1,13 @@
 //! The first bytes of a block, drawn: about as good as a model that was simplified to as many bytes.
 
-use particlegs::checkpoint::NoCheckpoints;
-use particlegs::codec;
-use particlegs::compress::{Options, compress, simplify};
-use particlegs::context::Context;
-use particlegs::model::{CertificateLevel, Layer, Model, Target};
-use particlegs::particles::Particles;
-use particlegs::picture::Size;
-use particlegs::score::{evaluate, evaluation_views};
+use particlegs_pipeline::checkpoint::NoCheckpoints;
+use particlegs_pipeline::codec;
+use particlegs_pipeline::compress::{Options, compress, simplify};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::{CertificateLevel, Layer, Model, Target};
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::score::{evaluate, evaluation_views};
 use std::path::Path;
 
 #[test]

@@ -1,9 +1,9 @@
 //! Speed of the partition on the sample and on a cloud of four million particles.
 
-use particlegs::context::Context;
-use particlegs::fit::{Effort, FitOptions, fit};
-use particlegs::math::Random;
-use particlegs::particles::Particles;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::fit::{Effort, FitOptions, fit};
+use particlegs_pipeline::math::Random;
+use particlegs_pipeline::particles::Particles;
 use std::path::Path;
 
 fn main() {

@@ -1,20 +1,20 @@
 //! Odd coordinates and boxes: a snapshot becomes a model that can be read, drawn and measured, or is
 //! refused in one line.
 
-use particlegs::camera::{View, base_distance, spherical_camera};
-use particlegs::checkpoint::NoCheckpoints;
-use particlegs::compress::{Options, Target, compress};
-use particlegs::context::Context;
-use particlegs::fit::Effort;
-use particlegs::math::Random;
-use particlegs::model::{CertificateLevel, Layer, Mass, Model};
-use particlegs::particles::Particles;
-use particlegs::picture::Size;
-use particlegs::render::{Scene, draw};
-use particlegs::space::Cell;
-use particlegs::splat::ToneStyle;
-use particlegs::stats::{StatsOptions, Subject, compare};
-use particlegs::{Error, Result, codec};
+use particlegs_pipeline::camera::{View, base_distance, spherical_camera};
+use particlegs_pipeline::checkpoint::NoCheckpoints;
+use particlegs_pipeline::compress::{Options, Target, compress};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::fit::Effort;
+use particlegs_pipeline::math::Random;
+use particlegs_pipeline::model::{CertificateLevel, Layer, Mass, Model};
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::render::{Scene, draw};
+use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::splat::ToneStyle;
+use particlegs_pipeline::stats::{StatsOptions, Subject, compare};
+use particlegs_pipeline::{Error, Result, codec};
 
 const SIZE: Size = Size { width: 40, height: 24 };
 

@@ -1,13 +1,13 @@
 //! Frames of a mixture: `cargo bench --bench render`.
 
-use particlegs::camera::{View, base_distance, spherical_camera};
-use particlegs::context::Context;
-use particlegs::fit::{Effort, FitOptions, fit};
-use particlegs::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
-use particlegs::particles::Particles;
-use particlegs::picture::Size;
-use particlegs::render::{Scene, optical_depth};
-use particlegs::space::Bounds;
+use particlegs_pipeline::camera::{View, base_distance, spherical_camera};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::fit::{Effort, FitOptions, fit};
+use particlegs_pipeline::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::render::{Scene, optical_depth};
+use particlegs_pipeline::space::Bounds;
 
 fn main() {
     divan::main();

@@ -7,12 +7,12 @@ use common::{
     block, certificate, check_bytes, check_cuts, coded, damaged, encoded, metadata, mixture, on_threads, partner,
     reseal,
 };
-use particlegs::Error;
-use particlegs::codec::{self, Encoder, Precision};
-use particlegs::context::Context;
-use particlegs::math::Sym3;
-use particlegs::model::{Block, CertificateLevel, Layer, Mass, Mixture, Model};
-use particlegs::space::Cell;
+use particlegs_pipeline::Error;
+use particlegs_pipeline::codec::{self, Encoder, Precision};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::math::Sym3;
+use particlegs_pipeline::model::{Block, CertificateLevel, Layer, Mass, Mixture, Model};
+use particlegs_pipeline::space::Cell;
 use proptest::prelude::*;
 
 fn head(blocks: usize) -> Layer<usize> {

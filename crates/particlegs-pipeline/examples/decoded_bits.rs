@@ -1,8 +1,8 @@
 //! Every number of a decoded model as hexadecimal bits, one line a Gaussian, for comparison with another reader
 //! of docs/format.md: `decoded_bits MODEL.pgs`.
 
-use particlegs::codec;
-use particlegs::model::{Block, Certificate, Effort, LawKind, MetricValue, Model, Unit};
+use particlegs_pipeline::codec;
+use particlegs_pipeline::model::{Block, Certificate, Effort, LawKind, MetricValue, Model, Unit};
 use std::io::{BufWriter, Write};
 
 fn bits(values: impl IntoIterator<Item = f64>) -> String {

@@ -1,27 +1,27 @@
 //! What the first bytes of a model's block are worth, beside a model that was simplified to as many bytes: masked PSNR of
-//! noise-free pictures against the snapshot's. `cargo run --release -p particlegs --example prefixes MODEL.pgs X.f32 Y.f32
+//! noise-free pictures against the snapshot's. `cargo run --release -p particlegs-pipeline --example prefixes MODEL.pgs X.f32 Y.f32
 //! Z.f32`, a model of one block and the raw columns that it was made of.
 
-use particlegs::camera::View;
-use particlegs::codec::{self, CodedLayer};
-use particlegs::compress::simplify;
-use particlegs::context::Context;
-use particlegs::model::{Layer, Model, Target};
-use particlegs::particles::Particles;
-use particlegs::picture::Size;
-use particlegs::score::{evaluate, evaluation_views};
+use particlegs_pipeline::camera::View;
+use particlegs_pipeline::codec::{self, CodedLayer};
+use particlegs_pipeline::compress::simplify;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::{Layer, Model, Target};
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::score::{evaluate, evaluation_views};
 use std::path::PathBuf;
 
 const SIZE: Size = Size { width: 640, height: 360 };
 /// Shares of the block's bytes, per cent.
 const SHARES: [usize; 4] = [5, 10, 25, 50];
 
-fn score(model: &Model, particles: &Particles, views: &[View]) -> particlegs::Result<f64> {
+fn score(model: &Model, particles: &Particles, views: &[View]) -> particlegs_pipeline::Result<f64> {
     let evaluation = evaluate(model, particles, views, SIZE, None, &Context::SILENT)?;
     Ok(evaluation.mean.expected.model.masked_psnr.unwrap_or(f64::INFINITY))
 }
 
-fn main() -> particlegs::Result<()> {
+fn main() -> particlegs_pipeline::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let (path, columns) = arguments.split_first().expect("MODEL.pgs X.f32 Y.f32 Z.f32");
     let columns: Vec<PathBuf> = columns.iter().map(PathBuf::from).collect();

@@ -42,6 +42,13 @@ pub struct Options {
     pub model_name: String,
 }
 
+impl Default for Options {
+    fn default() -> Self {
+        let (form, model_name) = (RawForm::Columns, String::new());
+        Options { particles: None, method: Method::Count, scale: 1.0, seed: 0, form, model_name }
+    }
+}
+
 impl Options {
     pub(super) fn check(&self) -> Result<()> {
         if self.scale > 0.0 && self.scale.is_finite() {

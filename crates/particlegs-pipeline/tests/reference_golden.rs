@@ -1,11 +1,11 @@
 //! The sample drawn by VTK 9.7 set up as ParaView 6.0.1 (Mesa llvmpipe), against our pictures.
 
-use particlegs::camera::ViewsFile;
-use particlegs::context::Context;
-use particlegs::particles::Particles;
-use particlegs::picture::{Gray8, read_png};
-use particlegs::reference::Reference;
-use particlegs::splat::ToneStyle;
+use particlegs_pipeline::camera::ViewsFile;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::picture::{Gray8, read_png};
+use particlegs_pipeline::reference::Reference;
+use particlegs_pipeline::splat::ToneStyle;
 use std::path::Path;
 
 fn root() -> &'static Path {

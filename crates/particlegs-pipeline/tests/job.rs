@@ -4,15 +4,15 @@
 mod common;
 
 use common::layer;
-use particlegs::compress::{Checkpoint, Compression, FineTuning, Options, Target, certify};
-use particlegs::context::Context;
-use particlegs::fit::Effort;
-use particlegs::job::Job;
-use particlegs::model::{CertificateLevel, LawKind, Limit, Units};
-use particlegs::particles::{LayeredParticles, Particles, Storage};
-use particlegs::space::Cell;
-use particlegs::train::{Config, Limits, Preset};
-use particlegs::{Error, codec};
+use particlegs_pipeline::compress::{Checkpoint, Compression, FineTuning, Options, Target, certify};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::fit::Effort;
+use particlegs_pipeline::job::Job;
+use particlegs_pipeline::model::{CertificateLevel, LawKind, Limit, Units};
+use particlegs_pipeline::particles::{LayeredParticles, Particles, Storage};
+use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::train::{Config, Limits, Preset};
+use particlegs_pipeline::{Error, codec};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -41,7 +41,7 @@ fn planned(folder: &Path) -> Job {
 fn blocks_that_changed_places_are_found() {
     let folder = tempfile::tempdir().unwrap();
     let job = planned(&folder.path().join("job"));
-    let source = || -> particlegs::Result<LayeredParticles> { panic!("buckets are enough") };
+    let source = || -> particlegs_pipeline::Result<LayeredParticles> { panic!("buckets are enough") };
     for block in 0..2 {
         job.block(block, source, &Context::SILENT).unwrap();
     }
@@ -57,7 +57,7 @@ fn blocks_that_changed_places_are_found() {
 #[test]
 fn a_block_goes_on_where_it_stopped() {
     let folder = tempfile::tempdir().unwrap();
-    let source = || -> particlegs::Result<LayeredParticles> { panic!("buckets are enough") };
+    let source = || -> particlegs_pipeline::Result<LayeredParticles> { panic!("buckets are enough") };
     let job = planned(&folder.path().join("whole"));
     job.block(0, source, &Context::SILENT).unwrap();
     let whole = std::fs::read(job.folder.join("blocks/00000.pgs")).unwrap();
@@ -141,7 +141,7 @@ fn other_options_are_other_work() {
     // What was kept of one is not gone on from by another.
     let path = folder.path().join("m.checkpoint");
     let mut kept = Checkpoint::fresh(path.clone(), &ids[0]);
-    particlegs::checkpoint::CheckpointStore::keep_now(&mut kept, "train", vec![1]).unwrap();
+    particlegs_pipeline::checkpoint::CheckpointStore::keep_now(&mut kept, "train", vec![1]).unwrap();
     assert_eq!(Checkpoint::open(path.clone(), &ids[0]).unwrap().len(), 1);
     for other in &ids[1..] {
         let opened = Checkpoint::open(path.clone(), other).unwrap();

@@ -1,7 +1,7 @@
 //! docs/guide/training.md names every hyper-parameter, and none that there is not.
 
-use particlegs::model::LawKind;
-use particlegs::train::{Config, Preset};
+use particlegs_pipeline::model::LawKind;
+use particlegs_pipeline::train::{Config, Preset};
 use serde_json::Value;
 use std::collections::BTreeSet;
 
