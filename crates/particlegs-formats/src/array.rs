@@ -24,9 +24,6 @@ pub struct Array {
 impl Array {
     /// A reader that gives the same values as a .npy file with these bytes. Values with more digits than f32 are taken
     /// about an origin near the data where the data lie far from 0.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for a type that holds no numbers, and for rows beyond the bytes.
     pub fn reader(self, meta: SnapshotMeta) -> Result<Arc<dyn SnapshotReader>> {
         let Array { bytes, rows, dtype, first, stride } = self;
         let no_numbers = || Error::input(&meta.name, format!("values of type `{dtype}` are no numbers"));

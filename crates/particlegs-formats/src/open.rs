@@ -50,10 +50,6 @@ fn known(head: &FileHead) -> Result<&'static Format> {
 
 impl Choice {
     /// Opens the files of one snapshot. Formats in several files need the first alone and find the rest.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for an unknown or broken format; [`Error::Argument`] for an unknown name;
-    /// [`Error::Io`].
     pub fn open(&self, paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
         let first = paths.first().ok_or_else(|| Error::argument("no file was named"))?;
         let format = match &self.format {

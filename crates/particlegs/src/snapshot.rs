@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 
 /// Particles in files of any format that is read (docs/guide/formats.md), or in memory.
 #[derive(Clone)]
-pub struct Snapshot(Source);
+pub struct Snapshot(SnapshotSource);
 
 #[derive(Clone)]
-enum Source {
+enum SnapshotSource {
     Files { paths: Vec<PathBuf>, choice: Box<Choice> },
-    Memory(Particles),
+    Memory(Box<Particles>),
 }
 
 impl Snapshot {
@@ -30,7 +30,7 @@ impl Snapshot {
     /// As [`Snapshot::open`].
     pub fn open_with(paths: &[PathBuf], choice: Choice) -> Result<Snapshot> {
         choice.describe(paths, false, &Context::default())?;
-        Ok(Snapshot(Source::Files { paths: paths.to_vec(), choice: choice.into() }))
+        Ok(Snapshot(SnapshotSource::Files { paths: paths.to_vec(), choice: choice.into() }))
     }
 
     /// Positions in columns of float32, in any unit of length.
@@ -41,7 +41,7 @@ impl Snapshot {
     /// Reads one species alone, by its name, number or alias; called again, that one as well.
     #[must_use]
     pub fn species(mut self, name: &str) -> Snapshot {
-        if let Source::Files { choice, .. } = &mut self.0 {
+        if let SnapshotSource::Files { choice, .. } = &mut self.0 {
             choice.species.push(name.into());
         }
         self
@@ -50,7 +50,7 @@ impl Snapshot {
     /// Keeps a part: a region, every n-th particle, a random sample.
     #[must_use]
     pub fn select(mut self, selection: Selection) -> Snapshot {
-        if let Source::Files { choice, .. } = &mut self.0 {
+        if let SnapshotSource::Files { choice, .. } = &mut self.0 {
             choice.selection = Some(selection);
         }
         self
@@ -62,8 +62,8 @@ impl Snapshot {
     /// [`Error::Argument`] for particles in memory; those of reading.
     pub fn describe(&self, context: &Context<'_>) -> Result<Description> {
         match &self.0 {
-            Source::Files { paths, choice } => Ok(choice.describe(paths, false, context)?.0),
-            Source::Memory(_) => Err(Error::argument("particles in memory have no files to describe")),
+            SnapshotSource::Files { paths, choice } => Ok(choice.describe(paths, false, context)?.0),
+            SnapshotSource::Memory(_) => Err(Error::argument("particles in memory have no files to describe")),
         }
     }
 
@@ -73,8 +73,8 @@ impl Snapshot {
     /// [`Error::Input`] for a species that there is not, and invalid values; [`Error::Memory`]; [`Error::Cancelled`].
     pub fn particles(&self, context: &Context<'_>) -> Result<Particles> {
         match &self.0 {
-            Source::Files { paths, choice } => choice.read(paths, &Storage::Memory, context),
-            Source::Memory(particles) => Ok(particles.clone()),
+            SnapshotSource::Files { paths, choice } => choice.read(paths, &Storage::Memory, context),
+            SnapshotSource::Memory(particles) => Ok((**particles).clone()),
         }
     }
 
@@ -90,14 +90,14 @@ impl Snapshot {
     /// As a model's recipe says what was read.
     pub(crate) fn options(&self) -> std::collections::BTreeMap<String, String> {
         match &self.0 {
-            Source::Files { choice, .. } => choice.options(),
-            Source::Memory(_) => Default::default(),
+            SnapshotSource::Files { choice, .. } => choice.options(),
+            SnapshotSource::Memory(_) => Default::default(),
         }
     }
 }
 
 impl From<Particles> for Snapshot {
     fn from(particles: Particles) -> Snapshot {
-        Snapshot(Source::Memory(particles))
+        Snapshot(SnapshotSource::Memory(particles.into()))
     }
 }

@@ -197,7 +197,7 @@ fn open(server: &Server, context: &CommandContext) -> Result<()> {
     if is_set("SSH_CONNECTION") || !screen {
         return Ok(());
     }
-    if open::that_detached(server.url_for_once()?).is_err() {
+    if start_browser(&server.url_for_once()?).is_err() {
         context.message("no browser could be started: open the address");
     }
     Ok(())
@@ -224,3 +224,18 @@ fn node() -> Option<String> {
 fn node() -> Option<String> {
     std::env::var("COMPUTERNAME").ok()
 }
+
+/// Starts the user's browser, and does not wait for it.
+#[cfg(target_os = "linux")]
+fn start_browser(url: &str) -> std::io::Result<()> {
+    use std::process::{Command, Stdio};
+    let start = |program: &str| {
+        let mut command = Command::new(program);
+        command.arg(url).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().map(drop)
+    };
+    // The second is WSL's.
+    start("xdg-open").or_else(|_| start("wslview"))
+}
+
+#[cfg(not(target_os = "linux"))]
+use open::that_detached as start_browser;

@@ -30,10 +30,6 @@ const RUN: usize = 1 << 14;
 /// `colors`, red, green and blue in 0 to 1 a Gaussian; logit of the opacity; logarithms of the three standard
 /// deviations, the largest first; their axes as a quaternion (w, x, y, z). `comments` are further lines of
 /// the head. Returns the bytes written.
-///
-/// # Errors
-/// [`Error::Argument`] for a model of another law, whose Gaussians have no opacity, and for as many colours as
-/// there are no Gaussians; [`Error::Io`]; [`Error::Cancelled`].
 pub fn write_splats(
     model: &Model,
     colors: Option<&[[f32; 3]]>,

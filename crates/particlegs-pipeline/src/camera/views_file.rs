@@ -41,18 +41,11 @@ struct ViewForm {
 
 impl ViewsFile {
     /// Reads and checks a views file; `-` is standard input.
-    ///
-    /// # Errors
-    /// [`Error::Io`] where it cannot be read; [`Error::Input`] where it is no views file, holds no view,
-    /// two of one name, a name that no file can have, or a number outside its range; [`Error::Cancelled`].
     pub fn read(path: &Path, context: &Context<'_>) -> Result<Self> {
         Self::of_bytes(&read_whole(path, FORM, context)?, path)
     }
 
     /// [`ViewsFile::read`] of a views file's bytes, which `path` names in errors.
-    ///
-    /// # Errors
-    /// As [`ViewsFile::read`].
     pub fn of_bytes(text: &[u8], path: &Path) -> Result<Self> {
         let FileForm { width, height, fov_deg, views } =
             serde_json::from_slice(text).map_err(|e| Error::input(path, format!("not a views file: {e}")))?;
@@ -82,9 +75,6 @@ impl ViewsFile {
     }
 
     /// Its text, which [`ViewsFile::read`] reads back without a difference.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a number that JSON cannot hold.
     pub fn text(&self) -> Result<String> {
         let ViewsFile(set) = self;
         let (Size { width, height }, fov_deg) = (set.size, set.fov_deg());

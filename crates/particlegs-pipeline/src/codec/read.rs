@@ -14,10 +14,6 @@ pub(crate) fn read_file(path: &Path, context: &Context<'_>) -> Result<Vec<u8>> {
 }
 
 /// A model file that is open: its head first, and no further than the head says that the file goes.
-///
-/// # Errors
-/// [`Error::Corrupt`] for what is no model file, is cut short or goes on after its end;
-/// [`Error::Compatibility`]; [`Error::Memory`] before it is read; [`Error::Io`]; [`Error::Cancelled`].
 pub fn read_source(mut source: Source<'_>, place: &str) -> Result<Vec<u8>> {
     let Some(length) = promised_length(source.peek(HEAD_BYTES)?, place)? else {
         // An open file goes to its end; one byte more tells whether there was room for it.

@@ -14,10 +14,6 @@ const PLACE: &str = "the file just coded";
 /// Measures `model` against the snapshot that it was made from, as files of that level are measured when they are
 /// made, and what they say was asked for; the same seed measures the same. The model is best the decoded one; `bytes` are
 /// those of its file without a certificate, which are given to a subset of the particles, too.
-///
-/// # Errors
-/// [`crate::Error::Input`] for a box that does not hold the particles; [`crate::Error::Memory`],
-/// [`crate::Error::Cancelled`].
 pub fn certify(
     model: &Model,
     bytes: u64,

@@ -46,9 +46,6 @@ impl Checkpoint {
 
     /// What is there of the work that `whose` names; nothing where the file is missing, broken or of
     /// other work: it only saves time.
-    ///
-    /// # Errors
-    /// [`Error::Io`] where the file is there and cannot be read.
     pub fn open(path: PathBuf, whose: &[u8; 32]) -> Result<Checkpoint> {
         let mut all = Checkpoint::fresh(path, whose);
         (all.found, all.pieces) = match read_own(&all.path, FORM) {
@@ -102,9 +99,6 @@ impl Checkpoint {
     }
 
     /// Writes what the file does not hold yet.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
     pub fn save(&mut self) -> Result<()> {
         if self.unsaved == 0 {
             return Ok(());
@@ -123,9 +117,6 @@ impl Checkpoint {
     }
 
     /// Removes the file: the work is done.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
     pub fn remove(self) -> Result<()> {
         match std::fs::remove_file(&self.path) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(&self.path, e)),

@@ -36,9 +36,6 @@ pub(super) fn describe(meta: &SnapshotMeta, known: &SourceFacts, options: &Optio
 impl Options {
     /// Is a model file of `told`, with or without a certificate, what these options make of `particles`? Never
     /// said of training, which time may have ended.
-    ///
-    /// # Errors
-    /// As [`Options::blocks_of`].
     pub fn made(&self, told: &Metadata, has_certificate: bool, particles: &Particles) -> Result<bool> {
         if self.training.is_some() || has_certificate != self.certificate.measures() || !self.ask_for(told) {
             return Ok(false);

@@ -61,11 +61,6 @@ impl FineTuning {
 
 /// Trains `model` (of `model_bytes` bytes) on pictures of `particles`, the whole snapshot that it was
 /// made of, and codes it again, in one block. What is known about the source stays.
-///
-/// # Errors
-/// [`Error::Argument`] for a model of another law, for a quality as target, and where the number of
-/// `particles` is not the model's; [`Error::Unreachable`] for a size below the smallest file and for
-/// fewer Gaussians than it has; those of [`Training::run`].
 pub fn finetune(
     model: &Model,
     model_bytes: u64,

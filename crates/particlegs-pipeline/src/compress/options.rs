@@ -70,9 +70,6 @@ impl Options {
     }
 
     /// The number of blocks in which `particles` are fitted in this process.
-    ///
-    /// # Errors
-    /// [`Error::Bound`] where the number that is asked for, or any, takes more than the memory.
     pub fn blocks_of(&self, particles: &Particles) -> Result<u32> {
         let Some(bound_bytes) = self.memory else { return Ok(self.blocks.unwrap_or(1)) };
         let load = self.load(particles.len() as u64, particles.raw_bytes(), 1);

@@ -49,14 +49,6 @@ pub struct CompressedModel {
 }
 
 /// Compresses a snapshot; `pieces` keeps what an interrupted run can go on from.
-///
-/// # Errors
-/// [`Error::Unreachable`] where an explicit ratio or size is below the smallest file (which it
-/// names), or a quality above what all particles as Gaussians reach; [`Error::Memory`] before the
-/// fit where it would not fit, [`Error::Bound`] for a bound on memory that cannot be met;
-/// [`Error::Input`] for no particles, values that are not finite, weights that are not positive, and a
-/// box that does not hold the particles; [`Error::Argument`] for options that cannot be;
-/// [`Error::Cancelled`].
 pub fn compress(
     particles: &Particles,
     options: &Options,
@@ -77,9 +69,6 @@ pub struct Compression<'a> {
 
 impl<'a> Compression<'a> {
     /// Reads the particles once: bounds, hash, and where they are to be cut.
-    ///
-    /// # Errors
-    /// As [`compress`].
     pub fn plan(particles: &'a Particles, options: &'a Options, context: &Context<'_>) -> Result<Self> {
         let blocks = options.blocks_of(particles)?;
         require("the fit", fit::memory_needed(particles) / u64::from(blocks.max(1)))?;
@@ -106,9 +95,6 @@ impl<'a> Compression<'a> {
     }
 
     /// Fits and codes the blocks, puts the file together and measures it.
-    ///
-    /// # Errors
-    /// As [`compress`].
     pub fn run(self, pieces: &mut dyn CheckpointStore, context: &Context<'_>) -> Result<CompressedModel> {
         let Compression { particles, options, plan, layer_bounds, mut clock } = self;
         let mut trained = Vec::new();

@@ -11,11 +11,6 @@ use crate::{Error, Result};
 
 /// Reduces `model` (of `model_bytes` bytes) to a number of Gaussians or a ratio; every layer becomes
 /// one block. What is known about the source stays, its hash with it; the certificate goes.
-///
-/// # Errors
-/// [`Error::Argument`] for a model of the alpha-blend law, whose splats do not add up; for more
-/// Gaussians than there are or fewer than layers, or a target that is neither; [`Error::Unreachable`]
-/// for a ratio below the model's own, or one that no file reaches; those of the fit.
 pub fn simplify(model: Model, model_bytes: u64, target: Target, context: &Context<'_>) -> Result<Vec<u8>> {
     let target = target.check()?;
     let Model { mut metadata, layers, .. } = model;

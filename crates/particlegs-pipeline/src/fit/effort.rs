@@ -35,10 +35,6 @@ impl FitOptions {
 }
 
 /// Fits at most `options.gaussians` Gaussians to `particles`.
-///
-/// # Errors
-/// [`crate::Error::Argument`] for no particles, no Gaussians, or a radius that is not positive;
-/// [`crate::Error::Cancelled`].
 pub fn fit(particles: &Particles, options: &FitOptions, context: &Context<'_>) -> Result<Mixture> {
     Fitter::new(particles).fit(options, &mut NoCheckpoints, context)
 }

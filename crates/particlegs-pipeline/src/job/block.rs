@@ -44,11 +44,6 @@ impl Job {
     /// Does block `block`: nothing where it is done, the rest where a checkpoint is there. `source`
     /// opens the snapshot where it is read in place. Writes `blocks/00000.pgs`, a model file of the
     /// block alone, then its report.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a block that there is not; [`Error::Input`] where its buckets are
-    /// missing or broken or the snapshot changed; those of the fit; [`Error::Cancelled`] after what was
-    /// finished has been kept in a checkpoint.
     pub fn block(
         &self,
         block: u32,

@@ -104,10 +104,6 @@ pub struct Job {
 
 impl Job {
     /// Opens a folder that [`Job::plan`] made.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; [`Error::Input`] where it holds no plan, or one that is broken; [`Error::Compatibility`]
-    /// for the plan of another version.
     pub fn open(folder: &Path) -> Result<Job> {
         let path = folder.join("plan.json");
         let text = read_own(&path, FORM)?.ok_or_else(|| {

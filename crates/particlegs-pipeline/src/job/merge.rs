@@ -12,11 +12,6 @@ use std::fmt::Display;
 impl Job {
     /// Puts the file together: the same bytes whatever ran where and in what order. The decoded model is measured on
     /// `particles`, as much as the level says, or by what the blocks' tasks measured, and the file holds the certificate.
-    ///
-    /// # Errors
-    /// [`Error::Input`] naming blocks that are missing or broken, or where `particles` are not the
-    /// snapshot that was planned; [`Error::Unreachable`] where a size asked for cannot be met; [`Error::Argument`] for a
-    /// level that needs particles without any, or sums that were not planned.
     pub fn merge(
         &self,
         level: CertificateLevel,
@@ -64,9 +59,6 @@ impl Job {
     }
 
     /// Are all blocks done?
-    ///
-    /// # Errors
-    /// [`Error::Input`] naming those that are not.
     pub fn check_done(&self) -> Result<()> {
         let missing = self.missing()?;
         let Some(first) = missing.first() else { return Ok(()) };

@@ -40,11 +40,6 @@ const READ_AGAIN: f64 = 2.0;
 impl Job {
     /// Plans a job in `folder`: reads the snapshot once, then writes the manifest, whole or not at all.
     /// The same plan again changes nothing.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a target that only all blocks together meet and for more blocks than there are
-    /// places; [`Error::Output`] where the folder holds another plan or something else; [`Error::Input`] for
-    /// invalid values; [`Error::Bound`] where a task cannot be small enough; those of reading and writing.
     pub fn plan(mut source: LayeredParticles, task: &Task<'_>, folder: &Path, context: &Context<'_>) -> Result<Job> {
         if task.options.target.goal().is_some() {
             let hint = Hint::from("ask for a size, a ratio or a number of Gaussians; ").command("compress", "");

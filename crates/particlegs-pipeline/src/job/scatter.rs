@@ -12,10 +12,6 @@ use std::sync::Mutex;
 impl Job {
     /// Buckets chunk `chunk` of the snapshot; nothing where that is done. Gives whether there was
     /// anything to do.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a chunk that there is not; [`Error::Input`] where the snapshot changed
-    /// after it was planned; those of reading and writing; [`Error::Cancelled`].
     pub fn scatter(
         &self,
         source: impl FnOnce() -> Result<LayeredParticles>,

@@ -40,9 +40,6 @@ pub struct JobStatus {
 
 impl Job {
     /// Looks at what is there, without reading it through.
-    ///
-    /// # Errors
-    /// [`crate::Error::Io`].
     pub fn status(&self) -> Result<JobStatus> {
         let m = &self.manifest;
         let chunk = |c| if self.chunk_path(c).is_file() { State::Done } else { State::Missing };
@@ -76,10 +73,6 @@ impl Job {
 
     /// Reads every file through that is there: buckets, blocks, and the snapshot where `source` gives it. Blocks
     /// hold particles of their own part of space, and all blocks together as many as were planned.
-    ///
-    /// # Errors
-    /// [`crate::Error::Input`] naming the first that is broken, of another plan, or changed, or a block that
-    /// is another one's; [`crate::Error::Corrupt`] for a block whose Gaussians cannot be decoded.
     pub fn verify(&self, source: Option<LayeredParticles>, context: &Context<'_>) -> Result<()> {
         let m = &self.manifest;
         if let Some(source) = source {

@@ -10,11 +10,6 @@ use std::path::Path;
 
 impl SelectedParticles<'_> {
     /// Writes float32 (float64 triples where positions have more digits) at `out`; says how many bytes. Nothing is left at `out` after an error or a stop.
-    ///
-    /// # Errors
-    /// [`crate::Error::Input`] for positions beyond float32, and where weights would be lost; [`crate::Error::Io`]
-    /// where there is no room; [`crate::Error::Output`] where a folder there holds anything but particles;
-    /// [`crate::Error::Cancelled`].
     pub fn write_raw(&self, out: &Path, form: RawForm, context: &Context<'_>) -> Result<u64> {
         let weighted = self.weighted();
         let writer = SnapshotWriter::create(out, form, self.total(), weighted, self.origin(), self.is_wide())?;

@@ -91,9 +91,6 @@ enum Triple {
 impl LayerFields {
     /// `fields`, of whose components each of `readers` gives three as positions, and the layer's own positions, where the
     /// source has them to more digits than float32.
-    ///
-    /// # Errors
-    /// Those of reading streams; [`crate::Error::Memory`] where they do not fit.
     pub fn new(
         fields: Vec<SourceField>,
         readers: Vec<Arc<dyn SnapshotReader>>,

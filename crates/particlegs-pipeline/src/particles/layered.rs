@@ -27,9 +27,6 @@ pub(crate) struct ReadLayer {
 
 impl LayeredParticles {
     /// Layers as their readers give them: a name, and a reader whose metadata says the mass of a particle.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where there is none.
     pub fn new(sources: Vec<(String, Arc<dyn SnapshotReader>)>) -> Result<Self> {
         let (_, first) = sources.first().ok_or_else(|| Error::argument("no layer was chosen"))?;
         let mass = |reader: &Arc<dyn SnapshotReader>| reader.meta().particle_mass;

@@ -10,9 +10,6 @@ use std::sync::Mutex;
 impl LayeredParticles {
     /// Reads layers into columns of `storage`, one layer after the other; a single layer is mapped where its
     /// file's layout allows it. `NaN` and infinity stay ([`Particles::checked`]).
-    ///
-    /// # Errors
-    /// [`Error::Memory`], [`Error::Io`] where `storage` has no room, before anything is read; those of the readers; [`Error::Cancelled`].
     pub fn load(&self, storage: &Storage, context: &Context<'_>) -> Result<Particles> {
         let (origin, meta) = (self.origin, self.meta.clone());
         let weighted = self.has_weights();

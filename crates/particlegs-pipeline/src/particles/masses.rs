@@ -29,9 +29,6 @@ impl Particles {
     /// The particles of every layer sorted into one layer for each mass, the lightest first, in columns of
     /// `storage`; order is kept within. Zoom simulations have a few masses, and count and mass then mean the
     /// same within a layer.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where there are more than 64 masses; [`Error::Memory`], [`Error::Io`] where `storage` has no room.
     pub fn layers_by_mass(&self, storage: &Storage) -> Result<Particles> {
         let Some(weights) = self.weights() else { return Ok(self.clone()) };
         let mut columns = storage.columns("the particles by mass", 4, self.len())?;

@@ -41,9 +41,6 @@ impl SnapshotMeta {
     /// Takes what a user states, box lengths, a unit of length and one of mass, over what the files say; numbers are not converted. The corner of a stated box is the
     /// file's, else 0. Gives what a user should know: a unit that is not known by name, and where the
     /// files say something else.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for lengths that are not positive.
     pub fn state(&mut self, box_lengths: Option<[f64; 3]>, units: [Option<&str>; 2]) -> Result<Vec<String>> {
         let mut notes = Vec::new();
         if let Some(lengths) = box_lengths {

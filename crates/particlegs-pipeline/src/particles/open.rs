@@ -10,10 +10,6 @@ impl Particles {
     /// Opens raw float32: one folder with xx.f32, yy.f32, zz.f32 (and ww.f32), or the three or four files
     /// in that order, mapped, not copied. A meta.json beside them tells box, units and layers. Values
     /// are as they are ([`Particles::checked`]).
-    ///
-    /// # Errors
-    /// [`Error::Io`] where a file cannot be read; [`Error::Input`] for columns of different lengths and
-    /// no particles.
     pub fn open_raw(paths: &[PathBuf]) -> Result<Particles> {
         let particles = match paths {
             [] => return Err(Error::argument("no snapshot was named")),
@@ -88,9 +84,6 @@ fn map_raw(path: &Path) -> Result<Column> {
 impl Particles {
     /// Checks every value: particles with NaN, infinite or (weights) non-positive values are refused, or
     /// dropped into fresh columns of a [`Storage`].
-    ///
-    /// # Errors
-    /// [`Error::Input`] at `place`: how many, and the first; [`Error::Memory`], [`Error::Io`] where `storage` has no room.
     pub fn checked(self, place: &str, drop: Option<&Storage>) -> Result<Particles> {
         let invalid = self.par_chunks(|_, chunk| invalid(&chunk)).into_iter();
         let invalid =

@@ -49,9 +49,6 @@ impl Selection {
     }
 
     /// Checks the region.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where it is empty or not finite.
     pub fn check(self) -> Result<Self> {
         let fine = |b: &Bounds| (0..3).all(|k| b.min[k] < b.max[k] && b.max[k].is_finite() && b.min[k].is_finite());
         if self.crop.as_ref().is_none_or(fine) {
@@ -120,9 +117,6 @@ type Key = (u64, u64, u32);
 
 impl Particles {
     /// The particles that a selection keeps, in columns of `storage`, about the same origin.
-    ///
-    /// # Errors
-    /// Those of [`SelectedParticles::new`]; [`Error::Memory`], [`Error::Io`] where `storage` has no room.
     pub fn select(&self, selection: Selection, storage: &Storage, context: &Context<'_>) -> Result<Particles> {
         SelectedParticles::about(self.origin, self, Tiling::single(), selection, context)?.collect(storage, context)
     }
@@ -152,10 +146,6 @@ pub struct SelectedParticles<'a> {
 
 impl<'a> SelectedParticles<'a> {
     /// Counts what every run keeps of `particles`, repeated by `tiling`.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where a sample is larger than what there is, or nothing is left;
-    /// [`Error::Input`] where periodic images are wanted and there is no cell; [`Error::Cancelled`].
     pub fn new(particles: &'a Particles, tiling: Tiling, selection: Selection, context: &Context<'_>) -> Result<Self> {
         let far = particles.bounds();
         let far = far.float32_origin(far.default_radius(particles.len() as u64));
@@ -334,9 +324,6 @@ impl<'a> SelectedParticles<'a> {
     }
 
     /// Calls `each` with the number of every run and what it keeps, in parallel.
-    ///
-    /// # Errors
-    /// Those of [`SelectedParticles::load`] and `each`; [`Error::Cancelled`].
     pub fn for_each_run(
         &self,
         context: &Context<'_>,
@@ -350,9 +337,6 @@ impl<'a> SelectedParticles<'a> {
     }
 
     /// Fills `run` with what run `id` keeps.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where a position does not fit into f32.
     pub fn load(&self, id: u64, run: &mut Run) -> Result<()> {
         self.keep(id, run)?;
         self.load_wide(id, run)?;
@@ -513,9 +497,6 @@ impl<'a> SelectedParticles<'a> {
     }
 
     /// `of` the number of every run, in parallel, with scratch space for [`SelectedParticles::load`].
-    ///
-    /// # Errors
-    /// Those of `of`; [`Error::Cancelled`].
     pub fn map_runs<R: Send>(
         &self,
         context: &Context<'_>,

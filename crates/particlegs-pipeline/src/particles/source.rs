@@ -29,9 +29,6 @@ pub trait SnapshotReader: Send + Sync {
     /// last one what is left. Readers of streams pass over what comes before. Values are as the
     /// source has them: NaN and infinity are the caller's to find. Particles read are reported to
     /// `progress.advance`.
-    ///
-    /// # Errors
-    /// [`crate::Error::Input`] for bytes that contradict the format; the sink's; `Cancelled`.
     fn read(
         &self,
         runs: Range<u64>,
@@ -39,9 +36,6 @@ pub trait SnapshotReader: Send + Sync {
         sink: &(dyn Fn(u64, Chunk<'_>) -> Result<()> + Sync),
     ) -> Result<()>;
     /// Hands over the positions of every run of `runs` in order, as f64 about 0, to as many digits as the source has.
-    ///
-    /// # Errors
-    /// As [`SnapshotReader::read`].
     fn read_wide(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, [&[f64]; 3]) -> Result<()>) -> Result<()> {
         let origin = self.origin();
         for run in runs {

@@ -20,10 +20,6 @@ impl Tiling {
     }
 
     /// `repeats` tiles along each axis of the snapshot's cell.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for zero tiles or more particles than u64 counts; [`Error::Input`] where
-    /// the snapshot has no cell, or an axis to repeat is not periodic.
     pub fn new(repeats: [u32; 3], particles: &Particles) -> Result<Self> {
         if repeats.contains(&0) {
             return Err(Error::argument(format!("tiles {repeats:?} must be 1 or more along each axis")));

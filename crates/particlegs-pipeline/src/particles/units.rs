@@ -9,10 +9,6 @@ use crate::{Error, Result, parallel};
 impl Particles {
     /// The particles in the units of another system, in columns of `storage` where lengths are converted; what the two
     /// do not state is taken from the other, and said.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for units that cannot be converted, and for positions that float32 does not hold then;
-    /// [`Error::Memory`], [`Error::Io`] where `storage` has no room.
     pub fn in_units(mut self, to: &UnitSystem<'_>, storage: &Storage, context: &Context<'_>) -> Result<Particles> {
         let (by, words) = self.meta.unit_system().conversion_of(&self.meta.name, to)?;
         words.iter().for_each(|words| context.message(&format!("note: {words}")));

@@ -12,9 +12,6 @@ const LARGEST_SIDE: u32 = 65_536;
 /// Writes an 8-bit PNG, whole or not at all: of grey levels, or of red, green and blue where there are three
 /// bytes a pixel (a [`Gray8`](super::Gray8)'s `data`, or an [`Rgb8`](super::Rgb8)'s `data.as_flattened()`). The
 /// top row is first.
-///
-/// # Errors
-/// [`Error::Argument`] for another number of bytes; [`Error::Io`], [`Error::Memory`].
 pub fn write_png(path: &Path, size: Size, bytes: &[u8]) -> Result<()> {
     let color = match bytes.len() {
         n if n == size.pixels() => png::ColorType::Grayscale,
@@ -35,10 +32,6 @@ pub fn write_png(path: &Path, size: Size, bytes: &[u8]) -> Result<()> {
 }
 
 /// Reads a PNG as grey levels. Colour pictures are taken where R = G = B, else by Rec. 601 luma.
-///
-/// # Errors
-/// [`Error::Io`]; [`Error::Input`] where the file is no PNG or is larger than 65 536 pixels in a direction;
-/// [`Error::Memory`].
 pub fn read_png(path: &Path) -> Result<Gray8> {
     let (file, _) = input::open_file(path)?;
     let bad = |e: png::DecodingError| Error::input(path, format!("not a readable PNG: {e}"));

@@ -15,9 +15,6 @@ const BATCH: u64 = 32;
 impl Options {
     /// The particles that [`super::recover`] writes by these options, in memory: in the model's layers, with the weights
     /// that these have.
-    ///
-    /// # Errors
-    /// As [`super::recover`], but for those of files.
     pub fn draw(&self, model: Model, context: &Context<'_>) -> Result<Particles> {
         self.check()?;
         let metadata = model.metadata.clone();

@@ -20,9 +20,6 @@ impl Options {
 
     /// Are the particles that [`recover`] would draw from `model` by these options in the folder `out`, as far as
     /// its meta.json and the length of its files say?
-    ///
-    /// # Errors
-    /// [`Error::Io`] where meta.json is there and cannot be read.
     pub fn is_there(&self, out: &Path, model: &Model, model_hash: [u8; 32]) -> Result<bool> {
         let total = self.total(model);
         let origin = origin_of(&model.metadata);
@@ -52,11 +49,6 @@ impl Options {
 /// with a meta.json that says what they are. Memory stays at the model and a few runs a thread,
 /// whatever the number of particles; the same model, options and seed give the same bytes for any
 /// number of threads.
-///
-/// # Errors
-/// [`Error::Argument`] for no particles or a scale that is not positive; [`Error::Input`] where
-/// positions do not fit into float32 or weights would be lost; [`Error::Io`]; [`Error::Memory`];
-/// [`Error::Cancelled`].
 pub fn recover(
     model: Model,
     model_hash: [u8; 32],

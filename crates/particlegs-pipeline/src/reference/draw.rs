@@ -47,10 +47,6 @@ impl<'a> Reference<'a> {
     /// With surface densities smoothed: each particle is spread by the cubic spline kernel (Monaghan and
     /// Lattanzio 1985) over the sphere that reaches its `neighbours`-th nearest other particle, around the box
     /// where that repeats. No other picture changes.
-    ///
-    /// # Errors
-    /// [`crate::Error::Argument`] where there are not so many other particles;
-    /// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
     pub fn smoothed(self, neighbours: usize, context: &Context<'_>) -> Result<Self> {
         let domain = Domain::new(&self.bounds, self.particles.meta.cell.as_ref());
         let radii = Some(distances_to(neighbours, self.particles, &domain, context)?);
@@ -62,10 +58,6 @@ impl<'a> Reference<'a> {
     /// densities are [`smoothed`](Self::smoothed). Particles count whose centres are in the view's range of depths.
     /// Periodic copies where the view wraps. Masses are the weights (1 without) times the particle mass where the
     /// source gives one.
-    ///
-    /// # Errors
-    /// [`crate::Error::Argument`] for a window of thousands of boxes; [`crate::Error::Memory`],
-    /// [`crate::Error::Cancelled`].
     pub fn surface_density(&self, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane> {
         match &self.radii {
             None => density::unsmoothed(self.particles, &self.bounds, view, size, context),
@@ -85,10 +77,6 @@ impl<'a> Reference<'a> {
 
     /// A picture of all particles: for ParaView's looks its own, exactly, shot noise and all
     /// (docs/law/splat.md); for [`ToneStyle::Expected`] `round(255 (1 - exp(-tau*)))`.
-    ///
-    /// # Errors
-    /// [`crate::Error::Argument`] for a view out of range or not in perspective;
-    /// [`crate::Error::Cancelled`] where the caller stops.
     pub fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
         match look {
             ToneStyle::Expected => self.response(view, size, look, context),
@@ -99,9 +87,6 @@ impl<'a> Reference<'a> {
 
     /// The noise-free picture of all particles in a look: tau* through the look's tone curve
     /// (docs/law/response.md). What a model that knows every particle but not the shot noise would draw.
-    ///
-    /// # Errors
-    /// As [`Reference::draw`].
     pub fn response(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
         let tau = self.optical_depth(view, size, context)?;
         Ok(tone(&tau, look, view.opacity, view.radius_pixels(size)))
@@ -109,9 +94,6 @@ impl<'a> Reference<'a> {
 
     /// The noise-free optical depth tau*: every splat's opacity averaged over each pixel, then
     /// `sum -ln(1 - m)` (docs/law/depth.md). Results do not depend on threads.
-    ///
-    /// # Errors
-    /// As [`Reference::draw`].
     pub fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane> {
         self.optical_depth_within(view, size, depth::direct_deposits(size, view.opacity), context)
     }

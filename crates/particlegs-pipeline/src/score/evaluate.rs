@@ -20,11 +20,6 @@ use crate::{Error, Result};
 /// Scores `model` against `particles` in `views`, drawn at `size`. Views without a clipping range
 /// get the particles' own, the same for the model and the truth. A view is of the orbit that its name begins
 /// with (`far_00`). `device` draws model and particles; `None` = the CPU.
-///
-/// # Errors
-/// [`Error::Input`] for particles that are not in the model's unit of length ([`Particles::in_units`]);
-/// [`Error::Argument`] where there is no view or one has a number outside its range;
-/// [`Error::Memory`], [`Error::Cancelled`]; those of the device.
 pub fn evaluate(
     model: &Model,
     particles: &Particles,

@@ -41,11 +41,6 @@ const HALO_SPACINGS: f64 = 2.0;
 const WIDEST_SEPARATIONS: f64 = 1e9;
 
 /// Measures `other` against `truth`, in the units of the truth.
-///
-/// # Errors
-/// [`Error::Input`] for a subject without particles, units that cannot be converted, a subject that its box does not
-/// hold, and boxes of different sizes, [`Error::Argument`] for options outside their
-/// range, [`Error::Memory`] where a grid does not fit, [`Error::Cancelled`].
 pub fn compare(truth: Subject<'_>, other: Subject<'_>, o: &StatsOptions, context: &Context<'_>) -> Result<Statistics> {
     check(o)?;
     for (name, subject) in [("the truth", &truth), ("the other", &other)] {

@@ -48,9 +48,6 @@ fn sums_stay(grid: &Grid, particles: u64) -> bool {
 /// Mass of a subject on a grid whose cells are moved by `shift` cells downwards (0 or 0.5 for
 /// interlacing). A model's Gaussians are integrated over the cells, which is the window of
 /// [`Assignment::Ngp`] whatever `scheme` says.
-///
-/// # Errors
-/// [`crate::Error::Memory`], [`crate::Error::Cancelled`].
 pub fn deposit(
     subject: Subject<'_>,
     grid: &Grid,

@@ -92,9 +92,6 @@ impl Likelihood {
     /// What an adaptive kernel estimate on `fitted` particles gives a random sample of `particles`, the same as a model
     /// is scored by, in bits a particle: a cubic spline to the 16th neighbour, of 8 to 32 the best on N-body data. It
     /// keeps every particle; a model of fewer numbers that comes near has lost little.
-    ///
-    /// # Errors
-    /// [`Error::Memory`], [`Error::Cancelled`].
     pub fn kernel_bits(
         fitted: &Particles,
         particles: &Particles,
@@ -120,9 +117,6 @@ impl Domain {
     /// The density of a model's mixture at `places` of the world, in this domain, where it repeats with its images:
     /// mass a volume in the model's units, or particles where no mass is known. Nothing is averaged. Beyond six standard
     /// deviations along its longest axis a Gaussian adds nothing.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for a place that is not finite, [`Error::Memory`], [`Error::Cancelled`].
     pub fn density_at(&self, model: &Model, places: &[[f64; 3]], context: &Context<'_>) -> Result<Vec<f64>> {
         if let Some(i) = places.iter().position(|p| p.iter().any(|v| !v.is_finite())) {
             return Err(Error::argument(format!("point {i} is not finite")));
