@@ -96,9 +96,9 @@ pub(crate) struct DepthSteps {
 struct StepRecord {
     rate: [f32; 4],
     unroot: [f32; 4],
-    calm: [f32; 4],
+    epsilon: [f32; 4],
     beta: [f32; 2],
-    pull: f32,
+    decay: f32,
     average: f32,
     count: u32,
     groups: u32,
@@ -110,9 +110,9 @@ impl StepRecord {
         let mut record = StepRecord {
             rate: [0.0; 4],
             unroot: [1.0; 4],
-            calm: [0.0; 4],
+            epsilon: [0.0; 4],
             beta: [size.beta1 as f32, size.beta2 as f32],
-            pull: size.decay as f32,
+            decay: size.decay as f32,
             average: size.average as f32,
             count: of.len() as u32,
             groups: of.groups.counts.len() as u32,
@@ -125,7 +125,8 @@ impl StepRecord {
             let beta = record.beta.map(f64::from);
             record.rate[k] = (size.rates[k] / correct(beta[0], now)) as f32;
             record.unroot[k] = (1.0 / correct(beta[1], now)) as f32;
-            record.calm[k] = if before == 0 { 0.0 } else { (size.epsilon / correct(size.beta2, before).sqrt()) as f32 };
+            record.epsilon[k] =
+                if before == 0 { 0.0 } else { (size.epsilon / correct(size.beta2, before).sqrt()) as f32 };
         }
         record
     }

@@ -3,7 +3,7 @@
 import { panned, turned, zoomed, type Orbit } from "./camera";
 import type { Size } from "./protocol";
 
-export interface Hand {
+export interface PointerInput {
   orbit(): Orbit;
   /** A new orbit, while the hand moves. */
   moved(orbit: Orbit): void;
@@ -16,7 +16,7 @@ export interface Hand {
 const sizeOf = (element: HTMLElement): Size => ({ width: element.clientWidth, height: element.clientHeight });
 
 /** Lets a hand turn, move and zoom the picture in `element`. */
-export function listen(element: HTMLElement, hand: Hand): void {
+export function listenToPointer(element: HTMLElement, input: PointerInput): void {
   const fingers = new Map<number, [number, number]>();
   let travelled = 0;
   const at = (e: MouseEvent): [number, number] => {
@@ -46,7 +46,7 @@ export function listen(element: HTMLElement, hand: Hand): void {
     travelled += Math.abs(dx) + Math.abs(dy);
     if (travelled < 3) return;
     const size = sizeOf(element);
-    let orbit = hand.orbit();
+    let orbit = input.orbit();
     if (fingers.size >= 2) {
       orbit = panned(orbit, dx, dy, size);
       const now = spread();
@@ -56,28 +56,28 @@ export function listen(element: HTMLElement, hand: Hand): void {
     } else {
       orbit = turned(orbit, dx, dy, size);
     }
-    hand.moved(orbit);
+    input.moved(orbit);
   });
   const lifted = (e: PointerEvent) => {
     const held = fingers.delete(e.pointerId);
-    if (held && e.type === "pointerup" && travelled < 3 && fingers.size === 0 && e.button === 0) hand.clicked(at(e));
+    if (held && e.type === "pointerup" && travelled < 3 && fingers.size === 0 && e.button === 0) input.clicked(at(e));
   };
   element.addEventListener("pointerup", lifted);
   element.addEventListener("pointercancel", lifted);
-  element.addEventListener("dblclick", (e) => hand.centred(at(e)));
+  element.addEventListener("dblclick", (e) => input.centred(at(e)));
   element.addEventListener("contextmenu", (e) => e.preventDefault());
   element.addEventListener("wheel", (e) => {
     e.preventDefault();
     const lines = e.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 : 1;
-    hand.moved(zoomed(hand.orbit(), Math.exp(Math.max(-1, Math.min(1, e.deltaY * lines * 0.0015))), at(e), sizeOf(element)));
+    input.moved(zoomed(input.orbit(), Math.exp(Math.max(-1, Math.min(1, e.deltaY * lines * 0.0015))), at(e), sizeOf(element)));
   }, { passive: false });
 }
 
 /** A key of the page: what it is for, and what it does. */
-export interface Key { keys: string[]; label: string; what: string; act: (event: KeyboardEvent) => void }
+export interface KeyBinding { keys: string[]; label: string; what: string; act: (event: KeyboardEvent) => void }
 
 /** Acts on keys anywhere but in fields that take text. */
-export function listenToKeys(keys: Key[]): void {
+export function listenToKeys(keys: KeyBinding[]): void {
   document.addEventListener("keydown", (event) => {
     // A dialog has the keys to itself.
     if (event.defaultPrevented || document.querySelector("dialog[open]")) return;

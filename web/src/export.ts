@@ -1,14 +1,14 @@
-// What the page gives away when it is asked to.
+// What the page exports when it is asked to, and the views files that it imports.
 
 import { download, h } from "./dom";
 import { asWide } from "./camera";
-import { ask, field } from "./dialog";
-import { withBar } from "./bar";
+import { askForm, field } from "./dialog";
+import { withColorBar } from "./colorbar";
 import { drawOverlay } from "./overlay";
 import type { Page } from "./main";
 import type { Size } from "./protocol";
 import { fromViewsFile, paintOf, sceneOf, toLink, viewsFile, type State } from "./state";
-import { canvasOf, npy, png, zip } from "./take";
+import { canvasOf, encodeNpy, encodePng, encodeZip } from "./encode";
 
 const SIZES: [string, Size][] = [
   ["as on the screen", { width: 0, height: 0 }], ["1920 × 1080", { width: 1920, height: 1080 }],
@@ -18,7 +18,7 @@ const SIZES: [string, Size][] = [
 const stem = (page: Page): string => page.panes[0].name.replace(/\.pgs$/, "");
 
 /** What a picture is of, as text in it: as `render --like` reads it, and the link. */
-function texts(page: Page, size: Size): Record<string, string> {
+function pngTexts(page: Page, size: Size): Record<string, string> {
   const { state: s, panes: [pane], setup: { version } } = page;
   const density = s.look === "density";
   const provenance = {
@@ -36,7 +36,7 @@ function texts(page: Page, size: Size): Record<string, string> {
 interface Annotations { lines: boolean; bar: boolean }
 
 /** A picture of a size, as PNG; a colour bar of densities stands beside it. */
-async function drawn(page: Page, state: State, size: Size, { lines, bar }: Annotations): Promise<Uint8Array<ArrayBuffer>> {
+async function renderPng(page: Page, state: State, size: Size, { lines, bar }: Annotations): Promise<Uint8Array<ArrayBuffer>> {
   const pane = page.panes[0];
   state = { ...state, orbit: asWide(state.orbit, pane.size, size) };
   const range = state.range ?? pane.range;
@@ -44,44 +44,44 @@ async function drawn(page: Page, state: State, size: Size, { lines, bar }: Annot
   const canvas = canvasOf(numbers, size);
   if (lines) {
     const over = new OffscreenCanvas(size.width, size.height);
-    drawOverlay(over.getContext("2d")!, state, pane.about, size, size.height / 720, pane.marked);
+    drawOverlay(over.getContext("2d")!, state, pane.about, size, size.height / 720, pane.marker);
     canvas.getContext("2d")!.drawImage(over, 0, 0);
   }
   const whole = bar && range && state.look === "density"
-    ? withBar(canvas, range, await pane.map(state.colormap, state.white), pane.about.units.surface, state.white) : canvas;
-  return png(whole, texts({ ...page, state }, size));
+    ? withColorBar(canvas, range, await pane.mapColors(state.colormap, state.white), pane.about.units.surface, state.white) : canvas;
+  return encodePng(whole, pngTexts({ ...page, state }, size));
 }
 
-export async function givePng(page: Page): Promise<void> {
+export async function exportPng(page: Page): Promise<void> {
   const sizes = h("select", { name: "size" }, ...SIZES.map(([text], i) => h("option", { value: i, text })));
   const lines = h("input", { type: "checkbox", name: "lines" });
   const bar = h("input", { type: "checkbox", name: "bar", checked: true });
   const density = page.state.look === "density";
-  const form = await ask("Save a picture", "Save", field("Size", sizes), h("label", { class: "check" }, lines, "with box, axes and scale bar as shown"),
+  const form = await askForm("Save a picture", "Save", field("Size", sizes), h("label", { class: "check" }, lines, "with box, axes and scale bar as shown"),
     h("label", { class: "check", hidden: !density }, bar, "with its colour bar"));
   if (!form) return;
   const asked = SIZES[Number(sizes.value)][1];
   const size = asked.width ? asked : page.panes[0].size;
   page.say(`drawing ${size.width} × ${size.height} …`);
-  const bytes = await drawn(page, page.state, size, { lines: lines.checked, bar: bar.checked });
+  const bytes = await renderPng(page, page.state, size, { lines: lines.checked, bar: bar.checked });
   download(`${stem(page)}.png`, [bytes], "image/png");
   page.say("saved: the camera is in the picture as text");
 }
 
-export async function giveNpy(page: Page): Promise<void> {
+export async function exportNpy(page: Page): Promise<void> {
   const pane = page.panes[0];
   const style = page.state.look === "density" ? "density" : "depth";
   const { numbers } = await pane.values(sceneOf(page.state, pane.about, pane.size), style);
-  download(`${stem(page)}-${style}.npy`, npy(numbers, pane.size), "application/octet-stream");
+  download(`${stem(page)}-${style}.npy`, encodeNpy(numbers, pane.size), "application/octet-stream");
   page.say(style === "density" ? "saved surface densities, rows from the top" : "saved optical depths, rows from the top");
 }
 
-export function giveViews(page: Page): void {
+export function exportViews(page: Page): void {
   const pane = page.panes[0];
   download("views.json", [viewsFile(page.state, pane.about, pane.size)], "application/json");
 }
 
-export function takeViews(page: Page): void {
+export function importViews(page: Page): void {
   const input = h("input", { type: "file", accept: ".json,application/json" });
   input.addEventListener("change", () => {
     void input.files?.[0]?.text().then((text) => page.change(fromViewsFile(text, page.state, page.panes[0].about)))
@@ -91,39 +91,39 @@ export function takeViews(page: Page): void {
 }
 
 /** Copies a text, or shows it to be copied. */
-async function copied(page: Page, what: string, text: string): Promise<void> {
+async function copyText(page: Page, what: string, text: string): Promise<void> {
   try {
     await navigator.clipboard.writeText(text);
     page.say(`copied ${what}`);
   } catch {
     const area = h("textarea", { rows: 4, readonly: true, "aria-label": what });
     area.value = text;
-    await ask(`Copy ${what}`, "Done", area);
+    await askForm(`Copy ${what}`, "Done", area);
   }
 }
 
-export function giveLink(page: Page): Promise<void> {
+export function copyLink(page: Page): Promise<void> {
   if (location.protocol === "about:") {
     return Promise.reject(new Error("this page lies within another and has no address: save it as a page of its own first"));
   }
-  return copied(page, "a link to this view", `${location.href.split("#")[0]}#${toLink(page.state)}`);
+  return copyText(page, "a link to this view", `${location.href.split("#")[0]}#${toLink(page.state)}`);
 }
 
 /** A word as a shell takes it whole: names come from files, and may hold anything. */
-const quoted = (word: string): string => (/^[\w./,][\w./,-]*$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
+const shellQuote = (word: string): string => (/^[\w./,][\w./,-]*$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
 
 /** The command that draws the picture of the screen, from the views file that it names. */
 export function commandFor(page: Page): string {
   const { state: s } = page;
   const [{ name, about }] = page.panes;
-  const parts = [`particlegs render ${quoted(name.startsWith("-") ? `./${name}` : name)} --views views.json --style ${s.look}`];
+  const parts = [`particlegs render ${shellQuote(name.startsWith("-") ? `./${name}` : name)} --views views.json --style ${s.look}`];
   if (s.look === "density") {
     parts.push(`--colormap ${s.colormap}`);
     const range = s.range ?? page.panes[0].range;
     if (range) parts.push(`--range ${range.map((v) => Number(v.toPrecision(6))).join(",")}`);
   }
   const shown = about.layers.map((l) => l.name).filter((n) => !s.hidden.includes(n));
-  if (shown.length < about.layers.length) parts.push(`--layer ${quoted(shown.join(","))}`);
+  if (shown.length < about.layers.length) parts.push(`--layer ${shellQuote(shown.join(","))}`);
   if (s.byLayer && s.look !== "density") parts.push("--color-by-layer");
   if (s.white) parts.push("--background white");
   const left = [s.clip && "the clip box", s.slab && s.slab.axis !== "view" && "the slab", s.images && "periodic images",
@@ -132,15 +132,15 @@ export function commandFor(page: Page): string {
   return `${parts.join(" ")} --no-annotations -o picture.png${note}`;
 }
 
-export async function giveCommand(page: Page): Promise<void> {
-  giveViews(page);
-  await copied(page, "the command (views.json is saved beside)", commandFor(page));
+export async function copyCommand(page: Page): Promise<void> {
+  exportViews(page);
+  await copyText(page, "the command (views.json is saved beside)", commandFor(page));
 }
 
-export async function giveTurn(page: Page): Promise<void> {
+export async function exportTurn(page: Page): Promise<void> {
   const frames = h("input", { type: "number", min: 2, max: 720, value: 72 });
   const sizes = h("select", {}, ...SIZES.slice(0, 3).map(([text], i) => h("option", { value: i, text })));
-  const form = await ask("A turn as frames", "Draw", field("Frames", frames), field("Size", sizes));
+  const form = await askForm("A turn as frames", "Draw", field("Frames", frames), field("Size", sizes));
   if (!form) return;
   const asked = SIZES[Number(sizes.value)][1];
   const size = asked.width ? asked : page.panes[0].size;
@@ -157,9 +157,9 @@ export async function giveTurn(page: Page): Promise<void> {
   }
   for (let i = 0; i < count; i++) {
     const orbit = { ...turned(i), distance };
-    files.push({ name: `frame_${String(i).padStart(4, "0")}.png`, bytes: await drawn(page, { ...start, orbit }, size, { lines: false, bar: true }) });
+    files.push({ name: `frame_${String(i).padStart(4, "0")}.png`, bytes: await renderPng(page, { ...start, orbit }, size, { lines: false, bar: true }) });
     page.say(`frame ${i + 1} of ${count}`);
   }
-  download(`${stem(page)}-turn.zip`, zip(files), "application/zip");
+  download(`${stem(page)}-turn.zip`, encodeZip(files), "application/zip");
   page.say("saved; joined by: ffmpeg -framerate 30 -i frame_%04d.png -pix_fmt yuv420p turn.mp4");
 }

@@ -1,4 +1,4 @@
-// What a page gives away: pictures that know how they were made, numbers, frames.
+// What a page exports, as bytes: pictures that know how they were made, numbers, frames.
 
 import type { Size } from "./protocol";
 
@@ -16,7 +16,7 @@ export function crc32(bytes: Uint8Array): number {
 }
 
 /** A PNG of a canvas, with texts in it (iTXt chunks, behind the header). */
-export async function png(canvas: OffscreenCanvas, texts: Record<string, string>): Promise<Uint8Array<ArrayBuffer>> {
+export async function encodePng(canvas: OffscreenCanvas, texts: Record<string, string>): Promise<Uint8Array<ArrayBuffer>> {
   const bytes = new Uint8Array(await (await canvas.convertToBlob({ type: "image/png" })).arrayBuffer());
   // The signature and the header take 8 + 25 bytes.
   const chunks = Object.entries(texts).map(([key, text]) => chunk("iTXt", `${key}\0\0\0\0\0${text}`));
@@ -50,7 +50,7 @@ export function canvasOf(pixels: ArrayBuffer, size: Size): OffscreenCanvas {
 }
 
 /** A plane of f32 as an NPY file (version 1.0, rows from the top). */
-export function npy(values: ArrayBuffer, size: Size): BlobPart[] {
+export function encodeNpy(values: ArrayBuffer, size: Size): BlobPart[] {
   const text = `{'descr': '<f4', 'fortran_order': False, 'shape': (${size.height}, ${size.width}), }`;
   const length = Math.ceil((10 + text.length + 1) / 64) * 64;
   const head = new Uint8Array(length).fill(32);
@@ -61,7 +61,7 @@ export function npy(values: ArrayBuffer, size: Size): BlobPart[] {
 }
 
 /** A ZIP archive of files as they are. */
-export function zip(files: { name: string; bytes: Uint8Array<ArrayBuffer> }[]): BlobPart[] {
+export function encodeZip(files: { name: string; bytes: Uint8Array<ArrayBuffer> }[]): BlobPart[] {
   const parts: BlobPart[] = [];
   const directory: Uint8Array<ArrayBuffer>[] = [];
   let offset = 0;

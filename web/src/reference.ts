@@ -7,12 +7,12 @@ import type { State } from "./state";
 /** Particles of the first, coarse picture. */
 const MOST_AT_FIRST = 2e6;
 
-export type Shown = "split" | "difference";
+export type ComparisonMode = "split" | "difference";
 
 /** A picture of all particles: grey levels, or densities. */
-export interface TruthPicture { size: Size; levels: Uint8Array | null; densities: Float32Array | null }
+export interface ReferencePicture { size: Size; levels: Uint8Array | null; densities: Float32Array | null }
 
-export class Truth {
+export class ReferenceClient {
   private running: AbortController | null = null;
 
   constructor(private url: string, private particles: number) {}
@@ -24,7 +24,7 @@ export class Truth {
   }
 
   /** Draws a scene coarse to fine; `each` gets every picture that was not overtaken. */
-  async draw(scene: Scene, state: State, each: (picture: TruthPicture, last: boolean) => void): Promise<void> {
+  async draw(scene: Scene, state: State, each: (picture: ReferencePicture, last: boolean) => void): Promise<void> {
     this.stop();
     const own = (this.running = new AbortController());
     for (const coarse of [4, 1]) {
@@ -55,7 +55,7 @@ export class Truth {
 }
 
 /** Root mean square of the difference of logarithms, in dex, where both are above the range's floor. */
-export function dex(a: Float32Array, b: Float32Array, floor: number): number {
+export function rmsDex(a: Float32Array, b: Float32Array, floor: number): number {
   let [sum, n] = [0, 0];
   for (let i = 0; i < a.length; i++) {
     if (a[i] <= floor || b[i] <= floor) continue;
@@ -66,13 +66,13 @@ export function dex(a: Float32Array, b: Float32Array, floor: number): number {
 }
 
 /** The first channel of a picture. */
-export function greys(rgba: ArrayBuffer): Uint8Array {
+export function greyLevels(rgba: ArrayBuffer): Uint8Array {
   const all = new Uint8Array(rgba);
   return Uint8Array.from({ length: all.length / 4 }, (_, i) => all[4 * i]);
 }
 
 /** Pixels of a truth in the colours of the page. */
-export function painted(t: TruthPicture, state: State, colors: Uint8Array, range: [number, number]): ImageData {
+export function colorImage(t: ReferencePicture, state: State, colors: Uint8Array, range: [number, number]): ImageData {
   const out = new ImageData(t.size.width, t.size.height);
   const gain = 2 ** state.exposure;
   for (let i = 0; i < t.size.width * t.size.height; i++) {
@@ -92,7 +92,7 @@ export function painted(t: TruthPicture, state: State, colors: Uint8Array, range
 }
 
 /** Model less truth: blue below, red above, dark where they agree; full colour at 64 levels or half a dex. */
-export function difference(model: ArrayLike<number>, truth: ArrayLike<number>, logarithmic: boolean, size: Size): ImageData {
+export function differenceImage(model: ArrayLike<number>, truth: ArrayLike<number>, logarithmic: boolean, size: Size): ImageData {
   const out = new ImageData(size.width, size.height);
   for (let i = 0; i < truth.length; i++) {
     const d = logarithmic
@@ -105,7 +105,7 @@ export function difference(model: ArrayLike<number>, truth: ArrayLike<number>, l
 }
 
 /** The split over a pane: a canvas for the truth, and a bar that is dragged or moved by keys. */
-export class Split {
+export class SplitView {
   readonly canvas = h("canvas", { class: "truth" });
   readonly bar = h("div", {
     class: "divider", role: "separator", tabindex: "0", "aria-orientation": "vertical",

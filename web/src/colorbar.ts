@@ -2,7 +2,7 @@
 
 import { h } from "./dom";
 import { LOWEST } from "./protocol";
-import { logTicks, number } from "./units";
+import { logTicks, formatNumber } from "./units";
 
 export class ColorBar {
   private strip = h("canvas", { "aria-hidden": "true" });
@@ -13,7 +13,7 @@ export class ColorBar {
   show(range: [number, number], colors: Uint8Array, unit: string): void {
     this.element.hidden = false;
     this.title.textContent = `Σ (${unit})`;
-    this.element.setAttribute("aria-label", `Colour bar: surface density from ${number(range[0])} to ${number(range[1])} ${unit}, logarithmic`);
+    this.element.setAttribute("aria-label", `Colour bar: surface density from ${formatNumber(range[0])} to ${formatNumber(range[1])} ${unit}, logarithmic`);
     // Beneath the picture where the page is narrow.
     const flat = matchMedia("(max-width: 700px)").matches;
     const count = 256 - LOWEST;
@@ -27,7 +27,7 @@ export class ColorBar {
     c.putImageData(pixels, 0, 0);
     const long = Math.log(range[1] / range[0]);
     this.ticks.replaceChildren(...logTicks(...range).map((v) => {
-      const tick = h("span", { text: number(v, 2) });
+      const tick = h("span", { text: formatNumber(v, 2) });
       tick.style[flat ? "left" : "bottom"] = `${(100 * Math.log(v / range[0])) / long}%`;
       return tick;
     }));
@@ -39,7 +39,7 @@ export class ColorBar {
 }
 
 /** A picture with its colour bar beside it, on a page of black or white. */
-export function withBar(picture: OffscreenCanvas, range: [number, number], colors: Uint8Array, unit: string, white: boolean): OffscreenCanvas {
+export function withColorBar(picture: OffscreenCanvas, range: [number, number], colors: Uint8Array, unit: string, white: boolean): OffscreenCanvas {
   // An em, by the picture's height.
   const em = Math.max(10, Math.round(picture.height / 50));
   const canvas = new OffscreenCanvas(picture.width + 9 * em, picture.height);
@@ -64,8 +64,8 @@ export function withBar(picture: OffscreenCanvas, range: [number, number], color
     const y = top + high * (1 - Math.log(v / range[0]) / Math.log(range[1] / range[0]));
     c.fillRect(left + wide, y, 0.4 * em, c.lineWidth);
     // Whole letters at the ends.
-    c.fillText(number(v, 2), left + 1.6 * em, Math.max(0.6 * em, Math.min(picture.height - 0.6 * em, y)));
-    widest = Math.max(widest, c.measureText(number(v, 2)).width);
+    c.fillText(formatNumber(v, 2), left + 1.6 * em, Math.max(0.6 * em, Math.min(picture.height - 0.6 * em, y)));
+    widest = Math.max(widest, c.measureText(formatNumber(v, 2)).width);
   }
   c.translate(left + 2.4 * em + widest, picture.height / 2);
   c.rotate(-Math.PI / 2);
