@@ -186,7 +186,7 @@ fn films_with_colons_in_their_names_are_files() {
 #[test]
 fn figures_that_cannot_be_are_refused() {
     let s = folder();
-    refused(&s, "a.pgs -o x.pdf --axes frame", 2, "--projection orthographic");
+    refused(&s, "a.pgs -o x.pdf --axes frame", 2, "belongs to orthographic views");
     refused(&s, &format!("{DENSITY} x.pdf --figure-width 10mm --font-size 20"), 2, "no room");
     refused(&s, "a.pgs -o x.png --depth=-1", 2, "--depth -1");
     refused(&s, "a.pgs -o x.png --center 1,2", 2, "--center takes");

@@ -95,7 +95,7 @@ fn what_cannot_be_done_is_refused_before_the_work() {
     }
     for (option, values) in [("radius", ["0", "-1", "nan", "inf"]), ("opacity", ["0", "-1", "nan", "1.5"])] {
         for value in values {
-            refused(&format!("a.ply --{option}={value}"), 2, &format!("--{option}"));
+            refused(&format!("a.ply --{option}={value}"), 2, &format!("{option} "));
         }
     }
     // Options that would do nothing.
