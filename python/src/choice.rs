@@ -3,10 +3,10 @@
 use crate::errors::IntoPyResult;
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
+use particlegs_formats::{Choice, Weights};
 use particlegs_pipeline::model::{Dimension, Unit};
 use particlegs_pipeline::particles::{Selection, Storage};
 use particlegs_pipeline::space::Bounds;
-use particlegs_formats::{Choice, Weights};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 

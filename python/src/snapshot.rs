@@ -6,6 +6,7 @@ use crate::pictures::{self, CameraArgs, ViewDefaults};
 use crate::work::WorkOptions;
 use numpy::ndarray::ArrayView;
 use numpy::{PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
+use particlegs_formats::Writer;
 use particlegs_pipeline::model::{Cosmology, Epoch, Layer, Units, is_species};
 use particlegs_pipeline::particles::{
     LayeredParticles, Particles, Positions, SelectedParticles, Selection, SnapshotMeta, Storage, Tiling,
@@ -14,7 +15,6 @@ use particlegs_pipeline::picture::Size;
 use particlegs_pipeline::reference::Reference;
 use particlegs_pipeline::space::{Bounds, Cell};
 use particlegs_pipeline::splat::DEFAULT_OPACITY;
-use particlegs_formats::Writer;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::collections::BTreeMap;

@@ -257,6 +257,7 @@ fn kind_of(place: &Path, staged: &Path) -> Kind {
     match place.extension().and_then(|e| e.to_str()) {
         Some("png") => PNG,
         Some("svg") => SVG,
+        Some("pdf") => PDF,
         Some("json") => JSON,
         Some("csv") if same_head() => Kind { is: |_, _| true, ..UNKNOWN },
         _ => UNKNOWN,

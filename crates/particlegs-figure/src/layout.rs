@@ -86,7 +86,7 @@ pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
     if let Some(bar) = &figure.bar {
         pen.bar(bar, whole, places[places.len() - 1], right);
     }
-    pen.legend(&legend_rows(&figure.legend, em, columns as f64 * w), whole.x, sheet.height - 0.5 * em);
+    pen.legend(&legend_rows(&figure.legend, em, whole.w), whole.x, sheet.height - 0.5 * em);
     if let Some(title) = &figure.title {
         let at = [whole.x + 0.5 * whole.w, 1.45 * em];
         pen.words_within(title, at, 1.1 * em, Anchor::Middle, whole.w.max(sheet.width - em));

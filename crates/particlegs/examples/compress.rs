@@ -11,7 +11,7 @@ fn main() -> Result<()> {
         };
         (0..50_000).map(place).collect()
     };
-    let snapshot = Snapshot::from_columns(column(0), column(1), column(2));
+    let snapshot = Snapshot::from_columns(column(0), column(1), column(2))?;
     let model = compress(&snapshot, &CompressOptions::ratio(100.0), &Context::default())?;
     model.save("spiral.pgs")?;
     println!("{} particles in {} bytes", model.metadata().count, model.bytes().len());

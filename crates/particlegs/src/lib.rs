@@ -8,7 +8,7 @@
 //! # let folder = tempfile::tempdir().unwrap();
 //! # let (input, output, picture) = (sample(), folder.path().join("snap.pgs"), folder.path().join("snap.png"));
 //! let snapshot = Snapshot::open(input)?; // a path; `.species("dm")` reads one species alone
-//! let context = Context::default(); // progress, cancelling, instruction set, memory
+//! let context = Context::default().with_memory(&available_memory); // also: progress, cancelling
 //! let model = compress(&snapshot, &CompressOptions::ratio(300.0), &context)?;
 //! model.save(&output)?;
 //!
@@ -28,7 +28,7 @@
 //! # }
 //! ```
 //!
-//! Everything that a user needs is here or in one of four modules. The crates beneath (`particlegs-core`,
+//! Everything that a user needs is here or in one of five modules. The crates beneath (`particlegs-core`,
 //! `particlegs-pipeline` and others) are its parts: their names may change from version to version, this crate's
 //! do not without a new major version.
 
@@ -41,7 +41,7 @@ mod snapshot;
 /// ```
 /// use particlegs::prelude::*;
 ///
-/// let model = compress(&Snapshot::from_columns([0.5, 1.0, 2.5], [0.0; 3], [1.0; 3]), &CompressOptions::gaussians(1), &Context::default())?;
+/// let model = compress(&Snapshot::from_columns([0.5, 1.0, 2.5], [0.0; 3], [1.0; 3])?, &CompressOptions::gaussians(1), &Context::default())?;
 /// assert_eq!(model.metadata().count, 3);
 /// # Ok::<(), particlegs::Error>(())
 /// ```
@@ -49,7 +49,7 @@ pub mod prelude {
     pub use crate::camera::{Camera, View};
     pub use crate::{
         CompressOptions, Context, Error, Model, Particles, RecoverOptions, Result, SavePng, Size, Snapshot, ToneStyle,
-        compress,
+        available_memory, compress,
     };
 }
 
@@ -86,7 +86,7 @@ pub mod camera {
 /// ```
 pub mod stats {
     pub use particlegs_pipeline::stats::{
-        Assignment, Convention, DensityComparison, DensityReport, Domain, GroupReport, HaloProfiles, Measure,
+        Assignment, Convention, DensityComparison, DensityReport, Domain, Grid, GroupReport, HaloProfiles, Measure,
         NearestDistances, PairCounts, Spectra, Statistics, StatsOptions, Subject, compare,
     };
 }
@@ -104,21 +104,38 @@ pub mod stats {
 /// ```
 pub mod metadata {
     pub use particlegs_pipeline::model::{
-        Certificate, CertificateLevel, Effort, LawKind, Layer, Mass, Metadata, Mixture, Recipe, Target, Unit, Units,
+        Certificate, CertificateLevel, Effort, Goal, GoalKind, LawKind, Layer, Mass, Metadata, Mixture, Recipe, Target,
+        Unit, Units,
     };
     pub use particlegs_pipeline::space::{Bounds, Cell};
 }
 
+/// Training a model on pictures of its particles, beyond the fit.
+///
+/// ```
+/// use particlegs::CompressOptions;
+/// use particlegs::metadata::LawKind;
+/// use particlegs::training::{Config, Preset};
+///
+/// let training = Config::preset(Preset::Fast, LawKind::OpticalDepth);
+/// assert!(training.iterations() > 0);
+/// let options = CompressOptions { training: Some(training), ..CompressOptions::ratio(300.0) };
+/// ```
+pub mod training {
+    pub use particlegs_pipeline::train::{Config, Limits, Preset};
+}
+
 pub use model::{CompressOptions, Model, compress};
-pub use particlegs_export::{Density, Kind as ExportKind};
-pub use particlegs_formats::{Choice, Description};
-pub use particlegs_pipeline::context::{Context, ProgressEvent, ProgressSink};
+pub use particlegs_export::Density;
+pub use particlegs_files::memory::available_bytes as available_memory;
+pub use particlegs_formats::{Choice, Description, Species, SpeciesField, SpeciesMass, Weights};
+pub use particlegs_pipeline::context::{Context, Level, ProgressEvent, ProgressSink};
 pub use particlegs_pipeline::parallel::with_threads;
 pub use particlegs_pipeline::particles::{Particles, RawForm, Selection, Storage};
-pub use particlegs_pipeline::picture::{Colormap, Gray8, Plane, Size};
+pub use particlegs_pipeline::picture::{Gray8, Plane, Size};
 pub use particlegs_pipeline::recover::{Method as RecoverMethod, Options as RecoverOptions};
-pub use particlegs_pipeline::score::{Evaluation, Grade};
+pub use particlegs_pipeline::score::Evaluation;
 pub use particlegs_pipeline::splat::ToneStyle;
-pub use particlegs_pipeline::{Error, Result};
+pub use particlegs_pipeline::{Error, Hint, Result};
 pub use picture::SavePng;
 pub use snapshot::Snapshot;

@@ -1,8 +1,10 @@
 //! A model as a user holds it: its file's bytes, and what they decode to.
 
 use crate::camera::{DensityView, View, base_distance, spherical_camera};
-use crate::metadata::{Certificate, Metadata, Mixture};
-use crate::{Context, Density, Evaluation, Gray8, Particles, Plane, RecoverOptions, Result, Size, Snapshot, ToneStyle};
+use crate::metadata::{Certificate, LawKind, Metadata, Mixture};
+use crate::{
+    Context, Density, Error, Evaluation, Gray8, Particles, Plane, RecoverOptions, Result, Size, Snapshot, ToneStyle,
+};
 use particlegs_export::Cells;
 use particlegs_files::input::{Source, name_of};
 use particlegs_files::output::write_bytes;
@@ -27,13 +29,14 @@ pub struct Model {
 /// range; [`crate::Error::Memory`]; [`crate::Error::Cancelled`]; those of reading.
 pub fn compress(snapshot: &Snapshot, options: &CompressOptions, context: &Context<'_>) -> Result<Model> {
     let particles = snapshot.particles(context)?;
-    let options = CompressOptions { read: snapshot.options(), ..options.clone() };
+    let mut options = options.clone();
+    options.read.extend(snapshot.options());
     let made = pipeline::compress(&particles, &options, &mut NoCheckpoints, context)?;
     Ok(Model { bytes: made.bytes, decoded: made.model })
 }
 
 impl Model {
-    /// Reads a model file.
+    /// Reads a model file; `-` is standard input.
     ///
     /// # Errors
     /// [`crate::Error::Io`]; [`crate::Error::Input`] for what is no model, or a damaged one.
@@ -52,7 +55,7 @@ impl Model {
         Ok(Model { bytes, decoded })
     }
 
-    /// Writes the file, whole or not at all.
+    /// Writes the file, whole or not at all; `-` is standard output.
     ///
     /// # Errors
     /// [`crate::Error::Io`].
@@ -93,7 +96,15 @@ impl Model {
     /// # Errors
     /// [`crate::Error::Argument`] for a view out of range; [`crate::Error::Memory`]; [`crate::Error::Cancelled`].
     pub fn render(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Gray8> {
-        render::draw(&Scene::new(&self.decoded), view, size, ToneStyle::Paraview, context)
+        self.render_as(ToneStyle::Paraview, view, size, context)
+    }
+
+    /// Draws it in another style, such as without the smoothing of edges.
+    ///
+    /// # Errors
+    /// As [`Model::render`].
+    pub fn render_as(&self, style: ToneStyle, view: &View, size: Size, context: &Context<'_>) -> Result<Gray8> {
+        render::draw(&Scene::new(&self.decoded), view, size, style, context)
     }
 
     /// Mass, or number where there are no masses, per area in each pixel, in the model's units.
@@ -101,14 +112,17 @@ impl Model {
     /// # Errors
     /// As [`Model::render`]; [`crate::Error::Input`] for alpha-blend models, which have no density.
     pub fn density_map(&self, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane> {
+        self.check_density()?;
         render::surface_density(&Scene::new(&self.decoded), view, size, context)
     }
 
     /// The density integrated over cells, `longest` of them along the longest edge.
     ///
     /// # Errors
-    /// [`crate::Error::Argument`] for 0 cells or too many; [`crate::Error::Memory`]; [`crate::Error::Cancelled`].
+    /// [`crate::Error::Argument`] for 0 cells or too many; [`crate::Error::Input`] for alpha-blend models;
+    /// [`crate::Error::Memory`]; [`crate::Error::Cancelled`].
     pub fn density_grid(&self, longest: usize, context: &Context<'_>) -> Result<Density> {
+        self.check_density()?;
         Density::new(&self.decoded, Cells::Along(longest), context)
     }
 
@@ -133,6 +147,14 @@ impl Model {
         context: &Context<'_>,
     ) -> Result<Evaluation> {
         score::evaluate(&self.decoded, &snapshot.particles(context)?, views, size, None, context)
+    }
+
+    /// Splats hold opacities, not masses.
+    fn check_density(&self) -> Result<()> {
+        match self.metadata().law {
+            LawKind::OpticalDepth => Ok(()),
+            LawKind::AlphaBlend => Err(Error::input("the model", "an alpha-blend model has no density")),
+        }
     }
 
     /// The decoded model, for [`crate::stats::Subject::Model`].

@@ -63,7 +63,7 @@ pub enum Command {
     Reference(reference::Arguments),
     /// Draw pictures of a model.
     Render(render::Arguments),
-    /// List the graphics cards that can draw.
+    /// List the GPUs that can draw and train.
     Devices(devices::Arguments),
     /// Look at models in a browser.
     View(view::Arguments),

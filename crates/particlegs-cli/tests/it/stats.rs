@@ -52,6 +52,17 @@ fn a_model_is_measured_by_its_mixture() {
     assert!(listing(&dir.at("a")).iter().all(|f| !f.ends_with(".png")));
 }
 
+#[test]
+fn plots_are_pdf_where_asked_and_replace_those_of_before() {
+    let dir = thinned();
+    for _ in 0..2 {
+        dir.runs("stats thin thin -o pdf --only density --grid 8 --plots pdf --quiet");
+    }
+    let files = listing(&dir.at("pdf"));
+    let plot = files.iter().find(|f| f.ends_with(".pdf")).unwrap();
+    assert!(dir.bytes(&format!("pdf/{plot}")).starts_with(b"%PDF-") && files.iter().all(|f| !f.ends_with(".svg")));
+}
+
 /// The columns of a table, by name.
 fn table(text: &str) -> Vec<std::collections::BTreeMap<String, String>> {
     let mut rows = text.lines().map(|l| l.split(',').map(str::to_string).collect::<Vec<_>>());

@@ -164,9 +164,9 @@ fn frames_are_counted_and_the_last_or_a_chosen_one_is_read() {
     assert_eq!((frames.count, frames.chosen, frames.step), (3, 1, Some(6)));
     assert!(open_frame(&text, Some(3)).is_err());
     let cut = &text[..text.len() - 7];
-    let cut = message(cut);
-    assert!(cut.contains("frame 2 is cut off: it states 2 atoms, and 1 lines follow ("), "{cut}");
-    assert!(cut.contains("frame 1` reads the last whole frame"), "{cut}");
+    let said = message(cut);
+    assert!(said.contains("frame 2 is cut off: it states 2 atoms, and 1 lines follow ("), "{said}");
+    assert!(said.contains("frame 1` reads the last whole frame"), "{said}");
     let earlier = open_frame(cut, Some(1)).unwrap();
     assert!(earlier.description().notes[0].contains("frame 2 cannot be read"));
 }

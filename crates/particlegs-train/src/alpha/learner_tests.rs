@@ -66,10 +66,10 @@ fn lesson(size: Size, frames: usize) -> TrainingSet {
 }
 
 fn sample<'a>(view: &'a View, target: &'a Plane) -> TrainingSample<'a> {
-    shot_with(view, target, &Context::SILENT)
+    sample_with(view, target, &Context::SILENT)
 }
 
-fn shot_with<'a>(view: &'a View, target: &'a Plane, context: &'a Context<'a>) -> TrainingSample<'a> {
+fn sample_with<'a>(view: &'a View, target: &'a Plane, context: &'a Context<'a>) -> TrainingSample<'a> {
     TrainingSample { view, target, crop: Crop::whole(target.size), context }
 }
 
@@ -94,7 +94,7 @@ fn train_with(
     for iteration in iterations {
         let (view, _, target) = &lesson.samples[iteration as usize % lesson.samples.len()];
         let at = moment(iteration, last, densify);
-        let stepped = learner.step(&shot_with(view, target, context), &Loss::PUBLISHED, &at).unwrap();
+        let stepped = learner.step(&sample_with(view, target, context), &Loss::PUBLISHED, &at).unwrap();
         assert_eq!(stepped.not_finite, None);
         sum += stepped.loss;
         learner.control(&at).unwrap();

@@ -173,7 +173,11 @@ impl GpuTables {
         match work(self) {
             Err(Error::Cancelled) => Err(Error::Cancelled),
             Err(e) => {
-                self.failed.push(format!("Not measured: {} Gaussians, {}: {e}", made.gaussians.len(), pixels(size)));
+                self.failed.push(format!(
+                    "Not all measured: {} Gaussians, {}: {e}",
+                    made.gaussians.len(),
+                    pixels(size)
+                ));
                 Ok(())
             }
             Ok(()) => Ok(()),
@@ -201,7 +205,7 @@ impl GpuTables {
 }
 
 impl GpuBench<'_> {
-    /// Few with `--quick`, or as many as are measured.
+    /// Few where it is to be quick, or as many as are measured.
     fn either(&self, few: usize, many: usize) -> usize {
         if self.quick { few } else { many }
     }

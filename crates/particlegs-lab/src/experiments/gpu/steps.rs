@@ -50,8 +50,8 @@ pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, made: &Tiled
         law.opacity.iter_mut().enumerate().for_each(change);
     }
     let frame = Normalisation::of(&made.bounds);
-    let ground = TrainingScale { frame, radius: made.radius, opacity: OPACITY, particles: made.particles, seed: 1 };
-    let mut of = alpha::Gaussians::from_mixture(&gaussians, ground)?;
+    let scale = TrainingScale { frame, radius: made.radius, opacity: OPACITY, particles: made.particles, seed: 1 };
+    let mut of = alpha::Gaussians::from_mixture(&gaussians, scale)?;
     let mut steps = GpuAccelerator::new(bench.device.clone()).alpha_steps(&of)?;
     let c = AlphaConfig::default();
     let pace = alpha::StepSize {
