@@ -1,9 +1,9 @@
 //! Any bytes: read as a file, and as the one block of a file, whose checksums are none.
-//! `cargo fuzz run model_reader` (seeds: crates/particlegs/tests/fixtures).
+//! `cargo fuzz run model_reader` (seeds: crates/particlegs-pipeline/tests/fixtures).
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use particlegs::codec;
+use particlegs_pipeline::codec;
 
 fuzz_target!(|bytes: &[u8]| {
     let _ = codec::read_info(bytes, "fuzz");

@@ -1,8 +1,8 @@
 //! What the targets of the particle formats share.
 
-use particlegs::particles::RUN;
-use particlegs::context::Context;
 use particlegs_formats::Choice;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::particles::RUN;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 

@@ -60,6 +60,11 @@ class Camera:
             if range_.shape != (2,):
                 raise InputError("clipping_range takes the nearest and the farthest distance")
             object.__setattr__(self, "clipping_range", (float(range_[0]), float(range_[1])))
+        for name in ("fov_deg", "height"):
+            if (value := getattr(self, name)) is not None:
+                if not np.isfinite(value):
+                    raise InputError(f"{name} must be finite")
+                object.__setattr__(self, name, float(value))
 
     @classmethod
     def around(cls, bounds: Any, azimuth: float = 0.0, elevation: float = 0.0, distance: float = 1.0) -> Camera:

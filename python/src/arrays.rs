@@ -2,8 +2,8 @@
 
 use crate::errors::InputError;
 use numpy::{PyArrayDescrMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
-use particlegs::particles::Column;
 use particlegs_formats::Array;
+use particlegs_pipeline::particles::Column;
 use pyo3::prelude::*;
 use std::sync::Arc;
 

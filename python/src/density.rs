@@ -5,9 +5,9 @@ use crate::errors::InputError;
 use crate::work::WorkOptions;
 use numpy::ndarray::{ArrayD, IxDyn};
 use numpy::{IntoPyArray, PyArrayDyn, PyReadonlyArrayDyn};
-use particlegs::model::{LawKind, Mass, Model};
-use particlegs::stats::Domain;
 use particlegs_export::{Cells, Density};
+use particlegs_pipeline::model::{LawKind, Mass, Model};
+use particlegs_pipeline::stats::Domain;
 use pyo3::prelude::*;
 
 /// Refuses models without densities, and layers whose sum is none.

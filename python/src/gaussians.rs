@@ -2,7 +2,7 @@
 
 use crate::snapshot::view;
 use numpy::PyArrayDyn;
-use particlegs::model::{Mixture, Model};
+use particlegs_pipeline::model::{Mixture, Model};
 use pyo3::prelude::*;
 
 /// Columns of all Gaussians, layer by layer and block by block.

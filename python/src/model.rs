@@ -7,16 +7,16 @@ use crate::pictures::{self, CameraArgs, ViewDefaults};
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
 use numpy::{PyArray2, PyArrayDyn, PyReadonlyArrayDyn};
-use particlegs::camera::{Camera, Projection, View};
-use particlegs::model::{LawKind, Layer, Mass, Metadata};
-use particlegs::particles::RawForm;
-use particlegs::picture::{Gray8, Pixels, Plane, Size};
-use particlegs::recover::Options;
-use particlegs::render::{Scene, Scratch, draw_into, extent, optical_depth_into, surface_density};
-use particlegs::score::Assessment;
-use particlegs::{codec, parallel};
 use particlegs_export::density_unit;
 use particlegs_files::output;
+use particlegs_pipeline::camera::{Camera, Projection, View};
+use particlegs_pipeline::model::{LawKind, Layer, Mass, Metadata};
+use particlegs_pipeline::particles::RawForm;
+use particlegs_pipeline::picture::{Gray8, Pixels, Plane, Size};
+use particlegs_pipeline::recover::Options;
+use particlegs_pipeline::render::{Scene, Scratch, draw_into, extent, optical_depth_into, surface_density};
+use particlegs_pipeline::score::Assessment;
+use particlegs_pipeline::{codec, parallel};
 use particlegs_view::page::{ModelFile, PageOpening, offline};
 use particlegs_view::poster;
 use pyo3::prelude::*;
@@ -29,7 +29,7 @@ use std::sync::OnceLock;
 #[pyclass(frozen, subclass, module = "particlegs._particlegs")]
 pub struct Model {
     bytes: Vec<u8>,
-    model: particlegs::model::Model,
+    model: particlegs_pipeline::model::Model,
     name: String,
     scratch: parallel::Scratch<Scratch>,
     gaussians: OnceLock<Py<Gaussians>>,
@@ -45,7 +45,7 @@ pub fn refuse(path: &Path, overwrite: bool) -> PyResult<()> {
 }
 
 impl Model {
-    pub fn new(bytes: Vec<u8>, model: particlegs::model::Model, name: String) -> Self {
+    pub fn new(bytes: Vec<u8>, model: particlegs_pipeline::model::Model, name: String) -> Self {
         Model { bytes, model, name, scratch: parallel::Scratch::default(), gaussians: OnceLock::new() }
     }
 
@@ -59,7 +59,7 @@ impl Model {
         &self.name
     }
 
-    pub fn inner(&self) -> &particlegs::model::Model {
+    pub fn inner(&self) -> &particlegs_pipeline::model::Model {
         &self.model
     }
 
@@ -75,7 +75,7 @@ impl Model {
     }
 
     /// The model of some layers; a copy where they are not all.
-    fn only(&self, names: Option<&[String]>) -> PyResult<std::borrow::Cow<'_, particlegs::model::Model>> {
+    fn only(&self, names: Option<&[String]>) -> PyResult<std::borrow::Cow<'_, particlegs_pipeline::model::Model>> {
         Ok(match names {
             None => std::borrow::Cow::Borrowed(&self.model),
             Some(names) => std::borrow::Cow::Owned(self.model.clone().only(names).or_raise()?),
@@ -145,7 +145,7 @@ impl Model {
     #[getter]
     fn told(&self) -> String {
         let m = &self.model;
-        let layer = |l: &Layer<Vec<particlegs::model::Block>>| {
+        let layer = |l: &Layer<Vec<particlegs_pipeline::model::Block>>| {
             serde_json::json!({
                 "name": l.name, "particles": l.count(), "particle_mass": l.mass.unit(),
                 "weighted": l.mass.is_weighted(), "blocks": l.content.len(),

@@ -3,11 +3,11 @@
 use crate::errors::{InputError, IntoPyResult, named};
 use numpy::ndarray::Array2;
 use numpy::{PyArray2, PyReadonlyArrayDyn, ToPyArray};
-use particlegs::camera::{Camera, DensityView, View, Window, base_distance, spherical_camera};
-use particlegs::picture::{DensityColors, Gray8, Plane, Size};
-use particlegs::space::{Bounds, Cell};
-use particlegs::splat::ToneStyle;
-use particlegs::{Error, Result};
+use particlegs_pipeline::camera::{Camera, DensityView, View, Window, base_distance, spherical_camera};
+use particlegs_pipeline::picture::{DensityColors, Gray8, Plane, Size};
+use particlegs_pipeline::space::{Bounds, Cell};
+use particlegs_pipeline::splat::ToneStyle;
+use particlegs_pipeline::{Error, Result};
 use pyo3::prelude::*;
 
 /// A camera, as Python gives it: by angles, or whole in JSON by the keys of views files.

@@ -6,15 +6,15 @@ use crate::pictures::{self, CameraArgs, ViewDefaults};
 use crate::work::WorkOptions;
 use numpy::ndarray::ArrayView;
 use numpy::{PyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray};
-use particlegs::model::{Cosmology, Epoch, Layer, Units, is_species};
-use particlegs::particles::{
+use particlegs_formats::Writer;
+use particlegs_pipeline::model::{Cosmology, Epoch, Layer, Units, is_species};
+use particlegs_pipeline::particles::{
     LayeredParticles, Particles, Positions, SelectedParticles, Selection, SnapshotMeta, Storage, Tiling,
 };
-use particlegs::picture::Size;
-use particlegs::reference::Reference;
-use particlegs::space::{Bounds, Cell};
-use particlegs::splat::DEFAULT_OPACITY;
-use particlegs_formats::Writer;
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::reference::Reference;
+use particlegs_pipeline::space::{Bounds, Cell};
+use particlegs_pipeline::splat::DEFAULT_OPACITY;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::collections::BTreeMap;
@@ -78,12 +78,12 @@ impl ParticleInfo {
 }
 
 /// Particles in layers of these names and numbers of particles; as they are without any.
-fn in_layers(particles: Particles, layers: Vec<(String, usize)>) -> particlegs::Result<Particles> {
+fn in_layers(particles: Particles, layers: Vec<(String, usize)>) -> particlegs_pipeline::Result<Particles> {
     let count = particles.len();
     let told = layers.iter().fold(0, |sum: usize, (_, n)| sum.saturating_add(*n));
     if !layers.is_empty() && told != count {
         let what = format!("layers of {told} particles in all, and there are {count}");
-        return Err(particlegs::Error::input(&particles.meta.name, what));
+        return Err(particlegs_pipeline::Error::input(&particles.meta.name, what));
     }
     let (mass, mut end) = (particles.layers()[0].mass, 0);
     let layers = layers.into_iter().map(|(name, n)| {
@@ -147,12 +147,12 @@ impl Snapshot {
             };
             let name = particles.meta.name.clone();
             if particles.is_empty() {
-                return Err(particlegs::Error::input(&name, "no particles"));
+                return Err(particlegs_pipeline::Error::input(&name, "no particles"));
             }
             let particles = match weights {
                 Some(w) if w.len() != particles.len() => {
                     let what = format!("{} weights of {} particles", w.len(), particles.len());
-                    return Err(particlegs::Error::input(&name, what));
+                    return Err(particlegs_pipeline::Error::input(&name, what));
                 }
                 Some(weights) => particles.with_weights(weights),
                 None => particles,

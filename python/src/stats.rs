@@ -4,7 +4,7 @@ use crate::errors::named;
 use crate::model::Model;
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
-use particlegs::stats::{Measure, StatsOptions, Subject, compare};
+use particlegs_pipeline::stats::{Measure, StatsOptions, Subject, compare};
 use pyo3::prelude::*;
 
 /// What is measured, as Python gives it; names are those of the command.

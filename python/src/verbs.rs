@@ -4,14 +4,14 @@ use crate::errors::{InputError, IntoPyResult, named};
 use crate::model::{Model, refuse};
 use crate::snapshot::Snapshot;
 use crate::work::WorkOptions;
-use particlegs::codec::{self, Merge};
-use particlegs::compress::{self, Target};
-use particlegs::model::{Certificate, CertificateLevel, MetricValue};
-use particlegs::picture::Size;
-use particlegs::score;
 use particlegs_export::{Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats};
 use particlegs_export::{write_as_splats, write_density, write_gaussians};
 use particlegs_files::output::write_bytes;
+use particlegs_pipeline::codec::{self, Merge};
+use particlegs_pipeline::compress::{self, Target};
+use particlegs_pipeline::model::{Certificate, CertificateLevel, MetricValue};
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::score;
 use particlegs_view::page::{ModelFile, PageOpening, offline};
 use pyo3::prelude::*;
 use serde_json::json;
@@ -64,7 +64,7 @@ fn made(
     py: Python<'_>,
     name: &str,
     how: WorkOptions,
-    work: impl FnOnce(&particlegs::context::Context<'_>) -> particlegs::Result<Vec<u8>> + Send,
+    work: impl FnOnce(&particlegs_pipeline::context::Context<'_>) -> particlegs_pipeline::Result<Vec<u8>> + Send,
 ) -> PyResult<Model> {
     let (bytes, model) = how.run(py, |progress| {
         let bytes = work(progress)?;
@@ -126,7 +126,7 @@ pub fn verify(
     let measured = WorkOptions { threads, progress }.run(py, |progress| {
         if particles.source_hash() != whole.metadata.source_hash {
             let what = format!("it is not the snapshot that {} was made of", model.called());
-            return Err(particlegs::Error::input(&particles.meta.name, what));
+            return Err(particlegs_pipeline::Error::input(&particles.meta.name, what));
         }
         compress::certify(whole, bare.len() as u64, particles, seed, level, progress)
     })?;
@@ -188,7 +188,7 @@ pub fn export(
     let mut notes = Notes::new(kind, &shown, model.called());
     WorkOptions { threads, progress }.run(py, |progress| match kind.group() {
         Group::Page if asked.layers.is_some() => {
-            Err(particlegs::Error::argument("an exported page holds every layer: leave layers= out"))
+            Err(particlegs_pipeline::Error::argument("an exported page holds every layer: leave layers= out"))
         }
         Group::Page => {
             let file = ModelFile { name: model.called(), bytes: model.bytes() };

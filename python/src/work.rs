@@ -1,9 +1,9 @@
 //! Long work: without the interpreter's lock, on threads of its own, told about, and stopped by Ctrl-C.
 
 use crate::errors::{InputError, exception};
-use particlegs::context::{Context, ProgressEvent, ProgressSink};
-use particlegs::{Error, Result, parallel};
 use particlegs_files::memory;
+use particlegs_pipeline::context::{Context, ProgressEvent, ProgressSink};
+use particlegs_pipeline::{Error, Result, parallel};
 use pyo3::prelude::*;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};

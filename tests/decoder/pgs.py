@@ -967,7 +967,7 @@ def hexadecimal(values):
 
 
 def dump(model, out):
-    """The lines that `cargo run -p particlegs --example decoded_bits` prints."""
+    """The lines that `cargo run -p particlegs-pipeline --example decoded_bits` prints."""
     meta = model["meta"]
     print("law", meta["law"], "particles", meta["particles"], "hash", meta["hash"], file=out)
     print("reals", hexadecimal([meta["mass"], *meta["bounds"], meta["radius"], meta["opacity"]]), file=out)

@@ -31,7 +31,7 @@ trap 'rm -rf "$work"' EXIT
 "$particlegs" compress samples/nbody64 -o "$work/sample.pgs" --effort fast --ratio 100 --certificate none --quiet >/dev/null
 "$particlegs" compress crates/particlegs-formats/tests/fixtures/species.hdf5 -o "$work/layers.pgs" --gaussians 20 \
     --length-unit kpc --certificate none --quiet >/dev/null
-cp crates/particlegs/tests/fixtures/format-1.0-alpha.pgs "$work/alpha.pgs"
+cp crates/particlegs-pipeline/tests/fixtures/format-1.0-alpha.pgs "$work/alpha.pgs"
 
 # The newest Node resolves packages from where a script lies.
 cp tests/export/gltf.mjs "$readers/gltf.mjs"

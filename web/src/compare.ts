@@ -4,34 +4,34 @@ import { h } from "./dom";
 import type { Page } from "./main";
 import type { Setup } from "./protocol";
 import { paintOf, sceneOf } from "./state";
-import { dex, difference, greys, painted, Split, Truth, type Shown, type TruthPicture } from "./truth";
-import { whole } from "./units";
+import { rmsDex, differenceImage, greyLevels, colorImage, SplitView, ReferenceClient, type ComparisonMode, type ReferencePicture } from "./reference";
+import { formatWhole } from "./units";
 
 /** Milliseconds without a move after which the server is asked. */
 const REST = 250;
 
-export class Compare {
+export class Comparison {
   readonly element: HTMLElement;
-  private truth: Truth;
-  private split: Split | null = null;
-  private shown: Shown | null = null;
+  private truth: ReferenceClient;
+  private split: SplitView | null = null;
+  private shown: ComparisonMode | null = null;
   private score = h("p", { class: "hint", role: "status" });
-  private buttons: Record<Shown, HTMLButtonElement>;
+  private buttons: Record<ComparisonMode, HTMLButtonElement>;
   private rest: ReturnType<typeof setTimeout> | undefined;
   /** Counts what makes a picture on its way out of date. */
   private turn = 0;
 
   constructor(private page: Page, private of: NonNullable<Setup["truth"]>) {
-    this.truth = new Truth(of.url, of.particles);
-    const button = (shown: Shown, text: string) =>
+    this.truth = new ReferenceClient(of.url, of.particles);
+    const button = (shown: ComparisonMode, text: string) =>
       h("button", { type: "button", text, "aria-pressed": "false", click: () => this.toggle(shown) });
     this.buttons = { split: button("split", "Split"), difference: button("difference", "Difference") };
     this.element = h("details", { open: true }, h("summary", { text: "All particles" }),
-      h("p", { class: "hint", text: `${of.name}: ${whole(of.particles)} particles, drawn by the server` }),
+      h("p", { class: "hint", text: `${of.name}: ${formatWhole(of.particles)} particles, drawn by the server` }),
       h("div", { class: "buttons" }, this.buttons.split, this.buttons.difference), this.score);
   }
 
-  toggle(shown: Shown): void {
+  toggle(shown: ComparisonMode): void {
     this.shown = this.shown === shown ? null : shown;
     this.turn++;
     clearTimeout(this.rest);
@@ -42,7 +42,7 @@ export class Compare {
       this.split = null;
       this.score.textContent = "";
     } else {
-      this.split ??= new Split(this.page.panes[0].element);
+      this.split ??= new SplitView(this.page.panes[0].element);
       this.moved();
     }
   }
@@ -75,7 +75,7 @@ export class Compare {
     });
   }
 
-  private async show(picture: TruthPicture, last: boolean): Promise<void> {
+  private async show(picture: ReferencePicture, last: boolean): Promise<void> {
     const own = this.turn;
     const { panes, state } = this.page;
     const pane = panes[0];
@@ -85,13 +85,13 @@ export class Compare {
     const paint = { ...paintOf(state), white: false, exposure: 0, by_layer: false };
     const model = density
       ? new Float32Array((await pane.values(scene, "density")).numbers)
-      : greys((await pane.picture(scene, paint)).numbers);
-    const colors = await pane.map(state.colormap, state.white);
+      : greyLevels((await pane.picture(scene, paint)).numbers);
+    const colors = await pane.mapColors(state.colormap, state.white);
     if (own !== this.turn) return;
     if (this.shown === "difference") {
-      this.split?.put(difference(model, (picture.densities ?? picture.levels)!, density, picture.size), true);
+      this.split?.put(differenceImage(model, (picture.densities ?? picture.levels)!, density, picture.size), true);
     } else {
-      this.split?.put(painted(picture, state, colors, range), false);
+      this.split?.put(colorImage(picture, state, colors, range), false);
     }
     if (!last) return;
     const score = density ? this.densityScore(model as Float32Array, picture.densities!, range[0])
@@ -105,6 +105,6 @@ export class Compare {
   private densityScore(model: Float32Array, truth: Float32Array, floor: number): string {
     const { smoothed } = this.of;
     if (smoothed === null) return "no score: there are too many particles to smooth, and unsmoothed ones have shot noise that the model does not have";
-    return `RMS ${dex(model, truth, floor).toFixed(3)} dex where both are above the range's lower end; each particle over ${smoothed} neighbours`;
+    return `RMS ${rmsDex(model, truth, floor).toFixed(3)} dex where both are above the range's lower end; each particle over ${smoothed} neighbours`;
   }
 }

@@ -1,10 +1,10 @@
 // Questions that need more than a click, and the list of keys.
 
 import { h } from "./dom";
-import type { Key } from "./hand";
+import type { KeyBinding } from "./input";
 
 /** A dialog with a form; resolves to the fields when it is accepted, to `null` when not. */
-export function ask(title: string, accept: string, ...fields: HTMLElement[]): Promise<HTMLFormElement | null> {
+export function askForm(title: string, accept: string, ...fields: HTMLElement[]): Promise<HTMLFormElement | null> {
   const form = h("form", { method: "dialog" },
     h("h2", { text: title }), ...fields,
     h("div", { class: "buttons" },
@@ -22,7 +22,7 @@ export function ask(title: string, accept: string, ...fields: HTMLElement[]): Pr
 }
 
 /** Shows something to read until it is closed. */
-export function tell(title: string, ...content: HTMLElement[]): void {
+export function showMessage(title: string, ...content: HTMLElement[]): void {
   const close = h("button", { text: "Close", value: "no" });
   const dialog = h("dialog", { "aria-label": title },
     h("form", { method: "dialog" }, h("h2", { text: title, tabindex: "-1", autofocus: true }), ...content, h("div", { class: "buttons" }, close)));
@@ -37,12 +37,12 @@ export function field(label: string, input: HTMLElement): HTMLElement {
 }
 
 /** All keys. */
-export function showKeys(keys: Key[]): void {
+export function showKeys(keys: KeyBinding[]): void {
   const mouse: [string, string][] = [
     ["drag", "turn"], ["Shift drag, right drag, two fingers", "move"], ["wheel, pinch", "zoom to the pointer"],
     ["click", "what is here"], ["double click", "look at what is here"],
   ];
   const rows = [...mouse, ...keys.map((k): [string, string] => [k.label, k.what])];
   const table = h("table", {}, ...rows.map(([key, what]) => h("tr", {}, h("th", { text: key, scope: "row" }), h("td", { text: what }))));
-  tell("Mouse, touch and keys", table);
+  showMessage("Mouse, touch and keys", table);
 }

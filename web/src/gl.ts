@@ -3,7 +3,7 @@
 // renderer's eight taps, and one pass makes colours of depths. No order, no sorting.
 
 import { shaders } from "./shaders";
-import type { Paint, Size, Strokes, Tone } from "./protocol";
+import type { PlaneColours, Size, StrokePlanes, ToneCurve } from "./protocol";
 
 /** Quads drawn by one instance: fewer instances are much faster than one quad each. */
 const QUADS = 128;
@@ -13,16 +13,16 @@ const ROW = 1024;
 interface Plane { texture: WebGLTexture; target: WebGLFramebuffer; width: number; height: number }
 
 /** What the tone pass needs beside the depths. */
-export interface Toning {
-  paint: Paint;
-  strokes: Strokes;
+export interface ToneInput {
+  paint: PlaneColours;
+  strokes: StrokePlanes;
   /** Of looks: the curve, and its 1153 levels. */
-  tone: { curve: Tone; levels: Float32Array } | null;
+  tone: { curve: ToneCurve; levels: Float32Array } | null;
   /** Of density: 256 RGB triples. */
   colors: Uint8Array | null;
 }
 
-export class Unable extends Error {}
+export class GlUnsupported extends Error {}
 
 export class GlRenderer {
   readonly name: string;
@@ -42,12 +42,12 @@ export class GlRenderer {
 
   constructor(private canvas: HTMLCanvasElement) {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false, preserveDrawingBuffer: true });
-    if (!gl) throw new Unable("this browser has no WebGL2");
+    if (!gl) throw new GlUnsupported("this browser has no WebGL2");
     this.gl = gl;
     const debug = gl.getExtension("WEBGL_debug_renderer_info");
     this.name = String(gl.getParameter(debug ? debug.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
     this.software = /swiftshader|llvmpipe|softpipe|software|basic render/i.test(this.name);
-    if (!gl.getExtension("EXT_color_buffer_float")) throw new Unable("this graphics card has no float planes");
+    if (!gl.getExtension("EXT_color_buffer_float")) throw new GlUnsupported("this graphics card has no float planes");
     const full = gl.getExtension("EXT_float_blend") !== null;
     this.half = !full;
     this.format = full
@@ -65,7 +65,7 @@ export class GlRenderer {
   }
 
   /** Draws strokes, and leaves the picture in the canvas. */
-  draw(numbers: ArrayBuffer, { paint, strokes, tone, colors }: Toning, size: Size): void {
+  draw(numbers: ArrayBuffer, { paint, strokes, tone, colors }: ToneInput, size: Size): void {
     const { gl } = this;
     gl.bindVertexArray(this.empty);
     this.resize(strokes, size);
@@ -75,15 +75,15 @@ export class GlRenderer {
     strokes.planes.forEach((plane, i) => this.addStrokes(this.planes[i], plane.first, plane.count));
     for (let i = strokes.planes.length - 1; i > 0; i--) this.addUp(this.planes[i], this.planes[i - 1], strokes.pad);
     gl.disable(gl.BLEND);
-    this.toned({ paint, strokes, tone, colors }, size);
-    if (gl.getError() !== gl.NO_ERROR) throw new Unable("the graphics card reported an error");
+    this.drawTones({ paint, strokes, tone, colors }, size);
+    if (gl.getError() !== gl.NO_ERROR) throw new GlUnsupported("the graphics card reported an error");
   }
 
   /** Levels (of looks) or densities of the last picture, rows from the top. */
   values(): Float32Array {
     const { gl, levels } = this;
     if (!levels) return new Float32Array();
-    this.into(levels);
+    this.bindTarget(levels);
     const all = new Float32Array(4 * levels.width * levels.height);
     gl.readPixels(0, 0, levels.width, levels.height, gl.RGBA, gl.FLOAT, all);
     return all.filter((_, i) => i % 4 === 0);
@@ -95,7 +95,7 @@ export class GlRenderer {
   }
 
   private addStrokes(to: Plane, first: number, count: number): void {
-    this.into(to);
+    this.bindTarget(to);
     this.gl.clearColor(0, 0, 0, 0);
     this.gl.clear(this.gl.COLOR_BUFFER_BIT);
     if (count === 0) return;
@@ -109,11 +109,11 @@ export class GlRenderer {
   /** Adds a plane to the next finer one: down into a plane of lines, then across. */
   private addUp(from: Plane, to: Plane, pad: number): void {
     const { gl } = this;
-    this.line = this.sized(this.line, from.width, to.height);
+    this.line = this.sizedPlane(this.line, from.width, to.height);
     gl.disable(gl.BLEND);
     for (const [source, target, down] of [[from, this.line, 1], [this.line, to, 0]] as const) {
       if (!down) gl.enable(gl.BLEND);
-      this.into(target);
+      this.bindTarget(target);
       const program = this.use("upsample");
       this.bind(0, source.texture, program.at("coarse"));
       gl.uniform1i(program.at("down"), down);
@@ -122,15 +122,15 @@ export class GlRenderer {
     }
   }
 
-  private toned({ paint, strokes, tone, colors }: Toning, size: Size): void {
+  private drawTones({ paint, strokes, tone, colors }: ToneInput, size: Size): void {
     const { gl } = this;
     const perspective = strokes.perspective && paint.look !== null;
     const blurred = paint.look === "paraview";
     if (tone) this.store(this.table, gl.R32F, gl.RED, gl.FLOAT, tone.levels.length, tone.levels);
     if (colors) this.store(this.colors, gl.RGB8, gl.RGB, gl.UNSIGNED_BYTE, 256, colors);
     const mode = paint.look === null ? 3 : { paraview: 2, "paraview-no-fxaa": 1, expected: 0 }[paint.look];
-    this.levels = this.sized(this.levels, size.width, size.height, true);
-    this.into(this.levels);
+    this.levels = this.sizedPlane(this.levels, size.width, size.height, true);
+    this.bindTarget(this.levels);
     const level = this.use("level");
     this.bind(0, this.planes[0].texture, level.at("depths"));
     this.bind(1, this.table, level.at("table"));
@@ -156,19 +156,19 @@ export class GlRenderer {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  private resize(strokes: Strokes, size: Size): void {
+  private resize(strokes: StrokePlanes, size: Size): void {
     if (this.canvas.width !== size.width) this.canvas.width = size.width;
     if (this.canvas.height !== size.height) this.canvas.height = size.height;
     this.planes.slice(strokes.planes.length).forEach((p) => this.drop(p));
     this.planes = strokes.planes.map((p, i) =>
-      this.sized(this.planes[i] ?? null, p.width + 2 * strokes.pad, p.height + 2 * strokes.pad));
+      this.sizedPlane(this.planes[i] ?? null, p.width + 2 * strokes.pad, p.height + 2 * strokes.pad));
   }
 
   private upload(numbers: ArrayBuffer): void {
     const { gl } = this;
     const texels = new Float32Array(numbers);
     const rows = Math.max(1, Math.ceil(texels.length / (8 * ROW)));
-    if (rows > gl.getParameter(gl.MAX_TEXTURE_SIZE)) throw new Unable("more Gaussians than a texture holds");
+    if (rows > gl.getParameter(gl.MAX_TEXTURE_SIZE)) throw new GlUnsupported("more Gaussians than a texture holds");
     const whole = new Float32Array(8 * ROW * rows);
     whole.set(texels);
     gl.bindTexture(gl.TEXTURE_2D, this.strokes);
@@ -182,7 +182,7 @@ export class GlRenderer {
     gl.texImage2D(gl.TEXTURE_2D, 0, internal, width, 1, 0, format, type, data);
   }
 
-  private sized(plane: Plane | null, width: number, height: number, exact = false): Plane {
+  private sizedPlane(plane: Plane | null, width: number, height: number, exact = false): Plane {
     if (plane && plane.width === width && plane.height === height) return plane;
     if (plane) this.drop(plane);
     const { gl } = this;
@@ -194,7 +194,7 @@ export class GlRenderer {
     gl.bindFramebuffer(gl.FRAMEBUFFER, target);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
     if (gl.checkFramebufferStatus(gl.FRAMEBUFFER) !== gl.FRAMEBUFFER_COMPLETE) {
-      throw new Unable("this graphics card cannot draw on float planes");
+      throw new GlUnsupported("this graphics card cannot draw on float planes");
     }
     return { texture, target, width, height };
   }
@@ -202,7 +202,7 @@ export class GlRenderer {
   /** Adds 1 twice to a plane and reads it back: some cards promise blending and do not do it. */
   private check(): void {
     const { gl } = this;
-    const probe = this.sized(null, 16, 16);
+    const probe = this.sizedPlane(null, 16, 16);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE);
     const one = new Float32Array(8 * ROW);
@@ -215,10 +215,10 @@ export class GlRenderer {
     gl.readPixels(8, 8, 1, 1, gl.RGBA, gl.FLOAT, read);
     this.drop(probe);
     gl.disable(gl.BLEND);
-    if (Math.abs(read[0] - 2) > 0.02) throw new Unable("this graphics card does not add up float planes");
+    if (Math.abs(read[0] - 2) > 0.02) throw new GlUnsupported("this graphics card does not add up float planes");
   }
 
-  private into(plane: Plane): void {
+  private bindTarget(plane: Plane): void {
     this.gl.bindFramebuffer(this.gl.FRAMEBUFFER, plane.target);
     this.gl.viewport(0, 0, plane.width, plane.height);
   }
@@ -268,7 +268,7 @@ class Program {
     }
     gl.linkProgram(this.program);
     if (!gl.getProgramParameter(this.program, gl.LINK_STATUS)) {
-      throw new Unable(`a shader does not compile: ${gl.getProgramInfoLog(this.program)}`);
+      throw new GlUnsupported(`a shader does not compile: ${gl.getProgramInfoLog(this.program)}`);
     }
   }
 

@@ -1,13 +1,13 @@
 // The keys: everything that a hand can do.
 
 import { panned, turned, zoomed } from "./camera";
-import type { Key } from "./hand";
+import type { KeyBinding } from "./input";
 import type { Page } from "./main";
 import type { Action } from "./panel";
-import { LOOKS, idle, type Control, type State } from "./state";
+import { LOOKS, idleReason, type Control, type State } from "./state";
 
 /** All keys of a page; `look` looks from an end of an axis: +x, -x, +y, -y, +z, -z. */
-export function keysOf(page: Page, act: (name: Action) => void, look: (which: number) => void): Key[] {
+export function keyBindings(page: Page, act: (name: Action) => void, look: (which: number) => void): KeyBinding[] {
   const size = () => page.panes[0].size;
   const orbit = (o: State["orbit"]) => page.change({ orbit: o });
   const step = (event: KeyboardEvent): [number, number] => {
@@ -24,7 +24,7 @@ export function keysOf(page: Page, act: (name: Action) => void, look: (which: nu
   };
   /** Does it, or says why it would change nothing. */
   const unlessIdle = (control: Control, does: () => void) => () => {
-    const why = idle(control, page.state, page.panes[0].about, page.layers);
+    const why = idleReason(control, page.state, page.panes[0].about, page.layers);
     if (why) page.say(why);
     else does();
   };
@@ -33,7 +33,7 @@ export function keysOf(page: Page, act: (name: Action) => void, look: (which: nu
   const times = (name: "radius" | "opacity", factor: number) => unlessIdle(name, () =>
     page.change({ [name]: Math.min(name === "opacity" ? 1 : Infinity, page.state[name] * factor) }));
   const next = <T>(all: readonly T[], now: T): T => all[(all.indexOf(now) + 1) % all.length];
-  const key = (keys: string[], label: string, what: string, does: (event: KeyboardEvent) => void): Key =>
+  const key = (keys: string[], label: string, what: string, does: (event: KeyboardEvent) => void): KeyBinding =>
     ({ keys, label, what, act: does });
   return [
     key(["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"], "arrows", "turn by 5°; with Shift, move", arrows),

@@ -3,9 +3,9 @@
 import { center, distanceOf, type Orbit } from "./camera";
 import { h } from "./dom";
 import { GlRenderer } from "./gl";
-import { drawOverlay, type Marked } from "./overlay";
-import type { About, OpenedModel, Paint, Scene, Size, Strokes, Tone, Vec3 } from "./protocol";
-import type { Remote } from "./remote";
+import { drawOverlay, type Marker } from "./overlay";
+import type { ModelSummary, OpenedModel, PlaneColours, Scene, Size, StrokePlanes, ToneCurve, Vec3 } from "./protocol";
+import type { EngineClient } from "./engine";
 import { paintOf, sceneOf, type State } from "./state";
 
 /** Milliseconds of a frame in motion that the eye still takes for motion. */
@@ -15,7 +15,7 @@ const SKETCH = 400;
 /** Milliseconds without a change after which the picture is drawn in full. */
 const REST = 120;
 
-export type By = "CPU" | "GPU";
+export type Processor = "CPU" | "GPU";
 
 export class Pane {
   readonly element: HTMLElement;
@@ -25,11 +25,11 @@ export class Pane {
   /** Of the last full picture. */
   range: [number, number] | null = null;
   /** What it is to be drawn by, and what drew the last picture. */
-  by: By = "CPU";
-  drew: By = "CPU";
+  by: Processor = "CPU";
+  drew: Processor = "CPU";
   milliseconds = 0;
   frames = 0;
-  marked: Marked | null = null;
+  marker: Marker | null = null;
   /** After every frame; `full` where nothing is left to draw. */
   onframe: (full: boolean) => void = () => {};
   onerror: (text: string) => void = () => {};
@@ -44,7 +44,7 @@ export class Pane {
   private touched = 0;
   private ended = 0;
   private gl: GlRenderer | null = null;
-  private tone: { key: string; curve: Tone; levels: Float32Array } | null = null;
+  private tone: { key: string; curve: ToneCurve; levels: Float32Array } | null = null;
   private colors: { key: string; data: Uint8Array } | null = null;
 
   /**
@@ -52,7 +52,7 @@ export class Pane {
    * before, unless the view is moved.
    */
   constructor(
-    private remote: Remote, readonly model: number, readonly name: string, readonly about: About,
+    private remote: EngineClient, readonly model: number, readonly name: string, readonly about: ModelSummary,
     private decoded: number, private waits: boolean,
   ) {
     // A driver that is reset, a machine that slept: never a black picture.
@@ -154,7 +154,7 @@ export class Pane {
     let range: [number, number] | null = null;
     if (card) {
       try {
-        range = await this.byCard(card, scene, paint);
+        range = await this.drawOnCard(card, scene, paint);
       } catch (error) {
         // A lost context, or more than the card holds: never a black page.
         card = this.gl = null;
@@ -162,7 +162,7 @@ export class Pane {
         this.onerror(`drawn by the CPU: ${error instanceof Error ? error.message : String(error)}`);
       }
     }
-    if (!card) range = await this.byCpu(scene, paint);
+    if (!card) range = await this.drawOnCpu(scene, paint);
     if (coarse === 1 || !this.range) this.range = range;
     this.card.hidden = !card;
     this.cpu.hidden = !!card;
@@ -176,7 +176,7 @@ export class Pane {
     }
   }
 
-  private async byCpu(scene: Scene, paint: Paint): Promise<[number, number] | null> {
+  private async drawOnCpu(scene: Scene, paint: PlaneColours): Promise<[number, number] | null> {
     const { json, numbers } = await this.picture(scene, paint);
     const { width, height } = scene.size;
     this.cpu.width = width;
@@ -186,7 +186,7 @@ export class Pane {
   }
 
   /** Pixels of a picture by the CPU. */
-  picture(scene: Scene, paint: Paint) {
+  picture(scene: Scene, paint: PlaneColours) {
     return this.remote.ask<{ range: [number, number] | null }>({ ask: "picture", model: this.model, scene, paint });
   }
 
@@ -225,12 +225,12 @@ export class Pane {
     return this.remote.ask<{ range: [number, number] }>({ ask: "values", model: this.model, scene, style });
   }
 
-  private async byCard(gl: GlRenderer, scene: Scene, paint: Paint): Promise<[number, number] | null> {
+  private async drawOnCard(gl: GlRenderer, scene: Scene, paint: PlaneColours): Promise<[number, number] | null> {
     const style = paint.look === null ? "density" : "depth";
-    const { json, numbers } = await this.remote.ask<Strokes>({ ask: "strokes", model: this.model, scene, style });
+    const { json, numbers } = await this.remote.ask<StrokePlanes>({ ask: "strokes", model: this.model, scene, style });
     const own = paint.range ? paint : { ...paint, range: paint.look === null ? await this.rangeOf(scene) : null };
     const tone = paint.look === null || paint.look === "expected" ? null : await this.curve(scene);
-    const colors = paint.look === null ? await this.map(paint.colormap, paint.white) : null;
+    const colors = paint.look === null ? await this.mapColors(paint.colormap, paint.white) : null;
     gl.draw(numbers, { paint: own, strokes: json, tone, colors }, scene.size);
     return own.range;
   }
@@ -241,7 +241,7 @@ export class Pane {
     return (await this.values({ ...scene, size }, "density")).json.range;
   }
 
-  private async curve(scene: Scene): Promise<{ curve: Tone; levels: Float32Array }> {
+  private async curve(scene: Scene): Promise<{ curve: ToneCurve; levels: Float32Array }> {
     const c = scene.camera;
     const far = Math.hypot(...c.position.map((v, k) => v - c.focal_point[k]));
     const per = c.height_world !== undefined
@@ -250,7 +250,7 @@ export class Pane {
     const radius_pixels = scene.radius * per;
     const key = `${scene.opacity} ${radius_pixels}`;
     if (this.tone?.key !== key) {
-      const { json, numbers } = await this.remote.ask<Tone>(
+      const { json, numbers } = await this.remote.ask<ToneCurve>(
         { ask: "tone", model: this.model, opacity: scene.opacity, radius_pixels });
       this.tone = { key, curve: json, levels: new Float32Array(numbers) };
     }
@@ -258,7 +258,7 @@ export class Pane {
   }
 
   /** 256 colours, for black or white ground. */
-  async map(name: string, white: boolean): Promise<Uint8Array> {
+  async mapColors(name: string, white: boolean): Promise<Uint8Array> {
     const key = `${name} ${white}`;
     if (this.colors?.key !== key) {
       const { numbers } = await this.remote.ask<object>({ ask: "colors", model: this.model, name, white });
@@ -289,7 +289,7 @@ export class Pane {
     };
     const cpu = await timed(() => this.picture(scene, paint));
     const card = await timed(async () => {
-      await this.byCard(gl, scene, paint);
+      await this.drawOnCard(gl, scene, paint);
       gl.finish();
     });
     this.by = card < cpu ? "GPU" : "CPU";
@@ -303,6 +303,6 @@ export class Pane {
     if (this.overlay.width !== width) this.overlay.width = width;
     if (this.overlay.height !== height) this.overlay.height = height;
     const unit = width / Math.max(1, this.element.clientWidth);
-    drawOverlay(this.overlay.getContext("2d")!, this.state, this.about, { width, height }, unit, this.marked);
+    drawOverlay(this.overlay.getContext("2d")!, this.state, this.about, { width, height }, unit, this.marker);
   }
 }

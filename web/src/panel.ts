@@ -1,15 +1,15 @@
-// The panel of dials: every control is a native input with a label.
+// The panel of controls: every control is a native input with a label.
 
 import { h } from "./dom";
-import type { About, Vec3 } from "./protocol";
-import { LOOKS, diagonal, idle, type Control, type Slab, type State } from "./state";
-import { number } from "./units";
+import type { ModelSummary, Vec3 } from "./protocol";
+import { LOOKS, diagonal, idleReason, type Control, type Slab, type State } from "./state";
+import { formatNumber } from "./units";
 
 /** What the panel asks of the page. */
-export interface Desk {
-  about: About;
+export interface PanelContext {
+  about: ModelSummary;
   /** Of all models, by name. */
-  layers: About["layers"];
+  layers: ModelSummary["layers"];
   state(): State;
   change(part: Partial<State>): void;
   /** The range that the picture has now. */
@@ -24,35 +24,35 @@ export type Action =
 type Refresh = (s: State) => void;
 
 /** The panel; the function brings its controls to a state. */
-export function panel(desk: Desk): { element: HTMLElement; refresh: Refresh } {
-  const parts = [looks(desk), particles(desk), layers(desk), space(desk), camera(desk), take(desk)];
+export function panel(context: PanelContext): { element: HTMLElement; refresh: Refresh } {
+  const parts = [lookSection(context), particleSection(context), layerSection(context), spaceSection(context), cameraSection(context), exportSection(context)];
   const element = h("aside", { id: "panel", "aria-label": "Dials" }, ...parts.map((p) => p.element));
   return { element, refresh: (s) => parts.forEach((p) => p.refresh(s)) };
 }
 
-interface Part { element: HTMLElement; refresh: Refresh }
+interface Widget { element: HTMLElement; refresh: Refresh }
 
-/** A part that is there while its control does something. */
-function unlessIdle(desk: Desk, control: Control, part: Part): Part {
+/** A widget that is there while its control does something. */
+function hiddenWhenIdle(context: PanelContext, control: Control, part: Widget): Widget {
   return {
     element: part.element,
     refresh: (s) => {
-      part.element.hidden = idle(control, s, desk.about, desk.layers.length) !== null;
+      part.element.hidden = idleReason(control, s, context.about, context.layers.length) !== null;
       part.refresh(s);
     },
   };
 }
 
-function section(title: string, open: boolean, ...rows: Part[]): Part {
+function section(title: string, open: boolean, ...rows: Widget[]): Widget {
   const element = h("details", { open }, h("summary", { text: title }), ...rows.map((r) => r.element));
   return { element, refresh: (s) => rows.forEach((r) => r.refresh(s)) };
 }
 
 /** A logarithmic slider with its value, the default marked, the certified range shaded. */
-function logarithmic(
+function logarithmicSlider(
   label: string, unit: string, [low, high]: [number, number], home: number, certified: [number, number] | null,
   get: (s: State) => number, set: (v: number) => void,
-): Part {
+): Widget {
   const id = `dial-${label.toLowerCase()}`;
   const share = (v: number) => Math.log(v / low) / Math.log(high / low);
   const slider = h("input", {
@@ -68,7 +68,7 @@ function logarithmic(
   });
   const percent = (v: number) => 100 * Math.max(0, Math.min(1, share(v)));
   const track = h("span", { class: "track" });
-  const mark = h("span", { class: "default", title: `default: ${number(home)}` });
+  const mark = h("span", { class: "default", title: `default: ${formatNumber(home)}` });
   // Half a thumb of margin on either side.
   const place = (p: number) => `calc(${p}% + ${8 - 0.16 * p}px)`;
   mark.style.left = place(percent(home));
@@ -84,18 +84,18 @@ function logarithmic(
   const refresh = (s: State) => {
     const v = get(s);
     slider.value = String(Math.max(0, Math.min(1, share(v))));
-    slider.setAttribute("aria-valuetext", `${number(v)} ${unit}`);
+    slider.setAttribute("aria-valuetext", `${formatNumber(v)} ${unit}`);
     if (document.activeElement !== field) field.value = String(Number(v.toPrecision(4)));
   };
   return { element, refresh };
 }
 
-function select(label: string, names: readonly string[], get: (s: State) => string, set: (v: string) => void): Part {
+function select(label: string, names: readonly string[], get: (s: State) => string, set: (v: string) => void): Widget {
   const box = h("select", { change: () => set(box.value) }, ...names.map((n) => h("option", { value: n, text: n })));
   return { element: h("label", { class: "row" }, label, box), refresh: (s) => (box.value = get(s)) };
 }
 
-function check(label: string, get: (s: State) => boolean, set: (on: boolean) => void, color?: string): Part {
+function checkbox(label: string, get: (s: State) => boolean, set: (on: boolean) => void, color?: string): Widget {
   const box = h("input", { type: "checkbox", change: () => set(box.checked) });
   const swatch = h("span", { class: "swatch", hidden: color === undefined });
   // Not as an attribute, which the page's security policy forbids.
@@ -107,92 +107,92 @@ function button(label: string, act: () => void, title?: string): HTMLButtonEleme
   return h("button", { type: "button", text: label, title, click: act });
 }
 
-function fixed(element: HTMLElement): Part {
+function staticWidget(element: HTMLElement): Widget {
   return { element, refresh: () => {} };
 }
 
-function particles(desk: Desk): Part {
-  const m = desk.about.metadata;
+function particleSection(context: PanelContext): Widget {
+  const m = context.about.metadata;
   const radii: [number, number] = [m.default_radius / 32, m.default_radius * 256];
-  const certified = desk.about.certified;
-  const radius = logarithmic("Radius", desk.about.units.length, radii, m.default_radius,
-    certified?.[0] ?? null, (s) => s.radius, (v) => desk.change({ radius: v }));
-  const opacity = logarithmic("Opacity", "", [0.001, 1], m.default_opacity, certified?.[1] ?? null, (s) => s.opacity,
-    (v) => desk.change({ opacity: v }));
-  const back = fixed(h("div", { class: "buttons" },
-    button("Defaults", () => desk.change({ radius: m.default_radius, opacity: m.default_opacity, exposure: 0 }))));
-  return unlessIdle(desk, "radius", section("Particles", true, radius, opacity, back));
+  const certified = context.about.certified;
+  const radius = logarithmicSlider("Radius", context.about.units.length, radii, m.default_radius,
+    certified?.[0] ?? null, (s) => s.radius, (v) => context.change({ radius: v }));
+  const opacity = logarithmicSlider("Opacity", "", [0.001, 1], m.default_opacity, certified?.[1] ?? null, (s) => s.opacity,
+    (v) => context.change({ opacity: v }));
+  const back = staticWidget(h("div", { class: "buttons" },
+    button("Defaults", () => context.change({ radius: m.default_radius, opacity: m.default_opacity, exposure: 0 }))));
+  return hiddenWhenIdle(context, "radius", section("Particles", true, radius, opacity, back));
 }
 
-function looks(desk: Desk): Part {
-  const buttons = LOOKS.map((name) => button(NAMES[name][0], () => desk.change({ look: name }), NAMES[name][1]));
-  const look: Part = {
+function lookSection(context: PanelContext): Widget {
+  const buttons = LOOKS.map((name) => button(LOOK_NAMES[name][0], () => context.change({ look: name }), LOOK_NAMES[name][1]));
+  const look: Widget = {
     element: h("div", { class: "buttons", role: "group", "aria-label": "Look" }, ...buttons),
     refresh: (s) => buttons.forEach((b, i) => b.setAttribute("aria-pressed", String(LOOKS[i] === s.look))),
   };
   const slider = h("input", {
     type: "range", min: -4, max: 4, step: 0.1, "aria-label": "Exposure in stops",
-    input: () => desk.change({ exposure: Number(slider.value) }),
+    input: () => context.change({ exposure: Number(slider.value) }),
   });
   const value = h("output", {});
-  const exposure: Part = {
+  const exposure: Widget = {
     element: h("div", { class: "dial brightness" }, h("span", { text: "Exposure (stops)" }), value, slider),
     refresh: (s) => {
       slider.value = String(s.exposure);
       value.textContent = s.exposure > 0 ? `+${s.exposure.toFixed(1)}` : s.exposure.toFixed(1).replace("-", "−");
     },
   };
-  const white = check("White background", (s) => s.white, (on) => desk.change({ white: on }));
-  const colormap = select("Colour map", desk.about.colormaps, (s) => s.colormap, (v) => desk.change({ colormap: v }));
+  const white = checkbox("White background", (s) => s.white, (on) => context.change({ white: on }));
+  const colormap = select("Colour map", context.about.colormaps, (s) => s.colormap, (v) => context.change({ colormap: v }));
   const ends = [0, 1].map((k) => h("input", {
     type: "text", inputmode: "decimal", "aria-label": k === 0 ? "Density of the first colour" : "Density of the last colour",
     change: () => {
       const range = ends.map((e) => Number(e.value)) as [number, number];
-      if (range[0] > 0 && range[1] > range[0] && Number.isFinite(range[1])) desk.change({ range });
+      if (range[0] > 0 && range[1] > range[0] && Number.isFinite(range[1])) context.change({ range });
     },
   }));
-  const range: Part = {
+  const range: Widget = {
     element: h("div", { class: "row" }, "Range", h("span", { class: "pair" }, ...ends)),
     refresh: (s) => {
-      const now = s.range ?? desk.range();
+      const now = s.range ?? context.range();
       ends.forEach((e, k) => {
         if (document.activeElement !== e) e.value = now ? String(Number(now[k].toPrecision(3))) : "";
       });
     },
   };
-  const hold = check("Fixed range", (s) => s.range !== null, (on) => desk.change({ range: on ? desk.range() : null }));
-  const of = (control: Control, part: Part) => unlessIdle(desk, control, part);
+  const hold = checkbox("Fixed range", (s) => s.range !== null, (on) => context.change({ range: on ? context.range() : null }));
+  const of = (control: Control, part: Widget) => hiddenWhenIdle(context, control, part);
   return section("Look", true, of("look", look), of("exposure", exposure), white, of("range", colormap), of("range", range), of("range", hold));
 }
 
 /** What looks are called, and what they are. */
-const NAMES: Record<State["look"], [string, string]> = {
+const LOOK_NAMES: Record<State["look"], [string, string]> = {
   density: ["Density", "Surface density in logarithmic colours"],
   paraview: ["ParaView", "As ParaView draws the particles, without their shot noise"],
   expected: ["Expected", "What all particles hide of the background: 255 (1 - exp(-depth))"],
 };
 
-function layers(desk: Desk): Part {
-  const all = desk.layers;
-  const shown = all.map(({ name, title, color }) => check(title, (s) => !s.hidden.includes(name), (on) =>
-    desk.change({ hidden: desk.state().hidden.filter((n) => n !== name).concat(on ? [] : [name]) }), `rgb(${color.join(" ")})`));
-  const by = unlessIdle(desk, "byLayer", check("Colours by layer", (s) => s.byLayer, (on) => desk.change({ byLayer: on })));
+function layerSection(context: PanelContext): Widget {
+  const all = context.layers;
+  const shown = all.map(({ name, title, color }) => checkbox(title, (s) => !s.hidden.includes(name), (on) =>
+    context.change({ hidden: context.state().hidden.filter((n) => n !== name).concat(on ? [] : [name]) }), `rgb(${color.join(" ")})`));
+  const by = hiddenWhenIdle(context, "byLayer", checkbox("Colours by layer", (s) => s.byLayer, (on) => context.change({ byLayer: on })));
   const own = section("Layers", all.length > 1, ...shown, by);
   own.element.hidden = all.length < 2;
   return own;
 }
 
-function space(desk: Desk): Part {
-  const b = desk.about.metadata.bounds;
-  const rows: Part[] = [];
+function spaceSection(context: PanelContext): Widget {
+  const b = context.about.metadata.bounds;
+  const rows: Widget[] = [];
   const slabOf = (axis: Slab["axis"]): Slab => {
     const k = "xyz".indexOf(axis);
     const long = k < 0 ? diagonal(b) : b.max[k] - b.min[k];
     return { axis, middle: k < 0 ? 0 : 0.5 * (b.min[k] + b.max[k]), thickness: 0.2 * long };
   };
   rows.push(select("Slab along", ["none", "x", "y", "z", "view"], (s) => s.slab?.axis ?? "none", (v) =>
-    desk.change({ slab: v === "none" ? null : slabOf(v as Slab["axis"]) })));
-  const bar = (label: string, low: (s: Slab) => number, high: (s: Slab) => number, key: "middle" | "thickness"): Part => {
+    context.change({ slab: v === "none" ? null : slabOf(v as Slab["axis"]) })));
+  const bar = (label: string, low: (s: Slab) => number, high: (s: Slab) => number, key: "middle" | "thickness"): Widget => {
     const slider = h("input", {
       type: "range", step: "any", "aria-label": `${label} of the slab`,
       input: () => change(Number(slider.value)),
@@ -202,8 +202,8 @@ function space(desk: Desk): Part {
       change: () => Number.isFinite(Number(field.value)) && change(Number(field.value)),
     });
     const change = (v: number) => {
-      const slab = desk.state().slab;
-      if (slab && (key === "middle" || v > 0)) desk.change({ slab: { ...slab, [key]: v } });
+      const slab = context.state().slab;
+      if (slab && (key === "middle" || v > 0)) context.change({ slab: { ...slab, [key]: v } });
     };
     const element = h("div", { class: "dial" }, h("span", { text: label }), field, slider);
     return {
@@ -222,25 +222,25 @@ function space(desk: Desk): Part {
   const long = (s: Slab) => (axis(s) < 0 ? diagonal(b) : b.max[axis(s)] - b.min[axis(s)] || 1);
   rows.push(bar("Centre", (s) => (axis(s) < 0 ? 0 : b.min[axis(s)]), (s) => (axis(s) < 0 ? 1 : b.max[axis(s)]), "middle"));
   rows.push(bar("Thickness", (s) => 0.002 * long(s), long, "thickness"));
-  rows.push(check("Clip box", (s) => s.clip !== null, (on) => desk.change({ clip: on ? structuredClone(b) : null })));
-  rows.push(clipFields(desk));
-  rows.push(unlessIdle(desk, "images", check("Periodic images", (s) => s.images, (on) => desk.change({ images: on }))));
-  rows.push(check("Box", (s) => s.box, (on) => desk.change({ box: on })));
-  rows.push(check("Axes", (s) => s.axes, (on) => desk.change({ axes: on })));
-  rows.push(check("Scale bar", (s) => s.scale, (on) => desk.change({ scale: on })));
+  rows.push(checkbox("Clip box", (s) => s.clip !== null, (on) => context.change({ clip: on ? structuredClone(b) : null })));
+  rows.push(clipFields(context));
+  rows.push(hiddenWhenIdle(context, "images", checkbox("Periodic images", (s) => s.images, (on) => context.change({ images: on }))));
+  rows.push(checkbox("Box", (s) => s.box, (on) => context.change({ box: on })));
+  rows.push(checkbox("Axes", (s) => s.axes, (on) => context.change({ axes: on })));
+  rows.push(checkbox("Scale bar", (s) => s.scale, (on) => context.change({ scale: on })));
   return section("Space", false, ...rows);
 }
 
-function clipFields(desk: Desk): Part {
+function clipFields(context: PanelContext): Widget {
   const ends = ["min", "max"] as const;
   const fields = ends.map((end) => [0, 1, 2].map((k) => {
     const field = h("input", {
       type: "text", inputmode: "decimal", "aria-label": `${end === "min" ? "Lowest" : "Highest"} ${"xyz"[k]} of the clip box`,
       change: () => {
-        const clip = structuredClone(desk.state().clip);
+        const clip = structuredClone(context.state().clip);
         if (!clip || !Number.isFinite(Number(field.value))) return;
         clip[end][k] = Number(field.value);
-        if (clip.min[k] < clip.max[k]) desk.change({ clip });
+        if (clip.min[k] < clip.max[k]) context.change({ clip });
       },
     });
     return field;
@@ -268,35 +268,35 @@ export function preset(s: State, which: number): State["orbit"] {
   return { ...s.orbit, azimuth, elevation, roll: 0 };
 }
 
-function camera(desk: Desk): Part {
+function cameraSection(context: PanelContext): Widget {
   const from = h("div", { class: "buttons", role: "group", "aria-label": "Look from" },
     ...PRESETS.map(([name], i) => h("button", {
-      type: "button", text: name, "aria-label": `Look from ${name}`, click: () => desk.change({ orbit: preset(desk.state(), i) }),
+      type: "button", text: name, "aria-label": `Look from ${name}`, click: () => context.change({ orbit: preset(context.state(), i) }),
     })));
-  const orthographic = check("Orthographic", (s) => s.orbit.orthographic, (on) =>
-    desk.change({ orbit: { ...desk.state().orbit, orthographic: on } }));
+  const orthographic = checkbox("Orthographic", (s) => s.orbit.orthographic, (on) =>
+    context.change({ orbit: { ...context.state().orbit, orthographic: on } }));
   const answer = h("p", { class: "hint", role: "status" });
   const field = h("input", { type: "text", placeholder: "x, y, z or #number", "aria-label": "Go to a point x, y, z or a Gaussian #number" });
   const form = h("form", { class: "row", submit: (e) => {
     e.preventDefault();
-    answer.textContent = desk.goTo(field.value) ?? "";
+    answer.textContent = context.goTo(field.value) ?? "";
   } }, field, h("button", { type: "submit", text: "Go" }));
   const place = h("p", { class: "hint", id: "place" });
-  const own = section("Camera", false, fixed(from), orthographic, fixed(form), fixed(answer), fixed(place),
-    fixed(h("div", { class: "buttons" }, button("Reset", () => desk.act("reset")))));
+  const own = section("Camera", false, staticWidget(from), orthographic, staticWidget(form), staticWidget(answer), staticWidget(place),
+    staticWidget(h("div", { class: "buttons" }, button("Reset", () => context.act("reset")))));
   return {
     element: own.element,
     refresh: (s) => {
       own.refresh(s);
-      const f = s.orbit.focal.map((v) => number(v, 4)).join(", ");
-      place.textContent = `at ${f}; azimuth ${s.orbit.azimuth.toFixed(1)}°, elevation ${s.orbit.elevation.toFixed(1)}°, distance ${number(s.orbit.distance)}`;
+      const f = s.orbit.focal.map((v) => formatNumber(v, 4)).join(", ");
+      place.textContent = `at ${f}; azimuth ${s.orbit.azimuth.toFixed(1)}°, elevation ${s.orbit.elevation.toFixed(1)}°, distance ${formatNumber(s.orbit.distance)}`;
     },
   };
 }
 
-function take(desk: Desk): Part {
+function exportSection(context: PanelContext): Widget {
   const row = (...names: [string, Action, string][]) =>
-    fixed(h("div", { class: "buttons" }, ...names.map(([label, act, title]) => button(label, () => desk.act(act), title))));
+    staticWidget(h("div", { class: "buttons" }, ...names.map(([label, act, title]) => button(label, () => context.act(act), title))));
   return section("Take away", false,
     row(["PNG …", "png", "The picture at any size"], ["NPY", "npy", "The values behind the picture, as numpy reads them"]),
     row(["Link", "link", "Copies an address that restores this view"], ["Command", "command", "The command that makes this picture"]),
@@ -305,7 +305,7 @@ function take(desk: Desk): Part {
 }
 
 /** A point from text, or a Gaussian's number. */
-export function target(text: string): { point: Vec3 } | { gaussian: number } | null {
+export function parseTarget(text: string): { point: Vec3 } | { gaussian: number } | null {
   const one = /^#\s*(\d+)$/.exec(text.trim());
   if (one) return { gaussian: Number(one[1]) };
   const point = text.split(/[\s,;]+/).filter((t) => t !== "").map(Number);

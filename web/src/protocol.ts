@@ -30,7 +30,7 @@ export interface Verdict {
 
 export interface Bounds { min: Vec3; max: Vec3 }
 
-export interface About {
+export interface ModelSummary {
   metadata: {
     law: string; count: number; mass: number; bounds: Bounds;
     cell: { origin: Vec3; vectors: [Vec3, Vec3, Vec3]; periodic: [boolean, boolean, boolean] } | null;
@@ -64,31 +64,31 @@ export interface Scene {
   layers?: boolean[]; clip?: Bounds; images?: boolean; coarse?: boolean;
 }
 
-export type Look = "paraview" | "paraview-no-fxaa" | "expected";
+export type ToneStyle = "paraview" | "paraview-no-fxaa" | "expected";
 
-export interface Paint {
-  look: Look | null; white: boolean; colormap: string; range: [number, number] | null;
+export interface PlaneColours {
+  look: ToneStyle | null; white: boolean; colormap: string; range: [number, number] | null;
   exposure: number; by_layer: boolean;
 }
 
-export interface Seen {
+export interface ProbeHit {
   position: Vec3; in_box: Vec3; gaussian: number; layer: string; count: number; mass: number | null;
   deviations: Vec3; number_density: number; density: number | null;
 }
 
-export interface Strokes {
+export interface StrokePlanes {
   pad: number; focal: number; center: [number, number]; perspective: boolean;
   planes: { width: number; height: number; first: number; count: number }[];
 }
 
-export interface Tone { depths: number[]; ratios: number[]; blur: number }
+export interface ToneCurve { depths: number[]; ratios: number[]; blur: number }
 
 /** A model that was opened, and the share of its Gaussians that is decoded by now. */
-export interface OpenedModel { about: About; decoded: number }
+export interface OpenedModel { about: ModelSummary; decoded: number }
 
-export type Question =
+export type EngineQuery =
   | { ask: "decode"; model: number }
-  | { ask: "picture"; model: number; scene: Scene; paint: Paint }
+  | { ask: "picture"; model: number; scene: Scene; paint: PlaneColours }
   | { ask: "values"; model: number; scene: Scene; style: "depth" | "density" }
   | { ask: "strokes"; model: number; scene: Scene; style: "depth" | "density" }
   | { ask: "tone"; model: number; opacity: number; radius_pixels: number }
@@ -101,10 +101,10 @@ export type Question =
   | { ask: "score"; model: number; size: Size };
 
 /** To the worker, with a number that its reply repeats. */
-export type ToWorker = { id: number } & (
+export type WorkerRequest = { id: number } & (
   | { do: "start"; engine: ArrayBuffer; gzip: boolean }
   | { do: "open"; bytes: ArrayBuffer }
-  | { do: "ask"; question: Question; numbers?: ArrayBuffer }
+  | { do: "ask"; question: EngineQuery; numbers?: ArrayBuffer }
 );
 
-export type FromWorker = { id: number; error?: string; json?: unknown; numbers?: ArrayBuffer; milliseconds: number };
+export type WorkerResponse = { id: number; error?: string; json?: unknown; numbers?: ArrayBuffer; milliseconds: number };

@@ -68,7 +68,7 @@ uniform sampler2D coarse;
 uniform int down;
 uniform int pad;
 out vec4 depth;
-const float W[8] = float[8](-0.0078614, 0.0397912, -0.1338106, 0.8789731, 0.2922763, -0.0948323, 0.0321284, -0.0066647);
+const float TAPS[8] = float[8](-0.0078614, 0.0397912, -0.1338106, 0.8789731, 0.2922763, -0.0948323, 0.0321284, -0.0066647);
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
   int place = down == 1 ? at.y : at.x;
@@ -78,7 +78,7 @@ void main() {
   float sum = 0.;
   for (int k = 0; k < 8; k++) {
     int from = min(first + k, last);
-    float weight = even ? W[7 - k] : W[k];
+    float weight = even ? TAPS[7 - k] : TAPS[k];
     sum += weight * texelFetch(coarse, down == 1 ? ivec2(at.x, from) : ivec2(from, at.y), 0).r;
   }
   depth = vec4(sum);

@@ -1,7 +1,7 @@
 // What is on the screen, as data: everything that a link restores.
 
 import { FOV, add, axes, cameraOf, center, dot, length, orbitOf, scaled, type Orbit } from "./camera";
-import type { About, Bounds, Camera, Look, Paint, Scene, Size, Vec3 } from "./protocol";
+import type { ModelSummary, Bounds, Camera, ToneStyle, PlaneColours, Scene, Size, Vec3 } from "./protocol";
 
 export const LOOKS = ["density", "paraview", "expected"] as const;
 export interface Slab { axis: "x" | "y" | "z" | "view"; middle: number; thickness: number }
@@ -27,7 +27,7 @@ export interface State {
 }
 
 /** How a model is first seen: its surface density, where it has one. */
-export function initial(about: About, orbit: Orbit): State {
+export function initialState(about: ModelSummary, orbit: Orbit): State {
   const m = about.metadata;
   return {
     orbit, radius: m.default_radius, opacity: m.default_opacity,
@@ -50,7 +50,7 @@ export interface Opening {
 }
 
 /** The state that an opening makes of the usual one. */
-export function opened(o: Opening, usual: State, about: About): State {
+export function withOpening(o: Opening, usual: State, about: ModelSummary): State {
   const s = o.views === undefined ? usual : fromViewsFile(JSON.stringify(o.views), usual, about);
   const { orbit } = s;
   return {
@@ -70,7 +70,7 @@ export function opened(o: Opening, usual: State, about: About): State {
 export type Control = "look" | "colormap" | "range" | "radius" | "opacity" | "exposure" | "byLayer" | "images";
 
 /** Why a control would do nothing now; `null` where it does something. */
-export function idle(control: Control, s: State, about: About, layers: number): string | null {
+export function idleReason(control: Control, s: State, about: ModelSummary, layers: number): string | null {
   const density = s.look === "density";
   switch (control) {
     case "look": return about.adds_up ? null : "an alpha-blend model has this look alone";
@@ -91,7 +91,7 @@ export function idle(control: Control, s: State, about: About, layers: number): 
 export const diagonal = (b: Bounds): number => length(add(b.max, b.min, -1)) || 1;
 
 /** The camera of a state. */
-export function cameraFor(s: State, about: About): Camera {
+export function cameraFor(s: State, about: ModelSummary): Camera {
   const bounds = about.metadata.bounds;
   const away = length(add(s.orbit.focal, center(bounds), -1));
   const reach = away + (s.images ? 4 : 1.5) * diagonal(bounds);
@@ -99,7 +99,7 @@ export function cameraFor(s: State, about: About): Camera {
 }
 
 /** The scene that the engine draws. */
-export function sceneOf(s: State, about: About, size: Size): Scene {
+export function sceneOf(s: State, about: ModelSummary, size: Size): Scene {
   const scene: Scene = { size, camera: cameraFor(s, about), radius: s.radius, opacity: s.opacity, images: s.images };
   if (s.hidden.length > 0) scene.layers = about.layers.map((l) => !s.hidden.includes(l.name));
   const clip = clipOf(s, about);
@@ -108,7 +108,7 @@ export function sceneOf(s: State, about: About, size: Size): Scene {
 }
 
 /** The box that particles must lie in: the clip box and a slab along an axis of the world. */
-function clipOf(s: State, about: About): Bounds | null {
+function clipOf(s: State, about: ModelSummary): Bounds | null {
   const slab = s.slab && s.slab.axis !== "view" ? s.slab : null;
   if (!s.clip && !slab) return null;
   const b = about.metadata.bounds;
@@ -124,40 +124,40 @@ function clipOf(s: State, about: About): Bounds | null {
   return clip;
 }
 
-export function paintOf(s: State): Paint {
+export function paintOf(s: State): PlaneColours {
   return {
-    look: s.look === "density" ? null : (s.look as Look), white: s.white, colormap: s.colormap, exposure: s.exposure,
+    look: s.look === "density" ? null : (s.look as ToneStyle), white: s.white, colormap: s.colormap, exposure: s.exposure,
     range: s.range, by_layer: s.byLayer,
   };
 }
 
-const digits = (v: number): string => String(Number(v.toPrecision(9)));
+const numberText = (v: number): string => String(Number(v.toPrecision(9)));
 
 /** The state as the part of an address behind `#`. */
 export function toLink(s: State): string {
   const o = s.orbit;
   const p = new URLSearchParams();
-  p.set("at", o.focal.map(digits).join(","));
-  p.set("from", [o.azimuth, o.elevation, o.roll, o.distance].map(digits).join(","));
-  p.set("radius", digits(s.radius));
-  p.set("opacity", digits(s.opacity));
+  p.set("at", o.focal.map(numberText).join(","));
+  p.set("from", [o.azimuth, o.elevation, o.roll, o.distance].map(numberText).join(","));
+  p.set("radius", numberText(s.radius));
+  p.set("opacity", numberText(s.opacity));
   p.set("look", s.look);
   const flags: [string, boolean][] = [["orthographic", o.orthographic], ["white", s.white], ["bylayer", s.byLayer],
     ["images", s.images], ["box", s.box]];
   for (const [name, on] of flags) if (on) p.set(name, "1");
   if (!s.axes) p.set("axes", "0");
   if (!s.scale) p.set("scale", "0");
-  if (s.exposure !== 0) p.set("exposure", digits(s.exposure));
+  if (s.exposure !== 0) p.set("exposure", numberText(s.exposure));
   if (s.look === "density") p.set("colormap", s.colormap);
-  if (s.range) p.set("range", s.range.map(digits).join(","));
+  if (s.range) p.set("range", s.range.map(numberText).join(","));
   s.hidden.forEach((name) => p.append("hidden", name));
-  if (s.slab) p.set("slab", `${s.slab.axis},${digits(s.slab.middle)},${digits(s.slab.thickness)}`);
-  if (s.clip) p.set("clip", [...s.clip.min, ...s.clip.max].map(digits).join(","));
+  if (s.slab) p.set("slab", `${s.slab.axis},${numberText(s.slab.middle)},${numberText(s.slab.thickness)}`);
+  if (s.clip) p.set("clip", [...s.clip.min, ...s.clip.max].map(numberText).join(","));
   return p.toString();
 }
 
 /** Numbers of a link, or nothing where they are not `count` finite ones. */
-function numbers(text: string | null, count: number): number[] | null {
+function parseNumbers(text: string | null, count: number): number[] | null {
   const found = (text ?? "").split(",").map(Number);
   return text !== null && found.length === count && found.every(Number.isFinite) ? found : null;
 }
@@ -166,15 +166,15 @@ function numbers(text: string | null, count: number): number[] | null {
 export function fromLink(text: string, s: State): State {
   const p = new URLSearchParams(text);
   const next: State = structuredClone(s);
-  const at = numbers(p.get("at"), 3);
+  const at = parseNumbers(p.get("at"), 3);
   if (at) next.orbit.focal = at as Vec3;
-  const from = numbers(p.get("from"), 4);
+  const from = parseNumbers(p.get("from"), 4);
   if (from && from[3] > 0) {
     [next.orbit.azimuth, next.orbit.elevation, next.orbit.roll, next.orbit.distance] = from;
     next.orbit.elevation = Math.max(-90, Math.min(90, next.orbit.elevation));
   }
   const one = (name: string, low: number, high: number, take: (v: number) => void) => {
-    const v = numbers(p.get(name), 1);
+    const v = parseNumbers(p.get(name), 1);
     if (v && v[0] >= low && v[0] <= high) take(v[0]);
   };
   one("radius", 1e-300, 1e300, (v) => (next.radius = v));
@@ -193,21 +193,21 @@ export function fromLink(text: string, s: State): State {
     next.axes = p.get("axes") !== "0";
     next.scale = p.get("scale") !== "0";
   }
-  const range = numbers(p.get("range"), 2);
+  const range = parseNumbers(p.get("range"), 2);
   if (range && range[0] > 0 && range[1] > range[0]) next.range = range as [number, number];
   next.hidden = p.getAll("hidden");
   const [axis, ...slab] = (p.get("slab") ?? "").split(",");
-  const of = numbers(slab.join(","), 2);
+  const of = parseNumbers(slab.join(","), 2);
   if (["x", "y", "z", "view"].includes(axis) && of && of[1] > 0) {
     next.slab = { axis: axis as Slab["axis"], middle: of[0], thickness: of[1] };
   }
-  const clip = numbers(p.get("clip"), 6);
+  const clip = parseNumbers(p.get("clip"), 6);
   if (clip) next.clip = { min: clip.slice(0, 3) as Vec3, max: clip.slice(3) as Vec3 };
   return next;
 }
 
 /** A views file of one view, as `render --views` reads it. */
-export function viewsFile(s: State, about: About, size: Size): string {
+export function viewsFile(s: State, about: ModelSummary, size: Size): string {
   const { position, focal_point, view_up, fov_deg, height_world, clipping_range } = cameraFor(s, about);
   const view = {
     name: "view", position, focal_point, view_up, radius: s.radius, opacity: s.opacity,
@@ -217,7 +217,7 @@ export function viewsFile(s: State, about: About, size: Size): string {
 }
 
 /** The first view of a views file; throws where it is none. */
-export function fromViewsFile(text: string, s: State, about: About): State {
+export function fromViewsFile(text: string, s: State, about: ModelSummary): State {
   type OneView = Camera & { radius?: number; opacity?: number };
   const file = JSON.parse(text) as { fov_deg?: number; views?: OneView[] };
   const view = file.views?.[0];
@@ -234,7 +234,7 @@ export function fromViewsFile(text: string, s: State, about: About): State {
   if (!(orbit.distance > 0 && Number.isFinite(orbit.distance))) {
     throw new Error("this views file has a camera that looks at nothing: its distance, field of view or height_world");
   }
-  const range = view.clipping_range && !holds(view.clipping_range, view, about.metadata.bounds) ? view.clipping_range : null;
+  const range = view.clipping_range && !coversBox(view.clipping_range, view, about.metadata.bounds) ? view.clipping_range : null;
   if (!range) return { ...s, orbit, radius, opacity, slab: s.slab?.axis === "view" ? null : s.slab };
   // The slab lies about the point looked at, which may be any along the line of sight.
   const middle = 0.5 * (range[0] + range[1]);
@@ -244,7 +244,7 @@ export function fromViewsFile(text: string, s: State, about: About): State {
 }
 
 /** Does a clipping range hold all of a box that lies before the eye? */
-function holds([near, far]: [number, number], c: Camera, b: Bounds): boolean {
+function coversBox([near, far]: [number, number], c: Camera, b: Bounds): boolean {
   const sight = add(c.focal_point, c.position, -1);
   const ahead = scaled(sight, 1 / length(sight));
   const depths = Array.from({ length: 8 }, (_, i) =>

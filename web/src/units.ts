@@ -1,13 +1,13 @@
 // Numbers as a journal prints them, and the unit of lengths.
 
-import type { About } from "./protocol";
+import type { ModelSummary } from "./protocol";
 
 const RAISED: Record<string, string> = {
   "-": "⁻", "0": "⁰", "1": "¹", "2": "²", "3": "³", "4": "⁴", "5": "⁵", "6": "⁶", "7": "⁷", "8": "⁸", "9": "⁹",
 };
 
 /** Three digits or so; powers of ten where a number is large or small. */
-export function number(v: number, figures = 3): string {
+export function formatNumber(v: number, figures = 3): string {
   if (!Number.isFinite(v)) return "–";
   if (v === 0) return "0";
   const e = Math.floor(Math.log10(Math.abs(v)));
@@ -20,17 +20,17 @@ export function number(v: number, figures = 3): string {
 const minus = (text: string): string => text.replace("-", "−");
 
 /** A whole number with thin spaces between thousands. */
-export const whole = (v: number): string => Math.round(v).toString().replace(/\B(?=(\d{3})+$)/g, "\u2009");
+export const formatWhole = (v: number): string => Math.round(v).toString().replace(/\B(?=(\d{3})+$)/g, "\u2009");
 
 /** Bytes in the units of storage. */
-export function bytes(n: number): string {
+export function formatBytes(n: number): string {
   const units = ["B", "kB", "MB", "GB", "TB"];
   const e = Math.min(units.length - 1, Math.max(0, Math.floor(Math.log10(Math.max(1, n)) / 3)));
-  return `${number(n / 1000 ** e)} ${units[e]}`;
+  return `${formatNumber(n / 1000 ** e)} ${units[e]}`;
 }
 
 /** The unit of lengths; empty where it is not known. */
-export const lengthUnit = ({ units, metadata }: About): string =>
+export const lengthUnit = ({ units, metadata }: ModelSummary): string =>
   units.length && metadata.comoving ? `comoving ${units.length}` : units.length;
 
 /** The largest 1, 2 or 5 times a power of ten that is not above `v`. */

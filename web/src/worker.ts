@@ -1,8 +1,8 @@
 // The worker: the engine, and one question after another.
 
-import type { FromWorker, ToWorker } from "./protocol";
+import type { WorkerResponse, WorkerRequest } from "./protocol";
 
-interface Exports {
+interface EngineExports {
   memory: WebAssembly.Memory;
   room(length: number): number;
   release(at: number, length: number): void;
@@ -10,7 +10,7 @@ interface Exports {
   ask(at: number, length: number): bigint;
 }
 
-let engine: Exports | undefined;
+let engine: EngineExports | undefined;
 
 /** Hands bytes to an entry of the engine; gives what it answers: JSON, and numbers behind it. */
 function call(entry: "open" | "ask", bytes: Uint8Array): { json: unknown; numbers: ArrayBuffer } {
@@ -31,7 +31,7 @@ function call(entry: "open" | "ask", bytes: Uint8Array): { json: unknown; number
 }
 
 /** A question, and the numbers behind it. */
-function asked(question: string, numbers?: ArrayBuffer): Uint8Array {
+function queryBytes(question: string, numbers?: ArrayBuffer): Uint8Array {
   const json = new TextEncoder().encode(question);
   if (!numbers) return json;
   const bytes = new Uint8Array(json.length + numbers.byteLength);
@@ -44,17 +44,17 @@ async function start(bytes: ArrayBuffer, gzip: boolean): Promise<void> {
   const stream = new Blob([bytes]).stream();
   const module = gzip ? await new Response(stream.pipeThrough(new DecompressionStream("gzip"))).arrayBuffer() : bytes;
   const { instance } = await WebAssembly.instantiate(module, {});
-  engine = instance.exports as unknown as Exports;
+  engine = instance.exports as unknown as EngineExports;
 }
 
-self.onmessage = async ({ data }: MessageEvent<ToWorker>) => {
+self.onmessage = async ({ data }: MessageEvent<WorkerRequest>) => {
   const began = performance.now();
-  const reply: FromWorker = { id: data.id, milliseconds: 0 };
+  const reply: WorkerResponse = { id: data.id, milliseconds: 0 };
   try {
     if (data.do === "start") {
       await start(data.engine, data.gzip);
     } else {
-      const bytes = data.do === "open" ? new Uint8Array(data.bytes) : asked(JSON.stringify(data.question), data.numbers);
+      const bytes = data.do === "open" ? new Uint8Array(data.bytes) : queryBytes(JSON.stringify(data.question), data.numbers);
       Object.assign(reply, call(data.do, bytes));
     }
   } catch (error) {

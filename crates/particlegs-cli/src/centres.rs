@@ -1,11 +1,11 @@
 //! A list of centres: a table of text with x, y, z and perhaps a radius in each line.
 
-use particlegs::context::Context;
-use particlegs::model::UnitSystem;
-use particlegs::space::{Cell, PeriodicCell};
-use particlegs::{Error, Result};
 use particlegs_files::input::{Begins, Form, name_of, read_whole};
 use particlegs_formats::Catalogue;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::UnitSystem;
+use particlegs_pipeline::space::{Cell, PeriodicCell};
+use particlegs_pipeline::{Error, Result};
 use std::path::Path;
 
 /// A million centres.

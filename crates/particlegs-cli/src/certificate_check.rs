@@ -1,6 +1,8 @@
 //! Two certificates of one model side by side, and what a certificate cannot say whatever the model is.
 
-use particlegs::model::{Certificate, CertificateLevel, Metadata, MetricEntry, MetricGroup, MetricValue, Tolerance};
+use particlegs_pipeline::model::{
+    Certificate, CertificateLevel, Metadata, MetricEntry, MetricGroup, MetricValue, Tolerance,
+};
 use serde::Serialize;
 
 #[derive(Serialize)]
@@ -93,7 +95,7 @@ pub fn doubts(c: &Certificate) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::model::{
+    use particlegs_pipeline::model::{
         DensityMetrics, Goal, GoalKind, GoalResult, Limit, OrbitMetrics, PictureScore, PictureScores, ScienceMetrics,
         ViewMetrics,
     };
@@ -200,9 +202,9 @@ mod tests {
         let asked = Goal { kind: GoalKind::PowerSpectrum, asked: 0.01, at: 2.0 };
         let of =
             |goal, blocks| Certificate { goal: Some(GoalResult { goal, reached: 0.009 }), blocks, ..certificate() };
-        let bounds = particlegs::space::Bounds { min: [0.0; 3], max: [1.0; 3] };
-        let mut m = Metadata::new(particlegs::model::LawKind::OpticalDepth, 1000, bounds);
-        m.recipe.target = particlegs::compress::Target::Goal(asked);
+        let bounds = particlegs_pipeline::space::Bounds { min: [0.0; 3], max: [1.0; 3] };
+        let mut m = Metadata::new(particlegs_pipeline::model::LawKind::OpticalDepth, 1000, bounds);
+        m.recipe.target = particlegs_pipeline::compress::Target::Goal(asked);
         assert!(contradictions(&of(asked, None), &m).is_empty());
         assert_eq!(contradictions(&of(Goal { asked: 0.001, ..asked }, Some(7)), &m).len(), 2);
     }

@@ -1,10 +1,10 @@
 //! Two PNGs or surface densities, or two folders of them with the same names, against each other.
 
 use crate::density_file;
-use particlegs::context::Context;
-use particlegs::parallel;
-use particlegs::picture::{DensityScores, Gray8, Scores, read_png};
-use particlegs::{Error, Result};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::parallel;
+use particlegs_pipeline::picture::{DensityScores, Gray8, Scores, read_png};
+use particlegs_pipeline::{Error, Result};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -226,8 +226,8 @@ impl FolderNames {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::context::Context;
-    use particlegs::picture::{Size, write_png};
+    use particlegs_pipeline::context::Context;
+    use particlegs_pipeline::picture::{Size, write_png};
 
     #[test]
     fn counterparts_and_sizes() {

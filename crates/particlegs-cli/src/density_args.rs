@@ -6,11 +6,11 @@ use crate::outputs::{JSON, VALUES};
 use crate::picture_out::PictureOut;
 use clap::Args;
 use clap::builder::TypedValueParser;
-use particlegs::camera::{DensityView, Projection, View};
-use particlegs::model::{Model, Units};
-use particlegs::particles::Particles;
-use particlegs::picture::{Colormap, Plane};
-use particlegs::{Error, Result};
+use particlegs_pipeline::camera::{DensityView, Projection, View};
+use particlegs_pipeline::model::{Model, Units};
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::picture::{Colormap, Plane};
+use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
 #[derive(Args, Clone, Debug)]

@@ -1,8 +1,8 @@
 //! `--device`: what draws and trains.
 
 use clap::Args;
-use particlegs::train::Accelerator;
-use particlegs::{Error, Result};
+use particlegs_pipeline::train::Accelerator;
+use particlegs_pipeline::{Error, Result};
 use std::str::FromStr;
 use std::sync::Arc;
 

@@ -3,7 +3,7 @@
 //! The scripts stand beside this file as they are, with `@NAME@` where the plan's values go; the user
 //! owns what is printed. Nothing here asks the engine or the disk.
 
-use particlegs::{Error, Result};
+use particlegs_pipeline::{Error, Result};
 use std::path::{Path, PathBuf};
 
 const SLURM: &str = include_str!("emit/slurm.sh");

@@ -1,6 +1,6 @@
 //! What the command says of an error: its exit code, and what to do, in the command's own terms.
 
-use particlegs::{Error, Hint};
+use particlegs_pipeline::{Error, Hint};
 
 /// The process exit code (docs/guide/exit-codes.md).
 pub fn exit_code(error: &Error) -> u8 {

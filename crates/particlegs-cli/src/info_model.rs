@@ -6,16 +6,16 @@ use crate::info_snapshot::{self, point};
 use crate::inputs;
 use crate::printable::one_line;
 use crate::text_wrap::wrapped;
-use particlegs::Result;
-use particlegs::codec::{self, BlockInfo, FileInfo};
-use particlegs::context::Context;
-use particlegs::model::{
+use particlegs_files::input::name_of;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::codec::{self, BlockInfo, FileInfo};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::{
     AlphaBlend, Certificate, CertificateLevel, Effort, GoalResult, LawKind, Layer, Metadata, MetricEntry, MetricGroup,
     MetricValue, Quantity, Recipe, VIZMAPPER_SHAPE, VizMapper, VizRanges, hex,
 };
-use particlegs::score::{Assessment, Grade, UseCase};
-use particlegs::space::Cell;
-use particlegs_files::input::name_of;
+use particlegs_pipeline::score::{Assessment, Grade, UseCase};
+use particlegs_pipeline::space::Cell;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;

@@ -3,11 +3,11 @@
 use crate::common::CommandContext;
 use crate::printable::one_line;
 use crate::text_wrap::wrapped;
-use particlegs::Result;
-use particlegs::model::{Cosmology, Dimension, Epoch, Units};
-use particlegs::particles::SnapshotMeta;
-use particlegs::space::{Bounds, Cell};
 use particlegs_formats::{Choice, Description, SpeciesField, SpeciesMass};
+use particlegs_pipeline::Result;
+use particlegs_pipeline::model::{Cosmology, Dimension, Epoch, Units};
+use particlegs_pipeline::particles::SnapshotMeta;
+use particlegs_pipeline::space::{Bounds, Cell};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;

@@ -3,10 +3,10 @@
 use crate::printable::one_line;
 use crate::progress::to_stderr;
 use crate::snapshot_args::SnapshotArgs;
-use particlegs::context::{Context, ProgressSink};
-use particlegs::{Error, Result, codec};
 use particlegs_files::input::{Source, is_stream, name_of};
 use particlegs_formats::{Choice, PathKind};
+use particlegs_pipeline::context::{Context, ProgressSink};
+use particlegs_pipeline::{Error, Result, codec};
 use std::path::Path;
 
 pub enum PathContent {

@@ -44,7 +44,7 @@ mod train_log;
 mod view_args;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
-use particlegs::{Error, Result};
+use particlegs_pipeline::{Error, Result};
 use std::ffi::OsString;
 use std::process::ExitCode;
 

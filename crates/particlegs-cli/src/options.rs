@@ -4,9 +4,9 @@
 use crate::figure::output::FileKind;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Id};
-use particlegs::{Error, NamedValue, Result};
 use particlegs_export::{Group, Kind as Exported};
 use particlegs_formats::PathKind;
+use particlegs_pipeline::{Error, NamedValue, Result};
 use std::path::Path;
 
 struct OptionRule {

@@ -3,9 +3,9 @@
 use crate::common::CommandContext;
 use crate::text_wrap::wrapped;
 use clap::Args;
-use particlegs::{Error, Result, codec};
 use particlegs_files::output;
 use particlegs_files::output::{FileSet, Input, Kind, Outputs};
+use particlegs_pipeline::{Error, Result, codec};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
@@ -257,6 +257,7 @@ fn kind_of(place: &Path, staged: &Path) -> Kind {
     match place.extension().and_then(|e| e.to_str()) {
         Some("png") => PNG,
         Some("svg") => SVG,
+        Some("pdf") => PDF,
         Some("json") => JSON,
         Some("csv") if same_head() => Kind { is: |_, _| true, ..UNKNOWN },
         _ => UNKNOWN,

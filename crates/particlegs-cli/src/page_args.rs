@@ -6,11 +6,11 @@ use crate::drawing::provenance::PictureProvenance;
 use crate::figure::args::Background;
 use crate::view_args::ProjectionArg;
 use clap::{Args, ValueHint};
-use particlegs::camera::{ViewSet, ViewsFile};
-use particlegs::codec::FileInfo;
-use particlegs::model::{LawKind, is_species};
-use particlegs::picture::Colormap;
-use particlegs::{Error, NamedValue, Result};
+use particlegs_pipeline::camera::{ViewSet, ViewsFile};
+use particlegs_pipeline::codec::FileInfo;
+use particlegs_pipeline::model::{LawKind, is_species};
+use particlegs_pipeline::picture::Colormap;
+use particlegs_pipeline::{Error, NamedValue, Result};
 use particlegs_view::page::{PageOpening, PageStyle};
 use std::path::PathBuf;
 

@@ -2,11 +2,11 @@
 
 use crate::common::CommandContext;
 use crate::inputs;
-use particlegs::codec::FileInfo;
-use particlegs::model::Metadata;
-use particlegs::particles::{Particles, Storage};
-use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
+use particlegs_pipeline::codec::FileInfo;
+use particlegs_pipeline::model::Metadata;
+use particlegs_pipeline::particles::{Particles, Storage};
+use particlegs_pipeline::{Error, Result, codec};
 use particlegs_view::page::PageOpening;
 use particlegs_view::poster;
 use std::path::{Path, PathBuf};

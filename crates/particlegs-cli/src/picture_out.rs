@@ -3,8 +3,8 @@
 use crate::common::CommandContext;
 use crate::figure::output::FileKind;
 use crate::outputs::{PDF, PNG, SVG};
-use particlegs::{Error, Result};
 use particlegs_files::output;
+use particlegs_pipeline::{Error, Result};
 use std::path::{Path, PathBuf};
 
 #[derive(Clone, Debug)]

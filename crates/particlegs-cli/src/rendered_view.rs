@@ -1,7 +1,7 @@
 //! Pictures in a JSON report: cameras by the keys of a views file, so that `--views` reads the report.
 
 use crate::view_args::ViewSubject;
-use particlegs::camera::{DensityView, View};
+use particlegs_pipeline::camera::{DensityView, View};
 use serde::Serialize;
 use std::path::PathBuf;
 

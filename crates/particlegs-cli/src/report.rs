@@ -3,7 +3,7 @@
 use crate::error_text;
 use crate::printable::{one_line, printable, printable_json};
 use crate::progress::to_stderr;
-use particlegs::Error;
+use particlegs_pipeline::Error;
 use serde::Serialize;
 use std::io::Write;
 use std::path::Path;
@@ -22,30 +22,30 @@ pub fn failure(error: &Error) -> ExitCode {
 }
 
 /// A line of the result, on stdout.
-pub fn line(text: &str) -> particlegs::Result<()> {
+pub fn line(text: &str) -> particlegs_pipeline::Result<()> {
     verbatim(&printable(text))
 }
 
 /// Text for another program, on stdout: as it is.
-pub fn verbatim(line: &str) -> particlegs::Result<()> {
+pub fn verbatim(line: &str) -> particlegs_pipeline::Result<()> {
     whole(|| writeln!(std::io::stdout(), "{line}"))
 }
 
-pub fn text(bytes: &[u8]) -> particlegs::Result<()> {
+pub fn text(bytes: &[u8]) -> particlegs_pipeline::Result<()> {
     whole(|| std::io::stdout().write_all(bytes))
 }
 
-pub fn help(asked: &clap::Error) -> particlegs::Result<()> {
+pub fn help(asked: &clap::Error) -> particlegs_pipeline::Result<()> {
     whole(|| asked.print())
 }
 
 /// Writes to stdout, and finds out whether all of it got there.
-fn whole(write: impl FnOnce() -> std::io::Result<()>) -> particlegs::Result<()> {
+fn whole(write: impl FnOnce() -> std::io::Result<()>) -> particlegs_pipeline::Result<()> {
     write().and_then(|()| std::io::stdout().flush()).map_err(|e| Error::io("standard output", e))
 }
 
 /// The result as JSON: to a file, or to stdout for `-`.
-pub fn json(target: &Path, value: &impl Serialize) -> particlegs::Result<()> {
+pub fn json(target: &Path, value: &impl Serialize) -> particlegs_pipeline::Result<()> {
     let text = serde_json::to_string_pretty(value).expect("results are plain data") + "\n";
     let text = printable_json(&text);
     if target == Path::new("-") {

@@ -2,8 +2,8 @@
 
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueHint};
-use particlegs::camera::{ViewSet, path_through};
-use particlegs::{Error, Result};
+use particlegs_pipeline::camera::{ViewSet, path_through};
+use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
 /// More frames than a film of ours has.

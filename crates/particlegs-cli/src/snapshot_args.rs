@@ -1,12 +1,12 @@
 //! How a snapshot is named, and what of it is read.
 
 use clap::{Args, ValueEnum};
-use particlegs::context::Context;
-use particlegs::model::Model;
-use particlegs::particles::{Particles, Selection, Storage};
-use particlegs::space::Bounds;
-use particlegs::{Error, Result};
 use particlegs_formats::{Choice, Weights};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::Model;
+use particlegs_pipeline::particles::{Particles, Selection, Storage};
+use particlegs_pipeline::space::Bounds;
+use particlegs_pipeline::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 

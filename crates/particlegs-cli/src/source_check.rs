@@ -1,9 +1,9 @@
 //! Is this the snapshot that a model was made of?
 
-use particlegs::codec;
-use particlegs::model::Model;
-use particlegs::particles::Particles;
-use particlegs::{Error, Result};
+use particlegs_pipeline::codec;
+use particlegs_pipeline::model::Model;
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::{Error, Result};
 use std::path::Path;
 
 /// Is a file a merge of several snapshots? It has the hash of its blocks: no snapshot can match it.

@@ -3,10 +3,10 @@
 use crate::figure::{
     self, ColourBar, Figure, FigureImage, FigureSpace, FileKind, Panel, Plot, PlotAxis, Point, Series, write_plots,
 };
-use particlegs::Result;
-use particlegs::model::per_length;
-use particlegs::picture::{Colormap, Rgb8, Size, write_png};
-use particlegs::stats::{
+use particlegs_pipeline::Result;
+use particlegs_pipeline::model::per_length;
+use particlegs_pipeline::picture::{Colormap, Rgb8, Size, write_png};
+use particlegs_pipeline::stats::{
     AxisProfile, Convention, DensityReport, NearestDistances, PairCounts, Shell, SizeClass, Statistics,
 };
 use std::path::Path;

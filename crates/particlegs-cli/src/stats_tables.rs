@@ -1,9 +1,9 @@
 //! Statistics as tables: CSV files, and the short one on the terminal.
 
-use particlegs::Result;
-use particlegs::model::{decimals, per_length};
-use particlegs::stats::{PairCounts, SizeClass, Statistics};
 use particlegs_files::output::write_bytes;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::model::{decimals, per_length};
+use particlegs_pipeline::stats::{PairCounts, SizeClass, Statistics};
 use std::path::Path;
 
 struct Csv(String);

@@ -2,9 +2,9 @@
 
 use crate::error_text::option_error;
 use clap::{Arg, Args};
-use particlegs::compress::Target;
-use particlegs::model::{Goal, GoalKind};
-use particlegs::{Error, Result};
+use particlegs_pipeline::compress::Target;
+use particlegs_pipeline::model::{Goal, GoalKind};
+use particlegs_pipeline::{Error, Result};
 
 #[derive(Args, Clone, Debug)]
 #[group(multiple = false)]

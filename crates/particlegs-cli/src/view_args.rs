@@ -4,15 +4,15 @@
 use crate::common::CommandContext;
 use crate::outputs::JSON;
 use clap::{Args, ValueEnum, ValueHint};
-use particlegs::camera::{Camera, DensityView, Extent, Frame, Projection, View, ViewSet, ViewsFile, Window};
-use particlegs::camera::{FOV_DEG, WindowContent, base_distance, spherical_camera};
-use particlegs::math::each_axis;
-use particlegs::model::Model;
-use particlegs::picture::Size;
-use particlegs::render::{self, Scene};
-use particlegs::space::{Bounds, Cell};
-use particlegs::{Error, Result};
 use particlegs_files::output::write_bytes;
+use particlegs_pipeline::camera::{Camera, DensityView, Extent, Frame, Projection, View, ViewSet, ViewsFile, Window};
+use particlegs_pipeline::camera::{FOV_DEG, WindowContent, base_distance, spherical_camera};
+use particlegs_pipeline::math::each_axis;
+use particlegs_pipeline::model::Model;
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::render::{self, Scene};
+use particlegs_pipeline::space::{Bounds, Cell};
+use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
 /// Which views, and how particles look in them.

@@ -1,4 +1,4 @@
-//! Coding and decoding of a synthetic block: `cargo bench -p particlegs --bench codec`.
+//! Coding and decoding of a synthetic block: `cargo bench -p particlegs-core --bench codec`.
 
 #![allow(clippy::disallowed_methods)]
 

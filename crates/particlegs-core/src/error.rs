@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 pub type Result<T> = std::result::Result<T, Error>;
 
 /// What a caller can act on. Every variant's text is one line that names the place and the fault: `place` is a file, a
-/// folder or an argument, `what` what is wrong with it or which step it is, `remedy` what would help; memory is in bytes.
+/// folder or an argument, `what` what is wrong with it or which step it is, `hint` what would help; memory is in bytes.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 #[non_exhaustive]

@@ -75,7 +75,11 @@ impl Hint {
 
     /// Train from the snapshot.
     pub fn train_from_snapshot() -> Self {
-        Hint::default().command("compress", "").words(" with ").option("train", "").words(" makes one of its snapshot")
+        Hint::default()
+            .command("compress", "")
+            .words(" with ")
+            .option("train", "")
+            .words(" trains such a model from its snapshot")
     }
 
     /// Draw with the processor.

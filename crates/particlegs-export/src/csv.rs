@@ -3,9 +3,9 @@
 use super::gaussians::{LayerGaussian, all, has_opacities};
 use super::notes::one_line;
 use super::{Notes, RUN, written};
-use particlegs::Result;
-use particlegs::context::Context;
-use particlegs::model::Model;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::Model;
 use std::path::Path;
 
 const COVARIANCES: [&str; 6] = ["xx", "xy", "xz", "yy", "yz", "zz"];

@@ -3,9 +3,9 @@
 
 use super::notes::ascii;
 use super::{Density, Notes, written};
-use particlegs::Result;
-use particlegs::context::Context;
-use particlegs::model::{Dimension, Unit};
+use particlegs_pipeline::Result;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::{Dimension, Unit};
 use std::path::Path;
 
 /// Bytes of a card, and of a block of cards or numbers.

@@ -1,6 +1,6 @@
 //! What the tables of Gaussians share.
 
-use particlegs::model::{LawKind, Mixture, Model};
+use particlegs_pipeline::model::{LawKind, Mixture, Model};
 
 pub struct LayerGaussian<'a> {
     pub of: &'a Mixture,

@@ -7,10 +7,10 @@
 use super::{Notes, RUN, written};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use particlegs::camera::Normalisation;
-use particlegs::context::Context;
-use particlegs::model::{Block, Layer, Model};
-use particlegs::{Error, Result};
+use particlegs_pipeline::camera::Normalisation;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::{Block, Layer, Model};
+use particlegs_pipeline::{Error, Hint, Result};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -54,7 +54,10 @@ pub fn write(
     }
     if form == GltfForm::Binary && bytes > u64::from(u32::MAX) - (1 << 20) {
         let what = format!("{} Gaussians are more than the 4 GiB of a GLB hold", model.gaussians());
-        return Err(Error::argument_with(what, "write a PLY, or make the model smaller with `simplify`"));
+        return Err(Error::argument_with(
+            what,
+            Hint::from("write a PLY, or make the model smaller with ").command("simplify", ""),
+        ));
     }
     let text = if form == GltfForm::Text { bytes / 3 * 4 } else { 0 };
     context.require_memory("a glTF", 2 * bytes + 2 * text)?;

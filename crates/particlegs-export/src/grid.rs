@@ -1,9 +1,9 @@
 //! A model's density on a grid, integrated over its cells.
 
-use particlegs::context::Context;
-use particlegs::model::{Metadata, Model};
-use particlegs::stats::{Assignment, Domain, Grid, Subject, deposit};
-use particlegs::{Error, Result};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::{Metadata, Model};
+use particlegs_pipeline::stats::{Assignment, Domain, Grid, Subject, deposit};
+use particlegs_pipeline::{Error, Result};
 
 /// Cells along an axis at most.
 const MOST: usize = 65_536;
@@ -57,7 +57,7 @@ pub struct Density {
 impl Density {
     /// Of all layers of a model, over its periodic box, or its bounds where it has none or a tilted one.
     pub fn new(model: &Model, cells: Cells, context: &Context<'_>) -> Result<Density> {
-        let known = model.layers.iter().filter(|l| l.mass != particlegs::model::Mass::Unknown).count();
+        let known = model.layers.iter().filter(|l| l.mass != particlegs_pipeline::model::Mass::Unknown).count();
         if known > 0 && known < model.layers.len() {
             let what = "some layers have masses and others do not: their sum is no density";
             return Err(Error::argument_with(what, "choose layers that all have masses, or none"));

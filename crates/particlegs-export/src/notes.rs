@@ -1,8 +1,8 @@
 //! What an exported file says of itself: where it is from, and what is lost.
 
 use super::{Group, Kind};
-use particlegs::camera::Normalisation;
-use particlegs::model::{LawKind, Model};
+use particlegs_pipeline::camera::Normalisation;
+use particlegs_pipeline::model::{LawKind, Model};
 use serde_json::{Map, Value, json};
 
 pub struct Notes {

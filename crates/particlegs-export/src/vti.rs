@@ -2,8 +2,8 @@
 
 use super::notes::ascii;
 use super::{Density, Notes, written};
-use particlegs::Result;
-use particlegs::context::Context;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::context::Context;
 use std::fmt::Write;
 use std::path::Path;
 

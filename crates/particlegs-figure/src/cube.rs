@@ -1,10 +1,10 @@
 //! The edges of a box as a camera sees them, with the names of its axes.
 
-use particlegs::Result;
-use particlegs::camera::{Camera, Projection};
-use particlegs::math::each_axis;
-use particlegs::picture::Size;
-use particlegs::space::{Bounds, Cell};
+use particlegs_pipeline::Result;
+use particlegs_pipeline::camera::{Camera, Projection};
+use particlegs_pipeline::math::each_axis;
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::space::{Bounds, Cell};
 
 /// Lines, and names with their places, in shares of the picture's width and height.
 pub type CubeOutline = (Vec<[[f64; 2]; 2]>, Vec<([f64; 2], String)>);
@@ -119,7 +119,7 @@ fn within([a, b]: [[f64; 2]; 2]) -> Option<[[f64; 2]; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::camera::spherical_camera;
+    use particlegs_pipeline::camera::spherical_camera;
 
     const SIZE: Size = Size { width: 160, height: 90 };
 

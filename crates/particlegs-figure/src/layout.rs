@@ -5,7 +5,7 @@ use super::layout_parts::{MarkWriter, UNDER, bar_width, legend_rows};
 use super::panel::{BarPlacement, Figure, Panel};
 use super::sheet::{Anchor, Mark, PageRectangle, Sheet};
 use super::ticks::{self, TickMarks};
-use particlegs::{Error, Hint, Result};
+use particlegs_pipeline::{Error, Hint, Result};
 
 /// The room there is for a figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,7 +86,7 @@ pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
     if let Some(bar) = &figure.bar {
         pen.bar(bar, whole, places[places.len() - 1], right);
     }
-    pen.legend(&legend_rows(&figure.legend, em, columns as f64 * w), whole.x, sheet.height - 0.5 * em);
+    pen.legend(&legend_rows(&figure.legend, em, whole.w), whole.x, sheet.height - 0.5 * em);
     if let Some(title) = &figure.title {
         let at = [whole.x + 0.5 * whole.w, 1.45 * em];
         pen.words_within(title, at, 1.1 * em, Anchor::Middle, whole.w.max(sheet.width - em));
@@ -194,7 +194,7 @@ fn grow(sheet: &mut Sheet, em: f64, room: FigureSpace) {
 mod tests {
     use super::*;
     use crate::{ColourBar, EdgeAxis, FigureImage, ScaleBar, raster};
-    use particlegs::picture::{Gray8, Size};
+    use particlegs_pipeline::picture::{Gray8, Size};
 
     fn figure(size: Size, panels: usize, axes: bool) -> Figure {
         let panel = Panel {

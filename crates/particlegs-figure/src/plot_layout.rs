@@ -7,8 +7,8 @@ use super::plot::{Plot, PlotAxis, Series};
 use super::png_file::PngMetadata;
 use super::sheet::{Anchor, FileKind, Mark, PageRectangle, RgbColour, Sheet};
 use super::ticks::{TickMarks, even, logarithmic, number};
-use particlegs::Result;
 use particlegs_files::output::write_bytes;
+use particlegs_pipeline::Result;
 use std::f64::consts::PI;
 use std::path::Path;
 

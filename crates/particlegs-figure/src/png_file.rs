@@ -1,10 +1,10 @@
 //! PNG with what it is of as text inside, and that text read again.
 
 use super::FigureImage;
-use particlegs::context::Context;
-use particlegs::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_whole};
 use particlegs_files::memory;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::{Error, Result};
 use png::{BitDepth, ColorType, Compression, Encoder, PixelDimensions, Unit};
 use std::io::Cursor;
 use std::path::Path;
@@ -115,8 +115,8 @@ pub fn provenance(path: &Path, context: &Context<'_>) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::context::Context;
-    use particlegs::picture::{Gray8, Size, read_png};
+    use particlegs_pipeline::context::Context;
+    use particlegs_pipeline::picture::{Gray8, Size, read_png};
 
     #[test]
     fn text_and_pixels_come_back() {

@@ -3,9 +3,9 @@
 use super::FigureImage;
 use super::font;
 use super::sheet::{Mark, PageRectangle, RgbColour, Sheet, TextLine};
-use particlegs::picture::{Rgb8, Size};
-use particlegs::{Error, Result};
 use particlegs_files::memory;
+use particlegs_pipeline::picture::{Rgb8, Size};
+use particlegs_pipeline::{Error, Result};
 use std::ops::Range;
 
 /// Larger figures are refused before memory is taken.
@@ -221,7 +221,7 @@ fn write(page: &mut Rgb8, words: &TextLine) {
 mod tests {
     use super::*;
     use crate::Anchor;
-    use particlegs::picture::Gray8;
+    use particlegs_pipeline::picture::Gray8;
 
     fn page(marks: Vec<Mark>) -> Rgb8 {
         raster(&Sheet { width: 60.0, height: 40.0, ground: [255; 3], marks }).unwrap()

@@ -6,7 +6,7 @@ use super::pdf::pdf;
 use super::png_file::{PngEffort, PngMetadata, coded};
 use super::raster::raster;
 use super::svg::svg;
-use particlegs::{NamedValue, Result, named_values};
+use particlegs_pipeline::{NamedValue, Result, named_values};
 use std::path::Path;
 
 /// Red, green, blue.

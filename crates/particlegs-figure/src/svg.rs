@@ -4,7 +4,7 @@ use super::png_file::{PngEffort, PngMetadata, coded};
 use super::sheet::{Anchor, Mark, PageRectangle, RgbColour, Sheet, TextLine};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use particlegs::Result;
+use particlegs_pipeline::Result;
 use std::fmt::Write;
 
 /// The font of the embedded widths first, then those that are everywhere.

@@ -3,8 +3,8 @@
 use crate::npy::header::scalar;
 use crate::numbers::{Bytes, StridedColumn, StridedParticles};
 use crate::pieces::PieceReader;
-use particlegs::particles::{SnapshotMeta, SnapshotReader};
-use particlegs::{Error, Result};
+use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader};
+use particlegs_pipeline::{Error, Result};
 use std::sync::Arc;
 
 /// Positions in memory, at equal distances: rows of an array of NumPy's, of any type, byte order and strides.
@@ -24,9 +24,6 @@ pub struct Array {
 impl Array {
     /// A reader that gives the same values as a .npy file with these bytes. Values with more digits than f32 are taken
     /// about an origin near the data where the data lie far from 0.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for a type that holds no numbers, and for rows beyond the bytes.
     pub fn reader(self, meta: SnapshotMeta) -> Result<Arc<dyn SnapshotReader>> {
         let Array { bytes, rows, dtype, first, stride } = self;
         let no_numbers = || Error::input(&meta.name, format!("values of type `{dtype}` are no numbers"));
@@ -41,8 +38,8 @@ impl Array {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::context::Context;
-    use particlegs::particles::{LayeredParticles, Storage};
+    use particlegs_pipeline::context::Context;
+    use particlegs_pipeline::particles::{LayeredParticles, Storage};
 
     #[test]
     fn strides_and_byte_orders_are_followed() {

@@ -1,7 +1,7 @@
 //! Which fields hold the positions: one of three components, or three scalar ones.
 
 use crate::{Choice, Species, SpeciesField};
-use particlegs::Result;
+use particlegs_pipeline::Result;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FieldComponent {

@@ -1,7 +1,7 @@
 //! What a user chooses to read of a snapshot.
 
-use particlegs::particles::Selection;
 use particlegs_files::input::SpoolFile;
+use particlegs_pipeline::particles::Selection;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

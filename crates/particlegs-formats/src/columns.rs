@@ -8,8 +8,8 @@ use crate::pieces::{ParticlePiece, PieceReader};
 use crate::stored_bytes::StoredBytes;
 use crate::stream_reader::{StreamColumn, StreamReader};
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
-use particlegs::particles::SnapshotReader;
-use particlegs::{Error, Hint, Result};
+use particlegs_pipeline::particles::SnapshotReader;
+use particlegs_pipeline::{Error, Hint, Result};
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ColumnarField {

@@ -1,8 +1,8 @@
 //! Fields that are carried from a snapshot to a file: how they are read, and what they are called there.
 
 use crate::{Choice, Snapshot, Species, SpeciesField, Weights};
-use particlegs::Result;
-use particlegs::particles::{LayerFields, Number, Run, SelectedParticles, SnapshotReader, SourceField};
+use particlegs_pipeline::Result;
+use particlegs_pipeline::particles::{LayerFields, Number, Run, SelectedParticles, SnapshotReader, SourceField};
 use std::sync::Arc;
 
 /// Components that a field may have in a file that is written.

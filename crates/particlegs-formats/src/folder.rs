@@ -4,7 +4,7 @@ use crate::format::{FileHead, Format};
 use crate::registry;
 use crate::vtk_xml::lists;
 use crate::{Choice, PathKind, csv, hdf5};
-use particlegs::{Error, Hint, Result};
+use particlegs_pipeline::{Error, Hint, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 

@@ -3,7 +3,7 @@
 use crate::format::FileHead;
 use crate::text::lines::without_end;
 use crate::text::split::{Separator, number, tokens};
-use particlegs::Hint;
+use particlegs_pipeline::Hint;
 use std::path::Path;
 
 pub(crate) struct ForeignFormat {

@@ -2,8 +2,8 @@
 
 use crate::compression::FileCompression;
 use crate::{Choice, Snapshot};
-use particlegs::{Error, Result};
 use particlegs_files::input::open_file;
+use particlegs_pipeline::{Error, Result};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 

@@ -2,9 +2,9 @@
 
 use crate::pieces::{ParticlePiece, RowBuffer};
 use memmap2::Mmap;
-use particlegs::particles::{Column, InPlace, Positions};
-use particlegs::{Error, Result};
 use particlegs_files::input::map_file;
+use particlegs_pipeline::particles::{Column, InPlace, Positions};
+use particlegs_pipeline::{Error, Result};
 use std::ops::{Deref, Range};
 use std::path::Path;
 use std::sync::Arc;
@@ -45,7 +45,7 @@ impl Deref for Bytes {
     }
 }
 
-particlegs::named_values! {
+particlegs_pipeline::named_values! {
     /// Types of numbers in files, by their names in [`crate::SpeciesField::kind`].
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub enum NumberType {

@@ -4,8 +4,8 @@ use crate::foreign::foreign_of;
 use crate::format::{FileHead, Format, LOOKED_AT};
 use crate::registry::{named, names};
 use crate::{Choice, PathKind, Snapshot};
-use particlegs::{Error, Hint, Result};
 use particlegs_files::input::{Source, SpoolFile};
+use particlegs_pipeline::{Error, Hint, Result};
 use std::path::{Path, PathBuf};
 
 /// Keeps what a pipe or device gives, once its first bytes are those of a snapshot.
@@ -50,10 +50,6 @@ fn known(head: &FileHead) -> Result<&'static Format> {
 
 impl Choice {
     /// Opens the files of one snapshot. Formats in several files need the first alone and find the rest.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for an unknown or broken format; [`Error::Argument`] for an unknown name;
-    /// [`Error::Io`].
     pub fn open(&self, paths: &[PathBuf]) -> Result<Box<dyn Snapshot>> {
         let first = paths.first().ok_or_else(|| Error::argument("no file was named"))?;
         let format = match &self.format {

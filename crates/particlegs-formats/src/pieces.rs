@@ -1,9 +1,9 @@
 //! One reader for all formats whose rows can be read from any place.
 
-use particlegs::context::Context;
-use particlegs::parallel;
-use particlegs::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
-use particlegs::{Error, Result};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::parallel;
+use particlegs_pipeline::particles::{Chunk, InPlace, RUN, SnapshotMeta, SnapshotReader};
+use particlegs_pipeline::{Error, Result};
 use std::ops::Range;
 
 /// Rows as numbers, before they become f32 about an origin; the reader owns and reuses them.

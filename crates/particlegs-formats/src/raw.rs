@@ -1,9 +1,9 @@
 //! Raw float32 columns: a folder with xx.f32, yy.f32, zz.f32, or those files. Their layers are species.
 
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, Weights};
-use particlegs::model::{self, Layer};
-use particlegs::particles::{Particles, SnapshotReader};
-use particlegs::{Error, Result};
+use particlegs_pipeline::model::{self, Layer};
+use particlegs_pipeline::particles::{Particles, SnapshotReader};
+use particlegs_pipeline::{Error, Result};
 use std::ops::Range;
 use std::path::PathBuf;
 

@@ -5,14 +5,14 @@ use crate::folder::resolved;
 use crate::open::spool;
 use crate::snapshot::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, raw};
-use particlegs::context::Context;
-use particlegs::model::{Dimension, Unit, UnitSystem, Units, WeightKind, is_species};
-use particlegs::particles::{
+use particlegs_files::input::{Source, SpoolFile, is_stream};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::{Dimension, Unit, UnitSystem, Units, WeightKind, is_species};
+use particlegs_pipeline::particles::{
     LayerFields, LayeredParticles, Particles, Selection, SnapshotMeta, SnapshotReader, Storage,
 };
-use particlegs::space::Bounds;
-use particlegs::{Error, Result};
-use particlegs_files::input::{Source, SpoolFile, is_stream};
+use particlegs_pipeline::space::Bounds;
+use particlegs_pipeline::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -42,10 +42,6 @@ impl Choice {
     }
 
     /// Keeps what a pipe or device gives, to be read in place of its name: it gives its data once.
-    ///
-    /// # Errors
-    /// [`Error::Input`] where its first bytes are not those of a snapshot, unless a format is named;
-    /// those of [`SpoolFile::new`].
     pub fn spool(&mut self, source: Source<'_>) -> Result<()> {
         self.spooled = Some(Arc::new(spool(source, self)?));
         Ok(())
@@ -53,9 +49,6 @@ impl Choice {
 
     /// Reads what was chosen: raw float32 (a folder with xx.f32, yy.f32, zz.f32, or those files) or any
     /// of [`Choice::formats`]. What does not lie in its file as it is used is put into `storage`.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for a species that is not there; errors of opening, reading and [`Particles::select`].
     pub fn read(&self, paths: &[PathBuf], storage: &Storage, context: &Context<'_>) -> Result<Particles> {
         let at_hand = InputFiles::new(paths, self, context)?;
         Ok(self.read_at_hand(&at_hand, storage, context, false)?.0)
@@ -63,9 +56,6 @@ impl Choice {
 
     /// The same, with the fields of each layer, which are read where they are written: none where particles are
     /// dropped, selected or sorted by mass.
-    ///
-    /// # Errors
-    /// As [`Choice::read`].
     pub fn read_fields(
         &mut self,
         paths: &[PathBuf],
@@ -120,9 +110,6 @@ impl Choice {
     /// What was chosen, to be read where it lies, in parts and in any order; `None` where that cannot be:
     /// for streams, and where particles are dropped, selected, converted or sorted by mass ([`Choice::read`] does those).
     /// Values are not checked.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for a species that is not there; errors of opening.
     pub fn read_later(&self, paths: &[PathBuf], context: &Context<'_>) -> Result<Option<LayeredParticles>> {
         let converted = self.convert_units && (self.length_unit.is_some() || self.mass_unit.is_some());
         let selected = self.skip_invalid || self.by_mass || converted || self.kept().is_some();
@@ -275,7 +262,7 @@ fn opened(paths: &[PathBuf], choice: &Choice) -> Result<Box<dyn Snapshot>> {
 fn bounds_of(reader: &dyn SnapshotReader, context: &Context<'_>) -> Result<Bounds> {
     let all = std::sync::Mutex::new(Bounds::empty());
     let origin = reader.origin();
-    let runs = reader.count().div_ceil(particlegs::particles::RUN as u64);
+    let runs = reader.count().div_ceil(particlegs_pipeline::particles::RUN as u64);
     reader.read(0..runs, context, &|_, chunk| {
         let ends = chunk.position.map(|c| {
             let finite = c.iter().filter(|v| v.is_finite());

@@ -1,9 +1,9 @@
 //! A snapshot's files, opened: what they say before any particle is read.
 
 use crate::choice::{Choice, Weights};
-use particlegs::model::{Epoch, WeightKind};
-use particlegs::particles::{Particles, SnapshotMeta, SnapshotReader};
-use particlegs::{Error, Hint, Result};
+use particlegs_pipeline::model::{Epoch, WeightKind};
+use particlegs_pipeline::particles::{Particles, SnapshotMeta, SnapshotReader};
+use particlegs_pipeline::{Error, Hint, Result};
 use std::path::{Path, PathBuf};
 
 /// Files of one snapshot.
@@ -13,9 +13,6 @@ pub trait Snapshot: Send + Sync {
 
     /// A reader of species `species` (an index into the description's) with the fields chosen.
     /// Its metadata is the description's, with the species' particle mass.
-    ///
-    /// # Errors
-    /// [`particlegs::Error::Input`] where a chosen field is missing or has the wrong shape.
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>>;
 
     /// Numbers that the files say about a field, by name: powers of a and h, a factor to CGS.
@@ -25,9 +22,6 @@ pub trait Snapshot: Send + Sync {
 
     /// Some species, at least one, where they lie in the files as they would in memory, one after the
     /// other: mapped, not copied. `None` where they do not; their readers serve always.
-    ///
-    /// # Errors
-    /// As [`Snapshot::reader`].
     fn in_place(&self, _species: &[usize], _choice: &Choice) -> Result<Option<Particles>> {
         Ok(None)
     }

@@ -1,9 +1,9 @@
 //! What the tests of formats share.
 
 use crate::{Choice, Snapshot, Writer};
-use particlegs::Result;
-use particlegs::context::Context;
-use particlegs::particles::{Particles, RUN, SelectedParticles, Selection, Tiling};
+use particlegs_pipeline::Result;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::particles::{Particles, RUN, SelectedParticles, Selection, Tiling};
 use std::io::Write;
 use std::path::Path;
 use std::sync::Mutex;

@@ -1,10 +1,10 @@
 //! The formats that snapshots are written in.
 
 use crate::fields::OutField;
-use particlegs::context::Context;
-use particlegs::model::Cosmology;
-use particlegs::particles::{RawForm, SelectedParticles};
-use particlegs::{Error, Result};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::Cosmology;
+use particlegs_pipeline::particles::{RawForm, SelectedParticles};
+use particlegs_pipeline::{Error, Result};
 use std::path::Path;
 
 /// A format that is written.
@@ -98,10 +98,6 @@ impl Writer {
 
     /// The writer of that name, or else the one that the output's ending means: a name without a known
     /// ending means raw columns.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] for an unknown name, an ending that means another format than the one that is
-    /// named, and one that means a format that is not written.
     pub fn for_output(out: &Path, name: Option<&str>) -> Result<&'static Writer> {
         let ending = out.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         let meant = WRITERS.iter().find(|w| w.endings.contains(&&ending[..]));
@@ -126,9 +122,6 @@ impl Writer {
     }
 
     /// Writes what is kept to `out`, whole or not at all; the bytes written.
-    ///
-    /// # Errors
-    /// [`Error::Io`]; [`Error::Argument`] for what the format cannot hold; [`Error::Cancelled`].
     pub fn write(&self, kept: &SelectedParticles<'_>, out: &Path, context: &Context<'_>) -> Result<u64> {
         (self.write)(kept, out, context)
     }

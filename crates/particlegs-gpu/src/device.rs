@@ -109,9 +109,10 @@ impl Device {
         let line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
         let (what, hint) = match fault {
             None => return Ok(()),
-            Some(DeviceFault::Memory) => {
-                ("its memory does not hold this".into(), Hint::from("use a smaller picture").and(Hint::use_processor()))
-            }
+            Some(DeviceFault::Memory) => (
+                "its memory does not hold this".into(),
+                Hint::from("use a smaller picture, or ").option("device", "cpu"),
+            ),
             Some(DeviceFault::Lost(text)) => (
                 format!("it was lost, by a reset or its driver ({})", line(&text)),
                 Hint::from("run again; training goes on from its checkpoint by ").option("resume", ""),

@@ -1,10 +1,10 @@
 //! What tests of kernels share.
 
 use crate::{AdapterChoice, Checks, Device};
-use particlegs::particles::{Column, Particles, Positions};
 use particlegs_core::camera::{Camera, View};
 use particlegs_core::math::{Random, Sym3};
 use particlegs_core::picture::{Plane, Size};
+use particlegs_pipeline::particles::{Column, Particles, Positions};
 use std::sync::Arc;
 
 /// The first adapter, with all checks on; says why where there is none.

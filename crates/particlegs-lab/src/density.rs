@@ -3,10 +3,10 @@
 use crate::lab::Lab;
 use crate::method::{CompressionMethod, FileContent};
 use crate::snapshot::Snapshot;
-use particlegs::particles::Particles;
-use particlegs::recover;
-use particlegs::stats::{Domain, Likelihood, Measure, Statistics, StatsOptions, Subject, compare};
-use particlegs::{Error, Result};
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::recover;
+use particlegs_pipeline::stats::{Domain, Likelihood, Measure, Statistics, StatsOptions, Subject, compare};
+use particlegs_pipeline::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// Measures of one way at one size; `None` = not to be had.

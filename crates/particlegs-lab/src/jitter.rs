@@ -1,8 +1,8 @@
 //! Decoded particles spread over their bins: what lies at bin centres shows the bins as a lattice.
 
 use crate::PositionColumns;
-use particlegs::math::{Purpose, Random};
-use particlegs::parallel;
+use particlegs_pipeline::math::{Purpose, Random};
+use particlegs_pipeline::parallel;
 
 /// Moves every coordinate by a uniform draw within `bound` of where it is, by no more after rounding to float32: what was
 /// decoded within a bound of the truth is then within twice the bound of it.

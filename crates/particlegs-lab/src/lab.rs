@@ -6,22 +6,22 @@ use crate::settings::Settings;
 use crate::snapshot::Snapshot;
 use crate::store::ResultStore;
 #[cfg(doc)]
-use particlegs::Error;
-use particlegs::Result;
-use particlegs::camera::View;
-use particlegs::checkpoint::NoCheckpoints;
-use particlegs::codec;
-use particlegs::compress::{CompressedModel, Options, Target, compress};
-use particlegs::context::Context;
-use particlegs::fit::Effort;
-use particlegs::model::{CertificateLevel, Model};
-use particlegs::particles::{Particles, RawForm};
-use particlegs::picture::{Gray8, Size};
-use particlegs::recover;
-use particlegs::reference::Reference;
-use particlegs::render::{Renderer, Scene};
-use particlegs::space::Bounds;
-use particlegs::splat::ToneStyle;
+use particlegs_pipeline::Error;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::camera::View;
+use particlegs_pipeline::checkpoint::NoCheckpoints;
+use particlegs_pipeline::codec;
+use particlegs_pipeline::compress::{CompressedModel, Options, Target, compress};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::fit::Effort;
+use particlegs_pipeline::model::{CertificateLevel, Model};
+use particlegs_pipeline::particles::{Particles, RawForm};
+use particlegs_pipeline::picture::{Gray8, Size};
+use particlegs_pipeline::recover;
+use particlegs_pipeline::reference::Reference;
+use particlegs_pipeline::render::{Renderer, Scene};
+use particlegs_pipeline::space::Bounds;
+use particlegs_pipeline::splat::ToneStyle;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -230,7 +230,8 @@ mod tests {
     fn a_ratio_and_its_size_are_one_model() {
         let (of, folder) = (crate::testing::snapshot(), tempfile::tempdir().unwrap());
         let lab =
-            Lab::new(Settings::new(true, "".into()), folder.path(), &particlegs::context::Context::SILENT).unwrap();
+            Lab::new(Settings::new(true, "".into()), folder.path(), &particlegs_pipeline::context::Context::SILENT)
+                .unwrap();
         let asked = lab.model(&of, &ModelSettings::ratio(10.0, 1)).unwrap().bytes;
         let files = || std::fs::read_dir(folder.path()).unwrap().count();
         let kept = files();

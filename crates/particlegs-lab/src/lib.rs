@@ -8,7 +8,7 @@
 //! [`experiments`] measure models beside them, each [`method`] by the pictures ([`views`]) and the [`density`] that it
 //! gives back: they find tables, plots and pictures as data ([`results`]), which [`report`] puts into files. A [`lab::Lab`]
 //! keeps results by the hash of what they were made from. Pictures are drawn, and steps taken, by a
-//! [`Accelerator`](particlegs::train::Accelerator), or the CPU where the settings name none.
+//! [`Accelerator`](particlegs_pipeline::train::Accelerator), or the CPU where the settings name none.
 
 #![allow(missing_docs)]
 
@@ -34,7 +34,7 @@ mod training;
 pub mod views;
 
 use external::External;
-use particlegs::{Error, Result};
+use particlegs_pipeline::{Error, Result};
 
 /// Positions in columns x, y and z.
 pub type PositionColumns = [Vec<f32>; 3];

@@ -1,7 +1,7 @@
 //! Bits of three numbers in turn: neighbours in space come near each other in the order of these codes.
 
 use crate::{PositionColumns, finite_ends};
-use particlegs::parallel;
+use particlegs_pipeline::parallel;
 
 /// Bits an axis of an order of particles: three fill a code.
 const ORDER_BITS: u32 = 21;

@@ -5,7 +5,7 @@
 use crate::bins::{BinGrid, ParticleBins};
 use crate::morton::{self, Bits};
 use crate::{Baseline, CompressedParticles, PositionColumns, check_bound, packed};
-use particlegs::{Error, Result, parallel};
+use particlegs_pipeline::{Error, Result, parallel};
 
 /// The coder: every layout is tried, and the smallest is kept.
 pub struct QuantisedCoder;

@@ -2,8 +2,8 @@
 
 use crate::subset::mean_spacing;
 use crate::{Baseline, PositionColumns, errors, finite_ends};
-use particlegs::context::Context;
-use particlegs::{Error, Result};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::{Error, Result};
 use std::time::Instant;
 
 /// Trials of a bound at most; six are usual.

@@ -1,8 +1,8 @@
 //! What an experiment found, as plain data: tables, plots, pictures, and what a reader must know.
 
-use particlegs::picture::{Colormap, Rgb8};
 use particlegs_figure::is_identical;
 pub use particlegs_figure::{Plot, PlotAxis, Point, Series, Spread};
+use particlegs_pipeline::picture::{Colormap, Rgb8};
 use serde::{Deserialize, Serialize};
 
 #[derive(Debug, Default, Serialize)]

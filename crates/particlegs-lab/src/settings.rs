@@ -1,7 +1,7 @@
 //! How finely experiments measure.
 
-use particlegs::picture::Size;
-use particlegs::train::Accelerator;
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::train::Accelerator;
 use std::path::PathBuf;
 use std::sync::Arc;
 

@@ -2,10 +2,10 @@
 
 use crate::PositionColumns;
 #[cfg(doc)]
-use particlegs::Error;
-use particlegs::Result;
-use particlegs::context::Context;
-use particlegs::particles::{Column, Particles, Positions, Selection, SnapshotMeta, Storage};
+use particlegs_pipeline::Error;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::particles::{Column, Particles, Positions, Selection, SnapshotMeta, Storage};
 use std::path::PathBuf;
 
 pub struct Snapshot {
@@ -58,7 +58,7 @@ impl Snapshot {
 
     /// Mean spacing of the particles in their box, world units.
     pub fn spacing(&self) -> f64 {
-        particlegs::stats::Domain::from_particles(&self.particles).spacing(self.particles.len())
+        particlegs_pipeline::stats::Domain::from_particles(&self.particles).spacing(self.particles.len())
     }
 }
 

@@ -1,7 +1,7 @@
 //! Results kept by the hash of what they were made from, so that work that was interrupted goes on where it was.
 
-use particlegs::{Error, Result};
 use particlegs_files::output::{FileSet, write_bytes};
+use particlegs_pipeline::{Error, Result};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;

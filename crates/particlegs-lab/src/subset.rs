@@ -1,11 +1,11 @@
 //! What users do who need fewer bytes: a random subset of the particles, drawn larger.
 
 use crate::PositionColumns;
-use particlegs::codec::Thinning;
-use particlegs::context::Context;
-use particlegs::math::each_axis;
-use particlegs::space::Bounds;
-use particlegs::{Error, Result};
+use particlegs_pipeline::codec::Thinning;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::math::each_axis;
+use particlegs_pipeline::space::Bounds;
+use particlegs_pipeline::{Error, Result};
 
 /// A random subset as its coded bytes have it.
 pub struct CodedSubset {
@@ -60,7 +60,7 @@ fn bounds(particles: &PositionColumns) -> Bounds {
 mod tests {
     use super::*;
     use crate::testing;
-    use particlegs::context::Context;
+    use particlegs_pipeline::context::Context;
 
     #[test]
     fn as_many_are_kept_as_fit() {

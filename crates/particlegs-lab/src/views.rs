@@ -2,13 +2,13 @@
 
 use crate::lab::{Lab, Style, or_made};
 use crate::snapshot::Snapshot;
-use particlegs::Result;
-use particlegs::camera::{View, clipping_range};
-use particlegs::model::{Metadata, Model};
-use particlegs::particles::Particles;
-use particlegs::picture::{Gray8, Scores, Size, read_png, write_png};
-use particlegs::score::evaluation_views;
-use particlegs::space::Bounds;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::camera::{View, clipping_range};
+use particlegs_pipeline::model::{Metadata, Model};
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::picture::{Gray8, Scores, Size, read_png, write_png};
+use particlegs_pipeline::score::evaluation_views;
+use particlegs_pipeline::space::Bounds;
 use serde::{Deserialize, Serialize};
 
 /// Views with the picture of all particles in each, as ParaView draws it.

@@ -6,13 +6,13 @@ use super::run::bytes_wanted;
 use super::state::TrainingState;
 use super::targets_tests::{ParticleSubject, cloud, defaults};
 use super::{Cameras, Config, InitialGaussians, Limits, Preset, Stage, TrainedMixture, Training};
-use particlegs::fit::{self, Effort, FitOptions};
-use particlegs::particles::Particles;
-use particlegs::reference::Reference;
 use particlegs_core::checkpoint::{CheckpointStore, NoCheckpoints};
 use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, Mixture};
 use particlegs_core::{Error, Result};
+use particlegs_pipeline::fit::{self, Effort, FitOptions};
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::reference::Reference;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 

@@ -6,8 +6,6 @@ use super::targets::Targets;
 use crate::Defaults;
 use crate::TrainingSubject;
 use crate::cameras::Views;
-use particlegs::particles::Particles;
-use particlegs::reference::Reference;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
 use particlegs_core::context::Context;
@@ -16,6 +14,8 @@ use particlegs_core::picture::Size;
 use particlegs_core::picture::{Gray8, Plane};
 use particlegs_core::render::Renderer;
 use particlegs_core::splat::ToneStyle;
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::reference::Reference;
 
 /// Particles as the renderer of references draws them.
 pub(super) struct ParticleSubject<'a>(pub Reference<'a>);

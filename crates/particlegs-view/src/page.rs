@@ -8,11 +8,11 @@ use crate::truth::smoothed;
 use crate::{assets, markup, poster};
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
-use particlegs::context::Context;
-use particlegs::model::Model;
-use particlegs::picture::Colormap;
-use particlegs::score::Assessment;
-use particlegs::{Result, codec};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::Model;
+use particlegs_pipeline::picture::Colormap;
+use particlegs_pipeline::score::Assessment;
+use particlegs_pipeline::{Result, codec};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 
@@ -43,7 +43,7 @@ pub struct Snapshot {
     pub particles: u64,
 }
 
-particlegs::named_values! {
+particlegs_pipeline::named_values! {
     /// The style of a page's picture.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
     #[serde(rename_all = "lowercase")]

@@ -1,13 +1,13 @@
 //! The picture that a page shows until its own is there.
 
 use crate::page::PageOpening;
-use particlegs::camera::{DensityView, View, base_distance, spherical_camera};
-use particlegs::context::Context;
-use particlegs::model::{LawKind, Model};
-use particlegs::picture::{Colormap, DensityColors, Size};
-use particlegs::render::{Scene, draw as draw_scene, surface_density};
-use particlegs::splat::ToneStyle;
-use particlegs::{Error, Result};
+use particlegs_pipeline::camera::{DensityView, View, base_distance, spherical_camera};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::{LawKind, Model};
+use particlegs_pipeline::picture::{Colormap, DensityColors, Size};
+use particlegs_pipeline::render::{Scene, draw as draw_scene, surface_density};
+use particlegs_pipeline::splat::ToneStyle;
+use particlegs_pipeline::{Error, Result};
 
 /// Models of so many Gaussians at most are drawn by the page as soon as a poster would be there.
 pub const MORE_THAN: usize = 100_000;

@@ -1,6 +1,6 @@
 //! What clients may cost: silent, slow and many ones, and none at all.
 
-use particlegs::context::Context;
+use particlegs_pipeline::context::Context;
 use particlegs_view::page::PageOpening;
 use particlegs_view::server::{Event, Limits, Options, Server, Token, ViewerContent};
 use std::io::{Read, Write};

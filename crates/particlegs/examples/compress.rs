@@ -1,27 +1,19 @@
-//! From positions in memory to a model file: `cargo run --release --example compress`.
+//! From positions in memory to a model file: `cargo run --release -p particlegs --example compress`.
 
-use particlegs::checkpoint::NoCheckpoints;
-use particlegs::codec;
-use particlegs::compress::{Options, Target, compress};
-use particlegs::context::Context;
-use particlegs::math::Random;
-use particlegs::model::CertificateLevel;
-use particlegs::particles::Particles;
-use particlegs_files::output::write_bytes;
-use std::path::Path;
+use particlegs::prelude::*;
 
-fn main() -> particlegs::Result<()> {
-    // Three columns of float32, one value a particle, in any unit of length.
-    let column = |axis: u64| -> Vec<f32> {
-        (0..50_000).map(|i| (axis as f64 + Random::new(1, 1, 3 * i + axis).normal()) as f32).collect()
+fn main() -> Result<()> {
+    // Three columns of float32, one value a particle, in any unit of length: here a spiral.
+    let column = |axis: usize| -> Vec<f32> {
+        let place = |i: u32| {
+            let turn = i as f32 * 0.001;
+            [turn * turn.cos(), turn * turn.sin(), (i % 97) as f32 * 0.01][axis]
+        };
+        (0..50_000).map(place).collect()
     };
-    let particles = Particles::from_columns(column(0), column(1), column(2));
-
-    let options = Options { target: Target::Ratio(100.0), certificate: CertificateLevel::None, ..Options::default() };
-    let made = compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT)?;
-    write_bytes(Path::new("cloud.pgs"), &made.bytes)?;
-
-    let info = codec::read_info(&made.bytes, "cloud.pgs")?;
-    println!("{} particles in {} bytes: {} Gaussians", info.metadata.count, info.bytes, made.model.gaussians());
+    let snapshot = Snapshot::from_columns(column(0), column(1), column(2))?;
+    let model = compress(&snapshot, &CompressOptions::ratio(100.0), &Context::default())?;
+    model.save("spiral.pgs")?;
+    println!("{} particles in {} bytes", model.metadata().count, model.bytes().len());
     Ok(())
 }

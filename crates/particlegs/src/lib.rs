@@ -1,66 +1,141 @@
-//! Particle snapshots as mixtures of Gaussians.
-//!
-//! A snapshot becomes a mixture ([`fit`]), a mixture becomes a file ([`codec`]), a file becomes
-//! pictures ([`render`]) and numbers ([`score`]). The modules stand in floors; each uses only the
-//! floors below it (see ARCHITECTURE.md).
-//!
-//! The picture law is the optical depth: white splats blended over black are `1 - exp(-tau)` with
-//! `tau` a plain sum, so a mixture of Gaussians that carry counts follows any view, particle
-//! radius and opacity in closed form.
+//! Particle snapshots as mixtures of Gaussians: files a hundred to a thousand times smaller that render the picture
+//! ParaView would, and give densities, statistics and synthetic particles back.
 //!
 //! ```
-//! use particlegs::camera::{View, base_distance, spherical_camera};
-//! use particlegs::compress::{Options, Target, compress};
-//! use particlegs::checkpoint::NoCheckpoints;
-//! use particlegs::model::CertificateLevel;
-//! use particlegs::particles::Particles;
-//! use particlegs::picture::Size;
-//! use particlegs::context::Context;
-//! use particlegs::render::{Scene, draw};
-//! use particlegs::splat::ToneStyle;
+//! use particlegs::prelude::*;
 //!
-//! // Positions in columns of float32, any unit of length.
-//! let column = |k: u32| (0..3000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
-//! let particles = Particles::from_columns(column(1), column(2), column(3));
+//! # fn main() -> particlegs::Result<()> {
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let (input, output, picture) = (sample(), folder.path().join("snap.pgs"), folder.path().join("snap.png"));
+//! let snapshot = Snapshot::open(input)?; // a path; `.species("dm")` reads one species alone
+//! let context = Context::default().with_memory(&available_memory); // also: progress, cancelling
+//! let model = compress(&snapshot, &CompressOptions::ratio(300.0), &context)?;
+//! model.save(&output)?;
 //!
-//! // A file of 100 Gaussians: `made.bytes`, and what they decode to.
-//! let options = Options { target: Target::Gaussians(100), certificate: CertificateLevel::None, ..Options::default() };
-//! let made = compress(&particles, &options, &mut NoCheckpoints, &Context::SILENT)?;
-//! assert_eq!(made.model.metadata.count, 3000);
-//!
-//! // Its picture from any side, at any particle radius and opacity.
-//! let (m, size) = (&made.model.metadata, Size { width: 64, height: 36 });
-//! let camera = spherical_camera(m.bounds.center(), 30.0, 20.0, base_distance(&m.bounds, size));
-//! let view = View { name: "view".into(), camera, radius: m.default_radius, opacity: m.default_opacity };
-//! let picture = draw(&Scene::new(&made.model), &view, size, ToneStyle::Expected, &Context::SILENT)?;
-//! assert_eq!(picture.data.len(), 64 * 36);
-//! # Ok::<(), particlegs::Error>(())
+//! let model = Model::open(&output)?;
+//! let size = Size { width: 1280, height: 720 };
+//! let image = model.render(&model.orbit(30.0, 20.0, size), size, &context)?;
+//! image.save_png(&picture)?;
+//! let density = model.density_grid(64, &context)?;
+//! let particles = model.recover(&RecoverOptions::default(), &context)?;
+//! let correlation = model.certificate().map(|measured| measured.density.correlation); // with the source
+//! # assert!(correlation > Some(0.9));
+//! # assert_eq!((density.grid.cells, particles.len() as u64), ([64; 3], model.metadata().count));
+//! # Ok(())
+//! # }
+//! # fn sample() -> std::path::PathBuf {
+//! #     std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../samples/nbody64")
+//! # }
 //! ```
+//!
+//! Everything that a user needs is here or in one of five modules. The crates beneath (`particlegs-core`,
+//! `particlegs-pipeline` and others) are its parts: their names may change from version to version, this crate's
+//! do not without a new major version.
 
-pub use particlegs_core::{checkpoint, context, error, math, model, parallel, render, space, splat};
+mod model;
+mod picture;
+mod snapshot;
 
-pub mod camera;
-pub mod particles;
-pub mod picture;
+/// What most programs need.
+///
+/// ```
+/// use particlegs::prelude::*;
+///
+/// let model = compress(&Snapshot::from_columns([0.5, 1.0, 2.5], [0.0; 3], [1.0; 3])?, &CompressOptions::gaussians(1), &Context::default())?;
+/// assert_eq!(model.metadata().count, 3);
+/// # Ok::<(), particlegs::Error>(())
+/// ```
+pub mod prelude {
+    pub use crate::camera::{Camera, View};
+    pub use crate::{
+        CompressOptions, Context, Error, Model, Particles, RecoverOptions, Result, SavePng, Size, Snapshot, ToneStyle,
+        available_memory, compress,
+    };
+}
 
-pub mod codec;
-pub mod fit;
-pub mod reference;
+/// Cameras, views and windows of maps.
+///
+/// ```
+/// use particlegs::camera::{Camera, Projection, View, spherical_camera};
+///
+/// // 30 degrees about the z axis, 20 above the plane, 10 units of length from the origin.
+/// let camera = spherical_camera([0.0; 3], 30.0, 20.0, 10.0);
+/// assert!((camera.distance() - 10.0).abs() < 1e-12);
+/// let view = View { name: "front".into(), camera, radius: 0.05, opacity: 0.1 };
+/// assert_eq!(view.scaled(2.0).radius, 0.1);
+/// ```
+pub mod camera {
+    pub use particlegs_pipeline::camera::{
+        Camera, DensityView, Images, Projection, View, ViewSet, ViewsFile, Window, base_distance, spherical_camera,
+    };
+}
 
-mod blocks;
-pub mod recover;
-pub mod stats;
-pub use particlegs_train as train;
+/// Statistics of particles and models, and comparisons of two.
+///
+/// ```
+/// use particlegs::stats::{Measure, StatsOptions, Subject, compare};
+/// use particlegs::{Context, Particles};
+///
+/// let column = |k: u32| (0..4000u32).map(|i| (i * (k + 7) % 997) as f32).collect::<Vec<f32>>();
+/// let particles = Particles::from_columns(column(1), column(2), column(3));
+/// let subject = Subject::Particles(&particles);
+/// let options = StatsOptions { measures: vec![Measure::Density], cells: 16, ..StatsOptions::default() };
+/// let same = compare(subject, subject, &options, &Context::default())?;
+/// assert!((same.density.unwrap().agreement.correlation - 1.0).abs() < 1e-9);
+/// # Ok::<(), particlegs::Error>(())
+/// ```
+pub mod stats {
+    pub use particlegs_pipeline::stats::{
+        Assignment, Convention, DensityComparison, DensityReport, Domain, Grid, GroupReport, HaloProfiles, Measure,
+        NearestDistances, PairCounts, Spectra, Statistics, StatsOptions, Subject, compare,
+    };
+}
 
-pub mod score;
+/// What a model file says of itself: its metadata, its recipe and its certificate.
+///
+/// ```
+/// # let bytes = include_bytes!("../../particlegs-pipeline/tests/fixtures/format-1.0.pgs");
+/// use particlegs::Model;
+///
+/// let model = Model::from_bytes(bytes.to_vec(), "format-1.0.pgs")?;
+/// println!("{} particles by {:?}", model.metadata().count, model.metadata().recipe.target);
+/// assert!(model.certificate().is_some());
+/// # Ok::<(), particlegs::Error>(())
+/// ```
+pub mod metadata {
+    pub use particlegs_pipeline::model::{
+        Certificate, CertificateLevel, Effort, Goal, GoalKind, LawKind, Layer, Mass, Metadata, Mixture, Recipe, Target,
+        Unit, Units,
+    };
+    pub use particlegs_pipeline::space::{Bounds, Cell};
+}
 
-pub mod compress;
+/// Training a model on pictures of its particles, beyond the fit.
+///
+/// ```
+/// use particlegs::CompressOptions;
+/// use particlegs::metadata::LawKind;
+/// use particlegs::training::{Config, Preset};
+///
+/// let training = Config::preset(Preset::Fast, LawKind::OpticalDepth);
+/// assert!(training.iterations() > 0);
+/// let options = CompressOptions { training: Some(training), ..CompressOptions::ratio(300.0) };
+/// ```
+pub mod training {
+    pub use particlegs_pipeline::train::{Config, Limits, Preset};
+}
 
-pub mod job;
-
-#[cfg(test)]
-mod law_tests;
-#[cfg(test)]
-mod testing;
-
-pub use particlegs_core::{Error, Hint, NamedValue, Result, named_values};
+pub use model::{CompressOptions, Model, compress};
+pub use particlegs_export::Density;
+pub use particlegs_files::memory::available_bytes as available_memory;
+pub use particlegs_formats::{Choice, Description, Species, SpeciesField, SpeciesMass, Weights};
+pub use particlegs_pipeline::context::{Context, Level, ProgressEvent, ProgressSink};
+pub use particlegs_pipeline::parallel::with_threads;
+pub use particlegs_pipeline::particles::{Particles, RawForm, Selection, Storage};
+pub use particlegs_pipeline::picture::{Gray8, Plane, Size};
+pub use particlegs_pipeline::recover::{Method as RecoverMethod, Options as RecoverOptions};
+pub use particlegs_pipeline::score::Evaluation;
+pub use particlegs_pipeline::splat::ToneStyle;
+pub use particlegs_pipeline::{Error, Hint, Result};
+pub use picture::SavePng;
+pub use snapshot::Snapshot;

@@ -4,7 +4,7 @@ use crate::common::Common;
 use crate::comparison::{self, FolderComparison};
 use crate::printable::one_line;
 use clap::{Args, ValueHint};
-use particlegs::{Error, Result};
+use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
 #[derive(Args)]

@@ -1,7 +1,7 @@
 //! `particlegs completions SHELL`.
 
 use clap::{Args, CommandFactory};
-use particlegs::Result;
+use particlegs_pipeline::Result;
 
 #[derive(Args)]
 #[command(

@@ -8,13 +8,13 @@ use crate::pictures;
 use crate::snapshot_args::ParticleArgs;
 use crate::view_args::parse_size;
 use clap::{Args, ValueHint};
-use particlegs::camera::{View, ViewsFile};
-use particlegs::model::Model;
-use particlegs::particles::Storage;
-use particlegs::picture::Size;
-use particlegs::score::{Evaluation, LookScores, MeanViewScores};
-use particlegs::{Error, Result, codec, score};
 use particlegs_files::input::name_of;
+use particlegs_pipeline::camera::{View, ViewsFile};
+use particlegs_pipeline::model::Model;
+use particlegs_pipeline::particles::Storage;
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::score::{Evaluation, LookScores, MeanViewScores};
+use particlegs_pipeline::{Error, Result, codec, score};
 use std::path::PathBuf;
 
 #[derive(Args)]

@@ -6,13 +6,13 @@ use crate::inputs;
 use crate::outputs::ForceArgs;
 use crate::page_args::{AppearanceArgs, PageArgs};
 use clap::{Args, ValueHint};
-use particlegs::model::{LawKind, Model};
-use particlegs::{Error, Result, codec};
 use particlegs_export::{
     Cells, ColorBy, Coloring, Density, Group, Kind, Notes, as_splats, write_as_splats, write_density, write_gaussians,
 };
 use particlegs_files::input::name_of;
 use particlegs_files::output::{is_stream, write_bytes};
+use particlegs_pipeline::model::{LawKind, Model};
+use particlegs_pipeline::{Error, Result, codec};
 use particlegs_view::page::{ModelFile, offline};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};

@@ -5,7 +5,7 @@ use crate::inputs::{self, PathContent};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{info_model, info_snapshot};
 use clap::Args;
-use particlegs::Result;
+use particlegs_pipeline::Result;
 use std::path::PathBuf;
 
 #[derive(Args)]

@@ -26,7 +26,7 @@ mod verify;
 mod view;
 
 use clap::Subcommand;
-use particlegs::Result;
+use particlegs_pipeline::Result;
 
 /// The verbs.
 // Parsed once: its size costs nothing.
@@ -63,7 +63,7 @@ pub enum Command {
     Reference(reference::Arguments),
     /// Draw pictures of a model.
     Render(render::Arguments),
-    /// List the graphics cards that can draw.
+    /// List the GPUs that can draw and train.
     Devices(devices::Arguments),
     /// Look at models in a browser.
     View(view::Arguments),

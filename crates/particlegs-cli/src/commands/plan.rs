@@ -8,9 +8,9 @@ use crate::outputs::ForceArgs;
 use crate::snapshot_args::ParticleArgs;
 use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
-use particlegs::job::{Job, Task};
-use particlegs::particles::Storage;
-use particlegs::{Error, Result};
+use particlegs_pipeline::job::{Job, Task};
+use particlegs_pipeline::particles::Storage;
+use particlegs_pipeline::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 

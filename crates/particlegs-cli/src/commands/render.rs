@@ -16,14 +16,14 @@ use crate::rendered_view::RenderedView;
 use crate::sequence_args::SequenceArgs;
 use crate::view_args::{ViewArgs, ViewSubject};
 use clap::{Args, ValueEnum, ValueHint};
-use particlegs::camera::{View, ViewSet};
-use particlegs::model::{LawKind, Model, species_title};
-use particlegs::picture::{Colormap, Gray8, Pixels, Rgb8, Size};
-use particlegs::render::{Scene, Scratch, draw_into, surface_density};
-use particlegs::splat::ToneStyle;
-use particlegs::train::Accelerator;
-use particlegs::{Error, Result, codec, parallel};
 use particlegs_files::input::name_of;
+use particlegs_pipeline::camera::{View, ViewSet};
+use particlegs_pipeline::model::{LawKind, Model, species_title};
+use particlegs_pipeline::picture::{Colormap, Gray8, Pixels, Rgb8, Size};
+use particlegs_pipeline::render::{Scene, Scratch, draw_into, surface_density};
+use particlegs_pipeline::splat::ToneStyle;
+use particlegs_pipeline::train::Accelerator;
+use particlegs_pipeline::{Error, Result, codec, parallel};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -294,7 +294,7 @@ fn read(path: &Path, asked: &RenderOptions, context: &CommandContext) -> Result<
     let model = codec::decode_with(&bytes, &name, context)?;
     let model = if asked.layers == ["all"] { model } else { model.only(&asked.layers)? };
     let file = path.file_name().map_or(name, |n| n.to_string_lossy().into_owned());
-    let hash = particlegs::model::hex(blake3::hash(&bytes).as_bytes());
+    let hash = particlegs_pipeline::model::hex(blake3::hash(&bytes).as_bytes());
     Ok(SourceModel { model, source: SourceFile { name: file, blake3: hash } })
 }
 

@@ -7,14 +7,14 @@ use crate::inputs::{self, PathContent};
 use crate::snapshot_args::SnapshotArgs;
 use crate::{stats_plots, stats_tables};
 use clap::{Args, ValueHint};
-use particlegs::context::Context;
-use particlegs::model::{Model, UnitSystem};
-use particlegs::particles::{Particles, Storage};
-use particlegs::space::Cell;
-use particlegs::stats::{Assignment, Convention, Measure, Statistics, StatsOptions, Subject, compare};
-use particlegs::{Error, Result, codec};
 use particlegs_files::input::name_of;
 use particlegs_files::output;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::{Model, UnitSystem};
+use particlegs_pipeline::particles::{Particles, Storage};
+use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::stats::{Assignment, Convention, Measure, Statistics, StatsOptions, Subject, compare};
+use particlegs_pipeline::{Error, Result, codec};
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]

@@ -2,8 +2,8 @@
 
 use crate::common::Common;
 use clap::{Args, ValueHint};
-use particlegs::Result;
-use particlegs::job::{Job, State};
+use particlegs_pipeline::Result;
+use particlegs_pipeline::job::{Job, State};
 use std::path::PathBuf;
 
 #[derive(Args)]

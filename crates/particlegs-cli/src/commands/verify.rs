@@ -8,13 +8,13 @@ use crate::job_args::JobSnapshot;
 use crate::snapshot_args::ParticleArgs;
 use crate::source_check;
 use clap::Args;
-use particlegs::job::{Job, State};
-use particlegs::model::{Certificate, CertificateLevel, Model};
-use particlegs::particles::{Particles, Storage};
-use particlegs::score::Assessment;
-use particlegs::{Error, Result, codec, compress};
 use particlegs_files::input::name_of;
 use particlegs_files::output;
+use particlegs_pipeline::job::{Job, State};
+use particlegs_pipeline::model::{Certificate, CertificateLevel, Model};
+use particlegs_pipeline::particles::{Particles, Storage};
+use particlegs_pipeline::score::Assessment;
+use particlegs_pipeline::{Error, Result, codec, compress};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -8,9 +8,9 @@ use crate::printable::one_line;
 use crate::progress::to_stderr;
 use crate::snapshot_args::{ParticleArgs, SelectionArgs, SnapshotArgs};
 use clap::{Args, ValueHint};
-use particlegs::Result;
-use particlegs::particles::{Particles, Storage};
-use particlegs::reference::Reference;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::particles::{Particles, Storage};
+use particlegs_pipeline::reference::Reference;
 use particlegs_view::page::Snapshot;
 use particlegs_view::server::{Event, Limits, Options, Server, Token, ViewerContent};
 use particlegs_view::tunnel::{self, Session};
@@ -197,7 +197,7 @@ fn open(server: &Server, context: &CommandContext) -> Result<()> {
     if is_set("SSH_CONNECTION") || !screen {
         return Ok(());
     }
-    if open::that_detached(server.url_for_once()?).is_err() {
+    if start_browser(&server.url_for_once()?).is_err() {
         context.message("no browser could be started: open the address");
     }
     Ok(())
@@ -224,3 +224,18 @@ fn node() -> Option<String> {
 fn node() -> Option<String> {
     std::env::var("COMPUTERNAME").ok()
 }
+
+/// Starts the user's browser, and does not wait for it.
+#[cfg(target_os = "linux")]
+fn start_browser(url: &str) -> std::io::Result<()> {
+    use std::process::{Command, Stdio};
+    let start = |program: &str| {
+        let mut command = Command::new(program);
+        command.arg(url).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().map(drop)
+    };
+    // The second is WSL's.
+    start("xdg-open").or_else(|_| start("wslview"))
+}
+
+#[cfg(not(target_os = "linux"))]
+use open::that_detached as start_browser;

@@ -2,10 +2,10 @@
 
 use super::ViewContent;
 use crate::figure::{FigureImage, PaperColour};
-use particlegs::parallel;
-use particlegs::picture::{Colormap, DensityColors, Rgb8};
+use particlegs_pipeline::parallel;
+use particlegs_pipeline::picture::{Colormap, DensityColors, Rgb8};
 
-/// Decades that a common range has at most, as one of its own ([`particlegs::picture::Plane::log_range`]).
+/// Decades that a common range has at most, as one of its own ([`particlegs_pipeline::picture::Plane::log_range`]).
 const DECADES: f64 = 1e-4;
 
 /// One range for all: from the lowest to the highest, of four decades at most.
@@ -39,7 +39,7 @@ pub fn image(seen: ViewContent, map: Colormap, range: [f64; 2], ground: PaperCol
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::picture::{Gray8, Plane, Size};
+    use particlegs_pipeline::picture::{Gray8, Plane, Size};
 
     #[test]
     fn the_range_ignores_specks() {

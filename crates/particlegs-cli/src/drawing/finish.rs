@@ -10,10 +10,10 @@ use crate::figure::png_file::{self, PngEffort, PngMetadata};
 use crate::figure::ticks::round_below;
 use crate::figure::{ColourBar, Figure, FigureImage, Panel, ScaleBar, cube, labelled, number};
 use crate::view_args::ViewSubject;
-use particlegs::Result;
-use particlegs::camera::{Projection, View};
-use particlegs::picture::{Colormap, Size, journal_unit};
 use particlegs_files::output::write_bytes;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::camera::{Projection, View};
+use particlegs_pipeline::picture::{Colormap, Size, journal_unit};
 use std::path::Path;
 
 /// A scale bar is at most so long, in shares of the picture's width.
@@ -146,7 +146,7 @@ impl Finisher<'_> {
         let mut camera = view.camera;
         let perspective = matches!(camera.projection, Projection::Perspective { .. });
         if camera.clipping_range.is_none() && perspective {
-            camera.clipping_range = Some(particlegs::camera::clipping_range(&self.subject.bounds, &camera));
+            camera.clipping_range = Some(particlegs_pipeline::camera::clipping_range(&self.subject.bounds, &camera));
         }
         View { camera, ..view.clone() }
     }

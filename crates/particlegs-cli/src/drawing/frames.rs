@@ -9,9 +9,9 @@ use crate::common::CommandContext;
 use crate::figure::FigureImage;
 use crate::figure::png_file::{PngEffort, PngMetadata, coded};
 use crate::picture_out::PictureOut;
-use particlegs::camera::{View, ViewSet};
-use particlegs::{Error, Result, parallel};
 use particlegs_files::output::write_bytes;
+use particlegs_pipeline::camera::{View, ViewSet};
+use particlegs_pipeline::{Error, Result, parallel};
 use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -97,7 +97,7 @@ pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries
 }
 
 /// Frames of one film are of one size: labels that grow would change it.
-fn of_one_size(first: &Mutex<Option<particlegs::picture::Size>>, image: &FigureImage) -> Result<()> {
+fn of_one_size(first: &Mutex<Option<particlegs_pipeline::picture::Size>>, image: &FigureImage) -> Result<()> {
     let size = *first.lock().unwrap_or_else(|e| e.into_inner()).get_or_insert(image.size());
     if size == image.size() {
         return Ok(());

@@ -1,14 +1,14 @@
-//! Colours by layer ([`particlegs::picture::Rgb8::layer_hues`]).
+//! Colours by layer ([`particlegs_pipeline::picture::Rgb8::layer_hues`]).
 
 use super::ViewContent;
-use particlegs::camera::View;
-use particlegs::context::Context;
-use particlegs::model::{LawKind, Model};
-use particlegs::parallel;
-use particlegs::picture::{Plane, Rgb8, Size};
-use particlegs::render::{Scene, Tones, optical_depth};
-use particlegs::splat::ToneStyle;
-use particlegs::{Error, Result};
+use particlegs_pipeline::camera::View;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::{LawKind, Model};
+use particlegs_pipeline::parallel;
+use particlegs_pipeline::picture::{Plane, Rgb8, Size};
+use particlegs_pipeline::render::{Scene, Tones, optical_depth};
+use particlegs_pipeline::splat::ToneStyle;
+use particlegs_pipeline::{Error, Result};
 
 /// A model's layers, each to be drawn alone.
 pub fn apart(model: &Model) -> Result<Vec<Model>> {

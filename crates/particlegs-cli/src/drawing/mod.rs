@@ -11,9 +11,9 @@ pub mod provenance;
 pub mod run;
 
 use crate::common::CommandContext;
-use particlegs::Result;
-use particlegs::camera::View;
-use particlegs::picture::{Gray8, Plane, Size};
+use particlegs_pipeline::Result;
+use particlegs_pipeline::camera::View;
+use particlegs_pipeline::picture::{Gray8, Plane, Size};
 
 /// What is seen in a view, before it has its colours.
 pub enum ViewContent {

@@ -6,9 +6,9 @@ use super::finish::Finisher;
 use crate::common::CommandContext;
 use crate::figure::output;
 use crate::picture_out::PictureOut;
-use particlegs::camera::ViewSet;
-use particlegs::{Error, Result};
 use particlegs_files::output::write_bytes;
+use particlegs_pipeline::camera::ViewSet;
+use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
 /// More pictures than a figure has.

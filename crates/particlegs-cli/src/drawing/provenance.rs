@@ -1,11 +1,11 @@
 //! What a picture is of, as text inside it: enough to draw the same view again, of this model or another.
 
 use crate::figure::png_file;
-use particlegs::camera::{View, ViewSet, ViewsFile};
-use particlegs::context::Context;
-use particlegs::model::{UnitSystem, Units};
-use particlegs::picture::Size;
-use particlegs::{Error, Result};
+use particlegs_pipeline::camera::{View, ViewSet, ViewsFile};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::{UnitSystem, Units};
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;

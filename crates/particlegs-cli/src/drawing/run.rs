@@ -12,8 +12,8 @@ use crate::picture_out::PictureOut;
 use crate::rendered_view::RenderedView;
 use crate::sequence_args::SequenceArgs;
 use crate::view_args::{ViewArgs, ViewSubject};
-use particlegs::camera::{ViewSet, ViewsFile};
-use particlegs::{Error, Result};
+use particlegs_pipeline::camera::{ViewSet, ViewsFile};
+use particlegs_pipeline::{Error, Result};
 use std::path::Path;
 use std::time::Instant;
 

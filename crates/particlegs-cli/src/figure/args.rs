@@ -3,8 +3,8 @@
 use super::output::FileKind;
 use super::{BarPlacement, PaperColour, missing};
 use clap::{Args, ValueEnum};
-use particlegs::context::Context;
-use particlegs::picture::Size;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::picture::Size;
 
 /// Width of a figure and height of its letters, points: a column of a journal.
 const COLUMN: f64 = 84.0 * 72.0 / 25.4;

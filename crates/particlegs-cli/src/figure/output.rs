@@ -3,8 +3,8 @@
 use super::args::FigureArgs;
 use super::png_file::{PngEffort, PngMetadata, coded};
 use super::{Figure, FigureImage, FigureSpace, layout, raster};
-use particlegs::Result;
 pub use particlegs_figure::FileKind;
+use particlegs_pipeline::Result;
 
 /// A figure as pixels, and their number an inch where its width on paper is chosen.
 pub fn pixels(figure: &Figure, args: &FigureArgs) -> Result<(FigureImage, Option<f64>)> {

@@ -3,8 +3,8 @@
 
 use crate::common::{TestFolder, listing};
 use crate::models::tiny;
-use particlegs::model::LawKind;
-use particlegs::particles::Particles;
+use particlegs_pipeline::model::LawKind;
+use particlegs_pipeline::particles::Particles;
 use serde_json::Value;
 
 /// A folder with the model `m.pgs` of 64 runs.
@@ -116,7 +116,7 @@ fn splats_are_written_as_published() {
     // A snapshot of 64 points to the other commands, which take an alpha-blend model's frame.
     dir.runs("convert m.ply -o points --quiet");
     let (model, points) = (dir.model("m.pgs"), Particles::open_raw(&[dir.at("points")]).unwrap());
-    let frame = particlegs::camera::Normalisation::of(&model.metadata.bounds);
+    let frame = particlegs_pipeline::camera::Normalisation::of(&model.metadata.bounds);
     let g = &model.layers[0].content[0].gaussians;
     for i in 0..64 {
         let p = points.position(i);

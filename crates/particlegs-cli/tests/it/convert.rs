@@ -77,7 +77,7 @@ fn bad_arguments_leave_nothing() {
 
 #[test]
 fn compare_names_what_it_cannot_score() {
-    use particlegs::picture::{Size, write_png};
+    use particlegs_pipeline::picture::{Size, write_png};
     let dir = TestFolder::new();
     let [a, b] = ["a", "b"].map(|n| dir.at(n));
     let write = |folder: &Path, name: &str, side: usize, level: u8| {

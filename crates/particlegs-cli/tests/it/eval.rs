@@ -2,7 +2,7 @@
 
 use crate::common::TestFolder;
 use crate::models::tiny;
-use particlegs::model::LawKind;
+use particlegs_pipeline::model::LawKind;
 
 #[test]
 fn scores_by_orbit_in_text_and_json() {

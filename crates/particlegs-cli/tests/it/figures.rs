@@ -118,7 +118,7 @@ fn a_turn_begins_with_its_view_and_has_one_range() {
     assert_eq!(listing(&s.at("frames")), names);
     assert_eq!(report["views"].as_array().unwrap().len(), 5);
     render(&s, "a.pgs -o first.png --size 48x30 --elevation 15");
-    let pixels = |name: &str| particlegs::picture::read_png(&s.at(name)).unwrap();
+    let pixels = |name: &str| particlegs_pipeline::picture::read_png(&s.at(name)).unwrap();
     assert_eq!(pixels("frames/frame_0000.png"), pixels("first.png"));
     assert!(pixels("frames/frame_0001.png") != pixels("first.png"));
     // The frames are those of the views that are saved, and the same with other threads.
@@ -186,7 +186,7 @@ fn films_with_colons_in_their_names_are_files() {
 #[test]
 fn figures_that_cannot_be_are_refused() {
     let s = folder();
-    refused(&s, "a.pgs -o x.pdf --axes frame", 2, "--projection orthographic");
+    refused(&s, "a.pgs -o x.pdf --axes frame", 2, "belongs to orthographic views");
     refused(&s, &format!("{DENSITY} x.pdf --figure-width 10mm --font-size 20"), 2, "no room");
     refused(&s, "a.pgs -o x.png --depth=-1", 2, "--depth -1");
     refused(&s, "a.pgs -o x.png --center 1,2", 2, "--center takes");
@@ -196,7 +196,7 @@ fn figures_that_cannot_be_are_refused() {
     assert!(!s.at("x.png").exists() && !s.at("x.pdf").exists());
     // Bars on the picture leave it the size that was asked for.
     render(&s, &format!("{DENSITY} z.png --colorbar inside"));
-    let size = particlegs::picture::read_png(&s.at("z.png")).unwrap().size;
+    let size = particlegs_pipeline::picture::read_png(&s.at("z.png")).unwrap().size;
     assert_eq!([size.width, size.height], [60, 60]);
     // A view whose focal point is beside the particles has no length to tell.
     render(&s, "a.pgs -o x.svg --center 90,0,0 --distance 5 --size 40x30");
@@ -282,7 +282,7 @@ fn a_gif_has_the_frames_pixels() {
     let (size, frames) = decoded(&s.bytes("turn.gif"));
     assert_eq!((size, frames.len()), ([64, 40], 4));
     for (i, frame) in frames.iter().enumerate() {
-        let png = particlegs::picture::read_png(&s.at(&format!("frames/frame_000{i}.png"))).unwrap();
+        let png = particlegs_pipeline::picture::read_png(&s.at(&format!("frames/frame_000{i}.png"))).unwrap();
         assert!(png.data.iter().zip(frame).all(|(level, p)| *p == [*level; 3]), "{i}");
     }
     // Alone, a GIF leaves no frames behind.

@@ -1,8 +1,8 @@
 //! Certificates and metadata that were altered: every figure, every field, up, down, to nothing and beyond.
 
 use crate::common::{TestFolder, snapshot};
-use particlegs::codec;
-use particlegs::model::Coding;
+use particlegs_pipeline::codec;
+use particlegs_pipeline::model::Coding;
 
 /// Sections of a model file: its head, and tag and content of each (docs/format.md, section 1).
 fn sections(file: &[u8]) -> Vec<([u8; 4], Vec<u8>)> {

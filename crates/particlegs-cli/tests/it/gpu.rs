@@ -6,7 +6,7 @@ use crate::common::{json, particlegs};
 #[cfg(feature = "gpu")]
 use crate::models::tiny;
 #[cfg(feature = "gpu")]
-use particlegs::{codec, model::LawKind};
+use particlegs_pipeline::{codec, model::LawKind};
 
 /// A folder with a small model of the sample.
 fn folder() -> TestFolder {
@@ -67,7 +67,7 @@ fn a_device_draws_and_scores_all_particles() {
             let out = format!("{style}-{device}.png");
             let view = format!("--azimuth 30 --size 160x90 -q --style {style} --device {device}");
             dir.runs(&format!("reference SAMPLE {view} -o {out}"));
-            particlegs::picture::read_png(&dir.at(&out)).unwrap()
+            particlegs_pipeline::picture::read_png(&dir.at(&out)).unwrap()
         };
         let (card, processor) = (draw("0"), draw("cpu"));
         let differ = card.data.iter().zip(&processor.data).filter(|(a, b)| a != b).count();

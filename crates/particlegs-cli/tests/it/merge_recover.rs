@@ -16,10 +16,10 @@ fn merging_is_exact_whatever_the_order() {
     dir.runs("verify whole.pgs");
 
     // The picture is that of the parts together: depths add up.
-    use particlegs::camera::{View, base_distance, spherical_camera};
-    use particlegs::context::Context;
-    use particlegs::picture::Size;
-    use particlegs::render::{Scene, optical_depth};
+    use particlegs_pipeline::camera::{View, base_distance, spherical_camera};
+    use particlegs_pipeline::context::Context;
+    use particlegs_pipeline::picture::Size;
+    use particlegs_pipeline::render::{Scene, optical_depth};
     let size = Size { width: 320, height: 240 };
     let all = dir.model("whole.pgs");
     let m = &all.metadata;
@@ -109,7 +109,7 @@ fn recovered_particles_say_what_they_are() {
 #[test]
 fn what_newer_programs_add_survives_merging_and_is_named_where_it_is_left_out() {
     let dir = TestFolder::new();
-    let room = "FIXTURES/../../../particlegs/tests/fixtures/format-1.0-room.pgs";
+    let room = "FIXTURES/../../../particlegs-pipeline/tests/fixtures/format-1.0-room.pgs";
     dir.runs(&format!("merge {room} -o merged.pgs --quiet"));
     for path in [room, "merged.pgs"] {
         let [text, _] = dir.runs(&format!("info {path}"));

@@ -1,13 +1,13 @@
 //! Models that no fit makes: small ones of the sample, and many equal Gaussians.
 
 use crate::common::sample;
-use particlegs::codec::{self, Precision};
-use particlegs::math::Sym3;
-use particlegs::model::{
+use particlegs_pipeline::codec::{self, Precision};
+use particlegs_pipeline::math::Sym3;
+use particlegs_pipeline::model::{
     AlphaBlend, Block, Law, LawKind, Layer, Mass, Metadata, Mixture, Model, VIZMAPPER_PARAMETERS, VizMapper, VizRanges,
 };
-use particlegs::particles::Particles;
-use particlegs::space::Bounds;
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::space::Bounds;
 
 /// A model of one layer and one block.
 fn model(metadata: Metadata, gaussians: Mixture) -> Model {

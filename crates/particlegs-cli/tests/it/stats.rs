@@ -52,6 +52,17 @@ fn a_model_is_measured_by_its_mixture() {
     assert!(listing(&dir.at("a")).iter().all(|f| !f.ends_with(".png")));
 }
 
+#[test]
+fn plots_are_pdf_where_asked_and_replace_those_of_before() {
+    let dir = thinned();
+    for _ in 0..2 {
+        dir.runs("stats thin thin -o pdf --only density --grid 8 --plots pdf --quiet");
+    }
+    let files = listing(&dir.at("pdf"));
+    let plot = files.iter().find(|f| f.ends_with(".pdf")).unwrap();
+    assert!(dir.bytes(&format!("pdf/{plot}")).starts_with(b"%PDF-") && files.iter().all(|f| !f.ends_with(".svg")));
+}
+
 /// The columns of a table, by name.
 fn table(text: &str) -> Vec<std::collections::BTreeMap<String, String>> {
     let mut rows = text.lines().map(|l| l.split(',').map(str::to_string).collect::<Vec<_>>());
@@ -144,7 +155,7 @@ fn an_ideal_gas_is_one_in_any_cell() {
         let lattice: Vec<String> = stated.iter().flatten().map(f64::to_string).collect();
         let mut text = format!("4000\nLattice=\"{}\" Properties=species:S:1:pos:R:3\n", lattice.join(" "));
         for i in 0..4000u64 {
-            let f = [0, 1, 2].map(|k| particlegs::math::Random::new(8, k, i).uniform());
+            let f = [0, 1, 2].map(|k| particlegs_pipeline::math::Random::new(8, k, i).uniform());
             let x = [0, 1, 2].map(|k| (0..3).map(|a| f[a] * drawn[a][k]).sum::<f64>().to_string());
             text += &format!("Ar {}\n", x.join(" "));
         }
@@ -203,7 +214,7 @@ fn groups_of_a_zoom_are_those_of_its_finest_particles() {
         [(1550, 40.0, 10.0, 1), (300, 42.0, 0.2, 1), (150, 46.0, 0.2, 1), (1000, 0.0, 100.0, 4096)]
     {
         for i in 0..n {
-            let x = [0, 1, 2].map(|k| at + size * particlegs::math::Random::new(at as u64, k, i).uniform());
+            let x = [0, 1, 2].map(|k| at + size * particlegs_pipeline::math::Random::new(at as u64, k, i).uniform());
             text += &format!("{},{},{},{mass}\n", x[0], x[1], x[2]);
         }
     }

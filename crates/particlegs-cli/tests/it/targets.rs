@@ -1,7 +1,7 @@
 //! Targets in the terms of the data: reached and recorded, out of reach, or refused for what they are.
 
 use crate::common::{TestFolder, recertified, snapshot};
-use particlegs::codec;
+use particlegs_pipeline::codec;
 use serde_json::Value;
 
 const COMPRESS: &str = "compress SAMPLE -o m.pgs --effort fast";

@@ -1,7 +1,7 @@
 //! A model that shows nothing is said to, and a forged certificate is refused.
 
 use crate::common::{TestFolder, recertified, snapshot};
-use particlegs::model::{Certificate, PictureScore};
+use particlegs_pipeline::model::{Certificate, PictureScore};
 
 /// A cubic crystal of 16^3 atoms: what no mixture of fewer Gaussians shows.
 #[test]

@@ -55,9 +55,6 @@ pub(super) fn at<const N: usize, T: Interpolate<N>>(keys: &[T], i: usize, t: f64
 /// `frames` views that pass through all key frames, evenly many from each to the next: the point looked at, the
 /// orientation, the logarithm of the distance, and whatever else the key frames say, each smoothly. They begin and end
 /// at rest; where two key frames are the same, nothing moves between them.
-///
-/// # Errors
-/// [`Error::Argument`] for key frames of both projections, and for one that looks nowhere.
 pub fn path_through(keys: &[View], frames: usize) -> Result<Vec<View>> {
     let parallel = |v: &View| matches!(v.camera.projection, Projection::Orthographic { .. });
     if let Some(other) = keys.iter().find(|v| parallel(v) != parallel(&keys[0])) {

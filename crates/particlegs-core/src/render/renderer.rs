@@ -16,17 +16,11 @@ pub trait Renderer: Sync {
     fn draw(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8>;
 
     /// The picture without shot noise, which scenes never have.
-    ///
-    /// # Errors
-    /// As [`Renderer::draw`].
     fn response(&self, view: &View, size: Size, look: ToneStyle, context: &Context<'_>) -> Result<Gray8> {
         self.draw(view, size, look, context)
     }
 
     /// The optical depth of each pixel, without shot noise; of an alpha-blend scene the depth that looks as bright.
-    ///
-    /// # Errors
-    /// As [`Renderer::draw`].
     fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane>;
 }
 

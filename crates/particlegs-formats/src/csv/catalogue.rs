@@ -3,7 +3,7 @@
 use super::guess::Guess;
 use super::names::{ColumnName, positions};
 use crate::text::split::{number_with, shown, tokens};
-use particlegs::model::{Dimension, Unit, UnitSystem, Units};
+use particlegs_pipeline::model::{Dimension, Unit, UnitSystem, Units};
 
 /// A centre, and the radius stated with it.
 type Centre = ([f64; 3], Option<f64>);

@@ -18,9 +18,9 @@ use crate::text::table::TableBuilder;
 use crate::{Choice, Description, Format, Snapshot, SpeciesField};
 use guess::Guess;
 use names::ColumnName;
-use particlegs::model::Units;
-use particlegs::particles::SnapshotMeta;
-use particlegs::{Error, Result};
+use particlegs_pipeline::model::Units;
+use particlegs_pipeline::particles::SnapshotMeta;
+use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
 pub const FORMAT: Format = Format { name: "csv", title: "Table of text", detect, open };

@@ -1,10 +1,10 @@
 //! The 256 bytes that every Gadget file begins with.
 
 use crate::numbers::NumberType;
-use particlegs::model::{Cosmology, Epoch, Units};
-use particlegs::particles::SnapshotMeta;
-use particlegs::space::Cell;
-use particlegs::{Error, Result};
+use particlegs_pipeline::model::{Cosmology, Epoch, Units};
+use particlegs_pipeline::particles::SnapshotMeta;
+use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::{Error, Result};
 use std::path::Path;
 
 pub const HEADER: usize = 256;

@@ -16,9 +16,9 @@ use crate::snapshot::named;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass};
 use blocks::GadgetFile;
 use header::TYPES;
-use particlegs::model::species_aliases;
-use particlegs::particles::SnapshotReader;
-use particlegs::{Error, Result};
+use particlegs_pipeline::model::species_aliases;
+use particlegs_pipeline::particles::SnapshotReader;
+use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
 pub const FORMAT: Format = Format {

@@ -9,8 +9,8 @@ use crate::cache::ChunkCache;
 use crate::codecs::crc64;
 use crate::numbers::{NumberType, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, RowBuffer};
-use particlegs::particles::InPlace;
-use particlegs::{Error, Result};
+use particlegs_pipeline::particles::InPlace;
+use particlegs_pipeline::{Error, Result};
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 

@@ -5,8 +5,8 @@ use crate::cache::ChunkCache;
 use crate::numbers::{Bytes, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, RowBuffer};
 use memmap2::Mmap;
-use particlegs::particles::InPlace;
-use particlegs::{Error, Result};
+use particlegs_pipeline::particles::InPlace;
+use particlegs_pipeline::{Error, Result};
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -2,9 +2,9 @@
 
 use super::attributes::Attributes;
 use super::container::Container;
-use particlegs::model::Cosmology;
-use particlegs::space::Cell;
-use particlegs::{Error, Result};
+use particlegs_pipeline::model::Cosmology;
+use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::{Error, Result};
 
 /// Types of particles that are looked for; SWIFT has 7, other codes 6.
 pub const TYPES: usize = 16;

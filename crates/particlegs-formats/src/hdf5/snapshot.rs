@@ -9,9 +9,9 @@ use super::units::{self, Simulation};
 use super::virtual_sets;
 use crate::snapshot::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
-use particlegs::model::{Cosmology, Dimension, Epoch, Unit, Units, species_aliases};
-use particlegs::particles::{SnapshotMeta, SnapshotReader};
-use particlegs::{Error, Result};
+use particlegs_pipeline::model::{Cosmology, Dimension, Epoch, Unit, Units, species_aliases};
+use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader};
+use particlegs_pipeline::{Error, Result};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 

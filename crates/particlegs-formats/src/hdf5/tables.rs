@@ -10,10 +10,10 @@ use crate::foreign::{YT, python};
 use crate::npy::layout::{mass_named, positions_named};
 use crate::snapshot::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
-use particlegs::model::{Dimension, Units};
-use particlegs::particles::{SnapshotMeta, SnapshotReader};
-use particlegs::space::Cell;
-use particlegs::{Error, Hint, Result};
+use particlegs_pipeline::model::{Dimension, Units};
+use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader};
+use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::{Error, Hint, Result};
 use std::path::{Path, PathBuf};
 
 /// Names of attributes that hold the lengths of the box.

@@ -2,7 +2,7 @@
 
 use super::attributes::Attributes;
 use super::header::HeaderGroups;
-use particlegs::model::{Dimension, Si, Unit};
+use particlegs_pipeline::model::{Dimension, Si, Unit};
 
 /// Names that lengths get, the smallest first.
 const LENGTHS: [&str; 9] = ["cm", "m", "km", "Rsun", "AU", "pc", "kpc", "Mpc", "Gpc"];

@@ -3,12 +3,12 @@
 use super::encode::{self, Attribute, OutDataSet, OutGroup, OutValue};
 use super::units;
 use crate::fields::{OutField, StandardField, outputs};
-use particlegs::context::Context;
-use particlegs::model::{Dimension, Layer, Mass, Unit};
-use particlegs::parallel;
-use particlegs::particles::{Number, Run, SelectedParticles, SnapshotMeta, SourceField};
-use particlegs::{Error, Hint, Result};
 use particlegs_files::output::PlacedFile;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::{Dimension, Layer, Mass, Unit};
+use particlegs_pipeline::parallel;
+use particlegs_pipeline::particles::{Number, Run, SelectedParticles, SnapshotMeta, SourceField};
+use particlegs_pipeline::{Error, Hint, Result};
 use std::ops::Range;
 use std::path::Path;
 

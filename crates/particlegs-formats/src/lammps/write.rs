@@ -1,12 +1,12 @@
 //! LAMMPS text out: one frame, `id type x y z` and masses where they are known.
 
 use crate::fields::{OutField, StandardField};
-use particlegs::context::Context;
-use particlegs::parallel;
-use particlegs::particles::{Number, Run, SelectedParticles};
-use particlegs::space::Cell;
-use particlegs::{Error, Result};
 use particlegs_files::output;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::parallel;
+use particlegs_pipeline::particles::{Number, Run, SelectedParticles};
+use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::{Error, Result};
 use std::fmt::Write as _;
 use std::path::Path;
 

@@ -12,7 +12,7 @@ use crate::snapshot::{named, only};
 use crate::stored_bytes::StoredBytes;
 use crate::{Choice, Description, Format, Snapshot};
 use header::{MAGIC, NpyElement, NpyHeader};
-use particlegs::{Error, Result};
+use particlegs_pipeline::{Error, Result};
 use std::path::PathBuf;
 
 pub const FORMAT: Format = Format {
@@ -78,7 +78,7 @@ fn particles(place: &str, header: &NpyHeader, notes: &mut Vec<String>) -> Result
     if let Some(rows) = layout::rows_of_table(header) {
         let fields = layout::table(0, header, rows);
         notes.push(format!(
-            "a table of {} columns: 0, 1 and 2 are read as x, y and z; the field of positions 3,4,5 chooses others",
+            "a table of {} columns: 0, 1 and 2 are read as x, y and z; name others as the positions, such as 3,4,5",
             fields.len()
         ));
         return Ok((rows, fields, "0,1,2".into()));

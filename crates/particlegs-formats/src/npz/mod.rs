@@ -13,8 +13,8 @@ use crate::numbers::Bytes;
 use crate::snapshot::{named, only};
 use crate::stored_bytes::StoredBytes;
 use crate::{Choice, Description, Format, Snapshot, SpeciesField, SpeciesMass};
-use particlegs::space::Cell;
-use particlegs::{Error, Result};
+use particlegs_pipeline::space::Cell;
+use particlegs_pipeline::{Error, Result};
 use std::io::Read;
 use std::path::PathBuf;
 

@@ -15,8 +15,8 @@ use crate::snapshot::{named, only};
 use crate::stored_bytes::StoredBytes;
 use crate::{Choice, Description, Format, Snapshot, TextResult};
 use header::{Encoding, PlyElement, PlyHeader};
-use particlegs::particles::SnapshotReader;
-use particlegs::{Error, Result};
+use particlegs_pipeline::particles::SnapshotReader;
+use particlegs_pipeline::{Error, Result};
 use rows::{RowFormat, VariableLengthRows, VertexStart};
 use std::path::PathBuf;
 

@@ -9,8 +9,8 @@ use crate::numbers::{Bytes, NumberType, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, PieceReader};
 use crate::snapshot::{named, only};
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass};
-use particlegs::particles::SnapshotReader;
-use particlegs::{Error, Result};
+use particlegs_pipeline::particles::SnapshotReader;
+use particlegs_pipeline::{Error, Result};
 use std::ops::Range;
 use std::path::PathBuf;
 

@@ -2,11 +2,11 @@
 //! splatting with spherical harmonics of degree 0, 17 float32 a Gaussian, three of them always 0
 //! (Kerbl et al. 2023, `gaussian_model.py`, `save_ply`; docs/law/published.md, "Evaluation").
 
-use particlegs::camera::Normalisation;
-use particlegs::context::Context;
-use particlegs::model::{AlphaBlend, LawKind, Mixture, Model};
-use particlegs::{Error, Hint, Result};
 use particlegs_files::output::{check_space_in, write_atomic};
+use particlegs_pipeline::camera::Normalisation;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::{AlphaBlend, LawKind, Mixture, Model};
+use particlegs_pipeline::{Error, Hint, Result};
 use std::io::Write;
 use std::path::Path;
 
@@ -30,10 +30,6 @@ const RUN: usize = 1 << 14;
 /// `colors`, red, green and blue in 0 to 1 a Gaussian; logit of the opacity; logarithms of the three standard
 /// deviations, the largest first; their axes as a quaternion (w, x, y, z). `comments` are further lines of
 /// the head. Returns the bytes written.
-///
-/// # Errors
-/// [`Error::Argument`] for a model of another law, whose Gaussians have no opacity, and for as many colours as
-/// there are no Gaussians; [`Error::Io`]; [`Error::Cancelled`].
 pub fn write_splats(
     model: &Model,
     colors: Option<&[[f32; 3]]>,
@@ -116,11 +112,11 @@ fn write_one(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::context::Context;
-    use particlegs::math::{Random, Sym3};
-    use particlegs::model::{AlphaBlend, Block, Law, Layer, Mass, Metadata};
-    use particlegs::particles::Storage;
-    use particlegs::space::Bounds;
+    use particlegs_pipeline::context::Context;
+    use particlegs_pipeline::math::{Random, Sym3};
+    use particlegs_pipeline::model::{AlphaBlend, Block, Law, Layer, Mass, Metadata};
+    use particlegs_pipeline::particles::Storage;
+    use particlegs_pipeline::space::Bounds;
 
     fn model(n: usize) -> Model {
         let mut g = Mixture::default();

@@ -10,7 +10,7 @@ use crate::numbers::{Bytes, NumberType};
 use crate::snapshot::{named, only};
 use crate::stored_bytes::{StoredBytes, StreamCoding};
 use crate::{Choice, Description, Snapshot};
-use particlegs::{Error, Result};
+use particlegs_pipeline::{Error, Result};
 use std::io::Read;
 use std::path::PathBuf;
 

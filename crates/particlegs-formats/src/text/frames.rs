@@ -5,7 +5,7 @@ use super::lines::LineReader;
 use super::table::{TableBuilder, TextTable};
 use crate::TrajectoryFrames;
 use crate::snapshot::no_frame;
-use particlegs::{Error, Hint, Result};
+use particlegs_pipeline::{Error, Hint, Result};
 
 pub struct TextFrame<'c, H> {
     pub head: H,

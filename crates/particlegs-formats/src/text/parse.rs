@@ -3,7 +3,7 @@
 use super::lines::without_end;
 use super::number::number_at;
 use super::split::{Separator, first_byte, is_blank, number_with, shown, tokens};
-use particlegs::space::PeriodicCell;
+use particlegs_pipeline::space::PeriodicCell;
 
 #[derive(Clone, Debug)]
 pub struct TableLayout {

@@ -4,10 +4,10 @@ use super::lines::LineReader;
 use super::parse::{LineError, ParticleColumns, RowParser, RowPlan, TableNumber};
 use super::table::TextTable;
 use crate::pieces::origin_of;
-use particlegs::context::Context;
-use particlegs::parallel;
-use particlegs::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
-use particlegs::{Error, Result};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::parallel;
+use particlegs_pipeline::particles::{Chunk, RUN, SnapshotMeta, SnapshotReader};
+use particlegs_pipeline::{Error, Result};
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -8,9 +8,9 @@ use super::table::{MOST_SPECIES, TextTable};
 use crate::axes::axis;
 use crate::fields::number_of;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TextResult};
-use particlegs::particles::{Number, SnapshotReader};
-use particlegs::space::PeriodicCell;
-use particlegs::{Error, Hint, Result};
+use particlegs_pipeline::particles::{Number, SnapshotReader};
+use particlegs_pipeline::space::PeriodicCell;
+use particlegs_pipeline::{Error, Hint, Result};
 use std::sync::Arc;
 
 pub struct TextSnapshot {

@@ -3,8 +3,8 @@
 use super::content::{TextContent, TextPosition};
 use super::lines::{LineReader, of_block};
 use super::parse::{TableLayout, same};
-use particlegs::parallel;
-use particlegs::{Error, Result};
+use particlegs_pipeline::parallel;
+use particlegs_pipeline::{Error, Result};
 
 /// Most species that a column of types may tell apart.
 pub const MOST_SPECIES: usize = 64;

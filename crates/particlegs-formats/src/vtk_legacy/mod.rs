@@ -11,9 +11,9 @@ use crate::vtk_xml::points::PiecePoints;
 use crate::vtk_xml::source::{ArraySource, VtkArray, open_columns};
 use crate::vtk_xml::stream::Stream;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField};
-use particlegs::model::Epoch;
-use particlegs::particles::{SnapshotMeta, SnapshotReader};
-use particlegs::{Error, Result};
+use particlegs_pipeline::model::Epoch;
+use particlegs_pipeline::particles::{SnapshotMeta, SnapshotReader};
+use particlegs_pipeline::{Error, Result};
 use scan::{ArrayData, LegacyArray, LegacyContents};
 use std::path::PathBuf;
 

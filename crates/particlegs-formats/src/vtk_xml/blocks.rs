@@ -3,7 +3,7 @@
 use super::stream::Stream;
 use crate::cache::ChunkCache;
 use crate::codecs;
-use particlegs::Error;
+use particlegs_pipeline::Error;
 use std::ops::Range;
 use std::sync::Arc;
 

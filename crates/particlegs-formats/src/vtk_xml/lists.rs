@@ -5,7 +5,7 @@ use super::file::VtkXmlFile;
 use crate::TrajectoryFrames;
 use crate::ascii::shown;
 use crate::snapshot::no_frame;
-use particlegs::{Error, Result};
+use particlegs_pipeline::{Error, Result};
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
 

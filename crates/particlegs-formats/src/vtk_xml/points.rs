@@ -3,8 +3,8 @@
 use super::source::{ArrayColumns, VtkArray};
 use crate::numbers::{Bytes, StridedParticles};
 use crate::pieces::{ParticlePiece, RowBuffer};
-use particlegs::particles::InPlace;
-use particlegs::{Error, Result};
+use particlegs_pipeline::particles::InPlace;
+use particlegs_pipeline::{Error, Result};
 use std::ops::Range;
 
 /// The arrays that are read of a piece.

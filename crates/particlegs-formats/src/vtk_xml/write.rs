@@ -5,12 +5,12 @@
 //! have weights or layers different masses, layers are numbered by an array where there are several.
 
 use crate::fields::OutField;
-use particlegs::context::Context;
-use particlegs::model::{Layer, Mass};
-use particlegs::parallel;
-use particlegs::particles::{Number, Run, SelectedParticles};
-use particlegs::{Error, Result};
 use particlegs_files::output::PlacedFile;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::{Layer, Mass};
+use particlegs_pipeline::parallel;
+use particlegs_pipeline::particles::{Number, Run, SelectedParticles};
+use particlegs_pipeline::{Error, Result};
 use std::fmt::Write;
 use std::ops::Range;
 use std::path::Path;

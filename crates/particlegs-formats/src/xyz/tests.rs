@@ -2,12 +2,16 @@ use super::FORMAT;
 use crate::testing::{SpeciesParticles, read, scratch};
 use crate::{Choice, Description, SpeciesMass, Weights};
 
-fn open(text: &str, frame: Option<u64>, choice: &Choice) -> particlegs::Result<(Description, Vec<SpeciesParticles>)> {
+fn open(
+    text: &str,
+    frame: Option<u64>,
+    choice: &Choice,
+) -> particlegs_pipeline::Result<(Description, Vec<SpeciesParticles>)> {
     let file = scratch(text.as_bytes());
     let options = Choice { frame, ..choice.clone() };
     let snapshot = (FORMAT.open)(&[file.path().to_path_buf()], &options)?;
     let d = snapshot.description().clone();
-    let got = (0..d.species.len()).map(|s| read(&*snapshot, s, choice)).collect::<particlegs::Result<_>>()?;
+    let got = (0..d.species.len()).map(|s| read(&*snapshot, s, choice)).collect::<particlegs_pipeline::Result<_>>()?;
     Ok((d, got))
 }
 

@@ -1,4 +1,4 @@
-// What the network makes of each Gaussian for a radius and an opacity: core's render::alpha::adapt and model::vizmapper.
+// What the network makes of each Gaussian for a radius and an opacity: core's render::alpha::adapt and render::alpha::network.
 // A thread a Gaussian; weights are summed in their order.
 
 // What is asked of the network, and its ranges.

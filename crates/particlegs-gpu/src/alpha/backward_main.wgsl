@@ -32,7 +32,7 @@ var<workgroup> going_on: atomic<u32>;
 var<workgroup> go_on: u32;
 
 // Four pixels of a row of the tile from `first` on, and what they have come to.
-struct Pixels {
+struct PixelStates {
     first: vec2f,
     sum: vec4f,
     left: vec4f,
@@ -41,8 +41,8 @@ struct Pixels {
 }
 
 // Where a walk begins: pixels outside the picture, and those that want nothing, are done.
-fn begun(pixel: vec2u, first: vec2f) -> Pixels {
-    var p: Pixels;
+fn start_states(pixel: vec2u, first: vec2f) -> PixelStates {
+    var p: PixelStates;
     p.first = first;
     for (var k = 0u; k < 4u; k++) {
         if pixel.x + k < frame.size.x && pixel.y < frame.size.y {
@@ -60,7 +60,7 @@ fn begun(pixel: vec2u, first: vec2f) -> Pixels {
 }
 
 // Where the next slab goes on.
-fn keep(pixel: vec2u, p: Pixels) {
+fn store_states(pixel: vec2u, p: PixelStates) {
     for (var k = 0u; k < 4u; k++) {
         if pixel.x + k < frame.size.x && pixel.y < frame.size.y {
             walked[pixel.y * frame.size.x + pixel.x + k] = vec2f(p.sum[k], p.left[k]);
@@ -70,7 +70,7 @@ fn keep(pixel: vec2u, p: Pixels) {
 
 // Blends a footprint onto four pixels as raster_main.wgsl does. With h the change of the loss with the logarithm of alpha,
 // and dx the distance from the centre: their sums of h, h dx, h dx^2, and the change with the grey level.
-fn want(p: ptr<function, Pixels>, s: Splat, corner: vec2f) -> vec4f {
+fn blend_sums(p: ptr<function, PixelStates>, s: Splat, corner: vec2f) -> vec4f {
     let x = (*p).first.x + vec4f(0.0, 1.0, 2.0, 3.0);
     let dy = (*p).first.y + (corner.y - s.at.y);
     let d = x + ((corner.x - s.at.x) - s.lean * dy);
@@ -130,7 +130,7 @@ fn write_sum(me: u32, base: u32, count: u32) {
 }
 
 // Is a pixel of the tile not done?
-fn goes_on(me: u32, left: vec4f) -> bool {
+fn is_unfinished(me: u32, left: vec4f) -> bool {
     if me == 0u {
         atomicStore(&going_on, 0u);
     }
@@ -149,14 +149,14 @@ fn goes_on(me: u32, left: vec4f) -> bool {
 fn main(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index) me: u32) {
     let corner = tile.xy * TILE;
     let in_tile = vec2u(4u * (me % 4u), me / 4u);
-    var p = begun(corner + in_tile, vec2f(in_tile));
+    var p = start_states(corner + in_tile, vec2f(in_tile));
     if me == 0u {
         range_here = ranges[tile.y * frame.across + tile.x];
     }
     let range = workgroupUniformLoad(&range_here);
     var base = range.x;
     for (; base < range.y; base += LOADED) {
-        if !goes_on(me, p.left) {
+        if !is_unfinished(me, p.left) {
             break;
         }
         let count = min(range.y - base, LOADED);
@@ -169,7 +169,7 @@ fn main(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index) me:
         for (var k = 0u; k < count; k += TOGETHER) {
             // Behind the last of the list is nothing that is written.
             for (var j = 0u; j < min(TOGETHER, count - k); j++) {
-                pixels_here[64u * j + me] = want(&p, splats_here[k + j], vec2f(corner));
+                pixels_here[64u * j + me] = blend_sums(&p, splats_here[k + j], vec2f(corner));
             }
             workgroupBarrier();
             add_part(me, splats_here[min(k + me / PARTS, count - 1u)], vec2f(corner));
@@ -184,5 +184,5 @@ fn main(@builtin(workgroup_id) tile: vec3u, @builtin(local_invocation_index) me:
             slots[NUMBERS * slot + k] = 0.0;
         }
     }
-    keep(corner + in_tile, p);
+    store_states(corner + in_tile, p);
 }

@@ -1,15 +1,15 @@
-// Which footprints touch which tile: core's render::alpha::Touched. First and last column in the halves of one word, first
-// and last row in those of another.
+// Which footprints touch which tile: core's render::alpha::bin::TileRange. First and last column in the halves of one word,
+// first and last row in those of another.
 
 // No tile at all: the last column comes before the first.
-const NOTHING: vec2u = vec2u(1u, 1u);
+const NO_TILES: vec2u = vec2u(1u, 1u);
 
 // The tiles that a footprint reaches.
 fn touched_tiles(at: vec2f, reach: vec2f) -> vec2u {
     let first = max(ceil(at - reach), vec2f(0.0));
     let last = min(floor(at + reach), vec2f(frame.size) - 1.0);
     if !all(first <= last) {
-        return NOTHING;
+        return NO_TILES;
     }
     return (vec2u(first) / TILE) | ((vec2u(last) / TILE) << vec2u(16u));
 }

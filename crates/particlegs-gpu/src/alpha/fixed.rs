@@ -39,8 +39,8 @@ mod tests {
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     if id.x < arrayLength(&found) {
-        let part = along(magnitude(places[id.x]), axes[id.x].xy);
-        found[id.x] = vec4u(bitcast<u32>(rounded(places[id.x])), part, u32(is_negative(places[id.x])));
+        let part = axis_product(magnitude(places[id.x]), axes[id.x].xy);
+        found[id.x] = vec4u(bitcast<u32>(to_float(places[id.x])), part, u32(is_negative(places[id.x])));
     }
 }
 ";

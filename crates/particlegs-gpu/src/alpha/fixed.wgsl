@@ -14,16 +14,16 @@ fn is_negative(a: vec2u) -> bool {
     return (a.y >> 31u) == 1u;
 }
 
-fn turned(a: vec2u, turn: bool) -> vec2u {
+fn negate_if(a: vec2u, turn: bool) -> vec2u {
     return select(a, plus(~a, vec2u(1u, 0u)), turn);
 }
 
 fn magnitude(a: vec2u) -> vec2u {
-    return turned(a, is_negative(a));
+    return negate_if(a, is_negative(a));
 }
 
 // A magnitude times one of an axis, which is at most 1: by digits of 16 bits.
-fn along(a: vec2u, axis: vec2u) -> vec2u {
+fn axis_product(a: vec2u, axis: vec2u) -> vec2u {
     let digits = array<u32, 4>(a.x & 0xffffu, a.x >> 16u, a.y & 0xffffu, a.y >> 16u);
     let others = array<u32, 3>(axis.x & 0xffffu, axis.x >> 16u, axis.y & 0xffffu);
     var r: array<u32, 7>;
@@ -45,7 +45,7 @@ fn along(a: vec2u, axis: vec2u) -> vec2u {
     return vec2u(q[0] | (q[1] << 16u), q[2] | (q[3] << 16u));
 }
 
-fn shifted_down(a: vec2u, by: u32) -> vec2u {
+fn shift_right(a: vec2u, by: u32) -> vec2u {
     if by == 0u {
         return a;
     }
@@ -56,7 +56,7 @@ fn shifted_down(a: vec2u, by: u32) -> vec2u {
 }
 
 // The lowest bits of two words, up to 63.
-fn lowest(bits: u32) -> vec2u {
+fn low_bits(bits: u32) -> vec2u {
     if bits < 32u {
         return vec2u((1u << bits) - 1u, 0u);
     }
@@ -64,7 +64,7 @@ fn lowest(bits: u32) -> vec2u {
 }
 
 // The nearest float32, the even one of two: every step is exact but the one that rounds, which is of whole numbers.
-fn rounded(a: vec2u) -> f32 {
+fn to_float(a: vec2u) -> f32 {
     let size = magnitude(a);
     var last = firstLeadingBit(size.x);
     if size.y > 0u {
@@ -74,9 +74,9 @@ fn rounded(a: vec2u) -> f32 {
     var dropped = 0u;
     if size.y > 0u || (size.x > 0u && last > 23u) {
         dropped = last - 23u;
-        digits = shifted_down(size, dropped).x;
-        let half = shifted_down(size, dropped - 1u).x & 1u;
-        let more = any((size & lowest(dropped - 1u)) != vec2u(0u));
+        digits = shift_right(size, dropped).x;
+        let half = shift_right(size, dropped - 1u).x & 1u;
+        let more = any((size & low_bits(dropped - 1u)) != vec2u(0u));
         if half == 1u && (more || (digits & 1u) == 1u) {
             digits += 1u;
         }

@@ -69,4 +69,4 @@ struct Splat {
 // Pixels of a tile along a side.
 const TILE: u32 = 16u;
 // The depth of what is not drawn, behind all that is.
-const UNSEEN: u32 = 0xffffffffu;
+const NO_DEPTH: u32 = 0xffffffffu;

@@ -53,7 +53,7 @@ impl Gaussians {
         let all: usize = scene.parts().map(Mixture::len).sum();
         if u32::try_from(all).is_err() {
             return Err(Error::argument_with(
-                format!("{all} Gaussians are more than a card draws"),
+                format!("{all} Gaussians are more than a GPU draws"),
                 Hint::use_processor(),
             ));
         }
@@ -116,8 +116,9 @@ impl AlphaGaussianChunk {
     ) -> Result<AlphaGaussianChunk> {
         let mut columns = vec![0u32; COLUMNS * n];
         for (place, (m, i)) in some.enumerate() {
-            let own =
-                column(blend, m, i).map_err(|what| Error::argument(format!("Gaussian {}: {what}", first + place)))?;
+            let own = column(blend, m, i).map_err(|what| {
+                Error::argument_with(format!("Gaussian {}: {what}", first + place), Hint::use_processor())
+            })?;
             own.iter().enumerate().for_each(|(k, v)| columns[k * n + place] = *v);
         }
         use wgpu::BufferUsages as Use;
@@ -149,8 +150,7 @@ fn column(blend: &Blend, m: &Mixture, i: usize) -> std::result::Result<[u32; COL
     }
     let mut words = own.map(f32::to_bits);
     for (k, v) in g.mean.into_iter().enumerate() {
-        let own = fixed::place(v)
-            .ok_or("it lies a million boxes away, farther than a card counts; the processor draws it")?;
+        let own = fixed::place(v).ok_or("it lies a million boxes away, farther than a GPU counts")?;
         words[2 * k..2 * k + 2].copy_from_slice(&own);
     }
     Ok(words)

@@ -2,7 +2,7 @@
 //!
 //! | kernel | twin in core | what it does |
 //! |---|---|---|
-//! | adapt_main.wgsl | `adapt`, `model::vizmapper` | what the network makes of each Gaussian; where radius or opacity changed |
+//! | adapt_main.wgsl | `adapt`, `network` | what the network makes of each Gaussian; where radius or opacity changed |
 //! | project.wgsl, fixed.wgsl | `project` | Gaussians to footprints, their depths rounded as there |
 //! | ../sort/ | `plan` | numbers of Gaussians by depth, of entries by tile: a stable radix sort |
 //! | bin.wgsl | `bin` | footprints, in the order of depth, to the lists of the tiles that they touch |

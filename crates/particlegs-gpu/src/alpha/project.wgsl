@@ -2,7 +2,7 @@
 // written here without one.
 
 // A Gaussian in the camera's axes, relative to the eye.
-struct Seen {
+struct GreyCameraGaussian {
     mean: vec3f,
     // Variance of depth.
     depth: f32,
@@ -17,7 +17,7 @@ struct Seen {
 }
 
 // A footprint, and whether it is drawn.
-struct Projected {
+struct ProjectedSplat {
     seen: bool,
     splat: Splat,
     depth: f32,
@@ -54,17 +54,17 @@ fn from_eye(i: u32, n: u32) -> vec3f {
         var sum = vec2u(0u);
         for (var k = 0u; k < 3u; k++) {
             let axis = frame.axes[3u * row + k];
-            let part = along(magnitude(away[k]), axis.xy);
-            sum = plus(sum, turned(part, is_negative(away[k]) != (axis.z == 1u)));
+            let part = axis_product(magnitude(away[k]), axis.xy);
+            sum = plus(sum, negate_if(part, is_negative(away[k]) != (axis.z == 1u)));
         }
-        mean[row] = rounded(sum);
+        mean[row] = to_float(sum);
     }
     return mean;
 }
 
 // A Gaussian of the columns: two words of each coordinate, six of the factor of the covariance (xx, yx, yy, zx, zy, zz;
 // lower triangle), the odds against its opacity, its grey level; then what the network reads.
-fn see(i: u32, n: u32) -> Seen {
+fn camera_gaussian(i: u32, n: u32) -> GreyCameraGaussian {
     // Columns of the factor; those of its rows in the camera's axes are orthogonalised, depth first, which squares nothing
     // that is a difference.
     let factors = bent[i];
@@ -81,7 +81,7 @@ fn see(i: u32, n: u32) -> Seen {
     let yy = dot(rest_y, rest_y);
     let lean = dot(rest_x, rest_y) * inverse_or_0(yy, dot(rest_x, rest_x));
     let left = rest_x - lean * rest_y;
-    var g: Seen;
+    var g: GreyCameraGaussian;
     g.mean = from_eye(i, n);
     g.depth = zz;
     g.slope = slope;
@@ -94,8 +94,8 @@ fn see(i: u32, n: u32) -> Seen {
 }
 
 // The footprint; it is not seen outside the range of depths, where it is too faint, and where a number is not one.
-fn project(g: Seen) -> Projected {
-    var p: Projected;
+fn project(g: GreyCameraGaussian) -> ProjectedSplat {
+    var p: ProjectedSplat;
     p.seen = false;
     let depth = g.mean.z;
     if !(depth > frame.range.x && depth <= frame.range.y) {

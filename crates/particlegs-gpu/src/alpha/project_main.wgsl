@@ -19,9 +19,9 @@ fn main(
         return;
     }
     let at = frame.first + i;
-    var touched = NOTHING;
-    var depth = UNSEEN;
-    let p = project(see(i, frame.count));
+    var touched = NO_TILES;
+    var depth = NO_DEPTH;
+    let p = project(camera_gaussian(i, frame.count));
     if p.seen {
         touched = touched_tiles(p.splat.at, p.reach);
         if number(touched) > 0u {

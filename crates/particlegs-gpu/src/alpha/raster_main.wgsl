@@ -19,13 +19,13 @@ var<workgroup> going_on: atomic<u32>;
 var<workgroup> go_on: u32;
 
 // What a pixel has come to.
-struct Pixel {
+struct PixelState {
     sum: f32,
     left: f32,
 }
 
 // A footprint on a pixel of the tile: `corner` is the tile's first, `at` the pixel from there.
-fn blended(p: Pixel, s: Splat, corner: vec2f, at: vec2f) -> Pixel {
+fn blend(p: PixelState, s: Splat, corner: vec2f, at: vec2f) -> PixelState {
     let dy = at.y + (corner.y - s.at.y);
     let d = at.x + ((corner.x - s.at.x) - s.lean * dy);
     let power = d * d * s.along + s.down * (dy * dy);
@@ -35,9 +35,9 @@ fn blended(p: Pixel, s: Splat, corner: vec2f, at: vec2f) -> Pixel {
     let alpha = min(exp2(power) * s.peak, frame.most_alpha);
     let next = p.left * (1.0 - alpha);
     if next < frame.least_transmittance {
-        return Pixel(p.sum, 0.0);
+        return PixelState(p.sum, 0.0);
     }
-    return Pixel(p.sum + p.left * alpha * s.grey, next);
+    return PixelState(p.sum + p.left * alpha * s.grey, next);
 }
 
 @compute @workgroup_size(16, 16)
@@ -50,11 +50,11 @@ fn main(
     let pixel = corner + local.xy;
     let inside = all(pixel < frame.size);
     let at = pixel.y * frame.size.x + pixel.x;
-    var p = Pixel(0.0, 0.0);
+    var p = PixelState(0.0, 0.0);
     if inside {
         p.left = 1.0;
         if slab.is_first == 0u {
-            p = Pixel(sums[at], lefts[at]);
+            p = PixelState(sums[at], lefts[at]);
         }
     }
     if me == 0u {
@@ -71,7 +71,7 @@ fn main(
         }
         workgroupBarrier();
         for (var k = 0u; k < count && p.left > 0.0; k++) {
-            p = blended(p, splats_here[k], vec2f(corner), vec2f(local.xy));
+            p = blend(p, splats_here[k], vec2f(corner), vec2f(local.xy));
         }
         if p.left > 0.0 {
             atomicStore(&going_on, 1u);

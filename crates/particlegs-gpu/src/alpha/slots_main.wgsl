@@ -18,7 +18,7 @@ fn main(
     let block = slab.first + place;
     let rank = block * THREADS + me;
     let inside = place < slab.blocks && rank < slab.gaussians;
-    var touched = NOTHING;
+    var touched = NO_TILES;
     if inside {
         touched = touched_by[order[rank]];
     }

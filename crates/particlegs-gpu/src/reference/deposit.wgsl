@@ -39,7 +39,7 @@ fn profile(center: f32, sigma: f32, pixel: f32) -> f32 {
 
 // The inverse covariance of a rotated splat and its edges: |dx - x slope dy| <= half for the steep pair, then the flat
 // one; |dy - slope dx| <= half for the flat pair.
-struct Form {
+struct RotatedForm {
     xx: f32,
     xy: f32,
     yy: f32,
@@ -48,29 +48,29 @@ struct Form {
     flat_down: vec2f,
 }
 
-fn solid(p: f32) -> f32 {
+fn nonzero(p: f32) -> f32 {
     return select(p, 1e-12, abs(p) < 1e-12);
 }
 
-fn form_of(s: Splat) -> Form {
+fn rotated_form(s: PixelSplat) -> RotatedForm {
     let inverse = 1.0 / (s.axes.x * s.axes.w - s.axes.y * s.axes.z);
     let u = vec2f(s.axes.w, -s.axes.y) * inverse;
     let v = vec2f(-s.axes.z, s.axes.x) * inverse;
     let first = abs(u.x * v.y) >= abs(u.y * v.x);
     let steep = select(v, u, first);
     let flat = select(u, v, first);
-    var f: Form;
+    var f: RotatedForm;
     f.xx = u.x * u.x + v.x * v.x;
     f.xy = u.x * u.y + v.x * v.y;
     f.yy = u.y * u.y + v.y * v.y;
-    f.steep = vec2f(-steep.y / solid(steep.x), CUT / abs(solid(steep.x)));
-    f.flat = vec2f(-flat.y / solid(flat.x), CUT / abs(solid(flat.x)));
-    f.flat_down = vec2f(-flat.x / solid(flat.y), CUT / abs(solid(flat.y)));
+    f.steep = vec2f(-steep.y / nonzero(steep.x), CUT / abs(nonzero(steep.x)));
+    f.flat = vec2f(-flat.y / nonzero(flat.x), CUT / abs(nonzero(flat.x)));
+    f.flat_down = vec2f(-flat.x / nonzero(flat.y), CUT / abs(nonzero(flat.y)));
     return f;
 }
 
 // A rotated splat: exact along x on a few lines of the pixel.
-fn rotated(v: View, s: Splat, f: Form, pixel: vec2f) -> f32 {
+fn rotated(v: View, s: PixelSplat, f: RotatedForm, pixel: vec2f) -> f32 {
     var lines = CUT_LINES;
     if v.opacity <= SERIES_OPACITY {
         lines = clamp(ceil(12.0 / length(s.axes.zw)), 2.0, CUT_LINES);
@@ -93,7 +93,7 @@ fn rotated(v: View, s: Splat, f: Form, pixel: vec2f) -> f32 {
 }
 
 // A large rotated splat: the covered part's centre and a curvature term.
-fn rotated_smooth(s: Splat, f: Form, pixel: vec2f) -> f32 {
+fn rotated_smooth(s: PixelSplat, f: RotatedForm, pixel: vec2f) -> f32 {
     let corner = pixel - s.at;
     let middle = corner + 0.5;
     let x0 = max(corner.x, f.steep.x * middle.y - f.steep.y);
@@ -107,11 +107,11 @@ fn rotated_smooth(s: Splat, f: Form, pixel: vec2f) -> f32 {
 }
 
 // The splat's opacity averaged over a pixel.
-fn mean_opacity(v: View, s: Splat, pixel: vec2f) -> f32 {
+fn mean_opacity(v: View, s: PixelSplat, pixel: vec2f) -> f32 {
     if is_aligned(s) {
         return v.opacity * profile(s.at.x, s.axes.x, pixel.x) * profile(s.at.y, s.axes.w, pixel.y);
     }
-    let f = form_of(s);
+    let f = rotated_form(s);
     if min(length(s.axes.xy), length(s.axes.zw)) >= SMOOTH_SIGMA {
         return v.opacity * rotated_smooth(s, f, pixel);
     }

@@ -6,12 +6,12 @@
 @group(0) @binding(3) var<storage, read_write> low: array<atomic<u32>>;
 @group(0) @binding(4) var<storage, read_write> high: array<atomic<u32>>;
 
-var<workgroup> splats: array<Splat, 64>;
+var<workgroup> splats: array<PixelSplat, 64>;
 // The first pixel of each, and its columns.
 var<workgroup> corners: array<vec2u, 64>;
 var<workgroup> columns: array<u32, 64>;
 
-fn small(s: Splat) {
+fn add_small(s: PixelSplat) {
     let first = floor(s.at - CUT * s.axes.xw);
     for (var j = 0.0; j < 2.0; j += 1.0) {
         for (var i = 0.0; i < 2.0; i += 1.0) {
@@ -38,7 +38,7 @@ fn main(
         let away = reach(s);
         if away.x > 0.0 {
             if is_small(s) {
-                small(s);
+                add_small(s);
             } else {
                 let first = vec2u(clamp(floor(s.at - away), vec2f(0.0), vec2f(view.size)));
                 let end = vec2u(clamp(floor(s.at + away) + 1.0, vec2f(0.0), vec2f(view.size)));

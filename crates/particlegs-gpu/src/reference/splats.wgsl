@@ -2,7 +2,7 @@
 // compute them.
 
 // Centre, and how far one deviation of u and of v moves: u by (a, c), v by (b, d). No reach = nothing to draw.
-struct Splat {
+struct PixelSplat {
     at: vec2f,
     axes: vec4f,
 }
@@ -15,21 +15,21 @@ const CUT: f32 = 3.0;
 // Splats up to this deviation reach two pixels along an axis at most.
 const SMALL_SIGMA: f32 = 1.0 / 6.0;
 
-fn is_aligned(s: Splat) -> bool {
+fn is_aligned(s: PixelSplat) -> bool {
     return s.axes.y == 0.0 && s.axes.z == 0.0;
 }
 
 // How far the square of three deviations reaches along x and y.
-fn reach(s: Splat) -> vec2f {
+fn reach(s: PixelSplat) -> vec2f {
     return CUT * vec2f(abs(s.axes.x) + abs(s.axes.y), abs(s.axes.z) + abs(s.axes.w));
 }
 
-fn is_small(s: Splat) -> bool {
+fn is_small(s: PixelSplat) -> bool {
     return is_aligned(s) && s.axes.x <= SMALL_SIGMA && s.axes.w <= SMALL_SIGMA;
 }
 
-fn splat_of(v: View, p: vec3f) -> Splat {
-    var none: Splat;
+fn splat_of(v: View, p: vec3f) -> PixelSplat {
+    var none: PixelSplat;
     let camera = vec3f(
         ((v.rows[0].x * p.x + v.rows[0].y * p.y) + v.rows[0].z * p.z) + v.rows[0].w,
         ((v.rows[1].x * p.x + v.rows[1].y * p.y) + v.rows[1].z * p.z) + v.rows[1].w,
@@ -48,7 +48,7 @@ fn splat_of(v: View, p: vec3f) -> Splat {
     let c11 = r2 * (j.y * j.y + k.y * k.y);
     let c01 = r2 * (k.x * k.y);
     let half = 0.5 * vec2f(v.size);
-    var s: Splat;
+    var s: PixelSplat;
     // Rows go down: y, and with it how both axes move along it, is turned round.
     s.at = vec2f((clip.x / clip.w + 1.0) * half.x, (1.0 - clip.y / clip.w) * half.y);
     if abs(c01) <= DIAGONAL_LIMIT {

@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::tests::{columns, device, particles, view};
-use particlegs::context::Context;
-use particlegs::reference;
 use particlegs_core::camera::clipping_range;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::reference;
 
 /// Splats below a pixel, of some pixels, large and turned; faint and opaque; in one piece and in several.
 #[test]

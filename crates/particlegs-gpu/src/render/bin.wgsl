@@ -54,8 +54,8 @@ fn is_number(v: f32) -> bool {
     return abs(v) < 3e38;
 }
 
-fn place(f: Footprint) -> Placed {
-    var placed: Placed;
+fn place(f: Footprint) -> PlacedFootprint {
+    var placed: PlacedFootprint;
     placed.level = NOWHERE;
     let xx = f.across + f.lean * f.lean * f.down;
     let yy = f.down;
@@ -98,7 +98,7 @@ fn place(f: Footprint) -> Placed {
     let unscale2 = 1.0 / (scale * scale);
     placed.level = level;
     placed.half_width = half.x;
-    placed.stroke = Stroke(
+    placed.stroke = RasterSplat(
         at.x,
         at.y,
         f.lean,

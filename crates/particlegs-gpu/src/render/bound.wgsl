@@ -5,7 +5,7 @@
 const PEAK_UNIT: f32 = 65536.0;
 
 // Adds a stroke's peak to the tiles that it touches: the low words of sums of two, and the high ones where those wrap.
-fn add_to_tiles(p: Placed) {
+fn add_to_tiles(p: PlacedFootprint) {
     let plane = frame.levels[p.level];
     let at = vec2f(p.stroke.x, p.stroke.y);
     let half = vec2f(p.half_width, p.stroke.half);

@@ -27,7 +27,7 @@ pub(crate) use gaussians::MOST;
 pub(crate) use kernels::sources;
 pub use pictures::ScenePictures;
 pub use tiles::DepthTiles;
-pub(crate) use tone::{CURVE, LookRecord, Tone, ToneMapper, TonePlane, curve};
+pub(crate) use tone::{CURVE, Tone, ToneMapper, TonePlane, ToneStyleRecord, curve};
 
 use crate::{AT_ONCE, CUT_GROUPS, CUTS_AT_ONCE, Device, dispatches, groups};
 use frame::MOST_LEVELS;

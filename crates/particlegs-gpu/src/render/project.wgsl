@@ -2,7 +2,7 @@
 // numbers there is written here without one.
 
 // A Gaussian in the camera's axes, relative to the eye.
-struct InCamera {
+struct CameraGaussian {
     mean: vec3f,
     // Variance of depth.
     depth: f32,
@@ -56,7 +56,7 @@ fn inverse_or_0(v: f32, others: f32) -> f32 {
 
 // The camera's axes in a Gaussian's own frame, where it is round and of radius 1: what depth depends on, and what is left
 // of right and down without it.
-struct OwnAxes {
+struct OwnFrameAxes {
     forward: vec3f,
     right: vec3f,
     down: vec3f,
@@ -69,7 +69,7 @@ struct OwnAxes {
 
 // Rows of the covariance's factor in the camera's axes, orthogonalised, depth first, which squares nothing that is a
 // difference.
-fn own_axes(lens: Lens, i: u32, n: u32) -> OwnAxes {
+fn own_frame_axes(lens: Lens, i: u32, n: u32) -> OwnFrameAxes {
     let a = vec3f(gaussians[i + 6u * n], gaussians[i + 7u * n], gaussians[i + 9u * n]);
     let b = vec3f(0.0, gaussians[i + 8u * n], gaussians[i + 10u * n]);
     let c = vec3f(0.0, 0.0, gaussians[i + 11u * n]);
@@ -79,23 +79,23 @@ fn own_axes(lens: Lens, i: u32, n: u32) -> OwnAxes {
     let zz = dot(z, z);
     let inverse = inverse_or_0(zz, dot(x, x) + dot(y, y));
     let slope = vec2f(dot(x, z), dot(y, z)) * inverse;
-    return OwnAxes(z, x - slope.x * z, y - slope.y * z, zz, inverse, slope);
+    return OwnFrameAxes(z, x - slope.x * z, y - slope.y * z, zz, inverse, slope);
 }
 
 // A Gaussian of the columns: three of means, three of what float32 leaves of them, six of the factor of the covariance
 // (xx, yx, yy, zx, zy, zz; lower triangle), one of counts.
-fn see(lens: Lens, i: u32, n: u32) -> InCamera {
-    return seen_along(lens, own_axes(lens, i, n), i, n);
+fn camera_gaussian(lens: Lens, i: u32, n: u32) -> CameraGaussian {
+    return camera_gaussian_with_axes(lens, own_frame_axes(lens, i, n), i, n);
 }
 
-fn seen_along(lens: Lens, axes: OwnAxes, i: u32, n: u32) -> InCamera {
+fn camera_gaussian_with_axes(lens: Lens, axes: OwnFrameAxes, i: u32, n: u32) -> CameraGaussian {
     let high = vec3f(gaussians[i], gaussians[i + n], gaussians[i + 2u * n]);
     let low = vec3f(gaussians[i + 3u * n], gaussians[i + 4u * n], gaussians[i + 5u * n]);
     let from_eye = (high - lens.eye.xyz) + (low - lens.eye_low.xyz);
     let yy = dot(axes.down, axes.down);
     let lean = dot(axes.right, axes.down) * inverse_or_0(yy, dot(axes.right, axes.right));
     let left = axes.right - lean * axes.down;
-    var g: InCamera;
+    var g: CameraGaussian;
     g.mean = vec3f(dot(lens.right.xyz, from_eye), dot(lens.down.xyz, from_eye), dot(lens.forward.xyz, from_eye));
     g.depth = axes.depth;
     g.slope = axes.slope;
@@ -107,7 +107,7 @@ fn seen_along(lens: Lens, axes: OwnAxes, i: u32, n: u32) -> InCamera {
 }
 
 // Is a Gaussian drawn whole, cut, or not at all?
-fn fate(lens: Lens, depth: f32, variance: f32) -> u32 {
+fn clip_class(lens: Lens, depth: f32, variance: f32) -> u32 {
     let reach = REACH * sqrt(max(variance, 0.0));
     if depth + reach < lens.range.x || depth - reach > lens.range.y {
         return OUTSIDE;
@@ -147,7 +147,7 @@ fn whole(lens: Lens, depth: f32, variance: f32) -> DepthMoments {
 }
 
 // The footprint of the part that `m` describes.
-fn footprint(lens: Lens, g: InCamera, m: DepthMoments) -> Footprint {
+fn footprint(lens: Lens, g: CameraGaussian, m: DepthMoments) -> Footprint {
     let flat = lens.perspective == 0u;
     let carried = g.mean.xy - g.slope * g.mean.z;
     let slope = select(carried, g.slope, flat);

@@ -2,7 +2,7 @@
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> gaussians: array<f32>;
-@group(0) @binding(2) var<storage, read_write> strokes: array<Stroke>;
+@group(0) @binding(2) var<storage, read_write> strokes: array<RasterSplat>;
 @group(0) @binding(3) var<storage, read_write> planes_of: array<u32>;
 @group(0) @binding(4) var<storage, read_write> tiles: array<atomic<u32>>;
 @group(0) @binding(5) var<storage, read_write> cuts: array<u32>;
@@ -14,11 +14,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         return;
     }
     planes_of[id.x] = NOWHERE;
-    let g = see(frame.lens, id.x, frame.count);
+    let g = camera_gaussian(frame.lens, id.x, frame.count);
     if !(g.weight > 0.0) {
         return;
     }
-    let what = fate(frame.lens, g.mean.z, g.depth);
+    let what = clip_class(frame.lens, g.mean.z, g.depth);
     if what == CUT {
         cuts[atomicAdd(&cut_count, 1u)] = id.x;
     }

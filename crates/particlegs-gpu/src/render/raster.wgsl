@@ -14,7 +14,7 @@ var<workgroup> spans: array<Span, 64>;
 const SPANS: u32 = 64u;
 
 // All threads of a workgroup draw what they have brought: a stroke each, or NOWHERE.
-fn draw(me: u32, stroke: Stroke, plane: u32, scale: f32) {
+fn draw(me: u32, stroke: RasterSplat, plane: u32, scale: f32) {
     strokes_here[me] = stroke;
     planes_here[me] = plane;
     running_sum(ROWS, me, rows_of(stroke, plane).y);

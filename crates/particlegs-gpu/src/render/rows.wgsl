@@ -1,14 +1,14 @@
 // The rows of a workgroup's strokes, one Gaussian or piece a thread, and the pixels of a row.
 
 // The workgroup's strokes.
-var<workgroup> strokes_here: array<Stroke, 64>;
+var<workgroup> strokes_here: array<RasterSplat, 64>;
 var<workgroup> planes_here: array<u32, 64>;
 
 // Where the rows of each stroke end among those of all.
 const ROWS: u32 = 0u;
 
 // The first row and the number of rows.
-fn rows_of(s: Stroke, plane: u32) -> vec2u {
+fn rows_of(s: RasterSplat, plane: u32) -> vec2u {
     if plane == NOWHERE {
         return vec2u(0u);
     }

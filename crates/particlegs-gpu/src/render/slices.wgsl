@@ -9,7 +9,7 @@ const POINTS: u32 = 8u;
 const MOST: f32 = 1024.0;
 
 // Where the splines of a Gaussian lie.
-struct Slices {
+struct SplineGrid {
     // The start of the axis, and the distance of the splines along it.
     start: f32,
     step: f32,
@@ -22,7 +22,7 @@ struct Slices {
 }
 
 // Does a Gaussian lie outside the four side planes of what the picture sees?
-fn misses(lens: Lens, g: InCamera) -> bool {
+fn misses(lens: Lens, g: CameraGaussian) -> bool {
     let rest = vec2f(g.across + g.lean * g.lean * g.down, g.down);
     for (var k = 0u; k < 2u; k++) {
         let edge = (1.25 * lens.center[k] + 64.0) / lens.focal;
@@ -41,8 +41,8 @@ fn misses(lens: Lens, g: InCamera) -> bool {
     return false;
 }
 
-fn slices_of(lens: Lens, g: InCamera) -> Slices {
-    var s: Slices;
+fn spline_grid(lens: Lens, g: CameraGaussian) -> SplineGrid {
+    var s: SplineGrid;
     s.mean = g.mean.z;
     s.sigma = sqrt(max(g.depth, 0.0));
     let lo = max(s.mean - REACH * s.sigma, lens.range.x);
@@ -83,7 +83,7 @@ struct PieceSums {
     by_variance: vec3f,
 }
 
-fn piece_sums(lens: Lens, s: Slices, k: u32) -> PieceSums {
+fn piece_sums(lens: Lens, s: SplineGrid, k: u32) -> PieceSums {
     let flat = lens.perspective == 0u;
     let middle = f32(k) - 1.0;
     var sums: PieceSums;
@@ -113,12 +113,12 @@ fn piece_sums(lens: Lens, s: Slices, k: u32) -> PieceSums {
 }
 
 // The axis at a piece's middle.
-fn middle_of(s: Slices, k: u32) -> f32 {
+fn middle_of(s: SplineGrid, k: u32) -> f32 {
     return s.start + s.step * (f32(k) - 1.0);
 }
 
 // The moments of one piece; a weight of 0 where there is nothing of it.
-fn piece(lens: Lens, s: Slices, k: u32) -> DepthMoments {
+fn piece(lens: Lens, s: SplineGrid, k: u32) -> DepthMoments {
     if s.steps == 0u {
         let flat = lens.perspective == 0u;
         let q = select(1.0 / s.mean, s.mean, flat);
@@ -127,7 +127,7 @@ fn piece(lens: Lens, s: Slices, k: u32) -> DepthMoments {
     return moments(lens, s, k, piece_sums(lens, s, k).here);
 }
 
-fn moments(lens: Lens, s: Slices, k: u32, sums: vec3f) -> DepthMoments {
+fn moments(lens: Lens, s: SplineGrid, k: u32, sums: vec3f) -> DepthMoments {
     if !(sums.x > 0.0) {
         return DepthMoments(0.0, 0.0, 0.0, 0.0, 0.0);
     }

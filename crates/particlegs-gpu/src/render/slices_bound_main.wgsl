@@ -15,8 +15,8 @@ fn main(
     @builtin(local_invocation_index) me: u32,
 ) {
     for (var c = some.x + group.x; c < min(cut_count, some.y); c += groups.x) {
-        let g = see(frame.lens, cuts[c], frame.count);
-        let s = slices_of(frame.lens, g);
+        let g = camera_gaussian(frame.lens, cuts[c], frame.count);
+        let s = spline_grid(frame.lens, g);
         for (var k = me; k < s.pieces; k += 64u) {
             let m = piece(frame.lens, s, k);
             if m.weight > 0.0 {

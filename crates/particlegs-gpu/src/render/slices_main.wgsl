@@ -24,14 +24,14 @@ fn main(
     }
     let count = workgroupUniformLoad(&cut_here);
     for (var c = some.x + group.x; c < count; c += groups.x) {
-        let g = see(frame.lens, cuts[c], frame.count);
-        let s = slices_of(frame.lens, g);
+        let g = camera_gaussian(frame.lens, cuts[c], frame.count);
+        let s = spline_grid(frame.lens, g);
         if me == 0u {
             pieces_here = s.pieces;
         }
         let pieces = workgroupUniformLoad(&pieces_here);
         for (var base = 0u; base < pieces; base += THREADS) {
-            var placed: Placed;
+            var placed: PlacedFootprint;
             placed.level = NOWHERE;
             if base + me < pieces {
                 let m = piece(frame.lens, s, base + me);

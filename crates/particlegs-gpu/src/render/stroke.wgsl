@@ -1,7 +1,7 @@
-// Footprints as the raster wants them: core's render::bin::Stroke.
+// Footprints as the raster wants them: core's render::bin::RasterSplat.
 
 // What is drawn of a footprint, in the pixels of its plane (pad included).
-struct Stroke {
+struct RasterSplat {
     // Centre; pixel centres have whole coordinates.
     x: f32,
     y: f32,
@@ -18,10 +18,10 @@ struct Stroke {
     half: f32,
 }
 
-struct Placed {
+struct PlacedFootprint {
     // The plane, or NOWHERE.
     level: u32,
-    stroke: Stroke,
+    stroke: RasterSplat,
     // Half of its width in pixels of its plane.
     half_width: f32,
     // 1 where the sum over the pixel grid is made exact, as that of small footprints is.

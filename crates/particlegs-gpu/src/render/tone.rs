@@ -39,17 +39,17 @@ pub(crate) struct TonePlane {
 
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-pub(crate) struct LookRecord {
+pub(crate) struct ToneStyleRecord {
     kind: u32,
     tap: f32,
     is_sum: u32,
     pad: u32,
 }
 
-impl LookRecord {
+impl ToneStyleRecord {
     /// Of a look, for levels that are not blurred.
-    pub fn sharp(look: ToneStyle, is_sum: bool) -> LookRecord {
-        LookRecord { kind: u32::from(look != ToneStyle::Expected), tap: 0.0, is_sum: u32::from(is_sum), pad: 0 }
+    pub fn sharp(look: ToneStyle, is_sum: bool) -> ToneStyleRecord {
+        ToneStyleRecord { kind: u32::from(look != ToneStyle::Expected), tap: 0.0, is_sum: u32::from(is_sum), pad: 0 }
     }
 }
 
@@ -106,10 +106,10 @@ impl Tone {
         if self.of.lock().unwrap_or_else(PoisonError::into_inner).replace(of) == Some(of) {
             return;
         }
-        queue.write_buffer(&self.look, 0, bytemuck::bytes_of(&LookRecord::sharp(look, plane.is_sum)));
+        queue.write_buffer(&self.look, 0, bytemuck::bytes_of(&ToneStyleRecord::sharp(look, plane.is_sum)));
         if look == ToneStyle::Paraview {
             let tap = fxaa_blur(view.opacity, radius_px);
-            queue.write_buffer(&self.blur, 0, bytemuck::bytes_of(&LookRecord { kind: 2, tap, is_sum: 0, pad: 0 }));
+            queue.write_buffer(&self.blur, 0, bytemuck::bytes_of(&ToneStyleRecord { kind: 2, tap, is_sum: 0, pad: 0 }));
         }
         if look != ToneStyle::Expected {
             let curve = curve(view.opacity, (look == ToneStyle::Paraview).then_some(radius_px));

@@ -3,13 +3,13 @@
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> scale: Scale;
 @group(0) @binding(2) var<storage, read_write> planes: array<u32>;
-@group(0) @binding(3) var<uniform> look: Look;
+@group(0) @binding(3) var<uniform> style: ToneStyle;
 // The response at 2^e (1 + k/64), e from -14 to 3, and at 16; and what FXAA makes of means, at the same depths.
 @group(0) @binding(4) var<storage, read> curve: array<f32>;
 // Four levels a word, row after row.
 @group(0) @binding(5) var<storage, read_write> picture: array<u32>;
 
-struct Look {
+struct ToneStyle {
     // 0: 255 (1 - exp(-tau)); 1: by the curve; 2: levels are in the plane already, blurred by `tap`.
     kind: u32,
     // What either neighbour has of a blurred level.
@@ -28,7 +28,7 @@ fn depth(x: u32, y: u32) -> f32 {
     let level = frame.levels[0];
     let word = planes[(y + PAD) * level.width + x + PAD];
     var tau = bitcast<f32>(word);
-    if look.is_sum == 1u {
+    if style.is_sum == 1u {
         tau = f32(word) * scale.down;
     }
     return max(tau, 0.0) * growth(x, y);
@@ -60,7 +60,7 @@ fn on_curve(tau: f32) -> f32 {
 // The level of a pixel before rounding.
 fn level_of(x: u32, y: u32) -> f32 {
     let tau = depth(x, y);
-    if look.kind == 0u {
+    if style.kind == 0u {
         // 1 - exp(-tau) without a difference where tau is small.
         let series = tau * (1.0 - tau * (0.5 - tau * (1.0 / 6.0 - tau / 24.0)));
         return 255.0 * select(1.0 - exp(-tau), series, tau < 0.02);
@@ -70,7 +70,7 @@ fn level_of(x: u32, y: u32) -> f32 {
 
 fn blurred(x: u32, y: u32) -> f32 {
     var sum = 0.0;
-    let weights = vec2f(1.0 - 2.0 * look.tap, look.tap);
+    let weights = vec2f(1.0 - 2.0 * style.tap, style.tap);
     for (var j = -1; j <= 1; j++) {
         for (var i = -1; i <= 1; i++) {
             let at = vec2u(clamp(vec2i(vec2u(x, y)) + vec2i(i, j), vec2i(0), vec2i(frame.size) - 1));

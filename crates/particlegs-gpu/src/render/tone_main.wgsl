@@ -7,7 +7,7 @@ fn level_at(pixel: u32) -> u32 {
     let x = pixel % frame.size.x;
     let y = pixel / frame.size.x;
     var level = 0.0;
-    if look.kind == 2u {
+    if style.kind == 2u {
         level = blurred(x, y);
     } else {
         level = level_of(x, y);

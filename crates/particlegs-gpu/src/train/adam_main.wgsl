@@ -68,8 +68,8 @@ fn main(
             gradient[k * n + i] = adam(k, i, gradient[k * n + i]);
         }
         let log_count = now[13u * n + i];
-        let pulled = step.pull * (log_count - bitcast<f32>(members[m].y));
-        let by = adam(9u, i, gradient[9u * n + i] - a_particle * seen[12u * n + i]) - pulled;
+        let taken_back = step.decay * (log_count - bitcast<f32>(members[m].y));
+        let by = adam(9u, i, gradient[9u * n + i] - a_particle * seen[12u * n + i]) - taken_back;
         gradient[9u * n + i] = by;
         own.x += exp(log_count + by);
     }

@@ -9,7 +9,7 @@ struct DepthSlopes {
 }
 
 // Gradient with a footprint: with its mean; with its covariance, as the symmetric matrix (uu, uv, vv); with its sum.
-struct OfFootprint {
+struct FootprintGradient {
     mean: vec2f,
     cov: vec3f,
     sum: f32,
@@ -17,27 +17,27 @@ struct OfFootprint {
 
 // Gradient with a Gaussian in its own frame: with its mean, with the lower triangle (00, 10, 11, 20, 21, 22) of its factor,
 // with the logarithm of its count.
-struct Own {
+struct OwnFrameGradient {
     place: vec3f,
-    shape: Lower,
+    shape: LowerTriangle,
     count: f32,
 }
 
 // A symmetric matrix: 00, 10, 11, and 20, 21, 22.
-struct Lower {
+struct LowerTriangle {
     high: vec3f,
     low: vec3f,
 }
 
 // (a b^T + b a^T) / 2.
-fn symmetric(a: vec3f, b: vec3f) -> Lower {
+fn symmetric(a: vec3f, b: vec3f) -> LowerTriangle {
     let high = vec3f(a.x * b.x, 0.5 * (a.x * b.y + a.y * b.x), a.y * b.y);
-    return Lower(high, vec3f(0.5 * (a.x * b.z + a.z * b.x), 0.5 * (a.y * b.z + a.z * b.y), a.z * b.z));
+    return LowerTriangle(high, vec3f(0.5 * (a.x * b.z + a.z * b.x), 0.5 * (a.y * b.z + a.z * b.y), a.z * b.z));
 }
 
-fn add(a: Own, b: Own) -> Own {
-    let shape = Lower(a.shape.high + b.shape.high, a.shape.low + b.shape.low);
-    return Own(a.place + b.place, shape, a.count + b.count);
+fn add(a: OwnFrameGradient, b: OwnFrameGradient) -> OwnFrameGradient {
+    let shape = LowerTriangle(a.shape.high + b.shape.high, a.shape.low + b.shape.low);
+    return OwnFrameGradient(a.place + b.place, shape, a.count + b.count);
 }
 
 // M v.
@@ -75,13 +75,13 @@ fn lattice_slope(at: vec2f, xx: f32, xy: f32, yy: f32) -> LatticeSlope {
 }
 
 // From what was gathered to the gradient with the footprint.
-fn of_footprint(f: Footprint, placed: Placed, g: Gathered) -> OfFootprint {
+fn footprint_gradient(f: Footprint, placed: PlacedFootprint, g: GradientMoments) -> FootprintGradient {
     // Offsets were gathered in the plane's pixels.
     let unscale = f32(1u << placed.level);
     let peak = placed.stroke.peak;
     let first = unscale * vec2f(g.u, g.v);
     let second = unscale * unscale * vec3f(g.uu, g.uv, g.vv);
-    var by: OfFootprint;
+    var by: FootprintGradient;
     by.mean = peak * vec2f(first.x / f.across, first.y / f.down);
     by.cov = 0.5 * peak * vec3f(
         (second.x / f.across - g.one) / f.across,
@@ -106,16 +106,16 @@ fn upright(f: Footprint, v: vec2f) -> vec2f {
 }
 
 // A piece of a Gaussian: how it came to be drawn.
-struct Piece {
-    axes: OwnAxes,
-    g: InCamera,
+struct FootprintPiece {
+    axes: OwnFrameAxes,
+    g: CameraGaussian,
     moments: DepthMoments,
     slopes: DepthSlopes,
     footprint: Footprint,
 }
 
 // The reverse of `footprint` in perspective, for one piece.
-fn of_piece(lens: Lens, p: Piece, by: OfFootprint) -> Own {
+fn piece_gradient(lens: Lens, p: FootprintPiece, by: FootprintGradient) -> OwnFrameGradient {
     let g = p.g;
     let f = p.footprint;
     let m = p.moments;
@@ -138,7 +138,7 @@ fn of_piece(lens: Lens, p: Piece, by: OfFootprint) -> Own {
     let right = p.axes.right - f.lean * p.axes.down;
     let down = p.axes.down;
     let forward = p.axes.forward;
-    var own: Own;
+    var own: OwnFrameGradient;
     own.place = by_carried.x * right + by_carried.y * down + dot(by_moments, p.slopes.by_depth) * forward;
     let rest = f2 * m.square * by.cov;
     let xx = symmetric(right, right);
@@ -156,7 +156,7 @@ fn of_piece(lens: Lens, p: Piece, by: OfFootprint) -> Own {
 }
 
 // Writes the gradient of a Gaussian; what is not a number counts as zero, and is told.
-fn write_own(i: u32, n: u32, own: Own) {
+fn write_gradient(i: u32, n: u32, own: OwnFrameGradient) {
     let p = own.place;
     let s = own.shape;
     var all = array<f32, 10>(

@@ -10,15 +10,15 @@
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) me: u32) {
-    var placed: Placed;
+    var placed: PlacedFootprint;
     placed.level = NOWHERE;
-    var p: Piece;
+    var p: FootprintPiece;
     let i = some.x + id.x;
     if i < frame.count {
-        p.axes = own_axes(frame.lens, i, frame.count);
-        p.g = seen_along(frame.lens, p.axes, i, frame.count);
+        p.axes = own_frame_axes(frame.lens, i, frame.count);
+        p.g = camera_gaussian_with_axes(frame.lens, p.axes, i, frame.count);
         let depth = p.g.mean.z;
-        if p.g.weight > 0.0 && fate(frame.lens, depth, p.g.depth) == WHOLE {
+        if p.g.weight > 0.0 && clip_class(frame.lens, depth, p.g.depth) == WHOLE {
             p.moments = whole(frame.lens, depth, p.g.depth);
             p.slopes = inverse_slopes(depth, p.g.depth);
             p.footprint = footprint(frame.lens, p.g, p.moments);
@@ -29,9 +29,9 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
     if i >= frame.count {
         return;
     }
-    var own: Own;
+    var own: OwnFrameGradient;
     if placed.level != NOWHERE {
-        own = of_piece(frame.lens, p, of_footprint(p.footprint, placed, gathered));
+        own = piece_gradient(frame.lens, p, footprint_gradient(p.footprint, placed, gathered));
     }
-    write_own(i, frame.count, own);
+    write_gradient(i, frame.count, own);
 }

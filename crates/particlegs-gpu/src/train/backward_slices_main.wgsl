@@ -12,10 +12,10 @@
 
 var<workgroup> cut_here: u32;
 var<workgroup> pieces_here: u32;
-var<workgroup> own_here: array<Own, 64>;
+var<workgroup> own_here: array<OwnFrameGradient, 64>;
 
 // The sum over the workgroup, in a fixed order; for the first thread.
-fn sum_of(me: u32, own: Own) -> Own {
+fn sum_of(me: u32, own: OwnFrameGradient) -> OwnFrameGradient {
     own_here[me] = own;
     workgroupBarrier();
     for (var half = 32u; half > 0u; half /= 2u) {
@@ -40,17 +40,17 @@ fn main(
     }
     let count = workgroupUniformLoad(&cut_here);
     for (var c = some.x + group.x; c < count; c += groups.x) {
-        var p: Piece;
-        p.axes = own_axes(frame.lens, cuts[c], frame.count);
-        p.g = seen_along(frame.lens, p.axes, cuts[c], frame.count);
-        let s = slices_of(frame.lens, p.g);
+        var p: FootprintPiece;
+        p.axes = own_frame_axes(frame.lens, cuts[c], frame.count);
+        p.g = camera_gaussian_with_axes(frame.lens, p.axes, cuts[c], frame.count);
+        let s = spline_grid(frame.lens, p.g);
         if me == 0u {
             pieces_here = s.pieces;
         }
         let pieces = workgroupUniformLoad(&pieces_here);
-        var total: Own;
+        var total: OwnFrameGradient;
         for (var base = 0u; base < pieces; base += THREADS) {
-            var placed: Placed;
+            var placed: PlacedFootprint;
             placed.level = NOWHERE;
             if base + me < pieces {
                 if s.steps == 0u {
@@ -58,7 +58,7 @@ fn main(
                 } else {
                     let sums = piece_sums(frame.lens, s, base + me);
                     p.moments = moments(frame.lens, s, base + me, sums.here);
-                    p.slopes = slopes_of(frame.lens, s, base + me, sums);
+                    p.slopes = piece_slopes(frame.lens, s, base + me, sums);
                 }
                 if p.moments.weight > 0.0 {
                     p.footprint = footprint(frame.lens, p.g, p.moments);
@@ -66,14 +66,14 @@ fn main(
                 }
             }
             let gathered = gather(me, placed.stroke, placed.level);
-            var own: Own;
+            var own: OwnFrameGradient;
             if placed.level != NOWHERE {
-                own = of_piece(frame.lens, p, of_footprint(p.footprint, placed, gathered));
+                own = piece_gradient(frame.lens, p, footprint_gradient(p.footprint, placed, gathered));
             }
             total = add(total, sum_of(me, own));
         }
         if me == 0u {
-            write_own(cuts[c], frame.count, total);
+            write_gradient(cuts[c], frame.count, total);
         }
     }
 }

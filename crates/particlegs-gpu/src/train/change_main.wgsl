@@ -1,5 +1,5 @@
-// Moves every Gaussian in its own frame: particlegs-train's depth::columns::Columns::change. A mean moves in what its first
-// float leaves, so that small ways are not lost in large numbers.
+// Moves every Gaussian in its own frame: particlegs-train's depth::columns::DepthGaussians::change. A mean moves in what
+// its first float leaves, so that small ways are not lost in large numbers.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> change: array<f32>;

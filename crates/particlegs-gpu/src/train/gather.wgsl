@@ -2,7 +2,7 @@
 
 // Sums over a stroke's pixels of gradient times 2^power: times 1, u, u^2, v, u v, v^2; u along the row from its centre, v
 // down.
-struct Gathered {
+struct GradientMoments {
     one: f32,
     u: f32,
     uu: f32,
@@ -36,7 +36,7 @@ fn gather_row(stroke: u32, row: u32) -> vec4f {
 
 // All threads of a workgroup gather for what they have brought: a stroke each, or NOWHERE. Rows are shared out among them,
 // and each sums its own in their order.
-fn gather(me: u32, stroke: Stroke, plane: u32) -> Gathered {
+fn gather(me: u32, stroke: RasterSplat, plane: u32) -> GradientMoments {
     strokes_here[me] = stroke;
     planes_here[me] = plane;
     running_sum(ROWS, me, rows_of(stroke, plane).y);
@@ -46,7 +46,7 @@ fn gather(me: u32, stroke: Stroke, plane: u32) -> Gathered {
         own = ends[ROWS + me - 1u];
     }
     let own_end = ends[ROWS + me];
-    var g: Gathered;
+    var g: GradientMoments;
     for (var base = 0u; base < rows; base += THREADS) {
         if base + me < rows {
             let stroke_of_row = owner(ROWS, base + me);

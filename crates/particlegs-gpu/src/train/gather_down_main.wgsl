@@ -10,7 +10,7 @@ var<workgroup> lines: array<f32, 240>;
 
 // The weight of the finer pixel 2 k - 15 + t for the coarser pixel k.
 fn tap(t: u32) -> f32 {
-    return W[select(7u - t / 2u, (t - 1u) / 2u, t % 2u == 1u)];
+    return TAPS[select(7u - t / 2u, (t - 1u) / 2u, t % 2u == 1u)];
 }
 
 @compute @workgroup_size(8, 8)

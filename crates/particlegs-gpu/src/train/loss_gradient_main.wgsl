@@ -9,7 +9,7 @@
 
 // The change of brightness with depth. The response is a table: its slope is taken over a few of its steps.
 fn slope(tau: f32) -> f32 {
-    if look.kind == 0u {
+    if style.kind == 0u {
         return exp(-tau);
     }
     let step = max(0.02 * tau, 1e-5);

@@ -96,9 +96,9 @@ pub(crate) struct DepthSteps {
 struct StepRecord {
     rate: [f32; 4],
     unroot: [f32; 4],
-    calm: [f32; 4],
+    epsilon: [f32; 4],
     beta: [f32; 2],
-    pull: f32,
+    decay: f32,
     average: f32,
     count: u32,
     groups: u32,
@@ -110,9 +110,9 @@ impl StepRecord {
         let mut record = StepRecord {
             rate: [0.0; 4],
             unroot: [1.0; 4],
-            calm: [0.0; 4],
+            epsilon: [0.0; 4],
             beta: [size.beta1 as f32, size.beta2 as f32],
-            pull: size.decay as f32,
+            decay: size.decay as f32,
             average: size.average as f32,
             count: of.len() as u32,
             groups: of.groups.counts.len() as u32,
@@ -125,7 +125,8 @@ impl StepRecord {
             let beta = record.beta.map(f64::from);
             record.rate[k] = (size.rates[k] / correct(beta[0], now)) as f32;
             record.unroot[k] = (1.0 / correct(beta[1], now)) as f32;
-            record.calm[k] = if before == 0 { 0.0 } else { (size.epsilon / correct(size.beta2, before).sqrt()) as f32 };
+            record.epsilon[k] =
+                if before == 0 { 0.0 } else { (size.epsilon / correct(size.beta2, before).sqrt()) as f32 };
         }
         record
     }
@@ -135,21 +136,21 @@ impl DepthStepper for DepthSteps {
     fn step(
         &mut self,
         of: &mut Parameters,
-        shot: &TrainingSample<'_>,
+        sample: &TrainingSample<'_>,
         loss: &Loss,
         size: &StepSize,
     ) -> Result<StepReport> {
         if self.newer == ParameterLocation::Here {
             self.held.put(&self.device, of)?;
         }
-        let picture = self.picture_of(shot.crop.size, loss.dssim > 0.0)?;
-        let mut lens = Lens::optical(shot.view, shot.crop.full, &of.bounds)?;
+        let picture = self.picture_of(sample.crop.size, loss.dssim > 0.0)?;
+        let mut lens = Lens::optical(sample.view, sample.crop.full, &of.bounds)?;
         for k in 0..2 {
-            lens.center[k] -= shot.crop.corner[k] as f64;
+            lens.center[k] -= sample.crop.corner[k] as f64;
         }
-        let radius = shot.view.radius_pixels(shot.crop.full);
-        picture.compared.set(&self.device, shot.target, loss);
-        picture.set_curve(&self.device, of.look, self.curves.of(of.look, shot.view.opacity, radius));
+        let radius = sample.view.radius_pixels(sample.crop.full);
+        picture.compared.set(&self.device, sample.target, loss);
+        picture.set_curve(&self.device, of.look, self.curves.of(of.look, sample.view.opacity, radius));
         self.held.set_step(&self.device, &StepRecord::new(of, size));
         let mut encoder = self.device.device.create_command_encoder(&Default::default());
         self.renderer.sum(&mut encoder, &self.held.seen, &picture.canvas, &lens);
@@ -238,6 +239,6 @@ const NUMBERS: usize = WIDTHS[0] + WIDTHS[1] + WIDTHS[2];
 /// Why Gaussians are not held.
 fn too_many(device: &Device, count: usize, most: usize) -> Error {
     let name = device.name();
-    let hint = Hint::use_processor().and("or fit more blocks".into());
+    let hint = Hint::use_processor().words(", or fit more blocks");
     Error::argument_with(format!("{count} Gaussians: device {name} trains {most} at most"), hint)
 }

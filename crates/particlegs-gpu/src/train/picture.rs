@@ -4,7 +4,7 @@ use super::compared::{LossBuffers, PARTS};
 use super::gaussians::DepthBuffers;
 use super::kernels::TrainingKernels;
 use super::stepped;
-use crate::render::{CURVE, DepthCanvas, LookRecord, curve};
+use crate::render::{CURVE, DepthCanvas, ToneStyleRecord, curve};
 use crate::{AT_ONCE, CUTS_AT_ONCE, Device, dispatches};
 use particlegs_core::Result;
 use particlegs_core::picture::Size;
@@ -101,7 +101,7 @@ impl TrainingPicture {
 
     /// The curve from depth to brightness.
     pub fn set_curve(&self, device: &Device, look: ToneStyle, curve: Option<&[f32]>) {
-        let record = LookRecord::sharp(look, self.canvas.holds_sums());
+        let record = ToneStyleRecord::sharp(look, self.canvas.holds_sums());
         device.queue.write_buffer(&self.look, 0, bytemuck::bytes_of(&record));
         if let Some(curve) = curve {
             device.queue.write_buffer(&self.curve, 0, bytemuck::cast_slice(curve));

@@ -15,5 +15,5 @@ fn main(@builtin(local_invocation_index) me: u32) {
     for (var part = 0u; part < PARTS; part++) {
         sum += parts[part];
     }
-    epsilon = max(step.calm * sum / (f32(step.count) * vec4f(3.0, 6.0, 1.0, 1.0)), vec4f(LEAST_EPSILON));
+    epsilon = max(step.epsilon * sum / (f32(step.count) * vec4f(3.0, 6.0, 1.0, 1.0)), vec4f(LEAST_EPSILON));
 }

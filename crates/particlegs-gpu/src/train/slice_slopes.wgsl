@@ -1,7 +1,7 @@
 // How the moments of a piece of a Gaussian change with its mean depth and with its variance of depth, the splines where they
 // are: core's render::project::slices::cut_with_slopes.
 
-fn slopes_of(lens: Lens, s: Slices, k: u32, sums: PieceSums) -> DepthSlopes {
+fn piece_slopes(lens: Lens, s: SplineGrid, k: u32, sums: PieceSums) -> DepthSlopes {
     // In perspective q is told over that of the piece's middle, less 1.
     let unit = select(1.0, exp(-middle_of(s, k)), lens.perspective == 1u);
     let mean = sums.here.y / sums.here.x;

@@ -5,11 +5,11 @@ struct Step {
     // The inverse correction of the mean squares.
     unroot: vec4f,
     // What a group's mean root of squares is multiplied by to be added in Adam's division.
-    calm: vec4f,
+    epsilon: vec4f,
     // Decays of Adam's means.
     beta: vec2f,
     // Share of ln(count / count at the start) that is taken back.
-    pull: f32,
+    decay: f32,
     // Share that the average takes of the new Gaussians.
     average: f32,
     // Gaussians, and groups of neighbours.

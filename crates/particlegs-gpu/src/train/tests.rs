@@ -97,8 +97,8 @@ fn steps(
     number: usize,
 ) -> Vec<StepReport> {
     let target = target(case.crop.size);
-    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
-    let mut one = || steps.step(of, &shot, &case.loss, &size_of_step(0.01)).unwrap();
+    let sample = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
+    let mut one = || steps.step(of, &sample, &case.loss, &size_of_step(0.01)).unwrap();
     let told = (0..number).map(|_| one()).collect();
     steps.fetch(of).unwrap();
     told
@@ -246,10 +246,10 @@ fn gradients_that_are_no_numbers_are_told_and_survived() {
     let case = cases().swap_remove(0);
     let mut target = target(SIZE);
     target.data[SIZE.width * 45 + 80] = f32::NAN;
-    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
+    let sample = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
     let (mut here, mut there) = (parameters(&case), parameters(&case));
     let one = |steps: &mut dyn DepthStepper, of: &mut Parameters| {
-        let told = steps.step(of, &shot, &case.loss, &size_of_step(0.01)).unwrap();
+        let told = steps.step(of, &sample, &case.loss, &size_of_step(0.01)).unwrap();
         steps.fetch(of).unwrap();
         told.not_finite.unwrap()
     };
@@ -280,8 +280,8 @@ fn a_device_that_is_gone_is_an_error() {
     let before = of.now.clone();
     device.device.destroy();
     let target = target(SIZE);
-    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
-    let error = own.step(&mut of, &shot, &case.loss, &size_of_step(0.01)).unwrap_err().to_string();
+    let sample = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
+    let error = own.step(&mut of, &sample, &case.loss, &size_of_step(0.01)).unwrap_err().to_string();
     assert!(error.contains("device") && error.lines().count() == 1, "{error}");
     assert!(of.now == before);
 }
@@ -296,12 +296,12 @@ fn more_gaussians_than_it_holds_are_refused() {
 /// A fit that is trained, on the processor and on the device: held-out views within 0.05 dB.
 #[test]
 fn a_short_run_reaches_the_processors_score() {
-    use particlegs::checkpoint::NoCheckpoints;
-    use particlegs::compress::{Options, Target, compress};
-    use particlegs::train::{Config, Limits, Preset, Start};
+    use particlegs_pipeline::checkpoint::NoCheckpoints;
+    use particlegs_pipeline::compress::{Options, Target, compress};
+    use particlegs_pipeline::train::{Config, Limits, Preset, Start};
     let Some(device) = device() else { return };
     let device: Arc<dyn Accelerator> = Arc::new(GpuAccelerator::new(device));
-    let fast = Config::preset(Preset::Fast, particlegs::model::LawKind::OpticalDepth);
+    let fast = Config::preset(Preset::Fast, particlegs_pipeline::model::LawKind::OpticalDepth);
     let config = Config {
         start: Start::Random,
         target: ToneStyle::Expected,

@@ -7,9 +7,9 @@ use crate::results::{ResultTable, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::training::{self, TrainingResult};
 use crate::views::{ReferenceViews, Score};
-use particlegs::Result;
-use particlegs::model::Metadata;
-use particlegs::train::Config;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::model::Metadata;
+use particlegs_pipeline::train::Config;
 
 /// Views of a group, by those of an orbit in the settings.
 const FRAMES: usize = 4;

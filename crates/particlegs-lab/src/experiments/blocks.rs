@@ -10,7 +10,7 @@ use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score};
-use particlegs::Result;
+use particlegs_pipeline::Result;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "blocks",

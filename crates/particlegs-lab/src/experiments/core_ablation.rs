@@ -10,10 +10,10 @@ use crate::lab::Lab;
 use crate::results::{ExperimentResults, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
 use crate::training::{TrainingResult, TrainingTask, ours_at, recipe, scale, scaled, single_resolution, trained};
-use particlegs::Result;
-use particlegs::model::LawKind;
-use particlegs::splat::ToneStyle;
-use particlegs::train::{Config, Norm, Start};
+use particlegs_pipeline::Result;
+use particlegs_pipeline::model::LawKind;
+use particlegs_pipeline::splat::ToneStyle;
+use particlegs_pipeline::train::{Config, Norm, Start};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "core-ablation",

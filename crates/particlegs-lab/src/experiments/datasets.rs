@@ -8,7 +8,7 @@ use crate::method::CompressionMethod;
 use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, identical_note, mean, psnr, ssim};
-use particlegs::{Error, Result};
+use particlegs_pipeline::{Error, Result};
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "datasets",
@@ -162,8 +162,8 @@ fn plot(lab: &Lab<'_>, sets: &[DatasetComparison<'_>]) -> Plot {
 mod tests {
     use super::*;
     use crate::settings::Settings;
-    use particlegs::context::Context;
-    use particlegs::picture::Size;
+    use particlegs_pipeline::context::Context;
+    use particlegs_pipeline::picture::Size;
 
     #[test]
     fn one_that_is_too_small_leaves_the_others() {

@@ -13,9 +13,9 @@ use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
 use crate::training::{self, TrainingResult, TrainingTask};
 use crate::views::{ReferenceViews, Score};
-use particlegs::Result;
-use particlegs::model::Metadata;
-use particlegs::picture::Size;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::model::Metadata;
+use particlegs_pipeline::picture::Size;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "generalisation",

@@ -8,11 +8,11 @@ use crate::lab::{Lab, ModelBuild, Style};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score, mean_of_values, told};
 pub(super) use crate::views::{masked, psnr, ssim};
-use particlegs::Result;
-use particlegs::camera::{View, base_distance, spiral};
-use particlegs::math::{Purpose, Random};
-use particlegs::model::Metadata;
-use particlegs::picture::Size;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::camera::{View, base_distance, spiral};
+use particlegs_pipeline::math::{Purpose, Random};
+use particlegs_pipeline::model::Metadata;
+use particlegs_pipeline::picture::Size;
 
 /// Factors of the default radius and opacity that are trained on and scored: smallest and largest (paper, section
 /// IV-A).
@@ -116,11 +116,11 @@ pub(super) fn in_pixels(size: Size) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::checkpoint::NoCheckpoints;
-    use particlegs::compress::{Options, Target, compress};
-    use particlegs::context::Context;
-    use particlegs::model::CertificateLevel;
-    use particlegs::particles::Particles;
+    use particlegs_pipeline::checkpoint::NoCheckpoints;
+    use particlegs_pipeline::compress::{Options, Target, compress};
+    use particlegs_pipeline::context::Context;
+    use particlegs_pipeline::model::CertificateLevel;
+    use particlegs_pipeline::particles::Particles;
 
     fn metadata() -> Metadata {
         let column = |k: u32| (0..500u32).map(|i| (i * (k + 7) % 97) as f32).collect::<Vec<f32>>();

@@ -25,7 +25,7 @@ mod sweep;
 use crate::lab::Lab;
 use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
-use particlegs::{Error, Result};
+use particlegs_pipeline::{Error, Result};
 
 /// An experiment.
 pub struct Experiment {

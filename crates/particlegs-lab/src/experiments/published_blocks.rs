@@ -10,8 +10,8 @@ use crate::lab::Lab;
 use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
 use crate::snapshot::Snapshot;
 use crate::training::{TrainingResult, scale, tuned};
-use particlegs::Result;
-use particlegs::train::Config;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::train::Config;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "published-blocks",

@@ -9,9 +9,9 @@ use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Seri
 use crate::snapshot::Snapshot;
 use crate::training::{self, TrainingResult, TrainingScore, TrainingTask, trained_on};
 use crate::views::{ReferenceViews, mean};
-use particlegs::Result;
-use particlegs::model::LawKind;
-use particlegs::train::{Config, Defaults, Preset};
+use particlegs_pipeline::Result;
+use particlegs_pipeline::model::LawKind;
+use particlegs_pipeline::train::{Config, Defaults, Preset};
 use std::time::Duration;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {

@@ -6,7 +6,7 @@ use crate::lab::Lab;
 use crate::method::CompressionMethod;
 use crate::results::{Plot, PlotAxis, Point, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
-use particlegs::Result;
+use particlegs_pipeline::Result;
 
 pub(super) type MethodDensity = (CompressionMethod, f64, DensityMeasures);
 

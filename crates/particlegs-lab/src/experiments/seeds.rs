@@ -1,8 +1,8 @@
 //! Models of several seeds, where seeds make a difference.
 
 use crate::lab::Lab;
-use particlegs::Result;
-use particlegs::model::Model;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::model::Model;
 
 /// What `make` gives for each seed of the settings; one alone where the second seed gives the Gaussians of the first. A
 /// fit draws nothing unless cells have more particles than it looks at, and small snapshots have not.
@@ -40,7 +40,7 @@ mod tests {
     use super::*;
     use crate::lab::{ModelBuild, ModelSettings};
     use crate::settings::Settings;
-    use particlegs::context::Context;
+    use particlegs_pipeline::context::Context;
 
     #[test]
     fn seeds_that_change_nothing_count_once() {

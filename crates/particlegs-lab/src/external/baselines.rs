@@ -2,7 +2,7 @@
 
 use super::External;
 use crate::{Baseline, CompressedParticles, PositionColumns, check_bound, morton};
-use particlegs::{Error, Result};
+use particlegs_pipeline::{Error, Result};
 
 /// The order that columns are compressed in.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 use super::*;
 use crate::testing::{clustered, odd};
 use crate::{PositionColumns, largest_error, rate};
-use particlegs::context::Context;
+use particlegs_pipeline::context::Context;
 use std::ffi::OsString;
 
 /// The Python with the packages, where the caller names one: `PARTICLEGS_LAB_PYTHON`.

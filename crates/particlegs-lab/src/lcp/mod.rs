@@ -11,7 +11,7 @@ mod stream;
 use crate::bins::{BinGrid, ParticleBins};
 use crate::{Baseline, CompressedParticles, PositionColumns, check_bound};
 use blocks::LcpStreams;
-use particlegs::{Error, Result, parallel};
+use particlegs_pipeline::{Error, Result, parallel};
 use zstd_rs::{CompressionConfig, Compressor, Decompressor};
 
 /// The largest range of an axis that is cut into bins, data units.

@@ -3,7 +3,7 @@ use crate::lcp::Lcp;
 use crate::quantised::QuantisedCoder;
 use crate::testing::{clustered, odd};
 use crate::{CompressedParticles, check_bound};
-use particlegs::context::Context;
+use particlegs_pipeline::context::Context;
 
 /// Coordinates rounded to steps of a power of two, as ZFP's are; told to err, and by how much.
 struct RoundingBaseline {

@@ -1,10 +1,10 @@
 //! The curve and the seconds of a run that trains, kept beside its state.
 
 use super::TrainingScore;
-use particlegs::Result;
-use particlegs::checkpoint::CheckpointStore;
-use particlegs::compress::Checkpoint;
-use particlegs::context::{ProgressEvent, ProgressSink};
+use particlegs_pipeline::Result;
+use particlegs_pipeline::checkpoint::CheckpointStore;
+use particlegs_pipeline::compress::Checkpoint;
+use particlegs_pipeline::context::{ProgressEvent, ProgressSink};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 

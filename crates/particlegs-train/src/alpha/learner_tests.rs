@@ -6,8 +6,6 @@ use crate::learner::{Crop, Densify, Learner, NonFiniteGradient, StepInfo, Traini
 use crate::loss::Loss;
 use crate::state::TrainingState;
 use crate::targets_tests::ParticleSubject;
-use particlegs::particles::Particles;
-use particlegs::reference::Reference;
 use particlegs_core::camera::{Normalisation, ORBITS, View, base_distance, spiral};
 use particlegs_core::context::{Context, Level};
 use particlegs_core::math::Random;
@@ -16,6 +14,8 @@ use particlegs_core::picture::{Gray8, Plane, Size, masked_psnr};
 use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::reference::Reference;
 
 fn scale(bounds: &Bounds, particles: u64) -> TrainingScale {
     TrainingScale {
@@ -66,10 +66,10 @@ fn lesson(size: Size, frames: usize) -> TrainingSet {
 }
 
 fn sample<'a>(view: &'a View, target: &'a Plane) -> TrainingSample<'a> {
-    shot_with(view, target, &Context::SILENT)
+    sample_with(view, target, &Context::SILENT)
 }
 
-fn shot_with<'a>(view: &'a View, target: &'a Plane, context: &'a Context<'a>) -> TrainingSample<'a> {
+fn sample_with<'a>(view: &'a View, target: &'a Plane, context: &'a Context<'a>) -> TrainingSample<'a> {
     TrainingSample { view, target, crop: Crop::whole(target.size), context }
 }
 
@@ -94,7 +94,7 @@ fn train_with(
     for iteration in iterations {
         let (view, _, target) = &lesson.samples[iteration as usize % lesson.samples.len()];
         let at = moment(iteration, last, densify);
-        let stepped = learner.step(&shot_with(view, target, context), &Loss::PUBLISHED, &at).unwrap();
+        let stepped = learner.step(&sample_with(view, target, context), &Loss::PUBLISHED, &at).unwrap();
         assert_eq!(stepped.not_finite, None);
         sum += stepped.loss;
         learner.control(&at).unwrap();
@@ -332,7 +332,7 @@ fn models_hold_what_was_trained() {
 /// A mixture of the optical-depth law is a far better start than particles at random.
 #[test]
 fn a_mixture_is_a_start() {
-    use particlegs::fit::{Effort, FitOptions, fit};
+    use particlegs_pipeline::fit::{Effort, FitOptions, fit};
     let lesson = lesson(QUICK, 2);
     let scale = scale(&lesson.bounds, lesson.particles.len() as u64);
     let options = FitOptions { effort: Effort::Fast, ..FitOptions::new(600, scale.radius) };

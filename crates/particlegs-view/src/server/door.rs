@@ -1,6 +1,6 @@
 //! The secret in the address: without it nothing is there.
 
-use particlegs::{Error, Result};
+use particlegs_pipeline::{Error, Result};
 use std::sync::{Mutex, PoisonError};
 
 /// Characters of a token that a user chooses, at least.

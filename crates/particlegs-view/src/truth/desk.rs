@@ -1,10 +1,10 @@
 //! One thread draws; whoever asks last is answered.
 
 use super::{RenderRequest, smoothed};
-use particlegs::context::Context;
-use particlegs::particles::{Particles, Selection, Storage};
-use particlegs::reference::Reference;
-use particlegs::{Error, Result};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::particles::{Particles, Selection, Storage};
+use particlegs_pipeline::reference::Reference;
+use particlegs_pipeline::{Error, Result};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -1,12 +1,12 @@
 //! What the page asks for: a camera, a look, a size, as JSON.
 
-use particlegs::camera::{Camera, DensityView, Projection, View};
-use particlegs::context::Context;
-use particlegs::picture::{Plane, Size};
-use particlegs::reference::Reference;
-use particlegs::render::tone;
-use particlegs::splat::ToneStyle;
-use particlegs::{Error, Result};
+use particlegs_pipeline::camera::{Camera, DensityView, Projection, View};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::picture::{Plane, Size};
+use particlegs_pipeline::reference::Reference;
+use particlegs_pipeline::render::tone;
+use particlegs_pipeline::splat::ToneStyle;
+use particlegs_pipeline::{Error, Result};
 use serde::Deserialize;
 
 /// Pixels a side at most.

@@ -2,7 +2,7 @@
 
 use super::{exported, folder};
 use crate::common::{TestFolder, snapshot};
-use particlegs::model::LawKind;
+use particlegs_pipeline::model::LawKind;
 
 /// Numbers behind the head of a NumPy array.
 fn npy(bytes: &[u8]) -> Vec<f32> {

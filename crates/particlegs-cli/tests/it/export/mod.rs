@@ -7,7 +7,7 @@ mod tables;
 
 use crate::common::TestFolder;
 use crate::models::tiny;
-use particlegs::model::LawKind;
+use particlegs_pipeline::model::LawKind;
 use serde_json::Value;
 
 const KINDS: [&str; 8] = ["ply", "glb", "gltf", "npy", "vti", "fits", "npz", "csv"];
@@ -95,7 +95,7 @@ fn what_cannot_be_done_is_refused_before_the_work() {
     }
     for (option, values) in [("radius", ["0", "-1", "nan", "inf"]), ("opacity", ["0", "-1", "nan", "1.5"])] {
         for value in values {
-            refused(&format!("a.ply --{option}={value}"), 2, &format!("--{option}"));
+            refused(&format!("a.ply --{option}={value}"), 2, &format!("{option} "));
         }
     }
     // Options that would do nothing.

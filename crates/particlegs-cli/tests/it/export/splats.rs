@@ -1,11 +1,11 @@
 //! Splats: PLY and glTF.
 
 use super::{exported, folder, layers};
-use particlegs::camera::Normalisation;
-use particlegs::codec::{self, Precision};
-use particlegs::math::Sym3;
-use particlegs::model::LawKind;
-use particlegs::particles::Particles;
+use particlegs_pipeline::camera::Normalisation;
+use particlegs_pipeline::codec::{self, Precision};
+use particlegs_pipeline::math::Sym3;
+use particlegs_pipeline::model::LawKind;
+use particlegs_pipeline::particles::Particles;
 use serde_json::Value;
 
 /// The document of a binary glTF, and its data.

@@ -1,8 +1,8 @@
 //! Tables of Gaussians: NPZ and CSV.
 
 use super::layers;
-use particlegs::model::Mixture;
-use particlegs::particles::Particles;
+use particlegs_pipeline::model::Mixture;
+use particlegs_pipeline::particles::Particles;
 
 #[test]
 fn tables_hold_the_gaussians_to_the_last_digit() {

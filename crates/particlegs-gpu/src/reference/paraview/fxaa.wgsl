@@ -22,7 +22,7 @@ struct Edge {
 }
 
 // Where a span ends: the luminosity there in the pixel's line, and how many steps away.
-struct End {
+struct EdgeEnd {
     luminosity: f32,
     steps: i32,
 }
@@ -115,17 +115,17 @@ fn on_edge(at: vec2i, c: f32, nswe: vec4f) -> f32 {
 }
 
 // Where the span of an edge ends in steps of `along`.
-fn walk(edge: Edge, along: vec2i) -> End {
+fn walk(edge: Edge, along: vec2i) -> EdgeEnd {
     var here = 0.0;
     for (var k = 1; k <= SEARCH_STEPS; k++) {
         let at = edge.pixel + k * along;
         here = lum(at);
         let there = lum(at + edge.across);
         if apart(there, edge.other) > apart(there, edge.own) || apart(here, edge.own) > apart(here, edge.other) {
-            return End(here, k);
+            return EdgeEnd(here, k);
         }
     }
-    return End(here, SEARCH_STEPS + 1);
+    return EdgeEnd(here, SEARCH_STEPS + 1);
 }
 
 // The texture `shift` of the way from one texel to a neighbour, as the texture unit blends bytes: the way in 1/256, the

@@ -13,7 +13,7 @@ fn raise_layer(at: u32, level: u32) {
     }
 }
 
-fn peel(p: Place) {
+fn peel(p: QuadPixel) {
     let pixel = index_of(p.pixel);
     if ranges[2u * pixel] == 0u {
         return;
@@ -46,7 +46,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) me
     let slice = slices[group.x];
     let end = load(slice, me);
     for (var at = slice.y + me; at < end; at += THREADS) {
-        let p = place(at);
+        let p = quad_pixel(at);
         if p.is_covered {
             peel(p);
         }

@@ -1,6 +1,6 @@
 // Particles to splats in device coordinates, y up: particlegs' reference::project.
 
-struct Splat {
+struct NdcSplat {
     at: vec2f,
     // Window depth, from 0 to 1.
     depth: f32,
@@ -23,8 +23,8 @@ fn sum_of_squares(a: f32, b: f32) -> f32 {
     return plus(times(a, a), times(b, b));
 }
 
-fn splat_of(p: vec3f) -> Splat {
-    var s: Splat;
+fn splat_of(p: vec3f) -> NdcSplat {
+    var s: NdcSplat;
     if !(is_finite(p.x) && is_finite(p.y) && is_finite(p.z)) {
         return s;
     }
@@ -57,7 +57,7 @@ fn splat_of(p: vec3f) -> Splat {
 }
 
 // With the half-axes of a covariance; where VTK's root is not a number nothing is drawn.
-fn with_axes(splat: Splat, c00: f32, c11: f32, c01: f32) -> Splat {
+fn with_axes(splat: NdcSplat, c00: f32, c11: f32, c01: f32) -> NdcSplat {
     var s = splat;
     if abs(c01) <= DIAGONAL_LIMIT {
         s.axes = vec4f(root(c00), 0.0, 0.0, root(c11));

@@ -1,7 +1,7 @@
 // A splat's quad on the screen: which pixel centres it covers and what its alpha is there: particlegs' reference::quad.
 
 // a + d x + e y, of u and of v.
-struct Planes {
+struct QuadPlanes {
     u: vec3f,
     v: vec3f,
 }
@@ -9,7 +9,7 @@ struct Planes {
 // Rows of pixels count from the bottom, as in VTK's framebuffer.
 struct Quad {
     // Of its two triangles, below and above the diagonal.
-    planes: array<Planes, 2>,
+    planes: array<QuadPlanes, 2>,
     // Snapped corners (-,-), (+,-), (-,+), (+,+) in (u, v), in 1/256 of a pixel, pixel centres at whole pixels.
     corners: array<vec2i, 4>,
     // First pixel of its box, clamped to the strip of the picture, and how many columns and rows that has.
@@ -38,7 +38,7 @@ fn offset(corner: u32) -> vec2f {
 }
 
 // Where a corner is in the window.
-fn window_of(s: Splat, corner: u32) -> vec2f {
+fn window_of(s: NdcSplat, corner: u32) -> vec2f {
     let half = 0.5 * vec2f(view.size);
     let o = offset(corner);
     let x = plus(s.at.x, plus(times(s.axes.x, o.x), times(s.axes.y, o.y)));
@@ -47,7 +47,7 @@ fn window_of(s: Splat, corner: u32) -> vec2f {
 }
 
 // Without pixels where it covers no pixel centre.
-fn quad_of(s: Splat) -> Quad {
+fn quad_of(s: NdcSplat) -> Quad {
     var q: Quad;
     if !s.seen {
         return q;
@@ -79,7 +79,7 @@ fn quad_of(s: Splat) -> Quad {
     return q;
 }
 
-fn planes_of(corner: vec3u, a: vec2f, b: vec2f, c: vec2f) -> Planes {
+fn planes_of(corner: vec3u, a: vec2f, b: vec2f, c: vec2f) -> QuadPlanes {
     let first = vec2f(minus(a.x, b.x), minus(a.y, b.y));
     let third = vec2f(minus(c.x, a.x), minus(c.y, a.y));
     let inverse = over(1.0, minus(times(first.x, third.y), times(first.y, third.x)));
@@ -89,7 +89,7 @@ fn planes_of(corner: vec3u, a: vec2f, b: vec2f, c: vec2f) -> Planes {
     let at = offset(corner.x);
     let to = at - offset(corner.y);
     let back = offset(corner.z) - at;
-    return Planes(plane_of(at.x, to.x, back.x, d01, d20, center), plane_of(at.y, to.y, back.y, d01, d20, center));
+    return QuadPlanes(plane_of(at.x, to.x, back.x, d01, d20, center), plane_of(at.y, to.y, back.y, d01, d20, center));
 }
 
 fn plane_of(at: f32, da01: f32, da20: f32, d01: vec2f, d20: vec2f, center: vec2f) -> vec3f {
@@ -150,7 +150,7 @@ fn triangle(own: u32, pixel: vec2u) -> u32 {
 
 // A value of a plane at a pixel.
 fn on_plane(p: vec3f, pixel: vec2f) -> f32 {
-    return fused(p.z, pixel.y, fused(p.y, pixel.x, p.x));
+    return exact_fma(p.z, pixel.y, exact_fma(p.y, pixel.x, p.x));
 }
 
 // The alpha of a covered pixel.
@@ -174,7 +174,7 @@ fn exp2_of(power: f32) -> f32 {
     }
     let f = minus(x, whole);
     let f2 = times(f, f);
-    let even = fused(f2, fused(f2, 0.00898934, 0.24015362), 1.0);
-    let odd = fused(f2, fused(f2, 0.0018775767, 0.055826318), 0.6931531);
-    return times(fused(odd, f, even), bitcast<f32>(u32(i32(whole) + 127) << 23u));
+    let even = exact_fma(f2, exact_fma(f2, 0.00898934, 0.24015362), 1.0);
+    let odd = exact_fma(f2, exact_fma(f2, 0.0018775767, 0.055826318), 0.6931531);
+    return times(exact_fma(odd, f, even), bitcast<f32>(u32(i32(whole) + 127) << 23u));
 }

@@ -8,7 +8,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) me
     let slice = slices[group.x];
     let end = load(slice, me);
     for (var at = slice.y + me; at < end; at += THREADS) {
-        let p = place(at);
+        let p = quad_pixel(at);
         if p.is_covered {
             widen(index_of(p.pixel), quads[p.own].depth);
         }

@@ -4,7 +4,7 @@
 
 // 0 where there is none, or one that changes nothing.
 fn key_of(at: u32) -> u32 {
-    let p = place(at);
+    let p = quad_pixel(at);
     if !p.is_covered || p.pixel.y < view.first || p.pixel.y >= view.last {
         return 0u;
     }

@@ -26,18 +26,18 @@ fn load(slice: vec2u, me: u32) -> u32 {
 }
 
 // The pixel `at` of the boxes of all, and whose it is; outside the picture where it is not covered.
-struct Place {
+struct QuadPixel {
     pixel: vec2u,
     own: u32,
     is_covered: bool,
 }
 
-fn place(at: u32) -> Place {
+fn quad_pixel(at: u32) -> QuadPixel {
     let own = owner(0u, at);
     let along = within(0u, own, at);
     let columns = quads[own].extent.x;
     let pixel = quads[own].low + vec2u(along % columns, along / columns);
-    return Place(pixel, own, quads[own].aligned == 1u || covers(quads[own].corners, pixel));
+    return QuadPixel(pixel, own, quads[own].aligned == 1u || covers(quads[own].corners, pixel));
 }
 
 // Among the pixels of the strip.

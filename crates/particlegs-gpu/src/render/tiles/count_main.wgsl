@@ -1,7 +1,7 @@
 // How many strokes touch each tile.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<storage, read> strokes: array<Stroke>;
+@group(0) @binding(1) var<storage, read> strokes: array<RasterSplat>;
 @group(0) @binding(2) var<storage, read> planes_of: array<u32>;
 @group(0) @binding(3) var<storage, read_write> ends: array<atomic<u32>>;
 

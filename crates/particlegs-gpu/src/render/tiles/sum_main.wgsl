@@ -1,7 +1,7 @@
 // Sums a tile's list, a tile a workgroup and a pixel a thread: the whole numbers that raster.wgsl adds, without atomics.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<storage, read> strokes: array<Stroke>;
+@group(0) @binding(1) var<storage, read> strokes: array<RasterSplat>;
 @group(0) @binding(2) var<storage, read> ends: array<u32>;
 @group(0) @binding(3) var<storage, read> entries: array<u32>;
 @group(0) @binding(4) var<storage, read> scale: Scale;

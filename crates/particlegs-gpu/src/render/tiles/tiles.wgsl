@@ -21,7 +21,7 @@ fn tile_place(tile: u32) -> vec3u {
 }
 
 // The tiles that a stroke's box touches, from the left and the top: the first, and those beyond the last.
-fn tiles_of(s: Stroke, level: u32) -> vec4u {
+fn tiles_of(s: RasterSplat, level: u32) -> vec4u {
     let rows = rows_of(s, level);
     // The farthest that a row reaches, and what rounding may have made of it.
     let reach = sqrt(s.end / s.along + s.slope * s.slope * (s.end / s.down));

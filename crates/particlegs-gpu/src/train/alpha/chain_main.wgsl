@@ -26,7 +26,7 @@ struct Slopes {
 }
 
 // The footprint's shape: covariance xx, xy, yy before it is widened, and the inverse of the widened.
-struct Shape {
+struct FootprintShape {
     sharp: vec3f,
     inverse: vec3f,
     // What a step in depth moves on the picture: the slopes at which shapes are taken, and whether they were cut off.
@@ -36,9 +36,9 @@ struct Shape {
     wide_det: f32,
 }
 
-fn shape_of(g: Seen) -> Shape {
+fn footprint_shape(g: GreyCameraGaussian) -> FootprintShape {
     let toward = g.mean.xy / g.mean.z;
-    var p: Shape;
+    var p: FootprintShape;
     p.slope = clamp(toward, -frame.guard, frame.guard);
     p.cut = abs(toward) > frame.guard;
     let s = g.slope - p.slope;
@@ -58,7 +58,7 @@ fn shape_of(g: Seen) -> Shape {
 
 // Changes with the covariance before widening: xx, xy (both of the pair) and yy. `second` are the sums of h times dx^2,
 // dx dy, dy^2.
-fn by_shape(p: Shape, second: vec3f, sum: f32) -> vec3f {
+fn shape_gradient(p: FootprintShape, second: vec3f, sum: f32) -> vec3f {
     let k = p.inverse;
     let g = -0.5 * second;
     let r = vec4f(k.x * g.x + k.y * g.y, k.x * g.y + k.y * g.z, k.y * g.x + k.z * g.y, k.y * g.y + k.z * g.z);
@@ -72,7 +72,7 @@ fn by_shape(p: Shape, second: vec3f, sum: f32) -> vec3f {
 }
 
 // Changes with a quaternion's numbers, from those with its matrix's columns.
-fn by_quaternion(q: vec4f, d: mat3x3f) -> vec4f {
+fn quaternion_gradient(q: vec4f, d: mat3x3f) -> vec4f {
     let w = q.x;
     let v = q.yzw;
     let plus = vec3f(d[1][0] + d[0][1], d[2][0] + d[0][2], d[2][1] + d[1][2]);
@@ -86,14 +86,14 @@ fn by_quaternion(q: vec4f, d: mat3x3f) -> vec4f {
 }
 
 fn chain(i: u32, n: u32) -> Slopes {
-    let g = see(i, n);
-    let p = shape_of(g);
+    let g = camera_gaussian(i, n);
+    let p = footprint_shape(g);
     let factors = bent[i];
     let sum = sums[i];
     let first = vec2f(sums[n + i], sums[2u * n + i]);
     let second = vec3f(sums[3u * n + i], sums[4u * n + i], sums[5u * n + i]);
     let at = vec2f(dot(p.inverse.xy, first), dot(p.inverse.yz, first));
-    let h = by_shape(p, second, sum);
+    let h = shape_gradient(p, second, sum);
     // What a step of the place does to the centre in pixels.
     let unit = frame.focal / g.mean.z;
     let rows = array<vec3f, 2>(
@@ -111,17 +111,17 @@ fn chain(i: u32, n: u32) -> Slopes {
         let scale = factors.x * exp(trained[(SCALE + k) * n + i]);
         let axis = scale * axes[k];
         let end = vec2f(dot(rows[0], axis), dot(rows[1], axis));
-        let pull = vec2f(h.x * end.x + 0.5 * h.y * end.y, 0.5 * h.y * end.x + h.z * end.y);
-        out.scales[k] = 2.0 * dot(end, pull);
-        by_slope -= 2.0 * dot(axis, frame.forward.xyz) * pull;
-        by_axes[k] = 2.0 * scale * (pull.x * rows[0] + pull.y * rows[1]);
+        let by_end = vec2f(h.x * end.x + 0.5 * h.y * end.y, 0.5 * h.y * end.x + h.z * end.y);
+        out.scales[k] = 2.0 * dot(end, by_end);
+        by_slope -= 2.0 * dot(axis, frame.forward.xyz) * by_end;
+        by_axes[k] = 2.0 * scale * (by_end.x * rows[0] + by_end.y * rows[1]);
     }
     by_slope = select(by_slope * (unit / g.mean.z), vec2f(0.0), p.cut);
     let by_depth = -(out.scales.x + out.scales.y + out.scales.z) / g.mean.z
         - unit * dot(at, g.mean.xy) / g.mean.z - dot(by_slope, p.slope);
     let by_place = vec3f(unit * at + by_slope, by_depth);
     out.place = frame.right.xyz * by_place.x + frame.down.xyz * by_place.y + frame.forward.xyz * by_place.z;
-    let by_q = by_quaternion(q / norm, by_axes);
+    let by_q = quaternion_gradient(q / norm, by_axes);
     // Length does not matter: what points along it goes.
     out.rotation = (by_q - dot(by_q, q / norm) * (q / norm)) / norm;
     let odds = number_of(i, n, 12u) / factors.y;

@@ -88,9 +88,9 @@ impl AlphaSteps {
         self.held.put(&self.device, of)
     }
 
-    /// Memory for the pictures of a shot: that of the last step where it had that size.
-    fn picture_of(&mut self, shot: &TrainingSample<'_>, loss: &Loss) -> Result<AlphaTrainingPicture> {
-        let shape = (shot.crop.size, loss.dssim > 0.0);
+    /// Memory for the pictures of a sample: that of the last step where it had that size.
+    fn picture_of(&mut self, sample: &TrainingSample<'_>, loss: &Loss) -> Result<AlphaTrainingPicture> {
+        let shape = (sample.crop.size, loss.dssim > 0.0);
         // Where it had not, its memory goes before the next one's is taken.
         match self.picture.take().filter(|p| p.shape() == shape) {
             Some(kept) => Ok(kept),
@@ -103,18 +103,18 @@ impl AlphaStepper for AlphaSteps {
     fn step(
         &mut self,
         of: &mut Gaussians,
-        shot: &TrainingSample<'_>,
+        sample: &TrainingSample<'_>,
         loss: &Loss,
         size: &StepSize,
     ) -> Result<StepReport> {
-        let (eye, setting) = (of.eye(shot)?, of.setting(shot));
+        let (eye, setting) = (of.eye(sample)?, of.setting(sample));
         if self.newer == ParameterLocation::Here {
             self.send(of)?;
         }
-        let mut picture = self.picture_of(shot, loss)?;
+        let mut picture = self.picture_of(sample, loss)?;
         let (device, blender, held) = (&*self.device, &*self.blender, &self.held);
         held.begin(device, blender, &AlphaStepRecord::new(of, &eye, setting, size));
-        picture.compared.set(device, shot.target, loss);
+        picture.compared.set(device, sample.target, loss);
         blender.renderer.blend_all(&held.seen, &mut picture.canvas, &eye, setting)?;
         picture.compare(device, (&self.shared, blender));
         blender.renderer.backward(&picture.canvas, &mut picture.back)?;

@@ -4,16 +4,16 @@ use super::*;
 use crate::GpuAccelerator;
 use crate::tests::{clumps, device, target, view};
 use crate::train::Trainer;
-use particlegs::checkpoint::NoCheckpoints;
-use particlegs::compress::{Options, Target, compress};
-use particlegs::model::LawKind;
-use particlegs::train::{Config, Limits, Preset};
 use particlegs_core::camera::{Normalisation, View};
 use particlegs_core::context::Context;
 use particlegs_core::math::Random;
 use particlegs_core::picture::Size;
 use particlegs_core::render::alpha::network::twin::stirred;
 use particlegs_core::space::Bounds;
+use particlegs_pipeline::checkpoint::NoCheckpoints;
+use particlegs_pipeline::compress::{Options, Target, compress};
+use particlegs_pipeline::model::LawKind;
+use particlegs_pipeline::train::{Config, Limits, Preset};
 use particlegs_train::alpha::{AlphaCpuSteps, AlphaParameters, TrainingScale};
 use particlegs_train::{Accelerator, Averages, Crop, Norm};
 
@@ -88,8 +88,8 @@ const STEP: StepSize = StepSize { rates: [1e-3, 5e-3, 1e-3, 5e-2, 2.5e-3], netwo
 
 fn steps(steps: &mut dyn AlphaStepper, of: &mut Gaussians, case: &AlphaTrainingCase, number: usize) -> Vec<StepReport> {
     let target = target(case.crop.size);
-    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
-    let told = (0..number).map(|_| steps.step(of, &shot, &case.loss, &STEP).unwrap()).collect();
+    let sample = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
+    let told = (0..number).map(|_| steps.step(of, &sample, &case.loss, &STEP).unwrap()).collect();
     steps.fetch(of).unwrap();
     told
 }
@@ -226,8 +226,8 @@ fn a_device_that_is_gone_is_an_error() {
     let before = of.parameters.clone();
     device.device.destroy();
     let target = target(SIZE);
-    let shot = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
-    let error = own.step(&mut of, &shot, &case.loss, &STEP).unwrap_err().to_string();
+    let sample = TrainingSample { view: &case.view, target: &target, crop: case.crop, context: &Context::SILENT };
+    let error = own.step(&mut of, &sample, &case.loss, &STEP).unwrap_err().to_string();
     assert!(error.contains("device") && error.lines().count() == 1, "{error}");
     assert!(of.parameters == before);
 }

@@ -1,5 +1,5 @@
 // From what is moved to what pictures are drawn of (alpha/gaussians.rs has the same columns): particlegs-train's
-// alpha::parameters::One::gaussian.
+// alpha::parameters::GaussianParameters::gaussian.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> trained: array<f32>;
@@ -25,7 +25,7 @@ fn place(v: f32) -> vec2u {
     } else if power >= 86u {
         size = vec2u((digits + (1u << (109u - power))) >> (110u - power), 0u);
     }
-    return turned(size, v < 0.0);
+    return negate_if(size, v < 0.0);
 }
 
 // The lower triangle L of which L L^T is the covariance (xx, yx, yy, zx, zy, zz): rows of the axes times their scales, one

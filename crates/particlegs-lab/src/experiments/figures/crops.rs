@@ -1,6 +1,6 @@
 //! Parts of pictures, as large and as bright as a reader needs them.
 
-use particlegs::picture::{Gray8, Rgb8, Size};
+use particlegs_pipeline::picture::{Gray8, Rgb8, Size};
 
 /// Share of width and height in the paper's close-ups.
 const SHARE: f64 = 0.3;

@@ -14,10 +14,10 @@ use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score, identical_note, kept_picture, masked, mean, mean_of, orbit, ssim, told};
 use crops::{BRIGHTENED, close_up, whole};
 use others::MethodPictures;
-use particlegs::Result;
-use particlegs::camera::View;
-use particlegs::picture::{Gray8, Rgb8};
-use particlegs::score::evaluation_views;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::camera::View;
+use particlegs_pipeline::picture::{Gray8, Rgb8};
+use particlegs_pipeline::score::evaluation_views;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "figures",
@@ -156,7 +156,7 @@ fn same_size(panels: &mut [(String, Rgb8)]) {
         let (left, top) = ((across - width) / 2, (down - height) / 2);
         let row = |j: usize| &picture.data[(top + j) * across + left..][..width];
         let data = (0..height).flat_map(row).copied().collect();
-        *picture = Rgb8 { size: particlegs::picture::Size { width, height }, data };
+        *picture = Rgb8 { size: particlegs_pipeline::picture::Size { width, height }, data };
     }
 }
 
@@ -204,7 +204,7 @@ fn notes(made: &ModelBuild, snapshot: &Snapshot, others: &[MethodPictures]) -> V
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs::picture::Size;
+    use particlegs_pipeline::picture::Size;
 
     fn other(name: &str, masked: f64) -> MethodPictures {
         let score = Score { view: "far_00".into(), psnr: None, masked: Some(masked), ssim: None };

@@ -4,9 +4,9 @@ use crate::lab::{Lab, Style, or_made};
 use crate::method::{BoundReport, CompressionMethod, FileContent, MethodOutput};
 use crate::snapshot::Snapshot;
 use crate::views::{ReferenceViews, Score, kept_picture, masked, mean, told};
-use particlegs::camera::View;
-use particlegs::picture::Gray8;
-use particlegs::{Error, Result};
+use particlegs_pipeline::camera::View;
+use particlegs_pipeline::picture::Gray8;
+use particlegs_pipeline::{Error, Result};
 
 /// A way at a size, with its pictures of some views.
 pub(super) struct MethodPictures {

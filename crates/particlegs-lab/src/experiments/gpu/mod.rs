@@ -12,13 +12,13 @@ use crate::results::{ExperimentResults, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
 use crate::store::COMMIT;
 use crate::training::{TrainingTask, scaled, trained_on};
-use particlegs::context::Context;
-use particlegs::model::LawKind;
-use particlegs::particles::Particles;
-use particlegs::picture::Size;
-use particlegs::train::{Config, Preset};
-use particlegs::{Error, Result};
 use particlegs_gpu::{Device, Rates};
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::model::LawKind;
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::train::{Config, Preset};
+use particlegs_pipeline::{Error, Result};
 use scenes::TiledScene;
 use std::sync::Arc;
 use std::time::Duration;
@@ -173,7 +173,11 @@ impl GpuTables {
         match work(self) {
             Err(Error::Cancelled) => Err(Error::Cancelled),
             Err(e) => {
-                self.failed.push(format!("Not measured: {} Gaussians, {}: {e}", made.gaussians.len(), pixels(size)));
+                self.failed.push(format!(
+                    "Not all measured: {} Gaussians, {}: {e}",
+                    made.gaussians.len(),
+                    pixels(size)
+                ));
                 Ok(())
             }
             Ok(()) => Ok(()),
@@ -201,7 +205,7 @@ impl GpuTables {
 }
 
 impl GpuBench<'_> {
-    /// Few with `--quick`, or as many as are measured.
+    /// Few where it is to be quick, or as many as are measured.
     fn either(&self, few: usize, many: usize) -> usize {
         if self.quick { few } else { many }
     }

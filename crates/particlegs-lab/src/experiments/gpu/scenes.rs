@@ -1,12 +1,12 @@
 //! Scenes that are made of nothing but this program.
 
-use particlegs::camera::{Camera, View, base_distance, spiral};
-use particlegs::math::{Random, Sym3, each_axis};
-use particlegs::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
-use particlegs::picture::Size;
-use particlegs::space::Bounds;
-use particlegs::splat::opacity_integral;
-use particlegs::{Result, codec, parallel};
+use particlegs_pipeline::camera::{Camera, View, base_distance, spiral};
+use particlegs_pipeline::math::{Random, Sym3, each_axis};
+use particlegs_pipeline::model::{AlphaBlend, Law, Mixture, VizMapper, VizRanges};
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::space::Bounds;
+use particlegs_pipeline::splat::opacity_integral;
+use particlegs_pipeline::{Result, codec, parallel};
 use std::f64::consts::PI;
 use std::sync::Arc;
 

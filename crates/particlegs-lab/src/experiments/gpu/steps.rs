@@ -4,17 +4,17 @@ use super::scenes::{OPACITY, TiledScene, views};
 use super::work::{BlendWork, DepthWork, WorkBound};
 use super::{GpuBench, GpuTables, LIMIT, pixels};
 use crate::results::TableCell;
-use particlegs::Result;
-use particlegs::camera::{Normalisation, View};
-use particlegs::model::LawKind;
-use particlegs::picture::{Plane, Size};
-use particlegs::render::{Renderer, Scene};
-use particlegs::splat::ToneStyle;
-use particlegs::train::alpha::{self, TrainingScale};
-use particlegs::train::depth::{Parameters, StepSize};
-use particlegs::train::{Accelerator, AlphaConfig, Crop, Loss, StepReport, TrainingSample};
 use particlegs_gpu::GpuAccelerator;
 use particlegs_gpu::render::ScenePictures;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::camera::{Normalisation, View};
+use particlegs_pipeline::model::LawKind;
+use particlegs_pipeline::picture::{Plane, Size};
+use particlegs_pipeline::render::{Renderer, Scene};
+use particlegs_pipeline::splat::ToneStyle;
+use particlegs_pipeline::train::alpha::{self, TrainingScale};
+use particlegs_pipeline::train::depth::{Parameters, StepSize};
+use particlegs_pipeline::train::{Accelerator, AlphaConfig, Crop, Loss, StepReport, TrainingSample};
 use std::time::Instant;
 
 /// Steps of a measurement, behind two: so many that the last, as the first, is of the first picture.
@@ -50,8 +50,8 @@ pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, made: &Tiled
         law.opacity.iter_mut().enumerate().for_each(change);
     }
     let frame = Normalisation::of(&made.bounds);
-    let ground = TrainingScale { frame, radius: made.radius, opacity: OPACITY, particles: made.particles, seed: 1 };
-    let mut of = alpha::Gaussians::from_mixture(&gaussians, ground)?;
+    let scale = TrainingScale { frame, radius: made.radius, opacity: OPACITY, particles: made.particles, seed: 1 };
+    let mut of = alpha::Gaussians::from_mixture(&gaussians, scale)?;
     let mut steps = GpuAccelerator::new(bench.device.clone()).alpha_steps(&of)?;
     let c = AlphaConfig::default();
     let pace = alpha::StepSize {

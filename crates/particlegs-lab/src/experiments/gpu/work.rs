@@ -5,19 +5,19 @@
 //! their sources, a power of two as one.
 
 use super::scenes::{OPACITY, TiledScene};
-use particlegs::Result;
-use particlegs::camera::View;
-use particlegs::context::Context;
-use particlegs::parallel;
-use particlegs::picture::Size;
-use particlegs::render::Scene;
-use particlegs::render::alpha::project::Splat;
-use particlegs::render::alpha::{CutOffs, Eye, Plan, TILE};
-use particlegs::render::bin::place;
-use particlegs::render::lens::Lens;
-use particlegs::render::project::CameraGaussian;
-use particlegs::render::project::slices::pieces;
-use particlegs::render::raster::pyramid::{PAD, levels};
+use particlegs_pipeline::Result;
+use particlegs_pipeline::camera::View;
+use particlegs_pipeline::context::Context;
+use particlegs_pipeline::parallel;
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::render::Scene;
+use particlegs_pipeline::render::alpha::project::Splat;
+use particlegs_pipeline::render::alpha::{CutOffs, Eye, Plan, TILE};
+use particlegs_pipeline::render::bin::place;
+use particlegs_pipeline::render::lens::Lens;
+use particlegs_pipeline::render::project::CameraGaussian;
+use particlegs_pipeline::render::project::slices::pieces;
+use particlegs_pipeline::render::raster::pyramid::{PAD, levels};
 use std::f64::consts::PI;
 
 /// What a picture or a step takes at least.

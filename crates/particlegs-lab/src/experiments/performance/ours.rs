@@ -5,17 +5,17 @@ use super::views::TimingViews;
 use crate::experiments::shared::rates::COMPARED;
 use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::snapshot::Snapshot;
-use particlegs::camera::View;
-use particlegs::checkpoint::NoCheckpoints;
-use particlegs::compress::compress;
-use particlegs::fit::Effort;
-use particlegs::particles::Storage;
-use particlegs::picture::{Gray8, Pixels, Size};
-use particlegs::reference::Reference;
-use particlegs::render::{Scene, Scratch, draw_into};
-use particlegs::splat::ToneStyle;
-use particlegs::{Result, codec};
 use particlegs_formats::Choice;
+use particlegs_pipeline::camera::View;
+use particlegs_pipeline::checkpoint::NoCheckpoints;
+use particlegs_pipeline::compress::compress;
+use particlegs_pipeline::fit::Effort;
+use particlegs_pipeline::particles::Storage;
+use particlegs_pipeline::picture::{Gray8, Pixels, Size};
+use particlegs_pipeline::reference::Reference;
+use particlegs_pipeline::render::{Scene, Scratch, draw_into};
+use particlegs_pipeline::splat::ToneStyle;
+use particlegs_pipeline::{Result, codec};
 use serde::{Deserialize, Serialize};
 
 /// How often short work is timed.

@@ -6,17 +6,17 @@ use crate::experiments::shared::rates::COMPARED;
 use crate::lab::{Lab, ModelSettings};
 use crate::results::{Plot, PlotAxis, Point, ResultTable, Series, TableCell};
 use crate::snapshot::Snapshot;
-use particlegs::checkpoint::NoCheckpoints;
-use particlegs::compress::{Target, compress};
-use particlegs::fit::Effort;
-use particlegs::particles::{Selection, Storage};
-use particlegs::picture::{Size, masked_psnr};
-use particlegs::reference::Reference;
-use particlegs::render::{Scene, draw};
-use particlegs::score::evaluation_views;
-use particlegs::space::Bounds;
-use particlegs::splat::ToneStyle;
-use particlegs::{Error, Result};
+use particlegs_pipeline::checkpoint::NoCheckpoints;
+use particlegs_pipeline::compress::{Target, compress};
+use particlegs_pipeline::fit::Effort;
+use particlegs_pipeline::particles::{Selection, Storage};
+use particlegs_pipeline::picture::{Size, masked_psnr};
+use particlegs_pipeline::reference::Reference;
+use particlegs_pipeline::render::{Scene, draw};
+use particlegs_pipeline::score::evaluation_views;
+use particlegs_pipeline::space::Bounds;
+use particlegs_pipeline::splat::ToneStyle;
+use particlegs_pipeline::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// Halvings of the box, of the smallest blocks first.

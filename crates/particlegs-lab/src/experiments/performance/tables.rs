@@ -6,7 +6,7 @@ use super::ours::{FrameTimings, Phases};
 use super::paper;
 use super::point_gaussian::PointGaussian;
 use crate::results::{ResultTable, TableCell};
-use particlegs::picture::Size;
+use particlegs_pipeline::picture::Size;
 
 /// All that was timed at one size of pictures.
 pub(super) struct SizeTimings {

@@ -2,10 +2,10 @@
 
 use crate::lab::Lab;
 use crate::views::told;
-use particlegs::camera::View;
-use particlegs::model::Metadata;
-use particlegs::picture::Size;
-use particlegs::score::evaluation_views;
+use particlegs_pipeline::camera::View;
+use particlegs_pipeline::model::Metadata;
+use particlegs_pipeline::picture::Size;
+use particlegs_pipeline::score::evaluation_views;
 
 pub(super) struct TimingViews {
     pub size: Size,

@@ -1,6 +1,6 @@
 //! What one comparison of statistics says, as it is kept.
 
-use particlegs::stats::{PairCounts, Shell, SizeClass, Statistics, XiByTransform};
+use particlegs_pipeline::stats::{PairCounts, Shell, SizeClass, Statistics, XiByTransform};
 use serde::{Deserialize, Serialize};
 
 /// The figures of a comparison that tables and plots show; what was not measured is empty. Pairs are truth, then other.
@@ -93,7 +93,7 @@ impl GroupCounts {
 impl Facts {
     pub fn from_statistics(s: &Statistics) -> Facts {
         let y = &s.summary;
-        let groups = |list: fn(&particlegs::stats::GroupReport) -> &Vec<SizeClass>| {
+        let groups = |list: fn(&particlegs_pipeline::stats::GroupReport) -> &Vec<SizeClass>| {
             s.groups.iter().flat_map(|g| list(g).iter().map(GroupCounts::from_class)).collect()
         };
         Facts {

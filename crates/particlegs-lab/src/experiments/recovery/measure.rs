@@ -4,11 +4,11 @@ use super::facts::Facts;
 use super::paper;
 use crate::lab::{Lab, ModelSettings};
 use crate::snapshot::Snapshot;
-use particlegs::Result;
-use particlegs::model::Model;
-use particlegs::particles::Particles;
-use particlegs::recover::Method;
-use particlegs::stats::{Convention, Measure, StatsOptions, Subject, compare};
+use particlegs_pipeline::Result;
+use particlegs_pipeline::model::Model;
+use particlegs_pipeline::particles::Particles;
+use particlegs_pipeline::recover::Method;
+use particlegs_pipeline::stats::{Convention, Measure, StatsOptions, Subject, compare};
 
 /// Every way to draw: the library's own first, then the published ones beside them.
 pub(super) const METHODS: [Method; 6] =

@@ -17,9 +17,9 @@ use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
 use facts::Facts;
 use measure::{METHODS, MeasurementScope, RecoverySource};
-use particlegs::Result;
-use particlegs::fit::Effort;
-use particlegs::recover::Method;
+use particlegs_pipeline::Result;
+use particlegs_pipeline::fit::Effort;
+use particlegs_pipeline::recover::Method;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "recovery",

@@ -4,7 +4,7 @@ use super::measure::{MeasurementScope, cells};
 use super::{RATIO, RecoveryMeasurements, paper};
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
-use particlegs::recover::Method;
+use particlegs_pipeline::recover::Method;
 
 /// How it was measured, what differs from the paper and why, in the order of reading.
 pub(super) fn all(m: &RecoveryMeasurements, lab: &Lab<'_>, snapshot: &Snapshot) -> Vec<String> {

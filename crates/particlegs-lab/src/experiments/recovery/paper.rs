@@ -1,7 +1,7 @@
 //! The paper's own figures of recovery, as its \newcommand lines have them (particlegs-sc26.tex): 281 million particles
 //! of HACC in a box of 256 Mpc/h, an alpha-blend model of 8 blocks at ratio 65 trained on pictures.
 
-use particlegs::recover::Method;
+use particlegs_pipeline::recover::Method;
 
 /// A row of a table of the paper.
 pub(super) struct PublishedRecovery {

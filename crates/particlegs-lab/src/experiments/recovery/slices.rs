@@ -3,10 +3,10 @@
 use super::RATIO;
 use super::measure::RecoverySource;
 use crate::results::{Colours, Pictures};
-use particlegs::Result;
-use particlegs::picture::{Colormap, Rgb8, Size};
-use particlegs::recover::Method;
-use particlegs::stats::{Assignment, Domain, Field, Grid, Subject, deposit};
+use particlegs_pipeline::Result;
+use particlegs_pipeline::picture::{Colormap, Rgb8, Size};
+use particlegs_pipeline::recover::Method;
+use particlegs_pipeline::stats::{Assignment, Domain, Field, Grid, Subject, deposit};
 
 /// Planes of the slab: as many particles in a column, in the mean, as in a cell of the paper's grid.
 const PLANES: usize = 16;

@@ -1,0 +1,140 @@
+//! From particles to a measured file, in one process.
+
+use super::block::CodedBlock;
+use super::certify::DecodedFile;
+use super::clock::Clock;
+use super::executor::do_blocks;
+use super::in_memory::InMemoryBlocks;
+use super::options::Options;
+use super::plan::CompressionPlan;
+use super::search;
+use super::setup::{BlockSetup, StopPolicy};
+use super::thickness::Thickness;
+#[cfg(doc)]
+use crate::Error;
+use crate::Result;
+use crate::blocks::SnapshotScan;
+use crate::checkpoint::CheckpointStore;
+use crate::context::Context;
+use crate::fit::{self};
+use crate::model::{GoalResult, Model};
+use crate::particles::{LayeredParticles, Particles, Storage};
+use crate::score::{CertificateInput, GoalMetric};
+use crate::space::Bounds;
+use crate::train::TrainedRun;
+use particlegs_files::memory::require;
+use particlegs_files::output;
+
+/// A file and how it came to be.
+pub struct CompressedModel {
+    /// The file, whole.
+    pub bytes: Vec<u8>,
+    /// The file decoded again.
+    pub model: Model,
+    /// Bytes of the particles as float32.
+    pub raw_bytes: u64,
+    /// What was asked for in the terms of the data, and what the file reaches.
+    pub reached: Option<GoalResult>,
+    /// Multiple of the nominal quantisation steps.
+    pub step_factor: f64,
+    /// How each training run went: one for a layer of a block.
+    pub trained: Vec<TrainedRun>,
+    /// Was training stopped, and this is the best so far?
+    pub stopped: bool,
+    /// What a user should know, a sentence each: those of [`Compression::notes`], then how the
+    /// target is met, and how thick the model of a flat box is.
+    pub notes: Vec<String>,
+    /// Wall-clock seconds by phase, in order.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// Compresses a snapshot; `pieces` keeps what an interrupted run can go on from.
+pub fn compress(
+    particles: &Particles,
+    options: &Options,
+    pieces: &mut dyn CheckpointStore,
+    context: &Context<'_>,
+) -> Result<CompressedModel> {
+    Compression::plan(particles, options, context)?.run(pieces, context)
+}
+
+/// A compression that is planned: the snapshot was read once, and no block is fitted yet.
+pub struct Compression<'a> {
+    particles: &'a Particles,
+    options: &'a Options,
+    plan: CompressionPlan,
+    layer_bounds: Vec<Bounds>,
+    clock: Clock,
+}
+
+impl<'a> Compression<'a> {
+    /// Reads the particles once: bounds, hash, and where they are to be cut.
+    pub fn plan(particles: &'a Particles, options: &'a Options, context: &Context<'_>) -> Result<Self> {
+        let blocks = options.blocks_of(particles)?;
+        require("the fit", fit::memory_needed(particles) / u64::from(blocks.max(1)))?;
+        if let (Storage::Disk(folder), true) = (&options.storage, blocks > 1) {
+            output::check_space_in(folder, particles.raw_bytes())?;
+        }
+        let mut clock = Clock::default();
+        let source = LayeredParticles::from_particles(particles);
+        let scan = clock.time("read", || SnapshotScan::new(&source, &particles.meta.name, blocks != 1, context))?;
+        let plan = clock.time("divide", || CompressionPlan::new(options, &source, &scan, blocks, context))?;
+        let layer_bounds = scan.layer_bounds(&source);
+        Ok(Compression { particles, options, plan, layer_bounds, clock })
+    }
+
+    /// What a user should know before blocks are fitted, a sentence each.
+    pub fn notes(&self) -> &[String] {
+        &self.plan.notes
+    }
+
+    /// 32 bytes that name the work: a hash of all that decides the model's bytes. What was kept of other
+    /// work is of no use.
+    pub fn id(&self) -> [u8; 32] {
+        self.plan.id()
+    }
+
+    /// Fits and codes the blocks, puts the file together and measures it.
+    pub fn run(self, pieces: &mut dyn CheckpointStore, context: &Context<'_>) -> Result<CompressedModel> {
+        let Compression { particles, options, plan, layer_bounds, mut clock } = self;
+        let mut trained = Vec::new();
+        // What cannot be measured is refused before anything is fitted.
+        let gauge = |goal| GoalMetric::new(goal, particles, &plan.metadata, plan.recipe().seed, context);
+        let gauge = plan.recipe().target.goal().map(|goal| clock.time("measure", || gauge(goal))).transpose()?;
+        let (blocks, reached) = {
+            let divide = || InMemoryBlocks::new(particles, &plan.tree, &layer_bounds, options, context);
+            let mut store = clock.time("divide", divide)?;
+            let setup = BlockSetup { plan: &plan, limits: &options.limits, on_stop: StopPolicy::KeepBest, context };
+            let mut code = |target| -> Result<Vec<CodedBlock>> {
+                do_blocks(&mut store, target, setup, pieces)?;
+                let mut coded = store.take_coded();
+                for block in &mut coded {
+                    clock.append(std::mem::take(&mut block.clock));
+                    trained.append(&mut block.trained);
+                }
+                Ok(coded)
+            };
+            match &gauge {
+                Some(gauge) => {
+                    search::reach(gauge, &plan, &mut code, context).map(|(b, reached)| (b, Some(reached)))?
+                }
+                None => (code(plan.recipe().target)?, None),
+            }
+            // The store goes: the particles of blocks may be half of all that is in memory.
+        };
+        let met = plan.judge(&blocks)?;
+        let stopped = blocks.iter().any(|b| b.stopped);
+        let (level, memory) = (plan.certificate, options.memory);
+        let measured = level.measures() && !stopped;
+        let measure =
+            measured.then_some(CertificateInput { particles, seed: plan.recipe().seed, level, memory, reached });
+        let done = DecodedFile::new(|certificate| plan.file(&blocks, certificate), measure, context)?;
+        clock.append(done.clock);
+        let step_factor = blocks.iter().map(|b| b.step_factor).sum::<f64>() / blocks.len().max(1) as f64;
+        let (raw_bytes, seconds) = (plan.raw_bytes(), clock.seconds());
+        let DecodedFile { bytes, model, .. } = done;
+        let thick = Thickness::new(particles, &plan.metadata.bounds).and_then(|t| t.note(&model));
+        let notes = plan.notes.iter().cloned().chain(met).chain(thick).collect();
+        Ok(CompressedModel { bytes, model, raw_bytes, reached, step_factor, trained, stopped, notes, seconds })
+    }
+}

@@ -1,0 +1,116 @@
+//! The job's file from its blocks' files.
+
+use super::manifest::Job;
+use crate::compress::{CodedBlock, DecodedFile};
+use crate::context::Context;
+use crate::model::{Certificate, CertificateLevel};
+use crate::particles::Particles;
+use crate::score::CertificateInput;
+use crate::{Error, Hint, Result, codec};
+use std::fmt::Display;
+
+impl Job {
+    /// Puts the file together: the same bytes whatever ran where and in what order. The decoded model is measured on
+    /// `particles`, as much as the level says, or by what the blocks' tasks measured, and the file holds the certificate.
+    pub fn merge(
+        &self,
+        level: CertificateLevel,
+        particles: Option<&Particles>,
+        context: &Context<'_>,
+    ) -> Result<Vec<u8>> {
+        let plan = &self.manifest.plan;
+        if particles.is_some_and(|p| p.source_hash() != plan.metadata.source_hash) {
+            return Err(self.changed("its hash is another"));
+        }
+        self.check_done()?;
+        context.begin("merging", u64::from(plan.recipe().blocks));
+        let mut blocks = Vec::new();
+        for block in 0..plan.recipe().blocks {
+            context.check()?;
+            blocks.push(self.done_block(block)?);
+            context.advance(1);
+        }
+        context.end();
+        plan.judge(&blocks)?.iter().for_each(|note| context.message(&format!("note: {note}")));
+        let add = |n: u64, b: &CodedBlock| Ok::<_, Error>(n.saturating_add(codec::sums(&b.layers)?.0));
+        let (count, planned) = (blocks.iter().try_fold(0, add)?, plan.metadata.count);
+        if count != planned {
+            return Err(Error::input(
+                &self.folder,
+                format!("its blocks hold {count} particles, {planned} were planned"),
+            ));
+        }
+        let file = |certificate: Option<&Certificate>| plan.file(&blocks, certificate);
+        let certificate = match level {
+            CertificateLevel::None => None,
+            CertificateLevel::Blocks => Some(self.added_up(context)?),
+            CertificateLevel::Quick | CertificateLevel::Full => {
+                let needed = || Error::argument("this certificate is measured on the particles, which are not given");
+                let particles = particles.ok_or_else(needed)?;
+                let measure =
+                    CertificateInput { particles, seed: plan.recipe().seed, level, memory: None, reached: None };
+                return Ok(DecodedFile::new(file, Some(measure), context)?.bytes);
+            }
+        };
+        // Looked at block by block, in less memory than the whole model takes.
+        let bytes = file(certificate.as_ref())?;
+        codec::check(&bytes, "the merged file", context)?;
+        Ok(bytes)
+    }
+
+    /// Are all blocks done?
+    pub fn check_done(&self) -> Result<()> {
+        let missing = self.missing()?;
+        let Some(first) = missing.first() else { return Ok(()) };
+        let blocks = self.manifest.plan.recipe().blocks;
+        let what = format!("blocks not fitted yet: {} ({} of {blocks})", some(&missing), missing.len());
+        Err(Error::input_with(&self.folder, what, self.run_again("block", *first, false)))
+    }
+
+    /// A command is to be run for a chunk or a block, again where what is there is broken.
+    pub(super) fn run_again(&self, command: &'static str, number: impl Display, broken: bool) -> Hint {
+        let hint = Hint::from(if broken { "delete it and run " } else { "run " });
+        hint.command(command, format!("{} {number}", self.folder.display()))
+    }
+
+    pub(super) fn done_block(&self, block: u32) -> Result<CodedBlock> {
+        let path = self.block_path(block, "pgs");
+        let broken = |what: &str| Error::input_with(&path, what, self.run_again("block", block, true));
+        let report = self.report(block)?.ok_or_else(|| broken("its report is missing"))?;
+        let bytes = match codec::read_file(&path, &Context::SILENT) {
+            Err(Error::Corrupt { what, .. } | Error::Compatibility { what, .. }) => return Err(broken(&what)),
+            read => read?,
+        };
+        if blake3::hash(&bytes).to_hex().as_str() != report.model {
+            return Err(broken("incomplete or altered: it does not match its report"));
+        }
+        let name = path.display().to_string();
+        let info = codec::read_info(&bytes, &name)?;
+        Ok(CodedBlock {
+            layers: codec::coded_layers(&bytes, &name)?,
+            vizmapper: info.vizmapper,
+            step_factor: report.step_factor,
+            size_met: report.size_met,
+            ..CodedBlock::empty(info.metadata.bounds)
+        })
+    }
+
+    pub(super) fn missing(&self) -> Result<Vec<u32>> {
+        let mut missing = Vec::new();
+        for block in 0..self.manifest.plan.recipe().blocks {
+            let there = self.block_path(block, "pgs").is_file() && self.is_measured(block);
+            if self.report(block)?.is_none() || !there {
+                missing.push(block);
+            }
+        }
+        Ok(missing)
+    }
+}
+
+/// The first few of some numbers.
+fn some(numbers: &[u32]) -> String {
+    const FEW: usize = 8;
+    let first: Vec<String> = numbers.iter().take(FEW).map(u32::to_string).collect();
+    let more = if numbers.len() > FEW { format!(" and {} more", numbers.len() - FEW) } else { String::new() };
+    first.join(", ") + &more
+}

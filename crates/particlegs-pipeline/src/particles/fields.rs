@@ -1,0 +1,157 @@
+//! Fields of a snapshot beside positions and weights: read where they lie when particles are written.
+
+use super::{RUN, SnapshotReader};
+use crate::Result;
+use particlegs_files::memory::require;
+use std::sync::Arc;
+
+/// Type of a field's numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Number {
+    /// IEEE 754, 4 bytes.
+    F32,
+    /// IEEE 754, 8 bytes.
+    F64,
+    /// Signed, 1 byte.
+    I8,
+    /// Signed, 2 bytes.
+    I16,
+    /// Signed, 4 bytes.
+    I32,
+    /// Signed, 8 bytes.
+    I64,
+    /// Unsigned, 1 byte.
+    U8,
+    /// Unsigned, 2 bytes.
+    U16,
+    /// Unsigned, 4 bytes.
+    U32,
+    /// Unsigned, 8 bytes.
+    U64,
+}
+
+impl Number {
+    /// Bytes of a number.
+    pub fn bytes(self) -> u64 {
+        match self {
+            Number::I8 | Number::U8 => 1,
+            Number::I16 | Number::U16 => 2,
+            Number::F32 | Number::I32 | Number::U32 => 4,
+            Number::F64 | Number::I64 | Number::U64 => 8,
+        }
+    }
+
+    /// Appends a number of a [`super::Run`]'s fields, little-endian.
+    pub fn append(self, value: f64, out: &mut Vec<u8>) {
+        match self {
+            Number::F32 => out.extend((value as f32).to_le_bytes()),
+            // Whole numbers of 64 bits come as their bits.
+            Number::F64 | Number::I64 | Number::U64 => out.extend(value.to_bits().to_le_bytes()),
+            Number::I8 => out.extend((value as i8).to_le_bytes()),
+            Number::I16 => out.extend((value as i16).to_le_bytes()),
+            Number::I32 => out.extend((value as i32).to_le_bytes()),
+            Number::U8 => out.extend((value as u8).to_le_bytes()),
+            Number::U16 => out.extend((value as u16).to_le_bytes()),
+            Number::U32 => out.extend((value as u32).to_le_bytes()),
+        }
+    }
+}
+
+/// A field of a snapshot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SourceField {
+    /// Name as the source has it.
+    pub name: String,
+    /// Type of its numbers.
+    pub number: Number,
+    /// Numbers a particle.
+    pub components: u32,
+    /// Unit as text, where the source says.
+    pub unit: Option<String>,
+    /// Numbers that the source says about it, by name: powers of a and h, a factor.
+    pub attributes: Vec<(String, f64)>,
+}
+
+/// The fields of a layer.
+pub struct LayerFields {
+    /// Name, type and unit of each.
+    pub fields: Vec<SourceField>,
+    /// Three components each, in the order of the fields'.
+    columns: Vec<Triple>,
+    positions: Option<Triple>,
+}
+
+/// Three columns.
+enum Triple {
+    Reader(Arc<dyn SnapshotReader>),
+    /// Columns of a stream, which cannot be read run by run.
+    Memory([Vec<f64>; 3]),
+}
+
+impl LayerFields {
+    /// `fields`, of whose components each of `readers` gives three as positions, and the layer's own positions, where the
+    /// source has them to more digits than float32.
+    pub fn new(
+        fields: Vec<SourceField>,
+        readers: Vec<Arc<dyn SnapshotReader>>,
+        positions: Option<Arc<dyn SnapshotReader>>,
+    ) -> Result<Self> {
+        let columns = readers.into_iter().map(Triple::from_reader).collect::<Result<_>>()?;
+        Ok(LayerFields { fields, columns, positions: positions.map(Triple::from_reader).transpose()? })
+    }
+
+    pub(super) fn has_positions(&self) -> bool {
+        self.positions.is_some()
+    }
+
+    /// Every component of every field in run `run` of the layer.
+    pub(super) fn read(&self, run: u64, out: &mut Vec<Vec<f64>>) -> Result<()> {
+        let count: u32 = self.fields.iter().map(|f| f.components).sum();
+        out.resize_with(count as usize, Vec::new);
+        let mut three = <[Vec<f64>; 3]>::default();
+        for (triple, part) in self.columns.iter().zip(out.chunks_mut(3)) {
+            triple.read(run, &mut three)?;
+            part.iter_mut().zip(&mut three).for_each(|(to, from)| std::mem::swap(to, from));
+        }
+        Ok(())
+    }
+
+    pub(super) fn read_positions(&self, run: u64, out: &mut [Vec<f64>; 3]) -> Result<()> {
+        self.positions.as_ref().map_or(Ok(()), |p| p.read(run, out))
+    }
+}
+
+impl Triple {
+    fn from_reader(reader: Arc<dyn SnapshotReader>) -> Result<Triple> {
+        if reader.random_access() {
+            return Ok(Triple::Reader(reader));
+        }
+        require("the fields of a compressed file", reader.count().saturating_mul(24))?;
+        let mut all = <[Vec<f64>; 3]>::default();
+        reader.read_wide(0..reader.count().div_ceil(RUN as u64), &mut |_, part| {
+            all.iter_mut().zip(part).for_each(|(all, part)| all.extend_from_slice(part));
+            Ok(())
+        })?;
+        Ok(Triple::Memory(all))
+    }
+
+    fn read(&self, run: u64, out: &mut [Vec<f64>; 3]) -> Result<()> {
+        let mut copy = |part: [&[f64]; 3]| {
+            out.iter_mut().zip(part).for_each(|(out, part)| {
+                out.clear();
+                out.extend_from_slice(part);
+            });
+        };
+        match self {
+            Triple::Reader(reader) => reader.read_wide(run..run + 1, &mut |_, part| {
+                copy(part);
+                Ok(())
+            }),
+            Triple::Memory(all) => {
+                let start = run as usize * RUN;
+                copy([0, 1, 2].map(|k| &all[k][start.min(all[k].len())..all[k].len().min(start + RUN)]));
+                Ok(())
+            }
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! A snapshot as a user names it.
+
+use crate::camera::View;
+use crate::{Choice, Context, Description, Error, Gray8, Particles, Result, Selection, Size, Storage, ToneStyle};
+use particlegs_files::input::is_stream;
+use particlegs_pipeline::reference::Reference;
+use std::path::{Path, PathBuf};
+
+/// Particles in files of any format that is read (docs/guide/formats.md), or in memory.
+#[derive(Clone)]
+pub struct Snapshot {
+    source: SnapshotSource,
+    choice: Choice,
+}
+
+#[derive(Clone)]
+enum SnapshotSource {
+    Files(Vec<PathBuf>),
+    Memory(Box<Particles>),
+}
+
+impl Snapshot {
+    /// Names a file, or a folder of raw columns; the format is found by the content.
+    ///
+    /// # Errors
+    /// [`Error::Io`] and [`Error::Input`] where it cannot be read, or is no snapshot; [`Error::Argument`] for a pipe,
+    /// which gives its data once.
+    pub fn open(path: impl AsRef<Path>) -> Result<Snapshot> {
+        Snapshot::open_with(&[path.as_ref().to_path_buf()], Choice::default())
+    }
+
+    /// Names the files of one snapshot, and what is read of them and how.
+    ///
+    /// # Errors
+    /// As [`Snapshot::open`].
+    pub fn open_with(paths: &[PathBuf], choice: Choice) -> Result<Snapshot> {
+        if let Some(pipe) = paths.iter().find(|p| is_stream(p)) {
+            return Err(Error::argument(format!("{}: a pipe gives its data once: name a file", pipe.display())));
+        }
+        choice.describe(paths, false, &Context::default())?;
+        Ok(Snapshot { source: SnapshotSource::Files(paths.to_vec()), choice })
+    }
+
+    /// Positions in columns of float32, in any unit of length.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for columns of unequal length.
+    pub fn from_columns(x: impl Into<Vec<f32>>, y: impl Into<Vec<f32>>, z: impl Into<Vec<f32>>) -> Result<Snapshot> {
+        let (x, y, z) = (x.into(), y.into(), z.into());
+        if x.len() != y.len() || x.len() != z.len() {
+            let lengths = format!("{}, {} and {}", x.len(), y.len(), z.len());
+            return Err(Error::argument(format!("columns of unequal length: {lengths}")));
+        }
+        Ok(Snapshot::from(Particles::from_columns(x, y, z)))
+    }
+
+    /// Reads one species alone, by its name, number or alias; called again, that one as well.
+    #[must_use]
+    pub fn species(mut self, name: &str) -> Snapshot {
+        self.choice.species.push(name.into());
+        self
+    }
+
+    /// Keeps a part: a region, every n-th particle, a random sample.
+    #[must_use]
+    pub fn select(mut self, selection: Selection) -> Snapshot {
+        self.choice.selection = Some(selection);
+        self
+    }
+
+    /// What the files say of themselves.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for particles in memory; those of reading.
+    pub fn describe(&self, context: &Context<'_>) -> Result<Description> {
+        match &self.source {
+            SnapshotSource::Files(paths) => Ok(self.choice.describe(paths, false, context)?.0),
+            SnapshotSource::Memory(_) => Err(Error::argument("particles in memory have no files to describe")),
+        }
+    }
+
+    /// Reads the particles: mapped where they lie in their file as they are used, else in memory.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a species that there is not, and invalid values; [`Error::Argument`] for a species of
+    /// particles in memory; [`Error::Memory`]; [`Error::Cancelled`].
+    pub fn particles(&self, context: &Context<'_>) -> Result<Particles> {
+        match (&self.source, self.choice.selection) {
+            (SnapshotSource::Files(paths), _) => self.choice.read(paths, &Storage::Memory, context),
+            (SnapshotSource::Memory(_), _) if !self.choice.species.is_empty() => {
+                Err(Error::argument("particles in memory have no species to choose from"))
+            }
+            (SnapshotSource::Memory(all), Some(part)) => all.select(part, &Storage::Memory, context),
+            (SnapshotSource::Memory(all), None) => Ok((**all).clone()),
+        }
+    }
+
+    /// Draws all particles, as ParaView's point Gaussians, to the last level.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a view out of range; [`Error::Memory`]; [`Error::Cancelled`]; those of reading.
+    pub fn render(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Gray8> {
+        let particles = self.particles(context)?;
+        Reference::new(&particles).draw(view, size, ToneStyle::Paraview, context)
+    }
+
+    /// As a model's recipe says what was read.
+    pub(crate) fn options(&self) -> std::collections::BTreeMap<String, String> {
+        self.choice.options()
+    }
+}
+
+impl From<Particles> for Snapshot {
+    fn from(particles: Particles) -> Snapshot {
+        Snapshot { source: SnapshotSource::Memory(particles.into()), choice: Choice::default() }
+    }
+}

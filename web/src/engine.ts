@@ -1,0 +1,78 @@
+// The worker as the page sees it: questions and promises.
+
+import type { WorkerResponse, OpenedModel, EngineQuery, Setup, Source, WorkerRequest } from "./protocol";
+
+export interface EngineResponse<T> { json: T; numbers: ArrayBuffer; milliseconds: number }
+
+type Message = WorkerRequest extends infer M ? (M extends WorkerRequest ? Omit<M, "id"> : never) : never;
+
+export class EngineClient {
+  private waiting = new Map<number, { done: (r: WorkerResponse) => void; failed: (error: Error) => void }>();
+  private next = 0;
+
+  private constructor(private worker: Worker) {
+    worker.onerror = worker.onmessageerror = () => {
+      this.waiting.forEach((w) => w.failed(new Error("the worker that decodes and draws has failed: load the page again")));
+      this.waiting.clear();
+    };
+    worker.onmessage = ({ data }: MessageEvent<WorkerResponse>) => {
+      this.waiting.get(data.id)?.done(data);
+      this.waiting.delete(data.id);
+    };
+  }
+
+  /** Starts the worker and its engine. */
+  static async start(setup: Setup): Promise<EngineClient> {
+    const source = document.getElementById("worker")?.textContent ?? "";
+    const remote = new EngineClient(new Worker(URL.createObjectURL(new Blob([source], { type: "text/javascript" }))));
+    const engine = await bytesOf(setup.engine);
+    // A server sends it as it is; the one file holds it compressed.
+    await remote.send({ do: "start", engine, gzip: setup.engine.element !== undefined }, [engine]);
+    return remote;
+  }
+
+  /** Begins to decode a model; `decode` goes on. */
+  async open(source: Source): Promise<EngineResponse<OpenedModel>> {
+    const bytes = await bytesOf(source);
+    return responseOf(await this.send({ do: "open", bytes }, [bytes]));
+  }
+
+  /** Asks; `numbers`, which are handed over, go with the question. */
+  async ask<T>(question: EngineQuery, numbers?: ArrayBuffer): Promise<EngineResponse<T>> {
+    return responseOf(await this.send({ do: "ask", question, numbers }, numbers ? [numbers] : []));
+  }
+
+  private send(message: Message, transfer: Transferable[]): Promise<WorkerResponse> {
+    const id = this.next++;
+    return new Promise((resolve, reject) => {
+      const done = (r: WorkerResponse) => (r.error === undefined ? resolve(r) : reject(new Error(r.error)));
+      this.waiting.set(id, { done, failed: reject });
+      this.worker.postMessage({ ...message, id }, transfer);
+    });
+  }
+}
+
+const responseOf = <T>({ json, numbers, milliseconds }: WorkerResponse): EngineResponse<T> =>
+  ({ json: json as T, numbers: numbers ?? new ArrayBuffer(0), milliseconds });
+
+/** The bytes of a source. */
+export async function bytesOf({ url, element }: Source): Promise<ArrayBuffer> {
+  if (url !== undefined) {
+    const answer = await fetch(url);
+    if (!answer.ok) throw new Error(`${url}: the server answers ${answer.status}`);
+    return answer.arrayBuffer();
+  }
+  const node = document.getElementById(element ?? "");
+  const text = node?.textContent ?? "";
+  node?.remove();
+  return decodeBase64(text);
+}
+
+function decodeBase64(base64: string): ArrayBuffer {
+  const native = (Uint8Array as unknown as { fromBase64?: (text: string) => Uint8Array<ArrayBuffer> }).fromBase64;
+  if (native) return native.call(Uint8Array, base64).buffer;
+  const binary = atob(base64);
+  const bytes = new Uint8Array(binary.length);
+  for (let i = 0; i < binary.length; i++) bytes[i] = binary.charCodeAt(i);
+  return bytes.buffer;
+}

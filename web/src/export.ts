@@ -1,0 +1,165 @@
+// What the page exports when it is asked to, and the views files that it imports.
+
+import { download, h } from "./dom";
+import { asWide } from "./camera";
+import { askForm, field } from "./dialog";
+import { withColorBar } from "./colorbar";
+import { drawOverlay } from "./overlay";
+import type { Page } from "./main";
+import type { Size } from "./protocol";
+import { fromViewsFile, paintOf, sceneOf, toLink, viewsFile, type State } from "./state";
+import { canvasOf, encodeNpy, encodePng, encodeZip } from "./encode";
+
+const SIZES: [string, Size][] = [
+  ["as on the screen", { width: 0, height: 0 }], ["1920 × 1080", { width: 1920, height: 1080 }],
+  ["3840 × 2160 (4K)", { width: 3840, height: 2160 }], ["7680 × 4320 (8K)", { width: 7680, height: 4320 }],
+];
+
+const stem = (page: Page): string => page.panes[0].name.replace(/\.pgs$/, "");
+
+/** What a picture is of, as text in it: as `render --like` reads it, and the link. */
+function pngTexts(page: Page, size: Size): Record<string, string> {
+  const { state: s, panes: [pane], setup: { version } } = page;
+  const density = s.look === "density";
+  const provenance = {
+    particlegs: version, of: [{ name: pane.name, blake3: pane.about.blake3 }], style: s.look,
+    layers: s.hidden.length > 0 ? pane.about.layers.map((l) => l.name).filter((n) => !s.hidden.includes(n)) : [],
+    color_by_layer: s.byLayer && !density,
+    ...(density ? { colormap: s.colormap, range: s.range ?? pane.range, unit: pane.about.units.surface } : {}),
+    ...(s.white ? { background: "white" } : {}),
+    views: JSON.parse(viewsFile(s, pane.about, size)) as unknown,
+  };
+  return { Software: `particlegs ${version}`, particlegs: JSON.stringify(provenance), "particlegs:link": toLink(s) };
+}
+
+/** What is drawn over a picture, and beside it. */
+interface Annotations { lines: boolean; bar: boolean }
+
+/** A picture of a size, as PNG; a colour bar of densities stands beside it. */
+async function renderPng(page: Page, state: State, size: Size, { lines, bar }: Annotations): Promise<Uint8Array<ArrayBuffer>> {
+  const pane = page.panes[0];
+  state = { ...state, orbit: asWide(state.orbit, pane.size, size) };
+  const range = state.range ?? pane.range;
+  const { numbers } = await pane.picture(sceneOf(state, pane.about, size), paintOf({ ...state, range }));
+  const canvas = canvasOf(numbers, size);
+  if (lines) {
+    const over = new OffscreenCanvas(size.width, size.height);
+    drawOverlay(over.getContext("2d")!, state, pane.about, size, size.height / 720, pane.marker);
+    canvas.getContext("2d")!.drawImage(over, 0, 0);
+  }
+  const whole = bar && range && state.look === "density"
+    ? withColorBar(canvas, range, await pane.mapColors(state.colormap, state.white), pane.about.units.surface, state.white) : canvas;
+  return encodePng(whole, pngTexts({ ...page, state }, size));
+}
+
+export async function exportPng(page: Page): Promise<void> {
+  const sizes = h("select", { name: "size" }, ...SIZES.map(([text], i) => h("option", { value: i, text })));
+  const lines = h("input", { type: "checkbox", name: "lines" });
+  const bar = h("input", { type: "checkbox", name: "bar", checked: true });
+  const density = page.state.look === "density";
+  const form = await askForm("Save a picture", "Save", field("Size", sizes), h("label", { class: "check" }, lines, "with box, axes and scale bar as shown"),
+    h("label", { class: "check", hidden: !density }, bar, "with its colour bar"));
+  if (!form) return;
+  const asked = SIZES[Number(sizes.value)][1];
+  const size = asked.width ? asked : page.panes[0].size;
+  page.say(`drawing ${size.width} × ${size.height} …`);
+  const bytes = await renderPng(page, page.state, size, { lines: lines.checked, bar: bar.checked });
+  download(`${stem(page)}.png`, [bytes], "image/png");
+  page.say("saved: the camera is in the picture as text");
+}
+
+export async function exportNpy(page: Page): Promise<void> {
+  const pane = page.panes[0];
+  const style = page.state.look === "density" ? "density" : "depth";
+  const { numbers } = await pane.values(sceneOf(page.state, pane.about, pane.size), style);
+  download(`${stem(page)}-${style}.npy`, encodeNpy(numbers, pane.size), "application/octet-stream");
+  page.say(style === "density" ? "saved surface densities, rows from the top" : "saved optical depths, rows from the top");
+}
+
+export function exportViews(page: Page): void {
+  const pane = page.panes[0];
+  download("views.json", [viewsFile(page.state, pane.about, pane.size)], "application/json");
+}
+
+export function importViews(page: Page): void {
+  const input = h("input", { type: "file", accept: ".json,application/json" });
+  input.addEventListener("change", () => {
+    void input.files?.[0]?.text().then((text) => page.change(fromViewsFile(text, page.state, page.panes[0].about)))
+      .catch((error: Error) => page.say(`${input.files?.[0]?.name}: ${error.message}`));
+  });
+  input.click();
+}
+
+/** Copies a text, or shows it to be copied. */
+async function copyText(page: Page, what: string, text: string): Promise<void> {
+  try {
+    await navigator.clipboard.writeText(text);
+    page.say(`copied ${what}`);
+  } catch {
+    const area = h("textarea", { rows: 4, readonly: true, "aria-label": what });
+    area.value = text;
+    await askForm(`Copy ${what}`, "Done", area);
+  }
+}
+
+export function copyLink(page: Page): Promise<void> {
+  if (location.protocol === "about:") {
+    return Promise.reject(new Error("this page lies within another and has no address: save it as a page of its own first"));
+  }
+  return copyText(page, "a link to this view", `${location.href.split("#")[0]}#${toLink(page.state)}`);
+}
+
+/** A word as a shell takes it whole: names come from files, and may hold anything. */
+const shellQuote = (word: string): string => (/^[\w./,][\w./,-]*$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
+
+/** The command that draws the picture of the screen, from the views file that it names. */
+export function commandFor(page: Page): string {
+  const { state: s } = page;
+  const [{ name, about }] = page.panes;
+  const parts = [`particlegs render ${shellQuote(name.startsWith("-") ? `./${name}` : name)} --views views.json --style ${s.look}`];
+  if (s.look === "density") {
+    parts.push(`--colormap ${s.colormap}`);
+    const range = s.range ?? page.panes[0].range;
+    if (range) parts.push(`--range ${range.map((v) => Number(v.toPrecision(6))).join(",")}`);
+  }
+  const shown = about.layers.map((l) => l.name).filter((n) => !s.hidden.includes(n));
+  if (shown.length < about.layers.length) parts.push(`--layer ${shellQuote(shown.join(","))}`);
+  if (s.byLayer && s.look !== "density") parts.push("--color-by-layer");
+  if (s.white) parts.push("--background white");
+  const left = [s.clip && "the clip box", s.slab && s.slab.axis !== "view" && "the slab", s.images && "periodic images",
+    s.exposure !== 0 && "the exposure"].filter((t) => t);
+  const note = left.length > 0 ? `   # without ${left.join(", ")}` : "";
+  return `${parts.join(" ")} --no-annotations -o picture.png${note}`;
+}
+
+export async function copyCommand(page: Page): Promise<void> {
+  exportViews(page);
+  await copyText(page, "the command (views.json is saved beside)", commandFor(page));
+}
+
+export async function exportTurn(page: Page): Promise<void> {
+  const frames = h("input", { type: "number", min: 2, max: 720, value: 72 });
+  const sizes = h("select", {}, ...SIZES.slice(0, 3).map(([text], i) => h("option", { value: i, text })));
+  const form = await askForm("A turn as frames", "Draw", field("Frames", frames), field("Size", sizes));
+  if (!form) return;
+  const asked = SIZES[Number(sizes.value)][1];
+  const size = asked.width ? asked : page.panes[0].size;
+  const count = Math.max(2, Math.min(720, Math.round(Number(frames.value)) || 72));
+  const files: { name: string; bytes: Uint8Array<ArrayBuffer> }[] = [];
+  const start = page.state;
+  const turned = (i: number) => ({ ...start.orbit, azimuth: start.orbit.azimuth + (360 * i) / count });
+  let { distance } = start.orbit;
+  if (start.orbit.orthographic) {
+    // A window that shows the whole box does so in all frames.
+    const whole: number[] = [];
+    for (let i = 0; i < count; i++) whole.push((await page.panes[0].window({ ...start, orbit: turned(i) })).distance);
+    if (distance > 0.999999 * whole[0]) distance = Math.max(distance, ...whole);
+  }
+  for (let i = 0; i < count; i++) {
+    const orbit = { ...turned(i), distance };
+    files.push({ name: `frame_${String(i).padStart(4, "0")}.png`, bytes: await renderPng(page, { ...start, orbit }, size, { lines: false, bar: true }) });
+    page.say(`frame ${i + 1} of ${count}`);
+  }
+  download(`${stem(page)}-turn.zip`, encodeZip(files), "application/zip");
+  page.say("saved; joined by: ffmpeg -framerate 30 -i frame_%04d.png -pix_fmt yuv420p turn.mp4");
+}
