@@ -178,7 +178,7 @@ impl CommandMatches<'_> {
 
     /// Is the output a page with its own room about the picture?
     fn draws_page(&self) -> bool {
-        let kind = self.paths("out").first().and_then(|p| FileKind::of(p));
+        let kind = self.paths("out").first().and_then(|p| FileKind::from_path(p));
         kind.is_some_and(|k| k != FileKind::Png)
     }
 

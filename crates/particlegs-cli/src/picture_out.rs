@@ -18,7 +18,7 @@ impl PictureOut {
     /// What an output means for so many views; a name that ends in `.png`, `.pdf` or `.svg` is the one picture's, and so
     /// is a stream. Makes the folder. `raw` values need a folder.
     pub fn new(out: &Path, views: usize, raw: bool, context: &CommandContext) -> Result<Self> {
-        let is_picture = FileKind::of(out).is_some() && !out.is_dir() || output::is_stream(out)?;
+        let is_picture = FileKind::from_path(out).is_some() && !out.is_dir() || output::is_stream(out)?;
         if !is_picture && out.is_file() {
             let what = format!("{} is a file, and its name does not end in .png, .pdf or .svg", out.display());
             return Err(Error::argument_with(what, "name a folder, or a picture NAME.png"));
@@ -60,7 +60,7 @@ impl PictureOut {
     pub fn kind(&self) -> FileKind {
         match self {
             PictureOut::Folder(_) => FileKind::Png,
-            PictureOut::File(file) => FileKind::of(file).unwrap_or(FileKind::Png),
+            PictureOut::File(file) => FileKind::from_path(file).unwrap_or(FileKind::Png),
         }
     }
 

@@ -58,7 +58,7 @@ fn finish<'a>(
         style: style.into(),
         colormap: subject.density.then(|| Colormap::default().name().into()),
         unit: subject.density.then(|| quantities.unit()),
-        units: Some(PictureUnits::of(m.unit_system())),
+        units: Some(PictureUnits::new(m.unit_system())),
         ..PictureProvenance::default()
     };
     Finisher { args, colormap: Colormap::default(), quantities, subject, legend: Vec::new(), about }

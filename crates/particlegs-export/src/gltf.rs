@@ -75,7 +75,7 @@ pub fn write(
 }
 
 fn scene(model: &Model, colors: Option<&[[f32; 3]]>, notes: &Notes, context: &Context<'_>) -> Result<(Value, Vec<u8>)> {
-    let frame = Normalisation::of(&model.metadata.bounds);
+    let frame = Normalisation::new(&model.metadata.bounds);
     let mut binary = Vec::new();
     let (mut meshes, mut nodes, mut accessors, mut views) = (vec![], vec![], vec![], vec![]);
     let mut colors = colors;

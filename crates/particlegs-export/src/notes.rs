@@ -20,7 +20,7 @@ impl Notes {
         let lost = lost(kind, m.law).iter().map(|s| s.to_string()).collect();
         let mut notes = Notes { facts: facts(model, name), words: words(model, name), lost };
         if kind.group() == Group::Splats {
-            let frame = Normalisation::of(&m.bounds);
+            let frame = Normalisation::new(&m.bounds);
             let frame_in_words = match kind {
                 Kind::Ply => "(world - center) * scale, x and y negated: y down, as published files have it",
                 _ => "(world - center) * scale, y up",

@@ -39,15 +39,15 @@ pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
     match room {
         FigureSpace::Pixels => {
             scale = 1.0;
-            margins = Margins::of(figure, em, [w, h]).rounded();
+            margins = Margins::new(figure, em, [w, h]).rounded();
         }
         FigureSpace::Width(total) => {
             // How many ticks there are is decided by the picture's size, and that by the room that their labels take.
             scale = total / (columns as f64 * w);
-            margins = Margins::of(figure, em, [w * scale, h * scale]);
+            margins = Margins::new(figure, em, [w * scale, h * scale]);
             for _ in 0..3 {
                 scale = ((total - margins.across(columns)) / (columns as f64 * w)).max(1e-6);
-                margins = Margins::of(figure, em, [w * scale, h * scale]);
+                margins = Margins::new(figure, em, [w * scale, h * scale]);
             }
             scale = (total - margins.across(columns)) / (columns as f64 * w);
             if scale * w < 2.0 * em {
@@ -109,7 +109,7 @@ fn scales(figure: &Figure) -> Vec<usize> {
 }
 
 impl Margins {
-    fn of(figure: &Figure, em: f64, [w, h]: [f64; 2]) -> Margins {
+    fn new(figure: &Figure, em: f64, [w, h]: [f64; 2]) -> Margins {
         let ticks_of = |p: &Panel| {
             let [x, y] = p.axes.as_ref()?;
             Some([ticks::even(x.low, x.high, w / (3.4 * em)), ticks::even(y.low, y.high, h / (2.2 * em))])

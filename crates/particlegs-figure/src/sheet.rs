@@ -130,7 +130,7 @@ named_values! {
 
 impl FileKind {
     /// By the ending of a name.
-    pub fn of(path: &Path) -> Option<FileKind> {
+    pub fn from_path(path: &Path) -> Option<FileKind> {
         FileKind::from_name(&path.extension()?.to_str()?.to_ascii_lowercase()).ok()
     }
 }

@@ -101,7 +101,7 @@ impl TableCell {
     }
 
     /// As it stands in a table of text.
-    pub fn in_words(&self) -> String {
+    pub fn describe(&self) -> String {
         match self {
             TableCell::Text(words) => words.clone(),
             TableCell::Number { value, digits } => grouped(*value, *digits),
@@ -179,12 +179,12 @@ mod tests {
 
     #[test]
     fn numbers_are_grouped_and_spreads_told() {
-        let said = [0.0, 1234.0, 12345.0, -1_234_567.0].map(|v| TableCell::number(v, 0).in_words());
+        let said = [0.0, 1234.0, 12345.0, -1_234_567.0].map(|v| TableCell::number(v, 0).describe());
         assert_eq!(said, ["0", "1234", "12,345", "-1,234,567"]);
-        assert_eq!(TableCell::number(12345.678, 2).in_words(), "12,345.68");
-        assert_eq!([-0.004, -0.006].map(|v| TableCell::number(v, 2).in_words()), ["0.00", "-0.01"]);
-        assert_eq!(TableCell::spread(&[3.0, 1.0, 2.0], 1).in_words(), "2.0 (1.0 to 3.0)");
-        assert_eq!(TableCell::spread(&[3.01, 3.0, 3.02], 1).in_words(), "3.0");
+        assert_eq!(TableCell::number(12345.678, 2).describe(), "12,345.68");
+        assert_eq!([-0.004, -0.006].map(|v| TableCell::number(v, 2).describe()), ["0.00", "-0.01"]);
+        assert_eq!(TableCell::spread(&[3.0, 1.0, 2.0], 1).describe(), "2.0 (1.0 to 3.0)");
+        assert_eq!(TableCell::spread(&[3.01, 3.0, 3.02], 1).describe(), "3.0");
         assert_eq!(TableCell::spread(&[4.0], 1), TableCell::number(4.0, 1));
         assert_eq!(TableCell::number(f64::NAN, 1), TableCell::Empty);
         assert_eq!(TableCell::number(None, 1).plain(), "");
@@ -198,7 +198,7 @@ mod tests {
             (TableCell::decibels(&same), TableCell::decibels(&[])),
             (TableCell::text("identical"), TableCell::Empty)
         );
-        assert_eq!(TableCell::decibels(&[30.0, f64::INFINITY]).in_words(), "30.00");
+        assert_eq!(TableCell::decibels(&[30.0, f64::INFINITY]).describe(), "30.00");
         assert_eq!(Point::decibels(3.0, &same).map(|p| (p.x, p.y)), Some((3.0, f64::INFINITY)));
         assert!(Point::decibels(3.0, &[]).is_none());
     }

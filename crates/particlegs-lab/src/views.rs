@@ -52,7 +52,7 @@ impl ReferenceViews {
         }
         let mut draw = None;
         let picture = |view: &View| {
-            let inputs = ("truth", &snapshot.hash, told(view, size));
+            let inputs = ("truth", &snapshot.hash, cache_key(view, size));
             kept_picture(lab, &inputs, || {
                 or_made(&mut draw, || lab.draws_particles(&snapshot.particles, bounds, Style::Paraview))?(view, size)
             })
@@ -63,7 +63,7 @@ impl ReferenceViews {
 
     /// What scores in these views depend on.
     pub fn key(&self) -> String {
-        let views: String = self.views.iter().map(|v| told(v, self.size)).collect();
+        let views: String = self.views.iter().map(|v| cache_key(v, self.size)).collect();
         blake3::hash(views.as_bytes()).to_hex()[..16].to_string()
     }
 
@@ -89,7 +89,7 @@ impl ReferenceViews {
 }
 
 /// A view as what a result depends on.
-pub fn told(view: &View, size: Size) -> String {
+pub fn cache_key(view: &View, size: Size) -> String {
     format!("{view:?} {size:?}")
 }
 

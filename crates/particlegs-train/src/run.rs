@@ -216,7 +216,7 @@ impl<'a> Training<'a> {
         let Training { subject, config, limits, defaults } = *self;
         let (bounds, particles) = (defaults.bounds, subject.len() as u64);
         let scale = TrainingScale {
-            frame: Normalisation::of(&bounds),
+            frame: Normalisation::new(&bounds),
             radius: defaults.radius,
             opacity: defaults.opacity,
             particles,

@@ -15,7 +15,7 @@ pub struct EngineResponse {
 
 impl EngineResponse {
     /// `json` alone.
-    pub(crate) fn of(json: &impl Serialize) -> Result<EngineResponse> {
+    pub(crate) fn new(json: &impl Serialize) -> Result<EngineResponse> {
         EngineResponse::with(json, Vec::new())
     }
 

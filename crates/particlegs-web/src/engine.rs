@@ -65,7 +65,7 @@ impl Engine {
             let mut opened = LoadedModel::new(decoder);
             let decoded = opened.step()?;
             self.models.push(opened);
-            EngineResponse::of(&json!({ "about": about, "decoded": decoded }))
+            EngineResponse::new(&json!({ "about": about, "decoded": decoded }))
         });
         EngineResponse::or_error(opened)
     }
@@ -85,7 +85,7 @@ impl Engine {
         let none = || Error::argument(format!("there is no model {model}: {number} are open"));
         let opened = models.get_mut(model).ok_or_else(none)?;
         match what {
-            QueryKind::Decode => EngineResponse::of(&json!({ "decoded": opened.step()? })),
+            QueryKind::Decode => EngineResponse::new(&json!({ "decoded": opened.step()? })),
             QueryKind::Picture { scene, paint } => picture(opened, painter, &scene, &paint),
             QueryKind::Values { scene, style } => {
                 check(scene.size)?;
@@ -109,7 +109,7 @@ impl Engine {
                 let (extent, frame) = (opened.extent()?, scene.view()?.camera.frame()?);
                 let Size { width, height } = scene.size;
                 let height_world = extent.width(&frame, scene.size) * height as f64 / width as f64;
-                EngineResponse::of(&json!({ "center": extent.center, "height_world": height_world }))
+                EngineResponse::new(&json!({ "center": extent.center, "height_world": height_world }))
             }
             QueryKind::Probe { scene, pixel } => {
                 let full = opened.full()?;
@@ -121,21 +121,21 @@ impl Engine {
                 if let Some(seen) = &mut seen {
                     seen.number_in(&full.model, full.number(seen.gaussian, scene.clip));
                 }
-                EngineResponse::of(&seen)
+                EngineResponse::new(&seen)
             }
             QueryKind::Sphere { center, radius, layers, clip } => {
                 let shown = |l: usize| layers.as_ref().is_none_or(|s| s.get(l).copied().unwrap_or(true));
-                EngineResponse::of(&probe::held(opened.full()?.inside(clip), &shown, center, radius))
+                EngineResponse::new(&probe::held(opened.full()?.inside(clip), &shown, center, radius))
             }
             QueryKind::Gaussian { index } => {
                 let model = &opened.full()?.model;
                 let found = probe::gaussian(model, index);
                 let missing = || format!("there is no Gaussian {index}: the model has {}", model.gaussians());
                 let (position, extent) = found.ok_or_else(|| Error::argument(missing()))?;
-                EngineResponse::of(&json!({ "position": position, "extent": extent }))
+                EngineResponse::new(&json!({ "position": position, "extent": extent }))
             }
             QueryKind::BaseDistance { size } => {
-                EngineResponse::of(&json!({ "distance": base_distance(&opened.bounds, size) }))
+                EngineResponse::new(&json!({ "distance": base_distance(&opened.bounds, size) }))
             }
             QueryKind::Score { size } => {
                 check(size)?;
@@ -144,7 +144,7 @@ impl Engine {
                 }
                 let (a, b) = numbers.split_at(size.pixels());
                 let [a, b] = [a, b].map(|levels| Gray8 { size, data: levels.to_vec() });
-                EngineResponse::of(&json!({ "masked_psnr": masked_psnr(&a, &b) }))
+                EngineResponse::new(&json!({ "masked_psnr": masked_psnr(&a, &b) }))
             }
         }
     }

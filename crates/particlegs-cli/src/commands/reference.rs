@@ -149,7 +149,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let subject = ViewSubject { bounds, cell, extent, radius, opacity: DEFAULT_OPACITY, density };
     let quantities = Quantities::from_particles(&particles, a.smooth);
     let set = run::views(None, &a.view, &a.sequence, &subject, &context)?;
-    let kind = a.out.as_deref().and_then(FileKind::of).unwrap_or(FileKind::Png);
+    let kind = a.out.as_deref().and_then(FileKind::from_path).unwrap_or(FileKind::Png);
     let resolved = a.figure.resolved(set.size, kind, 1).filter(|_| a.view.size.is_none());
     let set = ViewSet { size: resolved.unwrap_or(set.size), ..set };
     let unit = particles.meta.units.length_text().unwrap_or_default().to_string();
@@ -175,7 +175,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         style: style.clone(),
         colormap: density.then(|| colormap.name().into()),
         unit: density.then(|| quantities.unit()),
-        units: Some(PictureUnits::of(particles.meta.unit_system())),
+        units: Some(PictureUnits::new(particles.meta.unit_system())),
         background: ground,
         ..PictureProvenance::default()
     };

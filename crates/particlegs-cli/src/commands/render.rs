@@ -237,7 +237,7 @@ pub fn run(a: &Arguments) -> Result<()> {
         captions: a.captions.clone(),
         columns: a.columns,
     });
-    let kind = a.out.as_deref().and_then(FileKind::of).unwrap_or(FileKind::Png);
+    let kind = a.out.as_deref().and_then(FileKind::from_path).unwrap_or(FileKind::Png);
     let columns = panels.as_ref().map_or(1, |p| p.columns(set.views.len()));
     let resolved = asked.figure.resolved(set.size, kind, columns).filter(|_| a.view.size.is_none());
     let set = ViewSet { size: resolved.unwrap_or(set.size), ..set };
@@ -321,7 +321,7 @@ fn about(asked: &RenderOptions, read: &[SourceModel], quantities: &Quantities) -
         color_by_layer: asked.color_by_layer,
         colormap: density.then(|| asked.colormap.name().into()),
         unit: density.then(|| quantities.unit()),
-        units: read.first().map(|r| PictureUnits::of(r.model.metadata.unit_system())),
+        units: read.first().map(|r| PictureUnits::new(r.model.metadata.unit_system())),
         background: ground,
         ..PictureProvenance::default()
     }

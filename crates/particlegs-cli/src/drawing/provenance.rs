@@ -55,7 +55,7 @@ pub struct PictureUnits {
 
 impl PictureUnits {
     /// Those of a system.
-    pub fn of(system: UnitSystem<'_>) -> Self {
+    pub fn new(system: UnitSystem<'_>) -> Self {
         let UnitSystem { units, scale_factor, hubble } = system;
         PictureUnits { units: units.clone(), scale_factor, hubble }
     }

@@ -116,7 +116,7 @@ fn splats_are_written_as_published() {
     // A snapshot of 64 points to the other commands, which take an alpha-blend model's frame.
     dir.runs("convert m.ply -o points --quiet");
     let (model, points) = (dir.model("m.pgs"), Particles::open_raw(&[dir.at("points")]).unwrap());
-    let frame = particlegs_pipeline::camera::Normalisation::of(&model.metadata.bounds);
+    let frame = particlegs_pipeline::camera::Normalisation::new(&model.metadata.bounds);
     let g = &model.layers[0].content[0].gaussians;
     for i in 0..64 {
         let p = points.position(i);

@@ -15,7 +15,7 @@ pub struct Normalisation {
 
 impl Normalisation {
     /// The frame of particles with these bounds.
-    pub fn of(bounds: &Bounds) -> Self {
+    pub fn new(bounds: &Bounds) -> Self {
         let wide = Size { width: 16, height: 9 };
         Normalisation { center: bounds.center(), scale: 4.0 / base_distance(bounds, wide) }
     }

@@ -71,7 +71,7 @@ impl<'a> Scene<'a> {
     pub fn from_law(mixture: &'a Mixture, bounds: Bounds, radius: f64, opacity: f64) -> Self {
         let blend = |own: &'a AlphaBlend| Blend {
             vizmapper: own.vizmapper.as_deref(),
-            frame: Normalisation::of(&bounds),
+            frame: Normalisation::new(&bounds),
             radius,
             opacity,
         };

@@ -44,7 +44,7 @@ pub fn write_splats(
     if colors.is_some_and(|c| c.len() != model.gaussians()) {
         return Err(Error::argument("there must be one colour for each Gaussian"));
     }
-    let frame = Normalisation::of(&model.metadata.bounds);
+    let frame = Normalisation::new(&model.metadata.bounds);
     let head = head(model.gaussians(), &frame, comments);
     let bytes = head.len() as u64 + AlphaBlend::PLY_BYTES * model.gaussians() as u64;
     if let Some(folder) = out.parent().filter(|f| !f.as_os_str().is_empty()) {
@@ -148,7 +148,7 @@ mod tests {
         let file = std::fs::read(&path).unwrap();
         assert_eq!((file.len() as u64, AlphaBlend::PLY_BYTES), (bytes, 68));
         let body = &file[file.len() - 200 * 68..];
-        let frame = Normalisation::of(&m.metadata.bounds);
+        let frame = Normalisation::new(&m.metadata.bounds);
         let g = &m.layers[0].content[0].gaussians;
         let own = g.law.alpha_blend().unwrap();
         for (i, record) in body.chunks_exact(68).enumerate() {

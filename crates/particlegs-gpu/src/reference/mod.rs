@@ -117,7 +117,7 @@ impl ReferenceRenderer {
 
     /// Memory for pictures of a size.
     pub fn canvas(&self, size: Size) -> Result<ReferenceCanvas> {
-        let (device, bytes, planes) = (&*self.device, 4 * size.pixels() as u64, PlaneLayout::of(size));
+        let (device, bytes, planes) = (&*self.device, 4 * size.pixels() as u64, PlaneLayout::new(size));
         let [finest, _] = planes.words();
         device.fits(size, 4 * finest)?;
         use wgpu::BufferUsages as Use;

@@ -65,7 +65,7 @@ impl PlaneLayout {
     }
 
     /// Of a picture: core's pyramid without the room that vectors take.
-    pub fn of(size: Size) -> PlaneLayout {
+    pub fn new(size: Size) -> PlaneLayout {
         let (mut sums, mut tiles) = (0u64, 0u64);
         let level = |l: &pyramid::Level| {
             let (width, rows) = (l.size.width + 2 * pyramid::PAD, l.rows);

@@ -51,7 +51,7 @@ impl Gaussians {
         }
         // A repeated scene's bounds are those of all its images.
         let bounds = *scene.bounds();
-        let extent = Some(GaussianExtent::of(scene));
+        let extent = Some(GaussianExtent::new(scene));
         let origin = each_axis(|k| 0.5 * (bounds.min[k] + bounds.max[k]));
         let mut left: usize = scene.parts().map(Mixture::len).sum();
         let mut all = scene.parts().flat_map(|m| (0..m.len()).map(move |i| (m, i)));
@@ -99,7 +99,7 @@ impl Gaussians {
 }
 
 impl GaussianExtent {
-    fn of(scene: &Scene) -> GaussianExtent {
+    fn new(scene: &Scene) -> GaussianExtent {
         let mut extent =
             GaussianExtent { means: Bounds { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3] }, sigma: 0.0 };
         for (m, i) in scene.parts().flat_map(|m| (0..m.len()).map(move |i| (m, i))) {

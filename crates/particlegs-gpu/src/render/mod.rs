@@ -141,7 +141,7 @@ impl DepthRenderer {
     /// Memory for pictures of `size` of these Gaussians.
     pub fn canvas(&self, gaussians: &Gaussians, size: Size) -> Result<DepthCanvas> {
         let (device, kernels) = (&*self.device, &self.kernels);
-        let planes = PlaneLayout::of(size);
+        let planes = PlaneLayout::new(size);
         let words = planes.words();
         words.iter().try_for_each(|w| device.fits(size, 4 * w))?;
         debug_assert!(planes.levels.len() <= MOST_LEVELS);

@@ -119,7 +119,7 @@ fn a_picture_of_8k_is_drawn() {
     let Some(device) = device() else { return };
     let renderer = DepthRenderer::new(&device).unwrap();
     let (gaussians, size) = (mixture(1, 500, 0.05), Size { width: 7680, height: 4320 });
-    assert!(PlaneLayout::of(size).words().iter().all(|w| 4 * w <= 128 << 20));
+    assert!(PlaneLayout::new(size).words().iter().all(|w| 4 * w <= 128 << 20));
     let (scene, view) = (scene(&gaussians), view([1.0, 2.0, 6.0], [0.002, 0.05]));
     let there = Gaussians::upload(&device, &scene).unwrap();
     let canvas = renderer.canvas(&there, size).unwrap();

@@ -286,6 +286,6 @@ mod tests {
         assert_eq!(sign(&first, &first, 0), None);
         let table = table("t", "T", &[first, worse], &["1 x 1".into(), "2 x 2".into()]);
         assert_eq!((table.rows[0].len(), table.rows[1].len()), (17, 17));
-        assert_eq!((&table.rows[0][2], table.rows[1][10].in_words()), (&TableCell::Empty, "68,000".into()));
+        assert_eq!((&table.rows[0][2], table.rows[1][10].describe()), (&TableCell::Empty, "68,000".into()));
     }
 }

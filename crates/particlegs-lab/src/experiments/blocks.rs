@@ -4,7 +4,7 @@ use super::Experiment;
 use super::distances::{self, DISTANCES, ScoreCurve, at_distances};
 use super::groups::{self, ViewGroup, in_pixels, masked, means_over, psnr, ssim};
 use super::published as paper;
-use super::seeds::{each_seed, told};
+use super::seeds::{describe_seeds, each_seed};
 use super::shared::rates::COMPARED as RATIO;
 use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::results::{ExperimentResults, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
@@ -165,7 +165,7 @@ fn notes(lab: &Lab<'_>, truth: &ReferenceViews, frames: usize, all: &[BlockCount
              directions and with the same radii and opacities at all of them; of each number {}. \
              Masked PSNR, PSNR and SSIM are means over far, mid and near (1.0, 0.7 and 0.5 base distances).",
             in_pixels(truth.size),
-            told(lab, &all.iter().map(|m| m.scores.len()).collect::<Vec<_>>())
+            describe_seeds(lab, &all.iter().map(|m| m.scores.len()).collect::<Vec<_>>())
         ),
     ];
     let change = |m: &BlockCountScores| Some((m.blocks, Spread::new(&changes(m, &all[0], &groups::in_range()))?));

@@ -4,7 +4,7 @@ use super::Experiment;
 use super::ablation::frames as trained_frames;
 use super::groups::{self, ViewGroup, in_pixels};
 use super::published as paper;
-use super::seeds::{each_seed, told};
+use super::seeds::{describe_seeds, each_seed};
 use super::shared::published_models::{of_seeds, whole};
 use super::shared::rates::COMPARED as RATIO;
 use super::sweep::{Sweep, SweepModel, SweepStep};
@@ -49,7 +49,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
          opacity are drawn from the published range, the same draws at each; over factors the distance is 0.7. \
          Noise-free is the mean picture of all particles against the same target, which models of the particles are \
          hardly to pass. The fit sees no picture: \"trained\" and \"beyond\" are the published method's.",
-        told(lab, &[made.len()]),
+        describe_seeds(lab, &[made.len()]),
         in_pixels(truth.size)
     ));
     found.notes.extend(falls(&models, &noise_free));

@@ -6,7 +6,7 @@
 
 use crate::lab::{Lab, ModelBuild, Style};
 use crate::snapshot::Snapshot;
-use crate::views::{ReferenceViews, Score, mean_of_values, told};
+use crate::views::{ReferenceViews, Score, cache_key, mean_of_values};
 pub(super) use crate::views::{masked, psnr, ssim};
 use particlegs_pipeline::Result;
 use particlegs_pipeline::camera::{View, base_distance, spiral};
@@ -93,7 +93,7 @@ pub(super) fn noise_free(lab: &Lab<'_>, snapshot: &Snapshot, truth: &ReferenceVi
 }
 
 fn all_told(truth: &ReferenceViews) -> Vec<String> {
-    truth.views.iter().map(|view| told(view, truth.size)).collect()
+    truth.views.iter().map(|view| cache_key(view, truth.size)).collect()
 }
 
 /// The mean over groups of the mean over each group's views, of one figure.

@@ -25,7 +25,7 @@ pub(super) fn each_seed<T>(
 }
 
 /// How many models there are of so many seeds, and what that says of seeds: of each of several kinds of models.
-pub(super) fn told(lab: &Lab<'_>, counts: &[usize]) -> String {
+pub(super) fn describe_seeds(lab: &Lab<'_>, counts: &[usize]) -> String {
     let (least, most) = (counts.iter().min().unwrap_or(&0), counts.iter().max().unwrap_or(&0));
     match (lab.settings.seeds, least, most) {
         (1, ..) => "one fit, of one seed".into(),
@@ -60,7 +60,11 @@ mod tests {
         // One seed alone says nothing of what seeds change.
         let mut one = Lab::new(lab.settings.clone(), folder.path(), &Context::SILENT).unwrap();
         one.settings.seeds = 1;
-        assert!(!told(&one, &[1, 1]).contains("nothing") && told(&lab, &[1, 1]).contains("nothing"));
-        assert!(told(&lab, &[1, 3]).contains("else 3") && told(&lab, &[3, 3]).starts_with("3 fits"));
+        assert!(
+            !describe_seeds(&one, &[1, 1]).contains("nothing") && describe_seeds(&lab, &[1, 1]).contains("nothing")
+        );
+        assert!(
+            describe_seeds(&lab, &[1, 3]).contains("else 3") && describe_seeds(&lab, &[3, 3]).starts_with("3 fits")
+        );
     }
 }

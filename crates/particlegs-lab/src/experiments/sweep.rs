@@ -154,7 +154,7 @@ mod tests {
         assert_eq!((sweep.fall(&model.scores, 1.0), sweep.paper_fall(2.5)), (None, Some(-5.5)));
         assert_eq!(sweep.paper_fall(0.5), None);
         let table = sweep.table("t", &[model], &limit, "");
-        let words: Vec<String> = table.rows[2].iter().map(TableCell::in_words).collect();
+        let words: Vec<String> = table.rows[2].iter().map(TableCell::describe).collect();
         assert_eq!(words, ["2.50", "trained", "24.00", "24.00", "0.5000", "8.00", "-6.00", "32.00", "20.50", "-5.50"]);
         assert!(table.rows.iter().all(|r| r.len() == table.columns.len()));
         let heads: std::collections::HashSet<&String> = table.columns.iter().collect();

@@ -13,7 +13,7 @@ pub fn html(sections: &[Section], provenance: &Provenance, png: &dyn Fn(&Picture
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
          <title>particlegs: measured</title><style>{STYLE}</style></head><body><main>\n<h1>particlegs: measured</h1>\n<ul class=\"from\">"
     );
-    for line in provenance.in_words() {
+    for line in provenance.describe() {
         text += &format!("<li>{}</li>", code(&line));
     }
     text += "</ul>\n<nav><ol>";
@@ -83,7 +83,7 @@ fn table(t: &ResultTable) -> String {
 
 /// A cell's words; a range stands below its value, where it takes no width.
 fn words(cell: &TableCell) -> String {
-    let text = code(&cell.in_words());
+    let text = code(&cell.describe());
     match (cell, text.split_once(" (")) {
         (TableCell::Spread { .. }, Some((value, range))) => format!("{value}<span class=\"range\">({range}</span>"),
         _ => text,

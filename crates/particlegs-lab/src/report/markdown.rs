@@ -14,7 +14,7 @@ pub fn markdown(section: &Section, provenance: &Provenance, figures: &str) -> St
         Err(why) => text += &format!("\nNot measured: {}\n", escaped(why)),
     }
     text += "\n## Where it is from\n\n";
-    provenance.in_words().iter().for_each(|line| text += &format!("- {}\n", escaped(line)));
+    provenance.describe().iter().for_each(|line| text += &format!("- {}\n", escaped(line)));
     text
 }
 
@@ -44,7 +44,7 @@ fn table(t: &ResultTable) -> String {
     let numbers = |c: usize| t.rows.iter().any(|row| row[c].is_number());
     text += &line((0..t.columns.len()).map(|c| if numbers(c) { "---:".into() } else { "---".into() }).collect());
     for row in &t.rows {
-        text += &line(row.iter().map(|c| cleaned(c.in_words())).collect());
+        text += &line(row.iter().map(|c| cleaned(c.describe())).collect());
     }
     text
 }

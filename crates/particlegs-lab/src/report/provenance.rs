@@ -42,7 +42,7 @@ impl Provenance {
         }
     }
 
-    pub fn in_words(&self) -> Vec<String> {
+    pub fn describe(&self) -> Vec<String> {
         let commit = self.commit.as_ref().map_or(String::new(), |c| format!(", commit {c}"));
         let memory = self.memory_bytes.map_or(String::new(), |b| format!(", {:.0} GiB", b as f64 / 1073741824.0));
         let processor = self.processor.as_deref().unwrap_or("processor not known");

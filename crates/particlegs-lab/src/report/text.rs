@@ -8,7 +8,7 @@ pub fn text(found: &ExperimentResults) -> String {
 }
 
 fn table(t: &ResultTable) -> String {
-    let cells = t.rows.iter().map(|row| row.iter().map(TableCell::in_words).collect());
+    let cells = t.rows.iter().map(|row| row.iter().map(TableCell::describe).collect());
     let lines: Vec<Vec<String>> = std::iter::once(t.columns.clone()).chain(cells).collect();
     let width = |c: usize| lines.iter().map(|line| line[c].chars().count()).max().unwrap_or(0);
     let widths: Vec<(usize, bool)> =

@@ -19,7 +19,7 @@ use particlegs_pipeline::reference::Reference;
 
 fn scale(bounds: &Bounds, particles: u64) -> TrainingScale {
     TrainingScale {
-        frame: Normalisation::of(bounds),
+        frame: Normalisation::new(bounds),
         radius: bounds.default_radius(particles),
         opacity: 0.05,
         particles,

@@ -33,7 +33,7 @@ fn splats_come_back_where_they_were() {
     for law in [LawKind::OpticalDepth, LawKind::AlphaBlend] {
         let dir = folder(law);
         let model = dir.model("m.pgs");
-        let (g, frame) = (&model.layers[0].content[0].gaussians, Normalisation::of(&model.metadata.bounds));
+        let (g, frame) = (&model.layers[0].content[0].gaussians, Normalisation::new(&model.metadata.bounds));
         // A PLY has y down, as published ones have.
         for (kind, signs) in [("ply", [-1.0, -1.0, 1.0]), ("glb", [1.0; 3])] {
             dir.runs(&format!("export m.pgs -o m.{kind} -q --force"));
@@ -92,7 +92,7 @@ fn gltf_has_the_attributes_of_the_extension() {
         ["m.glb", "m.gltf"].map(|out| dir.makes(&format!("export m.pgs -o {out} -q --radius 0.1 --opacity 0.2")));
     let (document, data) = gltf(&glb);
     let model = dir.model("m.pgs");
-    let (g, frame) = (&model.layers[0].content[0].gaussians, Normalisation::of(&model.metadata.bounds));
+    let (g, frame) = (&model.layers[0].content[0].gaussians, Normalisation::new(&model.metadata.bounds));
     let primitive = &document["meshes"][0]["primitives"][0];
     assert_eq!(document["extensionsUsed"], serde_json::json!(["KHR_gaussian_splatting"]));
     let extension = &primitive["extensions"]["KHR_gaussian_splatting"];

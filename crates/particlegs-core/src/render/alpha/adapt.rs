@@ -49,7 +49,7 @@ impl<'a> Blend<'a> {
         let m = &model.metadata;
         (m.law == LawKind::AlphaBlend).then(|| Blend {
             vizmapper: model.vizmapper().map(|v| &**v),
-            frame: Normalisation::of(&m.bounds),
+            frame: Normalisation::new(&m.bounds),
             radius: m.default_radius,
             opacity: m.default_opacity,
         })
@@ -142,7 +142,7 @@ impl Model {
     pub fn bent(mut self, radius: f64, opacity: f64, context: &Context<'_>) -> Result<Model> {
         let Some(vizmapper) = self.vizmapper().cloned() else { return Ok(self) };
         let m = &self.metadata;
-        let (frame, usual) = (Normalisation::of(&m.bounds), [m.default_radius, m.default_opacity]);
+        let (frame, usual) = (Normalisation::new(&m.bounds), [m.default_radius, m.default_opacity]);
         let blend = Blend { vizmapper: None, frame, radius: usual[0], opacity: usual[1] };
         let setting = Setting { radius: radius / usual[0], opacity: opacity / usual[1] };
         let network = (Network::new(&vizmapper), vizmapper.ranges);

@@ -185,7 +185,7 @@ fn one_gaussian_by_hand() {
 
 fn model(n: usize, vizmapper: Option<VizMapper>) -> Model {
     let bounds = Bounds { min: [10.0; 3], max: [60.0; 3] };
-    let frame = Normalisation::of(&bounds);
+    let frame = Normalisation::new(&bounds);
     let mut gaussians = Mixture::default();
     let mut law = AlphaBlend { vizmapper: vizmapper.map(Arc::new), ..AlphaBlend::default() };
     for g in self::gaussians(11, n as u64, 0.05) {
@@ -202,7 +202,7 @@ fn model(n: usize, vizmapper: Option<VizMapper>) -> Model {
 }
 
 fn world_view(of: &Model) -> View {
-    let frame = Normalisation::of(&of.metadata.bounds);
+    let frame = Normalisation::new(&of.metadata.bounds);
     let mut v = view([1.0, 2.0, 4.0]);
     v.camera.position = each_axis(|k| frame.center[k] + v.camera.position[k] / frame.scale);
     v.camera.focal_point = frame.center;

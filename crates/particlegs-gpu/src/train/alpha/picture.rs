@@ -31,7 +31,7 @@ impl AlphaTrainingPicture {
     ) -> Result<AlphaTrainingPicture> {
         let canvas = blender.renderer.canvas(&held.seen, size)?;
         let back = BackwardBuffers::new(device, &canvas)?;
-        let frame = device.filled("frame", &[FrameRecord::of_planes(&PlaneLayout::of(size))], Use::UNIFORM);
+        let frame = device.filled("frame", &[FrameRecord::of_planes(&PlaneLayout::new(size))], Use::UNIFORM);
         let compared = LossBuffers::new(device, shared, &frame, size, with_dssim);
         let LossBuffers { drawn, target, loss, sums, by_structure, told, .. } = &compared;
         let blended = canvas.brightness();

@@ -33,7 +33,7 @@ struct AlphaTrainingCase {
 fn gaussians(seed: u64, n: u64, size: f64, flatness: f64, with_network: bool) -> Gaussians {
     let bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
     let [radius, opacity] = USUAL;
-    let frame = Normalisation::of(&bounds);
+    let frame = Normalisation::new(&bounds);
     let mut parameters = AlphaParameters::default();
     for i in 0..n {
         let mut r = Random::new(seed, 1, i);

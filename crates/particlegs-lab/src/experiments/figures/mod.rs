@@ -11,7 +11,9 @@ use crate::lab::{Lab, ModelBuild, ModelSettings, or_made};
 use crate::method::BoundReport;
 use crate::results::{ExperimentResults, Pictures, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
-use crate::views::{ReferenceViews, Score, identical_note, kept_picture, masked, mean, mean_of, orbit, ssim, told};
+use crate::views::{
+    ReferenceViews, Score, cache_key, identical_note, kept_picture, masked, mean, mean_of, orbit, ssim,
+};
 use crops::{BRIGHTENED, close_up, whole};
 use others::MethodPictures;
 use particlegs_pipeline::Result;
@@ -62,7 +64,7 @@ fn of_model(lab: &Lab<'_>, made: &ModelBuild, truth: &ReferenceViews) -> Result<
     let hash = blake3::hash(&made.bytes).to_hex().to_string();
     let mut draw = None;
     let picture = |view: &View| {
-        kept_picture(lab, &("model", &hash, told(view, truth.size)), || {
+        kept_picture(lab, &("model", &hash, cache_key(view, truth.size)), || {
             or_made(&mut draw, || lab.draws_model(&made.model))?(view, truth.size)
         })
     };

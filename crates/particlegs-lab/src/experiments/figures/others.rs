@@ -3,7 +3,7 @@
 use crate::lab::{Lab, Style, or_made};
 use crate::method::{BoundReport, CompressionMethod, FileContent, MethodOutput};
 use crate::snapshot::Snapshot;
-use crate::views::{ReferenceViews, Score, kept_picture, masked, mean, told};
+use crate::views::{ReferenceViews, Score, cache_key, kept_picture, masked, mean};
 use particlegs_pipeline::camera::View;
 use particlegs_pipeline::picture::Gray8;
 use particlegs_pipeline::{Error, Result};
@@ -61,7 +61,7 @@ fn other(
         Ok((made.bytes, made.bound))
     })?;
     let draw = |view: &View| {
-        kept_picture(lab, &("other", &inputs, told(view, truth.size)), || {
+        kept_picture(lab, &("other", &inputs, cache_key(view, truth.size)), || {
             let FileContent::Particles(particles, factor) = &or_made(&mut kept, keep)?.content else {
                 return Err(Error::input(method.name(lab), "gave no particles"));
             };

@@ -5,7 +5,7 @@ use super::crops::{BRIGHTENED, close_up, whole};
 use crate::lab::{Lab, ModelBuild, Style, or_made};
 use crate::results::{Pictures, Plot, PlotAxis, Point, ResultTable, Series, Spread, TableCell};
 use crate::snapshot::Snapshot;
-use crate::views::{self, ReferenceViews, Score, kept_picture, mean_of_values, orbit, told};
+use crate::views::{self, ReferenceViews, Score, cache_key, kept_picture, mean_of_values, orbit};
 use particlegs_pipeline::Result;
 use particlegs_pipeline::camera::View;
 use particlegs_pipeline::picture::Gray8;
@@ -70,7 +70,7 @@ fn drawn(
     let hash = blake3::hash(&made.bytes).to_hex().to_string();
     let mut particles = None;
     let draw = |view: &View| {
-        let inputs = ("recovered", &snapshot.hash, &hash, method.name(), seed, told(view, truth.size));
+        let inputs = ("recovered", &snapshot.hash, &hash, method.name(), seed, cache_key(view, truth.size));
         kept_picture(lab, &inputs, || {
             let particles = or_made(&mut particles, || lab.drawn(made.model.clone(), method, seed))?;
             lab.draws_particles(particles, particles.bounds(), Style::Paraview)?(view, truth.size)

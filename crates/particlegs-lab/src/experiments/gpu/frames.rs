@@ -57,7 +57,7 @@ pub(super) fn of_depth(bench: GpuBench<'_>, tables: &mut GpuTables, made: &Tiled
         (CAMERA, ToneStyle::Paraview, false),
     ] {
         let views = views(made, size, changes == CAMERA);
-        let work = DepthWork::of(made, &views[COUNTED], size)?;
+        let work = DepthWork::new(made, &views[COUNTED], size)?;
         let way = if by_tiles { "tiles of 8 x 8" } else { "atomic adds" };
         let (law, least) = (LawKind::OpticalDepth, work.frame(made.gaussians.len(), size));
         let kind = FrameKind { law, look, changes, way, footprints: work.footprints, least };
@@ -80,7 +80,7 @@ pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, made: &Tiled
     let there = alpha::Gaussians::upload(bench.device, &scene)?;
     for changes in [CAMERA, SETTING] {
         let views = views(made, size, changes == CAMERA);
-        let work = BlendWork::of(made, &views[COUNTED], size, bench.context)?;
+        let work = BlendWork::new(made, &views[COUNTED], size, bench.context)?;
         let kind = FrameKind {
             law: LawKind::AlphaBlend,
             look: ToneStyle::Paraview,

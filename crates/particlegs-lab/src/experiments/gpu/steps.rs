@@ -34,7 +34,7 @@ pub(super) fn of_depth(bench: GpuBench<'_>, tables: &mut GpuTables, made: &Tiled
     let mut of = Parameters::new(&gaussians, made.particles, 48, made.bounds, ToneStyle::Expected);
     let mut steps = GpuAccelerator::new(bench.device.clone()).depth_steps(&of)?;
     let pace = StepSize { rates: [0.01; 3], beta1: 0.9, beta2: 0.999, epsilon: 0.5, decay: 0.0, average: 0.01 };
-    let work = DepthWork::of(made, &lesson.views[0], size)?;
+    let work = DepthWork::new(made, &lesson.views[0], size)?;
     let work = (work.footprints, work.step(made.gaussians.len(), size));
     lesson.take(bench, tables, work, |shot| steps.step(&mut of, shot, &Loss::PUBLISHED, &pace))
 }
@@ -49,7 +49,7 @@ pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, made: &Tiled
         let change = |(i, o): (usize, &mut f64)| *o = (*o * if i % 2 == 0 { 0.5 } else { 1.5 }).min(0.95);
         law.opacity.iter_mut().enumerate().for_each(change);
     }
-    let frame = Normalisation::of(&made.bounds);
+    let frame = Normalisation::new(&made.bounds);
     let scale = TrainingScale { frame, radius: made.radius, opacity: OPACITY, particles: made.particles, seed: 1 };
     let mut of = alpha::Gaussians::from_mixture(&gaussians, scale)?;
     let mut steps = GpuAccelerator::new(bench.device.clone()).alpha_steps(&of)?;
@@ -60,7 +60,7 @@ pub(super) fn of_alpha(bench: GpuBench<'_>, tables: &mut GpuTables, made: &Tiled
         clip: c.vizmapper_clip,
         identity: c.identity,
     };
-    let work = BlendWork::of(made, &lesson.views[0], size, bench.context)?;
+    let work = BlendWork::new(made, &lesson.views[0], size, bench.context)?;
     let work = (work.footprints, work.step(made.gaussians.len(), size));
     lesson.take(bench, tables, work, |shot| steps.step(&mut of, shot, &Loss::PUBLISHED, &pace))
 }

@@ -55,7 +55,7 @@ const ADAM: f64 = 15.0;
 
 impl DepthWork {
     /// Of a scene in a view.
-    pub fn of(made: &TiledScene, view: &View, size: Size) -> Result<DepthWork> {
+    pub fn new(made: &TiledScene, view: &View, size: Size) -> Result<DepthWork> {
         const RUN: usize = 4096;
         let (lens, levels, m) = (Lens::optical(view, size, &made.bounds)?, levels(size), &made.gaussians);
         let runs = parallel::map((0..m.len()).step_by(RUN), |start| {
@@ -116,7 +116,7 @@ impl BlendWork {
     const SORTED: f64 = 20.0;
 
     /// Of a scene in a view.
-    pub fn of(made: &TiledScene, view: &View, size: Size, context: &Context<'_>) -> Result<BlendWork> {
+    pub fn new(made: &TiledScene, view: &View, size: Size, context: &Context<'_>) -> Result<BlendWork> {
         let Some(blend) = Scene::from_law(&made.gaussians, made.bounds, made.radius, OPACITY).blend() else {
             return Ok(BlendWork { footprints: 0, entries: 0, blends: 0 });
         };

@@ -24,7 +24,7 @@ impl Machine {
         }
     }
 
-    pub fn in_words(&self) -> String {
+    pub fn describe(&self) -> String {
         format!("{} threads of {}", self.threads, self.processor.as_deref().unwrap_or("a processor that is not known"))
     }
 }
@@ -116,7 +116,7 @@ mod tests {
         let faster = ours.faster_than(&others);
         assert_eq!(faster.len(), 2);
         assert!((faster[0] - 10.0).abs() < 1e-9 && (faster[1] - 30.0).abs() < 1e-9, "{faster:?}");
-        assert_eq!(others.cell().in_words(), "2500 (2000 to 3000)");
+        assert_eq!(others.cell().describe(), "2500 (2000 to 3000)");
     }
 
     #[test]

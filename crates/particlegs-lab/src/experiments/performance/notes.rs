@@ -31,7 +31,7 @@ pub(super) fn notes(of: &Snapshot, all: &PerformanceTimings<'_>, machine: &Machi
              each of the three orbits, at the default radius and opacity; under a new radius and opacity: three pairs of \
              the published ranges, under one camera. The model's were drawn three times each, the others once. Speed-ups \
              are ratios of the same view in the same run.",
-            machine.in_words(),
+            machine.describe(),
             of.particles.len(),
         ),
         format!(

@@ -130,6 +130,6 @@ fn each(views: &[View], times: usize, draw: &mut dyn FnMut(&View) -> Result<()>)
 
 /// All particles in the first view by our renderer: what VTK's picture is compared with.
 pub(super) fn picture(lab: &Lab<'_>, of: &Snapshot, view: &View, size: Size, look: ToneStyle) -> Result<Gray8> {
-    let key = ("all particles", &of.hash, crate::views::told(view, size), look.name());
+    let key = ("all particles", &of.hash, crate::views::cache_key(view, size), look.name());
     crate::views::kept_picture(lab, &key, || Reference::new(&of.particles).draw(view, size, look, lab.context))
 }

@@ -1,7 +1,7 @@
 //! The views that frames are timed in.
 
 use crate::lab::Lab;
-use crate::views::told;
+use crate::views::cache_key;
 use particlegs_pipeline::camera::View;
 use particlegs_pipeline::model::Metadata;
 use particlegs_pipeline::picture::Size;
@@ -32,7 +32,7 @@ impl TimingViews {
     /// What times of these views depend on.
     pub fn key(&self) -> String {
         let all = std::iter::once(&self.first).chain(&self.cameras).chain(&self.settings);
-        let text: String = all.map(|v| told(v, self.size)).collect();
+        let text: String = all.map(|v| cache_key(v, self.size)).collect();
         blake3::hash(text.as_bytes()).to_hex()[..16].to_string()
     }
 }

@@ -85,7 +85,7 @@ impl GroupCounts {
     }
 
     /// The sizes in words.
-    pub fn in_words(&self) -> String {
+    pub fn describe(&self) -> String {
         self.to.map_or(format!("{} and more", self.from), |to| format!("{} to {to}", self.from))
     }
 }
@@ -203,7 +203,7 @@ mod tests {
         let (off, k) = facts.power_worst().unwrap();
         assert!((off - 0.1).abs() < 1e-12 && k == 2.0 && facts.k_max() == Some(3.0));
         let class = GroupCounts { from: 50, to: Some(99), number: [200, 150] };
-        assert_eq!((class.off(), class.in_words().as_str()), (Some(-0.25), "50 to 99"));
+        assert_eq!((class.off(), class.describe().as_str()), (Some(-0.25), "50 to 99"));
         assert_eq!(GroupCounts { number: [0, 3], to: None, ..class }.off(), None);
     }
 }

@@ -168,7 +168,7 @@ fn of_size(o: &SizeRecovery) -> Vec<TableCell> {
 fn group_heads(m: &RecoveryMeasurements, first: &[&str]) -> Vec<String> {
     let classes = m.methods.iter().flat_map(|o| o.all.first()).flat_map(|f| &f.classes).take(3);
     let classes =
-        classes.map(|c| format!("groups of {} (truth {}): off by, %", c.in_words(), c.number[0])).collect::<Vec<_>>();
+        classes.map(|c| format!("groups of {} (truth {}): off by, %", c.describe(), c.number[0])).collect::<Vec<_>>();
     let rest =
         ["number within 10 % from size", "core mass / truth", "nearest: mean / truth", "nearest: median / truth"];
     let rest = rest.iter().map(|s| (*s).to_string());
