@@ -1,7 +1,7 @@
 //! Options that would do nothing: one table of which option means something beside which other. An option
 //! that is given and means nothing is refused by name, for a result without it would mislead.
 
-use crate::figure::output::FileKind;
+use crate::figure::FileKind;
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Id};
 use particlegs_export::{Group, Kind as Exported};

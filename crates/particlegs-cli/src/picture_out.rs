@@ -1,7 +1,7 @@
 //! Where pictures go: a folder with one file a view, or the one file that is named.
 
 use crate::common::CommandContext;
-use crate::figure::output::FileKind;
+use crate::figure::FileKind;
 use crate::outputs::{PDF, PNG, SVG};
 use particlegs_files::output;
 use particlegs_pipeline::{Error, Result};

@@ -8,6 +8,7 @@
 
 pub mod axes;
 pub mod cube;
+mod file_kind;
 mod font;
 mod image;
 mod layout;
@@ -23,6 +24,7 @@ mod sheet;
 mod svg;
 pub mod ticks;
 
+pub use file_kind::FileKind;
 pub use font::missing;
 pub use image::FigureImage;
 pub use layout::{FigureSpace, layout};
@@ -30,5 +32,5 @@ pub use panel::{BarPlacement, ColourBar, EdgeAxis, Figure, Panel, PaperColour, S
 pub use plot::{Plot, PlotAxis, Point, Series, Spread, is_identical};
 pub use plot_layout::{plot_bytes, shows, write_plots};
 pub use raster::raster;
-pub use sheet::{Anchor, FileKind, Mark, PageRectangle, RgbColour, Sheet, TextLine};
+pub use sheet::{Anchor, Mark, PageRectangle, RgbColour, Sheet, TextLine};
 pub use ticks::{labelled, number};

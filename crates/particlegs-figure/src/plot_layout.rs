@@ -1,11 +1,12 @@
 //! Where everything of a plot stands: axes below one another, beside each the names of its curves, levels and bands.
 
+use super::file_kind::FileKind;
 use super::font::{self, CAPITALS};
 use super::layout_parts::{MarkWriter, UNDER};
 use super::panel::{BarPlacement, PaperColour};
 use super::plot::{Plot, PlotAxis, Series};
 use super::png_file::PngMetadata;
-use super::sheet::{Anchor, FileKind, Mark, PageRectangle, RgbColour, Sheet};
+use super::sheet::{Anchor, Mark, PageRectangle, RgbColour, Sheet};
 use super::ticks::{TickMarks, even, logarithmic, number};
 use particlegs_files::output::write_bytes;
 use particlegs_pipeline::Result;

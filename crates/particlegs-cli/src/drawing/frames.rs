@@ -3,7 +3,7 @@
 use super::colours::common_range;
 use super::finish::Finisher;
 use super::gif::{self, GifFrame};
-use super::run::DrawingJob;
+use super::job::DrawingJob;
 use super::{ViewContent, ViewRenderer};
 use crate::common::CommandContext;
 use crate::figure::FigureImage;

@@ -5,6 +5,7 @@ pub mod film;
 pub mod finish;
 pub mod frames;
 mod gif;
+pub mod job;
 pub mod layers;
 pub mod panels;
 pub mod provenance;

@@ -1,13 +1,13 @@
 //! The way from views to files that `render` and `reference` share: which views, which files, one after the other or as
 //! frames, and the report.
 
+use super::ViewContent;
 use super::film::{Film, FilmFormat};
-use super::finish::Finisher;
 use super::frames::{self, FrameOutputs};
-use super::{ViewContent, ViewRenderer};
+use super::job::DrawingJob;
 use crate::common::CommandContext;
 use crate::density_args::DensityArgs;
-use crate::figure::output::FileKind;
+use crate::figure::FileKind;
 use crate::picture_out::PictureOut;
 use crate::rendered_view::RenderedView;
 use crate::sequence_args::SequenceArgs;
@@ -54,22 +54,6 @@ pub fn views(
     let set = of.frames(set)?;
     args.save(&set, context)?;
     Ok(set)
-}
-
-/// What is drawn, and how.
-pub struct DrawingJob<'a> {
-    /// What can be drawn.
-    pub painter: &'a ViewRenderer<'a>,
-    /// How it is finished.
-    pub finish: &'a Finisher<'a>,
-    /// The views.
-    pub set: &'a ViewSet,
-    /// The range that is asked for.
-    pub range: Option<[f64; 2]>,
-    /// Is it said what would show more than a dark picture?
-    pub hints: bool,
-    /// Where progress is told.
-    pub context: &'a CommandContext,
 }
 
 impl DrawingJob<'_> {

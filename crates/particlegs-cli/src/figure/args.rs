@@ -1,7 +1,6 @@
 //! What stands about a picture, and how large it is printed. Shared by `render` and `reference`.
 
-use super::output::FileKind;
-use super::{BarPlacement, PaperColour, missing};
+use super::{BarPlacement, FileKind, PaperColour, missing};
 use clap::{Args, ValueEnum};
 use particlegs_pipeline::context::Context;
 use particlegs_pipeline::picture::Size;

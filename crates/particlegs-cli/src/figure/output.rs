@@ -2,8 +2,7 @@
 
 use super::args::FigureArgs;
 use super::png_file::{PngEffort, PngMetadata, coded};
-use super::{Figure, FigureImage, FigureSpace, layout, raster};
-pub use particlegs_figure::FileKind;
+use super::{Figure, FigureImage, FigureSpace, FileKind, layout, raster};
 use particlegs_pipeline::Result;
 
 /// A figure as pixels, and their number an inch where its width on paper is chosen.

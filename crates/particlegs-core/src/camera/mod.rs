@@ -2,6 +2,7 @@
 
 mod density_view;
 mod extent;
+mod interpolate;
 mod normalisation;
 mod orbit;
 mod path;

@@ -1,6 +1,6 @@
 //! Orientations, as unit quaternions (w, x, y, z).
 
-use super::path::Interpolate;
+use super::interpolate::Interpolate;
 use super::view::Frame;
 use crate::math::{Purpose, Random, cross, dot, each_axis, norm};
 
@@ -78,7 +78,7 @@ impl Interpolate<3> for Rotation {
 
 #[cfg(test)]
 mod tests {
-    use super::super::path::at;
+    use super::super::interpolate::at;
     use super::*;
     use crate::camera::spherical_camera;
 
