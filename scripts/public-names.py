@@ -5,7 +5,8 @@ library only):
     scripts/public-names.py [--doc DIR] [--list]
 
 DIR holds the pages of `cargo doc --workspace --no-deps` (target/doc). What a user can reach is what rustdoc lists for
-`particlegs`, whatever crate it comes from: types, traits, functions, constants, each once a module. A name of
+`particlegs`, whatever crate it comes from: types, traits, functions, constants; a name counts once, wherever it can be
+reached. A name of
 `particlegs-pipeline` or `particlegs-formats` is used where another crate, an example, a test or a public field,
 argument or result has it. Ends with 1 where the bound is passed or a name is used by nobody.
 """
@@ -67,7 +68,7 @@ def main():
     parser.add_argument("--doc", type=pathlib.Path, default=ROOT / "target/doc")
     parser.add_argument("--list", action="store_true", help="print every name")
     o = parser.parse_args()
-    face = names(o.doc, FACE)
+    face = sorted({n.split("::")[-1] for n in names(o.doc, FACE)})
     if o.list:
         print("".join(f"    {n}\n" for n in face), end="")
     print(f"{FACE}: {len(face)} of at most {BOUND} names that a user can reach")

@@ -22,7 +22,6 @@ struct Margins {
     each: [f64; 4],
     /// About all: left, above, right, below.
     all: [f64; 4],
-    /// Between pictures.
     gap: f64,
     /// Ticks of each picture's axes.
     ticks: Vec<Option<[TickMarks; 2]>>,

@@ -6,9 +6,7 @@ use super::ticks::{TickMarks, logarithmic};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PaperColour {
-    /// Dark on white.
     White,
-    /// Light on black.
     Black,
 }
 
@@ -29,7 +27,6 @@ impl PaperColour {
     }
 }
 
-/// Where bars stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BarPlacement {
     Outside,

@@ -86,7 +86,6 @@ pub struct Series {
     pub name: String,
     /// Colour and mark: what is the same thing in several plots has the same.
     pub style: usize,
-    /// Broken line?
     pub dashed: bool,
     /// Points in order.
     pub points: Vec<Point>,

@@ -3,7 +3,6 @@
 
 use super::FigureImage;
 
-/// Red, green, blue.
 pub type RgbColour = [u8; 3];
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,7 +68,6 @@ pub struct TextLine {
     pub rim: Option<RgbColour>,
 }
 
-/// Something drawn.
 #[derive(Clone, Debug)]
 pub enum Mark {
     /// A picture, stretched to an area.
@@ -88,7 +86,6 @@ pub enum Mark {
     Words(TextLine),
 }
 
-/// All marks.
 #[derive(Clone, Debug)]
 pub struct Sheet {
     /// Across.

@@ -10,7 +10,6 @@ use std::fmt::Write;
 /// The font of the embedded widths first, then those that are everywhere.
 const FONTS: &str = "DejaVu Sans, Verdana, Arial, Helvetica, sans-serif";
 
-/// The file's text.
 pub fn svg(sheet: &Sheet, about: &PngMetadata) -> Result<String> {
     let (w, h) = (short(sheet.width), short(sheet.height));
     let mut out = format!(

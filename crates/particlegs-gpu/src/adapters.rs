@@ -5,7 +5,6 @@ use particlegs_core::{Error, Hint, Result};
 /// A graphics card, or a program that stands in for one.
 #[derive(Clone, Debug)]
 pub struct Adapter {
-    /// Its name.
     pub name: String,
     /// Vulkan, Metal or DX12.
     pub interface: String,

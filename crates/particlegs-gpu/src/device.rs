@@ -12,7 +12,6 @@ pub enum Checks {
     /// No: kernels are this crate's own, and their loops end. Bounds on loops cost up to a hundredfold on some drivers
     /// (gfx-rs/wgpu issue 7698).
     Off,
-    /// Yes, in tests.
     On,
 }
 
@@ -87,7 +86,6 @@ impl Device {
         Ok(Device { device, queue, checks, timer, name, memory, fault })
     }
 
-    /// The adapter's name.
     pub fn name(&self) -> &str {
         &self.name
     }

@@ -13,9 +13,7 @@ pub(crate) const FOUR_LEVELS: &str = include_str!("four_levels_main.wgsl");
 pub(crate) enum BufferUse {
     /// Records that all threads read.
     Uniform,
-    /// Read.
     Read,
-    /// Read and written.
     Write,
 }
 
@@ -24,7 +22,6 @@ pub(crate) struct Kernel {
     label: &'static str,
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
-    /// The device's.
     timer: Option<Arc<Timer>>,
 }
 

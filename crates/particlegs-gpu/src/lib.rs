@@ -6,6 +6,9 @@
 //! of, and say where they differ: GPUs compute in f32. What several threads add to are whole numbers, and what is sorted stays
 //! in its order among equals, so that a picture has the same bits whatever the order of threads.
 
+// Docs stand where a name does not say it.
+#![allow(missing_docs)]
+
 mod accelerator;
 mod adapters;
 pub mod alpha;

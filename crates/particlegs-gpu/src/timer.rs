@@ -21,7 +21,6 @@ pub(crate) struct Timer {
 /// A kernel in what was timed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KernelTime {
-    /// Its name.
     pub kernel: &'static str,
     /// How often it ran.
     pub runs: usize,

@@ -15,7 +15,6 @@ fn bin(bounds: f64) -> u32 {
 #[derive(Clone, Debug, PartialEq)]
 pub struct BinGrid {
     pub particles: usize,
-    /// Half a bin.
     pub bound: f64,
     /// The lowest coordinate along each axis.
     pub low: [f32; 3],

@@ -39,9 +39,7 @@ pub enum Style {
 
 /// Where experiments are done.
 pub struct Lab<'a> {
-    /// How.
     pub settings: Settings,
-    /// Kept results.
     pub store: ResultStore,
     /// Those that the settings' device had a part in: pictures, their scores, trained models.
     pub on_device: ResultStore,
@@ -50,7 +48,6 @@ pub struct Lab<'a> {
     pub gpu: Option<std::sync::Arc<particlegs_gpu::Device>>,
     /// Other compressors: those that need nothing else, and those of the settings' Python.
     pub baselines: Vec<Box<dyn Baseline>>,
-    /// Whom to tell.
     pub context: &'a Context<'a>,
 }
 
@@ -59,7 +56,6 @@ pub struct Lab<'a> {
 pub struct ModelSettings {
     /// What the file is to meet.
     pub target: Target,
-    /// Time for quality.
     pub effort: Effort,
     /// Blocks that are fitted on their own.
     pub blocks: u32,
@@ -94,7 +90,6 @@ impl ModelSettings {
 
 /// A model file and what it decodes to.
 pub struct ModelBuild {
-    /// The file.
     pub bytes: Vec<u8>,
     /// What it decodes to.
     pub model: Model,

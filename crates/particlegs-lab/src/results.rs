@@ -59,12 +59,10 @@ pub enum TableCell {
     },
     /// A number with so many digits after the point.
     Number {
-        /// The number.
         value: f64,
         /// Digits after the point.
         digits: usize,
     },
-    /// Nothing was measured.
     Empty,
 }
 

@@ -14,7 +14,6 @@ pub struct Settings {
     pub training: bool,
     /// Pixels of the pictures that are scored.
     pub size: Size,
-    /// Views an orbit.
     pub frames: usize,
     /// Raw bytes over bytes of a file, rising.
     pub ratios: Vec<f64>,

@@ -112,7 +112,6 @@ pub fn orbit(view: &str) -> &str {
 /// Decibels of a picture that does not differ from the truth: more than any number of them.
 pub const IDENTICAL: f64 = f64::INFINITY;
 
-/// Masked PSNR, dB.
 pub fn masked(s: &Score) -> Option<f64> {
     Some(s.masked.unwrap_or(IDENTICAL))
 }

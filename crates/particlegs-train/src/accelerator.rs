@@ -19,9 +19,7 @@ pub struct ParticleInput<'a> {
     pub origin: [f64; 3],
     /// World units; they clip where a view does not say.
     pub bounds: Bounds,
-    /// Number of particles.
     pub count: usize,
-    /// Reads positions.
     pub columns: ColumnReader<'a>,
 }
 

@@ -19,7 +19,6 @@ pub(crate) struct Adam {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Averages {
     pub first: Vec<f32>,
-    /// Of its square.
     pub second: Vec<f32>,
     pub steps: u64,
 }

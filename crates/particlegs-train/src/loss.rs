@@ -34,7 +34,6 @@ pub struct Loss {
 }
 
 impl Loss {
-    /// The published loss.
     pub const PUBLISHED: Loss = Loss { norm: Norm::L1, smooth: 0.0, dssim: 0.0, logarithm: false };
 
     /// Compares brightnesses in [0, 1] of two pictures of one size. No lit pixel: the loss is 0.

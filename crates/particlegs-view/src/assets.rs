@@ -1,6 +1,5 @@
 //! The page's own parts, as they are committed in `assets/`.
 
-/// Its style sheet.
 pub const STYLE: &str = include_str!("../assets/viewer.css");
 /// Its program: one classic script.
 pub const SCRIPT: &str = include_str!("../assets/viewer.js");

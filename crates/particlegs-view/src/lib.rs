@@ -4,6 +4,9 @@
 //! [`server`] hands it out, and [`truth`] draws all particles for it. What the page does once it is open is written
 //! in its own sources. Nothing here prints, reads the environment or opens a file.
 
+// Docs stand where a name does not say it.
+#![allow(missing_docs)]
+
 mod assets;
 mod markup;
 pub mod page;

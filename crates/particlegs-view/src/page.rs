@@ -59,7 +59,6 @@ particlegs_pipeline::named_values! {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PageOpening {
-    /// The style.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub style: Option<PageStyle>,
     /// Colour map of densities.
@@ -115,7 +114,6 @@ fn named<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Option<Color
 /// A page, and what a browser may do in it.
 #[derive(Clone, Debug)]
 pub struct Page {
-    /// The HTML.
     pub html: String,
     /// The Content-Security-Policy that it states, for the header.
     pub policy: String,

@@ -26,7 +26,6 @@ pub fn wanted(gaussians: usize, opening: &PageOpening) -> bool {
 /// A picture of the whole.
 #[derive(Clone, Debug)]
 pub struct Poster {
-    /// The picture.
     pub png: Vec<u8>,
     /// Surface densities of the first and the last colour; none of an alpha-blend model's own picture.
     pub range: Option<[f64; 2]>,

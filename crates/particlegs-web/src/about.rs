@@ -33,7 +33,6 @@ pub(crate) struct ModelSummary<'a> {
 struct SummaryUnits {
     length: String,
     mass: String,
-    /// Of surface density.
     surface: String,
     /// Of number and mass density.
     number: String,

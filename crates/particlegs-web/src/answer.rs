@@ -7,7 +7,6 @@ use serde::Serialize;
 /// an error is the JSON `{"error": "one line"}` without numbers.
 #[derive(Debug)]
 pub struct EngineResponse {
-    /// The JSON.
     pub json: String,
     /// What it says of them.
     pub numbers: Vec<u8>,

@@ -15,7 +15,6 @@ const STEP: usize = 1 << 15;
 
 /// A model, as far as it was decoded.
 pub(crate) struct LoadedModel {
-    /// Of its particles.
     pub bounds: Bounds,
     opening: Option<PartialModel>,
     /// Or the line that says why it will not be.

@@ -13,12 +13,10 @@ pub(crate) struct EngineQuery {
     /// Which model, from 0.
     #[serde(default)]
     pub model: usize,
-    /// What is asked.
     #[serde(flatten)]
     pub what: QueryKind,
 }
 
-/// What is asked.
 #[derive(Deserialize)]
 #[serde(tag = "ask", rename_all = "kebab-case")]
 pub(crate) enum QueryKind {
@@ -53,7 +51,6 @@ pub(crate) enum QueryKind {
 pub(crate) struct SceneRequest {
     /// Picture size, pixels.
     pub size: Size,
-    /// The camera.
     pub camera: Camera,
     /// Particle radius, world units.
     pub radius: f64,
@@ -76,7 +73,6 @@ pub(crate) struct SceneRequest {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum PlaneStyle {
-    /// Optical depth.
     Depth,
     /// Surface density, mass a world unit squared.
     Density,
@@ -88,7 +84,6 @@ pub(crate) enum PlaneStyle {
 pub(crate) struct PlaneColours {
     /// A look; `None` = surface density.
     pub look: Option<ToneStyle>,
-    /// Dark on white?
     pub white: bool,
     /// The colour map of density.
     pub colormap: String,
@@ -101,7 +96,6 @@ pub(crate) struct PlaneColours {
 }
 
 impl SceneRequest {
-    /// The view, checked.
     pub(crate) fn view(&self) -> Result<View> {
         let view = View { name: "view".into(), camera: self.camera, radius: self.radius, opacity: self.opacity };
         view.check(self.size)?;

@@ -7,7 +7,6 @@ pub(super) trait Interpolate<const N: usize>: Copy {
     /// What leads to another.
     fn step_to(self, other: Self) -> [f64; N];
 
-    /// A step on.
     fn stepped(self, by: [f64; N]) -> Self;
 }
 

@@ -4,7 +4,6 @@ use super::interpolate::Interpolate;
 use super::view::Frame;
 use crate::math::{Purpose, Random, cross, dot, each_axis, norm};
 
-/// An orientation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Rotation([f64; 4]);
 

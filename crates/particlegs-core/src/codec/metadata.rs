@@ -339,7 +339,6 @@ fn bounds(v: &[u8]) -> Result<Bounds, String> {
     }
 }
 
-/// Finite numbers.
 fn reals(tag: u8, v: &[u8]) -> Result<Vec<f64>, String> {
     if !v.len().is_multiple_of(8) || v.len() > 72 {
         return Err(format!("metadata field {tag} of {} bytes", v.len()));

@@ -66,7 +66,6 @@ pub fn reader(source: &GroupSource<'_>, choice: &Choice) -> Result<Box<dyn Snaps
 /// Data sets that are read, one after the other.
 struct DataSetSequence<'a> {
     choice: &'a Choice,
-    /// Those before.
     count: u64,
 }
 

@@ -28,7 +28,6 @@ struct SettingRecord {
 }
 
 impl NetworkBuffers {
-    /// For these parts.
     pub fn new(device: &Device, of: &VizMapper, chunks: &[AlphaGaussianChunk]) -> NetworkBuffers {
         let weights = device.filled("network", &of.parameters, wgpu::BufferUsages::STORAGE);
         NetworkBuffers::of_buffer(device, weights, of.ranges, chunks)
@@ -52,7 +51,6 @@ impl NetworkBuffers {
     }
 }
 
-/// The kernel.
 pub(super) struct AdaptationKernel(Kernel);
 
 impl AdaptationKernel {

@@ -27,7 +27,6 @@ pub(crate) struct BackwardBuffers {
 }
 
 impl BackwardBuffers {
-    /// For a canvas.
     pub fn new(device: &Device, canvas: &AlphaCanvas) -> Result<BackwardBuffers> {
         let (pixels, n) = (canvas.size.pixels() as u64, u64::from(canvas.gaussians));
         device.fits(canvas.size, 8 * pixels)?;

@@ -28,7 +28,6 @@ pub struct Gaussians {
     pub(super) blend: Blend<'static>,
 }
 
-/// Some of them.
 pub(super) struct AlphaGaussianChunk {
     pub columns: wgpu::Buffer,
     /// What the network makes of each.
@@ -95,7 +94,6 @@ impl Gaussians {
         self.blend.setting(view)
     }
 
-    /// Their number.
     pub fn len(&self) -> usize {
         self.chunks.iter().map(|c| c.count as usize).sum()
     }

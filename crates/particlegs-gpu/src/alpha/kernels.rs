@@ -17,7 +17,6 @@ use sources::{BIN, FIXED, FRAME, PROJECT};
 const SLOT: &str = include_str!("slot.wgsl");
 const SHARE: &str = include_str!("../share.wgsl");
 
-/// All of them.
 pub(super) struct AlphaKernels {
     pub adapt: AdaptationKernel,
     pub project: Kernel,

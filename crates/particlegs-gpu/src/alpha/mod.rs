@@ -56,7 +56,6 @@ pub struct AlphaRenderer {
 }
 
 impl AlphaRenderer {
-    /// Its kernels.
     pub fn new(device: &Arc<Device>) -> Result<Self> {
         let kernels = AlphaKernels::new(device);
         device.check()?;
@@ -183,7 +182,6 @@ impl AlphaRenderer {
         Ok(Plane { size: canvas.size, data })
     }
 
-    /// A picture.
     pub fn draw(&self, gaussians: &Gaussians, canvas: &mut AlphaCanvas, view: &View) -> Result<Gray8> {
         self.submit(gaussians, canvas, view)?;
         self.picture(canvas)

@@ -91,7 +91,6 @@ pub struct Sum<'a> {
 }
 
 impl ReferenceRenderer {
-    /// Its kernels.
     pub fn new(device: &Arc<Device>) -> Result<Self> {
         const VIEW: &str = include_str!("view.wgsl");
         let frame = include_str!("../render/frame.wgsl");
@@ -210,7 +209,6 @@ impl Sum<'_> {
         Ok(Gray8 { size: canvas.size, data })
     }
 
-    /// The optical depth.
     pub fn depth(self) -> Result<Plane> {
         let words = |of: &wgpu::Buffer| -> Result<Vec<u32>> {
             let bytes = self.reference.device.read(of, 4 * self.canvas.size.pixels() as u64)?;

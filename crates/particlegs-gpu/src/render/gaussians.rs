@@ -31,7 +31,6 @@ struct GaussianExtent {
     sigma: f64,
 }
 
-/// Some of them.
 pub(super) struct GaussianChunk {
     pub columns: wgpu::Buffer,
     pub count: u32,
@@ -87,7 +86,6 @@ impl Gaussians {
         &self.chunks[0].columns
     }
 
-    /// Their number.
     pub fn len(&self) -> usize {
         self.chunks.iter().map(|c| c.count as usize).sum()
     }

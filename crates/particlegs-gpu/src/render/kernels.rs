@@ -23,7 +23,6 @@ const BOUND: &str = include_str!("bound.wgsl");
 const PYRAMID_PLANES: &str = include_str!("pyramid_planes.wgsl");
 const RASTER: &str = include_str!("raster.wgsl");
 
-/// All of them.
 pub(super) struct Kernels {
     pub project: Kernel,
     pub slices_bound: Kernel,

@@ -82,7 +82,6 @@ pub(crate) struct CanvasBuffers<'a> {
 }
 
 impl DepthCanvas {
-    /// Its planes.
     pub(crate) fn planes(&self) -> &PlaneLayout {
         &self.planes
     }
@@ -126,7 +125,6 @@ struct LevelPass {
 }
 
 impl DepthRenderer {
-    /// Its kernels.
     pub fn new(device: &Arc<Device>) -> Result<Self> {
         let (kernels, tones) = (Kernels::new(device), ToneMapper::new(device));
         device.check()?;

@@ -11,7 +11,6 @@ use std::sync::{Mutex, PoisonError};
 /// Entries of the curve but the last: its depths are 2^e (1 + k/64), e from -14 to 3.
 pub(crate) const CURVE: u64 = 18 * 64;
 
-/// The kernels.
 pub(crate) struct ToneMapper {
     levels: Kernel,
     tone: Kernel,

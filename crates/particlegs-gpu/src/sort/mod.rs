@@ -17,13 +17,11 @@ const BLOCK: u32 = 512;
 /// What goes with each key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SortPayload {
-    /// A value.
     Values,
     /// Nothing but the key's own bits that it is not sorted by.
     Nothing,
 }
 
-/// The kernels.
 pub(crate) struct Sorter {
     carry: SortPayload,
     count: Kernel,

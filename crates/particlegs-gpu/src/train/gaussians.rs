@@ -116,7 +116,6 @@ impl DepthBuffers {
         kernels.average.run(pass, &bound.average, each);
     }
 
-    /// Sends the parameters.
     pub fn put(&self, device: &Device, of: &Parameters) -> Result<()> {
         let write = |buffer: &wgpu::Buffer, words: &[f32]| {
             device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(words));
@@ -215,7 +214,6 @@ impl DepthBuffers {
         columns
     }
 
-    /// The reverse.
     fn numbers(&self, columns: &[f32]) -> DepthGaussians {
         let n = self.count;
         let number = |i: usize| -> Numbers {

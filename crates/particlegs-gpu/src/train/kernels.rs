@@ -14,7 +14,6 @@ const SLICE_SLOPES: &str = include_str!("slice_slopes.wgsl");
 const SLOPES: &str = include_str!("slopes.wgsl");
 const STEP: &str = include_str!("step.wgsl");
 
-/// All of them.
 pub(super) struct TrainingKernels {
     pub loss: Kernel,
     pub dssim_across: Kernel,

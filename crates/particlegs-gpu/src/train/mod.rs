@@ -45,7 +45,6 @@ pub(crate) struct Trainer {
 }
 
 impl Trainer {
-    /// Compiles them.
     pub fn new(device: &Arc<Device>) -> Result<Trainer> {
         let (renderer, kernels) = (Arc::new(DepthRenderer::new(device)?), Arc::new(TrainingKernels::new(device)));
         let blender = Arc::new(Blender::new(device)?);

@@ -27,7 +27,6 @@ use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
 use particlegs_pipeline::{Error, Result};
 
-/// An experiment.
 pub struct Experiment {
     /// What it is asked for by.
     pub name: &'static str,

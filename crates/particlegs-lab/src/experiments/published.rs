@@ -8,7 +8,6 @@ pub(super) const BYTES_A_GAUSSIAN: u64 = 68;
 /// A row of the paper's tables of models.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PublishedRow {
-    /// PSNR, dB.
     pub psnr: f64,
     /// Change from the table's first row, dB.
     pub change: f64,
@@ -44,7 +43,6 @@ pub(super) struct PublishedBlocks {
     pub tuned: f64,
     /// SSIM of the last.
     pub ssim: f64,
-    /// Gaussians, thousands.
     pub thousands: f64,
 }
 
@@ -70,7 +68,6 @@ pub(super) struct OrbitRow {
     pub orbit: f64,
     /// What it is to the trained model: trained on, between those, or beyond them.
     pub kind: &'static str,
-    /// Masked PSNR, dB.
     pub masked: f64,
     pub ssim: f64,
 }

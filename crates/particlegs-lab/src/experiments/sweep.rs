@@ -29,7 +29,6 @@ pub(super) struct Sweep {
 /// Models of one kind, and the scores of each.
 pub(super) struct SweepModel {
     pub label: String,
-    /// Colour and mark.
     pub style: usize,
     pub scores: Vec<Vec<Score>>,
 }

@@ -7,7 +7,6 @@ use particlegs_pipeline::{Error, Result};
 /// The order that columns are compressed in.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ColumnOrder {
-    /// The particles' own.
     File,
     /// Of cubes, 2^21 along the longest edge of the box: neighbours in space are neighbours in the columns. A decoder has
     /// them in this order.

@@ -7,7 +7,6 @@ use crate::bins::{BinGrid, ParticleBins};
 pub struct LcpStreams {
     /// Numbers of the superblocks that hold particles: the first, then differences.
     pub starts: Vec<i64>,
-    /// Particles of each.
     pub counts: Vec<i64>,
     /// The octant of each particle less that of the one before it in its superblock.
     pub octants: Vec<i64>,

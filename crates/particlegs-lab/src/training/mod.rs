@@ -113,7 +113,6 @@ pub struct TrainingScore {
     /// Block, where there are several; else empty.
     #[serde(default)]
     pub run: String,
-    /// Steps done.
     pub iteration: u64,
     /// Seconds of training so far, with those of pieces before.
     pub seconds: f64,

@@ -30,7 +30,6 @@ struct SearchScale {
     steps: [f64; 2],
     /// The share of the way, in doublings, between two numbers on either side that the next one keeps from both.
     apart: f64,
-    /// Gaussians at most.
     most: u64,
 }
 

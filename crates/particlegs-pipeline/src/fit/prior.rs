@@ -21,7 +21,6 @@ pub(crate) struct Prior {
 }
 
 impl Prior {
-    /// Maximum likelihood.
     #[cfg(test)]
     pub(crate) const NONE: Prior = Prior { shape: 0.0, spread: 0.0, thin: None };
     /// Of Gaussians that share their particles. With shape 5, spreads of 0, 2, 3 give 4.34, 4.64, 4.63 bits a held-out

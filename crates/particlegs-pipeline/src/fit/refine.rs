@@ -236,7 +236,6 @@ impl Refiner<'_> {
 
 /// The mean shape of each cell's neighbours in the order of the cuts.
 fn shapes_beside(cells: &RefinedGaussians) -> Vec<Sym3> {
-    /// On either side.
     const CELLS: usize = 4;
     parallel::map_range(cells.len(), |i| {
         let mut mean = MeanShape::new();

@@ -40,7 +40,6 @@ const CHECK: usize = 64;
 const SHARE: f64 = 0.1;
 /// A round that merges less than one in so many away is poor.
 const POOR: usize = 64;
-/// Rounds of regrouping.
 const REGROUPINGS: usize = 4;
 /// Blur of the measure and floor of sizes, in particle radii, as in refinement.
 const BLUR_RADII: f64 = 6.0;
@@ -95,7 +94,6 @@ impl MergeGaussian {
 
 #[derive(Clone, Copy)]
 struct OverlapMeasure {
-    /// The pictures' blur.
     blur: Blur,
     /// Least variance in the search for neighbours.
     floor: f64,

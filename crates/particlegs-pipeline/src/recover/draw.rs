@@ -46,7 +46,6 @@ pub(super) struct DrawScratch {
 /// Particles of a layer, one after the other.
 struct ParticleRun<'a> {
     layer: &'a LayerPlan,
-    /// The layer's seed.
     stream: u64,
     /// The first one's place in the layer.
     first: u64,

@@ -49,7 +49,6 @@ struct Edge {
     across: [i32; 2],
     /// The pixel's luminosity.
     own: f32,
-    /// The other side's.
     other: f32,
 }
 

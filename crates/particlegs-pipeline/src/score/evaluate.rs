@@ -151,9 +151,7 @@ impl<'a> ModelComparison<'a> {
 
 pub(super) struct ViewPictures {
     truth: ViewTruth,
-    /// The model's.
     tau: Plane,
-    /// The uniform box's.
     even: Plane,
     subset: Option<SubsetView>,
 }

@@ -27,7 +27,6 @@ pub(super) fn gathered(positions: &[[f64; 3]], index: &[u32]) -> Vec<[f64; 3]> {
     all
 }
 
-/// Points by cell.
 pub(crate) struct PointGrid {
     pub domain: Domain,
     /// Cells along each axis.

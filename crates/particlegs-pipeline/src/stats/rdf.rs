@@ -3,7 +3,6 @@
 
 use super::PairCounts;
 
-/// Bins of g(r).
 const BINS: usize = 200;
 /// A peak stands out from what is before and behind it by this share of its height, at least ...
 const PROMINENCE: f64 = 0.1;

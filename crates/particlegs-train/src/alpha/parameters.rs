@@ -32,7 +32,6 @@ impl ParameterGroup {
         ["position", "scale", "rotation", "opacity", "feature"][self as usize]
     }
 
-    /// Numbers a Gaussian.
     pub fn width(self) -> usize {
         [3, 3, 4, 1, 1][self as usize]
     }
@@ -54,7 +53,6 @@ pub(super) fn feature(grey: f64) -> f64 {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct GaussianParameters {
-    /// Training frame.
     pub position: [f64; 3],
     /// Logarithms of its standard deviations along its axes.
     pub log_scale: [f64; 3],

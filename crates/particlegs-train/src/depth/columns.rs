@@ -29,7 +29,6 @@ impl DepthGaussians {
         DepthGaussians(parallel::map_range(m.len(), one))
     }
 
-    /// As a mixture.
     pub fn mixture(&self) -> Mixture {
         let row = |i: usize| -> Numbers {
             let [x, y, z, a, b, c, d, e, f, log_count] = self.0[i];

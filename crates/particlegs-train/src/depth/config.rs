@@ -11,7 +11,6 @@ pub struct DepthRates {
     pub place: f64,
     /// Shapes, in logarithms of radii.
     pub shape: f64,
-    /// Logarithms of counts.
     pub count: f64,
 }
 

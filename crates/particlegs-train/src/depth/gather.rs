@@ -13,9 +13,7 @@ use particlegs_core::render::raster::pyramid::{Level, PAD};
 pub struct GradientMoments {
     /// 1
     pub sum: f64,
-    /// x, y
     pub first: [f64; 2],
-    /// xx, xy, yy
     pub second: [f64; 3],
 }
 

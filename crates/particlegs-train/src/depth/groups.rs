@@ -10,9 +10,7 @@ const FARTHEST: f64 = 1.25;
 /// The group of every Gaussian, and the groups' particles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GaussianGroups {
-    /// By Gaussian.
     pub of: Vec<u32>,
-    /// By group.
     pub counts: Vec<f64>,
     /// By group, what the parameters are to sum to so that what is decoded from them sums to
     /// `counts`.

@@ -267,5 +267,4 @@ impl Learner for DepthLearner {
     }
 }
 
-/// Groups of parameters.
 const GROUPS: [&str; 3] = ["place", "shape", "count"];

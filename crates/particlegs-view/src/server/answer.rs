@@ -5,7 +5,6 @@ use hyper::body::Bytes;
 use hyper::header::{self, HeaderName, HeaderValue};
 use hyper::{Response, StatusCode};
 
-/// What goes back.
 pub type HttpResponse = Response<Full<Bytes>>;
 
 /// What no answer of ours is for: to be guessed at, kept, framed by other sites or used by their pages.

@@ -39,7 +39,6 @@ impl Token {
     }
 }
 
-/// The secrets.
 pub struct TokenAuth {
     token: Token,
     /// One that opens once, and leads to the other.
@@ -49,11 +48,9 @@ pub struct TokenAuth {
 /// What the first part of a path opens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathAccess {
-    /// The server.
     Everything,
     /// The way to the token, this time.
     Once,
-    /// Nothing.
     Nothing,
 }
 

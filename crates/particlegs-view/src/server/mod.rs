@@ -71,7 +71,6 @@ impl Default for Limits {
     }
 }
 
-/// What is shown.
 pub struct ViewerContent<'a> {
     /// Model files: what the page calls each, and its bytes.
     pub models: Vec<(String, Vec<u8>)>,

@@ -16,7 +16,6 @@ use std::io::{Read, Write};
 use std::sync::Arc;
 use tokio::sync::watch;
 
-/// What there is.
 pub struct RouteTable {
     page: EncodedBody,
     policy: HeaderValue,
@@ -43,7 +42,6 @@ struct EncodedBody {
     gzip: Bytes,
 }
 
-/// An address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Route {
     Page,

@@ -20,7 +20,6 @@ struct QueuedRender {
     answer: oneshot::Sender<Result<Vec<u8>>>,
 }
 
-/// Where connections ask.
 pub struct RenderQueue {
     jobs: Mutex<Option<Sender<QueuedRender>>>,
     /// Of the question that was asked last.

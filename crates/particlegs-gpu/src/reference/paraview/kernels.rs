@@ -4,7 +4,6 @@ use crate::Device;
 use crate::kernel::{BufferUse, FOUR_LEVELS, Kernel};
 use crate::sort::{SortPayload, Sorter};
 
-/// All of them.
 pub(super) struct ParaviewKernels {
     pub count: Kernel,
     pub range: Kernel,

@@ -94,12 +94,10 @@ impl ParaviewCanvas {
         Ok(canvas)
     }
 
-    /// The pictures' size.
     pub fn size(&self) -> Size {
         self.size
     }
 
-    /// Before any particle.
     pub(super) fn clear(&self, device: &Device) {
         let mut encoder = device.device.create_command_encoder(&Default::default());
         for strip in &self.strips {

@@ -80,7 +80,6 @@ pub struct PictureRequest<'a> {
 }
 
 impl Paraview {
-    /// Its kernels.
     pub fn new(device: &Arc<Device>) -> Result<Paraview> {
         Paraview::within(device, LIMITS)
     }
@@ -224,7 +223,6 @@ impl PictureRequest<'_> {
         device.queue.submit([encoder.finish()]);
     }
 
-    /// Layers to levels.
     fn finish(&self, fxaa: bool) -> Result<Gray8> {
         let (canvas, kernels) = (self.canvas, &self.paraview.kernels);
         for strip in &canvas.strips {

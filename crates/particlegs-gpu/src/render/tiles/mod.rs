@@ -22,7 +22,6 @@ pub struct DepthTiles<'a> {
     ends: wgpu::Buffer,
     total: wgpu::Buffer,
     scan: wgpu::BindGroup,
-    /// Of each batch.
     counts: Vec<wgpu::BindGroup>,
     /// For as many entries as a picture had yet.
     lists: Option<TileLists>,
@@ -33,7 +32,6 @@ pub struct DepthTiles<'a> {
 /// What is bound for lists of so many entries.
 struct TileLists {
     room: u32,
-    /// Of each batch.
     fills: Vec<wgpu::BindGroup>,
     sum: wgpu::BindGroup,
 }

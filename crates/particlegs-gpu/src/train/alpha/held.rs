@@ -55,7 +55,6 @@ fn parts_of_network(count: usize) -> usize {
 }
 
 impl AlphaBuffers {
-    /// Room for these.
     pub fn new(device: &Device, blender: &Blender, of: &alpha::Gaussians) -> Result<AlphaBuffers> {
         let count = of.parameters.len();
         let most = MOST.min((device.largest_binding() / (8 * NUMBERS as u64)) as usize);
@@ -144,7 +143,6 @@ impl AlphaBuffers {
         kernels.adam.run(pass, &adam, groups(self.count as u64));
     }
 
-    /// Sends everything.
     pub fn put(&self, device: &Device, of: &alpha::Gaussians) -> Result<()> {
         let write = |buffer: &wgpu::Buffer, words: &[f32]| {
             device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(words));
@@ -161,7 +159,6 @@ impl AlphaBuffers {
         device.wait()
     }
 
-    /// Brings everything back.
     pub fn get(&self, device: &Device, of: &mut alpha::Gaussians) -> Result<()> {
         let read = |buffer: &wgpu::Buffer, words: usize| -> Result<Vec<f32>> {
             let bytes = device.read(buffer, 4 * words as u64)?;
@@ -194,7 +191,6 @@ impl AlphaBuffers {
         groups.into_iter().zip(WIDTHS).flat_map(of).collect()
     }
 
-    /// The reverse.
     fn groups_of(&self, columns: &[f32]) -> [Vec<f32>; alpha::GROUPS] {
         let mut first = 0;
         WIDTHS.map(|width| {

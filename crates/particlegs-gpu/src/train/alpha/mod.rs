@@ -42,7 +42,6 @@ pub(super) struct Blender {
 }
 
 impl Blender {
-    /// Its kernels.
     pub fn new(device: &Arc<Device>) -> Result<Blender> {
         let renderer = AlphaRenderer::for_training(device)?;
         Ok(Blender { renderer, kernels: AlphaTrainingKernels::new(device) })
@@ -62,7 +61,6 @@ pub(crate) struct AlphaSteps {
 }
 
 impl AlphaSteps {
-    /// For these.
     pub(super) fn new(
         device: &Arc<Device>,
         shared: &Arc<TrainingKernels>,

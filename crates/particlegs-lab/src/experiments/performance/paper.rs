@@ -3,9 +3,7 @@
 
 /// Its hardware (section 5).
 pub(super) const HARDWARE: &str = "NVIDIA RTX PRO 6000 Blackwell";
-/// Its particles.
 pub(super) const PARTICLES: f64 = 281e6;
-/// Its Gaussians (\EbGaussians).
 pub(super) const GAUSSIANS: f64 = 769e3;
 
 /// Milliseconds of a frame: ParaView's, the published method's, and the ratio as it has it.
@@ -30,17 +28,11 @@ pub(super) fn frame(height: usize, settings: bool) -> Option<PublishedFrame> {
     }
 }
 
-/// \PvLoadSec, s.
 pub(super) const PARAVIEW_LOAD: f64 = 39.4;
-/// \GsLoadMs, s.
 pub(super) const MODEL_LOAD: f64 = 0.041;
-/// \PrepVtpMin, s.
 pub(super) const PREPARATION: f64 = 6.85 * 60.0;
-/// \TrainTimeMin, s.
 pub(super) const TRAINING: f64 = 67.0 * 60.0;
-/// \MergeTimeSec, s.
 pub(super) const MERGE: f64 = 0.11;
-/// \FtTimeMin, s.
 pub(super) const FINE_TUNING: f64 = 15.0 * 60.0;
 /// \InferMemMB, MB of the GPU's memory.
 pub(super) const DRAWING_MEMORY: f64 = 462.2;

@@ -15,7 +15,6 @@ pub(super) struct Facts {
     pub power_to: [Option<f64>; 3],
     /// r(k) is at least 0.99 and 0.9 up to these k.
     pub r_to: [Option<f64>; 2],
-    /// xi(r), rising.
     pub xi: Vec<Xi>,
     /// xi is within 10 % from this r on, where the truth's is above 0.1.
     pub xi_from: Option<f64>,

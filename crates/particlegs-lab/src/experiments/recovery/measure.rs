@@ -19,7 +19,6 @@ pub(super) const METHODS: [Method; 6] =
 pub(super) enum MeasurementScope {
     /// Density, spectra, xi, groups, neighbours.
     All,
-    /// Density, groups, neighbours.
     Local,
     /// Density and neighbours in the paper's convention.
     Paper,

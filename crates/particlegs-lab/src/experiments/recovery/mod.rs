@@ -35,7 +35,6 @@ struct MethodRecovery {
     method: Method,
     /// In the correct convention.
     all: Vec<Facts>,
-    /// In the paper's.
     paper: Vec<Facts>,
 }
 

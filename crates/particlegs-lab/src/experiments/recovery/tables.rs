@@ -104,7 +104,6 @@ fn of_blocks(m: &RecoveryMeasurements) -> ResultTable {
     table("recovery-blocks", title, heads, m.blocks.iter().map(row))
 }
 
-/// Density, P(k), r(k).
 fn spectrum_heads(m: &RecoveryMeasurements, first: &[&str], xi: bool) -> Vec<String> {
     let at = format!("at k, 1 / ({})", m.unit);
     let own = [

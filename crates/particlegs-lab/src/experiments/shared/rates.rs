@@ -22,7 +22,6 @@ const OFF: f64 = 1.1;
 /// A way at a ratio, once a seed.
 pub(crate) struct RatePoint {
     pub method: CompressionMethod,
-    /// Asked for.
     pub ratio: f64,
     /// What was measured, a seed after the other.
     pub runs: Vec<MethodMeasurement>,
@@ -65,7 +64,6 @@ pub(crate) struct ReferenceScores {
     pub noise_free: Option<f64>,
     /// As many particles spread evenly over the box.
     pub uniform_box: Option<f64>,
-    /// An empty picture.
     pub all_black: Option<f64>,
 }
 
