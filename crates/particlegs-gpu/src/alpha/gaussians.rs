@@ -114,9 +114,8 @@ impl AlphaGaussianChunk {
     ) -> Result<AlphaGaussianChunk> {
         let mut columns = vec![0u32; COLUMNS * n];
         for (place, (m, i)) in some.enumerate() {
-            let own = column(blend, m, i).map_err(|what| {
-                Error::argument_with(format!("Gaussian {}: {what}", first + place), Hint::use_processor())
-            })?;
+            let own = column(blend, m, i)
+                .map_err(|(what, hint)| Error::argument_with(format!("Gaussian {}: {what}", first + place), hint))?;
             own.iter().enumerate().for_each(|(k, v)| columns[k * n + place] = *v);
         }
         use wgpu::BufferUsages as Use;
@@ -131,8 +130,8 @@ impl AlphaGaussianChunk {
 }
 
 /// The numbers of a Gaussian.
-fn column(blend: &Blend, m: &Mixture, i: usize) -> std::result::Result<[u32; COLUMNS], String> {
-    let trained = blend.trained(m, i)?;
+fn column(blend: &Blend, m: &Mixture, i: usize) -> std::result::Result<[u32; COLUMNS], (String, Hint)> {
+    let trained = blend.trained(m, i).map_err(|what| (what, Hint::default()))?;
     let g = trained.gaussian;
     // Those that are a Gaussian's own do not depend on the setting.
     let [_, _, scale, logit] = inputs(Setting { radius: 1.0, opacity: 1.0 }, trained.log_scale, trained.logit);
@@ -148,7 +147,8 @@ fn column(blend: &Blend, m: &Mixture, i: usize) -> std::result::Result<[u32; COL
     }
     let mut words = own.map(f32::to_bits);
     for (k, v) in g.mean.into_iter().enumerate() {
-        let own = fixed::place(v).ok_or("it lies a million boxes away, farther than a GPU counts")?;
+        let far = "it lies a million boxes away, farther than a GPU counts";
+        let own = fixed::place(v).ok_or_else(|| (far.into(), Hint::use_processor()))?;
         words[2 * k..2 * k + 2].copy_from_slice(&own);
     }
     Ok(words)
