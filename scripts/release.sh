@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Makes what a version hands out, tries each where nothing else is, and tags the commit once all of it passed. Publishes
+# Makes what a version hands out, tries each where nothing else is (not the other machine's wheel, nor recipes), and tags the
+# commit once all of it passed. Publishes
 # nothing: docs/guide/install.md says how. Licences and known defects of dependencies are looked at first.
 # Usage: scripts/release.sh [FOLDER]
 #   FOLDER  a new one (default: dist/VERSION): crates, source archive, static binaries, wheels, Python's source

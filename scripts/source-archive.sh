@@ -17,8 +17,8 @@ git archive --prefix="$name/" HEAD | tar x -C "$work"
 (
     cd "$work/$name"
     mkdir .cargo
-    cargo vendor --quiet --locked --versioned-dirs --sync python/Cargo.toml vendor >"$work/config.toml"
-    mv "$work/config.toml" .cargo/
+    cargo vendor --quiet --locked --versioned-dirs --sync python/Cargo.toml vendor
+    printf '[source.%s]\n%s\n' crates-io 'replace-with = "vendor"' vendor 'directory = "vendor"' >.cargo/config.toml
 )
 mkdir -p "$folder"
 tar c -C "$work" --sort=name --owner=0 --group=0 --numeric-owner --mode=go=rX,u+rw \
