@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Makes what a version hands out, tries each where nothing else is (not the other machine's wheel, nor recipes), and tags the
-# commit once all of it passed. Publishes
-# nothing: docs/guide/install.md says how. Licences and known defects of dependencies are looked at first.
+# Makes what a version hands out, tries each where nothing else is (not the other machine's wheel, nor the recipes), and
+# tags the commit once all of it passed. Publishes nothing: docs/guide/install.md says how. Licences and known defects of
+# dependencies are looked at first.
 # Usage: scripts/release.sh [FOLDER]
 #   FOLDER  a new one (default: dist/VERSION): crates, source archive, static binaries, wheels, Python's source
 #           distribution, container, recipes for conda-forge and Spack, and SHA256SUMS of all of them
