@@ -4,6 +4,9 @@
 
 #![allow(missing_docs)]
 
+#[cfg(not(any(unix, windows)))]
+compile_error!("files are read and written on Unix and Windows alone; particlegs-core works without any");
+
 pub mod input;
 pub mod memory;
 pub mod output;
