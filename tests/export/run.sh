@@ -6,11 +6,15 @@ cd "$(dirname "$0")/../.."
 # shellcheck source=tests/common.sh
 . tests/common.sh
 
-if ! command -v npm >/dev/null || ! command -v chromium >/dev/null; then
+missing=()
+# Node may be there with an npm of its own, beside which Debian's cannot be.
+command -v npm >/dev/null || missing+=(nodejs npm)
+command -v chromium >/dev/null || missing+=(chromium)
+if [ ${#missing[@]} != 0 ]; then
     as_root=''
     if [ "$(id -u)" != 0 ]; then as_root=sudo; fi
     $as_root apt-get update -qq
-    $as_root apt-get install -y -qq --no-install-recommends nodejs npm chromium
+    $as_root apt-get install -y -qq --no-install-recommends "${missing[@]}"
 fi
 # By name, beside what cargo builds. The newest splat-transform wants a newer Node than Debian has.
 readers=$target/export-readers
