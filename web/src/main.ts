@@ -132,10 +132,12 @@ async function start(): Promise<void> {
     try {
       while (fitted !== viewKey(page.state.orbit)) {
         fitted = viewKey(page.state.orbit);
-        const first = await panes[0].home();
+        // Both are asked at once: what anybody asks after this view is answered when it is fitted.
+        const wanted = page.state.orbit.orthographic ? panes[0].window(page.state) : null;
+        const [first, window] = await Promise.all([panes[0].home(), wanted]);
         const free = (k: "focal" | "distance", o: Orbit) => [usual, first].some((own) => String(own[k]) === String(o[k]));
         if (!free("focal", page.state.orbit) && !free("distance", page.state.orbit)) continue;
-        const to = page.state.orbit.orthographic ? await panes[0].window(page.state) : first;
+        const to = window ?? first;
         const now = page.state.orbit;
         const orbit = {
           ...now, focal: free("focal", now) ? to.focal : now.focal, distance: free("distance", now) ? to.distance : now.distance,
