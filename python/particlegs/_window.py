@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from . import _coerce, _units
-from ._camera import point
+from ._camera import Camera, point
 from ._particlegs import InputError
 from ._types import Extent, Float64
 
@@ -25,7 +26,8 @@ _ALONG = {
 class Window(NamedTuple):
     """A camera that looks along an axis, and what it sees."""
 
-    camera: dict[str, Any]
+    #: In JSON, by the keys of views files.
+    camera: str
     #: Columns and rows.
     pixels: tuple[int, int]
     extent: Extent
@@ -48,17 +50,16 @@ class Window(NamedTuple):
         reach = _beyond(model, middle) if depth is None else 0.5 * _units.number_in(depth, unit, "depth")
         if not (np.isfinite(reach) and reach > 0):
             raise InputError("depth must be positive and finite")
-        camera = {
-            "position": tuple(middle + reach * np.array(toward)),
-            "focal_point": tuple(middle),
-            "view_up": up,
-            "fov_deg": None,
-            "height": float(tall),
-            "clipping_range": None if depth is None else (0.0, 2.0 * reach),
-        }
+        camera = Camera(
+            position=point(middle + reach * np.array(toward), "position"),
+            focal_point=point(middle, "center"),
+            view_up=up,
+            height=float(tall),
+            clipping_range=None if depth is None else (0.0, 2.0 * reach),
+        )
         x, y = float(middle[across]), float(middle[upward])
         extent = (x - 0.5 * wide, x + 0.5 * wide, y - 0.5 * tall, y + 0.5 * tall)
-        return cls(camera, (columns, rows), extent, ("xyz"[across], "xyz"[upward]))
+        return cls(json.dumps(camera._record()), (columns, rows), extent, ("xyz"[across], "xyz"[upward]))
 
 
 def _shape(shape: tuple[int, int]) -> tuple[int, int]:
