@@ -30,6 +30,7 @@ export class Pane {
   milliseconds = 0;
   frames = 0;
   marker: Marker | null = null;
+  private homes = new Map<string, Promise<Orbit>>();
   /** After every frame; `full` where nothing is left to draw. */
   onframe: (full: boolean) => void = () => {};
   onerror: (text: string) => void = () => {};
@@ -195,8 +196,16 @@ export class Pane {
     return this.decoded === 1;
   }
 
-  /** Where a camera stands that nobody moved. */
-  async home(): Promise<Orbit> {
+  /** Where a camera stands that nobody moved: the engine is asked once a size, so that what follows a known one waits for nothing. */
+  home(): Promise<Orbit> {
+    const { width, height } = this.size;
+    const key = `${width}x${height}`;
+    const known = this.homes.get(key) ?? this.askHome();
+    this.homes.set(key, known);
+    return known;
+  }
+
+  private async askHome(): Promise<Orbit> {
     const { json } = await this.remote.ask<{ distance: number }>({ ask: "base-distance", model: this.model, size: this.size });
     const focal = center(this.about.metadata.bounds);
     return { focal, azimuth: 0, elevation: 0, roll: 0, distance: json.distance, orthographic: false };
