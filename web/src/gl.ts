@@ -47,7 +47,7 @@ export class GlRenderer {
     const debug = gl.getExtension("WEBGL_debug_renderer_info");
     this.name = String(gl.getParameter(debug ? debug.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
     this.software = /swiftshader|llvmpipe|softpipe|software|basic render/i.test(this.name);
-    if (!gl.getExtension("EXT_color_buffer_float")) throw new GlUnsupported("this graphics card has no float planes");
+    if (!gl.getExtension("EXT_color_buffer_float")) throw new GlUnsupported("this GPU cannot keep pictures of float32");
     const full = gl.getExtension("EXT_float_blend") !== null;
     this.half = !full;
     this.format = full
@@ -76,7 +76,7 @@ export class GlRenderer {
     for (let i = strokes.planes.length - 1; i > 0; i--) this.addUp(this.planes[i], this.planes[i - 1], strokes.pad);
     gl.disable(gl.BLEND);
     this.drawTones({ paint, strokes, tone, colors }, size);
-    if (gl.getError() !== gl.NO_ERROR) throw new GlUnsupported("the graphics card reported an error");
+    if (gl.getError() !== gl.NO_ERROR) throw new GlUnsupported("the GPU reported an error");
   }
 
   /** Levels (of looks) or densities of the last picture, rows from the top. */
@@ -194,7 +194,7 @@ export class GlRenderer {
     gl.bindFramebuffer(gl.FRAMEBUFFER, target);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
     if (gl.checkFramebufferStatus(gl.FRAMEBUFFER) !== gl.FRAMEBUFFER_COMPLETE) {
-      throw new GlUnsupported("this graphics card cannot draw on float planes");
+      throw new GlUnsupported("this GPU cannot draw in float32");
     }
     return { texture, target, width, height };
   }
@@ -215,7 +215,7 @@ export class GlRenderer {
     gl.readPixels(8, 8, 1, 1, gl.RGBA, gl.FLOAT, read);
     this.drop(probe);
     gl.disable(gl.BLEND);
-    if (Math.abs(read[0] - 2) > 0.02) throw new GlUnsupported("this graphics card does not add up float planes");
+    if (Math.abs(read[0] - 2) > 0.02) throw new GlUnsupported("this GPU does not add up in float32");
   }
 
   private bindTarget(plane: Plane): void {

@@ -60,7 +60,7 @@ export class Pane {
     this.card.addEventListener("webglcontextlost", () => {
       this.gl = null;
       this.by = "CPU";
-      this.onerror("drawn by the CPU: the graphics card was lost");
+      this.onerror("drawn by the CPU: the GPU was lost");
       if (this.state) this.show(this.state);
     });
     const label = `${name}: picture of the model. Drag to turn, arrow keys turn as well; press ? for all keys.`;

@@ -77,7 +77,7 @@ fn accelerator(number: Option<usize>) -> Result<Arc<dyn Accelerator>> {
 
 #[cfg(feature = "gpu")]
 fn choice(number: Option<usize>) -> particlegs_gpu::AdapterChoice {
-    number.map_or(particlegs_gpu::AdapterChoice::Card, particlegs_gpu::AdapterChoice::Number)
+    number.map_or(particlegs_gpu::AdapterChoice::Gpu, particlegs_gpu::AdapterChoice::Number)
 }
 
 /// There is no GPU in this program.

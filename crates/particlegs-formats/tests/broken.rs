@@ -4,7 +4,7 @@ mod support;
 
 use std::path::Path;
 use std::time::Duration;
-use support::{Measured, measured};
+use support::{ResourceUse, measured};
 
 #[global_allocator]
 static COUNTING: support::CountingAllocator = support::CountingAllocator;
@@ -17,7 +17,7 @@ const LONGEST: Duration = Duration::from_secs(1);
 fn check(path: &Path, refused: bool) -> Vec<String> {
     let mut wrong = Vec::new();
     let name = path.file_name().expect("a file").to_string_lossy().into_owned();
-    let Measured { result, time, peak, largest } = measured(|| support::read_everything(path, None));
+    let ResourceUse { result, time, peak, largest } = measured(|| support::read_everything(path, None));
     match result {
         Err(_) => wrong.push("it panics".into()),
         Ok(Ok(n)) if refused => wrong.push(format!("it is read: {n} particles")),

@@ -11,7 +11,7 @@ use particlegs_pipeline::space::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::Duration;
-use support::{Measured, measured, positions};
+use support::{ResourceUse, measured, positions};
 
 #[global_allocator]
 static COUNTING: support::CountingAllocator = support::CountingAllocator;
@@ -109,7 +109,7 @@ fn all_files_of_a_snapshot_may_be_named() {
 fn survives(bytes: &[u8], path: &Path, what: &dyn Fn() -> String) {
     std::fs::write(path, bytes).unwrap();
     let read = || support::read_everything(path, Some("hdf5")).map_err(|e| e.to_string());
-    let Measured { result, time, peak, largest } = measured(read);
+    let ResourceUse { result, time, peak, largest } = measured(read);
     assert!(result.is_ok(), "panic: {}", what());
     assert!(time < Duration::from_secs(1), "slow: {}", what());
     assert!(largest < 64 << 20 && peak < 100 << 20, "{largest} bytes at once, {peak} in all: {}", what());

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, Once};
 use std::time::{Duration, Instant};
-use support::{Measured, measured};
+use support::{ResourceUse, measured};
 
 #[global_allocator]
 static COUNTING: support::CountingAllocator = support::CountingAllocator;
@@ -87,7 +87,7 @@ impl MutationRun {
             }
         }
         let watch = CaseWatchdog::start(format!("{} {damage:?}", self.name));
-        let Measured { result, time, largest, .. } = measured(|| read(path, self.format));
+        let ResourceUse { result, time, largest, .. } = measured(|| read(path, self.format));
         drop(watch);
         match result {
             Ok(refused) => drop(self.refused.fetch_add(refused.min(1), Relaxed)),

@@ -2,7 +2,7 @@
 
 use particlegs_core::{Error, Hint, Result};
 
-/// A graphics card, or a program that stands in for one.
+/// A GPU, or a program that stands in for one.
 #[derive(Clone, Debug)]
 pub struct Adapter {
     pub name: String,
@@ -25,8 +25,8 @@ pub struct Adapter {
 /// Which adapter to open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AdapterChoice {
-    /// The first real card.
-    Card,
+    /// The first real GPU.
+    Gpu,
     /// By its place in [`adapters`], from 0: software too.
     Number(usize),
 }
@@ -57,9 +57,9 @@ fn is_software(info: &wgpu::AdapterInfo) -> bool {
 fn described(adapter: &wgpu::Adapter) -> Adapter {
     let (info, limits, features) = (adapter.get_info(), adapter.limits(), adapter.features());
     let kind = match info.device_type {
-        wgpu::DeviceType::DiscreteGpu => "card",
-        wgpu::DeviceType::IntegratedGpu => "part of the processor",
-        wgpu::DeviceType::VirtualGpu => "virtual card",
+        wgpu::DeviceType::DiscreteGpu => "GPU",
+        wgpu::DeviceType::IntegratedGpu => "part of the CPU",
+        wgpu::DeviceType::VirtualGpu => "virtual GPU",
         wgpu::DeviceType::Cpu => "software",
         wgpu::DeviceType::Other => "of unknown kind",
     };
@@ -100,12 +100,12 @@ pub(crate) fn memory_of(_adapter: &wgpu::Adapter) -> Option<u64> {
 pub(crate) fn chosen(choice: AdapterChoice) -> Result<wgpu::Adapter> {
     let mut all = found();
     let place = match choice {
-        AdapterChoice::Card => all.iter().position(|a| !is_software(&a.get_info())),
+        AdapterChoice::Gpu => all.iter().position(|a| !is_software(&a.get_info())),
         AdapterChoice::Number(n) => (n < all.len()).then_some(n),
     };
     let Some(place) = place else {
         let what = match choice {
-            AdapterChoice::Card => format!("there is no graphics card that can be used: {}", advice()),
+            AdapterChoice::Gpu => format!("no GPU can be used: {}", advice()),
             AdapterChoice::Number(n) => format!("there is no device {n}: `particlegs devices` lists {}", all.len()),
         };
         return Err(Error::argument_with(what, Hint::default()));
@@ -113,7 +113,7 @@ pub(crate) fn chosen(choice: AdapterChoice) -> Result<wgpu::Adapter> {
     Ok(all.swap_remove(place))
 }
 
-/// What would help where a card is there and is not found, by what this machine looks like.
+/// What would help where a GPU is there and is not found, by what this machine looks like.
 pub fn advice() -> String {
     let there = |path: &str| std::path::Path::new(path).exists();
     let nvidia = there("/proc/driver/nvidia/version") || there("/dev/nvidiactl");
@@ -130,7 +130,7 @@ pub fn advice() -> String {
         manifests.iter().any(named)
     };
     if !cfg!(target_os = "linux") {
-        return "is a driver of the card's vendor installed?".into();
+        return "is a driver of the GPU's vendor installed?".into();
     }
     match (nvidia, drm, loader) {
         (true, _, false) => {
@@ -145,10 +145,10 @@ pub fn advice() -> String {
              NVIDIA_DRIVER_CAPABILITIES=all, install libXext (Debian: libxext6), and see `vulkaninfo --summary`"
             .into(),
         (_, true, false) => {
-            "a card is there, but no Vulkan loader (Debian: `apt-get install libvulkan1 mesa-vulkan-drivers`)".into()
+            "a GPU is there, but no Vulkan loader (Debian: `apt-get install libvulkan1 mesa-vulkan-drivers`)".into()
         }
         (_, true, true) => {
-            "a card is there, but no Vulkan driver of it (Debian, AMD and Intel: `apt-get install mesa-vulkan-drivers`), \
+            "a GPU is there, but no Vulkan driver for it (Debian, AMD and Intel: `apt-get install mesa-vulkan-drivers`), \
              or you may not use it (groups `render`, `video`)"
                 .into()
         }

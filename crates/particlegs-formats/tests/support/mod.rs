@@ -96,7 +96,7 @@ fn counted() -> (usize, usize) {
 }
 
 /// What a piece of work gave, or that it panicked, and what it took.
-pub struct Measured<T> {
+pub struct ResourceUse<T> {
     pub result: std::thread::Result<T>,
     pub time: Duration,
     /// Bytes that were taken beside those before.
@@ -106,12 +106,12 @@ pub struct Measured<T> {
 }
 
 /// Does some work, and counts.
-pub fn measured<T>(work: impl FnOnce() -> T) -> Measured<T> {
+pub fn measured<T>(work: impl FnOnce() -> T) -> ResourceUse<T> {
     let before = start_counting();
     let start = Instant::now();
     let result = catch_unwind(AssertUnwindSafe(work));
     let (peak, largest) = counted();
-    Measured { result, time: start.elapsed(), peak: peak.saturating_sub(before), largest }
+    ResourceUse { result, time: start.elapsed(), peak: peak.saturating_sub(before), largest }
 }
 
 /// The name of the format that a file's content has.

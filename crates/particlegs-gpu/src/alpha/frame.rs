@@ -7,7 +7,7 @@ use particlegs_core::render::alpha::{BRIGHTEST, CutOffs, Eye, Tiles};
 use particlegs_core::{Error, Hint, Result};
 
 /// What is said of a camera whose place fixed.wgsl does not hold.
-const TOO_FAR: &str = "the camera stands a million boxes away, farther than a card counts";
+const TOO_FAR: &str = "the camera stands a million boxes away, farther than a GPU counts";
 
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
