@@ -1,4 +1,4 @@
-// Bundles the page's sources into crates/particlegs-view/assets (or the folder that is named).
+// Bundles the page's sources into crates/particlegs-view/assets or the given folder.
 import { build } from "esbuild";
 import { createHash } from "node:crypto";
 import { readFile, writeFile } from "node:fs/promises";
@@ -11,7 +11,7 @@ for (const [name, entry] of [["viewer", "main"], ["worker", "worker"]]) {
   });
 }
 await build({ stdin: { contents: await readFile("src/viewer.css", "utf8"), loader: "css" }, outfile: `${out}/viewer.css`, minify: true });
-// What a browser checks script and style by before it runs them.
+// Hashes for the page's security policy.
 for (const name of ["viewer.js", "viewer.css"]) {
   await writeFile(`${out}/${name}.sha256`, createHash("sha256").update(await readFile(`${out}/${name}`)).digest("base64"));
 }

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Builds what a page is made of into crates/particlegs-view/assets: the engine (crates/particlegs-web compiled to
-# WebAssembly) and the bundled sources of this folder. With --check it builds elsewhere and compares: scripts and
-# style always, the engine where the compiler is the one that made the committed one.
+# Builds the assets of the page in crates/particlegs-view/assets: the engine (crates/particlegs-web compiled to
+# WebAssembly) and the bundled sources of this folder. With --check it builds in a temporary folder and compares: always
+# scripts and style, the engine only if the same compiler built the committed one.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD
@@ -15,7 +15,7 @@ fi
 if ! rustup target list --installed | grep -qx wasm32-unknown-unknown; then
     rustup target add wasm32-unknown-unknown
 fi
-# Paths of this machine stay out of the messages in the module.
+# Keeps paths of this machine out of the module.
 cargo=${CARGO_HOME:-$HOME/.cargo}
 flags="-C target-feature=+simd128 --remap-path-prefix $cargo=/cargo --remap-path-prefix $root=/particlegs"
 RUSTFLAGS=$flags cargo build --quiet --locked -p particlegs-web --profile web --target wasm32-unknown-unknown \
@@ -35,11 +35,11 @@ if [ "$out" = "$assets" ]; then
     exit
 fi
 for name in viewer.js{,.sha256} worker.js viewer.css{,.sha256}; do
-    cmp "$out/$name" "$assets/$name" || { echo "$assets/$name is not what web/build.sh makes: run it and commit" >&2; exit 1; }
+    cmp "$out/$name" "$assets/$name" || { echo "$assets/$name is out of date: run web/build.sh and commit" >&2; exit 1; }
 done
 if [ "$compiler" = "$(cat "$assets/engine.txt")" ]; then
     cmp <(gzip -dc "$out/engine.wasm.gz") <(gzip -dc "$assets/engine.wasm.gz") ||
-        { echo "$assets/engine.wasm.gz is not what web/build.sh makes: run it and commit" >&2; exit 1; }
+        { echo "$assets/engine.wasm.gz is out of date: run web/build.sh and commit" >&2; exit 1; }
 else
-    echo "the engine was made by $(cat "$assets/engine.txt"), this is $compiler: built, not compared"
+    echo "the committed engine was built by $(cat "$assets/engine.txt"), not $compiler: built, not compared"
 fi

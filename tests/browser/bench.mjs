@@ -1,4 +1,4 @@
-// How fast the page is: node tests/browser/bench.mjs MODEL... prints a table. No graphics card; Chromium is started before the clock.
+// Times the page without a GPU: node tests/browser/bench.mjs MODEL... prints a table. Starting Chromium is not included.
 import { spawn } from "node:child_process";
 import path from "node:path";
 import { browser } from "./common.mjs";
@@ -7,7 +7,7 @@ const program = path.resolve(process.env.PARTICLEGS ?? "target/release/particleg
 const RUNS = Number(process.env.RUNS ?? 5);
 const median = (all) => all.toSorted((a, b) => a - b)[Math.floor(all.length / 2)];
 
-/** In the page: keeps the first frames as they are seen, and when. */
+/** In the page: records the first frames and their times. */
 function keepFrames() {
   globalThis.kept = [];
   new MutationObserver(() => {
@@ -19,7 +19,7 @@ function keepFrames() {
   }).observe(document, { attributes: true, subtree: true, attributeFilter: ["data-frames"] });
 }
 
-/** In the page: when each kept frame was there, and its masked PSNR in dB against the last, which is the full picture. */
+/** In the page: the time of each frame, and its masked PSNR in dB against the last, full picture. */
 function scored() {
   const full = globalThis.kept.at(-1).copy;
   const pixels = (of) => {
@@ -39,7 +39,7 @@ function scored() {
   });
 }
 
-/** In the page: turns for four seconds. */
+/** In the page: rotates for four seconds. */
 async function turned() {
   const { page, change } = globalThis.particlegs;
   const pane = page.panes[0];
@@ -54,7 +54,7 @@ async function turned() {
   return { size: `${width}x${height}`, rate: (1000 * (pane.frames - frames)) / (performance.now() - start), still };
 }
 
-/** Milliseconds from the command to pictures: the first, the first of 35 dB against the full one, the full one. */
+/** Milliseconds from the command to the first picture, the first with 35 dB against the full one, and the full one. */
 async function once(b, model) {
   const tab = await b.newPage({ viewport: { width: 1580, height: 804 } });
   await tab.addInitScript(keepFrames);

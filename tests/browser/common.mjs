@@ -1,4 +1,4 @@
-// What the tests of the page share: the browser, the program, models, and pictures compared.
+// Shared by the tests of the page: the browser, the program, models, and comparison of pictures.
 import { spawn, spawnSync } from "node:child_process";
 import { mkdtempSync, rmSync } from "node:fs";
 import { createRequire } from "node:module";
@@ -16,14 +16,14 @@ export const sample = path.join(root, "samples/nbody64");
 export const work = mkdtempSync(path.join(tmpdir(), "particlegs-browser-"));
 process.on("exit", () => rmSync(work, { recursive: true, force: true }));
 
-/** Runs the program; throws with what it says where it fails. */
+/** Runs the program; throws its error message if it fails. */
 export function run(...args) {
   const r = spawnSync(program, args, { encoding: "utf8", cwd: work });
   if (r.status !== 0) throw new Error(`particlegs ${args.join(" ")}: ${r.stderr}`);
   return r.stdout;
 }
 
-/** Models and pages, made once. */
+/** Makes models and a page. */
 export function prepare() {
   run("compress", sample, "-o", "m.pgs", "--ratio", "300", "--quiet");
   run("compress", sample, "-o", "n.pgs", "--ratio", "1000", "--certificate", "none", "--quiet");
@@ -51,17 +51,17 @@ export async function serve(...args) {
   return { url, stop };
 }
 
-/** A browser whose graphics card is software; or one without. */
-export function browser(card = true) {
+/** Chromium with a GPU emulated in software, or without one. */
+export function browser(gpu = true) {
   return chromium.launch({
     executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
-    args: ["--no-sandbox", ...(card ? ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"] : ["--disable-gpu"])],
+    args: ["--no-sandbox", ...(gpu ? ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"] : ["--disable-gpu"])],
   });
 }
 
 /**
- * Opens a page and waits for its picture. `said` gathers warnings and errors of the console, `asked` the addresses
- * that it requested.
+ * Opens a page and waits for its picture. `said` collects warnings and errors of the console, `asked` the requested
+ * addresses.
  */
 export async function open(b, url, options = {}) {
   const tab = await b.newPage({ viewport: { width: 1280, height: 720 }, colorScheme: "dark", ...options });
@@ -74,10 +74,10 @@ export async function open(b, url, options = {}) {
   return { tab, said, asked };
 }
 
-/** Waits until the graphics card draws. */
-export const byCard = (tab) => tab.waitForFunction(() => document.documentElement.dataset.by === "GPU");
+/** Waits until the GPU draws. */
+export const onGpu = (tab) => tab.waitForFunction(() => document.documentElement.dataset.by === "GPU");
 
-/** Changes the state and waits for the full picture of it; then gives its pixels and the CPU's own, as RGBA. */
+/** Changes the state, waits for the full picture, and compares it with the CPU's. */
 export async function pictures(tab, part) {
   return tab.evaluate(async (part) => {
     const { page, change, pixels } = globalThis.particlegs;
@@ -86,12 +86,12 @@ export async function pictures(tab, part) {
     change(typeof part === "string" ? {} : part);
     while (full() === before) await new Promise((r) => setTimeout(r, 20));
     const pane = page.panes[0];
-    // The colour bar may have made the picture narrower, which is then drawn again.
+    // The colour bar may have made the picture narrower; it is then drawn again.
     const rests = () => !pane.busy && pane.drawn === pane.changed
-      && (pane.drew === "GPU" ? pane.card : pane.cpu).width === pane.size.width;
+      && (pane.drew === "GPU" ? pane.gpu : pane.cpu).width === pane.size.width;
     for (let calm = 0; calm < 15; calm = rests() ? calm + 1 : 0) await new Promise((r) => setTimeout(r, 20));
     const { width, height } = pane.size;
-    const canvas = pane.drew === "GPU" ? pane.card : pane.cpu;
+    const canvas = pane.drew === "GPU" ? pane.gpu : pane.cpu;
     const copy = new OffscreenCanvas(width, height).getContext("2d");
     copy.drawImage(canvas, 0, 0);
     const shown = copy.getImageData(0, 0, width, height).data;

@@ -1,4 +1,4 @@
-// The page from disk in Firefox: it draws, by the CPU or by whatever card there is, and says nothing to the console.
+// The page from disk in Firefox: it draws and writes nothing to the console.
 import assert from "node:assert/strict";
 import { createRequire } from "node:module";
 import { before, test } from "node:test";
@@ -9,7 +9,7 @@ const puppeteer = require("puppeteer-core");
 
 before(prepare);
 
-test("in Firefox: the page draws what the CPU draws, and a link restores a view", { timeout: 120_000 }, async () => {
+test("in Firefox: the page shows the CPU's picture, and a link restores a view", { timeout: 120_000 }, async () => {
   const firefox = await puppeteer.launch({
     browser: "firefox", executablePath: process.env.FIREFOX ?? "/usr/bin/firefox-esr", headless: true,
   });

@@ -1,6 +1,6 @@
-// The viewer within another page, as a saved notebook has it: an iframe whose page is its own attribute, from disk,
-// offline. With $NOTEBOOKS, a folder of executed notebooks as pages (python/notebooks/run.sh), those too; $PICTURES
-// keeps what they look like.
+// The viewer embedded as in a saved notebook: an iframe with a srcdoc attribute, from disk, offline. With $NOTEBOOKS, a
+// folder of executed notebooks as pages (python/notebooks/run.sh), these are tested instead; screenshots go to
+// $PICTURES.
 import assert from "node:assert/strict";
 import { mkdirSync, readFileSync, readdirSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
@@ -15,7 +15,7 @@ const notebooks = process.env.NOTEBOOKS;
 const pictures = process.env.PICTURES;
 const size = { width: 1280, height: 900 };
 
-/** Text as Python's html.escape has it. */
+/** As Python's html.escape. */
 const escaped = (text) => text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll(">", "&gt;").replaceAll('"', "&quot;").replaceAll("'", "&#x27;");
 
 before(() => {
@@ -30,10 +30,10 @@ const saved = () => notebooks
   ? readdirSync(notebooks).filter((f) => f.endsWith(".html")).map((f) => path.resolve(notebooks, f))
   : [path.join(work, "saved.html")];
 
-/** What a viewer's frame has drawn: whether it failed, its frames, the lit share of its picture. */
+/** The state of a viewer: whether it failed, and the lit share of its picture. */
 const drawn = () => {
   const pane = globalThis.particlegs.page.panes[0];
-  const canvas = pane.drew === "GPU" ? pane.card : pane.cpu;
+  const canvas = pane.drew === "GPU" ? pane.gpu : pane.cpu;
   const copy = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d");
   copy.drawImage(canvas, 0, 0);
   const pixels = copy.getImageData(0, 0, canvas.width, canvas.height).data;
@@ -44,15 +44,15 @@ const drawn = () => {
 const finished = () => document.documentElement.dataset.full || document.documentElement.dataset.failed;
 const changed = (before) => document.documentElement.dataset.full !== before;
 const full = () => document.documentElement.dataset.full;
-/** Addresses of images that did not come. */
+/** Addresses of images that did not load. */
 const missing = () => [...document.images].filter((i) => i.naturalWidth === 0).map((i) => i.src.slice(0, 80));
 
-/** Waits until a function says so, in a frame of either browser. */
+/** Waits until a function returns true in a frame. */
 async function until(frame, says, ...given) {
   while (!await frame.evaluate(says, ...given)) await new Promise((r) => setTimeout(r, 50));
 }
 
-/** Opens a page in a tab of either browser, looks at every viewer in it and turns it; gives what was asked and said. */
+/** Opens a page, checks every viewer in it and changes its style; returns the number of viewers. */
 async function look(tab, file, name) {
   const [said, asked] = [[], []];
   tab.on("console", (m) => ["error", "warn", "warning"].includes(m.type()) && said.push(m.text()));
@@ -69,7 +69,7 @@ async function look(tab, file, name) {
     const before = await frame.evaluate(full);
     await frame.evaluate(() => globalThis.particlegs.change({ look: "density" }));
     await until(frame, changed, before);
-    // The link is kept after a while, where there is an address to keep it in.
+    // Time for the page to try to update its address.
     await new Promise((r) => setTimeout(r, 800));
   }
   assert.deepEqual(await tab.evaluate(missing), [], file);

@@ -1,9 +1,9 @@
-// The page as a person uses it, in a real browser.
+// Tests of the page in Chromium.
 import assert from "node:assert/strict";
 import { readFileSync, writeFileSync } from "node:fs";
 import path from "node:path";
 import { after, before, test } from "node:test";
-import { axe, browser, byCard, open, page, pictures, prepare, run, serve, work } from "./common.mjs";
+import { axe, browser, onGpu, open, page, pictures, prepare, run, serve, work } from "./common.mjs";
 
 let b;
 before(async () => {
@@ -18,10 +18,10 @@ const CAMERAS = [
   { azimuth: -120, elevation: -50, distance: 0.5 }, { azimuth: 75, elevation: 10, distance: 0.25 },
   { azimuth: 200, elevation: 5, distance: 0.04 },
 ];
-/** Masked PSNR in dB that the canvas reaches against the CPU at distances 1, 0.5, 0.25 and inside. */
+/** Required masked PSNR in dB of the GPU's picture against the CPU's at distances 1, 0.5, 0.25 and inside. */
 const LEAST = (distance) => (distance >= 1 ? 70 : distance >= 0.5 ? 62 : distance >= 0.25 ? 58 : 55);
 
-/** The state of the page, and the part of it that a camera is. */
+/** The page's orbit for a camera of `CAMERAS`. */
 const orbitOf = (tab, c) => tab.evaluate((c) => {
   const { page } = globalThis.particlegs;
   const home = page.panes[0].about.metadata.bounds;
@@ -40,13 +40,13 @@ const greys = (tab, png) => tab.evaluate(async (base64) => {
   return [...c.getImageData(0, 0, image.width, image.height).data].filter((_, i) => i % 4 === 0);
 }, png.toString("base64"));
 
-/** Pixels in which two PNGs differ. */
+/** Number of pixels in which two PNGs differ. */
 async function differing(tab, a, b) {
   const [x, y] = [await greys(tab, a), await greys(tab, b)];
   return x.length === y.length ? x.reduce((n, v, i) => n + (v === y[i] ? 0 : 1), 0) : Infinity;
 }
 
-test("from disk: one file, no request, no warning, and as much as is promised", async () => {
+test("from disk: one file of the documented size, no request, no warning", async () => {
   const { tab, said, asked } = await open(b, page());
   assert.deepEqual(said, []);
   assert.deepEqual(asked.filter((u) => !u.startsWith("file:") && !u.startsWith("blob:") && !u.startsWith("data:")), []);
@@ -56,7 +56,7 @@ test("from disk: one file, no request, no warning, and as much as is promised", 
   await tab.close();
 });
 
-/** Mean luminance of the first picture, and the share of occupied pixels that differ from the background. */
+/** Mean luminance of the first picture, and the share of occupied pixels that are visible. */
 const firstPicture = (tab) => tab.evaluate(async () => {
   const { page } = globalThis.particlegs;
   const pane = page.panes[0];
@@ -73,7 +73,7 @@ const firstPicture = (tab) => tab.evaluate(async () => {
   return { light: light / densities.length, seen: seen / occupied };
 });
 
-test("the first picture can be seen, of clusters and of what is nearly uniform", async () => {
+test("the first picture is visible, for clustered and for nearly uniform particles", async () => {
   let text = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n8000\nITEM: BOX BOUNDS pp pp pp\n0 20\n0 20\n0 20\nITEM: ATOMS id type x y z\n";
   for (let i = 0; i < 8000; i++) text += `${i} 1 ${[1, 20, 400].map((d, k) => (Math.floor(i / d) % 20) + 0.5 + 0.4 * Math.sin(i * (k + 1.7)))}\n`.replaceAll(",", " ");
   writeFileSync(path.join(work, "melt.dump"), text);
@@ -88,7 +88,7 @@ test("the first picture can be seen, of clusters and of what is nearly uniform",
   }
 });
 
-test("the CPU's picture in the page is that of the command, to the last bit", async () => {
+test("the CPU's picture in the page equals the command's, bit for bit", async () => {
   const { tab } = await open(b, page("?draw=cpu"));
   assert.equal(await tab.evaluate(() => globalThis.particlegs.page.state.look), "density");
   const views = await tab.evaluate(() => {
@@ -111,11 +111,11 @@ test("the CPU's picture in the page is that of the command, to the last bit", as
   await tab.close();
 });
 
-test("a large model is drawn while it is decoded, as soon as the view is moved, and is the same in the end", async () => {
+test("a large model is drawn during decoding once the view moves, and the final picture is the same", async () => {
   run("compress", path.resolve("samples/nbody64"), "-o", "large.pgs", "--gaussians", "120000", "--effort", "fast", "--certificate", "none", "--quiet");
   run("export", "large.pgs", "-o", "large.html", "--quiet");
   const tab = await b.newPage({ viewport: { width: 1280, height: 720 } });
-  // A worker that is asked to decode when the test says so.
+  // Holds back decode queries until the test releases them.
   await tab.addInitScript(() => {
     const held = [];
     globalThis.goOn = (all) => {
@@ -141,7 +141,7 @@ test("a large model is drawn while it is decoded, as soon as the view is moved, 
     const { full } = document.documentElement.dataset;
     return { frames, full, lit: lit / (cpu.width * cpu.height), poster: !!document.getElementById("poster") };
   });
-  // The poster is better than what there is; but not of another view.
+  // The poster stays until the view moves.
   assert.deepEqual(await seen(), { frames: 0, full: undefined, lit: 0, poster: true });
   await tab.keyboard.press("ArrowLeft");
   await tab.waitForFunction(() => document.documentElement.dataset.frames >= 1);
@@ -157,9 +157,9 @@ test("a large model is drawn while it is decoded, as soon as the view is moved, 
   await tab.close();
 });
 
-test("the graphics card's picture is the CPU's", { timeout: 240_000 }, async () => {
+test("the GPU's picture equals the CPU's", { timeout: 240_000 }, async () => {
   const { tab, said } = await open(b, page("?draw=gpu"));
-  await byCard(tab);
+  await onGpu(tab);
   const radius = await tab.evaluate(() => globalThis.particlegs.page.state.radius);
   for (const look of ["paraview", "expected", "density"]) {
     for (const camera of CAMERAS) {
@@ -177,21 +177,21 @@ test("the graphics card's picture is the CPU's", { timeout: 240_000 }, async () 
   await tab.close();
 });
 
-test("the graphics card's densities are the CPU's to 0.01 dex", async () => {
+test("the GPU's densities equal the CPU's to 0.01 dex", async () => {
   const { tab } = await open(b, page("?draw=gpu", "#look=density"));
-  await byCard(tab);
+  await onGpu(tab);
   await pictures(tab, { orbit: await orbitOf(tab, CAMERAS[1]) });
   const worst = await tab.evaluate(async () => {
     const pane = globalThis.particlegs.page.panes[0];
     const { page } = globalThis.particlegs;
     const scene = { size: pane.size, camera: globalThis.particlegs.camera(), radius: page.state.radius, opacity: page.state.opacity };
-    const [card, cpu] = [pane.startCard().values(), new Float32Array((await pane.values(scene, "density")).numbers)];
-    // Below the range's lower end nothing is seen.
+    const [gpu, cpu] = [pane.startGpu().values(), new Float32Array((await pane.values(scene, "density")).numbers)];
+    // Densities below the range are invisible.
     let [worst, lit] = [0, 0];
     for (let i = 0; i < cpu.length; i++) {
       if (cpu[i] < pane.range[0]) continue;
       lit++;
-      worst = Math.max(worst, Math.abs(Math.log10(card[i] / cpu[i])));
+      worst = Math.max(worst, Math.abs(Math.log10(gpu[i] / cpu[i])));
     }
     return { worst, lit: lit / cpu.length };
   });
@@ -199,22 +199,22 @@ test("the graphics card's densities are the CPU's to 0.01 dex", async () => {
   await tab.close();
 });
 
-test("a graphics card that fails leaves the picture to the CPU", async () => {
+test("if the GPU fails, the CPU draws", async () => {
   const { tab } = await open(b, page("?draw=gpu"));
-  await byCard(tab);
-  await tab.evaluate(() => globalThis.particlegs.page.panes[0].card.getContext("webgl2").getExtension("WEBGL_lose_context").loseContext());
-  // At once, without a change.
+  await onGpu(tab);
+  await tab.evaluate(() => globalThis.particlegs.page.panes[0].gpu.getContext("webgl2").getExtension("WEBGL_lose_context").loseContext());
+  // At once, without a change of state.
   await tab.waitForFunction(() => globalThis.particlegs.page.panes[0].drew === "CPU");
   const r = await pictures(tab, { opacity: 0.1 });
   assert.equal(r.worst, 0);
   assert.ok(r.lit > 0.02);
-  assert.match(await tab.textContent("#status"), /drawn by the CPU/);
+  assert.match(await tab.textContent("#status"), /drawing on the CPU/);
   await tab.close();
 });
 
-test("what the graphics card leaves to the engine, it draws as the CPU does: slabs, clip boxes, images, white ground", async () => {
+test("the GPU draws slabs, clip boxes, periodic images and white backgrounds as the CPU does", async () => {
   const { tab } = await open(b, page("?draw=gpu", "#look=paraview"));
-  await byCard(tab);
+  await onGpu(tab);
   const bounds = await tab.evaluate(() => globalThis.particlegs.page.panes[0].about.metadata.bounds);
   const middle = 0.5 * (bounds.min[2] + bounds.max[2]);
   const long = bounds.max[2] - bounds.min[2];
@@ -229,7 +229,7 @@ test("what the graphics card leaves to the engine, it draws as the CPU does: sla
   await tab.close();
 });
 
-test("dials and keys change the picture, and a link restores it", async () => {
+test("controls and keys change the picture, and a link restores it", async () => {
   const { tab } = await open(b, page("?draw=cpu", "#look=paraview"));
   const state = () => tab.evaluate(() => structuredClone(globalThis.particlegs.page.state));
   const before = await state();
@@ -240,9 +240,9 @@ test("dials and keys change the picture, and a link restores it", async () => {
   await tab.selectOption("label:has-text('Colour map') select", "viridis");
   await tab.focus(".pane");
   for (const key of ["ArrowLeft", "+", "o", "b", "]", "Shift+X"]) await tab.keyboard.press(key);
-  // A density has no radius: the key says so, and the dial is away.
-  assert.match(await tab.textContent("#status"), /a surface density has no radius/);
-  assert.equal(await tab.locator("#dial-radius").isVisible(), false);
+  // The density style has no radius: the key says so, and the slider is hidden.
+  assert.match(await tab.textContent("#status"), /the density style has no radius/);
+  assert.equal(await tab.locator("#slider-radius").isVisible(), false);
   const now = await state();
   assert.ok(Math.abs(now.radius / before.radius - 2) < 1e-6, `${now.radius}`);
   assert.equal(now.look, "density");
@@ -258,13 +258,13 @@ test("dials and keys change the picture, and a link restores it", async () => {
   await again.tab.close();
 });
 
-test("an orthographic view holds the whole box from wherever it is seen, until it is moved", async () => {
+test("an orthographic view shows the whole box from any direction until it is moved", async () => {
   const { tab } = await open(b, page("?draw=cpu"));
   const share = (orbit) => tab.evaluate(async (part) => {
     const { page, change, camera } = globalThis.particlegs;
     const [pane] = page.panes;
     change({ orbit: { ...page.state.orbit, ...part } });
-    // The engine answers in order: what the page asked is answered before this.
+    // The engine answers in order, so the page's own query is answered first.
     await pane.window(page.state);
     const scene = { size: pane.size, camera: camera(), radius: page.state.radius, opacity: page.state.opacity };
     const { numbers } = await pane.values(scene, "density");
@@ -283,7 +283,7 @@ test("an orthographic view holds the whole box from wherever it is seen, until i
   await tab.close();
 });
 
-test("a link in an open page restores all of its view, and dialogs keep the keys to themselves", async () => {
+test("a link in an open page restores the view, and an open dialog gets all keys", async () => {
   const { tab } = await open(b, page("?draw=cpu"));
   const link = await tab.evaluate(() => globalThis.particlegs.toLink());
   const now = await tab.evaluate(async (link) => {
@@ -301,7 +301,7 @@ test("a link in an open page restores all of its view, and dialogs keep the keys
   await tab.close();
 });
 
-test("what it gives away can be read: PNG with its camera, NPY, views.json that render draws", async () => {
+test("exports can be read: PNG with its camera, NPY, and views.json for render", async () => {
   const { tab } = await open(b, page("?draw=cpu"));
   const saved = async (act, name) => {
     const [download] = await Promise.all([tab.waitForEvent("download"), act()]);
@@ -323,7 +323,7 @@ test("what it gives away can be read: PNG with its camera, NPY, views.json that 
     await tab.click("dialog button[value=yes]");
   }, "barred.png");
   assert.ok(barred.readUInt32BE(16) > 2000 && barred.toString("latin1").includes("particles Mpc"));
-  // A page opens as it was left.
+  // A page made from the PNG opens with the same view.
   run("export", "m.pgs", "--like", "saved.png", "-o", "again.html", "--quiet");
   const again = await open(b, page("?draw=cpu").replace("page.html", "again.html"));
   const looked = (t) => t.evaluate(() => {
@@ -334,7 +334,7 @@ test("what it gives away can be read: PNG with its camera, NPY, views.json that 
   await tab.evaluate((range) => globalThis.particlegs.change({ range }), range);
   assert.equal(await looked(again.tab), await looked(tab));
   await again.tab.close();
-  // What the picture says of itself draws it again, by the command, to the last bit.
+  // From the PNG the command draws the same picture, bit for bit.
   run("render", "m.pgs", "--like", "saved.png", "-o", "like.png", "--no-annotations", "--quiet");
   assert.equal(await differing(tab, png, readFileSync(path.join(work, "like.png"))), 0);
   await tab.evaluate(() => document.querySelectorAll("details").forEach((d) => (d.open = true)));
@@ -342,17 +342,17 @@ test("what it gives away can be read: PNG with its camera, NPY, views.json that 
   const head = npy.subarray(10, 10 + npy.readUInt16LE(8)).toString();
   const [, h, w] = /\((\d+), (\d+)\)/.exec(head).map(Number);
   assert.equal(npy.length, 10 + npy.readUInt16LE(8) + 4 * w * h);
-  const views = JSON.parse((await saved(() => tab.click("text='views.json'"), "taken.json")).toString());
+  const views = JSON.parse((await saved(() => tab.click("text=Save views.json"), "taken.json")).toString());
   assert.equal(views.views.length, 1);
   run("render", "m.pgs", "--views", "taken.json", "-o", "again.png", "--quiet");
   await tab.close();
 });
 
-test("a click says what is there, and a sphere about it sums the particles", async () => {
+test("a click describes the point, and a sphere about it counts the particles", async () => {
   const { tab } = await open(b, page("?draw=cpu"));
   await tab.mouse.click(480, 360);
   await tab.waitForFunction(() => /within/.test(document.getElementById("status").textContent));
-  assert.match(await tab.textContent("#status"), /density .* Gaussian #\d+ of .* particles; .* within/);
+  assert.match(await tab.textContent("#status"), /density .* Gaussian #\d+ with .* particles; .* within/);
   const whole = await tab.evaluate(async () => {
     const { page } = globalThis.particlegs;
     const { bounds, count } = page.panes[0].about.metadata;
@@ -364,7 +364,7 @@ test("a click says what is there, and a sphere about it sums the particles", asy
   await tab.close();
 });
 
-test("served: all particles beside the model, two models with one camera, and no request elsewhere", { timeout: 120_000 }, async () => {
+test("served: comparison with all particles, two models with one camera, no request to other sites", { timeout: 120_000 }, async () => {
   const server = await serve("m.pgs", "n.pgs", "--snapshot", path.resolve("samples/nbody64"));
   try {
     const { tab, said, asked } = await open(b, server.url);
@@ -390,7 +390,7 @@ test("served: all particles beside the model, two models with one camera, and no
   }
 });
 
-test("without float planes the CPU draws, and the page says so", async () => {
+test("without float textures the CPU draws, and the page says so", async () => {
   const tab = await b.newPage();
   await tab.addInitScript(() => {
     const own = WebGL2RenderingContext.prototype.getExtension;
@@ -399,17 +399,16 @@ test("without float planes the CPU draws, and the page says so", async () => {
     };
   });
   await tab.goto(page());
-  await tab.waitForFunction(() => /drawn by the CPU/.test(document.getElementById("status")?.textContent ?? ""));
+  await tab.waitForFunction(() => /drawing on the CPU/.test(document.getElementById("status")?.textContent ?? ""));
   const r = await pictures(tab, {});
   assert.equal(r.worst, 0);
   await tab.close();
 });
 
-test("readers and keyboards reach everything: axe finds nothing serious", async () => {
+test("axe finds no serious accessibility problem", async () => {
   for (const colorScheme of ["dark", "light"]) {
     for (const viewport of [{ width: 1280, height: 720 }, { width: 390, height: 844 }]) {
       const { tab } = await open(b, page("?draw=cpu", "#look=density"), { colorScheme, viewport });
-      // Past the page's security policy, as a reader is.
       await tab.evaluate(() => document.querySelectorAll("details").forEach((d) => (d.open = true)));
       await tab.evaluate(readFileSync(axe, "utf8"));
       const found = await tab.evaluate(async () => (await globalThis.axe.run()).violations
@@ -420,7 +419,7 @@ test("readers and keyboards reach everything: axe finds nothing serious", async 
   }
 });
 
-test("Tab comes by every control", async () => {
+test("Tab reaches every control", async () => {
   const { tab } = await open(b, page("?draw=cpu"));
   await tab.evaluate(() => document.querySelectorAll("details").forEach((d) => (d.open = true)));
   const all = await tab.evaluate(() => [...document.querySelectorAll("button, input, select, summary, .pane")]
@@ -441,7 +440,7 @@ test("Tab comes by every control", async () => {
   await tab.close();
 });
 
-test("a file that is no model is said, and nothing is drawn", async () => {
+test("an invalid model is reported, and nothing is drawn", async () => {
   const html = readFileSync(path.join(work, "page.html"), "utf8");
   const broken = html.replace(/(id="model-0">.{200})..../, "$1AAAA");
   assert.notEqual(broken, html);

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The page in real browsers without a window: Chromium, whose graphics card is software, and Firefox.
+# Tests the page in headless Chromium, with a GPU emulated in software, and Firefox.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 

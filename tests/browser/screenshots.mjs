@@ -6,7 +6,7 @@ const dir = path.resolve(process.argv[2]);
 run("compress", sample, "-o", "nbody64.pgs", "--quiet");
 const [b, server] = [await browser(), await serve("nbody64.pgs", "--snapshot", sample)];
 
-/** Opens the page, acts, waits until it rests, and keeps what is seen. */
+/** Opens the page, acts, waits until it is drawn, and saves a screenshot. */
 async function shot(name, hash, options, act = async () => {}) {
   const { tab, said } = await open(b, `${server.url}?draw=cpu#${hash}`, options);
   await act(tab);

@@ -1,4 +1,4 @@
-// The camera: a place on a sphere about the point that is looked at. Angles in degrees, lengths in world units.
+// The camera: a position on a sphere about the focal point. Angles in degrees, lengths in world units.
 
 import type { Bounds, Camera, Size, Vec3 } from "./protocol";
 
@@ -10,7 +10,7 @@ export interface Orbit {
   /** 0 looks along -z, 90 along -x. */
   azimuth: number;
   elevation: number;
-  /** Of the picture, clockwise. */
+  /** Clockwise rotation of the picture. */
   roll: number;
   distance: number;
   orthographic: boolean;
@@ -25,7 +25,7 @@ export const length = (a: Vec3): number => Math.hypot(...a);
 
 export const center = (b: Bounds): Vec3 => scaled(add(b.min, b.max), 0.5);
 
-/** Right, up and back (towards the eye) in the world. */
+/** Right, up and back (towards the camera) in the world. */
 export function axes(o: Orbit): { right: Vec3; up: Vec3; back: Vec3 } {
   const [a, e, r] = [o.azimuth * RADIANS, o.elevation * RADIANS, o.roll * RADIANS];
   const back: Vec3 = [Math.sin(a) * Math.cos(e), Math.sin(e), Math.cos(a) * Math.cos(e)];
@@ -35,15 +35,15 @@ export function axes(o: Orbit): { right: Vec3; up: Vec3; back: Vec3 } {
   return { right: cross(up, back), up, back };
 }
 
-/** World units of the picture's height at the point looked at. */
+/** The picture's height at the focal point, in world units. */
 export const heightAt = (o: Orbit): number => 2 * o.distance * Math.tan(0.5 * FOV * RADIANS);
 
-/** The distance at which the picture is so high. */
+/** The distance that gives this height. */
 export const distanceOf = (height: number): number => height / (2 * Math.tan(0.5 * FOV * RADIANS));
 
 /**
- * The camera; `slab` is a thickness about the point looked at, along the line of sight. An orthographic eye stands
- * `reach` away, outside whatever there is: its distance is not what sets the scale.
+ * The camera; `slab` is a thickness about the focal point, along the line of sight. An orthographic camera is `reach`
+ * away, outside everything, because its distance does not set the scale.
  */
 export function cameraOf(o: Orbit, slab: number | null, reach: number): Camera {
   const { up, back } = axes(o);
@@ -58,7 +58,7 @@ export function cameraOf(o: Orbit, slab: number | null, reach: number): Camera {
   return camera;
 }
 
-/** The orbit of a camera of a views file. */
+/** The orbit of a camera from a views file. */
 export function orbitOf(c: Camera): Orbit {
   const from = add(c.position, c.focal_point, -1);
   const distance = length(from) || 1;
@@ -75,27 +75,27 @@ export function orbitOf(c: Camera): Orbit {
   return orbit;
 }
 
-/** The same for a picture of another shape: an orthographic one shows no less. */
+/** The orbit for a picture of another aspect ratio, so that an orthographic view shows at least as much. */
 export function asWide(o: Orbit, from: Size, to: Size): Orbit {
   const wider = (from.width * to.height) / (from.height * to.width);
   return o.orthographic ? { ...o, distance: o.distance * Math.max(1, wider) } : o;
 }
 
-/** Turns by pixels of a drag: a picture's height is half a turn. */
+/** Rotates by a drag in pixels; the picture's height is half a turn. */
 export function turned(o: Orbit, dx: number, dy: number, size: Size): Orbit {
   const per = 180 / size.height;
   const azimuth = ((((o.azimuth - dx * per + 180) % 360) + 360) % 360) - 180;
   return { ...o, azimuth, elevation: Math.max(-90, Math.min(90, o.elevation + dy * per)) };
 }
 
-/** Moves what is looked at by pixels of a drag. */
+/** Pans by a drag in pixels. */
 export function panned(o: Orbit, dx: number, dy: number, size: Size): Orbit {
   const { right, up } = axes(o);
   const per = heightAt(o) / size.height;
   return { ...o, focal: add(add(o.focal, right, -dx * per), up, dy * per) };
 }
 
-/** Comes nearer by `factor` (below 1), keeping what lies at `pixel` on the plane of the point looked at. */
+/** Scales the distance by `factor`; the point of the focal plane at `pixel` stays there. */
 export function zoomed(o: Orbit, factor: number, pixel: [number, number], size: Size): Orbit {
   const { right, up } = axes(o);
   const per = heightAt(o) / size.height;
@@ -104,7 +104,7 @@ export function zoomed(o: Orbit, factor: number, pixel: [number, number], size: 
   return { ...o, distance: o.distance * factor, focal: add(at, add(o.focal, at, -1), factor) };
 }
 
-/** Where a world point lies in the picture, in pixels; `null` behind the eye. */
+/** A world point in the picture, in pixels; `null` behind the camera. */
 export function projected(o: Orbit, p: Vec3, size: Size): [number, number] | null {
   const { right, up, back } = axes(o);
   const d = add(p, o.focal, -1);

@@ -1,4 +1,4 @@
-// The colour bar of densities: beside the picture, never over it.
+// The colour bar of densities, beside the picture.
 
 import { h } from "./dom";
 import { LOWEST } from "./protocol";
@@ -14,7 +14,7 @@ export class ColorBar {
     this.element.hidden = false;
     this.title.textContent = `Σ (${unit})`;
     this.element.setAttribute("aria-label", `Colour bar: surface density from ${formatNumber(range[0])} to ${formatNumber(range[1])} ${unit}, logarithmic`);
-    // Beneath the picture where the page is narrow.
+    // On a narrow page the bar is below the picture.
     const flat = matchMedia("(max-width: 700px)").matches;
     const count = 256 - LOWEST;
     [this.strip.width, this.strip.height] = flat ? [count, 1] : [1, count];
@@ -38,9 +38,8 @@ export class ColorBar {
   }
 }
 
-/** A picture with its colour bar beside it, on a page of black or white. */
+/** A picture with its colour bar beside it, on a black or white background. */
 export function withColorBar(picture: OffscreenCanvas, range: [number, number], colors: Uint8Array, unit: string, white: boolean): OffscreenCanvas {
-  // An em, by the picture's height.
   const em = Math.max(10, Math.round(picture.height / 50));
   const canvas = new OffscreenCanvas(picture.width + 9 * em, picture.height);
   const c = canvas.getContext("2d")!;
@@ -63,7 +62,7 @@ export function withColorBar(picture: OffscreenCanvas, range: [number, number], 
   for (const v of logTicks(...range)) {
     const y = top + high * (1 - Math.log(v / range[0]) / Math.log(range[1] / range[0]));
     c.fillRect(left + wide, y, 0.4 * em, c.lineWidth);
-    // Whole letters at the ends.
+    // Keeps the labels at both ends inside the picture.
     c.fillText(formatNumber(v, 2), left + 1.6 * em, Math.max(0.6 * em, Math.min(picture.height - 0.6 * em, y)));
     widest = Math.max(widest, c.measureText(formatNumber(v, 2)).width);
   }

@@ -1,4 +1,5 @@
-// The model beside all of its particles: asked for when the camera rests, thrown away when it moves.
+// Compares the model with all particles: the reference picture is requested when the camera rests and dropped when it
+// moves.
 
 import { h } from "./dom";
 import type { Page } from "./main";
@@ -7,7 +8,7 @@ import { paintOf, sceneOf } from "./state";
 import { rmsDex, differenceImage, greyLevels, colorImage, SplitView, ReferenceClient, type ComparisonMode, type ReferencePicture } from "./reference";
 import { formatWhole } from "./units";
 
-/** Milliseconds without a move after which the server is asked. */
+/** Milliseconds without movement before the server is asked. */
 const REST = 250;
 
 export class Comparison {
@@ -18,7 +19,7 @@ export class Comparison {
   private score = h("p", { class: "hint", role: "status" });
   private buttons: Record<ComparisonMode, HTMLButtonElement>;
   private rest: ReturnType<typeof setTimeout> | undefined;
-  /** Counts what makes a picture on its way out of date. */
+  /** Increases with every change; a picture requested before the last one is out of date. */
   private turn = 0;
 
   constructor(private page: Page, private of: NonNullable<Setup["truth"]>) {
@@ -27,7 +28,7 @@ export class Comparison {
       h("button", { type: "button", text, "aria-pressed": "false", click: () => this.toggle(shown) });
     this.buttons = { split: button("split", "Split"), difference: button("difference", "Difference") };
     this.element = h("details", { open: true }, h("summary", { text: "All particles" }),
-      h("p", { class: "hint", text: `${of.name}: ${formatWhole(of.particles)} particles, drawn by the server` }),
+      h("p", { class: "hint", text: `${of.name}: ${formatWhole(of.particles)} particles, drawn on the server` }),
       h("div", { class: "buttons" }, this.buttons.split, this.buttons.difference), this.score);
   }
 
@@ -47,7 +48,7 @@ export class Comparison {
     }
   }
 
-  /** The picture has changed: what was asked for is of no use. */
+  /** Drops the current reference picture and requests a new one. */
   moved(): void {
     if (this.shown === null) return;
     this.turn++;
@@ -65,11 +66,11 @@ export class Comparison {
     const pane = panes[0];
     const scene = sceneOf(state, pane.about, pane.size);
     if (scene.clip || scene.layers || scene.images) {
-      this.score.textContent = "All particles are drawn whole: switch the clip box, slabs along axes, images and layers off to compare.";
+      this.score.textContent = "To compare, turn off the clip box, slabs along x, y or z and periodic images, and show all layers.";
       return;
     }
     const smoothed = state.look === "density" && this.of.smoothed;
-    this.score.textContent = smoothed ? `drawing all particles, each over ${smoothed} neighbours …` : "drawing all particles …";
+    this.score.textContent = smoothed ? `drawing all particles, each smoothed over ${smoothed} neighbours …` : "drawing all particles …";
     await this.truth.draw(scene, state, (picture, last) => {
       void this.show(picture, last).catch((error: Error) => (this.score.textContent = error.message));
     });
@@ -101,10 +102,10 @@ export class Comparison {
     document.documentElement.dataset.compared = this.score.textContent;
   }
 
-  /** Of particles that are smoothed: single ones have noise that the model has not. */
+  /** Only for smoothed particles: the shot noise of others would count as an error. */
   private densityScore(model: Float32Array, truth: Float32Array, floor: number): string {
     const { smoothed } = this.of;
-    if (smoothed === null) return "no score: there are too many particles to smooth, and unsmoothed ones have shot noise that the model does not have";
-    return `RMS ${rmsDex(model, truth, floor).toFixed(3)} dex where both are above the range's lower end; each particle over ${smoothed} neighbours`;
+    if (smoothed === null) return "no score: there are too many particles to smooth, and their shot noise would count as an error";
+    return `RMS ${rmsDex(model, truth, floor).toFixed(3)} dex where both are above the lower end of the range; particles are smoothed over ${smoothed} neighbours`;
   }
 }

@@ -1,9 +1,9 @@
-// Questions that need more than a click, and the list of keys.
+// Dialogs: forms, messages and the list of keys.
 
 import { h } from "./dom";
 import type { KeyBinding } from "./input";
 
-/** A dialog with a form; resolves to the fields when it is accepted, to `null` when not. */
+/** Shows a form; resolves to it when the user accepts, to `null` otherwise. */
 export function askForm(title: string, accept: string, ...fields: HTMLElement[]): Promise<HTMLFormElement | null> {
   const form = h("form", { method: "dialog" },
     h("h2", { text: title }), ...fields,
@@ -21,7 +21,7 @@ export function askForm(title: string, accept: string, ...fields: HTMLElement[])
   });
 }
 
-/** Shows something to read until it is closed. */
+/** Shows a message until it is closed. */
 export function showMessage(title: string, ...content: HTMLElement[]): void {
   const close = h("button", { text: "Close", value: "no" });
   const dialog = h("dialog", { "aria-label": title },
@@ -36,11 +36,11 @@ export function field(label: string, input: HTMLElement): HTMLElement {
   return h("label", { class: "row" }, label, input);
 }
 
-/** All keys. */
+/** Lists all mouse actions and keys. */
 export function showKeys(keys: KeyBinding[]): void {
   const mouse: [string, string][] = [
-    ["drag", "turn"], ["Shift drag, right drag, two fingers", "move"], ["wheel, pinch", "zoom to the pointer"],
-    ["click", "what is here"], ["double click", "look at what is here"],
+    ["drag", "rotate"], ["Shift drag, right drag, two fingers", "pan"], ["wheel, pinch", "zoom to the pointer"],
+    ["click", "show the values at this point"], ["double click", "centre the view on this point"],
   ];
   const rows = [...mouse, ...keys.map((k): [string, string] => [k.label, k.what])];
   const table = h("table", {}, ...rows.map(([key, what]) => h("tr", {}, h("th", { text: key, scope: "row" }), h("td", { text: what }))));

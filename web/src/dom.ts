@@ -1,8 +1,8 @@
-// Elements by a call.
+// Helpers that make elements.
 
 type Props = Record<string, string | number | boolean | ((event: Event) => void) | undefined>;
 
-/** An element: functions become listeners, `true` an empty attribute, `text` its text. */
+/** An element; of its properties, functions become listeners, `true` an empty attribute, `text` the text. */
 export function h<K extends keyof HTMLElementTagNameMap>(
   tag: K, props: Props = {}, ...children: (Node | string)[]
 ): HTMLElementTagNameMap[K] {
@@ -16,7 +16,7 @@ export function h<K extends keyof HTMLElementTagNameMap>(
   return element;
 }
 
-/** Offers bytes as a file. */
+/** Downloads bytes as a file. */
 export function download(name: string, parts: BlobPart[], type: string): void {
   const url = URL.createObjectURL(new Blob(parts, { type }));
   h("a", { href: url, download: name }).click();

@@ -1,4 +1,4 @@
-// What a page exports, as bytes: pictures that know how they were made, numbers, frames.
+// Encoders of exported files: PNG with texts, NPY, ZIP.
 
 import type { Size } from "./protocol";
 
@@ -8,14 +8,14 @@ const TABLE = Uint32Array.from({ length: 256 }, (_, n) => {
   return c;
 });
 
-/** CRC-32 as PNG and ZIP have it. */
+/** CRC-32 of PNG and ZIP. */
 export function crc32(bytes: Uint8Array): number {
   let c = 0xffffffff;
   for (const b of bytes) c = TABLE[(c ^ b) & 255] ^ (c >>> 8);
   return (c ^ 0xffffffff) >>> 0;
 }
 
-/** A PNG of a canvas, with texts in it (iTXt chunks, behind the header). */
+/** A PNG of a canvas with texts, as iTXt chunks after the header. */
 export async function encodePng(canvas: OffscreenCanvas, texts: Record<string, string>): Promise<Uint8Array<ArrayBuffer>> {
   const bytes = new Uint8Array(await (await canvas.convertToBlob({ type: "image/png" })).arrayBuffer());
   // The signature and the header take 8 + 25 bytes.
@@ -60,7 +60,7 @@ export function encodeNpy(values: ArrayBuffer, size: Size): BlobPart[] {
   return [head, values];
 }
 
-/** A ZIP archive of files as they are. */
+/** A ZIP archive of uncompressed files. */
 export function encodeZip(files: { name: string; bytes: Uint8Array<ArrayBuffer> }[]): BlobPart[] {
   const parts: BlobPart[] = [];
   const directory: Uint8Array<ArrayBuffer>[] = [];
@@ -81,7 +81,7 @@ export function encodeZip(files: { name: string; bytes: Uint8Array<ArrayBuffer> 
   return [...parts, ...directory, end];
 }
 
-/** Little-endian numbers of 2 or 4 bytes, and bytes behind them. */
+/** Little-endian numbers of 2 or 4 bytes, then `tail`. */
 function record(fields: number[][], tail: Uint8Array): Uint8Array<ArrayBuffer> {
   const length = fields.reduce((sum, [, width]) => sum + width, 0);
   const out = new Uint8Array(length + tail.length);

@@ -1,4 +1,4 @@
-// The worker as the page sees it: questions and promises.
+// The page's side of the worker: each query is a promise.
 
 import type { WorkerResponse, OpenedModel, EngineQuery, Setup, Source, WorkerRequest } from "./protocol";
 
@@ -12,7 +12,7 @@ export class EngineClient {
 
   private constructor(private worker: Worker) {
     worker.onerror = worker.onmessageerror = () => {
-      this.waiting.forEach((w) => w.failed(new Error("the worker that decodes and draws has failed: load the page again")));
+      this.waiting.forEach((w) => w.failed(new Error("the worker that decodes and draws has stopped: reload the page")));
       this.waiting.clear();
     };
     worker.onmessage = ({ data }: MessageEvent<WorkerResponse>) => {
@@ -26,18 +26,18 @@ export class EngineClient {
     const source = document.getElementById("worker")?.textContent ?? "";
     const remote = new EngineClient(new Worker(URL.createObjectURL(new Blob([source], { type: "text/javascript" }))));
     const engine = await bytesOf(setup.engine);
-    // A server sends it as it is; the one file holds it compressed.
+    // The offline page holds the engine compressed; a server sends it plain.
     await remote.send({ do: "start", engine, gzip: setup.engine.element !== undefined }, [engine]);
     return remote;
   }
 
-  /** Begins to decode a model; `decode` goes on. */
+  /** Opens a model and decodes its first part; `decode` queries continue. */
   async open(source: Source): Promise<EngineResponse<OpenedModel>> {
     const bytes = await bytesOf(source);
     return responseOf(await this.send({ do: "open", bytes }, [bytes]));
   }
 
-  /** Asks; `numbers`, which are handed over, go with the question. */
+  /** Sends a query; `numbers` are transferred with it. */
   async ask<T>(question: EngineQuery, numbers?: ArrayBuffer): Promise<EngineResponse<T>> {
     return responseOf(await this.send({ do: "ask", question, numbers }, numbers ? [numbers] : []));
   }
@@ -59,7 +59,7 @@ const responseOf = <T>({ json, numbers, milliseconds }: WorkerResponse): EngineR
 export async function bytesOf({ url, element }: Source): Promise<ArrayBuffer> {
   if (url !== undefined) {
     const answer = await fetch(url);
-    if (!answer.ok) throw new Error(`${url}: the server answers ${answer.status}`);
+    if (!answer.ok) throw new Error(`${url}: the server returned HTTP ${answer.status}`);
     return answer.arrayBuffer();
   }
   const node = document.getElementById(element ?? "");

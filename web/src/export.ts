@@ -1,4 +1,4 @@
-// What the page exports when it is asked to, and the views files that it imports.
+// Exports of the page, and the import of views files.
 
 import { download, h } from "./dom";
 import { asWide } from "./camera";
@@ -11,13 +11,13 @@ import { fromViewsFile, paintOf, sceneOf, toLink, viewsFile, type State } from "
 import { canvasOf, encodeNpy, encodePng, encodeZip } from "./encode";
 
 const SIZES: [string, Size][] = [
-  ["as on the screen", { width: 0, height: 0 }], ["1920 × 1080", { width: 1920, height: 1080 }],
+  ["screen size", { width: 0, height: 0 }], ["1920 × 1080", { width: 1920, height: 1080 }],
   ["3840 × 2160 (4K)", { width: 3840, height: 2160 }], ["7680 × 4320 (8K)", { width: 7680, height: 4320 }],
 ];
 
 const stem = (page: Page): string => page.panes[0].name.replace(/\.pgs$/, "");
 
-/** What a picture is of, as text in it: as `render --like` reads it, and the link. */
+/** Texts for the PNG: the view settings, as `render --like` reads them, and the link. */
 function pngTexts(page: Page, size: Size): Record<string, string> {
   const { state: s, panes: [pane], setup: { version } } = page;
   const density = s.look === "density";
@@ -32,10 +32,10 @@ function pngTexts(page: Page, size: Size): Record<string, string> {
   return { Software: `particlegs ${version}`, particlegs: JSON.stringify(provenance), "particlegs:link": toLink(s) };
 }
 
-/** What is drawn over a picture, and beside it. */
+/** What is drawn over a picture and beside it. */
 interface Annotations { lines: boolean; bar: boolean }
 
-/** A picture of a size, as PNG; a colour bar of densities stands beside it. */
+/** A picture as PNG; for densities with the colour bar, if wanted. */
 async function renderPng(page: Page, state: State, size: Size, { lines, bar }: Annotations): Promise<Uint8Array<ArrayBuffer>> {
   const pane = page.panes[0];
   state = { ...state, orbit: asWide(state.orbit, pane.size, size) };
@@ -57,15 +57,15 @@ export async function exportPng(page: Page): Promise<void> {
   const lines = h("input", { type: "checkbox", name: "lines" });
   const bar = h("input", { type: "checkbox", name: "bar", checked: true });
   const density = page.state.look === "density";
-  const form = await askForm("Save a picture", "Save", field("Size", sizes), h("label", { class: "check" }, lines, "with box, axes and scale bar as shown"),
-    h("label", { class: "check", hidden: !density }, bar, "with its colour bar"));
+  const form = await askForm("Save a picture", "Save", field("Size", sizes), h("label", { class: "check" }, lines, "with box, axes and scale bar, if shown"),
+    h("label", { class: "check", hidden: !density }, bar, "with colour bar"));
   if (!form) return;
   const asked = SIZES[Number(sizes.value)][1];
   const size = asked.width ? asked : page.panes[0].size;
   page.say(`drawing ${size.width} × ${size.height} …`);
   const bytes = await renderPng(page, page.state, size, { lines: lines.checked, bar: bar.checked });
   download(`${stem(page)}.png`, [bytes], "image/png");
-  page.say("saved: the camera is in the picture as text");
+  page.say("saved; the PNG also stores the camera");
 }
 
 export async function exportNpy(page: Page): Promise<void> {
@@ -73,7 +73,7 @@ export async function exportNpy(page: Page): Promise<void> {
   const style = page.state.look === "density" ? "density" : "depth";
   const { numbers } = await pane.values(sceneOf(page.state, pane.about, pane.size), style);
   download(`${stem(page)}-${style}.npy`, encodeNpy(numbers, pane.size), "application/octet-stream");
-  page.say(style === "density" ? "saved surface densities, rows from the top" : "saved optical depths, rows from the top");
+  page.say(style === "density" ? "saved surface densities; row 0 is the top" : "saved optical depths; row 0 is the top");
 }
 
 export function exportViews(page: Page): void {
@@ -90,7 +90,7 @@ export function importViews(page: Page): void {
   input.click();
 }
 
-/** Copies a text, or shows it to be copied. */
+/** Copies a text; where the browser refuses, shows it for the user to copy. */
 async function copyText(page: Page, what: string, text: string): Promise<void> {
   try {
     await navigator.clipboard.writeText(text);
@@ -104,15 +104,15 @@ async function copyText(page: Page, what: string, text: string): Promise<void> {
 
 export function copyLink(page: Page): Promise<void> {
   if (location.protocol === "about:") {
-    return Promise.reject(new Error("this page lies within another and has no address: save it as a page of its own first"));
+    return Promise.reject(new Error("this page is embedded in another and has no address: save it as a separate page first"));
   }
   return copyText(page, "a link to this view", `${location.href.split("#")[0]}#${toLink(page.state)}`);
 }
 
-/** A word as a shell takes it whole: names come from files, and may hold anything. */
+/** Quotes a word for a shell: names come from files and may contain anything. */
 const shellQuote = (word: string): string => (/^[\w./,][\w./,-]*$/.test(word) ? word : `'${word.replaceAll("'", "'\\''")}'`);
 
-/** The command that draws the picture of the screen, from the views file that it names. */
+/** The command that draws the picture on the screen, given the exported views.json. */
 export function commandFor(page: Page): string {
   const { state: s } = page;
   const [{ name, about }] = page.panes;
@@ -134,13 +134,13 @@ export function commandFor(page: Page): string {
 
 export async function copyCommand(page: Page): Promise<void> {
   exportViews(page);
-  await copyText(page, "the command (views.json is saved beside)", commandFor(page));
+  await copyText(page, "the command (it needs the saved views.json)", commandFor(page));
 }
 
 export async function exportTurn(page: Page): Promise<void> {
   const frames = h("input", { type: "number", min: 2, max: 720, value: 72 });
   const sizes = h("select", {}, ...SIZES.slice(0, 3).map(([text], i) => h("option", { value: i, text })));
-  const form = await askForm("A turn as frames", "Draw", field("Frames", frames), field("Size", sizes));
+  const form = await askForm("Export a turntable", "Export", field("Frames", frames), field("Size", sizes));
   if (!form) return;
   const asked = SIZES[Number(sizes.value)][1];
   const size = asked.width ? asked : page.panes[0].size;
@@ -150,7 +150,7 @@ export async function exportTurn(page: Page): Promise<void> {
   const turned = (i: number) => ({ ...start.orbit, azimuth: start.orbit.azimuth + (360 * i) / count });
   let { distance } = start.orbit;
   if (start.orbit.orthographic) {
-    // A window that shows the whole box does so in all frames.
+    // If the window shows the whole box now, it shows it in every frame.
     const whole: number[] = [];
     for (let i = 0; i < count; i++) whole.push((await page.panes[0].window({ ...start, orbit: turned(i) })).distance);
     if (distance > 0.999999 * whole[0]) distance = Math.max(distance, ...whole);
@@ -161,5 +161,5 @@ export async function exportTurn(page: Page): Promise<void> {
     page.say(`frame ${i + 1} of ${count}`);
   }
   download(`${stem(page)}-turn.zip`, encodeZip(files), "application/zip");
-  page.say("saved; joined by: ffmpeg -framerate 30 -i frame_%04d.png -pix_fmt yuv420p turn.mp4");
+  page.say("saved; to make a video: ffmpeg -framerate 30 -i frame_%04d.png -pix_fmt yuv420p turn.mp4");
 }

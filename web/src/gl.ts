@@ -1,24 +1,24 @@
-// Drawing by WebGL2, by the CPU's own stages: the engine projects Gaussians to strokes, each on the plane of the
-// pyramid that suits it; here they are added up in float planes, planes are summed from coarse to fine by the
-// renderer's eight taps, and one pass makes colours of depths. No order, no sorting.
+// The WebGL2 renderer. It follows the stages of the CPU renderer: the engine projects Gaussians to strokes and assigns
+// each to a plane of the pyramid; here strokes are added up in float planes, planes are summed from coarse to fine with
+// the same eight taps, and one pass turns depths into colours. Nothing has to be sorted.
 
 import { shaders } from "./shaders";
 import type { PlaneColours, Size, StrokePlanes, ToneCurve } from "./protocol";
 
-/** Quads drawn by one instance: fewer instances are much faster than one quad each. */
+/** Quads per instance: much faster than one instance per quad. */
 const QUADS = 128;
-/** Strokes in a row of their texture: two texels each. */
+/** Strokes per row of their texture; each takes two texels. */
 const ROW = 1024;
 
 interface Plane { texture: WebGLTexture; target: WebGLFramebuffer; width: number; height: number }
 
-/** What the tone pass needs beside the depths. */
+/** Input of the tone pass, besides the depths. */
 export interface ToneInput {
   paint: PlaneColours;
   strokes: StrokePlanes;
-  /** Of looks: the curve, and its 1153 levels. */
+  /** For grey styles: the curve and its 1153 levels. */
   tone: { curve: ToneCurve; levels: Float32Array } | null;
-  /** Of density: 256 RGB triples. */
+  /** For density: 256 RGB triples. */
   colors: Uint8Array | null;
 }
 
@@ -27,7 +27,7 @@ export class GlUnsupported extends Error {}
 export class GlRenderer {
   readonly name: string;
   readonly software: boolean;
-  /** Are the planes of half floats? */
+  /** Whether the planes hold half floats. */
   readonly half: boolean;
   private gl: WebGL2RenderingContext;
   private format: { internal: number; type: number };
@@ -47,7 +47,7 @@ export class GlRenderer {
     const debug = gl.getExtension("WEBGL_debug_renderer_info");
     this.name = String(gl.getParameter(debug ? debug.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
     this.software = /swiftshader|llvmpipe|softpipe|software|basic render/i.test(this.name);
-    if (!gl.getExtension("EXT_color_buffer_float")) throw new GlUnsupported("this GPU cannot keep pictures of float32");
+    if (!gl.getExtension("EXT_color_buffer_float")) throw new GlUnsupported("this GPU cannot draw into float32 textures");
     const full = gl.getExtension("EXT_float_blend") !== null;
     this.half = !full;
     this.format = full
@@ -64,7 +64,7 @@ export class GlRenderer {
     this.check();
   }
 
-  /** Draws strokes, and leaves the picture in the canvas. */
+  /** Draws strokes into the canvas. */
   draw(numbers: ArrayBuffer, { paint, strokes, tone, colors }: ToneInput, size: Size): void {
     const { gl } = this;
     gl.bindVertexArray(this.empty);
@@ -79,7 +79,7 @@ export class GlRenderer {
     if (gl.getError() !== gl.NO_ERROR) throw new GlUnsupported("the GPU reported an error");
   }
 
-  /** Levels (of looks) or densities of the last picture, rows from the top. */
+  /** Grey levels or densities of the last picture, rows from the top. */
   values(): Float32Array {
     const { gl, levels } = this;
     if (!levels) return new Float32Array();
@@ -89,7 +89,7 @@ export class GlRenderer {
     return all.filter((_, i) => i % 4 === 0);
   }
 
-  /** Waits until all is drawn. */
+  /** Waits until drawing has finished. */
   finish(): void {
     this.gl.readPixels(0, 0, 1, 1, this.gl.RGBA, this.gl.UNSIGNED_BYTE, new Uint8Array(4));
   }
@@ -106,7 +106,7 @@ export class GlRenderer {
     this.gl.drawArraysInstanced(this.gl.TRIANGLES, 0, 6 * QUADS, Math.ceil(count / QUADS));
   }
 
-  /** Adds a plane to the next finer one: down into a plane of lines, then across. */
+  /** Upsamples a plane and adds it to the next finer one, vertically first. */
   private addUp(from: Plane, to: Plane, pad: number): void {
     const { gl } = this;
     this.line = this.sizedPlane(this.line, from.width, to.height);
@@ -168,7 +168,7 @@ export class GlRenderer {
     const { gl } = this;
     const texels = new Float32Array(numbers);
     const rows = Math.max(1, Math.ceil(texels.length / (8 * ROW)));
-    if (rows > gl.getParameter(gl.MAX_TEXTURE_SIZE)) throw new GlUnsupported("more Gaussians than a texture holds");
+    if (rows > gl.getParameter(gl.MAX_TEXTURE_SIZE)) throw new GlUnsupported("this GPU's textures are too small for so many Gaussians");
     const whole = new Float32Array(8 * ROW * rows);
     whole.set(texels);
     gl.bindTexture(gl.TEXTURE_2D, this.strokes);
@@ -187,19 +187,19 @@ export class GlRenderer {
     if (plane) this.drop(plane);
     const { gl } = this;
     const texture = this.texture();
-    // Levels and logarithms are not blended: they can be R32F wherever float planes are.
+    // Levels are not blended, so R32F works here even where blending needs half floats.
     const { internal, type } = exact ? { internal: gl.R32F, type: gl.FLOAT } : this.format;
     gl.texImage2D(gl.TEXTURE_2D, 0, internal, width, height, 0, gl.RED, type, null);
     const target = gl.createFramebuffer()!;
     gl.bindFramebuffer(gl.FRAMEBUFFER, target);
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
     if (gl.checkFramebufferStatus(gl.FRAMEBUFFER) !== gl.FRAMEBUFFER_COMPLETE) {
-      throw new GlUnsupported("this GPU cannot draw in float32");
+      throw new GlUnsupported("this GPU cannot draw into float32 textures");
     }
     return { texture, target, width, height };
   }
 
-  /** Adds 1 twice to a plane and reads it back: some cards promise blending and do not do it. */
+  /** Adds 1 twice to a plane and reads it back: some GPUs claim float blending but do not do it. */
   private check(): void {
     const { gl } = this;
     const probe = this.sizedPlane(null, 16, 16);
@@ -215,7 +215,7 @@ export class GlRenderer {
     gl.readPixels(8, 8, 1, 1, gl.RGBA, gl.FLOAT, read);
     this.drop(probe);
     gl.disable(gl.BLEND);
-    if (Math.abs(read[0] - 2) > 0.02) throw new GlUnsupported("this GPU does not add up in float32");
+    if (Math.abs(read[0] - 2) > 0.02) throw new GlUnsupported("this GPU does not blend float32 correctly");
   }
 
   private bindTarget(plane: Plane): void {
@@ -268,7 +268,7 @@ class Program {
     }
     gl.linkProgram(this.program);
     if (!gl.getProgramParameter(this.program, gl.LINK_STATUS)) {
-      throw new GlUnsupported(`a shader does not compile: ${gl.getProgramInfoLog(this.program)}`);
+      throw new GlUnsupported(`cannot compile a shader: ${gl.getProgramInfoLog(this.program)}`);
     }
   }
 

@@ -5,7 +5,7 @@ import type { Size } from "./protocol";
 
 export interface PointerInput {
   orbit(): Orbit;
-  /** A new orbit, while the hand moves. */
+  /** Called with the new orbit during a drag. */
   moved(orbit: Orbit): void;
   /** A click at CSS pixels of the element. */
   clicked(pixel: [number, number]): void;
@@ -15,7 +15,7 @@ export interface PointerInput {
 
 const sizeOf = (element: HTMLElement): Size => ({ width: element.clientWidth, height: element.clientHeight });
 
-/** Lets a hand turn, move and zoom the picture in `element`. */
+/** Lets mouse and touch rotate, pan and zoom the picture in `element`. */
 export function listenToPointer(element: HTMLElement, input: PointerInput): void {
   const fingers = new Map<number, [number, number]>();
   let travelled = 0;
@@ -73,20 +73,20 @@ export function listenToPointer(element: HTMLElement, input: PointerInput): void
   }, { passive: false });
 }
 
-/** A key of the page: what it is for, and what it does. */
+/** A key: its label and description in the list, and its action. */
 export interface KeyBinding { keys: string[]; label: string; what: string; act: (event: KeyboardEvent) => void }
 
-/** Acts on keys anywhere but in fields that take text. */
+/** Handles keys everywhere except in text fields. */
 export function listenToKeys(keys: KeyBinding[]): void {
   document.addEventListener("keydown", (event) => {
-    // A dialog has the keys to itself.
+    // An open dialog gets all keys.
     if (event.defaultPrevented || document.querySelector("dialog[open]")) return;
     const target = event.target as HTMLElement;
     const typing = target.matches("input:not([type=checkbox]):not([type=radio]), select, textarea, [role=separator]");
     if (event.metaKey || event.altKey || event.ctrlKey || (typing && event.key !== "Escape")) return;
     const key = keys.find((k) => k.keys.includes(event.key));
     if (!key) return;
-    // Space and arrows would scroll.
+    // Keeps space and arrow keys from scrolling.
     event.preventDefault();
     key.act(event);
   });

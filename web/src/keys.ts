@@ -1,4 +1,4 @@
-// The keys: everything that a hand can do.
+// The key bindings.
 
 import { panned, turned, zoomed } from "./camera";
 import type { KeyBinding } from "./input";
@@ -6,7 +6,7 @@ import type { Page } from "./main";
 import type { Action } from "./panel";
 import { LOOKS, idleReason, type Control, type State } from "./state";
 
-/** All keys of a page; `look` looks from an end of an axis: +x, -x, +y, -y, +z, -z. */
+/** All keys of a page; `look(i)` views from +x, -x, +y, -y, +z or -z. */
 export function keyBindings(page: Page, act: (name: Action) => void, look: (which: number) => void): KeyBinding[] {
   const size = () => page.panes[0].size;
   const orbit = (o: State["orbit"]) => page.change({ orbit: o });
@@ -22,7 +22,7 @@ export function keyBindings(page: Page, act: (name: Action) => void, look: (whic
     const { width, height } = size();
     orbit(zoomed(page.state.orbit, factor, [width / 2, height / 2], size()));
   };
-  /** Does it, or says why it would change nothing. */
+  /** Acts, or says why the key has no effect now. */
   const unlessIdle = (control: Control, does: () => void) => () => {
     const why = idleReason(control, page.state, page.panes[0].about, page.layers);
     if (why) page.say(why);
@@ -36,32 +36,32 @@ export function keyBindings(page: Page, act: (name: Action) => void, look: (whic
   const key = (keys: string[], label: string, what: string, does: (event: KeyboardEvent) => void): KeyBinding =>
     ({ keys, label, what, act: does });
   return [
-    key(["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"], "arrows", "turn by 5°; with Shift, move", arrows),
-    key(["+", "="], "+", "nearer", zoom(0.85)),
-    key(["-", "_"], "−", "farther", zoom(1 / 0.85)),
+    key(["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"], "arrows", "rotate by 5°; with Shift, pan", arrows),
+    key(["+", "="], "+", "zoom in", zoom(0.85)),
+    key(["-", "_"], "−", "zoom out", zoom(1 / 0.85)),
     key(["r"], "r", "reset the camera", () => act("reset")),
     key(["o"], "o", "orthographic or perspective", () =>
       orbit({ ...page.state.orbit, orthographic: !page.state.orbit.orthographic })),
     ...[..."xyz"].flatMap((name, i) => [
-      key([name], name, `look from +${name}`, () => look(2 * i)),
-      key([name.toUpperCase()], `Shift ${name}`, `look from −${name}`, () => look(2 * i + 1)),
+      key([name], name, `view from +${name}`, () => look(2 * i)),
+      key([name.toUpperCase()], `Shift ${name}`, `view from −${name}`, () => look(2 * i + 1)),
     ]),
     key(["["], "[", "smaller radius", times("radius", 1 / 1.25)),
     key(["]"], "]", "larger radius", times("radius", 1.25)),
     key([","], ",", "less opacity", times("opacity", 1 / 1.25)),
     key(["."], ".", "more opacity", times("opacity", 1.25)),
-    key(["l"], "l", "next look", unlessIdle("look", () => page.change({ look: next(LOOKS, page.state.look) }))),
+    key(["l"], "l", "next style", unlessIdle("look", () => page.change({ look: next(LOOKS, page.state.look) }))),
     key(["m"], "m", "next colour map", unlessIdle("colormap", () =>
       page.change({ colormap: next(page.panes[0].about.colormaps, page.state.colormap), look: "density" }))),
     key(["w"], "w", "white or black background", flip("white")),
-    key(["b"], "b", "box", flip("box")),
+    key(["b"], "b", "box outline", flip("box")),
     key(["a"], "a", "axes", flip("axes")),
     key(["n"], "n", "scale bar", flip("scale")),
     key(["i"], "i", "periodic images", unlessIdle("images", flip("images"))),
-    key(["k"], "k", "colours by layer", unlessIdle("byLayer", flip("byLayer"))),
+    key(["k"], "k", "colour by layer", unlessIdle("byLayer", flip("byLayer"))),
     ...(page.setup.truth ? [
-      key(["t"], "t", "all particles beside the model", () => act("compare")),
-      key(["d"], "d", "difference from all particles", () => act("difference")),
+      key(["t"], "t", "compare with all particles, side by side", () => act("compare")),
+      key(["d"], "d", "show the difference from all particles", () => act("difference")),
     ] : []),
     key(["p"], "p", "save a PNG", () => act("png")),
     key(["v"], "v", "save views.json", () => act("views")),

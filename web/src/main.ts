@@ -1,4 +1,4 @@
-// The page: starts the engine, opens the models, wires panes, panel, hand and keys to one state.
+// The page: starts the engine, opens the models, and connects panes, panel, pointer and keys to one state.
 
 import { ColorBar } from "./colorbar";
 import type { Orbit } from "./camera";
@@ -16,7 +16,7 @@ import { cameraFor, fromLink, initialState, withOpening, paintOf, sceneOf, toLin
 import { copyCommand, copyLink, exportNpy, exportPng, exportTurn, exportViews, importViews } from "./export";
 import { lengthUnit, formatNumber, formatWhole } from "./units";
 
-/** The page as its parts see it; `layers`: how many names of layers the models have. */
+/** What the parts of the page share; `layers` is the number of different layer names of all models. */
 export interface Page {
   setup: Setup; remote: EngineClient; panes: Pane[]; layers: number; state: State; change(part: Partial<State>): void; say(text: string): void;
 }
@@ -30,11 +30,11 @@ const stage = h("div", { id: "stage" });
 const bar = new ColorBar();
 const title = h("h1", { text: setup.models.map((m) => m.name).join(" | ") });
 const subtitle = h("p", { id: "subtitle" });
-const fold = h("button", { type: "button", text: "Dials", "aria-expanded": "true", "aria-controls": "panel", click: () => togglePanel() });
+const fold = h("button", { type: "button", text: "Controls", "aria-expanded": "true", "aria-controls": "panel", click: () => togglePanel() });
 const help = h("button", { type: "button", text: "?", "aria-label": "Keys and mouse", click: () => showKeys(keys) });
-const theme = h("button", { type: "button", text: "◐", "aria-label": "Dark or light page", click: () => toggleTheme() });
+const theme = h("button", { type: "button", text: "◐", "aria-label": "Switch between dark and light", click: () => toggleTheme() });
 const head = h("header", {}, h("div", { class: "name" }, title, subtitle), h("div", { class: "buttons" }, fold, theme, help));
-const shell = h("aside", { id: "panel", "aria-label": "Dials" });
+const shell = h("aside", { id: "panel", "aria-label": "Controls" });
 if (poster) stage.append(poster);
 app.append(head, h("div", { id: "view" }, stage, bar.element, shell), h("footer", {}, status, timing));
 
@@ -51,10 +51,10 @@ function toggleTheme(): void {
   root.dataset.theme = dark ? "light" : "dark";
 }
 
-/** Milliseconds of decoding from which on a picture is shown before it ends. */
+/** If decoding takes longer, in milliseconds, pictures are shown meanwhile. */
 const LONG = 500;
 
-/** One line that stays until the next. */
+/** Shows a line in the status bar until the next one. */
 function say(text: string): void {
   status.textContent = text;
 }
@@ -67,7 +67,7 @@ async function start(): Promise<void> {
   const panes: Pane[] = [];
   for (const [i, model] of setup.models.entries()) {
     const { json: { about, decoded }, milliseconds } = await remote.open(model);
-    // A poster, or a moment, is better than what there is by now.
+    // A poster, or a short wait, is better than a partly decoded model.
     const waits = poster !== null || milliseconds / decoded < LONG;
     const pane = new Pane(remote, i, model.name, about, decoded, waits);
     stage.append(pane.element);
@@ -86,14 +86,14 @@ async function start(): Promise<void> {
   const context: PanelContext = {
     about, layers: named, state: () => page.state, change, range: () => panes[0].range, act, goTo,
   };
-  const dials = panel(context);
-  dials.element.append(...panes.map((p, i) => summaryTable(p.name, p.about, setup.models[i].bytes, setup.models[i].verdict, panes.length > 1)));
-  if (compare) dials.element.prepend(compare.element);
-  shell.replaceWith(dials.element);
+  const controls = panel(context);
+  controls.element.append(...panes.map((p, i) => summaryTable(p.name, p.about, setup.models[i].bytes, setup.models[i].verdict, panes.length > 1)));
+  if (compare) controls.element.prepend(compare.element);
+  shell.replaceWith(controls.element);
   keys = keyBindings(page, act, (which) => change({ orbit: preset(page.state, which) }));
   listenToKeys(keys);
 
-  /** All panes in the range of the first, which the colour bar has. */
+  /** Draws all panes with the density range of the first, which the colour bar shows. */
   function showAll(): void {
     panes[0].show(page.state);
     panes.slice(1).forEach((p) => p.show({ ...page.state, range: page.state.range ?? panes[0].range }));
@@ -103,36 +103,36 @@ async function start(): Promise<void> {
   function change(part: Partial<State>): void {
     page.state = { ...page.state, ...part };
     if (!about.colormaps.includes(page.state.colormap)) page.state.colormap = "inferno";
-    // The alpha-blend law has one look, and no masses.
+    // Alpha-blend models have only this style.
     if (!panes.every((p) => p.about.adds_up)) page.state.look = "paraview";
     document.body.classList.toggle("white", page.state.white);
     showAll();
-    dials.refresh(page.state);
+    controls.refresh(page.state);
     compare?.moved();
     void fit().catch(sayError);
-    // Browsers refuse addresses that change a hundred times in ten seconds.
+    // Browsers refuse more than 100 changes of address in ten seconds.
     clearTimeout(linked);
-    // A page within another, such as a notebook's, has no address of its own.
+    // A page embedded in another, such as a notebook, has no address of its own.
     if (location.protocol === "about:") return;
     linked = setTimeout(() => history.replaceState(null, "", `#${toLink(page.state)}`), 300);
   }
 
-  /** Where a camera stands that nobody moved, and the view that it was found for. */
+  /** The camera position that was last set by `fit`. */
   let usual: Pick<Orbit, "focal" | "distance"> = home;
   const viewKey = ({ azimuth, elevation, roll, orthographic }: Orbit) =>
     JSON.stringify([azimuth, elevation, roll, orthographic, panes[0].size]);
-  // The camera of a link was chosen.
+  /** The view that `fit` has handled; a link's camera needs no fit. */
   let fitted = location.hash.length > 1 ? viewKey(page.state.orbit) : "";
   let fitting = false;
 
-  /** Lets an orthographic view show the whole box, and a perspective one stand where it first does, unless moved. */
+  /** Moves the camera to show the whole box (orthographic) or to its default place, unless the user moved it. */
   async function fit(): Promise<void> {
     if (fitting || !panes[0].whole) return;
     fitting = true;
     try {
       while (fitted !== viewKey(page.state.orbit)) {
         fitted = viewKey(page.state.orbit);
-        // Both are asked at once: what anybody asks after this view is answered when it is fitted.
+        // Both queries are sent at once, so that a script's next query is answered after the fit.
         const wanted = page.state.orbit.orthographic ? panes[0].window(page.state) : null;
         const [first, window] = await Promise.all([panes[0].home(), wanted]);
         const free = (k: "focal" | "distance", o: Orbit) => [usual, first].some((own) => String(own[k]) === String(o[k]));
@@ -166,7 +166,7 @@ async function start(): Promise<void> {
 
   function goTo(text: string): string | null {
     const to = parseTarget(text);
-    if (!to) return "give a point as x, y, z or a Gaussian as #number";
+    if (!to) return "enter a point as x, y, z or a Gaussian as #number";
     if ("point" in to) {
       lookAt(to.point);
       return null;
@@ -193,9 +193,9 @@ async function start(): Promise<void> {
     pane.marker = null;
     if (!found) {
       pane.lines();
-      return say("nothing is here");
+      return say("there is nothing here");
     }
-    // A sphere that is easy to see: a fiftieth of the picture's height.
+    // The sphere's radius is 2 % of the picture's height.
     const radius = 0.04 * page.state.orbit.distance * Math.tan((15 * Math.PI) / 180) * 2;
     pane.marker = { position: found.position, sphere: radius };
     pane.lines();
@@ -220,8 +220,8 @@ async function start(): Promise<void> {
 
   async function reportFrame(pane: Pane, full: boolean): Promise<void> {
     if (poster) poster.remove();
-    // Pictures of what is decoded by now are not timed.
-    if (pane === panes[0] && pane.milliseconds > 0) timing.textContent = `${pane.milliseconds.toFixed(0)} ms by ${pane.drew}`;
+    // Pictures during decoding are not timed.
+    if (pane === panes[0] && pane.milliseconds > 0) timing.textContent = `${pane.milliseconds.toFixed(0)} ms on the ${pane.drew}`;
     if (pane !== panes[0]) return;
     document.documentElement.dataset.frames = String(pane.frames);
     if (pane.frames === 1) performance.mark("first-picture");
@@ -236,7 +236,7 @@ async function start(): Promise<void> {
     }
     if (page.state.look === "density" && pane.range) {
       bar.show(pane.range, await pane.mapColors(page.state.colormap, page.state.white), about.units.surface);
-      if (full) dials.refresh(page.state);
+      if (full) controls.refresh(page.state);
     } else {
       bar.hide();
     }
@@ -257,7 +257,7 @@ async function start(): Promise<void> {
       change(linked);
     }, sayError);
   });
-  // For scripts: the page, and the CPU's picture of a state.
+  // An interface for scripts.
   const pixels = async (state: State) =>
     new Uint8Array((await panes[0].picture(sceneOf(state, about, panes[0].size), paintOf(state))).numbers);
   const camera = () => cameraFor(page.state, about);
@@ -266,7 +266,7 @@ async function start(): Promise<void> {
   for (const pane of panes) await pane.decode((share) => reportDecoding(pane, share));
   await fit();
 
-  /** Says how far a pane is, in steps that a reader's voice can follow; what was said meanwhile stays. */
+  /** Reports progress in steps of 10 %, which a screen reader can follow; other messages are kept. */
   function reportDecoding(pane: Pane, share: number): void {
     const text = share < 1 ? `Decoding${panes.length > 1 ? ` ${pane.name}` : ""}: ${10 * Math.floor(10 * share)} %` : "";
     const ours = status.textContent === "" || status.textContent!.startsWith("Decoding");
@@ -274,23 +274,23 @@ async function start(): Promise<void> {
   }
 }
 
-/** Takes the graphics card where it is faster than the CPU; says so where there is none that can. */
+/** Uses the GPU if it is faster than the CPU; reports if it cannot be used. */
 async function chooseProcessor(panes: Pane[], redraw: () => void): Promise<void> {
   const asked = new URLSearchParams(location.search).get("draw");
   for (const pane of panes) {
     try {
       if (asked === "cpu") continue;
-      const card = pane.startCard();
+      const gpu = pane.startGpu();
       if (asked === "gpu") pane.by = "GPU";
-      // Software that plays a graphics card is slower than the CPU's own renderer.
-      else if (!card.software) await pane.measure();
+      // A GPU emulated in software is slower than the CPU renderer.
+      else if (!gpu.software) await pane.measure();
     } catch (error) {
       pane.by = "CPU";
-      say(`drawn by the CPU: ${error instanceof Error ? error.message : String(error)}`);
+      say(`drawing on the CPU: ${error instanceof Error ? error.message : String(error)}`);
     }
   }
   document.documentElement.dataset.by = panes[0].by;
-  // The processor has drawn already; who is measured draws.
+  // `measure` draws by itself.
   if (asked === "gpu") redraw();
 }
 

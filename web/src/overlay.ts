@@ -1,5 +1,5 @@
-// Lines and words over the picture: box, axes, scale bar, the place that was asked about. Lines have a rim of the
-// ground's colour and no plate: what is beneath stays visible.
+// Lines and text over the picture: box, axes, scale bar, the marked point. Each has an outline in the background
+// colour, so that it stands out without hiding the picture.
 
 import { add, axes, heightAt, projected } from "./camera";
 import type { ModelSummary, Bounds, Size, Vec3 } from "./protocol";
@@ -11,7 +11,7 @@ const AXES: [string, Vec3, string][] =
 
 export interface Marker { position: Vec3; sphere: number }
 
-/** Draws over a picture of `size` pixels; `unit` is the size of a letter's em over 13 pixels. */
+/** Draws over a picture of `size` pixels; `unit` scales lines and text, which is `13 * unit` pixels high. */
 export function drawOverlay(
   c: CanvasRenderingContext2D | OffscreenCanvasRenderingContext2D, s: State, about: ModelSummary, size: Size, unit: number,
   marker: Marker | null,
@@ -70,7 +70,7 @@ function drawBox(context: OverlayContext, s: State, about: ModelSummary, size: S
   });
 }
 
-/** A line in the world, cut where it passes the eye. */
+/** A line in the world; parts behind the camera are left out. */
 function drawSegment({ c }: OverlayContext, s: State, from: Vec3, to: Vec3, size: Size): void {
   const steps = 24;
   let drawing = false;

@@ -1,4 +1,4 @@
-// One model's picture: asks the engine, draws by the faster of the graphics card and the CPU, coarser in motion.
+// One model's picture, drawn on the GPU or the CPU, whichever is faster; coarser in motion.
 
 import { center, distanceOf, type Orbit } from "./camera";
 import { h } from "./dom";
@@ -8,11 +8,11 @@ import type { ModelSummary, OpenedModel, PlaneColours, Scene, Size, StrokePlanes
 import type { EngineClient } from "./engine";
 import { paintOf, sceneOf, type State } from "./state";
 
-/** Milliseconds of a frame in motion that the eye still takes for motion. */
+/** Frames that take longer, in milliseconds, are drawn coarser in motion. */
 const SMOOTH = 30;
-/** Milliseconds between two pictures of what is decoded by now. */
+/** Milliseconds between two pictures during decoding. */
 const SKETCH = 400;
-/** Milliseconds without a change after which the picture is drawn in full. */
+/** Milliseconds without a change before the picture is drawn in full. */
 const REST = 120;
 
 export type Processor = "CPU" | "GPU";
@@ -21,17 +21,17 @@ export class Pane {
   readonly element: HTMLElement;
   readonly overlay = h("canvas", { class: "overlay", "aria-hidden": "true" });
   readonly cpu = h("canvas", { class: "picture" });
-  readonly card = h("canvas", { class: "picture", hidden: true });
-  /** Of the last full picture. */
+  readonly gpu = h("canvas", { class: "picture", hidden: true });
+  /** The density range of the last full picture. */
   range: [number, number] | null = null;
-  /** What it is to be drawn by, and what drew the last picture. */
+  /** The processor to use, and the one that drew the last picture. */
   by: Processor = "CPU";
   drew: Processor = "CPU";
   milliseconds = 0;
   frames = 0;
   marker: Marker | null = null;
   private homes = new Map<string, Promise<Orbit>>();
-  /** After every frame; `full` where nothing is left to draw. */
+  /** Called after every frame; `full` if nothing is left to draw. */
   onframe: (full: boolean) => void = () => {};
   onerror: (text: string) => void = () => {};
 
@@ -41,7 +41,7 @@ export class Pane {
   private busy = false;
   private rest: ReturnType<typeof setTimeout> | undefined;
   private coarse = 1;
-  /** When a state came in last, and when the last frame ended. */
+  /** Time of the last change of state, and of the end of the last frame. */
   private touched = 0;
   private ended = 0;
   private gl: GlRenderer | null = null;
@@ -49,38 +49,38 @@ export class Pane {
   private colors: { key: string; data: Uint8Array } | null = null;
 
   /**
-   * `decoded` is the share of the model that is decoded. Where its first picture `waits` for the rest, nothing is drawn
-   * before, unless the view is moved.
+   * `decoded` is the decoded share of the model. If its first picture `waits`, nothing is drawn before decoding ends,
+   * unless the user moves the view.
    */
   constructor(
     private remote: EngineClient, readonly model: number, readonly name: string, readonly about: ModelSummary,
     private decoded: number, private waits: boolean,
   ) {
-    // A driver that is reset, a machine that slept: never a black picture.
-    this.card.addEventListener("webglcontextlost", () => {
+    // The context is lost when a driver is reset or a machine sleeps.
+    this.gpu.addEventListener("webglcontextlost", () => {
       this.gl = null;
       this.by = "CPU";
-      this.onerror("drawn by the CPU: the GPU was lost");
+      this.onerror("drawing on the CPU: the GPU's context was lost");
       if (this.state) this.show(this.state);
     });
-    const label = `${name}: picture of the model. Drag to turn, arrow keys turn as well; press ? for all keys.`;
+    const label = `${name}: picture of the model. Drag or press the arrow keys to rotate; press ? for all keys.`;
     this.element = h("div", { class: "pane", tabindex: "0", role: "img", "aria-label": label },
-      this.cpu, this.card, this.overlay, h("div", { class: "pane-name", "aria-hidden": "true", text: name }));
+      this.cpu, this.gpu, this.overlay, h("div", { class: "pane-name", "aria-hidden": "true", text: name }));
   }
 
-  /** The range that it was told to have; `undefined` before the first. */
+  /** The range of the last state; `undefined` before the first. */
   get shownRange(): [number, number] | null | undefined {
     return this.state?.range;
   }
 
-  /** Device pixels of the picture. */
+  /** The picture's size in device pixels. */
   get size(): Size {
     const { clientWidth, clientHeight } = this.element;
     const ratio = Math.min(2, globalThis.devicePixelRatio || 1);
     return { width: Math.max(16, Math.round(clientWidth * ratio)), height: Math.max(16, Math.round(clientHeight * ratio)) };
   }
 
-  /** Shows a state, soon. */
+  /** Draws a state as soon as possible. */
   show(state: State): void {
     const first = this.state === null;
     this.state = state;
@@ -94,7 +94,7 @@ export class Pane {
     void this.loop();
   }
 
-  /** Decodes what is left of the model, step by step, so that pictures come between; `onstep` is told the share. */
+  /** Decodes the rest of the model in steps, with pictures in between; `onstep` gets the decoded share. */
   async decode(onstep: (share: number) => void): Promise<void> {
     if (this.decoded === 1) return onstep(1);
     while (this.decoded < 1) {
@@ -103,12 +103,12 @@ export class Pane {
       this.decoded = (await this.remote.ask<OpenedModel>({ ask: "decode", model: this.model })).json.decoded;
     }
     onstep(1);
-    // In full at once, unless a hand is at it.
+    // Drawn in full at once, unless the view is moving.
     this.coarse = performance.now() - this.touched < REST && this.frames > 0 ? 2 : 1;
     if (this.state) this.redraw();
   }
 
-  /** Draws until the picture is that of the last state. */
+  /** Draws until the picture shows the last state. */
   private async loop(): Promise<void> {
     if (this.busy) return;
     this.busy = true;
@@ -131,11 +131,11 @@ export class Pane {
     } finally {
       this.busy = false;
     }
-    // What came in during a frame that failed.
+    // The state changed during a frame that failed.
     if (this.state && this.drawn !== this.changed) void this.loop();
   }
 
-  /** The same again in full. */
+  /** Draws the state again in full. */
   private async full(): Promise<void> {
     if (this.busy || !this.state) return;
     this.coarse = 1;
@@ -149,30 +149,29 @@ export class Pane {
     const began = performance.now();
     const scene = { ...sceneOf(state, this.about, size), coarse: coarse > 1 };
     const paint = paintOf(state);
-    let card = this.by === "GPU" && this.about.adds_up && !paint.by_layer ? this.gl : null;
-    // Half floats end at 65504, which densities pass.
-    if (card?.half && paint.look === null) card = null;
+    let gpu = this.by === "GPU" && this.about.adds_up && !paint.by_layer ? this.gl : null;
+    // Densities exceed the largest half float, 65504.
+    if (gpu?.half && paint.look === null) gpu = null;
     let range: [number, number] | null = null;
-    if (card) {
+    if (gpu) {
       try {
-        range = await this.drawOnCard(card, scene, paint);
+        range = await this.drawOnGpu(gpu, scene, paint);
       } catch (error) {
-        // A lost context, or more than the card holds: never a black page.
-        card = this.gl = null;
+        // The context was lost, or the GPU's memory is too small.
+        gpu = this.gl = null;
         this.by = "CPU";
-        this.onerror(`drawn by the CPU: ${error instanceof Error ? error.message : String(error)}`);
+        this.onerror(`drawing on the CPU: ${error instanceof Error ? error.message : String(error)}`);
       }
     }
-    if (!card) range = await this.drawOnCpu(scene, paint);
+    if (!gpu) range = await this.drawOnCpu(scene, paint);
     if (coarse === 1 || !this.range) this.range = range;
-    this.card.hidden = !card;
-    this.cpu.hidden = !!card;
-    this.drew = card ? "GPU" : "CPU";
+    this.gpu.hidden = !gpu;
+    this.cpu.hidden = !!gpu;
+    this.drew = gpu ? "GPU" : "CPU";
     this.frames++;
     const took = performance.now() - began;
     if (coarse === 1) {
       this.milliseconds = took;
-      // In motion by two at most.
       this.coarse = took > SMOOTH ? 2 : 1;
     }
   }
@@ -186,17 +185,17 @@ export class Pane {
     return json.range;
   }
 
-  /** Pixels of a picture by the CPU. */
+  /** A picture's pixels, drawn on the CPU. */
   picture(scene: Scene, paint: PlaneColours) {
     return this.remote.ask<{ range: [number, number] | null }>({ ask: "picture", model: this.model, scene, paint });
   }
 
-  /** Is all of the model decoded? */
+  /** Whether the whole model is decoded. */
   get whole(): boolean {
     return this.decoded === 1;
   }
 
-  /** Where a camera stands that nobody moved: the engine is asked once a size, so that what follows a known one waits for nothing. */
+  /** The default camera; the engine is asked once per picture size. */
   home(): Promise<Orbit> {
     const { width, height } = this.size;
     const key = `${width}x${height}`;
@@ -211,7 +210,7 @@ export class Pane {
     return { focal, azimuth: 0, elevation: 0, roll: 0, distance: json.distance, orthographic: false };
   }
 
-  /** Masked PSNR in dB of two grey pictures; infinite where they agree. */
+  /** Masked PSNR in dB of two grey pictures; infinite if they are equal. */
   async maskedPsnr(a: Uint8Array, b: Uint8Array, size: Size): Promise<number> {
     const both = new Uint8Array(a.length + b.length);
     both.set(a);
@@ -221,7 +220,7 @@ export class Pane {
     return json.masked_psnr ?? Infinity;
   }
 
-  /** Where a view along parallel lines shows the whole box. */
+  /** The focal point and distance at which an orthographic view shows the whole box. */
   async window(state: State): Promise<Pick<Orbit, "focal" | "distance">> {
     const scene = sceneOf(state, this.about, this.size);
     type Window = { center: Vec3; height_world: number };
@@ -229,12 +228,12 @@ export class Pane {
     return { focal: json.center, distance: distanceOf(json.height_world) };
   }
 
-  /** The plane behind a picture. */
+  /** The depths or densities of a picture. */
   values(scene: Scene, style: "depth" | "density") {
     return this.remote.ask<{ range: [number, number] }>({ ask: "values", model: this.model, scene, style });
   }
 
-  private async drawOnCard(gl: GlRenderer, scene: Scene, paint: PlaneColours): Promise<[number, number] | null> {
+  private async drawOnGpu(gl: GlRenderer, scene: Scene, paint: PlaneColours): Promise<[number, number] | null> {
     const style = paint.look === null ? "density" : "depth";
     const { json, numbers } = await this.remote.ask<StrokePlanes>({ ask: "strokes", model: this.model, scene, style });
     const own = paint.range ? paint : { ...paint, range: paint.look === null ? await this.rangeOf(scene) : null };
@@ -244,7 +243,7 @@ export class Pane {
     return own.range;
   }
 
-  /** The range of colours that nearly all of a picture needs, from one of a quarter of its size. */
+  /** The density range of a picture, from one of a quarter of its size. */
   private async rangeOf(scene: Scene): Promise<[number, number]> {
     const size = { width: Math.ceil(scene.size.width / 4), height: Math.ceil(scene.size.height / 4) };
     return (await this.values({ ...scene, size }, "density")).json.range;
@@ -266,7 +265,7 @@ export class Pane {
     return this.tone;
   }
 
-  /** 256 colours, for black or white ground. */
+  /** The 256 colours of a map, for a black or white background. */
   async mapColors(name: string, white: boolean): Promise<Uint8Array> {
     const key = `${name} ${white}`;
     if (this.colors?.key !== key) {
@@ -276,17 +275,17 @@ export class Pane {
     return this.colors.data;
   }
 
-  /** Makes the graphics card's renderer; throws where there is none that adds up. */
-  startCard(): GlRenderer {
-    this.gl ??= new GlRenderer(this.card);
+  /** Starts the GPU renderer; throws if the GPU cannot blend floats. */
+  startGpu(): GlRenderer {
+    this.gl ??= new GlRenderer(this.gpu);
     return this.gl;
   }
 
-  /** Draws the present state once by each, and keeps the faster. */
+  /** Times the current state on both processors and uses the faster one. */
   async measure(): Promise<void> {
     if (!this.about.adds_up) return;
-    const gl = this.startCard();
-    // Not beside a frame, nor while the picture is still to be drawn in full.
+    const gl = this.startGpu();
+    // Waits until the picture is drawn in full.
     while (this.busy || !this.state || this.decoded < 1 || this.drawn !== this.changed) await new Promise((r) => setTimeout(r, 100));
     const scene = sceneOf(this.state, this.about, this.size);
     const paint = { ...paintOf(this.state), by_layer: false };
@@ -297,15 +296,15 @@ export class Pane {
       return performance.now() - began;
     };
     const cpu = await timed(() => this.picture(scene, paint));
-    const card = await timed(async () => {
-      await this.drawOnCard(gl, scene, paint);
+    const gpu = await timed(async () => {
+      await this.drawOnGpu(gl, scene, paint);
       gl.finish();
     });
-    this.by = card < cpu ? "GPU" : "CPU";
+    this.by = gpu < cpu ? "GPU" : "CPU";
     this.show(this.state);
   }
 
-  /** Lines and words over the picture. */
+  /** Draws lines and text over the picture. */
   lines(): void {
     if (!this.state) return;
     const { width, height } = this.size;

@@ -1,18 +1,18 @@
-// The panel of controls: every control is a native input with a label.
+// The panel of controls: each is a native input with a label.
 
 import { h } from "./dom";
 import type { ModelSummary, Vec3 } from "./protocol";
 import { LOOKS, diagonal, idleReason, type Control, type Slab, type State } from "./state";
 import { formatNumber } from "./units";
 
-/** What the panel asks of the page. */
+/** What the panel needs from the page. */
 export interface PanelContext {
   about: ModelSummary;
-  /** Of all models, by name. */
+  /** The layers of all models, each name once. */
   layers: ModelSummary["layers"];
   state(): State;
   change(part: Partial<State>): void;
-  /** The range that the picture has now. */
+  /** The density range of the current picture. */
   range(): [number, number] | null;
   act(name: Action): void;
   goTo(text: string): string | null;
@@ -23,16 +23,16 @@ export type Action =
 
 type Refresh = (s: State) => void;
 
-/** The panel; the function brings its controls to a state. */
+/** The panel; `refresh` sets its controls to a state. */
 export function panel(context: PanelContext): { element: HTMLElement; refresh: Refresh } {
-  const parts = [lookSection(context), particleSection(context), layerSection(context), spaceSection(context), cameraSection(context), exportSection(context)];
-  const element = h("aside", { id: "panel", "aria-label": "Dials" }, ...parts.map((p) => p.element));
+  const parts = [styleSection(context), particleSection(context), layerSection(context), spaceSection(context), cameraSection(context), exportSection(context)];
+  const element = h("aside", { id: "panel", "aria-label": "Controls" }, ...parts.map((p) => p.element));
   return { element, refresh: (s) => parts.forEach((p) => p.refresh(s)) };
 }
 
 interface Widget { element: HTMLElement; refresh: Refresh }
 
-/** A widget that is there while its control does something. */
+/** A widget that is hidden while its control has no effect. */
 function hiddenWhenIdle(context: PanelContext, control: Control, part: Widget): Widget {
   return {
     element: part.element,
@@ -48,12 +48,12 @@ function section(title: string, open: boolean, ...rows: Widget[]): Widget {
   return { element, refresh: (s) => rows.forEach((r) => r.refresh(s)) };
 }
 
-/** A logarithmic slider with its value, the default marked, the certified range shaded. */
+/** A logarithmic slider with its value; the default is marked and the certified range shaded. */
 function logarithmicSlider(
   label: string, unit: string, [low, high]: [number, number], home: number, certified: [number, number] | null,
   get: (s: State) => number, set: (v: number) => void,
 ): Widget {
-  const id = `dial-${label.toLowerCase()}`;
+  const id = `slider-${label.toLowerCase()}`;
   const share = (v: number) => Math.log(v / low) / Math.log(high / low);
   const slider = h("input", {
     type: "range", id, min: 0, max: 1, step: "any", list: `${id}-default`,
@@ -69,17 +69,17 @@ function logarithmicSlider(
   const percent = (v: number) => 100 * Math.max(0, Math.min(1, share(v)));
   const track = h("span", { class: "track" });
   const mark = h("span", { class: "default", title: `default: ${formatNumber(home)}` });
-  // Half a thumb of margin on either side.
+  // The thumb's centre stays half its width (8 px) away from either end.
   const place = (p: number) => `calc(${p}% + ${8 - 0.16 * p}px)`;
   mark.style.left = place(percent(home));
   if (certified) {
-    const shade = h("span", { class: "certified", title: "radii and opacities that the certificate has pictures of" });
+    const shade = h("span", { class: "certified", title: "range measured by the certificate" });
     shade.style.left = place(percent(certified[0]));
     shade.style.right = `calc(100% - ${place(percent(certified[1]))})`;
     track.append(shade);
   }
   track.append(mark);
-  const element = h("div", { class: "dial" },
+  const element = h("div", { class: "slider" },
     h("label", { for: id, text: unit ? `${label} (${unit})` : label }), field, h("span", { class: "slide" }, track, slider));
   const refresh = (s: State) => {
     const v = get(s);
@@ -98,7 +98,7 @@ function select(label: string, names: readonly string[], get: (s: State) => stri
 function checkbox(label: string, get: (s: State) => boolean, set: (on: boolean) => void, color?: string): Widget {
   const box = h("input", { type: "checkbox", change: () => set(box.checked) });
   const swatch = h("span", { class: "swatch", hidden: color === undefined });
-  // Not as an attribute, which the page's security policy forbids.
+  // The page's security policy forbids style attributes.
   swatch.style.background = color ?? "";
   return { element: h("label", { class: "check" }, box, swatch, label), refresh: (s) => (box.checked = get(s)) };
 }
@@ -124,10 +124,10 @@ function particleSection(context: PanelContext): Widget {
   return hiddenWhenIdle(context, "radius", section("Particles", true, radius, opacity, back));
 }
 
-function lookSection(context: PanelContext): Widget {
-  const buttons = LOOKS.map((name) => button(LOOK_NAMES[name][0], () => context.change({ look: name }), LOOK_NAMES[name][1]));
+function styleSection(context: PanelContext): Widget {
+  const buttons = LOOKS.map((name) => button(STYLES[name][0], () => context.change({ look: name }), STYLES[name][1]));
   const look: Widget = {
-    element: h("div", { class: "buttons", role: "group", "aria-label": "Look" }, ...buttons),
+    element: h("div", { class: "buttons", role: "group", "aria-label": "Style" }, ...buttons),
     refresh: (s) => buttons.forEach((b, i) => b.setAttribute("aria-pressed", String(LOOKS[i] === s.look))),
   };
   const slider = h("input", {
@@ -136,7 +136,7 @@ function lookSection(context: PanelContext): Widget {
   });
   const value = h("output", {});
   const exposure: Widget = {
-    element: h("div", { class: "dial brightness" }, h("span", { text: "Exposure (stops)" }), value, slider),
+    element: h("div", { class: "slider brightness" }, h("span", { text: "Exposure (stops)" }), value, slider),
     refresh: (s) => {
       slider.value = String(s.exposure);
       value.textContent = s.exposure > 0 ? `+${s.exposure.toFixed(1)}` : s.exposure.toFixed(1).replace("-", "−");
@@ -145,7 +145,7 @@ function lookSection(context: PanelContext): Widget {
   const white = checkbox("White background", (s) => s.white, (on) => context.change({ white: on }));
   const colormap = select("Colour map", context.about.colormaps, (s) => s.colormap, (v) => context.change({ colormap: v }));
   const ends = [0, 1].map((k) => h("input", {
-    type: "text", inputmode: "decimal", "aria-label": k === 0 ? "Density of the first colour" : "Density of the last colour",
+    type: "text", inputmode: "decimal", "aria-label": k === 0 ? "Lowest density of the colour map" : "Highest density of the colour map",
     change: () => {
       const range = ends.map((e) => Number(e.value)) as [number, number];
       if (range[0] > 0 && range[1] > range[0] && Number.isFinite(range[1])) context.change({ range });
@@ -162,21 +162,21 @@ function lookSection(context: PanelContext): Widget {
   };
   const hold = checkbox("Fixed range", (s) => s.range !== null, (on) => context.change({ range: on ? context.range() : null }));
   const of = (control: Control, part: Widget) => hiddenWhenIdle(context, control, part);
-  return section("Look", true, of("look", look), of("exposure", exposure), white, of("range", colormap), of("range", range), of("range", hold));
+  return section("Style", true, of("look", look), of("exposure", exposure), white, of("range", colormap), of("range", range), of("range", hold));
 }
 
-/** What looks are called, and what they are. */
-const LOOK_NAMES: Record<State["look"], [string, string]> = {
+/** Label and tooltip of each style. */
+const STYLES: Record<State["look"], [string, string]> = {
   density: ["Density", "Surface density in logarithmic colours"],
-  paraview: ["ParaView", "As ParaView draws the particles, without their shot noise"],
-  expected: ["Expected", "What all particles hide of the background: 255 (1 - exp(-depth))"],
+  paraview: ["ParaView", "ParaView's picture of the particles, without shot noise"],
+  expected: ["Expected", "Brightness 255 (1 − exp(−τ)) for the optical depth τ"],
 };
 
 function layerSection(context: PanelContext): Widget {
   const all = context.layers;
   const shown = all.map(({ name, title, color }) => checkbox(title, (s) => !s.hidden.includes(name), (on) =>
     context.change({ hidden: context.state().hidden.filter((n) => n !== name).concat(on ? [] : [name]) }), `rgb(${color.join(" ")})`));
-  const by = hiddenWhenIdle(context, "byLayer", checkbox("Colours by layer", (s) => s.byLayer, (on) => context.change({ byLayer: on })));
+  const by = hiddenWhenIdle(context, "byLayer", checkbox("Colour by layer", (s) => s.byLayer, (on) => context.change({ byLayer: on })));
   const own = section("Layers", all.length > 1, ...shown, by);
   own.element.hidden = all.length < 2;
   return own;
@@ -205,7 +205,7 @@ function spaceSection(context: PanelContext): Widget {
       const slab = context.state().slab;
       if (slab && (key === "middle" || v > 0)) context.change({ slab: { ...slab, [key]: v } });
     };
-    const element = h("div", { class: "dial" }, h("span", { text: label }), field, slider);
+    const element = h("div", { class: "slider" }, h("span", { text: label }), field, slider);
     return {
       element,
       refresh: (s) => {
@@ -225,10 +225,10 @@ function spaceSection(context: PanelContext): Widget {
   rows.push(checkbox("Clip box", (s) => s.clip !== null, (on) => context.change({ clip: on ? structuredClone(b) : null })));
   rows.push(clipFields(context));
   rows.push(hiddenWhenIdle(context, "images", checkbox("Periodic images", (s) => s.images, (on) => context.change({ images: on }))));
-  rows.push(checkbox("Box", (s) => s.box, (on) => context.change({ box: on })));
+  rows.push(checkbox("Box outline", (s) => s.box, (on) => context.change({ box: on })));
   rows.push(checkbox("Axes", (s) => s.axes, (on) => context.change({ axes: on })));
   rows.push(checkbox("Scale bar", (s) => s.scale, (on) => context.change({ scale: on })));
-  return section("Space", false, ...rows);
+  return section("Region and axes", false, ...rows);
 }
 
 function clipFields(context: PanelContext): Widget {
@@ -262,34 +262,34 @@ function clipFields(context: PanelContext): Widget {
 const PRESETS: [string, number, number][] =
   [["+x", 90, 0], ["−x", -90, 0], ["+y", 0, 90], ["−y", 0, -90], ["+z", 0, 0], ["−z", 180, 0]];
 
-/** Looks from an end of an axis. */
+/** The current view, seen from one end of an axis. */
 export function preset(s: State, which: number): State["orbit"] {
   const [, azimuth, elevation] = PRESETS[which];
   return { ...s.orbit, azimuth, elevation, roll: 0 };
 }
 
 function cameraSection(context: PanelContext): Widget {
-  const from = h("div", { class: "buttons", role: "group", "aria-label": "Look from" },
+  const from = h("div", { class: "presets", role: "group", "aria-label": "View from" }, h("span", { text: "View from" }),
     ...PRESETS.map(([name], i) => h("button", {
-      type: "button", text: name, "aria-label": `Look from ${name}`, click: () => context.change({ orbit: preset(context.state(), i) }),
+      type: "button", text: name, "aria-label": `View from ${name}`, click: () => context.change({ orbit: preset(context.state(), i) }),
     })));
   const orthographic = checkbox("Orthographic", (s) => s.orbit.orthographic, (on) =>
     context.change({ orbit: { ...context.state().orbit, orthographic: on } }));
   const answer = h("p", { class: "hint", role: "status" });
-  const field = h("input", { type: "text", placeholder: "x, y, z or #number", "aria-label": "Go to a point x, y, z or a Gaussian #number" });
+  const field = h("input", { type: "text", placeholder: "x, y, z or Gaussian #n", "aria-label": "Go to a point x, y, z or a Gaussian #number" });
   const form = h("form", { class: "row", submit: (e) => {
     e.preventDefault();
     answer.textContent = context.goTo(field.value) ?? "";
   } }, field, h("button", { type: "submit", text: "Go" }));
   const place = h("p", { class: "hint", id: "place" });
   const own = section("Camera", false, staticWidget(from), orthographic, staticWidget(form), staticWidget(answer), staticWidget(place),
-    staticWidget(h("div", { class: "buttons" }, button("Reset", () => context.act("reset")))));
+    staticWidget(h("div", { class: "buttons" }, button("Reset camera", () => context.act("reset")))));
   return {
     element: own.element,
     refresh: (s) => {
       own.refresh(s);
       const f = s.orbit.focal.map((v) => formatNumber(v, 4)).join(", ");
-      place.textContent = `at ${f}; azimuth ${s.orbit.azimuth.toFixed(1)}°, elevation ${s.orbit.elevation.toFixed(1)}°, distance ${formatNumber(s.orbit.distance)}`;
+      place.textContent = `Looking at ${f}; azimuth ${s.orbit.azimuth.toFixed(1)}°, elevation ${s.orbit.elevation.toFixed(1)}°, distance ${formatNumber(s.orbit.distance)}`;
     },
   };
 }
@@ -297,11 +297,11 @@ function cameraSection(context: PanelContext): Widget {
 function exportSection(context: PanelContext): Widget {
   const row = (...names: [string, Action, string][]) =>
     staticWidget(h("div", { class: "buttons" }, ...names.map(([label, act, title]) => button(label, () => context.act(act), title))));
-  return section("Take away", false,
-    row(["PNG …", "png", "The picture at any size"], ["NPY", "npy", "The values behind the picture, as numpy reads them"]),
-    row(["Link", "link", "Copies an address that restores this view"], ["Command", "command", "The command that makes this picture"]),
-    row(["views.json", "views", "The camera, as `render --views` reads it"], ["Open views.json …", "load", "Takes the camera of a views file"]),
-    row(["Turn …", "turn", "A turn about the vertical axis, as frames"]));
+  return section("Export", false,
+    row(["PNG …", "png", "Save the picture at any size"], ["NPY", "npy", "Save the values behind the picture for NumPy"]),
+    row(["Copy link", "link", "Copy a link that restores this view"], ["Copy command", "command", "Copy the command that draws this picture"]),
+    row(["Turntable …", "turn", "Save the frames of one turn about the vertical axis"], ["Save views.json", "views", "Save the camera for `render --views`"]),
+    row(["Open views.json …", "load", "Load the camera from a views file"]));
 }
 
 /** A point from text, or a Gaussian's number. */

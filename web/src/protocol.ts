@@ -1,27 +1,27 @@
-// What the page, its worker and the engine (crates/particlegs-web) say to each other.
+// The messages between the page, its worker and the engine (crates/particlegs-web).
 
 import type { Opening } from "./state";
 
-/** Which of 256 colours the lowest density has, as core's `DensityColors`; empty pixels have the first. */
+/** Index of the lowest density's colour among 256, as in core's `DensityColors`; index 0 is for empty pixels. */
 export const LOWEST = 51;
 
 export type Vec3 = [number, number, number];
 
-/** What the page was given: by the server, or inside the one file. */
+/** The page's input, from the server or from the offline page itself. */
 export interface Setup {
   version: string;
   served: boolean;
   engine: Source;
   models: (Source & { name: string; bytes: number; verdict?: Verdict[] })[];
-  /** `smoothed`: each particle over so many neighbours in densities; `null` where there are too many particles. */
+  /** `smoothed`: number of neighbours that densities are smoothed over; `null` if there are too many particles. */
   truth: { url: string; name: string; particles: number; smoothed: number | null } | null;
   opening: Opening;
 }
 
-/** Bytes from the server, or from an element that holds them as base64. */
+/** Where bytes are: at an address, or as base64 in an element. */
 export type Source = { url?: string; element?: string };
 
-/** How far a model serves a use, from its certificate. */
+/** How well a model serves one use, from its certificate. */
 export interface Verdict {
   use: string;
   word: string;
@@ -46,14 +46,14 @@ export interface ModelSummary {
   raw_bytes: number;
   layers: { name: string; title: string; particles: number; gaussians: number; color: Vec3 }[];
   adds_up: boolean;
-  /** As the command prints them; that of length is empty where it is not known. */
+  /** As the command prints them; `length` is empty if unknown. */
   units: { length: string; mass: string; surface: string; number: string; density: string };
   certified: [[number, number], [number, number]] | null;
 }
 
 export interface Size { width: number; height: number }
 
-/** A camera as views files have it. */
+/** A camera as in views files. */
 export interface Camera {
   position: Vec3; focal_point: Vec3; view_up: Vec3;
   fov_deg?: number; height_world?: number; clipping_range?: [number, number];
@@ -83,7 +83,7 @@ export interface StrokePlanes {
 
 export interface ToneCurve { depths: number[]; ratios: number[]; blur: number }
 
-/** A model that was opened, and the share of its Gaussians that is decoded by now. */
+/** An open model, and the share of its Gaussians that is decoded. */
 export interface OpenedModel { about: ModelSummary; decoded: number }
 
 export type EngineQuery =
@@ -100,7 +100,7 @@ export type EngineQuery =
   | { ask: "base-distance"; model: number; size: Size }
   | { ask: "score"; model: number; size: Size };
 
-/** To the worker, with a number that its reply repeats. */
+/** A request to the worker; the reply repeats `id`. */
 export type WorkerRequest = { id: number } & (
   | { do: "start"; engine: ArrayBuffer; gzip: boolean }
   | { do: "open"; bytes: ArrayBuffer }

@@ -1,10 +1,10 @@
-// All particles beside the model: asked of the server, coarse to fine, and told when nobody waits any more.
+// Pictures of all particles from the server, coarse first. A request that is out of date is aborted.
 
 import { h } from "./dom";
 import { LOWEST, type Scene, type Size } from "./protocol";
 import type { State } from "./state";
 
-/** Particles of the first, coarse picture. */
+/** Number of particles in the first, coarse picture. */
 const MOST_AT_FIRST = 2e6;
 
 export type ComparisonMode = "split" | "difference";
@@ -17,19 +17,18 @@ export class ReferenceClient {
 
   constructor(private url: string, private particles: number) {}
 
-  /** Stops what is being drawn. */
+  /** Aborts the running request. */
   stop(): void {
     this.running?.abort();
     this.running = null;
   }
 
-  /** Draws a scene coarse to fine; `each` gets every picture that was not overtaken. */
+  /** Draws a scene, coarse first; `each` gets every picture unless the request was aborted. */
   async draw(scene: Scene, state: State, each: (picture: ReferencePicture, last: boolean) => void): Promise<void> {
     this.stop();
     const own = (this.running = new AbortController());
     for (const coarse of [4, 1]) {
       const size = { width: Math.ceil(scene.size.width / coarse), height: Math.ceil(scene.size.height / coarse) };
-      // A small picture needs no more particles than it has room for.
       const share = coarse > 1 ? Math.min(1, MOST_AT_FIRST / this.particles) : 1;
       const body = JSON.stringify({
         camera: scene.camera, radius: scene.radius, opacity: scene.opacity, look: state.look, width: size.width, height_pixels: size.height,
@@ -43,7 +42,7 @@ export class ReferenceClient {
         throw error;
       }
       if (own.signal.aborted) return;
-      if (!answer.ok) throw new Error((await answer.text()).trim() || `the server answers ${answer.status}`);
+      if (!answer.ok) throw new Error((await answer.text()).trim() || `the server returned HTTP ${answer.status}`);
       const bytes = await answer.arrayBuffer();
       if (own.signal.aborted) return;
       const density = state.look === "density";
@@ -54,7 +53,7 @@ export class ReferenceClient {
   }
 }
 
-/** Root mean square of the difference of logarithms, in dex, where both are above the range's floor. */
+/** RMS difference of the logarithms, in dex, where both are above `floor`. */
 export function rmsDex(a: Float32Array, b: Float32Array, floor: number): number {
   let [sum, n] = [0, 0];
   for (let i = 0; i < a.length; i++) {
@@ -71,7 +70,7 @@ export function greyLevels(rgba: ArrayBuffer): Uint8Array {
   return Uint8Array.from({ length: all.length / 4 }, (_, i) => all[4 * i]);
 }
 
-/** Pixels of a truth in the colours of the page. */
+/** A reference picture in the colours of the page. */
 export function colorImage(t: ReferencePicture, state: State, colors: Uint8Array, range: [number, number]): ImageData {
   const out = new ImageData(t.size.width, t.size.height);
   const gain = 2 ** state.exposure;
@@ -91,7 +90,7 @@ export function colorImage(t: ReferencePicture, state: State, colors: Uint8Array
   return out;
 }
 
-/** Model less truth: blue below, red above, dark where they agree; full colour at 64 levels or half a dex. */
+/** Model minus reference: blue is negative, red positive, dark zero; full colour at 64 grey levels or 0.5 dex. */
 export function differenceImage(model: ArrayLike<number>, truth: ArrayLike<number>, logarithmic: boolean, size: Size): ImageData {
   const out = new ImageData(size.width, size.height);
   for (let i = 0; i < truth.length; i++) {
@@ -104,7 +103,7 @@ export function differenceImage(model: ArrayLike<number>, truth: ArrayLike<numbe
   return out;
 }
 
-/** The split over a pane: a canvas for the truth, and a bar that is dragged or moved by keys. */
+/** The split over a pane: a canvas for the reference picture, and a divider to drag or to move by keys. */
 export class SplitView {
   readonly canvas = h("canvas", { class: "truth" });
   readonly bar = h("div", {
@@ -137,7 +136,7 @@ export class SplitView {
     });
   }
 
-  /** Moves the bar, in percent of the width. */
+  /** Moves the divider, in percent of the width. */
   place(percent: number): void {
     this.at = Math.max(0, Math.min(100, percent));
     this.bar.style.left = `${this.at}%`;
@@ -145,7 +144,7 @@ export class SplitView {
     this.canvas.style.clipPath = this.whole ? "none" : `inset(0 0 0 ${this.at}%)`;
   }
 
-  /** Shows a picture; the whole of it where it is a difference. */
+  /** Shows a picture, right of the divider or as a `whole`. */
   put(pixels: ImageData, whole: boolean): void {
     this.whole = whole;
     this.bar.hidden = whole;
@@ -156,9 +155,9 @@ export class SplitView {
     this.place(this.at);
   }
 
-  /** Hides what is out of date. */
+  /** Hides a picture that is out of date, and the divider. */
   clear(): void {
-    this.canvas.hidden = true;
+    this.canvas.hidden = this.bar.hidden = true;
   }
 
   remove(): void {

@@ -1,4 +1,4 @@
-// The passes of the WebGL2 renderer. Rows count from the top of the picture in every plane; the last pass turns them.
+// The passes of the WebGL2 renderer. Row 0 is the top of the picture in every plane; the last pass flips the rows.
 
 import { LOWEST } from "./protocol";
 
@@ -60,7 +60,7 @@ void main() {
 }`,
   },
 
-  /** A coarse plane between its pixels, down or across: the least-squares filter of the CPU's pyramid. */
+  /** Upsamples a plane by two, vertically or horizontally, by the least-squares filter of the CPU's pyramid. */
   upsample: {
     vertex: whole,
     fragment: `${head}
@@ -85,7 +85,7 @@ void main() {
 }`,
   },
 
-  /** Depths to levels from 0 to 255 (looks), or to themselves (density). */
+  /** Turns depths into grey levels from 0 to 255; densities stay as they are. */
   level: {
     vertex: whole,
     fragment: `${head}
@@ -112,7 +112,7 @@ float response(float tau) {
   return mix(texelFetch(table, ivec2(index, 0), 0).r, texelFetch(table, ivec2(index + 1, 0), 0).r, t);
 }
 
-// docs/law/fxaa.md: what FXAA leaves of the mean.
+// docs/law/fxaa.md: the mean after FXAA, relative to the mean before.
 float ratio(float tau) {
   float x = log2(tau);
   if (!(x > depths_of[0])) return ratios[0];
@@ -139,7 +139,7 @@ void main() {
 }`,
   },
 
-  /** Levels or densities to colours, blurred as FXAA blurs. */
+  /** Turns levels or densities into colours; levels are first blurred as FXAA does. */
   color: {
     vertex: whole,
     fragment: `${head}

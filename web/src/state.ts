@@ -1,4 +1,4 @@
-// What is on the screen, as data: everything that a link restores.
+// The state of the page: everything that a link restores.
 
 import { FOV, add, axes, cameraOf, center, dot, length, orbitOf, scaled, type Orbit } from "./camera";
 import type { ModelSummary, Bounds, Camera, ToneStyle, PlaneColours, Scene, Size, Vec3 } from "./protocol";
@@ -26,7 +26,7 @@ export interface State {
   scale: boolean;
 }
 
-/** How a model is first seen: its surface density, where it has one. */
+/** The initial view of a model: its surface density, if it has one. */
 export function initialState(about: ModelSummary, orbit: Orbit): State {
   const m = about.metadata;
   return {
@@ -37,19 +37,19 @@ export function initialState(about: ModelSummary, orbit: Orbit): State {
   };
 }
 
-/** How the page opens where the command was told: each replaces what is otherwise seen first. */
+/** View settings from the command; each replaces a default of `initialState`. */
 export interface Opening {
   style?: State["look"]; colormap?: string; range?: [number, number]; white?: boolean; color_by_layer?: boolean;
-  /** Those that are drawn. */
+  /** Names of the layers that are drawn. */
   layers?: string[];
   radius?: number; opacity?: number;
   /** A views file. */
   views?: unknown;
-  /** A camera by its angles, in degrees; its distance in base distances. */
+  /** The camera: angles in degrees, distance in base distances. */
   azimuth?: number; elevation?: number; distance?: number; look_at?: Vec3; orthographic?: boolean;
 }
 
-/** The state that an opening makes of the usual one. */
+/** The default state with the settings of an opening. */
 export function withOpening(o: Opening, usual: State, about: ModelSummary): State {
   const s = o.views === undefined ? usual : fromViewsFile(JSON.stringify(o.views), usual, about);
   const { orbit } = s;
@@ -66,22 +66,22 @@ export function withOpening(o: Opening, usual: State, about: ModelSummary): Stat
   };
 }
 
-/** What a control changes, where it may change nothing. */
+/** Controls that have no effect in some states. */
 export type Control = "look" | "colormap" | "range" | "radius" | "opacity" | "exposure" | "byLayer" | "images";
 
-/** Why a control would do nothing now; `null` where it does something. */
+/** Why a control has no effect now; `null` if it has one. */
 export function idleReason(control: Control, s: State, about: ModelSummary, layers: number): string | null {
   const density = s.look === "density";
   switch (control) {
-    case "look": return about.adds_up ? null : "an alpha-blend model has this look alone";
+    case "look": return about.adds_up ? null : "an alpha-blend model has only this style";
     case "colormap": return about.adds_up ? null : "an alpha-blend model has no surface density to colour";
-    case "range": return density ? null : "a range belongs to the look density";
+    case "range": return density ? null : "only the density style has a range";
     case "radius": case "opacity": case "exposure":
-      return density ? `a surface density has no ${control}: choose another look` : null;
+      return density ? `the density style has no ${control}: choose another style` : null;
     case "byLayer":
-      if (layers < 2) return "there is one layer";
-      if (!about.adds_up) return "layers of an alpha-blend model have no colours";
-      return density ? "a surface density has colours of its own: choose another look" : null;
+      if (layers < 2) return "the model has only one layer";
+      if (!about.adds_up) return "an alpha-blend model has no layer colours";
+      return density ? "the density style has no layer colours: choose another style" : null;
     case "images":
       if (!about.adds_up) return "an alpha-blend model has no periodic images";
       return about.metadata.cell?.periodic.includes(true) ? null : "the box is not periodic";
@@ -107,7 +107,7 @@ export function sceneOf(s: State, about: ModelSummary, size: Size): Scene {
   return scene;
 }
 
-/** The box that particles must lie in: the clip box and a slab along an axis of the world. */
+/** The box to clip to: the clip box, cut by a slab along x, y or z. */
 function clipOf(s: State, about: ModelSummary): Bounds | null {
   const slab = s.slab && s.slab.axis !== "view" ? s.slab : null;
   if (!s.clip && !slab) return null;
@@ -133,7 +133,7 @@ export function paintOf(s: State): PlaneColours {
 
 const numberText = (v: number): string => String(Number(v.toPrecision(9)));
 
-/** The state as the part of an address behind `#`. */
+/** The state as the part of an address after `#`. */
 export function toLink(s: State): string {
   const o = s.orbit;
   const p = new URLSearchParams();
@@ -156,13 +156,13 @@ export function toLink(s: State): string {
   return p.toString();
 }
 
-/** Numbers of a link, or nothing where they are not `count` finite ones. */
+/** `count` finite numbers from a link; `null` otherwise. */
 function parseNumbers(text: string | null, count: number): number[] | null {
   const found = (text ?? "").split(",").map(Number);
   return text !== null && found.length === count && found.every(Number.isFinite) ? found : null;
 }
 
-/** Takes what a link says that makes sense; the rest stays. */
+/** Applies the valid settings of a link; the others stay as they are. */
 export function fromLink(text: string, s: State): State {
   const p = new URLSearchParams(text);
   const next: State = structuredClone(s);
@@ -206,7 +206,7 @@ export function fromLink(text: string, s: State): State {
   return next;
 }
 
-/** A views file of one view, as `render --views` reads it. */
+/** A views file with one view, for `render --views`. */
 export function viewsFile(s: State, about: ModelSummary, size: Size): string {
   const { position, focal_point, view_up, fov_deg, height_world, clipping_range } = cameraFor(s, about);
   const view = {
@@ -216,34 +216,34 @@ export function viewsFile(s: State, about: ModelSummary, size: Size): string {
   return JSON.stringify({ ...size, fov_deg: fov_deg ?? 30, views: [view] }, null, 2) + "\n";
 }
 
-/** The first view of a views file; throws where it is none. */
+/** The first view of a views file; throws if the file is invalid. */
 export function fromViewsFile(text: string, s: State, about: ModelSummary): State {
   type OneView = Camera & { radius?: number; opacity?: number };
   const file = JSON.parse(text) as { fov_deg?: number; views?: OneView[] };
   const view = file.views?.[0];
   const places = [view?.position, view?.focal_point, view?.view_up];
   if (!view || !places.every((p) => Array.isArray(p) && p.length === 3 && p.every(Number.isFinite))) {
-    throw new Error("this is no views file: it has no view with position, focal_point and view_up");
+    throw new Error("this is not a views file: it needs a view with position, focal_point and view_up");
   }
   const radius = (view.radius ?? 0) > 0 ? view.radius! : s.radius;
   const opacity = (view.opacity ?? 0) > 0 && view.opacity! <= 1 ? view.opacity! : s.opacity;
   const orbit = orbitOf(view);
-  // The page has one field of view: the eye stands where the point looked at is as large in the picture.
+  // The page has a fixed field of view: the distance is scaled to keep the focal point's size in the picture.
   const fov = view.fov_deg ?? file.fov_deg ?? FOV;
   if (view.height_world === undefined) orbit.distance *= Math.tan((fov * Math.PI) / 360) / Math.tan((FOV * Math.PI) / 360);
   if (!(orbit.distance > 0 && Number.isFinite(orbit.distance))) {
-    throw new Error("this views file has a camera that looks at nothing: its distance, field of view or height_world");
+    throw new Error("the camera of this views file is invalid: check its distance, field of view and height_world");
   }
   const range = view.clipping_range && !coversBox(view.clipping_range, view, about.metadata.bounds) ? view.clipping_range : null;
   if (!range) return { ...s, orbit, radius, opacity, slab: s.slab?.axis === "view" ? null : s.slab };
-  // The slab lies about the point looked at, which may be any along the line of sight.
+  // A slab is centred at the focal point, which may move along the line of sight.
   const middle = 0.5 * (range[0] + range[1]);
   orbit.focal = add(view.position, axes(orbit).back, -middle);
   if (!orbit.orthographic) orbit.distance = middle;
   return { ...s, orbit, radius, opacity, slab: { axis: "view", middle: 0, thickness: range[1] - range[0] } };
 }
 
-/** Does a clipping range hold all of a box that lies before the eye? */
+/** Whether a clipping range contains all of a box that is in front of the camera. */
 function coversBox([near, far]: [number, number], c: Camera, b: Bounds): boolean {
   const sight = add(c.focal_point, c.position, -1);
   const ahead = scaled(sight, 1 / length(sight));

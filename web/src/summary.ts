@@ -1,4 +1,4 @@
-// What the page says of a model: what it is, and what its certificate holds.
+// Text about a model and its certificate.
 
 import { h } from "./dom";
 import type { ModelSummary, ProbeHit, Verdict } from "./protocol";
@@ -10,36 +10,36 @@ export function summaryLine(about: ModelSummary, size: number): string {
   return `${formatWhole(m.count)} particles, ${formatWhole(about.gaussians)} Gaussians, ${formatBytes(size)}, ratio ${formatNumber(about.raw_bytes / size)}`;
 }
 
-/** All of it, with the verdict. */
+/** A table of the model's properties, and the certificate's verdict. */
 export function summaryTable(name: string, about: ModelSummary, size: number, verdict: Verdict[] | undefined, named: boolean): HTMLElement {
   const m = about.metadata;
   const u = about.units;
   const extent = m.bounds.max.map((v, k) => formatNumber(v - m.bounds.min[k])).join(" × ");
   const rows: [string, string][] = [
     ["Model", name], ["Source", m.source], ["Particles", formatWhole(m.count)], ["Gaussians", formatWhole(about.gaussians)],
-    ["Size", formatBytes(size)], ["Extent", `${extent} ${lengthUnit(about)}`],
+    ["Size", formatBytes(size)], ["Extent", `${extent} ${lengthUnit(about).replaceAll(" ", "\u00a0")}`],
   ];
   if (about.mass !== null) rows.push(["Mass", `${formatNumber(about.mass, 4)} ${u.mass}`]);
   if (m.scale_factor !== null) rows.push(["Redshift", formatNumber(1 / m.scale_factor - 1)]);
   if (m.time !== null) rows.push(["Time", formatNumber(m.time)]);
   rows.push(["Law", m.law.replaceAll("_", " ")], ["Made by", `particlegs ${m.tool_version}`]);
   const table = h("table", {}, ...rows.map(([k, v]) => h("tr", {}, h("th", { scope: "row", text: k }), h("td", { text: v }))));
-  return h("details", { class: "facts" }, h("summary", { text: named ? `${name} and its certificate` : "Model and certificate" }), table, verdicts(verdict));
+  return h("details", { class: "facts" }, h("summary", { text: named ? `${name}: model and certificate` : "Model and certificate" }), table, verdicts(verdict));
 }
 
 function verdicts(verdict: Verdict[] | undefined): HTMLElement {
-  if (!verdict || verdict.length === 0) return h("p", { class: "hint", text: "This file has no certificate: nothing was measured on it." });
+  if (!verdict || verdict.length === 0) return h("p", { class: "hint", text: "This file has no certificate, so its accuracy was not measured." });
   const mark: Record<string, string> = { holds: "✓", roughly: "≈", "does not": "✗" };
   return h("ul", { class: "verdict" }, ...verdict.map((v) =>
     h("li", {},
       h("b", { text: `${mark[v.word] ?? "·"} ${v.use.replaceAll("_", " ")}` }), `: ${v.word}`, h("small", { text: v.why }))));
 }
 
-/** What is under the pointer. */
+/** Describes the point under the pointer. */
 export function probeText(seen: ProbeHit, about: ModelSummary): string {
   const [u, length] = [about.units, lengthUnit(about)];
   const at = seen.position.map((v) => formatNumber(v, 4)).join(", ");
   const density = seen.density !== null ? `${formatNumber(seen.density)} ${u.density}` : `${formatNumber(seen.number_density)} ${u.number}`;
   const layer = about.layers.length > 1 ? `, layer ${seen.layer}` : "";
-  return `at (${at})${length ? ` ${length}` : ""}${layer}: density ${density}; Gaussian #${seen.gaussian} of ${formatWhole(seen.count)} particles`;
+  return `at (${at})${length ? ` ${length}` : ""}${layer}: density ${density}; Gaussian #${seen.gaussian} with ${formatWhole(seen.count)} particles`;
 }

@@ -1,4 +1,4 @@
-// Numbers as a journal prints them, and the unit of lengths.
+// Numbers as journals print them, and the unit of length.
 
 import type { ModelSummary } from "./protocol";
 
@@ -6,7 +6,7 @@ const RAISED: Record<string, string> = {
   "-": "⁻", "0": "⁰", "1": "¹", "2": "²", "3": "³", "4": "⁴", "5": "⁵", "6": "⁶", "7": "⁷", "8": "⁸", "9": "⁹",
 };
 
-/** Three digits or so; powers of ten where a number is large or small. */
+/** A number with `figures` digits; large and small ones with a power of ten. */
 export function formatNumber(v: number, figures = 3): string {
   if (!Number.isFinite(v)) return "–";
   if (v === 0) return "0";
@@ -22,18 +22,18 @@ const minus = (text: string): string => text.replace("-", "−");
 /** A whole number with thin spaces between thousands. */
 export const formatWhole = (v: number): string => Math.round(v).toString().replace(/\B(?=(\d{3})+$)/g, "\u2009");
 
-/** Bytes in the units of storage. */
+/** A size in B, kB, MB, GB or TB. */
 export function formatBytes(n: number): string {
   const units = ["B", "kB", "MB", "GB", "TB"];
   const e = Math.min(units.length - 1, Math.max(0, Math.floor(Math.log10(Math.max(1, n)) / 3)));
   return `${formatNumber(n / 1000 ** e)} ${units[e]}`;
 }
 
-/** The unit of lengths; empty where it is not known. */
+/** The unit of length; empty if unknown. */
 export const lengthUnit = ({ units, metadata }: ModelSummary): string =>
   units.length && metadata.comoving ? `comoving ${units.length}` : units.length;
 
-/** The largest 1, 2 or 5 times a power of ten that is not above `v`. */
+/** The largest of 1, 2 or 5 times a power of ten that is at most `v`. */
 export function roundBelow(v: number): number {
   const base = 10 ** Math.floor(Math.log10(v));
   return (v >= 5 * base ? 5 : v >= 2 * base ? 2 : 1) * base;

@@ -1,4 +1,4 @@
-// The worker: the engine, and one question after another.
+// The worker: runs the engine and answers one query after another.
 
 import type { WorkerResponse, WorkerRequest } from "./protocol";
 
@@ -12,11 +12,11 @@ interface EngineExports {
 
 let engine: EngineExports | undefined;
 
-/** Hands bytes to an entry of the engine; gives what it answers: JSON, and numbers behind it. */
+/** Calls an entry point of the engine with bytes; returns its JSON and the numbers after it. */
 function call(entry: "open" | "ask", bytes: Uint8Array): { json: unknown; numbers: ArrayBuffer } {
   if (!engine) throw new Error("the engine has not started");
   const at = engine.room(bytes.length);
-  // The address first: room may have moved the memory.
+  // `room` may have grown the memory, so its buffer is taken after.
   new Uint8Array(engine.memory.buffer, at, bytes.length).set(bytes);
   const packed = BigInt.asUintN(64, engine[entry](at, bytes.length));
   const [address, length] = [Number(packed & 0xffffffffn), Number(packed >> 32n)];
@@ -30,7 +30,7 @@ function call(entry: "open" | "ask", bytes: Uint8Array): { json: unknown; number
   return { json, numbers };
 }
 
-/** A question, and the numbers behind it. */
+/** The bytes of a query: its JSON, then its numbers. */
 function queryBytes(question: string, numbers?: ArrayBuffer): Uint8Array {
   const json = new TextEncoder().encode(question);
   if (!numbers) return json;
@@ -58,7 +58,7 @@ self.onmessage = async ({ data }: MessageEvent<WorkerRequest>) => {
       Object.assign(reply, call(data.do, bytes));
     }
   } catch (error) {
-    // A trap leaves the instance as it is: what it did is lost, and the next question may do.
+    // After a trap the instance still works for the next query.
     reply.error = error instanceof Error ? error.message : String(error);
   }
   reply.milliseconds = performance.now() - began;

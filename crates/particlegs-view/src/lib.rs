@@ -1,10 +1,9 @@
 //! The page that shows models in a browser: as one file that works offline, or served to one user.
 //!
-//! [`page`] puts the page together from its sources (`assets/`), [`poster`] draws the picture that it opens with,
-//! [`server`] hands it out, and [`truth`] draws all particles for it. What the page does once it is open is written
-//! in its own sources. Nothing here prints, reads the environment or opens a file.
+//! [`page`] assembles the page from `assets/`, [`poster`] draws its first picture, [`server`] serves it, and [`truth`]
+//! draws all particles for it. The sources of the page itself are in `web/`. Nothing here prints, reads the
+//! environment or opens a file.
 
-// Docs stand where a name does not say it.
 #![allow(missing_docs)]
 
 mod assets;

@@ -1,4 +1,4 @@
-//! Text inside HTML, whatever is in it.
+//! Escapes text for HTML.
 
 use serde::Serialize;
 
@@ -18,13 +18,13 @@ pub fn text(text: &str) -> String {
     out
 }
 
-/// JSON inside a script element: no `<` that could end it.
+/// JSON for a script element, without any `<` that could end it.
 pub fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).expect("plain data").replace('<', "\\u003c")
 }
 
-/// Can the text stand inside a script or style element as it is, the same bytes to the browser? It must not end the
-/// element, nor begin what HTML calls an escaped script, and line ends must be the ones that browsers keep.
+/// Whether a browser reads the text inside a script or style element as the same bytes. It must not end the element or
+/// begin what HTML calls an escaped script, and its line ends must be the ones that browsers keep.
 #[cfg(test)]
 pub fn can_stand_inside(text: &str) -> bool {
     let lower = text.to_ascii_lowercase();

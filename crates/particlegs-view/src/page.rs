@@ -1,8 +1,8 @@
-//! The page as one HTML file: the same in both ways in, from disk or from the server.
+//! The page as one HTML file, for disk or for the server.
 //!
-//! The script finds everything by id: `setup` says which models there are and where the bytes are, `worker` is the
-//! worker's source, `app` is empty and the script's. From disk, models and engine are in the page as base64; served,
-//! they are fetched by relative addresses, so that a proxy may put the page anywhere.
+//! The script finds everything by id: `setup` lists the models and where their bytes are, `worker` is the worker's
+//! source, and the script fills `app`. A page on disk contains models and engine as base64; a served page fetches them
+//! by relative addresses, so that a proxy may put it under any path.
 
 use crate::truth::smoothed;
 use crate::{assets, markup, poster};
@@ -19,14 +19,14 @@ use serde_json::Value;
 /// A model file to show.
 #[derive(Clone, Copy, Debug)]
 pub struct ModelFile<'a> {
-    /// What the page calls it: the file's name.
+    /// The file's name, shown in the page.
     pub name: &'a str,
     /// The file's bytes.
     pub bytes: &'a [u8],
 }
 
 impl ModelFile<'_> {
-    /// What its certificate says that it is good for; nothing where it has none.
+    /// The verdict of its certificate; empty without one.
     fn verdict(&self) -> Vec<Assessment> {
         let info = codec::read_info(self.bytes, self.name).ok();
         let certified = info.filter(|i| i.certificate.is_some());
@@ -34,12 +34,12 @@ impl ModelFile<'_> {
     }
 }
 
-/// The snapshot whose pictures a server draws beside the model's.
+/// The snapshot that a server compares the model with.
 #[derive(Clone, Debug)]
 pub struct Snapshot {
-    /// What the page calls it.
+    /// The name shown in the page.
     pub name: String,
-    /// Particles that are drawn.
+    /// Number of particles drawn.
     pub particles: u64,
 }
 
@@ -49,13 +49,13 @@ particlegs_pipeline::named_values! {
     #[serde(rename_all = "lowercase")]
     pub enum PageStyle {
         Density = "density": "Surface density in logarithmic colours",
-        Paraview = "paraview": "As ParaView draws the particles, without their shot noise",
+        Paraview = "paraview": "ParaView's picture of the particles, without shot noise",
         Expected = "expected": "255 (1 - exp(-tau)) for the optical depth tau",
     }
 }
 
-/// How a page opens: each thing that is said replaces what is seen first otherwise, which is the surface density of
-/// all layers from azimuth 0, elevation 0, distance 1 (of the alpha-blend law, its picture). Lengths in world units.
+/// The first view of a page. Each setting replaces a default: the surface density of all layers (style `paraview` for
+/// the alpha-blend law) at azimuth 0, elevation 0 and distance 1. Lengths are in world units.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PageOpening {
@@ -67,13 +67,13 @@ pub struct PageOpening {
     /// Densities of the first and the last colour.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<[f64; 2]>,
-    /// Is the background white?
+    /// Whether the background is white.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub white: Option<bool>,
-    /// Are layers told apart by colour?
+    /// Whether each layer has its own colour.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub color_by_layer: bool,
-    /// Layers that are drawn; all where there are none.
+    /// Layers to draw; all if empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub layers: Vec<String>,
     /// Particle radius.
@@ -82,7 +82,7 @@ pub struct PageOpening {
     /// Particle opacity.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub opacity: Option<f64>,
-    /// A views file, of which the first view is taken.
+    /// A views file; its first view is used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub views: Option<Value>,
     /// Azimuth of the camera, degrees.
@@ -97,7 +97,7 @@ pub struct PageOpening {
     /// The point that the camera looks at.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub look_at: Option<[f64; 3]>,
-    /// Are lines of sight parallel?
+    /// Whether the projection is orthographic.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub orthographic: Option<bool>,
 }
@@ -111,19 +111,18 @@ fn named<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Option<Color
     name.map(|name| name.parse().map_err(serde::de::Error::custom)).transpose()
 }
 
-/// A page, and what a browser may do in it.
+/// A page and its security policy.
 #[derive(Clone, Debug)]
 pub struct Page {
     pub html: String,
-    /// The Content-Security-Policy that it states, for the header.
+    /// Its Content-Security-Policy, also for the header.
     pub policy: String,
 }
 
-/// One file that shows the models offline, opened from disk: at most 1.35 times the models, and the shell.
+/// One file that shows the models offline, opened from disk. Its size is at most 1.35 times the models plus the shell.
 ///
-/// Beside each file stands what it was decoded to, so that a page that is written can show what it holds. A single model
-/// of more than [`poster::MORE_THAN`] Gaussians has its picture in the page, for it takes a moment to decode, unless
-/// the page opens otherwise than usual.
+/// Each file comes with its decoded model, which proves that the page can show it. The page of a single model with more
+/// than [`poster::MORE_THAN`] Gaussians contains a poster to show during decoding, if it opens with the default view.
 pub fn offline(models: &[(ModelFile<'_>, &Model)], opening: &PageOpening, context: &Context<'_>) -> Result<Vec<u8>> {
     context.check()?;
     let poster = match models {
@@ -145,7 +144,7 @@ pub fn offline(models: &[(ModelFile<'_>, &Model)], opening: &PageOpening, contex
     Ok(page.finish().html.into_bytes())
 }
 
-/// The page that a server hands out, for these models; with a poster where it draws one.
+/// The page to serve for these models, with a poster if the server draws one.
 pub fn served<'a>(
     models: impl IntoIterator<Item = ModelFile<'a>>,
     snapshot: Option<&'a Snapshot>,
@@ -155,7 +154,7 @@ pub fn served<'a>(
     PageBuilder::new(&Setup::new(models, snapshot, opening, true), poster.then_some("poster")).finish()
 }
 
-/// What the script is told.
+/// The input of the script.
 #[derive(Serialize)]
 struct Setup<'a> {
     version: &'static str,
@@ -180,7 +179,7 @@ struct SetupTruth<'a> {
     url: &'static str,
     name: &'a str,
     particles: u64,
-    /// Over so many neighbours each particle is spread in densities; none where there are too many or too few.
+    /// Number of neighbours that densities are smoothed over; `None` for too many or too few particles.
     smoothed: Option<usize>,
 }
 
@@ -230,14 +229,14 @@ impl<'a> Setup<'a> {
     }
 }
 
-/// The HTML on its way.
+/// A page under construction.
 struct PageBuilder {
     html: String,
     policy: String,
 }
 
 impl PageBuilder {
-    /// Up to the worker's source. `poster` is the address of the picture.
+    /// The page up to the worker's source. `poster` is the address of the picture.
     fn new(setup: &Setup<'_>, poster: Option<&str>) -> Self {
         let (title, policy) = (markup::text(&setup.title()), policy(setup.served));
         let poster = poster.map(|src| format!("<img id=\"poster\" alt=\"{title}\" src=\"{src}\">"));
@@ -259,7 +258,7 @@ impl PageBuilder {
         PageBuilder { html, policy }
     }
 
-    /// Bytes for the script, as base64.
+    /// Adds bytes for the script, as base64.
     fn data(&mut self, id: &str, bytes: &[u8]) {
         self.html.reserve(4 * bytes.len().div_ceil(3) + 100);
         self.html += &format!("<script type=\"application/octet-stream\" id=\"{id}\">");
@@ -267,7 +266,7 @@ impl PageBuilder {
         self.html += "</script>\n";
     }
 
-    /// The script comes last, when everything is there.
+    /// Adds the script, which must come last.
     fn finish(mut self) -> Page {
         self.html += "<script>";
         self.html += assets::SCRIPT;
@@ -276,7 +275,7 @@ impl PageBuilder {
     }
 }
 
-/// What a browser may do: run this one script, WebAssembly and workers made of a Blob, and ask this server alone.
+/// The security policy: only this script, WebAssembly, workers from a Blob, and requests to this server.
 fn policy(served: bool) -> String {
     let (script, style) = (assets::SCRIPT_HASH, assets::STYLE_HASH);
     let (images, connect) = if served { (" 'self'", " connect-src 'self';") } else { ("", "") };

@@ -1,4 +1,4 @@
-//! The picture that a page shows until its own is there.
+//! The picture that a page shows until it has drawn its own.
 
 use crate::page::PageOpening;
 use particlegs_pipeline::camera::{DensityView, View, base_distance, spherical_camera};
@@ -9,30 +9,29 @@ use particlegs_pipeline::render::{Scene, draw as draw_scene, surface_density};
 use particlegs_pipeline::splat::ToneStyle;
 use particlegs_pipeline::{Error, Result};
 
-/// Models of so many Gaussians at most are drawn by the page as soon as a poster would be there.
+/// Up to this number of Gaussians the page draws as soon as a poster would be ready.
 pub const MORE_THAN: usize = 100_000;
-/// Of larger ones a server draws none: it would take as long to decode and to draw as the page, and cores from it.
+/// Above this number a server draws no poster: that would take as long as the page itself and slow it down.
 pub const SERVED_UP_TO: usize = 1_000_000;
-/// Size inside a page, where every byte is sent.
+/// Size in an offline page, where every byte counts.
 pub const SMALL: Size = Size { width: 640, height: 360 };
-/// Size from a server: that of a page's own first picture on a small screen.
+/// Size from a server: the size of a page's picture on a small screen.
 pub const LARGE: Size = Size { width: 1280, height: 720 };
 
-/// Is a model of so many Gaussians worth a poster, which is of the usual opening?
+/// Whether a page gets a poster, which shows the default view.
 pub fn wanted(gaussians: usize, opening: &PageOpening) -> bool {
     gaussians > MORE_THAN && *opening == PageOpening::default()
 }
 
-/// A picture of the whole.
 #[derive(Clone, Debug)]
 pub struct Poster {
     pub png: Vec<u8>,
-    /// Surface densities of the first and the last colour; none of an alpha-blend model's own picture.
+    /// Surface densities of the first and the last colour; `None` for an alpha-blend model.
     pub range: Option<[f64; 2]>,
 }
 
-/// The view that a page opens with: azimuth 0, elevation 0, distance 1, the surface density of all layers; of the
-/// alpha-blend law look `paraview` at the model's own radius and opacity.
+/// Draws the default view of a page: azimuth 0, elevation 0, distance 1, surface density of all layers. For the
+/// alpha-blend law it has style `paraview` at the model's default radius and opacity.
 pub fn draw(model: &Model, size: Size, context: &Context<'_>) -> Result<Poster> {
     let m = &model.metadata;
     let camera = spherical_camera(m.bounds.center(), 0.0, 0.0, base_distance(&m.bounds, size));

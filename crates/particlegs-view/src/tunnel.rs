@@ -1,11 +1,11 @@
-//! The line that brings the page from a machine behind SSH to the user's own.
+//! The `ssh` command that forwards the page to the user's own machine.
 
 use std::net::{IpAddr, UdpSocket};
 
-/// What is known of the session that the command runs in.
+/// The session that the command runs in.
 #[derive(Clone, Copy, Debug)]
 pub struct Session<'a> {
-    /// `SSH_CONNECTION`: the client's address and port, and the server's, where there is an SSH session.
+    /// `SSH_CONNECTION` of an SSH session: address and port of client and server.
     pub connection: Option<&'a str>,
     /// The user's name here.
     pub user: Option<&'a str>,
@@ -16,20 +16,19 @@ pub struct Session<'a> {
 /// The `ssh` command to run on the user's own machine, after which `http://127.0.0.1:PORT/...` is this server; `None`
 /// outside SSH sessions.
 ///
-/// A batch system may have carried the session's variables on to a node of its own: then the way leads over the
-/// machine that the user logged in to.
+/// A batch system may pass the session's variables on to a compute node. The command then goes through the login machine.
 pub fn line(session: Session<'_>, port: u16) -> Option<String> {
     line_from(session, port, |address| UdpSocket::bind((address, 0)).is_ok())
 }
 
-/// [`line()`], where `is_here` tells the addresses of this machine.
+/// [`line()`] with `is_here`, which tells whether an address is this machine's.
 fn line_from(session: Session<'_>, port: u16, is_here: impl Fn(IpAddr) -> bool) -> Option<String> {
     let server = session.connection?.split_whitespace().nth(2)?.parse::<IpAddr>().ok()?;
     let of_user = |host: &str| session.user.map_or(host.to_string(), |user| format!("{user}@{host}"));
     let login = of_user(&server.to_string());
     match session.node {
         Some(node) if !is_here(server) => {
-            // A jump's address is told from its port by brackets.
+            // `ssh -J` needs brackets around an IPv6 address.
             let jump = if server.is_ipv6() { of_user(&format!("[{server}]")) } else { login };
             Some(format!("ssh -J {jump} -L {port}:127.0.0.1:{port} {}", of_user(node)))
         }
@@ -65,7 +64,7 @@ mod tests {
         assert_eq!(over.as_deref(), Some("ssh -J ada@[2001:db8::2] -L 8317:127.0.0.1:8317 ada@node17"));
     }
 
-    /// Loopback is an address of every machine, that of a document of none.
+    /// Loopback is an address of every machine, 192.0.2.4 (for documentation) of none.
     #[test]
     fn addresses_of_this_machine_are_told() {
         let of = |server: &str| line(session(Some(&format!("203.0.113.9 1 {server} 22"))), 1).unwrap();

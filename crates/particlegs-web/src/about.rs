@@ -1,40 +1,39 @@
-//! What a page says of a model.
+//! A summary of a model for the page.
 
 use particlegs_core::codec::FileInfo;
 use particlegs_core::model::{LawKind, Metadata, hex, species_title};
 use particlegs_core::picture::{Colormap, Rgb8, journal_unit};
 use serde::Serialize;
 
-/// One model, as its file says without its Gaussians.
+/// A model's summary, read without its Gaussians.
 #[derive(Serialize)]
 pub(crate) struct ModelSummary<'a> {
     metadata: &'a Metadata,
     /// BLAKE3 of the file.
     blake3: String,
-    /// The names of colour maps.
     colormaps: Vec<&'static str>,
     gaussians: usize,
-    /// Are masses known, so that densities have units?
+    /// Whether masses are known, so that densities are in units of mass.
     has_masses: bool,
-    /// Of all particles, where it is known.
+    /// Total mass, if known.
     mass: Option<f64>,
     /// Bytes of the particles as float32 columns.
     raw_bytes: u64,
     layers: Vec<LayerSummary<'a>>,
-    /// Can it be drawn by adding up footprints, as a graphics card does?
+    /// Whether it can be drawn by adding footprints, which the GPU renderer does.
     adds_up: bool,
     units: SummaryUnits,
-    /// Radii and opacities (lowest and highest) at which the certificate has pictures.
+    /// Lowest and highest radius and opacity of the certificate's pictures.
     certified: Option<[[f64; 2]; 2]>,
 }
 
-/// Units as the command prints them; that of length is empty where it is not known.
+/// Units as the command prints them; `length` is empty if unknown.
 #[derive(Serialize)]
 struct SummaryUnits {
     length: String,
     mass: String,
     surface: String,
-    /// Of number and mass density.
+    /// Number density; mass density is `density`.
     number: String,
     density: String,
 }
@@ -57,7 +56,7 @@ impl SummaryUnits {
 #[derive(Serialize)]
 struct LayerSummary<'a> {
     name: &'a str,
-    /// The species as people call it.
+    /// The name of the species for display.
     title: String,
     particles: u64,
     gaussians: usize,
@@ -90,7 +89,7 @@ impl<'a> ModelSummary<'a> {
     }
 }
 
-/// The settings with pictures, or the default ones alone.
+/// The range of the certificate's settings, or only the default ones.
 fn certified(info: &FileInfo) -> Option<[[f64; 2]; 2]> {
     let certificate = info.certificate.as_ref()?;
     let m = &info.metadata;

@@ -1,30 +1,29 @@
-//! What the engine answers.
+//! The engine's responses.
 
 use particlegs_core::Result;
 use serde::Serialize;
 
-/// JSON, and numbers behind it. As bytes: u32 length of the JSON, the JSON, padding to a multiple of 8, the numbers;
-/// an error is the JSON `{"error": "one line"}` without numbers.
+/// JSON and numbers. As bytes: u32 length of the JSON, the JSON, padding to a multiple of 8, the numbers. An error is
+/// the JSON `{"error": "one line"}` without numbers.
 #[derive(Debug)]
 pub struct EngineResponse {
     pub json: String,
-    /// What it says of them.
     pub numbers: Vec<u8>,
 }
 
 impl EngineResponse {
-    /// `json` alone.
+    /// `json` without numbers.
     pub(crate) fn new(json: &impl Serialize) -> Result<EngineResponse> {
         EngineResponse::with(json, Vec::new())
     }
 
-    /// `json`, and numbers behind it.
+    /// `json` and numbers.
     pub(crate) fn with(json: &impl Serialize, numbers: Vec<u8>) -> Result<EngineResponse> {
         let json = serde_json::to_string(json).map_err(|e| particlegs_core::Error::argument(e.to_string()))?;
         Ok(EngineResponse { json, numbers })
     }
 
-    /// A result; of an error its line.
+    /// The response, or the error as JSON.
     pub(crate) fn or_error(result: Result<EngineResponse>) -> EngineResponse {
         result.unwrap_or_else(|error| {
             let json = serde_json::json!({ "error": error.to_string() }).to_string();
@@ -32,7 +31,6 @@ impl EngineResponse {
         })
     }
 
-    /// As bytes.
     pub fn into_bytes(self) -> Vec<u8> {
         let start = (4 + self.json.len()).next_multiple_of(8);
         let mut bytes = Vec::with_capacity(start + self.numbers.len());

@@ -1,19 +1,18 @@
-//! A mixture's part inside a box: each Gaussian cut by the box's planes, one axis after another, to the Gaussian with
-//! the mass, mean and covariance of what is left (exact for one axis: Johnson, Kotz and Balakrishnan 1994, section
-//! 13.10.1; what two axes leave of each other is taken from the first's result). Edges are soft where a Gaussian is
-//! wider than the box.
+//! The part of a mixture inside a box. Each Gaussian is cut by the box's planes, one axis after another, and replaced by
+//! the Gaussian with the mass, mean and covariance of the rest. This is exact for one axis (Johnson, Kotz and
+//! Balakrishnan 1994, section 13.10.1). Edges are soft where a Gaussian is wider than the box.
 
 use particlegs_core::math::{Sym3, each_axis, normal_share};
 use particlegs_core::model::{Mixture, Model};
 use particlegs_core::space::Bounds;
 use std::cell::{Cell, RefCell};
 
-/// Gaussians of which less is left are dropped.
+/// Gaussians with a smaller share left are dropped.
 const LEAST: f64 = 1e-5;
-/// Where x, y and z stand in a covariance's rows.
+/// Indices of the rows of a covariance.
 const ROWS: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
 
-/// The model's part inside `bounds`, and the number in the model of each Gaussian that is left.
+/// The part of the model inside `bounds`, and the index in the model of each remaining Gaussian.
 pub(crate) fn clipped(model: &Model, bounds: &Bounds) -> (Model, Vec<usize>) {
     let (numbers, before) = (RefCell::new(Vec::new()), Cell::new(0));
     let part = model.with_gaussians(|m| {
@@ -42,7 +41,7 @@ fn inside(m: &Mixture, bounds: &Bounds, mut keep: impl FnMut(usize)) -> Mixture 
     kept
 }
 
-/// Cuts a Gaussian by two planes across an axis; says what share is left.
+/// Cuts a Gaussian by two planes across an axis; returns the remaining share.
 fn cut(mean: &mut [f64; 3], cov: &mut Sym3, axis: usize, [low, high]: [f64; 2]) -> f64 {
     let variance = cov.0[ROWS[axis][axis]];
     let s = variance.max(0.0).sqrt();
@@ -71,9 +70,9 @@ mod tests {
     use super::*;
     use particlegs_core::math::Random;
 
-    /// Against drawn particles: the share, the mean and the covariance of those inside a slab.
+    /// Compares share, mean and covariance inside a slab with random particles.
     #[test]
-    fn a_slab_holds_what_drawn_particles_do() {
+    fn a_slab_agrees_with_random_particles() {
         // x = 2 a, y = a + b, z = 0.5 c.
         let cov = Sym3([4.0, 2.0, 0.0, 2.0, 0.0, 0.25]);
         let mut m = Mixture::new(false);

@@ -1,14 +1,13 @@
-//! A smaller mixture for pictures in motion: Gaussians that follow each other in a file lie beside each other, so runs
-//! of them are joined by their moments. Mass, mean and covariance of every run are kept.
+//! A smaller mixture for pictures in motion. Consecutive Gaussians of a file are neighbours in space, so runs of them are
+//! merged into one Gaussian with the same mass, mean and covariance.
 
 use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::{LawKind, Mixture, Model};
 
-/// Gaussians that are drawn while a hand waits, about.
+/// Approximate number of Gaussians that can be drawn in motion.
 const MOST: usize = 60_000;
 
-/// How many Gaussians of a model of so many are joined into one; `None` where it has no more than [`MOST`], or is not of
-/// the optical-depth law.
+/// Number of Gaussians to merge into one; `None` if the model has at most [`MOST`] or is not of the optical-depth law.
 pub(crate) fn run(gaussians: usize, law: LawKind) -> Option<usize> {
     Some(gaussians.div_ceil(MOST)).filter(|run| *run > 1 && law == LawKind::OpticalDepth)
 }
@@ -19,7 +18,7 @@ pub(crate) fn coarse(model: &Model) -> Option<Model> {
     Some(model.with_gaussians(|m| joined(m, run)))
 }
 
-/// Runs of `run` Gaussians, each as one.
+/// Merges each run of `run` Gaussians into one.
 pub(crate) fn joined(m: &Mixture, run: usize) -> Mixture {
     let mut to = Mixture::new(m.masses().is_some());
     for start in (0..m.len()).step_by(run) {

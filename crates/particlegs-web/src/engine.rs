@@ -1,4 +1,4 @@
-//! The models that were opened, and answers about them.
+//! The open models and answers to queries.
 
 use crate::about::ModelSummary;
 use crate::answer::EngineResponse;
@@ -18,7 +18,7 @@ use particlegs_core::splat::Response;
 use particlegs_core::{Error, Result};
 use serde_json::json;
 
-/// Models, by the order in which they were opened, and what is kept between pictures.
+/// The models in the order of opening, and the renderer.
 #[derive(Default)]
 pub struct Engine {
     models: Vec<LoadedModel>,
@@ -26,7 +26,7 @@ pub struct Engine {
 }
 
 impl SceneRequest {
-    /// Is this layer drawn?
+    /// Whether this layer is drawn.
     pub(crate) fn shows(&self, layer: usize) -> bool {
         self.layers.as_ref().is_none_or(|l| l.get(layer).copied().unwrap_or(true))
     }
@@ -35,12 +35,11 @@ impl SceneRequest {
         Scene::from_layers(model, shown).repeated(self.shifts(model))
     }
 
-    /// Where the box and its images are.
+    /// The positions of the box and its images, the box first.
     fn shifts(&self, model: &Model) -> Vec<[f64; 3]> {
         let Some(cell) = model.metadata.cell.filter(|_| self.images) else { return vec![[0.0; 3]] };
         let mut shifts = cell.shifts(cell.periodic.map(|repeats| if repeats { [-1, 1] } else { [0, 0] }));
         let own = shifts.iter().position(|shift| *shift == [0.0; 3]).unwrap_or_default();
-        // The box itself first.
         shifts[..=own].rotate_right(1);
         shifts
     }
@@ -57,8 +56,7 @@ impl SceneRequest {
 }
 
 impl Engine {
-    /// Begins to decode a model file, and keeps the model; the answer says what it is. Small models are whole then,
-    /// others after as many `Decode` questions as they need.
+    /// Opens a model file and returns its summary. Small models are then decoded; others need `Decode` queries.
     pub fn open(&mut self, file: Vec<u8>) -> EngineResponse {
         let opened = Decoder::new(file, "the model", &Context::SILENT).and_then(|decoder| {
             let about = json!(ModelSummary::new(decoder.info(), decoder.file()));
@@ -70,11 +68,11 @@ impl Engine {
         EngineResponse::or_error(opened)
     }
 
-    /// Answers a question in JSON, with what it is about as numbers behind it.
+    /// Answers a query: JSON followed by its numbers.
     pub fn ask(&mut self, question: &[u8]) -> EngineResponse {
         let mut json = serde_json::Deserializer::from_slice(question).into_iter();
         let asked = json.next().unwrap_or_else(|| serde_json::from_slice(b""));
-        let asked = asked.map_err(|e| Error::argument(format!("a question: {e}")));
+        let asked = asked.map_err(|e| Error::argument(format!("invalid query: {e}")));
         let numbers = &question[json.byte_offset()..];
         EngineResponse::or_error(asked.and_then(|q: EngineQuery| self.answer(q, numbers)))
     }
@@ -130,7 +128,7 @@ impl Engine {
             QueryKind::Gaussian { index } => {
                 let model = &opened.full()?.model;
                 let found = probe::gaussian(model, index);
-                let missing = || format!("there is no Gaussian {index}: the model has {}", model.gaussians());
+                let missing = || format!("there is no Gaussian #{index}: the model has {}", model.gaussians());
                 let (position, extent) = found.ok_or_else(|| Error::argument(missing()))?;
                 EngineResponse::new(&json!({ "position": position, "extent": extent }))
             }
@@ -140,7 +138,7 @@ impl Engine {
             QueryKind::Score { size } => {
                 check(size)?;
                 if numbers.len() != 2 * size.pixels() {
-                    return Err(Error::argument("a score is of two pictures of one size"));
+                    return Err(Error::argument("a score needs two pictures of the same size"));
                 }
                 let (a, b) = numbers.split_at(size.pixels());
                 let [a, b] = [a, b].map(|levels| Gray8 { size, data: levels.to_vec() });
@@ -162,8 +160,8 @@ fn picture(
     EngineResponse::with(&json!({ "range": range }), pixels)
 }
 
-/// The tone curves of an opacity and a splat radius: levels at the depths of [`Response`]'s table, and the ratio and
-/// the blur of FXAA.
+/// The tone curve of an opacity and a splat radius: levels at the depths of [`Response`]'s table, and FXAA's ratio and
+/// blur.
 fn tone(opacity: f64, radius_pixels: f64) -> Result<EngineResponse> {
     use particlegs_core::splat::{FxaaMean, fxaa_blur};
     let levels = Response::new(opacity).levels().iter().flat_map(|v| v.to_le_bytes()).collect();

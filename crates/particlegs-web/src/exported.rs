@@ -1,4 +1,5 @@
-//! The WebAssembly module's functions. Memory is handed over by address and length; one instance has one [`Engine`].
+//! The exported functions of the WebAssembly module. They pass memory by address and length; an instance has one
+//! [`Engine`].
 
 use crate::{Engine, EngineResponse};
 use std::cell::UnsafeCell;
@@ -7,33 +8,32 @@ thread_local! {
     static ENGINE: UnsafeCell<Engine> = UnsafeCell::default();
 }
 
-/// What the engine answers. No borrow is kept over the call: a trap, which unwinds nothing, would leave it behind, and
-/// every later question would trap as well.
+/// Calls the engine. No `RefCell`: a trap does not unwind, so its borrow would stay and every later call would trap.
 fn answered(by: impl FnOnce(&mut Engine) -> EngineResponse) -> u64 {
-    // SAFETY: one thread, and no answer asks the engine again.
+    // SAFETY: there is one thread, and the engine does not call this function.
     ENGINE.with(|engine| packed(by(unsafe { &mut *engine.get() }).into_bytes()))
 }
 
-/// Room for `length` bytes, which [`open`] or [`ask`] takes back.
+/// Allocates `length` bytes for the input of [`open`] or [`ask`].
 #[unsafe(no_mangle)]
 pub extern "C" fn room(length: usize) -> *mut u8 {
     Vec::leak(vec![0; length]).as_mut_ptr()
 }
 
-/// Gives back what [`open`] or [`ask`] answered.
+/// Frees the answer of [`open`] or [`ask`].
 ///
 /// # Safety
-/// Address and length are those that were packed into the answer, and given back once.
+/// Address and length are those packed into the answer, and this is called once.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn release(at: *mut u8, length: usize) {
     // SAFETY: the caller's promise; answers are boxed slices.
     drop(unsafe { Box::from_raw(std::ptr::slice_from_raw_parts_mut(at, length)) });
 }
 
-/// Begins to decode the model file at `at`, and keeps the model.
+/// Opens the model file at `at`.
 ///
 /// # Safety
-/// `at` comes from [`room`], with its length, and is handed over.
+/// `at` and `length` come from [`room`]; the memory is taken over.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn open(at: *mut u8, length: usize) -> u64 {
     // SAFETY: the caller's promise.
@@ -41,7 +41,7 @@ pub unsafe extern "C" fn open(at: *mut u8, length: usize) -> u64 {
     answered(|engine| engine.open(bytes))
 }
 
-/// Answers a question.
+/// Answers a query.
 ///
 /// # Safety
 /// As [`open`].

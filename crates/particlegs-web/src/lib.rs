@@ -1,8 +1,7 @@
-//! What a page needs of a model: to decode it, draw it, hand its footprints to a graphics card, and answer what is
-//! under the pointer. Compiled to WebAssembly it is a page's engine (`exported`), behind one call: a question in JSON,
-//! and an answer in JSON with numbers behind it. It knows no page and keeps nothing but the models.
+//! The engine of the page: it decodes models, draws them, gives their footprints to the GPU, and finds what is under
+//! the pointer. Compiled to WebAssembly (`exported`) it has one call: a query in JSON, answered by JSON followed by
+//! numbers. It keeps nothing but the models.
 
-// Docs stand where a name does not say it.
 #![allow(missing_docs)]
 
 mod about;

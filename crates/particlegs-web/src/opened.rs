@@ -1,4 +1,4 @@
-//! Models as they were opened: on their way, and whole.
+//! Open models, partly or completely decoded.
 
 use crate::clip::clipped;
 use crate::coarse::{coarse, joined, run};
@@ -10,54 +10,54 @@ use particlegs_core::render::{self, Scene};
 use particlegs_core::space::Bounds;
 use particlegs_core::{Error, Result};
 
-/// Gaussians that are decoded in a step, at least, where there are so many: some tens of milliseconds.
+/// Minimum number of Gaussians decoded in a step, which takes tens of milliseconds.
 const STEP: usize = 1 << 15;
 
-/// A model, as far as it was decoded.
+/// An open model.
 pub(crate) struct LoadedModel {
     pub bounds: Bounds,
     opening: Option<PartialModel>,
-    /// Or the line that says why it will not be.
+    /// The decoded model, or the error that prevents it.
     whole: std::result::Result<CompleteModel, String>,
 }
 
-/// All of a model; and for motion, where that is less.
+/// A decoded model, and a smaller one for motion if it is large.
 struct CompleteModel {
     full: ClippedModel,
     coarse: Option<ClippedModel>,
     extent: Option<Extent>,
 }
 
-/// A model on its way.
+/// A partly decoded model.
 struct PartialModel {
     decoder: Decoder<'static>,
-    /// Pieces that are left, the next one last.
+    /// Remaining pieces, the next one last.
     left: Vec<usize>,
-    /// Gaussians that were decoded.
+    /// Number of decoded Gaussians.
     decoded: usize,
     sketch: Option<ModelPreview>,
 }
 
-/// What stands for a model that is on its way: a block for each piece.
+/// A preview during decoding, with a block for each piece.
 struct ModelPreview {
     part: ClippedModel,
-    /// Gaussians that are joined into one.
+    /// Number of Gaussians merged into one.
     run: usize,
-    /// Pieces that were read and are still boxes here: nothing is joined that is not drawn.
+    /// Pieces that are decoded but still boxes here: they are merged when drawn.
     read: Vec<usize>,
 }
 
-/// A model, and what of it lies inside the box that was last asked for.
+/// A model, and its part inside the last clip box.
 pub(crate) struct ClippedModel {
     pub model: Model,
     clipped: Option<(Bounds, Model, Vec<usize>)>,
 }
 
 impl LoadedModel {
-    /// A model nothing of which is decoded yet.
+    /// A model without decoded Gaussians.
     pub(crate) fn new(decoder: Decoder<'static>) -> Self {
-        // Pieces that follow each other lie beside each other: by the reversed bits of its number the next one is far
-        // from those before it, and the picture grows sharper everywhere.
+        // Consecutive pieces are neighbours in space. The order of reversed bits spreads them, so that the picture
+        // becomes sharper everywhere.
         let mut left: Vec<usize> = (0..decoder.pieces()).collect();
         left.sort_by_key(|piece| std::cmp::Reverse(piece.reverse_bits()));
         let sketch = ModelPreview::new(&decoder);
@@ -66,7 +66,7 @@ impl LoadedModel {
         LoadedModel { bounds, opening, whole: Err("the model could not be decoded".into()) }
     }
 
-    /// Decodes a step more; gives the share of the Gaussians that were decoded, 1 where the model is whole.
+    /// Decodes one step; returns the decoded share, 1 at the end.
     pub(crate) fn step(&mut self) -> Result<f64> {
         if let Some(opening) = &mut self.opening {
             match opening.step() {
@@ -82,7 +82,7 @@ impl LoadedModel {
         self.whole().map(|_| 1.0)
     }
 
-    /// The model that a scene shows: what there is of it, where it is drawn for motion; else all of it.
+    /// The model to draw: the preview or the smaller model in motion, otherwise the whole model.
     pub(crate) fn shown(&mut self, of: &SceneRequest) -> Result<&Model> {
         let sketched = of.coarse && self.opening.as_ref().is_some_and(|o| o.sketch.is_some());
         if !sketched {
@@ -91,19 +91,19 @@ impl LoadedModel {
         }
         let opening = self.opening.as_mut();
         let drawn = opening.and_then(|o| o.sketch.as_mut().map(|s| s.sharpened(&o.decoder).inside(of.clip)));
-        drawn.ok_or_else(|| Error::argument("there is nothing of the model yet"))
+        drawn.ok_or_else(|| Error::argument("the model is not decoded yet"))
     }
 
-    /// All of it; what is left is decoded now.
+    /// The whole model; decodes the rest if needed.
     pub(crate) fn full(&mut self) -> Result<&mut ClippedModel> {
         Ok(&mut self.whole()?.full)
     }
 
-    /// What a view along parallel lines shows whole.
+    /// The extent that an orthographic view has to show.
     pub(crate) fn extent(&mut self) -> Result<Extent> {
         let CompleteModel { full: ClippedModel { model, .. }, extent, .. } = self.whole()?;
         let found = || render::extent(&Scene::new(model), model.metadata.cell.as_ref());
-        // A page draws no copies that nobody asked for: tails want room whatever the picture's shape.
+        // The page draws no periodic images by default, so the extent includes the tails of Gaussians at the edges.
         Ok(*extent.get_or_insert_with(|| Extent { periodic: [false; 3], ..found() }))
     }
 
@@ -122,7 +122,7 @@ impl CompleteModel {
 }
 
 impl PartialModel {
-    /// Decodes [`STEP`] Gaussians more, to the end of a piece; gives the share of all that were.
+    /// Decodes at least [`STEP`] Gaussians; returns the decoded share.
     fn step(&mut self) -> Result<f64> {
         let enough = self.decoded + STEP;
         while self.decoded < enough
@@ -140,7 +140,7 @@ impl PartialModel {
 }
 
 impl ModelPreview {
-    /// All pieces as boxes; `None` where the model is decoded in a step, or drawn in no fewer Gaussians for motion.
+    /// All pieces as boxes; `None` for models with one piece or few Gaussians.
     fn new(decoder: &Decoder<'_>) -> Option<ModelPreview> {
         let info = decoder.info();
         let run = run(info.gaussians(), info.metadata.law).filter(|_| decoder.pieces() > 1)?;
@@ -149,14 +149,14 @@ impl ModelPreview {
         let layers = info.layers.iter().enumerate().map(|(place, layer)| {
             let own = std::iter::from_fn(|| pieces.next_if(|p| decoder.layer(*p) == place));
             let boxes = own.filter_map(|piece| decoder.so_far(piece));
-            // What is said of the particles is not drawn.
+            // Drawing does not use count and mass.
             layer.with(boxes.map(|gaussians| Block { bounds, count: 0, mass: 0.0, gaussians }).collect())
         });
         let model = Model { layers: layers.collect(), metadata: info.metadata.clone(), certificate: None };
         Some(ModelPreview { part: ClippedModel::new(model), run, read: Vec::new() })
     }
 
-    /// With the Gaussians of all pieces that were read in the place of their boxes.
+    /// Replaces the boxes of decoded pieces by their Gaussians.
     fn sharpened(&mut self, decoder: &Decoder<'_>) -> &mut ClippedModel {
         if !self.read.is_empty() {
             let mut blocks: Vec<&mut Block> = self.part.model.layers.iter_mut().flat_map(|l| &mut l.content).collect();
@@ -176,7 +176,7 @@ impl ClippedModel {
         ClippedModel { model, clipped: None }
     }
 
-    /// What of it lies inside a box.
+    /// The part inside a box.
     pub(crate) fn inside(&mut self, bounds: Option<Bounds>) -> &Model {
         let Some(bounds) = bounds else { return &self.model };
         if self.clipped.as_ref().is_none_or(|(kept, ..)| *kept != bounds) {
@@ -186,7 +186,7 @@ impl ClippedModel {
         self.clipped.as_ref().map_or(&self.model, |(_, inside, _)| inside)
     }
 
-    /// The number in the file of Gaussian `i` of what [`ClippedModel::inside`] gave last.
+    /// The index in the file of Gaussian `i` of the last result of [`ClippedModel::inside`].
     pub(crate) fn number(&self, i: usize, bounds: Option<Bounds>) -> usize {
         self.clipped.as_ref().filter(|_| bounds.is_some()).map_or(i, |(_, _, numbers)| numbers[i])
     }

@@ -1,4 +1,4 @@
-//! Pictures as a page shows them: RGBA, four bytes a pixel.
+//! Pictures for the page: RGBA, four bytes per pixel.
 
 use crate::question::{PlaneColours, PlaneStyle, SceneRequest};
 use particlegs_core::Result;
@@ -8,10 +8,10 @@ use particlegs_core::picture::{DensityColors, Gray8, Pixels, Plane, Rgb8, Size};
 use particlegs_core::render::{Scene, Scratch, Tones, optical_depth_into, surface_density};
 use particlegs_core::splat::ToneStyle;
 
-/// The range of a picture in which nothing is lit.
+/// The density range of an empty picture.
 pub(crate) const UNLIT: [f64; 2] = [1.0, 10.0];
 
-/// What is kept from picture to picture: buffers, and the tone curves of the last opacity and radius.
+/// Buffers, and the tone curves of the last opacity and radius.
 #[derive(Default)]
 pub(crate) struct PlaneRenderer {
     scratch: Scratch,
@@ -19,7 +19,7 @@ pub(crate) struct PlaneRenderer {
 }
 
 impl PlaneRenderer {
-    /// The plane behind a picture of a scene.
+    /// The optical depths or densities of a scene.
     pub(crate) fn plane(&mut self, scene: &Scene<'_>, of: &SceneRequest, style: PlaneStyle) -> Result<Plane> {
         match style {
             PlaneStyle::Density => surface_density(scene, &of.density_view(scene.bounds())?, of.size, &Context::SILENT),
@@ -32,7 +32,7 @@ impl PlaneRenderer {
         }
     }
 
-    /// A picture, and the range of its colours where it is of density.
+    /// A picture, and its density range if it shows densities.
     pub(crate) fn picture<'a>(
         &mut self,
         model: &'a Model,
@@ -82,7 +82,6 @@ impl PlaneRenderer {
         let mut levels = scene.tone(tau, look, tones).data;
         if exposure != 0.0 {
             let gain = exposure.clamp(-8.0, 8.0).exp2();
-            // The cast saturates.
             levels.iter_mut().for_each(|v| *v = (f32::from(*v) * gain).round_ties_even() as u8);
         }
         Ok(levels)
@@ -108,10 +107,10 @@ pub(crate) fn bytes(plane: &Plane) -> Vec<u8> {
     plane.data.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
-/// Most pixels of a picture: 8K, and a margin.
+/// Maximum number of pixels: 8K and a margin.
 pub(crate) const MOST_PIXELS: usize = 1 << 26;
 
-/// Refuses pictures that memory would not hold.
+/// Refuses pictures that are too large for memory.
 pub(crate) fn check(size: Size) -> Result<()> {
     match size.width.checked_mul(size.height) {
         Some(n) if n <= MOST_PIXELS => Ok(()),

@@ -1,4 +1,4 @@
-//! What is under the pointer, and how much is in a sphere.
+//! The Gaussian under the pointer, and the contents of a sphere.
 
 use particlegs_core::camera::Camera;
 use particlegs_core::math::{GaussianInSphere, Rules, Sym3, each_axis};
@@ -8,34 +8,33 @@ use particlegs_core::render::lens::Lens;
 use particlegs_core::render::project::{CameraGaussian, project};
 use serde::Serialize;
 
-/// What is seen at a pixel: the Gaussian that adds most to it, and the point of the line of sight where that Gaussian
-/// is densest.
+/// The Gaussian that adds most to a pixel, and the point on the line of sight where it is densest.
 #[derive(Serialize)]
 pub(crate) struct ProbeHit {
-    /// World units; in an image of the box, where that image is.
+    /// World units; may be in a periodic image of the box.
     position: [f64; 3],
-    /// The same in the box itself.
+    /// The same point in the box itself.
     in_box: [f64; 3],
-    /// Its number in the file, all layers counted on.
+    /// Its index in the file, counted over all layers.
     pub(crate) gaussian: usize,
     layer: String,
-    /// Particles that it stands for, and their mass where it is known.
+    /// Number of its particles, and their mass if known.
     count: f64,
     mass: Option<f64>,
-    /// Deviations along its principal axes, world units.
+    /// Standard deviations along its principal axes, world units.
     deviations: [f64; 3],
-    /// Of the whole model at the position: particles and mass a world unit cubed.
+    /// Densities of the whole model at the position, per world unit cubed.
     number_density: f64,
     density: Option<f64>,
 }
 
-/// A depth that nobody sees, at whatever opacity.
+/// An optical depth that is invisible at any opacity.
 const UNSEEN: f64 = 1e-6;
 
-/// What a sphere holds.
+/// The contents of a sphere.
 #[derive(Serialize)]
 pub(crate) struct SphereContents {
-    /// Particles, and their mass where it is known.
+    /// Number of particles, and their mass if known.
     count: f64,
     mass: Option<f64>,
 }
@@ -58,14 +57,14 @@ fn places<'a>(model: &'a Model, shown: &'a dyn Fn(usize) -> bool) -> impl Iterat
     all.enumerate().filter(|(_, p)| shown(p.layer))
 }
 
-/// A covariance that has an inverse, of at least the width `least`.
+/// The inverse of a covariance that is widened by `least`.
 fn invertible(cov: Sym3, least: f64) -> Option<Sym3> {
     let widened = cov.add(&Sym3::scaled_identity(least * least + 1e-9 * cov.trace()));
     widened.inverse()
 }
 
 impl ProbeHit {
-    /// Says which Gaussian of the whole model it is, of which it may be a part.
+    /// Sets the data of the whole Gaussian, if the hit is a clipped part of it.
     pub(crate) fn number_in(&mut self, whole: &Model, number: usize) {
         self.gaussian = number;
         if let Some((_, p)) = places(whole, &|_| true).nth(number) {
@@ -80,7 +79,7 @@ fn deviations(cov: &Sym3) -> [f64; 3] {
     cov.eigen().values.map(|v| v.max(0.0).sqrt())
 }
 
-/// What the picture shows at `pixel`, of the box and its images, each with its lens and shift; `None` where it is empty.
+/// Finds what the picture shows at `pixel`; `images` are the lens and shift of the box and its periodic images.
 pub(crate) fn seen(
     model: &Model,
     shown: &dyn Fn(usize) -> bool,
@@ -127,7 +126,7 @@ pub(crate) fn seen(
     })
 }
 
-/// Particles and mass a world unit cubed at a point.
+/// Number and mass density at a point, per world unit cubed.
 fn densities(model: &Model, shown: &dyn Fn(usize) -> bool, at: [f64; 3]) -> [f64; 2] {
     let mut sums = [0.0; 2];
     for (_, p) in places(model, shown) {
@@ -146,16 +145,16 @@ fn densities(model: &Model, shown: &dyn Fn(usize) -> bool, at: [f64; 3]) -> [f64
     sums
 }
 
-/// What lies within `radius` of `center`, world units.
+/// The contents of the sphere of `radius` about `center`, world units.
 pub(crate) fn held(model: &Model, shown: &dyn Fn(usize) -> bool, center: [f64; 3], radius: f64) -> SphereContents {
     let rules = Rules::new();
     let longest = model.metadata.bounds.extent().into_iter().fold(0.0, f64::max);
     let widths = [1e-9 * longest, f64::MAX];
     let (mut count, mut mass) = (0.0, 0.0);
     for (_, p) in places(model, shown) {
-        let lump = GaussianInSphere::new(p.m.mean_of(p.i), &p.m.cov_of(p.i), 1.0, widths);
+        let gaussian = GaussianInSphere::new(p.m.mean_of(p.i), &p.m.cov_of(p.i), 1.0, widths);
         let mut share = [0.0];
-        lump.add_within(each_axis(|k| center[k] - lump.mean[k]), &[radius], &rules, &mut share);
+        gaussian.add_within(each_axis(|k| center[k] - gaussian.mean[k]), &[radius], &rules, &mut share);
         count += p.m.count[p.i] * share[0];
         mass += p.unit * p.m.mass_of(p.i) * share[0];
     }

@@ -1,4 +1,4 @@
-//! What a page asks.
+//! The page's queries.
 
 use particlegs_core::Result;
 use particlegs_core::camera::{Camera, DensityView, View};
@@ -7,10 +7,10 @@ use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
 use serde::Deserialize;
 
-/// A question about the model that was opened as number `model`.
+/// A query about a model.
 #[derive(Deserialize)]
 pub(crate) struct EngineQuery {
-    /// Which model, from 0.
+    /// The model's index, from 0, in the order of opening.
     #[serde(default)]
     pub model: usize,
     #[serde(flatten)]
@@ -20,33 +20,33 @@ pub(crate) struct EngineQuery {
 #[derive(Deserialize)]
 #[serde(tag = "ask", rename_all = "kebab-case")]
 pub(crate) enum QueryKind {
-    /// Decodes a step more of the model: which share of it is decoded.
+    /// Decodes one step; answers the decoded share.
     Decode,
-    /// A picture: RGBA, four bytes a pixel.
+    /// A picture: RGBA, four bytes per pixel.
     Picture { scene: SceneRequest, paint: PlaneColours },
-    /// The plane behind a picture: optical depth, or surface density, as f32.
+    /// Optical depths or surface densities, as f32.
     Values { scene: SceneRequest, style: PlaneStyle },
-    /// The footprints of all Gaussians as a graphics card adds them up, 8 f32 each.
+    /// The footprints of all Gaussians for the GPU, 8 f32 each.
     Strokes { scene: SceneRequest, style: PlaneStyle },
     /// The tone curve of a view: 1153 f32 levels.
     Tone { opacity: f64, radius_pixels: f64 },
-    /// 256 RGB triples for densities, as core's `DensityColors` has them.
+    /// The 256 RGB triples of core's `DensityColors`.
     Colors { name: String, white: bool },
-    /// Which window a view along parallel lines shows the whole box in.
+    /// The window in which an orthographic view shows the whole box.
     Window { scene: SceneRequest },
-    /// What is seen at a pixel.
+    /// The Gaussian seen at a pixel.
     Probe { scene: SceneRequest, pixel: [f64; 2] },
-    /// Mass in a sphere.
+    /// The contents of a sphere.
     Sphere { center: [f64; 3], radius: f64, layers: Option<Vec<bool>>, clip: Option<Bounds> },
-    /// Where Gaussian `index` is.
+    /// The position of Gaussian `index`.
     Gaussian { index: usize },
-    /// The base distance of cameras, for a picture of this size.
+    /// The base distance for a picture of this size.
     BaseDistance { size: Size },
-    /// The masked PSNR of two pictures of this size, whose levels stand behind the question.
+    /// The masked PSNR of two pictures of this size, whose levels follow the query.
     Score { size: Size },
 }
 
-/// What is drawn, and from where.
+/// What to draw, and the camera.
 #[derive(Clone, Deserialize)]
 pub(crate) struct SceneRequest {
     /// Picture size, pixels.
@@ -54,17 +54,15 @@ pub(crate) struct SceneRequest {
     pub camera: Camera,
     /// Particle radius, world units.
     pub radius: f64,
-    /// Opacity.
     pub opacity: f64,
-    /// Which layers are drawn; all where it is left out.
+    /// Which layers to draw; all by default.
     pub layers: Option<Vec<bool>>,
-    /// Particles outside are left out, world units.
+    /// The clip box, world units.
     pub clip: Option<Bounds>,
-    /// Is it drawn in fewer Gaussians, for motion, or of what is decoded by now? Whatever else is asked of a model
-    /// decodes all of it.
+    /// Whether to draw a smaller or partly decoded model. All other queries decode the whole model.
     #[serde(default)]
     pub coarse: bool,
-    /// Is the periodic box repeated about itself?
+    /// Whether to draw the periodic images of the box.
     #[serde(default)]
     pub images: bool,
 }
@@ -74,7 +72,7 @@ pub(crate) struct SceneRequest {
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum PlaneStyle {
     Depth,
-    /// Surface density, mass a world unit squared.
+    /// Surface density, per world unit squared.
     Density,
 }
 
@@ -82,16 +80,16 @@ pub(crate) enum PlaneStyle {
 #[derive(Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct PlaneColours {
-    /// A look; `None` = surface density.
+    /// A style; `None` = surface density.
     pub look: Option<ToneStyle>,
     pub white: bool,
     /// The colour map of density.
     pub colormap: String,
-    /// Densities of the first and the last colour; found where it is left out.
+    /// Densities of the first and the last colour; automatic by default.
     pub range: Option<[f64; 2]>,
     /// Stops by which grey levels are brightened.
     pub exposure: f32,
-    /// Are layers told apart by colour?
+    /// Whether each layer has its own colour.
     pub by_layer: bool,
 }
 

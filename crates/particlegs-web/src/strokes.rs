@@ -1,5 +1,5 @@
-//! What a graphics card adds up: every footprint as the stroke that the CPU's raster draws, on the plane that suits
-//! it ([`particlegs_core::render::bin::place`]), plane after plane.
+//! The strokes that the GPU adds up: the same as in the CPU renderer, sorted by plane
+//! ([`particlegs_core::render::bin::place`]).
 
 use crate::answer::EngineResponse;
 use particlegs_core::Result;
@@ -11,15 +11,15 @@ use particlegs_core::render::project::{CameraGaussian, project};
 use particlegs_core::render::raster::pyramid::{Level, PAD, levels};
 use serde::Serialize;
 
-/// Gaussians that go from stage to stage together.
+/// Number of Gaussians processed together.
 const BLOCK: usize = 64;
 
-/// What the card must know beside the strokes.
+/// Parameters of the GPU renderer besides the strokes.
 #[derive(Serialize)]
 struct StrokePlanes {
-    /// Pixels drawn beyond each edge of a plane.
+    /// Margin of a plane at each edge, pixels.
     pad: usize,
-    /// Pixels for a unit of x/depth, and the pixel of the axis: splats widen away from it in perspective.
+    /// Pixels per unit of x/depth, and the pixel of the optical axis: splats widen away from it in perspective.
     focal: f64,
     center: [f64; 2],
     perspective: bool,
@@ -35,8 +35,7 @@ struct PlaneLayout {
     count: usize,
 }
 
-/// The strokes of the shown layers of a model through `lenses`, one for each image of the box; `mass` adds masses
-/// instead of counts.
+/// The strokes of the shown layers through `lenses`, one per image of the box; `mass` adds masses instead of counts.
 pub(crate) fn strokes(
     model: &Model,
     shown: impl Fn(usize) -> bool,

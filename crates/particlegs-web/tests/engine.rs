@@ -1,4 +1,4 @@
-//! The engine's answers, held to the library that it stands on; and what it says to questions that make no sense.
+//! Compares the engine's answers with the library, and checks the errors for invalid queries.
 
 use particlegs_core::camera::{Camera, Projection, View, base_distance, spherical_camera};
 use particlegs_core::codec::{self, Precision};
@@ -162,7 +162,7 @@ fn its_windows_hold_the_mass_of_boxes_of_any_shape() {
 fn what_makes_no_sense_is_an_error_and_the_engine_goes_on() {
     let (mut engine, _, scene) = opened();
     assert!(error(&engine.open(MODEL[..100].to_vec())).contains("the model"));
-    assert!(error(&engine.ask(b"no question")).contains("a question"));
+    assert!(error(&engine.ask(b"no question")).contains("invalid query"));
     let with = |change: &dyn Fn(&mut Value)| {
         let mut scene = scene.clone();
         change(&mut scene);

@@ -1,4 +1,4 @@
-//! Answers, and the headers that every one has.
+//! Responses and their common headers.
 
 use http_body_util::Full;
 use hyper::body::Bytes;
@@ -7,7 +7,7 @@ use hyper::{Response, StatusCode};
 
 pub type HttpResponse = Response<Full<Bytes>>;
 
-/// What no answer of ours is for: to be guessed at, kept, framed by other sites or used by their pages.
+/// Headers that forbid guessing the type, caching, and framing or use by other sites.
 const ALWAYS: [(HeaderName, &str); 6] = [
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (header::REFERRER_POLICY, "no-referrer"),
@@ -17,7 +17,7 @@ const ALWAYS: [(HeaderName, &str); 6] = [
     (header::CONTENT_SECURITY_POLICY, "default-src 'none'; frame-ancestors 'none'"),
 ];
 
-/// Bytes of a type.
+/// A response with bytes of a media type.
 pub fn bytes(kind: &'static str, bytes: Bytes) -> HttpResponse {
     let mut answer = Response::new(Full::new(bytes));
     let headers = answer.headers_mut();
@@ -26,7 +26,7 @@ pub fn bytes(kind: &'static str, bytes: Bytes) -> HttpResponse {
     answer
 }
 
-/// A line that says why there is nothing else.
+/// A response with one line that says why the request failed.
 pub fn refusal(status: StatusCode, why: &str) -> HttpResponse {
     let line: String = why.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     let mut answer = bytes("text/plain; charset=utf-8", Bytes::from(line + "\n"));
@@ -34,7 +34,7 @@ pub fn refusal(status: StatusCode, why: &str) -> HttpResponse {
     answer
 }
 
-/// An answer with one more header, or with another value of one.
+/// Sets a header.
 pub fn with(mut answer: HttpResponse, name: HeaderName, value: HeaderValue) -> HttpResponse {
     answer.headers_mut().insert(name, value);
     answer

@@ -25,20 +25,20 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::{AbortHandle, Id, yield_now};
 use tokio::time::{sleep, timeout};
 
-/// Time between two looks at whether to end.
+/// Time between two checks whether to stop.
 const TICK: Duration = Duration::from_millis(100);
-/// Bytes of a request's head and of its body at most, and lines of the head.
+/// Limits of a request: bytes of head and body, number of headers.
 const MOST_HEAD: usize = 16 << 10;
 const MOST_BODY: usize = 16 << 10;
 const MOST_LINES: usize = 64;
-/// Bytes that a connection holds on their way at most, beside what it sends.
+/// Maximum size of a connection's read buffer, bytes.
 const BUFFER: usize = 64 << 10;
-/// Refused names that are told: a scanner could think of any number.
+/// Maximum number of refused names to report: a scanner could try any number.
 const MOST_TOLD: usize = 16;
-/// Connections at a time that have not shown the token.
+/// Maximum number of connections that have not shown the token.
 const MOST_STRANGERS: usize = 256;
 
-/// A server with all that it serves.
+/// A server with its content.
 pub struct SiteServer {
     pub listener: TcpListener,
     pub guard: Guard,
@@ -55,15 +55,15 @@ struct ConnectionState {
     table: RouteTable,
     events: Sender<Event>,
     told: Mutex<HashSet<Event>>,
-    /// When somebody who has the token last asked, or was answered.
+    /// Time of the last request or response with the token.
     asked: Mutex<Instant>,
-    /// Places of connections that have shown the token.
+    /// Permits for connections that have shown the token.
     seats: Arc<Semaphore>,
     strangers: UnverifiedConnections,
 }
 
-/// Connections that have not shown the token yet, the oldest first. They take no seats, and one too many ends the
-/// oldest: whoever has the token shows it at once.
+/// Connections that have not shown the token yet, the oldest first. They need no permit. If there are too many, the
+/// oldest is closed: a client that has the token shows it at once.
 #[derive(Default)]
 struct UnverifiedConnections(Mutex<VecDeque<AbortHandle>>);
 
@@ -84,7 +84,7 @@ impl UnverifiedConnections {
 }
 
 impl SiteServer {
-    /// Serves until it is stopped or left alone for long.
+    /// Serves until it is cancelled or idle for too long.
     pub fn serve(self, context: &Context<'_>, tell: &dyn Fn(Event)) -> Result<()> {
         let SiteServer { listener, guard, door, limits, table } = self;
         let fault = |e| Error::io("the server", e);
@@ -103,10 +103,10 @@ impl SiteServer {
                     Ok(Ok((stream, _))) => {
                         let client = tokio::spawn(Arc::clone(&shared).converse(stream));
                         shared.strangers.add(client.abort_handle());
-                        // What came with the connection is looked at before more connections are let in.
+                        // Lets the new connection be read before the next is accepted.
                         yield_now().await;
                     }
-                    // The client is gone again, or there are too many files: the next one may do better.
+                    // The client has left, or too many files are open: try again later.
                     Ok(Err(_)) => sleep(TICK).await,
                     Err(_) => {}
                 }
@@ -117,10 +117,10 @@ impl SiteServer {
 }
 
 impl ConnectionState {
-    /// One connection, from its first request to its last.
+    /// Handles one connection.
     async fn converse(self: Arc<Self>, stream: TcpStream) {
         let limits = self.limits;
-        // Small answers are whole: nothing is gained by waiting for more.
+        // Responses are written as a whole, so delaying packets gains nothing.
         let _ = stream.set_nodelay(true);
         let seat = Arc::new(Mutex::new(None));
         let service = service_fn(|request| {
@@ -134,12 +134,12 @@ impl ConnectionState {
             .max_headers(MOST_LINES)
             .max_header_size(MOST_HEAD)
             .max_buf_size(BUFFER);
-        // A client that breaks the rules or goes away is the client's affair.
+        // Errors of the client are ignored.
         let _ = timeout(limits.connection, protocol.serve_connection(TokioIo::new(stream), service)).await;
         self.strangers.remove(tokio::task::id());
     }
 
-    /// The answer to a request, which has a seat if it has the token; whoever has not is sent away.
+    /// The response to a request. With the token it takes a permit; without, the connection is closed.
     async fn answer(&self, request: Request<Incoming>, seat: &Mutex<Option<OwnedSemaphorePermit>>) -> HttpResponse {
         let place = match self.opened(&request) {
             Ok(place) => place,
@@ -156,7 +156,7 @@ impl ConnectionState {
         answer
     }
 
-    /// What a request with the token names; the answer to one without it.
+    /// The route of a request with the token; the error response without it.
     fn opened(&self, request: &Request<Incoming>) -> std::result::Result<Option<Route>, Box<HttpResponse>> {
         self.guarded(request).map_err(|refused| Box::new(self.refused(refused)))?;
         let path = request.uri().path();
@@ -175,7 +175,7 @@ impl ConnectionState {
         let Some(place) = place else { return nothing() };
         let (methods, allowed) = place.methods();
         if !methods.contains(request.method()) {
-            let answer = refusal(StatusCode::METHOD_NOT_ALLOWED, &format!("here is answered to {allowed} alone"));
+            let answer = refusal(StatusCode::METHOD_NOT_ALLOWED, &format!("this address accepts only {allowed}"));
             return with(answer, header::ALLOW, HeaderValue::from_static(allowed));
         }
         match place {
@@ -184,16 +184,15 @@ impl ConnectionState {
         }
     }
 
-    /// By an address that a proxy in between does not make wrong.
+    /// Redirects to the page by a relative address, which works behind a proxy.
     fn to_the_page(&self, within: bool) -> HttpResponse {
         let to = format!("{}{}/", if within { "../" } else { "" }, self.door.token());
-        let answer = refusal(StatusCode::SEE_OTHER, "the page has an address of its own");
-        // A token is letters and digits.
+        let answer = refusal(StatusCode::SEE_OTHER, "the page is at another address");
         HeaderValue::from_str(&to).map_or(answer.clone(), |to| with(answer, header::LOCATION, to))
     }
 
     fn guarded(&self, request: &Request<Incoming>) -> std::result::Result<(), Refusal> {
-        // A whole URL instead of a path is for proxies.
+        // Only proxies get a whole URL instead of a path.
         if request.uri().authority().is_some() {
             return Err(Refusal::Host(None));
         }
@@ -206,17 +205,19 @@ impl ConnectionState {
     fn refused(&self, refused: Refusal) -> HttpResponse {
         let (event, why) = match refused {
             Refusal::Host(None) => {
-                return refusal(StatusCode::BAD_REQUEST, "the request does not say which host it asks");
+                return refusal(StatusCode::BAD_REQUEST, "the request names no host");
             }
             Refusal::Host(Some(name)) => {
-                let why = format!("this server does not go by the name {name}; where it runs is said how it can");
+                let why = format!(
+                    "this server does not answer to the name {name}; the terminal it runs in shows how to allow it"
+                );
                 (Event::RefusedHost(name), why)
             }
-            Refusal::Origin => (Event::RefusedOrigin, "pages of other sites are not answered".to_string()),
+            Refusal::Origin => (Event::RefusedOrigin, "requests from pages of other sites are refused".to_string()),
         };
         let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
         if told.len() < MOST_TOLD && told.insert(event.clone()) {
-            // The other end is there as long as connections are.
+            // The receiver lives as long as the connections.
             let _ = self.events.send(event);
         }
         refusal(StatusCode::FORBIDDEN, &why)
@@ -225,15 +226,15 @@ impl ConnectionState {
     async fn truth(&self, request: Request<Incoming>) -> HttpResponse {
         let kind = only(request.headers(), header::CONTENT_TYPE).ok().flatten().unwrap_or_default();
         if !kind.split(';').next().is_some_and(|k| k.trim().eq_ignore_ascii_case("application/json")) {
-            return refusal(StatusCode::UNSUPPORTED_MEDIA_TYPE, "a picture is asked for by application/json");
+            return refusal(StatusCode::UNSUPPORTED_MEDIA_TYPE, "send the picture request as application/json");
         }
         match timeout(self.limits.body, Limited::new(request.into_body(), MOST_BODY).collect()).await {
             Ok(Ok(body)) => self.table.truth(&body.to_bytes()).await,
             Ok(Err(e)) if e.is::<LengthLimitError>() => {
-                refusal(StatusCode::PAYLOAD_TOO_LARGE, &format!("more than {MOST_BODY} bytes do not ask for a picture"))
+                refusal(StatusCode::PAYLOAD_TOO_LARGE, &format!("the request is larger than {MOST_BODY} bytes"))
             }
-            Ok(Err(_)) => refusal(StatusCode::BAD_REQUEST, "the request breaks off"),
-            Err(_) => refusal(StatusCode::REQUEST_TIMEOUT, "the request takes too long"),
+            Ok(Err(_)) => refusal(StatusCode::BAD_REQUEST, "the request is incomplete"),
+            Err(_) => refusal(StatusCode::REQUEST_TIMEOUT, "the request took too long"),
         }
     }
 
@@ -248,10 +249,10 @@ impl ConnectionState {
 }
 
 fn nothing() -> HttpResponse {
-    refusal(StatusCode::NOT_FOUND, "nothing is here: open the address that the command printed")
+    refusal(StatusCode::NOT_FOUND, "not found: open the address that the command printed")
 }
 
-/// A header that may stand once, as text.
+/// A header that may occur once, as text.
 fn only(headers: &HeaderMap, name: HeaderName) -> std::result::Result<Option<&str>, ()> {
     let mut values = headers.get_all(name).iter();
     match (values.next(), values.next()) {

@@ -1,11 +1,11 @@
-//! The secret in the address: without it nothing is there.
+//! The secret in the address.
 
 use particlegs_pipeline::{Error, Result};
 use std::sync::{Mutex, PoisonError};
 
-/// Characters of a token that a user chooses, at least.
+/// Minimum length of a token chosen by the user.
 const SHORTEST: usize = 32;
-/// Characters at most: an address has to hold it.
+/// Maximum length: it has to fit into an address.
 const LONGEST: usize = 256;
 
 /// The secret of an address.
@@ -13,26 +13,25 @@ const LONGEST: usize = 256;
 pub struct Token(String);
 
 impl Token {
-    /// One of the user's.
+    /// A token chosen by the user.
     pub fn chosen(token: String) -> Result<Self> {
         let fits = (SHORTEST..=LONGEST).contains(&token.len()) && token.bytes().all(|b| b.is_ascii_alphanumeric());
-        let what = format!("a token is {SHORTEST} to {LONGEST} letters and digits, and no others");
+        let what = format!("a token must be {SHORTEST} to {LONGEST} letters and digits");
         if fits { Ok(Token(token)) } else { Err(Error::argument(what)) }
     }
 
-    /// 128 random bits.
+    /// A token of 128 random bits.
     pub fn random() -> Result<Self> {
         let mut bits = [0; 16];
         getrandom::fill(&mut bits).map_err(|e| Error::io("random numbers", std::io::Error::other(e.to_string())))?;
         Ok(Token(bits.iter().map(|byte| format!("{byte:02x}")).collect()))
     }
 
-    /// Its letters and digits.
     pub fn as_str(&self) -> &str {
         &self.0
     }
 
-    /// Compares in a time that does not tell how far they agree.
+    /// Compares in constant time.
     fn is(&self, key: &str) -> bool {
         let pairs = self.0.bytes().zip(key.bytes());
         self.0.len() == key.len() && pairs.fold(0, |differ, (x, y)| differ | (x ^ y)) == 0
@@ -41,15 +40,15 @@ impl Token {
 
 pub struct TokenAuth {
     token: Token,
-    /// One that opens once, and leads to the other.
+    /// A token that works once and redirects to the other.
     once: Mutex<Option<Token>>,
 }
 
-/// What the first part of a path opens.
+/// What the first part of a path gives access to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathAccess {
     Everything,
-    /// The way to the token, this time.
+    /// One redirect to the token.
     Once,
     Nothing,
 }
@@ -63,14 +62,14 @@ impl TokenAuth {
         self.token.as_str()
     }
 
-    /// A new token that opens once; the one before it opens nothing any more.
+    /// A new token that works once; it replaces the one before.
     pub fn for_once(&self) -> Result<Token> {
         let token = Token::random()?;
         *self.once.lock().unwrap_or_else(PoisonError::into_inner) = Some(token.clone());
         Ok(token)
     }
 
-    /// What `key` opens; the token for once is used up by it.
+    /// What `key` gives access to; a token that works once is then used up.
     pub fn opens(&self, key: &str) -> PathAccess {
         if self.token.is(key) {
             return PathAccess::Everything;

@@ -1,32 +1,32 @@
-//! Who may ask: requests that name this server, from pages of this server.
+//! Accepts only requests that name this server and come from its own page.
 //!
-//! A page of another site can make a browser send requests here, and by a name of its own that it lets point here
-//! (DNS rebinding) even read the answers. Such requests name the other site in Host or Origin.
+//! A page of another site can make a browser send requests here. If that site's name resolves to this address (DNS
+//! rebinding), the page can even read the responses. Such requests name the other site in Host or Origin.
 
 use std::net::{IpAddr, Ipv6Addr};
 
-/// The names by which the server is known.
+/// The names that the server answers to.
 #[derive(Clone, Debug)]
 pub struct Guard {
-    /// Can other machines reach it? Then by any of its addresses, whatever lies between.
+    /// Whether other machines can reach it; it then answers to any address.
     widened: bool,
-    /// Names beside the loopback's, in lower case.
+    /// Names besides those of loopback, in lower case.
     names: Vec<String>,
-    /// Names of proxies whose pages may ask, though requests name this server; in lower case.
+    /// Names of proxies whose pages may send requests, in lower case.
     proxies: Vec<String>,
 }
 
 /// Why a request is refused.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Refusal {
-    /// It names another host: this one, where it is a name at all.
+    /// It names this other host, or none.
     Host(Option<String>),
     /// It comes from a page of another site.
     Origin,
 }
 
 impl Guard {
-    /// `names` are the host's own, `proxies` those that the user allows.
+    /// `names` are the host's own, `proxies` those the user allows.
     pub fn new(widened: bool, names: impl IntoIterator<Item = String>, proxies: &[String]) -> Self {
         let lower = |name: String| name.trim_end_matches('.').to_ascii_lowercase();
         let proxies: Vec<String> = proxies.iter().cloned().map(lower).collect();
@@ -34,7 +34,7 @@ impl Guard {
         Guard { widened, names, proxies }
     }
 
-    /// May a request with these headers be answered? Each stands once or not at all, as text.
+    /// Checks the headers of a request; each occurs at most once.
     pub fn check(&self, host: Option<&str>, origin: Option<&str>) -> Result<(), Refusal> {
         let asked = host.and_then(authority).ok_or(Refusal::Host(None))?;
         if !self.is_own(&asked.name) {
@@ -55,19 +55,19 @@ impl Guard {
     fn is_own(&self, name: &str) -> bool {
         let address = name.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
         match address {
-            // No other site is at an address of this machine: an address cannot be made to point elsewhere.
+            // Unlike a name, an address cannot be made to point elsewhere.
             Ok(address) => self.widened || is_loopback(address) || self.names.iter().any(|n| n == name),
             Err(_) => name == "localhost" || self.names.iter().any(|n| n == name),
         }
     }
 }
 
-/// Is it a host's name or address, and nothing beside?
+/// Whether the text is only a host's name or address.
 pub fn is_name(text: &str) -> bool {
     authority(text).is_some_and(|a| a.port.is_none())
 }
 
-/// Can this address be reached from this machine alone?
+/// Whether only this machine can reach the address.
 pub fn is_loopback(address: IpAddr) -> bool {
     match address {
         IpAddr::V4(v4) => v4.is_loopback(),
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_told_from_addresses_in_a_browser() {
+    fn a_name_is_not_a_url() {
         assert!(["hub.example.org", "node17", "192.0.2.1", "[2001:db8::1]"].into_iter().all(is_name));
         assert!(
             !["https://hub.example.org", "hub.example.org/user", "hub.example.org:443", "*", ""]
@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn proxies_are_allowed_by_name() {
         let guard = Guard::new(true, ["node17.cluster".into()], &["Hub.Example.org".into()]);
-        // jupyter-server-proxy hands the browser's own Host on ...
+        // jupyter-server-proxy passes on the browser's own Host ...
         assert_eq!(guard.check(Some("hub.example.org"), Some("https://hub.example.org")), Ok(()));
         // ... Open OnDemand names the node.
         assert_eq!(guard.check(Some("node17.cluster:8317"), Some("https://hub.example.org")), Ok(()));

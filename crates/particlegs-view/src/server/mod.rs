@@ -1,7 +1,7 @@
-//! The page for one user's browser: loopback by default, behind a token, with a fixed table of what there is.
+//! Serves the page to one user's browser: on loopback by default, behind a token, from a fixed table of routes.
 //!
-//! `guard` tells requests of other sites, `door` the token, `table` knows every address and its answer,
-//! `connection` bounds what a client may cost. One thread serves; pictures of all particles are drawn by another.
+//! `guard` refuses requests of other sites, `door` checks the token, `table` maps addresses to responses, `connection`
+//! limits what a client may use. One thread serves; another draws pictures of all particles.
 
 mod answer;
 mod connection;
@@ -10,7 +10,7 @@ mod guard;
 mod table;
 
 use crate::page::{ModelFile, PageOpening, Snapshot, served};
-use crate::truth::desk;
+use crate::truth::queue;
 use connection::SiteServer;
 pub use door::Token;
 use door::TokenAuth;
@@ -24,7 +24,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use table::RouteTable;
 
-/// The port that is tried first where none is asked for, so that a tunnel to it can stand in an ssh configuration.
+/// The default port, so that a tunnel to it can be kept in an ssh configuration.
 pub const USUAL_PORT: u16 = 8317;
 
 /// How the server is reached.
@@ -32,30 +32,29 @@ pub const USUAL_PORT: u16 = 8317;
 pub struct Options {
     /// Address or name to listen at.
     pub host: String,
-    /// Port; 0 = any that is free; `None` = [`USUAL_PORT`], or any where that is taken.
+    /// Port; 0 = any free one; `None` = [`USUAL_PORT`], or any free one if that is in use.
     pub port: Option<u16>,
-    /// Names of proxies that lead to the server, as browsers name them.
+    /// Host names of proxies to the server, as browsers see them.
     pub proxies: Vec<String>,
-    /// This machine's own name: it counts where other machines can reach the server.
+    /// This machine's name, used if other machines can reach the server.
     pub node: Option<String>,
     /// The secret in the address.
     pub token: Token,
-    /// What a client may cost.
     pub limits: Limits,
 }
 
-/// What clients may cost.
+/// Limits for clients.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Connections with the token at a time; more wait until one ends.
+    /// Maximum number of connections with the token; others wait.
     pub connections: usize,
     /// Time for the head of a request, and between two requests of a connection.
     pub head: Duration,
     /// Time for the body of a request.
     pub body: Duration,
-    /// Time for a connection.
+    /// Lifetime of a connection.
     pub connection: Duration,
-    /// The server ends after so long without a request that has the token; `None` = never.
+    /// The server stops after this time without a request that has the token; `None` = never.
     pub idle: Option<Duration>,
 }
 
@@ -72,27 +71,26 @@ impl Default for Limits {
 }
 
 pub struct ViewerContent<'a> {
-    /// Model files: what the page calls each, and its bytes.
+    /// Model files: name and bytes.
     pub models: Vec<(String, Vec<u8>)>,
-    /// All particles, for the pictures beside the model's, and what the page calls them.
+    /// All particles, to compare the models with.
     pub truth: Option<(Snapshot, &'a Reference<'a>)>,
     /// How the page opens.
     pub opening: PageOpening,
-    /// Draws the poster, a PNG, of the bytes of the first model, once and beside the serving; gives `None` where it
-    /// cannot.
+    /// Draws the poster (PNG) from the bytes of the first model, once and in its own thread; `None` if it cannot.
     pub poster: Option<&'a (dyn Fn(&[u8]) -> Option<Vec<u8>> + Sync)>,
 }
 
-/// Something that the user should know of while the server runs.
+/// An event to report to the user.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Event {
-    /// A request for this host was refused: a proxy's, if the user set one up. Told once a name.
+    /// A request for this host name was refused; it may be a proxy. Sent once per name.
     RefusedHost(String),
-    /// A request from a page of another site was refused. Told once.
+    /// A request from a page of another site was refused. Sent once.
     RefusedOrigin,
 }
 
-/// A server that listens, and serves as soon as it is told what.
+/// A server that listens but has no content yet.
 pub struct Server {
     listener: TcpListener,
     address: SocketAddr,
@@ -103,12 +101,12 @@ pub struct Server {
 }
 
 impl Server {
-    /// Listens. From now on clients can connect, and wait.
+    /// Starts to listen. Clients can connect and wait.
     pub fn bind(options: Options) -> Result<Self> {
         let Options { host, port, proxies, node, token, limits } = options;
         if let Some(no_name) = proxies.iter().find(|name| !guard::is_name(name)) {
             let what = format!("`{no_name}` is not the name of a host");
-            let hint = "give the name alone, such as hub.example.org";
+            let hint = "give only the name, such as hub.example.org";
             return Err(Error::argument_with(what, hint));
         }
         let listener = listen(&host, port)?;
@@ -119,12 +117,12 @@ impl Server {
         Ok(Server { listener, address, door: TokenAuth::new(token), guard, node, limits })
     }
 
-    /// The port that it listens at.
+    /// The port it listens on.
     pub fn port(&self) -> u16 {
         self.address.port()
     }
 
-    /// Can other machines reach it?
+    /// Whether other machines can reach it.
     pub fn is_widened(&self) -> bool {
         !is_loopback(self.address.ip())
     }
@@ -138,7 +136,7 @@ impl Server {
         self.url_at(&SocketAddr::new(ip, self.port()).to_string())
     }
 
-    /// The address to open on other machines, where they can reach it at all of this one's.
+    /// The address to open on other machines, if the server listens on all addresses of this one.
     pub fn url_elsewhere(&self) -> Option<String> {
         let node = self.node.as_deref().filter(|_| self.address.ip().is_unspecified())?;
         Some(self.url_at(&format!("{node}:{}", self.port())))
@@ -148,50 +146,50 @@ impl Server {
         format!("http://{authority}/{}/", self.door.token())
     }
 
-    /// An address that leads to the page once: other users of the machine can read it in the list of processes
-    /// where a browser is started with it, and then it is of no use to them.
+    /// An address that works once. It is for the browser's command line, which other users of the machine can read in
+    /// the list of processes.
     pub fn url_for_once(&self) -> Result<String> {
         let token = self.door.for_once()?;
         Ok(self.url().replace(self.door.token(), token.as_str()).trim_end_matches('/').to_string())
     }
 
-    /// The server's secret in the address.
+    /// The secret in the address.
     pub fn token(&self) -> &str {
         self.door.token()
     }
 
-    /// Serves until `progress` is cancelled, or nobody has asked for as long as the limits say.
+    /// Serves until `context` is cancelled or the server is idle for too long.
     pub fn serve(self, shown: ViewerContent<'_>, context: &Context<'_>, tell: &dyn Fn(Event)) -> Result<()> {
         let ViewerContent { models, truth, opening, poster } = shown;
         let named = models.iter().map(|(name, bytes)| ModelFile { name, bytes });
         let page = served(named, truth.as_ref().map(|t| &t.0), &opening, poster.is_some());
-        let (desk, painter) = truth.as_ref().map(|_| desk::open()).unzip();
-        let desk = desk.map(Arc::new);
+        let (queue, worker) = truth.as_ref().map(|_| queue::open()).unzip();
+        let queue = queue.map(Arc::new);
         let models: Vec<Bytes> = models.into_iter().map(|m| Bytes::from(m.1)).collect();
         let first = models.first().cloned().unwrap_or_default();
-        let (table, hang) = RouteTable::new(&page, models, poster.is_some(), desk.clone())?;
+        let (table, slot) = RouteTable::new(&page, models, poster.is_some(), queue.clone())?;
         let listening =
             SiteServer { listener: self.listener, guard: self.guard, door: self.door, limits: self.limits, table };
         std::thread::scope(|scope| {
-            if let (Some(painter), Some((_, reference))) = (painter, truth) {
-                scope.spawn(move || painter.work(reference, context));
+            if let (Some(worker), Some((_, reference))) = (worker, truth) {
+                scope.spawn(move || worker.work(reference, context));
             }
             if let Some(draw) = poster {
-                scope.spawn(move || hang.up(draw(&first)));
+                scope.spawn(move || slot.set(draw(&first)));
             }
             let served = listening.serve(context, tell);
-            desk.iter().for_each(|d| d.close());
+            queue.iter().for_each(|q| q.close());
             served
         })
     }
 }
 
-/// Listens at the first of the host's addresses that can be had.
+/// Listens at the first usable address of the host.
 fn listen(host: &str, port: Option<u16>) -> Result<TcpListener> {
     let at = |port: u16| {
         let refused = |e: std::io::Error| Error::Argument {
             what: format!("cannot listen at {host}, port {port}: {e}"),
-            hint: "choose another port, or 0 for any that is free".into(),
+            hint: "choose another port, or 0 for any free one".into(),
         };
         let addresses: Vec<SocketAddr> = (host, port).to_socket_addrs().map_err(refused)?.collect();
         TcpListener::bind(&addresses[..]).map_err(refused)

@@ -1,10 +1,10 @@
-//! Every address behind the token, and what is there. There are no others: nothing is looked up in a file system.
+//! All addresses behind the token. There are no others: nothing is looked up in a file system.
 
 use super::answer::{HttpResponse, bytes, refusal, with};
 use crate::assets;
 use crate::page::Page;
 use crate::truth::RenderRequest;
-use crate::truth::desk::RenderQueue;
+use crate::truth::queue::RenderQueue;
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
@@ -21,22 +21,22 @@ pub struct RouteTable {
     policy: HeaderValue,
     engine: EncodedBody,
     models: Vec<Bytes>,
-    /// `None` without a poster; within, `None` until it is drawn, then what was drawn.
+    /// `None` if the page has no poster. Inside: `None` until it is drawn, then the result.
     poster: Option<watch::Receiver<Option<Option<Bytes>>>>,
-    desk: Option<Arc<RenderQueue>>,
+    queue: Option<Arc<RenderQueue>>,
 }
 
-/// Where the poster is hung up when it is drawn.
+/// Receives the poster.
 pub struct PosterSlot(watch::Sender<Option<Option<Bytes>>>);
 
 impl PosterSlot {
-    /// Hangs it up, or says that there will be none.
-    pub fn up(self, poster: Option<Vec<u8>>) {
+    /// Sets the poster, or `None` if it cannot be drawn.
+    pub fn set(self, poster: Option<Vec<u8>>) {
         self.0.send_replace(Some(poster.map(Bytes::from)));
     }
 }
 
-/// Bytes that shrink, in both forms.
+/// A body, plain and compressed.
 struct EncodedBody {
     plain: Bytes,
     gzip: Bytes,
@@ -52,36 +52,35 @@ pub enum Route {
 }
 
 impl RouteTable {
-    /// With the page and the models' bytes; with a place for a poster, and a desk for pictures of all particles,
-    /// where there are such.
+    /// The routes of a page and its models, with a poster and a queue for pictures of all particles if there are any.
     pub fn new(
         page: &Page,
         models: Vec<Bytes>,
         poster: bool,
-        desk: Option<Arc<RenderQueue>>,
+        queue: Option<Arc<RenderQueue>>,
     ) -> Result<(Self, PosterSlot)> {
         let fault = |e| Error::io("the page", e);
-        let (hang, hung) = watch::channel(None);
-        // Within the page nothing but the page frames itself; a notebook's page of the same site may frame it.
+        let (sender, receiver) = watch::channel(None);
+        // A notebook of the same site may frame the page.
         let policy = HeaderValue::from_str(&format!("{}; frame-ancestors 'self'", page.policy));
         let table = RouteTable {
             page: EncodedBody::of_plain(&page.html).map_err(fault)?,
             policy: policy.map_err(|e| fault(std::io::Error::other(e)))?,
             engine: EncodedBody::of_gzip(assets::ENGINE).map_err(fault)?,
             models,
-            poster: poster.then_some(hung),
-            desk,
+            poster: poster.then_some(receiver),
+            queue,
         };
-        Ok((table, PosterSlot(hang)))
+        Ok((table, PosterSlot(sender)))
     }
 
-    /// What a path behind the token names.
+    /// The route of a path behind the token.
     pub fn find(&self, path: &str) -> Option<Route> {
         match path {
             "" => Some(Route::Page),
             "engine" => Some(Route::Engine),
             "poster" => self.poster.is_some().then_some(Route::Poster),
-            "truth" => self.desk.is_some().then_some(Route::Truth),
+            "truth" => self.queue.is_some().then_some(Route::Truth),
             _ => {
                 let number = path.strip_prefix("model/")?;
                 (0..self.models.len()).find(|i| i.to_string() == number).map(Route::Model)
@@ -99,34 +98,34 @@ impl RouteTable {
             Route::Engine => self.engine.answer("application/wasm", headers),
             Route::Model(i) => bytes("application/octet-stream", self.models[i].clone()),
             Route::Poster => self.poster().await,
-            Route::Truth => refusal(StatusCode::METHOD_NOT_ALLOWED, "pictures are asked for by POST"),
+            Route::Truth => refusal(StatusCode::METHOD_NOT_ALLOWED, "request pictures by POST"),
         }
     }
 
-    /// Waits until it is drawn.
+    /// Waits until the poster is drawn.
     async fn poster(&self) -> HttpResponse {
-        let Some(mut hung) = self.poster.clone() else {
+        let Some(mut poster) = self.poster.clone() else {
             return refusal(StatusCode::NOT_FOUND, "there is no poster");
         };
-        let drawn = hung.wait_for(Option::is_some).await.ok().and_then(|poster| poster.clone().flatten());
+        let drawn = poster.wait_for(Option::is_some).await.ok().and_then(|poster| poster.clone().flatten());
         match drawn {
             Some(png) => bytes("image/png", png),
             None => refusal(StatusCode::NOT_FOUND, "there is no poster"),
         }
     }
 
-    /// The answer to a question for a picture of all particles.
+    /// The response to a request for a picture of all particles.
     pub async fn truth(&self, json: &[u8]) -> HttpResponse {
-        let Some(desk) = &self.desk else {
+        let Some(queue) = &self.queue else {
             return refusal(StatusCode::NOT_FOUND, "there is no snapshot");
         };
         let question = match RenderRequest::read(json) {
             Ok(question) => question,
             Err(wrong) => return refusal(StatusCode::BAD_REQUEST, &wrong.to_string()),
         };
-        match desk.ask(question).answer().await {
+        match queue.ask(question).answer().await {
             Ok(picture) => bytes("application/octet-stream", picture.into()),
-            Err(Error::Cancelled) => refusal(StatusCode::CONFLICT, "given up: another picture was asked for"),
+            Err(Error::Cancelled) => refusal(StatusCode::CONFLICT, "cancelled: another picture was requested"),
             Err(wrong @ Error::Argument { .. }) => refusal(StatusCode::BAD_REQUEST, &wrong.to_string()),
             Err(wrong @ Error::Memory { .. }) => refusal(StatusCode::UNPROCESSABLE_ENTITY, &wrong.to_string()),
             Err(wrong) => refusal(StatusCode::INTERNAL_SERVER_ERROR, &wrong.to_string()),
@@ -135,7 +134,7 @@ impl RouteTable {
 }
 
 impl Route {
-    /// The methods that it is asked by.
+    /// The methods it accepts.
     pub fn methods(self) -> (&'static [Method], &'static str) {
         match self {
             Route::Truth => (&[Method::POST], "POST"),
@@ -168,7 +167,7 @@ impl EncodedBody {
     }
 }
 
-/// Does the client take gzip, by name and not at the weight of nothing?
+/// Whether the client accepts gzip.
 fn takes_gzip(headers: &HeaderMap) -> bool {
     let lists = headers.get_all(header::ACCEPT_ENCODING).iter().filter_map(|v| v.to_str().ok());
     lists.flat_map(|list| list.split(',')).any(|coding| {

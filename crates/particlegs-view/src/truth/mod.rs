@@ -1,17 +1,16 @@
-//! Pictures of all particles for the page, by the reference renderer: one at a time, the newest first.
+//! Pictures of all particles for the page, drawn by the reference renderer. Only the newest request is answered.
 //!
-//! [`RenderRequest`] is what the page asks, checked; `desk` takes questions from connections and hands them to the one
-//! thread that draws.
+//! [`RenderRequest`] is a checked request; `queue` passes requests from connections to the thread that draws.
 
-pub(crate) mod desk;
 mod question;
+pub(crate) mod queue;
 
-/// Neighbours that each particle is spread over in densities.
+/// Number of neighbours that densities are smoothed over.
 const NEIGHBOURS: usize = 32;
-/// Particles at most whose neighbours are looked for: a user waits for them.
+/// Maximum number of particles to smooth: the user waits for it.
 const MOST_SMOOTHED: u64 = 10_000_000;
 
-/// Over how many neighbours each of so many particles is spread in densities; `None` where they are not.
+/// Number of neighbours that the densities of this many particles are smoothed over; `None` if they are not.
 pub(crate) fn smoothed(particles: u64) -> Option<usize> {
     (NEIGHBOURS as u64 + 1..=MOST_SMOOTHED).contains(&particles).then_some(NEIGHBOURS)
 }

@@ -1,4 +1,4 @@
-//! What the page asks for: a camera, a look, a size, as JSON.
+//! The page's requests: camera, style and size, as JSON.
 
 use particlegs_pipeline::camera::{Camera, DensityView, Projection, View};
 use particlegs_pipeline::context::Context;
@@ -9,10 +9,10 @@ use particlegs_pipeline::splat::ToneStyle;
 use particlegs_pipeline::{Error, Result};
 use serde::Deserialize;
 
-/// Pixels a side at most.
+/// Maximum width and height, pixels.
 const LARGEST_SIDE: usize = 4096;
 
-/// A picture of all particles that is wanted. Lengths are in world units.
+/// A request for a picture of all particles. Lengths are in world units.
 #[derive(Clone, Debug, Deserialize)]
 pub struct RenderRequest {
     camera: Camera,
@@ -22,9 +22,9 @@ pub struct RenderRequest {
     look: RequestLook,
     width: usize,
     height_pixels: usize,
-    /// Does an orthographic surface density repeat a periodic box? As `reference` does unless told not to.
+    /// Whether an orthographic surface density repeats a periodic box; true by default, as in `reference`.
     periodic: Option<bool>,
-    /// Share of the particles to draw, for a picture that is there sooner; all where it is left out.
+    /// Share of the particles to draw, for a quick picture; 1 by default.
     share: Option<f64>,
 }
 
@@ -41,7 +41,7 @@ impl RenderRequest {
     /// Reads the JSON and checks every number.
     pub fn read(json: &[u8]) -> Result<Self> {
         let question: RenderRequest =
-            serde_json::from_slice(json).map_err(|e| Error::argument(format!("not a picture to draw: {e}")))?;
+            serde_json::from_slice(json).map_err(|e| Error::argument(format!("not a picture request: {e}")))?;
         let (width, height) = (question.width, question.height_pixels);
         if !((1..=LARGEST_SIDE).contains(&width) && (1..=LARGEST_SIDE).contains(&height)) {
             return Err(Error::argument(format!("a size of {width}x{height} is outside 1 to {LARGEST_SIDE} pixels")));
@@ -53,12 +53,12 @@ impl RenderRequest {
         Ok(question)
     }
 
-    /// Is it a surface density?
+    /// Whether it is a surface density.
     pub(super) fn is_density(&self) -> bool {
         self.look == RequestLook::Density
     }
 
-    /// How many of so many particles are to be drawn.
+    /// Number of particles to draw out of `all`.
     pub(super) fn particles(&self, all: usize) -> usize {
         ((self.share.unwrap_or(1.0) * all as f64).round() as usize).clamp(1, all.max(1))
     }
@@ -71,18 +71,17 @@ impl RenderRequest {
         let (radius, opacity) = match self.look {
             RequestLook::Density => (1.0, 1.0),
             _ => {
-                let missing = |what: &str| Error::argument(format!("the look needs {what}"));
+                let missing = |what: &str| Error::argument(format!("this style needs {what}"));
                 (self.radius.ok_or_else(|| missing("a radius"))?, self.opacity.ok_or_else(|| missing("an opacity"))?)
             }
         };
         if !self.is_density() && matches!(self.camera.projection, Projection::Orthographic { .. }) {
-            return Err(Error::argument("all particles are drawn orthographic in the look density alone"));
+            return Err(Error::argument("orthographic pictures of all particles need style density"));
         }
         Ok(View { name: "view".into(), camera: self.camera, radius, opacity })
     }
 
-    /// Draws it: grey levels, one byte a pixel, or surface density, mass per area as little-endian float32; row by
-    /// row from the top.
+    /// Draws grey levels as bytes, or surface densities as little-endian float32; rows from the top.
     pub fn draw(&self, reference: &Reference<'_>, context: &Context<'_>) -> Result<Vec<u8>> {
         match self.look.of_grey() {
             Some(look) => Ok(reference.draw(&self.view()?, self.size(), look, context)?.data),
@@ -90,8 +89,8 @@ impl RenderRequest {
         }
     }
 
-    /// [`RenderRequest::draw`] where `some` holds but a few of the particles, each for `many`: the picture that all of
-    /// them may be expected to give, without the noise of single splats that ParaView's looks have.
+    /// [`RenderRequest::draw`] from a sample in which each particle stands for `many`: the expected picture of all
+    /// particles, without the shot noise of ParaView's styles.
     pub(super) fn draw_some(&self, some: &Reference<'_>, many: f64, context: &Context<'_>) -> Result<Vec<u8>> {
         let for_all = |mut plane: Plane| {
             plane.data.iter_mut().for_each(|v| *v = (f64::from(*v) * many) as f32);
@@ -113,7 +112,7 @@ impl RenderRequest {
 }
 
 impl RequestLook {
-    /// The look in grey levels; `None` for surface density.
+    /// The tone style; `None` for surface density.
     fn of_grey(self) -> Option<ToneStyle> {
         match self {
             RequestLook::Paraview => Some(ToneStyle::Paraview),

@@ -121,7 +121,7 @@ fn wrong_questions_are_told_in_a_line() {
     let mut flat = question("expected");
     flat["camera"]["fov_deg"] = json!(null);
     flat["camera"]["height_world"] = json!(1.0);
-    assert!(serving.truth(&flat).text().contains("orthographic in the look density alone"));
+    assert!(serving.truth(&flat).text().contains("need style density"));
     assert_eq!(serving.truth(&question("expected")).status, 200);
 }
 

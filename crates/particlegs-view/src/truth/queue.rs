@@ -1,4 +1,4 @@
-//! One thread draws; whoever asks last is answered.
+//! The queue of the thread that draws. A new request cancels the one before.
 
 use super::{RenderRequest, smoothed};
 use particlegs_pipeline::context::Context;
@@ -10,10 +10,10 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::oneshot;
 
-/// Which particles coarse pictures are drawn of: the same ones again.
+/// Coarse pictures always use the same particles.
 const SEED: u64 = 42;
 
-/// A question on its way to the thread.
+/// A request in the queue.
 struct QueuedRender {
     question: RenderRequest,
     given_up: Arc<AtomicBool>,
@@ -22,44 +22,44 @@ struct QueuedRender {
 
 pub struct RenderQueue {
     jobs: Mutex<Option<Sender<QueuedRender>>>,
-    /// Of the question that was asked last.
+    /// Cancels the last request.
     last: Mutex<Arc<AtomicBool>>,
 }
 
-/// Where the questions come to.
+/// The receiving end of the queue.
 pub struct RenderWorker {
     jobs: Receiver<QueuedRender>,
 }
 
-/// A desk, and what its thread takes.
+/// A queue and its worker.
 pub fn open() -> (RenderQueue, RenderWorker) {
     let (sender, jobs) = channel();
     (RenderQueue { jobs: Mutex::new(Some(sender)), last: Mutex::default() }, RenderWorker { jobs })
 }
 
-/// An answer that is waited for; whoever lets go of it gives the picture up.
+/// A picture to wait for; dropping it cancels the request.
 pub struct PendingRender {
     given_up: Arc<AtomicBool>,
     answer: oneshot::Receiver<Result<Vec<u8>>>,
 }
 
 impl RenderQueue {
-    /// Asks; what was asked before is given up.
+    /// Requests a picture and cancels the request before.
     pub fn ask(&self, question: RenderRequest) -> PendingRender {
         let (sender, answer) = oneshot::channel();
         let given_up = Arc::<AtomicBool>::default();
-        // One lock for both, so that the last in the queue is the one that is not given up.
+        // One lock for both, so that the last request in the queue is the one that is not cancelled.
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         last.store(true, Ordering::Relaxed);
         *last = Arc::clone(&given_up);
         if let Some(jobs) = &*self.jobs.lock().unwrap_or_else(PoisonError::into_inner) {
-            // Without a thread to take it the answer is that there is none.
+            // If the worker has stopped, the answer is `Error::Cancelled`.
             let _ = jobs.send(QueuedRender { question, given_up: Arc::clone(&given_up), answer: sender });
         }
         PendingRender { given_up, answer }
     }
 
-    /// Gives up what is being drawn, and takes no more: the thread ends.
+    /// Cancels the current request and ends the worker.
     pub fn close(&self) {
         self.jobs.lock().unwrap_or_else(PoisonError::into_inner).take();
         self.last.lock().unwrap_or_else(PoisonError::into_inner).store(true, Ordering::Relaxed);
@@ -67,7 +67,7 @@ impl RenderQueue {
 }
 
 impl PendingRender {
-    /// The picture's bytes; [`Error::Cancelled`] where another was asked for meanwhile.
+    /// The picture's bytes; [`Error::Cancelled`] if another was requested meanwhile.
     pub async fn answer(mut self) -> Result<Vec<u8>> {
         (&mut self.answer).await.unwrap_or(Err(Error::Cancelled))
     }
@@ -80,30 +80,30 @@ impl Drop for PendingRender {
 }
 
 impl RenderWorker {
-    /// Draws what is asked for until the desk is closed.
+    /// Draws requests until the queue is closed.
     pub fn work(self, reference: &Reference<'_>, context: &Context<'_>) {
         let mut subject = ParticleScene { all: reference, smooth: None, some: None };
         for QueuedRender { question, given_up, answer } in self.jobs {
-            // What is drawn for a page is not told elsewhere.
+            // The page shows the progress, the terminal does not.
             let cancel = || given_up.load(Ordering::Relaxed) || context.cancelled();
             let watched = context.silent().with_cancel(&cancel);
             let drawn = watched.check().and_then(|()| subject.draw(&question, &watched, context));
-            // Nobody may be waiting any more.
+            // The client may have left.
             let _ = answer.send(drawn);
         }
     }
 }
 
-/// All particles, and the few that coarse pictures were last drawn of.
+/// All particles, and the sample of the last coarse picture.
 struct ParticleScene<'a> {
     all: &'a Reference<'a>,
-    /// The same for densities, each spread over its neighbours; made for the first of them.
+    /// Smoothed particles for densities, made at the first request.
     smooth: Option<Reference<'a>>,
     some: Option<Particles>,
 }
 
 impl ParticleScene<'_> {
-    /// `whole` is not given up with the picture: what it makes serves all that come after.
+    /// `whole` is not cancelled with the request: smoothed particles serve all later ones.
     fn draw(&mut self, question: &RenderRequest, context: &Context<'_>, whole: &Context<'_>) -> Result<Vec<u8>> {
         let particles = self.all.particles();
         let number = question.particles(particles.len());
@@ -116,7 +116,7 @@ impl ParticleScene<'_> {
             let smooth = self.smooth.as_ref().filter(|_| neighbours.is_some());
             return question.draw(smooth.unwrap_or(self.all), context);
         }
-        // Others go before the new ones come.
+        // Frees another sample before a new one is made.
         let some = match self.some.take().filter(|some| some.len() == number) {
             Some(some) => some,
             None => {
