@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Everything that a change of the Python package passes: style, tests with types, notebooks, and their pages in real
-# browsers. $PYTHON has the package and tests/requirements.txt; what is handed over is tested where
-# tests/requirements-handover.txt is there, too, and the bytes against the command of $PARTICLEGS or target/.
+# Checks the Python package: style, tests with types, notebooks, and their pages in browsers. $PYTHON must have the
+# package and tests/requirements.txt. Conversions are tested if tests/requirements-handover.txt is installed too, and
+# files are compared with those of the command ($PARTICLEGS or in target/).
 set -euo pipefail
 cd "$(dirname "$0")"
 python=${PYTHON:-python3}
@@ -12,9 +12,9 @@ python=${PYTHON:-python3}
 pages=$(mktemp -d)
 trap 'rm -rf "$pages"' EXIT
 PYTHON=$python notebooks/run.sh "$pages"
-# The browsers and their drivers come with tests/browser/run.sh.
+# tests/browser/run.sh installs the browsers and their drivers.
 if command -v node chromium firefox-esr >/dev/null && [ -d ../web/node_modules ]; then
     NOTEBOOKS=$pages node --test ../tests/browser/notebook.test.mjs
 else
-    echo "no browsers here: the pages were not opened (tests/browser/run.sh)"
+    echo "no browsers found, so the pages were not opened: run tests/browser/run.sh first"
 fi

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Executes the notebooks and writes them as pages to $1 (a temporary folder by default); the notebooks in the tree stay
-# as they are, without outputs. $PYTHON has the package and tests/requirements.txt.
+# Executes the notebooks and writes them as HTML pages to $1 (a temporary folder by default). The notebooks themselves
+# stay without outputs. $PYTHON must have the package and tests/requirements.txt.
 set -euo pipefail
 cd "$(dirname "$0")"
 python=${PYTHON:-python3}
@@ -8,7 +8,7 @@ out=${1:-$(mktemp -d)}
 mkdir -p "$out"
 out=$(cd "$out" && pwd)
 
-# Pages that ask nothing of the network: there are no formulas in them, and no widgets.
+# Pages without network access: they have no formulas or widgets.
 nothing='data:text/javascript,//'
 offline=("--HTMLExporter.require_js_url=$nothing" "--HTMLExporter.mathjax_url=$nothing")
 
@@ -17,7 +17,7 @@ for notebook in *.ipynb; do
 import json, sys
 cells = json.load(open(sys.argv[1], encoding="utf-8"))["cells"]
 if any(c.get("outputs") or c.get("execution_count") for c in cells):
-    sys.exit(f"{sys.argv[1]} is committed with outputs: jupyter nbconvert --clear-output --inplace {sys.argv[1]}")
+    sys.exit(f"{sys.argv[1]} has outputs; remove them: jupyter nbconvert --clear-output --inplace {sys.argv[1]}")
 CHECK
     start=$SECONDS
     "$python" -m jupyter nbconvert --log-level WARN --to html --execute --embed-images \

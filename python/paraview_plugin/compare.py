@@ -1,8 +1,8 @@
-"""Macro for ParaView: a model's own picture beside Point Gaussian of all particles, with one camera.
+"""Macro for ParaView: the picture of a model beside all particles as Point Gaussian, with linked cameras.
 
 Open a model (.pgs) and the snapshot that it was made from, select the snapshot, then run this (Macros, Import New
-Macro; or Python Shell, Run Script; or `paraview --script=compare.py`). Turn either view; change Gaussian Radius and
-Opacity of the particles, and the picture follows. Without a snapshot it takes the model's recovered particles.
+Macro; or Python Shell, Run Script; or `paraview --script=compare.py`). Rotate either view. The picture follows the
+Gaussian Radius and Opacity of the particles. Without a snapshot, recovered particles of the model are shown.
 """
 
 from paraview import print_error, simple
@@ -12,7 +12,7 @@ try:
     import particlegs_views
 except ImportError:
     print_error(
-        "particlegs: load the plug-in particlegs_reader.py first, or start ParaView with its folder in PYTHONPATH"
+        "particlegs: first load the plug-in particlegs_reader.py, or start ParaView with its folder in PYTHONPATH"
     )
 else:
     sources = list(simple.GetSources().values())
@@ -20,7 +20,7 @@ else:
     models = [s for s in sources if particlegs_views.is_model(s)]
     others = [s for s in sources if s not in models]
     if not models:
-        print_error("particlegs: no model is open: open a .pgs file")
+        print_error("particlegs: no model is open: open a .pgs file first")
     else:
         model = active if active in models else models[-1]
         if active in others:

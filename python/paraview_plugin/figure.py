@@ -1,10 +1,10 @@
-"""Pictures of a model for a paper, by ParaView without a window.
+"""Draws pictures of a model for a paper with ParaView, without a window.
 
     pvbatch figure.py model.pgs -o figures
     xvfb-run -a pvbatch figure.py model.pgs --snapshot snapshot.vtp -o figures
 
 Draws `ellipsoids.png` (Gaussians as ellipsoids), `recovered.png` (synthetic particles as Point Gaussian),
-`density.png` (a volume) and `compared.png` (all particles beside the model's own picture).
+`density.png` (a volume) and `compared.png` (all particles beside the picture of the model).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import particlegs_views as views
 
 INK = {"black": [0.85, 0.85, 0.85], "white": [0.0, 0.0, 0.0]}
 PAPER = {"black": [0.0, 0.0, 0.0], "white": [1.0, 1.0, 1.0]}
-# Pictures with axes about the particles are taken from so many times as far away.
+# Factor on the camera distance for pictures with axes.
 WITH_AXES = 1.25
 PICTURES = ("ellipsoids", "recovered", "density", "compared")
 
@@ -41,42 +41,49 @@ def arguments() -> argparse.Namespace:
         "--snapshot", metavar="FILE", help="all particles, in any format that ParaView or particlegs reads"
     )
     parser.add_argument(
-        "--pictures", nargs="+", choices=PICTURES, default=PICTURES, help="which ones [default: all four]"
+        "--pictures", nargs="+", choices=PICTURES, default=PICTURES, help="pictures to draw [default: all four]"
     )
-    parser.add_argument("--size", default="1600x1200", metavar="WxH", help="pixels of a picture [default: 1600x1200]")
+    parser.add_argument(
+        "--size", default="1600x1200", metavar="WxH", help="size of a picture in pixels [default: 1600x1200]"
+    )
     parser.add_argument("--azimuth", type=float, default=30.0, help="degrees about the vertical axis [default: 30]")
     parser.add_argument("--elevation", type=float, default=20.0, help="degrees above the horizon [default: 20]")
     parser.add_argument(
-        "--distance", type=float, default=1.2, help="as `particlegs render` has it; smaller is nearer [default: 1.2]"
+        "--distance", type=float, default=1.2, help="as in `particlegs render`; smaller is nearer [default: 1.2]"
     )
-    parser.add_argument("--radius", type=float, help="of a particle, world units [default: the model's]")
-    parser.add_argument("--opacity", type=float, help="of a particle [default: the model's]")
-    parser.add_argument("--particles", type=int, default=0, help="number recovered [default: as the model has]")
+    parser.add_argument("--radius", type=float, help="radius of a particle, world units [default: the model's]")
+    parser.add_argument("--opacity", type=float, help="opacity of a particle [default: the model's]")
     parser.add_argument(
-        "--method", default="count", choices=particlegs_reader.METHODS, help="how they are drawn [default: count]"
+        "--particles", type=int, default=0, help="number of recovered particles [default: as in the snapshot]"
     )
-    parser.add_argument("--grid", type=int, default=256, help="cells along the box [default: 256]")
     parser.add_argument(
-        "--sigmas", type=float, default=1.0, help="semi-axes of ellipsoids, standard deviations [default: 1]"
+        "--method",
+        default="count",
+        choices=particlegs_reader.METHODS,
+        help="method of recovering particles [default: count]",
+    )
+    parser.add_argument("--grid", type=int, default=256, help="cells along the longest edge [default: 256]")
+    parser.add_argument(
+        "--sigmas", type=float, default=1.0, help="semi-axes of ellipsoids in standard deviations [default: 1]"
     )
     parser.add_argument(
         "--overdensity",
         type=float,
         default=5.0,
-        help="ellipsoids and volume show what is denser than so many mean densities [default: 5]",
+        help="lowest density of ellipsoids and volume, in mean densities [default: 5]",
     )
     parser.add_argument(
         "--background",
         choices=tuple(PAPER),
         default="white",
-        help="of ellipsoids and density; particles are white on black [default: white]",
+        help="background of ellipsoids and density; particles are white on black [default: white]",
     )
     return parser.parse_args()
 
 
 @dataclass
 class Scene:
-    """What all pictures share."""
+    """Shared by all pictures."""
 
     model: Any
     reader: Any
@@ -90,17 +97,17 @@ class Scene:
 
     @property
     def mean_density(self) -> float:
-        """Particles in a unit of volume, over the bounds."""
+        """Particles per volume, averaged over the bounds."""
         return self.model.count / max(float(np.prod(self.bounds[1] - self.bounds[0])), 1e-300)
 
     @property
     def axes_unit(self) -> str:
-        """What a caption says of the axes."""
+        """The caption about the axes."""
         return f"\naxes in {self.model.length_unit}" if self.model.length_unit else ""
 
     @property
     def extent(self) -> str:
-        """What a caption says of pictures without axes."""
+        """The caption about the box, for pictures without axes."""
         lengths = np.ptp(self.bounds, axis=0) if self.model.box is None else np.linalg.norm(self.model.box, axis=-1)
         if np.ptp(lengths) < 1e-3 * np.max(lengths):
             lengths = lengths[:1]
@@ -117,11 +124,11 @@ class Scene:
         return self.options.opacity or self.model.opacity
 
     def letters(self, share: float = 0.022) -> int:
-        """Size of letters for the pictures' height."""
+        """Font size for the height of the pictures."""
         return max(6, round(share * self.size[1]))
 
     def view(self, away: float = 1.0) -> Any:
-        """Make a view with the camera of all pictures, or one that stands so many times as far away."""
+        """Make a view with the camera of all pictures; `away` scales the distance."""
         view = simple.CreateView("RenderView")
         view.ViewSize = list(self.size)
         views.dress(view)
@@ -144,7 +151,7 @@ class Scene:
         words.Justification = "Left"
 
     def axes(self, view: Any, ink: list[float]) -> None:
-        """Draw coordinates about the particles."""
+        """Draw axes about the particles."""
         grid = view.AxesGrid
         grid.Visibility = 1
         grid.UseCustomBounds = 1
@@ -160,9 +167,9 @@ class Scene:
 
 
 def ticks(low: float, high: float) -> list[float]:
-    """Choose round coordinates above `low` and up to `high`, which may be missed by a thousandth.
+    """Choose round coordinates above `low` and up to `high`, with a tolerance of a thousandth.
 
-    Where axes meet, their lowest coordinates would be written over each other.
+    `low` is left out, because the labels of several axes would overlap there.
     """
     extent = max(high - low, 1e-30)
     power = 10.0 ** np.floor(np.log10(extent / 3.0))
@@ -172,7 +179,7 @@ def ticks(low: float, high: float) -> list[float]:
 
 
 def colours(shown: Any, view: Any, scene: Scene, array: str, limits: tuple[float, float], title: str) -> Any:
-    """Colour a representation by an array over limits, and draw the bar; gives bar and transfer function."""
+    """Colour a representation by an array within limits, with a colour bar; give transfer function and bar."""
     ink = INK[scene.options.background]
     table = simple.GetColorTransferFunction(array)
     dark = scene.options.background == "black"
@@ -194,9 +201,9 @@ def colours(shown: Any, view: Any, scene: Scene, array: str, limits: tuple[float
 
 
 def highest_colour(model: Any, least: float) -> float:
-    """Give the density that all but a fiftieth of the Gaussians above `least` are below.
+    """Give the density below which 98 % of the Gaussians above `least` lie.
 
-    Gaussians of single particles are as dense as may be, and would take all colours.
+    Gaussians of single particles can have any density, and would use up all colours.
     """
     gaussians = model.gaussians
     deviations = particlegs_reader.square_roots(gaussians.covariances)[1]
@@ -206,7 +213,7 @@ def highest_colour(model: Any, least: float) -> float:
 
 
 def ellipsoids(scene: Scene) -> None:
-    """Draw the Gaussians where they are dense as ellipsoids of their standard deviations."""
+    """Draw the dense Gaussians as ellipsoids."""
     o, ink = scene.options, INK[scene.options.background]
     over = simple.Calculator(Input=scene.reader)
     over.AttributeType = "Point Data"
@@ -224,7 +231,7 @@ def ellipsoids(scene: Scene) -> None:
     glyphs = simple.TensorGlyph(Input=dense, GlyphType="Sphere")
     glyphs.Tensors = ["POINTS", "sqrt_covariance"]
     glyphs.Scalars = ["POINTS", "overdensity"]
-    # The sphere's radius is a half.
+    # The radius of VTK's sphere is 0.5.
     glyphs.ScaleFactor = 2.0 * o.sigmas
     glyphs.LimitScalingByEigenvalues = 0
     finest = 24 if number < 20_000 else 10
@@ -247,7 +254,7 @@ def ellipsoids(scene: Scene) -> None:
 
 
 def recovered(scene: Scene) -> None:
-    """Draw synthetic particles as the paper draws particles."""
+    """Draw synthetic particles in the style of the paper."""
     scene.reader.RecoverParticles = 1
     scene.reader.NumberOfParticles = scene.options.particles
     scene.reader.Method = scene.options.method
@@ -293,7 +300,7 @@ def density(scene: Scene) -> None:
 
 
 def truth_of(scene: Scene) -> Any:
-    """Open all particles by ParaView's readers, or by particlegs where those know nothing of the file."""
+    """Open all particles with ParaView, or with particlegs for other formats."""
     path = scene.options.snapshot
     if os.path.isfile(path) and path.endswith((".vtp", ".vtu", ".vtk")):
         return simple.OpenDataFile(path)
@@ -304,12 +311,12 @@ def truth_of(scene: Scene) -> Any:
 
 
 def compared(scene: Scene) -> None:
-    """Draw all particles beside the model's own picture."""
+    """Draw all particles beside the picture of the model."""
     truth_view, picture_view = scene.view(), scene.view()
     if scene.options.snapshot:
         truth = truth_of(scene)
     else:
-        print("no --snapshot: the model's picture stands beside recovered particles", flush=True)
+        print("no --snapshot: comparing the model's picture with recovered particles", flush=True)
         scene.reader.RecoverParticles = 1
         truth = simple.OutputPort(scene.reader, particlegs_reader.PARTICLES)
     picture = views.compare(scene.reader, truth, truth_view, picture_view)
@@ -329,14 +336,14 @@ def compared(scene: Scene) -> None:
 
 
 def main() -> None:
-    """Draw the pictures that are asked for."""
+    """Draw the requested pictures."""
     options = arguments()
     try:
         width, height = (int(n) for n in options.size.split("x"))
         if not (16 <= width <= 16384 and 16 <= height <= 16384):
             raise ValueError
     except ValueError:
-        sys.exit(f"--size {options.size} is not a size: 1600x1200, for example, of 16 to 16384 pixels an edge")
+        sys.exit(f"--size {options.size} is not a size: give WIDTHxHEIGHT, 16 to 16384 pixels each, such as 1600x1200")
     try:
         model = particlegs_reader.read_model(options.model)
         os.makedirs(options.output, exist_ok=True)

@@ -1,8 +1,8 @@
-"""ParaView plug-in: `.pgs` models of particles as Gaussians, as particles, as a density and as their own picture.
+"""ParaView plug-in: shows `.pgs` models as a density, as synthetic particles and as Gaussians.
 
-Load this file in ParaView (Tools, Manage Plugins, Load New), or run it as a script there, which also works where
-the plug-in manager cannot load any plug-in (ParaView 5.11 under Python 3.11 or newer). The package `particlegs`
-has to be importable by ParaView's Python. Everything but the registration runs under plain VTK as well.
+Load this file in ParaView (Tools, Manage Plugins, Load New), or run it there as a script. A script also works if
+the plug-in manager cannot load plug-ins (ParaView 5.11 with Python 3.11 or newer). ParaView's Python must be able
+to import the package `particlegs`. Everything except the registration also runs under plain VTK.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from particlegs import Grid, Model, Snapshot
 
 if not hasattr(inspect, "getargspec"):
-    # ParaView 5.11's decorators import it, and Python 3.11 took it away. They ask for `args` alone.
+    # ParaView 5.11's decorators need it, but Python 3.11 removed it. They use only `args`.
     inspect.getargspec = inspect.getfullargspec  # type: ignore[attr-defined]
 
 try:
@@ -54,7 +54,7 @@ try:
 except ImportError:
 
     class _Undecorated:
-        """Stands for ParaView's decorators under plain VTK: they leave what they decorate as it is."""
+        """Replaces ParaView's decorators under plain VTK, without any effect."""
 
         def __getattr__(self, _name: str) -> Callable[..., Callable[[Any], Any]]:
             return lambda *_args, **_options: lambda decorated: decorated
@@ -64,16 +64,16 @@ except ImportError:
 paraview_plugin_name = "particlegs"
 paraview_plugin_version = "0.1.0"
 
-# The first output is what a model that is opened shows.
+# ParaView shows the first output when it opens a model.
 DENSITY, PARTICLES, GAUSSIANS = range(3)
 PORTS = ("vtkImageData", "vtkPolyData", "vtkMultiBlockDataSet")
 METHODS: tuple[Method, ...] = ("count", "volume", "ellipsoid", "grid", "stratified", "spaced")
 
-# VTK's order of a symmetric tensor, and of a tensor as such.
+# VTK's order of components of symmetric and of general tensors.
 SYMMETRIC = ("XX", "YY", "ZZ", "XY", "YZ", "XZ")
 TENSOR = ("XX", "XY", "XZ", "YX", "YY", "YZ", "ZX", "ZY", "ZZ")
 
-# Gaussians of a single particle may have no extent in some direction: their density stays finite.
+# Keeps the density of Gaussians without extent finite.
 LEAST_VOLUME = 1e-30
 
 
@@ -81,7 +81,7 @@ LEAST_VOLUME = 1e-30
 
 
 def read_model(path: str) -> Model:
-    """Read a model file, once for as long as it stays the same.
+    """Read a model file; it is cached until the file changes.
 
     Parameters
     ----------
@@ -95,9 +95,9 @@ def read_model(path: str) -> Model:
     Raises
     ------
     RuntimeError
-        Where the package is missing from this Python.
+        If this Python does not have the package.
     OSError, particlegs.Error
-        Where the file cannot be read or holds no model.
+        If the file cannot be read or is not a model.
     """
     package()
     return _read(os.fspath(path), *stamp(path))
@@ -109,21 +109,21 @@ def package() -> Any:
     Raises
     ------
     RuntimeError
-        Where it is missing from this Python, with what to do.
+        If this Python does not have it; the message says what to do.
     """
     try:
         import particlegs
     except ImportError as missing:
         version = ".".join(map(str, sys.version_info[:2]))
         raise RuntimeError(
-            f"the package particlegs is missing from ParaView's Python {version} ({missing}): "
-            "pip install --target DIR particlegs, and start ParaView with PYTHONPATH=DIR"
+            f"ParaView's Python {version} cannot import the package particlegs ({missing}): "
+            "run pip install --target DIR particlegs, and start ParaView with PYTHONPATH=DIR"
         ) from None
     return particlegs
 
 
 def stamp(path: str) -> tuple[int, int]:
-    """Tell whether a file is still the one that was read: time of its last change (ns) and length (bytes)."""
+    """Give the time of the last change (ns) and length (bytes) of a file, to detect changes."""
     about = os.stat(path)
     return about.st_mtime_ns, about.st_size
 
@@ -134,7 +134,7 @@ def _read(path: str, _changed: int, _length: int) -> Model:
 
 
 def one_line(error: BaseException) -> str:
-    """Say an error in one line, with its kind only where its words alone would not tell."""
+    """Format an error in one line, with its type if the message alone is not clear."""
     words = " ".join(str(error).split())
     if isinstance(error, OSError) and error.filename and error.strerror:
         words = f"{error.filename}: {error.strerror}"
@@ -143,7 +143,7 @@ def one_line(error: BaseException) -> str:
 
 
 def report(error: BaseException) -> None:
-    """Show an error as one line in ParaView's window of messages, or VTK's."""
+    """Show an error as one line in the message window of ParaView or VTK."""
     try:
         from paraview import print_error
     except ImportError:
@@ -156,7 +156,7 @@ def report(error: BaseException) -> None:
 
 
 def column(name: str, values: np.ndarray, components: Iterable[str] = ()) -> vtkDataArray:
-    """Make a named VTK array of (n,) or (n, c) numbers; they are copied."""
+    """Copy (n,) or (n, c) numbers to a named VTK array."""
     array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
     array.SetName(name)
     for index, component in enumerate(components):
@@ -165,7 +165,7 @@ def column(name: str, values: np.ndarray, components: Iterable[str] = ()) -> vtk
 
 
 def annotate(data: vtkDataObject, facts: Mapping[str, object]) -> None:
-    """Add texts and numbers to the field data; what is None is left out."""
+    """Add texts and numbers to the field data, except None."""
     for name, fact in facts.items():
         if fact is None:
             continue
@@ -180,7 +180,7 @@ def annotate(data: vtkDataObject, facts: Mapping[str, object]) -> None:
 
 
 def facts_of(model: Model) -> dict[str, object]:
-    """List what every output says of its model, by field names."""
+    """List the field data that every output has."""
     return {
         "model": model.name,
         "length_unit": model.length_unit,
@@ -194,7 +194,7 @@ def facts_of(model: Model) -> dict[str, object]:
 
 
 def vertices(points: np.ndarray) -> vtkPolyData:
-    """Make points with a vertex each.
+    """Make points, each with a vertex.
 
     Parameters
     ----------
@@ -229,9 +229,9 @@ def square_roots(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     roots : ndarray, (n, 3, 3)
-        Symmetric, with `root @ root` the covariance; world units.
+        Symmetric; `root @ root` is the covariance; world units.
     deviations : ndarray, (n, 3)
-        Their eigenvalues, the standard deviations along the principal axes, the largest first.
+        Standard deviations along the principal axes (eigenvalues of the roots), the largest first.
     """
     values, axes = np.linalg.eigh(covariances)
     deviations = np.sqrt(np.clip(values, 0.0, None))
@@ -239,19 +239,19 @@ def square_roots(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def gaussians_of(model: Model, layers: list[str] | None = None) -> vtkMultiBlockDataSet:
-    """Make a block of points for each layer, a point for each Gaussian.
+    """Make a block of points for each layer, with a point for each Gaussian.
 
     Parameters
     ----------
     model : particlegs.Model
     layers : list of str, optional
-        Names of the layers that are wanted; all by default.
+        Names of the layers to use; all by default.
 
     Returns
     -------
     vtkMultiBlockDataSet
-        Named blocks with the point data `counts`, `masses` (where there are any), `covariance` (`SYMMETRIC`),
-        `sqrt_covariance` (`TENSOR`, the active tensors), `standard_deviations` and `number_density` at the mean.
+        Named blocks with the point data `counts`, `masses` (if known), `covariance` (`SYMMETRIC`), `sqrt_covariance`
+        (`TENSOR`, the active tensors), `standard_deviations` and `number_density` at the mean.
     """
     gaussians = model.gaussians
     blocks = vtkMultiBlockDataSet()
@@ -282,19 +282,19 @@ def gaussians_of(model: Model, layers: list[str] | None = None) -> vtkMultiBlock
 
 
 def particles_of(snapshot: Snapshot, facts: Mapping[str, object]) -> vtkPolyData:
-    """Make points of particles.
+    """Make points from particles.
 
     Parameters
     ----------
     snapshot : particlegs.Snapshot
     facts : mapping
-        What the field data say beside; see `annotate`.
+        Other field data; see `annotate`.
 
     Returns
     -------
     vtkPolyData
-        Vertices with the point data `masses` and `weights` where there are any, and `layer` where there are several;
-        float64 where float32 could not hold the origin.
+        Vertices with the point data `masses` and `weights` (if known), and `layer` if there are several; float64 if
+        the origin is not 0.
     """
     positions = snapshot.positions
     if np.any(snapshot.origin):
@@ -314,18 +314,19 @@ def particles_of(snapshot: Snapshot, facts: Mapping[str, object]) -> vtkPolyData
 
 
 def contrast_of(values: np.ndarray) -> np.ndarray:
-    """Take the logarithm of densities over their mean, clipped so that ParaView's usual colours show it.
+    """Take the logarithm of density / mean density, clipped so that ParaView's default colours show it well.
 
     Parameters
     ----------
     values : ndarray
-        Densities of cells of one size.
+        Densities of cells of equal size.
 
     Returns
     -------
     ndarray
-        To base 10, of the shape of `values`: from five mean densities, or what the denser half of the mass has at
-        least where that is less, else the voids would hide all others; up to what all but a hundredth of the mass has.
+        Logarithms to base 10 in the shape of `values`. The lower limit is five mean densities, or the density above
+        which half of the mass lies, if that is less: otherwise voids would hide the rest. The upper limit is the
+        density below which 99 % of the mass lies.
     """
     mean = float(values.mean()) or 1.0
     ordered = np.sort(values, axis=None)
@@ -336,19 +337,20 @@ def contrast_of(values: np.ndarray) -> np.ndarray:
 
 
 def density_of(grid: Grid, facts: Mapping[str, object]) -> vtkImageData:
-    """Make an image with the averages over cells as the cell data `density`, float64, and `contrast`, which is shown.
+    """Make an image with the cell data `density` (averages over cells, float64) and `contrast`, which is shown.
 
     Parameters
     ----------
     grid : particlegs.Grid
-        [i, j, k] along x, y, z.
+        Indexed [i, j, k] along x, y, z.
     facts : mapping
-        What the field data say beside; see `annotate`.
+        Other field data; see `annotate`.
 
     Returns
     -------
     vtkImageData
-        Field data `unit` and `total`, the sum over cells times a cell's volume. For `contrast` see `contrast_of`.
+        With field data `unit` and `total`, the sum over cells times the volume of a cell. For `contrast` see
+        `contrast_of`.
     """
     image = vtkImageData()
     image.SetOrigin(*map(float, grid.origin))
@@ -375,7 +377,7 @@ PROPERTIES = """
 <OutputPort name="Gaussians" index="2"/>
 <StringVectorProperty name="FileName" command="SetFileName" number_of_elements="1" panel_visibility="never">
   <FileListDomain name="files"/>
-  <Documentation>Model file that particlegs wrote.</Documentation>
+  <Documentation>Model file written by particlegs.</Documentation>
 </StringVectorProperty>
 <StringVectorProperty name="LayersInfo" command="GetLayers" number_of_elements_per_command="2"
     information_only="1" si_class="vtkSIDataArraySelectionProperty"/>
@@ -384,35 +386,35 @@ PROPERTIES = """
   <ArraySelectionDomain name="array_list">
     <RequiredProperties><Property function="ArrayList" name="LayersInfo"/></RequiredProperties>
   </ArraySelectionDomain>
-  <Documentation>Layers of the model, on all outputs.</Documentation>
+  <Documentation>Layers of the model to show in all outputs.</Documentation>
 </StringVectorProperty>
 <IntVectorProperty name="RecoverParticles" label="Recover Particles" command="SetRecoverParticles"
     number_of_elements="1" default_values="0">
   <BooleanDomain name="bool"/>
-  <Documentation>Draw SYNTHETIC particles from the model, on the second output.</Documentation>
+  <Documentation>Draw SYNTHETIC particles from the model for the second output.</Documentation>
 </IntVectorProperty>
 <IntVectorProperty name="NumberOfParticles" label="Number Of Particles" command="SetNumberOfParticles"
     number_of_elements="1" default_values="0">
   <IntRangeDomain name="range" min="0"/>
-  <Documentation>How many; 0: as many as the model was made from.</Documentation>
+  <Documentation>Number of particles to draw; 0 means as many as in the snapshot.</Documentation>
 </IntVectorProperty>
 <IntVectorProperty name="Method" command="SetMethod" number_of_elements="1" default_values="0">
   <EnumerationDomain name="enum">{methods}</EnumerationDomain>
-  <Documentation>How particles are drawn, by the names of `particlegs recover`.</Documentation>
+  <Documentation>Method of drawing particles, as in `particlegs recover`.</Documentation>
 </IntVectorProperty>
 <IntVectorProperty name="Seed" command="SetSeed" number_of_elements="1" default_values="42"
     panel_visibility="advanced">
   <IntRangeDomain name="range" min="0"/>
-  <Documentation>Seed of the draws: the same one draws the same particles.</Documentation>
+  <Documentation>Random seed; the same seed gives the same particles.</Documentation>
 </IntVectorProperty>
 <IntVectorProperty name="ComputeDensity" label="Compute Density" command="SetComputeDensity"
     number_of_elements="1" default_values="1">
   <BooleanDomain name="bool"/>
-  <Documentation>Average the density over the cells of a grid, on the first output.</Documentation>
+  <Documentation>Compute the density on a grid for the first output.</Documentation>
 </IntVectorProperty>
 <IntVectorProperty name="Resolution" command="SetResolution" number_of_elements="1" default_values="128">
   <IntRangeDomain name="range" min="1" max="4096"/>
-  <Documentation>Cells along the longest edge of the grid.</Documentation>
+  <Documentation>Number of cells along the longest edge of the grid.</Documentation>
 </IntVectorProperty>
 <Property name="Refresh" command="Refresh" panel_visibility="never"/>
 <PropertyGroup label="Recovered Particles (synthetic)">
@@ -440,11 +442,10 @@ PROPERTIES = """
 class ParticlegsReader(VTKPythonAlgorithmBase):
     """Reads a `.pgs` model.
 
-    Output 0 has the density on a grid, unless `SetComputeDensity` says no; output 1 particles drawn from the
-    Gaussians, where `SetRecoverParticles` asks for them; output 2 the Gaussians, a block of points for each layer.
-    Particles are to be asked for because ParaView brings all outputs of a source up to date before it shows one.
-    Each is computed again only when something that it depends on has changed. In parallel the first process has
-    all.
+    Output 0 is the density on a grid, unless it is switched off by `SetComputeDensity`. Output 1 contains particles
+    drawn from the Gaussians if `SetRecoverParticles` is on; it is off by default because ParaView updates all outputs
+    of a source before it shows one. Output 2 contains the Gaussians, as a block of points for each layer. An output is
+    computed again only if its options have changed. In parallel, the first process has all data.
     """
 
     def __init__(self) -> None:
@@ -474,27 +475,27 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
             self.Modified()
 
     def GetLayers(self) -> vtkDataArraySelection:
-        """Give the layers, by name, that are read."""
+        """Give the selection of layers."""
         return self._layers
 
     def SetRecoverParticles(self, wanted: int) -> None:
-        """Say whether the second output has particles."""
+        """Switch the particles of the second output on or off."""
         self._set("recover", bool(wanted))
 
     def SetNumberOfParticles(self, number: int) -> None:
-        """Set how many particles are drawn; 0 for as many as the model was made from."""
+        """Set the number of particles to draw; 0 means as many as in the snapshot."""
         self._set("number", int(number))
 
     def SetMethod(self, method: int) -> None:
-        """Set how particles are drawn: a place in `METHODS`."""
+        """Set the method of drawing particles, an index in `METHODS`."""
         self._set("method", int(method))
 
     def SetSeed(self, seed: int) -> None:
-        """Set the seed of the draws."""
+        """Set the random seed."""
         self._set("seed", int(seed))
 
     def SetComputeDensity(self, wanted: int) -> None:
-        """Say whether the third output has a density."""
+        """Switch the density of the first output on or off."""
         self._set("density", bool(wanted))
 
     def SetResolution(self, cells: int) -> None:
@@ -502,7 +503,7 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
         self._set("cells", int(cells))
 
     def Refresh(self) -> None:
-        """Read the file again, where it has changed."""
+        """Read the file again if it has changed."""
         self.Modified()
 
     def _set(self, option: str, value: Any) -> None:
@@ -518,7 +519,7 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
         return 1
 
     def ProcessRequest(self, request: Any, inputs: Any, outputs: Any) -> int:
-        """Answer a request of the pipeline, for data on the output alone that asks."""
+        """Answer a request of the pipeline; data are made only for the output that requests them."""
         if request.Has(vtkDemandDrivenPipeline.REQUEST_DATA_NOT_GENERATED()):
             asking = request.Get(vtkDemandDrivenPipeline.FROM_OUTPUT_PORT())
             for port in range(3):
@@ -528,7 +529,7 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
         return super().ProcessRequest(request, inputs, outputs)
 
     def RequestInformation(self, _request: Any, _inputs: Any, outputs: Any) -> int:
-        """Find the layers, and the extent of the grid where one is wanted."""
+        """Find the layers and the extent of the grid."""
         extent: tuple[int, ...] = (0, -1) * 3
         try:
             if self._path:
@@ -546,7 +547,7 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
         return 1
 
     def RequestData(self, request: Any, _inputs: Any, outputs: Any) -> int:
-        """Make the data of the output that asks; empty data and one line of error where that fails."""
+        """Make the requested data; if that fails, empty data and an error of one line."""
         asking = request.Get(vtkDemandDrivenPipeline.FROM_OUTPUT_PORT())
         for port in range(3) if asking < 0 else (asking,):
             about = outputs.GetInformationObject(port)
@@ -569,14 +570,14 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
             self.Modified()
 
     def _list_layers(self, model: Model) -> None:
-        """Name the layers that may be chosen; those that were chosen before stay as they were."""
+        """Add the layers to the selection; the state of known layers is kept."""
         self._listing = True
         for layer in model.layers:
             self._layers.AddArray(layer["name"])
         self._listing = False
 
     def _make(self, port: int) -> vtkDataObject:
-        """Make what an output has, or hand over what was made of the same."""
+        """Give the data of an output, cached until its options change."""
         assert self._path is not None
         chosen = [self._layers.GetArrayName(i) for i in range(self._layers.GetNumberOfArrays())]
         layers = [name for name in chosen if self._layers.ArrayIsEnabled(name)]
@@ -596,7 +597,7 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
         return known[1]
 
     def _compute(self, port: int, model: Model, layers: list[str] | None) -> vtkDataObject:
-        """Compute what an output has."""
+        """Compute the data of an output."""
         o = self._options
         if port == GAUSSIANS:
             return gaussians_of(model, layers)
@@ -611,7 +612,7 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
             )
             words = f"drawn from the model {model.name} by method {method}, seed {o['seed']}: not simulated"
             return particles_of(snapshot, {"SYNTHETIC": words, **facts_of(model)})
-        # Splats of the alpha-blend law hold opacities, not masses.
+        # Alpha-blend models have opacities, not masses.
         if not o["density"] or model.law == "alpha-blend":
             return vtkImageData()
         return density_of(model.density_grid(o["cells"], layers=layers), facts_of(model))
@@ -623,7 +624,7 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
             raise _Stopped
 
     def _tell(self, error: Exception) -> None:
-        """Report an error once for as long as nothing is changed."""
+        """Report an error once until something changes."""
         words = (one_line(error), self.GetMTime())
         if words == self._said:
             return
@@ -631,13 +632,13 @@ class ParticlegsReader(VTKPythonAlgorithmBase):
         report(error)
 
 
-# In ParaView: what representations of a reader's outputs look like at first.
+# In ParaView: the initial look of representations of a reader's outputs.
 
 
 def look_of(representation: Any) -> None:
-    """Give a new representation of a reader's output a look that shows it, unless it has one.
+    """Style a new representation of a reader's output.
 
-    Recovered particles get the model's radius and opacity, white; the density is coloured by its contrast.
+    Recovered particles are white, with the model's radius and opacity; the density is coloured by its contrast.
     """
     port = representation.Input
     if port is None or port.SMProxy.GetXMLName() != ParticlegsReader.__name__:
@@ -669,7 +670,7 @@ _seen: set[int] = set()
 
 
 def _registered(*_: object) -> None:
-    """Look for new representations; ParaView does not say which proxy it has registered."""
+    """Style new representations; ParaView does not say which proxy it has registered."""
     from paraview import servermanager
 
     for proxy in list(servermanager.ProxyManager().GetProxiesInGroup("representations").values()):
@@ -679,12 +680,12 @@ def _registered(*_: object) -> None:
         _seen.add(number)
         try:
             look_of(proxy)
-        except Exception as error:  # An exception in an observer would be a traceback in ParaView.
+        except Exception as error:  # ParaView would show a traceback.
             report(error)
 
 
 def watch() -> None:
-    """Give representations of models a look of their own from now on."""
+    """Style representations of models from now on."""
     from paraview import servermanager
 
     manager = servermanager.vtkSMProxyManager.GetProxyManager()
@@ -696,18 +697,18 @@ def watch() -> None:
 
 
 def load() -> None:
-    """Load this plug-in into the ParaView that runs this Python, whatever version.
+    """Load this plug-in into the running ParaView of any version.
 
     Raises
     ------
     RuntimeError
-        Where ParaView refuses it.
+        If ParaView refuses it.
     """
     from paraview import simple
 
     folder = os.path.dirname(os.path.abspath(__file__))
     if folder not in sys.path:
-        # For macros, which find the views beside this file.
+        # Macros import `particlegs_views` from this folder.
         sys.path.append(folder)
     simple.LoadPlugin(os.path.abspath(__file__), remote=True, ns=vars(simple))
     watch()
@@ -716,6 +717,6 @@ def load() -> None:
 if __name__ == "__main__":
     load()
 else:
-    # Under plain VTK there is nothing to watch.
+    # Plain VTK has no representations.
     with contextlib.suppress(ImportError):
         watch()

@@ -1,4 +1,4 @@
-"""Views of models in ParaView: particles as the paper draws them, and a model's own picture beside them."""
+"""Views in ParaView: particles in the style of the paper, and the picture of a model."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ if TYPE_CHECKING:
     from particlegs import Camera, Model, Snapshot
 
 
-# The paper's picture: radius of a particle in mean spacings, and its opacity.
+# The style of the paper: radius of a particle in mean spacings, and its opacity.
 RADIUS_IN_SPACINGS = 0.0406
 OPACITY = 0.05
-# While the view is turned a picture may take so long, seconds; else it is drawn coarser.
+# During rotation, pictures that take longer (seconds) are drawn coarser.
 TURNING = 0.1
 
 
 def default_radius(bounds: np.ndarray, number: float) -> float:
-    """Give the paper's radius of a particle.
+    """Give the default radius of a particle.
 
     Parameters
     ----------
     bounds : ndarray, (2, 3)
         Lowest and highest corner of the particles, world units.
     number : float
-        How many particles there are.
+        Number of particles.
 
     Returns
     -------
     float
-        0.0406 of the mean spacing (V / N)^(1/3), world units; an extent of zero counts as the largest one.
+        0.0406 of the mean spacing (V / N)^(1/3), world units. An extent of 0 is replaced by the largest extent.
     """
     extent = np.asarray(bounds[1], dtype=np.float64) - np.asarray(bounds[0], dtype=np.float64)
     extent = np.where(extent > 0.0, extent, max(extent.max(), 1e-30))
@@ -47,19 +47,19 @@ def default_radius(bounds: np.ndarray, number: float) -> float:
 
 
 class Picture:
-    """A model's own picture of what a renderer's camera sees, drawn anew whenever the renderer draws.
+    """A picture of a model over a renderer, updated whenever the renderer draws.
 
     Parameters
     ----------
     model : particlegs.Model
     renderer : vtkRenderer
-        The picture covers whatever it draws.
+        The picture covers everything that it draws.
     radius, opacity : float, optional
-        Of a particle; the model's defaults otherwise. Both may be set at any time.
+        Radius and opacity of a particle; the model's by default. Both can be changed at any time.
     style : str
         `paraview`, `paraview-no-fxaa` or `expected`.
     like : representation proxy, optional
-        A Point Gaussian representation whose radius and opacity are followed, in place of the two above.
+        A Point Gaussian representation whose radius and opacity are used instead.
     """
 
     def __init__(
@@ -87,22 +87,22 @@ class Picture:
         self._observer = renderer.AddObserver(vtkCommand.StartEvent, self._draw)
 
     def remove(self) -> None:
-        """Take the picture out of its renderer."""
+        """Remove the picture from its renderer."""
         self.renderer.RemoveObserver(self._observer)
         self.renderer.RemoveViewProp(self._actor)
 
     def _draw(self, *_: object) -> None:
         try:
             self._update()
-        except Exception as error:  # An exception in an observer would be a traceback in ParaView.
+        except Exception as error:  # ParaView would show a traceback.
             self._actor.VisibilityOff()
             report(error)
 
     def _update(self) -> None:
-        """Draw where the camera, the size, the radius or the opacity is another than before."""
+        """Draw if the camera, size, radius, opacity or style has changed."""
         if self.like is not None:
             self.radius, self.opacity = float(self.like.GaussianRadius), float(self.like.Opacity)
-        # Of all tiles, where the view is drawn in tiles.
+        # The size of the whole picture, even if it is drawn in tiles.
         width, height = self.renderer.GetSize()
         coarse = self._coarseness(width * height, self.renderer.GetRenderWindow().GetDesiredUpdateRate())
         size = (max(1, width // coarse), max(1, height // coarse))
@@ -111,7 +111,7 @@ class Picture:
         asked = (at, size, self.radius, self.opacity, self.style)
         if asked == self._asked:
             return
-        # Also where it fails: an error is said once.
+        # Set before drawing, so that an error is reported once.
         self._asked = asked
         begun = time.perf_counter()
         drawn = self.model.render(camera=camera, size=size, radius=self.radius, opacity=self.opacity, style=self.style)
@@ -120,13 +120,13 @@ class Picture:
         self._show((width, height), coarse)
 
     def _coarseness(self, pixels: int, update_rate: float) -> int:
-        """Tell how many pixels share one while the view is turned, along an edge."""
+        """Give the edge of the blocks of pixels that are drawn as one during rotation."""
         if update_rate < 1.0:
             return 1
         return int(np.clip(np.ceil(np.sqrt(self._seconds_a_pixel * pixels / TURNING)), 1, 8))
 
     def _show(self, size: tuple[int, int], coarse: int) -> None:
-        """Hand the pixels to the actor, the bottom row first, each as often as it stands for."""
+        """Show the pixels, enlarged by `coarse`; VTK needs the bottom row first."""
         columns, rows = (np.minimum(np.arange(n) // coarse, most - 1) for n, most in zip(size, self.pixels.shape[::-1]))
         image = vtkImageData()
         image.SetDimensions(*size, 1)
@@ -137,20 +137,20 @@ class Picture:
 
 
 def grey_levels(drawn: np.ndarray) -> np.ndarray:
-    """Turn what `Model.render` gives, (h, w) levels or shares of one, into levels of uint8."""
+    """Convert a result of `Model.render` to grey levels of uint8."""
     if drawn.dtype == np.uint8:
         return drawn
     return np.rint(255.0 * np.clip(drawn, 0.0, 1.0)).astype(np.uint8)
 
 
 def camera_of(camera: vtkCamera, tiles: int = 1) -> Camera:
-    """Give VTK's camera as the package has it; its clipping range follows from the model's bounds.
+    """Convert a VTK camera to a `particlegs.Camera`, without its clipping range.
 
     Parameters
     ----------
     camera : vtkCamera
     tiles : int
-        How many tiles the picture is high: VTK narrows the camera to one of them.
+        Number of tiles in vertical direction: VTK narrows the camera to one of them.
 
     Returns
     -------
@@ -159,16 +159,16 @@ def camera_of(camera: vtkCamera, tiles: int = 1) -> Camera:
     at = (camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewUp())
     if camera.GetParallelProjection():
         return package().Camera(*at, height=2.0 * tiles * camera.GetParallelScale())
-    # Whoever takes a picture narrows the angle and widens it again: without the last digits it is what it was.
+    # Screenshots narrow the angle and widen it again: rounding removes the numerical error.
     angle = 2.0 * np.degrees(np.arctan(tiles * np.tan(np.radians(camera.GetViewAngle()) / 2.0)))
     return package().Camera(*at, fov_deg=round(float(angle), 5))
 
 
-# ParaView's proxies: what follows needs ParaView.
+# Functions that need ParaView.
 
 
 def dress(view: Any) -> None:
-    """Make a render view as the paper's pictures have it: black, without ornaments, ParaView's blending and FXAA."""
+    """Set a render view to the style of the paper: black, without annotations, with FXAA."""
     for name, value in {
         "UseColorPaletteForBackground": 0,
         "BackgroundColorMode": "Single Color",
@@ -182,7 +182,7 @@ def dress(view: Any) -> None:
 
 
 def point_gaussian(source: Any, view: Any, *, radius: float | None = None, opacity: float | None = None) -> Any:
-    """Show particles as the paper draws them.
+    """Show particles in the style of the paper.
 
     Parameters
     ----------
@@ -190,9 +190,9 @@ def point_gaussian(source: Any, view: Any, *, radius: float | None = None, opaci
         Points.
     view : render view proxy
     radius : float, optional
-        Of a particle, world units; 0.0406 of the mean spacing by default.
+        Radius of a particle, world units; 0.0406 of the mean spacing by default.
     opacity : float, optional
-        At the centre of a particle; 0.05 by default.
+        Opacity at the centre of a particle; 0.05 by default.
 
     Returns
     -------
@@ -225,7 +225,7 @@ def point_gaussian(source: Any, view: Any, *, radius: float | None = None, opaci
 
 
 def keep_camera() -> None:
-    """Keep ParaView from placing cameras anew at a view's first picture."""
+    """Prevent ParaView from resetting the camera at a view's first picture."""
     from paraview import simple
 
     getattr(simple, "_DisableFirstRenderCameraReset", bool)()
@@ -238,7 +238,7 @@ def place_camera(view: Any, bounds: np.ndarray, azimuth: float, elevation: float
     ----------
     view : render view proxy
     bounds : ndarray, (2, 3)
-        Of the particles, world units.
+        Bounds of the particles, world units.
     azimuth, elevation : float
         Degrees.
     distance : float
@@ -253,20 +253,20 @@ def place_camera(view: Any, bounds: np.ndarray, azimuth: float, elevation: float
     view.CenterOfRotation = list(camera.focal_point)
 
 
-# Pictures by the views that they are in: ParaView's proxies do not keep Python objects.
+# Pictures by the id of their view: ParaView's proxies cannot keep Python objects.
 _pictures: dict[int, Picture] = {}
 
 
 def show_picture(model: Model | str, view: Any, **options: Any) -> Picture:
-    """Draw a model's own picture over a render view, for whatever camera that has.
+    """Draw the picture of a model over a render view, following its camera.
 
     Parameters
     ----------
     model : particlegs.Model or str
-        A model, or the path of one.
+        A model or its path.
     view : render view proxy
     **options
-        Of `Picture`.
+        Keywords of `Picture`.
 
     Returns
     -------
@@ -274,7 +274,7 @@ def show_picture(model: Model | str, view: Any, **options: Any) -> Picture:
     """
     hide_picture(view)
     dress(view)
-    # The picture has its own antialiasing.
+    # The picture is already antialiased.
     view.UseFXAA = 0
     found = read_model(model) if isinstance(model, str) else model
     picture = Picture(found, view.SMProxy.GetRenderer(), **options)
@@ -283,27 +283,26 @@ def show_picture(model: Model | str, view: Any, **options: Any) -> Picture:
 
 
 def hide_picture(view: Any) -> None:
-    """Take a model's picture out of a view, where there is one."""
+    """Remove a model's picture from a view, if it has one."""
     picture = _pictures.pop(view.SMProxy.GetGlobalID(), None)
     if picture is not None:
         picture.remove()
 
 
 def is_model(source: Any) -> bool:
-    """Tell whether a source is this plug-in's reader."""
+    """Whether a source is this plug-in's reader."""
     return source.SMProxy.GetXMLName() == particlegs_reader.ParticlegsReader.__name__
 
 
 def compare(reader: Any, truth: Any, truth_view: Any, picture_view: Any) -> Picture:
-    """Show particles as Point Gaussian in one view and a model's picture in another, with one camera.
+    """Show particles as Point Gaussian in one view and a model's picture in another, with linked cameras.
 
-    Radius and opacity of the picture follow those of the particles' representation. The camera is that of
-    `truth_view`.
+    The picture uses the radius and opacity of the particles' representation, and the camera of `truth_view`.
 
     Parameters
     ----------
     reader : source proxy
-        A model that this plug-in has read.
+        A model opened by this plug-in.
     truth : source proxy or output port
         All particles.
     truth_view, picture_view : render view proxies
@@ -316,7 +315,7 @@ def compare(reader: Any, truth: Any, truth_view: Any, picture_view: Any) -> Pict
 
     dress(truth_view)
     shown = point_gaussian(truth, truth_view)
-    # Nothing is seen of it: it gives the view what Reset Camera looks for.
+    # An invisible outline, so that Reset Camera works.
     extent = simple.Show(reader, picture_view)
     extent.SetRepresentationType("Outline")
     extent.Opacity = 0.0
@@ -337,17 +336,17 @@ MASSES = ("masses", "mass", "Masses", "Mass")
 
 
 def snapshot_of(data: Any, *, name: str, box: Any = None) -> Snapshot:
-    """Take particles out of a VTK data set.
+    """Make a snapshot from a VTK data set.
 
     Parameters
     ----------
     data : vtkDataSet
-        Its points are the particles; the point data of a name in `MASSES`, where there is one, are their masses; the
-        field datum `box` its periodic box, and `length_unit` and `mass_unit` the units.
+        Its points are the particles. Masses are read from the first point data named in `MASSES`, the periodic box
+        from the field data `box`, and units from `length_unit` and `mass_unit`.
     name : str
-        Of the snapshot.
+        Name of the snapshot.
     box : optional
-        As `particlegs.Snapshot` has it, in place of what the data say.
+        As in `particlegs.Snapshot`; overrides the box of the data.
 
     Returns
     -------
@@ -373,7 +372,7 @@ def snapshot_of(data: Any, *, name: str, box: Any = None) -> Snapshot:
 
 
 def file_of(source: Any) -> str:
-    """Find the file that a source, or what it was made of, has read."""
+    """Find the file from which a source, or its input, was read."""
     while source is not None:
         for name in ("FileName", "FileNames"):
             if name in source.ListProperties():
@@ -382,22 +381,27 @@ def file_of(source: Any) -> str:
                 if path:
                     return path
         source = getattr(source, "Input", None)
-    raise ValueError("the source was not read from a file: save it as .vtp, open that, and select it")
+    raise ValueError("the source was not read from a file: save it as .vtp, then open and select that file")
 
 
 def compress_source(source: Any, **options: Any) -> str:
-    """Compress the particles of a source to a `.pgs` beside its file.
+    """Compress the particles of a source to a `.pgs` file in the folder of its file.
 
     Parameters
     ----------
     source : source proxy
     **options
-        Of `particlegs.compress`, and `box`.
+        Keywords of `particlegs.compress`, and `box`.
 
     Returns
     -------
     str
-        The path of the model. A file that is there already is left alone: `FileExistsError`.
+        The path of the model.
+
+    Raises
+    ------
+    FileExistsError
+        If the path exists.
     """
     from paraview import servermanager
 
@@ -405,7 +409,7 @@ def compress_source(source: Any, **options: Any) -> str:
     stem = os.path.splitext(file)[0]
     path = f"{stem}.pgs"
     if os.path.exists(path):
-        raise FileExistsError(f"{path} is there already: move it away first")
+        raise FileExistsError(f"{path} exists already: move or delete it first")
     source.UpdatePipeline()
     data = servermanager.Fetch(source)
     snapshot = snapshot_of(data, name=os.path.basename(stem), box=options.pop("box", None))

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# The plug-in in Debian's ParaView 5.11, without a screen and by software GL: installs that, runs the checks of
+# Tests the plug-in in Debian's ParaView 5.11, without a screen and with software GL: installs ParaView, runs
 # tests/in_paraview.py, and draws the four pictures of figure.py.
 #
-#     test.sh WHEEL [FOLDER]     the package's wheel; where pictures go [default: target/paraview]
+#     test.sh WHEEL [FOLDER]     the package's wheel; folder for pictures [default: target/paraview]
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
@@ -23,7 +23,7 @@ mkdir -p "$out"
 # Debian's ParaView runs Debian's Python, with Debian's NumPy.
 /usr/bin/python3 -m pip install -q --no-deps --upgrade --target "$out/packages" "$wheel"
 
-# -noreset: Xvfb would start over when ParaView closes its first connection.
+# -noreset: otherwise Xvfb restarts when ParaView closes its first connection.
 paraview() {
     LIBGL_ALWAYS_SOFTWARE=1 xvfb-run -a -s "-screen 0 2400x1600x24 -noreset" pvbatch "$@"
 }

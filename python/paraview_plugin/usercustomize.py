@@ -1,7 +1,7 @@
-"""What ParaView 5.11 needs under Python 3.11 and newer before it can load any plug-in written in Python.
+"""Lets ParaView 5.11 with Python 3.11 or newer load plug-ins written in Python.
 
-Python imports a module of this name at its start. With this folder in PYTHONPATH ParaView's plug-in manager loads
-`particlegs_reader.py` as any other plug-in, and macros find `particlegs_views`.
+Python imports a module of this name when it starts. With this folder in PYTHONPATH, ParaView's plug-in manager can load
+`particlegs_reader.py`, and macros can import `particlegs_views`.
 """
 
 import inspect

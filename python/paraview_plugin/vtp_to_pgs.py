@@ -1,8 +1,8 @@
-"""Macro for ParaView: from the selected source to a `.pgs` beside its file, and open that.
+"""Macro for ParaView: compresses the selected source to a `.pgs` file in the folder of its file, and opens it.
 
-The particles are the points that the source has now, so a filter's output works as well: its model stands beside the
-file that the data come from. An array `masses`, `mass` or `Masses` becomes masses; a field datum `box` of three
-lengths the periodic box, which VTP itself cannot say. The ratio is the package's default.
+The particles are the current points of the source, which may be the output of a filter. Masses are read from an array
+`masses`, `mass`, `Masses` or `Mass`, and the periodic box from field data `box` with three lengths. The ratio is the
+package's default.
 """
 
 from paraview import print_error, simple
@@ -12,13 +12,13 @@ try:
     import particlegs_views
 except ImportError:
     print_error(
-        "particlegs: load the plug-in particlegs_reader.py first, or start ParaView with its folder in PYTHONPATH"
+        "particlegs: first load the plug-in particlegs_reader.py, or start ParaView with its folder in PYTHONPATH"
     )
 else:
     source = simple.GetActiveSource()
     try:
         if source is None:
-            raise ValueError("no source is selected: open a snapshot, and select it in the Pipeline Browser")
+            raise ValueError("no source is selected: open a snapshot and select it in the Pipeline Browser")
         path = particlegs_views.compress_source(source)
         print(f"particlegs: wrote {path}")
         simple.Show(simple.OpenDataFile(path))

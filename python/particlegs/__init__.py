@@ -1,7 +1,7 @@
-"""Particle snapshots as small files that draw the picture ParaView would draw.
+"""Turns particle snapshots into small files that render the picture ParaView would.
 
-A snapshot of particles becomes a mixture of Gaussians with masses, some hundred times smaller, which draws
-pictures from any side at any particle radius and opacity, and gives densities, statistics and synthetic particles.
+A model is a mixture of Gaussians with masses, 100 to 1000 times smaller than the particles. It renders pictures from
+any side at any particle radius and opacity, and gives densities, statistics and synthetic particles.
 
 >>> import particlegs as pg
 >>> snap = pg.open("snap_099.0.hdf5", species="dm")
@@ -19,7 +19,7 @@ Snapshot, Model, Gaussians, Camera, Map, Grid, Stats
 
 Exceptions
 ----------
-InputError, ModelError, UnreachableError; MemoryError, OSError, FileExistsError and KeyboardInterrupt as usual.
+InputError, ModelError, UnreachableError; and the built-in MemoryError, OSError, FileExistsError and KeyboardInterrupt.
 """
 
 from ._arrays import Grid, Map

@@ -1,4 +1,4 @@
-"""Arrays that know their unit and where they lie."""
+"""Arrays with units and positions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 
 class _Placed(_Floats):
-    """An array with names of its own; parts of it are plain arrays where the place no longer fits."""
+    """An array with attributes; slices of another shape are plain arrays."""
 
     _names: ClassVar[tuple[str, ...]] = ()
 
@@ -63,26 +63,26 @@ class _Placed(_Floats):
 
 
 def _printed(unit: str) -> str:
-    """A unit with powers as matplotlib raises them."""
+    """A unit with its powers in matplotlib's markup."""
     return re.sub(r"\^([0-9]+)", r"$^\1$", unit)
 
 
 class Map(_Placed):
-    """Values over a plane, float64, shape (height, width), rows from the top.
+    """Values over a plane, float64, shape (height, width); row 0 is the top.
 
     Attributes
     ----------
     extent : tuple of float or None
-        Left, right, bottom, top in world units, as ``plt.imshow(m, extent=m.extent)`` takes it; ``None`` of a
-        perspective picture.
+        Left, right, bottom, top in world units, for ``plt.imshow(m, extent=m.extent)``; ``None`` for a perspective
+        picture.
     unit : str
         Unit of the values, such as ``Msun/h / (Mpc/h)^2``.
     length_unit : str or None
         Unit of the extent.
     axes : tuple of str or None
-        Names of the axes across and up.
+        Names of the horizontal and the vertical axis.
     hubble : float or None
-        Value of h in the units, where it is known.
+        Value of h in the units, if known.
     """
 
     _names = ("extent", "unit", "length_unit", "axes", "hubble")
@@ -97,7 +97,7 @@ class Map(_Placed):
     def pixel_area(self) -> float:
         """Area of a pixel, unit of length squared; ``m.sum() * m.pixel_area`` is the mass in the window."""
         if self.extent is None:
-            raise ValueError("the pixels of a perspective picture have no common area")
+            raise ValueError("pixels of a perspective picture have different areas")
         left, right, bottom, top = self.extent
         return (right - left) * (top - bottom) / self.size
 
@@ -111,7 +111,7 @@ class Map(_Placed):
         colorbar: bool = True,
         **options: Any,
     ) -> AxesImage:
-        """Draws the map in logarithmic colours with axes, units and a colour bar.
+        """Draws the map with logarithmic colours, axes, units and a colour bar.
 
         Parameters
         ----------
@@ -121,7 +121,7 @@ class Map(_Placed):
             Colour map of matplotlib.
         vmin, vmax : float, optional
             Values of the lowest and the highest colour; by default the 5th and the 99.5th percentile of the pixels
-            that are not empty, which have the map's first colour.
+            that are not empty. Empty pixels have the map's first colour.
         colorbar : bool
             Draw a colour bar.
         **options
@@ -143,7 +143,7 @@ class Map(_Placed):
         norm = LogNorm(low, top)
         whole = plt.get_cmap(cmap)
         colors = ListedColormap(whole(np.linspace(lowest, 1.0, 255))).with_extremes(bad=whole(0.0))
-        # Tails of Gaussians count as empty where other pictures have faded.
+        # Very low densities (tails of Gaussians) count as empty.
         empty = ~(values > low * (low / top) ** (lowest / (1.0 - lowest)))
         shown = np.ma.masked_where(empty, np.maximum(values, low))
         image = ax.imshow(shown, extent=self.extent, cmap=colors, norm=norm, **options)
@@ -155,7 +155,7 @@ class Map(_Placed):
             ax.set_xlabel(f"{across} ({of})")
             ax.set_ylabel(f"{up} ({of})")
         if colorbar:
-            # As tall as the map, whatever the figure's shape.
+            # Makes the colour bar as tall as the map.
             beside = ax.inset_axes((1.03, 0.0, 0.045, 1.0))
             ax.figure.colorbar(image, cax=beside, label=f"surface density ({_printed(self.unit)})")
         return image
@@ -164,7 +164,7 @@ class Map(_Placed):
 
 
 class Grid(_Placed):
-    """Averages over cells, float64, shape (nx, ny, nz); ``grid[i, j, k]`` lies along x, y, z.
+    """Averages over cells, float64, shape (nx, ny, nz), indexed ``grid[i, j, k]`` along x, y, z.
 
     Attributes
     ----------
@@ -177,11 +177,11 @@ class Grid(_Placed):
     length_unit : str or None
         Unit of origin and spacing.
     periodic : tuple of bool
-        Along which axes the grid repeats.
+        Along which axes the grid is periodic.
     hubble : float or None
-        Value of h in the units, where it is known.
+        Value of h in the units, if known.
     outside : float
-        Mass (or particles) that lies beyond open edges of the grid; 0 of a periodic box.
+        Mass (or number of particles) beyond open edges of the grid; 0 for a periodic box.
     """
 
     _names = ("origin", "spacing", "unit", "length_unit", "periodic", "hubble", "outside")

@@ -23,22 +23,22 @@ def point(value: Any, what: str, unit: Optional[str] = None) -> Three:
 
 @dataclass(frozen=True)
 class Camera:
-    """Where a picture is taken from, as ParaView and views files have it; world units.
+    """A camera as in ParaView and views files, in world units.
 
     Parameters
     ----------
     position : array_like, shape (3,)
-        The eye.
+        The position of the camera.
     focal_point : array_like, shape (3,)
         The point looked at.
     view_up : array_like, shape (3,)
         Up; not parallel to the direction of view.
     fov_deg : float, optional
-        Vertical field of view of a perspective picture, degrees; 30 where no height is given.
+        Vertical field of view of a perspective picture, degrees; 30 if no height is given.
     height : float, optional
         Height of an orthographic picture in world units, instead of a field of view.
     clipping_range : tuple of float, optional
-        Nearest and farthest distance of particles that are drawn; all by default.
+        Smallest and largest distance of particles to draw; all by default.
     """
 
     position: Three
@@ -58,7 +58,7 @@ class Camera:
         if self.clipping_range is not None:
             range_ = np.asarray(self.clipping_range, dtype=np.float64)
             if range_.shape != (2,):
-                raise InputError("clipping_range takes the nearest and the farthest distance")
+                raise InputError("clipping_range must be the smallest and the largest distance")
             object.__setattr__(self, "clipping_range", (float(range_[0]), float(range_[1])))
         for name in ("fov_deg", "height"):
             if (value := getattr(self, name)) is not None:
@@ -68,7 +68,7 @@ class Camera:
 
     @classmethod
     def around(cls, bounds: Any, azimuth: float = 0.0, elevation: float = 0.0, distance: float = 1.0) -> Camera:
-        """The perspective camera of these angles about bounds.
+        """A perspective camera at these angles about bounds.
 
         Parameters
         ----------
@@ -77,14 +77,14 @@ class Camera:
         azimuth, elevation : float
             Degrees, as in `Model.render`.
         distance : float
-            In base distances of pictures that are no taller than wide.
+            In base distances of a picture that is not taller than wide.
         """
         low, high = (point(corner, "bounds") for corner in bounds)
         around = _particlegs.camera_around((low, high), float(azimuth), float(elevation), float(distance))
         return cls(**json.loads(around))
 
     def _record(self) -> dict[str, Any]:
-        """By the keys of views files."""
+        """The camera as a dict with the keys of views files."""
         at = {"position": self.position, "focal_point": self.focal_point, "view_up": self.view_up}
         lens = {"fov_deg": self.fov_deg, "height_world": self.height, "clipping_range": self.clipping_range}
         return {**at, **{name: value for name, value in lens.items() if value is not None}}
@@ -98,21 +98,21 @@ def native(
     depth: Any,
     unit: Optional[str],
 ) -> Union[str, dict[str, Any]]:
-    """A camera as JSON, or azimuth, elevation and distance, and the window in a unit of length, that stand for one."""
+    """A camera as JSON, or the angles, distance and window that define one."""
     azimuth, elevation, distance = (float(v) for v in angles)
     if camera is not None:
         idle = [n for n, v in (("center", center), ("width", width), ("depth", depth)) if v is not None]
         turned = zip(("azimuth", "elevation", "distance"), (azimuth, elevation, distance), (0.0, 0.0, 1.0))
         idle += [name for name, value, usual in turned if value != usual]
         if idle:
-            raise InputError(f"{idle[0]} does nothing beside camera, which says where the picture is taken from")
+            raise InputError(f"{idle[0]} does nothing if camera is given: leave it out")
         if not isinstance(camera, Camera):
             raise TypeError("camera must be a particlegs.Camera")
         return json.dumps(camera._record())
     if width is None and depth is not None:
-        raise InputError("depth does nothing in perspective: give width as well, for an orthographic picture")
+        raise InputError("depth does nothing in perspective: also give width for an orthographic picture")
     if width is not None and distance != 1.0:
-        raise InputError("distance does nothing beside width, which makes the picture orthographic")
+        raise InputError("distance does nothing if width is given, because the picture is orthographic")
     return {
         "azimuth": azimuth,
         "elevation": elevation,

@@ -1,4 +1,4 @@
-"""What users hand over, as what the native half takes."""
+"""Converts arguments for the native module."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from ._particlegs import InputError
 from ._types import Float32, Float64, Numbers, Path, Progress
 from ._units import plain
 
-#: Origin, cell vectors by rows, which of them repeat.
+#: Origin, cell vectors as rows, which of them are periodic.
 Cell = tuple[list[float], list[list[float]], list[bool]]
 
 
 def paths(given: Union[Path, Any]) -> list[str]:
-    """A path, or several."""
+    """One or more paths."""
     if isinstance(given, (str, os.PathLike)):
         given = [given]
     return [str(os.fspath(p)) for p in given]
 
 
 def texts(given: Any) -> list[str]:
-    """A name or a number, or several."""
+    """One or more names or numbers."""
     if given is None:
         return []
     if isinstance(given, (str, int)):
@@ -34,12 +34,12 @@ def texts(given: Any) -> list[str]:
 
 
 def names(given: Any) -> Optional[list[str]]:
-    """Names of layers; None of all."""
+    """Names of layers; None for all."""
     return None if given is None else texts(given)
 
 
 def progress(given: Progress) -> Optional[Callable[[str, int, int], object]]:
-    """The function that is told of progress: the user's own, a bar or text for True, none for False or None."""
+    """The progress function: the user's own, a progress bar for True, None for False or None."""
     if given is None or given is False:
         return None
     if given is True:
@@ -52,13 +52,13 @@ def progress(given: Progress) -> Optional[Callable[[str, int, int], object]]:
 
 
 def _lies_well(column: Numbers) -> bool:
-    """Native, contiguous, aligned float32?"""
+    """Whether it is native, contiguous, aligned float32."""
     kind, flags = column.dtype, column.flags
     return bool(kind == np.float32 and kind.isnative and flags.c_contiguous and flags.aligned)
 
 
 def _is_columns(given: Any) -> bool:
-    """Three arrays x, y, z rather than three rows?"""
+    """Whether it is three arrays x, y, z, not three rows."""
     if not isinstance(given, (tuple, list)) or len(given) != 3:
         return False
     return all(np.ndim(c) == 1 for c in given) and any(hasattr(c, "__array__") for c in given)
@@ -67,25 +67,25 @@ def _is_columns(given: Any) -> bool:
 def positions(
     given: Any, units: Optional[str] = None
 ) -> tuple[Union[Numbers, tuple[Float32, Float32, Float32]], Optional[Any]]:
-    """Positions as the native half takes them, and their unit: `units`, or what they carry.
+    """Positions for the native module, and their unit: `units`, or the unit of the array.
 
-    Three columns stay three columns where each lies as float32; otherwise there is one array (n, 3).
+    Three float32 columns stay three columns; otherwise the result is one array (n, 3).
     """
     columns = _is_columns(given)
     unit = units if units is not None else _units.carried(given[0] if columns else given)
     if columns:
         x, y, z = (plain(c, "positions", unit) for c in given)
         if not x.shape == y.shape == z.shape:
-            raise InputError("x, y and z must have one length")
+            raise InputError("x, y and z must have the same length")
         if all(_lies_well(c) for c in (x, y, z)):
             return (x, y, z), unit
         return np.stack((x, y, z), axis=1), unit
     array = plain(given, "positions", unit)
     if array.ndim != 2 or array.shape[1] != 3:
-        raise InputError(f"positions must have the shape (n, 3), or be three columns; they have {array.shape}")
+        raise InputError(f"positions must have shape (n, 3) or be three columns, not {array.shape}")
     if _lies_well(array.T) and not array.flags.c_contiguous:
         return (array[:, 0], array[:, 1], array[:, 2]), unit
-    # Numbers of any kind and order are read where they lie, along strides that go forwards.
+    # The native module reads any number type and byte order in place, but only positive strides.
     if array.dtype.kind == "b" or array.dtype.itemsize > 8 or min(array.strides) < 0 or not array.flags.aligned:
         array = np.require(array, np.float64, ["C", "A"])
     return array, unit
@@ -95,7 +95,7 @@ def column(given: Any, what: str, unit: Optional[Any] = None) -> Float32:
     """A float32 column."""
     array = plain(given, what, unit)
     if array.ndim != 1:
-        raise InputError(f"{what} must have the shape (n,); they have {array.shape}")
+        raise InputError(f"{what} must have shape (n,), not {array.shape}")
     with np.errstate(over="ignore"):
         return np.require(array, np.float32, ["C", "A"])
 
@@ -106,7 +106,7 @@ def points(given: Any, unit: Optional[str] = None) -> Float64:
     if array.ndim == 1 and array.shape == (3,):
         array = array[None, :]
     if array.ndim != 2 or array.shape[1] != 3:
-        raise InputError(f"points must have the shape (n, 3); they have {array.shape}")
+        raise InputError(f"points must have shape (n, 3), not {array.shape}")
     return np.require(array, np.float64, ["C", "A"])
 
 
@@ -115,7 +115,7 @@ def size_of(given: Any) -> tuple[int, int]:
     try:
         width, height = (operator.index(n) for n in given)
     except (TypeError, ValueError) as error:
-        raise InputError("size takes width and height, whole numbers of pixels") from error
+        raise InputError("size must be (width, height), whole numbers of pixels") from error
     return width, height
 
 
@@ -129,15 +129,15 @@ def _floats(given: Any, unit: Optional[Any], what: str) -> Float64:
 
 
 def lengths(given: Any, unit: Optional[str], what: str) -> list[float]:
-    """Three numbers, or one for all, in a unit."""
+    """Three numbers in a unit; one number stands for all three."""
     numbers = _floats(given, unit, what)
     if numbers.shape not in ((), (3,)):
-        raise InputError(f"{what} must be a number, or three")
+        raise InputError(f"{what} must be one or three numbers")
     return [float(v) for v in np.broadcast_to(numbers, (3,))]
 
 
 def _lattice(lengths: Float64, angles: Float64) -> Float64:
-    """Cell vectors of edges and angles (degrees): crystallographers' convention, a along x, b in the plane of x, y."""
+    """Cell vectors from lengths and angles (degrees), by the usual convention: a along x, b in the xy plane."""
     alpha, beta, gamma = np.radians(angles)
     a, b, c = lengths
     cx = c * np.cos(beta)
@@ -146,13 +146,13 @@ def _lattice(lengths: Float64, angles: Float64) -> Float64:
     if not rest > 0:
         raise InputError("a box with these angles has no volume")
     vectors = np.array([[a, 0, 0], [b * np.cos(gamma), b * np.sin(gamma), 0], [cx, cy, np.sqrt(rest)]])
-    # Right angles make zeros, not what is left of the cosine of 90 degrees.
+    # Removes the rounding errors of right angles.
     vectors[np.abs(vectors) < 1e-12 * np.max(lengths)] = 0.0
     return vectors
 
 
 def vectors_of(box: Any, unit: Optional[Any] = None) -> Float64:
-    """Cell vectors, (3, 3), in a unit: of one length, of three, of three with three angles, or as they are."""
+    """Cell vectors, (3, 3), in a unit, from one length, three lengths, three lengths and three angles, or vectors."""
     numbers = _floats(box, unit, "the box")
     if numbers.ndim == 0:
         return np.diag([float(numbers)] * 3)
@@ -167,18 +167,18 @@ def vectors_of(box: Any, unit: Optional[Any] = None) -> Float64:
 
 
 def is_right(vectors: Float64) -> bool:
-    """Do the cell vectors lie along x, y and z?"""
+    """Whether the cell vectors are along x, y and z."""
     return bool(np.all(vectors == np.diag(np.diag(vectors))))
 
 
 def cell(box: Any, pbc: Any, origin: Any, unit: Optional[Any] = None) -> Optional[Cell]:
-    """The cell as the native half takes it; None without a box."""
+    """The cell for the native module; None without a box."""
     if box is None:
         if origin is not None:
-            raise InputError("origin is the box's lowest corner: give box, too")
+            raise InputError("origin needs box: it is the lowest corner of the box")
         return None
     vectors = vectors_of(box, unit)
-    # Nothing repeats along vectors of zero, as of a slab.
+    # Vectors of length 0, as of a slab, are not periodic.
     stated = vectors[np.any(vectors != 0, axis=1)]
     if not np.all(np.isfinite(vectors)) or not len(stated) or np.linalg.matrix_rank(stated) < len(stated):
         raise InputError("the box must be finite and have a volume")
@@ -187,7 +187,7 @@ def cell(box: Any, pbc: Any, origin: Any, unit: Optional[Any] = None) -> Optiona
     periodic = [bool(pbc)] * 3 if np.ndim(pbc) == 0 else [bool(p) for p in pbc]
     corner = [0.0] * 3 if origin is None else lengths(origin, unit, "origin")
     if len(periodic) != 3 or len(corner) != 3:
-        raise InputError("pbc takes one or three truth values, origin three numbers")
+        raise InputError("pbc must be one or three booleans, and origin three numbers")
     return (corner, vectors.tolist(), periodic)
 
 
@@ -204,7 +204,7 @@ def bytes_of(size: Union[int, str, None]) -> Optional[int]:
     try:
         return int(float(number) * units[text[len(number) :].strip().lower()])
     except (KeyError, OverflowError, ValueError) as error:
-        raise InputError(f'size "{size}" is not a number with B, kB, MB, GB, KiB, MiB or GiB') from error
+        raise InputError(f'"{size}" is not a size: give bytes, or a number with kB, MB, GB, KiB, MiB or GiB') from error
 
 
 def share(value: Union[float, str]) -> float:
@@ -214,4 +214,4 @@ def share(value: Union[float, str]) -> float:
             return float(f"{value.strip()[:-1].strip()}e-2")
         return float(value)
     except ValueError as error:
-        raise InputError(f'"{value}" is no share: give 0.01 or "1%"') from error
+        raise InputError(f'"{value}" is not a share: give 0.01 or "1%"') from error

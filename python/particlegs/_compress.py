@@ -42,27 +42,27 @@ def compress(
     threads: Optional[int] = None,
     progress: Progress = None,
 ) -> Model:
-    """Makes a model of particles: the same file, to the byte, as the command makes by the same options.
+    """Compresses particles to a model. The command makes the same file, byte for byte, from the same options.
 
     Parameters
     ----------
     snapshot : Snapshot or array_like, shape (n, 3)
         The particles.
     ratio : float, optional
-        Raw bytes (12 a particle, 16 with weights) over the file's. One target at most; by default 300, or as low as 100
-        where the file has less than 250 kB, and lower for fewer than some 85 000 particles.
+        Raw bytes of the particles (12 each, 16 with weights) / bytes of the file. Give at most one target. The default
+        is 300; for files below 250 kB it drops to 100, and further below about 85 000 particles.
     size : int or str, optional
-        Bytes of the file, such as ``"11MB"``.
+        Size of the file, such as ``"11MB"``.
     gaussians : int, optional
         Number of Gaussians.
     psnr : float, optional
-        Masked PSNR to reach, dB; like the next three it is searched for by up to eight fits.
+        Masked PSNR to reach, dB. This and the next three targets take up to eight fits.
     max_pk_error, k_max : float or str, float
-        Largest error of P(k), such as ``"1%"``, up to a wave number.
+        Largest error of P(k), such as ``"1%"``, up to the wave number `k_max`.
     min_correlation, cell : float, float
-        Correlation of densities in cells of this edge.
+        Correlation of the densities in cells with edge `cell`.
     groups_within, from_size : float or str, int
-        Numbers of groups within this share, from this size on.
+        Largest error of the number of groups, for groups of at least `from_size` particles.
     effort : {"default", "fast"}
         Time spent on the fit.
     radius, opacity : float, optional
@@ -72,21 +72,21 @@ def compress(
     law : {"optical-depth", "alpha-blend"}, optional
         The image law to train for.
     certificate : {"none", "quick", "full"}
-        How much of the decoded model is measured and stored.
+        How much to measure of the decoded model; the results are stored in the file.
     memory : int or str, optional
-        Memory to stay within, such as ``"2GiB"``; larger snapshots are fitted block by block.
+        Memory limit, such as ``"2GiB"``; larger snapshots are fitted block by block.
     blocks : int, optional
         Number of blocks.
     scratch : path, optional
         Folder for the scratch files of `memory`.
     box : optional
-        As for `Snapshot`; for positions alone.
+        As for `Snapshot`; only if `snapshot` is an array of positions.
     seed : int
-        The same input, options and seed give the same bytes, whatever the threads.
+        The same input, options and seed give the same bytes for any number of threads.
     threads : int, optional
-        Threads; all that the process may use by default.
+        Number of threads; all that the process may use by default.
     progress : bool or callable, optional
-        True for a bar or text, or a function of (phase, done, total). An exception that it raises stops the work.
+        True for a progress bar, or a function of (phase, done, total). If it raises an exception, the work stops.
 
     Returns
     -------
@@ -95,17 +95,17 @@ def compress(
     Raises
     ------
     UnreachableError
-        For a target that cannot be reached.
+        If the target cannot be reached.
     MemoryError
-        Before anything is taken that there is not.
+        If there is too little memory; checked before it is allocated.
     KeyboardInterrupt
-        By Ctrl-C, within half a second; nothing is left.
+        On Ctrl-C, within half a second; no files are left behind.
 
     Warns
     -----
     UserWarning
-        Of what the command notes of the snapshot and of the file: no periodic box, particles outside it, and a file
-        that is smaller than was asked for.
+        For the command's notes, such as a missing periodic box, particles outside the box, or a file smaller than
+        requested.
     """
     goals: list[tuple[str, Union[float, str, None], str, Optional[float]]] = [
         ("max_pk_error", max_pk_error, "k_max", k_max),
@@ -115,7 +115,7 @@ def compress(
     goal = None
     for name, asked, beside, at in goals:
         if (asked is None) != (at is None):
-            raise InputError(f"{name} and {beside} go together")
+            raise InputError(f"{name} and {beside} must be given together")
         if asked is not None and at is not None:
             if goal is not None:
                 raise InputError(f"only one target can be met: {goal[0]} or {name}")
@@ -137,7 +137,7 @@ def compress(
         "seed": seed,
     }
     if box is not None and isinstance(snapshot, Snapshot):
-        raise InputError("the box is the snapshot's: give it to Snapshot or open")
+        raise InputError("a Snapshot has its own box: give box= to Snapshot or open instead")
     particles = as_snapshot(snapshot, box=box)
     folder = os.fspath(scratch) if scratch is not None else (tempfile.gettempdir() if memory is not None else None)
     native = _particlegs.compress(particles._native, options, folder, threads, _coerce.progress(progress))

@@ -18,11 +18,11 @@ class Gaussians:
     covariances : numpy.ndarray, float64, shape (n, 3, 3)
         World units squared.
     counts : numpy.ndarray, float64, shape (n,)
-        Particles that each stands for; whole numbers.
+        Number of particles of each Gaussian; whole numbers.
     masses : numpy.ndarray, float64, shape (n,), or None
-        Mass of each, in the model's unit; None where masses are not known.
+        Mass of each, in the model's unit; None if masses are unknown.
     opacities, grey_levels : numpy.ndarray, float64, shape (n,), or None
-        Of alpha-blend models alone.
+        Only for alpha-blend models.
     layers : dict of str to slice
         The Gaussians of each layer.
     """
@@ -47,22 +47,22 @@ class Gaussians:
 
     @property
     def counts(self) -> Float64:
-        """Particles that each stands for, (n,)."""
+        """Number of particles of each Gaussian, (n,)."""
         return self._native.counts
 
     @property
     def masses(self) -> Optional[Float64]:
-        """Masses, (n,), or None where they are not known."""
+        """Masses, (n,), or None if they are unknown."""
         return self._native.masses
 
     @property
     def opacities(self) -> Optional[Float64]:
-        """Opacities of an alpha-blend model, (n,); None of others."""
+        """Opacities of an alpha-blend model, (n,); None for others."""
         return self._native.opacities
 
     @property
     def grey_levels(self) -> Optional[Float64]:
-        """Grey levels of an alpha-blend model, (n,); None of others."""
+        """Grey levels of an alpha-blend model, (n,); None for others."""
         return self._native.grey_levels
 
     @property

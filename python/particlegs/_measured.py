@@ -1,4 +1,4 @@
-"""What statistics give: one class a measure, of arrays."""
+"""Results of statistics, one class per measure."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ class Power:
     k : numpy.ndarray, float64, shape (n,)
         Wave numbers, 1 over the unit of length.
     modes : numpy.ndarray, shape (n,)
-        Modes in each shell.
+        Number of modes in each shell.
     truth, other : numpy.ndarray, float64, shape (n,)
         Power, unit of length cubed.
     ratio : numpy.ndarray, float64, shape (n,)
-        That of the other over the truth's.
+        `other` / `truth`.
     r : numpy.ndarray, float64, shape (n,)
         Correlation of the phases, at most 1.
     shot_noise : tuple of float
-        What was subtracted: of the truth, of the other.
+        The shot noise subtracted from `truth` and `other`.
     """
 
     k: Float64
@@ -48,7 +48,7 @@ class Correlation:
     edges : numpy.ndarray, float64, shape (n + 1,)
         Edges of the bins, unit of length.
     truth, other, ratio : numpy.ndarray, float64, shape (n,)
-        xi(r) of both, and that of the other over the truth's.
+        xi(r) of both, and `other` / `truth`.
     """
 
     r: Float64
@@ -77,14 +77,14 @@ class RadialDistribution:
 
 @dataclass(frozen=True)
 class Groups:
-    """Friends-of-friends groups by classes of size.
+    """Friends-of-friends groups in bins of size.
 
     Attributes
     ----------
     size : numpy.ndarray, shape (n,)
-        The least particles of a class.
+        Smallest number of particles of each bin.
     truth, other, ratio : numpy.ndarray, float64, shape (n,)
-        Groups of both, and the other's over the truth's.
+        Numbers of groups of both, and `other` / `truth`.
     """
 
     size: Numbers
@@ -100,19 +100,19 @@ class Likelihood:
     Attributes
     ----------
     bits : float
-        Bits a particle over a uniform density; 0 is no better.
+        Bits per particle gained over a uniform density.
     error : float
         Standard error of `bits`.
     sampled : int
-        Particles scored.
+        Number of particles scored.
     missed : float
-        Share of them where the model's density is below a thousandth of the uniform one.
+        Share of particles where the model's density is below a thousandth of the uniform one.
     volume : float
         Volume of the box, unit of length cubed.
     gaussians : int
-        Gaussians of the model.
+        Number of Gaussians in the model.
     needles : float
-        Share of them whose longest axis is more than five times the middle one.
+        Share of Gaussians whose longest axis is more than five times the middle one.
     """
 
     bits: float
@@ -125,7 +125,7 @@ class Likelihood:
 
 
 class Panel(NamedTuple):
-    """Two curves and their ratio, to be drawn."""
+    """A plot of two curves and their ratio."""
 
     x: Numbers
     truth: Float64

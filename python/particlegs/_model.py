@@ -1,4 +1,4 @@
-"""Models: files of Gaussians, and what is made of them."""
+"""Models: files of Gaussians, and their pictures and densities."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ if TYPE_CHECKING:
 
 
 class Model:
-    """A mixture of Gaussians that stands for a snapshot; `read` and `compress` make one. Never changed."""
+    """A mixture of Gaussians that represents a snapshot, made by `read` or `compress`. Immutable."""
 
     _native: _particlegs.Model
     _said: dict[str, Any]
 
     def __init__(self) -> None:
-        raise TypeError("particlegs.read or particlegs.compress make a model")
+        raise TypeError("use particlegs.read or particlegs.compress to make a model")
 
     @classmethod
     def _of(cls, native: _particlegs.Model) -> Model:
@@ -53,31 +53,31 @@ class Model:
         model._said = json.loads(native.told)
         return model
 
-    # What it is.
+    # Properties.
 
     @property
     def name(self) -> str:
-        """The file's name, or that of the snapshot."""
+        """The name of the file or of the snapshot."""
         return self._native.name
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the file."""
+        """Size of the file in bytes."""
         return self._native.nbytes
 
     @property
     def ratio(self) -> float:
-        """Bytes of the particles as float32 over the file's."""
+        """Bytes of the particles as float32 / bytes of the file."""
         return float(self._said["raw_bytes"] / self.nbytes)
 
     @property
     def count(self) -> int:
-        """Particles that it stands for."""
+        """Number of particles in the snapshot."""
         return int(self.metadata["count"])
 
     @property
     def mass(self) -> Optional[float]:
-        """Mass of all particles in the unit of mass, or None where it is not known."""
+        """Mass of all particles in the unit of mass, or None if unknown."""
         mass: Optional[float] = self._said["mass"]
         return mass
 
@@ -88,7 +88,7 @@ class Model:
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """What the file says of the snapshot and of its making."""
+        """The file's metadata about the snapshot and the compression."""
         metadata: dict[str, Any] = self._said["metadata"]
         return metadata
 
@@ -99,13 +99,13 @@ class Model:
 
     @property
     def box(self) -> Optional[Float64]:
-        """Cell vectors by rows, (3, 3), or None."""
+        """Cell vectors as rows, (3, 3), or None."""
         cell = self.metadata["cell"]
         return None if cell is None else np.array(cell["vectors"])
 
     @property
     def periodic(self) -> tuple[bool, bool, bool]:
-        """Along which cell vectors the box repeats."""
+        """Along which cell vectors the box is periodic."""
         cell = self.metadata["cell"]
         a, b, c = (False, False, False) if cell is None else cell["periodic"]
         return bool(a), bool(b), bool(c)
@@ -144,33 +144,33 @@ class Model:
 
     @property
     def certificate(self) -> Union[dict[str, Any], Any]:
-        """What was measured of the decoded file when it was made, as a dict; None where nothing was."""
+        """The measurements made on the decoded file at compression, as a dict; None without a certificate."""
         certificate: Optional[dict[str, Any]] = self._said["certificate"]
         return certificate
 
     @property
     def findings(self) -> list[dict[str, str]]:
-        """What the certificate says: dicts of ``use``, ``word`` and ``why``.
+        """The verdict of the certificate by use: dicts of ``use``, ``word`` and ``why``.
 
-        The word is ``holds``, ``roughly``, ``does not`` or ``not measured``.
+        `word` is ``holds``, ``roughly``, ``does not`` or ``not measured``.
         """
         return [dict(finding) for finding in self._said["verdict"]]
 
     @property
     def verdict(self) -> str:
-        """What the model is good for, in words: a line a use."""
+        """What the model is good for, in words, with a line per use."""
         lines = (f"{f['use'].replace('_', ' ')}: {f['word']} ({f['why']})" for f in self.findings)
         return "\n".join(lines)
 
     # Files.
 
     def save(self, path: Path, *, overwrite: bool = False) -> None:
-        """Writes the model file, whole or not at all.
+        """Writes the model file, completely or not at all.
 
         Raises
         ------
         FileExistsError
-            Where something is, unless `overwrite`.
+            If the path exists, unless `overwrite`.
         """
         self._native.save(os.fspath(path), overwrite)
 
@@ -230,43 +230,43 @@ class Model:
         layers: Optional[Names] = None,
         threads: Optional[int] = None,
     ) -> Numbers:
-        """A picture of the particles.
+        """Renders a picture of the particles.
 
         Parameters
         ----------
         azimuth, elevation : float
-            Degrees; 0, 0 stands on +z and looks along -z, azimuth turns towards +x.
+            Degrees; at 0, 0 the camera is on +z and looks along -z; a positive azimuth turns it towards +x.
         distance : float
-            Multiple of the distance from which all is seen.
+            In multiples of the distance that shows the whole box.
         style : {"paraview", "paraview-no-fxaa", "expected", "density"}
-            As ParaView draws the particles; without antialiasing; `1 - exp(-tau)` of the optical depth; surface
+            ParaView's picture; the same without antialiasing; `1 - exp(-tau)` for the optical depth tau; surface
             density.
         size : (int, int)
             Width and height in pixels.
         radius, opacity : float, optional
-            Of a particle: standard deviation in world units, and peak; the model's by default.
+            Standard deviation of a particle in world units, and its peak opacity; the model's by default.
         center : array_like, shape (3,), optional
             The point looked at; the middle of the bounds by default.
         width, depth : float, optional
-            An orthographic picture of this width, and of particles within this depth about the centre, world units.
+            Draw an orthographic picture of this width, of the particles within this depth about the centre.
         camera : Camera, optional
-            A whole camera, in place of angles and window.
+            A camera, instead of angles and window.
         layers : sequence of str, optional
             Layers to draw; all by default.
         threads : int, optional
-            Threads; the picture does not depend on them.
+            Number of threads; the picture does not depend on it.
 
         Returns
         -------
         numpy.ndarray, shape (height, width)
-            uint8, the same as the command's; float32 in [0, 1] of ``"expected"``; a `Map` of ``"density"``.
+            uint8, the same as the command's; float32 in [0, 1] for ``"expected"``; a `Map` for ``"density"``.
         """
         unit, names, pixels = self.length_unit, _coerce.names(layers), _coerce.size_of(size)
         looking = native_camera(camera, (azimuth, elevation, distance), center, width, depth, unit)
         if style == "density":
             if radius is not None or opacity is not None:
                 what = "radius" if radius is not None else "opacity"
-                raise InputError(f"{what} does nothing here: a surface density has no particle radius or opacity")
+                raise InputError(f'{what} does nothing with style="density": leave it out')
             return self._map(self._native.density(pixels, looking, names, threads), None, None, names)
         radius = None if radius is None else _units.number_in(radius, unit, "radius")
         return self._native.render(style, pixels, looking, radius, opacity, names, threads)
@@ -293,30 +293,29 @@ class Model:
         layers: Optional[Names] = None,
         threads: Optional[int] = None,
     ) -> Map:
-        """Surface density: mass, or particles, an area along an axis, averaged over each pixel.
+        """Surface density along an axis (mass or number of particles per area), averaged over each pixel.
 
         Parameters
         ----------
         center : array_like, shape (3,), optional
-            Middle of the map; that of the box, or of the bounds, by default.
+            Centre of the map; by default the centre of the box or of the bounds.
         width : float, optional
-            World units across; by default the whole box, or all there is, whatever its shape and the map's: all of the
-            mass, once.
+            Width in world units; by default the map shows the whole box, or all particles, once.
         depth : float, optional
-            World units along the axis; everything, once, by default.
+            Depth along the axis in world units; everything by default.
         axis : {"x", "y", "z"}
-            The axis looked along. A map along z has x across and y up; along y, x and z; along x, y and z.
+            Direction of view. The horizontal and vertical axes are x, y for z; x, z for y; and y, z for x.
         shape : (int, int)
             Rows and columns. Pixels are square.
         layers : sequence of str, optional
-            Layers that count; all by default.
+            Layers to include; all by default.
         threads : int, optional
-            Threads; the map does not depend on them.
+            Number of threads; the map does not depend on it.
 
         Returns
         -------
         Map
-            float64, with `extent` and `unit`; a window onto a part of a periodic box is continued by its copies.
+            float64, with `extent` and `unit`. Windows on a part of a periodic box include its periodic images.
         """
         window = Window.of(self, center, width, depth, axis, shape)
         names = _coerce.names(layers)
@@ -326,22 +325,22 @@ class Model:
     # Numbers.
 
     def density_grid(self, cells: int = 128, *, layers: Optional[Names] = None, threads: Optional[int] = None) -> Grid:
-        """Density averaged over the cells of a grid: the mixture integrated over each, no shot noise.
+        """Density averaged over the cells of a grid: the integral of the mixture over each cell, without shot noise.
 
         Parameters
         ----------
         cells : int
-            Cells along the longest edge of the box (or of the bounds where nothing repeats).
+            Cells along the longest edge of the box (or of the bounds if nothing is periodic).
         layers : sequence of str, optional
-            Layers that count; all by default.
+            Layers to include; all by default.
         threads : int, optional
-            Threads; the densities do not depend on them.
+            Number of threads; the densities do not depend on it.
 
         Returns
         -------
         Grid
-            float64, shape (nx, ny, nz), mass (or particles) a volume. Sum times the volume of a cell, and what lies
-            beyond open edges (`Grid.outside`), is the mass to one in a million.
+            float64, shape (nx, ny, nz), mass (or number of particles) per volume. Its sum times the volume of a cell,
+            plus the mass beyond open edges (`Grid.outside`), is the total mass to one in a million.
         """
         names = _coerce.names(layers)
         values, origin, spacing, outside = self._native.density_grid(cells, names, threads)
@@ -357,21 +356,21 @@ class Model:
         )
 
     def at(self, points: ArrayLike, *, layers: Optional[Names] = None, threads: Optional[int] = None) -> Float64:
-        """Density at points: the sum of the Gaussians there, with their images in a periodic box.
+        """Density at points: the sum of the Gaussians, including periodic images.
 
         Parameters
         ----------
         points : array_like, shape (n, 3)
-            World units, or in a unit that they carry.
+            In world units or with a unit of their own.
         layers : sequence of str, optional
-            Layers that count; all by default.
+            Layers to include; all by default.
         threads : int, optional
-            Threads; the densities do not depend on them.
+            Number of threads; the densities do not depend on it.
 
         Returns
         -------
         numpy.ndarray, float64, shape (n,)
-            Mass (or particles) a volume, in the unit of `density_grid`.
+            Mass (or number of particles) per volume, in the unit of `density_grid`.
         """
         names = _coerce.names(layers)
         return self._native.at(_coerce.points(points, self.length_unit), names, threads)
@@ -387,35 +386,35 @@ class Model:
         threads: Optional[int] = None,
         progress: Progress = None,
     ) -> Snapshot:
-        """Draws synthetic particles: as many as the model stands for, or `n`.
+        """Draws synthetic particles: as many as in the snapshot, or `n`.
 
         Parameters
         ----------
         n : int, optional
             Number of particles.
         method : {"count", "volume", "ellipsoid", "grid", "stratified", "spaced"}
-            How they are drawn; see docs/results/recovery.md.
+            How to draw them; see docs/results/recovery.md.
         scale : float
             Factor on the widths of the Gaussians.
         seed : int
-            The same seed gives the same particles: those that the command's `recover` writes.
+            The same seed gives the same particles, also in the command's `recover`.
         layers : sequence of str, optional
-            Layers to draw particles of; all by default.
+            Layers to draw particles from; all by default.
         threads : int, optional
-            Threads; the particles do not depend on them.
+            Number of threads; the particles do not depend on it.
         progress : bool or callable, optional
-            True for a bar (tqdm's where it is there), or a function of (phase, done, total).
+            True for a progress bar, or a function of (phase, done, total).
 
         Returns
         -------
         Snapshot
-            Marked `synthetic`; its `notes` say what it is good for.
+            `synthetic` is True; `notes` say what the particles are good for.
         """
         names = _coerce.names(layers)
         native = self._native.recover(n, method, scale, seed, names, threads, _coerce.progress(progress))
         return Snapshot._of(native)
 
-    # What the command's verbs do.
+    # The command's subcommands.
 
     def simplify(
         self,
@@ -426,18 +425,18 @@ class Model:
         threads: Optional[int] = None,
         progress: Progress = None,
     ) -> Model:
-        """A smaller model of the same, without the particles: as the command's ``simplify``.
+        """A smaller model made from this one, as by the command's ``simplify``.
 
         Parameters
         ----------
         ratio, size, gaussians : float, int or str, int
-            One of them, as for `compress`.
+            One target, as for `compress`.
         """
         given = (ratio, _coerce.bytes_of(size), gaussians)
         return Model._of(_particlegs.simplify(self._native, *given, threads, _coerce.progress(progress)))
 
     def merge(self, *others: Model, threads: Optional[int] = None, progress: Progress = None) -> Model:
-        """One model of this one and others, such as of parts of a box: their coded blocks are copied, exactly."""
+        """Merges this model with others, such as parts of a box. Their coded blocks are copied unchanged."""
         parts = [self._native, *(other._native for other in others)]
         return Model._of(_particlegs.merge(parts, threads, _coerce.progress(progress)))
 
@@ -451,23 +450,23 @@ class Model:
         threads: Optional[int] = None,
         progress: Progress = None,
     ) -> dict[str, Any]:
-        """Scores of the model's pictures against those of all particles: as the command's ``eval``.
+        """Compares the model's pictures with those of all particles, as the command's ``eval``.
 
         Parameters
         ----------
         snapshot : Snapshot or array_like, shape (n, 3)
             The particles.
         frames : int
-            Views an orbit, of three.
+            Number of views on each of three orbits.
         size : (int, int)
             Width and height of the pictures in pixels.
         seed : int
-            Of the views, their radii and opacities.
+            Seed for the views and their radii and opacities.
 
         Returns
         -------
         dict
-            ``views``, ``by_orbit`` and ``mean``: PSNR, masked PSNR (dB) and SSIM, beside those of trivial pictures.
+            ``views``, ``by_orbit`` and ``mean``: PSNR, masked PSNR (dB) and SSIM, also those of trivial pictures.
         """
         native = as_snapshot(snapshot)._native
         pixels = _coerce.size_of(size)
@@ -483,24 +482,24 @@ class Model:
         threads: Optional[int] = None,
         progress: Progress = None,
     ) -> dict[str, Any]:
-        """Measures the certificate again on the particles that the model was made of: as the command's ``verify``.
+        """Measures the certificate again on the original particles, as the command's ``verify``.
 
         Parameters
         ----------
         snapshot : Snapshot or array_like, shape (n, 3)
             The particles.
         full : bool
-            Measure what a full certificate has, whatever the file's is.
+            Measure a full certificate even if the file has a smaller one.
 
         Returns
         -------
         dict
-            ``measured``, a certificate; ``differing``, the file's figures that are not what was measured, a line each.
+            ``measured``, a certificate; ``differing``, a line for each number of the file that differs from it.
 
         Raises
         ------
         InputError
-            For other particles than those that the model was made of.
+            If these are not the particles that the model was made from.
         """
         native = as_snapshot(snapshot)._native
         told = _particlegs.verify(self._native, native, full, threads, _coerce.progress(progress))
@@ -520,25 +519,25 @@ class Model:
         threads: Optional[int] = None,
         progress: Progress = None,
     ) -> int:
-        """Writes the model for other programs: as the command's ``export``.
+        """Exports the model for other programs, as the command's ``export``.
 
         Parameters
         ----------
         path : path
-            Its ending says what is written: splats (``.ply``, ``.glb``), the density in cells (``.npy``, ``.vti``,
-            ``.fits``), Gaussians (``.npz``, ``.csv``), or a page (``.html``).
+            The ending chooses the content: splats (``.ply``, ``.glb``), a density grid (``.npy``, ``.vti``, ``.fits``),
+            Gaussians (``.npz``, ``.csv``), or a web page (``.html``).
         kind : str, optional
-            The ending, where the name's says something else.
+            The kind of content, if the ending does not tell it.
         layers : sequence of str, optional
             Layers to write; all by default.
         cells : int, optional
             Cells along the longest edge, 128 by default.
         radius, opacity : float, optional
-            Of the particles that splats show; the model's by default.
+            Particle radius and opacity for splats; the model's by default.
         color : {"grey", "layer", "density"}
-            Of splats.
+            Colour of splats.
         overwrite : bool
-            Replace what is there.
+            Replace an existing file.
 
         Returns
         -------
@@ -556,45 +555,45 @@ class Model:
         }
         return _particlegs.export(self._native, os.fspath(path), asked, threads, _coerce.progress(progress))
 
-    # What a notebook shows.
+    # Notebooks.
 
     def to_html(self, **opening: Any) -> str:
-        """A page that shows the model in any browser, offline: the whole file is inside.
+        """A web page that shows the model offline; it contains the whole file.
 
         Parameters
         ----------
         **opening
-            How the page opens; those of `view`.
+            First view of the page: keywords of `view`.
         """
         return self._native.to_html(opening_of(opening))
 
     def view(self, height: int = 600, **opening: Any) -> View:
-        """The interactive viewer in a notebook; it works offline, and in a saved page.
+        """The interactive viewer for a notebook. It works offline and in saved notebooks.
 
         Parameters
         ----------
         height : int
-            Pixels.
+            Height in pixels.
         style : {"density", "paraview", "expected"}
-            What is drawn first: the surface density by default, of an alpha-blend model "paraview".
+            Style of the first picture: "density" by default, "paraview" for an alpha-blend model.
         colormap : str
             Colour map of densities.
         range : tuple of float
             Surface densities of the first and the last colour.
         background : {"black", "white"}
         layers : sequence of str
-            Layers that are drawn first.
+            Layers to show first; all by default.
         color_by_layer : bool
-            Tell layers apart by colour.
+            Give each layer its own colour.
         radius, opacity : float
-            Of particles, in styles other than "density".
+            Particle radius and opacity, in styles other than "density".
         camera : Camera
-            Where it is looked from.
+            The first camera.
 
         Returns
         -------
         View
-            What the notebook shows; `View.save` writes the page.
+            Shown by the notebook; `View.save` writes the page.
         """
         return View(self.to_html(**opening), int(height))
 
@@ -606,7 +605,7 @@ class Model:
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, str]:
         png, colors = self._native.poster((480, 270))
-        picture = "of the style paraview"
+        picture = "style paraview"
         if colors is not None:
             picture = f"surface density, {colors[0]:.2g} to {colors[1]:.2g} {self._native.density_unit(2, None)}"
         return {"text/plain": repr(self), "text/html": summary(self, png, picture)}
@@ -620,11 +619,11 @@ def read(
     Parameters
     ----------
     source : path or bytes
-        The file, or its bytes.
+        The file or its bytes.
     name : str, optional
-        What to call a model of bytes.
+        Name of a model read from bytes.
     threads : int, optional
-        Threads; all that the process may use by default.
+        Number of threads; all that the process may use by default.
 
     Returns
     -------
@@ -633,9 +632,9 @@ def read(
     Raises
     ------
     FileNotFoundError
-        For a file that is not there.
+        If the file does not exist.
     ModelError
-        For a file that is corrupt, or of a newer version.
+        If the file is corrupt or of a newer version.
     """
     if isinstance(source, (bytes, bytearray, memoryview)):
         return Model._of(_particlegs.Model(bytes(source), name or "model", threads))

@@ -42,68 +42,68 @@ def open(  # noqa: A001
     progress: Progress = None,
     weights: Optional[str] = "auto",
 ) -> Snapshot:
-    """Opens a snapshot of any format that the command reads.
+    """Opens a snapshot in any format that the command reads.
 
     Parameters
     ----------
     paths : path or several
-        The snapshot's first file, its folder, or raw columns x, y, z (and weights).
+        The snapshot's first file, its folder, or files of raw columns x, y, z (and weights).
     species : str, int or several, optional
-        Particle types by name, number or alias (``"dm"``, ``1``); all by default, each a layer.
+        Particle types by name, number or alias (``"dm"``, ``1``); all by default. Each becomes a layer.
     format : str, optional
-        Name of the format where the content does not tell; `formats` lists them.
+        Name of the format, if the content does not show it; `formats` lists them.
     positions, mass_field : str, optional
-        Fields of positions and of masses, or of what adds up as they do; ``mass_field=None`` counts particles alike,
-        ``"auto"`` takes the masses of a species whose masses differ. ``weights`` is its earlier name.
+        Fields of positions and of masses (or other additive weights). ``mass_field=None`` gives all particles the same
+        weight; ``"auto"`` reads the masses of a species if they differ. ``weights`` is the old name of `mass_field`.
     frame : int, optional
         Frame of a trajectory, from 0; the last by default.
     layers_by : {"species", "mass"}
-        What becomes a layer.
+        Make a layer for each species, or for each particle mass.
     box : float or three, optional
         Lengths of the periodic box; replaces those in the file.
     units, mass_units : str, optional
-        Units of length and mass, such as ``"kpc/h"``: of a file that states none they are its own; those that a file
-        states are converted to them.
+        Units of length and mass, such as ``"kpc/h"``. If the file states its units, values are converted; otherwise
+        these are the file's units.
     skip_invalid : bool
         Leave out particles with NaN or infinite values instead of refusing the file.
     strict : bool
-        Refuse files whose headers count other particles than there are, instead of saying so.
+        Refuse files whose header gives a wrong number of particles, instead of warning.
     unwrapped : {"wrap", "keep"}
-        Unwrapped positions of a trajectory (``xu yu zu``): wrapped into the box, or kept without one.
+        Unwrapped positions of a trajectory (``xu yu zu``): wrap them into the box, or keep them and drop the box.
     blocks : several str, optional
-        Names of the blocks of a Gadget file of format 1 behind its header, in order: ``["POS", "VEL", "ID"]``;
-        told by their lengths and values by default.
+        Names of the blocks of a Gadget file of format 1 after its header, in order: ``["POS", "VEL", "ID"]``;
+        guessed from their lengths and values by default.
     region : six floats, optional
         Keep ``x0 <= x < x1, y0 <= y < y1, z0 <= z < z1``, given as ``(x0, x1, y0, y1, z0, z1)``.
     center, width : array_like, optional
-        Keep a window about a point, across the periodic boundary.
+        Keep a window about a point; it may cross the periodic boundary.
     every : int
-        Then keep the first of every so many.
+        Then keep every n-th particle.
     sample : int, optional
-        Then keep so many, drawn at random by `seed`; with `left_out` those that the draw leaves out.
+        Then keep this number of particles, chosen at random with `seed`; with `left_out`, keep the others.
     scratch : path, optional
-        Folder for columns that have to be converted, instead of memory.
+        Folder for converted columns, which are otherwise kept in memory.
     threads : int, optional
-        Threads; all that the process may use by default. Results do not depend on them.
+        Number of threads; all that the process may use by default. Results do not depend on it.
     progress : bool or callable, optional
-        True for a bar or text, or a function of (phase, done, total). An exception that it raises stops the work.
+        True for a progress bar, or a function of (phase, done, total). If it raises an exception, the work stops.
 
     Returns
     -------
     Snapshot
     """
     if (center is None) != (width is None):
-        raise InputError("a window takes center and width")
+        raise InputError("a window needs both center and width")
     if region is not None and center is not None:
-        raise InputError("give a region, or a window about a centre, not both")
+        raise InputError("give either region or center and width, not both")
     if weights != "auto":
         if mass_field != "auto":
-            raise InputError("weights= is the earlier name of mass_field=: give one of them")
+            raise InputError("weights= is the old name of mass_field=: give only one of them")
         mass_field = weights
     if layers_by not in ("species", "mass"):
-        raise InputError(f'layers_by="{layers_by}": there are species and mass')
+        raise InputError(f'layers_by must be "species" or "mass", not "{layers_by}"')
     if unwrapped not in ("wrap", "keep"):
-        raise InputError(f'unwrapped="{unwrapped}": there are wrap and keep')
+        raise InputError(f'unwrapped must be "wrap" or "keep", not "{unwrapped}"')
     asked = {
         "format": format,
         "species": _coerce.texts(species),

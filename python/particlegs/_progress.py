@@ -1,4 +1,4 @@
-"""Progress: a bar of tqdm's where it is installed, else plain text."""
+"""Progress: a tqdm bar if tqdm is installed, otherwise plain text."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, Callable, Optional
 
 
 def shown() -> Callable[[str, int, int], object]:
-    """What is told of progress by (phase, done, total), and shows it."""
+    """A function of (phase, done, total) that shows progress."""
     try:
         from tqdm.auto import tqdm
     except ImportError:
@@ -16,7 +16,7 @@ def shown() -> Callable[[str, int, int], object]:
 
 
 class Text:
-    """A line on standard error: on a terminal the phase that is on and its share, elsewhere a line a phase."""
+    """Text on standard error: the current phase and percentage on a terminal, otherwise a line per phase."""
 
     def __init__(self) -> None:
         self._last = ""
@@ -34,7 +34,7 @@ class Text:
 
 
 class Bar:
-    """A bar of tqdm's for the phase that is on, told of by (phase, done, total)."""
+    """A tqdm bar for the current phase."""
 
     def __init__(self, tqdm: Any) -> None:
         self._tqdm = tqdm
@@ -51,7 +51,7 @@ class Bar:
             self.close()
 
     def close(self) -> None:
-        """Takes the bar away."""
+        """Removes the bar."""
         if self._bar is not None:
             self._bar.close()
         self._bar = None

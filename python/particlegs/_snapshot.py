@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def _refuse_mixed(moment: dict[str, Any], box: Any) -> None:
-    """Refuses physical positions in a comoving box, and the other way round."""
+    """Refuses physical positions in a comoving box and vice versa."""
     other = _units.moment_of(box)
     if moment and other and moment["comoving"] != other["comoving"] and moment["scale_factor"] != 1.0:
         said = ["physical", "comoving"]
@@ -31,7 +31,7 @@ def _refuse_mixed(moment: dict[str, Any], box: Any) -> None:
 
 
 def _within_float32(masses: Any) -> tuple[Any, Optional[float]]:
-    """Masses as weights; those that float32 cannot hold, such as of haloes in grams, relative to their mean."""
+    """Masses as weights, relative to their mean if float32 cannot hold them (haloes in grams)."""
     numbers = _units.plain(masses, "masses")
     reach = np.finfo(np.float32)
     if numbers.size == 0 or (numbers.max() <= reach.max and numbers.min() >= reach.tiny):
@@ -41,41 +41,41 @@ def _within_float32(masses: Any) -> tuple[Any, Optional[float]]:
 
 
 class Snapshot:
-    """Particles: arrays, a file that was opened, or what was drawn from a model.
+    """Particles from arrays, from a file, or drawn from a model.
 
     Parameters
     ----------
     positions : array_like, shape (n, 3), or three arrays of shape (n,)
-        Positions in any real type, byte order and strides. float32 is used where it lies: (n, 3) contiguous, or three
-        contiguous columns; the memory must not change while the snapshot is in use. Values of more digits are kept
-        relative to an origin near the data where they lie far from 0. Arrays with units (astropy, unyt, yt,
-        swiftsimio, pynbody) bring their unit of length, and those of swiftsimio the moment.
+        Positions of any real type, byte order and strides. Contiguous float32, (n, 3) or three columns, is not copied
+        and must not change while the snapshot is in use. Values with more digits that are far from 0 are stored
+        relative to an origin near the data. Arrays with units (astropy, unyt, yt, swiftsimio, pynbody) set the unit
+        of length; those of swiftsimio also set `comoving` and `scale_factor`.
     weights : array_like, shape (n,), optional
-        Weights of the particles, above 0, relative to `masses` where that is one number.
+        Positive weights of the particles, relative to `masses` if that is one number.
     masses : float or array_like, shape (n,), optional
-        The mass of every particle, or of each.
+        One mass for all particles, or one for each.
     box : float, array_like of 3, 6 or (3, 3), optional
-        Simulation cell: its length, three lengths, three lengths and three angles (degrees), or cell vectors by rows.
-        A box (or an origin) of another unit than the positions' is converted to theirs.
+        Simulation cell: one length, three lengths, three lengths and three angles (degrees), or cell vectors as rows.
+        A box or an origin with another unit is converted to the unit of the positions.
     pbc : bool or three of them
-        Does the box repeat, along which of its vectors?
+        Whether the box is periodic along its vectors.
     origin : array_like, shape (3,), optional
         Lowest corner of the box; 0 by default.
     units, mass_units : str, optional
         Units of length and mass as text, such as ``"Mpc/h"`` and ``"Msun/h"``. Arrays of other units are converted.
     name : str
-        What pictures and files call it.
+        Name in pictures and files.
     comoving, scale_factor, hubble, time : optional
-        What is known of the moment; kept in model files.
+        Cosmology and time of the snapshot; stored in model files.
     layers : dict of int, optional
-        Species in the order of the particles: names, and how many there are of each.
+        Names of species and their numbers of particles, in the order of the particles.
     skip_invalid : bool
-        Leave out particles with NaN or infinite values (or weights that are not positive) instead of refusing all.
+        Leave out particles with NaN or infinite values, or weights that are not positive, instead of raising an error.
 
     Raises
     ------
     InputError
-        For wrong shapes, no particles, values that are not finite, a box without volume, units that do not fit.
+        For wrong shapes, no particles, values that are not finite, a box without volume, or units that do not fit.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class Snapshot:
             if np.ndim(masses) == 0:
                 each = float(masses)
             elif weights is not None:
-                raise InputError("give weights, or a mass for each particle, not both")
+                raise InputError("give either weights or a mass for each particle, not both")
             else:
                 weights, each = _within_float32(masses)
         known = {
@@ -130,14 +130,14 @@ class Snapshot:
             self._check_box(threads)
 
     def _check_box(self, threads: Optional[int]) -> None:
-        """Refuses an orthogonal box that the particles are half as long again as: one of another unit, most likely."""
+        """Refuses an orthogonal box if the particles extend over 1.5 times its length: most likely a wrong unit."""
         vectors, (low, high) = self.box, np.array(self._native.bounds(threads))
         if vectors is None or not _coerce.is_right(vectors):
             return
         for axis, extent, length, repeats in zip("xyz", high - low, np.diag(vectors), self.periodic):
             if repeats and extent > 1.5 * abs(length):
                 raise InputError(
-                    f"the particles reach over {extent:g} along {axis}, and the box is {length:g} long: "
+                    f"the particles extend over {extent:g} along {axis}, but the box is {length:g} long: "
                     "check the unit of length and the box"
                 )
 
@@ -149,15 +149,15 @@ class Snapshot:
 
     @classmethod
     def from_chunks(cls, chunks: Iterable[Any], *, folder: Optional[Path] = None, **known: Unpack[Known]) -> Self:
-        """Particles that come chunk by chunk and need not fit into memory.
+        """Particles from chunks, which together need not fit into memory.
 
         Parameters
         ----------
         chunks : iterable of array_like
-            Positions of shape (n, 3), or pairs of positions and weights. Kept as float32 about 0.
+            Positions of shape (n, 3), or pairs of positions and weights. They are stored as float32.
         folder : path, optional
-            Where scratch files go, 12 bytes a particle (16 with weights); the system's place for temporary files by
-            default. They have no names and are gone when the snapshot is, however the program ends.
+            Folder for scratch files, 12 bytes per particle (16 with weights); by default the system's folder for
+            temporary files. They have no names and vanish with the snapshot, even if the program crashes.
         **known
             As for `Snapshot`: box, units, ...
 
@@ -174,15 +174,15 @@ class Snapshot:
                 weighted = weights is not None
                 files = [tempfile.TemporaryFile(dir=folder) for _ in range(4 if weighted else 3)]  # noqa: SIM115
             if weighted != (weights is not None):
-                raise InputError("every chunk has weights, or none has")
+                raise InputError("either all chunks must have weights, or none")
             places, unit = _coerce.positions(given, known.get("units"))
             if unit is not None and known.get("units") is None:
-                raise InputError("chunks that carry a unit of length: state by units= which they are to have")
+                raise InputError("the chunks carry a unit of length: state by units= which unit to convert them to")
             columns = list(places) if isinstance(places, tuple) else [places[:, k] for k in range(3)]
             if weighted:
                 columns.append(_coerce.column(_units.bare(weights), "weights"))
                 if len(columns[3]) != len(columns[0]):
-                    raise InputError(f"{len(columns[3])} weights of {len(columns[0])} particles")
+                    raise InputError(f"there are {len(columns[3])} weights for {len(columns[0])} particles")
             for file, column in zip(files, columns):
                 file.write(np.ascontiguousarray(column, dtype=np.float32).data)
             rows += len(columns[0])
@@ -200,29 +200,29 @@ class Snapshot:
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """What is known of the particles: name, cell, units, moment."""
+        """Name, cell, units and epoch of the particles."""
         metadata: dict[str, Any] = json.loads(self._native.metadata)
         return metadata
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """The name."""
         return str(self.metadata["name"])
 
     @property
     def positions(self) -> Numbers:
-        """Positions, (n, 3), unit of length: read-only float32 where they lie so, float64 about a far origin."""
+        """Positions, (n, 3): read-only float32 if stored relative to 0, otherwise float64."""
         local, origin = self._native.local_positions, np.array(self._native.origin)
         return local if not origin.any() else local.astype(np.float64) + origin
 
     @property
     def weights(self) -> Optional[Float32]:
-        """Weights, float32, (n,), read-only; None where all particles count alike."""
+        """Weights, float32, (n,), read-only; None if all are equal."""
         return self._native.weights
 
     @property
     def masses(self) -> Optional[Float64]:
-        """Masses, float64, (n,), read-only where all are one; None where they are not known."""
+        """Masses, float64, (n,), read-only if all are equal; None if they are unknown."""
         weights, layers = self.weights, self._native.layers
         if any(unit is None and not weighted for _, _, _, unit, weighted in layers):
             return None
@@ -237,18 +237,18 @@ class Snapshot:
         return masses
 
     def __getitem__(self, species: str) -> Self:
-        """The particles of a species, such as ``snap["gas"]``: by the name of a layer, a type's (``dm``) or number."""
+        """The particles of a species, such as ``snap["gas"]``, by the layer's name, an alias (``dm``) or a number."""
         if not isinstance(species, str):
-            raise TypeError("a snapshot takes the name of a species in brackets; positions and masses are arrays")
+            raise TypeError("index a snapshot by the name of a species, and its positions or masses by numbers")
         return self._of(self._native.of_species(species))
 
     def region(self, low: Any, high: Any, *, threads: Optional[int] = None) -> Self:
-        """The particles within a box, as the command's ``--region``.
+        """The particles inside a box, as with the command's ``--region``.
 
         Parameters
         ----------
         low, high : float or array_like, shape (3,)
-            Corners: world units, or in a unit that they carry.
+            Corners, in world units or with a unit of their own.
 
         Returns
         -------
@@ -257,14 +257,14 @@ class Snapshot:
         Raises
         ------
         InputError
-            For corners in the wrong order, and where there are no particles.
+            If the corners are in the wrong order, or the box has no particles.
         """
         corners = [_coerce.lengths(corner, self.length_unit, "a corner") for corner in (low, high)]
         return self._of(self._native.region(corners[0], corners[1], threads))
 
     @property
     def layers(self) -> dict[str, slice]:
-        """Species or classes of mass: names and the particles of each, as slices."""
+        """Names of the species or mass classes, and the slice of particles of each."""
         return {name: slice(first, end) for name, first, end, _, _ in self._native.layers}
 
     @property
@@ -274,7 +274,7 @@ class Snapshot:
 
     @property
     def box(self) -> Optional[Float64]:
-        """Cell vectors by rows, (3, 3), or None."""
+        """Cell vectors as rows, (3, 3), or None."""
         cell = self.metadata["cell"]
         return None if cell is None else np.array(cell["vectors"])
 
@@ -286,7 +286,7 @@ class Snapshot:
 
     @property
     def periodic(self) -> tuple[bool, bool, bool]:
-        """Along which cell vectors the box repeats."""
+        """Along which cell vectors the box is periodic."""
         cell = self.metadata["cell"]
         a, b, c = (False, False, False) if cell is None else cell["periodic"]
         return bool(a), bool(b), bool(c)
@@ -305,12 +305,12 @@ class Snapshot:
 
     @property
     def synthetic(self) -> bool:
-        """Was it drawn from a model, not simulated?"""
+        """Whether the particles were drawn from a model."""
         return self._native.drawn is not None
 
     @property
     def notes(self) -> dict[str, Any]:
-        """What drawn particles are, of which model, and what they are good for; empty of others."""
+        """For drawn particles: their model and what they are good for. Empty for others."""
         notes: dict[str, Any] = json.loads(self._native.drawn or "{}")
         return notes
 
@@ -350,7 +350,7 @@ class Snapshot:
         camera: Optional[Camera] = None,
         threads: Optional[int] = None,
     ) -> Numbers:
-        """The picture of all particles: the reference that a model's picture is measured by.
+        """Renders all particles: the reference for pictures of a model.
 
         Takes the same arguments as `Model.render`. The default radius is 0.0406 of the mean spacing, the default
         opacity 0.05.
@@ -358,7 +358,7 @@ class Snapshot:
         Returns
         -------
         numpy.ndarray, shape (height, width)
-            uint8, or float32 in [0, 1] of the style ``"expected"``.
+            uint8, or float32 in [0, 1] for style ``"expected"``.
         """
         unit = self.length_unit
         looking = native_camera(camera, (azimuth, elevation, distance), center, width, depth, unit)
@@ -373,15 +373,15 @@ class Snapshot:
         threads: Optional[int] = None,
         progress: Progress = None,
     ) -> int:
-        """Writes the particles in the format that the name's ending means.
+        """Writes the particles in the format of the file name's ending.
 
         Parameters
         ----------
         path : path
-            ``.hdf5``, ``.npy``, ``.vtp``, ``.dump``, ...; a name without an ending becomes a folder of float32
-            columns. What drawn particles are is written beside those alone: say so where you hand them on.
+            ``.hdf5``, ``.npy``, ``.vtp``, ``.dump``, ...; a name without an ending makes a folder of float32 columns.
+            Only the folder also stores that particles are synthetic: tell the people you pass other files to.
         overwrite : bool
-            Replace what is there.
+            Replace an existing file.
 
         Returns
         -------
@@ -419,5 +419,5 @@ class Snapshot:
 
 
 def as_snapshot(given: Union[Snapshot, ArrayLike], box: Any = None) -> Snapshot:
-    """A snapshot, or one of positions."""
+    """The snapshot itself, or one made from positions."""
     return given if isinstance(given, Snapshot) else Snapshot(given, box=box)

@@ -20,27 +20,27 @@ if TYPE_CHECKING:
 
 
 def _middle(edges: ArrayLike) -> Float64:
-    """Geometric middles of bins."""
+    """Geometric means of the edges of bins."""
     both = np.asarray(edges, dtype=np.float64)
     return np.asarray(np.sqrt(both[:-1] * both[1:]))
 
 
 def _numbers(values: Iterable[Optional[float]]) -> Float64:
-    """Floats, with NaN where nothing is known."""
+    """Floats, with NaN for None."""
     return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
 
 
 class Stats:
-    """What was measured: attributes for the common measures, `data` for all.
+    """Results: attributes for the common measures, `data` for all.
 
-    Measures that were not asked for, or could not be made, are None: `power`, `xi`, `rdf`, `groups`, `likelihood`.
+    The attributes `power`, `xi`, `rdf`, `groups` and `likelihood` are None if they were not measured.
 
     Attributes
     ----------
     data : dict
-        As the command's stats.json has it; docs/guide/statistics.md defines every figure.
+        The contents of the command's stats.json; docs/guide/statistics.md defines every number.
     notes : list of str
-        What to know of the figures.
+        Remarks on the results.
     length_unit : str or None
         Unit of lengths.
     """
@@ -52,14 +52,14 @@ class Stats:
 
     @property
     def summary(self) -> dict[str, Any]:
-        """One figure a question, those alone that were measured."""
+        """The most important numbers that were measured."""
         return {name: value for name, value in self.data["summary"].items() if value is not None}
 
     @property
     def power(self) -> Union[Power, Any]:
-        """Power spectra: ``k``, ``truth``, ``other``, ``ratio``, ``r``, ``modes`` as arrays; None where not measured.
+        """Power spectra: ``k``, ``truth``, ``other``, ``ratio``, ``r``, ``modes`` as arrays; None if not measured.
 
-        `k` in 1 over the unit of length, powers in the unit of length cubed, shot noise subtracted.
+        `k` is in 1 / unit of length, power in unit of length cubed. Shot noise is subtracted.
         """
         spectra = self.data["spectra"]
         if spectra is None:
@@ -78,7 +78,7 @@ class Stats:
 
     @property
     def xi(self) -> Union[Correlation, Any]:
-        """Two-point correlation by pair counts: ``r``, ``truth``, ``other``, ``ratio``; None where not measured."""
+        """Two-point correlation by pair counts: ``r``, ``truth``, ``other``, ``ratio``; None if not measured."""
         found = self.data["xi_by_pairs"]
         if found is None:
             return None
@@ -93,7 +93,7 @@ class Stats:
 
     @property
     def rdf(self) -> Union[RadialDistribution, Any]:
-        """Radial distribution function: ``r`` and ``truth``, ``other``; None where not measured."""
+        """Radial distribution function: ``r``, ``truth``, ``other``; None if not measured."""
         found = self.data["rdf"]
         if found is None:
             return None
@@ -104,7 +104,7 @@ class Stats:
 
     @property
     def groups(self) -> Union[Groups, Any]:
-        """Friends-of-friends groups: ``size``, ``truth``, ``other``, ``ratio``; None where not measured."""
+        """Friends-of-friends groups: ``size``, ``truth``, ``other``, ``ratio``; None if not measured."""
         found = self.data["groups"]
         if found is None:
             return None
@@ -119,30 +119,30 @@ class Stats:
 
     @property
     def likelihood(self) -> Union[Likelihood, Any]:
-        """Bits a particle under the model, with their error; None where not measured."""
+        """Bits per particle under the model, and their error; None if not measured."""
         found = self.data["likelihood"]
         return None if found is None else Likelihood(**found)
 
     def plot(self, figure: Optional[Figure] = None, *, labels: tuple[str, str] = ("truth", "model")) -> Figure:
-        """Draws what was measured: power spectra, correlation, groups, g(r); each with its ratio.
+        """Plots the power spectra, correlation, groups and g(r) that were measured, each with its ratio.
 
         Parameters
         ----------
         figure : matplotlib.figure.Figure, optional
             Where to draw; a new figure by default.
         labels : (str, str)
-            What to call the truth, and what is compared with it.
+            Labels of the truth and of the other.
 
         Returns
         -------
         matplotlib.figure.Figure
-            Lengths and wave numbers in the truth's unit of length; the grey band of a ratio is 1 %.
+            Lengths and wave numbers are in the truth's unit of length; the grey band of a ratio is 1 %.
         """
         import matplotlib.pyplot as plt
 
         panels = self._panels()
         if not panels:
-            raise ValueError("nothing was measured that is drawn: power spectra, correlations, groups or g(r)")
+            raise ValueError("nothing to plot: measure power spectra, correlations, groups or g(r)")
         figure = figure or plt.figure(figsize=(4.2 * len(panels), 4.4), layout="constrained")
         heights = {"height_ratios": [2.2, 1]}
         axes = figure.subplots(2, len(panels), squeeze=False, sharex="col", gridspec_kw=heights)
@@ -151,7 +151,7 @@ class Stats:
         return figure
 
     def _panels(self) -> list[Panel]:
-        """What was measured that is drawn."""
+        """The plots of the results."""
         unit = self.length_unit or "length"
         panels = []
         if (p := self.power) is not None:
@@ -160,7 +160,7 @@ class Stats:
         if (x := self.xi) is not None:
             panels.append(Panel(x.r, x.truth, x.other, x.ratio, f"r ({unit})", "ξ(r)", "log"))
         if (g := self.groups) is not None:
-            panels.append(Panel(g.size, g.truth, g.other, g.ratio, "particles a group", "groups", "log"))
+            panels.append(Panel(g.size, g.truth, g.other, g.ratio, "particles per group", "groups", "log"))
         if (d := self.rdf) is not None and len(panels) < 4:
             with np.errstate(divide="ignore", invalid="ignore"):
                 panels.append(Panel(d.r, d.truth, d.other, d.other / d.truth, f"r ({unit})", "g(r)", "linear"))
@@ -174,7 +174,7 @@ class Stats:
 
 
 def _inverse(unit: str) -> str:
-    """1 over a unit: ``h/Mpc`` of ``Mpc/h``."""
+    """1 / unit: ``h/Mpc`` for ``Mpc/h``."""
     above, _, below = unit.partition("/")
     return f"{below or 1}/{above}"
 
@@ -186,7 +186,7 @@ def _cubed(unit: str) -> str:
 
 
 def _label_decades(axis: Any, x: Numbers) -> None:
-    """Ticks of a logarithmic axis that do not run into each other: 1, 2, 5 of few decades, powers of ten of many."""
+    """Ticks of a logarithmic axis that do not overlap: 1, 2, 5 for a short axis, powers of ten for a long one."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axis.set_minor_formatter(NullFormatter())
@@ -246,31 +246,31 @@ def stats(
     threads: Optional[int] = None,
     progress: Progress = None,
 ) -> Stats:
-    """Measures particles or a model against others.
+    """Compares particles or models.
 
     Parameters
     ----------
     truth, other : Snapshot, Model or array_like
-        The truth, and what is compared with it. A model is measured from its Gaussians: density, profiles, P(k),
-        r(k); pairs, groups, neighbours and g(r) need particles (`Model.recover`). A model and particles also give
-        the likelihood of those under it.
+        The truth, and what to compare with it. A model's density, profiles, P(k) and r(k) are measured from its
+        Gaussians; pairs, groups, neighbours and g(r) need particles (`Model.recover`). For a model and particles,
+        the likelihood of the particles under the model is measured too.
     only : sequence of str
         Measures: density, spectrum, pairs, groups, neighbours, moments, likelihood, rdf, profile, haloes; all by
         default.
     convention : {"correct", "paper"}
-        Definitions to measure by.
+        Definitions of the measures.
     grid, spectrum_grid : int
-        Cells along the longest edge, of the density and of P(k).
+        Cells along the longest edge, for the density and for P(k).
     assignment, spectrum_assignment : {"ngp", "cic", "tsc"}
         Mass assignment.
     interlacing : bool
-        Measure P(k) on two grids half a cell apart, against aliasing.
+        Measure P(k) on two grids half a cell apart, to reduce aliasing.
     k_max : float, optional
         Largest wave number, 1 over the unit of length; the particles' Nyquist frequency by default.
     separations : (float, float), optional
         Smallest and largest separation of xi(r), unit of length.
     pairs : int
-        Pairs that are counted at most for xi(r); more are sampled.
+        Maximum number of pairs to count for xi(r); beyond it pairs are sampled.
     rdf_max : float, optional
         Largest distance of g(r), unit of length.
     profile_bins : int
@@ -284,9 +284,9 @@ def stats(
     linking, aperture : float
         Linking length of groups and radius of the apertures about their centres, in mean spacings.
     linking_length : float or str, optional
-        The linking length itself, in the truth's unit or as in ``"0.02Mpc"``; goes before `linking`.
+        The linking length in the truth's unit, or with a unit as in ``"0.02Mpc"``; overrides `linking`.
     neighbours : int
-        Particles whose nearest neighbours are looked for.
+        Number of particles to find the nearest neighbours of.
     open : bool
         Treat no axis as periodic.
     seed, threads, progress

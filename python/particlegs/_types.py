@@ -1,4 +1,4 @@
-"""Types that several signatures share."""
+"""Types shared by several signatures."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ from typing import Any, Callable, Literal, Optional, TypedDict, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-#: A place in the file system.
 Path = Union[str, "os.PathLike[str]"]
-#: True for a bar, or a function that is told (phase, steps done, steps); 0 steps where their number is not known.
+#: True for a progress bar, or a function of (phase, steps done, steps); steps is 0 if unknown.
 Progress = Union[bool, Callable[[str, int, int], object], None]
-#: Names, or one.
+#: One or more names.
 Names = Union[str, Sequence[str]]
-#: An array of numbers of any kind.
+#: An array of numbers of any type.
 Numbers = NDArray[Any]
 #: Left, right, bottom, top.
 Extent = tuple[float, float, float, float]
@@ -33,7 +32,7 @@ Convention = Literal["correct", "paper"]
 
 
 class Known(TypedDict, total=False):
-    """What may be said of particles beside their positions."""
+    """Keywords of `Snapshot` besides positions."""
 
     masses: Any
     box: Any
@@ -52,7 +51,7 @@ class Known(TypedDict, total=False):
 
 
 class Drawing(TypedDict, total=False):
-    """How a picture is drawn, beside its style."""
+    """Keywords of `Snapshot.render` besides style."""
 
     size: tuple[int, int]
     radius: Optional[float]
@@ -65,7 +64,7 @@ class Drawing(TypedDict, total=False):
 
 
 class LayeredDrawing(Drawing, total=False):
-    """The same of a model."""
+    """Keywords of `Model.render` besides style."""
 
     layers: Optional[Names]
 

@@ -1,4 +1,4 @@
-"""Units that arrays carry (astropy's, unyt's of yt and swiftsimio, pynbody's): as text, and from one to another."""
+"""Units of arrays (astropy, unyt of yt and swiftsimio, pynbody): as text, and conversion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ._particlegs import InputError, unit_parts
 from ._types import Numbers
 
-#: What other packages call a unit, as snapshots and this package call it.
+#: Translates unit names of other packages.
 _NAMES = [
     (r"\s*/\s*", "/"),
     (r"\blittleh\b", "h"),
@@ -20,12 +20,12 @@ _NAMES = [
     (r"^(.*\S) h\*\*-1$", r"\1/h"),
     (r"^(.*\S) a(/h)?$", r"\1\2"),
 ]
-#: Units that say nothing.
+#: Texts that mean there is no unit.
 _NOTHING = ("", "1", "dimensionless", "NoUnit()", "None")
 
 
 def carried(values: Any) -> Any:
-    """The unit that values carry, as their own package has it; None of plain numbers."""
+    """The unit of values, as an object of their package; None for plain numbers."""
     unit = getattr(values, "unit", None)
     if unit is None:
         unit = getattr(values, "units", None)
@@ -43,39 +43,39 @@ def text_of(unit: Any) -> Optional[str]:
 
 
 def unit_of(values: Any) -> Optional[str]:
-    """The unit that values carry, as text; None of plain numbers."""
+    """The unit of values, as text; None for plain numbers."""
     unit = carried(values)
     return None if unit is None else text_of(unit)
 
 
 def bare(values: Any) -> Any:
-    """The numbers alone, where they lie."""
+    """The numbers without their unit, not copied."""
     if carried(values) is None:
         return values
     return values.view(np.ndarray) if isinstance(values, np.ndarray) else getattr(values, "value", values)
 
 
 def bare_in(values: Any, unit: Optional[Any], what: str) -> Any:
-    """The numbers of values in a unit: plain ones are in it, others are converted.
+    """The numbers of values in a unit; plain numbers are taken to be in it.
 
     Raises
     ------
     InputError
-        Where the one unit cannot be had from the other.
+        If the units cannot be converted.
     """
     own, text = carried(values), None if unit is None else text_of(unit)
     if own is None or text_of(own) == text:
         return bare(values)
     if text is None:
-        raise InputError(f"{what} in {text_of(own)}, and the particles' own unit is not known: state it by units=")
+        raise InputError(f"{what} is in {text_of(own)}, but the unit of the particles is unknown: state it by units=")
     if getattr(values, "dtype", None) == np.float32:
-        # Grams of a galaxy are beyond float32.
+        # Masses of galaxies in grams overflow float32.
         values = values.astype(np.float64)
     for convert in (getattr(values, name, None) for name in ("to_value", "in_units")):
         for target in (unit, text):
             if convert is None:
                 continue
-            # Every package has exceptions of its own for units that it does not know and for those that do not fit.
+            # Every package has its own exceptions for units that are unknown or do not fit.
             try:
                 return np.asarray(convert(target)).view(np.ndarray)
             except Exception:  # noqa: BLE001
@@ -92,7 +92,7 @@ def number_in(value: Any, unit: Optional[Any], what: str) -> float:
 
 
 def moment_of(values: Any) -> dict[str, Any]:
-    """What swiftsimio's arrays know of comoving coordinates and of the moment; of others what their unit says."""
+    """Whether values are comoving, and the scale factor, from swiftsimio's attributes or from the unit."""
     comoving = getattr(values, "comoving", None)
     if not isinstance(comoving, (bool, np.bool_)):
         parts = unit_parts(str(carried(values)), "length")
@@ -102,9 +102,9 @@ def moment_of(values: Any) -> dict[str, Any]:
 
 
 def plain(values: Any, what: str, unit: Optional[Any] = None) -> Numbers:
-    """A plain array of numbers in a unit: where it lies, unless it has to be converted."""
+    """A plain array of numbers in a unit, copied only for conversion."""
     if np.ma.isMaskedArray(values) and np.ma.is_masked(values):
-        raise InputError(f"{what} must not be masked: leave the masked ones out")
+        raise InputError(f"{what} must not contain masked values: remove them first")
     array = np.asarray(bare_in(values, unit, what)).view(np.ndarray)
     if array.dtype.kind not in "fiub":
         raise TypeError(f"{what} must be real numbers, not of type {array.dtype}")
@@ -112,7 +112,7 @@ def plain(values: Any, what: str, unit: Optional[Any] = None) -> Numbers:
 
 
 def named(values: Any) -> tuple[Any, Optional[str]]:
-    """Values in a unit with a name, and the name: those of ``1e10 Msun`` in ``Msun``."""
+    """Values in a unit without a factor, and its name: ``1e10 Msun`` becomes ``Msun``."""
     text = unit_of(values)
     found = re.fullmatch(r"[0-9.]+(?:e[+-]?[0-9]+)?\s*\*?\s*([A-Za-z].*)", text or "")
     if found is None:

@@ -1,4 +1,4 @@
-"""What a notebook shows of a model: a picture with a table, and the viewer."""
+"""The display of a model in a notebook: a picture with a table, and the viewer."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 
 class View:
-    """A page that shows a model, in a notebook's cell.
+    """The viewer of a model, shown in a notebook cell.
 
     Attributes
     ----------
     page : str
-        The page, HTML.
+        The page as HTML.
     height : int
-        Pixels of the cell.
+        Height of the cell in pixels.
     """
 
     def __init__(self, page: str, height: int) -> None:
@@ -32,13 +32,13 @@ class View:
         self.height = height
 
     def save(self, path: Path, *, overwrite: bool = False) -> None:
-        """Writes the page: one file that works offline."""
+        """Writes the page as one file that works offline."""
         with whole(path, overwrite) as begun, open(begun, "w", encoding="utf-8") as file:
             file.write(self.page)
             file.flush()
 
     def __repr__(self) -> str:
-        return f"<View: a page of {len(self.page):,} bytes; a notebook shows it>"
+        return f"<View: a page of {len(self.page):,} bytes, shown in a notebook>"
 
     def _repr_html_(self) -> str:
         return (
@@ -48,7 +48,7 @@ class View:
 
 
 def opening_of(options: Mapping[str, Any]) -> str:
-    """How a page opens, as the page reads it, of the keywords of `Model.view`."""
+    """The keywords of `Model.view` as JSON for the page."""
     said = {name: value for name, value in options.items() if value is not None}
     background = said.pop("background", None)
     if background is not None:
@@ -62,7 +62,7 @@ def opening_of(options: Mapping[str, Any]) -> str:
 
 
 def _rows(model: Model) -> Iterator[tuple[str, str]]:
-    """What is told of a model: names and values."""
+    """The rows of the table: names and values."""
     scale_factor, unit = model.metadata["scale_factor"], model.length_unit or ""
     low, high = model.bounds
     size = " x ".join(f"{v:.4g}" for v in high - low)
@@ -85,7 +85,7 @@ def _rows(model: Model) -> Iterator[tuple[str, str]]:
 
 
 def summary(model: Model, png: bytes, picture: str) -> str:
-    """A picture of 480 x 270 pixels and a table, as HTML; `picture` says what it is."""
+    """A picture of 480 x 270 pixels and a table, as HTML; `picture` describes the picture."""
     coded = base64.b64encode(png).decode()
     left = "style='text-align:left'"
     rows = "".join(

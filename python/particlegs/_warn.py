@@ -1,4 +1,4 @@
-"""What a user has to know of the data, as Python's warnings."""
+"""Notes for the user as Python warnings."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _OWN = os.path.dirname(__file__) + os.sep
 
 
 def warn(note: str) -> None:
-    """Warns at the line that called this package."""
+    """Warns, pointing to the line that called this package."""
     level, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_OWN):
         level, frame = level + 1, frame.f_back

@@ -1,4 +1,4 @@
-"""Where a density map lies."""
+"""The window of a density map."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ALONG = {
 
 
 class Window(NamedTuple):
-    """A camera that looks along an axis, and what it sees."""
+    """A camera along an axis, and the extent of its picture."""
 
     #: In JSON, by the keys of views files.
     camera: str
@@ -35,9 +35,9 @@ class Window(NamedTuple):
 
     @classmethod
     def of(cls, model: Model, center: Any, width: Any, depth: Any, axis: str, shape: tuple[int, int]) -> Window:
-        """Completes what is asked for by what the model holds."""
+        """The window for the given arguments; others follow from the model."""
         if axis not in _ALONG:
-            raise InputError(f'axis="{axis}": there are x, y and z')
+            raise InputError(f'axis must be "x", "y" or "z", not "{axis}"')
         toward, up, across, upward = _ALONG[axis]
         rows, columns = _shape(shape)
         unit = model.length_unit
@@ -66,13 +66,13 @@ def _shape(shape: tuple[int, int]) -> tuple[int, int]:
     """Rows and columns."""
     columns, rows = _coerce.size_of(shape[::-1])
     if not (0 < rows <= 32768 and 0 < columns <= 32768):
-        raise InputError("shape takes rows and columns, 1 to 32768 each")
+        raise InputError("shape must be (rows, columns), 1 to 32768 each")
     return rows, columns
 
 
 def _beyond(model: Model, middle: Float64) -> float:
-    """A distance from which all particles lie ahead."""
+    """A distance from which all particles are in front of the camera."""
     low, high = model.bounds
     edges = np.linalg.norm(high - low) + (0.0 if model.box is None else np.abs(model.box).sum())
-    # Particles at one point have a density, too.
+    # The extent is 0 if all particles are at one point.
     return float(4.0 * edges + np.linalg.norm(middle - 0.5 * (low + high))) or 1.0

@@ -1,4 +1,4 @@
-//! NumPy's arrays as the library's columns: where they lie, held for as long as they are used.
+//! NumPy arrays as columns of the library, without copies.
 
 use crate::errors::InputError;
 use numpy::{PyArrayDescrMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
@@ -7,29 +7,28 @@ use particlegs_pipeline::particles::Column;
 use pyo3::prelude::*;
 use std::sync::Arc;
 
-/// Memory of an array. The array is kept alive, and nothing here writes to it; whoever writes to it meanwhile from
-/// Python changes the particles.
+/// The memory of an array. It keeps the array alive and does not write to it; writes from Python change the particles.
 struct ArrayMemory {
     start: *const u8,
     bytes: usize,
     _owner: Py<PyAny>,
 }
 
-// SAFETY: the memory is read alone, and Python's object is only dropped, which takes the lock where it is needed.
+// SAFETY: the memory is only read, and the Python object is only dropped, which takes the lock if needed.
 unsafe impl Send for ArrayMemory {}
 // SAFETY: as above.
 unsafe impl Sync for ArrayMemory {}
 
 impl AsRef<[u8]> for ArrayMemory {
     fn as_ref(&self) -> &[u8] {
-        // SAFETY: the owner keeps the memory, all of which lies within the array.
+        // SAFETY: the owner keeps the memory, which is all within the array.
         unsafe { std::slice::from_raw_parts(self.start, self.bytes) }
     }
 }
 
 impl AsRef<[f32]> for ArrayMemory {
     fn as_ref(&self) -> &[f32] {
-        // SAFETY: made of aligned native f32 alone ([`column`]).
+        // SAFETY: [`column`] accepts only aligned native f32.
         unsafe { std::slice::from_raw_parts(self.start.cast(), self.bytes / 4) }
     }
 }
@@ -45,19 +44,19 @@ pub fn column(array: &PyReadonlyArrayDyn<'_, f32>) -> PyResult<Column> {
         bytes: std::mem::size_of_val(values),
         _owner: array.as_any().clone().unbind(),
     };
-    // No numbers need no memory, and may have none.
+    // The pointer of an empty array may be null.
     Ok(if values.is_empty() { Column::owned(Vec::new()) } else { Column::lent(Arc::new(held)) })
 }
 
-/// An (n, 3) array of any numbers, byte order and positive strides, where it lies.
+/// An (n, 3) array of any number type, byte order and positive strides, not copied.
 pub fn rows(array: &Bound<'_, PyUntypedArray>) -> PyResult<Array> {
     let (shape, strides) = (array.shape(), array.strides());
     let ([rows, 3], [row, axis]) = (shape, strides) else {
-        return Err(InputError::new_err("positions must have the shape (n, 3)"));
+        return Err(InputError::new_err("positions must have shape (n, 3)"));
     };
     let size = array.dtype().itemsize();
     let (Ok(row_bytes), Ok(axis_bytes)) = (usize::try_from(*row), usize::try_from(*axis)) else {
-        return Err(InputError::new_err("positions with negative strides"));
+        return Err(InputError::new_err("positions must not have negative strides"));
     };
     let bytes = match rows {
         0 => 0,
@@ -77,7 +76,7 @@ pub fn rows(array: &Bound<'_, PyUntypedArray>) -> PyResult<Array> {
 
 /// Points of an (n, 3) float64 array.
 pub fn points(array: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<Vec<[f64; 3]>> {
-    let [_, 3] = array.shape() else { return Err(InputError::new_err("points must have the shape (n, 3)")) };
+    let [_, 3] = array.shape() else { return Err(InputError::new_err("points must have shape (n, 3)")) };
     let values = array.as_slice().map_err(|e| InputError::new_err(e.to_string()))?;
     Ok(values.as_chunks().0.to_vec())
 }

@@ -1,4 +1,4 @@
-//! Files of every format that the command reads.
+//! Opens files in every format that the command reads.
 
 use crate::errors::IntoPyResult;
 use crate::snapshot::Snapshot;
@@ -10,7 +10,7 @@ use particlegs_pipeline::space::Bounds;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
-/// What to read, as Python gives it; names are those of the command.
+/// What to read; the names are those of the command.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct ReadOptions {
@@ -89,14 +89,13 @@ pub fn open(
     Ok(Snapshot::of(particles, choice.options()))
 }
 
-/// A number, the name of a unit, its size in SI, and the exponents of a and h that a text of the dimension `length` or
-/// `mass` is; `None` of a label.
+/// Splits a unit of dimension `length` or `mass`: factor, name, size in SI, exponents of a and h; `None` if unknown.
 #[pyfunction]
 pub fn unit_parts(text: &str, dimension: &str) -> Option<(f64, &'static str, f64, f32, f32)> {
     Unit::parts(text, if dimension == "mass" { Dimension::Mass } else { Dimension::Length })
 }
 
-/// Names of the formats that are read.
+/// Names of the readable formats.
 #[pyfunction]
 pub fn formats() -> Vec<&'static str> {
     Choice::formats().collect()

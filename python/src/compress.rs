@@ -1,4 +1,4 @@
-//! Compression, by the command's options.
+//! Compression with the command's options.
 
 use crate::errors::{InputError, IntoPyResult, named};
 use crate::model::Model;
@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use std::ffi::CString;
 use std::path::PathBuf;
 
-/// What is asked for, as Python gives it; names are those of the command.
+/// Options; the names are those of the command.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct CompressOptions {
@@ -23,7 +23,7 @@ pub struct CompressOptions {
     size: Option<u64>,
     gaussians: Option<u64>,
     psnr: Option<f64>,
-    /// Which figure, what it is to be, and at what wave number, edge or number.
+    /// The measure, its target, and the wave number, cell edge or group size it applies to.
     goal: Option<(String, f64, f64)>,
     effort: String,
     radius: Option<f64>,
@@ -49,7 +49,7 @@ impl CompressOptions {
         match (targets.next(), targets.next()) {
             (None, _) => Ok(Target::Default),
             (Some(one), None) => one.check().or_raise(),
-            _ => Err(InputError::new_err("only one target can be met: one of ratio, size, gaussians, psnr or a goal")),
+            _ => Err(InputError::new_err("only one target can be met: ratio, size, gaussians, psnr or a goal")),
         }
     }
 
@@ -77,7 +77,7 @@ impl CompressOptions {
             memory: self.memory,
             certificate: match named("certificate", &self.certificate)? {
                 CertificateLevel::Blocks => {
-                    return Err(InputError::new_err("certificate=\"blocks\": there are none, quick, full"));
+                    return Err(InputError::new_err("certificate must be none, quick or full, not \"blocks\""));
                 }
                 level => level,
             },
@@ -127,7 +127,7 @@ pub fn compress(
     let name = particles.meta.name.clone();
     let made =
         WorkOptions { threads, progress }.run(py, |progress| run(particles, &options, &mut NoCheckpoints, progress))?;
-    // Of the line that calls the package, not of the package's own.
+    // The warning points to the line that calls the package.
     const CALLER: i32 = 2;
     let (certificate, unit) = (made.model.certificate.as_ref(), made.model.metadata.units.length_text());
     let differing = certificate.map_or_else(Vec::new, |c| c.differing_layers(&made.model.layers, unit));

@@ -1,4 +1,4 @@
-//! Densities of a model: in cells, at points.
+//! Densities of a model, in cells or at points.
 
 use crate::arrays;
 use crate::errors::InputError;
@@ -10,23 +10,23 @@ use particlegs_pipeline::model::{LawKind, Mass, Model};
 use particlegs_pipeline::stats::Domain;
 use pyo3::prelude::*;
 
-/// Refuses models without densities, and layers whose sum is none.
+/// Refuses models without densities, and layers that cannot be added.
 pub fn refuse_without_masses(model: &Model, shown: &[bool]) -> PyResult<()> {
     if model.metadata.law == LawKind::AlphaBlend {
-        let what = "an alpha-blend model has no density: its splats hold opacities, not masses; draw particles from \
-                    it with Model.recover";
+        let what = "an alpha-blend model has no density, because its splats have opacities instead of masses: draw \
+                    particles with Model.recover";
         return Err(InputError::new_err(what));
     }
     let layers: Vec<_> = model.layers.iter().zip(shown).filter(|(_, shown)| **shown).map(|(l, _)| l.mass).collect();
     let known = layers.iter().filter(|m| **m != Mass::Unknown).count();
     if known > 0 && known < layers.len() {
-        let what = "some layers have masses and others do not: their sum is no density; choose layers by layers=";
+        let what = "some layers have masses and others do not, so they cannot be added: choose layers by layers=";
         return Err(InputError::new_err(what));
     }
     Ok(())
 }
 
-/// Density in cells: values, the grid's corner, the sides of a cell, the mass beyond the grid.
+/// Density in cells: values, origin, cell edges, mass beyond the grid.
 pub fn grid<'py>(
     py: Python<'py>,
     model: &Model,

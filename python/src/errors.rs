@@ -1,4 +1,4 @@
-//! The library's errors as exceptions, in its own words.
+//! The library's errors as exceptions.
 
 use particlegs_pipeline::{Error, Hint, NamedValue};
 use pyo3::exceptions::{
@@ -8,12 +8,7 @@ use pyo3::prelude::*;
 use pyo3::{PyTypeInfo, create_exception};
 
 create_exception!(particlegs, InputError, PyValueError, "A snapshot, model or argument that cannot be used as it is.");
-create_exception!(
-    particlegs,
-    ModelError,
-    InputError,
-    "A model file that is corrupt, or of a version that is not known."
-);
+create_exception!(particlegs, ModelError, InputError, "A model file that is corrupt or of an unknown version.");
 create_exception!(
     particlegs,
     UnreachableError,
@@ -28,12 +23,12 @@ pub fn add(py: Python<'_>, m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("UnreachableError", UnreachableError::type_object(py))
 }
 
-/// The value that an argument names.
+/// The enum value named by an argument.
 pub fn named<T: NamedValue>(argument: &str, name: &str) -> PyResult<T> {
     T::from_name(name).map_err(|there| InputError::new_err(format!("{argument}=\"{name}\": {there}")))
 }
 
-/// A hint in Python's words: arguments and methods instead of options and commands.
+/// A hint for Python: arguments and methods instead of options and commands.
 fn hint_text(hint: &Hint) -> String {
     let argument = |name: &str, value: &str| match (name, value) {
         ("skip-invalid", _) => "skip_invalid=True".into(),
@@ -55,7 +50,7 @@ fn hint_text(hint: &Hint) -> String {
     hint.spell(argument, method)
 }
 
-/// The exception that an error is.
+/// The exception for an error.
 pub fn exception(error: &Error) -> PyErr {
     let hint = error.hint();
     let said = match hint.is_empty() {
@@ -68,7 +63,7 @@ pub fn exception(error: &Error) -> PyErr {
         Error::Unreachable { .. } => UnreachableError::new_err(said),
         Error::Memory { .. } | Error::Bound { .. } => PyMemoryError::new_err(said),
         Error::Io { place, source } => match source.raw_os_error() {
-            // With its number Python picks FileNotFoundError, PermissionError and the like.
+            // From the number Python makes FileNotFoundError, PermissionError and so on.
             Some(number) => {
                 let said = source.to_string();
                 let said = said.split(" (os error").next().unwrap_or_default().to_string();
@@ -85,9 +80,9 @@ pub fn exception(error: &Error) -> PyErr {
     }
 }
 
-/// The library's results as Python's.
+/// Converts results of the library.
 pub trait IntoPyResult<T> {
-    /// The value, or the exception that its error is.
+    /// The value, or the exception for the error.
     fn or_raise(self) -> PyResult<T>;
 }
 

@@ -1,4 +1,4 @@
-//! The Gaussians as arrays.
+//! The Gaussians of a model as arrays.
 
 use crate::snapshot::view;
 use numpy::PyArrayDyn;
@@ -12,7 +12,7 @@ pub struct Gaussians {
     covariances: Vec<f64>,
     counts: Vec<f64>,
     masses: Option<Vec<f64>>,
-    /// Opacities and grey levels of the alpha-blend law.
+    /// Opacities and grey levels for the alpha-blend law.
     opacities: Option<[Vec<f64>; 2]>,
     layers: Vec<(String, usize, usize)>,
 }

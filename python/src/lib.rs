@@ -1,7 +1,7 @@
-//! Python's face of the library. What a user sees is written in Python (`python/particlegs`); here arrays are handed
-//! over without copies, work runs without the interpreter's lock, and errors become exceptions.
+//! The native module of the Python package. The user interface is written in Python (`python/particlegs`). This module
+//! passes arrays without copies, works without the interpreter's lock, and turns errors into exceptions.
 //!
-//! `work` is the one way in which anything long runs; `arrays` the one in which numbers come in.
+//! All long work runs through `work`, and all input arrays come through `arrays`.
 
 mod arrays;
 mod choice;

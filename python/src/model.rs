@@ -1,4 +1,4 @@
-//! A model: its bytes, its Gaussians, and what is made of them.
+//! A model: its bytes, its Gaussians, pictures and densities.
 
 use crate::density;
 use crate::errors::{InputError, IntoPyResult, named};
@@ -25,7 +25,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// A model; never changed.
+/// A model. Immutable.
 #[pyclass(frozen, subclass, module = "particlegs._particlegs")]
 pub struct Model {
     bytes: Vec<u8>,
@@ -35,12 +35,12 @@ pub struct Model {
     gaussians: OnceLock<Py<Gaussians>>,
 }
 
-/// Refuses to write where something is.
+/// Refuses to write to an existing path.
 pub fn refuse(path: &Path, overwrite: bool) -> PyResult<()> {
     if overwrite || path.symlink_metadata().is_err() {
         return Ok(());
     }
-    let what = format!("{}: is there already; overwrite=True replaces it", path.display());
+    let what = format!("{} exists already: overwrite=True replaces it", path.display());
     Err(pyo3::exceptions::PyFileExistsError::new_err(what))
 }
 
@@ -54,7 +54,7 @@ impl Model {
         &self.bytes
     }
 
-    /// The file's name, or that of the snapshot.
+    /// The name of the file or of the snapshot.
     pub fn called(&self) -> &str {
         &self.name
     }
@@ -68,13 +68,13 @@ impl Model {
         ViewDefaults { bounds: m.bounds, cell: m.cell, usual: [m.default_radius, m.default_opacity] }
     }
 
-    /// Which layers are drawn; all without names.
+    /// Which layers to use; all without names.
     fn shown(&self, names: Option<&[String]>) -> PyResult<Vec<bool>> {
         let Some(names) = names else { return Ok(vec![true; self.model.layers.len()]) };
         self.model.which(names).or_raise()
     }
 
-    /// The model of some layers; a copy where they are not all.
+    /// The model with only some layers, copied unless these are all.
     fn only(&self, names: Option<&[String]>) -> PyResult<std::borrow::Cow<'_, particlegs_pipeline::model::Model>> {
         Ok(match names {
             None => std::borrow::Cow::Borrowed(&self.model),
@@ -134,14 +134,14 @@ impl Model {
         PyBytes::new(py, &self.bytes)
     }
 
-    /// Writes the file, whole or not at all.
+    /// Writes the file, completely or not at all.
     #[pyo3(signature = (path, overwrite=false))]
     fn save(&self, path: PathBuf, overwrite: bool) -> PyResult<()> {
         refuse(&path, overwrite)?;
         output::write_bytes(&path, &self.bytes).or_raise()
     }
 
-    /// What the file says, as JSON: metadata, layers, certificate, verdict.
+    /// Metadata, layers, certificate and verdict, as JSON.
     #[getter]
     fn told(&self) -> String {
         let m = &self.model;
@@ -169,7 +169,7 @@ impl Model {
         .to_string()
     }
 
-    /// Middle and width of the smallest map that shows all of it, looked at from `toward`.
+    /// Centre and width of the smallest map that shows everything, seen from `toward`.
     fn whole(&self, toward: [f64; 3], up: [f64; 3], size: (usize, usize)) -> PyResult<([f64; 3], f64)> {
         let size = Size { width: size.0, height: size.1 };
         let projection = Projection::Orthographic { height_world: 1.0 };
@@ -189,7 +189,7 @@ impl Model {
         Ok(this.gaussians.get_or_init(|| made).clone_ref(py))
     }
 
-    /// A picture: 8-bit levels, or brightness in [0, 1] of the style `expected`.
+    /// A picture: 8-bit levels, or brightness in [0, 1] for style `expected`.
     #[pyo3(signature = (style, size, camera, radius=None, opacity=None, layers=None, threads=None))]
     fn render<'py>(
         &self,
@@ -220,7 +220,7 @@ impl Model {
             }
             None => {
                 let plane = how.run(py, |progress| {
-                    // The depth, and the brightness made of it.
+                    // Optical depth and brightness.
                     progress.require_memory("a picture", 8 * size.pixels() as u64)?;
                     let mut plane = Plane::zeros(size);
                     let out = Pixels::new(size, &mut plane.data)?;
@@ -232,7 +232,7 @@ impl Model {
         }
     }
 
-    /// Mass, or particles, an area along the lines of sight, averaged over each pixel.
+    /// Surface density along the lines of sight, averaged over each pixel.
     #[pyo3(signature = (size, camera, layers=None, threads=None))]
     fn density<'py>(
         &self,
@@ -248,7 +248,7 @@ impl Model {
         pictures::plane(py, &self.surface_density(py, (&shown, &view, size), threads)?)
     }
 
-    /// Unit of densities of some layers: by area (2) or volume (3).
+    /// Unit of the densities of some layers, per area (2) or volume (3).
     #[pyo3(signature = (power, layers=None))]
     fn density_unit(&self, power: u8, layers: Option<Vec<String>>) -> PyResult<String> {
         let shown = self.shown(layers.as_deref())?;
@@ -256,7 +256,7 @@ impl Model {
         Ok(density_unit(&self.model.metadata, masses.all(|m| m != Mass::Unknown), power))
     }
 
-    /// Density in cells, with the grid's corner, the sides of a cell, and the mass beyond the grid.
+    /// Density in cells: values, origin, cell edges, mass beyond the grid.
     #[pyo3(signature = (cells, layers=None, threads=None))]
     fn density_grid<'py>(
         &self,
@@ -302,7 +302,7 @@ impl Model {
         Ok(Snapshot { drawn: Some(notes), ..Snapshot::of(drawn, BTreeMap::new()) })
     }
 
-    /// A page that shows the model in any browser, offline; how it opens, as JSON.
+    /// A web page that shows the model offline; `opening` is JSON.
     fn to_html(&self, py: Python<'_>, opening: &str) -> PyResult<String> {
         let opening: PageOpening = serde_json::from_str(opening).map_err(|e| InputError::new_err(e.to_string()))?;
         self.only((!opening.layers.is_empty()).then_some(&opening.layers[..]))?;
@@ -312,7 +312,7 @@ impl Model {
         String::from_utf8(page).map_err(|e| InputError::new_err(e.to_string()))
     }
 
-    /// A small picture of the whole, PNG, and the surface densities of its first and last colour; none of grey levels.
+    /// A small PNG of the default view, and the surface densities of its first and last colour; `None` for grey levels.
     fn poster<'py>(&self, py: Python<'py>, size: (usize, usize)) -> PyResult<(Bound<'py, PyBytes>, Option<[f64; 2]>)> {
         let size = Size { width: size.0, height: size.1 };
         pictures::check(size).or_raise()?;

@@ -1,4 +1,4 @@
-//! Where a picture is looked at from, and pictures as arrays.
+//! Cameras, and pictures as arrays.
 
 use crate::errors::{InputError, IntoPyResult, named};
 use numpy::ndarray::Array2;
@@ -10,7 +10,7 @@ use particlegs_pipeline::splat::ToneStyle;
 use particlegs_pipeline::{Error, Result};
 use pyo3::prelude::*;
 
-/// A camera, as Python gives it: by angles, or whole in JSON by the keys of views files.
+/// A camera from Python: angles, or JSON with the keys of views files.
 #[derive(FromPyObject)]
 pub enum CameraArgs {
     #[pyo3(transparent)]
@@ -19,7 +19,7 @@ pub enum CameraArgs {
     Angles(Angles),
 }
 
-/// As the command has it: angles in degrees, a distance in multiples of that from which all is seen, or a window.
+/// As in the command: angles in degrees, distance in base distances, or a window.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct Angles {
@@ -27,16 +27,16 @@ pub struct Angles {
     elevation: f64,
     distance: f64,
     center: Option<[f64; 3]>,
-    /// World units across of an orthographic picture.
+    /// Width of an orthographic picture, world units.
     width: Option<f64>,
     depth: Option<f64>,
 }
 
-/// What is looked at.
+/// What the camera looks at.
 pub struct ViewDefaults {
     pub bounds: Bounds,
     pub cell: Option<Cell>,
-    /// Radius and opacity where none is asked for.
+    /// Default radius and opacity.
     pub usual: [f64; 2],
 }
 
@@ -46,7 +46,7 @@ impl ViewDefaults {
         check(size)?;
         let camera = match args {
             CameraArgs::Whole(json) => {
-                serde_json::from_str(json).map_err(|e| Error::argument(format!("the camera: {e}")))?
+                serde_json::from_str(json).map_err(|e| Error::argument(format!("invalid camera: {e}")))?
             }
             CameraArgs::Angles(a) => self.turned(a, size)?,
         };
@@ -64,14 +64,14 @@ impl ViewDefaults {
     fn turned(&self, a: &Angles, size: Size) -> Result<Camera> {
         let center = a.center.unwrap_or(self.bounds.center());
         if center.iter().chain([&a.azimuth, &a.elevation]).any(|v| !v.is_finite()) {
-            return Err(Error::argument("the centre or an angle is not finite"));
+            return Err(Error::argument("the centre and angles must be finite"));
         }
         if let Some(width) = a.width {
             let window = Window { center, angles_deg: [a.azimuth, a.elevation], width, depth: a.depth };
             return Ok(DensityView::orthographic("view", &window, size, &self.bounds, self.cell)?.camera);
         }
         if !(a.distance > 0.0 && a.distance.is_finite()) {
-            return Err(Error::argument(format!("a distance of {} must be positive", a.distance)));
+            return Err(Error::argument(format!("distance must be positive, not {}", a.distance)));
         }
         let distance = a.distance * base_distance(&self.bounds, size);
         Ok(spherical_camera(center, a.azimuth, a.elevation, distance))
@@ -83,7 +83,7 @@ impl ViewDefaults {
     }
 }
 
-/// The camera of these angles about bounds, in JSON; its distance is in base distances of a wide picture.
+/// A camera at these angles about bounds, as JSON; the distance is in base distances of a wide picture.
 #[pyfunction]
 pub fn camera_around(bounds: [[f64; 3]; 2], azimuth: f64, elevation: f64, distance: f64) -> PyResult<String> {
     let [min, max] = bounds;
@@ -93,16 +93,16 @@ pub fn camera_around(bounds: [[f64; 3]; 2], azimuth: f64, elevation: f64, distan
     serde_json::to_string(&camera).map_err(|e| InputError::new_err(e.to_string()))
 }
 
-/// Refuses pictures that nobody can mean.
+/// Checks the size of a picture.
 pub fn check(size: Size) -> Result<()> {
     let fine = |n: usize| (1..=32_768).contains(&n);
     if fine(size.width) && fine(size.height) {
         return Ok(());
     }
-    Err(Error::argument(format!("a picture of {} x {} pixels: 1 to 32768 each", size.width, size.height)))
+    Err(Error::argument(format!("width and height must be 1 to 32768 pixels, not {} x {}", size.width, size.height)))
 }
 
-/// The look of a style; `None` = brightness without rounding.
+/// The tone style; `None` = brightness without rounding.
 pub fn look(style: &str) -> PyResult<Option<ToneStyle>> {
     Ok(Some(named("style", style)?).filter(|look| *look != ToneStyle::Expected))
 }
@@ -130,8 +130,7 @@ pub fn plane<'py>(py: Python<'py>, plane: &Plane) -> PyResult<Bound<'py, PyArray
     Ok(array.map_err(|e| InputError::new_err(e.to_string()))?.to_pyarray(py))
 }
 
-/// The range of colours of a map, where not all of it is empty, and the share of a colour map where its lowest colour
-/// lies.
+/// The density range of a map, unless it is empty, and the position of its lowest colour in a colour map.
 #[pyfunction]
 pub fn density_range(values: PyReadonlyArrayDyn<'_, f64>) -> (Option<[f64; 2]>, f32) {
     let data: Vec<f32> = values.as_array().iter().map(|v| *v as f32).collect();

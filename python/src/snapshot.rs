@@ -1,4 +1,4 @@
-//! Particles: arrays handed over, a file that was opened, or what was drawn from a model.
+//! Particles from arrays, from a file, or drawn from a model.
 
 use crate::arrays;
 use crate::errors::{InputError, IntoPyResult};
@@ -21,24 +21,24 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Particles, read or handed over; never changed.
+/// Particles. Immutable.
 #[pyclass(frozen, subclass, module = "particlegs._particlegs")]
 pub struct Snapshot {
     pub particles: Arc<Particles>,
-    /// What was read of the files, as a model's recipe says it.
+    /// What was read from the files, for the recipe of a model.
     pub read: BTreeMap<String, String>,
-    /// What drawn particles are, as JSON; `None` of others.
+    /// Notes on drawn particles, as JSON; `None` for others.
     pub drawn: Option<String>,
 }
 
 impl Snapshot {
-    /// Particles of files.
+    /// Particles from files.
     pub fn of(particles: Particles, read: BTreeMap<String, String>) -> Self {
         Snapshot { particles: Arc::new(particles), read, drawn: None }
     }
 }
 
-/// What is known of particles beside them, as Python gives it.
+/// Metadata of particles.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct ParticleInfo {
@@ -51,7 +51,7 @@ pub struct ParticleInfo {
     scale_factor: Option<f64>,
     hubble: Option<f64>,
     time: Option<f64>,
-    /// Names of layers, and how many particles each has.
+    /// Names of layers and their numbers of particles.
     layers: Vec<(String, usize)>,
 }
 
@@ -77,12 +77,12 @@ impl ParticleInfo {
     }
 }
 
-/// Particles in layers of these names and numbers of particles; as they are without any.
+/// Divides particles into layers with these names and numbers of particles; does nothing without layers.
 fn in_layers(particles: Particles, layers: Vec<(String, usize)>) -> particlegs_pipeline::Result<Particles> {
     let count = particles.len();
     let told = layers.iter().fold(0, |sum: usize, (_, n)| sum.saturating_add(*n));
     if !layers.is_empty() && told != count {
-        let what = format!("layers of {told} particles in all, and there are {count}");
+        let what = format!("the layers have {told} particles in all, but there are {count}");
         return Err(particlegs_pipeline::Error::input(&particles.meta.name, what));
     }
     let (mass, mut end) = (particles.layers()[0].mass, 0);
@@ -94,7 +94,7 @@ fn in_layers(particles: Particles, layers: Vec<(String, usize)>) -> particlegs_p
     Ok(particles.with_layers(layers))
 }
 
-/// Positions as they came.
+/// Positions as given.
 enum InputPositions {
     InPlace(Positions),
     Rows(particlegs_formats::Array),
@@ -106,7 +106,7 @@ impl InputPositions {
             let column = |i: usize| arrays::column(&columns.get_item(i)?.extract::<PyReadonlyArrayDyn<'_, f32>>()?);
             let columns = [column(0)?, column(1)?, column(2)?];
             if columns.iter().any(|c| c.len() != columns[0].len()) {
-                return Err(InputError::new_err("x, y and z must have one length"));
+                return Err(InputError::new_err("x, y and z must have the same length"));
             }
             return Ok(InputPositions::InPlace(Positions::Columns(columns)));
         }
@@ -122,7 +122,7 @@ impl InputPositions {
 
 #[pymethods]
 impl Snapshot {
-    /// Of arrays: an (n, 3) array of numbers, or a tuple of three contiguous float32 columns.
+    /// From an (n, 3) array of numbers, or a tuple of three contiguous float32 columns.
     #[new]
     #[pyo3(signature = (positions, weights, known, skip_invalid=false, threads=None))]
     fn new(
@@ -151,7 +151,7 @@ impl Snapshot {
             }
             let particles = match weights {
                 Some(w) if w.len() != particles.len() => {
-                    let what = format!("{} weights of {} particles", w.len(), particles.len());
+                    let what = format!("there are {} weights for {} particles", w.len(), particles.len());
                     return Err(particlegs_pipeline::Error::input(&name, what));
                 }
                 Some(weights) => particles.with_weights(weights),
@@ -168,7 +168,7 @@ impl Snapshot {
         self.particles.len()
     }
 
-    /// Positions about `origin`, float32, (n, 3): a read-only view where they lie so, else a copy.
+    /// Positions relative to `origin`, float32, (n, 3): a read-only view if possible, otherwise a copy.
     #[getter]
     fn local_positions<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let (py, this) = (slf.py(), slf.get());
@@ -186,13 +186,13 @@ impl Snapshot {
         }
     }
 
-    /// What positions are about, world units.
+    /// The origin of the positions, world units.
     #[getter]
     fn origin(&self) -> [f64; 3] {
         self.particles.origin
     }
 
-    /// Weights, float32, (n,): a read-only view; `None` where all count alike.
+    /// Weights, float32, (n,): a read-only view; `None` if all are equal.
     #[getter]
     fn weights<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyArrayDyn<f32>>>> {
         let weights = slf.get().particles.weights();
@@ -206,7 +206,7 @@ impl Snapshot {
         Ok([bounds.min, bounds.max])
     }
 
-    /// Name, first particle, end, mass of a particle (or of weight 1) where it is known, has weights?
+    /// Layers: name, first particle, end, mass of a particle (or of weight 1) if known, whether it has weights.
     #[getter]
     fn layers(&self) -> Vec<(String, usize, usize, Option<f64>, bool)> {
         let told = |l: &Layer<std::ops::Range<usize>>| {
@@ -223,7 +223,7 @@ impl Snapshot {
         let found: Vec<_> = if called.is_empty() { of_species() } else { called };
         let [layer] = found[..] else {
             let all: Vec<&str> = layers.iter().map(|l| &l.name[..]).collect();
-            let what = format!("no species, or several, \"{name}\": there are {}", all.join(", "));
+            let what = format!("\"{name}\" does not name one species; the species are {}", all.join(", "));
             return Err(InputError::new_err(what));
         };
         let mut read = self.read.clone();
@@ -235,7 +235,7 @@ impl Snapshot {
         Ok(Snapshot { drawn: self.drawn.clone(), ..Snapshot::of(particles, read) })
     }
 
-    /// The particles within a box.
+    /// The particles inside a box.
     #[pyo3(signature = (low, high, threads=None))]
     fn region(&self, py: Python<'_>, low: [f64; 3], high: [f64; 3], threads: Option<usize>) -> PyResult<Snapshot> {
         let selection =
@@ -248,19 +248,19 @@ impl Snapshot {
         Ok(Snapshot { drawn: self.drawn.clone(), ..Snapshot::of(particles, read) })
     }
 
-    /// What is known of the particles, as JSON.
+    /// Metadata as JSON.
     #[getter]
     fn metadata(&self) -> String {
         serde_json::to_string(&self.particles.meta).expect("plain data")
     }
 
-    /// What drawn particles are, as JSON.
+    /// Notes on drawn particles, as JSON.
     #[getter]
     fn drawn(&self) -> Option<&str> {
         self.drawn.as_deref()
     }
 
-    /// Writes them in a format that the name's ending means; gives the bytes.
+    /// Writes the particles in the format of the name's ending; returns the number of bytes.
     #[pyo3(signature = (path, overwrite=false, threads=None, progress=None))]
     fn save(
         &self,
@@ -278,7 +278,7 @@ impl Snapshot {
         })
     }
 
-    /// A picture of all particles by ParaView's own rules, or free of noise.
+    /// A picture of all particles by ParaView's own rules, or without noise.
     #[pyo3(signature = (style, size, camera, radius=None, opacity=None, threads=None))]
     fn render<'py>(
         &self,
@@ -311,14 +311,14 @@ impl Snapshot {
     }
 }
 
-/// A read-only array of values that `owner` keeps.
+/// A read-only array of values kept by `owner`.
 pub fn view<'py, T: numpy::Element>(
     owner: &Bound<'py, PyAny>,
     values: &[T],
     shape: &[usize],
 ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
     let values = ArrayView::from_shape(shape, values).map_err(|e| InputError::new_err(e.to_string()))?;
-    // SAFETY: the owner is frozen: what it holds neither moves nor changes while the array keeps it alive.
+    // SAFETY: the owner is frozen, so its values neither move nor change while the array keeps it alive.
     let array = unsafe { PyArray::borrow_from_array(&values, owner.clone()) };
     array.getattr("flags")?.setattr("writeable", false)?;
     Ok(array)

@@ -1,4 +1,4 @@
-//! Statistics of particles or a model against others.
+//! Comparison of particles or models.
 
 use crate::errors::named;
 use crate::model::Model;
@@ -7,7 +7,7 @@ use crate::work::WorkOptions;
 use particlegs_pipeline::stats::{Measure, StatsOptions, Subject, compare};
 use pyo3::prelude::*;
 
-/// What is measured, as Python gives it; names are those of the command.
+/// What to measure; the names are those of the command.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct MeasureOptions {
@@ -68,7 +68,7 @@ impl MeasureOptions {
     }
 }
 
-/// A snapshot, or a model.
+/// A snapshot or a model.
 #[derive(FromPyObject)]
 pub enum StatsSource<'py> {
     Snapshot(Bound<'py, Snapshot>),
@@ -84,7 +84,7 @@ impl StatsSource<'_> {
     }
 }
 
-/// Measures `other` against `truth`; the result as JSON, as the command writes it.
+/// Compares `other` with `truth`; returns JSON as the command writes it.
 #[pyfunction]
 #[pyo3(signature = (truth, other, asked, threads=None, progress=None))]
 pub fn stats(

@@ -1,4 +1,4 @@
-//! What the command's verbs do with models: `simplify`, `merge`, `eval`, `verify`, `export`.
+//! The subcommands for models: `simplify`, `merge`, `eval`, `verify`, `export`.
 
 use crate::errors::{InputError, IntoPyResult, named};
 use crate::model::{Model, refuse};
@@ -17,7 +17,7 @@ use pyo3::prelude::*;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// A smaller model of the same, without the particles.
+/// A smaller model made from a model.
 #[pyfunction]
 #[pyo3(signature = (model, ratio=None, size=None, gaussians=None, threads=None, progress=None))]
 pub fn simplify(
@@ -33,7 +33,7 @@ pub fn simplify(
         (Some(ratio), None, None) => Target::Ratio(ratio),
         (None, Some(bytes), None) => Target::Size(bytes),
         (None, None, Some(number)) => Target::Gaussians(number),
-        _ => return Err(InputError::new_err("one target: ratio, size or gaussians")),
+        _ => return Err(InputError::new_err("give one target: ratio, size or gaussians")),
     };
     let (whole, bytes) = (model.inner().clone(), model.bytes().len() as u64);
     made(py, model.called(), WorkOptions { threads, progress }, |progress| {
@@ -41,7 +41,7 @@ pub fn simplify(
     })
 }
 
-/// Several models as one: their coded blocks are copied.
+/// Merges models; their coded blocks are copied.
 #[pyfunction]
 #[pyo3(signature = (models, threads=None, progress=None))]
 pub fn merge(
@@ -59,7 +59,7 @@ pub fn merge(
     })
 }
 
-/// The model of a file that `work` makes.
+/// The model from a file made by `work`.
 fn made(
     py: Python<'_>,
     name: &str,
@@ -88,7 +88,7 @@ pub fn evaluate(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
     if !(1..=10_000).contains(&frames) {
-        return Err(InputError::new_err(format!("frames={frames} is outside 1 to 10000")));
+        return Err(InputError::new_err(format!("frames must be 1 to 10000, not {frames}")));
     }
     let (whole, size) = (model.inner(), Size { width: size.0, height: size.1 });
     let views = score::evaluation_views(&whole.metadata, size, seed, frames);
@@ -97,7 +97,7 @@ pub fn evaluate(
     Ok(serde_json::to_string(&scores).expect("plain data"))
 }
 
-/// The certificate measured again, as JSON, and the figures of the file that differ from it.
+/// Measures the certificate again: JSON, and the numbers of the file that differ from it.
 #[pyfunction]
 #[pyo3(signature = (model, snapshot, full, threads=None, progress=None))]
 pub fn verify(
@@ -125,7 +125,7 @@ pub fn verify(
     let seed = stored.map_or(42, |c| c.views.seed);
     let measured = WorkOptions { threads, progress }.run(py, |progress| {
         if particles.source_hash() != whole.metadata.source_hash {
-            let what = format!("it is not the snapshot that {} was made of", model.called());
+            let what = format!("this is not the snapshot that {} was made from", model.called());
             return Err(particlegs_pipeline::Error::input(&particles.meta.name, what));
         }
         compress::certify(whole, bare.len() as u64, particles, seed, level, progress)
@@ -134,7 +134,7 @@ pub fn verify(
     Ok((serde_json::to_string(&measured).expect("plain data"), differing))
 }
 
-/// Figures that are further apart than they may be, a line each.
+/// A line for each number that differs too much.
 fn differing(stored: &Certificate, measured: &Certificate) -> Vec<String> {
     let mut lines = Vec::new();
     for ((group, stored), (_, measured)) in stored.groups().into_iter().zip(measured.groups()) {
@@ -153,7 +153,7 @@ fn differing(stored: &Certificate, measured: &Certificate) -> Vec<String> {
     lines
 }
 
-/// What is exported of a model, as Python gives it.
+/// Options of an export.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct ExportOptions {
@@ -166,7 +166,7 @@ pub struct ExportOptions {
     overwrite: bool,
 }
 
-/// Writes a model for another program; gives the bytes.
+/// Exports a model; returns the number of bytes.
 #[pyfunction]
 #[pyo3(signature = (model, path, asked, threads=None, progress=None))]
 pub fn export(
@@ -188,7 +188,7 @@ pub fn export(
     let mut notes = Notes::new(kind, &shown, model.called());
     WorkOptions { threads, progress }.run(py, |progress| match kind.group() {
         Group::Page if asked.layers.is_some() => {
-            Err(particlegs_pipeline::Error::argument("an exported page holds every layer: leave layers= out"))
+            Err(particlegs_pipeline::Error::argument("an exported page contains all layers: leave layers= out"))
         }
         Group::Page => {
             let file = ModelFile { name: model.called(), bytes: model.bytes() };

@@ -1,4 +1,4 @@
-//! Long work: without the interpreter's lock, on threads of its own, told about, and stopped by Ctrl-C.
+//! Long work: in its own threads, without the interpreter's lock, with progress, stopped by Ctrl-C.
 
 use crate::errors::{InputError, exception};
 use particlegs_files::memory;
@@ -10,32 +10,28 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError, mpsc};
 use std::time::Duration;
 
-/// How often signals are looked for, and progress is told.
+/// Interval between checks for signals and reports of progress.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// What the caller says of how work is done.
+/// How to run work.
 pub struct WorkOptions {
-    /// Threads; `None` = as many as the process may use.
+    /// Number of threads; `None` = all that the process may use.
     pub threads: Option<usize>,
-    /// Called with a phase's name, its steps done, and its steps (0 = not known).
+    /// Called with the name of a phase, the steps done and the number of steps (0 = unknown).
     pub progress: Option<Py<PyAny>>,
 }
 
 impl WorkOptions {
-    /// So many threads, and nothing told.
+    /// With a number of threads, without progress.
     pub fn quietly(threads: Option<usize>) -> Self {
         WorkOptions { threads, progress: None }
     }
 
-    /// Does `work`, which nobody else waits for: other Python threads go on meanwhile, and a signal's exception or the
-    /// callback's stops it.
-    ///
-    /// # Errors
-    /// Those of the work as exceptions; the exception that stopped it.
+    /// Runs `work` while other Python threads continue. An exception from a signal or the callback stops it.
     pub fn run<T: Send>(self, py: Python<'_>, work: impl FnOnce(&Context<'_>) -> Result<T> + Send) -> PyResult<T> {
         let threads = self.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
         if !(1..=4096).contains(&threads) {
-            return Err(InputError::new_err(format!("threads={threads} is outside 1 to 4096")));
+            return Err(InputError::new_err(format!("threads must be 1 to 4096, not {threads}")));
         }
         let sink = PythonProgress::default();
         let (done, mut wait) = mpsc::channel();
@@ -75,14 +71,14 @@ impl WorkOptions {
         }
     }
 
-    /// Tells what is new.
+    /// Reports progress and messages.
     fn tell(&self, py: Python<'_>, sink: &PythonProgress) -> PyResult<()> {
         let (events, messages) = {
             let mut told = sink.told();
             if let Some(now) = told.phases.last_mut()
                 && std::mem::take(&mut now.moved)
             {
-                // Some work ends up to a step beyond what was foreseen.
+                // Some work takes a step more than estimated.
                 let done = if now.total > 0 { now.done.min(now.total) } else { now.done };
                 let event = (now.name.clone(), done, now.total);
                 told.events.push_back(event);
@@ -95,7 +91,7 @@ impl WorkOptions {
             }
         }
         for message in messages {
-            // What a user has to know of the data is a warning; the rest tells how the work goes on.
+            // Notes become warnings; other messages are logged.
             match message.strip_prefix("note: ").or_else(|| message.strip_prefix("warning: ")) {
                 Some(note) => py.import("particlegs._warn")?.call_method1("warn", (note,))?,
                 None => {
@@ -108,7 +104,7 @@ impl WorkOptions {
     }
 }
 
-/// What the work says, until it is told.
+/// Collects progress and messages of the work until they are reported.
 #[derive(Default)]
 struct PythonProgress {
     stop: AtomicBool,
@@ -117,7 +113,7 @@ struct PythonProgress {
 
 #[derive(Default)]
 struct ProgressLog {
-    /// Phases that have not ended, each within the one before it.
+    /// Phases that have not ended, from the outermost to the innermost.
     phases: Vec<PhaseProgress>,
     events: VecDeque<(String, u64, u64)>,
     messages: Vec<String>,

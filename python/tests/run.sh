@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The Python package on a fresh machine: built into an environment of its own, and everything that a change of
-# it passes (check.sh), with the packages that particles are handed to, and the plug-in for ParaView under plain VTK.
+# Builds the Python package into its own environment and runs all checks (check.sh), with the packages of
+# conversions, and the tests of the ParaView plug-in under plain VTK.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 # shellcheck source=tests/common.sh

@@ -72,7 +72,7 @@ def test_what_is_known(known):
 
 
 def test_a_box_smaller_than_the_particles():
-    with pytest.raises(pg.InputError, match="along x, and the box is 5 long"):
+    with pytest.raises(pg.InputError, match="along x, but the box is 5 long"):
         pg.Snapshot(GOOD * 10, box=5)
     with pytest.raises(pg.InputError, match="box length outside"):
         pg.compress(pg.Snapshot(GOOD * 10 + 20, box=12), gaussians=10)

@@ -114,5 +114,5 @@ def test_species_survive():
     assert {name: part.stop - part.start for name, part in back.layers.items()} == {"dm": 350, "star": 50, "gas": 100}
     assert np.allclose(np.sort(back.masses), MASSES, rtol=1e-6)
     assert len(snap.to_pynbody("bh").bh) == 500
-    with pytest.raises(pg.InputError, match="layers of 3 particles in all, and there are 500"):
+    with pytest.raises(pg.InputError, match="the layers have 3 particles in all, but there are 500"):
         pg.Snapshot(ROWS, layers={"gas": 3})

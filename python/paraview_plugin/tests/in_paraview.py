@@ -123,7 +123,7 @@ def check_macros(model_file: str, truth_file: str, folder: Path) -> None:
     simple.SetActiveSource(truth)
     before = made.read_bytes()
     lines = messages_of(lambda: runpy.run_path(str(PLUGIN / "vtp_to_pgs.py"), run_name="__main__"))
-    assert "is there already" in lines[0], lines
+    assert "exists already" in lines[0], lines
     assert made.read_bytes() == before
     simple.SetActiveSource(truth)
     runpy.run_path(str(PLUGIN / "compare.py"), run_name="__main__")
@@ -134,7 +134,7 @@ def check_macros(model_file: str, truth_file: str, folder: Path) -> None:
 
 
 def check_picture(model_file: str, truth_file: str, folder: Path) -> None:
-    """See that the view shows `Model.render` pixel by pixel, of any size, and follows the particles' dials."""
+    """Compare the view with `Model.render`, pixel by pixel, for any size, radius and opacity."""
     import particlegs_views as views
 
     truth_view, picture_view = simple.CreateView("RenderView"), simple.CreateView("RenderView")

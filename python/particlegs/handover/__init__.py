@@ -1,7 +1,6 @@
-"""Particles, densities and Gaussians to other packages and back: one module a package.
+"""Conversion of particles, densities and Gaussians to and from other packages, one module per package.
 
-The functions here are methods of `Snapshot`, `Grid`, `Map` and `Gaussians`. Each package is imported when it is asked
-for, never before.
+The functions are methods of `Snapshot`, `Grid`, `Map` and `Gaussians`. A package is imported only when it is needed.
 """
 
 from ._ase import from_ase, to_ase

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 def from_ase(cls: type[Snapshot], /, atoms: Any, **known: Unpack[Known]) -> Snapshot:
-    """Takes the atoms of ASE: positions, cell and periodic axes (Angstrom), masses (Da).
+    """Converts ASE atoms: positions, cell and periodic axes (Angstrom), masses (Da).
 
     Parameters
     ----------
     atoms : ase.Atoms
-        Vectors of length 0 of its cell, along which nothing repeats, become unit vectors.
+        Cell vectors of length 0 become unit vectors without periodicity.
     **known
-        As for `Snapshot`; in place of what the atoms say. ``masses=None`` counts all atoms alike.
+        As for `Snapshot`; these override values of the atoms. ``masses=None`` gives all atoms the same mass.
 
     Returns
     -------
@@ -40,23 +40,23 @@ def from_ase(cls: type[Snapshot], /, atoms: Any, **known: Unpack[Known]) -> Snap
 
 
 def to_ase(snapshot: Snapshot, symbols: Any = "X") -> Any:
-    """Hands the particles to ASE.
+    """Converts the particles to ASE atoms.
 
     Parameters
     ----------
     symbols : str or sequence of str
-        Chemical symbol of all atoms, or of each; ``"X"`` is no element.
+        One chemical symbol for all atoms, or one for each; ``"X"`` is unknown.
 
     Returns
     -------
     ase.Atoms
-        Positions and cell in Angstrom (from Angstrom, nm, pm or Bohr; plain numbers are taken as they are), masses in
-        Da where they are known.
+        Positions and cell in Angstrom (converted from nm, pm or Bohr; numbers without a unit are not converted), masses
+        in Da if known.
 
     Raises
     ------
     InputError
-        For units that are none of molecules.
+        If the units are not molecular units.
     """
     ase = needed("ase")
     scale = factor(snapshot.length_unit, "length", "Angstrom")

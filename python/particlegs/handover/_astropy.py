@@ -1,4 +1,4 @@
-"""Astropy: quantities and tables. Quantities come in as they are: ``Snapshot(positions, masses=..., box=...)``."""
+"""Astropy: quantities and tables. `Snapshot` also accepts quantities."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ if TYPE_CHECKING:
     from .._arrays import Grid, Map
     from .._snapshot import Snapshot
 
-#: What astropy calls units: those that FITS knows, too.
+#: Astropy's names of units, only those in FITS.
 _NAMES = {**SKY, "Msun": "solMass", "Rsun": "solRad", "ly": "lyr", "A": "Angstrom", "nm": "nm", "um": "um", "amu": "u"}
 
 
 def unit(text: Optional[str], dimension: str, hubble: Optional[float]) -> tuple[float, Any]:
-    """A unit as a number of astropy's: ``1e10 Msun/h`` is so many ``solMass``, or ``solMass / littleh`` where the value
-    of h is not known.
+    """A unit as a factor and an astropy unit: ``1e10 Msun/h`` in ``solMass``, or in ``solMass / littleh`` if h is
+    unknown.
 
     Raises
     ------
     InputError
-        For a unit without a size.
+        If the unit is unknown.
     """
     units = needed("astropy.units")
     if text is None:
@@ -36,26 +36,26 @@ def unit(text: Optional[str], dimension: str, hubble: Optional[float]) -> tuple[
 
 
 def to_astropy(values: Union[Map, Grid], hubble: Optional[float] = None) -> Any:
-    """The values as astropy has them.
+    """Converts the values to an astropy quantity.
 
     Parameters
     ----------
     hubble : float, optional
-        Value of h of units such as ``Mpc/h``; the values' own by default.
+        Value of h for units such as ``Mpc/h``; by default that of the values.
 
     Returns
     -------
     astropy.units.Quantity
-        The values, copied, with units that FITS knows, too; numbers of particles have none. Where the value of h is not
-        known, it is ``littleh``: ``q.to("Msun / pc2", astropy.cosmology.units.with_H0(cosmology.H0))`` puts it in.
+        A copy of the values in units of the FITS standard; particle counts are dimensionless. If h is unknown, the unit
+        contains ``littleh``: ``q.to("Msun / pc2", astropy.cosmology.units.with_H0(cosmology.H0))`` inserts its value.
 
     Raises
     ------
     InputError
-        For a unit without a size, or where none was stated.
+        If the unit is unknown or missing.
     """
     if values.length_unit is None:
-        raise InputError("the unit of length is not known: state it by units= when the snapshot is opened")
+        raise InputError("the unit of length is unknown: state it by units= when you open the snapshot")
     h = values.hubble if hubble is None else hubble
     above, below, power = above_and_below(values.unit)
     mass, of = unit(None if above in ("particles", "mass") else above, "mass", h)
@@ -64,23 +64,23 @@ def to_astropy(values: Union[Map, Grid], hubble: Optional[float] = None) -> Any:
 
 
 def snapshot_to_astropy(snapshot: Snapshot, hubble: Optional[float] = None) -> Any:
-    """Hands the particles to astropy; ``.write("particles.fits")`` of what is returned writes FITS.
+    """Converts the particles to an astropy table, whose ``write("particles.fits")`` writes FITS.
 
     Parameters
     ----------
     hubble : float, optional
-        Value of h of units such as ``Mpc/h``; the snapshot's by default.
+        Value of h for units such as ``Mpc/h``; the snapshot's by default.
 
     Returns
     -------
     astropy.table.QTable
-        Columns ``position`` (n, 3) and, where they are known, ``mass``, with units where they were stated (``littleh``
-        is h where its value is not known); the box's vectors and what is known of the moment as metadata.
+        Columns ``position`` (n, 3) and, if known, ``mass``, with their units (with ``littleh`` if h is unknown). Box
+        vectors, cosmology and time are in the metadata.
 
     Raises
     ------
     InputError
-        For a unit without a size.
+        If the unit is unknown.
     """
     quantity = needed("astropy.units").Quantity
     h = snapshot.metadata["hubble"] if hubble is None else hubble

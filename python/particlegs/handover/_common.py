@@ -1,4 +1,4 @@
-"""What the modules share."""
+"""Shared by the modules."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 
 #: Units of molecules.
 _OF_MOLECULES = ("A", "Bohr", "nm", "pm", "amu", "kDa")
-#: What yt and astropy call the units of the sky.
+#: Names of astronomical units in yt and astropy.
 SKY = {name: name for name in ("pc", "kpc", "Mpc", "Gpc", "AU", "km", "m", "cm", "Msun", "kg", "g")}
 
 
 def needed(name: str) -> Any:
-    """A package that only this hand-over takes.
+    """Imports a package that only this conversion needs.
 
     Raises
     ------
     ImportError
-        Where it is not installed, with what installs it.
+        If it is not installed; the message says how to install it.
     """
     package = name.partition(".")[0]
     try:
@@ -37,16 +37,16 @@ def needed(name: str) -> Any:
     except ModuleNotFoundError as error:
         if error.name != package:
             raise
-        raise ImportError(f"this takes the package {package}: pip install {package}", name=package) from error
+        raise ImportError(f"this needs the package {package}: pip install {package}", name=package) from error
 
 
 def factor(unit: Optional[str], dimension: str, to: str) -> float:
-    """The factor that takes a unit of molecules to another of the same dimension; plain numbers are in it already.
+    """The factor from one molecular unit to another; 1 for numbers without a unit.
 
     Raises
     ------
     InputError
-        For a unit that is none of molecules.
+        If the unit is not a molecular unit.
     """
     if unit is None:
         return 1.0
@@ -57,28 +57,28 @@ def factor(unit: Optional[str], dimension: str, to: str) -> float:
 
 
 def from_molecules(known: Known) -> tuple[float, float]:
-    """The factors that take Angstrom and Da to the units that are asked for."""
+    """The factors from Angstrom and Da to the requested units."""
     return 1.0 / factor(known.get("units"), "length", "Angstrom"), 1.0 / factor(known.get("mass_units"), "mass", "Da")
 
 
 def size_of(
     unit: str, dimension: str, hubble: Optional[float], names: Mapping[str, str], package: str
 ) -> tuple[float, str]:
-    """A unit as a number of a unit that a package knows, with the value of h put in: ``1e10 Msun/h`` in ``Msun``.
+    """A unit as a factor and a unit of another package, with h inserted: ``1e10 Msun/h`` in ``Msun``.
 
     Parameters
     ----------
     names
-        What the package calls units; it knows ``m`` and ``kg``.
+        Names of units in the package; it must know ``m`` and ``kg``.
 
     Raises
     ------
     InputError
-        For a unit without a size, and where h is in the unit and its value is not known.
+        If the unit is unknown, or contains h and its value is unknown.
     """
     parts = _particlegs.unit_parts(unit, dimension)
     if parts is None:
-        what = f'{package} does not know the unit "{unit}", which cannot be converted to a {dimension} that it knows'
+        what = f'{package} does not know the unit "{unit}", and it cannot be converted to a known unit of {dimension}'
         raise InputError(f"{what}: state another by units= or mass_units=")
     number, name, size, _, power = parts
     if power != 0:
@@ -97,13 +97,13 @@ def power_of_h(unit: str, dimension: str) -> float:
 
 
 def above_and_below(unit: str) -> tuple[str, Optional[str], int]:
-    """A unit of density apart: ``1e10 Msun/h / (kpc/h)^2`` is ``1e10 Msun/h``, ``kpc/h`` and 2."""
+    """Splits a unit of density: ``1e10 Msun/h / (kpc/h)^2`` is ``1e10 Msun/h``, ``kpc/h`` and 2."""
     found = re.fullmatch(r"(.+) / (?:\((.+)\)|([^ /()]+))\^([23])", unit)
     return (unit, None, 0) if found is None else (found[1], found[2] or found[3], int(found[4]))
 
 
 def mass_of_each(snapshot: Snapshot) -> Optional[Float64]:
-    """The mass of each particle, (n,); None where masses are not known."""
+    """The mass of each particle, (n,); None if masses are unknown."""
     masses = snapshot.masses
     return None if masses is None else np.broadcast_to(np.asarray(masses, dtype=np.float64), (len(snapshot),))
 
@@ -114,11 +114,11 @@ def right_box(snapshot: Snapshot, package: str) -> Optional[Float64]:
     Raises
     ------
     InputError
-        For a tilted box, which `package` does not know.
+        For a tilted box, which `package` does not support.
     """
     box = snapshot.box
     if box is None:
         return None
     if not np.array_equal(box, np.diag(np.diag(box))):
-        raise InputError(f"{package} knows boxes along x, y and z alone, and this one is tilted")
+        raise InputError(f"{package} supports only boxes along x, y and z, but this box is tilted")
     return np.diag(box).copy()

@@ -18,20 +18,20 @@ if TYPE_CHECKING:
 
 
 def from_mdanalysis(cls: type[Snapshot], /, group: Any, **known: Unpack[Known]) -> Snapshot:
-    """Takes the atoms of MDAnalysis at its current frame: positions and box (Angstrom), masses (Da), time (ps).
+    """Converts the current frame of MDAnalysis: positions and box (Angstrom), masses (Da), time (ps).
 
     Parameters
     ----------
     group : MDAnalysis.AtomGroup or MDAnalysis.Universe
-        The atoms, or all of them.
+        A group of atoms, or all atoms of a universe.
     **known
-        As for `Snapshot`; in place of what the atoms say. ``masses=None`` counts all atoms alike, and so do atoms some
-        of which have no mass.
+        As for `Snapshot`; these override values of the atoms. ``masses=None`` gives all atoms the same mass; so does a
+        group in which some atoms have no mass.
 
     Returns
     -------
     Snapshot
-        Periodic along all vectors of the box; MDAnalysis does not know others.
+        Periodic along all vectors of the box, as always in MDAnalysis.
     """
     atoms = group.atoms
     scale, heavier = from_molecules(known)
@@ -46,18 +46,18 @@ def from_mdanalysis(cls: type[Snapshot], /, group: Any, **known: Unpack[Known]) 
 
 
 def to_mdanalysis(snapshot: Snapshot) -> Any:
-    """Hands the particles to MDAnalysis.
+    """Converts the particles to MDAnalysis.
 
     Returns
     -------
     MDAnalysis.Universe
-        One frame: positions and box in Angstrom (from Angstrom, nm, pm or Bohr; plain numbers are taken as they are),
-        masses in Da where they are known, the layers as types.
+        One frame: positions and box in Angstrom (converted from nm, pm or Bohr; numbers without a unit are not
+        converted), masses in Da if known, layers as types.
 
     Raises
     ------
     InputError
-        For units that are none of molecules; for a box whose vectors MDAnalysis cannot say by lengths and angles.
+        If the units are not molecular units, or lengths and angles cannot describe the box as MDAnalysis needs it.
     """
     mda = needed("MDAnalysis")
     scale = factor(snapshot.length_unit, "length", "Angstrom")
@@ -85,6 +85,6 @@ def _dimensions(snapshot: Snapshot, scale: float) -> Optional[Float64]:
     told = mdamath.triclinic_vectors(dimensions, dtype=np.float64)
     if not np.allclose(told, vectors * scale, atol=1e-4 * np.abs(vectors * scale).max()):
         raise InputError(
-            "MDAnalysis has the first vector of a box along x, the second in the plane of x and y: not this one"
+            "MDAnalysis needs the first vector of a box along x, the second in the xy plane: rotate box and particles"
         )
     return dimensions

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from .._snapshot import Snapshot
     from .._types import Known
 
-#: What pynbody calls units.
+#: Names of units in pynbody.
 _NAMES = {**{name: name for name in SKY if name not in ("Gpc", "AU")}, "Msun": "Msol"}
-#: Units that numbers of cm and g are named by, as simulations state theirs.
+#: Named units for factors of cm and g, in which simulations state their units.
 _NAMED_BY = {**dict.fromkeys(("cm", "m", "km"), ("pc", "kpc", "Mpc")), **dict.fromkeys(("g", "kg"), ("Msol",))}
-#: How far such a number may be from a unit's: codes differ in the digits they keep.
+#: Relative tolerance of such a factor: codes use different numbers of digits.
 _TOLERANCE = 1e-3
-#: Families by what layers are called.
+#: Families, and the names of layers that belong to them.
 _FAMILIES = {
     "gas": ("gas", "parttype0"),
     "dm": ("dm", "dark matter", "dark_matter", "halo", "parttype1"),
@@ -33,21 +33,21 @@ _FAMILIES = {
 
 
 def from_pynbody(cls: type[Snapshot], /, sim: Any, **known: Unpack[Known]) -> Snapshot:
-    """Takes the particles of pynbody: positions, masses, families, box, scale factor and h.
+    """Converts particles of pynbody: positions, masses, families, box, scale factor and h.
 
     Parameters
     ----------
     sim : pynbody.snapshot.SimSnap
         A snapshot, or a part of it such as ``sim.dm``.
     **known
-        As for `Snapshot`; in place of what the particles say.
+        As for `Snapshot`; these override values of the particles.
 
     Returns
     -------
     Snapshot
-        In the units of `sim`, with names and without powers of ten: ``1e10 Msol h**-1`` become ``Msun/h``, and
-        ``3.085678e21 cm a h**-1`` become ``kpc/h``. Families are layers. The box begins at 0, or at minus half its
-        length where positions are below 0, as pynbody wraps them.
+        In the units of `sim`, but as named units without factors: ``1e10 Msol h**-1`` becomes ``Msun/h``, and
+        ``3.085678e21 cm a h**-1`` becomes ``kpc/h``. Families become layers. The box begins at 0, or at minus half its
+        length if there are negative positions, as pynbody wraps them.
     """
     positions, length = _in_whole_units(sim["pos"])
     unit = carried(positions)
@@ -75,7 +75,7 @@ def from_pynbody(cls: type[Snapshot], /, sim: Any, **known: Unpack[Known]) -> Sn
 
 
 def _in_whole_units(values: Any) -> tuple[Any, float]:
-    """Values in a unit with a name and without a power of ten, and what they were multiplied by."""
+    """Values in a named unit without a factor, and the factor applied."""
     unit = carried(values)
     found = re.fullmatch(r"(?:[0-9.]+(?:e[+-]?[0-9]+)? )?([A-Za-z]+)((?: (?:a|h)(?:\*\*\S+)?)*)", str(unit))
     if unit is None or found is None:
@@ -90,29 +90,29 @@ def _in_whole_units(values: Any) -> tuple[Any, float]:
         factor = number
     if factor == 1.0 and name == base:
         return values, 1.0
-    # Grams of a galaxy are beyond float32.
+    # Masses of galaxies in grams overflow float32.
     numbers = np.asarray(values) if factor == 1.0 else np.asarray(values, dtype=np.float64) * factor
     return needed("pynbody.array").SimArray(numbers, name + powers), factor
 
 
 def to_pynbody(snapshot: Snapshot, family: Optional[str] = None) -> Any:
-    """Hands the particles to pynbody.
+    """Converts the particles to pynbody.
 
     Parameters
     ----------
     family : str, optional
-        The family that all are of: ``"dm"``, ``"gas"``, ``"star"``, ... By default that of each layer's name, and dark
-        matter where the name says nothing.
+        One family for all particles: ``"dm"``, ``"gas"``, ``"star"``, ... By default it follows from each layer's name,
+        and is dark matter for unknown names.
 
     Returns
     -------
     pynbody.snapshot.SimSnap
-        With ``pos``, ``mass`` (1 where masses are not known), and the box, scale factor and h as properties.
+        With ``pos``, ``mass`` (1 if masses are unknown), and the box, scale factor and h as properties.
 
     Raises
     ------
     InputError
-        For a box that is tilted or not a cube, and for a unit without a size.
+        If the box is tilted or not a cube, or a unit is unknown.
     """
     from .._particlegs import InputError
 
@@ -138,7 +138,7 @@ def to_pynbody(snapshot: Snapshot, family: Optional[str] = None) -> Any:
     box = right_box(snapshot, "pynbody")
     if box is not None:
         if np.ptp(box) > 1e-9 * box[0]:
-            raise InputError("pynbody knows cubic boxes alone")
+            raise InputError("pynbody supports only cubic boxes")
         sim.properties["boxsize"] = box[0] * pynbody.units.Unit(length) if length is not None else float(box[0])
     for name, key in (("a", "scale_factor"), ("h", "hubble")):
         if snapshot.metadata[key] is not None:

@@ -27,16 +27,16 @@ def from_pyvista(
     mass_data: Optional[str] = None,
     **known: Unpack[Known],
 ) -> Snapshot:
-    """Takes the points of any data set of PyVista.
+    """Converts the points of any PyVista data set.
 
     Parameters
     ----------
     points : pyvista.DataSet
-        Its points; cells do not matter. The field data that `Snapshot.to_pyvista` writes (units) is understood.
+        Only points are used, not cells. Units are read from field data as written by `Snapshot.to_pyvista`.
     weight_data, mass_data : str, optional
-        Names of the point data to take as weights, or masses; ``mass`` by default where there is one.
+        Names of the point data for weights or masses; by default ``mass``, if it exists.
     **known
-        As for `Snapshot`; in place of what the data set says. VTK has no boxes: say ``box``.
+        As for `Snapshot`; these override values of the data set. VTK has no boxes: give ``box``.
 
     Returns
     -------
@@ -57,13 +57,13 @@ def from_pyvista(
 
 
 def to_pyvista(snapshot: Snapshot) -> Any:
-    """Hands the particles to PyVista.
+    """Converts the particles to PyVista.
 
     Returns
     -------
     pyvista.PolyData
-        Points with a vertex each, ``mass`` where it is known, ``layer`` as a number, the units as field data. Drawn as
-        ParaView's Point Gaussian by ``style="points_gaussian"``.
+        Points with a vertex each, ``mass`` if known, ``layer`` as a number, units as field data. Plot it with
+        ``style="points_gaussian"`` to see ParaView's Point Gaussian.
     """
     pyvista = needed("pyvista")
     data = pyvista.PolyData(np.array(snapshot.positions))
@@ -84,14 +84,14 @@ def to_pyvista(snapshot: Snapshot) -> Any:
 
 
 def gaussians_to_pyvista(gaussians: Gaussians) -> Any:
-    """Hands the Gaussians to PyVista.
+    """Converts the Gaussians to PyVista.
 
     Returns
     -------
     pyvista.PolyData
-        Their means as points, with ``count``, ``mass`` (where known), ``covariance`` and its square root
-        ``axes`` as tensors of 9 components (row by row), ``layer`` as a number. ``data.glyph`` of a sphere oriented
-        by ``axes``, or VTK's tensor glyphs, draw ellipsoids of one standard deviation.
+        The means as points, with ``count``, ``mass`` (if known), ``covariance`` and its square root ``axes`` as
+        tensors of 9 components (row by row), and ``layer`` as a number. ``data.glyph`` with a sphere oriented by
+        ``axes``, or VTK's tensor glyphs, draw ellipsoids of one standard deviation.
     """
     pyvista = needed("pyvista")
     data = pyvista.PolyData(np.array(gaussians.means))
@@ -111,13 +111,13 @@ def gaussians_to_pyvista(gaussians: Gaussians) -> Any:
 
 
 def grid_to_pyvista(grid: Grid) -> Any:
-    """Hands the density to PyVista.
+    """Converts the density to PyVista.
 
     Returns
     -------
     pyvista.ImageData
-        The grid, with ``density`` as cell data and the units as field data. ``image.cell_data_to_point_data()``
-        makes what volumes and contours are drawn of.
+        The grid, with ``density`` as cell data and units as field data. To draw volumes and contours, use
+        ``image.cell_data_to_point_data()``.
     """
     pyvista = needed("pyvista")
     image = pyvista.ImageData(dimensions=np.array(grid.shape) + 1, spacing=grid.spacing, origin=grid.origin)

@@ -1,4 +1,4 @@
-"""swiftsimio: snapshots of SWIFT, by an HDF5 file."""
+"""swiftsimio: snapshots of SWIFT, through an HDF5 file."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 def from_swiftsimio(
     cls: type[Snapshot], /, data: Any, species: str = "dark_matter", **known: Unpack[Known]
 ) -> Snapshot:
-    """Takes the particles of a snapshot that swiftsimio has loaded: positions, masses, box, scale factor and h.
+    """Converts particles loaded by swiftsimio: positions, masses, box, scale factor and h.
 
-    ``particlegs.open`` reads the same files without swiftsimio, faster and into less memory.
+    ``particlegs.open`` reads the same files without swiftsimio, faster and with less memory.
 
     Parameters
     ----------
     data : swiftsimio.SWIFTDataset, or a part of it
-        What ``swiftsimio.load`` gives (masked or not), or one species such as ``data.dark_matter``.
+        The result of ``swiftsimio.load`` (masked or not), or one species such as ``data.dark_matter``.
     species : str
-        The species of a whole data set.
+        The species to convert from a whole data set.
     **known
-        As for `Snapshot`; in place of what the data say.
+        As for `Snapshot`; these override values of the data set.
 
     Returns
     -------
@@ -62,37 +62,37 @@ def to_swiftsimio(
     hubble: Optional[float] = None,
     overwrite: bool = False,
 ) -> Any:
-    """Writes an HDF5 file by swiftsimio, and opens it.
+    """Writes an HDF5 file with swiftsimio and opens it.
 
     Parameters
     ----------
     path : path
         The file.
     hubble : float, optional
-        Value of h of units such as ``Mpc/h``; the snapshot's by default.
+        Value of h for units such as ``Mpc/h``; the snapshot's by default.
     overwrite : bool
-        Replace what is there.
+        Replace an existing file.
 
     Returns
     -------
     swiftsimio.SWIFTDataset
-        Dark matter: with coordinates (Mpc), masses (Msun), numbers from 1, and velocities of 0, which particlegs does
-        not hold.
+        Dark matter with coordinates (Mpc), masses (Msun) and ids from 1. Velocities are 0, because particlegs does not
+        store them.
 
     Raises
     ------
     InputError
-        Without a box, masses or units, or for units that are not lengths and masses.
+        If box, masses or units are missing, or the units are not lengths and masses.
     FileExistsError
-        Where something is, unless `overwrite`.
+        If the path exists, unless `overwrite`.
     """
     swiftsimio, unyt = needed("swiftsimio"), needed("unyt")
     where = os.fspath(path)
     box, each = right_box(snapshot, "SWIFT"), mass_of_each(snapshot)
     if box is None or each is None:
-        raise InputError("a file of SWIFT takes a box and masses: state them by box= and masses=")
+        raise InputError("SWIFT files need a box and masses: give box= and masses= to Snapshot")
     if snapshot.length_unit is None or snapshot.mass_unit is None:
-        raise InputError("a file of SWIFT takes units: state them by units= and mass_units=")
+        raise InputError("SWIFT files need units: give units= and mass_units= to Snapshot")
     metadata = snapshot.metadata
     h = metadata["hubble"] if hubble is None else hubble
     length = _in(unyt, snapshot.length_unit, "length", h, "Mpc")
@@ -104,7 +104,7 @@ def to_swiftsimio(
 
     corner = np.zeros(3) if snapshot.origin is None else snapshot.origin
     positions = np.asarray(snapshot.positions, dtype=np.float64) - corner
-    # A file that says comoving holds positions at the time's scale.
+    # The file is marked comoving, so physical positions are divided by the scale factor.
     length = length if metadata["comoving"] is not False else length / a
     writer = swiftsimio.Writer(boxsize=array(box * length, unyt.Mpc, 1), scale_factor=a)
     part = writer.dark_matter
@@ -118,6 +118,6 @@ def to_swiftsimio(
 
 
 def _in(unyt: Any, unit: str, dimension: str, hubble: Optional[float], to: str) -> float:
-    """The factor that takes a unit to another."""
+    """The factor from one unit to another."""
     number, name = size_of(unit, dimension, hubble, SKY, "swiftsimio")
     return number if name == to else number * float(unyt.unyt_quantity(1.0, name).to_value(to))

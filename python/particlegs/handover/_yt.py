@@ -25,18 +25,18 @@ def from_yt(
     particle_type: Optional[str] = None,
     **known: Unpack[Known],
 ) -> Snapshot:
-    """Takes the particles of yt: positions, masses, types, box, scale factor and h.
+    """Converts particles of yt: positions, masses, types, box, scale factor and h.
 
     Parameters
     ----------
     data : yt.data_objects.static_output.Dataset, or a data container
-        What ``yt.load`` gives, or a part of it such as a region or a sphere.
+        The result of ``yt.load``, or a part of it such as a region or a sphere.
     particle_type : str, optional
-        By default all that the file has, each a layer; see ``ds.particle_types_raw``.
+        By default all types in the file, each as a layer; see ``ds.particle_types_raw``.
     **known
-        As for `Snapshot`; in place of what the data say. ``masses=None`` counts all particles alike. `units` names
-        what positions are converted to: comoving Mpc/h of a cosmological data set by default, else a unit that the
-        domain is not much longer than.
+        As for `Snapshot`; these override values of the data set. ``masses=None`` gives all particles the same mass.
+        Positions are converted to `units`: by default comoving Mpc/h for a cosmological data set, otherwise a unit
+        that suits the size of the domain.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def from_yt(
     lacking = [kind for kind in kinds if (kind, "particle_position") not in ds.derived_field_list]
     if particle_type and lacking:
         there = ", ".join(sorted(ds.particle_types))
-        raise InputError(f'there are no particles of the type "{particle_type}": {there}')
+        raise InputError(f'there are no particles of the type "{particle_type}": the types are {there}')
     kinds = [kind for kind in kinds if kind not in lacking]
     positions = {kind: particles[kind, "particle_position"] for kind in kinds}
     kinds = [kind for kind in kinds if len(positions[kind])]
@@ -81,26 +81,25 @@ def from_yt(
 
 
 def to_yt(snapshot: Snapshot, *, hubble: Optional[float] = None, **options: Any) -> Any:
-    """Hands the particles to yt.
+    """Converts the particles to yt.
 
     Parameters
     ----------
     hubble : float, optional
-        Value of h of units such as ``Mpc/h``; the snapshot's by default.
+        Value of h for units such as ``Mpc/h``; the snapshot's by default.
     **options
-        For ``yt.load_particles``, in place of what the snapshot says: ``length_unit``, ``mass_unit``, ``bbox``, ...
+        For ``yt.load_particles``; these override values of the snapshot: ``length_unit``, ``mass_unit``, ``bbox``, ...
 
     Returns
     -------
     yt.frontends.stream.data_structures.StreamParticlesDataset
-        Particles of the type ``io`` with ``particle_mass`` (1 where masses are not known). Comoving lengths stay
-        comoving: the data set is not cosmological. Positions that no unit was stated
-        of are in cm, as yt has them.
+        Particles of type ``io`` with ``particle_mass`` (1 if masses are unknown). The data set is not cosmological, so
+        comoving lengths stay comoving. Positions without a unit are taken to be in cm, as always in yt.
 
     Raises
     ------
     InputError
-        For a tilted box, or a unit that yt does not know.
+        If the box is tilted or yt does not know a unit.
     """
     yt = needed("yt")
     positions, each = np.asarray(snapshot.positions, dtype=np.float64), mass_of_each(snapshot)
@@ -127,23 +126,23 @@ def to_yt(snapshot: Snapshot, *, hubble: Optional[float] = None, **options: Any)
 
 
 def grid_to_yt(grid: Grid, **options: Any) -> Any:
-    """Hands the density to yt.
+    """Converts the density to yt.
 
     Parameters
     ----------
     **options
-        For ``yt.load_uniform_grid``, in place of what the grid says: ``length_unit``, ``periodicity``, ...
+        For ``yt.load_uniform_grid``; these override values of the grid: ``length_unit``, ``periodicity``, ...
 
     Returns
     -------
     yt.frontends.stream.data_structures.StreamDataset
-        With the field ``("stream", "density")``, or ``("stream", "number_density")`` where masses are not known.
-        Comoving lengths stay comoving; lengths that no unit was stated of are in cm, as yt has them.
+        With the field ``("stream", "density")``, or ``("stream", "number_density")`` if masses are unknown. Comoving
+        lengths stay comoving; lengths without a unit are taken to be in cm, as always in yt.
 
     Raises
     ------
     InputError
-        For a unit that yt does not know, or one with h where its value is not known.
+        If yt does not know a unit, or a unit contains h and its value is unknown.
     """
     yt = needed("yt")
     above = above_and_below(grid.unit)[0]
@@ -155,7 +154,7 @@ def grid_to_yt(grid: Grid, **options: Any) -> Any:
         said["mass_unit"] = size_of(above, "mass", grid.hubble, SKY, "yt")
     low = np.asarray(grid.origin)
     high = low + np.asarray(grid.spacing) * grid.shape
-    # The names of yt's fields: masses by code_mass, so that its own conversions hold.
+    # Masses are in code_mass, so that yt's own conversions work.
     data = {field: (np.array(grid, subok=False), f"{mass}/code_length**3")}
     said["bbox"] = np.stack([low, high], axis=1)
     return yt.load_uniform_grid(data, np.array(grid.shape), **{**said, **options})
