@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""What the package costs beside the command: import, memory, pictures, Ctrl-C. Needs the built package and command.
+"""Compares the package with the command: import, memory, pictures, Ctrl-C. Needs the built package and command.
 
     python python/bench.py --command target/release/particlegs --snapshot SNAPSHOT [--particles 67108864]
 
-Each figure is a median of alternating runs on this machine, with its range.
+Each number is the median of alternating runs, with its range.
 """
 
 import argparse
@@ -20,7 +20,7 @@ import time
 
 
 def python(code, *arguments, **options):
-    """What a fresh interpreter prints."""
+    """The output of a new interpreter."""
     run = [sys.executable, "-c", textwrap.dedent(code), *map(str, arguments)]
     return subprocess.run(run, check=True, capture_output=True, text=True, **options).stdout
 
@@ -32,13 +32,13 @@ def said(values, unit, digits=3):
 
 
 def import_time(runs=9):
-    """Seconds of `import particlegs` beyond numpy's."""
+    """Seconds of `import particlegs` after `import numpy`."""
     code = "import numpy, time; t = time.perf_counter(); import particlegs; print(time.perf_counter() - t)"
     return [float(python(code)) for _ in range(runs)]
 
 
 def pictures(command, snapshot, folder, runs=15):
-    """Seconds of the first picture at 1080p, here and by the command, alternating."""
+    """Seconds of the first picture at 1080p, alternating between package and command."""
     model = folder / "model.pgs"
     make = [command, "compress", snapshot, "-o", model, "--certificate", "none", "--quiet"]
     subprocess.run(make, check=True, stdout=subprocess.DEVNULL)
@@ -59,7 +59,7 @@ def pictures(command, snapshot, folder, runs=15):
 
 
 def peaks(command, particles, folder):
-    """Peak memory in bytes: of the command on a .npy of so many particles, and of Python with the array in memory."""
+    """Peak memory in bytes of the command with a .npy file, and of Python with the array in memory."""
     code = """
         import resource, sys
         import numpy as np
@@ -89,7 +89,7 @@ def peaks(command, particles, folder):
 
 
 def interrupted(snapshot, runs=16):
-    """Seconds from SIGINT to the end of the work, at moments spread over a fit, with the phase that was on."""
+    """Seconds from SIGINT to the end of the work, at several times during a fit, with the phase."""
     code = """
         import sys, time, particlegs as pg
         snap = pg.open(sys.argv[1])
@@ -125,22 +125,22 @@ def main():
     parser.add_argument("--particles", type=int, default=67_108_864, help="of the test of memory; 0 leaves it out")
     parser.add_argument("--runs", type=int, default=7)
     o = parser.parse_args()
-    print("import beyond numpy's:", said(import_time(), "s"))
+    print("import after numpy:", said(import_time(), "s"))
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         ours, theirs = pictures(o.command, o.snapshot, folder, o.runs)
         ratio = statistics.median(a / b for a, b in zip(ours, theirs))
-        print("picture at 1080p:", said(ours, "s", 4), "here;", said(theirs, "s", 4), "by the command")
+        print("picture at 1080p:", said(ours, "s", 4), "in Python;", said(theirs, "s", 4), "by the command")
         print(f"    ratio {ratio:.2f}")
         stops = interrupted(o.snapshot)
-        print("Ctrl-C to the end:", said([t for t, _ in stops], "s"), "the longest in:", max(stops)[1])
+        print("Ctrl-C to the end:", said([t for t, _ in stops], "s"), "longest in phase:", max(stops)[1])
         if o.particles:
             ours, theirs = peaks(o.command, o.particles, folder)
             array = 12 * o.particles
             print(f"{o.particles} positions, an array of {array / 1e9:.2f} GB: peak {ours / 1e9:.2f} GB")
-            print(f"    of the command, which maps the file: {theirs / 1e9:.2f} GB")
+            print(f"    command, which maps the file: {theirs / 1e9:.2f} GB")
             share = (ours - theirs + array) / array
-            print(f"    less what the command takes beside the array, over the array: {share:.2f}")
+            print(f"    without the command's other memory, relative to the array: {share:.2f}")
 
 
 if __name__ == "__main__":

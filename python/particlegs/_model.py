@@ -41,7 +41,7 @@ class Model:
     """A mixture of Gaussians that represents a snapshot, made by `read` or `compress`. Immutable."""
 
     _native: _particlegs.Model
-    _said: dict[str, Any]
+    _description: dict[str, Any]
 
     def __init__(self) -> None:
         raise TypeError("use particlegs.read or particlegs.compress to make a model")
@@ -50,7 +50,7 @@ class Model:
     def _of(cls, native: _particlegs.Model) -> Model:
         model = cls.__new__(cls)
         model._native = native
-        model._said = json.loads(native.told)
+        model._description = json.loads(native.description)
         return model
 
     # Properties.
@@ -68,7 +68,7 @@ class Model:
     @property
     def ratio(self) -> float:
         """Bytes of the particles as float32 / bytes of the file."""
-        return float(self._said["raw_bytes"] / self.nbytes)
+        return float(self._description["raw_bytes"] / self.nbytes)
 
     @property
     def count(self) -> int:
@@ -78,7 +78,7 @@ class Model:
     @property
     def mass(self) -> Optional[float]:
         """Mass of all particles in the unit of mass, or None if unknown."""
-        mass: Optional[float] = self._said["mass"]
+        mass: Optional[float] = self._description["mass"]
         return mass
 
     @property
@@ -89,7 +89,7 @@ class Model:
     @property
     def metadata(self) -> dict[str, Any]:
         """The file's metadata about the snapshot and the compression."""
-        metadata: dict[str, Any] = self._said["metadata"]
+        metadata: dict[str, Any] = self._description["metadata"]
         return metadata
 
     @property
@@ -135,7 +135,7 @@ class Model:
     @property
     def layers(self) -> list[dict[str, Any]]:
         """Layers: name, particles, Gaussians, mass of a particle."""
-        return [dict(layer) for layer in self._said["layers"]]
+        return [dict(layer) for layer in self._description["layers"]]
 
     @property
     def gaussians(self) -> Gaussians:
@@ -145,7 +145,7 @@ class Model:
     @property
     def certificate(self) -> Union[dict[str, Any], Any]:
         """The measurements made on the decoded file at compression, as a dict; None without a certificate."""
-        certificate: Optional[dict[str, Any]] = self._said["certificate"]
+        certificate: Optional[dict[str, Any]] = self._description["certificate"]
         return certificate
 
     @property
@@ -154,7 +154,7 @@ class Model:
 
         `word` is ``holds``, ``roughly``, ``does not`` or ``not measured``.
         """
-        return [dict(finding) for finding in self._said["verdict"]]
+        return [dict(finding) for finding in self._description["verdict"]]
 
     @property
     def verdict(self) -> str:
@@ -470,8 +470,8 @@ class Model:
         """
         native = as_snapshot(snapshot)._native
         pixels = _coerce.size_of(size)
-        told = _particlegs.evaluate(self._native, native, frames, pixels, seed, threads, _coerce.progress(progress))
-        scores: dict[str, Any] = json.loads(told)
+        result = _particlegs.evaluate(self._native, native, frames, pixels, seed, threads, _coerce.progress(progress))
+        scores: dict[str, Any] = json.loads(result)
         return scores
 
     def verify(
@@ -502,8 +502,8 @@ class Model:
             If these are not the particles that the model was made from.
         """
         native = as_snapshot(snapshot)._native
-        told = _particlegs.verify(self._native, native, full, threads, _coerce.progress(progress))
-        return {"measured": json.loads(told[0]), "differing": told[1]}
+        result = _particlegs.verify(self._native, native, full, threads, _coerce.progress(progress))
+        return {"measured": json.loads(result[0]), "differing": result[1]}
 
     def export(
         self,
@@ -599,7 +599,7 @@ class Model:
 
     def __repr__(self) -> str:
         return (
-            f"<Model {self.name!r}: {self.count} particles in {self._said['gaussians']} Gaussians, "
+            f"<Model {self.name!r}: {self.count} particles in {self._description['gaussians']} Gaussians, "
             f"{self.nbytes} bytes, ratio {self.ratio:.0f}, {self.law}>"
         )
 

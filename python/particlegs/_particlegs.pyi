@@ -1,4 +1,4 @@
-"""The native half of the package; import `particlegs` instead."""
+"""The native module of the package; import `particlegs` instead."""
 
 import builtins
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ class InputError(ValueError):
     """A snapshot, model or argument that cannot be used as it is."""
 
 class ModelError(InputError):
-    """A model file that is corrupt, or of a version that is not known."""
+    """A model file that is corrupt or of an unknown version."""
 
 class UnreachableError(ValueError):
     """A size or quality that cannot be reached with this snapshot."""
@@ -97,7 +97,7 @@ class Model:
     ) -> tuple[list[float], float]: ...
     def save(self, path: _Path, overwrite: bool = False) -> None: ...
     @property
-    def told(self) -> str: ...
+    def description(self) -> str: ...
     @property
     def gaussians(self) -> Gaussians: ...
     def render(

@@ -18,7 +18,7 @@ mod work;
 
 use pyo3::prelude::*;
 
-/// The native half of `particlegs`; import `particlegs` instead.
+/// The native module of `particlegs`; import `particlegs` instead.
 #[pymodule]
 fn _particlegs(py: Python<'_>, m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;

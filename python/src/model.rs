@@ -143,7 +143,7 @@ impl Model {
 
     /// Metadata, layers, certificate and verdict, as JSON.
     #[getter]
-    fn told(&self) -> String {
+    fn description(&self) -> String {
         let m = &self.model;
         let layer = |l: &Layer<Vec<particlegs_pipeline::model::Block>>| {
             serde_json::json!({

@@ -80,9 +80,9 @@ impl ParticleInfo {
 /// Divides particles into layers with these names and numbers of particles; does nothing without layers.
 fn in_layers(particles: Particles, layers: Vec<(String, usize)>) -> particlegs_pipeline::Result<Particles> {
     let count = particles.len();
-    let told = layers.iter().fold(0, |sum: usize, (_, n)| sum.saturating_add(*n));
-    if !layers.is_empty() && told != count {
-        let what = format!("the layers have {told} particles in all, but there are {count}");
+    let total = layers.iter().fold(0, |sum: usize, (_, n)| sum.saturating_add(*n));
+    if !layers.is_empty() && total != count {
+        let what = format!("the layers have {total} particles in all, but there are {count}");
         return Err(particlegs_pipeline::Error::input(&particles.meta.name, what));
     }
     let (mass, mut end) = (particles.layers()[0].mass, 0);
@@ -209,10 +209,10 @@ impl Snapshot {
     /// Layers: name, first particle, end, mass of a particle (or of weight 1) if known, whether it has weights.
     #[getter]
     fn layers(&self) -> Vec<(String, usize, usize, Option<f64>, bool)> {
-        let told = |l: &Layer<std::ops::Range<usize>>| {
+        let entry = |l: &Layer<std::ops::Range<usize>>| {
             (l.name.clone(), l.content.start, l.content.end, l.mass.unit(), l.mass.is_weighted())
         };
-        self.particles.layers().iter().map(told).collect()
+        self.particles.layers().iter().map(entry).collect()
     }
 
     /// The particles of a species.

@@ -74,16 +74,16 @@ impl WorkOptions {
     /// Reports progress and messages.
     fn tell(&self, py: Python<'_>, sink: &PythonProgress) -> PyResult<()> {
         let (events, messages) = {
-            let mut told = sink.told();
-            if let Some(now) = told.phases.last_mut()
+            let mut log = sink.lock();
+            if let Some(now) = log.phases.last_mut()
                 && std::mem::take(&mut now.moved)
             {
                 // Some work takes a step more than estimated.
                 let done = if now.total > 0 { now.done.min(now.total) } else { now.done };
                 let event = (now.name.clone(), done, now.total);
-                told.events.push_back(event);
+                log.events.push_back(event);
             }
-            (std::mem::take(&mut told.events), std::mem::take(&mut told.messages))
+            (std::mem::take(&mut log.events), std::mem::take(&mut log.messages))
         };
         if let Some(callback) = &self.progress {
             for (phase, done, total) in events {
@@ -108,7 +108,7 @@ impl WorkOptions {
 #[derive(Default)]
 struct PythonProgress {
     stop: AtomicBool,
-    told: Mutex<ProgressLog>,
+    log: Mutex<ProgressLog>,
 }
 
 #[derive(Default)]
@@ -127,28 +127,28 @@ struct PhaseProgress {
 }
 
 impl PythonProgress {
-    fn told(&self) -> MutexGuard<'_, ProgressLog> {
-        self.told.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, ProgressLog> {
+        self.log.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl ProgressSink for PythonProgress {
     fn event(&self, event: ProgressEvent<'_>) {
-        let mut told = self.told();
+        let mut log = self.lock();
         match event {
             ProgressEvent::Begin { phase, total } => {
-                told.phases.push(PhaseProgress { name: phase.into(), done: 0, total, moved: false });
-                told.events.push_back((phase.into(), 0, total));
+                log.phases.push(PhaseProgress { name: phase.into(), done: 0, total, moved: false });
+                log.events.push_back((phase.into(), 0, total));
             }
             ProgressEvent::Advance(steps) => {
-                if let Some(now) = told.phases.last_mut() {
+                if let Some(now) = log.phases.last_mut() {
                     (now.done, now.moved) = (now.done.saturating_add(steps), true);
                 }
             }
             ProgressEvent::End => {
-                if let Some(PhaseProgress { name, done, total, .. }) = told.phases.pop() {
+                if let Some(PhaseProgress { name, done, total, .. }) = log.phases.pop() {
                     let all = total.max(done);
-                    told.events.push_back((name, all, all));
+                    log.events.push_back((name, all, all));
                 }
             }
             ProgressEvent::Log(_) => {}
@@ -156,6 +156,6 @@ impl ProgressSink for PythonProgress {
     }
 
     fn message(&self, text: &str) {
-        self.told().messages.push(text.into());
+        self.lock().messages.push(text.into());
     }
 }

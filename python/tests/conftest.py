@@ -1,4 +1,4 @@
-"""What tests share: the bundled sample, as arrays and as a snapshot, and a model of it."""
+"""Shared by the tests: the bundled sample as arrays and as a snapshot, and a model of it."""
 
 import os
 import pathlib
@@ -36,7 +36,7 @@ def model(snap):
 
 @pytest.fixture(scope="session")
 def command():
-    """The program: of the wheel, of $PARTICLEGS, or of the build beside."""
+    """The program from the wheel, from $PARTICLEGS, or from target/."""
     beside = [ROOT / "target" / profile / "particlegs" for profile in ("release", "debug")]
     found = [os.environ.get("PARTICLEGS"), *(str(p) for p in beside if p.exists()), shutil.which("particlegs")]
     found = [p for p in found if p]

@@ -1,4 +1,4 @@
-"""Arrays in and out: shapes, kinds, orders, units; where nothing is copied and where it is."""
+"""Arrays in and out: shapes, types, byte orders, units and copies."""
 
 import gc
 import weakref
@@ -58,15 +58,15 @@ def test_float32_rows_are_used_where_they_lie(rows):
 
 def test_arrays_live_as_long_as_they_are_used():
     rows = np.random.default_rng(1).random((1000, 3)).astype(np.float32)
-    copy, told = rows.copy(), weakref.ref(rows)
+    copy, alive = rows.copy(), weakref.ref(rows)
     snap = pg.Snapshot(rows)
     seen = snap.positions
     del rows, snap
     gc.collect()
-    assert told() is not None and np.array_equal(seen, copy)
+    assert alive() is not None and np.array_equal(seen, copy)
     del seen
     gc.collect()
-    assert told() is None
+    assert alive() is None
 
 
 def test_positions_far_from_zero_keep_their_digits():

@@ -1,4 +1,4 @@
-"""The same options give the same bytes as the command's, whatever way particles come in."""
+"""The same options give the same bytes as the command, for any kind of input."""
 
 import subprocess
 

@@ -1,4 +1,4 @@
-"""Bad input: an exception each, of the right kind, in one line; nothing is written."""
+"""Invalid input raises the right exception with one line of text, and nothing is written."""
 
 import io
 

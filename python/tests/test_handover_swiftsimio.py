@@ -1,4 +1,4 @@
-"""swiftsimio: files of SWIFT that it opens itself, and its arrays."""
+"""swiftsimio: SWIFT files that it can open, and its arrays."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def test_a_file_goes_and_comes_back(snap, tmp_path):
     assert np.allclose(back.box, 20 * np.eye(3))
     assert (back.length_unit, back.mass_unit, back.name) == ("Mpc", "Msun", "swift.hdf5")
     assert (back.metadata["comoving"], back.metadata["scale_factor"]) == (True, 0.5)
-    # Ours reads the same file.
+    # particlegs reads the same file.
     own = pg.open(path, species="dm", units="kpc")
     assert len(own) == 500
 

@@ -1,4 +1,4 @@
-"""Units that arrays carry come in, are converted where they differ, and are refused where they do not fit."""
+"""Units of arrays are read, converted if they differ, and refused if they do not fit."""
 
 import subprocess
 import sys
@@ -15,8 +15,8 @@ ROWS = np.random.default_rng(1).random((500, 3)) * 10
 def test_nothing_of_others_is_imported():
     others = ["yt", "pynbody", "swiftsimio", "pyvista", "MDAnalysis", "ase", "astropy", "unyt", "matplotlib", "tqdm"]
     script = f"import sys, particlegs; print([m for m in {others} if m in sys.modules])"
-    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == "[]"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
 
 
 def test_a_package_that_is_not_there_is_named(monkeypatch):
@@ -220,9 +220,9 @@ def test_notes_are_warnings(tmp_path):
     np.save(tmp_path / "p.npy", ROWS.astype(np.float32))
     truth = pg.Snapshot(ROWS, units="kpc", box=10)
     other = pg.open(tmp_path / "p.npy", units="no unit at all")
-    with pytest.warns(UserWarning, match="is no unit of length that is known") as told:
+    with pytest.warns(UserWarning, match="is no unit of length that is known") as caught:
         pg.open(tmp_path / "p.npy", units="no unit at all")
-    assert told[0].filename == __file__
+    assert caught[0].filename == __file__
     with pytest.raises(pg.InputError, match="no unit at all cannot be converted to kpc"):
         pg.stats(truth, other, only=["moments"])
 

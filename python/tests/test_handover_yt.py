@@ -14,7 +14,7 @@ SNAP = {"units": "Mpc", "masses": MASSES, "mass_units": "Msun", "box": [10, 10, 
 
 
 def in_order(ds, field, unit):
-    """Values of a field, in the order that yt's tree left them in."""
+    """Values of a field in yt's order."""
     return np.sort(ds.all_data()["io", field].to_value(unit))
 
 

@@ -1,4 +1,4 @@
-"""What a model gives: pictures, densities, particles, statistics, and what a notebook shows."""
+"""Results of a model: pictures, densities, particles, statistics and the notebook display."""
 
 import pickle
 import re
@@ -84,7 +84,7 @@ def test_the_verdict_speaks_of_arguments(model):
 
 
 def test_maps_lie_the_right_way_round():
-    # A clump at the upper right of the plane x, y, another at small x alone.
+    # One clump at the upper right of the xy plane, another at small x.
     rng = np.random.default_rng(1)
     rows = np.concatenate([rng.normal([8, 9, 2], 0.1, (1000, 3)), rng.normal([1, 5, 5], 0.1, (500, 3))])
     model = pg.compress(pg.Snapshot(rows, box=10), gaussians=50, certificate="none")
@@ -172,7 +172,7 @@ def test_plots(snap, model, tmp_path):
     assert image.get_extent() == list(sigma.extent) and ax.get_xlabel() == "x (Mpc/h)"
     with pytest.raises(ValueError):
         pg.stats(snap, model, only=["moments"]).plot()
-    # Empty pixels have a colour of their own, and the range is that of the others.
+    # Empty pixels have their own colour and do not affect the range.
     sigma[:, :8] = 0
     image = sigma.plot(ax)
     low, high = image.get_clim()

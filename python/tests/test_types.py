@@ -1,4 +1,4 @@
-"""The types: of the package, of what its users write, of the notebooks; and the native half's stub against itself."""
+"""Type checks of the package, of user code and of the notebooks; the stub against the native module."""
 
 import json
 import os
@@ -14,7 +14,7 @@ pytest.importorskip("mypy")
 
 PYTHON = pathlib.Path(__file__).resolve().parents[1]
 
-#: What a user writes, and the types that it has.
+#: User code and its types.
 FACE = """
 from typing import Any, Optional, Union
 import numpy as np
@@ -48,7 +48,7 @@ assert_type(pg.stats(snap, model, only="spectrum").power.k, Union[NDArray[np.flo
 assert_type(pg.stats(snap, model).plot(labels=("all", "ours")), "Figure")
 """
 
-#: Mistakes that a checker is to find.
+#: Mistakes that a type checker must find.
 MISTAKES = """
 import particlegs as pg
 model = pg.read("x.pgs")
@@ -99,7 +99,7 @@ def test_the_notebooks(tmp_path):
 
 
 def test_the_stub_of_the_native_half(tmp_path):
-    # Beside the sources there may be no native half: the installed one is looked at, wherever that is.
+    # The native module may be missing in the source folder, so the installed one is checked.
     folder = pathlib.Path(pg.__file__).resolve().parents[1]
     known = {} if folder.name == "site-packages" else {"MYPYPATH": str(folder)}
     command = [sys.executable, "-m", "mypy.stubtest", "particlegs._particlegs", "--ignore-missing-stub"]

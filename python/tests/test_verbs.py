@@ -1,4 +1,4 @@
-"""Parts of snapshots, and what the command's verbs do with models."""
+"""Parts of snapshots, and the subcommands for models."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Long work: stopped by Ctrl-C and by callbacks, told of, in forks and in threads."""
+"""Long work: Ctrl-C, callbacks, progress, forks and threads."""
 
 import multiprocessing
 import os
@@ -22,21 +22,21 @@ def test_ctrl_c_stops_and_leaves_nothing(tmp_path):
     script = textwrap.dedent(
         """
         import numpy as np, particlegs as pg, signal, sys, time
-        # Started in the background of a shell, it would not hear the signal.
+        # A background process of a shell ignores the signal.
         signal.signal(signal.SIGINT, signal.default_int_handler)
         rows = np.random.default_rng(5).normal(size=(1_500_000, 3)).astype(np.float32)
         snap = pg.Snapshot(rows)
-        def told(phase, done, total):
+        def report(phase, done, total):
             print(phase, flush=True)
         try:
-            pg.compress(snap, ratio=10, progress=told).save("m.pgs")
+            pg.compress(snap, ratio=10, progress=report).save("m.pgs")
         except KeyboardInterrupt:
             print("stopped", time.time(), flush=True)
             sys.exit(7)
         """
     )
     process = subprocess.Popen([sys.executable, "-c", script], cwd=tmp_path, stdout=subprocess.PIPE, text=True)
-    # In the midst of the fit.
+    # In the middle of the fit.
     for line in process.stdout:
         if line.startswith("fit") or "split" in line or "refin" in line or "partition" in line:
             break
@@ -46,7 +46,7 @@ def test_ctrl_c_stops_and_leaves_nothing(tmp_path):
     rest, _ = process.communicate(timeout=60)
     assert process.returncode == 7, rest
     stopped = float(rest.strip().splitlines()[-1].split()[1])
-    # Half a second is what the benchmark holds; here is room for a busy machine.
+    # The benchmark requires half a second; a busy machine gets more.
     assert stopped - sent < 5.0
     assert not list(tmp_path.iterdir())
 
@@ -57,18 +57,18 @@ def test_the_callbacks_exception_stops_the_work():
     class Enough(Exception):
         pass
 
-    def told(phase, done, total):
+    def report(phase, done, total):
         calls.append((phase, done, total))
         raise Enough
 
     with pytest.raises(Enough):
-        pg.compress(CLUSTERED, ratio=20, progress=told)
+        pg.compress(CLUSTERED, ratio=20, progress=report)
     assert len(calls) == 1
 
 
 def test_progress_is_told():
     calls = []
-    pg.compress(CLUSTERED, gaussians=500, effort="fast", progress=lambda *told: calls.append(told))
+    pg.compress(CLUSTERED, gaussians=500, effort="fast", progress=lambda *report: calls.append(report))
     assert len({phase for phase, _, _ in calls}) > 1
     assert all(done <= total or total == 0 for _, done, total in calls)
     with pytest.raises(TypeError):

@@ -1,4 +1,4 @@
-//! What clients may cost: silent, slow and many ones, and none at all.
+//! Limits for clients: silent clients, slow clients, many clients and no clients.
 
 use particlegs_pipeline::context::Context;
 use particlegs_view::page::PageOpening;
@@ -20,7 +20,7 @@ fn server(limits: Limits) -> Server {
     Server::bind(Options { host, port: Some(0), proxies: vec![], node: None, token, limits }).unwrap()
 }
 
-/// A server of one model, `model`, while `client` talks to it; and what it told.
+/// Serves one model, `model`, while `client` runs; returns the server's events.
 fn while_serving(
     limits: Limits,
     poster: Option<&(dyn Fn(&[u8]) -> Option<Vec<u8>> + Sync)>,
@@ -31,7 +31,7 @@ fn while_serving(
     let address = format!("127.0.0.1:{}", server.port());
     let path = |url: &str| url.strip_prefix(&format!("http://{address}")).unwrap().to_string();
     let client_side = Client { path: path(&urls[0]), once: path(&urls[1]), address: address.clone() };
-    let (stop, told) = (AtomicBool::new(false), Mutex::new(Vec::new()));
+    let (stop, events) = (AtomicBool::new(false), Mutex::new(Vec::new()));
     let cancel = || stop.load(Ordering::Relaxed);
     std::thread::scope(|scope| {
         let talking = scope.spawn(|| {
@@ -44,15 +44,17 @@ fn while_serving(
             opening: PageOpening::default(),
             poster,
         };
-        server.serve(shown, &Context::SILENT.with_cancel(&cancel), &|event| told.lock().unwrap().push(event)).unwrap();
+        server
+            .serve(shown, &Context::SILENT.with_cancel(&cancel), &|event| events.lock().unwrap().push(event))
+            .unwrap();
         if let Err(panic) = talking.join() {
             std::panic::resume_unwind(panic);
         }
     });
-    told.into_inner().unwrap()
+    events.into_inner().unwrap()
 }
 
-/// Stops the server whatever becomes of the client, so that a failing test ends.
+/// Stops the server even if the client panics, so that a failing test ends.
 struct StopGuard<'a>(&'a AtomicBool);
 
 impl Drop for StopGuard<'_> {
@@ -95,7 +97,7 @@ fn is_ok(answer: &str) -> bool {
 fn silent_and_slow_clients_are_left() {
     while_serving(limits(), None, |client| {
         let start = Instant::now();
-        // One says nothing, one stops in the middle of its head, one sends a byte now and then.
+        // One client sends nothing, one stops within its head, one sends single bytes slowly.
         let silent = client.connect();
         let mut halting = client.connect();
         write!(halting, "GET {} HTTP/1.1\r\nHost:", client.path).unwrap();
@@ -116,7 +118,7 @@ fn strangers_take_no_seats() {
     let few = Limits { connections: 4, ..Limits::default() };
     while_serving(few, None, |client| {
         let start = Instant::now();
-        // More than there is room for, and longer than anybody would wait: silent, with half a head, refused.
+        // More connections than permits: silent ones, ones with half a head, refused ones.
         let strangers: Vec<TcpStream> = (0..300).map(|_| client.connect()).collect();
         for (i, mut stream) in strangers.iter().enumerate() {
             let _ = match i % 3 {
@@ -138,7 +140,7 @@ fn more_connections_with_the_token_wait_for_a_seat() {
         let request = format!("GET {}model/0 HTTP/1.1\r\nHost: {}\r\n\r\n", client.path, client.address);
         let mut kept: Vec<TcpStream> = (0..6).map(|_| client.connect()).collect();
         kept.iter_mut().for_each(|stream| stream.write_all(request.as_bytes()).unwrap());
-        // Each keeps its seat for the time between two requests.
+        // Each connection keeps its permit between two requests.
         assert!(kept.into_iter().all(|stream| is_ok(&read(stream))));
     });
 }
@@ -220,16 +222,16 @@ fn a_poster_is_waited_for() {
 
 #[test]
 fn refused_names_are_told_once_and_not_without_end() {
-    let told = while_serving(limits(), None, |client| {
+    let events = while_serving(limits(), None, |client| {
         for i in 0..60 {
             let mut stream = client.connect();
             let host = format!("site{}.example", i / 2);
             write!(stream, "GET / HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
             assert!(read(stream).starts_with("HTTP/1.1 403"));
         }
-        // The loop looks at what happened before it takes the next one in.
+        // The loop handles events before it accepts the next connection.
         std::thread::sleep(SHORT);
     });
-    assert_eq!(told.len(), 16, "{told:?}");
-    assert_eq!(told[0], Event::RefusedHost("site0.example".into()));
+    assert_eq!(events.len(), 16, "{events:?}");
+    assert_eq!(events[0], Event::RefusedHost("site0.example".into()));
 }

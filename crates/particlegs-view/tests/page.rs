@@ -1,4 +1,4 @@
-//! The page as a file: small, whole, and what its policy says.
+//! The page as a file: size, content and security policy.
 
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
@@ -23,7 +23,7 @@ fn page(models: &[ModelFile<'_>]) -> String {
     String::from_utf8(offline(&models, &PageOpening::default(), &Context::SILENT).unwrap()).unwrap()
 }
 
-/// What stands in the element of an id.
+/// The text of an element.
 fn element<'a>(html: &'a str, id: &str) -> &'a str {
     let after = html.split_once(&format!("id=\"{id}\">")).unwrap_or_else(|| panic!("no element {id}")).1;
     after.split_once("</script>").unwrap().0
@@ -40,7 +40,7 @@ fn a_page_is_the_models_and_a_shell() {
         let files: Vec<ModelFile<'_>> = models.iter().map(|bytes| ModelFile { name: "model.pgs", bytes }).collect();
         let html = page(&files);
         let bytes: usize = models.iter().map(|m| m.len()).sum();
-        // What the page says of each model beside its bytes: a name, a number, a verdict, two tags.
+        // Besides its bytes, each model needs a name, a number, a verdict and two tags.
         let most = (1.35 * bytes as f64) as usize + shell + 1200 * models.len();
         assert!(html.len() <= most, "{} of {bytes} and a shell of {shell}", html.len());
         for (i, model) in models.iter().enumerate() {
@@ -54,7 +54,7 @@ fn a_page_is_the_models_and_a_shell() {
     }
 }
 
-/// A browser runs what the policy's hashes say, and nothing else.
+/// A browser runs only scripts with the policy's hashes.
 #[test]
 fn the_policy_names_the_script_and_the_style_that_are_there() {
     let offline = page(&[ModelFile { name: "model.pgs", bytes: MODEL }]);
@@ -84,7 +84,7 @@ fn the_policy_names_the_script_and_the_style_that_are_there() {
         for never in ["'unsafe-eval'", "'unsafe-inline'", "*", "http"] {
             assert!(!stated.contains(never), "{never} in {stated}");
         }
-        // One script is run; the others are data.
+        // One script runs; the others are data.
         assert_eq!(
             (html.matches("<script>").count(), html.matches("<script").count()),
             (1, if is_served { 3 } else { 5 })
@@ -122,13 +122,13 @@ fn a_page_is_not_made_once_it_is_cancelled() {
     ));
 }
 
-/// A model of so many Gaussians that they take a moment to decode.
+/// A model large enough for a poster.
 fn large() -> Vec<u8> {
     let mut model = codec::decode(MODEL, "model").unwrap();
     model.certificate = None;
     let block = &mut model.layers[0].content[0];
     let one = block.gaussians.clone();
-    // The same Gaussians again and again, each time a little further on.
+    // Shifted copies of the same Gaussians.
     for copy in 1.. {
         if block.gaussians.len() > poster::MORE_THAN {
             break;
@@ -156,14 +156,14 @@ fn a_large_model_has_its_poster_in_the_page() {
         alone.split_once("<img id=\"poster\" alt=\"large.pgs\" src=\"data:image/png;base64,").unwrap();
     let png = BASE64_STANDARD.decode(after.split_once('"').unwrap().0).unwrap();
     assert!(png.starts_with(b"\x89PNG") && png.len() < 100_000, "{}", png.len());
-    // It is there before the model is.
+    // The poster comes before the model.
     assert!(before.len() < alone.find("id=\"model-0\"").unwrap());
-    // Beside another one there is none.
+    // A page with two models has no poster.
     let both = page(&[ModelFile { name: "large.pgs", bytes: &model }, ModelFile { name: "other.pgs", bytes: OTHER }]);
     assert!(!both.contains("id=\"poster\" "));
 }
 
-/// What is said of the opening stands in the page, and nothing else.
+/// The page contains only the given settings of the opening.
 #[test]
 fn a_page_says_how_it_opens() {
     let model = codec::decode(MODEL, "model").unwrap();
@@ -186,7 +186,7 @@ fn a_page_says_how_it_opens() {
     assert_eq!(opened(&opening), said);
 }
 
-/// The poster is the picture that the command draws of the first view: its surface density; of splats their picture.
+/// The poster equals the command's picture of the default view: surface density, or style `paraview` for splats.
 #[test]
 fn the_poster_is_the_default_view() {
     let size = Size { width: 96, height: 54 };

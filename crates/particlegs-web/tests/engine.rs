@@ -24,7 +24,7 @@ fn error(answer: &EngineResponse) -> String {
     said["error"].as_str().unwrap_or_default().to_string()
 }
 
-/// The fixture, opened; its default view, and the question for it.
+/// An engine with the fixture, its default view, and the scene of that view.
 fn opened() -> (Engine, View, Value) {
     let model = codec::decode(MODEL, "the model").unwrap();
     let m = &model.metadata;
@@ -52,7 +52,6 @@ fn its_picture_is_the_renderers() {
     }
 }
 
-/// Both from the library: what the page shows is the same number.
 #[test]
 fn its_base_distance_and_scores_are_the_librarys() {
     let (mut engine, _, _) = opened();
@@ -93,7 +92,7 @@ fn a_sphere_and_a_clip_box_hold_all_there_is() {
     assert_eq!(values(&mut engine, &scene), 0.0);
 }
 
-/// The fixture in a periodic box of these sides about a point far from its corner: the model, and its file.
+/// The fixture, moved into a periodic box with these sides: the model and its file.
 fn in_box(sides: [f64; 3]) -> (Model, Vec<u8>) {
     let mut model = codec::decode(MODEL, "the model").unwrap();
     let (from, corner) = (model.metadata.bounds, [3.0, -7.0, 0.5]);
@@ -185,7 +184,7 @@ fn what_makes_no_sense_is_an_error_and_the_engine_goes_on() {
     assert!(error(&good).is_empty() && !good.numbers.is_empty() && good.numbers.len().is_multiple_of(32));
 }
 
-/// Nothing is drawn of no layers, in whatever colours.
+/// Without layers the picture is black in any style.
 #[test]
 fn a_model_without_a_shown_layer_is_black() {
     let (mut engine, _, mut scene) = opened();
@@ -198,7 +197,7 @@ fn a_model_without_a_shown_layer_is_black() {
     }
 }
 
-/// What is seen at a pixel has its number in the file, cut or in an image of the box.
+/// A probe returns the index in the file, also for clipped Gaussians and periodic images.
 #[test]
 fn what_is_seen_is_named_as_in_the_file() {
     let (mut engine, _, scene) = opened();

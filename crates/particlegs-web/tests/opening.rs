@@ -1,4 +1,4 @@
-//! Models that take several steps to open: what is drawn of them meanwhile, and that they are the same in the end.
+//! Models that are decoded in several steps: pictures during decoding, and the final picture.
 
 use particlegs_core::camera::{View, base_distance, spherical_camera};
 use particlegs_core::codec::{self, Encoder, Precision};
@@ -17,7 +17,7 @@ const SIZE: Size = Size { width: 64, height: 64 };
 const GAUSSIANS: u64 = 200_000;
 const EDGE: f64 = 10.0;
 
-/// Gaussians all over a box, in one block: several segments.
+/// Random Gaussians in a box, in one block with several segments.
 fn model() -> Model {
     let mut gaussians = Mixture::new(false);
     for i in 0..GAUSSIANS {
@@ -35,7 +35,7 @@ fn model() -> Model {
     Model { metadata, layers, certificate: None }
 }
 
-/// The default view of the model and the scene of it, in full or of what there is.
+/// The default view of the model and its scene, complete or during decoding.
 fn view(coarse: bool) -> (View, Value) {
     let bounds = Bounds { min: [0.0; 3], max: [EDGE; 3] };
     let camera = spherical_camera(bounds.center(), 0.0, 0.0, base_distance(&bounds, SIZE));
@@ -85,7 +85,7 @@ fn a_picture_of_the_whole_box_is_there_before_the_last_step() {
     }
     assert!(decoded.len() >= 4 && decoded.is_sorted() && decoded[0] < 0.5, "{decoded:?}");
     assert_eq!(step(&mut engine)["decoded"], 1.0);
-    // About as bright in every quarter as it will be: boxes reach a little beyond the whole.
+    // Each quarter has about its final brightness; boxes extend slightly beyond the whole.
     let full = picture(&mut engine, false);
     for (number, early) in pictures.iter().enumerate() {
         for (right, below) in [(false, false), (false, true), (true, false), (true, true)] {
@@ -97,7 +97,7 @@ fn a_picture_of_the_whole_box_is_there_before_the_last_step() {
             assert!(then > 20.0 && (now / then - 1.0).abs() < 0.2, "step {number}: {now} for {then}");
         }
     }
-    // And in the end the same, to the last bit.
+    // The final picture is the same, bit for bit.
     let whole = codec::decode(&file, "the model").unwrap();
     let expected = draw(&Scene::new(&whole), &view(false).0, SIZE, ToneStyle::Expected, &Context::SILENT).unwrap();
     assert!(full == expected.data);
@@ -114,7 +114,7 @@ fn what_needs_all_of_a_model_decodes_it() {
     assert_eq!(step(&mut engine)["decoded"], 1.0);
 }
 
-/// A stream that is corrupt behind its checksum is found when its turn comes, and said of every question then.
+/// A corrupt stream with a valid checksum is found during decoding; every later query reports it.
 #[test]
 fn a_model_that_turns_out_to_be_corrupt_says_so_once_and_for_all() {
     let model = model();

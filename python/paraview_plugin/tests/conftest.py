@@ -1,4 +1,4 @@
-"""What the tests of the ParaView plug-in share: models, and the plug-in's folder on the path."""
+"""Shared by the tests of the ParaView plug-in: models, and the plug-in's folder on the path."""
 
 from __future__ import annotations
 

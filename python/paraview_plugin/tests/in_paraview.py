@@ -1,4 +1,4 @@
-"""What only ParaView can show of the plug-in; run by pvbatch (test.sh), which fails where this does.
+"""Tests that need ParaView, run by pvbatch (test.sh).
 
 pvbatch in_paraview.py SNAPSHOT FOLDER
 """
@@ -38,7 +38,7 @@ def psnr(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def messages_of(work: object) -> list[str]:
-    """Collect the lines of error that ParaView's window of messages is shown during some work."""
+    """Collect the error messages that ParaView shows during some work."""
     lines: list[str] = []
     window = vtkOutputWindow.GetInstance()
 
@@ -54,7 +54,7 @@ def messages_of(work: object) -> list[str]:
 
 
 def check_reader(model_file: str) -> None:
-    """See that `OpenDataFile` gives the reader, and its outputs the package's numbers, where they are wanted."""
+    """Check that `OpenDataFile` gives the reader, and that its outputs agree with the package."""
     model = particlegs.read(model_file)
     reader = simple.OpenDataFile(model_file)
     assert reader.SMProxy.GetXMLName() == "ParticlegsReader"
@@ -91,7 +91,7 @@ def check_reader(model_file: str) -> None:
 
 
 def check_errors(folder: Path) -> None:
-    """See that errors are one line each."""
+    """Check that errors have one line each."""
     broken = folder / "broken.pgs"
     broken.write_text("no model")
     for path, words in ((folder / "missing.pgs", "No such file"), (broken, "corrupt model file")):
@@ -104,7 +104,7 @@ def check_errors(folder: Path) -> None:
 
 
 def check_macros(model_file: str, truth_file: str, folder: Path) -> None:
-    """Run the state, the button and the comparison as macros, from what is selected."""
+    """Run the macros with various selections."""
     lines = messages_of(lambda: runpy.run_path(str(PLUGIN / "point_gaussian.py"), run_name="__main__"))
     assert len(lines) == 1, lines
     assert "no source is selected" in lines[0], lines
@@ -170,7 +170,7 @@ def main() -> None:
     truth_file, model_file = str(folder / "truth.vtp"), str(folder / "sample.pgs")
     particles = particlegs.open(snapshot)
     particlegs.compress(particles, ratio=65, effort="fast").save(model_file)
-    # As a user does: the plug-in manager where PYTHONPATH has this folder, else the file as a script.
+    # As a user does: with the plug-in manager if PYTHONPATH has this folder, otherwise as a script.
     if "usercustomize" in sys.modules:
         simple.LoadPlugin(str(PLUGIN / "particlegs_reader.py"), remote=False, ns=vars(simple))
     else:

@@ -29,7 +29,7 @@ def reader_of(path: Path, **properties: object) -> ParticlegsReader:
 
 
 def output(reader: ParticlegsReader, port: int) -> object:
-    """Bring an output up to date."""
+    """Update an output."""
     reader.Update(port)
     return reader.GetOutputDataObject(port)
 
@@ -41,7 +41,7 @@ def array(data: object, name: str) -> np.ndarray:
 
 @pytest.fixture
 def messages() -> vtkStringOutputWindow:
-    """Catch what VTK's window of messages would show."""
+    """Catch the messages that VTK would show."""
     before, window = vtkOutputWindow.GetInstance(), vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(window)
     yield window
@@ -66,7 +66,7 @@ def test_gaussians_are_the_packages(sample: Path) -> None:
 
 
 def test_the_root_squared_is_the_covariance(sample: Path) -> None:
-    """The square root is symmetric and positive, and the active tensors of what is shown."""
+    """The square root is symmetric and positive, and is the active tensor array."""
     block = output(reader_of(sample), GAUSSIANS).GetBlock(0)
     assert block.GetPointData().GetTensors().GetName() == "sqrt_covariance"
     roots = array(block, "sqrt_covariance").reshape(-1, 3, 3)
@@ -79,7 +79,7 @@ def test_the_root_squared_is_the_covariance(sample: Path) -> None:
 
 
 def test_layers_are_blocks_and_can_be_left_out(folder: Path) -> None:
-    """Each layer is a named block with its own masses; a layer switched off is on no output."""
+    """Each layer is a named block with its own masses; a layer that is off is in no output."""
     path = layered(folder)
     model = particlegs.read(path)
     names = [layer["name"] for layer in model.layers]
@@ -134,7 +134,7 @@ def test_masses_are_handed_over(cloud: Path) -> None:
 
 @pytest.mark.parametrize("method", ["count", "stratified"])
 def test_recovered_particles_are_the_packages_and_marked(sample: Path, method: str) -> None:
-    """The same draw as the package's, a vertex each, and said to be synthetic."""
+    """The same particles as from the package, each with a vertex, marked as synthetic."""
     reader = reader_of(sample, RecoverParticles=1, NumberOfParticles=5000, Method=METHODS.index(method), Seed=5)
     particles = output(reader, PARTICLES)
     assert particles.GetNumberOfVerts() == particles.GetNumberOfPoints() == 5000
@@ -162,7 +162,7 @@ def test_density_is_the_packages(sample: Path) -> None:
 
 
 def test_grids_of_boxes_that_are_no_cubes(cloud: Path) -> None:
-    """The extent that the reader promises is the one it gives, along every axis."""
+    """The announced extent equals that of the data, along every axis."""
     grid = particlegs.read(cloud).density_grid(20)
     image = output(reader_of(cloud, ComputeDensity=1, Resolution=20), DENSITY)
     assert len(set(grid.shape)) > 1
@@ -173,7 +173,7 @@ def test_grids_of_boxes_that_are_no_cubes(cloud: Path) -> None:
 
 
 def test_what_is_shown_first_has_a_range_that_shows_it(sample: Path) -> None:
-    """The active scalars: the denser half of the mass, without the few densest cells, whatever the contrast."""
+    """The active scalars cover the denser half of the mass without the densest cells, for any contrast."""
     image = output(reader_of(sample, Resolution=24), DENSITY)
     assert image.GetCellData().GetScalars().GetName() == "contrast"
     rng = np.random.default_rng(2)
@@ -186,7 +186,7 @@ def test_what_is_shown_first_has_a_range_that_shows_it(sample: Path) -> None:
 
 
 def test_nothing_is_computed_that_is_not_asked_for(sample: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only the outputs that are asked for, and none a second time."""
+    """Only requested outputs are computed, and only once."""
     made: list[int] = []
     compute = ParticlegsReader._compute
 
@@ -215,7 +215,7 @@ def test_nothing_is_computed_that_is_not_asked_for(sample: Path, monkeypatch: py
 
 
 class Watched:
-    """A model that notes what is asked of it."""
+    """A model that records calls."""
 
     def __init__(self, model: object, calls: list[str]) -> None:
         self._model, self._calls = model, calls
@@ -227,7 +227,7 @@ class Watched:
 
 
 def test_a_file_that_changes_is_read_again(sample: Path, cloud: Path, tmp_path: Path) -> None:
-    """Refresh reads what is there now."""
+    """Refresh reads the current file."""
     path = tmp_path / "now.pgs"
     path.write_bytes(sample.read_bytes())
     reader = reader_of(path)
@@ -240,7 +240,7 @@ def test_a_file_that_changes_is_read_again(sample: Path, cloud: Path, tmp_path: 
 def test_errors_are_one_line(
     sample: Path, tmp_path: Path, messages: vtkStringOutputWindow, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """A missing file, one that is no model, half a model, no file and bad numbers: a line, no traceback, no data."""
+    """Invalid files and numbers give one line of error, no traceback and no data."""
     broken, half = tmp_path / "broken.pgs", tmp_path / "half.pgs"
     broken.write_text("no model\nat all\n")
     half.write_bytes(sample.read_bytes()[: sample.stat().st_size // 2])
@@ -268,7 +268,7 @@ def test_errors_are_one_line(
 def test_a_missing_package_is_said(
     sample: Path, messages: vtkStringOutputWindow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The line says which Python lacks it and what to do."""
+    """The error says which Python lacks the package and what to do."""
     plugin._read.cache_clear()
     monkeypatch.setitem(sys.modules, "particlegs", None)
     reader_of(sample).Update(GAUSSIANS)
@@ -279,24 +279,24 @@ def test_a_missing_package_is_said(
 
 
 def test_progress_is_told_and_work_can_be_stopped(sample: Path, messages: vtkStringOutputWindow) -> None:
-    """ParaView hears how far the draw is, and its abort stops it without an error."""
+    """ParaView gets the progress, and its abort stops the work without an error."""
     reader = reader_of(sample, RecoverParticles=1)
     reader._progress("draw", 1, 4)
     assert reader.GetProgress() == 0.25
-    told: list[float] = []
+    shares: list[float] = []
 
     def stop(share: float) -> None:
-        told.append(share)
+        shares.append(share)
         reader.AbortExecuteOn()
 
     reader.UpdateProgress = stop
     assert output(reader, PARTICLES).GetNumberOfPoints() == 0
-    assert len(told) == 1
+    assert len(shares) == 1
     assert messages.GetOutput() == ""
 
 
 def test_ellipsoids_have_the_right_extent(cloud: Path) -> None:
-    """The square root's glyphs end where the covariance says, and so does their picture."""
+    """Glyphs of the square root have the size of the covariance, and so does their picture."""
     model = particlegs.read(cloud)
     blocks = output(reader_of(cloud), GAUSSIANS)
     sphere = vtkSphereSource()
@@ -305,7 +305,7 @@ def test_ellipsoids_have_the_right_extent(cloud: Path) -> None:
     glyph = vtkTensorGlyph()
     glyph.SetSourceConnection(sphere.GetOutputPort())
     glyph.SetInputData(blocks.GetBlock(0))
-    # The sphere's radius is a half: one standard deviation.
+    # The radius of VTK's sphere is 0.5: one standard deviation.
     glyph.SetScaleFactor(2.0)
     glyph.Update()
     deviations = np.sqrt(np.diag(model.gaussians.covariances[0]))
@@ -324,7 +324,7 @@ def test_ellipsoids_have_the_right_extent(cloud: Path) -> None:
     plotter.camera.clipping_range = (1.0, 100.0)
     lit = plotter.screenshot(return_img=True)[..., 0] > 127
     plotter.close()
-    # 100 pixels are a unit.
+    # 100 pixels per unit.
     columns, rows = np.flatnonzero(lit.any(axis=0)), np.flatnonzero(lit.any(axis=1))
     assert abs(np.ptp(columns) + 1 - 2 * deviations[0] * 100.0) < 1.5
     assert abs(np.ptp(rows) + 1 - 2 * deviations[1] * 100.0) < 1.5
@@ -337,7 +337,7 @@ def area(covariance: np.ndarray) -> float:
 
 
 def test_pyvista_takes_the_outputs(sample: Path) -> None:
-    """Outputs are what pyvista knows, with named blocks and arrays."""
+    """PyVista can read the outputs, with named blocks and arrays."""
     blocks = pyvista.wrap(output(reader_of(sample), GAUSSIANS))
     assert blocks.keys() == ["particles"]
     assert blocks[0]["sqrt_covariance"].shape == (blocks[0].n_points, 9)
@@ -346,7 +346,7 @@ def test_pyvista_takes_the_outputs(sample: Path) -> None:
 
 
 def test_old_plugins_find_getargspec() -> None:
-    """What ParaView 5.11 asks of `inspect` is there, and says the arguments."""
+    """`inspect.getargspec`, which ParaView 5.11 needs, exists and gives the arguments."""
     assert inspect.getargspec(reader_of).args == ["path"]
     import usercustomize
 

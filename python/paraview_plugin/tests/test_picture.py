@@ -1,4 +1,4 @@
-"""A model's own picture in a VTK window, pixel by pixel against `Model.render`."""
+"""Compares the picture of a model in a VTK window with `Model.render`, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CENTRE = (12.5, 12.5, 12.5)
 
 @pytest.fixture
 def window() -> Iterator[vtkRenderWindow]:
-    """Make a window off the screen that looks at the sample."""
+    """Make an offscreen window with a camera on the sample."""
     window, renderer = vtkRenderWindow(), vtkRenderer()
     window.SetOffScreenRendering(1)
     window.SetMultiSamples(0)
@@ -34,7 +34,7 @@ def window() -> Iterator[vtkRenderWindow]:
 
 
 def grab(window: vtkRenderWindow, scale: int = 1) -> np.ndarray:
-    """Take the window's pixels, the top row first, in tiles where it is enlarged."""
+    """Read the window's pixels, the top row first; in tiles if it is enlarged."""
     window.Render()
     taker = vtkWindowToImageFilter()
     taker.SetInput(window)
@@ -57,7 +57,7 @@ CAMERA = {"position": (30.0, 25.0, 70.0), "focal_point": CENTRE, "view_up": (0.0
 
 
 def test_the_picture_is_the_packages(window: vtkRenderWindow, sample: Path) -> None:
-    """Every pixel is that of `Model.render`, of the camera, radius, opacity and style at hand."""
+    """All pixels equal those of `Model.render` for the current camera, radius, opacity and style."""
     shown = picture(window, sample)
     model = shown.model
     camera = particlegs.Camera(**CAMERA, fov_deg=30.0)
@@ -73,7 +73,7 @@ def test_the_picture_is_the_packages(window: vtkRenderWindow, sample: Path) -> N
 
 
 def test_the_picture_follows_the_camera(window: vtkRenderWindow, sample: Path) -> None:
-    """Another camera, a parallel one, and another size of the window."""
+    """The picture follows another camera, parallel projection and another size of the window."""
     shown = picture(window, sample)
     first = grab(window)
     looking = window.GetRenderers().GetFirstRenderer().GetActiveCamera()
@@ -90,18 +90,18 @@ def test_the_picture_follows_the_camera(window: vtkRenderWindow, sample: Path) -
 
 
 def test_enlarged_pictures_are_drawn_whole(window: vtkRenderWindow, sample: Path) -> None:
-    """In tiles, as ParaView saves pictures that are larger than the screen."""
+    """Pictures in tiles, as ParaView saves them if they are larger than the screen."""
     shown = picture(window, sample)
     camera = particlegs.Camera(**CAMERA, fov_deg=30.0)
     expected = shown.model.render(camera=camera, size=(960, 600)).astype(float)
     found = grab(window, scale=3)
     assert found.shape == expected.shape
-    # The angle of view goes through VTK's tiles and back.
+    # VTK changes the view angle for tiles and changes it back.
     assert np.abs(found - expected).max() <= 1.0
 
 
 def test_it_is_drawn_once_for_each_view(window: vtkRenderWindow, sample: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A window that is drawn again without a change costs no picture; a slow one is coarser while it is turned."""
+    """Drawing again without a change renders nothing; slow pictures are coarser during rotation."""
     shown = picture(window, sample)
     sizes: list[tuple[int, int]] = []
     model = shown.model
@@ -129,7 +129,7 @@ def test_it_is_drawn_once_for_each_view(window: vtkRenderWindow, sample: Path, m
 
 
 def test_errors_in_the_picture_are_one_line(window: vtkRenderWindow, sample: Path) -> None:
-    """An opacity out of range: one line, and nothing is shown."""
+    """An invalid opacity gives one line of error and no picture."""
     before, messages = vtkOutputWindow.GetInstance(), vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(messages)
     try:
@@ -155,7 +155,7 @@ def test_the_papers_radius() -> None:
 
 
 def test_particles_of_vtk_become_a_snapshot(sample: Path) -> None:
-    """Positions, masses, box and units go over; what has no points is refused."""
+    """Positions, masses, box and units are read; data without points are refused."""
     from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
 
     import particlegs_reader as plugin

@@ -82,8 +82,8 @@ def _dimensions(snapshot: Snapshot, scale: float) -> Optional[Float64]:
         return None
     mdamath = needed("MDAnalysis.lib.mdamath")
     dimensions = np.asarray(mdamath.triclinic_box(*(vectors * scale)), dtype=np.float64)
-    told = mdamath.triclinic_vectors(dimensions, dtype=np.float64)
-    if not np.allclose(told, vectors * scale, atol=1e-4 * np.abs(vectors * scale).max()):
+    rebuilt = mdamath.triclinic_vectors(dimensions, dtype=np.float64)
+    if not np.allclose(rebuilt, vectors * scale, atol=1e-4 * np.abs(vectors * scale).max()):
         raise InputError(
             "MDAnalysis needs the first vector of a box along x, the second in the xy plane: rotate box and particles"
         )

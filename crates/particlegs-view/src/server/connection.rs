@@ -34,7 +34,7 @@ const MOST_LINES: usize = 64;
 /// Maximum size of a connection's read buffer, bytes.
 const BUFFER: usize = 64 << 10;
 /// Maximum number of refused names to report: a scanner could try any number.
-const MOST_TOLD: usize = 16;
+const MOST_REPORTED: usize = 16;
 /// Maximum number of connections that have not shown the token.
 const MOST_STRANGERS: usize = 256;
 
@@ -54,7 +54,7 @@ struct ConnectionState {
     limits: Limits,
     table: RouteTable,
     events: Sender<Event>,
-    told: Mutex<HashSet<Event>>,
+    reported: Mutex<HashSet<Event>>,
     /// Time of the last request or response with the token.
     asked: Mutex<Instant>,
     /// Permits for connections that have shown the token.
@@ -91,9 +91,10 @@ impl SiteServer {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build().map_err(fault)?;
         listener.set_nonblocking(true).map_err(fault)?;
         let (events, happened) = channel();
-        let (told, asked) = (Mutex::default(), Mutex::new(Instant::now()));
+        let (reported, asked) = (Mutex::default(), Mutex::new(Instant::now()));
         let (seats, strangers) = (Arc::new(Semaphore::new(limits.connections)), UnverifiedConnections::default());
-        let shared = Arc::new(ConnectionState { guard, door, limits, table, events, told, asked, seats, strangers });
+        let shared =
+            Arc::new(ConnectionState { guard, door, limits, table, events, reported, asked, seats, strangers });
         runtime.block_on(async {
             let listener = tokio::net::TcpListener::from_std(listener).map_err(fault)?;
             let nobody_is_there = || shared.seats.available_permits() == limits.connections;
@@ -215,8 +216,8 @@ impl ConnectionState {
             }
             Refusal::Origin => (Event::RefusedOrigin, "requests from pages of other sites are refused".to_string()),
         };
-        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
-        if told.len() < MOST_TOLD && told.insert(event.clone()) {
+        let mut reported = self.reported.lock().unwrap_or_else(PoisonError::into_inner);
+        if reported.len() < MOST_REPORTED && reported.insert(event.clone()) {
             // The receiver lives as long as the connections.
             let _ = self.events.send(event);
         }
