@@ -2,7 +2,7 @@
 # Sourced by what holds the program to an independent one: $particlegs and $decoded_bits, built as `cargo test`
 # builds them; $python, with numpy, in the target folder.
 target=$(cargo metadata --format-version 1 --no-deps --locked | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
-cargo test --quiet --workspace --locked --features particlegs-cli/lab --no-run
+cargo test --quiet --workspace --locked --all-features --no-run
 particlegs=$target/debug/particlegs
 decoded_bits=$target/debug/examples/decoded_bits
 python=$target/venv/bin/python

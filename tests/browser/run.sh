@@ -16,5 +16,6 @@ if [ ${#missing[@]} != 0 ]; then
 fi
 
 web/build.sh --check
-cargo build --quiet --locked -p particlegs-cli --features lab
+# shellcheck source=tests/common.sh
+. tests/common.sh
 node --test --test-concurrency=1 tests/browser/*.test.mjs

@@ -1,16 +1,20 @@
 #!/usr/bin/env bash
-# Kernels against their twins, and the command with `--device`, on Mesa's software Vulkan where there is no card.
+# The kernels against the CPU's results, and the command with `--device`, on Mesa's software Vulkan where there is no GPU.
+# Usage: tests/gpu/run.sh [slow]
+#   slow  the tests that train for minutes on a software GPU, instead of all others
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
-as_root=''
-if [ "$(id -u)" != 0 ]; then as_root=sudo; fi
 if ! ls /usr/share/vulkan/icd.d/*.json >/dev/null 2>&1; then
+    as_root=''
+    if [ "$(id -u)" != 0 ]; then as_root=sudo; fi
     $as_root apt-get update -qq
     $as_root apt-get install -y -qq --no-install-recommends mesa-vulkan-drivers
 fi
 export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-$(mktemp -d)}
-# Without an adapter tests fail instead of being skipped.
-export PARTICLEGS_GPU_TESTS=1
-cargo test --locked -p particlegs-gpu
-cargo test --locked -p particlegs-cli --features gpu,lab --test it gpu
+those=(--skip slow_)
+if [ "${1:-}" = slow ]; then those=(slow_); fi
+# Chosen together, these packages are those of `cargo test --workspace --all-features`: nothing is compiled again.
+tests=(cargo test --locked --all-features -p particlegs-gpu -p particlegs-cli)
+"${tests[@]}" --lib -- --ignored "${those[@]}"
+"${tests[@]}" --test it gpu:: -- --ignored "${those[@]}"

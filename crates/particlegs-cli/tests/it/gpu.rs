@@ -2,8 +2,6 @@
 
 use crate::common::{TestFolder, said};
 #[cfg(feature = "gpu")]
-use crate::common::{json, particlegs};
-#[cfg(feature = "gpu")]
 use crate::models::tiny;
 #[cfg(feature = "gpu")]
 use particlegs_pipeline::{codec, model::LawKind};
@@ -16,7 +14,7 @@ fn folder() -> TestFolder {
 }
 
 #[test]
-fn the_processor_draws_unless_a_card_is_asked_for() {
+fn the_cpu_draws_unless_a_gpu_is_asked_for() {
     let dir = folder();
     let render = |device: &str, out: &str| {
         let words = format!("render model.pgs --azimuth 30 --size 96x54 -q -o {out} {device}");
@@ -34,7 +32,7 @@ fn the_processor_draws_unless_a_card_is_asked_for() {
 
 #[cfg(not(feature = "gpu"))]
 #[test]
-fn a_program_without_cards_says_how_to_get_them() {
+fn a_program_without_gpu_support_says_how_to_get_it() {
     let dir = folder();
     for words in ["devices", "render model.pgs --device gpu -o no.png"] {
         let out = dir.command(words).output().unwrap();
@@ -44,24 +42,12 @@ fn a_program_without_cards_says_how_to_get_them() {
     }
 }
 
-/// A folder where there is an adapter. Whatever it is, it is number 0.
-#[cfg(feature = "gpu")]
-fn with_adapter(folder: fn() -> TestFolder) -> Option<TestFolder> {
-    let listed = json(particlegs().arg("devices"));
-    let Some(first) = listed["devices"].as_array().unwrap().first() else {
-        assert!(std::env::var_os("PARTICLEGS_GPU_TESTS").is_none());
-        eprintln!("skipped: {}", listed["advice"]);
-        return None;
-    };
-    assert!(first["largest_binding_bytes"].as_u64().unwrap() >= 1 << 27);
-    Some(folder())
-}
-
 /// ParaView's pictures of all particles, and scores against them.
 #[cfg(feature = "gpu")]
 #[test]
-fn a_device_draws_and_scores_all_particles() {
-    let Some(dir) = with_adapter(folder) else { return };
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn a_gpu_draws_and_scores_all_particles() {
+    let dir = folder();
     for style in ["paraview", "paraview-no-fxaa"] {
         let draw = |device: &str| {
             let out = format!("{style}-{device}.png");
@@ -69,24 +55,27 @@ fn a_device_draws_and_scores_all_particles() {
             dir.runs(&format!("reference SAMPLE {view} -o {out}"));
             particlegs_pipeline::picture::read_png(&dir.at(&out)).unwrap()
         };
-        let (card, processor) = (draw("0"), draw("cpu"));
-        let differ = card.data.iter().zip(&processor.data).filter(|(a, b)| a != b).count();
-        assert!(processor.data.iter().filter(|v| **v > 0).count() > 2000, "{style}: hardly a picture");
+        let (on_gpu, on_cpu) = (draw("0"), draw("cpu"));
+        let differ = on_gpu.data.iter().zip(&on_cpu.data).filter(|(a, b)| a != b).count();
+        assert!(on_cpu.data.iter().filter(|v| **v > 0).count() > 2000, "{style}: hardly a picture");
         assert!(differ <= 3, "{style}: {differ} pixels differ");
     }
     let score = |device: &str| {
         let scores = dir.says(&format!("eval model.pgs SAMPLE --frames 1 --size 160x90 -q --device {device}"));
         ["paraview", "paraview_no_fxaa", "expected"].map(|look| scores["mean"][look]["psnr"].as_f64().unwrap())
     };
-    let (card, processor) = (score("0"), score("cpu"));
-    assert!(card.iter().zip(processor).all(|(a, b)| (a - b).abs() < 0.02), "{card:?} {processor:?}");
+    let (on_gpu, on_cpu) = (score("0"), score("cpu"));
+    assert!(on_gpu.iter().zip(on_cpu).all(|(a, b)| (a - b).abs() < 0.02), "{on_gpu:?} {on_cpu:?}");
 }
 
 /// Models of either law.
 #[cfg(feature = "gpu")]
 #[test]
-fn a_device_draws_what_the_processor_draws() {
-    let Some(dir) = with_adapter(folder) else { return };
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn a_gpu_draws_what_the_cpu_draws() {
+    let dir = folder();
+    let first = &dir.says("devices")["devices"][0];
+    assert!(first["largest_binding_bytes"].as_u64().unwrap() >= 1 << 27, "{first}");
     dir.write("published.pgs", tiny(0..64, LawKind::AlphaBlend));
     for (model, most) in [("model", 1), ("published", 2)] {
         for device in ["0", "cpu"] {
@@ -101,18 +90,19 @@ fn a_device_draws_what_the_processor_draws() {
     assert!(refused.status.code() == Some(2) && !dir.at("d.png").exists());
 }
 
-/// A run on the device and one on the processor: the same held-out score but for 0.05 dB.
+/// A run on the device and one on the CPU: held-out scores within 0.05 dB.
 #[cfg(feature = "gpu")]
 #[test]
-fn a_device_trains_as_the_processor_does() {
-    let Some(dir) = with_adapter(TestFolder::new) else { return };
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn a_gpu_trains_as_the_cpu_does() {
+    let dir = TestFolder::new();
     let start = "compress SAMPLE --gaussians 400 --effort fast --certificate none --train fast --scale 0.05";
     let train = |device: &str| {
         let told = dir.says(&format!("{start} --device {device} -o {device}.pgs"));
         told["trained"][0]["scores"][1].as_f64().unwrap_or_else(|| panic!("{told}"))
     };
-    let (card, processor) = (train("0"), train("cpu"));
-    assert!((card - processor).abs() < 0.05, "{card} {processor}");
+    let (on_gpu, on_cpu) = (train("0"), train("cpu"));
+    assert!((on_gpu - on_cpu).abs() < 0.05, "{on_gpu} {on_cpu}");
     let refused = dir.command("compress SAMPLE --device 0 -q -o no.pgs").output().unwrap();
     let error = said(&refused);
     assert!(refused.status.code() == Some(2) && error.contains("--train"), "{error}");
@@ -121,8 +111,9 @@ fn a_device_trains_as_the_processor_does() {
 /// The published recipe on the device, and fine-tuning of what comes of it.
 #[cfg(feature = "gpu")]
 #[test]
-fn a_device_trains_and_tunes_the_published_law() {
-    let Some(dir) = with_adapter(TestFolder::new) else { return };
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn slow_a_gpu_trains_and_tunes_the_published_law() {
+    let dir = TestFolder::new();
     let score = |words: &str| {
         let told = dir.says(&format!("{words} --certificate none --device 0 --scale 0.004"));
         [0, 1].map(|k| told["trained"][0]["scores"][k].as_f64().unwrap_or_else(|| panic!("{told}")))
@@ -135,11 +126,12 @@ fn a_device_trains_and_tunes_the_published_law() {
     assert_eq!(model.metadata.law, LawKind::AlphaBlend);
 }
 
-/// The laboratory on the device: the processor's scores but for 0.02 dB, kept apart from them.
+/// The laboratory on the device: the CPU's scores within 0.02 dB, stored apart from them.
 #[cfg(all(feature = "gpu", feature = "lab"))]
 #[test]
-fn a_device_measures_what_the_processor_measures() {
-    let Some(dir) = with_adapter(TestFolder::new) else { return };
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn slow_a_gpu_measures_what_the_cpu_measures() {
+    let dir = TestFolder::new();
     let measure = |device: &str| {
         let how = format!("--quick --size 160x90 -q --device {device} -o .");
         dir.runs(&format!("bench generalisation SAMPLE {how}"));
@@ -147,9 +139,9 @@ fn a_device_measures_what_the_processor_measures() {
         let scores: Vec<f64> = dir.text("figures/generalisation-radius.csv").lines().skip(1).map(masked).collect();
         (scores, dir.text("results.json").contains("Device that drew and trained"))
     };
-    let (processor, card) = (measure("cpu"), measure("0"));
-    assert!(!processor.1 && card.1 && processor.0.len() >= 4 && processor.0 != card.0);
-    assert!(card.0.iter().zip(&processor.0).all(|(a, b)| (a - b).abs() < 0.02), "{card:?} {processor:?}");
+    let (on_cpu, on_gpu) = (measure("cpu"), measure("0"));
+    assert!(!on_cpu.1 && on_gpu.1 && on_cpu.0.len() >= 4 && on_cpu.0 != on_gpu.0);
+    assert!(on_gpu.0.iter().zip(&on_cpu.0).all(|(a, b)| (a - b).abs() < 0.02), "{on_gpu:?} {on_cpu:?}");
 }
 
 /// Rows of a table that `bench gpu` found, by the heads of its columns.
@@ -172,8 +164,9 @@ fn rows(found: &serde_json::Value, name: &str) -> Vec<serde_json::Value> {
 /// `bench gpu`: every row with numbers that can be; the published recipe in pieces, and rows that are kept meanwhile.
 #[cfg(all(feature = "gpu", feature = "lab"))]
 #[test]
-fn a_device_is_measured_and_trains_in_pieces() {
-    let Some(dir) = with_adapter(TestFolder::new) else { return };
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn slow_a_gpu_is_measured_and_trains_in_pieces() {
+    let dir = TestFolder::new();
     let piece =
         |minutes: &str| dir.says(&format!("bench gpu --quick -q --device 0 --training --minutes {minutes} -o ."));
     let first = piece("0.0005");

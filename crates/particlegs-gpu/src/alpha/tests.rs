@@ -17,7 +17,7 @@ use particlegs_core::splat::ToneStyle;
 /// Default radius and opacity.
 const USUAL: [f64; 2] = [0.02, 0.05];
 const BOUNDS: Bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
-const SIZE: Size = Size { width: 320, height: 180 };
+const SIZE: Size = Size { width: 192, height: 108 };
 
 /// What is drawn by both.
 struct AlphaRenderCase {
@@ -142,8 +142,9 @@ fn apart(renderer: &AlphaRenderer, case: &AlphaRenderCase) -> (f64, usize, f64, 
 /// Where rounding decides whether a footprint's faintest pixel is drawn, that pixel differs by that: an alpha of 1/255,
 /// times a grey level of up to 1.2.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn kernels_agree_with_their_twins() {
-    let Some(device) = device() else { return };
+    let device = device();
     let renderer = AlphaRenderer::new(&device).unwrap();
     for case in cases() {
         let (worst, off, decibels, rounded) = apart(&renderer, &case);
@@ -155,8 +156,9 @@ fn kernels_agree_with_their_twins() {
 /// What is drawn, and in which order, is what the processor draws, Gaussian by Gaussian: depths that are equal, those that
 /// are a rounding apart, and what the network bends.
 #[test]
-fn the_order_is_the_processors() {
-    let Some(device) = device() else { return };
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn the_order_is_the_cpus() {
+    let device = device();
     let renderer = AlphaRenderer::new(&device).unwrap();
     for case in cases() {
         let scene = scene(&case.gaussians);
@@ -185,8 +187,9 @@ fn the_order_is_the_processors() {
 
 /// Where radius and opacity are as they were, the network does not run again; where one changed, it does.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn the_network_runs_where_it_must() {
-    let Some(device) = device() else { return };
+    let device = device();
     let renderer = AlphaRenderer::new(&device).unwrap();
     let gaussians = with_network(usual(1, 800, 0.05), VizRanges::TRAINING);
     let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
@@ -211,8 +214,9 @@ fn the_network_runs_where_it_must() {
 /// A picture that is drawn in several buffers and in several slabs is that of one, to the last bit; so is one whose
 /// Gaussians come in another order, one that is drawn again, and one after what a buffer held before.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn nothing_depends_on_order_or_on_what_was_there() {
-    let Some(device) = device() else { return };
+    let device = device();
     let renderer = AlphaRenderer::new(&device).unwrap();
     let in_slabs = AlphaRenderer { most: 700, ..AlphaRenderer::new(&device).unwrap() };
     let gaussians = with_network(usual(3, 1500, 0.1), VizRanges::TRAINING);
@@ -261,8 +265,9 @@ fn poisoned(device: &Device, gaussians: &Gaussians, canvas: &AlphaCanvas) {
 
 /// One scene at one size after another, by its law whatever look is asked for.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn pictures_are_by_the_scenes_law() {
-    let Some(device) = device() else { return };
+    let device = device();
     let (gaussians, view) = (usual(1, 500, 0.1), view([1.0, 2.0, 6.0]));
     let mut depths = gaussians.clone();
     depths.law = Law::OpticalDepth;
@@ -288,8 +293,9 @@ fn pictures_are_by_the_scenes_law() {
 
 /// What float32 does not hold, or is behind, beside or before the range, is not drawn; nothing at all is black.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn what_is_not_seen_is_not_drawn() {
-    let Some(device) = device() else { return };
+    let device = device();
     let renderer = AlphaRenderer::new(&device).unwrap();
     let draw = |m: &Mixture| {
         let there = Gaussians::upload(&device, &scene(m)).unwrap();
@@ -314,8 +320,9 @@ fn what_is_not_seen_is_not_drawn() {
 
 /// What cannot be drawn is said, in a line.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn limits_are_told() {
-    let Some(device) = device() else { return };
+    let device = device();
     let renderer = AlphaRenderer::new(&device).unwrap();
     let gaussians = usual(5, 80, 0.05);
     let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
@@ -427,8 +434,9 @@ fn wanted(drawn: &[TileFootprint], gaussians: usize, size: Size, by_pixel: &[f32
 
 /// What pixels want of footprints, summed whole and in slabs.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn footprints_are_wanted_as_pixels_want_them() {
-    let Some(device) = device() else { return };
+    let device = device();
     let mut renderer = AlphaRenderer::new(&device).unwrap();
     let whole = renderer.most;
     for case in cases() {

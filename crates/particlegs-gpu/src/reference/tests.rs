@@ -8,8 +8,9 @@ use particlegs_pipeline::reference;
 
 /// Splats below a pixel, of some pixels, large and turned; faint and opaque; in one piece and in several.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn kernels_agree_with_their_twins() {
-    let Some(device) = device() else { return };
+    let device = device();
     let there = ReferenceRenderer::new(&device).unwrap();
     let (columns, size) = (columns(4000), Size { width: 320, height: 180 });
     let particles = particles(&columns);
@@ -58,8 +59,9 @@ fn kernels_agree_with_their_twins() {
 
 /// The largest usual picture is drawn where a card sees no more than 128 MiB at once.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn a_picture_of_8k_is_drawn() {
-    let Some(device) = device() else { return };
+    let device = device();
     let there = ReferenceRenderer::new(&device).unwrap();
     let (columns, size) = (columns(1000), Size { width: 7680, height: 4320 });
     let view = view([1.0, 2.0, 6.0], [0.002, 0.05]);

@@ -44,7 +44,7 @@ fn needles(n: u64) -> Mixture {
 
 fn cases() -> Vec<DepthRenderCase> {
     let (far, near, inside) = ([1.0, 2.0, 6.0], [0.3, 0.2, 1.6], [0.1, 0.2, 0.5]);
-    let (usual, size) = ([0.002, 0.05], Size { width: 320, height: 180 });
+    let (usual, size) = ([0.002, 0.05], Size { width: 192, height: 108 });
     let case = |name, gaussians, view| DepthRenderCase { name, gaussians, view, size };
     let mut flat = view(far, usual);
     flat.camera.projection = Projection::Orthographic { height_world: 2.5 };
@@ -68,7 +68,7 @@ fn cases() -> Vec<DepthRenderCase> {
             ..case("one plane", mixture(1, 500, 0.05), view(far, usual))
         },
         DepthRenderCase {
-            size: Size { width: 1283, height: 701 },
+            size: Size { width: 643, height: 351 },
             ..case("odd sides", mixture(8, 5000, 0.05), view(far, usual))
         },
     ]
@@ -80,8 +80,9 @@ fn scene(m: &Mixture) -> Scene<'_> {
 
 /// Depth and pictures of all looks against core's.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn kernels_agree_with_their_twins() {
-    let Some(device) = device() else { return };
+    let device = device();
     let renderer = DepthRenderer::new(&device).unwrap();
     for DepthRenderCase { name, gaussians, view, size } in cases() {
         let scene = scene(&gaussians);
@@ -115,8 +116,9 @@ fn kernels_agree_with_their_twins() {
 
 /// The largest usual picture is drawn where a card sees no more than 128 MiB at once.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn a_picture_of_8k_is_drawn() {
-    let Some(device) = device() else { return };
+    let device = device();
     let renderer = DepthRenderer::new(&device).unwrap();
     let (gaussians, size) = (mixture(1, 500, 0.05), Size { width: 7680, height: 4320 });
     assert!(PlaneLayout::new(size).words().iter().all(|w| 4 * w <= 128 << 20));
@@ -130,8 +132,9 @@ fn a_picture_of_8k_is_drawn() {
 
 /// Where no Gaussian is said to be cut, none is; so far, and not where some are.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn what_is_cut_is_known_before() {
-    let Some(device) = device() else { return };
+    let device = device();
     for DepthRenderCase { name, gaussians, view, size } in cases() {
         let scene = scene(&gaussians);
         let lens = Lens::optical(&view, size, scene.bounds()).unwrap();
@@ -151,8 +154,9 @@ fn what_is_cut_is_known_before() {
 /// A picture that is drawn in several buffers is that of one, to the last bit; so is one whose Gaussians come in another
 /// order, and one after what a buffer held before.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn nothing_depends_on_order_or_on_what_was_there() {
-    let Some(device) = device() else { return };
+    let device = device();
     let renderer = DepthRenderer::new(&device).unwrap();
     let (gaussians, size) = (mixture(3, 1500, 0.1), Size { width: 160, height: 90 });
     let mut turned = Mixture::default();
@@ -189,8 +193,9 @@ fn nothing_depends_on_order_or_on_what_was_there() {
 
 /// Sums by tiles are those by atomic adds, to the last bit; in several buffers too.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn tiles_have_the_bits_of_atomic_adds() {
-    let Some(device) = device() else { return };
+    let device = device();
     let renderer = DepthRenderer::new(&device).unwrap();
     for DepthRenderCase { name, gaussians, view, size } in cases() {
         for most in [1 << 20, 1700] {
@@ -216,8 +221,9 @@ fn tiles_have_the_bits_of_atomic_adds() {
 
 /// Lists that are too long are told, and the next picture is drawn all the same.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn lists_of_tiles_have_an_end() {
-    let Some(device) = device() else { return };
+    let device = device();
     let renderer = DepthRenderer::new(&device).unwrap();
     let (gaussians, size) = (mixture(5, 300, 0.05), Size { width: 160, height: 90 });
     let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();
@@ -235,8 +241,9 @@ fn lists_of_tiles_have_an_end() {
 
 /// Periodic images are drawn where core draws them.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn images_are_repeated() {
-    let Some(device) = device() else { return };
+    let device = device();
     let renderer = DepthRenderer::new(&device).unwrap();
     let (gaussians, size) = (mixture(5, 800, 0.05), Size { width: 160, height: 90 });
     let shifts = vec![[0.0; 3], [2.0, 0.0, 0.0], [0.0, -2.0, 0.0]];
@@ -252,8 +259,9 @@ fn images_are_repeated() {
 
 /// What cannot be drawn is said, in a line.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn limits_are_told() {
-    let Some(device) = device() else { return };
+    let device = device();
     let renderer = DepthRenderer::new(&device).unwrap();
     let gaussians = mixture(5, 80, 0.05);
     let there = Gaussians::upload(&device, &scene(&gaussians)).unwrap();

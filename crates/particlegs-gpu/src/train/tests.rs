@@ -112,8 +112,9 @@ fn apart(a: &[f32], b: &[f32]) -> f64 {
 }
 
 #[test]
-fn gradients_and_losses_are_the_processors() {
-    let Some(device) = device() else { return };
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn gradients_and_losses_are_the_cpus() {
+    let device = device();
     let trainer = Trainer::new(&device).unwrap();
     for case in cases() {
         let (mut here, mut there) = (parameters(&case), parameters(&case));
@@ -152,8 +153,9 @@ fn strayed(here: &DepthGaussians, there: &DepthGaussians, start: &DepthGaussians
 }
 
 #[test]
-fn steps_lead_where_the_processors_do_and_either_may_go_on() {
-    let Some(device) = device() else { return };
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn steps_lead_where_the_cpus_do_and_either_may_go_on() {
+    let device = device();
     let trainer = Trainer::new(&device).unwrap();
     let (case, start) = decoded();
     let mut here = start.clone();
@@ -190,8 +192,9 @@ fn steps_lead_where_the_processors_do_and_either_may_go_on() {
 }
 
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn the_same_steps_give_the_same_bits_whatever_was_there() {
-    let Some(device) = device() else { return };
+    let device = device();
     let trainer = Trainer::new(&device).unwrap();
     let case = cases().swap_remove(3);
     let run = |poisoned: bool| {
@@ -211,8 +214,9 @@ fn the_same_steps_give_the_same_bits_whatever_was_there() {
 
 /// What density control changes on the way: only that is sent.
 #[test]
-fn what_is_replaced_goes_on_as_on_the_processor() {
-    let Some(device) = device() else { return };
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn what_is_replaced_goes_on_as_on_the_cpu() {
+    let device = device();
     let trainer = Trainer::new(&device).unwrap();
     let (case, start) = decoded();
     let run = |steps: &mut dyn DepthStepper| {
@@ -240,8 +244,9 @@ fn what_is_replaced_goes_on_as_on_the_processor() {
 
 /// A target with a pixel that is no number: whom it concerns is told as on the processor, and stays.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn gradients_that_are_no_numbers_are_told_and_survived() {
-    let Some(device) = device() else { return };
+    let device = device();
     let trainer = Trainer::new(&device).unwrap();
     let case = cases().swap_remove(0);
     let mut target = target(SIZE);
@@ -270,8 +275,9 @@ fn strayed_of(a: &[f64; 10], b: &[f64; 10]) -> f64 {
 
 /// A device that is gone in the midst of a run: an error, and what was fetched before stays.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn a_device_that_is_gone_is_an_error() {
-    let Some(device) = device() else { return };
+    let device = device();
     let trainer = Trainer::new(&device).unwrap();
     let case = cases().swap_remove(0);
     let mut of = parameters(&case);
@@ -287,19 +293,21 @@ fn a_device_that_is_gone_is_an_error() {
 }
 
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn more_gaussians_than_it_holds_are_refused() {
-    let Some(device) = device() else { return };
+    let device = device();
     let e = too_many(&device, 3_000_000, 1_600_000).to_string();
     assert!(e.contains("3000000 Gaussians") && e.contains("1600000 at most"), "{e}");
 }
 
 /// A fit that is trained, on the processor and on the device: held-out views within 0.05 dB.
 #[test]
-fn a_short_run_reaches_the_processors_score() {
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn slow_a_short_run_reaches_the_cpus_score() {
     use particlegs_pipeline::checkpoint::NoCheckpoints;
     use particlegs_pipeline::compress::{Options, Target, compress};
     use particlegs_pipeline::train::{Config, Limits, Preset, Start};
-    let Some(device) = device() else { return };
+    let device = device();
     let device: Arc<dyn Accelerator> = Arc::new(GpuAccelerator::new(device));
     let fast = Config::preset(Preset::Fast, particlegs_pipeline::model::LawKind::OpticalDepth);
     let config = Config {

@@ -137,6 +137,7 @@ impl Quad {
     }
 
     /// Is a pixel centre inside a rotated quad? Left and bottom edges are in.
+    #[inline]
     fn covers(&self, column: i32, row: i32) -> bool {
         let mut p = [self.corner[0], self.corner[1], self.corner[3], self.corner[2]];
         if cross(p[0], p[1], p[2]) < 0 {

@@ -66,8 +66,9 @@ fn compare(device: &Arc<Device>, columns: &[Vec<f32>; 3], view: &View) -> usize 
 
 /// Splats below a pixel, of some pixels and large; faint, and opaque as they come.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn kernels_agree_with_their_twins() {
-    let Some(device) = device() else { return };
+    let device = device();
     let columns = columns(4000);
     for (radius, opacity, least) in [
         (0.002, 0.05, 300),
@@ -83,8 +84,9 @@ fn kernels_agree_with_their_twins() {
 
 /// From within, where splats are turned and reach far outside the picture, and depths crowd together.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn large_turned_splats_agree() {
-    let Some(device) = device() else { return };
+    let device = device();
     assert!(compare(&device, &columns(4000), &view(NEAR, 0.01, 0.05)) > 40_000);
     assert!(compare(&device, &columns(300), &view(NEAR, 0.05, 0.2)) > 50_000);
     assert!(compare(&device, &columns(60), &view(NEAR, 0.3, 1.0)) > 50_000);
@@ -92,8 +94,9 @@ fn large_turned_splats_agree() {
 
 /// VTK stops once a peel writes no back layer anywhere: few particles, and particles that are nearly transparent.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn pictures_that_stop_early_agree() {
-    let Some(device) = device() else { return };
+    let device = device();
     for (n, radius, opacity) in [(9, 0.02, 0.5), (60, 0.1, 0.5), (2000, 0.1, 0.002)] {
         assert!(compare(&device, &columns(n), &view(FAR, radius, opacity)) > 20, "{n} {radius} {opacity}");
     }
@@ -103,8 +106,9 @@ fn pictures_that_stop_early_agree() {
 
 /// Pieces, what is sorted at a time, and what stays on the device leave no trace; nor does the picture before.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn no_division_of_the_work_shows() {
-    let Some(device) = device() else { return };
+    let device = device();
     let columns = columns(1500);
     let views = [view(FAR, 0.06, 0.3), view(FAR, 0.02, 1.0), view(FAR, 0.06, 0.3)];
     let small = DispatchLimits { slices: 7, pixels: 20_000, keys: 5000, band: 6400, strip: 13_000 };
@@ -132,8 +136,9 @@ fn no_division_of_the_work_shows() {
 
 /// Strips whose words of levels do not end with their rows; one peel more or less of one strip would show.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn strips_of_odd_pictures_leave_no_trace() {
-    let Some(device) = device() else { return };
+    let device = device();
     let size = Size { width: 61, height: 45 };
     for (n, radius, opacity) in [(9, 0.02, 0.5), (300, 0.1, 0.3), (2000, 0.1, 0.002), (4000, 0.05, 1.0)] {
         let columns = columns(n);
@@ -156,8 +161,9 @@ fn strips_of_odd_pictures_leave_no_trace() {
 
 /// The largest usual picture is drawn where a card sees no more than 128 MiB at once.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn a_picture_of_8k_is_drawn() {
-    let Some(device) = device() else { return };
+    let device = device();
     let (columns, size) = (columns(300), Size { width: 7680, height: 4320 });
     let view = view(FAR, 0.02, 0.3);
     let there = Paraview::new(&device).unwrap();
@@ -173,8 +179,9 @@ fn a_picture_of_8k_is_drawn() {
 
 /// The order of particles matters, as in VTK: a card that blended in any would not see it.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn the_order_of_particles_is_kept() {
-    let Some(device) = device() else { return };
+    let device = device();
     let columns = columns(4000);
     let turned = columns.each_ref().map(|c| c.iter().rev().copied().collect::<Vec<_>>());
     let view = view(FAR, 0.1, 0.3);

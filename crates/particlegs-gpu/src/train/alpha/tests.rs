@@ -108,8 +108,9 @@ fn strayed(a: &[f32], b: &[f32], start: &[f32]) -> f64 {
 }
 
 #[test]
-fn gradients_and_losses_are_the_processors() {
-    let Some(device) = device() else { return };
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn gradients_and_losses_are_the_cpus() {
+    let device = device();
     let trainer = Trainer::new(&device).unwrap();
     for case in cases() {
         let (mut here, mut there) = (case.gaussians.clone(), case.gaussians.clone());
@@ -137,8 +138,9 @@ fn gradients_and_losses_are_the_processors() {
 
 /// Steps one after the other, also where memory holds what is no number before each.
 #[test]
-fn steps_go_where_the_processors_go() {
-    let Some(device) = device() else { return };
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn steps_go_where_the_cpus_go() {
+    let device = device();
     let trainer = Trainer::new(&device).unwrap();
     for case in [0, 1, 11].map(|k| cases().swap_remove(k)) {
         let start = &case.gaussians;
@@ -173,8 +175,9 @@ fn steps_go_where_the_processors_go() {
 
 /// Gaussians that others changed, in number too, are sent anew.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn what_density_control_changed_is_sent() {
-    let Some(device) = device() else { return };
+    let device = device();
     let trainer = Trainer::new(&device).unwrap();
     let case = cases().swap_remove(0);
     let mut of = case.gaussians.clone();
@@ -197,8 +200,9 @@ fn what_density_control_changed_is_sent() {
 
 /// Numbers that are none are told as on the processor, and stay.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn numbers_that_are_none_are_told_and_survived() {
-    let Some(device) = device() else { return };
+    let device = device();
     let trainer = Trainer::new(&device).unwrap();
     let mut case = cases().swap_remove(0);
     case.gaussians.parameters.0[2][4 * 33 + 1] = f32::NAN;
@@ -216,8 +220,9 @@ fn numbers_that_are_none_are_told_and_survived() {
 
 /// A device that is gone in the midst of a run: an error, and what was fetched before stays.
 #[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn a_device_that_is_gone_is_an_error() {
-    let Some(device) = device() else { return };
+    let device = device();
     let trainer = Trainer::new(&device).unwrap();
     let case = cases().swap_remove(0);
     let mut of = case.gaussians.clone();
@@ -234,8 +239,9 @@ fn a_device_that_is_gone_is_an_error() {
 
 /// The published recipe, scaled, on the processor and on the device.
 #[test]
-fn a_short_run_reaches_the_processors_score() {
-    let Some(device) = device() else { return };
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn slow_a_short_run_reaches_the_cpus_score() {
+    let device = device();
     let device: Arc<dyn Accelerator> = Arc::new(GpuAccelerator::new(device));
     // Whom density control chooses is decided by roundings: from there on two runs are as far apart as those of two seeds.
     let all = Config { evaluate_views: 4, ..Config::preset(Preset::Paper, LawKind::AlphaBlend).scaled(0.01).unwrap() };
