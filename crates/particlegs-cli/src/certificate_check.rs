@@ -67,15 +67,15 @@ pub fn contradictions(c: &Certificate, m: &Metadata) -> Vec<String> {
     if let (Some(reached), true) = (&c.goal, recipe.steps.is_empty() && recipe.differing.is_empty())
         && recipe.target.goal() != Some(reached.goal)
     {
-        found.push("what was asked for is not what the recipe says".into());
+        found.push("the target is not the recipe's".into());
     }
     if let Some(blocks) = c.blocks.filter(|b| ![1, recipe.blocks].contains(b) && recipe.steps.is_empty()) {
-        found.push(format!("it was added up of {blocks} blocks, and the recipe has {}", recipe.blocks));
+        found.push(format!("it is the sum of {blocks} blocks, but the recipe has {}", recipe.blocks));
     }
     found
 }
 
-/// What is hard to believe, a line each: scores clearly above the noise-free picture's. It knows every
+/// What is implausible, a line each: scores clearly above the noise-free picture's. It knows every
 /// particle; who is above it knows the noise of one shot.
 pub fn doubts(c: &Certificate) -> Vec<String> {
     const ABOVE: f64 = 1.0;

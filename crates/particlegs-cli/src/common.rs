@@ -28,7 +28,7 @@ pub struct Common {
     /// Print only errors, and results that are not written to a file.
     #[arg(long, short)]
     pub quiet: bool,
-    /// Number of threads [default: as many as allotted, else all cores].
+    /// Number of threads [default: all cores that this process may use].
     ///
     /// Allotted by the batch system, the control group or the affinity mask. The results do not depend
     /// on the number of threads.

@@ -89,7 +89,7 @@ fn compare_folders(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderCo
     let shared: Vec<&String> = in_a.pictures.intersection(&in_b.pictures).collect();
     let shared_densities: Vec<&String> = in_a.densities.intersection(&in_b.densities).collect();
     if shared.is_empty() && shared_densities.is_empty() {
-        let what = format!("no PNG, and no surface density by --raw, has the name of one in {}", b.display());
+        let what = format!("no PNG or surface density of --raw has the name of one in {}", b.display());
         return Err(Error::input(a, what));
     }
     context.begin("comparing", (shared.len() + shared_densities.len()) as u64);

@@ -55,7 +55,7 @@ impl DeviceArgs {
             _ if trains => self.open(),
             DeviceRequest::Cpu | DeviceRequest::Auto => Ok(None),
             DeviceRequest::Gpu | DeviceRequest::Number(_) => {
-                Err(Error::argument("--device: nothing is trained here that a GPU could do: --train"))
+                Err(Error::argument("--device: a GPU only trains here; add --train"))
             }
         }
     }

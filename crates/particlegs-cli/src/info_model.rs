@@ -128,7 +128,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     }
     row("particles", m.count.to_string());
     let of = m.weight_name().map_or_else(String::new, |name| format!(" of `{name}`"));
-    row("weights", format!("{}{of} in all (1 a particle where a layer has none)", m.mass));
+    row("weights", format!("{}{of} in all (1 per particle in layers without masses)", m.mass));
     row("bounds", format!("{} to {}", point(m.bounds.min), point(m.bounds.max)));
     row("cell", m.cell.as_ref().map_or_else(|| "none stated".into(), Cell::to_string));
     row("default radius", number(m.default_radius));
@@ -138,7 +138,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
     row("unit of length", info_snapshot::length(&m.units));
     info_snapshot::moment(&m.units, &m.cosmology, &m.epoch).into_iter().for_each(|(name, value)| row(name, value));
     row("kept", kept.iter().map(quantity).collect::<Vec<_>>().join("; "));
-    row("weighting", format!("by {}: means and shapes of Gaussians weigh all particles alike", Metadata::WEIGHTING));
+    row("weighting", format!("by {}; means and shapes of Gaussians count all particles equally", Metadata::WEIGHTING));
     row("command", m.recipe.to_string());
     row("made by", format!("particlegs {}", m.tool_version));
     m.recipe.fitted().iter().for_each(|effort| row("fitted with", format!("effort {}", effort.name())));
@@ -169,7 +169,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, kept: &[Quantity]) -> String {
         }
     }
     for (tag, bytes) in r.other_sections {
-        row("other section", format!("`{tag}`, {bytes} bytes: this program does not know it"));
+        row("other section", format!("`{tag}`, {bytes} bytes, unknown to this version"));
     }
     out.push_str(&certificate(r.certificate, m.units.length_text()));
     out.push_str(&verdict(&r.verdict));
@@ -183,7 +183,7 @@ fn quantity(q: &Quantity) -> String {
 
 pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     let Some(c) = c else { return "certificate        none\n".into() };
-    let mut out = "certificate        measured at encoding (-: not measured, or none)\n".to_string();
+    let mut out = "certificate        measured at encoding (-: not measured or none)\n".to_string();
     let mut line = |text: &str| out += &(wrapped("  ", text, 6) + "\n");
     if let Some(goal) = &c.goal {
         line(&describe_goal(goal, unit));

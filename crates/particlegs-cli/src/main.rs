@@ -48,7 +48,7 @@ use particlegs_pipeline::{Error, Result};
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-/// Compress particle snapshots some hundred times, into models that draw the pictures of ParaView.
+/// Compress particle snapshots 100 times and more into models that reproduce ParaView's pictures.
 #[derive(Parser)]
 #[command(
     name = "particlegs",
@@ -84,7 +84,7 @@ fn run() -> Result<()> {
             "build it with `cargo build --release -p particlegs-cli --features lab`",
         ));
     }
-    let matches = match Cli::command().try_get_matches_from(arguments) {
+    let matches = match commands::with_headings(Cli::command()).try_get_matches_from(arguments) {
         Ok(matches) => matches,
         Err(asked) if !asked.use_stderr() => return report::help(&asked),
         Err(wrong) => wrong.exit(),

@@ -33,15 +33,15 @@ macro_rules! rules {
     };
 }
 
-const DENSITY: [&str; 2] = ["--style density", "add --style density, or leave it away"];
-const MODEL: &str = "snapshots, and the file is a model";
-const NO_SNAPSHOT: &str = "the snapshot, and none is given";
+const DENSITY: [&str; 2] = ["--style density", "add --style density, or remove the option"];
+const MODEL: &str = "snapshots, but the file is a model";
+const NO_SNAPSHOT: &str = "the snapshot, but none is given";
 
 const RULES: &[OptionRule] = rules! {
     "render reference": "colormap range raw", |g| !g.density() => DENSITY[0], DENSITY[1];
     "reference": "smooth", |g| !g.density() => DENSITY[0], DENSITY[1];
     "render reference": "no_annotations colorbar", |g| !g.has_bars() =>
-        "--style density, PDF and SVG, and --scale-bar: nothing else has bars";
+        "--style density, PDF and SVG, and --scale-bar: other pictures have no bars";
     "render reference": "radius opacity", |g| g.is("style", "density") =>
         "the other styles: a surface density has no particle radius or opacity";
     "render": "color_by_layer", |g| g.is("style", "density") =>
@@ -49,46 +49,46 @@ const RULES: &[OptionRule] = rules! {
     "render reference": "distance", |g| g.is("projection", "orthographic") =>
         "perspective pictures", "choose the window with --azimuth, --elevation, --center, --width and --depth";
     "render reference": "distance", |g| g.has("width") =>
-        "pictures without --width, which says how near the camera is";
+        "pictures without --width, which sets the distance of the camera";
     "render reference": "azimuth elevation distance projection center width depth fit",
         |g| g.has("path") => "pictures without --path, whose key frames are cameras";
     "render reference": "font_size", |g| !g.has_letters() => "figures with letters: a colour bar, a scale bar, axes or a title";
     "render reference": "figure_width font_size", |g| g.has("no_annotations") && !g.draws_page() =>
-        "figures: with --no-annotations a PNG is the picture alone", "--size says how many pixels it has";
+        "figures: with --no-annotations a PNG has only the picture", "set its pixels with --size";
     "render reference": "FigureArgs colormap range video", |g| g.has("raw") => "pictures: --raw writes values";
     "compress": "resume minutes log", |g| !g.trains() => "training: it needs --train fast|best|paper";
     "compress plan": "law scale iterations", |g| !g.trains() =>
         "training: it needs --train fast|best|paper, or --config";
     "compress plan": "effort", |g| g.is("train", "paper") =>
         "a fit: the published recipe starts from particles drawn at random",
-        "leave --effort away; --scale and --iterations shorten training";
+        "remove --effort; --scale and --iterations shorten training";
     "info": "SnapshotArgs no_bounds", |g| g.model("input") => MODEL;
     "convert": "SnapshotArgs SelectionArgs WindowArgs", |g| g.model("input") => MODEL,
         "draw particles with `recover`, then convert those";
-    "verify": "SnapshotArgs SelectionArgs WindowArgs", |g| !g.has("snapshot") => NO_SNAPSHOT, "name it behind the model";
-    "view": "SnapshotArgs SelectionArgs", |g| !g.has("particles") => NO_SNAPSHOT, "name it by --snapshot";
+    "verify": "SnapshotArgs SelectionArgs WindowArgs", |g| !g.has("snapshot") => NO_SNAPSHOT, "name it after the model";
+    "view": "SnapshotArgs SelectionArgs", |g| !g.has("particles") => NO_SNAPSHOT, "name it with --snapshot";
     "merge": "certificate", |g| !g.folder("parts") =>
         "a job's folder: a merge of files has no certificate";
     "recover": "scale", |g| g.is("method", "grid") =>
         "the methods that draw from Gaussians: `grid` fills cells";
     "stats": "grid assignment", |g| g.without(&["density"]) =>
-        "the measure `density`, which --only leaves out";
+        "the measure `density`, which --only excludes";
     "stats": "spectrum_grid spectrum_assignment no_interlacing k_max", |g| g.without(&["spectrum"]) =>
-        "the measure `spectrum`, which --only leaves out";
+        "the measure `spectrum`, which --only excludes";
     "stats": "separations", |g| g.without(&["pairs", "spectrum"]) =>
-        "the measures `pairs` and `spectrum`, which --only leaves out";
+        "the measures `pairs` and `spectrum`, which --only excludes";
     "stats": "pairs", |g| g.without(&["pairs", "rdf"]) =>
-        "the measures `pairs` and `rdf`, which --only leaves out";
-    "stats": "aperture", |g| g.without(&["groups"]) => "the measure `groups`, which --only leaves out";
+        "the measures `pairs` and `rdf`, which --only excludes";
+    "stats": "aperture", |g| g.without(&["groups"]) => "the measure `groups`, which --only excludes";
     "stats": "linking linking_length", |g| g.without(&["groups", "haloes"]) =>
-        "the measures `groups` and `haloes`, which --only leaves out";
-    "stats": "rdf_max", |g| g.without(&["rdf"]) => "the measure `rdf`, which --only leaves out";
+        "the measures `groups` and `haloes`, which --only excludes";
+    "stats": "rdf_max", |g| g.without(&["rdf"]) => "the measure `rdf`, which --only excludes";
     "stats": "profile_axis profile_bins", |g| g.without(&["profile"]) =>
-        "the measure `profile`, which --only leaves out";
+        "the measure `profile`, which --only excludes";
     "stats": "centres halo_radius halo_bins", |g| g.without(&["haloes"]) =>
-        "the measure `haloes`, which --only leaves out";
+        "the measure `haloes`, which --only excludes";
     "stats": "neighbours", |g| g.without(&["neighbours"]) =>
-        "the measure `neighbours`, which --only leaves out";
+        "the measure `neighbours`, which --only excludes";
     "stats": "spectrum_assignment no_interlacing", |g| g.is("convention", "paper") =>
         "--convention correct: the published table has its own";
     "export": "color", |g| g.exports() != Some(Group::Splats) =>
@@ -98,7 +98,7 @@ const RULES: &[OptionRule] = rules! {
     "export": "PageArgs", |g| g.exports() != Some(Group::Page) =>
         "pages: it needs an output that ends in .html";
     "export": "colormap range", |g| g.exports() == Some(Group::Splats) && !g.is("color", "density") =>
-        "--color density", "add --color density, or leave it away";
+        "--color density", "add --color density, or remove the option";
     "view export": "radius opacity", |g| g.page_of_density() =>
         "the other styles: a surface density has no particle radius or opacity", "add --style paraview";
     "view export": "color_by_layer", |g| g.page_of_density() =>
@@ -116,7 +116,7 @@ pub fn check(matches: &ArgMatches) -> Result<()> {
         if let Some(option) = rule.options.split(' ').find_map(|o| given.first_of(o))
             && (rule.idle)(&given)
         {
-            let what = format!("{} does nothing here: it belongs to {}", spelling(&option), rule.belongs);
+            let what = format!("{} has no effect here; it applies to {}", spelling(&option), rule.belongs);
             return Err(Error::argument_with(what, rule.hint));
         }
     }

@@ -21,7 +21,7 @@ const MOST_NAMED: usize = 12;
 
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct ForceArgs {
-    /// Replace the output where there is one. Inputs and files of other kinds are never replaced.
+    /// Replace an existing output. Inputs and files of other kinds are never replaced.
     #[arg(long, help_heading = None::<&'static str>, display_order = 900)]
     pub force: bool,
 }
@@ -186,7 +186,7 @@ impl CommandContext {
         if !same {
             return Err(self.refused(path));
         }
-        self.message(&format!("{}: is there already, and the same", path.display()));
+        self.message(&format!("{} already exists and is the same", path.display()));
         Ok(())
     }
 

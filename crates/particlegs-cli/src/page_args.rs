@@ -23,12 +23,12 @@ pub struct PageArgs {
     /// Background of the picture [default: black].
     #[arg(long, value_enum, value_name = "COLOR", hide_short_help = true)]
     pub background: Option<Background>,
-    /// Tell layers apart by colour.
+    /// Colour by layer.
     #[arg(long, hide_short_help = true)]
     pub color_by_layer: bool,
-    /// Open with the view of a picture that was saved: its camera, style, colours and layers.
+    /// Open with the camera, style, colours and layers stored in a saved picture.
     ///
-    /// What else is given on the command line takes the place of what the picture says.
+    /// Options on the command line take precedence over the picture's.
     #[arg(
         long,
         value_name = "PNG",
@@ -83,7 +83,7 @@ pub struct AppearanceArgs {
     /// Colour map of densities [default: inferno].
     #[arg(long, value_name = "NAME", hide_short_help = true, value_parser = colormaps())]
     pub colormap: Option<Colormap>,
-    /// Densities of the first and the last colour [default: those of nearly all that is drawn].
+    /// Densities of the first and the last colour [default: chosen from what is drawn].
     #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1, hide_short_help = true)]
     pub range: Option<Vec<f64>>,
 }

@@ -44,7 +44,7 @@ impl ModelFiles {
     /// Says where models are in other units than the first: the page shows each in its own.
     fn note_units(&self, context: &CommandContext) {
         let Some((first, others)) = self.files.split_first() else { return };
-        let text = |m: &Metadata| m.units.length_text().unwrap_or("a unit that is not stated").to_string();
+        let text = |m: &Metadata| m.units.length_text().unwrap_or("an unknown unit").to_string();
         for PageModelFile { name, info, .. } in others {
             let other = &info.metadata;
             let by = other.unit_system().conversion(&first.info.metadata.unit_system());

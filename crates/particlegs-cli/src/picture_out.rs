@@ -28,11 +28,11 @@ impl PictureOut {
             return Ok(PictureOut::Folder(out.to_path_buf()));
         }
         if raw {
-            let what = format!("{} names a picture, and --raw writes values", out.display());
+            let what = format!("{} is the name of a picture, but --raw writes values", out.display());
             return Err(Error::argument_with(what, "name a folder: it gets NAME.f32 and NAME.json"));
         }
         if views != 1 {
-            let what = format!("{} names one picture, and there are {views} views", out.display());
+            let what = format!("{} is one picture, but there are {views} views", out.display());
             return Err(Error::argument_with(what, "name a folder: it gets a picture for each view"));
         }
         Ok(PictureOut::File(out.to_path_buf()))

@@ -62,12 +62,12 @@ impl RunArgs {
                 context.finishes_its_steps();
                 context.writes(&path, &Checkpoint::KIND)?;
                 if path.exists() && !self.resume && !force {
-                    let hint = "--resume goes on from it, --force begins anew";
-                    return Err(Error::output(&path, "an interrupted run has left it", hint));
+                    let hint = "--resume continues it, --force starts over";
+                    return Err(Error::output(&path, "it is left from an interrupted run", hint));
                 }
             }
             None if self.resume => return Err(Error::argument("--resume needs an output that is a file")),
-            None => context.message("note: the output is no file: a run that is stopped leaves no checkpoint"),
+            None => context.message("note: the output is not a file, so an interrupted run leaves no checkpoint"),
         }
         let Some(log) = &self.log else { return Ok(()) };
         context.writes(log, &LOG)?;

@@ -15,7 +15,7 @@ const BETWEEN_KEYS: usize = 60;
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Films")]
 pub struct SequenceArgs {
-    /// Draw N frames of one turn round the vertical axis: frame_0000.png, ...
+    /// Draw N frames of one rotation about the vertical axis: frame_0000.png, ...
     #[arg(
         long,
         value_name = "N",
@@ -39,10 +39,10 @@ pub struct SequenceArgs {
     pub frames: Option<usize>,
     /// Join the frames to a film: NAME.mp4, NAME.webm (both by ffmpeg) or NAME.gif.
     ///
-    /// Without ffmpeg the frames are kept, and the line that joins them is printed.
+    /// Without ffmpeg the frames are kept, and the ffmpeg command is printed.
     #[arg(long, value_name = "FILE", hide_short_help = true, value_hint = ValueHint::FilePath)]
     pub video: Option<PathBuf>,
-    /// Frames a second of the film.
+    /// Frames per second of the film.
     #[arg(
         long,
         value_name = "N",
@@ -72,7 +72,7 @@ impl SequenceArgs {
             (Some(frames), _) => match &set.views[..] {
                 [one] => one.turntable(frames),
                 many => {
-                    let what = format!("--turntable turns one view, and there are {}", many.len());
+                    let what = format!("--turntable rotates one view, but there are {}", many.len());
                     return Err(Error::argument_with(what, "name a views file with one view"));
                 }
             },
@@ -84,8 +84,8 @@ impl SequenceArgs {
                 path_through(&set.views, frames).map_err(|e| Error::argument(format!("--path: {e}")))?
             }
             (None, None) if self.video.is_some() => {
-                let what = "--video does nothing here: it belongs to --turntable and --path";
-                return Err(Error::argument_with(what, "say what moves: --turntable N or --path FILE"));
+                let what = "--video has no effect here; it applies to --turntable and --path";
+                return Err(Error::argument_with(what, "add --turntable N or --path FILE"));
             }
             (None, None) => set.views,
         };

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 #[derive(Args, Clone, Debug, Serialize, Deserialize)]
 #[command(next_help_heading = "Snapshot options")]
 pub struct SnapshotArgs {
-    /// Input format, where the content does not tell.
+    /// Input format, where the content does not show it.
     #[arg(long, value_name = "NAME", hide_short_help = true, value_parser = clap::builder::PossibleValuesParser::new(names()))]
     pub format: Option<String>,
     /// Particle types, by number or name, such as 1 or dm [default: all].
@@ -24,17 +24,17 @@ pub struct SnapshotArgs {
     /// Field of the positions: one with three components, or three scalar fields x,y,z.
     #[arg(long, value_name = "FIELD", hide_short_help = true)]
     pub positions: Option<String>,
-    /// Field of the masses, or of what adds up as they do [default: the masses of a type whose masses differ, else none].
+    /// Field of the masses, or of another quantity that adds up [default: the masses of a type whose masses differ, else none].
     #[arg(long, alias = "weights", value_name = "FIELD|none", hide_short_help = true)]
     #[serde(rename = "weights")]
     pub mass_field: Option<String>,
     /// Frame of a trajectory, counted from 0 [default: the last].
     #[arg(long, value_name = "N", hide_short_help = true)]
     pub frame: Option<u64>,
-    /// What becomes a layer of the model.
+    /// What each layer of the model holds.
     #[arg(long, alias = "layers", value_name = "WHAT", hide_short_help = true, value_enum, default_value_t = LayersBy::Species)]
     pub layers_by: LayersBy,
-    /// Lengths of the periodic box, 0 where nothing repeats; replaces those in the file.
+    /// Lengths of the periodic box, 0 along open axes; replaces those in the file.
     #[arg(long = "box", value_name = "Lx,Ly,Lz", value_delimiter = ',', num_args = 1)]
     pub box_lengths: Option<Vec<f64>>,
     /// Unit of length, such as Mpc/h; replaces that in the file.
@@ -46,7 +46,7 @@ pub struct SnapshotArgs {
     /// Leave out particles with NaN or infinite values instead of refusing the file.
     #[arg(long, hide_short_help = true)]
     pub skip_invalid: bool,
-    /// Refuse files whose header gives other numbers of particles than they hold.
+    /// Refuse files that hold another number of particles than their header says.
     #[arg(long, hide_short_help = true)]
     #[serde(default)]
     pub strict: bool,
@@ -105,7 +105,7 @@ pub struct SelectionArgs {
     /// Keep N particles drawn at random, in the order of the file.
     #[arg(long, value_name = "N", hide_short_help = true)]
     pub sample: Option<u64>,
-    /// Keep the particles that --sample leaves out: to score a model of those that it takes.
+    /// Keep the particles that --sample leaves out, to score a model of the others.
     #[arg(long, requires = "sample", hide_short_help = true)]
     #[serde(default)]
     pub left_out: bool,

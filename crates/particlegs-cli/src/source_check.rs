@@ -20,5 +20,5 @@ pub fn check(model: &Model, of_several: bool, particles: &Particles, snapshot: &
         return Ok(());
     }
     let why = if of_several { "their numbers of particles differ" } else { "their hashes differ" };
-    Err(Error::input(snapshot, format!("it is not the snapshot that {} was made of ({why})", file.display())))
+    Err(Error::input(snapshot, format!("it is not the snapshot that {} was made from ({why})", file.display())))
 }

@@ -86,7 +86,7 @@ pub struct ViewArgs {
     /// Only particles whose centres lie in it count. By default an orthographic density counts every particle once.
     #[arg(long, value_name = "D", hide_short_help = true, conflicts_with = "views")]
     pub depth: Option<f64>,
-    /// What has to be in the picture whole, as tightly as it can be.
+    /// Frame this as tightly as possible.
     #[arg(long, value_enum, value_name = "WHAT", hide_short_help = true, conflicts_with_all = ["views", "width"])]
     pub fit: Option<Fit>,
 }
@@ -128,7 +128,7 @@ fn center(corners: &[[f64; 3]; 8]) -> [f64; 3] {
 }
 
 fn fitted(length: f64) -> Result<f64> {
-    let fault = || Error::argument("--fit: what has to fit has no extent; choose --width or --distance");
+    let fault = || Error::argument("--fit: the region to fit has no extent; choose --width or --distance");
     if length > 0.0 && length.is_finite() { Ok(length) } else { Err(fault()) }
 }
 

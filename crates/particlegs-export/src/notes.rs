@@ -100,10 +100,10 @@ fn words(model: &Model, name: &str) -> Vec<String> {
         lines.push(format!("layers (particles): {}", layers.join(", ")));
     }
     let comoving = if m.units.comoving == Some(true) { ", comoving" } else { "" };
-    lines.push(format!("lengths in {}{comoving}", m.units.length_text().unwrap_or("a unit that is not stated")));
+    lines.push(format!("lengths in {}{comoving}", m.units.length_text().unwrap_or("an unknown unit")));
     if model.has_masses() {
         let what = m.weight_name().unwrap_or("masses");
-        lines.push(format!("{what} in {}", m.units.mass_text().unwrap_or("a unit that is not stated")));
+        lines.push(format!("{what} in {}", m.units.mass_text().unwrap_or("an unknown unit")));
     }
     lines.extend(m.cell.as_ref().map(|cell| format!("box {cell}")));
     lines

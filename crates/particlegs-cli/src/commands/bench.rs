@@ -21,9 +21,9 @@ use std::sync::Arc;
 /// Arguments.
 #[derive(Args)]
 #[command(after_help = "\
-`list` says what experiments there are, and what of the paper each makes. Results are kept in
-DIR/kept: a command that was interrupted goes on where it was. DIR/report.html has everything, in
-one page; beside it are JSON, CSV, SVG, PNG and pages of Markdown (docs/guide/laboratory.md).
+`list` names the experiments and the paper's figure or table that each reproduces. Results are stored in
+DIR/kept: an interrupted command continues where it stopped. DIR/report.html has everything in one page;
+beside it are JSON, CSV, SVG, PNG and Markdown (docs/guide/laboratory.md).
 
 Examples:
   particlegs bench list
@@ -35,13 +35,13 @@ pub struct Arguments {
     /// Experiment, `all`, or `list`.
     #[arg(value_name = "NAME")]
     name: String,
-    /// Snapshots, each its first file or its folder: the first is measured, and compared with the others.
+    /// Snapshots, each its first file or its folder: the first is measured and compared with the others.
     #[arg(value_name = "SNAPSHOT", value_hint = ValueHint::AnyPath)]
     snapshots: Vec<PathBuf>,
     /// Folder for results.
     #[arg(short, long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     output: Option<PathBuf>,
-    /// Small pictures, few sizes, one view an orbit: to see that all of it runs.
+    /// Small pictures, few sizes, one view per orbit: a quick trial of everything.
     #[arg(long)]
     quick: bool,
     /// With `all`: also the experiments that train models, which take hours; with `gpu`: also the published recipe.
@@ -49,7 +49,7 @@ pub struct Arguments {
     training: bool,
     /// Python with the packages of lab/requirements.txt: SZ3, ZFP, VTK.
     ///
-    /// Without it what they would measure is left out, and said to be.
+    /// Without it their measurements are skipped and listed as skipped.
     #[arg(long, value_name = "FILE", value_hint = ValueHint::ExecutablePath)]
     python: Option<PathBuf>,
     /// Views per orbit [default: 2; 1 with --quick].
@@ -67,7 +67,7 @@ pub struct Arguments {
     /// Train with this share of the published recipe's pixels, steps and Gaussians [default: each experiment's own].
     #[arg(long, value_name = "S", hide_short_help = true)]
     scale: Option<f64>,
-    /// Minutes after which published-run, or `gpu --training`, stops for now; the same command goes on [default: 120; 2
+    /// Minutes after which published-run, or `gpu --training`, pauses; the same command continues it [default: 120; 2
     /// with --quick].
     #[arg(long, value_name = "M", hide_short_help = true)]
     minutes: Option<f64>,
@@ -202,19 +202,19 @@ impl Arguments {
             (self.seeds.is_some(), "--seeds"),
         ];
         if let Some((_, name)) = of_experiments.iter().find(|(given, _)| *given) {
-            return Err(Error::argument(format!("`bench gpu` makes its own scenes and has no use for {name}")));
+            return Err(Error::argument(format!("`bench gpu` makes its own scenes and ignores {name}")));
         }
         if let Some(words) = self.snapshot.describe() {
-            return Err(Error::argument(format!("`bench gpu` makes its own scenes and has no use for {words}")));
+            return Err(Error::argument(format!("`bench gpu` makes its own scenes and ignores {words}")));
         }
         let of_training =
             [(self.output.is_some(), "-o"), (self.scale.is_some(), "--scale"), (self.minutes.is_some(), "--minutes")];
         match of_training.iter().find(|(given, _)| *given) {
             Some((_, name)) if !self.training => {
-                Err(Error::argument(format!("`bench gpu` has no use for {name} without --training")))
+                Err(Error::argument(format!("`bench gpu` needs --training for {name}")))
             }
             _ if self.training && self.output.is_none() => {
-                Err(Error::argument("`bench gpu --training` takes a folder that keeps its checkpoint: -o DIR"))
+                Err(Error::argument("`bench gpu --training` needs a folder for its checkpoint: -o DIR"))
             }
             _ => Ok(()),
         }

@@ -22,10 +22,10 @@ Examples:
   particlegs render model.pgs --style density --raw -o drawn
   particlegs compare drawn truth")]
 pub struct Arguments {
-    /// Picture (PNG) or values by --raw to score, or a folder of them.
+    /// Picture (PNG) or values written by --raw, or a folder of them.
     #[arg(value_name = "A", value_hint = ValueHint::AnyPath)]
     a: PathBuf,
-    /// What to compare it with; of a folder, the files of the same names.
+    /// Picture, values or folder to compare with; folders by file name.
     #[arg(value_name = "B", value_hint = ValueHint::AnyPath)]
     b: PathBuf,
     #[command(flatten)]

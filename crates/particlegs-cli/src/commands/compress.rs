@@ -58,7 +58,7 @@ pub struct Arguments {
     /// Memory limit, such as 2GiB: larger snapshots are fitted block by block.
     #[arg(long, display_order = LATER, value_name = "SIZE")]
     memory: Option<String>,
-    /// Number of blocks, fitted one by one [default: 1, or as many as --memory asks for].
+    /// Number of blocks, fitted one by one [default: 1, or as many as --memory needs].
     ///
     /// Blocks hold about equal numbers of particles.
     #[arg(long, display_order = LATER, value_name = "K", hide_short_help = true, value_parser = number_of_blocks)]
@@ -192,7 +192,7 @@ fn there_already(a: &Arguments, options: &Options, particles: &Particles, contex
     let ratio = raw_bytes as f64 / bytes.len() as f64;
     let (told, _) = info_model::describe_new_model(certificate, &model.metadata, &model.layers, a.output(), context);
     let text = format!(
-        "{place}: is there already, made of this snapshot by the same options: {} particles -> {gaussians} Gaussians, \
+        "{place} already exists, made from this snapshot with the same options: {} particles -> {gaussians} Gaussians, \
          {} bytes, ratio {ratio:.1}{told}",
         model.metadata.count,
         bytes.len(),

@@ -41,7 +41,7 @@ pub struct Arguments {
     /// alpha-blend model .ply, the splats of viewers.
     #[arg(long, short, alias = "out", value_name = "OUT", value_hint = ValueHint::AnyPath)]
     output: PathBuf,
-    /// Output format, where the name does not tell.
+    /// Output format, where the name does not show it.
     #[arg(long, value_name = "FORMAT", value_parser = clap::builder::PossibleValuesParser::new(writers()))]
     to: Option<String>,
     /// Number of copies of the periodic box along x, y and z.

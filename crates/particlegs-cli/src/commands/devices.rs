@@ -10,7 +10,7 @@ Examples:
   particlegs devices
   particlegs devices --json -
 
-docs/guide/gpu.md says what GPUs do, and what to do where one is not found.")]
+docs/guide/gpu.md says what GPUs do, and what to do when none is found.")]
 pub struct Arguments {
     #[command(flatten)]
     common: Common,

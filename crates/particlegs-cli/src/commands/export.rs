@@ -28,7 +28,7 @@ Examples:
   particlegs export M.pgs -o splats.ply --color density
   particlegs export M.pgs -o density.vti --grid 256",
     after_long_help = "\
-What is lost, which every file says of itself:
+What each format leaves out (the file says so too):
   .ply .glb .gltf   splats for viewers that sort and blend. Of an optical-depth model they approximate
                     the picture at one radius and opacity; counts, masses and the box are left out
   .npy .vti .fits   mass, or number, per volume, averaged over each cell: what is smaller than a cell
@@ -57,10 +57,10 @@ pub struct Arguments {
     model: PathBuf,
     /// File to write: .html .ply .glb .gltf .npy .vti .fits .npz .csv.
     ///
-    /// Its ending says what is written.
+    /// The ending of the name chooses the format.
     #[arg(long, short, alias = "out", value_name = "OUT", value_hint = ValueHint::FilePath)]
     output: PathBuf,
-    /// What to write, where the ending does not tell.
+    /// What to write, where the ending does not show it.
     #[arg(long, value_name = "KIND", value_parser = named::<Kind>())]
     kind: Option<Kind>,
     /// Layers to write: species such as gas or dm, names that `info` lists, or `all`.
@@ -85,7 +85,7 @@ pub struct Arguments {
 #[derive(Args)]
 #[command(next_help_heading = "Splats (.ply, .glb, .gltf)")]
 struct SplatArgs {
-    /// What colours say.
+    /// What colours show.
     #[arg(long, value_name = "WHAT", default_value = "grey", value_parser = named::<ColorBy>())]
     color: ColorBy,
 }
@@ -171,7 +171,8 @@ impl Export<'_> {
             && model.vizmapper().is_none()
             && let Some(option) = a.radius.map(|_| "--radius").or(a.opacity.map(|_| "--opacity"))
         {
-            let what = format!("{option} does nothing here: this alpha-blend model has no VizMapper that follows it");
+            let what =
+                format!("{option} has no effect here: the VizMapper of this alpha-blend model does not depend on it");
             return Err(Error::argument(what));
         }
         let (range, colormap) = (range_of(a.range.as_deref())?, a.colormap.unwrap_or_default());
@@ -226,7 +227,7 @@ impl Export<'_> {
             "total": total, "outside": outside,
         });
         self.notes.set("density", report.clone());
-        self.notes.say(format!("{total} in all cells, {outside} beyond them; unit of density: {unit}"));
+        self.notes.say(format!("{total} in all cells, {outside} outside them; unit of density: {unit}"));
         let write = |out: &Path| write_density(self.kind, &density, &self.notes, out, context);
         let bytes = match beside {
             None => context.write_snapshot(&a.output, kept, write)?,

@@ -53,7 +53,7 @@ pub struct Arguments {
     output: Option<PathBuf>,
     #[command(flatten)]
     target: TargetArgs,
-    /// How much of the decoded model is measured and stored in the file.
+    /// Scores that are measured on the decoded model and stored in the file.
     #[arg(long, value_name = "LEVEL", default_value = "quick", value_parser = named::<CertificateLevel>())]
     certificate: CertificateLevel,
     /// Memory limit, such as 1GiB: the particles are kept on disk.

@@ -20,7 +20,7 @@ use std::time::Instant;
 #[command(after_help = "\
 Coded blocks are copied, so nothing is lost, and the order of the parts does not matter. The default
 particle radius, the bounds and the counts are those of the whole; scores in the parts are dropped.
-Alpha-blend models: as published, the VizMapper is that of the part with the first block (by layer,
+Alpha-blend models: as published, the VizMapper comes from the part with the first block (by layer,
 then by position); `finetune` trains the merged model on the whole snapshot.
 
 The folder of a job gives the same file as `compress`, measured against the snapshot.
@@ -36,7 +36,7 @@ pub struct Arguments {
     /// Model file to write.
     #[arg(long, short, alias = "out", value_name = "M.pgs", value_hint = ValueHint::FilePath)]
     output: PathBuf,
-    /// How much of a job's file is measured against its snapshot [default: as planned].
+    /// Scores to measure for a job's file [default: as planned].
     #[arg(long, value_name = "LEVEL", value_parser = named::<CertificateLevel>())]
     certificate: Option<CertificateLevel>,
     #[command(flatten)]
@@ -62,10 +62,10 @@ pub fn run(a: Arguments) -> Result<()> {
     let info = codec::read_info(&bytes, &a.output.display().to_string())?;
     if info.metadata.law == LawKind::AlphaBlend && parts > 1 {
         let network = match info.vizmapper {
-            Some(_) => "the VizMapper is that of the part with the first block",
+            Some(_) => "the VizMapper comes from the part with the first block",
             None => "the part with the first block has no VizMapper, so the file has none",
         };
-        context.message(&format!("note: {network}, as published; it was trained on that part alone"));
+        context.message(&format!("note: {network}, as published; it was trained only on that part"));
     }
     let blocks: Vec<_> = info.layers.iter().flat_map(|l| &l.content).collect();
     let gaussians: u64 = blocks.iter().map(|b| u64::from(b.gaussians)).sum();

@@ -39,7 +39,7 @@ pub struct Arguments {
     /// Folder of the job.
     #[arg(long, short, alias = "out", value_name = "JOB", value_hint = ValueHint::DirPath)]
     output: PathBuf,
-    /// Number of blocks; `auto`: as --memory asks for.
+    /// Number of blocks; `auto`: as many as --memory needs.
     ///
     /// Blocks hold about equal numbers of particles.
     #[arg(long, value_name = "K|auto", default_value = "auto")]
@@ -86,7 +86,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let named = serde_json::to_value(&snapshot).map_err(|e| Error::argument(format!("the snapshot's name: {e}")))?;
     context.reads(a.input.iter().map(PathBuf::as_path).chain(a.fit.train.tune.config_file()), a.force.force)?;
     if a.emit.is_some() && context.outputs().on_standard_output() {
-        return Err(Error::argument("--emit prints its script on standard output: name a file for --json"));
+        return Err(Error::argument("--emit prints its script to standard output: name a file for --json"));
     }
     // What is in the folder is looked at by the plan itself; only an input it must not be.
     context.outputs().writes_job(&a.output)?;

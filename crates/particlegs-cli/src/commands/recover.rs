@@ -67,7 +67,7 @@ pub fn run(a: Arguments) -> Result<()> {
         model = model.only(&a.layer)?;
         // What was measured on the whole says little about a part of it.
         if certificate.is_some() {
-            context.message("note: the scores in the model file are of all layers together, not of these");
+            context.message("note: the scores in the model file are for all layers together, not for these");
         }
     }
     let options = Options {
@@ -84,7 +84,7 @@ pub fn run(a: Arguments) -> Result<()> {
         if !options.is_there(&a.output, &model, hash)? {
             return Err(context.refused(&a.output));
         }
-        let text = format!("{}: is there already, drawn from this model by the same options", a.output.display());
+        let text = format!("{} already exists, drawn from this model with the same options", a.output.display());
         return context.finish(&text, &json!({ "output": a.output.to_string_lossy(), "there_already": true }));
     }
     let particles = options.total(&model);

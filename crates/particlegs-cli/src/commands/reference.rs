@@ -185,7 +185,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let target = PictureTarget { out: a.out.as_deref(), density: &a.density, sequence: &a.sequence };
     let device = a.device.open()?;
     if device.is_some() && density {
-        let what = "densities are drawn on the processor alone";
+        let what = "densities are drawn on the CPU only";
         return Err(Error::argument_with(what, "leave --device away"));
     }
     let on_device = device.map(|d| d.particles(reference.input(), &context)).transpose()?;

@@ -73,12 +73,12 @@ pub struct Arguments {
     /// Layers to draw: species such as gas or dm, names that `info` lists, or `all`.
     #[arg(long = "layer", alias = "layers", value_name = "NAME,...", value_delimiter = ',')]
     layers: Option<Vec<String>>,
-    /// Tell layers apart by colour: hues mixed by optical depth, levels as without colours.
+    /// Colour by layer: hues are mixed by optical depth, brightness is unchanged.
     #[arg(long, hide_short_help = true)]
     color_by_layer: bool,
-    /// Draw the view of a picture that this program wrote: its camera, style, colours and range.
+    /// Reuse the camera, style, colours and range stored in a PNG from this program.
     ///
-    /// What else is given on the command line takes the place of what the picture says.
+    /// Options on the command line take precedence over the picture's.
     #[arg(
         long,
         value_name = "PNG",
@@ -112,7 +112,7 @@ pub struct Arguments {
 
 /// The styles that a model can be drawn in; `None` = its surface density.
 const STYLES: [NamedChoice<OrNone<ToneStyle>>; 4] = [
-    (Some(ToneStyle::Paraview), "paraview", "As ParaView draws the particles, without their shot noise"),
+    (Some(ToneStyle::Paraview), "paraview", "ParaView's picture of the particles, without shot noise"),
     (Some(ToneStyle::ParaviewNoFxaa), "paraview-no-fxaa", "The same without antialiasing (FXAA)"),
     (Some(ToneStyle::Expected), "expected", "255 (1 - exp(-tau)) for the optical depth tau"),
     (None, "density", "Surface density in logarithmic colours, with a colour bar and a scale bar"),
@@ -169,7 +169,7 @@ impl RenderOptions {
         };
         let Some(path) = &a.like else { return Ok(asked) };
         let (told, set) = PictureProvenance::read(path, context)?;
-        let unknown = |what: &str, name: &str| Error::input(path, format!("its {what} `{name}` is not known"));
+        let unknown = |what: &str, name: &str| Error::input(path, format!("its {what} `{name}` is unknown"));
         if a.style.is_none() {
             let hint = "choose one with --style";
             let no_style =
@@ -215,7 +215,7 @@ pub fn run(a: &Arguments) -> Result<()> {
     let mut asked = RenderOptions::new(a, &context)?;
     let read = a.models.iter().map(|path| read(path, &asked, &context)).collect::<Result<Vec<_>>>()?;
     if read.len() > 1 && !a.panels {
-        let what = format!("{} models are given, and one is drawn", read.len());
+        let what = format!("{} models are given, but only one can be drawn", read.len());
         return Err(Error::argument_with(what, "draw them into one figure with --panels"));
     }
     let mut read = read.into_iter();
@@ -346,7 +346,7 @@ fn renderer<'a>(
     let layers = if asked.color_by_layer { layers::apart(&read.model)? } else { Vec::new() };
     let scene = Scene::new(&read.model);
     if device.is_some() && (look.is_none() || !layers.is_empty()) {
-        let what = "densities and coloured layers are drawn on the processor alone";
+        let what = "densities and coloured layers are drawn on the CPU only";
         return Err(Error::argument_with(what, "leave --device away"));
     }
     let on_device = device.map(|d| d.scene(&scene)).transpose()?;

@@ -17,7 +17,7 @@ use std::time::Instant;
 
 #[derive(Args)]
 #[command(mut_group("TargetArgs", |g| g.required(true)), after_help = "\
-Gaussians are merged in pairs, those first whose merging shows least; counts, mass and moments are
+Gaussians are merged in pairs, beginning with those that show least; counts, mass and moments are
 kept. A model of the same size compressed from the particles is better; this needs no particles.
 
 Examples:

@@ -26,7 +26,7 @@ Examples:
   particlegs stats snapshot model.pgs -o stats --only density,spectrum
   particlegs stats model.pgs held-out -o stats --only likelihood",
     after_long_help = "\
-Writes stats.json, tables as CSV and plots as SVG and PNG, or as --plots says. A model is measured
+Writes stats.json, tables as CSV, and plots as SVG and PNG (or as in --plots). A model is measured
 from its Gaussians: density, profiles, P(k), r(k), xi(r) by transform, moments and mass about
 centres; pairs, groups, neighbours and g(r) need particles.
 A model and particles, in either order, also give the likelihood of those under it.
@@ -44,7 +44,7 @@ pub struct Arguments {
     /// Truth: a snapshot's file or folder, or a model file.
     #[arg(value_name = "TRUTH")]
     truth: PathBuf,
-    /// What is compared with it: recovered particles, a snapshot or a model file.
+    /// Recovered particles, a snapshot or a model file to compare with it.
     #[arg(value_name = "OTHER")]
     other: PathBuf,
     /// Folder for the results.
@@ -53,7 +53,7 @@ pub struct Arguments {
     /// Measure only these [default: all].
     #[arg(long, value_name = "NAME,...", value_parser = named::<Measure>(), value_delimiter = ',')]
     only: Vec<Measure>,
-    /// Definitions to measure by.
+    /// Definitions to use.
     #[arg(long, value_name = "NAME", default_value = "correct", hide_short_help = true, value_parser = named::<Convention>())]
     convention: Convention,
     /// Density: cells along the longest edge.
@@ -77,7 +77,7 @@ pub struct Arguments {
     /// xi(r): smallest and largest separation.
     #[arg(long, value_name = "LO,HI", value_delimiter = ',', num_args = 1, hide_short_help = true)]
     separations: Option<Vec<f64>>,
-    /// xi(r): number of distances to compute in a band of separations, about.
+    /// xi(r): approximate number of distances to compute in a band of separations.
     ///
     /// Where there are more, a sample of the particles is taken as primaries.
     #[arg(long, value_name = "N", default_value_t = 300_000_000, hide_short_help = true)]
@@ -85,7 +85,7 @@ pub struct Arguments {
     /// g(r): largest distance [default: 4 mean spacings, at most half the box].
     #[arg(long, value_name = "R", hide_short_help = true)]
     rdf_max: Option<f64>,
-    /// Profile: axis whose figures are printed.
+    /// Profile: axis to print.
     #[arg(long, value_name = "AXIS", default_value = "z", hide_short_help = true, value_parser = ["x", "y", "z"])]
     profile_axis: String,
     /// Profile: number of slabs.
@@ -119,7 +119,7 @@ pub struct Arguments {
     /// Neighbours: number of particles whose nearest neighbour is searched.
     #[arg(long, value_name = "N", default_value_t = 500_000, hide_short_help = true)]
     neighbours: usize,
-    /// Treat no axis as periodic, whatever the files say.
+    /// Treat every axis as open, whatever the files say.
     #[arg(long)]
     open: bool,
     /// Write tables only, no plots.

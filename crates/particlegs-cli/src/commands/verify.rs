@@ -33,7 +33,7 @@ pub struct Arguments {
     /// Measure all that a certificate can hold, as `compress --certificate full` does.
     #[arg(long, requires = "snapshot")]
     full: bool,
-    /// Replace the file's certificate by what is measured now, where nothing that is stored differs.
+    /// Replace the file's certificate by the new measurement, if nothing stored differs.
     #[arg(long, requires = "snapshot")]
     store: bool,
     #[command(flatten)]
@@ -147,7 +147,7 @@ fn with_certificate(path: &Path, bytes: &[u8], model: &Model, certificate: Optio
 impl VerifyReport {
     /// An error where what is stored is not what was measured, or cannot be at all.
     fn judge(&self, place: &str) -> Result<()> {
-        let hint = "the certificate was altered, or another version of the program measured it: trust neither file nor scores before you know";
+        let hint = "the certificate was altered, or another version of the program measured it: do not trust the file until you know which";
         let differs = |what: String| Error::Differs { place: place.into(), what, hint: hint.into() };
         if !self.contradictions.is_empty() {
             return Err(differs(format!("its certificate contradicts itself: {}", self.contradictions.join("; "))));
@@ -155,8 +155,8 @@ impl VerifyReport {
         if let Some([name, stored, found]) = self.source_differences.first() {
             return Err(Error::Differs {
                 place: place.into(),
-                what: format!("its {name} is {stored} in the file and {found} in the snapshot"),
-                hint: "give the options by which the model was made (`info` shows them); else its metadata was altered"
+                what: format!("its {name} is {stored} in the file, but {found} in the snapshot"),
+                hint: "use the options that made the model (`info` shows them); otherwise its metadata was altered"
                     .into(),
             });
         }
@@ -164,12 +164,12 @@ impl VerifyReport {
             .figures
             .iter()
             .filter(|f| f.differs)
-            .map(|f| format!("{} is stored as {} and measured as {}", f.name, f.stored, f.measured))
+            .map(|f| format!("{} is stored as {}, but measured as {}", f.name, f.stored, f.measured))
             .collect();
         match off.first() {
             None => Ok(()),
             Some(first) => Err(differs(format!(
-                "{} of {} figures of its certificate differ: {first}",
+                "{} of {} values in its certificate differ: {first}",
                 off.len(),
                 self.figures.len()
             ))),
@@ -179,13 +179,13 @@ impl VerifyReport {
 
 fn text(r: &VerifyReport, model: &Model, of_several: bool, place: &str) -> String {
     let mut text = format!(
-        "{place}: sound: {} bytes, law {}, {} Gaussians whose counts sum to {} particles, mass within {:.1e}\n",
+        "{place}: intact: {} bytes, law {}, {} Gaussians whose counts sum to {} particles, mass within {:.1e}\n",
         r.model_bytes, r.law, r.gaussians, r.particles, r.mass_error
     );
     if r.measured_again.is_some() && of_several {
-        text += "source: merged from several snapshots, whose hashes it does not have; the number of particles is that of this one\n";
+        text += "source: merged from several snapshots, whose hashes are not stored; the number of particles agrees with this one\n";
     } else if r.measured_again.is_some() {
-        text += "source: the snapshot is the one that the file was made of\n";
+        text += "source: the file was made from this snapshot\n";
     }
     text += &format!("certificate: {}\n", r.certificate);
     let unit = model.metadata.units.length_text();
@@ -202,9 +202,9 @@ fn text(r: &VerifyReport, model: &Model, of_several: bool, place: &str) -> Strin
         (None, None) => {}
     }
     for [name, stored, found] in &r.source_differences {
-        text += &format!("{name}: stored as {stored}, that of the snapshot is {found}: differs\n");
+        text += &format!("{name}: differs: {stored} in the file, {found} in the snapshot\n");
     }
-    for (what, lines) in [("impossible", &r.contradictions), ("hard to believe", &r.doubts)] {
+    for (what, lines) in [("impossible", &r.contradictions), ("implausible", &r.doubts)] {
         lines.iter().for_each(|line| text += &format!("{what}: {line}\n"));
     }
     match (&r.measured_again, &r.stored) {
@@ -224,7 +224,7 @@ fn beside(figures: &[CertificateFigure]) -> String {
 
 fn verify_job(a: &Arguments, context: &CommandContext) -> Result<()> {
     if !a.snapshot.is_empty() {
-        return Err(Error::argument("a job names its snapshot itself: give the folder alone"));
+        return Err(Error::argument("a job knows its snapshot: give only the folder"));
     }
     let job = Job::open(&a.model)?;
     let snapshot = JobSnapshot::from_job(&job)?;
@@ -233,7 +233,7 @@ fn verify_job(a: &Arguments, context: &CommandContext) -> Result<()> {
     let status = job.status()?;
     let done = |states: &[State]| states.iter().filter(|s| **s == State::Done).count();
     let text = format!(
-        "{}: sound: the snapshot is the one that was planned; {} of {} chunks and {} of {} blocks are there, each whole",
+        "{}: intact: the snapshot is the planned one; {} of {} chunks and {} of {} blocks are complete",
         a.model.display(),
         done(&status.chunks),
         status.chunks.len(),
@@ -274,7 +274,7 @@ fn measure(
     if !differences.is_empty() {
         return Ok((None, differences));
     }
-    context.message("the snapshot is the one that the file was made of; measuring");
+    context.message("the file was made from this snapshot; measuring");
     let seed = model.certificate.map_or(a.common.seed, |c| c.views.seed);
     let stored = model.certificate.as_ref().map_or(CertificateLevel::Quick, certificate_check::level_of);
     let level = if a.full { CertificateLevel::Full } else { stored };

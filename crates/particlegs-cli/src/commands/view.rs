@@ -36,8 +36,8 @@ Examples:
   particlegs view a.pgs b.pgs --no-open --port 8317
   particlegs view model.pgs --no-open --allow-host hub.example.org
 
-The address that is printed has a secret in it, a new one each time; PARTICLEGS_TOKEN, 32 or more letters and digits,
-chooses it. docs/guide/view.md describes SSH, Open OnDemand and jupyter-server-proxy."
+The printed address holds a secret, a new one each time; set PARTICLEGS_TOKEN (32 or more letters and
+digits) to choose it. docs/guide/view.md describes SSH, Open OnDemand and jupyter-server-proxy."
 )]
 pub struct Arguments {
     /// Model files; several are shown side by side with one camera.
@@ -48,19 +48,19 @@ pub struct Arguments {
     /// All its particles are drawn beside the model, from the same camera.
     #[arg(long = "snapshot", value_name = "SNAP", value_hint = ValueHint::AnyPath)]
     particles: Vec<PathBuf>,
-    /// Port to listen at; 0 takes any that is free [default: 8317, or any where that is taken].
+    /// Port to listen on; 0 takes any free port [default: 8317, or any free port].
     #[arg(long, value_name = "P")]
     port: Option<u16>,
-    /// Address or name to listen at; all but loopback addresses let other machines in.
+    /// Address to listen on; any but a loopback address lets other machines in.
     #[arg(long, value_name = "H", default_value = "127.0.0.1")]
     host: String,
-    /// Name of a proxy that leads to the page, as its address in the browser has it; may be repeated.
+    /// Host name of a proxy, as in the browser's address; may be repeated.
     #[arg(long, value_name = "NAME")]
     allow_host: Vec<String>,
     /// Do not start a browser.
     #[arg(long)]
     no_open: bool,
-    /// End after so many minutes without a request [default: never].
+    /// Stop after this many minutes without a request [default: never].
     #[arg(long, value_name = "MINUTES", value_parser = clap::value_parser!(u64).range(1..))]
     idle: Option<u64>,
     /// Layers that the page opens with: species such as gas or dm, names that `info` lists, or `all`.

@@ -95,7 +95,7 @@ impl Film {
         context.check()?;
         if let Err(why) = ran {
             let arguments = self.arguments(folder, names.len(), &self.path);
-            let what = format!("{why}; the frames are kept, and this line joins them: {}", line(&arguments));
+            let what = format!("{why}; the frames are kept; this command joins them: {}", line(&arguments));
             return Err(Error::io(&self.path, std::io::Error::other(what)));
         }
         set.finish()?;
@@ -152,7 +152,7 @@ fn run(arguments: &[String]) -> std::result::Result<(), String> {
         Ok(out) if out.status.success() => Ok(()),
         Ok(out) => {
             let said = String::from_utf8_lossy(&out.stderr);
-            let last = said.lines().rfind(|l| !l.trim().is_empty()).unwrap_or("it says nothing");
+            let last = said.lines().rfind(|l| !l.trim().is_empty()).unwrap_or("no message");
             Err(format!("ffmpeg failed: {last}"))
         }
     }

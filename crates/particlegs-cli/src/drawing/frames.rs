@@ -103,5 +103,5 @@ fn of_one_size(first: &Mutex<Option<particlegs_pipeline::picture::Size>>, image:
         return Ok(());
     }
     let what = "the frames' labels have different widths, and the frames different sizes".to_string();
-    Err(Error::Argument { what, hint: "leave labels away with --no-annotations, or put them --colorbar inside".into() })
+    Err(Error::Argument { what, hint: "remove the labels with --no-annotations, or use --colorbar inside".into() })
 }

@@ -45,7 +45,7 @@ impl Panels<'_> {
             return Err(Error::argument(format!("{count} panels are too many for one figure: {MOST} at most")));
         }
         if !self.captions.is_empty() && self.captions.len() != count {
-            let what = format!("--captions has {} captions, and there are {count} panels", self.captions.len());
+            let what = format!("--captions has {} captions, but there are {count} panels", self.captions.len());
             return Err(Error::argument(what));
         }
         let bytes = count as u64 * set.size.pixels() as u64 * 4;

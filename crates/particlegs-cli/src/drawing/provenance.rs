@@ -88,7 +88,7 @@ impl PictureProvenance {
     pub fn read(path: &Path, context: &Context<'_>) -> Result<(PictureProvenance, ViewSet)> {
         let text = png_file::provenance(path, context)?;
         let told: PictureProvenance = serde_json::from_str(&text)
-            .map_err(|e| Error::input(path, format!("what it says of itself cannot be read: {e}")))?;
+            .map_err(|e| Error::input(path, format!("its embedded view settings cannot be read: {e}")))?;
         let ViewsFile(set) = ViewsFile::of_bytes(told.views.to_string().as_bytes(), path)?;
         if set.views.len() != 1 {
             return Err(Error::input(path, format!("it is a figure of {} views; --like takes one", set.views.len())));

@@ -13,18 +13,18 @@ const LETTERS: f64 = 8.0;
 #[derive(Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Figures")]
 pub struct FigureArgs {
-    /// Where the colour bar and the scale bar stand [default: outside].
+    /// Position of the colour bar and the scale bar [default: outside].
     #[arg(long, value_enum, value_name = "WHERE", hide_short_help = true, conflicts_with = "no_annotations")]
     pub colorbar: Option<ColorbarArg>,
-    /// Ground of the picture and the page [default: a black picture, on a white page where there is one].
+    /// Background of the picture and the page [default: a black picture, on a white page where there is one].
     ///
-    /// On white, grey levels are inverted and colour maps reversed: dark ink where there is much.
+    /// On white, grey levels are inverted and colour maps reversed: dense regions are dark.
     #[arg(long, value_enum, value_name = "COLOUR", hide_short_help = true)]
     pub background: Option<Background>,
-    /// Coordinates about the picture, or the box with its axes on it.
+    /// Draw coordinates along the edges, or the box with its axes.
     #[arg(long, value_enum, value_name = "WHAT", hide_short_help = true, conflicts_with = "no_annotations")]
     pub axes: Option<Axes>,
-    /// Draw a scale bar; a density and a PDF or SVG have one unasked.
+    /// Draw a scale bar (densities, PDF and SVG always have one).
     #[arg(long, hide_short_help = true, conflicts_with = "no_annotations")]
     pub scale_bar: bool,
     /// Title above the picture.
@@ -36,7 +36,7 @@ pub struct FigureArgs {
     /// Height of letters in points [default of PDF and SVG: 8].
     #[arg(long, value_name = "POINTS", hide_short_help = true, value_parser = parse_points)]
     pub font_size: Option<f64>,
-    /// Pixels an inch: with --figure-width the picture has at least as many, else the PNG says so.
+    /// Pixels per inch: the least resolution with --figure-width, otherwise a label in the PNG.
     #[arg(long, value_name = "N", hide_short_help = true, value_parser = parse_dpi)]
     pub dpi: Option<f64>,
     /// Draw no colour bar and no scale bar.
@@ -138,7 +138,7 @@ impl FigureArgs {
         let texts = self.title.iter().chain(more);
         let missing: String = texts.map(|t| missing(t)).collect();
         if !missing.is_empty() {
-            context.message(&format!("note: the font has no letters for `{missing}`: boxes stand for them"));
+            context.message(&format!("note: the font has no letters for `{missing}`; they are drawn as boxes"));
         }
     }
 }
@@ -165,7 +165,7 @@ fn parse_points(text: &str) -> Result<f64, String> {
 }
 
 fn parse_dpi(text: &str) -> Result<f64, String> {
-    number(text, 10.0, 10_000.0, "pixels an inch")
+    number(text, 10.0, 10_000.0, "pixels per inch")
 }
 
 fn number(text: &str, low: f64, high: f64, of: &str) -> Result<f64, String> {

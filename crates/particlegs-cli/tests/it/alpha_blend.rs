@@ -64,7 +64,7 @@ fn merging_takes_the_network_of_the_first_block() {
     }
     let merged = |parts: &str, name: &str| {
         let [_, said] = dir.runs(&format!("merge {parts} -o {name}"));
-        assert!(said.contains("note: the VizMapper is that of the part with the first block"), "{said}");
+        assert!(said.contains("note: the VizMapper comes from the part with the first block"), "{said}");
         dir.bytes(name)
     };
     assert_eq!(merged("a.pgs b.pgs", "ab.pgs"), merged("b.pgs a.pgs", "ba.pgs"));

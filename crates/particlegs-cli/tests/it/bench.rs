@@ -83,10 +83,10 @@ fn what_cannot_be_measured_is_refused() {
 #[test]
 fn what_does_nothing_for_a_card_is_refused() {
     let gpu = |more: &[&str], why: &str| fails(particlegs().args(["bench", "gpu"]).args(more), 2, why);
-    gpu(&["snapshot"], "`bench gpu` makes its own scenes and has no use for SNAPSHOT");
-    gpu(&["--size", "160x90"], "has no use for --size");
-    gpu(&["--scale", "0.1"], "`bench gpu` has no use for --scale without --training");
-    gpu(&["-o", "measured"], "`bench gpu` has no use for -o without --training");
+    gpu(&["snapshot"], "`bench gpu` makes its own scenes and ignores SNAPSHOT");
+    gpu(&["--size", "160x90"], "ignores --size");
+    gpu(&["--scale", "0.1"], "`bench gpu` needs --training for --scale");
+    gpu(&["-o", "measured"], "`bench gpu` needs --training for -o");
     gpu(&["--training"], "takes a folder that keeps its checkpoint: -o DIR");
 }
 

@@ -14,10 +14,19 @@ fn printed(arguments: &[&str]) -> String {
 /// The commands that `particlegs -h` lists.
 fn commands() -> Vec<String> {
     let help = printed(&["-h"]);
-    let list = help.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
-    let names: Vec<String> = list.map(|l| l.split_whitespace().next().unwrap().to_string()).collect();
+    let list = help.lines().skip_while(|l| *l != "Make models:").take_while(|l| !l.is_empty());
+    let names = list.filter_map(|l| Some(l.strip_prefix("  ")?.split_whitespace().next()?.to_string()));
+    let names: Vec<String> = names.collect();
     assert!(names.len() >= 20 && names.iter().any(|n| n == "compress"), "{names:?}");
-    names.into_iter().filter(|n| n != "help").collect()
+    names
+}
+
+#[test]
+fn commands_are_listed_under_headings() {
+    let help = printed(&["-h"]);
+    let headings: Vec<&str> = help.lines().filter(|l| l.ends_with(':')).collect();
+    let wanted = ["Make models:", "Look:", "Measure:", "Convert:", "Run on a cluster:", "Other commands:", "Options:"];
+    assert_eq!(headings, wanted, "{help}");
 }
 
 #[cfg(not(feature = "lab"))]

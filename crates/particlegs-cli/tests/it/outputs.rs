@@ -484,7 +484,7 @@ fn the_same_again_says_that_it_is_done() {
     let made = modified();
     let again = run(&["--pictures", folder.path().to_str().unwrap()], 0);
     let text = String::from_utf8_lossy(&again.stdout).into_owned();
-    assert!(text.contains("is there already"), "{text}");
+    assert!(text.contains("already exists"), "{text}");
     assert_eq!(listing(folder.path()), ["comparison.png", "density.png", "m.pgs"]);
     assert_eq!(modified(), made);
     for other in
@@ -508,7 +508,7 @@ fn the_same_conversion_again_says_that_it_is_done() {
         run(&[], 0);
         let made = modified();
         let text = said(&run(&[], 0));
-        assert!(text.contains("is there already, and the same"), "{name}: {text}");
+        assert!(text.contains("already exists and is the same"), "{name}: {text}");
         run(&["--every", "2"], 8);
         assert_eq!(modified(), made, "{name}");
     }

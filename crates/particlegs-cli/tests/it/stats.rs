@@ -119,7 +119,7 @@ fn centres_that_cannot_be_used_are_refused() {
         ("1\u{0}2", "", 3, "a list of centres"),
         ("1 2 3 13", "--only haloes", 2, "half the box"),
         ("1 2 3", "--only haloes --halo-radius 0", 2, "the radius of a halo"),
-        ("1 2 3", "--only rdf", 2, "belongs to the measure `haloes`"),
+        ("1 2 3", "--only rdf", 2, "applies to the measure `haloes`"),
     ] {
         dir.write("centres.txt", text);
         dir.fails(&format!("stats thin thin -o a --centres centres.txt {more}"), code, why);

@@ -31,7 +31,7 @@ fn a_correlation_is_reached_recorded_and_verified() {
     let command = info["metadata"]["command"].as_str().unwrap();
     assert!(command.contains("compress --min-correlation 0.995 --cell 1 --effort"));
     // The same command again finds its file.
-    assert!(dir.runs(&format!("{COMPRESS} {target}"))[0].contains("is there already"));
+    assert!(dir.runs(&format!("{COMPRESS} {target}"))[0].contains("already exists"));
     let [verified, _] = dir.runs("verify m.pgs SAMPLE");
     assert!(verified.contains("goal: reached") && !verified.contains("differs"), "{verified}");
 

@@ -124,7 +124,7 @@ fn stopped_runs_leave_the_best_and_go_on() {
         signal(&child, name);
         assert_eq!(child.wait().unwrap().code(), Some(130), "{law}");
         assert!(dir.runs("verify m.pgs")[0].contains(law));
-        dir.fails(&words, 8, "an interrupted run has left it");
+        dir.fails(&words, 8, "it is left from an interrupted run");
         let kept = std::fs::read(&checkpoint).unwrap();
         std::fs::write(&checkpoint, &kept[..kept.len() / 2]).unwrap();
         dir.fails(&resume, 3, "truncated or altered");
@@ -200,7 +200,7 @@ fn blocks_and_fine_tuning() {
 
     snapshot(&dir.at("other"), &[vec![0.0, 1.0, 2.0], vec![0.0, 1.0, 5.0], vec![0.0, 4.0, 2.0]]);
     let to = "-o x.pgs --config tiny.toml";
-    dir.fails(&format!("finetune m.pgs other {to}"), 3, "not the snapshot that m.pgs was made of");
+    dir.fails(&format!("finetune m.pgs other {to}"), 3, "not the snapshot that m.pgs was made from");
     dir.runs("compress SAMPLE -o plain.pgs --effort fast --certificate=none -q");
     dir.fails(&format!("finetune plain.pgs SAMPLE {to}"), 2, "only alpha-blend models can be fine-tuned");
     dir.fails(&format!("finetune m.pgs SAMPLE {to} --size 5kB"), 5, "the head and the network alone");

@@ -9,11 +9,11 @@ crate::named_values! {
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
     #[serde(rename_all = "snake_case")]
     pub enum CertificateLevel {
-        None = "none": "Nothing: the file holds no scores",
+        None = "none": "The file holds no scores",
         #[default]
         Quick = "quick": "Pictures, densities, power spectrum and distances",
         Full = "full": "Also groups, matched in eight draws, and models of halves of the particles against the other halves",
-        Blocks = "blocks": "What blocks of a job measure each by itself, added up: no process needs all particles",
+        Blocks = "blocks": "The sum of what each block measures on its own; no process holds all particles",
     }
 }
 

@@ -9,7 +9,7 @@ particlegs_core::named_values! {
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
     pub enum Method {
         #[default]
-        Count = "count": "From each Gaussian as many as it stands for (published as V0)",
+        Count = "count": "From each Gaussian, as many as it represents (published as V0)",
         Volume = "volume": "In proportion to count times volume; of alpha-blend models to opacity times volume (V1)",
         Ellipsoid = "ellipsoid": "Uniformly within ellipsoids of three standard deviations (V4)",
         Grid = "grid": "Uniformly within the cells of a grid of 512³ that hold centres of Gaussians (V6)",

@@ -99,9 +99,9 @@ fn what_cannot_be_done_is_refused_before_the_work() {
         }
     }
     // Options that would do nothing.
-    refused("a.npz --radius 1", 2, "--radius does nothing here: it belongs to pages and splats");
+    refused("a.npz --radius 1", 2, "--radius has no effect here; it applies to pages and splats");
     refused("a.vti --color layer", 2, "--color does nothing here");
-    refused("a.ply --grid 8", 2, "--grid does nothing here: it belongs to density");
+    refused("a.ply --grid 8", 2, "--grid has no effect here; it applies to density");
     refused("a.csv --cell 1", 2, "--cell does nothing here");
     refused("a.ply --colormap viridis", 2, "--colormap does nothing here");
     // Extremes that are not out of range.
@@ -131,7 +131,7 @@ fn a_page_holds_the_file() {
     ] {
         dir.fails(&format!("export m.pgs -o other.html {options}"), 2, text);
     }
-    dir.fails("export m.pgs -o m.ply --azimuth 3", 2, "belongs to pages");
+    dir.fails("export m.pgs -o m.ply --azimuth 3", 2, "applies to pages");
     // It opens as it was told.
     let options = "--style paraview --radius 0.5 --background white --layer particles --azimuth 30";
     dir.runs(&format!("export m.pgs -o told.html {options} --projection orthographic"));
